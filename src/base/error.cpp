@@ -1,0 +1,37 @@
+#include "base/error.hpp"
+
+#include "base/text.hpp"
+
+namespace flexgram {
+namespace {
+
+std::string& last_message() {
+  static std::string message;
+  return message;
+}
+
+PetscErrorCode remember(MPI_Comm, int, const char* function, const char*,
+                        PetscErrorCode code, PetscErrorType type, const char* message,
+                        void*) {
+  if (type == PETSC_ERROR_INITIAL)
+    last_message() = text("%s (%s)", message ? message : "error", function);
+  return code;
+}
+
+} // namespace
+
+void install_petsc_error_handler() { PetscPushErrorHandler(remember, nullptr); }
+
+void throw_petsc_error(PetscErrorCode code, const char* call) {
+  std::string message = std::exchange(last_message(), {});
+  if (message.empty()) {
+    const char* generic = nullptr;
+    PetscErrorMessage(code, &generic, nullptr);
+    message = generic ? generic : "unknown error";
+  }
+  const std::string name(call, std::string(call).find('('));
+  throw Error(text("PETSc error %d in %s: %s", static_cast<int>(code), name.c_str(),
+                   message.c_str()));
+}
+
+} // namespace flexgram

@@ -1,0 +1,190 @@
+#include "base/options.hpp"
+
+#include "base/error.hpp"
+#include "base/text.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+
+namespace flexgram {
+namespace {
+
+std::string number_text(double value) { return text("%.17g", value); }
+
+std::string short_number(double value) { return text("%g", value); }
+
+double parse_number(const char* name, const std::string& word) {
+  char* end = nullptr;
+  const double value = std::strtod(word.c_str(), &end);
+  require_option(!word.empty() && *end == '\0' && std::isfinite(value), name, word,
+                 "a finite number");
+  return value;
+}
+
+/// "-mor_b_1" of "-mor_b_1 3": PETSc lists the whole database as one string.
+std::vector<std::string> names_in_database() {
+  char* all = nullptr;
+  FG_CALL(PetscOptionsGetAll(nullptr, &all));
+  std::vector<std::string> names;
+  for (const auto& word : split(all, ' '))
+    if (word.size() > 1 && word[0] == '-' && std::isalpha(word[1])) names.push_back(word);
+  PetscFree(all);
+  return names;
+}
+
+} // namespace
+
+void require_option(bool condition, const char* name, const std::string& value,
+                    const char* expected) {
+  if (!condition)
+    throw Error(text("option %s %s: must be %s", name, value.c_str(), expected));
+}
+
+bool Options::given(const char* name, std::string& value) const {
+  if (mode_ == Mode::describe) return false;
+  PetscBool set = PETSC_FALSE;
+  char buffer[4096] = "";
+  FG_CALL(PetscOptionsGetString(nullptr, nullptr, name, buffer, sizeof(buffer), &set));
+  if (!set) FG_CALL(PetscOptionsHasName(nullptr, nullptr, name, &set));
+  value = buffer;
+  return set;
+}
+
+void Options::record(const char* name, std::string value, bool set_by_user,
+                     std::string unit, std::string choices, std::string help) {
+  options_.push_back({section_, name, std::move(value), std::move(unit),
+                      std::move(choices), std::move(help), set_by_user});
+}
+
+void Options::add(const char* name, double& value, const char* unit, const char* help) {
+  std::string word;
+  const bool set = given(name, word);
+  if (set) value = parse_number(name, word);
+  record(name, set ? number_text(value) : short_number(value), set, unit, "", help);
+}
+
+void Options::add(const char* name, int& value, const char* unit, const char* help) {
+  std::string word;
+  const bool set = given(name, word);
+  if (set) {
+    const double number = parse_number(name, word);
+    require_option(number == std::floor(number) && std::abs(number) < 2e9, name, word,
+                   "a whole number");
+    value = static_cast<int>(number);
+  }
+  record(name, std::to_string(value), set, unit, "", help);
+}
+
+void Options::add(const char* name, bool& value, const char* help) {
+  std::string word;
+  const bool set = given(name, word);
+  if (set) {
+    if (word.empty() || word == "true" || word == "yes" || word == "1" || word == "on")
+      value = true;
+    else if (word == "false" || word == "no" || word == "0" || word == "off")
+      value = false;
+    else
+      require_option(false, name, word, "true or false");
+  }
+  record(name, value ? "true" : "false", set, "", "true|false", help);
+}
+
+void Options::add(const char* name, std::string& value, const char* help) {
+  std::string word;
+  const bool set = given(name, word);
+  if (set) {
+    require_option(!word.empty(), name, word, "followed by a value");
+    value = word;
+  }
+  record(name, value, set, "", "", help);
+}
+
+void Options::add(const char* name, std::vector<double>& value, const char* unit,
+                  const char* help) {
+  std::string word;
+  const bool set = given(name, word);
+  if (set) {
+    value.clear();
+    for (const auto& part : split(word, ',')) value.push_back(parse_number(name, part));
+    require_option(!value.empty(), name, word, "a list of numbers such as 10,500");
+  }
+  std::vector<std::string> words;
+  for (double number : value)
+    words.push_back(set ? number_text(number) : short_number(number));
+  record(name, join(words, ","), set, unit, "", help);
+}
+
+void Options::add_choice(const char* name, std::string& value,
+                         const std::vector<std::string>& choices, const char* help) {
+  std::string word;
+  const bool set = given(name, word);
+  if (set) {
+    if (std::find(choices.begin(), choices.end(), word) == choices.end())
+      throw Error(text("option %s %s: must be one of %s (did you mean %s?)", name,
+                       word.c_str(), join(choices).c_str(),
+                       nearest(word, choices).c_str()));
+    value = word;
+  }
+  record(name, value, set, "", join(choices, "|"), help);
+}
+
+void Options::add_numbered(const char* prefix, std::map<int, double>& values,
+                           const char* help) {
+  prefixes_.emplace_back(prefix);
+  std::vector<std::string> words;
+  if (mode_ == Mode::read)
+    for (const auto& name : names_in_database()) {
+      const std::string start(prefix);
+      if (name.rfind(start, 0) != 0) continue;
+      const std::string index = name.substr(start.size());
+      require_option(!index.empty() && index.find_first_not_of("0123456789") ==
+                                           std::string::npos,
+                     name.c_str(), "", "the prefix followed by a number");
+      std::string word;
+      given(name.c_str(), word);
+      values[std::stoi(index)] = parse_number(name.c_str(), word);
+      words.push_back(index + ":" + word);
+    }
+  record((std::string(prefix) + "N").c_str(), join(words, " "), !words.empty(), "", "",
+         help);
+}
+
+void Options::reject_unknown() const {
+  std::vector<std::string> known;
+  for (const auto& option : options_) known.push_back(option.name);
+  for (const auto& name : names_in_database()) {
+    if (name.rfind("-mor_", 0) != 0) continue;
+    if (std::find(known.begin(), known.end(), name) != known.end()) continue;
+    if (std::any_of(prefixes_.begin(), prefixes_.end(),
+                    [&](const auto& prefix) { return name.rfind(prefix, 0) == 0; }))
+      continue;
+    throw Error(text("unknown option %s: did you mean %s? (flexgram -help lists all)",
+                     name.c_str(), nearest(name, known).c_str()));
+  }
+}
+
+std::string Options::help() const {
+  std::string result, section;
+  for (const auto& option : options_) {
+    if (option.section != section)
+      result += "\n" + (section = option.section) + "\n";
+    std::string head = option.name;
+    if (!option.choices.empty()) head += " <" + option.choices + ">";
+    if (!option.value.empty()) head += " [" + option.value + "]";
+    if (!option.unit.empty()) head += " " + option.unit;
+    result += "  " + head + "\n";
+    std::string line = "     ";
+    for (const auto& word : split(option.help, ' ')) {
+      if (line.size() + word.size() > 88) {
+        result += line + "\n";
+        line = "     ";
+      }
+      line += " " + word;
+    }
+    result += line + "\n";
+  }
+  return result;
+}
+
+} // namespace flexgram

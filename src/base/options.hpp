@@ -1,0 +1,60 @@
+#pragma once
+
+#include <map>
+#include <string>
+#include <vector>
+
+namespace flexgram {
+
+/// One option after reading: what it is called, what it was set to, and what it means.
+struct Option {
+  std::string section, name, value, unit, choices, help;
+  bool set_by_user = false;
+};
+
+/// The registry of all options. An options struct registers each of its fields once, with
+/// default (the field's value), unit, choices and help; the same call reads PETSc's option
+/// database, so command line, -options_file and PETSC_OPTIONS all work.
+///
+///     options.section("Sampling");
+///     options.add("-mor_samples", samples, "", "frequencies of the quadrature");
+class Options {
+public:
+  enum class Mode { read, describe };
+  /// describe: keep the defaults and only collect the texts, for -help.
+  explicit Options(Mode mode = Mode::read) : mode_(mode) {}
+
+  void section(const std::string& title) { section_ = title; }
+  void add(const char* name, double& value, const char* unit, const char* help);
+  void add(const char* name, int& value, const char* unit, const char* help);
+  void add(const char* name, bool& value, const char* help);
+  void add(const char* name, std::string& value, const char* help);
+  void add(const char* name, std::vector<double>& value, const char* unit,
+           const char* help);
+  void add_choice(const char* name, std::string& value,
+                  const std::vector<std::string>& choices, const char* help);
+  /// A family such as -mor_mumps_icntl_N: every N that the user gave, with its value.
+  void add_numbered(const char* prefix, std::map<int, double>& values, const char* help);
+
+  /// @throws Error for a -mor_* option that nobody registered; names the nearest one.
+  void reject_unknown() const;
+
+  const std::vector<Option>& all() const { return options_; }
+  std::string help() const;
+
+private:
+  bool given(const char* name, std::string& value) const;
+  void record(const char* name, std::string value, bool set_by_user, std::string unit,
+              std::string choices, std::string help);
+
+  Mode mode_;
+  std::string section_;
+  std::vector<Option> options_;
+  std::vector<std::string> prefixes_;
+};
+
+/// @throws Error "name value: must be …" unless the condition holds.
+void require_option(bool condition, const char* name, const std::string& value,
+                    const char* expected);
+
+} // namespace flexgram

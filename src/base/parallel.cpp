@@ -1,0 +1,170 @@
+#include "base/parallel.hpp"
+
+#include "base/text.hpp"
+
+#include <algorithm>
+#include <complex>
+
+namespace flexgram {
+
+int comm_rank(MPI_Comm comm) {
+  int rank = 0;
+  MPI_Comm_rank(comm, &rank);
+  return rank;
+}
+
+int comm_size(MPI_Comm comm) {
+  int size = 1;
+  MPI_Comm_size(comm, &size);
+  return size;
+}
+
+void throw_if_any_failed(MPI_Comm comm, const char* local_message) {
+  const int rank = comm_rank(comm), size = comm_size(comm);
+  int mine = local_message ? rank : size, first = size;
+  MPI_Allreduce(&mine, &first, 1, MPI_INT, MPI_MIN, comm);
+  if (first == size) return;
+  std::string message = local_message ? local_message : "";
+  int length = static_cast<int>(message.size());
+  MPI_Bcast(&length, 1, MPI_INT, first, comm);
+  message.resize(static_cast<std::size_t>(length));
+  MPI_Bcast(message.data(), length, MPI_CHAR, first, comm);
+  throw Error(message);
+}
+
+Communicator::~Communicator() {
+  int finalized = 0;
+  MPI_Finalized(&finalized);
+  if (comm_ != MPI_COMM_NULL && !finalized) MPI_Comm_free(&comm_);
+}
+
+Groups::Groups(MPI_Comm world_comm, int group_count) : world(world_comm), count(group_count) {
+  const int size = comm_size(world);
+  if (count < 1 || count > size)
+    throw Error(text("-mor_groups %d: must be between 1 and the number of ranks (%d)", count,
+                     size));
+  const int rank = comm_rank(world);
+  mine = static_cast<int>(static_cast<long>(rank) * count / size);
+  MPI_Comm split = MPI_COMM_NULL;
+  MPI_Comm_split(world, mine, rank, &split);
+  comm = Communicator(split);
+}
+
+RowRange even_rows(MPI_Comm comm, PetscInt n) {
+  PetscInt local = PETSC_DECIDE;
+  FG_CALL(PetscSplitOwnership(comm, &local, &n));
+  PetscInt end = 0;
+  MPI_Scan(&local, &end, 1, MPIU_INT, MPI_SUM, comm);
+  return {end - local, end};
+}
+
+std::vector<PetscInt> row_starts(MPI_Comm comm, RowRange mine) {
+  std::vector<PetscInt> starts(static_cast<std::size_t>(comm_size(comm)) + 1, 0);
+  MPI_Allgather(&mine.end, 1, MPIU_INT, starts.data() + 1, 1, MPIU_INT, comm);
+  return starts;
+}
+
+namespace {
+
+struct Offer {
+  PetscInt begin, end, columns, first_column, wanted_begin, wanted_end;
+};
+
+RowRange common_rows(PetscInt begin_a, PetscInt end_a, PetscInt begin_b, PetscInt end_b) {
+  const PetscInt begin = std::max(begin_a, begin_b);
+  return {begin, std::max(begin, std::min(end_a, end_b))};
+}
+
+} // namespace
+
+template <class T>
+std::vector<T> exchange_rows(MPI_Comm comm, RowRange offered, std::span<const T> values,
+                             PetscInt columns, PetscInt first_column, RowRange wanted,
+                             PetscInt total_columns) {
+  const int size = comm_size(comm);
+  const Offer mine{offered.begin, offered.end, columns, first_column, wanted.begin,
+                   wanted.end};
+  std::vector<Offer> all(static_cast<std::size_t>(size));
+  MPI_Allgather(&mine, 6, MPIU_INT, all.data(), 6, MPIU_INT, comm);
+
+  // One message a pair of ranks: point to point, so that counts stay below MPI's int.
+  std::vector<std::vector<T>> outbox(static_cast<std::size_t>(size));
+  std::vector<std::vector<T>> inbox(static_cast<std::size_t>(size));
+  std::vector<MPI_Request> requests;
+  const auto post = [&](auto&& call) {
+    requests.emplace_back();
+    call(&requests.back());
+  };
+  MPI_Datatype element;
+  MPI_Type_contiguous(sizeof(T), MPI_BYTE, &element);
+  MPI_Type_commit(&element);
+  requests.reserve(2 * static_cast<std::size_t>(size));
+  for (int rank = 0; rank < size; ++rank) {
+    const Offer& other = all[static_cast<std::size_t>(rank)];
+    const RowRange in =
+        common_rows(other.begin, other.end, mine.wanted_begin, mine.wanted_end);
+    if (in.size() > 0 && other.columns > 0) {
+      auto& buffer = inbox[static_cast<std::size_t>(rank)];
+      buffer.resize(static_cast<std::size_t>(in.size() * other.columns));
+      post([&](MPI_Request* request) {
+        MPI_Irecv(buffer.data(), static_cast<int>(buffer.size()), element, rank, 0, comm,
+                  request);
+      });
+    }
+    const RowRange out =
+        common_rows(mine.begin, mine.end, other.wanted_begin, other.wanted_end);
+    if (out.size() > 0 && columns > 0) {
+      auto& buffer = outbox[static_cast<std::size_t>(rank)];
+      buffer.reserve(static_cast<std::size_t>(out.size() * columns));
+      for (PetscInt column = 0; column < columns; ++column) {
+        const T* first = values.data() + column * offered.size() + (out.begin - mine.begin);
+        buffer.insert(buffer.end(), first, first + out.size());
+      }
+      post([&](MPI_Request* request) {
+        MPI_Isend(buffer.data(), static_cast<int>(buffer.size()), element, rank, 0, comm,
+                  request);
+      });
+    }
+  }
+  MPI_Waitall(static_cast<int>(requests.size()), requests.data(), MPI_STATUSES_IGNORE);
+  MPI_Type_free(&element);
+
+  std::vector<T> result(static_cast<std::size_t>(wanted.size() * total_columns));
+  for (int rank = 0; rank < size; ++rank) {
+    const Offer& other = all[static_cast<std::size_t>(rank)];
+    const auto& buffer = inbox[static_cast<std::size_t>(rank)];
+    if (buffer.empty()) continue;
+    const RowRange in = common_rows(other.begin, other.end, wanted.begin, wanted.end);
+    for (PetscInt column = 0; column < other.columns; ++column)
+      std::copy_n(buffer.data() + column * in.size(), in.size(),
+                  result.data() + (other.first_column + column) * wanted.size() +
+                      (in.begin - wanted.begin));
+  }
+  return result;
+}
+
+template std::vector<double> exchange_rows(MPI_Comm, RowRange, std::span<const double>,
+                                           PetscInt, PetscInt, RowRange, PetscInt);
+template std::vector<std::int64_t> exchange_rows(MPI_Comm, RowRange,
+                                                 std::span<const std::int64_t>, PetscInt,
+                                                 PetscInt, RowRange, PetscInt);
+
+double sum_over(MPI_Comm comm, double value) {
+  double sum = 0;
+  MPI_Allreduce(&value, &sum, 1, MPI_DOUBLE, MPI_SUM, comm);
+  return sum;
+}
+
+double max_over(MPI_Comm comm, double value) {
+  double maximum = 0;
+  MPI_Allreduce(&value, &maximum, 1, MPI_DOUBLE, MPI_MAX, comm);
+  return maximum;
+}
+
+std::int64_t sum_over(MPI_Comm comm, std::int64_t value) {
+  std::int64_t sum = 0;
+  MPI_Allreduce(&value, &sum, 1, MPI_INT64_T, MPI_SUM, comm);
+  return sum;
+}
+
+} // namespace flexgram

@@ -1,0 +1,84 @@
+#include "base/process.hpp"
+
+#include <dlfcn.h>
+#include <malloc.h>
+#include <sys/resource.h>
+
+#include <algorithm>
+#include <cstdlib>
+#include <fstream>
+#include <limits>
+#include <sched.h>
+#include <string>
+
+namespace flexgram {
+
+NodeShare node_share(MPI_Comm comm) {
+  MPI_Comm node;
+  MPI_Comm_split_type(comm, MPI_COMM_TYPE_SHARED, 0, MPI_INFO_NULL, &node);
+  NodeShare share;
+  MPI_Comm_size(node, &share.ranks);
+  // Ranks may be bound to different cores: the union of their sets is what they share.
+  cpu_set_t mine, all;
+  CPU_ZERO(&mine);
+  sched_getaffinity(0, sizeof(mine), &mine);
+  MPI_Allreduce(&mine, &all, sizeof(mine), MPI_BYTE, MPI_BOR, node);
+  MPI_Comm_free(&node);
+  share.cores_per_rank = std::max(1, CPU_COUNT(&all) / share.ranks);
+  return share;
+}
+
+bool set_blas_threads(int threads) {
+  for (const char* variable :
+       {"OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "OMP_NUM_THREADS"})
+    if (std::getenv(variable)) return true;
+  for (const char* name : {"openblas_set_num_threads", "MKL_Set_Num_Threads",
+                           "bli_thread_set_num_threads"})
+    if (void* symbol = dlsym(RTLD_DEFAULT, name)) {
+      reinterpret_cast<void (*)(int)>(symbol)(threads);
+      return true;
+    }
+  return false;
+}
+
+void keep_freed_pages() {
+#ifdef __GLIBC__
+  mallopt(M_MMAP_THRESHOLD, std::numeric_limits<int>::max());
+  mallopt(M_TRIM_THRESHOLD, std::numeric_limits<int>::max());
+#endif
+}
+
+double peak_memory_mb() {
+  rusage usage{};
+  getrusage(RUSAGE_SELF, &usage);
+  return static_cast<double>(usage.ru_maxrss) / 1024.0;
+}
+
+namespace {
+
+double meminfo_available_mb() {
+  std::ifstream file("/proc/meminfo");
+  for (std::string line; std::getline(file, line);)
+    if (line.rfind("MemAvailable:", 0) == 0) return std::stod(line.substr(13)) / 1024.0;
+  return 1e9; // unknown system: no limit
+}
+
+double read_number(const char* path) {
+  std::ifstream file(path);
+  double value = -1;
+  return file >> value ? value : -1;
+}
+
+} // namespace
+
+double available_memory_mb(MPI_Comm comm) {
+  double node = meminfo_available_mb();
+  const double limit = read_number("/sys/fs/cgroup/memory.max");
+  const double used = read_number("/sys/fs/cgroup/memory.current");
+  if (limit > 0 && used >= 0) node = std::min(node, (limit - used) / (1024.0 * 1024.0));
+  return node / node_share(comm).ranks;
+}
+
+double now() { return MPI_Wtime(); }
+
+} // namespace flexgram

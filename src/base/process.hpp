@@ -1,0 +1,33 @@
+#pragma once
+
+#include <mpi.h>
+
+namespace flexgram {
+
+/// Ranks of comm on this node, and hardware threads of the node that each may use.
+struct NodeShare {
+  int ranks = 1;
+  int cores_per_rank = 1;
+};
+NodeShare node_share(MPI_Comm comm);
+
+/// Sets the threads of the BLAS that is loaded (OpenBLAS, MKL, BLIS); false if the library is
+/// one without threads. A user's own OPENBLAS_NUM_THREADS, MKL_NUM_THREADS, BLIS_NUM_THREADS
+/// or OMP_NUM_THREADS wins.
+bool set_blas_threads(int threads);
+
+/// Makes malloc keep freed pages: large work arrays are reused by each factorisation, and the
+/// first touch of fresh memory is dear in virtual machines.
+void keep_freed_pages();
+
+/// Peak resident memory of this process [MB].
+double peak_memory_mb();
+
+/// Memory that this rank may still use [MB]: the node's available memory divided by the
+/// ranks of comm on that node; the limit of the control group, if any, counts too.
+double available_memory_mb(MPI_Comm comm);
+
+/// Wall clock [s].
+double now();
+
+} // namespace flexgram

@@ -1,0 +1,21 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace flexgram {
+
+/// printf into a string (g++ 12 has no std::format).
+[[gnu::format(printf, 1, 2)]] std::string text(const char* format, ...);
+
+/// The candidate with the smallest edit distance to `word`; empty if there are none.
+std::string nearest(std::string_view word, const std::vector<std::string>& candidates);
+
+/// "a, b, c"
+std::string join(const std::vector<std::string>& words, std::string_view separator = ", ");
+
+/// Splits at `separator`, drops empty parts and surrounding blanks.
+std::vector<std::string> split(std::string_view line, char separator);
+
+} // namespace flexgram

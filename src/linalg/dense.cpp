@@ -1,0 +1,174 @@
+#include "linalg/dense.hpp"
+
+#include "base/handle.hpp"
+#include "base/text.hpp"
+
+#include <petscblaslapack.h>
+
+#include <algorithm>
+#include <cmath>
+
+extern "C" {
+void zgesv_(const int* n, const int* nrhs, std::complex<double>* a, const int* lda, int* ipiv,
+            std::complex<double>* b, const int* ldb, int* info);
+void dsyevd_(const char* job, const char* uplo, const int* n, double* a, const int* lda,
+             double* w, double* work, const int* lwork, int* iwork, const int* liwork,
+             int* info);
+void dsygvd_(const int* type, const char* job, const char* uplo, const int* n, double* a,
+             const int* lda, double* b, const int* ldb, double* w, double* work,
+             const int* lwork, int* iwork, const int* liwork, int* info);
+}
+
+namespace flexgram {
+namespace {
+
+Dense gemm(const char* op_a, const char* op_b, const Dense& a, const Dense& b) {
+  const bool ta = *op_a == 'T', tb = *op_b == 'T';
+  Dense c(ta ? a.columns : a.rows, tb ? b.rows : b.columns);
+  if (c.data.empty()) return c;
+  const PetscBLASInt m = c.rows, n = c.columns, k = ta ? a.rows : a.columns;
+  const PetscBLASInt lda = std::max(a.rows, 1), ldb = std::max(b.rows, 1), ldc = c.rows;
+  const double one = 1, zero = 0;
+  BLASgemm_(op_a, op_b, &m, &n, &k, &one, a.data.data(), &lda, b.data.data(), &ldb, &zero,
+            c.data.data(), &ldc);
+  return c;
+}
+
+} // namespace
+
+Dense identity(int order) {
+  Dense result(order, order);
+  for (int i = 0; i < order; ++i) result(i, i) = 1;
+  return result;
+}
+
+Dense transpose(const Dense& a) {
+  Dense t(a.columns, a.rows);
+  for (int j = 0; j < a.columns; ++j)
+    for (int i = 0; i < a.rows; ++i) t(j, i) = a(i, j);
+  return t;
+}
+
+Dense multiply(const Dense& a, const Dense& b) { return gemm("N", "N", a, b); }
+Dense multiply_transposed(const Dense& a, const Dense& b) { return gemm("T", "N", a, b); }
+
+Dense first_columns(const Dense& a, int count) {
+  Dense result(a.rows, count);
+  std::copy_n(a.data.begin(), result.data.size(), result.data.begin());
+  return result;
+}
+
+double frobenius_norm(const Dense& a) {
+  double sum = 0;
+  for (double x : a.data) sum += x * x;
+  return std::sqrt(sum);
+}
+
+double frobenius_norm(const ComplexDense& a) {
+  double sum = 0;
+  for (const auto& x : a.data) sum += std::norm(x);
+  return std::sqrt(sum);
+}
+
+void symmetrise(Dense& a) {
+  for (int j = 0; j < a.columns; ++j)
+    for (int i = 0; i < j; ++i) a(i, j) = a(j, i) = 0.5 * (a(i, j) + a(j, i));
+}
+
+SymmetricEigen symmetric_eigen(Dense a) {
+  SymmetricEigen result;
+  const int n = a.rows;
+  result.values.resize(static_cast<std::size_t>(n));
+  if (n == 0) return result;
+  int lwork = -1, liwork = -1, iwork_size = 0, info = 0;
+  double work_size = 0;
+  dsyevd_("V", "L", &n, a.data.data(), &n, result.values.data(), &work_size, &lwork,
+          &iwork_size, &liwork, &info);
+  lwork = static_cast<int>(work_size);
+  liwork = iwork_size;
+  std::vector<double> work(static_cast<std::size_t>(lwork));
+  std::vector<int> iwork(static_cast<std::size_t>(liwork));
+  dsyevd_("V", "L", &n, a.data.data(), &n, result.values.data(), work.data(), &lwork,
+          iwork.data(), &liwork, &info);
+  if (info) throw Error(text("LAPACK dsyevd returned %d", info));
+  result.vectors = std::move(a);
+  return result;
+}
+
+SymmetricEigen symmetric_eigen(Dense a, Dense b) {
+  SymmetricEigen result;
+  const int n = a.rows, type = 1;
+  result.values.resize(static_cast<std::size_t>(n));
+  if (n == 0) return result;
+  int lwork = -1, liwork = -1, iwork_size = 0, info = 0;
+  double work_size = 0;
+  dsygvd_(&type, "V", "L", &n, a.data.data(), &n, b.data.data(), &n, result.values.data(),
+          &work_size, &lwork, &iwork_size, &liwork, &info);
+  lwork = static_cast<int>(work_size);
+  liwork = iwork_size;
+  std::vector<double> work(static_cast<std::size_t>(lwork));
+  std::vector<int> iwork(static_cast<std::size_t>(liwork));
+  dsygvd_(&type, "V", "L", &n, a.data.data(), &n, b.data.data(), &n, result.values.data(),
+          work.data(), &lwork, iwork.data(), &liwork, &info);
+  if (info > n) throw Error("generalised eigenproblem: B is not positive definite");
+  if (info) throw Error(text("LAPACK dsygvd returned %d", info));
+  result.vectors = std::move(a);
+  return result;
+}
+
+int cholesky(Dense& a) {
+  if (a.rows == 0) return 0;
+  const PetscBLASInt n = a.rows;
+  PetscBLASInt info = 0;
+  LAPACKpotrf_("L", &n, a.data.data(), &n, &info);
+  for (int j = 0; j < a.columns; ++j)
+    for (int i = 0; i < j; ++i) a(i, j) = 0;
+  return info;
+}
+
+void solve_right_transposed(const Dense& l, Dense& x) {
+  if (x.data.empty()) return;
+  const PetscBLASInt m = x.rows, n = x.columns;
+  const double one = 1;
+  BLAStrsm_("R", "L", "T", "N", &m, &n, &one, l.data.data(), &n, x.data.data(), &m);
+}
+
+LeftSvd left_svd(const Dense& a) {
+  const int rank = std::min(a.rows, a.columns);
+  LeftSvd result{std::vector<double>(static_cast<std::size_t>(rank)), Dense(a.rows, rank)};
+  if (rank == 0) return result;
+  Matrix matrix, left_vector_source;
+  FG_CALL(MatCreateSeqDense(PETSC_COMM_SELF, a.rows, a.columns,
+                            const_cast<double*>(a.data.data()), matrix.out()));
+  Handle<SVD> svd;
+  FG_CALL(SVDCreate(PETSC_COMM_SELF, svd.out()));
+  FG_CALL(SVDSetOperators(svd, matrix, nullptr));
+  FG_CALL(SVDSetType(svd, SVDLAPACK));
+  FG_CALL(SVDSetDimensions(svd, rank, PETSC_DEFAULT, PETSC_DEFAULT));
+  FG_CALL(SVDSolve(svd));
+  PetscInt converged = 0;
+  FG_CALL(SVDGetConverged(svd, &converged));
+  if (converged < rank)
+    throw Error(text("singular value decomposition: %d of %d values converged",
+                     static_cast<int>(converged), rank));
+  for (int j = 0; j < rank; ++j) {
+    Handle<Vec> u;
+    FG_CALL(VecCreateSeqWithArray(PETSC_COMM_SELF, 1, a.rows, result.vectors.column(j),
+                                  u.out()));
+    FG_CALL(SVDGetSingularTriplet(svd, j, &result.values[static_cast<std::size_t>(j)], u,
+                                  nullptr));
+  }
+  return result;
+}
+
+ComplexDense solve(ComplexDense a, ComplexDense b) {
+  const int n = a.rows, nrhs = b.columns;
+  if (n == 0 || nrhs == 0) return b;
+  std::vector<int> pivots(static_cast<std::size_t>(n));
+  int info = 0;
+  zgesv_(&n, &nrhs, a.data.data(), &n, pivots.data(), b.data.data(), &n, &info);
+  if (info > 0) throw ShiftError("the reduced matrix K + iωD − ω²M is singular");
+  return b;
+}
+
+} // namespace flexgram

@@ -1,0 +1,331 @@
+#include "linalg/mumps.hpp"
+
+#include "base/process.hpp"
+#include "base/text.hpp"
+
+#include <cmumps_c.h>
+#include <dmumps_c.h>
+#include <smumps_c.h>
+#include <zmumps_c.h>
+
+#include <algorithm>
+
+namespace flexgram {
+
+void MumpsOptions::describe(Options& options) {
+  options.section("Factorisation (all verbs)");
+  options.add_choice("-mor_ordering", ordering, {"best", "nested_dissection", "mumps"},
+                     "fill-reducing ordering: METIS nested dissection on the node graph, "
+                     "MUMPS' own choice, or the one of the two with fewer estimated flops");
+  options.add("-mor_memory_limit_mb", memory_limit_mb, "MB per rank",
+              "memory that a factorisation may take; 0 means what the node has available");
+  options.add("-mor_mumps_workspace", workspace_percent, "%",
+              "workspace above MUMPS' estimate at the first try, ICNTL(14)");
+  options.add("-mor_mumps_workspace_limit", workspace_limit, "%",
+              "largest workspace tried when MUMPS asks for more");
+  options.add_numbered("-mor_mumps_icntl_", icntl, "sets ICNTL(N) of MUMPS");
+  options.add_numbered("-mor_mumps_cntl_", cntl, "sets CNTL(N) of MUMPS");
+}
+
+namespace {
+
+template <class Scalar>
+struct Arithmetic;
+
+#define FG_MUMPS_ARITHMETIC(Scalar, PREFIX, prefix)                                       \
+  template <>                                                                             \
+  struct Arithmetic<Scalar> {                                                             \
+    using Struct = PREFIX##MUMPS_STRUC_C;                                                 \
+    using Value = PREFIX##MUMPS_COMPLEX;                                                  \
+    using Real = PREFIX##MUMPS_REAL;                                                      \
+    static void call(Struct* s) { prefix##mumps_c(s); }                                   \
+  }
+FG_MUMPS_ARITHMETIC(float, S, s);
+FG_MUMPS_ARITHMETIC(double, D, d);
+FG_MUMPS_ARITHMETIC(std::complex<float>, C, c);
+FG_MUMPS_ARITHMETIC(std::complex<double>, Z, z);
+#undef FG_MUMPS_ARITHMETIC
+
+std::string explain(int info1, int info2) {
+  switch (info1) {
+  case -5:
+  case -7:
+  case -13:
+    return text("the operating system refused an allocation of %s (INFOG(1:2) = %d, %d)",
+                info2 < 0 ? text("%.0f MB", -static_cast<double>(info2) * 8).c_str()
+                          : text("%d words", info2).c_str(),
+                info1, info2);
+  case -10: return text("the matrix is numerically singular (INFOG(1:2) = -10, %d)", info2);
+  case -90: return "out-of-core files could not be written";
+  default: return text("MUMPS failed with INFOG(1:2) = %d, %d", info1, info2);
+  }
+}
+
+/// Each row's owner, for sending the distributed solution home.
+int owner_of(const std::vector<PetscInt>& starts, PetscInt row) {
+  return static_cast<int>(std::upper_bound(starts.begin(), starts.end(), row) -
+                          starts.begin()) -
+         1;
+}
+
+} // namespace
+
+template <class Scalar>
+struct Mumps<Scalar>::Instance {
+  using Traits = Arithmetic<Scalar>;
+  using Value = typename Traits::Value;
+
+  Instance(MPI_Comm communicator, Symmetry symmetry, const MumpsOptions& settings)
+      : comm(communicator), options(settings) {
+    s.par = 1;
+    s.sym = static_cast<int>(symmetry);
+    s.comm_fortran = MPI_Comm_c2f(comm);
+    run(-1);
+    icntl(1) = icntl(2) = icntl(3) = -1; // no output: errors come as exceptions
+    icntl(4) = 0;
+    icntl(14) = options.workspace_percent;
+    icntl(18) = 3; // distributed entries
+    icntl(21) = 1; // distributed solution
+    for (auto [n, value] : options.icntl) icntl(n) = static_cast<int>(value);
+    for (auto [n, value] : options.cntl)
+      s.cntl[n - 1] = static_cast<typename Traits::Real>(value);
+  }
+  ~Instance() {
+    int finalized = 0;
+    MPI_Finalized(&finalized);
+    if (!finalized) run(-2);
+  }
+
+  int& icntl(int n) { return s.icntl[n - 1]; }
+  int infog(int n) const { return s.infog[n - 1]; }
+  int run(int job) {
+    s.job = job;
+    Traits::call(&s);
+    return infog(1);
+  }
+  bool user_set(int n) const { return options.icntl.count(n) > 0; }
+
+  double limit_mb() const {
+    return options.memory_limit_mb > 0 ? options.memory_limit_mb : available_memory_mb(comm);
+  }
+
+  void redistribute(RowRange rows, std::span<Scalar> x, int columns);
+  void solve(RowRange rows, std::span<Scalar> x, int columns);
+
+  MPI_Comm comm;
+  MumpsOptions options;
+  typename Traits::Struct s{};
+  bool tolerate_null_pivots = false;
+  double estimated_mb = 0;
+  std::vector<Scalar> values, solution;
+  std::vector<int> solution_rows;
+};
+
+template <class Scalar>
+Mumps<Scalar>::Mumps(MPI_Comm comm, Symmetry symmetry, const MumpsOptions& options)
+    : instance_(std::make_unique<Instance>(comm, symmetry, options)) {}
+template <class Scalar>
+Mumps<Scalar>::~Mumps() = default;
+template <class Scalar>
+Mumps<Scalar>::Mumps(Mumps&&) noexcept = default;
+template <class Scalar>
+Mumps<Scalar>& Mumps<Scalar>::operator=(Mumps&&) noexcept = default;
+
+template <class Scalar>
+FactorEstimate Mumps<Scalar>::analyse(const Pattern& pattern,
+                                      std::span<const int> position) {
+  auto& m = *instance_;
+  int given = !position.empty();
+  MPI_Bcast(&given, 1, MPI_INT, 0, m.comm);
+  m.s.n = pattern.n;
+  m.s.nnz_loc = static_cast<MUMPS_INT8>(pattern.row.size());
+  m.s.irn_loc = const_cast<int*>(pattern.row.data());
+  m.s.jcn_loc = const_cast<int*>(pattern.column.data());
+  if (given) m.s.perm_in = const_cast<int*>(position.data());
+  if (!m.user_set(7)) m.icntl(7) = given ? 1 : 7;
+  if (m.run(1) < 0)
+    throw Error("analysis of the matrix pattern: " + explain(m.infog(1), m.infog(2)));
+  m.estimated_mb = m.infog(16);
+  const auto entries = m.infog(3);
+  return {m.s.rinfog[0], entries < 0 ? -1e6 * entries : entries,
+          static_cast<double>(m.infog(16)), static_cast<double>(m.infog(17))};
+}
+
+template <class Scalar>
+std::vector<int> Mumps<Scalar>::position() const {
+  if (comm_rank(instance_->comm) != 0) return {};
+  return {instance_->s.sym_perm, instance_->s.sym_perm + instance_->s.n};
+}
+
+template <class Scalar>
+void Mumps<Scalar>::factorise(std::vector<Scalar> values) {
+  auto& m = *instance_;
+  const double estimated = m.estimated_mb;
+  double limit = m.limit_mb();
+  {
+    double smallest = 0;
+    MPI_Allreduce(&limit, &smallest, 1, MPI_DOUBLE, MPI_MIN, m.comm);
+    limit = smallest;
+  }
+  if (estimated > limit && !(m.user_set(22) && m.icntl(22)))
+    throw MemoryError(text(
+        "the factorisation needs %.0f MB on a rank and only %.0f MB may be used: use more "
+        "ranks, fewer groups (-mor_groups), out-of-core factors (-mor_mumps_icntl_22 1), or "
+        "raise -mor_memory_limit_mb",
+        estimated, limit));
+
+  m.values = std::move(values);
+  m.s.a_loc = reinterpret_cast<typename Instance::Value*>(m.values.data());
+  if (!m.user_set(24)) m.icntl(24) = m.tolerate_null_pivots;
+  // An inertia is only complete if the root front is not handed to ScaLAPACK.
+  if (!m.user_set(13)) m.icntl(13) = m.tolerate_null_pivots;
+  for (;;) {
+    const int status = m.run(2);
+    if (status >= 0) break;
+    if (status == -8 || status == -9 || status == -11 || status == -12 || status == -14 ||
+        status == -15 || status == -20) {
+      const int next = 2 * m.icntl(14);
+      if (next <= m.options.workspace_limit) {
+        m.icntl(14) = next;
+        continue;
+      }
+      throw MemoryError(text(
+          "MUMPS still asked for more workspace with ICNTL(14) = %d %% (INFOG(1:2) = %d, %d; "
+          "estimate %.0f MB on a rank): raise -mor_mumps_workspace_limit or use more ranks",
+          m.icntl(14), status, m.infog(2), estimated));
+    }
+    if (status == -10) throw ShiftError(explain(status, m.infog(2)));
+    if (status == -5 || status == -7 || status == -13 || status == -19)
+      throw MemoryError(text("%s; the estimate was %.0f MB on a rank, %.0f MB are available",
+                             explain(status, m.infog(2)).c_str(), estimated, limit));
+    throw Error(explain(status, m.infog(2)));
+  }
+}
+
+template <class Scalar>
+int Mumps<Scalar>::negative_pivots() const {
+  return instance_->infog(12);
+}
+template <class Scalar>
+int Mumps<Scalar>::null_pivots() const {
+  return instance_->infog(28);
+}
+template <class Scalar>
+void Mumps<Scalar>::tolerate_null_pivots(bool tolerate) {
+  instance_->tolerate_null_pivots = tolerate;
+}
+
+/// MUMPS leaves the solution where its fronts live; each row goes to the rank that owns it.
+template <class Scalar>
+void Mumps<Scalar>::Instance::redistribute(RowRange rows, std::span<Scalar> x, int columns) {
+  const int held = static_cast<int>(solution_rows.size()), ld = std::max(held, 1);
+  const auto place = [&](PetscInt row, const Scalar* source, int stride) {
+    for (int j = 0; j < columns; ++j)
+      x[static_cast<std::size_t>(row - rows.begin + j * rows.size())] =
+          source[static_cast<std::ptrdiff_t>(j) * stride];
+  };
+  const int size = comm_size(comm);
+  if (size == 1) {
+    for (int i = 0; i < held; ++i)
+      place(solution_rows[static_cast<std::size_t>(i)] - 1, solution.data() + i, ld);
+    return;
+  }
+  const auto starts = row_starts(comm, rows);
+  std::vector<std::vector<int>> indices(static_cast<std::size_t>(size));
+  std::vector<std::vector<Scalar>> packed(static_cast<std::size_t>(size));
+  for (int i = 0; i < held; ++i) {
+    const int row = solution_rows[static_cast<std::size_t>(i)] - 1;
+    const auto to = static_cast<std::size_t>(owner_of(starts, row));
+    indices[to].push_back(row);
+    for (int j = 0; j < columns; ++j)
+      packed[to].push_back(solution[static_cast<std::size_t>(i) +
+                                    static_cast<std::size_t>(j) * static_cast<std::size_t>(ld)]);
+  }
+  std::vector<int> send(static_cast<std::size_t>(size)), receive(send);
+  for (std::size_t r = 0; r < send.size(); ++r) send[r] = static_cast<int>(indices[r].size());
+  MPI_Alltoall(send.data(), 1, MPI_INT, receive.data(), 1, MPI_INT, comm);
+  std::vector<std::vector<int>> in_indices(send.size());
+  std::vector<std::vector<Scalar>> in_values(send.size());
+  std::vector<MPI_Request> requests;
+  MPI_Datatype block;
+  MPI_Type_contiguous(static_cast<int>(sizeof(Scalar)) * columns, MPI_BYTE, &block);
+  MPI_Type_commit(&block);
+  for (int r = 0; r < size; ++r) {
+    const auto k = static_cast<std::size_t>(r);
+    if (receive[k] > 0) {
+      in_indices[k].resize(static_cast<std::size_t>(receive[k]));
+      in_values[k].resize(static_cast<std::size_t>(receive[k]) * static_cast<std::size_t>(columns));
+      requests.resize(requests.size() + 2);
+      MPI_Irecv(in_indices[k].data(), receive[k], MPI_INT, r, 1, comm,
+                &requests[requests.size() - 2]);
+      MPI_Irecv(in_values[k].data(), receive[k], block, r, 2, comm, &requests.back());
+    }
+    if (send[k] > 0) {
+      requests.resize(requests.size() + 2);
+      MPI_Isend(indices[k].data(), send[k], MPI_INT, r, 1, comm,
+                &requests[requests.size() - 2]);
+      MPI_Isend(packed[k].data(), send[k], block, r, 2, comm, &requests.back());
+    }
+  }
+  MPI_Waitall(static_cast<int>(requests.size()), requests.data(), MPI_STATUSES_IGNORE);
+  MPI_Type_free(&block);
+  for (std::size_t r = 0; r < in_indices.size(); ++r)
+    for (std::size_t i = 0; i < in_indices[r].size(); ++i)
+      place(in_indices[r][i], in_values[r].data() + i * static_cast<std::size_t>(columns), 1);
+}
+
+template <class Scalar>
+void Mumps<Scalar>::Instance::solve(RowRange rows, std::span<Scalar> x, int columns) {
+  const int held = s.info[22]; // INFO(23): rows of the solution that live here
+  const int ld = std::max(held, 1);
+  solution.resize(static_cast<std::size_t>(ld) * static_cast<std::size_t>(columns));
+  solution_rows.resize(static_cast<std::size_t>(ld));
+  s.nrhs = columns;
+  s.lsol_loc = ld;
+  s.sol_loc = reinterpret_cast<Value*>(solution.data());
+  s.isol_loc = solution_rows.data();
+  if (run(3) < 0) throw Error("solve: " + explain(infog(1), infog(2)));
+  solution_rows.resize(static_cast<std::size_t>(held));
+  redistribute(rows, x, columns);
+}
+
+template <class Scalar>
+void Mumps<Scalar>::solve(RowRange rows, std::span<const Scalar> b, std::span<Scalar> x,
+                          int columns) {
+  auto& m = *instance_;
+  std::vector<int> row_numbers(static_cast<std::size_t>(rows.size()));
+  for (std::size_t i = 0; i < row_numbers.size(); ++i)
+    row_numbers[i] = static_cast<int>(rows.begin + static_cast<PetscInt>(i)) + 1;
+  if (!m.user_set(20)) m.icntl(20) = 10; // dense, distributed
+  m.s.nloc_rhs = rows.size();
+  m.s.lrhs_loc = std::max<int>(rows.size(), 1);
+  m.s.irhs_loc = row_numbers.data();
+  m.s.rhs_loc = reinterpret_cast<typename Instance::Value*>(const_cast<Scalar*>(b.data()));
+  m.solve(rows, x, columns);
+}
+
+template <class Scalar>
+void Mumps<Scalar>::solve_sparse(std::span<const int> start, std::span<const int> row,
+                                 std::span<const Scalar> values, RowRange rows,
+                                 std::span<Scalar> x, int columns) {
+  auto& m = *instance_;
+  m.icntl(20) = 3; // sparse, exploiting the sparsity
+  m.s.nz_rhs = static_cast<int>(row.size());
+  m.s.irhs_ptr = const_cast<int*>(start.data());
+  m.s.irhs_sparse = const_cast<int*>(row.data());
+  m.s.rhs_sparse =
+      reinterpret_cast<typename Instance::Value*>(const_cast<Scalar*>(values.data()));
+  m.solve(rows, x, columns);
+}
+
+template <class Scalar>
+double Mumps<Scalar>::used_mb_per_rank() const {
+  return instance_->infog(21);
+}
+
+template class Mumps<float>;
+template class Mumps<double>;
+template class Mumps<std::complex<float>>;
+template class Mumps<std::complex<double>>;
+
+} // namespace flexgram

@@ -1,0 +1,91 @@
+#pragma once
+
+#include "base/error.hpp"
+#include "base/options.hpp"
+#include "base/parallel.hpp"
+
+#include <complex>
+#include <map>
+#include <memory>
+#include <span>
+#include <vector>
+
+namespace flexgram {
+
+/// What MUMPS may assume of the matrix (its SYM parameter).
+enum class Symmetry { unsymmetric = 0, positive_definite = 1, symmetric = 2 };
+
+/// Options of every factorisation of the program.
+struct MumpsOptions {
+  std::map<int, double> icntl, cntl; ///< any control of MUMPS, by number
+  int workspace_percent = 30;        ///< ICNTL(14), first try
+  int workspace_limit = 480;         ///< ICNTL(14), last try after INFOG(1) = -8, -9
+  double memory_limit_mb = 0;        ///< per rank; 0: what the node has available
+  std::string ordering = "best";     ///< best | nested_dissection | mumps
+
+  void describe(Options& options);
+};
+
+/// Lower triangle of a sparse symmetric matrix (or all entries of an unsymmetric one), the
+/// entries spread over the ranks; 1-based as MUMPS wants them. An entry may occur on several
+/// ranks or several times: MUMPS adds them up.
+struct Pattern {
+  int n = 0;
+  std::vector<int> row, column;
+};
+
+/// MUMPS' own estimate after the analysis.
+struct FactorEstimate {
+  double flops = 0;         ///< RINFOG(1), elimination
+  double factor_entries = 0; ///< INFOG(3)
+  double mb_per_rank = 0;   ///< INFOG(16), the rank that needs most
+  double mb_total = 0;      ///< INFOG(17)
+};
+
+/// One instance of MUMPS in the arithmetic of Scalar: float, double, complex<float>,
+/// complex<double>. Entries distributed, right-hand sides dense and distributed by rows or
+/// sparse on rank 0, solution distributed by rows.
+template <class Scalar>
+class Mumps {
+public:
+  Mumps(MPI_Comm comm, Symmetry symmetry, const MumpsOptions& options);
+  ~Mumps();
+  Mumps(Mumps&&) noexcept;
+  Mumps& operator=(Mumps&&) noexcept;
+
+  /// Orders and analyses, once for a pattern. `position` (n numbers on rank 0, 1-based place
+  /// of each variable in the pivot order) or empty: MUMPS orders. Collective.
+  /// @note pattern must outlive this object.
+  FactorEstimate analyse(const Pattern& pattern, std::span<const int> position);
+  /// The ordering in use, n numbers on rank 0.
+  std::vector<int> position() const;
+
+  /// Numeric factorisation; values in the order of the pattern's entries.
+  /// @throws ShiftError if the matrix is singular, MemoryError with the amount needed.
+  void factorise(std::vector<Scalar> values);
+
+  /// Number of negative pivots = negative eigenvalues (Sylvester), for real symmetric
+  /// matrices; pivots that were zero are counted by null_pivots().
+  int negative_pivots() const;
+  int null_pivots() const;
+  /// Detect zero pivots and let factorise() succeed on a singular matrix, for counting.
+  void tolerate_null_pivots(bool tolerate);
+
+  /// X = A⁻¹ B. b and x: this rank's rows `rows`, column-major, leading dimension rows.size().
+  void solve(RowRange rows, std::span<const Scalar> b, std::span<Scalar> x, int columns);
+
+  /// Sparse right-hand sides, given on rank 0 by columns: start has columns + 1 entries
+  /// (1-based), row is 1-based. The others pass empty spans and the same number of columns.
+  void solve_sparse(std::span<const int> start, std::span<const int> row,
+                    std::span<const Scalar> values, RowRange rows, std::span<Scalar> x,
+                    int columns);
+
+  /// Peak memory that the last factorisation used, the rank that needed most [MB].
+  double used_mb_per_rank() const;
+
+private:
+  struct Instance;
+  std::unique_ptr<Instance> instance_;
+};
+
+} // namespace flexgram

@@ -1,0 +1,152 @@
+#include "linalg/ordering.hpp"
+
+#include "base/text.hpp"
+
+#include <metis.h>
+
+#include <algorithm>
+#include <numeric>
+#include <unordered_map>
+
+namespace flexgram {
+namespace {
+
+template <class T>
+std::vector<T> gather_all(MPI_Comm comm, std::span<const T> mine, MPI_Datatype type) {
+  const int size = comm_size(comm);
+  const int count = static_cast<int>(mine.size());
+  std::vector<int> counts(static_cast<std::size_t>(size)), starts(counts.size() + 1, 0);
+  MPI_Allgather(&count, 1, MPI_INT, counts.data(), 1, MPI_INT, comm);
+  std::partial_sum(counts.begin(), counts.end(), starts.begin() + 1);
+  std::vector<T> all(static_cast<std::size_t>(starts.back()));
+  MPI_Allgatherv(mine.data(), count, type, all.data(), counts.data(), starts.data(), type,
+                 comm);
+  return all;
+}
+
+/// Numbers 0 … count − 1 in the order of first appearance.
+int renumber(std::vector<std::int64_t>& labels) {
+  std::unordered_map<std::int64_t, std::int64_t> number;
+  for (auto& label : labels)
+    label = number.emplace(label, static_cast<std::int64_t>(number.size())).first->second;
+  return static_cast<int>(number.size());
+}
+
+struct Graph {
+  std::vector<idx_t> start, neighbour;
+};
+
+/// Symmetric adjacency from keys (a << 32 | b), a ≠ b, sorted and unique.
+Graph adjacency(int nodes, const std::vector<std::uint64_t>& edges) {
+  Graph graph;
+  graph.start.assign(static_cast<std::size_t>(nodes) + 1, 0);
+  const auto ends = [](std::uint64_t key) {
+    return std::pair{static_cast<std::size_t>(key >> 32),
+                     static_cast<std::size_t>(key & 0xffffffffU)};
+  };
+  for (auto key : edges) {
+    const auto [a, b] = ends(key);
+    ++graph.start[a + 1];
+    ++graph.start[b + 1];
+  }
+  std::partial_sum(graph.start.begin(), graph.start.end(), graph.start.begin());
+  graph.neighbour.resize(2 * edges.size());
+  std::vector<idx_t> next(graph.start.begin(), graph.start.end() - 1);
+  for (auto key : edges) {
+    const auto [a, b] = ends(key);
+    graph.neighbour[static_cast<std::size_t>(next[a]++)] = static_cast<idx_t>(b);
+    graph.neighbour[static_cast<std::size_t>(next[b]++)] = static_cast<idx_t>(a);
+  }
+  return graph;
+}
+
+void sort_unique(std::vector<std::uint64_t>& keys) {
+  std::sort(keys.begin(), keys.end());
+  keys.erase(std::unique(keys.begin(), keys.end()), keys.end());
+}
+
+} // namespace
+
+std::vector<std::int64_t> indistinguishable_rows(const std::vector<Mat>& matrices) {
+  PetscInt begin = 0, end = 0;
+  FG_CALL(MatGetOwnershipRange(matrices.front(), &begin, &end));
+  std::vector<std::int64_t> labels;
+  std::vector<PetscInt> columns;
+  for (PetscInt row = begin; row < end; ++row) {
+    columns.assign(1, row); // a row belongs to its own pattern even without a diagonal
+    for (Mat matrix : matrices) {
+      if (!matrix) continue;
+      PetscInt count = 0;
+      const PetscInt* list = nullptr;
+      FG_CALL(MatGetRow(matrix, row, &count, &list, nullptr));
+      columns.insert(columns.end(), list, list + count);
+      FG_CALL(MatRestoreRow(matrix, row, &count, &list, nullptr));
+    }
+    std::sort(columns.begin(), columns.end());
+    columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
+    std::uint64_t hash = columns.size();
+    for (PetscInt column : columns) {
+      hash ^= static_cast<std::uint64_t>(column) + 0x9e3779b97f4a7c15ULL + (hash << 12) +
+              (hash >> 4);
+      hash *= 0xff51afd7ed558ccdULL;
+    }
+    labels.push_back(static_cast<std::int64_t>(hash));
+  }
+  return labels;
+}
+
+std::vector<int> nested_dissection(MPI_Comm comm, const Pattern& lower,
+                                   std::span<const std::int64_t> node_of_row) {
+  std::vector<std::int64_t> node = gather_all(comm, node_of_row, MPI_INT64_T);
+  const int nodes = renumber(node);
+
+  std::vector<std::uint64_t> edges;
+  std::uint64_t last = 0;
+  for (std::size_t k = 0; k < lower.row.size(); ++k) {
+    auto a = static_cast<std::uint64_t>(node[static_cast<std::size_t>(lower.row[k] - 1)]);
+    auto b = static_cast<std::uint64_t>(node[static_cast<std::size_t>(lower.column[k] - 1)]);
+    if (a == b) continue;
+    const std::uint64_t key = std::min(a, b) << 32 | std::max(a, b);
+    if (key != last) edges.push_back(last = key);
+  }
+  sort_unique(edges);
+
+  const int rank = comm_rank(comm), count = static_cast<int>(edges.size());
+  std::vector<int> counts(static_cast<std::size_t>(comm_size(comm))), starts(counts.size() + 1);
+  MPI_Gather(&count, 1, MPI_INT, counts.data(), 1, MPI_INT, 0, comm);
+  std::partial_sum(counts.begin(), counts.end(), starts.begin() + 1);
+  std::vector<std::uint64_t> all(rank == 0 ? static_cast<std::size_t>(starts.back()) : 0);
+  MPI_Gatherv(edges.data(), count, MPI_UINT64_T, all.data(), counts.data(), starts.data(),
+              MPI_UINT64_T, 0, comm);
+
+  std::vector<int> position;
+  agree(comm, [&] {
+    if (rank != 0) return;
+    if (comm_size(comm) > 1) sort_unique(all);
+    Graph graph = adjacency(nodes, all);
+    std::vector<idx_t> weight(static_cast<std::size_t>(nodes), 0);
+    for (auto number : node) ++weight[static_cast<std::size_t>(number)];
+    std::vector<idx_t> order(weight.size()), place(weight.size());
+    idx_t vertices = nodes;
+    idx_t options[METIS_NOPTIONS];
+    METIS_SetDefaultOptions(options);
+    options[METIS_OPTION_NUMBERING] = 0;
+    if (METIS_NodeND(&vertices, graph.start.data(), graph.neighbour.data(), weight.data(),
+                     options, order.data(), place.data()) != METIS_OK)
+      throw Error(text("METIS_NodeND failed on a graph of %d nodes", nodes));
+    // First position of each node = dofs of all nodes before it.
+    std::vector<int> first(weight.size());
+    int position_next = 1;
+    for (idx_t step = 0; step < vertices; ++step) {
+      const auto number = static_cast<std::size_t>(order[static_cast<std::size_t>(step)]);
+      first[number] = position_next;
+      position_next += static_cast<int>(weight[number]);
+    }
+    position.resize(node.size());
+    for (std::size_t row = 0; row < node.size(); ++row)
+      position[row] = first[static_cast<std::size_t>(node[row])]++;
+  });
+  return position;
+}
+
+} // namespace flexgram

@@ -1,0 +1,369 @@
+#include "linalg/shifted_solver.hpp"
+
+#include "base/text.hpp"
+#include "linalg/ordering.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace flexgram {
+
+void SolverOptions::describe(Options& options) {
+  mumps.describe(options);
+  options.add_choice("-mor_precision", precision, {"double", "single"},
+                     "arithmetic of the factors; single is refined to double accuracy and "
+                     "falls back to double where refinement stalls (it does within 1e-6 of an "
+                     "undamped resonance)");
+  options.add("-mor_refinements", refinements, "",
+              "refinement steps at most, taken while the backward error is above its target");
+  options.add("-mor_backward_error", backward_error, "",
+              "target for the backward error of each solve");
+}
+
+namespace {
+
+/// Lower triangles of K, M and D on one common pattern, this rank's rows.
+struct CommonPattern {
+  Pattern lower;
+  std::vector<double> k, m, d;
+};
+
+CommonPattern common_pattern(Mat K, Mat M, Mat D) {
+  CommonPattern common;
+  PetscInt n = 0, begin = 0, end = 0;
+  FG_CALL(MatGetSize(K, &n, nullptr));
+  FG_CALL(MatGetOwnershipRange(K, &begin, &end));
+  common.lower.n = static_cast<int>(n);
+  std::vector<int> place(static_cast<std::size_t>(n), -1);
+  std::vector<PetscInt> columns;
+  Mat const matrices[] = {K, M, D};
+  std::vector<double>* const values[] = {&common.k, &common.m, &common.d};
+  for (PetscInt row = begin; row < end; ++row) {
+    const std::size_t first = common.lower.row.size();
+    columns.clear();
+    const auto slot = [&](PetscInt column) {
+      int& position = place[static_cast<std::size_t>(column)];
+      if (position < 0) {
+        position = static_cast<int>(columns.size());
+        columns.push_back(column);
+        common.lower.row.push_back(static_cast<int>(row) + 1);
+        common.lower.column.push_back(static_cast<int>(column) + 1);
+        common.k.push_back(0);
+        common.m.push_back(0);
+        if (D) common.d.push_back(0);
+      }
+      return first + static_cast<std::size_t>(position);
+    };
+    slot(row); // MUMPS wants the diagonal, zero or not
+    for (int i = 0; i < 3; ++i) {
+      if (!matrices[i]) continue;
+      PetscInt count = 0;
+      const PetscInt* list = nullptr;
+      const PetscScalar* entries = nullptr;
+      FG_CALL(MatGetRow(matrices[i], row, &count, &list, &entries));
+      for (PetscInt c = 0; c < count && list[c] <= row; ++c) {
+        const std::size_t position = slot(list[c]); // may grow the arrays
+        (*values[i])[position] = entries[c];
+      }
+      FG_CALL(MatRestoreRow(matrices[i], row, &count, &list, &entries));
+    }
+    for (PetscInt column : columns) place[static_cast<std::size_t>(column)] = -1;
+  }
+  return common;
+}
+
+/// One instance of MUMPS behind an interface without its arithmetic.
+class Engine {
+public:
+  virtual ~Engine() = default;
+  virtual FactorEstimate analyse(const Pattern& lower, std::span<const int> position) = 0;
+  virtual std::vector<int> position() const = 0;
+  virtual void factorise(const CommonPattern& common, const ShiftCoefficients& c) = 0;
+  /// re, im: local rows × columns; im is null for real right-hand sides or real arithmetic.
+  virtual void solve(RowRange rows, const double* re, const double* im, double* x_re,
+                     double* x_im, int columns) = 0;
+  virtual int negative_pivots() const = 0;
+  virtual int null_pivots() const = 0;
+  virtual void count_pivots(bool count) = 0;
+  virtual double used_mb_per_rank() const = 0;
+};
+
+template <class T>
+constexpr bool is_complex = !std::is_floating_point_v<T>;
+
+template <class Scalar>
+class EngineOf final : public Engine {
+public:
+  EngineOf(MPI_Comm comm, Symmetry symmetry, const MumpsOptions& options)
+      : mumps_(comm, symmetry, options) {}
+
+  FactorEstimate analyse(const Pattern& lower, std::span<const int> position) override {
+    return mumps_.analyse(lower, position);
+  }
+  std::vector<int> position() const override { return mumps_.position(); }
+
+  void factorise(const CommonPattern& common, const ShiftCoefficients& c) override {
+    std::vector<Scalar> values(common.k.size());
+    const bool damped = !common.d.empty();
+    for (std::size_t i = 0; i < values.size(); ++i)
+      values[i] = narrow(c.k * common.k[i] + c.m * common.m[i] +
+                         (damped ? c.d * common.d[i] : 0.0));
+    mumps_.factorise(std::move(values));
+  }
+
+  void solve(RowRange rows, const double* re, const double* im, double* x_re, double* x_im,
+             int columns) override {
+    const std::size_t count =
+        static_cast<std::size_t>(rows.size()) * static_cast<std::size_t>(columns);
+    std::vector<Scalar> b(count), x(count);
+    for (std::size_t i = 0; i < count; ++i) b[i] = narrow({re[i], im ? im[i] : 0.0});
+    mumps_.solve(rows, b, x, columns);
+    for (std::size_t i = 0; i < count; ++i) {
+      x_re[i] = std::real(x[i]);
+      if constexpr (is_complex<Scalar>) x_im[i] = std::imag(x[i]);
+    }
+  }
+
+  int negative_pivots() const override { return mumps_.negative_pivots(); }
+  int null_pivots() const override { return mumps_.null_pivots(); }
+  void count_pivots(bool count) override { mumps_.tolerate_null_pivots(count); }
+  double used_mb_per_rank() const override { return mumps_.used_mb_per_rank(); }
+
+private:
+  static Scalar narrow(std::complex<double> value) {
+    if constexpr (is_complex<Scalar>)
+      return Scalar(value);
+    else
+      return static_cast<Scalar>(value.real());
+  }
+  Mumps<Scalar> mumps_;
+};
+
+double infinity_norm(Mat a) {
+  PetscReal norm = 0;
+  if (a) FG_CALL(MatNorm(a, NORM_INFINITY, &norm));
+  return norm;
+}
+
+} // namespace
+
+struct ShiftedSolver::State {
+  MPI_Comm comm;
+  Mat K, M, D;
+  SolverOptions options;
+  std::vector<std::int64_t> node_of_row;
+  CommonPattern common;
+  RowRange rows;
+  double norm_K, norm_M, norm_D;
+
+  bool ordered = false;
+  std::vector<int> position;
+  std::string ordering;
+  /// [real][definite][single]
+  std::unique_ptr<Engine> engines[2][2][2];
+  FactorEstimate estimates[2][2][2];
+  Engine* current = nullptr;
+  ShiftCoefficients coefficients{};
+  Definiteness definiteness{};
+  bool single = false, count = false;
+  int factorisations = 0;
+
+  std::unique_ptr<Engine> make_engine(bool real, Definiteness definite, bool narrow) const {
+    const Symmetry symmetry = real && definite == Definiteness::positive
+                                  ? Symmetry::positive_definite
+                                  : Symmetry::symmetric;
+    if (real && narrow) return std::make_unique<EngineOf<float>>(comm, symmetry, options.mumps);
+    if (real) return std::make_unique<EngineOf<double>>(comm, symmetry, options.mumps);
+    if (narrow)
+      return std::make_unique<EngineOf<std::complex<float>>>(comm, symmetry, options.mumps);
+    return std::make_unique<EngineOf<std::complex<double>>>(comm, symmetry, options.mumps);
+  }
+
+  /// Nested dissection and MUMPS' own ordering side by side; the cheaper stays.
+  std::unique_ptr<Engine> order_and_analyse(bool real, Definiteness definite, bool narrow,
+                                            FactorEstimate& estimate) {
+    const std::string& wish = options.mumps.ordering;
+    // Below some thousand rows both orderings cost milliseconds: METIS alone would do, MUMPS'
+    // own is as good.
+    const bool compare = wish == "best" && common.lower.n > 2000;
+    std::unique_ptr<Engine> best;
+    if (wish == "nested_dissection" || compare) {
+      position = nested_dissection(comm, common.lower, node_of_row);
+      best = make_engine(real, definite, narrow);
+      estimate = best->analyse(common.lower, position);
+      ordering = "nested dissection";
+      if (!compare) return best;
+    }
+    auto own = make_engine(real, definite, narrow);
+    const FactorEstimate own_estimate = own->analyse(common.lower, {});
+    if (best && estimate.flops <= own_estimate.flops) return best;
+    estimate = own_estimate;
+    ordering = "MUMPS' own";
+    position = own->position();
+    return own;
+  }
+
+  Engine& prepare(bool real, Definiteness definite, bool narrow) {
+    if (!real) definite = Definiteness::indefinite;
+    auto& slot = engines[real][definite == Definiteness::positive][narrow];
+    auto& estimate = estimates[real][definite == Definiteness::positive][narrow];
+    if (!slot) {
+      if (!ordered) {
+        slot = order_and_analyse(real, definite, narrow, estimate);
+        ordered = true;
+      } else {
+        slot = make_engine(real, definite, narrow);
+        estimate = slot->analyse(common.lower, position);
+      }
+    }
+    return *slot;
+  }
+
+  /// R ← B − A X on [Re, Im] columns (Re only if A is real); returns the backward error.
+  double residual(const Block& b, const Block& x, Block& r) const;
+};
+
+ShiftedSolver::ShiftedSolver(Mat K, Mat M, Mat D, std::vector<std::int64_t> node_of_row,
+                             const SolverOptions& options)
+    : state_(std::make_unique<State>()) {
+  State& s = *state_;
+  s.comm = PetscObjectComm(reinterpret_cast<PetscObject>(K));
+  s.K = K;
+  s.M = M;
+  s.D = D;
+  s.options = options;
+  s.single = options.precision == "single";
+  FG_CALL(MatGetOwnershipRange(K, &s.rows.begin, &s.rows.end));
+  s.common = common_pattern(K, M, D);
+  const auto missing = static_cast<std::int64_t>(node_of_row.empty() && s.rows.size() > 0);
+  s.node_of_row = sum_over(s.comm, missing) > 0 ? indistinguishable_rows({K, M, D})
+                                                : std::move(node_of_row);
+  s.norm_K = infinity_norm(K);
+  s.norm_M = infinity_norm(M);
+  s.norm_D = infinity_norm(D);
+}
+
+ShiftedSolver::~ShiftedSolver() = default;
+
+FactorEstimate ShiftedSolver::analyse(bool real, Definiteness definiteness) {
+  State& s = *state_;
+  s.prepare(real, definiteness, s.single);
+  if (!real) definiteness = Definiteness::indefinite;
+  return s.estimates[real][definiteness == Definiteness::positive][s.single];
+}
+
+void ShiftedSolver::factorise(const ShiftCoefficients& coefficients,
+                              Definiteness definiteness) {
+  State& s = *state_;
+  s.current = &s.prepare(coefficients.real(), definiteness, s.single);
+  s.current->count_pivots(s.count);
+  s.coefficients = coefficients;
+  s.definiteness = definiteness;
+  s.current->factorise(s.common, coefficients);
+  ++s.factorisations;
+}
+
+double ShiftedSolver::State::residual(const Block& b, const Block& x, Block& r) const {
+  const PetscInt p = b.columns(), local = rows.size();
+  const bool real = coefficients.real();
+  r = Block(comm, rows, x.rows(), x.columns());
+  Block::Access out(r);
+  {
+    const Block::Access in(b);
+    std::copy_n(in.column(0), local * p, out.column(0));
+    if (!real) std::fill_n(out.column(p), local * p, 0.0);
+  }
+  const auto subtract = [&](Mat matrix, std::complex<double> c) {
+    if (!matrix || c == 0.0) return;
+    const Block product = multiply(matrix, x);
+    const Block::Access y(product);
+    for (PetscInt j = 0; j < p; ++j) {
+      const double* re = y.column(j);
+      const double* im = real ? nullptr : y.column(p + j);
+      double* r_re = out.column(j);
+      double* r_im = real ? nullptr : out.column(p + j);
+      for (PetscInt i = 0; i < local; ++i) {
+        r_re[i] -= c.real() * re[i] - (real ? 0.0 : c.imag() * im[i]);
+        if (!real) r_im[i] -= c.real() * im[i] + c.imag() * re[i];
+      }
+    }
+  };
+  subtract(K, coefficients.k);
+  subtract(M, coefficients.m);
+  subtract(D, coefficients.d);
+
+  const double norm_A = std::abs(coefficients.k) * norm_K +
+                        std::abs(coefficients.m) * norm_M +
+                        std::abs(coefficients.d) * norm_D;
+  const auto r_max = column_maxima(r), x_max = column_maxima(x), b_max = column_maxima(b);
+  double worst = 0;
+  for (std::size_t j = 0; j < b_max.size(); ++j) {
+    const auto both = [&](const std::vector<double>& maxima) {
+      return real ? maxima[j] : std::hypot(maxima[j], maxima[j + b_max.size()]);
+    };
+    const double scale = norm_A * both(x_max) + b_max[j];
+    const double error = scale > 0 ? both(r_max) / scale : 0.0;
+    worst = std::isfinite(error) ? std::max(worst, error)
+                                 : std::numeric_limits<double>::infinity();
+    const double growth = b_max[j] > 0 ? norm_A * both(x_max) / b_max[j] : 0.0;
+    if (!std::isfinite(growth) || growth > 1e17)
+      throw ShiftError(text("the shifted matrix is singular to working accuracy "
+                            "(‖A‖‖x‖/‖b‖ = %.1e): the frequency is a resonance of an undamped "
+                            "body, or zero for a free one",
+                            growth));
+  }
+  return worst;
+}
+
+ShiftedSolver::Solution ShiftedSolver::solve(const Block& b) {
+  State& s = *state_;
+  const bool real = s.coefficients.real();
+  const PetscInt p = b.columns();
+  Solution solution{Block(s.comm, s.rows, b.rows(), real ? p : 2 * p), 0.0, 0};
+  {
+    const Block::Access in(b);
+    Block::Access out(solution.x);
+    s.current->solve(s.rows, in.column(0), nullptr, out.column(0),
+                     real ? nullptr : out.column(p), static_cast<int>(p));
+  }
+  Block r;
+  solution.backward_error = s.residual(b, solution.x, r);
+  const int limit = s.single ? std::max(s.options.refinements, 12) : s.options.refinements;
+  while (solution.backward_error > s.options.backward_error && solution.refinements < limit) {
+    Block step(s.comm, s.rows, b.rows(), solution.x.columns());
+    {
+      const Block::Access in(r);
+      Block::Access out(step);
+      s.current->solve(s.rows, in.column(0), real ? nullptr : in.column(p), out.column(0),
+                       real ? nullptr : out.column(p), static_cast<int>(p));
+      const Block::Access x(solution.x);
+      for (std::size_t i = 0; i < out.all().size(); ++i) out.all()[i] += x.column(0)[i];
+    }
+    const double error = s.residual(b, step, r);
+    ++solution.refinements;
+    const bool better = error < 0.5 * solution.backward_error;
+    if (error < solution.backward_error) {
+      std::swap(solution.x, step);
+      solution.backward_error = error;
+    }
+    if (!better) break;
+  }
+  if (s.single && solution.backward_error > s.options.backward_error) {
+    s.single = false; // refinement stalled: this and all later shifts in double
+    factorise(s.coefficients, s.definiteness);
+    return solve(b);
+  }
+  return solution;
+}
+
+int ShiftedSolver::negative_pivots() const { return state_->current->negative_pivots(); }
+int ShiftedSolver::null_pivots() const { return state_->current->null_pivots(); }
+void ShiftedSolver::count_pivots(bool count) { state_->count = count; }
+const std::string& ShiftedSolver::ordering() const { return state_->ordering; }
+int ShiftedSolver::factorisations() const { return state_->factorisations; }
+double ShiftedSolver::used_mb_per_rank() const {
+  return state_->current ? state_->current->used_mb_per_rank() : 0;
+}
+
+} // namespace flexgram

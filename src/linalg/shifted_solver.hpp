@@ -1,0 +1,79 @@
+#pragma once
+
+#include "linalg/block.hpp"
+#include "linalg/mumps.hpp"
+
+#include <petscmat.h>
+
+#include <complex>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace flexgram {
+
+/// How the shifted systems are solved.
+struct SolverOptions {
+  MumpsOptions mumps;
+  std::string precision = "double"; ///< double | single (with refinement)
+  int refinements = 2;              ///< at most so many refinement steps
+  double backward_error = 1e-13;    ///< refine and warn above it
+
+  void describe(Options& options);
+};
+
+/// A = k K + m M + d D. Real where all three are real.
+struct ShiftCoefficients {
+  std::complex<double> k, m, d;
+  bool real() const { return k.imag() == 0 && m.imag() == 0 && d.imag() == 0; }
+};
+
+/// What MUMPS may assume: K + τM of a supported or free body is positive definite.
+enum class Definiteness { indefinite, positive };
+
+/// Factorises K + iωD − ω²M and its real relatives in the arithmetic that the shift needs: real
+/// where the coefficients are real, complex symmetric otherwise. One analysis a pattern and
+/// arithmetic, one ordering for all.
+/// @note Collective on the communicator of the matrices. K, M, D must outlive this object.
+class ShiftedSolver {
+public:
+  /// @param[in] K, M         real symmetric n×n, both triangles stored; D may be null.
+  /// @param[in] node_of_row  node number of each local row; empty: found from the pattern.
+  ShiftedSolver(Mat K, Mat M, Mat D, std::vector<std::int64_t> node_of_row,
+                const SolverOptions& options);
+  ~ShiftedSolver();
+
+  /// Analyses for the arithmetic that such a shift needs, and returns MUMPS' estimate.
+  FactorEstimate analyse(bool real, Definiteness definiteness = Definiteness::indefinite);
+
+  /// @throws ShiftError if A is singular, MemoryError if it does not fit.
+  void factorise(const ShiftCoefficients& coefficients,
+                 Definiteness definiteness = Definiteness::indefinite);
+
+  struct Solution {
+    Block x;               ///< n × p if A is real, else n × 2p: [Re X, Im X]
+    double backward_error; ///< max_j ‖b − A x‖∞ / (‖A‖∞ ‖x‖∞ + ‖b‖∞)
+    int refinements;
+  };
+  /// X = A⁻¹ B with the last factorisation.
+  /// @throws ShiftError if the solution is so large that A must be taken as singular.
+  Solution solve(const Block& b);
+
+  /// Eigenvalues of the last real A below zero, by Sylvester's law; needs count_pivots(true)
+  /// before the factorisation.
+  int negative_pivots() const;
+  int null_pivots() const;
+  void count_pivots(bool count);
+
+  /// "nested dissection" or "MUMPS"; what was taken after analyse().
+  const std::string& ordering() const;
+  int factorisations() const;
+  double used_mb_per_rank() const;
+
+private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+} // namespace flexgram
