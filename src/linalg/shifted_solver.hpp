@@ -38,7 +38,7 @@ enum class Definiteness { indefinite, positive };
 /// @note Collective on the communicator of the matrices. K, M, D must outlive this object.
 class ShiftedSolver {
 public:
-  /// @param[in] K, M         real symmetric n×n, both triangles stored; D may be null.
+  /// @param[in] K, M, D      real symmetric n×n, both triangles stored; M and D may be null.
   /// @param[in] node_of_row  node number of each local row; empty: found from the pattern.
   ShiftedSolver(Mat K, Mat M, Mat D, std::vector<std::int64_t> node_of_row,
                 const SolverOptions& options);

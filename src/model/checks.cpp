@@ -1,0 +1,145 @@
+#include "model/checks.hpp"
+
+#include "base/text.hpp"
+#include "linalg/sparse.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace flexgram {
+namespace {
+
+/// Eigenvalues of the unit-diagonal M below this are no rounding: exports print 14 digits.
+constexpr double negative_floor = 1e-9;
+
+std::vector<double> row_maxima(Mat a) {
+  const RowRange rows = owned_rows(a);
+  std::vector<double> maxima;
+  for (PetscInt row = rows.begin; row < rows.end; ++row) {
+    PetscInt count = 0;
+    const PetscScalar* values = nullptr;
+    FG_CALL(MatGetRow(a, row, &count, nullptr, &values));
+    double largest = 0;
+    for (PetscInt k = 0; k < count; ++k) largest = std::max(largest, std::abs(values[k]));
+    maxima.push_back(largest);
+    FG_CALL(MatRestoreRow(a, row, &count, nullptr, &values));
+  }
+  return maxima;
+}
+
+/// K and M diagonals and rows: cheap, and they name the row.
+void check_rows(const SecondOrderModel& model, BodyFacts& facts) {
+  const auto k_rows = row_maxima(model.K), m_rows = row_maxima(model.M);
+  const auto k_diagonal = diagonal(model.K), m_diagonal = diagonal(model.M);
+  std::int64_t massless = 0;
+  agree(model.comm, [&] {
+    for (std::size_t i = 0; i < k_rows.size(); ++i) {
+      const long row = static_cast<long>(model.rows.begin) + static_cast<long>(i);
+      if (k_rows[i] == 0 && m_rows[i] == 0)
+        throw Error(text("row %ld (0-based) is zero in both K and M: remove this dof "
+                         "(ANSYS leaves constrained dofs in the matrices)",
+                         row));
+      const auto check = [&](const char* name, double d, double largest) {
+        if (d < 0)
+          throw Error(text("%s(%ld, %ld) = %g is negative: %s must be positive semidefinite",
+                           name, row, row, d, name));
+        if (d == 0 && largest > 0)
+          throw Error(text("%s(%ld, %ld) is zero in a row that is not: %s is indefinite",
+                           name, row, row, name));
+      };
+      check("M", m_diagonal[i], m_rows[i]);
+      check("K", k_diagonal[i], k_rows[i]);
+      massless += m_rows[i] == 0;
+    }
+  });
+  facts.mass_is_singular = sum_over(model.comm, massless) > 0;
+}
+
+void check_semidefinite(Mat a, const char* name, const char* consequence, BodyFacts& facts) {
+  if (is_diagonal(a)) {
+    facts.skipped.push_back(text("definiteness of %s: it is diagonal", name));
+    return;
+  }
+  ++facts.factorisations;
+  const int negative = count_negative_eigenvalues(a, negative_floor);
+  if (negative > 0)
+    throw Error(text("%s has %d negative eigenvalue%s (scaled to unit diagonal, below %g): "
+                     "%s must be positive semidefinite, %s",
+                     name, negative, negative == 1 ? "" : "s", -negative_floor, name,
+                     consequence));
+}
+
+/// max K_ii / M_ii is a Rayleigh quotient: a lower bound of the largest eigenvalue.
+double spectral_scale(const SecondOrderModel& model) {
+  const auto k = diagonal(model.K), m = diagonal(model.M);
+  double largest = 0;
+  for (std::size_t i = 0; i < k.size(); ++i)
+    if (m[i] > 0) largest = std::max(largest, k[i] / m[i]);
+  return max_over(model.comm, largest);
+}
+
+/// K + τM is positive definite unless K and M share a null vector or one of them is indefinite.
+void check_mechanism(const SecondOrderModel& model, double scale, BodyFacts& facts) {
+  SolverOptions options;
+  options.mumps.cntl[3] = 1e-13; // a pivot below 1e-13 times the scaled matrix is none
+  ShiftedSolver solver(model.K, model.M, nullptr, model.node, options);
+  solver.count_pivots(true);
+  solver.factorise({1.0, 1e-6 * scale, 0.0});
+  ++facts.factorisations;
+  if (solver.null_pivots() > 0)
+    throw Error(text("K and M share %d null vector%s: the body has a mechanism without mass "
+                     "and stiffness (an unconnected node, a massless hinge)",
+                     solver.null_pivots(), solver.null_pivots() == 1 ? "" : "s"));
+  if (solver.negative_pivots() > 0)
+    throw Error(text("K has %d negative eigenvalue%s: it must be positive semidefinite "
+                     "(a buckled state, or K and M swapped?)",
+                     solver.negative_pivots(), solver.negative_pivots() == 1 ? "" : "s"));
+}
+
+/// Sylvester: K − s₀M has as many negative eigenvalues as (K, M) has below s₀.
+int count_below(const SecondOrderModel& model, double shift, BodyFacts& facts) {
+  ShiftedSolver solver(model.K, model.M, nullptr, model.node, {});
+  solver.count_pivots(true);
+  solver.factorise({1.0, -shift, 0.0});
+  ++facts.factorisations;
+  return solver.negative_pivots();
+}
+
+void check_ports(const Block& ports, const std::vector<std::string>& names, const char* map,
+                 Monitor& monitor) {
+  const Dense gram = inner(ports, ports);
+  for (int i = 0; i < gram.rows; ++i) {
+    if (!(gram(i, i) > 0))
+      throw Error(text("port %s: its column of %s is zero", names[static_cast<std::size_t>(i)].c_str(), map));
+    for (int j = 0; j < i; ++j)
+      if (gram(i, j) * gram(i, j) >= (1 - 1e-14) * gram(i, i) * gram(j, j))
+        monitor.warn(text("ports %s and %s load the body in the same way: one of the two "
+                          "columns of %s is redundant",
+                          names[static_cast<std::size_t>(j)].c_str(),
+                          names[static_cast<std::size_t>(i)].c_str(), map));
+  }
+}
+
+} // namespace
+
+BodyFacts check_body(const SecondOrderModel& model, bool assembled, Monitor& monitor) {
+  BodyFacts facts;
+  check_ports(model.B, model.inputs, "B", monitor);
+  if (!model.outputs_are_inputs) check_ports(model.C, model.outputs, "C", monitor);
+  check_rows(model, facts);
+  if (assembled) {
+    facts.skipped.push_back("definiteness of M and D: assembled here, so by construction");
+  } else {
+    check_semidefinite(model.M, "M", "a body has no negative mass", facts);
+    if (model.D)
+      check_semidefinite(model.D, "D", "a body does not gain energy from its damping", facts);
+  }
+  const double scale = spectral_scale(model);
+  check_mechanism(model, scale, facts);
+  // Rounding leaves rigid modes at about 1e-16 of the largest eigenvalue.
+  facts.rigid_modes = count_below(model, 1e-12 * scale, facts);
+  facts.rigid_modes_counted = true;
+  return facts;
+}
+
+} // namespace flexgram

@@ -1,0 +1,190 @@
+#include "model/second_order_model.hpp"
+
+#include "base/text.hpp"
+#include "linalg/sparse.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace flexgram {
+
+bool SecondOrderModel::undamped() const {
+  return !D && damping.alpha == 0 && damping.beta == 0 && damping.eta == 0;
+}
+
+std::string SecondOrderModel::damping_class() const {
+  if (undamped()) return "none";
+  std::vector<std::string> parts;
+  if (damping.alpha != 0 || damping.beta != 0)
+    parts.push_back(
+        text("proportional (α = %g 1/s, β = %g s)", damping.alpha, damping.beta));
+  if (damping.eta != 0) parts.push_back(text("structural (η = %g)", damping.eta));
+  if (D) parts.push_back("general D");
+  return join(parts, " + ");
+}
+
+ShiftCoefficients SecondOrderModel::coefficients(double omega) const {
+  return {{1.0, damping.eta + omega * damping.beta},
+          {-omega * omega, omega * damping.alpha},
+          D ? std::complex<double>{0.0, omega} : 0.0};
+}
+
+std::int64_t SecondOrderModel::nonzeros() const {
+  MatInfo info;
+  FG_CALL(MatGetInfo(K, MAT_GLOBAL_SUM, &info));
+  return static_cast<std::int64_t>(info.nz_used);
+}
+
+double SecondOrderModel::memory_mb() const {
+  double bytes = 0;
+  for (Mat matrix : {K.get(), M.get(), D.get()}) {
+    if (!matrix) continue;
+    MatInfo info;
+    FG_CALL(MatGetInfo(matrix, MAT_LOCAL, &info));
+    bytes += info.memory;
+  }
+  return bytes / 1048576.0;
+}
+
+SecondOrderModel move_to_group(SecondOrderModel model, const Groups& groups) {
+  if (groups.count == 1) return model;
+  SecondOrderModel copy;
+  const RowRange rows = even_rows(groups.comm, model.n);
+  copy.name = model.name;
+  copy.comm = groups.comm;
+  copy.n = model.n;
+  copy.rows = rows;
+  copy.M = move_sparse(model.M, groups.comm, rows);
+  copy.K = move_sparse(model.K, groups.comm, rows);
+  if (model.D) copy.D = move_sparse(model.D, groups.comm, rows);
+  copy.damping = model.damping;
+  copy.B = move_block(groups.world, model.B, groups.comm, rows);
+  copy.C = model.outputs_are_inputs ? copy.B.share()
+                                    : move_block(groups.world, model.C, groups.comm, rows);
+  copy.outputs_are_inputs = model.outputs_are_inputs;
+  copy.inputs = model.inputs;
+  copy.outputs = model.outputs;
+  const auto move_list = [&](const auto& list, int columns) {
+    using Value = typename std::decay_t<decltype(list)>::value_type;
+    const auto missing = static_cast<std::int64_t>(list.empty() && model.rows.size() > 0);
+    if (sum_over(groups.world, missing) > 0) return std::vector<Value>{};
+    // Rows of `columns` numbers are moved as ranges that are `columns` times as long.
+    return exchange_rows<Value>(
+        groups.world, {columns * model.rows.begin, columns * model.rows.end}, list, 1, 0,
+        {columns * rows.begin, columns * rows.end}, 1);
+  };
+  copy.node = move_list(model.node, 1);
+  copy.component = move_list(model.component, 1);
+  copy.position = move_list(model.position, 3);
+  return copy;
+}
+
+namespace {
+
+/// Indices of the ports that the words name; all of them for no words.
+std::vector<int> find_ports(const std::vector<std::string>& ports,
+                            const std::vector<std::string>& words, const char* option) {
+  std::vector<int> found;
+  for (const auto& word : words) {
+    const std::size_t before = found.size();
+    for (std::size_t i = 0; i < ports.size(); ++i)
+      if (ports[i] == word || ports[i].rfind(word + ".", 0) == 0)
+        found.push_back(static_cast<int>(i));
+    if (found.size() == before)
+      throw Error(text("option %s: there is no port %s, did you mean %s? The body has %s",
+                       option, word.c_str(), nearest(word, ports).c_str(),
+                       join(ports).c_str()));
+  }
+  return found;
+}
+
+std::vector<std::string> pick(const std::vector<std::string>& names,
+                              const std::vector<int>& indices) {
+  std::vector<std::string> picked;
+  for (int i : indices) picked.push_back(names[static_cast<std::size_t>(i)]);
+  return picked;
+}
+
+} // namespace
+
+void select_ports(SecondOrderModel& model, const std::vector<std::string>& inputs,
+                  const std::vector<std::string>& outputs) {
+  if (inputs.empty() && outputs.empty()) return;
+  const auto in = find_ports(model.inputs, inputs, "-mor_inputs");
+  const auto out = find_ports(model.outputs, outputs, "-mor_outputs");
+  const bool same = model.outputs_are_inputs && (outputs.empty() || in == out);
+  if (!outputs.empty()) {
+    model.C = select_columns(model.C, out);
+    model.outputs = pick(model.outputs, out);
+  }
+  if (!inputs.empty()) {
+    model.B = select_columns(model.B, in);
+    model.inputs = pick(model.inputs, in);
+  }
+  if (same) {
+    model.C = model.B.share();
+    model.outputs = model.inputs;
+  }
+  model.outputs_are_inputs = same;
+}
+
+ComplexDense dense_transfer(const SecondOrderModel& model, double omega) {
+  const ShiftCoefficients c = model.coefficients(omega);
+  const Dense K = to_dense(model.K), M = to_dense(model.M);
+  const int m = K.rows;
+  ComplexDense a(m, m);
+  for (std::size_t i = 0; i < a.data.size(); ++i)
+    a.data[i] = c.k * K.data[i] + c.m * M.data[i];
+  if (model.D) {
+    const Dense D = to_dense(model.D);
+    for (std::size_t i = 0; i < a.data.size(); ++i) a.data[i] += c.d * D.data[i];
+  }
+  const int p = static_cast<int>(model.B.columns()), r = static_cast<int>(model.C.columns());
+  ComplexDense x(m, p);
+  {
+    const Block::Access b(model.B);
+    for (std::size_t i = 0; i < x.data.size(); ++i) x.data[i] = b.column(0)[i];
+  }
+  x = solve(std::move(a), std::move(x));
+  ComplexDense h(r, p);
+  const Block::Access out(model.C);
+  for (int j = 0; j < p; ++j)
+    for (int i = 0; i < r; ++i)
+      for (int k = 0; k < m; ++k) h(i, j) += out.column(i)[k] * x(k, j);
+  return h;
+}
+
+ComplexDense output_of(const Block& C, const Block& x, PetscInt inputs) {
+  const Dense parts = inner(C, x);
+  const int p = static_cast<int>(inputs);
+  ComplexDense h(parts.rows, p);
+  for (int j = 0; j < p; ++j)
+    for (int i = 0; i < parts.rows; ++i)
+      h(i, j) = {parts(i, j), parts.columns > p ? parts(i, j + p) : 0.0};
+  return h;
+}
+
+Matrix make_dense(const Dense& a) {
+  Matrix matrix;
+  FG_CALL(MatCreateSeqDense(PETSC_COMM_SELF, a.rows, a.columns, nullptr, matrix.out()));
+  PetscScalar* values = nullptr;
+  FG_CALL(MatDenseGetArrayWrite(matrix, &values));
+  std::copy(a.data.begin(), a.data.end(), values);
+  FG_CALL(MatDenseRestoreArrayWrite(matrix, &values));
+  FG_CALL(MatAssemblyBegin(matrix, MAT_FINAL_ASSEMBLY));
+  FG_CALL(MatAssemblyEnd(matrix, MAT_FINAL_ASSEMBLY));
+  return matrix;
+}
+
+Dense to_dense(Mat a) {
+  PetscInt rows = 0, columns = 0;
+  FG_CALL(MatGetSize(a, &rows, &columns));
+  Dense result(static_cast<int>(rows), static_cast<int>(columns));
+  const PetscScalar* values = nullptr;
+  FG_CALL(MatDenseGetArrayRead(a, &values));
+  std::copy_n(values, result.data.size(), result.data.begin());
+  FG_CALL(MatDenseRestoreArrayRead(a, &values));
+  return result;
+}
+
+} // namespace flexgram

@@ -1,0 +1,150 @@
+#include "reduce/frequency_solves.hpp"
+
+#include "base/process.hpp"
+#include "base/text.hpp"
+
+#include <algorithm>
+#include <numbers>
+
+namespace flexgram {
+
+void ParallelOptions::describe(Options& options) {
+  options.section("Parallel (reduce, sweep)");
+  options.add("-mor_groups", groups, "",
+              "groups of ranks; each holds the body and factorises its own frequencies. 0: as "
+              "many as the memory estimate allows (independent factorisations scale better "
+              "than parallel ones)");
+}
+
+namespace {
+
+constexpr double hz = 1 / (2 * std::numbers::pi);
+
+/// Most groups of equal size whose factors fit beside each other.
+int fitting_groups(MPI_Comm world, const FactorEstimate& whole, double matrices_mb,
+                   double limit_mb, int tasks) {
+  const int size = comm_size(world);
+  for (int groups = std::min(size, tasks); groups > 1; --groups) {
+    if (size % groups != 0) continue;
+    const double ranks = static_cast<double>(size) / groups;
+    // A factorisation over r ranks takes somewhat more than 1/r of the memory on each.
+    const double per_rank = 1.3 * whole.mb_total / ranks + 2 * matrices_mb * groups;
+    if (max_over(world, per_rank - 0.8 * limit_mb) <= 0) return groups;
+  }
+  return 1;
+}
+
+} // namespace
+
+struct FrequencySolves::State {
+  Monitor* monitor;
+  std::unique_ptr<Groups> groups;
+  RowRange world_rows;
+  SecondOrderModel model;
+  std::unique_ptr<ShiftedSolver> solver;
+  FactorEstimate estimate;
+  double worst_backward_error = 0;
+};
+
+FrequencySolves::FrequencySolves(SecondOrderModel model, const ParallelOptions& parallel,
+                                 const SolverOptions& solver, int tasks, Monitor& monitor)
+    : state_(std::make_unique<State>()) {
+  State& s = *state_;
+  Stage stage(monitor, "analyse");
+  s.monitor = &monitor;
+  s.world_rows = model.rows;
+  const MPI_Comm world = model.comm;
+  const bool real = model.undamped();
+  const auto prepare = [&] {
+    s.solver = std::make_unique<ShiftedSolver>(s.model.K, s.model.M, s.model.D, s.model.node,
+                                               solver);
+    s.estimate = s.solver->analyse(real);
+  };
+  int count = parallel.groups;
+  require_option(count >= 0, "-mor_groups", std::to_string(count), "0 (automatic) or more");
+  s.model = std::move(model);
+  if (count == 0 && comm_size(world) > 1 && tasks > 1) {
+    prepare();
+    const double limit = solver.mumps.memory_limit_mb > 0 ? solver.mumps.memory_limit_mb
+                                                          : available_memory_mb(world);
+    count = fitting_groups(world, s.estimate, s.model.memory_mb(), limit, tasks);
+  }
+  s.groups = std::make_unique<Groups>(world, std::max(count, 1));
+  if (s.groups->count > 1) {
+    s.solver.reset();
+    s.model = move_to_group(std::move(s.model), *s.groups);
+  }
+  if (!s.solver) prepare();
+}
+
+FrequencySolves::~FrequencySolves() = default;
+
+std::vector<std::size_t> FrequencySolves::mine(std::size_t count) const {
+  std::vector<std::size_t> list;
+  for (auto l = static_cast<std::size_t>(state_->groups->mine); l < count;
+       l += static_cast<std::size_t>(state_->groups->count))
+    list.push_back(l);
+  return list;
+}
+
+void FrequencySolves::for_each(const std::vector<double>& omega, const char* what,
+                               const Use& use) {
+  State& s = *state_;
+  const auto list = mine(omega.size());
+  agree(s.groups->world, [&] { // errors inside a group are common to its ranks
+    Progress progress(*s.monitor, what, static_cast<int>(list.size()));
+    for (std::size_t l : list)
+      with_context(text("%s %zu of %zu, %g Hz", what, l + 1, omega.size(), omega[l] * hz),
+                   [&] {
+                     const double start = now();
+                     s.solver->factorise(s.model.coefficients(omega[l]));
+                     const double factorised = now();
+                     const auto solution = s.solver->solve(s.model.B);
+                     s.worst_backward_error =
+                         std::max(s.worst_backward_error, solution.backward_error);
+                     use(l, solution.x);
+                     progress.step(text("%.4g Hz, factor %.2f s, solve %.2f s, backward "
+                                        "error %.0e",
+                                        omega[l] * hz, factorised - start,
+                                        now() - factorised, solution.backward_error));
+                   });
+  });
+  s.worst_backward_error = max_over(s.groups->world, s.worst_backward_error);
+}
+
+std::vector<ComplexDense> FrequencySolves::transfer(const std::vector<double>& omega,
+                                                    const char* what) {
+  std::vector<ComplexDense> h(omega.size());
+  for_each(omega, what, [&](std::size_t l, const Block& x) {
+    h[l] = output_of(model().C, x, model().B.columns());
+  });
+  return share_transfer(std::move(h));
+}
+
+std::vector<ComplexDense>
+FrequencySolves::share_transfer(std::vector<ComplexDense> mine) const {
+  const State& s = *state_;
+  const int r = static_cast<int>(s.model.C.columns()), p = static_cast<int>(s.model.B.columns());
+  const bool speaker = comm_rank(s.groups->comm) == 0; // one rank a group contributes
+  for (auto& h : mine) {
+    if (h.data.empty() || !speaker) h = ComplexDense(r, p);
+    MPI_Allreduce(MPI_IN_PLACE, h.data.data(), 2 * r * p, MPI_DOUBLE, MPI_SUM,
+                  s.groups->world);
+  }
+  return mine;
+}
+
+const SecondOrderModel& FrequencySolves::model() const { return state_->model; }
+const Groups& FrequencySolves::groups() const { return *state_->groups; }
+RowRange FrequencySolves::world_rows() const { return state_->world_rows; }
+const FactorEstimate& FrequencySolves::estimate() const { return state_->estimate; }
+const std::string& FrequencySolves::ordering() const { return state_->solver->ordering(); }
+int FrequencySolves::factorisations() const {
+  const bool speaker = comm_rank(state_->groups->comm) == 0;
+  return static_cast<int>(sum_over(
+      state_->groups->world,
+      static_cast<std::int64_t>(speaker ? state_->solver->factorisations() : 0)));
+}
+double FrequencySolves::worst_backward_error() const { return state_->worst_backward_error; }
+
+} // namespace flexgram

@@ -1,0 +1,242 @@
+#include "reduce/gramian_basis.hpp"
+
+#include "base/text.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+namespace flexgram {
+
+void GramianOptions::describe(Options& options) {
+  options.section("Reduction (reduce, plan)");
+  options.add("-mor_band_hz", band_hz, "Hz", "frequency band, first,last; or one frequency");
+  options.add("-mor_samples", samples, "", "frequencies at which the response is sampled");
+  options.add_choice("-mor_quadrature", quadrature, {"midpoint", "gauss", "clenshaw_curtis"},
+                     "rule for the integral of the Gramian over the band");
+  options.add_choice("-mor_spacing", spacing, {"linear", "log"},
+                     "nodes of the rule in the frequency or in its logarithm");
+  options.add("-mor_order", order, "",
+              "order m of the reduced body; 0: smallest m with sigma_(m+1)/sigma_1 < sqrt(eps) "
+              "= 1.5e-8, the paper's rule");
+  options.add_choice("-mor_svd", svd, {"tsqr", "snapshots"},
+                     "tsqr: singular values of the samples by a QR factorisation, to working "
+                     "accuracy. snapshots: Sirovich's method, eigenvalues of Z'Z; faster, but "
+                     "squares the condition: directions with sigma_j/sigma_1 below about 1e-16 "
+                     "(singular values below 1e-8) are lost, so high orders gain nothing");
+  options.add_choice("-mor_inner_product", inner_product, {"mass", "euclidean", "energy"},
+                     "in which the modes are orthonormal: mass (independent of units; M + "
+                     "K/omega_max^2 where M is singular), euclidean (the paper), energy (M + "
+                     "K/omega_max^2)");
+}
+
+std::pair<double, double> GramianOptions::band() const {
+  const std::string words = join({text("%g", band_hz.front()), text("%g", band_hz.back())}, ",");
+  require_option(band_hz.size() <= 2, "-mor_band_hz", words, "first,last or one frequency");
+  require_option(band_hz.front() >= 0, "-mor_band_hz", words, "zero or more");
+  require_option(band_hz.front() <= band_hz.back(), "-mor_band_hz", words,
+                 "first,last with first <= last");
+  const double to_rad = 2 * std::numbers::pi;
+  return {band_hz.front() * to_rad, band_hz.back() * to_rad};
+}
+
+Quadrature GramianOptions::nodes() const {
+  require_option(samples >= 1, "-mor_samples", std::to_string(samples), "1 or more");
+  require_option(order >= 0, "-mor_order", std::to_string(order), "0 (by the rule) or more");
+  const auto [first, last] = band();
+  return band_quadrature(first, last, samples, quadrature, spacing);
+}
+
+Snapshots sample_band(FrequencySolves& solves, const Quadrature& nodes) {
+  const SecondOrderModel& model = solves.model();
+  const Groups& groups = solves.groups();
+  const PetscInt each = model.B.columns() * (model.undamped() ? 1 : 2);
+  const auto count_of = [&](int group) {
+    const auto total = static_cast<PetscInt>(nodes.omega.size());
+    return (total - group + groups.count - 1) / groups.count;
+  };
+  Snapshots result;
+  result.omega = nodes.omega;
+  std::vector<ComplexDense> h(nodes.omega.size());
+  Block mine(groups.comm, model.rows, model.n, each * count_of(groups.mine));
+  PetscInt next = 0;
+  solves.for_each(nodes.omega, "sample", [&](std::size_t l, const Block& x) {
+    h[l] = output_of(model.C, x, model.B.columns());
+    const double scale = std::sqrt(nodes.weight[l] / std::numbers::pi);
+    const Block::Access from(x);
+    Block::Access to(mine);
+    const double* source = from.column(0);
+    double* target = to.column(next);
+    for (PetscInt i = 0; i < each * model.rows.size(); ++i) target[i] = scale * source[i];
+    next += each;
+  });
+  result.H = solves.share_transfer(std::move(h));
+  if (groups.count == 1) {
+    result.Z = std::move(mine);
+    return result;
+  }
+  PetscInt before = 0;
+  for (int group = 0; group < groups.mine; ++group) before += each * count_of(group);
+  const PetscInt total = each * static_cast<PetscInt>(nodes.omega.size());
+  const std::vector<double> rows =
+      exchange_rows<double>(groups.world, model.rows, Block::Access(mine).all(),
+                            mine.columns(), before, solves.world_rows(), total);
+  mine = Block();
+  result.Z = Block(groups.world, solves.world_rows(), model.n, total);
+  std::copy(rows.begin(), rows.end(), Block::Access(result.Z).all().begin());
+  return result;
+}
+
+int order_by_rule(const std::vector<double>& sigma) {
+  const double threshold = std::sqrt(std::numeric_limits<double>::epsilon());
+  int order = 1;
+  while (order < static_cast<int>(sigma.size()) &&
+         sigma[static_cast<std::size_t>(order)] >= threshold * sigma.front())
+    ++order;
+  return order;
+}
+
+namespace {
+
+/// W X for W = M, or M + K/ω_max².
+Block weigh(const Block& x, Mat M, Mat K, bool with_energy, double omega_max) {
+  Block w = multiply(M, x);
+  if (with_energy) {
+    const Block k = multiply(K, x);
+    const Block::Access from(k);
+    Block::Access to(w);
+    const double scale = 1 / (omega_max * omega_max);
+    for (std::size_t i = 0; i < to.all().size(); ++i) to.all()[i] += scale * from.column(0)[i];
+  }
+  return w;
+}
+
+/// Smallest eigenvalue of G scaled to unit diagonal; G is a Gram matrix.
+double relative_definiteness(Dense g) {
+  std::vector<double> scale;
+  for (int i = 0; i < g.rows; ++i)
+    scale.push_back(g(i, i) > 0 ? 1 / std::sqrt(g(i, i)) : 0.0);
+  for (int j = 0; j < g.columns; ++j)
+    for (int i = 0; i < g.rows; ++i)
+      g(i, j) *= scale[static_cast<std::size_t>(i)] * scale[static_cast<std::size_t>(j)];
+  return symmetric_eigen(std::move(g)).values.front();
+}
+
+struct Weight {
+  bool euclidean, energy;
+  std::string name;
+};
+
+/// Gram matrix of U in the inner product; falls back from M to M + K/ω_max² where M is
+/// singular on the span of U.
+Dense gram_matrix(const Block& U, Mat M, Mat K, double omega_max, Weight& weight) {
+  Dense g = inner(U, weigh(U, M, K, weight.energy, omega_max));
+  symmetrise(g);
+  if (!weight.energy && relative_definiteness(g) < 1e-13) {
+    weight = {false, true, "M + K/ω_max², because M is singular on the samples"};
+    return gram_matrix(U, M, K, omega_max, weight);
+  }
+  return g;
+}
+
+int choose_order(const GramianOptions& options, const std::vector<double>& sigma,
+                 int available) {
+  if (options.order == 0) return std::min(order_by_rule(sigma), available);
+  if (options.order > available)
+    throw Error(text("-mor_order %d: the %d samples span only %d directions to working "
+                     "accuracy; use more -mor_samples or a smaller order",
+                     options.order, options.samples, available));
+  return options.order;
+}
+
+std::vector<double> squares(std::vector<double> values) {
+  for (double& value : values) value *= value;
+  return values;
+}
+
+/// Second pass of Cholesky-QR: V is orthonormal to the accuracy of one Gram matrix, then to
+/// rounding.
+Block reorthonormalise(Block V, Mat M, Mat K, double omega_max, const Weight& weight) {
+  Dense g = inner(V, weigh(V, M, K, weight.energy, omega_max));
+  symmetrise(g);
+  if (cholesky(g) != 0) return V;
+  Dense x = identity(g.rows);
+  solve_right_transposed(g, x);
+  return combine(V, x);
+}
+
+GramianBasis by_method_of_snapshots(const Block& Z, Mat M, Mat K, double omega_max,
+                                    const GramianOptions& options, Weight weight) {
+  Dense g = weight.euclidean ? inner(Z, Z)
+                             : inner(Z, weigh(Z, M, K, weight.energy, omega_max));
+  symmetrise(g);
+  const SymmetricEigen eigen = symmetric_eigen(std::move(g));
+  GramianBasis basis;
+  basis.sigma.assign(eigen.values.rbegin(), eigen.values.rend());
+  const int columns = static_cast<int>(basis.sigma.size());
+  const int available = static_cast<int>(
+      std::count_if(basis.sigma.begin(), basis.sigma.end(), [&](double s) {
+        return s > columns * std::numeric_limits<double>::epsilon() * basis.sigma.front();
+      }));
+  basis.order = choose_order(options, basis.sigma, available);
+  Dense q(columns, basis.order);
+  for (int j = 0; j < basis.order; ++j)
+    for (int i = 0; i < columns; ++i)
+      q(i, j) = eigen.vectors(i, columns - 1 - j) / std::sqrt(basis.sigma[static_cast<std::size_t>(j)]);
+  basis.V = combine(Z, q);
+  if (!weight.euclidean)
+    basis.V = reorthonormalise(std::move(basis.V), M, K, omega_max, weight);
+  for (double& s : basis.sigma) s = std::max(s, 0.0);
+  basis.inner_product = weight.name;
+  return basis;
+}
+
+} // namespace
+
+GramianBasis gramian_basis(Block Z, Mat M, Mat K, double omega_max,
+                           const GramianOptions& options, Monitor& monitor) {
+  Stage stage(monitor, "svd");
+  const auto maxima = column_maxima(Z);
+  if (*std::max_element(maxima.begin(), maxima.end()) == 0)
+    throw Error("all samples are zero: the ports do not load the body");
+  Weight weight{options.inner_product == "euclidean", options.inner_product == "energy", "M"};
+  if (weight.euclidean) weight.name = "I";
+  if (weight.energy) weight.name = "M + K/ω_max²";
+  if (omega_max == 0 && !weight.euclidean) weight = {true, false, "I (the band is 0 Hz)"};
+  if (options.svd == "snapshots")
+    return by_method_of_snapshots(Z, M, K, omega_max, options, weight);
+
+  GramianBasis basis;
+  BlockSvd svd = left_svd(std::move(Z), 1e-15);
+  const int available = static_cast<int>(svd.left.columns());
+  if (weight.euclidean) {
+    basis.sigma = squares(svd.values);
+    basis.order = choose_order(options, basis.sigma, available);
+    std::vector<int> first(static_cast<std::size_t>(basis.order));
+    for (int j = 0; j < basis.order; ++j) first[static_cast<std::size_t>(j)] = j;
+    basis.V = select_columns(svd.left, first);
+  } else {
+    // Z = U S Wᵀ; with UᵀWU = L Lᵀ the singular values in W are those of Lᵀ S.
+    Dense l = gram_matrix(svd.left, M, K, omega_max, weight);
+    if (cholesky(l) != 0)
+      throw Error("the inner product " + weight.name + " is not positive on the samples");
+    Dense weighted = transpose(l);
+    for (int j = 0; j < available; ++j)
+      for (int i = 0; i < available; ++i)
+        weighted(i, j) *= svd.values[static_cast<std::size_t>(j)];
+    const LeftSvd inner_svd = left_svd(weighted);
+    basis.sigma = squares(inner_svd.values);
+    basis.order = choose_order(options, basis.sigma, available);
+    // V = U L⁻ᵀ (left vectors): solve_right_transposed gives X L⁻ᵀ for X = I.
+    Dense l_inverse_transposed = identity(available);
+    solve_right_transposed(l, l_inverse_transposed);
+    basis.V = combine(svd.left, multiply(l_inverse_transposed,
+                                         first_columns(inner_svd.vectors, basis.order)));
+    basis.V = reorthonormalise(std::move(basis.V), M, K, omega_max, weight);
+  }
+  basis.inner_product = weight.name;
+  return basis;
+}
+
+} // namespace flexgram
