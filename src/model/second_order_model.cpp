@@ -29,6 +29,12 @@ ShiftCoefficients SecondOrderModel::coefficients(double omega) const {
           D ? std::complex<double>{0.0, omega} : 0.0};
 }
 
+SecondOrderModel SecondOrderModel::share() const {
+  return {name,      comm,      n,         rows,   M.share(),          K.share(), D.share(),
+          damping,   B.share(), C.share(), outputs_are_inputs, inputs, outputs,   node,
+          component, position};
+}
+
 std::int64_t SecondOrderModel::nonzeros() const {
   MatInfo info;
   FG_CALL(MatGetInfo(K, MAT_GLOBAL_SUM, &info));

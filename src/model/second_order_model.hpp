@@ -41,6 +41,8 @@ struct SecondOrderModel {
   std::string damping_class() const;
   /// A(ω) = K(1+iη) + iω(αM + βK + D) − ω²M as coefficients of K, M, D.
   ShiftCoefficients coefficients(double omega) const;
+  /// A second handle on the same matrices.
+  SecondOrderModel share() const;
   std::int64_t nonzeros() const;
   /// Memory of the matrices on this rank [MB].
   double memory_mb() const;

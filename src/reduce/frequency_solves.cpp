@@ -78,6 +78,7 @@ FrequencySolves::FrequencySolves(SecondOrderModel model, const ParallelOptions& 
 }
 
 FrequencySolves::~FrequencySolves() = default;
+FrequencySolves::FrequencySolves(FrequencySolves&&) noexcept = default;
 
 std::vector<std::size_t> FrequencySolves::mine(std::size_t count) const {
   std::vector<std::size_t> list;

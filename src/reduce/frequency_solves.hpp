@@ -23,8 +23,7 @@ public:
   FrequencySolves(SecondOrderModel model, const ParallelOptions& parallel,
                   const SolverOptions& solver, int tasks, Monitor& monitor);
   ~FrequencySolves();
-  FrequencySolves(const FrequencySolves&) = delete;
-  FrequencySolves& operator=(const FrequencySolves&) = delete;
+  FrequencySolves(FrequencySolves&&) noexcept;
 
   /// Calls use(l, X(ω_l)) on the ranks of the group that solved frequency l. A failure in one
   /// group ends the call on all ranks. X is n × n_in (undamped) or n × 2 n_in: [Re, Im].

@@ -140,8 +140,9 @@ Dense gram_matrix(const Block& U, Mat M, Mat K, double omega_max, Weight& weight
   return g;
 }
 
-int choose_order(const GramianOptions& options, const std::vector<double>& sigma,
+int choose_order(const GramianOptions& options, bool all, const std::vector<double>& sigma,
                  int available) {
+  if (all) return available;
   if (options.order == 0) return std::min(order_by_rule(sigma), available);
   if (options.order > available)
     throw Error(text("-mor_order %d: the %d samples span only %d directions to working "
@@ -167,7 +168,8 @@ Block reorthonormalise(Block V, Mat M, Mat K, double omega_max, const Weight& we
 }
 
 GramianBasis by_method_of_snapshots(const Block& Z, Mat M, Mat K, double omega_max,
-                                    const GramianOptions& options, Weight weight) {
+                                    const GramianOptions& options, bool all,
+                                    Weight weight) {
   Dense g = weight.euclidean ? inner(Z, Z)
                              : inner(Z, weigh(Z, M, K, weight.energy, omega_max));
   symmetrise(g);
@@ -179,7 +181,7 @@ GramianBasis by_method_of_snapshots(const Block& Z, Mat M, Mat K, double omega_m
       std::count_if(basis.sigma.begin(), basis.sigma.end(), [&](double s) {
         return s > columns * std::numeric_limits<double>::epsilon() * basis.sigma.front();
       }));
-  basis.order = choose_order(options, basis.sigma, available);
+  basis.order = choose_order(options, all, basis.sigma, available);
   Dense q(columns, basis.order);
   for (int j = 0; j < basis.order; ++j)
     for (int i = 0; i < columns; ++i)
@@ -195,7 +197,7 @@ GramianBasis by_method_of_snapshots(const Block& Z, Mat M, Mat K, double omega_m
 } // namespace
 
 GramianBasis gramian_basis(Block Z, Mat M, Mat K, double omega_max,
-                           const GramianOptions& options, Monitor& monitor) {
+                           const GramianOptions& options, bool all, Monitor& monitor) {
   Stage stage(monitor, "svd");
   const auto maxima = column_maxima(Z);
   if (*std::max_element(maxima.begin(), maxima.end()) == 0)
@@ -205,14 +207,14 @@ GramianBasis gramian_basis(Block Z, Mat M, Mat K, double omega_max,
   if (weight.energy) weight.name = "M + K/ω_max²";
   if (omega_max == 0 && !weight.euclidean) weight = {true, false, "I (the band is 0 Hz)"};
   if (options.svd == "snapshots")
-    return by_method_of_snapshots(Z, M, K, omega_max, options, weight);
+    return by_method_of_snapshots(Z, M, K, omega_max, options, all, weight);
 
   GramianBasis basis;
   BlockSvd svd = left_svd(std::move(Z), 1e-15);
   const int available = static_cast<int>(svd.left.columns());
   if (weight.euclidean) {
     basis.sigma = squares(svd.values);
-    basis.order = choose_order(options, basis.sigma, available);
+    basis.order = choose_order(options, all, basis.sigma, available);
     std::vector<int> first(static_cast<std::size_t>(basis.order));
     for (int j = 0; j < basis.order; ++j) first[static_cast<std::size_t>(j)] = j;
     basis.V = select_columns(svd.left, first);
@@ -227,7 +229,7 @@ GramianBasis gramian_basis(Block Z, Mat M, Mat K, double omega_max,
         weighted(i, j) *= svd.values[static_cast<std::size_t>(j)];
     const LeftSvd inner_svd = left_svd(weighted);
     basis.sigma = squares(inner_svd.values);
-    basis.order = choose_order(options, basis.sigma, available);
+    basis.order = choose_order(options, all, basis.sigma, available);
     // V = U L⁻ᵀ (left vectors): solve_right_transposed gives X L⁻ᵀ for X = I.
     Dense l_inverse_transposed = identity(available);
     solve_right_transposed(l, l_inverse_transposed);

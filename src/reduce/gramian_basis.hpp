@@ -44,9 +44,10 @@ struct GramianBasis {
 /// M + K/ω_max²), without forming ZᵀZ: TSQR of Z, then dense work of the size of its rank.
 /// `-mor_svd snapshots` is Sirovich's method on ZᵀWZ, faster and half as many digits.
 /// @param[in] M, K   in the layout of Z.
+/// @param[in] all    keep every direction that the samples hold, for a later choice of order.
 /// @throws Error if the samples are all zero or hold fewer directions than the order asked.
 GramianBasis gramian_basis(Block Z, Mat M, Mat K, double omega_max,
-                           const GramianOptions& options, Monitor& monitor);
+                           const GramianOptions& options, bool all, Monitor& monitor);
 
 /// The paper's order rule (section 2.2): smallest m with σ_{m+1}/σ_1 < √ε ≈ 1.5e-8.
 int order_by_rule(const std::vector<double>& sigma);

@@ -1,0 +1,105 @@
+"""Writing body files: matrices as they are, or a mesh with materials and interfaces.
+
+The layout is described in ``src/README.md`` under "Files"; both kinds are HDF5 and open in
+MATLAB and h5py.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import scipy.sparse as sp
+
+
+def write_sparse(file: h5py.File, name: str, matrix: Any) -> None:
+    """Store a sparse matrix as MATLAB v7.3 does: ``data``, ``ir``, ``jc`` by columns.
+
+    Parameters
+    ----------
+    file : h5py.File
+        Open for writing.
+    name : str
+        Group to create, such as ``"K"``.
+    matrix : sparse matrix or array, n x m
+        Real entries; duplicates are summed.
+    """
+    columns = sp.csc_matrix(matrix)
+    columns.sum_duplicates()
+    columns.sort_indices()
+    group = file.create_group(name)
+    group.attrs["MATLAB_class"] = np.bytes_("double")
+    group.attrs["MATLAB_sparse"] = np.uint64(columns.shape[0])
+    group["data"] = columns.data.astype(np.float64)
+    group["ir"] = columns.indices.astype(np.uint64)
+    group["jc"] = columns.indptr.astype(np.uint64)
+
+
+def write_matrices(
+    path: str | Path,
+    K: Any,
+    M: Any,
+    B: Any,
+    *,
+    D: Any = None,
+    C: Any = None,
+    alpha: float = 0.0,
+    beta: float = 0.0,
+    eta: float = 0.0,
+    inputs: Sequence[str] | None = None,
+    outputs: Sequence[str] | None = None,
+    node: Any = None,
+    component: Any = None,
+    position: Any = None,
+) -> None:
+    """Write a body of matrices: M q'' + (D + alpha M + beta K) q' + (1 + i eta) K q = B u.
+
+    Parameters
+    ----------
+    path : str or Path
+        File to write, ``.h5``.
+    K, M : sparse, n x n
+        Stiffness [N/m] and mass [kg], symmetric, both triangles.
+    B : array or sparse, n x n_in
+        Input map.
+    D : sparse, n x n, optional
+        Damping [N s/m]; a proportional one is recognised when the file is read.
+    C : array or sparse, n_out x n, optional
+        Output map; without it the outputs are the inputs, ``B.T``.
+    alpha, beta, eta : float
+        Rayleigh coefficients [1/s], [s] and structural loss factor.
+    inputs, outputs : sequence of str, optional
+        Port names.
+    node, component : array of int, n, optional
+        For each row the index of its node in ``position``, and 0-2 for a translation,
+        3-5 for a rotation.
+    position : array, n_nodes x 3, optional
+        Node coordinates [m].
+    """
+    with h5py.File(path, "w") as file:
+        write_sparse(file, "K", K)
+        write_sparse(file, "M", M)
+        if D is not None:
+            write_sparse(file, "D", D)
+        for name, value in (("B", B), ("C", C)):
+            if value is None:
+                continue
+            if sp.issparse(value):
+                write_sparse(file, name, value)
+            else:
+                file[name] = np.atleast_2d(np.asarray(value, dtype=np.float64))
+        if inputs is not None:
+            file["B"].attrs["names"] = list(inputs)
+        if outputs is not None and C is not None:
+            file["C"].attrs["names"] = list(outputs)
+        for name, number in (("alpha", alpha), ("beta", beta), ("eta", eta)):
+            file.attrs[name] = float(number)
+        if node is not None:
+            file["dofs/node"] = np.asarray(node, dtype=np.int64)
+        if component is not None:
+            file["dofs/component"] = np.asarray(component, dtype=np.int64)
+        if position is not None:
+            file["nodes/position"] = np.asarray(position, dtype=np.float64)

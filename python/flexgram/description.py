@@ -1,0 +1,320 @@
+"""Body descriptions in YAML: mesh, materials by region, interfaces, supports, damping.
+
+``meshes/rack.yaml`` is the example. ``import_body`` turns a description into a body file that
+the program ``flexgram`` assembles.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+
+from flexgram.meshfile import (
+    ELEMENTS,
+    BodyError,
+    IntArray,
+    cell_regions,
+    node_set,
+    read_mesh,
+)
+
+#: Factors that bring lengths, masses and forces to SI.
+UNITS = {"SI": (1.0, 1.0, 1.0), "mm-t-s": (1e-3, 1e3, 1.0), "mm-kg-s": (1e-3, 1.0, 1e-3)}
+COMPONENTS = {"x": 0, "y": 1, "z": 2, "rx": 3, "ry": 4, "rz": 5}
+ENGINEERING = ("E1", "E2", "E3", "nu12", "nu13", "nu23", "G12", "G13", "G23")
+ISOTROPIC = ("E", "nu", "rho")
+SHAPES = {
+    "circle": ("radius",),
+    "tube": ("radius", "thickness"),
+    "rectangle": ("width", "height"),
+    "general": ("A", "I_y", "I_z", "J", "k_y", "k_z"),
+}
+
+
+class _Reader:
+    """Typed access to a YAML mapping that names the place of every mistake."""
+
+    def __init__(self, data: Any, where: str, known: tuple[str, ...] | None = None) -> None:
+        if not isinstance(data, dict):
+            raise BodyError(f"{where} must be a mapping, not {data!r}")
+        self.data, self.where = data, where
+        if known is not None:
+            for key in data:
+                if key not in known:
+                    raise BodyError(f"{where}: unknown key {key}; there are {', '.join(known)}")
+
+    def get(self, key: str, default: Any = None) -> Any:
+        if key not in self.data and default is None:
+            raise BodyError(f"{self.where}: {key} is missing")
+        return self.data.get(key, default)
+
+    def number(self, key: str, default: float | None = None) -> float:
+        value = self.get(key, default)
+        try:
+            number = float(value)  # YAML reads 210e9 as text
+        except (TypeError, ValueError):
+            raise BodyError(f"{self.where}: {key} = {value!r} must be a number") from None
+        if not math.isfinite(number):
+            raise BodyError(f"{self.where}: {key} = {value!r} must be finite")
+        return number
+
+    def vector(self, key: str, default: Any = None) -> NDArray[np.float64]:
+        value = self.get(key, default)
+        try:
+            vector = np.array([float(x) for x in value])
+        except (TypeError, ValueError):
+            raise BodyError(f"{self.where}: {key} = {value!r} must be three numbers") from None
+        if vector.shape != (3,) or not np.all(np.isfinite(vector)):
+            raise BodyError(f"{self.where}: {key} = {value!r} must be three finite numbers")
+        return vector
+
+    def choice(self, key: str, known: Any, default: str | None = None) -> str:
+        value = self.get(key, default)
+        if value not in known:
+            raise BodyError(f"{self.where}: {key} = {value!r} must be one of {', '.join(known)}")
+        return str(value)
+
+    def children(self, key: str) -> dict[str, Any]:
+        value = self.data.get(key) or {}
+        return _Reader(value, f"{self.where}: {key}").data
+
+
+def section_properties(reader: _Reader, length: float) -> dict[str, float]:
+    """Area, second moments of area, torsion constant and shear factors of a beam section [SI].
+
+    Shear factors after Cowper (1966) for nu = 0.3; torsion of a rectangle by Saint-Venant's
+    series to 1e-5.
+    """
+    shape = reader.choice("shape", SHAPES)
+    value = {key: reader.number(key, 5 / 6 if key.startswith("k_") else None)
+             for key in SHAPES[shape]}  # fmt: skip
+    nu = 0.3
+    if shape == "general":
+        powers = {"A": 2, "I_y": 4, "I_z": 4, "J": 4, "k_y": 0, "k_z": 0}
+        return {key: value[key] * length ** powers[key] for key in powers}
+    size = {key: x * length for key, x in value.items()}
+    if shape == "rectangle":  # width along y, height along z
+        b, h = size["width"], size["height"]
+        a, c = max(b, h), min(b, h)
+        series = sum(math.tanh(n * math.pi * a / (2 * c)) / n**5 for n in range(1, 40, 2))
+        J = a * c**3 / 3 * (1 - 192 * c / (math.pi**5 * a) * series)
+        k = 10 * (1 + nu) / (12 + 11 * nu)
+        return {"A": b * h, "I_y": b * h**3 / 12, "I_z": h * b**3 / 12, "J": J, "k_y": k, "k_z": k}
+    R = size["radius"]
+    r = R - size["thickness"] if shape == "tube" else 0.0
+    if r < 0:
+        raise BodyError(f"{reader.where}: thickness is larger than radius")
+    second = math.pi * (R**4 - r**4) / 4
+    m2 = (r / R) ** 2
+    k = 6 * (1 + nu) * (1 + m2) ** 2 / ((7 + 6 * nu) * (1 + m2) ** 2 + (20 + 12 * nu) * m2)
+    return {"A": math.pi * (R**2 - r**2), "I_y": second, "I_z": second, "J": 2 * second,
+            "k_y": k, "k_z": k}  # fmt: skip
+
+
+def _write_material(file: h5py.File, name: str, data: Any, units: tuple[float, ...]) -> None:
+    length, mass, force = units
+    stress, density = force / length**2, mass / length**3
+    where = f"materials: {name}"
+    group = file.create_group(f"materials/{name}")
+    if isinstance(data, dict) and "E1" in data:
+        reader = _Reader(data, where, (*ENGINEERING, "rho", "axis_1", "axis_2"))
+        group.attrs["engineering_constants"] = [
+            reader.number(key) * (1.0 if key.startswith("nu") else stress) for key in ENGINEERING
+        ]
+        first, second = reader.vector("axis_1", [1, 0, 0]), reader.vector("axis_2", [0, 1, 0])
+        first = first / np.linalg.norm(first)
+        second = second - first * (first @ second)
+        if np.linalg.norm(second) < 1e-9:
+            raise BodyError(f"{where}: axis_1 and axis_2 are parallel")
+        second = second / np.linalg.norm(second)
+        group.attrs["axes"] = np.concatenate([first, second, np.cross(first, second)])
+    else:
+        reader = _Reader(data, where, ISOTROPIC)
+        group.attrs["E"] = reader.number("E") * stress
+        group.attrs["nu"] = reader.number("nu")
+    group.attrs["rho"] = reader.number("rho") * density
+
+
+def _select_nodes(
+    choice: Any,
+    where: str,
+    points: NDArray[np.float64],
+    used: NDArray[np.bool_],
+    sets: Callable[[str], IntArray],
+) -> IntArray:
+    """Nodes by set name, by list of 1-based numbers, or by a box in the mesh's own units."""
+    if isinstance(choice, dict):
+        box = np.array(_Reader(choice, where, ("box",)).get("box"), dtype=float)
+        if box.shape != (2, 3):
+            raise BodyError(f"{where}: box must be [[x, y, z] of one corner, [x, y, z] of the other]")
+        inside = np.all((points >= box.min(0)) & (points <= box.max(0)), axis=1)
+        nodes = np.flatnonzero(inside & used)
+    elif isinstance(choice, list):
+        nodes = np.array(choice, dtype=np.int64) - 1
+        if nodes.size and (nodes.min() < 0 or nodes.max() >= len(points)):
+            raise BodyError(f"{where}: node numbers run from 1 to {len(points)}")
+    else:
+        try:
+            nodes = sets(str(choice))
+        except BodyError as error:
+            raise BodyError(f"{where}: {error}") from None
+        nodes = nodes[used[nodes]]
+    if len(nodes) == 0:
+        raise BodyError(f"{where}: no nodes of the body are selected")
+    return np.asarray(nodes, dtype=np.int64)
+
+
+def import_body(description: str | Path, output: str | Path) -> dict[str, int]:
+    """Turn a YAML body description and its mesh into a body file.
+
+    Parameters
+    ----------
+    description : str or Path
+        YAML file; paths in it are relative to it.
+    output : str or Path
+        Body file to write (HDF5, SI units).
+
+    Returns
+    -------
+    dict
+        Counts: ``points``, ``elements``, ``interfaces``.
+
+    Raises
+    ------
+    BodyError
+        With the place in the description and what was expected.
+    """
+    path = Path(description)
+    try:
+        content = yaml.safe_load(path.read_text())
+    except OSError as error:
+        raise BodyError(f"{path}: {error.strerror}") from None
+    except yaml.YAMLError as error:
+        raise BodyError(f"{path}: not YAML: {error}") from None
+    reader = _Reader(
+        content,
+        path.name,
+        ("name", "mesh", "units", "materials", "regions", "sections", "interfaces", "supports",
+         "damping", "mass_integration"),
+    )  # fmt: skip
+    units = UNITS[reader.choice("units", UNITS, "SI")]
+    mesh = read_mesh(path.parent / str(reader.get("mesh")))
+    cells = cell_regions(mesh)
+
+    part = Path(f"{output}.part")
+    part.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        with h5py.File(part, "w") as file:
+            counts = _write(file, reader, mesh, cells, units)
+        part.replace(output)
+    finally:
+        part.unlink(missing_ok=True)
+    return counts
+
+
+def _write(
+    file: h5py.File,
+    reader: _Reader,
+    mesh: Any,
+    cells: dict[str, list[IntArray]],
+    units: tuple[float, ...],
+) -> dict[str, int]:
+    length = units[0]
+    file.attrs["name"] = str(reader.get("name", reader.where))
+    file["mesh/points"] = np.asarray(mesh.points, dtype=np.float64) * length
+    file["mesh"].attrs["mass_integration"] = reader.choice(
+        "mass_integration", ("full", "reduced"), "full"
+    )
+    for name, data in reader.children("materials").items():
+        _write_material(file, name, data, units)
+    for name, data in reader.children("sections").items():
+        section = _Reader(data, f"sections: {name}")
+        group = file.create_group(f"sections/{name}")
+        group.attrs.update(section_properties(section, length))
+        group.attrs["y_axis"] = section.vector("y_axis", [0, 1, 0])
+
+    used = np.zeros(len(mesh.points), dtype=bool)
+    elements = _write_blocks(file, reader, mesh, cells, used)
+
+    def sets(name: str) -> IntArray:
+        return node_set(mesh, cells, name)
+
+    for order, (name, data) in enumerate(reader.children("interfaces").items()):
+        entry = _Reader(data, f"interfaces: {name}", ("coupling", "nodes", "position", "weights"))
+        nodes = _select_nodes(entry.get("nodes"), entry.where, mesh.points, used, sets)
+        group = file.create_group(f"interfaces/{name}")
+        group.attrs["coupling"] = entry.choice("coupling", ("rigid", "distributing", "node"))
+        group.attrs["position"] = length * entry.vector("position", mesh.points[nodes].mean(0))
+        group.attrs["order"] = order
+        group["nodes"] = nodes
+        if "weights" in entry.data:
+            group["weights"] = np.asarray(entry.get("weights"), dtype=np.float64)
+    for order, (name, data) in enumerate(reader.children("supports").items()):
+        entry = _Reader(data, f"supports: {name}", ("nodes", "components"))
+        group = file.create_group(f"supports/{name}")
+        group["nodes"] = _select_nodes(entry.get("nodes"), entry.where, mesh.points, used, sets)
+        held = entry.get("components", ["x", "y", "z"])
+        unknown = [c for c in held if c not in COMPONENTS]
+        if unknown:
+            raise BodyError(f"{entry.where}: component {unknown[0]} must be one of "
+                            f"{', '.join(COMPONENTS)}")  # fmt: skip
+        group.attrs["components"] = [float(COMPONENTS[c]) for c in held]
+        group.attrs["order"] = order
+    damping = _Reader(reader.get("damping", {}) or {}, "damping", ("alpha", "beta", "eta"))
+    for key in ("alpha", "beta", "eta"):
+        file.attrs[key] = damping.number(key, 0.0)
+    interfaces = len(reader.children("interfaces"))
+    return {"points": int(used.sum()), "elements": elements, "interfaces": interfaces}
+
+
+def _write_blocks(
+    file: h5py.File,
+    reader: _Reader,
+    mesh: Any,
+    cells: dict[str, list[IntArray]],
+    used: NDArray[np.bool_],
+) -> int:
+    """Element blocks by region and cell type; marks the nodes that they use."""
+    regions = reader.children("regions")
+    if not regions:
+        raise BodyError(f"{reader.where}: regions is missing: name a part of the mesh and its "
+                        f"material; the mesh has {', '.join(sorted(cells))}")  # fmt: skip
+    taken = [np.zeros(len(block.data), dtype=bool) for block in mesh.cells]
+    first = np.cumsum([0, *(len(block.data) for block in mesh.cells)])
+    count = elements = 0
+    for name, data in regions.items():
+        entry = _Reader(data, f"regions: {name}", ("material", "section"))
+        material = entry.choice("material", reader.children("materials"))
+        if str(name) not in cells:
+            raise BodyError(f"{entry.where}: the mesh has no such part; it has "
+                            f"{', '.join(sorted(cells))}")  # fmt: skip
+        solid = False
+        for block, chosen in enumerate(cells[str(name)]):
+            kind = mesh.cells[block].type
+            if len(chosen) == 0 or kind not in ELEMENTS or (kind == "line" and "section" not in data):
+                continue
+            if taken[block][chosen].any():
+                raise BodyError(f"{entry.where}: some of its elements belong to another region too")
+            taken[block][chosen] = solid = True
+            nodes = np.asarray(mesh.cells[block].data[chosen], dtype=np.int64)
+            used[nodes.ravel()] = True
+            group = file.create_group(f"mesh/blocks/{count:04d}")
+            group.attrs["type"], group.attrs["material"] = kind, material
+            if kind == "line":
+                group.attrs["section"] = entry.choice("section", reader.children("sections"))
+            group["connectivity"] = nodes
+            group["ids"] = first[block] + chosen + 1  # 1-based, in the order of the mesh file
+            count, elements = count + 1, elements + len(chosen)
+        if not solid:
+            kinds = {mesh.cells[b].type for b, c in enumerate(cells[str(name)]) if len(c)}
+            raise BodyError(f"{entry.where}: no elements that flexgram knows; it has "
+                            f"{', '.join(sorted(kinds))}, known are {', '.join(ELEMENTS)} (line "
+                            "with a section)")  # fmt: skip
+    return elements

@@ -1,0 +1,87 @@
+"""Meshes of any meshio format: parts by region, node sets by name."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from pathlib import Path
+
+import meshio
+import numpy as np
+from numpy.typing import NDArray
+
+ELEMENTS = ("tetra", "tetra10", "hexahedron", "hexahedron20", "wedge15", "line")
+IntArray = NDArray[np.int64]
+
+
+class BodyError(Exception):
+    """A body description or mesh that cannot be used; the message says what to change."""
+
+
+def read_mesh(path: Path) -> meshio.Mesh:
+    """Read a mesh, with meshio's many errors as one."""
+    if not path.exists():
+        raise BodyError(f"mesh {path}: no such file")
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):  # meshio prints warnings as it reads
+            mesh = meshio.read(path)
+    except (Exception, SystemExit) as error:
+        raise BodyError(f"mesh {path}: meshio cannot read it ({error})") from error
+    if mesh.points.shape[1] == 2:
+        mesh.points = np.column_stack([mesh.points, np.zeros(len(mesh.points))])
+    return mesh
+
+
+def cell_regions(mesh: meshio.Mesh) -> dict[str, list[IntArray]]:
+    """Named sets of cells: for each name the indices of its cells in every block of the mesh.
+
+    Names come from gmsh's physical groups (by name, or by number without one), from cell sets
+    (Abaqus ELSET and others), or are ``all`` for every solid cell.
+    """
+    regions: dict[str, list[IntArray]] = {}
+    blocks = len(mesh.cells)
+    none = np.empty(0, dtype=np.int64)
+
+    def add(name: str, block: int, cells: IntArray) -> None:
+        if len(cells) > 0:
+            parts = regions.setdefault(name, [none] * blocks)
+            parts[block] = np.union1d(parts[block], cells)
+
+    dimension = [len(_corner_shape(block.type)) for block in mesh.cells]
+    names = {(int(tag), int(dim)): name for name, (tag, dim) in mesh.field_data.items()}
+    for block, tags in enumerate(mesh.cell_data.get("gmsh:physical", [])):
+        for tag in np.unique(tags):
+            name = names.get((int(tag), dimension[block]), str(int(tag)))
+            add(name, block, np.flatnonzero(tags == tag).astype(np.int64))
+    for name, parts in mesh.cell_sets.items():
+        if name.startswith("gmsh:"):
+            continue
+        for block, cells in enumerate(parts):
+            if cells is not None:
+                add(name, block, np.asarray(cells, dtype=np.int64))
+    for block, group in enumerate(mesh.cells):
+        if group.type in ELEMENTS and group.type != "line":
+            add("all", block, np.arange(len(group.data), dtype=np.int64))
+    return regions
+
+
+def _corner_shape(cell_type: str) -> str:
+    """As many letters as the cell has dimensions."""
+    if cell_type.startswith("vertex"):
+        return ""
+    if cell_type.startswith("line"):
+        return "x"
+    if cell_type.startswith(("triangle", "quad")):
+        return "xx"
+    return "xxx"
+
+
+def node_set(mesh: meshio.Mesh, regions: dict[str, list[IntArray]], name: str) -> IntArray:
+    """Nodes of a named point set or of all cells of a region, ascending."""
+    if name in mesh.point_sets:
+        return np.unique(np.asarray(mesh.point_sets[name], dtype=np.int64))
+    if name not in regions:
+        known = sorted({*regions, *mesh.point_sets} - {"all"})
+        raise BodyError(f"there is no node set {name}; the mesh has {', '.join(known) or 'none'}")
+    used = [mesh.cells[b].data[cells].ravel() for b, cells in enumerate(regions[name])]
+    return np.unique(np.concatenate(used)).astype(np.int64)

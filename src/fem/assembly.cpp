@@ -1,0 +1,231 @@
+#include "fem/assembly.hpp"
+
+#include "base/text.hpp"
+#include "fem/couplings.hpp"
+#include "fem/node_matrix.hpp"
+#include "model/body_io.hpp"
+
+#include <algorithm>
+
+namespace flexgram {
+namespace {
+
+/// Master nodes of the elements here: a slave's place is taken by its reference node.
+struct Masters {
+  std::vector<std::size_t> start{0};
+  std::vector<std::int64_t> node;
+};
+
+void append_masters(const DofMap& map, const std::int64_t* nodes, int count,
+                    Masters& masters) {
+  const std::size_t first = masters.node.size();
+  for (int a = 0; a < count; ++a) {
+    const int reference = map.reference[static_cast<std::size_t>(nodes[a])];
+    const std::int64_t master = reference < 0 ? nodes[a] : reference;
+    const auto begin = masters.node.begin() + static_cast<long>(first);
+    if (std::find(begin, masters.node.end(), master) == masters.node.end())
+      masters.node.push_back(master);
+  }
+  masters.start.push_back(masters.node.size());
+}
+
+/// Assembles the elements of one rank.
+class ElementAssembler {
+public:
+  ElementAssembler(const BodyDescription& body, const DofMap& map, const LocalMesh& mesh,
+                   const Hdf5File& file, AssemblyFacts& facts)
+      : body_(body), map_(map), mesh_(mesh), file_(file), facts_(facts) {}
+
+  void run(const Masters& masters, NodeMatrix& matrix) {
+    std::size_t e = 0;
+    for (const auto& elements : mesh_.elements) {
+      const auto width = static_cast<std::size_t>(node_count(elements.block->type));
+      for (std::size_t k = 0; k < elements.number.size(); ++k, ++e)
+        add(elements, k, elements.connectivity.data() + k * width,
+            masters.node.data() + masters.start[e], masters.start[e + 1] - masters.start[e],
+            matrix);
+    }
+    if (inverted_ > 0)
+      throw Error(first_inverted_ +
+                  (inverted_ > 1 ? text("; so are %lld more", static_cast<long long>(inverted_ - 1))
+                                 : std::string()) +
+                  (inverted_ == facts_.elements
+                       ? " (all of them: is the mesh mirrored or its node order another one?)"
+                       : ""));
+  }
+
+private:
+  void add(const LocalElements& elements, std::size_t k, const std::int64_t* nodes,
+           const std::int64_t* masters, std::size_t master_count, NodeMatrix& matrix) {
+    const MeshBlock& block = *elements.block;
+    const int count = node_count(block.type);
+    std::vector<Vector3> x;
+    for (int a = 0; a < count; ++a) x.push_back(mesh_.coordinates[mesh_.place(nodes[a])]);
+    const Material& material = body_.materials.at(block.material);
+    // Every node follows the same reference: no strain, only mass.
+    const bool rigid = master_count == 1 && masters[0] >= map_.points;
+    const ElementMatrices element =
+        block.type == ElementType::beam2
+            ? beam_matrices(x[0], x[1], material.beam, body_.sections.at(block.section))
+            : solid_matrices(block.type, x, material.solid, body_.mass_rule, !rigid);
+    ++facts_.elements;
+    facts_.mass += element.mass;
+    facts_.rigid_elements += rigid;
+    facts_.worst_shape = std::min(facts_.worst_shape, element.shape_ratio);
+    if (element.min_detJ <= 0) {
+      if (++inverted_ == 1) first_inverted_ = describe(elements, k, element.min_detJ);
+      return;
+    }
+    const Dense T = transformation(nodes, count, dofs_per_node(block.type), masters,
+                                   master_count);
+    const auto reduce = [&](const Dense& a) {
+      return a.data.empty() ? Dense() : multiply_transposed(T, multiply(a, T));
+    };
+    if (T.data.empty())
+      matrix.add(masters, master_count, element.K, element.M);
+    else
+      matrix.add(masters, master_count, rigid ? Dense() : reduce(element.K),
+                 reduce(element.M));
+  }
+
+  /// Element dofs from the dofs of the masters; empty where they are the same.
+  Dense transformation(const std::int64_t* nodes, int count, int dofs,
+                       const std::int64_t* masters, std::size_t master_count) const {
+    bool same = master_count == static_cast<std::size_t>(count);
+    std::vector<int> offset(master_count + 1, 0);
+    for (std::size_t a = 0; a < master_count; ++a) {
+      const int width = map_.dofs[static_cast<std::size_t>(masters[a])];
+      offset[a + 1] = offset[a] + width;
+      same = same && masters[a] == nodes[a] && width == dofs;
+    }
+    if (same) return {};
+    Dense T(count * dofs, offset.back());
+    for (int a = 0; a < count; ++a) {
+      const int reference = map_.reference[static_cast<std::size_t>(nodes[a])];
+      const std::int64_t master = reference < 0 ? nodes[a] : reference;
+      const int column = offset[static_cast<std::size_t>(
+          std::find(masters, masters + master_count, master) - masters)];
+      if (reference < 0) {
+        for (int c = 0; c < dofs; ++c) T(a * dofs + c, column + c) = 1;
+        continue;
+      }
+      Vector3 d = mesh_.coordinates[mesh_.place(nodes[a])];
+      const Vector3& origin =
+          map_.reference_position[static_cast<std::size_t>(reference - map_.points)];
+      for (std::size_t axis = 0; axis < 3; ++axis) d[axis] -= origin[axis];
+      const Dense G = rigid_motion(d);
+      for (int c = 0; c < 3; ++c)
+        for (int j = 0; j < 6; ++j) T(a * dofs + c, column + j) = G(c, j);
+      for (int c = 3; c < dofs; ++c) T(a * dofs + c, column + c) = 1;
+    }
+    return T;
+  }
+
+  std::string describe(const LocalElements& elements, std::size_t k, double det) const {
+    const MeshBlock& block = *elements.block;
+    const std::string ids = block.path + "/ids";
+    const std::int64_t number = elements.number[k];
+    const long long id = file_.exists(ids)
+                             ? static_cast<long long>(
+                                   file_.read<std::int64_t>(ids, number, 1).front())
+                             : static_cast<long long>(number);
+    return text("file %s: element %lld (%s, material %s) is inverted or flat: its Jacobian "
+                "determinant is %.3g",
+                file_.path().c_str(), id, element_name(block.type), block.material.c_str(),
+                det);
+  }
+
+  const BodyDescription& body_;
+  const DofMap& map_;
+  const LocalMesh& mesh_;
+  const Hdf5File& file_;
+  AssemblyFacts& facts_;
+  std::int64_t inverted_ = 0;
+  std::string first_inverted_;
+};
+
+/// Nodes whose coordinates a rank needs beyond those of its elements.
+std::vector<std::int64_t> further_nodes(const BodyDescription& body,
+                                        const Partition& partition, int rank) {
+  std::vector<std::int64_t> nodes;
+  for (const auto& interface : body.interfaces)
+    nodes.insert(nodes.end(), interface.nodes.begin(), interface.nodes.end());
+  for (std::size_t node = 0; node < partition.node_owner.size(); ++node)
+    if (partition.node_owner[node] == rank) nodes.push_back(static_cast<std::int64_t>(node));
+  return nodes;
+}
+
+void fill_dof_lists(const DofMap& map, const LocalMesh& mesh, int rank,
+                    SecondOrderModel& model) {
+  for (std::size_t i = 0; i < map.dofs.size(); ++i) {
+    if (map.owner[i] != rank || map.first[i] < 0) continue;
+    const auto node = static_cast<std::int64_t>(i);
+    const Vector3& x = node < map.points
+                           ? mesh.coordinates[mesh.place(node)]
+                           : map.reference_position[i - static_cast<std::size_t>(map.points)];
+    for (int c = 0; c < map.dofs[i]; ++c) {
+      if (map.equation(node, c) < 0) continue;
+      model.node.push_back(node);
+      model.component.push_back(c);
+      model.position.insert(model.position.end(), x.begin(), x.end());
+    }
+  }
+}
+
+} // namespace
+
+SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
+                               Monitor& monitor) {
+  const MPI_Comm comm = file.comm();
+  const int rank = comm_rank(comm);
+  const BodyDescription body = read_description(file);
+  SecondOrderModel model;
+  model.name = file.path();
+  model.comm = comm;
+  model.damping = read_damping(file);
+
+  Partition partition;
+  DofMap map;
+  LocalMesh mesh;
+  {
+    Stage stage(monitor, "partition");
+    partition = partition_mesh(file, body);
+    map = number_equations(file, body, partition);
+    mesh = read_local_mesh(file, body, partition, further_nodes(body, partition, rank));
+  }
+  Stage stage(monitor, "assemble");
+  model.n = map.n;
+  model.rows = map.rows;
+  Masters masters;
+  for (const auto& elements : mesh.elements) {
+    const int width = node_count(elements.block->type);
+    for (std::size_t k = 0; k < elements.number.size(); ++k)
+      append_masters(map, elements.connectivity.data() + k * static_cast<std::size_t>(width),
+                     width, masters);
+  }
+  NodeMatrix matrix(map, masters.start, masters.node);
+  agree(comm, [&] {
+    ElementAssembler(body, map, mesh, file, facts).run(masters, matrix);
+  });
+  masters = {};
+  matrix.assemble(comm, model.K, model.M);
+  facts.elements = sum_over(comm, facts.elements);
+  facts.rigid_elements = sum_over(comm, facts.rigid_elements);
+  facts.mass = sum_over(comm, facts.mass);
+  facts.worst_shape = -max_over(comm, -facts.worst_shape);
+  if (facts.worst_shape < 0.01)
+    monitor.warn(text("mesh quality: in the worst element the Jacobian determinant varies by "
+                      "a factor of %.0f",
+                      1 / facts.worst_shape));
+
+  Ports ports = interface_ports(comm, body, map, [&](std::int64_t node) {
+    return mesh.coordinates[mesh.place(node)];
+  });
+  model.B = std::move(ports.B);
+  model.C = model.B.share();
+  model.inputs = model.outputs = std::move(ports.names);
+  fill_dof_lists(map, mesh, rank, model);
+  return model;
+}
+
+} // namespace flexgram

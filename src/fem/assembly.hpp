@@ -1,0 +1,23 @@
+#pragma once
+
+#include "base/monitor.hpp"
+#include "fem/dof_map.hpp"
+#include "model/second_order_model.hpp"
+
+namespace flexgram {
+
+/// What the assembly found on its way.
+struct AssemblyFacts {
+  std::int64_t elements = 0;
+  double mass = 0;               ///< [kg]
+  std::int64_t rigid_elements = 0; ///< inside one rigid interface: mass only
+  double worst_shape = 1;        ///< smallest ratio of Jacobian determinants in an element
+};
+
+/// Reads the mesh of a body file, partitions it, assembles K and M in parallel, couples the
+/// interfaces and applies the supports. Ports in the order of the interfaces: fx, fy, fz, mx,
+/// my, mz each; outputs are the inputs.
+/// @throws Error naming inverted elements, nodes in two interfaces, and so on. Collective.
+SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts, Monitor& monitor);
+
+} // namespace flexgram

@@ -1,0 +1,108 @@
+#include "fem/couplings.hpp"
+
+#include "base/text.hpp"
+
+namespace flexgram {
+
+Dense rigid_motion(const Vector3& d) {
+  Dense G(3, 6);
+  for (int c = 0; c < 3; ++c) G(c, c) = 1;
+  // u = θ × d
+  G(0, 4) = d[2];
+  G(0, 5) = -d[1];
+  G(1, 3) = -d[2];
+  G(1, 5) = d[0];
+  G(2, 3) = d[1];
+  G(2, 4) = -d[0];
+  return G;
+}
+
+namespace {
+
+constexpr const char* component_names[6] = {"fx", "fy", "fz", "mx", "my", "mz"};
+
+struct Entry {
+  PetscInt row;
+  int column;
+  double value;
+};
+
+void add_unit_loads(const Interface& interface, const DofMap& map, std::int64_t node,
+                    std::vector<std::string>& names, std::vector<Entry>& entries) {
+  for (int c = 0; c < map.dofs[static_cast<std::size_t>(node)]; ++c) {
+    const PetscInt row = map.equation(node, c);
+    if (row < 0)
+      throw Error(text("interface %s: component %s is held by a support, no force can act "
+                       "there",
+                       interface.name.c_str(), component_names[c]));
+    entries.push_back({row, static_cast<int>(names.size()), 1.0});
+    names.push_back(interface.name + "." + component_names[c]);
+  }
+}
+
+void add_distributed_loads(const Interface& interface, const DofMap& map,
+                           const std::function<Vector3(std::int64_t)>& coordinates,
+                           std::vector<std::string>& names, std::vector<Entry>& entries) {
+  std::vector<Dense> motion;
+  Dense normal(6, 6);
+  for (std::size_t k = 0; k < interface.nodes.size(); ++k) {
+    Vector3 d = coordinates(interface.nodes[k]);
+    for (std::size_t a = 0; a < 3; ++a) d[a] -= interface.position[a];
+    motion.push_back(rigid_motion(d));
+    const double weight = interface.weights.empty() ? 1.0 : interface.weights[k];
+    const Dense part = multiply_transposed(motion.back(), motion.back());
+    for (std::size_t i = 0; i < 36; ++i) normal.data[i] += weight * part.data[i];
+  }
+  // Judge in lengths of the set's own size, so that millimetres do not look singular.
+  Dense scaled = normal;
+  for (int i = 0; i < 6; ++i)
+    for (int j = 0; j < 6; ++j)
+      scaled(i, j) /= std::sqrt(std::max(normal(i, i), 1e-300) * std::max(normal(j, j), 1e-300));
+  if (!(symmetric_eigen(scaled).values.front() > 1e-10))
+    throw Error(text("interface %s: its %zu nodes cannot carry all six loads (they lie on a "
+                     "line or in a point)",
+                     interface.name.c_str(), interface.nodes.size()));
+  Dense l = normal;
+  cholesky(l);
+  Dense inverse_factor = identity(6);
+  solve_right_transposed(l, inverse_factor); // L⁻ᵀ
+  const Dense inverse = multiply(inverse_factor, transpose(inverse_factor));
+  const int first = static_cast<int>(names.size());
+  for (std::size_t k = 0; k < interface.nodes.size(); ++k) {
+    const double weight = interface.weights.empty() ? 1.0 : interface.weights[k];
+    const Dense load = multiply(motion[k], inverse); // 3 × 6
+    for (int c = 0; c < 3; ++c) {
+      const PetscInt row = map.equation(interface.nodes[k], c);
+      if (row < 0) continue; // goes straight into a support
+      for (int port = 0; port < 6; ++port)
+        entries.push_back({row, first + port, weight * load(c, port)});
+    }
+  }
+  for (const char* component : component_names)
+    names.push_back(interface.name + "." + component);
+}
+
+} // namespace
+
+Ports interface_ports(MPI_Comm comm, const BodyDescription& body, const DofMap& map,
+                      const std::function<Vector3(std::int64_t)>& coordinates) {
+  Ports ports;
+  std::vector<Entry> entries; // all of them on every rank: interfaces are small
+  for (std::size_t i = 0; i < body.interfaces.size(); ++i) {
+    const Interface& interface = body.interfaces[i];
+    if (interface.coupling == Coupling::rigid)
+      add_unit_loads(interface, map, map.reference_of_interface[i], ports.names, entries);
+    else if (interface.coupling == Coupling::node)
+      add_unit_loads(interface, map, interface.nodes.front(), ports.names, entries);
+    else
+      add_distributed_loads(interface, map, coordinates, ports.names, entries);
+  }
+  ports.B = Block(comm, map.rows, map.n, static_cast<PetscInt>(ports.names.size()));
+  Block::Access out(ports.B);
+  for (const auto& entry : entries)
+    if (entry.row >= map.rows.begin && entry.row < map.rows.end)
+      out.column(entry.column)[entry.row - map.rows.begin] += entry.value;
+  return ports;
+}
+
+} // namespace flexgram

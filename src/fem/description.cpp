@@ -1,0 +1,211 @@
+#include "fem/description.hpp"
+
+#include "base/text.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace flexgram {
+namespace {
+
+template <class T, std::size_t N>
+std::array<T, N> fixed(const Hdf5File& file, const std::string& object,
+                       const std::string& name) {
+  const auto values = file.numbers_attribute(object, name);
+  if (values.size() != N)
+    throw Error(text("file %s: attribute %s of %s must have %zu numbers, it has %zu",
+                     file.path().c_str(), name.c_str(), object.c_str(), N, values.size()));
+  std::array<T, N> result;
+  std::copy(values.begin(), values.end(), result.begin());
+  return result;
+}
+
+/// The speed of a bar wave tells inconsistent units: E in MPa with m and kg gives 5 m/s.
+void check_units(const std::string& name, double E, double density) {
+  const double speed = std::sqrt(E / density);
+  if (speed < 20 || speed > 50000)
+    throw Error(text("material %s: the speed of sound sqrt(E/rho) = %.3g m/s cannot be, E = %g "
+                     "Pa and rho = %g kg/m^3 do not belong together (E in Pa, rho in kg/m^3; "
+                     "`units: mm-t-s` in the YAML file converts)",
+                     name.c_str(), speed, E, density));
+}
+
+Material read_material(const Hdf5File& file, const std::string& name) {
+  const std::string object = "/materials/" + name;
+  const auto number = [&](const char* key) { return file.number_attribute(object, key); };
+  const double density = number("rho");
+  if (!(density > 0) || !std::isfinite(density))
+    throw Error(text("material %s: rho = %g must be positive", name.c_str(), density));
+  Material material;
+  try {
+    if (file.has_attribute(object, "E")) {
+      const double E = number("E"), nu = number("nu");
+      material.solid = isotropic(E, nu, density);
+      material.beam = {E, E / (2 * (1 + nu)), density};
+      check_units(name, E, density);
+    } else {
+      material.isotropic = false;
+      const auto constants = fixed<double, 9>(file, object, "engineering_constants");
+      material.solid =
+          orthotropic(constants, fixed<double, 9>(file, object, "axes"), density);
+      check_units(name, *std::max_element(constants.begin(), constants.begin() + 3), density);
+    }
+  } catch (Error& error) {
+    error.add_context("file " + file.path() + ": material " + name);
+    throw;
+  }
+  return material;
+}
+
+BeamSection read_section(const Hdf5File& file, const std::string& name) {
+  const std::string object = "/sections/" + name;
+  BeamSection section;
+  const std::pair<const char*, double*> fields[] = {
+      {"A", &section.A}, {"I_y", &section.I_y}, {"I_z", &section.I_z},
+      {"J", &section.J}, {"k_y", &section.k_y}, {"k_z", &section.k_z}};
+  for (auto [key, value] : fields) {
+    *value = file.number_attribute(object, key);
+    if (!(*value > 0))
+      throw Error(text("file %s: section %s: %s = %g must be positive", file.path().c_str(),
+                       name.c_str(), key, *value));
+  }
+  section.y_axis = fixed<double, 3>(file, object, "y_axis");
+  return section;
+}
+
+MeshBlock read_block(const Hdf5File& file, const std::string& path) {
+  MeshBlock block;
+  block.path = path;
+  block.type = element_type(file.text_attribute(path, "type"));
+  block.material = file.text_attribute(path, "material");
+  if (block.type == ElementType::beam2) block.section = file.text_attribute(path, "section");
+  const auto shape = file.shape(path + "/connectivity");
+  if (shape.size() != 2 || shape[1] != node_count(block.type))
+    throw Error(text("file %s: %s/connectivity must be elements × %d for %s",
+                     file.path().c_str(), path.c_str(), node_count(block.type),
+                     element_name(block.type)));
+  block.elements = shape[0];
+  return block;
+}
+
+std::vector<std::int64_t> read_nodes(const Hdf5File& file, const std::string& object,
+                                     std::int64_t points) {
+  auto nodes = file.read_all<std::int64_t>(object + "/nodes");
+  if (nodes.empty())
+    throw Error(text("file %s: %s has no nodes", file.path().c_str(), object.c_str()));
+  for (auto node : nodes)
+    if (node < 0 || node >= points)
+      throw Error(text("file %s: %s/nodes holds %lld, the mesh has %lld points",
+                       file.path().c_str(), object.c_str(), static_cast<long long>(node),
+                       static_cast<long long>(points)));
+  auto sorted = nodes;
+  std::sort(sorted.begin(), sorted.end());
+  if (std::adjacent_find(sorted.begin(), sorted.end()) != sorted.end())
+    throw Error(text("file %s: %s/nodes holds a node twice", file.path().c_str(),
+                     object.c_str()));
+  return nodes;
+}
+
+Interface read_interface(const Hdf5File& file, const std::string& name,
+                         std::int64_t points) {
+  const std::string object = "/interfaces/" + name;
+  Interface interface;
+  interface.name = name;
+  const std::string coupling = file.text_attribute(object, "coupling");
+  const std::vector<std::string> known = {"rigid", "distributing", "node"};
+  const auto found = std::find(known.begin(), known.end(), coupling);
+  if (found == known.end())
+    throw Error(text("file %s: interface %s: coupling %s must be one of %s",
+                     file.path().c_str(), name.c_str(), coupling.c_str(),
+                     join(known).c_str()));
+  interface.coupling = static_cast<Coupling>(found - known.begin());
+  interface.nodes = read_nodes(file, object, points);
+  interface.position = fixed<double, 3>(file, object, "position");
+  if (file.exists(object + "/weights")) {
+    interface.weights = file.read_all<double>(object + "/weights");
+    if (interface.weights.size() != interface.nodes.size() ||
+        std::any_of(interface.weights.begin(), interface.weights.end(),
+                    [](double w) { return !(w >= 0); }))
+      throw Error(text("file %s: interface %s: weights must be one number, zero or more, a "
+                       "node",
+                       file.path().c_str(), name.c_str()));
+  }
+  if (interface.coupling == Coupling::node && interface.nodes.size() != 1)
+    throw Error(text("file %s: interface %s: coupling node takes one node, it has %zu",
+                     file.path().c_str(), name.c_str(), interface.nodes.size()));
+  return interface;
+}
+
+/// Children of a group in the order of their attribute `order`, if they have one.
+std::vector<std::string> ordered_children(const Hdf5File& file, const std::string& group) {
+  if (!file.exists(group)) return {};
+  auto names = file.children(group);
+  const auto key = [&](const std::string& name) {
+    const std::string object = group + "/" + name;
+    return file.has_attribute(object, "order") ? file.number_attribute(object, "order") : 0.0;
+  };
+  std::stable_sort(names.begin(), names.end(),
+                   [&](const auto& a, const auto& b) { return key(a) < key(b); });
+  return names;
+}
+
+} // namespace
+
+BodyDescription read_description(const Hdf5File& file) {
+  BodyDescription body;
+  agree(file.comm(), [&] {
+    const auto shape = file.shape("/mesh/points");
+    if (shape.size() != 2 || shape[1] != 3)
+      throw Error(text("file %s: /mesh/points must be points × 3", file.path().c_str()));
+    body.points = shape[0];
+    if (file.has_attribute("/mesh", "mass_integration")) {
+      const std::string rule = file.text_attribute("/mesh", "mass_integration");
+      if (rule != "full" && rule != "reduced")
+        throw Error(text("file %s: mass_integration %s must be full or reduced",
+                         file.path().c_str(), rule.c_str()));
+      body.mass_rule = rule == "full" ? MassRule::full : MassRule::reduced;
+    }
+    for (const auto& name : ordered_children(file, "/materials"))
+      body.materials[name] = read_material(file, name);
+    for (const auto& name : ordered_children(file, "/sections"))
+      body.sections[name] = read_section(file, name);
+    for (const auto& name : ordered_children(file, "/mesh/blocks"))
+      body.blocks.push_back(read_block(file, "/mesh/blocks/" + name));
+    if (body.blocks.empty())
+      throw Error(text("file %s: /mesh/blocks holds no elements", file.path().c_str()));
+    for (const auto& block : body.blocks) {
+      const auto material = body.materials.find(block.material);
+      if (material == body.materials.end())
+        throw Error(text("file %s: %s: material %s is not in /materials", file.path().c_str(),
+                         block.path.c_str(), block.material.c_str()));
+      if (block.type == ElementType::beam2) {
+        if (!body.sections.count(block.section))
+          throw Error(text("file %s: %s: section %s is not in /sections",
+                           file.path().c_str(), block.path.c_str(), block.section.c_str()));
+        if (!material->second.isotropic)
+          throw Error(text("file %s: %s: beams need an isotropic material",
+                           file.path().c_str(), block.path.c_str()));
+      }
+    }
+    for (const auto& name : ordered_children(file, "/interfaces"))
+      body.interfaces.push_back(read_interface(file, name, body.points));
+    if (body.interfaces.empty())
+      throw Error(text("file %s: /interfaces is empty: a body without ports has nothing to "
+                       "reduce",
+                       file.path().c_str()));
+    for (const auto& name : ordered_children(file, "/supports")) {
+      const std::string object = "/supports/" + name;
+      Support support{name, read_nodes(file, object, body.points), {}};
+      for (double c : file.numbers_attribute(object, "components")) {
+        if (c != std::floor(c) || c < 0 || c > 5)
+          throw Error(text("file %s: %s: component %g must be 0 to 5", file.path().c_str(),
+                           object.c_str(), c));
+        support.components.push_back(static_cast<int>(c));
+      }
+      body.supports.push_back(std::move(support));
+    }
+  });
+  return body;
+}
+
+} // namespace flexgram

@@ -1,0 +1,55 @@
+#pragma once
+
+#include "fem/elements.hpp"
+#include "model/hdf5_file.hpp"
+
+#include <map>
+
+namespace flexgram {
+
+/// Elements of one type, material and section.
+struct MeshBlock {
+  std::string path; ///< /mesh/blocks/… in the file
+  ElementType type;
+  std::string material, section;
+  std::int64_t elements = 0;
+};
+
+enum class Coupling { rigid, distributing, node };
+
+/// Where forces act: six ports (three for a node without rotations) at a reference point.
+struct Interface {
+  std::string name;
+  Coupling coupling;
+  Vector3 position{};              ///< reference point [m]
+  std::vector<std::int64_t> nodes; ///< 0-based rows of /mesh/points
+  std::vector<double> weights;     ///< distributing; empty: equal
+};
+
+struct Support {
+  std::string name;
+  std::vector<std::int64_t> nodes;
+  std::vector<int> components; ///< 0-2 translations, 3-5 rotations held at zero
+};
+
+struct Material {
+  SolidMaterial solid;
+  BeamMaterial beam; ///< E and G; only for isotropic ones
+  bool isotropic = true;
+};
+
+/// A body given by its mesh: what to assemble, without the mesh itself.
+struct BodyDescription {
+  std::int64_t points = 0;
+  std::vector<MeshBlock> blocks;
+  std::map<std::string, Material> materials;
+  std::map<std::string, BeamSection> sections;
+  std::vector<Interface> interfaces;
+  std::vector<Support> supports;
+  MassRule mass_rule = MassRule::full;
+};
+
+/// @throws Error naming file and object on all ranks. Collective on file.comm().
+BodyDescription read_description(const Hdf5File& file);
+
+} // namespace flexgram

@@ -1,0 +1,91 @@
+#include "fem/elements.hpp"
+
+#include "base/error.hpp"
+#include "base/text.hpp"
+
+#include <cmath>
+
+namespace flexgram {
+namespace {
+
+/// Symmetric 6×6 inverse by Cholesky; false if not positive definite.
+bool invert(Dense a, std::array<double, 36>& inverse) {
+  if (cholesky(a) != 0) return false;
+  Dense x = identity(6);
+  solve_right_transposed(a, x); // L⁻ᵀ
+  const Dense result = multiply(x, transpose(x));
+  for (std::size_t i = 0; i < 36; ++i) inverse[i] = result.data[i];
+  return true;
+}
+
+/// Strains in material axes from strains in global axes; R holds the material axes as rows.
+Dense strain_rotation(const std::array<double, 9>& R) {
+  // Order xx, yy, zz, xy, yz, zx: pairs of axes.
+  constexpr int pair[6][2] = {{0, 0}, {1, 1}, {2, 2}, {0, 1}, {1, 2}, {2, 0}};
+  const auto r = [&](int i, int j) { return R[static_cast<std::size_t>(3 * i + j)]; };
+  Dense T(6, 6);
+  for (int a = 0; a < 6; ++a)
+    for (int b = 0; b < 6; ++b) {
+      const int i = pair[a][0], j = pair[a][1], k = pair[b][0], l = pair[b][1];
+      // ε'_ij = R_ik R_jl ε_kl, with γ = 2ε off the diagonal on both sides.
+      const double product = k == l ? r(i, k) * r(j, k)
+                                    : 0.5 * (r(i, k) * r(j, l) + r(i, l) * r(j, k));
+      T(a, b) = (i == j ? 1 : 2) * product;
+    }
+  return T;
+}
+
+} // namespace
+
+SolidMaterial isotropic(double E, double nu, double density) {
+  if (!(E > 0)) throw Error(text("E = %g: Young's modulus must be positive", E));
+  if (!(nu > -1 && nu < 0.5)) throw Error(text("nu = %g: must lie between -1 and 0.5", nu));
+  SolidMaterial material;
+  material.density = density;
+  const double lambda = E * nu / ((1 + nu) * (1 - 2 * nu)), mu = E / (2 * (1 + nu));
+  for (std::size_t i = 0; i < 3; ++i) {
+    for (std::size_t j = 0; j < 3; ++j) material.stiffness[6 * i + j] = lambda;
+    material.stiffness[7 * i] += 2 * mu;
+    material.stiffness[7 * (i + 3)] = mu;
+  }
+  return material;
+}
+
+SolidMaterial orthotropic(const std::array<double, 9>& constants,
+                          const std::array<double, 9>& axes, double density) {
+  const auto [E1, E2, E3, nu12, nu13, nu23, G12, G13, G23] = constants;
+  for (double value : {E1, E2, E3, G12, G13, G23})
+    if (!(value > 0))
+      throw Error(text("orthotropic material: the modulus %g must be positive", value));
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) {
+      double dot = 0;
+      for (int k = 0; k < 3; ++k)
+        dot += axes[static_cast<std::size_t>(3 * i + k)] * axes[static_cast<std::size_t>(3 * j + k)];
+      if (std::abs(dot - (i == j)) > 1e-9)
+        throw Error("orthotropic material: the axes must be orthonormal rows");
+    }
+  Dense compliance(6, 6);
+  compliance(0, 0) = 1 / E1;
+  compliance(1, 1) = 1 / E2;
+  compliance(2, 2) = 1 / E3;
+  compliance(0, 1) = compliance(1, 0) = -nu12 / E1;
+  compliance(0, 2) = compliance(2, 0) = -nu13 / E1;
+  compliance(1, 2) = compliance(2, 1) = -nu23 / E2;
+  compliance(3, 3) = 1 / G12;
+  compliance(4, 4) = 1 / G23;
+  compliance(5, 5) = 1 / G13;
+  SolidMaterial material;
+  material.density = density;
+  std::array<double, 36> local{};
+  if (!invert(compliance, local))
+    throw Error("orthotropic material: Poisson's ratios make the law indefinite");
+  Dense C(6, 6);
+  for (std::size_t i = 0; i < 36; ++i) C.data[i] = local[i];
+  const Dense T = strain_rotation(axes);
+  const Dense global = multiply_transposed(T, multiply(C, T));
+  for (std::size_t i = 0; i < 36; ++i) material.stiffness[i] = global.data[i];
+  return material;
+}
+
+} // namespace flexgram

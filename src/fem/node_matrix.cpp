@@ -1,0 +1,129 @@
+#include "fem/node_matrix.hpp"
+
+#include <algorithm>
+#include <numeric>
+
+namespace flexgram {
+
+NodeMatrix::NodeMatrix(const DofMap& map, const std::vector<std::size_t>& start,
+                       const std::vector<std::int64_t>& element_nodes)
+    : map_(map), nodes_(element_nodes) {
+  std::sort(nodes_.begin(), nodes_.end());
+  nodes_.erase(std::unique(nodes_.begin(), nodes_.end()), nodes_.end());
+  std::vector<int> number(element_nodes.size());
+  for (std::size_t k = 0; k < number.size(); ++k)
+    number[k] = static_cast<int>(local(element_nodes[k]));
+
+  // Bucket all neighbours by node, then make each bucket unique.
+  std::vector<std::size_t> bucket(nodes_.size() + 1, 0);
+  for (std::size_t e = 0; e + 1 < start.size(); ++e)
+    for (std::size_t k = start[e]; k < start[e + 1]; ++k)
+      bucket[static_cast<std::size_t>(number[k]) + 1] += start[e + 1] - start[e];
+  std::partial_sum(bucket.begin(), bucket.end(), bucket.begin());
+  std::vector<int> all(bucket.back());
+  std::vector<std::size_t> next(bucket.begin(), bucket.end() - 1);
+  for (std::size_t e = 0; e + 1 < start.size(); ++e)
+    for (std::size_t k = start[e]; k < start[e + 1]; ++k)
+      for (std::size_t l = start[e]; l < start[e + 1]; ++l)
+        all[next[static_cast<std::size_t>(number[k])]++] = number[l];
+
+  start_.push_back(0);
+  value_start_.push_back(0);
+  for (std::size_t a = 0; a < nodes_.size(); ++a) {
+    const auto first = all.begin() + static_cast<long>(bucket[a]);
+    auto last = all.begin() + static_cast<long>(bucket[a + 1]);
+    std::sort(first, last);
+    last = std::unique(first, last);
+    int columns = 0;
+    for (auto b = first; b != last; ++b) {
+      neighbour_.push_back(*b);
+      column_start_.push_back(columns);
+      columns += map_.equations(nodes_[static_cast<std::size_t>(*b)]);
+    }
+    start_.push_back(neighbour_.size());
+    row_length_.push_back(columns);
+    value_start_.push_back(value_start_.back() +
+                           static_cast<std::size_t>(columns) *
+                               static_cast<std::size_t>(map_.equations(nodes_[a])));
+  }
+  k_.assign(value_start_.back(), 0.0);
+  m_.assign(value_start_.back(), 0.0);
+}
+
+std::size_t NodeMatrix::local(std::int64_t node) const {
+  return static_cast<std::size_t>(std::lower_bound(nodes_.begin(), nodes_.end(), node) -
+                                  nodes_.begin());
+}
+
+void NodeMatrix::add(const std::int64_t* nodes, std::size_t count, const Dense& K,
+                     const Dense& M) {
+  struct Member {
+    std::size_t local;
+    int first_dof, dofs;
+    int place[6]; ///< position of each component among the node's equations, or −1
+  };
+  std::vector<Member> members(count);
+  int dof = 0;
+  for (std::size_t a = 0; a < count; ++a) {
+    Member& member = members[a];
+    member.local = local(nodes[a]);
+    member.first_dof = dof;
+    member.dofs = map_.dofs[static_cast<std::size_t>(nodes[a])];
+    const PetscInt first = map_.first[static_cast<std::size_t>(nodes[a])];
+    for (int c = 0; c < member.dofs; ++c) {
+      const PetscInt equation = map_.equation(nodes[a], c);
+      member.place[c] = equation < 0 ? -1 : static_cast<int>(equation - first);
+    }
+    dof += member.dofs;
+  }
+  for (const Member& row : members) {
+    const auto begin = neighbour_.begin() + static_cast<long>(start_[row.local]);
+    const auto end = neighbour_.begin() + static_cast<long>(start_[row.local + 1]);
+    for (const Member& column : members) {
+      const auto found = std::lower_bound(begin, end, static_cast<int>(column.local));
+      const int first_column = column_start_[static_cast<std::size_t>(found - neighbour_.begin())];
+      for (int r = 0; r < row.dofs; ++r) {
+        if (row.place[r] < 0) continue;
+        const std::size_t offset =
+            value_start_[row.local] +
+            static_cast<std::size_t>(row.place[r] * row_length_[row.local] + first_column);
+        for (int c = 0; c < column.dofs; ++c) {
+          if (column.place[c] < 0) continue;
+          const auto slot = offset + static_cast<std::size_t>(column.place[c]);
+          if (!K.data.empty()) k_[slot] += K(row.first_dof + r, column.first_dof + c);
+          m_[slot] += M(row.first_dof + r, column.first_dof + c);
+        }
+      }
+    }
+  }
+}
+
+void NodeMatrix::assemble(MPI_Comm comm, Matrix& K, Matrix& M) {
+  std::vector<PetscInt> rows, columns;
+  rows.reserve(k_.size());
+  columns.reserve(k_.size());
+  for (std::size_t a = 0; a < nodes_.size(); ++a)
+    for (int r = 0; r < map_.equations(nodes_[a]); ++r)
+      for (std::size_t k = start_[a]; k < start_[a + 1]; ++k) {
+        const std::int64_t b = nodes_[static_cast<std::size_t>(neighbour_[k])];
+        for (int c = 0; c < map_.equations(b); ++c) {
+          rows.push_back(map_.first[static_cast<std::size_t>(nodes_[a])] + r);
+          columns.push_back(map_.first[static_cast<std::size_t>(b)] + c);
+        }
+      }
+  FG_CALL(MatCreate(comm, K.out()));
+  FG_CALL(MatSetSizes(K, map_.rows.size(), map_.rows.size(), map_.n, map_.n));
+  FG_CALL(MatSetType(K, MATAIJ));
+  FG_CALL(MatSetPreallocationCOO(K, static_cast<PetscCount>(rows.size()), rows.data(),
+                                 columns.data()));
+  rows = columns = {};
+  // One pattern serves both: M is summed first, copied, then K takes the matrix.
+  FG_CALL(MatSetValuesCOO(K, m_.data(), INSERT_VALUES));
+  FG_CALL(MatDuplicate(K, MAT_COPY_VALUES, M.out()));
+  FG_CALL(MatSetValuesCOO(K, k_.data(), INSERT_VALUES));
+  k_ = m_ = {};
+  FG_CALL(MatSetOption(K, MAT_SYMMETRIC, PETSC_TRUE));
+  FG_CALL(MatSetOption(M, MAT_SYMMETRIC, PETSC_TRUE));
+}
+
+} // namespace flexgram

@@ -1,0 +1,190 @@
+#include "fem/elements.hpp"
+
+#include "base/error.hpp"
+#include "base/text.hpp"
+#include "fem/shape_functions.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace flexgram {
+namespace {
+
+struct TypeFacts {
+  const char* name;
+  int nodes, dofs;
+};
+constexpr TypeFacts facts[] = {{"tetra", 4, 3},         {"tetra10", 10, 3}, {"hexahedron", 8, 3},
+                               {"hexahedron20", 20, 3}, {"wedge15", 15, 3}, {"line", 2, 6}};
+
+const TypeFacts& facts_of(ElementType type) { return facts[static_cast<std::size_t>(type)]; }
+
+using Jacobian = std::array<Vector3, 3>; // J[a][b] = ∂x_b / ∂ξ_a
+
+Jacobian jacobian(const ShapePoint& p, const std::vector<Vector3>& x) {
+  Jacobian J{};
+  for (std::size_t i = 0; i < x.size(); ++i)
+    for (std::size_t a = 0; a < 3; ++a)
+      for (std::size_t b = 0; b < 3; ++b) J[a][b] += p.dN[i][a] * x[i][b];
+  return J;
+}
+
+double determinant(const Jacobian& J) {
+  return J[0][0] * (J[1][1] * J[2][2] - J[1][2] * J[2][1]) -
+         J[0][1] * (J[1][0] * J[2][2] - J[1][2] * J[2][0]) +
+         J[0][2] * (J[1][0] * J[2][1] - J[1][1] * J[2][0]);
+}
+
+Jacobian inverse(const Jacobian& J, double det) {
+  Jacobian inv;
+  for (std::size_t a = 0; a < 3; ++a)
+    for (std::size_t b = 0; b < 3; ++b) {
+      const std::size_t a1 = (a + 1) % 3, a2 = (a + 2) % 3, b1 = (b + 1) % 3,
+                        b2 = (b + 2) % 3;
+      inv[b][a] = (J[a1][b1] * J[a2][b2] - J[a1][b2] * J[a2][b1]) / det;
+    }
+  return inv;
+}
+
+/// ∂N/∂x from ∂N/∂ξ.
+Vector3 to_global(const Jacobian& inv, const Vector3& d) {
+  Vector3 g{};
+  for (std::size_t b = 0; b < 3; ++b)
+    for (std::size_t a = 0; a < 3; ++a) g[b] += inv[b][a] * d[a];
+  return g;
+}
+
+/// The six strains of displacement component c with gradient g, engineering shears.
+std::array<double, 6> strain(std::size_t c, const Vector3& g) {
+  switch (c) {
+  case 0: return {g[0], 0, 0, g[1], 0, g[2]};
+  case 1: return {0, g[1], 0, g[0], g[2], 0};
+  default: return {0, 0, g[2], 0, g[1], g[0]};
+  }
+}
+
+/// K += w Bᵀ C B for the gradients of all (also incompatible) modes; upper triangle.
+void add_stiffness(Dense& K, const std::vector<Vector3>& gradients,
+                   const std::array<double, 36>& C, double w) {
+  const int n = 3 * static_cast<int>(gradients.size());
+  std::vector<std::array<double, 6>> B(static_cast<std::size_t>(n)), CB(B.size());
+  for (std::size_t i = 0; i < B.size(); ++i) {
+    B[i] = strain(i % 3, gradients[i / 3]);
+    for (std::size_t r = 0; r < 6; ++r) {
+      double sum = 0;
+      for (std::size_t s = 0; s < 6; ++s) sum += C[6 * r + s] * B[i][s];
+      CB[i][r] = w * sum;
+    }
+  }
+  for (int j = 0; j < n; ++j)
+    for (int i = 0; i <= j; ++i) {
+      double sum = 0;
+      for (std::size_t r = 0; r < 6; ++r)
+        sum += B[static_cast<std::size_t>(i)][r] * CB[static_cast<std::size_t>(j)][r];
+      K(i, j) += sum;
+    }
+}
+
+void mirror(Dense& a) {
+  for (int j = 0; j < a.columns; ++j)
+    for (int i = j + 1; i < a.rows; ++i) a(i, j) = a(j, i);
+}
+
+/// Static condensation of the last `internal` dofs: K_uu − K_ua K_aa⁻¹ K_au.
+Dense condense(const Dense& K, int internal) {
+  const int n = K.rows - internal;
+  Dense aa(internal, internal), ua(n, internal);
+  for (int j = 0; j < internal; ++j) {
+    for (int i = 0; i < internal; ++i) aa(i, j) = K(n + i, n + j);
+    for (int i = 0; i < n; ++i) ua(i, j) = K(i, n + j);
+  }
+  if (cholesky(aa) != 0) throw Error("the incompatible modes have no stiffness");
+  solve_right_transposed(aa, ua); // K_ua L⁻ᵀ
+  const Dense correction = multiply(ua, transpose(ua));
+  Dense result(n, n);
+  for (int j = 0; j < n; ++j)
+    for (int i = 0; i < n; ++i) result(i, j) = K(i, j) - correction(i, j);
+  return result;
+}
+
+} // namespace
+
+int node_count(ElementType type) { return facts_of(type).nodes; }
+int dofs_per_node(ElementType type) { return facts_of(type).dofs; }
+const char* element_name(ElementType type) { return facts_of(type).name; }
+
+ElementType element_type(const std::string& name) {
+  std::vector<std::string> known;
+  for (std::size_t i = 0; i < std::size(facts); ++i) {
+    if (name == facts[i].name) return static_cast<ElementType>(i);
+    known.emplace_back(facts[i].name);
+  }
+  throw Error(text("element type %s is not known; there are %s", name.c_str(),
+                   join(known).c_str()));
+}
+
+ElementMatrices solid_matrices(ElementType type, const std::vector<Vector3>& nodes,
+                               const SolidMaterial& material, MassRule mass_rule,
+                               bool with_stiffness) {
+  const int n = static_cast<int>(nodes.size());
+  ElementMatrices result;
+  double min_det = std::numeric_limits<double>::max(), max_det = -min_det;
+  const auto measure = [&](double det) {
+    min_det = std::min(min_det, det);
+    max_det = std::max(max_det, det);
+  };
+
+  Dense mass(n, n); // of one component
+  const auto& points =
+      mass_rule == MassRule::full ? mass_points(type) : stiffness_points(type);
+  for (const auto& p : points) {
+    const double det = determinant(jacobian(p, nodes));
+    measure(det);
+    const double w = p.weight * det * material.density;
+    result.mass += w;
+    for (int j = 0; j < n; ++j)
+      for (int i = 0; i < n; ++i)
+        mass(i, j) += w * p.N[static_cast<std::size_t>(i)] * p.N[static_cast<std::size_t>(j)];
+  }
+  result.M = Dense(3 * n, 3 * n);
+  for (int j = 0; j < n; ++j)
+    for (int i = 0; i < n; ++i)
+      for (int c = 0; c < 3; ++c) result.M(3 * i + c, 3 * j + c) = mass(i, j);
+
+  const auto& k_points = stiffness_points(type);
+  for (const auto& p : k_points) measure(determinant(jacobian(p, nodes)));
+  result.min_detJ = min_det;
+  result.shape_ratio = max_det > 0 ? min_det / max_det : -1;
+  if (!with_stiffness || min_det <= 0) return result;
+
+  const bool incompatible = type == ElementType::hex8;
+  const int internal = incompatible ? 9 : 0;
+  result.K = Dense(3 * n + internal, 3 * n + internal);
+  Jacobian center_inverse{};
+  double center_det = 0;
+  if (incompatible) {
+    const Jacobian center = jacobian(shape_at(type, {0, 0, 0}, 0), nodes);
+    center_det = determinant(center);
+    center_inverse = inverse(center, center_det);
+  }
+  for (const auto& p : k_points) {
+    const Jacobian J = jacobian(p, nodes);
+    const double det = determinant(J);
+    const Jacobian inv = inverse(J, det);
+    std::vector<Vector3> gradients;
+    for (const auto& d : p.dN) gradients.push_back(to_global(inv, d));
+    if (incompatible)
+      for (std::size_t a = 0; a < 3; ++a) { // modes 1 − ξ_a², gradients of the centre
+        Vector3 d{};
+        d[a] = -2 * p.xi[a] * center_det / det;
+        gradients.push_back(to_global(center_inverse, d));
+      }
+    add_stiffness(result.K, gradients, material.stiffness, p.weight * det);
+  }
+  mirror(result.K);
+  if (incompatible) result.K = condense(result.K, internal);
+  return result;
+}
+
+} // namespace flexgram

@@ -1,0 +1,329 @@
+/// flexgram: reduces elastic bodies of multibody systems. Reads like the method: read or
+/// assemble the body, check it, plan, sample, decompose, project, write.
+
+#include "base/process.hpp"
+#include "base/text.hpp"
+#include "fem/assembly.hpp"
+#include "model/body_io.hpp"
+#include "model/checks.hpp"
+#include "reduce/pod.hpp"
+#include "reduce/project.hpp"
+#include "session.hpp"
+
+#include <numbers>
+
+namespace flexgram {
+namespace {
+
+struct Settings {
+  std::string body, rom, body_out, out = "rom.h5", sweep_out = "sweep.h5", monitor = "summary";
+  std::string method = "pod";
+  std::string inputs, outputs;
+  std::vector<double> sweep_hz{10, 500, 200};
+  GramianOptions gramian;
+  PodOptions pod;
+  ParallelOptions parallel;
+  SolverOptions solver;
+
+  void describe(Options& options) {
+    options.section("Files");
+    options.add("-body", body, "body file: matrices or a mesh (all verbs)");
+    options.add("-mor_out", out, "reduced file to write (reduce)");
+    options.add("-rom", rom, "reduced file to compare with the body (sweep)");
+    options.add("-mor_sweep_out", sweep_out, "file with H over the frequencies (sweep)");
+    options.add("-body_out", body_out, "body of matrices to write (assemble)");
+    options.section("Ports (all verbs)");
+    options.add("-mor_inputs", inputs,
+                "ports to keep, by port (lower.fx) or interface (lower), comma separated");
+    options.add("-mor_outputs", outputs, "the same for outputs; default: the inputs' choice");
+    gramian.describe(options);
+    options.add_choice("-mor_method", method, {"pod"},
+                       "pod: the paper's route, POD of frequency samples");
+    pod.describe(options);
+    options.section("Sweep");
+    options.add("-mor_sweep_hz", sweep_hz, "Hz",
+                "first,last,count frequencies, or a single one");
+    parallel.describe(options);
+    solver.describe(options);
+    options.section("Output");
+    options.add_choice("-mor_monitor", monitor, {"silent", "summary", "detail"},
+                       "what is printed; detail adds a line for each factorisation");
+  }
+};
+
+const char* const usage =
+    "flexgram reduces elastic bodies of multibody systems.\n\n"
+    "  flexgram reduce   -body body.h5 [-mor_band_hz 10,500] [-mor_out rom.h5]\n"
+    "  flexgram sweep    -body body.h5 [-rom rom.h5] [-mor_sweep_hz 10,500,200]\n"
+    "  flexgram assemble -body mesh.h5 -body_out matrices.h5\n"
+    "  flexgram plan     -body body.h5          what would be done and skipped, memory\n\n"
+    "Runs under mpirun; takes -options_file, -log_view and every PETSc option.\n"
+    "Options [default]:\n";
+
+Monitor::Level level_of(const std::string& word) {
+  return word == "silent"   ? Monitor::Level::silent
+         : word == "detail" ? Monitor::Level::detail
+                            : Monitor::Level::summary;
+}
+
+/// The body, its plan so far, and what the checks found.
+struct Body {
+  SecondOrderModel model;
+  bool assembled = false;
+};
+
+Body load(MPI_Comm comm, const Settings& settings, Plan& plan, Monitor& monitor) {
+  if (settings.body.empty()) throw Error("option -body is missing: name a body file");
+  Body body;
+  const Hdf5File file = Hdf5File::open(comm, settings.body);
+  body.assembled = holds_mesh(file);
+  if (body.assembled) {
+    AssemblyFacts facts;
+    body.model = assemble_body(file, facts, monitor);
+    plan.fact("mesh", text("%lld elements, mass %.6g kg, worst shape %.2g",
+                           static_cast<long long>(facts.elements), facts.mass,
+                           facts.worst_shape));
+    if (facts.rigid_elements > 0)
+      plan.skip("stiffness", text("%lld elements lie inside a rigid interface",
+                                  static_cast<long long>(facts.rigid_elements)));
+  } else {
+    Stage stage(monitor, "read");
+    body.model = read_body(file);
+  }
+  select_ports(body.model, split(settings.inputs, ','), split(settings.outputs, ','));
+  const SecondOrderModel& model = body.model;
+  plan.fact("body", text("%s: n = %lld, %.3g nonzeros in K", settings.body.c_str(),
+                         static_cast<long long>(model.n),
+                         static_cast<double>(model.nonzeros())));
+  plan.fact("ports", text("%lld inputs, %lld outputs%s",
+                          static_cast<long long>(model.B.columns()),
+                          static_cast<long long>(model.C.columns()),
+                          model.outputs_are_inputs ? " (the same)" : ""));
+  plan.fact("damping", model.damping_class());
+  if (model.undamped())
+    plan.skip("complex arithmetic", "the body is undamped, its samples are real");
+  return body;
+}
+
+void check(const Body& body, Plan& plan, Monitor& monitor) {
+  Stage stage(monitor, "check");
+  const BodyFacts facts = check_body(body.model, body.assembled, monitor);
+  plan.fact("rigid modes", std::to_string(facts.rigid_modes));
+  if (facts.mass_is_singular) plan.fact("mass matrix", "singular (massless dofs)");
+  for (const auto& what : facts.skipped) {
+    const auto colon = what.find(": ");
+    plan.skip(what.substr(0, colon), what.substr(colon + 2));
+  }
+}
+
+void plan_solves(const FrequencySolves& solves, std::size_t tasks, Plan& plan) {
+  const FactorEstimate& e = solves.estimate();
+  plan.fact("factorisation",
+            text("%s %s, %.2g entries, %.2g flops, %.0f MB on a rank, ordered by %s",
+                 solves.model().undamped() ? "real" : "complex symmetric", "LDLᵀ",
+                 e.factor_entries, e.flops, e.mb_per_rank, solves.ordering().c_str()));
+  plan.fact("parallel", text("%zu frequencies over %d group%s of %d rank%s", tasks,
+                             solves.groups().count, solves.groups().count == 1 ? "" : "s",
+                             comm_size(solves.groups().comm),
+                             comm_size(solves.groups().comm) == 1 ? "" : "s"));
+}
+
+FrequencySolves prepare_reduction(const Body& body, const Settings& s,
+                                  Monitor& monitor) {
+  const auto samples = s.gramian.nodes().omega.size();
+  return FrequencySolves(body.model.share(), s.parallel, s.solver, static_cast<int>(samples),
+                         monitor);
+}
+
+void describe_reduction(const FrequencySolves& solves, const Body& body, const Settings& s,
+                        Plan& plan) {
+  const auto [first, last] = s.gramian.band();
+  const auto samples = s.gramian.nodes().omega.size();
+  const double hz = 0.5 / std::numbers::pi;
+  plan.fact("method", text("%s: %zu samples over %g-%g Hz (%s, %s), %d checks between them",
+                           s.method.c_str(), samples, first * hz, last * hz,
+                           s.gramian.quadrature.c_str(), s.gramian.spacing.c_str(),
+                           s.pod.validate));
+  plan_solves(solves, samples, plan);
+  const double columns = static_cast<double>(samples) *
+                         static_cast<double>(body.model.B.columns()) *
+                         (body.model.undamped() ? 1 : 2);
+  plan.fact("samples", text("%.0f columns, %.0f MB on a rank, twice that while they move",
+                            columns,
+                            columns * static_cast<double>(body.model.rows.size()) * 8 / 1e6));
+}
+
+void summary(const Monitor& monitor, MPI_Comm comm) {
+  std::string line;
+  for (const auto& [stage, seconds] : monitor.stages())
+    line += text("%s%s %.2f s", line.empty() ? "" : ", ", stage.c_str(), seconds);
+  const double peak = max_over(comm, peak_memory_mb());
+  monitor.say(text("  %-14s %s; peak %.0f MB on a rank", "time", line.c_str(), peak));
+}
+
+void reduce(MPI_Comm comm, const Settings& s, const Options& options, Monitor& monitor) {
+  Plan plan;
+  s.gramian.nodes(); // refuse a bad band before any work
+  s.pod.check();
+  const Body body = load(comm, s, plan, monitor);
+  plan.print(monitor);
+  check(body, plan, monitor);
+  plan.print(monitor);
+  FrequencySolves solves = prepare_reduction(body, s, monitor);
+  describe_reduction(solves, body, s, plan);
+  plan.print(monitor);
+  const ReducedModel rom = reduce_pod(body.model, solves, s.gramian, s.pod, plan, monitor);
+  {
+    Stage stage(monitor, "write");
+    write_reduced(rom, options, monitor, s.out);
+  }
+  summary(monitor, comm);
+  monitor.say("  wrote          " + s.out);
+}
+
+void plan_only(MPI_Comm comm, const Settings& s, Monitor& monitor) {
+  Plan plan;
+  s.pod.check();
+  const Body body = load(comm, s, plan, monitor);
+  plan.skip("checks that factorise", "plan only analyses");
+  FrequencySolves solves = prepare_reduction(body, s, monitor);
+  describe_reduction(solves, body, s, plan);
+  plan.print(monitor);
+  summary(monitor, comm);
+}
+
+std::vector<double> sweep_omega(const std::vector<double>& hz) {
+  std::string words;
+  for (double f : hz) words += text("%s%g", words.empty() ? "" : ",", f);
+  require_option(hz.size() == 1 || (hz.size() == 3 && hz[2] >= 1), "-mor_sweep_hz", words,
+                 "first,last,count or one frequency");
+  require_option(hz[0] >= 0, "-mor_sweep_hz", words, "zero or more");
+  require_option(hz.size() == 1 || hz[0] <= hz[1], "-mor_sweep_hz", words,
+                 "first,last,count with first <= last");
+  const double to_rad = 2 * std::numbers::pi;
+  if (hz.size() == 1) return {hz[0] * to_rad};
+  const int count = static_cast<int>(hz[2]);
+  std::vector<double> omega;
+  for (int l = 0; l < count; ++l)
+    omega.push_back(to_rad * (hz[0] + (count == 1 ? 0.0 : (hz[1] - hz[0]) * l / (count - 1))));
+  return omega;
+}
+
+void write_sweep(MPI_Comm comm, const Settings& s, const std::vector<double>& omega,
+                 const std::vector<ComplexDense>& H, const std::vector<ComplexDense>& H_rom,
+                 const std::vector<double>& epsilon, const SecondOrderModel& model) {
+  Hdf5File file = Hdf5File::create(comm, s.sweep_out);
+  file.write("/omega", {static_cast<std::int64_t>(omega.size())}, omega);
+  const auto write_transfer = [&](const char* name, const std::vector<ComplexDense>& list) {
+    std::vector<double> values;
+    for (const auto& h : list)
+      for (int i = 0; i < h.rows; ++i)
+        for (int j = 0; j < h.columns; ++j) {
+          values.push_back(h(i, j).real());
+          values.push_back(h(i, j).imag());
+        }
+    file.write(name,
+               {static_cast<std::int64_t>(omega.size()), model.C.columns(), model.B.columns(), 2},
+               values);
+    file.set_attribute(name, "inputs", model.inputs);
+    file.set_attribute(name, "outputs", model.outputs);
+  };
+  write_transfer("/H", H);
+  if (!H_rom.empty()) {
+    write_transfer("/H_rom", H_rom);
+    file.write("/error/relative", {static_cast<std::int64_t>(epsilon.size())}, epsilon);
+  }
+  file.commit();
+}
+
+void sweep(MPI_Comm comm, const Settings& s, Monitor& monitor) {
+  Plan plan;
+  const std::vector<double> omega = sweep_omega(s.sweep_hz);
+  Body body = load(comm, s, plan, monitor);
+  SecondOrderModel rom;
+  if (!s.rom.empty()) {
+    rom = read_reduced(comm, s.rom);
+    if (rom.B.columns() != body.model.B.columns() || rom.C.columns() != body.model.C.columns())
+      throw Error(text("%s has %lld inputs and %lld outputs, %s has %lld and %lld",
+                       s.rom.c_str(), static_cast<long long>(rom.B.columns()),
+                       static_cast<long long>(rom.C.columns()), s.body.c_str(),
+                       static_cast<long long>(body.model.B.columns()),
+                       static_cast<long long>(body.model.C.columns())));
+  }
+  FrequencySolves solves(std::move(body.model), s.parallel, s.solver,
+                         static_cast<int>(omega.size()), monitor);
+  plan_solves(solves, omega.size(), plan);
+  plan.print(monitor);
+  std::vector<ComplexDense> H, H_rom;
+  {
+    Stage stage(monitor, "sweep");
+    H = solves.transfer(omega, "frequency");
+  }
+  std::vector<double> epsilon;
+  if (rom.n > 0) {
+    for (std::size_t l = 0; l < omega.size(); ++l) {
+      H_rom.push_back(dense_transfer(rom, omega[l]));
+      epsilon.push_back(relative_error(H[l], H_rom.back()));
+    }
+    const auto worst = std::max_element(epsilon.begin(), epsilon.end());
+    plan.fact("error", text("at most %.2e of %zu frequencies, at %.4g Hz", *worst,
+                            omega.size(),
+                            omega[static_cast<std::size_t>(worst - epsilon.begin())] * 0.5 /
+                                std::numbers::pi));
+  }
+  plan.fact("solves", text("%d factorisations, backward error at most %.0e",
+                           solves.factorisations(), solves.worst_backward_error()));
+  plan.print(monitor);
+  {
+    Stage stage(monitor, "write");
+    write_sweep(comm, s, omega, H, H_rom, epsilon, solves.model());
+  }
+  summary(monitor, comm);
+  monitor.say("  wrote          " + s.sweep_out);
+}
+
+void assemble(MPI_Comm comm, const Settings& s, Monitor& monitor) {
+  Plan plan;
+  if (s.body_out.empty()) throw Error("option -body_out is missing: name the file to write");
+  const Body body = load(comm, s, plan, monitor);
+  plan.print(monitor);
+  {
+    Stage stage(monitor, "write");
+    write_body(body.model, s.body_out);
+  }
+  summary(monitor, comm);
+  monitor.say("  wrote          " + s.body_out);
+}
+
+void run(const std::string& verb, MPI_Comm comm) {
+  Settings settings;
+  Options options;
+  settings.describe(options);
+  options.reject_unknown();
+  Monitor monitor(comm, level_of(settings.monitor));
+  keep_freed_pages();
+  set_blas_threads(node_share(comm).cores_per_rank);
+  if (verb == "reduce")
+    reduce(comm, settings, options, monitor);
+  else if (verb == "sweep")
+    sweep(comm, settings, monitor);
+  else if (verb == "assemble")
+    assemble(comm, settings, monitor);
+  else
+    plan_only(comm, settings, monitor);
+}
+
+std::string help() {
+  Settings settings;
+  Options options(Options::Mode::describe);
+  settings.describe(options);
+  return usage + options.help();
+}
+
+} // namespace
+} // namespace flexgram
+
+int main(int argc, char** argv) {
+  using namespace flexgram;
+  return run_session(argc, argv, {"reduce", "sweep", "assemble", "plan"}, help(), run);
+}

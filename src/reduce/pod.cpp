@@ -1,0 +1,187 @@
+#include "reduce/pod.hpp"
+
+#include "base/text.hpp"
+#include "reduce/project.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+
+namespace flexgram {
+
+void PodOptions::describe(Options& options) {
+  options.add("-mor_tol", tolerance, "",
+              "smallest order whose relative error at the samples and the check frequencies is "
+              "below this; 0: order by -mor_order or the rule");
+  options.add("-mor_validate", validate, "",
+              "frequencies between the samples at which the error is checked by full solves");
+}
+
+void PodOptions::check() const {
+  require_option(tolerance >= 0 && tolerance < 1, "-mor_tol", text("%g", tolerance),
+                 "between 0 and 1");
+  require_option(validate >= 0, "-mor_validate", std::to_string(validate), "0 or more");
+}
+
+std::vector<double> check_frequencies(const std::vector<double>& samples, int count) {
+  std::vector<double> sorted = samples, result;
+  std::sort(sorted.begin(), sorted.end());
+  const int gaps = static_cast<int>(sorted.size()) - 1;
+  count = std::min(count, gaps);
+  for (int i = 0; i < count; ++i) {
+    const auto gap = static_cast<std::size_t>((i + 0.5) * gaps / count);
+    result.push_back(0.5 * (sorted[gap] + sorted[gap + 1]));
+  }
+  return result;
+}
+
+namespace {
+
+/// The model of the first m basis vectors.
+SecondOrderModel leading_part(const SecondOrderModel& rom, int m) {
+  SecondOrderModel part;
+  const auto corner = [&](Mat a) {
+    const Dense whole = to_dense(a);
+    Dense c(m, m);
+    for (int j = 0; j < m; ++j) std::copy_n(whole.column(j), m, c.column(j));
+    return make_dense(c);
+  };
+  const auto rows = [&](const Block& b) {
+    Block top(PETSC_COMM_SELF, {0, m}, m, b.columns());
+    const Block::Access from(b);
+    Block::Access to(top);
+    for (PetscInt j = 0; j < b.columns(); ++j) std::copy_n(from.column(j), m, to.column(j));
+    return top;
+  };
+  part.name = rom.name;
+  part.comm = rom.comm;
+  part.n = m;
+  part.rows = {0, m};
+  part.K = corner(rom.K);
+  part.M = corner(rom.M);
+  if (rom.D) part.D = corner(rom.D);
+  part.damping = rom.damping;
+  part.B = rows(rom.B);
+  part.outputs_are_inputs = rom.outputs_are_inputs;
+  part.C = rom.outputs_are_inputs ? part.B.share() : rows(rom.C);
+  part.inputs = rom.inputs;
+  part.outputs = rom.outputs;
+  return part;
+}
+
+/// Smallest m whose error is below the tolerance at every known frequency.
+int order_by_tolerance(const SecondOrderModel& rom, const std::vector<double>& omega,
+                       const std::vector<ComplexDense>& H, double tolerance) {
+  std::size_t worst = 0; // the frequency that ruled out the last order rules out most
+  for (int m = 1; m <= rom.n; ++m) {
+    const SecondOrderModel part = leading_part(rom, m);
+    const auto fails = [&](std::size_t l) {
+      return !(relative_error(H[l], dense_transfer(part, omega[l])) <= tolerance);
+    };
+    if (fails(worst)) continue;
+    bool good = true;
+    for (std::size_t l = 0; good && l < omega.size(); ++l)
+      if (fails(l)) {
+        worst = l;
+        good = false;
+      }
+    if (good) return m;
+  }
+  throw Error(text("-mor_tol %g is not met by all %d directions of the samples: use more "
+                   "-mor_samples",
+                   tolerance, static_cast<int>(rom.n)));
+}
+
+} // namespace
+
+ReducedModel reduce_pod(const SecondOrderModel& fom, FrequencySolves& solves,
+                        const GramianOptions& gramian, const PodOptions& pod, Plan& plan,
+                        Monitor& monitor) {
+  const auto [first, last] = gramian.band();
+  Snapshots samples;
+  {
+    Stage stage(monitor, "samples");
+    samples = sample_band(solves, gramian.nodes());
+  }
+  const bool by_tolerance = pod.tolerance > 0 && gramian.order == 0;
+  GramianBasis basis = gramian_basis(std::move(samples.Z), fom.M, fom.K, last, gramian,
+                                     by_tolerance, monitor);
+
+  ReducedModel rom;
+  {
+    Stage stage(monitor, "project");
+    rom.model = project(fom, basis.V);
+  }
+  rom.omega = samples.omega;
+  std::vector<ComplexDense> H = std::move(samples.H);
+  {
+    Stage stage(monitor, "error");
+    const auto extra = check_frequencies(samples.omega, pod.validate);
+    auto H_extra = solves.transfer(extra, "check");
+    rom.omega.insert(rom.omega.end(), extra.begin(), extra.end());
+    std::move(H_extra.begin(), H_extra.end(), std::back_inserter(H));
+  }
+  int order = basis.order;
+  if (by_tolerance) {
+    order = order_by_tolerance(rom.model, rom.omega, H, pod.tolerance);
+    rom.model = leading_part(rom.model, order);
+    std::vector<int> columns(static_cast<std::size_t>(order));
+    std::iota(columns.begin(), columns.end(), 0);
+    basis.V = select_columns(basis.V, columns);
+  }
+  for (std::size_t l = 0; l < H.size(); ++l)
+    rom.epsilon.push_back(relative_error(H[l], dense_transfer(rom.model, rom.omega[l])));
+  std::vector<std::size_t> by_frequency(rom.omega.size());
+  std::iota(by_frequency.begin(), by_frequency.end(), 0);
+  std::sort(by_frequency.begin(), by_frequency.end(),
+            [&](auto a, auto b) { return rom.omega[a] < rom.omega[b]; });
+  const auto sorted = [&](const std::vector<double>& values) {
+    std::vector<double> result;
+    for (auto l : by_frequency) result.push_back(values[l]);
+    return result;
+  };
+  const auto first_check = rom.epsilon.begin() + static_cast<long>(samples.omega.size());
+  const auto checks = rom.epsilon.end() - first_check;
+  const double at_samples = *std::max_element(rom.epsilon.begin(), first_check);
+  const double between =
+      checks > 0 ? *std::max_element(first_check, rom.epsilon.end()) : at_samples;
+  rom.omega = sorted(rom.omega);
+  rom.epsilon = sorted(rom.epsilon);
+
+  rom.method = "pod";
+  rom.V = std::move(basis.V);
+  rom.sigma = basis.sigma;
+  rom.modes = eigenfrequencies(rom.model);
+  rom.band[0] = first;
+  rom.band[1] = last;
+  rom.factorisations = solves.factorisations();
+
+  plan.fact("inner product", basis.inner_product);
+  plan.fact("order", text("m = %d of n = %lld, by %s", order, static_cast<long long>(fom.n),
+                          gramian.order > 0 ? "-mor_order"
+                          : by_tolerance
+                              ? text("-mor_tol %g", pod.tolerance).c_str()
+                              : "the rule sigma_(m+1)/sigma_1 < 1.5e-8"));
+  if (order < static_cast<int>(rom.sigma.size()) && rom.sigma.front() > 0) {
+    const double tail =
+        std::accumulate(rom.sigma.begin() + order, rom.sigma.end(), 0.0);
+    plan.fact("indicators", text("sigma_(m+1)/sigma_1 = %.1e, sqrt of the neglected sum = %.1e",
+                                 rom.sigma[static_cast<std::size_t>(order)] / rom.sigma[0],
+                                 std::sqrt(tail)));
+  }
+  std::string error = text("at most %.1e at the %zu samples", at_samples,
+                           samples.omega.size());
+  if (checks > 0)
+    error += text(", %.1e at %ld frequencies between them", between, static_cast<long>(checks));
+  plan.fact("error", error + " (estimated, not proved)");
+  plan.fact("reduced M, K", text("smallest over largest eigenvalue %.1e, %.1e",
+                                 relative_smallest_eigenvalue(rom.model.M),
+                                 relative_smallest_eigenvalue(rom.model.K)));
+  plan.fact("solves", text("%d factorisations, backward error at most %.0e",
+                           rom.factorisations, solves.worst_backward_error()));
+  plan.print(monitor);
+  return rom;
+}
+
+} // namespace flexgram

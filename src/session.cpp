@@ -1,0 +1,92 @@
+#include "session.hpp"
+
+#include "base/error.hpp"
+#include "base/parallel.hpp"
+#include "base/process.hpp"
+#include "base/text.hpp"
+
+#include <slepcsys.h>
+
+#include <csignal>
+#include <cstdio>
+#include <cstring>
+#include <thread>
+
+namespace flexgram {
+namespace {
+
+/// True if all ranks arrive here within some seconds: then they failed together.
+bool all_ranks_failed(MPI_Comm handshake) {
+  MPI_Request request;
+  MPI_Ibarrier(handshake, &request);
+  const double start = now();
+  for (int done = 0; now() - start < 10.0;) {
+    MPI_Test(&request, &done, MPI_STATUS_IGNORE);
+    if (done) return true;
+    std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  return false;
+}
+
+bool is_help(const char* word) {
+  return !std::strcmp(word, "-help") || !std::strcmp(word, "--help") ||
+         !std::strcmp(word, "-h");
+}
+
+} // namespace
+
+int run_session(int argc, char** argv, const std::vector<std::string>& verbs,
+                const std::string& help,
+                const std::function<void(const std::string&, MPI_Comm)>& run) {
+  std::string verb = argc > 1 ? argv[1] : "-help";
+  bool wants_help = false;
+  for (int i = 1; i < argc; ++i) wants_help = wants_help || is_help(argv[i]);
+
+  std::signal(SIGXFSZ, SIG_IGN); // a file size limit is an error of write, not a crash
+  MPI_Init(&argc, &argv);
+  const int rank = comm_rank(MPI_COMM_WORLD);
+  if (wants_help || argc <= 1) {
+    if (rank == 0) std::fputs(help.c_str(), stdout);
+    MPI_Finalize();
+    return 0;
+  }
+  if (std::find(verbs.begin(), verbs.end(), verb) == verbs.end()) {
+    if (rank == 0)
+      std::fprintf(stderr, "flexgram: unknown verb %s: must be one of %s (did you mean %s?)\n",
+                   verb.c_str(), join(verbs).c_str(), nearest(verb, verbs).c_str());
+    MPI_Finalize();
+    return 1;
+  }
+
+  int status = 0;
+  MPI_Comm handshake;
+  MPI_Comm_dup(MPI_COMM_WORLD, &handshake);
+  std::string message;
+  try {
+    const PetscErrorCode started = SlepcInitialize(&argc, &argv, nullptr, nullptr);
+    if (started) throw Error("PETSc or SLEPc did not start; see the message above");
+    install_petsc_error_handler();
+    FG_CALL(PetscLogDefaultBegin());
+    run(verb, PETSC_COMM_WORLD);
+  } catch (const std::bad_alloc&) {
+    message = "out of memory: use more ranks or fewer groups (flexgram plan tells the need)";
+    status = 1;
+  } catch (const std::exception& error) {
+    message = error.what();
+    status = 1;
+  }
+  if (status != 0) {
+    const bool together = all_ranks_failed(handshake);
+    if (rank == 0 || !together) {
+      std::fprintf(stderr, "flexgram: %s\n", message.c_str());
+      std::fflush(stderr);
+    }
+    if (!together) MPI_Abort(MPI_COMM_WORLD, 1);
+  }
+  MPI_Comm_free(&handshake);
+  SlepcFinalize();
+  MPI_Finalize();
+  return status;
+}
+
+} // namespace flexgram
