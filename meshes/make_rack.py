@@ -20,10 +20,10 @@ import meshio
 import numpy as np
 
 WIDTH, DEPTH, HEIGHT = 0.60, 0.40, 0.90  # outer faces of the posts, between the plates [m]
-STRUT = 0.024  # side of the square section [m]
+STRUT = 0.036  # side of the square section [m]
 LEVELS = 5  # cubes along a post, the first and the last under the plates
 POST_ELEMENTS, BRACE_ELEMENTS, RUNG_ELEMENTS = 6, 12, 7  # along a strut between cubes
-OVERHANG, THICKNESS = 0.06, 0.025  # of the plates [m]
+OVERHANG, THICKNESS = 0.06, 0.020  # of the plates [m]
 
 # Corners and edges of VTK's hexahedron on the unit cube.
 CORNERS = np.array(
