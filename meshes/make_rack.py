@@ -14,6 +14,7 @@ matrices"); only the idea of two plates on a frame is theirs. Run with Debian's 
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import meshio
@@ -107,8 +108,8 @@ def build() -> Hex20Mesh:
 
     for region, bottom in (("lower_plate", -THICKNESS), ("upper_plate", HEIGHT)):
         xs, ys = grid(WIDTH), grid(DEPTH)
-        for x0, x1 in zip(xs, xs[1:]):
-            for y0, y1 in zip(ys, ys[1:]):
+        for x0, x1 in pairwise(xs):
+            for y0, y1 in pairwise(ys):
                 size = np.array([x1 - x0, y1 - y0, THICKNESS])
                 mesh.add(np.array([x0, y0, bottom]) + size * CORNERS, region)
     return mesh

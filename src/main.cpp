@@ -16,7 +16,8 @@ namespace flexgram {
 namespace {
 
 struct Settings {
-  std::string body, rom, body_out, out = "rom.h5", sweep_out = "sweep.h5", monitor = "summary";
+  std::string body, rom, body_out, out = "rom.h5", sweep_out = "sweep.h5",
+                                   monitor = "summary";
   std::string method = "pod";
   std::string inputs, outputs;
   std::vector<double> sweep_hz{10, 500, 200};
@@ -33,9 +34,11 @@ struct Settings {
     options.add("-mor_sweep_out", sweep_out, "file with H over the frequencies (sweep)");
     options.add("-body_out", body_out, "body of matrices to write (assemble)");
     options.section("Ports (all verbs)");
-    options.add("-mor_inputs", inputs,
-                "ports to keep, by port (lower.fx) or interface (lower), comma separated");
-    options.add("-mor_outputs", outputs, "the same for outputs; default: the inputs' choice");
+    options.add(
+        "-mor_inputs", inputs,
+        "ports to keep, by port (lower.fx) or interface (lower), comma separated");
+    options.add("-mor_outputs", outputs,
+                "the same for outputs; default: the inputs' choice");
     gramian.describe(options);
     options.add_choice("-mor_method", method, {"pod"},
                        "pod: the paper's route, POD of frequency samples");
@@ -56,7 +59,8 @@ const char* const usage =
     "  flexgram reduce   -body body.h5 [-mor_band_hz 10,500] [-mor_out rom.h5]\n"
     "  flexgram sweep    -body body.h5 [-rom rom.h5] [-mor_sweep_hz 10,500,200]\n"
     "  flexgram assemble -body mesh.h5 -body_out matrices.h5\n"
-    "  flexgram plan     -body body.h5          what would be done and skipped, memory\n\n"
+    "  flexgram plan     -body body.h5          what would be done and skipped, "
+    "memory\n\n"
     "Runs under mpirun; takes -options_file, -log_view and every PETSc option.\n"
     "Options [default]:\n";
 
@@ -92,13 +96,13 @@ Body load(MPI_Comm comm, const Settings& settings, Plan& plan, Monitor& monitor)
   }
   select_ports(body.model, split(settings.inputs, ','), split(settings.outputs, ','));
   const SecondOrderModel& model = body.model;
-  plan.fact("body", text("%s: n = %lld, %.3g nonzeros in K", settings.body.c_str(),
-                         static_cast<long long>(model.n),
-                         static_cast<double>(model.nonzeros())));
-  plan.fact("ports", text("%lld inputs, %lld outputs%s",
-                          static_cast<long long>(model.B.columns()),
-                          static_cast<long long>(model.C.columns()),
-                          model.outputs_are_inputs ? " (the same)" : ""));
+  plan.fact("body",
+            text("%s: n = %lld, %.3g nonzeros in K", settings.body.c_str(),
+                 static_cast<long long>(model.n), static_cast<double>(model.nonzeros())));
+  plan.fact("ports",
+            text("%lld inputs, %lld outputs%s", static_cast<long long>(model.B.columns()),
+                 static_cast<long long>(model.C.columns()),
+                 model.outputs_are_inputs ? " (the same)" : ""));
   plan.fact("damping", model.damping_class());
   if (model.undamped())
     plan.skip("complex arithmetic", "the body is undamped, its samples are real");
@@ -128,29 +132,29 @@ void plan_solves(const FrequencySolves& solves, std::size_t tasks, Plan& plan) {
                              comm_size(solves.groups().comm) == 1 ? "" : "s"));
 }
 
-FrequencySolves prepare_reduction(const Body& body, const Settings& s,
-                                  Monitor& monitor) {
+FrequencySolves prepare_reduction(const Body& body, const Settings& s, Monitor& monitor) {
   const auto samples = s.gramian.nodes().omega.size();
-  return FrequencySolves(body.model.share(), s.parallel, s.solver, static_cast<int>(samples),
-                         monitor);
+  return FrequencySolves(body.model.share(), s.parallel, s.solver,
+                         static_cast<int>(samples), monitor);
 }
 
-void describe_reduction(const FrequencySolves& solves, const Body& body, const Settings& s,
-                        Plan& plan) {
+void describe_reduction(const FrequencySolves& solves, const Body& body,
+                        const Settings& s, Plan& plan) {
   const auto [first, last] = s.gramian.band();
   const auto samples = s.gramian.nodes().omega.size();
   const double hz = 0.5 / std::numbers::pi;
-  plan.fact("method", text("%s: %zu samples over %g-%g Hz (%s, %s), %d checks between them",
-                           s.method.c_str(), samples, first * hz, last * hz,
-                           s.gramian.quadrature.c_str(), s.gramian.spacing.c_str(),
-                           s.pod.validate));
+  plan.fact("method",
+            text("%s: %zu samples over %g-%g Hz (%s, %s), %d checks between them",
+                 s.method.c_str(), samples, first * hz, last * hz,
+                 s.gramian.quadrature.c_str(), s.gramian.spacing.c_str(),
+                 s.pod.validate));
   plan_solves(solves, samples, plan);
   const double columns = static_cast<double>(samples) *
                          static_cast<double>(body.model.B.columns()) *
                          (body.model.undamped() ? 1 : 2);
-  plan.fact("samples", text("%.0f columns, %.0f MB on a rank, twice that while they move",
-                            columns,
-                            columns * static_cast<double>(body.model.rows.size()) * 8 / 1e6));
+  plan.fact("samples",
+            text("%.0f columns, %.0f MB on a rank, twice that while they move", columns,
+                 columns * static_cast<double>(body.model.rows.size()) * 8 / 1e6));
 }
 
 void summary(const Monitor& monitor, MPI_Comm comm) {
@@ -172,7 +176,8 @@ void reduce(MPI_Comm comm, const Settings& s, const Options& options, Monitor& m
   FrequencySolves solves = prepare_reduction(body, s, monitor);
   describe_reduction(solves, body, s, plan);
   plan.print(monitor);
-  const ReducedModel rom = reduce_pod(body.model, solves, s.gramian, s.pod, plan, monitor);
+  const ReducedModel rom =
+      reduce_pod(body.model, solves, s.gramian, s.pod, plan, monitor);
   {
     Stage stage(monitor, "write");
     write_reduced(rom, options, monitor, s.out);
@@ -205,16 +210,19 @@ std::vector<double> sweep_omega(const std::vector<double>& hz) {
   const int count = static_cast<int>(hz[2]);
   std::vector<double> omega;
   for (int l = 0; l < count; ++l)
-    omega.push_back(to_rad * (hz[0] + (count == 1 ? 0.0 : (hz[1] - hz[0]) * l / (count - 1))));
+    omega.push_back(to_rad *
+                    (hz[0] + (count == 1 ? 0.0 : (hz[1] - hz[0]) * l / (count - 1))));
   return omega;
 }
 
 void write_sweep(MPI_Comm comm, const Settings& s, const std::vector<double>& omega,
-                 const std::vector<ComplexDense>& H, const std::vector<ComplexDense>& H_rom,
+                 const std::vector<ComplexDense>& H,
+                 const std::vector<ComplexDense>& H_rom,
                  const std::vector<double>& epsilon, const SecondOrderModel& model) {
   Hdf5File file = Hdf5File::create(comm, s.sweep_out);
   file.write("/omega", {static_cast<std::int64_t>(omega.size())}, omega);
-  const auto write_transfer = [&](const char* name, const std::vector<ComplexDense>& list) {
+  const auto write_transfer = [&](const char* name,
+                                  const std::vector<ComplexDense>& list) {
     std::vector<double> values;
     for (const auto& h : list)
       for (int i = 0; i < h.rows; ++i)
@@ -223,7 +231,8 @@ void write_sweep(MPI_Comm comm, const Settings& s, const std::vector<double>& om
           values.push_back(h(i, j).imag());
         }
     file.write(name,
-               {static_cast<std::int64_t>(omega.size()), model.C.columns(), model.B.columns(), 2},
+               {static_cast<std::int64_t>(omega.size()), model.C.columns(),
+                model.B.columns(), 2},
                values);
     file.set_attribute(name, "inputs", model.inputs);
     file.set_attribute(name, "outputs", model.outputs);
@@ -243,7 +252,8 @@ void sweep(MPI_Comm comm, const Settings& s, Monitor& monitor) {
   SecondOrderModel rom;
   if (!s.rom.empty()) {
     rom = read_reduced(comm, s.rom);
-    if (rom.B.columns() != body.model.B.columns() || rom.C.columns() != body.model.C.columns())
+    if (rom.B.columns() != body.model.B.columns() ||
+        rom.C.columns() != body.model.C.columns())
       throw Error(text("%s has %lld inputs and %lld outputs, %s has %lld and %lld",
                        s.rom.c_str(), static_cast<long long>(rom.B.columns()),
                        static_cast<long long>(rom.C.columns()), s.body.c_str(),
@@ -266,10 +276,10 @@ void sweep(MPI_Comm comm, const Settings& s, Monitor& monitor) {
       epsilon.push_back(relative_error(H[l], H_rom.back()));
     }
     const auto worst = std::max_element(epsilon.begin(), epsilon.end());
-    plan.fact("error", text("at most %.2e of %zu frequencies, at %.4g Hz", *worst,
-                            omega.size(),
-                            omega[static_cast<std::size_t>(worst - epsilon.begin())] * 0.5 /
-                                std::numbers::pi));
+    plan.fact("error",
+              text("at most %.2e of %zu frequencies, at %.4g Hz", *worst, omega.size(),
+                   omega[static_cast<std::size_t>(worst - epsilon.begin())] * 0.5 /
+                       std::numbers::pi));
   }
   plan.fact("solves", text("%d factorisations, backward error at most %.0e",
                            solves.factorisations(), solves.worst_backward_error()));
@@ -284,7 +294,8 @@ void sweep(MPI_Comm comm, const Settings& s, Monitor& monitor) {
 
 void assemble(MPI_Comm comm, const Settings& s, Monitor& monitor) {
   Plan plan;
-  if (s.body_out.empty()) throw Error("option -body_out is missing: name the file to write");
+  if (s.body_out.empty())
+    throw Error("option -body_out is missing: name the file to write");
   const Body body = load(comm, s, plan, monitor);
   plan.print(monitor);
   {

@@ -52,7 +52,8 @@ int run_session(int argc, char** argv, const std::vector<std::string>& verbs,
   }
   if (std::find(verbs.begin(), verbs.end(), verb) == verbs.end()) {
     if (rank == 0)
-      std::fprintf(stderr, "flexgram: unknown verb %s: must be one of %s (did you mean %s?)\n",
+      std::fprintf(stderr,
+                   "flexgram: unknown verb %s: must be one of %s (did you mean %s?)\n",
                    verb.c_str(), join(verbs).c_str(), nearest(verb, verbs).c_str());
     MPI_Finalize();
     return 1;
@@ -69,7 +70,8 @@ int run_session(int argc, char** argv, const std::vector<std::string>& verbs,
     FG_CALL(PetscLogDefaultBegin());
     run(verb, PETSC_COMM_WORLD);
   } catch (const std::bad_alloc&) {
-    message = "out of memory: use more ranks or fewer groups (flexgram plan tells the need)";
+    message =
+        "out of memory: use more ranks or fewer groups (flexgram plan tells the need)";
     status = 1;
   } catch (const std::exception& error) {
     message = error.what();

@@ -8,9 +8,9 @@
 
 namespace flexgram {
 
-/// One run of a program with verbs: starts MPI, PETSc and SLEPc, runs the verb, and turns any
-/// exception into one message on standard error and exit status 1 on every rank. Ranks that
-/// fail alone end the whole run instead of leaving the others waiting.
+/// One run of a program with verbs: starts MPI, PETSc and SLEPc, runs the verb, and turns
+/// any exception into one message on standard error and exit status 1 on every rank.
+/// Ranks that fail alone end the whole run instead of leaving the others waiting.
 int run_session(int argc, char** argv, const std::vector<std::string>& verbs,
                 const std::string& help,
                 const std::function<void(const std::string& verb, MPI_Comm comm)>& run);

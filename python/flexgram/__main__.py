@@ -26,7 +26,7 @@ def main(arguments: list[str] | None = None) -> int:
     plotter = commands.add_parser(
         "plot",
         help="sweep file (and reduced file) -> picture",
-        epilog="example: python3 -m flexgram plot out/sweep.h5 --rom out/rack.rom.h5 -o out/rack.png",
+        epilog="example: python3 -m flexgram plot sweep.h5 --rom rack.rom.h5 -o rack.png",
     )
     plotter.add_argument("sweep", type=Path, help="file that flexgram sweep wrote")
     plotter.add_argument("--rom", type=Path, help="reduced file, for its Gramian eigenvalues")

@@ -153,7 +153,9 @@ def _select_nodes(
     if isinstance(choice, dict):
         box = np.array(_Reader(choice, where, ("box",)).get("box"), dtype=float)
         if box.shape != (2, 3):
-            raise BodyError(f"{where}: box must be [[x, y, z] of one corner, [x, y, z] of the other]")
+            raise BodyError(
+                f"{where}: box must be [[x, y, z] of one corner, [x, y, z] of the other]"
+            )
         inside = np.all((points >= box.min(0)) & (points <= box.max(0)), axis=1)
         nodes = np.flatnonzero(inside & used)
     elif isinstance(choice, list):
@@ -298,7 +300,11 @@ def _write_blocks(
         solid = False
         for block, chosen in enumerate(cells[str(name)]):
             kind = mesh.cells[block].type
-            if len(chosen) == 0 or kind not in ELEMENTS or (kind == "line" and "section" not in data):
+            if (
+                len(chosen) == 0
+                or kind not in ELEMENTS
+                or (kind == "line" and "section" not in data)
+            ):
                 continue
             if taken[block][chosen].any():
                 raise BodyError(f"{entry.where}: some of its elements belong to another region too")

@@ -8,8 +8,9 @@
 
 namespace flexgram {
 
-/// Every failure that a user can meet. The message names the file, dataset or value and what
-/// was expected. Contexts are added on the way up: "while factorising shift 3 of 5: ...".
+/// Every failure that a user can meet. The message names the file, dataset or value and
+/// what was expected. Contexts are added on the way up: "while factorising shift 3 of 5:
+/// ...".
 class Error : public std::exception {
 public:
   explicit Error(std::string message) : message_(std::move(message)) {}
@@ -50,8 +51,8 @@ void install_petsc_error_handler();
 } // namespace flexgram
 
 /// Calls a PETSc, SLEPc or MPI-returning-PETSc function and throws on a nonzero code.
-#define FG_CALL(call)                                                                     \
-  do {                                                                                    \
-    const PetscErrorCode fg_code_ = (call);                                               \
-    if (fg_code_) ::flexgram::throw_petsc_error(fg_code_, #call);                         \
+#define FG_CALL(call)                                                                    \
+  do {                                                                                   \
+    const PetscErrorCode fg_code_ = (call);                                              \
+    if (fg_code_) ::flexgram::throw_petsc_error(fg_code_, #call);                        \
   } while (false)

@@ -17,7 +17,8 @@ inline PetscErrorCode destroy(SVD* object) { return SVDDestroy(object); }
 } // namespace detail
 
 /// Owns one reference to a PETSc or SLEPc object. Move-only; `share()` takes a second
-/// reference on purpose. `out()` is for creating calls: FG_CALL(MatCreate(comm, K.out())).
+/// reference on purpose. `out()` is for creating calls: FG_CALL(MatCreate(comm,
+/// K.out())).
 template <class Object>
 class Handle {
 public:

@@ -15,7 +15,8 @@ Monitor::Monitor(MPI_Comm comm, Level level)
     : speaks_(comm_rank(comm) == 0), level_(level) {}
 
 void Monitor::say(const std::string& line) const {
-  if (speaks_ && level_ != Level::silent) PetscPrintf(PETSC_COMM_SELF, "%s\n", line.c_str());
+  if (speaks_ && level_ != Level::silent)
+    PetscPrintf(PETSC_COMM_SELF, "%s\n", line.c_str());
 }
 
 void Monitor::detail(const std::string& line) const {
@@ -28,8 +29,9 @@ void Monitor::warn(const std::string& line) {
 }
 
 void Monitor::add_seconds(const std::string& stage, double seconds) {
-  const auto found = std::find_if(stages_.begin(), stages_.end(),
-                                  [&](const auto& entry) { return entry.first == stage; });
+  const auto found = std::find_if(stages_.begin(), stages_.end(), [&](const auto& entry) {
+    return entry.first == stage;
+  });
   if (found != stages_.end())
     found->second += seconds;
   else

@@ -9,8 +9,8 @@
 
 namespace flexgram {
 
-/// Where the program talks to its user: rank 0 prints, the others stay silent. Also keeps the
-/// seconds of each stage, for the summary and for /log of the results.
+/// Where the program talks to its user: rank 0 prints, the others stay silent. Also keeps
+/// the seconds of each stage, for the summary and for /log of the results.
 class Monitor {
 public:
   enum class Level { silent, summary, detail };
@@ -50,8 +50,8 @@ private:
   double start_;
 };
 
-/// Progress of long work: a line a step in detail, otherwise at most one every two seconds,
-/// with the time that remains.
+/// Progress of long work: a line a step in detail, otherwise at most one every two
+/// seconds, with the time that remains.
 class Progress {
 public:
   Progress(const Monitor& monitor, std::string what, int total);

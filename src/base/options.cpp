@@ -138,8 +138,8 @@ void Options::add_numbered(const char* prefix, std::map<int, double>& values,
       const std::string start(prefix);
       if (name.rfind(start, 0) != 0) continue;
       const std::string index = name.substr(start.size());
-      require_option(!index.empty() && index.find_first_not_of("0123456789") ==
-                                           std::string::npos,
+      require_option(!index.empty() &&
+                         index.find_first_not_of("0123456789") == std::string::npos,
                      name.c_str(), "", "the prefix followed by a number");
       std::string word;
       given(name.c_str(), word);
@@ -167,8 +167,7 @@ void Options::reject_unknown() const {
 std::string Options::help() const {
   std::string result, section;
   for (const auto& option : options_) {
-    if (option.section != section)
-      result += "\n" + (section = option.section) + "\n";
+    if (option.section != section) result += "\n" + (section = option.section) + "\n";
     std::string head = option.name;
     if (!option.choices.empty()) head += " <" + option.choices + ">";
     if (!option.value.empty()) head += " [" + option.value + "]";

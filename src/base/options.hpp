@@ -13,8 +13,8 @@ struct Option {
 };
 
 /// The registry of all options. An options struct registers each of its fields once, with
-/// default (the field's value), unit, choices and help; the same call reads PETSc's option
-/// database, so command line, -options_file and PETSC_OPTIONS all work.
+/// default (the field's value), unit, choices and help; the same call reads PETSc's
+/// option database, so command line, -options_file and PETSC_OPTIONS all work.
 ///
 ///     options.section("Sampling");
 ///     options.add("-mor_samples", samples, "", "frequencies of the quadrature");

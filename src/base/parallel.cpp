@@ -38,11 +38,12 @@ Communicator::~Communicator() {
   if (comm_ != MPI_COMM_NULL && !finalized) MPI_Comm_free(&comm_);
 }
 
-Groups::Groups(MPI_Comm world_comm, int group_count) : world(world_comm), count(group_count) {
+Groups::Groups(MPI_Comm world_comm, int group_count)
+    : world(world_comm), count(group_count) {
   const int size = comm_size(world);
   if (count < 1 || count > size)
-    throw Error(text("-mor_groups %d: must be between 1 and the number of ranks (%d)", count,
-                     size));
+    throw Error(text("-mor_groups %d: must be between 1 and the number of ranks (%d)",
+                     count, size));
   const int rank = comm_rank(world);
   mine = static_cast<int>(static_cast<long>(rank) * count / size);
   MPI_Comm split = MPI_COMM_NULL;
@@ -82,8 +83,8 @@ std::vector<T> exchange_rows(MPI_Comm comm, RowRange offered, std::span<const T>
                              PetscInt columns, PetscInt first_column, RowRange wanted,
                              PetscInt total_columns) {
   const int size = comm_size(comm);
-  const Offer mine{offered.begin, offered.end, columns, first_column, wanted.begin,
-                   wanted.end};
+  const Offer mine{offered.begin, offered.end,  columns,
+                   first_column,  wanted.begin, wanted.end};
   std::vector<Offer> all(static_cast<std::size_t>(size));
   MPI_Allgather(&mine, 6, MPIU_INT, all.data(), 6, MPIU_INT, comm);
 
@@ -117,7 +118,8 @@ std::vector<T> exchange_rows(MPI_Comm comm, RowRange offered, std::span<const T>
       auto& buffer = outbox[static_cast<std::size_t>(rank)];
       buffer.reserve(static_cast<std::size_t>(out.size() * columns));
       for (PetscInt column = 0; column < columns; ++column) {
-        const T* first = values.data() + column * offered.size() + (out.begin - mine.begin);
+        const T* first =
+            values.data() + column * offered.size() + (out.begin - mine.begin);
         buffer.insert(buffer.end(), first, first + out.size());
       }
       post([&](MPI_Request* request) {

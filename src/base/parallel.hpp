@@ -18,8 +18,8 @@ int comm_size(MPI_Comm comm);
 /// failing rank. Collective.
 void throw_if_any_failed(MPI_Comm comm, const char* local_message);
 
-/// Runs rank-local work that can fail; if it throws on one rank, all ranks throw together.
-/// The work must not communicate. Collective on comm, always on.
+/// Runs rank-local work that can fail; if it throws on one rank, all ranks throw
+/// together. The work must not communicate. Collective on comm, always on.
 template <class Work>
 void agree(MPI_Comm comm, Work&& work) {
   std::string message;
@@ -51,7 +51,8 @@ private:
   MPI_Comm comm_ = MPI_COMM_NULL;
 };
 
-/// A world split into groups of neighbouring ranks; each group works on its own frequencies.
+/// A world split into groups of neighbouring ranks; each group works on its own
+/// frequencies.
 struct Groups {
   Groups(MPI_Comm world, int count);
   MPI_Comm world;
@@ -72,10 +73,11 @@ RowRange even_rows(MPI_Comm comm, PetscInt n);
 /// First row of each rank of comm, and n at the end (size + 1 numbers). Collective.
 std::vector<PetscInt> row_starts(MPI_Comm comm, RowRange mine);
 
-/// Moves dense rows between layouts. Every rank offers the rows `offered` of `columns` columns
-/// (column-major, leading dimension offered.size()), which are columns first_column … of the
-/// result, and gets the rows `wanted` of all columns. Serves group ← world (all offer the same
-/// columns) and world ← groups (each group offers its own). Collective on comm.
+/// Moves dense rows between layouts. Every rank offers the rows `offered` of `columns`
+/// columns (column-major, leading dimension offered.size()), which are columns
+/// first_column … of the result, and gets the rows `wanted` of all columns. Serves group
+/// ← world (all offer the same columns) and world ← groups (each group offers its own).
+/// Collective on comm.
 template <class T>
 std::vector<T> exchange_rows(MPI_Comm comm, RowRange offered, std::span<const T> values,
                              PetscInt columns, PetscInt first_column, RowRange wanted,

@@ -7,8 +7,8 @@
 
 namespace flexgram {
 
-/// What this body needs, and what is skipped and why. Printed before the work starts and stored
-/// with the result.
+/// What this body needs, and what is skipped and why. Printed before the work starts and
+/// stored with the result.
 class Plan {
 public:
   void fact(const std::string& name, const std::string& value);

@@ -32,8 +32,8 @@ bool set_blas_threads(int threads) {
   for (const char* variable :
        {"OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "OMP_NUM_THREADS"})
     if (std::getenv(variable)) return true;
-  for (const char* name : {"openblas_set_num_threads", "MKL_Set_Num_Threads",
-                           "bli_thread_set_num_threads"})
+  for (const char* name :
+       {"openblas_set_num_threads", "MKL_Set_Num_Threads", "bli_thread_set_num_threads"})
     if (void* symbol = dlsym(RTLD_DEFAULT, name)) {
       reinterpret_cast<void (*)(int)>(symbol)(threads);
       return true;

@@ -11,13 +11,13 @@ struct NodeShare {
 };
 NodeShare node_share(MPI_Comm comm);
 
-/// Sets the threads of the BLAS that is loaded (OpenBLAS, MKL, BLIS); false if the library is
-/// one without threads. A user's own OPENBLAS_NUM_THREADS, MKL_NUM_THREADS, BLIS_NUM_THREADS
-/// or OMP_NUM_THREADS wins.
+/// Sets the threads of the BLAS that is loaded (OpenBLAS, MKL, BLIS); false if the
+/// library is one without threads. A user's own OPENBLAS_NUM_THREADS, MKL_NUM_THREADS,
+/// BLIS_NUM_THREADS or OMP_NUM_THREADS wins.
 bool set_blas_threads(int threads);
 
-/// Makes malloc keep freed pages: large work arrays are reused by each factorisation, and the
-/// first touch of fresh memory is dear in virtual machines.
+/// Makes malloc keep freed pages: large work arrays are reused by each factorisation, and
+/// the first touch of fresh memory is dear in virtual machines.
 void keep_freed_pages();
 
 /// Peak resident memory of this process [MB].

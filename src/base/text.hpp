@@ -13,7 +13,8 @@ namespace flexgram {
 std::string nearest(std::string_view word, const std::vector<std::string>& candidates);
 
 /// "a, b, c"
-std::string join(const std::vector<std::string>& words, std::string_view separator = ", ");
+std::string join(const std::vector<std::string>& words,
+                 std::string_view separator = ", ");
 
 /// Splits at `separator`, drops empty parts and surrounding blanks.
 std::vector<std::string> split(std::string_view line, char separator);

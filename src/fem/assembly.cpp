@@ -42,16 +42,18 @@ public:
       const auto width = static_cast<std::size_t>(node_count(elements.block->type));
       for (std::size_t k = 0; k < elements.number.size(); ++k, ++e)
         add(elements, k, elements.connectivity.data() + k * width,
-            masters.node.data() + masters.start[e], masters.start[e + 1] - masters.start[e],
-            matrix);
+            masters.node.data() + masters.start[e],
+            masters.start[e + 1] - masters.start[e], matrix);
     }
     if (inverted_ > 0)
-      throw Error(first_inverted_ +
-                  (inverted_ > 1 ? text("; so are %lld more", static_cast<long long>(inverted_ - 1))
-                                 : std::string()) +
-                  (inverted_ == facts_.elements
-                       ? " (all of them: is the mesh mirrored or its node order another one?)"
-                       : ""));
+      throw Error(
+          first_inverted_ +
+          (inverted_ > 1
+               ? text("; so are %lld more", static_cast<long long>(inverted_ - 1))
+               : std::string()) +
+          (inverted_ == facts_.elements
+               ? " (all of them: is the mesh mirrored or its node order another one?)"
+               : ""));
   }
 
 private:
@@ -76,8 +78,8 @@ private:
       if (++inverted_ == 1) first_inverted_ = describe(elements, k, element.min_detJ);
       return;
     }
-    const Dense T = transformation(nodes, count, dofs_per_node(block.type), masters,
-                                   master_count);
+    const Dense T =
+        transformation(nodes, count, dofs_per_node(block.type), masters, master_count);
     const auto reduce = [&](const Dense& a) {
       return a.data.empty() ? Dense() : multiply_transposed(T, multiply(a, T));
     };
@@ -125,14 +127,14 @@ private:
     const MeshBlock& block = *elements.block;
     const std::string ids = block.path + "/ids";
     const std::int64_t number = elements.number[k];
-    const long long id = file_.exists(ids)
-                             ? static_cast<long long>(
-                                   file_.read<std::int64_t>(ids, number, 1).front())
-                             : static_cast<long long>(number);
-    return text("file %s: element %lld (%s, material %s) is inverted or flat: its Jacobian "
-                "determinant is %.3g",
-                file_.path().c_str(), id, element_name(block.type), block.material.c_str(),
-                det);
+    const long long id =
+        file_.exists(ids)
+            ? static_cast<long long>(file_.read<std::int64_t>(ids, number, 1).front())
+            : static_cast<long long>(number);
+    return text(
+        "file %s: element %lld (%s, material %s) is inverted or flat: its Jacobian "
+        "determinant is %.3g",
+        file_.path().c_str(), id, element_name(block.type), block.material.c_str(), det);
   }
 
   const BodyDescription& body_;
@@ -151,7 +153,8 @@ std::vector<std::int64_t> further_nodes(const BodyDescription& body,
   for (const auto& interface : body.interfaces)
     nodes.insert(nodes.end(), interface.nodes.begin(), interface.nodes.end());
   for (std::size_t node = 0; node < partition.node_owner.size(); ++node)
-    if (partition.node_owner[node] == rank) nodes.push_back(static_cast<std::int64_t>(node));
+    if (partition.node_owner[node] == rank)
+      nodes.push_back(static_cast<std::int64_t>(node));
   return nodes;
 }
 
@@ -160,9 +163,10 @@ void fill_dof_lists(const DofMap& map, const LocalMesh& mesh, int rank,
   for (std::size_t i = 0; i < map.dofs.size(); ++i) {
     if (map.owner[i] != rank || map.first[i] < 0) continue;
     const auto node = static_cast<std::int64_t>(i);
-    const Vector3& x = node < map.points
-                           ? mesh.coordinates[mesh.place(node)]
-                           : map.reference_position[i - static_cast<std::size_t>(map.points)];
+    const Vector3& x =
+        node < map.points
+            ? mesh.coordinates[mesh.place(node)]
+            : map.reference_position[i - static_cast<std::size_t>(map.points)];
     for (int c = 0; c < map.dofs[i]; ++c) {
       if (map.equation(node, c) < 0) continue;
       model.node.push_back(node);
@@ -200,13 +204,13 @@ SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
   for (const auto& elements : mesh.elements) {
     const int width = node_count(elements.block->type);
     for (std::size_t k = 0; k < elements.number.size(); ++k)
-      append_masters(map, elements.connectivity.data() + k * static_cast<std::size_t>(width),
+      append_masters(map,
+                     elements.connectivity.data() + k * static_cast<std::size_t>(width),
                      width, masters);
   }
   NodeMatrix matrix(map, masters.start, masters.node);
-  agree(comm, [&] {
-    ElementAssembler(body, map, mesh, file, facts).run(masters, matrix);
-  });
+  agree(comm,
+        [&] { ElementAssembler(body, map, mesh, file, facts).run(masters, matrix); });
   masters = {};
   matrix.assemble(comm, model.K, model.M);
   facts.elements = sum_over(comm, facts.elements);
@@ -214,9 +218,10 @@ SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
   facts.mass = sum_over(comm, facts.mass);
   facts.worst_shape = -max_over(comm, -facts.worst_shape);
   if (facts.worst_shape < 0.01)
-    monitor.warn(text("mesh quality: in the worst element the Jacobian determinant varies by "
-                      "a factor of %.0f",
-                      1 / facts.worst_shape));
+    monitor.warn(
+        text("mesh quality: in the worst element the Jacobian determinant varies by "
+             "a factor of %.0f",
+             1 / facts.worst_shape));
 
   Ports ports = interface_ports(comm, body, map, [&](std::int64_t node) {
     return mesh.coordinates[mesh.place(node)];

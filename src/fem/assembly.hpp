@@ -9,15 +9,17 @@ namespace flexgram {
 /// What the assembly found on its way.
 struct AssemblyFacts {
   std::int64_t elements = 0;
-  double mass = 0;               ///< [kg]
+  double mass = 0;                 ///< [kg]
   std::int64_t rigid_elements = 0; ///< inside one rigid interface: mass only
-  double worst_shape = 1;        ///< smallest ratio of Jacobian determinants in an element
+  double worst_shape = 1; ///< smallest ratio of Jacobian determinants in an element
 };
 
-/// Reads the mesh of a body file, partitions it, assembles K and M in parallel, couples the
-/// interfaces and applies the supports. Ports in the order of the interfaces: fx, fy, fz, mx,
-/// my, mz each; outputs are the inputs.
-/// @throws Error naming inverted elements, nodes in two interfaces, and so on. Collective.
-SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts, Monitor& monitor);
+/// Reads the mesh of a body file, partitions it, assembles K and M in parallel, couples
+/// the interfaces and applies the supports. Ports in the order of the interfaces: fx, fy,
+/// fz, mx, my, mz each; outputs are the inputs.
+/// @throws Error naming inverted elements, nodes in two interfaces, and so on.
+/// Collective.
+SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
+                               Monitor& monitor);
 
 } // namespace flexgram

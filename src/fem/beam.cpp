@@ -8,9 +8,12 @@ namespace flexgram {
 namespace {
 
 Vector3 cross(const Vector3& a, const Vector3& b) {
-  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]};
+  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2],
+          a[0] * b[1] - a[1] * b[0]};
 }
-double norm(const Vector3& a) { return std::sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]); }
+double norm(const Vector3& a) {
+  return std::sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]);
+}
 
 /// Local axes as rows.
 std::array<Vector3, 3> local_axes(const Vector3& first, const Vector3& second,
@@ -27,8 +30,9 @@ std::array<Vector3, 3> local_axes(const Vector3& first, const Vector3& second,
   return {x, cross(z, x), z};
 }
 
-/// One bending plane: displacement v and rotation θ with v' = θ for a slender beam. Stiffness
-/// and mass for (v1, θ1, v2, θ2) by four Gauss points, exact for the cubic interpolation.
+/// One bending plane: displacement v and rotation θ with v' = θ for a slender beam.
+/// Stiffness and mass for (v1, θ1, v2, θ2) by four Gauss points, exact for the cubic
+/// interpolation.
 void bending(double L, double EI, double shear, double line_mass, double rotary, Dense& K,
              Dense& M) {
   constexpr double x[4] = {-0.861136311594052575224, -0.339981043584856264803,
@@ -42,18 +46,18 @@ void bending(double L, double EI, double shear, double line_mass, double rotary,
                          f * L * (s * s * s - (2 + phi / 2) * s * s + (1 + phi / 2) * s),
                          -f * (2 * s * s * s - 3 * s * s - phi * s),
                          f * L * (s * s * s - (1 - phi / 2) * s * s - phi / 2 * s)};
-    const double dv[4] = {f / L * (6 * s * s - 6 * s - phi),
-                          f * (3 * s * s - (4 + phi) * s + 1 + phi / 2),
-                          -f / L * (6 * s * s - 6 * s - phi),
-                          f * (3 * s * s - (2 - phi) * s - phi / 2)};
-    const double t[4] = {f * 6 / L * (s * s - s), f * (3 * s * s - (4 + phi) * s + 1 + phi),
+    const double dv[4] = {
+        f / L * (6 * s * s - 6 * s - phi), f * (3 * s * s - (4 + phi) * s + 1 + phi / 2),
+        -f / L * (6 * s * s - 6 * s - phi), f * (3 * s * s - (2 - phi) * s - phi / 2)};
+    const double t[4] = {f * 6 / L * (s * s - s),
+                         f * (3 * s * s - (4 + phi) * s + 1 + phi),
                          -f * 6 / L * (s * s - s), f * (3 * s * s - (2 - phi) * s)};
     const double dt[4] = {f * 6 / (L * L) * (2 * s - 1), f / L * (6 * s - (4 + phi)),
                           -f * 6 / (L * L) * (2 * s - 1), f / L * (6 * s - (2 - phi))};
     for (int i = 0; i < 4; ++i)
       for (int j = 0; j < 4; ++j) {
-        K(i, j) += weight * (EI * dt[i] * dt[j] +
-                             shear * (dv[i] - t[i]) * (dv[j] - t[j]));
+        K(i, j) +=
+            weight * (EI * dt[i] * dt[j] + shear * (dv[i] - t[i]) * (dv[j] - t[j]));
         M(i, j) += weight * (line_mass * v[i] * v[j] + rotary * t[i] * t[j]);
       }
   }
@@ -80,7 +84,7 @@ ElementMatrices beam_matrices(const Vector3& first, const Vector3& second,
   };
   bar(0, material.E * section.A, line_mass);
   bar(3, material.G * section.J, rho * (section.I_y + section.I_z));
-  const auto plane = [&](const int (&dof)[4], double sign, double I, double k) {
+  const auto plane = [&](const int(&dof)[4], double sign, double I, double k) {
     Dense k4(4, 4), m4(4, 4);
     bending(L, material.E * I, k * material.G * section.A, line_mass, rho * I, k4, m4);
     const double s[4] = {1, sign, 1, sign};
@@ -97,7 +101,8 @@ ElementMatrices beam_matrices(const Vector3& first, const Vector3& second,
   for (int block = 0; block < 4; ++block)
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j)
-        R(3 * block + i, 3 * block + j) = axes[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)];
+        R(3 * block + i, 3 * block + j) =
+            axes[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)];
   result.K = multiply_transposed(R, multiply(K, R));
   result.M = multiply_transposed(R, multiply(M, R));
   symmetrise(result.K);

@@ -32,9 +32,10 @@ void add_unit_loads(const Interface& interface, const DofMap& map, std::int64_t 
   for (int c = 0; c < map.dofs[static_cast<std::size_t>(node)]; ++c) {
     const PetscInt row = map.equation(node, c);
     if (row < 0)
-      throw Error(text("interface %s: component %s is held by a support, no force can act "
-                       "there",
-                       interface.name.c_str(), component_names[c]));
+      throw Error(
+          text("interface %s: component %s is held by a support, no force can act "
+               "there",
+               interface.name.c_str(), component_names[c]));
     entries.push_back({row, static_cast<int>(names.size()), 1.0});
     names.push_back(interface.name + "." + component_names[c]);
   }
@@ -57,11 +58,13 @@ void add_distributed_loads(const Interface& interface, const DofMap& map,
   Dense scaled = normal;
   for (int i = 0; i < 6; ++i)
     for (int j = 0; j < 6; ++j)
-      scaled(i, j) /= std::sqrt(std::max(normal(i, i), 1e-300) * std::max(normal(j, j), 1e-300));
+      scaled(i, j) /=
+          std::sqrt(std::max(normal(i, i), 1e-300) * std::max(normal(j, j), 1e-300));
   if (!(symmetric_eigen(scaled).values.front() > 1e-10))
-    throw Error(text("interface %s: its %zu nodes cannot carry all six loads (they lie on a "
-                     "line or in a point)",
-                     interface.name.c_str(), interface.nodes.size()));
+    throw Error(
+        text("interface %s: its %zu nodes cannot carry all six loads (they lie on a "
+             "line or in a point)",
+             interface.name.c_str(), interface.nodes.size()));
   Dense l = normal;
   cholesky(l);
   Dense inverse_factor = identity(6);

@@ -7,14 +7,15 @@
 
 namespace flexgram {
 
-/// Motion of a point at distance d from a reference node: u_c = Σ_j G(c, j) q_j for the six
-/// motions q (three translations, three small rotations) of the reference. 3 × 6.
+/// Motion of a point at distance d from a reference node: u_c = Σ_j G(c, j) q_j for the
+/// six motions q (three translations, three small rotations) of the reference. 3 × 6.
 Dense rigid_motion(const Vector3& d);
 
 /// Ports of all interfaces: B (n × ports) and their names.
 /// rigid: unit loads on the six dofs of the reference node. node: unit loads on its dofs.
-/// distributing: B = W G (Gᵀ W G)⁻¹ over the nodes of the set, so that a load at the reference is
-/// spread statically equivalently and the output is the weighted mean motion (RBE3).
+/// distributing: B = W G (Gᵀ W G)⁻¹ over the nodes of the set, so that a load at the
+/// reference is spread statically equivalently and the output is the weighted mean motion
+/// (RBE3).
 struct Ports {
   Block B;
   std::vector<std::string> names;

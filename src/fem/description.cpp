@@ -14,7 +14,8 @@ std::array<T, N> fixed(const Hdf5File& file, const std::string& object,
   const auto values = file.numbers_attribute(object, name);
   if (values.size() != N)
     throw Error(text("file %s: attribute %s of %s must have %zu numbers, it has %zu",
-                     file.path().c_str(), name.c_str(), object.c_str(), N, values.size()));
+                     file.path().c_str(), name.c_str(), object.c_str(), N,
+                     values.size()));
   std::array<T, N> result;
   std::copy(values.begin(), values.end(), result.begin());
   return result;
@@ -24,10 +25,11 @@ std::array<T, N> fixed(const Hdf5File& file, const std::string& object,
 void check_units(const std::string& name, double E, double density) {
   const double speed = std::sqrt(E / density);
   if (speed < 20 || speed > 50000)
-    throw Error(text("material %s: the speed of sound sqrt(E/rho) = %.3g m/s cannot be, E = %g "
-                     "Pa and rho = %g kg/m^3 do not belong together (E in Pa, rho in kg/m^3; "
-                     "`units: mm-t-s` in the YAML file converts)",
-                     name.c_str(), speed, E, density));
+    throw Error(
+        text("material %s: the speed of sound sqrt(E/rho) = %.3g m/s cannot be, E = %g "
+             "Pa and rho = %g kg/m^3 do not belong together (E in Pa, rho in kg/m^3; "
+             "`units: mm-t-s` in the YAML file converts)",
+             name.c_str(), speed, E, density));
 }
 
 Material read_material(const Hdf5File& file, const std::string& name) {
@@ -48,7 +50,8 @@ Material read_material(const Hdf5File& file, const std::string& name) {
       const auto constants = fixed<double, 9>(file, object, "engineering_constants");
       material.solid =
           orthotropic(constants, fixed<double, 9>(file, object, "axes"), density);
-      check_units(name, *std::max_element(constants.begin(), constants.begin() + 3), density);
+      check_units(name, *std::max_element(constants.begin(), constants.begin() + 3),
+                  density);
     }
   } catch (Error& error) {
     error.add_context("file " + file.path() + ": material " + name);
@@ -66,8 +69,8 @@ BeamSection read_section(const Hdf5File& file, const std::string& name) {
   for (auto [key, value] : fields) {
     *value = file.number_attribute(object, key);
     if (!(*value > 0))
-      throw Error(text("file %s: section %s: %s = %g must be positive", file.path().c_str(),
-                       name.c_str(), key, *value));
+      throw Error(text("file %s: section %s: %s = %g must be positive",
+                       file.path().c_str(), name.c_str(), key, *value));
   }
   section.y_axis = fixed<double, 3>(file, object, "y_axis");
   return section;
@@ -78,7 +81,8 @@ MeshBlock read_block(const Hdf5File& file, const std::string& path) {
   block.path = path;
   block.type = element_type(file.text_attribute(path, "type"));
   block.material = file.text_attribute(path, "material");
-  if (block.type == ElementType::beam2) block.section = file.text_attribute(path, "section");
+  if (block.type == ElementType::beam2)
+    block.section = file.text_attribute(path, "section");
   const auto shape = file.shape(path + "/connectivity");
   if (shape.size() != 2 || shape[1] != node_count(block.type))
     throw Error(text("file %s: %s/connectivity must be elements × %d for %s",
@@ -126,9 +130,10 @@ Interface read_interface(const Hdf5File& file, const std::string& name,
     if (interface.weights.size() != interface.nodes.size() ||
         std::any_of(interface.weights.begin(), interface.weights.end(),
                     [](double w) { return !(w >= 0); }))
-      throw Error(text("file %s: interface %s: weights must be one number, zero or more, a "
-                       "node",
-                       file.path().c_str(), name.c_str()));
+      throw Error(
+          text("file %s: interface %s: weights must be one number, zero or more, a "
+               "node",
+               file.path().c_str(), name.c_str()));
   }
   if (interface.coupling == Coupling::node && interface.nodes.size() != 1)
     throw Error(text("file %s: interface %s: coupling node takes one node, it has %zu",
@@ -137,12 +142,14 @@ Interface read_interface(const Hdf5File& file, const std::string& name,
 }
 
 /// Children of a group in the order of their attribute `order`, if they have one.
-std::vector<std::string> ordered_children(const Hdf5File& file, const std::string& group) {
+std::vector<std::string> ordered_children(const Hdf5File& file,
+                                          const std::string& group) {
   if (!file.exists(group)) return {};
   auto names = file.children(group);
   const auto key = [&](const std::string& name) {
     const std::string object = group + "/" + name;
-    return file.has_attribute(object, "order") ? file.number_attribute(object, "order") : 0.0;
+    return file.has_attribute(object, "order") ? file.number_attribute(object, "order")
+                                               : 0.0;
   };
   std::stable_sort(names.begin(), names.end(),
                    [&](const auto& a, const auto& b) { return key(a) < key(b); });
@@ -176,12 +183,14 @@ BodyDescription read_description(const Hdf5File& file) {
     for (const auto& block : body.blocks) {
       const auto material = body.materials.find(block.material);
       if (material == body.materials.end())
-        throw Error(text("file %s: %s: material %s is not in /materials", file.path().c_str(),
-                         block.path.c_str(), block.material.c_str()));
+        throw Error(text("file %s: %s: material %s is not in /materials",
+                         file.path().c_str(), block.path.c_str(),
+                         block.material.c_str()));
       if (block.type == ElementType::beam2) {
         if (!body.sections.count(block.section))
           throw Error(text("file %s: %s: section %s is not in /sections",
-                           file.path().c_str(), block.path.c_str(), block.section.c_str()));
+                           file.path().c_str(), block.path.c_str(),
+                           block.section.c_str()));
         if (!material->second.isotropic)
           throw Error(text("file %s: %s: beams need an isotropic material",
                            file.path().c_str(), block.path.c_str()));
@@ -190,16 +199,17 @@ BodyDescription read_description(const Hdf5File& file) {
     for (const auto& name : ordered_children(file, "/interfaces"))
       body.interfaces.push_back(read_interface(file, name, body.points));
     if (body.interfaces.empty())
-      throw Error(text("file %s: /interfaces is empty: a body without ports has nothing to "
-                       "reduce",
-                       file.path().c_str()));
+      throw Error(
+          text("file %s: /interfaces is empty: a body without ports has nothing to "
+               "reduce",
+               file.path().c_str()));
     for (const auto& name : ordered_children(file, "/supports")) {
       const std::string object = "/supports/" + name;
       Support support{name, read_nodes(file, object, body.points), {}};
       for (double c : file.numbers_attribute(object, "components")) {
         if (c != std::floor(c) || c < 0 || c > 5)
-          throw Error(text("file %s: %s: component %g must be 0 to 5", file.path().c_str(),
-                           object.c_str(), c));
+          throw Error(text("file %s: %s: component %g must be 0 to 5",
+                           file.path().c_str(), object.c_str(), c));
         support.components.push_back(static_cast<int>(c));
       }
       body.supports.push_back(std::move(support));

@@ -26,8 +26,8 @@ void require_used(const DofMap& map, const char* kind, const std::string& name,
                   const std::vector<std::int64_t>& nodes) {
   for (auto node : nodes)
     if (map.dofs[static_cast<std::size_t>(node)] == 0)
-      throw Error(text("%s %s: node %lld (0-based) belongs to no element", kind, name.c_str(),
-                       ll(node)));
+      throw Error(text("%s %s: node %lld (0-based) belongs to no element", kind,
+                       name.c_str(), ll(node)));
 }
 
 void add_rigid_interface(const Interface& interface, DofMap& map) {
@@ -45,9 +45,10 @@ void add_rigid_interface(const Interface& interface, DofMap& map) {
                        "interface",
                        interface.name.c_str(), ll(node)));
     if (map.held[static_cast<std::size_t>(node)])
-      throw Error(text("interface %s: node %lld (0-based) is also held by a support; a rigid "
-                       "interface cannot be",
-                       interface.name.c_str(), ll(node)));
+      throw Error(
+          text("interface %s: node %lld (0-based) is also held by a support; a rigid "
+               "interface cannot be",
+               interface.name.c_str(), ll(node)));
     master = reference;
   }
 }
@@ -105,7 +106,8 @@ DofMap number_equations(const Hdf5File& file, const BodyDescription& body,
           map.equations(static_cast<std::int64_t>(i));
   for (std::size_t r = 1; r < next.size(); ++r) next[r] += next[r - 1];
   map.n = next.back();
-  map.rows = {next[static_cast<std::size_t>(rank)], next[static_cast<std::size_t>(rank) + 1]};
+  map.rows = {next[static_cast<std::size_t>(rank)],
+              next[static_cast<std::size_t>(rank) + 1]};
   if (map.n == 0) throw Error("every dof is held: nothing is left to move");
   map.first.assign(map.dofs.size(), -1);
   for (std::size_t i = 0; i < map.dofs.size(); ++i) {

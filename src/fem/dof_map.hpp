@@ -4,17 +4,18 @@
 
 namespace flexgram {
 
-/// Numbers the equations. Nodes of the mesh come first (0 … points − 1), then one reference node
-/// for each rigid interface. A node has three dofs, six where a beam ends or at a reference;
-/// slaves of a rigid interface and dofs held by a support have no equation. The equations of a
-/// rank follow each other, node by node. The same on every rank, about 20 bytes a node.
+/// Numbers the equations. Nodes of the mesh come first (0 … points − 1), then one
+/// reference node for each rigid interface. A node has three dofs, six where a beam ends
+/// or at a reference; slaves of a rigid interface and dofs held by a support have no
+/// equation. The equations of a rank follow each other, node by node. The same on every
+/// rank, about 20 bytes a node.
 struct DofMap {
-  std::int64_t points = 0; ///< nodes of the mesh
-  std::vector<std::int8_t> dofs;   ///< 0 (unused), 3 or 6
-  std::vector<std::uint8_t> held;  ///< bit c: component c is held by a support
-  std::vector<int> reference;      ///< node number of the master of a slave, or −1
-  std::vector<int> owner;          ///< rank, −1 for unused nodes
-  std::vector<PetscInt> first;     ///< first equation of the node, −1 if it has none
+  std::int64_t points = 0;        ///< nodes of the mesh
+  std::vector<std::int8_t> dofs;  ///< 0 (unused), 3 or 6
+  std::vector<std::uint8_t> held; ///< bit c: component c is held by a support
+  std::vector<int> reference;     ///< node number of the master of a slave, or −1
+  std::vector<int> owner;         ///< rank, −1 for unused nodes
+  std::vector<PetscInt> first;    ///< first equation of the node, −1 if it has none
   std::vector<Vector3> reference_position; ///< of the reference nodes
   PetscInt n = 0;
   RowRange rows;
@@ -26,8 +27,8 @@ struct DofMap {
   std::vector<std::int64_t> reference_of_interface;
 };
 
-/// @throws Error for a node in two rigid interfaces, a supported slave, a node of an interface
-/// or support that belongs to no element. Collective.
+/// @throws Error for a node in two rigid interfaces, a supported slave, a node of an
+/// interface or support that belongs to no element. Collective.
 DofMap number_equations(const Hdf5File& file, const BodyDescription& body,
                         const Partition& partition);
 

@@ -16,8 +16,8 @@ enum class ElementType { tet4, tet10, hex8, hex20, wedge15, beam2 };
 /// reduced: the points of the stiffness (one for Tet4, four for Tet10), as CalculiX does.
 enum class MassRule { full, reduced };
 
-/// Elastic law in the element's axes, 6×6 in the order xx, yy, zz, xy, yz, zx with engineering
-/// shear strains [N/m²], and density [kg/m³].
+/// Elastic law in the element's axes, 6×6 in the order xx, yy, zz, xy, yz, zx with
+/// engineering shear strains [N/m²], and density [kg/m³].
 struct SolidMaterial {
   std::array<double, 36> stiffness{};
   double density = 0;
@@ -27,14 +27,15 @@ struct SolidMaterial {
 SolidMaterial isotropic(double E, double nu, double density);
 
 /// Engineering constants in the material axes: E1, E2, E3, ν12, ν13, ν23, G12, G13, G23;
-/// `axes` holds the material's 1, 2, 3 directions as rows, orthonormal, in global coordinates.
+/// `axes` holds the material's 1, 2, 3 directions as rows, orthonormal, in global
+/// coordinates.
 /// @throws Error unless the law is positive definite.
 SolidMaterial orthotropic(const std::array<double, 9>& constants,
                           const std::array<double, 9>& axes, double density);
 
-/// Cross section of a beam: area [m²], second moments of area about the local y and z [m⁴],
-/// torsion constant J [m⁴], shear correction factors for forces along y and z. `y_axis` points
-/// towards local y; its part along the beam is ignored.
+/// Cross section of a beam: area [m²], second moments of area about the local y and z
+/// [m⁴], torsion constant J [m⁴], shear correction factors for forces along y and z.
+/// `y_axis` points towards local y; its part along the beam is ignored.
 struct BeamSection {
   double A = 0, I_y = 0, I_z = 0, J = 0, k_y = 1, k_z = 1;
   Vector3 y_axis{0, 1, 0};
@@ -59,16 +60,17 @@ int dofs_per_node(ElementType type);
 ElementType element_type(const std::string& name);
 const char* element_name(ElementType type);
 
-/// Isoparametric solid with consistent mass. Node order of VTK (and Abaqus, CalculiX; mid-edge
-/// nodes of gmsh's Tet10 differ, meshio translates). Hex8 has the three incompatible modes of
-/// Taylor, Beresford and Wilson (1976), condensed. `with_stiffness` false leaves K empty.
+/// Isoparametric solid with consistent mass. Node order of VTK (and Abaqus, CalculiX;
+/// mid-edge nodes of gmsh's Tet10 differ, meshio translates). Hex8 has the three
+/// incompatible modes of Taylor, Beresford and Wilson (1976), condensed. `with_stiffness`
+/// false leaves K empty.
 ElementMatrices solid_matrices(ElementType type, const std::vector<Vector3>& nodes,
                                const SolidMaterial& material, MassRule mass_rule,
                                bool with_stiffness = true);
 
-/// Two-node Timoshenko beam with the interdependent interpolation of Friedman and Kosmatka
-/// (1993): exact stiffness for end loads, no locking, consistent translational and rotary mass.
-/// Dofs u, v, w, θx, θy, θz at each end, global axes.
+/// Two-node Timoshenko beam with the interdependent interpolation of Friedman and
+/// Kosmatka (1993): exact stiffness for end loads, no locking, consistent translational
+/// and rotary mass. Dofs u, v, w, θx, θy, θz at each end, global axes.
 ElementMatrices beam_matrices(const Vector3& first, const Vector3& second,
                               const BeamMaterial& material, const BeamSection& section);
 

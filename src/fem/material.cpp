@@ -18,7 +18,8 @@ bool invert(Dense a, std::array<double, 36>& inverse) {
   return true;
 }
 
-/// Strains in material axes from strains in global axes; R holds the material axes as rows.
+/// Strains in material axes from strains in global axes; R holds the material axes as
+/// rows.
 Dense strain_rotation(const std::array<double, 9>& R) {
   // Order xx, yy, zz, xy, yz, zx: pairs of axes.
   constexpr int pair[6][2] = {{0, 0}, {1, 1}, {2, 2}, {0, 1}, {1, 2}, {2, 0}};
@@ -28,8 +29,8 @@ Dense strain_rotation(const std::array<double, 9>& R) {
     for (int b = 0; b < 6; ++b) {
       const int i = pair[a][0], j = pair[a][1], k = pair[b][0], l = pair[b][1];
       // ε'_ij = R_ik R_jl ε_kl, with γ = 2ε off the diagonal on both sides.
-      const double product = k == l ? r(i, k) * r(j, k)
-                                    : 0.5 * (r(i, k) * r(j, l) + r(i, l) * r(j, k));
+      const double product =
+          k == l ? r(i, k) * r(j, k) : 0.5 * (r(i, k) * r(j, l) + r(i, l) * r(j, k));
       T(a, b) = (i == j ? 1 : 2) * product;
     }
   return T;
@@ -39,7 +40,8 @@ Dense strain_rotation(const std::array<double, 9>& R) {
 
 SolidMaterial isotropic(double E, double nu, double density) {
   if (!(E > 0)) throw Error(text("E = %g: Young's modulus must be positive", E));
-  if (!(nu > -1 && nu < 0.5)) throw Error(text("nu = %g: must lie between -1 and 0.5", nu));
+  if (!(nu > -1 && nu < 0.5))
+    throw Error(text("nu = %g: must lie between -1 and 0.5", nu));
   SolidMaterial material;
   material.density = density;
   const double lambda = E * nu / ((1 + nu) * (1 - 2 * nu)), mu = E / (2 * (1 + nu));
@@ -61,7 +63,8 @@ SolidMaterial orthotropic(const std::array<double, 9>& constants,
     for (int j = 0; j < 3; ++j) {
       double dot = 0;
       for (int k = 0; k < 3; ++k)
-        dot += axes[static_cast<std::size_t>(3 * i + k)] * axes[static_cast<std::size_t>(3 * j + k)];
+        dot += axes[static_cast<std::size_t>(3 * i + k)] *
+               axes[static_cast<std::size_t>(3 * j + k)];
       if (std::abs(dot - (i == j)) > 1e-9)
         throw Error("orthotropic material: the axes must be orthonormal rows");
     }

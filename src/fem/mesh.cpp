@@ -32,14 +32,17 @@ LocalMesh read_local_mesh(const Hdf5File& file, const BodyDescription& body,
         const auto nodes =
             file.read<std::int64_t>(block.path + "/connectivity", first, count);
         for (std::int64_t e = 0; e < count; ++e) {
-          if (partition.element_owner[b][static_cast<std::size_t>(first + e)] != rank) continue;
-          const auto begin = nodes.begin() + static_cast<long>(static_cast<std::size_t>(e) * width);
+          if (partition.element_owner[b][static_cast<std::size_t>(first + e)] != rank)
+            continue;
+          const auto begin =
+              nodes.begin() + static_cast<long>(static_cast<std::size_t>(e) * width);
           mine.number.push_back(first + e);
           mine.connectivity.insert(mine.connectivity.end(), begin,
                                    begin + static_cast<long>(width));
         }
       }
-      mesh.nodes.insert(mesh.nodes.end(), mine.connectivity.begin(), mine.connectivity.end());
+      mesh.nodes.insert(mesh.nodes.end(), mine.connectivity.begin(),
+                        mine.connectivity.end());
       mesh.elements.push_back(std::move(mine));
     }
     std::sort(mesh.nodes.begin(), mesh.nodes.end());
@@ -52,11 +55,12 @@ LocalMesh read_local_mesh(const Hdf5File& file, const BodyDescription& body,
       const auto points = file.read<double>("/mesh/points", first, count);
       for (; next < mesh.nodes.size() && mesh.nodes[next] < first + count; ++next)
         for (std::size_t a = 0; a < 3; ++a) {
-          const double x = points[static_cast<std::size_t>(3 * (mesh.nodes[next] - first)) + a];
+          const double x =
+              points[static_cast<std::size_t>(3 * (mesh.nodes[next] - first)) + a];
           if (!std::isfinite(x))
             throw Error(text("file %s: /mesh/points(%lld, %zu) = %g must be finite",
-                             file.path().c_str(), static_cast<long long>(mesh.nodes[next]), a,
-                             x));
+                             file.path().c_str(),
+                             static_cast<long long>(mesh.nodes[next]), a, x));
           mesh.coordinates[next][a] = x;
         }
     }

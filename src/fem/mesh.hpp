@@ -4,14 +4,15 @@
 
 namespace flexgram {
 
-/// Which rank owns each node and element. The same on every rank: four bytes a node and element.
+/// Which rank owns each node and element. The same on every rank: four bytes a node and
+/// element.
 struct Partition {
-  std::vector<int> node_owner; ///< −1: in no element
+  std::vector<int> node_owner;                 ///< −1: in no element
   std::vector<std::vector<int>> element_owner; ///< by block
 };
 
-/// METIS partition of the mesh into as many parts as comm has ranks, made on rank 0. One rank
-/// needs none. Collective.
+/// METIS partition of the mesh into as many parts as comm has ranks, made on rank 0. One
+/// rank needs none. Collective.
 Partition partition_mesh(const Hdf5File& file, const BodyDescription& body);
 
 /// The elements of this rank and the coordinates of their nodes.
@@ -29,8 +30,8 @@ struct LocalMesh {
   std::size_t place(std::int64_t node) const;
 };
 
-/// Streams the mesh from the file and keeps this rank's part. Also keeps the nodes in `extra`.
-/// Collective.
+/// Streams the mesh from the file and keeps this rank's part. Also keeps the nodes in
+/// `extra`. Collective.
 LocalMesh read_local_mesh(const Hdf5File& file, const BodyDescription& body,
                           const Partition& partition, std::vector<std::int64_t> extra);
 

@@ -81,12 +81,14 @@ void NodeMatrix::add(const std::int64_t* nodes, std::size_t count, const Dense& 
     const auto end = neighbour_.begin() + static_cast<long>(start_[row.local + 1]);
     for (const Member& column : members) {
       const auto found = std::lower_bound(begin, end, static_cast<int>(column.local));
-      const int first_column = column_start_[static_cast<std::size_t>(found - neighbour_.begin())];
+      const int first_column =
+          column_start_[static_cast<std::size_t>(found - neighbour_.begin())];
       for (int r = 0; r < row.dofs; ++r) {
         if (row.place[r] < 0) continue;
         const std::size_t offset =
             value_start_[row.local] +
-            static_cast<std::size_t>(row.place[r] * row_length_[row.local] + first_column);
+            static_cast<std::size_t>(row.place[r] * row_length_[row.local] +
+                                     first_column);
         for (int c = 0; c < column.dofs; ++c) {
           if (column.place[c] < 0) continue;
           const auto slot = offset + static_cast<std::size_t>(column.place[c]);

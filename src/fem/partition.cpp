@@ -19,11 +19,11 @@ WholeMesh read_whole_mesh(const Hdf5File& file, const BodyDescription& body) {
     const auto nodes = file.read_all<std::int64_t>(block.path + "/connectivity");
     for (std::size_t k = 0; k < nodes.size(); ++k)
       if (nodes[k] < 0 || nodes[k] >= body.points)
-        throw Error(text("file %s: element %zu of %s has node %lld, the mesh has %lld points",
-                         file.path().c_str(),
-                         k / static_cast<std::size_t>(node_count(block.type)),
-                         block.path.c_str(), static_cast<long long>(nodes[k]),
-                         static_cast<long long>(body.points)));
+        throw Error(
+            text("file %s: element %zu of %s has node %lld, the mesh has %lld points",
+                 file.path().c_str(),
+                 k / static_cast<std::size_t>(node_count(block.type)), block.path.c_str(),
+                 static_cast<long long>(nodes[k]), static_cast<long long>(body.points)));
     mesh.node.insert(mesh.node.end(), nodes.begin(), nodes.end());
     for (std::int64_t e = 0; e < block.elements; ++e)
       mesh.start.push_back(mesh.start.back() + node_count(block.type));
@@ -66,7 +66,8 @@ Partition partition_mesh(const Hdf5File& file, const BodyDescription& body) {
   partition.node_owner = std::move(node_part);
   auto first = element_part.begin();
   for (const auto& block : body.blocks) {
-    partition.element_owner.emplace_back(first, first + static_cast<long>(block.elements));
+    partition.element_owner.emplace_back(first,
+                                         first + static_cast<long>(block.elements));
     first += static_cast<long>(block.elements);
   }
   return partition;

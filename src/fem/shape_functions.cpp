@@ -29,10 +29,11 @@ void tetrahedron(ShapePoint& p, bool quadratic) {
   }
 }
 
-constexpr double hex_nodes[20][3] = {
-    {-1, -1, -1}, {1, -1, -1}, {1, 1, -1},  {-1, 1, -1}, {-1, -1, 1}, {1, -1, 1}, {1, 1, 1},
-    {-1, 1, 1},   {0, -1, -1}, {1, 0, -1},  {0, 1, -1},  {-1, 0, -1}, {0, -1, 1}, {1, 0, 1},
-    {0, 1, 1},    {-1, 0, 1},  {-1, -1, 0}, {1, -1, 0},  {1, 1, 0},   {-1, 1, 0}};
+constexpr double hex_nodes[20][3] = {{-1, -1, -1}, {1, -1, -1}, {1, 1, -1}, {-1, 1, -1},
+                                     {-1, -1, 1},  {1, -1, 1},  {1, 1, 1},  {-1, 1, 1},
+                                     {0, -1, -1},  {1, 0, -1},  {0, 1, -1}, {-1, 0, -1},
+                                     {0, -1, 1},   {1, 0, 1},   {0, 1, 1},  {-1, 0, 1},
+                                     {-1, -1, 0},  {1, -1, 0},  {1, 1, 0},  {-1, 1, 0}};
 
 void hexahedron8(ShapePoint& p) {
   p.N.resize(8);
@@ -142,8 +143,8 @@ std::vector<Point> tetrahedron_points(int count) {
   corner_family(0.31088591926330060980, 0.018781320953002641800);
   corner_family(0.092735250310891226402, 0.012248840519393658257);
   const double a = 0.045503704125649649492, b = 0.5 - a, w = 0.0070910034628469110730;
-  for (const Vector3& xi : {Vector3{a, a, b}, {a, b, a}, {b, a, a}, {a, b, b}, {b, a, b},
-                            {b, b, a}})
+  for (const Vector3& xi :
+       {Vector3{a, a, b}, {a, b, a}, {b, a, a}, {a, b, b}, {b, a, b}, {b, b, a}})
     points.push_back({xi, w});
   return points;
 }
@@ -171,18 +172,25 @@ std::vector<Point> wedge_points(bool full) {
 
 std::vector<ShapePoint> tabulate(ElementType type, const std::vector<Point>& points) {
   std::vector<ShapePoint> table;
-  for (const auto& point : points) table.push_back(shape_at(type, point.xi, point.weight));
+  for (const auto& point : points)
+    table.push_back(shape_at(type, point.xi, point.weight));
   return table;
 }
 
 std::vector<Point> points_of(ElementType type, bool mass) {
   switch (type) {
-  case ElementType::tet4: return tetrahedron_points(mass ? 4 : 1);
-  case ElementType::tet10: return tetrahedron_points(mass ? 14 : 4);
-  case ElementType::hex8: return gauss_cube(2);
-  case ElementType::hex20: return gauss_cube(3);
-  case ElementType::wedge15: return wedge_points(mass);
-  case ElementType::beam2: break;
+  case ElementType::tet4:
+    return tetrahedron_points(mass ? 4 : 1);
+  case ElementType::tet10:
+    return tetrahedron_points(mass ? 14 : 4);
+  case ElementType::hex8:
+    return gauss_cube(2);
+  case ElementType::hex20:
+    return gauss_cube(3);
+  case ElementType::wedge15:
+    return wedge_points(mass);
+  case ElementType::beam2:
+    break;
   }
   return {};
 }
@@ -192,7 +200,8 @@ const std::vector<ShapePoint>& cached(ElementType type, bool mass) {
     std::array<std::array<std::vector<ShapePoint>, 2>, 5> all;
     for (std::size_t t = 0; t < 5; ++t)
       for (std::size_t m = 0; m < 2; ++m)
-        all[t][m] = tabulate(static_cast<ElementType>(t), points_of(static_cast<ElementType>(t), m));
+        all[t][m] = tabulate(static_cast<ElementType>(t),
+                             points_of(static_cast<ElementType>(t), m));
     return all;
   }();
   return tables[static_cast<std::size_t>(type)][mass];
@@ -203,12 +212,23 @@ const std::vector<ShapePoint>& cached(ElementType type, bool mass) {
 ShapePoint shape_at(ElementType type, const Vector3& xi, double weight) {
   ShapePoint p{xi, weight, {}, {}};
   switch (type) {
-  case ElementType::tet4: tetrahedron(p, false); break;
-  case ElementType::tet10: tetrahedron(p, true); break;
-  case ElementType::hex8: hexahedron8(p); break;
-  case ElementType::hex20: hexahedron20(p); break;
-  case ElementType::wedge15: wedge15(p); break;
-  case ElementType::beam2: break;
+  case ElementType::tet4:
+    tetrahedron(p, false);
+    break;
+  case ElementType::tet10:
+    tetrahedron(p, true);
+    break;
+  case ElementType::hex8:
+    hexahedron8(p);
+    break;
+  case ElementType::hex20:
+    hexahedron20(p);
+    break;
+  case ElementType::wedge15:
+    wedge15(p);
+    break;
+  case ElementType::beam2:
+    break;
   }
   return p;
 }
@@ -216,6 +236,8 @@ ShapePoint shape_at(ElementType type, const Vector3& xi, double weight) {
 const std::vector<ShapePoint>& stiffness_points(ElementType type) {
   return cached(type, false);
 }
-const std::vector<ShapePoint>& mass_points(ElementType type) { return cached(type, true); }
+const std::vector<ShapePoint>& mass_points(ElementType type) {
+  return cached(type, true);
+}
 
 } // namespace flexgram

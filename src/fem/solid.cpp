@@ -15,10 +15,13 @@ struct TypeFacts {
   const char* name;
   int nodes, dofs;
 };
-constexpr TypeFacts facts[] = {{"tetra", 4, 3},         {"tetra10", 10, 3}, {"hexahedron", 8, 3},
-                               {"hexahedron20", 20, 3}, {"wedge15", 15, 3}, {"line", 2, 6}};
+constexpr TypeFacts facts[] = {{"tetra", 4, 3},      {"tetra10", 10, 3},
+                               {"hexahedron", 8, 3}, {"hexahedron20", 20, 3},
+                               {"wedge15", 15, 3},   {"line", 2, 6}};
 
-const TypeFacts& facts_of(ElementType type) { return facts[static_cast<std::size_t>(type)]; }
+const TypeFacts& facts_of(ElementType type) {
+  return facts[static_cast<std::size_t>(type)];
+}
 
 using Jacobian = std::array<Vector3, 3>; // J[a][b] = ∂x_b / ∂ξ_a
 
@@ -58,9 +61,12 @@ Vector3 to_global(const Jacobian& inv, const Vector3& d) {
 /// The six strains of displacement component c with gradient g, engineering shears.
 std::array<double, 6> strain(std::size_t c, const Vector3& g) {
   switch (c) {
-  case 0: return {g[0], 0, 0, g[1], 0, g[2]};
-  case 1: return {0, g[1], 0, g[0], g[2], 0};
-  default: return {0, 0, g[2], 0, g[1], g[0]};
+  case 0:
+    return {g[0], 0, 0, g[1], 0, g[2]};
+  case 1:
+    return {0, g[1], 0, g[0], g[2], 0};
+  default:
+    return {0, 0, g[2], 0, g[1], g[0]};
   }
 }
 
@@ -145,7 +151,8 @@ ElementMatrices solid_matrices(ElementType type, const std::vector<Vector3>& nod
     result.mass += w;
     for (int j = 0; j < n; ++j)
       for (int i = 0; i < n; ++i)
-        mass(i, j) += w * p.N[static_cast<std::size_t>(i)] * p.N[static_cast<std::size_t>(j)];
+        mass(i, j) +=
+            w * p.N[static_cast<std::size_t>(i)] * p.N[static_cast<std::size_t>(j)];
   }
   result.M = Dense(3 * n, 3 * n);
   for (int j = 0; j < n; ++j)

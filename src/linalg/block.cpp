@@ -78,16 +78,15 @@ std::vector<double> column_maxima(const Block& x) {
     for (PetscInt i = 0; i < x.local_rows().size(); ++i)
       local[static_cast<std::size_t>(j)] =
           std::max(local[static_cast<std::size_t>(j)], std::abs(access.column(j)[i]));
-  MPI_Allreduce(local.data(), all.data(), static_cast<int>(all.size()), MPI_DOUBLE, MPI_MAX,
-                x.comm());
+  MPI_Allreduce(local.data(), all.data(), static_cast<int>(all.size()), MPI_DOUBLE,
+                MPI_MAX, x.comm());
   return all;
 }
 
 Block move_block(MPI_Comm exchange, const Block& x, MPI_Comm comm_to, RowRange wanted) {
   Block::Access from(x);
-  const std::vector<double> rows =
-      exchange_rows<double>(exchange, x.local_rows(), from.all(), x.columns(), 0, wanted,
-                            x.columns());
+  const std::vector<double> rows = exchange_rows<double>(
+      exchange, x.local_rows(), from.all(), x.columns(), 0, wanted, x.columns());
   Block y(comm_to, wanted, x.rows(), x.columns());
   Block::Access to(y);
   std::copy(rows.begin(), rows.end(), to.all().begin());
@@ -105,9 +104,9 @@ Dense tsqr(Block& z) {
 namespace {
 
 int count_above(const std::vector<double>& values, double relative_floor) {
-  return static_cast<int>(
-      std::count_if(values.begin(), values.end(),
-                    [&](double s) { return s > relative_floor * values.front(); }));
+  return static_cast<int>(std::count_if(values.begin(), values.end(), [&](double s) {
+    return s > relative_floor * values.front();
+  }));
 }
 
 /// Z of one rank with fewer rows than columns: nothing to gain from a QR first.
@@ -122,7 +121,8 @@ BlockSvd wide_svd(const Block& z, double relative_floor) {
   return {std::move(svd.values), std::move(left)};
 }
 
-/// Householder QR is backward stable column by column, so small snapshots keep their digits.
+/// Householder QR is backward stable column by column, so small snapshots keep their
+/// digits.
 BlockSvd tall_svd(Block z, double relative_floor) {
   const Dense r = tsqr(z);
   LeftSvd svd = left_svd(r);
@@ -141,9 +141,11 @@ BlockSvd left_svd(Block z, double relative_floor) {
   if (comm_size(comm) == 1) return wide_svd(z, relative_floor);
 
   const bool first = comm_rank(comm) == 0;
-  const RowRange everything = first ? RowRange{0, z.rows()} : RowRange{z.rows(), z.rows()};
-  std::vector<double> gathered = exchange_rows<double>(
-      comm, z.local_rows(), Block::Access(z).all(), z.columns(), 0, everything, z.columns());
+  const RowRange everything =
+      first ? RowRange{0, z.rows()} : RowRange{z.rows(), z.rows()};
+  std::vector<double> gathered =
+      exchange_rows<double>(comm, z.local_rows(), Block::Access(z).all(), z.columns(), 0,
+                            everything, z.columns());
   BlockSvd result;
   std::vector<double> left;
   int kept = 0, count = 0;
@@ -164,7 +166,8 @@ BlockSvd left_svd(Block z, double relative_floor) {
   const std::vector<double> mine_again =
       exchange_rows<double>(comm, everything, left, kept, 0, z.local_rows(), kept);
   result.left = Block(comm, z.local_rows(), z.rows(), kept);
-  std::copy(mine_again.begin(), mine_again.end(), Block::Access(result.left).all().begin());
+  std::copy(mine_again.begin(), mine_again.end(),
+            Block::Access(result.left).all().begin());
   return result;
 }
 

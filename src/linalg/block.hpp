@@ -7,13 +7,16 @@
 namespace flexgram {
 
 /// A tall distributed block of real columns, n × k, rows split like the model's matrices,
-/// stored column-major on each rank. A SLEPc BV underneath, so its TSQR and products serve.
+/// stored column-major on each rank. A SLEPc BV underneath, so its TSQR and products
+/// serve.
 class Block {
 public:
   Block() = default;
   Block(MPI_Comm comm, RowRange rows, PetscInt n, PetscInt columns);
 
-  MPI_Comm comm() const { return PetscObjectComm(reinterpret_cast<PetscObject>(bv_.get())); }
+  MPI_Comm comm() const {
+    return PetscObjectComm(reinterpret_cast<PetscObject>(bv_.get()));
+  }
   PetscInt rows() const { return n_; }
   PetscInt columns() const { return columns_; }
   RowRange local_rows() const { return local_; }
@@ -44,27 +47,27 @@ private:
   RowRange local_;
 };
 
-Block multiply(Mat a, const Block& x);                ///< A X
-Block combine(const Block& x, const Dense& q);        ///< X Q
-Dense inner(const Block& x, const Block& y);          ///< XᵀY, on every rank
+Block multiply(Mat a, const Block& x);         ///< A X
+Block combine(const Block& x, const Dense& q); ///< X Q
+Dense inner(const Block& x, const Block& y);   ///< XᵀY, on every rank
 /// The given columns of x, in that order.
 Block select_columns(const Block& x, const std::vector<int>& columns);
 /// Largest absolute value of each column, on every rank.
 std::vector<double> column_maxima(const Block& x);
 
-/// Rows of a block in another layout: on comm_to, with rows `wanted` here. Collective on the
-/// wider communicator `exchange`, where each rank offers what it holds of x.
+/// Rows of a block in another layout: on comm_to, with rows `wanted` here. Collective on
+/// the wider communicator `exchange`, where each rank offers what it holds of x.
 Block move_block(MPI_Comm exchange, const Block& x, MPI_Comm comm_to, RowRange wanted);
 
-/// Z = Q R with orthonormal Q (SLEPc BV's TSQR); Q overwrites Z. Every rank needs at least as
-/// many rows as Z has columns.
+/// Z = Q R with orthonormal Q (SLEPc BV's TSQR); Q overwrites Z. Every rank needs at
+/// least as many rows as Z has columns.
 Dense tsqr(Block& z);
 
 /// Thin singular value decomposition of a distributed block without forming ZᵀZ.
 /// @return values, descending, min(n, k) of them; left: the vectors of the first `count`
 /// values that exceed `relative_floor` times the first.
-/// @note By TSQR where each rank has as many rows as Z has columns; smaller bodies are gathered
-/// on one rank. Z is overwritten.
+/// @note By TSQR where each rank has as many rows as Z has columns; smaller bodies are
+/// gathered on one rank. Z is overwritten.
 struct BlockSvd {
   std::vector<double> values;
   Block left;

@@ -9,8 +9,8 @@
 #include <cmath>
 
 extern "C" {
-void zgesv_(const int* n, const int* nrhs, std::complex<double>* a, const int* lda, int* ipiv,
-            std::complex<double>* b, const int* ldb, int* info);
+void zgesv_(const int* n, const int* nrhs, std::complex<double>* a, const int* lda,
+            int* ipiv, std::complex<double>* b, const int* ldb, int* info);
 void dsyevd_(const char* job, const char* uplo, const int* n, double* a, const int* lda,
              double* w, double* work, const int* lwork, int* iwork, const int* liwork,
              int* info);
@@ -135,7 +135,8 @@ void solve_right_transposed(const Dense& l, Dense& x) {
 
 LeftSvd left_svd(const Dense& a) {
   const int rank = std::min(a.rows, a.columns);
-  LeftSvd result{std::vector<double>(static_cast<std::size_t>(rank)), Dense(a.rows, rank)};
+  LeftSvd result{std::vector<double>(static_cast<std::size_t>(rank)),
+                 Dense(a.rows, rank)};
   if (rank == 0) return result;
   Matrix matrix, left_vector_source;
   FG_CALL(MatCreateSeqDense(PETSC_COMM_SELF, a.rows, a.columns,

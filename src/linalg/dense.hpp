@@ -12,7 +12,8 @@ struct DenseOf {
   DenseOf() = default;
   DenseOf(int row_count, int column_count)
       : rows(row_count), columns(column_count),
-        data(static_cast<std::size_t>(row_count) * static_cast<std::size_t>(column_count)) {}
+        data(static_cast<std::size_t>(row_count) *
+             static_cast<std::size_t>(column_count)) {}
   T& operator()(int i, int j) { return data[index(i, j)]; }
   const T& operator()(int i, int j) const { return data[index(i, j)]; }
   T* column(int j) { return data.data() + index(0, j); }
@@ -23,7 +24,8 @@ struct DenseOf {
 
 private:
   std::size_t index(int i, int j) const {
-    return static_cast<std::size_t>(i) + static_cast<std::size_t>(j) * static_cast<std::size_t>(rows);
+    return static_cast<std::size_t>(i) +
+           static_cast<std::size_t>(j) * static_cast<std::size_t>(rows);
   }
 };
 using Dense = DenseOf<double>;
@@ -50,14 +52,14 @@ SymmetricEigen symmetric_eigen(Dense a);
 /// @throws Error if B is not positive definite.
 SymmetricEigen symmetric_eigen(Dense a, Dense b);
 
-/// Lower triangle L with A = L Lᵀ. Returns the order of the leading minor that is not positive,
-/// or 0 on success.
+/// Lower triangle L with A = L Lᵀ. Returns the order of the leading minor that is not
+/// positive, or 0 on success.
 int cholesky(Dense& a);
 /// X ← X L⁻ᵀ, so that X L⁻ᵀ has the columns that Cholesky-QR wants.
 void solve_right_transposed(const Dense& l, Dense& x);
 
-/// Singular values (descending) and left singular vectors, rows × min(rows, columns), by the
-/// SLEPc SVD solver of LAPACK type on one rank's copy.
+/// Singular values (descending) and left singular vectors, rows × min(rows, columns), by
+/// the SLEPc SVD solver of LAPACK type on one rank's copy.
 struct LeftSvd {
   std::vector<double> values;
   Dense vectors;

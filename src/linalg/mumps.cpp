@@ -14,11 +14,13 @@ namespace flexgram {
 
 void MumpsOptions::describe(Options& options) {
   options.section("Factorisation (all verbs)");
-  options.add_choice("-mor_ordering", ordering, {"best", "nested_dissection", "mumps"},
-                     "fill-reducing ordering: METIS nested dissection on the node graph, "
-                     "MUMPS' own choice, or the one of the two with fewer estimated flops");
-  options.add("-mor_memory_limit_mb", memory_limit_mb, "MB per rank",
-              "memory that a factorisation may take; 0 means what the node has available");
+  options.add_choice(
+      "-mor_ordering", ordering, {"best", "nested_dissection", "mumps"},
+      "fill-reducing ordering: METIS nested dissection on the node graph, "
+      "MUMPS' own choice, or the one of the two with fewer estimated flops");
+  options.add(
+      "-mor_memory_limit_mb", memory_limit_mb, "MB per rank",
+      "memory that a factorisation may take; 0 means what the node has available");
   options.add("-mor_mumps_workspace", workspace_percent, "%",
               "workspace above MUMPS' estimate at the first try, ICNTL(14)");
   options.add("-mor_mumps_workspace_limit", workspace_limit, "%",
@@ -32,13 +34,13 @@ namespace {
 template <class Scalar>
 struct Arithmetic;
 
-#define FG_MUMPS_ARITHMETIC(Scalar, PREFIX, prefix)                                       \
-  template <>                                                                             \
-  struct Arithmetic<Scalar> {                                                             \
-    using Struct = PREFIX##MUMPS_STRUC_C;                                                 \
-    using Value = PREFIX##MUMPS_COMPLEX;                                                  \
-    using Real = PREFIX##MUMPS_REAL;                                                      \
-    static void call(Struct* s) { prefix##mumps_c(s); }                                   \
+#define FG_MUMPS_ARITHMETIC(Scalar, PREFIX, prefix)                                      \
+  template <>                                                                            \
+  struct Arithmetic<Scalar> {                                                            \
+    using Struct = PREFIX##MUMPS_STRUC_C;                                                \
+    using Value = PREFIX##MUMPS_COMPLEX;                                                 \
+    using Real = PREFIX##MUMPS_REAL;                                                     \
+    static void call(Struct* s) { prefix##mumps_c(s); }                                  \
   }
 FG_MUMPS_ARITHMETIC(float, S, s);
 FG_MUMPS_ARITHMETIC(double, D, d);
@@ -55,9 +57,12 @@ std::string explain(int info1, int info2) {
                 info2 < 0 ? text("%.0f MB", -static_cast<double>(info2) * 8).c_str()
                           : text("%d words", info2).c_str(),
                 info1, info2);
-  case -10: return text("the matrix is numerically singular (INFOG(1:2) = -10, %d)", info2);
-  case -90: return "out-of-core files could not be written";
-  default: return text("MUMPS failed with INFOG(1:2) = %d, %d", info1, info2);
+  case -10:
+    return text("the matrix is numerically singular (INFOG(1:2) = -10, %d)", info2);
+  case -90:
+    return "out-of-core files could not be written";
+  default:
+    return text("MUMPS failed with INFOG(1:2) = %d, %d", info1, info2);
   }
 }
 
@@ -106,7 +111,8 @@ struct Mumps<Scalar>::Instance {
   bool user_set(int n) const { return options.icntl.count(n) > 0; }
 
   double limit_mb() const {
-    return options.memory_limit_mb > 0 ? options.memory_limit_mb : available_memory_mb(comm);
+    return options.memory_limit_mb > 0 ? options.memory_limit_mb
+                                       : available_memory_mb(comm);
   }
 
   void redistribute(RowRange rows, std::span<Scalar> x, int columns);
@@ -168,11 +174,12 @@ void Mumps<Scalar>::factorise(std::vector<Scalar> values) {
     limit = smallest;
   }
   if (estimated > limit && !(m.user_set(22) && m.icntl(22)))
-    throw MemoryError(text(
-        "the factorisation needs %.0f MB on a rank and only %.0f MB may be used: use more "
-        "ranks, fewer groups (-mor_groups), out-of-core factors (-mor_mumps_icntl_22 1), or "
-        "raise -mor_memory_limit_mb",
-        estimated, limit));
+    throw MemoryError(text("the factorisation needs %.0f MB on a rank and only %.0f MB "
+                           "may be used: use more "
+                           "ranks, fewer groups (-mor_groups), out-of-core factors "
+                           "(-mor_mumps_icntl_22 1), or "
+                           "raise -mor_memory_limit_mb",
+                           estimated, limit));
 
   m.values = std::move(values);
   m.s.a_loc = reinterpret_cast<typename Instance::Value*>(m.values.data());
@@ -189,15 +196,17 @@ void Mumps<Scalar>::factorise(std::vector<Scalar> values) {
         m.icntl(14) = next;
         continue;
       }
-      throw MemoryError(text(
-          "MUMPS still asked for more workspace with ICNTL(14) = %d %% (INFOG(1:2) = %d, %d; "
-          "estimate %.0f MB on a rank): raise -mor_mumps_workspace_limit or use more ranks",
-          m.icntl(14), status, m.infog(2), estimated));
+      throw MemoryError(text("MUMPS still asked for more workspace with ICNTL(14) = %d "
+                             "%% (INFOG(1:2) = %d, %d; "
+                             "estimate %.0f MB on a rank): raise "
+                             "-mor_mumps_workspace_limit or use more ranks",
+                             m.icntl(14), status, m.infog(2), estimated));
     }
     if (status == -10) throw ShiftError(explain(status, m.infog(2)));
     if (status == -5 || status == -7 || status == -13 || status == -19)
-      throw MemoryError(text("%s; the estimate was %.0f MB on a rank, %.0f MB are available",
-                             explain(status, m.infog(2)).c_str(), estimated, limit));
+      throw MemoryError(
+          text("%s; the estimate was %.0f MB on a rank, %.0f MB are available",
+               explain(status, m.infog(2)).c_str(), estimated, limit));
     throw Error(explain(status, m.infog(2)));
   }
 }
@@ -215,9 +224,11 @@ void Mumps<Scalar>::tolerate_null_pivots(bool tolerate) {
   instance_->tolerate_null_pivots = tolerate;
 }
 
-/// MUMPS leaves the solution where its fronts live; each row goes to the rank that owns it.
+/// MUMPS leaves the solution where its fronts live; each row goes to the rank that owns
+/// it.
 template <class Scalar>
-void Mumps<Scalar>::Instance::redistribute(RowRange rows, std::span<Scalar> x, int columns) {
+void Mumps<Scalar>::Instance::redistribute(RowRange rows, std::span<Scalar> x,
+                                           int columns) {
   const int held = static_cast<int>(solution_rows.size()), ld = std::max(held, 1);
   const auto place = [&](PetscInt row, const Scalar* source, int stride) {
     for (int j = 0; j < columns; ++j)
@@ -238,11 +249,13 @@ void Mumps<Scalar>::Instance::redistribute(RowRange rows, std::span<Scalar> x, i
     const auto to = static_cast<std::size_t>(owner_of(starts, row));
     indices[to].push_back(row);
     for (int j = 0; j < columns; ++j)
-      packed[to].push_back(solution[static_cast<std::size_t>(i) +
-                                    static_cast<std::size_t>(j) * static_cast<std::size_t>(ld)]);
+      packed[to].push_back(
+          solution[static_cast<std::size_t>(i) +
+                   static_cast<std::size_t>(j) * static_cast<std::size_t>(ld)]);
   }
   std::vector<int> send(static_cast<std::size_t>(size)), receive(send);
-  for (std::size_t r = 0; r < send.size(); ++r) send[r] = static_cast<int>(indices[r].size());
+  for (std::size_t r = 0; r < send.size(); ++r)
+    send[r] = static_cast<int>(indices[r].size());
   MPI_Alltoall(send.data(), 1, MPI_INT, receive.data(), 1, MPI_INT, comm);
   std::vector<std::vector<int>> in_indices(send.size());
   std::vector<std::vector<Scalar>> in_values(send.size());
@@ -254,7 +267,8 @@ void Mumps<Scalar>::Instance::redistribute(RowRange rows, std::span<Scalar> x, i
     const auto k = static_cast<std::size_t>(r);
     if (receive[k] > 0) {
       in_indices[k].resize(static_cast<std::size_t>(receive[k]));
-      in_values[k].resize(static_cast<std::size_t>(receive[k]) * static_cast<std::size_t>(columns));
+      in_values[k].resize(static_cast<std::size_t>(receive[k]) *
+                          static_cast<std::size_t>(columns));
       requests.resize(requests.size() + 2);
       MPI_Irecv(in_indices[k].data(), receive[k], MPI_INT, r, 1, comm,
                 &requests[requests.size() - 2]);
@@ -271,7 +285,8 @@ void Mumps<Scalar>::Instance::redistribute(RowRange rows, std::span<Scalar> x, i
   MPI_Type_free(&block);
   for (std::size_t r = 0; r < in_indices.size(); ++r)
     for (std::size_t i = 0; i < in_indices[r].size(); ++i)
-      place(in_indices[r][i], in_values[r].data() + i * static_cast<std::size_t>(columns), 1);
+      place(in_indices[r][i], in_values[r].data() + i * static_cast<std::size_t>(columns),
+            1);
 }
 
 template <class Scalar>
@@ -300,7 +315,8 @@ void Mumps<Scalar>::solve(RowRange rows, std::span<const Scalar> b, std::span<Sc
   m.s.nloc_rhs = rows.size();
   m.s.lrhs_loc = std::max<int>(rows.size(), 1);
   m.s.irhs_loc = row_numbers.data();
-  m.s.rhs_loc = reinterpret_cast<typename Instance::Value*>(const_cast<Scalar*>(b.data()));
+  m.s.rhs_loc =
+      reinterpret_cast<typename Instance::Value*>(const_cast<Scalar*>(b.data()));
   m.solve(rows, x, columns);
 }
 

@@ -26,9 +26,9 @@ struct MumpsOptions {
   void describe(Options& options);
 };
 
-/// Lower triangle of a sparse symmetric matrix (or all entries of an unsymmetric one), the
-/// entries spread over the ranks; 1-based as MUMPS wants them. An entry may occur on several
-/// ranks or several times: MUMPS adds them up.
+/// Lower triangle of a sparse symmetric matrix (or all entries of an unsymmetric one),
+/// the entries spread over the ranks; 1-based as MUMPS wants them. An entry may occur on
+/// several ranks or several times: MUMPS adds them up.
 struct Pattern {
   int n = 0;
   std::vector<int> row, column;
@@ -36,15 +36,15 @@ struct Pattern {
 
 /// MUMPS' own estimate after the analysis.
 struct FactorEstimate {
-  double flops = 0;         ///< RINFOG(1), elimination
+  double flops = 0;          ///< RINFOG(1), elimination
   double factor_entries = 0; ///< INFOG(3)
-  double mb_per_rank = 0;   ///< INFOG(16), the rank that needs most
-  double mb_total = 0;      ///< INFOG(17)
+  double mb_per_rank = 0;    ///< INFOG(16), the rank that needs most
+  double mb_total = 0;       ///< INFOG(17)
 };
 
 /// One instance of MUMPS in the arithmetic of Scalar: float, double, complex<float>,
-/// complex<double>. Entries distributed, right-hand sides dense and distributed by rows or
-/// sparse on rank 0, solution distributed by rows.
+/// complex<double>. Entries distributed, right-hand sides dense and distributed by rows
+/// or sparse on rank 0, solution distributed by rows.
 template <class Scalar>
 class Mumps {
 public:
@@ -53,8 +53,8 @@ public:
   Mumps(Mumps&&) noexcept;
   Mumps& operator=(Mumps&&) noexcept;
 
-  /// Orders and analyses, once for a pattern. `position` (n numbers on rank 0, 1-based place
-  /// of each variable in the pivot order) or empty: MUMPS orders. Collective.
+  /// Orders and analyses, once for a pattern. `position` (n numbers on rank 0, 1-based
+  /// place of each variable in the pivot order) or empty: MUMPS orders. Collective.
   /// @note pattern must outlive this object.
   FactorEstimate analyse(const Pattern& pattern, std::span<const int> position);
   /// The ordering in use, n numbers on rank 0.
@@ -71,11 +71,13 @@ public:
   /// Detect zero pivots and let factorise() succeed on a singular matrix, for counting.
   void tolerate_null_pivots(bool tolerate);
 
-  /// X = A⁻¹ B. b and x: this rank's rows `rows`, column-major, leading dimension rows.size().
+  /// X = A⁻¹ B. b and x: this rank's rows `rows`, column-major, leading dimension
+  /// rows.size().
   void solve(RowRange rows, std::span<const Scalar> b, std::span<Scalar> x, int columns);
 
   /// Sparse right-hand sides, given on rank 0 by columns: start has columns + 1 entries
-  /// (1-based), row is 1-based. The others pass empty spans and the same number of columns.
+  /// (1-based), row is 1-based. The others pass empty spans and the same number of
+  /// columns.
   void solve_sparse(std::span<const int> start, std::span<const int> row,
                     std::span<const Scalar> values, RowRange rows, std::span<Scalar> x,
                     int columns);

@@ -104,7 +104,8 @@ std::vector<int> nested_dissection(MPI_Comm comm, const Pattern& lower,
   std::uint64_t last = 0;
   for (std::size_t k = 0; k < lower.row.size(); ++k) {
     auto a = static_cast<std::uint64_t>(node[static_cast<std::size_t>(lower.row[k] - 1)]);
-    auto b = static_cast<std::uint64_t>(node[static_cast<std::size_t>(lower.column[k] - 1)]);
+    auto b =
+        static_cast<std::uint64_t>(node[static_cast<std::size_t>(lower.column[k] - 1)]);
     if (a == b) continue;
     const std::uint64_t key = std::min(a, b) << 32 | std::max(a, b);
     if (key != last) edges.push_back(last = key);
@@ -112,7 +113,8 @@ std::vector<int> nested_dissection(MPI_Comm comm, const Pattern& lower,
   sort_unique(edges);
 
   const int rank = comm_rank(comm), count = static_cast<int>(edges.size());
-  std::vector<int> counts(static_cast<std::size_t>(comm_size(comm))), starts(counts.size() + 1);
+  std::vector<int> counts(static_cast<std::size_t>(comm_size(comm))),
+      starts(counts.size() + 1);
   MPI_Gather(&count, 1, MPI_INT, counts.data(), 1, MPI_INT, 0, comm);
   std::partial_sum(counts.begin(), counts.end(), starts.begin() + 1);
   std::vector<std::uint64_t> all(rank == 0 ? static_cast<std::size_t>(starts.back()) : 0);

@@ -10,13 +10,13 @@
 
 namespace flexgram {
 
-/// Groups rows whose columns are the same in all given matrices (null ones are skipped): the
-/// dofs of one node, in most bodies. Used where no dof map is known.
+/// Groups rows whose columns are the same in all given matrices (null ones are skipped):
+/// the dofs of one node, in most bodies. Used where no dof map is known.
 /// @return a group number for each local row. Collective.
 std::vector<std::int64_t> indistinguishable_rows(const std::vector<Mat>& matrices);
 
-/// METIS nested dissection of the graph of nodes (rows with the same node number together),
-/// weighted by the dofs of each node.
+/// METIS nested dissection of the graph of nodes (rows with the same node number
+/// together), weighted by the dofs of each node.
 /// @param[in] lower         lower triangle, entries distributed.
 /// @param[in] node_of_row   node number of each local row, any numbers.
 /// @return rank 0: 1-based position of each row in the pivot order, for MUMPS' PERM_IN;

@@ -11,12 +11,14 @@ namespace flexgram {
 
 void SolverOptions::describe(Options& options) {
   mumps.describe(options);
-  options.add_choice("-mor_precision", precision, {"double", "single"},
-                     "arithmetic of the factors; single is refined to double accuracy and "
-                     "falls back to double where refinement stalls (it does within 1e-6 of an "
-                     "undamped resonance)");
-  options.add("-mor_refinements", refinements, "",
-              "refinement steps at most, taken while the backward error is above its target");
+  options.add_choice(
+      "-mor_precision", precision, {"double", "single"},
+      "arithmetic of the factors; single is refined to double accuracy and "
+      "falls back to double where refinement stalls (it does within 1e-6 of an "
+      "undamped resonance)");
+  options.add(
+      "-mor_refinements", refinements, "",
+      "refinement steps at most, taken while the backward error is above its target");
   options.add("-mor_backward_error", backward_error, "",
               "target for the backward error of each solve");
 }
@@ -80,7 +82,8 @@ public:
   virtual FactorEstimate analyse(const Pattern& lower, std::span<const int> position) = 0;
   virtual std::vector<int> position() const = 0;
   virtual void factorise(const CommonPattern& common, const ShiftCoefficients& c) = 0;
-  /// re, im: local rows × columns; im is null for real right-hand sides or real arithmetic.
+  /// re, im: local rows × columns; im is null for real right-hand sides or real
+  /// arithmetic.
   virtual void solve(RowRange rows, const double* re, const double* im, double* x_re,
                      double* x_im, int columns) = 0;
   virtual int negative_pivots() const = 0;
@@ -112,8 +115,8 @@ public:
     mumps_.factorise(std::move(values));
   }
 
-  void solve(RowRange rows, const double* re, const double* im, double* x_re, double* x_im,
-             int columns) override {
+  void solve(RowRange rows, const double* re, const double* im, double* x_re,
+             double* x_im, int columns) override {
     const std::size_t count =
         static_cast<std::size_t>(rows.size()) * static_cast<std::size_t>(columns);
     std::vector<Scalar> b(count), x(count);
@@ -169,23 +172,27 @@ struct ShiftedSolver::State {
   bool single = false, count = false;
   int factorisations = 0;
 
-  std::unique_ptr<Engine> make_engine(bool real, Definiteness definite, bool narrow) const {
+  std::unique_ptr<Engine> make_engine(bool real, Definiteness definite,
+                                      bool narrow) const {
     const Symmetry symmetry = real && definite == Definiteness::positive
                                   ? Symmetry::positive_definite
                                   : Symmetry::symmetric;
-    if (real && narrow) return std::make_unique<EngineOf<float>>(comm, symmetry, options.mumps);
+    if (real && narrow)
+      return std::make_unique<EngineOf<float>>(comm, symmetry, options.mumps);
     if (real) return std::make_unique<EngineOf<double>>(comm, symmetry, options.mumps);
     if (narrow)
-      return std::make_unique<EngineOf<std::complex<float>>>(comm, symmetry, options.mumps);
-    return std::make_unique<EngineOf<std::complex<double>>>(comm, symmetry, options.mumps);
+      return std::make_unique<EngineOf<std::complex<float>>>(comm, symmetry,
+                                                             options.mumps);
+    return std::make_unique<EngineOf<std::complex<double>>>(comm, symmetry,
+                                                            options.mumps);
   }
 
   /// Nested dissection and MUMPS' own ordering side by side; the cheaper stays.
   std::unique_ptr<Engine> order_and_analyse(bool real, Definiteness definite, bool narrow,
                                             FactorEstimate& estimate) {
     const std::string& wish = options.mumps.ordering;
-    // Below some thousand rows both orderings cost milliseconds: METIS alone would do, MUMPS'
-    // own is as good.
+    // Below some thousand rows both orderings cost milliseconds: METIS alone would do,
+    // MUMPS' own is as good.
     const bool compare = wish == "best" && common.lower.n > 2000;
     std::unique_ptr<Engine> best;
     if (wish == "nested_dissection" || compare) {
@@ -236,7 +243,8 @@ ShiftedSolver::ShiftedSolver(Mat K, Mat M, Mat D, std::vector<std::int64_t> node
   s.single = options.precision == "single";
   FG_CALL(MatGetOwnershipRange(K, &s.rows.begin, &s.rows.end));
   s.common = common_pattern(K, M, D);
-  const auto missing = static_cast<std::int64_t>(node_of_row.empty() && s.rows.size() > 0);
+  const auto missing =
+      static_cast<std::int64_t>(node_of_row.empty() && s.rows.size() > 0);
   s.node_of_row = sum_over(s.comm, missing) > 0 ? indistinguishable_rows({K, M, D})
                                                 : std::move(node_of_row);
   s.norm_K = infinity_norm(K);
@@ -308,10 +316,11 @@ double ShiftedSolver::State::residual(const Block& b, const Block& x, Block& r) 
                                  : std::numeric_limits<double>::infinity();
     const double growth = b_max[j] > 0 ? norm_A * both(x_max) / b_max[j] : 0.0;
     if (!std::isfinite(growth) || growth > 1e17)
-      throw ShiftError(text("the shifted matrix is singular to working accuracy "
-                            "(‖A‖‖x‖/‖b‖ = %.1e): the frequency is a resonance of an undamped "
-                            "body, or zero for a free one",
-                            growth));
+      throw ShiftError(
+          text("the shifted matrix is singular to working accuracy "
+               "(‖A‖‖x‖/‖b‖ = %.1e): the frequency is a resonance of an undamped "
+               "body, or zero for a free one",
+               growth));
   }
   return worst;
 }
@@ -329,8 +338,10 @@ ShiftedSolver::Solution ShiftedSolver::solve(const Block& b) {
   }
   Block r;
   solution.backward_error = s.residual(b, solution.x, r);
-  const int limit = s.single ? std::max(s.options.refinements, 12) : s.options.refinements;
-  while (solution.backward_error > s.options.backward_error && solution.refinements < limit) {
+  const int limit =
+      s.single ? std::max(s.options.refinements, 12) : s.options.refinements;
+  while (solution.backward_error > s.options.backward_error &&
+         solution.refinements < limit) {
     Block step(s.comm, s.rows, b.rows(), solution.x.columns());
     {
       const Block::Access in(r);

@@ -32,14 +32,17 @@ struct ShiftCoefficients {
 /// What MUMPS may assume: K + τM of a supported or free body is positive definite.
 enum class Definiteness { indefinite, positive };
 
-/// Factorises K + iωD − ω²M and its real relatives in the arithmetic that the shift needs: real
-/// where the coefficients are real, complex symmetric otherwise. One analysis a pattern and
-/// arithmetic, one ordering for all.
-/// @note Collective on the communicator of the matrices. K, M, D must outlive this object.
+/// Factorises K + iωD − ω²M and its real relatives in the arithmetic that the shift
+/// needs: real where the coefficients are real, complex symmetric otherwise. One analysis
+/// a pattern and arithmetic, one ordering for all.
+/// @note Collective on the communicator of the matrices. K, M, D must outlive this
+/// object.
 class ShiftedSolver {
 public:
-  /// @param[in] K, M, D      real symmetric n×n, both triangles stored; M and D may be null.
-  /// @param[in] node_of_row  node number of each local row; empty: found from the pattern.
+  /// @param[in] K, M, D      real symmetric n×n, both triangles stored; M and D may be
+  /// null.
+  /// @param[in] node_of_row  node number of each local row; empty: found from the
+  /// pattern.
   ShiftedSolver(Mat K, Mat M, Mat D, std::vector<std::int64_t> node_of_row,
                 const SolverOptions& options);
   ~ShiftedSolver();
@@ -60,8 +63,8 @@ public:
   /// @throws ShiftError if the solution is so large that A must be taken as singular.
   Solution solve(const Block& b);
 
-  /// Eigenvalues of the last real A below zero, by Sylvester's law; needs count_pivots(true)
-  /// before the factorisation.
+  /// Eigenvalues of the last real A below zero, by Sylvester's law; needs
+  /// count_pivots(true) before the factorisation.
   int negative_pivots() const;
   int null_pivots() const;
   void count_pivots(bool count);

@@ -8,7 +8,8 @@
 
 namespace flexgram {
 
-/// This rank's rows of a sparse matrix: row i has columns column[start[i] … start[i+1]), sorted.
+/// This rank's rows of a sparse matrix: row i has columns column[start[i] … start[i+1]),
+/// sorted.
 struct LocalRows {
   std::vector<PetscInt> start{0}, column;
   std::vector<double> value;
@@ -29,8 +30,8 @@ std::vector<double> diagonal(Mat a);
 /// All entries off the diagonal zero (or absent), on every rank.
 bool is_diagonal(Mat a);
 
-/// The entry pair (i, j), (j, i) whose difference is largest; difference 0 if a is symmetric
-/// to `tolerance` times its largest entry.
+/// The entry pair (i, j), (j, i) whose difference is largest; difference 0 if a is
+/// symmetric to `tolerance` times its largest entry.
 struct Asymmetry {
   PetscInt row = 0, column = 0;
   double upper = 0, lower = 0;
@@ -47,8 +48,8 @@ struct ProportionalFit {
 };
 ProportionalFit fit_proportional(Mat D, Mat M, Mat K, double tolerance);
 
-/// Negative eigenvalues of A after scaling to unit diagonal, below −floor. A is real symmetric;
-/// rows without a diagonal entry are left unscaled. One factorisation.
+/// Negative eigenvalues of A after scaling to unit diagonal, below −floor. A is real
+/// symmetric; rows without a diagonal entry are left unscaled. One factorisation.
 int count_negative_eigenvalues(Mat a, double floor);
 
 } // namespace flexgram

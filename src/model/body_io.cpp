@@ -28,8 +28,7 @@ std::int64_t vector_length(const Hdf5File& file, const std::string& dataset) {
     length *= extent;
     wide += extent != 1;
   }
-  if (wide > 1)
-    fail(file, text("dataset %s must be a vector", dataset.c_str()));
+  if (wide > 1) fail(file, text("dataset %s must be a vector", dataset.c_str()));
   return length;
 }
 
@@ -103,7 +102,8 @@ SparseColumns read_columns(const Hdf5File& file, const std::string& group,
   return columns;
 }
 
-/// Rows of a symmetric matrix are its columns; entries come sorted, duplicates are an error.
+/// Rows of a symmetric matrix are its columns; entries come sorted, duplicates are an
+/// error.
 LocalRows to_rows(const Hdf5File& file, const std::string& group,
                   const SparseColumns& columns) {
   LocalRows local;
@@ -111,9 +111,8 @@ LocalRows to_rows(const Hdf5File& file, const std::string& group,
   for (std::size_t j = 0; j + 1 < columns.start.size(); ++j) {
     order.resize(static_cast<std::size_t>(columns.start[j + 1] - columns.start[j]));
     std::iota(order.begin(), order.end(), static_cast<std::size_t>(columns.start[j]));
-    if (!std::is_sorted(order.begin(), order.end(), [&](auto a, auto b) {
-          return columns.row[a] < columns.row[b];
-        }))
+    if (!std::is_sorted(order.begin(), order.end(),
+                        [&](auto a, auto b) { return columns.row[a] < columns.row[b]; }))
       std::sort(order.begin(), order.end(),
                 [&](auto a, auto b) { return columns.row[a] < columns.row[b]; });
     for (std::size_t k = 0; k < order.size(); ++k) {
@@ -146,21 +145,23 @@ Matrix read_symmetric(const Hdf5File& file, const std::string& group, PetscInt n
       fail(file, text("%s holds only one triangle; both are expected (in MATLAB: "
                       "K + triu(K,1)')",
                       group.c_str()));
-    const char* kind = group == "/K" ? "circulatory forces"
+    const char* kind = group == "/K"   ? "circulatory forces"
                        : group == "/D" ? "gyroscopic forces"
                                        : "no mass matrix has one";
-    fail(file, text("%s is not symmetric: (%lld, %lld) = %.17g but (%lld, %lld) = %.17g; its "
-                    "skew part (%s) is %.1e of it, and only symmetric matrices can be reduced",
-                    group.c_str(), ll(asymmetry.row), ll(asymmetry.column), asymmetry.upper,
-                    ll(asymmetry.column), ll(asymmetry.row), asymmetry.lower, kind,
-                    asymmetry.skew_norm / asymmetry.norm));
+    fail(file,
+         text("%s is not symmetric: (%lld, %lld) = %.17g but (%lld, %lld) = %.17g; its "
+              "skew part (%s) is %.1e of it, and only symmetric matrices can be reduced",
+              group.c_str(), ll(asymmetry.row), ll(asymmetry.column), asymmetry.upper,
+              ll(asymmetry.column), ll(asymmetry.row), asymmetry.lower, kind,
+              asymmetry.skew_norm / asymmetry.norm));
   }
   return matrix;
 }
 
-/// Dense or sparse n × k (or k × n where `transposed`: C is r × n in the file, n × r here).
-Block read_ports(const Hdf5File& file, const std::string& object, PetscInt n, RowRange rows,
-                 bool transposed) {
+/// Dense or sparse n × k (or k × n where `transposed`: C is r × n in the file, n × r
+/// here).
+Block read_ports(const Hdf5File& file, const std::string& object, PetscInt n,
+                 RowRange rows, bool transposed) {
   const char* expected = transposed ? "n_out × n" : "n × n_in";
   std::int64_t ports = 0;
   std::vector<double> local; // column-major, rows.size() × ports
@@ -211,7 +212,8 @@ Block read_ports(const Hdf5File& file, const std::string& object, PetscInt n, Ro
       }
       for (double value : local)
         if (!std::isfinite(value))
-          fail(file, text("%s holds %g: every entry must be finite", object.c_str(), value));
+          fail(file,
+               text("%s holds %g: every entry must be finite", object.c_str(), value));
     });
   }
   if (ports == 0) fail(file, text("%s has no columns", object.c_str()));
@@ -270,8 +272,8 @@ void read_dof_map(const Hdf5File& file, SecondOrderModel& model) {
         fail(file, text("/dofs/node holds %lld, /nodes/position has %lld nodes (0-based)",
                         ll(node), ll(nodes)));
       for (std::int64_t axis = 0; axis < 3; ++axis)
-        model.position.push_back(
-            all[static_cast<std::size_t>(reversed ? axis * nodes + node : 3 * node + axis)]);
+        model.position.push_back(all[static_cast<std::size_t>(
+            reversed ? axis * nodes + node : 3 * node + axis)]);
     }
   });
 }
@@ -294,13 +296,11 @@ Damping read_damping(const Hdf5File& file) {
     else if (file.exists("/" + name))
       value = file.read_all<double>("/" + name).at(0);
     if (!std::isfinite(value) || value < 0)
-      fail(file, text("%s = %g: damping must be finite and not negative", name.c_str(),
-                      value));
+      fail(file,
+           text("%s = %g: damping must be finite and not negative", name.c_str(), value));
     return value;
   };
-  agree(file.comm(), [&] {
-    damping = {number("alpha"), number("beta"), number("eta")};
-  });
+  agree(file.comm(), [&] { damping = {number("alpha"), number("beta"), number("eta")}; });
   return damping;
 }
 
@@ -375,8 +375,8 @@ void write_sparse(Hdf5File& file, const std::string& group, Mat a) {
   file.create_group(group);
   file.set_attribute(group, "MATLAB_class", std::string("double"));
   file.set_count_attribute(group, "MATLAB_sparse", static_cast<std::uint64_t>(n));
-  file.write_part(group + "/jc", n + 1,
-                  comm_rank(file.comm()) == 0 ? 0 : rows.begin + 1, start);
+  file.write_part(group + "/jc", n + 1, comm_rank(file.comm()) == 0 ? 0 : rows.begin + 1,
+                  start);
   file.write_part(group + "/ir", total, before, row);
   file.write_part(group + "/data", total, before, value);
 }
@@ -391,16 +391,19 @@ std::vector<double> row_major(const Block& block) {
   return result;
 }
 
-/// Nodes are numbered in the order of their rows; /nodes/id keeps the numbers of the mesh.
+/// Nodes are numbered in the order of their rows; /nodes/id keeps the numbers of the
+/// mesh.
 void write_dof_map(Hdf5File& file, const SecondOrderModel& model) {
   const MPI_Comm comm = model.comm;
-  if (sum_over(comm, static_cast<std::int64_t>(model.position.size())) != 3 * model.n) return;
+  if (sum_over(comm, static_cast<std::int64_t>(model.position.size())) != 3 * model.n)
+    return;
   std::vector<std::int64_t> ids, node_of_row;
   std::vector<double> positions;
   for (std::size_t row = 0; row < model.node.size(); ++row) {
     if (row == 0 || model.node[row] != model.node[row - 1]) {
       ids.push_back(model.node[row]);
-      positions.insert(positions.end(), model.position.begin() + static_cast<long>(3 * row),
+      positions.insert(positions.end(),
+                       model.position.begin() + static_cast<long>(3 * row),
                        model.position.begin() + static_cast<long>(3 * row + 3));
     }
     node_of_row.push_back(static_cast<std::int64_t>(ids.size()) - 1);

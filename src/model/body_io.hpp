@@ -8,11 +8,13 @@ namespace flexgram {
 /// True if the file describes a mesh to assemble, false if it holds matrices.
 bool holds_mesh(const Hdf5File& file);
 
-/// Reads a body of matrices: sparse /K, /M, optional /D in the layout of MATLAB v7.3 (data, ir,
-/// jc), /B, optional /C dense or sparse, α, β, η, dof map, port names. Each rank reads its rows.
-/// Checks shapes, index ranges, NaN and Inf, symmetry of K, M, D (a skew part is gyroscopic or
-/// circulatory and is refused), and finds α and β in a proportional D.
-/// @throws Error naming file, dataset, place and what was expected. Collective on file.comm().
+/// Reads a body of matrices: sparse /K, /M, optional /D in the layout of MATLAB v7.3
+/// (data, ir, jc), /B, optional /C dense or sparse, α, β, η, dof map, port names. Each
+/// rank reads its rows. Checks shapes, index ranges, NaN and Inf, symmetry of K, M, D (a
+/// skew part is gyroscopic or circulatory and is refused), and finds α and β in a
+/// proportional D.
+/// @throws Error naming file, dataset, place and what was expected. Collective on
+/// file.comm().
 SecondOrderModel read_body(const Hdf5File& file);
 
 /// Damping attributes (or scalar datasets) alpha, beta, eta of the file, 0 where absent.
@@ -21,7 +23,8 @@ Damping read_damping(const Hdf5File& file);
 /// Takes α and β out of a D that is proportional; leaves a general D alone.
 void classify_damping(SecondOrderModel& model);
 
-/// Writes a body of matrices that read_body reads back and MATLAB and h5py open. Collective.
+/// Writes a body of matrices that read_body reads back and MATLAB and h5py open.
+/// Collective.
 void write_body(const SecondOrderModel& model, const std::string& path);
 
 } // namespace flexgram

@@ -9,7 +9,8 @@
 namespace flexgram {
 namespace {
 
-/// Eigenvalues of the unit-diagonal M below this are no rounding: exports print 14 digits.
+/// Eigenvalues of the unit-diagonal M below this are no rounding: exports print 14
+/// digits.
 constexpr double negative_floor = 1e-9;
 
 std::vector<double> row_maxima(Mat a) {
@@ -41,8 +42,9 @@ void check_rows(const SecondOrderModel& model, BodyFacts& facts) {
                          row));
       const auto check = [&](const char* name, double d, double largest) {
         if (d < 0)
-          throw Error(text("%s(%ld, %ld) = %g is negative: %s must be positive semidefinite",
-                           name, row, row, d, name));
+          throw Error(
+              text("%s(%ld, %ld) = %g is negative: %s must be positive semidefinite",
+                   name, row, row, d, name));
         if (d == 0 && largest > 0)
           throw Error(text("%s(%ld, %ld) is zero in a row that is not: %s is indefinite",
                            name, row, row, name));
@@ -55,7 +57,8 @@ void check_rows(const SecondOrderModel& model, BodyFacts& facts) {
   facts.mass_is_singular = sum_over(model.comm, massless) > 0;
 }
 
-void check_semidefinite(Mat a, const char* name, const char* consequence, BodyFacts& facts) {
+void check_semidefinite(Mat a, const char* name, const char* consequence,
+                        BodyFacts& facts) {
   if (is_diagonal(a)) {
     facts.skipped.push_back(text("definiteness of %s: it is diagonal", name));
     return;
@@ -63,10 +66,10 @@ void check_semidefinite(Mat a, const char* name, const char* consequence, BodyFa
   ++facts.factorisations;
   const int negative = count_negative_eigenvalues(a, negative_floor);
   if (negative > 0)
-    throw Error(text("%s has %d negative eigenvalue%s (scaled to unit diagonal, below %g): "
-                     "%s must be positive semidefinite, %s",
-                     name, negative, negative == 1 ? "" : "s", -negative_floor, name,
-                     consequence));
+    throw Error(text(
+        "%s has %d negative eigenvalue%s (scaled to unit diagonal, below %g): "
+        "%s must be positive semidefinite, %s",
+        name, negative, negative == 1 ? "" : "s", -negative_floor, name, consequence));
 }
 
 /// max K_ii / M_ii is a Rayleigh quotient: a lower bound of the largest eigenvalue.
@@ -78,7 +81,8 @@ double spectral_scale(const SecondOrderModel& model) {
   return max_over(model.comm, largest);
 }
 
-/// K + τM is positive definite unless K and M share a null vector or one of them is indefinite.
+/// K + τM is positive definite unless K and M share a null vector or one of them is
+/// indefinite.
 void check_mechanism(const SecondOrderModel& model, double scale, BodyFacts& facts) {
   SolverOptions options;
   options.mumps.cntl[3] = 1e-13; // a pivot below 1e-13 times the scaled matrix is none
@@ -87,9 +91,10 @@ void check_mechanism(const SecondOrderModel& model, double scale, BodyFacts& fac
   solver.factorise({1.0, 1e-6 * scale, 0.0});
   ++facts.factorisations;
   if (solver.null_pivots() > 0)
-    throw Error(text("K and M share %d null vector%s: the body has a mechanism without mass "
-                     "and stiffness (an unconnected node, a massless hinge)",
-                     solver.null_pivots(), solver.null_pivots() == 1 ? "" : "s"));
+    throw Error(
+        text("K and M share %d null vector%s: the body has a mechanism without mass "
+             "and stiffness (an unconnected node, a massless hinge)",
+             solver.null_pivots(), solver.null_pivots() == 1 ? "" : "s"));
   if (solver.negative_pivots() > 0)
     throw Error(text("K has %d negative eigenvalue%s: it must be positive semidefinite "
                      "(a buckled state, or K and M swapped?)",
@@ -105,12 +110,13 @@ int count_below(const SecondOrderModel& model, double shift, BodyFacts& facts) {
   return solver.negative_pivots();
 }
 
-void check_ports(const Block& ports, const std::vector<std::string>& names, const char* map,
-                 Monitor& monitor) {
+void check_ports(const Block& ports, const std::vector<std::string>& names,
+                 const char* map, Monitor& monitor) {
   const Dense gram = inner(ports, ports);
   for (int i = 0; i < gram.rows; ++i) {
     if (!(gram(i, i) > 0))
-      throw Error(text("port %s: its column of %s is zero", names[static_cast<std::size_t>(i)].c_str(), map));
+      throw Error(text("port %s: its column of %s is zero",
+                       names[static_cast<std::size_t>(i)].c_str(), map));
     for (int j = 0; j < i; ++j)
       if (gram(i, j) * gram(i, j) >= (1 - 1e-14) * gram(i, i) * gram(j, j))
         monitor.warn(text("ports %s and %s load the body in the same way: one of the two "
@@ -128,11 +134,13 @@ BodyFacts check_body(const SecondOrderModel& model, bool assembled, Monitor& mon
   if (!model.outputs_are_inputs) check_ports(model.C, model.outputs, "C", monitor);
   check_rows(model, facts);
   if (assembled) {
-    facts.skipped.push_back("definiteness of M and D: assembled here, so by construction");
+    facts.skipped.push_back(
+        "definiteness of M and D: assembled here, so by construction");
   } else {
     check_semidefinite(model.M, "M", "a body has no negative mass", facts);
     if (model.D)
-      check_semidefinite(model.D, "D", "a body does not gain energy from its damping", facts);
+      check_semidefinite(model.D, "D", "a body does not gain energy from its damping",
+                         facts);
   }
   const double scale = spectral_scale(model);
   check_mechanism(model, scale, facts);

@@ -7,17 +7,18 @@ namespace flexgram {
 
 /// What the checks found out about a sound body.
 struct BodyFacts {
-  int rigid_modes = 0;             ///< eigenvalues of (K, M) that are zero to working accuracy
+  int rigid_modes = 0; ///< eigenvalues of (K, M) that are zero to working accuracy
   bool rigid_modes_counted = false; ///< false: skipped
-  bool mass_is_singular = false;   ///< massless rows (more may hide in a consistent M)
-  int factorisations = 0;          ///< what the checks cost
+  bool mass_is_singular = false;    ///< massless rows (more may hide in a consistent M)
+  int factorisations = 0;           ///< what the checks cost
   std::vector<std::string> skipped; ///< checks not needed, and why
 };
 
-/// Refuses what no method can reduce: rows that are zero in both K and M, negative diagonals, M,
-/// D or K with a negative eigenvalue, a mechanism (K and M share a null vector), ports without
-/// load. Counts the rigid modes. Parallel ports only warn.
-/// @param assembled  the program assembled K and M itself: definite by construction, so the
+/// Refuses what no method can reduce: rows that are zero in both K and M, negative
+/// diagonals, M, D or K with a negative eigenvalue, a mechanism (K and M share a null
+/// vector), ports without load. Counts the rigid modes. Parallel ports only warn.
+/// @param assembled  the program assembled K and M itself: definite by construction, so
+/// the
 ///                   factorisations of M and D are skipped.
 /// @throws Error naming the matrix and the dof. Collective on model.comm.
 BodyFacts check_body(const SecondOrderModel& model, bool assembled, Monitor& monitor);

@@ -98,7 +98,8 @@ struct Hdf5File::State {
       fail(text("attribute %s of %s is missing", name.c_str(), object_name.c_str()));
     return id;
   }
-  Id create_dataset(const std::string& name, hid_t type, const std::vector<hsize_t>& dims) {
+  Id create_dataset(const std::string& name, hid_t type,
+                    const std::vector<hsize_t>& dims) {
     const Id space(dims.empty() ? H5Screate(H5S_SCALAR)
                                 : H5Screate_simple(static_cast<int>(dims.size()),
                                                    dims.data(), nullptr),
@@ -109,7 +110,8 @@ struct Hdf5File::State {
     H5Pset_fill_time(creation, H5D_FILL_TIME_NEVER);
     Id id(H5Dcreate2(file, name.c_str(), type, space, links, creation, H5P_DEFAULT),
           H5Dclose);
-    if (!id.valid()) fail(text("cannot create %s: %s", name.c_str(), hdf5_reason().c_str()));
+    if (!id.valid())
+      fail(text("cannot create %s: %s", name.c_str(), hdf5_reason().c_str()));
     return id;
   }
   void set_attribute(const std::string& object_name, const std::string& name, hid_t type,
@@ -267,8 +269,8 @@ std::vector<std::string> Hdf5File::texts_attribute(const std::string& object,
     H5Tset_size(memory, H5T_VARIABLE);
     H5Tset_cset(memory, H5Tget_cset(type));
     if (H5Aread(id, memory, values.data()) < 0)
-      state_->fail(text("cannot read attribute %s of %s: %s", name.c_str(), object.c_str(),
-                        hdf5_reason().c_str()));
+      state_->fail(text("cannot read attribute %s of %s: %s", name.c_str(),
+                        object.c_str(), hdf5_reason().c_str()));
     for (char* value : values) result.emplace_back(value ? value : "");
     H5Dvlen_reclaim(memory, space, H5P_DEFAULT, values.data());
   } else {
@@ -277,7 +279,8 @@ std::vector<std::string> Hdf5File::texts_attribute(const std::string& object,
     if (H5Aread(id, type, values.data()) < 0)
       state_->fail(text("cannot read attribute %s of %s", name.c_str(), object.c_str()));
     for (std::size_t i = 0; i < count; ++i)
-      result.emplace_back(values.data() + i * size, strnlen(values.data() + i * size, size));
+      result.emplace_back(values.data() + i * size,
+                          strnlen(values.data() + i * size, size));
   }
   return result;
 }
@@ -293,13 +296,16 @@ std::vector<double> Hdf5File::numbers_attribute(const std::string& object,
   const Id owner = state_->object(object);
   const Id id = state_->attribute(owner, object, name);
   const Id space(H5Aget_space(id), H5Sclose);
-  std::vector<double> values(static_cast<std::size_t>(H5Sget_simple_extent_npoints(space)));
+  std::vector<double> values(
+      static_cast<std::size_t>(H5Sget_simple_extent_npoints(space)));
   if (H5Aread(id, H5T_NATIVE_DOUBLE, values.data()) < 0)
-    state_->fail(text("attribute %s of %s must be a number", name.c_str(), object.c_str()));
+    state_->fail(
+        text("attribute %s of %s must be a number", name.c_str(), object.c_str()));
   return values;
 }
 
-double Hdf5File::number_attribute(const std::string& object, const std::string& name) const {
+double Hdf5File::number_attribute(const std::string& object,
+                                  const std::string& name) const {
   const auto values = numbers_attribute(object, name);
   if (values.size() != 1)
     state_->fail(text("attribute %s of %s must be one number, it has %zu", name.c_str(),
@@ -330,7 +336,8 @@ std::vector<T> Hdf5File::read(const std::string& dataset, std::int64_t first,
                              nullptr),
             H5Sclose);
   if (!dims.empty())
-    H5Sselect_hyperslab(space, H5S_SELECT_SET, start.data(), nullptr, dims.data(), nullptr);
+    H5Sselect_hyperslab(space, H5S_SELECT_SET, start.data(), nullptr, dims.data(),
+                        nullptr);
   if (H5Dread(id, memory_type<T>(), memory, space, H5P_DEFAULT, values.data()) < 0)
     state_->fail(text("cannot read %s: %s", dataset.c_str(), hdf5_reason().c_str()));
   return values;
@@ -373,7 +380,8 @@ herr_t write_slab(hid_t id, hid_t type, const std::vector<hsize_t>& start,
   const Id memory(H5Screate_simple(static_cast<int>(count.size()), count.data(), nullptr),
                   H5Sclose);
   if (count.front() > 0)
-    H5Sselect_hyperslab(space, H5S_SELECT_SET, start.data(), nullptr, count.data(), nullptr);
+    H5Sselect_hyperslab(space, H5S_SELECT_SET, start.data(), nullptr, count.data(),
+                        nullptr);
   else {
     H5Sselect_none(space);
     H5Sselect_none(memory);
@@ -383,10 +391,12 @@ herr_t write_slab(hid_t id, hid_t type, const std::vector<hsize_t>& start,
 
 } // namespace
 
-void Hdf5File::write_rows(const std::string& dataset, std::int64_t n, std::int64_t columns,
-                          RowRange rows, const std::vector<double>& row_major) {
-  const Id id = state_->create_dataset(
-      dataset, H5T_NATIVE_DOUBLE, {static_cast<hsize_t>(n), static_cast<hsize_t>(columns)});
+void Hdf5File::write_rows(const std::string& dataset, std::int64_t n,
+                          std::int64_t columns, RowRange rows,
+                          const std::vector<double>& row_major) {
+  const Id id =
+      state_->create_dataset(dataset, H5T_NATIVE_DOUBLE,
+                             {static_cast<hsize_t>(n), static_cast<hsize_t>(columns)});
   agree(state_->comm, [&] {
     if (write_slab(id, H5T_NATIVE_DOUBLE, {static_cast<hsize_t>(rows.begin), 0},
                    {static_cast<hsize_t>(rows.size()), static_cast<hsize_t>(columns)},
@@ -424,12 +434,14 @@ void Hdf5File::set_attribute(const std::string& object, const std::string& name,
                              const std::vector<std::string>& values) {
   std::vector<const char*> pointers;
   for (const auto& value : values) pointers.push_back(value.c_str());
-  state_->set_attribute(object, name, text_type(), pointers.data(), pointers.size(), false);
+  state_->set_attribute(object, name, text_type(), pointers.data(), pointers.size(),
+                        false);
 }
 
 void Hdf5File::set_attribute(const std::string& object, const std::string& name,
                              const std::vector<double>& values) {
-  state_->set_attribute(object, name, H5T_NATIVE_DOUBLE, values.data(), values.size(), false);
+  state_->set_attribute(object, name, H5T_NATIVE_DOUBLE, values.data(), values.size(),
+                        false);
 }
 
 void Hdf5File::set_count_attribute(const std::string& object, const std::string& name,
@@ -437,8 +449,8 @@ void Hdf5File::set_count_attribute(const std::string& object, const std::string&
   state_->set_attribute(object, name, H5T_NATIVE_UINT64, &value, 1, true);
 }
 
-template std::vector<double> Hdf5File::read(const std::string&, std::int64_t, std::int64_t,
-                                            int) const;
+template std::vector<double> Hdf5File::read(const std::string&, std::int64_t,
+                                            std::int64_t, int) const;
 template std::vector<std::int64_t> Hdf5File::read(const std::string&, std::int64_t,
                                                   std::int64_t, int) const;
 template std::vector<double> Hdf5File::read_all(const std::string&) const;

@@ -10,14 +10,17 @@
 namespace flexgram {
 
 /// An HDF5 file opened by all ranks of a communicator. The only place that knows HDF5.
-/// Reads are independent: each rank takes its own slab. Every failure throws an Error that
-/// names the file and the object; throws may be rank-local, so callers wrap reads in agree().
+/// Reads are independent: each rank takes its own slab. Every failure throws an Error
+/// that names the file and the object; throws may be rank-local, so callers wrap reads in
+/// agree().
 class Hdf5File {
 public:
-  /// @throws Error on all ranks if the file is missing, unreadable or no HDF5. Collective.
+  /// @throws Error on all ranks if the file is missing, unreadable or no HDF5.
+  /// Collective.
   static Hdf5File open(MPI_Comm comm, const std::string& path);
 
-  /// Writes go to "path.part"; commit() renames it, so the file appears whole or not at all.
+  /// Writes go to "path.part"; commit() renames it, so the file appears whole or not at
+  /// all.
   static Hdf5File create(MPI_Comm comm, const std::string& path);
   /// Closes and renames; collective. @throws Error if anything did not reach the disk.
   void commit();

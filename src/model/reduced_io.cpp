@@ -39,12 +39,12 @@ void write_log(Hdf5File& file, const ReducedModel& rom, const Options& options,
   for (const auto& [stage, seconds] : monitor.stages())
     file.set_attribute("/log/seconds", stage, seconds);
   file.create_group("/log/versions");
-  file.set_attribute("/log/versions", "PETSc",
-                     text("%d.%d.%d", PETSC_VERSION_MAJOR, PETSC_VERSION_MINOR,
-                          PETSC_VERSION_SUBMINOR));
-  file.set_attribute("/log/versions", "SLEPc",
-                     text("%d.%d.%d", SLEPC_VERSION_MAJOR, SLEPC_VERSION_MINOR,
-                          SLEPC_VERSION_SUBMINOR));
+  file.set_attribute(
+      "/log/versions", "PETSc",
+      text("%d.%d.%d", PETSC_VERSION_MAJOR, PETSC_VERSION_MINOR, PETSC_VERSION_SUBMINOR));
+  file.set_attribute(
+      "/log/versions", "SLEPc",
+      text("%d.%d.%d", SLEPC_VERSION_MAJOR, SLEPC_VERSION_MINOR, SLEPC_VERSION_SUBMINOR));
   file.set_attribute("/log/versions", "flexgram", std::string(FLEXGRAM_VERSION));
   file.set_attribute("/log", "body", rom.model.name);
   file.set_attribute("/log", "ranks", static_cast<double>(comm_size(rom.V.comm())));
@@ -57,16 +57,17 @@ void write_log(Hdf5File& file, const ReducedModel& rom, const Options& options,
 
 } // namespace
 
-void write_reduced(const ReducedModel& rom, const Options& options, const Monitor& monitor,
-                   const std::string& path) {
+void write_reduced(const ReducedModel& rom, const Options& options,
+                   const Monitor& monitor, const std::string& path) {
   const SecondOrderModel& model = rom.model;
   Hdf5File file = Hdf5File::create(rom.V.comm(), path);
   file.set_attribute("/", "method", rom.method);
   file.set_attribute("/", "band", std::vector<double>{rom.band[0], rom.band[1]});
   write_matrix(file, "/M", to_dense(model.M));
   write_matrix(file, "/K", to_dense(model.K));
-  write_matrix(file, "/D", model.D ? to_dense(model.D)
-                                   : Dense(static_cast<int>(model.n), static_cast<int>(model.n)));
+  write_matrix(file, "/D",
+               model.D ? to_dense(model.D)
+                       : Dense(static_cast<int>(model.n), static_cast<int>(model.n)));
   file.set_attribute("/", "eta", model.damping.eta);
   write_matrix(file, "/B", local_dense(model.B));
   file.set_attribute("/B", "names", model.inputs);
@@ -103,7 +104,8 @@ SecondOrderModel read_reduced(MPI_Comm comm, const std::string& path) {
                          path.c_str(), name.c_str()));
       Dense a(static_cast<int>(shape[1]), static_cast<int>(shape[0]));
       a.data = file.read_all<double>(name);
-      if (std::any_of(a.data.begin(), a.data.end(), [](double x) { return !std::isfinite(x); }))
+      if (std::any_of(a.data.begin(), a.data.end(),
+                      [](double x) { return !std::isfinite(x); }))
         throw Error(text("file %s: %s holds NaN or Inf", path.c_str(), name.c_str()));
       return transpose(a);
     };
@@ -134,8 +136,9 @@ SecondOrderModel read_reduced(MPI_Comm comm, const std::string& path) {
     model.C = block(transpose(C));
     model.outputs_are_inputs = false;
     const auto names = [&](const char* name, int count) {
-      return file.has_attribute(name, "names") ? file.texts_attribute(name, "names")
-                                               : std::vector<std::string>(static_cast<std::size_t>(count));
+      return file.has_attribute(name, "names")
+                 ? file.texts_attribute(name, "names")
+                 : std::vector<std::string>(static_cast<std::size_t>(count));
     };
     model.inputs = names("/B", B.columns);
     model.outputs = names("/C", C.rows);

@@ -6,22 +6,23 @@
 
 namespace flexgram {
 
-/// A reduced body with what is known about it. `model` is dense and the same on every rank.
+/// A reduced body with what is known about it. `model` is dense and the same on every
+/// rank.
 struct ReducedModel {
   SecondOrderModel model;
-  Block V;                        ///< n × m, rows over the ranks of the world
+  Block V; ///< n × m, rows over the ranks of the world
   std::string method;
-  std::vector<double> sigma;      ///< eigenvalues of the position Gramian, descending
-  std::vector<double> omega;      ///< [rad/s], where the error is known
-  std::vector<double> epsilon;    ///< eq. (17) of the paper at omega
-  std::vector<double> modes;      ///< [rad/s], undamped eigenfrequencies of the reduced body
-  double band[2] = {0, 0};        ///< [rad/s]
+  std::vector<double> sigma;   ///< eigenvalues of the position Gramian, descending
+  std::vector<double> omega;   ///< [rad/s], where the error is known
+  std::vector<double> epsilon; ///< eq. (17) of the paper at omega
+  std::vector<double> modes;   ///< [rad/s], undamped eigenfrequencies of the reduced body
+  double band[2] = {0, 0};     ///< [rad/s]
   int factorisations = 0;
 };
 
 /// Writes the reduced file (see src/README.md, "Files"). Collective on rom.V.comm().
-void write_reduced(const ReducedModel& rom, const Options& options, const Monitor& monitor,
-                   const std::string& path);
+void write_reduced(const ReducedModel& rom, const Options& options,
+                   const Monitor& monitor, const std::string& path);
 
 /// Reads M, D, K, B, C of a reduced file, whole on every rank. Collective on comm.
 SecondOrderModel read_reduced(MPI_Comm comm, const std::string& path);

@@ -30,9 +30,9 @@ ShiftCoefficients SecondOrderModel::coefficients(double omega) const {
 }
 
 SecondOrderModel SecondOrderModel::share() const {
-  return {name,      comm,      n,         rows,   M.share(),          K.share(), D.share(),
-          damping,   B.share(), C.share(), outputs_are_inputs, inputs, outputs,   node,
-          component, position};
+  return {name,      comm,    n,         rows,      M.share(),          K.share(),
+          D.share(), damping, B.share(), C.share(), outputs_are_inputs, inputs,
+          outputs,   node,    component, position};
 }
 
 std::int64_t SecondOrderModel::nonzeros() const {
@@ -65,8 +65,9 @@ SecondOrderModel move_to_group(SecondOrderModel model, const Groups& groups) {
   if (model.D) copy.D = move_sparse(model.D, groups.comm, rows);
   copy.damping = model.damping;
   copy.B = move_block(groups.world, model.B, groups.comm, rows);
-  copy.C = model.outputs_are_inputs ? copy.B.share()
-                                    : move_block(groups.world, model.C, groups.comm, rows);
+  copy.C = model.outputs_are_inputs
+               ? copy.B.share()
+               : move_block(groups.world, model.C, groups.comm, rows);
   copy.outputs_are_inputs = model.outputs_are_inputs;
   copy.inputs = model.inputs;
   copy.outputs = model.outputs;
@@ -145,7 +146,8 @@ ComplexDense dense_transfer(const SecondOrderModel& model, double omega) {
     const Dense D = to_dense(model.D);
     for (std::size_t i = 0; i < a.data.size(); ++i) a.data[i] += c.d * D.data[i];
   }
-  const int p = static_cast<int>(model.B.columns()), r = static_cast<int>(model.C.columns());
+  const int p = static_cast<int>(model.B.columns()),
+            r = static_cast<int>(model.C.columns());
   ComplexDense x(m, p);
   {
     const Block::Access b(model.B);

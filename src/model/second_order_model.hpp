@@ -9,17 +9,20 @@
 
 namespace flexgram {
 
-/// Damping D_total = αM + βK + D, and structural damping K(1 + iη). Every part may be zero.
+/// Damping D_total = αM + βK + D, and structural damping K(1 + iη). Every part may be
+/// zero.
 struct Damping {
   double alpha = 0; ///< [1/s]
   double beta = 0;  ///< [s]
   double eta = 0;   ///< loss factor
 };
 
-/// M q'' + D q' + K (1 + iη) q = B u, y = Cᵀ q: the same type for a full body (sparse, rows over
-/// the ranks of comm) and for a reduced one (dense, whole on every rank, comm = self).
+/// M q'' + D q' + K (1 + iη) q = B u, y = Cᵀ q: the same type for a full body (sparse,
+/// rows over the ranks of comm) and for a reduced one (dense, whole on every rank, comm =
+/// self).
 ///
-/// M [kg], D [N·s/m], K [N/m]: n×n, real symmetric; B: n×n_in; C: n×n_out (the paper's C_e).
+/// M [kg], D [N·s/m], K [N/m]: n×n, real symmetric; B: n×n_in; C: n×n_out (the paper's
+/// C_e).
 struct SecondOrderModel {
   std::string name;
   MPI_Comm comm = MPI_COMM_NULL;
@@ -48,7 +51,8 @@ struct SecondOrderModel {
   double memory_mb() const;
 };
 
-/// The model on the group's communicator, each group a whole copy. Collective on groups.world.
+/// The model on the group's communicator, each group a whole copy. Collective on
+/// groups.world.
 SecondOrderModel move_to_group(SecondOrderModel model, const Groups& groups);
 
 /// Keeps only the named ports. A name is a port ("lower.fx") or an interface ("lower").

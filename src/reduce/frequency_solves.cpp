@@ -10,10 +10,11 @@ namespace flexgram {
 
 void ParallelOptions::describe(Options& options) {
   options.section("Parallel (reduce, sweep)");
-  options.add("-mor_groups", groups, "",
-              "groups of ranks; each holds the body and factorises its own frequencies. 0: as "
-              "many as the memory estimate allows (independent factorisations scale better "
-              "than parallel ones)");
+  options.add(
+      "-mor_groups", groups, "",
+      "groups of ranks; each holds the body and factorises its own frequencies. 0: as "
+      "many as the memory estimate allows (independent factorisations scale better "
+      "than parallel ones)");
 }
 
 namespace {
@@ -56,12 +57,13 @@ FrequencySolves::FrequencySolves(SecondOrderModel model, const ParallelOptions& 
   const MPI_Comm world = model.comm;
   const bool real = model.undamped();
   const auto prepare = [&] {
-    s.solver = std::make_unique<ShiftedSolver>(s.model.K, s.model.M, s.model.D, s.model.node,
-                                               solver);
+    s.solver = std::make_unique<ShiftedSolver>(s.model.K, s.model.M, s.model.D,
+                                               s.model.node, solver);
     s.estimate = s.solver->analyse(real);
   };
   int count = parallel.groups;
-  require_option(count >= 0, "-mor_groups", std::to_string(count), "0 (automatic) or more");
+  require_option(count >= 0, "-mor_groups", std::to_string(count),
+                 "0 (automatic) or more");
   s.model = std::move(model);
   if (count == 0 && comm_size(world) > 1 && tasks > 1) {
     prepare();
@@ -125,7 +127,8 @@ std::vector<ComplexDense> FrequencySolves::transfer(const std::vector<double>& o
 std::vector<ComplexDense>
 FrequencySolves::share_transfer(std::vector<ComplexDense> mine) const {
   const State& s = *state_;
-  const int r = static_cast<int>(s.model.C.columns()), p = static_cast<int>(s.model.B.columns());
+  const int r = static_cast<int>(s.model.C.columns()),
+            p = static_cast<int>(s.model.B.columns());
   const bool speaker = comm_rank(s.groups->comm) == 0; // one rank a group contributes
   for (auto& h : mine) {
     if (h.data.empty() || !speaker) h = ComplexDense(r, p);
@@ -139,13 +142,17 @@ const SecondOrderModel& FrequencySolves::model() const { return state_->model; }
 const Groups& FrequencySolves::groups() const { return *state_->groups; }
 RowRange FrequencySolves::world_rows() const { return state_->world_rows; }
 const FactorEstimate& FrequencySolves::estimate() const { return state_->estimate; }
-const std::string& FrequencySolves::ordering() const { return state_->solver->ordering(); }
+const std::string& FrequencySolves::ordering() const {
+  return state_->solver->ordering();
+}
 int FrequencySolves::factorisations() const {
   const bool speaker = comm_rank(state_->groups->comm) == 0;
   return static_cast<int>(sum_over(
       state_->groups->world,
       static_cast<std::int64_t>(speaker ? state_->solver->factorisations() : 0)));
 }
-double FrequencySolves::worst_backward_error() const { return state_->worst_backward_error; }
+double FrequencySolves::worst_backward_error() const {
+  return state_->worst_backward_error;
+}
 
 } // namespace flexgram

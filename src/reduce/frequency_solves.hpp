@@ -15,8 +15,8 @@ struct ParallelOptions {
   void describe(Options& options);
 };
 
-/// A body ready for many solves: the ranks are split into groups, each group holds the whole
-/// body and factorises its own frequencies. Collective on the world.
+/// A body ready for many solves: the ranks are split into groups, each group holds the
+/// whole body and factorises its own frequencies. Collective on the world.
 class FrequencySolves {
 public:
   /// @param tasks  number of frequencies that will come; no more groups than that.
@@ -25,8 +25,9 @@ public:
   ~FrequencySolves();
   FrequencySolves(FrequencySolves&&) noexcept;
 
-  /// Calls use(l, X(ω_l)) on the ranks of the group that solved frequency l. A failure in one
-  /// group ends the call on all ranks. X is n × n_in (undamped) or n × 2 n_in: [Re, Im].
+  /// Calls use(l, X(ω_l)) on the ranks of the group that solved frequency l. A failure in
+  /// one group ends the call on all ranks. X is n × n_in (undamped) or n × 2 n_in: [Re,
+  /// Im].
   using Use = std::function<void(std::size_t, const Block&)>;
   void for_each(const std::vector<double>& omega, const char* what, const Use& use);
 

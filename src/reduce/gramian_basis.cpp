@@ -11,29 +11,37 @@ namespace flexgram {
 
 void GramianOptions::describe(Options& options) {
   options.section("Reduction (reduce, plan)");
-  options.add("-mor_band_hz", band_hz, "Hz", "frequency band, first,last; or one frequency");
-  options.add("-mor_samples", samples, "", "frequencies at which the response is sampled");
-  options.add_choice("-mor_quadrature", quadrature, {"midpoint", "gauss", "clenshaw_curtis"},
+  options.add("-mor_band_hz", band_hz, "Hz",
+              "frequency band, first,last; or one frequency");
+  options.add("-mor_samples", samples, "",
+              "frequencies at which the response is sampled");
+  options.add_choice("-mor_quadrature", quadrature,
+                     {"midpoint", "gauss", "clenshaw_curtis"},
                      "rule for the integral of the Gramian over the band");
   options.add_choice("-mor_spacing", spacing, {"linear", "log"},
                      "nodes of the rule in the frequency or in its logarithm");
-  options.add("-mor_order", order, "",
-              "order m of the reduced body; 0: smallest m with sigma_(m+1)/sigma_1 < sqrt(eps) "
-              "= 1.5e-8, the paper's rule");
-  options.add_choice("-mor_svd", svd, {"tsqr", "snapshots"},
-                     "tsqr: singular values of the samples by a QR factorisation, to working "
-                     "accuracy. snapshots: Sirovich's method, eigenvalues of Z'Z; faster, but "
-                     "squares the condition: directions with sigma_j/sigma_1 below about 1e-16 "
-                     "(singular values below 1e-8) are lost, so high orders gain nothing");
-  options.add_choice("-mor_inner_product", inner_product, {"mass", "euclidean", "energy"},
-                     "in which the modes are orthonormal: mass (independent of units; M + "
-                     "K/omega_max^2 where M is singular), euclidean (the paper), energy (M + "
-                     "K/omega_max^2)");
+  options.add(
+      "-mor_order", order, "",
+      "order m of the reduced body; 0: smallest m with sigma_(m+1)/sigma_1 < sqrt(eps) "
+      "= 1.5e-8, the paper's rule");
+  options.add_choice(
+      "-mor_svd", svd, {"tsqr", "snapshots"},
+      "tsqr: singular values of the samples by a QR factorisation, to working "
+      "accuracy. snapshots: Sirovich's method, eigenvalues of Z'Z; faster, but "
+      "squares the condition: directions with sigma_j/sigma_1 below about 1e-16 "
+      "(singular values below 1e-8) are lost, so high orders gain nothing");
+  options.add_choice(
+      "-mor_inner_product", inner_product, {"mass", "euclidean", "energy"},
+      "in which the modes are orthonormal: mass (independent of units; M + "
+      "K/omega_max^2 where M is singular), euclidean (the paper), energy (M + "
+      "K/omega_max^2)");
 }
 
 std::pair<double, double> GramianOptions::band() const {
-  const std::string words = join({text("%g", band_hz.front()), text("%g", band_hz.back())}, ",");
-  require_option(band_hz.size() <= 2, "-mor_band_hz", words, "first,last or one frequency");
+  const std::string words =
+      join({text("%g", band_hz.front()), text("%g", band_hz.back())}, ",");
+  require_option(band_hz.size() <= 2, "-mor_band_hz", words,
+                 "first,last or one frequency");
   require_option(band_hz.front() >= 0, "-mor_band_hz", words, "zero or more");
   require_option(band_hz.front() <= band_hz.back(), "-mor_band_hz", words,
                  "first,last with first <= last");
@@ -43,7 +51,8 @@ std::pair<double, double> GramianOptions::band() const {
 
 Quadrature GramianOptions::nodes() const {
   require_option(samples >= 1, "-mor_samples", std::to_string(samples), "1 or more");
-  require_option(order >= 0, "-mor_order", std::to_string(order), "0 (by the rule) or more");
+  require_option(order >= 0, "-mor_order", std::to_string(order),
+                 "0 (by the rule) or more");
   const auto [first, last] = band();
   return band_quadrature(first, last, samples, quadrature, spacing);
 }
@@ -107,7 +116,8 @@ Block weigh(const Block& x, Mat M, Mat K, bool with_energy, double omega_max) {
     const Block::Access from(k);
     Block::Access to(w);
     const double scale = 1 / (omega_max * omega_max);
-    for (std::size_t i = 0; i < to.all().size(); ++i) to.all()[i] += scale * from.column(0)[i];
+    for (std::size_t i = 0; i < to.all().size(); ++i)
+      to.all()[i] += scale * from.column(0)[i];
   }
   return w;
 }
@@ -140,8 +150,8 @@ Dense gram_matrix(const Block& U, Mat M, Mat K, double omega_max, Weight& weight
   return g;
 }
 
-int choose_order(const GramianOptions& options, bool all, const std::vector<double>& sigma,
-                 int available) {
+int choose_order(const GramianOptions& options, bool all,
+                 const std::vector<double>& sigma, int available) {
   if (all) return available;
   if (options.order == 0) return std::min(order_by_rule(sigma), available);
   if (options.order > available)
@@ -156,8 +166,8 @@ std::vector<double> squares(std::vector<double> values) {
   return values;
 }
 
-/// Second pass of Cholesky-QR: V is orthonormal to the accuracy of one Gram matrix, then to
-/// rounding.
+/// Second pass of Cholesky-QR: V is orthonormal to the accuracy of one Gram matrix, then
+/// to rounding.
 Block reorthonormalise(Block V, Mat M, Mat K, double omega_max, const Weight& weight) {
   Dense g = inner(V, weigh(V, M, K, weight.energy, omega_max));
   symmetrise(g);
@@ -170,8 +180,8 @@ Block reorthonormalise(Block V, Mat M, Mat K, double omega_max, const Weight& we
 GramianBasis by_method_of_snapshots(const Block& Z, Mat M, Mat K, double omega_max,
                                     const GramianOptions& options, bool all,
                                     Weight weight) {
-  Dense g = weight.euclidean ? inner(Z, Z)
-                             : inner(Z, weigh(Z, M, K, weight.energy, omega_max));
+  Dense g =
+      weight.euclidean ? inner(Z, Z) : inner(Z, weigh(Z, M, K, weight.energy, omega_max));
   symmetrise(g);
   const SymmetricEigen eigen = symmetric_eigen(std::move(g));
   GramianBasis basis;
@@ -185,7 +195,8 @@ GramianBasis by_method_of_snapshots(const Block& Z, Mat M, Mat K, double omega_m
   Dense q(columns, basis.order);
   for (int j = 0; j < basis.order; ++j)
     for (int i = 0; i < columns; ++i)
-      q(i, j) = eigen.vectors(i, columns - 1 - j) / std::sqrt(basis.sigma[static_cast<std::size_t>(j)]);
+      q(i, j) = eigen.vectors(i, columns - 1 - j) /
+                std::sqrt(basis.sigma[static_cast<std::size_t>(j)]);
   basis.V = combine(Z, q);
   if (!weight.euclidean)
     basis.V = reorthonormalise(std::move(basis.V), M, K, omega_max, weight);
@@ -202,7 +213,8 @@ GramianBasis gramian_basis(Block Z, Mat M, Mat K, double omega_max,
   const auto maxima = column_maxima(Z);
   if (*std::max_element(maxima.begin(), maxima.end()) == 0)
     throw Error("all samples are zero: the ports do not load the body");
-  Weight weight{options.inner_product == "euclidean", options.inner_product == "energy", "M"};
+  Weight weight{options.inner_product == "euclidean", options.inner_product == "energy",
+                "M"};
   if (weight.euclidean) weight.name = "I";
   if (weight.energy) weight.name = "M + K/ω_max²";
   if (omega_max == 0 && !weight.euclidean) weight = {true, false, "I (the band is 0 Hz)"};

@@ -25,9 +25,9 @@ struct GramianOptions {
 ///   Z = [… √(w_l/π) Re X_l, √(w_l/π) Im X_l …],   X_l = A(ω_l)⁻¹ B,   P ≈ Z Zᵀ
 /// (Fehr, Eberhard, Lehner, eqs. 11-14; an undamped body has no Im half).
 struct Snapshots {
-  Block Z;                           ///< n × 2 n_in s or n × n_in s, rows as in the world
-  std::vector<double> omega;         ///< [rad/s]
-  std::vector<ComplexDense> H;       ///< at omega, free of charge
+  Block Z;                     ///< n × 2 n_in s or n × n_in s, rows as in the world
+  std::vector<double> omega;   ///< [rad/s]
+  std::vector<ComplexDense> H; ///< at omega, free of charge
 };
 Snapshots sample_band(FrequencySolves& solves, const Quadrature& nodes);
 
@@ -41,11 +41,14 @@ struct GramianBasis {
 
 /// Singular value decomposition of the snapshots in the inner product W (mass: M, or
 /// M + K/ω_max² where M is singular on the snapshots; euclidean: I, the paper; energy:
-/// M + K/ω_max²), without forming ZᵀZ: TSQR of Z, then dense work of the size of its rank.
+/// M + K/ω_max²), without forming ZᵀZ: TSQR of Z, then dense work of the size of its
+/// rank.
 /// `-mor_svd snapshots` is Sirovich's method on ZᵀWZ, faster and half as many digits.
 /// @param[in] M, K   in the layout of Z.
-/// @param[in] all    keep every direction that the samples hold, for a later choice of order.
-/// @throws Error if the samples are all zero or hold fewer directions than the order asked.
+/// @param[in] all    keep every direction that the samples hold, for a later choice of
+/// order.
+/// @throws Error if the samples are all zero or hold fewer directions than the order
+/// asked.
 GramianBasis gramian_basis(Block Z, Mat M, Mat K, double omega_max,
                            const GramianOptions& options, bool all, Monitor& monitor);
 

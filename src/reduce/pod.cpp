@@ -11,11 +11,13 @@
 namespace flexgram {
 
 void PodOptions::describe(Options& options) {
-  options.add("-mor_tol", tolerance, "",
-              "smallest order whose relative error at the samples and the check frequencies is "
-              "below this; 0: order by -mor_order or the rule");
-  options.add("-mor_validate", validate, "",
-              "frequencies between the samples at which the error is checked by full solves");
+  options.add(
+      "-mor_tol", tolerance, "",
+      "smallest order whose relative error at the samples and the check frequencies is "
+      "below this; 0: order by -mor_order or the rule");
+  options.add(
+      "-mor_validate", validate, "",
+      "frequencies between the samples at which the error is checked by full solves");
 }
 
 void PodOptions::check() const {
@@ -51,7 +53,8 @@ SecondOrderModel leading_part(const SecondOrderModel& rom, int m) {
     Block top(PETSC_COMM_SELF, {0, m}, m, b.columns());
     const Block::Access from(b);
     Block::Access to(top);
-    for (PetscInt j = 0; j < b.columns(); ++j) std::copy_n(from.column(j), m, to.column(j));
+    for (PetscInt j = 0; j < b.columns(); ++j)
+      std::copy_n(from.column(j), m, to.column(j));
     return top;
   };
   part.name = rom.name;
@@ -158,22 +161,23 @@ ReducedModel reduce_pod(const SecondOrderModel& fom, FrequencySolves& solves,
   rom.factorisations = solves.factorisations();
 
   plan.fact("inner product", basis.inner_product);
-  plan.fact("order", text("m = %d of n = %lld, by %s", order, static_cast<long long>(fom.n),
-                          gramian.order > 0 ? "-mor_order"
-                          : by_tolerance
-                              ? text("-mor_tol %g", pod.tolerance).c_str()
-                              : "the rule sigma_(m+1)/sigma_1 < 1.5e-8"));
+  plan.fact("order",
+            text("m = %d of n = %lld, by %s", order, static_cast<long long>(fom.n),
+                 gramian.order > 0 ? "-mor_order"
+                 : by_tolerance    ? text("-mor_tol %g", pod.tolerance).c_str()
+                                   : "the rule sigma_(m+1)/sigma_1 < 1.5e-8"));
   if (order < static_cast<int>(rom.sigma.size()) && rom.sigma.front() > 0) {
-    const double tail =
-        std::accumulate(rom.sigma.begin() + order, rom.sigma.end(), 0.0);
-    plan.fact("indicators", text("sigma_(m+1)/sigma_1 = %.1e, sqrt of the neglected sum = %.1e",
-                                 rom.sigma[static_cast<std::size_t>(order)] / rom.sigma[0],
-                                 std::sqrt(tail)));
+    const double tail = std::accumulate(rom.sigma.begin() + order, rom.sigma.end(), 0.0);
+    plan.fact("indicators",
+              text("sigma_(m+1)/sigma_1 = %.1e, sqrt of the neglected sum = %.1e",
+                   rom.sigma[static_cast<std::size_t>(order)] / rom.sigma[0],
+                   std::sqrt(tail)));
   }
-  std::string error = text("at most %.1e at the %zu samples", at_samples,
-                           samples.omega.size());
+  std::string error =
+      text("at most %.1e at the %zu samples", at_samples, samples.omega.size());
   if (checks > 0)
-    error += text(", %.1e at %ld frequencies between them", between, static_cast<long>(checks));
+    error += text(", %.1e at %ld frequencies between them", between,
+                  static_cast<long>(checks));
   plan.fact("error", error + " (estimated, not proved)");
   plan.fact("reduced M, K", text("smallest over largest eigenvalue %.1e, %.1e",
                                  relative_smallest_eigenvalue(rom.model.M),

@@ -15,16 +15,17 @@ struct PodOptions {
   void check() const;
 };
 
-/// Reduction by POD of frequency samples (Fehr, Eberhard, Lehner, section 2.1 and figure 2):
-/// samples of the response to all inputs over the band, weighted by a quadrature rule; their
-/// dominant left singular vectors span V; Galerkin projection.
-/// The error is estimated at the samples and at frequencies between them, not proved.
+/// Reduction by POD of frequency samples (Fehr, Eberhard, Lehner, section 2.1 and figure
+/// 2): samples of the response to all inputs over the band, weighted by a quadrature
+/// rule; their dominant left singular vectors span V; Galerkin projection. The error is
+/// estimated at the samples and at frequencies between them, not proved.
 /// @note Collective. One factorisation a sample and one a check frequency.
 ReducedModel reduce_pod(const SecondOrderModel& fom, FrequencySolves& solves,
                         const GramianOptions& gramian, const PodOptions& pod, Plan& plan,
                         Monitor& monitor);
 
-/// Frequencies half-way between neighbouring samples, `count` of them spread over the band.
+/// Frequencies half-way between neighbouring samples, `count` of them spread over the
+/// band.
 std::vector<double> check_frequencies(const std::vector<double>& samples, int count);
 
 } // namespace flexgram

@@ -5,7 +5,8 @@
 namespace flexgram {
 
 /// Galerkin projection of the full model on V: K_r = VᵀKV, M_r, D_r = αM_r + βK_r + VᵀDV,
-/// B_r = VᵀB, C_r = VᵀC; symmetric to the last bit. Structural damping stays a factor of K_r.
+/// B_r = VᵀB, C_r = VᵀC; symmetric to the last bit. Structural damping stays a factor of
+/// K_r.
 /// @return dense model, whole on every rank. Collective on fom.comm.
 SecondOrderModel project(const SecondOrderModel& fom, const Block& V);
 

@@ -11,10 +11,12 @@ struct Quadrature {
   std::vector<double> weight; ///< [rad/s], positive
 };
 
-/// @param rule     midpoint (the paper's, with its weight h/(s−1) corrected to h/s), gauss
+/// @param rule     midpoint (the paper's, with its weight h/(s−1) corrected to h/s),
+/// gauss
 ///                 (Legendre), clenshaw_curtis (nested in its doubling, with both ends).
 /// @param spacing  linear, or logarithmic: the rule in ln ω, weights times ω.
-/// @param count    number of nodes s ≥ 1; a band of one frequency gets one node of weight 1.
+/// @param count    number of nodes s ≥ 1; a band of one frequency gets one node of
+/// weight 1.
 /// @throws Error for a logarithmic band that starts at zero.
 Quadrature band_quadrature(double first, double last, int count, const std::string& rule,
                            const std::string& spacing);

@@ -1,0 +1,69 @@
+"""Pictures of sweeps and reduced bodies."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+
+
+def plot_sweep(sweep: Path, output: Path, rom: Path | None = None) -> None:
+    """Draw what ``flexgram sweep`` found.
+
+    Parameters
+    ----------
+    sweep : Path
+        Sweep file with ``/omega`` [rad/s], ``/H`` and, compared with a reduced body, ``/H_rom``
+        and ``/error/relative`` (eq. 17 of Fehr, Eberhard and Lehner).
+    output : Path
+        Picture to write; its suffix chooses the format.
+    rom : Path, optional
+        Reduced file, for the eigenvalues of its Gramian.
+    """
+    with h5py.File(sweep) as file:
+        hz = file["omega"][:] / (2 * np.pi)
+        H = file["H"][..., 0] + 1j * file["H"][..., 1]
+        H_rom = file["H_rom"][..., 0] + 1j * file["H_rom"][..., 1] if "H_rom" in file else None
+        error = file["error/relative"][:] if "error" in file else None
+        inputs, outputs = file["H"].attrs["inputs"], file["H"].attrs["outputs"]
+    sigma, order = None, 0
+    if rom is not None:
+        with h5py.File(rom) as file:
+            sigma, order = file["gramian/sigma"][:], file["K"].shape[0]
+            sampled = file["error/omega"][:] / (2 * np.pi), file["error/relative"][:]
+
+    count = 1 + (error is not None) + (sigma is not None)
+    figure, axes = plt.subplots(1, count, figsize=(5.2 * count, 4.0), squeeze=False)
+    response = axes[0, 0]
+    strongest = np.argmax(np.abs(H).max(axis=0).diagonal())
+    i = min(int(strongest), H.shape[1] - 1)
+    j = min(int(strongest), H.shape[2] - 1)
+    response.semilogy(hz, np.abs(H[:, i, j]), label="full body")
+    if H_rom is not None:
+        label = f"reduced, m = {order}" if order else "reduced"
+        response.semilogy(hz, np.abs(H_rom[:, i, j]), "--", label=label)
+    response.set(xlabel="frequency [Hz]", ylabel="|H|", title=f"{outputs[i]} from {inputs[j]}")
+    response.legend()
+    if error is not None:
+        panel = axes[0, 1]
+        panel.semilogy(hz, error, label="full sweep")
+        if sigma is not None:
+            panel.semilogy(*sampled, ".", label="known at reduction")
+            panel.legend()
+        panel.set(xlabel="frequency [Hz]", ylabel="relative error ε", title="eq. (17)")
+    if sigma is not None:
+        panel = axes[0, -1]
+        panel.semilogy(np.arange(1, len(sigma) + 1), sigma / sigma[0], ".-")
+        panel.axvline(order, color="gray", lw=0.8)
+        panel.axhline(np.sqrt(np.finfo(float).eps), color="gray", lw=0.8, ls=":")
+        panel.set(xlabel="j", ylabel="σ_j / σ_1", title=f"position Gramian, m = {order}")
+    for panel in axes.flat:
+        panel.grid(alpha=0.3)
+    figure.tight_layout()
+    figure.savefig(output, dpi=120)
+    plt.close(figure)
