@@ -300,11 +300,9 @@ def _write_blocks(
         solid = False
         for block, chosen in enumerate(cells[str(name)]):
             kind = mesh.cells[block].type
-            if (
-                len(chosen) == 0
-                or kind not in ELEMENTS
-                or (kind == "line" and "section" not in data)
-            ):
+            if len(chosen) == 0 or kind not in ELEMENTS:
+                continue
+            if kind == "line" and "section" not in data:
                 continue
             if taken[block][chosen].any():
                 raise BodyError(f"{entry.where}: some of its elements belong to another region too")

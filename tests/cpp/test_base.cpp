@@ -1,0 +1,126 @@
+#include "base/options.hpp"
+#include "base/text.hpp"
+#include "examples.hpp"
+
+using namespace flexgram;
+using examples::world;
+
+namespace {
+
+/// Sets PETSc options for one test.
+class WithOptions {
+public:
+  explicit WithOptions(const char* words) { PetscOptionsInsertString(nullptr, words); }
+  ~WithOptions() { PetscOptionsClear(nullptr); }
+};
+
+std::string message_of(const std::function<void()>& work) {
+  try {
+    work();
+  } catch (const std::exception& error) {
+    return error.what();
+  }
+  return "";
+}
+
+} // namespace
+
+TEST(Base, NearestWordHasTheSmallestEditDistance) {
+  EXPECT_EQ(nearest("-mor_sampels", {"-mor_out", "-mor_samples", "-mor_svd"}), "-mor_samples");
+  EXPECT_EQ(nearest("x", {}), "");
+}
+
+TEST(Base, SplitDropsBlanksAndEmptyParts) {
+  EXPECT_EQ(split(" a, b,,c ", ','), (std::vector<std::string>{"a", "b", "c"}));
+  EXPECT_TRUE(split("", ',').empty());
+}
+
+TEST(Base, OptionsReadEveryKindAndKeepDefaults) {
+  const WithOptions set("-mor_x 2.5 -mor_n 7 -mor_flag -mor_list 1,2.5 -mor_c two "
+                        "-mor_mumps_icntl_14 60");
+  Options options;
+  double x = 1, y = 3;
+  int n = 1;
+  bool flag = false;
+  std::vector<double> list;
+  std::string c = "one";
+  std::map<int, double> icntl;
+  options.add("-mor_x", x, "m", "");
+  options.add("-mor_y", y, "m", "");
+  options.add("-mor_n", n, "", "");
+  options.add("-mor_flag", flag, "");
+  options.add("-mor_list", list, "", "");
+  options.add_choice("-mor_c", c, {"one", "two"}, "");
+  options.add_numbered("-mor_mumps_icntl_", icntl, "");
+  EXPECT_EQ(x, 2.5);
+  EXPECT_EQ(y, 3);
+  EXPECT_EQ(n, 7);
+  EXPECT_TRUE(flag);
+  EXPECT_EQ(list, (std::vector<double>{1, 2.5}));
+  EXPECT_EQ(c, "two");
+  EXPECT_EQ(icntl.at(14), 60);
+  EXPECT_NO_THROW(options.reject_unknown());
+  EXPECT_TRUE(options.all().front().set_by_user);
+  EXPECT_FALSE(options.all()[1].set_by_user);
+}
+
+TEST(Base, OptionsRejectWhatTheyDoNotKnow) {
+  const WithOptions set("-mor_sampels 3 -mor_n 1.5 -mor_x nan -mor_c tow");
+  Options options;
+  int n = 1;
+  double x = 0;
+  std::string c = "one";
+  EXPECT_NE(message_of([&] { options.add("-mor_n", n, "", ""); }).find("whole number"),
+            std::string::npos);
+  EXPECT_NE(message_of([&] { options.add("-mor_x", x, "", ""); }).find("finite"),
+            std::string::npos);
+  EXPECT_NE(message_of([&] { options.add_choice("-mor_c", c, {"one", "two"}, ""); })
+                .find("did you mean two"),
+            std::string::npos);
+  int samples = 1;
+  options.add("-mor_samples", samples, "", "");
+  EXPECT_NE(message_of([&] { options.reject_unknown(); }).find("-mor_samples"),
+            std::string::npos);
+}
+
+TEST(Base, AFailureOnOneRankIsThrownOnAll) {
+  const int last = comm_size(world()) - 1;
+  const std::string message = message_of([&] {
+    agree(world(), [&] {
+      if (comm_rank(world()) == last) throw Error(text("only rank %d", last));
+    });
+  });
+  EXPECT_EQ(message, text("only rank %d", last));
+}
+
+TEST(Base, PetscErrorsBecomeExceptionsWithPetscsText) {
+  Matrix matrix;
+  FG_CALL(MatCreate(world(), matrix.out()));
+  const std::string message = message_of([&] { FG_CALL(MatSetType(matrix, "nonsense")); });
+  EXPECT_NE(message.find("MatSetType"), std::string::npos);
+  EXPECT_NE(message.find("nonsense"), std::string::npos);
+}
+
+TEST(Base, ExchangeRowsMovesEveryRowHome) {
+  // Every rank offers its rows of two columns and wants all of them in reverse order of ranks.
+  const PetscInt n = 11;
+  const RowRange mine = even_rows(world(), n);
+  std::vector<double> values;
+  for (int column = 0; column < 2; ++column)
+    for (PetscInt i = mine.begin; i < mine.end; ++i)
+      values.push_back(100 * column + static_cast<double>(i));
+  const int size = comm_size(world()), mirrored = size - 1 - comm_rank(world());
+  const RowRange wanted{n * mirrored / size, n * (mirrored + 1) / size};
+  const auto result = exchange_rows<double>(world(), mine, values, 2, 0, wanted, 2);
+  for (int column = 0; column < 2; ++column)
+    for (PetscInt i = 0; i < wanted.size(); ++i)
+      EXPECT_EQ(result[static_cast<std::size_t>(i + column * wanted.size())],
+                100 * column + static_cast<double>(wanted.begin + i));
+}
+
+TEST(Base, GroupsSplitTheWorldEvenly) {
+  const Groups groups(world(), comm_size(world()));
+  EXPECT_EQ(comm_size(groups.comm), 1);
+  EXPECT_EQ(groups.mine, comm_rank(world()));
+  EXPECT_THROW(Groups(world(), comm_size(world()) + 1), Error);
+}

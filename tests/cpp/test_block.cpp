@@ -1,0 +1,88 @@
+#include "examples.hpp"
+
+#include <random>
+
+using namespace flexgram;
+using namespace flexgram::examples;
+
+namespace {
+
+/// Hilbert-like columns whose singular values fall over 16 decades.
+Block graded(PetscInt n, PetscInt columns) {
+  return block(n, columns, [](PetscInt i, PetscInt j) {
+    return 1.0 / (1.0 + static_cast<double>(i) / 7 + static_cast<double>(j));
+  });
+}
+
+double distance_from_identity(const Dense& g) {
+  Dense e = g;
+  for (int i = 0; i < e.rows; ++i) e(i, i) -= 1;
+  return frobenius_norm(e);
+}
+
+} // namespace
+
+TEST(Block, ProductsMatchDenseAlgebra) {
+  const PetscInt n = 23;
+  const Block x = graded(n, 4), y = graded(n, 3);
+  const Dense expected = multiply_transposed(whole(x), whole(y)), found = inner(x, y);
+  for (std::size_t i = 0; i < found.data.size(); ++i)
+    EXPECT_NEAR(found.data[i], expected.data[i], 1e-14 * n);
+  Dense q(4, 2);
+  q(0, 0) = 1;
+  q(3, 1) = -2;
+  const Dense combined = whole(combine(x, q)), all = whole(x);
+  for (int i = 0; i < combined.rows; ++i) {
+    EXPECT_DOUBLE_EQ(combined(i, 0), all(i, 0));
+    EXPECT_DOUBLE_EQ(combined(i, 1), -2 * all(i, 3));
+  }
+}
+
+TEST(Block, TsqrGivesOrthonormalColumnsThatReproduceTheBlock) {
+  const PetscInt n = 200, k = 12;
+  Block q = graded(n, k);
+  const Dense r = tsqr(q);
+  // Householder QR: orthonormal to rounding whatever the condition (here 1e16).
+  EXPECT_LT(distance_from_identity(inner(q, q)), 1e-13);
+  const Dense product = whole(combine(q, r)), original = whole(graded(n, k));
+  for (std::size_t i = 0; i < product.data.size(); ++i)
+    EXPECT_NEAR(product.data[i], original.data[i], 1e-14);
+}
+
+TEST(Block, SvdOfTallAndOfWideBlocksFindsTheSameValues) {
+  // Tall goes through TSQR, wide through the gathered path; both must see small values.
+  for (const auto& [n, k] : {std::pair<PetscInt, PetscInt>{300, 15}, {20, 60}, {31, 30}}) {
+    const LeftSvd reference = left_svd(whole(graded(n, k)));
+    const BlockSvd svd = left_svd(graded(n, k), 1e-13);
+    ASSERT_EQ(svd.values.size(), reference.values.size());
+    for (std::size_t j = 0; j < svd.values.size(); ++j)
+      EXPECT_NEAR(svd.values[j], reference.values[j], 1e-14 * reference.values[0]);
+    EXPECT_LT(distance_from_identity(inner(svd.left, svd.left)), 1e-12);
+    for (PetscInt j = 0; j < svd.left.columns(); ++j)
+      EXPECT_GT(svd.values[static_cast<std::size_t>(j)], 1e-13 * svd.values[0]);
+  }
+}
+
+TEST(Block, MovingABlockKeepsIt) {
+  const PetscInt n = 17;
+  const Block x = graded(n, 3);
+  const Block moved = move_block(world(), x, PETSC_COMM_SELF, {0, n});
+  const Dense expected = whole(x);
+  const Block::Access access(moved);
+  for (int j = 0; j < 3; ++j)
+    for (int i = 0; i < n; ++i) EXPECT_EQ(access.column(j)[i], expected(i, j));
+}
+
+TEST(Block, DenseEigenSolversAndCholesky) {
+  Dense a(2, 2), b = identity(2);
+  a(0, 0) = 2;
+  a(1, 1) = 5;
+  b(1, 1) = 4;
+  EXPECT_NEAR(symmetric_eigen(a, b).values[0], 1.25, 1e-15);
+  EXPECT_NEAR(symmetric_eigen(a).values[1], 5, 1e-15);
+  b(0, 0) = -1;
+  EXPECT_THROW(symmetric_eigen(a, b), Error);
+  EXPECT_EQ(cholesky(b), 1);
+  ComplexDense singular(2, 2), rhs(2, 1);
+  EXPECT_THROW(solve(singular, rhs), ShiftError);
+}

@@ -1,0 +1,104 @@
+#include "examples.hpp"
+#include "linalg/shifted_solver.hpp"
+
+using namespace flexgram;
+using namespace flexgram::examples;
+
+namespace {
+
+constexpr PetscInt n = 60;
+
+/// max |A x − b| with A = k K + m M over max |b|, computed densely.
+double residual(const SecondOrderModel& model, const ShiftCoefficients& c, const Block& x) {
+  const Dense K = whole(model.K), M = whole(model.M), X = whole(x), B = whole(model.B);
+  const int p = B.columns;
+  double worst = 0;
+  for (int j = 0; j < p; ++j)
+    for (int i = 0; i < n; ++i) {
+      std::complex<double> r = -B(i, j);
+      for (int k = 0; k < n; ++k)
+        r += (c.k * K(i, k) + c.m * M(i, k)) *
+             std::complex<double>(X(k, j), X.columns > p ? X(k, j + p) : 0.0);
+      worst = std::max(worst, std::abs(r));
+    }
+  return worst;
+}
+
+} // namespace
+
+TEST(ShiftedSolver, RealShiftsStayRealAndComplexOnesAreSolved) {
+  const SecondOrderModel model = rod(n);
+  ShiftedSolver solver(model.K, model.M, nullptr, {}, {});
+  for (const ShiftCoefficients c : {ShiftCoefficients{1.0, -30.0, 0.0},
+                                    ShiftCoefficients{{1.0, 0.01}, {-30.0, 0.2}, 0.0}}) {
+    solver.factorise(c);
+    const auto solution = solver.solve(model.B);
+    EXPECT_EQ(solution.x.columns(), c.real() ? 2 : 4);
+    EXPECT_LT(solution.backward_error, 1e-15);
+    // ‖A‖‖x‖ ≈ 2 · 60 · 2: the residual is that times rounding.
+    EXPECT_LT(residual(model, c, solution.x), 1e-12);
+  }
+  EXPECT_EQ(solver.factorisations(), 2);
+}
+
+TEST(ShiftedSolver, SinglePrecisionIsRefinedToDouble) {
+  const SecondOrderModel model = rod(n);
+  SolverOptions options;
+  options.precision = "single";
+  ShiftedSolver solver(model.K, model.M, nullptr, {}, options);
+  const ShiftCoefficients c{{1.0, 0.05}, {-30.0, 0.2}, 0.0};
+  solver.factorise(c);
+  const auto solution = solver.solve(model.B);
+  EXPECT_GT(solution.refinements, 0);
+  EXPECT_LE(solution.backward_error, options.backward_error);
+  EXPECT_LT(residual(model, c, solution.x), 1e-9);
+}
+
+TEST(ShiftedSolver, SinglePrecisionFallsBackToDoubleBesideAResonance) {
+  const SecondOrderModel model = rod(n);
+  SolverOptions options;
+  options.precision = "single";
+  ShiftedSolver solver(model.K, model.M, nullptr, {}, options);
+  solver.factorise({1.0, -rod_eigenvalue(n, 3) * (1 + 1e-9), 0.0});
+  const auto solution = solver.solve(model.B);
+  EXPECT_LE(solution.backward_error, options.backward_error);
+  EXPECT_EQ(solver.factorisations(), 2); // one single, one double
+}
+
+TEST(ShiftedSolver, AnExactResonanceIsAShiftError) {
+  const SecondOrderModel model = rod(1);
+  ShiftedSolver solver(model.K, model.M, nullptr, {}, {});
+  // One dof: K = 1, M = 1/3, so K − 3M is exactly zero.
+  EXPECT_THROW(
+      {
+        solver.factorise({1.0, -3.0, 0.0});
+        solver.solve(model.B);
+      },
+      ShiftError);
+}
+
+TEST(ShiftedSolver, InertiaIsTheModeCount) {
+  const SecondOrderModel model = rod(n);
+  ShiftedSolver solver(model.K, model.M, nullptr, {}, {});
+  solver.count_pivots(true);
+  for (const int k : {1, 4, 9}) {
+    solver.factorise({1.0, -0.5 * (rod_eigenvalue(n, k) + rod_eigenvalue(n, k + 1)), 0.0});
+    EXPECT_EQ(solver.negative_pivots(), k);
+  }
+}
+
+TEST(ShiftedSolver, EveryOrderingGivesTheSameSolution) {
+  const SecondOrderModel model = rod(3000);
+  std::vector<Dense> solutions;
+  for (const char* ordering : {"best", "nested_dissection", "mumps"}) {
+    SolverOptions options;
+    options.mumps.ordering = ordering;
+    ShiftedSolver solver(model.K, model.M, nullptr, {}, options);
+    solver.factorise({1.0, -30.0, 0.0});
+    solutions.push_back(inner(model.B, solver.solve(model.B).x));
+  }
+  for (const auto& h : solutions)
+    // Condition of K − 30 M is some 1e7, times rounding.
+    for (std::size_t i = 0; i < h.data.size(); ++i)
+      EXPECT_NEAR(h.data[i], solutions[0].data[i], 1e-8);
+}
