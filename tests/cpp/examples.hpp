@@ -63,20 +63,25 @@ inline SecondOrderModel rod(PetscInt n, Damping damping = {}) {
   model.comm = world();
   model.n = n;
   model.rows = even_rows(world(), n);
-  model.K = sparse(n, [=](PetscInt i, PetscInt j) {
-    return i == j ? (last(i) ? 1 : 2) / h : -1 / h; }, 1);
-  model.M = sparse(n, [=](PetscInt i, PetscInt j) {
-    return i == j ? (last(i) ? 2 : 4) * h / 6 : h / 6; }, 1);
+  model.K = sparse(
+      n, [=](PetscInt i, PetscInt j) { return i == j ? (last(i) ? 1 : 2) / h : -1 / h; },
+      1);
+  model.M = sparse(
+      n,
+      [=](PetscInt i, PetscInt j) { return i == j ? (last(i) ? 2 : 4) * h / 6 : h / 6; },
+      1);
   model.damping = damping;
   model.B = block(n, 2, [n](PetscInt i, PetscInt j) {
-    return (j == 0 && i == n - 1) || (j == 1 && i == n / 2) ? 1.0 : 0.0; });
+    return (j == 0 && i == n - 1) || (j == 1 && i == n / 2) ? 1.0 : 0.0;
+  });
   model.C = model.B.share();
   model.inputs = model.outputs = {"tip.fx", "middle.fx"};
   return model;
 }
 
 inline double rod_eigenvalue(PetscInt n, PetscInt k) {
-  const double theta = (2.0 * static_cast<double>(k) - 1) * M_PI / (2.0 * static_cast<double>(n));
+  const double theta =
+      (2.0 * static_cast<double>(k) - 1) * M_PI / (2.0 * static_cast<double>(n));
   return 6.0 * static_cast<double>(n * n) * (1 - std::cos(theta)) / (2 + std::cos(theta));
 }
 

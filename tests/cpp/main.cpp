@@ -14,8 +14,9 @@ int main(int argc, char** argv) {
   if (rank != 0) {
     class Failures : public ::testing::EmptyTestEventListener {
       void OnTestPartResult(const ::testing::TestPartResult& result) override {
-        if (result.failed()) std::fprintf(stderr, "rank > 0: %s:%d: %s\n", result.file_name(),
-                                          result.line_number(), result.summary());
+        if (result.failed())
+          std::fprintf(stderr, "rank > 0: %s:%d: %s\n", result.file_name(),
+                       result.line_number(), result.summary());
       }
     };
     delete listeners.Release(listeners.default_result_printer());

@@ -26,7 +26,8 @@ std::string message_of(const std::function<void()>& work) {
 } // namespace
 
 TEST(Base, NearestWordHasTheSmallestEditDistance) {
-  EXPECT_EQ(nearest("-mor_sampels", {"-mor_out", "-mor_samples", "-mor_svd"}), "-mor_samples");
+  EXPECT_EQ(nearest("-mor_sampels", {"-mor_out", "-mor_samples", "-mor_svd"}),
+            "-mor_samples");
   EXPECT_EQ(nearest("x", {}), "");
 }
 
@@ -74,8 +75,9 @@ TEST(Base, OptionsRejectWhatTheyDoNotKnow) {
             std::string::npos);
   EXPECT_NE(message_of([&] { options.add("-mor_x", x, "", ""); }).find("finite"),
             std::string::npos);
-  EXPECT_NE(message_of([&] { options.add_choice("-mor_c", c, {"one", "two"}, ""); })
-                .find("did you mean two"),
+  EXPECT_NE(message_of([&] {
+              options.add_choice("-mor_c", c, {"one", "two"}, "");
+            }).find("did you mean two"),
             std::string::npos);
   int samples = 1;
   options.add("-mor_samples", samples, "", "");
@@ -96,13 +98,15 @@ TEST(Base, AFailureOnOneRankIsThrownOnAll) {
 TEST(Base, PetscErrorsBecomeExceptionsWithPetscsText) {
   Matrix matrix;
   FG_CALL(MatCreate(world(), matrix.out()));
-  const std::string message = message_of([&] { FG_CALL(MatSetType(matrix, "nonsense")); });
+  const std::string message =
+      message_of([&] { FG_CALL(MatSetType(matrix, "nonsense")); });
   EXPECT_NE(message.find("MatSetType"), std::string::npos);
   EXPECT_NE(message.find("nonsense"), std::string::npos);
 }
 
 TEST(Base, ExchangeRowsMovesEveryRowHome) {
-  // Every rank offers its rows of two columns and wants all of them in reverse order of ranks.
+  // Every rank offers its rows of two columns and wants all of them in reverse order of
+  // ranks.
   const PetscInt n = 11;
   const RowRange mine = even_rows(world(), n);
   std::vector<double> values;

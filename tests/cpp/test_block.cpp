@@ -51,7 +51,8 @@ TEST(Block, TsqrGivesOrthonormalColumnsThatReproduceTheBlock) {
 
 TEST(Block, SvdOfTallAndOfWideBlocksFindsTheSameValues) {
   // Tall goes through TSQR, wide through the gathered path; both must see small values.
-  for (const auto& [n, k] : {std::pair<PetscInt, PetscInt>{300, 15}, {20, 60}, {31, 30}}) {
+  for (const auto& [n, k] :
+       {std::pair<PetscInt, PetscInt>{300, 15}, {20, 60}, {31, 30}}) {
     const LeftSvd reference = left_svd(whole(graded(n, k)));
     const BlockSvd svd = left_svd(graded(n, k), 1e-13);
     ASSERT_EQ(svd.values.size(), reference.values.size());

@@ -71,7 +71,8 @@ TEST(Model, ThreeMassChainByHand) {
   model.B = Block(PETSC_COMM_SELF, {0, 3}, 3, 1);
   Block::Access(model.B).column(0)[2] = 1;
   model.C = model.B.share();
-  // ω² = 1: rows (1 −1 0), (−1 1 −1), (0 −1 0) with right side e3: x2 = −1, x1 = −1, x3 = 0.
+  // ω² = 1: rows (1 −1 0), (−1 1 −1), (0 −1 0) with right side e3: x2 = −1, x1 = −1, x3 =
+  // 0.
   EXPECT_NEAR(std::abs(dense_transfer(model, 1.0)(0, 0)), 0, 1e-15);
   // ω = 0: the tip of three springs in a row under a unit force moves by 3.
   EXPECT_NEAR(dense_transfer(model, 0.0)(0, 0).real(), 3, 1e-14);
@@ -79,9 +80,9 @@ TEST(Model, ThreeMassChainByHand) {
   EXPECT_NEAR(dense_transfer(model, std::sqrt(2.0))(0, 0).real(), -1, 1e-14);
   // Structural damping: K(1 + iη) at ω = 0 divides by 1 + iη.
   model.damping.eta = 0.5;
-  EXPECT_NEAR(std::abs(dense_transfer(model, 0.0)(0, 0) -
-                       3.0 / std::complex<double>(1, 0.5)),
-              0, 1e-14);
+  EXPECT_NEAR(
+      std::abs(dense_transfer(model, 0.0)(0, 0) - 3.0 / std::complex<double>(1, 0.5)), 0,
+      1e-14);
 }
 
 TEST(Model, ABodyFileReadsBackAsWritten) {
@@ -116,7 +117,8 @@ TEST(Model, AProportionalDampingMatrixIsRecognised) {
 
 TEST(Model, ADashpotIsNotProportional) {
   SecondOrderModel model = rod(25);
-  model.D = sparse(25, [](PetscInt i, PetscInt j) { return i == 24 && j == 24 ? 3.0 : 0.0; }, 0);
+  model.D = sparse(
+      25, [](PetscInt i, PetscInt j) { return i == 24 && j == 24 ? 3.0 : 0.0; }, 0);
   classify_damping(model);
   EXPECT_TRUE(model.D);
   EXPECT_EQ(model.damping.alpha, 0);
@@ -162,39 +164,53 @@ TEST(Model, ChecksPassASoundBodyAndCountItsRigidModes) {
   Monitor silent(world(), Monitor::Level::silent);
   EXPECT_EQ(check_body(rod(40), false, silent).rigid_modes, 0);
   SecondOrderModel free = rod(40); // let go of the fixed end
-  free.K = sparse(40, [](PetscInt i, PetscInt j) {
-    return i != j ? -1.0 : (i == 0 || i == 39 ? 1.0 : 2.0); }, 1);
+  free.K = sparse(
+      40,
+      [](PetscInt i, PetscInt j) {
+        return i != j ? -1.0 : (i == 0 || i == 39 ? 1.0 : 2.0);
+      },
+      1);
   EXPECT_EQ(check_body(free, false, silent).rigid_modes, 1);
 }
 
 TEST(Model, ChecksRefuseWhatCannotBeReduced) {
   SecondOrderModel negative_mass = rod(20);
   // Diagonal 0.2, neighbours 0.15: eigenvalues 0.2 + 0.3 cos θ, some negative.
-  negative_mass.M = sparse(20, [](PetscInt i, PetscInt j) { return i == j ? 0.2 : 0.15; }, 1);
+  negative_mass.M = sparse(
+      20, [](PetscInt i, PetscInt j) { return i == j ? 0.2 : 0.15; }, 1);
   EXPECT_NE(refusal(negative_mass).find("M has"), std::string::npos);
 
   SecondOrderModel negative_diagonal = rod(20);
-  negative_diagonal.M =
-      sparse(20, [](PetscInt i, PetscInt) { return i == 7 ? -1.0 : 1.0; }, 0);
+  negative_diagonal.M = sparse(
+      20, [](PetscInt i, PetscInt) { return i == 7 ? -1.0 : 1.0; }, 0);
   EXPECT_NE(refusal(negative_diagonal).find("M(7, 7)"), std::string::npos);
 
   SecondOrderModel loose = rod(20); // dof 5 has neither mass nor stiffness
   const auto without = [](PetscInt i, PetscInt j, double value) {
-    return i == 5 || j == 5 ? 0.0 : value; };
-  loose.K = sparse(20, [&](PetscInt i, PetscInt j) { return without(i, j, i == j ? 2.0 : -1.0); }, 1);
-  loose.M = sparse(20, [&](PetscInt i, PetscInt j) { return without(i, j, i == j ? 1.0 : 0.0); }, 1);
+    return i == 5 || j == 5 ? 0.0 : value;
+  };
+  loose.K = sparse(
+      20, [&](PetscInt i, PetscInt j) { return without(i, j, i == j ? 2.0 : -1.0); }, 1);
+  loose.M = sparse(
+      20, [&](PetscInt i, PetscInt j) { return without(i, j, i == j ? 1.0 : 0.0); }, 1);
   EXPECT_NE(refusal(loose).find("row 5"), std::string::npos);
 
   // A massless pair of dofs joined to each other only: K and M share the vector (1, 1).
   SecondOrderModel hinge = rod(20);
-  hinge.K = sparse(20, [](PetscInt i, PetscInt j) {
-    if (i >= 18 || j >= 18) return i < 18 || j < 18 ? 0.0 : (i == j ? 1.0 : -1.0);
-    return i == j ? 2.0 : -1.0; }, 1);
-  hinge.M = sparse(20, [](PetscInt i, PetscInt) { return i >= 18 ? 0.0 : 1.0; }, 0);
+  hinge.K = sparse(
+      20,
+      [](PetscInt i, PetscInt j) {
+        if (i >= 18 || j >= 18) return i < 18 || j < 18 ? 0.0 : (i == j ? 1.0 : -1.0);
+        return i == j ? 2.0 : -1.0;
+      },
+      1);
+  hinge.M = sparse(
+      20, [](PetscInt i, PetscInt) { return i >= 18 ? 0.0 : 1.0; }, 0);
   EXPECT_NE(refusal(hinge).find("null vector"), std::string::npos);
 
   SecondOrderModel idle = rod(20);
-  idle.B = block(20, 2, [](PetscInt i, PetscInt j) { return i == 3 && j == 0 ? 1.0 : 0.0; });
+  idle.B =
+      block(20, 2, [](PetscInt i, PetscInt j) { return i == 3 && j == 0 ? 1.0 : 0.0; });
   idle.C = idle.B.share();
   EXPECT_NE(refusal(idle).find("middle.fx"), std::string::npos);
 }
@@ -202,7 +218,9 @@ TEST(Model, ChecksRefuseWhatCannotBeReduced) {
 TEST(Model, ParallelPortsOnlyWarn) {
   Monitor silent(world(), Monitor::Level::silent);
   SecondOrderModel model = rod(20);
-  model.B = block(20, 2, [](PetscInt i, PetscInt j) { return i == 3 ? 1.0 + static_cast<double>(j) : 0.0; });
+  model.B = block(20, 2, [](PetscInt i, PetscInt j) {
+    return i == 3 ? 1.0 + static_cast<double>(j) : 0.0;
+  });
   model.C = model.B.share();
   check_body(model, false, silent);
   ASSERT_EQ(silent.warnings().size(), 1U);

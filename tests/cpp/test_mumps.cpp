@@ -1,5 +1,5 @@
-#include "examples.hpp"
 #include "base/text.hpp"
+#include "examples.hpp"
 #include "linalg/ordering.hpp"
 
 #include <numeric>
@@ -72,15 +72,15 @@ double residual(Symmetry symmetry, Scalar factor, bool sparse_rhs) {
     const bool first = comm_rank(world()) == 0;
     const std::vector<int> start{1, 2, 3}, row{1, 2};
     const std::vector<Scalar> ones{Scalar(1), Scalar(1)};
-    mumps.solve_sparse(first ? start : std::span<const int>{},
-                       first ? row : std::span<const int>{},
-                       first ? std::span<const Scalar>(ones) : std::span<const Scalar>{}, g.rows,
-                       x, 2);
+    mumps.solve_sparse(
+        first ? start : std::span<const int>{}, first ? row : std::span<const int>{},
+        first ? std::span<const Scalar>(ones) : std::span<const Scalar>{}, g.rows, x, 2);
   } else {
     std::vector<Scalar> b(2 * local);
     for (int j = 0; j < 2; ++j)
       if (j >= g.rows.begin && j < g.rows.end)
-        b[static_cast<std::size_t>(j - g.rows.begin) + static_cast<std::size_t>(j) * local] = 1;
+        b[static_cast<std::size_t>(j - g.rows.begin) +
+          static_cast<std::size_t>(j) * local] = 1;
     mumps.solve(g.rows, b, x, 2);
   }
   // Gather x and multiply by the stencil.
@@ -109,10 +109,11 @@ TEST(Mumps, FourArithmeticsSolveTheSameMatrix) {
   const std::complex<double> turn(0.6, 0.8);
   for (const bool sparse_rhs : {false, true}) {
     EXPECT_LT(residual<double>(Symmetry::symmetric, 1.0, sparse_rhs), 1e-13);
-    EXPECT_LT(residual<std::complex<double>>(Symmetry::symmetric, turn, sparse_rhs), 1e-13);
+    EXPECT_LT(residual<std::complex<double>>(Symmetry::symmetric, turn, sparse_rhs),
+              1e-13);
     EXPECT_LT(residual<float>(Symmetry::symmetric, 1.0F, sparse_rhs), 5e-5);
-    EXPECT_LT(residual<std::complex<float>>(Symmetry::symmetric, std::complex<float>(turn),
-                                            sparse_rhs),
+    EXPECT_LT(residual<std::complex<float>>(Symmetry::symmetric,
+                                            std::complex<float>(turn), sparse_rhs),
               5e-5);
   }
 }
@@ -168,7 +169,8 @@ TEST(Mumps, TooLittleMemoryNamesTheNeed) {
 }
 
 TEST(Mumps, MoreWorkspaceIsTriedUpToTheLimit) {
-  // ICNTL(23) = 1 MB of working memory is too little for the fronts: MUMPS answers −9 or −19.
+  // ICNTL(23) = 1 MB of working memory is too little for the fronts: MUMPS answers −9 or
+  // −19.
   MumpsOptions options;
   options.icntl[23] = 1;
   options.workspace_percent = 5;

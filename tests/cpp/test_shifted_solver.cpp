@@ -9,7 +9,8 @@ namespace {
 constexpr PetscInt n = 60;
 
 /// max |A x − b| with A = k K + m M over max |b|, computed densely.
-double residual(const SecondOrderModel& model, const ShiftCoefficients& c, const Block& x) {
+double residual(const SecondOrderModel& model, const ShiftCoefficients& c,
+                const Block& x) {
   const Dense K = whole(model.K), M = whole(model.M), X = whole(x), B = whole(model.B);
   const int p = B.columns;
   double worst = 0;
@@ -82,7 +83,8 @@ TEST(ShiftedSolver, InertiaIsTheModeCount) {
   ShiftedSolver solver(model.K, model.M, nullptr, {}, {});
   solver.count_pivots(true);
   for (const int k : {1, 4, 9}) {
-    solver.factorise({1.0, -0.5 * (rod_eigenvalue(n, k) + rod_eigenvalue(n, k + 1)), 0.0});
+    solver.factorise(
+        {1.0, -0.5 * (rod_eigenvalue(n, k) + rod_eigenvalue(n, k + 1)), 0.0});
     EXPECT_EQ(solver.negative_pivots(), k);
   }
 }
