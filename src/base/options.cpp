@@ -64,6 +64,14 @@ void Options::add(const char* name, double& value, const char* unit, const char*
   record(name, set ? number_text(value) : short_number(value), set, unit, "", help);
 }
 
+void Options::add(const char* name, std::optional<double>& value, const char* unit,
+                  const char* help) {
+  std::string word;
+  const bool set = given(name, word);
+  if (set) value = parse_number(name, word);
+  record(name, set ? number_text(*value) : "", set, unit, "", help);
+}
+
 void Options::add(const char* name, int& value, const char* unit, const char* help) {
   std::string word;
   const bool set = given(name, word);

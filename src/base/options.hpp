@@ -1,6 +1,7 @@
 #pragma once
 
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -26,6 +27,9 @@ public:
 
   void section(const std::string& title) { section_ = title; }
   void add(const char* name, double& value, const char* unit, const char* help);
+  /// Unset unless the user gives it.
+  void add(const char* name, std::optional<double>& value, const char* unit,
+           const char* help);
   void add(const char* name, int& value, const char* unit, const char* help);
   void add(const char* name, bool& value, const char* help);
   void add(const char* name, std::string& value, const char* help);

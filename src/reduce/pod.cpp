@@ -14,15 +14,16 @@ void PodOptions::describe(Options& options) {
   options.add(
       "-mor_tol", tolerance, "",
       "smallest order whose relative error at the samples and the check frequencies is "
-      "below this; 0: order by -mor_order or the rule");
+      "below this; without it the order is -mor_order or the rule's");
   options.add(
       "-mor_validate", validate, "",
       "frequencies between the samples at which the error is checked by full solves");
 }
 
 void PodOptions::check() const {
-  require_option(tolerance >= 0 && tolerance < 1, "-mor_tol", text("%g", tolerance),
-                 "between 0 and 1");
+  if (tolerance)
+    require_option(*tolerance > 0 && *tolerance < 1, "-mor_tol", text("%g", *tolerance),
+                   "above 0 and below 1");
   require_option(validate >= 0, "-mor_validate", std::to_string(validate), "0 or more");
 }
 
@@ -107,7 +108,7 @@ ReducedModel reduce_pod(const SecondOrderModel& fom, FrequencySolves& solves,
     Stage stage(monitor, "samples");
     samples = sample_band(solves, gramian.nodes());
   }
-  const bool by_tolerance = pod.tolerance > 0 && gramian.order == 0;
+  const bool by_tolerance = pod.tolerance && gramian.order == 0;
   GramianBasis basis = gramian_basis(std::move(samples.Z), fom.M, fom.K, last, gramian,
                                      by_tolerance, monitor);
 
@@ -127,7 +128,7 @@ ReducedModel reduce_pod(const SecondOrderModel& fom, FrequencySolves& solves,
   }
   int order = basis.order;
   if (by_tolerance) {
-    order = order_by_tolerance(rom.model, rom.omega, H, pod.tolerance);
+    order = order_by_tolerance(rom.model, rom.omega, H, *pod.tolerance);
     rom.model = leading_part(rom.model, order);
     std::vector<int> columns(static_cast<std::size_t>(order));
     std::iota(columns.begin(), columns.end(), 0);
@@ -164,7 +165,7 @@ ReducedModel reduce_pod(const SecondOrderModel& fom, FrequencySolves& solves,
   plan.fact("order",
             text("m = %d of n = %lld, by %s", order, static_cast<long long>(fom.n),
                  gramian.order > 0 ? "-mor_order"
-                 : by_tolerance    ? text("-mor_tol %g", pod.tolerance).c_str()
+                 : by_tolerance    ? text("-mor_tol %g", *pod.tolerance).c_str()
                                    : "the rule sigma_(m+1)/sigma_1 < 1.5e-8"));
   if (order < static_cast<int>(rom.sigma.size()) && rom.sigma.front() > 0) {
     const double tail = std::accumulate(rom.sigma.begin() + order, rom.sigma.end(), 0.0);

@@ -4,11 +4,13 @@
 #include "model/reduced_io.hpp"
 #include "reduce/gramian_basis.hpp"
 
+#include <optional>
+
 namespace flexgram {
 
 /// Options of the paper's route beyond those of the Gramian.
 struct PodOptions {
-  double tolerance = 0; ///< 0: order by -mor_order or by the rule
+  std::optional<double> tolerance; ///< unset: order by -mor_order or by the rule
   int validate = 8;
 
   void describe(Options& options);

@@ -30,7 +30,7 @@ ReducedModel pod(const SecondOrderModel& fom, const GramianOptions& gramian,
   parallel.groups = groups;
   FrequencySolves solves(fom.share(), parallel, {}, gramian.samples, silent);
   PodOptions o;
-  o.tolerance = tolerance;
+  if (tolerance > 0) o.tolerance = tolerance;
   return reduce_pod(fom, solves, gramian, o, plan, silent);
 }
 

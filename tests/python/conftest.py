@@ -1,0 +1,128 @@
+"""Helpers of all Python tests: running the program on some ranks, bodies with known answers."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+import scipy.sparse as sp
+
+ROOT = Path(__file__).resolve().parents[2]
+PROGRAM = ROOT / "build" / "flexgram"
+SHARED = ROOT.parent / "shared" / "data"
+
+EXPORTS = (ROOT / "scripts" / "mpi-environment").read_text().splitlines()
+ENVIRONMENT = {
+    **os.environ,
+    **dict(line.removeprefix("export ").split("=", 1) for line in EXPORTS if "=" in line),
+    "OPENBLAS_NUM_THREADS": "1",
+}
+
+
+class Result:
+    """Exit status and output of one run."""
+
+    def __init__(self, process: subprocess.CompletedProcess[str]) -> None:
+        self.status, self.out, self.err = process.returncode, process.stdout, process.stderr
+
+
+def run(
+    *arguments: Any, ranks: int = 1, expect: int | None = 0, timeout: float = 300, **options: Any
+) -> Result:
+    """Run ``flexgram`` under mpirun; a hang is a failure through the timeout."""
+    command = ["mpirun", "-n", str(ranks), str(PROGRAM), *map(str, arguments)]
+    process = subprocess.run(
+        command, env=ENVIRONMENT, capture_output=True, text=True, timeout=timeout, **options
+    )
+    if expect is not None:
+        assert process.returncode == expect, f"{command}\n{process.stdout}\n{process.stderr}"
+    return Result(process)
+
+
+def message(result: Result) -> str:
+    """The one message of a failed run."""
+    lines = [line for line in result.err.splitlines() if line.startswith("flexgram:")]
+    assert len(lines) == 1, f"one message expected:\n{result.err}"
+    return lines[0]
+
+
+def rom_matrices(path: Path) -> dict[str, Any]:
+    with h5py.File(path) as file:
+        data = {key: file[key][:] for key in ("M", "D", "K", "B", "C", "V")}
+        data["sigma"] = file["gramian/sigma"][:]
+        data["eta"] = file.attrs["eta"]
+        data["modes"] = file["modes/omega"][:]
+    return data
+
+
+def rom_transfer(rom: dict[str, Any], omega: float) -> Any:
+    A = rom["K"] * (1 + 1j * rom["eta"]) + 1j * omega * rom["D"] - omega**2 * rom["M"]
+    return rom["C"] @ np.linalg.solve(A, rom["B"])
+
+
+def read_sparse(file: h5py.File, name: str) -> sp.csc_matrix:
+    group = file[name]
+    n = int(group.attrs["MATLAB_sparse"])
+    arrays = (group["data"][:], group["ir"][:], group["jc"][:])
+    return sp.csc_matrix(arrays, shape=(n, len(arrays[2]) - 1))
+
+
+def assembled(path: Path, body: Path, ranks: int = 1) -> dict[str, Any]:
+    """K, M, B and the dof map of a mesh body, assembled by the program."""
+    run("assemble", "-body", body, "-body_out", path, ranks=ranks)
+    with h5py.File(path) as file:
+        return {
+            "K": read_sparse(file, "K"),
+            "M": read_sparse(file, "M"),
+            "B": file["B"][:],
+            "names": list(file["B"].attrs["names"]),
+            "node": file["nodes/id"][:][file["dofs/node"][:]],
+            "component": file["dofs/component"][:],
+            "position": file["nodes/position"][:][file["dofs/node"][:]],
+        }
+
+
+def sweep_transfer(path: Path) -> tuple[Any, Any]:
+    with h5py.File(path) as file:
+        return file["omega"][:], file["H"][..., 0] + 1j * file["H"][..., 1]
+
+
+@pytest.fixture(scope="session")
+def load_case() -> Callable[[str], dict[str, Any]]:
+    """Loader of the bodies in ../shared/data, where that folder is there."""
+    loader = SHARED / "load_case.py"
+    if not loader.exists():
+        pytest.skip(f"{SHARED} is not there: bodies by other people are not tested")
+    spec = importlib.util.spec_from_file_location("load_case", loader)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return lambda name: module.load_case(str(SHARED / name))
+
+
+def chain(n: int = 60, **changes: Any) -> dict[str, Any]:
+    """Matrices of a fixed-free chain of unit masses and springs, for bad-input tests."""
+    K = sp.diags([-np.ones(n - 1), 2 * np.ones(n), -np.ones(n - 1)], [-1, 0, 1]).tolil()
+    K[-1, -1] = 1
+    B = np.zeros((n, 2))
+    B[-1, 0] = B[n // 2, 1] = 1
+    body: dict[str, Any] = {"K": K.tocsc(), "M": sp.identity(n).tocsc(), "B": B, "alpha": 0.01}
+    body.update(changes)
+    return body
+
+
+@pytest.fixture(scope="session")
+def rack(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Body file of the rack."""
+    from flexgram import import_body
+
+    path = tmp_path_factory.mktemp("rack") / "rack.h5"
+    import_body(ROOT / "meshes" / "rack.yaml", path)
+    return path

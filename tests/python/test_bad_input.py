@@ -1,0 +1,228 @@
+"""Bad input: one message that names the place, exit status 1, no output file, no hang."""
+
+from __future__ import annotations
+
+import resource
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from conftest import chain, message, run
+
+from flexgram import write_matrices
+
+
+def with_entries(matrix: Any, **entries: float) -> Any:
+    """A copy with some entries set: ``r3c5=1.0`` is entry (3, 5)."""
+    changed = sp.lil_matrix(matrix)
+    for name, value in entries.items():
+        row, column = name[1:].split("c")
+        changed[int(row), int(column)] = value
+    return changed.tocsc()
+
+
+def negative_mass() -> Any:
+    """Unit diagonal, neighbours 0.7: eigenvalues 1 + 1.4 cos θ, symmetric but indefinite."""
+    return sp.diags([0.7 * np.ones(59), np.ones(60), 0.7 * np.ones(59)], [-1, 0, 1]).tocsc()
+
+
+def mechanism() -> dict[str, Any]:
+    """The last two dofs are massless and joined only to each other."""
+    body = chain()
+    K, M = body["K"].tolil(), body["M"].tolil()
+    K[57, 58] = K[58, 57] = 0
+    K[58, 58] = K[59, 59] = 1
+    K[58, 59] = K[59, 58] = -1
+    M[58, 58] = M[59, 59] = 0
+    return chain(K=K.tocsc(), M=M.tocsc())
+
+
+K, M = chain()["K"], chain()["M"]
+BODIES: dict[str, tuple[Callable[[], dict[str, Any]], str]] = {
+    "wrong shape of M": (lambda: chain(M=sp.identity(59).tocsc()), r"/M is 59 × 59"),
+    "wrong shape of B": (lambda: chain(B=np.ones((7, 2))), "/B is 7 × 2, expected n × n_in"),
+    "wrong shape of C": (lambda: chain(C=np.ones((2, 7))), "/C is 2 × 7, expected n_out × n"),
+    "NaN": (lambda: chain(K=with_entries(K, r3c3=np.nan)), "/K(3, 3) = nan"),
+    "Inf": (lambda: chain(M=with_entries(M, r5c5=np.inf)), "/M(5, 5) = inf"),
+    "NaN in B": (lambda: chain(B=np.full((60, 1), np.nan)), "/B holds nan"),
+    "unsymmetric K": (lambda: chain(K=with_entries(K, r3c9=1.0)), "/K is not symmetric: (3, 9)"),
+    "gyroscopic D": (
+        lambda: chain(D=with_entries(sp.csc_matrix((60, 60)), r1c2=1.0, r2c1=-1.0)),
+        "gyroscopic",
+    ),
+    "circulatory K": (
+        lambda: chain(K=with_entries(K, r1c20=0.1, r20c1=-0.1)),
+        "circulatory",
+    ),
+    "one triangle": (lambda: chain(K=sp.triu(K).tocsc()), "only one triangle"),
+    "M with a negative eigenvalue": (lambda: chain(M=negative_mass()), "M has"),
+    "negative diagonal of M": (lambda: chain(M=with_entries(M, r4c4=-1.0)), "M(4, 4) = -1"),
+    "negative K": (lambda: chain(K=with_entries(K, r4c4=-5.0)), "K(4, 4) = -5"),
+    "indefinite K": (
+        lambda: chain(K=with_entries(K, r4c5=-9.0, r5c4=-9.0)),
+        "K has 1 negative eigenvalue",
+    ),
+    "mechanism": (mechanism, "K and M share 1 null vector"),
+    "zero rows": (
+        lambda: chain(K=with_entries(sp.block_diag([K[:59, :59], 0]).tocsc(), r58c58=1.0),
+                      M=sp.block_diag([sp.identity(59), sp.csc_matrix((1, 1))]).tocsc()),
+        "row 59",
+    ),
+    "zero port": (lambda: chain(B=np.eye(60)[:, :2] * [1, 0]), "port in2: its column of B is zero"),
+    "negative damping": (lambda: chain(alpha=-1.0), "alpha = -1"),
+    "two ports of one name": (lambda: chain(inputs=["a", "a"]), "two ports named a"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("case", BODIES)
+def test_bad_bodies(case: str, ranks: int, tmp_path: Path) -> None:
+    make, expected = BODIES[case]
+    body, out = tmp_path / "body.h5", tmp_path / "rom.h5"
+    write_matrices(body, **make())
+    result = run("reduce", "-body", body, "-mor_out", out, ranks=ranks, expect=1, timeout=60)
+    assert expected in message(result)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["body.h5"]
+
+
+OPTIONS = {
+    "band": (["-mor_band_hz", "500,10"], "-mor_band_hz 500,10"),
+    "negative band": (["-mor_band_hz", "-1,10"], "zero or more"),
+    "tolerance": (["-mor_tol", "-1e-3"], "-mor_tol -0.001"),
+    "zero tolerance": (["-mor_tol", "0"], "-mor_tol 0"),
+    "samples": (["-mor_samples", "0"], "-mor_samples 0"),
+    "fraction": (["-mor_samples", "2.5"], "whole number"),
+    "no number": (["-mor_samples", "many"], "finite number"),
+    "unknown option": (["-mor_sampels", "30"], "did you mean -mor_samples?"),
+    "unknown choice": (["-mor_quadrature", "gaus"], "did you mean gauss?"),
+    "unknown port": (["-mor_inputs", "in3"], "no port in3"),
+    "groups": (["-mor_groups", "5"], "between 1 and the number of ranks"),
+    "log from zero": (["-mor_band_hz", "0,1", "-mor_spacing", "log"], "start above zero"),
+    "order": (["-mor_order", "500", "-mor_samples", "2"], "-mor_order 500"),
+}
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("case", OPTIONS)
+def test_bad_options(case: str, ranks: int, tmp_path: Path) -> None:
+    options, expected = OPTIONS[case]
+    body, out = tmp_path / "body.h5", tmp_path / "rom.h5"
+    write_matrices(body, **chain())
+    result = run("reduce", "-body", body, "-mor_band_hz", "0.01,0.3", "-mor_out", out, *options,
+                 ranks=ranks, expect=1, timeout=60)  # fmt: skip
+    assert expected in message(result)
+    assert not out.exists()
+
+
+def damaged(name: str, path: Path) -> None:
+    if name == "missing dataset":
+        with h5py.File(path, "a") as file:
+            del file["M"]
+    elif name == "missing B":
+        with h5py.File(path, "a") as file:
+            del file["B"]
+    elif name == "row out of range":
+        with h5py.File(path, "a") as file:
+            file["K/ir"][5] = 1000
+    elif name == "dense K":
+        with h5py.File(path, "a") as file:
+            del file["K"]
+            file["K"] = np.eye(60)
+    elif name == "text":
+        path.write_text("no HDF5")
+    elif name == "truncated":
+        path.write_bytes(path.read_bytes()[:3000])
+    elif name == "missing file":
+        path.unlink()
+    elif name == "folder":
+        path.unlink()
+        path.mkdir()
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("missing dataset", "/M is missing"),
+        ("missing B", "/B (input map, n × n_in) is missing"),
+        ("row out of range", "/K/ir holds row 1000"),
+        ("dense K", "/K must be a sparse matrix"),
+        ("text", "is not an HDF5 file"),
+        ("truncated", "body.h5"),
+        ("missing file", "No such file"),
+        ("folder", "body.h5"),
+    ],
+)
+def test_bad_files(name: str, expected: str, ranks: int, tmp_path: Path) -> None:
+    body, out = tmp_path / "body.h5", tmp_path / "rom.h5"
+    write_matrices(body, **chain())
+    damaged(name, body)
+    result = run("reduce", "-body", body, "-mor_out", out, ranks=ranks, expect=1, timeout=60)
+    assert expected in message(result)
+    assert not out.exists()
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_full_disk_leaves_nothing_behind(ranks: int, tmp_path: Path) -> None:
+    """A limit on the size of files stands for the full disk: writes fail in the same place."""
+    body, out = tmp_path / "body.h5", tmp_path / "rom.h5"
+    write_matrices(body, **chain(3000))
+    result = run("reduce", "-body", body, "-mor_band_hz", "0.01,0.3", "-mor_order", "20",
+                 "-mor_out", out, ranks=ranks, expect=1, timeout=60,
+                 preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (100000, 100000)),
+                 )  # fmt: skip
+    assert "cannot write" in message(result)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["body.h5"]
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_an_existing_result_survives_a_failed_run(ranks: int, tmp_path: Path) -> None:
+    body, out = tmp_path / "body.h5", tmp_path / "rom.h5"
+    write_matrices(body, **chain())
+    run("reduce", "-body", body, "-mor_band_hz", "0.01,0.3", "-mor_out", out, ranks=ranks)
+    before = out.read_bytes()
+    shutil.copy(body, tmp_path / "bad.h5")
+    with h5py.File(tmp_path / "bad.h5", "a") as file:
+        file["K/data"][0] = np.nan
+    run("reduce", "-body", tmp_path / "bad.h5", "-mor_out", out, ranks=ranks, expect=1)
+    assert out.read_bytes() == before
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_an_unwritable_place(ranks: int, tmp_path: Path) -> None:
+    body = tmp_path / "body.h5"
+    write_matrices(body, **chain())
+    result = run("reduce", "-body", body, "-mor_out", tmp_path / "no" / "rom.h5", ranks=ranks,
+                 expect=1, timeout=60)  # fmt: skip
+    assert "No such file" in message(result)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_an_undamped_free_body_at_zero_frequency(ranks: int, tmp_path: Path) -> None:
+    free = with_entries(K, r0c0=1.0)
+    body = tmp_path / "body.h5"
+    write_matrices(body, **chain(K=free, alpha=0.0))
+    result = run("sweep", "-body", body, "-mor_sweep_hz", "0", "-mor_sweep_out",
+                 tmp_path / "sweep.h5", ranks=ranks, expect=1, timeout=60)  # fmt: skip
+    assert "singular" in message(result) and "0 Hz" in message(result)
+    assert not (tmp_path / "sweep.h5").exists()
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_too_little_memory(rack: Path, tmp_path: Path, ranks: int) -> None:
+    result = run("reduce", "-body", rack, "-mor_memory_limit_mb", 3, "-mor_out",
+                 tmp_path / "rom.h5", ranks=ranks, expect=1)  # fmt: skip
+    assert "needs" in message(result) and "3 MB may be used" in message(result)
+
+
+def test_verbs_and_help() -> None:
+    assert "did you mean reduce?" in message(run("reduc", expect=1))
+    result = run("-help")
+    assert "-mor_band_hz" in result.out and "[10,500]" in result.out
+    assert "option -body is missing" in message(run("reduce", expect=1))
+    assert "-rom" in run("sweep", "-help", ranks=2).out
