@@ -77,6 +77,7 @@ struct Hdf5File::State {
   MPI_Comm comm = MPI_COMM_NULL;
   std::string path, part;
   hid_t file = -1;
+  std::string last_dataset; ///< while it is being written
 
   [[noreturn]] void fail(const std::string& what) const {
     throw Error(text("file %s: %s", path.c_str(), what.c_str()));
@@ -126,7 +127,27 @@ struct Hdf5File::State {
       fail(text("cannot write attribute %s of %s: %s", name.c_str(), object_name.c_str(),
                 hdf5_reason().c_str()));
   }
+  /// Runs a rank's part of a write; if it returns false anywhere, all ranks throw.
+  template <class Write>
+  void write(const std::string& name, Write&& work) {
+    last_dataset = name;
+    agree(comm, [&] {
+      if (!work())
+        fail(text("cannot write %s: %s (is the disk full?)", name.c_str(),
+                  hdf5_reason().c_str()));
+    });
+    last_dataset.clear();
+  }
+  /// Closes without keeping the file. On a full disk HDF5 could not close it, and would
+  /// crash on it when MPI ends: so what was written last goes first, and its blocks are
+  /// given back.
   void discard() noexcept {
+    if (!last_dataset.empty()) {
+      H5Ldelete(file, last_dataset.c_str(), H5P_DEFAULT);
+      if (comm_rank(comm) == 0 && truncate(part.c_str(), 0) != 0)
+        std::perror(part.c_str());
+      MPI_Barrier(comm);
+    }
     if (file >= 0) H5Fclose(file);
     file = -1;
     if (!part.empty() && comm_rank(comm) == 0) std::remove(part.c_str());
@@ -141,7 +162,7 @@ Hdf5File::~Hdf5File() {
 }
 
 Hdf5File Hdf5File::open(MPI_Comm comm, const std::string& path) {
-  H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
+  H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr); // errors come as exceptions
   auto state = std::make_unique<State>();
   state->comm = comm;
   state->path = path;
@@ -166,7 +187,7 @@ Hdf5File Hdf5File::open(MPI_Comm comm, const std::string& path) {
 }
 
 Hdf5File Hdf5File::create(MPI_Comm comm, const std::string& path) {
-  H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr);
+  H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr); // errors come as exceptions
   auto state = std::make_unique<State>();
   state->comm = comm;
   state->path = path;
@@ -364,11 +385,10 @@ void Hdf5File::write(const std::string& dataset, const std::vector<std::int64_t>
                      const std::vector<T>& values) {
   const Id id = state_->create_dataset(dataset, memory_type<T>(),
                                        std::vector<hsize_t>(shape.begin(), shape.end()));
-  agree(state_->comm, [&] {
-    if (comm_rank(state_->comm) == 0 && !values.empty() &&
-        H5Dwrite(id, memory_type<T>(), H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) < 0)
-      state_->fail(text("cannot write %s: %s (is the disk full?)", dataset.c_str(),
-                        hdf5_reason().c_str()));
+  state_->write(dataset, [&] {
+    return comm_rank(state_->comm) != 0 || values.empty() ||
+           H5Dwrite(id, memory_type<T>(), H5S_ALL, H5S_ALL, H5P_DEFAULT, values.data()) >=
+               0;
   });
 }
 
@@ -397,12 +417,10 @@ void Hdf5File::write_rows(const std::string& dataset, std::int64_t n,
   const Id id =
       state_->create_dataset(dataset, H5T_NATIVE_DOUBLE,
                              {static_cast<hsize_t>(n), static_cast<hsize_t>(columns)});
-  agree(state_->comm, [&] {
-    if (write_slab(id, H5T_NATIVE_DOUBLE, {static_cast<hsize_t>(rows.begin), 0},
-                   {static_cast<hsize_t>(rows.size()), static_cast<hsize_t>(columns)},
-                   row_major.data()) < 0)
-      state_->fail(text("cannot write %s: %s (is the disk full?)", dataset.c_str(),
-                        hdf5_reason().c_str()));
+  state_->write(dataset, [&] {
+    return write_slab(id, H5T_NATIVE_DOUBLE, {static_cast<hsize_t>(rows.begin), 0},
+                      {static_cast<hsize_t>(rows.size()), static_cast<hsize_t>(columns)},
+                      row_major.data()) >= 0;
   });
 }
 
@@ -411,11 +429,9 @@ void Hdf5File::write_part(const std::string& dataset, std::int64_t n, std::int64
                           const std::vector<T>& values) {
   const Id id =
       state_->create_dataset(dataset, memory_type<T>(), {static_cast<hsize_t>(n)});
-  agree(state_->comm, [&] {
-    if (write_slab(id, memory_type<T>(), {static_cast<hsize_t>(first)}, {values.size()},
-                   values.data()) < 0)
-      state_->fail(text("cannot write %s: %s (is the disk full?)", dataset.c_str(),
-                        hdf5_reason().c_str()));
+  state_->write(dataset, [&] {
+    return write_slab(id, memory_type<T>(), {static_cast<hsize_t>(first)},
+                      {values.size()}, values.data()) >= 0;
   });
 }
 
