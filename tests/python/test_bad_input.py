@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from conftest import chain, message, run
-
 from flexgram import write_matrices
 
 

@@ -16,9 +16,8 @@ import numpy as np
 import pytest
 import scipy.linalg as sl
 from conftest import SHARED, assembled, message, run, sweep_transfer
-from scipy.sparse.linalg import eigsh
-
 from flexgram import import_body, write_matrices
+from scipy.sparse.linalg import eigsh
 
 Loader = Callable[[str], dict[str, Any]]
 
