@@ -10,6 +10,9 @@ import meshio
 import numpy as np
 from numpy.typing import NDArray
 
+# Debian's meshio 5.0 reads wedge15 but forgot its dimension.
+meshio._mesh.topological_dimension.setdefault("wedge15", 3)
+
 ELEMENTS = ("tetra", "tetra10", "hexahedron", "hexahedron20", "wedge15", "line")
 IntArray = NDArray[np.int64]
 

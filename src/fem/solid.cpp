@@ -97,21 +97,61 @@ void mirror(Dense& a) {
     for (int i = j + 1; i < a.rows; ++i) a(i, j) = a(j, i);
 }
 
-/// Static condensation of the last `internal` dofs: K_uu − K_ua K_aa⁻¹ K_au.
-Dense condense(const Dense& K, int internal) {
-  const int n = K.rows - internal;
+/// Static condensation of the last `internal` dofs: with T = [I; −K_aa⁻¹ K_au] both K and
+/// M become Tᵀ(·)T, so the mass sees the incompatible modes move as well.
+void condense(int internal, ElementMatrices& element) {
+  const int all = element.K.rows, n = all - internal;
   Dense aa(internal, internal), ua(n, internal);
   for (int j = 0; j < internal; ++j) {
-    for (int i = 0; i < internal; ++i) aa(i, j) = K(n + i, n + j);
-    for (int i = 0; i < n; ++i) ua(i, j) = K(i, n + j);
+    for (int i = 0; i < internal; ++i) aa(i, j) = element.K(n + i, n + j);
+    for (int i = 0; i < n; ++i) ua(i, j) = element.K(i, n + j);
   }
   if (cholesky(aa) != 0) throw Error("the incompatible modes have no stiffness");
   solve_right_transposed(aa, ua); // K_ua L⁻ᵀ
-  const Dense correction = multiply(ua, transpose(ua));
-  Dense result(n, n);
-  for (int j = 0; j < n; ++j)
-    for (int i = 0; i < n; ++i) result(i, j) = K(i, j) - correction(i, j);
-  return result;
+  Dense inverse_factor = identity(internal);
+  solve_right_transposed(aa, inverse_factor);                     // L⁻ᵀ
+  const Dense followed = multiply(inverse_factor, transpose(ua)); // K_aa⁻¹ K_au
+  Dense T(all, n);
+  for (int j = 0; j < n; ++j) {
+    T(j, j) = 1;
+    for (int i = 0; i < internal; ++i) T(n + i, j) = -followed(i, j);
+  }
+  element.K = multiply_transposed(T, multiply(element.K, T));
+  element.M = multiply_transposed(T, multiply(element.M, T));
+  symmetrise(element.K);
+  symmetrise(element.M);
+}
+
+/// Mass of the scalar functions N (and, for Hex8, of the incompatible modes 1 − ξ_a²
+/// behind them).
+Dense scalar_mass(const std::vector<ShapePoint>& points,
+                  const std::vector<Vector3>& nodes, double density, bool incompatible,
+                  ElementMatrices& element, std::pair<double, double>& det_range) {
+  const int n = static_cast<int>(nodes.size()) + (incompatible ? 3 : 0);
+  Dense mass(n, n);
+  for (const auto& p : points) {
+    const double det = determinant(jacobian(p, nodes));
+    det_range = {std::min(det_range.first, det), std::max(det_range.second, det)};
+    const double w = p.weight * det * density;
+    element.mass += w;
+    std::vector<double> N = p.N;
+    if (incompatible)
+      for (double xi : p.xi) N.push_back(1 - xi * xi);
+    for (int j = 0; j < n; ++j)
+      for (int i = 0; i < n; ++i)
+        mass(i, j) += w * N[static_cast<std::size_t>(i)] * N[static_cast<std::size_t>(j)];
+  }
+  return mass;
+}
+
+/// The same mass for each of the three displacement components; the first `count`
+/// functions.
+Dense three_components(const Dense& mass, int count) {
+  Dense M(3 * count, 3 * count);
+  for (int j = 0; j < count; ++j)
+    for (int i = 0; i < count; ++i)
+      for (int c = 0; c < 3; ++c) M(3 * i + c, 3 * j + c) = mass(i, j);
+  return M;
 }
 
 } // namespace
@@ -134,40 +174,27 @@ ElementMatrices solid_matrices(ElementType type, const std::vector<Vector3>& nod
                                const SolidMaterial& material, MassRule mass_rule,
                                bool with_stiffness) {
   const int n = static_cast<int>(nodes.size());
-  ElementMatrices result;
-  double min_det = std::numeric_limits<double>::max(), max_det = -min_det;
-  const auto measure = [&](double det) {
-    min_det = std::min(min_det, det);
-    max_det = std::max(max_det, det);
-  };
-
-  Dense mass(n, n); // of one component
-  const auto& points =
-      mass_rule == MassRule::full ? mass_points(type) : stiffness_points(type);
-  for (const auto& p : points) {
-    const double det = determinant(jacobian(p, nodes));
-    measure(det);
-    const double w = p.weight * det * material.density;
-    result.mass += w;
-    for (int j = 0; j < n; ++j)
-      for (int i = 0; i < n; ++i)
-        mass(i, j) +=
-            w * p.N[static_cast<std::size_t>(i)] * p.N[static_cast<std::size_t>(j)];
-  }
-  result.M = Dense(3 * n, 3 * n);
-  for (int j = 0; j < n; ++j)
-    for (int i = 0; i < n; ++i)
-      for (int c = 0; c < 3; ++c) result.M(3 * i + c, 3 * j + c) = mass(i, j);
-
-  const auto& k_points = stiffness_points(type);
-  for (const auto& p : k_points) measure(determinant(jacobian(p, nodes)));
-  result.min_detJ = min_det;
-  result.shape_ratio = max_det > 0 ? min_det / max_det : -1;
-  if (!with_stiffness || min_det <= 0) return result;
-
   const bool incompatible = type == ElementType::hex8;
-  const int internal = incompatible ? 9 : 0;
-  result.K = Dense(3 * n + internal, 3 * n + internal);
+  const auto& k_points = stiffness_points(type);
+  ElementMatrices result;
+  std::pair<double, double> det{std::numeric_limits<double>::max(),
+                                std::numeric_limits<double>::lowest()};
+  const Dense mass =
+      scalar_mass(mass_rule == MassRule::full ? mass_points(type) : k_points, nodes,
+                  material.density, incompatible, result, det);
+  for (const auto& p : k_points) {
+    const double d = determinant(jacobian(p, nodes));
+    det = {std::min(det.first, d), std::max(det.second, d)};
+  }
+  result.min_detJ = det.first;
+  result.shape_ratio = det.second > 0 ? det.first / det.second : -1;
+  if (!with_stiffness || det.first <= 0) {
+    result.M = three_components(mass, n);
+    return result;
+  }
+
+  result.M = three_components(mass, mass.rows);
+  result.K = Dense(result.M.rows, result.M.rows);
   Jacobian center_inverse{};
   double center_det = 0;
   if (incompatible) {
@@ -177,20 +204,21 @@ ElementMatrices solid_matrices(ElementType type, const std::vector<Vector3>& nod
   }
   for (const auto& p : k_points) {
     const Jacobian J = jacobian(p, nodes);
-    const double det = determinant(J);
-    const Jacobian inv = inverse(J, det);
+    const double det_p = determinant(J);
+    const Jacobian inv = inverse(J, det_p);
     std::vector<Vector3> gradients;
     for (const auto& d : p.dN) gradients.push_back(to_global(inv, d));
     if (incompatible)
-      for (std::size_t a = 0; a < 3; ++a) { // modes 1 − ξ_a², gradients of the centre
+      for (std::size_t a = 0; a < 3;
+           ++a) { // gradients of 1 − ξ_a² by the centre's Jacobian
         Vector3 d{};
-        d[a] = -2 * p.xi[a] * center_det / det;
+        d[a] = -2 * p.xi[a] * center_det / det_p;
         gradients.push_back(to_global(center_inverse, d));
       }
-    add_stiffness(result.K, gradients, material.stiffness, p.weight * det);
+    add_stiffness(result.K, gradients, material.stiffness, p.weight * det_p);
   }
   mirror(result.K);
-  if (incompatible) result.K = condense(result.K, internal);
+  if (incompatible) condense(3 * (mass.rows - n), result);
   return result;
 }
 

@@ -232,8 +232,8 @@ struct ShiftedSolver::State {
            std::abs(coefficients.d) * norm_D;
   }
 
-  /// @throws ShiftError if a Rayleigh quotient xᴴAx/xᴴx = xᴴb/xᴴx of the solution, an estimate of
-  /// A's smallest eigenvalue, lies below the rounding of A.
+  /// @throws ShiftError if a Rayleigh quotient xᴴAx/xᴴx = xᴴb/xᴴx of the solution, an
+  /// estimate of A's smallest eigenvalue, lies below the rounding of A.
   void require_regular(const Block& b, const Block& x) const;
 
   /// R ← B − A X on [Re, Im] columns (Re only if A is real); returns the backward error.
@@ -331,7 +331,8 @@ void ShiftedSolver::State::require_regular(const Block& b, const Block& x) const
   {
     const Block::Access rhs(b), solution(x);
     for (std::size_t j = 0; j < p; ++j)
-      for (std::size_t part = 0; part < static_cast<std::size_t>(x.columns()) / p; ++part) {
+      for (std::size_t part = 0; part < static_cast<std::size_t>(x.columns()) / p;
+           ++part) {
         const double* b_j = rhs.column(static_cast<PetscInt>(j));
         const double* x_j = solution.column(static_cast<PetscInt>(j + part * p));
         for (PetscInt i = 0; i < rows.size(); ++i) {
@@ -340,17 +341,18 @@ void ShiftedSolver::State::require_regular(const Block& b, const Block& x) const
         }
       }
   }
-  MPI_Allreduce(MPI_IN_PLACE, sums.data(), static_cast<int>(sums.size()), MPI_DOUBLE, MPI_SUM,
-                comm);
+  MPI_Allreduce(MPI_IN_PLACE, sums.data(), static_cast<int>(sums.size()), MPI_DOUBLE,
+                MPI_SUM, comm);
   const double rounding = std::numeric_limits<double>::epsilon() * norm_of_A();
   for (std::size_t j = 0; j < p; ++j) {
     if (sums[3 * j + 2] == 0) continue;
     const double quotient = std::hypot(sums[3 * j], sums[3 * j + 1]) / sums[3 * j + 2];
     if (!(quotient > rounding))
-      throw ShiftError(text("the shifted matrix is singular to working accuracy (an eigenvalue "
-                            "near %.1e beside a norm of %.1e): the frequency is a resonance of "
-                            "an undamped body, or too close to zero for a free one",
-                            quotient, norm_of_A()));
+      throw ShiftError(
+          text("the shifted matrix is singular to working accuracy (an eigenvalue "
+               "near %.1e beside a norm of %.1e): the frequency is a resonance of "
+               "an undamped body, or too close to zero for a free one",
+               quotient, norm_of_A()));
   }
 }
 
