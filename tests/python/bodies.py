@@ -5,10 +5,11 @@ from __future__ import annotations
 from itertools import permutations, product
 from typing import Any
 
-import flexgram.meshfile  # noqa: F401  (teaches Debian's meshio the wedge15)
 import meshio
 import numpy as np
 from numpy.typing import NDArray
+
+import flexgram.meshfile  # noqa: F401  (teaches Debian's meshio the wedge15)
 
 Array = NDArray[Any]
 

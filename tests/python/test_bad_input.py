@@ -11,6 +11,7 @@ import h5py
 import numpy as np
 import pytest
 import scipy.sparse as sp
+
 from conftest import chain, message, run
 from flexgram import write_matrices
 

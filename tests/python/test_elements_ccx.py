@@ -13,9 +13,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.sparse.linalg import eigsh
+
 from bodies import box, write_body_file
 from conftest import assembled
-from scipy.sparse.linalg import eigsh
 
 REFERENCE = json.loads((Path(__file__).parents[1] / "data" / "ccx.json").read_text())
 KINDS = {

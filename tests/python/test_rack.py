@@ -8,9 +8,10 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from conftest import assembled, rom_matrices, rom_transfer, run
 from scipy.linalg import eigh
 from scipy.sparse.linalg import eigsh
+
+from conftest import assembled, rom_matrices, rom_transfer, run
 
 BAND = ("-mor_band_hz", "10,500", "-mor_samples", "30")
 

@@ -15,9 +15,10 @@ import meshio
 import numpy as np
 import pytest
 import scipy.linalg as sl
+from scipy.sparse.linalg import eigsh
+
 from conftest import SHARED, assembled, message, run, sweep_transfer
 from flexgram import import_body, write_matrices
-from scipy.sparse.linalg import eigsh
 
 Loader = Callable[[str], dict[str, Any]]
 

@@ -1,0 +1,261 @@
+"""Assembly from a mesh: ranks, couplings, supports, beams, quality, against SciPy algebra."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import h5py
+import meshio
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+from scipy.sparse.linalg import eigsh
+
+from bodies import box, write_body_file
+from conftest import assembled, message, run
+from flexgram import BodyError, import_body
+
+ENDS = {
+    "start": {"set": "start", "coupling": "rigid"},
+    "end": {"set": "end", "coupling": "distributing"},
+}
+
+
+def by_node(body: dict[str, Any]) -> dict[str, Any]:
+    """The same matrices with rows sorted by node and component: the partition renumbers."""
+    order = np.lexsort((body["component"], body["node"]))
+    sorted_ = {key: body[key].tocsr()[order][:, order] for key in ("K", "M")}
+    return {**{k: body[k][order] for k in ("B", "node", "component", "position")}, **sorted_}
+
+
+@pytest.mark.parametrize("kind", ["tetra10", "hexahedron", "wedge15"])
+def test_ranks_do_not_change_the_matrices(kind: str, tmp_path: Path) -> None:
+    write_body_file(tmp_path / "body.h5", box(kind), interfaces=ENDS)
+    one = by_node(assembled(tmp_path / "1.h5", tmp_path / "body.h5", 1))
+    for ranks in (2, 3):
+        many = by_node(assembled(tmp_path / "n.h5", tmp_path / "body.h5", ranks))
+        assert np.array_equal(one["node"], many["node"])
+        assert np.array_equal(one["position"], many["position"])
+        assert np.abs(one["B"] - many["B"]).max() < 1e-15
+        for key in ("K", "M"):  # sums in another order
+            assert abs(one[key] - many[key]).max() < 1e-14 * abs(one[key]).max()
+
+
+def motion(d: Any) -> Any:
+    """3 x 6: displacement of a point at distance d under six motions."""
+    x, y, z = d
+    return np.hstack([np.eye(3), np.array([[0, z, -y], [-z, 0, x], [y, -x, 0]])])
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_couplings_are_what_they_claim(ranks: int, tmp_path: Path) -> None:
+    mesh = box("hexahedron20", (4, 2, 2))
+    point = [-0.01, 0.02, 0.0]
+    interfaces = {**ENDS, "start": {**ENDS["start"], "position": point}}
+    write_body_file(tmp_path / "body.h5", mesh, interfaces=interfaces)
+    write_body_file(tmp_path / "free.h5", mesh,
+                    interfaces={"end": ENDS["end"]})  # fmt: skip
+    coupled = by_node(assembled(tmp_path / "c.h5", tmp_path / "body.h5", ranks))
+    free = by_node(assembled(tmp_path / "f.h5", tmp_path / "free.h5", ranks))
+    # T: all dofs of the free body from those of the coupled one.
+    slaves = set(mesh.point_sets["start"].tolist())
+    T = np.zeros((free["K"].shape[0], coupled["K"].shape[0]))
+    place = {(n, c): i for i, (n, c) in enumerate(zip(coupled["node"], coupled["component"],
+                                                        strict=True))}  # fmt: skip
+    reference = len(mesh.points)
+    for row, (n, c) in enumerate(zip(free["node"], free["component"], strict=True)):
+        if n in slaves:
+            G = motion(mesh.points[n] - point)
+            for j in range(6):
+                T[row, place[reference, j]] = G[c, j]
+        else:
+            T[row, place[n, c]] = 1
+    for key in ("K", "M"):
+        expected = T.T @ (free[key] @ T)
+        assert np.abs(coupled[key] - expected).max() < 1e-13 * np.abs(expected).max()
+    # Ports: unit loads at the reference; the distributing ones are G (GᵀG)⁻¹.
+    for j in range(6):
+        column = np.zeros(len(T.T))
+        column[place[reference, j]] = 1
+        assert np.array_equal(coupled["B"][:, j], column)
+    nodes = mesh.point_sets["end"]
+    center = mesh.points[nodes].mean(axis=0)
+    G = np.vstack([motion(x - center) for x in mesh.points[nodes]])
+    expected = G @ np.linalg.inv(G.T @ G)
+    rows = [place[n, c] for n in nodes for c in range(3)]
+    assert np.abs(coupled["B"][rows, 6:] - expected).max() < 1e-10 * np.abs(expected).max()
+    # Statically equivalent: the six loads have unit resultant.
+    assert np.allclose(G.T @ coupled["B"][rows, 6:], np.eye(6), atol=1e-9)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_free_bodies_have_six_rigid_modes_and_the_right_mass(ranks: int, tmp_path: Path) -> None:
+    mesh = box("tetra10", distort=False)
+    write_body_file(tmp_path / "body.h5", mesh, interfaces=ENDS)
+    body = assembled(tmp_path / "m.h5", tmp_path / "body.h5", ranks)
+    center = body["position"].mean(axis=0)
+    R = np.array([
+        motion(x - center)[c] if c < 3 else np.eye(6)[c]
+        for x, c in zip(body["position"], body["component"], strict=True)
+    ])  # fmt: skip
+    stiffness = abs(body["K"]).max()
+    assert np.abs(body["K"] @ R).max() < 1e-13 * stiffness
+    volume = 0.1 * 0.02 * 0.03
+    rigid = R.T @ (body["M"] @ R)
+    assert np.allclose(np.diag(rigid)[:3], 7850 * volume, rtol=1e-13)
+    offset = center - np.array([0.05, 0.01, 0.015])
+    inertia = 7850 * volume * ((0.02**2 + 0.03**2) / 12 + offset[1] ** 2 + offset[2] ** 2)
+    assert rigid[3, 3] == pytest.approx(inertia, rel=1e-12)
+    squares = eigsh(body["K"], 8, body["M"], sigma=-1e6, return_eigenvectors=False)
+    squares = np.sort(squares)
+    assert np.abs(squares[:6]).max() < 1e-9 * squares[6]
+    run_out = run("reduce", "-body", tmp_path / "body.h5", "-mor_samples", 3, "-mor_out",
+                  tmp_path / "rom.h5", ranks=ranks).out  # fmt: skip
+    assert "rigid modes    6" in run_out and f"mass {7850 * volume:.6g} kg" in run_out
+
+
+def test_supports_hold_single_components(tmp_path: Path) -> None:
+    """A bar guided so that only axial motion is left: f = (1/4L) sqrt(E/rho) for nu = 0."""
+    mesh = box("hexahedron20", (40, 1, 1), distort=False)
+    mesh.point_sets["all"] = np.arange(len(mesh.points))
+    write_body_file(
+        tmp_path / "body.h5",
+        mesh,
+        material={"E": 210e9, "nu": 0.0, "rho": 7850.0},
+        interfaces={"tip": {"set": "end", "coupling": "distributing"}},
+        supports={"start": [0], "all": [1, 2]},
+    )
+    body = assembled(tmp_path / "m.h5", tmp_path / "body.h5", 2)
+    assert set(body["component"].tolist()) == {0}
+    assert len(body["component"]) == len(mesh.points) - len(mesh.point_sets["start"])
+    square = eigsh(body["K"], 1, body["M"], sigma=0, return_eigenvectors=False)[0]
+    exact = np.sqrt(210e9 / 7850) / (4 * 0.1)
+    assert np.sqrt(square) / (2 * np.pi) == pytest.approx(exact, rel=1e-8)  # h^4/..., 40 elements
+
+
+BEAM = """
+mesh: beam.vtu
+materials: {steel: {E: 210.0e9, nu: 0.3, rho: 7850}}
+sections: {round: {shape: circle, radius: 0.01, y_axis: [0, 0, 1]}}
+regions: {frame: {material: steel, section: round}}
+interfaces: {tip: {coupling: node, nodes: [11]}}
+supports: {root: {nodes: [1], components: [x, y, z, rx, ry, rz]}}
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_cantilever_of_beams(ranks: int, tmp_path: Path) -> None:
+    points = np.linspace([0, 0, 0], [0.3, 0.4, 0], 11)  # 0.5 m, askew
+    cells = np.column_stack([np.arange(10), np.arange(1, 11)])
+    mesh = meshio.Mesh(points, [("line", cells)], cell_sets={"frame": [np.arange(10)]})
+    meshio.write(tmp_path / "beam.inp", mesh)
+    (tmp_path / "beam.yaml").write_text(BEAM.replace("beam.vtu", "beam.inp"))
+    import_body(tmp_path / "beam.yaml", tmp_path / "beam.h5")
+    body = assembled(tmp_path / "m.h5", tmp_path / "beam.h5", ranks)
+    assert body["K"].shape == (60, 60) and len(body["names"]) == 6
+    C = body["B"].T @ np.linalg.solve(body["K"].toarray(), body["B"])
+    L, A, inertia, E, nu = 0.5, np.pi * 1e-4, np.pi * 1e-8 / 4, 210e9, 0.3
+    k = 6 * (1 + nu) / (7 + 6 * nu)
+    bend = L**3 / (3 * E * inertia) + L / (k * E / (2 * (1 + nu)) * A)
+    axis = np.array([0.6, 0.8, 0])
+    assert axis @ C[:3, :3] @ axis == pytest.approx(L / (E * A), rel=1e-9)
+    assert C[2, 2] == pytest.approx(bend, rel=1e-9)
+    twist = L / (E / (2 * (1 + nu)) * 2 * inertia)
+    assert axis @ C[3:, 3:] @ axis == pytest.approx(twist, rel=1e-9)
+    # First bending frequencies of a slender cantilever: 1.8751²/2π sqrt(EI/ρA L⁴), in pairs.
+    squares = eigh(body["K"].toarray(), body["M"].toarray(), eigvals_only=True)
+    euler = 1.8751041**2 * np.sqrt(E * inertia / (7850 * A * L**4))
+    assert np.allclose(np.sqrt(squares[:2]), euler, rtol=2e-3)  # shear lowers it by 1e-3
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_inverted_elements_are_named(ranks: int, tmp_path: Path) -> None:
+    mesh = box("tetra10")
+    mesh.cells[0].data[17, [0, 1]] = mesh.cells[0].data[17, [1, 0]]
+    write_body_file(tmp_path / "body.h5", mesh, interfaces=ENDS)
+    result = run("reduce", "-body", tmp_path / "body.h5", "-mor_out", tmp_path / "r.h5",
+                 ranks=ranks, expect=1)  # fmt: skip
+    assert "element 17 (tetra10, material steel) is inverted" in message(result)
+    assert not (tmp_path / "r.h5").exists()
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        ({"material": {"E": 210e3, "nu": 0.3, "rho": 7850.0}}, "speed of sound"),
+        ({"material": {"E": 210e9, "nu": 0.6, "rho": 7850.0}}, "nu = 0.6"),
+        ({"interfaces": {}}, "/interfaces is empty"),
+        (
+            {"interfaces": {"a": ENDS["start"], "b": ENDS["start"]}},
+            "already follows another rigid interface",
+        ),
+        ({"interfaces": ENDS, "supports": {"start": [0]}}, "also held by a support"),
+    ],
+)
+def test_impossible_descriptions(
+    change: dict[str, Any], expected: str, ranks: int, tmp_path: Path
+) -> None:
+    write_body_file(tmp_path / "body.h5", box("tetra"), **{"interfaces": ENDS, **change})
+    result = run("reduce", "-body", tmp_path / "body.h5", "-mor_out", tmp_path / "r.h5",
+                 ranks=ranks, expect=1)  # fmt: skip
+    assert expected in message(result)
+
+
+GOOD = """
+mesh: box.inp
+materials: {steel: {E: 210000, nu: 0.3, rho: 7.85e-9}}
+units: mm-t-s
+regions: {all: {material: steel}}
+interfaces:
+  near: {coupling: rigid, nodes: {box: [[-1, -1, -1], [1.0e-6, 99, 99]]}}
+  far: {coupling: distributing, nodes: far, position: [100, 10, 15]}
+"""
+
+
+def millimetres(folder: Path) -> None:
+    mesh = box("tetra10", distort=False)
+    mesh.points *= 1000
+    mesh.point_sets = {"far": mesh.point_sets["end"]}
+    meshio.write(folder / "box.inp", mesh)
+
+
+def test_units_are_converted(tmp_path: Path) -> None:
+    millimetres(tmp_path)
+    (tmp_path / "box.yaml").write_text(GOOD)
+    counts = import_body(tmp_path / "box.yaml", tmp_path / "box.h5")
+    assert counts["interfaces"] == 2 and counts["elements"] == 6 * 24
+    write_body_file(tmp_path / "si.h5", box("tetra10", distort=False), interfaces=ENDS)
+    millimetre = by_node(assembled(tmp_path / "1.h5", tmp_path / "box.h5", 1))
+    si = by_node(assembled(tmp_path / "2.h5", tmp_path / "si.h5", 1))
+    for key in ("K", "M"):
+        assert abs(millimetre[key] - si[key]).max() < 1e-12 * abs(si[key]).max()
+    with h5py.File(tmp_path / "box.h5") as file:
+        assert list(file["interfaces/far"].attrs["position"]) == [0.1, 0.01, 0.015]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("box.inp", "nothing.inp", "no such file"),
+        ("E: 210000", "E: stiff", "E = 'stiff' must be a number"),
+        ("rho: 7.85e-9", "density: 1", "unknown key density"),
+        ("nodes: far", "nodes: fra", "there is no node set fra"),
+        ("coupling: rigid", "coupling: stiff", "one of rigid, distributing, node"),
+        ("regions: {all:", "regions: {body:", "the mesh has no such part"),
+        ("material: steel", "material: gold", "material = 'gold' must be one of steel"),
+        ("units: mm-t-s", "units: inch", "one of SI"),
+        ("mesh: box.inp", "mash: box.inp", "unknown key mash"),
+        ("[1.0e-6, 99, 99]", "[-0.5, 99, 99]", "no nodes of the body are selected"),
+        ("interfaces:", "interfaces: [", "not YAML"),
+    ],
+)
+def test_descriptions_that_cannot_be_read(
+    old: str, new: str, expected: str, tmp_path: Path
+) -> None:
+    millimetres(tmp_path)
+    (tmp_path / "box.yaml").write_text(GOOD.replace(old, new, 1))
+    with pytest.raises(BodyError, match=expected):
+        import_body(tmp_path / "box.yaml", tmp_path / "box.h5")
+    assert not list(tmp_path.glob("box.h5*"))
