@@ -10,6 +10,11 @@
 #include "reduce/project.hpp"
 #include "session.hpp"
 
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
 #include <numbers>
 
 namespace flexgram {
@@ -38,7 +43,9 @@ struct Settings {
         "-mor_inputs", inputs,
         "ports to keep, by port (lower.fx) or interface (lower), comma separated");
     options.add("-mor_outputs", outputs,
-                "the same for outputs; default: the inputs' choice");
+                "the same for outputs; default: like the inputs where the outputs are "
+                "the inputs, "
+                "else all");
     gramian.describe(options);
     options.add_choice("-mor_method", method, {"pod"},
                        "pod: the paper's route, POD of frequency samples");
@@ -63,6 +70,23 @@ const char* const usage =
     "memory\n\n"
     "Runs under mpirun; takes -options_file, -log_view and every PETSc option.\n"
     "Options [default]:\n";
+
+/// Refuses an output that cannot be written or would replace an input, before any work.
+void check_output(MPI_Comm comm, const std::string& path,
+                  const std::vector<std::string>& inputs) {
+  namespace fs = std::filesystem;
+  agree(comm, [&] {
+    if (comm_rank(comm) != 0) return;
+    const fs::path folder = fs::path(path).parent_path();
+    if (access(folder.empty() ? "." : folder.c_str(), W_OK) != 0)
+      throw Error(text("cannot write %s: %s", path.c_str(), std::strerror(errno)));
+    for (const auto& input : inputs) {
+      std::error_code ignored;
+      if (fs::equivalent(path, input, ignored))
+        throw Error(text("%s would replace the input %s", path.c_str(), input.c_str()));
+    }
+  });
+}
 
 Monitor::Level level_of(const std::string& word) {
   return word == "silent"   ? Monitor::Level::silent
@@ -109,9 +133,9 @@ Body load(MPI_Comm comm, const Settings& settings, Plan& plan, Monitor& monitor)
   return body;
 }
 
-void check(const Body& body, Plan& plan, Monitor& monitor) {
+void check(const Body& body, const Settings& s, Plan& plan, Monitor& monitor) {
   Stage stage(monitor, "check");
-  const BodyFacts facts = check_body(body.model, body.assembled, monitor);
+  const BodyFacts facts = check_body(body.model, body.assembled, s.solver, monitor);
   plan.fact("rigid modes", std::to_string(facts.rigid_modes));
   if (facts.mass_is_singular) plan.fact("mass matrix", "singular (massless dofs)");
   for (const auto& what : facts.skipped) {
@@ -132,10 +156,18 @@ void plan_solves(const FrequencySolves& solves, std::size_t tasks, Plan& plan) {
                              comm_size(solves.groups().comm) == 1 ? "" : "s"));
 }
 
+/// What a rank keeps of the samples [MB].
+double samples_mb(const SecondOrderModel& model, std::size_t samples) {
+  return static_cast<double>(samples) * static_cast<double>(model.B.columns()) *
+         (model.undamped() ? 1 : 2) * static_cast<double>(model.n) * 8 / 1e6 /
+         comm_size(model.comm);
+}
+
 FrequencySolves prepare_reduction(const Body& body, const Settings& s, Monitor& monitor) {
   const auto samples = s.gramian.nodes().omega.size();
   return FrequencySolves(body.model.share(), s.parallel, s.solver,
-                         static_cast<int>(samples), monitor);
+                         static_cast<int>(samples), samples_mb(body.model, samples),
+                         monitor);
 }
 
 void describe_reduction(const FrequencySolves& solves, const Body& body,
@@ -147,14 +179,14 @@ void describe_reduction(const FrequencySolves& solves, const Body& body,
             text("%s: %zu samples over %g-%g Hz (%s, %s), %d checks between them",
                  s.method.c_str(), samples, first * hz, last * hz,
                  s.gramian.quadrature.c_str(), s.gramian.spacing.c_str(),
-                 s.pod.validate));
+                 std::min(s.pod.validate, static_cast<int>(samples) - 1)));
   plan_solves(solves, samples, plan);
-  const double columns = static_cast<double>(samples) *
-                         static_cast<double>(body.model.B.columns()) *
-                         (body.model.undamped() ? 1 : 2);
   plan.fact("samples",
-            text("%.0f columns, %.0f MB on a rank, twice that while they move", columns,
-                 columns * static_cast<double>(body.model.rows.size()) * 8 / 1e6));
+            text("%zu columns, %.0f MB on a rank%s",
+                 samples * static_cast<std::size_t>(body.model.B.columns()) *
+                     (body.model.undamped() ? 1 : 2),
+                 samples_mb(body.model, samples),
+                 solves.groups().count > 1 ? ", twice that while they move" : ""));
 }
 
 void summary(const Monitor& monitor, MPI_Comm comm) {
@@ -169,12 +201,15 @@ void reduce(MPI_Comm comm, const Settings& s, const Options& options, Monitor& m
   Plan plan;
   s.gramian.nodes(); // refuse a bad band before any work
   s.pod.check();
+  require_option(!s.pod.tolerance || s.gramian.order == 0, "-mor_tol", "with -mor_order",
+                 "given without the other: the tolerance chooses the order");
+  check_output(comm, s.out, {s.body});
   const Body body = load(comm, s, plan, monitor);
-  plan.print(monitor);
-  check(body, plan, monitor);
   plan.print(monitor);
   FrequencySolves solves = prepare_reduction(body, s, monitor);
   describe_reduction(solves, body, s, plan);
+  plan.print(monitor);
+  check(body, s, plan, monitor);
   plan.print(monitor);
   const ReducedModel rom =
       reduce_pod(body.model, solves, s.gramian, s.pod, plan, monitor);
@@ -218,7 +253,8 @@ std::vector<double> sweep_omega(const std::vector<double>& hz) {
 void write_sweep(MPI_Comm comm, const Settings& s, const std::vector<double>& omega,
                  const std::vector<ComplexDense>& H,
                  const std::vector<ComplexDense>& H_rom,
-                 const std::vector<double>& epsilon, const SecondOrderModel& model) {
+                 const std::vector<double>& epsilon, const SecondOrderModel& model,
+                 const Options& options) {
   Hdf5File file = Hdf5File::create(comm, s.sweep_out);
   file.write("/omega", {static_cast<std::int64_t>(omega.size())}, omega);
   const auto write_transfer = [&](const char* name,
@@ -242,26 +278,23 @@ void write_sweep(MPI_Comm comm, const Settings& s, const std::vector<double>& om
     write_transfer("/H_rom", H_rom);
     file.write("/error/relative", {static_cast<std::int64_t>(epsilon.size())}, epsilon);
   }
+  write_options(file, options);
   file.commit();
 }
 
-void sweep(MPI_Comm comm, const Settings& s, Monitor& monitor) {
+void sweep(MPI_Comm comm, const Settings& s, const Options& options, Monitor& monitor) {
   Plan plan;
   const std::vector<double> omega = sweep_omega(s.sweep_hz);
+  check_output(comm, s.sweep_out, {s.body, s.rom});
   Body body = load(comm, s, plan, monitor);
   SecondOrderModel rom;
   if (!s.rom.empty()) {
     rom = read_reduced(comm, s.rom);
-    if (rom.B.columns() != body.model.B.columns() ||
-        rom.C.columns() != body.model.C.columns())
-      throw Error(text("%s has %lld inputs and %lld outputs, %s has %lld and %lld",
-                       s.rom.c_str(), static_cast<long long>(rom.B.columns()),
-                       static_cast<long long>(rom.C.columns()), s.body.c_str(),
-                       static_cast<long long>(body.model.B.columns()),
-                       static_cast<long long>(body.model.C.columns())));
+    with_context("the ports of " + s.rom,
+                 [&] { select_ports(rom, body.model.inputs, body.model.outputs); });
   }
   FrequencySolves solves(std::move(body.model), s.parallel, s.solver,
-                         static_cast<int>(omega.size()), monitor);
+                         static_cast<int>(omega.size()), 0.0, monitor);
   plan_solves(solves, omega.size(), plan);
   plan.print(monitor);
   std::vector<ComplexDense> H, H_rom;
@@ -286,7 +319,7 @@ void sweep(MPI_Comm comm, const Settings& s, Monitor& monitor) {
   plan.print(monitor);
   {
     Stage stage(monitor, "write");
-    write_sweep(comm, s, omega, H, H_rom, epsilon, solves.model());
+    write_sweep(comm, s, omega, H, H_rom, epsilon, solves.model(), options);
   }
   summary(monitor, comm);
   monitor.say("  wrote          " + s.sweep_out);
@@ -296,7 +329,10 @@ void assemble(MPI_Comm comm, const Settings& s, Monitor& monitor) {
   Plan plan;
   if (s.body_out.empty())
     throw Error("option -body_out is missing: name the file to write");
+  check_output(comm, s.body_out, {s.body});
   const Body body = load(comm, s, plan, monitor);
+  if (!body.assembled)
+    throw Error(s.body + " holds matrices, there is nothing to assemble");
   plan.print(monitor);
   {
     Stage stage(monitor, "write");
@@ -311,13 +347,16 @@ void run(const std::string& verb, MPI_Comm comm) {
   Options options;
   settings.describe(options);
   options.reject_unknown();
+  settings.solver.check();
   Monitor monitor(comm, level_of(settings.monitor));
+  auto& limit = settings.solver.mumps.memory_limit_mb;
+  if (limit == 0) limit = available_memory_mb(comm);
   keep_freed_pages();
   set_blas_threads(node_share(comm).cores_per_rank);
   if (verb == "reduce")
     reduce(comm, settings, options, monitor);
   else if (verb == "sweep")
-    sweep(comm, settings, monitor);
+    sweep(comm, settings, options, monitor);
   else if (verb == "assemble")
     assemble(comm, settings, monitor);
   else

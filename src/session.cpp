@@ -7,6 +7,8 @@
 
 #include <slepcsys.h>
 
+#include <algorithm>
+#include <cctype>
 #include <csignal>
 #include <cstdio>
 #include <cstring>
@@ -31,6 +33,27 @@ bool all_ranks_failed(MPI_Comm handshake) {
 bool is_help(const char* word) {
   return !std::strcmp(word, "-help") || !std::strcmp(word, "--help") ||
          !std::strcmp(word, "-h");
+}
+
+/// The first word behind the verb that is neither an option nor the value of one.
+std::string stray_word(int argc, char** argv) {
+  const auto is_option = [](const char* word) {
+    return word[0] == '-' && std::isalpha(static_cast<unsigned char>(word[1]));
+  };
+  for (int i = 2; i < argc; ++i)
+    if (!is_option(argv[i]) && (i == 2 || !is_option(argv[i - 1]))) return argv[i];
+  return "";
+}
+
+/// Options that nobody read: misspelt ones without a prefix of ours.
+void warn_of_unused_options() {
+  PetscInt count = 0;
+  char **names = nullptr, **values = nullptr;
+  FG_CALL(PetscOptionsLeftGet(nullptr, &count, &names, &values));
+  for (PetscInt i = 0; i < count; ++i)
+    PetscPrintf(PETSC_COMM_WORLD, "warning: option -%s was not used by anything\n",
+                names[i]);
+  FG_CALL(PetscOptionsLeftRestore(nullptr, &count, &names, &values));
 }
 
 } // namespace
@@ -59,6 +82,15 @@ int run_session(int argc, char** argv, const std::vector<std::string>& verbs,
     return 1;
   }
 
+  if (const std::string stray = stray_word(argc, argv); !stray.empty()) {
+    if (rank == 0)
+      std::fprintf(stderr,
+                   "flexgram: stray word %s: an option takes one word, lists have commas "
+                   "(-mor_band_hz 10,500)\n",
+                   stray.c_str());
+    MPI_Finalize();
+    return 1;
+  }
   int status = 0;
   MPI_Comm handshake;
   MPI_Comm_dup(MPI_COMM_WORLD, &handshake);
@@ -69,9 +101,9 @@ int run_session(int argc, char** argv, const std::vector<std::string>& verbs,
     install_petsc_error_handler();
     FG_CALL(PetscLogDefaultBegin());
     run(verb, PETSC_COMM_WORLD);
+    warn_of_unused_options();
   } catch (const std::bad_alloc&) {
-    message =
-        "out of memory: use more ranks or fewer groups (flexgram plan tells the need)";
+    message = out_of_memory;
     status = 1;
   } catch (const std::exception& error) {
     message = error.what();

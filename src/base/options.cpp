@@ -146,7 +146,7 @@ void Options::add_numbered(const char* prefix, std::map<int, double>& values,
       const std::string start(prefix);
       if (name.rfind(start, 0) != 0) continue;
       const std::string index = name.substr(start.size());
-      require_option(!index.empty() &&
+      require_option(!index.empty() && index.size() < 4 &&
                          index.find_first_not_of("0123456789") == std::string::npos,
                      name.c_str(), "", "the prefix followed by a number");
       std::string word;

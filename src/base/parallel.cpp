@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <complex>
+#include <cstdio>
 
 namespace flexgram {
 
@@ -22,7 +23,22 @@ int comm_size(MPI_Comm comm) {
 void throw_if_any_failed(MPI_Comm comm, const char* local_message) {
   const int rank = comm_rank(comm), size = comm_size(comm);
   int mine = local_message ? rank : size, first = size;
-  MPI_Allreduce(&mine, &first, 1, MPI_INT, MPI_MIN, comm);
+  MPI_Request request;
+  MPI_Iallreduce(&mine, &first, 1, MPI_INT, MPI_MIN, comm, &request);
+  if (local_message) {
+    // The others may be in work that has lost its sense, or wait for this rank inside it.
+    const double start = MPI_Wtime();
+    for (int done = 0; !done;) {
+      MPI_Test(&request, &done, MPI_STATUS_IGNORE);
+      if (!done && MPI_Wtime() - start > 10) {
+        std::fprintf(stderr, "flexgram: %s (rank %d)\n", local_message, rank);
+        std::fflush(stderr);
+        MPI_Abort(comm, 1);
+      }
+    }
+  } else {
+    MPI_Wait(&request, MPI_STATUS_IGNORE);
+  }
   if (first == size) return;
   std::string message = local_message ? local_message : "";
   int length = static_cast<int>(message.size());

@@ -6,6 +6,7 @@
 #include <petscsys.h>
 
 #include <cstdint>
+#include <new>
 #include <span>
 #include <vector>
 
@@ -15,17 +16,25 @@ int comm_rank(MPI_Comm comm);
 int comm_size(MPI_Comm comm);
 
 /// Ends the call on every rank if it failed on any: all throw the message of the lowest
-/// failing rank. Collective.
+/// failing rank. If the others do not arrive within ten seconds, the run is aborted with
+/// the message. Collective.
 void throw_if_any_failed(MPI_Comm comm, const char* local_message);
 
+inline constexpr const char* out_of_memory =
+    "out of memory: use more ranks or fewer groups (flexgram plan tells the need)";
+
 /// Runs rank-local work that can fail; if it throws on one rank, all ranks throw
-/// together. The work must not communicate. Collective on comm, always on.
+/// together. The work may communicate within a part of comm whose ranks fail together.
+/// Collective on comm, always on.
 template <class Work>
 void agree(MPI_Comm comm, Work&& work) {
   std::string message;
   bool failed = false;
   try {
     std::forward<Work>(work)();
+  } catch (const std::bad_alloc&) {
+    message = out_of_memory;
+    failed = true;
   } catch (const std::exception& error) {
     message = error.what();
     failed = true;

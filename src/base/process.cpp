@@ -63,20 +63,43 @@ double meminfo_available_mb() {
   return 1e9; // unknown system: no limit
 }
 
-double read_number(const char* path) {
+double read_number(const std::string& path) {
   std::ifstream file(path);
   double value = -1;
   return file >> value ? value : -1;
 }
 
+/// Memory that the control groups (version 2) of this process still allow, from its own
+/// up to the root [MB]; page cache that can be dropped counts as free.
+double cgroup_available_mb() {
+  std::string group;
+  std::ifstream self("/proc/self/cgroup");
+  for (std::string line; std::getline(self, line);)
+    if (line.rfind("0::", 0) == 0) group = line.substr(3);
+  double available = 1e9;
+  for (;;) {
+    const std::string folder = "/sys/fs/cgroup" + group;
+    const double limit = read_number(folder + "/memory.max");
+    const double used = read_number(folder + "/memory.current");
+    if (limit > 0 && used >= 0) {
+      double cache = 0;
+      std::ifstream statistics(folder + "/memory.stat");
+      for (std::string key; statistics >> key;) {
+        double value = 0;
+        statistics >> value;
+        if (key == "inactive_file") cache = value;
+      }
+      available = std::min(available, (limit - used + cache) / 1048576.0);
+    }
+    if (group.empty() || group == "/") return available;
+    group.resize(group.rfind('/'));
+  }
+}
+
 } // namespace
 
 double available_memory_mb(MPI_Comm comm) {
-  double node = meminfo_available_mb();
-  const double limit = read_number("/sys/fs/cgroup/memory.max");
-  const double used = read_number("/sys/fs/cgroup/memory.current");
-  if (limit > 0 && used >= 0) node = std::min(node, (limit - used) / (1024.0 * 1024.0));
-  return node / node_share(comm).ranks;
+  return std::min(meminfo_available_mb(), cgroup_available_mb()) / node_share(comm).ranks;
 }
 
 double now() { return MPI_Wtime(); }

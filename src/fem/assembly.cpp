@@ -183,6 +183,7 @@ SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
   const MPI_Comm comm = file.comm();
   const int rank = comm_rank(comm);
   const BodyDescription body = read_description(file);
+  for (const auto& warning : body.warnings) monitor.warn(warning);
   SecondOrderModel model;
   model.name = file.path();
   model.comm = comm;

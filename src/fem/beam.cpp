@@ -24,7 +24,7 @@ std::array<Vector3, 3> local_axes(const Vector3& first, const Vector3& second,
   for (double& c : x) c /= length;
   Vector3 z = cross(x, y_axis);
   const double size = norm(z);
-  if (size < 1e-6 * norm(y_axis))
+  if (!(size > 1e-6 * norm(y_axis)))
     throw Error("a beam runs along the y_axis of its section; give another direction");
   for (double& c : z) c /= size;
   return {x, cross(z, x), z};

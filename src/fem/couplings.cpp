@@ -2,6 +2,9 @@
 
 #include "base/text.hpp"
 
+#include <algorithm>
+#include <cmath>
+
 namespace flexgram {
 
 Dense rigid_motion(const Vector3& d) {
@@ -41,20 +44,32 @@ void add_unit_loads(const Interface& interface, const DofMap& map, std::int64_t 
   }
 }
 
-void add_distributed_loads(const Interface& interface, const DofMap& map,
-                           const std::function<Vector3(std::int64_t)>& coordinates,
-                           std::vector<std::string>& names, std::vector<Entry>& entries) {
-  std::vector<Dense> motion;
-  Dense normal(6, 6);
-  for (std::size_t k = 0; k < interface.nodes.size(); ++k) {
-    Vector3 d = coordinates(interface.nodes[k]);
+/// Motion of each node of the set under the six motions of the reference.
+std::vector<Dense> motions(const Interface& interface,
+                           const std::function<Vector3(std::int64_t)>& coordinates) {
+  std::vector<Dense> result;
+  for (auto node : interface.nodes) {
+    Vector3 d = coordinates(node);
     for (std::size_t a = 0; a < 3; ++a) d[a] -= interface.position[a];
-    motion.push_back(rigid_motion(d));
+    result.push_back(rigid_motion(d));
+  }
+  return result;
+}
+
+/// Gᵀ W G.
+Dense normal_matrix(const Interface& interface, const std::vector<Dense>& motion) {
+  Dense normal(6, 6);
+  for (std::size_t k = 0; k < motion.size(); ++k) {
     const double weight = interface.weights.empty() ? 1.0 : interface.weights[k];
-    const Dense part = multiply_transposed(motion.back(), motion.back());
+    const Dense part = multiply_transposed(motion[k], motion[k]);
     for (std::size_t i = 0; i < 36; ++i) normal.data[i] += weight * part.data[i];
   }
-  // Judge in lengths of the set's own size, so that millimetres do not look singular.
+  return normal;
+}
+
+/// @throws Error if the nodes lie on a line or in a point. Judged in lengths of the set's
+/// own size, so that millimetres do not look singular.
+void require_six_motions(const Interface& interface, const Dense& normal) {
   Dense scaled = normal;
   for (int i = 0; i < 6; ++i)
     for (int j = 0; j < 6; ++j)
@@ -65,6 +80,24 @@ void add_distributed_loads(const Interface& interface, const DofMap& map,
         text("interface %s: its %zu nodes cannot carry all six loads (they lie on a "
              "line or in a point)",
              interface.name.c_str(), interface.nodes.size()));
+}
+
+/// A rigid set of solid nodes needs three that span a plane; a beam's node carries
+/// moments alone.
+void require_sound_rigid_set(const Interface& interface, const DofMap& map,
+                             const std::function<Vector3(std::int64_t)>& coordinates) {
+  for (auto node : interface.nodes)
+    if (map.dofs[static_cast<std::size_t>(node)] == 6) return;
+  require_six_motions(interface,
+                      normal_matrix(interface, motions(interface, coordinates)));
+}
+
+void add_distributed_loads(const Interface& interface, const DofMap& map,
+                           const std::function<Vector3(std::int64_t)>& coordinates,
+                           std::vector<std::string>& names, std::vector<Entry>& entries) {
+  const std::vector<Dense> motion = motions(interface, coordinates);
+  const Dense normal = normal_matrix(interface, motion);
+  require_six_motions(interface, normal);
   Dense l = normal;
   cholesky(l);
   Dense inverse_factor = identity(6);
@@ -93,9 +126,10 @@ Ports interface_ports(MPI_Comm comm, const BodyDescription& body, const DofMap& 
   std::vector<Entry> entries; // all of them on every rank: interfaces are small
   for (std::size_t i = 0; i < body.interfaces.size(); ++i) {
     const Interface& interface = body.interfaces[i];
-    if (interface.coupling == Coupling::rigid)
+    if (interface.coupling == Coupling::rigid) {
+      require_sound_rigid_set(interface, map, coordinates);
       add_unit_loads(interface, map, map.reference_of_interface[i], ports.names, entries);
-    else if (interface.coupling == Coupling::node)
+    } else if (interface.coupling == Coupling::node)
       add_unit_loads(interface, map, interface.nodes.front(), ports.names, entries);
     else
       add_distributed_loads(interface, map, coordinates, ports.names, entries);

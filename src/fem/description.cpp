@@ -22,17 +22,21 @@ std::array<T, N> fixed(const Hdf5File& file, const std::string& object,
 }
 
 /// The speed of a bar wave tells inconsistent units: E in MPa with m and kg gives 5 m/s.
-void check_units(const std::string& name, double E, double density) {
+/// Stiff dummies and soft foams exist, so it is a warning.
+void check_units(const std::string& name, double E, double density,
+                 std::vector<std::string>& warnings) {
   const double speed = std::sqrt(E / density);
   if (speed < 20 || speed > 50000)
-    throw Error(
-        text("material %s: the speed of sound sqrt(E/rho) = %.3g m/s cannot be, E = %g "
-             "Pa and rho = %g kg/m^3 do not belong together (E in Pa, rho in kg/m^3; "
-             "`units: mm-t-s` in the YAML file converts)",
-             name.c_str(), speed, E, density));
+    warnings.push_back(text(
+        "material %s: the speed of sound sqrt(E/rho) = %.3g m/s is unlike any material; "
+        "do E "
+        "= %g Pa and rho = %g kg/m^3 belong together? (`units: mm-t-s` in the YAML file "
+        "converts)",
+        name.c_str(), speed, E, density));
 }
 
-Material read_material(const Hdf5File& file, const std::string& name) {
+Material read_material(const Hdf5File& file, const std::string& name,
+                       std::vector<std::string>& warnings) {
   const std::string object = "/materials/" + name;
   const auto number = [&](const char* key) { return file.number_attribute(object, key); };
   const double density = number("rho");
@@ -44,14 +48,14 @@ Material read_material(const Hdf5File& file, const std::string& name) {
       const double E = number("E"), nu = number("nu");
       material.solid = isotropic(E, nu, density);
       material.beam = {E, E / (2 * (1 + nu)), density};
-      check_units(name, E, density);
+      check_units(name, E, density, warnings);
     } else {
       material.isotropic = false;
       const auto constants = fixed<double, 9>(file, object, "engineering_constants");
       material.solid =
           orthotropic(constants, fixed<double, 9>(file, object, "axes"), density);
       check_units(name, *std::max_element(constants.begin(), constants.begin() + 3),
-                  density);
+                  density, warnings);
     }
   } catch (Error& error) {
     error.add_context("file " + file.path() + ": material " + name);
@@ -125,11 +129,15 @@ Interface read_interface(const Hdf5File& file, const std::string& name,
   interface.coupling = static_cast<Coupling>(found - known.begin());
   interface.nodes = read_nodes(file, object, points);
   interface.position = fixed<double, 3>(file, object, "position");
+  for (double x : interface.position)
+    if (!std::isfinite(x))
+      throw Error(text("file %s: interface %s: position must be finite",
+                       file.path().c_str(), name.c_str()));
   if (file.exists(object + "/weights")) {
     interface.weights = file.read_all<double>(object + "/weights");
     if (interface.weights.size() != interface.nodes.size() ||
         std::any_of(interface.weights.begin(), interface.weights.end(),
-                    [](double w) { return !(w >= 0); }))
+                    [](double w) { return !(w >= 0 && std::isfinite(w)); }))
       throw Error(
           text("file %s: interface %s: weights must be one number, zero or more, a "
                "node",
@@ -173,7 +181,7 @@ BodyDescription read_description(const Hdf5File& file) {
       body.mass_rule = rule == "full" ? MassRule::full : MassRule::reduced;
     }
     for (const auto& name : ordered_children(file, "/materials"))
-      body.materials[name] = read_material(file, name);
+      body.materials[name] = read_material(file, name, body.warnings);
     for (const auto& name : ordered_children(file, "/sections"))
       body.sections[name] = read_section(file, name);
     for (const auto& name : ordered_children(file, "/mesh/blocks"))

@@ -47,6 +47,7 @@ struct BodyDescription {
   std::vector<Interface> interfaces;
   std::vector<Support> supports;
   MassRule mass_rule = MassRule::full;
+  std::vector<std::string> warnings; ///< doubtful values
 };
 
 /// @throws Error naming file and object on all ranks. Collective on file.comm().

@@ -113,16 +113,18 @@ void NodeMatrix::assemble(MPI_Comm comm, Matrix& K, Matrix& M) {
           columns.push_back(map_.first[static_cast<std::size_t>(b)] + c);
         }
       }
-  FG_CALL(MatCreate(comm, K.out()));
-  FG_CALL(MatSetSizes(K, map_.rows.size(), map_.rows.size(), map_.n, map_.n));
-  FG_CALL(MatSetType(K, MATAIJ));
-  FG_CALL(MatSetPreallocationCOO(K, static_cast<PetscCount>(rows.size()), rows.data(),
+  Matrix
+      sum; // holds PETSc's maps of the entries, larger than the matrix: freed at the end
+  FG_CALL(MatCreate(comm, sum.out()));
+  FG_CALL(MatSetSizes(sum, map_.rows.size(), map_.rows.size(), map_.n, map_.n));
+  FG_CALL(MatSetType(sum, MATAIJ));
+  FG_CALL(MatSetPreallocationCOO(sum, static_cast<PetscCount>(rows.size()), rows.data(),
                                  columns.data()));
   rows = columns = {};
-  // One pattern serves both: M is summed first, copied, then K takes the matrix.
-  FG_CALL(MatSetValuesCOO(K, m_.data(), INSERT_VALUES));
-  FG_CALL(MatDuplicate(K, MAT_COPY_VALUES, M.out()));
-  FG_CALL(MatSetValuesCOO(K, k_.data(), INSERT_VALUES));
+  FG_CALL(MatSetValuesCOO(sum, m_.data(), INSERT_VALUES));
+  FG_CALL(MatDuplicate(sum, MAT_COPY_VALUES, M.out()));
+  FG_CALL(MatSetValuesCOO(sum, k_.data(), INSERT_VALUES));
+  FG_CALL(MatDuplicate(sum, MAT_COPY_VALUES, K.out()));
   k_ = m_ = {};
   FG_CALL(MatSetOption(K, MAT_SYMMETRIC, PETSC_TRUE));
   FG_CALL(MatSetOption(M, MAT_SYMMETRIC, PETSC_TRUE));

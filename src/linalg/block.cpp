@@ -1,13 +1,21 @@
 #include "linalg/block.hpp"
 
+#include "base/text.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <limits>
 
 namespace flexgram {
 
 Block::Block(MPI_Comm comm, RowRange rows, PetscInt n, PetscInt columns)
     : n_(n), columns_(columns), local_(rows) {
+  if (static_cast<double>(rows.size()) * static_cast<double>(columns) > PETSC_MAX_INT)
+    throw Error(
+        text("%lld rows × %lld columns are too many numbers for one rank: use more "
+             "ranks or fewer samples",
+             static_cast<long long>(rows.size()), static_cast<long long>(columns)));
   FG_CALL(BVCreate(comm, bv_.out()));
   FG_CALL(BVSetType(bv_, BVMAT));
   FG_CALL(BVSetSizes(bv_, rows.size(), n, std::max<PetscInt>(columns, 1)));
@@ -29,6 +37,10 @@ Block::Access::Access(const Block& block)
 }
 
 Block::Access::~Access() { BVRestoreArray(bv_, &data_); }
+
+void share_from_first(MPI_Comm comm, std::vector<double>& values) {
+  MPI_Bcast(values.data(), static_cast<int>(values.size()), MPI_DOUBLE, 0, comm);
+}
 
 Block multiply(Mat a, const Block& x) {
   Block y(x.comm(), x.local_rows(), x.rows(), x.columns());
@@ -75,9 +87,12 @@ std::vector<double> column_maxima(const Block& x) {
   std::vector<double> local(static_cast<std::size_t>(x.columns())), all(local);
   const Block::Access access(x);
   for (PetscInt j = 0; j < x.columns(); ++j)
-    for (PetscInt i = 0; i < x.local_rows().size(); ++i)
+    for (PetscInt i = 0; i < x.local_rows().size(); ++i) {
+      const double size = std::abs(access.column(j)[i]); // a NaN must not get lost
       local[static_cast<std::size_t>(j)] =
-          std::max(local[static_cast<std::size_t>(j)], std::abs(access.column(j)[i]));
+          std::isnan(size) ? std::numeric_limits<double>::infinity()
+                           : std::max(local[static_cast<std::size_t>(j)], size);
+    }
   MPI_Allreduce(local.data(), all.data(), static_cast<int>(all.size()), MPI_DOUBLE,
                 MPI_MAX, x.comm());
   return all;
@@ -126,6 +141,8 @@ BlockSvd wide_svd(const Block& z, double relative_floor) {
 BlockSvd tall_svd(Block z, double relative_floor) {
   const Dense r = tsqr(z);
   LeftSvd svd = left_svd(r);
+  share_from_first(z.comm(), svd.values);
+  share_from_first(z.comm(), svd.vectors.data);
   const int kept = count_above(svd.values, relative_floor);
   return {std::move(svd.values), combine(z, first_columns(svd.vectors, kept))};
 }
@@ -162,7 +179,7 @@ BlockSvd left_svd(Block z, double relative_floor) {
   MPI_Bcast(&kept, 1, MPI_INT, 0, comm);
   MPI_Bcast(&count, 1, MPI_INT, 0, comm);
   result.values.resize(static_cast<std::size_t>(count));
-  MPI_Bcast(result.values.data(), count, MPI_DOUBLE, 0, comm);
+  share_from_first(comm, result.values);
   const std::vector<double> mine_again =
       exchange_rows<double>(comm, everything, left, kept, 0, z.local_rows(), kept);
   result.left = Block(comm, z.local_rows(), z.rows(), kept);

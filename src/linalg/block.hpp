@@ -31,9 +31,13 @@ public:
     ~Access();
     Access(const Access&) = delete;
     Access& operator=(const Access&) = delete;
-    double* column(PetscInt j) { return data_ + j * ld_; }
-    const double* column(PetscInt j) const { return data_ + j * ld_; }
-    std::span<double> all() { return {data_, static_cast<std::size_t>(ld_ * columns_)}; }
+    double* column(PetscInt j) { return data_ + static_cast<std::ptrdiff_t>(j) * ld_; }
+    const double* column(PetscInt j) const {
+      return data_ + static_cast<std::ptrdiff_t>(j) * ld_;
+    }
+    std::span<double> all() {
+      return {data_, static_cast<std::size_t>(ld_) * static_cast<std::size_t>(columns_)};
+    }
 
   private:
     BV bv_;
@@ -46,6 +50,10 @@ private:
   PetscInt n_ = 0, columns_ = 0;
   RowRange local_;
 };
+
+/// Rank 0's numbers for all ranks: dense work done on every rank may differ in the last
+/// bit, and with it the vectors of equal singular values.
+void share_from_first(MPI_Comm comm, std::vector<double>& values);
 
 Block multiply(Mat a, const Block& x);         ///< A X
 Block combine(const Block& x, const Dense& q); ///< X Q

@@ -29,6 +29,25 @@ void MumpsOptions::describe(Options& options) {
   options.add_numbered("-mor_mumps_cntl_", cntl, "sets CNTL(N) of MUMPS");
 }
 
+void MumpsOptions::check() const {
+  const auto number = [](const auto& controls, const char* name, int last) {
+    for (auto [n, value] : controls)
+      require_option(n >= 1 && n <= last, text("-mor_mumps_%s_%d", name, n).c_str(),
+                     text("%g", value), text("numbered 1 to %d", last).c_str());
+  };
+  number(icntl, "icntl", 60);
+  number(cntl, "cntl", 15);
+  for (int owned : {5, 18, 19, 20, 21})
+    require_option(!icntl.count(owned), text("-mor_mumps_icntl_%d", owned).c_str(), "",
+                   "left alone: flexgram sets how matrices and solutions are passed");
+  require_option(workspace_percent >= 0, "-mor_mumps_workspace",
+                 std::to_string(workspace_percent), "0 or more");
+  require_option(workspace_limit >= workspace_percent, "-mor_mumps_workspace_limit",
+                 std::to_string(workspace_limit), "at least -mor_mumps_workspace");
+  require_option(memory_limit_mb >= 0, "-mor_memory_limit_mb",
+                 text("%g", memory_limit_mb), "0 or more");
+}
+
 namespace {
 
 template <class Scalar>
@@ -110,11 +129,6 @@ struct Mumps<Scalar>::Instance {
   }
   bool user_set(int n) const { return options.icntl.count(n) > 0; }
 
-  double limit_mb() const {
-    return options.memory_limit_mb > 0 ? options.memory_limit_mb
-                                       : available_memory_mb(comm);
-  }
-
   void redistribute(RowRange rows, std::span<Scalar> x, int columns);
   void solve(RowRange rows, std::span<Scalar> x, int columns);
 
@@ -167,13 +181,9 @@ template <class Scalar>
 void Mumps<Scalar>::factorise(std::vector<Scalar> values) {
   auto& m = *instance_;
   const double estimated = m.estimated_mb;
-  double limit = m.limit_mb();
-  {
-    double smallest = 0;
-    MPI_Allreduce(&limit, &smallest, 1, MPI_DOUBLE, MPI_MIN, m.comm);
-    limit = smallest;
-  }
-  if (estimated > limit && !(m.user_set(22) && m.icntl(22)))
+  const double limit = m.options.memory_limit_mb;
+  const bool out_of_core = m.user_set(22) && m.icntl(22);
+  if (limit > 0 && estimated > limit && !out_of_core)
     throw MemoryError(text("the factorisation needs %.0f MB on a rank and only %.0f MB "
                            "may be used: use more "
                            "ranks, fewer groups (-mor_groups), out-of-core factors "
@@ -191,9 +201,10 @@ void Mumps<Scalar>::factorise(std::vector<Scalar> values) {
     if (status >= 0) break;
     if (status == -8 || status == -9 || status == -11 || status == -12 || status == -14 ||
         status == -15 || status == -20) {
-      const int next = 2 * m.icntl(14);
-      if (next <= m.options.workspace_limit) {
-        m.icntl(14) = next;
+      const int limit_percent = m.options.workspace_limit, now_percent = m.icntl(14);
+      if (now_percent < limit_percent) {
+        m.icntl(14) =
+            std::min(limit_percent, std::max(2 * now_percent, now_percent + 20));
         continue;
       }
       throw MemoryError(text("MUMPS still asked for more workspace with ICNTL(14) = %d "
@@ -205,7 +216,7 @@ void Mumps<Scalar>::factorise(std::vector<Scalar> values) {
     if (status == -10) throw ShiftError(explain(status, m.infog(2)));
     if (status == -5 || status == -7 || status == -13 || status == -19)
       throw MemoryError(
-          text("%s; the estimate was %.0f MB on a rank, %.0f MB are available",
+          text("%s; the estimate was %.0f MB on a rank, the limit is %.0f MB",
                explain(status, m.infog(2)).c_str(), estimated, limit));
     throw Error(explain(status, m.infog(2)));
   }

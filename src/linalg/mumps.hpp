@@ -20,10 +20,12 @@ struct MumpsOptions {
   std::map<int, double> icntl, cntl; ///< any control of MUMPS, by number
   int workspace_percent = 30;        ///< ICNTL(14), first try
   int workspace_limit = 480;         ///< ICNTL(14), last try after INFOG(1) = -8, -9
-  double memory_limit_mb = 0;        ///< per rank; 0: what the node has available
-  std::string ordering = "best";     ///< best | nested_dissection | mumps
+  double memory_limit_mb =
+      0; ///< per rank; 0: none (the program then takes what is there)
+  std::string ordering = "best"; ///< best | nested_dissection | mumps
 
   void describe(Options& options);
+  void check() const; ///< @throws Error for a value that cannot be
 };
 
 /// Lower triangle of a sparse symmetric matrix (or all entries of an unsymmetric one),

@@ -23,6 +23,14 @@ void SolverOptions::describe(Options& options) {
               "target for the backward error of each solve");
 }
 
+void SolverOptions::check() const {
+  mumps.check();
+  require_option(refinements >= 0, "-mor_refinements", std::to_string(refinements),
+                 "0 or more");
+  require_option(backward_error > 0, "-mor_backward_error", text("%g", backward_error),
+                 "above 0");
+}
+
 namespace {
 
 /// Lower triangles of K, M and D on one common pattern, this rank's rows.
@@ -190,7 +198,9 @@ struct ShiftedSolver::State {
   /// Nested dissection and MUMPS' own ordering side by side; the cheaper stays.
   std::unique_ptr<Engine> order_and_analyse(bool real, Definiteness definite, bool narrow,
                                             FactorEstimate& estimate) {
-    const std::string& wish = options.mumps.ordering;
+    // A user's own ICNTL(7) is no choice between the two.
+    const std::string wish =
+        options.mumps.icntl.count(7) ? "mumps" : options.mumps.ordering;
     // Below some thousand rows both orderings cost milliseconds: METIS alone would do,
     // MUMPS' own is as good.
     const bool compare = wish == "best" && common.lower.n > 2000;
@@ -327,7 +337,7 @@ double ShiftedSolver::State::residual(const Block& b, const Block& x, Block& r) 
 
 void ShiftedSolver::State::require_regular(const Block& b, const Block& x) const {
   const auto p = static_cast<std::size_t>(b.columns());
-  std::vector<double> sums(3 * p, 0.0); // Re xᴴb, Im xᴴb, xᴴx by column
+  std::vector<double> sums(4 * p, 0.0); // Re xᴴb, Im xᴴb, xᴴx, bᴴb by column
   {
     const Block::Access rhs(b), solution(x);
     for (std::size_t j = 0; j < p; ++j)
@@ -336,8 +346,9 @@ void ShiftedSolver::State::require_regular(const Block& b, const Block& x) const
         const double* b_j = rhs.column(static_cast<PetscInt>(j));
         const double* x_j = solution.column(static_cast<PetscInt>(j + part * p));
         for (PetscInt i = 0; i < rows.size(); ++i) {
-          sums[3 * j + part] += x_j[i] * b_j[i];
-          sums[3 * j + 2] += x_j[i] * x_j[i];
+          sums[4 * j + part] += x_j[i] * b_j[i];
+          sums[4 * j + 2] += x_j[i] * x_j[i];
+          if (part == 0) sums[4 * j + 3] += b_j[i] * b_j[i];
         }
       }
   }
@@ -345,9 +356,13 @@ void ShiftedSolver::State::require_regular(const Block& b, const Block& x) const
                 MPI_SUM, comm);
   const double rounding = std::numeric_limits<double>::epsilon() * norm_of_A();
   for (std::size_t j = 0; j < p; ++j) {
-    if (sums[3 * j + 2] == 0) continue;
-    const double quotient = std::hypot(sums[3 * j], sums[3 * j + 1]) / sums[3 * j + 2];
-    if (!(quotient > rounding))
+    if (sums[4 * j + 2] == 0) continue;
+    const double quotient = std::hypot(sums[4 * j], sums[4 * j + 1]) / sums[4 * j + 2];
+    // xᴴb vanishes at an antiresonance of a drive point, too; ‖b‖/‖x‖ bounds σ_min from
+    // above.
+    const double bound = std::sqrt(sums[4 * j + 3] / sums[4 * j + 2]);
+    const double root_n = std::sqrt(static_cast<double>(x.rows()));
+    if (!(quotient > rounding) && !(bound > root_n * rounding))
       throw ShiftError(
           text("the shifted matrix is singular to working accuracy (an eigenvalue "
                "near %.1e beside a norm of %.1e): the frequency is a resonance of "
@@ -393,10 +408,17 @@ ShiftedSolver::Solution ShiftedSolver::solve(const Block& b) {
     if (!better) break;
   }
   if (s.single && solution.backward_error > s.options.backward_error) {
+    for (auto& of_kind : s.engines)
+      for (auto& of_definiteness : of_kind) of_definiteness[true].reset();
     s.single = false; // refinement stalled: this and all later shifts in double
     factorise(s.coefficients, s.definiteness);
     return solve(b);
   }
+  if (!(solution.backward_error < 1e-6))
+    throw Error(
+        text("a solve failed: its backward error is %.1e after %d refinements (try "
+             "-mor_mumps_cntl_1 0.1 for stricter pivoting)",
+             solution.backward_error, solution.refinements));
   return solution;
 }
 

@@ -18,9 +18,10 @@ struct SolverOptions {
   MumpsOptions mumps;
   std::string precision = "double"; ///< double | single (with refinement)
   int refinements = 2;              ///< at most so many refinement steps
-  double backward_error = 1e-13;    ///< refine and warn above it
+  double backward_error = 1e-13;    ///< refine and warn above it; 1e-6 is an error
 
   void describe(Options& options);
+  void check() const; ///< @throws Error for a value that cannot be
 };
 
 /// A = k K + m M + d D. Real where all three are real.

@@ -189,7 +189,7 @@ ProportionalFit fit_proportional(Mat D, Mat M, Mat K, double tolerance) {
   return fit;
 }
 
-int count_negative_eigenvalues(Mat a, double floor) {
+int count_negative_eigenvalues(Mat a, double floor, SolverOptions options) {
   Matrix scaled = duplicate(a);
   Handle<Vec> scale;
   FG_CALL(MatCreateVecs(a, nullptr, scale.out()));
@@ -203,7 +203,7 @@ int count_negative_eigenvalues(Mat a, double floor) {
   }
   FG_CALL(MatDiagonalScale(scaled, scale, scale));
   FG_CALL(MatShift(scaled, floor));
-  SolverOptions options;
+  options.precision = "double";
   ShiftedSolver solver(scaled, nullptr, nullptr, {}, options);
   solver.count_pivots(true);
   solver.factorise({1.0, 0.0, 0.0});

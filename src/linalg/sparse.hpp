@@ -2,6 +2,7 @@
 
 #include "base/handle.hpp"
 #include "base/parallel.hpp"
+#include "linalg/shifted_solver.hpp"
 
 #include <string>
 #include <vector>
@@ -50,6 +51,6 @@ ProportionalFit fit_proportional(Mat D, Mat M, Mat K, double tolerance);
 
 /// Negative eigenvalues of A after scaling to unit diagonal, below −floor. A is real
 /// symmetric; rows without a diagonal entry are left unscaled. One factorisation.
-int count_negative_eigenvalues(Mat a, double floor);
+int count_negative_eigenvalues(Mat a, double floor, SolverOptions options);
 
 } // namespace flexgram

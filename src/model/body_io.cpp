@@ -188,6 +188,9 @@ Block read_ports(const Hdf5File& file, const std::string& object, PetscInt n,
   } else {
     auto shape = file.shape(object);
     if (shape.size() == 1) shape.push_back(1);
+    if (shape.size() != 2)
+      fail(file, text("%s must be a matrix, %s; it has %zu dimensions", object.c_str(),
+                      expected, shape.size()));
     // In the file's row-major order, n is the last dimension exactly if one of the two
     // reversals (MATLAB's storage, C's transposition) applies.
     const bool n_last = by_columns(file, object) != transposed;
@@ -391,12 +394,13 @@ std::vector<double> row_major(const Block& block) {
   return result;
 }
 
-/// Nodes are numbered in the order of their rows; /nodes/id keeps the numbers of the
-/// mesh.
+/// For assembled bodies, whose rows go node by node: nodes are numbered in that order;
+/// /nodes/id keeps the numbers of the mesh.
 void write_dof_map(Hdf5File& file, const SecondOrderModel& model) {
   const MPI_Comm comm = model.comm;
-  if (sum_over(comm, static_cast<std::int64_t>(model.position.size())) != 3 * model.n)
-    return;
+  const auto known = static_cast<std::int64_t>(
+      std::min(model.position.size() / 3, model.component.size()));
+  if (sum_over(comm, known) != model.n) return;
   std::vector<std::int64_t> ids, node_of_row;
   std::vector<double> positions;
   for (std::size_t row = 0; row < model.node.size(); ++row) {

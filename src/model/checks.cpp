@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace flexgram {
 namespace {
@@ -58,13 +59,23 @@ void check_rows(const SecondOrderModel& model, BodyFacts& facts) {
 }
 
 void check_semidefinite(Mat a, const char* name, const char* consequence,
-                        BodyFacts& facts) {
+                        const SolverOptions& options, BodyFacts& facts) {
   if (is_diagonal(a)) {
-    facts.skipped.push_back(text("definiteness of %s: it is diagonal", name));
+    const auto d = diagonal(a);
+    const PetscInt first = owned_rows(a).begin;
+    agree(PetscObjectComm(reinterpret_cast<PetscObject>(a)), [&] {
+      for (std::size_t i = 0; i < d.size(); ++i)
+        if (d[i] < 0) {
+          const long row = static_cast<long>(first) + static_cast<long>(i);
+          throw Error(
+              text("%s(%ld, %ld) = %g is negative: %s must be positive semidefinite, %s",
+                   name, row, row, d[i], name, consequence));
+        }
+    });
+    facts.skipped.push_back(text("factorisation of %s: it is diagonal", name));
     return;
   }
-  ++facts.factorisations;
-  const int negative = count_negative_eigenvalues(a, negative_floor);
+  const int negative = count_negative_eigenvalues(a, negative_floor, options);
   if (negative > 0)
     throw Error(text(
         "%s has %d negative eigenvalue%s (scaled to unit diagonal, below %g): "
@@ -72,24 +83,23 @@ void check_semidefinite(Mat a, const char* name, const char* consequence,
         name, negative, negative == 1 ? "" : "s", -negative_floor, name, consequence));
 }
 
-/// max K_ii / M_ii is a Rayleigh quotient: a lower bound of the largest eigenvalue.
-double spectral_scale(const SecondOrderModel& model) {
-  const auto k = diagonal(model.K), m = diagonal(model.M);
-  double largest = 0;
-  for (std::size_t i = 0; i < k.size(); ++i)
-    if (m[i] > 0) largest = std::max(largest, k[i] / m[i]);
-  return max_over(model.comm, largest);
+/// ‖K‖∞ over the mean diagonal of M: eigenvalues of rigid modes are zero up to this times
+/// the rounding of K. (The largest eigenvalue would not do: one light dof makes it any
+/// size.)
+double eigenvalue_scale(const SecondOrderModel& model) {
+  double trace = 0;
+  for (double m : diagonal(model.M)) trace += m;
+  trace = sum_over(model.comm, trace);
+  PetscReal norm = 0;
+  FG_CALL(MatNorm(model.K, NORM_INFINITY, &norm));
+  if (!(trace > 0)) throw Error("M is zero: the body has no mass");
+  return norm * static_cast<double>(model.n) / trace;
 }
 
 /// K + τM is positive definite unless K and M share a null vector or one of them is
 /// indefinite.
-void check_mechanism(const SecondOrderModel& model, double scale, BodyFacts& facts) {
-  SolverOptions options;
-  options.mumps.cntl[3] = 1e-13; // a pivot below 1e-13 times the scaled matrix is none
-  ShiftedSolver solver(model.K, model.M, nullptr, model.node, options);
-  solver.count_pivots(true);
+void check_mechanism(ShiftedSolver& solver, double scale) {
   solver.factorise({1.0, 1e-6 * scale, 0.0});
-  ++facts.factorisations;
   if (solver.null_pivots() > 0)
     throw Error(
         text("K and M share %d null vector%s: the body has a mechanism without mass "
@@ -102,11 +112,8 @@ void check_mechanism(const SecondOrderModel& model, double scale, BodyFacts& fac
 }
 
 /// Sylvester: K − s₀M has as many negative eigenvalues as (K, M) has below s₀.
-int count_below(const SecondOrderModel& model, double shift, BodyFacts& facts) {
-  ShiftedSolver solver(model.K, model.M, nullptr, model.node, {});
-  solver.count_pivots(true);
+int count_below(ShiftedSolver& solver, double shift) {
   solver.factorise({1.0, -shift, 0.0});
-  ++facts.factorisations;
   return solver.negative_pivots();
 }
 
@@ -128,7 +135,8 @@ void check_ports(const Block& ports, const std::vector<std::string>& names,
 
 } // namespace
 
-BodyFacts check_body(const SecondOrderModel& model, bool assembled, Monitor& monitor) {
+BodyFacts check_body(const SecondOrderModel& model, bool assembled,
+                     const SolverOptions& options, Monitor& monitor) {
   BodyFacts facts;
   check_ports(model.B, model.inputs, "B", monitor);
   if (!model.outputs_are_inputs) check_ports(model.C, model.outputs, "C", monitor);
@@ -137,16 +145,21 @@ BodyFacts check_body(const SecondOrderModel& model, bool assembled, Monitor& mon
     facts.skipped.push_back(
         "definiteness of M and D: assembled here, so by construction");
   } else {
-    check_semidefinite(model.M, "M", "a body has no negative mass", facts);
+    check_semidefinite(model.M, "M", "a body has no negative mass", options, facts);
     if (model.D)
       check_semidefinite(model.D, "D", "a body does not gain energy from its damping",
-                         facts);
+                         options, facts);
   }
-  const double scale = spectral_scale(model);
-  check_mechanism(model, scale, facts);
-  // Rounding leaves rigid modes at about 1e-16 of the largest eigenvalue.
-  facts.rigid_modes = count_below(model, 1e-12 * scale, facts);
-  facts.rigid_modes_counted = true;
+  SolverOptions counting = options;
+  counting.precision = "double";
+  // A pivot below 1e-13 times the scaled matrix is none.
+  counting.mumps.cntl.try_emplace(3, 1e-13);
+  ShiftedSolver solver(model.K, model.M, nullptr, model.node, counting);
+  solver.count_pivots(true);
+  const double scale = eigenvalue_scale(model);
+  check_mechanism(solver, scale);
+  facts.rigid_modes =
+      count_below(solver, 1e3 * std::numeric_limits<double>::epsilon() * scale);
   return facts;
 }
 

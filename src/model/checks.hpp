@@ -8,9 +8,7 @@ namespace flexgram {
 /// What the checks found out about a sound body.
 struct BodyFacts {
   int rigid_modes = 0; ///< eigenvalues of (K, M) that are zero to working accuracy
-  bool rigid_modes_counted = false; ///< false: skipped
   bool mass_is_singular = false;    ///< massless rows (more may hide in a consistent M)
-  int factorisations = 0;           ///< what the checks cost
   std::vector<std::string> skipped; ///< checks not needed, and why
 };
 
@@ -21,6 +19,7 @@ struct BodyFacts {
 /// the
 ///                   factorisations of M and D are skipped.
 /// @throws Error naming the matrix and the dof. Collective on model.comm.
-BodyFacts check_body(const SecondOrderModel& model, bool assembled, Monitor& monitor);
+BodyFacts check_body(const SecondOrderModel& model, bool assembled,
+                     const SolverOptions& options, Monitor& monitor);
 
 } // namespace flexgram

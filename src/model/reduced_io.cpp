@@ -32,9 +32,7 @@ void write_vector(Hdf5File& file, const std::string& name, const std::vector<dou
 
 void write_log(Hdf5File& file, const ReducedModel& rom, const Options& options,
                const Monitor& monitor) {
-  file.create_group("/log/options");
-  for (const auto& option : options.all())
-    file.set_attribute("/log/options", option.name, option.value);
+  write_options(file, options);
   file.create_group("/log/seconds");
   for (const auto& [stage, seconds] : monitor.stages())
     file.set_attribute("/log/seconds", stage, seconds);
@@ -56,6 +54,12 @@ void write_log(Hdf5File& file, const ReducedModel& rom, const Options& options,
 }
 
 } // namespace
+
+void write_options(Hdf5File& file, const Options& options) {
+  file.create_group("/log/options");
+  for (const auto& option : options.all())
+    file.set_attribute("/log/options", option.name, option.value);
+}
 
 void write_reduced(const ReducedModel& rom, const Options& options,
                    const Monitor& monitor, const std::string& path) {

@@ -2,6 +2,7 @@
 
 #include "base/monitor.hpp"
 #include "base/options.hpp"
+#include "model/hdf5_file.hpp"
 #include "model/second_order_model.hpp"
 
 namespace flexgram {
@@ -19,6 +20,9 @@ struct ReducedModel {
   double band[2] = {0, 0};     ///< [rad/s]
   int factorisations = 0;
 };
+
+/// Stores the resolved options as attributes of /log/options. Collective.
+void write_options(Hdf5File& file, const Options& options);
 
 /// Writes the reduced file (see src/README.md, "Files"). Collective on rom.V.comm().
 void write_reduced(const ReducedModel& rom, const Options& options,

@@ -102,6 +102,11 @@ std::vector<int> find_ports(const std::vector<std::string>& ports,
                        option, word.c_str(), nearest(word, ports).c_str(),
                        join(ports).c_str()));
   }
+  for (std::size_t i = 0; i < found.size(); ++i)
+    if (std::find(found.begin(), found.begin() + static_cast<long>(i), found[i]) !=
+        found.begin() + static_cast<long>(i))
+      throw Error(text("option %s: port %s is named twice", option,
+                       ports[static_cast<std::size_t>(found[i])].c_str()));
   return found;
 }
 

@@ -23,16 +23,29 @@ constexpr double hz = 1 / (2 * std::numbers::pi);
 
 /// Most groups of equal size whose factors fit beside each other.
 int fitting_groups(MPI_Comm world, const FactorEstimate& whole, double matrices_mb,
-                   double limit_mb, int tasks) {
+                   double samples_mb, double limit_mb, int tasks) {
   const int size = comm_size(world);
   for (int groups = std::min(size, tasks); groups > 1; --groups) {
     if (size % groups != 0) continue;
     const double ranks = static_cast<double>(size) / groups;
     // A factorisation over r ranks takes somewhat more than 1/r of the memory on each.
-    const double per_rank = 1.3 * whole.mb_total / ranks + 2 * matrices_mb * groups;
+    const double per_rank =
+        1.3 * whole.mb_total / ranks + 2 * matrices_mb * groups + 2 * samples_mb;
     if (max_over(world, per_rank - 0.8 * limit_mb) <= 0) return groups;
   }
   return 1;
+}
+
+/// X of a damped body is [Re, Im] at every frequency; at ω = 0 it comes real.
+Block with_imaginary_part(const Block& x, const SecondOrderModel& model) {
+  const PetscInt p = model.B.columns();
+  if (x.columns() == 2 * p) return x.share();
+  Block both(x.comm(), x.local_rows(), x.rows(), 2 * p);
+  const Block::Access from(x);
+  Block::Access to(both);
+  std::copy_n(from.column(0), x.local_rows().size() * p, to.column(0));
+  std::fill_n(to.column(p), x.local_rows().size() * p, 0.0);
+  return both;
 }
 
 } // namespace
@@ -44,15 +57,17 @@ struct FrequencySolves::State {
   SecondOrderModel model;
   std::unique_ptr<ShiftedSolver> solver;
   FactorEstimate estimate;
-  double worst_backward_error = 0;
+  double worst_backward_error = 0, target_backward_error = 0;
 };
 
 FrequencySolves::FrequencySolves(SecondOrderModel model, const ParallelOptions& parallel,
-                                 const SolverOptions& solver, int tasks, Monitor& monitor)
+                                 const SolverOptions& solver, int tasks,
+                                 double samples_mb, Monitor& monitor)
     : state_(std::make_unique<State>()) {
   State& s = *state_;
   Stage stage(monitor, "analyse");
   s.monitor = &monitor;
+  s.target_backward_error = solver.backward_error;
   s.world_rows = model.rows;
   const MPI_Comm world = model.comm;
   const bool real = model.undamped();
@@ -67,9 +82,8 @@ FrequencySolves::FrequencySolves(SecondOrderModel model, const ParallelOptions& 
   s.model = std::move(model);
   if (count == 0 && comm_size(world) > 1 && tasks > 1) {
     prepare();
-    const double limit = solver.mumps.memory_limit_mb > 0 ? solver.mumps.memory_limit_mb
-                                                          : available_memory_mb(world);
-    count = fitting_groups(world, s.estimate, s.model.memory_mb(), limit, tasks);
+    count = fitting_groups(world, s.estimate, s.model.memory_mb(), samples_mb,
+                           solver.mumps.memory_limit_mb, tasks);
   }
   s.groups = std::make_unique<Groups>(world, std::max(count, 1));
   if (s.groups->count > 1) {
@@ -97,22 +111,29 @@ void FrequencySolves::for_each(const std::vector<double>& omega, const char* wha
   agree(s.groups->world, [&] { // errors inside a group are common to its ranks
     Progress progress(*s.monitor, what, static_cast<int>(list.size()));
     for (std::size_t l : list)
-      with_context(text("%s %zu of %zu, %g Hz", what, l + 1, omega.size(), omega[l] * hz),
-                   [&] {
-                     const double start = now();
-                     s.solver->factorise(s.model.coefficients(omega[l]));
-                     const double factorised = now();
-                     const auto solution = s.solver->solve(s.model.B);
-                     s.worst_backward_error =
-                         std::max(s.worst_backward_error, solution.backward_error);
-                     use(l, solution.x);
-                     progress.step(text("%.4g Hz, factor %.2f s, solve %.2f s, backward "
-                                        "error %.0e",
-                                        omega[l] * hz, factorised - start,
-                                        now() - factorised, solution.backward_error));
-                   });
+      with_context(
+          text("%s %zu of %zu, %g Hz", what, l + 1, omega.size(), omega[l] * hz), [&] {
+            const double start = now();
+            s.solver->factorise(s.model.coefficients(omega[l]));
+            const double factorised = now();
+            const auto solution = s.solver->solve(s.model.B);
+            s.worst_backward_error =
+                std::max(s.worst_backward_error, solution.backward_error);
+            use(l, s.model.undamped() ? solution.x.share()
+                                      : with_imaginary_part(solution.x, s.model));
+            progress.step(text("%.4g Hz, factor %.2f s, solve %.2f s, backward "
+                               "error %.0e",
+                               omega[l] * hz, factorised - start, now() - factorised,
+                               solution.backward_error));
+          });
   });
   s.worst_backward_error = max_over(s.groups->world, s.worst_backward_error);
+  if (s.worst_backward_error > s.target_backward_error)
+    s.monitor->warn(
+        text("backward error of the solves up to %.0e, above -mor_backward_error "
+             "%.0e: pivoting may be too loose (-mor_mumps_cntl_1), or "
+             "-mor_refinements too few",
+             s.worst_backward_error, s.target_backward_error));
 }
 
 std::vector<ComplexDense> FrequencySolves::transfer(const std::vector<double>& omega,

@@ -19,9 +19,11 @@ struct ParallelOptions {
 /// whole body and factorises its own frequencies. Collective on the world.
 class FrequencySolves {
 public:
-  /// @param tasks  number of frequencies that will come; no more groups than that.
+  /// @param tasks       number of frequencies that will come; no more groups than that.
+  /// @param samples_mb  what a rank will keep of the solutions, for the choice of groups.
   FrequencySolves(SecondOrderModel model, const ParallelOptions& parallel,
-                  const SolverOptions& solver, int tasks, Monitor& monitor);
+                  const SolverOptions& solver, int tasks, double samples_mb,
+                  Monitor& monitor);
   ~FrequencySolves();
   FrequencySolves(FrequencySolves&&) noexcept;
 

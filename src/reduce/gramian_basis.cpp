@@ -31,6 +31,10 @@ void GramianOptions::describe(Options& options) {
       "squares the condition: directions with sigma_j/sigma_1 below about 1e-16 "
       "(singular values below 1e-8) are lost, so high orders gain nothing");
   options.add_choice(
+      "-mor_port_scaling", port_scaling, {"none", "equal"},
+      "weight of the ports in the Gramian: as their units have it (the paper), or "
+      "all the same, so that moments in N mm and forces in N count alike");
+  options.add_choice(
       "-mor_inner_product", inner_product, {"mass", "euclidean", "energy"},
       "in which the modes are orthonormal: mass (independent of units; M + "
       "K/omega_max^2 where M is singular), euclidean (the paper), energy (M + "
@@ -85,16 +89,41 @@ Snapshots sample_band(FrequencySolves& solves, const Quadrature& nodes) {
     result.Z = std::move(mine);
     return result;
   }
-  PetscInt before = 0;
-  for (int group = 0; group < groups.mine; ++group) before += each * count_of(group);
+  // Frequency by frequency, so that only one sample of each group is held twice.
   const PetscInt total = each * static_cast<PetscInt>(nodes.omega.size());
-  const std::vector<double> rows =
-      exchange_rows<double>(groups.world, model.rows, Block::Access(mine).all(),
-                            mine.columns(), before, solves.world_rows(), total);
-  mine = Block();
+  const PetscInt local = solves.world_rows().size();
   result.Z = Block(groups.world, solves.world_rows(), model.n, total);
-  std::copy(rows.begin(), rows.end(), Block::Access(result.Z).all().begin());
+  for (PetscInt round = 0; round < count_of(0); ++round) {
+    const PetscInt offered = round < count_of(groups.mine) ? each : 0;
+    const Block::Access from(mine);
+    const std::span<const double> sample(
+        from.column(each * (offered > 0 ? round : 0)),
+        static_cast<std::size_t>(offered * model.rows.size()));
+    const std::vector<double> rows = exchange_rows<double>(
+        groups.world, model.rows, sample, offered, each * groups.mine,
+        solves.world_rows(), each * groups.count);
+    PetscInt present = 0;
+    for (int group = 0; group < groups.count; ++group) present += round < count_of(group);
+    Block::Access to(result.Z);
+    std::copy_n(rows.data(), local * each * present,
+                to.column(each * groups.count * round));
+  }
   return result;
+}
+
+void scale_ports(Block& Z, PetscInt ports) {
+  Block::Access z(Z);
+  std::vector<double> squares(static_cast<std::size_t>(ports), 0.0);
+  for (PetscInt j = 0; j < Z.columns(); ++j)
+    for (PetscInt i = 0; i < Z.local_rows().size(); ++i)
+      squares[static_cast<std::size_t>(j % ports)] += z.column(j)[i] * z.column(j)[i];
+  MPI_Allreduce(MPI_IN_PLACE, squares.data(), static_cast<int>(ports), MPI_DOUBLE,
+                MPI_SUM, Z.comm());
+  for (PetscInt j = 0; j < Z.columns(); ++j) {
+    const double norm = std::sqrt(squares[static_cast<std::size_t>(j % ports)]);
+    for (PetscInt i = 0; norm > 0 && i < Z.local_rows().size(); ++i)
+      z.column(j)[i] /= norm;
+  }
 }
 
 int order_by_rule(const std::vector<double>& sigma) {
@@ -171,7 +200,9 @@ std::vector<double> squares(std::vector<double> values) {
 Block reorthonormalise(Block V, Mat M, Mat K, double omega_max, const Weight& weight) {
   Dense g = inner(V, weigh(V, M, K, weight.energy, omega_max));
   symmetrise(g);
-  if (cholesky(g) != 0) return V;
+  if (cholesky(g) != 0)
+    throw Error("the basis cannot be orthonormalised in " + weight.name +
+                ": take -mor_inner_product energy");
   Dense x = identity(g.rows);
   solve_right_transposed(g, x);
   return combine(V, x);
@@ -183,7 +214,9 @@ GramianBasis by_method_of_snapshots(const Block& Z, Mat M, Mat K, double omega_m
   Dense g =
       weight.euclidean ? inner(Z, Z) : inner(Z, weigh(Z, M, K, weight.energy, omega_max));
   symmetrise(g);
-  const SymmetricEigen eigen = symmetric_eigen(std::move(g));
+  SymmetricEigen eigen = symmetric_eigen(std::move(g));
+  share_from_first(Z.comm(), eigen.values);
+  share_from_first(Z.comm(), eigen.vectors.data);
   GramianBasis basis;
   basis.sigma.assign(eigen.values.rbegin(), eigen.values.rend());
   const int columns = static_cast<int>(basis.sigma.size());
@@ -239,7 +272,9 @@ GramianBasis gramian_basis(Block Z, Mat M, Mat K, double omega_max,
     for (int j = 0; j < available; ++j)
       for (int i = 0; i < available; ++i)
         weighted(i, j) *= svd.values[static_cast<std::size_t>(j)];
-    const LeftSvd inner_svd = left_svd(weighted);
+    LeftSvd inner_svd = left_svd(weighted);
+    share_from_first(svd.left.comm(), inner_svd.values);
+    share_from_first(svd.left.comm(), inner_svd.vectors.data);
     basis.sigma = squares(inner_svd.values);
     basis.order = choose_order(options, all, basis.sigma, available);
     // V = U L⁻ᵀ (left vectors): solve_right_transposed gives X L⁻ᵀ for X = I.

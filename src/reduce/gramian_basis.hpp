@@ -13,6 +13,7 @@ struct GramianOptions {
   std::string spacing = "linear";
   std::string svd = "tsqr";
   std::string inner_product = "mass";
+  std::string port_scaling = "none";
   int order = 0; ///< 0: by the order rule
 
   void describe(Options& options);
@@ -30,6 +31,11 @@ struct Snapshots {
   std::vector<ComplexDense> H; ///< at omega, free of charge
 };
 Snapshots sample_band(FrequencySolves& solves, const Quadrature& nodes);
+
+/// Divides the samples of each port by their norm over the band, so that every port
+/// weighs the same whatever its unit (N beside N·mm). Z's columns repeat the ports in
+/// order.
+void scale_ports(Block& Z, PetscInt ports);
 
 /// Dominant eigenvectors of the band-limited position Gramian P = (1/π) ∫ Q̃ Q̃ᵀ dω.
 struct GramianBasis {

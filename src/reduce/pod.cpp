@@ -109,6 +109,7 @@ ReducedModel reduce_pod(const SecondOrderModel& fom, FrequencySolves& solves,
     samples = sample_band(solves, gramian.nodes());
   }
   const bool by_tolerance = pod.tolerance && gramian.order == 0;
+  if (gramian.port_scaling == "equal") scale_ports(samples.Z, fom.B.columns());
   GramianBasis basis = gramian_basis(std::move(samples.Z), fom.M, fom.K, last, gramian,
                                      by_tolerance, monitor);
 
@@ -129,6 +130,7 @@ ReducedModel reduce_pod(const SecondOrderModel& fom, FrequencySolves& solves,
   int order = basis.order;
   if (by_tolerance) {
     order = order_by_tolerance(rom.model, rom.omega, H, *pod.tolerance);
+    MPI_Bcast(&order, 1, MPI_INT, 0, fom.comm); // dense work may differ in the last bit
     rom.model = leading_part(rom.model, order);
     std::vector<int> columns(static_cast<std::size_t>(order));
     std::iota(columns.begin(), columns.end(), 0);
@@ -162,11 +164,20 @@ ReducedModel reduce_pod(const SecondOrderModel& fom, FrequencySolves& solves,
   rom.factorisations = solves.factorisations();
 
   plan.fact("inner product", basis.inner_product);
+  const bool met = order < static_cast<int>(rom.sigma.size());
   plan.fact("order",
             text("m = %d of n = %lld, by %s", order, static_cast<long long>(fom.n),
                  gramian.order > 0 ? "-mor_order"
                  : by_tolerance    ? text("-mor_tol %g", *pod.tolerance).c_str()
-                                   : "the rule sigma_(m+1)/sigma_1 < 1.5e-8"));
+                 : met             ? "the rule sigma_(m+1)/sigma_1 < 1.5e-8"
+                                   : "what the samples hold"));
+  if (!met && gramian.order == 0 && !by_tolerance)
+    monitor.warn("the samples end before the order rule is met: use more -mor_samples");
+  if (checks > 0 && between > 10 * at_samples && between > 1e-6)
+    monitor.warn(
+        text("between the samples the error is %.0f times as large as at them: use more "
+             "-mor_samples",
+             between / at_samples));
   if (order < static_cast<int>(rom.sigma.size()) && rom.sigma.front() > 0) {
     const double tail = std::accumulate(rom.sigma.begin() + order, rom.sigma.end(), 0.0);
     plan.fact("indicators",

@@ -28,7 +28,7 @@ ReducedModel pod(const SecondOrderModel& fom, const GramianOptions& gramian,
   Plan plan;
   ParallelOptions parallel;
   parallel.groups = groups;
-  FrequencySolves solves(fom.share(), parallel, {}, gramian.samples, silent);
+  FrequencySolves solves(fom.share(), parallel, {}, gramian.samples, 1.0, silent);
   PodOptions o;
   if (tolerance > 0) o.tolerance = tolerance;
   return reduce_pod(fom, solves, gramian, o, plan, silent);
@@ -37,7 +37,7 @@ ReducedModel pod(const SecondOrderModel& fom, const GramianOptions& gramian,
 std::vector<ComplexDense> full_transfer(const SecondOrderModel& fom,
                                         const std::vector<double>& omega) {
   Monitor silent(world(), Monitor::Level::silent);
-  FrequencySolves solves(fom.share(), {}, {}, 1, silent);
+  FrequencySolves solves(fom.share(), {}, {}, 1, 0.0, silent);
   return solves.transfer(omega, "test");
 }
 
@@ -211,6 +211,26 @@ TEST(Reduction, GroupsDoNotChangeTheResult) {
               1e-8);
 }
 
+TEST(Reduction, ScaledPortsForgetTheirUnits) {
+  // The second port in other units: B's column times 1000. With equal weights nothing
+  // changes.
+  const SecondOrderModel fom = rod(n, light);
+  SecondOrderModel other = fom.share();
+  other.B = select_columns(fom.B, {0, 1});
+  {
+    Block::Access b(other.B);
+    for (PetscInt i = 0; i < other.rows.size(); ++i) b.column(1)[i] *= 1000;
+  }
+  other.C = other.B.share();
+  GramianOptions o = options();
+  o.port_scaling = "equal";
+  const ReducedModel one = pod(fom, o), two = pod(other, o);
+  ASSERT_EQ(one.model.n, two.model.n);
+  EXPECT_NEAR(one.sigma[3] / two.sigma[3], 1, 1e-10);
+  o.port_scaling = "none";
+  EXPECT_GT(std::abs(pod(other, o).sigma[3] / pod(fom, o).sigma[3] - 1), 1);
+}
+
 TEST(Reduction, UndampedBodiesAreSampledInRealArithmetic) {
   const SecondOrderModel fom = rod(n);
   GramianOptions o = options();
@@ -236,6 +256,22 @@ TEST(Reduction, StructuralDampingAndDashpotsKeepTheirForm) {
   EXPECT_EQ(rom.model.damping.eta, 0.02);
   EXPECT_TRUE(rom.model.D);
   EXPECT_LT(worst_error(fom, rom.model), 1e-3);
+}
+
+TEST(Reduction, ZeroFrequencyIsASampleLikeAnyOther) {
+  // A damped body is real at ω = 0; its imaginary half must be zero, not what memory
+  // holds.
+  const SecondOrderModel fom = rod(n, light);
+  GramianOptions o = options();
+  o.band_hz = {0.0};
+  o.order = 2; // two ports: two directions
+  EXPECT_LT(pod(fom, o).epsilon[0], 1e-10);
+  o.order = 3;
+  EXPECT_THROW(pod(fom, o), Error);
+  o.band_hz = {0.0, 12 * hz};
+  o.quadrature = "clenshaw_curtis";
+  o.order = 12;
+  EXPECT_LT(worst_error(fom, pod(fom, o).model), 1e-3);
 }
 
 TEST(Reduction, AnOrderBeyondTheSamplesIsRefused) {

@@ -78,6 +78,20 @@ TEST(ShiftedSolver, AnExactResonanceIsAShiftError) {
       ShiftError);
 }
 
+TEST(ShiftedSolver, AnAntiresonanceIsNotSingular) {
+  // K = [2 −1; −1 1], M = I, ω = 1: H_11 = 0 although det A = −1.
+  const Matrix K = sparse(
+      2, [](PetscInt i, PetscInt j) { return i != j ? -1.0 : (i == 0 ? 2.0 : 1.0); }, 1);
+  const Matrix M = sparse(
+      2, [](PetscInt, PetscInt) { return 1.0; }, 0);
+  ShiftedSolver solver(K, M, nullptr, {}, {});
+  solver.factorise({1.0, -1.0, 0.0});
+  const Block b = block(2, 1, [](PetscInt i, PetscInt) { return i == 0 ? 1.0 : 0.0; });
+  const Dense x = whole(solver.solve(b).x);
+  EXPECT_NEAR(x(0, 0), 0, 1e-15);
+  EXPECT_NEAR(x(1, 0), -1, 1e-15);
+}
+
 TEST(ShiftedSolver, InertiaIsTheModeCount) {
   const SecondOrderModel model = rod(n);
   ShiftedSolver solver(model.K, model.M, nullptr, {}, {});

@@ -74,6 +74,10 @@ BODIES: dict[str, tuple[Callable[[], dict[str, Any]], str]] = {
     ),
     "zero port": (lambda: chain(B=np.eye(60)[:, :2] * [1, 0]), "port in2: its column of B is zero"),
     "negative damping": (lambda: chain(alpha=-1.0), "alpha = -1"),
+    "negative diagonal damping": (
+        lambda: chain(D=with_entries(sp.csc_matrix((60, 60)), r3c3=-2.0)),
+        "D(3, 3) = -2 is negative",
+    ),
     "two ports of one name": (lambda: chain(inputs=["a", "a"]), "two ports named a"),
 }  # fmt: skip
 
@@ -102,6 +106,12 @@ OPTIONS = {
     "unknown port": (["-mor_inputs", "in3"], "no port in3"),
     "groups": (["-mor_groups", "5"], "between 1 and the number of ranks"),
     "log from zero": (["-mor_band_hz", "0,1", "-mor_spacing", "log"], "start above zero"),
+    "tolerance and order": (["-mor_tol", "0.1", "-mor_order", "3"], "-mor_tol with -mor_order"),
+    "stray word": (["-mor_order", "3", "500"], "stray word 500"),
+    "icntl": (["-mor_mumps_icntl_61", "1"], "numbered 1 to 60"),
+    "owned icntl": (["-mor_mumps_icntl_21", "0"], "left alone"),
+    "workspace": (["-mor_mumps_workspace", "-1"], "0 or more"),
+    "port twice": (["-mor_inputs", "in1,in1"], "named twice"),
     "order": (["-mor_order", "500", "-mor_samples", "2"], "-mor_order 500"),
 }
 
@@ -119,6 +129,10 @@ def test_bad_options(case: str, ranks: int, tmp_path: Path) -> None:
 
 
 def damaged(name: str, path: Path) -> None:
+    if name == "scalar B":
+        with h5py.File(path, "a") as file:
+            del file["B"]
+            file["B"] = 1.0
     if name == "missing dataset":
         with h5py.File(path, "a") as file:
             del file["M"]
@@ -149,6 +163,7 @@ def damaged(name: str, path: Path) -> None:
     [
         ("missing dataset", "/M is missing"),
         ("missing B", "/B (input map, n × n_in) is missing"),
+        ("scalar B", "/B must be a matrix"),
         ("row out of range", "/K/ir holds row 1000"),
         ("dense K", "/K must be a sparse matrix"),
         ("text", "is not an HDF5 file"),
@@ -200,6 +215,35 @@ def test_an_unwritable_place(ranks: int, tmp_path: Path) -> None:
     result = run("reduce", "-body", body, "-mor_out", tmp_path / "no" / "rom.h5", ranks=ranks,
                  expect=1, timeout=60)  # fmt: skip
     assert "No such file" in message(result)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_an_output_must_not_replace_the_body(ranks: int, tmp_path: Path) -> None:
+    body = tmp_path / "body.h5"
+    write_matrices(body, **chain())
+    before = body.read_bytes()
+    result = run("reduce", "-body", body, "-mor_out", body, ranks=ranks, expect=1)
+    assert "would replace the input" in message(result)
+    assert body.read_bytes() == before
+
+
+def test_a_rom_of_other_ports_is_refused(tmp_path: Path) -> None:
+    body, out = tmp_path / "body.h5", tmp_path / "rom.h5"
+    write_matrices(body, **chain())
+    band = ("-mor_band_hz", "0.01,0.3")
+    run("reduce", "-body", body, *band, "-mor_inputs", "in1", "-mor_out", out)
+    sweep = ("sweep", "-body", body, "-rom", out, "-mor_sweep_hz", "0.02,0.2,3", "-mor_sweep_out",
+             tmp_path / "s.h5")  # fmt: skip
+    assert "1 inputs, 1 outputs" in run(*sweep, "-mor_inputs", "in1").out
+    assert "no port in2" in message(run(*sweep, "-mor_inputs", "in2", expect=1))
+
+
+def test_misspelt_options_of_petsc_are_named(tmp_path: Path) -> None:
+    body = tmp_path / "body.h5"
+    write_matrices(body, **chain())
+    result = run("reduce", "-body", body, "-mor_band_hz", "0.01,0.3", "-mor_out",
+                 tmp_path / "rom.h5", "-bodi", "x.h5")  # fmt: skip
+    assert "option -bodi was not used" in result.out
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
