@@ -70,11 +70,12 @@ Dense normal_matrix(const Interface& interface, const std::vector<Dense>& motion
 /// @throws Error if the nodes lie on a line or in a point. Judged in lengths of the set's
 /// own size, so that millimetres do not look singular.
 void require_six_motions(const Interface& interface, const Dense& normal) {
+  const auto scale = [&](int i) {
+    return normal(i, i) > 0 ? 1 / std::sqrt(normal(i, i)) : 0.0;
+  };
   Dense scaled = normal;
   for (int i = 0; i < 6; ++i)
-    for (int j = 0; j < 6; ++j)
-      scaled(i, j) /=
-          std::sqrt(std::max(normal(i, i), 1e-300) * std::max(normal(j, j), 1e-300));
+    for (int j = 0; j < 6; ++j) scaled(i, j) *= scale(i) * scale(j);
   if (!(symmetric_eigen(scaled).values.front() > 1e-10))
     throw Error(
         text("interface %s: its %zu nodes cannot carry all six loads (they lie on a "
