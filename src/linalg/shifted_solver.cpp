@@ -2,6 +2,7 @@
 
 #include "base/text.hpp"
 #include "linalg/ordering.hpp"
+#include "linalg/shifted_engine.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -33,124 +34,6 @@ void SolverOptions::check() const {
 
 namespace {
 
-/// Lower triangles of K, M and D on one common pattern, this rank's rows.
-struct CommonPattern {
-  Pattern lower;
-  std::vector<double> k, m, d;
-};
-
-CommonPattern common_pattern(Mat K, Mat M, Mat D) {
-  CommonPattern common;
-  PetscInt n = 0, begin = 0, end = 0;
-  FG_CALL(MatGetSize(K, &n, nullptr));
-  FG_CALL(MatGetOwnershipRange(K, &begin, &end));
-  common.lower.n = static_cast<int>(n);
-  std::vector<int> place(static_cast<std::size_t>(n), -1);
-  std::vector<PetscInt> columns;
-  Mat const matrices[] = {K, M, D};
-  std::vector<double>* const values[] = {&common.k, &common.m, &common.d};
-  for (PetscInt row = begin; row < end; ++row) {
-    const std::size_t first = common.lower.row.size();
-    columns.clear();
-    const auto slot = [&](PetscInt column) {
-      int& position = place[static_cast<std::size_t>(column)];
-      if (position < 0) {
-        position = static_cast<int>(columns.size());
-        columns.push_back(column);
-        common.lower.row.push_back(static_cast<int>(row) + 1);
-        common.lower.column.push_back(static_cast<int>(column) + 1);
-        common.k.push_back(0);
-        common.m.push_back(0);
-        if (D) common.d.push_back(0);
-      }
-      return first + static_cast<std::size_t>(position);
-    };
-    slot(row); // MUMPS wants the diagonal, zero or not
-    for (int i = 0; i < 3; ++i) {
-      if (!matrices[i]) continue;
-      PetscInt count = 0;
-      const PetscInt* list = nullptr;
-      const PetscScalar* entries = nullptr;
-      FG_CALL(MatGetRow(matrices[i], row, &count, &list, &entries));
-      for (PetscInt c = 0; c < count && list[c] <= row; ++c) {
-        const std::size_t position = slot(list[c]); // may grow the arrays
-        (*values[i])[position] = entries[c];
-      }
-      FG_CALL(MatRestoreRow(matrices[i], row, &count, &list, &entries));
-    }
-    for (PetscInt column : columns) place[static_cast<std::size_t>(column)] = -1;
-  }
-  return common;
-}
-
-/// One instance of MUMPS behind an interface without its arithmetic.
-class Engine {
-public:
-  virtual ~Engine() = default;
-  virtual FactorEstimate analyse(const Pattern& lower, std::span<const int> position) = 0;
-  virtual std::vector<int> position() const = 0;
-  virtual void factorise(const CommonPattern& common, const ShiftCoefficients& c) = 0;
-  /// re, im: local rows × columns; im is null for real right-hand sides or real
-  /// arithmetic.
-  virtual void solve(RowRange rows, const double* re, const double* im, double* x_re,
-                     double* x_im, int columns) = 0;
-  virtual int negative_pivots() const = 0;
-  virtual int null_pivots() const = 0;
-  virtual void count_pivots(bool count) = 0;
-  virtual double used_mb_per_rank() const = 0;
-};
-
-template <class T>
-constexpr bool is_complex = !std::is_floating_point_v<T>;
-
-template <class Scalar>
-class EngineOf final : public Engine {
-public:
-  EngineOf(MPI_Comm comm, Symmetry symmetry, const MumpsOptions& options)
-      : mumps_(comm, symmetry, options) {}
-
-  FactorEstimate analyse(const Pattern& lower, std::span<const int> position) override {
-    return mumps_.analyse(lower, position);
-  }
-  std::vector<int> position() const override { return mumps_.position(); }
-
-  void factorise(const CommonPattern& common, const ShiftCoefficients& c) override {
-    std::vector<Scalar> values(common.k.size());
-    const bool damped = !common.d.empty();
-    for (std::size_t i = 0; i < values.size(); ++i)
-      values[i] = narrow(c.k * common.k[i] + c.m * common.m[i] +
-                         (damped ? c.d * common.d[i] : 0.0));
-    mumps_.factorise(std::move(values));
-  }
-
-  void solve(RowRange rows, const double* re, const double* im, double* x_re,
-             double* x_im, int columns) override {
-    const std::size_t count =
-        static_cast<std::size_t>(rows.size()) * static_cast<std::size_t>(columns);
-    std::vector<Scalar> b(count), x(count);
-    for (std::size_t i = 0; i < count; ++i) b[i] = narrow({re[i], im ? im[i] : 0.0});
-    mumps_.solve(rows, b, x, columns);
-    for (std::size_t i = 0; i < count; ++i) {
-      x_re[i] = std::real(x[i]);
-      if constexpr (is_complex<Scalar>) x_im[i] = std::imag(x[i]);
-    }
-  }
-
-  int negative_pivots() const override { return mumps_.negative_pivots(); }
-  int null_pivots() const override { return mumps_.null_pivots(); }
-  void count_pivots(bool count) override { mumps_.tolerate_null_pivots(count); }
-  double used_mb_per_rank() const override { return mumps_.used_mb_per_rank(); }
-
-private:
-  static Scalar narrow(std::complex<double> value) {
-    if constexpr (is_complex<Scalar>)
-      return Scalar(value);
-    else
-      return static_cast<Scalar>(value.real());
-  }
-  Mumps<Scalar> mumps_;
-};
-
 double infinity_norm(Mat a) {
   PetscReal norm = 0;
   if (a) FG_CALL(MatNorm(a, NORM_INFINITY, &norm));
@@ -180,21 +63,6 @@ struct ShiftedSolver::State {
   bool single = false, count = false;
   int factorisations = 0;
 
-  std::unique_ptr<Engine> make_engine(bool real, Definiteness definite,
-                                      bool narrow) const {
-    const Symmetry symmetry = real && definite == Definiteness::positive
-                                  ? Symmetry::positive_definite
-                                  : Symmetry::symmetric;
-    if (real && narrow)
-      return std::make_unique<EngineOf<float>>(comm, symmetry, options.mumps);
-    if (real) return std::make_unique<EngineOf<double>>(comm, symmetry, options.mumps);
-    if (narrow)
-      return std::make_unique<EngineOf<std::complex<float>>>(comm, symmetry,
-                                                             options.mumps);
-    return std::make_unique<EngineOf<std::complex<double>>>(comm, symmetry,
-                                                            options.mumps);
-  }
-
   /// Nested dissection and MUMPS' own ordering side by side; the cheaper stays.
   std::unique_ptr<Engine> order_and_analyse(bool real, Definiteness definite, bool narrow,
                                             FactorEstimate& estimate) {
@@ -207,12 +75,12 @@ struct ShiftedSolver::State {
     std::unique_ptr<Engine> best;
     if (wish == "nested_dissection" || compare) {
       position = nested_dissection(comm, common.lower, node_of_row);
-      best = make_engine(real, definite, narrow);
+      best = make_engine(comm, real, definite, narrow, options.mumps);
       estimate = best->analyse(common.lower, position);
       ordering = "nested dissection";
       if (!compare) return best;
     }
-    auto own = make_engine(real, definite, narrow);
+    auto own = make_engine(comm, real, definite, narrow, options.mumps);
     const FactorEstimate own_estimate = own->analyse(common.lower, {});
     if (best && estimate.flops <= own_estimate.flops) return best;
     estimate = own_estimate;
@@ -230,7 +98,7 @@ struct ShiftedSolver::State {
         slot = order_and_analyse(real, definite, narrow, estimate);
         ordered = true;
       } else {
-        slot = make_engine(real, definite, narrow);
+        slot = make_engine(comm, real, definite, narrow, options.mumps);
         estimate = slot->analyse(common.lower, position);
       }
     }

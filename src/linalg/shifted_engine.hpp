@@ -1,0 +1,37 @@
+#pragma once
+
+#include "linalg/mumps.hpp"
+#include "linalg/shifted_solver.hpp"
+
+namespace flexgram {
+
+/// Lower triangles of K, M and D on one common pattern, this rank's rows.
+struct CommonPattern {
+  Pattern lower;
+  std::vector<double> k, m, d;
+};
+
+CommonPattern common_pattern(Mat K, Mat M, Mat D);
+
+/// One instance of MUMPS behind an interface without its arithmetic.
+class Engine {
+public:
+  virtual ~Engine() = default;
+  virtual FactorEstimate analyse(const Pattern& lower, std::span<const int> position) = 0;
+  virtual std::vector<int> position() const = 0;
+  virtual void factorise(const CommonPattern& common, const ShiftCoefficients& c) = 0;
+  /// re, im: local rows × columns; im is null for real right-hand sides or real
+  /// arithmetic.
+  virtual void solve(RowRange rows, const double* re, const double* im, double* x_re,
+                     double* x_im, int columns) = 0;
+  virtual int negative_pivots() const = 0;
+  virtual int null_pivots() const = 0;
+  virtual void count_pivots(bool count) = 0;
+  virtual double used_mb_per_rank() const = 0;
+};
+
+/// The arithmetic that the shift needs: real or complex symmetric, double or single.
+std::unique_ptr<Engine> make_engine(MPI_Comm comm, bool real, Definiteness definite,
+                                    bool single, const MumpsOptions& options);
+
+} // namespace flexgram
