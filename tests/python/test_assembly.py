@@ -134,6 +134,32 @@ def test_supports_hold_single_components(tmp_path: Path) -> None:
     assert np.sqrt(square) / (2 * np.pi) == pytest.approx(exact, rel=1e-8)  # h^4/..., 40 elements
 
 
+@pytest.mark.parametrize(
+    ("kind", "order"),
+    [("tetra", 2), ("hexahedron", 2), ("tetra10", 4), ("hexahedron20", 4), ("wedge15", 4)],
+)
+def test_frequencies_converge_with_the_order_of_the_element(
+    kind: str, order: int, tmp_path: Path
+) -> None:
+    """The guided bar again: the error of its first frequency falls as h^2 or h^4, from above."""
+    exact, errors = np.sqrt(210e9 / 7850) / (4 * 0.1), []
+    for elements in (4, 8):
+        mesh = box(kind, (elements, 1, 1), (0.1, 0.02, 0.02), distort=False)
+        mesh.point_sets["all"] = np.arange(len(mesh.points))
+        write_body_file(
+            tmp_path / "body.h5",
+            mesh,
+            material={"E": 210e9, "nu": 0.0, "rho": 7850.0},
+            interfaces={"tip": {"set": "end", "coupling": "distributing"}},
+            supports={"start": [0], "all": [1, 2]},
+        )
+        body = assembled(tmp_path / "m.h5", tmp_path / "body.h5")
+        square = eigh(body["K"].toarray(), body["M"].toarray(), eigvals_only=True)[0]
+        errors.append(np.sqrt(square) / (2 * np.pi) / exact - 1)
+    assert errors[1] > 0
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(order, abs=0.25)
+
+
 BEAM = """
 mesh: beam.vtu
 materials: {steel: {E: 210.0e9, nu: 0.3, rho: 7850}}

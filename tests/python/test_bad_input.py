@@ -227,6 +227,19 @@ def test_an_output_must_not_replace_the_body(ranks: int, tmp_path: Path) -> None
     assert body.read_bytes() == before
 
 
+def test_a_resonance_in_one_group_ends_the_other(tmp_path: Path) -> None:
+    """Two groups of one rank: the first meets an undamped resonance, the second is fine."""
+    body = tmp_path / "body.h5"
+    unit = sp.identity(60).tocsc()
+    write_matrices(body, **chain(K=unit, M=unit, alpha=0.0))
+    resonance = 1 / (2 * np.pi)
+    result = run("sweep", "-body", body, "-mor_groups", 2, "-mor_sweep_hz",
+                 f"{resonance!r},{2 * resonance!r},2", "-mor_sweep_out", tmp_path / "s.h5",
+                 ranks=2, expect=1, timeout=60)  # fmt: skip
+    assert "frequency 1 of 2" in message(result) and "singular" in message(result)
+    assert not (tmp_path / "s.h5").exists()
+
+
 def test_a_rom_of_other_ports_is_refused(tmp_path: Path) -> None:
     body, out = tmp_path / "body.h5", tmp_path / "rom.h5"
     write_matrices(body, **chain())
