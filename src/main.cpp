@@ -133,7 +133,7 @@ Body load(MPI_Comm comm, const Settings& settings, Plan& plan, Monitor& monitor)
   return body;
 }
 
-void check(const Body& body, const Settings& s, Plan& plan, Monitor& monitor) {
+int check(const Body& body, const Settings& s, Plan& plan, Monitor& monitor) {
   Stage stage(monitor, "check");
   const BodyFacts facts = check_body(body.model, body.assembled, s.solver, monitor);
   plan.fact("rigid modes", std::to_string(facts.rigid_modes));
@@ -142,6 +142,7 @@ void check(const Body& body, const Settings& s, Plan& plan, Monitor& monitor) {
     const auto colon = what.find(": ");
     plan.skip(what.substr(0, colon), what.substr(colon + 2));
   }
+  return facts.rigid_modes;
 }
 
 void plan_solves(const FrequencySolves& solves, std::size_t tasks, Plan& plan) {
@@ -175,11 +176,11 @@ void describe_reduction(const FrequencySolves& solves, const Body& body,
   const auto [first, last] = s.gramian.band();
   const auto samples = s.gramian.nodes().omega.size();
   const double hz = 0.5 / std::numbers::pi;
-  plan.fact("method",
-            text("%s: %zu samples over %g-%g Hz (%s, %s), %d checks between them",
-                 s.method.c_str(), samples, first * hz, last * hz,
-                 s.gramian.quadrature.c_str(), s.gramian.spacing.c_str(),
-                 std::min(s.pod.validate, static_cast<int>(samples) - 1)));
+  plan.fact("method", text("%s: %zu samples over %g-%g Hz (%s, %s), %d checks between "
+                           "them and at the ends",
+                           s.method.c_str(), samples, first * hz, last * hz,
+                           s.gramian.quadrature.c_str(), s.gramian.spacing.c_str(),
+                           std::min(s.pod.validate, static_cast<int>(samples) - 1)));
   plan_solves(solves, samples, plan);
   plan.fact("samples",
             text("%zu columns, %.0f MB on a rank%s",
@@ -209,10 +210,10 @@ void reduce(MPI_Comm comm, const Settings& s, const Options& options, Monitor& m
   FrequencySolves solves = prepare_reduction(body, s, monitor);
   describe_reduction(solves, body, s, plan);
   plan.print(monitor);
-  check(body, s, plan, monitor);
+  const int rigid_modes = check(body, s, plan, monitor);
   plan.print(monitor);
   const ReducedModel rom =
-      reduce_pod(body.model, solves, s.gramian, s.pod, plan, monitor);
+      reduce_pod(body.model, solves, s.gramian, s.pod, rigid_modes, plan, monitor);
   {
     Stage stage(monitor, "write");
     write_reduced(rom, options, monitor, s.out);
@@ -290,8 +291,12 @@ void sweep(MPI_Comm comm, const Settings& s, const Options& options, Monitor& mo
   SecondOrderModel rom;
   if (!s.rom.empty()) {
     rom = read_reduced(comm, s.rom);
-    with_context("the ports of " + s.rom,
-                 [&] { select_ports(rom, body.model.inputs, body.model.outputs); });
+    const bool chosen = !s.inputs.empty() || !s.outputs.empty();
+    SecondOrderModel& fewer =
+        chosen ? rom : body.model; // without a choice the rom's ports count
+    const SecondOrderModel& wanted = chosen ? body.model : rom;
+    with_context("comparing " + s.rom + " with " + s.body,
+                 [&] { select_ports(fewer, wanted.inputs, wanted.outputs); });
   }
   FrequencySolves solves(std::move(body.model), s.parallel, s.solver,
                          static_cast<int>(omega.size()), 0.0, monitor);

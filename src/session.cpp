@@ -7,8 +7,11 @@
 
 #include <slepcsys.h>
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <cctype>
+#include <cerrno>
 #include <csignal>
 #include <cstdio>
 #include <cstring>
@@ -31,8 +34,9 @@ bool all_ranks_failed(MPI_Comm handshake) {
 }
 
 bool is_help(const char* word) {
-  return !std::strcmp(word, "-help") || !std::strcmp(word, "--help") ||
-         !std::strcmp(word, "-h");
+  for (const char* spelling : {"-help", "--help", "-h", "help"})
+    if (!std::strcmp(word, spelling)) return true;
+  return false;
 }
 
 /// The first word behind the verb that is neither an option nor the value of one.
@@ -43,6 +47,13 @@ std::string stray_word(int argc, char** argv) {
   for (int i = 2; i < argc; ++i)
     if (!is_option(argv[i]) && (i == 2 || !is_option(argv[i - 1]))) return argv[i];
   return "";
+}
+
+/// PETSc would answer a missing file with pages.
+void require_options_file(int argc, char** argv) {
+  for (int i = 2; i + 1 < argc; ++i)
+    if (!std::strcmp(argv[i], "-options_file") && access(argv[i + 1], R_OK) != 0)
+      throw Error(text("-options_file %s: %s", argv[i + 1], std::strerror(errno)));
 }
 
 /// Options that nobody read: misspelt ones without a prefix of ours.
@@ -73,6 +84,11 @@ int run_session(int argc, char** argv, const std::vector<std::string>& verbs,
     MPI_Finalize();
     return 0;
   }
+  if (verb == "-version" || verb == "--version" || verb == "version") {
+    if (rank == 0) std::printf("flexgram %s\n", FLEXGRAM_VERSION);
+    MPI_Finalize();
+    return 0;
+  }
   if (std::find(verbs.begin(), verbs.end(), verb) == verbs.end()) {
     if (rank == 0)
       std::fprintf(stderr,
@@ -96,6 +112,7 @@ int run_session(int argc, char** argv, const std::vector<std::string>& verbs,
   MPI_Comm_dup(MPI_COMM_WORLD, &handshake);
   std::string message;
   try {
+    require_options_file(argc, argv);
     const PetscErrorCode started = SlepcInitialize(&argc, &argv, nullptr, nullptr);
     if (started) throw Error("PETSc or SLEPc did not start; see the message above");
     install_petsc_error_handler();
@@ -118,7 +135,9 @@ int run_session(int argc, char** argv, const std::vector<std::string>& verbs,
     if (!together) MPI_Abort(MPI_COMM_WORLD, 1);
   }
   MPI_Comm_free(&handshake);
-  SlepcFinalize();
+  PetscBool running = PETSC_FALSE;
+  PetscInitialized(&running);
+  if (running) SlepcFinalize();
   MPI_Finalize();
   return status;
 }

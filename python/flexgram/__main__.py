@@ -35,16 +35,20 @@ def main(arguments: list[str] | None = None) -> int:
     try:
         if options.command == "import":
             counts = import_body(options.description, options.output)
-            print(
-                f"  {options.output}: {counts['points']} nodes, {counts['elements']} elements, "
-                f"{counts['interfaces']} interfaces"
-            )
+            print(f"  {options.output}: {counts['points']} nodes, {counts['elements']} elements")
+            for name, facts in counts["interfaces"].items():
+                at = ", ".join(f"{x:.6g}" for x in facts["position"])
+                print(f"  interface {name}: {facts['coupling']}, {facts['nodes']} nodes, "
+                      f"reference at ({at}) m")  # fmt: skip
+                if facts["distance"] > 3 and facts["nodes"] > 1:
+                    print(f"  warning: the reference of {name} is {facts['distance']:.0f} sizes of "
+                          "its node set away from its middle: right units?")  # fmt: skip
         else:
             from flexgram.plots import plot_sweep  # matplotlib is slow to load
 
             plot_sweep(options.sweep, options.output, options.rom)
             print(f"  wrote {options.output}")
-    except (BodyError, OSError, KeyError) as error:
+    except (BodyError, OSError) as error:
         print(f"flexgram: {error}", file=sys.stderr)
         return 1
     return 0

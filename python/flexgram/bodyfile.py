@@ -78,7 +78,30 @@ def write_matrices(
         3-5 for a rotation.
     position : array, n_nodes x 3, optional
         Node coordinates [m].
+
+    Raises
+    ------
+    ValueError
+        For shapes that do not fit, complex entries, or names that do not fit the ports.
     """
+    n = K.shape[0]
+    ports = {"inputs": (inputs, np.shape(B)[-1]), "outputs": (outputs, C is None or np.shape(C)[0])}
+    expected = {"K": (K, (n, n)), "M": (M, (n, n)), "D": (D, (n, n)), "B": (B, (n, None)),
+                "C": (C, (None, n))}  # fmt: skip
+    for name, (value, shape) in expected.items():
+        if value is None:
+            continue
+        actual = np.shape(value)
+        if len(actual) != 2 or any(e not in (None, a) for e, a in zip(shape, actual, strict=True)):
+            wanted = " x ".join("any" if e is None else str(e) for e in shape)
+            raise ValueError(f"{name} has shape {actual}, expected {wanted}")
+        if np.iscomplexobj(value):
+            raise ValueError(f"{name} is complex; K (1 + i eta) is K with eta=...")
+    if outputs is not None and C is None:
+        raise ValueError("outputs are named but C is not given (the outputs are the inputs)")
+    for key, (names, count) in ports.items():
+        if names is not None and len(names) != count:
+            raise ValueError(f"{key}: {len(names)} names for {count} ports")
     with h5py.File(path, "w") as file:
         write_sparse(file, "K", K)
         write_sparse(file, "M", M)

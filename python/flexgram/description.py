@@ -38,12 +38,28 @@ SHAPES = {
 }
 
 
+class _UniqueKeys(yaml.SafeLoader):
+    """YAML that refuses a key given twice, where PyYAML would drop the first."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
+        for key in keys:
+            if keys.count(key) > 1:
+                raise BodyError(f"line {node.start_mark.line + 1}: the key {key} is given twice")
+        return super().construct_mapping(node, deep)
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) < 60 else text[:57] + "..."
+
+
 class _Reader:
     """Typed access to a YAML mapping that names the place of every mistake."""
 
     def __init__(self, data: Any, where: str, known: tuple[str, ...] | None = None) -> None:
         if not isinstance(data, dict):
-            raise BodyError(f"{where} must be a mapping, not {data!r}")
+            raise BodyError(f"{where} must be a mapping, not {_short(data)}")
         self.data, self.where = data, where
         if known is not None:
             for key in data:
@@ -173,7 +189,7 @@ def _select_nodes(
     return np.asarray(nodes, dtype=np.int64)
 
 
-def import_body(description: str | Path, output: str | Path) -> dict[str, int]:
+def import_body(description: str | Path, output: str | Path) -> dict[str, Any]:
     """Turn a YAML body description and its mesh into a body file.
 
     Parameters
@@ -186,7 +202,9 @@ def import_body(description: str | Path, output: str | Path) -> dict[str, int]:
     Returns
     -------
     dict
-        Counts: ``points``, ``elements``, ``interfaces``.
+        ``points`` and ``elements`` (counts), ``interfaces`` (for each name its coupling, number of
+        nodes, reference position [m] and the position's distance from the middle of the nodes in
+        sizes of the set).
 
     Raises
     ------
@@ -195,11 +213,18 @@ def import_body(description: str | Path, output: str | Path) -> dict[str, int]:
     """
     path = Path(description)
     try:
-        content = yaml.safe_load(path.read_text())
+        content = yaml.load(path.read_text(), _UniqueKeys)
+    except UnicodeDecodeError:
+        raise BodyError(f"{path}: not a text file; describe the mesh in YAML") from None
     except OSError as error:
         raise BodyError(f"{path}: {error.strerror}") from None
     except yaml.YAMLError as error:
         raise BodyError(f"{path}: not YAML: {error}") from None
+    if not isinstance(content, dict):
+        raise BodyError(
+            f"{path}: not a body description; if it is a mesh, name it in a YAML file such as "
+            "meshes/rack.yaml"
+        )
     reader = _Reader(
         content,
         path.name,
@@ -227,7 +252,7 @@ def _write(
     mesh: Any,
     cells: dict[str, list[IntArray]],
     units: tuple[float, ...],
-) -> dict[str, int]:
+) -> dict[str, Any]:
     length = units[0]
     file.attrs["name"] = str(reader.get("name", reader.where))
     file["mesh/points"] = np.asarray(mesh.points, dtype=np.float64) * length
@@ -248,12 +273,22 @@ def _write(
     def sets(name: str) -> IntArray:
         return node_set(mesh, cells, name)
 
+    interfaces: dict[str, dict[str, Any]] = {}
     for order, (name, data) in enumerate(reader.children("interfaces").items()):
         entry = _Reader(data, f"interfaces: {name}", ("coupling", "nodes", "position", "weights"))
         nodes = _select_nodes(entry.get("nodes"), entry.where, mesh.points, used, sets)
         group = file.create_group(f"interfaces/{name}")
         group.attrs["coupling"] = entry.choice("coupling", ("rigid", "distributing", "node"))
-        group.attrs["position"] = length * entry.vector("position", mesh.points[nodes].mean(0))
+        chosen = mesh.points[nodes]
+        position = entry.vector("position", chosen.mean(0))
+        group.attrs["position"] = length * position
+        extent = float(np.linalg.norm(np.ptp(chosen, axis=0)))
+        interfaces[str(name)] = {
+            "coupling": str(entry.get("coupling")),
+            "nodes": len(nodes),
+            "position": (length * position).tolist(),
+            "distance": float(np.linalg.norm(position - chosen.mean(0))) / max(extent, 1e-300),
+        }
         group.attrs["order"] = order
         group["nodes"] = nodes
         if "weights" in entry.data:
@@ -272,7 +307,6 @@ def _write(
     damping = _Reader(reader.get("damping", {}) or {}, "damping", ("alpha", "beta", "eta"))
     for key in ("alpha", "beta", "eta"):
         file.attrs[key] = damping.number(key, 0.0)
-    interfaces = len(reader.children("interfaces"))
     return {"points": int(used.sum()), "elements": elements, "interfaces": interfaces}
 
 

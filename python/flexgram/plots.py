@@ -11,6 +11,22 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
+from flexgram.meshfile import BodyError
+
+
+def _open(path: Path, kind: str, needed: str) -> h5py.File:
+    """An HDF5 file that holds `needed`, or a message that says what it should have been."""
+    if not path.exists():
+        raise BodyError(f"{path}: no such file")
+    try:
+        file = h5py.File(path)
+    except OSError:
+        raise BodyError(f"{path} is not an HDF5 file") from None
+    if needed not in file:
+        file.close()
+        raise BodyError(f"{path} is no {kind} file")
+    return file
+
 
 def plot_sweep(sweep: Path, output: Path, rom: Path | None = None) -> None:
     """Draw what ``flexgram sweep`` found.
@@ -25,7 +41,7 @@ def plot_sweep(sweep: Path, output: Path, rom: Path | None = None) -> None:
     rom : Path, optional
         Reduced file, for the eigenvalues of its Gramian.
     """
-    with h5py.File(sweep) as file:
+    with _open(sweep, "sweep", "H") as file:
         hz = file["omega"][:] / (2 * np.pi)
         H = file["H"][..., 0] + 1j * file["H"][..., 1]
         H_rom = file["H_rom"][..., 0] + 1j * file["H_rom"][..., 1] if "H_rom" in file else None
@@ -33,7 +49,7 @@ def plot_sweep(sweep: Path, output: Path, rom: Path | None = None) -> None:
         inputs, outputs = file["H"].attrs["inputs"], file["H"].attrs["outputs"]
     sigma, order = None, 0
     if rom is not None:
-        with h5py.File(rom) as file:
+        with _open(rom, "reduced", "gramian/sigma") as file:
             sigma, order = file["gramian/sigma"][:], file["K"].shape[0]
             sampled = file["error/omega"][:] / (2 * np.pi), file["error/relative"][:]
 
@@ -65,5 +81,8 @@ def plot_sweep(sweep: Path, output: Path, rom: Path | None = None) -> None:
     for panel in axes.flat:
         panel.grid(alpha=0.3)
     figure.tight_layout()
-    figure.savefig(output, dpi=120)
+    try:
+        figure.savefig(output, dpi=120)
+    except ValueError as error:  # matplotlib does not know the suffix
+        raise BodyError(f"{output}: {error}") from None
     plt.close(figure)

@@ -162,13 +162,17 @@ void Options::reject_unknown() const {
   std::vector<std::string> known;
   for (const auto& option : options_) known.push_back(option.name);
   for (const auto& name : names_in_database()) {
-    if (name.rfind("-mor_", 0) != 0) continue;
+    const bool hyphen = name.rfind("-mor-", 0) == 0;
+    const bool no_prefix =
+        std::find(known.begin(), known.end(), "-mor_" + name.substr(1)) != known.end();
+    if (name.rfind("-mor_", 0) != 0 && !hyphen && !no_prefix) continue;
     if (std::find(known.begin(), known.end(), name) != known.end()) continue;
     if (std::any_of(prefixes_.begin(), prefixes_.end(),
                     [&](const auto& prefix) { return name.rfind(prefix, 0) == 0; }))
       continue;
+    const std::string meant = no_prefix ? "-mor_" + name.substr(1) : nearest(name, known);
     throw Error(text("unknown option %s: did you mean %s? (flexgram -help lists all)",
-                     name.c_str(), nearest(name, known).c_str()));
+                     name.c_str(), meant.c_str()));
   }
 }
 

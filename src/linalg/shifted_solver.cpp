@@ -84,7 +84,7 @@ struct ShiftedSolver::State {
     const FactorEstimate own_estimate = own->analyse(common.lower, {});
     if (best && estimate.flops <= own_estimate.flops) return best;
     estimate = own_estimate;
-    ordering = "MUMPS' own";
+    ordering = "MUMPS' own choice";
     position = own->position();
     return own;
   }

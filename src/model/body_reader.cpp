@@ -285,6 +285,8 @@ void read_dof_map(const Hdf5File& file, SecondOrderModel& model) {
 
 bool holds_mesh(const Hdf5File& file) {
   const bool mesh = file.exists("/mesh");
+  if (file.exists("/gramian"))
+    fail(file, "this is a reduced file, not a body (-rom takes it)");
   if (!mesh && !file.exists("/K"))
     fail(file, "neither /K (a body of matrices) nor /mesh (a body to assemble) is there");
   return mesh;

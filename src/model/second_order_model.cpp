@@ -98,9 +98,8 @@ std::vector<int> find_ports(const std::vector<std::string>& ports,
       if (ports[i] == word || ports[i].rfind(word + ".", 0) == 0)
         found.push_back(static_cast<int>(i));
     if (found.size() == before)
-      throw Error(text("option %s: there is no port %s, did you mean %s? The body has %s",
-                       option, word.c_str(), nearest(word, ports).c_str(),
-                       join(ports).c_str()));
+      throw Error(text("%s: there is no port %s, did you mean %s? There are %s", option,
+                       word.c_str(), nearest(word, ports).c_str(), join(ports).c_str()));
   }
   for (std::size_t i = 0; i < found.size(); ++i)
     if (std::find(found.begin(), found.begin() + static_cast<long>(i), found[i]) !=

@@ -30,10 +30,10 @@ void GramianOptions::describe(Options& options) {
       "accuracy. snapshots: Sirovich's method, eigenvalues of Z'Z; faster, but "
       "squares the condition: directions with sigma_j/sigma_1 below about 1e-16 "
       "(singular values below 1e-8) are lost, so high orders gain nothing");
-  options.add_choice(
-      "-mor_port_scaling", port_scaling, {"none", "equal"},
-      "weight of the ports in the Gramian: as their units have it (the paper), or "
-      "all the same, so that moments in N mm and forces in N count alike");
+  options.add_choice("-mor_port_scaling", port_scaling, {"none", "equal"},
+                     "weight of the ports in the Gramian: all the same, so that forces "
+                     "and moments (in N m or "
+                     "N mm) count alike, or as their units have it (the paper)");
   options.add_choice(
       "-mor_inner_product", inner_product, {"mass", "euclidean", "energy"},
       "in which the modes are orthonormal: mass (independent of units; M + "

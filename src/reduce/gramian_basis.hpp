@@ -13,7 +13,7 @@ struct GramianOptions {
   std::string spacing = "linear";
   std::string svd = "tsqr";
   std::string inner_product = "mass";
-  std::string port_scaling = "none";
+  std::string port_scaling = "equal";
   int order = 0; ///< 0: by the order rule
 
   void describe(Options& options);

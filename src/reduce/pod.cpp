@@ -15,9 +15,10 @@ void PodOptions::describe(Options& options) {
       "-mor_tol", tolerance, "",
       "smallest order whose relative error at the samples and the check frequencies is "
       "below this; without it the order is -mor_order or the rule's");
-  options.add(
-      "-mor_validate", validate, "",
-      "frequencies between the samples at which the error is checked by full solves");
+  options.add("-mor_validate", validate, "",
+              "frequencies between the samples at which the error is checked by full "
+              "solves, beside "
+              "the two ends of the band; 0 checks none");
 }
 
 void PodOptions::check() const {
@@ -27,9 +28,15 @@ void PodOptions::check() const {
   require_option(validate >= 0, "-mor_validate", std::to_string(validate), "0 or more");
 }
 
-std::vector<double> check_frequencies(const std::vector<double>& samples, int count) {
+std::vector<double> check_frequencies(const std::vector<double>& samples, int count,
+                                      double first, double last) {
   std::vector<double> sorted = samples, result;
   std::sort(sorted.begin(), sorted.end());
+  if (count == 0) return result;
+  for (double end : {first, last})
+    if (std::abs(end - sorted.front()) > 1e-9 * last &&
+        std::abs(end - sorted.back()) > 1e-9 * last)
+      result.push_back(end);
   const int gaps = static_cast<int>(sorted.size()) - 1;
   count = std::min(count, gaps);
   for (int i = 0; i < count; ++i) {
@@ -74,6 +81,58 @@ SecondOrderModel leading_part(const SecondOrderModel& rom, int m) {
   return part;
 }
 
+/// Rows (or columns) of the ports of one kind, by the names' last part: "f" forces, "m"
+/// moments.
+std::vector<int> ports_of_kind(const std::vector<std::string>& names, char kind) {
+  std::vector<int> found;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const auto dot = names[i].rfind('.');
+    if (dot != std::string::npos && names[i].size() == dot + 3 &&
+        names[i][dot + 1] == kind)
+      found.push_back(static_cast<int>(i));
+  }
+  return found;
+}
+
+ComplexDense part_of(const ComplexDense& h, const std::vector<int>& rows,
+                     const std::vector<int>& columns) {
+  ComplexDense part(static_cast<int>(rows.size()), static_cast<int>(columns.size()));
+  for (int j = 0; j < part.columns; ++j)
+    for (int i = 0; i < part.rows; ++i)
+      part(i, j) =
+          h(rows[static_cast<std::size_t>(i)], columns[static_cast<std::size_t>(j)]);
+  return part;
+}
+
+/// Largest relative error of the block from the ports of one kind to those of the same
+/// kind; −1 if there are none. Eq. (17) adds m/N and rad/(N m): the larger number hides
+/// the other.
+double error_of_kind(const ReducedModel& rom, const std::vector<ComplexDense>& H,
+                     char kind) {
+  const auto rows = ports_of_kind(rom.model.outputs, kind);
+  const auto columns = ports_of_kind(rom.model.inputs, kind);
+  double worst = -1;
+  if (!rows.empty() && !columns.empty())
+    for (std::size_t l = 0; l < H.size(); ++l)
+      worst =
+          std::max(worst, relative_error(part_of(H[l], rows, columns),
+                                         part_of(dense_transfer(rom.model, rom.omega[l]),
+                                                 rows, columns)));
+  return worst;
+}
+
+/// "5 rigid up to 0.1 Hz, then 97.3 Hz", judged beside the band.
+std::string describe_modes(const std::vector<double>& modes, int rigid) {
+  const double hz = 0.5 / std::numbers::pi;
+  const auto count = static_cast<std::size_t>(rigid);
+  if (modes.empty()) return "not known, the reduced M is singular";
+  std::string words;
+  if (count > 0 && count <= modes.size())
+    words = text("%d rigid, up to %.2g Hz, ", rigid, modes[count - 1] * hz);
+  if (count < modes.size()) words += text("elastic from %.4g Hz", modes[count] * hz);
+  return words;
+}
+
 /// Smallest m whose error is below the tolerance at every known frequency.
 int order_by_tolerance(const SecondOrderModel& rom, const std::vector<double>& omega,
                        const std::vector<ComplexDense>& H, double tolerance) {
@@ -100,8 +159,8 @@ int order_by_tolerance(const SecondOrderModel& rom, const std::vector<double>& o
 } // namespace
 
 ReducedModel reduce_pod(const SecondOrderModel& fom, FrequencySolves& solves,
-                        const GramianOptions& gramian, const PodOptions& pod, Plan& plan,
-                        Monitor& monitor) {
+                        const GramianOptions& gramian, const PodOptions& pod,
+                        int rigid_modes, Plan& plan, Monitor& monitor) {
   const auto [first, last] = gramian.band();
   Snapshots samples;
   {
@@ -122,7 +181,7 @@ ReducedModel reduce_pod(const SecondOrderModel& fom, FrequencySolves& solves,
   std::vector<ComplexDense> H = std::move(samples.H);
   {
     Stage stage(monitor, "error");
-    const auto extra = check_frequencies(samples.omega, pod.validate);
+    const auto extra = check_frequencies(samples.omega, pod.validate, first, last);
     auto H_extra = solves.transfer(extra, "check");
     rom.omega.insert(rom.omega.end(), extra.begin(), extra.end());
     std::move(H_extra.begin(), H_extra.end(), std::back_inserter(H));
@@ -138,6 +197,8 @@ ReducedModel reduce_pod(const SecondOrderModel& fom, FrequencySolves& solves,
   }
   for (std::size_t l = 0; l < H.size(); ++l)
     rom.epsilon.push_back(relative_error(H[l], dense_transfer(rom.model, rom.omega[l])));
+  const double force_error = error_of_kind(rom, H, 'f');
+  const double moment_error = error_of_kind(rom, H, 'm');
   std::vector<std::size_t> by_frequency(rom.omega.size());
   std::iota(by_frequency.begin(), by_frequency.end(), 0);
   std::sort(by_frequency.begin(), by_frequency.end(),
@@ -188,9 +249,20 @@ ReducedModel reduce_pod(const SecondOrderModel& fom, FrequencySolves& solves,
   std::string error =
       text("at most %.1e at the %zu samples", at_samples, samples.omega.size());
   if (checks > 0)
-    error += text(", %.1e at %ld frequencies between them", between,
+    error += text(", %.1e at %ld others (between them, ends of the band)", between,
                   static_cast<long>(checks));
+  if (checks == 0) error += ", not checked between them";
   plan.fact("error", error + " (estimated, not proved)");
+  if (force_error >= 0 && moment_error >= 0) {
+    plan.fact("by kind", text("displacement from force %.1e, rotation from moment %.1e",
+                              force_error, moment_error));
+    const double overall = std::max(at_samples, between);
+    if (std::max(force_error, moment_error) > 10 * overall)
+      monitor.warn("the error of eq. (17) adds m/N and rad/(N m) and is blind for the "
+                   "smaller: see "
+                   "the line \"by kind\"; a higher -mor_order helps");
+  }
+  plan.fact("modes", describe_modes(rom.modes, rigid_modes));
   plan.fact("reduced M, K", text("smallest over largest eigenvalue %.1e, %.1e",
                                  relative_smallest_eigenvalue(rom.model.M),
                                  relative_smallest_eigenvalue(rom.model.K)));

@@ -263,7 +263,13 @@ def test_units_are_converted(tmp_path: Path) -> None:
     millimetres(tmp_path)
     (tmp_path / "box.yaml").write_text(GOOD)
     counts = import_body(tmp_path / "box.yaml", tmp_path / "box.h5")
-    assert counts["interfaces"] == 2 and counts["elements"] == 6 * 24
+    assert counts["elements"] == 6 * 24
+    assert list(counts["interfaces"]) == ["near", "far"]
+    assert counts["interfaces"]["far"]["position"] == [0.1, 0.01, 0.015]
+    assert (
+        counts["interfaces"]["far"]["nodes"] == 25
+        and counts["interfaces"]["far"]["distance"] < 1e-9
+    )
     write_body_file(tmp_path / "si.h5", box("tetra10", distort=False), interfaces=ENDS)
     millimetre = by_node(assembled(tmp_path / "1.h5", tmp_path / "box.h5", 1))
     si = by_node(assembled(tmp_path / "2.h5", tmp_path / "si.h5", 1))
@@ -271,6 +277,13 @@ def test_units_are_converted(tmp_path: Path) -> None:
         assert abs(millimetre[key] - si[key]).max() < 1e-12 * abs(si[key]).max()
     with h5py.File(tmp_path / "box.h5") as file:
         assert list(file["interfaces/far"].attrs["position"]) == [0.1, 0.01, 0.015]
+
+
+def test_a_mesh_is_no_description(tmp_path: Path) -> None:
+    millimetres(tmp_path)
+    with pytest.raises(BodyError, match="not") as error:
+        import_body(tmp_path / "box.inp", tmp_path / "box.h5")
+    assert len(str(error.value)) < 300
 
 
 @pytest.mark.parametrize(
@@ -287,6 +300,8 @@ def test_units_are_converted(tmp_path: Path) -> None:
         ("mesh: box.inp", "mash: box.inp", "unknown key mash"),
         ("[1.0e-6, 99, 99]", "[-0.5, 99, 99]", "no nodes of the body are selected"),
         ("interfaces:", "interfaces: [", "not YAML"),
+        ("  far:", "  near:", "the key near is given twice"),
+        ("mesh: box.inp", "- 1", "not"),
     ],
 )
 def test_descriptions_that_cannot_be_read(

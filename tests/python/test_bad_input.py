@@ -14,6 +14,7 @@ import scipy.sparse as sp
 
 from conftest import chain, message, run
 from flexgram import write_matrices
+from flexgram.bodyfile import write_sparse
 
 
 def with_entries(matrix: Any, **entries: float) -> Any:
@@ -43,9 +44,6 @@ def mechanism() -> dict[str, Any]:
 
 K, M = chain()["K"], chain()["M"]
 BODIES: dict[str, tuple[Callable[[], dict[str, Any]], str]] = {
-    "wrong shape of M": (lambda: chain(M=sp.identity(59).tocsc()), r"/M is 59 × 59"),
-    "wrong shape of B": (lambda: chain(B=np.ones((7, 2))), "/B is 7 × 2, expected n × n_in"),
-    "wrong shape of C": (lambda: chain(C=np.ones((2, 7))), "/C is 2 × 7, expected n_out × n"),
     "NaN": (lambda: chain(K=with_entries(K, r3c3=np.nan)), "/K(3, 3) = nan"),
     "Inf": (lambda: chain(M=with_entries(M, r5c5=np.inf)), "/M(5, 5) = inf"),
     "NaN in B": (lambda: chain(B=np.full((60, 1), np.nan)), "/B holds nan"),
@@ -107,6 +105,9 @@ OPTIONS = {
     "groups": (["-mor_groups", "5"], "between 1 and the number of ranks"),
     "log from zero": (["-mor_band_hz", "0,1", "-mor_spacing", "log"], "start above zero"),
     "tolerance and order": (["-mor_tol", "0.1", "-mor_order", "3"], "-mor_tol with -mor_order"),
+    "hyphen": (["-mor-order", "3"], "did you mean -mor_order?"),
+    "prefix": (["-order", "3"], "did you mean -mor_order?"),
+    "options file": (["-options_file", "none.opts"], "No such file"),
     "stray word": (["-mor_order", "3", "500"], "stray word 500"),
     "icntl": (["-mor_mumps_icntl_61", "1"], "numbered 1 to 60"),
     "owned icntl": (["-mor_mumps_icntl_21", "0"], "left alone"),
@@ -133,7 +134,18 @@ def damaged(name: str, path: Path) -> None:
         with h5py.File(path, "a") as file:
             del file["B"]
             file["B"] = 1.0
-    if name == "missing dataset":
+    elif name == "wrong shape of M":
+        with h5py.File(path, "a") as file:
+            del file["M"]
+            write_sparse(file, "M", sp.identity(59))
+    elif name == "wrong shape of B":
+        with h5py.File(path, "a") as file:
+            del file["B"]
+            file["B"] = np.ones((7, 2))
+    elif name == "wrong shape of C":
+        with h5py.File(path, "a") as file:
+            file["C"] = np.ones((2, 7))
+    elif name == "missing dataset":
         with h5py.File(path, "a") as file:
             del file["M"]
     elif name == "missing B":
@@ -164,6 +176,9 @@ def damaged(name: str, path: Path) -> None:
         ("missing dataset", "/M is missing"),
         ("missing B", "/B (input map, n × n_in) is missing"),
         ("scalar B", "/B must be a matrix"),
+        ("wrong shape of M", "/M is 59 × 59"),
+        ("wrong shape of B", "/B is 7 × 2, expected n × n_in"),
+        ("wrong shape of C", "/C is 2 × 7, expected n_out × n"),
         ("row out of range", "/K/ir holds row 1000"),
         ("dense K", "/K must be a sparse matrix"),
         ("text", "is not an HDF5 file"),
@@ -248,7 +263,11 @@ def test_a_rom_of_other_ports_is_refused(tmp_path: Path) -> None:
     sweep = ("sweep", "-body", body, "-rom", out, "-mor_sweep_hz", "0.02,0.2,3", "-mor_sweep_out",
              tmp_path / "s.h5")  # fmt: skip
     assert "1 inputs, 1 outputs" in run(*sweep, "-mor_inputs", "in1").out
+    run(*sweep)  # without a choice the rom's ports count
+    with h5py.File(tmp_path / "s.h5") as file:
+        assert file["H"].shape == (3, 1, 1, 2) and list(file["H"].attrs["inputs"]) == ["in1"]
     assert "no port in2" in message(run(*sweep, "-mor_inputs", "in2", expect=1))
+    assert "this is a reduced file" in message(run("sweep", "-body", out, expect=1))
 
 
 def test_misspelt_options_of_petsc_are_named(tmp_path: Path) -> None:
@@ -283,3 +302,4 @@ def test_verbs_and_help() -> None:
     assert "-mor_band_hz" in result.out and "[10,500]" in result.out
     assert "option -body is missing" in message(run("reduce", expect=1))
     assert "-rom" in run("sweep", "-help", ranks=2).out
+    assert run("--version").out.startswith("flexgram 0.")
