@@ -1,5 +1,7 @@
 #include "fem/node_matrix.hpp"
 
+#include "linalg/sparse.hpp"
+
 #include <algorithm>
 #include <numeric>
 
@@ -101,26 +103,40 @@ void NodeMatrix::add(const std::int64_t* nodes, std::size_t count, const Dense& 
 }
 
 void NodeMatrix::assemble(MPI_Comm comm, Matrix& K, Matrix& M) {
-  std::vector<PetscInt> rows, columns;
-  rows.reserve(k_.size());
-  columns.reserve(k_.size());
+  LocalRows
+      local; // columns ascend: nodes and their equations are numbered in the same order
+  std::vector<PetscInt> row;
+  local.column.reserve(k_.size());
   for (std::size_t a = 0; a < nodes_.size(); ++a)
-    for (int r = 0; r < map_.equations(nodes_[a]); ++r)
+    for (int r = 0; r < map_.equations(nodes_[a]); ++r) {
       for (std::size_t k = start_[a]; k < start_[a + 1]; ++k) {
         const std::int64_t b = nodes_[static_cast<std::size_t>(neighbour_[k])];
-        for (int c = 0; c < map_.equations(b); ++c) {
-          rows.push_back(map_.first[static_cast<std::size_t>(nodes_[a])] + r);
-          columns.push_back(map_.first[static_cast<std::size_t>(b)] + c);
-        }
+        for (int c = 0; c < map_.equations(b); ++c)
+          local.column.push_back(map_.first[static_cast<std::size_t>(b)] + c);
       }
+      local.start.push_back(static_cast<PetscInt>(local.column.size()));
+      row.push_back(map_.first[static_cast<std::size_t>(nodes_[a])] + r);
+    }
+  if (comm_size(comm) == 1) { // the rows are whole and in order
+    local.value = std::move(k_);
+    K = make_sparse(comm, map_.rows, map_.n, local);
+    local.value = std::move(m_);
+    M = make_sparse(comm, map_.rows, map_.n, local);
+    return;
+  }
+  std::vector<PetscInt> rows;
+  rows.reserve(local.column.size());
+  for (std::size_t i = 0; i < row.size(); ++i)
+    rows.insert(rows.end(), static_cast<std::size_t>(local.start[i + 1] - local.start[i]),
+                row[i]);
   Matrix
       sum; // holds PETSc's maps of the entries, larger than the matrix: freed at the end
   FG_CALL(MatCreate(comm, sum.out()));
   FG_CALL(MatSetSizes(sum, map_.rows.size(), map_.rows.size(), map_.n, map_.n));
   FG_CALL(MatSetType(sum, MATAIJ));
   FG_CALL(MatSetPreallocationCOO(sum, static_cast<PetscCount>(rows.size()), rows.data(),
-                                 columns.data()));
-  rows = columns = {};
+                                 local.column.data()));
+  rows = local.column = {};
   FG_CALL(MatSetValuesCOO(sum, m_.data(), INSERT_VALUES));
   FG_CALL(MatDuplicate(sum, MAT_COPY_VALUES, M.out()));
   FG_CALL(MatSetValuesCOO(sum, k_.data(), INSERT_VALUES));
