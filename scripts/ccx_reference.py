@@ -21,17 +21,8 @@ import meshio
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests" / "python"))
 
-from bodies import box  # noqa: E402
+from bodies import CALCULIX, box  # noqa: E402
 
-#: CalculiX element, and the meshio type that flexgram assembles.
-ELEMENTS = {
-    "C3D4": "tetra",
-    "C3D10": "tetra10",
-    "C3D8I": "hexahedron",
-    "C3D20": "hexahedron20",
-    "C3D20R": "hexahedron20",
-    "C3D15": "wedge15",
-}
 COUNT = 10
 
 
@@ -58,7 +49,7 @@ def run_ccx(deck: list[str], folder: str) -> None:
 
 def frequencies(element: str, counts: tuple[int, int, int], distort: bool) -> list[float]:
     """First frequencies [Hz] of the box, its face ``start`` held."""
-    mesh = box(ELEMENTS[element], counts, distort=distort)
+    mesh = box(CALCULIX[element], counts, distort=distort)
     deck = [*deck_of(element, mesh), "*BOUNDARY"]
     deck += [f"{n + 1}, 1, 3" for n in mesh.point_sets["start"].tolist()]
     deck += ["*STEP", "*FREQUENCY", str(COUNT), "*END STEP"]
@@ -72,7 +63,7 @@ def frequencies(element: str, counts: tuple[int, int, int], distort: bool) -> li
 def one_element(element: str) -> dict[str, Any]:
     """Matrices of a single rectangular element, upper triangle by columns; C3D8I keeps the three
     nodes of its incompatible modes (9, 10, 11) as dofs with mass."""
-    mesh = box(ELEMENTS[element], (1, 1, 1), (0.02, 0.01, 0.015), distort=False)
+    mesh = box(CALCULIX[element], (1, 1, 1), (0.02, 0.01, 0.015), distort=False)
     with tempfile.TemporaryDirectory() as folder:
         run_ccx([*deck_of(element, mesh), "*STEP", "*FREQUENCY, SOLVER=MATRIXSTORAGE", "*END STEP"],
                 folder)  # fmt: skip
@@ -89,7 +80,7 @@ def one_element(element: str) -> dict[str, Any]:
 def main() -> None:
     version = subprocess.run(["ccx", "-v"], capture_output=True, text=True).stdout.strip()
     result: dict[str, Any] = {"program": version, "unit": "Hz", "boxes": []}
-    for element in ELEMENTS:
+    for element in CALCULIX:
         for counts, distort in (((6, 2, 2), True), ((6, 2, 2), False), ((12, 4, 4), True)):
             hz = frequencies(element, counts, distort)
             assert len(hz) == COUNT, element

@@ -50,11 +50,10 @@ def cell_regions(mesh: meshio.Mesh) -> dict[str, list[IntArray]]:
             parts = regions.setdefault(name, [none] * blocks)
             parts[block] = np.union1d(parts[block], cells)
 
-    dimension = [len(_corner_shape(block.type)) for block in mesh.cells]
     names = {(int(tag), int(dim)): name for name, (tag, dim) in mesh.field_data.items()}
     for block, tags in enumerate(mesh.cell_data.get("gmsh:physical", [])):
         for tag in np.unique(tags):
-            name = names.get((int(tag), dimension[block]), str(int(tag)))
+            name = names.get((int(tag), mesh.cells[block].dim), str(int(tag)))
             add(name, block, np.flatnonzero(tags == tag).astype(np.int64))
     for name, parts in mesh.cell_sets.items():
         if name.startswith("gmsh:"):
@@ -66,17 +65,6 @@ def cell_regions(mesh: meshio.Mesh) -> dict[str, list[IntArray]]:
         if group.type in ELEMENTS and group.type != "line":
             add("all", block, np.arange(len(group.data), dtype=np.int64))
     return regions
-
-
-def _corner_shape(cell_type: str) -> str:
-    """As many letters as the cell has dimensions."""
-    if cell_type.startswith("vertex"):
-        return ""
-    if cell_type.startswith("line"):
-        return "x"
-    if cell_type.startswith(("triangle", "quad")):
-        return "xx"
-    return "xxx"
 
 
 def node_set(mesh: meshio.Mesh, regions: dict[str, list[IntArray]], name: str) -> IntArray:

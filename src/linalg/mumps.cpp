@@ -345,11 +345,6 @@ void Mumps<Scalar>::solve_sparse(std::span<const int> start, std::span<const int
   m.solve(rows, x, columns);
 }
 
-template <class Scalar>
-double Mumps<Scalar>::used_mb_per_rank() const {
-  return instance_->infog(21);
-}
-
 template class Mumps<float>;
 template class Mumps<double>;
 template class Mumps<std::complex<float>>;

@@ -84,9 +84,6 @@ public:
                     std::span<const Scalar> values, RowRange rows, std::span<Scalar> x,
                     int columns);
 
-  /// Peak memory that the last factorisation used, the rank that needed most [MB].
-  double used_mb_per_rank() const;
-
 private:
   struct Instance;
   std::unique_ptr<Instance> instance_;

@@ -89,7 +89,6 @@ public:
   int negative_pivots() const override { return mumps_.negative_pivots(); }
   int null_pivots() const override { return mumps_.null_pivots(); }
   void count_pivots(bool count) override { mumps_.tolerate_null_pivots(count); }
-  double used_mb_per_rank() const override { return mumps_.used_mb_per_rank(); }
 
 private:
   static Scalar narrow(std::complex<double> value) {

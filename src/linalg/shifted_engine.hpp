@@ -27,7 +27,6 @@ public:
   virtual int negative_pivots() const = 0;
   virtual int null_pivots() const = 0;
   virtual void count_pivots(bool count) = 0;
-  virtual double used_mb_per_rank() const = 0;
 };
 
 /// The arithmetic that the shift needs: real or complex symmetric, double or single.

@@ -295,8 +295,5 @@ int ShiftedSolver::null_pivots() const { return state_->current->null_pivots(); 
 void ShiftedSolver::count_pivots(bool count) { state_->count = count; }
 const std::string& ShiftedSolver::ordering() const { return state_->ordering; }
 int ShiftedSolver::factorisations() const { return state_->factorisations; }
-double ShiftedSolver::used_mb_per_rank() const {
-  return state_->current ? state_->current->used_mb_per_rank() : 0;
-}
 
 } // namespace flexgram

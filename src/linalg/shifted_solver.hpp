@@ -73,7 +73,6 @@ public:
   /// "nested dissection" or "MUMPS"; what was taken after analyse().
   const std::string& ordering() const;
   int factorisations() const;
-  double used_mb_per_rank() const;
 
 private:
   struct State;

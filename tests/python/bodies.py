@@ -20,7 +20,16 @@ EDGES = {
                      (0, 4), (1, 5), (2, 6), (3, 7)],
     "wedge15": [(0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)],
 }  # fmt: skip
-LINEAR = {"tetra10": "tetra", "hexahedron20": "hexahedron", "wedge15": "wedge"}
+
+#: CalculiX element, and the meshio type that flexgram assembles for it.
+CALCULIX = {
+    "C3D4": "tetra",
+    "C3D10": "tetra10",
+    "C3D8I": "hexahedron",
+    "C3D20": "hexahedron20",
+    "C3D20R": "hexahedron20",
+    "C3D15": "wedge15",
+}
 
 
 def distortion(points: Array, size: Array) -> Array:

@@ -15,24 +15,16 @@ import numpy as np
 import pytest
 from scipy.sparse.linalg import eigsh
 
-from bodies import box, write_body_file
+from bodies import CALCULIX, box, write_body_file
 from conftest import assembled
 
 REFERENCE = json.loads((Path(__file__).parents[1] / "data" / "ccx.json").read_text())
-KINDS = {
-    "C3D4": "tetra",
-    "C3D10": "tetra10",
-    "C3D8I": "hexahedron",
-    "C3D20": "hexahedron20",
-    "C3D20R": "hexahedron20",
-    "C3D15": "wedge15",
-}
 SPREAD = {"end": {"set": "end", "coupling": "distributing"}}
 
 
 def deviation(case: dict[str, Any], folder: Path, mass: str, ranks: int = 1) -> Any:
     """Relative differences of the first ten eigenfrequencies."""
-    mesh = box(KINDS[case["element"]], tuple(case["counts"]), distort=case["distort"])
+    mesh = box(CALCULIX[case["element"]], tuple(case["counts"]), distort=case["distort"])
     body = folder / "body.h5"
     write_body_file(body, mesh, interfaces=SPREAD, supports={"start": [0, 1, 2]}, mass=mass)
     a = assembled(folder / "matrices.h5", body, ranks)
