@@ -8,6 +8,7 @@
 #include "model/checks.hpp"
 #include "reduce/pod.hpp"
 #include "reduce/project.hpp"
+#include "reduce/two_step.hpp"
 #include "session.hpp"
 
 #include <unistd.h>
@@ -23,11 +24,12 @@ namespace {
 struct Settings {
   std::string body, rom, body_out, out = "rom.h5", sweep_out = "sweep.h5",
                                    monitor = "summary";
-  std::string method = "pod";
+  std::string method = "two_step";
   std::string inputs, outputs;
   std::vector<double> sweep_hz{10, 500, 200};
   GramianOptions gramian;
   PodOptions pod;
+  TwoStepOptions two_step;
   ParallelOptions parallel;
   SolverOptions solver;
 
@@ -47,8 +49,18 @@ struct Settings {
                 "the inputs, "
                 "else all");
     gramian.describe(options);
-    options.add_choice("-mor_method", method, {"pod"},
-                       "pod: the paper's route, POD of frequency samples");
+    options.add_choice(
+        "-mor_method", method,
+        {"two_step", "pod", "krylov", "modal", "craig_bampton", "irka", "balanced"},
+        "two_step: medium model by real-shift Krylov with a proof of its error, then the "
+        "smallest "
+        "body out of it. pod: the paper's first route, POD of frequency samples, error "
+        "estimated. krylov, modal, craig_bampton, irka, balanced: bodies of that kind, "
+        "with the "
+        "same proof");
+    two_step.describe(options);
+    options.section("Samples (-mor_method pod)");
+    gramian.describe_samples(options);
     pod.describe(options);
     options.section("Sweep");
     options.add("-mor_sweep_hz", sweep_hz, "Hz",
@@ -133,16 +145,19 @@ Body load(MPI_Comm comm, const Settings& settings, Plan& plan, Monitor& monitor)
   return body;
 }
 
-int check(const Body& body, const Settings& s, Plan& plan, Monitor& monitor) {
+BodyFacts check(const Body& body, const Settings& s, Plan& plan, Monitor& monitor) {
   Stage stage(monitor, "check");
-  const BodyFacts facts = check_body(body.model, body.assembled, s.solver, monitor);
-  plan.fact("rigid modes", std::to_string(facts.rigid_modes));
+  const bool pod = s.method == "pod";
+  const BodyFacts facts = check_body(body.model, body.assembled, pod, s.solver, monitor);
+  if (pod) plan.fact("rigid modes", std::to_string(facts.rigid_modes));
+  if (!pod)
+    plan.skip("a factorisation for rigid modes", "the method's own inertia counts them");
   if (facts.mass_is_singular) plan.fact("mass matrix", "singular (massless dofs)");
   for (const auto& what : facts.skipped) {
     const auto colon = what.find(": ");
     plan.skip(what.substr(0, colon), what.substr(colon + 2));
   }
-  return facts.rigid_modes;
+  return facts;
 }
 
 void plan_solves(const FrequencySolves& solves, std::size_t tasks, Plan& plan) {
@@ -198,22 +213,62 @@ void summary(const Monitor& monitor, MPI_Comm comm) {
   monitor.say(text("  %-14s %s; peak %.0f MB on a rank", "time", line.c_str(), peak));
 }
 
-void reduce(MPI_Comm comm, const Settings& s, const Options& options, Monitor& monitor) {
-  Plan plan;
-  s.gramian.nodes(); // refuse a bad band before any work
-  s.pod.check();
-  require_option(!s.pod.tolerance || s.gramian.order == 0, "-mor_tol", "with -mor_order",
-                 "given without the other: the tolerance chooses the order");
-  check_output(comm, s.out, {s.body});
-  const Body body = load(comm, s, plan, monitor);
-  plan.print(monitor);
+ReducedModel reduce_by_samples(const Body& body, const Settings& s, Plan& plan,
+                               Monitor& monitor) {
   FrequencySolves solves = prepare_reduction(body, s, monitor);
   describe_reduction(solves, body, s, plan);
   plan.print(monitor);
-  const int rigid_modes = check(body, s, plan, monitor);
+  const BodyFacts facts = check(body, s, plan, monitor);
   plan.print(monitor);
-  const ReducedModel rom =
-      reduce_pod(body.model, solves, s.gramian, s.pod, rigid_modes, plan, monitor);
+  return reduce_pod(body.model, solves, s.gramian, s.pod, facts.rigid_modes, plan,
+                    monitor);
+}
+
+/// What the two factorisations of the medium model will take.
+void describe_two_step(const Body& body, const Settings& s, Plan& plan,
+                       Monitor& monitor) {
+  Stage stage(monitor, "analyse");
+  ShiftedSolver solver(body.model.K, body.model.M, nullptr, body.model.node, s.solver);
+  const FactorEstimate cutoff = solver.analyse(true, Definiteness::indefinite);
+  plan.fact("factorisations", text("2 real LDLᵀ of K - ω²M and K + τM, one at a time: "
+                                   "%.2g entries, %.2g flops, %.0f "
+                                   "MB on a rank, ordered by %s",
+                                   cutoff.factor_entries, cutoff.flops,
+                                   cutoff.mb_per_rank, solver.ordering().c_str()));
+  const double column =
+      static_cast<double>(body.model.n) * 8 / 1e6 / comm_size(body.model.comm);
+  plan.fact("medium space",
+            text("about %.0f MB on a rank for each 100 vectors", 400 * column));
+}
+
+ReducedModel reduce_in_two_steps(const Body& body, const Settings& s, Plan& plan,
+                                 Monitor& monitor) {
+  std::string bands;
+  for (double f : s.gramian.band_hz) bands += text("%s%g", bands.empty() ? "" : "-", f);
+  plan.fact("method", s.method + " over " + bands + " Hz");
+  const BodyFacts facts = check(body, s, plan, monitor);
+  plan.print(monitor);
+  return reduce_two_step(body.model, s.method, s.gramian, s.two_step, s.solver,
+                         facts.mass_is_singular, plan, monitor);
+}
+
+/// Refuses bad options before any work.
+void check_options(const Settings& s) {
+  if (s.method == "pod") s.gramian.nodes();
+  s.gramian.check();
+  s.pod.check();
+  s.two_step.check();
+}
+
+void reduce(MPI_Comm comm, const Settings& s, const Options& options, Monitor& monitor) {
+  Plan plan;
+  check_options(s);
+  check_output(comm, s.out, {s.body});
+  const Body body = load(comm, s, plan, monitor);
+  plan.print(monitor);
+  const ReducedModel rom = s.method == "pod"
+                               ? reduce_by_samples(body, s, plan, monitor)
+                               : reduce_in_two_steps(body, s, plan, monitor);
   {
     Stage stage(monitor, "write");
     write_reduced(rom, options, monitor, s.out);
@@ -224,11 +279,15 @@ void reduce(MPI_Comm comm, const Settings& s, const Options& options, Monitor& m
 
 void plan_only(MPI_Comm comm, const Settings& s, Monitor& monitor) {
   Plan plan;
-  s.pod.check();
+  check_options(s);
   const Body body = load(comm, s, plan, monitor);
   plan.skip("checks that factorise", "plan only analyses");
-  FrequencySolves solves = prepare_reduction(body, s, monitor);
-  describe_reduction(solves, body, s, plan);
+  if (s.method == "pod") {
+    FrequencySolves solves = prepare_reduction(body, s, monitor);
+    describe_reduction(solves, body, s, plan);
+  } else {
+    describe_two_step(body, s, plan, monitor);
+  }
   plan.print(monitor);
   summary(monitor, comm);
 }

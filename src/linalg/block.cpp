@@ -73,6 +73,52 @@ Dense inner(const Block& x, const Block& y) {
   return result;
 }
 
+void add_product(Block& y, double scale, const Block& x, const Dense& q) {
+  if (!q.data.empty()) FG_CALL(BVMult(y.bv(), scale, 1.0, x.bv(), wrap(q)));
+}
+
+Block concatenate(const Block& x, const Block& y) {
+  if (!x || x.columns() == 0) return y.share();
+  if (!y || y.columns() == 0) return x.share();
+  Block both(x.comm(), x.local_rows(), x.rows(), x.columns() + y.columns());
+  const Block::Access left(x), right(y);
+  Block::Access to(both);
+  const PetscInt rows = x.local_rows().size();
+  std::copy_n(left.column(0), rows * x.columns(), to.column(0));
+  std::copy_n(right.column(0), rows * y.columns(), to.column(x.columns()));
+  return both;
+}
+
+void scale_rows(Block& x, std::span<const double> weights) {
+  Block::Access access(x);
+  for (PetscInt j = 0; j < x.columns(); ++j)
+    for (std::size_t i = 0; i < weights.size(); ++i) access.column(j)[i] *= weights[i];
+}
+
+void scale_columns(Block& x, std::span<const double> weights) {
+  Block::Access access(x);
+  for (PetscInt j = 0; j < x.columns(); ++j)
+    for (PetscInt i = 0; i < x.local_rows().size(); ++i)
+      access.column(j)[i] *= weights[static_cast<std::size_t>(j)];
+}
+
+Block random_block(const Block& layout, PetscInt columns, unsigned seed) {
+  Block x(layout.comm(), layout.local_rows(), layout.rows(), columns);
+  Block::Access access(x);
+  for (PetscInt j = 0; j < columns; ++j)
+    for (PetscInt i = 0; i < x.local_rows().size(); ++i) {
+      // splitmix64 of (seed, row, column)
+      auto z = static_cast<std::uint64_t>(layout.local_rows().begin + i) * 1000003u +
+               static_cast<std::uint64_t>(j) + (static_cast<std::uint64_t>(seed) << 44);
+      z += 0x9e3779b97f4a7c15u;
+      z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9u;
+      z = (z ^ (z >> 27)) * 0x94d049bb133111ebu;
+      z ^= z >> 31;
+      access.column(j)[i] = static_cast<double>(z >> 11) * 0x1p-52 - 1.0;
+    }
+  return x;
+}
+
 Block select_columns(const Block& x, const std::vector<int>& columns) {
   Block y(x.comm(), x.local_rows(), x.rows(), static_cast<PetscInt>(columns.size()));
   const Block::Access from(x);
@@ -80,6 +126,13 @@ Block select_columns(const Block& x, const std::vector<int>& columns) {
   for (std::size_t j = 0; j < columns.size(); ++j)
     std::copy_n(from.column(columns[j]), x.local_rows().size(),
                 to.column(static_cast<PetscInt>(j)));
+  return y;
+}
+
+Block copy(const Block& x) {
+  Block y(x.comm(), x.local_rows(), x.rows(), x.columns());
+  Block::Access from(x), to(y);
+  std::copy(from.all().begin(), from.all().end(), to.all().begin());
   return y;
 }
 

@@ -58,8 +58,17 @@ void share_from_first(MPI_Comm comm, std::vector<double>& values);
 Block multiply(Mat a, const Block& x);         ///< A X
 Block combine(const Block& x, const Dense& q); ///< X Q
 Dense inner(const Block& x, const Block& y);   ///< XᵀY, on every rank
+/// Y ← Y + scale X Q
+void add_product(Block& y, double scale, const Block& x, const Dense& q);
+Block concatenate(const Block& x, const Block& y); ///< [X Y]; either may be empty
+/// Row i of X times weights[i], this rank's rows.
+void scale_rows(Block& x, std::span<const double> weights);
+void scale_columns(Block& x, std::span<const double> weights);
+/// Entries in (−1, 1) that depend on row, column and seed only, not on the ranks.
+Block random_block(const Block& layout, PetscInt columns, unsigned seed);
 /// The given columns of x, in that order.
 Block select_columns(const Block& x, const std::vector<int>& columns);
+Block copy(const Block& x);
 /// Largest absolute value of each column, on every rank.
 std::vector<double> column_maxima(const Block& x);
 

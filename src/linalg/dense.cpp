@@ -11,6 +11,20 @@
 extern "C" {
 void zgesv_(const int* n, const int* nrhs, std::complex<double>* a, const int* lda,
             int* ipiv, std::complex<double>* b, const int* ldb, int* info);
+void zgemm_(const char* op_a, const char* op_b, const int* m, const int* n, const int* k,
+            const std::complex<double>* alpha, const std::complex<double>* a,
+            const int* lda, const std::complex<double>* b, const int* ldb,
+            const std::complex<double>* beta, std::complex<double>* c, const int* ldc);
+void dgeqrf_(const int* m, const int* n, double* a, const int* lda, double* tau,
+             double* work, const int* lwork, int* info);
+void dorgqr_(const int* m, const int* n, const int* k, double* a, const int* lda,
+             const double* tau, double* work, const int* lwork, int* info);
+void zheev_(const char* job, const char* uplo, const int* n, std::complex<double>* a,
+            const int* lda, double* w, std::complex<double>* work, const int* lwork,
+            double* rwork, int* info);
+void dgeev_(const char* left, const char* right, const int* n, double* a, const int* lda,
+            double* re, double* im, double* vl, const int* ldvl, double* vr,
+            const int* ldvr, double* work, const int* lwork, int* info);
 void dsyevd_(const char* job, const char* uplo, const int* n, double* a, const int* lda,
              double* w, double* work, const int* lwork, int* iwork, const int* liwork,
              int* info);
@@ -51,6 +65,27 @@ Dense transpose(const Dense& a) {
 
 Dense multiply(const Dense& a, const Dense& b) { return gemm("N", "N", a, b); }
 Dense multiply_transposed(const Dense& a, const Dense& b) { return gemm("T", "N", a, b); }
+
+Dense part_of(const Dense& a, int r0, int rows, int c0, int columns) {
+  Dense part(rows, columns);
+  for (int j = 0; j < columns; ++j)
+    std::copy_n(a.column(c0 + j) + r0, rows, part.column(j));
+  return part;
+}
+
+void set_part(Dense& a, int r0, int c0, const Dense& part) {
+  for (int j = 0; j < part.columns; ++j)
+    std::copy_n(part.column(j), part.rows, a.column(c0 + j) + r0);
+}
+
+Dense beside(const Dense& a, const Dense& b) {
+  if (a.columns == 0) return b;
+  if (b.columns == 0) return a;
+  Dense both(a.rows, a.columns + b.columns);
+  set_part(both, 0, 0, a);
+  set_part(both, 0, a.columns, b);
+  return both;
+}
 
 Dense first_columns(const Dense& a, int count) {
   Dense result(a.rows, count);
@@ -116,6 +151,37 @@ SymmetricEigen symmetric_eigen(Dense a, Dense b) {
   return result;
 }
 
+Dense orthonormal_columns(Dense a) {
+  if (a.data.empty()) return a;
+  const int lwork = 64 * a.columns;
+  std::vector<double> tau(static_cast<std::size_t>(a.columns)),
+      work(static_cast<std::size_t>(lwork));
+  int info = 0;
+  dgeqrf_(&a.rows, &a.columns, a.data.data(), &a.rows, tau.data(), work.data(), &lwork,
+          &info);
+  if (info == 0)
+    dorgqr_(&a.rows, &a.columns, &a.columns, a.data.data(), &a.rows, tau.data(),
+            work.data(), &lwork, &info);
+  if (info) throw Error(text("LAPACK QR returned %d", info));
+  return a;
+}
+
+Dense compressed(const Dense& a) {
+  if (a.columns <= a.rows) return a;
+  Dense t = transpose(a);
+  const int lwork = 64 * t.columns;
+  std::vector<double> tau(static_cast<std::size_t>(t.columns)),
+      work(static_cast<std::size_t>(lwork));
+  int info = 0;
+  dgeqrf_(&t.rows, &t.columns, t.data.data(), &t.rows, tau.data(), work.data(), &lwork,
+          &info);
+  if (info) throw Error(text("LAPACK QR returned %d", info));
+  Dense l(a.rows, a.rows);
+  for (int j = 0; j < a.rows; ++j)
+    for (int i = 0; i <= j; ++i) l(j, i) = t(i, j);
+  return l;
+}
+
 int cholesky(Dense& a) {
   if (a.rows == 0) return 0;
   const PetscBLASInt n = a.rows;
@@ -160,6 +226,70 @@ LeftSvd left_svd(const Dense& a) {
                                   nullptr));
   }
   return result;
+}
+
+std::vector<double> hermitian_eigenvalues(ComplexDense a) {
+  const int n = a.rows, lwork = std::max(1, 32 * n);
+  std::vector<double> values(static_cast<std::size_t>(n)),
+      rwork(static_cast<std::size_t>(std::max(1, 3 * n)));
+  if (n == 0) return values;
+  std::vector<std::complex<double>> work(static_cast<std::size_t>(lwork));
+  int info = 0;
+  zheev_("N", "L", &n, a.data.data(), &n, values.data(), work.data(), &lwork,
+         rwork.data(), &info);
+  if (info) throw Error(text("LAPACK zheev returned %d", info));
+  return values;
+}
+
+namespace {
+
+ComplexDense as_complex(const Dense& re, const Dense& im) {
+  ComplexDense c(re.rows, re.columns);
+  for (std::size_t i = 0; i < c.data.size(); ++i) c.data[i] = {re.data[i], im.data[i]};
+  return c;
+}
+
+/// Real and imaginary parts apart: two real products are cheaper than a complex one.
+ComplexDense real_times_complex(const char* op, const Dense& a, const ComplexDense& b) {
+  Dense re(b.rows, b.columns), im(b.rows, b.columns);
+  for (std::size_t i = 0; i < b.data.size(); ++i) {
+    re.data[i] = b.data[i].real();
+    im.data[i] = b.data[i].imag();
+  }
+  return as_complex(gemm(op, "N", a, re), gemm(op, "N", a, im));
+}
+
+} // namespace
+
+ComplexDense multiply(const Dense& a, const ComplexDense& b) {
+  return real_times_complex("N", a, b);
+}
+ComplexDense multiply_transposed(const Dense& a, const ComplexDense& b) {
+  return real_times_complex("T", a, b);
+}
+
+ComplexDense multiply_transposed(const ComplexDense& a, const ComplexDense& b,
+                                 bool conjugate) {
+  ComplexDense c(a.columns, b.columns);
+  if (c.data.empty() || a.rows == 0) return c;
+  const std::complex<double> one = 1, zero = 0;
+  zgemm_(conjugate ? "C" : "T", "N", &a.columns, &b.columns, &a.rows, &one, a.data.data(),
+         &a.rows, b.data.data(), &b.rows, &zero, c.data.data(), &c.rows);
+  return c;
+}
+
+std::vector<std::complex<double>> general_eigenvalues(Dense a) {
+  const int n = a.rows, one = 1, lwork = std::max(1, 32 * n);
+  std::vector<double> re(static_cast<std::size_t>(n)), im(re),
+      work(static_cast<std::size_t>(lwork));
+  std::vector<std::complex<double>> values;
+  if (n == 0) return values;
+  int info = 0;
+  dgeev_("N", "N", &n, a.data.data(), &n, re.data(), im.data(), nullptr, &one, nullptr,
+         &one, work.data(), &lwork, &info);
+  if (info) throw Error(text("LAPACK dgeev returned %d", info));
+  for (std::size_t i = 0; i < re.size(); ++i) values.emplace_back(re[i], im[i]);
+  return values;
 }
 
 ComplexDense solve(ComplexDense a, ComplexDense b) {

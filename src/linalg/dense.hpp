@@ -35,6 +35,11 @@ Dense identity(int order);
 Dense transpose(const Dense& a);
 Dense multiply(const Dense& a, const Dense& b);            ///< A B
 Dense multiply_transposed(const Dense& a, const Dense& b); ///< Aᵀ B
+/// Rows [r0, r0 + rows) and columns [c0, c0 + columns) of A.
+Dense part_of(const Dense& a, int r0, int rows, int c0, int columns);
+/// Copies `part` into A from row r0, column c0 on.
+void set_part(Dense& a, int r0, int c0, const Dense& part);
+Dense beside(const Dense& a, const Dense& b); ///< [A B]; either may be empty
 Dense first_columns(const Dense& a, int count);
 double frobenius_norm(const Dense& a);
 double frobenius_norm(const ComplexDense& a);
@@ -52,6 +57,14 @@ SymmetricEigen symmetric_eigen(Dense a);
 /// @throws Error if B is not positive definite.
 SymmetricEigen symmetric_eigen(Dense a, Dense b);
 
+/// Orthonormal basis of nested column spans: the first j columns of the result span those
+/// of A (Householder QR). A has at least as many rows as columns.
+Dense orthonormal_columns(Dense a);
+
+/// A square L (rows × rows) with LLᵀ = AAᵀ, by QR of Aᵀ: nothing is squared. A has at
+/// least as many columns as rows; narrower ones come back as they are.
+Dense compressed(const Dense& a);
+
 /// Lower triangle L with A = L Lᵀ. Returns the order of the leading minor that is not
 /// positive, or 0 on success.
 int cholesky(Dense& a);
@@ -65,6 +78,18 @@ struct LeftSvd {
   Dense vectors;
 };
 LeftSvd left_svd(const Dense& a);
+
+/// Eigenvalues of a Hermitian matrix, ascending (LAPACK zheev).
+std::vector<double> hermitian_eigenvalues(ComplexDense a);
+
+ComplexDense multiply(const Dense& a, const ComplexDense& b);            ///< A B
+ComplexDense multiply_transposed(const Dense& a, const ComplexDense& b); ///< Aᵀ B
+/// AᵀB without, AᴴB with conjugation.
+ComplexDense multiply_transposed(const ComplexDense& a, const ComplexDense& b,
+                                 bool conjugate = false);
+
+/// Eigenvalues of a general real matrix (LAPACK dgeev).
+std::vector<std::complex<double>> general_eigenvalues(Dense a);
 
 /// X = A⁻¹ B by LU with partial pivoting (LAPACK gesv); A is overwritten.
 /// @throws ShiftError if A is singular.

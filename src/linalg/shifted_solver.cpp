@@ -290,6 +290,13 @@ ShiftedSolver::Solution ShiftedSolver::solve(const Block& b) {
   return solution;
 }
 
+void ShiftedSolver::release() {
+  for (auto& of_kind : state_->engines)
+    for (auto& of_definiteness : of_kind)
+      for (auto& engine : of_definiteness) engine.reset();
+  state_->current = nullptr;
+}
+
 int ShiftedSolver::negative_pivots() const { return state_->current->negative_pivots(); }
 int ShiftedSolver::null_pivots() const { return state_->current->null_pivots(); }
 void ShiftedSolver::count_pivots(bool count) { state_->count = count; }

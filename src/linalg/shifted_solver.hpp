@@ -70,6 +70,9 @@ public:
   int null_pivots() const;
   void count_pivots(bool count);
 
+  /// Gives the factors back; the ordering stays for the next shift.
+  void release();
+
   /// "nested dissection" or "MUMPS"; what was taken after analyse().
   const std::string& ordering() const;
   int factorisations() const;

@@ -2,6 +2,7 @@
 
 #include "base/text.hpp"
 #include "linalg/sparse.hpp"
+#include "model/rigid_body_modes.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -83,19 +84,6 @@ void check_semidefinite(Mat a, const char* name, const char* consequence,
         name, negative, negative == 1 ? "" : "s", -negative_floor, name, consequence));
 }
 
-/// ‖K‖∞ over the mean diagonal of M: eigenvalues of rigid modes are zero up to this times
-/// the rounding of K. (The largest eigenvalue would not do: one light dof makes it any
-/// size.)
-double eigenvalue_scale(const SecondOrderModel& model) {
-  double trace = 0;
-  for (double m : diagonal(model.M)) trace += m;
-  trace = sum_over(model.comm, trace);
-  PetscReal norm = 0;
-  FG_CALL(MatNorm(model.K, NORM_INFINITY, &norm));
-  if (!(trace > 0)) throw Error("M is zero: the body has no mass");
-  return norm * static_cast<double>(model.n) / trace;
-}
-
 /// K + τM is positive definite unless K and M share a null vector or one of them is
 /// indefinite.
 void check_mechanism(ShiftedSolver& solver, double scale) {
@@ -135,7 +123,7 @@ void check_ports(const Block& ports, const std::vector<std::string>& names,
 
 } // namespace
 
-BodyFacts check_body(const SecondOrderModel& model, bool assembled,
+BodyFacts check_body(const SecondOrderModel& model, bool assembled, bool stiffness,
                      const SolverOptions& options, Monitor& monitor) {
   BodyFacts facts;
   check_ports(model.B, model.inputs, "B", monitor);
@@ -150,6 +138,7 @@ BodyFacts check_body(const SecondOrderModel& model, bool assembled,
       check_semidefinite(model.D, "D", "a body does not gain energy from its damping",
                          options, facts);
   }
+  if (!stiffness) return facts;
   SolverOptions counting = options;
   counting.precision = "double";
   // A pivot below 1e-13 times the scaled matrix is none.
@@ -158,8 +147,7 @@ BodyFacts check_body(const SecondOrderModel& model, bool assembled,
   solver.count_pivots(true);
   const double scale = eigenvalue_scale(model);
   check_mechanism(solver, scale);
-  facts.rigid_modes =
-      count_below(solver, 1e3 * std::numeric_limits<double>::epsilon() * scale);
+  facts.rigid_modes = count_below(solver, rigid_threshold(model));
   return facts;
 }
 

@@ -66,6 +66,8 @@ void write_reduced(const ReducedModel& rom, const Options& options,
   const SecondOrderModel& model = rom.model;
   Hdf5File file = Hdf5File::create(rom.V.comm(), path);
   file.set_attribute("/", "method", rom.method);
+  if (!rom.second_stage.empty())
+    file.set_attribute("/", "second_stage", rom.second_stage);
   file.set_attribute("/", "band", std::vector<double>{rom.band[0], rom.band[1]});
   write_matrix(file, "/M", to_dense(model.M));
   write_matrix(file, "/K", to_dense(model.K));
@@ -89,8 +91,15 @@ void write_reduced(const ReducedModel& rom, const Options& options,
   write_vector(file, "/gramian/sigma", rom.sigma);
   write_vector(file, "/error/omega", rom.omega);
   write_vector(file, "/error/relative", rom.epsilon);
-  file.set_attribute("/error", "kind", std::string("estimated"));
+  if (!rom.bound.empty()) {
+    write_vector(file, "/error/bound", rom.bound);
+    write_vector(file, "/error/floor", rom.floor);
+  }
+  file.set_attribute("/error", "kind", rom.kind);
   write_vector(file, "/modes/omega", rom.modes);
+  file.create_group("/frame");
+  file.set_attribute("/frame", "kind", rom.frame);
+  file.set_attribute("/frame", "rigid_modes", static_cast<double>(rom.rigid_modes));
   write_log(file, rom, options, monitor);
   file.commit();
 }

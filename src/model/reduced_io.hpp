@@ -17,7 +17,12 @@ struct ReducedModel {
   std::vector<double> omega;   ///< [rad/s], where the error is known
   std::vector<double> epsilon; ///< eq. (17) of the paper at omega
   std::vector<double> modes;   ///< [rad/s], undamped eigenfrequencies of the reduced body
-  double band[2] = {0, 0};     ///< [rad/s]
+  std::vector<double> bound;   ///< proved upper bound of epsilon at omega; empty: none
+  std::vector<double> floor;   ///< its part that is rounding
+  std::string kind = "estimated"; ///< of the error: certified | estimated
+  std::string second_stage, frame = "none";
+  int rigid_modes = 0;     ///< of the body; the first basis vectors unless frame is none
+  double band[2] = {0, 0}; ///< [rad/s]
   int factorisations = 0;
 };
 

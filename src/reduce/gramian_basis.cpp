@@ -12,24 +12,16 @@ namespace flexgram {
 void GramianOptions::describe(Options& options) {
   options.section("Reduction (reduce, plan)");
   options.add("-mor_band_hz", band_hz, "Hz",
-              "frequency band, first,last; or one frequency");
-  options.add("-mor_samples", samples, "",
-              "frequencies at which the response is sampled");
-  options.add_choice("-mor_quadrature", quadrature,
-                     {"midpoint", "gauss", "clenshaw_curtis"},
-                     "rule for the integral of the Gramian over the band");
-  options.add_choice("-mor_spacing", spacing, {"linear", "log"},
-                     "nodes of the rule in the frequency or in its logarithm");
+              "frequency band, first,last; or one frequency; or several bands, "
+              "first,last,first,last");
   options.add(
       "-mor_order", order, "",
       "order m of the reduced body; 0: smallest m with sigma_(m+1)/sigma_1 < sqrt(eps) "
       "= 1.5e-8, the paper's rule");
-  options.add_choice(
-      "-mor_svd", svd, {"tsqr", "snapshots"},
-      "tsqr: singular values of the samples by a QR factorisation, to working "
-      "accuracy. snapshots: Sirovich's method, eigenvalues of Z'Z; faster, but "
-      "squares the condition: directions with sigma_j/sigma_1 below about 1e-16 "
-      "(singular values below 1e-8) are lost, so high orders gain nothing");
+  options.add(
+      "-mor_tol", tolerance, "",
+      "smallest order whose relative error over the band is below this: the certified "
+      "error, or with -mor_method pod the one at the samples and the check frequencies");
   options.add_choice("-mor_port_scaling", port_scaling, {"none", "equal"},
                      "weight of the ports in the Gramian: all the same, so that forces "
                      "and moments (in N m or "
@@ -41,22 +33,60 @@ void GramianOptions::describe(Options& options) {
       "K/omega_max^2)");
 }
 
-std::pair<double, double> GramianOptions::band() const {
-  const std::string words =
-      join({text("%g", band_hz.front()), text("%g", band_hz.back())}, ",");
-  require_option(band_hz.size() <= 2, "-mor_band_hz", words,
-                 "first,last or one frequency");
+void GramianOptions::describe_samples(Options& options) {
+  options.add("-mor_samples", samples, "",
+              "frequencies at which the response is sampled");
+  options.add_choice("-mor_quadrature", quadrature,
+                     {"midpoint", "gauss", "clenshaw_curtis"},
+                     "rule for the integral of the Gramian over the band");
+  options.add_choice("-mor_spacing", spacing, {"linear", "log"},
+                     "nodes of the rule in the frequency or in its logarithm");
+  options.add_choice(
+      "-mor_svd", svd, {"tsqr", "snapshots"},
+      "tsqr: singular values of the samples by a QR factorisation, to working "
+      "accuracy. snapshots: Sirovich's method, eigenvalues of Z'Z; faster, but "
+      "squares the condition: directions with sigma_j/sigma_1 below about 1e-16 "
+      "(singular values below 1e-8) are lost, so high orders gain nothing");
+}
+
+std::vector<std::pair<double, double>> GramianOptions::bands() const {
+  std::string words;
+  for (double f : band_hz) words += text("%s%g", words.empty() ? "" : ",", f);
+  require_option(band_hz.size() == 1 || (band_hz.size() > 1 && band_hz.size() % 2 == 0),
+                 "-mor_band_hz", words,
+                 "first,last, or one frequency, or several bands in pairs");
   require_option(band_hz.front() >= 0, "-mor_band_hz", words, "zero or more");
-  require_option(band_hz.front() <= band_hz.back(), "-mor_band_hz", words,
-                 "first,last with first <= last");
+  for (std::size_t i = 1; i < band_hz.size(); ++i)
+    require_option(band_hz[i - 1] <= band_hz[i], "-mor_band_hz", words,
+                   "first,last with first <= last");
   const double to_rad = 2 * std::numbers::pi;
-  return {band_hz.front() * to_rad, band_hz.back() * to_rad};
+  if (band_hz.size() == 1) return {{band_hz[0] * to_rad, band_hz[0] * to_rad}};
+  std::vector<std::pair<double, double>> bands;
+  for (std::size_t i = 0; i < band_hz.size(); i += 2)
+    bands.emplace_back(band_hz[i] * to_rad, band_hz[i + 1] * to_rad);
+  return bands;
+}
+
+std::pair<double, double> GramianOptions::band() const {
+  const auto all = bands();
+  require_option(all.size() == 1, "-mor_band_hz", text("with %zu bands", all.size()),
+                 "one band with -mor_method pod");
+  return all.front();
+}
+
+void GramianOptions::check() const {
+  bands();
+  if (tolerance)
+    require_option(*tolerance > 0 && *tolerance < 1, "-mor_tol", text("%g", *tolerance),
+                   "above 0 and below 1");
+  require_option(!tolerance || order == 0, "-mor_tol", "with -mor_order",
+                 "given without the other: the tolerance chooses the order");
+  require_option(order >= 0, "-mor_order", std::to_string(order),
+                 "0 (by the rule) or more");
 }
 
 Quadrature GramianOptions::nodes() const {
   require_option(samples >= 1, "-mor_samples", std::to_string(samples), "1 or more");
-  require_option(order >= 0, "-mor_order", std::to_string(order),
-                 "0 (by the rule) or more");
   const auto [first, last] = band();
   return band_quadrature(first, last, samples, quadrature, spacing);
 }
@@ -111,19 +141,28 @@ Snapshots sample_band(FrequencySolves& solves, const Quadrature& nodes) {
   return result;
 }
 
-void scale_ports(Block& Z, PetscInt ports) {
-  Block::Access z(Z);
+void scale_ports(Block& Z, Mat M, PetscInt ports) {
   std::vector<double> squares(static_cast<std::size_t>(ports), 0.0);
-  for (PetscInt j = 0; j < Z.columns(); ++j)
-    for (PetscInt i = 0; i < Z.local_rows().size(); ++i)
-      squares[static_cast<std::size_t>(j % ports)] += z.column(j)[i] * z.column(j)[i];
+  std::vector<int> part(static_cast<std::size_t>(ports));
+  for (PetscInt first = 0; first < Z.columns();
+       first += ports) { // little memory at a time
+    for (std::size_t p = 0; p < part.size(); ++p)
+      part[p] = static_cast<int>(first) + static_cast<int>(p);
+    const Block x = select_columns(Z, part);
+    const Block Mx = multiply(M, x);
+    const Block::Access a(x), b(Mx);
+    for (PetscInt p = 0; p < ports; ++p)
+      for (PetscInt i = 0; i < Z.local_rows().size(); ++i)
+        squares[static_cast<std::size_t>(p)] += a.column(p)[i] * b.column(p)[i];
+  }
   MPI_Allreduce(MPI_IN_PLACE, squares.data(), static_cast<int>(ports), MPI_DOUBLE,
                 MPI_SUM, Z.comm());
+  std::vector<double> inverse;
   for (PetscInt j = 0; j < Z.columns(); ++j) {
-    const double norm = std::sqrt(squares[static_cast<std::size_t>(j % ports)]);
-    for (PetscInt i = 0; norm > 0 && i < Z.local_rows().size(); ++i)
-      z.column(j)[i] /= norm;
+    const double square = squares[static_cast<std::size_t>(j % ports)];
+    inverse.push_back(square > 0 ? 1 / std::sqrt(square) : 1.0);
   }
+  scale_columns(Z, inverse);
 }
 
 int order_by_rule(const std::vector<double>& sigma) {

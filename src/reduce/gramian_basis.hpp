@@ -3,6 +3,8 @@
 #include "reduce/frequency_solves.hpp"
 #include "reduce/quadrature.hpp"
 
+#include <optional>
+
 namespace flexgram {
 
 /// The band and how it is sampled.
@@ -14,10 +16,16 @@ struct GramianOptions {
   std::string svd = "tsqr";
   std::string inner_product = "mass";
   std::string port_scaling = "equal";
-  int order = 0; ///< 0: by the order rule
+  int order = 0;                   ///< 0: by the tolerance or the order rule
+  std::optional<double> tolerance; ///< unset: order by -mor_order or by the rule
 
-  void describe(Options& options);
-  /// [rad/s]. @throws Error for a band that is empty, negative or reversed.
+  void describe(Options& options);         ///< what every method has
+  void describe_samples(Options& options); ///< what pod alone has
+  void check() const;
+  /// [rad/s], one after the other. @throws Error for a band that is empty, negative or
+  /// reversed.
+  std::vector<std::pair<double, double>> bands() const;
+  /// The only band. @throws Error if there are several.
   std::pair<double, double> band() const;
   Quadrature nodes() const;
 };
@@ -32,10 +40,10 @@ struct Snapshots {
 };
 Snapshots sample_band(FrequencySolves& solves, const Quadrature& nodes);
 
-/// Divides the samples of each port by their norm over the band, so that every port
+/// Divides the samples of each port by their norm in M over the band, so that every port
 /// weighs the same whatever its unit (N beside N·mm). Z's columns repeat the ports in
 /// order.
-void scale_ports(Block& Z, PetscInt ports);
+void scale_ports(Block& Z, Mat M, PetscInt ports);
 
 /// Dominant eigenvectors of the band-limited position Gramian P = (1/π) ∫ Q̃ Q̃ᵀ dω.
 struct GramianBasis {

@@ -2,6 +2,7 @@
 
 #include "base/text.hpp"
 #include "reduce/project.hpp"
+#include "reduce/report.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -11,10 +12,6 @@
 namespace flexgram {
 
 void PodOptions::describe(Options& options) {
-  options.add(
-      "-mor_tol", tolerance, "",
-      "smallest order whose relative error at the samples and the check frequencies is "
-      "below this; without it the order is -mor_order or the rule's");
   options.add("-mor_validate", validate, "",
               "frequencies between the samples at which the error is checked by full "
               "solves, beside "
@@ -22,9 +19,6 @@ void PodOptions::describe(Options& options) {
 }
 
 void PodOptions::check() const {
-  if (tolerance)
-    require_option(*tolerance > 0 && *tolerance < 1, "-mor_tol", text("%g", *tolerance),
-                   "above 0 and below 1");
   require_option(validate >= 0, "-mor_validate", std::to_string(validate), "0 or more");
 }
 
@@ -81,58 +75,6 @@ SecondOrderModel leading_part(const SecondOrderModel& rom, int m) {
   return part;
 }
 
-/// Rows (or columns) of the ports of one kind, by the names' last part: "f" forces, "m"
-/// moments.
-std::vector<int> ports_of_kind(const std::vector<std::string>& names, char kind) {
-  std::vector<int> found;
-  for (std::size_t i = 0; i < names.size(); ++i) {
-    const auto dot = names[i].rfind('.');
-    if (dot != std::string::npos && names[i].size() == dot + 3 &&
-        names[i][dot + 1] == kind)
-      found.push_back(static_cast<int>(i));
-  }
-  return found;
-}
-
-ComplexDense part_of(const ComplexDense& h, const std::vector<int>& rows,
-                     const std::vector<int>& columns) {
-  ComplexDense part(static_cast<int>(rows.size()), static_cast<int>(columns.size()));
-  for (int j = 0; j < part.columns; ++j)
-    for (int i = 0; i < part.rows; ++i)
-      part(i, j) =
-          h(rows[static_cast<std::size_t>(i)], columns[static_cast<std::size_t>(j)]);
-  return part;
-}
-
-/// Largest relative error of the block from the ports of one kind to those of the same
-/// kind; −1 if there are none. Eq. (17) adds m/N and rad/(N m): the larger number hides
-/// the other.
-double error_of_kind(const ReducedModel& rom, const std::vector<ComplexDense>& H,
-                     char kind) {
-  const auto rows = ports_of_kind(rom.model.outputs, kind);
-  const auto columns = ports_of_kind(rom.model.inputs, kind);
-  double worst = -1;
-  if (!rows.empty() && !columns.empty())
-    for (std::size_t l = 0; l < H.size(); ++l)
-      worst =
-          std::max(worst, relative_error(part_of(H[l], rows, columns),
-                                         part_of(dense_transfer(rom.model, rom.omega[l]),
-                                                 rows, columns)));
-  return worst;
-}
-
-/// "5 rigid up to 0.1 Hz, then 97.3 Hz", judged beside the band.
-std::string describe_modes(const std::vector<double>& modes, int rigid) {
-  const double hz = 0.5 / std::numbers::pi;
-  const auto count = static_cast<std::size_t>(rigid);
-  if (modes.empty()) return "not known, the reduced M is singular";
-  std::string words;
-  if (count > 0 && count <= modes.size())
-    words = text("%d rigid, up to %.2g Hz, ", rigid, modes[count - 1] * hz);
-  if (count < modes.size()) words += text("elastic from %.4g Hz", modes[count] * hz);
-  return words;
-}
-
 /// Smallest m whose error is below the tolerance at every known frequency.
 int order_by_tolerance(const SecondOrderModel& rom, const std::vector<double>& omega,
                        const std::vector<ComplexDense>& H, double tolerance) {
@@ -167,8 +109,8 @@ ReducedModel reduce_pod(const SecondOrderModel& fom, FrequencySolves& solves,
     Stage stage(monitor, "samples");
     samples = sample_band(solves, gramian.nodes());
   }
-  const bool by_tolerance = pod.tolerance && gramian.order == 0;
-  if (gramian.port_scaling == "equal") scale_ports(samples.Z, fom.B.columns());
+  const bool by_tolerance = gramian.tolerance && gramian.order == 0;
+  if (gramian.port_scaling == "equal") scale_ports(samples.Z, fom.M, fom.B.columns());
   GramianBasis basis = gramian_basis(std::move(samples.Z), fom.M, fom.K, last, gramian,
                                      by_tolerance, monitor);
 
@@ -188,7 +130,7 @@ ReducedModel reduce_pod(const SecondOrderModel& fom, FrequencySolves& solves,
   }
   int order = basis.order;
   if (by_tolerance) {
-    order = order_by_tolerance(rom.model, rom.omega, H, *pod.tolerance);
+    order = order_by_tolerance(rom.model, rom.omega, H, *gramian.tolerance);
     MPI_Bcast(&order, 1, MPI_INT, 0, fom.comm); // dense work may differ in the last bit
     rom.model = leading_part(rom.model, order);
     std::vector<int> columns(static_cast<std::size_t>(order));
@@ -197,8 +139,10 @@ ReducedModel reduce_pod(const SecondOrderModel& fom, FrequencySolves& solves,
   }
   for (std::size_t l = 0; l < H.size(); ++l)
     rom.epsilon.push_back(relative_error(H[l], dense_transfer(rom.model, rom.omega[l])));
-  const double force_error = error_of_kind(rom, H, 'f');
-  const double moment_error = error_of_kind(rom, H, 'm');
+  std::vector<ComplexDense> H_r;
+  for (double omega : rom.omega) H_r.push_back(dense_transfer(rom.model, omega));
+  const double force_error = error_of_kind(rom.model, H, H_r, 'f');
+  const double moment_error = error_of_kind(rom.model, H, H_r, 'm');
   std::vector<std::size_t> by_frequency(rom.omega.size());
   std::iota(by_frequency.begin(), by_frequency.end(), 0);
   std::sort(by_frequency.begin(), by_frequency.end(),
@@ -229,7 +173,7 @@ ReducedModel reduce_pod(const SecondOrderModel& fom, FrequencySolves& solves,
   plan.fact("order",
             text("m = %d of n = %lld, by %s", order, static_cast<long long>(fom.n),
                  gramian.order > 0 ? "-mor_order"
-                 : by_tolerance    ? text("-mor_tol %g", *pod.tolerance).c_str()
+                 : by_tolerance    ? text("-mor_tol %g", *gramian.tolerance).c_str()
                  : met             ? "the rule sigma_(m+1)/sigma_1 < 1.5e-8"
                                    : "what the samples hold"));
   if (!met && gramian.order == 0 && !by_tolerance)

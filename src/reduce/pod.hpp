@@ -4,13 +4,10 @@
 #include "model/reduced_io.hpp"
 #include "reduce/gramian_basis.hpp"
 
-#include <optional>
-
 namespace flexgram {
 
 /// Options of the paper's route beyond those of the Gramian.
 struct PodOptions {
-  std::optional<double> tolerance; ///< unset: order by -mor_order or by the rule
   int validate = 8;
 
   void describe(Options& options);

@@ -38,7 +38,7 @@ double difference(const Dense& a, const Dense& b) {
 std::string refusal(const SecondOrderModel& model) {
   Monitor silent(world(), Monitor::Level::silent);
   try {
-    check_body(model, false, {}, silent);
+    check_body(model, false, true, {}, silent);
   } catch (const Error& error) {
     return error.what();
   }
@@ -162,7 +162,7 @@ TEST(Model, PortsAreChosenByNameOrInterface) {
 
 TEST(Model, ChecksPassASoundBodyAndCountItsRigidModes) {
   Monitor silent(world(), Monitor::Level::silent);
-  EXPECT_EQ(check_body(rod(40), false, {}, silent).rigid_modes, 0);
+  EXPECT_EQ(check_body(rod(40), false, true, {}, silent).rigid_modes, 0);
   SecondOrderModel free = rod(40); // let go of the fixed end
   free.K = sparse(
       40,
@@ -170,7 +170,7 @@ TEST(Model, ChecksPassASoundBodyAndCountItsRigidModes) {
         return i != j ? -1.0 : (i == 0 || i == 39 ? 1.0 : 2.0);
       },
       1);
-  EXPECT_EQ(check_body(free, false, {}, silent).rigid_modes, 1);
+  EXPECT_EQ(check_body(free, false, true, {}, silent).rigid_modes, 1);
 }
 
 TEST(Model, ALightDofIsNoRigidMode) {
@@ -179,7 +179,7 @@ TEST(Model, ALightDofIsNoRigidMode) {
   FG_CALL(MatDuplicate(rod(40).K, MAT_COPY_VALUES, model.K.out()));
   model.M = sparse(
       40, [](PetscInt i, PetscInt) { return i == 11 ? 1e-12 : 1.0; }, 0);
-  EXPECT_EQ(check_body(model, false, {}, silent).rigid_modes, 0);
+  EXPECT_EQ(check_body(model, false, true, {}, silent).rigid_modes, 0);
 }
 
 TEST(Model, ChecksRefuseWhatCannotBeReduced) {
@@ -231,7 +231,7 @@ TEST(Model, ParallelPortsOnlyWarn) {
     return i == 3 ? 1.0 + static_cast<double>(j) : 0.0;
   });
   model.C = model.B.share();
-  check_body(model, false, {}, silent);
+  check_body(model, false, true, {}, silent);
   ASSERT_EQ(silent.warnings().size(), 1U);
   EXPECT_NE(silent.warnings()[0].find("tip.fx"), std::string::npos);
 }

@@ -29,9 +29,9 @@ ReducedModel pod(const SecondOrderModel& fom, const GramianOptions& gramian,
   ParallelOptions parallel;
   parallel.groups = groups;
   FrequencySolves solves(fom.share(), parallel, {}, gramian.samples, 1.0, silent);
-  PodOptions o;
-  if (tolerance > 0) o.tolerance = tolerance;
-  return reduce_pod(fom, solves, gramian, o, 0, plan, silent);
+  GramianOptions all = gramian;
+  if (tolerance > 0) all.tolerance = tolerance;
+  return reduce_pod(fom, solves, all, {}, 0, plan, silent);
 }
 
 std::vector<ComplexDense> full_transfer(const SecondOrderModel& fom,

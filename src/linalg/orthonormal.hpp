@@ -1,0 +1,32 @@
+#pragma once
+
+#include "linalg/block.hpp"
+
+namespace flexgram {
+
+/// The inner product xᵀWy with W = M + κK. κ = 0 is the mass inner product; a body whose
+/// M is singular needs κ > 0.
+struct InnerProduct {
+  Mat M = nullptr, K = nullptr;
+  double kappa = 0;
+  Block apply(const Block& x) const; ///< W X
+};
+
+/// New basis vectors and W times them.
+struct Orthonormalised {
+  Block vectors, weighted;
+};
+
+/// An orthonormal basis of what X adds to span V: W-orthonormal, and W-orthogonal to V.
+/// Directions whose part outside V is below `tolerance` times their norm are dropped, by
+/// the eigenvalues of the Gram matrix of the normalised columns. Gram-Schmidt in blocks,
+/// repeated until what it still removes is rounding.
+/// @param[in] V, WV  basis so far and W times it; both may be empty.
+/// @note Collective. May return no columns.
+Orthonormalised orthonormalise(Block X, const Block& V, const Block& WV,
+                               const InnerProduct& product, double tolerance);
+
+/// Largest entry of |VᵀWV − I|.
+double loss_of_orthogonality(const Block& V, const Block& WV);
+
+} // namespace flexgram

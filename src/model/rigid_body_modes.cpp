@@ -1,0 +1,87 @@
+#include "model/rigid_body_modes.hpp"
+
+#include "linalg/orthonormal.hpp"
+#include "linalg/sparse.hpp"
+
+#include <array>
+#include <cmath>
+#include <limits>
+
+namespace flexgram {
+
+double eigenvalue_scale(const SecondOrderModel& model) {
+  double trace = 0;
+  for (double m : diagonal(model.M)) trace += m;
+  trace = sum_over(model.comm, trace);
+  PetscReal norm = 0;
+  FG_CALL(MatNorm(model.K, NORM_INFINITY, &norm));
+  if (!(trace > 0)) throw Error("M is zero: the body has no mass");
+  return norm * static_cast<double>(model.n) / trace;
+}
+
+double rigid_threshold(const SecondOrderModel& model) {
+  return 1e3 * std::numeric_limits<double>::epsilon() * eigenvalue_scale(model);
+}
+
+namespace {
+
+/// Three translations and three rotations about the mean position, in units of its mean
+/// radius.
+Block rigid_motions(const SecondOrderModel& model) {
+  const auto rows = static_cast<std::size_t>(model.rows.size());
+  std::array<double, 4> sums{}; // Σx, Σy, Σz, number of rows
+  for (std::size_t i = 0; i < rows; ++i)
+    for (std::size_t c = 0; c < 3; ++c) sums[c] += model.position[3 * i + c];
+  sums[3] = static_cast<double>(rows);
+  MPI_Allreduce(MPI_IN_PLACE, sums.data(), 4, MPI_DOUBLE, MPI_SUM, model.comm);
+  std::array<double, 3> centre{sums[0] / sums[3], sums[1] / sums[3], sums[2] / sums[3]};
+  double radius = 0;
+  for (std::size_t i = 0; i < rows; ++i)
+    for (std::size_t c = 0; c < 3; ++c)
+      radius += std::pow(model.position[3 * i + c] - centre[c], 2);
+  radius = std::sqrt(sum_over(model.comm, radius) / sums[3]);
+  if (radius == 0) radius = 1;
+
+  Block motions(model.comm, model.rows, model.n, 6);
+  Block::Access access(motions);
+  for (std::size_t i = 0; i < rows; ++i) {
+    const auto component = static_cast<PetscInt>(model.component[i]);
+    const auto row = static_cast<std::ptrdiff_t>(i);
+    for (PetscInt j = 0; j < 6; ++j) access.column(j)[row] = 0;
+    access.column(component)[row] = component < 3 ? 1 : 1 / radius;
+    if (component >= 3) continue;
+    for (PetscInt axis = 0; axis < 3; ++axis) { // (e_axis × r) of this component
+      if (axis == component) continue;
+      const PetscInt other = 3 - axis - component;
+      const double sign = (axis + 1) % 3 == component ? -1 : 1;
+      const auto o = static_cast<std::size_t>(other);
+      access.column(3 + axis)[row] =
+          sign * (model.position[3 * i + o] - centre[o]) / radius;
+    }
+  }
+  return motions;
+}
+
+} // namespace
+
+Block rigid_body_modes(const SecondOrderModel& model) {
+  const auto missing =
+      static_cast<std::int64_t>(model.position.empty() && model.rows.size() > 0);
+  if (sum_over(model.comm, missing) > 0) return Block(model.comm, model.rows, model.n, 0);
+  const InnerProduct mass{model.M, model.K, 0};
+  const Block none;
+  const Block motions =
+      orthonormalise(rigid_motions(model), none, none, mass, 1e-6).vectors;
+  Dense k = inner(motions, multiply(model.K, motions));
+  symmetrise(k);
+  SymmetricEigen eigen = symmetric_eigen(k);
+  share_from_first(model.comm, eigen.values);
+  share_from_first(model.comm, eigen.vectors.data);
+  int rigid = 0;
+  const double threshold = rigid_threshold(model);
+  while (rigid < k.rows && eigen.values[static_cast<std::size_t>(rigid)] <= threshold)
+    ++rigid;
+  return combine(motions, first_columns(eigen.vectors, rigid));
+}
+
+} // namespace flexgram

@@ -1,0 +1,21 @@
+#pragma once
+
+#include "model/second_order_model.hpp"
+
+namespace flexgram {
+
+/// ‖K‖∞ over the mean diagonal of M [rad²/s²]: eigenvalues of rigid modes are zero up to
+/// this times the rounding of K. (The largest eigenvalue would not do: one light dof
+/// makes it any size.) @throws Error if M is zero. Collective.
+double eigenvalue_scale(const SecondOrderModel& model);
+
+/// Eigenvalues of (K, M) below this are those of rigid modes [rad²/s²].
+double rigid_threshold(const SecondOrderModel& model);
+
+/// Rigid body modes from geometry: those combinations of three translations and three
+/// rotations of the nodes that K does not resist (supports leave fewer than six).
+/// @return n × (0 … 6), M-orthonormal; no columns if the body has no coordinates.
+/// @note Collective.
+Block rigid_body_modes(const SecondOrderModel& model);
+
+} // namespace flexgram

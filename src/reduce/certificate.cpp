@@ -1,0 +1,326 @@
+#include "reduce/certificate.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+namespace flexgram {
+namespace {
+
+using Complex = std::complex<double>;
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+/// sup over λ in [first, ∞] of |(λ + τ)/(a_k λ + a_m) − c|: a quotient of two quadratic
+/// polynomials in λ, whose stationary points are the roots of a third.
+double largest_distance(Complex a_k, Complex a_m, double tau, double first, Complex c) {
+  const auto square = [](Complex slope, Complex constant) {
+    return std::array<double, 3>{
+        std::norm(constant), 2 * (slope * std::conj(constant)).real(), std::norm(slope)};
+  };
+  const auto N = square(1.0 - c * a_k, tau - c * a_m), D = square(a_k, a_m);
+  const auto value = [&](double l) {
+    const double denominator = D[0] + l * (D[1] + l * D[2]);
+    return denominator > 0 ? (N[0] + l * (N[1] + l * N[2])) / denominator : infinity;
+  };
+  double largest = std::max(value(first), N[2] / D[2]);
+  const double a = N[2] * D[1] - N[1] * D[2], b = N[2] * D[0] - N[0] * D[2],
+               e = N[1] * D[0] - N[0] * D[1], root = b * b - a * e; // aλ² + 2bλ + e = 0
+  const auto stationary = [&](double l) {
+    if (l > first) largest = std::max(largest, value(l));
+  };
+  if (a == 0 && b != 0) stationary(-e / (2 * b));
+  if (a != 0 && root >= 0) {
+    stationary((-b - std::sqrt(root)) / a);
+    stationary((-b + std::sqrt(root)) / a);
+  }
+  return std::sqrt(std::max(largest, 0.0));
+}
+
+ComplexDense columns_of(const ComplexDense& a, const std::vector<int>& columns) {
+  ComplexDense part(a.rows, static_cast<int>(columns.size()));
+  for (std::size_t j = 0; j < columns.size(); ++j)
+    std::copy_n(a.column(columns[j]), a.rows, part.column(static_cast<int>(j)));
+  return part;
+}
+
+/// √Σ σ_i(A)² σ_i(B)², singular values in descending order.
+double paired_norm(const ComplexDense& a, const ComplexDense& b) {
+  const auto squares = [](const ComplexDense& w) {
+    auto values = hermitian_eigenvalues(multiply_transposed(w, w, true));
+    std::reverse(values.begin(), values.end());
+    return values;
+  };
+  const auto alpha = squares(a), beta = squares(b);
+  double sum = 0;
+  for (std::size_t i = 0; i < std::min(alpha.size(), beta.size()); ++i)
+    sum += std::max(alpha[i], 0.0) * std::max(beta[i], 0.0);
+  return std::sqrt(sum);
+}
+
+/// A with each column multiplied.
+void scale_columns(ComplexDense& a, const std::vector<double>& factors) {
+  for (int j = 0; j < a.columns; ++j)
+    for (int i = 0; i < a.rows; ++i) a(i, j) *= factors[static_cast<std::size_t>(j)];
+}
+
+/// Coordinates of [P B, P K V, P D V] in an orthonormal basis of their (scaled) columns:
+/// the columns are S Q (Λ^½Qᵀ) with SᵀS from the Gram matrix, to half the digits, which
+/// is enough: the error is the square of a residual.
+struct Coordinates {
+  Dense combination; ///< q×r: the orthonormal basis is S combination
+  Dense of_columns;  ///< r×q
+};
+Coordinates coordinates(const std::vector<const Block*>& parts) {
+  int q = 0;
+  std::vector<int> start;
+  for (const Block* part : parts) {
+    start.push_back(q);
+    q += static_cast<int>(part->columns());
+  }
+  Dense gram(q, q);
+  for (std::size_t a = 0; a < parts.size(); ++a)
+    for (std::size_t b = a; b < parts.size(); ++b) {
+      const Dense g = inner(*parts[a], *parts[b]);
+      set_part(gram, start[a], start[b], g);
+      set_part(gram, start[b], start[a], transpose(g));
+    }
+  symmetrise(gram);
+  std::vector<double> size;
+  for (int j = 0; j < q; ++j) size.push_back(std::sqrt(std::max(gram(j, j), 0.0)));
+  for (int j = 0; j < q; ++j)
+    for (int i = 0; i < q; ++i) {
+      const double d =
+          size[static_cast<std::size_t>(i)] * size[static_cast<std::size_t>(j)];
+      gram(i, j) = d > 0 ? gram(i, j) / d : 0.0;
+    }
+  SymmetricEigen eigen = symmetric_eigen(gram);
+  share_from_first(parts[0]->comm(), eigen.values);
+  share_from_first(parts[0]->comm(), eigen.vectors.data);
+  int r = 0;
+  while (r < q && eigen.values[static_cast<std::size_t>(q - 1 - r)] >
+                      1e-15 * q * eigen.values.back())
+    ++r;
+  Coordinates c{Dense(q, r), Dense(r, q)};
+  for (int j = 0; j < r; ++j) {
+    const double root = std::sqrt(eigen.values[static_cast<std::size_t>(q - 1 - j)]);
+    for (int i = 0; i < q; ++i) {
+      const double v = eigen.vectors(i, q - 1 - j), d = size[static_cast<std::size_t>(i)];
+      c.combination(i, j) = d > 0 ? v / (root * d) : 0.0;
+      c.of_columns(j, i) = root * v * d;
+    }
+  }
+  return c;
+}
+
+/// Part coordinates times the modal coordinates U.
+Dense in_modal(const Dense& of_columns, int first, const Dense& U) {
+  return multiply(part_of(of_columns, 0, of_columns.rows, first, U.rows), U);
+}
+
+/// ports − (a_k − κ a_m) K x − iω D x
+ComplexDense residual_of(const Dense& ports, const Dense& K, const Dense& D, double kappa,
+                         double omega, const ShiftCoefficients& c,
+                         const ComplexDense& x) {
+  ComplexDense r = multiply(K, x);
+  const Complex factor = -(c.k - kappa * c.m);
+  for (std::size_t i = 0; i < r.data.size(); ++i)
+    r.data[i] = ports.data[i] + factor * r.data[i];
+  if (!D.data.empty()) {
+    const ComplexDense d = multiply(D, x);
+    for (std::size_t i = 0; i < r.data.size(); ++i)
+      r.data[i] -= Complex(0, omega) * d.data[i];
+  }
+  return r;
+}
+
+} // namespace
+
+ResidualBasis residual_basis(const MediumSpace& space, const DenseResponse& response,
+                             const std::vector<double>& samples, int modes, int most) {
+  const bool damped = response.system().has_extra_damping();
+  const int p = response.system().B.columns, N = space.columns();
+  std::vector<const Block*> parts{&space.residual_ports(), &space.residual_K()};
+  if (damped) parts.push_back(&space.residual_D());
+  const Coordinates c = coordinates(parts);
+  const int r = c.of_columns.rows;
+  ResidualBasis basis;
+  basis.ports = part_of(c.of_columns, 0, r, 0, p);
+  basis.K = in_modal(c.of_columns, p, response.U());
+  if (damped) {
+    basis.D = in_modal(c.of_columns, p + N, response.U());
+    basis.damped_modes = part_of(c.of_columns, 0, r, p + N, modes);
+  }
+
+  if (r == 0) {
+    basis.T = Block(space.V().comm(), space.V().local_rows(), space.V().rows(), 0);
+    return basis;
+  }
+  // What the residuals are made of over the band, each frequency relative to its
+  // response.
+  const int damped_columns = basis.damped_modes.columns;
+  Dense all(r, 2 * p * static_cast<int>(samples.size()) + damped_columns);
+  int next = 0;
+  for (double omega : samples) {
+    const ComplexDense x = response.modal_response(omega);
+    const double size = std::sqrt(frobenius_norm(response.transfer(x)));
+    const ComplexDense residual =
+        residual_of(basis.ports, basis.K, basis.D, space.kappa(), omega,
+                    response.system().coefficients(omega), x);
+    for (int j = 0; j < p; ++j, next += 2)
+      for (int i = 0; i < r; ++i) {
+        all(i, next) = residual(i, j).real() / size;
+        all(i, next + 1) = residual(i, j).imag() / size;
+      }
+  }
+  double largest = 0;
+  for (double v : all.data) largest = std::max(largest, std::abs(v));
+  if (damped_columns > 0) {
+    double size = 0;
+    for (double v : basis.damped_modes.data) size = std::max(size, std::abs(v));
+    for (int j = 0; j < damped_columns; ++j)
+      for (int i = 0; i < r; ++i)
+        all(i, next + j) = size > 0 ? largest * basis.damped_modes(i, j) / size : 0.0;
+  }
+  LeftSvd svd = left_svd(all);
+  share_from_first(space.V().comm(), svd.values);
+  share_from_first(space.V().comm(), svd.vectors.data);
+  int k = 0;
+  while (k < static_cast<int>(svd.values.size()) &&
+         svd.values[static_cast<std::size_t>(k)] > 1e-7 * svd.values[0])
+    ++k;
+  basis.complete = k <= most;
+  k = std::max(1, std::min(k, most));
+  const auto total =
+      std::inner_product(svd.values.begin(), svd.values.end(), svd.values.begin(), 0.0);
+  const auto left = std::inner_product(svd.values.begin() + k, svd.values.end(),
+                                       svd.values.begin() + k, 0.0);
+  basis.remainder = total > 0 ? std::sqrt(left / total) : 0.0;
+
+  const Dense u = first_columns(svd.vectors, k);
+  const auto turn = [&](Dense& a) {
+    if (!a.data.empty()) a = multiply_transposed(u, a);
+  };
+  turn(basis.ports);
+  turn(basis.K);
+  turn(basis.D);
+  turn(basis.damped_modes);
+  const Dense q = multiply(c.combination, u);
+  int first = 0;
+  basis.T = Block(space.V().comm(), space.V().local_rows(), space.V().rows(), k);
+  for (const Block* part : parts) {
+    const int count = static_cast<int>(part->columns());
+    add_product(basis.T, 1.0, *part, part_of(q, first, count, 0, k));
+    first += count;
+  }
+  space.unscale(basis.T);
+  return basis;
+}
+
+Certificate::Certificate(const MediumSpace& space, const DenseResponse& response,
+                         ResidualBasis basis, const Dense& gram, const FoundModes& modes,
+                         double cutoff, std::vector<int> inputs, std::vector<int> outputs,
+                         std::vector<double> scale)
+    : tau_(space.tau()), kappa_(space.kappa()), cutoff_squared_(cutoff * cutoff),
+      rounding_(space.rounding()), remainder_(basis.remainder),
+      same_ports_(inputs == outputs), inputs_(std::move(inputs)),
+      outputs_(std::move(outputs)), scale_(std::move(scale)), mode_lambda_(modes.lambda),
+      mode_angle_(modes.angle), rigid_(space.rigid()) {
+  // Coordinates in which the Gram matrix is the identity: Γ = FᵀF.
+  const SymmetricEigen eigen = symmetric_eigen(gram);
+  Dense F = transpose(eigen.vectors);
+  for (int j = 0; j < F.columns; ++j)
+    for (int i = 0; i < F.rows; ++i)
+      F(i, j) *= std::sqrt(std::max(eigen.values[static_cast<std::size_t>(i)], 0.0));
+  const auto turned = [&](const Dense& a) {
+    return a.data.empty() ? Dense() : multiply(F, a);
+  };
+  ports_ = turned(basis.ports);
+  K_ = turned(basis.K);
+  D_ = turned(basis.D);
+  coupling_ = turned(basis.damped_modes);
+  if (!coupling_.data.empty()) {
+    const int count = coupling_.columns;
+    mode_damping_ = part_of(space.D(), 0, count, 0, count);
+  }
+  const Dense& U = response.U();
+  for (int j = 0; j < U.columns; ++j) {
+    double square = 0;
+    for (int i = 0; i < U.rows; ++i)
+      square +=
+          std::pow(U(i, j) * space.rounding_weights()[static_cast<std::size_t>(i)], 2);
+    rounding_weights_.push_back(std::sqrt(square));
+  }
+}
+
+double Certificate::damping_coupling(double omega, const DenseSystem& system) const {
+  const int count = coupling_.columns;
+  const ShiftCoefficients c = system.coefficients(omega);
+  ComplexDense A(count, count), right(count, coupling_.rows);
+  for (std::size_t i = 0; i < A.data.size(); ++i) A.data[i] = c.d * mode_damping_.data[i];
+  for (int i = 0; i < count; ++i)
+    A(i, i) +=
+        c.k * (i < rigid_ ? 0.0 : mode_lambda_[static_cast<std::size_t>(i - rigid_)]) +
+        c.m;
+  for (int j = 0; j < right.columns; ++j)
+    for (int i = 0; i < count; ++i) right(i, j) = coupling_(j, i);
+  return omega * omega * frobenius_norm(multiply(coupling_, solve(std::move(A), right)));
+}
+
+Certificate::Bound Certificate::at(double omega, const DenseResponse& response,
+                                   const ComplexDense& x) const {
+  const DenseSystem& system = response.system();
+  const ShiftCoefficients c = system.coefficients(omega);
+  ComplexDense w = residual_of(ports_, K_, D_, kappa_, omega, c, x);
+  std::vector<double> unscale;
+  for (double s : scale_) unscale.push_back(1 / s);
+  scale_columns(w, unscale);
+  // What T leaves out has at most the weight of T's own largest direction, ten times for
+  // safety.
+  const double extra = 10 * remainder_ * frobenius_norm(w);
+  const ComplexDense w_in = columns_of(w, inputs_);
+  const ComplexDense w_out = same_ports_ ? ComplexDense() : columns_of(w, outputs_);
+  const ComplexDense& w_c = same_ports_ ? w_in : w_out;
+  double paired = same_ports_ ? frobenius_norm(multiply_transposed(w_in, w_in, true))
+                              : paired_norm(w_c, w_in);
+  if (extra > 0) paired += extra * (frobenius_norm(w_c) + frobenius_norm(w_in) + extra);
+
+  Bound bound;
+  // Modes known to an angle θ only let θ² of the residual through to their resonance.
+  double leak = 0;
+  for (std::size_t j = 0; j < mode_lambda_.size(); ++j) {
+    const double a = std::abs(c.k * mode_lambda_[j] + c.m);
+    leak += mode_angle_[j] * mode_angle_[j] *
+            (a > 0 ? (mode_lambda_[j] + tau_) / a : infinity);
+  }
+  if (!system.has_extra_damping()) {
+    const double q = largest_distance(c.k, c.m, tau_, cutoff_squared_, 0.0);
+    const Complex centre =
+        0.5 * ((cutoff_squared_ + tau_) / (c.k * cutoff_squared_ + c.m) + 1.0 / c.k);
+    const double radius = largest_distance(c.k, c.m, tau_, cutoff_squared_, centre);
+    const double known = frobenius_norm(multiply_transposed(w_c, w_in));
+    bound.error =
+        std::min(q * paired, std::abs(centre) * known + radius * paired) + leak * paired;
+  } else {
+    const double q = (cutoff_squared_ + tau_) / (cutoff_squared_ - omega * omega);
+    const double delta = damping_coupling(omega, system);
+    bound.proved = q * delta < 1;
+    bound.error = paired * (bound.proved ? 1 / (1 / q - delta) : q) + leak * paired;
+  }
+
+  const auto rounded = [&](const std::vector<int>& columns) {
+    double sum = 0;
+    for (int j : columns) {
+      double value = 0;
+      for (int i = 0; i < x.rows; ++i)
+        value += rounding_weights_[static_cast<std::size_t>(i)] * std::abs(x(i, j));
+      sum += std::pow(value / scale_[static_cast<std::size_t>(j)], 2);
+    }
+    return std::sqrt(sum);
+  };
+  bound.floor = 4 * rounding_ * rounded(inputs_) * rounded(outputs_);
+  return bound;
+}
+
+} // namespace flexgram

@@ -1,0 +1,71 @@
+#pragma once
+
+#include "reduce/dense_system.hpp"
+#include "reduce/medium_space.hpp"
+#include "reduce/mode_search.hpp"
+
+namespace flexgram {
+
+/// A basis T of what the residuals over the band are made of, and the parts of the
+/// residual in its coordinates: R(ω) = T (ports − (a_k − κ a_m) K U x − iω D U x) + a
+/// remainder.
+struct ResidualBasis {
+  Block T;
+  Dense ports, K, D;    ///< k×p, k×N, k×N, the last two in the modal coordinates U
+  Dense damped_modes;   ///< k×modes: the part of DΦ outside Φ; empty without D
+  double remainder = 0; ///< what T leaves out, relative, at most over the samples
+  bool complete = true; ///< false: cut at the largest directions
+};
+
+/// @param samples      [rad/s] where residuals are looked at.
+/// @param modes        number of columns of V that are modes (rigid ones included).
+/// @param most         at most so many columns.
+ResidualBasis residual_basis(const MediumSpace& space, const DenseResponse& response,
+                             const std::vector<double>& samples, int modes, int most);
+
+/// The error of the Galerkin model on a space V that holds all modes Φ below ω_c,
+/// bounded.
+///
+/// With ports P = [B, C] and their residuals R = P − A V x, VᵀR = 0, the error is exactly
+///   H − H_r = R_CᵀA⁻¹R_B = W_Cᵀ Z W_B,   W = (K + τM)^−½ R.
+/// On the complement of Φ, and with damping that keeps A = a_k K + a_m M, Z is diagonal
+/// in the modes with entries z(λ) = (λ + τ)/(a_k λ + a_m), λ ≥ ω_c². So with q = max |z|
+/// and any disc |z − z₀| ≤ ρ that holds all z,
+///   ‖H − H_r‖_F ≤ q s   and   ≤ |z₀| ‖W_CᵀW_B‖_F + ρ s,   s² = Σ σ_i(W_C)² σ_i(W_B)².
+/// With other damping D ≥ 0, ‖Z‖ ≤ 1/(1/q − δ), q = (ω_c² + τ)/(ω_c² − ω²), δ = ω²‖G^½
+/// A_ΦΦ⁻¹ G^½‖, G = (DΦ)_°ᵀ(K + τM)⁻¹(DΦ)_°, wherever q δ < 1 (DESIGN, section 2).
+class Certificate {
+public:
+  struct Bound {
+    double error = 0; ///< of ‖H − H_r‖_F, in the unit of H
+    double floor = 0; ///< rounding of the model itself, in the unit of H; not in `error`
+    bool proved = true;
+  };
+
+  Certificate() = default;
+  /// @param gram  Tᵀ(K + τM)⁻¹T.
+  /// @param inputs, outputs  columns of the ports that are inputs and outputs, and
+  /// `scale`
+  ///                         of each port.
+  Certificate(const MediumSpace& space, const DenseResponse& response,
+              ResidualBasis basis, const Dense& gram, const FoundModes& modes,
+              double cutoff, std::vector<int> inputs, std::vector<int> outputs,
+              std::vector<double> scale);
+
+  /// @param x  the response at omega in modal coordinates, N × ports.
+  Bound at(double omega, const DenseResponse& response, const ComplexDense& x) const;
+
+private:
+  double damping_coupling(double omega, const DenseSystem& system) const;
+
+  double tau_ = 0, kappa_ = 0, cutoff_squared_ = 0, rounding_ = 0, remainder_ = 0;
+  bool same_ports_ = true;
+  std::vector<int> inputs_, outputs_;
+  std::vector<double> scale_, rounding_weights_, mode_lambda_, mode_angle_;
+  Dense ports_, K_, D_; ///< in coordinates where the Gram matrix is the identity
+  Dense coupling_;      ///< G = coupling_ᵀ coupling_
+  Dense mode_damping_;  ///< ΦᵀDΦ of all modes, rigid first
+  int rigid_ = 0;
+};
+
+} // namespace flexgram

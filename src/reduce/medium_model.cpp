@@ -1,0 +1,443 @@
+#include "reduce/medium_model.hpp"
+
+#include "base/process.hpp"
+#include "base/text.hpp"
+#include "model/rigid_body_modes.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+
+namespace flexgram {
+namespace {
+constexpr double hz = 0.5 / std::numbers::pi;
+} // namespace
+
+void MediumOptions::describe(Options& options) {
+  options.section("Medium model (every method but pod)");
+  options.add(
+      "-mor_cutoff", cutoff, "",
+      "all modes up to this many times the end of the band are found and counted; more "
+      "modes, but fewer Krylov blocks");
+  options.add("-mor_medium_order", limit, "",
+              "largest order of the medium model; 0: what memory and the body allow");
+  options.add(
+      "-mor_medium_tol", target, "",
+      "certified relative error of the medium model; 0: a fiftieth of -mor_tol, or 1e-8 "
+      "where the order is given or ruled");
+}
+
+void MediumOptions::check() const {
+  require_option(cutoff >= 1.05, "-mor_cutoff", text("%g", cutoff), "1.05 or more");
+  require_option(limit >= 0, "-mor_medium_order", std::to_string(limit),
+                 "0 (automatic) or more");
+  require_option(target >= 0 && target < 1, "-mor_medium_tol", text("%g", target),
+                 "0 (automatic) or below 1");
+}
+
+std::vector<double> band_grid(double first, double last, int count,
+                              const std::vector<double>& lambda, const Damping& damping) {
+  std::vector<double> grid{first, last};
+  for (int l = 0; l < count; ++l) {
+    const double t = (l + 0.5) / count;
+    grid.push_back(first + t * (last - first));
+    if (l % 3 == 0 && last > first)
+      grid.push_back(std::exp(std::log(std::max(first, 1e-4 * last)) * (1 - t) +
+                              std::log(last) * t));
+  }
+  for (double l : lambda) {
+    const double omega = std::sqrt(std::max(l, 0.0));
+    const double width = std::max(
+        0.5 * (damping.alpha + damping.beta * l + damping.eta * omega), 1e-6 * omega);
+    for (const double offset : {-3.0, -1.0, 0.0, 1.0, 3.0}) {
+      // An undamped body has no response at its resonance, so beside it.
+      const double at = omega + (offset == 0 ? 1e-3 : offset) * width;
+      if (at > first && at < last) grid.push_back(at);
+    }
+  }
+  std::sort(grid.begin(), grid.end());
+  grid.erase(std::unique(grid.begin(), grid.end()), grid.end());
+  return grid;
+}
+
+MediumModel::Value MediumModel::at(double omega) const {
+  const ComplexDense x = response_->modal_response(omega);
+  const ComplexDense all = response_->transfer(x);
+  Value value{
+      ComplexDense(static_cast<int>(outputs_.size()), static_cast<int>(inputs_.size())),
+      certificate_.at(omega, *response_, x)};
+  for (int j = 0; j < value.H.columns; ++j)
+    for (int i = 0; i < value.H.rows; ++i) {
+      const int from = inputs_[static_cast<std::size_t>(j)],
+                to = outputs_[static_cast<std::size_t>(i)];
+      value.H(i, j) = all(to, from) / (scale_[static_cast<std::size_t>(from)] *
+                                       scale_[static_cast<std::size_t>(to)]);
+    }
+  return value;
+}
+
+/// The steps of medium_model, with what they share.
+class MediumBuilder {
+public:
+  MediumBuilder(const SecondOrderModel& fom, const MediumOptions& options,
+                SolverOptions solver, Plan& plan, Monitor& monitor)
+      : fom_(fom), options_(options), plan_(plan), monitor_(monitor),
+        solver_(fom.K, fom.M, nullptr, fom.node, counting(std::move(solver))) {
+    solver_.count_pivots(true);
+    loads_ = fom.outputs_are_inputs ? copy(fom.B) : concatenate(fom.B, fom.C);
+    const int inputs = static_cast<int>(fom.B.columns());
+    model_.inputs_.resize(static_cast<std::size_t>(inputs));
+    model_.outputs_.resize(static_cast<std::size_t>(fom.C.columns()));
+    std::iota(model_.inputs_.begin(), model_.inputs_.end(), 0);
+    std::iota(model_.outputs_.begin(), model_.outputs_.end(),
+              fom.outputs_are_inputs ? 0 : inputs);
+  }
+
+  MediumModel build(double first, double last, double last_needed, int modes_wanted,
+                    bool mass_is_singular, double target);
+
+private:
+  static SolverOptions counting(SolverOptions options) {
+    options.precision = "double"; // inertia and norms are worth nothing in single
+    options.mumps.cntl.try_emplace(3, 1e-13);
+    return options;
+  }
+  void find_rigid_modes();
+  Block start(double omega, int modes_wanted, bool mass_is_singular);
+  void scale_ports(Block& response);
+  void search_modes(int expected);
+  double allowed_angle(double lambda, int expected) const;
+  void factorise_norm();
+  void certify(int most_columns);
+  double worst_bound();
+  void grow(double target);
+  void report(double target);
+
+  const SecondOrderModel& fom_;
+  const MediumOptions& options_;
+  Plan& plan_;
+  Monitor& monitor_;
+  ShiftedSolver solver_;
+  Block rigid_modes_, loads_, ports_; ///< all ports, scaled; the second self-equilibrated
+  int geometric_ = 0, expected_ = 0;
+  double threshold_ = 0, first_ = 0, last_ = 0;
+  bool modes_exact_ = false; ///< the modes themselves are the result
+  FoundModes modes_;
+  std::unique_ptr<MediumSpace> space_;
+  MediumModel model_;
+  std::vector<double> grid_;
+  Block image_; ///< (K + τM)⁻¹T of the last certificate: the next Krylov block
+  bool complete_ = false;
+  int blocks_ = 0;
+  std::string end_; ///< why the growth ended, if not by the target
+};
+
+void MediumBuilder::find_rigid_modes() {
+  threshold_ = rigid_threshold(fom_);
+  Block rigid = rigid_body_modes(fom_);
+  geometric_ = static_cast<int>(rigid.columns());
+  ports_ = copy(loads_);
+  // Self-equilibrated loads: no part of the response to them is rigid.
+  if (geometric_ > 0)
+    add_product(ports_, -1.0, multiply(fom_.M, rigid), inner(rigid, ports_));
+  rigid_modes_ = std::move(rigid);
+}
+
+/// Factorises K − ω_c²M with ω_c near `omega`, away from eigenvalues and with enough
+/// modes below; chooses the inner product. Returns the response to all ports.
+Block MediumBuilder::start(double omega, int modes_wanted, bool mass_is_singular) {
+  for (int attempt = 0; attempt < 12; ++attempt) {
+    solver_.count_pivots(true);
+    with_context(text("factorising K - ω²M at the cutoff, %g Hz", omega * hz), [&] {
+      solver_.factorise({1.0, -omega * omega, 0.0});
+    });
+    ++model_.factorisations;
+    const int below = solver_.negative_pivots();
+    if (below < modes_wanted) {
+      omega *= std::min(3.0, 1.1 * std::sqrt((modes_wanted + 2.0) / std::max(below, 1)));
+      continue;
+    }
+    expected_ = below - geometric_;
+    model_.cutoff = omega;
+    const double kappa = 1 / (omega * omega);
+    Block response;
+    bool regular = solver_.null_pivots() == 0;
+    if (regular) try {
+        response = solver_.solve(ports_).x;
+      } catch (const ShiftError&) {
+        regular = false;
+      }
+    if (regular) {
+      model_.solved_columns += static_cast<int>(ports_.columns());
+      const Block none;
+      const Block Z =
+          orthonormalise(copy(response), none, none, {fom_.M, fom_.K, kappa}, 1e-7)
+              .vectors;
+      Dense m = inner(Z, multiply(fom_.M, Z));
+      symmetrise(m);
+      auto eigen = symmetric_eigen(m);
+      share_from_first(fom_.comm, eigen.values);
+      // zᵀMz = 1/(1 + λ/ω_c²) of a Ritz vector; λ = ω_c² to many digits: the shift hits a
+      // mode.
+      for (double value : eigen.values)
+        regular = regular && std::abs(2 * value - 1) > 1e-7;
+      mass_is_singular = mass_is_singular ||
+                         eigen.values.front() * 1e3 * eigenvalue_scale(fom_) * kappa < 1;
+    }
+    if (regular) {
+      model_.kappa = mass_is_singular ? kappa : 0;
+      plan_.fact("inner product", mass_is_singular ? "M + K/ω_c² (M is singular)" : "M");
+      return response;
+    }
+    omega *= 1.0123;
+  }
+  throw Error(text("no cutoff was found with %d modes below and no eigenvalue near",
+                   modes_wanted));
+}
+
+/// Ports of equal weight: each divided by the norm of its response.
+void MediumBuilder::scale_ports(Block& response) {
+  const InnerProduct product{fom_.M, fom_.K, 1 / (model_.cutoff * model_.cutoff)};
+  const Dense gram = inner(response, product.apply(response));
+  for (int j = 0; j < gram.rows; ++j)
+    model_.scale_.push_back(gram(j, j) > 0 ? 1 / std::sqrt(gram(j, j)) : 1.0);
+  share_from_first(fom_.comm, model_.scale_);
+  for (Block* block : {&loads_, &ports_, &response}) scale_columns(*block, model_.scale_);
+}
+
+/// An angle θ lets θ² (λ + τ)/|a(ω)| times the residual through to the mode's resonance:
+/// all modes together may raise the bound by a tenth.
+double MediumBuilder::allowed_angle(double lambda, int expected) const {
+  double least = HUGE_VAL; // |a(ω)| over the band
+  const double own = std::sqrt(std::max(lambda, 0.0));
+  for (double omega : {first_, last_, std::clamp(own, first_, last_)}) {
+    const ShiftCoefficients c = fom_.coefficients(omega);
+    least = std::min(least, std::abs(c.k * lambda + c.m));
+  }
+  return std::clamp(std::sqrt(0.1 / expected * least / (std::abs(lambda) + model_.tau)),
+                    1e-7, modes_exact_ ? 1e-6 : 1e-2);
+}
+
+void MediumBuilder::search_modes(int expected) {
+  if (expected > 0) {
+    Stage stage(monitor_, "modes");
+    modes_ = find_modes(
+        *space_, solver_, model_.cutoff * model_.cutoff, expected,
+        [&](double lambda) { return allowed_angle(lambda, expected); }, monitor_);
+    model_.solved_columns += modes_.solves;
+    int null = 0;
+    while (null < expected && modes_.lambda[static_cast<std::size_t>(null)] <= threshold_)
+      ++null;
+    if (null > 0 && modes_.lambda.front() < -threshold_)
+      throw Error(text(
+          "K has a negative eigenvalue (%.3g rad²/s² of the pencil K, M): it must be "
+          "positive semidefinite (a buckled state, or K and M swapped?)",
+          modes_.lambda.front()));
+    if (null > 0) {
+      space_->set_rigid(space_->rigid() + null);
+      modes_.lambda.erase(modes_.lambda.begin(), modes_.lambda.begin() + null);
+      modes_.angle.erase(modes_.angle.begin(), modes_.angle.begin() + null);
+    }
+  }
+  model_.rigid = space_->rigid();
+  model_.lambda = modes_.lambda;
+  std::string words = text("%zu elastic below the cutoff of %.4g Hz, counted by inertia",
+                           model_.lambda.size(), model_.cutoff * hz);
+  if (expected > 0)
+    words += text(", all found (%d solves beside the ports)", modes_.solves);
+  plan_.fact("modes", words);
+  plan_.fact("rigid modes",
+             model_.rigid == 0
+                 ? "none"
+                 : text("%d, %s, taken out analytically", model_.rigid,
+                        model_.rigid == geometric_ ? "from the geometry"
+                                                   : "from the null space of K"));
+}
+
+void MediumBuilder::factorise_norm() {
+  const ShiftCoefficients shift{1.0, model_.tau, 0.0};
+  solver_.release(); // never two factors at a time
+  ++model_.factorisations;
+  try {
+    solver_.count_pivots(false);
+    solver_.factorise(shift, Definiteness::positive);
+  } catch (const ShiftError&) { // why is it not definite?
+    solver_.release();
+    solver_.count_pivots(true);
+    solver_.factorise(shift);
+    throw Error(
+        text("K + τM is not positive definite (%d null, %d negative eigenvalues): the "
+             "body has a mechanism without mass and stiffness, or K is indefinite",
+             solver_.null_pivots(), solver_.negative_pivots()));
+  }
+}
+
+double MediumBuilder::worst_bound() {
+  double worst = 0;
+  model_.proved = true;
+  for (double omega : grid_) {
+    const MediumModel::Value value = model_.at(omega);
+    const double size = frobenius_norm(value.H) - value.bound.error;
+    model_.proved = model_.proved && value.bound.proved;
+    worst = std::max(worst, size > 0 ? value.bound.error / size : HUGE_VAL);
+  }
+  return worst;
+}
+
+/// The bound of the space as it is, with one block solve.
+void MediumBuilder::certify(int most_columns) {
+  DenseSystem system;
+  system.M = space_->M();
+  system.K = space_->K();
+  system.D = space_->D();
+  system.damping = fom_.damping;
+  system.B = inner(space_->V(), loads_);
+  system.C = system.B;
+  model_.response_ = std::make_shared<DenseResponse>(std::move(system), model_.tau);
+  std::vector<double> samples;
+  const std::size_t step = std::max<std::size_t>(1, grid_.size() / 24);
+  for (std::size_t l = 0; l < grid_.size(); l += step) samples.push_back(grid_[l]);
+
+  const int modes = space_->rigid() + static_cast<int>(modes_.lambda.size());
+  ResidualBasis basis =
+      residual_basis(*space_, *model_.response_, samples, modes, most_columns);
+  complete_ = basis.complete;
+  Dense gram;
+  image_ = Block();
+  if (basis.T.columns() > 0) {
+    image_ = solver_.solve(basis.T).x;
+    model_.solved_columns += static_cast<int>(basis.T.columns());
+    gram = inner(basis.T, image_);
+    symmetrise(gram);
+  }
+  model_.certificate_ =
+      Certificate(*space_, *model_.response_, std::move(basis), gram, modes_,
+                  model_.cutoff, model_.inputs_, model_.outputs_, model_.scale_);
+  model_.worst = worst_bound();
+}
+
+void MediumBuilder::grow(double target) {
+  Stage stage(monitor_, "krylov");
+  const double memory = 0.5 * available_memory_mb(fom_.comm) * 1e6;
+  const double each =
+      4 * 8.0 * static_cast<double>(std::max<PetscInt>(fom_.rows.size(), 1));
+  int limit = options_.limit > 0
+                  ? options_.limit
+                  : static_cast<int>(
+                        std::min({2000.0, memory / each, static_cast<double>(fom_.n)}));
+  limit = static_cast<int>(-max_over(fom_.comm, -static_cast<double>(limit)));
+  space_->track_residual(loads_);
+  const int usual = 3 * static_cast<int>(loads_.columns());
+  double previous = HUGE_VAL;
+  for (int stalled = 0;;) {
+    certify(usual);
+    if (!complete_ && model_.worst <= target) certify(space_->columns() * 3);
+    monitor_.detail(
+        text("  krylov: order %d, certified %.2e", space_->columns(), model_.worst));
+    if (complete_ && model_.worst <= target) return;
+    stalled = model_.worst > 0.5 * previous ? stalled + 1 : 0;
+    previous = std::min(previous, model_.worst);
+    if (stalled >= 3) {
+      end_ = "more vectors do not lower the bound";
+      break;
+    }
+    if (!image_ || space_->columns() + static_cast<int>(image_.columns()) > limit) {
+      end_ = text("the largest order of the medium model, %d, is reached", limit);
+      break;
+    }
+    if (space_->append(std::move(image_), 1e-7) == 0) {
+      end_ = "the solves add nothing new to the space";
+      break;
+    }
+    ++blocks_;
+  }
+  if (!complete_) certify(space_->columns() * 3);
+}
+
+void MediumBuilder::report(double target) {
+  plan_.fact(
+      "medium model",
+      text(
+          "order %d, %d factorisations (real), %d solved columns, %d Krylov blocks at -τ "
+          "after the ports' at ω_c²",
+          space_->columns(), model_.factorisations, model_.solved_columns, blocks_));
+  plan_.fact(
+      "certified",
+      text("%s of H over the band at most %.1e%s",
+           model_.proved ? "error" : "estimated (not proved) error", model_.worst,
+           end_.empty()
+               ? ""
+               : (", target " + text("%.0e", target) + " not reached: " + end_).c_str()));
+  plan_.skip("complex factorisations", "real shifts span the band");
+  if (end_.empty())
+    plan_.skip("further Krylov blocks", "the bound does not ask for them");
+  if (!end_.empty())
+    monitor_.warn(text("the medium model is certified to %.1e only, not to %.0e: %s",
+                       model_.worst, target, end_.c_str()));
+  if (!model_.proved)
+    monitor_.warn(
+        "the damping is so strong and local (q δ >= 1) that the error is estimated, not "
+        "proved; a higher -mor_cutoff helps");
+}
+
+MediumModel MediumBuilder::build(double first, double last, double last_needed,
+                                 int modes_wanted, bool mass_is_singular, double target) {
+  double reference = std::max(last, last_needed);
+  if (reference == 0) reference = std::sqrt(1e-9 * eigenvalue_scale(fom_)); // statics
+  model_.tau = 0.25 * reference * reference;
+  first_ = first;
+  last_ = std::max(last, last_needed);
+  modes_exact_ = modes_wanted > 0;
+  {
+    Stage stage(monitor_, "cutoff");
+    find_rigid_modes();
+    if (first == 0 && geometric_ > 0)
+      throw Error("the band starts at 0 Hz, where a free body has no finite response: "
+                  "-mor_band_hz must start above");
+    Block response = start(options_.cutoff * reference, modes_wanted, mass_is_singular);
+    scale_ports(response);
+    space_ = std::make_unique<MediumSpace>(fom_, model_.kappa, model_.tau);
+    space_->start_with_rigid_modes(std::move(rigid_modes_));
+    space_->append(std::move(response), 1e-7);
+  }
+  search_modes(expected_);
+  if (first == 0 && model_.rigid > 0)
+    throw Error("the band starts at 0 Hz, where a free body has no finite response: "
+                "-mor_band_hz must start above");
+  {
+    Stage stage(monitor_, "norm");
+    factorise_norm();
+  }
+  grid_ = band_grid(first, last_needed > last ? last_needed : last, 120, model_.lambda,
+                    fom_.damping);
+  grow(target);
+  report(target);
+  model_.loss_of_orthogonality = loss_of_orthogonality(space_->V(), space_->WV());
+  model_.system = model_.response_->system();
+  Dense B(space_->columns(), static_cast<int>(model_.inputs_.size())),
+      C(space_->columns(), static_cast<int>(model_.outputs_.size()));
+  for (int j = 0; j < B.columns; ++j)
+    for (int i = 0; i < B.rows; ++i)
+      B(i, j) = model_.system.B(i, j) / model_.scale_[static_cast<std::size_t>(j)];
+  for (int j = 0; j < C.columns; ++j) {
+    const int port = model_.outputs_[static_cast<std::size_t>(j)];
+    for (int i = 0; i < C.rows; ++i)
+      C(i, j) = model_.system.B(i, port) / model_.scale_[static_cast<std::size_t>(port)];
+  }
+  model_.system.B = std::move(B);
+  model_.system.C = std::move(C);
+  model_.system.outputs_are_inputs = fom_.outputs_are_inputs;
+  model_.V = space_->V().share();
+  return std::move(model_);
+}
+
+MediumModel medium_model(const SecondOrderModel& fom, double first, double last,
+                         double last_needed, int modes_wanted, bool mass_is_singular,
+                         const MediumOptions& options, double target,
+                         const SolverOptions& solver, Plan& plan, Monitor& monitor) {
+  return MediumBuilder(fom, options, solver, plan, monitor)
+      .build(first, last, last_needed, modes_wanted, mass_is_singular, target);
+}
+
+} // namespace flexgram

@@ -1,0 +1,73 @@
+#pragma once
+
+#include "base/plan.hpp"
+#include "reduce/certificate.hpp"
+
+#include <memory>
+
+namespace flexgram {
+
+/// How the medium model is built.
+struct MediumOptions {
+  double cutoff = 1.5;
+  int limit = 0;
+  double target = 0; ///< 0: from the tolerance
+
+  void describe(Options& options);
+  void check() const;
+};
+
+/// A Galerkin model of some ten times the final order, and the proof of its error over
+/// the band: what every small model is measured against.
+class MediumModel {
+public:
+  struct Value {
+    ComplexDense H; ///< n_out × n_in
+    Certificate::Bound bound;
+  };
+  Value at(double omega) const;
+
+  Block V;            ///< n × N, W-orthonormal: rigid modes, modes, Krylov vectors
+  DenseSystem system; ///< with the body's inputs and outputs, in their units
+  std::vector<double> lambda; ///< [rad²/s²] elastic modes below the cutoff, all of them
+  int rigid = 0;
+  double cutoff = 0; ///< ω_c [rad/s]
+  double tau = 0, kappa = 0;
+  double worst = 0; ///< largest bound over the band, relative to ‖H‖_F
+  double loss_of_orthogonality = 0;
+  int factorisations = 0, solved_columns = 0;
+  bool proved = true;
+
+private:
+  friend class MediumBuilder;
+  std::shared_ptr<const DenseResponse> response_; ///< to all ports, scaled
+  Certificate certificate_;
+  std::vector<int> inputs_, outputs_;
+  std::vector<double> scale_;
+};
+
+/// Frequencies that show the band: evenly spread in ω and in ln ω, both ends, and on and
+/// beside every resonance. [rad/s], ascending.
+std::vector<double> band_grid(double first, double last, int count,
+                              const std::vector<double>& lambda, const Damping& damping);
+
+/// Builds the medium model:
+///  1. K − ω_c²M = LDLᵀ: its inertia counts the modes below ω_c, its solves find them
+///  (find_modes),
+///     starting from the response to all ports, which is kept: a Krylov block.
+///  2. K + τM = LLᵀ: the certificate solves with the basis of the residuals; if the bound
+///  is not yet
+///     below the target, these solutions are the next Krylov block.
+/// Two real factorisations, never both alive. No complex one.
+/// @param[in] last_needed  [rad/s] the certificate must hold up to here (beyond the band
+/// for
+///                         Krylov shifts outside it).
+/// @param[in] modes_wanted the cutoff is raised until so many modes lie below it; 0:
+/// none.
+/// @note Collective on fom.comm.
+MediumModel medium_model(const SecondOrderModel& fom, double first, double last,
+                         double last_needed, int modes_wanted, bool mass_is_singular,
+                         const MediumOptions& options, double target,
+                         const SolverOptions& solver, Plan& plan, Monitor& monitor);
+
+} // namespace flexgram

@@ -1,0 +1,42 @@
+#pragma once
+
+#include "reduce/candidates.hpp"
+
+namespace flexgram {
+
+/// The certified error of small models over the band, measured against the medium model:
+///   ε ≤ (‖H_medium − H_r‖ + bound) / (‖H_medium‖ − bound).
+class ErrorOverBand {
+public:
+  ErrorOverBand(const MediumModel& medium, std::vector<double> grid);
+
+  struct Errors {
+    std::vector<double> relative, bound; ///< at omega()
+    double worst = 0;                    ///< largest bound
+  };
+  Errors of(const DenseSystem& small) const;
+  /// True if the bound is at most `tolerance` over the grid; looks first where the last
+  /// model failed.
+  bool meets(const DenseSystem& small, double tolerance);
+
+  const std::vector<double>& omega() const { return omega_; }
+  const std::vector<double>& floor() const { return floor_; } ///< rounding, relative
+  const std::vector<ComplexDense>& H() const { return H_; }
+  /// What no small model can go below: the bound of the medium model itself.
+  double least() const;
+
+private:
+  double certified(std::size_t l, double difference) const;
+  double tau_;
+  std::vector<double> omega_, floor_, size_, medium_bound_;
+  std::vector<ComplexDense> H_;
+  std::size_t worst_ = 0;
+};
+
+/// Smallest order whose certified error meets the tolerance; 0 if none does.
+/// For nested bases every order is tried, so m − 1 misses; others are halved and then
+/// stepped down.
+int smallest_order(const Candidate& candidate, const MediumModel& medium,
+                   ErrorOverBand& errors, double tolerance, int most);
+
+} // namespace flexgram

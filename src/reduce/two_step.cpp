@@ -1,0 +1,399 @@
+#include "reduce/two_step.hpp"
+
+#include "base/text.hpp"
+#include "reduce/candidates.hpp"
+#include "reduce/order_choice.hpp"
+#include "reduce/project.hpp"
+#include "reduce/report.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace flexgram {
+namespace {
+
+constexpr double hz = 0.5 / std::numbers::pi;
+/// What auto tries. Measured (README, "Order over tolerance"): the others never win.
+const std::vector<std::string> auto_stages{"gramian",      "gramian_modes", "weighted",
+                                           "whole_axis",   "irka",          "modal",
+                                           "craig_bampton"};
+
+} // namespace
+
+void TwoStepOptions::describe(Options& options) {
+  options.section("Second stage (every method but pod)");
+  std::vector<std::string> stages{"auto"};
+  stages.insert(stages.end(), candidate_names().begin(), candidate_names().end());
+  options.add_choice(
+      "-mor_second_stage", second_stage, stages,
+      "how -mor_method two_step picks the small basis out of the medium space; auto "
+      "tries them and keeps the smallest body that meets -mor_tol (by the order "
+      "rule: gramian)");
+  options.add("-mor_weight", weight, "Hz, 1",
+              "weight of the Gramian over the band: f1,w1,f2,w2,... , linear between, "
+              "zero outside");
+  options.add(
+      "-mor_shifts_hz", shifts_hz, "Hz",
+      "expansion points of krylov; default: both ends of the band and its middle");
+  options.add("-mor_moments", moments, "", "moments at each expansion point of krylov");
+  options.add_choice(
+      "-mor_frame", frame, {"auto", "none", "buckens", "tangent"},
+      "frame of reference of a free body: buckens: basis vectors orthogonal to "
+      "the rigid modes, which come first; tangent: at rest at an interface; none: "
+      "rigid motion mixed into the basis. auto: buckens if the body is free");
+  options.add(
+      "-mor_frame_interface", frame_interface,
+      "interface that the tangent frame follows; default: the first with six ports");
+  options.add(
+      "-mor_error_hz", error_hz, "Hz",
+      "first,last,count: further frequencies at which error and bound are evaluated and "
+      "stored, beside some hundred over the band and on its resonances");
+  medium.describe(options);
+}
+
+void TwoStepOptions::check() const {
+  std::string words;
+  for (double w : weight) words += text("%s%g", words.empty() ? "" : ",", w);
+  bool good = weight.size() % 2 == 0 && weight.size() != 2;
+  for (std::size_t i = 0; good && i < weight.size(); i += 2)
+    good = weight[i] >= 0 && weight[i + 1] >= 0 && (i == 0 || weight[i] > weight[i - 2]);
+  require_option(good, "-mor_weight", words, "f1,w1,f2,w2,... with rising f and w >= 0");
+  for (double f : shifts_hz)
+    require_option(f >= 0, "-mor_shifts_hz", text("%g", f), "zero or more");
+  require_option(moments >= 1, "-mor_moments", std::to_string(moments), "1 or more");
+  require_option(error_hz.empty() || (error_hz.size() == 3 && error_hz[0] >= 0 &&
+                                      error_hz[0] <= error_hz[1] && error_hz[2] >= 1),
+                 "-mor_error_hz", std::to_string(error_hz.size()) + " numbers",
+                 "first,last,count with first <= last");
+  medium.check();
+}
+
+namespace {
+
+class SecondStageRun {
+public:
+  SecondStageRun(const SecondOrderModel& fom, const std::string& method,
+                 const GramianOptions& gramian, const TwoStepOptions& options, Plan& plan,
+                 Monitor& monitor)
+      : fom_(fom), method_(method), gramian_(gramian), options_(options), plan_(plan),
+        monitor_(monitor) {}
+
+  ReducedModel run(const SolverOptions& solver, bool mass_is_singular);
+
+private:
+  std::vector<double> shifts() const;
+  std::vector<BandWeight> weights() const;
+  std::vector<double> error_grid(const MediumModel& medium) const;
+  Dense gram(const MediumModel& medium) const;
+  void choose();
+  int ruled_order(const Candidate& candidate) const;
+  Dense tangent(const Dense& Q) const;
+  ReducedModel finish();
+
+  const SecondOrderModel& fom_;
+  const std::string& method_;
+  const GramianOptions& gramian_;
+  const TwoStepOptions& options_;
+  Plan& plan_;
+  Monitor& monitor_;
+  MediumModel medium_;
+  std::unique_ptr<SecondStage> stage_;
+  std::unique_ptr<ErrorOverBand> errors_;
+  std::vector<Candidate> candidates_;
+  std::size_t best_ = 0;
+  int order_ = 0;
+  std::string chosen_by_, frame_;
+};
+
+std::vector<double> SecondStageRun::shifts() const {
+  std::vector<double> shifts;
+  for (double f : options_.shifts_hz) shifts.push_back(f / hz);
+  if (!shifts.empty()) return shifts;
+  const auto bands = gramian_.bands();
+  const double first = bands.front().first, last = bands.back().second;
+  return first == last ? std::vector<double>{first}
+                       : std::vector<double>{first, 0.5 * (first + last), last};
+}
+
+std::vector<BandWeight> SecondStageRun::weights() const {
+  std::vector<BandWeight> result;
+  if (!options_.weight.empty()) {
+    BandWeight weight;
+    for (std::size_t i = 0; i < options_.weight.size(); i += 2) {
+      weight.omega.push_back(options_.weight[i] / hz);
+      weight.weight.push_back(options_.weight[i + 1]);
+    }
+    result.push_back(std::move(weight));
+    return result;
+  }
+  for (const auto& [first, last] : gramian_.bands())
+    result.push_back(BandWeight::flat(first, last));
+  return result;
+}
+
+std::vector<double> SecondStageRun::error_grid(const MediumModel& medium) const {
+  std::vector<double> grid;
+  const auto bands = gramian_.bands();
+  for (const auto& [first, last] : bands) {
+    const auto part = band_grid(first, last, 400 / static_cast<int>(bands.size()),
+                                medium.lambda, fom_.damping);
+    grid.insert(grid.end(), part.begin(), part.end());
+  }
+  if (!options_.error_hz.empty()) {
+    const int count = static_cast<int>(options_.error_hz[2]);
+    for (int l = 0; l < count; ++l) {
+      const double t = count == 1 ? 0.0 : static_cast<double>(l) / (count - 1);
+      const double omega =
+          (options_.error_hz[0] + t * (options_.error_hz[1] - options_.error_hz[0])) / hz;
+      for (const auto& [first, last] : bands)
+        if (omega >= first && omega <= last) grid.push_back(omega);
+    }
+    std::sort(grid.begin(), grid.end());
+    grid.erase(std::unique(grid.begin(), grid.end()), grid.end());
+  }
+  return grid;
+}
+
+Dense SecondStageRun::gram(const MediumModel& medium) const {
+  if (gramian_.inner_product == "euclidean") {
+    Dense g = inner(medium.V, medium.V);
+    symmetrise(g);
+    return g;
+  }
+  const double last = gramian_.bands().back().second;
+  const double stiffness =
+      gramian_.inner_product == "energy" && last > 0 ? 1 / (last * last) : medium.kappa;
+  Dense g = medium.system.M;
+  for (std::size_t i = 0; i < g.data.size(); ++i)
+    g.data[i] += stiffness * medium.system.K.data[i];
+  return g;
+}
+
+/// The order without a tolerance: the paper's rule where there is a Gramian, else what
+/// the name says.
+int SecondStageRun::ruled_order(const Candidate& candidate) const {
+  if (candidate.name == "modal") {
+    const double last = gramian_.bands().back().second;
+    int count = medium_.rigid;
+    for (double l : medium_.lambda) count += l <= last * last;
+    return std::max(count, 1);
+  }
+  if (candidate.name == "craig_bampton" || candidate.name == "krylov" ||
+      candidate.name == "medium")
+    return candidate.most;
+  const Candidate by =
+      candidate.sigma.empty() ? make_candidate("gramian", *stage_) : candidate;
+  return std::clamp(order_by_rule(by.sigma), candidate.least, candidate.most);
+}
+
+void SecondStageRun::choose() {
+  std::vector<std::string> names{method_};
+  if (method_ == "two_step") {
+    names = {options_.second_stage};
+    if (options_.second_stage == "auto") {
+      names = auto_stages;
+      if (!gramian_.tolerance && gramian_.order == 0) names = {"gramian"};
+      // Without ports elsewhere balancing is the whole-axis Gramian.
+      if (!medium_.system.outputs_are_inputs && names.size() > 1)
+        names.push_back("balanced");
+    }
+  }
+  for (const auto& name : names) candidates_.push_back(make_candidate(name, *stage_));
+
+  std::string tried;
+  if (gramian_.tolerance) {
+    const double tolerance = *gramian_.tolerance;
+    if (errors_->least() > tolerance) {
+      const double floor =
+          *std::max_element(errors_->floor().begin(), errors_->floor().end());
+      throw Error(text(
+          "-mor_tol %g cannot be proved: the medium model of order %d is certified to "
+          "%.1e only, rounding of K is %.1e of it%s",
+          tolerance, medium_.system.order(), errors_->least(), floor,
+          floor > 0.5 * tolerance ? " (the body is too stiff beside its band)" : ""));
+    }
+    for (std::size_t c = 0; c < candidates_.size(); ++c) {
+      // A later candidate must be smaller to win.
+      const int order = smallest_order(candidates_[c], medium_, *errors_, tolerance,
+                                       order_ > 0 ? order_ - 1 : candidates_[c].most);
+      if (order > 0) {
+        best_ = c;
+        order_ = order;
+      }
+      tried += text("%s%s %s", tried.empty() ? "" : ", ", candidates_[c].name.c_str(),
+                    order > 0 ? std::to_string(order).c_str() : "no smaller");
+    }
+    if (order_ == 0)
+      throw Error(text("-mor_tol %g is not met by %s up to order %d; take another "
+                       "-mor_second_stage, or more -mor_moments or -mor_cutoff",
+                       tolerance, names.front().c_str(), candidates_.front().most));
+    chosen_by_ = text("-mor_tol %g", tolerance);
+  } else if (gramian_.order > 0) {
+    double least = HUGE_VAL;
+    for (std::size_t c = 0; c < candidates_.size(); ++c) {
+      const Candidate& candidate = candidates_[c];
+      if (gramian_.order < candidate.least || gramian_.order > candidate.most) continue;
+      const double worst =
+          errors_->of(medium_.system.project(candidate.basis(gramian_.order))).worst;
+      if (worst < least) {
+        least = worst;
+        best_ = c;
+        order_ = gramian_.order;
+      }
+      tried +=
+          text("%s%s %.1e", tried.empty() ? "" : ", ", candidate.name.c_str(), worst);
+    }
+    if (order_ == 0)
+      throw Error(text("-mor_order %d: %s has orders from %d to %d here", gramian_.order,
+                       names.front().c_str(), candidates_.front().least,
+                       candidates_.front().most));
+    chosen_by_ = "-mor_order";
+  } else {
+    order_ = ruled_order(candidates_.front());
+    chosen_by_ = candidates_.front().sigma.empty()
+                     ? "what the method gives without -mor_order"
+                     : "the rule sigma_(m+1)/sigma_1 < 1.5e-8";
+  }
+  if (candidates_.size() > 1) plan_.fact("second stage", tried);
+}
+
+/// V_e − Φ_r (B_iᵀΦ_r)⁻¹ B_iᵀV_e: every elastic vector at rest at the interface.
+Dense SecondStageRun::tangent(const Dense& Q) const {
+  std::string interface = options_.frame_interface;
+  std::vector<int> ports;
+  for (std::size_t i = 0; i < fom_.inputs.size(); ++i) {
+    const std::string name = fom_.inputs[i].substr(0, fom_.inputs[i].rfind('.'));
+    if (interface.empty() && std::count_if(fom_.inputs.begin(), fom_.inputs.end(),
+                                           [&](const std::string& other) {
+                                             return other.rfind(name + ".", 0) == 0;
+                                           }) == 6)
+      interface = name;
+    if (name == interface) ports.push_back(static_cast<int>(i));
+  }
+  if (ports.size() != 6 || medium_.rigid != 6)
+    throw Error(
+        text("-mor_frame tangent needs a free body and an interface with six ports; %s%s "
+             "has %zu, and there are %d rigid modes",
+             interface.empty() ? "no interface" : "interface ", interface.c_str(),
+             ports.size(), medium_.rigid));
+  const int m = Q.columns;
+  const Dense motion = multiply_transposed(medium_.system.B, Q); // n_in × m
+  ComplexDense rigid(6, 6), elastic(6, m - 6);
+  for (int i = 0; i < 6; ++i) {
+    const int port = ports[static_cast<std::size_t>(i)];
+    for (int j = 0; j < 6; ++j) rigid(i, j) = motion(port, j);
+    for (int j = 6; j < m; ++j) elastic(i, j - 6) = motion(port, j);
+  }
+  const ComplexDense share = solve(std::move(rigid), std::move(elastic));
+  Dense moved = Q;
+  for (int j = 6; j < m; ++j)
+    for (int i = 0; i < 6; ++i) moved(i, j) -= share(i, j - 6).real();
+  return moved;
+}
+
+ReducedModel SecondStageRun::finish() {
+  const Candidate& candidate = candidates_[best_];
+  Dense Q = candidate.basis(order_);
+  share_from_first(fom_.comm, Q.data);
+  if (frame_ == "tangent") Q = tangent(Q);
+  const DenseSystem small = medium_.system.project(Q);
+  const ErrorOverBand::Errors errors = errors_->of(small);
+
+  ReducedModel rom;
+  rom.model = small.model(fom_);
+  rom.V = combine(medium_.V, Q);
+  rom.method = method_;
+  rom.second_stage = candidate.name;
+  rom.sigma = candidate.sigma;
+  if (rom.sigma.empty()) rom.sigma = make_candidate("gramian", *stage_).sigma;
+  rom.omega = errors_->omega();
+  rom.epsilon = errors.relative;
+  rom.bound = errors.bound;
+  rom.floor = errors_->floor();
+  rom.kind = medium_.proved ? "certified" : "estimated";
+  rom.modes = eigenfrequencies(rom.model);
+  const auto bands = gramian_.bands();
+  rom.band[0] = bands.front().first;
+  rom.band[1] = bands.back().second;
+  rom.factorisations = medium_.factorisations;
+  rom.frame = frame_;
+  rom.rigid_modes = medium_.rigid;
+
+  plan_.fact(
+      "order",
+      text("m = %d of n = %lld, by %s, from %s%s", order_, static_cast<long long>(fom_.n),
+           chosen_by_.c_str(), candidate.name.c_str(),
+           candidate.remark.empty() ? "" : (" (" + candidate.remark + ")").c_str()));
+  const auto worst = std::max_element(errors.bound.begin(), errors.bound.end());
+  const double floor = *std::max_element(rom.floor.begin(), rom.floor.end());
+  plan_.fact("error",
+             text("at most %.2e over the band (%s), at %.4g Hz; rounding floor %.0e",
+                  *worst, rom.kind == "certified" ? "certified" : "estimated, not proved",
+                  rom.omega[static_cast<std::size_t>(worst - errors.bound.begin())] * hz,
+                  floor));
+  std::vector<ComplexDense> H_r;
+  const DenseResponse response(small, medium_.tau);
+  for (double omega : rom.omega) H_r.push_back(response.transfer(omega));
+  const double force = error_of_kind(rom.model, errors_->H(), H_r, 'f'),
+               moment = error_of_kind(rom.model, errors_->H(), H_r, 'm');
+  if (force >= 0 && moment >= 0) {
+    plan_.fact("by kind", text("displacement from force %.1e, rotation from moment %.1e",
+                               force, moment));
+    if (std::max(force, moment) > 10 * *worst)
+      monitor_.warn("the error of eq. (17) adds m/N and rad/(N m) and is blind for the "
+                    "smaller: see "
+                    "the line \"by kind\"; a smaller -mor_tol helps");
+  }
+  plan_.fact("reduced modes", describe_modes(rom.modes, medium_.rigid));
+  plan_.fact("reduced M, K",
+             text("smallest over largest eigenvalue %.1e, %.1e; V'MV = I to %.0e",
+                  relative_smallest_eigenvalue(rom.model.M),
+                  relative_smallest_eigenvalue(rom.model.K),
+                  medium_.loss_of_orthogonality));
+  plan_.print(monitor_);
+  return rom;
+}
+
+ReducedModel SecondStageRun::run(const SolverOptions& solver, bool mass_is_singular) {
+  const auto bands = gramian_.bands();
+  const double first = bands.front().first, last = bands.back().second;
+  const auto expansion = shifts();
+  double needed = last;
+  if (method_ == "krylov" || options_.second_stage == "krylov")
+    needed = std::max(last, *std::max_element(expansion.begin(), expansion.end()));
+  const double target = options_.medium.target > 0 ? options_.medium.target
+                        : gramian_.tolerance       ? 0.02 * *gramian_.tolerance
+                                                   : 1e-8;
+  const int wanted = method_ == "modal" ? std::max(gramian_.order, 1) : 0;
+  medium_ = medium_model(fom_, first, last, needed, wanted, mass_is_singular,
+                         options_.medium, target, solver, plan_, monitor_);
+  plan_.print(monitor_);
+  Stage timer(monitor_, "second stage");
+  frame_ = options_.frame != "auto" ? options_.frame
+           : medium_.rigid > 0      ? "buckens"
+                                    : "none";
+  if (medium_.rigid == 0 && frame_ != "none") {
+    plan_.skip("frame", "the body has no rigid modes");
+    frame_ = "none";
+  }
+  if (medium_.rigid > 0) plan_.fact("frame", frame_);
+  stage_ = std::make_unique<SecondStage>(
+      SecondStage{medium_, weights(), gramian_.port_scaling == "equal", frame_ != "none",
+                  gram(medium_), expansion, options_.moments});
+  errors_ = std::make_unique<ErrorOverBand>(medium_, error_grid(medium_));
+  choose();
+  return finish();
+}
+
+} // namespace
+
+ReducedModel reduce_two_step(const SecondOrderModel& fom, const std::string& method,
+                             const GramianOptions& gramian, const TwoStepOptions& options,
+                             const SolverOptions& solver, bool mass_is_singular,
+                             Plan& plan, Monitor& monitor) {
+  return SecondStageRun(fom, method, gramian, options, plan, monitor)
+      .run(solver, mass_is_singular);
+}
+
+} // namespace flexgram
