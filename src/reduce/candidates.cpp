@@ -75,19 +75,20 @@ struct Elastic {
   DenseResponse response;
 };
 
-/// The Gramian of all coordinates for its eigenvalues; of the elastic ones for the basis
-/// where the rigid modes are kept apart.
+/// The Gramian's eigenvalues; its eigenvectors, or where the rigid modes are kept apart those of
+/// its elastic part.
 Candidate gramian(const std::string& name, const SecondStage& stage,
                   const std::vector<BandWeight>& bands) {
   const DenseResponse response(stage.medium.system, stage.medium.tau);
-  const WeightedSvd all =
-      weighted_svd(gramian_factor(response, bands, stage.equal_ports), stage.gram);
+  const Dense F = gramian_factor(response, bands, stage.equal_ports);
+  const WeightedSvd all = weighted_svd(F, stage.gram);
   Candidate c;
   if (stage.medium.rigid > 0 && stage.keep_rigid) {
-    const Elastic e(stage);
-    const Dense F = gramian_factor(e.response, bands, stage.equal_ports);
-    c = nested(name, after_rigid(weighted_svd(F, e.gram).vectors, e.rigid, e.N),
-               e.rigid + 1);
+    const int N = F.rows, rigid = stage.medium.rigid, count = N - rigid;
+    const Dense elastic = weighted_svd(part_of(F, rigid, count, 0, F.columns),
+                                       part_of(stage.gram, rigid, count, rigid, count))
+                              .vectors;
+    c = nested(name, after_rigid(elastic, rigid, N), rigid + 1);
   } else {
     c = nested(name, all.vectors);
   }

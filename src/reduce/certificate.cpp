@@ -313,9 +313,9 @@ Certificate::Bound Certificate::at(double omega, const DenseResponse& response,
     double sum = 0;
     for (int j : columns) {
       double value = 0;
-      for (int i = 0; i < x.rows; ++i)
-        value += rounding_weights_[static_cast<std::size_t>(i)] * std::abs(x(i, j));
-      sum += std::pow(value / scale_[static_cast<std::size_t>(j)], 2);
+      for (int i = 0; i < x.rows; ++i) // roundings are random: their squares add up
+        value += std::norm(rounding_weights_[static_cast<std::size_t>(i)] * x(i, j));
+      sum += value / std::pow(scale_[static_cast<std::size_t>(j)], 2);
     }
     return std::sqrt(sum);
   };

@@ -2,6 +2,7 @@
 
 #include "base/process.hpp"
 #include "base/text.hpp"
+#include "model/rigid_body_modes.hpp"
 
 #include <algorithm>
 #include <numbers>
@@ -51,14 +52,50 @@ Block with_imaginary_part(const Block& x, const SecondOrderModel& model) {
 } // namespace
 
 struct FrequencySolves::State {
+  void separate_rigid_modes();
+  Block response(double omega, const Block& elastic) const;
+
   Monitor* monitor;
   std::unique_ptr<Groups> groups;
   RowRange world_rows;
   SecondOrderModel model;
   std::unique_ptr<ShiftedSolver> solver;
   FactorEstimate estimate;
+  Block rigid, weighted_rigid, elastic_loads; ///< Φ, MΦ, B − MΦΦᵀB of a free body
+  Dense resultants;                           ///< ΦᵀB
   double worst_backward_error = 0, target_backward_error = 0;
 };
+
+/// The response of a free body is the sum of its rigid and its elastic part. Together, the
+/// rounding of K on the rigid modes, amplified by ‖K‖/(ω²‖M‖), would spoil low frequencies; apart,
+/// the rigid part is exact. A damper to ground couples the two, so only without D.
+void FrequencySolves::State::separate_rigid_modes() {
+  elastic_loads = model.B.share();
+  if (model.D) return;
+  rigid = rigid_body_modes(model);
+  if (rigid.columns() == 0) return;
+  weighted_rigid = multiply(model.M, rigid);
+  resultants = inner(rigid, model.B);
+  elastic_loads = copy(model.B);
+  add_product(elastic_loads, -1.0, weighted_rigid, resultants);
+}
+
+Block FrequencySolves::State::response(double omega, const Block& elastic) const {
+  const Block x = model.undamped() ? elastic.share() : with_imaginary_part(elastic, model);
+  if (rigid.columns() == 0) return x.share();
+  const std::complex<double> a = model.coefficients(omega).m;
+  if (a == 0.0) throw ShiftError("a free body has no finite response at 0 Hz");
+  Block sum = copy(x);
+  add_product(sum, -1.0, rigid, inner(weighted_rigid, x));
+  Dense amplitudes(resultants.rows, static_cast<int>(x.columns()));
+  for (int j = 0; j < amplitudes.columns; ++j)
+    for (int i = 0; i < amplitudes.rows; ++i) {
+      const auto value = resultants(i, j % resultants.columns) / a;
+      amplitudes(i, j) = j < resultants.columns ? value.real() : value.imag();
+    }
+  add_product(sum, 1.0, rigid, amplitudes);
+  return sum;
+}
 
 FrequencySolves::FrequencySolves(SecondOrderModel model, const ParallelOptions& parallel,
                                  const SolverOptions& solver, int tasks,
@@ -91,6 +128,7 @@ FrequencySolves::FrequencySolves(SecondOrderModel model, const ParallelOptions& 
     s.model = move_to_group(std::move(s.model), *s.groups);
   }
   if (!s.solver) prepare();
+  s.separate_rigid_modes();
 }
 
 FrequencySolves::~FrequencySolves() = default;
@@ -116,11 +154,10 @@ void FrequencySolves::for_each(const std::vector<double>& omega, const char* wha
             const double start = now();
             s.solver->factorise(s.model.coefficients(omega[l]));
             const double factorised = now();
-            const auto solution = s.solver->solve(s.model.B);
+            const auto solution = s.solver->solve(s.elastic_loads);
             s.worst_backward_error =
                 std::max(s.worst_backward_error, solution.backward_error);
-            use(l, s.model.undamped() ? solution.x.share()
-                                      : with_imaginary_part(solution.x, s.model));
+            use(l, s.response(omega[l], solution.x));
             progress.step(text("%.4g Hz, factor %.2f s, solve %.2f s, backward "
                                "error %.0e",
                                omega[l] * hz, factorised - start, now() - factorised,
