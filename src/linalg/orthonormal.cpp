@@ -13,19 +13,28 @@ double largest_entry(const Dense& a) {
   return largest;
 }
 
-/// X ← X − V (WV)ᵀX; returns the largest coefficient that was removed.
-double remove(Block& X, const Block& V, const Block& WV) {
-  if (!V || V.columns() == 0) return 0;
-  const Dense c = inner(WV, X);
+/// X ← X − V (WV)ᵀX; returns the coefficients (WV)ᵀX.
+Dense remove(Block& X, const Block& V, const Block& WV) {
+  if (!V || V.columns() == 0) return Dense(0, static_cast<int>(X.columns()));
+  Dense c = inner(WV, X);
   add_product(X, -1.0, V, c);
-  return largest_entry(c);
+  return c;
 }
 
-std::vector<double> inverse_norms(const Dense& gram) {
-  std::vector<double> inverse;
-  for (int j = 0; j < gram.rows; ++j)
-    inverse.push_back(gram(j, j) > 0 ? 1 / std::sqrt(gram(j, j)) : 0.0);
-  return inverse;
+/// Directions of X (columns of the result) whose square in `gram` exceeds the floor, normalised;
+/// `least` is the smallest of these squares.
+Dense kept_directions(const Dense& gram, double floor, double& least) {
+  const SymmetricEigen eigen = symmetric_eigen(gram);
+  Dense keep(gram.rows, 0);
+  least = 1;
+  for (int j = gram.rows - 1; j >= 0 && eigen.values[static_cast<std::size_t>(j)] > floor;
+       --j) {
+    least = eigen.values[static_cast<std::size_t>(j)];
+    Dense direction = part_of(eigen.vectors, 0, gram.rows, j, 1);
+    for (double& x : direction.data) x /= std::sqrt(least);
+    keep = beside(keep, direction);
+  }
+  return keep;
 }
 
 } // namespace
@@ -43,48 +52,58 @@ Block InnerProduct::apply(const Block& x) const {
 
 Orthonormalised orthonormalise(Block X, const Block& V, const Block& WV,
                                const InnerProduct& product, double tolerance) {
+  Orthonormalised result;
+  const Dense inside = remove(X, V, WV);
   Block WX = product.apply(X);
-  scale_columns(X, inverse_norms(inner(X, WX))); // unit norm: tolerances are relative
-  remove(X, V, WV);
-
-  // Directions that V does not hold, from the Gram matrix; its small eigenvalues are
-  // known to 1e-16 only, so the square of the tolerance must not lie below that.
-  WX = product.apply(X);
   Dense gram = inner(X, WX);
   symmetrise(gram);
-  const SymmetricEigen eigen = symmetric_eigen(gram);
-  const double floor =
-      std::max(tolerance * tolerance, 8 * std::numeric_limits<double>::epsilon());
-  Dense keep(gram.rows, 0);
-  for (int j = gram.rows - 1; j >= 0 && eigen.values[static_cast<std::size_t>(j)] > floor;
-       --j) {
-    Dense direction = part_of(eigen.vectors, 0, gram.rows, j, 1);
-    for (double& x : direction.data)
-      x /= std::sqrt(eigen.values[static_cast<std::size_t>(j)]);
-    keep = beside(keep, direction);
+  std::vector<double> inverse; // of the norms before the removal (Pythagoras)
+  for (int j = 0; j < gram.rows; ++j) {
+    double square = std::max(gram(j, j), 0.0);
+    result.outside.push_back(std::sqrt(square));
+    for (int i = 0; i < inside.rows; ++i) square += inside(i, j) * inside(i, j);
+    inverse.push_back(square > 0 ? 1 / std::sqrt(square) : 0.0);
   }
+  for (int j = 0; j < gram.rows; ++j)
+    for (int i = 0; i < gram.rows; ++i)
+      gram(i, j) *=
+          inverse[static_cast<std::size_t>(i)] * inverse[static_cast<std::size_t>(j)];
+
+  // Small eigenvalues of a Gram matrix are known to 1e-16 of the largest only.
+  const double epsilon = std::numeric_limits<double>::epsilon();
+  double least = 1;
+  Dense keep = kept_directions(gram, std::max(tolerance * tolerance, 8 * epsilon), least);
+  for (int j = 0; j < keep.columns; ++j)
+    for (int i = 0; i < keep.rows; ++i) keep(i, j) *= inverse[static_cast<std::size_t>(i)];
   share_from_first(X.comm(), keep.data);
   X = combine(X, keep);
-  if (keep.columns == 0)
-    return {std::move(X), Block(WX.comm(), WX.local_rows(), WX.rows(), 0)};
+  WX = combine(WX, keep);
 
-  for (int pass = 0; pass < 4; ++pass) {
-    const double removed = remove(X, V, WV);
-    WX = product.apply(X);
+  // What was magnified much is multiplied anew; what is nearly right is corrected.
+  bool anew = least < 1e-6;
+  for (int pass = 0; keep.columns > 0 && pass < 4; ++pass) {
+    const Dense removed = remove(X, V, WV);
+    if (anew)
+      WX = product.apply(X);
+    else if (removed.rows > 0)
+      add_product(WX, -1.0, WV, removed); // W V, as V was removed from X
     Dense l = inner(X, WX);
     symmetrise(l);
     Dense distance = l;
     for (int j = 0; j < l.rows; ++j) distance(j, j) -= 1;
     if (cholesky(l) != 0)
-      throw Error(
-          "orthonormalisation failed: the inner product is not positive on the basis");
-    Dense inverse = identity(l.rows);
-    solve_right_transposed(l, inverse); // I L⁻ᵀ
-    X = combine(X, inverse);
-    WX = combine(WX, inverse);
-    if (removed < 1e-13 && largest_entry(distance) < 1e-10) break;
+      throw Error("orthonormalisation failed: the inner product is not positive on the basis");
+    Dense correction = identity(l.rows);
+    solve_right_transposed(l, correction); // I L⁻ᵀ
+    X = combine(X, correction);
+    WX = combine(WX, correction);
+    // The next pass would remove the square of this one: rounding.
+    if (largest_entry(removed) < 1e-8 && largest_entry(distance) < 1e-7) break;
+    anew = true;
   }
-  return {std::move(X), std::move(WX)};
+  result.vectors = std::move(X);
+  result.weighted = std::move(WX);
+  return result;
 }
 
 double loss_of_orthogonality(const Block& V, const Block& WV) {

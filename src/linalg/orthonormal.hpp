@@ -12,9 +12,10 @@ struct InnerProduct {
   Block apply(const Block& x) const; ///< W X
 };
 
-/// New basis vectors and W times them.
+/// New basis vectors, W times them, and the norm of what each given column had outside V.
 struct Orthonormalised {
   Block vectors, weighted;
+  std::vector<double> outside;
 };
 
 /// An orthonormal basis of what X adds to span V: W-orthonormal, and W-orthogonal to V.

@@ -64,10 +64,33 @@ Block rigid_motions(const SecondOrderModel& model) {
 
 } // namespace
 
-Block rigid_body_modes(const SecondOrderModel& model) {
+bool has_coordinates(const SecondOrderModel& model) {
   const auto missing =
       static_cast<std::int64_t>(model.position.empty() && model.rows.size() > 0);
-  if (sum_over(model.comm, missing) > 0) return Block(model.comm, model.rows, model.n, 0);
+  return sum_over(model.comm, missing) == 0;
+}
+
+Block null_space_modes(const SecondOrderModel& model, SolverOptions options) {
+  options.precision = "double";
+  options.mumps.cntl.try_emplace(3, 1e-13);
+  ShiftedSolver solver(model.K, model.M, nullptr, model.node, options);
+  solver.count_pivots(true);
+  solver.factorise({1.0, -rigid_threshold(model), 0.0});
+  const int count = solver.negative_pivots();
+  Block x(model.comm, model.rows, model.n, 0);
+  if (count == 0) return x;
+  const InnerProduct mass{model.M, model.K, 0};
+  const Block none;
+  x = multiply(model.M, random_block(x, count, 1));
+  for (int step = 0; step < 4; ++step) { // each divides the rest by λ_1/s₀
+    x = orthonormalise(solver.solve(x).x, none, none, mass, 1e-12).vectors;
+    if (step < 3) x = multiply(model.M, x);
+  }
+  return x;
+}
+
+Block rigid_body_modes(const SecondOrderModel& model) {
+  if (!has_coordinates(model)) return Block(model.comm, model.rows, model.n, 0);
   const InnerProduct mass{model.M, model.K, 0};
   const Block none;
   const Block motions =

@@ -65,39 +65,26 @@ void scale_columns(ComplexDense& a, const std::vector<double>& factors) {
     for (int i = 0; i < a.rows; ++i) a(i, j) *= factors[static_cast<std::size_t>(j)];
 }
 
-/// Coordinates of [P B, P K V, P D V] in an orthonormal basis of their (scaled) columns:
-/// the columns are S Q (Λ^½Qᵀ) with SᵀS from the Gram matrix, to half the digits, which
-/// is enough: the error is the square of a residual.
+/// An orthonormal basis of the columns of S: S combination, and the columns in it, from SᵀS. Half
+/// the digits, which is enough: the error is the square of a residual.
 struct Coordinates {
-  Dense combination; ///< q×r: the orthonormal basis is S combination
+  Dense combination; ///< q×r
   Dense of_columns;  ///< r×q
 };
-Coordinates coordinates(const std::vector<const Block*>& parts) {
-  int q = 0;
-  std::vector<int> start;
-  for (const Block* part : parts) {
-    start.push_back(q);
-    q += static_cast<int>(part->columns());
-  }
-  Dense gram(q, q);
-  for (std::size_t a = 0; a < parts.size(); ++a)
-    for (std::size_t b = a; b < parts.size(); ++b) {
-      const Dense g = inner(*parts[a], *parts[b]);
-      set_part(gram, start[a], start[b], g);
-      set_part(gram, start[b], start[a], transpose(g));
-    }
+Coordinates coordinates(const Block& S) {
+  const int q = static_cast<int>(S.columns());
+  Dense gram = inner(S, S);
   symmetrise(gram);
   std::vector<double> size;
   for (int j = 0; j < q; ++j) size.push_back(std::sqrt(std::max(gram(j, j), 0.0)));
   for (int j = 0; j < q; ++j)
     for (int i = 0; i < q; ++i) {
-      const double d =
-          size[static_cast<std::size_t>(i)] * size[static_cast<std::size_t>(j)];
+      const double d = size[static_cast<std::size_t>(i)] * size[static_cast<std::size_t>(j)];
       gram(i, j) = d > 0 ? gram(i, j) / d : 0.0;
     }
   SymmetricEigen eigen = symmetric_eigen(gram);
-  share_from_first(parts[0]->comm(), eigen.values);
-  share_from_first(parts[0]->comm(), eigen.vectors.data);
+  share_from_first(S.comm(), eigen.values);
+  share_from_first(S.comm(), eigen.vectors.data);
   int r = 0;
   while (r < q && eigen.values[static_cast<std::size_t>(q - 1 - r)] >
                       1e-15 * q * eigen.values.back())
@@ -112,11 +99,6 @@ Coordinates coordinates(const std::vector<const Block*>& parts) {
     }
   }
   return c;
-}
-
-/// Part coordinates times the modal coordinates U.
-Dense in_modal(const Dense& of_columns, int first, const Dense& U) {
-  return multiply(part_of(of_columns, 0, of_columns.rows, first, U.rows), U);
 }
 
 /// ports − (a_k − κ a_m) K x − iω D x
@@ -137,26 +119,30 @@ ComplexDense residual_of(const Dense& ports, const Dense& K, const Dense& D, dou
 
 } // namespace
 
-ResidualBasis residual_basis(const MediumSpace& space, const DenseResponse& response,
+ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
                              const std::vector<double>& samples, int modes, int most) {
   const bool damped = response.system().has_extra_damping();
-  const int p = response.system().B.columns, N = space.columns();
-  std::vector<const Block*> parts{&space.residual_ports(), &space.residual_K()};
-  if (damped) parts.push_back(&space.residual_D());
-  const Coordinates c = coordinates(parts);
+  const int p = response.system().B.columns;
+  const MediumSpace::Residual& parts = space.residual();
+  const Coordinates c = coordinates(parts.S);
   const int r = c.of_columns.rows;
   ResidualBasis basis;
-  basis.ports = part_of(c.of_columns, 0, r, 0, p);
-  basis.K = in_modal(c.of_columns, p, response.U());
-  if (damped) {
-    basis.D = in_modal(c.of_columns, p + N, response.U());
-    basis.damped_modes = part_of(c.of_columns, 0, r, p + N, modes);
-  }
-
   if (r == 0) {
     basis.T = Block(space.V().comm(), space.V().local_rows(), space.V().rows(), 0);
     return basis;
   }
+  const Dense of_K = multiply(c.of_columns, parts.K);
+  const Dense of_D = damped ? multiply(c.of_columns, parts.D) : Dense();
+  basis.ports = multiply(c.of_columns, parts.B);
+  basis.K = multiply(of_K, response.U());
+  if (damped) {
+    basis.D = multiply(of_D, response.U());
+    basis.damped_modes = first_columns(basis.D, modes);
+    for (int j = 0; j < modes; ++j) // U is normalised in K + τM, modes in M
+      for (int i = 0; i < r; ++i)
+        basis.damped_modes(i, j) /= std::sqrt(response.mu()[static_cast<std::size_t>(j)]);
+  }
+
   // What the residuals are made of over the band, each frequency relative to its
   // response.
   const int damped_columns = basis.damped_modes.columns;
@@ -206,27 +192,22 @@ ResidualBasis residual_basis(const MediumSpace& space, const DenseResponse& resp
   turn(basis.K);
   turn(basis.D);
   turn(basis.damped_modes);
-  const Dense q = multiply(c.combination, u);
-  int first = 0;
-  basis.T = Block(space.V().comm(), space.V().local_rows(), space.V().rows(), k);
-  for (const Block* part : parts) {
-    const int count = static_cast<int>(part->columns());
-    add_product(basis.T, 1.0, *part, part_of(q, first, count, 0, k));
-    first += count;
-  }
+  basis.T = combine(parts.S, multiply(c.combination, u));
+  if (basis.complete)
+    space.compress_residual({copy(basis.T), basis.ports, multiply_transposed(u, of_K),
+                             damped ? multiply_transposed(u, of_D) : Dense()});
   space.unscale(basis.T);
   return basis;
 }
 
 Certificate::Certificate(const MediumSpace& space, const DenseResponse& response,
-                         ResidualBasis basis, const Dense& gram, const FoundModes& modes,
-                         double cutoff, std::vector<int> inputs, std::vector<int> outputs,
+                         ResidualBasis basis, const Dense& gram, int modes, double cutoff,
+                         std::vector<int> inputs, std::vector<int> outputs,
                          std::vector<double> scale)
     : tau_(space.tau()), kappa_(space.kappa()), cutoff_squared_(cutoff * cutoff),
       rounding_(space.rounding()), remainder_(basis.remainder),
       same_ports_(inputs == outputs), inputs_(std::move(inputs)),
-      outputs_(std::move(outputs)), scale_(std::move(scale)), mode_lambda_(modes.lambda),
-      mode_angle_(modes.angle), rigid_(space.rigid()) {
+      outputs_(std::move(outputs)), scale_(std::move(scale)) {
   // Coordinates in which the Gram matrix is the identity: Γ = FᵀF.
   const SymmetricEigen eigen = symmetric_eigen(gram);
   Dense F = transpose(eigen.vectors);
@@ -240,11 +221,28 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
   K_ = turned(basis.K);
   D_ = turned(basis.D);
   coupling_ = turned(basis.damped_modes);
-  if (!coupling_.data.empty()) {
-    const int count = coupling_.columns;
-    mode_damping_ = part_of(space.D(), 0, count, 0, count);
-  }
   const Dense& U = response.U();
+  if (!coupling_.data.empty()) {
+    const Dense Phi = first_columns(U, modes);
+    mode_damping_ = multiply_transposed(Phi, multiply(space.D(), Phi));
+    for (int j = 0; j < modes; ++j)
+      for (int i = 0; i < modes; ++i)
+        mode_damping_(i, j) /= std::sqrt(response.mu()[static_cast<std::size_t>(i)] *
+                                         response.mu()[static_cast<std::size_t>(j)]);
+  }
+  if (space.rigid() > 0) {
+    rigid_ = part_of(U, 0, space.rigid(), 0, U.columns);
+    neglected_ = multiply(space.neglected(), U);
+  }
+  for (int j = 0; j < modes; ++j) {
+    const double lambda = response.lambda()[static_cast<std::size_t>(j)];
+    double square = 0;
+    for (int i = 0; i < K_.rows; ++i) square += K_(i, j) * K_(i, j);
+    mode_lambda_.push_back(lambda);
+    mode_angle_.push_back(j < space.rigid() ? 0.0
+                                            : std::sqrt(square) * (cutoff_squared_ + tau_) /
+                                                  (cutoff_squared_ - lambda));
+  }
   for (int j = 0; j < U.columns; ++j) {
     double square = 0;
     for (int i = 0; i < U.rows; ++i)
@@ -254,15 +252,18 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
   }
 }
 
+double Certificate::worst_angle() const {
+  return mode_angle_.empty() ? 0.0
+                             : *std::max_element(mode_angle_.begin(), mode_angle_.end());
+}
+
 double Certificate::damping_coupling(double omega, const DenseSystem& system) const {
   const int count = coupling_.columns;
   const ShiftCoefficients c = system.coefficients(omega);
   ComplexDense A(count, count), right(count, coupling_.rows);
   for (std::size_t i = 0; i < A.data.size(); ++i) A.data[i] = c.d * mode_damping_.data[i];
   for (int i = 0; i < count; ++i)
-    A(i, i) +=
-        c.k * (i < rigid_ ? 0.0 : mode_lambda_[static_cast<std::size_t>(i - rigid_)]) +
-        c.m;
+    A(i, i) += c.k * mode_lambda_[static_cast<std::size_t>(i)] + c.m;
   for (int j = 0; j < right.columns; ++j)
     for (int i = 0; i < count; ++i) right(i, j) = coupling_(j, i);
   return omega * omega * frobenius_norm(multiply(coupling_, solve(std::move(A), right)));
@@ -291,8 +292,9 @@ Certificate::Bound Certificate::at(double omega, const DenseResponse& response,
   double leak = 0;
   for (std::size_t j = 0; j < mode_lambda_.size(); ++j) {
     const double a = std::abs(c.k * mode_lambda_[j] + c.m);
-    leak += mode_angle_[j] * mode_angle_[j] *
-            (a > 0 ? (mode_lambda_[j] + tau_) / a : infinity);
+    if (mode_angle_[j] > 0)
+      leak += mode_angle_[j] * mode_angle_[j] *
+              (a > 0 ? (mode_lambda_[j] + tau_) / a : infinity);
   }
   if (!system.has_extra_damping()) {
     const double q = largest_distance(c.k, c.m, tau_, cutoff_squared_, 0.0);
@@ -320,6 +322,15 @@ Certificate::Bound Certificate::at(double omega, const DenseResponse& response,
     return std::sqrt(sum);
   };
   bound.floor = 4 * rounding_ * rounded(inputs_) * rounded(outputs_);
+  if (rigid_.rows > 0) { // X_CᵀδK X_B
+    ComplexDense motion = multiply(rigid_, x), force = multiply(neglected_, x);
+    scale_columns(motion, unscale);
+    scale_columns(force, unscale);
+    bound.floor += frobenius_norm(columns_of(motion, outputs_)) *
+                       frobenius_norm(columns_of(force, inputs_)) +
+                   frobenius_norm(columns_of(force, outputs_)) *
+                       frobenius_norm(columns_of(motion, inputs_));
+  }
   return bound;
 }
 

@@ -2,7 +2,6 @@
 
 #include "reduce/dense_system.hpp"
 #include "reduce/medium_space.hpp"
-#include "reduce/mode_search.hpp"
 
 namespace flexgram {
 
@@ -18,9 +17,10 @@ struct ResidualBasis {
 };
 
 /// @param samples      [rad/s] where residuals are looked at.
-/// @param modes        number of columns of V that are modes (rigid ones included).
+/// @param modes        number of modes below ω_c, rigid ones included: the first columns of U.
 /// @param most         at most so many columns.
-ResidualBasis residual_basis(const MediumSpace& space, const DenseResponse& response,
+/// @note If T holds everything, the space's own residual parts are replaced by it.
+ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
                              const std::vector<double>& samples, int modes, int most);
 
 /// The error of the Galerkin model on a space V that holds all modes Φ below ω_c,
@@ -43,17 +43,20 @@ public:
   };
 
   Certificate() = default;
-  /// @param gram  Tᵀ(K + τM)⁻¹T.
+  /// @param gram   Tᵀ(K + τM)⁻¹T.
+  /// @param modes  number of modes below the cutoff, the rigid ones included.
   /// @param inputs, outputs  columns of the ports that are inputs and outputs, and
   /// `scale`
   ///                         of each port.
   Certificate(const MediumSpace& space, const DenseResponse& response,
-              ResidualBasis basis, const Dense& gram, const FoundModes& modes,
+              ResidualBasis basis, const Dense& gram, int modes,
               double cutoff, std::vector<int> inputs, std::vector<int> outputs,
               std::vector<double> scale);
 
   /// @param x  the response at omega in modal coordinates, N × ports.
   Bound at(double omega, const DenseResponse& response, const ComplexDense& x) const;
+  /// Largest sine of the angle between a mode below the cutoff and the space.
+  double worst_angle() const;
 
 private:
   double damping_coupling(double omega, const DenseSystem& system) const;
@@ -63,9 +66,9 @@ private:
   std::vector<int> inputs_, outputs_;
   std::vector<double> scale_, rounding_weights_, mode_lambda_, mode_angle_;
   Dense ports_, K_, D_; ///< in coordinates where the Gram matrix is the identity
+  Dense rigid_, neglected_; ///< rigid rows of U; stiffness to the others that was set to zero
   Dense coupling_;      ///< G = coupling_ᵀ coupling_
   Dense mode_damping_;  ///< ΦᵀDΦ of all modes, rigid first
-  int rigid_ = 0;
 };
 
 } // namespace flexgram

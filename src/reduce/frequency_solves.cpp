@@ -52,7 +52,7 @@ Block with_imaginary_part(const Block& x, const SecondOrderModel& model) {
 } // namespace
 
 struct FrequencySolves::State {
-  void separate_rigid_modes();
+  void separate_rigid_modes(const SolverOptions& options);
   Block response(double omega, const Block& elastic) const;
 
   Monitor* monitor;
@@ -69,10 +69,10 @@ struct FrequencySolves::State {
 /// The response of a free body is the sum of its rigid and its elastic part. Together, the
 /// rounding of K on the rigid modes, amplified by ‖K‖/(ω²‖M‖), would spoil low frequencies; apart,
 /// the rigid part is exact. A damper to ground couples the two, so only without D.
-void FrequencySolves::State::separate_rigid_modes() {
+void FrequencySolves::State::separate_rigid_modes(const SolverOptions& options) {
   elastic_loads = model.B.share();
   if (model.D) return;
-  rigid = rigid_body_modes(model);
+  rigid = has_coordinates(model) ? rigid_body_modes(model) : null_space_modes(model, options);
   if (rigid.columns() == 0) return;
   weighted_rigid = multiply(model.M, rigid);
   resultants = inner(rigid, model.B);
@@ -128,7 +128,7 @@ FrequencySolves::FrequencySolves(SecondOrderModel model, const ParallelOptions& 
     s.model = move_to_group(std::move(s.model), *s.groups);
   }
   if (!s.solver) prepare();
-  s.separate_rigid_modes();
+  s.separate_rigid_modes(solver);
 }
 
 FrequencySolves::~FrequencySolves() = default;

@@ -3,6 +3,7 @@
 #include "base/process.hpp"
 #include "base/text.hpp"
 #include "model/rigid_body_modes.hpp"
+#include "reduce/mode_search.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -37,25 +38,22 @@ void MediumOptions::check() const {
 }
 
 std::vector<double> band_grid(double first, double last, int count,
-                              const std::vector<double>& lambda, const Damping& damping) {
+                              const std::vector<Resonance>& resonances) {
   std::vector<double> grid{first, last};
   for (int l = 0; l < count; ++l) {
     const double t = (l + 0.5) / count;
     grid.push_back(first + t * (last - first));
     if (l % 3 == 0 && last > first)
-      grid.push_back(std::exp(std::log(std::max(first, 1e-4 * last)) * (1 - t) +
-                              std::log(last) * t));
+      grid.push_back(
+          std::exp(std::log(std::max(first, 1e-4 * last)) * (1 - t) + std::log(last) * t));
   }
-  for (double l : lambda) {
-    const double omega = std::sqrt(std::max(l, 0.0));
-    const double width = std::max(
-        0.5 * (damping.alpha + damping.beta * l + damping.eta * omega), 1e-6 * omega);
+  for (const auto& [omega, half_width] : resonances)
     for (const double offset : {-3.0, -1.0, 0.0, 1.0, 3.0}) {
-      // An undamped body has no response at its resonance, so beside it.
-      const double at = omega + (offset == 0 ? 1e-3 : offset) * width;
+      const bool damped = half_width > 1e-5 * omega;
+      if (offset == 0 && !damped) continue;
+      const double at = omega + offset * (damped ? half_width : 1e-4 * omega);
       if (at > first && at < last) grid.push_back(at);
     }
-  }
   std::sort(grid.begin(), grid.end());
   grid.erase(std::unique(grid.begin(), grid.end()), grid.end());
   return grid;
@@ -106,8 +104,8 @@ private:
   void find_rigid_modes();
   Block start(double omega, int modes_wanted, bool mass_is_singular);
   void scale_ports(Block& response);
-  void search_modes(int expected);
-  double allowed_angle(double lambda, int expected) const;
+  void search_modes();
+  std::vector<Resonance> resonances() const;
   void factorise_norm();
   void certify(int most_columns);
   double worst_bound();
@@ -121,9 +119,8 @@ private:
   ShiftedSolver solver_;
   Block rigid_modes_, loads_, ports_; ///< all ports, scaled; the second self-equilibrated
   int geometric_ = 0, expected_ = 0;
-  double threshold_ = 0, first_ = 0, last_ = 0;
+  double threshold_ = 0;
   bool modes_exact_ = false; ///< the modes themselves are the result
-  FoundModes modes_;
   std::unique_ptr<MediumSpace> space_;
   MediumModel model_;
   std::vector<double> grid_;
@@ -206,53 +203,57 @@ void MediumBuilder::scale_ports(Block& response) {
   for (Block* block : {&loads_, &ports_, &response}) scale_columns(*block, model_.scale_);
 }
 
-/// An angle θ lets θ² (λ + τ)/|a(ω)| times the residual through to the mode's resonance:
-/// all modes together may raise the bound by a tenth.
-double MediumBuilder::allowed_angle(double lambda, int expected) const {
-  double least = HUGE_VAL; // |a(ω)| over the band
-  const double own = std::sqrt(std::max(lambda, 0.0));
-  for (double omega : {first_, last_, std::clamp(own, first_, last_)}) {
-    const ShiftCoefficients c = fom_.coefficients(omega);
-    least = std::min(least, std::abs(c.k * lambda + c.m));
-  }
-  return std::clamp(std::sqrt(0.1 / expected * least / (std::abs(lambda) + model_.tau)),
-                    1e-7, modes_exact_ ? 1e-6 : 1e-2);
-}
-
-void MediumBuilder::search_modes(int expected) {
-  if (expected > 0) {
+/// All modes below the cutoff into the space; those without stiffness are rigid.
+void MediumBuilder::search_modes() {
+  int solves = 0;
+  if (expected_ > 0) {
     Stage stage(monitor_, "modes");
-    modes_ = find_modes(
-        *space_, solver_, model_.cutoff * model_.cutoff, expected,
-        [&](double lambda) { return allowed_angle(lambda, expected); }, monitor_);
-    model_.solved_columns += modes_.solves;
+    solves = find_modes(*space_, solver_, model_.cutoff * model_.cutoff, expected_,
+                        modes_exact_ ? 1e-5 : 0.3, threshold_, monitor_);
+    model_.solved_columns += solves;
+    const RitzPairs pairs = ritz_pairs(*space_);
+    if (pairs.lambda.front() < -threshold_)
+      throw Error(text("K has a negative eigenvalue (%.3g rad²/s² of the pencil K, M): it must be "
+                       "positive semidefinite (a buckled state, or K and M swapped?)",
+                       pairs.lambda.front()));
     int null = 0;
-    while (null < expected && modes_.lambda[static_cast<std::size_t>(null)] <= threshold_)
-      ++null;
-    if (null > 0 && modes_.lambda.front() < -threshold_)
-      throw Error(text(
-          "K has a negative eigenvalue (%.3g rad²/s² of the pencil K, M): it must be "
-          "positive semidefinite (a buckled state, or K and M swapped?)",
-          modes_.lambda.front()));
+    while (null < expected_ && pairs.lambda[static_cast<std::size_t>(null)] <= threshold_) ++null;
     if (null > 0) {
-      space_->set_rigid(space_->rigid() + null);
-      modes_.lambda.erase(modes_.lambda.begin(), modes_.lambda.begin() + null);
-      modes_.angle.erase(modes_.angle.begin(), modes_.angle.begin() + null);
+      const int rigid = space_->rigid();
+      Dense Q = identity(space_->columns());
+      set_part(Q, 0, rigid, orthonormal_columns(pairs.vectors));
+      space_->rotate_to_rigid(Q, rigid + null);
+      expected_ -= null;
     }
   }
   model_.rigid = space_->rigid();
-  model_.lambda = modes_.lambda;
-  std::string words = text("%zu elastic below the cutoff of %.4g Hz, counted by inertia",
-                           model_.lambda.size(), model_.cutoff * hz);
-  if (expected > 0)
-    words += text(", all found (%d solves beside the ports)", modes_.solves);
+  std::string words = text("%d elastic below the cutoff of %.4g Hz, counted by inertia",
+                           expected_, model_.cutoff * hz);
+  if (expected_ > 0) words += text(", all found (%d solves beside the ports)", solves);
   plan_.fact("modes", words);
-  plan_.fact("rigid modes",
-             model_.rigid == 0
-                 ? "none"
-                 : text("%d, %s, taken out analytically", model_.rigid,
-                        model_.rigid == geometric_ ? "from the geometry"
-                                                   : "from the null space of K"));
+  plan_.fact("rigid modes", model_.rigid == 0
+                                ? "none"
+                                : text("%d, %s, taken out analytically", model_.rigid,
+                                       model_.rigid == geometric_
+                                           ? "from the geometry"
+                                           : "from the null space of K"));
+}
+
+std::vector<Resonance> MediumBuilder::resonances() const {
+  const RitzPairs pairs = ritz_pairs(*space_);
+  std::vector<Resonance> result;
+  for (int j = 0; j < expected_; ++j) {
+    const double l = std::max(pairs.lambda[static_cast<std::size_t>(j)], 0.0),
+                 omega = std::sqrt(l);
+    double d = fom_.damping.alpha + fom_.damping.beta * l + fom_.damping.eta * omega;
+    if (fom_.D) {
+      const Dense u = part_of(pairs.vectors, 0, pairs.vectors.rows, j, 1);
+      d += multiply_transposed(u, multiply(space_->D(), u))(0, 0) /
+           multiply_transposed(u, multiply(space_->M(), u))(0, 0);
+    }
+    result.push_back({omega, 0.5 * d});
+  }
+  return result;
 }
 
 void MediumBuilder::factorise_norm() {
@@ -299,20 +300,22 @@ void MediumBuilder::certify(int most_columns) {
   const std::size_t step = std::max<std::size_t>(1, grid_.size() / 24);
   for (std::size_t l = 0; l < grid_.size(); l += step) samples.push_back(grid_[l]);
 
-  const int modes = space_->rigid() + static_cast<int>(modes_.lambda.size());
+  const int modes = space_->rigid() + expected_;
+  model_.lambda.assign(model_.response_->lambda().begin() + space_->rigid(),
+                       model_.response_->lambda().begin() + modes);
   ResidualBasis basis =
       residual_basis(*space_, *model_.response_, samples, modes, most_columns);
   complete_ = basis.complete;
   Dense gram;
   image_ = Block();
   if (basis.T.columns() > 0) {
-    image_ = solver_.solve(basis.T).x;
+    image_ = solver_.solve(basis.T, ShiftedSolver::Verify::first_column).x;
     model_.solved_columns += static_cast<int>(basis.T.columns());
     gram = inner(basis.T, image_);
     symmetrise(gram);
   }
   model_.certificate_ =
-      Certificate(*space_, *model_.response_, std::move(basis), gram, modes_,
+      Certificate(*space_, *model_.response_, std::move(basis), gram, modes,
                   model_.cutoff, model_.inputs_, model_.outputs_, model_.scale_);
   model_.worst = worst_bound();
 }
@@ -334,7 +337,7 @@ void MediumBuilder::grow(double target) {
     certify(usual);
     if (!complete_ && model_.worst <= target) certify(space_->columns() * 3);
     monitor_.detail(
-        text("  krylov: order %d, certified %.2e", space_->columns(), model_.worst));
+        text("  krylov: order %d, certified %.2e, modes within %.0e", space_->columns(), model_.worst, model_.certificate_.worst_angle()));
     if (complete_ && model_.worst <= target) return;
     stalled = model_.worst > 0.5 * previous ? stalled + 1 : 0;
     previous = std::min(previous, model_.worst);
@@ -346,7 +349,9 @@ void MediumBuilder::grow(double target) {
       end_ = text("the largest order of the medium model, %d, is reached", limit);
       break;
     }
-    if (space_->append(std::move(image_), 1e-7) == 0) {
+    const int before = space_->columns();
+    space_->append(std::move(image_), 1e-7);
+    if (space_->columns() == before) {
       end_ = "the solves add nothing new to the space";
       break;
     }
@@ -386,8 +391,6 @@ MediumModel MediumBuilder::build(double first, double last, double last_needed,
   double reference = std::max(last, last_needed);
   if (reference == 0) reference = std::sqrt(1e-9 * eigenvalue_scale(fom_)); // statics
   model_.tau = 0.25 * reference * reference;
-  first_ = first;
-  last_ = std::max(last, last_needed);
   modes_exact_ = modes_wanted > 0;
   {
     Stage stage(monitor_, "cutoff");
@@ -401,7 +404,7 @@ MediumModel MediumBuilder::build(double first, double last, double last_needed,
     space_->start_with_rigid_modes(std::move(rigid_modes_));
     space_->append(std::move(response), 1e-7);
   }
-  search_modes(expected_);
+  search_modes();
   if (first == 0 && model_.rigid > 0)
     throw Error("the band starts at 0 Hz, where a free body has no finite response: "
                 "-mor_band_hz must start above");
@@ -409,8 +412,7 @@ MediumModel MediumBuilder::build(double first, double last, double last_needed,
     Stage stage(monitor_, "norm");
     factorise_norm();
   }
-  grid_ = band_grid(first, last_needed > last ? last_needed : last, 120, model_.lambda,
-                    fom_.damping);
+  grid_ = band_grid(first, std::max(last, last_needed), 120, resonances());
   grow(target);
   report(target);
   model_.loss_of_orthogonality = loss_of_orthogonality(space_->V(), space_->WV());
@@ -428,6 +430,7 @@ MediumModel MediumBuilder::build(double first, double last, double last_needed,
   model_.system.B = std::move(B);
   model_.system.C = std::move(C);
   model_.system.outputs_are_inputs = fom_.outputs_are_inputs;
+  model_.resonances = resonances();
   model_.V = space_->V().share();
   return std::move(model_);
 }

@@ -17,6 +17,11 @@ struct MediumOptions {
   void check() const;
 };
 
+/// An eigenfrequency and half the width of its peak, both [rad/s].
+struct Resonance {
+  double omega, half_width;
+};
+
 /// A Galerkin model of some ten times the final order, and the proof of its error over
 /// the band: what every small model is measured against.
 class MediumModel {
@@ -29,6 +34,7 @@ public:
 
   Block V;            ///< n × N, W-orthonormal: rigid modes, modes, Krylov vectors
   DenseSystem system; ///< with the body's inputs and outputs, in their units
+  std::vector<Resonance> resonances; ///< of these modes
   std::vector<double> lambda; ///< [rad²/s²] elastic modes below the cutoff, all of them
   int rigid = 0;
   double cutoff = 0; ///< ω_c [rad/s]
@@ -46,10 +52,11 @@ private:
   std::vector<double> scale_;
 };
 
-/// Frequencies that show the band: evenly spread in ω and in ln ω, both ends, and on and
-/// beside every resonance. [rad/s], ascending.
+/// Frequencies that show the band: evenly spread in ω and in ln ω, both ends, and on and beside
+/// every resonance (of an undamped one not closer than 1e-4: there is no response on it).
+/// [rad/s], ascending.
 std::vector<double> band_grid(double first, double last, int count,
-                              const std::vector<double>& lambda, const Damping& damping);
+                              const std::vector<Resonance>& resonances);
 
 /// Builds the medium model:
 ///  1. K − ω_c²M = LDLᵀ: its inertia counts the modes below ω_c, its solves find them

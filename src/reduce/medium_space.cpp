@@ -48,21 +48,16 @@ void MediumSpace::start_with_rigid_modes(Block Phi) {
   if (count == 0) return;
   WV_ = multiply(fom_.M, Phi);
   V_ = std::move(Phi);
+  KV_ = Block(V_.comm(), V_.local_rows(), V_.rows(), count); // zero
   K_ = Dense(count, count);
+  neglected_ = Dense(count, count);
   if (fom_.D) {
-    D_ = inner(V_, multiply(fom_.D, V_));
+    DV_ = multiply(fom_.D, V_);
+    D_ = inner(V_, DV_);
     symmetrise(D_);
   }
   g_.assign(static_cast<std::size_t>(count), 0.0);
   rigid_ = count;
-}
-
-void MediumSpace::set_rigid(int count) {
-  rigid_ = count;
-  for (int j = 0; j < columns(); ++j)
-    for (int i = 0; i < columns(); ++i)
-      if (i < count || j < count) K_(i, j) = 0;
-  std::fill_n(g_.begin(), count, 0.0);
 }
 
 void MediumSpace::extend_projection(const Block& X, const Block& KX, const Block& DX) {
@@ -79,6 +74,7 @@ void MediumSpace::extend_projection(const Block& X, const Block& KX, const Block
   for (double s : squares) g_.push_back(std::sqrt(s));
 
   Dense columns = inner(V_, KX);
+  neglected_ = beside(neglected_, part_of(columns, 0, rigid_, 0, k));
   for (int j = 0; j < k; ++j) {
     for (int i = 0; i < rigid_; ++i) columns(i, j) = 0;
     for (int i = 0; i < j; ++i) {
@@ -93,76 +89,105 @@ void MediumSpace::extend_projection(const Block& X, const Block& KX, const Block
   if (DX) D_ = grown(D_, inner(V_, DX));
 }
 
-int MediumSpace::append(Block X, double tolerance) {
+std::vector<double> MediumSpace::append(Block X, double tolerance) {
   Orthonormalised added = orthonormalise(std::move(X), V_, WV_, product_, tolerance);
   const int k = static_cast<int>(added.vectors.columns());
-  if (k == 0) return 0;
+  if (k == 0) return std::move(added.outside);
   V_ = concatenate(V_, added.vectors);
   WV_ = concatenate(WV_, added.weighted);
   Block KX = multiply(fom_.K, added.vectors), DX;
   if (fom_.D) DX = multiply(fom_.D, added.vectors);
   extend_projection(added.vectors, KX, DX);
-  if (!tracks_) return k;
-
-  // The old parts lose what the new vectors take out of them, then the new parts join.
-  const int old = columns() - k;
-  const auto new_rows = [&](const Dense& projected) { // XᵀKV of the old V
-    return part_of(projected, old, k, 0, old);
-  };
-  Block weighted = copy(added.weighted);
-  scale(weighted);
-  add_product(residual_B_, -1.0, weighted, inner(added.vectors, ports_));
-  add_product(residual_K_, -1.0, weighted, new_rows(K_));
-  residual_K_ = concatenate(residual_K_, outside(std::move(KX), K_, old));
-  if (fom_.D) {
-    add_product(residual_D_, -1.0, weighted, new_rows(D_));
-    residual_D_ = concatenate(residual_D_, outside(std::move(DX), D_, old));
+  if (!tracks_) {
+    KV_ = concatenate(KV_, KX);
+    if (fom_.D) DV_ = concatenate(DV_, DX);
+    return std::move(added.outside);
   }
-  return k;
-}
 
-Block MediumSpace::outside(Block image, const Dense& projected, int first) const {
-  add_product(image, -1.0, WV_,
-              part_of(projected, 0, columns(), first, columns() - first));
-  scale(image);
-  return image;
+  // S loses what the new vectors take out of it; their own parts join.
+  const int old = columns() - k, width = static_cast<int>(residual_.S.columns());
+  Block dual = std::move(added.vectors), weighted = copy(added.weighted);
+  unscale(dual); // S is scaled: Xᵀ(unscaled S) = (D^½X)ᵀS
+  scale(weighted);
+  add_product(residual_.S, -1.0, weighted, inner(dual, residual_.S));
+  const auto join = [&](Block image, const Dense& projected) {
+    add_product(image, -1.0, WV_, part_of(projected, 0, columns(), old, k));
+    scale(image);
+    residual_.S = concatenate(residual_.S, image);
+  };
+  join(std::move(KX), K_);
+  if (fom_.D) join(std::move(DX), D_);
+  const int total = static_cast<int>(residual_.S.columns());
+  const auto widened = [&](const Dense& a, int more, int first) {
+    Dense wide(total, a.columns + more);
+    set_part(wide, 0, 0, a);
+    for (int j = 0; j < more; ++j) wide(first + j, a.columns + j) = 1;
+    return wide;
+  };
+  residual_.B = widened(residual_.B, 0, 0);
+  residual_.K = widened(residual_.K, k, width);
+  if (fom_.D) residual_.D = widened(residual_.D, k, width + k);
+  return std::move(added.outside);
 }
 
 void MediumSpace::track_residual(const Block& ports) {
   tracks_ = true;
-  ports_ = ports.share();
-  residual_B_ = copy(ports);
-  add_product(residual_B_, -1.0, WV_, inner(V_, ports));
-  scale(residual_B_);
-  residual_K_ = outside(multiply(fom_.K, V_), K_, 0);
+  Block PB = copy(ports);
+  add_product(PB, -1.0, WV_, inner(V_, ports));
+  add_product(KV_, -1.0, WV_, K_);
   if (rigid_ > 0) { // K moves them by rounding only
     std::vector<double> keep(static_cast<std::size_t>(columns()), 1.0);
     std::fill_n(keep.begin(), rigid_, 0.0);
-    scale_columns(residual_K_, keep);
+    scale_columns(KV_, keep);
   }
-  if (fom_.D) residual_D_ = outside(multiply(fom_.D, V_), D_, 0);
+  residual_.S = concatenate(PB, KV_);
+  KV_ = Block();
+  if (fom_.D) {
+    add_product(DV_, -1.0, WV_, D_);
+    residual_.S = concatenate(residual_.S, DV_);
+    DV_ = Block();
+  }
+  scale(residual_.S);
+  const int p = static_cast<int>(ports.columns()), N = columns(),
+            total = static_cast<int>(residual_.S.columns());
+  const auto unit = [&](int first, int count) {
+    Dense e(total, count);
+    for (int j = 0; j < count; ++j) e(first + j, j) = 1;
+    return e;
+  };
+  residual_.B = unit(0, p);
+  residual_.K = unit(p, N);
+  if (fom_.D) residual_.D = unit(p + N, N);
 }
 
-void MediumSpace::rotate(const Dense& Q) {
-  V_ = combine(V_, Q);
-  WV_ = combine(WV_, Q);
+void MediumSpace::rotate_to_rigid(const Dense& Q, int count) {
   const auto congruence = [&](const Dense& a) {
     Dense result = multiply_transposed(Q, multiply(a, Q));
     symmetrise(result);
     return result;
   };
+  for (Block* block : {&V_, &WV_, &KV_, &DV_})
+    if (*block) *block = combine(*block, Q);
+  const Dense before = part_of(neglected_, 0, rigid_, 0, columns());
   K_ = congruence(K_);
   if (!D_.data.empty()) D_ = congruence(D_);
-  std::vector<double> rotated(static_cast<std::size_t>(Q.columns), 0.0);
-  for (int j = 0; j < Q.columns; ++j) { // as if the parts had random signs
+  std::vector<double> rotated; // as if the parts had random signs
+  for (int j = 0; j < Q.columns; ++j) {
+    double square = 0;
     for (int i = 0; i < Q.rows; ++i)
-      rotated[static_cast<std::size_t>(j)] +=
-          std::pow(Q(i, j) * g_[static_cast<std::size_t>(i)], 2);
-    rotated[static_cast<std::size_t>(j)] =
-        std::sqrt(rotated[static_cast<std::size_t>(j)]);
+      square += std::pow(Q(i, j) * g_[static_cast<std::size_t>(i)], 2);
+    rotated.push_back(std::sqrt(square));
   }
   g_ = std::move(rotated);
-  if (rigid_ > 0) set_rigid(rigid_);
+  neglected_ = part_of(K_, 0, count, 0, columns());
+  if (rigid_ > 0) set_part(neglected_, 0, 0, multiply(before, Q));
+  for (int j = 0; j < count; ++j) // among themselves they are rigid by definition
+    for (int i = 0; i < count; ++i) neglected_(i, j) = 0;
+  rigid_ = count;
+  for (int j = 0; j < columns(); ++j)
+    for (int i = 0; i < columns(); ++i)
+      if (i < count || j < count) K_(i, j) = 0;
+  std::fill_n(g_.begin(), count, 0.0);
 }
 
 Dense MediumSpace::M() const {

@@ -5,11 +5,10 @@
 
 namespace flexgram {
 
-/// A growing space V of the full body, W-orthonormal (W = M, or M + κK where M is
-/// singular), with the Galerkin projections of K and D, and what the residuals of its
-/// responses are made of. The first `rigid()` columns are exact rigid body modes: their
-/// stiffness is zero by definition, not up to the rounding of K, so that low frequencies
-/// stay accurate.
+/// A growing space V of the full body, W-orthonormal (W = M, or M + κK where M is singular),
+/// with the Galerkin projections of K and D, and what the residuals of its responses are
+/// made of. The first `rigid()` columns are exact rigid body modes: their stiffness is
+/// zero by definition, not up to the rounding of K, so that low frequencies stay accurate.
 class MediumSpace {
 public:
   /// @param tau   [rad²/s²] shift of the norm (K + τM)⁻¹.
@@ -17,20 +16,30 @@ public:
 
   /// The first columns of V: M-orthonormal, without stiffness.
   void start_with_rigid_modes(Block Phi);
-  /// Adds what X holds beyond V; returns the number of columns added.
-  int append(Block X, double tolerance);
-  /// V ← V Q with orthogonal Q that leaves the rigid modes alone. Before track_residual
-  /// only.
-  void rotate(const Dense& Q);
-  /// Declares the first columns of V rigid: their stiffness is rounding and set to zero.
-  void set_rigid(int count);
+  /// Adds what X holds beyond V; returns the W-norms of what each column of X had
+  /// outside V.
+  std::vector<double> append(Block X, double tolerance);
+  /// V ← V Q with an orthogonal Q, and its first columns are declared rigid. Before
+  /// track_residual only.
+  void rotate_to_rigid(const Dense& Q, int count);
 
-  /// From now on the parts of the residuals are kept:
-  ///   B − A(ω) V x = P B − (a_k − κ a_m) P K V x − iω P D V x,   P = I − W V Vᵀ.
+  /// From now on the parts of the residuals are kept: with P = I − W V Vᵀ,
+  ///   B − A(ω) V x = P B − (a_k − κ a_m) P K V x − iω P D V x = S (C_B − … C_K x − … C_D x).
   void track_residual(const Block& ports);
 
+  /// The columns S, each row divided by the root of the diagonal of K + τM, and the
+  /// coordinates of P B, P K V and P D V in them.
+  struct Residual {
+    Block S;
+    Dense B, K, D;
+  };
+  const Residual& residual() const { return residual_; }
+  /// Replaces S by S Q, with the coordinates that go with it.
+  void compress_residual(Residual smaller) { residual_ = std::move(smaller); }
+  /// Undoes the division of rows.
+  void unscale(Block& x) const;
+
   const SecondOrderModel& fom() const { return fom_; }
-  const InnerProduct& product() const { return product_; }
   double kappa() const { return product_.kappa; }
   double tau() const { return tau_; }
   int columns() const { return static_cast<int>(V_.columns()); }
@@ -41,30 +50,25 @@ public:
   Dense M() const; ///< I − κ VᵀKV
   const Dense& D() const { return D_; }
 
-  /// P B, P K V and P D V, each row divided by the root of the diagonal of K + τM.
-  const Block& residual_ports() const { return residual_B_; }
-  const Block& residual_K() const { return residual_K_; }
-  const Block& residual_D() const { return residual_D_; }
-  /// Undoes the division.
-  void unscale(Block& x) const;
-
   /// Rounding of VᵀKV: entry (i, j) is wrong by about rounding() g_i g_j, with
   /// g_i² = v_iᵀ diag(K) v_i. Measured by the asymmetry of what was computed.
   double rounding() const { return rounding_; }
   const std::vector<double>& rounding_weights() const { return g_; }
+  /// Stiffness between rigid modes and the others (rigid × N) that was set to zero: how far the
+  /// rigid modes are from being those of the stored K.
+  const Dense& neglected() const { return neglected_; }
 
 private:
   void scale(Block& x) const;
-  /// P A X for the columns of V from `first` on, from AX and VᵀAV; scaled.
-  Block outside(Block image, const Dense& projected, int first) const;
   void extend_projection(const Block& X, const Block& KX, const Block& DX);
 
   SecondOrderModel fom_;
   InnerProduct product_;
   double tau_;
   std::vector<double> root_diagonal_, K_diagonal_; ///< this rank's rows
-  Block V_, WV_, ports_, residual_B_, residual_K_, residual_D_;
-  Dense K_, D_;
+  Block V_, WV_, KV_, DV_;                         ///< the last two until track_residual
+  Residual residual_;
+  Dense K_, D_, neglected_;
   std::vector<double> g_;
   double rounding_;
   int rigid_ = 0;

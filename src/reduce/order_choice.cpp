@@ -6,11 +6,17 @@
 
 namespace flexgram {
 
+namespace {
+/// A factorisation of the full body tells H to no more digits than this.
+constexpr double solve_floor = 1e-11;
+} // namespace
+
 ErrorOverBand::ErrorOverBand(const MediumModel& medium, std::vector<double> grid)
     : tau_(medium.tau), omega_(std::move(grid)) {
   for (double omega : omega_) {
     MediumModel::Value value = medium.at(omega);
     size_.push_back(frobenius_norm(value.H));
+    value.bound.floor += solve_floor * size_.back();
     medium_bound_.push_back(value.bound.error + value.bound.floor);
     floor_.push_back(value.bound.floor / size_.back());
     H_.push_back(std::move(value.H));

@@ -137,7 +137,7 @@ std::vector<double> SecondStageRun::error_grid(const MediumModel& medium) const 
   const auto bands = gramian_.bands();
   for (const auto& [first, last] : bands) {
     const auto part = band_grid(first, last, 400 / static_cast<int>(bands.size()),
-                                medium.lambda, fom_.damping);
+                                medium.resonances);
     grid.insert(grid.end(), part.begin(), part.end());
   }
   if (!options_.error_hz.empty()) {
