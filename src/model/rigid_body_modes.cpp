@@ -81,10 +81,23 @@ Block null_space_modes(const SecondOrderModel& model, SolverOptions options) {
   if (count == 0) return x;
   const InnerProduct mass{model.M, model.K, 0};
   const Block none;
-  x = multiply(model.M, random_block(x, count, 1));
-  for (int step = 0; step < 4; ++step) { // each divides the rest by λ_1/s₀
-    x = orthonormalise(solver.solve(x).x, none, none, mass, 1e-12).vectors;
-    if (step < 3) x = multiply(model.M, x);
+  x = orthonormalise(random_block(x, count, 1), none, none, mass, 1e-12).vectors;
+  double last = HUGE_VAL;
+  for (int step = 0; step < 30; ++step) { // each divides the rest by λ_1/s₀
+    const Block Mx = multiply(model.M, x);
+    const Orthonormalised next =
+        orthonormalise(solver.solve(Mx).x, none, none, mass, 1e-12);
+    // What the new vectors have outside the old ones.
+    const Dense overlap = inner(Mx, next.vectors);
+    double outside = 0;
+    for (int j = 0; j < overlap.columns; ++j) {
+      double inside = 0;
+      for (int i = 0; i < overlap.rows; ++i) inside += overlap(i, j) * overlap(i, j);
+      outside = std::max(outside, 1 - inside);
+    }
+    x = next.vectors.share();
+    if (step > 2 && !(outside < 0.5 * last)) break; // the square of the change is rounding
+    last = outside;
   }
   return x;
 }

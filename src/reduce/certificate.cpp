@@ -233,6 +233,29 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
   if (space.rigid() > 0) {
     rigid_ = part_of(U, 0, space.rigid(), 0, U.columns);
     neglected_ = multiply(space.neglected(), U);
+    geometric_ = space.rigid_modes_are_geometric();
+  }
+  for (int j = 0; j < modes; ++j) {
+    const double lambda = response.lambda()[static_cast<std::size_t>(j)];
+    double square = 0;
+    for (int i = 0; i < K_.rows; ++i) square += K_(i, j) * K_(i, j);
+    mode_lambda_.push_back(lambda);
+    mode_angle_.push_back(j < space.rigid() ? 0.0
+                                            : std::sqrt(square) * (cutoff_squared_ + tau_) /
+                                                  (cutoff_squared_ - lambda));
+  }
+  const auto& weights = space.rounding_weights();
+  for (int j = 0; j < U.columns; ++j) {
+    double square = 0;
+    for (int i = space.rigid(); i < U.rows; ++i)
+      square += std::pow(U(i, j) * weights[static_cast<std::size_t>(i)], 2);
+    rounding_weights_.push_back(std::sqrt(square));
+  }
+  rigid_weights_.assign(weights.begin(), weights.begin() + space.rigid());
+  if (space.rigid() > 0) {
+    rigid_ = part_of(U, 0, space.rigid(), 0, U.columns);
+    neglected_ = multiply(space.neglected(), U);
+    geometric_ = space.rigid_modes_are_geometric();
   }
   for (int j = 0; j < modes; ++j) {
     const double lambda = response.lambda()[static_cast<std::size_t>(j)];
@@ -291,7 +314,9 @@ Certificate::Bound Certificate::at(double omega, const DenseResponse& response,
   // Modes known to an angle θ only let θ² of the residual through to their resonance.
   double leak = 0;
   for (std::size_t j = 0; j < mode_lambda_.size(); ++j) {
-    const double a = std::abs(c.k * mode_lambda_[j] + c.m);
+    const int i = static_cast<int>(j);
+    const double a = std::abs(c.k * mode_lambda_[j] + c.m +
+                              (mode_damping_.rows > 0 ? c.d * mode_damping_(i, i) : 0.0));
     if (mode_angle_[j] > 0)
       leak += mode_angle_[j] * mode_angle_[j] *
               (a > 0 ? (mode_lambda_[j] + tau_) / a : infinity);
@@ -311,19 +336,25 @@ Certificate::Bound Certificate::at(double omega, const DenseResponse& response,
     bound.error = paired * (bound.proved ? 1 / (1 / q - delta) : q) + leak * paired;
   }
 
-  const auto rounded = [&](const std::vector<int>& columns) {
+  // Roundings are random: their squares add up.
+  const auto rounded = [&](const std::vector<int>& columns, const ComplexDense& motion,
+                           const std::vector<double>& weights) {
     double sum = 0;
-    for (int j : columns) {
-      double value = 0;
-      for (int i = 0; i < x.rows; ++i) // roundings are random: their squares add up
-        value += std::norm(rounding_weights_[static_cast<std::size_t>(i)] * x(i, j));
-      sum += value / std::pow(scale_[static_cast<std::size_t>(j)], 2);
-    }
+    for (int j : columns)
+      for (int i = 0; i < motion.rows; ++i)
+        sum += std::norm(weights[static_cast<std::size_t>(i)] * motion(i, j)) /
+               std::pow(scale_[static_cast<std::size_t>(j)], 2);
     return std::sqrt(sum);
   };
-  bound.floor = 4 * rounding_ * rounded(inputs_) * rounded(outputs_);
-  if (rigid_.rows > 0) { // X_CᵀδK X_B
-    ComplexDense motion = multiply(rigid_, x), force = multiply(neglected_, x);
+  const double in = rounded(inputs_, x, rounding_weights_),
+               out = rounded(outputs_, x, rounding_weights_);
+  bound.floor = 4 * rounding_ * in * out;
+  if (rigid_.rows > 0) { // between rigid and elastic motion; among rigid ones K is zero
+    ComplexDense motion = multiply(rigid_, x);
+    bound.floor += (geometric_ ? 4 : 100) * rounding_ *
+                   (rounded(inputs_, motion, rigid_weights_) * out +
+                    in * rounded(outputs_, motion, rigid_weights_));
+    ComplexDense force = multiply(neglected_, x);
     scale_columns(motion, unscale);
     scale_columns(force, unscale);
     bound.floor += frobenius_norm(columns_of(motion, outputs_)) *

@@ -62,9 +62,9 @@ private:
   double damping_coupling(double omega, const DenseSystem& system) const;
 
   double tau_ = 0, kappa_ = 0, cutoff_squared_ = 0, rounding_ = 0, remainder_ = 0;
-  bool same_ports_ = true;
+  bool same_ports_ = true, geometric_ = true;
   std::vector<int> inputs_, outputs_;
-  std::vector<double> scale_, rounding_weights_, mode_lambda_, mode_angle_;
+  std::vector<double> scale_, rounding_weights_, rigid_weights_, mode_lambda_, mode_angle_;
   Dense ports_, K_, D_; ///< in coordinates where the Gram matrix is the identity
   Dense rigid_, neglected_; ///< rigid rows of U; stiffness to the others that was set to zero
   Dense coupling_;      ///< G = coupling_ᵀ coupling_

@@ -27,7 +27,9 @@ Dense grown(const Dense& a, const Dense& columns) {
 
 MediumSpace::MediumSpace(const SecondOrderModel& fom, double kappa, double tau)
     : fom_(fom.share()), product_{fom_.M, fom_.K, kappa}, tau_(tau),
-      K_diagonal_(diagonal(fom_.K)), rounding_(std::numeric_limits<double>::epsilon()) {
+      K_diagonal_(diagonal(fom_.K)), // Roundings of n entries are random: they add up like √n of them, not n.
+      rounding_(16 * std::numeric_limits<double>::epsilon() /
+                std::sqrt(static_cast<double>(fom_.n))) {
   const auto m = diagonal(fom_.M);
   for (std::size_t i = 0; i < m.size(); ++i) {
     const double d = K_diagonal_[i] + tau * m[i];
@@ -56,23 +58,27 @@ void MediumSpace::start_with_rigid_modes(Block Phi) {
     D_ = inner(V_, DV_);
     symmetrise(D_);
   }
-  g_.assign(static_cast<std::size_t>(count), 0.0);
+  add_rounding_weights(V_);
   rigid_ = count;
 }
 
-void MediumSpace::extend_projection(const Block& X, const Block& KX, const Block& DX) {
-  const int k = static_cast<int>(X.columns()), old = columns() - k;
-  std::vector<double> squares(static_cast<std::size_t>(k), 0.0);
+void MediumSpace::add_rounding_weights(const Block& X) {
+  std::vector<double> squares(static_cast<std::size_t>(X.columns()), 0.0);
   {
     const Block::Access x(X);
-    for (int j = 0; j < k; ++j)
+    for (PetscInt j = 0; j < X.columns(); ++j)
       for (std::size_t i = 0; i < K_diagonal_.size(); ++i)
         squares[static_cast<std::size_t>(j)] +=
             K_diagonal_[i] * x.column(j)[i] * x.column(j)[i];
   }
-  MPI_Allreduce(MPI_IN_PLACE, squares.data(), k, MPI_DOUBLE, MPI_SUM, X.comm());
+  MPI_Allreduce(MPI_IN_PLACE, squares.data(), static_cast<int>(squares.size()), MPI_DOUBLE,
+                MPI_SUM, X.comm());
   for (double s : squares) g_.push_back(std::sqrt(s));
+}
 
+void MediumSpace::extend_projection(const Block& X, const Block& KX, const Block& DX) {
+  const int k = static_cast<int>(X.columns()), old = columns() - k;
+  add_rounding_weights(X);
   Dense columns = inner(V_, KX);
   neglected_ = beside(neglected_, part_of(columns, 0, rigid_, 0, k));
   for (int j = 0; j < k; ++j) {
@@ -169,6 +175,7 @@ void MediumSpace::rotate_to_rigid(const Dense& Q, int count) {
   for (Block* block : {&V_, &WV_, &KV_, &DV_})
     if (*block) *block = combine(*block, Q);
   const Dense before = part_of(neglected_, 0, rigid_, 0, columns());
+  geometric_ = false;
   K_ = congruence(K_);
   if (!D_.data.empty()) D_ = congruence(D_);
   std::vector<double> rotated; // as if the parts had random signs
@@ -187,7 +194,6 @@ void MediumSpace::rotate_to_rigid(const Dense& Q, int count) {
   for (int j = 0; j < columns(); ++j)
     for (int i = 0; i < columns(); ++i)
       if (i < count || j < count) K_(i, j) = 0;
-  std::fill_n(g_.begin(), count, 0.0);
 }
 
 Dense MediumSpace::M() const {

@@ -57,9 +57,12 @@ public:
   /// Stiffness between rigid modes and the others (rigid × N) that was set to zero: how far the
   /// rigid modes are from being those of the stored K.
   const Dense& neglected() const { return neglected_; }
+  /// Rigid modes from the null space of K share its rounding, those from the geometry do not.
+  bool rigid_modes_are_geometric() const { return geometric_; }
 
 private:
   void scale(Block& x) const;
+  void add_rounding_weights(const Block& X);
   void extend_projection(const Block& X, const Block& KX, const Block& DX);
 
   SecondOrderModel fom_;
@@ -72,7 +75,7 @@ private:
   std::vector<double> g_;
   double rounding_;
   int rigid_ = 0;
-  bool tracks_ = false;
+  bool tracks_ = false, geometric_ = true;
 };
 
 } // namespace flexgram
