@@ -21,8 +21,8 @@ Dense remove(Block& X, const Block& V, const Block& WV) {
   return c;
 }
 
-/// Directions of X (columns of the result) whose square in `gram` exceeds the floor, normalised;
-/// `least` is the smallest of these squares.
+/// Directions of X (columns of the result) whose square in `gram` exceeds the floor,
+/// normalised; `least` is the smallest of these squares.
 Dense kept_directions(const Dense& gram, double floor, double& least) {
   const SymmetricEigen eigen = symmetric_eigen(gram);
   Dense keep(gram.rows, 0);
@@ -74,7 +74,8 @@ Orthonormalised orthonormalise(Block X, const Block& V, const Block& WV,
   double least = 1;
   Dense keep = kept_directions(gram, std::max(tolerance * tolerance, 8 * epsilon), least);
   for (int j = 0; j < keep.columns; ++j)
-    for (int i = 0; i < keep.rows; ++i) keep(i, j) *= inverse[static_cast<std::size_t>(i)];
+    for (int i = 0; i < keep.rows; ++i)
+      keep(i, j) *= inverse[static_cast<std::size_t>(i)];
   share_from_first(X.comm(), keep.data);
   X = combine(X, keep);
   WX = combine(WX, keep);
@@ -92,7 +93,8 @@ Orthonormalised orthonormalise(Block X, const Block& V, const Block& WV,
     Dense distance = l;
     for (int j = 0; j < l.rows; ++j) distance(j, j) -= 1;
     if (cholesky(l) != 0)
-      throw Error("orthonormalisation failed: the inner product is not positive on the basis");
+      throw Error(
+          "orthonormalisation failed: the inner product is not positive on the basis");
     Dense correction = identity(l.rows);
     solve_right_transposed(l, correction); // I L⁻ᵀ
     X = combine(X, correction);

@@ -62,8 +62,10 @@ public:
   };
   /// X = A⁻¹ B with the last factorisation.
   /// @throws ShiftError if the solution is so large that A must be taken as singular.
-  /// @param verify  refinement and backward error by all columns, or by the first alone (all,
-  ///                if that one is not good): two products with the matrices a column less.
+  /// @param verify  refinement and backward error by all columns, or by the first alone
+  /// (all,
+  ///                if that one is not good): two products with the matrices a column
+  ///                less.
   enum class Verify { all, first_column };
   Solution solve(const Block& b, Verify verify = Verify::all);
 

@@ -96,7 +96,8 @@ Block null_space_modes(const SecondOrderModel& model, SolverOptions options) {
       outside = std::max(outside, 1 - inside);
     }
     x = next.vectors.share();
-    if (step > 2 && !(outside < 0.5 * last)) break; // the square of the change is rounding
+    if (step > 2 && !(outside < 0.5 * last))
+      break; // the square of the change is rounding
     last = outside;
   }
   return x;

@@ -18,8 +18,9 @@ double rigid_threshold(const SecondOrderModel& model);
 /// @note Collective.
 Block rigid_body_modes(const SecondOrderModel& model);
 
-/// The same for a body without coordinates: the null space of K by inverse iteration with K − s₀M, s₀ the
-/// rigid threshold, whose inertia says how many there are. One factorisation.
+/// The same for a body without coordinates: the null space of K by inverse iteration with
+/// K − s₀M, s₀ the rigid threshold, whose inertia says how many there are. One
+/// factorisation.
 Block null_space_modes(const SecondOrderModel& model, SolverOptions options);
 
 /// From geometry where there are coordinates, else from the null space.

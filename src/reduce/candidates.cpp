@@ -75,8 +75,8 @@ struct Elastic {
   DenseResponse response;
 };
 
-/// The Gramian's eigenvalues; its eigenvectors, or where the rigid modes are kept apart those of
-/// its elastic part.
+/// The Gramian's eigenvalues; its eigenvectors, or where the rigid modes are kept apart
+/// those of its elastic part.
 Candidate gramian(const std::string& name, const SecondStage& stage,
                   const std::vector<BandWeight>& bands) {
   const DenseResponse response(stage.medium.system, stage.medium.tau);
@@ -114,14 +114,13 @@ Candidate gramian_modes(const SecondStage& stage) {
                 e.rigid + in_band);
 }
 
-/// With the weight 1/‖H(ω)‖_F and ports in their own units the Gramian measures what eq. (17) does: the
-/// error of H is the square of what the basis misses of X.
+/// With the weight 1/‖H(ω)‖_F and ports in their own units the Gramian measures what eq.
+/// (17) does: the error of H is the square of what the basis misses of X.
 Candidate weighted(const SecondStage& stage) {
   std::vector<BandWeight> bands;
   for (const auto& band : stage.bands) {
     BandWeight b;
-    for (double omega :
-         band_grid(band.omega.front(), band.omega.back(), 100, {})) {
+    for (double omega : band_grid(band.omega.front(), band.omega.back(), 100, {})) {
       b.omega.push_back(omega);
       b.weight.push_back(1 / frobenius_norm(stage.medium.at(omega).H));
     }

@@ -65,8 +65,8 @@ void scale_columns(ComplexDense& a, const std::vector<double>& factors) {
     for (int i = 0; i < a.rows; ++i) a(i, j) *= factors[static_cast<std::size_t>(j)];
 }
 
-/// An orthonormal basis of the columns of S: S combination, and the columns in it, from SᵀS. Half
-/// the digits, which is enough: the error is the square of a residual.
+/// An orthonormal basis of the columns of S: S combination, and the columns in it, from
+/// SᵀS. Half the digits, which is enough: the error is the square of a residual.
 struct Coordinates {
   Dense combination; ///< q×r
   Dense of_columns;  ///< r×q
@@ -79,7 +79,8 @@ Coordinates coordinates(const Block& S) {
   for (int j = 0; j < q; ++j) size.push_back(std::sqrt(std::max(gram(j, j), 0.0)));
   for (int j = 0; j < q; ++j)
     for (int i = 0; i < q; ++i) {
-      const double d = size[static_cast<std::size_t>(i)] * size[static_cast<std::size_t>(j)];
+      const double d =
+          size[static_cast<std::size_t>(i)] * size[static_cast<std::size_t>(j)];
       gram(i, j) = d > 0 ? gram(i, j) / d : 0.0;
     }
   SymmetricEigen eigen = symmetric_eigen(gram);
@@ -240,9 +241,10 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
     double square = 0;
     for (int i = 0; i < K_.rows; ++i) square += K_(i, j) * K_(i, j);
     mode_lambda_.push_back(lambda);
-    mode_angle_.push_back(j < space.rigid() ? 0.0
-                                            : std::sqrt(square) * (cutoff_squared_ + tau_) /
-                                                  (cutoff_squared_ - lambda));
+    mode_angle_.push_back(j < space.rigid()
+                              ? 0.0
+                              : std::sqrt(square) * (cutoff_squared_ + tau_) /
+                                    (cutoff_squared_ - lambda));
   }
   const auto& weights = space.rounding_weights();
   for (int j = 0; j < U.columns; ++j) {
@@ -262,9 +264,10 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
     double square = 0;
     for (int i = 0; i < K_.rows; ++i) square += K_(i, j) * K_(i, j);
     mode_lambda_.push_back(lambda);
-    mode_angle_.push_back(j < space.rigid() ? 0.0
-                                            : std::sqrt(square) * (cutoff_squared_ + tau_) /
-                                                  (cutoff_squared_ - lambda));
+    mode_angle_.push_back(j < space.rigid()
+                              ? 0.0
+                              : std::sqrt(square) * (cutoff_squared_ + tau_) /
+                                    (cutoff_squared_ - lambda));
   }
   for (int j = 0; j < U.columns; ++j) {
     double square = 0;
@@ -351,7 +354,7 @@ Certificate::Bound Certificate::at(double omega, const DenseResponse& response,
   bound.floor = 4 * rounding_ * in * out;
   if (rigid_.rows > 0) { // between rigid and elastic motion; among rigid ones K is zero
     ComplexDense motion = multiply(rigid_, x);
-    bound.floor += (geometric_ ? 4 : 100) * rounding_ *
+    bound.floor += (geometric_ ? 4 : 200) * rounding_ *
                    (rounded(inputs_, motion, rigid_weights_) * out +
                     in * rounded(outputs_, motion, rigid_weights_));
     ComplexDense force = multiply(neglected_, x);

@@ -17,7 +17,8 @@ struct ResidualBasis {
 };
 
 /// @param samples      [rad/s] where residuals are looked at.
-/// @param modes        number of modes below ω_c, rigid ones included: the first columns of U.
+/// @param modes        number of modes below ω_c, rigid ones included: the first columns
+/// of U.
 /// @param most         at most so many columns.
 /// @note If T holds everything, the space's own residual parts are replaced by it.
 ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
@@ -49,8 +50,8 @@ public:
   /// `scale`
   ///                         of each port.
   Certificate(const MediumSpace& space, const DenseResponse& response,
-              ResidualBasis basis, const Dense& gram, int modes,
-              double cutoff, std::vector<int> inputs, std::vector<int> outputs,
+              ResidualBasis basis, const Dense& gram, int modes, double cutoff,
+              std::vector<int> inputs, std::vector<int> outputs,
               std::vector<double> scale);
 
   /// @param x  the response at omega in modal coordinates, N × ports.
@@ -64,11 +65,13 @@ private:
   double tau_ = 0, kappa_ = 0, cutoff_squared_ = 0, rounding_ = 0, remainder_ = 0;
   bool same_ports_ = true, geometric_ = true;
   std::vector<int> inputs_, outputs_;
-  std::vector<double> scale_, rounding_weights_, rigid_weights_, mode_lambda_, mode_angle_;
+  std::vector<double> scale_, rounding_weights_, rigid_weights_, mode_lambda_,
+      mode_angle_;
   Dense ports_, K_, D_; ///< in coordinates where the Gram matrix is the identity
-  Dense rigid_, neglected_; ///< rigid rows of U; stiffness to the others that was set to zero
-  Dense coupling_;      ///< G = coupling_ᵀ coupling_
-  Dense mode_damping_;  ///< ΦᵀDΦ of all modes, rigid first
+  Dense rigid_,
+      neglected_;      ///< rigid rows of U; stiffness to the others that was set to zero
+  Dense coupling_;     ///< G = coupling_ᵀ coupling_
+  Dense mode_damping_; ///< ΦᵀDΦ of all modes, rigid first
 };
 
 } // namespace flexgram

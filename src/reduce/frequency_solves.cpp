@@ -66,13 +66,15 @@ struct FrequencySolves::State {
   double worst_backward_error = 0, target_backward_error = 0;
 };
 
-/// The response of a free body is the sum of its rigid and its elastic part. Together, the
-/// rounding of K on the rigid modes, amplified by ‖K‖/(ω²‖M‖), would spoil low frequencies; apart,
-/// the rigid part is exact. A damper to ground couples the two, so only without D.
+/// The response of a free body is the sum of its rigid and its elastic part. Together,
+/// the rounding of K on the rigid modes, amplified by ‖K‖/(ω²‖M‖), would spoil low
+/// frequencies; apart, the rigid part is exact. A damper to ground couples the two, so
+/// only without D.
 void FrequencySolves::State::separate_rigid_modes(const SolverOptions& options) {
   elastic_loads = model.B.share();
   if (model.D) return;
-  rigid = has_coordinates(model) ? rigid_body_modes(model) : null_space_modes(model, options);
+  rigid =
+      has_coordinates(model) ? rigid_body_modes(model) : null_space_modes(model, options);
   if (rigid.columns() == 0) return;
   weighted_rigid = multiply(model.M, rigid);
   resultants = inner(rigid, model.B);
@@ -81,7 +83,8 @@ void FrequencySolves::State::separate_rigid_modes(const SolverOptions& options) 
 }
 
 Block FrequencySolves::State::response(double omega, const Block& elastic) const {
-  const Block x = model.undamped() ? elastic.share() : with_imaginary_part(elastic, model);
+  const Block x =
+      model.undamped() ? elastic.share() : with_imaginary_part(elastic, model);
   if (rigid.columns() == 0) return x.share();
   const std::complex<double> a = model.coefficients(omega).m;
   if (a == 0.0) throw ShiftError("a free body has no finite response at 0 Hz");
@@ -149,20 +152,20 @@ void FrequencySolves::for_each(const std::vector<double>& omega, const char* wha
   agree(s.groups->world, [&] { // errors inside a group are common to its ranks
     Progress progress(*s.monitor, what, static_cast<int>(list.size()));
     for (std::size_t l : list)
-      with_context(
-          text("%s %zu of %zu, %g Hz", what, l + 1, omega.size(), omega[l] * hz), [&] {
-            const double start = now();
-            s.solver->factorise(s.model.coefficients(omega[l]));
-            const double factorised = now();
-            const auto solution = s.solver->solve(s.elastic_loads);
-            s.worst_backward_error =
-                std::max(s.worst_backward_error, solution.backward_error);
-            use(l, s.response(omega[l], solution.x));
-            progress.step(text("%.4g Hz, factor %.2f s, solve %.2f s, backward "
-                               "error %.0e",
-                               omega[l] * hz, factorised - start, now() - factorised,
-                               solution.backward_error));
-          });
+      with_context(text("%s %zu of %zu, %g Hz", what, l + 1, omega.size(), omega[l] * hz),
+                   [&] {
+                     const double start = now();
+                     s.solver->factorise(s.model.coefficients(omega[l]));
+                     const double factorised = now();
+                     const auto solution = s.solver->solve(s.elastic_loads);
+                     s.worst_backward_error =
+                         std::max(s.worst_backward_error, solution.backward_error);
+                     use(l, s.response(omega[l], solution.x));
+                     progress.step(text("%.4g Hz, factor %.2f s, solve %.2f s, backward "
+                                        "error %.0e",
+                                        omega[l] * hz, factorised - start,
+                                        now() - factorised, solution.backward_error));
+                   });
   });
   s.worst_backward_error = max_over(s.groups->world, s.worst_backward_error);
   if (s.worst_backward_error > s.target_backward_error)

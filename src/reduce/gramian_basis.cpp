@@ -76,6 +76,7 @@ std::pair<double, double> GramianOptions::band() const {
 
 void GramianOptions::check() const {
   bands();
+  require_option(samples >= 1, "-mor_samples", std::to_string(samples), "1 or more");
   if (tolerance)
     require_option(*tolerance > 0 && *tolerance < 1, "-mor_tol", text("%g", *tolerance),
                    "above 0 and below 1");
@@ -86,7 +87,6 @@ void GramianOptions::check() const {
 }
 
 Quadrature GramianOptions::nodes() const {
-  require_option(samples >= 1, "-mor_samples", std::to_string(samples), "1 or more");
   const auto [first, last] = band();
   return band_quadrature(first, last, samples, quadrature, spacing);
 }

@@ -44,8 +44,8 @@ std::vector<double> band_grid(double first, double last, int count,
     const double t = (l + 0.5) / count;
     grid.push_back(first + t * (last - first));
     if (l % 3 == 0 && last > first)
-      grid.push_back(
-          std::exp(std::log(std::max(first, 1e-4 * last)) * (1 - t) + std::log(last) * t));
+      grid.push_back(std::exp(std::log(std::max(first, 1e-4 * last)) * (1 - t) +
+                              std::log(last) * t));
   }
   for (const auto& [omega, half_width] : resonances)
     for (const double offset : {-3.0, -1.0, 0.0, 1.0, 3.0}) {
@@ -107,6 +107,7 @@ private:
   void search_modes();
   std::vector<Resonance> resonances() const;
   void factorise_norm();
+  int largest_order() const;
   void certify(int most_columns);
   double worst_bound();
   void grow(double target);
@@ -144,6 +145,7 @@ void MediumBuilder::find_rigid_modes() {
 /// Factorises K − ω_c²M with ω_c near `omega`, away from eigenvalues and with enough
 /// modes below; chooses the inner product. Returns the response to all ports.
 Block MediumBuilder::start(double omega, int modes_wanted, bool mass_is_singular) {
+  int last_null = 0; // pivots without size at the cutoff before
   for (int attempt = 0; attempt < 12; ++attempt) {
     solver_.count_pivots(true);
     with_context(text("factorising K - ω²M at the cutoff, %g Hz", omega * hz), [&] {
@@ -159,7 +161,14 @@ Block MediumBuilder::start(double omega, int modes_wanted, bool mass_is_singular
     model_.cutoff = omega;
     const double kappa = 1 / (omega * omega);
     Block response;
-    bool regular = solver_.null_pivots() == 0;
+    const int null = solver_.null_pivots();
+    bool regular = null == 0;
+    if (null > 0 && last_null > 0)
+      throw Error(text(
+          "K and M share %d null vector%s: the body has a mechanism without mass and "
+          "stiffness (an unconnected node, a massless hinge)",
+          null, null == 1 ? "" : "s"));
+    last_null = null;
     if (regular) try {
         response = solver_.solve(ports_).x;
       } catch (const ShiftError&) {
@@ -203,21 +212,34 @@ void MediumBuilder::scale_ports(Block& response) {
   for (Block* block : {&loads_, &ports_, &response}) scale_columns(*block, model_.scale_);
 }
 
+/// What the user allows, or what memory does: V, W V, S and one more of that size.
+int MediumBuilder::largest_order() const {
+  if (options_.limit > 0) return options_.limit;
+  const double memory = 0.5 * available_memory_mb(fom_.comm) * 1e6;
+  const double each =
+      4 * 8.0 * static_cast<double>(std::max<PetscInt>(fom_.rows.size(), 1));
+  const double limit = std::min({2000.0, memory / each, static_cast<double>(fom_.n)});
+  return static_cast<int>(-max_over(fom_.comm, -limit));
+}
+
 /// All modes below the cutoff into the space; those without stiffness are rigid.
 void MediumBuilder::search_modes() {
   int solves = 0;
+  if (expected_ + geometric_ > largest_order())
+    throw Error(text(
+        "%d modes lie below the cutoff of %g Hz, more than a medium model of order %d "
+        "can hold (-mor_medium_order): narrow -mor_band_hz, lower -mor_cutoff, or "
+        "take -mor_method pod",
+        expected_, model_.cutoff * hz, largest_order()));
   if (expected_ > 0) {
     Stage stage(monitor_, "modes");
     solves = find_modes(*space_, solver_, model_.cutoff * model_.cutoff, expected_,
                         modes_exact_ ? 1e-5 : 0.3, threshold_, monitor_);
     model_.solved_columns += solves;
     const RitzPairs pairs = ritz_pairs(*space_);
-    if (pairs.lambda.front() < -threshold_)
-      throw Error(text("K has a negative eigenvalue (%.3g rad²/s² of the pencil K, M): it must be "
-                       "positive semidefinite (a buckled state, or K and M swapped?)",
-                       pairs.lambda.front()));
     int null = 0;
-    while (null < expected_ && pairs.lambda[static_cast<std::size_t>(null)] <= threshold_) ++null;
+    while (null < expected_ && pairs.lambda[static_cast<std::size_t>(null)] <= threshold_)
+      ++null;
     if (null > 0) {
       const int rigid = space_->rigid();
       Dense Q = identity(space_->columns());
@@ -231,12 +253,12 @@ void MediumBuilder::search_modes() {
                            expected_, model_.cutoff * hz);
   if (expected_ > 0) words += text(", all found (%d solves beside the ports)", solves);
   plan_.fact("modes", words);
-  plan_.fact("rigid modes", model_.rigid == 0
-                                ? "none"
-                                : text("%d, %s, taken out analytically", model_.rigid,
-                                       model_.rigid == geometric_
-                                           ? "from the geometry"
-                                           : "from the null space of K"));
+  plan_.fact("rigid modes",
+             model_.rigid == 0
+                 ? "none"
+                 : text("%d, %s, taken out analytically", model_.rigid,
+                        model_.rigid == geometric_ ? "from the geometry"
+                                                   : "from the null space of K"));
 }
 
 std::vector<Resonance> MediumBuilder::resonances() const {
@@ -322,22 +344,16 @@ void MediumBuilder::certify(int most_columns) {
 
 void MediumBuilder::grow(double target) {
   Stage stage(monitor_, "krylov");
-  const double memory = 0.5 * available_memory_mb(fom_.comm) * 1e6;
-  const double each =
-      4 * 8.0 * static_cast<double>(std::max<PetscInt>(fom_.rows.size(), 1));
-  int limit = options_.limit > 0
-                  ? options_.limit
-                  : static_cast<int>(
-                        std::min({2000.0, memory / each, static_cast<double>(fom_.n)}));
-  limit = static_cast<int>(-max_over(fom_.comm, -static_cast<double>(limit)));
+  const int limit = largest_order();
   space_->track_residual(loads_);
   const int usual = 3 * static_cast<int>(loads_.columns());
   double previous = HUGE_VAL;
   for (int stalled = 0;;) {
     certify(usual);
     if (!complete_ && model_.worst <= target) certify(space_->columns() * 3);
-    monitor_.detail(
-        text("  krylov: order %d, certified %.2e, modes within %.0e", space_->columns(), model_.worst, model_.certificate_.worst_angle()));
+    monitor_.detail(text("  krylov: order %d, certified %.2e, modes within %.0e",
+                         space_->columns(), model_.worst,
+                         model_.certificate_.worst_angle()));
     if (complete_ && model_.worst <= target) return;
     stalled = model_.worst > 0.5 * previous ? stalled + 1 : 0;
     previous = std::min(previous, model_.worst);

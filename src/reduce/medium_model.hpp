@@ -52,9 +52,9 @@ private:
   std::vector<double> scale_;
 };
 
-/// Frequencies that show the band: evenly spread in ω and in ln ω, both ends, and on and beside
-/// every resonance (of an undamped one not closer than 1e-4: there is no response on it).
-/// [rad/s], ascending.
+/// Frequencies that show the band: evenly spread in ω and in ln ω, both ends, and on and
+/// beside every resonance (of an undamped one not closer than 1e-4: there is no response
+/// on it). [rad/s], ascending.
 std::vector<double> band_grid(double first, double last, int count,
                               const std::vector<Resonance>& resonances);
 

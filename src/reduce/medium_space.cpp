@@ -27,7 +27,8 @@ Dense grown(const Dense& a, const Dense& columns) {
 
 MediumSpace::MediumSpace(const SecondOrderModel& fom, double kappa, double tau)
     : fom_(fom.share()), product_{fom_.M, fom_.K, kappa}, tau_(tau),
-      K_diagonal_(diagonal(fom_.K)), // Roundings of n entries are random: they add up like √n of them, not n.
+      K_diagonal_(diagonal(fom_.K)), // Roundings of n entries are random: they add up
+                                     // like √n of them, not n.
       rounding_(16 * std::numeric_limits<double>::epsilon() /
                 std::sqrt(static_cast<double>(fom_.n))) {
   const auto m = diagonal(fom_.M);
@@ -71,8 +72,8 @@ void MediumSpace::add_rounding_weights(const Block& X) {
         squares[static_cast<std::size_t>(j)] +=
             K_diagonal_[i] * x.column(j)[i] * x.column(j)[i];
   }
-  MPI_Allreduce(MPI_IN_PLACE, squares.data(), static_cast<int>(squares.size()), MPI_DOUBLE,
-                MPI_SUM, X.comm());
+  MPI_Allreduce(MPI_IN_PLACE, squares.data(), static_cast<int>(squares.size()),
+                MPI_DOUBLE, MPI_SUM, X.comm());
   for (double s : squares) g_.push_back(std::sqrt(s));
 }
 

@@ -5,10 +5,11 @@
 
 namespace flexgram {
 
-/// A growing space V of the full body, W-orthonormal (W = M, or M + κK where M is singular),
-/// with the Galerkin projections of K and D, and what the residuals of its responses are
-/// made of. The first `rigid()` columns are exact rigid body modes: their stiffness is
-/// zero by definition, not up to the rounding of K, so that low frequencies stay accurate.
+/// A growing space V of the full body, W-orthonormal (W = M, or M + κK where M is
+/// singular), with the Galerkin projections of K and D, and what the residuals of its
+/// responses are made of. The first `rigid()` columns are exact rigid body modes: their
+/// stiffness is zero by definition, not up to the rounding of K, so that low frequencies
+/// stay accurate.
 class MediumSpace {
 public:
   /// @param tau   [rad²/s²] shift of the norm (K + τM)⁻¹.
@@ -24,7 +25,8 @@ public:
   void rotate_to_rigid(const Dense& Q, int count);
 
   /// From now on the parts of the residuals are kept: with P = I − W V Vᵀ,
-  ///   B − A(ω) V x = P B − (a_k − κ a_m) P K V x − iω P D V x = S (C_B − … C_K x − … C_D x).
+  ///   B − A(ω) V x = P B − (a_k − κ a_m) P K V x − iω P D V x = S (C_B − … C_K x − … C_D
+  ///   x).
   void track_residual(const Block& ports);
 
   /// The columns S, each row divided by the root of the diagonal of K + τM, and the
@@ -54,10 +56,11 @@ public:
   /// g_i² = v_iᵀ diag(K) v_i. Measured by the asymmetry of what was computed.
   double rounding() const { return rounding_; }
   const std::vector<double>& rounding_weights() const { return g_; }
-  /// Stiffness between rigid modes and the others (rigid × N) that was set to zero: how far the
-  /// rigid modes are from being those of the stored K.
+  /// Stiffness between rigid modes and the others (rigid × N) that was set to zero: how
+  /// far the rigid modes are from being those of the stored K.
   const Dense& neglected() const { return neglected_; }
-  /// Rigid modes from the null space of K share its rounding, those from the geometry do not.
+  /// Rigid modes from the null space of K share its rounding, those from the geometry do
+  /// not.
   bool rigid_modes_are_geometric() const { return geometric_; }
 
 private:

@@ -10,8 +10,9 @@ namespace {
 
 constexpr int most_columns = 48, most_rounds = 60;
 
-/// What is known about a Ritz value whose vector was good enough when it was last checked.
-/// Neighbours of new Ritz values are not known: their vectors may have turned into each other.
+/// What is known about a Ritz value whose vector was good enough when it was last
+/// checked. Neighbours of new Ritz values are not known: their vectors may have turned
+/// into each other.
 std::vector<bool> known(const std::vector<double>& lambda, int count,
                         const std::vector<double>& good, double tau) {
   const auto n = static_cast<std::size_t>(count);
@@ -25,7 +26,8 @@ std::vector<bool> known(const std::vector<double>& lambda, int count,
   const std::vector<bool> before = result;
   for (std::size_t j = 0; j < n; ++j)
     for (std::size_t i = 0; i < n; ++i)
-      if (!before[i] && std::abs(lambda[i] - lambda[j]) <= 1e-3 * (std::abs(lambda[j]) + tau))
+      if (!before[i] &&
+          std::abs(lambda[i] - lambda[j]) <= 1e-3 * (std::abs(lambda[j]) + tau))
         result[j] = false;
   return result;
 }
@@ -67,9 +69,21 @@ int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expe
         std::lower_bound(pairs.lambda.begin(), pairs.lambda.end(), sigma) -
         pairs.lambda.begin());
     if (below > expected)
-      throw Error(text("%d modes were found below the cutoff, the inertia of K - s M counts "
-                       "%d: the factorisation is not to be trusted (try -mor_mumps_cntl_1 0.1)",
-                       below, expected));
+      throw Error(
+          text("%d modes were found below the cutoff, the inertia of K - s M counts "
+               "%d: the factorisation is not to be trusted (try -mor_mumps_cntl_1 0.1)",
+               below, expected));
+    if (!pairs.lambda.empty() &&
+        pairs.lambda.front() < -null) { // a Rayleigh quotient: proof
+      const auto negative =
+          std::lower_bound(pairs.lambda.begin(), pairs.lambda.end(), -null) -
+          pairs.lambda.begin();
+      throw Error(text(
+          "K has %ld negative eigenvalue%s at least (%.3g rad²/s² of the pencil K, "
+          "M): it must be positive semidefinite (a buckled state, or K and M "
+          "swapped?)",
+          static_cast<long>(negative), negative == 1 ? "" : "s", pairs.lambda.front()));
+    }
     const int missing = expected - below;
     const std::vector<bool> is_good = known(pairs.lambda, below, good, space.tau());
     std::vector<int> block;
@@ -85,8 +99,9 @@ int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expe
                        below, expected, most_rounds));
     if (static_cast<int>(block.size()) > most_columns) block.resize(most_columns);
     const std::size_t checked = block.size();
-    for (int j = below; j < static_cast<int>(pairs.lambda.size()) && j < below + missing &&
-                        static_cast<int>(block.size()) < most_columns;
+    for (int j = below;
+         j < static_cast<int>(pairs.lambda.size()) && j < below + missing &&
+         static_cast<int>(block.size()) < most_columns;
          ++j)
       block.push_back(j);
 
@@ -94,12 +109,13 @@ int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expe
     for (int j : block)
       chosen = beside(chosen, part_of(pairs.vectors, 0, pairs.vectors.rows, j, 1));
     // M V is at hand unless the inner product is another one.
-    Block loads = space.kappa() == 0 ? combine(space.WV(), chosen)
-                                     : multiply(space.fom().M, combine(space.V(), chosen));
+    Block loads = space.kappa() == 0
+                      ? combine(space.WV(), chosen)
+                      : multiply(space.fom().M, combine(space.V(), chosen));
     if (missing > 0)
-      loads = concatenate(loads, multiply(space.fom().M,
-                                          random_block(space.V(), 2 + missing / 4,
-                                                       static_cast<unsigned>(round))));
+      loads = concatenate(
+          loads, multiply(space.fom().M, random_block(space.V(), 2 + missing / 4,
+                                                      static_cast<unsigned>(round))));
     const std::vector<double> outside =
         space.append(factor.solve(loads, ShiftedSolver::Verify::first_column).x, 1e-7);
     solves += static_cast<int>(loads.columns());

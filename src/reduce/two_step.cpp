@@ -136,8 +136,8 @@ std::vector<double> SecondStageRun::error_grid(const MediumModel& medium) const 
   std::vector<double> grid;
   const auto bands = gramian_.bands();
   for (const auto& [first, last] : bands) {
-    const auto part = band_grid(first, last, 400 / static_cast<int>(bands.size()),
-                                medium.resonances);
+    const auto part =
+        band_grid(first, last, 400 / static_cast<int>(bands.size()), medium.resonances);
     grid.insert(grid.end(), part.begin(), part.end());
   }
   if (!options_.error_hz.empty()) {

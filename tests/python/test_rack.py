@@ -13,7 +13,7 @@ from scipy.sparse.linalg import eigsh
 
 from conftest import assembled, rom_matrices, rom_transfer, run
 
-BAND = ("-mor_band_hz", "10,500", "-mor_samples", "30")
+BAND = ("-mor_method", "pod", "-mor_band_hz", "10,500", "-mor_samples", "30")
 
 
 @pytest.fixture(scope="module")
@@ -112,7 +112,9 @@ def test_plan_says_what_is_done_and_skipped(rack: Path) -> None:
 
 def test_options_file_and_log_view(rack: Path, tmp_path: Path) -> None:
     options = tmp_path / "run.opts"
-    options.write_text("-mor_samples 5\n-mor_validate 0\n# comment\n-mor_monitor detail\n")
+    options.write_text(
+        "-mor_method pod\n-mor_samples 5\n-mor_validate 0\n# comment\n-mor_monitor detail\n"
+    )
     out = tmp_path / "rom.h5"
     result = run("reduce", "-body", rack, "-options_file", options, "-mor_out", out, "-log_view",
                  ranks=2)  # fmt: skip
