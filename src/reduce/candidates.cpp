@@ -120,7 +120,7 @@ Candidate weighted(const SecondStage& stage) {
   std::vector<BandWeight> bands;
   for (const auto& band : stage.bands) {
     BandWeight b;
-    for (double omega : band_grid(band.omega.front(), band.omega.back(), 100, {})) {
+    for (double omega : band_grid(band.omega.front(), band.omega.back(), 36, {})) {
       b.omega.push_back(omega);
       b.weight.push_back(1 / frobenius_norm(stage.medium.at(omega).H));
     }

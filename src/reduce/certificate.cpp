@@ -170,7 +170,7 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
       for (int i = 0; i < r; ++i)
         all(i, next + j) = size > 0 ? largest * basis.damped_modes(i, j) / size : 0.0;
   }
-  LeftSvd svd = left_svd(all);
+  LeftSvd svd = left_svd(compressed(all));
   share_from_first(space.V().comm(), svd.values);
   share_from_first(space.V().comm(), svd.vectors.data);
   int k = 0;
