@@ -339,7 +339,11 @@ void MediumBuilder::certify(int most_columns) {
   model_.certificate_ =
       Certificate(*space_, *model_.response_, std::move(basis), gram, modes,
                   model_.cutoff, model_.inputs_, model_.outputs_, model_.scale_);
-  model_.worst = worst_bound();
+  // Dense work may differ in the last bit from rank to rank; decisions must not.
+  std::vector<double> shared{worst_bound(), model_.proved ? 1.0 : 0.0};
+  share_from_first(fom_.comm, shared);
+  model_.worst = shared[0];
+  model_.proved = shared[1] > 0;
 }
 
 void MediumBuilder::grow(double target) {

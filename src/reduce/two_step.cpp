@@ -289,6 +289,10 @@ Dense SecondStageRun::tangent(const Dense& Q) const {
 }
 
 ReducedModel SecondStageRun::finish() {
+  std::vector<double> shared{static_cast<double>(best_), static_cast<double>(order_)};
+  share_from_first(fom_.comm, shared); // the last bit of an error may differ between ranks
+  best_ = static_cast<std::size_t>(shared[0]);
+  order_ = static_cast<int>(shared[1]);
   const Candidate& candidate = candidates_[best_];
   Dense Q = candidate.basis(order_);
   share_from_first(fom_.comm, Q.data);
@@ -301,8 +305,10 @@ ReducedModel SecondStageRun::finish() {
   rom.V = combine(medium_.V, Q);
   rom.method = method_;
   rom.second_stage = candidate.name;
-  rom.sigma = candidate.sigma;
-  if (rom.sigma.empty()) rom.sigma = make_candidate("gramian", *stage_).sigma;
+  // The paper's indicator: the Gramian over the band, whatever the basis is made of.
+  const auto paper = std::find_if(candidates_.begin(), candidates_.end(),
+                                  [](const Candidate& c) { return c.name == "gramian"; });
+  rom.sigma = paper != candidates_.end() ? paper->sigma : make_candidate("gramian", *stage_).sigma;
   rom.omega = errors_->omega();
   rom.epsilon = errors.relative;
   rom.bound = errors.bound;
