@@ -1,5 +1,6 @@
 #include "model/rigid_body_modes.hpp"
 
+#include "base/text.hpp"
 #include "linalg/orthonormal.hpp"
 #include "linalg/sparse.hpp"
 
@@ -23,7 +24,36 @@ double rigid_threshold(const SecondOrderModel& model) {
   return 1e3 * std::numeric_limits<double>::epsilon() * eigenvalue_scale(model);
 }
 
+bool is_rigid(const SecondOrderModel& model, const Block& phi, double lambda) {
+  const auto k = diagonal(model.K);
+  double sum = 0;
+  {
+    const Block::Access x(phi);
+    for (std::size_t i = 0; i < k.size(); ++i)
+      sum += k[i] * x.column(0)[i] * x.column(0)[i];
+  }
+  // Exports print 14 digits, some codes fewer: hence 256.
+  return lambda <=
+         256 * std::numeric_limits<double>::epsilon() * sum_over(model.comm, sum);
+}
+
 namespace {
+
+/// The M-orthonormal vectors turned to the eigenvectors of K in their span, the rigid
+/// ones kept.
+Block rigid_part(const SecondOrderModel& model, const Block& vectors) {
+  Dense k = inner(vectors, multiply(model.K, vectors));
+  symmetrise(k);
+  SymmetricEigen eigen = symmetric_eigen(k);
+  share_from_first(model.comm, eigen.values);
+  share_from_first(model.comm, eigen.vectors.data);
+  const Block turned = combine(vectors, eigen.vectors);
+  int rigid = 0;
+  while (rigid < k.rows && is_rigid(model, select_columns(turned, {rigid}),
+                                    eigen.values[static_cast<std::size_t>(rigid)]))
+    ++rigid;
+  return combine(vectors, first_columns(eigen.vectors, rigid));
+}
 
 /// Three translations and three rotations about the mean position, in units of its mean
 /// radius.
@@ -100,7 +130,10 @@ Block null_space_modes(const SecondOrderModel& model, SolverOptions options) {
       break; // the square of the change is rounding
     last = outside;
   }
-  return x;
+  if (x.columns() < count)
+    throw Error(text("only %ld of the %d vectors of K's null space were found",
+                     static_cast<long>(x.columns()), count));
+  return rigid_part(model, x);
 }
 
 Block rigid_body_modes(const SecondOrderModel& model) {
@@ -109,16 +142,7 @@ Block rigid_body_modes(const SecondOrderModel& model) {
   const Block none;
   const Block motions =
       orthonormalise(rigid_motions(model), none, none, mass, 1e-6).vectors;
-  Dense k = inner(motions, multiply(model.K, motions));
-  symmetrise(k);
-  SymmetricEigen eigen = symmetric_eigen(k);
-  share_from_first(model.comm, eigen.values);
-  share_from_first(model.comm, eigen.vectors.data);
-  int rigid = 0;
-  const double threshold = rigid_threshold(model);
-  while (rigid < k.rows && eigen.values[static_cast<std::size_t>(rigid)] <= threshold)
-    ++rigid;
-  return combine(motions, first_columns(eigen.vectors, rigid));
+  return rigid_part(model, motions);
 }
 
 } // namespace flexgram

@@ -9,8 +9,13 @@ namespace flexgram {
 /// makes it any size.) @throws Error if M is zero. Collective.
 double eigenvalue_scale(const SecondOrderModel& model);
 
-/// Eigenvalues of (K, M) below this are those of rigid modes [rad²/s²].
+/// Eigenvalues of (K, M) below this may be those of rigid modes [rad²/s²]; is_rigid
+/// decides.
 double rigid_threshold(const SecondOrderModel& model);
+
+/// Whether the stiffness λ = φᵀKφ of an M-normalised vector is no more than what the
+/// rounding of K leaves, c ε φᵀdiag(K)φ: a body on soft springs is not free.
+bool is_rigid(const SecondOrderModel& model, const Block& phi, double lambda);
 
 /// Rigid body modes from geometry: those combinations of three translations and three
 /// rotations of the nodes that K does not resist (supports leave fewer than six).

@@ -367,6 +367,9 @@ const std::vector<std::string>& candidate_names() {
 }
 
 Candidate make_candidate(const std::string& name, const SecondStage& stage) {
+  if (stage.medium.system.order() ==
+      stage.medium.rigid) // nothing elastic is in the band's reach
+    return nested(name, identity(stage.medium.rigid), stage.medium.rigid);
   if (name == "gramian_modes") return gramian_modes(stage);
   if (name == "weighted") return weighted(stage);
   if (name == "whole_axis") return whole_axis(stage);

@@ -121,7 +121,8 @@ ComplexDense residual_of(const Dense& ports, const Dense& K, const Dense& D, dou
 } // namespace
 
 ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
-                             const std::vector<double>& samples, int modes, int most) {
+                             const std::vector<double>& samples, int modes, double cutoff,
+                             int most) {
   const bool damped = response.system().has_extra_damping();
   const int p = response.system().B.columns;
   const MediumSpace::Residual& parts = space.residual();
@@ -138,16 +139,28 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
   basis.K = multiply(of_K, response.U());
   if (damped) {
     basis.D = multiply(of_D, response.U());
-    basis.damped_modes = first_columns(basis.D, modes);
-    for (int j = 0; j < modes; ++j) // U is normalised in K + τM, modes in M
+    // (DΦ)_° = E U x + g, E = K + τM, with x = UᵀDΦ but for the rows of Φ, and the rest g
+    // outside V.
+    basis.damped_inside = first_columns(response.modal_damping(), modes);
+    for (int j = 0; j < modes; ++j) {
+      const double size = // U is normalised in E, modes in M
+          1 / std::sqrt(response.mu()[static_cast<std::size_t>(j)]);
+      for (int i = 0; i < basis.damped_inside.rows; ++i)
+        basis.damped_inside(i, j) *= i < modes ? 0.0 : size;
+    }
+    basis.damped_outside = first_columns(basis.D, modes);
+    const Dense taken = multiply(basis.K, basis.damped_inside);
+    for (int j = 0; j < modes; ++j)
       for (int i = 0; i < r; ++i)
-        basis.damped_modes(i, j) /= std::sqrt(response.mu()[static_cast<std::size_t>(j)]);
+        basis.damped_outside(i, j) =
+            basis.damped_outside(i, j) /
+                std::sqrt(response.mu()[static_cast<std::size_t>(j)]) -
+            (1 - space.kappa() * space.tau()) * taken(i, j);
   }
 
   // What the residuals are made of over the band, each frequency relative to its
   // response.
-  const int damped_columns = basis.damped_modes.columns;
-  Dense all(r, 2 * p * static_cast<int>(samples.size()) + damped_columns);
+  Dense all(r, 2 * p * static_cast<int>(samples.size()));
   int next = 0;
   for (double omega : samples) {
     const ComplexDense x = response.modal_response(omega);
@@ -156,19 +169,28 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
         residual_of(basis.ports, basis.K, basis.D, space.kappa(), omega,
                     response.system().coefficients(omega), x);
     for (int j = 0; j < p; ++j, next += 2)
-      for (int i = 0; i < r; ++i) {
+      for (int i = 0; i < r && size > 0; ++i) {
         all(i, next) = residual(i, j).real() / size;
         all(i, next + 1) = residual(i, j).imag() / size;
       }
   }
   double largest = 0;
   for (double v : all.data) largest = std::max(largest, std::abs(v));
-  if (damped_columns > 0) {
+  // Residuals of the modes, so that angles above 1e-5 are seen, and the dampers' part.
+  Dense of_modes = first_columns(basis.K, modes);
+  for (int j = 0; j < modes; ++j) {
+    const double lambda = response.lambda()[static_cast<std::size_t>(j)];
+    for (int i = 0; i < r; ++i)
+      of_modes(i, j) *=
+          1e-2 * largest * (cutoff * cutoff + space.tau()) / (cutoff * cutoff - lambda);
+  }
+  all = beside(all, of_modes);
+  if (damped) {
     double size = 0;
-    for (double v : basis.damped_modes.data) size = std::max(size, std::abs(v));
-    for (int j = 0; j < damped_columns; ++j)
-      for (int i = 0; i < r; ++i)
-        all(i, next + j) = size > 0 ? largest * basis.damped_modes(i, j) / size : 0.0;
+    for (double v : basis.damped_outside.data) size = std::max(size, std::abs(v));
+    Dense scaled = basis.damped_outside;
+    for (double& v : scaled.data) v *= size > 0 ? largest / size : 0.0;
+    all = beside(all, scaled);
   }
   LeftSvd svd = left_svd(compressed(all));
   share_from_first(space.V().comm(), svd.values);
@@ -192,7 +214,7 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
   turn(basis.ports);
   turn(basis.K);
   turn(basis.D);
-  turn(basis.damped_modes);
+  turn(basis.damped_outside);
   basis.T = combine(parts.S, multiply(c.combination, u));
   if (basis.complete)
     space.compress_residual({copy(basis.T), basis.ports, multiply_transposed(u, of_K),
@@ -221,7 +243,13 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
   ports_ = turned(basis.ports);
   K_ = turned(basis.K);
   D_ = turned(basis.D);
-  coupling_ = turned(basis.damped_modes);
+  if (!basis.D.data.empty()) { // G = xᵀx + gᵀE⁻¹g
+    const Dense outside = turned(basis.damped_outside);
+    coupling_ = Dense(basis.damped_inside.rows + outside.rows, modes);
+    set_part(coupling_, 0, 0, basis.damped_inside);
+    set_part(coupling_, basis.damped_inside.rows, 0, outside);
+    coupling_ = transpose(compressed(transpose(coupling_)));
+  }
   const Dense& U = response.U();
   if (!coupling_.data.empty()) {
     const Dense Phi = first_columns(U, modes);
@@ -241,10 +269,10 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
     double square = 0;
     for (int i = 0; i < K_.rows; ++i) square += K_(i, j) * K_(i, j);
     mode_lambda_.push_back(lambda);
-    mode_angle_.push_back(j < space.rigid()
-                              ? 0.0
-                              : std::sqrt(square) * (cutoff_squared_ + tau_) /
-                                    (cutoff_squared_ - lambda));
+    mode_angle_.push_back(j < space.rigid() ? 0.0
+                                            : (1 + kappa_ * lambda) * std::sqrt(square) *
+                                                  (cutoff_squared_ + tau_) /
+                                                  (cutoff_squared_ - lambda));
   }
   const auto& weights = space.rounding_weights();
   for (int j = 0; j < U.columns; ++j) {
@@ -254,28 +282,6 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
     rounding_weights_.push_back(std::sqrt(square));
   }
   rigid_weights_.assign(weights.begin(), weights.begin() + space.rigid());
-  if (space.rigid() > 0) {
-    rigid_ = part_of(U, 0, space.rigid(), 0, U.columns);
-    neglected_ = multiply(space.neglected(), U);
-    geometric_ = space.rigid_modes_are_geometric();
-  }
-  for (int j = 0; j < modes; ++j) {
-    const double lambda = response.lambda()[static_cast<std::size_t>(j)];
-    double square = 0;
-    for (int i = 0; i < K_.rows; ++i) square += K_(i, j) * K_(i, j);
-    mode_lambda_.push_back(lambda);
-    mode_angle_.push_back(j < space.rigid()
-                              ? 0.0
-                              : std::sqrt(square) * (cutoff_squared_ + tau_) /
-                                    (cutoff_squared_ - lambda));
-  }
-  for (int j = 0; j < U.columns; ++j) {
-    double square = 0;
-    for (int i = 0; i < U.rows; ++i)
-      square +=
-          std::pow(U(i, j) * space.rounding_weights()[static_cast<std::size_t>(i)], 2);
-    rounding_weights_.push_back(std::sqrt(square));
-  }
 }
 
 double Certificate::worst_angle() const {
@@ -314,30 +320,34 @@ Certificate::Bound Certificate::at(double omega, const DenseResponse& response,
   if (extra > 0) paired += extra * (frobenius_norm(w_c) + frobenius_norm(w_in) + extra);
 
   Bound bound;
-  // Modes known to an angle θ only let θ² of the residual through to their resonance.
-  double leak = 0;
-  for (std::size_t j = 0; j < mode_lambda_.size(); ++j) {
+  // Modes known to an angle θ let θ² of the residual through to their resonance; within a
+  // cluster the angle is that of all of them.
+  double angles = 0, leak = 0;
+  for (double angle : mode_angle_) angles += angle * angle;
+  for (std::size_t j = 0; j < mode_lambda_.size() && angles > 0; ++j) {
     const int i = static_cast<int>(j);
     const double a = std::abs(c.k * mode_lambda_[j] + c.m +
                               (mode_damping_.rows > 0 ? c.d * mode_damping_(i, i) : 0.0));
-    if (mode_angle_[j] > 0)
-      leak += mode_angle_[j] * mode_angle_[j] *
-              (a > 0 ? (mode_lambda_[j] + tau_) / a : infinity);
+    leak = std::max(leak, angles * (a > 0 ? (mode_lambda_[j] + tau_) / a : infinity));
   }
+  double q = 0;
   if (!system.has_extra_damping()) {
-    const double q = largest_distance(c.k, c.m, tau_, cutoff_squared_, 0.0);
+    q = largest_distance(c.k, c.m, tau_, cutoff_squared_, 0.0);
     const Complex centre =
         0.5 * ((cutoff_squared_ + tau_) / (c.k * cutoff_squared_ + c.m) + 1.0 / c.k);
     const double radius = largest_distance(c.k, c.m, tau_, cutoff_squared_, centre);
-    const double known = frobenius_norm(multiply_transposed(w_c, w_in));
-    bound.error =
-        std::min(q * paired, std::abs(centre) * known + radius * paired) + leak * paired;
+    const double known = frobenius_norm(multiply_transposed(w_c, w_in)) +
+                         extra * (frobenius_norm(w_c) + frobenius_norm(w_in) + extra);
+    bound.error = std::min(q * paired, std::abs(centre) * known + radius * paired);
   } else {
-    const double q = (cutoff_squared_ + tau_) / (cutoff_squared_ - omega * omega);
+    q = (cutoff_squared_ + tau_) / (cutoff_squared_ - omega * omega);
     const double delta = damping_coupling(omega, system);
     bound.proved = q * delta < 1;
-    bound.error = paired * (bound.proved ? 1 / (1 / q - delta) : q) + leak * paired;
+    bound.error = paired * (bound.proved ? 1 / (1 / q - delta) : q);
   }
+  bound.error += leak * paired;
+  // First-order arguments carry this far.
+  bound.proved = bound.proved && leak < 0.1 * q && remainder_ < 1e-6;
 
   // Roundings are random: their squares add up.
   const auto rounded = [&](const std::vector<int>& columns, const ComplexDense& motion,

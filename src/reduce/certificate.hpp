@@ -11,7 +11,8 @@ namespace flexgram {
 struct ResidualBasis {
   Block T;
   Dense ports, K, D;    ///< k×p, k×N, k×N, the last two in the modal coordinates U
-  Dense damped_modes;   ///< k×modes: the part of DΦ outside Φ; empty without D
+  Dense damped_inside;  ///< N×modes: UᵀDΦ without the rows of Φ; empty without D
+  Dense damped_outside; ///< k×modes: the part of (DΦ)_° outside V
   double remainder = 0; ///< what T leaves out, relative, at most over the samples
   bool complete = true; ///< false: cut at the largest directions
 };
@@ -22,7 +23,8 @@ struct ResidualBasis {
 /// @param most         at most so many columns.
 /// @note If T holds everything, the space's own residual parts are replaced by it.
 ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
-                             const std::vector<double>& samples, int modes, int most);
+                             const std::vector<double>& samples, int modes, double cutoff,
+                             int most);
 
 /// The error of the Galerkin model on a space V that holds all modes Φ below ω_c,
 /// bounded.

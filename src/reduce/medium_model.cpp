@@ -3,6 +3,7 @@
 #include "base/process.hpp"
 #include "base/text.hpp"
 #include "model/rigid_body_modes.hpp"
+#include "reduce/band_gramian.hpp"
 #include "reduce/mode_search.hpp"
 
 #include <algorithm>
@@ -49,7 +50,7 @@ std::vector<double> band_grid(double first, double last, int count,
   }
   for (const auto& [omega, half_width] : resonances)
     for (const double offset : {-3.0, -1.0, 0.0, 1.0, 3.0}) {
-      const bool damped = half_width > 1e-5 * omega;
+      const bool damped = half_width > 1e-7 * omega;
       if (offset == 0 && !damped) continue;
       const double at = omega + offset * (damped ? half_width : 1e-4 * omega);
       if (at > first && at < last) grid.push_back(at);
@@ -237,9 +238,17 @@ void MediumBuilder::search_modes() {
                         modes_exact_ ? 1e-5 : 0.3, threshold_, monitor_);
     model_.solved_columns += solves;
     const RitzPairs pairs = ritz_pairs(*space_);
-    int null = 0;
-    while (null < expected_ && pairs.lambda[static_cast<std::size_t>(null)] <= threshold_)
-      ++null;
+    int candidates = 0, null = 0;
+    while (candidates < expected_ &&
+           pairs.lambda[static_cast<std::size_t>(candidates)] <= threshold_)
+      ++candidates;
+    if (candidates > 0) {
+      const Block suspects =
+          combine(space_->V(), first_columns(pairs.vectors, candidates));
+      while (null < candidates && is_rigid(fom_, select_columns(suspects, {null}),
+                                           pairs.lambda[static_cast<std::size_t>(null)]))
+        ++null;
+    }
     if (null > 0) {
       const int rigid = space_->rigid();
       Dense Q = identity(space_->columns());
@@ -325,8 +334,8 @@ void MediumBuilder::certify(int most_columns) {
   const int modes = space_->rigid() + expected_;
   model_.lambda.assign(model_.response_->lambda().begin() + space_->rigid(),
                        model_.response_->lambda().begin() + modes);
-  ResidualBasis basis =
-      residual_basis(*space_, *model_.response_, samples, modes, most_columns);
+  ResidualBasis basis = residual_basis(*space_, *model_.response_, samples, modes,
+                                       model_.cutoff, most_columns);
   complete_ = basis.complete;
   Dense gram;
   image_ = Block();
@@ -451,6 +460,12 @@ MediumModel MediumBuilder::build(double first, double last, double last_needed,
   model_.system.C = std::move(C);
   model_.system.outputs_are_inputs = fom_.outputs_are_inputs;
   model_.resonances = resonances();
+  if (fom_.D && space_->columns() <= 250) { // strong dampers move the peaks
+    model_.resonances.clear();
+    for (const auto& pole : poles(*model_.response_, 0))
+      if (pole.real() > 0 && pole.real() < model_.cutoff && pole.imag() < pole.real())
+        model_.resonances.push_back({pole.real(), std::max(pole.imag(), 0.0)});
+  }
   model_.V = space_->V().share();
   return std::move(model_);
 }

@@ -189,8 +189,6 @@ void MediumSpace::rotate_to_rigid(const Dense& Q, int count) {
   g_ = std::move(rotated);
   neglected_ = part_of(K_, 0, count, 0, columns());
   if (rigid_ > 0) set_part(neglected_, 0, 0, multiply(before, Q));
-  for (int j = 0; j < count; ++j) // among themselves they are rigid by definition
-    for (int i = 0; i < count; ++i) neglected_(i, j) = 0;
   rigid_ = count;
   for (int j = 0; j < columns(); ++j)
     for (int i = 0; i < columns(); ++i)

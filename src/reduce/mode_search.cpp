@@ -10,15 +10,16 @@ namespace {
 
 constexpr int most_columns = 48, most_rounds = 60;
 
-/// Which Ritz values are those of `good`, one to one: their vectors were good enough when they were
-/// last checked.
+/// Which Ritz values are those of `good`, one to one: their vectors were good enough when
+/// they were last checked.
 std::vector<bool> known(const std::vector<double>& lambda, int count,
                         const std::vector<double>& good, double tau) {
   const auto n = static_cast<std::size_t>(count);
   std::vector<bool> result(n, false), taken(good.size(), false);
   for (std::size_t j = 0; j < n; ++j)
     for (std::size_t g = 0; g < good.size(); ++g)
-      if (!taken[g] && std::abs(lambda[j] - good[g]) <= 1e-3 * (std::abs(good[g]) + tau)) {
+      if (!taken[g] &&
+          std::abs(lambda[j] - good[g]) <= 1e-3 * (std::abs(good[g]) + tau)) {
         taken[g] = result[j] = true;
         break;
       }

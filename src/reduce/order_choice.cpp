@@ -75,6 +75,7 @@ bool ErrorOverBand::meets(const DenseSystem& small, double tolerance) {
 int smallest_order(const Candidate& candidate, const MediumModel& medium,
                    ErrorOverBand& errors, double tolerance, int most) {
   most = std::min(most, candidate.most);
+  if (most < candidate.least) return 0;
   if (candidate.nested) {
     const DenseSystem all = medium.system.project(candidate.basis(most));
     for (int m = candidate.least; m <= most; ++m)

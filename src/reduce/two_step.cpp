@@ -14,8 +14,9 @@ namespace flexgram {
 namespace {
 
 constexpr double hz = 0.5 / std::numbers::pi;
-/// What auto tries. Measured over seven bodies and tolerances from 1e-2 to 1e-8 (README, "Order over
-/// tolerance"), none of the others is ever smaller than the better of these two.
+/// What auto tries. Measured over seven bodies and tolerances from 1e-2 to 1e-8 (README,
+/// "Order over tolerance"), none of the others is ever smaller than the better of these
+/// two.
 const std::vector<std::string> auto_stages{"gramian", "weighted"};
 
 } // namespace
@@ -203,11 +204,17 @@ void SecondStageRun::choose() {
     if (errors_->least() > tolerance) {
       const double floor =
           *std::max_element(errors_->floor().begin(), errors_->floor().end());
-      throw Error(text(
-          "-mor_tol %g cannot be proved: the medium model of order %d is certified to "
-          "%.1e only, rounding of K is %.1e of it%s",
-          tolerance, medium_.system.order(), errors_->least(), floor,
-          floor > 0.5 * tolerance ? " (the body is too stiff beside its band)" : ""));
+      throw Error(floor > 0.5 * tolerance
+                      ? text("-mor_tol %g cannot be proved: rounding of K alone changes "
+                             "H by up to %.1e of "
+                             "it, at a sharp resonance or because the outputs hardly "
+                             "answer the inputs; a "
+                             "larger -mor_tol can",
+                             tolerance, floor)
+                      : text("-mor_tol %g cannot be proved: the medium model of order %d "
+                             "is certified to "
+                             "%.1e only (see -mor_medium_order, -mor_cutoff)",
+                             tolerance, medium_.system.order(), errors_->least()));
     }
     for (std::size_t c = 0; c < candidates_.size(); ++c) {
       // A later candidate must be smaller to win.
@@ -290,7 +297,8 @@ Dense SecondStageRun::tangent(const Dense& Q) const {
 
 ReducedModel SecondStageRun::finish() {
   std::vector<double> shared{static_cast<double>(best_), static_cast<double>(order_)};
-  share_from_first(fom_.comm, shared); // the last bit of an error may differ between ranks
+  share_from_first(fom_.comm,
+                   shared); // the last bit of an error may differ between ranks
   best_ = static_cast<std::size_t>(shared[0]);
   order_ = static_cast<int>(shared[1]);
   const Candidate& candidate = candidates_[best_];
@@ -308,7 +316,8 @@ ReducedModel SecondStageRun::finish() {
   // The paper's indicator: the Gramian over the band, whatever the basis is made of.
   const auto paper = std::find_if(candidates_.begin(), candidates_.end(),
                                   [](const Candidate& c) { return c.name == "gramian"; });
-  rom.sigma = paper != candidates_.end() ? paper->sigma : make_candidate("gramian", *stage_).sigma;
+  rom.sigma = paper != candidates_.end() ? paper->sigma
+                                         : make_candidate("gramian", *stage_).sigma;
   rom.omega = errors_->omega();
   rom.epsilon = errors.relative;
   rom.bound = errors.bound;

@@ -133,3 +133,57 @@ def rack(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("rack") / "rack.h5"
     import_body(ROOT / "meshes" / "rack.yaml", path)
     return path
+
+
+def certified(
+    body: Path,
+    band: tuple[float, float],
+    folder: Path,
+    *options: Any,
+    ranks: int = 1,
+    count: int = 500,
+    H: Any = None,
+) -> dict[str, Any]:
+    """Reduce ``body`` and compare its bound with full solves at frequencies that it never saw.
+
+    The full transfer function ``H`` (count, n_out, n_in) may be handed over from an earlier call.
+    """
+    first, last = band
+    inside = ",".join(
+        repr(x) for x in (first + 7e-4 * (last - first), last - 3e-4 * (last - first), count)
+    )
+    rom, sweep = folder / "certified.rom.h5", folder / "certified.sweep.h5"
+    run("reduce", "-body", body, "-mor_band_hz", f"{first!r},{last!r}", "-mor_error_hz", inside,
+        "-mor_out", rom, *options, ranks=ranks)  # fmt: skip
+    if H is None:
+        run("sweep", "-body", body, "-mor_sweep_hz", inside, "-mor_sweep_out", sweep, ranks=ranks)
+        H = sweep_transfer(sweep)[1]
+    data = rom_matrices(rom)
+    with h5py.File(rom) as file:
+        omega, bound = file["error/omega"][:], file["error/bound"][:]
+        floor, kind = file["error/floor"][:], file["error"].attrs["kind"]
+        factorisations = file["log"].attrs["factorisations"]
+        stage = file.attrs["second_stage"]
+    at = 2 * np.pi * np.linspace(*[float(x) for x in inside.split(",")[:2]], count)
+    index = np.abs(omega[:, None] - at).argmin(axis=0)
+    assert np.allclose(omega[index], at, rtol=1e-12)
+    truth = np.array(
+        [np.linalg.norm(h - rom_transfer(data, w)) / np.linalg.norm(h) for h, w in zip(H, at)]
+    )
+    above = truth > floor[index]
+    ratio = bound[index][above] / truth[above]
+    return {
+        "H": H, "truth": truth, "bound": bound[index], "floor": floor[index], "kind": kind,
+        "worst": bound.max(), "order": data["K"].shape[0], "factorisations": factorisations,
+        "stage": stage, "ratio": ratio, "rom": data, "path": rom,
+    }  # fmt: skip
+
+
+def assert_certified(result: dict[str, Any], tolerance: float | None = None) -> None:
+    """The bound holds everywhere, and is no more than 30 times (median 5) the error."""
+    assert result["kind"] == "certified"
+    assert np.all(result["truth"] <= result["bound"])
+    if result["ratio"].size:
+        assert np.median(result["ratio"]) <= 5 and result["ratio"].max() <= 30
+    if tolerance is not None:
+        assert result["worst"] <= tolerance
