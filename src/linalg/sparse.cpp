@@ -202,7 +202,20 @@ int count_negative_eigenvalues(Mat a, double floor, SolverOptions options) {
     FG_CALL(VecRestoreArray(scale, &values));
   }
   FG_CALL(MatDiagonalScale(scaled, scale, scale));
-  FG_CALL(MatShift(scaled, floor));
+  // Not MatShift: it cannot insert a diagonal entry that a parallel matrix lacks.
+  const RowRange rows = owned_rows(a);
+  PetscInt n = 0;
+  FG_CALL(MatGetSize(a, &n, nullptr));
+  LocalRows unit;
+  for (PetscInt row = rows.begin; row < rows.end; ++row) {
+    unit.column.push_back(row);
+    unit.value.push_back(1.0);
+    unit.start.push_back(static_cast<PetscInt>(unit.column.size()));
+  }
+  FG_CALL(MatAXPY(
+      scaled, floor,
+      make_sparse(PetscObjectComm(reinterpret_cast<PetscObject>(a)), rows, n, unit),
+      DIFFERENT_NONZERO_PATTERN));
   options.precision = "double";
   ShiftedSolver solver(scaled, nullptr, nullptr, {}, options);
   solver.count_pivots(true);

@@ -176,13 +176,14 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
   }
   double largest = 0;
   for (double v : all.data) largest = std::max(largest, std::abs(v));
-  // Residuals of the modes, so that angles above 1e-5 are seen, and the dampers' part.
+  // Residuals of the modes, so that angles above some 1e-6 are seen, and the dampers'
+  // part.
   Dense of_modes = first_columns(basis.K, modes);
   for (int j = 0; j < modes; ++j) {
     const double lambda = response.lambda()[static_cast<std::size_t>(j)];
     for (int i = 0; i < r; ++i)
       of_modes(i, j) *=
-          1e-2 * largest * (cutoff * cutoff + space.tau()) / (cutoff * cutoff - lambda);
+          largest * (cutoff * cutoff + space.tau()) / (cutoff * cutoff - lambda);
   }
   all = beside(all, of_modes);
   if (damped) {

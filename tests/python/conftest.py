@@ -168,7 +168,10 @@ def certified(
     index = np.abs(omega[:, None] - at).argmin(axis=0)
     assert np.allclose(omega[index], at, rtol=1e-12)
     truth = np.array(
-        [np.linalg.norm(h - rom_transfer(data, w)) / np.linalg.norm(h) for h, w in zip(H, at)]
+        [
+            np.linalg.norm(h - rom_transfer(data, w)) / np.linalg.norm(h)
+            for h, w in zip(H, at, strict=True)
+        ]
     )
     above = truth > floor[index]
     ratio = bound[index][above] / truth[above]

@@ -207,8 +207,8 @@ def test_a_full_disk_leaves_nothing_behind(ranks: int, tmp_path: Path) -> None:
     loads = np.random.default_rng(1).standard_normal((n, ports))
     write_matrices(body, **chain(n, B=loads))
     result = run("reduce", "-body", body, "-mor_band_hz", "0.01,0.3", "-mor_order", "80",
-                 "-mor_method", "pod", "-mor_samples", "4", "-mor_validate", "0", "-mor_out", out, ranks=ranks,
-                 expect=1, timeout=60, file_limit_kb=8192)  # fmt: skip
+                 "-mor_method", "pod", "-mor_samples", "4", "-mor_validate", "0", "-mor_out", out,
+                 ranks=ranks, expect=1, timeout=60, file_limit_kb=8192)  # fmt: skip
     assert "cannot write" in message(result)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["body.h5"]
 

@@ -130,7 +130,8 @@ def test_pod_has_the_reference_singular_values(load_case: Loader, tmp_path: Path
     body, out = tmp_path / "body.h5", tmp_path / "rom.h5"
     write_matrices(body, case["K"], case["M"], case["B"], C=case["C"],
                    alpha=case["ref"]["alpha"], beta=case["ref"]["beta"])  # fmt: skip
-    run("reduce", "-body", body, "-mor_method", "pod", "-mor_band_hz", band, "-mor_samples", len(fsnap),
+    run("reduce", "-body", body, "-mor_method", "pod", "-mor_band_hz", band, "-mor_samples",
+        len(fsnap),
         "-mor_spacing", "log", "-mor_inner_product", "euclidean", "-mor_port_scaling", "none",
         "-mor_order", 20, "-mor_out", out)  # fmt: skip
     with h5py.File(out) as file:
