@@ -1,7 +1,7 @@
 """The paper's figures on our rack (not the paper's: the same kind of part, another geometry).
 
 Figure 4: singular values of the position Gramian over the order. Figure 5: relative error over the
-band of Krylov, two-step, POD and modal reduction at the order that the paper's rule gives. Figure 6:
+band of Krylov, two-step, POD and modal reduction at the order of the paper's rule. Figure 6:
 two-step reduction for three bands. Needs out/rack.h5 (scripts/quickstart makes it).
 
     scripts/paper [--frequencies 200]

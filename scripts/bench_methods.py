@@ -1,0 +1,135 @@
+"""Wall time and peak memory against true error and certified bound, for every method.
+
+Generated Tet10 bodies, cube-like and thin-walled, free, twelve ports, Rayleigh damping. Beside
+them, from the same run, the machine's own unit: one real (and one complex) factorisation and one
+block solve of the same matrix. Writes out/bench/methods.csv and methods.png. Long for large ones.
+
+    scripts/bench [--sizes 6 30 100] [--methods two_step pod modal ...] [--runs 3] [--ranks 1]
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import os
+import re
+import statistics
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import h5py
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "tests" / "python"))
+
+from bodies import box, write_body_file  # noqa: E402
+from conftest import ENVIRONMENT, PROGRAM  # noqa: E402
+
+OUT = ROOT / "out" / "bench"
+ENDS = {name: {"set": name, "coupling": "rigid"} for name in ("start", "end")}
+#: Elements along the edges and edges [m] by shape and thousands of dofs.
+SHAPES = {
+    "block": ({6: (11, 6, 3), 30: (20, 10, 5), 100: (31, 16, 8), 250: (43, 22, 11)}, (4, 2, 1)),
+    "plate": ({6: (20, 10, 1), 30: (46, 23, 1), 100: (84, 42, 1), 250: (132, 66, 1)}, (4, 2, 0.05)),
+}
+METHODS = {
+    "two_step": ("-mor_tol", "1e-6"),
+    "pod": ("-mor_method", "pod", "-mor_samples", "30"),
+    "modal": ("-mor_method", "modal"),
+    "craig_bampton": ("-mor_method", "craig_bampton"),
+    "krylov": ("-mor_method", "krylov", "-mor_moments", "4"),
+}
+
+
+def flexgram(ranks: int, *arguments: Any) -> str:
+    command = ["mpirun", "-n", str(ranks), str(PROGRAM), *map(str, arguments)]
+    environment = {**ENVIRONMENT, "OPENBLAS_NUM_THREADS": os.environ.get("BLAS_THREADS", "1")}
+    return subprocess.run(
+        command, env=environment, capture_output=True, text=True, check=True
+    ).stdout
+
+
+def unit(body: Path, ranks: int) -> float:
+    """Seconds of one factorisation and one block solve, as the program itself reports them."""
+    out = flexgram(ranks, "sweep", "-body", body, "-mor_sweep_hz", "100", "-mor_sweep_out",
+                   OUT / "unit.h5", "-mor_monitor", "detail")  # fmt: skip
+    found = re.search(r"factor ([\d.]+) s, solve ([\d.]+) s", out)
+    assert found, out
+    return float(found[1]) + float(found[2])
+
+
+def measure(body: Path, method: str, band: str, ranks: int, runs: int) -> dict[str, Any]:
+    """Median seconds without reading and assembling, peak memory, order, bound, true error."""
+    rom, seconds = OUT / "rom.h5", []
+    for _ in range(runs):
+        flexgram(ranks, "reduce", "-body", body, "-mor_band_hz", band, "-mor_out", rom,
+                 *METHODS[method])  # fmt: skip
+        with h5py.File(rom) as file:
+            stages = dict(file["log/seconds"].attrs)
+            peak = float(file["log"].attrs["peak_memory_mb_per_rank"])
+            order = file["K"].shape[0]
+            bound = float(file["error/bound"][:].max()) if "error/bound" in file else float("nan")
+        seconds.append(
+            sum(s for name, s in stages.items() if name not in ("partition", "assemble"))
+        )
+    first, last = band.split(",")
+    flexgram(ranks, "sweep", "-body", body, "-rom", rom, "-mor_sweep_hz",
+             f"{float(first) * 1.03},{float(last) * 0.997},12", "-mor_sweep_out",
+             OUT / "sweep.h5")  # fmt: skip
+    with h5py.File(OUT / "sweep.h5") as file:
+        error = float(file["error/relative"][:].max())
+    return {"method": method, "order": order, "seconds": statistics.median(seconds),
+            "peak_mb": peak, "error": error, "bound": bound}  # fmt: skip
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--sizes", type=int, nargs="+", default=[6, 30], help="thousand dofs")
+    parser.add_argument("--methods", nargs="+", choices=METHODS, default=list(METHODS))
+    parser.add_argument("--runs", type=int, default=3)
+    parser.add_argument("--ranks", type=int, default=1)
+    options = parser.parse_args()
+    OUT.mkdir(parents=True, exist_ok=True)
+    rows = []
+    for shape, (counts, edges) in SHAPES.items():
+        for size in options.sizes:
+            mesh = box("tetra10", counts[size], edges, distort=False)
+            damped, undamped = OUT / "damped.h5", OUT / "undamped.h5"
+            write_body_file(damped, mesh, interfaces=ENDS, damping=(2.0, 1e-6, 0))
+            write_body_file(undamped, mesh, interfaces=ENDS)
+            real, complex_ = unit(undamped, options.ranks), unit(damped, options.ranks)
+            print(f"{shape} {size}k: unit real {real:.2f} s, complex {complex_:.2f} s")
+            band = "10,1000" if shape == "block" else "10,200"
+            for method in options.methods:
+                row = measure(damped, method, band, options.ranks, options.runs)
+                unit_of = {"unit_real_s": real, "unit_complex_s": complex_}
+                row = {"shape": shape, "thousand_dofs": size, **unit_of, **row}
+                row["units"] = row["seconds"] / real
+                rows.append(row)
+                print(f"  {method:14s} m = {row['order']:3d}  {row['seconds']:8.2f} s "
+                      f"= {row['units']:6.1f} units  {row['peak_mb']:6.0f} MB  error "
+                      f"{row['error']:.1e}  bound {row['bound']:.1e}", flush=True)  # fmt: skip
+    with (OUT / "methods.csv").open("w", newline="") as file:
+        writer = csv.DictWriter(file, rows[0].keys())
+        writer.writeheader()
+        writer.writerows(rows)
+    figure, axes = plt.subplots(figsize=(7, 4))
+    for method in options.methods:
+        mine = [row for row in rows if row["method"] == method]
+        axes.loglog([r["units"] for r in mine], [r["error"] for r in mine], "o", label=method)
+    axes.set(xlabel="time / (one real factorisation + one block solve)", ylabel="largest error")
+    axes.grid(alpha=0.3)
+    axes.legend()
+    figure.tight_layout()
+    figure.savefig(OUT / "methods.png", dpi=150)
+    print(f"table and figure are in {OUT}")
+
+
+if __name__ == "__main__":
+    main()
