@@ -147,3 +147,43 @@ def test_ranks_do_not_matter(rack: Path, tmp_path: Path) -> None:
         count = int(np.sum(sigma > 1e-8 * sigma[0]))
         assert np.allclose(sigma[:count], results[0][1][:count], rtol=1e-7)
         assert bound == pytest.approx(results[0][2], rel=0.05)
+
+
+@pytest.mark.parametrize("frame", ["none", "buckens", "tangent"])
+def test_frames_change_the_basis_and_not_the_transfer_function(
+    rack: Path, tmp_path: Path, frame: str
+) -> None:
+    result = certified(rack, (10.0, 500.0), tmp_path, "-mor_frame", frame, "-mor_order", 30,
+                       count=30)  # fmt: skip
+    assert_certified(result)
+    rom = result["rom"]
+    with h5py.File(result["path"]) as file:
+        assert file["frame"].attrs["kind"] == frame
+    if frame == "none":
+        return
+    assert np.all(rom["K"][:6] == 0) or np.abs(rom["K"][:6]).max() < 1e-6 * np.abs(rom["K"]).max()
+    if frame == "buckens":  # elastic vectors are orthogonal to the rigid modes
+        assert np.abs(rom["M"][:6, 6:]).max() < 1e-12
+    else:  # elastic vectors are at rest at the first interface
+        assert np.abs(rom["B"][6:, :6]).max() < 1e-9 * np.abs(rom["B"]).max()
+
+
+def test_several_bands_and_weights(rack: Path, tmp_path: Path) -> None:
+    orders = []
+    for options in (("-mor_band_hz", "10,500"), ("-mor_band_hz", "10,50,480,500")):
+        out = tmp_path / "rom.h5"
+        run("reduce", "-body", rack, *options, "-mor_tol", "1e-4", "-mor_out", out)
+        with h5py.File(out) as file:
+            orders.append(file["K"].shape[0])
+            assert file["error/bound"][:].max() <= 1e-4
+            hz = file["error/omega"][:] / (2 * np.pi)
+    assert orders[1] <= orders[0]
+    assert not np.any((hz > 50.1) & (hz < 479.9))
+    errors = []
+    for weight in ("10,1,500,1", "10,1,100,1,500,1e-6"):
+        run("reduce", "-body", rack, "-mor_second_stage", "gramian", "-mor_weight", weight,
+            "-mor_order", 24, "-mor_out", tmp_path / "rom.h5")  # fmt: skip
+        with h5py.File(tmp_path / "rom.h5") as file:
+            low = file["error/omega"][:] < 2 * np.pi * 100
+            errors.append(file["error/relative"][:][low].max())
+    assert errors[1] < errors[0]
