@@ -25,15 +25,7 @@ double distance(Complex pole, double a, double b) {
 void append(Quadrature& q, double a, double b, const BandWeight* weight) {
   Quadrature part = band_quadrature(a, b, points, "gauss", "linear");
   for (std::size_t l = 0; l < part.omega.size(); ++l) {
-    double w = 1;
-    if (weight) {
-      const auto& at = weight->omega;
-      const auto right = static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(
-          std::upper_bound(at.begin(), at.end(), part.omega[l]) - at.begin(), 1,
-          static_cast<std::ptrdiff_t>(at.size()) - 1));
-      const double t = (part.omega[l] - at[right - 1]) / (at[right] - at[right - 1]);
-      w = (1 - t) * weight->weight[right - 1] + t * weight->weight[right];
-    }
+    const double w = weight ? weight->at(part.omega[l]) : 1.0;
     if (w <= 0) continue;
     q.omega.push_back(part.omega[l]);
     q.weight.push_back(part.weight[l] * w);
@@ -120,6 +112,17 @@ Dense factor_of(const DenseResponse& response, const Quadrature& nodes, double e
 }
 
 } // namespace
+
+double BandWeight::at(double w) const {
+  if (omega.size() < 2 || w < omega.front() || w > omega.back())
+    return omega.size() == 1 ? weight[0] : 0.0;
+  const auto above = std::upper_bound(omega.begin(), omega.end(), w) - omega.begin();
+  const auto right = static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(
+      above, 1, static_cast<std::ptrdiff_t>(omega.size()) - 1));
+  if (omega[right] == omega[right - 1]) return weight[right];
+  const double t = (w - omega[right - 1]) / (omega[right] - omega[right - 1]);
+  return (1 - t) * weight[right - 1] + t * weight[right];
+}
 
 std::vector<Complex> poles(const DenseResponse& response, double eta_added) {
   const DenseSystem& system = response.system();

@@ -9,6 +9,7 @@ namespace flexgram {
 /// them.
 struct BandWeight {
   std::vector<double> omega, weight;
+  double at(double w) const;
   static BandWeight flat(double first, double last) {
     return {{first, last}, {1.0, 1.0}};
   }

@@ -122,7 +122,7 @@ Candidate weighted(const SecondStage& stage) {
     BandWeight b;
     for (double omega : band_grid(band.omega.front(), band.omega.back(), 36, {})) {
       b.omega.push_back(omega);
-      b.weight.push_back(1 / frobenius_norm(stage.medium.at(omega).H));
+      b.weight.push_back(band.at(omega) / frobenius_norm(stage.medium.at(omega).H));
     }
     const double largest = *std::max_element(b.weight.begin(), b.weight.end());
     for (double& w : b.weight) w /= largest;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "base/plan.hpp"
+#include "reduce/band_grid.hpp"
 #include "reduce/certificate.hpp"
 
 #include <memory>
@@ -15,11 +16,6 @@ struct MediumOptions {
 
   void describe(Options& options);
   void check() const;
-};
-
-/// An eigenfrequency and half the width of its peak, both [rad/s].
-struct Resonance {
-  double omega, half_width;
 };
 
 /// A Galerkin model of some ten times the final order, and the proof of its error over
@@ -51,12 +47,6 @@ private:
   std::vector<int> inputs_, outputs_;
   std::vector<double> scale_;
 };
-
-/// Frequencies that show the band: evenly spread in ω and in ln ω, both ends, and on and
-/// beside every resonance (of an undamped one not closer than 1e-4: there is no response
-/// on it). [rad/s], ascending.
-std::vector<double> band_grid(double first, double last, int count,
-                              const std::vector<Resonance>& resonances);
 
 /// Builds the medium model:
 ///  1. K − ω_c²M = LDLᵀ: its inertia counts the modes below ω_c, its solves find them
