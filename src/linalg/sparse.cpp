@@ -7,15 +7,21 @@
 
 namespace flexgram {
 
-Matrix make_sparse(MPI_Comm comm, RowRange rows, PetscInt n, const LocalRows& local) {
+Matrix make_sparse(MPI_Comm comm, RowRange rows, PetscInt n, const LocalRows& local,
+                   RowRange columns, PetscInt c) {
   Matrix a;
   FG_CALL(MatCreate(comm, a.out()));
-  FG_CALL(MatSetSizes(a, rows.size(), rows.size(), n, n));
+  FG_CALL(MatSetSizes(a, rows.size(), columns.size(), n, c));
   FG_CALL(MatSetType(a, MATAIJ));
   FG_CALL(MatSeqAIJSetPreallocationCSR(a, local.start.data(), local.column.data(),
                                        local.value.data()));
   FG_CALL(MatMPIAIJSetPreallocationCSR(a, local.start.data(), local.column.data(),
                                        local.value.data()));
+  return a;
+}
+
+Matrix make_sparse(MPI_Comm comm, RowRange rows, PetscInt n, const LocalRows& local) {
+  Matrix a = make_sparse(comm, rows, n, local, rows, n);
   FG_CALL(MatSetOption(a, MAT_SYMMETRIC, PETSC_TRUE));
   return a;
 }

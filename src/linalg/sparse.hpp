@@ -18,6 +18,9 @@ struct LocalRows {
 
 /// n×n AIJ matrix with the given rows here. Collective.
 Matrix make_sparse(MPI_Comm comm, RowRange rows, PetscInt n, const LocalRows& local);
+/// n×c AIJ matrix with the given rows here, for vectors with the rows `columns` here.
+Matrix make_sparse(MPI_Comm comm, RowRange rows, PetscInt n, const LocalRows& local,
+                   RowRange columns, PetscInt c);
 
 /// Rows of a on this rank.
 RowRange owned_rows(Mat a);

@@ -23,6 +23,11 @@ Damping read_damping(const Hdf5File& file);
 /// Takes α and β out of a D that is proportional; leaves a general D alone.
 void classify_damping(SecondOrderModel& model);
 
+/// Writes /dofs and /nodes of a body that has coordinates: nodes are numbered in the
+/// order of the rows (a node whose rows do not follow each other appears once for each
+/// run of them); /nodes/id keeps their labels. Collective.
+void write_dof_map(Hdf5File& file, const SecondOrderModel& model);
+
 /// Writes a body of matrices that read_body reads back and MATLAB and h5py open.
 /// Collective.
 void write_body(const SecondOrderModel& model, const std::string& path);

@@ -263,6 +263,15 @@ void read_dof_map(const Hdf5File& file, SecondOrderModel& model) {
         if (component < 0 || component > 5)
           fail(file, text("/dofs/component holds %lld, expected 0 to 5", ll(component)));
     }
+    if (file.exists("/nodes/id")) {
+      const auto ids = file.read_all<std::int64_t>("/nodes/id");
+      for (auto node : model.node) {
+        if (node < 0 || node >= static_cast<std::int64_t>(ids.size()))
+          fail(file, text("/dofs/node holds %lld, /nodes/id has %zu nodes (0-based)",
+                          ll(node), ids.size()));
+        model.label.push_back(ids[static_cast<std::size_t>(node)]);
+      }
+    }
     if (!file.exists("/nodes/position")) return;
     const auto shape = file.shape("/nodes/position");
     const bool reversed = by_columns(file, "/nodes/position");

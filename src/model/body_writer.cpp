@@ -49,8 +49,8 @@ std::vector<double> row_major(const Block& block) {
   return result;
 }
 
-/// For assembled bodies, whose rows go node by node: nodes are numbered in that order;
-/// /nodes/id keeps the numbers of the mesh.
+} // namespace
+
 void write_dof_map(Hdf5File& file, const SecondOrderModel& model) {
   const MPI_Comm comm = model.comm;
   const auto known = static_cast<std::int64_t>(
@@ -60,7 +60,7 @@ void write_dof_map(Hdf5File& file, const SecondOrderModel& model) {
   std::vector<double> positions;
   for (std::size_t row = 0; row < model.node.size(); ++row) {
     if (row == 0 || model.node[row] != model.node[row - 1]) {
-      ids.push_back(model.node[row]);
+      ids.push_back(model.label.empty() ? model.node[row] : model.label[row]);
       positions.insert(positions.end(),
                        model.position.begin() + static_cast<long>(3 * row),
                        model.position.begin() + static_cast<long>(3 * row + 3));
@@ -80,8 +80,6 @@ void write_dof_map(Hdf5File& file, const SecondOrderModel& model) {
                   {static_cast<PetscInt>(before), static_cast<PetscInt>(before + here)},
                   positions);
 }
-
-} // namespace
 
 void write_body(const SecondOrderModel& model, const std::string& path) {
   Hdf5File file = Hdf5File::create(model.comm, path);

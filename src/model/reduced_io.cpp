@@ -53,6 +53,28 @@ void write_log(Hdf5File& file, const ReducedModel& rom, const Options& options,
     file.set_attribute("/log", "warnings", monitor.warnings());
 }
 
+/// Rows of `a` × blocks of m columns, written with the block index between: rows × blocks
+/// × m.
+void write_blocks(Hdf5File& file, const std::string& name, const Dense& a, int m) {
+  file.write(name, {a.rows, a.columns / m, m}, row_major(a));
+}
+
+void write_frame(Hdf5File& file, const ReducedModel& rom) {
+  file.create_group("/frame");
+  file.set_attribute("/frame", "kind", rom.frame);
+  file.set_attribute("/frame", "rigid_modes", static_cast<double>(rom.rigid_modes));
+  if (!rom.integrals) return;
+  const FrameIntegrals& i = *rom.integrals;
+  const int m = static_cast<int>(rom.model.n);
+  file.set_attribute("/frame", "mass", i.mass);
+  write_vector(file, "/frame/centre", {i.centre.begin(), i.centre.end()});
+  write_matrix(file, "/frame/M_r", i.M_r);
+  write_matrix(file, "/frame/M_er", i.M_er);
+  write_blocks(file, "/frame/gyroscopic", i.gyroscopic, m);
+  write_blocks(file, "/frame/inertia_first", i.inertia_first, m);
+  file.write("/frame/inertia_second", {3, m, 3, m}, row_major(i.inertia_second));
+}
+
 } // namespace
 
 void write_options(Hdf5File& file, const Options& options) {
@@ -62,7 +84,8 @@ void write_options(Hdf5File& file, const Options& options) {
 }
 
 void write_reduced(const ReducedModel& rom, const Options& options,
-                   const Monitor& monitor, const std::string& path) {
+                   const Monitor& monitor, const SecondOrderModel& fom,
+                   const std::string& path) {
   const SecondOrderModel& model = rom.model;
   Hdf5File file = Hdf5File::create(rom.V.comm(), path);
   file.set_attribute("/", "method", rom.method);
@@ -97,9 +120,8 @@ void write_reduced(const ReducedModel& rom, const Options& options,
   }
   file.set_attribute("/error", "kind", rom.kind);
   write_vector(file, "/modes/omega", rom.modes);
-  file.create_group("/frame");
-  file.set_attribute("/frame", "kind", rom.frame);
-  file.set_attribute("/frame", "rigid_modes", static_cast<double>(rom.rigid_modes));
+  write_frame(file, rom);
+  write_dof_map(file, fom);
   write_log(file, rom, options, monitor);
   file.commit();
 }

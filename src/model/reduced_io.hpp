@@ -2,8 +2,11 @@
 
 #include "base/monitor.hpp"
 #include "base/options.hpp"
+#include "model/frame_integrals.hpp"
 #include "model/hdf5_file.hpp"
 #include "model/second_order_model.hpp"
+
+#include <optional>
 
 namespace flexgram {
 
@@ -21,7 +24,8 @@ struct ReducedModel {
   std::vector<double> floor;   ///< its part that is rounding
   std::string kind = "estimated"; ///< of the error: certified | estimated
   std::string second_stage, frame = "none";
-  int rigid_modes = 0;     ///< of the body; the first basis vectors unless frame is none
+  int rigid_modes = 0; ///< of the body; the first basis vectors unless frame is none
+  std::optional<FrameIntegrals> integrals;
   double band[2] = {0, 0}; ///< [rad/s]
   int factorisations = 0;
 };
@@ -29,9 +33,11 @@ struct ReducedModel {
 /// Stores the resolved options as attributes of /log/options. Collective.
 void write_options(Hdf5File& file, const Options& options);
 
-/// Writes the reduced file (see src/README.md, "Files"). Collective on rom.V.comm().
+/// Writes the reduced file (see src/README.md, "Files"), with the dof map of the full
+/// body for the rows of V. Collective on rom.V.comm().
 void write_reduced(const ReducedModel& rom, const Options& options,
-                   const Monitor& monitor, const std::string& path);
+                   const Monitor& monitor, const SecondOrderModel& fom,
+                   const std::string& path);
 
 /// Reads M, D, K, B, C of a reduced file, whole on every rank. Collective on comm.
 SecondOrderModel read_reduced(MPI_Comm comm, const std::string& path);

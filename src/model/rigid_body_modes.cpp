@@ -55,23 +55,28 @@ Block rigid_part(const SecondOrderModel& model, const Block& vectors) {
   return combine(vectors, first_columns(eigen.vectors, rigid));
 }
 
-/// Three translations and three rotations about the mean position, in units of its mean
-/// radius.
-Block rigid_motions(const SecondOrderModel& model) {
+/// The mean position of the rows, and the mean distance from it.
+double mean_radius(const SecondOrderModel& model, std::array<double, 3>& centre) {
   const auto rows = static_cast<std::size_t>(model.rows.size());
   std::array<double, 4> sums{}; // Σx, Σy, Σz, number of rows
   for (std::size_t i = 0; i < rows; ++i)
     for (std::size_t c = 0; c < 3; ++c) sums[c] += model.position[3 * i + c];
   sums[3] = static_cast<double>(rows);
   MPI_Allreduce(MPI_IN_PLACE, sums.data(), 4, MPI_DOUBLE, MPI_SUM, model.comm);
-  std::array<double, 3> centre{sums[0] / sums[3], sums[1] / sums[3], sums[2] / sums[3]};
+  centre = {sums[0] / sums[3], sums[1] / sums[3], sums[2] / sums[3]};
   double radius = 0;
   for (std::size_t i = 0; i < rows; ++i)
     for (std::size_t c = 0; c < 3; ++c)
       radius += std::pow(model.position[3 * i + c] - centre[c], 2);
   radius = std::sqrt(sum_over(model.comm, radius) / sums[3]);
-  if (radius == 0) radius = 1;
+  return radius == 0 ? 1 : radius;
+}
 
+} // namespace
+
+Block rigid_motions(const SecondOrderModel& model, const std::array<double, 3>& centre,
+                    double radius) {
+  const auto rows = static_cast<std::size_t>(model.rows.size());
   Block motions(model.comm, model.rows, model.n, 6);
   Block::Access access(motions);
   for (std::size_t i = 0; i < rows; ++i) {
@@ -92,11 +97,9 @@ Block rigid_motions(const SecondOrderModel& model) {
   return motions;
 }
 
-} // namespace
-
 bool has_coordinates(const SecondOrderModel& model) {
-  const auto missing =
-      static_cast<std::int64_t>(model.position.empty() && model.rows.size() > 0);
+  const auto missing = static_cast<std::int64_t>(
+      (model.position.empty() || model.component.empty()) && model.rows.size() > 0);
   return sum_over(model.comm, missing) == 0;
 }
 
@@ -140,8 +143,11 @@ Block rigid_body_modes(const SecondOrderModel& model) {
   if (!has_coordinates(model)) return Block(model.comm, model.rows, model.n, 0);
   const InnerProduct mass{model.M, model.K, 0};
   const Block none;
+  std::array<double, 3> centre{};
+  const double radius = mean_radius(model, centre);
   const Block motions =
-      orthonormalise(rigid_motions(model), none, none, mass, 1e-6).vectors;
+      orthonormalise(rigid_motions(model, centre, radius), none, none, mass, 1e-6)
+          .vectors;
   return rigid_part(model, motions);
 }
 

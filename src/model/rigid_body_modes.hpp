@@ -2,6 +2,8 @@
 
 #include "model/second_order_model.hpp"
 
+#include <array>
+
 namespace flexgram {
 
 /// ‖K‖∞ over the mean diagonal of M [rad²/s²]: eigenvalues of rigid modes are zero up to
@@ -16,6 +18,12 @@ double rigid_threshold(const SecondOrderModel& model);
 /// Whether the stiffness λ = φᵀKφ of an M-normalised vector is no more than what the
 /// rounding of K leaves, c ε φᵀdiag(K)φ: a body on soft springs is not free.
 bool is_rigid(const SecondOrderModel& model, const Block& phi, double lambda);
+
+/// Three translations and three rotations about `centre`, the latter divided by `radius`:
+/// n×6.
+/// @pre has_coordinates(model).
+Block rigid_motions(const SecondOrderModel& model, const std::array<double, 3>& centre,
+                    double radius);
 
 /// Rigid body modes from geometry: those combinations of three translations and three
 /// rotations of the nodes that K does not resist (supports leave fewer than six).

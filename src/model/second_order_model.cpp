@@ -30,9 +30,23 @@ ShiftCoefficients SecondOrderModel::coefficients(double omega) const {
 }
 
 SecondOrderModel SecondOrderModel::share() const {
-  return {name,      comm,    n,         rows,      M.share(),          K.share(),
-          D.share(), damping, B.share(), C.share(), outputs_are_inputs, inputs,
-          outputs,   node,    component, position};
+  return {name,
+          comm,
+          n,
+          rows,
+          M.share(),
+          K.share(),
+          D.share(),
+          damping,
+          B.share(),
+          C.share(),
+          outputs_are_inputs,
+          inputs,
+          outputs,
+          node,
+          label,
+          component,
+          position};
 }
 
 std::int64_t SecondOrderModel::nonzeros() const {
@@ -81,6 +95,7 @@ SecondOrderModel move_to_group(SecondOrderModel model, const Groups& groups) {
         {columns * rows.begin, columns * rows.end}, 1);
   };
   copy.node = move_list(model.node, 1);
+  copy.label = move_list(model.label, 1);
   copy.component = move_list(model.component, 1);
   copy.position = move_list(model.position, 3);
   return copy;

@@ -35,7 +35,8 @@ struct SecondOrderModel {
   std::vector<std::string> inputs, outputs; ///< port names
 
   // Dof map, this rank's rows; empty where the body has none.
-  std::vector<std::int64_t> node;      ///< node number of each row
+  std::vector<std::int64_t> node;      ///< node of each row, 0-based
+  std::vector<std::int64_t> label;     ///< the FE code's number of that node; empty: node
   std::vector<std::int64_t> component; ///< 0-2 translation, 3-5 rotation
   std::vector<double> position;        ///< [m], 3 numbers a row
 

@@ -167,6 +167,7 @@ ReducedModel reduce_pod(const SecondOrderModel& fom, FrequencySolves& solves,
   rom.band[0] = first;
   rom.band[1] = last;
   rom.factorisations = solves.factorisations();
+  rom.rigid_modes = rigid_modes;
 
   plan.fact("inner product", basis.inner_product);
   const bool met = order < static_cast<int>(rom.sigma.size());

@@ -1,0 +1,81 @@
+#include "model/frame_integrals.hpp"
+
+#include "linalg/sparse.hpp"
+#include "model/rigid_body_modes.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace flexgram {
+namespace {
+
+/// Rows of the body × 6 dofs of every node: 1 where the row is that dof.
+Matrix nodal_dofs(const SecondOrderModel& model, RowRange dofs, PetscInt total) {
+  LocalRows local;
+  for (std::size_t i = 0; i < model.node.size(); ++i) {
+    local.column.push_back(static_cast<PetscInt>(6 * model.node[i] + model.component[i]));
+    local.value.push_back(1.0);
+    local.start.push_back(static_cast<PetscInt>(local.column.size()));
+  }
+  return make_sparse(model.comm, model.rows, model.n, local, dofs, total);
+}
+
+/// u ↦ e_axis × u at every node, of translations and of rotations.
+Matrix nodal_turn(MPI_Comm comm, RowRange dofs, PetscInt total, int axis) {
+  LocalRows local;
+  for (PetscInt dof = dofs.begin; dof < dofs.end; ++dof) {
+    const auto component = static_cast<int>(dof % 3);
+    if (component != axis) { // (e_a × u)_{a+1} = −u_{a+2}, (e_a × u)_{a+2} = u_{a+1}
+      local.column.push_back(dof - component + (3 - axis - component));
+      local.value.push_back(component == (axis + 1) % 3 ? -1.0 : 1.0);
+    }
+    local.start.push_back(static_cast<PetscInt>(local.column.size()));
+  }
+  return make_sparse(comm, dofs, total, local, dofs, total);
+}
+
+/// G_1, G_2, G_3 on the rows of the body; rows of a node may lie anywhere.
+std::array<Matrix, 3> turns(const SecondOrderModel& model) {
+  std::int64_t last = -1;
+  for (auto node : model.node) last = std::max(last, node);
+  const auto nodes =
+      static_cast<PetscInt>(max_over(model.comm, static_cast<double>(last))) + 1;
+  const RowRange mine = even_rows(model.comm, nodes);
+  const RowRange dofs{6 * mine.begin, 6 * mine.end};
+  const Matrix gather = nodal_dofs(model, dofs, 6 * nodes);
+  Matrix scatter;
+  FG_CALL(MatTranspose(gather, MAT_INITIAL_MATRIX, scatter.out()));
+  std::array<Matrix, 3> result;
+  for (int axis = 0; axis < 3; ++axis) {
+    const Matrix turn = nodal_turn(model.comm, dofs, 6 * nodes, axis);
+    FG_CALL(MatPtAP(turn, scatter, MAT_INITIAL_MATRIX, PETSC_DEFAULT,
+                    result[static_cast<std::size_t>(axis)].out()));
+  }
+  return result;
+}
+
+} // namespace
+
+FrameIntegrals frame_integrals(const SecondOrderModel& model, const Block& V) {
+  const int m = static_cast<int>(V.columns());
+  Block all = concatenate(rigid_motions(model, {0, 0, 0}, 1), V);
+  for (const Matrix& turn : turns(model)) all = concatenate(all, multiply(turn, V));
+  Dense gram = inner(all, multiply(model.M, all));
+  symmetrise(gram);
+  FrameIntegrals result;
+  result.M_r = part_of(gram, 0, 6, 0, 6);
+  result.M_er = part_of(gram, 6, m, 0, 6);
+  result.gyroscopic = part_of(gram, 6, m, 6 + m, 3 * m);
+  result.inertia_first = part_of(gram, 3, 3, 6 + m, 3 * m);
+  result.inertia_second = part_of(gram, 6 + m, 3 * m, 6 + m, 3 * m);
+  const Dense& r = result.M_r;
+  result.mass = (r(0, 0) + r(1, 1) + r(2, 2)) / 3;
+  for (int a = 0; a < 3; ++a) { // mass c_a = e_b · (e_c × mass c) = −e_c · (e_b × mass c)
+    const int b = (a + 1) % 3, c = (a + 2) % 3;
+    result.centre[static_cast<std::size_t>(a)] =
+        0.5 * (r(b, 3 + c) - r(c, 3 + b)) / result.mass;
+  }
+  return result;
+}
+
+} // namespace flexgram

@@ -1,0 +1,35 @@
+#pragma once
+
+#include "model/second_order_model.hpp"
+
+#include <array>
+
+namespace flexgram {
+
+/// What a floating frame of reference needs of a body with the displacement field
+/// u(x) = V(x) q, besides the reduced matrices: the coefficients of its mass matrix in
+/// eq. (1) of the paper. x is the position in the body's coordinates, about their origin;
+/// e_a the unit vectors.
+///
+/// All are products with the body's own mass matrix M, T and R the nodal values of
+/// e_a and e_a × x, G_a that of e_a × u (rotations of nodes turn likewise). They equal
+/// the volume integrals below exactly where the dofs are translations; where nodes have
+/// rotations (beams, rigidly coupled interfaces) M_r and M_er are exact, and the higher
+/// ones neglect the product of a node's rotation with the extent of what it carries.
+struct FrameIntegrals {
+  double mass = 0;              ///< [kg] of the free dofs
+  std::array<double, 3> centre; ///< [m]
+  Dense M_r;  ///< 6×6, [T R]ᵀM[T R]; its lower right block is the inertia [kg m²]
+  Dense M_er; ///< m×6, VᵀM[T R]
+  Dense gyroscopic;    ///< m × 3m, columns (a, k): ∫ρ φ_j · (e_a × φ_k)
+  Dense inertia_first; ///< 3 × 3m, columns (b, j): ∫ρ (e_a × x) · (e_b × φ_j)
+  Dense inertia_second; ///< 3m × 3m, rows (a, j), columns (b, k): ∫ρ (e_a × φ_j) · (e_b ×
+                        ///< φ_k)
+};
+
+/// @param[in] V  n×m basis
+/// @pre has_coordinates(model).
+/// @note Collective. Costs as much as a projection on a basis of 4m + 6 vectors.
+FrameIntegrals frame_integrals(const SecondOrderModel& model, const Block& V);
+
+} // namespace flexgram

@@ -1,0 +1,92 @@
+#include "run/body.hpp"
+
+#include "base/process.hpp"
+#include "base/text.hpp"
+#include "fem/assembly.hpp"
+#include "model/body_io.hpp"
+
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+
+namespace flexgram {
+
+void check_output(MPI_Comm comm, const std::string& path,
+                  const std::vector<std::string>& inputs) {
+  namespace fs = std::filesystem;
+  agree(comm, [&] {
+    if (comm_rank(comm) != 0) return;
+    const fs::path folder = fs::path(path).parent_path();
+    if (access(folder.empty() ? "." : folder.c_str(), W_OK) != 0)
+      throw Error(text("cannot write %s: %s", path.c_str(), std::strerror(errno)));
+    for (const auto& input : inputs) {
+      std::error_code ignored;
+      if (fs::equivalent(path, input, ignored))
+        throw Error(text("%s would replace the input %s", path.c_str(), input.c_str()));
+    }
+  });
+}
+
+Body load_body(MPI_Comm comm, const Settings& settings, Plan& plan, Monitor& monitor) {
+  if (settings.body.empty()) throw Error("option -body is missing: name a body file");
+  Body body;
+  const Hdf5File file = Hdf5File::open(comm, settings.body);
+  body.assembled = holds_mesh(file);
+  if (body.assembled) {
+    AssemblyFacts facts;
+    body.model = assemble_body(file, facts, monitor);
+    plan.fact("mesh", text("%lld elements, mass %.6g kg, worst shape %.2g",
+                           static_cast<long long>(facts.elements), facts.mass,
+                           facts.worst_shape));
+    if (facts.rigid_elements > 0)
+      plan.skip("stiffness", text("%lld elements lie inside a rigid interface",
+                                  static_cast<long long>(facts.rigid_elements)));
+  } else {
+    Stage stage(monitor, "read");
+    body.model = read_body(file);
+  }
+  begin_plan(body, settings, plan);
+  return body;
+}
+
+void begin_plan(Body& body, const Settings& settings, Plan& plan) {
+  select_ports(body.model, split(settings.inputs, ','), split(settings.outputs, ','));
+  const SecondOrderModel& model = body.model;
+  plan.fact("body",
+            text("%s: n = %lld, %.3g nonzeros in K", model.name.c_str(),
+                 static_cast<long long>(model.n), static_cast<double>(model.nonzeros())));
+  plan.fact("ports",
+            text("%lld inputs, %lld outputs%s", static_cast<long long>(model.B.columns()),
+                 static_cast<long long>(model.C.columns()),
+                 model.outputs_are_inputs ? " (the same)" : ""));
+  plan.fact("damping", model.damping_class());
+  if (model.undamped())
+    plan.skip("complex arithmetic", "the body is undamped, its samples are real");
+}
+
+BodyFacts check(const Body& body, const Settings& s, Plan& plan, Monitor& monitor) {
+  Stage stage(monitor, "check");
+  const bool pod = s.samples();
+  const BodyFacts facts = check_body(body.model, body.assembled, pod, s.solver, monitor);
+  if (pod) plan.fact("rigid modes", std::to_string(facts.rigid_modes));
+  if (!pod)
+    plan.skip("a factorisation for rigid modes", "the method's own inertia counts them");
+  if (facts.mass_is_singular) plan.fact("mass matrix", "singular (massless dofs)");
+  for (const auto& what : facts.skipped) {
+    const auto colon = what.find(": ");
+    plan.skip(what.substr(0, colon), what.substr(colon + 2));
+  }
+  return facts;
+}
+
+void print_summary(const Monitor& monitor, MPI_Comm comm) {
+  std::string line;
+  for (const auto& [stage, seconds] : monitor.stages())
+    line += text("%s%s %.2f s", line.empty() ? "" : ", ", stage.c_str(), seconds);
+  const double peak = max_over(comm, peak_memory_mb());
+  monitor.say(text("  %-14s %s; peak %.0f MB on a rank", "time", line.c_str(), peak));
+}
+
+} // namespace flexgram

@@ -1,0 +1,124 @@
+#include "run/sweep.hpp"
+
+#include "base/text.hpp"
+#include "reduce/project.hpp"
+
+#include <algorithm>
+#include <numbers>
+
+namespace flexgram {
+
+void plan_solves(const FrequencySolves& solves, std::size_t tasks, Plan& plan) {
+  const FactorEstimate& e = solves.estimate();
+  plan.fact("factorisation",
+            text("%s %s, %.2g entries, %.2g flops, %.0f MB on a rank, ordered by %s",
+                 solves.model().undamped() ? "real" : "complex symmetric", "LDLᵀ",
+                 e.factor_entries, e.flops, e.mb_per_rank, solves.ordering().c_str()));
+  plan.fact("parallel", text("%zu frequencies over %d group%s of %d rank%s", tasks,
+                             solves.groups().count, solves.groups().count == 1 ? "" : "s",
+                             comm_size(solves.groups().comm),
+                             comm_size(solves.groups().comm) == 1 ? "" : "s"));
+}
+
+namespace {
+
+std::vector<double> sweep_omega(const std::vector<double>& hz) {
+  std::string words;
+  for (double f : hz) words += text("%s%g", words.empty() ? "" : ",", f);
+  require_option(hz.size() == 1 || (hz.size() == 3 && hz[2] >= 1), "-mor_sweep_hz", words,
+                 "first,last,count or one frequency");
+  require_option(hz[0] >= 0, "-mor_sweep_hz", words, "zero or more");
+  require_option(hz.size() == 1 || hz[0] <= hz[1], "-mor_sweep_hz", words,
+                 "first,last,count with first <= last");
+  const double to_rad = 2 * std::numbers::pi;
+  if (hz.size() == 1) return {hz[0] * to_rad};
+  const int count = static_cast<int>(hz[2]);
+  std::vector<double> omega;
+  for (int l = 0; l < count; ++l)
+    omega.push_back(to_rad *
+                    (hz[0] + (count == 1 ? 0.0 : (hz[1] - hz[0]) * l / (count - 1))));
+  return omega;
+}
+
+void write_sweep(MPI_Comm comm, const Settings& s, const std::vector<double>& omega,
+                 const std::vector<ComplexDense>& H,
+                 const std::vector<ComplexDense>& H_rom,
+                 const std::vector<double>& epsilon, const SecondOrderModel& model,
+                 const Options& options) {
+  Hdf5File file = Hdf5File::create(comm, s.sweep_out);
+  file.write("/omega", {static_cast<std::int64_t>(omega.size())}, omega);
+  const auto write_transfer = [&](const char* name,
+                                  const std::vector<ComplexDense>& list) {
+    std::vector<double> values;
+    for (const auto& h : list)
+      for (int i = 0; i < h.rows; ++i)
+        for (int j = 0; j < h.columns; ++j) {
+          values.push_back(h(i, j).real());
+          values.push_back(h(i, j).imag());
+        }
+    file.write(name,
+               {static_cast<std::int64_t>(omega.size()), model.C.columns(),
+                model.B.columns(), 2},
+               values);
+    file.set_attribute(name, "inputs", model.inputs);
+    file.set_attribute(name, "outputs", model.outputs);
+  };
+  write_transfer("/H", H);
+  if (!H_rom.empty()) {
+    write_transfer("/H_rom", H_rom);
+    file.write("/error/relative", {static_cast<std::int64_t>(epsilon.size())}, epsilon);
+  }
+  write_options(file, options);
+  file.commit();
+}
+
+} // namespace
+
+void sweep(MPI_Comm comm, const Settings& s, const Options& options, Monitor& monitor) {
+  Plan plan;
+  const std::vector<double> omega = sweep_omega(s.sweep_hz);
+  check_output(comm, s.sweep_out, {s.body, s.rom});
+  Body body = load_body(comm, s, plan, monitor);
+  SecondOrderModel rom;
+  if (!s.rom.empty()) {
+    rom = read_reduced(comm, s.rom);
+    const bool chosen = !s.inputs.empty() || !s.outputs.empty();
+    SecondOrderModel& fewer =
+        chosen ? rom : body.model; // without a choice the rom's ports count
+    const SecondOrderModel& wanted = chosen ? body.model : rom;
+    with_context("comparing " + s.rom + " with " + s.body,
+                 [&] { select_ports(fewer, wanted.inputs, wanted.outputs); });
+  }
+  FrequencySolves solves(std::move(body.model), s.parallel, s.solver,
+                         static_cast<int>(omega.size()), 0.0, monitor);
+  plan_solves(solves, omega.size(), plan);
+  plan.print(monitor);
+  std::vector<ComplexDense> H, H_rom;
+  {
+    Stage stage(monitor, "sweep");
+    H = solves.transfer(omega, "frequency");
+  }
+  std::vector<double> epsilon;
+  if (rom.n > 0) {
+    for (std::size_t l = 0; l < omega.size(); ++l) {
+      H_rom.push_back(dense_transfer(rom, omega[l]));
+      epsilon.push_back(relative_error(H[l], H_rom.back()));
+    }
+    const auto worst = std::max_element(epsilon.begin(), epsilon.end());
+    plan.fact("error",
+              text("at most %.2e of %zu frequencies, at %.4g Hz", *worst, omega.size(),
+                   omega[static_cast<std::size_t>(worst - epsilon.begin())] * 0.5 /
+                       std::numbers::pi));
+  }
+  plan.fact("solves", text("%d factorisations, backward error at most %.0e",
+                           solves.factorisations(), solves.worst_backward_error()));
+  plan.print(monitor);
+  {
+    Stage stage(monitor, "write");
+    write_sweep(comm, s, omega, H, H_rom, epsilon, solves.model(), options);
+  }
+  print_summary(monitor, comm);
+  monitor.say("  wrote          " + s.sweep_out);
+}
+
+} // namespace flexgram
