@@ -162,13 +162,8 @@ SecondOrderModel read_reduced(MPI_Comm comm, const std::string& path) {
     model.K = make_dense(K);
     model.M = make_dense(M);
     if (frobenius_norm(D) > 0) model.D = make_dense(D);
-    const auto block = [&](const Dense& a) {
-      Block result(PETSC_COMM_SELF, model.rows, model.n, a.columns);
-      std::copy(a.data.begin(), a.data.end(), Block::Access(result).all().begin());
-      return result;
-    };
-    model.B = block(B);
-    model.C = block(transpose(C));
+    model.B = make_block(B);
+    model.C = make_block(transpose(C));
     model.outputs_are_inputs = false;
     const auto names = [&](const char* name, int count) {
       return file.has_attribute(name, "names")

@@ -203,6 +203,12 @@ Matrix make_dense(const Dense& a) {
   return matrix;
 }
 
+Block make_block(const Dense& a) {
+  Block block(PETSC_COMM_SELF, {0, a.rows}, a.rows, a.columns);
+  std::copy(a.data.begin(), a.data.end(), Block::Access(block).all().begin());
+  return block;
+}
+
 Dense to_dense(Mat a) {
   PetscInt rows = 0, columns = 0;
   FG_CALL(MatGetSize(a, &rows, &columns));

@@ -70,5 +70,6 @@ ComplexDense output_of(const Block& C, const Block& x, PetscInt inputs);
 /// A dense matrix held whole by this rank, and back.
 Matrix make_dense(const Dense& a);
 Dense to_dense(Mat a);
+Block make_block(const Dense& a);
 
 } // namespace flexgram

@@ -14,12 +14,6 @@ Dense congruence(const Dense& a, const Dense& Q) {
   return result;
 }
 
-Block whole(const Dense& a) {
-  Block block(PETSC_COMM_SELF, {0, a.rows}, a.rows, a.columns);
-  std::copy(a.data.begin(), a.data.end(), Block::Access(block).all().begin());
-  return block;
-}
-
 Dense dense_of(const Block& block) {
   Dense a(static_cast<int>(block.rows()), static_cast<int>(block.columns()));
   const Block::Access access(block);
@@ -61,8 +55,8 @@ SecondOrderModel DenseSystem::model(const SecondOrderModel& names) const {
   model.M = make_dense(M);
   if (frobenius_norm(sum) > 0) model.D = make_dense(sum);
   model.damping.eta = damping.eta;
-  model.B = whole(B);
-  model.C = outputs_are_inputs ? model.B.share() : whole(C);
+  model.B = make_block(B);
+  model.C = outputs_are_inputs ? model.B.share() : make_block(C);
   model.outputs_are_inputs = outputs_are_inputs;
   model.inputs = names.inputs;
   model.outputs = names.outputs;

@@ -1,5 +1,7 @@
 #include "reduce/order_choice.hpp"
 
+#include "base/text.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -97,6 +99,106 @@ int smallest_order(const Candidate& candidate, const MediumModel& medium,
     (meets(middle) ? high : low) = middle;
   }
   return high;
+}
+
+namespace {
+
+/// The order without a tolerance: the paper's rule where there is a Gramian, else what
+/// the name says.
+int ruled_order(const Candidate& candidate, const SecondStage& stage, double last) {
+  if (candidate.name == "modal") {
+    int count = stage.medium.rigid;
+    for (double l : stage.medium.lambda) count += l <= last * last;
+    return std::max(count, 1);
+  }
+  if (candidate.name == "craig_bampton" || candidate.name == "krylov" ||
+      candidate.name == "medium")
+    return candidate.most;
+  const Candidate by =
+      candidate.sigma.empty() ? make_candidate("gramian", stage) : candidate;
+  return std::clamp(order_by_rule(by.sigma), candidate.least, candidate.most);
+}
+
+void refuse_tolerance(double tolerance, const SecondStage& stage,
+                      const ErrorOverBand& errors) {
+  const double floor = *std::max_element(errors.floor().begin(), errors.floor().end());
+  throw Error(
+      floor > 0.5 * tolerance
+          ? text("-mor_tol %g cannot be proved: rounding of K alone changes H by up to "
+                 "%.1e of it, at a sharp resonance or because the outputs hardly answer "
+                 "the inputs; a larger -mor_tol can",
+                 tolerance, floor)
+          : text(
+                "-mor_tol %g cannot be proved: the medium model of order %d is certified "
+                "to %.1e only (see -mor_medium_order, -mor_cutoff)",
+                tolerance, stage.medium.system.order(), errors.least()));
+}
+
+void choose_by_tolerance(OrderChoice& choice, double tolerance, const SecondStage& stage,
+                         ErrorOverBand& errors) {
+  if (errors.least() > tolerance) refuse_tolerance(tolerance, stage, errors);
+  for (std::size_t c = 0; c < choice.candidates.size(); ++c) {
+    const Candidate& candidate = choice.candidates[c];
+    // A later candidate must be smaller to win.
+    const int order =
+        smallest_order(candidate, stage.medium, errors, tolerance,
+                       choice.order > 0 ? choice.order - 1 : candidate.most);
+    if (order > 0) {
+      choice.best = c;
+      choice.order = order;
+    }
+    choice.tried += text("%s%s %s", c == 0 ? "" : ", ", candidate.name.c_str(),
+                         order > 0 ? std::to_string(order).c_str() : "no smaller");
+  }
+  if (choice.order == 0)
+    throw Error(text("-mor_tol %g is not met by %s up to order %d; take another "
+                     "-mor_second_stage, or more -mor_moments or -mor_cutoff",
+                     tolerance, choice.candidates.front().name.c_str(),
+                     choice.candidates.front().most));
+  choice.chosen_by = text("-mor_tol %g", tolerance);
+}
+
+void choose_by_order(OrderChoice& choice, int order, const SecondStage& stage,
+                     const ErrorOverBand& errors) {
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t c = 0; c < choice.candidates.size(); ++c) {
+    const Candidate& candidate = choice.candidates[c];
+    if (order < candidate.least || order > candidate.most) continue;
+    const double worst =
+        errors.of(stage.medium.system.project(candidate.basis(order))).worst;
+    if (worst < least) {
+      least = worst;
+      choice.best = c;
+      choice.order = order;
+    }
+    choice.tried += text("%s%s %.1e", choice.tried.empty() ? "" : ", ",
+                         candidate.name.c_str(), worst);
+  }
+  if (choice.order == 0)
+    throw Error(text("-mor_order %d: %s has orders from %d to %d here", order,
+                     choice.candidates.front().name.c_str(),
+                     choice.candidates.front().least, choice.candidates.front().most));
+  choice.chosen_by = "-mor_order";
+}
+
+} // namespace
+
+OrderChoice choose_order(const std::vector<std::string>& names, const SecondStage& stage,
+                         ErrorOverBand& errors, const GramianOptions& gramian) {
+  OrderChoice choice;
+  for (const auto& name : names) choice.candidates.push_back(make_candidate(name, stage));
+  if (gramian.tolerance) {
+    choose_by_tolerance(choice, *gramian.tolerance, stage, errors);
+  } else if (gramian.order > 0) {
+    choose_by_order(choice, gramian.order, stage, errors);
+  } else {
+    const Candidate& first = choice.candidates.front();
+    choice.order = ruled_order(first, stage, gramian.bands().back().second);
+    choice.chosen_by = first.sigma.empty() ? "what the method gives without -mor_order"
+                                           : "the rule sigma_(m+1)/sigma_1 < 1.5e-8";
+  }
+  if (names.size() == 1) choice.tried.clear();
+  return choice;
 }
 
 } // namespace flexgram

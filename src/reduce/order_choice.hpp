@@ -1,6 +1,7 @@
 #pragma once
 
 #include "reduce/candidates.hpp"
+#include "reduce/gramian_basis.hpp"
 
 namespace flexgram {
 
@@ -38,5 +39,19 @@ private:
 /// stepped down.
 int smallest_order(const Candidate& candidate, const MediumModel& medium,
                    ErrorOverBand& errors, double tolerance, int most);
+
+/// Which second stage at which order, and in words why.
+struct OrderChoice {
+  std::vector<Candidate> candidates;
+  std::size_t best = 0;
+  int order = 0;
+  std::string chosen_by, tried;
+};
+
+/// By the tolerance: the smallest order that any of the named second stages needs; by a
+/// given order: the stage with the smallest certified error; else by the paper's rule.
+/// @throws Error with the reason if the tolerance or the order cannot be had.
+OrderChoice choose_order(const std::vector<std::string>& names, const SecondStage& stage,
+                         ErrorOverBand& errors, const GramianOptions& gramian);
 
 } // namespace flexgram

@@ -1,5 +1,7 @@
 #include "reduce/project.hpp"
 
+#include "reduce/dense_system.hpp"
+
 #include <algorithm>
 #include <cmath>
 
@@ -12,34 +14,18 @@ Dense reduce_matrix(Mat a, const Block& V) {
   return reduced;
 }
 
-Block whole(const Dense& a) {
-  Block block(PETSC_COMM_SELF, {0, a.rows}, a.rows, a.columns);
-  std::copy(a.data.begin(), a.data.end(), Block::Access(block).all().begin());
-  return block;
-}
-
 } // namespace
 
 SecondOrderModel project(const SecondOrderModel& fom, const Block& V) {
-  SecondOrderModel rom;
-  rom.name = fom.name;
-  rom.comm = PETSC_COMM_SELF;
-  rom.n = V.columns();
-  rom.rows = {0, rom.n};
-  const Dense K = reduce_matrix(fom.K, V), M = reduce_matrix(fom.M, V);
-  Dense D = fom.D ? reduce_matrix(fom.D, V) : Dense(K.rows, K.columns);
-  for (std::size_t i = 0; i < D.data.size(); ++i)
-    D.data[i] += fom.damping.alpha * M.data[i] + fom.damping.beta * K.data[i];
-  rom.K = make_dense(K);
-  rom.M = make_dense(M);
-  if (frobenius_norm(D) > 0) rom.D = make_dense(D);
-  rom.damping.eta = fom.damping.eta;
-  rom.B = whole(inner(V, fom.B));
-  rom.C = fom.outputs_are_inputs ? rom.B.share() : whole(inner(V, fom.C));
-  rom.outputs_are_inputs = fom.outputs_are_inputs;
-  rom.inputs = fom.inputs;
-  rom.outputs = fom.outputs;
-  return rom;
+  DenseSystem system;
+  system.K = reduce_matrix(fom.K, V);
+  system.M = reduce_matrix(fom.M, V);
+  if (fom.D) system.D = reduce_matrix(fom.D, V);
+  system.damping = fom.damping;
+  system.B = inner(V, fom.B);
+  system.C = fom.outputs_are_inputs ? system.B : inner(V, fom.C);
+  system.outputs_are_inputs = fom.outputs_are_inputs;
+  return system.model(fom);
 }
 
 std::vector<double> eigenfrequencies(const SecondOrderModel& dense) {

@@ -86,8 +86,7 @@ private:
   std::vector<BandWeight> weights() const;
   std::vector<double> error_grid(const MediumModel& medium) const;
   Dense gram(const MediumModel& medium) const;
-  void choose();
-  int ruled_order(const Candidate& candidate) const;
+  std::vector<std::string> names() const;
   Dense tangent(const Dense& Q) const;
   ReducedModel finish();
 
@@ -100,10 +99,8 @@ private:
   MediumModel medium_;
   std::unique_ptr<SecondStage> stage_;
   std::unique_ptr<ErrorOverBand> errors_;
-  std::vector<Candidate> candidates_;
-  std::size_t best_ = 0;
-  int order_ = 0;
-  std::string chosen_by_, frame_;
+  OrderChoice choice_;
+  std::string frame_;
 };
 
 std::vector<double> SecondStageRun::shifts() const {
@@ -170,95 +167,12 @@ Dense SecondStageRun::gram(const MediumModel& medium) const {
   return g;
 }
 
-/// The order without a tolerance: the paper's rule where there is a Gramian, else what
-/// the name says.
-int SecondStageRun::ruled_order(const Candidate& candidate) const {
-  if (candidate.name == "modal") {
-    const double last = gramian_.bands().back().second;
-    int count = medium_.rigid;
-    for (double l : medium_.lambda) count += l <= last * last;
-    return std::max(count, 1);
-  }
-  if (candidate.name == "craig_bampton" || candidate.name == "krylov" ||
-      candidate.name == "medium")
-    return candidate.most;
-  const Candidate by =
-      candidate.sigma.empty() ? make_candidate("gramian", *stage_) : candidate;
-  return std::clamp(order_by_rule(by.sigma), candidate.least, candidate.most);
-}
-
-void SecondStageRun::choose() {
-  std::vector<std::string> names{method_};
-  if (method_ == "two_step") {
-    names = {options_.second_stage};
-    if (options_.second_stage == "auto") {
-      names = auto_stages;
-      if (!gramian_.tolerance && gramian_.order == 0) names = {"gramian"};
-    }
-  }
-  for (const auto& name : names) candidates_.push_back(make_candidate(name, *stage_));
-
-  std::string tried;
-  if (gramian_.tolerance) {
-    const double tolerance = *gramian_.tolerance;
-    if (errors_->least() > tolerance) {
-      const double floor =
-          *std::max_element(errors_->floor().begin(), errors_->floor().end());
-      throw Error(floor > 0.5 * tolerance
-                      ? text("-mor_tol %g cannot be proved: rounding of K alone changes "
-                             "H by up to %.1e of "
-                             "it, at a sharp resonance or because the outputs hardly "
-                             "answer the inputs; a "
-                             "larger -mor_tol can",
-                             tolerance, floor)
-                      : text("-mor_tol %g cannot be proved: the medium model of order %d "
-                             "is certified to "
-                             "%.1e only (see -mor_medium_order, -mor_cutoff)",
-                             tolerance, medium_.system.order(), errors_->least()));
-    }
-    for (std::size_t c = 0; c < candidates_.size(); ++c) {
-      // A later candidate must be smaller to win.
-      const int order = smallest_order(candidates_[c], medium_, *errors_, tolerance,
-                                       order_ > 0 ? order_ - 1 : candidates_[c].most);
-      if (order > 0) {
-        best_ = c;
-        order_ = order;
-      }
-      tried += text("%s%s %s", tried.empty() ? "" : ", ", candidates_[c].name.c_str(),
-                    order > 0 ? std::to_string(order).c_str() : "no smaller");
-    }
-    if (order_ == 0)
-      throw Error(text("-mor_tol %g is not met by %s up to order %d; take another "
-                       "-mor_second_stage, or more -mor_moments or -mor_cutoff",
-                       tolerance, names.front().c_str(), candidates_.front().most));
-    chosen_by_ = text("-mor_tol %g", tolerance);
-  } else if (gramian_.order > 0) {
-    double least = HUGE_VAL;
-    for (std::size_t c = 0; c < candidates_.size(); ++c) {
-      const Candidate& candidate = candidates_[c];
-      if (gramian_.order < candidate.least || gramian_.order > candidate.most) continue;
-      const double worst =
-          errors_->of(medium_.system.project(candidate.basis(gramian_.order))).worst;
-      if (worst < least) {
-        least = worst;
-        best_ = c;
-        order_ = gramian_.order;
-      }
-      tried +=
-          text("%s%s %.1e", tried.empty() ? "" : ", ", candidate.name.c_str(), worst);
-    }
-    if (order_ == 0)
-      throw Error(text("-mor_order %d: %s has orders from %d to %d here", gramian_.order,
-                       names.front().c_str(), candidates_.front().least,
-                       candidates_.front().most));
-    chosen_by_ = "-mor_order";
-  } else {
-    order_ = ruled_order(candidates_.front());
-    chosen_by_ = candidates_.front().sigma.empty()
-                     ? "what the method gives without -mor_order"
-                     : "the rule sigma_(m+1)/sigma_1 < 1.5e-8";
-  }
-  if (candidates_.size() > 1) plan_.fact("second stage", tried);
+/// The second stages to try.
+std::vector<std::string> SecondStageRun::names() const {
+  if (method_ != "two_step") return {method_};
+  if (options_.second_stage != "auto") return {options_.second_stage};
+  const bool ruled = !gramian_.tolerance && gramian_.order == 0;
+  return ruled ? std::vector<std::string>{"gramian"} : auto_stages;
 }
 
 /// V_e − Φ_r (B_iᵀΦ_r)⁻¹ B_iᵀV_e: every elastic vector at rest at the interface.
@@ -296,13 +210,14 @@ Dense SecondStageRun::tangent(const Dense& Q) const {
 }
 
 ReducedModel SecondStageRun::finish() {
-  std::vector<double> shared{static_cast<double>(best_), static_cast<double>(order_)};
+  std::vector<double> shared{static_cast<double>(choice_.best),
+                             static_cast<double>(choice_.order)};
   share_from_first(fom_.comm,
                    shared); // the last bit of an error may differ between ranks
-  best_ = static_cast<std::size_t>(shared[0]);
-  order_ = static_cast<int>(shared[1]);
-  const Candidate& candidate = candidates_[best_];
-  Dense Q = candidate.basis(order_);
+  choice_.best = static_cast<std::size_t>(shared[0]);
+  const int order = static_cast<int>(shared[1]);
+  const Candidate& candidate = choice_.candidates[choice_.best];
+  Dense Q = candidate.basis(order);
   share_from_first(fom_.comm, Q.data);
   if (frame_ == "tangent") Q = tangent(Q);
   const DenseSystem small = medium_.system.project(Q);
@@ -314,10 +229,11 @@ ReducedModel SecondStageRun::finish() {
   rom.method = method_;
   rom.second_stage = candidate.name;
   // The paper's indicator: the Gramian over the band, whatever the basis is made of.
-  const auto paper = std::find_if(candidates_.begin(), candidates_.end(),
+  const auto paper = std::find_if(choice_.candidates.begin(), choice_.candidates.end(),
                                   [](const Candidate& c) { return c.name == "gramian"; });
-  rom.sigma = paper != candidates_.end() ? paper->sigma
-                                         : make_candidate("gramian", *stage_).sigma;
+  rom.sigma = paper != choice_.candidates.end()
+                  ? paper->sigma
+                  : make_candidate("gramian", *stage_).sigma;
   rom.omega = errors_->omega();
   rom.epsilon = errors.relative;
   rom.bound = errors.bound;
@@ -333,8 +249,8 @@ ReducedModel SecondStageRun::finish() {
 
   plan_.fact(
       "order",
-      text("m = %d of n = %lld, by %s, from %s%s", order_, static_cast<long long>(fom_.n),
-           chosen_by_.c_str(), candidate.name.c_str(),
+      text("m = %d of n = %lld, by %s, from %s%s", order, static_cast<long long>(fom_.n),
+           choice_.chosen_by.c_str(), candidate.name.c_str(),
            candidate.remark.empty() ? "" : (" (" + candidate.remark + ")").c_str()));
   const auto worst = std::max_element(errors.bound.begin(), errors.bound.end());
   const double floor = *std::max_element(rom.floor.begin(), rom.floor.end());
@@ -393,7 +309,8 @@ ReducedModel SecondStageRun::run(const SolverOptions& solver, bool mass_is_singu
       SecondStage{medium_, weights(), gramian_.port_scaling == "equal", frame_ != "none",
                   gram(medium_), expansion, options_.moments});
   errors_ = std::make_unique<ErrorOverBand>(medium_, error_grid(medium_));
-  choose();
+  choice_ = choose_order(names(), *stage_, *errors_, gramian_);
+  if (!choice_.tried.empty()) plan_.fact("second stage", choice_.tried);
   return finish();
 }
 

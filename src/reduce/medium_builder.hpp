@@ -1,0 +1,47 @@
+#pragma once
+
+#include "reduce/medium_model.hpp"
+
+namespace flexgram {
+
+/// The steps of medium_model, with what they share.
+class MediumBuilder {
+public:
+  MediumBuilder(const SecondOrderModel& fom, const MediumOptions& options,
+                SolverOptions solver, Plan& plan, Monitor& monitor);
+
+  MediumModel build(double first, double last, double last_needed, int modes_wanted,
+                    bool mass_is_singular, double target);
+
+private:
+  void find_rigid_modes();
+  Block start(double omega, int modes_wanted, bool mass_is_singular);
+  void scale_ports(Block& response);
+  void search_modes();
+  std::vector<Resonance> resonances() const;
+  void factorise_norm();
+  int largest_order() const;
+  void certify(int most_columns);
+  double worst_bound();
+  void grow(double target);
+  void report(double target);
+
+  const SecondOrderModel& fom_;
+  const MediumOptions& options_;
+  Plan& plan_;
+  Monitor& monitor_;
+  ShiftedSolver solver_;
+  Block rigid_modes_, loads_, ports_; ///< all ports, scaled; the second self-equilibrated
+  int geometric_ = 0, expected_ = 0;
+  double threshold_ = 0;
+  bool modes_exact_ = false; ///< the modes themselves are the result
+  std::unique_ptr<MediumSpace> space_;
+  MediumModel model_;
+  std::vector<double> grid_;
+  Block image_; ///< (K + τM)⁻¹T of the last certificate: the next Krylov block
+  bool complete_ = false;
+  int blocks_ = 0;
+  std::string end_; ///< why the growth ended, if not by the target
+};
+
+} // namespace flexgram

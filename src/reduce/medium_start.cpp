@@ -1,0 +1,177 @@
+#include "reduce/medium_builder.hpp"
+
+#include "base/process.hpp"
+#include "base/text.hpp"
+#include "model/rigid_body_modes.hpp"
+#include "reduce/mode_search.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+
+namespace flexgram {
+namespace {
+
+constexpr double hz = 0.5 / std::numbers::pi;
+
+SolverOptions counting(SolverOptions options) {
+  options.precision = "double"; // inertia and norms are worth nothing in single
+  options.mumps.cntl.try_emplace(3, 1e-13);
+  return options;
+}
+} // namespace
+
+MediumBuilder::MediumBuilder(const SecondOrderModel& fom, const MediumOptions& options,
+                             SolverOptions solver, Plan& plan, Monitor& monitor)
+    : fom_(fom), options_(options), plan_(plan), monitor_(monitor),
+      solver_(fom.K, fom.M, nullptr, fom.node, counting(std::move(solver))) {
+  solver_.count_pivots(true);
+  loads_ = fom.outputs_are_inputs ? copy(fom.B) : concatenate(fom.B, fom.C);
+  const int inputs = static_cast<int>(fom.B.columns());
+  model_.inputs_.resize(static_cast<std::size_t>(inputs));
+  model_.outputs_.resize(static_cast<std::size_t>(fom.C.columns()));
+  std::iota(model_.inputs_.begin(), model_.inputs_.end(), 0);
+  std::iota(model_.outputs_.begin(), model_.outputs_.end(),
+            fom.outputs_are_inputs ? 0 : inputs);
+}
+
+void MediumBuilder::find_rigid_modes() {
+  threshold_ = rigid_threshold(fom_);
+  Block rigid = rigid_body_modes(fom_);
+  geometric_ = static_cast<int>(rigid.columns());
+  ports_ = copy(loads_);
+  // Self-equilibrated loads: no part of the response to them is rigid.
+  if (geometric_ > 0)
+    add_product(ports_, -1.0, multiply(fom_.M, rigid), inner(rigid, ports_));
+  rigid_modes_ = std::move(rigid);
+}
+
+/// Factorises K − ω_c²M with ω_c near `omega`, away from eigenvalues and with enough
+/// modes below; chooses the inner product. Returns the response to all ports.
+Block MediumBuilder::start(double omega, int modes_wanted, bool mass_is_singular) {
+  int last_null = 0; // pivots without size at the cutoff before
+  for (int attempt = 0; attempt < 12; ++attempt) {
+    solver_.count_pivots(true);
+    with_context(text("factorising K - ω²M at the cutoff, %g Hz", omega * hz), [&] {
+      solver_.factorise({1.0, -omega * omega, 0.0});
+    });
+    ++model_.factorisations;
+    const int below = solver_.negative_pivots();
+    if (below < modes_wanted) {
+      omega *= std::min(3.0, 1.1 * std::sqrt((modes_wanted + 2.0) / std::max(below, 1)));
+      continue;
+    }
+    expected_ = below - geometric_;
+    model_.cutoff = omega;
+    const double kappa = 1 / (omega * omega);
+    Block response;
+    const int null = solver_.null_pivots();
+    bool regular = null == 0;
+    if (null > 0 && last_null > 0)
+      throw Error(text(
+          "K and M share %d null vector%s: the body has a mechanism without mass and "
+          "stiffness (an unconnected node, a massless hinge)",
+          null, null == 1 ? "" : "s"));
+    last_null = null;
+    if (regular) try {
+        response = solver_.solve(ports_).x;
+      } catch (const ShiftError&) {
+        regular = false;
+      }
+    if (regular) {
+      model_.solved_columns += static_cast<int>(ports_.columns());
+      const Block none;
+      const Block Z =
+          orthonormalise(copy(response), none, none, {fom_.M, fom_.K, kappa}, 1e-7)
+              .vectors;
+      Dense m = inner(Z, multiply(fom_.M, Z));
+      symmetrise(m);
+      auto eigen = symmetric_eigen(m);
+      share_from_first(fom_.comm, eigen.values);
+      // zᵀMz = 1/(1 + λ/ω_c²) of a Ritz vector; λ = ω_c² to many digits: the shift hits a
+      // mode.
+      for (double value : eigen.values)
+        regular = regular && std::abs(2 * value - 1) > 1e-7;
+      mass_is_singular = mass_is_singular ||
+                         eigen.values.front() * 1e3 * eigenvalue_scale(fom_) * kappa < 1;
+    }
+    if (regular) {
+      model_.kappa = mass_is_singular ? kappa : 0;
+      plan_.fact("inner product", mass_is_singular ? "M + K/ω_c² (M is singular)" : "M");
+      return response;
+    }
+    omega *= 1.0123;
+  }
+  throw Error(text("no cutoff was found with %d modes below and no eigenvalue near",
+                   modes_wanted));
+}
+
+/// Ports of equal weight: each divided by the norm of its response.
+void MediumBuilder::scale_ports(Block& response) {
+  const InnerProduct product{fom_.M, fom_.K, 1 / (model_.cutoff * model_.cutoff)};
+  const Dense gram = inner(response, product.apply(response));
+  for (int j = 0; j < gram.rows; ++j)
+    model_.scale_.push_back(gram(j, j) > 0 ? 1 / std::sqrt(gram(j, j)) : 1.0);
+  share_from_first(fom_.comm, model_.scale_);
+  for (Block* block : {&loads_, &ports_, &response}) scale_columns(*block, model_.scale_);
+}
+
+/// What the user allows, or what memory does: V, W V, S and one more of that size.
+int MediumBuilder::largest_order() const {
+  if (options_.limit > 0) return options_.limit;
+  const double memory = 0.5 * available_memory_mb(fom_.comm) * 1e6;
+  const double each =
+      4 * 8.0 * static_cast<double>(std::max<PetscInt>(fom_.rows.size(), 1));
+  const double limit = std::min({2000.0, memory / each, static_cast<double>(fom_.n)});
+  return static_cast<int>(-max_over(fom_.comm, -limit));
+}
+
+/// All modes below the cutoff into the space; those without stiffness are rigid.
+void MediumBuilder::search_modes() {
+  int solves = 0;
+  if (expected_ + geometric_ > largest_order())
+    throw Error(text(
+        "%d modes lie below the cutoff of %g Hz, more than a medium model of order %d "
+        "can hold (-mor_medium_order): narrow -mor_band_hz, lower -mor_cutoff, or "
+        "take -mor_method pod",
+        expected_, model_.cutoff * hz, largest_order()));
+  if (expected_ > 0) {
+    Stage stage(monitor_, "modes");
+    solves = find_modes(*space_, solver_, model_.cutoff * model_.cutoff, expected_,
+                        modes_exact_ ? 1e-5 : 0.3, threshold_, monitor_);
+    model_.solved_columns += solves;
+    const RitzPairs pairs = ritz_pairs(*space_);
+    int candidates = 0, null = 0;
+    while (candidates < expected_ &&
+           pairs.lambda[static_cast<std::size_t>(candidates)] <= threshold_)
+      ++candidates;
+    if (candidates > 0) {
+      const Block suspects =
+          combine(space_->V(), first_columns(pairs.vectors, candidates));
+      while (null < candidates && is_rigid(fom_, select_columns(suspects, {null}),
+                                           pairs.lambda[static_cast<std::size_t>(null)]))
+        ++null;
+    }
+    if (null > 0) {
+      const int rigid = space_->rigid();
+      Dense Q = identity(space_->columns());
+      set_part(Q, 0, rigid, orthonormal_columns(pairs.vectors));
+      space_->rotate_to_rigid(Q, rigid + null);
+      expected_ -= null;
+    }
+  }
+  model_.rigid = space_->rigid();
+  std::string words = text("%d elastic below the cutoff of %.4g Hz, counted by inertia",
+                           expected_, model_.cutoff * hz);
+  if (expected_ > 0) words += text(", all found (%d solves beside the ports)", solves);
+  plan_.fact("modes", words);
+  plan_.fact("rigid modes",
+             model_.rigid == 0
+                 ? "none"
+                 : text("%d, %s, taken out analytically", model_.rigid,
+                        model_.rigid == geometric_ ? "from the geometry"
+                                                   : "from the null space of K"));
+}
+
+} // namespace flexgram
