@@ -55,13 +55,15 @@ def flexgram(ranks: int, *arguments: Any) -> str:
     ).stdout
 
 
-def unit(body: Path, ranks: int) -> float:
-    """Seconds of one factorisation and one block solve, as the program itself reports them."""
+def unit(body: Path, ranks: int) -> tuple[float, float]:
+    """Seconds of one factorisation and one block solve, as the program itself reports them, and
+    the peak memory of that run [MB]."""
     out = flexgram(ranks, "sweep", "-body", body, "-mor_sweep_hz", "100", "-mor_sweep_out",
                    OUT / "unit.h5", "-mor_monitor", "detail")  # fmt: skip
     found = re.search(r"factor ([\d.]+) s, solve ([\d.]+) s", out)
-    assert found, out
-    return float(found[1]) + float(found[2])
+    peak = re.search(r"peak (\d+) MB", out)
+    assert found and peak, out
+    return float(found[1]) + float(found[2]), float(peak[1])
 
 
 def measure(body: Path, method: str, band: str, ranks: int, runs: int) -> dict[str, Any]:
@@ -73,7 +75,8 @@ def measure(body: Path, method: str, band: str, ranks: int, runs: int) -> dict[s
         with h5py.File(rom) as file:
             stages = dict(file["log/seconds"].attrs)
             peak = float(file["log"].attrs["peak_memory_mb_per_rank"])
-            order = file["K"].shape[0]
+            order, n = file["K"].shape[0], file["V"].shape[0]
+            medium = float(file["log"].attrs.get("medium_order", 0))
             bound = float(file["error/bound"][:].max()) if "error/bound" in file else float("nan")
         seconds.append(
             sum(s for name, s in stages.items() if name not in ("partition", "assemble"))
@@ -85,7 +88,8 @@ def measure(body: Path, method: str, band: str, ranks: int, runs: int) -> dict[s
     with h5py.File(OUT / "sweep.h5") as file:
         error = float(file["error/relative"][:].max())
     return {"method": method, "order": order, "seconds": statistics.median(seconds),
-            "peak_mb": peak, "error": error, "bound": bound}  # fmt: skip
+            "peak_mb": peak, "basis_mb": 8e-6 * n * medium / ranks, "error": error,
+            "bound": bound}  # fmt: skip
 
 
 def main() -> None:
@@ -103,17 +107,25 @@ def main() -> None:
             damped, undamped = OUT / "damped.h5", OUT / "undamped.h5"
             write_body_file(damped, mesh, interfaces=ENDS, damping=(2.0, 1e-6, 0))
             write_body_file(undamped, mesh, interfaces=ENDS)
-            real, complex_ = unit(undamped, options.ranks), unit(damped, options.ranks)
-            print(f"{shape} {size}k: unit real {real:.2f} s, complex {complex_:.2f} s")
+            real, real_mb = unit(undamped, options.ranks)
+            complex_, complex_mb = unit(damped, options.ranks)
+            print(f"{shape} {size}k: unit real {real:.2f} s, {real_mb:.0f} MB; complex "
+                  f"{complex_:.2f} s, {complex_mb:.0f} MB")  # fmt: skip
             band = "10,1000" if shape == "block" else "10,200"
             for method in options.methods:
                 row = measure(damped, method, band, options.ranks, options.runs)
-                unit_of = {"unit_real_s": real, "unit_complex_s": complex_}
+                unit_of = {
+                    "unit_real_s": real,
+                    "unit_complex_s": complex_,
+                    "unit_real_mb": real_mb,
+                    "unit_complex_mb": complex_mb,
+                }
                 row = {"shape": shape, "thousand_dofs": size, **unit_of, **row}
                 row["units"] = row["seconds"] / real
                 rows.append(row)
                 print(f"  {method:14s} m = {row['order']:3d}  {row['seconds']:8.2f} s "
-                      f"= {row['units']:6.1f} units  {row['peak_mb']:6.0f} MB  error "
+                      f"= {row['units']:6.1f} units  {row['peak_mb']:6.0f} MB, "
+                      f"4 bases {4 * row['basis_mb']:.0f} MB  error "
                       f"{row['error']:.1e}  bound {row['bound']:.1e}", flush=True)  # fmt: skip
     with (OUT / "methods.csv").open("w", newline="") as file:
         writer = csv.DictWriter(file, rows[0].keys())

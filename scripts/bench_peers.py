@@ -14,16 +14,12 @@ from __future__ import annotations
 
 import argparse
 import csv
-import os
 import signal
 import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
-
-for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):  # before NumPy starts its threads
-    os.environ[name] = "1"
 
 import h5py
 import numpy as np
@@ -34,7 +30,6 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT / "tests" / "python"))
 
 from conftest import assembled, rom_matrices, run, sweep_transfer  # noqa: E402
-
 from flexgram import import_body  # noqa: E402
 
 OUT = ROOT / "out" / "bench"

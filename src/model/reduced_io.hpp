@@ -28,6 +28,7 @@ struct ReducedModel {
   std::optional<FrameIntegrals> integrals;
   double band[2] = {0, 0}; ///< [rad/s]
   int factorisations = 0;
+  int medium_order = 0; ///< of the model that it was cut from; 0: none
 };
 
 /// Stores the resolved options as attributes of /log/options. Collective.

@@ -244,6 +244,7 @@ ReducedModel SecondStageRun::finish() {
   rom.band[0] = bands.front().first;
   rom.band[1] = bands.back().second;
   rom.factorisations = medium_.factorisations;
+  rom.medium_order = medium_.system.order();
   rom.frame = frame_;
   rom.rigid_modes = medium_.rigid;
 
