@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
 """Remakes tests/data/ccx.json: eigenfrequencies by CalculiX of the boxes in tests/python/bodies.py.
 
-Needs the package calculix-ccx (group "reference" in scripts/packages.txt):
+Needs the package calculix-ccx (group "test" in scripts/packages.txt):
 
-    scripts/install reference && .venv/bin/python3 scripts/ccx_reference.py
+    scripts/install test && .venv/bin/python3 scripts/ccx_reference.py
 """
 
 from __future__ import annotations

@@ -1,6 +1,5 @@
 /// flexgram: reduces elastic bodies of multibody systems.
 
-#include "base/process.hpp"
 #include "model/body_io.hpp"
 #include "run/reduce.hpp"
 #include "run/sweep.hpp"
@@ -18,12 +17,6 @@ const char* const usage =
     "memory\n\n"
     "Runs under mpirun; takes -options_file, -log_view and every PETSc option.\n"
     "Options [default]:\n";
-
-Monitor::Level level_of(const std::string& word) {
-  return word == "silent"   ? Monitor::Level::silent
-         : word == "detail" ? Monitor::Level::detail
-                            : Monitor::Level::summary;
-}
 
 void assemble(MPI_Comm comm, const Settings& s, Monitor& monitor) {
   Plan plan;
@@ -47,12 +40,7 @@ void run(const std::string& verb, MPI_Comm comm) {
   Options options;
   settings.describe(options);
   options.reject_unknown();
-  settings.solver.check();
-  Monitor monitor(comm, level_of(settings.monitor));
-  auto& limit = settings.solver.mumps.memory_limit_mb;
-  if (limit == 0) limit = available_memory_mb(comm);
-  keep_freed_pages();
-  set_blas_threads(node_share(comm).cores_per_rank);
+  Monitor monitor(comm, settings.prepare(comm));
   if (verb == "reduce")
     reduce(comm, settings, options, monitor);
   else if (verb == "sweep")

@@ -6,13 +6,27 @@ MATLAB and h5py.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 import scipy.sparse as sp
+
+
+@contextmanager
+def written_whole(path: str | Path) -> Iterator[h5py.File]:
+    """An HDF5 file that appears under its name only when all of it is written."""
+    part = Path(f"{path}.part")
+    part.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        with h5py.File(part, "w") as file:
+            yield file
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
 
 
 def write_sparse(file: h5py.File, name: str, matrix: Any) -> None:
@@ -54,6 +68,8 @@ def write_matrices(
     node: Any = None,
     component: Any = None,
     position: Any = None,
+    ids: Any = None,
+    blocks: Sequence[tuple[str, Any]] = (),
 ) -> None:
     """Write a body of matrices: M q'' + (D + alpha M + beta K) q' + (1 + i eta) K q = B u.
 
@@ -78,6 +94,10 @@ def write_matrices(
         3-5 for a rotation.
     position : array, n_nodes x 3, optional
         Node coordinates [m].
+    ids : array of int, n_nodes, optional
+        The FE code's numbers of these nodes.
+    blocks : sequence of (str, array), optional
+        Elements for pictures: meshio type, indices into ``position``.
 
     Raises
     ------
@@ -102,7 +122,7 @@ def write_matrices(
     for key, (names, count) in ports.items():
         if names is not None and len(names) != count:
             raise ValueError(f"{key}: {len(names)} names for {count} ports")
-    with h5py.File(path, "w") as file:
+    with written_whole(path) as file:
         write_sparse(file, "K", K)
         write_sparse(file, "M", M)
         if D is not None:
@@ -126,3 +146,9 @@ def write_matrices(
             file["dofs/component"] = np.asarray(component, dtype=np.int64)
         if position is not None:
             file["nodes/position"] = np.asarray(position, dtype=np.float64)
+        if ids is not None:
+            file["nodes/id"] = np.asarray(ids, dtype=np.int64)
+        for i, (kind, connectivity) in enumerate(blocks):
+            group = file.create_group(f"geometry/blocks/{i:04d}")
+            group.attrs["type"] = kind
+            group["connectivity"] = np.asarray(connectivity, dtype=np.int64)

@@ -16,6 +16,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from flexgram.bodyfile import written_whole
 from flexgram.meshfile import (
     ELEMENTS,
     BodyError,
@@ -235,15 +236,8 @@ def import_body(description: str | Path, output: str | Path) -> dict[str, Any]:
     mesh = read_mesh(path.parent / str(reader.get("mesh")))
     cells = cell_regions(mesh)
 
-    part = Path(f"{output}.part")
-    part.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        with h5py.File(part, "w") as file:
-            counts = _write(file, reader, mesh, cells, units)
-        part.replace(output)
-    finally:
-        part.unlink(missing_ok=True)
-    return counts
+    with written_whole(output) as file:
+        return _write(file, reader, mesh, cells, units)
 
 
 def _write(

@@ -17,6 +17,10 @@ bool holds_mesh(const Hdf5File& file);
 /// file.comm().
 SecondOrderModel read_body(const Hdf5File& file);
 
+/// @throws Error with the worst pair of entries if `matrix` (called `name`) is not
+/// symmetric. Collective.
+void require_symmetric(Mat matrix, const std::string& name, const std::string& source);
+
 /// Damping attributes (or scalar datasets) alpha, beta, eta of the file, 0 where absent.
 Damping read_damping(const Hdf5File& file);
 

@@ -139,22 +139,7 @@ Matrix read_symmetric(const Hdf5File& file, const std::string& group, PetscInt n
     local = to_rows(file, group, read_columns(file, group, rows.begin, rows.size(), n));
   });
   Matrix matrix = make_sparse(file.comm(), rows, n, local);
-  const Asymmetry asymmetry = find_asymmetry(matrix, 1e-10);
-  if (!asymmetry.symmetric) {
-    if (asymmetry.one_triangle)
-      fail(file, text("%s holds only one triangle; both are expected (in MATLAB: "
-                      "K + triu(K,1)')",
-                      group.c_str()));
-    const char* kind = group == "/K"   ? "circulatory forces"
-                       : group == "/D" ? "gyroscopic forces"
-                                       : "no mass matrix has one";
-    fail(file,
-         text("%s is not symmetric: (%lld, %lld) = %.17g but (%lld, %lld) = %.17g; its "
-              "skew part (%s) is %.1e of it, and only symmetric matrices can be reduced",
-              group.c_str(), ll(asymmetry.row), ll(asymmetry.column), asymmetry.upper,
-              ll(asymmetry.column), ll(asymmetry.row), asymmetry.lower, kind,
-              asymmetry.skew_norm / asymmetry.norm));
-  }
+  require_symmetric(matrix, group.substr(1), file.path());
   return matrix;
 }
 
@@ -291,6 +276,24 @@ void read_dof_map(const Hdf5File& file, SecondOrderModel& model) {
 }
 
 } // namespace
+
+void require_symmetric(Mat matrix, const std::string& name, const std::string& source) {
+  const Asymmetry asymmetry = find_asymmetry(matrix, 1e-10);
+  if (asymmetry.symmetric) return;
+  if (asymmetry.one_triangle)
+    throw Error(text("%s: %s holds only one triangle; both are expected (in MATLAB: "
+                     "K + triu(K,1)')",
+                     source.c_str(), name.c_str()));
+  const char* kind = name == "K"   ? "circulatory forces"
+                     : name == "D" ? "gyroscopic forces"
+                                   : "no mass matrix has one";
+  throw Error(
+      text("%s: %s is not symmetric: (%lld, %lld) = %.17g but (%lld, %lld) = %.17g; its "
+           "skew part (%s) is %.1e of it, and only symmetric matrices can be reduced",
+           source.c_str(), name.c_str(), ll(asymmetry.row), ll(asymmetry.column),
+           asymmetry.upper, ll(asymmetry.column), ll(asymmetry.row), asymmetry.lower,
+           kind, asymmetry.skew_norm / asymmetry.norm));
+}
 
 bool holds_mesh(const Hdf5File& file) {
   const bool mesh = file.exists("/mesh");

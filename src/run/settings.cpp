@@ -1,5 +1,7 @@
 #include "run/settings.hpp"
 
+#include "base/process.hpp"
+
 namespace flexgram {
 
 void Settings::describe(Options& options) {
@@ -51,6 +53,17 @@ void Settings::check() const {
   pod.check();
   two_step.check();
   solver.check();
+}
+
+Monitor::Level Settings::prepare(MPI_Comm comm) {
+  solver.check();
+  auto& limit = solver.mumps.memory_limit_mb;
+  if (limit == 0) limit = available_memory_mb(comm);
+  keep_freed_pages();
+  set_blas_threads(node_share(comm).cores_per_rank);
+  return monitor == "silent"   ? Monitor::Level::silent
+         : monitor == "detail" ? Monitor::Level::detail
+                               : Monitor::Level::summary;
 }
 
 } // namespace flexgram

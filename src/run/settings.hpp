@@ -24,6 +24,9 @@ struct Settings {
   void describe(Options& options);
   /// Refuses bad options before any work.
   void check() const;
+  /// Memory limit and BLAS threads of this process. @return how much to print.
+  /// Collective.
+  Monitor::Level prepare(MPI_Comm comm);
   bool samples() const { return method == "pod"; }
 };
 

@@ -8,6 +8,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+
 from bodies import box, write_body_file
 from conftest import assembled, run
 

@@ -1,0 +1,205 @@
+"""From the files of an FE code to a body file.
+
+``read`` finds the format by the file's name and reads it by the module of that code;
+``import_matrices`` checks, attaches interfaces, and writes a body of matrices in SI units.
+"""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from flexgram.bodyfile import write_matrices
+from flexgram.description import UNITS
+from flexgram.importers.fe import FeMatrices, check
+from flexgram.importers.interfaces import Interface, attach, parse
+from flexgram.meshfile import BodyError
+
+__all__ = ["FORMATS", "FeMatrices", "Interface", "check", "import_matrices", "parse", "read"]
+
+FORMATS = ("calculix", "abaqus", "nastran", "ansys", "pair", "matlab", "petsc")
+
+
+def guess_format(path: Path) -> str:
+    """The format that a file's name and first bytes tell."""
+    suffix = path.suffix.lower()
+    if suffix in (".sti", ".mas", ".dof", ".inp"):
+        return "calculix"
+    if suffix == ".mtx":
+        if path.exists() and path.open("rb").read(14) == b"%%MatrixMarket":
+            return "pair"
+        if re.search("_(STIF|MASS)", path.name, re.IGNORECASE):
+            return "abaqus"
+        return "pair"
+    known = {".pch": "nastran", ".dmig": "nastran", ".op4": "nastran", ".bdf": "nastran",
+             ".full": "ansys", ".mat": "matlab", ".mmf": "pair", ".hb": "pair", ".rsa": "pair",
+             ".matrix": "pair", ".petsc": "petsc", ".bin": "petsc"}  # fmt: skip
+    if suffix not in known:
+        raise BodyError(f"{path}: the format is not told by the name; --format is one of "
+                        f"{', '.join(FORMATS)}")  # fmt: skip
+    return known[suffix]
+
+
+def read(
+    path: str | Path,
+    *,
+    format: str | None = None,
+    deck: str | Path | None = None,
+    mass: str | Path | None = None,
+    damping: str | Path | None = None,
+    inputs: str | Path | None = None,
+    mapping: str | Path | None = None,
+    run_ccx: bool = False,
+) -> FeMatrices:
+    """Read the matrices of an FE code.
+
+    Parameters
+    ----------
+    path : str or Path
+        What ``format`` starts from: ``job.sti`` or ``job.inp`` (CalculiX), ``job_STIF1.mtx``
+        (Abaqus), ``.pch`` or ``.op4`` (Nastran), ``.full`` (ANSYS), ``.mat`` (MATLAB), the
+        stiffness matrix (MatrixMarket, Harwell-Boeing, PETSc; ``mass`` names the other one).
+    format : str, optional
+        One of ``FORMATS``; default: by the name.
+    deck : path, optional
+        Model with nodes and node sets, where it does not lie beside ``path``.
+    mass, damping, inputs, mapping : path, optional
+        Further files of formats that keep each matrix in its own.
+    run_ccx : bool
+        ``path`` is a CalculiX deck without results: run ccx on it first.
+
+    Raises
+    ------
+    BodyError
+        Naming file, line and remedy.
+    """
+    first = Path(path)
+    kind = format or guess_format(first)
+    other = {name: Path(p) if p is not None else None
+             for name, p in (("deck", deck), ("mass", mass), ("damping", damping),
+                             ("inputs", inputs), ("mapping", mapping))}  # fmt: skip
+    if kind not in FORMATS:
+        raise BodyError(f"--format {kind} must be one of {', '.join(FORMATS)}")
+    if kind in ("pair", "petsc") and other["mass"] is None:
+        raise BodyError(f"{first} holds one matrix: name the mass matrix too (--mass)")
+    if kind == "calculix":
+        from flexgram.importers import calculix
+
+        if run_ccx:
+            with tempfile.TemporaryDirectory(prefix="flexgram-ccx-") as folder:
+                return calculix.read_calculix(calculix.run_ccx(first, Path(folder)))
+        return calculix.read_calculix(first, other["deck"])
+    if run_ccx:
+        raise BodyError(f"--run-ccx wants a CalculiX deck, not {first}")
+    if kind == "abaqus":
+        from flexgram.importers import abaqus
+
+        return abaqus.read_abaqus(first, other["deck"])
+    if kind == "nastran":
+        from flexgram.importers import nastran
+
+        return nastran.read_nastran(first, other["deck"])
+    if kind == "matlab":
+        from flexgram.importers import containers
+
+        return containers.read_matlab(first)
+    from flexgram.importers import ansys, containers
+
+    if kind == "ansys":
+        return ansys.read_full(first, other["deck"])
+    assert other["mass"] is not None
+    if kind == "petsc":
+        return containers.read_petsc(first, other["mass"], other["inputs"], other["damping"])
+    return ansys.read_pair(first, other["mass"], other["damping"], other["mapping"], other["deck"])
+
+
+def import_matrices(
+    fe: FeMatrices,
+    output: str | Path,
+    interfaces: Sequence[Interface] = (),
+    *,
+    units: str = "SI",
+    alpha: float | None = None,
+    beta: float | None = None,
+    eta: float | None = None,
+) -> dict[str, Any]:
+    """Check the matrices, attach interfaces, and write a body file in SI units.
+
+    Parameters
+    ----------
+    fe : FeMatrices
+        From ``read``.
+    output : str or Path
+        Body file to write.
+    interfaces : sequence of Interface
+        Where forces act, positions in the units of the deck. Couplings that the FE code condensed
+        itself (CalculiX ``*RIGID BODY``) are kept as interfaces too.
+    units : str
+        ``SI``, ``mm-t-s`` or ``mm-kg-s``: units of the matrices and the deck.
+    alpha, beta, eta : float, optional
+        Rayleigh coefficients [1/s], [s] and loss factor.
+
+    Returns
+    -------
+    dict
+        What ``check`` found, in SI; ``rows``, ``ports``, ``remarks``.
+    """
+    if units not in UNITS:
+        raise BodyError(f"--units {units} must be one of {', '.join(UNITS)}")
+    length, mass, force = UNITS[units]
+    facts = check(fe)
+    every = list(interfaces) + fe.interfaces
+    named = {i.name for i in every}
+    taken = {
+        int(i.where) for i in interfaces if isinstance(i.where, str) and i.where.isdigit()
+    }  # labels
+    for name, label in fe.rigid.items():
+        if name not in named and label not in taken:
+            every.append(Interface(name, "node", np.array([label])))
+    body = attach(fe, every)
+    new = body.pop("new_points")
+    labels = np.concatenate([fe.labels, np.array(list(new), dtype=np.int64)])
+    points = np.vstack([fe.points, *new.values()]) if new else fe.points
+    component = body["component"]
+    turn = np.where(component >= 3, length, 1.0) if len(component) else np.ones(body["K"].shape[0])
+    S = sp.diags(turn)
+    B = turn[:, None] * body["B"] / np.where(body["moment"], length, 1.0)
+    places: dict[str, Any] = {"node": None, "component": None, "position": None, "ids": None}
+    if len(component):
+        known = labels if fe.has_coordinates() else np.unique(body["node"])
+        order = np.argsort(known)
+        at = order[np.searchsorted(known, body["node"], sorter=order)]
+        places |= {"node": at, "component": component, "ids": known}
+        if fe.has_coordinates():
+            places["position"] = points * length
+    write_matrices(
+        output, force / length * (S @ body["K"] @ S), mass * (S @ body["M"] @ S), B,
+        D=None if body["D"] is None else mass * (S @ body["D"] @ S),
+        C=None if body["C"] is None else body["C"] * turn,
+        inputs=body["inputs"], outputs=body["outputs"],
+        alpha=fe.alpha if alpha is None else alpha, beta=fe.beta if beta is None else beta,
+        eta=fe.eta if eta is None else eta, **places, blocks=_picture(fe),
+    )  # fmt: skip
+    for key, factor in (("mass", mass), ("centre", length), ("inertia", mass * length**2)):
+        if key in facts:
+            facts[key] = facts[key] * factor
+    return {**facts, "rows": body["K"].shape[0], "ports": body["inputs"], "remarks": fe.remarks}
+
+
+def _picture(fe: FeMatrices) -> list[tuple[str, Any]]:
+    """Elements by indices into the nodes, where all their nodes are known."""
+    if not fe.has_coordinates():
+        return []
+    order = np.argsort(fe.labels)
+    blocks = []
+    for kind, connectivity in fe.blocks:
+        at = np.minimum(np.searchsorted(fe.labels, connectivity, sorter=order), len(order) - 1)
+        if np.array_equal(fe.labels[order[at]], connectivity):
+            blocks.append((kind, order[at]))
+    return blocks

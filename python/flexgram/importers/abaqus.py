@@ -1,0 +1,100 @@
+"""Abaqus: ``job_STIFn.mtx`` and ``job_MASSn.mtx`` of ``*MATRIX GENERATE``, and the deck."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from flexgram.importers.deck import read_deck
+from flexgram.importers.fe import FeMatrices, check_indices, read_triplets, symmetric
+from flexgram.meshfile import BodyError
+
+
+def _partner(path: Path, of: str, to: str) -> Path:
+    """The other matrix of the same job and step."""
+    name = re.sub(rf"_{of}(\d+)\.mtx$", rf"_{to}\1.mtx", path.name, flags=re.IGNORECASE)
+    if name == path.name:
+        raise BodyError(f"{path}: expected a name like job_{of}1.mtx, as *MATRIX OUTPUT gives it")
+    return path.with_name(name)
+
+
+def _first_line(path: Path) -> str:
+    if not path.exists():
+        raise BodyError(f"{path}: no such file")
+    with path.open(errors="replace") as file:
+        return next((line for line in file if line.strip() and not line.startswith("*")), "")
+
+
+def read_abaqus(path: Path, deck: Path | None = None) -> FeMatrices:
+    """Read the stiffness matrix ``path`` and the mass matrix beside it, in either format.
+
+    FORMAT=MATRIX INPUT carries its own dof map; FORMAT=COORDINATE counts equations, which are
+    taken as three to a node in the order of the deck's labels, so it needs the deck.
+    """
+    stiffness = path if re.search("_STIF", path.name, re.IGNORECASE) else _partner(
+        path, "MASS", "STIF")  # fmt: skip
+    mass = _partner(stiffness, "STIF", "MASS")
+    job = stiffness.with_name(re.sub(r"_STIF.*", ".inp", stiffness.name, flags=re.IGNORECASE))
+    deck = deck or (job if job.exists() else None)
+    model = read_deck(deck) if deck is not None else None
+    if "," in _first_line(stiffness):  # node, dof, node, dof, value
+        tables = {file: read_triplets(file, 5) for file in (stiffness, mass)}
+        keys = np.unique(
+            np.vstack([t[:, 2 * side : 2 * side + 2] for t in tables.values() for side in (0, 1)]),
+            axis=0,
+        ).astype(np.int64)
+        code = keys[:, 0] * 8 + keys[:, 1]
+        n = len(keys)
+
+        def build(file: Path) -> object:
+            table = tables[file]
+            index = [
+                np.searchsorted(code, (table[:, c] * 8 + table[:, c + 1]).astype(np.int64))
+                for c in (0, 2)
+            ]
+            return symmetric(file, index[0], index[1], table[:, 4], n)
+
+        node, component = keys[:, 0], keys[:, 1] - 1
+        if component.min() < 0 or component.max() > 5:
+            raise BodyError(f"{stiffness}: dof {component.max() + 1} is no displacement or "
+                            "rotation (1 to 6)")  # fmt: skip
+        fe = FeMatrices(str(stiffness), build(stiffness), build(mass), node=node,
+                        component=component)  # fmt: skip
+    else:
+        tables = {file: read_triplets(file) for file in (stiffness, mass)}
+        n = int(max(t[:, :2].max() for t in tables.values()))
+        for file, table in tables.items():
+            check_indices(file, table[:, :2], n, "equations")
+        K, M = (
+            symmetric(f, t[:, 0].astype(int) - 1, t[:, 1].astype(int) - 1, t[:, 2], n)
+            for f, t in tables.items()
+        )
+        fe = FeMatrices(str(stiffness), K, M)
+        if model is None:
+            raise BodyError(
+                f"{stiffness}: FORMAT=COORDINATE numbers equations only: name the deck (--deck), "
+                "or export with FORMAT=MATRIX INPUT, which carries node and dof"
+            )
+        used = {int(i) for _, nodes in model.blocks for i in nodes.ravel()}
+        labels = np.array(sorted(used) if used else model.labels, dtype=np.int64)
+        if 3 * len(labels) != n:
+            raise BodyError(
+                f"{stiffness}: {n} equations, but {deck} has {len(labels)} nodes with three dofs "
+                "each; export with FORMAT=MATRIX INPUT, which carries node and dof"
+            )
+        fe.node, fe.component = np.repeat(labels, 3), np.tile(np.arange(3), len(labels))
+        fe.remarks.append("equations are taken as three to a node in the order of the labels")
+    if np.any(fe.node < 0):
+        fe.remarks.append(
+            f"{int(np.sum(fe.node < 0))} rows belong to internal nodes (negative labels): no "
+            "coordinates are kept"
+        )
+    if model is None:
+        fe.remarks.append("no deck: no coordinates, no node sets (--deck names it)")
+    else:
+        fe.labels, fe.sets, fe.blocks = model.labels, model.sets, model.blocks
+        if not np.any(fe.node < 0):
+            fe.points = model.points
+    return fe

@@ -1,0 +1,140 @@
+"""ANSYS: ``.full`` files by ansys-mapdl-reader, Harwell-Boeing and MMF exports, ``.cdb`` decks."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.io
+import scipy.sparse as sp
+
+from flexgram.importers.fe import FeMatrices, Ints, symmetric
+from flexgram.meshfile import BodyError
+
+
+def _reader() -> Any:
+    try:
+        import ansys.mapdl.reader as reader
+    except ImportError:
+        raise BodyError(
+            "ANSYS files are read by ansys-mapdl-reader: pip install ansys-mapdl-reader"
+        ) from None
+    return reader
+
+
+def read_full(path: Path, deck: Path | None = None) -> FeMatrices:
+    """Read a ``.full`` file; ``deck`` is a ``.cdb`` archive for nodes, components and elements.
+
+    Constrained dofs are rows without any entry in K and M there; they are dropped.
+    """
+    if not path.exists():
+        raise BodyError(f"{path}: no such file")
+    reader = _reader()
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):
+            dofs, k, m = reader.read_binary(str(path)).load_km(sort=True, as_sparse=True)
+    except Exception as error:
+        raise BodyError(f"{path}: ansys-mapdl-reader cannot read it ({error}); is it a .full file "
+                        "of a modal or harmonic analysis?") from error  # fmt: skip
+    if m is None or m.nnz == 0:
+        raise BodyError(f"{path}: holds no mass matrix: write it by a modal analysis")
+    n = k.shape[0]
+    K, M = (symmetric(path, a.row, a.col, a.data, n) for a in (sp.coo_matrix(k), sp.coo_matrix(m)))
+    used = np.flatnonzero((abs(K).sum(axis=1).A1 > 0) | (abs(M).sum(axis=1).A1 > 0))
+    fe = FeMatrices(str(path), K[used][:, used], M[used][:, used])
+    fe.node = dofs[used, 0].astype(np.int64)
+    fe.component = dofs[used, 1].astype(np.int64)
+    if np.any((fe.component < 0) | (fe.component > 5)):
+        raise BodyError(f"{path}: dof {int(fe.component.max())} is no displacement or rotation")
+    if n > len(used):
+        fe.remarks.append(f"{n - len(used)} constrained dofs (empty rows) were dropped")
+    _add_archive(fe, deck)
+    return fe
+
+
+def _add_archive(fe: FeMatrices, deck: Path | None) -> None:
+    if deck is None:
+        fe.remarks.append("no deck: no coordinates, no node sets (--deck names the .cdb file)")
+        return
+    if not deck.exists():
+        raise BodyError(f"{deck}: no such file")
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):
+            archive = _reader().Archive(str(deck), parse_vtk=False)
+    except Exception as error:
+        raise BodyError(f"{deck}: ansys-mapdl-reader cannot read it ({error})") from error
+    fe.labels = np.asarray(archive.nnum, dtype=np.int64)
+    fe.points = np.asarray(archive.nodes[:, :3], dtype=np.float64)
+    fe.sets = {
+        name.strip().upper(): np.asarray(nodes, dtype=np.int64)
+        for name, nodes in archive.node_components.items()
+    }
+    kinds: dict[str, list[Ints]] = {}
+    for element in archive.elem:
+        nodes = np.asarray(element[10:], dtype=np.int64)
+        kind = {8: "hexahedron", 20: "hexahedron20", 10: "tetra10"}.get(len(nodes))
+        if kind == "hexahedron20" and len(set(nodes.tolist())) == 20:
+            kinds.setdefault(kind, []).append(nodes)
+        elif kind and len(set(nodes.tolist())) == len(nodes):
+            kinds.setdefault(kind, []).append(nodes)
+    fe.blocks = [(kind, np.array(nodes)) for kind, nodes in kinds.items()]
+
+
+def _node_map(path: Path | None, n: int) -> tuple[Ints, Ints]:
+    """A mapping file of HBMAT or ``*EXPORT``: equation, node, direction on each line."""
+    none = np.empty(0, dtype=np.int64)
+    if path is None:
+        return none, none
+    directions = {"UX": 0, "UY": 1, "UZ": 2, "ROTX": 3, "ROTY": 4, "ROTZ": 5}
+    rows: dict[int, tuple[int, int]] = {}
+    for number, line in enumerate(path.read_text(errors="replace").splitlines(), 1):
+        words = line.split()
+        if not words or not words[0].isdigit():
+            continue  # heading
+        try:
+            rows[int(words[0]) - 1] = (int(words[1]), directions[words[2].upper()])
+        except (IndexError, KeyError, ValueError):
+            raise BodyError(f"{path}, line {number}: {line.strip()[:60]!r}, expected equation, "
+                            "node, UX … ROTZ") from None  # fmt: skip
+    if sorted(rows) != list(range(n)):
+        raise BodyError(f"{path}: maps {len(rows)} equations, the matrices have {n}")
+    return (np.array([rows[i][0] for i in range(n)], dtype=np.int64),
+            np.array([rows[i][1] for i in range(n)], dtype=np.int64))  # fmt: skip
+
+
+def read_pair(stiffness: Path, mass: Path, damping: Path | None = None, mapping: Path | None = None,
+              deck: Path | None = None) -> FeMatrices:  # fmt: skip
+    """Read K and M (and D) from two files, Harwell-Boeing or MatrixMarket, one triangle or both.
+
+    ``mapping`` is the node map that HBMAT writes with MAPPING=YES.
+    """
+    found = {}
+    for name, path in (("K", stiffness), ("M", mass), ("D", damping)):
+        if path is None:
+            continue
+        if not path.exists():
+            raise BodyError(f"{path}: no such file")
+        head = path.open("rb").read(64)
+        try:
+            if head.startswith(b"%%MatrixMarket"):
+                raw = sp.coo_matrix(scipy.io.mmread(str(path)))
+            else:
+                raw = sp.coo_matrix(scipy.io.hb_read(str(path)))
+        except Exception as error:
+            raise BodyError(f"{path}: neither MatrixMarket nor Harwell-Boeing, or truncated "
+                            f"({error})") from error  # fmt: skip
+        if raw.shape[0] != raw.shape[1]:
+            raise BodyError(f"{path}: {raw.shape[0]} × {raw.shape[1]}, expected a square matrix")
+        if np.iscomplexobj(raw.data):
+            raise BodyError(f"{path}: complex; flexgram takes K (1 + i eta) as K with --eta")
+        found[name] = symmetric(path, raw.row, raw.col, raw.data.astype(float), raw.shape[0])
+    fe = FeMatrices(str(stiffness), found["K"], found["M"], found.get("D"))
+    fe.node, fe.component = _node_map(mapping, fe.n)
+    if len(fe.node) and deck is not None and deck.suffix.lower() == ".cdb":
+        _add_archive(fe, deck)
+    elif not len(fe.node):
+        fe.remarks.append("the files have no dof map: interfaces by rows only (--rows)")
+    return fe

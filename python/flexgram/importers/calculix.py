@@ -1,0 +1,132 @@
+"""CalculiX: ``job.sti``, ``job.mas``, ``job.dof`` of a matrix-storage step, and the deck.
+
+The step is ``*FREQUENCY, SOLVER=MATRIXSTORAGE``; ``run_ccx`` puts it in place of the steps of a
+deck and runs ccx. Checked with ccx 2.20.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+
+from flexgram.importers.deck import read_deck
+from flexgram.importers.fe import FeMatrices, check_indices, read_triplets, symmetric
+from flexgram.meshfile import BodyError
+
+STEP = "*STEP\n*FREQUENCY, SOLVER=MATRIXSTORAGE\n*END STEP\n"
+
+
+def _matrix(path: Path, n: int) -> sp.csr_matrix:
+    data = read_triplets(path)
+    row, column = data[:, 0].astype(np.int32), data[:, 1].astype(np.int32)
+    value = data[:, 2].copy()
+    del data
+    check_indices(path, row, n, "the lines of the .dof file")
+    check_indices(path, column, n, "the lines of the .dof file")
+    seen = np.zeros(n, dtype=bool)
+    seen[row - 1] = True
+    if not seen.all():
+        raise BodyError(f"{path}: row {int(np.argmin(seen)) + 1} of {n} has no entry: the file is "
+                        "truncated or belongs to another .dof file")  # fmt: skip
+    return symmetric(path, row - 1, column - 1, value, n)
+
+
+def read_calculix(path: Path, deck: Path | None = None) -> FeMatrices:
+    """Read ``job.sti``, ``job.mas``, ``job.dof`` beside each other; ``path`` names any of them or
+    the deck ``job.inp``, which gives coordinates and node sets.
+
+    Raises
+    ------
+    BodyError
+        For missing, truncated or inconsistent files, with the line.
+    """
+    job = path.with_suffix("")
+    files = {suffix: job.with_suffix(suffix) for suffix in (".sti", ".mas", ".dof")}
+    for suffix, file in files.items():
+        if not file.exists():
+            what = {".sti": "K", ".mas": "M", ".dof": "the dof map"}[suffix]
+            raise BodyError(f"{file} ({what}) is missing; ccx writes it in a step *FREQUENCY, "
+                            "SOLVER=MATRIXSTORAGE (--run-ccx does all of it)")  # fmt: skip
+    node, component = [], []
+    for number, line in enumerate(files[".dof"].read_text(errors="replace").splitlines(), 1):
+        label, dot, direction = line.strip().partition(".")
+        # never as a float: 12.10 is not 12.1
+        if not dot or not label.lstrip("-").isdigit() or direction not in ("1", "2", "3"):
+            if not line.strip():
+                continue
+            raise BodyError(f"{files['.dof']}, line {number}: {line.strip()[:40]!r}, expected "
+                            "node.direction with direction 1 to 3")  # fmt: skip
+        node.append(int(label))
+        component.append(int(direction) - 1)
+    n = len(node)
+    if n == 0:
+        raise BodyError(f"{files['.dof']}: empty")
+    K = _matrix(files[".sti"], n)
+    M = _matrix(files[".mas"], n)
+    fe = FeMatrices(str(job), K, M, node=np.array(node), component=np.array(component))
+    deck = deck or job.with_suffix(".inp")
+    if not deck.exists():
+        fe.remarks.append(f"{deck} is not there: no coordinates, no node sets (--deck names it)")
+        return fe
+    model = read_deck(deck)
+    if model.transformed:
+        raise BodyError(f"{deck}: *TRANSFORM: CalculiX writes these rows in local axes; take the "
+                        "card out before exporting")  # fmt: skip
+    fe.labels, fe.points, fe.sets, fe.blocks = model.labels, model.points, model.sets, model.blocks
+    for name, (reference, rotation) in model.rigid.items():
+        # The rotation node's "translations" are the rotations of the reference node.
+        turns = fe.node == rotation
+        if rotation == reference or not turns.any():
+            continue
+        fe.node[turns] = reference
+        fe.component[turns] += 3
+        fe.rigid[name] = reference
+    known = np.isin(fe.node, fe.labels)
+    if not known.all():
+        fe.remarks.append(
+            f"{len(np.unique(fe.node[~known]))} nodes are not in the deck (expanded shells or "
+            "beams, internal nodes of C3D8I): no coordinates are kept"
+        )
+        fe.points = np.empty((0, 3))
+    return fe
+
+
+def run_ccx(deck: Path, folder: Path) -> Path:
+    """Run ccx on the model part of ``deck`` with a matrix-storage step.
+
+    Returns
+    -------
+    Path
+        The deck that ran, in ``folder``, with its results beside it.
+    """
+    program = shutil.which("ccx")
+    if program is None:
+        raise BodyError("ccx is not installed (Debian: apt install calculix-ccx)")
+    if not deck.exists():
+        raise BodyError(f"{deck}: no such file")
+    folder.mkdir(parents=True, exist_ok=True)
+    kept = []
+    for line in deck.read_text(errors="replace").splitlines():
+        if line.upper().replace(" ", "").startswith("*STEP"):
+            break
+        if line.upper().startswith("*INCLUDE"):  # paths are relative to the deck
+            head, _, name = line.partition("=")
+            line = f"{head}={(deck.parent / name.strip()).resolve()}"
+        kept.append(line)
+    job = folder / deck.name
+    job.write_text("\n".join(kept) + "\n" + STEP)
+    for suffix in (".sti", ".mas", ".dof"):  # never take an old result for a new one
+        job.with_suffix(suffix).unlink(missing_ok=True)
+    done = subprocess.run([program, job.stem], cwd=folder, capture_output=True, text=True)
+    missing = [s for s in (".sti", ".mas", ".dof") if not job.with_suffix(s).exists()]
+    said = done.stdout.splitlines()
+    errors = [i for i, line in enumerate(said) if "*ERROR" in line]
+    if done.returncode or missing or errors:
+        first = errors[0] if errors else max(len(said) - 3, 0)  # an error goes on for some lines
+        reason = " ".join(line.strip() for line in said[first : first + 3] if line.strip())
+        raise BodyError(f"ccx on {deck} failed (exit status {done.returncode}): {reason}")
+    return job

@@ -1,0 +1,259 @@
+"""What every importer returns: the matrices of an FE code with its nodes, and how to check them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import NDArray
+
+from flexgram.importers.interfaces import Interface
+from flexgram.meshfile import BodyError
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass
+class FeMatrices:
+    """Matrices of an FE code in its own units, both triangles stored.
+
+    Attributes
+    ----------
+    K, M, D : csr_matrix, n x n
+        Stiffness, mass, and damping if the code wrote one.
+    node, component : int arrays, n
+        For each row the label of its node and 0-2 for a translation, 3-5 for a rotation; empty
+        where the files do not say.
+    labels, points : arrays, N and N x 3
+        Nodes of the model; those of constrained rows too. Empty without coordinates.
+    sets : dict
+        Node sets by name, as labels.
+    blocks : list of (str, array)
+        Elements as meshio type and node labels; for pictures.
+    B, C, inputs, outputs
+        Ports that came with the matrices (MATLAB, PETSc); usually interfaces are named instead.
+    rigid : dict
+        Rigid couplings that the code itself condensed: name -> label of the reference node, which
+        has six rows.
+    interfaces : list of Interface
+        Couplings of the FE model that its matrices do not hold yet; kept as interfaces.
+    alpha, beta, eta : float
+        Damping coefficients that came with the matrices.
+    remarks : list of str
+        What the importer did that the user should know.
+    """
+
+    source: str
+    K: sp.csr_matrix
+    M: sp.csr_matrix
+    D: sp.csr_matrix | None = None
+    node: Ints = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    component: Ints = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    labels: Ints = field(default_factory=lambda: np.empty(0, dtype=np.int64))
+    points: Floats = field(default_factory=lambda: np.empty((0, 3)))
+    sets: dict[str, Ints] = field(default_factory=dict)
+    blocks: list[tuple[str, Ints]] = field(default_factory=list)
+    B: Any = None
+    C: Any = None
+    inputs: list[str] | None = None
+    outputs: list[str] | None = None
+    rigid: dict[str, int] = field(default_factory=dict)
+    interfaces: list[Interface] = field(default_factory=list)
+    alpha: float = 0.0
+    beta: float = 0.0
+    eta: float = 0.0
+    remarks: list[str] = field(default_factory=list)
+
+    @property
+    def n(self) -> int:
+        return int(self.K.shape[0])
+
+    def has_coordinates(self) -> bool:
+        return len(self.node) == self.n and len(self.points) > 0
+
+    def positions(self, labels: Ints) -> Floats:
+        """Coordinates of the given labels; a label without coordinates is an error."""
+        order = np.argsort(self.labels)
+        at = np.searchsorted(self.labels, labels, sorter=order)
+        at = order[np.minimum(at, len(order) - 1)]
+        missing = np.asarray(labels)[self.labels[at] != labels]
+        if len(missing):
+            raise BodyError(f"{self.source}: node {missing[0]} has no coordinates in the deck"
+                            f" ({len(np.unique(missing))} such nodes)")  # fmt: skip
+        return self.points[at]
+
+
+def symmetric(path: Path | str, row: Any, column: Any, value: Any, n: int) -> sp.csr_matrix:
+    """A symmetric matrix from triplets (0-based) of one triangle, or of both.
+
+    Raises
+    ------
+    BodyError
+        If both triangles are given and differ.
+    """
+    entries = sp.coo_matrix((value, (row, column)), shape=(n, n)).tocsr()
+    if not np.all(np.isfinite(entries.data)):
+        raise BodyError(f"{path}: holds NaN or Inf")
+    upper = sp.triu(entries, 1, format="csr")
+    lower = sp.tril(entries, -1, format="csr")
+    if upper.count_nonzero() == 0 or lower.count_nonzero() == 0:
+        off = upper if lower.count_nonzero() == 0 else lower
+        return (entries + off.T).tocsr()
+    difference = abs(entries - entries.T)
+    scale = np.abs(entries.data).max()
+    if difference.nnz and difference.data.max() > 1e-8 * scale:
+        where = difference.tocoo()
+        k = int(np.argmax(where.data))
+        i, j = int(where.row[k]), int(where.col[k])
+        raise BodyError(
+            f"{path}: not symmetric: entry ({i + 1}, {j + 1}) is {entries[i, j]:.6g}, "
+            f"({j + 1}, {i + 1}) is {entries[j, i]:.6g}; flexgram takes one triangle, or both alike"
+        )
+    return (0.5 * (entries + entries.T)).tocsr()
+
+
+def read_triplets(path: Path, columns: int = 3) -> Floats:
+    """Whitespace- or comma-separated numbers, ``columns`` on each line.
+
+    A wrong or incomplete line is named by its number.
+    """
+    if not path.exists():
+        raise BodyError(f"{path}: no such file")
+    with path.open("rb") as file:
+        head = file.read(4096)
+        if b"\0" in head:
+            raise BodyError(f"{path}: binary, expected text with {columns} numbers on each line")
+    comma = b"," in head
+    with path.open() as text:
+        import warnings
+
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", DeprecationWarning)  # at a word: found below
+            if comma:
+                values = np.fromstring(text.read().replace(",", " "), sep=" ")
+            else:
+                values = np.fromfile(text, sep=" ")
+    whole = values.size % columns == 0 and values.size > 0
+    # A text cut within its last number still parses: every line must end.
+    with path.open("rb") as file:
+        file.seek(0, 2)
+        size = file.tell()
+        file.seek(max(0, size - 4096))
+        tail = file.read()
+    lines = _count_lines(path)
+    if whole and tail.endswith(b"\n") and lines == values.size // columns:
+        return values.reshape(-1, columns)
+    with path.open(errors="replace") as text:
+        for number, line in enumerate(text, start=1):
+            words = line.replace(",", " ").split()
+            if not words:
+                continue
+            try:
+                [float(word) for word in words]
+                good = len(words) == columns and line.endswith("\n")
+            except ValueError:
+                good = False
+            if not good:
+                last = "" if line.endswith("\n") else " (the last line: is the file truncated?)"
+                raise BodyError(f"{path}, line {number}: {line.strip()[:60]!r}, expected {columns} "
+                                f"numbers{last}")  # fmt: skip
+    if values.size == 0:
+        raise BodyError(f"{path}: empty")
+    return values.reshape(-1, columns)
+
+
+def _count_lines(path: Path) -> int:
+    with path.open("rb") as file:
+        return sum(chunk.count(b"\n") for chunk in iter(lambda: file.read(1 << 22), b""))
+
+
+def check_indices(path: Path | str, indices: Any, n: int, what: str) -> None:
+    """Row numbers 1 … n."""
+    low, high = int(indices.min()), int(indices.max())
+    if low < 1 or high > n:
+        raise BodyError(f"{path}: row numbers from {low} to {high}, expected 1 to {n} ({what})")
+
+
+def rigid_motions(fe: FeMatrices) -> Floats:
+    """Three translations and three rotations about the origin, n x 6, in the units of the deck."""
+    x = fe.positions(fe.node)
+    motions = np.zeros((fe.n, 6))
+    row, c = np.arange(fe.n), fe.component
+    motions[row, c] = 1
+    for axis in range(3):
+        turned = np.cross(np.eye(3)[axis], x)
+        moves = c < 3
+        motions[moves, 3 + axis] = turned[moves, c[moves]]
+    return motions
+
+
+def check(fe: FeMatrices) -> dict[str, Any]:
+    """Checks of everything that an importer can get wrong, and the rigid body facts.
+
+    Returns
+    -------
+    dict
+        ``n``, ``nonzeros``; with coordinates ``mass``, ``centre``, ``inertia`` (about the centre,
+        all in the units of the deck) of the rows that are there, ``rigid_energy`` (for each of the
+        six motions, relative to K), ``free`` (how many of them K does not resist).
+
+    Raises
+    ------
+    BodyError
+        K and M swapped, rows without stiffness and mass, a mass that depends on the direction.
+    """
+    where = fe.source
+    if fe.K.shape != fe.M.shape:
+        raise BodyError(f"{where}: K is {fe.K.shape}, M is {fe.M.shape}")
+    k, m = fe.K.diagonal(), fe.M.diagonal()
+    empty = np.flatnonzero((k == 0) & (m == 0))
+    if len(empty):
+        raise BodyError(f"{where}: row {empty[0] + 1} has neither stiffness nor mass"
+                        f" ({len(empty)} such rows); is the file truncated?")  # fmt: skip
+    both = (k > 0) & (m > 0)
+    if not both.any():
+        raise BodyError(f"{where}: no row has positive stiffness and mass on the diagonal")
+    if np.median(k[both] / m[both]) < 1:
+        raise BodyError(
+            f"{where}: the stiffness is below the mass on the diagonal (median ratio "
+            f"{np.median(k[both] / m[both]):.1e} 1/s²): are K and M swapped?"
+        )
+    facts: dict[str, Any] = {"n": fe.n, "nonzeros": int(fe.K.nnz)}
+    if not fe.has_coordinates():
+        return facts
+    motions = rigid_motions(fe)
+    size = np.linalg.norm(motions, axis=0)
+    energy = np.abs(np.sum(motions * (fe.K @ motions), axis=0))
+    weight = np.sum(motions**2 * np.abs(k)[:, None], axis=0)
+    facts["rigid_energy"] = energy / np.where(weight > 0, weight, 1)
+    facts["free"] = int(np.sum(facts["rigid_energy"] < 1e-10))
+    mass6 = motions.T @ (fe.M @ motions)
+    mass6 = 0.5 * (mass6 + mass6.T)
+    masses = np.diag(mass6)[:3]
+    if facts["free"] == 6 and np.ptp(masses) > 1e-6 * masses.max():
+        raise BodyError(f"{where}: the mass differs with the direction, {masses[0]:.6g}, "
+                        f"{masses[1]:.6g}, {masses[2]:.6g}: the dof map does not belong to "
+                        "these matrices")  # fmt: skip
+    mass = float(masses.mean())
+    if not mass > 0:
+        raise BodyError(f"{where}: the mass is {mass:.6g}")
+    centre = np.array([mass6[1, 5] - mass6[2, 4], mass6[2, 3] - mass6[0, 5],
+                       mass6[0, 4] - mass6[1, 3]]) / (2 * mass)  # fmt: skip
+    inertia = mass6[3:, 3:] - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+    facts |= {"mass": mass, "centre": centre, "inertia": inertia}
+    facts["extent"] = float(size[:3].max())
+    return facts
+
+
+def rows_of(fe: FeMatrices, labels: Sequence[int] | Ints) -> tuple[Ints, Ints]:
+    """Rows of the given nodes, and for each the index of its node in ``labels``."""
+    order = np.argsort(labels)
+    at = np.searchsorted(labels, fe.node, sorter=order)
+    at = order[np.minimum(at, len(order) - 1)]
+    mine = np.asarray(labels)[at] == fe.node
+    return np.flatnonzero(mine).astype(np.int64), at[mine].astype(np.int64)

@@ -1,0 +1,271 @@
+"""Interfaces on matrices: rigid, force averaging, single nodes, rows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from flexgram.meshfile import BodyError
+
+if TYPE_CHECKING:
+    from flexgram.importers.fe import FeMatrices, Floats, Ints
+
+FORCES = ("fx", "fy", "fz", "mx", "my", "mz")
+COUPLINGS = ("rigid", "distributing", "node", "rows")
+
+
+@dataclass
+class Interface:
+    """Where forces act.
+
+    ``rigid``: all nodes follow a reference node with six dofs (RBE2). ``distributing``: the
+    reference node is the least-squares motion of the nodes (RBE3). ``node``: the dofs of each node
+    are ports. ``rows``: rows of the matrices (1-based) are ports.
+    """
+
+    name: str
+    coupling: str
+    where: str | Ints  #: a selector such as ``NSET:TOP``, or labels (rows)
+    position: Floats | None = None  #: of the reference node; default: the middle of the nodes
+
+
+def parse(coupling: str, text: str) -> Interface:
+    """``name=SELECTOR[@x,y,z]`` of the command line."""
+    name, equals, rest = text.partition("=")
+    if not equals or not name or not rest:
+        raise BodyError(f"--{coupling} {text}: expected name=NSET:SET, name=NODES:1,2,3, "
+                        "name=BOX:x0,y0,z0,x1,y1,z1 or name=AT:x,y,z, and @x,y,z for the "
+                        "reference")  # fmt: skip
+    where, at, position = rest.partition("@")
+    return Interface(name, coupling, where, _numbers(text, position, 3) if at else None)
+
+
+def _numbers(text: str, words: str, count: int) -> Floats:
+    try:
+        values = np.array([float(word) for word in words.split(",")])
+    except ValueError:
+        values = np.empty(0)
+    if len(values) != count:
+        raise BodyError(f"{text}: expected {count} numbers, not {words!r}")
+    return values
+
+
+def select(fe: FeMatrices, interface: Interface) -> Ints:
+    """Labels of the nodes that a selector means."""
+    if not isinstance(interface.where, str):
+        return np.asarray(interface.where, dtype=np.int64)
+    kind, _, words = interface.where.partition(":")
+    place = f"{interface.name}={interface.where}"
+    kind = kind.upper()
+    if kind == "NSET":
+        known = {name.upper(): nodes for name, nodes in fe.sets.items()}
+        if words.upper() not in known:
+            names = ", ".join(sorted(fe.sets)[:20]) or "none (--deck names the input deck)"
+            raise BodyError(f"{place}: there is no node set {words}; there are {names}")
+        return known[words.upper()]
+    if kind == "NODES":
+        try:
+            return np.array([int(word) for word in words.split(",")], dtype=np.int64)
+        except ValueError:
+            raise BodyError(f"{place}: expected node numbers, not {words!r}") from None
+    if kind in ("BOX", "AT"):
+        if not len(fe.points):
+            raise BodyError(f"{place}: the nodes have no coordinates (--deck names the input deck)")
+        here = np.isin(fe.labels, fe.node)
+        points, labels = fe.points[here], fe.labels[here]
+        if kind == "AT":
+            at = _numbers(place, words, 3)
+            return labels[[int(np.argmin(np.linalg.norm(points - at, axis=1)))]]
+        corners = _numbers(place, words, 6).reshape(2, 3)
+        inside = np.all((points >= corners.min(0)) & (points <= corners.max(0)), axis=1)
+        if not inside.any():
+            low, high = points.min(0), points.max(0)
+            raise BodyError(f"{place}: no node in the box; the body spans "
+                            f"({low[0]:.6g}, {low[1]:.6g}, {low[2]:.6g}) to "
+                            f"({high[0]:.6g}, {high[1]:.6g}, {high[2]:.6g})")  # fmt: skip
+        return labels[inside]
+    raise BodyError(f"{place}: {kind} must be NSET, NODES, BOX or AT")
+
+
+def _rows(fe: FeMatrices, name: str, labels: Ints) -> tuple[Ints, Ints]:
+    """Rows of all three translations (and rotations, where there are) of every node."""
+    from flexgram.importers.fe import rows_of
+
+    if not len(fe.node):
+        raise BodyError(f"interface {name}: the files have no dof map; name rows (--rows)")
+    labels = np.unique(labels)
+    if len(labels) and labels.min() < 0:
+        raise BodyError(f"interface {name}: node {labels.min()} is an internal node of the FE code")
+    rows, at = rows_of(fe, labels)
+    count = np.zeros((len(labels), 3), dtype=int)
+    moves = fe.component[rows] < 3
+    np.add.at(count, (at[moves], fe.component[rows][moves]), 1)
+    if not np.all(count == 1):
+        node, c = np.argwhere(count != 1)[0]
+        raise BodyError(
+            f"interface {name}: node {labels[node]} has no free {'xyz'[c]} translation: it is "
+            "constrained in the FE model (or not part of it); take the support or coupling out "
+            "there, or choose other nodes"
+        )
+    return rows, at
+
+
+def attach(fe: FeMatrices, interfaces: list[Interface]) -> dict[str, Any]:
+    """The body with its interfaces: arguments of ``flexgram.write_matrices``, in the deck's units,
+    ``moment`` (which ports are moments) and ``new_points`` (label -> position of reference nodes).
+
+    Rigid interfaces condense their nodes into reference nodes with six rows each, at the end.
+    """
+    seen: set[str] = set()
+    for interface in interfaces:
+        if interface.name in seen:
+            raise BodyError(f"interface {interface.name} is given twice")
+        seen.add(interface.name)
+    T, node, component, extra = _condense(fe, [i for i in interfaces if i.coupling == "rigid"])
+
+    def condensed(A: sp.csr_matrix) -> sp.csr_matrix:
+        if T is None:
+            return A
+        B = (T.T @ A @ T).tocsr()
+        return (0.5 * (B + B.T)).tocsr()
+
+    n = len(node) if T is not None else fe.n
+    columns: list[Any] = []
+    names: list[str] = []
+    moments: list[bool] = []
+    if fe.B is not None:
+        B = sp.csc_matrix(fe.B)
+        columns.append(T.T @ B if T is not None else B)
+        names += fe.inputs or [f"u{i + 1}" for i in range(B.shape[1])]
+        moments += [False] * B.shape[1]
+    for interface in interfaces:
+        block, ports, of_moment = _ports(fe, interface, node, component, extra, n)
+        moments += of_moment
+        columns.append(T.T @ block if T is not None and block.shape[0] == fe.n else block)
+        names += ports
+    if not columns:
+        sets = ", ".join(sorted(fe.sets)[:20]) or "none"
+        raise BodyError(f"{fe.source}: no interface is named: --rigid, --distributing or --node "
+                        f"name=NSET:SET; node sets are {sets}")  # fmt: skip
+    arguments: dict[str, Any] = {
+        "K": condensed(fe.K), "M": condensed(fe.M), "B": sp.hstack(columns).toarray(),
+        "D": condensed(fe.D) if fe.D is not None else None, "inputs": names,
+        "moment": np.array(moments), "C": None, "outputs": None, "node": node,
+        "component": component,
+        "new_points": {label: at for label, at in extra.values()},
+    }  # fmt: skip
+    if fe.C is not None:
+        C = sp.csr_matrix(fe.C)
+        arguments["C"] = (C @ T if T is not None else C).toarray()
+        arguments["outputs"] = fe.outputs or [f"y{i + 1}" for i in range(C.shape[0])]
+    return arguments
+
+
+def _reference(fe: FeMatrices, interface: Interface, labels: Ints) -> Floats:
+    if interface.position is not None:
+        return interface.position
+    return fe.positions(np.unique(labels)).mean(axis=0)
+
+
+def _condense(
+    fe: FeMatrices, rigid: list[Interface]
+) -> tuple[sp.csc_matrix | None, Ints, Ints, dict[str, tuple[int, Floats]]]:
+    """T with u = T v: the nodes of each rigid interface follow its reference node."""
+    if not rigid:
+        return None, fe.node, fe.component, {}
+    owner = np.full(fe.n, -1)
+    next_label = int(max(fe.labels.max(initial=0), fe.node.max(initial=0))) + 1
+    entries: list[tuple[Ints, Ints, Floats]] = []
+    extra: dict[str, tuple[int, Floats]] = {}
+    for number, interface in enumerate(rigid):
+        labels = select(fe, interface)
+        rows, _ = _rows(fe, interface.name, labels)
+        if np.any(owner[rows] >= 0):
+            other = rigid[owner[rows].max()].name
+            raise BodyError(f"interfaces {other} and {interface.name} share node "
+                            f"{fe.node[rows[owner[rows] >= 0][0]]}")  # fmt: skip
+        owner[rows] = number
+        reference = _reference(fe, interface, labels)
+        extra[interface.name] = (next_label + number, reference)
+        arm = fe.positions(fe.node[rows]) - reference
+        c = fe.component[rows]
+        moves = c < 3
+        entries.append((rows, 6 * number + c, np.ones(len(rows))))
+        for axis in range(3):  # e_axis × arm
+            turned = np.cross(np.eye(3)[axis], arm)[np.arange(len(rows)), c % 3]
+            entries.append((rows[moves], np.full(moves.sum(), 6 * number + 3 + axis),
+                            turned[moves]))  # fmt: skip
+    kept = np.flatnonzero(owner < 0)
+    size = len(kept) + 6 * len(rigid)
+    row = np.concatenate([kept, *(e[0] for e in entries)])
+    column = np.concatenate([np.arange(len(kept)), *(len(kept) + e[1] for e in entries)])
+    value = np.concatenate([np.ones(len(kept)), *(e[2] for e in entries)])
+    T = sp.csc_matrix((value, (row, column)), shape=(fe.n, size))
+    references = np.repeat(next_label + np.arange(len(rigid)), 6)
+    node = np.concatenate([fe.node[kept], references])
+    component = np.concatenate([fe.component[kept], np.tile(np.arange(6), len(rigid))])
+    return T, node, component, extra
+
+
+def _unit_columns(rows: Ints, n: int) -> sp.csc_matrix:
+    return sp.csc_matrix((np.ones(len(rows)), (rows, np.arange(len(rows)))), shape=(n, len(rows)))
+
+
+def _ports(
+    fe: FeMatrices,
+    interface: Interface,
+    node: Ints,
+    component: Ints,
+    extra: dict[str, tuple[int, Floats]],
+    n: int,
+) -> tuple[sp.csc_matrix, list[str], list[bool]]:
+    """Input columns over the old rows (fe.n) or, for rigid interfaces, the new ones; names; which
+    are moments."""
+    six = [False] * 3 + [True] * 3
+    name = interface.name
+    if interface.coupling == "rigid":
+        rows = np.flatnonzero(node == extra[name][0])
+        return _unit_columns(rows, n), [f"{name}.{force}" for force in FORCES], six
+    if interface.coupling == "rows":
+        words = str(interface.where).removeprefix("ROWS:")
+        try:
+            rows = np.array([int(word) - 1 for word in words.split(",")])
+        except ValueError:
+            raise BodyError(f"--rows {name}={words}: expected row numbers from 1") from None
+        if rows.min() < 0 or rows.max() >= fe.n:
+            raise BodyError(f"--rows {name}={words}: the matrices have rows 1 to {fe.n}")
+        turns = fe.component[rows] >= 3 if len(fe.component) else np.zeros(len(rows), dtype=bool)
+        return _unit_columns(rows, fe.n), [f"{name}.{row + 1}" for row in rows], turns.tolist()
+    labels = np.unique(select(fe, interface))
+    if interface.coupling == "node":
+        columns, names, turned = [], list[str](), list[bool]()
+        for label in labels:
+            rows = np.flatnonzero(fe.node == label)
+            if not len(rows):
+                raise BodyError(f"interface {name}: node {label} has no row: it is constrained in "
+                                "the FE model, or not part of it")  # fmt: skip
+            rows = rows[np.argsort(fe.component[rows])]
+            prefix = name if len(labels) == 1 else f"{name}-{label}"
+            columns.append(_unit_columns(rows, fe.n))
+            names += [f"{prefix}.{FORCES[c]}" for c in fe.component[rows]]
+            turned += (fe.component[rows] >= 3).tolist()
+        return sp.hstack(columns).tocsc(), names, turned
+    rows, _ = _rows(fe, name, labels)
+    rows = rows[fe.component[rows] < 3]
+    arm = fe.positions(fe.node[rows]) - _reference(fe, interface, labels)
+    c = fe.component[rows]
+    G = np.zeros((len(rows), 6))
+    G[np.arange(len(rows)), c] = 1
+    for axis in range(3):
+        G[:, 3 + axis] = np.cross(np.eye(3)[axis], arm)[np.arange(len(rows)), c]
+    scale = np.linalg.norm(G, axis=0)
+    if np.linalg.svd(G / np.where(scale > 0, scale, 1), compute_uv=False)[-1] < 1e-8:
+        raise BodyError(f"interface {name}: its {len(labels)} nodes lie on a line and cannot carry "
+                        "a moment; take more nodes, or --node")  # fmt: skip
+    B = G @ np.linalg.inv(G.T @ G)
+    r, k = np.indices(B.shape)
+    columns_of = sp.csc_matrix((B.ravel(), (rows[r.ravel()], k.ravel())), shape=(fe.n, 6))
+    return columns_of, [f"{name}.{force}" for force in FORCES], six

@@ -1,0 +1,167 @@
+"""Nastran: DMIG punch or OP4 matrices, and bulk data for grids and rigid elements, by pyNastran.
+
+Punch files come from ``PARAM,EXTOUT,DMIGPCH`` or ``EXTSEOUT(...DMIGPCH)``. Names beginning with
+K, M, B are taken as stiffness, mass, damping.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from flexgram.importers.fe import FeMatrices, symmetric
+from flexgram.importers.interfaces import Interface
+from flexgram.meshfile import BodyError
+
+SOLIDS = {"CTETRA4": "tetra", "CTETRA10": "tetra10", "CHEXA8": "hexahedron",
+          "CHEXA20": "hexahedron20", "CPENTA15": "wedge15"}  # fmt: skip
+
+
+def _pynastran() -> Any:
+    try:
+        from pyNastran.bdf.bdf import BDF
+    except ImportError:
+        raise BodyError("Nastran files are read by pyNastran: pip install pyNastran") from None
+    return BDF
+
+
+def _bulk_data(path: Path, punch: bool) -> Any:
+    """A parsed file; pyNastran's many errors as one."""
+    if not path.exists():
+        raise BodyError(f"{path}: no such file")
+    if b"\0" in path.open("rb").read(4096):
+        raise BodyError(f"{path}: binary, expected bulk data as text")
+    model = _pynastran()(debug=None)
+    try:
+        with contextlib.redirect_stdout(io.StringIO()), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            model.read_bdf(str(path), punch=punch, xref=False, validate=False)
+    except (Exception, SystemExit) as error:
+        reason = str(error).strip().splitlines()
+        raise BodyError(f"{path}: pyNastran cannot read it ({reason[0] if reason else error}); is "
+                        "the file complete?") from error  # fmt: skip
+    return model
+
+
+def _role(names: list[str], letter: str, path: Path, needed: bool) -> str | None:
+    """The one matrix whose name begins with the letter; K4 is structural damping, not K."""
+    found = [n for n in names if n.upper().startswith(letter) and not n.upper().startswith("K4")]
+    if len(found) > 1:
+        raise BodyError(f"{path}: several matrices could be {letter}: {', '.join(found)}")
+    if needed and not found:
+        raise BodyError(f"{path}: no matrix named {letter}...; there are {', '.join(names)}")
+    return found[0] if found else None
+
+
+def _dmig(path: Path) -> FeMatrices:
+    model = _bulk_data(path, punch=True)
+    names = list(model.dmig)
+    if not names:
+        raise BodyError(f"{path}: no DMIG: is this a punch file?")
+    entries: dict[str, tuple[Any, Any, Any]] = {}
+    for letter, needed in (("K", True), ("M", True), ("B", False)):
+        name = _role(names, letter, path, needed)
+        if name is None:
+            continue
+        card = model.dmig[name]
+        if card.is_complex:
+            raise BodyError(f"{path}: DMIG {name} is complex; structural damping is --eta")
+        row, column = np.array(card.GCi), np.array(card.GCj)
+        entries[letter] = (row, column, np.array(card.Real, dtype=float))
+    codes = {letter: [8 * e[:, 0].astype(np.int64) + e[:, 1].astype(np.int64) for e in data[:2]]
+             for letter, data in entries.items()}  # fmt: skip
+    dofs = np.unique(np.concatenate([c for pair in codes.values() for c in pair]))
+    matrices = {}
+    for letter, (row, column) in codes.items():
+        at = np.searchsorted(dofs, row), np.searchsorted(dofs, column)
+        matrices[letter] = symmetric(f"{path}, {letter}", *at, entries[letter][2], len(dofs))
+    node, component = dofs // 8, dofs % 8 - 1
+    fe = FeMatrices(str(path), matrices["K"], matrices["M"], matrices.get("B"))
+    if component.min() < 0:
+        fe.remarks.append("scalar points have no place in space: no dof map is kept")
+    else:
+        fe.node, fe.component = node, component
+    return fe
+
+
+def _op4(path: Path) -> FeMatrices:
+    _pynastran()
+    from pyNastran.op4.op4 import read_op4
+
+    if not path.exists():
+        raise BodyError(f"{path}: no such file")
+    try:
+        with contextlib.redirect_stdout(io.StringIO()), warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            matrices = read_op4(str(path), debug=None)
+    except (Exception, SystemExit) as error:
+        raise BodyError(f"{path}: pyNastran cannot read it ({error}); is the file complete?"
+                        ) from error  # fmt: skip
+    names = list(matrices)
+    found = {}
+    for letter, needed in (("K", True), ("M", True), ("B", False)):
+        name = _role(names, letter, path, needed)
+        if name is not None:
+            data = sp.coo_matrix(matrices[name].data)
+            found[letter] = symmetric(f"{path}, {name}", data.row, data.col, data.data,
+                                      data.shape[0])  # fmt: skip
+    return FeMatrices(str(path), found["K"], found["M"], found.get("B"))
+
+
+def read_nastran(path: Path, deck: Path | None = None) -> FeMatrices:
+    """Read a punch file (``.pch``, ``.dmig``, ``.bdf`` with DMIG) or OP4 (``.op4``).
+
+    The deck gives grids, elements for pictures, SETs of nodes, and RBE2 and RBE3 elements, which
+    become interfaces where Nastran has not condensed them already.
+    """
+    fe = _op4(path) if path.suffix.lower() == ".op4" else _dmig(path)
+    if deck is None:
+        fe.remarks.append("no deck: no coordinates, no node sets (--deck names the bulk data)")
+        return fe
+    model = _bulk_data(deck, punch=False)
+    if any(grid.cd for grid in model.nodes.values() if isinstance(grid.cd, int)):
+        raise BodyError(f"{deck}: grids with their own displacement coordinate system (CD) are not "
+                        "supported: export in basic coordinates")  # fmt: skip
+    with contextlib.redirect_stdout(io.StringIO()):
+        model.cross_reference()
+    fe.labels = np.array(sorted(model.nodes), dtype=np.int64)
+    fe.points = np.array([model.nodes[int(n)].get_position() for n in fe.labels])
+    if not len(fe.node):
+        per_node = fe.n // max(len(fe.labels), 1)
+        if per_node in (3, 6) and per_node * len(fe.labels) == fe.n:
+            fe.node = np.repeat(fe.labels, per_node)
+            fe.component = np.tile(np.arange(per_node), len(fe.labels))
+            fe.remarks.append(f"OP4 has no dof map: {per_node} dofs a grid, by rising number")
+        else:
+            fe.points = np.empty((0, 3))
+            fe.remarks.append(f"OP4 has no dof map, and {fe.n} rows are not 3 or 6 for each of "
+                              f"{len(fe.labels)} grids: no coordinates")  # fmt: skip
+    by_kind: dict[str, list[list[int]]] = {}
+    for element in model.elements.values():
+        nodes = [int(n) for n in element.nodes if n]
+        kind = SOLIDS.get(f"{element.type}{len(nodes)}")
+        if kind is not None:
+            by_kind.setdefault(kind, []).append(nodes)
+    fe.blocks = [(kind, np.array(nodes, dtype=np.int64)) for kind, nodes in by_kind.items()]
+    present = set(fe.node.tolist())
+    for number, element in model.rigid_elements.items():
+        if element.type == "RBE2":
+            coupling, reference, nodes = "rigid", element.Gn(), element.Gmi
+        elif element.type == "RBE3":
+            coupling, reference = "distributing", element.ref_grid_id
+            nodes = [n for group in element.Gijs for n in group]
+        else:
+            continue
+        labels = np.array([n for n in nodes], dtype=np.int64)
+        name = f"{element.type}-{number}"
+        fe.sets[name] = labels
+        if set(labels.tolist()) <= present and reference not in present:
+            at = fe.positions(np.array([reference]))[0]
+            fe.interfaces.append(Interface(name, coupling, labels, at))
+    return fe

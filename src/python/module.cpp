@@ -1,0 +1,279 @@
+/// Python module _flexgram: reduction in the caller's process and communicator. The
+/// package flexgram (python/flexgram) is its user; nothing here is documented for others.
+
+#include "base/text.hpp"
+#include "linalg/sparse.hpp"
+#include "model/body_io.hpp"
+#include "run/reduce.hpp"
+
+#include <pybind11/numpy.h>
+#include <pybind11/pybind11.h>
+#include <pybind11/stl.h>
+
+#include <slepcsys.h>
+
+namespace py = pybind11;
+
+namespace flexgram {
+namespace {
+
+using Array = py::array_t<double, py::array::c_style | py::array::forcecast>;
+using Rows = py::array_t<std::int64_t, py::array::c_style | py::array::forcecast>;
+
+void start() {
+  PetscBool running = PETSC_FALSE;
+  SlepcInitialized(&running);
+  if (!running && SlepcInitializeNoArguments())
+    throw Error("PETSc or SLEPc did not start; see the message above");
+}
+
+MPI_Comm comm_of(std::intptr_t fortran) {
+  return MPI_Comm_f2c(static_cast<MPI_Fint>(fortran));
+}
+
+/// PETSc's options for the time of one call: only what the call gave, not the program's
+/// own.
+class CallOptions {
+public:
+  explicit CallOptions(const std::map<std::string, std::string>& values) {
+    FG_CALL(PetscOptionsCreate(&own_));
+    FG_CALL(PetscOptionsPush(own_));
+    for (const auto& [name, value] : values)
+      FG_CALL(PetscOptionsSetValue(own_, name.c_str(), value.c_str()));
+    install_petsc_error_handler();
+  }
+  ~CallOptions() {
+    PetscPopErrorHandler();
+    PetscOptionsPop();
+    PetscOptionsDestroy(&own_);
+  }
+  CallOptions(const CallOptions&) = delete;
+  CallOptions& operator=(const CallOptions&) = delete;
+
+private:
+  PetscOptions own_ = nullptr;
+};
+
+Matrix borrowed(std::uintptr_t handle) {
+  const auto mat = reinterpret_cast<Mat>(handle); // petsc4py's Mat.handle
+  FG_CALL(PetscObjectReference(reinterpret_cast<PetscObject>(mat)));
+  return Matrix::adopt(mat);
+}
+
+/// This rank's rows of a tall matrix, row-major from NumPy.
+Block block_of(MPI_Comm comm, RowRange rows, PetscInt n, const Array& values,
+               const char* name) {
+  agree(comm, [&] {
+    if (values.ndim() != 2 || values.shape(0) != rows.size())
+      throw Error(
+          text("%s: this rank has %lld rows of K, so it must give so many rows of %s",
+               name, static_cast<long long>(rows.size()), name));
+  });
+  Block block(comm, rows, n, static_cast<PetscInt>(values.shape(1)));
+  Block::Access access(block);
+  for (PetscInt j = 0; j < block.columns(); ++j)
+    for (PetscInt i = 0; i < rows.size(); ++i) access.column(j)[i] = values.at(i, j);
+  return block;
+}
+
+/// A body as Python hands it over: CSR of this rank's rows, or petsc4py matrices as they
+/// are.
+struct PythonBody {
+  Body body;
+
+  PythonBody(std::intptr_t comm_handle, const std::string& name) {
+    start();
+    body.model.comm = comm_of(comm_handle);
+    body.model.name = name;
+  }
+  void set_petsc(const std::string& which, std::uintptr_t handle) {
+    set(which, borrowed(handle));
+  }
+  void set_csr(const std::string& which, PetscInt first, PetscInt last, PetscInt n,
+               const Rows& start_of, const Rows& column, const Array& value) {
+    LocalRows local;
+    local.start.assign(start_of.data(), start_of.data() + start_of.size());
+    local.column.assign(column.data(), column.data() + column.size());
+    local.value.assign(value.data(), value.data() + value.size());
+    set(which, make_sparse(body.model.comm, {first, last}, n, local));
+  }
+  void set_ports(const Array& B, const std::optional<Array>& C_transposed,
+                 std::vector<std::string> inputs, std::vector<std::string> outputs) {
+    SecondOrderModel& m = body.model;
+    m.B = block_of(m.comm, m.rows, m.n, B, "B");
+    m.outputs_are_inputs = !C_transposed.has_value();
+    m.C = C_transposed ? block_of(m.comm, m.rows, m.n, *C_transposed, "C") : m.B.share();
+    m.inputs = std::move(inputs);
+    m.outputs = std::move(outputs);
+  }
+  void set_damping(double alpha, double beta, double eta) {
+    body.model.damping = {alpha, beta, eta};
+  }
+  void set_dofs(const Rows& node, const std::optional<Rows>& component,
+                const std::optional<Array>& position) {
+    SecondOrderModel& m = body.model;
+    m.node.assign(node.data(), node.data() + node.size());
+    if (component)
+      m.component.assign(component->data(), component->data() + component->size());
+    if (position)
+      m.position.assign(position->data(), position->data() + position->size());
+  }
+
+private:
+  void set(const std::string& which, Matrix matrix) {
+    SecondOrderModel& m = body.model;
+    require_symmetric(matrix, which, m.name);
+    PetscReal norm = 0;
+    FG_CALL(MatNorm(matrix, NORM_FROBENIUS, &norm));
+    if (!std::isfinite(norm)) throw Error(text("%s holds NaN or Inf", which.c_str()));
+    if (which == "K") {
+      FG_CALL(MatGetSize(matrix, &m.n, nullptr));
+      m.rows = owned_rows(matrix);
+      m.K = std::move(matrix);
+      return;
+    }
+    const RowRange rows = owned_rows(matrix);
+    agree(m.comm, [&] {
+      if (rows.begin != m.rows.begin || rows.end != m.rows.end)
+        throw Error(text("%s is not split over the ranks like K", which.c_str()));
+    });
+    (which == "M" ? m.M : m.D) = std::move(matrix);
+  }
+};
+
+Array rows_of(const Dense& a) {
+  Array result({a.rows, a.columns});
+  auto view = result.mutable_unchecked<2>();
+  for (int j = 0; j < a.columns; ++j)
+    for (int i = 0; i < a.rows; ++i) view(i, j) = a(i, j);
+  return result;
+}
+
+Array rows_of(const Block& block) {
+  const PetscInt rows = block.local_rows().size();
+  Array result({rows, block.columns()});
+  auto view = result.mutable_unchecked<2>();
+  const Block::Access access(block);
+  for (PetscInt j = 0; j < block.columns(); ++j)
+    for (PetscInt i = 0; i < rows; ++i) view(i, j) = access.column(j)[i];
+  return result;
+}
+
+/// What a call returns: the reduced body, kept together with what its file needs.
+struct Reduction {
+  Body body;
+  Settings settings;
+  Options options;
+  std::unique_ptr<Monitor> monitor;
+  ReducedModel rom;
+
+  /// The reduced file's datasets and attributes by their names there, this rank's rows of
+  /// V.
+  py::dict fields() const {
+    py::dict f;
+    const SecondOrderModel& m = rom.model;
+    const int order = static_cast<int>(m.n);
+    f["M"] = rows_of(to_dense(m.M));
+    f["K"] = rows_of(to_dense(m.K));
+    f["D"] = rows_of(m.D ? to_dense(m.D) : Dense(order, order));
+    f["B"] = rows_of(m.B);
+    f["C"] = rows_of(m.C).attr("T");
+    f["V"] = rows_of(rom.V);
+    f["eta"] = m.damping.eta;
+    f["inputs"] = m.inputs;
+    f["outputs"] = m.outputs;
+    f["method"] = rom.method;
+    f["second_stage"] = rom.second_stage;
+    f["band"] = std::vector<double>{rom.band[0], rom.band[1]};
+    f["gramian/sigma"] = rom.sigma;
+    f["error/omega"] = rom.omega;
+    f["error/relative"] = rom.epsilon;
+    f["error/bound"] = rom.bound;
+    f["error/floor"] = rom.floor;
+    f["error/kind"] = rom.kind;
+    f["modes/omega"] = rom.modes;
+    f["frame/kind"] = rom.frame;
+    f["frame/rigid_modes"] = rom.rigid_modes;
+    if (rom.integrals) {
+      const FrameIntegrals& i = *rom.integrals;
+      f["frame/mass"] = i.mass;
+      f["frame/centre"] = i.centre;
+      f["frame/M_r"] = rows_of(i.M_r);
+      f["frame/M_er"] = rows_of(i.M_er);
+      f["frame/gyroscopic"] = rows_of(i.gyroscopic).attr("reshape")(order, 3, order);
+      f["frame/inertia_first"] = rows_of(i.inertia_first).attr("reshape")(3, 3, order);
+      f["frame/inertia_second"] =
+          rows_of(i.inertia_second).attr("reshape")(3, order, 3, order);
+    }
+    f["dofs/node"] = body.model.label.empty() ? body.model.node : body.model.label;
+    f["dofs/component"] = body.model.component;
+    f["dofs/position"] = body.model.position;
+    f["log/seconds"] =
+        std::map<std::string, double>(monitor->stages().begin(), monitor->stages().end());
+    f["log/warnings"] = monitor->warnings();
+    f["log/factorisations"] = rom.factorisations;
+    return f;
+  }
+
+  void save(const std::string& path) {
+    const CallOptions call({});
+    check_output(body.model.comm, path, {});
+    write_reduced(rom, options, *monitor, body.model, path);
+  }
+};
+
+std::unique_ptr<Reduction> reduce_call(std::intptr_t comm_handle, PythonBody* given,
+                                       const std::map<std::string, std::string>& values) {
+  start();
+  const MPI_Comm comm = comm_of(comm_handle);
+  const CallOptions call(values);
+  auto result = std::make_unique<Reduction>();
+  Settings& settings = result->settings;
+  settings.monitor = "silent";
+  settings.describe(result->options);
+  result->options.reject_unknown();
+  result->monitor = std::make_unique<Monitor>(comm, settings.prepare(comm));
+  settings.check();
+  Plan plan;
+  if (given) {
+    result->body.model = given->body.model.share();
+    classify_damping(result->body.model);
+    begin_plan(result->body, settings, plan);
+  } else {
+    result->body = load_body(comm, settings, plan, *result->monitor);
+  }
+  result->rom = reduce_body(result->body, settings, plan, *result->monitor);
+  print_summary(*result->monitor, comm);
+  return result;
+}
+
+} // namespace
+} // namespace flexgram
+
+PYBIND11_MODULE(_flexgram, module) {
+  using namespace flexgram;
+  module.def("start", &start);
+  py::class_<PythonBody>(module, "Body")
+      .def(py::init<std::intptr_t, const std::string&>())
+      .def("set_petsc", &PythonBody::set_petsc)
+      .def("set_csr", &PythonBody::set_csr)
+      .def("set_ports", &PythonBody::set_ports)
+      .def("set_damping", &PythonBody::set_damping)
+      .def("set_dofs", &PythonBody::set_dofs)
+      .def("rows", [](const PythonBody& b) {
+        return std::pair(b.body.model.rows.begin, b.body.model.rows.end);
+      });
+  py::class_<Reduction>(module, "Reduction")
+      .def("save", &Reduction::save)
+      .def("fields", &Reduction::fields);
+  module.def("reduce", &reduce_call, py::arg("comm"), py::arg("body"),
+             py::arg("options"));
+  py::register_exception_translator([](std::exception_ptr pointer) {
+    try {
+      if (pointer) std::rethrow_exception(pointer);
+    } catch (const Error& error) {
+      const auto kind = py::module_::import("flexgram.meshfile").attr("BodyError");
+      PyErr_SetString(kind.ptr(), error.what());
+    }
+  });
+}

@@ -1,0 +1,395 @@
+"""Importers against what the FE codes themselves say, and wrong files against their messages."""
+
+from __future__ import annotations
+
+import lzma
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+import scipy.linalg
+import scipy.sparse as sp
+
+from bodies import CALCULIX, box
+from conftest import SHARED, read_sparse, run
+from flexgram.importers import check, import_matrices, parse, read
+from flexgram.importers.interfaces import Interface, attach
+from flexgram.meshfile import BodyError
+
+STEEL = "*MATERIAL, NAME=STEEL\n*ELASTIC\n210e9, 0.3\n*DENSITY\n7850.\n"
+FREQUENCY = "*STEP\n*FREQUENCY\n16\n*END STEP\n"
+
+
+def frequencies(K: Any, M: Any) -> Any:
+    """All finite eigenfrequencies [Hz], ascending; M may be singular."""
+    k, m = K.toarray(), M.toarray()
+    tau = 1e-3 * np.trace(k) / np.trace(m)
+    mu = scipy.linalg.eigh(m, k + tau * m, eigvals_only=True)[::-1]
+    mu = mu[mu > 1e-11 * mu[0]]
+    return np.sqrt(np.maximum(1 / mu - tau, 0)) / (2 * np.pi)
+
+
+def assert_digits(ours: Any, printed: Any) -> None:
+    """Equal to the seven digits that the FE codes print, rigid modes aside."""
+    printed = np.asarray(printed)
+    elastic = printed > 1
+    assert elastic.sum() >= 3
+    assert np.allclose(ours[: len(printed)][elastic], printed[elastic], rtol=1.5e-6)
+
+
+def unpacked(name: str, folder: Path) -> Path:
+    """Files of a shared body, decompressed."""
+    source = SHARED / name
+    if not source.exists():
+        pytest.skip(f"{source} is not there: files of other programs are not tested")
+    for file in source.iterdir():
+        if file.suffix == ".xz":
+            (folder / file.stem).write_bytes(lzma.decompress(file.read_bytes()))
+        else:
+            shutil.copy(file, folder / file.name)
+    return folder
+
+
+def write_deck(path: Path, kind: str = "C3D10", extra: str = "", scale: float = 1.0) -> Path:
+    """A distorted box as a CalculiX deck with the node sets START and END."""
+    mesh = box(CALCULIX[kind], (4, 2, 2))
+    lines = ["*NODE, NSET=NALL"]
+    lines += [f"{i + 10}, " + ", ".join(f"{x * scale:.12g}" for x in point)
+              for i, point in enumerate(mesh.points)]  # fmt: skip
+    lines.append(f"*ELEMENT, TYPE={kind}, ELSET=EALL")
+    for e, nodes in enumerate(mesh.cells[0].data, 1):
+        words = [str(e), *(str(n + 10) for n in nodes)]
+        lines += [", ".join(words[i : i + 12]) + ("," if i + 12 < len(words) else "")
+                  for i in range(0, len(words), 12)]  # fmt: skip
+    for name, nodes in mesh.point_sets.items():
+        lines += [f"*NSET, NSET={name.upper()}", *(f"{n + 10}," for n in nodes)]
+    lines.append(STEEL + "*SOLID SECTION, ELSET=EALL, MATERIAL=STEEL")
+    path.write_text("\n".join(lines) + "\n" + extra)
+    return path
+
+
+def ccx_frequencies(job: Path) -> Any:
+    """What ccx prints for a plain frequency step."""
+    subprocess.run(["ccx", job.stem], cwd=job.parent, capture_output=True, check=True)
+    rows = [line.split() for line in job.with_suffix(".dat").read_text().splitlines()]
+    return [float(row[3]) for row in rows if len(row) == 5 and row[0].isdigit()]
+
+
+ccx = pytest.mark.skipif(shutil.which("ccx") is None, reason="ccx is not installed")
+
+
+@ccx
+@pytest.mark.parametrize("kind", ["C3D4", "C3D10", "C3D20", "C3D20R", "C3D8I"])
+def test_calculix_run_and_import(tmp_path: Path, kind: str) -> None:
+    held = "*BOUNDARY\nSTART, 1, 3\n"  # a free body's rigid modes spoil ccx's own digits
+    deck = write_deck(tmp_path / "held.inp", kind, held + FREQUENCY)
+    fe = read(deck, run_ccx=True)
+    assert_digits(frequencies(fe.K, fe.M), ccx_frequencies(deck)[:16])
+    fe = read(write_deck(tmp_path / "part.inp", kind, FREQUENCY), run_ccx=True)
+    if kind == "C3D8I":  # three internal nodes an element
+        assert not fe.has_coordinates() and any("internal" in remark for remark in fe.remarks)
+        return
+    facts = check(fe)
+    assert facts["free"] == 6
+    assert facts["mass"] == pytest.approx(1.0, rel=1)  # about 0.47 kg
+    assert set(fe.sets) >= {"START", "END"}
+
+
+@ccx
+def test_calculix_rigid_body_keeps_its_interface(tmp_path: Path) -> None:
+    """*RIGID BODY of ccx against our own rigid coupling of the same nodes."""
+    rigid = "*NODE\n9001, 0.,0.01,0.015\n9002, 0.,0.01,0.015\n"
+    rigid += "*RIGID BODY, NSET=START, REF NODE=9001, ROT NODE=9002\n"
+    theirs = read(write_deck(tmp_path / "theirs.inp", "C3D10", rigid + FREQUENCY), run_ccx=True)
+    assert theirs.rigid == {"START": 9001}
+    import_matrices(theirs, tmp_path / "theirs.h5")
+    ours = read(write_deck(tmp_path / "ours.inp", "C3D10", FREQUENCY), run_ccx=True)
+    start = parse("rigid", "START=NSET:START@0,0.01,0.015")
+    import_matrices(ours, tmp_path / "ours.h5", [start])
+    H = []
+    for name in ("theirs", "ours"):
+        out = tmp_path / f"{name}.sweep.h5"
+        run("sweep", "-body", tmp_path / f"{name}.h5", "-mor_sweep_hz", "50,4000,7",
+            "-mor_sweep_out", out)  # fmt: skip
+        with h5py.File(out) as file:
+            assert [n.split(".")[1] for n in file["H"].attrs["inputs"]] == [
+                "fx", "fy", "fz", "mx", "my", "mz"]  # fmt: skip
+            H.append(file["H"][..., 0])
+    assert np.abs(H[0] - H[1]).max() < 1e-6 * np.abs(H[0]).max()
+
+
+@ccx
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_command_line_to_reduced_body(tmp_path: Path, ranks: int) -> None:
+    """A millimetre part by one command, in SI afterwards, reduced with a proof."""
+    from flexgram.__main__ import main
+
+    deck = write_deck(tmp_path / "part.inp", "C3D10", scale=1e3)
+    text = deck.read_text().replace("210e9", "210e3").replace("7850.", "7.85e-9")
+    deck.write_text(text)
+    body, rom = tmp_path / "part.h5", tmp_path / "part.rom.h5"
+    status = main(["import", str(deck), "--run-ccx", "--units", "mm-t-s", "--rigid",
+                   "left=NSET:START", "--distributing", "right=NSET:END", "--alpha", "10",
+                   "-o", str(body)])  # fmt: skip
+    assert status == 0
+    in_metres = read(write_deck(tmp_path / "metre.inp", "C3D10"), run_ccx=True)
+    couplings = [parse("rigid", "left=NSET:START"), parse("distributing", "right=NSET:END")]
+    import_matrices(in_metres, tmp_path / "metre.h5", couplings, alpha=10.0)
+    with h5py.File(body) as a, h5py.File(tmp_path / "metre.h5") as b:
+        for name in ("K", "M"):
+            first, second = read_sparse(a, name), read_sparse(b, name)
+            assert abs(first - second).max() < 1e-9 * abs(second).max()
+        assert np.allclose(a["B"][:], b["B"][:], rtol=1e-9, atol=1e-9)
+        assert np.allclose(a["nodes/position"][:], b["nodes/position"][:])
+    result = run("reduce", "-body", body, "-mor_band_hz", "100,6000", "-mor_tol", "1e-4",
+                 "-mor_out", rom, ranks=ranks)  # fmt: skip
+    assert "certified" in result.out and "6, from the geometry" in result.out
+
+
+@pytest.mark.parametrize(
+    ("name", "file"),
+    [
+        ("ccx_beamf4", "beamf4.sti"),
+        ("crank", "crank_mat.sti"),
+        ("exudyn_blockC3D4", "blockC3D4_STIF1.mtx"),
+        ("exudyn_blockC3D10", "blockC3D10_STIF1.mtx"),
+        ("exudyn_blockC3D20R", "blockC3D20R_STIF1.mtx"),
+        ("exudyn_rotorDiscTest", "rotorDiscTest_STIF1.mtx"),
+    ],
+)
+def test_files_of_other_programs(tmp_path: Path, load_case: Any, name: str, file: str) -> None:
+    fe = read(unpacked(name, tmp_path) / file)
+    reference = load_case(name)["ref"]
+    ours = frequencies(fe.K, fe.M)
+    printed = reference.get("ccx_beamf_dat_ref_Hz", reference.get("ccx_free_Hz"))
+    if printed:
+        assert_digits(ours, printed)
+    for key in ("freq_Hz", "free_elastic_Hz"):
+        if key in reference:
+            theirs = np.array([f for f in reference[key] if f > 1])[:10]
+            assert np.allclose(ours[ours > 1][: len(theirs)], theirs, rtol=1e-7)
+    facts = check(fe)
+    if "mass" in reference:
+        assert facts["mass"] == pytest.approx(reference["mass"], rel=1e-12)
+        scale = np.abs(reference["inertia_cog"]).max()
+        assert np.allclose(facts["inertia"], reference["inertia_cog"], atol=1e-9 * scale)
+        assert facts["free"] == 6
+
+
+def test_ansys_full(tmp_path: Path, load_case: Any) -> None:
+    pytest.importorskip("ansys.mapdl.reader")
+    folder = unpacked("ansys_hexbeam", tmp_path)
+    fe = read(folder / "file.full", deck=folder / "HexBeam.cdb")
+    reference = load_case("ansys_hexbeam")["ref"]
+    assert fe.n == reference["n"]
+    assert np.allclose(frequencies(fe.K, fe.M)[:4], reference["published_Hz"], rtol=1e-6)
+    assert "constrained" in fe.remarks[0] and fe.blocks[0][1].shape == (40, 20)
+    with pytest.raises(BodyError, match="node 1 has no row: it is constrained"):
+        attach(fe, [parse("node", "end=NSET:NCOMP2")])
+
+
+def small() -> tuple[Any, Any]:
+    """A chain with a grounded end: eight rows, three to a node but one node with two."""
+    n = 8
+    K = sp.diags([-np.ones(n - 1), 2 * np.ones(n), -np.ones(n - 1)], [-1, 0, 1]) * 1e6
+    M = sp.diags([0.5 * np.ones(n - 1), 2 * np.ones(n), 0.5 * np.ones(n - 1)], [-1, 0, 1])
+    return K.tocsr(), M.tocsr()
+
+
+def assert_same(fe: Any, K: Any, M: Any) -> None:
+    assert abs(fe.K - K).max() <= 1e-12 * abs(K).max()
+    assert abs(fe.M - M).max() <= 1e-12 * abs(M).max()
+
+
+def test_nastran_dmig_and_op4(tmp_path: Path) -> None:
+    """Punch and OP4 that pyNastran wrote."""
+    pytest.importorskip("pyNastran")
+    from pyNastran.bdf.bdf import BDF
+
+    K, M = small()
+    dofs = [(5, 1), (5, 2), (5, 3), (7, 1), (7, 2), (7, 3), (9, 1), (9, 3)]
+    model = BDF(debug=None)
+    for name, matrix in (("KAAX", K), ("MAAX", M)):
+        upper = sp.triu(matrix).tocoo()
+        model.add_dmig(name, 6, 2, 0, 0, 8,
+                       [dofs[j] for j in upper.col], [dofs[i] for i in upper.row],
+                       upper.data.tolist())  # fmt: skip
+    model.write_bdf(str(tmp_path / "part.pch"), write_header=False, enddata=False)
+    deck = tmp_path / "part.bdf"
+    grids = {5: (0, 0, 0), 7: (1, 0, 0), 9: (0, 1, 0), 20: (0.5, 0.5, 0)}
+    deck.write_text(
+        "CEND\nBEGIN BULK\n"
+        + "".join(f"GRID,{g},,{x:.1f},{y:.1f},{z:.1f}\n" for g, (x, y, z) in grids.items())
+        + "RBE2,31,20,123456,5,7\nENDDATA\n"
+    )
+    fe = read(tmp_path / "part.pch", deck=deck)
+    assert_same(fe, K, M)
+    assert list(zip(fe.node, fe.component + 1, strict=True)) == dofs
+    assert [(i.name, i.coupling) for i in fe.interfaces] == [("RBE2-31", "rigid")]
+    body = attach(fe, fe.interfaces)
+    assert body["K"].shape == (8, 8) and body["inputs"][0] == "RBE2-31.fx"
+    moved = np.zeros(8)
+    moved[2] = 1  # the reference node, by x: nodes 5 and 7 move by x, nothing else
+    everything = np.zeros(8)
+    everything[[0, 3]] = 1
+    assert moved @ body["K"] @ moved == pytest.approx(everything @ K @ everything)
+
+    from pyNastran.op4.op4 import OP4
+
+    OP4().write_op4(str(tmp_path / "part.op4"), {"KAA": (6, K.toarray()), "MAA": (6, M.toarray())},
+                    is_binary=False)  # fmt: skip
+    assert_same(read(tmp_path / "part.op4"), K, M)
+
+
+def test_matrixmarket_harwell_boeing_matlab_petsc(tmp_path: Path) -> None:
+    K, M = small()
+    scipy.io.mmwrite(tmp_path / "K.mtx", K, symmetry="symmetric")
+    scipy.io.mmwrite(tmp_path / "M.mtx", M, symmetry="general")
+    assert_same(read(tmp_path / "K.mtx", mass=tmp_path / "M.mtx"), K, M)
+    for name, matrix in (("K", K), ("M", M)):
+        scipy.io.hb_write(tmp_path / f"{name}.hb", matrix.tocsc())
+    assert_same(read(tmp_path / "K.hb", mass=tmp_path / "M.hb"), K, M)
+    B = np.eye(8)[:, :2]
+    scipy.io.savemat(tmp_path / "old.mat", {"K": K, "M": M, "B": B, "alpha": 3.0})
+    fe = read(tmp_path / "old.mat")
+    assert_same(fe, K, M)
+    assert fe.alpha == 3 and np.array_equal(fe.B, B)
+    import_matrices(fe, tmp_path / "old.h5")
+    again = read(tmp_path / "old.h5", format="matlab")  # a body file is MATLAB's own v7.3
+    assert_same(again, K, M)
+    PETSc = pytest.importorskip("petsc4py.PETSc")
+    for name, matrix in (("K", K), ("M", M)):
+        mat = PETSc.Mat().createAIJ(matrix.shape, csr=(matrix.indptr, matrix.indices, matrix.data),
+                                    comm=PETSc.COMM_SELF)  # fmt: skip
+        viewer = PETSc.Viewer().createBinary(str(tmp_path / f"{name}.petsc"), "w",
+                                             comm=PETSc.COMM_SELF)  # fmt: skip
+        viewer(mat)
+        viewer.destroy()
+    fe = read(tmp_path / "K.petsc", mass=tmp_path / "M.petsc")
+    assert_same(fe, K, M)
+    import_matrices(fe, tmp_path / "petsc.h5", [Interface("tip", "rows", "ROWS:8")])
+
+
+@pytest.fixture
+def job(tmp_path: Path) -> Path:
+    """Hand-made results of ccx: a tetrahedron's worth of rows."""
+    K = np.diag([3e6, 3e6, 3e6, 2e6, 2e6, 2e6]) - 1e5
+    M = np.diag(np.full(6, 2.0))
+    for suffix, matrix in (("sti", K), ("mas", M)):
+        with (tmp_path / f"job.{suffix}").open("w") as file:
+            for j in range(6):
+                for i in range(j + 1):
+                    file.write(f"{i + 1} {j + 1} {matrix[i, j]:20.13e}\n")
+    (tmp_path / "job.dof").write_text("".join(f"{n}.{d}\n" for n in (10, 11) for d in (1, 2, 3)))
+    (tmp_path / "job.inp").write_text("*NODE\n10,0,0,0\n11,1,0,0\n12,2,0,0\n")
+    return tmp_path
+
+
+def edit(path: Path, change: Any) -> None:
+    path.write_text(change(path.read_text()))
+
+
+@pytest.mark.parametrize(
+    ("what", "expected"),
+    [
+        ("nothing", None),
+        ("lower triangle", None),
+        ("truncated line", r"job.sti, line 21: .*truncated"),
+        ("truncated file", r"job.mas: row 6 of 6 has no entry: the file is truncated"),
+        ("swapped", "are K and M swapped"),
+        ("no dof map", r"job.dof \(the dof map\) is missing"),
+        ("short dof map", "row numbers from 1 to 6, expected 1 to 5"),
+        ("bad dof map", r"job.dof, line 3: 'x', expected node.direction"),
+        ("binary", r"job.sti: binary, expected text"),
+        ("unequal triangles", r"job.sti: not symmetric: entry \(1, 2\)"),
+        ("nan", r"holds NaN or Inf"),
+    ],
+)
+def test_wrong_calculix_files(job: Path, what: str, expected: str | None) -> None:
+    sti, mas, dof = (job / f"job.{suffix}" for suffix in ("sti", "mas", "dof"))
+    if what == "lower triangle":
+        edit(sti, lambda t: "".join(
+            "{1} {0} {2}\n".format(*line.split()) for line in t.splitlines()))  # fmt: skip
+    elif what == "truncated line":
+        edit(sti, lambda t: t[:-9])
+    elif what == "truncated file":
+        edit(mas, lambda t: "\n".join(t.splitlines()[:15]) + "\n")
+    elif what == "swapped":
+        sti.rename(job / "x")
+        mas.rename(sti)
+        (job / "x").rename(mas)
+    elif what == "no dof map":
+        dof.unlink()
+    elif what == "short dof map":
+        edit(dof, lambda t: "\n".join(t.splitlines()[:5]))
+    elif what == "bad dof map":
+        edit(dof, lambda t: t.replace("10.3", "x"))
+    elif what == "binary":
+        sti.write_bytes(b"\0\1\2\3" * 100)
+    elif what == "unequal triangles":
+        edit(sti, lambda t: t + "2 1 5.0\n")
+    elif what == "nan":
+        edit(sti, lambda t: t.replace("3.0000000000000e+06", "nan", 1)
+             if "3.0000000000000e+06" in t else t.replace(t.split()[2], "nan", 1))  # fmt: skip
+    if expected is None:
+        fe = read(sti)
+        check(fe)
+        assert fe.K[0, 5] == fe.K[5, 0] == -1e5
+        return
+    with pytest.raises(BodyError, match=expected):
+        check(read(sti))
+
+
+@pytest.mark.parametrize(
+    ("option", "where", "expected"),
+    [
+        ("rigid", "a=NSET:TOP", "there is no node set TOP; there are none"),
+        ("rigid", "a=NODES:10,12", "node 12 has no free x translation: it is constrained"),
+        ("node", "a=NODES:12", "node 12 has no row"),
+        ("distributing", "a=NODES:10,11", "lie on a line and cannot carry a moment"),
+        ("rigid", "a=BOX:5,5,5,6,6,6", "no node in the box; the body spans"),
+        ("rows", "a=7", "the matrices have rows 1 to 6"),
+        ("rigid", "a", "expected name=NSET:SET"),
+        ("rigid", "a=PLANE:1", "PLANE must be NSET, NODES, BOX or AT"),
+        ("rigid", "a=NODES:-3", "internal node"),
+    ],
+)
+def test_wrong_interfaces(job: Path, option: str, where: str, expected: str) -> None:
+    fe = read(job / "job.sti")
+    with pytest.raises(BodyError, match=expected):
+        attach(fe, [parse(option, where)])
+
+
+def test_no_interface_and_overlap(job: Path) -> None:
+    fe = read(job / "job.sti")
+    with pytest.raises(BodyError, match="no interface is named"):
+        attach(fe, [])
+    pair = [parse("rigid", "a=NODES:10"), parse("rigid", "b=NODES:10,11")]
+    with pytest.raises(BodyError, match="interfaces a and b share node 10"):
+        attach(fe, pair)
+
+
+def test_abaqus_matrix_input_and_negative_labels(tmp_path: Path) -> None:
+    """FORMAT=MATRIX INPUT: node, dof on both sides; one triangle; an internal node."""
+    K, M = small()
+    dofs = [(-1, 1), *((n, d) for n in (4, 6) for d in (1, 2, 3)), (8, 2)]
+    for name, matrix in (("STIF", K), ("MASS", M)):
+        lower = sp.tril(matrix).tocoo()
+        lines = [f"{dofs[i][0]},{dofs[i][1]}, {dofs[j][0]},{dofs[j][1]}, {v:.15e}\n"
+                 for i, j, v in zip(lower.row, lower.col, lower.data, strict=True)]  # fmt: skip
+        (tmp_path / f"job_{name}2.mtx").write_text("".join(lines))
+    fe = read(tmp_path / "job_MASS2.mtx")
+    assert_same(fe, K, M)
+    assert list(zip(fe.node, fe.component + 1, strict=True)) == dofs
+    assert any("negative labels" in remark for remark in fe.remarks)
+    with pytest.raises(BodyError, match="node -1 is an internal node"):
+        attach(fe, [parse("rigid", "a=NODES:-1,4")])
+    (tmp_path / "job_STIF3.mtx").write_text("1 1 2.0\n")
+    (tmp_path / "job_MASS3.mtx").write_text("1 1 1.0\n")
+    with pytest.raises(BodyError, match="name the deck"):
+        read(tmp_path / "job_STIF3.mtx")
