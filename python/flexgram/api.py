@@ -1,0 +1,192 @@
+"""``flexgram.reduce``: the reduction in this process, on the caller's communicator."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from flexgram.meshfile import BodyError
+from flexgram.reduced import ReducedModel
+
+
+@dataclass
+class Matrices:
+    """A body handed over in memory.
+
+    Attributes
+    ----------
+    K, M, D : SciPy sparse or petsc4py Mat, n x n
+        Stiffness [N/m], mass [kg], optional damping [N s/m]; symmetric, both triangles. SciPy
+        matrices are the same on every rank, each takes its rows; petsc4py matrices (AIJ) are used
+        as they are, without a copy.
+    B : array, n x n_in
+        Inputs; with petsc4py matrices the rows that this rank owns.
+    C : array, n_out x n, optional
+        Outputs, default ``B.T``; with petsc4py the columns of the rows that this rank owns.
+    alpha, beta, eta : float
+        Rayleigh coefficients [1/s], [s], structural loss factor.
+    inputs, outputs : sequence of str, optional
+        Port names.
+    node, component : int arrays, n, optional
+        Number (from 0) of each row's node, and 0-2 for its translation, 3-5 for its rotation. Helps
+        the ordering, and gives rigid modes and frame integrals.
+    position : array, n x 3, optional
+        Place of each row's node [m]. Like B by rows of this rank where the matrices are petsc4py's.
+    name : str
+        For messages.
+    """
+
+    K: Any
+    M: Any
+    B: Any
+    D: Any = None
+    C: Any = None
+    alpha: float = 0.0
+    beta: float = 0.0
+    eta: float = 0.0
+    inputs: Sequence[str] | None = None
+    outputs: Sequence[str] | None = None
+    node: Any = None
+    component: Any = None
+    position: Any = None
+    name: str = "matrices"
+
+
+def _core() -> Any:
+    try:
+        import _flexgram
+    except ImportError as error:
+        raise ImportError(
+            f"the module _flexgram is not there ({error}): scripts/build makes it where pybind11-dev "
+            "and python3-dev are installed"
+        ) from None
+    return _flexgram
+
+
+def _communicator(comm: Any) -> Any:
+    if comm is not None:
+        return comm
+    try:
+        from mpi4py import MPI
+    except ImportError:
+        raise ImportError("flexgram.reduce needs mpi4py (Debian: python3-mpi4py)") from None
+    return MPI.COMM_WORLD
+
+
+def _hand_over(core: Any, matrices: Matrices, comm: Any) -> Any:
+    handle = comm.py2f()
+    body = core.Body(handle, matrices.name)
+    named = [("K", matrices.K), ("M", matrices.M), ("D", matrices.D)]
+    whole = sp.issparse(matrices.K)
+    for name, matrix in named:
+        if matrix is None:
+            continue
+        if whole:
+            if not sp.issparse(matrix) or matrix.shape != matrices.K.shape:
+                raise BodyError(f"{name} must be sparse and {matrices.K.shape} like K")
+            if np.iscomplexobj(matrix.data):
+                raise BodyError(f"{name} is complex; K (1 + i eta) is K with eta=...")
+            rows = sp.csr_matrix(matrix)
+            n, size, rank = rows.shape[0], comm.size, comm.rank
+            first = rank * (n // size) + min(rank, n % size)
+            last = first + n // size + (rank < n % size)
+            mine = rows[first:last]
+            mine.sort_indices()
+            body.set_csr(name, first, last, n, mine.indptr, mine.indices, mine.data)
+        elif hasattr(matrix, "handle"):
+            body.set_petsc(name, matrix.handle)
+        else:
+            raise BodyError(f"{name} must be a SciPy sparse or petsc4py matrix, not "
+                            f"{type(matrix).__name__}")  # fmt: skip
+    first, last = body.rows()
+    mine_of = slice(first, last) if whole else slice(None)
+
+    def dense(value: Any) -> Any:
+        return np.asarray(value.toarray() if sp.issparse(value) else value, dtype=float)
+
+    B = np.atleast_2d(dense(matrices.B))[mine_of]
+    C = None if matrices.C is None else np.atleast_2d(dense(matrices.C)).T[mine_of]
+    inputs = list(matrices.inputs or [f"u{i + 1}" for i in range(B.shape[1])])
+    outputs = (inputs if C is None
+               else list(matrices.outputs or [f"y{i + 1}" for i in range(C.shape[1])]))  # fmt: skip
+    if len(inputs) != B.shape[1] or (C is not None and len(outputs) != C.shape[1]):
+        raise BodyError("the names of inputs and outputs do not fit B and C")
+    body.set_ports(B, C, inputs, outputs)
+    body.set_damping(matrices.alpha, matrices.beta, matrices.eta)
+    if matrices.node is not None:
+        part = [None if a is None else np.asarray(a)[mine_of]
+                for a in (matrices.node, matrices.component, matrices.position)]  # fmt: skip
+        for name, array in zip(("node", "component", "position"), part, strict=True):
+            if array is not None and len(array) != last - first:
+                raise BodyError(f"{name} has {len(array)} entries for {last - first} rows")
+        body.set_dofs(*part)
+    return body
+
+
+def reduce(
+    body: str | Path | Matrices,
+    band_hz: Sequence[float] = (10.0, 500.0),
+    tol: float | None = None,
+    *,
+    order: int | None = None,
+    method: str = "two_step",
+    comm: Any = None,
+    options: Mapping[str, Any] | None = None,
+    verbose: bool = False,
+) -> ReducedModel:
+    """Reduce an elastic body over a frequency band, with a proof of the error.
+
+    Parameters
+    ----------
+    body : str, Path or Matrices
+        Body file (matrices or a mesh, see ``flexgram.import_body``), or matrices in memory.
+    band_hz : sequence of float
+        First and last frequency [Hz]; several bands as one sequence of pairs.
+    tol : float, optional
+        Largest relative error of H over the band (eq. 17); the smallest certified order that meets
+        it is taken. Without ``tol`` and ``order`` the paper's rule decides.
+    order : int, optional
+        Order of the reduced body instead of a tolerance.
+    method : str
+        ``two_step``, ``pod``, ``modal``, ``craig_bampton``, ``krylov``, ``irka``, ``balanced``.
+    comm : mpi4py communicator, optional
+        Default: ``MPI.COMM_WORLD``. Every rank of it must call.
+    options : mapping, optional
+        Any option of the program, with or without ``-``: ``{"mor_frame": "tangent"}``.
+    verbose : bool
+        Print the plan and progress as the program does.
+
+    Returns
+    -------
+    ReducedModel
+        Its ``V`` has the rows of this rank.
+
+    Raises
+    ------
+    BodyError
+        On every rank, with the message of the program.
+    """
+    values = {"-mor_band_hz": ",".join(repr(float(f)) for f in band_hz), "-mor_method": method}
+    if tol is not None:
+        values["-mor_tol"] = repr(float(tol))
+    if order is not None:
+        values["-mor_order"] = str(int(order))
+    values["-mor_monitor"] = "summary" if verbose else "silent"
+    for name, value in (options or {}).items():
+        word = ",".join(map(str, value)) if isinstance(value, (list, tuple)) else str(value)
+        values[f"-{name.lstrip('-')}"] = word
+    core = _core()
+    world = _communicator(comm)
+    core.start()
+    given = None
+    if isinstance(body, Matrices):
+        given = _hand_over(core, body, world)
+    else:
+        values["-body"] = str(body)
+    result = core.reduce(world.py2f(), given, values)
+    return ReducedModel(result.fields(), result.save)

@@ -1,0 +1,340 @@
+"""The reduced body in Python: its matrices, error, response in frequency and time, and shapes."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import scipy.linalg
+from numpy.typing import ArrayLike, NDArray
+
+from flexgram.meshfile import BodyError
+
+Floats = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+class ReducedModel:
+    """A reduced elastic body ``M q'' + D q' + K (1 + i eta) q = B u``, ``y = C q``.
+
+    Made by ``flexgram.reduce`` or read by ``ReducedModel.load``. All numbers are SI.
+
+    Attributes
+    ----------
+    M, D, K : (m, m) arrays
+        Mass, damping (Rayleigh and other, summed), stiffness; symmetric.
+    B, C : (m, n_in), (n_out, m) arrays
+        Input and output maps.
+    eta : float
+        Structural loss factor.
+    V : (rows, m) array
+        Basis: full displacements are ``V q``. After a parallel ``reduce`` the rows of this rank.
+    node, component, position : arrays
+        For the rows of V the label of the node, 0-2 (translation) or 3-5 (rotation), and its place
+        (rows, 3) [m]; empty for a body without a dof map.
+    inputs, outputs : list of str
+        Port names.
+    omega, error, bound, floor : arrays
+        Frequencies [rad/s], relative error of H there (eq. 17 of Fehr, Eberhard and Lehner), its
+        certified bound and the part of the bound that is rounding; bound and floor are empty for
+        ``pod``.
+    kind : str
+        ``certified`` or ``estimated``.
+    sigma : array
+        Eigenvalues of the position Gramian, descending.
+    modes : array
+        Undamped eigenfrequencies of the reduced body [rad/s].
+    band : (2,) array
+        [rad/s]
+    method, second_stage : str
+        As in the options of flexgram.
+    frame : dict
+        ``kind``, ``rigid_modes``, and for a body that can move the integrals of a floating frame
+        (``mass``, ``centre``, ``M_r``, ``M_er``, ``gyroscopic``, ``inertia_first``,
+        ``inertia_second``; definitions in ``src/model/frame_integrals.hpp``).
+    log : dict
+        Seconds by stage, warnings, factorisations, body.
+    """
+
+    def __init__(self, fields: dict[str, Any], save: Callable[[str], None]) -> None:
+        array = lambda name: np.asarray(fields.get(name, []), dtype=np.float64)  # noqa: E731
+        self.M, self.D, self.K = array("M"), array("D"), array("K")
+        self.B, self.C, self.V = array("B"), array("C"), array("V")
+        self.eta = float(fields.get("eta", 0.0))
+        self.inputs: list[str] = list(fields["inputs"])
+        self.outputs: list[str] = list(fields["outputs"])
+        self.omega, self.error = array("error/omega"), array("error/relative")
+        self.bound, self.floor = array("error/bound"), array("error/floor")
+        self.kind = str(fields.get("error/kind", "estimated"))
+        self.sigma, self.modes = array("gramian/sigma"), array("modes/omega")
+        self.band = array("band")
+        self.method = str(fields.get("method", ""))
+        self.second_stage = str(fields.get("second_stage", ""))
+        self.node = np.asarray(fields.get("dofs/node", []), dtype=np.int64)
+        self.component = np.asarray(fields.get("dofs/component", []), dtype=np.int64)
+        self.position = array("dofs/position").reshape(-1, 3)
+        names = ("mass", "centre", "M_r", "M_er", "gyroscopic", "inertia_first", "inertia_second")
+        self.frame: dict[str, Any] = {
+            name: np.asarray(fields[f"frame/{name}"])
+            for name in names
+            if f"frame/{name}" in fields
+        }
+        self.frame["kind"] = str(fields.get("frame/kind", "none"))
+        self.frame["rigid_modes"] = int(fields.get("frame/rigid_modes", 0))
+        self.log: dict[str, Any] = {
+            name.removeprefix("log/"): value
+            for name, value in fields.items()
+            if name.startswith("log/")
+        }
+        self._save = save
+
+    @classmethod
+    def load(cls, path: str | Path, basis: bool = True) -> ReducedModel:
+        """Read a reduced file.
+
+        Parameters
+        ----------
+        path : str or Path
+            What ``flexgram reduce`` or ``save`` wrote.
+        basis : bool
+            Read V too, the only large part.
+
+        Raises
+        ------
+        BodyError
+            If the file is missing or no reduced file.
+        """
+        path = Path(path)
+        if not path.exists():
+            raise BodyError(f"{path}: no such file")
+        if not h5py.is_hdf5(path):
+            raise BodyError(f"{path}: not an HDF5 file")
+        with h5py.File(path) as file:
+            if "gramian" not in file or "K" not in file:
+                raise BodyError(f"{path}: no reduced file (flexgram reduce writes one)")
+            fields: dict[str, Any] = {}
+
+            def collect(name: str, item: Any) -> None:
+                if isinstance(item, h5py.Dataset) and (basis or name != "V"):
+                    fields[name] = item[()]
+                if isinstance(item, h5py.Group):
+                    values = {key: _plain(value) for key, value in item.attrs.items()}
+                    if name in ("log/seconds", "log/options", "log/versions"):
+                        fields[name] = values
+                    else:
+                        fields.update({f"{name}/{key}": value for key, value in values.items()})
+
+            file.visititems(collect)
+            fields.update({key: _plain(value) for key, value in file.attrs.items()})
+            fields["inputs"] = _names(file, "B", file["B"].shape[1])
+            fields["outputs"] = _names(file, "C", file["C"].shape[0])
+            if "dofs/node" in fields:
+                at = fields["dofs/node"]
+                fields["dofs/position"] = fields["nodes/position"][at]
+                fields["dofs/node"] = fields["nodes/id"][at]
+        return cls(fields, lambda target: _copy(path, Path(target)))
+
+    @property
+    def order(self) -> int:
+        """Number m of generalised coordinates."""
+        return int(self.K.shape[0])
+
+    @property
+    def certified_error(self) -> float:
+        """Largest bound over the band (``pod``: largest known error)."""
+        worst = self.bound if len(self.bound) else self.error
+        return float(worst.max()) if len(worst) else float("nan")
+
+    def __repr__(self) -> str:
+        return (f"<ReducedModel of order {self.order} by {self.method}, {len(self.inputs)} inputs, "
+                f"error {self.certified_error:.1e} ({self.kind})>")  # fmt: skip
+
+    def transfer(self, omega: ArrayLike) -> ComplexArray:
+        """Transfer function H_r = C (K (1 + i eta) + i omega D - omega² M)⁻¹ B.
+
+        Parameters
+        ----------
+        omega : float or (n,) array
+            [rad/s]
+
+        Returns
+        -------
+        (n_out, n_in) or (n, n_out, n_in) array
+        """
+        w = np.atleast_1d(np.asarray(omega, dtype=float))
+        stiffness = self.K * (1 + 1j * self.eta)
+        H = np.array(
+            [self.C @ np.linalg.solve(stiffness + 1j * x * self.D - x * x * self.M, self.B)
+             for x in w]
+        )  # fmt: skip
+        return H[0] if np.ndim(omega) == 0 else H
+
+    def poles(self) -> ComplexArray:
+        """The 2m poles s [rad/s] of the body without structural damping, by rising |s|."""
+        m = self.order
+        zero, one = np.zeros((m, m)), np.eye(m)
+        s = scipy.linalg.eigvals(np.block([[zero, one], [-self.K, -self.D]]),
+                                 np.block([[one, zero], [zero, self.M]]))  # fmt: skip
+        return s[np.argsort(np.abs(s))]
+
+    def state_space(self) -> tuple[Floats, Floats, Floats, Floats]:
+        """A, B, C, D of x' = A x + B u, y = C x with x = [q, q'].
+
+        Raises
+        ------
+        BodyError
+            With structural damping, which has no real state space.
+        """
+        if self.eta:
+            raise BodyError(f"structural damping (eta = {self.eta:g}) has no real time-domain form: "
+                            "give Rayleigh damping instead")  # fmt: skip
+        m = self.order
+        mass = scipy.linalg.cho_factor(self.M)
+        A = np.zeros((2 * m, 2 * m))
+        A[:m, m:] = np.eye(m)
+        A[m:, :m] = -scipy.linalg.cho_solve(mass, self.K)
+        A[m:, m:] = -scipy.linalg.cho_solve(mass, self.D)
+        B = np.vstack([np.zeros_like(self.B), scipy.linalg.cho_solve(mass, self.B)])
+        C = np.hstack([self.C, np.zeros_like(self.C)])
+        return A, B, C, np.zeros((len(self.C), self.B.shape[1]))
+
+    def simulate(
+        self,
+        u: Callable[[float], ArrayLike] | ArrayLike,
+        t: ArrayLike,
+        q0: ArrayLike | None = None,
+        v0: ArrayLike | None = None,
+    ) -> tuple[Floats, Floats]:
+        """Response to forces over time: exact for inputs that are linear between the times.
+
+        Parameters
+        ----------
+        u : callable or (n_t, n_in) array
+            Forces at the ports [N, N m].
+        t : (n_t,) array
+            Times [s], evenly spaced.
+        q0, v0 : (m,) arrays, optional
+            Initial coordinates and velocities; default zero.
+
+        Returns
+        -------
+        y : (n_t, n_out) array
+            Outputs.
+        q : (n_t, m) array
+            Generalised coordinates; ``lift`` makes displacements of them.
+        """
+        times = np.asarray(t, dtype=float)
+        steps = np.diff(times)
+        if len(steps) == 0 or np.any(np.abs(steps - steps[0]) > 1e-9 * abs(steps[0])):
+            raise BodyError("simulate: t must be two or more evenly spaced times")
+        forces = np.array([np.asarray(u(x), dtype=float) for x in times] if callable(u) else u,
+                          dtype=float).reshape(len(times), -1)  # fmt: skip
+        if forces.shape[1] != self.B.shape[1]:
+            raise BodyError(f"simulate: u has {forces.shape[1]} columns, the body has "
+                            f"{self.B.shape[1]} inputs: {', '.join(self.inputs)}")  # fmt: skip
+        A, B, _, _ = self.state_space()
+        n, p, h = len(A), B.shape[1], steps[0]
+        # exp of [[A, B, 0], [0, 0, I/h], [0, 0, 0]] h: x⁺ = Φ x + Γ_0 u + Γ_1 (u⁺ - u)
+        generator = np.zeros((n + 2 * p, n + 2 * p))
+        generator[:n, :n], generator[:n, n : n + p] = A * h, B * h
+        generator[n : n + p, n + p :] = np.eye(p)
+        power = scipy.linalg.expm(generator)
+        Phi, G0, G1 = power[:n, :n], power[:n, n : n + p], power[:n, n + p :]
+        x = np.zeros((len(times), n))
+        m = self.order
+        x[0, :m] = 0 if q0 is None else q0
+        x[0, m:] = 0 if v0 is None else v0
+        for k in range(len(steps)):
+            x[k + 1] = Phi @ x[k] + G0 @ forces[k] + G1 @ (forces[k + 1] - forces[k])
+        return x[:, :m] @ self.C.T, x[:, :m]
+
+    def lift(self, q: ArrayLike) -> Floats:
+        """Displacements V q of the full body, (…, m) -> (…, rows of V)."""
+        return np.asarray(q, dtype=float) @ self.V.T
+
+    def nodal(self, vectors: ArrayLike | None = None) -> tuple[NDArray[np.int64], Floats, Floats]:
+        """Nodes with their translations in given coordinates, for pictures and exporters.
+
+        Parameters
+        ----------
+        vectors : (k, m) array, optional
+            Generalised coordinates; default: each basis vector.
+
+        Returns
+        -------
+        labels : (N,) int array
+        points : (N, 3) array
+            [m]
+        motion : (k, N, 3) array
+            Translations; zero where a node has no free dof.
+
+        Raises
+        ------
+        BodyError
+            For a body without a dof map.
+        """
+        if not len(self.position) or len(self.component) != len(self.V):
+            raise BodyError("the body has no dof map or coordinates: its shapes cannot be drawn")
+        shapes = np.atleast_2d(np.eye(self.order) if vectors is None else np.asarray(vectors))
+        labels, first, at = np.unique(self.node, return_index=True, return_inverse=True)
+        motion = np.zeros((len(shapes), len(labels), 3))
+        moves = self.component < 3
+        motion[:, at[moves], self.component[moves]] = self.lift(shapes)[:, moves]
+        return labels, self.position[first], motion
+
+    def elastic(self) -> ReducedModel:
+        """The body in its own frame: without the rigid basis vectors.
+
+        Raises
+        ------
+        BodyError
+            If rigid motion is mixed into the basis (``-mor_frame none``, ``pod`` of a free body).
+        """
+        count = self.frame["rigid_modes"]
+        if count == 0:
+            return self
+        if self.frame["kind"] == "none":
+            raise BodyError("the basis mixes rigid with elastic motion (-mor_frame none or "
+                            "-mor_method pod): reduce with -mor_method two_step and -mor_frame "
+                            "buckens for a floating frame")  # fmt: skip
+        keep = slice(count, None)
+        part = object.__new__(ReducedModel)
+        part.__dict__.update(self.__dict__)
+        part.M, part.D, part.K = (a[keep, keep] for a in (self.M, self.D, self.K))
+        part.B, part.C, part.V = self.B[keep], self.C[:, keep], self.V[:, keep]
+        frame = dict(self.frame)
+        if "M_er" in frame:
+            frame["M_er"] = frame["M_er"][keep]
+            frame["gyroscopic"] = frame["gyroscopic"][keep, :, keep]
+            frame["inertia_first"] = frame["inertia_first"][:, :, keep]
+            frame["inertia_second"] = frame["inertia_second"][:, keep, :, keep]
+        frame["rigid_modes"] = 0
+        part.frame = frame
+        part.modes = self.modes[keep]
+        return part
+
+    def save(self, path: str | Path) -> None:
+        """Write the reduced file; collective on the communicator of ``reduce``."""
+        self._save(str(path))
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, bytes):
+        return value.decode()
+    if isinstance(value, np.ndarray) and value.dtype.kind == "O":
+        return [v.decode() if isinstance(v, bytes) else v for v in value]
+    return value
+
+
+def _names(file: h5py.File, name: str, count: int) -> list[str]:
+    names = file[name].attrs.get("names")
+    return [str(i + 1) for i in range(count)] if names is None else [str(_plain(x)) for x in names]
+
+
+def _copy(source: Path, target: Path) -> None:
+    if source.resolve() != target.resolve():
+        shutil.copyfile(source, target)
