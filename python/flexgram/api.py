@@ -62,8 +62,8 @@ def _core() -> Any:
         import _flexgram
     except ImportError as error:
         raise ImportError(
-            f"the module _flexgram is not there ({error}): scripts/build makes it where pybind11-dev "
-            "and python3-dev are installed"
+            f"the module _flexgram is not there ({error}): scripts/build makes it where "
+            "pybind11-dev and python3-dev are installed"
         ) from None
     return _flexgram
 

@@ -6,7 +6,7 @@ MATLAB and h5py.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -70,6 +70,7 @@ def write_matrices(
     position: Any = None,
     ids: Any = None,
     blocks: Sequence[tuple[str, Any]] = (),
+    followers: Mapping[str, Any] | None = None,
 ) -> None:
     """Write a body of matrices: M q'' + (D + alpha M + beta K) q' + (1 + i eta) K q = B u.
 
@@ -98,6 +99,9 @@ def write_matrices(
         The FE code's numbers of these nodes.
     blocks : sequence of (str, array), optional
         Elements for pictures: meshio type, indices into ``position``.
+    followers : mapping, optional
+        For pictures: name of a rigid interface -> indices into ``position`` of the nodes that
+        follow it and have no rows, the reference node first.
 
     Raises
     ------
@@ -152,3 +156,5 @@ def write_matrices(
             group = file.create_group(f"geometry/blocks/{i:04d}")
             group.attrs["type"] = kind
             group["connectivity"] = np.asarray(connectivity, dtype=np.int64)
+        for name, nodes in (followers or {}).items():
+            file[f"geometry/followers/{name}"] = np.asarray(nodes, dtype=np.int64)

@@ -79,9 +79,7 @@ class ReducedModel:
         self.position = array("dofs/position").reshape(-1, 3)
         names = ("mass", "centre", "M_r", "M_er", "gyroscopic", "inertia_first", "inertia_second")
         self.frame: dict[str, Any] = {
-            name: np.asarray(fields[f"frame/{name}"])
-            for name in names
-            if f"frame/{name}" in fields
+            name: np.asarray(fields[f"frame/{name}"]) for name in names if f"frame/{name}" in fields
         }
         self.frame["kind"] = str(fields.get("frame/kind", "none"))
         self.frame["rigid_modes"] = int(fields.get("frame/rigid_modes", 0))
@@ -108,7 +106,7 @@ class ReducedModel:
         BodyError
             If the file is missing or no reduced file.
         """
-        path = Path(path)
+        source = path = Path(path)
         if not path.exists():
             raise BodyError(f"{path}: no such file")
         if not h5py.is_hdf5(path):
@@ -136,7 +134,7 @@ class ReducedModel:
                 at = fields["dofs/node"]
                 fields["dofs/position"] = fields["nodes/position"][at]
                 fields["dofs/node"] = fields["nodes/id"][at]
-        return cls(fields, lambda target: _copy(path, Path(target)))
+        return cls(fields, lambda target: _copy(source, Path(target)))
 
     @property
     def order(self) -> int:
@@ -190,8 +188,8 @@ class ReducedModel:
             With structural damping, which has no real state space.
         """
         if self.eta:
-            raise BodyError(f"structural damping (eta = {self.eta:g}) has no real time-domain form: "
-                            "give Rayleigh damping instead")  # fmt: skip
+            raise BodyError(f"structural damping (eta = {self.eta:g}) has no real time-domain "
+                            "form: give Rayleigh damping instead")  # fmt: skip
         m = self.order
         mass = scipy.linalg.cho_factor(self.M)
         A = np.zeros((2 * m, 2 * m))

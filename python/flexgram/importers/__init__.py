@@ -164,6 +164,7 @@ def import_matrices(
             every.append(Interface(name, "node", np.array([label])))
     body = attach(fe, every)
     new = body.pop("new_points")
+    followers: dict[str, Any] = {}
     labels = np.concatenate([fe.labels, np.array(list(new), dtype=np.int64)])
     points = np.vstack([fe.points, *new.values()]) if new else fe.points
     component = body["component"]
@@ -178,6 +179,10 @@ def import_matrices(
         places |= {"node": at, "component": component, "ids": known}
         if fe.has_coordinates():
             places["position"] = points * length
+            followers = {
+                name: order[np.searchsorted(known, nodes, sorter=order)]
+                for name, nodes in body["followers"].items()
+            }
     write_matrices(
         output, force / length * (S @ body["K"] @ S), mass * (S @ body["M"] @ S), B,
         D=None if body["D"] is None else mass * (S @ body["D"] @ S),
@@ -185,6 +190,7 @@ def import_matrices(
         inputs=body["inputs"], outputs=body["outputs"],
         alpha=fe.alpha if alpha is None else alpha, beta=fe.beta if beta is None else beta,
         eta=fe.eta if eta is None else eta, **places, blocks=_picture(fe),
+        followers=followers,
     )  # fmt: skip
     for key, factor in (("mass", mass), ("centre", length), ("inertia", mass * length**2)):
         if key in facts:

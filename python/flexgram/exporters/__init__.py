@@ -1,0 +1,86 @@
+"""Reduced bodies for multibody codes and other tools; ``export`` chooses by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from flexgram.meshfile import BodyError
+from flexgram.reduced import ReducedModel
+
+__all__ = ["FORMATS", "export"]
+
+
+def _exudyn(model: ReducedModel, path: Path, **options: Any) -> None:
+    from flexgram.exporters.exudyn import write_npz
+
+    write_npz(model, path, **options)
+
+
+def _sid(model: ReducedModel, path: Path, **options: Any) -> None:
+    from flexgram.exporters.sid import write_sid
+
+    options.pop("body", None)
+    write_sid(model, path, **options)
+
+
+def _dmig(model: ReducedModel, path: Path, **_: Any) -> None:
+    from flexgram.exporters.dmig import write_dmig
+
+    write_dmig(model, path)
+
+
+def _matrices(model: ReducedModel, path: Path, **_: Any) -> None:
+    from flexgram.exporters.arrays import write_mat, write_npz
+
+    (write_mat if path.suffix == ".mat" else write_npz)(model, path)
+
+
+def _state_space(model: ReducedModel, path: Path, **_: Any) -> None:
+    from flexgram.exporters.arrays import write_state_space
+
+    write_state_space(model, path)
+
+
+def _shapes(model: ReducedModel, path: Path, **options: Any) -> None:
+    from flexgram.exporters.shapes import write_shapes
+
+    write_shapes(model, path, **options)
+
+
+#: name: what, suffix, writer
+FORMATS: dict[str, tuple[str, str, Callable[..., None]]] = {
+    "exudyn": ("NPZ for EXUDYN's ObjectFFRFreducedOrder", ".npz", _exudyn),
+    "sid": ("standard input data of a flexible body (SID_FEM)", ".SID_FEM", _sid),
+    "dmig": ("Nastran DMIG: stiffness, mass, damping, loads", ".pch", _dmig),
+    "mat": ("MATLAB", ".mat", _matrices),
+    "npz": ("NumPy", ".npz", _matrices),
+    "state-space": ("A, B, C, D of x' = A x + B u as MATLAB or NumPy file", ".mat", _state_space),
+    "vtu": ("basis vectors on the mesh for ParaView (any meshio format)", ".vtu", _shapes),
+}
+
+
+def export(model: ReducedModel, path: str | Path, format: str, **options: Any) -> None:
+    """Write a reduced body for another program.
+
+    Parameters
+    ----------
+    model : ReducedModel
+        The body.
+    path : str or Path
+        File to write.
+    format : str
+        One of ``FORMATS``.
+    **options
+        ``dialect`` for ``sid``; ``body`` (body file, for the mesh) for ``exudyn`` and ``vtu``.
+
+    Raises
+    ------
+    BodyError
+        If the body lacks what the format needs, with the remedy.
+    """
+    if format not in FORMATS:
+        raise BodyError(f"export to {format}: must be one of {', '.join(FORMATS)}")
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    FORMATS[format][2](model, Path(path), **{k: v for k, v in options.items() if v is not None})

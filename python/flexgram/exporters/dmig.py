@@ -1,0 +1,54 @@
+"""Nastran DMIG: KRED, MRED, BRED on scalar points 1 … m, and PRED, the load of each input."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from flexgram.meshfile import BodyError
+from flexgram.reduced import Floats, ReducedModel
+
+
+def _number(value: float) -> str:
+    """Sixteen characters of a number with D exponent."""
+    text = f"{value:.9E}".replace("E", "D")
+    mantissa, exponent = f"{value:.16E}".split("E")
+    exponent = f"{'-' if exponent[0] == '-' else '+'}{abs(int(exponent))}"
+    for digits in range(16, 5, -1):  # as many digits as fit
+        text = f"{float(mantissa):.{digits}f}D{exponent}"
+        if len(text) <= 16:
+            return text
+    return text
+
+
+def _matrix(name: str, a: Floats, symmetric: bool) -> list[str]:
+    form = 6 if symmetric else 9
+    lines = [f"{'DMIG':<8}{name:<8}{0:>8}{form:>8}{2:>8}{0:>8}{'':8}{'':8}{a.shape[1]:>8}"]
+    for j in range(a.shape[1]):
+        rows = [i for i in range(j + 1 if symmetric else a.shape[0]) if a[i, j] != 0]
+        if not rows:
+            continue
+        lines.append(f"{'DMIG*':<8}{name:<16}{j + 1:>16}{0:>16}{'':16}*")
+        for i in rows:
+            lines.append(f"{'*':<8}{i + 1:>16}{0:>16}{_number(a[i, j]):>16}")
+    return lines
+
+
+def write_dmig(model: ReducedModel, path: Path) -> None:
+    """Write the punch file; unit: N, m, kg, s.
+
+    Numbers have the ten digits that sixteen columns hold.
+    """
+    if model.eta:
+        raise BodyError("structural damping goes into Nastran by PARAM,G: reduce without eta")
+    error = f"error {model.certified_error:.1e} ({model.kind})"
+    lines = [f"$ flexgram: {model.order} generalised coordinates, {error}"]
+    lines += [f"$ column {j + 1} of PRED: {name}" for j, name in enumerate(model.inputs)]
+    lines += [f"{'SPOINT':<8}{1:>8}{'THRU':<8}{model.order:>8}"]
+    lines += _matrix("KRED", 0.5 * (model.K + model.K.T), True)
+    lines += _matrix("MRED", 0.5 * (model.M + model.M.T), True)
+    if np.any(model.D):
+        lines += _matrix("BRED", 0.5 * (model.D + model.D.T), True)
+    lines += _matrix("PRED", model.B, False)
+    path.write_text("\n".join(lines) + "\n")

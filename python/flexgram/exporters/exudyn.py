@@ -1,0 +1,205 @@
+"""EXUDYN: a flexible body with a floating frame of reference.
+
+The displacements of a node subset (interfaces and the surface) serve markers and drawing; the
+integrals are those of the whole mesh. Each interface of six ports becomes six points around its
+reference, moved by the interface's translation and rotation, so a rigid-body marker on them has
+exactly the interface's motion.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexgram.geometry import Geometry, interface_motion, interface_positions
+from flexgram.meshfile import BodyError
+from flexgram.reduced import Floats, ReducedModel
+
+SATELLITES = np.vstack([np.eye(3), -np.eye(3)])
+EPSILON = np.zeros((3, 3, 3))
+for _a, _b, _c in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+    EPSILON[_a, _b, _c], EPSILON[_a, _c, _b] = 1, -1
+
+
+def _surface(
+    model: ReducedModel, body: str | Path | None, most: int
+) -> tuple[Floats, Floats, list[list[int]]]:
+    """Surface points (N, 3), their motion (m, N, 3) and triangles; empty without a mesh."""
+    source = body or model.log.get("body")
+    nothing = np.empty((0, 3)), np.empty((model.order, 0, 3)), list[list[int]]()
+    if not source:
+        return nothing
+    try:
+        geometry = Geometry.load(source)
+    except BodyError:
+        if body is not None:
+            raise
+        return nothing
+    triangles = geometry.surface()
+    used, renumbered = np.unique(triangles, return_inverse=True)
+    if not 0 < len(used) <= most:
+        return nothing
+    motion = geometry.motion(model)[:, used]
+    return geometry.points[used], motion, renumbered.reshape(-1, 3).tolist()
+
+
+def ffrf_terms(
+    model: ReducedModel, body: str | Path | None = None, most_nodes: int = 5000
+) -> dict[str, Any]:
+    """Everything that EXUDYN's ``ObjectFFRFreducedOrder`` takes, by the keys of its NPZ files.
+
+    Parameters
+    ----------
+    model : ReducedModel
+        Free body with a floating frame (``-mor_frame buckens`` or ``tangent``).
+    body : str or Path, optional
+        Body file, for its surface; default: the one that was reduced, if it is there.
+    most_nodes : int
+        A surface with more nodes is not drawn.
+
+    Returns
+    -------
+    dict
+        EXUDYN's keys, and ``dampingMatrixReduced``, ``interfaceNames``, ``interfaceNodes`` (six
+        node numbers each), ``interfacePositions``.
+    """
+    if "M_r" not in model.frame or model.frame["rigid_modes"] != 6:
+        raise BodyError("EXUDYN's floating frame needs a free body with six rigid modes and its "
+                        "frame integrals: reduce it without supports, with coordinates, by "
+                        "-mor_frame buckens or tangent, and fix it by joints there")  # fmt: skip
+    if model.eta:
+        raise BodyError("EXUDYN has no structural damping (eta): give Rayleigh damping instead")
+    positions = interface_positions(model)
+    elastic = model.elastic()
+    n, f = elastic.order, elastic.frame
+    points, moved, triangles = _surface(model, body, most_nodes)
+    moved = moved[model.frame["rigid_modes"] :]
+    extent = float(np.ptp(np.vstack([points, *positions.values()]), axis=0).max()) or 1.0
+    names, nodes = [], []
+    for name, (translation, rotation) in interface_motion(elastic).items():
+        arms = 0.01 * extent * SATELLITES
+        names.append(name)
+        nodes.append(list(range(len(points), len(points) + 6)))
+        points = np.vstack([points, positions[name] + arms])
+        turned = np.cross(rotation.T[:, None, :], arms[None])
+        moved = np.concatenate([moved, translation.T[:, None, :] + turned], axis=1)
+    Ct = f["M_er"][:, :3]
+    inertia_first = f["inertia_first"]
+    return {
+        "modeBasis": moved.reshape(n, -1).T.copy(),
+        "trigList": np.array(triangles, dtype=int),
+        "postProcessingModes": {},
+        "massMatrixReduced": elastic.M, "stiffnessMatrixReduced": elastic.K,
+        "dampingMatrixReduced": elastic.D,
+        "infoList": np.array([n, len(points), 3, 4, 7, 7 + n]),
+        "rigidBodyNodeType": "NodeType.RotationEulerParameters",
+        "xRef": points.ravel(),
+        "inertiaLocal": f["M_r"][3:, 3:], "Mtt": f["M_r"][:3, :3], "totalMass": float(f["mass"]),
+        "chiU": np.asarray(f["centre"]),
+        "chiUtilde": -EPSILON @ np.asarray(f["centre"]),
+        # columns of skew(φ) are −e_a × φ
+        "mPsiTildePsi": -np.transpose(f["gyroscopic"], (2, 1, 0)).reshape(3 * n, n),
+        "mPsiTildePsiTilde": np.transpose(f["inertia_second"], (1, 0, 3, 2)).reshape(3 * n, 3 * n),
+        "mPhitTPsi": Ct.T.copy(),
+        "mPhitTPsiTilde": -np.einsum("abc,jc->ajb", EPSILON, Ct).reshape(3, 3 * n),
+        "mXRefTildePsi": -f["M_er"][:, 3:].T,
+        "mXRefTildePsiTilde": np.transpose(inertia_first, (0, 2, 1)).reshape(3, 3 * n),
+        "interfaceNames": np.array(names), "interfaceNodes": np.array(nodes).reshape(-1, 6),
+        "interfacePositions": np.array([positions[name] for name in names]).reshape(-1, 3),
+        "fileVersion": 1, "type": "ObjectFFRFreducedOrderInterface",
+    }  # fmt: skip
+
+
+def write_npz(model: ReducedModel, path: Path, body: str | Path | None = None) -> None:
+    """NPZ that ``ObjectFFRFreducedOrderInterface.LoadFromFile`` reads."""
+    with path.open("wb") as file:
+        np.savez(file, **ffrf_terms(model, body))
+
+
+def add_body(
+    exu: Any,
+    mbs: Any,
+    source: ReducedModel | str | Path,
+    *,
+    position: Any = (0, 0, 0),
+    rotation: Any = None,
+    velocity: Any = (0, 0, 0),
+    angular_velocity: Any = (0, 0, 0),
+    gravity: Any = (0, 0, 0),
+    color: Any = (0.4, 0.6, 0.8, 1.0),
+) -> dict[str, Any]:
+    """Add a reduced body to an EXUDYN system, with its projected damping.
+
+    Parameters
+    ----------
+    exu, mbs
+        The module ``exudyn`` and a ``MainSystem``.
+    source : ReducedModel or path
+        Body, or NPZ that ``export`` wrote.
+    position, velocity, angular_velocity, gravity : 3 numbers
+        Of the origin of the body's coordinates [m, m/s, rad/s, m/s²].
+    rotation : (3, 3) array, optional
+        From the body's axes to the inertial ones.
+
+    Returns
+    -------
+    dict
+        ``object``, ``rigid_node``, ``modal_node``; ``markers``: interface -> marker of its rigid
+        motion (position and rotation), for joints, loads and sensors.
+    """
+    import exudyn.itemInterface as eii
+    from exudyn.rigidBodyUtilities import GetRigidBodyNode
+
+    if isinstance(source, ReducedModel):
+        terms = ffrf_terms(source)
+    else:
+        with np.load(source, allow_pickle=True) as file:
+            terms = {key: file[key] for key in file.files}
+    n = int(terms["infoList"][0])
+    turn = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
+    node = GetRigidBodyNode(
+        nodeType=exu.NodeType.RotationEulerParameters, position=list(position),
+        velocity=list(velocity), rotationMatrix=turn, angularVelocity=list(angular_velocity),
+    )  # fmt: skip
+    rigid_node = mbs.AddNode(node)
+    modal_node = mbs.AddNode(
+        eii.NodeGenericODE2(numberOfODE2Coordinates=n, referenceCoordinates=[0] * n,
+                            initialCoordinates=[0] * n, initialCoordinates_t=[0] * n)
+    )  # fmt: skip
+
+    def container(a: Any) -> Any:
+        matrix = exu.MatrixContainer()
+        matrix.SetWithDenseMatrix(np.asarray(a), useDenseMatrix=True)
+        return matrix
+
+    direct = ("mPsiTildePsi", "mPsiTildePsiTilde", "mPhitTPsi", "mPhitTPsiTilde", "mXRefTildePsi",
+              "mXRefTildePsiTilde", "modeBasis")  # fmt: skip
+    number = mbs.AddObject(
+        eii.ObjectFFRFreducedOrder(
+            nodeNumbers=[rigid_node, modal_node],
+            stiffnessMatrixReduced=container(terms["stiffnessMatrixReduced"]),
+            massMatrixReduced=container(terms["massMatrixReduced"]),
+            dampingMatrixReduced=container(terms["dampingMatrixReduced"]),
+            referencePositions=terms["xRef"], mass=float(terms["totalMass"]),
+            inertia=terms["inertiaLocal"], centerOfMass=terms["chiU"],
+            **{key: terms[key] for key in direct}, computeFFRFterms=True,
+            visualization=eii.VObjectFFRF(triangleMesh=terms["trigList"].tolist(),
+                                          color=list(color)),
+        )
+    )  # fmt: skip
+    if np.any(np.asarray(gravity)):
+        marker = mbs.AddMarker(eii.MarkerBodyMass(bodyNumber=number))
+        mbs.AddLoad(eii.LoadMassProportional(markerNumber=marker, loadVector=list(gravity)))
+    markers = {
+        str(name): mbs.AddMarker(
+            eii.MarkerSuperElementRigid(
+                bodyNumber=number, meshNodeNumbers=[int(i) for i in nodes],
+                weightingFactors=[1 / 6] * 6,
+            )
+        )
+        for name, nodes in zip(terms["interfaceNames"], terms["interfaceNodes"], strict=True)
+    }  # fmt: skip
+    return {"object": number, "rigid_node": rigid_node, "modal_node": modal_node,
+            "markers": markers}  # fmt: skip

@@ -1,0 +1,66 @@
+"""Basis vectors and lifted deformations on the mesh, for ParaView."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+
+from flexgram.geometry import Geometry
+from flexgram.meshfile import BodyError
+from flexgram.reduced import ReducedModel
+
+
+def _geometry(model: ReducedModel, body: str | Path | None) -> Geometry:
+    source = body or model.log.get("body")
+    if not source:
+        raise BodyError("the mesh is in the body file: name it (--body)")
+    return Geometry.load(source)
+
+
+def write_shapes(model: ReducedModel, path: Path, body: str | Path | None = None) -> None:
+    """Every basis vector as a vector field ``phi_001``, … on the body's mesh.
+
+    The format is by the suffix, any that meshio writes.
+    """
+    geometry = _geometry(model, body)
+    fields = {f"phi_{j + 1:03d}": field for j, field in enumerate(geometry.motion(model))}
+    mesh = meshio.Mesh(geometry.points, geometry.blocks, point_data=fields)
+    try:
+        meshio.write(path, mesh)
+    except (meshio.WriteError, KeyError) as error:
+        raise BodyError(f"{path}: meshio cannot write it ({error})") from error
+
+
+def write_motion(
+    model: ReducedModel, path: str | Path, t: Any, q: Any, body: str | Path | None = None
+) -> None:
+    """Deformation over time as XDMF for ParaView.
+
+    Parameters
+    ----------
+    model : ReducedModel
+        The body.
+    path : str or Path
+        ``.xdmf`` file; its data go beside it.
+    t, q : (n_t,), (n_t, m) arrays
+        Times [s] and generalised coordinates, as ``simulate`` gives them.
+    body : str or Path, optional
+        Body file with the mesh; default: the one that was reduced.
+    """
+    import os
+
+    geometry = _geometry(model, body)
+    target = Path(path).resolve()
+    here = os.getcwd()
+    os.chdir(target.parent)  # meshio puts the data file where it runs
+    try:
+        with meshio.xdmf.TimeSeriesWriter(target.name) as writer:
+            writer.write_points_cells(geometry.points, geometry.blocks)
+            for time, state in zip(t, np.asarray(q), strict=True):
+                field = geometry.motion(model, state)[0]
+                writer.write_data(float(time), point_data={"u": field})
+    finally:
+        os.chdir(here)

@@ -1,0 +1,159 @@
+"""Mesh of a body file with the motion of its nodes, for pictures and exporters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import h5py
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexgram.meshfile import BodyError
+from flexgram.reduced import Floats, ReducedModel
+
+Ints = NDArray[np.int64]
+
+#: Faces of solids by their corner nodes, in VTK's order, outward.
+FACES: dict[str, list[tuple[int, ...]]] = {
+    "tetra": [(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)],
+    "hexahedron": [(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6),
+                   (3, 0, 4, 7)],
+    "wedge": [(0, 2, 1), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)],
+}  # fmt: skip
+LINEAR = {"tetra10": "tetra", "hexahedron20": "hexahedron", "wedge15": "wedge"}
+
+
+@dataclass
+class Geometry:
+    """Nodes and elements of a body.
+
+    Attributes
+    ----------
+    points : (N, 3) array
+        [m]
+    labels : (N,) int array
+        As ``ReducedModel.node`` counts them.
+    blocks : list of (str, int array)
+        Meshio type and indices into ``points``.
+    followers : dict
+        Rigid interface -> (reference position [m], indices of the nodes that follow it).
+    interfaces : dict
+        Name -> indices of its nodes, for marking them.
+    """
+
+    points: Floats
+    labels: Ints
+    blocks: list[tuple[str, Ints]]
+    followers: dict[str, tuple[Floats, Ints]] = field(default_factory=dict)
+    interfaces: dict[str, Ints] = field(default_factory=dict)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Geometry:
+        """Read the mesh of a body file (of a mesh, or imported with a deck).
+
+        Raises
+        ------
+        BodyError
+            If the body has no mesh.
+        """
+        path = Path(path)
+        if not path.exists():
+            raise BodyError(f"{path}: no such file (the body file is needed for its mesh)")
+        with h5py.File(path) as file:
+            followers: dict[str, tuple[Floats, Ints]] = {}
+            interfaces: dict[str, Ints] = {}
+            if "mesh" in file:
+                group = file["mesh/blocks"]
+                blocks = [(str(g.attrs["type"]), g["connectivity"][:]) for g in group.values()]
+                points = file["mesh/points"][:]
+                for name, item in file["interfaces"].items() if "interfaces" in file else ():
+                    interfaces[name] = item["nodes"][:]
+                    if str(item.attrs["coupling"]) == "rigid":
+                        followers[name] = (np.array(item.attrs["position"]), item["nodes"][:])
+                return cls(points, np.arange(len(points)), blocks, followers, interfaces)
+            if "geometry/blocks" not in file or "nodes/position" not in file:
+                raise BodyError(f"{path}: the body has no mesh (import it with its deck)")
+            blocks = [(str(g.attrs["type"]), g["connectivity"][:])
+                      for g in file["geometry/blocks"].values()]  # fmt: skip
+            points = file["nodes/position"][:]
+            labels = file["nodes/id"][:] if "nodes/id" in file else np.arange(len(points))
+            followers = {
+                name: (points[nodes[0]], nodes[1:])
+                for name, nodes in (
+                    (n, d[:]) for n, d in file.get("geometry/followers", {}).items()
+                )
+            }
+            return cls(points, labels, blocks, followers,
+                       {name: nodes for name, (_, nodes) in followers.items()})  # fmt: skip
+
+    def motion(self, model: ReducedModel, q: ArrayLike | None = None) -> Floats:
+        """Displacements of all nodes [m], (k, N, 3), in generalised coordinates (k, m).
+
+        Nodes inside a rigid interface follow its ports; supported nodes rest.
+        """
+        shapes = np.atleast_2d(np.eye(model.order) if q is None else np.asarray(q, dtype=float))
+        labels, _, moved = model.nodal(shapes)
+        motion = np.zeros((len(shapes), len(self.points), 3))
+        order = np.argsort(self.labels)
+        at = np.minimum(np.searchsorted(self.labels, labels, sorter=order), len(order) - 1)
+        at = order[at]
+        known = self.labels[at] == labels
+        motion[:, at[known]] = moved[:, known]
+        for name, (reference, nodes) in self.followers.items():
+            ports = [model.inputs.index(f"{name}.{f}") if f"{name}.{f}" in model.inputs else -1
+                     for f in ("fx", "fy", "fz", "mx", "my", "mz")]  # fmt: skip
+            if min(ports) < 0:
+                continue
+            six = shapes @ model.B[:, ports]  # the ports' motion is Bᵀ q
+            arm = self.points[nodes] - reference
+            motion[:, nodes] = six[:, None, :3] + np.cross(six[:, None, 3:], arm[None])
+        return motion
+
+    def surface(self) -> Ints:
+        """Triangles of the outer surface by corner nodes, (T, 3)."""
+        faces: list[Ints] = []
+        for kind, nodes in self.blocks:
+            for face in FACES.get(LINEAR.get(kind, kind), []):
+                quad = nodes[:, face]
+                if quad.shape[1] == 3:
+                    quad = np.hstack([quad, quad[:, :1]])  # a triangle closes on itself
+                faces.append(quad)
+        if not faces:
+            return np.empty((0, 3), dtype=np.int64)
+        every = np.vstack(faces)
+        _, first, count = np.unique(np.sort(every, axis=1), axis=0, return_index=True,
+                                    return_counts=True)  # fmt: skip
+        outer = every[first[count == 1]]
+        triangles = [outer[:, :3]]
+        square = outer[:, 3] != outer[:, 0]
+        triangles.append(outer[square][:, [0, 2, 3]])
+        return np.vstack(triangles)
+
+
+def interface_motion(model: ReducedModel) -> dict[str, tuple[Floats, Floats]]:
+    """For each interface with six ports its translation and rotation, (3, m) each."""
+    found: dict[str, dict[str, int]] = {}
+    for i, port in enumerate(model.inputs):
+        name, _, force = port.rpartition(".")
+        found.setdefault(name, {})[force] = i
+    result = {}
+    for name, ports in found.items():
+        if {"fx", "fy", "fz", "mx", "my", "mz"} <= set(ports):
+            result[name] = (model.B[:, [ports[f] for f in ("fx", "fy", "fz")]].T,
+                            model.B[:, [ports[f] for f in ("mx", "my", "mz")]].T)  # fmt: skip
+    return result
+
+
+def interface_positions(model: ReducedModel) -> dict[str, Floats]:
+    """Reference positions [m] of the interfaces of a free body, from how its rigid modes move
+    them: the translation under the rotation e_a × x is e_a × x_reference."""
+    if "M_er" not in model.frame or model.frame["rigid_modes"] != 6:
+        raise BodyError("the positions of interfaces come from the rigid modes of a free body "
+                        "(-mor_method two_step, -mor_frame buckens)")  # fmt: skip
+    turns = model.frame["M_er"][:6, 3:]  # coordinates of the rotations about the origin
+    result = {}
+    for name, (translation, _) in interface_motion(model).items():
+        W = translation[:, :6] @ turns  # column a: e_a × x
+        result[name] = 0.5 * np.array([W[1, 2] - W[2, 1], W[2, 0] - W[0, 2], W[0, 1] - W[1, 0]])
+    return result

@@ -1,0 +1,249 @@
+"""Exporters: what other people's readers make of the files, and the transfer function from it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import h5py
+import meshio
+import numpy as np
+import pytest
+import scipy.io
+
+from bodies import box, write_body_file
+from conftest import assembled, run
+from flexgram import BodyError, ReducedModel
+from flexgram.exporters import export
+from flexgram.exporters.sid import DIALECTS, read_sid, taylor_terms
+from flexgram.geometry import Geometry, interface_motion, interface_positions
+
+SIZE = (0.3, 0.04, 0.03)
+OMEGA = 2 * np.pi * np.array([20.0, 180.0, 700.0, 1500.0])
+
+
+@pytest.fixture(scope="module", params=["rigid", "distributing"])
+def beam(request: Any, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """Body file and reduced file of a free beam with two interfaces."""
+    folder = tmp_path_factory.mktemp(request.param)
+    body, rom = folder / "beam.h5", folder / "beam.rom.h5"
+    mesh = box("tetra10", (8, 2, 2), SIZE)
+    interfaces = {name: {"coupling": request.param, "set": name} for name in ("start", "end")}
+    write_body_file(body, mesh, interfaces=interfaces, damping=(3, 2e-6, 0))
+    run("reduce", "-body", body, "-mor_band_hz", "10,2000", "-mor_tol", "1e-5", "-mor_out", rom)
+    return body, rom
+
+
+def transfer(M: Any, D: Any, K: Any, B: Any, C: Any) -> Any:
+    return np.array([C @ np.linalg.solve(K + 1j * w * D - w * w * M, B) for w in OMEGA])
+
+
+def assert_transfer(ours: Any, theirs: Any, tolerance: float = 1e-10) -> None:
+    assert np.linalg.norm(ours - theirs) <= tolerance * np.linalg.norm(ours)
+
+
+def test_matlab_numpy_state_space(beam: tuple[Path, Path], tmp_path: Path) -> None:
+    model = ReducedModel.load(beam[1])
+    H = model.transfer(OMEGA)
+    export(model, tmp_path / "beam.mat", "mat")
+    export(model, tmp_path / "beam.npz", "npz")
+    for data in (scipy.io.loadmat(tmp_path / "beam.mat"), np.load(tmp_path / "beam.npz")):
+        assert_transfer(H, transfer(*(data[name] for name in "MDKBC")))
+    names = scipy.io.loadmat(tmp_path / "beam.mat")["inputs"].ravel()
+    assert [str(x[0]) for x in names] == model.inputs
+    export(model, tmp_path / "ss.mat", "state-space")
+    A, B, C, D = (scipy.io.loadmat(tmp_path / "ss.mat")[name] for name in "ABCD")
+    eye = np.eye(len(A))
+    assert_transfer(H, np.array([C @ np.linalg.solve(1j * w * eye - A, B) + D for w in OMEGA]))
+
+
+def test_pymor(beam: tuple[Path, Path]) -> None:
+    pytest.importorskip("pymor")
+    from flexgram.exporters.arrays import to_pymor
+
+    model = ReducedModel.load(beam[1])
+    theirs = to_pymor(model)
+    values = np.array([theirs.transfer_function.eval_tf(1j * w) for w in OMEGA])
+    assert_transfer(model.transfer(OMEGA), values)
+
+
+def test_dmig_is_read_by_pynastran(beam: tuple[Path, Path], tmp_path: Path) -> None:
+    pytest.importorskip("pyNastran")
+    from pyNastran.bdf.bdf import BDF
+
+    model = ReducedModel.load(beam[1]).elastic()  # the rigid part cancels to fewer digits
+    export(model, tmp_path / "beam.pch", "dmig")
+    bulk = BDF(debug=None)
+    bulk.read_bdf(str(tmp_path / "beam.pch"), punch=True, xref=False)
+
+    def matrix(name: str, rows: int, columns: int) -> Any:
+        card = bulk.dmig[name]
+        full = np.zeros((rows, columns))
+        for j, i, value in zip(card.GCj, card.GCi, card.Real, strict=True):
+            full[i[0] - 1, j[0] - 1] = value
+            if card.matrix_form == 6:
+                full[j[0] - 1, i[0] - 1] = value
+        return full
+
+    m, p = model.order, len(model.inputs)
+    K, M, D, P = (matrix(f"{x}RED", m, p if x == "P" else m) for x in "KMBP")
+    # sixteen columns hold ten digits of a negative number
+    assert_transfer(model.transfer(OMEGA), transfer(M, D, K, P, model.C), 1e-7)
+    assert np.abs(K - model.K).max() <= 2e-10 * np.abs(model.K).max()
+    assert sorted(bulk.spoints) == list(range(1, m + 1))
+
+
+def test_shapes_are_read_by_meshio(beam: tuple[Path, Path], tmp_path: Path) -> None:
+    body, rom = beam
+    model = ReducedModel.load(rom)
+    export(model, tmp_path / "beam.vtu", "vtu", body=body)
+    mesh = meshio.read(tmp_path / "beam.vtu")
+    with h5py.File(body) as file:
+        assert np.allclose(mesh.points, file["mesh/points"][:])
+        assert mesh.cells[0].data.shape == file["mesh/blocks/0000/connectivity"].shape
+    # The first six are rigid: no point moves relative to another along their line.
+    a, b = 0, len(mesh.points) - 1
+    line = mesh.points[b] - mesh.points[a]
+    for j in range(6):
+        phi = mesh.point_data[f"phi_{j + 1:03d}"]
+        assert abs((phi[b] - phi[a]) @ line) < 1e-10 * np.abs(phi).max() * np.linalg.norm(line)
+    assert len(mesh.point_data) == model.order
+
+
+def test_motion_over_time_is_read_by_meshio(beam: tuple[Path, Path], tmp_path: Path) -> None:
+    from flexgram.exporters.shapes import write_motion
+
+    model = ReducedModel.load(beam[1])
+    q = np.eye(model.order)[:3]
+    write_motion(model, tmp_path / "run.xdmf", [0.0, 0.1, 0.2], q, body=beam[0])
+    with meshio.xdmf.TimeSeriesReader(tmp_path / "run.xdmf") as reader:
+        reader.read_points_cells()
+        steps = [reader.read_data(k) for k in range(reader.num_steps)]
+    assert [time for time, *_ in steps] == [0.0, 0.1, 0.2]
+    motion = Geometry.load(beam[0]).motion(model, q)
+    assert np.allclose([data["u"] for _, data, *_ in steps], motion)
+
+
+def test_interfaces_and_followers(beam: tuple[Path, Path]) -> None:
+    """Positions from the rigid modes; nodes of rigid interfaces move with the mesh around them."""
+    body, rom = beam
+    model = ReducedModel.load(rom)
+    geometry = Geometry.load(body)
+    with h5py.File(body) as file:
+        for name, at in interface_positions(model).items():
+            assert np.allclose(at, file[f"interfaces/{name}"].attrs["position"], atol=1e-9)
+    # a rigid translation by x in generalised coordinates
+    q = model.frame["M_er"][:, 0] * (np.arange(model.order) < 6)
+    motion = geometry.motion(model, q)[0]
+    assert np.allclose(motion, [1, 0, 0], atol=1e-9)
+    triangles = geometry.surface()
+    normal = np.cross(*(geometry.points[triangles[:, k]] - geometry.points[triangles[:, 0]]
+                        for k in (1, 2)))  # fmt: skip
+    volume = np.sum(geometry.points[triangles[:, 0]] * normal) / 6  # closed and outward
+    with h5py.File(rom) as file:
+        assert volume == pytest.approx(file["frame"].attrs["mass"] / 7850, rel=0.02)
+
+
+@pytest.mark.parametrize("dialect", DIALECTS)
+def test_sid_identities_and_round_trip(
+    beam: tuple[Path, Path], tmp_path: Path, dialect: str
+) -> None:
+    model = ReducedModel.load(beam[1])
+    body = model.elastic()
+    path = tmp_path / "beam.SID_FEM"
+    export(model, path, "sid", dialect=dialect)
+    sid = read_sid(path, dialect)
+    n = body.order
+    for name, (m0, m1) in taylor_terms(body).items():
+        assert np.allclose(sid[name][0], m0, rtol=1e-14, atol=0), name
+        assert (m1 is None) == (sid[name][1] is None)
+        if m1 is not None:
+            assert np.allclose(sid[name][1], m1, rtol=1e-14, atol=0), name
+    # identities of a SID (mode q, axis a)
+    Ct, Cr, J1 = sid["Ct"][0], sid["Cr"], sid["J"][1]
+    assert np.allclose(sid["mdCM"][1][:, :, 0], Ct)
+    C4 = -sid["Gr"][0].reshape(3, n, 3).transpose(1, 0, 2) / 2
+    assert np.allclose(
+        sid["Oe"][0],
+        [[c[0, 0], c[1, 1], c[2, 2], c[0, 1] + c[1, 0], c[1, 2] + c[2, 1], c[0, 2] + c[2, 0]]
+         for c in C4])  # fmt: skip
+    full = -(C4 + C4.transpose(0, 2, 1))
+    places = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
+    assert np.allclose(J1[:, :, 0], [[c[p] for p in places] for c in full])
+    Ge = sid["Ge"][0].reshape(n, n, 3)  # (j, mode, axis)
+    assert np.allclose(Ge, 2 * Cr[1].transpose(1, 0, 2))
+    # Buckens: no momentum
+    scale = np.sqrt(sid["mass"])
+    assert np.abs(Ct).max() < 1e-9 * scale and np.abs(Cr[0]).max() < 1e-9 * scale
+    assert np.allclose(sid["Me"][0], np.eye(n), atol=1e-10)
+    motion = interface_motion(body)
+    for node, (phi, psi) in zip(sid["nodes"].values(), motion.values(), strict=True):
+        assert np.allclose(node["origin"][1][:, :, 0], node["phi"][0].T)
+        assert np.allclose(node["phi"][0], phi) and np.allclose(node["psi"][0], psi)
+        for q, turn in enumerate(node["AP"][1]):
+            assert np.allclose(turn @ [1, 2, 3], np.cross(psi[:, q], [1, 2, 3]))
+    # the transfer function from the file (self-equilibrated part)
+    P = np.vstack([np.vstack([v["phi"][0], v["psi"][0]]) for v in sid["nodes"].values()])
+    K, M, D = (sid[name][0] for name in ("Ke", "Me", "De"))
+    assert_transfer(body.transfer(OMEGA), transfer(M, D, K, P.T, P))
+    with pytest.raises(BodyError, match="dialect"):
+        export(model, path, "sid", dialect="none")
+
+
+def test_exudyn_terms_against_its_own(beam: tuple[Path, Path], tmp_path: Path) -> None:
+    """The integrals against those that EXUDYN computes from the full matrices."""
+    pytest.importorskip("exudyn")
+    from exudyn.FEM import FEMinterface, ObjectFFRFreducedOrderInterface
+
+    body, rom = beam
+    model = ReducedModel.load(rom)
+    path = tmp_path / "beam.npz"
+    export(model, path, "exudyn", body=body)
+    loaded = ObjectFFRFreducedOrderInterface()
+    loaded.LoadFromFile(str(path))
+    if "rigid" in str(rom):  # its nodes with rotations have no place in EXUDYN's own computation
+        assert loaded.totalMass == pytest.approx(model.frame["mass"])
+        return
+    full = assembled(tmp_path / "full.h5", body)
+    order = np.lexsort((full["component"], full["node"]))
+    elastic = model.elastic()
+    ours = np.lexsort((model.component, model.node))
+    assert np.array_equal(full["node"][order], model.node[ours])
+    fem = FEMinterface()
+    fem.nodes = {"Position": full["position"][order][::3]}
+
+    fem.massMatrix, fem.stiffnessMatrix = (full[x][order][:, order].tocsr() for x in "MK")
+    fem.modeBasis = {"matrix": elastic.V[ours], "type": "flexgram"}
+    fem.surface, fem.postProcessingModes = [], {}
+    theirs = ObjectFFRFreducedOrderInterface(fem, roundMassMatrix=0, roundStiffnessMatrix=0)
+    expected = theirs.GetDictionary()
+    for key in ("massMatrixReduced", "stiffnessMatrixReduced", "inertiaLocal", "Mtt", "chiU",
+                "chiUtilde", "mPsiTildePsi", "mPsiTildePsiTilde", "mPhitTPsi", "mPhitTPsiTilde",
+                "mXRefTildePsi", "mXRefTildePsiTilde"):  # fmt: skip
+        value = np.asarray(expected[key])
+        scale = max(np.abs(value).max(), 1e-3)
+        assert np.shape(getattr(loaded, key)) == value.shape, key
+        assert np.abs(getattr(loaded, key) - value).max() <= 1e-9 * scale, key
+
+
+def test_what_cannot_be_exported(tmp_path: Path) -> None:
+    mesh = box("tetra10", (4, 1, 1), SIZE)
+    for name, eta, support in (("held", 0.0, {"start": [0, 1, 2]}), ("lossy", 0.01, {})):
+        body, rom = tmp_path / f"{name}.h5", tmp_path / f"{name}.rom.h5"
+        write_body_file(body, mesh, interfaces={"end": {"coupling": "rigid", "set": "end"}},
+                        supports=support, damping=(0, 0, eta))  # fmt: skip
+        run("reduce", "-body", body, "-mor_tol", "1e-3", "-mor_out", rom)
+    held, lossy = (ReducedModel.load(tmp_path / f"{x}.rom.h5") for x in ("held", "lossy"))
+    for model, format, expected in (
+        (held, "exudyn", "needs a free body with six rigid modes"),
+        (held, "sid", "needs the frame integrals"),
+        (lossy, "exudyn", "no structural damping"),
+        (lossy, "sid", "no structural damping"),
+        (lossy, "dmig", "PARAM,G"),
+        (lossy, "state-space", "no real time-domain"),
+        (held, "step", "must be one of"),
+    ):
+        with pytest.raises(BodyError, match=expected):
+            export(model, tmp_path / "x", format)
+    with pytest.raises(BodyError, match="no reduced file"):
+        ReducedModel.load(tmp_path / "held.h5")
