@@ -47,6 +47,7 @@ void write_log(Hdf5File& file, const ReducedModel& rom, const Options& options,
   file.set_attribute("/log", "body", rom.model.name);
   file.set_attribute("/log", "ranks", static_cast<double>(comm_size(rom.V.comm())));
   file.set_attribute("/log", "factorisations", static_cast<double>(rom.factorisations));
+  if (!rom.plan.empty()) file.set_attribute("/log", "plan", rom.plan);
   if (rom.medium_order > 0)
     file.set_attribute("/log", "medium_order", static_cast<double>(rom.medium_order));
   const double peak = max_over(rom.V.comm(), peak_memory_mb());

@@ -28,6 +28,7 @@ struct ReducedModel {
   std::optional<FrameIntegrals> integrals;
   double band[2] = {0, 0}; ///< [rad/s]
   int factorisations = 0;
+  std::vector<std::string> plan; ///< what was done and what was skipped, as printed
   int medium_order = 0; ///< of the model that it was cut from; 0: none
 };
 

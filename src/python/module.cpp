@@ -210,6 +210,8 @@ struct Reduction {
     f["dofs/position"] = body.model.position;
     f["log/seconds"] =
         std::map<std::string, double>(monitor->stages().begin(), monitor->stages().end());
+    f["log/plan"] = rom.plan;
+    f["log/body"] = body.model.name;
     f["log/warnings"] = monitor->warnings();
     f["log/factorisations"] = rom.factorisations;
     return f;

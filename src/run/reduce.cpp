@@ -113,6 +113,7 @@ ReducedModel reduce_body(const Body& body, const Settings& s, Plan& plan,
                                  : reduce_in_two_steps(body, s, plan, monitor);
   add_frame_integrals(rom, body, s, plan, monitor);
   plan.print(monitor);
+  rom.plan = plan.lines();
   return rom;
 }
 

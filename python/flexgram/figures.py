@@ -1,0 +1,172 @@
+"""Figures of a reduced body, one function each; ``report`` and ``plot`` put them together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+
+matplotlib.use("Agg")
+import h5py
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.figure import Figure
+
+from flexgram.geometry import Geometry
+from flexgram.meshfile import BodyError
+from flexgram.reduced import ReducedModel
+
+HZ = 1 / (2 * np.pi)
+FULL, REDUCED, BOUND = "#444444", "#0868ac", "#e08214"
+
+
+def _axes(width: float = 6.4, height: float = 3.6) -> tuple[Figure, Any]:
+    figure, axes = plt.subplots(figsize=(width, height), layout="constrained")
+    axes.grid(alpha=0.3)
+    return figure, axes
+
+
+def error(model: ReducedModel) -> Figure:
+    """Relative error (eq. 17) and its certified bound over the band."""
+    figure, axes = _axes()
+    hz = model.omega * HZ
+    if len(model.bound):
+        axes.semilogy(hz, model.bound, color=BOUND, label="certified bound" if
+                      model.kind == "certified" else "estimated bound")  # fmt: skip
+        axes.semilogy(hz, np.maximum(model.floor, 1e-17), ":", color=BOUND, lw=1,
+                      label="of it rounding")  # fmt: skip
+    style = "-" if len(model.bound) else "."
+    label = "error against the medium model" if len(model.bound) else "error"
+    axes.semilogy(hz, np.maximum(model.error, 1e-17), style, color=REDUCED, lw=1, label=label)
+    axes.set(xlabel="frequency [Hz]", ylabel="relative error of H")
+    axes.legend()
+    return figure
+
+
+def gramian(model: ReducedModel) -> Figure:
+    """Eigenvalues of the position Gramian with the order taken."""
+    if not len(model.sigma):
+        raise BodyError("the reduced file has no Gramian")
+    figure, axes = _axes()
+    sigma = model.sigma[: max(3 * model.order, 40)]
+    axes.semilogy(np.arange(1, len(sigma) + 1), np.maximum(sigma / sigma[0], 1e-32), ".-",
+                  color=REDUCED)  # fmt: skip
+    axes.axvline(model.order, color=BOUND, label=f"order m = {model.order}")
+    axes.axhline(np.sqrt(np.finfo(float).eps), color="gray", lw=0.8, ls=":",
+                 label="the paper's rule, √ε")  # fmt: skip
+    axes.set(xlabel="j", ylabel="σ_j / σ_1")
+    axes.legend()
+    return figure
+
+
+def transfer(
+    model: ReducedModel, sweep: Path | None = None, ports: list[tuple[str, str]] | None = None
+) -> Figure:
+    """|H_r| for chosen (output, input) pairs; with a sweep file |H| of the full body beside it."""
+    full, hz = None, np.linspace(model.band[0] * HZ, model.band[1] * HZ, 800)
+    inputs, outputs = model.inputs, model.outputs
+    if sweep is not None:
+        with h5py.File(sweep) as file:
+            hz, full = file["omega"][:] * HZ, file["H"][..., 0] + 1j * file["H"][..., 1]
+            names = [[str(x) for x in file["H"].attrs[k]] for k in ("inputs", "outputs")]
+        if names != [inputs, outputs]:
+            raise BodyError(f"{sweep}: its ports are not those of the reduced body")
+    H = model.transfer(hz / HZ)
+    if not ports:
+        strongest = np.argsort(-np.abs(np.einsum("kii->ki", H[:, : len(inputs), : len(outputs)]))
+                               .max(axis=0))  # fmt: skip
+        kinds = [next((i for i in strongest if inputs[i].split(".")[-1][0] == k), None)
+                 for k in "fm"]  # fmt: skip
+        chosen = [i for i in kinds if i is not None] or [int(strongest[0])]
+        ports = [(outputs[i], inputs[i]) for i in chosen]
+    figure, panels = plt.subplots(len(ports), 1, figsize=(6.4, 2.9 * len(ports)), squeeze=False,
+                                  layout="constrained", sharex=True)  # fmt: skip
+    for axes, (output, port) in zip(panels.flat, ports, strict=True):
+        if output not in outputs or port not in inputs:
+            raise BodyError(f"no port {output if output not in outputs else port}; there are "
+                            f"{', '.join(inputs)}")  # fmt: skip
+        i, j = outputs.index(output), inputs.index(port)
+        if full is not None:
+            axes.semilogy(hz, np.abs(full[:, i, j]), color=FULL, label="full body")
+        axes.semilogy(hz, np.abs(H[:, i, j]), "--" if full is not None else "-", color=REDUCED,
+                      label=f"reduced, m = {model.order}")  # fmt: skip
+        axes.set(ylabel="|H|", title=f"{output} from {port}")
+        axes.grid(alpha=0.3)
+        axes.legend()
+    panels[-1, 0].set(xlabel="frequency [Hz]")
+    return figure
+
+
+def stages(model: ReducedModel) -> Figure:
+    """Seconds of each stage."""
+    seconds = {k: float(v) for k, v in dict(model.log.get("seconds", {})).items()}
+    if not seconds:
+        raise BodyError("the reduced file has no times")
+    figure, axes = _axes(height=0.8 + 0.28 * len(seconds))
+    names = sorted(seconds, key=lambda name: seconds[name])
+    axes.barh(names, [seconds[name] for name in names], color=REDUCED)
+    axes.set(xlabel="time [s]")
+    return figure
+
+
+def shapes(model: ReducedModel, body: str | Path | None = None, count: int = 5) -> Figure:
+    """The mesh with its interfaces, and the first elastic basis vectors."""
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    geometry = Geometry.load(body or model.log.get("body") or "")
+    triangles = geometry.surface()
+    if not len(triangles):
+        raise BodyError("the body has no solid elements to draw")
+    if len(triangles) > 20000:  # a picture needs no more
+        triangles = triangles[:: len(triangles) // 20000 + 1]
+    first = model.frame["rigid_modes"] if model.frame["kind"] != "none" else 0
+    chosen = list(range(first, min(first + count, model.order)))
+    motion = geometry.motion(model, np.eye(model.order)[chosen])
+    size = float(np.ptp(geometry.points, axis=0).max())
+    columns = 3
+    rows = -(-(1 + len(chosen)) // columns)
+    figure = plt.figure(figsize=(3.4 * columns, 3.2 * rows), layout="constrained")
+    used = np.unique(triangles)
+    center = 0.5 * (geometry.points[used].max(axis=0) + geometry.points[used].min(axis=0))
+    for place in range(1 + len(chosen)):
+        axes = figure.add_subplot(rows, columns, place + 1, projection="3d")
+        points = geometry.points
+        color: Any = "#9ecae1"
+        if place:
+            field = motion[place - 1]
+            scale = 0.12 * size / max(np.abs(field[used]).max(), 1e-300)
+            points = points + scale * field
+            amount = np.linalg.norm(field[triangles].mean(axis=1), axis=1)
+            color = plt.cm.viridis(amount / max(amount.max(), 1e-300))
+        axes.add_collection3d(
+            Poly3DCollection(points[triangles], facecolor=color, edgecolor="#00000018", lw=0.2)
+        )
+        if not place:
+            for name, nodes in geometry.interfaces.items():
+                axes.plot(*geometry.points[nodes].T, ".", ms=2, label=name)
+            if geometry.interfaces:
+                axes.legend(fontsize=7, loc="upper left")
+        for axis, at in zip("xyz", center, strict=True):
+            getattr(axes, f"set_{axis}lim")(at - 0.55 * size, at + 0.55 * size)
+        axes.set_box_aspect((1, 1, 1))
+        axes.set_axis_off()
+        title = f"basis vector {chosen[place - 1] + 1}" if place else "body and interfaces"
+        axes.set_title(title, fontsize=9)
+    return figure
+
+
+FIGURES: dict[str, Callable[..., Figure]] = {
+    "error": error, "gramian": gramian, "transfer": transfer, "stages": stages, "shapes": shapes,
+}  # fmt: skip
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure; the suffix chooses the format."""
+    try:
+        figure.savefig(path, dpi=150)
+    except ValueError as failure:  # matplotlib does not know the suffix
+        raise BodyError(f"{path}: {failure}") from None
+    finally:
+        plt.close(figure)

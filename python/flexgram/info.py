@@ -1,0 +1,94 @@
+"""What a file of flexgram holds, in a few lines."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from flexgram.meshfile import BodyError
+from flexgram.reduced import ReducedModel
+
+
+def describe(path: str | Path) -> list[str]:
+    """Lines about a body of matrices, a mesh body, a reduced file or a sweep file.
+
+    Raises
+    ------
+    BodyError
+        If it is none of them.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise BodyError(f"{path}: no such file")
+    if not h5py.is_hdf5(path):
+        raise BodyError(f"{path}: not an HDF5 file")
+    with h5py.File(path) as file:
+        if "mesh" in file:
+            return _mesh(file)
+        if "gramian" not in file and "K" in file:
+            return _matrices(file)
+        if "H" in file:
+            hz = file["omega"][:] / (2 * np.pi)
+            lines = [
+                f"sweep of {len(hz)} frequencies, {hz[0]:g} to {hz[-1]:g} Hz, "
+                f"{file['H'].shape[1]} outputs, {file['H'].shape[2]} inputs"
+            ]
+            if "error" in file:
+                lines.append(
+                    f"reduced body beside it: error at most {file['error/relative'][:].max():.1e}"
+                )
+            return lines
+    model = ReducedModel.load(path, basis=False)
+    hz = model.band / (2 * np.pi)
+    lines = [
+        f"reduced body of order {model.order} by {model.method}"
+        + (f" ({model.second_stage})" if model.second_stage else ""),
+        f"band {hz[0]:g} to {hz[1]:g} Hz, error at most {model.certified_error:.1e} ({model.kind})",
+        f"inputs: {', '.join(model.inputs)}",
+    ]
+    if model.outputs != model.inputs:
+        lines.append(f"outputs: {', '.join(model.outputs)}")
+    frame = model.frame
+    lines.append(
+        f"frame: {frame['kind']}, {frame['rigid_modes']} rigid modes"
+        + (f", mass {float(frame['mass']):.6g} kg" if "mass" in frame else "")
+    )
+    elastic = model.modes[model.modes > 1e-6 * max(model.modes.max(initial=0), 1e-300)]
+    first = ", ".join(f"{w / (2 * np.pi):.5g}" for w in elastic[:6])
+    lines.append(f"elastic modes [Hz]: {first}{' …' if len(elastic) > 6 else ''}")
+    lines.append(f"from {model.log.get('body', 'an unknown body')}")
+    return lines
+
+
+def _mesh(file: h5py.File) -> list[str]:
+    blocks = [(str(b.attrs["type"]), len(b["connectivity"])) for b in file["mesh/blocks"].values()]
+    lines = [
+        f"mesh of {len(file['mesh/points'])} points: "
+        + ", ".join(f"{count} {kind}" for kind, count in blocks)
+    ]
+    for name, item in file.get("interfaces", {}).items():
+        lines.append(f"interface {name}: {item.attrs['coupling']}, {len(item['nodes'])} nodes")
+    return lines
+
+
+def _matrices(file: h5py.File) -> list[str]:
+    def shape(name: str) -> str:
+        item = file[name]
+        if isinstance(item, h5py.Group):
+            return f"{int(item.attrs['MATLAB_sparse'])} rows, {len(item['data'])} nonzeros"
+        return " × ".join(str(x) for x in item.shape)
+
+    lines = [f"body of matrices: {', '.join(f'{n}: {shape(n)}' for n in 'KMDBC' if n in file)}"]
+    names = file["B"].attrs.get("names") if "B" in file else None
+    if names is not None:
+        lines.append(f"inputs: {', '.join(str(n) for n in names)}")
+    damping = [
+        f"{n} = {float(file.attrs[n]):g}" for n in ("alpha", "beta", "eta") if file.attrs.get(n)
+    ]
+    if damping:
+        lines.append(f"damping: {', '.join(damping)}")
+    if "nodes/position" in file:
+        lines.append(f"{len(file['nodes/position'])} nodes with coordinates")
+    return lines

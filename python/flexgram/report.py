@@ -1,0 +1,186 @@
+"""One self-contained HTML page about a reduced body."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+from pathlib import Path
+from typing import Any
+
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.figure import Figure
+
+from flexgram import figures
+from flexgram.meshfile import BodyError
+from flexgram.reduced import ReducedModel
+
+STYLE = """
+:root { color-scheme: light; --ink: #1c2733; --soft: #5b6b7a; --line: #d8dee4; --accent: #0868ac; }
+body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); margin: 0 auto; max-width: 62rem;
+       padding: 1.5rem; }
+h1 { font-size: 1.7rem; margin: 0 0 .2rem; } h2 { font-size: 1.15rem; margin: 2rem 0 .6rem;
+       border-bottom: 1px solid var(--line); padding-bottom: .2rem; }
+.lead { color: var(--soft); margin: 0 0 1rem; }
+.cards { display: grid; gap: .8rem;
+       grid-template-columns: repeat(auto-fit, minmax(10.5rem, 1fr)); }
+.card { border: 1px solid var(--line); border-radius: .5rem; padding: .7rem; }
+.card b { display: block; font-size: 1.35rem; } .card span { color: var(--soft); font-size: .85rem; }
+.proved b { color: #1a7f37; } .guessed b { color: #b35900; }
+table { border-collapse: collapse; } td, th { padding: .15rem .9rem .15rem 0; text-align: left;
+       vertical-align: top; border-bottom: 1px solid #eef1f4; } th { color: var(--soft);
+       font-weight: 500; } td.n { text-align: right; font-variant-numeric: tabular-nums; }
+.skipped td { color: var(--soft); } figure { margin: 0; } img { max-width: 100%; height: auto; }
+.pair { display: grid; gap: 1rem;
+       grid-template-columns: repeat(auto-fit, minmax(24rem, 1fr)); }
+.warning { border-left: 4px solid #d4a72c; background: #fff8e1; padding: .5rem .8rem;
+       margin: .5rem 0; }
+details { margin-top: .6rem; } code { font-size: .85em; }
+"""
+
+
+def _image(figure: Figure, caption: str, raster: bool = False) -> str:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png" if raster else "svg", dpi=110)
+    plt.close(figure)
+    kind = "png" if raster else "svg+xml"
+    data = base64.b64encode(buffer.getvalue()).decode()
+    text = html.escape(caption)
+    return (f'<figure><img alt="{text}" src="data:image/{kind};base64,{data}">'
+            f"<figcaption class='lead'>{text}</figcaption></figure>")  # fmt: skip
+
+
+def _plan(lines: list[str]) -> str:
+    rows = []
+    for line in lines:
+        name, value = line[:17].strip(), line[17:].strip()
+        kind = ' class="skipped"' if name == "skipped" else ""
+        rows.append(f"<tr{kind}><th>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>")
+    return f"<table>{''.join(rows)}</table>"
+
+
+def _modes(model: ReducedModel, most: int = 40) -> str:
+    poles = model.poles()
+    poles = poles[poles.imag >= 0]
+    rows = []
+    rigid = int(np.sum(model.modes < 1e-6 * max(model.modes.max(initial=0), 1e-300)))
+    for j, omega in enumerate(model.modes[:most]):
+        if j < rigid:
+            rows.append(f"<tr><td class=n>{j + 1}</td><td class=n>0</td><td>rigid</td></tr>")
+            continue
+        near = poles[np.argmin(np.abs(np.abs(poles) - omega))]
+        zeta = -near.real / max(abs(near), 1e-300) + 0.5 * model.eta
+        inside = "" if model.band[0] <= omega <= model.band[1] else "outside the band"
+        rows.append(f"<tr><td class=n>{j + 1}</td><td class=n>{omega / (2 * np.pi):.6g}</td>"
+                    f"<td class=n>{100 * zeta:.3g} %</td><td>{inside}</td></tr>")  # fmt: skip
+    more = (
+        f"<p class=lead>and {len(model.modes) - most} higher</p>" if len(model.modes) > most else ""
+    )
+    return ("<table><tr><th>no.</th><th>frequency [Hz]</th><th>damping ratio</th><th></th></tr>"
+            f"{''.join(rows)}</table>{more}")  # fmt: skip
+
+
+def _cards(model: ReducedModel) -> str:
+    proved = model.kind == "certified"
+    hz = model.band / (2 * np.pi)
+    cards = [
+        (f"{model.certified_error:.1e}", "largest relative error over the band, "
+         + ("proved" if proved else "estimated, not proved"), "proved" if proved else "guessed"),
+        (f"{len(model.V):,} → {model.order}" if len(model.V) else str(model.order),
+         "degrees of freedom", ""),
+        (f"{hz[0]:g} – {hz[1]:g} Hz", "band", ""),
+        (f"{len(model.inputs)} / {len(model.outputs)}", "inputs / outputs", ""),
+    ]  # fmt: skip
+    seconds = sum(float(s) for s in dict(model.log.get("seconds", {})).values())
+    if seconds:
+        count = int(model.log.get("factorisations", 0))
+        cards.append((f"{seconds:.2f} s", f"{count} factorisations, "
+                      f"{int(model.log.get('ranks', 1))} rank(s)", ""))  # fmt: skip
+    peak = model.log.get("peak_memory_mb_per_rank")
+    if peak:
+        cards.append((f"{float(peak):.0f} MB", "peak memory on a rank", ""))
+    return "".join(f'<div class="card {kind}"><b>{value}</b><span>{html.escape(what)}</span></div>'
+                   for value, what, kind in cards)  # fmt: skip
+
+
+def write_report(
+    rom: str | Path,
+    output: str | Path,
+    *,
+    body: str | Path | None = None,
+    sweep: str | Path | None = None,
+    ports: list[tuple[str, str]] | None = None,
+) -> list[str]:
+    """Write the page.
+
+    Parameters
+    ----------
+    rom : str or Path
+        Reduced file.
+    output : str or Path
+        ``.html`` file to write; nothing else is needed to show it.
+    body : str or Path, optional
+        Body file, for the picture of the mesh; default: the one that was reduced, if it is there.
+    sweep : str or Path, optional
+        Sweep file of the full body with the same ports, to compare H with.
+    ports : list of (output, input), optional
+        Transfer functions to draw; default: the strongest force and moment.
+
+    Returns
+    -------
+    list of str
+        What could not be shown, and why.
+    """
+    model = ReducedModel.load(rom)
+    left: list[str] = []
+
+    def draw(name: str, caption: str, raster: bool = False, **arguments: Any) -> str:
+        try:
+            return _image(figures.FIGURES[name](model, **arguments), caption, raster)
+        except BodyError as reason:
+            left.append(f"{name}: {reason}")
+            return ""
+
+    log = model.log
+    warnings = log.get("warnings", [])
+    warnings = [warnings] if isinstance(warnings, str) else list(warnings)
+    options = dict(log.get("options", {}))
+    versions = ", ".join(f"{k} {v}" for k, v in dict(log.get("versions", {})).items())
+    how = model.method + (f", {model.second_stage}" if model.second_stage else "")
+    parts = [
+        f"<h1>{html.escape(Path(str(log.get('body', rom))).stem)}, reduced</h1>",
+        f"<p class=lead>{html.escape(str(log.get('body', '')))} by flexgram "
+        f"({html.escape(how)}), "
+        f"in {html.escape(Path(rom).name)}</p>",
+        f'<div class="cards">{_cards(model)}</div>',
+        *(f'<p class="warning">{html.escape(w)}</p>' for w in warnings),
+        "<h2>Error over the band</h2>",
+        draw("error", "Relative error of the transfer matrix, Frobenius norm, eq. (17) of Fehr, "
+             "Eberhard and Lehner."),
+        '<h2>Order and response</h2><div class="pair">',
+        draw("gramian", "Eigenvalues of the position Gramian over the band."),
+        draw("transfer", "Transfer functions" + (" of the full and the reduced body." if sweep else
+             " of the reduced body (name a sweep file to compare with the full one)."),
+             sweep=None if sweep is None else Path(sweep), ports=ports),
+        "</div>",
+    ]  # fmt: skip
+    picture = draw("shapes", "Surface with the nodes of the interfaces; elastic basis vectors, "
+                   "enlarged.", raster=True, body=body)  # fmt: skip
+    if picture:
+        parts += ["<h2>Shapes</h2>", picture]
+    parts += ["<h2>Plan: what was done, what was skipped and why</h2>",
+              _plan(list(log["plan"])) if "plan" in log else "<p>not stored</p>",
+              "<h2>Modes of the reduced body</h2>", _modes(model),
+              "<h2>Time by stage</h2>", draw("stages", "Wall clock."),
+              "<details><summary>All options</summary><table>",
+              *(f"<tr><th><code>{html.escape(k)}</code></th><td>{html.escape(str(v))}</td></tr>"
+                for k, v in options.items()),
+              f"</table></details><p class=lead>{html.escape(versions)}</p>"]  # fmt: skip
+    title = html.escape(Path(rom).name)
+    Path(output).write_text(
+        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
+        f'<meta name="viewport" content="width=device-width"><style>{STYLE}</style></head>'
+        f"<body>{''.join(parts)}</body></html>\n"
+    )
+    return left
