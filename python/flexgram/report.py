@@ -26,7 +26,8 @@ h1 { font-size: 1.7rem; margin: 0 0 .2rem; } h2 { font-size: 1.15rem; margin: 2r
 .cards { display: grid; gap: .8rem;
        grid-template-columns: repeat(auto-fit, minmax(10.5rem, 1fr)); }
 .card { border: 1px solid var(--line); border-radius: .5rem; padding: .7rem; }
-.card b { display: block; font-size: 1.35rem; } .card span { color: var(--soft); font-size: .85rem; }
+.card b { display: block; font-size: 1.35rem; }
+.card span { color: var(--soft); font-size: .85rem; }
 .proved b { color: #1a7f37; } .guessed b { color: #b35900; }
 table { border-collapse: collapse; } td, th { padding: .15rem .9rem .15rem 0; text-align: left;
        vertical-align: top; border-bottom: 1px solid #eef1f4; } th { color: var(--soft);

@@ -1,0 +1,244 @@
+"""flexgram.reduce in Python, ReducedModel, report and command line."""
+
+from __future__ import annotations
+
+import html.parser
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+import scipy.linalg
+
+import flexgram
+from conftest import ENVIRONMENT, ROOT, chain, rom_matrices, rom_transfer, run
+from flexgram.__main__ import main
+
+PYTHON = ROOT / ".venv" / "bin" / "python3"
+
+
+def python(code: str, *arguments: Any, ranks: int = 1) -> str:
+    command = ["mpirun", "-n", str(ranks), str(PYTHON), "-c", code, *map(str, arguments)]
+    done = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_file_like_the_program(rack: Path, tmp_path: Path, ranks: int) -> None:
+    theirs, ours = tmp_path / "program.h5", tmp_path / "python.h5"
+    run("reduce", "-body", rack, "-mor_tol", "1e-3", "-mor_out", theirs, ranks=ranks)
+    code = """
+import sys, flexgram
+rom = flexgram.reduce(sys.argv[1], band_hz=(10, 500), tol=1e-3)
+rom.save(sys.argv[2])
+assert rom.V.shape[0] == len(rom.node) == len(rom.component) == len(rom.position)
+assert rom.kind == "certified" and rom.certified_error <= 1e-3
+assert rom.log["factorisations"] == 2 and "krylov" in rom.log["seconds"]
+"""
+    python(code, rack, ours, ranks=ranks)
+    a, b = rom_matrices(theirs), rom_matrices(ours)
+    for omega in (100.0, 700.0, 3000.0):
+        assert np.allclose(rom_transfer(a, omega), rom_transfer(b, omega), rtol=1e-8)
+    with h5py.File(theirs) as x, h5py.File(ours) as y:
+        assert set(x) == set(y) and set(x["frame"]) == set(y["frame"])
+
+
+SCIPY = """
+import sys, numpy as np, scipy.sparse as sp, flexgram
+from mpi4py import MPI
+n = 300
+K = 1e6 * sp.diags([-np.ones(n - 1), np.r_[2 * np.ones(n - 1), 1], -np.ones(n - 1)], [-1, 0, 1])
+M = sp.diags([0.5 * np.ones(n - 1), 2 * np.ones(n), 0.5 * np.ones(n - 1)], [-1, 0, 1])
+B = np.zeros((n, 2)); B[-1, 0] = B[n // 2, 1] = 1
+C = np.zeros((1, n)); C[0, n // 3] = 1
+which = sys.argv[2]
+K, M = K.tocsr(), M.tocsr()
+if which == "scipy":
+    body = flexgram.Matrices(K, M, B, C=C, alpha=0.5, inputs=["tip", "middle"], outputs=["third"])
+else:
+    from petsc4py import PETSc
+    def mat(a):
+        m = PETSc.Mat().create(MPI.COMM_WORLD); m.setSizes((n, n)); m.setType("aij"); m.setUp()
+        first, last = m.getOwnershipRange()
+        r = a[first:last]
+        m.setPreallocationCSR((r.indptr, r.indices, r.data)); m.assemble()
+        return m, first, last
+    (Kp, first, last), (Mp, *_) = mat(K), mat(M)
+    body = flexgram.Matrices(Kp, Mp, B[first:last], C=C[:, first:last], alpha=0.5,
+                             inputs=["tip", "middle"], outputs=["third"])
+rom = flexgram.reduce(body, band_hz=(1, 20), tol=1e-5)
+if which == "petsc":
+    assert Kp.refcount >= 1 and abs(Kp.norm() - np.sqrt((K.multiply(K)).sum())) < 1e-3
+worst = 0
+for w in 2 * np.pi * np.linspace(1, 20, 23):
+    A = (K + 1j * w * 0.5 * M - w * w * M).tocsc()
+    exact = C @ sp.linalg.spsolve(A, B)
+    worst = max(worst, np.linalg.norm(rom.transfer(w) - exact) / np.linalg.norm(exact))
+assert worst <= rom.certified_error <= 1e-5, (worst, rom.certified_error)
+rom.save(sys.argv[1])
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("which", ["scipy", "petsc"])
+def test_matrices_in_memory(tmp_path: Path, which: str, ranks: int) -> None:
+    if which == "petsc":
+        pytest.importorskip("petsc4py")
+    code = SCIPY.replace("import sys,", "import scipy.sparse.linalg, sys,")
+    python(code, tmp_path / "rom.h5", which, ranks=ranks)
+    model = flexgram.ReducedModel.load(tmp_path / "rom.h5")
+    assert model.inputs == ["tip", "middle"] and model.outputs == ["third"]
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_errors_are_exceptions_on_every_rank(tmp_path: Path, ranks: int) -> None:
+    code = """
+import numpy as np, scipy.sparse as sp, flexgram
+from mpi4py import MPI
+K = sp.diags([2.0, 2.0, 2.0, 2.0]).tocsr()
+bad = K.copy().tolil(); bad[0, 1] = 0.5
+cases = [
+    (lambda: flexgram.reduce("nowhere.h5"), "cannot read nowhere.h5"),
+    (lambda: flexgram.reduce("x.h5", options={"mor_toll": 1}), "did you mean -mor_tol"),
+    (lambda: flexgram.reduce(flexgram.Matrices(bad.tocsr(), K, np.ones((4, 1)))), "triangle"),
+    (lambda: flexgram.reduce(flexgram.Matrices(K, K[:3, :3], np.ones((4, 1)))), "must be sparse"),
+    (lambda: flexgram.reduce(flexgram.Matrices(K, -K, np.ones((4, 1)))), "M"),
+    (lambda: flexgram.reduce(flexgram.Matrices(K, K, np.ones((4, 1))), (10, 20), method="best"),
+     "-mor_method"),
+]
+for call, expected in cases:
+    try:
+        call()
+    except flexgram.BodyError as error:
+        assert expected in str(error), str(error)
+    else:
+        raise AssertionError(expected)
+rom = flexgram.reduce(flexgram.Matrices(K, K, np.ones((4, 1))), (0.05, 0.1))  # and goes on
+assert MPI.COMM_WORLD.allreduce(1) == MPI.COMM_WORLD.size
+"""
+    python(code, ranks=ranks)
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> flexgram.ReducedModel:
+    folder = tmp_path_factory.mktemp("chain")
+    body = chain(alpha=0.05)
+    flexgram.write_matrices(folder / "chain.h5", **body)
+    run("reduce", "-body", folder / "chain.h5", "-mor_band_hz", "0.001,0.2", "-mor_tol", "1e-8",
+        "-mor_out", folder / "rom.h5")  # fmt: skip
+    return flexgram.ReducedModel.load(folder / "rom.h5")
+
+
+def test_simulate_is_exact_for_linear_inputs(model: flexgram.ReducedModel) -> None:
+    """Ramp and sine against the adaptive integration of the same equations."""
+    from scipy.integrate import solve_ivp
+
+    t = np.linspace(0, 40, 401)
+    A, B, C, _ = model.state_space()
+
+    def u(x: float) -> Any:
+        return [min(x, 10.0), np.interp(x, t, np.sin(0.4 * t))]
+
+    q0 = np.linspace(0, 1, model.order)
+    y, q = model.simulate(u, t, q0=q0)
+    truth = solve_ivp(lambda x, s: A @ s + B @ u(x), (0, 40), np.r_[q0, 0 * q0], t_eval=t,
+                      rtol=1e-10, atol=1e-12, max_step=0.1).y  # fmt: skip
+    assert np.abs(y - truth.T @ C.T).max() < 1e-7 * np.abs(y).max()
+    assert np.allclose(model.lift(q), q @ model.V.T)
+    with pytest.raises(flexgram.BodyError, match="evenly spaced"):
+        model.simulate(u, t**2)
+    with pytest.raises(flexgram.BodyError, match="3 columns, the body has 2 inputs"):
+        model.simulate(np.zeros((401, 3)), t)
+
+
+def test_poles(model: flexgram.ReducedModel) -> None:
+    poles = model.poles()
+    assert np.all(poles.real < 0) and len(poles) == 2 * model.order
+    omega = np.sqrt(scipy.linalg.eigh(model.K, model.M, eigvals_only=True))
+    assert np.allclose(np.sort(np.abs(poles))[::2], np.sort(omega), rtol=1e-8)
+
+
+class Page(html.parser.HTMLParser):
+    """Counts what a report must have; refuses anything that is not in the page itself."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.images, self.text, self.open = 0, "", 0
+
+    def handle_starttag(self, tag: str, attributes: Any) -> None:
+        values = dict(attributes)
+        for key in ("src", "href"):
+            assert values.get(key, "data:").startswith("data:"), values
+        self.images += tag == "img"
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+def test_report_and_figures(rack: Path, tmp_path: Path) -> None:
+    rom, sweep = tmp_path / "rack.rom.h5", tmp_path / "sweep.h5"
+    run("reduce", "-body", rack, "-mor_tol", "1e-2", "-mor_out", rom)
+    run("sweep", "-body", rack, "-mor_sweep_hz", "10,500,21", "-mor_sweep_out", sweep)
+    assert main(["report", str(rom), "--sweep", str(sweep), "-o", str(tmp_path / "r.html")]) == 0
+    page = Page()
+    page.feed((tmp_path / "r.html").read_text())
+    assert page.images == 5
+    for words in ("proved", "12 / 12", "skipped", "buckens", "Modes of the reduced body",
+                  "-mor_tol"):  # fmt: skip
+        assert words in page.text, words
+    for name in ("error", "gramian", "transfer", "stages", "shapes"):
+        for suffix in ("png", "svg", "pdf"):
+            path = tmp_path / f"{name}.{suffix}"
+            assert main(["plot", str(rom), "--figure", name, "-o", str(path)]) == 0
+            assert path.stat().st_size > 1000
+    assert main(["plot", str(rom), "-o", str(tmp_path / "all"), "--suffix", "svg"]) == 0
+    assert len(list((tmp_path / "all").iterdir())) == 5
+    shown = ["plot", str(rom), "--figure", "transfer", "--port", "upper.fz,lower.fz",
+             "--sweep", str(sweep), "-o", str(tmp_path / "t.png")]  # fmt: skip
+    assert main(shown) == 0
+
+
+def test_report_of_a_body_without_mesh(model: Any, tmp_path: Path, capsys: Any) -> None:
+    model.save(tmp_path / "rom.h5")
+    assert main(["report", str(tmp_path / "rom.h5"), "-o", str(tmp_path / "r.html")]) == 0
+    assert "left out shapes" in capsys.readouterr().out
+
+
+def test_commands(rack: Path, tmp_path: Path, capsys: Any) -> None:
+    rom = tmp_path / "rack.rom.h5"
+    run("reduce", "-body", rack, "-mor_tol", "1e-2", "-mor_out", rom)
+    assert main(["info", str(rom)]) == 0
+    said = capsys.readouterr().out
+    assert "two_step" in said and "mass 178.278 kg" in said and "certified" in said
+    assert main(["info", str(rack)]) == 0
+    assert "interface lower: rigid" in capsys.readouterr().out
+    csv = tmp_path / "out.csv"
+    force = ["--force", "upper.fz=-1e4*sin(20*pi*t)", "--force", "upper.fx=10*t"]
+    assert main(["simulate", str(rom), *force, "--time", "0,0.1,101", "-o", str(csv),
+                 "--xdmf", str(tmp_path / "m.xdmf")]) == 0  # fmt: skip
+    table = np.genfromtxt(csv, delimiter=",", names=True)
+    assert len(table) == 101 and len(table.dtype.names) == 13
+    assert np.abs(table["upperfz"]).max() > 0 and (tmp_path / "m.h5").exists()
+    for to, name in (("exudyn", "a.npz"), ("sid", "a.SID_FEM"), ("dmig", "a.pch"), ("mat", "a.mat"),
+                     ("npz", "b.npz"), ("state-space", "c.mat"), ("vtu", "a.vtu")):  # fmt: skip
+        assert main(["export", str(rom), "--to", to, "-o", str(tmp_path / name)]) == 0
+        assert (tmp_path / name).stat().st_size > 1000
+    capsys.readouterr()
+    for arguments, expected in (
+        (["info", str(tmp_path / "none.h5")], "no such file"),
+        (["info", str(csv)], "not an HDF5 file"),
+        (["report", str(rack), "-o", "x.html"], "no reduced file"),
+        (["export", str(rom), "--to", "mat", "--dialect", "dlr", "-o", "x"], "belongs to --to sid"),
+        (["simulate", str(rom), "--force", "upper=1", "-o", "x.csv"], "there is no port upper"),
+        (["simulate", str(rom), "--force", "upper.fz=open('x')", "-o", "x.csv"], "--force"),
+        (["plot", str(rom), "--figure", "modes", "-o", "x.png"], "must be one of"),
+        (["plot", str(rom), "--figure", "error", "-o", str(tmp_path / "x.doc")], "x.doc"),
+        (["import", "part.xyz", "-o", "x.h5"], "the format is not told by the name"),
+    ):
+        assert main(arguments) == 1
+        message = capsys.readouterr().err
+        assert message.startswith("flexgram: ") and expected in message, message
+        assert message.count("\n") == 1

@@ -1,0 +1,84 @@
+"""The worked examples run, and what they print is right."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from conftest import ENVIRONMENT, ROOT
+
+PYTHON = ROOT / ".venv" / "bin" / "python3"
+
+
+def example(name: str, *arguments: object, ranks: int = 1) -> str:
+    command = [str(PYTHON), str(ROOT / "examples" / name), *map(str, arguments)]
+    if ranks > 1:
+        command = ["mpirun", "-n", str(ranks), *command]
+    done = subprocess.run(command, cwd=ROOT, env=ENVIRONMENT, capture_output=True, text=True,
+                          timeout=300)  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def number(pattern: str, text: str) -> float:
+    found = re.search(pattern, text)
+    assert found, text
+    return float(found[1])
+
+
+def test_rack(tmp_path: Path) -> None:
+    out = example("rack.py", tmp_path)
+    assert number(r"error (\S+) \(certified\)", out) <= 1e-4
+    assert (tmp_path / "rack.html").stat().st_size > 50_000
+
+
+@pytest.mark.skipif(shutil.which("ccx") is None, reason="ccx is not installed")
+def test_calculix_part(tmp_path: Path) -> None:
+    pytest.importorskip("gmsh")
+    out = example("calculix_part.py", tmp_path)
+    assert "6 free rigid motions" in out
+    volume = 120 * 40 * 12 - np.pi * 8**2 * 12
+    assert number(r"mass (\S+) kg", out) == pytest.approx(7.85e-6 * volume, rel=2e-3)
+    assert (tmp_path / "part.SID_FEM").read_text().endswith("end part\n")
+
+
+def test_dolfinx_beam_on_one_and_two_ranks(tmp_path: Path) -> None:
+    pytest.importorskip("dolfinx")
+    modes = []
+    for ranks in (1, 2):
+        rom = tmp_path / f"beam{ranks}.h5"
+        out = example("dolfinx_beam.py", rom, ranks=ranks)
+        assert number(r"mass (\S+) kg, exact", out) == pytest.approx(18.84, rel=1e-9)
+        with h5py.File(rom) as file:
+            assert file["error"].attrs["kind"] == "certified"
+            assert file["error/bound"][:].max() <= 1e-4
+            modes.append(file["modes/omega"][6:10])
+    assert np.allclose(*modes, rtol=1e-6)
+    # Euler-Bernoulli, first bending in the thin direction, within the error of that theory
+    slender = 22.373 * np.sqrt(210e9 * 0.04**2 / 12 / 7850)
+    assert modes[0][0] == pytest.approx(slender, rel=0.02)
+
+
+def test_matlab_matrices(tmp_path: Path) -> None:
+    out = example("matlab_matrices.py", tmp_path)
+    assert number(r"closed solution: (\S+)", out) < 1e-3
+
+
+def test_exudyn_pendulum(tmp_path: Path) -> None:
+    pytest.importorskip("exudyn")
+    out = example("exudyn_pendulum.py", tmp_path)
+    # A rigid body of the rack's mass, centre and inertia turns as far within a degree.
+    from scipy.integrate import solve_ivp
+
+    mass, lever, inertia = 178.278, 0.45, 89.5985 - 178.278 * 0.3**2  # about the hinge line
+    end = solve_ivp(
+        lambda t, s: [s[1], mass * 9.81 * lever * np.cos(s[0]) / inertia], (0, 0.8), [0, 0],
+        rtol=1e-9,
+    ).y[0, -1]  # fmt: skip
+    assert number(r"turned by (\S+) degrees", out) == pytest.approx(np.degrees(end), abs=1.0)
