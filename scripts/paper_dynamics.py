@@ -34,8 +34,8 @@ sys.path.insert(0, str(ROOT / "tests" / "python"))
 sys.path.insert(0, str(ROOT / "scripts"))
 
 from bench_peers import ALPHA, BETA, clamped_rack  # noqa: E402
-from conftest import assembled, run  # noqa: E402
 
+from conftest import assembled, run  # noqa: E402
 from flexgram import ReducedModel  # noqa: E402
 
 OUT = ROOT / "out" / "paper"

@@ -29,7 +29,7 @@ struct ReducedModel {
   double band[2] = {0, 0}; ///< [rad/s]
   int factorisations = 0;
   std::vector<std::string> plan; ///< what was done and what was skipped, as printed
-  int medium_order = 0; ///< of the model that it was cut from; 0: none
+  int medium_order = 0;          ///< of the model that it was cut from; 0: none
 };
 
 /// Stores the resolved options as attributes of /log/options. Collective.

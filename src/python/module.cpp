@@ -249,12 +249,29 @@ std::unique_ptr<Reduction> reduce_call(std::intptr_t comm_handle, PythonBody* gi
   return result;
 }
 
+/// The registry, for the options reference.
+std::vector<std::map<std::string, std::string>> options() {
+  Settings settings;
+  Options registry(Options::Mode::describe);
+  settings.describe(registry);
+  std::vector<std::map<std::string, std::string>> result;
+  for (const auto& o : registry.all())
+    result.push_back({{"section", o.section},
+                      {"name", o.name},
+                      {"default", o.value},
+                      {"unit", o.unit},
+                      {"choices", o.choices},
+                      {"help", o.help}});
+  return result;
+}
+
 } // namespace
 } // namespace flexgram
 
 PYBIND11_MODULE(_flexgram, module) {
   using namespace flexgram;
   module.def("start", &start);
+  module.def("options", &options);
   py::class_<PythonBody>(module, "Body")
       .def(py::init<std::intptr_t, const std::string&>())
       .def("set_petsc", &PythonBody::set_petsc)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from conftest import chain, run
+from conftest import ROOT, chain, run
 from flexgram import write_matrices
 from flexgram.__main__ import main
 
@@ -46,3 +47,11 @@ def test_pictures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     ):
         assert main(["plot", *arguments]) == 1
         assert expected in capsys.readouterr().err
+
+
+def test_options_reference_is_up_to_date() -> None:
+    """docs/options.md is what scripts/options_reference.py makes of the registry."""
+    sys.path.insert(0, str(ROOT / "scripts"))
+    from options_reference import reference
+
+    assert (ROOT / "docs" / "options.md").read_text() == reference()

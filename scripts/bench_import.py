@@ -1,0 +1,89 @@
+"""Time and memory of importing a large CalculiX export.
+
+A generated Tet10 body is assembled by flexgram and its K and M are written as ccx writes them (its own
+export of 300k dofs would take an hour), with a deck; then ``python3 -m flexgram import`` is timed.
+
+    .venv/bin/python3 scripts/bench_import.py [--thousand 250] [--runs 3]
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import resource
+import statistics
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import scipy.sparse as sp
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "tests" / "python"))
+
+from bench_methods import SHAPES  # noqa: E402
+
+from bodies import box, write_body_file  # noqa: E402
+from conftest import assembled  # noqa: E402
+
+OUT = ROOT / "out" / "bench" / "import"
+
+
+def write_job(thousand: int) -> tuple[int, int]:
+    """The files of a job; returns rows and stored nonzeros of both matrices."""
+    counts, edges = SHAPES["block"]
+    mesh = box("tetra10", counts[thousand], edges, distort=False)
+    body = OUT / "body.h5"
+    write_body_file(body, mesh, interfaces={"start": {"set": "start", "coupling": "distributing"}})
+    full = assembled(OUT / "matrices.h5", body)
+    lines = 0
+    pattern = sp.triu(abs(full["K"]) + abs(full["M"])).tocoo()
+    order = np.lexsort((pattern.row, pattern.col))
+    row, column = pattern.row[order], pattern.col[order]
+    for suffix, name in (("sti", "K"), ("mas", "M")):
+        value = np.asarray(full[name].tocsr()[row, column]).ravel()
+        table = np.column_stack([row + 1, column + 1, value])
+        np.savetxt(OUT / f"job.{suffix}", table, fmt="%d %d %20.13e")
+        lines += len(table)
+    dofs = zip(full["node"] + 1, full["component"] + 1, strict=True)
+    (OUT / "job.dof").write_text("".join(f"{n}.{c}\n" for n, c in dofs))
+    with (OUT / "job.inp").open("w") as deck:
+        deck.write("*NODE\n")
+        np.savetxt(deck, np.column_stack([np.arange(len(mesh.points)) + 1, mesh.points]),
+                   fmt="%d, %.12g, %.12g, %.12g")  # fmt: skip
+        deck.write("*ELEMENT, TYPE=C3D10, ELSET=EALL\n")
+        cells = mesh.cells[0].data + 1
+        np.savetxt(deck, np.column_stack([np.arange(len(cells)) + 1, cells]), fmt="%d",
+                   delimiter=", ")  # fmt: skip
+        for name, nodes in mesh.point_sets.items():
+            deck.write(f"*NSET, NSET={name.upper()}\n" + "".join(f"{n + 1},\n" for n in nodes))
+    return full["K"].shape[0], lines
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--thousand", type=int, default=250, choices=[6, 30, 100, 250])
+    parser.add_argument("--runs", type=int, default=3)
+    options = parser.parse_args()
+    OUT.mkdir(parents=True, exist_ok=True)
+    n, lines = write_job(options.thousand)
+    command = [sys.executable, "-m", "flexgram", "import", str(OUT / "job.sti"), "--rigid",
+               "start=NSET:START", "-o", str(OUT / "imported.h5")]  # fmt: skip
+    seconds = []
+    for _ in range(options.runs):
+        start = time.perf_counter()
+        subprocess.run(command, check=True, env={**os.environ, "OPENBLAS_NUM_THREADS": "1"})
+        seconds.append(time.perf_counter() - start)
+    peak = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1e3
+    median = statistics.median(seconds)
+    text = sum((OUT / f"job.{s}").stat().st_size for s in ("sti", "mas")) / 1e6
+    stored = 12e-6 * 2 * lines  # both triangles, 8 bytes a value and 4 a column
+    print(f"n = {n}, {lines:.3g} lines, {text:.0f} MB of text: {median:.1f} s, "
+          f"{lines / median:.3g} nonzeros/s, peak {peak:.0f} MB = {peak / stored:.1f} times K and M "
+          f"in memory")  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()
