@@ -1,8 +1,8 @@
 """The paper's section 3.2 on our rack: figure 7 and table 1.
 
-The rack is clamped at its lower plate and loaded at the upper by F = (0, 0, -10000 sin(2 10 pi t)) N for
-one second, from rest. Full model and reduced bodies by the same integrator, PETSc's generalised alpha
-of second order (one factorisation, steps of 0.1 ms); the reduced bodies also exactly
+The rack is clamped at its lower plate and loaded at the upper by F = (0, 0, -10000 sin(2 10 pi t))
+N for one second, from rest. Full model and reduced bodies by the same integrator, PETSc's
+generalised alpha of second order (steps of 0.1 ms); the reduced bodies also exactly
 (``ReducedModel.simulate``), and in EXUDYN as free bodies with a floating frame, held by a joint.
 Computing times are of the integration alone, medians of five, relative to two-step.
 

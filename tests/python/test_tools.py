@@ -40,7 +40,7 @@ def test_pictures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
         assert main(["plot", str(sweep), "-o", str(tmp_path / name), *extra]) == 0
         assert (tmp_path / name).stat().st_size > 5000
     for arguments, expected in (
-        ([str(rom), "-o", "x.png"], "is no sweep file"),
+        ([str(body), "-o", "x.png"], "is no sweep file"),
         ([str(sweep), "--rom", str(sweep), "-o", "x.png"], "is no reduced file"),
         (["none.h5", "-o", "x.png"], "no such file"),
         ([str(sweep), "-o", str(tmp_path / "x.foo")], "x.foo"),
