@@ -47,7 +47,7 @@ def write_sparse(file: h5py.File, name: str, matrix: Any) -> None:
     group = file.create_group(name)
     group.attrs["MATLAB_class"] = np.bytes_("double")
     group.attrs["MATLAB_sparse"] = np.uint64(columns.shape[0])
-    group["data"] = columns.data.astype(np.float64)
+    group["data"] = columns.data.astype(np.float64, copy=False)
     group["ir"] = columns.indices.astype(np.uint64)
     group["jc"] = columns.indptr.astype(np.uint64)
 

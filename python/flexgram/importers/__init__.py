@@ -169,7 +169,15 @@ def import_matrices(
     points = np.vstack([fe.points, *new.values()]) if new else fe.points
     component = body["component"]
     turn = np.where(component >= 3, length, 1.0) if len(component) else np.ones(body["K"].shape[0])
-    S = sp.diags(turn)
+
+    def scaled(A: Any, factor: float) -> Any:
+        """In SI; by columns, as the file has it (the transpose of a symmetric matrix is itself)."""
+        if np.any(turn != 1):
+            A = sp.diags(turn) @ A @ sp.diags(turn)
+        if factor != 1:
+            A = factor * A
+        return A.T
+
     B = turn[:, None] * body["B"] / np.where(body["moment"], length, 1.0)
     places: dict[str, Any] = {"node": None, "component": None, "position": None, "ids": None}
     if len(component):
@@ -184,8 +192,8 @@ def import_matrices(
                 for name, nodes in body["followers"].items()
             }
     write_matrices(
-        output, force / length * (S @ body["K"] @ S), mass * (S @ body["M"] @ S), B,
-        D=None if body["D"] is None else mass * (S @ body["D"] @ S),
+        output, scaled(body["K"], force / length), scaled(body["M"], mass), B,
+        D=None if body["D"] is None else scaled(body["D"], mass),
         C=None if body["C"] is None else body["C"] * turn,
         inputs=body["inputs"], outputs=body["outputs"],
         alpha=fe.alpha if alpha is None else alpha, beta=fe.beta if beta is None else beta,

@@ -131,7 +131,14 @@ def attach(fe: FeMatrices, interfaces: list[Interface]) -> dict[str, Any]:
         if T is None:
             return A
         B = (T.T @ A @ T).tocsr()
-        return (0.5 * (B + B.T)).tocsr()
+        B.sort_indices()
+        mirrored = B.T.tocsr()
+        mirrored.sort_indices()
+        if not np.array_equal(B.indices, mirrored.indices):  # an entry cancelled on one side
+            return (0.5 * (B + mirrored)).tocsr()
+        B.data += mirrored.data  # else the sum needs no third matrix
+        B.data *= 0.5
+        return B
 
     n = len(node) if T is not None else fe.n
     columns: list[Any] = []
