@@ -166,8 +166,13 @@ def _select_nodes(
     used: NDArray[np.bool_],
     sets: Callable[[str], IntArray],
 ) -> IntArray:
-    """Nodes by set name, by list of 1-based numbers, or by a box in the mesh's own units."""
-    if isinstance(choice, dict):
+    """Nodes by set name, by list of 1-based numbers, or, in the mesh's own units, by a box or as
+    the one nearest to a place."""
+    if isinstance(choice, dict) and "at" in choice:
+        at = _Reader(choice, where, ("at",)).vector("at")
+        nodes = np.flatnonzero(used)
+        nodes = nodes[[np.argmin(np.linalg.norm(points[nodes] - at, axis=1))]]
+    elif isinstance(choice, dict):
         box = np.array(_Reader(choice, where, ("box",)).get("box"), dtype=float)
         if box.shape != (2, 3):
             raise BodyError(

@@ -274,6 +274,16 @@ def test_units_are_converted(tmp_path: Path) -> None:
         assert list(file["interfaces/far"].attrs["position"]) == [0.1, 0.01, 0.015]
 
 
+def test_a_node_by_its_place(tmp_path: Path) -> None:
+    millimetres(tmp_path)
+    tip = "nodes: {at: [101, 21, 31]}"
+    (tmp_path / "box.yaml").write_text(GOOD.replace("distributing, nodes: far", f"node, {tip}"))
+    import_body(tmp_path / "box.yaml", tmp_path / "box.h5")
+    with h5py.File(tmp_path / "box.h5") as file:
+        (node,) = file["interfaces/far/nodes"][:]
+        assert np.allclose(file["mesh/points"][int(node)], [0.1, 0.02, 0.03])
+
+
 def test_a_mesh_is_no_description(tmp_path: Path) -> None:
     millimetres(tmp_path)
     with pytest.raises(BodyError, match="not") as error:
