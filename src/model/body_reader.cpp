@@ -139,7 +139,7 @@ Matrix read_symmetric(const Hdf5File& file, const std::string& group, PetscInt n
     local = to_rows(file, group, read_columns(file, group, rows.begin, rows.size(), n));
   });
   Matrix matrix = make_sparse(file.comm(), rows, n, local);
-  require_symmetric(matrix, group.substr(1), file.path());
+  require_symmetric(matrix, group, "file " + file.path());
   return matrix;
 }
 
@@ -284,9 +284,10 @@ void require_symmetric(Mat matrix, const std::string& name, const std::string& s
     throw Error(text("%s: %s holds only one triangle; both are expected (in MATLAB: "
                      "K + triu(K,1)')",
                      source.c_str(), name.c_str()));
-  const char* kind = name == "K"   ? "circulatory forces"
-                     : name == "D" ? "gyroscopic forces"
-                                   : "no mass matrix has one";
+  const char which = name.back();
+  const char* kind = which == 'K'   ? "circulatory forces"
+                     : which == 'D' ? "gyroscopic forces"
+                                    : "no mass matrix has one";
   throw Error(
       text("%s: %s is not symmetric: (%lld, %lld) = %.17g but (%lld, %lld) = %.17g; its "
            "skew part (%s) is %.1e of it, and only symmetric matrices can be reduced",
