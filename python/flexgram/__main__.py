@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -367,8 +368,21 @@ COMMANDS: dict[
 }  # fmt: skip
 
 
+def mpi_rank() -> int:
+    """Rank under mpirun or srun, without starting MPI; 0 alone."""
+    for name in ("OMPI_COMM_WORLD_RANK", "PMI_RANK", "PMIX_RANK", "SLURM_PROCID"):
+        if os.environ.get(name, "").isdigit():
+            return int(os.environ[name])
+    return 0
+
+
 def main(arguments: list[str] | None = None) -> int:
-    """Run one command; errors are one line on standard error and exit status 1."""
+    """Run one command; errors are one line on standard error and exit status 1.
+
+    These commands are serial: under mpirun the first rank does the work, the others are done.
+    """
+    if mpi_rank() > 0:
+        return 0
     parser = argparse.ArgumentParser(
         prog="python3 -m flexgram",
         description="From FE codes to body files, and from reduced bodies to multibody codes and "

@@ -44,7 +44,7 @@ def describe(path: str | Path) -> list[str]:
     hz = model.band / (2 * np.pi)
     lines = [
         f"reduced body of order {model.order} by {model.method}"
-        + (f" ({model.second_stage})" if model.second_stage else ""),
+        + (f" ({model.second_stage})" if model.second_stage not in ("", model.method) else ""),
         f"band {hz[0]:g} to {hz[1]:g} Hz, error at most {model.certified_error:.1e} ({model.kind})",
         f"inputs: {', '.join(model.inputs)}",
     ]

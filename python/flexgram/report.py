@@ -148,7 +148,9 @@ def write_report(
     warnings = [warnings] if isinstance(warnings, str) else list(warnings)
     options = dict(log.get("options", {}))
     versions = ", ".join(f"{k} {v}" for k, v in dict(log.get("versions", {})).items())
-    how = model.method + (f", {model.second_stage}" if model.second_stage else "")
+    how = model.method + (
+        f", {model.second_stage}" if model.second_stage not in ("", model.method) else ""
+    )
     parts = [
         f"<h1>{html.escape(Path(str(log.get('body', rom))).stem)}, reduced</h1>",
         f"<p class=lead>{html.escape(str(log.get('body', '')))} by flexgram "

@@ -161,6 +161,18 @@ def test_poles(model: flexgram.ReducedModel) -> None:
     assert np.allclose(np.sort(np.abs(poles))[::2], np.sort(omega), rtol=1e-8)
 
 
+def test_command_line_under_mpirun(tmp_path: Path) -> None:
+    """One rank works, the others do not disturb it; a failure is the run's."""
+    body = tmp_path / "rack.h5"
+    for description, status in (("rack.yaml", 0), ("none.yaml", 1)):
+        command = ["mpirun", "-n", "2", str(PYTHON), "-m", "flexgram", "import",
+                   str(ROOT / "meshes" / description), "-o", str(body)]  # fmt: skip
+        done = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True, timeout=60)
+        assert done.returncode == status, done.stderr
+        assert (done.stdout + done.stderr).count("rack.h5: " if status == 0 else "none.yaml: ") == 1
+    assert h5py.is_hdf5(body)
+
+
 class Page(html.parser.HTMLParser):
     """Counts what a report must have; refuses anything that is not in the page itself."""
 
