@@ -33,8 +33,8 @@ class Matrices:
     inputs, outputs : sequence of str, optional
         Port names.
     node, component : int arrays, n, optional
-        Number (from 0) of each row's node, and 0-2 for its translation, 3-5 for its rotation. Helps
-        the ordering, and gives rigid modes and frame integrals.
+        Label of each row's node (any number), and 0-2 for its translation, 3-5 for its rotation.
+        Helps the ordering, and gives rigid modes and frame integrals.
     position : array, n x 3, optional
         Place of each row's node [m]. Like B by rows of this rank where the matrices are petsc4py's.
     name : str
@@ -78,53 +78,107 @@ def _communicator(comm: Any) -> Any:
     return MPI.COMM_WORLD
 
 
-def _hand_over(core: Any, matrices: Matrices, comm: Any) -> Any:
-    handle = comm.py2f()
-    body = core.Body(handle, matrices.name)
-    named = [("K", matrices.K), ("M", matrices.M), ("D", matrices.D)]
+def _agree(comm: Any, work: Any) -> Any:
+    """Do rank-local work; if it fails anywhere, every rank raises the first message."""
+    message, result = None, None
+    try:
+        result = work()
+    except (BodyError, ValueError, TypeError) as error:
+        message = str(error) or type(error).__name__
+    failed = [m for m in comm.allgather(message) if m is not None]
+    if failed:
+        raise BodyError(failed[0])
+    return result
+
+
+def _own_rows(matrices: Matrices, comm: Any) -> dict[str, Any]:
+    """What this rank hands over, checked: rows, CSR or handles, ports, places. Local."""
+    parts: dict[str, Any] = {}
     whole = sp.issparse(matrices.K)
-    for name, matrix in named:
+    for name in ("K", "M", "D"):
+        matrix = getattr(matrices, name)
         if matrix is None:
-            continue
+            if name == "D":
+                continue
+            raise BodyError(f"{name} is missing")
         if whole:
             if not sp.issparse(matrix) or matrix.shape != matrices.K.shape:
                 raise BodyError(f"{name} must be sparse and {matrices.K.shape} like K")
             if np.iscomplexobj(matrix.data):
                 raise BodyError(f"{name} is complex; K (1 + i eta) is K with eta=...")
-            rows = sp.csr_matrix(matrix)
-            n, size, rank = rows.shape[0], comm.size, comm.rank
+            n, size, rank = matrix.shape[0], comm.size, comm.rank
+            if matrix.shape[1] != n:
+                raise BodyError(f"{name} is {matrix.shape}, expected a square matrix")
             first = rank * (n // size) + min(rank, n % size)
             last = first + n // size + (rank < n % size)
-            mine = rows[first:last]
-            mine.sort_indices()
-            body.set_csr(name, first, last, n, mine.indptr, mine.indices, mine.data)
+            mine = sp.csr_matrix(matrix)[first:last].astype(np.float64)
+            mine.sum_duplicates()
+            parts[name] = (first, last, n, mine.indptr, mine.indices, mine.data)
         elif hasattr(matrix, "handle"):
-            body.set_petsc(name, matrix.handle)
+            if matrix.comm.size != comm.size:
+                raise BodyError(f"{name} lives on {matrix.comm.size} ranks, comm has {comm.size}")
+            first, last = matrix.getOwnershipRange()
+            parts[name] = matrix.handle
         else:
             raise BodyError(f"{name} must be a SciPy sparse or petsc4py matrix, not "
                             f"{type(matrix).__name__}")  # fmt: skip
-    first, last = body.rows()
+        if parts.setdefault("rows", (first, last)) != (first, last):
+            raise BodyError(f"{name} is not split over the ranks like K")
+    first, last = parts["rows"]
     mine_of = slice(first, last) if whole else slice(None)
 
     def dense(value: Any) -> Any:
-        return np.asarray(value.toarray() if sp.issparse(value) else value, dtype=float)
+        return np.atleast_2d(np.asarray(value.toarray() if sp.issparse(value) else value, float))
 
-    B = np.atleast_2d(dense(matrices.B))[mine_of]
-    C = None if matrices.C is None else np.atleast_2d(dense(matrices.C)).T[mine_of]
+    B = dense(matrices.B)[mine_of]
+    C = None if matrices.C is None else dense(matrices.C).T[mine_of]
+    for name, block in (("B", B), ("C", C)):
+        if block is not None and len(block) != last - first:
+            raise BodyError(f"{name} has {len(block)} entries along the {last - first} rows of "
+                            "K that this rank has")  # fmt: skip
+        if block is not None and not np.all(np.isfinite(block)):
+            raise BodyError(f"{name} holds NaN or Inf")
     inputs = list(matrices.inputs or [f"u{i + 1}" for i in range(B.shape[1])])
     outputs = (inputs if C is None
                else list(matrices.outputs or [f"y{i + 1}" for i in range(C.shape[1])]))  # fmt: skip
     if len(inputs) != B.shape[1] or (C is not None and len(outputs) != C.shape[1]):
         raise BodyError("the names of inputs and outputs do not fit B and C")
-    body.set_ports(B, C, inputs, outputs)
+    parts["ports"] = (B, C, inputs, outputs)
+    if matrices.node is not None:
+        shapes = {"node": (last - first,), "component": (last - first,),
+                  "position": (last - first, 3)}  # fmt: skip
+        for name, shape in shapes.items():
+            value = getattr(matrices, name)
+            if value is None:
+                parts[name] = None
+                continue
+            parts[name] = np.asarray(value)[mine_of]
+            if parts[name].shape != shape:
+                raise BodyError(f"{name} has shape {parts[name].shape}, expected {shape}")
+        component = parts["component"]
+        if (
+            component is not None
+            and len(component)
+            and (component.min() < 0 or component.max() > 5)
+        ):
+            raise BodyError("component must be 0 to 2 (translations) or 3 to 5 (rotations)")
+    return parts
+
+
+def _hand_over(core: Any, matrices: Matrices, comm: Any) -> Any:
+    parts = _agree(comm, lambda: _own_rows(matrices, comm))
+    body = core.Body(comm.py2f(), matrices.name)
+    for name in ("K", "M", "D"):
+        if isinstance(parts.get(name), tuple):
+            body.set_csr(name, *parts[name])
+        elif name in parts:
+            body.set_petsc(name, parts[name])
+    body.set_ports(*parts["ports"])
     body.set_damping(matrices.alpha, matrices.beta, matrices.eta)
     if matrices.node is not None:
-        part = [None if a is None else np.asarray(a)[mine_of]
-                for a in (matrices.node, matrices.component, matrices.position)]  # fmt: skip
-        for name, array in zip(("node", "component", "position"), part, strict=True):
-            if array is not None and len(array) != last - first:
-                raise BodyError(f"{name} has {len(array)} entries for {last - first} rows")
-        body.set_dofs(*part)
+        labels = np.unique(np.concatenate(comm.allgather(np.unique(parts["node"]))))
+        body.set_dofs(np.searchsorted(labels, parts["node"]), parts["node"], parts["component"],
+                      parts["position"])  # fmt: skip
     return body
 
 

@@ -227,13 +227,15 @@ class ReducedModel:
         """
         times = np.asarray(t, dtype=float)
         steps = np.diff(times)
-        if len(steps) == 0 or np.any(np.abs(steps - steps[0]) > 1e-9 * abs(steps[0])):
-            raise BodyError("simulate: t must be two or more evenly spaced times")
-        forces = np.array([np.asarray(u(x), dtype=float) for x in times] if callable(u) else u,
-                          dtype=float).reshape(len(times), -1)  # fmt: skip
-        if forces.shape[1] != self.B.shape[1]:
-            raise BodyError(f"simulate: u has {forces.shape[1]} columns, the body has "
-                            f"{self.B.shape[1]} inputs: {', '.join(self.inputs)}")  # fmt: skip
+        if len(steps) == 0 or not np.all(steps > 0) or np.ptp(steps) > 1e-9 * steps[0]:
+            raise BodyError("simulate: t must be two or more evenly spaced, rising times")
+        forces = np.array([np.ravel(u(x)) for x in times] if callable(u) else u, dtype=float)
+        if forces.ndim == 1:
+            forces = forces[:, None]
+        if forces.shape != (len(times), self.B.shape[1]):
+            raise BodyError(f"simulate: u is {' × '.join(map(str, forces.shape))}, expected "
+                            f"{len(times)} times × {self.B.shape[1]} inputs: "
+                            f"{', '.join(self.inputs)}")  # fmt: skip
         A, B, _, _ = self.state_space()
         n, p, h = len(A), B.shape[1], steps[0]
         # exp of [[A, B, 0], [0, 0, I/h], [0, 0, 0]] h: x⁺ = Φ x + Γ_0 u + Γ_1 (u⁺ - u)
@@ -287,10 +289,12 @@ class ReducedModel:
     def elastic(self) -> ReducedModel:
         """The body in its own frame: without the rigid basis vectors.
 
+        Damping of the rigid motion by ``alpha M`` is left out.
+
         Raises
         ------
         BodyError
-            If rigid motion is mixed into the basis (``-mor_frame none``, ``pod`` of a free body).
+            If dampers hold the body against the ground, or if rigid motion is mixed into the basis (``-mor_frame none``, ``pod`` of a free body).
         """
         count = self.frame["rigid_modes"]
         if count == 0:
@@ -300,6 +304,12 @@ class ReducedModel:
                             "-mor_method pod): reduce with -mor_method two_step and -mor_frame "
                             "buckens for a floating frame")  # fmt: skip
         keep = slice(count, None)
+        drag = float(np.trace(self.D[:count, :count]) / np.trace(self.M[:count, :count]))
+        beyond = self.D[:count] - drag * self.M[:count]  # alpha M damps rigid motion too
+        if np.abs(beyond).max() > 1e-6 * max(np.abs(self.D).max(), 1e-300):
+            raise BodyError("dampers act on the rigid motion of the body; a floating frame keeps "
+                            "only the damping of its deformation: put them into the multibody "
+                            "model instead")  # fmt: skip
         part = object.__new__(ReducedModel)
         part.__dict__.update(self.__dict__)
         part.M, part.D, part.K = (a[keep, keep] for a in (self.M, self.D, self.K))

@@ -95,6 +95,13 @@ struct PythonBody {
     local.start.assign(start_of.data(), start_of.data() + start_of.size());
     local.column.assign(column.data(), column.data() + column.size());
     local.value.assign(value.data(), value.data() + value.size());
+    agree(body.model.comm, [&] {
+      for (std::size_t i = 0; i + 1 < local.start.size(); ++i)
+        for (PetscInt k = local.start[i] + 1; k < local.start[i + 1]; ++k)
+          if (local.column[static_cast<std::size_t>(k)] <=
+              local.column[static_cast<std::size_t>(k) - 1])
+            throw Error(text("%s: columns of a row must rise", which.c_str()));
+    });
     set(which, make_sparse(body.model.comm, {first, last}, n, local));
   }
   void set_ports(const Array& B, const std::optional<Array>& C_transposed,
@@ -109,10 +116,18 @@ struct PythonBody {
   void set_damping(double alpha, double beta, double eta) {
     body.model.damping = {alpha, beta, eta};
   }
-  void set_dofs(const Rows& node, const std::optional<Rows>& component,
+  void set_dofs(const Rows& node, const Rows& label, const std::optional<Rows>& component,
                 const std::optional<Array>& position) {
     SecondOrderModel& m = body.model;
+    agree(m.comm, [&] {
+      const auto rows = static_cast<py::ssize_t>(m.rows.size());
+      if (node.size() != rows || label.size() != rows ||
+          (component && component->size() != rows) ||
+          (position && position->size() != 3 * rows))
+        throw Error("node, component and position must fit the rows of this rank");
+    });
     m.node.assign(node.data(), node.data() + node.size());
+    m.label.assign(label.data(), label.data() + label.size());
     if (component)
       m.component.assign(component->data(), component->data() + component->size());
     if (position)
@@ -246,6 +261,9 @@ std::unique_ptr<Reduction> reduce_call(std::intptr_t comm_handle, PythonBody* gi
   }
   result->rom = reduce_body(result->body, settings, plan, *result->monitor);
   print_summary(*result->monitor, comm);
+  SecondOrderModel& full = result->body.model; // its file needs no more than the dof map
+  for (Matrix* matrix : {&full.K, &full.M, &full.D}) *matrix = Matrix();
+  for (Block* ports : {&full.B, &full.C}) *ports = Block();
   return result;
 }
 

@@ -150,7 +150,7 @@ def test_simulate_is_exact_for_linear_inputs(model: flexgram.ReducedModel) -> No
     assert np.allclose(model.lift(q), q @ model.V.T)
     with pytest.raises(flexgram.BodyError, match="evenly spaced"):
         model.simulate(u, t**2)
-    with pytest.raises(flexgram.BodyError, match="3 columns, the body has 2 inputs"):
+    with pytest.raises(flexgram.BodyError, match="401 × 3, expected 401 times × 2 inputs"):
         model.simulate(np.zeros((401, 3)), t)
 
 

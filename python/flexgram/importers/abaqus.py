@@ -6,9 +6,10 @@ import re
 from pathlib import Path
 
 import numpy as np
+import scipy.sparse as sp
 
 from flexgram.importers.deck import read_deck
-from flexgram.importers.fe import FeMatrices, check_indices, read_triplets, symmetric
+from flexgram.importers.fe import FeMatrices, check_indices, folded, read_triplets, symmetric
 from flexgram.meshfile import BodyError
 
 
@@ -41,22 +42,21 @@ def read_abaqus(path: Path, deck: Path | None = None) -> FeMatrices:
     model = read_deck(deck) if deck is not None else None
     if "," in _first_line(stiffness):  # node, dof, node, dof, value
         tables = {file: read_triplets(file, 5) for file in (stiffness, mass)}
-        keys = np.unique(
-            np.vstack([t[:, 2 * side : 2 * side + 2] for t in tables.values() for side in (0, 1)]),
-            axis=0,
-        ).astype(np.int64)
-        code = keys[:, 0] * 8 + keys[:, 1]
-        n = len(keys)
+        ends = [t[:, c].astype(np.int64) * 8 + t[:, c + 1].astype(np.int64)
+                for t in tables.values() for c in (0, 2)]  # fmt: skip
+        code = np.unique(np.concatenate([np.unique(end) for end in ends]))
+        n = len(code)
 
-        def build(file: Path) -> object:
+        def build(file: Path) -> sp.csr_matrix:
             table = tables[file]
             index = [
                 np.searchsorted(code, (table[:, c] * 8 + table[:, c + 1]).astype(np.int64))
                 for c in (0, 2)
             ]
-            return symmetric(file, index[0], index[1], table[:, 4], n)
+            return folded(file, index[0], index[1], table[:, 4], n)
 
-        node, component = keys[:, 0], keys[:, 1] - 1
+        component = code % 8 - 1
+        node = (code - component - 1) // 8
         if component.min() < 0 or component.max() > 5:
             raise BodyError(f"{stiffness}: dof {component.max() + 1} is no displacement or "
                             "rotation (1 to 6)")  # fmt: skip
@@ -91,6 +91,8 @@ def read_abaqus(path: Path, deck: Path | None = None) -> FeMatrices:
             f"{int(np.sum(fe.node < 0))} rows belong to internal nodes (negative labels): no "
             "coordinates are kept"
         )
+    if model is not None:
+        fe.remarks += model.remarks
     if model is None:
         fe.remarks.append("no deck: no coordinates, no node sets (--deck names it)")
     else:

@@ -77,10 +77,20 @@ def read_calculix(path: Path, deck: Path | None = None) -> FeMatrices:
         raise BodyError(f"{deck}: *TRANSFORM: CalculiX writes these rows in local axes; take the "
                         "card out before exporting")  # fmt: skip
     fe.labels, fe.points, fe.sets, fe.blocks = model.labels, model.points, model.sets, model.blocks
-    for name, (reference, rotation) in model.rigid.items():
+    fe.remarks += model.remarks
+    # ccx numbers a rotation node that the deck does not name by itself: a label of its own with
+    # three rows, in the order of the rigid bodies.
+    unnamed = [name for name, (_, rotation) in model.rigid.items() if rotation is None]
+    strangers = [n for n in np.unique(fe.node[~np.isin(fe.node, fe.labels)])
+                 if np.sum(fe.node == n) == 3]  # fmt: skip
+    made = dict(zip(unnamed, strangers, strict=False)) if len(strangers) == len(unnamed) else {}
+    for name, (reference, named) in model.rigid.items():
         # The rotation node's "translations" are the rotations of the reference node.
+        rotation = named if named is not None else made.get(name)
         turns = fe.node == rotation
-        if rotation == reference or not turns.any():
+        if rotation is None or rotation == reference or not turns.any():
+            fe.remarks.append(f"*RIGID BODY {name}: its rotation rows are not known (give it a ROT "
+                              "NODE); its reference node has translations only")  # fmt: skip
             continue
         fe.node[turns] = reference
         fe.component[turns] += 3
@@ -109,14 +119,19 @@ def run_ccx(deck: Path, folder: Path) -> Path:
     if not deck.exists():
         raise BodyError(f"{deck}: no such file")
     folder.mkdir(parents=True, exist_ok=True)
-    kept = []
+    kept: list[str] = []
+    in_step, boundary, steps = False, False, 0
     for line in deck.read_text(errors="replace").splitlines():
-        if line.upper().replace(" ", "").startswith("*STEP"):
-            break
-        if line.upper().startswith("*INCLUDE"):  # paths are relative to the deck
+        word = line.upper().replace(" ", "")
+        if word.startswith("*STEP"):
+            in_step, steps = True, steps + 1
+        if word.startswith("*INCLUDE"):  # paths are relative to the deck
             head, _, name = line.partition("=")
             line = f"{head}={(deck.parent / name.strip()).resolve()}"
-        kept.append(line)
+        if in_step and word.startswith("*") and not word.startswith("**"):
+            boundary = word.startswith("*BOUNDARY")
+        if not in_step or (boundary and steps == 1):  # supports of the first step hold the body
+            kept.append(line)
     job = folder / deck.name
     job.write_text("\n".join(kept) + "\n" + STEP)
     for suffix in (".sti", ".mas", ".dof"):  # never take an old result for a new one

@@ -35,16 +35,22 @@ def _from_hdf5(path: Path) -> dict[str, Any]:
             if isinstance(item, h5py.Group) and "MATLAB_sparse" in item.attrs:
                 start = item["jc"][:]
                 shape = (int(item.attrs["MATLAB_sparse"]), len(start) - 1)
+                if "ir" in item and item["data"].dtype.kind != "f":
+                    raise BodyError(f"{path}: {name} is complex or not of doubles")
                 parts = (item["data"][:], item["ir"][:], start) if "ir" in item else ([], [], start)
                 values[name] = sp.csc_matrix(parts, shape=shape)
-            elif isinstance(item, h5py.Dataset) and item.dtype.kind == "f":
+            elif isinstance(item, h5py.Dataset) and item.dtype.kind in "fiu":
                 values[name] = item[:].T if item.ndim == 2 else item[()]
     return values
 
 
 def read_matlab(path: Path) -> FeMatrices:
     """Read ``K``, ``M``, ``B`` (and ``D``, ``C``, ``alpha``, ``beta``, ``eta``, ``node``,
-    ``component``, ``position``) from a MATLAB file of any version."""
+    ``component``, ``position``) from a MATLAB file of any version.
+
+    ``node`` is the row (from 1) of ``position`` (nodes x 3) for each row of the matrices,
+    ``component`` its direction, 0 to 5.
+    """
     if not path.exists():
         raise BodyError(f"{path}: no such file")
     try:
@@ -73,6 +79,13 @@ def read_matlab(path: Path) -> FeMatrices:
         fe.component = np.ravel(values["component"]).astype(np.int64)
         fe.points = np.asarray(values["position"], dtype=float)
         fe.labels = np.arange(1, len(fe.points) + 1)
+        if len(fe.node) != fe.n or len(fe.component) != fe.n:
+            raise BodyError(f"{path}: node and component need an entry for each of the {fe.n} rows")
+        if fe.points.ndim != 2 or fe.points.shape[1] != 3:
+            raise BodyError(f"{path}: position must be nodes × 3")
+        if fe.component.min() < 0 or fe.component.max() > 5 or 0 not in fe.component:
+            raise BodyError(f"{path}: component must be 0, 1, 2 (translations) or 3, 4, 5 "
+                            "(rotations); node counts from 1")  # fmt: skip
     return fe
 
 
@@ -91,6 +104,13 @@ def _petsc_matrix(path: Path) -> sp.csr_matrix:
         lengths = np.fromfile(file, dtype=">i4", count=rows)
         index = np.fromfile(file, dtype=">i4", count=count)
         value = np.fromfile(file, dtype=">f8", count=count)
+        rest = len(file.read())
+    if rest == 8 * count and count:
+        raise BodyError(
+            f"{path}: written by a PETSc with complex scalars; write it with a real one"
+        )
+    if rest:
+        raise BodyError(f"{path}: {rest} bytes follow the matrix: one Mat to a file is expected")
     if len(value) != count or len(lengths) != rows:
         raise BodyError(f"{path}: truncated: {len(value)} of {count} values are there")
     start = np.concatenate([[0], np.cumsum(lengths)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -29,9 +30,10 @@ class Deck:
     points: Floats
     sets: dict[str, Ints] = field(default_factory=dict)
     blocks: list[tuple[str, Ints]] = field(default_factory=list)
-    #: *RIGID BODY: name of its node set -> reference and rotation node
-    rigid: dict[str, tuple[int, int]] = field(default_factory=dict)
+    #: *RIGID BODY: name of its node set -> reference node and, if named, rotation node
+    rigid: dict[str, tuple[int, int | None]] = field(default_factory=dict)
     transformed: bool = False  #: *TRANSFORM: matrices are in local axes
+    remarks: list[str] = field(default_factory=list)
 
 
 def _keyword(line: str) -> tuple[str, dict[str, str]]:
@@ -44,7 +46,8 @@ def _keyword(line: str) -> tuple[str, dict[str, str]]:
 
 
 def _lines(path: Path, depth: int = 0) -> list[tuple[Path, int, str]]:
-    """All lines with their place, *INCLUDE resolved, comments left out."""
+    """All lines with their place: *INCLUDE resolved, keyword lines that end in a comma joined with
+    the next, comments left out."""
     if depth > 10:
         raise BodyError(f"{path}: *INCLUDE goes round in circles")
     try:
@@ -54,75 +57,138 @@ def _lines(path: Path, depth: int = 0) -> list[tuple[Path, int, str]]:
     if "\0" in content[:4096]:
         raise BodyError(f"{path}: binary, expected an input deck")
     result: list[tuple[Path, int, str]] = []
-    for number, line in enumerate(content.splitlines(), start=1):
-        if line.startswith("**") or not line.strip():
+    open_keyword = False
+    for number, raw in enumerate(content.splitlines(), start=1):
+        line = raw.strip()
+        if line.startswith("**") or not line:
             continue
-        if line.upper().startswith("*INCLUDE"):
+        if open_keyword:
+            file, first, begun = result.pop()
+            line, place = begun + line, (file, first)
+        else:
+            place = (path, number)
+        open_keyword = line.startswith("*") and line.endswith(",")
+        if line.upper().startswith("*INCLUDE") and not open_keyword:
             name = _keyword(line)[1].get("INPUT", "")
             result += _lines(path.parent / name, depth + 1)
         else:
-            result.append((path, number, line))
+            result.append((*place, line))
     return result
+
+
+#: Cards that make or move nodes in ways that are not followed here.
+UNKNOWN_NODES = ("NGEN", "NFILL", "NCOPY", "SYSTEM", "NMAP")
+
+
+class _Model:
+    """What a deck says, card by card."""
+
+    def __init__(self) -> None:
+        self.points: dict[int, tuple[float, ...]] = {}
+        self.sets: dict[str, list[int | str]] = {}
+        self.elsets: dict[str, list[int | str]] = {}
+        self.of_elements: dict[str, list[str]] = {}  # node set -> element sets it is made of
+        self.connectivity: dict[int, tuple[str, list[int]]] = {}
+        self.rigid: dict[str, tuple[int, int | None]] = {}
+        self.transformed = False
+        self.instances = 0
+        self.kind, self.count, self.pending = "", 0, list[int]()
+
+    def card(self, keyword: str, options: dict[str, str]) -> None:
+        if keyword in UNKNOWN_NODES or (
+            keyword == "NODE" and ("SYSTEM" in options or "INPUT" in options)
+        ):
+            raise ValueError("writes nodes in a way that is not read here; write them one by one, "
+                             "Cartesian")  # fmt: skip
+        if keyword == "INSTANCE":
+            self.instances += 1
+            if self.instances > 1:
+                raise ValueError("is a second instance; write a flat input file (without parts and "
+                                 "assemblies)")  # fmt: skip
+        self.transformed = self.transformed or keyword == "TRANSFORM"
+        if keyword == "RIGID BODY" and "REF NODE" in options:
+            name = options.get("NSET", options.get("ELSET", f"RIGID{len(self.rigid) + 1}")).upper()
+            turn = options.get("ROT NODE")
+            self.rigid[name] = int(options["REF NODE"]), None if turn is None else int(turn)
+        if keyword == "NSET" and "ELSET" in options:
+            self.of_elements.setdefault(options.get("NSET", "").upper(), []).append(
+                options["ELSET"].upper()
+            )
+        if keyword == "ELEMENT":
+            name = options.get("TYPE", "").upper()
+            self.kind, self.count = next(
+                (value for start, value in SOLIDS.items() if name.startswith(start)), ("", 0)
+            )
+            self.pending = []
+
+    def data(self, keyword: str, options: dict[str, str], words: list[str]) -> None:
+        if keyword == "NODE":
+            label = int(words[0])
+            xyz = [float(re.sub("[dD]", "e", word)) if word else 0.0 for word in words[1:4]]
+            place = (*xyz, *[0.0] * (3 - len(xyz)))
+            if self.points.setdefault(label, place) != place:
+                raise ValueError("gives a node that is there already another place; write a flat "
+                                 "input file")  # fmt: skip
+            if "NSET" in options:
+                self.sets.setdefault(options["NSET"].upper(), []).append(label)
+        elif keyword == "INSTANCE" and any(float(word) for word in words if word):
+            raise ValueError("moves the instance; write a flat input file, in its place")
+        elif keyword == "ELEMENT" and self.count:
+            self.pending += [int(word) for word in words]
+            if len(self.pending) > self.count:
+                self.connectivity[self.pending[0]] = self.kind, self.pending[1 : self.count + 1]
+                if "ELSET" in options:
+                    self.elsets.setdefault(options["ELSET"].upper(), []).append(self.pending[0])
+                self.pending = []
+        elif keyword in ("NSET", "ELSET"):
+            into = self.sets if keyword == "NSET" else self.elsets
+            target = into.setdefault(options[keyword].upper(), [])
+            if "GENERATE" in options:
+                first, last, *step = (int(word) for word in words)
+                target += range(first, last + 1, step[0] if step else 1)
+                return
+            for word in words:
+                plain = word.rpartition(".")[2] if self.instances else word  # INSTANCE.label
+                target.append(int(plain) if plain.lstrip("-").isdigit() else word.upper())
+
+    def resolved(self, sets: dict[str, list[int | str]], name: str, depth: int = 0) -> list[int]:
+        """Members of a set, names of other sets followed."""
+        if name not in sets or depth > 20:
+            raise ValueError(name)
+        result: list[int] = []
+        for member in sets[name]:
+            result += (
+                [member] if isinstance(member, int) else self.resolved(sets, member, depth + 1)
+            )
+        return result
 
 
 def read_deck(path: Path) -> Deck:
     """Read the model part of a deck (everything before the first step)."""
-    labels: list[int] = []
-    points: list[list[float]] = []
-    sets: dict[str, list[int]] = {}
-    elsets: dict[str, list[int]] = {}
-    connectivity: dict[int, tuple[str, list[int]]] = {}
-    rigid: dict[str, tuple[int, int]] = {}
-    transformed = False
+    model = _Model()
     keyword, options = "", dict[str, str]()
-    kind, pending, count = "", list[int](), 0
     for file, number, line in _lines(path):
-        if line.startswith("*"):
-            keyword, options = _keyword(line)
-            if keyword == "STEP":
-                break
-            transformed = transformed or keyword == "TRANSFORM"
-            if keyword == "RIGID BODY" and "REF NODE" in options:
-                reference = int(options["REF NODE"])
-                name = options.get("NSET", options.get("ELSET", f"RIGID{len(rigid) + 1}")).upper()
-                rigid[name] = (reference, int(options.get("ROT NODE", reference)))
-            if keyword == "ELEMENT":
-                name = options.get("TYPE", "").upper()
-                kind, count = next(
-                    (value for start, value in SOLIDS.items() if name.startswith(start)), ("", 0)
-                )
-                pending = []
-            continue
-        words = [word.strip() for word in line.split(",")]
-        if words and not words[-1]:
-            words.pop()
         try:
-            if keyword == "NODE":
-                labels.append(int(words[0]))
-                xyz = [float(word.replace("D", "E")) if word else 0.0 for word in words[1:4]]
-                points.append(xyz + [0.0] * (3 - len(xyz)))
-                if "NSET" in options:
-                    sets.setdefault(options["NSET"].upper(), []).append(labels[-1])
-            elif keyword == "ELEMENT" and count:
-                pending += [int(word) for word in words]
-                if len(pending) > count:
-                    connectivity[pending[0]] = (kind, pending[1 : count + 1])
-                    if "ELSET" in options:
-                        elsets.setdefault(options["ELSET"].upper(), []).append(pending[0])
-                    pending = []
-            elif keyword in ("NSET", "ELSET"):
-                into, name = (sets, "NSET") if keyword == "NSET" else (elsets, "ELSET")
-                target = into.setdefault(options.get(name, "").upper(), [])
-                if "GENERATE" in options:
-                    first, last, *step = (int(word) for word in words)
-                    target += range(first, last + 1, step[0] if step else 1)
-                else:
-                    for word in words:
-                        known = word.lstrip("-").isdigit()
-                        target += [int(word)] if known else into.get(word.upper(), [])
-        except ValueError:
-            raise BodyError(f"{file}, line {number}: {line.strip()[:60]!r} does not belong under "
-                            f"*{keyword}") from None  # fmt: skip
+            if line.startswith("*"):
+                keyword, options = _keyword(line)
+                if keyword == "STEP":
+                    break
+                model.card(keyword, options)
+                continue
+            words = [word.strip() for word in line.split(",")]
+            if words and not words[-1]:
+                words.pop()
+            model.data(keyword, options, words)
+        except (ValueError, KeyError) as error:
+            reason = str(error)
+            known = reason.startswith(("gives", "moves", "writes", "is a"))
+            what = reason if known else f"does not belong under *{keyword}"
+            raise BodyError(f"{file}, line {number}: {line[:60]!r} {what}") from None
+    labels, points, connectivity = (
+        list(model.points),
+        list(model.points.values()),
+        model.connectivity,
+    )
     if not labels:
         raise BodyError(f"{path}: no *NODE: is this a deck?")
     blocks = []
@@ -130,10 +196,28 @@ def read_deck(path: Path) -> Deck:
         nodes = np.array([c for k, c in connectivity.values() if k == name], dtype=np.int64)
         if len(nodes):
             blocks.append((name, nodes))  # VTK's order is the deck's
-    all_sets = {name: np.unique(np.array(value, dtype=np.int64)) for name, value in sets.items()}
-    for name, elements in elsets.items():
-        found = [connectivity[e][1] for e in elements if e in connectivity]
-        if found and name not in all_sets:
-            all_sets[name] = np.unique(np.array([n for nodes in found for n in nodes]))
-    unique, first_of = np.unique(np.array(labels, dtype=np.int64), return_index=True)
-    return Deck(unique, np.array(points)[first_of], all_sets, blocks, rigid, transformed)
+    sets: dict[str, Ints] = {}
+    left: list[str] = []
+    for name in model.sets:
+        try:
+            sets[name] = np.unique(np.array(model.resolved(model.sets, name), dtype=np.int64))
+        except ValueError as missing:
+            left.append(f"node set {name} names {missing}, which is not there")
+    for name, parts in {**{n: [n] for n in model.elsets}, **model.of_elements}.items():
+        try:
+            members = [e for part in parts for e in model.resolved(model.elsets, part)]
+        except ValueError:
+            continue
+        found = {n for e in members if e in connectivity for n in connectivity[e][1]}
+        if found and name not in sets:
+            sets[name] = np.array(sorted(found), dtype=np.int64)
+    order = np.argsort(labels)
+    return Deck(
+        np.array(labels, dtype=np.int64)[order],
+        np.array(points)[order],
+        sets,
+        blocks,
+        model.rigid,
+        model.transformed,
+        left,
+    )

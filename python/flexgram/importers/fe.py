@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -78,6 +80,10 @@ class FeMatrices:
 
     def positions(self, labels: Ints) -> Floats:
         """Coordinates of the given labels; a label without coordinates is an error."""
+        if not len(self.points):
+            raise BodyError(
+                f"{self.source}: the nodes have no coordinates (--deck names the model)"
+            )
         order = np.argsort(self.labels)
         at = np.searchsorted(self.labels, labels, sorter=order)
         at = order[np.minimum(at, len(order) - 1)]
@@ -86,6 +92,21 @@ class FeMatrices:
             raise BodyError(f"{self.source}: node {missing[0]} has no coordinates in the deck"
                             f" ({len(np.unique(missing))} such nodes)")  # fmt: skip
         return self.points[at]
+
+
+def folded(path: Path | str, row: Any, column: Any, value: Any, n: int) -> sp.csr_matrix:
+    """A symmetric matrix from triplets (0-based) of a format that stores each pair once, in either
+    triangle; a pair given both ways must be the same twice."""
+    low, high = np.minimum(row, column).astype(np.int64), np.maximum(row, column).astype(np.int64)
+    code, first, inverse = np.unique(low * n + high, return_index=True, return_inverse=True)
+    value = np.asarray(value, dtype=float)
+    kept = value[first]
+    other = np.flatnonzero(np.abs(value - kept[inverse]) > 1e-12 * np.abs(value).max(initial=0))
+    if len(other):
+        k = int(other[0])
+        raise BodyError(f"{path}: rows {low[k] + 1} and {high[k] + 1} are coupled by "
+                        f"{value[k]:.6g} and by {kept[inverse[k]]:.6g}: not symmetric")  # fmt: skip
+    return symmetric(path, code // n, code % n, kept, n)
 
 
 def symmetric(path: Path | str, row: Any, column: Any, value: Any, n: int) -> sp.csr_matrix:
@@ -106,7 +127,7 @@ def symmetric(path: Path | str, row: Any, column: Any, value: Any, n: int) -> sp
         return (entries + off.T).tocsr()
     difference = abs(entries - entries.T)
     scale = np.abs(entries.data).max()
-    if difference.nnz and difference.data.max() > 1e-8 * scale:
+    if difference.nnz and difference.data.max() > 1e-12 * scale:
         where = difference.tocoo()
         k = int(np.argmax(where.data))
         i, j = int(where.row[k]), int(where.col[k])
@@ -130,12 +151,10 @@ def read_triplets(path: Path, columns: int = 3) -> Floats:
             raise BodyError(f"{path}: binary, expected text with {columns} numbers on each line")
     comma = b"," in head
     with path.open() as text:
-        import warnings
-
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", DeprecationWarning)  # at a word: found below
-            if comma:
-                values = np.fromstring(text.read().replace(",", " "), sep=" ")
+            if comma or re.search(rb"\d[dD][+-]?\d", head):
+                values = np.fromstring(re.sub("[dD]", "e", text.read().replace(",", " ")), sep=" ")
             else:
                 values = np.fromfile(text, sep=" ")
     whole = values.size % columns == 0 and values.size > 0
@@ -150,7 +169,7 @@ def read_triplets(path: Path, columns: int = 3) -> Floats:
         return values.reshape(-1, columns)
     with path.open(errors="replace") as text:
         for number, line in enumerate(text, start=1):
-            words = line.replace(",", " ").split()
+            words = re.sub("[dD]", "e", line.replace(",", " ")).split()
             if not words:
                 continue
             try:
@@ -231,7 +250,14 @@ def check(fe: FeMatrices) -> dict[str, Any]:
     energy = np.abs(np.sum(motions * (fe.K @ motions), axis=0))
     weight = np.sum(motions**2 * np.abs(k)[:, None], axis=0)
     facts["rigid_energy"] = energy / np.where(weight > 0, weight, 1)
-    facts["free"] = int(np.sum(facts["rigid_energy"] < 1e-10))
+    free = facts["rigid_energy"] < 1e-10
+    facts["free"] = int(free.sum())
+    if free[:3].all() and not free.all():
+        raise BodyError(
+            f"{where}: K lets all translations free but resists rotation (relative energy "
+            f"{facts['rigid_energy'].max():.1e}): the dof map or the coordinates do not belong to "
+            "these matrices"
+        )
     mass6 = motions.T @ (fe.M @ motions)
     mass6 = 0.5 * (mass6 + mass6.T)
     masses = np.diag(mass6)[:3]

@@ -30,6 +30,7 @@ class Interface:
     coupling: str
     where: str | Ints  #: a selector such as ``NSET:TOP``, or labels (rows)
     position: Floats | None = None  #: of the reference node; default: the middle of the nodes
+    weights: Floats | None = None  #: of the nodes of a distributing interface; default: equal
 
 
 def parse(coupling: str, text: str) -> Interface:
@@ -78,7 +79,12 @@ def select(fe: FeMatrices, interface: Interface) -> Ints:
         points, labels = fe.points[here], fe.labels[here]
         if kind == "AT":
             at = _numbers(place, words, 3)
-            return labels[[int(np.argmin(np.linalg.norm(points - at, axis=1)))]]
+            distance = np.linalg.norm(points - at, axis=1)
+            extent = np.linalg.norm(np.ptp(points, axis=0))
+            if distance.min() > 0.1 * extent:
+                raise BodyError(f"{place}: the nearest node is {distance.min():.6g} away, the body "
+                                f"measures {extent:.6g}: are these its units?")  # fmt: skip
+            return labels[[int(np.argmin(distance))]]
         corners = _numbers(place, words, 6).reshape(2, 3)
         inside = np.all((points >= corners.min(0)) & (points <= corners.max(0)), axis=1)
         if not inside.any():
@@ -125,6 +131,12 @@ def attach(fe: FeMatrices, interfaces: list[Interface]) -> dict[str, Any]:
         if interface.name in seen:
             raise BodyError(f"interface {interface.name} is given twice")
         seen.add(interface.name)
+    for name, value, axis in (("B", fe.B, 0), ("C", fe.C, 1)):
+        if value is not None and (np.ndim(value) != 2 or np.shape(value)[axis] != fe.n):
+            raise BodyError(f"{fe.source}: {name} is {' × '.join(map(str, np.shape(value)))}, "
+                            f"expected {fe.n} {'rows' if axis == 0 else 'columns'}")  # fmt: skip
+        if value is not None and not np.all(np.isfinite(value)):
+            raise BodyError(f"{fe.source}: {name} holds NaN or Inf")
     T, node, component, extra = _condense(fe, [i for i in interfaces if i.coupling == "rigid"])
 
     def condensed(A: sp.csr_matrix) -> sp.csr_matrix:
@@ -247,11 +259,14 @@ def _ports(
             rows = np.array([int(word) - 1 for word in words.split(",")])
         except ValueError:
             raise BodyError(f"--rows {name}={words}: expected row numbers from 1") from None
+        if len(np.unique(rows)) < len(rows):
+            raise BodyError(f"--rows {name}={words}: a row is named twice")
         if rows.min() < 0 or rows.max() >= fe.n:
             raise BodyError(f"--rows {name}={words}: the matrices have rows 1 to {fe.n}")
         turns = fe.component[rows] >= 3 if len(fe.component) else np.zeros(len(rows), dtype=bool)
         return _unit_columns(rows, fe.n), [f"{name}.{row + 1}" for row in rows], turns.tolist()
-    labels = np.unique(select(fe, interface))
+    chosen = select(fe, interface)
+    labels, first = np.unique(chosen, return_index=True)
     if interface.coupling == "node":
         columns, names, turned = [], list[str](), list[bool]()
         for label in labels:
@@ -265,8 +280,10 @@ def _ports(
             names += [f"{prefix}.{FORCES[c]}" for c in fe.component[rows]]
             turned += (fe.component[rows] >= 3).tolist()
         return sp.hstack(columns).tocsc(), names, turned
-    rows, _ = _rows(fe, name, labels)
-    rows = rows[fe.component[rows] < 3]
+    rows, at = _rows(fe, name, labels)
+    moves = fe.component[rows] < 3
+    rows, at = rows[moves], at[moves]
+    weights = np.ones(len(labels)) if interface.weights is None else interface.weights[first]
     arm = fe.positions(fe.node[rows]) - _reference(fe, interface, labels)
     c = fe.component[rows]
     G = np.zeros((len(rows), 6))
@@ -277,7 +294,8 @@ def _ports(
     if np.linalg.svd(G / np.where(scale > 0, scale, 1), compute_uv=False)[-1] < 1e-8:
         raise BodyError(f"interface {name}: its {len(labels)} nodes lie on a line and cannot carry "
                         "a moment; take more nodes, or --node")  # fmt: skip
-    B = G @ np.linalg.inv(G.T @ G)
+    W = weights[at][:, None]
+    B = W * G @ np.linalg.inv(G.T @ (W * G))
     r, k = np.indices(B.shape)
     columns_of = sp.csc_matrix((B.ravel(), (rows[r.ravel()], k.ravel())), shape=(fe.n, 6))
     return columns_of, [f"{name}.{force}" for force in FORCES], six

@@ -15,10 +15,13 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from flexgram.importers.fe import FeMatrices, symmetric
+from flexgram.importers.fe import FeMatrices, folded, symmetric
 from flexgram.importers.interfaces import Interface
 from flexgram.meshfile import BodyError
 
+#: Our (VTK) order of nodes where Nastran's has the vertical edges before the top ones.
+REORDER = {"hexahedron20": [*range(12), *range(16, 20), *range(12, 16)],
+           "wedge15": [*range(9), *range(12, 15), *range(9, 12)]}  # fmt: skip
 SOLIDS = {"CTETRA4": "tetra", "CTETRA10": "tetra10", "CHEXA8": "hexahedron",
           "CHEXA20": "hexahedron20", "CPENTA15": "wedge15"}  # fmt: skip
 
@@ -64,12 +67,15 @@ def _dmig(path: Path) -> FeMatrices:
     names = list(model.dmig)
     if not names:
         raise BodyError(f"{path}: no DMIG: is this a punch file?")
+    lossy = [name for name in names if name.upper().startswith("K4")]
     entries: dict[str, tuple[Any, Any, Any]] = {}
+    roles: dict[str, str] = {}
     for letter, needed in (("K", True), ("M", True), ("B", False)):
         name = _role(names, letter, path, needed)
         if name is None:
             continue
         card = model.dmig[name]
+        roles[letter] = name
         if card.is_complex:
             raise BodyError(f"{path}: DMIG {name} is complex; structural damping is --eta")
         row, column = np.array(card.GCi), np.array(card.GCj)
@@ -80,9 +86,12 @@ def _dmig(path: Path) -> FeMatrices:
     matrices = {}
     for letter, (row, column) in codes.items():
         at = np.searchsorted(dofs, row), np.searchsorted(dofs, column)
-        matrices[letter] = symmetric(f"{path}, {letter}", *at, entries[letter][2], len(dofs))
+        make = folded if model.dmig[roles[letter]].matrix_form == 6 else symmetric
+        matrices[letter] = make(f"{path}, {letter}", *at, entries[letter][2], len(dofs))
     node, component = dofs // 8, dofs % 8 - 1
     fe = FeMatrices(str(path), matrices["K"], matrices["M"], matrices.get("B"))
+    if lossy:
+        fe.remarks.append(f"structural damping {', '.join(lossy)} is not taken: give --eta")
     if component.min() < 0:
         fe.remarks.append("scalar points have no place in space: no dof map is kept")
     else:
@@ -117,7 +126,7 @@ def _op4(path: Path) -> FeMatrices:
 def read_nastran(path: Path, deck: Path | None = None) -> FeMatrices:
     """Read a punch file (``.pch``, ``.dmig``, ``.bdf`` with DMIG) or OP4 (``.op4``).
 
-    The deck gives grids, elements for pictures, SETs of nodes, and RBE2 and RBE3 elements, which
+    The deck gives grids, elements for pictures, and RBE2 and RBE3 elements, which
     become interfaces where Nastran has not condensed them already.
     """
     fe = _op4(path) if path.suffix.lower() == ".op4" else _dmig(path)
@@ -148,20 +157,36 @@ def read_nastran(path: Path, deck: Path | None = None) -> FeMatrices:
         kind = SOLIDS.get(f"{element.type}{len(nodes)}")
         if kind is not None:
             by_kind.setdefault(kind, []).append(nodes)
-    fe.blocks = [(kind, np.array(nodes, dtype=np.int64)) for kind, nodes in by_kind.items()]
+    for kind, lists in by_kind.items():
+        nodes = np.array(lists, dtype=np.int64)
+        fe.blocks.append((kind, nodes[:, REORDER[kind]] if kind in REORDER else nodes))
     present = set(fe.node.tolist())
     for number, element in model.rigid_elements.items():
+        weights = None
         if element.type == "RBE2":
-            coupling, reference, nodes = "rigid", element.Gn(), element.Gmi
+            coupling, reference, nodes = "rigid", element.Gn(), list(element.Gmi)
+            components = {str(element.cm)}
         elif element.type == "RBE3":
             coupling, reference = "distributing", element.ref_grid_id
-            nodes = [n for group in element.Gijs for n in group]
+            groups = list(zip(element.weights, element.Gijs, strict=True))
+            nodes = [n for _, group in groups for n in group]
+            weights = np.array([float(w) for w, group in groups for _ in group])
+            components = {str(c) for c in element.comps}
         else:
             continue
-        labels = np.array([n for n in nodes], dtype=np.int64)
+        labels = np.array(nodes, dtype=np.int64)
+        turning = set(fe.node[fe.component >= 3].tolist()) & set(nodes)
+        if (
+            not components <= {"123", "123456"}
+            or (turning and len(components) > 1)
+            or (turning and components != ({"123456"} if coupling == "rigid" else {"123"}))
+        ):
+            raise BodyError(f"{deck}: {element.type} {number} couples the components "
+                            f"{', '.join(sorted(components))}; only all of each node's (RBE2) or "
+                            "its translations 123 (RBE3) are supported")  # fmt: skip
         name = f"{element.type}-{number}"
         fe.sets[name] = labels
         if set(labels.tolist()) <= present and reference not in present:
             at = fe.positions(np.array([reference]))[0]
-            fe.interfaces.append(Interface(name, coupling, labels, at))
+            fe.interfaces.append(Interface(name, coupling, labels, at, weights))
     return fe
