@@ -53,7 +53,7 @@ def _import_options(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(
             f"--{coupling}", metavar="NAME=WHERE", action=_Named, help=f"interface: {what}"
         )
-    parser.add_argument("--units", default="SI", help="of the files: SI, mm-t-s, mm-kg-s")
+    parser.add_argument("--units", help="of the files: SI (default), mm-t-s, mm-kg-s")
     for name, unit in (("alpha", "[1/s]"), ("beta", "[s]"), ("eta", "loss factor")):
         parser.add_argument(f"--{name}", type=float, help=f"damping {unit}")
 
@@ -63,9 +63,14 @@ def _import(options: argparse.Namespace) -> None:
     if options.source.suffix.lower() in (".yaml", ".yml"):
         from flexgram.description import import_body
 
-        if named or options.run_ccx or options.deck:
+        every = ("format", "deck", "mass", "damping", "inputs", "mapping", "run_ccx", "units",
+                 "alpha", "beta", "eta")  # fmt: skip
+        given = [name.replace("_", "-") for name in every if getattr(options, name)]
+        given += [coupling for coupling, _ in named]
+        if given:
             raise BodyError(
-                "interfaces of a meshed body stand in its YAML file, not on the command line"
+                f"--{given[0]}: interfaces, units and damping of a meshed body stand "
+                f"in its YAML file {options.source}, not on the command line"
             )
         counts = import_body(options.source, options.output)
         print(f"  {options.output}: {counts['points']} nodes, {counts['elements']} elements")
@@ -97,7 +102,7 @@ def _import(options: argparse.Namespace) -> None:
         fe,
         options.output,
         [parse(*pair) for pair in named],
-        units=options.units,
+        units=options.units or "SI",
         alpha=options.alpha,
         beta=options.beta,
         eta=options.eta,
@@ -400,7 +405,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     try:
         work[options.command](options)
-    except (BodyError, OSError, ValueError) as error:
+    except (BodyError, OSError, ValueError, KeyError) as error:
         print(f"flexgram: {error}", file=sys.stderr)
         return 1
     return 0

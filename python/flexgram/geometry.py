@@ -100,14 +100,11 @@ class Geometry:
         at = order[at]
         known = self.labels[at] == labels
         motion[:, at[known]] = moved[:, known]
-        for name, (reference, nodes) in self.followers.items():
-            ports = [model.inputs.index(f"{name}.{f}") if f"{name}.{f}" in model.inputs else -1
-                     for f in ("fx", "fy", "fz", "mx", "my", "mz")]  # fmt: skip
-            if min(ports) < 0:
-                continue
-            six = shapes @ model.B[:, ports]  # the ports' motion is Bᵀ q
-            arm = self.points[nodes] - reference
-            motion[:, nodes] = six[:, None, :3] + np.cross(six[:, None, 3:], arm[None])
+        for reference, nodes in self.followers.values():
+            six = _six(model, shapes, reference)
+            if six is not None:
+                arm = self.points[nodes] - reference
+                motion[:, nodes] = six[:, None, :3] + np.cross(six[:, None, 3:], arm[None])
         return motion
 
     def surface(self) -> Ints:
@@ -131,8 +128,29 @@ class Geometry:
         return np.vstack(triangles)
 
 
+def _six(model: ReducedModel, shapes: Floats, reference: Floats) -> Floats | None:
+    """Translation and rotation (k, 6) of the node with rotations at a place; None without one."""
+    turning = np.flatnonzero(model.component >= 3)
+    if not len(turning):
+        return None
+    distance = np.linalg.norm(model.position[turning] - reference, axis=1)
+    node = model.node[turning[np.argmin(distance)]]
+    if distance.min() > 1e-6 * max(float(np.ptp(model.position, axis=0).max()), 1e-300):
+        return None
+    rows = np.flatnonzero(model.node == node)
+    six = np.zeros((len(shapes), 6))
+    six[:, model.component[rows]] = shapes @ model.V[rows].T
+    return six
+
+
 def interface_motion(model: ReducedModel) -> dict[str, tuple[Floats, Floats]]:
-    """For each interface with six ports its translation and rotation, (3, m) each."""
+    """For each interface with six ports its translation and rotation, (3, m) each.
+
+    Raises
+    ------
+    BodyError
+        If no interface has all six, or if some ports belong to none that has.
+    """
     found: dict[str, dict[str, int]] = {}
     for i, port in enumerate(model.inputs):
         name, _, force = port.rpartition(".")
@@ -142,6 +160,11 @@ def interface_motion(model: ReducedModel) -> dict[str, tuple[Floats, Floats]]:
         if {"fx", "fy", "fz", "mx", "my", "mz"} <= set(ports):
             result[name] = (model.B[:, [ports[f] for f in ("fx", "fy", "fz")]].T,
                             model.B[:, [ports[f] for f in ("mx", "my", "mz")]].T)  # fmt: skip
+    lacking = [name for name in found if name not in result]
+    if lacking:
+        raise BodyError(f"the interface {lacking[0]} has the ports "
+                        f"{', '.join(found[lacking[0]])} only; a multibody code needs all six, fx "
+                        "to mz: reduce with them (-mor_inputs)")  # fmt: skip
     return result
 
 

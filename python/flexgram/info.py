@@ -29,7 +29,7 @@ def describe(path: str | Path) -> list[str]:
             return _mesh(file)
         if "gramian" not in file and "K" in file:
             return _matrices(file)
-        if "H" in file:
+        if "H" in file and "omega" in file:
             hz = file["omega"][:] / (2 * np.pi)
             lines = [
                 f"sweep of {len(hz)} frequencies, {hz[0]:g} to {hz[-1]:g} Hz, "
@@ -40,6 +40,8 @@ def describe(path: str | Path) -> list[str]:
                     f"reduced body beside it: error at most {file['error/relative'][:].max():.1e}"
                 )
             return lines
+        if "gramian" not in file:
+            raise BodyError(f"{path}: neither a body, a reduced nor a sweep file of flexgram")
     model = ReducedModel.load(path, basis=False)
     hz = model.band / (2 * np.pi)
     lines = [

@@ -112,7 +112,7 @@ class ReducedModel:
         if not h5py.is_hdf5(path):
             raise BodyError(f"{path}: not an HDF5 file")
         with h5py.File(path) as file:
-            if "gramian" not in file or "K" not in file:
+            if any(name not in file for name in ("gramian", "K", "M", "D", "B", "C", "error")):
                 raise BodyError(f"{path}: no reduced file (flexgram reduce writes one)")
             fields: dict[str, Any] = {}
 
@@ -294,7 +294,8 @@ class ReducedModel:
         Raises
         ------
         BodyError
-            If dampers hold the body against the ground, or if rigid motion is mixed into the basis (``-mor_frame none``, ``pod`` of a free body).
+            If dampers hold the body against the ground, or if rigid motion is mixed into the basis
+            (``-mor_frame none``, ``pod`` of a free body).
         """
         count = self.frame["rigid_modes"]
         if count == 0:

@@ -15,9 +15,10 @@ import scipy.io
 import scipy.linalg
 import scipy.sparse as sp
 
-from bodies import CALCULIX, box
-from conftest import SHARED, read_sparse, run
-from flexgram.importers import check, import_matrices, parse, read
+from bodies import CALCULIX, box, write_body_file
+from conftest import SHARED, assembled, read_sparse, run
+from flexgram.importers import FeMatrices, check, import_matrices, parse, read
+from flexgram.importers.deck import read_deck
 from flexgram.importers.interfaces import Interface, attach
 from flexgram.meshfile import BodyError
 
@@ -273,6 +274,172 @@ def test_matrixmarket_harwell_boeing_matlab_petsc(tmp_path: Path) -> None:
     fe = read(tmp_path / "K.petsc", mass=tmp_path / "M.petsc")
     assert_same(fe, K, M)
     import_matrices(fe, tmp_path / "petsc.h5", [Interface("tip", "rows", "ROWS:8")])
+
+
+def write_rsa(path: Path, matrix: Any) -> None:
+    """Harwell-Boeing as ANSYS and the collections have it: lower triangle, touching columns, D."""
+    lower = sp.tril(matrix, format="csc")
+    lower.sort_indices()
+
+    def cards(values: Any, form: str, each: int) -> list[str]:
+        words = [form % v for v in values]
+        return ["".join(words[i : i + each]) for i in range(0, len(words), each)]
+
+    start = cards(lower.indptr + 1, "%8d", 10)
+    row = cards(lower.indices + 1, "%8d", 10)
+    value = [line.replace("E", "D") for line in cards(lower.data, "%22.14E", 3)]
+    n, entries = matrix.shape[0], lower.nnz
+    sizes = [len(start) + len(row) + len(value), len(start), len(row), len(value), 0]
+    head = ["title".ljust(72) + "KEY", "".join(f"{s:14d}" for s in sizes),
+            "RSA".ljust(14) + "".join(f"{s:14d}" for s in (n, n, entries, 0)),
+            "(10I8)".ljust(16) + "(10I8)".ljust(16) + "(1P,3D22.14)".ljust(20)]  # fmt: skip
+    path.write_text("\n".join([*head, *start, *row, *value]) + "\n")
+
+
+def test_harwell_boeing_symmetric(tmp_path: Path) -> None:
+    K, M = small()
+    for name, matrix in (("K", -K), ("M", M)):  # nine columns of -1.0D+06 touch
+        write_rsa(tmp_path / f"{name}.rsa", matrix)
+    assert_same(read(tmp_path / "K.rsa", mass=tmp_path / "M.rsa"), -K, M)
+    edit(tmp_path / "K.rsa", lambda t: t[:-30])
+    with pytest.raises(BodyError, match="truncated"):
+        read(tmp_path / "K.rsa", mass=tmp_path / "M.rsa")
+
+
+@pytest.mark.parametrize(
+    ("cards", "expected"),
+    [
+        ("*NODE, SYSTEM=C\n1, 1, 90, 0\n", "line 1: .* writes nodes in a way"),
+        ("*NODE\n1,0,0,0\n*NGEN\n1,9,2\n", "line 3: .* writes nodes in a way"),
+        ("*NODE\n1,0,0,0\n1,0,0,1\n", "line 3: .* another place"),
+        ("*INSTANCE, NAME=A, PART=P\n10., 0., 0.\n*NODE\n1,0,0,0\n", "line 2: .* moves the inst"),
+        ("*INSTANCE, NAME=A\n*NODE\n1,0,0,0\n*INSTANCE, NAME=B\n", "line 4: .* second instance"),
+        ("*NODE\n1,0,0,z\n", "line 2: .* does not belong under"),
+        ("*ELEMENT, TYPE=C3D4\n1, 1,2,3,4\n", "is this a deck"),
+        ("*INCLUDE, INPUT=none.inp\n", "No such file"),
+    ],
+)
+def test_decks_that_are_not_followed(tmp_path: Path, cards: str, expected: str) -> None:
+    (tmp_path / "x.inp").write_text(cards)
+    with pytest.raises(BodyError, match=expected):
+        read_deck(tmp_path / "x.inp")
+
+
+def test_deck_sets_and_lines(tmp_path: Path) -> None:
+    """Names before they are defined, joined keyword lines, element sets, instances, D exponents."""
+    (tmp_path / "x.inp").write_text(
+        "*heading\n*Node , nset = all\n 1, 0.d0, 0, 0\r\n2,1.0D+00,,\n\n3,0,1,0\n4,0,0,1\n"
+        "*NSET, NSET=BOTH\nLEFT, RIGHT\n*NSET,\nNSET=LEFT\n1\n*nset, nset=RIGHT, generate\n2,4,2\n"
+        "*ELEMENT, TYPE=C3D4, ELSET=E\n7, 1, 2,\n3, 4\n*NSET, NSET=OFE, ELSET=E\n"
+        "*NSET, NSET=LOST\nNO\n"
+        "*STEP\n*NSET, NSET=LATE\n1\n"
+    )
+    deck = read_deck(tmp_path / "x.inp")
+    assert {name: nodes.tolist() for name, nodes in deck.sets.items()} == {
+        "ALL": [1, 2, 3, 4], "LEFT": [1], "RIGHT": [2, 4], "BOTH": [1, 2, 4], "E": [1, 2, 3, 4],
+        "OFE": [1, 2, 3, 4],
+    }  # fmt: skip
+    assert deck.points[1].tolist() == [1, 0, 0] and "LOST names NO" in deck.remarks[0]
+    assert deck.blocks[0][1].tolist() == [[1, 2, 3, 4]]
+
+
+@ccx
+def test_supports_of_the_step_and_unnamed_rotation_node(tmp_path: Path) -> None:
+    step = "*STEP\n*FREQUENCY\n5\n*BOUNDARY\nEND, 1, 3\n*END STEP\n"
+    rigid = "*NODE\n9001, 0.,0.01,0.015\n*RIGID BODY, NSET=START, REF NODE=9001\n"
+    fe = read(write_deck(tmp_path / "part.inp", "C3D10", rigid + step), run_ccx=True)
+    assert check(fe)["free"] == 0
+    assert fe.rigid == {"START": 9001}
+    facts = import_matrices(fe, tmp_path / "part.h5")
+    assert facts["ports"] == [f"START.{f}" for f in ("fx", "fy", "fz", "mx", "my", "mz")]
+    with h5py.File(tmp_path / "part.h5") as file:  # the coupled nodes follow, for pictures
+        assert len(file["geometry/followers/START"]) == 1 + len(fe.sets["START"])
+
+
+def test_nastran_weights_components_and_structural_damping(tmp_path: Path) -> None:
+    pytest.importorskip("pyNastran")
+    from pyNastran.bdf.bdf import BDF
+
+    K = sp.eye(12).tocsr() * 1e6 + sp.diags([np.ones(11), np.ones(11)], [-1, 1])
+    dofs = [(g, c) for g in (1, 2, 3, 4) for c in (1, 2, 3)]
+    model = BDF(debug=None)
+    flip = np.random.default_rng(1).random(23) < 0.5
+    for name, matrix in (("KAAX", K), ("MAAX", sp.eye(12)), ("K4AAX", sp.eye(12))):
+        upper = sp.triu(matrix).tocoo()
+        pairs = [(j, i) if flip[k % 23] else (i, j)
+                 for k, (i, j) in enumerate(zip(upper.row, upper.col, strict=True))]  # fmt: skip
+        model.add_dmig(name, 6, 2, 0, 0, 12, [dofs[j] for _, j in pairs],
+                       [dofs[i] for i, _ in pairs], upper.data.tolist())  # fmt: skip
+    model.write_bdf(str(tmp_path / "p.pch"), write_header=False, enddata=False)
+    grids = "".join(f"GRID,{i + 1},,{x:.1f},{y:.1f},0.0\n"
+                    for i, (x, y) in enumerate([(0, 0), (1, 0), (0, 1), (1, 1)]))  # fmt: skip
+    grids += "GRID,9,,0.5,0.5,0.0\n"
+
+    def deck(rigid: str) -> Path:
+        (tmp_path / "p.bdf").write_text(f"CEND\nBEGIN BULK\n{grids}{rigid}ENDDATA\n")
+        return tmp_path / "p.bdf"
+
+    weighted = deck("RBE3,7,,9,123456,10.0,123,1,1.0\n+,123,2,3,4\n")
+    fe = read(tmp_path / "p.pch", deck=weighted)
+    assert abs(fe.K - K).max() == 0 and "K4AAX" in fe.remarks[0]  # either triangle
+    B = attach(fe, fe.interfaces)["B"]
+    # The centroid of a load of weights 10:1:1:1 is not the middle: a force there has a moment too.
+    weights, x = np.array([10, 1, 1, 1]), np.array([[0, 0], [1, 0], [0, 1], [1, 1]]) - 0.5
+    G = np.zeros((12, 6))
+    for i in range(4):
+        G[3 * i : 3 * i + 3, :3] = np.eye(3)
+        for axis in range(3):
+            G[3 * i : 3 * i + 3, 3 + axis] = np.cross(np.eye(3)[axis], [*x[i], 0])
+    W = np.diag(np.repeat(weights, 3))
+    assert np.allclose(B, W @ G @ np.linalg.inv(G.T @ W @ G))
+    with pytest.raises(BodyError, match="RBE2 8 couples the components 12;"):
+        read(tmp_path / "p.pch", deck=deck("RBE2,8,9,12,1,2\n"))
+
+
+def test_wrong_containers(tmp_path: Path) -> None:
+    """Complex PETSc files, dof maps of MATLAB that do not fit, options of other formats."""
+    head = np.array([1211216, 2, 2, 2, 1, 1, 0, 1], dtype=">i4").tobytes()
+    for name in ("K", "M"):
+        (tmp_path / f"{name}.petsc").write_bytes(head + np.ones(2, dtype=">c16").tobytes())
+    with pytest.raises(BodyError, match="complex scalars"):
+        read(tmp_path / "K.petsc", mass=tmp_path / "M.petsc")
+    (tmp_path / "K.petsc").write_bytes(head + np.ones(1, dtype=">f8").tobytes())
+    with pytest.raises(BodyError, match="truncated: 1 of 2"):
+        read(tmp_path / "K.petsc", mass=tmp_path / "M.petsc")
+    K, M = small()
+    body = {"K": K, "M": M, "B": np.eye(8)[:, :1], "node": np.repeat([1, 2, 3], 3)[:8],
+            "component": np.tile([1, 2, 3], 3)[:8], "position": np.eye(3)}  # fmt: skip
+    for change, expected in (
+        ({}, "component must be 0, 1, 2"),
+        ({"component": np.tile([0, 1, 2], 3)[:8], "position": np.eye(3)[:, :2]}, "nodes × 3"),
+        ({"component": np.arange(3), "position": np.eye(3)}, "an entry for each"),
+    ):
+        scipy.io.savemat(tmp_path / "x.mat", body | change)
+        with pytest.raises(BodyError, match=expected):
+            read(tmp_path / "x.mat")
+    body["component"] = np.tile([0, 1, 2], 3)[:8]
+    scipy.io.savemat(tmp_path / "x.mat", body)
+    assert read(tmp_path / "x.mat").has_coordinates()
+    scipy.io.savemat(tmp_path / "x.mat", body | {"B": np.ones((7, 1))})
+    with pytest.raises(BodyError, match="B is 7 × 1, expected 8 rows"):
+        import_matrices(read(tmp_path / "x.mat"), tmp_path / "x.h5")
+    with pytest.raises(BodyError, match="--mass does not belong to the format matlab"):
+        read(tmp_path / "x.mat", mass=tmp_path / "x.mat")
+
+
+def test_a_dof_map_of_another_body(tmp_path: Path) -> None:
+    """Permuted nodes: translations stay free, rotations do not."""
+    mesh = box("tetra", (3, 2, 2))
+    write_body_file(tmp_path / "mesh.h5", mesh,
+                    interfaces={"start": {"set": "start", "coupling": "distributing"}})  # fmt: skip
+    full = assembled(tmp_path / "full.h5", tmp_path / "mesh.h5")
+    fe = FeMatrices("x", full["K"].tocsr(), full["M"].tocsr(), node=full["node"],
+                    component=full["component"], labels=np.arange(len(mesh.points)),
+                    points=mesh.points)  # fmt: skip
+    assert check(fe)["free"] == 6
+    fe.points = mesh.points[::-1]
+    with pytest.raises(BodyError, match="do not belong to these matrices"):
+        check(fe)
 
 
 @pytest.fixture

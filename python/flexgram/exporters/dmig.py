@@ -12,7 +12,6 @@ from flexgram.reduced import Floats, ReducedModel
 
 def _number(value: float) -> str:
     """Sixteen characters of a number with D exponent."""
-    text = f"{value:.9E}".replace("E", "D")
     mantissa, exponent = f"{value:.16E}".split("E")
     exponent = f"{'-' if exponent[0] == '-' else '+'}{abs(int(exponent))}"
     for digits in range(16, 5, -1):  # as many digits as fit
@@ -38,7 +37,7 @@ def _matrix(name: str, a: Floats, symmetric: bool) -> list[str]:
 def write_dmig(model: ReducedModel, path: Path) -> None:
     """Write the punch file; unit: N, m, kg, s.
 
-    Numbers have the ten digits that sixteen columns hold.
+    Numbers have the ten digits or so that sixteen columns hold.
     """
     if model.eta:
         raise BodyError("structural damping goes into Nastran by PARAM,G: reduce without eta")

@@ -23,6 +23,12 @@ from flexgram.meshfile import BodyError
 
 __all__ = ["FORMATS", "FeMatrices", "Interface", "check", "import_matrices", "parse", "read"]
 
+#: Further files that each format takes.
+ACCEPTED = {
+    "calculix": ("deck",), "abaqus": ("deck",), "nastran": ("deck",), "ansys": ("deck",),
+    "pair": ("deck", "mass", "damping", "mapping"), "matlab": (),
+    "petsc": ("mass", "damping", "inputs"),
+}  # fmt: skip
 FORMATS = ("calculix", "abaqus", "nastran", "ansys", "pair", "matlab", "petsc")
 
 
@@ -86,6 +92,11 @@ def read(
                              ("inputs", inputs), ("mapping", mapping))}  # fmt: skip
     if kind not in FORMATS:
         raise BodyError(f"--format {kind} must be one of {', '.join(FORMATS)}")
+    for name, given in other.items():
+        if given is not None and name not in ACCEPTED[kind]:
+            raise BodyError(f"--{name} does not belong to the format {kind}")
+        if given is not None and not given.exists():
+            raise BodyError(f"{given}: no such file (--{name})")
     if kind in ("pair", "petsc") and other["mass"] is None:
         raise BodyError(f"{first} holds one matrix: name the mass matrix too (--mass)")
     if kind == "calculix":
@@ -156,11 +167,8 @@ def import_matrices(
     facts = check(fe)
     every = list(interfaces) + fe.interfaces
     named = {i.name for i in every}
-    taken = {
-        int(i.where) for i in interfaces if isinstance(i.where, str) and i.where.isdigit()
-    }  # labels
     for name, label in fe.rigid.items():
-        if name not in named and label not in taken:
+        if name not in named:
             every.append(Interface(name, "node", np.array([label])))
     body = attach(fe, every)
     new = body.pop("new_points")
@@ -191,6 +199,11 @@ def import_matrices(
                 name: order[np.searchsorted(known, nodes, sorter=order)]
                 for name, nodes in body["followers"].items()
             }
+            for name, label in fe.rigid.items():  # coupled by the FE code itself
+                inside = fe.sets.get(name, np.empty(0, dtype=np.int64))
+                inside = inside[np.isin(inside, known) & ~np.isin(inside, body["node"])]
+                nodes = np.concatenate([[label], inside])
+                followers[name] = order[np.searchsorted(known, nodes, sorter=order)]
     write_matrices(
         output, scaled(body["K"], force / length), scaled(body["M"], mass), B,
         D=None if body["D"] is None else scaled(body["D"], mass),

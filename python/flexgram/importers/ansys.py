@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import re
 from pathlib import Path
 from typing import Any
 
@@ -76,11 +77,57 @@ def _add_archive(fe: FeMatrices, deck: Path | None) -> None:
     for element in archive.elem:
         nodes = np.asarray(element[10:], dtype=np.int64)
         kind = {8: "hexahedron", 20: "hexahedron20", 10: "tetra10"}.get(len(nodes))
-        if kind == "hexahedron20" and len(set(nodes.tolist())) == 20:
-            kinds.setdefault(kind, []).append(nodes)
-        elif kind and len(set(nodes.tolist())) == len(nodes):
+        if kind and len(set(nodes.tolist())) == len(nodes):  # not degenerate
             kinds.setdefault(kind, []).append(nodes)
     fe.blocks = [(kind, np.array(nodes)) for kind, nodes in kinds.items()]
+
+
+def _fields(lines: list[str], form: str, count: int, kind: type) -> list[Any]:
+    """Numbers of a Fortran format such as (8I10) or (1P,4D20.12), ``count`` of them."""
+    found = re.search(r"(\d*)\s*([IEDFG])(\d+)", form.upper().rpartition(",")[2])
+    if not found:
+        raise ValueError(f"format {form}")
+    width = int(found[3])
+    values: list[Any] = []
+    words = re.sub("[dD]", "e", " ".join(lines)).split()
+    if len(words) == count:  # columns that do not touch need no widths, which some writers miss
+        return [kind(word) for word in words]
+    for line in lines:
+        text = line.rstrip("\n").rstrip()
+        for at in range(0, len(text), width):
+            word = text[at : at + width]
+            if word.strip():
+                values.append(kind(re.sub("[dD]", "e", word)))
+    if len(values) < count:
+        raise ValueError(f"{len(values)} of {count} numbers are there: truncated")
+    return values[:count]
+
+
+def read_harwell_boeing(path: Path) -> sp.coo_matrix:
+    """A real assembled matrix in Harwell-Boeing format: RSA (one triangle), PSA or RUA.
+
+    SciPy reads unsymmetric ones only.
+    """
+    lines = path.read_text(errors="replace").splitlines()
+    try:
+        _, *cards = (int(word) for word in lines[1].split()[:5])
+        kind = lines[2][:3].upper()
+        rows, columns, entries = (int(word) for word in lines[2][3:].split()[:3])
+        forms = [lines[3][:16], lines[3][16:32], lines[3][32:52]]
+    except (ValueError, IndexError):
+        raise BodyError(f"{path}, lines 1 to 4: no Harwell-Boeing header") from None
+    if kind[0] != "R" or kind[2] != "A" or kind[1] not in "SU":
+        raise BodyError(f"{path}: type {kind}; flexgram takes real assembled matrices (RSA, RUA)")
+    first = 5 if len(cards) > 3 and cards[3] > 0 else 4
+    start_of = [first, first + cards[0], first + cards[0] + cards[1]]
+    try:
+        start = _fields(lines[start_of[0] : start_of[1]], forms[0], columns + 1, int)
+        row = _fields(lines[start_of[1] : start_of[2]], forms[1], entries, int)
+        value = _fields(lines[start_of[2] : start_of[2] + cards[2]], forms[2], entries, float)
+    except ValueError as error:
+        raise BodyError(f"{path}: {error}") from None
+    column = np.repeat(np.arange(columns), np.diff(start))
+    return sp.coo_matrix((value, (np.array(row) - 1, column)), shape=(rows, columns))
 
 
 def _node_map(path: Path | None, n: int) -> tuple[Ints, Ints]:
@@ -119,13 +166,12 @@ def read_pair(stiffness: Path, mass: Path, damping: Path | None = None, mapping:
             raise BodyError(f"{path}: no such file")
         head = path.open("rb").read(64)
         try:
-            if head.startswith(b"%%MatrixMarket"):
-                raw = sp.coo_matrix(scipy.io.mmread(str(path)))
-            else:
-                raw = sp.coo_matrix(scipy.io.hb_read(str(path)))
+            market = head.startswith(b"%%MatrixMarket")
+            raw = sp.coo_matrix(scipy.io.mmread(str(path))) if market else read_harwell_boeing(path)
+        except BodyError:
+            raise
         except Exception as error:
-            raise BodyError(f"{path}: neither MatrixMarket nor Harwell-Boeing, or truncated "
-                            f"({error})") from error  # fmt: skip
+            raise BodyError(f"{path}: not read as MatrixMarket; truncated? ({error})") from error
         if raw.shape[0] != raw.shape[1]:
             raise BodyError(f"{path}: {raw.shape[0]} × {raw.shape[1]}, expected a square matrix")
         if np.iscomplexobj(raw.data):

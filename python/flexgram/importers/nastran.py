@@ -158,8 +158,8 @@ def read_nastran(path: Path, deck: Path | None = None) -> FeMatrices:
         if kind is not None:
             by_kind.setdefault(kind, []).append(nodes)
     for kind, lists in by_kind.items():
-        nodes = np.array(lists, dtype=np.int64)
-        fe.blocks.append((kind, nodes[:, REORDER[kind]] if kind in REORDER else nodes))
+        table = np.array(lists, dtype=np.int64)
+        fe.blocks.append((kind, table[:, REORDER[kind]] if kind in REORDER else table))
     present = set(fe.node.tolist())
     for number, element in model.rigid_elements.items():
         weights = None
