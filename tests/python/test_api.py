@@ -105,6 +105,16 @@ cases = [
     (lambda: flexgram.reduce("x.h5", options={"mor_toll": 1}), "did you mean -mor_tol"),
     (lambda: flexgram.reduce(flexgram.Matrices(bad.tocsr(), K, np.ones((4, 1)))), "triangle"),
     (lambda: flexgram.reduce(flexgram.Matrices(K, K[:3, :3], np.ones((4, 1)))), "must be sparse"),
+    (lambda: flexgram.reduce(flexgram.Matrices(K, None, np.ones((4, 1)))), "M is missing"),
+    (lambda: flexgram.reduce(flexgram.Matrices(K, K, np.ones((3, 1)))), "B has"),
+    (lambda: flexgram.reduce(flexgram.Matrices(K, K, np.nan * np.ones((4, 1)))), "NaN"),
+    (lambda: flexgram.reduce(flexgram.Matrices(K, K, np.ones((4, 1)), node=np.arange(4),
+        component=np.full(4, 7))), "component must be"),
+    (lambda: flexgram.reduce(flexgram.Matrices(K, K, np.ones((4, 1)), node=np.arange(4),
+        component=np.zeros(4, int), position=np.zeros((4, 2)))), "expected"),
+    # one rank alone
+    (lambda: flexgram.reduce(flexgram.Matrices(K, K, np.ones((4, 1)),
+        inputs=["a"] * (1 + (MPI.COMM_WORLD.rank == MPI.COMM_WORLD.size - 1)))), "do not fit"),
     (lambda: flexgram.reduce(flexgram.Matrices(K, -K, np.ones((4, 1)))), "M"),
     (lambda: flexgram.reduce(flexgram.Matrices(K, K, np.ones((4, 1))), (10, 20), method="best"),
      "-mor_method"),
@@ -120,6 +130,86 @@ rom = flexgram.reduce(flexgram.Matrices(K, K, np.ones((4, 1))), (0.05, 0.1))  # 
 assert MPI.COMM_WORLD.allreduce(1) == MPI.COMM_WORLD.size
 """
     python(code, ranks=ranks)
+
+
+def test_duplicate_entries_are_summed_and_labels_are_any(tmp_path: Path) -> None:
+    code = """
+import numpy as np, scipy.sparse as sp, flexgram
+n = 50
+K = sp.diags([-np.ones(n - 1), 2.5 * np.ones(n), -np.ones(n - 1)], [-1, 0, 1]).tocoo()
+twice = sp.csr_matrix((n, n))
+split = sp.coo_matrix((np.r_[0.25 * K.data, 0.75 * K.data],
+                       (np.r_[K.row, K.row], np.r_[K.col, K.col])), shape=(n, n))
+order = np.argsort(split.row, kind="stable")
+start = np.searchsorted(split.row[order], np.arange(n + 1))
+raw = sp.csr_matrix((split.data[order], split.col[order], start), shape=(n, n))
+assert raw.nnz == 2 * K.nnz
+B = np.eye(n)[:, :2]
+a, b = (flexgram.reduce(flexgram.Matrices(x, sp.eye(n).tocsr(), B, alpha=0.01,
+                                          node=400_000_000 + np.arange(n)), (0.01, 0.2), 1e-6)
+        for x in (K.tocsr(), raw))
+assert np.allclose(a.transfer(0.7), b.transfer(0.7), rtol=1e-5)
+exact = np.linalg.solve(K.toarray() + 0.7j * 0.01 * np.eye(n) - 0.49 * np.eye(n), B)[:2]
+assert np.allclose(b.transfer(0.7), exact, rtol=1e-5)
+assert b.node.min() == 400_000_000
+"""
+    python(code)
+
+
+def test_petsc_matrix_is_free_afterwards(tmp_path: Path) -> None:
+    """A kept result does not keep K."""
+    pytest.importorskip("petsc4py")
+    code = """
+import numpy as np, flexgram
+from petsc4py import PETSc
+n = 30
+K = PETSc.Mat().createAIJ((n, n), nnz=3)
+for i in range(n):
+    K[i, i] = 2
+    if i: K[i, i - 1] = K[i - 1, i] = -1
+K.assemble()
+M = PETSc.Mat().createAIJ((n, n), nnz=1)
+for i in range(n): M[i, i] = 1
+M.assemble()
+rom = flexgram.reduce(flexgram.Matrices(K, M, np.eye(n)[:, :1], alpha=0.01), (0.01, 0.1), 1e-4)
+assert K.refcount == 1 and M.refcount == 1
+"""
+    python(code)
+
+
+def test_damper_to_ground_has_no_floating_frame(tmp_path: Path) -> None:
+    """D on rigid motion cannot be handed to a floating frame; Rayleigh damping can."""
+    import scipy.sparse as sp
+
+    from bodies import box, write_body_file
+    from conftest import assembled
+    from flexgram.exporters import export
+
+    mesh = box("tetra10", (4, 1, 1))
+    ends = {name: {"set": name, "coupling": "rigid"} for name in ("start", "end")}
+    write_body_file(tmp_path / "mesh.h5", mesh, interfaces=ends)
+    full = assembled(tmp_path / "full.h5", tmp_path / "mesh.h5")
+    n = full["K"].shape[0]
+    node, at = np.unique(full["node"], return_inverse=True)
+    places = np.zeros((len(node), 3))
+    places[at] = full["position"]
+    for name, D, alpha in (("damper", sp.coo_matrix(([40.0], ([9], [9])), shape=(n, n)), 0.0),
+                           ("rayleigh", None, 5.0)):  # fmt: skip
+        body, rom = tmp_path / f"{name}.h5", tmp_path / f"{name}.rom.h5"
+        flexgram.write_matrices(body, full["K"], full["M"], full["B"], D=D, alpha=alpha, node=at,
+                                component=full["component"], position=places,
+                                inputs=[str(x) for x in full["names"]])  # fmt: skip
+        run("reduce", "-body", body, "-mor_band_hz", "10,9000", "-mor_tol", "1e-2", "-mor_out", rom)
+        model = flexgram.ReducedModel.load(rom)
+        if name == "damper":
+            with pytest.raises(flexgram.BodyError, match="dampers act on the rigid motion"):
+                export(model, tmp_path / "x.npz", "exudyn")
+        else:
+            export(model, tmp_path / "x.npz", "exudyn")
+    run("reduce", "-body", tmp_path / "rayleigh.h5", "-mor_inputs", "end.fx,end.fz", "-mor_tol",
+        "1e-2", "-mor_out", tmp_path / "few.h5")  # fmt: skip
+    with pytest.raises(flexgram.BodyError, match="end has the ports fx, fz only"):
+        export(flexgram.ReducedModel.load(tmp_path / "few.h5"), tmp_path / "x.npz", "exudyn")
 
 
 @pytest.fixture(scope="module")
@@ -150,6 +240,10 @@ def test_simulate_is_exact_for_linear_inputs(model: flexgram.ReducedModel) -> No
     assert np.allclose(model.lift(q), q @ model.V.T)
     with pytest.raises(flexgram.BodyError, match="evenly spaced"):
         model.simulate(u, t**2)
+    with pytest.raises(flexgram.BodyError, match="2 × 401, expected 401 times × 2"):
+        model.simulate(np.zeros((2, 401)), t)
+    with pytest.raises(flexgram.BodyError, match="rising"):
+        model.simulate(u, t[::-1])
     with pytest.raises(flexgram.BodyError, match="401 × 3, expected 401 times × 2 inputs"):
         model.simulate(np.zeros((401, 3)), t)
 
