@@ -326,6 +326,29 @@ class ReducedModel:
         part.modes = self.modes[keep]
         return part
 
+    def plot(self, figure: str = "error", path: str | Path | None = None, **options: Any) -> Any:
+        """Draw ``error``, ``gramian``, ``transfer``, ``stages`` or ``shapes``.
+
+        Parameters
+        ----------
+        figure : str
+            Which one; ``flexgram.figures`` has their options (``sweep``, ``ports``, ``body``).
+        path : str or Path, optional
+            Write it there, as ``.png``, ``.svg`` or ``.pdf``.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
+        from flexgram import figures  # matplotlib is slow to load
+
+        if figure not in figures.FIGURES:
+            raise BodyError(f"plot: {figure} must be one of {', '.join(figures.FIGURES)}")
+        drawn = figures.FIGURES[figure](self, **options)
+        if path is not None:
+            figures.save(drawn, Path(path))
+        return drawn
+
     def save(self, path: str | Path) -> None:
         """Write the reduced file; collective on the communicator of ``reduce``."""
         self._save(str(path))

@@ -248,6 +248,15 @@ def test_simulate_is_exact_for_linear_inputs(model: flexgram.ReducedModel) -> No
         model.simulate(np.zeros((401, 3)), t)
 
 
+def test_plot(model: flexgram.ReducedModel, tmp_path: Path) -> None:
+    model.plot("error", tmp_path / "e.svg")
+    assert (tmp_path / "e.svg").stat().st_size > 1000
+    with pytest.raises(flexgram.BodyError, match="no mesh"):
+        model.plot("shapes")
+    with pytest.raises(flexgram.BodyError, match="must be one of"):
+        model.plot("everything")
+
+
 def test_poles(model: flexgram.ReducedModel) -> None:
     poles = model.poles()
     assert np.all(poles.real < 0) and len(poles) == 2 * model.order

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import scipy.linalg
 
 from flexgram.meshfile import BodyError
 from flexgram.reduced import Floats, ReducedModel
@@ -37,17 +38,22 @@ def _matrix(name: str, a: Floats, symmetric: bool) -> list[str]:
 def write_dmig(model: ReducedModel, path: Path) -> None:
     """Write the punch file; unit: N, m, kg, s.
 
-    Numbers have the ten digits or so that sixteen columns hold.
+    The scalar points are the modal coordinates of the reduced body: sixteen columns hold eleven or
+    twelve digits, and only a diagonal stiffness keeps them all for every mode.
     """
     if model.eta:
         raise BodyError("structural damping goes into Nastran by PARAM,G: reduce without eta")
     error = f"error {model.certified_error:.1e} ({model.kind})"
     lines = [f"$ flexgram: {model.order} generalised coordinates, {error}"]
     lines += [f"$ column {j + 1} of PRED: {name}" for j, name in enumerate(model.inputs)]
+    values, modes = scipy.linalg.eigh(model.K, model.M)
+    values[np.abs(values) < 1e-12 * np.abs(values).max(initial=0)] = 0  # rigid
+    D = modes.T @ model.D @ modes
+    D[np.abs(D) < 1e-15 * np.abs(D).max(initial=0)] = 0
     lines += [f"{'SPOINT':<8}{1:>8}{'THRU':<8}{model.order:>8}"]
-    lines += _matrix("KRED", 0.5 * (model.K + model.K.T), True)
-    lines += _matrix("MRED", 0.5 * (model.M + model.M.T), True)
-    if np.any(model.D):
-        lines += _matrix("BRED", 0.5 * (model.D + model.D.T), True)
-    lines += _matrix("PRED", model.B, False)
+    lines += _matrix("KRED", np.diag(values), True)
+    lines += _matrix("MRED", np.eye(model.order), True)
+    if np.any(D):
+        lines += _matrix("BRED", 0.5 * (D + D.T), True)
+    lines += _matrix("PRED", modes.T @ model.B, False)
     path.write_text("\n".join(lines) + "\n")
