@@ -115,6 +115,9 @@ def _import(options: argparse.Namespace) -> None:
         )
         left = f"{facts['free']} of 6 rigid motions are free"
         print(f"  {left} (relative energy at most {facts['rigid_energy'].max():.0e})")
+    for name, (reference, count) in facts["interfaces"].items():
+        place = ", ".join(f"{x:.6g}" for x in reference)
+        print(f"  interface {name}: rigid, {count} nodes, reference at ({place}) m")
     print(
         f"  {len(facts['ports'])} ports: {', '.join(facts['ports'][:12])}"
         f"{' …' if len(facts['ports']) > 12 else ''}"
@@ -186,6 +189,11 @@ def _plot(options: argparse.Namespace) -> None:
     if not every and options.figure not in figures.FIGURES:
         raise BodyError(
             f"--figure {options.figure}: must be one of {', '.join(figures.FIGURES)} or all"
+        )
+    if every and options.output.suffix.lower() in (".png", ".svg", ".pdf"):
+        raise BodyError(
+            f"-o {options.output}: all figures go into a folder; name one by --figure "
+            f"({', '.join(figures.FIGURES)})"
         )
     if every:
         options.output.mkdir(parents=True, exist_ok=True)
@@ -330,7 +338,9 @@ COMMANDS: dict[
         "  python3 -m flexgram import part.inp --run-ccx --units mm-t-s --rigid left=NSET:LEFT "
         "--rigid right=NSET:RIGHT -o part.h5\n"
         "  python3 -m flexgram import job_STIF1.mtx --rigid hub=BOX:0,0,0,1,1,0.01@0.5,0.5,0 "
-        "-o body.h5",
+        "-o body.h5\n\nWHERE is NSET:SET, NODES:1,2,3, BOX:x0,y0,z0,x1,y1,z1 or AT:x,y,z (the "
+        "nearest node), in the\nunits of the files; @x,y,z behind it places the reference node "
+        "(default: the middle of the nodes).",
         _import_options,
         _import,
     ),

@@ -14,7 +14,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
-from flexgram.geometry import Geometry
+from flexgram.geometry import Geometry, body_of
 from flexgram.meshfile import BodyError
 from flexgram.reduced import ReducedModel
 
@@ -115,7 +115,7 @@ def shapes(model: ReducedModel, body: str | Path | None = None, count: int = 5) 
     """The mesh with its interfaces, and the first elastic basis vectors."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    geometry = Geometry.load(body or model.log.get("body") or "")
+    geometry = Geometry.load(body_of(model, body))
     triangles = geometry.surface()
     if not len(triangles):
         raise BodyError("the body has no solid elements to draw")

@@ -128,6 +128,27 @@ class Geometry:
         return np.vstack(triangles)
 
 
+def body_of(model: ReducedModel, body: str | Path | None = None) -> str | Path:
+    """The body file of a reduced body: as named, where it was, or beside the reduced file.
+
+    Raises
+    ------
+    BodyError
+        If it is not known or not there.
+    """
+    stored = str(model.log.get("body", ""))
+    if body is not None:
+        return body
+    if not stored:
+        raise BodyError("the mesh is in the body file: name it (--body)")
+    beside = model.path.parent / Path(stored).name if model.path is not None else None
+    if not Path(stored).exists() and beside is not None and beside.exists():
+        return beside
+    if not Path(stored).exists():
+        raise BodyError(f"{stored}: no such file (the body file holds the mesh: --body names it)")
+    return stored
+
+
 def _six(model: ReducedModel, shapes: Floats, reference: Floats) -> Floats | None:
     """Translation and rotation (k, 6) of the node with rotations at a place; None without one."""
     turning = np.flatnonzero(model.component >= 3)

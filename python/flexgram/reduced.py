@@ -89,6 +89,7 @@ class ReducedModel:
             if name.startswith("log/")
         }
         self._save = save
+        self.path: Path | None = None  #: where it was read from
 
     @classmethod
     def load(cls, path: str | Path, basis: bool = True) -> ReducedModel:
@@ -134,7 +135,9 @@ class ReducedModel:
                 at = fields["dofs/node"]
                 fields["dofs/position"] = fields["nodes/position"][at]
                 fields["dofs/node"] = fields["nodes/id"][at]
-        return cls(fields, lambda target: _copy(source, Path(target)))
+        model = cls(fields, lambda target: _copy(source, Path(target)))
+        model.path = source
+        return model
 
     @property
     def order(self) -> int:

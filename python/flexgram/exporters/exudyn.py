@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from flexgram.geometry import Geometry, interface_motion, interface_positions
+from flexgram.geometry import Geometry, body_of, interface_motion, interface_positions
 from flexgram.meshfile import BodyError
 from flexgram.reduced import Floats, ReducedModel
 
@@ -27,12 +27,9 @@ def _surface(
     model: ReducedModel, body: str | Path | None, most: int
 ) -> tuple[Floats, Floats, list[list[int]]]:
     """Surface points (N, 3), their motion (m, N, 3) and triangles; empty without a mesh."""
-    source = body or model.log.get("body")
     nothing = np.empty((0, 3)), np.empty((model.order, 0, 3)), list[list[int]]()
-    if not source:
-        return nothing
     try:
-        geometry = Geometry.load(source)
+        geometry = Geometry.load(body_of(model, body))
     except BodyError:
         if body is not None:
             raise

@@ -8,16 +8,13 @@ from typing import Any
 import meshio
 import numpy as np
 
-from flexgram.geometry import Geometry
+from flexgram.geometry import Geometry, body_of
 from flexgram.meshfile import BodyError
 from flexgram.reduced import ReducedModel
 
 
 def _geometry(model: ReducedModel, body: str | Path | None) -> Geometry:
-    source = body or model.log.get("body")
-    if not source:
-        raise BodyError("the mesh is in the body file: name it (--body)")
-    return Geometry.load(source)
+    return Geometry.load(body_of(model, body))
 
 
 def write_shapes(model: ReducedModel, path: Path, body: str | Path | None = None) -> None:

@@ -159,7 +159,8 @@ def import_matrices(
     Returns
     -------
     dict
-        What ``check`` found, in SI; ``rows``, ``ports``, ``remarks``.
+        What ``check`` found, in SI; ``rows``, ``ports``, ``remarks``, and ``interfaces``: for
+        each rigid one its reference [m] and number of nodes.
     """
     if units not in UNITS:
         raise BodyError(f"--units {units} must be one of {', '.join(UNITS)}")
@@ -216,7 +217,19 @@ def import_matrices(
     for key, factor in (("mass", mass), ("centre", length), ("inertia", mass * length**2)):
         if key in facts:
             facts[key] = facts[key] * factor
-    return {**facts, "rows": body["K"].shape[0], "ports": body["inputs"], "remarks": fe.remarks}
+    size = float(np.linalg.norm(np.ptp(points, axis=0))) * length if len(points) else 0.0
+    if facts.get("mass", 0) > 0 and size > 0 and facts["mass"] / size**3 < 1e-3:
+        fe.remarks.append(f"{facts['mass']:.3g} kg in a body that measures {size:.4g} m: are the "
+                          "files in other units (--units mm-t-s)?")  # fmt: skip
+    became = {name: (points[np.flatnonzero(labels == nodes[0])[0]] * length, len(nodes) - 1)
+              for name, nodes in body["followers"].items()}  # fmt: skip
+    return {
+        **facts,
+        "interfaces": became,
+        "rows": body["K"].shape[0],
+        "ports": body["inputs"],
+        "remarks": fe.remarks,
+    }
 
 
 def _picture(fe: FeMatrices) -> list[tuple[str, Any]]:

@@ -188,6 +188,18 @@ def attach(fe: FeMatrices, interfaces: list[Interface]) -> dict[str, Any]:
     return arguments
 
 
+def _require_extent(fe: FeMatrices, interface: Interface, labels: Ints) -> None:
+    """Nodes with translations only carry moments if they do not lie on a line."""
+    if np.any(fe.component[np.isin(fe.node, labels)] >= 3):
+        return
+    points = fe.positions(np.unique(labels))
+    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    if len(points) < 3 or spread[1] < 1e-8 * spread[0]:
+        what = "is one node" if len(points) == 1 else f"has {len(points)} nodes on a line"
+        raise BodyError(f"interface {interface.name} {what} and cannot carry moments; take more "
+                        "nodes, or --node")  # fmt: skip
+
+
 def _reference(fe: FeMatrices, interface: Interface, labels: Ints) -> Floats:
     if interface.position is not None:
         return interface.position
@@ -222,6 +234,8 @@ def _condense(
             turned = np.cross(np.eye(3)[axis], arm)[np.arange(len(rows)), c % 3]
             entries.append((rows[moves], np.full(moves.sum(), 6 * number + 3 + axis),
                             turned[moves]))  # fmt: skip
+    for interface in rigid:
+        _require_extent(fe, interface, select(fe, interface))
     kept = np.flatnonzero(owner < 0)
     size = len(kept) + 6 * len(rigid)
     row = np.concatenate([kept, *(e[0] for e in entries)])
@@ -285,15 +299,12 @@ def _ports(
     rows, at = rows[moves], at[moves]
     weights = np.ones(len(labels)) if interface.weights is None else interface.weights[first]
     arm = fe.positions(fe.node[rows]) - _reference(fe, interface, labels)
+    _require_extent(fe, interface, labels)
     c = fe.component[rows]
     G = np.zeros((len(rows), 6))
     G[np.arange(len(rows)), c] = 1
     for axis in range(3):
         G[:, 3 + axis] = np.cross(np.eye(3)[axis], arm)[np.arange(len(rows)), c]
-    scale = np.linalg.norm(G, axis=0)
-    if np.linalg.svd(G / np.where(scale > 0, scale, 1), compute_uv=False)[-1] < 1e-8:
-        raise BodyError(f"interface {name}: its {len(labels)} nodes lie on a line and cannot carry "
-                        "a moment; take more nodes, or --node")  # fmt: skip
     W = weights[at][:, None]
     B = W * G @ np.linalg.inv(G.T @ (W * G))
     r, k = np.indices(B.shape)
