@@ -39,7 +39,7 @@ SHAPES = {
     "plate": ({6: (20, 10, 1), 30: (46, 23, 1), 100: (84, 42, 1), 250: (132, 66, 1)}, (4, 2, 0.05)),
 }
 METHODS = {
-    "two_step": ("-mor_tol", "1e-6"),
+    "two_step": ("-mor_tol", "1e-6", "-mor_tol_of", "whole"),
     "pod": ("-mor_method", "pod", "-mor_samples", "30"),
     "modal": ("-mor_method", "modal"),
     "craig_bampton": ("-mor_method", "craig_bampton"),

@@ -44,6 +44,9 @@ class ReducedModel:
         ``pod``.
     kind : str
         ``certified`` or ``estimated``.
+    by_kind : (2,) array
+        Largest bounds of displacement from force and of rotation from moment; empty if the
+        tolerance was for H as a whole, or none was given.
     sigma : array
         Eigenvalues of the position Gramian, descending.
     modes : array
@@ -70,6 +73,7 @@ class ReducedModel:
         self.omega, self.error = array("error/omega"), array("error/relative")
         self.bound, self.floor = array("error/bound"), array("error/floor")
         self.kind = str(fields.get("error/kind", "estimated"))
+        self.by_kind = array("error/by_kind")
         self.sigma, self.modes = array("gramian/sigma"), array("modes/omega")
         self.band = array("band")
         self.method = str(fields.get("method", ""))
@@ -146,8 +150,9 @@ class ReducedModel:
 
     @property
     def certified_error(self) -> float:
-        """Largest bound over the band (``pod``: largest known error)."""
-        worst = self.bound if len(self.bound) else self.error
+        """Largest bound over the band, of H and of each kind of ports (``pod``: largest known
+        error)."""
+        worst = np.concatenate([self.bound if len(self.bound) else self.error, self.by_kind])
         return float(worst.max()) if len(worst) else float("nan")
 
     def __repr__(self) -> str:

@@ -85,9 +85,14 @@ def _modes(model: ReducedModel, most: int = 40) -> str:
 def _cards(model: ReducedModel) -> str:
     proved = model.kind == "certified"
     hz = model.band / (2 * np.pi)
+    kinds = ""
+    if len(model.by_kind):
+        kinds = (f" (displacement from force {model.by_kind[0]:.1e}, rotation from moment "
+                 f"{model.by_kind[1]:.1e})")  # fmt: skip
     cards = [
         (f"{model.certified_error:.1e}", "largest relative error over the band, "
-         + ("proved" if proved else "estimated, not proved"), "proved" if proved else "guessed"),
+         + ("proved" if proved else "estimated, not proved") + kinds,
+         "proved" if proved else "guessed"),
         (f"{len(model.V):,} → {model.order}" if len(model.V) else str(model.order),
          "degrees of freedom", ""),
         (f"{hz[0]:g} – {hz[1]:g} Hz", "band", ""),

@@ -122,6 +122,7 @@ void write_reduced(const ReducedModel& rom, const Options& options,
     write_vector(file, "/error/floor", rom.floor);
   }
   file.set_attribute("/error", "kind", rom.kind);
+  if (!rom.by_kind.empty()) file.set_attribute("/error", "by_kind", rom.by_kind);
   write_vector(file, "/modes/omega", rom.modes);
   write_frame(file, rom);
   write_dof_map(file, fom);

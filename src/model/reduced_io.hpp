@@ -23,6 +23,9 @@ struct ReducedModel {
   std::vector<double> bound;   ///< proved upper bound of epsilon at omega; empty: none
   std::vector<double> floor;   ///< its part that is rounding
   std::string kind = "estimated"; ///< of the error: certified | estimated
+  /// Largest bounds of displacements from forces and of rotations from moments; empty:
+  /// not asked for.
+  std::vector<double> by_kind;
   std::string second_stage, frame = "none";
   int rigid_modes = 0; ///< of the body; the first basis vectors unless frame is none
   std::optional<FrameIntegrals> integrals;

@@ -206,6 +206,7 @@ struct Reduction {
     f["error/bound"] = rom.bound;
     f["error/floor"] = rom.floor;
     f["error/kind"] = rom.kind;
+    f["error/by_kind"] = rom.by_kind;
     f["modes/omega"] = rom.modes;
     f["frame/kind"] = rom.frame;
     f["frame/rigid_modes"] = rom.rigid_modes;

@@ -226,12 +226,9 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
 
 Certificate::Certificate(const MediumSpace& space, const DenseResponse& response,
                          ResidualBasis basis, const Dense& gram, int modes, double cutoff,
-                         std::vector<int> inputs, std::vector<int> outputs,
                          std::vector<double> scale)
     : tau_(space.tau()), kappa_(space.kappa()), cutoff_squared_(cutoff * cutoff),
-      rounding_(space.rounding()), remainder_(basis.remainder),
-      same_ports_(inputs == outputs), inputs_(std::move(inputs)),
-      outputs_(std::move(outputs)), scale_(std::move(scale)) {
+      rounding_(space.rounding()), remainder_(basis.remainder), scale_(std::move(scale)) {
   // Coordinates in which the Gram matrix is the identity: Γ = FᵀF.
   const SymmetricEigen eigen = symmetric_eigen(gram);
   Dense F = transpose(eigen.vectors);
@@ -302,8 +299,9 @@ double Certificate::damping_coupling(double omega, const DenseSystem& system) co
   return omega * omega * frobenius_norm(multiply(coupling_, solve(std::move(A), right)));
 }
 
-Certificate::Bound Certificate::at(double omega, const DenseResponse& response,
-                                   const ComplexDense& x) const {
+std::vector<Certificate::Bound>
+Certificate::at(double omega, const DenseResponse& response, const ComplexDense& x,
+                const std::vector<PortSet>& blocks) const {
   const DenseSystem& system = response.system();
   const ShiftCoefficients c = system.coefficients(omega);
   ComplexDense w = residual_of(ports_, K_, D_, kappa_, omega, c, x);
@@ -313,14 +311,7 @@ Certificate::Bound Certificate::at(double omega, const DenseResponse& response,
   // What T leaves out has at most the weight of T's own largest direction, ten times for
   // safety.
   const double extra = 10 * remainder_ * frobenius_norm(w);
-  const ComplexDense w_in = columns_of(w, inputs_);
-  const ComplexDense w_out = same_ports_ ? ComplexDense() : columns_of(w, outputs_);
-  const ComplexDense& w_c = same_ports_ ? w_in : w_out;
-  double paired = same_ports_ ? frobenius_norm(multiply_transposed(w_in, w_in, true))
-                              : paired_norm(w_c, w_in);
-  if (extra > 0) paired += extra * (frobenius_norm(w_c) + frobenius_norm(w_in) + extra);
 
-  Bound bound;
   // Modes known to an angle θ let θ² of the residual through to their resonance; within a
   // cluster the angle is that of all of them.
   double angles = 0, leak = 0;
@@ -331,52 +322,79 @@ Certificate::Bound Certificate::at(double omega, const DenseResponse& response,
                               (mode_damping_.rows > 0 ? c.d * mode_damping_(i, i) : 0.0));
     leak = std::max(leak, angles * (a > 0 ? (mode_lambda_[j] + tau_) / a : infinity));
   }
-  double q = 0;
-  if (!system.has_extra_damping()) {
+  const bool extra_damping = system.has_extra_damping();
+  double q = 0, radius = 0, delta = 0;
+  Complex centre = 0;
+  if (!extra_damping) {
     q = largest_distance(c.k, c.m, tau_, cutoff_squared_, 0.0);
-    const Complex centre =
-        0.5 * ((cutoff_squared_ + tau_) / (c.k * cutoff_squared_ + c.m) + 1.0 / c.k);
-    const double radius = largest_distance(c.k, c.m, tau_, cutoff_squared_, centre);
-    const double known = frobenius_norm(multiply_transposed(w_c, w_in)) +
-                         extra * (frobenius_norm(w_c) + frobenius_norm(w_in) + extra);
-    bound.error = std::min(q * paired, std::abs(centre) * known + radius * paired);
+    centre = 0.5 * ((cutoff_squared_ + tau_) / (c.k * cutoff_squared_ + c.m) + 1.0 / c.k);
+    radius = largest_distance(c.k, c.m, tau_, cutoff_squared_, centre);
   } else {
     q = (cutoff_squared_ + tau_) / (cutoff_squared_ - omega * omega);
-    const double delta = damping_coupling(omega, system);
-    bound.proved = q * delta < 1;
-    bound.error = paired * (bound.proved ? 1 / (1 / q - delta) : q);
+    delta = damping_coupling(omega, system);
   }
-  bound.error += leak * paired;
   // First-order arguments carry this far.
-  bound.proved = bound.proved && leak < 0.1 * q && remainder_ < 1e-6;
+  const bool sound = leak < 0.1 * q && remainder_ < 1e-6;
 
+  ComplexDense motion, force;
+  if (rigid_.rows > 0) {
+    motion = multiply(rigid_, x);
+    force = multiply(neglected_, x);
+  }
   // Roundings are random: their squares add up.
-  const auto rounded = [&](const std::vector<int>& columns, const ComplexDense& motion,
+  const auto rounded = [&](const std::vector<int>& columns,
+                           const ComplexDense& response_x,
                            const std::vector<double>& weights) {
     double sum = 0;
     for (int j : columns)
-      for (int i = 0; i < motion.rows; ++i)
-        sum += std::norm(weights[static_cast<std::size_t>(i)] * motion(i, j)) /
+      for (int i = 0; i < response_x.rows; ++i)
+        sum += std::norm(weights[static_cast<std::size_t>(i)] * response_x(i, j)) /
                std::pow(scale_[static_cast<std::size_t>(j)], 2);
     return std::sqrt(sum);
   };
-  const double in = rounded(inputs_, x, rounding_weights_),
-               out = rounded(outputs_, x, rounding_weights_);
-  bound.floor = 4 * rounding_ * in * out;
-  if (rigid_.rows > 0) { // between rigid and elastic motion; among rigid ones K is zero
-    ComplexDense motion = multiply(rigid_, x);
-    bound.floor += (geometric_ ? 4 : 200) * rounding_ *
-                   (rounded(inputs_, motion, rigid_weights_) * out +
-                    in * rounded(outputs_, motion, rigid_weights_));
-    ComplexDense force = multiply(neglected_, x);
-    scale_columns(motion, unscale);
-    scale_columns(force, unscale);
-    bound.floor += frobenius_norm(columns_of(motion, outputs_)) *
-                       frobenius_norm(columns_of(force, inputs_)) +
-                   frobenius_norm(columns_of(force, outputs_)) *
-                       frobenius_norm(columns_of(motion, inputs_));
+  const auto size_of = [&](const ComplexDense& columns, const std::vector<int>& ports) {
+    double sum = 0;
+    for (int j : ports)
+      for (int i = 0; i < columns.rows; ++i)
+        sum += std::norm(columns(i, j) * unscale[static_cast<std::size_t>(j)]);
+    return std::sqrt(sum);
+  };
+
+  std::vector<Bound> bounds;
+  for (const auto& [inputs, outputs] : blocks) {
+    const bool same = inputs == outputs;
+    const ComplexDense w_in = columns_of(w, inputs);
+    const ComplexDense w_out = same ? ComplexDense() : columns_of(w, outputs);
+    const ComplexDense& w_c = same ? w_in : w_out;
+    double paired = same ? frobenius_norm(multiply_transposed(w_in, w_in, true))
+                         : paired_norm(w_c, w_in);
+    const double added =
+        extra > 0 ? extra * (frobenius_norm(w_c) + frobenius_norm(w_in) + extra) : 0.0;
+    paired += added;
+
+    Bound bound;
+    if (!extra_damping) {
+      const double known = frobenius_norm(multiply_transposed(w_c, w_in)) + added;
+      bound.error = std::min(q * paired, std::abs(centre) * known + radius * paired);
+    } else {
+      bound.proved = q * delta < 1;
+      bound.error = paired * (bound.proved ? 1 / (1 / q - delta) : q);
+    }
+    bound.error += leak * paired;
+    bound.proved = bound.proved && sound;
+
+    const double in = rounded(inputs, x, rounding_weights_),
+                 out = rounded(outputs, x, rounding_weights_);
+    bound.floor = 4 * rounding_ * in * out;
+    if (rigid_.rows > 0) // between rigid and elastic motion; among rigid ones K is zero
+      bound.floor += (geometric_ ? 4 : 200) * rounding_ *
+                         (rounded(inputs, motion, rigid_weights_) * out +
+                          in * rounded(outputs, motion, rigid_weights_)) +
+                     size_of(motion, outputs) * size_of(force, inputs) +
+                     size_of(force, outputs) * size_of(motion, inputs);
+    bounds.push_back(bound);
   }
-  return bound;
+  return bounds;
 }
 
 } // namespace flexgram

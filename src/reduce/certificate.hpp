@@ -48,16 +48,19 @@ public:
   Certificate() = default;
   /// @param gram   Tᵀ(K + τM)⁻¹T.
   /// @param modes  number of modes below the cutoff, the rigid ones included.
-  /// @param inputs, outputs  columns of the ports that are inputs and outputs, and
-  /// `scale`
-  ///                         of each port.
+  /// @param scale  of each port.
   Certificate(const MediumSpace& space, const DenseResponse& response,
               ResidualBasis basis, const Dense& gram, int modes, double cutoff,
-              std::vector<int> inputs, std::vector<int> outputs,
               std::vector<double> scale);
 
+  /// Columns of ports that are the inputs and the outputs of a block of H.
+  struct PortSet {
+    std::vector<int> inputs, outputs;
+  };
   /// @param x  the response at omega in modal coordinates, N × ports.
-  Bound at(double omega, const DenseResponse& response, const ComplexDense& x) const;
+  /// @return a bound for each block.
+  std::vector<Bound> at(double omega, const DenseResponse& response,
+                        const ComplexDense& x, const std::vector<PortSet>& blocks) const;
   /// Largest sine of the angle between a mode below the cutoff and the space.
   double worst_angle() const;
 
@@ -65,8 +68,7 @@ private:
   double damping_coupling(double omega, const DenseSystem& system) const;
 
   double tau_ = 0, kappa_ = 0, cutoff_squared_ = 0, rounding_ = 0, remainder_ = 0;
-  bool same_ports_ = true, geometric_ = true;
-  std::vector<int> inputs_, outputs_;
+  bool geometric_ = true;
   std::vector<double> scale_, rounding_weights_, rigid_weights_, mode_lambda_,
       mode_angle_;
   Dense ports_, K_, D_; ///< in coordinates where the Gram matrix is the identity

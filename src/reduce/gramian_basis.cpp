@@ -22,6 +22,12 @@ void GramianOptions::describe(Options& options) {
       "-mor_tol", tolerance, "",
       "smallest order whose relative error over the band is below this: the certified "
       "error, or with -mor_method pod the one at the samples and the check frequencies");
+  options.add_choice(
+      "-mor_tol_of", tolerance_of, {"each_kind", "whole"},
+      "what -mor_tol bounds: the error of H as a whole (eq. 17), which adds m/N and "
+      "rad/(N "
+      "m) so that the larger number hides the other, or also those of displacements from "
+      "forces and of rotations from moments by themselves (ports named x.fx ... x.mz)");
   options.add_choice("-mor_port_scaling", port_scaling, {"none", "equal"},
                      "weight of the ports in the Gramian: all the same, so that forces "
                      "and moments (in N m or "

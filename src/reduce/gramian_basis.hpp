@@ -18,6 +18,9 @@ struct GramianOptions {
   std::string port_scaling = "equal";
   int order = 0;                   ///< 0: by the tolerance or the order rule
   std::optional<double> tolerance; ///< unset: order by -mor_order or by the rule
+  std::string tolerance_of = "each_kind";
+
+  bool by_kind() const { return tolerance && tolerance_of == "each_kind"; }
 
   void describe(Options& options);         ///< what every method has
   void describe_samples(Options& options); ///< what pod alone has

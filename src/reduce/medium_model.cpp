@@ -43,7 +43,7 @@ MediumModel::Value MediumModel::at(double omega) const {
   const ComplexDense all = response_->transfer(x);
   Value value{
       ComplexDense(static_cast<int>(outputs_.size()), static_cast<int>(inputs_.size())),
-      certificate_.at(omega, *response_, x)};
+      certificate_.at(omega, *response_, x, blocks_)};
   for (int j = 0; j < value.H.columns; ++j)
     for (int i = 0; i < value.H.rows; ++i) {
       const int from = inputs_[static_cast<std::size_t>(j)],
@@ -94,9 +94,12 @@ double MediumBuilder::worst_bound() {
   model_.proved = true;
   for (double omega : grid_) {
     const MediumModel::Value value = model_.at(omega);
-    const double size = frobenius_norm(value.H) - value.bound.error;
-    model_.proved = model_.proved && value.bound.proved;
-    worst = std::max(worst, size > 0 ? value.bound.error / size : HUGE_VAL);
+    for (std::size_t v = 0; v < model_.views.size(); ++v) {
+      const Certificate::Bound& bound = value.bounds[v];
+      const double size = frobenius_norm(model_.views[v].of(value.H)) - bound.error;
+      model_.proved = model_.proved && bound.proved;
+      worst = std::max(worst, size > 0 ? bound.error / size : HUGE_VAL);
+    }
   }
   return worst;
 }
@@ -129,9 +132,8 @@ void MediumBuilder::certify(int most_columns) {
     gram = inner(basis.T, image_);
     symmetrise(gram);
   }
-  model_.certificate_ =
-      Certificate(*space_, *model_.response_, std::move(basis), gram, modes,
-                  model_.cutoff, model_.inputs_, model_.outputs_, model_.scale_);
+  model_.certificate_ = Certificate(*space_, *model_.response_, std::move(basis), gram,
+                                    modes, model_.cutoff, model_.scale_);
   // Dense work may differ in the last bit from rank to rank; decisions must not.
   std::vector<double> shared{worst_bound(), model_.proved ? 1.0 : 0.0};
   share_from_first(fom_.comm, shared);

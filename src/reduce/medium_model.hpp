@@ -3,6 +3,7 @@
 #include "base/plan.hpp"
 #include "reduce/band_grid.hpp"
 #include "reduce/certificate.hpp"
+#include "reduce/port_views.hpp"
 
 #include <memory>
 
@@ -13,6 +14,8 @@ struct MediumOptions {
   double cutoff = 1.5;
   int limit = 0;
   double target = 0; ///< 0: from the tolerance
+  bool by_kind =
+      false; ///< certify displacements from forces and rotations from moments too
 
   void describe(Options& options);
   void check() const;
@@ -23,11 +26,13 @@ struct MediumOptions {
 class MediumModel {
 public:
   struct Value {
-    ComplexDense H; ///< n_out × n_in
-    Certificate::Bound bound;
+    ComplexDense H;                         ///< n_out × n_in
+    std::vector<Certificate::Bound> bounds; ///< of each of the views
   };
   Value at(double omega) const;
 
+  std::vector<PortView>
+      views;          ///< blocks of H that are certified by themselves; the first is all
   Block V;            ///< n × N, W-orthonormal: rigid modes, modes, Krylov vectors
   DenseSystem system; ///< with the body's inputs and outputs, in their units
   std::vector<Resonance> resonances; ///< of these modes
@@ -45,6 +50,7 @@ private:
   std::shared_ptr<const DenseResponse> response_; ///< to all ports, scaled
   Certificate certificate_;
   std::vector<int> inputs_, outputs_;
+  std::vector<Certificate::PortSet> blocks_; ///< the views by columns of all ports
   std::vector<double> scale_;
 };
 

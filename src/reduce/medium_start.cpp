@@ -34,6 +34,15 @@ MediumBuilder::MediumBuilder(const SecondOrderModel& fom, const MediumOptions& o
   std::iota(model_.inputs_.begin(), model_.inputs_.end(), 0);
   std::iota(model_.outputs_.begin(), model_.outputs_.end(),
             fom.outputs_are_inputs ? 0 : inputs);
+  model_.views = port_views(fom, options.by_kind);
+  for (const PortView& view : model_.views) {
+    Certificate::PortSet block;
+    for (int j : view.columns)
+      block.inputs.push_back(model_.inputs_[static_cast<std::size_t>(j)]);
+    for (int i : view.rows)
+      block.outputs.push_back(model_.outputs_[static_cast<std::size_t>(i)]);
+    model_.blocks_.push_back(std::move(block));
+  }
 }
 
 void MediumBuilder::find_rigid_modes() {

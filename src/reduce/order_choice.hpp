@@ -6,14 +6,16 @@
 namespace flexgram {
 
 /// The certified error of small models over the band, measured against the medium model:
-///   ε ≤ (‖H_medium − H_r‖ + bound) / (‖H_medium‖ − bound).
+///   ε ≤ (‖H_medium − H_r‖ + bound) / (‖H_medium‖ − bound),
+/// for H as a whole (eq. 17) and for each other view of the medium model.
 class ErrorOverBand {
 public:
   ErrorOverBand(const MediumModel& medium, std::vector<double> grid);
 
   struct Errors {
-    std::vector<double> relative, bound; ///< at omega()
-    double worst = 0;                    ///< largest bound
+    std::vector<double> relative, bound; ///< of H as a whole, at omega()
+    std::vector<double> worst_of;        ///< largest bound of each view
+    double worst = 0;                    ///< largest of these
   };
   Errors of(const DenseSystem& small) const;
   /// True if the bound is at most `tolerance` over the grid; looks first where the last
@@ -21,15 +23,24 @@ public:
   bool meets(const DenseSystem& small, double tolerance);
 
   const std::vector<double>& omega() const { return omega_; }
-  const std::vector<double>& floor() const { return floor_; } ///< rounding, relative
+  /// Rounding, relative, of H as a whole.
+  const std::vector<double>& floor() const { return views_.front().floor; }
+  double largest_floor() const; ///< of all views
   const std::vector<ComplexDense>& H() const { return H_; }
   /// What no small model can go below: the bound of the medium model itself.
   double least() const;
 
 private:
-  double certified(std::size_t l, double difference) const;
+  /// A block of H at every frequency: its norm, the medium model's bound, its rounding.
+  struct Seen {
+    PortView view;
+    std::vector<double> size, bound, floor;
+    double certified(std::size_t l, double difference) const;
+    double difference(const ComplexDense& a, const ComplexDense& b) const;
+  };
   double tau_;
-  std::vector<double> omega_, floor_, size_, medium_bound_;
+  std::vector<double> omega_;
+  std::vector<Seen> views_;
   std::vector<ComplexDense> H_;
   std::size_t worst_ = 0;
 };

@@ -1,6 +1,7 @@
 #include "reduce/pod.hpp"
 
 #include "base/text.hpp"
+#include "reduce/port_views.hpp"
 #include "reduce/project.hpp"
 #include "reduce/report.hpp"
 
@@ -75,14 +76,20 @@ SecondOrderModel leading_part(const SecondOrderModel& rom, int m) {
   return part;
 }
 
-/// Smallest m whose error is below the tolerance at every known frequency.
+/// Smallest m whose error, of H and of each kind of ports if asked, is below the
+/// tolerance at every known frequency.
 int order_by_tolerance(const SecondOrderModel& rom, const std::vector<double>& omega,
-                       const std::vector<ComplexDense>& H, double tolerance) {
+                       const std::vector<ComplexDense>& H, double tolerance,
+                       bool by_kind) {
+  const auto views = port_views(rom, by_kind);
   std::size_t worst = 0; // the frequency that ruled out the last order rules out most
   for (int m = 1; m <= rom.n; ++m) {
     const SecondOrderModel part = leading_part(rom, m);
     const auto fails = [&](std::size_t l) {
-      return !(relative_error(H[l], dense_transfer(part, omega[l])) <= tolerance);
+      const ComplexDense H_r = dense_transfer(part, omega[l]);
+      return std::any_of(views.begin(), views.end(), [&](const PortView& view) {
+        return !(relative_error(view.of(H[l]), view.of(H_r)) <= tolerance);
+      });
     };
     if (fails(worst)) continue;
     bool good = true;
@@ -130,7 +137,8 @@ ReducedModel reduce_pod(const SecondOrderModel& fom, FrequencySolves& solves,
   }
   int order = basis.order;
   if (by_tolerance) {
-    order = order_by_tolerance(rom.model, rom.omega, H, *gramian.tolerance);
+    order = order_by_tolerance(rom.model, rom.omega, H, *gramian.tolerance,
+                               gramian.by_kind());
     MPI_Bcast(&order, 1, MPI_INT, 0, fom.comm); // dense work may differ in the last bit
     rom.model = leading_part(rom.model, order);
     std::vector<int> columns(static_cast<std::size_t>(order));
@@ -141,8 +149,6 @@ ReducedModel reduce_pod(const SecondOrderModel& fom, FrequencySolves& solves,
     rom.epsilon.push_back(relative_error(H[l], dense_transfer(rom.model, rom.omega[l])));
   std::vector<ComplexDense> H_r;
   for (double omega : rom.omega) H_r.push_back(dense_transfer(rom.model, omega));
-  const double force_error = error_of_kind(rom.model, H, H_r, 'f');
-  const double moment_error = error_of_kind(rom.model, H, H_r, 'm');
   std::vector<std::size_t> by_frequency(rom.omega.size());
   std::iota(by_frequency.begin(), by_frequency.end(), 0);
   std::sort(by_frequency.begin(), by_frequency.end(),
@@ -198,15 +204,7 @@ ReducedModel reduce_pod(const SecondOrderModel& fom, FrequencySolves& solves,
                   static_cast<long>(checks));
   if (checks == 0) error += ", not checked between them";
   plan.fact("error", error + " (estimated, not proved)");
-  if (force_error >= 0 && moment_error >= 0) {
-    plan.fact("by kind", text("displacement from force %.1e, rotation from moment %.1e",
-                              force_error, moment_error));
-    const double overall = std::max(at_samples, between);
-    if (std::max(force_error, moment_error) > 10 * overall)
-      monitor.warn("the error of eq. (17) adds m/N and rad/(N m) and is blind for the "
-                   "smaller: see "
-                   "the line \"by kind\"; a higher -mor_order helps");
-  }
+  warn_of_kinds(rom.model, H, H_r, std::max(at_samples, between), plan, monitor);
   plan.fact("modes", describe_modes(rom.modes, rigid_modes));
   plan.fact("reduced M, K", text("smallest over largest eigenvalue %.1e, %.1e",
                                  relative_smallest_eigenvalue(rom.model.M),

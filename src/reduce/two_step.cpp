@@ -260,18 +260,17 @@ ReducedModel SecondStageRun::finish() {
                   *worst, rom.kind == "certified" ? "certified" : "estimated, not proved",
                   rom.omega[static_cast<std::size_t>(worst - errors.bound.begin())] * hz,
                   floor));
-  std::vector<ComplexDense> H_r;
-  const DenseResponse response(small, medium_.tau);
-  for (double omega : rom.omega) H_r.push_back(response.transfer(omega));
-  const double force = error_of_kind(rom.model, errors_->H(), H_r, 'f'),
-               moment = error_of_kind(rom.model, errors_->H(), H_r, 'm');
-  if (force >= 0 && moment >= 0) {
-    plan_.fact("by kind", text("displacement from force %.1e, rotation from moment %.1e",
-                               force, moment));
-    if (std::max(force, moment) > 10 * *worst)
-      monitor_.warn("the error of eq. (17) adds m/N and rad/(N m) and is blind for the "
-                    "smaller: see "
-                    "the line \"by kind\"; a smaller -mor_tol helps");
+  if (errors.worst_of.size() == 3) {
+    rom.by_kind = {errors.worst_of[1], errors.worst_of[2]};
+    plan_.fact("by kind", text("%s at most %.1e, %s at most %.1e (%s)",
+                               medium_.views[1].name.c_str(), errors.worst_of[1],
+                               medium_.views[2].name.c_str(), errors.worst_of[2],
+                               rom.kind == "certified" ? "certified" : "estimated"));
+  } else {
+    std::vector<ComplexDense> H_r;
+    const DenseResponse response(small, medium_.tau);
+    for (double omega : rom.omega) H_r.push_back(response.transfer(omega));
+    warn_of_kinds(rom.model, errors_->H(), H_r, *worst, plan_, monitor_);
   }
   plan_.fact("reduced modes", describe_modes(rom.modes, medium_.rigid));
   plan_.fact("reduced M, K",
@@ -294,8 +293,10 @@ ReducedModel SecondStageRun::run(const SolverOptions& solver, bool mass_is_singu
                         : gramian_.tolerance       ? 0.02 * *gramian_.tolerance
                                                    : 1e-8;
   const int wanted = method_ == "modal" ? std::max(gramian_.order, 1) : 0;
-  medium_ = medium_model(fom_, first, last, needed, wanted, mass_is_singular,
-                         options_.medium, target, solver, plan_, monitor_);
+  MediumOptions how = options_.medium;
+  how.by_kind = gramian_.by_kind();
+  medium_ = medium_model(fom_, first, last, needed, wanted, mass_is_singular, how, target,
+                         solver, plan_, monitor_);
   plan_.print(monitor_);
   Stage timer(monitor_, "second stage");
   frame_ = options_.frame != "auto" ? options_.frame

@@ -164,6 +164,10 @@ def certified(
         floor, kind = file["error/floor"][:], file["error"].attrs["kind"]
         factorisations = file["log"].attrs["factorisations"]
         stage = file.attrs["second_stage"]
+        by_kind = file["error"].attrs.get("by_kind")
+        ports = (
+            [[str(x) for x in file[k].attrs["names"]] for k in "CB"] if by_kind is not None else []
+        )
     at = 2 * np.pi * np.linspace(*[float(x) for x in inside.split(",")[:2]], count)
     index = np.abs(omega[:, None] - at).argmin(axis=0)
     assert np.allclose(omega[index], at, rtol=1e-12)
@@ -173,9 +177,17 @@ def certified(
             for h, w in zip(H, at, strict=True)
         ]
     )
+    kinds = []  # displacement from force, rotation from moment
+    for letter in "fm" if by_kind is not None else "":
+        block = np.ix_(*([i for i, n in enumerate(names) if n.split(".")[-1][0] == letter]
+                         for names in ports))  # fmt: skip
+        kinds.append(max(
+            np.linalg.norm((h - rom_transfer(data, w))[block]) / np.linalg.norm(h[block])
+            for h, w in zip(H, at, strict=True)))  # fmt: skip
     above = truth > floor[index]
     ratio = bound[index][above] / truth[above]
     return {
+        "kinds": kinds, "by_kind": [] if by_kind is None else list(by_kind),
         "H": H, "truth": truth, "bound": bound[index], "floor": floor[index], "kind": kind,
         "worst": bound.max(), "order": data["K"].shape[0], "factorisations": factorisations,
         "stage": stage, "ratio": ratio, "rom": data, "path": rom,
@@ -188,5 +200,7 @@ def assert_certified(result: dict[str, Any], tolerance: float | None = None) -> 
     assert np.all(result["truth"] <= result["bound"])
     if result["ratio"].size:
         assert np.median(result["ratio"]) <= 5 and result["ratio"].max() <= 30
+    assert all(t <= b for t, b in zip(result["kinds"], result["by_kind"], strict=True))
     if tolerance is not None:
         assert result["worst"] <= tolerance
+        assert all(bound <= tolerance for bound in result["by_kind"])

@@ -100,7 +100,7 @@ def test_rack(rack: Path, tmp_path: Path, ranks: int) -> None:
         assert_certified(result, tolerance)
         assert result["factorisations"] == 2
         orders.append(result["order"])
-    # 27, 37, 43 and 50 when written (README); the paper's Gramian alone 27, 38, 49, 53.
+    # 28, 38, 48 and 50 when written (README).
     assert orders == sorted(orders) and orders[0] <= 28 and orders[-1] <= 52
     for method in METHODS if ranks == 1 else ():
         assert_certified(certified(rack, band, tmp_path, "-mor_method", method, H=H, count=240))

@@ -1,0 +1,20 @@
+#pragma once
+
+#include "model/second_order_model.hpp"
+
+namespace flexgram {
+
+/// A block of H whose error is judged by itself: rows are outputs, columns inputs.
+struct PortView {
+  std::string name;
+  std::vector<int> rows, columns;
+
+  ComplexDense of(const ComplexDense& H) const;
+};
+
+/// The whole of H and, if asked and the names tell forces ("lower.fx") from moments
+/// ("lower.mx"), displacement from force and rotation from moment. Eq. (17) of the paper
+/// adds m/N and rad/(N m): the larger number hides the other.
+std::vector<PortView> port_views(const SecondOrderModel& names, bool by_kind);
+
+} // namespace flexgram
