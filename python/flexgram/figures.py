@@ -33,10 +33,10 @@ def error(model: ReducedModel) -> Figure:
     figure, axes = _axes()
     hz = model.omega * HZ
     if len(model.bound):
-        axes.semilogy(hz, model.bound, color=BOUND, label="certified bound" if
-                      model.kind == "certified" else "estimated bound")  # fmt: skip
+        word = "certified" if model.kind == "certified" else "estimated"
+        axes.semilogy(hz, model.bound, color=BOUND, lw=3.5, alpha=0.6, label=f"{word} bound")
         axes.semilogy(hz, np.maximum(model.floor, 1e-17), ":", color=BOUND, lw=1,
-                      label="of it rounding")  # fmt: skip
+                      label="its part that is rounding")  # fmt: skip
     style = "-" if len(model.bound) else "."
     label = "error against the medium model" if len(model.bound) else "error"
     axes.semilogy(hz, np.maximum(model.error, 1e-17), style, color=REDUCED, lw=1, label=label)
@@ -92,7 +92,7 @@ def transfer(
             axes.semilogy(hz, np.abs(full[:, i, j]), color=FULL, label="full body")
         axes.semilogy(hz, np.abs(H[:, i, j]), "--" if full is not None else "-", color=REDUCED,
                       label=f"reduced, m = {model.order}")  # fmt: skip
-        axes.set(ylabel="|H|", title=f"{output} from {port}")
+        axes.set(ylabel="|H| [SI]", title=f"{output} from {port}")
         axes.grid(alpha=0.3)
         axes.legend()
     panels[-1, 0].set(xlabel="frequency [Hz]")

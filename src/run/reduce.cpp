@@ -53,9 +53,16 @@ ReducedModel reduce_by_samples(const Body& body, const Settings& s, Plan& plan,
                     monitor);
 }
 
+void plan_method(const Settings& s, Plan& plan) {
+  std::string bands;
+  for (double f : s.gramian.band_hz) bands += text("%s%g", bands.empty() ? "" : "-", f);
+  plan.fact("method", s.method + " over " + bands + " Hz");
+}
+
 /// What the two factorisations of the medium model will take.
 void describe_two_step(const Body& body, const Settings& s, Plan& plan,
                        Monitor& monitor) {
+  plan_method(s, plan);
   Stage stage(monitor, "analyse");
   ShiftedSolver solver(body.model.K, body.model.M, nullptr, body.model.node, s.solver);
   const FactorEstimate cutoff = solver.analyse(true, Definiteness::indefinite);
@@ -72,9 +79,7 @@ void describe_two_step(const Body& body, const Settings& s, Plan& plan,
 
 ReducedModel reduce_in_two_steps(const Body& body, const Settings& s, Plan& plan,
                                  Monitor& monitor) {
-  std::string bands;
-  for (double f : s.gramian.band_hz) bands += text("%s%g", bands.empty() ? "" : "-", f);
-  plan.fact("method", s.method + " over " + bands + " Hz");
+  plan_method(s, plan);
   const BodyFacts facts = check(body, s, plan, monitor);
   plan.print(monitor);
   return reduce_two_step(body.model, s.method, s.gramian, s.two_step, s.solver,
