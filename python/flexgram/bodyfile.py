@@ -71,6 +71,7 @@ def write_matrices(
     ids: Any = None,
     blocks: Sequence[tuple[str, Any]] = (),
     followers: Mapping[str, Any] | None = None,
+    interfaces: Mapping[str, Any] | None = None,
 ) -> None:
     """Write a body of matrices: M q'' + (D + alpha M + beta K) q' + (1 + i eta) K q = B u.
 
@@ -102,6 +103,8 @@ def write_matrices(
     followers : mapping, optional
         For pictures: name of a rigid interface -> indices into ``position`` of the nodes that
         follow it and have no rows, the reference node first.
+    interfaces : mapping, optional
+        For pictures: name of any interface -> indices into ``position`` of its nodes.
 
     Raises
     ------
@@ -158,3 +161,5 @@ def write_matrices(
             group["connectivity"] = np.asarray(connectivity, dtype=np.int64)
         for name, nodes in (followers or {}).items():
             file[f"geometry/followers/{name}"] = np.asarray(nodes, dtype=np.int64)
+        for name, nodes in (interfaces or {}).items():
+            file[f"geometry/interfaces/{name}"] = np.asarray(nodes, dtype=np.int64)

@@ -84,8 +84,10 @@ class Geometry:
                     (n, d[:]) for n, d in file.get("geometry/followers", {}).items()
                 )
             }
-            return cls(points, labels, blocks, followers,
-                       {name: nodes for name, (_, nodes) in followers.items()})  # fmt: skip
+            marked = {name: nodes for name, (_, nodes) in followers.items()}
+            for name, item in file.get("geometry/interfaces", {}).items():
+                marked.setdefault(name, item[:])
+            return cls(points, labels, blocks, followers, marked)
 
     def motion(self, model: ReducedModel, q: ArrayLike | None = None) -> Floats:
         """Displacements of all nodes [m], (k, N, 3), in generalised coordinates (k, m).

@@ -174,11 +174,16 @@ void choose_by_tolerance(OrderChoice& choice, double tolerance, const SecondStag
     choice.tried += text("%s%s %s", c == 0 ? "" : ", ", candidate.name.c_str(),
                          order > 0 ? std::to_string(order).c_str() : "no smaller");
   }
-  if (choice.order == 0)
-    throw Error(text("-mor_tol %g is not met by %s up to order %d; take another "
-                     "-mor_second_stage, or more -mor_moments or -mor_cutoff",
-                     tolerance, choice.candidates.front().name.c_str(),
-                     choice.candidates.front().most));
+  if (choice.order == 0) {
+    const Candidate& first = choice.candidates.front();
+    const double reached =
+        errors.of(stage.medium.system.project(first.basis(first.most))).worst;
+    throw Error(
+        text("-mor_tol %g is not met by %s up to order %d, which reaches %.1e; take "
+             "another -mor_method or -mor_second_stage, or more -mor_moments or "
+             "-mor_cutoff",
+             tolerance, first.name.c_str(), first.most, reached));
+  }
   choice.chosen_by = text("-mor_tol %g", tolerance);
 }
 

@@ -17,6 +17,7 @@ import scipy.sparse as sp
 
 from bodies import CALCULIX, box, write_body_file
 from conftest import SHARED, assembled, read_sparse, run
+from flexgram.geometry import Geometry
 from flexgram.importers import FeMatrices, check, import_matrices, parse, read
 from flexgram.importers.deck import read_deck
 from flexgram.importers.interfaces import Interface, attach
@@ -147,6 +148,10 @@ def test_command_line_to_reduced_body(tmp_path: Path, ranks: int) -> None:
             assert abs(first - second).max() < 1e-9 * abs(second).max()
         assert np.allclose(a["B"][:], b["B"][:], rtol=1e-9, atol=1e-9)
         assert np.allclose(a["nodes/position"][:], b["nodes/position"][:])
+    shown = Geometry.load(body).interfaces
+    assert {name: len(nodes) for name, nodes in shown.items()} == {
+        "left": len(in_metres.sets["START"]), "right": len(in_metres.sets["END"])
+    }  # fmt: skip
     result = run("reduce", "-body", body, "-mor_band_hz", "100,6000", "-mor_tol", "1e-4",
                  "-mor_out", rom, ranks=ranks)  # fmt: skip
     assert "certified" in result.out and "6, from the geometry" in result.out

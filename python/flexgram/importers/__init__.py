@@ -174,6 +174,7 @@ def import_matrices(
     body = attach(fe, every)
     new = body.pop("new_points")
     followers: dict[str, Any] = {}
+    members: dict[str, Any] = {}
     labels = np.concatenate([fe.labels, np.array(list(new), dtype=np.int64)])
     points = np.vstack([fe.points, *new.values()]) if new else fe.points
     component = body["component"]
@@ -200,6 +201,8 @@ def import_matrices(
                 name: order[np.searchsorted(known, nodes, sorter=order)]
                 for name, nodes in body["followers"].items()
             }
+            members = {name: order[np.searchsorted(known, nodes, sorter=order)]
+                       for name, nodes in body["members"].items()}  # fmt: skip
             for name, label in fe.rigid.items():  # coupled by the FE code itself
                 inside = fe.sets.get(name, np.empty(0, dtype=np.int64))
                 inside = inside[np.isin(inside, known) & ~np.isin(inside, body["node"])]
@@ -212,7 +215,7 @@ def import_matrices(
         inputs=body["inputs"], outputs=body["outputs"],
         alpha=fe.alpha if alpha is None else alpha, beta=fe.beta if beta is None else beta,
         eta=fe.eta if eta is None else eta, **places, blocks=_picture(fe),
-        followers=followers,
+        followers=followers, interfaces=members,
     )  # fmt: skip
     for key, factor in (("mass", mass), ("centre", length), ("inertia", mass * length**2)):
         if key in facts:

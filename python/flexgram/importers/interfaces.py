@@ -122,7 +122,8 @@ def _rows(fe: FeMatrices, name: str, labels: Ints) -> tuple[Ints, Ints]:
 def attach(fe: FeMatrices, interfaces: list[Interface]) -> dict[str, Any]:
     """The body with its interfaces: arguments of ``flexgram.write_matrices``, in the deck's units,
     ``moment`` (which ports are moments), ``new_points`` (label -> position of reference nodes) and
-    ``followers`` (labels of each rigid interface, its reference node first).
+    ``followers`` (labels of each rigid interface, its reference node first) and ``members`` (labels
+    of every interface).
 
     Rigid interfaces condense their nodes into reference nodes with six rows each, at the end.
     """
@@ -176,6 +177,9 @@ def attach(fe: FeMatrices, interfaces: list[Interface]) -> dict[str, Any]:
         "moment": np.array(moments), "C": None, "outputs": None, "node": node,
         "component": component,
         "new_points": {label: at for label, at in extra.values()},
+        "members": {
+            i.name: np.unique(select(fe, i)) for i in interfaces if i.coupling != "rows"
+        },
         "followers": {
             i.name: np.concatenate([[extra[i.name][0]], np.unique(select(fe, i))])
             for i in interfaces if i.coupling == "rigid"
