@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexgram.meshfile import BodyError
+from flexgram.meshfile import BodyError, index_of
 from flexgram.reduced import Floats, ReducedModel
 
 Ints = NDArray[np.int64]
@@ -92,15 +92,12 @@ class Geometry:
     def motion(self, model: ReducedModel, q: ArrayLike | None = None) -> Floats:
         """Displacements of all nodes [m], (k, N, 3), in generalised coordinates (k, m).
 
-        Nodes inside a rigid interface follow its ports; supported nodes rest.
+        Nodes inside a rigid interface follow its reference node; supported nodes rest.
         """
         shapes = np.atleast_2d(np.eye(model.order) if q is None else np.asarray(q, dtype=float))
         labels, _, moved = model.nodal(shapes)
         motion = np.zeros((len(shapes), len(self.points), 3))
-        order = np.argsort(self.labels)
-        at = np.minimum(np.searchsorted(self.labels, labels, sorter=order), len(order) - 1)
-        at = order[at]
-        known = self.labels[at] == labels
+        at, known = index_of(self.labels, labels)
         motion[:, at[known]] = moved[:, known]
         for reference, nodes in self.followers.values():
             six = _six(model, shapes, reference)
@@ -172,7 +169,7 @@ def interface_motion(model: ReducedModel) -> dict[str, tuple[Floats, Floats]]:
     Raises
     ------
     BodyError
-        If no interface has all six, or if some ports belong to none that has.
+        If a port belongs to an interface that has not all six.
     """
     found: dict[str, dict[str, int]] = {}
     for i, port in enumerate(model.inputs):

@@ -76,3 +76,12 @@ def node_set(mesh: meshio.Mesh, regions: dict[str, list[IntArray]], name: str) -
         raise BodyError(f"there is no node set {name}; the mesh has {', '.join(known) or 'none'}")
     used = [mesh.cells[b].data[cells].ravel() for b, cells in enumerate(regions[name])]
     return np.unique(np.concatenate(used)).astype(np.int64)
+
+
+def index_of(labels: IntArray, wanted: IntArray) -> tuple[IntArray, NDArray[np.bool_]]:
+    """Where each wanted label stands in ``labels`` (in any order), and whether it does."""
+    if not len(labels):
+        return np.zeros(np.shape(wanted), dtype=np.int64), np.zeros(np.shape(wanted), dtype=bool)
+    order = np.argsort(labels, kind="stable")
+    at = order[np.minimum(np.searchsorted(labels, wanted, sorter=order), len(order) - 1)]
+    return at, labels[at] == wanted

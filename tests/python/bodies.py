@@ -7,6 +7,7 @@ from typing import Any
 
 import meshio
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import NDArray
 
 import flexgram.meshfile  # noqa: F401  (teaches Debian's meshio the wedge15)
@@ -122,3 +123,11 @@ def write_body_file(
             group["nodes"] = np.asarray(mesh.point_sets[name], dtype=np.int64)
             group.attrs["components"] = np.asarray(components, dtype=float)
         file.attrs["alpha"], file.attrs["beta"], file.attrs["eta"] = damping
+
+
+def small() -> tuple[Any, Any]:
+    """A chain with a grounded end: eight rows, three to a node but one node with two."""
+    n = 8
+    K = sp.diags([-np.ones(n - 1), 2 * np.ones(n), -np.ones(n - 1)], [-1, 0, 1]) * 1e6
+    M = sp.diags([0.5 * np.ones(n - 1), 2 * np.ones(n), 0.5 * np.ones(n - 1)], [-1, 0, 1])
+    return K.tocsr(), M.tocsr()

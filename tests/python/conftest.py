@@ -60,6 +60,11 @@ def message(result: Result) -> str:
     return lines[0]
 
 
+def edit(path: Path, change: Callable[[str], str]) -> None:
+    """Change a text file in place."""
+    path.write_text(change(path.read_text()))
+
+
 def rom_matrices(path: Path) -> dict[str, Any]:
     with h5py.File(path) as file:
         data = {key: file[key][:] for key in ("M", "D", "K", "B", "C", "V")}

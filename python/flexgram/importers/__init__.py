@@ -19,7 +19,7 @@ from flexgram.bodyfile import write_matrices
 from flexgram.description import UNITS
 from flexgram.importers.fe import FeMatrices, check
 from flexgram.importers.interfaces import Interface, attach, parse
-from flexgram.meshfile import BodyError
+from flexgram.meshfile import BodyError, index_of
 
 __all__ = ["FORMATS", "FeMatrices", "Interface", "check", "import_matrices", "parse", "read"]
 
@@ -192,22 +192,18 @@ def import_matrices(
     places: dict[str, Any] = {"node": None, "component": None, "position": None, "ids": None}
     if len(component):
         known = labels if fe.has_coordinates() else np.unique(body["node"])
-        order = np.argsort(known)
-        at = order[np.searchsorted(known, body["node"], sorter=order)]
-        places |= {"node": at, "component": component, "ids": known}
+        places |= {"component": component, "ids": known}
+        places["node"] = index_of(known, body["node"])[0]
         if fe.has_coordinates():
             places["position"] = points * length
-            followers = {
-                name: order[np.searchsorted(known, nodes, sorter=order)]
-                for name, nodes in body["followers"].items()
-            }
-            members = {name: order[np.searchsorted(known, nodes, sorter=order)]
-                       for name, nodes in body["members"].items()}  # fmt: skip
             for name, label in fe.rigid.items():  # coupled by the FE code itself
                 inside = fe.sets.get(name, np.empty(0, dtype=np.int64))
-                inside = inside[np.isin(inside, known) & ~np.isin(inside, body["node"])]
-                nodes = np.concatenate([[label], inside])
-                followers[name] = order[np.searchsorted(known, nodes, sorter=order)]
+                inside = inside[index_of(known, inside)[1] & ~np.isin(inside, body["node"])]
+                body["followers"][name] = np.concatenate([[label], inside])
+            followers, members = (
+                {name: index_of(known, nodes)[0] for name, nodes in body[which].items()}
+                for which in ("followers", "members")
+            )
     write_matrices(
         output, scaled(body["K"], force / length), scaled(body["M"], mass), B,
         D=None if body["D"] is None else scaled(body["D"], mass),
@@ -239,10 +235,9 @@ def _picture(fe: FeMatrices) -> list[tuple[str, Any]]:
     """Elements by indices into the nodes, where all their nodes are known."""
     if not fe.has_coordinates():
         return []
-    order = np.argsort(fe.labels)
     blocks = []
     for kind, connectivity in fe.blocks:
-        at = np.minimum(np.searchsorted(fe.labels, connectivity, sorter=order), len(order) - 1)
-        if np.array_equal(fe.labels[order[at]], connectivity):
-            blocks.append((kind, order[at]))
+        at, known = index_of(fe.labels, connectivity)
+        if known.all():
+            blocks.append((kind, at))
     return blocks

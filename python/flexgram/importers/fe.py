@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -13,8 +12,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from flexgram.importers.interfaces import Interface
-from flexgram.meshfile import BodyError
+from flexgram.importers.interfaces import Interface, rigid_motions
+from flexgram.meshfile import BodyError, index_of
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -84,10 +83,8 @@ class FeMatrices:
             raise BodyError(
                 f"{self.source}: the nodes have no coordinates (--deck names the model)"
             )
-        order = np.argsort(self.labels)
-        at = np.searchsorted(self.labels, labels, sorter=order)
-        at = order[np.minimum(at, len(order) - 1)]
-        missing = np.asarray(labels)[self.labels[at] != labels]
+        at, known = index_of(self.labels, np.asarray(labels))
+        missing = np.asarray(labels)[~known]
         if len(missing):
             raise BodyError(f"{self.source}: node {missing[0]} has no coordinates in the deck"
                             f" ({len(np.unique(missing))} such nodes)")  # fmt: skip
@@ -160,12 +157,10 @@ def read_triplets(path: Path, columns: int = 3) -> Floats:
     whole = values.size % columns == 0 and values.size > 0
     # A text cut within its last number still parses: every line must end.
     with path.open("rb") as file:
-        file.seek(0, 2)
-        size = file.tell()
-        file.seek(max(0, size - 4096))
-        tail = file.read()
+        file.seek(-min(1, path.stat().st_size), 2)
+        ended = file.read() == b"\n"
     lines = _count_lines(path)
-    if whole and tail.endswith(b"\n") and lines == values.size // columns:
+    if whole and ended and lines == values.size // columns:
         return values.reshape(-1, columns)
     with path.open(errors="replace") as text:
         for number, line in enumerate(text, start=1):
@@ -196,19 +191,6 @@ def check_indices(path: Path | str, indices: Any, n: int, what: str) -> None:
     low, high = int(indices.min()), int(indices.max())
     if low < 1 or high > n:
         raise BodyError(f"{path}: row numbers from {low} to {high}, expected 1 to {n} ({what})")
-
-
-def rigid_motions(fe: FeMatrices) -> Floats:
-    """Three translations and three rotations about the origin, n x 6, in the units of the deck."""
-    x = fe.positions(fe.node)
-    motions = np.zeros((fe.n, 6))
-    row, c = np.arange(fe.n), fe.component
-    motions[row, c] = 1
-    for axis in range(3):
-        turned = np.cross(np.eye(3)[axis], x)
-        moves = c < 3
-        motions[moves, 3 + axis] = turned[moves, c[moves]]
-    return motions
 
 
 def check(fe: FeMatrices) -> dict[str, Any]:
@@ -245,8 +227,7 @@ def check(fe: FeMatrices) -> dict[str, Any]:
     facts: dict[str, Any] = {"n": fe.n, "nonzeros": int(fe.K.nnz)}
     if not fe.has_coordinates():
         return facts
-    motions = rigid_motions(fe)
-    size = np.linalg.norm(motions, axis=0)
+    motions = rigid_motions(fe.positions(fe.node), fe.component)
     energy = np.abs(np.sum(motions * (fe.K @ motions), axis=0))
     weight = np.sum(motions**2 * np.abs(k)[:, None], axis=0)
     facts["rigid_energy"] = energy / np.where(weight > 0, weight, 1)
@@ -272,14 +253,4 @@ def check(fe: FeMatrices) -> dict[str, Any]:
                        mass6[0, 4] - mass6[1, 3]]) / (2 * mass)  # fmt: skip
     inertia = mass6[3:, 3:] - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
     facts |= {"mass": mass, "centre": centre, "inertia": inertia}
-    facts["extent"] = float(size[:3].max())
     return facts
-
-
-def rows_of(fe: FeMatrices, labels: Sequence[int] | Ints) -> tuple[Ints, Ints]:
-    """Rows of the given nodes, and for each the index of its node in ``labels``."""
-    order = np.argsort(labels)
-    at = np.searchsorted(labels, fe.node, sorter=order)
-    at = order[np.minimum(at, len(order) - 1)]
-    mine = np.asarray(labels)[at] == fe.node
-    return np.flatnonzero(mine).astype(np.int64), at[mine].astype(np.int64)

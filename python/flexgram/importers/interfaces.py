@@ -8,13 +8,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy.sparse as sp
 
-from flexgram.meshfile import BodyError
+from flexgram.meshfile import BodyError, index_of
 
 if TYPE_CHECKING:
     from flexgram.importers.fe import FeMatrices, Floats, Ints
 
 FORCES = ("fx", "fy", "fz", "mx", "my", "mz")
-COUPLINGS = ("rigid", "distributing", "node", "rows")
+
+
+def rigid_motions(points: Floats, component: Ints) -> Floats:
+    """Three translations and three rotations about the origin on rows, n x 6: ``points`` (n, 3) are
+    the places of the rows' nodes, ``component`` 0-2 a translation, 3-5 a rotation."""
+    motions = np.zeros((len(points), 6))
+    row, moves = np.arange(len(points)), component < 3
+    motions[row, component] = 1
+    for axis in range(3):
+        turned = np.cross(np.eye(3)[axis], points)
+        motions[row[moves], 3 + axis] = turned[row[moves], component[moves]]
+    return motions
 
 
 @dataclass
@@ -98,14 +109,13 @@ def select(fe: FeMatrices, interface: Interface) -> Ints:
 
 def _rows(fe: FeMatrices, name: str, labels: Ints) -> tuple[Ints, Ints]:
     """Rows of all three translations (and rotations, where there are) of every node."""
-    from flexgram.importers.fe import rows_of
-
     if not len(fe.node):
         raise BodyError(f"interface {name}: the files have no dof map; name rows (--rows)")
     labels = np.unique(labels)
     if len(labels) and labels.min() < 0:
         raise BodyError(f"interface {name}: node {labels.min()} is an internal node of the FE code")
-    rows, at = rows_of(fe, labels)
+    at, mine = index_of(labels, fe.node)
+    rows, at = np.flatnonzero(mine), at[mine]
     count = np.zeros((len(labels), 3), dtype=int)
     moves = fe.component[rows] < 3
     np.add.at(count, (at[moves], fe.component[rows][moves]), 1)
@@ -230,14 +240,9 @@ def _condense(
         owner[rows] = number
         reference = _reference(fe, interface, labels)
         extra[interface.name] = (next_label + number, reference)
-        arm = fe.positions(fe.node[rows]) - reference
-        c = fe.component[rows]
-        moves = c < 3
-        entries.append((rows, 6 * number + c, np.ones(len(rows))))
-        for axis in range(3):  # e_axis × arm
-            turned = np.cross(np.eye(3)[axis], arm)[np.arange(len(rows)), c % 3]
-            entries.append((rows[moves], np.full(moves.sum(), 6 * number + 3 + axis),
-                            turned[moves]))  # fmt: skip
+        six = rigid_motions(fe.positions(fe.node[rows]) - reference, fe.component[rows])
+        r, k = np.nonzero(six)
+        entries.append((rows[r], 6 * number + k, six[r, k]))
     for interface in rigid:
         _require_extent(fe, interface, select(fe, interface))
     kept = np.flatnonzero(owner < 0)
@@ -304,11 +309,7 @@ def _ports(
     weights = np.ones(len(labels)) if interface.weights is None else interface.weights[first]
     arm = fe.positions(fe.node[rows]) - _reference(fe, interface, labels)
     _require_extent(fe, interface, labels)
-    c = fe.component[rows]
-    G = np.zeros((len(rows), 6))
-    G[np.arange(len(rows)), c] = 1
-    for axis in range(3):
-        G[:, 3 + axis] = np.cross(np.eye(3)[axis], arm)[np.arange(len(rows)), c]
+    G = rigid_motions(arm, fe.component[rows])
     W = weights[at][:, None]
     B = W * G @ np.linalg.inv(G.T @ (W * G))
     r, k = np.indices(B.shape)
