@@ -42,12 +42,6 @@ void share_from_first(MPI_Comm comm, std::vector<double>& values) {
   MPI_Bcast(values.data(), static_cast<int>(values.size()), MPI_DOUBLE, 0, comm);
 }
 
-Block multiply(Mat a, const Block& x) {
-  Block y(x.comm(), x.local_rows(), x.rows(), x.columns());
-  if (x.columns() > 0) FG_CALL(BVMatMult(x.bv(), a, y.bv()));
-  return y;
-}
-
 namespace {
 
 Matrix wrap(const Dense& q) {

@@ -55,7 +55,6 @@ private:
 /// bit, and with it the vectors of equal singular values.
 void share_from_first(MPI_Comm comm, std::vector<double>& values);
 
-Block multiply(Mat a, const Block& x);         ///< A X
 Block combine(const Block& x, const Dense& q); ///< X Q
 Dense inner(const Block& x, const Block& y);   ///< XᵀY, on every rank
 /// Y ← Y + scale X Q

@@ -1,5 +1,7 @@
 #include "linalg/orthonormal.hpp"
 
+#include "linalg/sparse_product.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <limits>

@@ -3,6 +3,7 @@
 #include "base/text.hpp"
 #include "linalg/ordering.hpp"
 #include "linalg/shifted_engine.hpp"
+#include "linalg/sparse_product.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,6 +1,7 @@
 #include "model/frame_integrals.hpp"
 
 #include "linalg/sparse.hpp"
+#include "linalg/sparse_product.hpp"
 #include "model/rigid_body_modes.hpp"
 
 #include <algorithm>

@@ -3,6 +3,7 @@
 #include "base/text.hpp"
 #include "linalg/orthonormal.hpp"
 #include "linalg/sparse.hpp"
+#include "linalg/sparse_product.hpp"
 
 #include <array>
 #include <cmath>

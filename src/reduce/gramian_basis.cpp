@@ -1,6 +1,7 @@
 #include "reduce/gramian_basis.hpp"
 
 #include "base/text.hpp"
+#include "linalg/sparse_product.hpp"
 
 #include <algorithm>
 #include <cmath>

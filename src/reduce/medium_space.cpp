@@ -1,6 +1,7 @@
 #include "reduce/medium_space.hpp"
 
 #include "linalg/sparse.hpp"
+#include "linalg/sparse_product.hpp"
 
 #include <algorithm>
 #include <cmath>

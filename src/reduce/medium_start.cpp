@@ -2,6 +2,7 @@
 
 #include "base/process.hpp"
 #include "base/text.hpp"
+#include "linalg/sparse_product.hpp"
 #include "model/rigid_body_modes.hpp"
 #include "reduce/mode_search.hpp"
 

@@ -1,6 +1,7 @@
 #include "reduce/mode_search.hpp"
 
 #include "base/text.hpp"
+#include "linalg/sparse_product.hpp"
 
 #include <algorithm>
 #include <cmath>

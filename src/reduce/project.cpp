@@ -1,5 +1,6 @@
 #include "reduce/project.hpp"
 
+#include "linalg/sparse_product.hpp"
 #include "reduce/dense_system.hpp"
 
 #include <algorithm>

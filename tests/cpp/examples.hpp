@@ -1,6 +1,7 @@
 #pragma once
 
 #include "linalg/sparse.hpp"
+#include "linalg/sparse_product.hpp"
 #include "model/second_order_model.hpp"
 
 #include <gtest/gtest.h>

@@ -1,0 +1,203 @@
+#include "linalg/sparse_product.hpp"
+
+#include <petscsf.h>
+
+#include <algorithm>
+#include <cstring>
+#include <new>
+#include <optional>
+
+// One binary for every x86-64: the loader picks the version that the processor has.
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
+#define FLEXGRAM_FOR_EACH_PROCESSOR                                                      \
+  __attribute__((target_clones("avx512f", "fma", "default")))
+#else
+#define FLEXGRAM_FOR_EACH_PROCESSOR
+#endif
+
+namespace flexgram {
+namespace {
+
+constexpr int widest = 8; ///< columns of a strip: one cache line
+
+/// CSR rows of one process's part of a matrix.
+struct Rows {
+  PetscInt count = 0;
+  const PetscInt *start = nullptr, *column = nullptr;
+  const PetscScalar* value = nullptr;
+};
+
+template <int width>
+struct Lane {
+  typedef double type __attribute__((vector_size(width * sizeof(double))));
+};
+
+/// Two sums: an addition waits for the one before it.
+template <int width>
+[[gnu::always_inline]] inline void add_row(typename Lane<width>::type& sum,
+                                           const Rows& rows, PetscInt i,
+                                           const double* from) {
+  const auto* const x = reinterpret_cast<const typename Lane<width>::type*>(from);
+  typename Lane<width>::type odd{};
+  PetscInt k = rows.start[i];
+  for (; k + 1 < rows.start[i + 1]; k += 2) {
+    sum += rows.value[k] * x[rows.column[k]];
+    odd += rows.value[k + 1] * x[rows.column[k + 1]];
+  }
+  if (k < rows.start[i + 1]) sum += rows.value[k] * x[rows.column[k]];
+  sum += odd;
+}
+
+/// y ← A_here x + A_away halo, x and halo row by row with `width` columns side by side.
+template <int width>
+[[gnu::always_inline]] inline void product(const Rows& here, const double* x,
+                                           const Rows& away, const double* halo,
+                                           double* y, PetscInt columns) {
+  for (PetscInt i = 0; i < here.count; ++i) {
+    typename Lane<width>::type sum{};
+    add_row<width>(sum, here, i, x);
+    if (away.count > 0) add_row<width>(sum, away, i, halo);
+    double sums[width];
+    std::memcpy(sums, &sum, sizeof sum);
+    for (PetscInt c = 0; c < columns; ++c)
+      y[c * static_cast<std::ptrdiff_t>(here.count) + i] = sums[c];
+  }
+}
+
+FLEXGRAM_FOR_EACH_PROCESSOR
+void product_of_8(const Rows& here, const double* x, const Rows& away, const double* halo,
+                  double* y, PetscInt columns) {
+  product<8>(here, x, away, halo, y, columns);
+}
+FLEXGRAM_FOR_EACH_PROCESSOR
+void product_of_4(const Rows& here, const double* x, const Rows& away, const double* halo,
+                  double* y, PetscInt columns) {
+  product<4>(here, x, away, halo, y, columns);
+}
+/// Read access to the rows of a SEQAIJ matrix.
+class RowsOf {
+public:
+  explicit RowsOf(Mat a) : a_(a) {
+    PetscBool done = PETSC_FALSE;
+    FG_CALL(MatGetRowIJ(a_, 0, PETSC_FALSE, PETSC_FALSE, &rows_.count, &rows_.start,
+                        &rows_.column, &done));
+    FG_CALL(MatSeqAIJGetArrayRead(a_, &rows_.value));
+  }
+  ~RowsOf() {
+    PetscBool done = PETSC_FALSE;
+    MatSeqAIJRestoreArrayRead(a_, &rows_.value);
+    MatRestoreRowIJ(a_, 0, PETSC_FALSE, PETSC_FALSE, &rows_.count, &rows_.start,
+                    &rows_.column, &done);
+  }
+  RowsOf(const RowsOf&) = delete;
+  RowsOf& operator=(const RowsOf&) = delete;
+  const Rows& operator*() const { return rows_; }
+
+private:
+  Mat a_;
+  Rows rows_;
+};
+
+/// Room for rows of `width` columns, each on its own cache line where it fills one.
+class Strip {
+public:
+  explicit Strip(PetscInt rows)
+      : data_(static_cast<double*>(::operator new[](
+            sizeof(double) * widest * static_cast<std::size_t>(rows) + 64,
+            std::align_val_t(64)))) {}
+  ~Strip() { ::operator delete[](data_, std::align_val_t(64)); }
+  Strip(const Strip&) = delete;
+  Strip& operator=(const Strip&) = delete;
+  double* data() { return data_; }
+
+private:
+  double* data_;
+};
+
+/// The rows of x that other ranks hold and this rank's entries of a ask for. Made once
+/// and kept with the matrix.
+PetscSF halo_of(Mat a, PetscInt wanted, const PetscInt* global_row) {
+  const char* const name = "flexgram_halo";
+  PetscObject kept = nullptr;
+  FG_CALL(PetscObjectQuery(reinterpret_cast<PetscObject>(a), name, &kept));
+  if (kept) return reinterpret_cast<PetscSF>(kept);
+  PetscSF halo = nullptr;
+  PetscLayout columns = nullptr;
+  FG_CALL(PetscSFCreate(PetscObjectComm(reinterpret_cast<PetscObject>(a)), &halo));
+  FG_CALL(MatGetLayouts(a, nullptr, &columns));
+  FG_CALL(PetscSFSetGraphLayout(halo, columns, wanted, nullptr, PETSC_COPY_VALUES,
+                                global_row));
+  FG_CALL(PetscObjectCompose(reinterpret_cast<PetscObject>(a), name,
+                             reinterpret_cast<PetscObject>(halo)));
+  FG_CALL(PetscObjectDereference(reinterpret_cast<PetscObject>(halo)));
+  return halo;
+}
+
+/// A strip's columns as one datum of MPI.
+MPI_Datatype row_of(int width) {
+  static MPI_Datatype types[widest + 1] = {};
+  if (!types[width]) {
+    MPI_Type_contiguous(width, MPI_DOUBLE, &types[width]);
+    MPI_Type_commit(&types[width]);
+  }
+  return types[width];
+}
+
+/// x row by row, `width` columns side by side, those that x does not have zero.
+template <int width>
+void pack(const double* x, PetscInt rows, PetscInt columns, double* strip) {
+  for (PetscInt i = 0; i < rows; ++i)
+    for (int c = 0; c < width; ++c)
+      strip[static_cast<std::ptrdiff_t>(i) * width + c] =
+          c < columns ? x[static_cast<std::ptrdiff_t>(c) * rows + i] : 0.0;
+}
+
+} // namespace
+
+Block multiply(Mat a, const Block& x) {
+  Block y(x.comm(), x.local_rows(), x.rows(), x.columns());
+  if (x.columns() == 0) return y;
+  PetscBool alone = PETSC_FALSE, shared = PETSC_FALSE;
+  FG_CALL(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(a), MATSEQAIJ, &alone));
+  FG_CALL(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(a), MATMPIAIJ, &shared));
+  if (!alone && !shared) {
+    FG_CALL(BVMatMult(x.bv(), a, y.bv()));
+    return y;
+  }
+
+  Mat mine = a, others = nullptr;
+  const PetscInt* global_row = nullptr;
+  PetscInt wanted = 0;
+  PetscSF halo = nullptr;
+  if (shared) {
+    FG_CALL(MatMPIAIJGetSeqAIJ(a, &mine, &others, &global_row));
+    FG_CALL(MatGetSize(others, nullptr, &wanted));
+    halo = halo_of(a, wanted, global_row);
+  }
+  const RowsOf here(mine);
+  std::optional<RowsOf> away;
+  if (others) away.emplace(others);
+  const Rows nothing;
+  const Rows& rest = others ? **away : nothing;
+
+  const PetscInt rows = x.local_rows().size();
+  Strip strip(rows), from_others(wanted);
+  const Block::Access from(x);
+  Block::Access to(y);
+  for (PetscInt j = 0; j < x.columns(); j += widest) {
+    const PetscInt columns = std::min<PetscInt>(widest, x.columns() - j);
+    const bool wide = columns > 4;
+    (wide ? pack<8> : pack<4>)(from.column(j), rows, columns, strip.data());
+    if (halo) {
+      const MPI_Datatype row = row_of(wide ? 8 : 4);
+      FG_CALL(
+          PetscSFBcastBegin(halo, row, strip.data(), from_others.data(), MPI_REPLACE));
+      FG_CALL(PetscSFBcastEnd(halo, row, strip.data(), from_others.data(), MPI_REPLACE));
+    }
+    (wide ? product_of_8 : product_of_4)(*here, strip.data(), rest, from_others.data(),
+                                         to.column(j), columns);
+  }
+  return y;
+}
+
+} // namespace flexgram
