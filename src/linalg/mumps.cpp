@@ -15,9 +15,11 @@ namespace flexgram {
 void MumpsOptions::describe(Options& options) {
   options.section("Factorisation (all verbs)");
   options.add_choice(
-      "-mor_ordering", ordering, {"best", "nested_dissection", "mumps"},
-      "fill-reducing ordering: METIS nested dissection on the node graph, "
-      "MUMPS' own choice, or the one of the two with fewer estimated flops");
+      "-mor_ordering", ordering, {"auto", "best", "nested_dissection", "mumps"},
+      "fill-reducing ordering: METIS nested dissection on the node graph, MUMPS' own "
+      "choice, or the best (fewer estimated flops) of the two. auto: the best where many "
+      "frequencies are factorised; elsewhere nested dissection, below 10,000 dofs MUMPS' "
+      "own");
   options.add(
       "-mor_memory_limit_mb", memory_limit_mb, "MB per rank",
       "memory that a factorisation may take; 0 means what the node has available");
@@ -109,7 +111,7 @@ struct Mumps<Scalar>::Instance {
     icntl(4) = 0;
     icntl(14) = options.workspace_percent;
     icntl(18) = 3; // distributed entries
-    icntl(21) = 1; // distributed solution
+    pivot_threshold = s.cntl[0];
     for (auto [n, value] : options.icntl) icntl(n) = static_cast<int>(value);
     for (auto [n, value] : options.cntl)
       s.cntl[n - 1] = static_cast<typename Traits::Real>(value);
@@ -129,16 +131,18 @@ struct Mumps<Scalar>::Instance {
   }
   bool user_set(int n) const { return options.icntl.count(n) > 0; }
 
-  void redistribute(RowRange rows, std::span<Scalar> x, int columns);
-  void solve(RowRange rows, std::span<Scalar> x, int columns);
+  void redistribute(const std::vector<int>& solution_rows,
+                    const std::vector<Scalar>& solution, RowRange rows,
+                    std::span<Scalar> x, int columns);
+  void solve_distributed(RowRange rows, std::span<Scalar> x, int columns);
 
   MPI_Comm comm;
   MumpsOptions options;
   typename Traits::Struct s{};
   bool tolerate_null_pivots = false;
+  typename Traits::Real pivot_threshold = 0; ///< MUMPS' own CNTL(1)
   double estimated_mb = 0;
-  std::vector<Scalar> values, solution;
-  std::vector<int> solution_rows;
+  std::vector<Scalar> values; ///< entries of the matrix, while it is factorised
 };
 
 template <class Scalar>
@@ -163,6 +167,8 @@ FactorEstimate Mumps<Scalar>::analyse(const Pattern& pattern,
   m.s.jcn_loc = const_cast<int*>(pattern.column.data());
   if (given) m.s.perm_in = const_cast<int*>(position.data());
   if (!m.user_set(7)) m.icntl(7) = given ? 1 : 7;
+  // An inertia is only complete if the root front is not handed to ScaLAPACK.
+  if (!m.user_set(13)) m.icntl(13) = m.tolerate_null_pivots;
   if (m.run(1) < 0)
     throw Error("analysis of the matrix pattern: " + explain(m.infog(1), m.infog(2)));
   m.estimated_mb = m.infog(16);
@@ -178,7 +184,7 @@ std::vector<int> Mumps<Scalar>::position() const {
 }
 
 template <class Scalar>
-void Mumps<Scalar>::factorise(std::vector<Scalar> values) {
+void Mumps<Scalar>::factorise(std::vector<Scalar> values, bool pivoting) {
   auto& m = *instance_;
   const double estimated = m.estimated_mb;
   const double limit = m.options.memory_limit_mb;
@@ -194,8 +200,7 @@ void Mumps<Scalar>::factorise(std::vector<Scalar> values) {
   m.values = std::move(values);
   m.s.a_loc = reinterpret_cast<typename Instance::Value*>(m.values.data());
   if (!m.user_set(24)) m.icntl(24) = m.tolerate_null_pivots;
-  // An inertia is only complete if the root front is not handed to ScaLAPACK.
-  if (!m.user_set(13)) m.icntl(13) = m.tolerate_null_pivots;
+  if (!m.options.cntl.count(1)) m.s.cntl[0] = pivoting ? m.pivot_threshold : 0;
   for (;;) {
     const int status = m.run(2);
     if (status >= 0) break;
@@ -220,6 +225,7 @@ void Mumps<Scalar>::factorise(std::vector<Scalar> values) {
                explain(status, m.infog(2)).c_str(), estimated, limit));
     throw Error(explain(status, m.infog(2)));
   }
+  m.values = {};
 }
 
 template <class Scalar>
@@ -238,7 +244,9 @@ void Mumps<Scalar>::tolerate_null_pivots(bool tolerate) {
 /// MUMPS leaves the solution where its fronts live; each row goes to the rank that owns
 /// it.
 template <class Scalar>
-void Mumps<Scalar>::Instance::redistribute(RowRange rows, std::span<Scalar> x,
+void Mumps<Scalar>::Instance::redistribute(const std::vector<int>& solution_rows,
+                                           const std::vector<Scalar>& solution,
+                                           RowRange rows, std::span<Scalar> x,
                                            int columns) {
   const int held = static_cast<int>(solution_rows.size()), ld = std::max(held, 1);
   const auto place = [&](PetscInt row, const Scalar* source, int stride) {
@@ -301,34 +309,44 @@ void Mumps<Scalar>::Instance::redistribute(RowRange rows, std::span<Scalar> x,
 }
 
 template <class Scalar>
-void Mumps<Scalar>::Instance::solve(RowRange rows, std::span<Scalar> x, int columns) {
+void Mumps<Scalar>::Instance::solve_distributed(RowRange rows, std::span<Scalar> x,
+                                                int columns) {
   const int held = s.info[22]; // INFO(23): rows of the solution that live here
   const int ld = std::max(held, 1);
-  solution.resize(static_cast<std::size_t>(ld) * static_cast<std::size_t>(columns));
-  solution_rows.resize(static_cast<std::size_t>(ld));
+  std::vector<Scalar> values_held(static_cast<std::size_t>(ld) *
+                                  static_cast<std::size_t>(columns));
+  std::vector<int> rows_held(static_cast<std::size_t>(ld));
+  icntl(21) = 1;
   s.nrhs = columns;
   s.lsol_loc = ld;
-  s.sol_loc = reinterpret_cast<Value*>(solution.data());
-  s.isol_loc = solution_rows.data();
+  s.sol_loc = reinterpret_cast<Value*>(values_held.data());
+  s.isol_loc = rows_held.data();
   if (run(3) < 0) throw Error("solve: " + explain(infog(1), infog(2)));
-  solution_rows.resize(static_cast<std::size_t>(held));
-  redistribute(rows, x, columns);
+  rows_held.resize(static_cast<std::size_t>(held));
+  redistribute(rows_held, values_held, rows, x, columns);
 }
 
 template <class Scalar>
-void Mumps<Scalar>::solve(RowRange rows, std::span<const Scalar> b, std::span<Scalar> x,
-                          int columns) {
+void Mumps<Scalar>::solve(RowRange rows, std::span<Scalar> x, int columns) {
   auto& m = *instance_;
+  auto* const values = reinterpret_cast<typename Instance::Value*>(x.data());
+  if (comm_size(m.comm) == 1) { // in place, without copies
+    m.icntl(20) = m.icntl(21) = 0;
+    m.s.nrhs = columns;
+    m.s.lrhs = m.s.n;
+    m.s.rhs = values;
+    if (m.run(3) < 0) throw Error("solve: " + explain(m.infog(1), m.infog(2)));
+    return;
+  }
   std::vector<int> row_numbers(static_cast<std::size_t>(rows.size()));
   for (std::size_t i = 0; i < row_numbers.size(); ++i)
     row_numbers[i] = static_cast<int>(rows.begin + static_cast<PetscInt>(i)) + 1;
-  if (!m.user_set(20)) m.icntl(20) = 10; // dense, distributed
+  m.icntl(20) = 10; // dense, distributed
   m.s.nloc_rhs = rows.size();
   m.s.lrhs_loc = std::max<int>(rows.size(), 1);
   m.s.irhs_loc = row_numbers.data();
-  m.s.rhs_loc =
-      reinterpret_cast<typename Instance::Value*>(const_cast<Scalar*>(b.data()));
-  m.solve(rows, x, columns);
+  m.s.rhs_loc = values;
+  m.solve_distributed(rows, x, columns);
 }
 
 template <class Scalar>
@@ -342,7 +360,7 @@ void Mumps<Scalar>::solve_sparse(std::span<const int> start, std::span<const int
   m.s.irhs_sparse = const_cast<int*>(row.data());
   m.s.rhs_sparse =
       reinterpret_cast<typename Instance::Value*>(const_cast<Scalar*>(values.data()));
-  m.solve(rows, x, columns);
+  m.solve_distributed(rows, x, columns);
 }
 
 template class Mumps<float>;

@@ -22,7 +22,7 @@ struct MumpsOptions {
   int workspace_limit = 480;         ///< ICNTL(14), last try after INFOG(1) = -8, -9
   double memory_limit_mb =
       0; ///< per rank; 0: none (the program then takes what is there)
-  std::string ordering = "best"; ///< best | nested_dissection | mumps
+  std::string ordering = "auto"; ///< auto | best | nested_dissection | mumps
 
   void describe(Options& options);
   void check() const; ///< @throws Error for a value that cannot be
@@ -64,18 +64,22 @@ public:
 
   /// Numeric factorisation; values in the order of the pattern's entries.
   /// @throws ShiftError if the matrix is singular, MemoryError with the amount needed.
-  void factorise(std::vector<Scalar> values);
+  /// @param pivoting  search for numerical pivots; without, as for positive definite
+  /// matrices, factors keep the estimated size.
+  void factorise(std::vector<Scalar> values, bool pivoting = true);
 
   /// Number of negative pivots = negative eigenvalues (Sylvester), for real symmetric
   /// matrices; pivots that were zero are counted by null_pivots().
   int negative_pivots() const;
   int null_pivots() const;
   /// Detect zero pivots and let factorise() succeed on a singular matrix, for counting.
+  /// Before analyse(), so that the root front is not handed to ScaLAPACK, which counts
+  /// nothing.
   void tolerate_null_pivots(bool tolerate);
 
-  /// X = A⁻¹ B. b and x: this rank's rows `rows`, column-major, leading dimension
+  /// X = A⁻¹ B in place: this rank's rows `rows`, column-major, leading dimension
   /// rows.size().
-  void solve(RowRange rows, std::span<const Scalar> b, std::span<Scalar> x, int columns);
+  void solve(RowRange rows, std::span<Scalar> x, int columns);
 
   /// Sparse right-hand sides, given on rank 0 by columns: start has columns + 1 entries
   /// (1-based), row is 1-based. The others pass empty spans and the same number of

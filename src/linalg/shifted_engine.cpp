@@ -1,5 +1,6 @@
 #include "linalg/shifted_engine.hpp"
 
+#include <algorithm>
 #include <type_traits>
 
 namespace flexgram {
@@ -56,30 +57,36 @@ constexpr bool is_complex = !std::is_floating_point_v<T>;
 template <class Scalar>
 class EngineOf final : public Engine {
 public:
-  EngineOf(MPI_Comm comm, Symmetry symmetry, const MumpsOptions& options)
-      : mumps_(comm, symmetry, options) {}
+  EngineOf(MPI_Comm comm, const MumpsOptions& options)
+      : mumps_(comm, Symmetry::symmetric, options) {}
 
   FactorEstimate analyse(const Pattern& lower, std::span<const int> position) override {
     return mumps_.analyse(lower, position);
   }
   std::vector<int> position() const override { return mumps_.position(); }
 
-  void factorise(const CommonPattern& common, const ShiftCoefficients& c) override {
+  void factorise(const CommonPattern& common, const ShiftCoefficients& c,
+                 bool pivoting) override {
     std::vector<Scalar> values(common.k.size());
     const bool damped = !common.d.empty();
     for (std::size_t i = 0; i < values.size(); ++i)
       values[i] = narrow(c.k * common.k[i] + c.m * common.m[i] +
                          (damped ? c.d * common.d[i] : 0.0));
-    mumps_.factorise(std::move(values));
+    mumps_.factorise(std::move(values), pivoting);
   }
 
   void solve(RowRange rows, const double* re, const double* im, double* x_re,
              double* x_im, int columns) override {
     const std::size_t count =
         static_cast<std::size_t>(rows.size()) * static_cast<std::size_t>(columns);
-    std::vector<Scalar> b(count), x(count);
-    for (std::size_t i = 0; i < count; ++i) b[i] = narrow({re[i], im ? im[i] : 0.0});
-    mumps_.solve(rows, b, x, columns);
+    if constexpr (std::is_same_v<Scalar, double>) {
+      std::copy_n(re, count, x_re);
+      mumps_.solve(rows, {x_re, count}, columns);
+      return;
+    }
+    std::vector<Scalar> x(count);
+    for (std::size_t i = 0; i < count; ++i) x[i] = narrow({re[i], im ? im[i] : 0.0});
+    mumps_.solve(rows, x, columns);
     for (std::size_t i = 0; i < count; ++i) {
       x_re[i] = std::real(x[i]);
       if constexpr (is_complex<Scalar>) x_im[i] = std::imag(x[i]);
@@ -102,16 +109,12 @@ private:
 
 } // namespace
 
-std::unique_ptr<Engine> make_engine(MPI_Comm comm, bool real, Definiteness definite,
-                                    bool single, const MumpsOptions& options) {
-  const Symmetry symmetry = real && definite == Definiteness::positive
-                                ? Symmetry::positive_definite
-                                : Symmetry::symmetric;
-  if (real && single) return std::make_unique<EngineOf<float>>(comm, symmetry, options);
-  if (real) return std::make_unique<EngineOf<double>>(comm, symmetry, options);
-  if (single)
-    return std::make_unique<EngineOf<std::complex<float>>>(comm, symmetry, options);
-  return std::make_unique<EngineOf<std::complex<double>>>(comm, symmetry, options);
+std::unique_ptr<Engine> make_engine(MPI_Comm comm, bool real, bool single,
+                                    const MumpsOptions& options) {
+  if (real && single) return std::make_unique<EngineOf<float>>(comm, options);
+  if (real) return std::make_unique<EngineOf<double>>(comm, options);
+  if (single) return std::make_unique<EngineOf<std::complex<float>>>(comm, options);
+  return std::make_unique<EngineOf<std::complex<double>>>(comm, options);
 }
 
 } // namespace flexgram

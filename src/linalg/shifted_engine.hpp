@@ -19,18 +19,19 @@ public:
   virtual ~Engine() = default;
   virtual FactorEstimate analyse(const Pattern& lower, std::span<const int> position) = 0;
   virtual std::vector<int> position() const = 0;
-  virtual void factorise(const CommonPattern& common, const ShiftCoefficients& c) = 0;
+  virtual void factorise(const CommonPattern& common, const ShiftCoefficients& c,
+                         bool pivoting) = 0;
   /// re, im: local rows × columns; im is null for real right-hand sides or real
   /// arithmetic.
   virtual void solve(RowRange rows, const double* re, const double* im, double* x_re,
                      double* x_im, int columns) = 0;
   virtual int negative_pivots() const = 0;
   virtual int null_pivots() const = 0;
-  virtual void count_pivots(bool count) = 0;
+  virtual void count_pivots(bool count) = 0; ///< before analyse()
 };
 
 /// The arithmetic that the shift needs: real or complex symmetric, double or single.
-std::unique_ptr<Engine> make_engine(MPI_Comm comm, bool real, Definiteness definite,
-                                    bool single, const MumpsOptions& options);
+std::unique_ptr<Engine> make_engine(MPI_Comm comm, bool real, bool single,
+                                    const MumpsOptions& options);
 
 } // namespace flexgram

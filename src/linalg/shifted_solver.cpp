@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace flexgram {
 
@@ -55,54 +56,55 @@ struct ShiftedSolver::State {
   bool ordered = false;
   std::vector<int> position;
   std::string ordering;
-  /// [real][definite][single]
-  std::unique_ptr<Engine> engines[2][2][2];
-  FactorEstimate estimates[2][2][2];
+  /// [real][single]
+  std::unique_ptr<Engine> engines[2][2];
+  FactorEstimate estimates[2][2];
   Engine* current = nullptr;
   ShiftCoefficients coefficients{};
   Definiteness definiteness{};
   bool single = false, count = false;
   int factorisations = 0;
 
-  /// Nested dissection and MUMPS' own ordering side by side; the cheaper stays.
-  std::unique_ptr<Engine> order_and_analyse(bool real, Definiteness definite, bool narrow,
+  std::unique_ptr<Engine> analysed(bool real, bool narrow, FactorEstimate& estimate) {
+    auto engine = make_engine(comm, real, narrow, options.mumps);
+    engine->count_pivots(count);
+    estimate = engine->analyse(common.lower, position);
+    return engine;
+  }
+
+  /// The ordering asked for, found with the first analysis.
+  std::unique_ptr<Engine> order_and_analyse(bool real, bool narrow,
                                             FactorEstimate& estimate) {
-    // A user's own ICNTL(7) is no choice between the two.
+    // A user's own ICNTL(7) is no choice between orderings.
     const std::string wish =
         options.mumps.icntl.count(7) ? "mumps" : options.mumps.ordering;
-    // Below some thousand rows both orderings cost milliseconds: METIS alone would do,
-    // MUMPS' own is as good.
-    const bool compare = wish == "best" && common.lower.n > 2000;
-    std::unique_ptr<Engine> best;
-    if (wish == "nested_dissection" || compare) {
+    const bool small = common.lower.n < 10000;
+    std::unique_ptr<Engine> dissected;
+    if (wish == "nested_dissection" || wish == "best" || (wish == "auto" && !small)) {
       position = nested_dissection(comm, common.lower, node_of_row);
-      best = make_engine(comm, real, definite, narrow, options.mumps);
-      estimate = best->analyse(common.lower, position);
+      dissected = analysed(real, narrow, estimate);
       ordering = "nested dissection";
-      if (!compare) return best;
+      if (wish != "best") return dissected;
     }
-    auto own = make_engine(comm, real, definite, narrow, options.mumps);
-    const FactorEstimate own_estimate = own->analyse(common.lower, {});
-    if (best && estimate.flops <= own_estimate.flops) return best;
+    const std::vector<int> by_metis = std::exchange(position, {});
+    FactorEstimate own_estimate;
+    auto own = analysed(real, narrow, own_estimate);
+    if (dissected && estimate.flops <= own_estimate.flops) {
+      position = by_metis;
+      return dissected;
+    }
     estimate = own_estimate;
     ordering = "MUMPS' own choice";
     position = own->position();
     return own;
   }
 
-  Engine& prepare(bool real, Definiteness definite, bool narrow) {
-    if (!real) definite = Definiteness::indefinite;
-    auto& slot = engines[real][definite == Definiteness::positive][narrow];
-    auto& estimate = estimates[real][definite == Definiteness::positive][narrow];
-    if (!slot) {
-      if (!ordered) {
-        slot = order_and_analyse(real, definite, narrow, estimate);
-        ordered = true;
-      } else {
-        slot = make_engine(comm, real, definite, narrow, options.mumps);
-        estimate = slot->analyse(common.lower, position);
-      }
-    }
+  Engine& prepare(bool real, bool narrow) {
+    auto& slot = engines[real][narrow];
+    auto& estimate = estimates[real][narrow];
+    if (!slot)
+      slot = std::exchange(ordered, true) ? analysed(real, narrow, estimate)
+                                          : order_and_analyse(real, narrow, estimate);
     return *slot;
   }
 
@@ -142,21 +144,21 @@ ShiftedSolver::ShiftedSolver(Mat K, Mat M, Mat D, std::vector<std::int64_t> node
 
 ShiftedSolver::~ShiftedSolver() = default;
 
-FactorEstimate ShiftedSolver::analyse(bool real, Definiteness definiteness) {
+FactorEstimate ShiftedSolver::analyse(bool real) {
   State& s = *state_;
-  s.prepare(real, definiteness, s.single);
-  if (!real) definiteness = Definiteness::indefinite;
-  return s.estimates[real][definiteness == Definiteness::positive][s.single];
+  s.prepare(real, s.single);
+  return s.estimates[real][s.single];
 }
 
 void ShiftedSolver::factorise(const ShiftCoefficients& coefficients,
                               Definiteness definiteness) {
   State& s = *state_;
-  s.current = &s.prepare(coefficients.real(), definiteness, s.single);
+  s.current = &s.prepare(coefficients.real(), s.single);
   s.current->count_pivots(s.count);
   s.coefficients = coefficients;
   s.definiteness = definiteness;
-  s.current->factorise(s.common, coefficients);
+  const bool definite = coefficients.real() && definiteness == Definiteness::positive;
+  s.current->factorise(s.common, coefficients, !definite);
   ++s.factorisations;
 }
 
@@ -285,8 +287,7 @@ ShiftedSolver::Solution ShiftedSolver::solve(const Block& b, Verify verify) {
     if (!better) break;
   }
   if (s.single && solution.backward_error > s.options.backward_error) {
-    for (auto& of_kind : s.engines)
-      for (auto& of_definiteness : of_kind) of_definiteness[true].reset();
+    for (auto& of_kind : s.engines) of_kind[true].reset();
     s.single = false; // refinement stalled: this and all later shifts in double
     factorise(s.coefficients, s.definiteness);
     return solve(b);
@@ -297,13 +298,6 @@ ShiftedSolver::Solution ShiftedSolver::solve(const Block& b, Verify verify) {
              "-mor_mumps_cntl_1 0.1 for stricter pivoting)",
              solution.backward_error, solution.refinements));
   return solution;
-}
-
-void ShiftedSolver::release() {
-  for (auto& of_kind : state_->engines)
-    for (auto& of_definiteness : of_kind)
-      for (auto& engine : of_definiteness) engine.reset();
-  state_->current = nullptr;
 }
 
 int ShiftedSolver::negative_pivots() const { return state_->current->negative_pivots(); }

@@ -30,7 +30,8 @@ struct ShiftCoefficients {
   bool real() const { return k.imag() == 0 && m.imag() == 0 && d.imag() == 0; }
 };
 
-/// What MUMPS may assume: K + τM of a supported or free body is positive definite.
+/// What MUMPS may assume: K + τM of a supported or free body is positive definite and
+/// needs no search for pivots.
 enum class Definiteness { indefinite, positive };
 
 /// Factorises K + iωD − ω²M and its real relatives in the arithmetic that the shift
@@ -49,7 +50,7 @@ public:
   ~ShiftedSolver();
 
   /// Analyses for the arithmetic that such a shift needs, and returns MUMPS' estimate.
-  FactorEstimate analyse(bool real, Definiteness definiteness = Definiteness::indefinite);
+  FactorEstimate analyse(bool real);
 
   /// @throws ShiftError if A is singular, MemoryError if it does not fit.
   void factorise(const ShiftCoefficients& coefficients,
@@ -74,9 +75,6 @@ public:
   int negative_pivots() const;
   int null_pivots() const;
   void count_pivots(bool count);
-
-  /// Gives the factors back; the ordering stays for the next shift.
-  void release();
 
   /// "nested dissection" or "MUMPS"; what was taken after analyse().
   const std::string& ordering() const;

@@ -112,9 +112,11 @@ FrequencySolves::FrequencySolves(SecondOrderModel model, const ParallelOptions& 
   s.world_rows = model.rows;
   const MPI_Comm world = model.comm;
   const bool real = model.undamped();
+  SolverOptions how = solver;
+  if (how.mumps.ordering == "auto" && tasks > 2) how.mumps.ordering = "best";
   const auto prepare = [&] {
     s.solver = std::make_unique<ShiftedSolver>(s.model.K, s.model.M, s.model.D,
-                                               s.model.node, solver);
+                                               s.model.node, how);
     s.estimate = s.solver->analyse(real);
   };
   int count = parallel.groups;

@@ -65,7 +65,7 @@ void describe_two_step(const Body& body, const Settings& s, Plan& plan,
   plan_method(s, plan);
   Stage stage(monitor, "analyse");
   ShiftedSolver solver(body.model.K, body.model.M, nullptr, body.model.node, s.solver);
-  const FactorEstimate cutoff = solver.analyse(true, Definiteness::indefinite);
+  const FactorEstimate cutoff = solver.analyse(true);
   plan.fact("factorisations", text("2 real LDLᵀ of K - ω²M and K + τM, one at a time: "
                                    "%.2g entries, %.2g flops, %.0f "
                                    "MB on a rank, ordered by %s",

@@ -76,12 +76,11 @@ double residual(Symmetry symmetry, Scalar factor, bool sparse_rhs) {
         first ? start : std::span<const int>{}, first ? row : std::span<const int>{},
         first ? std::span<const Scalar>(ones) : std::span<const Scalar>{}, g.rows, x, 2);
   } else {
-    std::vector<Scalar> b(2 * local);
     for (int j = 0; j < 2; ++j)
       if (j >= g.rows.begin && j < g.rows.end)
-        b[static_cast<std::size_t>(j - g.rows.begin) +
+        x[static_cast<std::size_t>(j - g.rows.begin) +
           static_cast<std::size_t>(j) * local] = 1;
-    mumps.solve(g.rows, b, x, 2);
+    mumps.solve(g.rows, x, 2);
   }
   // Gather x and multiply by the stencil.
   std::vector<std::complex<double>> all(2 * n);
@@ -220,8 +219,8 @@ TEST(Mumps, AnalysisServesManyFactorisations) {
     for (double& v : values) v *= scale;
     mumps.factorise(values);
     const auto local = static_cast<std::size_t>(g.rows.size());
-    std::vector<double> b(local, scale), x(local);
-    mumps.solve(g.rows, b, x, 1); // A x = scale · 1, the same x each time
+    std::vector<double> x(local, scale);
+    mumps.solve(g.rows, x, 1); // A x = scale · 1, the same x each time
     double sum = std::accumulate(x.begin(), x.end(), 0.0);
     sum = sum_over(world(), sum);
     static double first = sum;

@@ -106,7 +106,7 @@ TEST(ShiftedSolver, InertiaIsTheModeCount) {
 TEST(ShiftedSolver, EveryOrderingGivesTheSameSolution) {
   const SecondOrderModel model = rod(3000);
   std::vector<Dense> solutions;
-  for (const char* ordering : {"best", "nested_dissection", "mumps"}) {
+  for (const char* ordering : {"auto", "best", "nested_dissection", "mumps"}) {
     SolverOptions options;
     options.mumps.ordering = ordering;
     ShiftedSolver solver(model.K, model.M, nullptr, {}, options);
