@@ -16,8 +16,8 @@ double largest_entry(const Dense& a) {
 }
 
 /// X ← X − V (WV)ᵀX; returns the coefficients (WV)ᵀX.
-Dense remove(Block& X, const Block& V, const Block& WV) {
-  if (!V || V.columns() == 0) return Dense(0, static_cast<int>(X.columns()));
+Dense remove(Block& X, const Basis& V, const Basis& WV) {
+  if (!V) return Dense(0, static_cast<int>(X.columns()));
   Dense c = inner(WV, X);
   add_product(X, -1.0, V, c);
   return c;
@@ -52,7 +52,7 @@ Block InnerProduct::apply(const Block& x) const {
   return y;
 }
 
-Orthonormalised orthonormalise(Block X, const Block& V, const Block& WV,
+Orthonormalised orthonormalise(Block X, const Basis& V, const Basis& WV,
                                const InnerProduct& product, double tolerance) {
   Orthonormalised result;
   const Dense inside = remove(X, V, WV);
@@ -110,8 +110,8 @@ Orthonormalised orthonormalise(Block X, const Block& V, const Block& WV,
   return result;
 }
 
-double loss_of_orthogonality(const Block& V, const Block& WV) {
-  Dense gram = inner(V, WV);
+double loss_of_orthogonality(const Basis& V, const Basis& WV) {
+  Dense gram = symmetric_inner(V, WV);
   for (int j = 0; j < gram.rows; ++j) gram(j, j) -= 1;
   return largest_entry(gram);
 }

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "linalg/block.hpp"
+#include "linalg/basis.hpp"
 
 namespace flexgram {
 
@@ -24,10 +24,10 @@ struct Orthonormalised {
 /// repeated until what it still removes is rounding.
 /// @param[in] V, WV  basis so far and W times it; both may be empty.
 /// @note Collective. May return no columns.
-Orthonormalised orthonormalise(Block X, const Block& V, const Block& WV,
+Orthonormalised orthonormalise(Block X, const Basis& V, const Basis& WV,
                                const InnerProduct& product, double tolerance);
 
 /// Largest entry of |VᵀWV − I|.
-double loss_of_orthogonality(const Block& V, const Block& WV);
+double loss_of_orthogonality(const Basis& V, const Basis& WV);
 
 } // namespace flexgram

@@ -1,5 +1,6 @@
 #include "model/frame_integrals.hpp"
 
+#include "linalg/basis.hpp"
 #include "linalg/sparse.hpp"
 #include "linalg/sparse_product.hpp"
 #include "model/rigid_body_modes.hpp"
@@ -59,10 +60,12 @@ std::array<Matrix, 3> turns(const SecondOrderModel& model) {
 
 FrameIntegrals frame_integrals(const SecondOrderModel& model, const Block& V) {
   const int m = static_cast<int>(V.columns());
-  Block all = concatenate(rigid_motions(model, {0, 0, 0}, 1), V);
-  for (const Matrix& turn : turns(model)) all = concatenate(all, multiply(turn, V));
-  Dense gram = inner(all, multiply(model.M, all));
-  symmetrise(gram);
+  Basis all, images;
+  all.append(rigid_motions(model, {0, 0, 0}, 1));
+  all.append(V.share());
+  for (const Matrix& turn : turns(model)) all.append(multiply(turn, V));
+  all.for_each([&](const Block& x, int) { images.append(multiply(model.M, x)); });
+  const Dense gram = symmetric_inner(all, images);
   FrameIntegrals result;
   result.M_r = part_of(gram, 0, 6, 0, 6);
   result.M_er = part_of(gram, 6, m, 0, 6);

@@ -71,10 +71,9 @@ struct Coordinates {
   Dense combination; ///< q×r
   Dense of_columns;  ///< r×q
 };
-Coordinates coordinates(const Block& S) {
+Coordinates coordinates(MPI_Comm comm, const Basis& S) {
   const int q = static_cast<int>(S.columns());
-  Dense gram = inner(S, S);
-  symmetrise(gram);
+  Dense gram = symmetric_inner(S, S);
   std::vector<double> size;
   for (int j = 0; j < q; ++j) size.push_back(std::sqrt(std::max(gram(j, j), 0.0)));
   for (int j = 0; j < q; ++j)
@@ -84,8 +83,8 @@ Coordinates coordinates(const Block& S) {
       gram(i, j) = d > 0 ? gram(i, j) / d : 0.0;
     }
   SymmetricEigen eigen = symmetric_eigen(gram);
-  share_from_first(S.comm(), eigen.values);
-  share_from_first(S.comm(), eigen.vectors.data);
+  share_from_first(comm, eigen.values);
+  share_from_first(comm, eigen.vectors.data);
   int r = 0;
   while (r < q && eigen.values[static_cast<std::size_t>(q - 1 - r)] >
                       1e-15 * q * eigen.values.back())
@@ -126,11 +125,12 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
   const bool damped = response.system().has_extra_damping();
   const int p = response.system().B.columns;
   const MediumSpace::Residual& parts = space.residual();
-  const Coordinates c = coordinates(parts.S);
+  const Coordinates c = coordinates(space.fom().comm, parts.S);
   const int r = c.of_columns.rows;
   ResidualBasis basis;
   if (r == 0) {
-    basis.T = Block(space.V().comm(), space.V().local_rows(), space.V().rows(), 0);
+    const SecondOrderModel& fom = space.fom();
+    basis.T = Block(fom.comm, fom.rows, fom.n, 0);
     return basis;
   }
   const Dense of_K = multiply(c.of_columns, parts.K);
@@ -194,8 +194,8 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
     all = beside(all, scaled);
   }
   LeftSvd svd = left_svd(compressed(all));
-  share_from_first(space.V().comm(), svd.values);
-  share_from_first(space.V().comm(), svd.vectors.data);
+  share_from_first(space.fom().comm, svd.values);
+  share_from_first(space.fom().comm, svd.vectors.data);
   int k = 0;
   while (k < static_cast<int>(svd.values.size()) &&
          svd.values[static_cast<std::size_t>(k)] > 1e-7 * svd.values[0])

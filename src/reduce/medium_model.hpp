@@ -33,7 +33,7 @@ public:
 
   std::vector<PortView>
       views;          ///< blocks of H that are certified by themselves; the first is all
-  Block V;            ///< n × N, W-orthonormal: rigid modes, modes, Krylov vectors
+  Basis V;            ///< n × N, W-orthonormal: rigid modes, modes, Krylov vectors
   DenseSystem system; ///< with the body's inputs and outputs, in their units
   std::vector<Resonance> resonances; ///< of these modes
   std::vector<double> lambda; ///< [rad²/s²] elastic modes below the cutoff, all of them

@@ -50,17 +50,17 @@ void MediumSpace::unscale(Block& x) const { scale_rows(x, root_diagonal_); }
 void MediumSpace::start_with_rigid_modes(Block Phi) {
   const int count = static_cast<int>(Phi.columns());
   if (count == 0) return;
-  WV_ = multiply(fom_.M, Phi);
-  V_ = std::move(Phi);
-  KV_ = Block(V_.comm(), V_.local_rows(), V_.rows(), count); // zero
+  WV_.append(multiply(fom_.M, Phi));
+  KV_.append(Block(Phi.comm(), Phi.local_rows(), Phi.rows(), count)); // zero
   K_ = Dense(count, count);
   neglected_ = Dense(count, count);
   if (fom_.D) {
-    DV_ = multiply(fom_.D, V_);
-    D_ = inner(V_, DV_);
+    DV_.append(multiply(fom_.D, Phi));
+    D_ = inner(Phi, DV_.pieces().front());
     symmetrise(D_);
   }
-  add_rounding_weights(V_);
+  add_rounding_weights(Phi);
+  V_.append(std::move(Phi));
   rigid_ = count;
 }
 
@@ -101,27 +101,28 @@ std::vector<double> MediumSpace::append(Block X, double tolerance) {
   Orthonormalised added = orthonormalise(std::move(X), V_, WV_, product_, tolerance);
   const int k = static_cast<int>(added.vectors.columns());
   if (k == 0) return std::move(added.outside);
-  V_ = concatenate(V_, added.vectors);
-  WV_ = concatenate(WV_, added.weighted);
+  V_.append(added.vectors.share());
+  WV_.append(added.weighted.share());
   Block KX = multiply(fom_.K, added.vectors), DX;
   if (fom_.D) DX = multiply(fom_.D, added.vectors);
   extend_projection(added.vectors, KX, DX);
   if (!tracks_) {
-    KV_ = concatenate(KV_, KX);
-    if (fom_.D) DV_ = concatenate(DV_, DX);
+    KV_.append(std::move(KX));
+    if (fom_.D) DV_.append(std::move(DX));
     return std::move(added.outside);
   }
 
   // S loses what the new vectors take out of it; their own parts join.
   const int old = columns() - k, width = static_cast<int>(residual_.S.columns());
-  Block dual = std::move(added.vectors), weighted = copy(added.weighted);
+  Block dual = copy(added.vectors), weighted = copy(added.weighted);
   unscale(dual); // S is scaled: Xᵀ(unscaled S) = (D^½X)ᵀS
   scale(weighted);
-  add_product(residual_.S, -1.0, weighted, inner(dual, residual_.S));
+  residual_.S.for_each(
+      [&](Block& piece, int) { add_product(piece, -1.0, weighted, inner(dual, piece)); });
   const auto join = [&](Block image, const Dense& projected) {
     add_product(image, -1.0, WV_, part_of(projected, 0, columns(), old, k));
     scale(image);
-    residual_.S = concatenate(residual_.S, image);
+    residual_.S.append(std::move(image));
   };
   join(std::move(KX), K_);
   if (fom_.D) join(std::move(DX), D_);
@@ -142,20 +143,25 @@ void MediumSpace::track_residual(const Block& ports) {
   tracks_ = true;
   Block PB = copy(ports);
   add_product(PB, -1.0, WV_, inner(V_, ports));
-  add_product(KV_, -1.0, WV_, K_);
-  if (rigid_ > 0) { // K moves them by rounding only
-    std::vector<double> keep(static_cast<std::size_t>(columns()), 1.0);
-    std::fill_n(keep.begin(), rigid_, 0.0);
-    scale_columns(KV_, keep);
-  }
-  residual_.S = concatenate(PB, KV_);
-  KV_ = Block();
-  if (fom_.D) {
-    add_product(DV_, -1.0, WV_, D_);
-    residual_.S = concatenate(residual_.S, DV_);
-    DV_ = Block();
-  }
-  scale(residual_.S);
+  scale(PB);
+  residual_.S.append(std::move(PB));
+  const auto project = [&](Basis& images, const Dense& projected) {
+    images.for_each([&](Block& piece, int first) {
+      const int k = static_cast<int>(piece.columns());
+      add_product(piece, -1.0, WV_, part_of(projected, 0, columns(), first, k));
+      scale(piece);
+      residual_.S.append(piece.share());
+    });
+    images = Basis();
+  };
+  KV_.for_each([&](Block& piece, int first) { // K moves rigid modes by rounding only
+    std::vector<double> keep(static_cast<std::size_t>(piece.columns()), 1.0);
+    for (int j = first; j < std::min(rigid_, first + static_cast<int>(keep.size())); ++j)
+      keep[static_cast<std::size_t>(j - first)] = 0;
+    if (first < rigid_) scale_columns(piece, keep);
+  });
+  project(KV_, K_);
+  if (fom_.D) project(DV_, D_);
   const int p = static_cast<int>(ports.columns()), N = columns(),
             total = static_cast<int>(residual_.S.columns());
   const auto unit = [&](int first, int count) {
@@ -174,8 +180,8 @@ void MediumSpace::rotate_to_rigid(const Dense& Q, int count) {
     symmetrise(result);
     return result;
   };
-  for (Block* block : {&V_, &WV_, &KV_, &DV_})
-    if (*block) *block = combine(*block, Q);
+  for (Basis* basis : {&V_, &WV_, &KV_, &DV_})
+    if (*basis) *basis = combine(*basis, Q);
   const Dense before = part_of(neglected_, 0, rigid_, 0, columns());
   geometric_ = false;
   K_ = congruence(K_);

@@ -32,7 +32,7 @@ public:
   /// The columns S, each row divided by the root of the diagonal of K + τM, and the
   /// coordinates of P B, P K V and P D V in them.
   struct Residual {
-    Block S;
+    Basis S;
     Dense B, K, D;
   };
   const Residual& residual() const { return residual_; }
@@ -46,8 +46,8 @@ public:
   double tau() const { return tau_; }
   int columns() const { return static_cast<int>(V_.columns()); }
   int rigid() const { return rigid_; }
-  const Block& V() const { return V_; }
-  const Block& WV() const { return WV_; }
+  const Basis& V() const { return V_; }
+  const Basis& WV() const { return WV_; }
   const Dense& K() const { return K_; }
   Dense M() const; ///< I − κ VᵀKV
   const Dense& D() const { return D_; }
@@ -72,7 +72,7 @@ private:
   InnerProduct product_;
   double tau_;
   std::vector<double> root_diagonal_, K_diagonal_; ///< this rank's rows
-  Block V_, WV_, KV_, DV_;                         ///< the last two until track_residual
+  Basis V_, WV_, KV_, DV_;                         ///< the last two until track_residual
   Residual residual_;
   Dense K_, D_, neglected_;
   std::vector<double> g_;

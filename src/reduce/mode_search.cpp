@@ -48,8 +48,8 @@ RitzPairs ritz_pairs(const MediumSpace& space) {
     for (int i = 0; i < count; ++i)
       pairs.vectors(rigid + i, j) = u[i] / std::sqrt(square);
   }
-  share_from_first(space.V().comm(), pairs.lambda);
-  share_from_first(space.V().comm(), pairs.vectors.data);
+  share_from_first(space.fom().comm, pairs.lambda);
+  share_from_first(space.fom().comm, pairs.vectors.data);
   return pairs;
 }
 
@@ -109,7 +109,7 @@ int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expe
                       : multiply(space.fom().M, combine(space.V(), chosen));
     if (missing > 0)
       loads = concatenate(
-          loads, multiply(space.fom().M, random_block(space.V(), 2 + missing / 4,
+          loads, multiply(space.fom().M, random_block(space.fom().B, 2 + missing / 4,
                                                       static_cast<unsigned>(round))));
     const std::vector<double> outside =
         space.append(factor.solve(loads, ShiftedSolver::Verify::first_column).x, 1e-7);

@@ -1,0 +1,52 @@
+#pragma once
+
+#include "linalg/block.hpp"
+
+namespace flexgram {
+
+/// A tall distributed basis that grows by whole blocks. It is kept in these pieces:
+/// nothing is copied when it grows.
+class Basis {
+public:
+  Basis() = default;
+  /// @note Shares x.
+  Basis(const Block& x) { append(x.share()); } // NOLINT: a block is a basis of one piece
+
+  void append(Block x);
+  Basis share() const;
+  PetscInt columns() const { return columns_; }
+  explicit operator bool() const { return columns_ > 0; }
+  const std::vector<Block>& pieces() const { return pieces_; }
+
+  /// Calls visit(piece, number of its first column) for each piece.
+  template <class Visit>
+  void for_each(Visit&& visit) {
+    PetscInt first = 0;
+    for (Block& piece : pieces_) {
+      visit(piece, static_cast<int>(first));
+      first += piece.columns();
+    }
+  }
+  template <class Visit>
+  void for_each(Visit&& visit) const {
+    PetscInt first = 0;
+    for (const Block& piece : pieces_) {
+      visit(piece, static_cast<int>(first));
+      first += piece.columns();
+    }
+  }
+
+private:
+  std::vector<Block> pieces_;
+  PetscInt columns_ = 0;
+};
+
+Block combine(const Basis& x, const Dense& q); ///< X Q
+Dense inner(const Basis& x, const Block& y);   ///< XᵀY, on every rank
+Dense inner(const Basis& x, const Basis& y);   ///< XᵀY, on every rank
+/// XᵀY where it is symmetric, on every rank: half of the products, and exactly symmetric.
+Dense symmetric_inner(const Basis& x, const Basis& y);
+/// Y ← Y + scale X Q
+void add_product(Block& y, double scale, const Basis& x, const Dense& q);
+
+} // namespace flexgram
