@@ -124,21 +124,28 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
                              int most) {
   const bool damped = response.system().has_extra_damping();
   const int p = response.system().B.columns;
-  const MediumSpace::Residual& parts = space.residual();
-  const Coordinates c = coordinates(space.fom().comm, parts.S);
-  const int r = c.of_columns.rows;
   ResidualBasis basis;
+  {
+    // All that S spans stays: what is small in these residuals may not be in later ones.
+    const MediumSpace::Residual& parts = space.residual();
+    const Coordinates c = coordinates(space.fom().comm, parts.S);
+    const auto in_range = [&](const Dense& a) {
+      return a.data.empty() ? Dense() : multiply(c.of_columns, a);
+    };
+    space.compress_residual({combine(parts.S, c.combination), in_range(parts.B),
+                             in_range(parts.K), in_range(parts.D)});
+  }
+  const MediumSpace::Residual& parts = space.residual();
+  const int r = static_cast<int>(parts.S.columns());
   if (r == 0) {
     const SecondOrderModel& fom = space.fom();
     basis.T = Block(fom.comm, fom.rows, fom.n, 0);
     return basis;
   }
-  const Dense of_K = multiply(c.of_columns, parts.K);
-  const Dense of_D = damped ? multiply(c.of_columns, parts.D) : Dense();
-  basis.ports = multiply(c.of_columns, parts.B);
-  basis.K = multiply(of_K, response.U());
+  basis.ports = parts.B;
+  basis.K = multiply(parts.K, response.U());
   if (damped) {
-    basis.D = multiply(of_D, response.U());
+    basis.D = multiply(parts.D, response.U());
     // (DΦ)_° = E U x + g, E = K + τM, with x = UᵀDΦ but for the rows of Φ, and the rest g
     // outside V.
     basis.damped_inside = first_columns(response.modal_damping(), modes);
@@ -216,10 +223,7 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
   turn(basis.K);
   turn(basis.D);
   turn(basis.damped_outside);
-  basis.T = combine(parts.S, multiply(c.combination, u));
-  if (basis.complete)
-    space.compress_residual({copy(basis.T), basis.ports, multiply_transposed(u, of_K),
-                             damped ? multiply_transposed(u, of_D) : Dense()});
+  basis.T = combine(parts.S, u);
   space.unscale(basis.T);
   return basis;
 }

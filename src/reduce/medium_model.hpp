@@ -11,7 +11,7 @@ namespace flexgram {
 
 /// How the medium model is built.
 struct MediumOptions {
-  double cutoff = 1.5;
+  double cutoff = 1.2;
   int limit = 0;
   double target = 0; ///< 0: from the tolerance
   bool by_kind =
