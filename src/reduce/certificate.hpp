@@ -21,7 +21,7 @@ struct ResidualBasis {
 /// @param modes        number of modes below ω_c, rigid ones included: the first columns
 /// of U.
 /// @param most         at most so many columns.
-/// @note If T holds everything, the space's own residual parts are replaced by it.
+/// @note Replaces the space's own residual parts by an orthonormal basis of their span.
 ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
                              const std::vector<double>& samples, int modes, double cutoff,
                              int most);

@@ -36,7 +36,7 @@ public:
     Dense B, K, D;
   };
   const Residual& residual() const { return residual_; }
-  /// Replaces S by S Q, with the coordinates that go with it.
+  /// Replaces S by a basis of its span, with the coordinates that go with it.
   void compress_residual(Residual smaller) { residual_ = std::move(smaller); }
   /// Undoes the division of rows.
   void unscale(Block& x) const;

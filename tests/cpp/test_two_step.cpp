@@ -3,6 +3,7 @@
 #include "linalg/orthonormal.hpp"
 #include "reduce/band_gramian.hpp"
 #include "reduce/candidates.hpp"
+#include "reduce/certificate.hpp"
 #include "reduce/mode_search.hpp"
 #include "reduce/pod.hpp"
 #include "reduce/project.hpp"
@@ -134,6 +135,34 @@ TEST(ModeSearch, RefusesWhatContradictsTheInertia) {
   MediumSpace space(fom, 0, 10);
   space.append(factor.solve(fom.B).x, 1e-8);
   EXPECT_THROW(find_modes(space, factor, 100, 2, 0.1, 1e-9, silent()), Error);
+}
+
+TEST(Certificate, KnowsTheResidualOfEveryResponseHoweverTheSpaceGrew) {
+  const SecondOrderModel fom = rod(n);
+  MediumSpace space(fom, 0, 1.0);
+  space.append(random_block(fom.B, 6, 1), 1e-7);
+  space.track_residual(fom.B);
+  for (unsigned step = 2; step < 4; ++step) {
+    DenseSystem system;
+    system.M = space.M();
+    system.K = space.K();
+    system.B = inner(space.V(), fom.B);
+    system.C = system.B;
+    const DenseResponse response(std::move(system), space.tau());
+    // One frequency shows few of the directions that residuals can take.
+    const ResidualBasis basis =
+        residual_basis(space, response, {1.0}, 0, 2.0, space.columns());
+    EXPECT_EQ(basis.T.columns(), fom.B.columns());
+    space.append(random_block(fom.B, 4, step), 1e-7);
+  }
+  const Block V = combine(space.V(), identity(space.columns()));
+  Block expected = multiply(fom.K, V), found;
+  add_product(expected, -1.0, space.WV(), inner(V, expected));
+  found = combine(space.residual().S, space.residual().K);
+  space.unscale(found);
+  const Dense a = whole(expected), b = whole(found);
+  for (std::size_t i = 0; i < a.data.size(); ++i)
+    EXPECT_NEAR(a.data[i], b.data[i], 1e-6 * frobenius_norm(a));
 }
 
 TEST(BandGramian, EqualsTheClosedFormOfAModalSystem) {
