@@ -63,11 +63,9 @@ public:
   };
   /// X = A⁻¹ B with the last factorisation.
   /// @throws ShiftError if the solution is so large that A must be taken as singular.
-  /// @param verify  refinement and backward error by all columns, or by the first alone
-  /// (all,
-  ///                if that one is not good): two products with the matrices a column
-  ///                less.
-  enum class Verify { all, first_column };
+  /// @param verify  refinement and backward error by all columns, by the first alone
+  /// (all, if that one is not good), or none (the backward error is then 0).
+  enum class Verify { all, first_column, none };
   Solution solve(const Block& b, Verify verify = Verify::all);
 
   /// Eigenvalues of the last real A below zero, by Sylvester's law; needs

@@ -111,8 +111,13 @@ int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expe
       loads = concatenate(
           loads, multiply(space.fom().M, random_block(space.fom().B, 2 + missing / 4,
                                                       static_cast<unsigned>(round))));
+    const bool null_among =
+        checked > 0 && pairs.lambda[static_cast<std::size_t>(block.front())] <= null;
+    // A poor solution costs a round, not the proof; what is nearly in the space already
+    // is only worth its products where angles must become tiny.
     const std::vector<double> outside =
-        space.append(factor.solve(loads, ShiftedSolver::Verify::first_column).x, 1e-7);
+        space.append(factor.solve(loads, ShiftedSolver::Verify::none).x,
+                     null_among || enough < 0.1 ? 1e-7 : 1e-5);
     solves += static_cast<int>(loads.columns());
     double worst = 0, worst_null = 0;
     for (std::size_t i = 0; i < checked; ++i)
