@@ -1,5 +1,7 @@
 #include "linalg/basis.hpp"
 
+#include "linalg/sparse_product.hpp"
+
 namespace flexgram {
 
 void Basis::append(Block x) {
@@ -30,16 +32,32 @@ Dense inner(const Basis& x, const Basis& y) {
   return result;
 }
 
+namespace {
+
+/// The products of the pieces of x up to column `first` with y, and their mirror image.
+void set_symmetric(Dense& result, const Basis& x, const Block& y, int first) {
+  x.for_each([&](const Block& piece, int row) {
+    if (row > first) return;
+    Dense part = inner(piece, y);
+    if (row == first) symmetrise(part);
+    set_part(result, row, first, part);
+    set_part(result, first, row, transpose(part));
+  });
+}
+
+} // namespace
+
 Dense symmetric_inner(const Basis& x, const Basis& y) {
   Dense result(static_cast<int>(x.columns()), static_cast<int>(y.columns()));
-  y.for_each([&](const Block& right, int column) {
-    x.for_each([&](const Block& left, int row) {
-      if (row > column) return;
-      Dense part = inner(left, right);
-      if (row == column) symmetrise(part);
-      set_part(result, row, column, part);
-      set_part(result, column, row, transpose(part));
-    });
+  y.for_each(
+      [&](const Block& piece, int first) { set_symmetric(result, x, piece, first); });
+  return result;
+}
+
+Dense symmetric_inner(const Basis& x, Mat a) {
+  Dense result(static_cast<int>(x.columns()), static_cast<int>(x.columns()));
+  x.for_each([&](const Block& piece, int first) {
+    set_symmetric(result, x, multiply(a, piece), first);
   });
   return result;
 }

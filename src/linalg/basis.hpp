@@ -46,6 +46,7 @@ Dense inner(const Basis& x, const Block& y);   ///< XᵀY, on every rank
 Dense inner(const Basis& x, const Basis& y);   ///< XᵀY, on every rank
 /// XᵀY where it is symmetric, on every rank: half of the products, and exactly symmetric.
 Dense symmetric_inner(const Basis& x, const Basis& y);
+Dense symmetric_inner(const Basis& x, Mat a); ///< XᵀAX for a symmetric A
 /// Y ← Y + scale X Q
 void add_product(Block& y, double scale, const Basis& x, const Dense& q);
 

@@ -60,12 +60,11 @@ std::array<Matrix, 3> turns(const SecondOrderModel& model) {
 
 FrameIntegrals frame_integrals(const SecondOrderModel& model, const Block& V) {
   const int m = static_cast<int>(V.columns());
-  Basis all, images;
+  Basis all;
   all.append(rigid_motions(model, {0, 0, 0}, 1));
   all.append(V.share());
   for (const Matrix& turn : turns(model)) all.append(multiply(turn, V));
-  all.for_each([&](const Block& x, int) { images.append(multiply(model.M, x)); });
-  const Dense gram = symmetric_inner(all, images);
+  const Dense gram = symmetric_inner(all, model.M);
   FrameIntegrals result;
   result.M_r = part_of(gram, 0, 6, 0, 6);
   result.M_er = part_of(gram, 6, m, 0, 6);
