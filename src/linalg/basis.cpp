@@ -2,7 +2,84 @@
 
 #include "linalg/sparse_product.hpp"
 
+#include <petscblaslapack.h>
+
+#include <algorithm>
+#include <memory>
+
 namespace flexgram {
+namespace {
+
+/// Rows taken at a time: those of a block that meets all pieces stay in the cache.
+constexpr PetscInt rows_at_a_time = 2048;
+
+/// Columns of one piece in this rank's rows, and the place of the first in the basis.
+struct Columns {
+  double* data;
+  int count, first;
+};
+
+/// The pieces of a basis, open for reading.
+class Pieces {
+public:
+  explicit Pieces(const Basis& x) {
+    access_.reserve(x.pieces().size());
+    x.for_each([&](const Block& piece, int first) {
+      access_.push_back(std::make_unique<Block::Access>(piece));
+      columns_.push_back(
+          {access_.back()->column(0), static_cast<int>(piece.columns()), first});
+    });
+  }
+  auto begin() const { return columns_.begin(); }
+  auto end() const { return columns_.end(); }
+
+private:
+  std::vector<std::unique_ptr<Block::Access>> access_;
+  std::vector<Columns> columns_;
+};
+
+/// Calls work(first row, number of rows) for strips of rows.
+template <class Work>
+void by_rows(PetscInt rows, Work&& work) {
+  for (PetscInt first = 0; first < rows; first += rows_at_a_time)
+    work(first, static_cast<int>(std::min(rows_at_a_time, rows - first)));
+}
+
+/// C ← C + scale op(A) B.
+void add_gemm(const char* op, int m, int n, int k, double scale, const double* a, int lda,
+              const double* b, int ldb, double* c, int ldc) {
+  const double one = 1;
+  BLASgemm_(op, "N", &m, &n, &k, &scale, a, &lda, b, &ldb, &one, c, &ldc);
+}
+
+/// Adds this rank's part of the products of pieces of x up to column `last` with y.
+void add_inner(Dense& result, const Pieces& x, const Columns& y, int last,
+               PetscInt local_rows) {
+  const int ld = static_cast<int>(local_rows);
+  by_rows(local_rows, [&](PetscInt row, int rows) {
+    for (const Columns& piece : x)
+      if (piece.first <= last)
+        add_gemm("T", piece.count, y.count, rows, 1.0, piece.data + row, ld, y.data + row,
+                 ld, &result(piece.first, y.first), result.rows);
+  });
+}
+
+Dense summed(MPI_Comm comm, Dense local) {
+  MPI_Allreduce(MPI_IN_PLACE, local.data.data(), static_cast<int>(local.data.size()),
+                MPI_DOUBLE, MPI_SUM, comm);
+  return local;
+}
+
+/// The upper triangle onto the lower.
+void mirror(Dense& a) {
+  for (int j = 0; j < a.columns; ++j)
+    for (int i = 0; i < j; ++i) a(j, i) = a(i, j);
+}
+
+MPI_Comm comm_of(const Basis& x) { return x.pieces().front().comm(); }
+PetscInt local_rows_of(const Basis& x) { return x.pieces().front().local_rows().size(); }
+
+} // namespace
 
 void Basis::append(Block x) {
   if (!x || x.columns() == 0) return;
@@ -16,56 +93,48 @@ Basis Basis::share() const {
   return other;
 }
 
-Dense inner(const Basis& x, const Block& y) {
-  Dense result(static_cast<int>(x.columns()), static_cast<int>(y.columns()));
-  x.for_each([&](const Block& piece, int first) {
-    set_part(result, first, 0, inner(piece, y));
-  });
-  return result;
-}
-
 Dense inner(const Basis& x, const Basis& y) {
   Dense result(static_cast<int>(x.columns()), static_cast<int>(y.columns()));
-  y.for_each([&](const Block& piece, int first) {
-    set_part(result, 0, first, inner(x, piece));
-  });
-  return result;
+  if (result.data.empty()) return result;
+  const Pieces left(x), right(y);
+  for (const Columns& columns : right)
+    add_inner(result, left, columns, result.rows, local_rows_of(x));
+  return summed(comm_of(x), std::move(result));
 }
-
-namespace {
-
-/// The products of the pieces of x up to column `first` with y, and their mirror image.
-void set_symmetric(Dense& result, const Basis& x, const Block& y, int first) {
-  x.for_each([&](const Block& piece, int row) {
-    if (row > first) return;
-    Dense part = inner(piece, y);
-    if (row == first) symmetrise(part);
-    set_part(result, row, first, part);
-    set_part(result, first, row, transpose(part));
-  });
-}
-
-} // namespace
 
 Dense symmetric_inner(const Basis& x, const Basis& y) {
   Dense result(static_cast<int>(x.columns()), static_cast<int>(y.columns()));
-  y.for_each(
-      [&](const Block& piece, int first) { set_symmetric(result, x, piece, first); });
-  return result;
+  if (result.data.empty()) return result;
+  const Pieces left(x), right(y);
+  for (const Columns& columns : right)
+    add_inner(result, left, columns, columns.first, local_rows_of(x));
+  mirror(result);
+  return summed(comm_of(x), std::move(result));
 }
 
 Dense symmetric_inner(const Basis& x, Mat a) {
   Dense result(static_cast<int>(x.columns()), static_cast<int>(x.columns()));
+  if (result.data.empty()) return result;
+  const Pieces left(x);
   x.for_each([&](const Block& piece, int first) {
-    set_symmetric(result, x, multiply(a, piece), first);
+    const Block image = multiply(a, piece);
+    Block::Access access(image);
+    add_inner(result, left, {access.column(0), static_cast<int>(image.columns()), first},
+              first, local_rows_of(x));
   });
-  return result;
+  mirror(result);
+  return summed(comm_of(x), std::move(result));
 }
 
 void add_product(Block& y, double scale, const Basis& x, const Dense& q) {
-  x.for_each([&](const Block& piece, int first) {
-    add_product(y, scale, piece,
-                part_of(q, first, static_cast<int>(piece.columns()), 0, q.columns));
+  if (q.data.empty()) return;
+  const Pieces pieces(x);
+  Block::Access to(y);
+  const int ld = static_cast<int>(y.local_rows().size());
+  by_rows(ld, [&](PetscInt row, int rows) {
+    for (const Columns& piece : pieces)
+      add_gemm("N", rows, q.columns, piece.count, scale, piece.data + row, ld,
+               q.data.data() + piece.first, q.rows, to.column(0) + row, ld);
   });
 }
 

@@ -42,7 +42,6 @@ private:
 };
 
 Block combine(const Basis& x, const Dense& q); ///< X Q
-Dense inner(const Basis& x, const Block& y);   ///< XᵀY, on every rank
 Dense inner(const Basis& x, const Basis& y);   ///< XᵀY, on every rank
 /// XᵀY where it is symmetric, on every rank: half of the products, and exactly symmetric.
 Dense symmetric_inner(const Basis& x, const Basis& y);
