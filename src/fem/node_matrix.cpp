@@ -121,7 +121,7 @@ void NodeMatrix::assemble(MPI_Comm comm, Matrix& K, Matrix& M) {
     local.value = std::move(k_);
     K = make_sparse(comm, map_.rows, map_.n, local);
     local.value = std::move(m_);
-    M = make_sparse(comm, map_.rows, map_.n, local);
+    M = make_sparse(comm, map_.rows, map_.n, nonzeros(local));
     return;
   }
   std::vector<PetscInt> rows;
@@ -138,12 +138,11 @@ void NodeMatrix::assemble(MPI_Comm comm, Matrix& K, Matrix& M) {
                                  local.column.data()));
   rows = local.column = {};
   FG_CALL(MatSetValuesCOO(sum, m_.data(), INSERT_VALUES));
-  FG_CALL(MatDuplicate(sum, MAT_COPY_VALUES, M.out()));
+  M = make_sparse(comm, map_.rows, map_.n, nonzeros(local_rows(sum)));
   FG_CALL(MatSetValuesCOO(sum, k_.data(), INSERT_VALUES));
   FG_CALL(MatDuplicate(sum, MAT_COPY_VALUES, K.out()));
   k_ = m_ = {};
   FG_CALL(MatSetOption(K, MAT_SYMMETRIC, PETSC_TRUE));
-  FG_CALL(MatSetOption(M, MAT_SYMMETRIC, PETSC_TRUE));
 }
 
 } // namespace flexgram

@@ -81,6 +81,36 @@ Matrix duplicate(Mat a) {
 
 } // namespace
 
+LocalRows local_rows(Mat a) {
+  LocalRows local;
+  PetscInt current = owned_rows(a).begin;
+  const auto close_until = [&](PetscInt row) {
+    for (; current < row; ++current)
+      local.start.push_back(static_cast<PetscInt>(local.column.size()));
+  };
+  for_each_entry(a, [&](PetscInt row, PetscInt column, double value) {
+    close_until(row);
+    local.column.push_back(column);
+    local.value.push_back(value);
+  });
+  close_until(owned_rows(a).end);
+  return local;
+}
+
+LocalRows nonzeros(const LocalRows& rows) {
+  LocalRows kept;
+  for (std::size_t i = 0; i + 1 < rows.start.size(); ++i) {
+    for (auto k = static_cast<std::size_t>(rows.start[i]);
+         k < static_cast<std::size_t>(rows.start[i + 1]); ++k)
+      if (rows.value[k] != 0) {
+        kept.column.push_back(rows.column[k]);
+        kept.value.push_back(rows.value[k]);
+      }
+    kept.start.push_back(static_cast<PetscInt>(kept.column.size()));
+  }
+  return kept;
+}
+
 std::vector<double> diagonal(Mat a) {
   Handle<Vec> d;
   FG_CALL(MatCreateVecs(a, nullptr, d.out()));

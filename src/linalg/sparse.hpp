@@ -16,6 +16,12 @@ struct LocalRows {
   std::vector<double> value;
 };
 
+/// The entries that are not zero. M couples no directions: two thirds of the pattern that
+/// it shares with K are zero.
+LocalRows nonzeros(const LocalRows& rows);
+/// This rank's rows of a.
+LocalRows local_rows(Mat a);
+
 /// n×n AIJ matrix with the given rows here. Collective.
 Matrix make_sparse(MPI_Comm comm, RowRange rows, PetscInt n, const LocalRows& local);
 /// n×c AIJ matrix with the given rows here, for vectors with the rows `columns` here.
