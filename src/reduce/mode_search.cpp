@@ -109,7 +109,7 @@ int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expe
                       : multiply(space.fom().M, combine(space.V(), chosen));
     if (missing > 0)
       loads = concatenate(
-          loads, multiply(space.fom().M, random_block(space.fom().B, 2 + missing / 4,
+          loads, multiply(space.fom().M, random_block(space.fom().B, 1 + missing / 8,
                                                       static_cast<unsigned>(round))));
     const bool null_among =
         checked > 0 && pairs.lambda[static_cast<std::size_t>(block.front())] <= null;
