@@ -15,8 +15,8 @@ void zgemm_(const char* op_a, const char* op_b, const int* m, const int* n, cons
             const std::complex<double>* alpha, const std::complex<double>* a,
             const int* lda, const std::complex<double>* b, const int* ldb,
             const std::complex<double>* beta, std::complex<double>* c, const int* ldc);
-void dgeqrf_(const int* m, const int* n, double* a, const int* lda, double* tau,
-             double* work, const int* lwork, int* info);
+void dgeqrt_(const int* m, const int* n, const int* block, double* a, const int* lda,
+             double* t, const int* ldt, double* work, int* info);
 void dorgqr_(const int* m, const int* n, const int* k, double* a, const int* lda,
              const double* tau, double* work, const int* lwork, int* info);
 void zheev_(const char* job, const char* uplo, const int* n, std::complex<double>* a,
@@ -169,12 +169,14 @@ Dense orthonormal_columns(Dense a) {
 Dense compressed(const Dense& a) {
   if (a.columns <= a.rows) return a;
   Dense t = transpose(a);
-  const int lwork = 64 * t.columns;
-  std::vector<double> tau(static_cast<std::size_t>(t.columns)),
-      work(static_cast<std::size_t>(lwork));
+  // Blocked whatever the size: LAPACK's geqrf goes column by column below 128 columns.
+  const int block = std::clamp(t.columns, 1, 32);
+  std::vector<double> factors(static_cast<std::size_t>(block) *
+                              static_cast<std::size_t>(t.columns)),
+      work(factors.size());
   int info = 0;
-  dgeqrf_(&t.rows, &t.columns, t.data.data(), &t.rows, tau.data(), work.data(), &lwork,
-          &info);
+  dgeqrt_(&t.rows, &t.columns, &block, t.data.data(), &t.rows, factors.data(), &block,
+          work.data(), &info);
   if (info) throw Error(text("LAPACK QR returned %d", info));
   Dense l(a.rows, a.rows);
   for (int j = 0; j < a.rows; ++j)
