@@ -5,6 +5,7 @@ them, from the same run, the machine's own unit: one real (and one complex) fact
 block solve of the same matrix. Writes out/bench/methods.csv and methods.png. Long for large ones.
 
     scripts/bench [--sizes 6 30 100] [--methods two_step pod modal ...] [--runs 3] [--ranks 1]
+                  [--checks 12]
 """
 
 from __future__ import annotations
@@ -66,7 +67,9 @@ def unit(body: Path, ranks: int) -> tuple[float, float]:
     return float(found[1]) + float(found[2]), float(peak[1])
 
 
-def measure(body: Path, method: str, band: str, ranks: int, runs: int) -> dict[str, Any]:
+def measure(
+    body: Path, method: str, band: str, ranks: int, runs: int, checks: int
+) -> dict[str, Any]:
     """Median seconds without reading and assembling, peak memory, order, bound, true error."""
     rom, seconds = OUT / "rom.h5", []
     for _ in range(runs):
@@ -83,7 +86,7 @@ def measure(body: Path, method: str, band: str, ranks: int, runs: int) -> dict[s
         )
     first, last = band.split(",")
     flexgram(ranks, "sweep", "-body", body, "-rom", rom, "-mor_sweep_hz",
-             f"{float(first) * 1.03},{float(last) * 0.997},12", "-mor_sweep_out",
+             f"{float(first) * 1.03},{float(last) * 0.997},{checks}", "-mor_sweep_out",
              OUT / "sweep.h5")  # fmt: skip
     with h5py.File(OUT / "sweep.h5") as file:
         error = float(file["error/relative"][:].max())
@@ -98,6 +101,7 @@ def main() -> None:
     parser.add_argument("--methods", nargs="+", choices=METHODS, default=list(METHODS))
     parser.add_argument("--runs", type=int, default=3)
     parser.add_argument("--ranks", type=int, default=1)
+    parser.add_argument("--checks", type=int, default=12, help="full solves of the true error")
     options = parser.parse_args()
     OUT.mkdir(parents=True, exist_ok=True)
     rows = []
@@ -113,7 +117,7 @@ def main() -> None:
                   f"{complex_:.2f} s, {complex_mb:.0f} MB")  # fmt: skip
             band = "10,1000" if shape == "block" else "10,200"
             for method in options.methods:
-                row = measure(damped, method, band, options.ranks, options.runs)
+                row = measure(damped, method, band, options.ranks, options.runs, options.checks)
                 unit_of = {
                     "unit_real_s": real,
                     "unit_complex_s": complex_,

@@ -280,45 +280,66 @@ Dense nested_span(const Dense& A) {
   return Q;
 }
 
+/// Statics of a free body under port loads in equilibrium.
+Dense free_statics(const Elastic& e, const Dense& elastic_ports, const Dense& all_ports) {
+  Dense statics = multiply_transposed(e.response.U(), elastic_ports);
+  for (int j = 0; j < statics.columns; ++j)
+    for (int i = 0; i < e.count; ++i) // in modal coordinates K is 1 − τμ
+      statics(i, j) /= std::max(
+          1 - e.response.tau() * e.response.mu()[static_cast<std::size_t>(i)], 1e-12);
+  const Dense resultants = part_of(all_ports, 0, e.rigid, 0, all_ports.columns);
+  const SymmetricEigen eigen =
+      symmetric_eigen(multiply_transposed(resultants, resultants));
+  const double floor = 1e-12 * std::max(eigen.values.back(), 1e-300);
+  int balanced_loads = 0;
+  while (balanced_loads < eigen.vectors.columns &&
+         eigen.values[static_cast<std::size_t>(balanced_loads)] <= floor)
+    ++balanced_loads;
+  return multiply(multiply(e.response.U(), statics),
+                  first_columns(eigen.vectors, balanced_loads));
+}
+
+/// N − Z (ZᵀKZ)⁻¹ZᵀK N: the rest of the body follows unit motions N of the interfaces. On
+/// soft mounts the inverse of K would show one motion only.
+Dense held_statics(const Dense& K, const Dense& N, const Dense& Z) {
+  if (Z.columns == 0) return N;
+  Dense factor = multiply_transposed(Z, multiply(K, Z)), inverse = Z;
+  if (cholesky(factor) != 0)
+    throw Error("-mor_method craig_bampton: the body moves without stiffness while its "
+                "interfaces are held");
+  solve_right_transposed(factor, inverse); // Z L⁻ᵀ
+  const Dense follows = multiply(inverse, multiply_transposed(inverse, multiply(K, N)));
+  Dense statics = N;
+  for (std::size_t i = 0; i < statics.data.size(); ++i)
+    statics.data[i] -= follows.data[i];
+  return statics;
+}
+
 /// Constraint modes (statics under unit motion of the interfaces, rigid modes among
 /// them), then the modes of the body whose interfaces are held. All of it is response to
 /// port loads, so the medium space holds it as exactly as H.
 Candidate craig_bampton(const SecondStage& stage) {
   const Elastic e(stage);
-  const Dense ports =
-      e.system.outputs_are_inputs ? e.system.B : beside(e.system.B, e.system.C);
   const DenseSystem& all = stage.medium.system;
   const Dense all_ports = all.outputs_are_inputs ? all.B : beside(all.B, all.C);
-  // Statics: in modal coordinates K is 1 − τμ.
-  Dense statics = multiply_transposed(e.response.U(), ports);
-  for (int j = 0; j < statics.columns; ++j)
-    for (int i = 0; i < e.count; ++i) {
-      const double k =
-          1 - e.response.tau() * e.response.mu()[static_cast<std::size_t>(i)];
-      statics(i, j) /= std::max(k, 1e-12);
-    }
-  statics = multiply(e.response.U(), statics);
-  if (e.rigid > 0) { // only loads in equilibrium have statics
-    const Dense resultants = part_of(all_ports, 0, e.rigid, 0, all_ports.columns);
-    const SymmetricEigen eigen =
-        symmetric_eigen(multiply_transposed(resultants, resultants));
-    const double floor = 1e-12 * std::max(eigen.values.back(), 1e-300);
-    int balanced_loads = 0;
-    while (balanced_loads < eigen.vectors.columns &&
-           eigen.values[static_cast<std::size_t>(balanced_loads)] <= floor)
-      ++balanced_loads;
-    statics = multiply(statics, first_columns(eigen.vectors, balanced_loads));
-  }
-  const Dense constraint = nested_span(after_rigid(statics, e.rigid, e.N));
+  const Dense span = nested_span(all_ports);
 
   // Coordinates without motion of the ports.
-  const SymmetricEigen eigen = symmetric_eigen(
-      multiply(nested_span(all_ports), transpose(nested_span(all_ports))));
+  const SymmetricEigen eigen = symmetric_eigen(multiply(span, transpose(span)));
   int held = 0; // projector onto the ports' span: eigenvalues 0 and 1
   while (held < e.N && eigen.values[static_cast<std::size_t>(held)] < 0.5) ++held;
   const Dense Z = first_columns(eigen.vectors, held);
   const DenseResponse fixed(all.project(Z), stage.medium.tau);
   const Dense fixed_interface_modes = multiply(Z, fixed.U());
+
+  const Dense constraint = nested_span(
+      e.rigid == 0 ? held_statics(all.K, span, Z)
+                   : after_rigid(free_statics(e,
+                                              e.system.outputs_are_inputs
+                                                  ? e.system.B
+                                                  : beside(e.system.B, e.system.C),
+                                              all_ports),
+                                 e.rigid, e.N));
   Candidate c =
       nested("craig_bampton", nested_span(beside(constraint, fixed_interface_modes)),
              constraint.columns);

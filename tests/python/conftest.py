@@ -106,17 +106,22 @@ def sweep_transfer(path: Path) -> tuple[Any, Any]:
         return file["omega"][:], file["H"][..., 0] + 1j * file["H"][..., 1]
 
 
-@pytest.fixture(scope="session")
-def load_case() -> Callable[[str], dict[str, Any]]:
-    """Loader of the bodies in ../shared/data, where that folder is there."""
-    loader = SHARED / "load_case.py"
-    if not loader.exists():
-        pytest.skip(f"{SHARED} is not there: bodies by other people are not tested")
-    spec = importlib.util.spec_from_file_location("load_case", loader)
+def shared_case(name: str) -> dict[str, Any]:
+    """One of the bodies in ../shared/data."""
+    spec = importlib.util.spec_from_file_location("load_case", SHARED / "load_case.py")
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
-    return lambda name: module.load_case(str(SHARED / name))
+    case: dict[str, Any] = module.load_case(str(SHARED / name))
+    return case
+
+
+@pytest.fixture(scope="session")
+def load_case() -> Callable[[str], dict[str, Any]]:
+    """Loader of the bodies in ../shared/data, where that folder is there."""
+    if not (SHARED / "load_case.py").exists():
+        pytest.skip(f"{SHARED} is not there: bodies by other people are not tested")
+    return shared_case
 
 
 def chain(n: int = 60, **changes: Any) -> dict[str, Any]:

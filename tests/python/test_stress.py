@@ -198,6 +198,14 @@ def test_soft_mounts_are_no_rigid_modes(beam: dict[str, Any], tmp_path: Path) ->
     assert np.allclose(result["rom"]["modes"][:6], suspension, rtol=1e-4)
 
 
+def test_constraint_modes_on_very_soft_mounts(beam: dict[str, Any], tmp_path: Path) -> None:
+    """All statics are the same suspension mode to ten digits: constraint modes are not."""
+    K = beam["K"] + sp.diags(np.where(beam["B"].any(axis=1), 0.05, 0.0))
+    matrices = (K.tocsc(), beam["M"], beam["B"])
+    check(tmp_path, matrices, (1000.0, 6000.0), 1e-4, "-mor_second_stage", "craig_bampton",
+          alpha=5.0)  # fmt: skip
+
+
 def test_band_without_a_mode_and_band_with_many(beam: dict[str, Any], tmp_path: Path) -> None:
     matrices = clamped(beam)
     omega = modes(*matrices[:2])
