@@ -74,6 +74,7 @@ void product_of_4(const Rows& here, const double* x, const Rows& away, const dou
                   double* y, PetscInt columns) {
   product<4>(here, x, away, halo, y, columns);
 }
+
 /// Read access to the rows of a SEQAIJ matrix.
 class RowsOf {
 public:

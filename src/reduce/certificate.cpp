@@ -125,7 +125,7 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
   const bool damped = response.system().has_extra_damping();
   const int p = response.system().B.columns;
   ResidualBasis basis;
-  {
+  if (space.residual().S) {
     // All that S spans stays: what is small in these residuals may not be in later ones.
     const MediumSpace::Residual& parts = space.residual();
     const Coordinates c = coordinates(space.fom().comm, parts.S);

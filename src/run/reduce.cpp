@@ -125,6 +125,9 @@ ReducedModel reduce_body(const Body& body, const Settings& s, Plan& plan,
 void reduce(MPI_Comm comm, const Settings& s, const Options& options, Monitor& monitor) {
   Plan plan;
   s.check();
+  for (const Option& option : options.all())
+    if (option.name == "-mor_band_hz" && !option.set_by_user)
+      monitor.warn("-mor_band_hz is not given: the band is " + option.value + " Hz");
   check_output(comm, s.out, {s.body});
   const Body body = load_body(comm, s, plan, monitor);
   const ReducedModel rom = reduce_body(body, s, plan, monitor);

@@ -132,6 +132,13 @@ def test_bad_options(case: str, ranks: int, tmp_path: Path) -> None:
     assert not out.exists()
 
 
+def test_a_band_that_nobody_chose_is_named(tmp_path: Path) -> None:
+    body, out = tmp_path / "body.h5", tmp_path / "rom.h5"
+    write_matrices(body, **chain())
+    result = run("reduce", "-body", body, "-mor_out", out)
+    assert "-mor_band_hz is not given: the band is 10,500 Hz" in result.out + result.err
+
+
 def damaged(name: str, path: Path) -> None:
     if name == "scalar B":
         with h5py.File(path, "a") as file:
