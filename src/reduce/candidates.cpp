@@ -299,16 +299,19 @@ Dense free_statics(const Elastic& e, const Dense& elastic_ports, const Dense& al
                   first_columns(eigen.vectors, balanced_loads));
 }
 
-/// N − Z (ZᵀKZ)⁻¹ZᵀK N: the rest of the body follows unit motions N of the interfaces. On
-/// soft mounts the inverse of K would show one motion only.
-Dense held_statics(const Dense& K, const Dense& N, const Dense& Z) {
-  if (Z.columns == 0) return N;
-  Dense factor = multiply_transposed(Z, multiply(K, Z)), inverse = Z;
-  if (cholesky(factor) != 0)
-    throw Error("-mor_method craig_bampton: the body moves without stiffness while its "
-                "interfaces are held");
-  solve_right_transposed(factor, inverse); // Z L⁻ᵀ
-  const Dense follows = multiply(inverse, multiply_transposed(inverse, multiply(K, N)));
+/// N − Z (ZᵀKZ)⁻¹ZᵀK N: the rest of the body follows unit motions N of the interfaces, by
+/// the modes U of the body held there. The first `soft` of these, which may move without
+/// stiffness, do not follow: they are to be basis vectors themselves, which spans the
+/// same. (On soft mounts the inverse of K would show one motion only.)
+Dense held_statics(const Dense& K, const Dense& N, const Dense& Z,
+                   const DenseResponse& held, int soft) {
+  if (Z.columns == soft) return N;
+  const Dense modes = multiply(Z, part_of(held.U(), 0, Z.columns, soft, Z.columns - soft));
+  Dense force = multiply_transposed(modes, multiply(K, N));
+  for (int j = 0; j < force.columns; ++j)
+    for (int i = 0; i < force.rows; ++i) // in modal coordinates K is 1 − τμ
+      force(i, j) /= 1 - held.tau() * held.mu()[static_cast<std::size_t>(soft + i)];
+  const Dense follows = multiply(modes, force);
   Dense statics = N;
   for (std::size_t i = 0; i < statics.data.size(); ++i)
     statics.data[i] -= follows.data[i];
@@ -332,8 +335,14 @@ Candidate craig_bampton(const SecondStage& stage) {
   const DenseResponse fixed(all.project(Z), stage.medium.tau);
   const Dense fixed_interface_modes = multiply(Z, fixed.U());
 
+  // Modes of the held body without stiffness, or so little that it could be rounding:
+  // which of them is counted as soft does not change the span.
+  int soft = 0;
+  while (e.rigid == 0 && soft < held &&
+         1 - fixed.tau() * fixed.mu()[static_cast<std::size_t>(soft)] < 1e-6)
+    ++soft;
   const Dense constraint = nested_span(
-      e.rigid == 0 ? held_statics(all.K, span, Z)
+      e.rigid == 0 ? held_statics(all.K, span, Z, fixed, soft)
                    : after_rigid(free_statics(e,
                                               e.system.outputs_are_inputs
                                                   ? e.system.B
@@ -342,7 +351,7 @@ Candidate craig_bampton(const SecondStage& stage) {
                                  e.rigid, e.N));
   Candidate c =
       nested("craig_bampton", nested_span(beside(constraint, fixed_interface_modes)),
-             constraint.columns);
+             constraint.columns + soft);
   int below = 0;
   const double cutoff = stage.medium.cutoff * stage.medium.cutoff;
   for (double l : fixed.lambda()) below += l < cutoff;
