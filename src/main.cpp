@@ -15,8 +15,12 @@ const char* const usage =
     "  flexgram assemble -body mesh.h5 -body_out matrices.h5\n"
     "  flexgram plan     -body body.h5          what would be done and skipped, "
     "memory\n\n"
+    "Exit status: 0; 1 for errors, with one message; 2 if -mor_tol is not met: the best body\n"
+    "found is written all the same, with the error that it is certified to.\n\n"
     "Runs under mpirun; takes -options_file, -log_view and every PETSc option.\n"
     "Options [default]:\n";
+
+constexpr int tolerance_not_met = 2;
 
 void assemble(MPI_Comm comm, const Settings& s, Monitor& monitor) {
   Plan plan;
@@ -35,20 +39,21 @@ void assemble(MPI_Comm comm, const Settings& s, Monitor& monitor) {
   monitor.say("  wrote          " + s.body_out);
 }
 
-void run(const std::string& verb, MPI_Comm comm) {
+int run(const std::string& verb, MPI_Comm comm) {
   Settings settings;
   Options options;
   settings.describe(options);
   options.reject_unknown();
   Monitor monitor(comm, settings.prepare(comm));
   if (verb == "reduce")
-    reduce(comm, settings, options, monitor);
-  else if (verb == "sweep")
+    return reduce(comm, settings, options, monitor) ? 0 : tolerance_not_met;
+  if (verb == "sweep")
     sweep(comm, settings, options, monitor);
   else if (verb == "assemble")
     assemble(comm, settings, monitor);
   else
     plan_only(comm, settings, monitor);
+  return 0;
 }
 
 std::string help() {

@@ -71,7 +71,7 @@ void warn_of_unused_options() {
 
 int run_session(int argc, char** argv, const std::vector<std::string>& verbs,
                 const std::string& help,
-                const std::function<void(const std::string&, MPI_Comm)>& run) {
+                const std::function<int(const std::string&, MPI_Comm)>& run) {
   std::string verb = argc > 1 ? argv[1] : "-help";
   bool wants_help = false;
   for (int i = 1; i < argc; ++i) wants_help = wants_help || is_help(argv[i]);
@@ -117,7 +117,7 @@ int run_session(int argc, char** argv, const std::vector<std::string>& verbs,
     if (started) throw Error("PETSc or SLEPc did not start; see the message above");
     install_petsc_error_handler();
     FG_CALL(PetscLogDefaultBegin());
-    run(verb, PETSC_COMM_WORLD);
+    status = run(verb, PETSC_COMM_WORLD);
     warn_of_unused_options();
   } catch (const std::bad_alloc&) {
     message = out_of_memory;
@@ -126,7 +126,7 @@ int run_session(int argc, char** argv, const std::vector<std::string>& verbs,
     message = error.what();
     status = 1;
   }
-  if (status != 0) {
+  if (!message.empty()) {
     const bool together = all_ranks_failed(handshake);
     if (rank == 0 || !together) {
       std::fprintf(stderr, "flexgram: %s\n", message.c_str());

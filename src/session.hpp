@@ -9,10 +9,11 @@
 namespace flexgram {
 
 /// One run of a program with verbs: starts MPI, PETSc and SLEPc, runs the verb, and turns
-/// any exception into one message on standard error and exit status 1 on every rank.
+/// any exception into one message on standard error and exit status 1 on every rank; else
+/// the exit status is what `run` returns.
 /// Ranks that fail alone end the whole run instead of leaving the others waiting.
 int run_session(int argc, char** argv, const std::vector<std::string>& verbs,
                 const std::string& help,
-                const std::function<void(const std::string& verb, MPI_Comm comm)>& run);
+                const std::function<int(const std::string& verb, MPI_Comm comm)>& run);
 
 } // namespace flexgram

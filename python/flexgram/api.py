@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -218,7 +219,8 @@ def reduce(
     Returns
     -------
     ReducedModel
-        Its ``V`` has the rows of this rank.
+        Its ``V`` has the rows of this rank. If the tolerance cannot be met, ``met`` is False, the
+        best body found is returned with the error that it is certified to, and a warning says why.
 
     Raises
     ------
@@ -243,4 +245,8 @@ def reduce(
     else:
         values["-body"] = str(body)
     result = core.reduce(world.py2f(), given, values)
-    return ReducedModel(result.fields(), result.save)
+    model = ReducedModel(result.fields(), result.save)
+    if not model.met and world.rank == 0:
+        said = [text for text in model.log.get("warnings", []) if text.startswith("-mor_tol ")]
+        warnings.warn(said[0] if said else "the tolerance is not met", stacklevel=2)
+    return model

@@ -43,7 +43,19 @@ class ReducedModel:
         certified bound and the part of the bound that is rounding; bound and floor are empty for
         ``pod``.
     kind : str
-        ``certified`` or ``estimated``.
+        ``certified``: everywhere in ``bands``; ``certified outside``: but for the intervals
+        ``excluded`` around undamped resonances; or ``estimated``.
+    certified_error : float
+        Largest relative error everywhere in the bands, of H and of each kind of ports (``pod``:
+        the largest one known, at ``omega``).
+    attained_error : float
+        The bound at one frequency ``attained_at`` [rad/s]: ``certified_error`` is no less.
+    relative_to : str
+        What errors are divided by: ``pointwise`` (eq. 17) or ``band``.
+    bands, excluded : (n, 2) arrays
+        [rad/s]
+    tolerance : float or None
+        That was asked for; ``met`` tells whether ``certified_error`` is within it.
     by_kind : (2,) array
         Largest bounds of displacement from force and of rotation from moment; empty if the
         tolerance was for H as a whole, or none was given.
@@ -74,8 +86,19 @@ class ReducedModel:
         self.bound, self.floor = array("error/bound"), array("error/floor")
         self.kind = str(fields.get("error/kind", "estimated"))
         self.by_kind = array("error/by_kind")
+        known = np.concatenate([self.bound if len(self.bound) else self.error, self.by_kind, [0]])
+        self.certified_error = float(fields.get("error/worst", known.max()))
+        self.attained_error = float(fields.get("error/attained", known.max()))
+        self.attained_at = float(fields.get("error/at", np.nan))
+        self.relative_to = str(fields.get("error/relative_to", "pointwise"))
+        self.excluded = array("error/excluded").reshape(-1, 2)
+        self.tolerance: float | None = fields.get("error/tolerance")
+        self.met = bool(fields.get("error/met", True))
         self.sigma, self.modes = array("gramian/sigma"), array("modes/omega")
         self.band = array("band")
+        self.bands = array("error/bands").reshape(-1, 2)
+        if not len(self.bands):
+            self.bands = self.band.reshape(-1, 2)
         self.method = str(fields.get("method", ""))
         self.second_stage = str(fields.get("second_stage", ""))
         self.node = np.asarray(fields.get("dofs/node", []), dtype=np.int64)
@@ -147,13 +170,6 @@ class ReducedModel:
     def order(self) -> int:
         """Number m of generalised coordinates."""
         return int(self.K.shape[0])
-
-    @property
-    def certified_error(self) -> float:
-        """Largest bound over the band, of H and of each kind of ports (``pod``: largest known
-        error)."""
-        worst = np.concatenate([self.bound if len(self.bound) else self.error, self.by_kind])
-        return float(worst.max()) if len(worst) else float("nan")
 
     def __repr__(self) -> str:
         return (f"<ReducedModel of order {self.order} by {self.method}, {len(self.inputs)} inputs, "

@@ -270,14 +270,25 @@ ComplexDense multiply_transposed(const Dense& a, const ComplexDense& b) {
   return real_times_complex("T", a, b);
 }
 
+namespace {
+ComplexDense zgemm(const char* op, const ComplexDense& a, const ComplexDense& b) {
+  const bool as_is = *op == 'N';
+  ComplexDense c(as_is ? a.rows : a.columns, b.columns);
+  if (c.data.empty() || a.data.empty()) return c;
+  const int m = c.rows, k = as_is ? a.columns : a.rows;
+  const std::complex<double> one = 1, zero = 0;
+  zgemm_(op, "N", &m, &b.columns, &k, &one, a.data.data(), &a.rows, b.data.data(),
+         &b.rows, &zero, c.data.data(), &c.rows);
+  return c;
+}
+} // namespace
+
+ComplexDense multiply(const ComplexDense& a, const ComplexDense& b) {
+  return zgemm("N", a, b);
+}
 ComplexDense multiply_transposed(const ComplexDense& a, const ComplexDense& b,
                                  bool conjugate) {
-  ComplexDense c(a.columns, b.columns);
-  if (c.data.empty() || a.rows == 0) return c;
-  const std::complex<double> one = 1, zero = 0;
-  zgemm_(conjugate ? "C" : "T", "N", &a.columns, &b.columns, &a.rows, &one, a.data.data(),
-         &a.rows, b.data.data(), &b.rows, &zero, c.data.data(), &c.rows);
-  return c;
+  return zgemm(conjugate ? "C" : "T", a, b);
 }
 
 std::vector<std::complex<double>> general_eigenvalues(Dense a) {

@@ -84,6 +84,7 @@ std::vector<double> hermitian_eigenvalues(ComplexDense a);
 
 ComplexDense multiply(const Dense& a, const ComplexDense& b);            ///< A B
 ComplexDense multiply_transposed(const Dense& a, const ComplexDense& b); ///< Aᵀ B
+ComplexDense multiply(const ComplexDense& a, const ComplexDense& b);     ///< A B
 /// AᵀB without, AᴴB with conjugation.
 ComplexDense multiply_transposed(const ComplexDense& a, const ComplexDense& b,
                                  bool conjugate = false);

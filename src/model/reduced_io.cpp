@@ -78,6 +78,26 @@ void write_frame(Hdf5File& file, const ReducedModel& rom) {
   file.write("/frame/inertia_second", {3, m, 3, m}, row_major(i.inertia_second));
 }
 
+void write_intervals(Hdf5File& file, const std::string& name,
+                     const std::vector<std::array<double, 2>>& intervals) {
+  std::vector<double> ends;
+  for (const auto& [first, last] : intervals) ends.insert(ends.end(), {first, last});
+  file.write(name, {static_cast<std::int64_t>(intervals.size()), 2}, ends);
+}
+
+void write_claim(Hdf5File& file, const ErrorClaim& claim) {
+  file.set_attribute("/error", "worst", claim.worst);
+  file.set_attribute("/error", "whole", claim.whole);
+  file.set_attribute("/error", "attained", claim.attained);
+  file.set_attribute("/error", "at", claim.at);
+  file.set_attribute("/error", "relative_to", claim.relative_to);
+  write_intervals(file, "/error/bands", claim.bands);
+  if (!claim.excluded.empty()) write_intervals(file, "/error/excluded", claim.excluded);
+  if (!claim.tolerance) return;
+  file.set_attribute("/error", "tolerance", *claim.tolerance);
+  file.set_attribute("/error", "met", claim.met ? 1.0 : 0.0);
+}
+
 } // namespace
 
 void write_options(Hdf5File& file, const Options& options) {
@@ -122,6 +142,7 @@ void write_reduced(const ReducedModel& rom, const Options& options,
     write_vector(file, "/error/floor", rom.floor);
   }
   file.set_attribute("/error", "kind", rom.kind);
+  if (rom.claim) write_claim(file, *rom.claim);
   if (!rom.by_kind.empty()) file.set_attribute("/error", "by_kind", rom.by_kind);
   write_vector(file, "/modes/omega", rom.modes);
   write_frame(file, rom);

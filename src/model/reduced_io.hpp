@@ -6,9 +6,23 @@
 #include "model/hdf5_file.hpp"
 #include "model/second_order_model.hpp"
 
+#include <array>
 #include <optional>
 
 namespace flexgram {
+
+/// What is claimed of the error everywhere in the bands.
+struct ErrorClaim {
+  double worst = 0;    ///< largest relative error, of H and of each kind of ports
+  double attained = 0; ///< the bound at one frequency: `worst` is no less than this
+  double at = 0;       ///< [rad/s] that frequency
+  double whole = 0;    ///< largest relative error of H as a whole
+  std::string relative_to = "pointwise";
+  std::vector<std::array<double, 2>> bands;    ///< [rad/s]
+  std::vector<std::array<double, 2>> excluded; ///< [rad/s] where nothing is claimed
+  std::optional<double> tolerance;             ///< that was asked for
+  bool met = true;                             ///< it is
+};
 
 /// A reduced body with what is known about it. `model` is dense and the same on every
 /// rank.
@@ -22,7 +36,10 @@ struct ReducedModel {
   std::vector<double> modes;   ///< [rad/s], undamped eigenfrequencies of the reduced body
   std::vector<double> bound;   ///< proved upper bound of epsilon at omega; empty: none
   std::vector<double> floor;   ///< its part that is rounding
-  std::string kind = "estimated"; ///< of the error: certified | estimated
+  /// Of the error: certified, everywhere in the bands; certified outside the excluded
+  /// intervals; or estimated.
+  std::string kind = "estimated";
+  std::optional<ErrorClaim> claim; ///< none: nothing is known between the frequencies
   /// Largest bounds of displacements from forces and of rotations from moments; empty:
   /// not asked for.
   std::vector<double> by_kind;

@@ -207,6 +207,17 @@ struct Reduction {
     f["error/floor"] = rom.floor;
     f["error/kind"] = rom.kind;
     f["error/by_kind"] = rom.by_kind;
+    if (rom.claim) {
+      f["error/worst"] = rom.claim->worst;
+      f["error/whole"] = rom.claim->whole;
+      f["error/attained"] = rom.claim->attained;
+      f["error/at"] = rom.claim->at;
+      f["error/relative_to"] = rom.claim->relative_to;
+      f["error/bands"] = rom.claim->bands;
+      f["error/excluded"] = rom.claim->excluded;
+      if (rom.claim->tolerance) f["error/tolerance"] = *rom.claim->tolerance;
+      f["error/met"] = rom.claim->met;
+    }
     f["modes/omega"] = rom.modes;
     f["frame/kind"] = rom.frame;
     f["frame/rigid_modes"] = rom.rigid_modes;

@@ -12,30 +12,31 @@ namespace {
 using Complex = std::complex<double>;
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
-/// sup over λ in [first, ∞] of |(λ + τ)/(a_k λ + a_m) − c|: a quotient of two quadratic
-/// polynomials in λ, whose stationary points are the roots of a third.
-double largest_distance(Complex a_k, Complex a_m, double tau, double first, Complex c) {
+/// sup over μ in [0, last] of |1/(a + c μ) − z|. The numerator (1 − z a) − z c μ and the
+/// denominator are linear in μ: the stationary points of the quotient of their squares are
+/// the roots of a quadratic.
+double largest_distance(Complex a, Complex c, double last, Complex z) {
   const auto square = [](Complex slope, Complex constant) {
     return std::array<double, 3>{
         std::norm(constant), 2 * (slope * std::conj(constant)).real(), std::norm(slope)};
   };
-  const auto N = square(1.0 - c * a_k, tau - c * a_m), D = square(a_k, a_m);
-  const auto value = [&](double l) {
-    const double denominator = D[0] + l * (D[1] + l * D[2]);
-    return denominator > 0 ? (N[0] + l * (N[1] + l * N[2])) / denominator : infinity;
+  const auto N = square(-z * c, 1.0 - z * a), D = square(c, a);
+  const auto value = [&](double mu) {
+    const double denominator = D[0] + mu * (D[1] + mu * D[2]);
+    return denominator > 0 ? (N[0] + mu * (N[1] + mu * N[2])) / denominator : infinity;
   };
-  double largest = std::max(value(first), N[2] / D[2]);
-  const double a = N[2] * D[1] - N[1] * D[2], b = N[2] * D[0] - N[0] * D[2],
-               e = N[1] * D[0] - N[0] * D[1], root = b * b - a * e; // aλ² + 2bλ + e = 0
-  const auto stationary = [&](double l) {
-    if (l > first) largest = std::max(largest, value(l));
+  double largest = std::max(value(0), value(last));
+  const double x = N[2] * D[1] - N[1] * D[2], y = N[2] * D[0] - N[0] * D[2],
+               e = N[1] * D[0] - N[0] * D[1], root = y * y - x * e; // xμ² + 2yμ + e = 0
+  const auto stationary = [&](double mu) {
+    if (mu > 0 && mu < last) largest = std::max(largest, value(mu));
   };
-  if (a == 0 && b != 0) stationary(-e / (2 * b));
-  if (a != 0 && root >= 0) {
-    stationary((-b - std::sqrt(root)) / a);
-    stationary((-b + std::sqrt(root)) / a);
+  if (x == 0 && y != 0) stationary(-e / (2 * y));
+  if (x != 0 && root >= 0) {
+    stationary((-y - std::sqrt(root)) / x);
+    stationary((-y + std::sqrt(root)) / x);
   }
-  return std::sqrt(std::max(largest, 0.0));
+  return std::sqrt(std::max(largest, 0.0)) * (1 + 1e-14);
 }
 
 ComplexDense columns_of(const ComplexDense& a, const std::vector<int>& columns) {
@@ -59,46 +60,92 @@ double paired_norm(const ComplexDense& a, const ComplexDense& b) {
   return std::sqrt(sum);
 }
 
-/// A with each column multiplied.
-void scale_columns(ComplexDense& a, const std::vector<double>& factors) {
-  for (int j = 0; j < a.columns; ++j)
-    for (int i = 0; i < a.rows; ++i) a(i, j) *= factors[static_cast<std::size_t>(j)];
+/// T orthonormal with S = T coordinates + what was dropped, and the norm of that in each
+/// column. S becomes the latter.
+struct Span {
+  Block T;
+  Dense coordinates; ///< r×q
+  std::vector<double> dropped;
+};
+
+/// Directions of the columns of S, each column by its size: eigenvectors of SᵀS, which
+/// show half the digits. If they leave more than that of a column, the rest is looked at
+/// once more; rounding of the solves that made V is about 1e-9 and not worth directions.
+Span span_of(MPI_Comm comm, Basis S) {
+  const int q = static_cast<int>(S.columns());
+  Span span{Block(), Dense(0, q), {}};
+  std::vector<double> size;
+  for (int pass = 0; pass < 3; ++pass) {
+    Dense gram = symmetric_inner(S, S);
+    span.dropped.clear();
+    for (int j = 0; j < q; ++j) span.dropped.push_back(std::sqrt(std::max(gram(j, j), 0.0)));
+    if (pass == 0) size = span.dropped;
+    const auto relative = [&](int j) {
+      const auto at = static_cast<std::size_t>(j);
+      return size[at] > 0 ? span.dropped[at] / size[at] : 0.0;
+    };
+    double left = 0;
+    for (int j = 0; j < q; ++j) left = std::max(left, relative(j));
+    share_from_first(comm, gram.data);
+    if (left < 1e-8) break;
+    for (int j = 0; j < q; ++j)
+      for (int i = 0; i < q; ++i) {
+        const double d =
+            size[static_cast<std::size_t>(i)] * size[static_cast<std::size_t>(j)];
+        gram(i, j) = d > 0 ? gram(i, j) / d : 0.0;
+      }
+    SymmetricEigen eigen = symmetric_eigen(gram);
+    share_from_first(comm, eigen.values);
+    share_from_first(comm, eigen.vectors.data);
+    const double least = 1e-15 * q * (pass == 0 ? eigen.values.back() : 1.0);
+    int r = 0;
+    while (r < q && eigen.values[static_cast<std::size_t>(q - 1 - r)] > least) ++r;
+    if (r == 0) break;
+    Dense combination(q, r);
+    for (int j = 0; j < r; ++j)
+      for (int i = 0; i < q; ++i) {
+        const double d = size[static_cast<std::size_t>(i)];
+        combination(i, j) =
+            d > 0 ? eigen.vectors(i, q - 1 - j) /
+                        (d * std::sqrt(eigen.values[static_cast<std::size_t>(q - 1 - j)]))
+                  : 0.0;
+      }
+    Block found = combine(S, combination);
+    for (int twice = 0; twice < 2; ++twice) { // orthonormal to working accuracy
+      if (span.T) add_product(found, -1.0, span.T, inner(span.T, found));
+      Dense l = inner(found, found);
+      symmetrise(l);
+      share_from_first(comm, l.data);
+      if (cholesky(l) != 0) throw Error("the parts of the residual have no basis");
+      Dense inverse = identity(r);
+      solve_right_transposed(l, inverse);
+      found = combine(found, inverse);
+    }
+    Dense parts(r, q);
+    S.for_each([&](Block& piece, int first) {
+      const Dense c = inner(found, piece);
+      set_part(parts, 0, first, c);
+      add_product(piece, -1.0, found, c);
+    });
+    const int before = span.coordinates.rows;
+    Dense all(before + r, q);
+    set_part(all, 0, 0, span.coordinates);
+    set_part(all, before, 0, parts);
+    span.coordinates = std::move(all);
+    span.T = span.T ? concatenate(span.T, found) : found.share();
+  }
+  if (!span.T) span.T = combine(S, Dense(q, 0));
+  return span;
 }
 
-/// An orthonormal basis of the columns of S: S combination, and the columns in it, from
-/// SᵀS. Half the digits, which is enough: the error is the square of a residual.
-struct Coordinates {
-  Dense combination; ///< q×r
-  Dense of_columns;  ///< r×q
-};
-Coordinates coordinates(MPI_Comm comm, const Basis& S) {
-  const int q = static_cast<int>(S.columns());
-  Dense gram = symmetric_inner(S, S);
-  std::vector<double> size;
-  for (int j = 0; j < q; ++j) size.push_back(std::sqrt(std::max(gram(j, j), 0.0)));
-  for (int j = 0; j < q; ++j)
-    for (int i = 0; i < q; ++i) {
-      const double d =
-          size[static_cast<std::size_t>(i)] * size[static_cast<std::size_t>(j)];
-      gram(i, j) = d > 0 ? gram(i, j) / d : 0.0;
-    }
-  SymmetricEigen eigen = symmetric_eigen(gram);
-  share_from_first(comm, eigen.values);
-  share_from_first(comm, eigen.vectors.data);
-  int r = 0;
-  while (r < q && eigen.values[static_cast<std::size_t>(q - 1 - r)] >
-                      1e-15 * q * eigen.values.back())
-    ++r;
-  Coordinates c{Dense(q, r), Dense(r, q)};
-  for (int j = 0; j < r; ++j) {
-    const double root = std::sqrt(eigen.values[static_cast<std::size_t>(q - 1 - j)]);
-    for (int i = 0; i < q; ++i) {
-      const double v = eigen.vectors(i, q - 1 - j), d = size[static_cast<std::size_t>(i)];
-      c.combination(i, j) = d > 0 ? v / (root * d) : 0.0;
-      c.of_columns(j, i) = root * v * d;
-    }
-  }
-  return c;
+/// Σ_i norms_i |a_ij|: what columns that are combinations of others lose with them.
+std::vector<double> combined(const std::vector<double>& norms, const Dense& a) {
+  std::vector<double> result(static_cast<std::size_t>(a.columns), 0.0);
+  for (int j = 0; j < a.columns; ++j)
+    for (int i = 0; i < a.rows; ++i)
+      result[static_cast<std::size_t>(j)] +=
+          norms[static_cast<std::size_t>(i)] * std::abs(a(i, j));
+  return result;
 }
 
 /// ports − (a_k − κ a_m) K x − iω D x
@@ -123,50 +170,59 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
                              const std::vector<double>& samples, int modes, double cutoff,
                              int most) {
   const bool damped = response.system().has_extra_damping();
-  const int p = response.system().B.columns;
+  const int p = response.system().B.columns, N = response.system().order();
+  const SecondOrderModel& fom = space.fom();
   ResidualBasis basis;
+  basis.dropped_ports.assign(static_cast<std::size_t>(p), 0.0);
+  basis.dropped_K.assign(static_cast<std::size_t>(N), 0.0);
+  if (damped) basis.dropped_D = basis.dropped_K;
   if (space.residual().S) {
     // All that S spans stays: what is small in these residuals may not be in later ones.
     const MediumSpace::Residual& parts = space.residual();
-    const Coordinates c = coordinates(space.fom().comm, parts.S);
+    Span span = span_of(fom.comm, parts.S.share());
     const auto in_range = [&](const Dense& a) {
-      return a.data.empty() ? Dense() : multiply(c.of_columns, a);
+      return a.data.empty() ? Dense() : multiply(span.coordinates, a);
     };
-    space.compress_residual({combine(parts.S, c.combination), in_range(parts.B),
-                             in_range(parts.K), in_range(parts.D)});
+    const auto lost = [&](const Dense& a, std::vector<double>& total) {
+      const std::vector<double> added = combined(span.dropped, a);
+      for (std::size_t j = 0; j < total.size(); ++j) total[j] += added[j];
+    };
+    lost(parts.B, basis.dropped_ports);
+    lost(multiply(parts.K, response.U()), basis.dropped_K);
+    if (damped) lost(multiply(parts.D, response.U()), basis.dropped_D);
+    space.compress_residual({span.T.share(), in_range(parts.B), in_range(parts.K),
+                             in_range(parts.D)});
   }
   const MediumSpace::Residual& parts = space.residual();
   const int r = static_cast<int>(parts.S.columns());
   if (r == 0) {
-    const SecondOrderModel& fom = space.fom();
     basis.T = Block(fom.comm, fom.rows, fom.n, 0);
-    return basis;
+    basis.ports = Dense(0, p);
+    basis.K = Dense(0, N);
+    if (damped) basis.D = Dense(0, N);
+  } else {
+    basis.ports = parts.B;
+    basis.K = multiply(parts.K, response.U());
+    if (damped) basis.D = multiply(parts.D, response.U());
   }
-  basis.ports = parts.B;
-  basis.K = multiply(parts.K, response.U());
-  if (damped) {
-    basis.D = multiply(parts.D, response.U());
-    // (DΦ)_° = E U x + g, E = K + τM, with x = UᵀDΦ but for the rows of Φ, and the rest g
-    // outside V.
-    basis.damped_inside = first_columns(response.modal_damping(), modes);
-    for (int j = 0; j < modes; ++j) {
-      const double size = // U is normalised in E, modes in M
-          1 / std::sqrt(response.mu()[static_cast<std::size_t>(j)]);
-      for (int i = 0; i < basis.damped_inside.rows; ++i)
-        basis.damped_inside(i, j) *= i < modes ? 0.0 : size;
-    }
+  if (damped) { // D u_j = Σ_i E u_i (UᵀDU)_ij + what VᵀR = 0 leaves
+    const Dense of_modes = first_columns(response.modal_damping(), modes);
+    basis.damped_inside = part_of(of_modes, modes, N - modes, 0, modes);
     basis.damped_outside = first_columns(basis.D, modes);
-    const Dense taken = multiply(basis.K, basis.damped_inside);
-    for (int j = 0; j < modes; ++j)
-      for (int i = 0; i < r; ++i)
-        basis.damped_outside(i, j) =
-            basis.damped_outside(i, j) /
-                std::sqrt(response.mu()[static_cast<std::size_t>(j)]) -
-            (1 - space.kappa() * space.tau()) * taken(i, j);
+    const Dense taken = multiply(basis.K, of_modes);
+    for (std::size_t i = 0; i < basis.damped_outside.data.size(); ++i)
+      basis.damped_outside.data[i] -= (1 - space.kappa() * space.tau()) * taken.data[i];
+  }
+  if (r == 0) return basis;
+  basis.complete = r <= most;
+  if (basis.complete) {
+    basis.T = combine(parts.S, identity(r));
+    space.unscale(basis.T);
+    return basis;
   }
 
   // What the residuals are made of over the band, each frequency relative to its
-  // response.
+  // response: enough for a Krylov block, not for a proof.
   Dense all(r, 2 * p * static_cast<int>(samples.size()));
   int next = 0;
   for (double omega : samples) {
@@ -201,21 +257,9 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
     all = beside(all, scaled);
   }
   LeftSvd svd = left_svd(compressed(all));
-  share_from_first(space.fom().comm, svd.values);
-  share_from_first(space.fom().comm, svd.vectors.data);
-  int k = 0;
-  while (k < static_cast<int>(svd.values.size()) &&
-         svd.values[static_cast<std::size_t>(k)] > 1e-7 * svd.values[0])
-    ++k;
-  basis.complete = k <= most;
-  k = std::max(1, std::min(k, most));
-  const auto total =
-      std::inner_product(svd.values.begin(), svd.values.end(), svd.values.begin(), 0.0);
-  const auto left = std::inner_product(svd.values.begin() + k, svd.values.end(),
-                                       svd.values.begin() + k, 0.0);
-  basis.remainder = total > 0 ? std::sqrt(left / total) : 0.0;
-
-  const Dense u = first_columns(svd.vectors, k);
+  share_from_first(fom.comm, svd.values);
+  share_from_first(fom.comm, svd.vectors.data);
+  const Dense u = first_columns(svd.vectors, std::min(most, svd.vectors.columns));
   const auto turn = [&](Dense& a) {
     if (!a.data.empty()) a = multiply_transposed(u, a);
   };
@@ -229,52 +273,75 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
 }
 
 Certificate::Certificate(const MediumSpace& space, const DenseResponse& response,
-                         ResidualBasis basis, const Dense& gram, int modes, double cutoff,
-                         std::vector<double> scale)
-    : tau_(space.tau()), kappa_(space.kappa()), cutoff_squared_(cutoff * cutoff),
-      rounding_(space.rounding()), remainder_(basis.remainder), scale_(std::move(scale)) {
+                         ResidualBasis basis, const ResidualNorm& norm, int modes,
+                         double cutoff, std::vector<double> scale)
+    : tau_(space.tau()), kappa_(space.kappa()), rounding_(space.rounding()),
+      complete_(basis.complete), scale_(std::move(scale)) {
   // Coordinates in which the Gram matrix is the identity: Γ = FᵀF.
-  const SymmetricEigen eigen = symmetric_eigen(gram);
+  const SymmetricEigen eigen = symmetric_eigen(norm.gram);
   Dense F = transpose(eigen.vectors);
+  const double least =
+      eigen.values.empty() ? 0.0 : 1e-15 * F.rows * std::max(eigen.values.back(), 0.0);
   for (int j = 0; j < F.columns; ++j)
     for (int i = 0; i < F.rows; ++i)
-      F(i, j) *= std::sqrt(std::max(eigen.values[static_cast<std::size_t>(i)], 0.0));
+      F(i, j) *= std::sqrt(std::max(eigen.values[static_cast<std::size_t>(i)], 0.0) + least);
   const auto turned = [&](const Dense& a) {
-    return a.data.empty() ? Dense() : multiply(F, a);
+    return a.rows == 0 ? Dense(0, a.columns) : multiply(F, a);
   };
   ports_ = turned(basis.ports);
-  K_ = turned(basis.K);
-  D_ = turned(basis.D);
-  if (!basis.D.data.empty()) { // G = xᵀx + gᵀE⁻¹g
-    const Dense outside = turned(basis.damped_outside);
-    coupling_ = Dense(basis.damped_inside.rows + outside.rows, modes);
-    set_part(coupling_, 0, 0, basis.damped_inside);
-    set_part(coupling_, basis.damped_inside.rows, 0, outside);
-    coupling_ = transpose(compressed(transpose(coupling_)));
-  }
+  const Dense K = turned(basis.K);
+  K_ = transpose(K);
+  if (response.system().has_extra_damping()) D_ = transpose(turned(basis.D));
+  // ‖E^−½ r‖ <= ‖r‖/√λ_min, rows of r scaled.
+  const double amplified =
+      norm.least_eigenvalue > 0 ? 1 / std::sqrt(norm.least_eigenvalue) : 0.0;
+  const auto in_norm = [&](std::vector<double> lost) {
+    for (double& x : lost) x *= amplified;
+    return lost;
+  };
+  dropped_ports_ = in_norm(std::move(basis.dropped_ports));
+  dropped_K_ = in_norm(std::move(basis.dropped_K));
+  dropped_D_ = in_norm(std::move(basis.dropped_D));
+
   const Dense& U = response.U();
-  if (!coupling_.data.empty()) {
-    const Dense Phi = first_columns(U, modes);
-    mode_damping_ = multiply_transposed(Phi, multiply(space.D(), Phi));
-    for (int j = 0; j < modes; ++j)
-      for (int i = 0; i < modes; ++i)
-        mode_damping_(i, j) /= std::sqrt(response.mu()[static_cast<std::size_t>(i)] *
-                                         response.mu()[static_cast<std::size_t>(j)]);
-  }
-  if (space.rigid() > 0) {
-    rigid_ = part_of(U, 0, space.rigid(), 0, U.columns);
-    neglected_ = multiply(space.neglected(), U);
-    geometric_ = space.rigid_modes_are_geometric();
-  }
+  mu_c_ = 1 / (cutoff * cutoff + tau_);
+  double raised = mu_c_;
   for (int j = 0; j < modes; ++j) {
-    const double lambda = response.lambda()[static_cast<std::size_t>(j)];
+    const auto at = static_cast<std::size_t>(j);
     double square = 0;
-    for (int i = 0; i < K_.rows; ++i) square += K_(i, j) * K_(i, j);
-    mode_lambda_.push_back(lambda);
-    mode_angle_.push_back(j < space.rigid() ? 0.0
-                                            : (1 + kappa_ * lambda) * std::sqrt(square) *
-                                                  (cutoff_squared_ + tau_) /
-                                                  (cutoff_squared_ - lambda));
+    for (int i = 0; i < K.rows; ++i) square += K(i, j) * K(i, j);
+    const double mu = response.mu()[at];
+    const double factor = mu + kappa_ * (1 - tau_ * mu); // of −PKu: the residual of Φ_j
+    mode_mu_.push_back(mu);
+    mode_residual_.push_back(
+        j < space.rigid() ? 0.0 : factor * (std::sqrt(square) + dropped_K_[at]));
+    raised += mu > mu_c_ ? mode_residual_.back() * mode_residual_.back() / (mu - mu_c_)
+                         : infinity;
+  }
+  if (response.system().has_extra_damping()) {
+    const Dense outside = turned(basis.damped_outside);
+    Dense G(basis.damped_inside.rows + outside.rows, modes), F_all = G;
+    set_part(F_all, 0, 0, basis.damped_inside);
+    set_part(F_all, basis.damped_inside.rows, 0, outside);
+    for (int j = 0; j < modes; ++j) {
+      const double mu = mode_mu_[static_cast<std::size_t>(j)];
+      for (int i = 0; i < K.rows; ++i)
+        G(basis.damped_inside.rows + i, j) = -(mu + kappa_ * (1 - tau_ * mu)) * K(i, j);
+    }
+    // Only their products matter: a triangle of 2·modes rows holds these.
+    const Dense both = transpose(compressed(transpose(beside(G, F_all))));
+    mode_G_ = part_of(both, 0, both.rows, 0, modes);
+    mode_F_ = part_of(both, 0, both.rows, modes, modes);
+    mode_D_ = part_of(response.modal_damping(), 0, modes, 0, modes);
+  }
+  mu_c_ = raised;
+
+  if (space.rigid() > 0) {
+    rigid_ = transpose(part_of(U, 0, space.rigid(), 0, U.columns));
+    neglected_ = transpose(multiply(space.neglected(), U));
+    geometric_ = space.rigid_modes_are_geometric();
+    for (Dense* a : {&rigid_, &neglected_})
+      for (double& x : a->data) x = std::abs(x);
   }
   const auto& weights = space.rounding_weights();
   for (int j = 0; j < U.columns; ++j) {
@@ -287,116 +354,222 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
 }
 
 double Certificate::worst_angle() const {
-  return mode_angle_.empty() ? 0.0
-                             : *std::max_element(mode_angle_.begin(), mode_angle_.end());
+  double worst = 0;
+  for (std::size_t j = 0; j < mode_mu_.size(); ++j)
+    worst = std::max(worst, mode_residual_[j] / std::max(mode_mu_[j] - mu_c_, 1e-300));
+  return worst;
 }
 
-double Certificate::damping_coupling(double omega, const DenseSystem& system) const {
-  const int count = coupling_.columns;
-  const ShiftCoefficients c = system.coefficients(omega);
-  ComplexDense A(count, count), right(count, coupling_.rows);
-  for (std::size_t i = 0; i < A.data.size(); ++i) A.data[i] = c.d * mode_damping_.data[i];
-  for (int i = 0; i < count; ++i)
-    A(i, i) += c.k * mode_lambda_[static_cast<std::size_t>(i)] + c.m;
-  for (int j = 0; j < right.columns; ++j)
-    for (int i = 0; i < count; ++i) right(i, j) = coupling_(j, i);
-  return omega * omega * frobenius_norm(multiply(coupling_, solve(std::move(A), right)));
-}
+namespace {
 
-std::vector<Certificate::Bound>
-Certificate::at(double omega, const DenseResponse& response, const ComplexDense& x,
-                const std::vector<PortSet>& blocks) const {
-  const DenseSystem& system = response.system();
-  const ShiftCoefficients c = system.coefficients(omega);
-  ComplexDense w = residual_of(ports_, K_, D_, kappa_, omega, c, x);
-  std::vector<double> unscale;
-  for (double s : scale_) unscale.push_back(1 / s);
-  scale_columns(w, unscale);
-  // What T leaves out has at most the weight of T's own largest direction, ten times for
-  // safety.
-  const double extra = 10 * remainder_ * frobenius_norm(w);
-
-  // Modes known to an angle θ let θ² of the residual through to their resonance; within a
-  // cluster the angle is that of all of them.
-  double angles = 0, leak = 0;
-  for (double angle : mode_angle_) angles += angle * angle;
-  for (std::size_t j = 0; j < mode_lambda_.size() && angles > 0; ++j) {
-    const int i = static_cast<int>(j);
-    const double a = std::abs(c.k * mode_lambda_[j] + c.m +
-                              (mode_damping_.rows > 0 ? c.d * mode_damping_(i, i) : 0.0));
-    leak = std::max(leak, angles * (a > 0 ? (mode_lambda_[j] + tau_) / a : infinity));
+/// How far a_k and c = a_m − τ a_k move from the centre of an interval to its ends, and c
+/// there.
+struct Coefficients {
+  Coefficients(const DenseSystem& system, double tau, Interval interval) {
+    const double omega = interval.centre(), h = interval.half();
+    const Damping& d = system.damping;
+    const ShiftCoefficients at = system.coefficients(omega);
+    a = at.k;
+    c = at.m - tau * at.k;
+    moved_a = h * d.beta;
+    moved_c = h * (d.alpha + 2 * omega + h + tau * d.beta);
   }
-  const bool extra_damping = system.has_extra_damping();
-  double q = 0, radius = 0, delta = 0;
-  Complex centre = 0;
-  if (!extra_damping) {
-    q = largest_distance(c.k, c.m, tau_, cutoff_squared_, 0.0);
-    centre = 0.5 * ((cutoff_squared_ + tau_) / (c.k * cutoff_squared_ + c.m) + 1.0 / c.k);
-    radius = largest_distance(c.k, c.m, tau_, cutoff_squared_, centre);
+  Complex a, c;
+  double moved_a, moved_c;
+};
+
+} // namespace
+
+/// δ: ‖J A_Φ⁻¹ Jᵀ‖ at most, over the interval.
+double Certificate::mode_coupling(const DenseResponse& response,
+                                  const ResponseSeries& x) const {
+  const Coefficients k(response.system(), tau_, x.interval);
+  if (response.is_diagonal()) {
+    const double c = std::abs(k.c) + k.moved_c;
+    double sum = 0;
+    for (std::size_t j = 0; j < mode_mu_.size(); ++j)
+      sum += std::pow(c * mode_residual_[j], 2) * x.largest[j];
+    return sum;
+  }
+  const int count = mode_D_.columns;
+  const double omega = x.interval.centre(), h = x.interval.half();
+  ComplexDense A(count, count), J(mode_G_.rows, count);
+  double moved = 0;
+  for (std::size_t i = 0; i < A.data.size(); ++i)
+    A.data[i] = Complex(0, omega) * mode_D_.data[i];
+  for (int j = 0; j < count; ++j) {
+    const double mu = mode_mu_[static_cast<std::size_t>(j)];
+    A(j, j) += k.a + k.c * mu;
+    moved = std::max(moved, k.moved_a + k.moved_c * mu);
+  }
+  moved += h * frobenius_norm(mode_D_);
+  for (std::size_t i = 0; i < J.data.size(); ++i)
+    J.data[i] = k.c * mode_G_.data[i] + Complex(0, omega) * mode_F_.data[i];
+  ComplexDense right(count, J.rows + count);
+  for (int i = 0; i < count; ++i) {
+    for (int j = 0; j < J.rows; ++j) right(i, j) = J(j, i);
+    right(i, J.rows + i) = 1;
+  }
+  ComplexDense Y;
+  try {
+    Y = solve(std::move(A), std::move(right));
+  } catch (const ShiftError&) {
+    return infinity;
+  }
+  ComplexDense solved(count, J.rows), inverse(count, count);
+  std::copy_n(Y.data.begin(), solved.data.size(), solved.data.begin());
+  std::copy_n(Y.data.begin() + static_cast<std::ptrdiff_t>(solved.data.size()),
+              inverse.data.size(), inverse.data.begin());
+  const double size = frobenius_norm(inverse), away = size * moved;
+  if (!(away < 1)) return infinity;
+  const double y = frobenius_norm(solved), farther = 1 / (1 - away),
+               moved_J = k.moved_c * frobenius_norm(mode_G_) + h * frobenius_norm(mode_F_);
+  return frobenius_norm(multiply(J, solved)) +
+         farther * (moved * y * y + 2 * moved_J * y + moved_J * moved_J * size);
+}
+
+Certificate::Inverse Certificate::inverse(const DenseResponse& response,
+                                          const ResponseSeries& x) const {
+  const Coefficients k(response.system(), tau_, x.interval);
+  Inverse result;
+  double q = 0, radius = 0;
+  if (response.is_diagonal()) {
+    q = largest_distance(k.a, k.c, mu_c_, 0.0);
+    result.centre = 0.5 * (1.0 / (k.a + k.c * mu_c_) + 1.0 / k.a);
+    radius = largest_distance(k.a, k.c, mu_c_, result.centre);
+    const double moved = q * (k.moved_a + mu_c_ * k.moved_c);
+    if (!(moved < 1)) return {0, infinity, infinity, true};
+    radius += q * moved / (1 - moved);
+    q /= 1 - moved;
   } else {
-    q = (cutoff_squared_ + tau_) / (cutoff_squared_ - omega * omega);
-    delta = damping_coupling(omega, system);
+    const double left = 1 - (x.interval.last * x.interval.last + tau_) * mu_c_;
+    if (!(left > 0)) return {0, infinity, infinity, false};
+    q = 1 / left;
+    radius = q;
   }
-  // First-order arguments carry this far.
-  const bool sound = leak < 0.1 * q && remainder_ < 1e-6;
+  const double delta = mode_coupling(response, x);
+  result.proved = complete_ && q * delta < 1;
+  result.norm = result.proved ? q / (1 - q * delta) : q;
+  result.radius = radius + (result.proved ? q * delta * result.norm : 0.0);
+  return result;
+}
 
-  ComplexDense motion, force;
-  if (rigid_.rows > 0) {
-    motion = multiply(rigid_, x);
-    force = multiply(neglected_, x);
+/// W = E^−½ R in the coordinates of T, in the units of the ports.
+MatrixSeries Certificate::residual(const DenseResponse& response,
+                                   const ResponseSeries& x) const {
+  const Damping& d = response.system().damping;
+  const double omega = x.interval.centre(), h = x.interval.half();
+  const Complex i(0, 1);
+  const int p = x.x.columns;
+  // a_k − κ a_m as a polynomial in t.
+  const std::array<Complex, 3> f{
+      1.0 + i * (d.eta + omega * d.beta) - kappa_ * (i * omega * d.alpha - omega * omega),
+      h * (i * d.beta - kappa_ * (i * d.alpha - 2 * omega)), kappa_ * h * h};
+  const double largest = std::abs(f[0]) + std::abs(f[1]) + std::abs(f[2]);
+  MatrixSeries w = multiply_transposed(K_, times_quadratic(f, x.x));
+  for (double& value : w.coefficients.data) value = -value;
+  if (!D_.data.empty()) {
+    const MatrixSeries damped =
+        multiply_transposed(D_, times_quadratic({i * omega, i * h, 0.0}, x.x));
+    for (std::size_t l = 0; l < w.coefficients.data.size(); ++l)
+      w.coefficients.data[l] -= damped.coefficients.data[l];
+    for (std::size_t l = 0; l < w.tail.data.size(); ++l)
+      w.tail.data[l] += damped.tail.data[l];
   }
-  // Roundings are random: their squares add up.
-  const auto rounded = [&](const std::vector<int>& columns,
-                           const ComplexDense& response_x,
+  for (std::size_t l = 0; l < ports_.data.size(); ++l)
+    w.coefficients.data[l] += ports_.data[l];
+  // What T does not hold: a row of its own.
+  MatrixSeries whole{p, Dense(w.rows() + 1, w.coefficients.columns), Dense(w.rows() + 1, p)};
+  set_part(whole.coefficients, 0, 0, w.coefficients);
+  set_part(whole.tail, 0, 0, w.tail);
+  for (int j = 0; j < p; ++j) {
+    double lost = dropped_ports_[static_cast<std::size_t>(j)];
+    for (int l = 0; l < x.envelope.rows; ++l)
+      lost += x.envelope(l, j) *
+              (largest * dropped_K_[static_cast<std::size_t>(l)] +
+               (dropped_D_.empty()
+                    ? 0.0
+                    : x.interval.last * dropped_D_[static_cast<std::size_t>(l)]));
+    whole.tail(w.rows(), j) = lost;
+  }
+  for (int c = 0; c < whole.coefficients.columns; ++c)
+    for (int l = 0; l < whole.rows(); ++l)
+      whole.coefficients(l, c) /= scale_[static_cast<std::size_t>(c % p)];
+  for (int j = 0; j < p; ++j)
+    for (int l = 0; l < whole.rows(); ++l)
+      whole.tail(l, j) /= scale_[static_cast<std::size_t>(j)];
+  return whole;
+}
+
+/// Rounding of H itself: entries of VᵀKV are wrong by rounding() g_i g_j. Roundings are
+/// random: their squares add up.
+double Certificate::floor(const ResponseSeries& x, const PortSet& block) const {
+  const auto rounded = [&](const std::vector<int>& columns, const Dense& sizes,
                            const std::vector<double>& weights) {
     double sum = 0;
     for (int j : columns)
-      for (int i = 0; i < response_x.rows; ++i)
-        sum += std::norm(weights[static_cast<std::size_t>(i)] * response_x(i, j)) /
-               std::pow(scale_[static_cast<std::size_t>(j)], 2);
+      for (int i = 0; i < sizes.rows; ++i)
+        sum += std::pow(weights[static_cast<std::size_t>(i)] * sizes(i, j) /
+                            scale_[static_cast<std::size_t>(j)],
+                        2);
     return std::sqrt(sum);
   };
-  const auto size_of = [&](const ComplexDense& columns, const std::vector<int>& ports) {
-    double sum = 0;
-    for (int j : ports)
-      for (int i = 0; i < columns.rows; ++i)
-        sum += std::norm(columns(i, j) * unscale[static_cast<std::size_t>(j)]);
-    return std::sqrt(sum);
+  const double in = rounded(block.inputs, x.envelope, rounding_weights_),
+               out = rounded(block.outputs, x.envelope, rounding_weights_);
+  double floor = 4 * rounding_ * in * out;
+  if (rigid_.columns > 0) { // between rigid and elastic motion, and what K holds of both
+    const Dense motion = multiply_transposed(rigid_, x.envelope),
+                force = multiply_transposed(neglected_, x.envelope);
+    const std::vector<double> one(static_cast<std::size_t>(rigid_.columns), 1.0);
+    floor += (geometric_ ? 4 : 200) * rounding_ *
+                 (rounded(block.inputs, motion, rigid_weights_) * out +
+                  in * rounded(block.outputs, motion, rigid_weights_)) +
+             rounded(block.outputs, motion, one) * rounded(block.inputs, force, one) +
+             rounded(block.outputs, force, one) * rounded(block.inputs, motion, one);
+  }
+  return floor;
+}
+
+std::vector<Certificate::Bound>
+Certificate::over(const DenseResponse& response, const ResponseSeries& x,
+                  const std::vector<PortSet>& blocks) const {
+  const Inverse S = inverse(response, x);
+  const MatrixSeries w = residual(response, x);
+  const ComplexDense at_centre = w.centre();
+  // What the columns of W differ from their values at the centre, at most.
+  std::vector<double> moved;
+  for (int j = 0; j < w.columns; ++j) {
+    double sum = 0, tail = 0;
+    for (int k = 1; k <= w.degree(); ++k) {
+      const std::size_t first = static_cast<std::size_t>(j) * static_cast<std::size_t>(w.rows());
+      double square = 0;
+      for (std::size_t i = first; i < first + static_cast<std::size_t>(w.rows()); ++i)
+        square += w.real(k)[i] * w.real(k)[i] + w.imaginary(k)[i] * w.imaginary(k)[i];
+      sum += std::sqrt(square);
+    }
+    for (int i = 0; i < w.rows(); ++i) tail += w.tail(i, j) * w.tail(i, j);
+    moved.push_back(sum + std::sqrt(tail));
+  }
+  const auto moved_of = [&](const std::vector<int>& columns) {
+    double square = 0;
+    for (int j : columns) square += std::pow(moved[static_cast<std::size_t>(j)], 2);
+    return std::sqrt(square);
   };
 
   std::vector<Bound> bounds;
-  for (const auto& [inputs, outputs] : blocks) {
-    const bool same = inputs == outputs;
-    const ComplexDense w_in = columns_of(w, inputs);
-    const ComplexDense w_out = same ? ComplexDense() : columns_of(w, outputs);
+  for (const PortSet& block : blocks) {
+    const bool same = block.inputs == block.outputs;
+    const ComplexDense w_in = columns_of(at_centre, block.inputs);
+    const ComplexDense w_out = same ? ComplexDense() : columns_of(at_centre, block.outputs);
     const ComplexDense& w_c = same ? w_in : w_out;
-    double paired = same ? frobenius_norm(multiply_transposed(w_in, w_in, true))
-                         : paired_norm(w_c, w_in);
-    const double added =
-        extra > 0 ? extra * (frobenius_norm(w_c) + frobenius_norm(w_in) + extra) : 0.0;
-    paired += added;
-
-    Bound bound;
-    if (!extra_damping) {
-      const double known = frobenius_norm(multiply_transposed(w_c, w_in)) + added;
-      bound.error = std::min(q * paired, std::abs(centre) * known + radius * paired);
-    } else {
-      bound.proved = q * delta < 1;
-      bound.error = paired * (bound.proved ? 1 / (1 / q - delta) : q);
-    }
-    bound.error += leak * paired;
-    bound.proved = bound.proved && sound;
-
-    const double in = rounded(inputs, x, rounding_weights_),
-                 out = rounded(outputs, x, rounding_weights_);
-    bound.floor = 4 * rounding_ * in * out;
-    if (rigid_.rows > 0) // between rigid and elastic motion; among rigid ones K is zero
-      bound.floor += (geometric_ ? 4 : 200) * rounding_ *
-                         (rounded(inputs, motion, rigid_weights_) * out +
-                          in * rounded(outputs, motion, rigid_weights_)) +
-                     size_of(motion, outputs) * size_of(force, inputs) +
-                     size_of(force, outputs) * size_of(motion, inputs);
-    bounds.push_back(bound);
+    const double in = moved_of(block.inputs), out = moved_of(block.outputs),
+                 added = frobenius_norm(w_c) * in + frobenius_norm(w_in) * out + in * out;
+    const double paired =
+        added + (same ? frobenius_norm(multiply_transposed(w_in, w_in, true))
+                      : paired_norm(w_c, w_in));
+    const double known = added + frobenius_norm(multiply_transposed(w_c, w_in));
+    bounds.push_back({std::min(S.norm * paired, std::abs(S.centre) * known + S.radius * paired),
+                      floor(x, block), S.proved});
   }
   return bounds;
 }

@@ -1,23 +1,25 @@
 #pragma once
 
-#include "reduce/dense_system.hpp"
 #include "reduce/medium_space.hpp"
+#include "reduce/response_series.hpp"
+
+#include <span>
 
 namespace flexgram {
 
-/// A basis T of what the residuals over the band are made of, and the parts of the
-/// residual in its coordinates: R(ω) = T (ports − (a_k − κ a_m) K U x − iω D U x) + a
-/// remainder.
+/// A basis T of what residuals are made of, and the parts of the residual in its
+/// coordinates: R(ω) = T (ports − (a_k − κ a_m) K U x − iω D U x) + what was dropped.
 struct ResidualBasis {
   Block T;
   Dense ports, K, D;    ///< k×p, k×N, k×N, the last two in the modal coordinates U
-  Dense damped_inside;  ///< N×modes: UᵀDΦ without the rows of Φ; empty without D
-  Dense damped_outside; ///< k×modes: the part of (DΦ)_° outside V
-  double remainder = 0; ///< what T leaves out, relative, at most over the samples
+  Dense damped_inside;  ///< (N − modes)×modes: UᵀDU without the rows of Φ; empty without D
+  Dense damped_outside; ///< k×modes: the part of DΦ that is residual to V
+  std::vector<double> dropped_ports, dropped_K, dropped_D; ///< of each column, rows scaled
   bool complete = true; ///< false: cut at the largest directions
 };
 
-/// @param samples      [rad/s] where residuals are looked at.
+/// @param samples      [rad/s] where residuals are looked at, if not all directions are
+/// kept.
 /// @param modes        number of modes below ω_c, rigid ones included: the first columns
 /// of U.
 /// @param most         at most so many columns.
@@ -26,17 +28,23 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
                              const std::vector<double>& samples, int modes, double cutoff,
                              int most);
 
-/// The error of the Galerkin model on a space V that holds all modes Φ below ω_c,
-/// bounded.
+/// The norm (K + τM)⁻¹ on the columns of T, by a solve that need not be exact.
+struct ResidualNorm {
+  Dense gram;                  ///< TᵀE⁻¹T at least
+  double least_eigenvalue = 0; ///< of E, rows and columns scaled to a unit diagonal
+};
+
+/// The error of the Galerkin model on a space V, bounded over intervals of ω. The proof,
+/// with its assumptions: docs/proof.md; the names here are those of its section 3.
 ///
 /// With ports P = [B, C] and their residuals R = P − A V x, VᵀR = 0, the error is exactly
-///   H − H_r = R_CᵀA⁻¹R_B = W_Cᵀ Z W_B,   W = (K + τM)^−½ R.
-/// On the complement of Φ, and with damping that keeps A = a_k K + a_m M, Z is diagonal
-/// in the modes with entries z(λ) = (λ + τ)/(a_k λ + a_m), λ ≥ ω_c². So with q = max |z|
-/// and any disc |z − z₀| ≤ ρ that holds all z,
-///   ‖H − H_r‖_F ≤ q s   and   ≤ |z₀| ‖W_CᵀW_B‖_F + ρ s,   s² = Σ σ_i(W_C)² σ_i(W_B)².
-/// With other damping D ≥ 0, ‖Z‖ ≤ 1/(1/q − δ), q = (ω_c² + τ)/(ω_c² − ω²), δ = ω²‖G^½
-/// A_ΦΦ⁻¹ G^½‖, G = (DΦ)_°ᵀ(K + τM)⁻¹(DΦ)_°, wherever q δ < 1 (DESIGN, section 2).
+///   H − H_r = R_CᵀA⁻¹R_B = W_Cᵀ S⁻¹ W_B,   W = E^−½ R,   E = K + τM,
+/// S = a_k + c T° + iωD° − J A_Φ⁻¹ Jᵀ the Schur complement of the Ritz vectors Φ below ω_c
+/// (c = a_m − τ a_k, J their residuals, M's and D's). The inertia of K − ω_c²M says that
+///   0 <= T° <= μ_c + Σ_j ‖G_j‖²/(μ_j − μ_c) = μ₊,   μ = 1/(λ + τ),
+/// however inexact Φ is; so ‖S⁻¹‖ <= q/(1 − qδ), q = max |1/(a_k + c μ)| over 0 <= μ <= μ₊,
+/// δ = ‖J A_Φ⁻¹ Jᵀ‖, and with any disc |z − z₀| <= ρ that holds these 1/(a_k + c μ)
+///   ‖H − H_r‖_F <= |z₀| ‖W_CᵀW_B‖_F + (ρ + q²δ/(1 − qδ)) s,  s² = Σ σ_i(W_C)² σ_i(W_B)².
 class Certificate {
 public:
   struct Bound {
@@ -46,36 +54,45 @@ public:
   };
 
   Certificate() = default;
-  /// @param gram   Tᵀ(K + τM)⁻¹T.
   /// @param modes  number of modes below the cutoff, the rigid ones included.
   /// @param scale  of each port.
   Certificate(const MediumSpace& space, const DenseResponse& response,
-              ResidualBasis basis, const Dense& gram, int modes, double cutoff,
+              ResidualBasis basis, const ResidualNorm& norm, int modes, double cutoff,
               std::vector<double> scale);
 
   /// Columns of ports that are the inputs and the outputs of a block of H.
   struct PortSet {
     std::vector<int> inputs, outputs;
   };
-  /// @param x  the response at omega in modal coordinates, N × ports.
-  /// @return a bound for each block.
-  std::vector<Bound> at(double omega, const DenseResponse& response,
-                        const ComplexDense& x, const std::vector<PortSet>& blocks) const;
+  /// @param x  the response to all ports over an interval, or at a frequency.
+  /// @return a bound for each block that holds everywhere in the interval.
+  std::vector<Bound> over(const DenseResponse& response, const ResponseSeries& x,
+                          const std::vector<PortSet>& blocks) const;
   /// Largest sine of the angle between a mode below the cutoff and the space.
   double worst_angle() const;
 
 private:
-  double damping_coupling(double omega, const DenseSystem& system) const;
+  /// Bounds of the inverse of S over an interval.
+  struct Inverse {
+    std::complex<double> centre; ///< z₀
+    double radius = 0;           ///< ρ + q²δ/(1 − qδ)
+    double norm = 0;             ///< q/(1 − qδ)
+    bool proved = true;
+  };
+  Inverse inverse(const DenseResponse& response, const ResponseSeries& x) const;
+  double mode_coupling(const DenseResponse& response, const ResponseSeries& x) const;
+  MatrixSeries residual(const DenseResponse& response, const ResponseSeries& x) const;
+  double floor(const ResponseSeries& x, const PortSet& block) const;
 
-  double tau_ = 0, kappa_ = 0, cutoff_squared_ = 0, rounding_ = 0, remainder_ = 0;
-  bool geometric_ = true;
-  std::vector<double> scale_, rounding_weights_, rigid_weights_, mode_lambda_,
-      mode_angle_;
-  Dense ports_, K_, D_; ///< in coordinates where the Gram matrix is the identity
-  Dense rigid_,
-      neglected_;      ///< rigid rows of U; stiffness to the others that was set to zero
-  Dense coupling_;     ///< G = coupling_ᵀ coupling_
-  Dense mode_damping_; ///< ΦᵀDΦ of all modes, rigid first
+  double tau_ = 0, kappa_ = 0, mu_c_ = 0, rounding_ = 0;
+  bool geometric_ = true, complete_ = true;
+  std::vector<double> scale_, rounding_weights_, rigid_weights_;
+  /// In coordinates where the Gram matrix is the identity; the last two transposed.
+  Dense ports_, K_, D_;
+  std::vector<double> dropped_ports_, dropped_K_, dropped_D_; ///< ‖·‖ of E⁻¹ at most
+  std::vector<double> mode_mu_, mode_residual_;               ///< μ_j and ‖G_j‖ of Φ
+  Dense mode_G_, mode_F_, mode_D_; ///< J = c G + iω F, and ΦᵀDΦ; empty without D
+  Dense rigid_, neglected_; ///< transposed: rigid rows of U; stiffness that was set to zero
 };
 
 } // namespace flexgram

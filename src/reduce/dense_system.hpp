@@ -39,6 +39,7 @@ public:
   /// UᵀA(ω)U without D: a_i = a_k + (a_m − τ a_k) μ_i.
   std::vector<std::complex<double>> diagonal(double omega, double eta_added = 0) const;
   const Dense& modal_inputs() const { return B_; }  ///< UᵀB
+  const Dense& modal_outputs() const { return C_; } ///< UᵀC
   const Dense& modal_damping() const { return D_; } ///< UᵀDU of the extra damping
   /// Matrix of order 2N whose eigenvalues are 1/s of the poles s (K regular, no
   /// structural damping taken into account).

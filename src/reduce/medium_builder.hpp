@@ -10,8 +10,8 @@ public:
   MediumBuilder(const SecondOrderModel& fom, const MediumOptions& options,
                 SolverOptions solver, Plan& plan, Monitor& monitor);
 
-  MediumModel build(double first, double last, double last_needed, int modes_wanted,
-                    bool mass_is_singular, double target);
+  MediumModel build(const std::vector<Interval>& bands, double last_needed,
+                    int modes_wanted, bool mass_is_singular, double target);
 
 private:
   void find_rigid_modes();
@@ -20,9 +20,12 @@ private:
   void search_modes();
   std::vector<Resonance> resonances() const;
   void factorise_norm();
+  void bound_least_eigenvalue();
+  ResidualNorm norm_of(const Block& T);
   int largest_order() const;
   void certify(int most_columns);
-  double worst_bound();
+  void judge();
+  bool holds_everywhere(double target);
   void grow(double target);
   void report(double target);
 
@@ -37,7 +40,9 @@ private:
   bool modes_exact_ = false; ///< the modes themselves are the result
   std::unique_ptr<MediumSpace> space_;
   MediumModel model_;
+  std::vector<Interval> bands_;
   std::vector<double> grid_;
+  double least_eigenvalue_ = 0; ///< of K + τM with a unit diagonal, at least
   Block image_; ///< (K + τM)⁻¹T of the last certificate: the next Krylov block
   bool complete_ = false;
   int blocks_ = 0;

@@ -9,16 +9,24 @@
 
 namespace flexgram {
 
+/// What an error of H is divided by.
+enum class RelativeTo {
+  pointwise, ///< ‖H(ω)‖_F at the same frequency: eq. (17) of the paper
+  band       ///< the largest ‖H‖_F over the band
+};
+
 /// How the medium model is built.
 struct MediumOptions {
   double cutoff = 1.2;
   int limit = 0;
   double target = 0; ///< 0: from the tolerance
-  bool by_kind =
-      false; ///< certify displacements from forces and rotations from moments too
+  std::string relative_to = "pointwise";
+  /// Certify displacements from forces and rotations from moments too.
+  bool by_kind = false;
 
   void describe(Options& options);
   void check() const;
+  RelativeTo relative() const;
 };
 
 /// A Galerkin model of some ten times the final order, and the proof of its error over
@@ -30,6 +38,12 @@ public:
     std::vector<Certificate::Bound> bounds; ///< of each of the views
   };
   Value at(double omega) const;
+  struct Stretch {
+    MatrixSeries H;                         ///< n_out × n_in
+    std::vector<Certificate::Bound> bounds; ///< of each of the views, anywhere in it
+  };
+  /// @return nothing if a pole is too near for an interval of this length.
+  std::optional<Stretch> over(Interval interval, int degree) const;
 
   std::vector<PortView>
       views;          ///< blocks of H that are certified by themselves; the first is all
@@ -52,6 +66,7 @@ private:
   std::vector<int> inputs_, outputs_;
   std::vector<Certificate::PortSet> blocks_; ///< the views by columns of all ports
   std::vector<double> scale_;
+  Dense modal_outputs_; ///< N × n_out, in the units of the body
 };
 
 /// Builds the medium model:
@@ -62,13 +77,14 @@ private:
 ///  is not yet
 ///     below the target, these solutions are the next Krylov block.
 /// Two real factorisations, never both alive. No complex one.
+/// @param[in] bands        [rad/s] where the certificate is to meet the target.
 /// @param[in] last_needed  [rad/s] the certificate must hold up to here (beyond the band
 /// for
 ///                         Krylov shifts outside it).
 /// @param[in] modes_wanted the cutoff is raised until so many modes lie below it; 0:
 /// none.
 /// @note Collective on fom.comm.
-MediumModel medium_model(const SecondOrderModel& fom, double first, double last,
+MediumModel medium_model(const SecondOrderModel& fom, const std::vector<Interval>& bands,
                          double last_needed, int modes_wanted, bool mass_is_singular,
                          const MediumOptions& options, double target,
                          const SolverOptions& solver, Plan& plan, Monitor& monitor);

@@ -38,8 +38,8 @@ public:
   const Residual& residual() const { return residual_; }
   /// Replaces S by a basis of its span, with the coordinates that go with it.
   void compress_residual(Residual smaller) { residual_ = std::move(smaller); }
-  /// Undoes the division of rows.
-  void unscale(Block& x) const;
+  void scale(Block& x) const;   ///< divides rows like those of S
+  void unscale(Block& x) const; ///< undoes it
 
   const SecondOrderModel& fom() const { return fom_; }
   double kappa() const { return product_.kappa; }
@@ -64,7 +64,6 @@ public:
   bool rigid_modes_are_geometric() const { return geometric_; }
 
 private:
-  void scale(Block& x) const;
   void add_rounding_weights(const Block& X);
   void extend_projection(const Block& X, const Block& KX, const Block& DX);
 

@@ -3,124 +3,33 @@
 #include "base/text.hpp"
 
 #include <algorithm>
-#include <cmath>
+#include <limits>
 #include <limits>
 
 namespace flexgram {
 
-namespace {
-/// A factorisation of the full body tells H to no more digits than this.
-constexpr double solve_floor = 1e-11;
-} // namespace
-
-ErrorOverBand::ErrorOverBand(const MediumModel& medium, std::vector<double> grid)
-    : tau_(medium.tau), omega_(std::move(grid)) {
-  for (const PortView& view : medium.views) views_.push_back({view, {}, {}, {}});
-  for (double omega : omega_) {
-    MediumModel::Value value = medium.at(omega);
-    for (std::size_t v = 0; v < views_.size(); ++v) {
-      Seen& seen = views_[v];
-      const Certificate::Bound& bound = value.bounds[v];
-      const double size = frobenius_norm(seen.view.of(value.H)),
-                   floor = bound.floor + solve_floor * size;
-      seen.size.push_back(size);
-      seen.bound.push_back(bound.error + floor);
-      seen.floor.push_back(floor / size);
-    }
-    H_.push_back(std::move(value.H));
-  }
-}
-
-double ErrorOverBand::Seen::certified(std::size_t l, double difference) const {
-  const double known = size[l] - bound[l];
-  return known > 0 ? (difference + bound[l]) / known
-                   : std::numeric_limits<double>::infinity();
-}
-
-double ErrorOverBand::Seen::difference(const ComplexDense& a,
-                                       const ComplexDense& b) const {
-  double sum = 0;
-  for (int j : view.columns)
-    for (int i : view.rows) sum += std::norm(a(i, j) - b(i, j));
-  return std::sqrt(sum);
-}
-
-double ErrorOverBand::least() const {
-  double least = 0;
-  for (const Seen& seen : views_)
-    for (std::size_t l = 0; l < omega_.size(); ++l)
-      least = std::max(least, seen.certified(l, 0));
-  return least;
-}
-
-double ErrorOverBand::largest_floor() const {
-  double largest = 0;
-  for (const Seen& seen : views_)
-    for (double floor : seen.floor) largest = std::max(largest, floor);
-  return largest;
-}
-
-ErrorOverBand::Errors ErrorOverBand::of(const DenseSystem& small) const {
-  const DenseResponse response(small, tau_);
-  Errors errors;
-  errors.worst_of.assign(views_.size(), 0.0);
-  for (std::size_t l = 0; l < omega_.size(); ++l) {
-    const ComplexDense H_r = response.transfer(omega_[l]);
-    for (std::size_t v = 0; v < views_.size(); ++v) {
-      const double difference = views_[v].difference(H_[l], H_r),
-                   bound = views_[v].certified(l, difference);
-      errors.worst_of[v] = std::max(errors.worst_of[v], bound);
-      errors.worst = std::max(errors.worst, bound);
-      if (v > 0) continue;
-      errors.relative.push_back(difference / views_[v].size[l]);
-      errors.bound.push_back(bound);
-    }
-  }
-  return errors;
-}
-
-bool ErrorOverBand::meets(const DenseSystem& small, double tolerance) {
-  const DenseResponse response(small, tau_);
-  const auto fails = [&](std::size_t l) {
-    const ComplexDense H_r = response.transfer(omega_[l]);
-    return std::any_of(views_.begin(), views_.end(), [&](const Seen& seen) {
-      return !(seen.certified(l, seen.difference(H_[l], H_r)) <= tolerance);
-    });
-  };
-  if (fails(worst_)) return false;
-  // Far apart first: a failure is found early.
-  for (std::size_t step = 16, first = 0; step >= 1; step /= 2, first = step)
-    for (std::size_t l = first; l < omega_.size(); l += first == 0 ? step : 2 * step)
-      if (fails(l)) {
-        worst_ = l;
-        return false;
-      }
-  return true;
-}
-
-int smallest_order(const Candidate& candidate, const MediumModel& medium,
-                   ErrorOverBand& errors, double tolerance, int most) {
+int smallest_order(const Candidate& candidate, const MediumModel& medium, int most,
+                   const std::function<bool(const DenseSystem&)>& good) {
   most = std::min(most, candidate.most);
   if (most < candidate.least) return 0;
   if (candidate.nested) {
     const DenseSystem all = medium.system.project(candidate.basis(most));
     for (int m = candidate.least; m <= most; ++m)
-      if (errors.meets(all.project(first_columns(identity(most), m)), tolerance))
-        return m;
+      if (good(all.project(first_columns(identity(most), m)))) return m;
     return 0;
   }
-  const auto meets = [&](int m) {
-    return errors.meets(medium.system.project(candidate.basis(m)), tolerance);
+  const auto is_good = [&](int m) {
+    return good(medium.system.project(candidate.basis(m)));
   };
   int low = candidate.least - 1, high = candidate.least;
-  while (!meets(high)) {
+  while (!is_good(high)) {
     low = high;
     if (high == most) return 0;
     high = std::min(most, high + std::max(2, high / 2));
   }
   while (high - low > 1) {
     const int middle = (low + high) / 2;
-    (meets(middle) ? high : low) = middle;
+    (is_good(middle) ? high : low) = middle;
   }
   return high;
 }
@@ -143,48 +52,66 @@ int ruled_order(const Candidate& candidate, const SecondStage& stage, double las
   return std::clamp(order_by_rule(by.sigma), candidate.least, candidate.most);
 }
 
-void refuse_tolerance(double tolerance, const SecondStage& stage,
-                      const ErrorOverBand& errors) {
-  const double floor = errors.largest_floor();
-  throw Error(
-      floor > 0.5 * tolerance
-          ? text("-mor_tol %g cannot be proved: rounding of K alone changes H by up to "
-                 "%.1e of it, at a sharp resonance or because the outputs hardly answer "
-                 "the inputs; a larger -mor_tol can",
-                 tolerance, floor)
-          : text(
-                "-mor_tol %g cannot be proved: the medium model of order %d is certified "
-                "to %.1e only (see -mor_medium_order, -mor_cutoff)",
-                tolerance, stage.medium.system.order(), errors.least()));
+/// Why no small model meets the tolerance.
+std::string shortfall(double tolerance, const SecondStage& stage,
+                      const ErrorOverBand& errors, const Candidate& best) {
+  const double floor = errors.largest_floor(), least = errors.least();
+  if (floor > 0.5 * tolerance)
+    return text("rounding of K alone changes H by up to %.1e of it, at a sharp resonance or "
+                "because the outputs hardly answer the inputs",
+                floor);
+  if (least > tolerance)
+    return text("the medium model of order %d is certified to %.1e only (see "
+                "-mor_medium_order, -mor_cutoff)",
+                stage.medium.system.order(), least);
+  return text("%s does not reach it up to order %d; take another -mor_method or "
+              "-mor_second_stage, or more -mor_moments or -mor_cutoff",
+              best.name.c_str(), best.most);
+}
+
+/// The model that comes closest, at the smallest order that does as well to a tenth.
+void choose_closest(OrderChoice& choice, double tolerance, const SecondStage& stage,
+                    const ErrorOverBand& errors) {
+  const MediumModel& medium = stage.medium;
+  double reached = std::numeric_limits<double>::infinity();
+  for (std::size_t c = 0; c < choice.candidates.size(); ++c) {
+    const Candidate& candidate = choice.candidates[c];
+    const double worst =
+        errors.of(medium.system.project(candidate.basis(candidate.most))).worst;
+    if (c > 0 && !(worst < reached)) continue;
+    reached = worst;
+    choice.best = c;
+  }
+  const Candidate& best = choice.candidates[choice.best];
+  choice.order = smallest_order(best, medium, best.most, [&](const DenseSystem& small) {
+    return errors.of(small).worst <= 1.1 * reached;
+  });
+  if (choice.order == 0) choice.order = best.most;
+  choice.shortfall = shortfall(tolerance, stage, errors, best);
 }
 
 void choose_by_tolerance(OrderChoice& choice, double tolerance, const SecondStage& stage,
                          ErrorOverBand& errors) {
-  if (errors.least() > tolerance) refuse_tolerance(tolerance, stage, errors);
+  choice.chosen_by = text("-mor_tol %g", tolerance);
   for (std::size_t c = 0; c < choice.candidates.size(); ++c) {
     const Candidate& candidate = choice.candidates[c];
     // A later candidate must be smaller to win.
     const int order =
-        smallest_order(candidate, stage.medium, errors, tolerance,
-                       choice.order > 0 ? choice.order - 1 : candidate.most);
+        errors.least() > tolerance
+            ? 0
+            : smallest_order(
+                  candidate, stage.medium, choice.order > 0 ? choice.order - 1 : candidate.most,
+                  [&](const DenseSystem& small) { return errors.meets(small, tolerance); });
     if (order > 0) {
       choice.best = c;
       choice.order = order;
     }
     choice.tried += text("%s%s %s", c == 0 ? "" : ", ", candidate.name.c_str(),
-                         order > 0 ? std::to_string(order).c_str() : "no smaller");
+                         order > 0          ? std::to_string(order).c_str()
+                         : choice.order > 0 ? "no smaller"
+                                            : "none");
   }
-  if (choice.order == 0) {
-    const Candidate& first = choice.candidates.front();
-    const double reached =
-        errors.of(stage.medium.system.project(first.basis(first.most))).worst;
-    throw Error(
-        text("-mor_tol %g is not met by %s up to order %d, which reaches %.1e; take "
-             "another -mor_method or -mor_second_stage, or more -mor_moments or "
-             "-mor_cutoff",
-             tolerance, first.name.c_str(), first.most, reached));
-  }
-  choice.chosen_by = text("-mor_tol %g", tolerance);
+  if (choice.order == 0) choose_closest(choice, tolerance, stage, errors);
 }
 
 void choose_by_order(OrderChoice& choice, int order, const SecondStage& stage,

@@ -88,6 +88,7 @@ private:
   Dense gram(const MediumModel& medium) const;
   std::vector<std::string> names() const;
   Dense tangent(const Dense& Q) const;
+  ErrorClaim claim_of(const ErrorOverBand::Supremum& sup) const;
   ReducedModel finish();
 
   const SecondOrderModel& fom_;
@@ -209,6 +210,35 @@ Dense SecondStageRun::tangent(const Dense& Q) const {
   return moved;
 }
 
+ErrorClaim SecondStageRun::claim_of(const ErrorOverBand::Supremum& sup) const {
+  ErrorClaim claim;
+  claim.worst = sup.worst;
+  claim.whole = sup.worst_of[0];
+  const auto view = static_cast<std::size_t>(
+      std::max_element(sup.worst_of.begin(), sup.worst_of.end()) - sup.worst_of.begin());
+  claim.attained = sup.attained_of[view];
+  claim.at = sup.at_of[view];
+  claim.relative_to = options_.medium.relative_to;
+  for (const auto& [first, last] : gramian_.bands()) claim.bands.push_back({first, last});
+  for (const Interval& e : sup.excluded) claim.excluded.push_back({e.first, e.last});
+  claim.tolerance = gramian_.tolerance;
+  claim.met = !gramian_.tolerance || (sup.proved && sup.worst <= *gramian_.tolerance);
+  return claim;
+}
+
+/// What is claimed, as it is printed.
+std::string label_of(const ReducedModel& rom) {
+  if (rom.kind == "estimated") return "estimated, not proved";
+  const auto& excluded = rom.claim->excluded;
+  if (excluded.empty()) return "certified";
+  double widest = 0;
+  for (const auto& [first, last] : excluded)
+    widest = std::max(widest, (last - first) / last);
+  return text("certified outside %zu interval%s of relative width %.0e at most, around "
+              "undamped resonances",
+              excluded.size(), excluded.size() == 1 ? "" : "s", widest);
+}
+
 ReducedModel SecondStageRun::finish() {
   std::vector<double> shared{static_cast<double>(choice_.best),
                              static_cast<double>(choice_.order)};
@@ -222,6 +252,9 @@ ReducedModel SecondStageRun::finish() {
   if (frame_ == "tangent") Q = tangent(Q);
   const DenseSystem small = medium_.system.project(Q);
   const ErrorOverBand::Errors errors = errors_->of(small);
+  const ErrorOverBand::Supremum sup =
+      errors_->supremum(small, gramian_.tolerance.value_or(0),
+                        options_.medium.relative());
 
   ReducedModel rom;
   rom.model = small.model(fom_);
@@ -238,7 +271,10 @@ ReducedModel SecondStageRun::finish() {
   rom.epsilon = errors.relative;
   rom.bound = errors.bound;
   rom.floor = errors_->floor();
-  rom.kind = medium_.proved ? "certified" : "estimated";
+  rom.claim = claim_of(sup);
+  rom.kind = !sup.proved            ? "estimated"
+             : sup.excluded.empty() ? "certified"
+                                    : "certified outside";
   rom.modes = eigenfrequencies(rom.model);
   const auto bands = gramian_.bands();
   rom.band[0] = bands.front().first;
@@ -253,25 +289,39 @@ ReducedModel SecondStageRun::finish() {
       text("m = %d of n = %lld, by %s, from %s%s", order, static_cast<long long>(fom_.n),
            choice_.chosen_by.c_str(), candidate.name.c_str(),
            candidate.remark.empty() ? "" : (" (" + candidate.remark + ")").c_str()));
-  const auto worst = std::max_element(errors.bound.begin(), errors.bound.end());
   const double floor = *std::max_element(rom.floor.begin(), rom.floor.end());
+  const std::string label = label_of(rom);
+  const bool to_band = options_.medium.relative() == RelativeTo::band;
+  const char* const references[] = {"|H| at each frequency", "the largest |H| in the band"};
   plan_.fact("error",
-             text("at most %.2e over the band (%s), at %.4g Hz; rounding floor %.0e",
-                  *worst, rom.kind == "certified" ? "certified" : "estimated, not proved",
-                  rom.omega[static_cast<std::size_t>(worst - errors.bound.begin())] * hz,
-                  floor));
-  if (errors.worst_of.size() == 3) {
-    rom.by_kind = {errors.worst_of[1], errors.worst_of[2]};
+             text("at most %.2e of %s, everywhere in the band%s (%s), reached %.2e at %.5g Hz; "
+                  "rounding floor %.0e",
+                  sup.worst_of[0], references[to_band ? 1 : 0],
+                  rom.claim->bands.size() > 1 ? "s" : "", label.c_str(),
+                  sup.attained_of[0], sup.at_of[0] * hz, floor));
+  const auto other = errors_->supremum(small, gramian_.tolerance.value_or(0),
+                                       to_band ? RelativeTo::pointwise : RelativeTo::band);
+  plan_.fact("relative to", text("%s (-mor_tol_relative_to %s); of %s the error is at most %.1e",
+                                 references[to_band ? 1 : 0],
+                                 options_.medium.relative_to.c_str(),
+                                 references[to_band ? 0 : 1], other.worst));
+  if (sup.worst_of.size() == 3) {
+    rom.by_kind = {sup.worst_of[1], sup.worst_of[2]};
     plan_.fact("by kind", text("%s at most %.1e, %s at most %.1e (%s)",
-                               medium_.views[1].name.c_str(), errors.worst_of[1],
-                               medium_.views[2].name.c_str(), errors.worst_of[2],
-                               rom.kind == "certified" ? "certified" : "estimated"));
+                               medium_.views[1].name.c_str(), sup.worst_of[1],
+                               medium_.views[2].name.c_str(), sup.worst_of[2],
+                               label.c_str()));
   } else {
     std::vector<ComplexDense> H_r;
     const DenseResponse response(small, medium_.tau);
     for (double omega : rom.omega) H_r.push_back(response.transfer(omega));
-    warn_of_kinds(rom.model, errors_->H(), H_r, *worst, plan_, monitor_);
+    warn_of_kinds(rom.model, errors_->H(), H_r, sup.worst, plan_, monitor_);
   }
+  if (!rom.claim->met)
+    monitor_.warn(text("-mor_tol %g is not met: the error is at most %.1e (%s); %s. This is "
+                       "the best body that was found",
+                       *gramian_.tolerance, sup.worst, label.c_str(),
+                       choice_.shortfall.c_str()));
   plan_.fact("reduced modes", describe_modes(rom.modes, medium_.rigid));
   plan_.fact("reduced M, K",
              text("smallest over largest eigenvalue %.1e, %.1e; V'MV = I to %.0e",
@@ -284,7 +334,7 @@ ReducedModel SecondStageRun::finish() {
 
 ReducedModel SecondStageRun::run(const SolverOptions& solver, bool mass_is_singular) {
   const auto bands = gramian_.bands();
-  const double first = bands.front().first, last = bands.back().second;
+  const double last = bands.back().second;
   const auto expansion = shifts();
   double needed = last;
   if (method_ == "krylov" || options_.second_stage == "krylov")
@@ -295,7 +345,9 @@ ReducedModel SecondStageRun::run(const SolverOptions& solver, bool mass_is_singu
   const int wanted = method_ == "modal" ? std::max(gramian_.order, 1) : 0;
   MediumOptions how = options_.medium;
   how.by_kind = gramian_.by_kind();
-  medium_ = medium_model(fom_, first, last, needed, wanted, mass_is_singular, how, target,
+  std::vector<Interval> intervals;
+  for (const auto& [from, to] : bands) intervals.push_back({from, to});
+  medium_ = medium_model(fom_, intervals, needed, wanted, mass_is_singular, how, target,
                          solver, plan_, monitor_);
   plan_.print(monitor_);
   Stage timer(monitor_, "second stage");
@@ -310,7 +362,8 @@ ReducedModel SecondStageRun::run(const SolverOptions& solver, bool mass_is_singu
   stage_ = std::make_unique<SecondStage>(
       SecondStage{medium_, weights(), gramian_.port_scaling == "equal", frame_ != "none",
                   gram(medium_), expansion, options_.moments});
-  errors_ = std::make_unique<ErrorOverBand>(medium_, error_grid(medium_));
+  errors_ = std::make_unique<ErrorOverBand>(medium_, intervals, error_grid(medium_),
+                                            options_.medium.relative());
   choice_ = choose_order(names(), *stage_, *errors_, gramian_);
   if (!choice_.tried.empty()) plan_.fact("second stage", choice_.tried);
   return finish();

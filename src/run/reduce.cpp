@@ -122,7 +122,7 @@ ReducedModel reduce_body(const Body& body, const Settings& s, Plan& plan,
   return rom;
 }
 
-void reduce(MPI_Comm comm, const Settings& s, const Options& options, Monitor& monitor) {
+bool reduce(MPI_Comm comm, const Settings& s, const Options& options, Monitor& monitor) {
   Plan plan;
   s.check();
   for (const Option& option : options.all())
@@ -137,6 +137,7 @@ void reduce(MPI_Comm comm, const Settings& s, const Options& options, Monitor& m
   }
   print_summary(monitor, comm);
   monitor.say("  wrote          " + s.out);
+  return !rom.claim || rom.claim->met;
 }
 
 void plan_only(MPI_Comm comm, const Settings& s, Monitor& monitor) {

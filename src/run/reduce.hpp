@@ -10,7 +10,8 @@ ReducedModel reduce_body(const Body& body, const Settings& settings, Plan& plan,
                          Monitor& monitor);
 
 /// The verbs reduce and plan.
-void reduce(MPI_Comm comm, const Settings& settings, const Options& options,
+/// @return true if the tolerance is met, or none was given.
+bool reduce(MPI_Comm comm, const Settings& settings, const Options& options,
             Monitor& monitor);
 void plan_only(MPI_Comm comm, const Settings& settings, Monitor& monitor);
 

@@ -1,0 +1,223 @@
+"""Random systems against extended precision: does any true error exceed the certified one?
+
+    audit.py [count] [seed]       count systems; a table by class and by damping
+
+Each system is reduced in this process, with its tolerance and nothing else; the referee chooses
+frequencies against the result (``referee.py``).
+"""
+
+from __future__ import annotations
+
+import collections
+import sys
+import time
+import warnings
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import scipy.linalg as sl
+import scipy.sparse as sp
+
+import flexgram
+from flexgram.meshfile import BodyError
+from referee import TWO_PI, System, hard_frequencies, relative_error
+
+CLASSES = (
+    "chain", "graph", "modal", "clustered", "massless", "soft mounts", "free", "weak ports",
+    "scaled ports", "other outputs", "two bands", "mode on cutoff",
+)  # fmt: skip
+DAMPINGS = ("none", "mass", "stiffness", "both", "structural", "dashpots", "general")
+
+
+@dataclass
+class Case:
+    """A system, its bands [Hz] and what is asked for."""
+
+    kind: str
+    damping: str
+    system: System
+    bands_hz: list[float]
+    tolerance: float
+    options: dict[str, Any] = field(default_factory=dict)
+
+
+def _springs(n: int, pairs: Any, stiffness: Any, ground: Any) -> Any:
+    K = np.diag(np.asarray(ground, float))
+    for (i, j), k in zip(pairs, stiffness, strict=True):
+        K[i, i] += k
+        K[j, j] += k
+        K[i, j] -= k
+        K[j, i] -= k
+    return K
+
+
+def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
+    """A system of the class, lightly to strongly damped, with a band over some of its modes."""
+    n = int(rng.integers(20, 70))
+    scale = 10.0 ** rng.uniform(2, 7)
+    mass = 10.0 ** rng.uniform(-2, 2)
+    chain = [(i, i + 1) for i in range(n - 1)]
+    M = mass * np.ones(n)
+    if kind in ("modal", "clustered"):
+        omega = np.cumsum(rng.exponential(1.0, n)) + 0.5
+        if kind == "clustered":
+            omega[1::2] = omega[: len(omega[1::2]) * 2 : 2] * (
+                1 + 10.0 ** rng.uniform(-9, -3, len(omega[1::2]))
+            )
+        Q = sl.qr(rng.standard_normal((n, n)))[0]
+        K = Q @ np.diag(np.sort(omega) ** 2) @ Q.T * scale
+        K = 0.5 * (K + K.T)
+    elif kind == "graph":
+        pairs = chain + [tuple(rng.choice(n, 2, replace=False)) for _ in range(n)]
+        K = _springs(n, pairs, scale * 10 ** rng.uniform(-1, 1, len(pairs)), scale * (rng.random(n) < 0.1))
+        K[0, 0] += scale
+        M = mass * 10 ** rng.uniform(-1, 1, n)
+    else:
+        ground = np.zeros(n)
+        if kind == "soft mounts":
+            ground[[0, n - 1]] = scale * 10.0 ** rng.uniform(-9, -4)
+        elif kind != "free":
+            ground[0] = scale
+        K = _springs(n, chain, scale * np.ones(n - 1), ground)
+    if kind == "massless":
+        M[rng.choice(n, n // 4, replace=False)] = rng.choice([0.0, 1e-15 * mass])
+        M[-1] = mass
+    p = int(rng.integers(1, 4))
+    B = np.zeros((n, p))
+    B[rng.choice(n, p, replace=False), range(p)] = 1.0
+    if kind in ("chain", "soft mounts", "free"):
+        B[:, 0] = 0
+        B[-1, 0] = 1
+    if kind == "weak ports":
+        B[:, 0] = sl.eigh(K, np.diag(M + 1e-12 * mass))[1][:, 0]
+        B[:, 0] /= abs(B[:, 0]).max()
+        B[-1, 0] += 1e-6
+    if kind == "scaled ports":
+        B *= 10.0 ** rng.uniform(-6, 6, p)
+    C = None
+    if kind in ("other outputs", "chain") and rng.random() < 0.7:
+        C = np.zeros((int(rng.integers(1, 4)), n))
+        C[range(len(C)), rng.choice(n, len(C), replace=False)] = 1.0
+        if kind == "chain":
+            C[0] = 0
+            C[0, 0] = 1
+    eigen = sl.eigvalsh(np.diag(M), K + 1e-3 * scale * np.diag(M / mass), subset_by_index=None)
+    shift = 1e-3 * scale / mass
+    lam = np.sort(1 / eigen[eigen > 1e-9 * eigen.max()] - shift)
+    lam = lam[lam > 1e-9 * lam[min(len(lam) - 1, 10)]]
+    modes = int(min(rng.integers(3, 14), len(lam) - 3))
+    top = np.sqrt(lam[modes] * lam[modes - 1]) ** 0.5 if rng.random() < 0.5 else np.sqrt(lam[modes - 1]) * 1.02
+    first = np.sqrt(lam[0]) * rng.choice([0.1, 0.5])
+    if kind == "soft mounts":
+        first = np.sqrt(lam[0]) * 0.2
+    zeta = 10.0 ** rng.uniform(-5, -1.5)
+    reference = np.sqrt(lam[0] * lam[modes - 1]) ** 0.5
+    extra: dict[str, Any] = {}
+    D = None
+    if damping in ("mass", "both"):
+        extra["alpha"] = 2 * zeta * reference
+    if damping in ("stiffness", "both"):
+        extra["beta"] = 2 * zeta / top
+    if damping == "structural":
+        extra["eta"] = 2 * zeta
+    if damping == "dashpots":
+        D = np.zeros((n, n))
+        for i in rng.choice(n, int(rng.integers(1, 3)), replace=False):
+            D[i, i] = zeta * reference * mass * n
+    if damping == "general":
+        F = rng.standard_normal((n, n)) / np.sqrt(n)
+        D = 2 * zeta * reference * mass * (F @ F.T)
+        D = 0.5 * (D + D.T)
+    bands = [first / TWO_PI, top / TWO_PI]
+    options: dict[str, Any] = {}
+    if kind == "two bands":
+        a, b = bands
+        bands = [a, a + 0.25 * (b - a), a + 0.6 * (b - a), b]
+    if kind == "mode on cutoff":
+        ratio = np.sqrt(lam[modes + 1]) / top
+        if ratio > 1.06:
+            options["mor_cutoff"] = ratio * (1 + rng.choice([-1, 1]) * 10.0 ** rng.uniform(-9, -5))
+    tolerance = 10.0 ** rng.uniform(-6, -1)
+    return Case(kind, damping, System(K, np.diag(M), B, C, D, **extra), bands, tolerance, options)
+
+
+@dataclass
+class Verdict:
+    """What became of a case."""
+
+    outcome: str  # certified, certified outside, estimated, not met, refused
+    ratio: float = 0.0  # largest true over certified error
+    bound: float = 0.0
+    sharp: float = 0.0  # certified over attained supremum
+    at: float = 0.0
+    words: str = ""
+    order: int = 0
+
+
+def examine(case: Case, rng: np.random.Generator) -> Verdict:
+    """Reduce, and let the referee look for an error above the certified one."""
+    s = case.system
+    matrices = flexgram.Matrices(
+        K=sp.csr_matrix(s.K), M=sp.csr_matrix(s.M), D=None if s.D is None else sp.csr_matrix(s.D),
+        B=s.B, C=None if s.C is s.B.T or np.array_equal(s.C, s.B.T) else s.C,
+        alpha=s.alpha, beta=s.beta, eta=s.eta)  # fmt: skip
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        try:
+            rom = flexgram.reduce(matrices, case.bands_hz, case.tolerance, options=case.options)
+        except BodyError as error:
+            return Verdict("refused", words=str(error))
+    outcome = rom.kind if rom.met else "not met"
+    verdict = Verdict(outcome, bound=rom.certified_error, order=rom.order)
+    if rom.kind == "estimated":
+        return verdict
+    reduced = System(rom.K, rom.M, rom.B, rom.C, rom.D, eta=rom.eta)
+    count = 2000 if s.D is None else 150
+    worst = 0.0
+    for omega in hard_frequencies(s, reduced, rom.bands, rom.excluded, rng, count):
+        truth = relative_error(s, reduced, omega)
+        if truth > worst:
+            worst, verdict.at = truth, omega
+    verdict.ratio = worst / verdict.bound
+    verdict.sharp = verdict.bound / rom.attained_error
+    return verdict
+
+
+def main() -> int:
+    """Print the table; exit status 1 if any error exceeds its certificate."""
+    count = int(sys.argv[1]) if len(sys.argv) > 1 else 200
+    seed = int(sys.argv[2]) if len(sys.argv) > 2 else 1
+    table: dict[Any, list[Verdict]] = collections.defaultdict(list)
+    broken, start = 0, time.time()
+    for index in range(count):
+        rng = np.random.default_rng([seed, index])
+        kind, damping = CLASSES[index % len(CLASSES)], DAMPINGS[(index // len(CLASSES)) % len(DAMPINGS)]
+        case = random_case(rng, kind, damping)
+        verdict = examine(case, rng)
+        table[kind].append(verdict)
+        table["damping: " + damping].append(verdict)
+        if verdict.ratio > 1:
+            broken += 1
+            print(f"BROKEN {index} {kind}, {damping}, tol {case.tolerance:.1e}: true/certified "
+                  f"{verdict.ratio:.3g}, certified {verdict.bound:.2e}, at {verdict.at!r} rad/s "
+                  f"of {case.bands_hz}, m = {verdict.order}", flush=True)  # fmt: skip
+        if verdict.outcome == "refused":
+            print(f"refused {index} {kind}, {damping}: {verdict.words}", flush=True)
+    print(f"{count} systems, seed {seed}, {time.time() - start:.0f} s")
+    print(f"{'class':22} {'systems':>8} {'certified':>10} {'outside':>8} {'estimated':>10} "
+          f"{'not met':>8} {'refused':>8} {'worst true/bound':>17} {'bound/attained':>15}")  # fmt: skip
+    for name, verdicts in table.items():
+        number = lambda word: sum(v.outcome == word for v in verdicts)  # noqa: E731, B023
+        ratios = [v.ratio for v in verdicts]
+        sharp = [v.sharp for v in verdicts if 0 < v.sharp < np.inf]
+        print(f"{name:22} {len(verdicts):8} {number('certified'):10} "
+              f"{number('certified outside'):8} {number('estimated'):10} {number('not met'):8} "
+              f"{number('refused'):8} {max(ratios):17.3f} "
+              f"{np.median(sharp) if sharp else np.nan:15.3f}")  # fmt: skip
+    print(f"{broken} broken of {count}")
+    return 1 if broken else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
