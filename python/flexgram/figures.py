@@ -33,8 +33,14 @@ def error(model: ReducedModel) -> Figure:
     figure, axes = _axes()
     hz = model.omega * HZ
     if len(model.bound):
-        word = "certified" if model.kind == "certified" else "estimated"
+        word = "certified" if model.kind.startswith("certified") else "estimated"
         axes.semilogy(hz, model.bound, color=BOUND, lw=3.5, alpha=0.6, label=f"{word} bound")
+        for i, (first, last) in enumerate(model.bands * HZ):
+            axes.plot([first, last], 2 * [model.certified_error], "--", color=BOUND, lw=1.2,
+                      label=f"{word} everywhere" if i == 0 else None)  # fmt: skip
+        for i, (first, last) in enumerate(model.excluded * HZ):
+            axes.axvspan(first, last, color="#d7301f", lw=1.5,
+                         label="excluded" if i == 0 else None)  # fmt: skip
         axes.semilogy(hz, np.maximum(model.floor, 1e-17), ":", color=BOUND, lw=1,
                       label="its part that is rounding")  # fmt: skip
     style = "-" if len(model.bound) else "."

@@ -43,13 +43,16 @@ def describe(path: str | Path) -> list[str]:
         if "gramian" not in file:
             raise BodyError(f"{path}: neither a body, a reduced nor a sweep file of flexgram")
     model = ReducedModel.load(path, basis=False)
-    hz = model.band / (2 * np.pi)
+    hz = model.bands / (2 * np.pi)
+    bands = ", ".join(f"{first:g} to {last:g}" for first, last in hz)
     lines = [
         f"reduced body of order {model.order} by {model.method}"
         + (f" ({model.second_stage})" if model.second_stage not in ("", model.method) else ""),
-        f"band {hz[0]:g} to {hz[1]:g} Hz, error at most {model.certified_error:.1e} ({model.kind})",
+        f"band {bands} Hz, error at most {model.certified_error:.1e} ({model.label})",
         f"inputs: {', '.join(model.inputs)}",
     ]
+    if not model.met:
+        lines.insert(2, f"NOT within the tolerance {model.tolerance:g} that was asked for")
     if model.outputs != model.inputs:
         lines.append(f"outputs: {', '.join(model.outputs)}")
     frame = model.frame

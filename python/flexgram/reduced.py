@@ -171,9 +171,19 @@ class ReducedModel:
         """Number m of generalised coordinates."""
         return int(self.K.shape[0])
 
+    @property
+    def label(self) -> str:
+        """What is claimed of the error, in words."""
+        if self.kind != "certified outside":
+            return "certified" if self.kind == "certified" else "estimated, not proved"
+        widest = np.max(np.diff(self.excluded, axis=1)[:, 0] / self.excluded[:, 1])
+        count = len(self.excluded)
+        return (f"certified outside {count} interval{'s' if count != 1 else ''} of relative width "
+                f"{widest:.0e} at most, around undamped resonances")  # fmt: skip
+
     def __repr__(self) -> str:
         return (f"<ReducedModel of order {self.order} by {self.method}, {len(self.inputs)} inputs, "
-                f"error {self.certified_error:.1e} ({self.kind})>")  # fmt: skip
+                f"error {self.certified_error:.1e} ({self.label})>")  # fmt: skip
 
     def transfer(self, omega: ArrayLike) -> ComplexArray:
         """Transfer function H_r = C (K (1 + i eta) + i omega D - omega² M)⁻¹ B.

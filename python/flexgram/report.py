@@ -83,19 +83,19 @@ def _modes(model: ReducedModel, most: int = 40) -> str:
 
 
 def _cards(model: ReducedModel) -> str:
-    proved = model.kind == "certified"
-    hz = model.band / (2 * np.pi)
+    proved = model.kind.startswith("certified")
+    hz = model.bands / (2 * np.pi)
     kinds = ""
     if len(model.by_kind):
         kinds = (f" (displacement from force {model.by_kind[0]:.1e}, rotation from moment "
                  f"{model.by_kind[1]:.1e})")  # fmt: skip
     cards = [
-        (f"{model.certified_error:.1e}", "largest relative error over the band, "
-         + ("proved" if proved else "estimated, not proved") + kinds,
-         "proved" if proved else "guessed"),
+        (f"{model.certified_error:.1e}", f"largest relative error over the band, {model.label}"
+         + kinds + ("" if model.met else f"; NOT within the tolerance {model.tolerance:g}"),
+         "proved" if proved and model.met else "guessed"),
         (f"{len(model.V):,} → {model.order}" if len(model.V) else str(model.order),
          "degrees of freedom", ""),
-        (f"{hz[0]:g} – {hz[1]:g} Hz", "band", ""),
+        (", ".join(f"{first:g} – {last:g}" for first, last in hz) + " Hz", "band", ""),
         (f"{len(model.inputs)} / {len(model.outputs)}", "inputs / outputs", ""),
     ]  # fmt: skip
     seconds = sum(float(s) for s in dict(model.log.get("seconds", {})).values())

@@ -17,7 +17,7 @@ constexpr double solve_floor = 1e-11;
 constexpr double sharp = 1e-6, zone = 1e-4, narrowest = 1e-10;
 /// Degree of the polynomials, equal pieces of an interval, and how close the supremum is
 /// to come to an attained value.
-constexpr int degree = 12, pieces = 8, most_intervals = 40000;
+constexpr int degree = 12, pieces = 8;
 constexpr double close = 1.05;
 /// What is kept of the medium model's series; more is computed again.
 constexpr std::size_t most_kept = 32u << 20; // numbers: 256 MB
@@ -95,7 +95,7 @@ struct ErrorOverBand::Node {
   std::unique_ptr<Node> low, high;
   bool seen = false, kept = false, proved = true;
   std::optional<MatrixSeries> H; ///< none: a pole is too near
-  std::vector<double> bound;     ///< of each view, in the unit of H, with its rounding
+  std::vector<double> bound, floor; ///< of each view, in the unit of H; its rounding
   std::vector<ViewNorms> size;   ///< of each view
 };
 
@@ -235,10 +235,27 @@ ErrorOverBand::Point ErrorOverBand::point(double omega, const DenseResponse* sma
     const double size = frobenius_norm(view.of(H));
     const Certificate::Bound& bound = medium->bounds[v];
     result.certified[v] = ratio(v, frobenius_norm(view.of(difference)), size,
-                                bound.error + bound.floor + solve_floor * size);
+                                bound.error +
+                                    (small ? bound.floor + solve_floor * size : 0.0));
     result.proved = result.proved && bound.proved;
   }
   return result;
+}
+
+/// The medium model over an interval: nothing if it is too long for a series, or for a
+/// proof that there is at its centre.
+std::optional<MediumModel::Stretch>
+ErrorOverBand::provable_over(const Interval& interval) const {
+  auto medium = medium_.over(interval, degree);
+  const auto proved = [](const MediumModel::Stretch& stretch) {
+    return std::all_of(stretch.bounds.begin(), stretch.bounds.end(),
+                       [](const Certificate::Bound& bound) { return bound.proved; });
+  };
+  if (!medium || proved(*medium) || width_of(interval) == 0) return medium;
+  const double centre = interval.centre();
+  const auto there = medium_.over({centre, centre}, 0);
+  if (there && proved(*there)) return std::nullopt;
+  return medium;
 }
 
 ErrorOverBand::Look ErrorOverBand::look(Node& node, const DenseResponse* small) {
@@ -246,12 +263,13 @@ ErrorOverBand::Look ErrorOverBand::look(Node& node, const DenseResponse* small) 
             false, true};
   if (!node.seen) {
     node.seen = true;
-    if (auto medium = medium_.over(node.interval, degree)) {
+    if (auto medium = provable_over(node.interval)) {
       for (std::size_t v = 0; v < views_.size(); ++v) {
         node.size.push_back(view_norms(medium->H, views_[v].view));
         const Certificate::Bound& bound = medium->bounds[v];
         const auto& above = node.size.back().above;
-        node.bound.push_back(bound.error + bound.floor +
+        node.bound.push_back(bound.error);
+        node.floor.push_back(bound.floor +
                              solve_floor * *std::max_element(above.begin(), above.end()));
         node.proved = node.proved && bound.proved;
       }
@@ -276,14 +294,15 @@ ErrorOverBand::Look ErrorOverBand::look(Node& node, const DenseResponse* small) 
   double largest = -1;
   for (std::size_t v = 0; v < views_.size(); ++v) {
     const ViewNorms away = small ? view_norms(difference, views_[v].view) : ViewNorms();
+    const double bound = node.bound[v] + (small ? node.floor[v] : 0.0);
     look.upper[v] = 0;
     for (std::size_t i = 0; i < pieces; ++i)
       look.upper[v] = std::max(
-          look.upper[v], ratio(v, away.above[i], node.size[v].below[i], node.bound[v]));
+          look.upper[v], ratio(v, away.above[i], node.size[v].below[i], bound));
     look.worst = std::max(look.worst, look.upper[v]);
     for (std::size_t i = 0; i <= pieces; ++i) {
       const double here =
-          ratio(v, away.at[i] + (small ? 0.0 : node.bound[v]), node.size[v].at[i], 0);
+          ratio(v, away.at[i] + (small ? 0.0 : bound), node.size[v].at[i], 0);
       if (here <= largest) continue;
       largest = here;
       look.omega = node.interval.first +
@@ -295,6 +314,7 @@ ErrorOverBand::Look ErrorOverBand::look(Node& node, const DenseResponse* small) 
     node.proved = true;
     node.H.reset();
     node.bound.clear();
+    node.floor.clear();
     node.size.clear();
   } else if (!node.kept) {
     node.kept = true;
@@ -354,7 +374,7 @@ std::optional<double> ErrorOverBand::weak_spot(double tolerance) {
 }
 
 /// A frequency where the certified error of the small model, or of the medium model
-/// itself, is not proved to be within the tolerance.
+/// itself without rounding, is not proved to be within the tolerance.
 std::optional<double> ErrorOverBand::exceeds(const DenseResponse* small, double tolerance) {
   std::vector<Node*> open;
   for (const auto& root : roots_) open.push_back(root.get());
@@ -369,7 +389,7 @@ std::optional<double> ErrorOverBand::exceeds(const DenseResponse* small, double 
     });
     if (!near_pole && seen.known && !(point(seen.omega, small).worst() <= tolerance))
       return seen.omega;
-    if (width_of(node.interval) <= narrowest * node.interval.last || count > most_intervals)
+    if (width_of(node.interval) <= narrowest * node.interval.last || count > 20000)
       return node.interval.centre();
     split(node);
     open.push_back(node.low.get());
@@ -379,7 +399,7 @@ std::optional<double> ErrorOverBand::exceeds(const DenseResponse* small, double 
 }
 
 ErrorOverBand::Supremum ErrorOverBand::supremum(const DenseSystem& system, double level,
-                                                RelativeTo relative_to) {
+                                                RelativeTo relative_to, int most) {
   std::swap(relative_to_, relative_to); // until the end: nodes hold norms, not ratios
   const DenseResponse small(system, medium_.tau);
   struct Open {
@@ -408,12 +428,12 @@ ErrorOverBand::Supremum ErrorOverBand::supremum(const DenseSystem& system, doubl
     }
   };
   const auto priority = [&](const Look& seen) {
-    double most = 0;
+    double largest = 0;
     for (std::size_t v = 0; v < views_.size(); ++v)
-      most = std::max(most, best[v] > 0 ? seen.upper[v] / best[v]
+      largest = std::max(largest, best[v] > 0 ? seen.upper[v] / best[v]
                             : seen.upper[v] > 0 ? infinity
                                                 : 0.0);
-    return most;
+    return largest;
   };
   const auto settle = [&](const Look& seen) {
     for (std::size_t v = 0; v < views_.size(); ++v)
@@ -430,8 +450,8 @@ ErrorOverBand::Supremum ErrorOverBand::supremum(const DenseSystem& system, doubl
     if (seen.known)
       for (std::size_t v = 0; v < views_.size(); ++v) higher |= seen.upper[v] > best[v];
     if (higher) visit(seen.omega);
-    const double most = priority(seen);
-    open.push({&node, std::move(seen), most});
+    const double now = priority(seen);
+    open.push({&node, std::move(seen), now});
   };
   for (const auto& root : roots_)
     if (near_pole(root->interval.centre()))
@@ -445,7 +465,7 @@ ErrorOverBand::Supremum ErrorOverBand::supremum(const DenseSystem& system, doubl
     const double now = priority(top.seen);
     const bool unbounded =
         std::any_of(best.begin(), best.end(), [](double b) { return b == infinity; });
-    if (now <= close || unbounded || result.intervals > most_intervals ||
+    if (now <= close || unbounded || result.intervals > most ||
         width_of(top.node->interval) <= narrowest * top.node->interval.last) {
       settle(top.seen);
       continue;

@@ -45,12 +45,14 @@ public:
     int intervals = 0; ///< that were looked at
   };
   /// @param level  errors up to this need no exclusion [0: up to what is found elsewhere].
-  Supremum supremum(const DenseSystem& small, double level, RelativeTo relative_to);
+  /// @param most   about so many intervals; fewer make `worst` larger, never wrong.
+  Supremum supremum(const DenseSystem& small, double level, RelativeTo relative_to,
+                    int most = 20000);
   /// True if the certified error is at most `tolerance` everywhere in the bands, but for
   /// excluded intervals around undamped resonances.
   bool meets(const DenseSystem& small, double tolerance);
 
-  /// A frequency where the medium model itself is not proved to be within the tolerance.
+  /// A frequency where the medium model itself, without its rounding, is not proved to be within the tolerance.
   std::optional<double> weak_spot(double tolerance);
 
   const std::vector<double>& omega() const { return omega_; }
@@ -78,6 +80,7 @@ private:
   double ratio(std::size_t view, double difference, double size, double bound) const;
   double certified(const Seen& seen, std::size_t l, const ComplexDense& H_r) const;
   Point point(double omega, const DenseResponse* small) const;
+  std::optional<MediumModel::Stretch> provable_over(const Interval& interval) const;
   Look look(Node& node, const DenseResponse* small);
   std::optional<double> exceeds(const DenseResponse* small, double tolerance);
   void split(Node& node) const;

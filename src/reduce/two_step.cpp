@@ -299,8 +299,9 @@ ReducedModel SecondStageRun::finish() {
                   sup.worst_of[0], references[to_band ? 1 : 0],
                   rom.claim->bands.size() > 1 ? "s" : "", label.c_str(),
                   sup.attained_of[0], sup.at_of[0] * hz, floor));
-  const auto other = errors_->supremum(small, gramian_.tolerance.value_or(0),
-                                       to_band ? RelativeTo::pointwise : RelativeTo::band);
+  const auto other = errors_->supremum(
+      small, gramian_.tolerance.value_or(0),
+      to_band ? RelativeTo::pointwise : RelativeTo::band, sup.intervals + 200);
   plan_.fact("relative to", text("%s (-mor_tol_relative_to %s); of %s the error is at most %.1e",
                                  references[to_band ? 1 : 0],
                                  options_.medium.relative_to.c_str(),

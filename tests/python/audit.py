@@ -173,9 +173,8 @@ def examine(case: Case, rng: np.random.Generator) -> Verdict:
     if rom.kind == "estimated":
         return verdict
     reduced = System(rom.K, rom.M, rom.B, rom.C, rom.D, eta=rom.eta)
-    count = 2000 if s.D is None else 150
     worst = 0.0
-    for omega in hard_frequencies(s, reduced, rom.bands, rom.excluded, rng, count):
+    for omega in hard_frequencies(s, reduced, rom.bands, rom.excluded, rng):
         truth = relative_error(s, reduced, omega)
         if truth > worst:
             worst, verdict.at = truth, omega

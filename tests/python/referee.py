@@ -38,6 +38,7 @@ class System:
         if self.C is None:
             self.C = self.B.T
         parts = [self.K, self.M] + ([] if self.D is None else [self.D])
+        self._known: dict[float, Any] = {}
         self._sparse = sp.issparse(self.K) and self.K.shape[0] > 300
         if self._sparse:
             self._long = [_LongSparse(a) for a in parts]
@@ -47,14 +48,20 @@ class System:
         self._double = parts
 
     def transfer(self, omega: float) -> Any:
-        """H(omega), (n_out, n_in), as accurate as long double residuals make it."""
+        """H(omega), (n_out, n_in), as accurate as long double residuals make it; kept."""
+        if omega not in self._known:
+            self._known[omega] = self._transfer(omega)
+        return self._known[omega]
+
+    def _transfer(self, omega: float) -> Any:
         w, i = LONG(omega), np.clongdouble(1j)
         k = 1 + i * (LONG(self.eta) + w * LONG(self.beta))
         m = i * w * LONG(self.alpha) - w * w
         factors = [k, m, i * w][: len(self._double)]
         A = sum(complex(f) * a for f, a in zip(factors, self._double, strict=True))
         if self._sparse:
-            lu = splu(A.tocsc())
+            lu = splu(A.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.01,
+                      options={"SymmetricMode": True})  # fmt: skip
             solve: Callable[[Any], Any] = lambda r: lu.solve(r)  # noqa: E731
         else:
             pivots = sl.lu_factor(A, check_finite=False)
@@ -67,27 +74,53 @@ class System:
             step = solve(R.astype(complex))
             X = X + step
             size = np.linalg.norm(step) / np.linalg.norm(X.astype(complex))
-            if size < 1e-18 or size >= 0.5 * last:
+            if size < 1e-16 or size >= 0.5 * last:
                 break
             last = size
         return np.asarray(self.C).astype(LONG) @ X
 
     def quickly(self, omega: Any) -> Any:
-        """H at many frequencies in double, (n, n_out, n_in): to find where to look."""
-        if self.D is None and not self._sparse:
+        """H at many frequencies in double, (n, n_out, n_in), by partial fractions: to find where
+        to look, not to judge."""
+        w = np.asarray(omega, float)[:, None]
+        if self.D is None:
             lam, phi, scale = self._modes()
             b, c = phi.T @ self.B, np.asarray(self.C) @ phi
-            w = np.asarray(omega)[:, None]
             k = (1 - scale * lam) * (1 + 1j * (self.eta + w * self.beta))
             a = k + lam * (1j * w * self.alpha - w * w)
-            return np.einsum("oj,wj,ji->woi", c, 1 / np.where(a == 0, 1e-300, a), b, optimize=True)
-        return np.array([self.transfer(w).astype(complex) for w in omega])
+        else:
+            c, g, b, shift = self._first_order()
+            a = 1 + (1j * w - shift) * g
+        residues = (c.T[:, :, None] * b[:, None, :]).reshape(len(b), -1)
+        with np.errstate(all="ignore"):
+            H = (1 / np.where(a == 0, 1e-30, a)) @ residues
+        return np.nan_to_num(H.reshape(len(w), len(c), b.shape[1]), nan=1e30)
+
+    def _first_order(self) -> tuple[Any, Any, Any, float]:
+        if not hasattr(self, "_pencil"):
+            K, M, D = self._double
+            n = len(K)
+            E, A = np.eye(2 * n), np.zeros((2 * n, 2 * n))
+            E[n:, n:] = M
+            A[:n, n:], A[n:, :n] = np.eye(n), -K
+            A[n:, n:] = -(D + self.alpha * M + self.beta * K)
+            shift = float(np.sqrt(np.trace(K) / np.trace(M))) * 0.1
+            solved = sl.solve(shift * E - A, np.hstack([E, np.vstack([0 * self.B, self.B])]))
+            g, V = sl.eig(solved[:, : 2 * n])
+            C = np.hstack([np.asarray(self.C), 0 * np.asarray(self.C)])
+            self._pencil = C @ V, g, sl.solve(V, solved[:, 2 * n :].astype(complex)), shift
+        return self._pencil
 
     def _modes(self) -> tuple[Any, Any, float]:
         if not hasattr(self, "_kept"):
             K, M = self._double[:2]
-            scale = np.trace(K) / max(np.trace(M), 1e-300) * 1e-3
-            mu, phi = sl.eigh(M, K + scale * M)
+            scale = abs(np.trace(K)) / max(np.trace(M), 1e-300) * 1e-3
+            while True:  # K may be indefinite by rounding
+                try:
+                    mu, phi = sl.eigh(M, K + scale * M)
+                    break
+                except sl.LinAlgError:
+                    scale *= 100
             self._kept = mu, phi, scale
         return self._kept
 
@@ -135,6 +168,32 @@ def inside(omega: Any, bands: Any, excluded: Any) -> Any:
     for first, last in excluded:
         good &= ~((w >= first) & (w <= last))
     return good
+
+
+def suspicious(
+    reduced: System, bands: Any, excluded: Any, rng: np.random.Generator, count: int = 12
+) -> Any:
+    """Frequencies [rad/s] that the reduced model alone gives away, for a full model whose solves are
+    dear: its poles in the bands and their flanks, its antiresonances, ends, and random ones."""
+    omega, width = reduced.poles()
+    near = np.concatenate([omega + s * np.maximum(width, 1e-7 * omega) for s in (-3, -1, 0, 1, 3)])
+    fine = np.concatenate([np.linspace(first, last, 4000) for first, last in bands])
+    size = np.linalg.norm(reduced.quickly(fine), axis=(1, 2))
+    low = np.nonzero((size[1:-1] <= size[:-2]) & (size[1:-1] <= size[2:]))[0] + 1
+    zeros = []
+    for i in low[np.argsort(size[low])][: count // 2]:
+        a, b = fine[i - 1], fine[i + 1]
+        for _ in range(5):
+            w = np.linspace(a, b, 17)
+            best = np.linalg.norm(reduced.quickly(w), axis=(1, 2)).argmin()
+            a, b = w[max(best - 1, 0)], w[min(best + 1, 16)]
+        zeros.append(0.5 * (a + b))
+    near = near[inside(near, bands, excluded)]
+    near = rng.choice(near, min(count, len(near)), replace=False)
+    rng = np.random.default_rng(5)  # the same for every model of a body: solved once
+    spread = np.concatenate([rng.uniform(first, last, count) for first, last in bands])
+    found = np.concatenate([near, zeros, np.ravel(bands), spread])
+    return np.unique(found[inside(found, bands, excluded)])
 
 
 def hard_frequencies(
