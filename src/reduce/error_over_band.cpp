@@ -85,6 +85,13 @@ ViewNorms view_norms(const MatrixSeries& series, const PortView& view) {
   return norms;
 }
 
+MatrixSeries difference_of(const MatrixSeries& a, MatrixSeries b) {
+  for (std::size_t i = 0; i < b.coefficients.data.size(); ++i)
+    b.coefficients.data[i] = a.coefficients.data[i] - b.coefficients.data[i];
+  for (std::size_t i = 0; i < b.tail.data.size(); ++i) b.tail.data[i] += a.tail.data[i];
+  return b;
+}
+
 double width_of(const Interval& interval) { return interval.last - interval.first; }
 
 } // namespace
@@ -221,22 +228,19 @@ ErrorOverBand::Point ErrorOverBand::point(double omega, const DenseResponse* sma
   Point result{std::vector<double>(views_.size(), infinity), true};
   const auto medium = medium_.over({omega, omega}, 0);
   if (!medium) return result;
-  const ComplexDense H = medium->H.centre();
-  ComplexDense difference(H.rows, H.columns);
+  MatrixSeries difference;
   if (small) {
     const auto series = response_series(*small, {omega, omega}, 0);
     if (!series) return result;
-    const ComplexDense H_r = multiply_transposed(small->modal_outputs(), series->x).centre();
-    for (std::size_t i = 0; i < difference.data.size(); ++i)
-      difference.data[i] = H.data[i] - H_r.data[i];
+    difference = difference_of(medium->H, multiply_transposed(small->modal_outputs(), series->x));
   }
   for (std::size_t v = 0; v < views_.size(); ++v) {
     const PortView& view = views_[v].view;
-    const double size = frobenius_norm(view.of(H));
+    const ViewNorms size = view_norms(medium->H, view);
     const Certificate::Bound& bound = medium->bounds[v];
-    result.certified[v] = ratio(v, frobenius_norm(view.of(difference)), size,
-                                bound.error +
-                                    (small ? bound.floor + solve_floor * size : 0.0));
+    result.certified[v] =
+        ratio(v, small ? view_norms(difference, view).above[0] : 0.0, size.below[0],
+              bound.error + (small ? bound.floor + solve_floor * size.above[0] : 0.0));
     result.proved = result.proved && bound.proved;
   }
   return result;
@@ -281,12 +285,8 @@ ErrorOverBand::Look ErrorOverBand::look(Node& node, const DenseResponse* small) 
   if (small) {
     const auto series = response_series(*small, node.interval, degree);
     if (!series) return look;
-    difference = multiply_transposed(small->modal_outputs(), series->x);
-    for (std::size_t i = 0; i < difference.coefficients.data.size(); ++i)
-      difference.coefficients.data[i] =
-          node.H->coefficients.data[i] - difference.coefficients.data[i];
-    for (std::size_t i = 0; i < difference.tail.data.size(); ++i)
-      difference.tail.data[i] += node.H->tail.data[i];
+    difference =
+        difference_of(*node.H, multiply_transposed(small->modal_outputs(), series->x));
   }
   look.known = true;
   look.worst = 0;

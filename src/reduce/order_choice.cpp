@@ -122,7 +122,7 @@ void choose_by_order(OrderChoice& choice, int order, const SecondStage& stage,
     if (order < candidate.least || order > candidate.most) continue;
     const double worst =
         errors.of(stage.medium.system.project(candidate.basis(order))).worst;
-    if (worst < least) {
+    if (worst < least || choice.order == 0) {
       least = worst;
       choice.best = c;
       choice.order = order;

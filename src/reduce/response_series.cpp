@@ -120,19 +120,20 @@ std::optional<ResponseSeries> of_solves(const DenseResponse& response, Interval 
   // [A⁻¹, A⁻¹A′h, …] by one factorisation; A″ is diagonal.
   ComplexDense A(N, N), right(N, h > 0 ? 2 * N : N);
   std::vector<double> curvature;
-  double size = 0;
+  Dense sizes(N, N); // of the entries of A anywhere in the interval
   for (std::size_t i = 0; i < A.data.size(); ++i) A.data[i] = Complex(0, c) * D.data[i];
   for (int i = 0; i < N; ++i) {
     const Diagonal d = diagonal(response, interval, i);
     A(i, i) += d.d0;
     right(i, i) = 1;
     curvature.push_back(d.d2.real());
-    size = std::max(size, d.summed);
+    sizes(i, i) = d.summed + std::abs(d.d1) + std::abs(d.d2);
     if (h == 0) continue;
     for (int j = 0; j < N; ++j) right(j, N + i) = Complex(0, h) * D(j, i);
     right(i, N + i) += d.d1;
   }
-  for (double d : D.data) size = std::max(size, c * std::abs(d));
+  for (std::size_t i = 0; i < sizes.data.size(); ++i)
+    sizes.data[i] += (c + h) * std::abs(D.data[i]);
   ComplexDense solved;
   try {
     solved = solve(std::move(A), std::move(right));
@@ -146,9 +147,8 @@ std::optional<ResponseSeries> of_solves(const DenseResponse& response, Interval 
   for (int j = 0; j < bend.columns; ++j)
     for (int i = 0; i < N; ++i)
       bend(i, j) = inverse(i, j) * curvature[static_cast<std::size_t>(j)];
-  const double away = norm_bound(slope) + norm_bound(bend),
-               rounding = 8 * epsilon * N * size * norm_bound(inverse);
-  if (!(away <= slowest) || !(rounding < 0.1)) return std::nullopt;
+  const double away = norm_bound(slope) + norm_bound(bend);
+  if (!(away <= slowest)) return std::nullopt;
 
   ResponseSeries series = empty_series(interval, N, p, degree);
   ComplexDense last(N, p), before; // X_k, X_(k−1)
@@ -157,8 +157,6 @@ std::optional<ResponseSeries> of_solves(const DenseResponse& response, Interval 
   std::vector<double> left(static_cast<std::size_t>(p), 0.0);
   for (int k = 0; k <= degree; ++k) {
     set_coefficient(series.x, k, last);
-    for (int j = 0; j < p; ++j)
-      left[static_cast<std::size_t>(j)] += rounding / (1 - rounding) * column_norm(last, j);
     for (std::size_t i = 0; i < last.data.size(); ++i)
       series.envelope.data[i] += std::abs(last.data[i]);
     if (h == 0) break;
@@ -177,10 +175,17 @@ std::optional<ResponseSeries> of_solves(const DenseResponse& response, Interval 
       left[static_cast<std::size_t>(j)] +=
           (column_norm(last, j) + column_norm(beyond, j)) / (1 - away);
   }
+  // Rounding, entry by entry: |A⁻¹| times that of the equations' terms.
+  Dense terms = multiply(sizes, series.envelope), inverse_sizes(N, N);
+  for (std::size_t i = 0; i < terms.data.size(); ++i) terms.data[i] += std::abs(B.data[i]);
+  for (std::size_t i = 0; i < inverse.data.size(); ++i)
+    inverse_sizes.data[i] = std::abs(inverse.data[i]);
+  const Dense rounding = multiply(inverse_sizes, terms);
   for (int j = 0; j < p; ++j)
     for (int i = 0; i < N; ++i) {
-      series.x.tail(i, j) = left[static_cast<std::size_t>(j)];
-      series.envelope(i, j) += left[static_cast<std::size_t>(j)];
+      series.x.tail(i, j) =
+          left[static_cast<std::size_t>(j)] + 4 * epsilon * N * rounding(i, j);
+      series.envelope(i, j) += series.x.tail(i, j);
     }
   return series;
 }

@@ -92,7 +92,8 @@ def test_rack(rack: Path, tmp_path: Path, ranks: int) -> None:
     band = (10.0, 500.0)
     full, orders = None, []
     for tolerance in (1e-2, 1e-4, 1e-6, 1e-8):
-        result = certified(rack, band, tmp_path, "-mor_tol", tolerance, ranks=ranks, full=full)
+        result = certified(rack, band, tmp_path, "-mor_tol", tolerance, ranks=ranks, full=full,
+                           count=6)  # fmt: skip
         full = result["full"]
         assert_certified(result, tolerance)
         assert result["factorisations"] == 2
@@ -100,12 +101,13 @@ def test_rack(rack: Path, tmp_path: Path, ranks: int) -> None:
     # 28, 38, 48 and 50 when written (README).
     assert orders == sorted(orders) and orders[0] <= 28 and orders[-1] <= 52
     for method in METHODS if ranks == 1 else ():
-        assert_certified(certified(rack, band, tmp_path, "-mor_method", method, full=full))
+        result = certified(rack, band, tmp_path, "-mor_method", method, full=full, count=6)
+        assert_certified(result)
 
 
 def test_rule_at_the_papers_order_is_not_worse_than_its_samples(rack: Path, tmp_path: Path) -> None:
     band = (10.0, 500.0)
-    rule = certified(rack, band, tmp_path)
+    rule = certified(rack, band, tmp_path, count=8)
     assert 25 <= rule["order"] <= 35
     samples = tmp_path / "pod.h5"
     run("reduce", "-body", rack, "-mor_method", "pod", "-mor_order", rule["order"], "-mor_out",
@@ -150,7 +152,8 @@ def test_ranks_do_not_matter(rack: Path, tmp_path: Path) -> None:
 def test_frames_change_the_basis_and_not_the_transfer_function(
     rack: Path, tmp_path: Path, frame: str
 ) -> None:
-    result = certified(rack, (10.0, 500.0), tmp_path, "-mor_frame", frame, "-mor_order", 30)
+    result = certified(rack, (10.0, 500.0), tmp_path, "-mor_frame", frame, "-mor_order", 30,
+                       count=4)  # fmt: skip
     assert_certified(result)
     rom = result["rom"]
     with h5py.File(result["path"]) as file:
