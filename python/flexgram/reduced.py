@@ -50,6 +50,9 @@ class ReducedModel:
         the largest one known, at ``omega``).
     attained_error : float
         The bound at one frequency ``attained_at`` [rad/s]: ``certified_error`` is no less.
+    rigid_rounding : float
+        How much H would change, relative, if the stiffness that K holds of the rigid modes, which is
+        within the rounding of doubles and taken for zero, were meant.
     relative_to : str
         What errors are divided by: ``pointwise`` (eq. 17) or ``band``.
     bands, excluded : (n, 2) arrays
@@ -90,6 +93,7 @@ class ReducedModel:
         self.certified_error = float(fields.get("error/worst", known.max()))
         self.attained_error = float(fields.get("error/attained", known.max()))
         self.attained_at = float(fields.get("error/at", np.nan))
+        self.rigid_rounding = float(fields.get("error/rigid_rounding", 0.0))
         self.relative_to = str(fields.get("error/relative_to", "pointwise"))
         self.excluded = array("error/excluded").reshape(-1, 2)
         self.tolerance: float | None = fields.get("error/tolerance")

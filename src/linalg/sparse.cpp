@@ -1,7 +1,12 @@
 #include "linalg/sparse.hpp"
 
+#include "base/text.hpp"
+
 #include "linalg/shifted_solver.hpp"
 
+#include <string>
+#include <limits>
+#include <array>
 #include <algorithm>
 #include <cmath>
 
@@ -257,6 +262,38 @@ int count_negative_eigenvalues(Mat a, double floor, SolverOptions options) {
   solver.count_pivots(true);
   solver.factorise({1.0, 0.0, 0.0});
   return solver.negative_pivots();
+}
+
+double relative_rounding(Mat a) {
+  constexpr int fewest = 6, most = 15;
+  std::array<double, most - fewest + 3> counts{}; // by digits; all; with more digits
+  const RowRange rows = owned_rows(a);
+  const PetscInt step = std::max<PetscInt>(1, rows.size() / 200);
+  for (PetscInt i = rows.begin; i < rows.end; i += step) {
+    PetscInt count = 0;
+    const PetscScalar* values = nullptr;
+    FG_CALL(MatGetRow(a, i, &count, nullptr, &values));
+    for (PetscInt k = 0; k < std::min<PetscInt>(count, 10); ++k) {
+      if (values[k] == 0) continue;
+      int digits = fewest;
+      while (digits <= most &&
+             std::stod(text("%.*e", digits - 1, values[k])) != values[k])
+        ++digits;
+      ++counts[static_cast<std::size_t>(digits - fewest)];
+      ++counts.back();
+    }
+    FG_CALL(MatRestoreRow(a, i, &count, nullptr, &values));
+  }
+  MPI_Allreduce(MPI_IN_PLACE, counts.data(), static_cast<int>(counts.size()), MPI_DOUBLE,
+                MPI_SUM, PetscObjectComm(reinterpret_cast<PetscObject>(a)));
+  double within = 0;
+  for (int digits = fewest; digits <= most; ++digits) {
+    const double here = counts[static_cast<std::size_t>(digits - fewest)];
+    within += here; // of numbers with d random digits one in ten ends in a zero
+    if (digits > fewest && here > 0.5 * counts.back() && within > 0.95 * counts.back())
+      return 5 * std::pow(10.0, -digits);
+  }
+  return std::numeric_limits<double>::epsilon();
 }
 
 } // namespace flexgram

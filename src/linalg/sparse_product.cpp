@@ -1,8 +1,11 @@
 #include "linalg/sparse_product.hpp"
 
+#include "base/text.hpp"
+
 #include <petscsf.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstring>
 #include <new>
 #include <optional>
@@ -155,50 +158,118 @@ void pack(const double* x, PetscInt rows, PetscInt columns, double* strip) {
 
 } // namespace
 
+namespace {
+
+/// The rows of an AIJ matrix on this rank, and of x those that other ranks hold.
+struct LocalProduct {
+  LocalProduct(Mat a, bool shared) {
+    Mat mine = a, others = nullptr;
+    const PetscInt* global_row = nullptr;
+    if (shared) {
+      FG_CALL(MatMPIAIJGetSeqAIJ(a, &mine, &others, &global_row));
+      FG_CALL(MatGetSize(others, nullptr, &wanted));
+      halo = halo_of(a, wanted, global_row);
+    }
+    here.emplace(mine);
+    if (others) away.emplace(others);
+  }
+  const Rows& rest() const { return away ? **away : nothing; }
+  /// Rows of x from other ranks, `width` numbers each.
+  void fetch(int width, const double* x, double* from_others) const {
+    if (!halo) return;
+    const MPI_Datatype row = row_of(width);
+    FG_CALL(PetscSFBcastBegin(halo, row, x, from_others, MPI_REPLACE));
+    FG_CALL(PetscSFBcastEnd(halo, row, x, from_others, MPI_REPLACE));
+  }
+
+  PetscInt wanted = 0;
+  PetscSF halo = nullptr;
+  std::optional<RowsOf> here, away;
+  Rows nothing;
+};
+
+bool is_type(Mat a, const char* type) {
+  PetscBool is = PETSC_FALSE;
+  FG_CALL(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(a), type, &is));
+  return is;
+}
+
+} // namespace
+
 Block multiply(Mat a, const Block& x) {
   Block y(x.comm(), x.local_rows(), x.rows(), x.columns());
   if (x.columns() == 0) return y;
-  PetscBool alone = PETSC_FALSE, shared = PETSC_FALSE;
-  FG_CALL(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(a), MATSEQAIJ, &alone));
-  FG_CALL(PetscObjectTypeCompare(reinterpret_cast<PetscObject>(a), MATMPIAIJ, &shared));
-  if (!alone && !shared) {
+  const bool shared = is_type(a, MATMPIAIJ);
+  if (!shared && !is_type(a, MATSEQAIJ)) {
     FG_CALL(BVMatMult(x.bv(), a, y.bv()));
     return y;
   }
-
-  Mat mine = a, others = nullptr;
-  const PetscInt* global_row = nullptr;
-  PetscInt wanted = 0;
-  PetscSF halo = nullptr;
-  if (shared) {
-    FG_CALL(MatMPIAIJGetSeqAIJ(a, &mine, &others, &global_row));
-    FG_CALL(MatGetSize(others, nullptr, &wanted));
-    halo = halo_of(a, wanted, global_row);
-  }
-  const RowsOf here(mine);
-  std::optional<RowsOf> away;
-  if (others) away.emplace(others);
-  const Rows nothing;
-  const Rows& rest = others ? **away : nothing;
-
+  const LocalProduct local(a, shared);
   const PetscInt rows = x.local_rows().size();
-  Strip strip(rows), from_others(wanted);
+  Strip strip(rows), from_others(local.wanted);
   const Block::Access from(x);
   Block::Access to(y);
   for (PetscInt j = 0; j < x.columns(); j += widest) {
     const PetscInt columns = std::min<PetscInt>(widest, x.columns() - j);
     const bool wide = columns > 4;
     (wide ? pack<8> : pack<4>)(from.column(j), rows, columns, strip.data());
-    if (halo) {
-      const MPI_Datatype row = row_of(wide ? 8 : 4);
-      FG_CALL(
-          PetscSFBcastBegin(halo, row, strip.data(), from_others.data(), MPI_REPLACE));
-      FG_CALL(PetscSFBcastEnd(halo, row, strip.data(), from_others.data(), MPI_REPLACE));
-    }
-    (wide ? product_of_8 : product_of_4)(*here, strip.data(), rest, from_others.data(),
-                                         to.column(j), columns);
+    local.fetch(wide ? 8 : 4, strip.data(), from_others.data());
+    (wide ? product_of_8 : product_of_4)(**local.here, strip.data(), local.rest(),
+                                         from_others.data(), to.column(j), columns);
   }
   return y;
+}
+
+Energy energy(Mat a, const Block& x) {
+  const int columns = static_cast<int>(x.columns());
+  const auto count = static_cast<std::size_t>(columns);
+  if (columns > widest) throw Error(text("energy of %d vectors at once", columns));
+  const bool shared = is_type(a, MATMPIAIJ);
+  if (!shared && !is_type(a, MATSEQAIJ)) throw Error("energy needs an AIJ matrix");
+  std::vector<long double> sums(count * count + count, 0.0L); // products, then squares
+  {
+    const LocalProduct local(a, shared);
+    const PetscInt rows = x.local_rows().size();
+    Strip strip(rows), from_others(local.wanted);
+    {
+      const Block::Access from(x);
+      pack<widest>(from.column(0), rows, columns, strip.data());
+    }
+    local.fetch(widest, strip.data(), from_others.data());
+    for (PetscInt i = 0; i < rows; ++i) {
+      const double* mine = strip.data() + static_cast<std::ptrdiff_t>(i) * widest;
+      long double product[widest] = {};
+      double squares[widest] = {};
+      const auto add = [&](const Rows& part, const double* values) {
+        if (part.count == 0) return;
+        for (PetscInt k = part.start[i]; k < part.start[i + 1]; ++k) {
+          const double* other =
+              values + static_cast<std::ptrdiff_t>(part.column[k]) * widest;
+          for (std::size_t c = 0; c < count; ++c) {
+            const long double term = static_cast<long double>(part.value[k]) * other[c];
+            product[c] += term;
+            squares[c] += static_cast<double>(term * term);
+          }
+        }
+      };
+      add(**local.here, strip.data());
+      add(local.rest(), from_others.data());
+      for (std::size_t c = 0; c < count; ++c) {
+        for (std::size_t d = 0; d < count; ++d) sums[c * count + d] += mine[c] * product[d];
+        sums[count * count + c] += mine[c] * mine[c] * squares[c];
+      }
+    }
+  }
+  MPI_Allreduce(MPI_IN_PLACE, sums.data(), static_cast<int>(sums.size()), MPI_LONG_DOUBLE,
+                MPI_SUM, x.comm());
+  Energy result{Dense(columns, columns), {}};
+  for (std::size_t c = 0; c < count; ++c) {
+    for (std::size_t d = 0; d < count; ++d)
+      result.product(static_cast<int>(d), static_cast<int>(c)) =
+          static_cast<double>(0.5L * (sums[c * count + d] + sums[d * count + c]));
+    result.spread.push_back(std::sqrt(static_cast<double>(sums[count * count + c])));
+  }
+  return result;
 }
 
 } // namespace flexgram

@@ -11,4 +11,16 @@ namespace flexgram {
 /// are.
 Block multiply(Mat a, const Block& x);
 
+/// XᵀAX summed in long double and rounded once, so that energies far below the rounding of
+/// A X come out.
+struct Energy {
+  Dense product;
+  /// For each column √Σ (x_i a_ij x_j)²: the product changes by ε times this, if the entries
+  /// of A are rounded at random.
+  std::vector<double> spread;
+};
+/// @param a  AIJ, rows and columns split like the rows of x.
+/// @param x  at most eight columns. Collective.
+Energy energy(Mat a, const Block& x);
+
 } // namespace flexgram

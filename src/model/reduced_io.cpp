@@ -90,6 +90,7 @@ void write_claim(Hdf5File& file, const ErrorClaim& claim) {
   file.set_attribute("/error", "whole", claim.whole);
   file.set_attribute("/error", "attained", claim.attained);
   file.set_attribute("/error", "at", claim.at);
+  file.set_attribute("/error", "rigid_rounding", claim.rigid_rounding);
   file.set_attribute("/error", "relative_to", claim.relative_to);
   write_intervals(file, "/error/bands", claim.bands);
   if (!claim.excluded.empty()) write_intervals(file, "/error/excluded", claim.excluded);

@@ -17,6 +17,8 @@ struct ErrorClaim {
   double attained = 0; ///< the bound at one frequency: `worst` is no less than this
   double at = 0;       ///< [rad/s] that frequency
   double whole = 0;    ///< largest relative error of H as a whole
+  double rigid_rounding = 0; ///< relative change of H if the stored stiffness of rigid
+                             ///< modes, taken for rounding, were meant
   std::string relative_to = "pointwise";
   std::vector<std::array<double, 2>> bands;    ///< [rad/s]
   std::vector<std::array<double, 2>> excluded; ///< [rad/s] where nothing is claimed

@@ -5,6 +5,7 @@
 #include "linalg/sparse.hpp"
 #include "linalg/sparse_product.hpp"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
@@ -25,35 +26,62 @@ double rigid_threshold(const SecondOrderModel& model) {
   return 1e3 * std::numeric_limits<double>::epsilon() * eigenvalue_scale(model);
 }
 
-bool is_rigid(const SecondOrderModel& model, const Block& phi, double lambda) {
+RigidSplit split_rigid(const SecondOrderModel& model, const Block& vectors,
+                       bool computed) {
+  constexpr double epsilon = std::numeric_limits<double>::epsilon();
+  const int all = static_cast<int>(vectors.columns()), count = std::min(all, 8);
+  RigidSplit split;
+  split.rotation = identity(all);
+  if (count == 0) return split;
+  Block chosen = combine(vectors, first_columns(identity(all), count));
+  SymmetricEigen eigen = symmetric_eigen(energy(model.K, chosen).product);
+  share_from_first(model.comm, eigen.values);
+  share_from_first(model.comm, eigen.vectors.data);
+  chosen = combine(chosen, eigen.vectors);
+  const Energy turned = energy(model.K, chosen);
   const auto k = diagonal(model.K);
-  double sum = 0;
+  std::vector<double> sizes(static_cast<std::size_t>(count), 0.0); // φᵀdiag(K)φ
   {
-    const Block::Access x(phi);
-    for (std::size_t i = 0; i < k.size(); ++i)
-      sum += k[i] * x.column(0)[i] * x.column(0)[i];
+    const Block::Access x(chosen);
+    for (int j = 0; j < count; ++j)
+      for (std::size_t i = 0; i < k.size(); ++i)
+        sizes[static_cast<std::size_t>(j)] += k[i] * x.column(j)[i] * x.column(j)[i];
   }
-  // Exports print 14 digits, some codes fewer: hence 256.
-  return lambda <=
-         256 * std::numeric_limits<double>::epsilon() * sum_over(model.comm, sum);
+  MPI_Allreduce(MPI_IN_PLACE, sizes.data(), count, MPI_DOUBLE, MPI_SUM, model.comm);
+  const double relative = 16 * std::max(epsilon, 0.25 * relative_rounding(model.K)),
+               negative = std::max(0.0, -turned.product(0, 0));
+  std::vector<int> order, rest;
+  for (int j = 0; j < count; ++j) {
+    const auto at = static_cast<std::size_t>(j);
+    const double lambda = turned.product(j, j);
+    const double noise = std::max({relative * turned.spread[at], 3 * negative,
+                                   computed ? 16 * epsilon * sizes[at] : 0.0});
+    const bool rigid = lambda <= std::min(noise, 256 * epsilon * sizes[at]);
+    (rigid ? order : rest).push_back(j);
+    if (rigid && std::abs(lambda) > 16 * epsilon * turned.spread[at])
+      split.explained = false;
+  }
+  split.count = static_cast<int>(order.size());
+  split.stiffness = Dense(split.count, split.count);
+  for (int j = 0; j < split.count; ++j)
+    for (int i = 0; i < split.count; ++i)
+      split.stiffness(i, j) = turned.product(order[static_cast<std::size_t>(i)],
+                                             order[static_cast<std::size_t>(j)]);
+  order.insert(order.end(), rest.begin(), rest.end());
+  for (int j = 0; j < count; ++j)
+    set_part(split.rotation, 0, j,
+             part_of(eigen.vectors, 0, count, order[static_cast<std::size_t>(j)], 1));
+  return split;
 }
 
 namespace {
 
-/// The M-orthonormal vectors turned to the eigenvectors of K in their span, the rigid
-/// ones kept.
-Block rigid_part(const SecondOrderModel& model, const Block& vectors) {
-  Dense k = inner(vectors, multiply(model.K, vectors));
-  symmetrise(k);
-  SymmetricEigen eigen = symmetric_eigen(k);
-  share_from_first(model.comm, eigen.values);
-  share_from_first(model.comm, eigen.vectors.data);
-  const Block turned = combine(vectors, eigen.vectors);
-  int rigid = 0;
-  while (rigid < k.rows && is_rigid(model, select_columns(turned, {rigid}),
-                                    eigen.values[static_cast<std::size_t>(rigid)]))
-    ++rigid;
-  return combine(vectors, first_columns(eigen.vectors, rigid));
+Block rigid_part(const SecondOrderModel& model, const Block& vectors, bool computed,
+                 RigidSplit* found) {
+  RigidSplit split = split_rigid(model, vectors, computed);
+  Block rigid = combine(vectors, first_columns(split.rotation, split.count));
+  if (found) *found = std::move(split);
+  return rigid;
 }
 
 /// The mean position of the rows, and the mean distance from it.
@@ -137,10 +165,10 @@ Block null_space_modes(const SecondOrderModel& model, SolverOptions options) {
   if (x.columns() < count)
     throw Error(text("only %ld of the %d vectors of K's null space were found",
                      static_cast<long>(x.columns()), count));
-  return rigid_part(model, x);
+  return rigid_part(model, x, true, nullptr);
 }
 
-Block rigid_body_modes(const SecondOrderModel& model) {
+Block rigid_body_modes(const SecondOrderModel& model, RigidSplit* split) {
   if (!has_coordinates(model)) return Block(model.comm, model.rows, model.n, 0);
   const InnerProduct mass{model.M, model.K, 0};
   const Block none;
@@ -149,7 +177,7 @@ Block rigid_body_modes(const SecondOrderModel& model) {
   const Block motions =
       orthonormalise(rigid_motions(model, centre, radius), none, none, mass, 1e-6)
           .vectors;
-  return rigid_part(model, motions);
+  return rigid_part(model, motions, false, split);
 }
 
 } // namespace flexgram

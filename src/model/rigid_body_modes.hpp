@@ -15,9 +15,21 @@ double eigenvalue_scale(const SecondOrderModel& model);
 /// decides.
 double rigid_threshold(const SecondOrderModel& model);
 
-/// Whether the stiffness λ = φᵀKφ of an M-normalised vector is no more than what the
-/// rounding of K leaves, c ε φᵀdiag(K)φ: a body on soft springs is not free.
-bool is_rigid(const SecondOrderModel& model, const Block& phi, double lambda);
+/// Which combinations of M-orthonormal vectors K does not resist: a body on soft springs is
+/// not free. φᵀKφ is summed in twice the precision, so it is that of the stored K; it is no
+/// stiffness if it is within what rounding of K's entries leaves (16 times ε √Σ(φ_i K_ij
+/// φ_j)², ε that of doubles or of the printed digits of a text file), or of the size of
+/// negative ones, and never above 256 ε φᵀdiag(K)φ. Vectors that were computed have some
+/// energy of their own errors: they may have 16 ε φᵀdiag(K)φ.
+struct RigidSplit {
+  Dense rotation;   ///< orthogonal; the first `count` columns give the rigid vectors
+  int count = 0;
+  Dense stiffness;  ///< ΦᵀKΦ of these
+  /// That is within the rounding of doubles: a truly free body could look like it.
+  bool explained = true;
+};
+/// @param vectors  of more than eight the first are looked at. Collective.
+RigidSplit split_rigid(const SecondOrderModel& model, const Block& vectors, bool computed);
 
 /// Three translations and three rotations about `centre`, the latter divided by `radius`:
 /// n×6.
@@ -28,8 +40,9 @@ Block rigid_motions(const SecondOrderModel& model, const std::array<double, 3>& 
 /// Rigid body modes from geometry: those combinations of three translations and three
 /// rotations of the nodes that K does not resist (supports leave fewer than six).
 /// @return n × (0 … 6), M-orthonormal; no columns if the body has no coordinates.
+/// @param split  if given, what was found of them.
 /// @note Collective.
-Block rigid_body_modes(const SecondOrderModel& model);
+Block rigid_body_modes(const SecondOrderModel& model, RigidSplit* split = nullptr);
 
 /// The same for a body without coordinates: the null space of K by inverse iteration with
 /// K − s₀M, s₀ the rigid threshold, whose inertia says how many there are. One

@@ -212,6 +212,7 @@ struct Reduction {
       f["error/whole"] = rom.claim->whole;
       f["error/attained"] = rom.claim->attained;
       f["error/at"] = rom.claim->at;
+      f["error/rigid_rounding"] = rom.claim->rigid_rounding;
       f["error/relative_to"] = rom.claim->relative_to;
       f["error/bands"] = rom.claim->bands;
       f["error/excluded"] = rom.claim->excluded;

@@ -340,7 +340,8 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
     rigid_ = transpose(part_of(U, 0, space.rigid(), 0, U.columns));
     neglected_ = transpose(multiply(space.neglected(), U));
     geometric_ = space.rigid_modes_are_geometric();
-    for (Dense* a : {&rigid_, &neglected_})
+    assumed_ = multiply(rigid_, space.assumed());
+    for (Dense* a : {&rigid_, &neglected_, &assumed_})
       for (double& x : a->data) x = std::abs(x);
   }
   const auto& weights = space.rounding_weights();
@@ -503,7 +504,8 @@ MatrixSeries Certificate::residual(const DenseResponse& response,
 
 /// Rounding of H itself: entries of VᵀKV are wrong by rounding() g_i g_j. Roundings are
 /// random: their squares add up.
-double Certificate::floor(const ResponseSeries& x, const PortSet& block) const {
+void Certificate::add_rounding(Bound& bound, const ResponseSeries& x,
+                               const PortSet& block) const {
   const auto rounded = [&](const std::vector<int>& columns, const Dense& sizes,
                            const std::vector<double>& weights) {
     double sum = 0;
@@ -516,18 +518,20 @@ double Certificate::floor(const ResponseSeries& x, const PortSet& block) const {
   };
   const double in = rounded(block.inputs, x.envelope, rounding_weights_),
                out = rounded(block.outputs, x.envelope, rounding_weights_);
-  double floor = 4 * rounding_ * in * out;
+  bound.floor = 4 * rounding_ * in * out;
   if (rigid_.columns > 0) { // between rigid and elastic motion, and what K holds of both
     const Dense motion = multiply_transposed(rigid_, x.envelope),
                 force = multiply_transposed(neglected_, x.envelope);
     const std::vector<double> one(static_cast<std::size_t>(rigid_.columns), 1.0);
-    floor += (geometric_ ? 4 : 200) * rounding_ *
+    bound.floor += (geometric_ ? 4 : 200) * rounding_ *
                  (rounded(block.inputs, motion, rigid_weights_) * out +
                   in * rounded(block.outputs, motion, rigid_weights_)) +
              rounded(block.outputs, motion, one) * rounded(block.inputs, force, one) +
              rounded(block.outputs, force, one) * rounded(block.inputs, motion, one);
+    bound.assumed =
+        rounded(block.outputs, motion, one) *
+        rounded(block.inputs, multiply_transposed(assumed_, x.envelope), one);
   }
-  return floor;
 }
 
 std::vector<Certificate::Bound>
@@ -568,8 +572,11 @@ Certificate::over(const DenseResponse& response, const ResponseSeries& x,
         added + (same ? frobenius_norm(multiply_transposed(w_in, w_in, true))
                       : paired_norm(w_c, w_in));
     const double known = added + frobenius_norm(multiply_transposed(w_c, w_in));
-    bounds.push_back({std::min(S.norm * paired, std::abs(S.centre) * known + S.radius * paired),
-                      floor(x, block), S.proved});
+    Bound bound;
+    bound.error = std::min(S.norm * paired, std::abs(S.centre) * known + S.radius * paired);
+    bound.proved = S.proved;
+    add_rounding(bound, x, block);
+    bounds.push_back(bound);
   }
   return bounds;
 }

@@ -50,6 +50,9 @@ public:
   struct Bound {
     double error = 0; ///< of ‖H − H_r‖_F, in the unit of H
     double floor = 0; ///< rounding of the model itself, in the unit of H; not in `error`
+    /// How far H would be if what K holds of rigid modes, taken for rounding of doubles,
+    /// were meant; in neither.
+    double assumed = 0;
     bool proved = true;
   };
 
@@ -82,7 +85,7 @@ private:
   Inverse inverse(const DenseResponse& response, const ResponseSeries& x) const;
   double mode_coupling(const DenseResponse& response, const ResponseSeries& x) const;
   MatrixSeries residual(const DenseResponse& response, const ResponseSeries& x) const;
-  double floor(const ResponseSeries& x, const PortSet& block) const;
+  void add_rounding(Bound& bound, const ResponseSeries& x, const PortSet& block) const;
 
   double tau_ = 0, kappa_ = 0, mu_c_ = 0, rounding_ = 0;
   bool geometric_ = true, complete_ = true;
@@ -92,7 +95,9 @@ private:
   std::vector<double> dropped_ports_, dropped_K_, dropped_D_; ///< ‖·‖ of E⁻¹ at most
   std::vector<double> mode_mu_, mode_residual_;               ///< μ_j and ‖G_j‖ of Φ
   Dense mode_G_, mode_F_, mode_D_; ///< J = c G + iω F, and ΦᵀDΦ; empty without D
-  Dense rigid_, neglected_; ///< transposed: rigid rows of U; stiffness that was set to zero
+  /// Transposed: rigid rows of U; stiffness that was set to zero; that among rigid modes
+  /// taken for rounding.
+  Dense rigid_, neglected_, assumed_;
 };
 
 } // namespace flexgram

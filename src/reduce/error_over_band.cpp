@@ -132,6 +132,7 @@ ErrorOverBand::ErrorOverBand(const MediumModel& medium, std::vector<Interval> ba
       seen.size.push_back(size);
       seen.bound.push_back(bound.error + floor);
       seen.floor.push_back(floor / size);
+      assumed_ = std::max(assumed_, bound.assumed / size);
       seen.largest = std::max(seen.largest, size - seen.bound.back());
     }
     H_.push_back(std::move(value.H));

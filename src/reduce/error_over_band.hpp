@@ -59,6 +59,9 @@ public:
   /// Rounding, relative, of H as a whole.
   const std::vector<double>& floor() const { return views_.front().floor; }
   double largest_floor() const; ///< of all views
+  /// What H would change by, relative, if the stiffness of rigid modes that was taken for
+  /// rounding were meant; on the grid, of all views.
+  double assumed() const { return assumed_; }
   const std::vector<ComplexDense>& H() const { return H_; }
   /// What no small model can go below: the bound of the medium model itself, on the grid.
   double least() const;
@@ -97,6 +100,7 @@ private:
   std::vector<double> sharp_omega_;
   std::vector<std::unique_ptr<Node>> roots_;
   std::size_t kept_ = 0; ///< numbers in the nodes
+  double assumed_ = 0;
 };
 
 } // namespace flexgram

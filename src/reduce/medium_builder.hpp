@@ -1,5 +1,6 @@
 #pragma once
 
+#include "model/rigid_body_modes.hpp"
 #include "reduce/medium_model.hpp"
 
 namespace flexgram {
@@ -15,6 +16,7 @@ public:
 
 private:
   void find_rigid_modes();
+  static MediumSpace::RigidStiffness stiffness_of(const RigidSplit& split);
   Block start(double omega, int modes_wanted, bool mass_is_singular);
   void scale_ports(Block& response);
   void search_modes();
@@ -35,6 +37,7 @@ private:
   Monitor& monitor_;
   ShiftedSolver solver_;
   Block rigid_modes_, loads_, ports_; ///< all ports, scaled; the second self-equilibrated
+  MediumSpace::RigidStiffness rigid_stiffness_; ///< of those from the geometry
   int geometric_ = 0, expected_ = 0;
   double threshold_ = 0;
   bool modes_exact_ = false; ///< the modes themselves are the result

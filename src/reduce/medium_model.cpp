@@ -305,7 +305,7 @@ MediumModel MediumBuilder::build(const std::vector<Interval>& bands, double last
     Block response = start(options_.cutoff * reference, modes_wanted, mass_is_singular);
     scale_ports(response);
     space_ = std::make_unique<MediumSpace>(fom_, model_.kappa, model_.tau);
-    space_->start_with_rigid_modes(std::move(rigid_modes_));
+    space_->start_with_rigid_modes(std::move(rigid_modes_), rigid_stiffness_);
     space_->append(std::move(response), 1e-7);
   }
   search_modes();

@@ -47,13 +47,14 @@ void MediumSpace::scale(Block& x) const {
 
 void MediumSpace::unscale(Block& x) const { scale_rows(x, root_diagonal_); }
 
-void MediumSpace::start_with_rigid_modes(Block Phi) {
+void MediumSpace::start_with_rigid_modes(Block Phi, RigidStiffness stiffness) {
   const int count = static_cast<int>(Phi.columns());
   if (count == 0) return;
   WV_.append(multiply(fom_.M, Phi));
   KV_.append(Block(Phi.comm(), Phi.local_rows(), Phi.rows(), count)); // zero
   K_ = Dense(count, count);
-  neglected_ = Dense(count, count);
+  neglected_ = std::move(stiffness.beyond);
+  assumed_ = std::move(stiffness.assumed);
   if (fom_.D) {
     DV_.append(multiply(fom_.D, Phi));
     D_ = inner(Phi, DV_.pieces().front());
@@ -174,7 +175,7 @@ void MediumSpace::track_residual(const Block& ports) {
   if (fom_.D) residual_.D = unit(p + N, N);
 }
 
-void MediumSpace::rotate_to_rigid(const Dense& Q, int count) {
+void MediumSpace::rotate_to_rigid(const Dense& Q, int count, RigidStiffness stiffness) {
   const auto congruence = [&](const Dense& a) {
     Dense result = multiply_transposed(Q, multiply(a, Q));
     symmetrise(result);
@@ -196,6 +197,8 @@ void MediumSpace::rotate_to_rigid(const Dense& Q, int count) {
   g_ = std::move(rotated);
   neglected_ = part_of(K_, 0, count, 0, columns());
   if (rigid_ > 0) set_part(neglected_, 0, 0, multiply(before, Q));
+  set_part(neglected_, 0, 0, stiffness.beyond);
+  assumed_ = std::move(stiffness.assumed);
   rigid_ = count;
   for (int j = 0; j < columns(); ++j)
     for (int i = 0; i < columns(); ++i)

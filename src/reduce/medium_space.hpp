@@ -15,14 +15,19 @@ public:
   /// @param tau   [rad²/s²] shift of the norm (K + τM)⁻¹.
   MediumSpace(const SecondOrderModel& fom, double kappa, double tau);
 
+  /// What K holds of rigid modes, which have none: `beyond` enters the bound, `assumed` is
+  /// within the rounding of doubles and is only told.
+  struct RigidStiffness {
+    Dense beyond, assumed;
+  };
   /// The first columns of V: M-orthonormal, without stiffness.
-  void start_with_rigid_modes(Block Phi);
+  void start_with_rigid_modes(Block Phi, RigidStiffness stiffness);
   /// Adds what X holds beyond V; returns the W-norms of what each column of X had
   /// outside V.
   std::vector<double> append(Block X, double tolerance);
   /// V ← V Q with an orthogonal Q, and its first columns are declared rigid. Before
   /// track_residual only.
-  void rotate_to_rigid(const Dense& Q, int count);
+  void rotate_to_rigid(const Dense& Q, int count, RigidStiffness stiffness);
 
   /// From now on the parts of the residuals are kept: with P = I − W V Vᵀ,
   ///   B − A(ω) V x = P B − (a_k − κ a_m) P K V x − iω P D V x = S (C_B − … C_K x − … C_D
@@ -59,6 +64,8 @@ public:
   /// Stiffness between rigid modes and the others (rigid × N) that was set to zero: how
   /// far the rigid modes are from being those of the stored K.
   const Dense& neglected() const { return neglected_; }
+  /// Stiffness among rigid modes that is taken for rounding (rigid × rigid).
+  const Dense& assumed() const { return assumed_; }
   /// Rigid modes from the null space of K share its rounding, those from the geometry do
   /// not.
   bool rigid_modes_are_geometric() const { return geometric_; }
@@ -73,7 +80,7 @@ private:
   std::vector<double> root_diagonal_, K_diagonal_; ///< this rank's rows
   Basis V_, WV_, KV_, DV_;                         ///< the last two until track_residual
   Residual residual_;
-  Dense K_, D_, neglected_;
+  Dense K_, D_, neglected_, assumed_;
   std::vector<double> g_;
   double rounding_;
   int rigid_ = 0;

@@ -46,9 +46,16 @@ MediumBuilder::MediumBuilder(const SecondOrderModel& fom, const MediumOptions& o
   }
 }
 
+MediumSpace::RigidStiffness MediumBuilder::stiffness_of(const RigidSplit& split) {
+  const Dense none(split.count, split.count);
+  return {split.explained ? none : split.stiffness, split.explained ? split.stiffness : none};
+}
+
 void MediumBuilder::find_rigid_modes() {
   threshold_ = rigid_threshold(fom_);
-  Block rigid = rigid_body_modes(fom_);
+  RigidSplit split;
+  Block rigid = rigid_body_modes(fom_, &split);
+  rigid_stiffness_ = stiffness_of(split);
   geometric_ = static_cast<int>(rigid.columns());
   ports_ = copy(loads_);
   // Self-equilibrated loads: no part of the response to them is rigid.
@@ -148,26 +155,39 @@ void MediumBuilder::search_modes() {
         expected_, model_.cutoff * hz, largest_order()));
   if (expected_ > 0) {
     Stage stage(monitor_, "modes");
+    // Modes as slow as this may be rigid: they are searched to working accuracy first.
+    const double suspicious =
+        std::max(threshold_, 1e-5 * model_.cutoff * model_.cutoff);
     solves = find_modes(*space_, solver_, model_.cutoff * model_.cutoff, expected_,
-                        modes_exact_ ? 1e-5 : 0.3, threshold_, monitor_);
+                        modes_exact_ ? 1e-5 : 0.3, threshold_, suspicious, monitor_);
     model_.solved_columns += solves;
     const RitzPairs pairs = ritz_pairs(*space_);
     int candidates = 0, null = 0;
     while (candidates < expected_ &&
-           pairs.lambda[static_cast<std::size_t>(candidates)] <= threshold_)
+           pairs.lambda[static_cast<std::size_t>(candidates)] <= suspicious)
       ++candidates;
+    RigidSplit split;
     if (candidates > 0) {
-      const Block suspects =
-          combine(space_->V(), first_columns(pairs.vectors, candidates));
-      while (null < candidates && is_rigid(fom_, select_columns(suspects, {null}),
-                                           pairs.lambda[static_cast<std::size_t>(null)]))
-        ++null;
+      // Together with the rigid modes from the geometry, which are the first columns.
+      split = split_rigid(
+          fom_, combine(space_->V(), first_columns(pairs.vectors, candidates)), true);
+      null = split.count;
     }
     if (null > 0) {
       const int rigid = space_->rigid();
-      Dense Q = identity(space_->columns());
-      set_part(Q, 0, rigid, orthonormal_columns(pairs.vectors));
-      space_->rotate_to_rigid(Q, rigid + null);
+      Dense Q = identity(space_->columns()), vectors = pairs.vectors;
+      set_part(vectors, 0, 0,
+               multiply(first_columns(pairs.vectors, candidates), split.rotation));
+      set_part(Q, 0, rigid, orthonormal_columns(std::move(vectors)));
+      MediumSpace::RigidStiffness all = stiffness_of(split);
+      for (auto [part, before] : {std::pair{&all.beyond, &rigid_stiffness_.beyond},
+                                  std::pair{&all.assumed, &rigid_stiffness_.assumed}}) {
+        Dense whole(rigid + null, rigid + null);
+        if (rigid > 0) set_part(whole, 0, 0, *before);
+        set_part(whole, rigid, rigid, *part);
+        *part = std::move(whole);
+      }
+      space_->rotate_to_rigid(Q, rigid + null, std::move(all));
       expected_ -= null;
     }
   }

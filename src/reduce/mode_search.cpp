@@ -54,7 +54,7 @@ RitzPairs ritz_pairs(const MediumSpace& space) {
 }
 
 int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expected,
-               double enough, double null, Monitor& monitor) {
+               double enough, double null, double suspicious, Monitor& monitor) {
   std::vector<double> good;
   double null_angle = HUGE_VAL; // of the last round
   int solves = 0;
@@ -112,7 +112,7 @@ int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expe
           loads, multiply(space.fom().M, random_block(space.fom().B, 1 + missing / 8,
                                                       static_cast<unsigned>(round))));
     const bool null_among =
-        checked > 0 && pairs.lambda[static_cast<std::size_t>(block.front())] <= null;
+        checked > 0 && pairs.lambda[static_cast<std::size_t>(block.front())] <= suspicious;
     // A poor solution costs a round, not the proof; what is nearly in the space already
     // is only worth its products where angles must become tiny.
     const std::vector<double> outside =
@@ -121,7 +121,7 @@ int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expe
     solves += static_cast<int>(loads.columns());
     double worst = 0, worst_null = 0;
     for (std::size_t i = 0; i < checked; ++i)
-      if (pairs.lambda[static_cast<std::size_t>(block[i])] <= null)
+      if (pairs.lambda[static_cast<std::size_t>(block[i])] <= suspicious)
         worst_null = std::max(worst_null, sigma * outside[i]);
     // Rounding lets them come no closer.
     const bool null_done =
@@ -131,7 +131,7 @@ int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expe
       const double lambda = pairs.lambda[static_cast<std::size_t>(block[i])];
       const double angle = std::abs(lambda - sigma) * outside[i];
       worst = std::max(worst, angle);
-      if (lambda <= null ? null_done : angle <= enough) good.push_back(lambda);
+      if (lambda <= suspicious ? null_done : angle <= enough) good.push_back(lambda);
     }
     monitor.detail(text("  modes: %d of %d below the cutoff, largest angle %.1e", below,
                         expected, worst));

@@ -218,6 +218,7 @@ ErrorClaim SecondStageRun::claim_of(const ErrorOverBand::Supremum& sup) const {
       std::max_element(sup.worst_of.begin(), sup.worst_of.end()) - sup.worst_of.begin());
   claim.attained = sup.attained_of[view];
   claim.at = sup.at_of[view];
+  claim.rigid_rounding = errors_->assumed();
   claim.relative_to = options_.medium.relative_to;
   for (const auto& [first, last] : gramian_.bands()) claim.bands.push_back({first, last});
   for (const Interval& e : sup.excluded) claim.excluded.push_back({e.first, e.last});
@@ -306,6 +307,11 @@ ReducedModel SecondStageRun::finish() {
                                  references[to_band ? 1 : 0],
                                  options_.medium.relative_to.c_str(),
                                  references[to_band ? 0 : 1], other.worst));
+  if (medium_.rigid > 0)
+    plan_.fact("rigid rounding",
+               text("rigid modes are rigid; if what K holds of them, which its rounding "
+                    "explains, were meant, H would change by %.0e",
+                    rom.claim->rigid_rounding));
   if (sup.worst_of.size() == 3) {
     rom.by_kind = {sup.worst_of[1], sup.worst_of[2]};
     plan_.fact("by kind", text("%s at most %.1e, %s at most %.1e (%s)",
