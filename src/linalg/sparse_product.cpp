@@ -1,7 +1,5 @@
 #include "linalg/sparse_product.hpp"
 
-#include "base/text.hpp"
-
 #include <petscsf.h>
 
 #include <algorithm>
@@ -220,55 +218,49 @@ Block multiply(Mat a, const Block& x) {
   return y;
 }
 
-Energy energy(Mat a, const Block& x) {
-  const int columns = static_cast<int>(x.columns());
-  const auto count = static_cast<std::size_t>(columns);
-  if (columns > widest) throw Error(text("energy of %d vectors at once", columns));
+AccurateProduct multiply_accurately(Mat a, const Block& x) {
   const bool shared = is_type(a, MATMPIAIJ);
-  if (!shared && !is_type(a, MATSEQAIJ)) throw Error("energy needs an AIJ matrix");
-  std::vector<long double> sums(count * count + count, 0.0L); // products, then squares
+  if (!shared && !is_type(a, MATSEQAIJ)) throw Error("an accurate product needs AIJ");
+  AccurateProduct result{Block(x.comm(), x.local_rows(), x.rows(), x.columns()),
+                         std::vector<double>(static_cast<std::size_t>(x.columns()), 0.0)};
+  const LocalProduct local(a, shared);
+  const PetscInt rows = x.local_rows().size();
+  Strip strip(rows), from_others(local.wanted);
   {
-    const LocalProduct local(a, shared);
-    const PetscInt rows = x.local_rows().size();
-    Strip strip(rows), from_others(local.wanted);
-    {
-      const Block::Access from(x);
-      pack<widest>(from.column(0), rows, columns, strip.data());
-    }
-    local.fetch(widest, strip.data(), from_others.data());
-    for (PetscInt i = 0; i < rows; ++i) {
-      const double* mine = strip.data() + static_cast<std::ptrdiff_t>(i) * widest;
-      long double product[widest] = {};
-      double squares[widest] = {};
-      const auto add = [&](const Rows& part, const double* values) {
-        if (part.count == 0) return;
-        for (PetscInt k = part.start[i]; k < part.start[i + 1]; ++k) {
-          const double* other =
-              values + static_cast<std::ptrdiff_t>(part.column[k]) * widest;
-          for (std::size_t c = 0; c < count; ++c) {
-            const long double term = static_cast<long double>(part.value[k]) * other[c];
-            product[c] += term;
-            squares[c] += static_cast<double>(term * term);
+    const Block::Access from(x);
+    Block::Access to(result.product);
+    for (PetscInt j = 0; j < x.columns(); j += widest) {
+      const PetscInt columns = std::min<PetscInt>(widest, x.columns() - j);
+      pack<widest>(from.column(j), rows, columns, strip.data());
+      local.fetch(widest, strip.data(), from_others.data());
+      for (PetscInt i = 0; i < rows; ++i) {
+        long double product[widest] = {};
+        double squares[widest] = {};
+        const auto add = [&](const Rows& part, const double* values) {
+          if (part.count == 0) return;
+          for (PetscInt k = part.start[i]; k < part.start[i + 1]; ++k) {
+            const double* other =
+                values + static_cast<std::ptrdiff_t>(part.column[k]) * widest;
+            for (PetscInt c = 0; c < columns; ++c) {
+              const long double term = static_cast<long double>(part.value[k]) * other[c];
+              product[c] += term;
+              squares[c] += static_cast<double>(term * term);
+            }
           }
+        };
+        add(**local.here, strip.data());
+        add(local.rest(), from_others.data());
+        const double* mine = strip.data() + static_cast<std::ptrdiff_t>(i) * widest;
+        for (PetscInt c = 0; c < columns; ++c) {
+          to.column(j + c)[i] = static_cast<double>(product[c]);
+          result.spread[static_cast<std::size_t>(j + c)] += mine[c] * mine[c] * squares[c];
         }
-      };
-      add(**local.here, strip.data());
-      add(local.rest(), from_others.data());
-      for (std::size_t c = 0; c < count; ++c) {
-        for (std::size_t d = 0; d < count; ++d) sums[c * count + d] += mine[c] * product[d];
-        sums[count * count + c] += mine[c] * mine[c] * squares[c];
       }
     }
   }
-  MPI_Allreduce(MPI_IN_PLACE, sums.data(), static_cast<int>(sums.size()), MPI_LONG_DOUBLE,
-                MPI_SUM, x.comm());
-  Energy result{Dense(columns, columns), {}};
-  for (std::size_t c = 0; c < count; ++c) {
-    for (std::size_t d = 0; d < count; ++d)
-      result.product(static_cast<int>(d), static_cast<int>(c)) =
-          static_cast<double>(0.5L * (sums[c * count + d] + sums[d * count + c]));
-    result.spread.push_back(std::sqrt(static_cast<double>(sums[count * count + c])));
-  }
+  MPI_Allreduce(MPI_IN_PLACE, result.spread.data(), static_cast<int>(result.spread.size()),
+                MPI_DOUBLE, MPI_SUM, x.comm());
+  for (double& s : result.spread) s = std::sqrt(s);
   return result;
 }
 

@@ -11,16 +11,15 @@ namespace flexgram {
 /// are.
 Block multiply(Mat a, const Block& x);
 
-/// XᵀAX summed in long double and rounded once, so that energies far below the rounding of
-/// A X come out.
-struct Energy {
-  Dense product;
-  /// For each column √Σ (x_i a_ij x_j)²: the product changes by ε times this, if the entries
-  /// of A are rounded at random.
+/// A X summed in long double and rounded once: forces far below the rounding of A X, as
+/// those of rigid motions, come out with all digits.
+struct AccurateProduct {
+  Block product;
+  /// For each column √Σ (x_i a_ij x_j)²: XᵀAX changes by ε times this, if the entries of A
+  /// are rounded at random.
   std::vector<double> spread;
 };
-/// @param a  AIJ, rows and columns split like the rows of x.
-/// @param x  at most eight columns. Collective.
-Energy energy(Mat a, const Block& x);
+/// @param a  AIJ, rows and columns split like the rows of x. Collective.
+AccurateProduct multiply_accurately(Mat a, const Block& x);
 
 } // namespace flexgram

@@ -33,12 +33,19 @@ RigidSplit split_rigid(const SecondOrderModel& model, const Block& vectors,
   RigidSplit split;
   split.rotation = identity(all);
   if (count == 0) return split;
+  const auto stiffness = [](const Block& x, const Block& image) {
+    Dense k = inner(x, image);
+    symmetrise(k);
+    return k;
+  };
   Block chosen = combine(vectors, first_columns(identity(all), count));
-  SymmetricEigen eigen = symmetric_eigen(energy(model.K, chosen).product);
+  SymmetricEigen eigen = symmetric_eigen(
+      stiffness(chosen, multiply_accurately(model.K, chosen).product));
   share_from_first(model.comm, eigen.values);
   share_from_first(model.comm, eigen.vectors.data);
   chosen = combine(chosen, eigen.vectors);
-  const Energy turned = energy(model.K, chosen);
+  const AccurateProduct image = multiply_accurately(model.K, chosen);
+  const Dense turned = stiffness(chosen, image.product);
   const auto k = diagonal(model.K);
   std::vector<double> sizes(static_cast<std::size_t>(count), 0.0); // φᵀdiag(K)φ
   {
@@ -49,23 +56,23 @@ RigidSplit split_rigid(const SecondOrderModel& model, const Block& vectors,
   }
   MPI_Allreduce(MPI_IN_PLACE, sizes.data(), count, MPI_DOUBLE, MPI_SUM, model.comm);
   const double relative = 16 * std::max(epsilon, 0.25 * relative_rounding(model.K)),
-               negative = std::max(0.0, -turned.product(0, 0));
+               negative = std::max(0.0, -turned(0, 0));
   std::vector<int> order, rest;
   for (int j = 0; j < count; ++j) {
     const auto at = static_cast<std::size_t>(j);
-    const double lambda = turned.product(j, j);
-    const double noise = std::max({relative * turned.spread[at], 3 * negative,
+    const double lambda = turned(j, j);
+    const double noise = std::max({relative * image.spread[at], 3 * negative,
                                    computed ? 16 * epsilon * sizes[at] : 0.0});
     const bool rigid = lambda <= std::min(noise, 256 * epsilon * sizes[at]);
     (rigid ? order : rest).push_back(j);
-    if (rigid && std::abs(lambda) > 16 * epsilon * turned.spread[at])
+    if (rigid && std::abs(lambda) > 16 * epsilon * image.spread[at])
       split.explained = false;
   }
   split.count = static_cast<int>(order.size());
   split.stiffness = Dense(split.count, split.count);
   for (int j = 0; j < split.count; ++j)
     for (int i = 0; i < split.count; ++i)
-      split.stiffness(i, j) = turned.product(order[static_cast<std::size_t>(i)],
+      split.stiffness(i, j) = turned(order[static_cast<std::size_t>(i)],
                                              order[static_cast<std::size_t>(j)]);
   order.insert(order.end(), rest.begin(), rest.end());
   for (int j = 0; j < count; ++j)

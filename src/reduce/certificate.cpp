@@ -339,7 +339,6 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
   if (space.rigid() > 0) {
     rigid_ = transpose(part_of(U, 0, space.rigid(), 0, U.columns));
     neglected_ = transpose(multiply(space.neglected(), U));
-    geometric_ = space.rigid_modes_are_geometric();
     assumed_ = multiply(rigid_, space.assumed());
     for (Dense* a : {&rigid_, &neglected_, &assumed_})
       for (double& x : a->data) x = std::abs(x);
@@ -523,7 +522,7 @@ void Certificate::add_rounding(Bound& bound, const ResponseSeries& x,
     const Dense motion = multiply_transposed(rigid_, x.envelope),
                 force = multiply_transposed(neglected_, x.envelope);
     const std::vector<double> one(static_cast<std::size_t>(rigid_.columns), 1.0);
-    bound.floor += (geometric_ ? 4 : 200) * rounding_ *
+    bound.floor += 4 * rounding_ *
                  (rounded(block.inputs, motion, rigid_weights_) * out +
                   in * rounded(block.outputs, motion, rigid_weights_)) +
              rounded(block.outputs, motion, one) * rounded(block.inputs, force, one) +

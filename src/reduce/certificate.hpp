@@ -88,7 +88,7 @@ private:
   void add_rounding(Bound& bound, const ResponseSeries& x, const PortSet& block) const;
 
   double tau_ = 0, kappa_ = 0, mu_c_ = 0, rounding_ = 0;
-  bool geometric_ = true, complete_ = true;
+  bool complete_ = true;
   std::vector<double> scale_, rounding_weights_, rigid_weights_;
   /// In coordinates where the Gram matrix is the identity; the last two transposed.
   Dense ports_, K_, D_;

@@ -13,8 +13,10 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 /// A factorisation of the full body tells H to no more digits than this.
 constexpr double solve_floor = 1e-11;
 /// Resonances sharper than this (half width over frequency) may be excluded, no farther
-/// from the pole than `zone` of its frequency, and no closer looked at than `narrowest`.
-constexpr double sharp = 1e-6, zone = 1e-4, narrowest = 1e-10;
+/// from the pole than `zone` of its frequency, and no closer looked at than `nearest`.
+constexpr double sharp = 1e-6, zone = 1e-4, nearest = 1e-7;
+/// Relative length of intervals that are not halved any more.
+constexpr double narrowest = 1e-10;
 /// Degree of the polynomials, equal pieces of an interval, and how close the supremum is
 /// to come to an attained value.
 constexpr int degree = 12, pieces = 8;
@@ -74,11 +76,11 @@ ViewNorms view_norms(const MatrixSeries& series, const PortView& view) {
     norms.at[at] = std::sqrt(square);
     if (node > 0) {
       const double a = norms.at[at - 1], b = norms.at[at];
-      double nearest = std::min(a, b);
+      double least = std::min(a, b);
       if (along > 0 && along < across) // the foot of the perpendicular is on the chord
-        nearest = std::sqrt(std::max(a * a - along * along / across - 1e-14 * a * a, 0.0));
+        least = std::sqrt(std::max(a * a - along * along / across - 1e-14 * a * a, 0.0));
       norms.above[at - 1] = std::max(a, b) + away;
-      norms.below[at - 1] = std::max(nearest - away, 0.0);
+      norms.below[at - 1] = std::max(least - away, 0.0);
     }
     std::swap(last, next);
   }
@@ -340,7 +342,7 @@ bool ErrorOverBand::may_be_excluded(const Interval& interval) const {
     const double pole = sharp_omega_[i],
                  distance =
                      std::max({interval.first - pole, pole - interval.last, 0.0});
-    if (width_of(interval) <= std::max(0.25 * distance, narrowest * pole)) return true;
+    if (width_of(interval) <= std::max(0.25 * distance, nearest * pole)) return true;
   }
   return false;
 }

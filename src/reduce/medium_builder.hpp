@@ -20,6 +20,7 @@ private:
   Block start(double omega, int modes_wanted, bool mass_is_singular);
   void scale_ports(Block& response);
   void search_modes();
+  void take_out_rigid_modes();
   std::vector<Resonance> resonances() const;
   void factorise_norm();
   void bound_least_eigenvalue();

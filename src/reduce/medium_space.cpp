@@ -61,8 +61,13 @@ void MediumSpace::start_with_rigid_modes(Block Phi, RigidStiffness stiffness) {
     symmetrise(D_);
   }
   add_rounding_weights(Phi);
+  keep_rigid_forces(Phi);
   V_.append(std::move(Phi));
   rigid_ = count;
+}
+
+void MediumSpace::keep_rigid_forces(const Block& Phi) {
+  rigid_forces_ = multiply_accurately(fom_.K, Phi).product;
 }
 
 void MediumSpace::add_rounding_weights(const Block& X) {
@@ -83,7 +88,7 @@ void MediumSpace::extend_projection(const Block& X, const Block& KX, const Block
   const int k = static_cast<int>(X.columns()), old = columns() - k;
   add_rounding_weights(X);
   Dense columns = inner(V_, KX);
-  neglected_ = beside(neglected_, part_of(columns, 0, rigid_, 0, k));
+  if (rigid_ > 0) neglected_ = beside(neglected_, inner(rigid_forces_, X));
   for (int j = 0; j < k; ++j) {
     for (int i = 0; i < rigid_; ++i) columns(i, j) = 0;
     for (int i = 0; i < j; ++i) {
@@ -183,8 +188,6 @@ void MediumSpace::rotate_to_rigid(const Dense& Q, int count, RigidStiffness stif
   };
   for (Basis* basis : {&V_, &WV_, &KV_, &DV_})
     if (*basis) *basis = combine(*basis, Q);
-  const Dense before = part_of(neglected_, 0, rigid_, 0, columns());
-  geometric_ = false;
   K_ = congruence(K_);
   if (!D_.data.empty()) D_ = congruence(D_);
   std::vector<double> rotated; // as if the parts had random signs
@@ -195,8 +198,8 @@ void MediumSpace::rotate_to_rigid(const Dense& Q, int count, RigidStiffness stif
     rotated.push_back(std::sqrt(square));
   }
   g_ = std::move(rotated);
-  neglected_ = part_of(K_, 0, count, 0, columns());
-  if (rigid_ > 0) set_part(neglected_, 0, 0, multiply(before, Q));
+  keep_rigid_forces(combine(V_, first_columns(identity(columns()), count)));
+  neglected_ = inner(rigid_forces_, V_);
   set_part(neglected_, 0, 0, stiffness.beyond);
   assumed_ = std::move(stiffness.assumed);
   rigid_ = count;

@@ -66,25 +66,24 @@ public:
   const Dense& neglected() const { return neglected_; }
   /// Stiffness among rigid modes that is taken for rounding (rigid × rigid).
   const Dense& assumed() const { return assumed_; }
-  /// Rigid modes from the null space of K share its rounding, those from the geometry do
-  /// not.
-  bool rigid_modes_are_geometric() const { return geometric_; }
 
 private:
   void add_rounding_weights(const Block& X);
   void extend_projection(const Block& X, const Block& KX, const Block& DX);
+  void keep_rigid_forces(const Block& Phi);
 
   SecondOrderModel fom_;
   InnerProduct product_;
   double tau_;
   std::vector<double> root_diagonal_, K_diagonal_; ///< this rank's rows
+  Block rigid_forces_;                             ///< K Φ of rigid modes, all digits
   Basis V_, WV_, KV_, DV_;                         ///< the last two until track_residual
   Residual residual_;
   Dense K_, D_, neglected_, assumed_;
   std::vector<double> g_;
   double rounding_;
   int rigid_ = 0;
-  bool tracks_ = false, geometric_ = true;
+  bool tracks_ = false;
 };
 
 } // namespace flexgram

@@ -144,6 +144,48 @@ int MediumBuilder::largest_order() const {
   return static_cast<int>(-max_over(fom_.comm, -limit));
 }
 
+/// Modes so slow that they may be rigid, which no geometry told: sharpened by a
+/// factorisation of their own, K + sM with s far below the elastic modes, and judged.
+void MediumBuilder::take_out_rigid_modes() {
+  const double slow = 1e-5 * model_.cutoff * model_.cutoff;
+  RitzPairs pairs = ritz_pairs(*space_);
+  const auto candidates = static_cast<int>(
+      std::min<std::ptrdiff_t>(expected_, std::lower_bound(pairs.lambda.begin(),
+                                                           pairs.lambda.end(), slow) -
+                                              pairs.lambda.begin()));
+  if (candidates == 0) return;
+  solver_.factorise({1.0, 1e-2 * slow, 0.0});
+  ++model_.factorisations;
+  for (int step = 0; step < 3; ++step) { // each divides what is elastic by λ_1/s
+    const Block loads = multiply(
+        fom_.M, combine(space_->V(), first_columns(pairs.vectors, candidates)));
+    space_->append(solver_.solve(loads, ShiftedSolver::Verify::none).x, 1e-11);
+    model_.solved_columns += candidates;
+    pairs = ritz_pairs(*space_);
+  }
+  const RigidSplit split = split_rigid(
+      fom_, combine(space_->V(), first_columns(pairs.vectors, candidates)), true);
+  const int null = split.count, rigid = space_->rigid();
+  plan_.fact("slow modes", text("%d below %.3g Hz: %d of them rigid, by a factorisation of "
+                                "K + sM (the body has no coordinates, or soft mounts)",
+                                candidates, std::sqrt(slow) * hz, null));
+  if (null == 0) return;
+  Dense Q = identity(space_->columns()), vectors = pairs.vectors;
+  set_part(vectors, 0, 0,
+           multiply(first_columns(pairs.vectors, candidates), split.rotation));
+  set_part(Q, 0, rigid, orthonormal_columns(std::move(vectors)));
+  MediumSpace::RigidStiffness all = stiffness_of(split);
+  for (auto [part, before] : {std::pair{&all.beyond, &rigid_stiffness_.beyond},
+                              std::pair{&all.assumed, &rigid_stiffness_.assumed}}) {
+    Dense whole(rigid + null, rigid + null);
+    if (rigid > 0) set_part(whole, 0, 0, *before);
+    set_part(whole, rigid, rigid, *part);
+    *part = std::move(whole);
+  }
+  space_->rotate_to_rigid(Q, rigid + null, std::move(all));
+  expected_ -= null;
+}
+
 /// All modes below the cutoff into the space; those without stiffness are rigid.
 void MediumBuilder::search_modes() {
   int solves = 0;
@@ -155,41 +197,10 @@ void MediumBuilder::search_modes() {
         expected_, model_.cutoff * hz, largest_order()));
   if (expected_ > 0) {
     Stage stage(monitor_, "modes");
-    // Modes as slow as this may be rigid: they are searched to working accuracy first.
-    const double suspicious =
-        std::max(threshold_, 1e-5 * model_.cutoff * model_.cutoff);
     solves = find_modes(*space_, solver_, model_.cutoff * model_.cutoff, expected_,
-                        modes_exact_ ? 1e-5 : 0.3, threshold_, suspicious, monitor_);
+                        modes_exact_ ? 1e-5 : 0.3, threshold_, monitor_);
     model_.solved_columns += solves;
-    const RitzPairs pairs = ritz_pairs(*space_);
-    int candidates = 0, null = 0;
-    while (candidates < expected_ &&
-           pairs.lambda[static_cast<std::size_t>(candidates)] <= suspicious)
-      ++candidates;
-    RigidSplit split;
-    if (candidates > 0) {
-      // Together with the rigid modes from the geometry, which are the first columns.
-      split = split_rigid(
-          fom_, combine(space_->V(), first_columns(pairs.vectors, candidates)), true);
-      null = split.count;
-    }
-    if (null > 0) {
-      const int rigid = space_->rigid();
-      Dense Q = identity(space_->columns()), vectors = pairs.vectors;
-      set_part(vectors, 0, 0,
-               multiply(first_columns(pairs.vectors, candidates), split.rotation));
-      set_part(Q, 0, rigid, orthonormal_columns(std::move(vectors)));
-      MediumSpace::RigidStiffness all = stiffness_of(split);
-      for (auto [part, before] : {std::pair{&all.beyond, &rigid_stiffness_.beyond},
-                                  std::pair{&all.assumed, &rigid_stiffness_.assumed}}) {
-        Dense whole(rigid + null, rigid + null);
-        if (rigid > 0) set_part(whole, 0, 0, *before);
-        set_part(whole, rigid, rigid, *part);
-        *part = std::move(whole);
-      }
-      space_->rotate_to_rigid(Q, rigid + null, std::move(all));
-      expected_ -= null;
-    }
+    take_out_rigid_modes();
   }
   model_.rigid = space_->rigid();
   std::string words = text("%d elastic below the cutoff of %.4g Hz, counted by inertia",

@@ -54,9 +54,8 @@ RitzPairs ritz_pairs(const MediumSpace& space) {
 }
 
 int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expected,
-               double enough, double null, double suspicious, Monitor& monitor) {
+               double enough, double null, Monitor& monitor) {
   std::vector<double> good;
-  double null_angle = HUGE_VAL; // of the last round
   int solves = 0;
   for (int round = 0;; ++round) {
     const RitzPairs pairs = ritz_pairs(space);
@@ -111,27 +110,18 @@ int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expe
       loads = concatenate(
           loads, multiply(space.fom().M, random_block(space.fom().B, 1 + missing / 8,
                                                       static_cast<unsigned>(round))));
-    const bool null_among =
-        checked > 0 && pairs.lambda[static_cast<std::size_t>(block.front())] <= suspicious;
     // A poor solution costs a round, not the proof; what is nearly in the space already
     // is only worth its products where angles must become tiny.
     const std::vector<double> outside =
         space.append(factor.solve(loads, ShiftedSolver::Verify::none).x,
-                     null_among || enough < 0.1 ? 1e-7 : 1e-5);
+                     enough < 0.1 ? 1e-7 : 1e-5);
     solves += static_cast<int>(loads.columns());
-    double worst = 0, worst_null = 0;
-    for (std::size_t i = 0; i < checked; ++i)
-      if (pairs.lambda[static_cast<std::size_t>(block[i])] <= suspicious)
-        worst_null = std::max(worst_null, sigma * outside[i]);
-    // Rounding lets them come no closer.
-    const bool null_done =
-        worst_null < 1e-9 || (worst_null < 1e-6 && worst_null > 0.3 * null_angle);
-    null_angle = worst_null;
+    double worst = 0;
     for (std::size_t i = 0; i < checked; ++i) {
       const double lambda = pairs.lambda[static_cast<std::size_t>(block[i])];
       const double angle = std::abs(lambda - sigma) * outside[i];
       worst = std::max(worst, angle);
-      if (lambda <= suspicious ? null_done : angle <= enough) good.push_back(lambda);
+      if (angle <= enough) good.push_back(lambda);
     }
     monitor.detail(text("  modes: %d of %d below the cutoff, largest angle %.1e", below,
                         expected, worst));

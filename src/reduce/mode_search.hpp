@@ -12,8 +12,6 @@ namespace flexgram {
 /// others positive ones, so clusters do no harm. Each round applies S to the Ritz vectors
 /// that are not yet good, to the next ones above σ, and to random vectors while modes are
 /// missing. How exact the modes are in the end is proved by the certificate, not here.
-/// Modes with hardly any stiffness (λ ≤ suspicious) are iterated down to rounding, since
-/// they may be taken as rigid.
 /// @param[in] factor    holds K − σM.
 /// @param[in] expected  modes below σ by Sylvester's law, without the rigid modes of the
 ///                      space. No more can be found (Cauchy), and no fewer will do.
@@ -22,7 +20,7 @@ namespace flexgram {
 /// @throws Error if a mode that the inertia counts cannot be found, or if there are more.
 /// @note Collective.
 int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expected,
-               double enough, double null, double suspicious, Monitor& monitor);
+               double enough, double null, Monitor& monitor);
 
 /// Eigenvalues of (K, M) in the space without its rigid modes, ascending, and the Ritz
 /// vectors as columns in the coordinates of V, W-orthonormal.

@@ -300,13 +300,15 @@ ReducedModel SecondStageRun::finish() {
                   sup.worst_of[0], references[to_band ? 1 : 0],
                   rom.claim->bands.size() > 1 ? "s" : "", label.c_str(),
                   sup.attained_of[0], sup.at_of[0] * hz, floor));
-  const auto other = errors_->supremum(
-      small, gramian_.tolerance.value_or(0),
-      to_band ? RelativeTo::pointwise : RelativeTo::band, sup.intervals + 200);
-  plan_.fact("relative to", text("%s (-mor_tol_relative_to %s); of %s the error is at most %.1e",
-                                 references[to_band ? 1 : 0],
-                                 options_.medium.relative_to.c_str(),
-                                 references[to_band ? 0 : 1], other.worst));
+  if (sup.excluded.empty()) { // else |H| has no largest value
+    const auto other = errors_->supremum(
+        small, gramian_.tolerance.value_or(0),
+        to_band ? RelativeTo::pointwise : RelativeTo::band, sup.intervals + 200);
+    plan_.fact("relative to",
+               text("%s (-mor_tol_relative_to %s); of %s the error is at most %.1e",
+                    references[to_band ? 1 : 0], options_.medium.relative_to.c_str(),
+                    references[to_band ? 0 : 1], other.worst));
+  }
   if (medium_.rigid > 0)
     plan_.fact("rigid rounding",
                text("rigid modes are rigid; if what K holds of them, which its rounding "

@@ -119,7 +119,7 @@ TEST(ModeSearch, FindsAllModesBelowTheCutoffAlsoThoseThatNoPortMoves) {
   EXPECT_EQ(factor.negative_pivots(), 14);
   MediumSpace space(fom, 0, 0.01);
   space.append(factor.solve(fom.B).x, 1e-8); // excites one chain only
-  find_modes(space, factor, sigma, 14, 1e-6, 1e-13, 1e-13, silent());
+  find_modes(space, factor, sigma, 14, 1e-6, 1e-13, silent());
   const RitzPairs pairs = ritz_pairs(space);
   for (int k = 0; k < 14; ++k)
     EXPECT_NEAR(pairs.lambda[static_cast<std::size_t>(k)],
@@ -134,7 +134,7 @@ TEST(ModeSearch, RefusesWhatContradictsTheInertia) {
   factor.factorise({1.0, -100.0, 0.0}); // 1.57², 4.71², 7.86²: three
   MediumSpace space(fom, 0, 10);
   space.append(factor.solve(fom.B).x, 1e-8);
-  EXPECT_THROW(find_modes(space, factor, 100, 2, 0.1, 1e-9, 1e-9, silent()), Error);
+  EXPECT_THROW(find_modes(space, factor, 100, 2, 0.1, 1e-9, silent()), Error);
 }
 
 TEST(Certificate, KnowsTheResidualOfEveryResponseHoweverTheSpaceGrew) {

@@ -77,7 +77,8 @@ def test_bodies_of_others(load_case: Loader, tmp_path: Path, name: str) -> None:
     medium = certified(body, band, tmp_path, "-mor_second_stage", "medium",
                        "-mor_medium_tol", "1e-3", ranks=2)  # fmt: skip
     assert_certified(medium)
-    assert medium["factorisations"] == 2
+    # One more where slow modes may be rigid: these bodies come without coordinates.
+    assert medium["factorisations"] in (2, 3)
     full = medium["full"]
     tolerance = 5e-2 if loose else 1e-4
     small = certified(body, band, tmp_path, "-mor_tol", tolerance, full=full)
