@@ -15,7 +15,8 @@ const char* const usage =
     "  flexgram assemble -body mesh.h5 -body_out matrices.h5\n"
     "  flexgram plan     -body body.h5          what would be done and skipped, "
     "memory\n\n"
-    "Exit status: 0; 1 for errors, with one message; 2 if -mor_tol is not met: the best body\n"
+    "Exit status: 0; 1 for errors, with one message; 2 if -mor_tol is not met: the best "
+    "body\n"
     "found is written all the same, with the error that it is certified to.\n\n"
     "Runs under mpirun; takes -options_file, -log_view and every PETSc option.\n"
     "Options [default]:\n";

@@ -51,8 +51,8 @@ class ReducedModel:
     attained_error : float
         The bound at one frequency ``attained_at`` [rad/s]: ``certified_error`` is no less.
     rigid_rounding : float
-        How much H would change, relative, if the stiffness that K holds of the rigid modes, which is
-        within the rounding of doubles and taken for zero, were meant.
+        How much H would change, relative, if the stiffness that K holds of the rigid modes, which
+        is within the rounding of doubles and taken for zero, were meant.
     relative_to : str
         What errors are divided by: ``pointwise`` (eq. 17) or ``band``.
     bands, excluded : (n, 2) arrays

@@ -4,11 +4,11 @@
 
 #include "linalg/shifted_solver.hpp"
 
-#include <string>
-#include <limits>
-#include <array>
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
+#include <string>
 
 namespace flexgram {
 

@@ -253,13 +253,14 @@ AccurateProduct multiply_accurately(Mat a, const Block& x) {
         const double* mine = strip.data() + static_cast<std::ptrdiff_t>(i) * widest;
         for (PetscInt c = 0; c < columns; ++c) {
           to.column(j + c)[i] = static_cast<double>(product[c]);
-          result.spread[static_cast<std::size_t>(j + c)] += mine[c] * mine[c] * squares[c];
+          result.spread[static_cast<std::size_t>(j + c)] +=
+              mine[c] * mine[c] * squares[c];
         }
       }
     }
   }
-  MPI_Allreduce(MPI_IN_PLACE, result.spread.data(), static_cast<int>(result.spread.size()),
-                MPI_DOUBLE, MPI_SUM, x.comm());
+  MPI_Allreduce(MPI_IN_PLACE, result.spread.data(),
+                static_cast<int>(result.spread.size()), MPI_DOUBLE, MPI_SUM, x.comm());
   for (double& s : result.spread) s = std::sqrt(s);
   return result;
 }

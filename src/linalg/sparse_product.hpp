@@ -15,8 +15,8 @@ Block multiply(Mat a, const Block& x);
 /// those of rigid motions, come out with all digits.
 struct AccurateProduct {
   Block product;
-  /// For each column √Σ (x_i a_ij x_j)²: XᵀAX changes by ε times this, if the entries of A
-  /// are rounded at random.
+  /// For each column √Σ (x_i a_ij x_j)²: XᵀAX changes by ε times this, if the entries of
+  /// A are rounded at random.
   std::vector<double> spread;
 };
 /// @param a  AIJ, rows and columns split like the rows of x. Collective.

@@ -13,10 +13,10 @@ namespace flexgram {
 
 /// What is claimed of the error everywhere in the bands.
 struct ErrorClaim {
-  double worst = 0;    ///< largest relative error, of H and of each kind of ports
-  double attained = 0; ///< the bound at one frequency: `worst` is no less than this
-  double at = 0;       ///< [rad/s] that frequency
-  double whole = 0;    ///< largest relative error of H as a whole
+  double worst = 0;          ///< largest relative error, of H and of each kind of ports
+  double attained = 0;       ///< the bound at one frequency: `worst` is no less than this
+  double at = 0;             ///< [rad/s] that frequency
+  double whole = 0;          ///< largest relative error of H as a whole
   double rigid_rounding = 0; ///< relative change of H if the stored stiffness of rigid
                              ///< modes, taken for rounding, were meant
   std::string relative_to = "pointwise";

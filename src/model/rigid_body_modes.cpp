@@ -39,8 +39,8 @@ RigidSplit split_rigid(const SecondOrderModel& model, const Block& vectors,
     return k;
   };
   Block chosen = combine(vectors, first_columns(identity(all), count));
-  SymmetricEigen eigen = symmetric_eigen(
-      stiffness(chosen, multiply_accurately(model.K, chosen).product));
+  SymmetricEigen eigen =
+      symmetric_eigen(stiffness(chosen, multiply_accurately(model.K, chosen).product));
   share_from_first(model.comm, eigen.values);
   share_from_first(model.comm, eigen.vectors.data);
   chosen = combine(chosen, eigen.vectors);
@@ -72,8 +72,8 @@ RigidSplit split_rigid(const SecondOrderModel& model, const Block& vectors,
   split.stiffness = Dense(split.count, split.count);
   for (int j = 0; j < split.count; ++j)
     for (int i = 0; i < split.count; ++i)
-      split.stiffness(i, j) = turned(order[static_cast<std::size_t>(i)],
-                                             order[static_cast<std::size_t>(j)]);
+      split.stiffness(i, j) =
+          turned(order[static_cast<std::size_t>(i)], order[static_cast<std::size_t>(j)]);
   order.insert(order.end(), rest.begin(), rest.end());
   for (int j = 0; j < count; ++j)
     set_part(split.rotation, 0, j,

@@ -15,21 +15,22 @@ double eigenvalue_scale(const SecondOrderModel& model);
 /// decides.
 double rigid_threshold(const SecondOrderModel& model);
 
-/// Which combinations of M-orthonormal vectors K does not resist: a body on soft springs is
-/// not free. φᵀKφ is summed in long double, so it is that of the stored K; it is no
+/// Which combinations of M-orthonormal vectors K does not resist: a body on soft springs
+/// is not free. φᵀKφ is summed in long double, so it is that of the stored K; it is no
 /// stiffness if it is within what rounding of K's entries leaves (16 times ε √Σ(φ_i K_ij
 /// φ_j)², ε that of doubles or of the printed digits of a text file), or of the size of
 /// negative ones, and never above 256 ε φᵀdiag(K)φ. Vectors that were computed have some
 /// energy of their own errors: they may have 16 ε φᵀdiag(K)φ.
 struct RigidSplit {
-  Dense rotation;   ///< orthogonal; the first `count` columns give the rigid vectors
+  Dense rotation; ///< orthogonal; the first `count` columns give the rigid vectors
   int count = 0;
-  Dense stiffness;  ///< ΦᵀKΦ of these
+  Dense stiffness; ///< ΦᵀKΦ of these
   /// That is within the rounding of doubles: a truly free body could look like it.
   bool explained = true;
 };
 /// @param vectors  of more than eight the first are looked at. Collective.
-RigidSplit split_rigid(const SecondOrderModel& model, const Block& vectors, bool computed);
+RigidSplit split_rigid(const SecondOrderModel& model, const Block& vectors,
+                       bool computed);
 
 /// Three translations and three rotations about `centre`, the latter divided by `radius`:
 /// n×6.

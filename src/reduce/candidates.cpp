@@ -306,7 +306,8 @@ Dense free_statics(const Elastic& e, const Dense& elastic_ports, const Dense& al
 Dense held_statics(const Dense& K, const Dense& N, const Dense& Z,
                    const DenseResponse& held, int soft) {
   if (Z.columns == soft) return N;
-  const Dense modes = multiply(Z, part_of(held.U(), 0, Z.columns, soft, Z.columns - soft));
+  const Dense modes =
+      multiply(Z, part_of(held.U(), 0, Z.columns, soft, Z.columns - soft));
   Dense force = multiply_transposed(modes, multiply(K, N));
   for (int j = 0; j < force.columns; ++j)
     for (int i = 0; i < force.rows; ++i) // in modal coordinates K is 1 − τμ

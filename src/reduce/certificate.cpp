@@ -13,8 +13,8 @@ using Complex = std::complex<double>;
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
 /// sup over μ in [0, last] of |1/(a + c μ) − z|. The numerator (1 − z a) − z c μ and the
-/// denominator are linear in μ: the stationary points of the quotient of their squares are
-/// the roots of a quadratic.
+/// denominator are linear in μ: the stationary points of the quotient of their squares
+/// are the roots of a quadratic.
 double largest_distance(Complex a, Complex c, double last, Complex z) {
   const auto square = [](Complex slope, Complex constant) {
     return std::array<double, 3>{
@@ -78,7 +78,8 @@ Span span_of(MPI_Comm comm, Basis S) {
   for (int pass = 0; pass < 3; ++pass) {
     Dense gram = symmetric_inner(S, S);
     span.dropped.clear();
-    for (int j = 0; j < q; ++j) span.dropped.push_back(std::sqrt(std::max(gram(j, j), 0.0)));
+    for (int j = 0; j < q; ++j)
+      span.dropped.push_back(std::sqrt(std::max(gram(j, j), 0.0)));
     if (pass == 0) size = span.dropped;
     const auto relative = [&](int j) {
       const auto at = static_cast<std::size_t>(j);
@@ -190,8 +191,8 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
     lost(parts.B, basis.dropped_ports);
     lost(multiply(parts.K, response.U()), basis.dropped_K);
     if (damped) lost(multiply(parts.D, response.U()), basis.dropped_D);
-    space.compress_residual({span.T.share(), in_range(parts.B), in_range(parts.K),
-                             in_range(parts.D)});
+    space.compress_residual(
+        {span.T.share(), in_range(parts.B), in_range(parts.K), in_range(parts.D)});
   }
   const MediumSpace::Residual& parts = space.residual();
   const int r = static_cast<int>(parts.S.columns());
@@ -284,7 +285,8 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
       eigen.values.empty() ? 0.0 : 1e-15 * F.rows * std::max(eigen.values.back(), 0.0);
   for (int j = 0; j < F.columns; ++j)
     for (int i = 0; i < F.rows; ++i)
-      F(i, j) *= std::sqrt(std::max(eigen.values[static_cast<std::size_t>(i)], 0.0) + least);
+      F(i, j) *=
+          std::sqrt(std::max(eigen.values[static_cast<std::size_t>(i)], 0.0) + least);
   const auto turned = [&](const Dense& a) {
     return a.rows == 0 ? Dense(0, a.columns) : multiply(F, a);
   };
@@ -423,7 +425,8 @@ double Certificate::mode_coupling(const DenseResponse& response,
   const double size = frobenius_norm(inverse), away = size * moved;
   if (!(away < 1)) return infinity;
   const double y = frobenius_norm(solved), farther = 1 / (1 - away),
-               moved_J = k.moved_c * frobenius_norm(mode_G_) + h * frobenius_norm(mode_F_);
+               moved_J =
+                   k.moved_c * frobenius_norm(mode_G_) + h * frobenius_norm(mode_F_);
   return frobenius_norm(multiply(J, solved)) +
          farther * (moved * y * y + 2 * moved_J * y + moved_J * moved_J * size);
 }
@@ -479,7 +482,8 @@ MatrixSeries Certificate::residual(const DenseResponse& response,
   for (std::size_t l = 0; l < ports_.data.size(); ++l)
     w.coefficients.data[l] += ports_.data[l];
   // What T does not hold: a row of its own.
-  MatrixSeries whole{p, Dense(w.rows() + 1, w.coefficients.columns), Dense(w.rows() + 1, p)};
+  MatrixSeries whole{p, Dense(w.rows() + 1, w.coefficients.columns),
+                     Dense(w.rows() + 1, p)};
   set_part(whole.coefficients, 0, 0, w.coefficients);
   set_part(whole.tail, 0, 0, w.tail);
   for (int j = 0; j < p; ++j) {
@@ -522,14 +526,14 @@ void Certificate::add_rounding(Bound& bound, const ResponseSeries& x,
     const Dense motion = multiply_transposed(rigid_, x.envelope),
                 force = multiply_transposed(neglected_, x.envelope);
     const std::vector<double> one(static_cast<std::size_t>(rigid_.columns), 1.0);
-    bound.floor += 4 * rounding_ *
-                 (rounded(block.inputs, motion, rigid_weights_) * out +
-                  in * rounded(block.outputs, motion, rigid_weights_)) +
-             rounded(block.outputs, motion, one) * rounded(block.inputs, force, one) +
-             rounded(block.outputs, force, one) * rounded(block.inputs, motion, one);
-    bound.assumed =
-        rounded(block.outputs, motion, one) *
-        rounded(block.inputs, multiply_transposed(assumed_, x.envelope), one);
+    bound.floor +=
+        4 * rounding_ *
+            (rounded(block.inputs, motion, rigid_weights_) * out +
+             in * rounded(block.outputs, motion, rigid_weights_)) +
+        rounded(block.outputs, motion, one) * rounded(block.inputs, force, one) +
+        rounded(block.outputs, force, one) * rounded(block.inputs, motion, one);
+    bound.assumed = rounded(block.outputs, motion, one) *
+                    rounded(block.inputs, multiply_transposed(assumed_, x.envelope), one);
   }
 }
 
@@ -544,7 +548,8 @@ Certificate::over(const DenseResponse& response, const ResponseSeries& x,
   for (int j = 0; j < w.columns; ++j) {
     double sum = 0, tail = 0;
     for (int k = 1; k <= w.degree(); ++k) {
-      const std::size_t first = static_cast<std::size_t>(j) * static_cast<std::size_t>(w.rows());
+      const std::size_t first =
+          static_cast<std::size_t>(j) * static_cast<std::size_t>(w.rows());
       double square = 0;
       for (std::size_t i = first; i < first + static_cast<std::size_t>(w.rows()); ++i)
         square += w.real(k)[i] * w.real(k)[i] + w.imaginary(k)[i] * w.imaginary(k)[i];
@@ -563,7 +568,8 @@ Certificate::over(const DenseResponse& response, const ResponseSeries& x,
   for (const PortSet& block : blocks) {
     const bool same = block.inputs == block.outputs;
     const ComplexDense w_in = columns_of(at_centre, block.inputs);
-    const ComplexDense w_out = same ? ComplexDense() : columns_of(at_centre, block.outputs);
+    const ComplexDense w_out =
+        same ? ComplexDense() : columns_of(at_centre, block.outputs);
     const ComplexDense& w_c = same ? w_in : w_out;
     const double in = moved_of(block.inputs), out = moved_of(block.outputs),
                  added = frobenius_norm(w_c) * in + frobenius_norm(w_in) * out + in * out;
@@ -572,7 +578,8 @@ Certificate::over(const DenseResponse& response, const ResponseSeries& x,
                       : paired_norm(w_c, w_in));
     const double known = added + frobenius_norm(multiply_transposed(w_c, w_in));
     Bound bound;
-    bound.error = std::min(S.norm * paired, std::abs(S.centre) * known + S.radius * paired);
+    bound.error =
+        std::min(S.norm * paired, std::abs(S.centre) * known + S.radius * paired);
     bound.proved = S.proved;
     add_rounding(bound, x, block);
     bounds.push_back(bound);

@@ -11,10 +11,11 @@ namespace flexgram {
 /// coordinates: R(ω) = T (ports − (a_k − κ a_m) K U x − iω D U x) + what was dropped.
 struct ResidualBasis {
   Block T;
-  Dense ports, K, D;    ///< k×p, k×N, k×N, the last two in the modal coordinates U
-  Dense damped_inside;  ///< (N − modes)×modes: UᵀDU without the rows of Φ; empty without D
+  Dense ports, K, D; ///< k×p, k×N, k×N, the last two in the modal coordinates U
+  Dense damped_inside; ///< (N − modes)×modes: UᵀDU without the rows of Φ; empty without D
   Dense damped_outside; ///< k×modes: the part of DΦ that is residual to V
-  std::vector<double> dropped_ports, dropped_K, dropped_D; ///< of each column, rows scaled
+  std::vector<double> dropped_ports, dropped_K,
+      dropped_D;        ///< of each column, rows scaled
   bool complete = true; ///< false: cut at the largest directions
 };
 
@@ -39,11 +40,12 @@ struct ResidualNorm {
 ///
 /// With ports P = [B, C] and their residuals R = P − A V x, VᵀR = 0, the error is exactly
 ///   H − H_r = R_CᵀA⁻¹R_B = W_Cᵀ S⁻¹ W_B,   W = E^−½ R,   E = K + τM,
-/// S = a_k + c T° + iωD° − J A_Φ⁻¹ Jᵀ the Schur complement of the Ritz vectors Φ below ω_c
-/// (c = a_m − τ a_k, J their residuals, M's and D's). The inertia of K − ω_c²M says that
+/// S = a_k + c T° + iωD° − J A_Φ⁻¹ Jᵀ the Schur complement of the Ritz vectors Φ below
+/// ω_c (c = a_m − τ a_k, J their residuals, M's and D's). The inertia of K − ω_c²M says
+/// that
 ///   0 <= T° <= μ_c + Σ_j ‖G_j‖²/(μ_j − μ_c) = μ₊,   μ = 1/(λ + τ),
-/// however inexact Φ is; so ‖S⁻¹‖ <= q/(1 − qδ), q = max |1/(a_k + c μ)| over 0 <= μ <= μ₊,
-/// δ = ‖J A_Φ⁻¹ Jᵀ‖, and with any disc |z − z₀| <= ρ that holds these 1/(a_k + c μ)
+/// however inexact Φ is; so ‖S⁻¹‖ <= q/(1 − qδ), q = max |1/(a_k + c μ)| over 0 <= μ <=
+/// μ₊, δ = ‖J A_Φ⁻¹ Jᵀ‖, and with any disc |z − z₀| <= ρ that holds these 1/(a_k + c μ)
 ///   ‖H − H_r‖_F <= |z₀| ‖W_CᵀW_B‖_F + (ρ + q²δ/(1 − qδ)) s,  s² = Σ σ_i(W_C)² σ_i(W_B)².
 class Certificate {
 public:
@@ -93,7 +95,7 @@ private:
   /// In coordinates where the Gram matrix is the identity; the last two transposed.
   Dense ports_, K_, D_;
   std::vector<double> dropped_ports_, dropped_K_, dropped_D_; ///< ‖·‖ of E⁻¹ at most
-  std::vector<double> mode_mu_, mode_residual_;               ///< μ_j and ‖G_j‖ of Φ
+  std::vector<double> mode_mu_, mode_residual_; ///< μ_j and ‖G_j‖ of Φ
   Dense mode_G_, mode_F_, mode_D_; ///< J = c G + iω F, and ΦᵀDΦ; empty without D
   /// Transposed: rigid rows of U; stiffness that was set to zero; that among rigid modes
   /// taken for rounding.

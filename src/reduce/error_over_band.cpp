@@ -103,15 +103,15 @@ struct ErrorOverBand::Node {
   Interval interval;
   std::unique_ptr<Node> low, high;
   bool seen = false, kept = false, proved = true;
-  std::optional<MatrixSeries> H; ///< none: a pole is too near
+  std::optional<MatrixSeries> H;    ///< none: a pole is too near
   std::vector<double> bound, floor; ///< of each view, in the unit of H; its rounding
-  std::vector<ViewNorms> size;   ///< of each view
+  std::vector<ViewNorms> size;      ///< of each view
 };
 
 struct ErrorOverBand::Look {
   std::vector<double> upper; ///< of each view
   double worst = infinity;
-  double omega = 0; ///< where the error seems largest
+  double omega = 0;   ///< where the error seems largest
   bool known = false; ///< no pole is too near for a bound
   bool proved = true;
 };
@@ -158,7 +158,8 @@ ErrorOverBand::ErrorOverBand(const MediumModel& medium, std::vector<Interval> ba
       for (int l = 0; l < count; ++l) {
         auto node = std::make_unique<Node>();
         node->interval = {ends[i] + whole * l / count,
-                          l + 1 == count ? ends[i + 1] : ends[i] + whole * (l + 1) / count};
+                          l + 1 == count ? ends[i + 1]
+                                         : ends[i] + whole * (l + 1) / count};
         roots_.push_back(std::move(node));
       }
     }
@@ -227,7 +228,8 @@ ErrorOverBand::Errors ErrorOverBand::of(const DenseSystem& small) const {
 }
 
 /// The certified errors at one frequency.
-ErrorOverBand::Point ErrorOverBand::point(double omega, const DenseResponse* small) const {
+ErrorOverBand::Point ErrorOverBand::point(double omega,
+                                          const DenseResponse* small) const {
   Point result{std::vector<double>(views_.size(), infinity), true};
   const auto medium = medium_.over({omega, omega}, 0);
   if (!medium) return result;
@@ -235,7 +237,8 @@ ErrorOverBand::Point ErrorOverBand::point(double omega, const DenseResponse* sma
   if (small) {
     const auto series = response_series(*small, {omega, omega}, 0);
     if (!series) return result;
-    difference = difference_of(medium->H, multiply_transposed(small->modal_outputs(), series->x));
+    difference =
+        difference_of(medium->H, multiply_transposed(small->modal_outputs(), series->x));
   }
   for (std::size_t v = 0; v < views_.size(); ++v) {
     const PortView& view = views_[v].view;
@@ -266,8 +269,8 @@ ErrorOverBand::provable_over(const Interval& interval) const {
 }
 
 ErrorOverBand::Look ErrorOverBand::look(Node& node, const DenseResponse* small) {
-  Look look{std::vector<double>(views_.size(), infinity), infinity, node.interval.centre(),
-            false, true};
+  Look look{std::vector<double>(views_.size(), infinity), infinity,
+            node.interval.centre(), false, true};
   if (!node.seen) {
     node.seen = true;
     if (auto medium = provable_over(node.interval)) {
@@ -300,16 +303,16 @@ ErrorOverBand::Look ErrorOverBand::look(Node& node, const DenseResponse* small) 
     const double bound = node.bound[v] + (small ? node.floor[v] : 0.0);
     look.upper[v] = 0;
     for (std::size_t i = 0; i < pieces; ++i)
-      look.upper[v] = std::max(
-          look.upper[v], ratio(v, away.above[i], node.size[v].below[i], bound));
+      look.upper[v] =
+          std::max(look.upper[v], ratio(v, away.above[i], node.size[v].below[i], bound));
     look.worst = std::max(look.worst, look.upper[v]);
     for (std::size_t i = 0; i <= pieces; ++i) {
       const double here =
           ratio(v, away.at[i] + (small ? 0.0 : bound), node.size[v].at[i], 0);
       if (here <= largest) continue;
       largest = here;
-      look.omega = node.interval.first +
-                   width_of(node.interval) * static_cast<double>(i) / pieces;
+      look.omega =
+          node.interval.first + width_of(node.interval) * static_cast<double>(i) / pieces;
     }
   }
   if (!node.kept && kept_ + node.H->coefficients.data.size() > most_kept) {
@@ -340,8 +343,7 @@ bool ErrorOverBand::may_be_excluded(const Interval& interval) const {
   for (std::size_t i = 0; i < sharp_.size(); ++i) {
     if (interval.first < sharp_[i].first || interval.last > sharp_[i].last) continue;
     const double pole = sharp_omega_[i],
-                 distance =
-                     std::max({interval.first - pole, pole - interval.last, 0.0});
+                 distance = std::max({interval.first - pole, pole - interval.last, 0.0});
     if (width_of(interval) <= std::max(0.25 * distance, nearest * pole)) return true;
   }
   return false;
@@ -378,7 +380,8 @@ std::optional<double> ErrorOverBand::weak_spot(double tolerance) {
 
 /// A frequency where the certified error of the small model, or of the medium model
 /// itself without rounding, is not proved to be within the tolerance.
-std::optional<double> ErrorOverBand::exceeds(const DenseResponse* small, double tolerance) {
+std::optional<double> ErrorOverBand::exceeds(const DenseResponse* small,
+                                             double tolerance) {
   std::vector<Node*> open;
   for (const auto& root : roots_) open.push_back(root.get());
   for (int count = 0; !open.empty(); ++count) {
@@ -387,9 +390,10 @@ std::optional<double> ErrorOverBand::exceeds(const DenseResponse* small, double 
     const Look seen = look(node, small);
     if (seen.worst <= tolerance) continue;
     if (may_be_excluded(node.interval)) continue;
-    const bool near_pole = std::any_of(sharp_.begin(), sharp_.end(), [&](const Interval& s) {
-      return node.interval.first >= s.first && node.interval.last <= s.last;
-    });
+    const bool near_pole =
+        std::any_of(sharp_.begin(), sharp_.end(), [&](const Interval& s) {
+          return node.interval.first >= s.first && node.interval.last <= s.last;
+        });
     if (!near_pole && seen.known && !(point(seen.omega, small).worst() <= tolerance))
       return seen.omega;
     if (width_of(node.interval) <= narrowest * node.interval.last || count > 20000)
@@ -433,9 +437,9 @@ ErrorOverBand::Supremum ErrorOverBand::supremum(const DenseSystem& system, doubl
   const auto priority = [&](const Look& seen) {
     double largest = 0;
     for (std::size_t v = 0; v < views_.size(); ++v)
-      largest = std::max(largest, best[v] > 0 ? seen.upper[v] / best[v]
-                            : seen.upper[v] > 0 ? infinity
-                                                : 0.0);
+      largest = std::max(largest, best[v] > 0         ? seen.upper[v] / best[v]
+                                  : seen.upper[v] > 0 ? infinity
+                                                      : 0.0);
     return largest;
   };
   const auto settle = [&](const Look& seen) {

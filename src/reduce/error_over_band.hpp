@@ -15,8 +15,8 @@ namespace flexgram {
 /// The supremum is found by branch and bound over intervals of ω. On an interval both
 /// responses are polynomials with a bound of their tails (response_series); between
 /// equally spaced nodes a polynomial G is no farther than w²/8 max‖G″‖ from its chord, so
-/// its norm is at most the larger of its ends and that, at least the chord's distance from
-/// the origin without that (docs/proof.md, section 4).
+/// its norm is at most the larger of its ends and that, at least the chord's distance
+/// from the origin without that (docs/proof.md, section 4).
 class ErrorOverBand {
 public:
   /// @param grid  [rad/s] frequencies of the curve, within the bands.
@@ -34,8 +34,9 @@ public:
   Errors of(const DenseSystem& small) const;
 
   struct Supremum {
-    std::vector<double> worst_of; ///< of each view, certified everywhere outside `excluded`
-    double worst = 0;             ///< largest of these
+    std::vector<double>
+        worst_of;     ///< of each view, certified everywhere outside `excluded`
+    double worst = 0; ///< largest of these
     /// The certified error of each view at one frequency: a lower bound of worst_of.
     std::vector<double> attained_of;
     std::vector<double> at_of; ///< [rad/s] that frequency
@@ -44,7 +45,8 @@ public:
     std::vector<Interval> excluded;
     int intervals = 0; ///< that were looked at
   };
-  /// @param level  errors up to this need no exclusion [0: up to what is found elsewhere].
+  /// @param level  errors up to this need no exclusion [0: up to what is found
+  /// elsewhere].
   /// @param most   about so many intervals; fewer make `worst` larger, never wrong.
   Supremum supremum(const DenseSystem& small, double level, RelativeTo relative_to,
                     int most = 20000);
@@ -52,7 +54,8 @@ public:
   /// excluded intervals around undamped resonances.
   bool meets(const DenseSystem& small, double tolerance);
 
-  /// A frequency where the medium model itself, without its rounding, is not proved to be within the tolerance.
+  /// A frequency where the medium model itself, without its rounding, is not proved to be
+  /// within the tolerance.
   std::optional<double> weak_spot(double tolerance);
 
   const std::vector<double>& omega() const { return omega_; }
@@ -94,9 +97,9 @@ private:
   std::vector<double> omega_;
   std::vector<Seen> views_;
   std::vector<ComplexDense> H_;
-  std::vector<std::size_t> hard_; ///< grid points that failed before, the last one first
+  std::vector<std::size_t> hard_;  ///< grid points that failed before, the last one first
   std::vector<double> hard_omega_; ///< other frequencies that failed
-  std::vector<Interval> sharp_;   ///< around resonances with hardly any damping
+  std::vector<Interval> sharp_;    ///< around resonances with hardly any damping
   std::vector<double> sharp_omega_;
   std::vector<std::unique_ptr<Node>> roots_;
   std::size_t kept_ = 0; ///< numbers in the nodes

@@ -33,7 +33,8 @@ void MediumOptions::describe(Options& options) {
   options.add_choice(
       "-mor_tol_relative_to", relative_to, {"pointwise", "band"},
       "what errors of H are divided by: |H| at the same frequency (eq. 17; near an "
-      "antiresonance, where H itself vanishes, the order grows to meet it), or the largest "
+      "antiresonance, where H itself vanishes, the order grows to meet it), or the "
+      "largest "
       "|H| over the band, which forgives such frequencies");
 }
 
@@ -136,7 +137,8 @@ void MediumBuilder::judge() {
 /// the grid gains a frequency where it does not.
 bool MediumBuilder::holds_everywhere(double target) {
   model_.resonances = resonances();
-  const bool to_band = options_.relative() == RelativeTo::band; // the largest |H| is needed
+  const bool to_band =
+      options_.relative() == RelativeTo::band; // the largest |H| is needed
   ErrorOverBand errors(model_, bands_, to_band ? grid_ : std::vector<double>(),
                        options_.relative());
   const auto spot = errors.weak_spot(target);
@@ -158,7 +160,8 @@ ResidualNorm MediumBuilder::norm_of(const Block& T) {
   image_ = solver_.solve(T, ShiftedSolver::Verify::first_column).x;
   model_.solved_columns += static_cast<int>(T.columns());
   Block rest = copy(T); // F
-  add_product(rest, -1.0, multiply(fom_.K, image_), identity(static_cast<int>(T.columns())));
+  add_product(rest, -1.0, multiply(fom_.K, image_),
+              identity(static_cast<int>(T.columns())));
   add_product(rest, -model_.tau, multiply(fom_.M, image_),
               identity(static_cast<int>(T.columns())));
   norm.gram = inner(T, image_);
@@ -212,7 +215,8 @@ void MediumBuilder::certify(int most_columns) {
   const ResidualNorm norm = norm_of(basis.T);
   model_.certificate_ = Certificate(*space_, *model_.response_, std::move(basis), norm,
                                     modes, model_.cutoff, model_.scale_);
-  model_.modal_outputs_ = Dense(space_->columns(), static_cast<int>(model_.outputs_.size()));
+  model_.modal_outputs_ =
+      Dense(space_->columns(), static_cast<int>(model_.outputs_.size()));
   for (int i = 0; i < model_.modal_outputs_.columns; ++i) {
     const int port = model_.outputs_[static_cast<std::size_t>(i)];
     for (int l = 0; l < model_.modal_outputs_.rows; ++l)

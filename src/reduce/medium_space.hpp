@@ -15,8 +15,8 @@ public:
   /// @param tau   [rad²/s²] shift of the norm (K + τM)⁻¹.
   MediumSpace(const SecondOrderModel& fom, double kappa, double tau);
 
-  /// What K holds of rigid modes, which have none: `beyond` enters the bound, `assumed` is
-  /// within the rounding of doubles and is only told.
+  /// What K holds of rigid modes, which have none: `beyond` enters the bound, `assumed`
+  /// is within the rounding of doubles and is only told.
   struct RigidStiffness {
     Dense beyond, assumed;
   };

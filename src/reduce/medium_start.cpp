@@ -48,7 +48,8 @@ MediumBuilder::MediumBuilder(const SecondOrderModel& fom, const MediumOptions& o
 
 MediumSpace::RigidStiffness MediumBuilder::stiffness_of(const RigidSplit& split) {
   const Dense none(split.count, split.count);
-  return {split.explained ? none : split.stiffness, split.explained ? split.stiffness : none};
+  return {split.explained ? none : split.stiffness,
+          split.explained ? split.stiffness : none};
 }
 
 void MediumBuilder::find_rigid_modes() {
@@ -149,16 +150,15 @@ int MediumBuilder::largest_order() const {
 void MediumBuilder::take_out_rigid_modes() {
   const double slow = 1e-5 * model_.cutoff * model_.cutoff;
   RitzPairs pairs = ritz_pairs(*space_);
-  const auto candidates = static_cast<int>(
-      std::min<std::ptrdiff_t>(expected_, std::lower_bound(pairs.lambda.begin(),
-                                                           pairs.lambda.end(), slow) -
-                                              pairs.lambda.begin()));
+  const auto candidates = static_cast<int>(std::min<std::ptrdiff_t>(
+      expected_, std::lower_bound(pairs.lambda.begin(), pairs.lambda.end(), slow) -
+                     pairs.lambda.begin()));
   if (candidates == 0) return;
   solver_.factorise({1.0, 1e-2 * slow, 0.0});
   ++model_.factorisations;
   for (int step = 0; step < 3; ++step) { // each divides what is elastic by λ_1/s
-    const Block loads = multiply(
-        fom_.M, combine(space_->V(), first_columns(pairs.vectors, candidates)));
+    const Block loads =
+        multiply(fom_.M, combine(space_->V(), first_columns(pairs.vectors, candidates)));
     space_->append(solver_.solve(loads, ShiftedSolver::Verify::none).x, 1e-11);
     model_.solved_columns += candidates;
     pairs = ritz_pairs(*space_);
@@ -166,9 +166,10 @@ void MediumBuilder::take_out_rigid_modes() {
   const RigidSplit split = split_rigid(
       fom_, combine(space_->V(), first_columns(pairs.vectors, candidates)), true);
   const int null = split.count, rigid = space_->rigid();
-  plan_.fact("slow modes", text("%d below %.3g Hz: %d of them rigid, by a factorisation of "
-                                "K + sM (the body has no coordinates, or soft mounts)",
-                                candidates, std::sqrt(slow) * hz, null));
+  plan_.fact("slow modes",
+             text("%d below %.3g Hz: %d of them rigid, by a factorisation of "
+                  "K + sM (the body has no coordinates, or soft mounts)",
+                  candidates, std::sqrt(slow) * hz, null));
   if (null == 0) return;
   Dense Q = identity(space_->columns()), vectors = pairs.vectors;
   set_part(vectors, 0, 0,

@@ -112,9 +112,8 @@ int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expe
                                                       static_cast<unsigned>(round))));
     // A poor solution costs a round, not the proof; what is nearly in the space already
     // is only worth its products where angles must become tiny.
-    const std::vector<double> outside =
-        space.append(factor.solve(loads, ShiftedSolver::Verify::none).x,
-                     enough < 0.1 ? 1e-7 : 1e-5);
+    const std::vector<double> outside = space.append(
+        factor.solve(loads, ShiftedSolver::Verify::none).x, enough < 0.1 ? 1e-7 : 1e-5);
     solves += static_cast<int>(loads.columns());
     double worst = 0;
     for (std::size_t i = 0; i < checked; ++i) {

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <limits>
-#include <limits>
 
 namespace flexgram {
 
@@ -57,9 +56,10 @@ std::string shortfall(double tolerance, const SecondStage& stage,
                       const ErrorOverBand& errors, const Candidate& best) {
   const double floor = errors.largest_floor(), least = errors.least();
   if (floor > 0.5 * tolerance)
-    return text("rounding of K alone changes H by up to %.1e of it, at a sharp resonance or "
-                "because the outputs hardly answer the inputs",
-                floor);
+    return text(
+        "rounding of K alone changes H by up to %.1e of it, at a sharp resonance or "
+        "because the outputs hardly answer the inputs",
+        floor);
   if (least > tolerance)
     return text("the medium model of order %d is certified to %.1e only (see "
                 "-mor_medium_order, -mor_cutoff)",
@@ -99,9 +99,11 @@ void choose_by_tolerance(OrderChoice& choice, double tolerance, const SecondStag
     const int order =
         errors.least() > tolerance
             ? 0
-            : smallest_order(
-                  candidate, stage.medium, choice.order > 0 ? choice.order - 1 : candidate.most,
-                  [&](const DenseSystem& small) { return errors.meets(small, tolerance); });
+            : smallest_order(candidate, stage.medium,
+                             choice.order > 0 ? choice.order - 1 : candidate.most,
+                             [&](const DenseSystem& small) {
+                               return errors.meets(small, tolerance);
+                             });
     if (order > 0) {
       choice.best = c;
       choice.order = order;

@@ -12,8 +12,8 @@ constexpr double epsilon = std::numeric_limits<double>::epsilon();
 /// Series that converge more slowly than this are not worth their products.
 constexpr double slowest = 0.7;
 
-/// The coefficients of A(ω) = a_k K + a_m M + …, ω = centre + half t, where K = 1 − τμ and
-/// M = μ: d_0 + d_1 t + d_2 t², and the size of what was added up in d_0.
+/// The coefficients of A(ω) = a_k K + a_m M + …, ω = centre + half t, where K = 1 − τμ
+/// and M = μ: d_0 + d_1 t + d_2 t², and the size of what was added up in d_0.
 struct Diagonal {
   Complex d0, d1, d2;
   double summed;
@@ -103,7 +103,8 @@ double norm_bound(const ComplexDense& a) {
     }
     one = std::max(one, column);
   }
-  return std::sqrt(one * (rows.empty() ? 0.0 : *std::max_element(rows.begin(), rows.end())));
+  return std::sqrt(one *
+                   (rows.empty() ? 0.0 : *std::max_element(rows.begin(), rows.end())));
 }
 
 double column_norm(const ComplexDense& a, int j) {
@@ -177,7 +178,8 @@ std::optional<ResponseSeries> of_solves(const DenseResponse& response, Interval 
   }
   // Rounding, entry by entry: |A⁻¹| times that of the equations' terms.
   Dense terms = multiply(sizes, series.envelope), inverse_sizes(N, N);
-  for (std::size_t i = 0; i < terms.data.size(); ++i) terms.data[i] += std::abs(B.data[i]);
+  for (std::size_t i = 0; i < terms.data.size(); ++i)
+    terms.data[i] += std::abs(B.data[i]);
   for (std::size_t i = 0; i < inverse.data.size(); ++i)
     inverse_sizes.data[i] = std::abs(inverse.data[i]);
   const Dense rounding = multiply(inverse_sizes, terms);

@@ -24,7 +24,9 @@ struct MatrixSeries {
   int rows() const { return coefficients.rows; }
   int degree() const { return coefficients.columns / (2 * columns) - 1; }
   const double* real(int k) const { return coefficients.column(2 * columns * k); }
-  const double* imaginary(int k) const { return coefficients.column(2 * columns * k + columns); }
+  const double* imaginary(int k) const {
+    return coefficients.column(2 * columns * k + columns);
+  }
   ComplexDense centre() const; ///< F_0
 };
 
@@ -37,16 +39,17 @@ MatrixSeries times_quadratic(const std::array<std::complex<double>, 3>& f,
 /// The response X = A⁻¹B of a dense system, in modal coordinates, over an interval.
 struct ResponseSeries {
   Interval interval;
-  MatrixSeries x; ///< N × p
-  Dense envelope; ///< N × p: |x_ij| at most, anywhere in the interval
+  MatrixSeries x;              ///< N × p
+  Dense envelope;              ///< N × p: |x_ij| at most, anywhere in the interval
   std::vector<double> largest; ///< of a diagonal system: |1/a_i| at most
 };
 
 /// Taylor series of the response about the centre of the interval.
 ///
 /// Diagonal systems: 1/(d_0 + d_1 t + d_2 t²) for each mode, with the majorant
-/// 1/(|d_0| − |d_1| − |d_2|) for the tail. Others: X_k = −A⁻¹(A′ X_(k−1) + ½A″ X_(k−2)); the
-/// tail is what the truncated series leaves of the equation, solved by Neumann's series.
+/// 1/(|d_0| − |d_1| − |d_2|) for the tail. Others: X_k = −A⁻¹(A′ X_(k−1) + ½A″ X_(k−2));
+/// the tail is what the truncated series leaves of the equation, solved by Neumann's
+/// series.
 /// @param degree  of the polynomial; an interval without length has degree 0.
 /// @return nothing if a pole is too near for an interval of this length.
 std::optional<ResponseSeries> response_series(const DenseResponse& response,

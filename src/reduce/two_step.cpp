@@ -253,9 +253,8 @@ ReducedModel SecondStageRun::finish() {
   if (frame_ == "tangent") Q = tangent(Q);
   const DenseSystem small = medium_.system.project(Q);
   const ErrorOverBand::Errors errors = errors_->of(small);
-  const ErrorOverBand::Supremum sup =
-      errors_->supremum(small, gramian_.tolerance.value_or(0),
-                        options_.medium.relative());
+  const ErrorOverBand::Supremum sup = errors_->supremum(
+      small, gramian_.tolerance.value_or(0), options_.medium.relative());
 
   ReducedModel rom;
   rom.model = small.model(fom_);
@@ -293,13 +292,15 @@ ReducedModel SecondStageRun::finish() {
   const double floor = *std::max_element(rom.floor.begin(), rom.floor.end());
   const std::string label = label_of(rom);
   const bool to_band = options_.medium.relative() == RelativeTo::band;
-  const char* const references[] = {"|H| at each frequency", "the largest |H| in the band"};
-  plan_.fact("error",
-             text("at most %.2e of %s, everywhere in the band%s (%s), reached %.2e at %.5g Hz; "
-                  "rounding floor %.0e",
-                  sup.worst_of[0], references[to_band ? 1 : 0],
-                  rom.claim->bands.size() > 1 ? "s" : "", label.c_str(),
-                  sup.attained_of[0], sup.at_of[0] * hz, floor));
+  const char* const references[] = {"|H| at each frequency",
+                                    "the largest |H| in the band"};
+  plan_.fact(
+      "error",
+      text("at most %.2e of %s, everywhere in the band%s (%s), reached %.2e at %.5g Hz; "
+           "rounding floor %.0e",
+           sup.worst_of[0], references[to_band ? 1 : 0],
+           rom.claim->bands.size() > 1 ? "s" : "", label.c_str(), sup.attained_of[0],
+           sup.at_of[0] * hz, floor));
   if (sup.excluded.empty()) { // else |H| has no largest value
     const auto other = errors_->supremum(
         small, gramian_.tolerance.value_or(0),
@@ -316,10 +317,10 @@ ReducedModel SecondStageRun::finish() {
                     rom.claim->rigid_rounding));
   if (sup.worst_of.size() == 3) {
     rom.by_kind = {sup.worst_of[1], sup.worst_of[2]};
-    plan_.fact("by kind", text("%s at most %.1e, %s at most %.1e (%s)",
-                               medium_.views[1].name.c_str(), sup.worst_of[1],
-                               medium_.views[2].name.c_str(), sup.worst_of[2],
-                               label.c_str()));
+    plan_.fact("by kind",
+               text("%s at most %.1e, %s at most %.1e (%s)",
+                    medium_.views[1].name.c_str(), sup.worst_of[1],
+                    medium_.views[2].name.c_str(), sup.worst_of[2], label.c_str()));
   } else {
     std::vector<ComplexDense> H_r;
     const DenseResponse response(small, medium_.tau);
@@ -327,10 +328,10 @@ ReducedModel SecondStageRun::finish() {
     warn_of_kinds(rom.model, errors_->H(), H_r, sup.worst, plan_, monitor_);
   }
   if (!rom.claim->met)
-    monitor_.warn(text("-mor_tol %g is not met: the error is at most %.1e (%s); %s. This is "
-                       "the best body that was found",
-                       *gramian_.tolerance, sup.worst, label.c_str(),
-                       choice_.shortfall.c_str()));
+    monitor_.warn(
+        text("-mor_tol %g is not met: the error is at most %.1e (%s); %s. This is "
+             "the best body that was found",
+             *gramian_.tolerance, sup.worst, label.c_str(), choice_.shortfall.c_str()));
   plan_.fact("reduced modes", describe_modes(rom.modes, medium_.rigid));
   plan_.fact("reduced M, K",
              text("smallest over largest eigenvalue %.1e, %.1e; V'MV = I to %.0e",

@@ -244,7 +244,8 @@ TEST(TwoStep, CertifiesEveryKindOfDamping) {
       GramianOptions o = band(0.5, 12.3);
       o.tolerance = tolerance;
       const ReducedModel rom = reduce(fom, o);
-      // Undamped: nothing is claimed beside the four resonances, and the intervals say so.
+      // Undamped: nothing is claimed beside the four resonances, and the intervals say
+      // so.
       const bool undamped = damping.alpha + damping.beta + damping.eta == 0;
       EXPECT_EQ(rom.kind, undamped ? "certified outside" : "certified");
       EXPECT_EQ(rom.claim->excluded.size(), undamped ? 4u : 0u);

@@ -15,7 +15,6 @@ import h5py
 import numpy as np
 import pytest
 import scipy.sparse as sp
-
 from referee import System, suspicious
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -222,7 +221,8 @@ def certified(
         "kinds": kinds, "by_kind": list(claim.get("by_kind", [])), "full": full, "at": at,
         "truth": np.array(truth), "worst": float(claim["worst"]), "whole": float(claim["whole"]),
         "attained": float(claim["attained"]), "kind": claim["kind"], "met": claim.get("met"),
-        "rigid_rounding": float(claim["rigid_rounding"]), "floor": floor.max(), "order": data["K"].shape[0], "factorisations": factorisations,
+        "rigid_rounding": float(claim["rigid_rounding"]), "floor": floor.max(),
+        "order": data["K"].shape[0], "factorisations": factorisations,
         "stage": stage, "rom": data, "path": rom, "omega": omega, "bound": bound,
         "excluded": excluded, "bands": bands,
     }  # fmt: skip

@@ -1,4 +1,4 @@
-"""What a certificate is judged by: responses in extended precision, at frequencies chosen against it.
+"""What a certificate is judged by: extended precision, at frequencies chosen against it.
 
 Nothing here comes from the program under test: H of the full and of the reduced matrices is solved
 in double and refined with residuals in long double until it stands still, and the frequencies are
@@ -130,7 +130,9 @@ class System:
         lam = np.maximum(1 / np.maximum(mu, 1e-300) - scale, 0)
         width = self.alpha + self.beta * lam + self.eta * np.sqrt(lam)
         if self.D is not None:
-            width = width + np.einsum("ij,ij->j", phi, self._double[2] @ phi) / np.maximum(mu, 1e-300)
+            width = width + np.einsum("ij,ij->j", phi, self._double[2] @ phi) / np.maximum(
+                mu, 1e-300
+            )
         return np.sqrt(lam), 0.5 * width
 
 
@@ -173,8 +175,8 @@ def inside(omega: Any, bands: Any, excluded: Any) -> Any:
 def suspicious(
     reduced: System, bands: Any, excluded: Any, rng: np.random.Generator, count: int = 12
 ) -> Any:
-    """Frequencies [rad/s] that the reduced model alone gives away, for a full model whose solves are
-    dear: its poles in the bands and their flanks, its antiresonances, ends, and random ones."""
+    """Frequencies [rad/s] that the reduced model alone gives away, for a full model whose solves
+    are dear: its poles in the bands, their flanks, its antiresonances, ends, and random ones."""
     omega, width = reduced.poles()
     near = np.concatenate([omega + s * np.maximum(width, 1e-7 * omega) for s in (-3, -1, 0, 1, 3)])
     fine = np.concatenate([np.linspace(first, last, 4000) for first, last in bands])
