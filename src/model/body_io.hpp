@@ -17,9 +17,13 @@ bool holds_mesh(const Hdf5File& file);
 /// file.comm().
 SecondOrderModel read_body(const Hdf5File& file);
 
-/// @throws Error with the worst pair of entries if `matrix` (called `name`) is not
-/// symmetric. Collective.
-void require_symmetric(Mat matrix, const std::string& name, const std::string& source);
+/// Replaces `matrix` (called `name`) by its symmetric part, which is what is reduced and
+/// certified; matrices that are symmetric stay as they are.
+/// @param remarks  gains a line with the size of the skew part, if there was one.
+/// @throws Error with the worst pair of entries if that is more than 1e-10 of the largest
+/// entry. Collective.
+void take_symmetric_part(Matrix& matrix, const std::string& name,
+                         const std::string& source, std::vector<std::string>& remarks);
 
 /// Damping attributes (or scalar datasets) alpha, beta, eta of the file, 0 where absent.
 Damping read_damping(const Hdf5File& file);

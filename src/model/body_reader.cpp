@@ -128,7 +128,7 @@ LocalRows to_rows(const Hdf5File& file, const std::string& group,
 }
 
 Matrix read_symmetric(const Hdf5File& file, const std::string& group, PetscInt n,
-                      RowRange rows) {
+                      RowRange rows, std::vector<std::string>& remarks) {
   const std::int64_t columns = sparse_columns(file, group);
   const std::int64_t row_count = sparse_rows(file, group, columns);
   if (columns != n || row_count != n)
@@ -139,7 +139,7 @@ Matrix read_symmetric(const Hdf5File& file, const std::string& group, PetscInt n
     local = to_rows(file, group, read_columns(file, group, rows.begin, rows.size(), n));
   });
   Matrix matrix = make_sparse(file.comm(), rows, n, local);
-  require_symmetric(matrix, group, "file " + file.path());
+  take_symmetric_part(matrix, group, "file " + file.path(), remarks);
   return matrix;
 }
 
@@ -277,9 +277,22 @@ void read_dof_map(const Hdf5File& file, SecondOrderModel& model) {
 
 } // namespace
 
-void require_symmetric(Mat matrix, const std::string& name, const std::string& source) {
+void take_symmetric_part(Matrix& matrix, const std::string& name,
+                         const std::string& source, std::vector<std::string>& remarks) {
   const Asymmetry asymmetry = find_asymmetry(matrix, 1e-10);
-  if (asymmetry.symmetric) return;
+  if (asymmetry.symmetric && asymmetry.skew_norm == 0) return;
+  if (asymmetry.symmetric) {
+    Matrix part; // the caller's matrix may be somebody else's
+    FG_CALL(MatTranspose(matrix, MAT_INITIAL_MATRIX, part.out()));
+    FG_CALL(MatAXPY(part, 1.0, matrix, DIFFERENT_NONZERO_PATTERN));
+    FG_CALL(MatScale(part, 0.5));
+    FG_CALL(MatSetOption(part, MAT_SYMMETRIC, PETSC_TRUE));
+    matrix = std::move(part);
+    remarks.push_back(
+        text("%s is replaced by its symmetric part; the skew part is %.1e of it",
+             name.c_str(), asymmetry.skew_norm / asymmetry.norm));
+    return;
+  }
   if (asymmetry.one_triangle)
     throw Error(text("%s: %s holds only one triangle; both are expected (in MATLAB: "
                      "K + triu(K,1)')",
@@ -344,9 +357,10 @@ SecondOrderModel read_body(const Hdf5File& file) {
   model.n = static_cast<PetscInt>(sparse_columns(file, "/K"));
   if (model.n < 1) fail(file, "/K is empty");
   model.rows = even_rows(model.comm, model.n);
-  model.K = read_symmetric(file, "/K", model.n, model.rows);
-  model.M = read_symmetric(file, "/M", model.n, model.rows);
-  if (file.exists("/D")) model.D = read_symmetric(file, "/D", model.n, model.rows);
+  model.K = read_symmetric(file, "/K", model.n, model.rows, model.remarks);
+  model.M = read_symmetric(file, "/M", model.n, model.rows, model.remarks);
+  if (file.exists("/D"))
+    model.D = read_symmetric(file, "/D", model.n, model.rows, model.remarks);
   model.damping = read_damping(file);
   classify_damping(model);
 

@@ -30,23 +30,9 @@ ShiftCoefficients SecondOrderModel::coefficients(double omega) const {
 }
 
 SecondOrderModel SecondOrderModel::share() const {
-  return {name,
-          comm,
-          n,
-          rows,
-          M.share(),
-          K.share(),
-          D.share(),
-          damping,
-          B.share(),
-          C.share(),
-          outputs_are_inputs,
-          inputs,
-          outputs,
-          node,
-          label,
-          component,
-          position};
+  return {name,      comm,    n,         rows,      M.share(),          K.share(),
+          D.share(), damping, B.share(), C.share(), outputs_are_inputs, inputs,
+          outputs,   node,    label,     component, position,           remarks};
 }
 
 std::int64_t SecondOrderModel::nonzeros() const {

@@ -39,6 +39,7 @@ struct SecondOrderModel {
   std::vector<std::int64_t> label;     ///< the FE code's number of that node; empty: node
   std::vector<std::int64_t> component; ///< 0-2 translation, 3-5 rotation
   std::vector<double> position;        ///< [m], 3 numbers a row
+  std::vector<std::string> remarks;    ///< what reading changed, in words
 
   bool undamped() const;
   /// Damping class in words, for the plan.

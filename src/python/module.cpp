@@ -137,7 +137,7 @@ struct PythonBody {
 private:
   void set(const std::string& which, Matrix matrix) {
     SecondOrderModel& m = body.model;
-    require_symmetric(matrix, which, m.name);
+    take_symmetric_part(matrix, which, m.name, m.remarks);
     PetscReal norm = 0;
     FG_CALL(MatNorm(matrix, NORM_FROBENIUS, &norm));
     if (!std::isfinite(norm)) throw Error(text("%s holds NaN or Inf", which.c_str()));

@@ -326,9 +326,16 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
     set_part(F_all, 0, 0, basis.damped_inside);
     set_part(F_all, basis.damped_inside.rows, 0, outside);
     for (int j = 0; j < modes; ++j) {
-      const double mu = mode_mu_[static_cast<std::size_t>(j)];
+      const auto at = static_cast<std::size_t>(j);
+      const double factor = mode_mu_[at] + kappa_ * (1 - tau_ * mode_mu_[at]);
       for (int i = 0; i < K.rows; ++i)
-        G(basis.damped_inside.rows + i, j) = -(mu + kappa_ * (1 - tau_ * mu)) * K(i, j);
+        G(basis.damped_inside.rows + i, j) = -factor * K(i, j);
+      double lost = dropped_D_[at];
+      for (int i = 0; i < response.modal_damping().rows; ++i)
+        lost += dropped_K_[static_cast<std::size_t>(i)] *
+                std::abs(response.modal_damping()(i, j));
+      dropped_G_ = std::hypot(dropped_G_, factor * dropped_K_[at]);
+      dropped_F_ = std::hypot(dropped_F_, lost);
     }
     // Only their products matter: a triangle of 2·modes rows holds these.
     const Dense both = transpose(compressed(transpose(beside(G, F_all))));
@@ -425,8 +432,10 @@ double Certificate::mode_coupling(const DenseResponse& response,
   const double size = frobenius_norm(inverse), away = size * moved;
   if (!(away < 1)) return infinity;
   const double y = frobenius_norm(solved), farther = 1 / (1 - away),
-               moved_J =
-                   k.moved_c * frobenius_norm(mode_G_) + h * frobenius_norm(mode_F_);
+               moved_J = k.moved_c * frobenius_norm(mode_G_) +
+                         h * frobenius_norm(mode_F_) +
+                         (std::abs(k.c) + k.moved_c) * dropped_G_ +
+                         x.interval.last * dropped_F_;
   return frobenius_norm(multiply(J, solved)) +
          farther * (moved * y * y + 2 * moved_J * y + moved_J * moved_J * size);
 }

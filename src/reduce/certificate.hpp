@@ -97,6 +97,7 @@ private:
   std::vector<double> dropped_ports_, dropped_K_, dropped_D_; ///< ‖·‖ of E⁻¹ at most
   std::vector<double> mode_mu_, mode_residual_; ///< μ_j and ‖G_j‖ of Φ
   Dense mode_G_, mode_F_, mode_D_; ///< J = c G + iω F, and ΦᵀDΦ; empty without D
+  double dropped_G_ = 0, dropped_F_ = 0; ///< norms of what these two do not hold
   /// Transposed: rigid rows of U; stiffness that was set to zero; that among rigid modes
   /// taken for rounding.
   Dense rigid_, neglected_, assumed_;

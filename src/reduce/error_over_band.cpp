@@ -472,7 +472,11 @@ ErrorOverBand::Supremum ErrorOverBand::supremum(const DenseSystem& system, doubl
     const double now = priority(top.seen);
     const bool unbounded =
         std::any_of(best.begin(), best.end(), [](double b) { return b == infinity; });
-    if (now <= close || unbounded || result.intervals > most ||
+    // What may be within the level is to be known to be.
+    bool open_question = false;
+    for (std::size_t v = 0; v < views_.size(); ++v)
+      open_question |= best[v] <= level && top.seen.upper[v] > level;
+    if ((now <= close && !open_question) || unbounded || result.intervals > most ||
         width_of(top.node->interval) <= narrowest * top.node->interval.last) {
       settle(top.seen);
       continue;

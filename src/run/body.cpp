@@ -62,6 +62,7 @@ void begin_plan(Body& body, const Settings& settings, Plan& plan) {
                  static_cast<long long>(model.C.columns()),
                  model.outputs_are_inputs ? " (the same)" : ""));
   plan.fact("damping", model.damping_class());
+  for (const auto& remark : model.remarks) plan.fact("symmetry", remark);
   if (model.undamped())
     plan.skip("complex arithmetic", "the body is undamped, its samples are real");
 }

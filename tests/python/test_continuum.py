@@ -1,0 +1,212 @@
+"""The claim holds between frequencies: cases in which a bound on a grid of frequencies did not.
+
+The referee looks where it hurts: antiresonances, poles of either model, undamped peaks, soft
+mounts, the ends of several bands. None of its frequencies is given to the program.
+"""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+import scipy.linalg as sl
+import scipy.sparse as sp
+from referee import TWO_PI, System, hard_frequencies, relative_error
+
+from conftest import ENVIRONMENT, ROOT, rom_matrices, rom_system, run
+from flexgram import write_matrices
+
+
+def chain(n: int, ports: str = "transfer") -> tuple[Any, Any, Any, Any]:
+    """Unit masses, springs of 1e6 N/m, held at one end; forces and displacements."""
+    K = 1e6 * sp.diags([-np.ones(n - 1), 2 * np.ones(n), -np.ones(n - 1)], [-1, 0, 1]).tolil()
+    K[-1, -1] = 1e6
+    B = np.zeros((n, 1))
+    B[-1] = 1
+    C = None
+    if ports == "transfer":
+        C = np.zeros((1, n))
+        C[0, 0] = 1
+    if ports == "three":
+        B = np.zeros((n, 3))
+        B[[0, n // 2, -1], range(3)] = 1
+    return K.tocsc(), sp.identity(n).tocsc(), B, C
+
+
+def judge(
+    folder: Path, matrices: Any, bands: Any, *options: Any, ranks: int = 1, expect: int = 0,
+    **damping: Any,
+) -> dict[str, Any]:  # fmt: skip
+    """Reduce, and let the referee look for an error above the claim; bands in rad/s."""
+    K, M, B, C = matrices
+    D = damping.pop("D", None)
+    extra = {} if D is None else {"D": D}
+    ports = {} if C is None else {"C": C}
+    write_matrices(folder / "body.h5", K, M, B, **ports, **extra, **damping)
+    hz = ",".join(repr(float(w) / TWO_PI) for w in np.ravel(bands))
+    rom = folder / "rom.h5"
+    run("reduce", "-body", folder / "body.h5", "-mor_band_hz", hz, "-mor_out", rom, *options,
+        ranks=ranks, expect=expect)  # fmt: skip
+    data = rom_matrices(rom)
+    full, reduced = System(K, M, B, C, D, **damping), rom_system(data)
+    with h5py.File(rom) as file:
+        claim = {key: file["error"].attrs[key] for key in file["error"].attrs}
+        within = file["error/bands"][:]
+        excluded = file["error/excluded"][:] if "error/excluded" in file else np.zeros((0, 2))
+    at = hard_frequencies(full, reduced, within, excluded, np.random.default_rng(7))
+    truth = max(relative_error(full, reduced, w) for w in at)
+    assert claim["kind"] in ("certified", "certified outside")
+    assert truth <= claim["whole"] + claim["rigid_rounding"], (truth, claim["whole"])
+    return {**claim, "truth": truth, "excluded": excluded, "order": len(data["K"]), "rom": data}
+
+
+def chain_modes(n: int) -> Any:
+    k = np.arange(1, n + 1)
+    return 2e3 * np.sin((2 * k - 1) * np.pi / (4 * n + 2))
+
+
+@pytest.mark.parametrize(
+    ("n", "modes", "zeta"), [(60, 10, 1e-4), (60, 10, 1e-3), (80, 15, 2e-2), (60, 10, 1e-6)]
+)
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_antiresonances(tmp_path: Path, n: int, modes: int, zeta: float, ranks: int) -> None:
+    """Force at one end, displacement at the other: true errors were a hundred times the claim."""
+    omega = chain_modes(n)
+    bands = [[0.1 * omega[0], 0.5 * (omega[modes - 1] + omega[modes])]]
+    found = judge(tmp_path, chain(n), bands, "-mor_tol", "1e-2", beta=2 * zeta / omega[0],
+                  ranks=ranks)  # fmt: skip
+    assert found["met"] and found["whole"] <= 1e-2
+    assert found["whole"] <= 1.2 * found["truth"]  # and the referee found where it is reached
+
+
+def test_poles_of_the_small_model(tmp_path: Path) -> None:
+    omega = chain_modes(60)
+    bands = [[0.1 * omega[0], 0.5 * (omega[9] + omega[10])]]
+    light = judge(tmp_path, chain(60), bands, "-mor_tol", "1e-6", alpha=2e-5 * omega[4],
+                  beta=2e-5 / omega[4])  # fmt: skip
+    assert light["met"]
+    sharp = judge(tmp_path, chain(60, "three"), bands, "-mor_tol", "1e-2")
+    assert sharp["met"] and sharp["kind"] == "certified outside"
+    assert len(sharp["excluded"]) == 10
+    for (first, last), pole in zip(sharp["excluded"], omega, strict=False):
+        assert first < pole < last and last - first < 2.1e-4 * pole
+
+
+def test_a_single_dashpot_leaves_modes_undamped(tmp_path: Path) -> None:
+    """Two chains, a dashpot on one of them: the other's peaks are named, not passed over."""
+    K, M, B, _ = chain(30, "one")
+    K, M = (sp.block_diag([A, A * f]).tocsc() for A, f in ((K, 1.1), (M, 1.0)))
+    both = np.vstack([B, B])
+    D = sp.csc_matrix(([40.0], ([29], [29])), shape=(60, 60))
+    omega = chain_modes(30)
+    found = judge(tmp_path, (K, M, both, None), [[0.2 * omega[0], 1.1 * omega[4]]], "-mor_tol",
+                  "1e-2", D=D)  # fmt: skip
+    assert found["kind"] == "certified outside" and found["met"]
+    undamped = np.sqrt(1.1) * omega
+    for first, last in found["excluded"]:
+        assert np.abs(undamped - 0.5 * (first + last)).min() < 2e-4 * last
+
+
+def test_zeros_of_one_undamped_port(tmp_path: Path) -> None:
+    """H of one undamped port vanishes between its poles: pointwise no tolerance can be met, and the
+    file says so; relative to the band it can."""
+    omega = chain_modes(40)
+    bands = [[0.1 * omega[0], 0.5 * (omega[4] + omega[5])]]
+    found = judge(tmp_path, chain(40, "one"), bands, "-mor_tol", "1e-4", expect=2)
+    assert not found["met"] and found["whole"] > 1e-4
+    damped = judge(tmp_path, chain(40, "one"), bands, "-mor_tol", "1e-4", alpha=1e-3 * omega[0])
+    forgiving = tmp_path / "band.h5"
+    run("reduce", "-body", tmp_path / "body.h5", "-mor_band_hz",
+        ",".join(repr(w / TWO_PI) for w in bands[0]), "-mor_tol", "1e-4", "-mor_tol_relative_to",
+        "band", "-mor_out", forgiving)  # fmt: skip
+    with h5py.File(forgiving) as file:
+        assert file["error"].attrs["relative_to"] == "band"
+        assert file["error"].attrs["met"] and len(file["K"]) <= damped["order"]
+
+
+def truss(mount_hz: float) -> tuple[Any, Any, Any, Any]:
+    """Bars between 24 nodes, 72 dofs, on four soft springs each way."""
+    grid = np.array([(i, j, k) for i in range(4) for j in range(3) for k in range(2)], float) * 0.2
+    n = len(grid)
+    K, M = np.zeros((3 * n, 3 * n)), 0.5 * np.eye(3 * n)
+    for a in range(n):
+        for b in range(a):
+            way = grid[a] - grid[b]
+            length = np.linalg.norm(way)
+            if length > 0.36:
+                continue
+            block = 2.1e7 / length**3 * np.outer(way, way)
+            for i, j, sign in ((a, a, 1), (b, b, 1), (a, b, -1), (b, a, -1)):
+                K[3 * i : 3 * i + 3, 3 * j : 3 * j + 3] += sign * block
+    for corner in (0, 5, n - 1, n - 6):
+        for axis in range(3):
+            K[3 * corner + axis, 3 * corner + axis] += (TWO_PI * mount_hz) ** 2 * 0.5 * n / 4
+    return K, M, grid, n
+
+
+@pytest.mark.parametrize("mount_hz", [0.3, 3.0])
+def test_soft_mounts_with_coordinates_are_elastic(tmp_path: Path, mount_hz: float) -> None:
+    """K resolves these mounts to three digits and more: they are no rigid modes."""
+    K, M, grid, n = truss(mount_hz)
+    B = np.zeros((3 * n, 2))
+    B[2, 0] = B[-1, 1] = 1
+    body, rom = tmp_path / "body.h5", tmp_path / "rom.h5"
+    write_matrices(body, sp.csc_matrix(K), sp.csc_matrix(M), B, alpha=0.1,
+                   node=np.repeat(np.arange(n), 3), component=np.tile([0, 1, 2], n),
+                   position=np.repeat(grid, 3, axis=0))  # fmt: skip
+    run("reduce", "-body", body, "-mor_band_hz", f"{0.2 * mount_hz},2000", "-mor_tol", "1e-4",
+        "-mor_out", rom)  # fmt: skip
+    data = rom_matrices(rom)
+    with h5py.File(rom) as file:
+        assert file["frame"].attrs["rigid_modes"] == 0
+        claim = file["error"].attrs["whole"]
+    suspension = np.sqrt(np.abs(sl.eigvalsh(K, M)[:6]))
+    assert np.allclose(data["modes"][0], suspension[0], rtol=2e-3)
+    full = System(K, M, B, alpha=0.1)
+    for hz in np.geomspace(0.2 * mount_hz, 2000, 60):
+        assert relative_error(full, rom_system(data), TWO_PI * hz) <= claim
+
+
+def test_two_bands_and_the_gap_between_them(tmp_path: Path) -> None:
+    """Each band is certified by itself; of the gap nothing is claimed."""
+    omega = chain_modes(60)
+    bands = [[0.1 * omega[0], 1.2 * omega[0]], [0.95 * omega[7], 1.02 * omega[9]]]
+    found = judge(tmp_path, chain(60, "three"), bands, "-mor_tol", "1e-3", alpha=0.02 * omega[0])
+    assert found["met"]
+    with h5py.File(tmp_path / "rom.h5") as file:
+        assert np.allclose(file["error/bands"][:], bands)
+        at = file["error/omega"][:]
+    assert not np.any((at > 1.0001 * bands[0][1]) & (at < 0.9999 * bands[1][0]))
+
+
+def test_the_symmetric_part_is_what_is_reduced(tmp_path: Path) -> None:
+    K, M, B, _ = chain(60, "three")
+    omega = chain_modes(60)
+    skew = sp.random(60, 60, 0.05, random_state=3)
+    lopsided = (M + 4e-11 * (skew - skew.T)).tocsc()
+    write_matrices(tmp_path / "body.h5", K, lopsided, B, alpha=2e-5 * omega[0])
+    band = f"{0.1 * omega[0] / TWO_PI!r},{0.5 * (omega[9] + omega[10]) / TWO_PI!r}"
+    result = run("reduce", "-body", tmp_path / "body.h5", "-mor_band_hz", band, "-mor_tol", "1e-4",
+                 "-mor_out", tmp_path / "rom.h5")  # fmt: skip
+    assert "/M is replaced by its symmetric part; the skew part is " in result.out
+    data = rom_matrices(tmp_path / "rom.h5")
+    with h5py.File(tmp_path / "rom.h5") as file:
+        claim = file["error"].attrs["whole"]
+    full = System(K, 0.5 * (lopsided + lopsided.T), B, alpha=2e-5 * omega[0])
+    for w in data["modes"][data["modes"] < omega[9]]:
+        assert relative_error(full, rom_system(data), w) <= claim
+
+
+@pytest.mark.parametrize("seed", [11])
+def test_random_systems(seed: int) -> None:
+    """A hundred and some of ``scripts/audit``; ten thousand were run by hand (README)."""
+    result = subprocess.run([ROOT / "scripts" / "audit", "168", str(seed)], env=ENVIRONMENT,
+                            capture_output=True, text=True, timeout=1200)  # fmt: skip
+    assert result.returncode == 0, result.stdout + result.stderr
+    assert "0 broken of 168" in result.stdout
+    refused = [line for line in result.stdout.splitlines() if line.startswith("refused")]
+    assert len(refused) <= 0.03 * 168, refused
