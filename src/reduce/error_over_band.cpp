@@ -13,7 +13,8 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 /// A factorisation of the full body tells H to no more digits than this.
 constexpr double solve_floor = 1e-11;
 /// Resonances sharper than this (half width over frequency) may be excluded, no farther
-/// from the pole than `zone` of its frequency, and no closer looked at than `nearest`.
+/// from the pole than `zone` of its frequency, and looked at no closer than `nearest`, or
+/// a tenth of the half width.
 constexpr double sharp = 1e-6, zone = 1e-4, nearest = 1e-7;
 /// Relative length of intervals that are not halved any more.
 constexpr double narrowest = 1e-10;
@@ -140,15 +141,16 @@ ErrorOverBand::ErrorOverBand(const MediumModel& medium, std::vector<Interval> ba
     H_.push_back(std::move(value.H));
   }
   for (const Resonance& r : medium.resonances)
-    if (r.half_width < sharp * r.omega) {
-      sharp_.push_back({r.omega * (1 - zone), r.omega * (1 + zone)});
-      sharp_omega_.push_back(r.omega);
-    }
+    if (r.half_width < sharp * r.omega)
+      sharp_.push_back({{r.omega * (1 - zone), r.omega * (1 + zone)},
+                        r.omega,
+                        r.half_width > 10 * narrowest * r.omega ? 0.1 * r.half_width
+                                                                : nearest * r.omega});
   for (const Interval& band : bands) {
     // Zones of exclusion are intervals of their own.
     std::vector<double> ends{band.first, band.last};
-    for (const Interval& s : sharp_)
-      for (double end : {s.first, s.last})
+    for (const Sharp& s : sharp_)
+      for (double end : {s.zone.first, s.zone.last})
         if (end > band.first && end < band.last) ends.push_back(end);
     std::sort(ends.begin(), ends.end());
     for (std::size_t i = 0; i + 1 < ends.size(); ++i) {
@@ -340,13 +342,17 @@ void ErrorOverBand::split(Node& node) const {
 
 /// In the zone of a sharp resonance, and short beside the distance from its pole.
 bool ErrorOverBand::may_be_excluded(const Interval& interval) const {
-  for (std::size_t i = 0; i < sharp_.size(); ++i) {
-    if (interval.first < sharp_[i].first || interval.last > sharp_[i].last) continue;
-    const double pole = sharp_omega_[i],
-                 distance = std::max({interval.first - pole, pole - interval.last, 0.0});
-    if (width_of(interval) <= std::max(0.25 * distance, nearest * pole)) return true;
-  }
-  return false;
+  return std::any_of(sharp_.begin(), sharp_.end(), [&](const Sharp& s) {
+    const double distance =
+        std::max({interval.first - s.pole, s.pole - interval.last, 0.0});
+    return s.holds(interval) &&
+           width_of(interval) <= std::max(0.25 * distance, s.nearest);
+  });
+}
+
+bool ErrorOverBand::near_pole(const Interval& interval) const {
+  return std::any_of(sharp_.begin(), sharp_.end(),
+                     [&](const Sharp& s) { return s.holds(interval); });
 }
 
 bool ErrorOverBand::meets(const DenseSystem& system, double tolerance) {
@@ -390,11 +396,8 @@ std::optional<double> ErrorOverBand::exceeds(const DenseResponse* small,
     const Look seen = look(node, small);
     if (seen.worst <= tolerance) continue;
     if (may_be_excluded(node.interval)) continue;
-    const bool near_pole =
-        std::any_of(sharp_.begin(), sharp_.end(), [&](const Interval& s) {
-          return node.interval.first >= s.first && node.interval.last <= s.last;
-        });
-    if (!near_pole && seen.known && !(point(seen.omega, small).worst() <= tolerance))
+    if (!near_pole(node.interval) && seen.known &&
+        !(point(seen.omega, small).worst() <= tolerance))
       return seen.omega;
     if (width_of(node.interval) <= narrowest * node.interval.last || count > 20000)
       return node.interval.centre();
@@ -420,11 +423,6 @@ ErrorOverBand::Supremum ErrorOverBand::supremum(const DenseSystem& system, doubl
   std::vector<double>& best = result.attained_of;
   best.assign(views_.size(), 0.0);
   result.at_of.assign(views_.size(), 0.0);
-  const auto near_pole = [&](double omega) {
-    return std::any_of(sharp_.begin(), sharp_.end(), [&](const Interval& s) {
-      return omega >= s.first && omega <= s.last;
-    });
-  };
   const auto visit = [&](double omega) {
     const Point here = point(omega, &small);
     result.proved = result.proved && here.proved;
@@ -461,7 +459,7 @@ ErrorOverBand::Supremum ErrorOverBand::supremum(const DenseSystem& system, doubl
     open.push({&node, std::move(seen), now});
   };
   for (const auto& root : roots_)
-    if (near_pole(root->interval.centre()))
+    if (near_pole(root->interval))
       zones.push_back(root.get());
     else
       enter(*root);

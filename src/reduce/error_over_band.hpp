@@ -91,6 +91,7 @@ private:
   std::optional<double> exceeds(const DenseResponse* small, double tolerance);
   void split(Node& node) const;
   bool may_be_excluded(const Interval& interval) const;
+  bool near_pole(const Interval& interval) const;
 
   const MediumModel& medium_;
   RelativeTo relative_to_;
@@ -99,8 +100,16 @@ private:
   std::vector<ComplexDense> H_;
   std::vector<std::size_t> hard_;  ///< grid points that failed before, the last one first
   std::vector<double> hard_omega_; ///< other frequencies that failed
-  std::vector<Interval> sharp_;    ///< around resonances with hardly any damping
-  std::vector<double> sharp_omega_;
+  /// A resonance with hardly any damping, and the zone in which intervals may be
+  /// excluded.
+  struct Sharp {
+    Interval zone;
+    double pole, nearest; ///< [rad/s]; intervals need not be shorter than the latter
+    bool holds(const Interval& i) const {
+      return i.first >= zone.first && i.last <= zone.last;
+    }
+  };
+  std::vector<Sharp> sharp_;
   std::vector<std::unique_ptr<Node>> roots_;
   std::size_t kept_ = 0; ///< numbers in the nodes
   double assumed_ = 0;
