@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 import scipy.linalg as sl
 import scipy.sparse as sp
-from referee import TWO_PI, System, hard_frequencies, relative_error
 
 import flexgram
 from flexgram.meshfile import BodyError
+from referee import TWO_PI, System, hard_frequencies, relative_error
 
 CLASSES = (
     "chain", "graph", "modal", "clustered", "massless", "soft mounts", "free", "weak ports",

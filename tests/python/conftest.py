@@ -15,6 +15,7 @@ import h5py
 import numpy as np
 import pytest
 import scipy.sparse as sp
+
 from referee import System, suspicious
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -67,7 +67,13 @@ def write_case(case: dict[str, Any], path: Path) -> tuple[float, float]:
     return 0.1 * elastic[0], 1.02 * top
 
 
-@pytest.mark.parametrize("name", CASES)
+#: Bodies on which a decision hung on rounding once.
+DELICATE = ("crank", "exudyn_netgenHinge", "hb_bcsst08")
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.kernels] if n in DELICATE else []) for n in CASES]
+)
 def test_bodies_of_others(load_case: Loader, tmp_path: Path, name: str) -> None:
     body = tmp_path / "body.h5"
     band = write_case(load_case(name), body)

@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 import scipy.linalg as sl
 import scipy.sparse as sp
-from referee import TWO_PI, System, hard_frequencies, relative_error
 
 from conftest import ENVIRONMENT, ROOT, rom_matrices, rom_system, run
 from flexgram import write_matrices
+from referee import TWO_PI, System, hard_frequencies, relative_error
 
 
 def chain(n: int, ports: str = "transfer") -> tuple[Any, Any, Any, Any]:
@@ -69,6 +69,7 @@ def chain_modes(n: int) -> Any:
     return 2e3 * np.sin((2 * k - 1) * np.pi / (4 * n + 2))
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(
     ("n", "modes", "zeta"), [(60, 10, 1e-4), (60, 10, 1e-3), (80, 15, 2e-2), (60, 10, 1e-6)]
 )
@@ -83,6 +84,7 @@ def test_antiresonances(tmp_path: Path, n: int, modes: int, zeta: float, ranks: 
     assert found["whole"] <= 1.2 * found["truth"]  # and the referee found where it is reached
 
 
+@pytest.mark.kernels
 def test_poles_of_the_small_model(tmp_path: Path) -> None:
     omega = chain_modes(60)
     bands = [[0.1 * omega[0], 0.5 * (omega[9] + omega[10])]]
@@ -96,6 +98,7 @@ def test_poles_of_the_small_model(tmp_path: Path) -> None:
         assert first < pole < last and last - first < 2.1e-4 * pole
 
 
+@pytest.mark.kernels
 def test_a_single_dashpot_leaves_modes_undamped(tmp_path: Path) -> None:
     """Two chains, a dashpot on one of them: the other's peaks are named, not passed over."""
     K, M, B, _ = chain(30, "one")
@@ -111,6 +114,7 @@ def test_a_single_dashpot_leaves_modes_undamped(tmp_path: Path) -> None:
         assert np.abs(undamped - 0.5 * (first + last)).min() < 2e-4 * last
 
 
+@pytest.mark.kernels
 def test_zeros_of_one_undamped_port(tmp_path: Path) -> None:
     """H of one undamped port vanishes between its poles: pointwise no tolerance can be met, and the
     file says so; relative to the band it can."""
@@ -148,6 +152,7 @@ def truss(mount_hz: float) -> tuple[Any, Any, Any, Any]:
     return K, M, grid, n
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("mount_hz", [0.3, 3.0])
 def test_soft_mounts_with_coordinates_are_elastic(tmp_path: Path, mount_hz: float) -> None:
     """K resolves these mounts to three digits and more: they are no rigid modes."""
@@ -171,6 +176,7 @@ def test_soft_mounts_with_coordinates_are_elastic(tmp_path: Path, mount_hz: floa
         assert relative_error(full, rom_system(data), TWO_PI * hz) <= claim
 
 
+@pytest.mark.kernels
 def test_two_bands_and_the_gap_between_them(tmp_path: Path) -> None:
     """Each band is certified by itself; of the gap nothing is claimed."""
     omega = chain_modes(60)
@@ -183,6 +189,7 @@ def test_two_bands_and_the_gap_between_them(tmp_path: Path) -> None:
     assert not np.any((at > 1.0001 * bands[0][1]) & (at < 0.9999 * bands[1][0]))
 
 
+@pytest.mark.kernels
 def test_the_symmetric_part_is_what_is_reduced(tmp_path: Path) -> None:
     K, M, B, _ = chain(60, "three")
     omega = chain_modes(60)

@@ -52,6 +52,7 @@ def check(
     return result
 
 
+@pytest.mark.kernels
 def test_undamped_and_nearly_undamped(beam: dict[str, Any], tmp_path: Path) -> None:
     matrices = clamped(beam)
     check(tmp_path, matrices, (100.0, 6000.0))
@@ -59,6 +60,7 @@ def test_undamped_and_nearly_undamped(beam: dict[str, Any], tmp_path: Path) -> N
     check(tmp_path, matrices, (100.0, 6000.0), alpha=2e-6 * omega)  # damping ratio 1e-6
 
 
+@pytest.mark.kernels
 def test_cutoff_a_hair_beside_an_eigenvalue(beam: dict[str, Any], tmp_path: Path) -> None:
     matrices = clamped(beam)
     hz = modes(*matrices[:2])[5] * (1 + 1e-10) / TWO_PI
@@ -74,6 +76,7 @@ def test_krylov_shift_a_hair_beside_an_eigenvalue(beam: dict[str, Any], tmp_path
                                    "krylov", "-mor_shifts_hz", shifts))  # fmt: skip
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("copies", [2, 3])
 def test_multiple_eigenvalues(beam: dict[str, Any], tmp_path: Path, copies: int) -> None:
     """The same body several times, loaded in one copy and in all: every eigenvalue repeats."""
@@ -140,6 +143,7 @@ def test_stiffness_contrast(beam: dict[str, Any], tmp_path: Path) -> None:
     assert result["met"] or result["floor"] > 5e-5
 
 
+@pytest.mark.kernels
 def test_lumped_rotations_and_massless_dofs(beam: dict[str, Any], tmp_path: Path) -> None:
     K, M, B = clamped(beam)
     keep = np.flatnonzero(~beam["B"][:, :6].any(axis=1))
@@ -178,6 +182,7 @@ def test_a_dashpot_too_strong_for_the_proof_is_called_estimated(
         assert file["error"].attrs["kind"] == "estimated"
 
 
+@pytest.mark.kernels
 def test_free_body_from_a_hundredth_of_a_hertz(tmp_path: Path) -> None:
     """Rigid modes from the geometry: low frequencies stay accurate. What rounding left of their
     stiffness in the stored K is 2 % of H at 0.01 Hz: not an error of this body, but told."""
@@ -192,6 +197,7 @@ def test_free_body_from_a_hundredth_of_a_hertz(tmp_path: Path) -> None:
         assert np.all(file["modes/omega"][:6] == 0)
 
 
+@pytest.mark.kernels
 def test_soft_mounts_are_no_rigid_modes(beam: dict[str, Any], tmp_path: Path) -> None:
     K = beam["K"] + sp.diags(np.where(beam["B"].any(axis=1), 5e3, 0.0))
     matrices = (K.tocsc(), beam["M"], beam["B"])
@@ -200,6 +206,7 @@ def test_soft_mounts_are_no_rigid_modes(beam: dict[str, Any], tmp_path: Path) ->
     assert np.allclose(result["rom"]["modes"][:6], suspension, rtol=1e-4)
 
 
+@pytest.mark.kernels
 def test_constraint_modes_on_very_soft_mounts(beam: dict[str, Any], tmp_path: Path) -> None:
     """All statics are the same suspension mode to ten digits: constraint modes are not."""
     K = beam["K"] + sp.diags(np.where(beam["B"].any(axis=1), 0.05, 0.0))
