@@ -16,7 +16,7 @@ struct ResidualBasis {
   Dense damped_outside; ///< k×modes: the part of DΦ that is residual to V
   std::vector<double> dropped_ports, dropped_K,
       dropped_D;        ///< of each column, rows scaled
-  bool complete = true; ///< false: cut at the largest directions
+  bool complete = true; ///< false: cut at the largest directions, so nothing is proved
 };
 
 /// @param samples      [rad/s] where residuals are looked at, if not all directions are

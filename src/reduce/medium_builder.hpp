@@ -17,10 +17,12 @@ public:
 private:
   void find_rigid_modes();
   static MediumSpace::RigidStiffness stiffness_of(const RigidSplit& split);
+  static bool has_light_dofs(const SecondOrderModel& fom, double omega);
   Block start(double omega, int modes_wanted, bool mass_is_singular);
   void scale_ports(Block& response);
   void search_modes();
   void take_out_rigid_modes();
+  bool cutoff_is_in_a_gap() const;
   std::vector<Resonance> resonances() const;
   void factorise_norm();
   void bound_least_eigenvalue();
@@ -48,7 +50,7 @@ private:
   std::vector<double> grid_;
   double least_eigenvalue_ = 0; ///< of K + τM with a unit diagonal, at least
   Block image_; ///< (K + τM)⁻¹T of the last certificate: the next Krylov block
-  bool complete_ = false;
+  bool complete_ = false, inertia_is_safe_ = false;
   int blocks_ = 0;
   std::string end_; ///< why the growth ended, if not by the target
 };

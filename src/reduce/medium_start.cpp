@@ -2,12 +2,14 @@
 
 #include "base/process.hpp"
 #include "base/text.hpp"
+#include "linalg/sparse.hpp"
 #include "linalg/sparse_product.hpp"
 #include "model/rigid_body_modes.hpp"
 #include "reduce/mode_search.hpp"
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <numeric>
 
@@ -65,6 +67,16 @@ void MediumBuilder::find_rigid_modes() {
   rigid_modes_ = std::move(rigid);
 }
 
+/// Dofs that by themselves would vibrate a million times faster than ω: as good as
+/// massless.
+bool MediumBuilder::has_light_dofs(const SecondOrderModel& fom, double omega) {
+  const auto k = diagonal(fom.K), m = diagonal(fom.M);
+  double fastest = 0;
+  for (std::size_t i = 0; i < k.size(); ++i)
+    if (k[i] > 0) fastest = std::max(fastest, m[i] > 0 ? k[i] / m[i] : HUGE_VAL);
+  return max_over(fom.comm, fastest) > 1e12 * omega * omega;
+}
+
 /// Factorises K − ω_c²M with ω_c near `omega`, away from eigenvalues and with enough
 /// modes below; chooses the inner product. Returns the response to all ports.
 Block MediumBuilder::start(double omega, int modes_wanted, bool mass_is_singular) {
@@ -111,7 +123,7 @@ Block MediumBuilder::start(double omega, int modes_wanted, bool mass_is_singular
       // mode.
       for (double value : eigen.values)
         regular = regular && std::abs(2 * value - 1) > 1e-7;
-      mass_is_singular = mass_is_singular ||
+      mass_is_singular = mass_is_singular || has_light_dofs(fom_, omega) ||
                          eigen.values.front() * 1e3 * eigenvalue_scale(fom_) * kappa < 1;
     }
     if (regular) {
@@ -143,6 +155,26 @@ int MediumBuilder::largest_order() const {
       4 * 8.0 * static_cast<double>(std::max<PetscInt>(fom_.rows.size(), 1));
   const double limit = std::min({2000.0, memory / each, static_cast<double>(fom_.n)});
   return static_cast<int>(-max_over(fom_.comm, -limit));
+}
+
+/// Whether a backward error of the factorisation, 1000 ε of each entry of K, could not
+/// have moved an eigenvalue across the cutoff.
+bool MediumBuilder::cutoff_is_in_a_gap() const {
+  const RitzPairs pairs = ritz_pairs(*space_);
+  const auto& g = space_->rounding_weights();
+  const double sigma = model_.cutoff * model_.cutoff;
+  bool safe = true;
+  for (std::size_t j = 0; j < pairs.lambda.size(); ++j) {
+    double weight = 0; // φᵀdiag(K)φ
+    const double* u = pairs.vectors.column(static_cast<int>(j));
+    for (std::size_t i = 0; i < g.size(); ++i) weight += std::pow(g[i] * u[i], 2);
+    safe = safe && std::abs(pairs.lambda[j] - sigma) >
+                       1e3 * std::numeric_limits<double>::epsilon() * weight;
+  }
+  if (!safe)
+    monitor_.warn("an eigenvalue lies so near the cutoff that the inertia may have "
+                  "miscounted: another -mor_cutoff helps");
+  return safe;
 }
 
 /// Modes so slow that they may be rigid, which no geometry told: sharpened by a
@@ -203,6 +235,7 @@ void MediumBuilder::search_modes() {
     model_.solved_columns += solves;
     take_out_rigid_modes();
   }
+  inertia_is_safe_ = cutoff_is_in_a_gap();
   model_.rigid = space_->rigid();
   std::string words = text("%d elastic below the cutoff of %.4g Hz, counted by inertia",
                            expected_, model_.cutoff * hz);

@@ -61,7 +61,7 @@ std::string shortfall(double tolerance, const SecondStage& stage,
         "because the outputs hardly answer the inputs",
         floor);
   if (least > tolerance)
-    return text("the medium model of order %d is certified to %.1e only (see "
+    return text("the medium model of order %d is good to %.1e only (see "
                 "-mor_medium_order, -mor_cutoff)",
                 stage.medium.system.order(), least);
   return text("%s does not reach it up to order %d; take another -mor_method or "
