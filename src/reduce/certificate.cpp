@@ -77,6 +77,7 @@ Span span_of(MPI_Comm comm, Basis S) {
   std::vector<double> size;
   for (int pass = 0; pass < 3; ++pass) {
     Dense gram = symmetric_inner(S, S);
+    share_from_first(comm, gram.data);
     span.dropped.clear();
     for (int j = 0; j < q; ++j)
       span.dropped.push_back(std::sqrt(std::max(gram(j, j), 0.0)));
@@ -87,7 +88,6 @@ Span span_of(MPI_Comm comm, Basis S) {
     };
     double left = 0;
     for (int j = 0; j < q; ++j) left = std::max(left, relative(j));
-    share_from_first(comm, gram.data);
     if (left < 1e-8) break;
     for (int j = 0; j < q; ++j)
       for (int i = 0; i < q; ++i) {
@@ -139,13 +139,16 @@ Span span_of(MPI_Comm comm, Basis S) {
   return span;
 }
 
-/// Σ_i norms_i |a_ij|: what columns that are combinations of others lose with them.
+/// √Σ_i (norms_i a_ij)²: what columns that are combinations of others lose with them. It
+/// is rounding of the solves that made the space, so its squares add up.
 std::vector<double> combined(const std::vector<double>& norms, const Dense& a) {
-  std::vector<double> result(static_cast<std::size_t>(a.columns), 0.0);
-  for (int j = 0; j < a.columns; ++j)
+  std::vector<double> result;
+  for (int j = 0; j < a.columns; ++j) {
+    double sum = 0;
     for (int i = 0; i < a.rows; ++i)
-      result[static_cast<std::size_t>(j)] +=
-          norms[static_cast<std::size_t>(i)] * std::abs(a(i, j));
+      sum += std::pow(norms[static_cast<std::size_t>(i)] * a(i, j), 2);
+    result.push_back(std::sqrt(sum));
+  }
   return result;
 }
 
@@ -184,15 +187,22 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
     const auto in_range = [&](const Dense& a) {
       return a.data.empty() ? Dense() : multiply(span.coordinates, a);
     };
-    const auto lost = [&](const Dense& a, std::vector<double>& total) {
+    // What was lost before is still missing.
+    const auto lost = [&](std::vector<double> before, const Dense& a) {
       const std::vector<double> added = combined(span.dropped, a);
-      for (std::size_t j = 0; j < total.size(); ++j) total[j] += added[j];
+      for (std::size_t j = 0; j < added.size(); ++j)
+        before[j] = std::hypot(before[j], added[j]);
+      return before;
     };
-    lost(parts.B, basis.dropped_ports);
-    lost(multiply(parts.K, response.U()), basis.dropped_K);
-    if (damped) lost(multiply(parts.D, response.U()), basis.dropped_D);
-    space.compress_residual(
-        {span.T.share(), in_range(parts.B), in_range(parts.K), in_range(parts.D)});
+    std::vector<double> lost_B = lost(parts.lost_B, parts.B),
+                        lost_K = lost(parts.lost_K, parts.K), lost_D;
+    if (damped) lost_D = lost(parts.lost_D, parts.D);
+    basis.dropped_ports = lost_B;
+    basis.dropped_K = combined(lost_K, response.U());
+    if (damped) basis.dropped_D = combined(lost_D, response.U());
+    space.compress_residual({span.T.share(), in_range(parts.B), in_range(parts.K),
+                             in_range(parts.D), std::move(lost_B), std::move(lost_K),
+                             std::move(lost_D)});
   }
   const MediumSpace::Residual& parts = space.residual();
   const int r = static_cast<int>(parts.S.columns());
@@ -283,10 +293,11 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
   Dense F = transpose(eigen.vectors);
   const double least =
       eigen.values.empty() ? 0.0 : 1e-15 * F.rows * std::max(eigen.values.back(), 0.0);
+  for (double value : eigen.values)
+    coordinates_.push_back(1 / std::sqrt(std::max(value, 0.0) + std::max(least, 1e-300)));
+  added_ = norm.added + least;
   for (int j = 0; j < F.columns; ++j)
-    for (int i = 0; i < F.rows; ++i)
-      F(i, j) *=
-          std::sqrt(std::max(eigen.values[static_cast<std::size_t>(i)], 0.0) + least);
+    for (int i = 0; i < F.rows; ++i) F(i, j) /= coordinates_[static_cast<std::size_t>(i)];
   const auto turned = [&](const Dense& a) {
     return a.rows == 0 ? Dense(0, a.columns) : multiply(F, a);
   };
@@ -315,8 +326,7 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
     const double mu = response.mu()[at];
     const double factor = mu + kappa_ * (1 - tau_ * mu); // of −PKu: the residual of Φ_j
     mode_mu_.push_back(mu);
-    mode_residual_.push_back(
-        j < space.rigid() ? 0.0 : factor * (std::sqrt(square) + dropped_K_[at]));
+    mode_residual_.push_back(factor * (std::sqrt(square) + dropped_K_[at]));
     raised += mu > mu_c_ ? mode_residual_.back() * mode_residual_.back() / (mu - mu_c_)
                          : infinity;
   }
@@ -496,14 +506,14 @@ MatrixSeries Certificate::residual(const DenseResponse& response,
   set_part(whole.coefficients, 0, 0, w.coefficients);
   set_part(whole.tail, 0, 0, w.tail);
   for (int j = 0; j < p; ++j) {
-    double lost = dropped_ports_[static_cast<std::size_t>(j)];
-    for (int l = 0; l < x.envelope.rows; ++l)
-      lost += x.envelope(l, j) *
-              (largest * dropped_K_[static_cast<std::size_t>(l)] +
-               (dropped_D_.empty()
-                    ? 0.0
-                    : x.interval.last * dropped_D_[static_cast<std::size_t>(l)]));
-    whole.tail(w.rows(), j) = lost;
+    double lost = std::pow(dropped_ports_[static_cast<std::size_t>(j)], 2);
+    for (int l = 0; l < x.envelope.rows; ++l) {
+      const auto at = static_cast<std::size_t>(l);
+      lost += std::pow(x.envelope(l, j) * largest * dropped_K_[at], 2);
+      if (!dropped_D_.empty())
+        lost += std::pow(x.envelope(l, j) * x.interval.last * dropped_D_[at], 2);
+    }
+    whole.tail(w.rows(), j) = std::sqrt(lost);
   }
   for (int c = 0; c < whole.coefficients.columns; ++c)
     for (int l = 0; l < whole.rows(); ++l)
@@ -564,8 +574,9 @@ Certificate::over(const DenseResponse& response, const ResponseSeries& x,
         square += w.real(k)[i] * w.real(k)[i] + w.imaginary(k)[i] * w.imaginary(k)[i];
       sum += std::sqrt(square);
     }
-    for (int i = 0; i < w.rows(); ++i) tail += w.tail(i, j) * w.tail(i, j);
-    moved.push_back(sum + std::sqrt(tail));
+    for (int i = 0; i + 1 < w.rows(); ++i) tail += w.tail(i, j) * w.tail(i, j);
+    // What T does not hold is not orthogonal to it in E⁻¹.
+    moved.push_back(sum + std::sqrt(tail) + w.tail(w.rows() - 1, j));
   }
   const auto moved_of = [&](const std::vector<int>& columns) {
     double square = 0;
@@ -585,12 +596,27 @@ Certificate::over(const DenseResponse& response, const ResponseSeries& x,
     const double paired =
         added + (same ? frobenius_norm(multiply_transposed(w_in, w_in, true))
                       : paired_norm(w_c, w_in));
-    const double known = added + frobenius_norm(multiply_transposed(w_c, w_in));
+    // The Gram matrix is that of the norm or more: no bound of W_CᵀW_B by itself.
+    const auto coefficients = [&](const ComplexDense& w_of, double moved_by) {
+      double square = 0, widest = 0;
+      for (std::size_t i = 0; i < coordinates_.size(); ++i) {
+        widest = std::max(widest, coordinates_[i]);
+        for (int j = 0; j < w_of.columns; ++j)
+          square += std::norm(coordinates_[i] * w_of(static_cast<int>(i), j));
+      }
+      return std::sqrt(square) + widest * moved_by;
+    };
+    const double known = added + frobenius_norm(multiply_transposed(w_c, w_in)) +
+                         added_ * coefficients(w_c, out) * coefficients(w_in, in);
     Bound bound;
     bound.error =
         std::min(S.norm * paired, std::abs(S.centre) * known + S.radius * paired);
     bound.proved = S.proved;
     add_rounding(bound, x, block);
+    const Damping& damping = response.system().damping; // K's rounding comes times a_k
+    const double factor = std::hypot(1, damping.eta + x.interval.last * damping.beta);
+    bound.floor *= factor;
+    bound.assumed *= factor;
     bounds.push_back(bound);
   }
   return bounds;

@@ -32,6 +32,7 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
 /// The norm (K + τM)⁻¹ on the columns of T, by a solve that need not be exact.
 struct ResidualNorm {
   Dense gram;                  ///< TᵀE⁻¹T at least
+  double added = 0;            ///< at most so much more than that, on its diagonal
   double least_eigenvalue = 0; ///< of E, rows and columns scaled to a unit diagonal
 };
 
@@ -96,7 +97,9 @@ private:
   Dense ports_, K_, D_;
   std::vector<double> dropped_ports_, dropped_K_, dropped_D_; ///< ‖·‖ of E⁻¹ at most
   std::vector<double> mode_mu_, mode_residual_; ///< μ_j and ‖G_j‖ of Φ
-  Dense mode_G_, mode_F_, mode_D_; ///< J = c G + iω F, and ΦᵀDΦ; empty without D
+  Dense mode_G_, mode_F_, mode_D_;  ///< J = c G + iω F, and ΦᵀDΦ; empty without D
+  std::vector<double> coordinates_; ///< 1/√γ of the Gram matrix' eigenvalues
+  double added_ = 0;                ///< what these hold beyond the norm itself, at most
   double dropped_G_ = 0, dropped_F_ = 0; ///< norms of what these two do not hold
   /// Transposed: rigid rows of U; stiffness that was set to zero; that among rigid modes
   /// taken for rounding.

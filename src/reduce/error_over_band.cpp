@@ -178,7 +178,8 @@ double ErrorOverBand::ratio(std::size_t view, double difference, double size,
                             double bound) const {
   const double known =
       relative_to_ == RelativeTo::band ? views_[view].largest : size - bound;
-  return known > 0 ? (difference + bound) / known : infinity;
+  const double most = difference + bound;
+  return known > 0 && most < infinity ? most / known : infinity; // NaN too
 }
 
 double ErrorOverBand::certified(const Seen& seen, std::size_t l,

@@ -173,7 +173,8 @@ ResidualNorm MediumBuilder::norm_of(const Block& T) {
   const Dense left = inner(rest, rest);
   double trace = 0;
   for (int i = 0; i < left.rows; ++i) trace += left(i, i);
-  for (int i = 0; i < left.rows; ++i) norm.gram(i, i) += trace / least_eigenvalue_;
+  norm.added = trace / least_eigenvalue_;
+  for (int i = 0; i < left.rows; ++i) norm.gram(i, i) += norm.added;
   share_from_first(fom_.comm, norm.gram.data);
   return norm;
 }
@@ -186,10 +187,12 @@ void MediumBuilder::bound_least_eigenvalue() {
   constexpr double t = 0.1;
   Block g = random_block(fom_.B, 8, 77);
   space_->unscale(g);
-  const Dense energy = inner(g, solver_.solve(g, ShiftedSolver::Verify::first_column).x);
+  const Dense energy = inner(g, solver_.solve(g).x);
   double largest = 0;
   for (int i = 0; i < energy.rows; ++i) largest = std::max(largest, energy(i, i));
-  least_eigenvalue_ = t * t / largest;
+  std::vector<double> shared{t * t / largest};
+  share_from_first(fom_.comm, shared);
+  least_eigenvalue_ = shared[0];
 }
 
 /// The bound of the space as it is, with one block solve.
@@ -353,6 +356,15 @@ MediumModel MediumBuilder::build(const std::vector<Interval>& bands, double last
       if (pole.real() > 0 && pole.real() < model_.cutoff && pole.imag() < pole.real())
         model_.resonances.push_back({pole.real(), std::max(pole.imag(), 0.0)});
   }
+  std::vector<double> peaks{static_cast<double>(model_.resonances.size())};
+  share_from_first(fom_.comm, peaks); // decisions about intervals must not differ
+  model_.resonances.resize(static_cast<std::size_t>(peaks[0]));
+  peaks.clear();
+  for (const auto& [omega, half_width] : model_.resonances)
+    peaks.insert(peaks.end(), {omega, half_width});
+  share_from_first(fom_.comm, peaks);
+  for (std::size_t i = 0; i < model_.resonances.size(); ++i)
+    model_.resonances[i] = {peaks[2 * i], peaks[2 * i + 1]};
   model_.V = space_->V().share();
   return std::move(model_);
 }

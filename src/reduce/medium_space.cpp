@@ -139,6 +139,8 @@ std::vector<double> MediumSpace::append(Block X, double tolerance) {
     for (int j = 0; j < more; ++j) wide(first + j, a.columns + j) = 1;
     return wide;
   };
+  residual_.lost_K.resize(residual_.lost_K.size() + static_cast<std::size_t>(k), 0.0);
+  if (fom_.D) residual_.lost_D.resize(residual_.lost_K.size(), 0.0);
   residual_.B = widened(residual_.B, 0, 0);
   residual_.K = widened(residual_.K, k, width);
   if (fom_.D) residual_.D = widened(residual_.D, k, width + k);
@@ -178,6 +180,9 @@ void MediumSpace::track_residual(const Block& ports) {
   residual_.B = unit(0, p);
   residual_.K = unit(p, N);
   if (fom_.D) residual_.D = unit(p + N, N);
+  residual_.lost_B.assign(static_cast<std::size_t>(p), 0.0);
+  residual_.lost_K.assign(static_cast<std::size_t>(N), 0.0);
+  if (fom_.D) residual_.lost_D = residual_.lost_K;
 }
 
 void MediumSpace::rotate_to_rigid(const Dense& Q, int count, RigidStiffness stiffness) {

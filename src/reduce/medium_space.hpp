@@ -39,6 +39,8 @@ public:
   struct Residual {
     Basis S;
     Dense B, K, D;
+    /// Norms of what each of these columns lost when S was replaced by a smaller basis.
+    std::vector<double> lost_B, lost_K, lost_D;
   };
   const Residual& residual() const { return residual_; }
   /// Replaces S by a basis of its span, with the coordinates that go with it.

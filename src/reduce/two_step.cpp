@@ -88,6 +88,7 @@ private:
   Dense gram(const MediumModel& medium) const;
   std::vector<std::string> names() const;
   Dense tangent(const Dense& Q) const;
+  ErrorOverBand::Supremum shared_supremum(ErrorOverBand::Supremum sup) const;
   ErrorClaim claim_of(const ErrorOverBand::Supremum& sup) const;
   ReducedModel finish();
 
@@ -210,6 +211,28 @@ Dense SecondStageRun::tangent(const Dense& Q) const {
   return moved;
 }
 
+/// Rank 0's: the last bit may differ between ranks, and with it how often intervals were
+/// halved; the file and the exit status must not.
+ErrorOverBand::Supremum
+SecondStageRun::shared_supremum(ErrorOverBand::Supremum sup) const {
+  std::vector<double> head{sup.worst, sup.proved ? 1.0 : 0.0,
+                           static_cast<double>(sup.excluded.size()),
+                           static_cast<double>(sup.intervals)};
+  share_from_first(fom_.comm, head);
+  sup.worst = head[0];
+  sup.proved = head[1] > 0;
+  sup.excluded.resize(static_cast<std::size_t>(head[2]));
+  sup.intervals = static_cast<int>(head[3]);
+  for (auto* values : {&sup.worst_of, &sup.attained_of, &sup.at_of})
+    share_from_first(fom_.comm, *values);
+  std::vector<double> ends;
+  for (const Interval& e : sup.excluded) ends.insert(ends.end(), {e.first, e.last});
+  share_from_first(fom_.comm, ends);
+  for (std::size_t i = 0; i < sup.excluded.size(); ++i)
+    sup.excluded[i] = {ends[2 * i], ends[2 * i + 1]};
+  return sup;
+}
+
 ErrorClaim SecondStageRun::claim_of(const ErrorOverBand::Supremum& sup) const {
   ErrorClaim claim;
   claim.worst = sup.worst;
@@ -253,8 +276,8 @@ ReducedModel SecondStageRun::finish() {
   if (frame_ == "tangent") Q = tangent(Q);
   const DenseSystem small = medium_.system.project(Q);
   const ErrorOverBand::Errors errors = errors_->of(small);
-  const ErrorOverBand::Supremum sup = errors_->supremum(
-      small, gramian_.tolerance.value_or(0), options_.medium.relative());
+  const ErrorOverBand::Supremum sup = shared_supremum(errors_->supremum(
+      small, gramian_.tolerance.value_or(0), options_.medium.relative()));
 
   ReducedModel rom;
   rom.model = small.model(fom_);
