@@ -61,12 +61,15 @@ RigidSplit split_rigid(const SecondOrderModel& model, const Block& vectors,
   for (int j = 0; j < count; ++j) {
     const auto at = static_cast<std::size_t>(j);
     const double lambda = turned(j, j);
-    const double noise = std::max({relative * image.spread[at], 3 * negative,
+    // Roundings of an assembly are not independent: some ε of the diagonal's energy is
+    // left.
+    const double explained =
+                     std::max(16 * epsilon * image.spread[at], 4 * epsilon * sizes[at]),
+                 noise = std::max({relative * image.spread[at], explained, 3 * negative,
                                    computed ? 16 * epsilon * sizes[at] : 0.0});
     const bool rigid = lambda <= std::min(noise, 256 * epsilon * sizes[at]);
     (rigid ? order : rest).push_back(j);
-    if (rigid && std::abs(lambda) > 16 * epsilon * image.spread[at])
-      split.explained = false;
+    if (rigid && std::abs(lambda) > explained) split.explained = false;
   }
   split.count = static_cast<int>(order.size());
   split.stiffness = Dense(split.count, split.count);

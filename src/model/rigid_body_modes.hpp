@@ -18,7 +18,8 @@ double rigid_threshold(const SecondOrderModel& model);
 /// Which combinations of M-orthonormal vectors K does not resist: a body on soft springs
 /// is not free. φᵀKφ is summed in long double, so it is that of the stored K; it is no
 /// stiffness if it is within what rounding of K's entries leaves (16 times ε √Σ(φ_i K_ij
-/// φ_j)², ε that of doubles or of the printed digits of a text file), or of the size of
+/// φ_j)², ε that of doubles or of the printed digits of a text file, and 4 ε φᵀdiag(K)φ,
+/// since roundings of an assembly are not independent), or of the size of
 /// negative ones, and never above 256 ε φᵀdiag(K)φ. Vectors that were computed have some
 /// energy of their own errors: they may have 16 ε φᵀdiag(K)φ.
 struct RigidSplit {

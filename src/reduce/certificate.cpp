@@ -305,11 +305,8 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
   const Dense K = turned(basis.K);
   K_ = transpose(K);
   if (response.system().has_extra_damping()) D_ = transpose(turned(basis.D));
-  // ‖E^−½ r‖ <= ‖r‖/√λ_min, rows of r scaled.
-  const double amplified =
-      norm.least_eigenvalue > 0 ? 1 / std::sqrt(norm.least_eigenvalue) : 0.0;
   const auto in_norm = [&](std::vector<double> lost) {
-    for (double& x : lost) x *= amplified;
+    for (double& x : lost) x *= norm.of_rounding;
     return lost;
   };
   dropped_ports_ = in_norm(std::move(basis.dropped_ports));

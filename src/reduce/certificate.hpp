@@ -31,9 +31,9 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
 
 /// The norm (K + τM)⁻¹ on the columns of T, by a solve that need not be exact.
 struct ResidualNorm {
-  Dense gram;                  ///< TᵀE⁻¹T at least
-  double added = 0;            ///< at most so much more than that, on its diagonal
-  double least_eigenvalue = 0; ///< of E, rows and columns scaled to a unit diagonal
+  Dense gram;             ///< TᵀE⁻¹T at least
+  double added = 0;       ///< at most so much more than that, on its diagonal
+  double of_rounding = 0; ///< ‖E^−½ r‖/‖r‖ of a vector r of roundings, rows scaled
 };
 
 /// The error of the Galerkin model on a space V, bounded over intervals of ω. The proof,

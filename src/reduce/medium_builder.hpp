@@ -48,6 +48,7 @@ private:
   MediumModel model_;
   std::vector<Interval> bands_;
   std::vector<double> grid_;
+  double of_rounding_ = 0;      ///< norm in E⁻¹ of a random vector, rows scaled
   double least_eigenvalue_ = 0; ///< of K + τM with a unit diagonal, at least
   Block image_; ///< (K + τM)⁻¹T of the last certificate: the next Krylov block
   bool complete_ = false, inertia_is_safe_ = false;

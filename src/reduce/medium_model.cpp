@@ -154,7 +154,7 @@ bool MediumBuilder::holds_everywhere(double target) {
 /// F = T − E X it is TᵀX + XᵀF + FᵀE⁻¹F, and the last term is at most ‖F‖²/λ_min(E).
 ResidualNorm MediumBuilder::norm_of(const Block& T) {
   ResidualNorm norm;
-  norm.least_eigenvalue = least_eigenvalue_;
+  norm.of_rounding = of_rounding_;
   image_ = Block();
   if (T.columns() == 0) return norm;
   image_ = solver_.solve(T, ShiftedSolver::Verify::first_column).x;
@@ -190,9 +190,13 @@ void MediumBuilder::bound_least_eigenvalue() {
   const Dense energy = inner(g, solver_.solve(g).x);
   double largest = 0;
   for (int i = 0; i < energy.rows; ++i) largest = std::max(largest, energy(i, i));
-  std::vector<double> shared{t * t / largest};
+  // gᵀE⁻¹g is a third of the trace of E⁻¹ on average: what a random vector of norm 1 has
+  // in E⁻¹ is the n-th part of the trace. Ten times that for safety.
+  std::vector<double> shared{t * t / largest,
+                             std::sqrt(30 * largest / static_cast<double>(fom_.n))};
   share_from_first(fom_.comm, shared);
   least_eigenvalue_ = shared[0];
+  of_rounding_ = shared[1];
 }
 
 /// The bound of the space as it is, with one block solve.
