@@ -184,7 +184,8 @@ def examine(case: Case, rng: np.random.Generator) -> Verdict:
         truth = relative_error(s, reduced, omega)
         if truth > worst:
             worst, verdict.at = truth, omega
-    verdict.ratio = worst / (verdict.bound + rom.rigid_rounding)
+    if np.isfinite(verdict.bound):  # else nothing is claimed
+        verdict.ratio = worst / (verdict.bound + rom.rigid_rounding)
     verdict.sharp = verdict.bound / rom.attained_error
     return verdict
 

@@ -210,7 +210,7 @@ def test_the_symmetric_part_is_what_is_reduced(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("seed", [11])
 def test_random_systems(seed: int) -> None:
-    """A hundred and some of ``scripts/audit``; ten thousand were run by hand (README)."""
+    """A hundred and some of ``scripts/audit``; more were run by hand (README)."""
     result = subprocess.run([ROOT / "scripts" / "audit", "168", str(seed)], env=ENVIRONMENT,
                             capture_output=True, text=True, timeout=1200)  # fmt: skip
     assert result.returncode == 0, result.stdout + result.stderr
