@@ -57,6 +57,9 @@ class ReducedModel:
         What errors are divided by: ``pointwise`` (eq. 17) or ``band``.
     bands, excluded : (n, 2) arrays
         [rad/s]
+    poles : (n, 3) array
+        Undamped resonances in ``excluded``: frequency [rad/s], how far at most the body's is from it,
+        relative, and how far its residue, relative. Empty with a damping matrix.
     tolerance : float or None
         That was asked for; ``met`` tells whether ``certified_error`` is within it.
     by_kind : (2,) array
@@ -96,6 +99,7 @@ class ReducedModel:
         self.rigid_rounding = float(fields.get("error/rigid_rounding", 0.0))
         self.relative_to = str(fields.get("error/relative_to", "pointwise"))
         self.excluded = array("error/excluded").reshape(-1, 2)
+        self.poles = array("error/poles").reshape(-1, 3)
         self.tolerance: float | None = fields.get("error/tolerance")
         self.met = bool(fields.get("error/met", True))
         self.sigma, self.modes = array("gramian/sigma"), array("modes/omega")
@@ -182,8 +186,14 @@ class ReducedModel:
             return "certified" if self.kind == "certified" else "estimated, not proved"
         widest = np.max(np.diff(self.excluded, axis=1)[:, 0] / self.excluded[:, 1])
         count = len(self.excluded)
-        return (f"certified outside {count} interval{'s' if count != 1 else ''} of relative width "
-                f"{widest:.0e} at most, around undamped resonances")  # fmt: skip
+        words = (f"certified outside {count} interval{'s' if count != 1 else ''} of relative width "
+                 f"{widest:.0e} at most, around undamped resonances")  # fmt: skip
+        if len(self.poles):
+            _, frequency, residue = self.poles.max(axis=0)
+            words += (
+                f", whose frequencies are right to {frequency:.0e} and residues to {residue:.0e}"
+            )
+        return words
 
     def __repr__(self) -> str:
         return (f"<ReducedModel of order {self.order} by {self.method}, {len(self.inputs)} inputs, "

@@ -78,11 +78,13 @@ void write_frame(Hdf5File& file, const ReducedModel& rom) {
   file.write("/frame/inertia_second", {3, m, 3, m}, row_major(i.inertia_second));
 }
 
-void write_intervals(Hdf5File& file, const std::string& name,
-                     const std::vector<std::array<double, 2>>& intervals) {
-  std::vector<double> ends;
-  for (const auto& [first, last] : intervals) ends.insert(ends.end(), {first, last});
-  file.write(name, {static_cast<std::int64_t>(intervals.size()), 2}, ends);
+template <std::size_t columns>
+void write_rows(Hdf5File& file, const std::string& name,
+                const std::vector<std::array<double, columns>>& rows) {
+  if (rows.empty()) return;
+  std::vector<double> all;
+  for (const auto& row : rows) all.insert(all.end(), row.begin(), row.end());
+  file.write(name, {static_cast<std::int64_t>(rows.size()), columns}, all);
 }
 
 void write_claim(Hdf5File& file, const ErrorClaim& claim) {
@@ -92,8 +94,9 @@ void write_claim(Hdf5File& file, const ErrorClaim& claim) {
   file.set_attribute("/error", "at", claim.at);
   file.set_attribute("/error", "rigid_rounding", claim.rigid_rounding);
   file.set_attribute("/error", "relative_to", claim.relative_to);
-  write_intervals(file, "/error/bands", claim.bands);
-  if (!claim.excluded.empty()) write_intervals(file, "/error/excluded", claim.excluded);
+  write_rows(file, "/error/bands", claim.bands);
+  write_rows(file, "/error/excluded", claim.excluded);
+  write_rows(file, "/error/poles", claim.poles);
   if (!claim.tolerance) return;
   file.set_attribute("/error", "tolerance", *claim.tolerance);
   file.set_attribute("/error", "met", claim.met ? 1.0 : 0.0);

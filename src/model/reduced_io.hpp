@@ -22,8 +22,11 @@ struct ErrorClaim {
   std::string relative_to = "pointwise";
   std::vector<std::array<double, 2>> bands;    ///< [rad/s]
   std::vector<std::array<double, 2>> excluded; ///< [rad/s] where nothing is claimed
-  std::optional<double> tolerance;             ///< that was asked for
-  bool met = true;                             ///< it is
+  /// Resonances in these: frequency [rad/s], how far the body's is from it at most,
+  /// relative, and how far its residue, relative. Empty with a damping matrix.
+  std::vector<std::array<double, 3>> poles;
+  std::optional<double> tolerance; ///< that was asked for
+  bool met = true;                 ///< it is
 };
 
 /// A reduced body with what is known about it. `model` is dense and the same on every

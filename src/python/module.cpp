@@ -216,6 +216,7 @@ struct Reduction {
       f["error/relative_to"] = rom.claim->relative_to;
       f["error/bands"] = rom.claim->bands;
       f["error/excluded"] = rom.claim->excluded;
+      f["error/poles"] = rom.claim->poles;
       if (rom.claim->tolerance) f["error/tolerance"] = *rom.claim->tolerance;
       f["error/met"] = rom.claim->met;
     }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <limits>
 #include <numeric>
 
@@ -153,6 +154,36 @@ double Certificate::worst_angle() const {
   for (std::size_t j = 0; j < mode_mu_.size(); ++j)
     worst = std::max(worst, mode_residual_[j] / std::max(mode_mu_[j] - mu_c_, 1e-300));
   return worst;
+}
+
+/// For x > μ₊ the eigenvalues of T above x are, by Haynsworth's formula, at most as many
+/// as the positive ones of diag(μ_j − x) + GᵀG/(x − μ₊), and GᵀG <= N diag(‖G_j‖²).
+Certificate::Modes Certificate::modes() const {
+  Modes modes{mode_mu_, {}, mode_residual_, mu_c_};
+  const auto count = static_cast<double>(mode_mu_.size());
+  for (std::size_t j = 0; j < mode_mu_.size(); ++j)
+    modes.largest_mu.push_back(mode_mu_[j] + count * mode_residual_[j] *
+                                                 mode_residual_[j] /
+                                                 std::max(mode_mu_[j] - mu_c_, 1e-300));
+  std::sort(modes.largest_mu.begin(), modes.largest_mu.end(), std::greater<>());
+  return modes;
+}
+
+std::vector<double> Certificate::outside(const DenseResponse& response) const {
+  const double factor = 1 - kappa_ * tau_; // a_k = 1, a_m = τ
+  const Dense& x = response.modal_inputs();
+  const Dense held = multiply_transposed(K_, x);
+  std::vector<double> norms;
+  for (int j = 0; j < x.columns; ++j) {
+    const auto at = static_cast<std::size_t>(j);
+    double square = 0, lost = dropped_ports_[at];
+    for (int i = 0; i < ports_.rows; ++i)
+      square += std::pow(ports_(i, j) - factor * held(i, j), 2);
+    for (int l = 0; l < x.rows; ++l)
+      lost += factor * std::abs(x(l, j)) * dropped_K_[static_cast<std::size_t>(l)];
+    norms.push_back((std::sqrt(square) + lost) / scale_[at]);
+  }
+  return norms;
 }
 
 namespace {

@@ -77,6 +77,23 @@ public:
   /// Largest sine of the angle between a mode below the cutoff and the space.
   double worst_angle() const;
 
+  /// What is known of the body's modes below the cutoff, in descending order of
+  /// μ = 1/(λ + τ): the k-th of the body lies between `mu[k]`, which is the model's, and
+  /// `largest_mu[k]`; none of the others is above `rest`.
+  struct Modes {
+    std::vector<double> mu, largest_mu;
+    std::vector<double> residual; ///< ‖E^−½(Mu − μEu)‖, uᵀEu = 1
+    double rest = 0;
+  };
+  Modes modes() const;
+  /// ‖E^−½(p − EVx)‖ of each port p, in its unit: what V does not hold of its response to
+  /// E. @note x: that of the model.
+  std::vector<double> outside(const DenseResponse& response) const;
+  /// Rounding of μ_j, relative: of K, and of the dense eigenvalue problem.
+  double rounding_of_mode(std::size_t j) const {
+    return 4 * rounding_ * rounding_weights_[j] * rounding_weights_[j] + 1e-14;
+  }
+
 private:
   /// Bounds of the inverse of S over an interval.
   struct Inverse {

@@ -45,6 +45,20 @@ public:
   /// @return nothing if a pole is too near for an interval of this length.
   std::optional<Stretch> over(Interval interval, int degree) const;
 
+  /// A resonance in an excluded interval.
+  struct Pole {
+    double omega = 0;     ///< [rad/s] of the small model (of this one, if that has none)
+    double frequency = 0; ///< the body's is no farther from it, relative
+    /// ‖Σ cφφᵀb‖_F over the interval's modes, (K + τM)-normalised, differs from the
+    /// body's by no more, relative.
+    double residue = 0;
+  };
+  /// The small model's resonances in the intervals, and how far the body's may be from
+  /// them: Kato's and Temple's way, from the residuals of the modes (docs/proof.md,
+  /// section 4). Nothing with a damping matrix.
+  std::vector<Pole> poles_within(const DenseSystem& small,
+                                 const std::vector<Interval>& intervals) const;
+
   std::vector<PortView>
       views;          ///< blocks of H that are certified by themselves; the first is all
   Basis V;            ///< n × N, W-orthonormal: rigid modes, modes, Krylov vectors

@@ -258,9 +258,19 @@ std::string label_of(const ReducedModel& rom) {
   double widest = 0;
   for (const auto& [first, last] : excluded)
     widest = std::max(widest, (last - first) / last);
-  return text("certified outside %zu interval%s of relative width %.0e at most, around "
-              "undamped resonances",
-              excluded.size(), excluded.size() == 1 ? "" : "s", widest);
+  std::string words =
+      text("certified outside %zu interval%s of relative width %.0e at most, around "
+           "undamped resonances",
+           excluded.size(), excluded.size() == 1 ? "" : "s", widest);
+  double frequency = 0, residue = 0;
+  for (const auto& pole : rom.claim->poles) {
+    frequency = std::max(frequency, pole[1]);
+    residue = std::max(residue, pole[2]);
+  }
+  if (!rom.claim->poles.empty())
+    words += text(", whose frequencies are right to %.0e and residues to %.0e", frequency,
+                  residue);
+  return words;
 }
 
 ReducedModel SecondStageRun::finish() {
@@ -295,6 +305,8 @@ ReducedModel SecondStageRun::finish() {
   rom.bound = errors.bound;
   rom.floor = errors_->floor();
   rom.claim = claim_of(sup);
+  for (const auto& pole : medium_.poles_within(small, sup.excluded))
+    rom.claim->poles.push_back({pole.omega, pole.frequency, pole.residue});
   rom.kind = !sup.proved            ? "estimated"
              : sup.excluded.empty() ? "certified"
                                     : "certified outside";

@@ -57,11 +57,15 @@ def judge(
         claim = {key: file["error"].attrs[key] for key in file["error"].attrs}
         within = file["error/bands"][:]
         excluded = file["error/excluded"][:] if "error/excluded" in file else np.zeros((0, 2))
+        poles = file["error/poles"][:] if "error/poles" in file else np.zeros((0, 3))
     at = hard_frequencies(full, reduced, within, excluded, np.random.default_rng(7))
     truth = max(relative_error(full, reduced, w) for w in at)
     assert claim["kind"] in ("certified", "certified outside")
     assert truth <= claim["whole"] + claim["rigid_rounding"], (truth, claim["whole"])
-    return {**claim, "truth": truth, "excluded": excluded, "order": len(data["K"]), "rom": data}
+    return {
+        **claim, "truth": truth, "excluded": excluded, "order": len(data["K"]), "rom": data,
+        "poles": poles,
+    }  # fmt: skip
 
 
 def chain_modes(n: int) -> Any:
@@ -96,6 +100,36 @@ def test_poles_of_the_small_model(tmp_path: Path) -> None:
     assert len(sharp["excluded"]) == 10
     for (first, last), pole in zip(sharp["excluded"], omega, strict=False):
         assert first < pole < last and last - first < 2.1e-4 * pole
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("tolerance", ["1e-1", "1e-4", "1e-6"])
+def test_poles_in_excluded_intervals(tmp_path: Path, tolerance: str) -> None:
+    """Where nothing is claimed of H, frequency and residue of the resonance are bounded: two chains
+    of nearly the same springs, so poles that are close, against all modes of the full system."""
+    K, M, B, _ = chain(50, "three")
+    apart = 3e-3
+    both = sp.block_diag([K, K * (1 + apart)]).tocsc(), sp.block_diag([M, M]).tocsc()
+    B = np.vstack([B, B[:, ::-1]])
+    omega = chain_modes(50)
+    last = 0.5 * (omega[5] + omega[6])
+    found = judge(tmp_path, (*both, B, None), [[0.1 * omega[0], last]], "-mor_tol", tolerance)
+    tau = last**2 / 4
+    values, vectors = sl.eigh(both[0].toarray(), both[1].toarray())
+    vectors /= np.sqrt(values + tau)
+    rom = rom_system(found["rom"])
+    values_r, vectors_r = sl.eigh(rom.K, rom.M)
+    vectors_r /= np.sqrt(values_r + tau)
+    assert len(found["poles"]) == 12
+    for (first, last), pole in zip(found["excluded"], found["poles"], strict=True):
+        frequency, shift, residue = pole
+        assert first < frequency < last and residue < 1
+        nearest = np.abs(np.sqrt(values) - frequency).min() / frequency
+        assert nearest <= shift < 1e-4, (nearest, shift)
+        motion = B.T @ vectors[:, (values > first**2) & (values < last**2)]
+        motion_r = rom.B.T @ vectors_r[:, (values_r > first**2) & (values_r < last**2)]
+        truth, there = motion @ motion.T, motion_r @ motion_r.T
+        assert sl.norm(truth - there) <= residue * sl.norm(there), (first, residue)
 
 
 @pytest.mark.kernels
