@@ -58,8 +58,8 @@ class ReducedModel:
     bands, excluded : (n, 2) arrays
         [rad/s]
     poles : (n, 3) array
-        Undamped resonances in ``excluded``: frequency [rad/s], how far at most the body's is from it,
-        relative, and how far its residue, relative. Empty with a damping matrix.
+        Undamped resonances in ``excluded``: frequency [rad/s], how far at most the body's is from
+        it, relative, and how far its residue, relative. Empty with a damping matrix.
     tolerance : float or None
         That was asked for; ``met`` tells whether ``certified_error`` is within it.
     by_kind : (2,) array
