@@ -57,7 +57,7 @@ class ReducedModel:
         What errors are divided by: ``pointwise`` (eq. 17) or ``band``.
     bands, excluded : (n, 2) arrays
         [rad/s]
-    poles : (n, 3) array
+    excluded_poles : (n, 3) array
         Undamped resonances in ``excluded``: frequency [rad/s], how far at most the body's is from
         it, relative, and how far its residue, relative. Empty with a damping matrix.
     tolerance : float or None
@@ -99,7 +99,7 @@ class ReducedModel:
         self.rigid_rounding = float(fields.get("error/rigid_rounding", 0.0))
         self.relative_to = str(fields.get("error/relative_to", "pointwise"))
         self.excluded = array("error/excluded").reshape(-1, 2)
-        self.poles = array("error/poles").reshape(-1, 3)
+        self.excluded_poles = array("error/poles").reshape(-1, 3)
         self.tolerance: float | None = fields.get("error/tolerance")
         self.met = bool(fields.get("error/met", True))
         self.sigma, self.modes = array("gramian/sigma"), array("modes/omega")
@@ -188,8 +188,8 @@ class ReducedModel:
         count = len(self.excluded)
         words = (f"certified outside {count} interval{'s' if count != 1 else ''} of relative width "
                  f"{widest:.0e} at most, around undamped resonances")  # fmt: skip
-        if len(self.poles):
-            _, frequency, residue = self.poles.max(axis=0)
+        if len(self.excluded_poles):
+            _, frequency, residue = self.excluded_poles.max(axis=0)
             words += (
                 f", whose frequencies are right to {frequency:.0e} and residues to {residue:.0e}"
             )
