@@ -1,6 +1,6 @@
 /// flexgram: reduces elastic bodies of multibody systems.
 
-#include "model/body_io.hpp"
+#include "io/body_io.hpp"
 #include "run/reduce.hpp"
 #include "run/sweep.hpp"
 #include "session.hpp"
@@ -11,6 +11,9 @@ namespace {
 const char* const usage =
     "flexgram reduces elastic bodies of multibody systems.\n\n"
     "  flexgram reduce   -body body.h5 [-mor_band_hz 10,500] [-mor_out rom.h5]\n"
+    "  flexgram certify  -body body.h5 [-mor_band_hz 10,500] [-mor_medium_out "
+    "medium.h5]\n"
+    "  flexgram cut      -medium medium.h5 [-mor_tol 1e-4] [-mor_out rom.h5]\n"
     "  flexgram sweep    -body body.h5 [-rom rom.h5] [-mor_sweep_hz 10,500,200]\n"
     "  flexgram assemble -body mesh.h5 -body_out matrices.h5\n"
     "  flexgram plan     -body body.h5          what would be done and skipped, "
@@ -23,21 +26,20 @@ const char* const usage =
 
 constexpr int tolerance_not_met = 2;
 
-void assemble(MPI_Comm comm, const Settings& s, Monitor& monitor) {
-  Plan plan;
+void assemble(MPI_Comm comm, const Settings& s, Observer& observer) {
   if (s.body_out.empty())
     throw Error("option -body_out is missing: name the file to write");
   check_output(comm, s.body_out, {s.body});
-  const Body body = load_body(comm, s, plan, monitor);
+  const Body body = load_body(comm, s, observer);
   if (!body.assembled)
     throw Error(s.body + " holds matrices, there is nothing to assemble");
-  plan.print(monitor);
+  observer.print();
   {
-    Stage stage(monitor, "write");
+    Stage stage(observer, "write");
     write_body(body.model, s.body_out);
   }
-  print_summary(monitor, comm);
-  monitor.say("  wrote          " + s.body_out);
+  print_summary(observer, comm);
+  observer.say("  wrote          " + s.body_out);
 }
 
 int run(const std::string& verb, MPI_Comm comm) {
@@ -45,15 +47,19 @@ int run(const std::string& verb, MPI_Comm comm) {
   Options options;
   settings.describe(options);
   options.reject_unknown();
-  Monitor monitor(comm, settings.prepare(comm));
+  Observer observer(comm, settings.prepare(comm));
   if (verb == "reduce")
-    return reduce(comm, settings, options, monitor) ? 0 : tolerance_not_met;
-  if (verb == "sweep")
-    sweep(comm, settings, options, monitor);
+    return reduce(comm, settings, options, observer) ? 0 : tolerance_not_met;
+  if (verb == "cut")
+    return cut(comm, settings, options, observer) ? 0 : tolerance_not_met;
+  if (verb == "certify")
+    certify(comm, settings, options, observer);
+  else if (verb == "sweep")
+    sweep(comm, settings, options, observer);
   else if (verb == "assemble")
-    assemble(comm, settings, monitor);
+    assemble(comm, settings, observer);
   else
-    plan_only(comm, settings, monitor);
+    plan_only(comm, settings, observer);
   return 0;
 }
 
@@ -69,5 +75,6 @@ std::string help() {
 
 int main(int argc, char** argv) {
   using namespace flexgram;
-  return run_session(argc, argv, {"reduce", "sweep", "assemble", "plan"}, help(), run);
+  return run_session(
+      argc, argv, {"reduce", "certify", "cut", "sweep", "assemble", "plan"}, help(), run);
 }

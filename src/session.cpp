@@ -123,7 +123,7 @@ int run_session(int argc, char** argv, const std::vector<std::string>& verbs,
     message = out_of_memory;
     status = 1;
   } catch (const std::exception& error) {
-    message = error.what();
+    message = option_names(error.what());
     status = 1;
   }
   if (!message.empty()) {

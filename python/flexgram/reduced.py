@@ -123,6 +123,9 @@ class ReducedModel:
             for name, value in fields.items()
             if name.startswith("log/")
         }
+        if "plan" in self.log:  # in a file "name<tab>value"
+            self.log["plan"] = [tuple(line.split("\t", 1)) if isinstance(line, str) else line
+                                for line in self.log["plan"]]  # fmt: skip
         self._save = save
         self.path: Path | None = None  #: where it was read from
 

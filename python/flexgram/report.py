@@ -52,10 +52,9 @@ def _image(figure: Figure, caption: str, raster: bool = False) -> str:
             f"<figcaption class='lead'>{text}</figcaption></figure>")  # fmt: skip
 
 
-def _plan(lines: list[str]) -> str:
+def _plan(facts: list[tuple[str, str]]) -> str:
     rows = []
-    for line in lines:
-        name, value = line[:17].strip(), line[17:].strip()
+    for name, value in facts:
         kind = ' class="skipped"' if name == "skipped" else ""
         rows.append(f"<tr{kind}><th>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>")
     return f"<table>{''.join(rows)}</table>"

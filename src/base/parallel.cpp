@@ -31,7 +31,8 @@ void throw_if_any_failed(MPI_Comm comm, const char* local_message) {
     for (int done = 0; !done;) {
       MPI_Test(&request, &done, MPI_STATUS_IGNORE);
       if (!done && MPI_Wtime() - start > 10) {
-        std::fprintf(stderr, "flexgram: %s (rank %d)\n", local_message, rank);
+        std::fprintf(stderr, "flexgram: %s (rank %d)\n",
+                     option_names(local_message).c_str(), rank);
         std::fflush(stderr);
         MPI_Abort(comm, 1);
       }
@@ -58,8 +59,8 @@ Groups::Groups(MPI_Comm world_comm, int group_count)
     : world(world_comm), count(group_count) {
   const int size = comm_size(world);
   if (count < 1 || count > size)
-    throw Error(text("-mor_groups %d: must be between 1 and the number of ranks (%d)",
-                     count, size));
+    throw Error(
+        text("{groups} %d: must be between 1 and the number of ranks (%d)", count, size));
   const int rank = comm_rank(world);
   mine = static_cast<int>(static_cast<long>(rank) * count / size);
   MPI_Comm split = MPI_COMM_NULL;

@@ -51,6 +51,23 @@ std::string nearest(std::string_view word, const std::vector<std::string>& candi
   return best;
 }
 
+std::string option_names(const std::string& message) {
+  std::string result;
+  for (std::size_t i = 0; i < message.size(); ++i) {
+    const std::size_t end =
+        message[i] == '{'
+            ? message.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789_N", i + 1)
+            : std::string::npos;
+    if (end == std::string::npos || end == i + 1 || message[end] != '}') {
+      result += message[i];
+      continue;
+    }
+    result += "-mor_" + message.substr(i + 1, end - i - 1);
+    i = end;
+  }
+  return result;
+}
+
 std::string join(const std::vector<std::string>& words, std::string_view separator) {
   std::string result;
   for (const auto& word : words) {

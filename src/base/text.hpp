@@ -19,4 +19,8 @@ std::string join(const std::vector<std::string>& words,
 /// Splits at `separator`, drops empty parts and surrounding blanks.
 std::vector<std::string> split(std::string_view line, char separator);
 
+/// "{tol} is not met" → "-mor_tol is not met": the mathematics names what a user can set
+/// by its key, and the texts that leave the program by the option.
+std::string option_names(const std::string& message);
+
 } // namespace flexgram

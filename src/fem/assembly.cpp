@@ -3,7 +3,7 @@
 #include "base/text.hpp"
 #include "fem/couplings.hpp"
 #include "fem/node_matrix.hpp"
-#include "model/body_io.hpp"
+#include "io/body_io.hpp"
 
 #include <algorithm>
 
@@ -179,11 +179,11 @@ void fill_dof_lists(const DofMap& map, const LocalMesh& mesh, int rank,
 } // namespace
 
 SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
-                               Monitor& monitor) {
+                               Observer& observer) {
   const MPI_Comm comm = file.comm();
   const int rank = comm_rank(comm);
   const BodyDescription body = read_description(file);
-  for (const auto& warning : body.warnings) monitor.warn(warning);
+  for (const auto& warning : body.warnings) observer.warn(warning);
   SecondOrderModel model;
   model.name = file.path();
   model.comm = comm;
@@ -193,12 +193,12 @@ SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
   DofMap map;
   LocalMesh mesh;
   {
-    Stage stage(monitor, "partition");
+    Stage stage(observer, "partition");
     partition = partition_mesh(file, body);
     map = number_equations(file, body, partition);
     mesh = read_local_mesh(file, body, partition, further_nodes(body, partition, rank));
   }
-  Stage stage(monitor, "assemble");
+  Stage stage(observer, "assemble");
   model.n = map.n;
   model.rows = map.rows;
   Masters masters;
@@ -219,7 +219,7 @@ SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
   facts.mass = sum_over(comm, facts.mass);
   facts.worst_shape = -max_over(comm, -facts.worst_shape);
   if (facts.worst_shape < 0.01)
-    monitor.warn(
+    observer.warn(
         text("mesh quality: in the worst element the Jacobian determinant varies by "
              "a factor of %.0f",
              1 / facts.worst_shape));

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "base/monitor.hpp"
+#include "base/observer.hpp"
 #include "fem/dof_map.hpp"
 #include "model/second_order_model.hpp"
 
@@ -20,6 +20,6 @@ struct AssemblyFacts {
 /// @throws Error naming inverted elements, nodes in two interfaces, and so on.
 /// Collective.
 SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
-                               Monitor& monitor);
+                               Observer& observer);
 
 } // namespace flexgram

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "fem/elements.hpp"
-#include "model/hdf5_file.hpp"
+#include "io/hdf5_file.hpp"
 
 #include <map>
 

@@ -12,44 +12,6 @@
 
 namespace flexgram {
 
-void MumpsOptions::describe(Options& options) {
-  options.section("Factorisation (all verbs)");
-  options.add_choice(
-      "-mor_ordering", ordering, {"auto", "best", "nested_dissection", "mumps"},
-      "fill-reducing ordering: METIS nested dissection on the node graph, MUMPS' own "
-      "choice, or the best (fewer estimated flops) of the two. auto: the best where many "
-      "frequencies are factorised; elsewhere nested dissection, below 10,000 dofs MUMPS' "
-      "own");
-  options.add(
-      "-mor_memory_limit_mb", memory_limit_mb, "MB per rank",
-      "memory that a factorisation may take; 0 means what the node has available");
-  options.add("-mor_mumps_workspace", workspace_percent, "%",
-              "workspace above MUMPS' estimate at the first try, ICNTL(14)");
-  options.add("-mor_mumps_workspace_limit", workspace_limit, "%",
-              "largest workspace tried when MUMPS asks for more");
-  options.add_numbered("-mor_mumps_icntl_", icntl, "sets ICNTL(N) of MUMPS");
-  options.add_numbered("-mor_mumps_cntl_", cntl, "sets CNTL(N) of MUMPS");
-}
-
-void MumpsOptions::check() const {
-  const auto number = [](const auto& controls, const char* name, int last) {
-    for (auto [n, value] : controls)
-      require_option(n >= 1 && n <= last, text("-mor_mumps_%s_%d", name, n).c_str(),
-                     text("%g", value), text("numbered 1 to %d", last).c_str());
-  };
-  number(icntl, "icntl", 60);
-  number(cntl, "cntl", 15);
-  for (int owned : {5, 18, 19, 20, 21})
-    require_option(!icntl.count(owned), text("-mor_mumps_icntl_%d", owned).c_str(), "",
-                   "left alone: flexgram sets how matrices and solutions are passed");
-  require_option(workspace_percent >= 0, "-mor_mumps_workspace",
-                 std::to_string(workspace_percent), "0 or more");
-  require_option(workspace_limit >= workspace_percent, "-mor_mumps_workspace_limit",
-                 std::to_string(workspace_limit), "at least -mor_mumps_workspace");
-  require_option(memory_limit_mb >= 0, "-mor_memory_limit_mb",
-                 text("%g", memory_limit_mb), "0 or more");
-}
-
 namespace {
 
 template <class Scalar>
@@ -192,9 +154,9 @@ void Mumps<Scalar>::factorise(std::vector<Scalar> values, bool pivoting) {
   if (limit > 0 && estimated > limit && !out_of_core)
     throw MemoryError(text("the factorisation needs %.0f MB on a rank and only %.0f MB "
                            "may be used: use more "
-                           "ranks, fewer groups (-mor_groups), out-of-core factors "
-                           "(-mor_mumps_icntl_22 1), or "
-                           "raise -mor_memory_limit_mb",
+                           "ranks, fewer groups ({groups}), out-of-core factors "
+                           "({mumps_icntl_22} 1), or "
+                           "raise {memory_limit_mb}",
                            estimated, limit));
 
   m.values = std::move(values);
@@ -215,7 +177,7 @@ void Mumps<Scalar>::factorise(std::vector<Scalar> values, bool pivoting) {
       throw MemoryError(text("MUMPS still asked for more workspace with ICNTL(14) = %d "
                              "%% (INFOG(1:2) = %d, %d; "
                              "estimate %.0f MB on a rank): raise "
-                             "-mor_mumps_workspace_limit or use more ranks",
+                             "{mumps_workspace_limit} or use more ranks",
                              m.icntl(14), status, m.infog(2), estimated));
     }
     if (status == -10) throw ShiftError(explain(status, m.infog(2)));

@@ -1,19 +1,28 @@
 #pragma once
 
 #include "base/error.hpp"
-#include "base/options.hpp"
 #include "base/parallel.hpp"
 
 #include <complex>
 #include <map>
 #include <memory>
 #include <span>
+#include <string>
 #include <vector>
 
 namespace flexgram {
 
 /// What MUMPS may assume of the matrix (its SYM parameter).
 enum class Symmetry { unsymmetric = 0, positive_definite = 1, symmetric = 2 };
+
+/// Fill-reducing ordering.
+enum class Ordering {
+  automatic, ///< best where many frequencies are factorised; elsewhere nested dissection,
+             ///< for small bodies MUMPS' own
+  best,      ///< the one of the next two with fewer estimated flops
+  nested_dissection, ///< METIS on the node graph
+  mumps              ///< MUMPS' own choice
+};
 
 /// Options of every factorisation of the program.
 struct MumpsOptions {
@@ -22,10 +31,7 @@ struct MumpsOptions {
   int workspace_limit = 480;         ///< ICNTL(14), last try after INFOG(1) = -8, -9
   double memory_limit_mb =
       0; ///< per rank; 0: none (the program then takes what is there)
-  std::string ordering = "auto"; ///< auto | best | nested_dissection | mumps
-
-  void describe(Options& options);
-  void check() const; ///< @throws Error for a value that cannot be
+  Ordering ordering = Ordering::automatic;
 };
 
 /// Lower triangle of a sparse symmetric matrix (or all entries of an unsymmetric one),

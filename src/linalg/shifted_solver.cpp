@@ -12,28 +12,6 @@
 
 namespace flexgram {
 
-void SolverOptions::describe(Options& options) {
-  mumps.describe(options);
-  options.add_choice(
-      "-mor_precision", precision, {"double", "single"},
-      "arithmetic of the factors; single is refined to double accuracy and "
-      "falls back to double where refinement stalls (it does within 1e-6 of an "
-      "undamped resonance)");
-  options.add(
-      "-mor_refinements", refinements, "",
-      "refinement steps at most, taken while the backward error is above its target");
-  options.add("-mor_backward_error", backward_error, "",
-              "target for the backward error of each solve");
-}
-
-void SolverOptions::check() const {
-  mumps.check();
-  require_option(refinements >= 0, "-mor_refinements", std::to_string(refinements),
-                 "0 or more");
-  require_option(backward_error > 0, "-mor_backward_error", text("%g", backward_error),
-                 "above 0");
-}
-
 namespace {
 
 double infinity_norm(Mat a) {
@@ -43,6 +21,12 @@ double infinity_norm(Mat a) {
 }
 
 } // namespace
+
+SolverOptions counting(SolverOptions options) {
+  options.single = false; // inertia and norms are worth nothing in single
+  options.mumps.cntl.try_emplace(3, 1e-13);
+  return options;
+}
 
 struct ShiftedSolver::State {
   MPI_Comm comm;
@@ -76,15 +60,16 @@ struct ShiftedSolver::State {
   std::unique_ptr<Engine> order_and_analyse(bool real, bool narrow,
                                             FactorEstimate& estimate) {
     // A user's own ICNTL(7) is no choice between orderings.
-    const std::string wish =
-        options.mumps.icntl.count(7) ? "mumps" : options.mumps.ordering;
+    const Ordering wish =
+        options.mumps.icntl.count(7) ? Ordering::mumps : options.mumps.ordering;
     const bool small = common.lower.n < 10000;
     std::unique_ptr<Engine> dissected;
-    if (wish == "nested_dissection" || wish == "best" || (wish == "auto" && !small)) {
+    if (wish == Ordering::nested_dissection || wish == Ordering::best ||
+        (wish == Ordering::automatic && !small)) {
       position = nested_dissection(comm, common.lower, node_of_row);
       dissected = analysed(real, narrow, estimate);
       ordering = "nested dissection";
-      if (wish != "best") return dissected;
+      if (wish != Ordering::best) return dissected;
     }
     const std::vector<int> by_metis = std::exchange(position, {});
     FactorEstimate own_estimate;
@@ -130,7 +115,7 @@ ShiftedSolver::ShiftedSolver(Mat K, Mat M, Mat D, std::vector<std::int64_t> node
   s.M = M;
   s.D = D;
   s.options = options;
-  s.single = options.precision == "single";
+  s.single = options.single;
   FG_CALL(MatGetOwnershipRange(K, &s.rows.begin, &s.rows.end));
   s.common = common_pattern(K, M, D);
   const auto missing =
@@ -296,7 +281,7 @@ ShiftedSolver::Solution ShiftedSolver::solve(const Block& b, Verify verify) {
   if (!(solution.backward_error < 1e-6))
     throw Error(
         text("a solve failed: its backward error is %.1e after %d refinements (try "
-             "-mor_mumps_cntl_1 0.1 for stricter pivoting)",
+             "{mumps_cntl_1} 0.1 for stricter pivoting)",
              solution.backward_error, solution.refinements));
   return solution;
 }

@@ -16,13 +16,13 @@ namespace flexgram {
 /// How the shifted systems are solved.
 struct SolverOptions {
   MumpsOptions mumps;
-  std::string precision = "double"; ///< double | single (with refinement)
-  int refinements = 2;              ///< at most so many refinement steps
-  double backward_error = 1e-13;    ///< refine and warn above it; 1e-6 is an error
-
-  void describe(Options& options);
-  void check() const; ///< @throws Error for a value that cannot be
+  bool single = false;           ///< factors in single precision, refined
+  int refinements = 2;           ///< at most so many refinement steps
+  double backward_error = 1e-13; ///< refine and warn above it; 1e-6 is an error
 };
+
+/// For counting pivots: in double, with a threshold for null pivots.
+SolverOptions counting(SolverOptions options);
 
 /// A = k K + m M + d D. Real where all three are real.
 struct ShiftCoefficients {

@@ -106,7 +106,7 @@ int count_below(ShiftedSolver& solver, double shift) {
 }
 
 void check_ports(const Block& ports, const std::vector<std::string>& names,
-                 const char* map, Monitor& monitor) {
+                 const char* map, Observer& observer) {
   const Dense gram = inner(ports, ports);
   for (int i = 0; i < gram.rows; ++i) {
     if (!(gram(i, i) > 0))
@@ -114,20 +114,21 @@ void check_ports(const Block& ports, const std::vector<std::string>& names,
                        names[static_cast<std::size_t>(i)].c_str(), map));
     for (int j = 0; j < i; ++j)
       if (gram(i, j) * gram(i, j) >= (1 - 1e-14) * gram(i, i) * gram(j, j))
-        monitor.warn(text("ports %s and %s load the body in the same way: one of the two "
-                          "columns of %s is redundant",
-                          names[static_cast<std::size_t>(j)].c_str(),
-                          names[static_cast<std::size_t>(i)].c_str(), map));
+        observer.warn(
+            text("ports %s and %s load the body in the same way: one of the two "
+                 "columns of %s is redundant",
+                 names[static_cast<std::size_t>(j)].c_str(),
+                 names[static_cast<std::size_t>(i)].c_str(), map));
   }
 }
 
 } // namespace
 
 BodyFacts check_body(const SecondOrderModel& model, bool assembled, bool stiffness,
-                     const SolverOptions& options, Monitor& monitor) {
+                     const SolverOptions& options, Observer& observer) {
   BodyFacts facts;
-  check_ports(model.B, model.inputs, "B", monitor);
-  if (!model.outputs_are_inputs) check_ports(model.C, model.outputs, "C", monitor);
+  check_ports(model.B, model.inputs, "B", observer);
+  if (!model.outputs_are_inputs) check_ports(model.C, model.outputs, "C", observer);
   check_rows(model, facts);
   if (assembled) {
     facts.skipped.push_back(
@@ -139,11 +140,7 @@ BodyFacts check_body(const SecondOrderModel& model, bool assembled, bool stiffne
                          options, facts);
   }
   if (!stiffness) return facts;
-  SolverOptions counting = options;
-  counting.precision = "double";
-  // A pivot below 1e-13 times the scaled matrix is none.
-  counting.mumps.cntl.try_emplace(3, 1e-13);
-  ShiftedSolver solver(model.K, model.M, nullptr, model.node, counting);
+  ShiftedSolver solver(model.K, model.M, nullptr, model.node, counting(options));
   solver.count_pivots(true);
   const double scale = eigenvalue_scale(model);
   check_mechanism(solver, scale);

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "base/monitor.hpp"
+#include "base/observer.hpp"
 #include "model/second_order_model.hpp"
 
 namespace flexgram {
@@ -23,6 +23,6 @@ struct BodyFacts {
 ///                   factorisations of M and D are skipped.
 /// @throws Error naming the matrix and the dof. Collective on model.comm.
 BodyFacts check_body(const SecondOrderModel& model, bool assembled, bool stiffness,
-                     const SolverOptions& options, Monitor& monitor);
+                     const SolverOptions& options, Observer& observer);
 
 } // namespace flexgram

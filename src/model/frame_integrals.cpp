@@ -1,6 +1,5 @@
 #include "model/frame_integrals.hpp"
 
-#include "linalg/basis.hpp"
 #include "linalg/sparse.hpp"
 #include "linalg/sparse_product.hpp"
 #include "model/rigid_body_modes.hpp"
@@ -58,12 +57,13 @@ std::array<Matrix, 3> turns(const SecondOrderModel& model) {
 
 } // namespace
 
-FrameIntegrals frame_integrals(const SecondOrderModel& model, const Block& V) {
+FrameIntegrals frame_integrals(const SecondOrderModel& model, const Basis& V) {
   const int m = static_cast<int>(V.columns());
   Basis all;
   all.append(rigid_motions(model, {0, 0, 0}, 1));
-  all.append(V.share());
-  for (const Matrix& turn : turns(model)) all.append(multiply(turn, V));
+  for (const Block& piece : V.pieces()) all.append(piece.share());
+  for (const Matrix& turn : turns(model))
+    for (const Block& piece : V.pieces()) all.append(multiply(turn, piece));
   const Dense gram = symmetric_inner(all, model.M);
   FrameIntegrals result;
   result.M_r = part_of(gram, 0, 6, 0, 6);
@@ -77,6 +77,31 @@ FrameIntegrals frame_integrals(const SecondOrderModel& model, const Block& V) {
     const int b = (a + 1) % 3, c = (a + 2) % 3;
     result.centre[static_cast<std::size_t>(a)] =
         0.5 * (r(b, 3 + c) - r(c, 3 + b)) / result.mass;
+  }
+  return result;
+}
+
+FrameIntegrals project(const FrameIntegrals& integrals, const Dense& Q) {
+  const int m = Q.rows, k = Q.columns;
+  FrameIntegrals result;
+  result.mass = integrals.mass;
+  result.centre = integrals.centre;
+  result.M_r = integrals.M_r;
+  result.M_er = multiply_transposed(Q, integrals.M_er);
+  result.gyroscopic = Dense(k, 3 * k);
+  result.inertia_first = Dense(3, 3 * k);
+  result.inertia_second = Dense(3 * k, 3 * k);
+  for (int a = 0; a < 3; ++a) {
+    const Dense turned =
+        multiply(part_of(integrals.gyroscopic, 0, m, a * m, m), Q); // m × k
+    set_part(result.gyroscopic, 0, a * k, multiply_transposed(Q, turned));
+    set_part(result.inertia_first, 0, a * k,
+             multiply(part_of(integrals.inertia_first, 0, 3, a * m, m), Q));
+    for (int b = 0; b < 3; ++b)
+      set_part(
+          result.inertia_second, a * k, b * k,
+          multiply_transposed(
+              Q, multiply(part_of(integrals.inertia_second, a * m, m, b * m, m), Q)));
   }
   return result;
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "linalg/basis.hpp"
 #include "model/second_order_model.hpp"
 
 #include <array>
@@ -30,6 +31,9 @@ struct FrameIntegrals {
 /// @param[in] V  n×m basis
 /// @pre has_coordinates(model).
 /// @note Collective. Costs as much as a projection on a basis of 4m + 6 vectors.
-FrameIntegrals frame_integrals(const SecondOrderModel& model, const Block& V);
+FrameIntegrals frame_integrals(const SecondOrderModel& model, const Basis& V);
+
+/// Those of the basis V Q, Q: m × k.
+FrameIntegrals project(const FrameIntegrals& integrals, const Dense& Q);
 
 } // namespace flexgram

@@ -143,9 +143,8 @@ bool has_coordinates(const SecondOrderModel& model) {
 }
 
 Block null_space_modes(const SecondOrderModel& model, SolverOptions options) {
-  options.precision = "double";
-  options.mumps.cntl.try_emplace(3, 1e-13);
-  ShiftedSolver solver(model.K, model.M, nullptr, model.node, options);
+  ShiftedSolver solver(model.K, model.M, nullptr, model.node,
+                       counting(std::move(options)));
   solver.count_pivots(true);
   solver.factorise({1.0, -rigid_threshold(model), 0.0});
   const int count = solver.negative_pivots();

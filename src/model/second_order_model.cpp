@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 namespace flexgram {
 
@@ -27,6 +28,24 @@ ShiftCoefficients SecondOrderModel::coefficients(double omega) const {
   return {{1.0, damping.eta + omega * damping.beta},
           {-omega * omega, omega * damping.alpha},
           D ? std::complex<double>{0.0, omega} : 0.0};
+}
+
+SecondOrderModel SecondOrderModel::head() const {
+  SecondOrderModel head;
+  head.name = name;
+  head.comm = comm;
+  head.n = n;
+  head.rows = rows;
+  head.damping = damping;
+  head.outputs_are_inputs = outputs_are_inputs;
+  head.inputs = inputs;
+  head.outputs = outputs;
+  head.node = node;
+  head.label = label;
+  head.component = component;
+  head.position = position;
+  head.remarks = remarks;
+  return head;
 }
 
 SecondOrderModel SecondOrderModel::share() const {
@@ -90,9 +109,13 @@ SecondOrderModel move_to_group(SecondOrderModel model, const Groups& groups) {
 namespace {
 
 /// Indices of the ports that the words name; all of them for no words.
-std::vector<int> find_ports(const std::vector<std::string>& ports,
-                            const std::vector<std::string>& words, const char* option) {
+std::vector<int> ports_named(const std::vector<std::string>& ports,
+                             const std::vector<std::string>& words, const char* option) {
   std::vector<int> found;
+  if (words.empty()) {
+    found.resize(ports.size());
+    std::iota(found.begin(), found.end(), 0);
+  }
   for (const auto& word : words) {
     const std::size_t before = found.size();
     for (std::size_t i = 0; i < ports.size(); ++i)
@@ -119,25 +142,32 @@ std::vector<std::string> pick(const std::vector<std::string>& names,
 
 } // namespace
 
+PortSelection find_ports(const SecondOrderModel& model,
+                         const std::vector<std::string>& inputs,
+                         const std::vector<std::string>& outputs) {
+  PortSelection found;
+  found.inputs = ports_named(model.inputs, inputs, "{inputs}");
+  found.outputs = model.outputs_are_inputs && outputs.empty()
+                      ? found.inputs
+                      : ports_named(model.outputs, outputs, "{outputs}");
+  found.same = model.outputs_are_inputs && found.inputs == found.outputs;
+  return found;
+}
+
+void select_names(SecondOrderModel& model, const PortSelection& ports) {
+  model.inputs = pick(model.inputs, ports.inputs);
+  model.outputs = pick(model.outputs, ports.outputs);
+  model.outputs_are_inputs = ports.same;
+}
+
 void select_ports(SecondOrderModel& model, const std::vector<std::string>& inputs,
                   const std::vector<std::string>& outputs) {
   if (inputs.empty() && outputs.empty()) return;
-  const auto in = find_ports(model.inputs, inputs, "-mor_inputs");
-  const auto out = find_ports(model.outputs, outputs, "-mor_outputs");
-  const bool same = model.outputs_are_inputs && (outputs.empty() || in == out);
-  if (!outputs.empty()) {
-    model.C = select_columns(model.C, out);
-    model.outputs = pick(model.outputs, out);
-  }
-  if (!inputs.empty()) {
-    model.B = select_columns(model.B, in);
-    model.inputs = pick(model.inputs, in);
-  }
-  if (same) {
-    model.C = model.B.share();
-    model.outputs = model.inputs;
-  }
-  model.outputs_are_inputs = same;
+  const PortSelection ports = find_ports(model, inputs, outputs);
+  Block C = ports.same ? Block() : select_columns(model.C, ports.outputs);
+  model.B = select_columns(model.B, ports.inputs);
+  model.C = ports.same ? model.B.share() : std::move(C);
+  select_names(model, ports);
 }
 
 ComplexDense dense_transfer(const SecondOrderModel& model, double omega) {

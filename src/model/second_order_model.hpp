@@ -48,6 +48,8 @@ struct SecondOrderModel {
   ShiftCoefficients coefficients(double omega) const;
   /// A second handle on the same matrices.
   SecondOrderModel share() const;
+  /// Everything but the matrices: names, damping, where the rows are.
+  SecondOrderModel head() const;
   std::int64_t nonzeros() const;
   /// Memory of the matrices on this rank [MB].
   double memory_mb() const;
@@ -57,8 +59,20 @@ struct SecondOrderModel {
 /// groups.world.
 SecondOrderModel move_to_group(SecondOrderModel model, const Groups& groups);
 
-/// Keeps only the named ports. A name is a port ("lower.fx") or an interface ("lower").
-/// Empty lists keep all. @throws Error naming the nearest for an unknown port.
+/// Ports by their numbers.
+struct PortSelection {
+  std::vector<int> inputs, outputs;
+  bool same = true; ///< the outputs are the inputs
+};
+/// The named ports of the model. A name is a port ("lower.fx") or an interface ("lower").
+/// An empty list means all, outputs those of the inputs where they are the same.
+/// @throws Error naming the nearest for an unknown port.
+PortSelection find_ports(const SecondOrderModel& model,
+                         const std::vector<std::string>& inputs,
+                         const std::vector<std::string>& outputs);
+/// Keeps the names of these alone.
+void select_names(SecondOrderModel& model, const PortSelection& ports);
+/// Keeps only the named ports.
 void select_ports(SecondOrderModel& model, const std::vector<std::string>& inputs,
                   const std::vector<std::string>& outputs);
 

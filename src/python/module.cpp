@@ -2,8 +2,10 @@
 /// package flexgram (python/flexgram) is its user; nothing here is documented for others.
 
 #include "base/text.hpp"
+#include "io/body_io.hpp"
+#include "io/reduced_io.hpp"
 #include "linalg/sparse.hpp"
-#include "model/body_io.hpp"
+#include "medium/medium_io.hpp"
 #include "run/reduce.hpp"
 
 #include <pybind11/numpy.h>
@@ -177,9 +179,8 @@ Array rows_of(const Block& block) {
 /// What a call returns: the reduced body, kept together with what its file needs.
 struct Reduction {
   Body body;
-  Settings settings;
   Options options;
-  std::unique_ptr<Monitor> monitor;
+  std::unique_ptr<Observer> observer;
   ReducedModel rom;
 
   /// The reduced file's datasets and attributes by their names there, this rank's rows of
@@ -237,11 +238,11 @@ struct Reduction {
     f["dofs/node"] = body.model.label.empty() ? body.model.node : body.model.label;
     f["dofs/component"] = body.model.component;
     f["dofs/position"] = body.model.position;
-    f["log/seconds"] =
-        std::map<std::string, double>(monitor->stages().begin(), monitor->stages().end());
+    f["log/seconds"] = std::map<std::string, double>(observer->stages().begin(),
+                                                     observer->stages().end());
     f["log/plan"] = rom.plan;
     f["log/body"] = body.model.name;
-    f["log/warnings"] = monitor->warnings();
+    f["log/warnings"] = observer->warnings();
     f["log/factorisations"] = rom.factorisations;
     return f;
   }
@@ -249,35 +250,119 @@ struct Reduction {
   void save(const std::string& path) {
     const CallOptions call({});
     check_output(body.model.comm, path, {});
-    write_reduced(rom, options, *monitor, body.model, path);
+    write_reduced(rom, options, *observer, body.model, path);
   }
 };
+
+/// Settings of one call, read from its options.
+struct Call {
+  Call(MPI_Comm comm, const std::map<std::string, std::string>& values) : guard(values) {
+    settings.monitor = "silent";
+    settings.describe(options);
+    options.reject_unknown();
+    observer = std::make_unique<Observer>(comm, settings.prepare(comm));
+    settings.check();
+  }
+  CallOptions guard;
+  Settings settings;
+  Options options;
+  std::unique_ptr<Observer> observer;
+};
+
+Body body_of(MPI_Comm comm, PythonBody* given, Call& call) {
+  if (!given) return load_body(comm, call.settings, *call.observer);
+  Body body;
+  body.model = given->body.model.share();
+  classify_damping(body.model);
+  begin_plan(body, call.settings, *call.observer);
+  return body;
+}
+
+std::unique_ptr<Reduction> result_of(Call& call, const SecondOrderModel& body,
+                                     ReducedModel rom) {
+  auto result = std::make_unique<Reduction>();
+  result->rom = std::move(rom);
+  result->body.model = body.head(); // its file needs no more than the dof map
+  print_summary(*call.observer, body.comm);
+  result->options = std::move(call.options);
+  result->observer = std::move(call.observer);
+  return result;
+}
 
 std::unique_ptr<Reduction> reduce_call(std::intptr_t comm_handle, PythonBody* given,
                                        const std::map<std::string, std::string>& values) {
   start();
   const MPI_Comm comm = comm_of(comm_handle);
-  const CallOptions call(values);
-  auto result = std::make_unique<Reduction>();
-  Settings& settings = result->settings;
-  settings.monitor = "silent";
-  settings.describe(result->options);
-  result->options.reject_unknown();
-  result->monitor = std::make_unique<Monitor>(comm, settings.prepare(comm));
-  settings.check();
-  Plan plan;
-  if (given) {
-    result->body.model = given->body.model.share();
-    classify_damping(result->body.model);
-    begin_plan(result->body, settings, plan);
-  } else {
-    result->body = load_body(comm, settings, plan, *result->monitor);
+  Call call(comm, values);
+  const Body body = body_of(comm, given, call);
+  ReducedModel rom = reduce_body(body, call.settings, *call.observer);
+  return result_of(call, body.model, std::move(rom));
+}
+
+/// A certified medium model in Python's hands.
+struct PythonMedium {
+  Medium medium;
+  std::map<std::string, std::string> options; ///< that made it
+  std::vector<std::pair<std::string, std::string>> plan;
+
+  void save(const std::string& path, bool basis) const {
+    const CallOptions guard({});
+    check_output(medium.body.comm, path, {});
+    write_medium(medium, basis, options, plan, path);
   }
-  result->rom = reduce_body(result->body, settings, plan, *result->monitor);
-  print_summary(*result->monitor, comm);
-  SecondOrderModel& full = result->body.model; // its file needs no more than the dof map
-  for (Matrix* matrix : {&full.K, &full.M, &full.D}) *matrix = Matrix();
-  for (Block* ports : {&full.B, &full.C}) *ports = Block();
+  std::unique_ptr<Reduction> cut(const std::map<std::string, std::string>& values) const {
+    Call call(medium.body.comm, values);
+    tell_medium(medium, *call.observer);
+    ReducedModel rom = cut_medium(medium, call.settings, *call.observer);
+    return result_of(call, medium.body, std::move(rom));
+  }
+  py::dict fields() const {
+    py::dict f;
+    std::vector<std::pair<double, double>> bands;
+    for (const Interval& band : medium.spec.bands)
+      bands.emplace_back(band.first, band.last);
+    f["n"] = medium.body.n;
+    f["order"] = medium.levels.back().order();
+    f["levels"] = medium.levels.size();
+    f["bands"] = bands;
+    f["target"] = medium.spec.target;
+    f["reached"] = medium.shortfall.empty();
+    f["cutoff"] = medium.cutoff;
+    f["modes"] = medium.modes;
+    f["rigid_modes"] = medium.rigid;
+    f["inputs"] = medium.body.inputs;
+    f["outputs"] = medium.body.outputs;
+    f["body"] = medium.body.name;
+    f["has_basis"] = static_cast<bool>(medium.V);
+    f["plan"] = plan;
+    return f;
+  }
+};
+
+std::unique_ptr<PythonMedium>
+certify_call(std::intptr_t comm_handle, PythonBody* given,
+             const std::map<std::string, std::string>& values) {
+  start();
+  const MPI_Comm comm = comm_of(comm_handle);
+  Call call(comm, values);
+  auto result = std::make_unique<PythonMedium>();
+  if (call.settings.takes_samples())
+    throw Error("method pod has no medium model to certify");
+  const Body body = body_of(comm, given, call);
+  result->medium = certify_body(body, call.settings, true, *call.observer);
+  print_summary(*call.observer, comm);
+  for (const Option& option : call.options.all())
+    result->options[option.name] = option.value;
+  result->plan = call.observer->facts();
+  return result;
+}
+
+std::unique_ptr<PythonMedium> load_medium(std::intptr_t comm_handle,
+                                          const std::string& path) {
+  start();
+  const CallOptions guard({});
+  auto result = std::make_unique<PythonMedium>();
+  result->medium = read_medium(comm_of(comm_handle), path);
   return result;
 }
 
@@ -317,14 +402,21 @@ PYBIND11_MODULE(_flexgram, module) {
   py::class_<Reduction>(module, "Reduction")
       .def("save", &Reduction::save)
       .def("fields", &Reduction::fields);
+  py::class_<PythonMedium>(module, "Medium")
+      .def("save", &PythonMedium::save)
+      .def("cut", &PythonMedium::cut)
+      .def("fields", &PythonMedium::fields);
   module.def("reduce", &reduce_call, py::arg("comm"), py::arg("body"),
              py::arg("options"));
+  module.def("certify", &certify_call, py::arg("comm"), py::arg("body"),
+             py::arg("options"));
+  module.def("load_medium", &load_medium, py::arg("comm"), py::arg("path"));
   py::register_exception_translator([](std::exception_ptr pointer) {
     try {
       if (pointer) std::rethrow_exception(pointer);
     } catch (const Error& error) {
       const auto kind = py::module_::import("flexgram.meshfile").attr("BodyError");
-      PyErr_SetString(kind.ptr(), error.what());
+      PyErr_SetString(kind.ptr(), option_names(error.what()).c_str());
     }
   });
 }

@@ -3,7 +3,7 @@
 #include "base/process.hpp"
 #include "base/text.hpp"
 #include "fem/assembly.hpp"
-#include "model/body_io.hpp"
+#include "io/body_io.hpp"
 
 #include <unistd.h>
 
@@ -29,65 +29,66 @@ void check_output(MPI_Comm comm, const std::string& path,
   });
 }
 
-Body load_body(MPI_Comm comm, const Settings& settings, Plan& plan, Monitor& monitor) {
+Body load_body(MPI_Comm comm, const Settings& settings, Observer& observer) {
   if (settings.body.empty()) throw Error("option -body is missing: name a body file");
   Body body;
   const Hdf5File file = Hdf5File::open(comm, settings.body);
   body.assembled = holds_mesh(file);
   if (body.assembled) {
     AssemblyFacts facts;
-    body.model = assemble_body(file, facts, monitor);
-    plan.fact("mesh", text("%lld elements, mass %.6g kg, worst shape %.2g",
-                           static_cast<long long>(facts.elements), facts.mass,
-                           facts.worst_shape));
+    body.model = assemble_body(file, facts, observer);
+    observer.fact("mesh", text("%lld elements, mass %.6g kg, worst shape %.2g",
+                               static_cast<long long>(facts.elements), facts.mass,
+                               facts.worst_shape));
     if (facts.rigid_elements > 0)
-      plan.skip("stiffness", text("%lld elements lie inside a rigid interface",
-                                  static_cast<long long>(facts.rigid_elements)));
+      observer.skip("stiffness", text("%lld elements lie inside a rigid interface",
+                                      static_cast<long long>(facts.rigid_elements)));
   } else {
-    Stage stage(monitor, "read");
+    Stage stage(observer, "read");
     body.model = read_body(file);
   }
-  begin_plan(body, settings, plan);
+  begin_plan(body, settings, observer);
   return body;
 }
 
-void begin_plan(Body& body, const Settings& settings, Plan& plan) {
+void begin_plan(Body& body, const Settings& settings, Observer& observer) {
   select_ports(body.model, split(settings.inputs, ','), split(settings.outputs, ','));
   const SecondOrderModel& model = body.model;
-  plan.fact("body",
-            text("%s: n = %lld, %.3g nonzeros in K", model.name.c_str(),
-                 static_cast<long long>(model.n), static_cast<double>(model.nonzeros())));
-  plan.fact("ports",
-            text("%lld inputs, %lld outputs%s", static_cast<long long>(model.B.columns()),
-                 static_cast<long long>(model.C.columns()),
-                 model.outputs_are_inputs ? " (the same)" : ""));
-  plan.fact("damping", model.damping_class());
-  for (const auto& remark : model.remarks) plan.fact("symmetry", remark);
+  observer.fact("body", text("%s: n = %lld, %.3g nonzeros in K", model.name.c_str(),
+                             static_cast<long long>(model.n),
+                             static_cast<double>(model.nonzeros())));
+  observer.fact("ports", text("%lld inputs, %lld outputs%s",
+                              static_cast<long long>(model.B.columns()),
+                              static_cast<long long>(model.C.columns()),
+                              model.outputs_are_inputs ? " (the same)" : ""));
+  observer.fact("damping", model.damping_class());
+  for (const auto& remark : model.remarks) observer.fact("symmetry", remark);
   if (model.undamped())
-    plan.skip("complex arithmetic", "the body is undamped, its samples are real");
+    observer.skip("complex arithmetic", "the body is undamped, its samples are real");
 }
 
-BodyFacts check(const Body& body, const Settings& s, Plan& plan, Monitor& monitor) {
-  Stage stage(monitor, "check");
-  const bool pod = s.samples();
-  const BodyFacts facts = check_body(body.model, body.assembled, pod, s.solver, monitor);
-  if (pod) plan.fact("rigid modes", std::to_string(facts.rigid_modes));
+BodyFacts check(const Body& body, const Settings& s, Observer& observer) {
+  Stage stage(observer, "check");
+  const bool pod = s.takes_samples();
+  const BodyFacts facts = check_body(body.model, body.assembled, pod, s.solver, observer);
+  if (pod) observer.fact("rigid modes", std::to_string(facts.rigid_modes));
   if (!pod)
-    plan.skip("a factorisation for rigid modes", "the method's own inertia counts them");
-  if (facts.mass_is_singular) plan.fact("mass matrix", "singular (massless dofs)");
+    observer.skip("a factorisation for rigid modes",
+                  "the method's own inertia counts them");
+  if (facts.mass_is_singular) observer.fact("mass matrix", "singular (massless dofs)");
   for (const auto& what : facts.skipped) {
     const auto colon = what.find(": ");
-    plan.skip(what.substr(0, colon), what.substr(colon + 2));
+    observer.skip(what.substr(0, colon), what.substr(colon + 2));
   }
   return facts;
 }
 
-void print_summary(const Monitor& monitor, MPI_Comm comm) {
+void print_summary(const Observer& observer, MPI_Comm comm) {
   std::string line;
-  for (const auto& [stage, seconds] : monitor.stages())
+  for (const auto& [stage, seconds] : observer.stages())
     line += text("%s%s %.2f s", line.empty() ? "" : ", ", stage.c_str(), seconds);
   const double peak = max_over(comm, peak_memory_mb());
-  monitor.say(text("  %-14s %s; peak %.0f MB on a rank", "time", line.c_str(), peak));
+  observer.say(text("  %-14s %s; peak %.0f MB on a rank", "time", line.c_str(), peak));
 }
 
 } // namespace flexgram

@@ -1,13 +1,18 @@
 #include "run/reduce.hpp"
 
 #include "base/text.hpp"
+#include "io/reduced_io.hpp"
+#include "medium/medium_io.hpp"
 #include "model/rigid_body_modes.hpp"
 #include "run/sweep.hpp"
+#include "sampling/pod.hpp"
 
 #include <numbers>
 
 namespace flexgram {
 namespace {
+
+constexpr double hz = 0.5 / std::numbers::pi;
 
 /// What a rank keeps of the samples [MB].
 double samples_mb(const SecondOrderModel& model, std::size_t samples) {
@@ -16,143 +21,247 @@ double samples_mb(const SecondOrderModel& model, std::size_t samples) {
          comm_size(model.comm);
 }
 
-FrequencySolves prepare_reduction(const Body& body, const Settings& s, Monitor& monitor) {
-  const auto samples = s.gramian.nodes().omega.size();
-  return FrequencySolves(body.model.share(), s.parallel, s.solver,
+FrequencySolves prepare_samples(const Body& body, const Settings& s, Observer& observer) {
+  const auto samples = s.sampling_spec().nodes().omega.size();
+  return FrequencySolves(body.model.share(), s.groups, s.solver,
                          static_cast<int>(samples), samples_mb(body.model, samples),
-                         monitor);
+                         observer);
 }
 
-void describe_reduction(const FrequencySolves& solves, const Body& body,
-                        const Settings& s, Plan& plan) {
-  const auto [first, last] = s.gramian.band();
-  const auto samples = s.gramian.nodes().omega.size();
-  const double hz = 0.5 / std::numbers::pi;
-  plan.fact("method", text("%s: %zu samples over %g-%g Hz (%s, %s), %d checks between "
-                           "them and at the ends",
-                           s.method.c_str(), samples, first * hz, last * hz,
-                           s.gramian.quadrature.c_str(), s.gramian.spacing.c_str(),
-                           std::min(s.pod.validate, static_cast<int>(samples) - 1)));
-  plan_solves(solves, samples, plan);
-  plan.fact("samples",
-            text("%zu columns, %.0f MB on a rank%s",
-                 samples * static_cast<std::size_t>(body.model.B.columns()) *
-                     (body.model.undamped() ? 1 : 2),
-                 samples_mb(body.model, samples),
-                 solves.groups().count > 1 ? ", twice that while they move" : ""));
+void describe_samples(const FrequencySolves& solves, const Body& body, const Settings& s,
+                      Observer& observer) {
+  const SamplingSpec spec = s.sampling_spec();
+  const auto samples = spec.nodes().omega.size();
+  observer.fact("method",
+                text("%s: %zu samples over %g-%g Hz (%s, %s), %d checks between "
+                     "them and at the ends",
+                     s.method.c_str(), samples, spec.band.first * hz, spec.band.last * hz,
+                     s.quadrature.c_str(), s.spacing.c_str(),
+                     std::min(spec.checks, static_cast<int>(samples) - 1)));
+  plan_solves(solves, samples, observer);
+  observer.fact("samples",
+                text("%zu columns, %.0f MB on a rank%s",
+                     samples * static_cast<std::size_t>(body.model.B.columns()) *
+                         (body.model.undamped() ? 1 : 2),
+                     samples_mb(body.model, samples),
+                     solves.groups().count > 1 ? ", twice that while they move" : ""));
 }
 
-ReducedModel reduce_by_samples(const Body& body, const Settings& s, Plan& plan,
-                               Monitor& monitor) {
-  FrequencySolves solves = prepare_reduction(body, s, monitor);
-  describe_reduction(solves, body, s, plan);
-  plan.print(monitor);
-  const BodyFacts facts = check(body, s, plan, monitor);
-  plan.print(monitor);
-  return reduce_pod(body.model, solves, s.gramian, s.pod, facts.rigid_modes, plan,
-                    monitor);
+ReducedModel reduce_by_samples(const Body& body, const Settings& s, Observer& observer) {
+  FrequencySolves solves = prepare_samples(body, s, observer);
+  describe_samples(solves, body, s, observer);
+  observer.print();
+  const BodyFacts facts = check(body, s, observer);
+  observer.print();
+  return reduce_pod(body.model, solves, s.sampling_spec(), facts.rigid_modes, observer);
 }
 
-void plan_method(const Settings& s, Plan& plan) {
-  std::string bands;
-  for (double f : s.gramian.band_hz) bands += text("%s%g", bands.empty() ? "" : "-", f);
-  plan.fact("method", s.method + " over " + bands + " Hz");
+std::string words_of(const std::vector<Interval>& bands) {
+  std::vector<std::string> words;
+  for (const Interval& band : bands)
+    words.push_back(band.first == band.last
+                        ? text("%g", band.first * hz)
+                        : text("%g-%g", band.first * hz, band.last * hz));
+  return join(words) + " Hz";
 }
 
 /// What the two factorisations of the medium model will take.
-void describe_two_step(const Body& body, const Settings& s, Plan& plan,
-                       Monitor& monitor) {
-  plan_method(s, plan);
-  Stage stage(monitor, "analyse");
+void describe_two_step(const Body& body, const Settings& s, Observer& observer) {
+  observer.fact("method", s.method + " over " + words_of(s.bands()));
+  Stage stage(observer, "analyse");
   ShiftedSolver solver(body.model.K, body.model.M, nullptr, body.model.node, s.solver);
   const FactorEstimate cutoff = solver.analyse(true);
-  plan.fact("factorisations", text("2 real LDLᵀ of K - ω²M and K + τM, one at a time: "
-                                   "%.2g entries, %.2g flops, %.0f "
-                                   "MB on a rank, ordered by %s",
-                                   cutoff.factor_entries, cutoff.flops,
-                                   cutoff.mb_per_rank, solver.ordering().c_str()));
+  observer.fact("factorisations",
+                text("2 real LDLᵀ of K - ω²M and K + τM, one at a time: "
+                     "%.2g entries, %.2g flops, %.0f "
+                     "MB on a rank, ordered by %s",
+                     cutoff.factor_entries, cutoff.flops, cutoff.mb_per_rank,
+                     solver.ordering().c_str()));
   const double column =
       static_cast<double>(body.model.n) * 8 / 1e6 / comm_size(body.model.comm);
-  plan.fact("medium space",
-            text("about %.0f MB on a rank for each 100 vectors", 400 * column));
+  observer.fact("medium space",
+                text("about %.0f MB on a rank for each 100 vectors", 400 * column));
 }
 
-ReducedModel reduce_in_two_steps(const Body& body, const Settings& s, Plan& plan,
-                                 Monitor& monitor) {
-  plan_method(s, plan);
-  const BodyFacts facts = check(body, s, plan, monitor);
-  plan.print(monitor);
-  return reduce_two_step(body.model, s.method, s.gramian, s.two_step, s.solver,
-                         facts.mass_is_singular, plan, monitor);
-}
-
-/// What a moving frame needs of the body, where it can move and has coordinates.
-void add_frame_integrals(ReducedModel& rom, const Body& body, const Settings& s,
-                         Plan& plan, Monitor& monitor) {
-  const bool possible = has_coordinates(body.model);
+/// Whether to find what a moving frame needs of the body: where it can move and has
+/// coordinates.
+bool wants_integrals(const SecondOrderModel& body, int rigid_modes, const Settings& s,
+                     Observer& observer) {
+  const bool possible = has_coordinates(body);
   if (s.frame_integrals == "no" || !possible) {
     if (s.frame_integrals == "yes")
       throw Error(
           "-mor_frame_integrals yes: the body has no coordinates (/dofs, /nodes)");
-    plan.skip("frame integrals",
-              possible ? "-mor_frame_integrals no" : "the body has no coordinates");
-    return;
+    observer.skip("frame integrals",
+                  possible ? "-mor_frame_integrals no" : "the body has no coordinates");
+    return false;
   }
-  if (s.frame_integrals == "auto" && rom.rigid_modes < 6) {
-    plan.skip("frame integrals", "the body cannot move freely");
-    return;
+  if (s.frame_integrals == "auto" && rigid_modes < 6) {
+    observer.skip("frame integrals", "the body cannot move freely");
+    return false;
   }
-  Stage stage(monitor, "frame");
-  rom.integrals = frame_integrals(body.model, rom.V);
-  const FrameIntegrals& i = *rom.integrals;
-  plan.fact("frame integrals", text("mass %.6g kg, centre (%.4g, %.4g, %.4g) m", i.mass,
-                                    i.centre[0], i.centre[1], i.centre[2]));
+  return true;
+}
+
+void tell_integrals(const FrameIntegrals& i, Observer& observer) {
+  observer.fact("frame integrals", text("mass %.6g kg, centre (%.4g, %.4g, %.4g) m",
+                                        i.mass, i.centre[0], i.centre[1], i.centre[2]));
+}
+
+void add_frame_integrals(ReducedModel& rom, const Body& body, const Settings& s,
+                         Observer& observer) {
+  if (!rom.integrals) {
+    if (!wants_integrals(body.model, rom.rigid_modes, s, observer)) return;
+    Stage stage(observer, "frame");
+    rom.integrals = frame_integrals(body.model, rom.V);
+  }
+  tell_integrals(*rom.integrals, observer);
+}
+
+void warn_of_default_band(const Options& options, Observer& observer) {
+  for (const Option& option : options.all())
+    if (option.name == "-mor_band_hz" && !option.set_by_user)
+      observer.warn("-mor_band_hz is not given: the band is " + option.value + " Hz");
+}
+
+bool write_result(const ReducedModel& rom, const SecondOrderModel& body,
+                  const Settings& s, const Options& options, Observer& observer) {
+  {
+    Stage stage(observer, "write");
+    write_reduced(rom, options, observer, body, s.out);
+  }
+  print_summary(observer, body.comm);
+  observer.say("  wrote          " + s.out);
+  return !rom.claim || rom.claim->met;
 }
 
 } // namespace
 
-ReducedModel reduce_body(const Body& body, const Settings& s, Plan& plan,
-                         Monitor& monitor) {
-  plan.print(monitor);
-  ReducedModel rom = s.samples() ? reduce_by_samples(body, s, plan, monitor)
-                                 : reduce_in_two_steps(body, s, plan, monitor);
-  add_frame_integrals(rom, body, s, plan, monitor);
-  plan.print(monitor);
-  rom.plan = plan.lines();
+Medium certify_body(const Body& body, const Settings& s, bool integrals,
+                    Observer& observer) {
+  observer.fact("method", s.method + " over " + words_of(s.bands()));
+  const BodyFacts facts = check(body, s, observer);
+  observer.print();
+  Medium medium =
+      certify(body.model, facts.mass_is_singular, s.certify_spec(), s.solver, observer);
+  observer.print();
+  if (integrals && wants_integrals(body.model, medium.rigid, s, observer)) {
+    Stage stage(observer, "frame");
+    medium.integrals = frame_integrals(body.model, medium.V);
+  }
+  return medium;
+}
+
+ReducedModel cut_medium(const Medium& medium, const Settings& s, Observer& observer) {
+  if (s.takes_samples())
+    throw Error("-mor_method pod samples the body itself: flexgram reduce does it");
+  ReducedModel rom = cut(medium, s.cut_request(), observer);
+  rom.plan = observer.facts();
   return rom;
 }
 
-bool reduce(MPI_Comm comm, const Settings& s, const Options& options, Monitor& monitor) {
-  Plan plan;
-  s.check();
-  for (const Option& option : options.all())
-    if (option.name == "-mor_band_hz" && !option.set_by_user)
-      monitor.warn("-mor_band_hz is not given: the band is " + option.value + " Hz");
-  check_output(comm, s.out, {s.body});
-  const Body body = load_body(comm, s, plan, monitor);
-  const ReducedModel rom = reduce_body(body, s, plan, monitor);
-  {
-    Stage stage(monitor, "write");
-    write_reduced(rom, options, monitor, body.model, s.out);
-  }
-  print_summary(monitor, comm);
-  monitor.say("  wrote          " + s.out);
-  return !rom.claim || rom.claim->met;
+ReducedModel reduce_body(const Body& body, const Settings& s, Observer& observer) {
+  observer.print();
+  ReducedModel rom = s.takes_samples() ? reduce_by_samples(body, s, observer)
+                                       : cut(certify_body(body, s, false, observer),
+                                             s.cut_request(), observer);
+  add_frame_integrals(rom, body, s, observer);
+  observer.print();
+  rom.plan = observer.facts();
+  return rom;
 }
 
-void plan_only(MPI_Comm comm, const Settings& s, Monitor& monitor) {
-  Plan plan;
+void tell_medium(const Medium& medium, Observer& observer) {
+  observer.fact(
+      "medium model",
+      text("%s: n = %lld, order %d (%zu levels), certified to %.0e over %s, modes "
+           "below %.4g Hz",
+           medium.body.name.c_str(), static_cast<long long>(medium.body.n),
+           medium.levels.back().order(), medium.levels.size(), medium.spec.target,
+           words_of(medium.spec.bands).c_str(), medium.cutoff * hz));
+}
+
+void write_medium_file(const Medium& medium, const Settings& s, const Options& options,
+                       Observer& observer, const std::string& path) {
+  Stage stage(observer, "write");
+  std::map<std::string, std::string> values;
+  for (const Option& option : options.all()) values[option.name] = option.value;
+  write_medium(medium, s.medium_basis == "yes", values, observer.facts(), path);
+}
+
+bool reduce(MPI_Comm comm, Settings& s, const Options& options, Observer& observer) {
   s.check();
-  const Body body = load_body(comm, s, plan, monitor);
-  plan.skip("checks that factorise", "plan only analyses");
-  if (s.samples()) {
-    FrequencySolves solves = prepare_reduction(body, s, monitor);
-    describe_reduction(solves, body, s, plan);
-  } else {
-    describe_two_step(body, s, plan, monitor);
+  warn_of_default_band(options, observer);
+  check_output(comm, s.out, {s.body});
+  if (s.medium_out.empty()) {
+    const Body body = load_body(comm, s, observer);
+    const ReducedModel rom = reduce_body(body, s, observer);
+    return write_result(rom, body.model, s, options, observer);
   }
-  plan.print(monitor);
-  print_summary(monitor, comm);
+  if (s.takes_samples())
+    throw Error("-mor_method pod has no medium model: -mor_medium_out is for the others");
+  check_output(comm, s.medium_out, {s.body});
+  const Body body = load_body(comm, s, observer);
+  observer.print();
+  const Medium medium = certify_body(body, s, true, observer);
+  write_medium_file(medium, s, options, observer, s.medium_out);
+  observer.say("  wrote          " + s.medium_out);
+  ReducedModel rom = cut_medium(medium, s, observer);
+  if (rom.integrals) tell_integrals(*rom.integrals, observer);
+  observer.print();
+  rom.plan = observer.facts();
+  return write_result(rom, medium.body, s, options, observer);
+}
+
+void certify(MPI_Comm comm, Settings& s, const Options& options, Observer& observer) {
+  s.check();
+  warn_of_default_band(options, observer);
+  if (s.takes_samples())
+    throw Error("-mor_method pod has no medium model to certify: flexgram reduce");
+  const std::string out = s.medium_out.empty() ? "medium.h5" : s.medium_out;
+  check_output(comm, out, {s.body});
+  const Body body = load_body(comm, s, observer);
+  observer.print();
+  const Medium medium = certify_body(body, s, true, observer);
+  if (medium.integrals) tell_integrals(*medium.integrals, observer);
+  observer.print();
+  write_medium_file(medium, s, options, observer, out);
+  print_summary(observer, comm);
+  observer.say("  wrote          " + out);
+}
+
+bool cut(MPI_Comm comm, Settings& s, const Options& options, Observer& observer) {
+  s.check();
+  if (s.medium.empty())
+    throw Error("option -medium is missing: name a file of flexgram certify");
+  check_output(comm, s.out, {s.medium});
+  Medium medium;
+  {
+    Stage stage(observer, "read");
+    medium = read_medium(comm, s.medium);
+  }
+  tell_medium(medium, observer);
+  observer.print();
+  ReducedModel rom = cut_medium(medium, s, observer);
+  if (rom.integrals) tell_integrals(*rom.integrals, observer);
+  if (!medium.V) observer.skip("V", "the medium model is kept without its basis");
+  observer.print();
+  rom.plan = observer.facts();
+  return write_result(rom, medium.body, s, options, observer);
+}
+
+void plan_only(MPI_Comm comm, Settings& s, Observer& observer) {
+  s.check();
+  const Body body = load_body(comm, s, observer);
+  observer.skip("checks that factorise", "plan only analyses");
+  if (s.takes_samples()) {
+    FrequencySolves solves = prepare_samples(body, s, observer);
+    describe_samples(solves, body, s, observer);
+  } else {
+    describe_two_step(body, s, observer);
+  }
+  observer.print();
+  print_summary(observer, comm);
 }
 
 } // namespace flexgram

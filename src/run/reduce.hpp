@@ -1,18 +1,35 @@
 #pragma once
 
+#include "medium/medium.hpp"
 #include "run/body.hpp"
 
 namespace flexgram {
 
-/// The whole way from a body to its reduced model, by the method that the settings name.
-/// @note Collective on the body's communicator.
-ReducedModel reduce_body(const Body& body, const Settings& settings, Plan& plan,
-                         Monitor& monitor);
+/// The first step: the certified medium model of a body, by as much as the settings ask.
+/// @param integrals  with what a moving frame needs of the whole medium space.
+/// @note Collective on the body's communicator, like the next.
+Medium certify_body(const Body& body, const Settings& settings, bool integrals,
+                    Observer& observer);
+/// The second step. @throws Error for a method that does not go through a medium model.
+ReducedModel cut_medium(const Medium& medium, const Settings& settings,
+                        Observer& observer);
+/// Both, or the paper's first route: the whole way from a body to its reduced model.
+ReducedModel reduce_body(const Body& body, const Settings& settings, Observer& observer);
 
-/// The verbs reduce and plan.
+/// What a medium model is, for the plan.
+void tell_medium(const Medium& medium, Observer& observer);
+/// Writes the medium model with its provenance.
+void write_medium_file(const Medium& medium, const Settings& settings,
+                       const Options& options, Observer& observer,
+                       const std::string& path);
+
+/// The verbs.
 /// @return true if the tolerance is met, or none was given.
-bool reduce(MPI_Comm comm, const Settings& settings, const Options& options,
-            Monitor& monitor);
-void plan_only(MPI_Comm comm, const Settings& settings, Monitor& monitor);
+bool reduce(MPI_Comm comm, Settings& settings, const Options& options,
+            Observer& observer);
+bool cut(MPI_Comm comm, Settings& settings, const Options& options, Observer& observer);
+void certify(MPI_Comm comm, Settings& settings, const Options& options,
+             Observer& observer);
+void plan_only(MPI_Comm comm, Settings& settings, Observer& observer);
 
 } // namespace flexgram

@@ -1,13 +1,57 @@
 #include "run/settings.hpp"
 
 #include "base/process.hpp"
+#include "base/text.hpp"
+#include "basis/method.hpp"
+
+#include <algorithm>
+#include <numbers>
 
 namespace flexgram {
+namespace {
+
+constexpr double to_rad = 2 * std::numbers::pi;
+
+std::vector<std::string> method_names() {
+  std::vector<std::string> names;
+  for (const auto& [name, method] : flexgram::methods()) names.push_back(name);
+  return names;
+}
+
+/// "name: what it is; …" of all methods.
+std::string method_help() {
+  std::string help;
+  for (const auto& [name, method] : flexgram::methods())
+    help += text("%s%s: %s", help.empty() ? "" : "; ", name.c_str(), method->help);
+  return help;
+}
+
+std::string words_of(const std::vector<double>& numbers) {
+  std::string words;
+  for (double x : numbers) words += text("%s%g", words.empty() ? "" : ",", x);
+  return words;
+}
+
+std::vector<double> in_rad(const std::vector<double>& hz) {
+  std::vector<double> omega;
+  for (double f : hz) omega.push_back(to_rad * f);
+  return omega;
+}
+
+} // namespace
 
 void Settings::describe(Options& options) {
   options.section("Files");
-  options.add("-body", body, "body file: matrices or a mesh (all verbs)");
-  options.add("-mor_out", out, "reduced file to write (reduce)");
+  options.add("-body", body, "body file: matrices or a mesh (all verbs but cut)");
+  options.add("-mor_out", out, "reduced file to write (reduce, cut)");
+  options.add("-medium", medium, "certified medium model to cut from (cut)");
+  options.add("-mor_medium_out", medium_out,
+              "certified medium model to write, for cut (certify: default medium.h5; "
+              "reduce: none)");
+  options.add_choice("-mor_medium_basis", medium_basis, {"yes", "no"},
+                     "whether the medium file holds the basis V (n × N), without which "
+                     "reduced files have no /V: no shapes, no flexible bodies in a "
+                     "multibody code with pictures");
   options.add("-rom", rom, "reduced file to compare with the body (sweep)");
   options.add("-mor_sweep_out", sweep_out, "file with H over the frequencies (sweep)");
   options.add("-body_out", body_out, "body of matrices to write (assemble)");
@@ -16,54 +60,346 @@ void Settings::describe(Options& options) {
               "ports to keep, by port (lower.fx) or interface (lower), comma separated");
   options.add("-mor_outputs", outputs,
               "the same for outputs; default: like the inputs where the outputs are "
-              "the inputs, "
-              "else all");
-  gramian.describe(options);
+              "the inputs, else all");
+  options.section("Reduction (reduce, certify, cut, plan)");
+  options.add("-mor_band_hz", band_hz, "Hz",
+              "frequency band, first,last; or one frequency; or several bands, "
+              "first,last,first,last (cut: default the bands of the medium model)");
+  band_is_given = options.all().back().set_by_user;
+  options.add(
+      "-mor_order", order.order, "",
+      "order m of the reduced body; 0: smallest m with sigma_(m+1)/sigma_1 < sqrt(eps) "
+      "= 1.5e-8, the paper's rule");
+  options.add(
+      "-mor_tol", order.tolerance, "",
+      "smallest order whose relative error over the band is below this: the certified "
+      "error, or with -mor_method pod the one at the samples and the check frequencies");
   options.add_choice(
-      "-mor_method", method,
-      {"two_step", "pod", "krylov", "modal", "craig_bampton", "irka", "balanced"},
-      "two_step: medium model by real-shift Krylov with a proof of its error, then the "
-      "smallest "
-      "body out of it. pod: the paper's first route, POD of frequency samples, error "
-      "estimated. krylov, modal, craig_bampton, irka, balanced: bodies of that kind, "
-      "with the "
-      "same proof");
-  two_step.describe(options);
+      "-mor_tol_of", tolerance_of, {"each_kind", "whole"},
+      "what -mor_tol bounds: the error of H as a whole (eq. 17), which adds m/N and "
+      "rad/(N m) so that the larger number hides the other, or also those of "
+      "displacements from forces and of rotations from moments by themselves (ports "
+      "named x.fx ... x.mz)");
+  options.add_choice(
+      "-mor_tol_relative_to", relative_to, {"pointwise", "band"},
+      "what errors of H are divided by: |H| at the same frequency (eq. 17; near an "
+      "antiresonance, where H itself vanishes, the order grows to meet it), or the "
+      "largest |H| over the band, which forgives such frequencies");
+  options.add_choice("-mor_port_scaling", port_scaling, {"none", "equal"},
+                     "weight of the ports in the Gramian: all the same, so that forces "
+                     "and moments (in N m or N mm) count alike, or as their units have "
+                     "it (the paper)");
+  options.add_choice(
+      "-mor_inner_product", metric, {"mass", "euclidean", "energy"},
+      "in which the modes are orthonormal: mass (independent of units; M + "
+      "K/omega_max^2 where M is singular), euclidean (the paper), energy (M + "
+      "K/omega_max^2)");
+  std::vector<std::string> names = method_names(), kinds{"two_step", "pod"},
+                           stages{"auto"};
+  kinds.insert(kinds.end(), names.begin(), names.end());
+  stages.insert(stages.end(), names.begin(), names.end());
+  options.add_choice(
+      "-mor_method", method, kinds,
+      ("two_step: medium model by real-shift Krylov with a proof of its error, then the "
+       "smallest body out of it, by -mor_second_stage. pod: the paper's first route, POD "
+       "of frequency samples, error estimated. The others: bodies of that kind out of "
+       "the medium model, with the same proof. " +
+       method_help())
+          .c_str());
+  options.section("Second stage (every method but pod)");
+  options.add_choice(
+      "-mor_second_stage", second_stage, stages,
+      "how -mor_method two_step picks the small basis out of the medium space; auto "
+      "tries gramian and weighted and keeps the smallest body that meets -mor_tol (by "
+      "the order rule: gramian)");
+  options.add("-mor_weight", weight, "Hz, 1",
+              "weight of the Gramian over the band: f1,w1,f2,w2,... , linear between, "
+              "zero outside");
+  options.add(
+      "-mor_shifts_hz", shifts_hz, "Hz",
+      "expansion points of krylov; default: both ends of the band and its middle");
+  options.add("-mor_moments", moments, "", "moments at each expansion point of krylov");
+  options.add_choice(
+      "-mor_frame", frame, {"auto", "none", "buckens", "tangent"},
+      "frame of reference of a free body: buckens: basis vectors orthogonal to "
+      "the rigid modes, which come first; tangent: at rest at an interface; none: "
+      "rigid motion mixed into the basis. auto: buckens if the body is free");
+  options.add(
+      "-mor_frame_interface", frame_interface,
+      "interface that the tangent frame follows; default: the first with six ports");
+  options.add(
+      "-mor_error_hz", error_hz, "Hz",
+      "first,last,count: further frequencies at which error and bound are evaluated and "
+      "stored, beside some hundred over the band and on its resonances");
+  options.section("Medium model (every method but pod)");
+  options.add(
+      "-mor_cutoff", cutoff, "",
+      "all modes up to this many times the end of the band are found and counted; more "
+      "modes, but fewer Krylov blocks");
+  options.add("-mor_medium_order", medium_order, "",
+              "largest order of the medium model; 0: what memory and the body allow");
+  options.add(
+      "-mor_medium_tol", medium_target, "",
+      "certified relative error of the medium model; 0: a fiftieth of -mor_tol, or 1e-8 "
+      "where the order is given or ruled");
   options.add_choice(
       "-mor_frame_integrals", frame_integrals, {"auto", "yes", "no"},
       "mass, centre, inertia and the shape integrals that a floating frame of "
       "reference needs, into /frame; auto: if the body is free and has "
       "coordinates");
   options.section("Samples (-mor_method pod)");
-  gramian.describe_samples(options);
-  pod.describe(options);
+  options.add("-mor_samples", samples, "",
+              "frequencies at which the response is sampled");
+  options.add_choice("-mor_quadrature", quadrature,
+                     {"midpoint", "gauss", "clenshaw_curtis"},
+                     "rule for the integral of the Gramian over the band");
+  options.add_choice("-mor_spacing", spacing, {"linear", "log"},
+                     "nodes of the rule in the frequency or in its logarithm");
+  options.add_choice(
+      "-mor_svd", svd, {"tsqr", "snapshots"},
+      "tsqr: singular values of the samples by a QR factorisation, to working "
+      "accuracy. snapshots: Sirovich's method, eigenvalues of Z'Z; faster, but "
+      "squares the condition: directions with sigma_j/sigma_1 below about 1e-16 "
+      "(singular values below 1e-8) are lost, so high orders gain nothing");
+  options.add("-mor_validate", validate, "",
+              "frequencies between the samples at which the error is checked by full "
+              "solves, beside the two ends of the band; 0 checks none");
   options.section("Sweep");
   options.add("-mor_sweep_hz", sweep_hz, "Hz",
               "first,last,count frequencies, or a single one");
-  parallel.describe(options);
-  solver.describe(options);
+  options.section("Parallel (reduce, sweep)");
+  options.add(
+      "-mor_groups", groups, "",
+      "groups of ranks; each holds the body and factorises its own frequencies (pod, "
+      "sweep). 0: as many as the memory estimate allows (independent factorisations "
+      "scale better than parallel ones)");
+  describe_solver(options);
   options.section("Output");
   options.add_choice("-mor_monitor", monitor, {"silent", "summary", "detail"},
                      "what is printed; detail adds a line for each factorisation");
 }
 
-void Settings::check() const {
-  if (samples()) gramian.nodes();
-  gramian.check();
-  pod.check();
-  two_step.check();
-  solver.check();
+void Settings::describe_solver(Options& options) {
+  MumpsOptions& mumps = solver.mumps;
+  options.section("Factorisation (all verbs)");
+  options.add_choice(
+      "-mor_ordering", ordering, {"auto", "best", "nested_dissection", "mumps"},
+      "fill-reducing ordering: METIS nested dissection on the node graph, MUMPS' own "
+      "choice, or the best (fewer estimated flops) of the two. auto: the best where many "
+      "frequencies are factorised; elsewhere nested dissection, below 10,000 dofs MUMPS' "
+      "own");
+  options.add(
+      "-mor_memory_limit_mb", mumps.memory_limit_mb, "MB per rank",
+      "memory that a factorisation may take; 0 means what the node has available");
+  options.add("-mor_mumps_workspace", mumps.workspace_percent, "%",
+              "workspace above MUMPS' estimate at the first try, ICNTL(14)");
+  options.add("-mor_mumps_workspace_limit", mumps.workspace_limit, "%",
+              "largest workspace tried when MUMPS asks for more");
+  options.add_numbered("-mor_mumps_icntl_", mumps.icntl, "sets ICNTL(N) of MUMPS");
+  options.add_numbered("-mor_mumps_cntl_", mumps.cntl, "sets CNTL(N) of MUMPS");
+  options.add_choice(
+      "-mor_precision", precision, {"double", "single"},
+      "arithmetic of the factors; single is refined to double accuracy and "
+      "falls back to double where refinement stalls (it does within 1e-6 of an "
+      "undamped resonance)");
+  options.add(
+      "-mor_refinements", solver.refinements, "",
+      "refinement steps at most, taken while the backward error is above its target");
+  options.add("-mor_backward_error", solver.backward_error, "",
+              "target for the backward error of each solve");
 }
 
-Monitor::Level Settings::prepare(MPI_Comm comm) {
-  solver.check();
+void Settings::check_solver() const {
+  const MumpsOptions& mumps = solver.mumps;
+  const auto number = [](const auto& controls, const char* name, int last) {
+    for (auto [n, value] : controls)
+      require_option(n >= 1 && n <= last, text("-mor_mumps_%s_%d", name, n).c_str(),
+                     text("%g", value), text("numbered 1 to %d", last).c_str());
+  };
+  number(mumps.icntl, "icntl", 60);
+  number(mumps.cntl, "cntl", 15);
+  for (int owned : {5, 18, 19, 20, 21})
+    require_option(!mumps.icntl.count(owned), text("-mor_mumps_icntl_%d", owned).c_str(),
+                   "", "left alone: flexgram sets how matrices and solutions are passed");
+  require_option(mumps.workspace_percent >= 0, "-mor_mumps_workspace",
+                 std::to_string(mumps.workspace_percent), "0 or more");
+  require_option(mumps.workspace_limit >= mumps.workspace_percent,
+                 "-mor_mumps_workspace_limit", std::to_string(mumps.workspace_limit),
+                 "at least -mor_mumps_workspace");
+  require_option(mumps.memory_limit_mb >= 0, "-mor_memory_limit_mb",
+                 text("%g", mumps.memory_limit_mb), "0 or more");
+  require_option(solver.refinements >= 0, "-mor_refinements",
+                 std::to_string(solver.refinements), "0 or more");
+  require_option(solver.backward_error > 0, "-mor_backward_error",
+                 text("%g", solver.backward_error), "above 0");
+  require_option(groups >= 0, "-mor_groups", std::to_string(groups),
+                 "0 (automatic) or more");
+}
+
+void Settings::check_band() const {
+  const std::string words = words_of(band_hz);
+  require_option(band_hz.size() == 1 || (band_hz.size() > 1 && band_hz.size() % 2 == 0),
+                 "-mor_band_hz", words,
+                 "first,last, or one frequency, or several bands in pairs");
+  require_option(band_hz.front() >= 0, "-mor_band_hz", words, "zero or more");
+  for (std::size_t i = 1; i < band_hz.size(); ++i)
+    require_option(band_hz[i - 1] <= band_hz[i], "-mor_band_hz", words,
+                   "first,last with first <= last");
+  if (takes_samples())
+    require_option(band_hz.size() <= 2, "-mor_band_hz",
+                   text("with %zu bands", band_hz.size() / 2),
+                   "one band with -mor_method pod");
+  if (takes_samples() && spacing == "log" && band_hz.front() <= 0)
+    throw Error("-mor_spacing log: the band must start above zero");
+}
+
+void Settings::check_lists() const {
+  bool good = weight.size() % 2 == 0 && weight.size() != 2;
+  for (std::size_t i = 0; good && i < weight.size(); i += 2)
+    good = weight[i] >= 0 && weight[i + 1] >= 0 && (i == 0 || weight[i] > weight[i - 2]);
+  require_option(good, "-mor_weight", words_of(weight),
+                 "f1,w1,f2,w2,... with rising f and w >= 0");
+  for (double f : shifts_hz)
+    require_option(f >= 0, "-mor_shifts_hz", text("%g", f), "zero or more");
+  require_option(error_hz.empty() || (error_hz.size() == 3 && error_hz[0] >= 0 &&
+                                      error_hz[0] <= error_hz[1] && error_hz[2] >= 1),
+                 "-mor_error_hz", std::to_string(error_hz.size()) + " numbers",
+                 "first,last,count with first <= last");
+}
+
+void Settings::check() {
+  check_band();
+  require_option(samples >= 1, "-mor_samples", std::to_string(samples), "1 or more");
+  if (order.tolerance)
+    require_option(*order.tolerance > 0 && *order.tolerance < 1, "-mor_tol",
+                   text("%g", *order.tolerance), "above 0 and below 1");
+  require_option(!order.tolerance || order.order == 0, "-mor_tol", "with -mor_order",
+                 "given without the other: the tolerance chooses the order");
+  require_option(order.order >= 0, "-mor_order", std::to_string(order.order),
+                 "0 (by the rule) or more");
+  require_option(validate >= 0, "-mor_validate", std::to_string(validate), "0 or more");
+  require_option(moments >= 1, "-mor_moments", std::to_string(moments), "1 or more");
+  require_option(cutoff >= 1.05, "-mor_cutoff", text("%g", cutoff), "1.05 or more");
+  require_option(medium_order >= 0, "-mor_medium_order", std::to_string(medium_order),
+                 "0 (automatic) or more");
+  require_option(medium_target >= 0 && medium_target < 1, "-mor_medium_tol",
+                 text("%g", medium_target), "0 (automatic) or below 1");
+  check_lists();
+  check_solver();
+  order.each_kind = tolerance_of == "each_kind";
+}
+
+Observer::Level Settings::prepare(MPI_Comm comm) {
+  check_solver();
+  solver.single = precision == "single";
+  solver.mumps.ordering = ordering == "best"                ? Ordering::best
+                          : ordering == "nested_dissection" ? Ordering::nested_dissection
+                          : ordering == "mumps"             ? Ordering::mumps
+                                                            : Ordering::automatic;
   auto& limit = solver.mumps.memory_limit_mb;
   if (limit == 0) limit = available_memory_mb(comm);
   keep_freed_pages();
   set_blas_threads(node_share(comm).cores_per_rank);
-  return monitor == "silent"   ? Monitor::Level::silent
-         : monitor == "detail" ? Monitor::Level::detail
-                               : Monitor::Level::summary;
+  return monitor == "silent"   ? Observer::Level::silent
+         : monitor == "detail" ? Observer::Level::detail
+                               : Observer::Level::summary;
+}
+
+std::vector<std::string> Settings::methods() const {
+  if (method != "two_step") return {method};
+  if (second_stage != "auto") return {second_stage};
+  return automatic_methods(order);
+}
+
+std::vector<Interval> Settings::bands() const {
+  const auto omega = in_rad(band_hz);
+  if (omega.size() == 1) return {{omega[0], omega[0]}};
+  std::vector<Interval> bands;
+  for (std::size_t i = 0; i < omega.size(); i += 2)
+    bands.push_back({omega[i], omega[i + 1]});
+  return bands;
+}
+
+namespace {
+
+RelativeTo reference_of(const std::string& word) {
+  return word == "band" ? RelativeTo::band : RelativeTo::pointwise;
+}
+
+Metric metric_of(const std::string& word) {
+  return word == "euclidean" ? Metric::euclidean
+         : word == "energy"  ? Metric::energy
+                             : Metric::mass;
+}
+
+} // namespace
+
+CertifySpec Settings::certify_spec() const {
+  CertifySpec spec;
+  spec.bands = bands();
+  spec.target = medium_target > 0 ? medium_target : flexgram::medium_target(order);
+  spec.cutoff = cutoff;
+  spec.limit = medium_order;
+  spec.relative_to = reference_of(relative_to);
+  spec.by_kind = order.by_kind();
+  const auto shifts = shifts_hz.empty() ? default_shifts(spec.bands) : in_rad(shifts_hz);
+  for (const auto& name : methods())
+    if (const auto demand = flexgram::method(name).demand) {
+      const Demand asked = demand(order.order, shifts);
+      spec.modes = std::max(spec.modes, asked.modes);
+      spec.last_needed = std::max(spec.last_needed, asked.last_needed);
+    }
+  return spec;
+}
+
+CutRequest Settings::cut_request() const {
+  CutRequest request;
+  request.name = method;
+  request.methods = methods();
+  request.order = order;
+  request.medium_target = medium_target;
+  if (band_is_given) request.bands = bands();
+  for (std::size_t i = 0; i < weight.size(); i += 2) {
+    request.weight.omega.push_back(to_rad * weight[i]);
+    request.weight.weight.push_back(weight[i + 1]);
+  }
+  request.metric = metric_of(metric);
+  request.equal_ports = port_scaling == "equal";
+  request.shifts = in_rad(shifts_hz);
+  request.moments = moments;
+  request.frame = frame == "none"      ? Frame::none
+                  : frame == "buckens" ? Frame::buckens
+                  : frame == "tangent" ? Frame::tangent
+                                       : Frame::automatic;
+  request.frame_interface = frame_interface;
+  request.relative_to = reference_of(relative_to);
+  request.inputs = split(inputs, ',');
+  request.outputs = split(outputs, ',');
+  if (!error_hz.empty()) {
+    const int count = static_cast<int>(error_hz[2]);
+    for (int l = 0; l < count; ++l) {
+      const double t = count == 1 ? 0.0 : static_cast<double>(l) / (count - 1);
+      request.error_omega.push_back(to_rad *
+                                    (error_hz[0] + t * (error_hz[1] - error_hz[0])));
+    }
+  }
+  return request;
+}
+
+SamplingSpec Settings::sampling_spec() const {
+  SamplingSpec spec;
+  spec.band = bands().front();
+  spec.samples = samples;
+  spec.rule = quadrature == "gauss"             ? QuadratureRule::gauss
+              : quadrature == "clenshaw_curtis" ? QuadratureRule::clenshaw_curtis
+                                                : QuadratureRule::midpoint;
+  spec.logarithmic = spacing == "log";
+  spec.snapshots = svd == "snapshots";
+  spec.metric = metric_of(metric);
+  spec.equal_ports = port_scaling == "equal";
+  spec.order = order;
+  spec.checks = validate;
+  return spec;
 }
 
 } // namespace flexgram

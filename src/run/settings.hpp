@@ -1,33 +1,58 @@
 #pragma once
 
-#include "model/reduced_io.hpp"
-#include "reduce/pod.hpp"
-#include "reduce/two_step.hpp"
+#include "base/options.hpp"
+#include "basis/cut.hpp"
+#include "linalg/shifted_solver.hpp"
+#include "sampling/gramian_basis.hpp"
 
 namespace flexgram {
 
-/// Everything that a user can set, over all verbs: each field one option.
+/// Everything that a user can set, over all verbs: each field one option, in the user's
+/// units. What the mathematics asks is made of it here, once.
 struct Settings {
-  std::string body, rom, body_out, out = "rom.h5", sweep_out = "sweep.h5",
-                                   monitor = "summary";
-  std::string method = "two_step";
+  std::string body, rom, body_out, out = "rom.h5", sweep_out = "sweep.h5", medium,
+                                   medium_out, monitor = "summary";
+  std::string medium_basis = "yes";
+  std::string method = "two_step", second_stage = "auto";
   std::string inputs, outputs;
   std::string frame_integrals = "auto";
-  std::vector<double> sweep_hz{10, 500, 200};
-  GramianOptions gramian;
-  PodOptions pod;
-  TwoStepOptions two_step;
-  ParallelOptions parallel;
+  std::vector<double> band_hz{10, 500}, sweep_hz{10, 500, 200};
+  bool band_is_given = false;
+  OrderSpec order;
+  std::string tolerance_of = "each_kind", port_scaling = "equal", metric = "mass",
+              relative_to = "pointwise", frame = "auto", frame_interface;
+  std::vector<double> weight, shifts_hz, error_hz;
+  int moments = 2;
+  double cutoff = 1.2, medium_target = 0;
+  int medium_order = 0;
+  int samples = 30, validate = 8;
+  std::string quadrature = "midpoint", spacing = "linear", svd = "tsqr";
+  int groups = 0;
+  std::string ordering = "auto", precision = "double";
   SolverOptions solver;
 
   /// Registers every field, and so reads it from PETSc's option database.
   void describe(Options& options);
-  /// Refuses bad options before any work.
-  void check() const;
-  /// Memory limit and BLAS threads of this process. @return how much to print.
-  /// Collective.
-  Monitor::Level prepare(MPI_Comm comm);
-  bool samples() const { return method == "pod"; }
+  /// Refuses bad options before any work, and fills in what depends on others.
+  void check();
+  /// Memory limit and BLAS threads of this process. @throws Error for options of the
+  /// solver that cannot be. @return how much to print. Collective.
+  Observer::Level prepare(MPI_Comm comm);
+
+  bool takes_samples() const { return method == "pod"; }
+  /// Methods for the small basis, in the order in which they are tried.
+  std::vector<std::string> methods() const;
+  /// [rad/s]
+  std::vector<Interval> bands() const;
+  CertifySpec certify_spec() const;
+  CutRequest cut_request() const;
+  SamplingSpec sampling_spec() const;
+
+private:
+  void describe_solver(Options& options);
+  void check_solver() const;
+  void check_band() const;
+  void check_lists() const;
 };
 
 } // namespace flexgram

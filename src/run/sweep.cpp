@@ -1,23 +1,26 @@
 #include "run/sweep.hpp"
 
 #include "base/text.hpp"
-#include "reduce/project.hpp"
+#include "io/reduced_io.hpp"
+#include "model/project.hpp"
 
 #include <algorithm>
 #include <numbers>
 
 namespace flexgram {
 
-void plan_solves(const FrequencySolves& solves, std::size_t tasks, Plan& plan) {
+void plan_solves(const FrequencySolves& solves, std::size_t tasks, Observer& observer) {
   const FactorEstimate& e = solves.estimate();
-  plan.fact("factorisation",
-            text("%s %s, %.2g entries, %.2g flops, %.0f MB on a rank, ordered by %s",
-                 solves.model().undamped() ? "real" : "complex symmetric", "LDLᵀ",
-                 e.factor_entries, e.flops, e.mb_per_rank, solves.ordering().c_str()));
-  plan.fact("parallel", text("%zu frequencies over %d group%s of %d rank%s", tasks,
-                             solves.groups().count, solves.groups().count == 1 ? "" : "s",
-                             comm_size(solves.groups().comm),
-                             comm_size(solves.groups().comm) == 1 ? "" : "s"));
+  observer.fact("factorisation",
+                text("%s %s, %.2g entries, %.2g flops, %.0f MB on a rank, ordered by %s",
+                     solves.model().undamped() ? "real" : "complex symmetric", "LDLᵀ",
+                     e.factor_entries, e.flops, e.mb_per_rank,
+                     solves.ordering().c_str()));
+  observer.fact("parallel",
+                text("%zu frequencies over %d group%s of %d rank%s", tasks,
+                     solves.groups().count, solves.groups().count == 1 ? "" : "s",
+                     comm_size(solves.groups().comm),
+                     comm_size(solves.groups().comm) == 1 ? "" : "s"));
 }
 
 namespace {
@@ -74,11 +77,10 @@ void write_sweep(MPI_Comm comm, const Settings& s, const std::vector<double>& om
 
 } // namespace
 
-void sweep(MPI_Comm comm, const Settings& s, const Options& options, Monitor& monitor) {
-  Plan plan;
+void sweep(MPI_Comm comm, const Settings& s, const Options& options, Observer& observer) {
   const std::vector<double> omega = sweep_omega(s.sweep_hz);
   check_output(comm, s.sweep_out, {s.body, s.rom});
-  Body body = load_body(comm, s, plan, monitor);
+  Body body = load_body(comm, s, observer);
   SecondOrderModel rom;
   if (!s.rom.empty()) {
     rom = read_reduced(comm, s.rom);
@@ -89,13 +91,13 @@ void sweep(MPI_Comm comm, const Settings& s, const Options& options, Monitor& mo
     with_context("comparing " + s.rom + " with " + s.body,
                  [&] { select_ports(fewer, wanted.inputs, wanted.outputs); });
   }
-  FrequencySolves solves(std::move(body.model), s.parallel, s.solver,
-                         static_cast<int>(omega.size()), 0.0, monitor);
-  plan_solves(solves, omega.size(), plan);
-  plan.print(monitor);
+  FrequencySolves solves(std::move(body.model), s.groups, s.solver,
+                         static_cast<int>(omega.size()), 0.0, observer);
+  plan_solves(solves, omega.size(), observer);
+  observer.print();
   std::vector<ComplexDense> H, H_rom;
   {
-    Stage stage(monitor, "sweep");
+    Stage stage(observer, "sweep");
     H = solves.transfer(omega, "frequency");
   }
   std::vector<double> epsilon;
@@ -105,20 +107,20 @@ void sweep(MPI_Comm comm, const Settings& s, const Options& options, Monitor& mo
       epsilon.push_back(relative_error(H[l], H_rom.back()));
     }
     const auto worst = std::max_element(epsilon.begin(), epsilon.end());
-    plan.fact("error",
-              text("at most %.2e of %zu frequencies, at %.4g Hz", *worst, omega.size(),
-                   omega[static_cast<std::size_t>(worst - epsilon.begin())] * 0.5 /
-                       std::numbers::pi));
+    observer.fact("error", text("at most %.2e of %zu frequencies, at %.4g Hz", *worst,
+                                omega.size(),
+                                omega[static_cast<std::size_t>(worst - epsilon.begin())] *
+                                    0.5 / std::numbers::pi));
   }
-  plan.fact("solves", text("%d factorisations, backward error at most %.0e",
-                           solves.factorisations(), solves.worst_backward_error()));
-  plan.print(monitor);
+  observer.fact("solves", text("%d factorisations, backward error at most %.0e",
+                               solves.factorisations(), solves.worst_backward_error()));
+  observer.print();
   {
-    Stage stage(monitor, "write");
+    Stage stage(observer, "write");
     write_sweep(comm, s, omega, H, H_rom, epsilon, solves.model(), options);
   }
-  print_summary(monitor, comm);
-  monitor.say("  wrote          " + s.sweep_out);
+  print_summary(observer, comm);
+  observer.say("  wrote          " + s.sweep_out);
 }
 
 } // namespace flexgram

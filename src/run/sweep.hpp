@@ -1,15 +1,15 @@
 #pragma once
 
-#include "reduce/frequency_solves.hpp"
 #include "run/body.hpp"
+#include "sampling/frequency_solves.hpp"
 
 namespace flexgram {
 
 /// The verb sweep: H of the full body over frequencies, and the error of a reduced one.
 void sweep(MPI_Comm comm, const Settings& settings, const Options& options,
-           Monitor& monitor);
+           Observer& observer);
 
 /// What the solves will take, for the plan.
-void plan_solves(const FrequencySolves& solves, std::size_t tasks, Plan& plan);
+void plan_solves(const FrequencySolves& solves, std::size_t tasks, Observer& observer);
 
 } // namespace flexgram

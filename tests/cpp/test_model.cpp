@@ -1,7 +1,7 @@
-#include "base/monitor.hpp"
+#include "base/observer.hpp"
 #include "base/text.hpp"
 #include "examples.hpp"
-#include "model/body_io.hpp"
+#include "io/body_io.hpp"
 #include "model/checks.hpp"
 
 #include <cstdio>
@@ -36,7 +36,7 @@ double difference(const Dense& a, const Dense& b) {
 }
 
 std::string refusal(const SecondOrderModel& model) {
-  Monitor silent(world(), Monitor::Level::silent);
+  Observer silent(world(), Observer::Level::silent);
   try {
     check_body(model, false, true, {}, silent);
   } catch (const Error& error) {
@@ -161,7 +161,7 @@ TEST(Model, PortsAreChosenByNameOrInterface) {
 }
 
 TEST(Model, ChecksPassASoundBodyAndCountItsRigidModes) {
-  Monitor silent(world(), Monitor::Level::silent);
+  Observer silent(world(), Observer::Level::silent);
   EXPECT_EQ(check_body(rod(40), false, true, {}, silent).rigid_modes, 0);
   SecondOrderModel free = rod(40); // let go of the fixed end
   free.K = sparse(
@@ -174,7 +174,7 @@ TEST(Model, ChecksPassASoundBodyAndCountItsRigidModes) {
 }
 
 TEST(Model, ALightDofIsNoRigidMode) {
-  Monitor silent(world(), Monitor::Level::silent);
+  Observer silent(world(), Observer::Level::silent);
   SecondOrderModel model = rod(40);
   FG_CALL(MatDuplicate(rod(40).K, MAT_COPY_VALUES, model.K.out()));
   model.M = sparse(
@@ -225,7 +225,7 @@ TEST(Model, ChecksRefuseWhatCannotBeReduced) {
 }
 
 TEST(Model, ParallelPortsOnlyWarn) {
-  Monitor silent(world(), Monitor::Level::silent);
+  Observer silent(world(), Observer::Level::silent);
   SecondOrderModel model = rod(20);
   model.B = block(20, 2, [](PetscInt i, PetscInt j) {
     return i == 3 ? 1.0 + static_cast<double>(j) : 0.0;

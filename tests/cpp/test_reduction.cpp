@@ -1,7 +1,7 @@
-#include "base/plan.hpp"
+#include "base/observer.hpp"
 #include "examples.hpp"
-#include "reduce/pod.hpp"
-#include "reduce/project.hpp"
+#include "model/project.hpp"
+#include "sampling/pod.hpp"
 
 #include <numbers>
 
@@ -15,29 +15,26 @@ constexpr double hz = 1 / (2 * std::numbers::pi);
 const Damping light{0.05, 1e-4, 0};
 
 /// Band from 0.5 to 12 rad/s: four modes of the rod (1.57, 4.7, 7.9, 11).
-GramianOptions options() {
-  GramianOptions o;
-  o.band_hz = {0.5 * hz, 12 * hz};
+SamplingSpec options() {
+  SamplingSpec o;
+  o.band = {0.5, 12};
   o.samples = 24;
   return o;
 }
 
-ReducedModel pod(const SecondOrderModel& fom, const GramianOptions& gramian,
-                 int groups = 1, double tolerance = 0) {
-  Monitor silent(world(), Monitor::Level::silent);
-  Plan plan;
-  ParallelOptions parallel;
-  parallel.groups = groups;
-  FrequencySolves solves(fom.share(), parallel, {}, gramian.samples, 1.0, silent);
-  GramianOptions all = gramian;
-  if (tolerance > 0) all.tolerance = tolerance;
-  return reduce_pod(fom, solves, all, {}, 0, plan, silent);
+ReducedModel pod(const SecondOrderModel& fom, const SamplingSpec& gramian, int groups = 1,
+                 double tolerance = 0) {
+  Observer silent(world(), Observer::Level::silent);
+  FrequencySolves solves(fom.share(), groups, {}, gramian.samples, 1.0, silent);
+  SamplingSpec all = gramian;
+  if (tolerance > 0) all.order.tolerance = tolerance;
+  return reduce_pod(fom, solves, all, 0, silent);
 }
 
 std::vector<ComplexDense> full_transfer(const SecondOrderModel& fom,
                                         const std::vector<double>& omega) {
-  Monitor silent(world(), Monitor::Level::silent);
-  FrequencySolves solves(fom.share(), {}, {}, 1, 0.0, silent);
+  Observer silent(world(), Observer::Level::silent);
+  FrequencySolves solves(fom.share(), 0, {}, 1, 0.0, silent);
   return solves.transfer(omega, "test");
 }
 
@@ -69,19 +66,20 @@ TEST(Reduction, QuadratureIsExactWhereItShouldBe) {
     return (std::pow(b, power + 1) - std::pow(a, power + 1)) / (power + 1);
   };
   for (int power = 0; power <= 9; ++power) {
-    EXPECT_NEAR(integral(band_quadrature(1, 3, 5, "gauss", "linear"), power) /
+    EXPECT_NEAR(integral(band_quadrature(1, 3, 5, QuadratureRule::gauss), power) /
                     exact(1, 3, power),
                 1, 1e-14);
     if (power <= 5) {
-      const Quadrature q = band_quadrature(1, 3, 6, "clenshaw_curtis", "linear");
+      const Quadrature q = band_quadrature(1, 3, 6, QuadratureRule::clenshaw_curtis);
       EXPECT_NEAR(integral(q, power) / exact(1, 3, power), 1, 1e-14);
     }
   }
-  EXPECT_NEAR(integral(band_quadrature(1, 3, 7, "midpoint", "linear"), 1), 4, 1e-14);
-  EXPECT_NEAR(integral(band_quadrature(1, 3, 30, "gauss", "log"), 2), exact(1, 3, 2),
-              1e-12);
-  EXPECT_EQ(band_quadrature(2, 2, 9, "gauss", "linear").omega, std::vector<double>{2});
-  EXPECT_THROW(band_quadrature(0, 2, 9, "gauss", "log"), Error);
+  EXPECT_NEAR(integral(band_quadrature(1, 3, 7, QuadratureRule::midpoint), 1), 4, 1e-14);
+  EXPECT_NEAR(integral(band_quadrature(1, 3, 30, QuadratureRule::gauss, true), 2),
+              exact(1, 3, 2), 1e-12);
+  EXPECT_EQ(band_quadrature(2, 2, 9, QuadratureRule::gauss).omega,
+            std::vector<double>{2});
+  EXPECT_THROW(band_quadrature(0, 2, 9, QuadratureRule::gauss, true), Error);
 }
 
 TEST(Reduction, OrderRuleStopsAtTheFirstSmallEigenvalue) {
@@ -113,37 +111,36 @@ TEST(Reduction, GramianOfASingleOscillatorIsTheIntegral) {
     const double f = 1 / std::norm(std::complex<double>(4 - 2 * w * w, 1.2 * w));
     exact += (i == 0 || i == steps ? 1 : i % 2 ? 4 : 2) * f * 2.5 / steps / 3;
   }
-  GramianOptions o;
-  o.band_hz = {0.5 * hz, 3 * hz};
+  SamplingSpec o;
+  o.band = {0.5, 3};
   o.samples = 90; // the pole at Im ω = 0.3 gives Gauss about 1.28^(−2·90) = 1e-19
-  o.quadrature = "gauss";
-  o.order = 1;
-  o.port_scaling = "none";
+  o.rule = QuadratureRule::gauss;
+  o.order.order = 1;
+  o.equal_ports = false;
   EXPECT_NEAR(pod(fom, o).sigma[0], 2 * exact / std::numbers::pi, 1e-12);
-  o.inner_product = "euclidean";
+  o.metric = Metric::euclidean;
   EXPECT_NEAR(pod(fom, o).sigma[0], exact / std::numbers::pi, 1e-12);
 }
 
 TEST(Reduction, BasisIsOrthonormalInEveryInnerProduct) {
   const SecondOrderModel fom = rod(n, light);
-  for (const char* svd : {"tsqr", "snapshots"})
-    for (const char* product : {"mass", "euclidean", "energy"}) {
-      GramianOptions o = options();
-      o.svd = svd;
-      o.inner_product = product;
+  for (const bool snapshots : {false, true})
+    for (const Metric metric : {Metric::mass, Metric::euclidean, Metric::energy}) {
+      SamplingSpec o = options();
+      o.snapshots = snapshots;
+      o.metric = metric;
       const ReducedModel rom = pod(fom, o);
       Dense gram = inner(rom.V, rom.V);
-      if (o.inner_product != "euclidean") {
+      if (metric != Metric::euclidean) {
         gram = to_dense(rom.model.M);
-        if (o.inner_product == "energy")
+        if (metric == Metric::energy)
           for (std::size_t i = 0; i < gram.data.size(); ++i)
             gram.data[i] += to_dense(rom.model.K).data[i] / (12.0 * 12.0);
       }
       // Sirovich's method knows its last direction to 1e-16/1.5e-8 of the first only.
       EXPECT_LT(distance_from_identity(gram),
-                std::string(svd) == "tsqr" || o.inner_product != "euclidean" ? 1e-12
-                                                                             : 1e-6)
-          << svd << " " << product;
+                !snapshots || metric != Metric::euclidean ? 1e-12 : 1e-6)
+          << snapshots << " " << static_cast<int>(metric);
       EXPECT_GT(relative_smallest_eigenvalue(rom.model.M), 0);
       EXPECT_GT(relative_smallest_eigenvalue(rom.model.K), 0);
     }
@@ -153,8 +150,8 @@ TEST(Reduction, ErrorFallsWithTheOrderAndReciprocityHolds) {
   const SecondOrderModel fom = rod(n, light);
   double last = 1e300;
   for (const int order : {4, 6, 9, 13}) {
-    GramianOptions o = options();
-    o.order = order;
+    SamplingSpec o = options();
+    o.order.order = order;
     const ReducedModel rom = pod(fom, o);
     EXPECT_EQ(rom.model.n, order);
     const double error = worst_error(fom, rom.model);
@@ -169,9 +166,9 @@ TEST(Reduction, ErrorFallsWithTheOrderAndReciprocityHolds) {
 TEST(Reduction, ASampledFrequencyIsInterpolated) {
   // All directions of one sample, so that H_r(ω_l) = H(ω_l).
   const SecondOrderModel fom = rod(n, light);
-  GramianOptions o = options();
-  o.band_hz = {5 * hz};
-  o.order = 4;
+  SamplingSpec o = options();
+  o.band = {5, 5};
+  o.order.order = 4;
   const ReducedModel rom = pod(fom, o);
   ASSERT_EQ(rom.epsilon.size(), 1U);
   EXPECT_LT(rom.epsilon[0], 1e-11); // condition of A(5), about 1e4, times rounding
@@ -191,8 +188,8 @@ TEST(Reduction, ToleranceFindsTheSmallestOrder) {
   const SecondOrderModel fom = rod(n, light);
   const ReducedModel rom = pod(fom, options(), 1, 1e-5);
   EXPECT_LE(*std::max_element(rom.epsilon.begin(), rom.epsilon.end()), 1e-5);
-  GramianOptions smaller = options();
-  smaller.order = static_cast<int>(rom.model.n) - 1;
+  SamplingSpec smaller = options();
+  smaller.order.order = static_cast<int>(rom.model.n) - 1;
   const ReducedModel less = pod(fom, smaller);
   EXPECT_GT(*std::max_element(less.epsilon.begin(), less.epsilon.end()), 1e-5);
 }
@@ -223,19 +220,19 @@ TEST(Reduction, ScaledPortsForgetTheirUnits) {
     for (PetscInt i = 0; i < other.rows.size(); ++i) b.column(1)[i] *= 1000;
   }
   other.C = other.B.share();
-  GramianOptions o = options();
-  o.port_scaling = "equal";
+  SamplingSpec o = options();
+  o.equal_ports = true;
   const ReducedModel one = pod(fom, o), two = pod(other, o);
   ASSERT_EQ(one.model.n, two.model.n);
   EXPECT_NEAR(one.sigma[3] / two.sigma[3], 1, 1e-10);
-  o.port_scaling = "none";
+  o.equal_ports = false;
   EXPECT_GT(std::abs(pod(other, o).sigma[3] / pod(fom, o).sigma[3] - 1), 1);
 }
 
 TEST(Reduction, UndampedBodiesAreSampledInRealArithmetic) {
   const SecondOrderModel fom = rod(n);
-  GramianOptions o = options();
-  o.order = 12;
+  SamplingSpec o = options();
+  o.order.order = 12;
   const ReducedModel rom = pod(fom, o);
   EXPECT_FALSE(rom.model.D);
   EXPECT_LT(worst_error(fom, rom.model), 1e-3);
@@ -263,22 +260,22 @@ TEST(Reduction, ZeroFrequencyIsASampleLikeAnyOther) {
   // A damped body is real at ω = 0; its imaginary half must be zero, not what memory
   // holds.
   const SecondOrderModel fom = rod(n, light);
-  GramianOptions o = options();
-  o.band_hz = {0.0};
-  o.order = 2; // two ports: two directions
+  SamplingSpec o = options();
+  o.band = {0, 0};
+  o.order.order = 2; // two ports: two directions
   EXPECT_LT(pod(fom, o).epsilon[0], 1e-10);
-  o.order = 3;
+  o.order.order = 3;
   EXPECT_THROW(pod(fom, o), Error);
-  o.band_hz = {0.0, 12 * hz};
-  o.quadrature = "clenshaw_curtis";
-  o.order = 12;
+  o.band = {0, 12};
+  o.rule = QuadratureRule::clenshaw_curtis;
+  o.order.order = 12;
   EXPECT_LT(worst_error(fom, pod(fom, o).model), 1e-3);
 }
 
 TEST(Reduction, AnOrderBeyondTheSamplesIsRefused) {
   const SecondOrderModel fom = rod(n, light);
-  GramianOptions o = options();
+  SamplingSpec o = options();
   o.samples = 2;
-  o.order = 40;
+  o.order.order = 40;
   EXPECT_THROW(pod(fom, o), Error);
 }

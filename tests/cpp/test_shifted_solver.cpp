@@ -45,7 +45,7 @@ TEST(ShiftedSolver, RealShiftsStayRealAndComplexOnesAreSolved) {
 TEST(ShiftedSolver, SinglePrecisionIsRefinedToDouble) {
   const SecondOrderModel model = rod(n);
   SolverOptions options;
-  options.precision = "single";
+  options.single = true;
   ShiftedSolver solver(model.K, model.M, nullptr, {}, options);
   const ShiftCoefficients c{{1.0, 0.05}, {-30.0, 0.2}, 0.0};
   solver.factorise(c);
@@ -58,7 +58,7 @@ TEST(ShiftedSolver, SinglePrecisionIsRefinedToDouble) {
 TEST(ShiftedSolver, SinglePrecisionFallsBackToDoubleBesideAResonance) {
   const SecondOrderModel model = rod(n);
   SolverOptions options;
-  options.precision = "single";
+  options.single = true;
   ShiftedSolver solver(model.K, model.M, nullptr, {}, options);
   solver.factorise({1.0, -rod_eigenvalue(n, 3) * (1 + 1e-9), 0.0});
   const auto solution = solver.solve(model.B);
@@ -106,7 +106,8 @@ TEST(ShiftedSolver, InertiaIsTheModeCount) {
 TEST(ShiftedSolver, EveryOrderingGivesTheSameSolution) {
   const SecondOrderModel model = rod(3000);
   std::vector<Dense> solutions;
-  for (const char* ordering : {"auto", "best", "nested_dissection", "mumps"}) {
+  for (const Ordering ordering : {Ordering::automatic, Ordering::best,
+                                  Ordering::nested_dissection, Ordering::mumps}) {
     SolverOptions options;
     options.mumps.ordering = ordering;
     ShiftedSolver solver(model.K, model.M, nullptr, {}, options);

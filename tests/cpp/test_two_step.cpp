@@ -1,13 +1,13 @@
-#include "base/plan.hpp"
+#include "base/observer.hpp"
+#include "basis/band_gramian.hpp"
+#include "basis/cut.hpp"
+#include "basis/method.hpp"
 #include "examples.hpp"
 #include "linalg/orthonormal.hpp"
-#include "reduce/band_gramian.hpp"
-#include "reduce/candidates.hpp"
-#include "reduce/certificate.hpp"
-#include "reduce/mode_search.hpp"
-#include "reduce/pod.hpp"
-#include "reduce/project.hpp"
-#include "reduce/two_step.hpp"
+#include "medium/certificate.hpp"
+#include "medium/mode_search.hpp"
+#include "model/project.hpp"
+#include "sampling/pod.hpp"
 
 #include <numbers>
 
@@ -20,29 +20,45 @@ constexpr PetscInt n = 120;
 constexpr double hz = 1 / (2 * std::numbers::pi);
 const Damping light{0.05, 1e-4, 0};
 
-Monitor& silent() {
-  static Monitor monitor(world(), Monitor::Level::silent);
-  return monitor;
+Observer& silent() {
+  static Observer observer(world(), Observer::Level::silent);
+  return observer;
 }
 
-GramianOptions band(double first, double last) {
-  GramianOptions o;
-  o.band_hz = {first * hz, last * hz};
-  return o;
+/// The band of the tests, 0.5 to 12.3 rad/s: four modes of the rod.
+struct Job {
+  CertifySpec spec{.bands = {{0.5, 12.3}}};
+  CutRequest request;
+};
+
+Job to_tolerance(double tolerance) {
+  Job job;
+  job.request.order.tolerance = tolerance;
+  return job;
 }
 
-ReducedModel reduce(const SecondOrderModel& fom, const GramianOptions& gramian,
-                    const TwoStepOptions& options = {},
-                    const std::string& method = "two_step") {
-  Plan plan;
-  return reduce_two_step(fom, method, gramian, options, {}, false, plan, silent());
+Medium certified(const SecondOrderModel& fom, Job job) {
+  for (const auto& name : job.request.methods)
+    if (const auto demand = method(name).demand) {
+      const Demand asked = demand(job.request.order.order, job.request.shifts);
+      job.spec.modes = asked.modes;
+      job.spec.last_needed = asked.last_needed;
+    }
+  if (job.spec.target == CertifySpec().target)
+    job.spec.target = medium_target(job.request.order);
+  job.spec.by_kind = job.request.order.by_kind();
+  return certify(fom, false, job.spec, {}, silent());
+}
+
+ReducedModel reduce(const SecondOrderModel& fom, const Job& job) {
+  return cut(certified(fom, job), job.request, silent());
 }
 
 /// Full solves at frequencies that no method knows, against the bound stored nearest
 /// above.
 void expect_certified(const SecondOrderModel& fom, const ReducedModel& rom, double first,
                       double last) {
-  FrequencySolves solves(fom.share(), {}, {}, 1, 0.0, silent());
+  FrequencySolves solves(fom.share(), 0, {}, 1, 0.0, silent());
   const auto H = solves.transfer(rom.omega, "test");
   for (std::size_t l = 0; l < H.size(); ++l) {
     if (rom.omega[l] < first || rom.omega[l] > last) continue;
@@ -241,9 +257,7 @@ TEST(TwoStep, CertifiesEveryKindOfDamping) {
     for (const double tolerance : {1e-2, 1e-4, 1e-6}) {
       // On a peak of damping ratio 1e-7 the rounding of K alone is 2e-5 of H.
       if (damping.alpha == 1e-6 && tolerance < 1e-4) continue;
-      GramianOptions o = band(0.5, 12.3);
-      o.tolerance = tolerance;
-      const ReducedModel rom = reduce(fom, o);
+      const ReducedModel rom = reduce(fom, to_tolerance(tolerance));
       // Undamped: nothing is claimed beside the four resonances, and the intervals say
       // so.
       const bool undamped = damping.alpha + damping.beta + damping.eta == 0;
@@ -281,9 +295,7 @@ TEST(TwoStep, CertifiesDashpotsAndGeneralDamping) {
                     return 4e-4 * n * (i == j ? ends : -1.0);
                   },
                   1);
-    GramianOptions o = band(0.5, 12.3);
-    o.tolerance = 1e-5;
-    const ReducedModel rom = reduce(fom, o);
+    const ReducedModel rom = reduce(fom, to_tolerance(1e-5));
     EXPECT_EQ(rom.kind, "certified");
     EXPECT_EQ(rom.factorisations, 2);
     expect_certified(fom, rom, 0.5, 12.3);
@@ -297,40 +309,44 @@ TEST(TwoStep, CertifiesOutputsThatDifferFromInputs) {
   fom.outputs_are_inputs = false;
   fom.outputs = {"a", "b", "c"};
   for (const char* stage : {"auto", "balanced", "medium"}) {
-    GramianOptions o = band(0.5, 12.3);
-    TwoStepOptions options;
-    options.second_stage = stage;
-    if (std::string(stage) == "auto") o.tolerance = 1e-4;
-    expect_certified(fom, reduce(fom, o, options), 0.5, 12.3);
+    Job job;
+    if (std::string(stage) == "auto")
+      job.request.order.tolerance = 1e-4;
+    else
+      job.request.methods = {stage};
+    expect_certified(fom, reduce(fom, job), 0.5, 12.3);
   }
 }
 
 TEST(TwoStep, EveryMethodIsCertified) {
   const SecondOrderModel fom = rod(n, light);
-  for (const char* method : {"krylov", "modal", "craig_bampton", "irka", "balanced"}) {
-    const ReducedModel rom = reduce(fom, band(0.5, 12.3), {}, method);
-    EXPECT_EQ(rom.kind, "certified") << method;
+  for (const auto& [name, how] : methods()) {
+    Job job;
+    job.request.methods = {name};
+    const ReducedModel rom = reduce(fom, job);
+    EXPECT_EQ(rom.kind, "certified") << name;
     expect_certified(fom, rom, 0.5, 12.3);
   }
 }
 
 TEST(TwoStep, ModalHoldsTheModesOfTheBandAndKrylovInterpolates) {
   const SecondOrderModel fom = rod(n, light);
-  const ReducedModel modal = reduce(fom, band(0.5, 12.3), {}, "modal");
+  Job modes;
+  modes.request.methods = {"modal"};
+  const ReducedModel modal = reduce(fom, modes);
   ASSERT_EQ(modal.modes.size(), 4u);
   for (PetscInt k = 1; k <= 4; ++k)
     EXPECT_NEAR(modal.modes[static_cast<std::size_t>(k - 1)],
                 std::sqrt(rod_eigenvalue(n, k)), 1e-9);
-  GramianOptions twenty = band(0.5, 12.3);
-  twenty.order = 20; // more modes than lie below the usual cutoff: it is raised
-  EXPECT_NEAR(reduce(fom, twenty, {}, "modal").modes[19],
-              std::sqrt(rod_eigenvalue(n, 20)), 1e-6);
+  modes.request.order.order = 20; // more than lie below the usual cutoff: it is raised
+  EXPECT_NEAR(reduce(fom, modes).modes[19], std::sqrt(rod_eigenvalue(n, 20)), 1e-6);
 
   SecondOrderModel undamped = rod(n);
-  TwoStepOptions options;
-  options.shifts_hz = {2 * hz, 6 * hz};
-  const ReducedModel krylov = reduce(undamped, band(0.5, 12.3), options, "krylov");
-  FrequencySolves solves(undamped.share(), {}, {}, 1, 0.0, silent());
+  Job moments;
+  moments.request.methods = {"krylov"};
+  moments.request.shifts = {2, 6};
+  const ReducedModel krylov = reduce(undamped, moments);
+  FrequencySolves solves(undamped.share(), 0, {}, 1, 0.0, silent());
   const std::vector<double> at{2, 6};
   const auto H = solves.transfer(at, "test");
   for (std::size_t l = 0; l < 2; ++l)
@@ -340,33 +356,28 @@ TEST(TwoStep, ModalHoldsTheModesOfTheBandAndKrylovInterpolates) {
 TEST(TwoStep, TheOrderFoundIsMinimalForItsBasis) {
   const SecondOrderModel fom = rod(n, light);
   for (const char* stage : {"gramian", "weighted"}) {
-    TwoStepOptions options;
-    options.second_stage = stage;
-    GramianOptions o = band(0.5, 12.3);
-    o.tolerance = 1e-4;
-    const int m = static_cast<int>(reduce(fom, o, options).model.n);
-    o.tolerance.reset();
-    o.order = m - 1;
-    const auto less = reduce(fom, o, options);
+    Job job = to_tolerance(1e-4);
+    job.request.methods = {stage};
+    const int m = static_cast<int>(reduce(fom, job).model.n);
+    job.request.order.tolerance.reset();
+    job.request.order.order = m - 1;
+    const auto less = reduce(fom, job);
     EXPECT_GT(less.claim->worst, 1e-4);
   }
 }
 
 TEST(TwoStep, GivesTheBestBodyWhereAToleranceCannotBeMet) {
   const SecondOrderModel fom = rod(n, light);
-  GramianOptions o = band(0.5, 12.3);
-  o.tolerance = 1e-4;
-  TwoStepOptions options;
-  options.second_stage = "modal";
-  const ReducedModel modal = reduce(fom, o, options);
+  Job job = to_tolerance(1e-4);
+  job.request.methods = {"modal"};
+  const ReducedModel modal = reduce(fom, job);
   EXPECT_EQ(modal.kind, "certified");
   EXPECT_FALSE(modal.claim->met);
   EXPECT_GT(modal.claim->worst, 1e-4);
   expect_certified(fom, modal, 0.5, 12.3);
-  options.second_stage = "auto";
-  options.medium.limit = 9; // the modes below the cutoff alone fill it
-  o.tolerance = 1e-9;
-  const ReducedModel limited = reduce(fom, o, options);
+  job = to_tolerance(1e-9);
+  job.spec.limit = 9; // the modes below the cutoff alone fill it
+  const ReducedModel limited = reduce(fom, job);
   EXPECT_FALSE(limited.claim->met);
   EXPECT_GE(limited.claim->worst, limited.claim->attained);
   expect_certified(fom, limited, 0.5, 12.3);
@@ -375,16 +386,73 @@ TEST(TwoStep, GivesTheBestBodyWhereAToleranceCannotBeMet) {
 TEST(TwoStep, SigmaAgreesWithTheSamplesOfTheFullBody) {
   const SecondOrderModel fom =
       rod(n, {0.6, 0, 0}); // poles far enough from the axis for one Gauss rule;
-  GramianOptions o = band(0.5, 12.3);
-  o.samples = 400;
-  o.quadrature = "gauss";
-  FrequencySolves solves(fom.share(), {}, {}, o.samples, 1.0, silent());
-  Plan plan;
-  o.order = 4;
-  const auto pod = reduce_pod(fom, solves, o, {}, 0, plan, silent());
-  TwoStepOptions options;
-  options.medium.target = 1e-12;
-  const auto two = reduce(fom, o, options);
+  SamplingSpec samples;
+  samples.band = {0.5, 12.3};
+  samples.samples = 400;
+  samples.rule = QuadratureRule::gauss;
+  samples.order.order = 4;
+  FrequencySolves solves(fom.share(), 0, {}, samples.samples, 1.0, silent());
+  const auto pod = reduce_pod(fom, solves, samples, 0, silent());
+  Job job;
+  job.request.order.order = 4;
+  job.spec.target = 1e-12;
+  job.request.medium_target = 1e-12;
+  const auto two = reduce(fom, job);
   for (std::size_t j = 0; j < pod.sigma.size() && pod.sigma[j] > 1e-8 * pod.sigma[0]; ++j)
     EXPECT_NEAR(two.sigma[j] / pod.sigma[j], 1, 1e-6) << j;
+}
+
+TEST(TwoStep, CutsEqualReductionsWhateverElseTheMediumModelHolds) {
+  for (const bool dashpot : {false, true}) {
+    SecondOrderModel fom = rod(n, light);
+    if (dashpot)
+      fom.D = sparse(
+          n, [](PetscInt i, PetscInt j) { return i == j && i == n - 7 ? 0.03 : 0.0; }, 0);
+    Job tight = to_tolerance(1e-9);
+    const Medium medium = certified(fom, tight);
+    EXPECT_GT(medium.levels.size(), 1u);
+    for (const double tolerance : {1e-1, 1e-2, 1e-3, 1e-5, 1e-7, 1e-9}) {
+      const Job job = to_tolerance(tolerance);
+      const ReducedModel one = reduce(fom, job),
+                         other = cut(medium, job.request, silent());
+      ASSERT_EQ(one.model.n, other.model.n) << tolerance;
+      EXPECT_EQ(one.medium_order, other.medium_order) << tolerance;
+      EXPECT_NEAR(one.claim->worst / other.claim->worst, 1, 1e-5) << tolerance;
+      for (double omega : {0.7, 3.1, 9.9})
+        EXPECT_LT(relative_error(dense_transfer(one.model, omega),
+                                 dense_transfer(other.model, omega)),
+                  1e-10)
+            << tolerance;
+    }
+  }
+}
+
+TEST(TwoStep, CutsSayWhatTheMediumModelLacks) {
+  const SecondOrderModel fom = rod(n, light);
+  const Medium medium = certified(fom, to_tolerance(1e-4));
+  const auto message = [&](const CutRequest& request) -> std::string {
+    try {
+      cut(medium, request, silent());
+    } catch (const Error& error) {
+      return error.what();
+    }
+    return "";
+  };
+  CutRequest request;
+  request.bands = {{0.5, 20}};
+  EXPECT_NE(message(request).find("{band_hz}"), std::string::npos);
+  request = {};
+  request.methods = {"modal"};
+  request.order.order = 30;
+  EXPECT_NE(message(request).find("{cutoff}"), std::string::npos);
+  request = {};
+  request.methods = {"krylov"};
+  request.shifts = {30};
+  EXPECT_NE(message(request).find("{shifts_hz}"), std::string::npos);
+  request = {};
+  request.inputs = {"nowhere"};
+  EXPECT_NE(message(request).find("nowhere"), std::string::npos);
+  request = {};
+  request.order.tolerance = 1e-11; // more than was certified: unmet, and said
+  EXPECT_FALSE(cut(medium, request, silent()).claim->met);
 }

@@ -1,0 +1,160 @@
+#include "basis/band_gramian.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+namespace flexgram {
+namespace {
+
+using Complex = std::complex<double>;
+constexpr int points = 10;
+constexpr double loss_factor = 0.01; // of undamped bodies
+
+bool undamped(const DenseSystem& s) {
+  return !s.has_extra_damping() && s.damping.alpha == 0 && s.damping.beta == 0 &&
+         s.damping.eta == 0;
+}
+
+double distance(Complex pole, double a, double b) {
+  const double beside = std::max({a - pole.real(), pole.real() - b, 0.0});
+  return std::hypot(beside, pole.imag());
+}
+
+void append(Quadrature& q, double a, double b, const BandWeight* weight) {
+  Quadrature part = band_quadrature(a, b, points);
+  for (std::size_t l = 0; l < part.omega.size(); ++l) {
+    const double w = weight ? weight->at(part.omega[l]) : 1.0;
+    if (w <= 0) continue;
+    q.omega.push_back(part.omega[l]);
+    q.weight.push_back(part.weight[l] * w);
+  }
+}
+
+/// Halves [a, b] until it is no longer than its distance to the nearest pole.
+void refine(Quadrature& q, double a, double b, const std::vector<Complex>& poles,
+            const BandWeight* weight, int depth = 0) {
+  double nearest = std::numeric_limits<double>::infinity();
+  for (const auto& pole : poles) nearest = std::min(nearest, distance(pole, a, b));
+  if (b - a <= nearest || depth == 60) return append(q, a, b, weight);
+  const double middle = 0.5 * (a + b);
+  refine(q, a, middle, poles, weight, depth + 1);
+  refine(q, middle, b, poles, weight, depth + 1);
+}
+
+/// Factor of each port, in modal coordinates: the 1/a_i once, then rows times the port's
+/// loads.
+std::vector<Dense> by_modes(const DenseResponse& response, const Quadrature& nodes,
+                            double eta_added) {
+  const int N = response.system().order();
+  Dense scalar(N, 0);
+  constexpr std::size_t chunk = 256;
+  for (std::size_t first = 0; first < nodes.omega.size(); first += chunk) {
+    const std::size_t count = std::min(chunk, nodes.omega.size() - first);
+    Dense next(N, 2 * static_cast<int>(count));
+    for (std::size_t l = 0; l < count; ++l) {
+      const double root = std::sqrt(nodes.weight[first + l] / std::numbers::pi);
+      const auto a = response.diagonal(nodes.omega[first + l], eta_added);
+      for (int i = 0; i < N; ++i) {
+        const Complex value = root / a[static_cast<std::size_t>(i)];
+        next(i, 2 * static_cast<int>(l)) = value.real();
+        next(i, 2 * static_cast<int>(l) + 1) = value.imag();
+      }
+    }
+    scalar = compressed(beside(scalar, next));
+  }
+  const Dense& B = response.modal_inputs();
+  std::vector<Dense> factors;
+  for (int p = 0; p < B.columns; ++p) {
+    factors.push_back(scalar);
+    for (int j = 0; j < scalar.columns; ++j)
+      for (int i = 0; i < N; ++i) factors.back()(i, j) *= B(i, p);
+  }
+  return factors;
+}
+
+std::vector<Dense> by_solves(const DenseResponse& response, const Quadrature& nodes) {
+  const int N = response.system().order(), ports = response.system().B.columns;
+  std::vector<Dense> factors(static_cast<std::size_t>(ports), Dense(N, 0));
+  for (std::size_t l = 0; l < nodes.omega.size(); ++l) {
+    const double root = std::sqrt(nodes.weight[l] / std::numbers::pi);
+    const ComplexDense x = response.modal_response(nodes.omega[l]);
+    for (int p = 0; p < ports; ++p) {
+      Dense next(N, 2);
+      for (int i = 0; i < N; ++i) {
+        next(i, 0) = root * x(i, p).real();
+        next(i, 1) = root * x(i, p).imag();
+      }
+      Dense& factor = factors[static_cast<std::size_t>(p)];
+      factor = beside(factor, next);
+      if (factor.columns > 4 * N) factor = compressed(factor);
+    }
+  }
+  return factors;
+}
+
+Dense factor_of(const DenseResponse& response, const Quadrature& nodes, double eta_added,
+                bool equal_ports) {
+  Dense all(response.system().order(), 0);
+  const auto& mu = response.mu(); // UᵀMU
+  for (Dense& part : response.is_diagonal() ? by_modes(response, nodes, eta_added)
+                                            : by_solves(response, nodes)) {
+    double square = 0;
+    for (int j = 0; j < part.columns; ++j)
+      for (int i = 0; i < part.rows; ++i)
+        square += mu[static_cast<std::size_t>(i)] * part(i, j) * part(i, j);
+    if (equal_ports && square > 0)
+      for (double& x : part.data) x /= std::sqrt(square);
+    all = beside(all, compressed(part));
+  }
+  return multiply(response.U(), compressed(all));
+}
+
+} // namespace
+
+double BandWeight::at(double w) const {
+  if (omega.size() < 2 || w < omega.front() || w > omega.back())
+    return omega.size() == 1 ? weight[0] : 0.0;
+  const auto above = std::upper_bound(omega.begin(), omega.end(), w) - omega.begin();
+  const auto right = static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(
+      above, 1, static_cast<std::ptrdiff_t>(omega.size()) - 1));
+  if (omega[right] == omega[right - 1]) return weight[right];
+  const double t = (w - omega[right - 1]) / (omega[right] - omega[right - 1]);
+  return (1 - t) * weight[right - 1] + t * weight[right];
+}
+
+Dense gramian_factor(const DenseResponse& response, const std::vector<BandWeight>& bands,
+                     bool equal_ports) {
+  const double eta = undamped(response.system()) ? loss_factor : 0.0;
+  const auto at = poles(response, eta);
+  Quadrature nodes;
+  for (const auto& band : bands) {
+    if (band.omega.front() == band.omega.back()) {
+      nodes.omega.push_back(band.omega.front());
+      nodes.weight.push_back(1.0);
+      continue;
+    }
+    for (std::size_t l = 0; l + 1 < band.omega.size(); ++l)
+      refine(nodes, band.omega[l], band.omega[l + 1], at, &band);
+  }
+  return factor_of(response, nodes, eta, equal_ports);
+}
+
+Dense whole_axis_factor(const DenseResponse& response, bool equal_ports) {
+  const double eta = undamped(response.system()) ? loss_factor : 0.0;
+  const auto at = poles(response, eta);
+  double far = 0;
+  for (const auto& pole : at) far = std::max(far, std::abs(pole));
+  Quadrature nodes;
+  refine(nodes, 0, 2 * far, at, nullptr);
+  // The tail in 1/ω: X falls as ω⁻², so the integrand is smooth in t = 2 far/ω.
+  Quadrature tail = band_quadrature(0, 1, 2 * points);
+  for (std::size_t l = 0; l < tail.omega.size(); ++l) {
+    nodes.omega.push_back(2 * far / tail.omega[l]);
+    nodes.weight.push_back(tail.weight[l] * 2 * far / (tail.omega[l] * tail.omega[l]));
+  }
+  return factor_of(response, nodes, eta, equal_ports);
+}
+
+} // namespace flexgram

@@ -1,0 +1,405 @@
+#include "basis/cut.hpp"
+
+#include "base/text.hpp"
+#include "basis/order_choice.hpp"
+#include "model/kinds.hpp"
+#include "model/project.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace flexgram {
+namespace {
+
+constexpr double hz = 0.5 / std::numbers::pi;
+
+} // namespace
+
+std::vector<std::string> automatic_methods(const OrderSpec& order) {
+  // Measured over seven bodies and tolerances from 1e-2 to 1e-8 (README, "Order over
+  // tolerance"), none of the others is ever smaller than the better of these two.
+  if (order.tolerance || order.order > 0) return {"gramian", "weighted"};
+  return {"gramian"};
+}
+
+std::vector<double> default_shifts(const std::vector<Interval>& bands) {
+  const double first = bands.front().first, last = bands.back().last;
+  if (first == last) return {first};
+  return {first, 0.5 * (first + last), last};
+}
+
+double medium_target(const OrderSpec& order) {
+  return order.tolerance ? 0.02 * *order.tolerance : 1e-8;
+}
+
+namespace {
+
+/// One call of cut, with what its steps share.
+class Cut {
+public:
+  Cut(const Medium& medium, const CutRequest& request, Observer& observer);
+  ReducedModel run();
+
+private:
+  std::size_t level() const;
+  std::vector<BandWeight> weights() const;
+  std::vector<double> error_grid() const;
+  Dense gram() const;
+  Dense tangent(const Dense& Q) const;
+  ErrorOverBand::Supremum shared_supremum(ErrorOverBand::Supremum sup) const;
+  ErrorClaim claim_of(const ErrorOverBand::Supremum& sup) const;
+  ReducedModel finish();
+
+  const Medium& whole_;
+  const CutRequest& request_;
+  Observer& observer_;
+  MPI_Comm comm_;
+  std::vector<Interval> bands_;
+  std::vector<double> shifts_;
+  PortSelection ports_;
+  MediumModel medium_;
+  std::unique_ptr<SecondStage> stage_;
+  std::unique_ptr<ErrorOverBand> errors_;
+  OrderChoice choice_;
+  Frame frame_ = Frame::none;
+};
+
+Cut::Cut(const Medium& medium, const CutRequest& request, Observer& observer)
+    : whole_(medium), request_(request), observer_(observer), comm_(medium.body.comm),
+      bands_(request.bands.empty() ? medium.spec.bands : request.bands),
+      shifts_(request.shifts.empty() ? default_shifts(bands_) : request.shifts),
+      ports_(find_ports(medium.body, request.inputs, request.outputs)),
+      medium_(medium, level(), ports_, request.order.by_kind()) {
+  if (medium_.rigid > 0) refuse_statics_of_a_free_body(bands_.front().first);
+  medium_.follow_dampers();
+  std::vector<double> peaks{static_cast<double>(medium_.resonances.size())};
+  share_from_first(comm_, peaks); // decisions about intervals must not differ
+  medium_.resonances.resize(static_cast<std::size_t>(peaks[0]));
+  peaks.clear();
+  for (const auto& [omega, half_width] : medium_.resonances)
+    peaks.insert(peaks.end(), {omega, half_width});
+  share_from_first(comm_, peaks);
+  for (std::size_t i = 0; i < medium_.resonances.size(); ++i)
+    medium_.resonances[i] = {peaks[2 * i], peaks[2 * i + 1]};
+}
+
+/// The first level that meets the target, as the growth for this target would have found.
+std::size_t Cut::level() const {
+  const std::size_t last = whole_.levels.size() - 1;
+  const double target =
+      request_.medium_target > 0 ? request_.medium_target : medium_target(request_.order);
+  const double reach = whole_.reference * (1 + 1e-12);
+  if (bands_.back().last > reach)
+    throw Error(text("the medium model is certified up to %g Hz, the band ends at %g Hz: "
+                     "certify it again with {band_hz} as wide",
+                     whole_.reference * hz, bands_.back().last * hz));
+  for (const auto& name : request_.methods)
+    if (const auto demand = method(name).demand) {
+      const Demand asked = demand(request_.order.order, shifts_);
+      if (asked.last_needed > reach)
+        throw Error(
+            text("%s expands at %g Hz, the medium model is certified up to %g Hz: "
+                 "certify it again with {shifts_hz}",
+                 name.c_str(), asked.last_needed * hz, whole_.reference * hz));
+      if (asked.modes > whole_.rigid + whole_.modes)
+        throw Error(text("%s of order %d: the medium model knows the %d modes below "
+                         "%g Hz; certify it again with {order} or a higher {cutoff}",
+                         name.c_str(), asked.modes, whole_.rigid + whole_.modes,
+                         whole_.cutoff * hz));
+    }
+  if (target <= whole_.spec.target) return last;
+  for (std::size_t k = 0; k < last; ++k) {
+    if (!whole_.levels[k].serves(target)) continue;
+    const MediumModel model(whole_, k, ports_, request_.order.by_kind());
+    std::vector<double> grid;
+    if (request_.relative_to == RelativeTo::band)
+      for (const Interval& band : bands_) {
+        const auto part =
+            band_grid(band.first, band.last, 120 / static_cast<int>(bands_.size()),
+                      model.resonances);
+        grid.insert(grid.end(), part.begin(), part.end());
+      }
+    ErrorOverBand errors(model, bands_, grid, request_.relative_to);
+    std::vector<double> spot{errors.weak_spot(target).value_or(-1.0)};
+    share_from_first(comm_, spot);
+    if (spot[0] < 0) return k;
+  }
+  return last;
+}
+
+std::vector<BandWeight> Cut::weights() const {
+  if (!request_.weight.omega.empty()) return {request_.weight};
+  std::vector<BandWeight> result;
+  for (const Interval& band : bands_)
+    result.push_back(BandWeight::flat(band.first, band.last));
+  return result;
+}
+
+std::vector<double> Cut::error_grid() const {
+  std::vector<double> grid;
+  for (const Interval& band : bands_) {
+    const auto part = band_grid(
+        band.first, band.last, 400 / static_cast<int>(bands_.size()), medium_.resonances);
+    grid.insert(grid.end(), part.begin(), part.end());
+    for (double omega : request_.error_omega)
+      if (omega >= band.first && omega <= band.last) grid.push_back(omega);
+  }
+  if (!request_.error_omega.empty()) {
+    std::sort(grid.begin(), grid.end());
+    grid.erase(std::unique(grid.begin(), grid.end()), grid.end());
+  }
+  return grid;
+}
+
+Dense Cut::gram() const {
+  if (request_.metric == Metric::euclidean) return medium_.euclidean_gram();
+  const double last = bands_.back().last;
+  const double stiffness =
+      request_.metric == Metric::energy && last > 0 ? 1 / (last * last) : medium_.kappa;
+  Dense g = medium_.system.M;
+  for (std::size_t i = 0; i < g.data.size(); ++i)
+    g.data[i] += stiffness * medium_.system.K.data[i];
+  return g;
+}
+
+/// V_e − Φ_r (B_iᵀΦ_r)⁻¹ B_iᵀV_e: every elastic vector at rest at the interface.
+Dense Cut::tangent(const Dense& Q) const {
+  std::string interface = request_.frame_interface;
+  std::vector<int> ports;
+  for (std::size_t i = 0; i < medium_.names.inputs.size(); ++i) {
+    const std::string name =
+        medium_.names.inputs[i].substr(0, medium_.names.inputs[i].rfind('.'));
+    if (interface.empty() &&
+        std::count_if(medium_.names.inputs.begin(), medium_.names.inputs.end(),
+                      [&](const std::string& other) {
+                        return other.rfind(name + ".", 0) == 0;
+                      }) == 6)
+      interface = name;
+    if (name == interface) ports.push_back(static_cast<int>(i));
+  }
+  if (ports.size() != 6 || medium_.rigid != 6)
+    throw Error(
+        text("{frame} tangent needs a free body and an interface with six ports; %s%s "
+             "has %zu, and there are %d rigid modes",
+             interface.empty() ? "no interface" : "interface ", interface.c_str(),
+             ports.size(), medium_.rigid));
+  const int m = Q.columns;
+  const Dense motion = multiply_transposed(medium_.system.B, Q); // n_in × m
+  ComplexDense rigid(6, 6), elastic(6, m - 6);
+  for (int i = 0; i < 6; ++i) {
+    const int port = ports[static_cast<std::size_t>(i)];
+    for (int j = 0; j < 6; ++j) rigid(i, j) = motion(port, j);
+    for (int j = 6; j < m; ++j) elastic(i, j - 6) = motion(port, j);
+  }
+  const ComplexDense share = solve(std::move(rigid), std::move(elastic));
+  Dense moved = Q;
+  for (int j = 6; j < m; ++j)
+    for (int i = 0; i < 6; ++i) moved(i, j) -= share(i, j - 6).real();
+  return moved;
+}
+
+/// Rank 0's: the last bit may differ between ranks, and with it how often intervals were
+/// halved; the file and the exit status must not.
+ErrorOverBand::Supremum Cut::shared_supremum(ErrorOverBand::Supremum sup) const {
+  std::vector<double> head{sup.worst, sup.proved ? 1.0 : 0.0,
+                           static_cast<double>(sup.excluded.size()),
+                           static_cast<double>(sup.intervals)};
+  share_from_first(comm_, head);
+  sup.worst = head[0];
+  sup.proved = head[1] > 0;
+  sup.excluded.resize(static_cast<std::size_t>(head[2]));
+  sup.intervals = static_cast<int>(head[3]);
+  for (auto* values : {&sup.worst_of, &sup.attained_of, &sup.at_of})
+    share_from_first(comm_, *values);
+  std::vector<double> ends;
+  for (const Interval& e : sup.excluded) ends.insert(ends.end(), {e.first, e.last});
+  share_from_first(comm_, ends);
+  for (std::size_t i = 0; i < sup.excluded.size(); ++i)
+    sup.excluded[i] = {ends[2 * i], ends[2 * i + 1]};
+  return sup;
+}
+
+ErrorClaim Cut::claim_of(const ErrorOverBand::Supremum& sup) const {
+  ErrorClaim claim;
+  claim.worst = sup.worst;
+  claim.whole = sup.worst_of[0];
+  const auto view = static_cast<std::size_t>(
+      std::max_element(sup.worst_of.begin(), sup.worst_of.end()) - sup.worst_of.begin());
+  claim.attained = sup.attained_of[view];
+  claim.at = sup.at_of[view];
+  claim.rigid_rounding = errors_->assumed();
+  claim.relative_to = request_.relative_to == RelativeTo::band ? "band" : "pointwise";
+  for (const Interval& b : bands_) claim.bands.push_back({b.first, b.last});
+  for (const Interval& e : sup.excluded) claim.excluded.push_back({e.first, e.last});
+  claim.tolerance = request_.order.tolerance;
+  claim.met =
+      !request_.order.tolerance || (sup.proved && sup.worst <= *request_.order.tolerance);
+  return claim;
+}
+
+constexpr const char* frame_names[] = {"auto", "none", "buckens", "tangent"};
+
+/// What is claimed, as it is printed.
+std::string label_of(const ReducedModel& rom) {
+  if (rom.kind == "estimated") return "estimated, not proved";
+  const auto& excluded = rom.claim->excluded;
+  if (excluded.empty()) return "certified";
+  double widest = 0;
+  for (const auto& [first, last] : excluded)
+    widest = std::max(widest, (last - first) / last);
+  std::string words =
+      text("certified outside %zu interval%s of relative width %.0e at most, around "
+           "undamped resonances",
+           excluded.size(), excluded.size() == 1 ? "" : "s", widest);
+  double frequency = 0, residue = 0;
+  for (const auto& pole : rom.claim->poles) {
+    frequency = std::max(frequency, pole[1]);
+    residue = std::max(residue, pole[2]);
+  }
+  if (!rom.claim->poles.empty())
+    words += text(", whose frequencies are right to %.0e and residues to %.0e", frequency,
+                  residue);
+  return words;
+}
+
+ReducedModel Cut::finish() {
+  std::vector<double> shared{static_cast<double>(choice_.best),
+                             static_cast<double>(choice_.order)};
+  share_from_first(comm_,
+                   shared); // the last bit of an error may differ between ranks
+  choice_.best = static_cast<std::size_t>(shared[0]);
+  const int order = static_cast<int>(shared[1]);
+  const Candidate& candidate = choice_.candidates[choice_.best];
+  Dense Q = candidate.basis(order);
+  share_from_first(comm_, Q.data);
+  if (frame_ == Frame::tangent) Q = tangent(Q);
+  const DenseSystem small = medium_.system.project(Q);
+  const ErrorOverBand::Errors errors = errors_->of(small);
+  const ErrorOverBand::Supremum sup = shared_supremum(errors_->supremum(
+      small, request_.order.tolerance.value_or(0), request_.relative_to));
+
+  ReducedModel rom;
+  rom.model = small.model(medium_.names);
+  rom.V = medium_.lift(Q);
+  rom.method = request_.name;
+  rom.second_stage = candidate.name;
+  // The paper's indicator: the Gramian over the band, whatever the basis is made of.
+  const auto paper = std::find_if(choice_.candidates.begin(), choice_.candidates.end(),
+                                  [](const Candidate& c) { return c.name == "gramian"; });
+  rom.sigma = paper != choice_.candidates.end()
+                  ? paper->sigma
+                  : make_candidate("gramian", *stage_).sigma;
+  rom.omega = errors_->omega();
+  rom.epsilon = errors.relative;
+  rom.bound = errors.bound;
+  rom.floor = errors_->floor();
+  rom.claim = claim_of(sup);
+  for (const auto& pole : medium_.poles_within(small, sup.excluded))
+    rom.claim->poles.push_back({pole.omega, pole.frequency, pole.residue});
+  rom.kind = !sup.proved            ? "estimated"
+             : sup.excluded.empty() ? "certified"
+                                    : "certified outside";
+  rom.modes = eigenfrequencies(rom.model);
+  rom.band[0] = bands_.front().first;
+  rom.band[1] = bands_.back().last;
+  rom.factorisations = whole_.factorisations;
+  rom.medium_order = medium_.system.order();
+  rom.frame = frame_names[static_cast<std::size_t>(frame_)];
+  rom.rigid_modes = medium_.rigid;
+
+  observer_.fact(
+      "order",
+      text("m = %d of n = %lld, by %s, from %s%s", order,
+           static_cast<long long>(medium_.names.n), choice_.chosen_by.c_str(),
+           candidate.name.c_str(),
+           candidate.remark.empty() ? "" : (" (" + candidate.remark + ")").c_str()));
+  const double floor = *std::max_element(rom.floor.begin(), rom.floor.end());
+  const std::string label = label_of(rom);
+  const bool to_band = request_.relative_to == RelativeTo::band;
+  const char* const references[] = {"|H| at each frequency",
+                                    "the largest |H| in the band"};
+  observer_.fact(
+      "error",
+      text("at most %.2e of %s, everywhere in the band%s (%s), reached %.2e at %.5g Hz; "
+           "rounding floor %.0e",
+           sup.worst_of[0], references[to_band ? 1 : 0],
+           rom.claim->bands.size() > 1 ? "s" : "", label.c_str(), sup.attained_of[0],
+           sup.at_of[0] * hz, floor));
+  if (sup.excluded.empty()) { // else |H| has no largest value
+    const auto other = errors_->supremum(
+        small, request_.order.tolerance.value_or(0),
+        to_band ? RelativeTo::pointwise : RelativeTo::band, sup.intervals + 200);
+    observer_.fact("relative to",
+                   text("%s ({tol_relative_to} %s); of %s the error is at most %.1e",
+                        references[to_band ? 1 : 0], to_band ? "band" : "pointwise",
+                        references[to_band ? 0 : 1], other.worst));
+  }
+  if (medium_.rigid > 0)
+    observer_.fact(
+        "rigid rounding",
+        text("rigid modes are rigid; if what K holds of them, which its rounding "
+             "explains, were meant, H would change by %.0e",
+             rom.claim->rigid_rounding));
+  if (sup.worst_of.size() == 3) {
+    rom.by_kind = {sup.worst_of[1], sup.worst_of[2]};
+    observer_.fact("by kind",
+                   text("%s at most %.1e, %s at most %.1e (%s)",
+                        medium_.views[1].name.c_str(), sup.worst_of[1],
+                        medium_.views[2].name.c_str(), sup.worst_of[2], label.c_str()));
+  } else {
+    std::vector<ComplexDense> H_r;
+    const DenseResponse response(small, medium_.tau);
+    for (double omega : rom.omega) H_r.push_back(response.transfer(omega));
+    warn_of_kinds(rom.model, errors_->H(), H_r, sup.worst, observer_);
+  }
+  if (!rom.claim->met)
+    observer_.warn(text(
+        "{tol} %g is not met: the error is at most %.1e (%s); %s. This is "
+        "the best body that was found",
+        *request_.order.tolerance, sup.worst, label.c_str(), choice_.shortfall.c_str()));
+  observer_.fact("reduced modes", describe_modes(rom.modes, medium_.rigid));
+  observer_.fact("reduced M, K",
+                 text("smallest over largest eigenvalue %.1e, %.1e; V'MV = I to %.0e",
+                      relative_smallest_eigenvalue(rom.model.M),
+                      relative_smallest_eigenvalue(rom.model.K),
+                      whole_.loss_of_orthogonality));
+  if (whole_.integrals) {
+    Dense all(static_cast<int>(whole_.integrals->M_er.rows), order);
+    set_part(all, 0, 0, Q);
+    rom.integrals = project(*whole_.integrals, all);
+  }
+  observer_.print();
+  return rom;
+}
+
+ReducedModel Cut::run() {
+  Stage timer(observer_, "second stage");
+  frame_ = request_.frame != Frame::automatic ? request_.frame
+           : medium_.rigid > 0                ? Frame::buckens
+                                              : Frame::none;
+  if (medium_.rigid == 0 && frame_ != Frame::none) {
+    observer_.skip("frame", "the body has no rigid modes");
+    frame_ = Frame::none;
+  }
+  if (medium_.rigid > 0)
+    observer_.fact("frame", frame_names[static_cast<std::size_t>(frame_)]);
+  stage_ = std::make_unique<SecondStage>(
+      SecondStage{medium_, weights(), request_.equal_ports, frame_ != Frame::none, gram(),
+                  shifts_, request_.moments});
+  errors_ = std::make_unique<ErrorOverBand>(medium_, bands_, error_grid(),
+                                            request_.relative_to);
+  const auto names =
+      request_.methods.empty() ? automatic_methods(request_.order) : request_.methods;
+  choice_ = choose_order(names, *stage_, *errors_, request_.order);
+  if (!choice_.tried.empty()) observer_.fact("second stage", choice_.tried);
+  return finish();
+}
+
+} // namespace
+
+ReducedModel cut(const Medium& medium, const CutRequest& request, Observer& observer) {
+  return Cut(medium, request, observer).run();
+}
+
+} // namespace flexgram

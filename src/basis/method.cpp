@@ -1,0 +1,117 @@
+#include "basis/method.hpp"
+
+#include "base/text.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace flexgram {
+
+Dense unit_vectors(int N, int first) {
+  Dense e(N, N - first);
+  for (int j = 0; j < e.columns; ++j) e(first + j, j) = 1;
+  return e;
+}
+
+Dense after_rigid(const Dense& a, int rigid, int N) {
+  Dense result(N, rigid + a.columns);
+  for (int j = 0; j < rigid; ++j) result(j, j) = 1;
+  for (int j = 0; j < a.columns; ++j)
+    std::copy_n(a.column(j), a.rows, result.column(rigid + j) + (N - a.rows));
+  return result;
+}
+
+WeightedSvd weighted_svd(const Dense& F, const Dense& G) {
+  Dense L = G;
+  if (cholesky(L) != 0)
+    throw Error("the inner product is not positive on the medium space");
+  const LeftSvd svd = left_svd(compressed(multiply_transposed(L, F)));
+  WeightedSvd result;
+  for (double s : svd.values) result.sigma.push_back(s * s);
+  Dense inverse = identity(L.rows);
+  solve_right_transposed(L, inverse); // L⁻ᵀ
+  result.vectors = multiply(inverse, svd.vectors);
+  return result;
+}
+
+Candidate nested(Dense all, int least) {
+  Candidate c;
+  c.least = least;
+  c.most = all.columns;
+  c.nested = true;
+  c.basis = [all = std::move(all)](int m) { return first_columns(all, m); };
+  return c;
+}
+
+Dense nested_span(const Dense& A) {
+  Dense Q(A.rows, 0);
+  for (int j = 0; j < A.columns && Q.columns < A.rows; ++j) {
+    Dense v = part_of(A, 0, A.rows, j, 1);
+    const double before = frobenius_norm(v);
+    for (int pass = 0; pass < 2 && Q.columns > 0; ++pass) {
+      const Dense c = multiply(Q, multiply_transposed(Q, v));
+      for (std::size_t i = 0; i < v.data.size(); ++i) v.data[i] -= c.data[i];
+    }
+    const double after = frobenius_norm(v);
+    if (!(after > 1e-10 * before)) continue;
+    for (double& x : v.data) x /= after;
+    Q = beside(Q, v);
+  }
+  return Q;
+}
+
+Elastic::Elastic(const SecondStage& stage)
+    : rigid(stage.medium.rigid), N(stage.medium.system.order()), count(N - rigid),
+      system(stage.medium.system.project(unit_vectors(N, rigid))),
+      gram(part_of(stage.gram, rigid, count, rigid, count)),
+      response(system, stage.medium.tau) {}
+
+Candidate gramian_candidate(const SecondStage& stage,
+                            const std::vector<BandWeight>& bands) {
+  const DenseResponse response(stage.medium.system, stage.medium.tau);
+  const Dense F = gramian_factor(response, bands, stage.equal_ports);
+  const WeightedSvd all = weighted_svd(F, stage.gram);
+  Candidate c;
+  if (stage.medium.rigid > 0 && stage.keep_rigid) {
+    const int N = F.rows, rigid = stage.medium.rigid, count = N - rigid;
+    const Dense elastic = weighted_svd(part_of(F, rigid, count, 0, F.columns),
+                                       part_of(stage.gram, rigid, count, rigid, count))
+                              .vectors;
+    c = nested(after_rigid(elastic, rigid, N), rigid + 1);
+  } else {
+    c = nested(all.vectors);
+  }
+  c.sigma = all.sigma;
+  return c;
+}
+
+Candidate whole_axis_candidate(const SecondStage& stage) {
+  const Elastic e(stage);
+  const WeightedSvd svd =
+      weighted_svd(whole_axis_factor(e.response, stage.equal_ports), e.gram);
+  Candidate c = nested(after_rigid(svd.vectors, e.rigid, e.N), e.rigid + 1);
+  c.sigma = svd.sigma;
+  return c;
+}
+
+const Method& method(const std::string& name) {
+  std::vector<std::string> names;
+  for (const auto& [known, method] : methods()) {
+    if (known == name) return *method;
+    names.push_back(known);
+  }
+  throw Error(text("there is no method %s: must be one of %s", name.c_str(),
+                   join(names).c_str()));
+}
+
+Candidate make_candidate(const std::string& name, const SecondStage& stage) {
+  const int rigid = stage.medium.rigid;
+  const Method& chosen = method(name);
+  Candidate candidate = stage.medium.system.order() == rigid // nothing elastic in reach
+                            ? nested(identity(rigid), rigid)
+                            : chosen.make(stage);
+  candidate.name = name;
+  return candidate;
+}
+
+} // namespace flexgram

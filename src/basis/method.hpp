@@ -1,0 +1,92 @@
+#pragma once
+
+#include "basis/band_gramian.hpp"
+#include "medium/model.hpp"
+
+#include <functional>
+#include <string>
+#include <vector>
+
+namespace flexgram {
+
+/// What the small bases are made from: the medium model and how they are asked to be.
+struct SecondStage {
+  const MediumModel& medium;
+  std::vector<BandWeight> bands; ///< [rad/s], with their weights
+  bool equal_ports = true;
+  bool keep_rigid = true; ///< the first basis vectors are the rigid modes, exactly
+  Dense gram; ///< N×N inner product of the Gramian's eigenvectors, in coordinates of V
+  std::vector<double> shifts; ///< [rad/s] of krylov
+  int moments = 2;
+};
+
+/// A way to span a small space: for every order m up to `most` a basis of m columns in
+/// the coordinates of the medium model's V.
+struct Candidate {
+  std::string name;
+  int least = 1, most = 0;
+  bool nested = false; ///< basis(m) is the first m columns of basis(most)
+  std::function<Dense(int)> basis;
+  std::vector<double> sigma; ///< eigenvalues of the position Gramian, if it is one
+  std::string remark;
+};
+
+/// What a method asks of the medium model, beyond the band.
+struct Demand {
+  int modes = 0;          ///< so many modes, exactly
+  double last_needed = 0; ///< [rad/s] the certificate must hold up to here
+};
+
+/// A method for the small basis. Each file of basis/methods defines one, with the file's
+/// name; the table of all is made of them by CMake.
+struct Method {
+  const char* help; ///< a phrase for -help and the documentation
+  Candidate (*make)(const SecondStage&);
+  /// The order without tolerance and order; nothing: the paper's rule.
+  int (*rule)(const Candidate&, const SecondStage&) = nullptr;
+  /// Nothing: no more than the band.
+  Demand (*demand)(int order, const std::vector<double>& shifts) = nullptr;
+};
+
+/// All methods by name.
+const std::vector<std::pair<std::string, const Method*>>& methods();
+/// @throws Error for a name that is none.
+const Method& method(const std::string& name);
+Candidate make_candidate(const std::string& name, const SecondStage& stage);
+
+// ---- what methods share
+
+/// Unit vectors first … N−1 of R^N.
+Dense unit_vectors(int N, int first);
+/// Unit vectors of the rigid modes, then the columns of `a`, which has the last rows.
+Dense after_rigid(const Dense& a, int rigid, int N);
+/// A candidate whose basis of order m is the first m columns of `all`.
+Candidate nested(Dense all, int least = 1);
+/// Orthonormal columns spanning those of A, dropping what adds less than 1e-10 (modified
+/// Gram-Schmidt, twice): the span of the first columns stays nested.
+Dense nested_span(const Dense& A);
+
+/// Left singular vectors of F in the inner product G: G-orthonormal, descending.
+struct WeightedSvd {
+  Dense vectors;
+  std::vector<double> sigma; ///< squares of the singular values
+};
+WeightedSvd weighted_svd(const Dense& F, const Dense& G);
+
+/// The medium model without its rigid modes.
+struct Elastic {
+  explicit Elastic(const SecondStage& stage);
+  int rigid, N, count; ///< N = rigid + count
+  DenseSystem system;
+  Dense gram;
+  DenseResponse response;
+};
+
+/// Eigenvectors of the position Gramian over the bands; where the rigid modes are kept
+/// apart those of its elastic part.
+Candidate gramian_candidate(const SecondStage& stage,
+                            const std::vector<BandWeight>& bands);
+/// Eigenvectors of the position Gramian over the whole axis.
+Candidate whole_axis_candidate(const SecondStage& stage);
+
+} // namespace flexgram

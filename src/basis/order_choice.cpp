@@ -1,0 +1,155 @@
+#include "basis/order_choice.hpp"
+
+#include "base/text.hpp"
+
+#include <algorithm>
+#include <limits>
+
+namespace flexgram {
+
+int smallest_order(const Candidate& candidate, const MediumModel& medium, int most,
+                   const std::function<bool(const DenseSystem&)>& good) {
+  most = std::min(most, candidate.most);
+  if (most < candidate.least) return 0;
+  if (candidate.nested) {
+    const DenseSystem all = medium.system.project(candidate.basis(most));
+    for (int m = candidate.least; m <= most; ++m)
+      if (good(all.project(first_columns(identity(most), m)))) return m;
+    return 0;
+  }
+  const auto is_good = [&](int m) {
+    return good(medium.system.project(candidate.basis(m)));
+  };
+  int low = candidate.least - 1, high = candidate.least;
+  while (!is_good(high)) {
+    low = high;
+    if (high == most) return 0;
+    high = std::min(most, high + std::max(2, high / 2));
+  }
+  while (high - low > 1) {
+    const int middle = (low + high) / 2;
+    (is_good(middle) ? high : low) = middle;
+  }
+  return high;
+}
+
+namespace {
+
+/// The order without a tolerance: what the method says, else the paper's rule.
+int ruled_order(const Candidate& candidate, const SecondStage& stage) {
+  const auto rule = method(candidate.name).rule;
+  if (rule) return rule(candidate, stage);
+  const Candidate by =
+      candidate.sigma.empty() ? make_candidate("gramian", stage) : candidate;
+  return std::clamp(order_by_rule(by.sigma), candidate.least, candidate.most);
+}
+
+/// Why no small model meets the tolerance.
+std::string shortfall(double tolerance, const SecondStage& stage,
+                      const ErrorOverBand& errors, const Candidate& best) {
+  const double floor = errors.largest_floor(), least = errors.least();
+  if (floor > 0.5 * tolerance)
+    return text(
+        "rounding of K alone changes H by up to %.1e of it, at a sharp resonance or "
+        "because the outputs hardly answer the inputs",
+        floor);
+  if (least > tolerance)
+    return text("the medium model of order %d is good to %.1e only (see "
+                "{medium_order}, {cutoff})",
+                stage.medium.system.order(), least);
+  return text("%s does not reach it up to order %d; take another {method} or "
+              "{second_stage}, or more {moments} or {cutoff}",
+              best.name.c_str(), best.most);
+}
+
+/// The model that comes closest, at the smallest order that does as well to a tenth.
+void choose_closest(OrderChoice& choice, double tolerance, const SecondStage& stage,
+                    const ErrorOverBand& errors) {
+  const MediumModel& medium = stage.medium;
+  double reached = std::numeric_limits<double>::infinity();
+  for (std::size_t c = 0; c < choice.candidates.size(); ++c) {
+    const Candidate& candidate = choice.candidates[c];
+    const double worst =
+        errors.of(medium.system.project(candidate.basis(candidate.most))).worst;
+    if (c > 0 && !(worst < reached)) continue;
+    reached = worst;
+    choice.best = c;
+  }
+  const Candidate& best = choice.candidates[choice.best];
+  choice.order = smallest_order(best, medium, best.most, [&](const DenseSystem& small) {
+    return errors.of(small).worst <= 1.1 * reached;
+  });
+  if (choice.order == 0) choice.order = best.most;
+  choice.shortfall = shortfall(tolerance, stage, errors, best);
+}
+
+void choose_by_tolerance(OrderChoice& choice, double tolerance, const SecondStage& stage,
+                         ErrorOverBand& errors) {
+  choice.chosen_by = text("{tol} %g", tolerance);
+  for (std::size_t c = 0; c < choice.candidates.size(); ++c) {
+    const Candidate& candidate = choice.candidates[c];
+    // A later candidate must be smaller to win.
+    const int order =
+        errors.least() > tolerance
+            ? 0
+            : smallest_order(candidate, stage.medium,
+                             choice.order > 0 ? choice.order - 1 : candidate.most,
+                             [&](const DenseSystem& small) {
+                               return errors.meets(small, tolerance);
+                             });
+    if (order > 0) {
+      choice.best = c;
+      choice.order = order;
+    }
+    choice.tried += text("%s%s %s", c == 0 ? "" : ", ", candidate.name.c_str(),
+                         order > 0          ? std::to_string(order).c_str()
+                         : choice.order > 0 ? "no smaller"
+                                            : "none");
+  }
+  if (choice.order == 0) choose_closest(choice, tolerance, stage, errors);
+}
+
+void choose_by_order(OrderChoice& choice, int order, const SecondStage& stage,
+                     const ErrorOverBand& errors) {
+  double least = std::numeric_limits<double>::infinity();
+  for (std::size_t c = 0; c < choice.candidates.size(); ++c) {
+    const Candidate& candidate = choice.candidates[c];
+    if (order < candidate.least || order > candidate.most) continue;
+    const double worst =
+        errors.of(stage.medium.system.project(candidate.basis(order))).worst;
+    if (worst < least || choice.order == 0) {
+      least = worst;
+      choice.best = c;
+      choice.order = order;
+    }
+    choice.tried += text("%s%s %.1e", choice.tried.empty() ? "" : ", ",
+                         candidate.name.c_str(), worst);
+  }
+  if (choice.order == 0)
+    throw Error(text("{order} %d: %s has orders from %d to %d here", order,
+                     choice.candidates.front().name.c_str(),
+                     choice.candidates.front().least, choice.candidates.front().most));
+  choice.chosen_by = "{order}";
+}
+
+} // namespace
+
+OrderChoice choose_order(const std::vector<std::string>& names, const SecondStage& stage,
+                         ErrorOverBand& errors, const OrderSpec& order) {
+  OrderChoice choice;
+  for (const auto& name : names) choice.candidates.push_back(make_candidate(name, stage));
+  if (order.tolerance) {
+    choose_by_tolerance(choice, *order.tolerance, stage, errors);
+  } else if (order.order > 0) {
+    choose_by_order(choice, order.order, stage, errors);
+  } else {
+    const Candidate& first = choice.candidates.front();
+    choice.order = ruled_order(first, stage);
+    choice.chosen_by = method(first.name).rule ? "what the method gives without {order}"
+                                               : "the rule sigma_(m+1)/sigma_1 < 1.5e-8";
+  }
+  if (names.size() == 1) choice.tried.clear();
+  return choice;
+}
+
+} // namespace flexgram

@@ -1,0 +1,382 @@
+#include "io/body_io.hpp"
+
+#include "base/text.hpp"
+#include "linalg/sparse.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace flexgram {
+namespace {
+
+[[noreturn]] void fail(const Hdf5File& file, const std::string& what) {
+  throw Error(text("file %s: %s", file.path().c_str(), what.c_str()));
+}
+
+long long ll(std::int64_t value) { return static_cast<long long>(value); }
+
+bool by_columns(const Hdf5File& file, const std::string& dataset) {
+  return file.has_attribute(dataset, "MATLAB_class");
+}
+
+/// A vector may be stored as n, n×1 or 1×n (MATLAB).
+std::int64_t vector_length(const Hdf5File& file, const std::string& dataset) {
+  const auto shape = file.shape(dataset);
+  std::int64_t length = 1, wide = 0;
+  for (auto extent : shape) {
+    length *= extent;
+    wide += extent != 1;
+  }
+  if (wide > 1) fail(file, text("dataset %s must be a vector", dataset.c_str()));
+  return length;
+}
+
+template <class T>
+std::vector<T> read_vector(const Hdf5File& file, const std::string& dataset,
+                           std::int64_t first, std::int64_t count) {
+  const auto shape = file.shape(dataset);
+  const int dim = shape.size() == 2 && shape[0] == 1 ? 1 : 0;
+  return file.read<T>(dataset, first, count, dim);
+}
+
+/// Order of the sparse matrix in `group`, from jc and the attribute MATLAB_sparse.
+std::int64_t sparse_columns(const Hdf5File& file, const std::string& group) {
+  if (!file.exists(group)) fail(file, text("dataset %s is missing", group.c_str()));
+  if (!file.is_group(group) || !file.exists(group + "/jc"))
+    fail(file, text("%s must be a sparse matrix: a group with data, ir, jc as MATLAB's "
+                    "save -v7.3 writes it",
+                    group.c_str()));
+  return vector_length(file, group + "/jc") - 1;
+}
+
+std::int64_t sparse_rows(const Hdf5File& file, const std::string& group,
+                         std::int64_t otherwise) {
+  return file.has_attribute(group, "MATLAB_sparse")
+             ? static_cast<std::int64_t>(file.number_attribute(group, "MATLAB_sparse"))
+             : otherwise;
+}
+
+/// Columns first … first + count of a sparse matrix by columns.
+struct SparseColumns {
+  std::vector<std::int64_t> start, row;
+  std::vector<double> value;
+};
+
+SparseColumns read_columns(const Hdf5File& file, const std::string& group,
+                           std::int64_t first, std::int64_t count, std::int64_t rows) {
+  SparseColumns columns;
+  columns.start = read_vector<std::int64_t>(file, group + "/jc", first, count + 1);
+  const std::int64_t offset = columns.start.front();
+  std::int64_t entries = 0;
+  if (file.exists(group + "/data")) { // MATLAB leaves data and ir out of an empty matrix
+    if (!file.exists(group + "/ir")) fail(file, text("%s/ir is missing", group.c_str()));
+    entries = vector_length(file, group + "/data");
+    if (vector_length(file, group + "/ir") != entries)
+      fail(file, text("%s: ir and data must have the same length", group.c_str()));
+  }
+  for (std::size_t j = 0; j + 1 < columns.start.size(); ++j)
+    if (columns.start[j] > columns.start[j + 1] || columns.start[j] < 0)
+      fail(file, text("%s/jc must not decrease (column %lld)", group.c_str(),
+                      ll(first + static_cast<std::int64_t>(j))));
+  if (columns.start.back() > entries)
+    fail(file, text("%s/jc points to entry %lld of %lld", group.c_str(),
+                    ll(columns.start.back()), ll(entries)));
+  for (auto& position : columns.start) position -= offset;
+  const std::int64_t here = columns.start.back();
+  if (here > 0) {
+    columns.row = read_vector<std::int64_t>(file, group + "/ir", offset, here);
+    columns.value = read_vector<double>(file, group + "/data", offset, here);
+  }
+  for (std::size_t j = 0; j + 1 < columns.start.size(); ++j)
+    for (std::int64_t k = columns.start[j]; k < columns.start[j + 1]; ++k) {
+      const auto i = static_cast<std::size_t>(k);
+      if (columns.row[i] < 0 || columns.row[i] >= rows)
+        fail(file, text("%s/ir holds row %lld, the matrix has %lld rows (0-based)",
+                        group.c_str(), ll(columns.row[i]), ll(rows)));
+      if (!std::isfinite(columns.value[i]))
+        fail(file, text("%s(%lld, %lld) = %g: every entry must be finite", group.c_str(),
+                        ll(columns.row[i]), ll(first + static_cast<std::int64_t>(j)),
+                        columns.value[i]));
+    }
+  return columns;
+}
+
+/// Rows of a symmetric matrix are its columns; entries come sorted, duplicates are an
+/// error.
+LocalRows to_rows(const Hdf5File& file, const std::string& group,
+                  const SparseColumns& columns) {
+  LocalRows local;
+  std::vector<std::size_t> order;
+  for (std::size_t j = 0; j + 1 < columns.start.size(); ++j) {
+    order.resize(static_cast<std::size_t>(columns.start[j + 1] - columns.start[j]));
+    std::iota(order.begin(), order.end(), static_cast<std::size_t>(columns.start[j]));
+    if (!std::is_sorted(order.begin(), order.end(),
+                        [&](auto a, auto b) { return columns.row[a] < columns.row[b]; }))
+      std::sort(order.begin(), order.end(),
+                [&](auto a, auto b) { return columns.row[a] < columns.row[b]; });
+    for (std::size_t k = 0; k < order.size(); ++k) {
+      if (k > 0 && columns.row[order[k]] == columns.row[order[k - 1]])
+        fail(file, text("%s holds entry (%lld, %zu of this part) twice", group.c_str(),
+                        ll(columns.row[order[k]]), j));
+      local.column.push_back(static_cast<PetscInt>(columns.row[order[k]]));
+      local.value.push_back(columns.value[order[k]]);
+    }
+    local.start.push_back(static_cast<PetscInt>(local.column.size()));
+  }
+  return local;
+}
+
+Matrix read_symmetric(const Hdf5File& file, const std::string& group, PetscInt n,
+                      RowRange rows, std::vector<std::string>& remarks) {
+  const std::int64_t columns = sparse_columns(file, group);
+  const std::int64_t row_count = sparse_rows(file, group, columns);
+  if (columns != n || row_count != n)
+    fail(file, text("%s is %lld × %lld, expected %lld × %lld like K", group.c_str(),
+                    ll(row_count), ll(columns), ll(n), ll(n)));
+  LocalRows local;
+  agree(file.comm(), [&] {
+    local = to_rows(file, group, read_columns(file, group, rows.begin, rows.size(), n));
+  });
+  Matrix matrix = make_sparse(file.comm(), rows, n, local);
+  take_symmetric_part(matrix, group, "file " + file.path(), remarks);
+  return matrix;
+}
+
+/// Dense or sparse n × k (or k × n where `transposed`: C is r × n in the file, n × r
+/// here).
+Block read_ports(const Hdf5File& file, const std::string& object, PetscInt n,
+                 RowRange rows, bool transposed) {
+  const char* expected = transposed ? "n_out × n" : "n × n_in";
+  std::int64_t ports = 0;
+  std::vector<double> local; // column-major, rows.size() × ports
+  if (file.is_group(object)) {
+    const std::int64_t columns = sparse_columns(file, object);
+    const std::int64_t row_count = sparse_rows(file, object, n);
+    if ((transposed ? columns : row_count) != n)
+      fail(file, text("%s is %lld × %lld, expected %s with n = %lld", object.c_str(),
+                      ll(row_count), ll(columns), expected, ll(n)));
+    ports = transposed ? row_count : columns;
+    agree(file.comm(), [&] {
+      local.assign(static_cast<std::size_t>(rows.size() * ports), 0.0);
+      const SparseColumns entries = read_columns(file, object, 0, columns, row_count);
+      for (std::int64_t j = 0; j < columns; ++j)
+        for (std::int64_t k = entries.start[static_cast<std::size_t>(j)];
+             k < entries.start[static_cast<std::size_t>(j) + 1]; ++k) {
+          const std::int64_t i = entries.row[static_cast<std::size_t>(k)];
+          const std::int64_t row = transposed ? j : i, port = transposed ? i : j;
+          if (row >= rows.begin && row < rows.end)
+            local[static_cast<std::size_t>(row - rows.begin + port * rows.size())] +=
+                entries.value[static_cast<std::size_t>(k)];
+        }
+    });
+  } else {
+    auto shape = file.shape(object);
+    if (shape.size() == 1) shape.push_back(1);
+    if (shape.size() != 2)
+      fail(file, text("%s must be a matrix, %s; it has %zu dimensions", object.c_str(),
+                      expected, shape.size()));
+    // In the file's row-major order, n is the last dimension exactly if one of the two
+    // reversals (MATLAB's storage, C's transposition) applies.
+    const bool n_last = by_columns(file, object) != transposed;
+    if (shape.size() != 2 || shape[n_last ? 1 : 0] != n) {
+      const bool reversed = by_columns(file, object) && shape.size() == 2;
+      fail(file, text("%s is %lld × %lld, expected %s with n = %lld", object.c_str(),
+                      ll(shape[reversed ? 1 : 0]), ll(shape[reversed ? 0 : 1]), expected,
+                      ll(n)));
+    }
+    ports = shape[n_last ? 0 : 1];
+    agree(file.comm(), [&] {
+      const bool one_dimension = file.shape(object).size() == 1;
+      local = file.read<double>(object, rows.begin, rows.size(),
+                                n_last && !one_dimension ? 1 : 0);
+      if (!n_last) {
+        std::vector<double> columns(local.size());
+        for (PetscInt i = 0; i < rows.size(); ++i)
+          for (std::int64_t j = 0; j < ports; ++j)
+            columns[static_cast<std::size_t>(i + j * rows.size())] =
+                local[static_cast<std::size_t>(i * ports + j)];
+        local.swap(columns);
+      }
+      for (double value : local)
+        if (!std::isfinite(value))
+          fail(file,
+               text("%s holds %g: every entry must be finite", object.c_str(), value));
+    });
+  }
+  if (ports == 0) fail(file, text("%s has no columns", object.c_str()));
+  Block block(file.comm(), rows, n, static_cast<PetscInt>(ports));
+  std::copy(local.begin(), local.end(), Block::Access(block).all().begin());
+  return block;
+}
+
+std::vector<std::string> port_names(const Hdf5File& file, const std::string& object,
+                                    PetscInt count, const char* prefix) {
+  std::vector<std::string> names;
+  if (file.has_attribute(object, "names")) {
+    names = file.texts_attribute(object, "names");
+    if (static_cast<PetscInt>(names.size()) != count)
+      fail(file, text("%s has %lld ports and %zu names", object.c_str(), ll(count),
+                      names.size()));
+    auto sorted = names;
+    std::sort(sorted.begin(), sorted.end());
+    const auto twice = std::adjacent_find(sorted.begin(), sorted.end());
+    if (twice != sorted.end())
+      fail(file, text("%s has two ports named %s", object.c_str(), twice->c_str()));
+  } else {
+    for (PetscInt i = 0; i < count; ++i)
+      names.push_back(text("%s%lld", prefix, ll(i + 1)));
+  }
+  return names;
+}
+
+} // namespace
+
+void read_dof_map(const Hdf5File& file, SecondOrderModel& model) {
+  if (!file.exists("/dofs/node")) return;
+  const auto check = [&](const char* name) {
+    if (vector_length(file, name) != model.n)
+      fail(file, text("%s has %lld entries, expected one for each of the %lld rows", name,
+                      ll(vector_length(file, name)), ll(model.n)));
+  };
+  check("/dofs/node");
+  if (file.exists("/dofs/component")) check("/dofs/component");
+  agree(file.comm(), [&] {
+    const auto first = model.rows.begin, count = model.rows.size();
+    model.node = read_vector<std::int64_t>(file, "/dofs/node", first, count);
+    if (file.exists("/dofs/component")) {
+      model.component = read_vector<std::int64_t>(file, "/dofs/component", first, count);
+      for (auto component : model.component)
+        if (component < 0 || component > 5)
+          fail(file, text("/dofs/component holds %lld, expected 0 to 5", ll(component)));
+    }
+    if (file.exists("/nodes/id")) {
+      const auto ids = file.read_all<std::int64_t>("/nodes/id");
+      for (auto node : model.node) {
+        if (node < 0 || node >= static_cast<std::int64_t>(ids.size()))
+          fail(file, text("/dofs/node holds %lld, /nodes/id has %zu nodes (0-based)",
+                          ll(node), ids.size()));
+        model.label.push_back(ids[static_cast<std::size_t>(node)]);
+      }
+    }
+    if (!file.exists("/nodes/position")) return;
+    const auto shape = file.shape("/nodes/position");
+    const bool reversed = by_columns(file, "/nodes/position");
+    if (shape.size() != 2 || shape[reversed ? 0 : 1] != 3)
+      fail(file, "/nodes/position must be nodes × 3");
+    const std::int64_t nodes = shape[reversed ? 1 : 0];
+    const auto all = file.read_all<double>("/nodes/position");
+    for (auto node : model.node) {
+      if (node < 0 || node >= nodes)
+        fail(file, text("/dofs/node holds %lld, /nodes/position has %lld nodes (0-based)",
+                        ll(node), ll(nodes)));
+      for (std::int64_t axis = 0; axis < 3; ++axis)
+        model.position.push_back(all[static_cast<std::size_t>(
+            reversed ? axis * nodes + node : 3 * node + axis)]);
+    }
+  });
+}
+
+void take_symmetric_part(Matrix& matrix, const std::string& name,
+                         const std::string& source, std::vector<std::string>& remarks) {
+  const Asymmetry asymmetry = find_asymmetry(matrix, 1e-10);
+  if (asymmetry.symmetric && asymmetry.skew_norm == 0) return;
+  if (asymmetry.symmetric) {
+    Matrix part; // the caller's matrix may be somebody else's
+    FG_CALL(MatTranspose(matrix, MAT_INITIAL_MATRIX, part.out()));
+    FG_CALL(MatAXPY(part, 1.0, matrix, DIFFERENT_NONZERO_PATTERN));
+    FG_CALL(MatScale(part, 0.5));
+    FG_CALL(MatSetOption(part, MAT_SYMMETRIC, PETSC_TRUE));
+    matrix = std::move(part);
+    remarks.push_back(
+        text("%s is replaced by its symmetric part; the skew part is %.1e of it",
+             name.c_str(), asymmetry.skew_norm / asymmetry.norm));
+    return;
+  }
+  if (asymmetry.one_triangle)
+    throw Error(text("%s: %s holds only one triangle; both are expected (in MATLAB: "
+                     "K + triu(K,1)')",
+                     source.c_str(), name.c_str()));
+  const char which = name.back();
+  const char* kind = which == 'K'   ? "circulatory forces"
+                     : which == 'D' ? "gyroscopic forces"
+                                    : "no mass matrix has one";
+  throw Error(
+      text("%s: %s is not symmetric: (%lld, %lld) = %.17g but (%lld, %lld) = %.17g; its "
+           "skew part (%s) is %.1e of it, and only symmetric matrices can be reduced",
+           source.c_str(), name.c_str(), ll(asymmetry.row), ll(asymmetry.column),
+           asymmetry.upper, ll(asymmetry.column), ll(asymmetry.row), asymmetry.lower,
+           kind, asymmetry.skew_norm / asymmetry.norm));
+}
+
+bool holds_mesh(const Hdf5File& file) {
+  const bool mesh = file.exists("/mesh");
+  if (file.exists("/gramian"))
+    fail(file, "this is a reduced file, not a body (-rom takes it)");
+  if (!mesh && !file.exists("/K"))
+    fail(file, "neither /K (a body of matrices) nor /mesh (a body to assemble) is there");
+  return mesh;
+}
+
+Damping read_damping(const Hdf5File& file) {
+  Damping damping;
+  const auto number = [&](const std::string& name) {
+    double value = 0;
+    if (file.has_attribute("/", name))
+      value = file.number_attribute("/", name);
+    else if (file.exists("/" + name))
+      value = file.read_all<double>("/" + name).at(0);
+    if (!std::isfinite(value) || value < 0)
+      fail(file,
+           text("%s = %g: damping must be finite and not negative", name.c_str(), value));
+    return value;
+  };
+  agree(file.comm(), [&] { damping = {number("alpha"), number("beta"), number("eta")}; });
+  return damping;
+}
+
+void classify_damping(SecondOrderModel& model) {
+  if (!model.D) return;
+  PetscReal size = 0;
+  FG_CALL(MatNorm(model.D, NORM_FROBENIUS, &size));
+  if (size == 0) {
+    model.D.reset();
+    return;
+  }
+  const ProportionalFit fit = fit_proportional(model.D, model.M, model.K, 1e-12);
+  if (!fit.proportional || fit.alpha < 0 || fit.beta < 0) return;
+  model.damping.alpha += fit.alpha;
+  model.damping.beta += fit.beta;
+  model.D.reset();
+}
+
+SecondOrderModel read_body(const Hdf5File& file) {
+  SecondOrderModel model;
+  model.name = file.path();
+  model.comm = file.comm();
+  model.n = static_cast<PetscInt>(sparse_columns(file, "/K"));
+  if (model.n < 1) fail(file, "/K is empty");
+  model.rows = even_rows(model.comm, model.n);
+  model.K = read_symmetric(file, "/K", model.n, model.rows, model.remarks);
+  model.M = read_symmetric(file, "/M", model.n, model.rows, model.remarks);
+  if (file.exists("/D"))
+    model.D = read_symmetric(file, "/D", model.n, model.rows, model.remarks);
+  model.damping = read_damping(file);
+  classify_damping(model);
+
+  if (!file.exists("/B")) fail(file, "dataset /B (input map, n × n_in) is missing");
+  model.B = read_ports(file, "/B", model.n, model.rows, false);
+  model.inputs = port_names(file, "/B", model.B.columns(), "in");
+  model.outputs_are_inputs = !file.exists("/C");
+  if (model.outputs_are_inputs) {
+    model.C = model.B.share();
+    model.outputs = model.inputs;
+  } else {
+    model.C = read_ports(file, "/C", model.n, model.rows, true);
+    model.outputs = port_names(file, "/C", model.C.columns(), "out");
+  }
+  read_dof_map(file, model);
+  return model;
+}
+
+} // namespace flexgram

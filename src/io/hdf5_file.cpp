@@ -1,0 +1,235 @@
+#include "io/hdf5_detail.hpp"
+
+#include <cerrno>
+#include <cstring>
+
+namespace flexgram {
+
+using detail::dims_of;
+using detail::hdf5_reason;
+using detail::Id;
+using detail::memory_type;
+
+Hdf5File::Hdf5File(std::unique_ptr<State> state) : state_(std::move(state)) {}
+Hdf5File::Hdf5File(Hdf5File&&) noexcept = default;
+Hdf5File::~Hdf5File() {
+  if (state_) state_->discard();
+}
+
+Hdf5File Hdf5File::open(MPI_Comm comm, const std::string& path) {
+  H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr); // errors come as exceptions
+  auto state = std::make_unique<State>();
+  state->comm = comm;
+  state->path = path;
+  agree(comm, [&] {
+    if (std::FILE* probe = std::fopen(path.c_str(), "rb"))
+      std::fclose(probe);
+    else
+      throw Error(text("cannot read %s: %s", path.c_str(), std::strerror(errno)));
+    if (H5Fis_hdf5(path.c_str()) <= 0)
+      throw Error(text("%s is not an HDF5 file (a body file is HDF5: python3 -m flexgram "
+                       "import makes one, and so does MATLAB's save -v7.3)",
+                       path.c_str()));
+  });
+  const Id access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
+  H5Pset_fapl_mpio(access, comm, MPI_INFO_NULL);
+  state->file = H5Fopen(path.c_str(), H5F_ACC_RDONLY, access);
+  agree(comm, [&] {
+    if (state->file < 0)
+      throw Error(text("cannot open %s: %s", path.c_str(), hdf5_reason().c_str()));
+  });
+  return Hdf5File(std::move(state));
+}
+
+Hdf5File Hdf5File::create(MPI_Comm comm, const std::string& path) {
+  H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr); // errors come as exceptions
+  auto state = std::make_unique<State>();
+  state->comm = comm;
+  state->path = path;
+  const std::string part = path + ".part";
+  agree(comm, [&] { // MPI-IO's own message for a missing folder is not helpful
+    if (comm_rank(comm) != 0) return;
+    if (std::FILE* probe = std::fopen(part.c_str(), "wb"))
+      std::fclose(probe);
+    else
+      throw Error(text("cannot write %s: %s", path.c_str(), std::strerror(errno)));
+  });
+  state->part = part;
+  const Id access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
+  H5Pset_fapl_mpio(access, comm, MPI_INFO_NULL);
+  H5Pset_libver_bounds(access, H5F_LIBVER_V18, H5F_LIBVER_V110);
+  state->file = H5Fcreate(part.c_str(), H5F_ACC_TRUNC, H5P_DEFAULT, access);
+  Hdf5File file(std::move(state));
+  agree(comm, [&] {
+    if (file.state_->file < 0)
+      throw Error(text("cannot create %s: %s", path.c_str(), hdf5_reason().c_str()));
+  });
+  return file;
+}
+
+void Hdf5File::commit() {
+  State& s = *state_;
+  const bool flushed = H5Fflush(s.file, H5F_SCOPE_GLOBAL) >= 0;
+  const bool closed = H5Fclose(s.file) >= 0;
+  s.file = -1;
+  try {
+    agree(s.comm, [&] {
+      if (!flushed || !closed)
+        throw Error(text("cannot write %s: %s (is the disk full?)", s.path.c_str(),
+                         hdf5_reason().c_str()));
+    });
+    agree(s.comm, [&] {
+      if (comm_rank(s.comm) == 0 && std::rename(s.part.c_str(), s.path.c_str()) != 0)
+        throw Error(text("cannot write %s: %s", s.path.c_str(), std::strerror(errno)));
+    });
+  } catch (...) {
+    s.discard();
+    throw;
+  }
+  s.part.clear();
+}
+
+const std::string& Hdf5File::path() const { return state_->path; }
+MPI_Comm Hdf5File::comm() const { return state_->comm; }
+
+bool Hdf5File::exists(const std::string& object) const {
+  if (object == "/") return true;
+  // H5Lexists wants every parent to exist.
+  for (std::size_t slash = object.find('/', 1); slash != std::string::npos;
+       slash = object.find('/', slash + 1))
+    if (H5Lexists(state_->file, object.substr(0, slash).c_str(), H5P_DEFAULT) <= 0)
+      return false;
+  return H5Lexists(state_->file, object.c_str(), H5P_DEFAULT) > 0;
+}
+
+bool Hdf5File::is_group(const std::string& object) const {
+  return H5Iget_type(state_->object(object)) == H5I_GROUP;
+}
+
+std::vector<std::string> Hdf5File::children(const std::string& group) const {
+  std::vector<std::string> names;
+  const Id id = state_->object(group);
+  hsize_t index = 0;
+  H5Literate(
+      id, H5_INDEX_NAME, H5_ITER_INC, &index,
+      [](hid_t, const char* name, const H5L_info_t*, void* out) -> herr_t {
+        static_cast<std::vector<std::string>*>(out)->emplace_back(name);
+        return 0;
+      },
+      &names);
+  return names;
+}
+
+std::vector<std::int64_t> Hdf5File::shape(const std::string& dataset) const {
+  const Id id = state_->dataset(dataset);
+  const auto dims = dims_of(Id(H5Dget_space(id), H5Sclose));
+  return {dims.begin(), dims.end()};
+}
+
+bool Hdf5File::has_attribute(const std::string& object, const std::string& name) const {
+  return H5Aexists(state_->object(object), name.c_str()) > 0;
+}
+
+std::vector<std::string> Hdf5File::texts_attribute(const std::string& object,
+                                                   const std::string& name) const {
+  const Id owner = state_->object(object);
+  const Id id = state_->attribute(owner, object, name);
+  const Id type(H5Aget_type(id), H5Tclose), space(H5Aget_space(id), H5Sclose);
+  const auto count = static_cast<std::size_t>(H5Sget_simple_extent_npoints(space));
+  std::vector<std::string> result;
+  if (H5Tget_class(type) != H5T_STRING)
+    state_->fail(text("attribute %s of %s must be text", name.c_str(), object.c_str()));
+  if (H5Tis_variable_str(type) > 0) {
+    std::vector<char*> values(count, nullptr);
+    const Id memory(H5Tcopy(H5T_C_S1), H5Tclose);
+    H5Tset_size(memory, H5T_VARIABLE);
+    H5Tset_cset(memory, H5Tget_cset(type));
+    if (H5Aread(id, memory, values.data()) < 0)
+      state_->fail(text("cannot read attribute %s of %s: %s", name.c_str(),
+                        object.c_str(), hdf5_reason().c_str()));
+    for (char* value : values) result.emplace_back(value ? value : "");
+    H5Dvlen_reclaim(memory, space, H5P_DEFAULT, values.data());
+  } else {
+    const std::size_t size = H5Tget_size(type);
+    std::vector<char> values(size * count);
+    if (H5Aread(id, type, values.data()) < 0)
+      state_->fail(text("cannot read attribute %s of %s", name.c_str(), object.c_str()));
+    for (std::size_t i = 0; i < count; ++i)
+      result.emplace_back(values.data() + i * size,
+                          strnlen(values.data() + i * size, size));
+  }
+  return result;
+}
+
+std::string Hdf5File::text_attribute(const std::string& object,
+                                     const std::string& name) const {
+  const auto values = texts_attribute(object, name);
+  return values.empty() ? "" : values.front();
+}
+
+std::vector<double> Hdf5File::numbers_attribute(const std::string& object,
+                                                const std::string& name) const {
+  const Id owner = state_->object(object);
+  const Id id = state_->attribute(owner, object, name);
+  const Id space(H5Aget_space(id), H5Sclose);
+  std::vector<double> values(
+      static_cast<std::size_t>(H5Sget_simple_extent_npoints(space)));
+  if (H5Aread(id, H5T_NATIVE_DOUBLE, values.data()) < 0)
+    state_->fail(
+        text("attribute %s of %s must be a number", name.c_str(), object.c_str()));
+  return values;
+}
+
+double Hdf5File::number_attribute(const std::string& object,
+                                  const std::string& name) const {
+  const auto values = numbers_attribute(object, name);
+  if (values.size() != 1)
+    state_->fail(text("attribute %s of %s must be one number, it has %zu", name.c_str(),
+                      object.c_str(), values.size()));
+  return values.front();
+}
+
+template <class T>
+std::vector<T> Hdf5File::read(const std::string& dataset, std::int64_t first,
+                              std::int64_t count, int dim) const {
+  const Id id = state_->dataset(dataset);
+  const Id space(H5Dget_space(id), H5Sclose), type(H5Dget_type(id), H5Tclose);
+  const H5T_class_t kind = H5Tget_class(type);
+  if (kind != H5T_INTEGER && kind != H5T_FLOAT)
+    state_->fail(text("dataset %s must hold numbers", dataset.c_str()));
+  auto dims = dims_of(space);
+  std::vector<hsize_t> start(dims.size(), 0);
+  if (!dims.empty()) {
+    start[static_cast<std::size_t>(dim)] = static_cast<hsize_t>(first);
+    dims[static_cast<std::size_t>(dim)] = static_cast<hsize_t>(count);
+  }
+  std::size_t total = 1;
+  for (auto length : dims) total *= length;
+  std::vector<T> values(total);
+  if (total == 0) return values;
+  Id memory(H5Screate_simple(std::max<int>(static_cast<int>(dims.size()), 1),
+                             dims.empty() ? std::vector<hsize_t>{1}.data() : dims.data(),
+                             nullptr),
+            H5Sclose);
+  if (!dims.empty())
+    H5Sselect_hyperslab(space, H5S_SELECT_SET, start.data(), nullptr, dims.data(),
+                        nullptr);
+  if (H5Dread(id, memory_type<T>(), memory, space, H5P_DEFAULT, values.data()) < 0)
+    state_->fail(text("cannot read %s: %s", dataset.c_str(), hdf5_reason().c_str()));
+  return values;
+}
+
+template <class T>
+std::vector<T> Hdf5File::read_all(const std::string& dataset) const {
+  const auto dims = shape(dataset);
+  return read<T>(dataset, 0, dims.empty() ? 1 : dims.front());
+}
+
+template std::vector<double> Hdf5File::read(const std::string&, std::int64_t,
+                                            std::int64_t, int) const;
+template std::vector<std::int64_t> Hdf5File::read(const std::string&, std::int64_t,
+                                                  std::int64_t, int) const;
+template std::vector<double> Hdf5File::read_all(const std::string&) const;
+template std::vector<std::int64_t> Hdf5File::read_all(const std::string&) const;
+
+} // namespace flexgram

@@ -1,0 +1,56 @@
+#pragma once
+
+#include "medium/model.hpp"
+#include "medium/space.hpp"
+#include "model/rigid_body_modes.hpp"
+
+namespace flexgram {
+
+/// The steps of certify, with what they share.
+class MediumBuilder {
+public:
+  MediumBuilder(const SecondOrderModel& fom, const CertifySpec& spec,
+                const SolverOptions& solver, Observer& observer);
+
+  Medium build(bool mass_is_singular);
+
+private:
+  void find_rigid_modes();
+  static MediumSpace::RigidStiffness stiffness_of(const RigidSplit& split);
+  static bool has_light_dofs(const SecondOrderModel& fom, double omega);
+  Block start(double omega, bool mass_is_singular);
+  void scale_ports(Block& response);
+  void search_modes();
+  void take_out_rigid_modes();
+  bool cutoff_is_in_a_gap() const;
+  std::shared_ptr<const DenseResponse> ritz_response() const;
+  void factorise_norm();
+  void bound_least_eigenvalue();
+  ResidualNorm norm_of(const Block& T);
+  int largest_order() const;
+  void certify(int most_columns);
+  void judge();
+  bool holds_everywhere();
+  void grow();
+  void report();
+
+  const SecondOrderModel& fom_;
+  const CertifySpec& spec_;
+  Observer& observer_;
+  ShiftedSolver solver_;
+  Block rigid_modes_, loads_, ports_; ///< all ports, scaled; the second self-equilibrated
+  MediumSpace::RigidStiffness rigid_stiffness_; ///< of those from the geometry
+  int geometric_ = 0, expected_ = 0;
+  double threshold_ = 0;
+  std::unique_ptr<MediumSpace> space_;
+  Medium medium_;
+  std::unique_ptr<MediumModel> model_; ///< its last level, by all ports
+  std::vector<double> grid_;
+  double of_rounding_ = 0;      ///< norm in E⁻¹ of a random vector, rows scaled
+  double least_eigenvalue_ = 0; ///< of K + τM with a unit diagonal, at least
+  Block image_; ///< (K + τM)⁻¹T of the last certificate: the next Krylov block
+  bool inertia_is_safe_ = false;
+  int blocks_ = 0;
+};
+
+} // namespace flexgram

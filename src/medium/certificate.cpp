@@ -1,0 +1,452 @@
+#include "medium/certificate.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <limits>
+#include <numeric>
+
+namespace flexgram {
+namespace {
+
+using Complex = std::complex<double>;
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+/// sup over μ in [0, last] of |1/(a + c μ) − z|. The numerator (1 − z a) − z c μ and the
+/// denominator are linear in μ: the stationary points of the quotient of their squares
+/// are the roots of a quadratic.
+double largest_distance(Complex a, Complex c, double last, Complex z) {
+  const auto square = [](Complex slope, Complex constant) {
+    return std::array<double, 3>{
+        std::norm(constant), 2 * (slope * std::conj(constant)).real(), std::norm(slope)};
+  };
+  const auto N = square(-z * c, 1.0 - z * a), D = square(c, a);
+  const auto value = [&](double mu) {
+    const double denominator = D[0] + mu * (D[1] + mu * D[2]);
+    return denominator > 0 ? (N[0] + mu * (N[1] + mu * N[2])) / denominator : infinity;
+  };
+  double largest = std::max(value(0), value(last));
+  const double x = N[2] * D[1] - N[1] * D[2], y = N[2] * D[0] - N[0] * D[2],
+               e = N[1] * D[0] - N[0] * D[1], root = y * y - x * e; // xμ² + 2yμ + e = 0
+  const auto stationary = [&](double mu) {
+    if (mu > 0 && mu < last) largest = std::max(largest, value(mu));
+  };
+  if (x == 0 && y != 0) stationary(-e / (2 * y));
+  if (x != 0 && root >= 0) {
+    stationary((-y - std::sqrt(root)) / x);
+    stationary((-y + std::sqrt(root)) / x);
+  }
+  return std::sqrt(std::max(largest, 0.0)) * (1 + 1e-14);
+}
+
+ComplexDense columns_of(const ComplexDense& a, const std::vector<int>& columns) {
+  ComplexDense part(a.rows, static_cast<int>(columns.size()));
+  for (std::size_t j = 0; j < columns.size(); ++j)
+    std::copy_n(a.column(columns[j]), a.rows, part.column(static_cast<int>(j)));
+  return part;
+}
+
+/// √Σ σ_i(A)² σ_i(B)², singular values in descending order.
+double paired_norm(const ComplexDense& a, const ComplexDense& b) {
+  const auto squares = [](const ComplexDense& w) {
+    auto values = hermitian_eigenvalues(multiply_transposed(w, w, true));
+    std::reverse(values.begin(), values.end());
+    return values;
+  };
+  const auto alpha = squares(a), beta = squares(b);
+  double sum = 0;
+  for (std::size_t i = 0; i < std::min(alpha.size(), beta.size()); ++i)
+    sum += std::max(alpha[i], 0.0) * std::max(beta[i], 0.0);
+  return std::sqrt(sum);
+}
+
+} // namespace
+
+Certificate::Certificate(const MediumSpace& space, const DenseResponse& response,
+                         ResidualBasis basis, const ResidualNorm& norm, int modes,
+                         double cutoff, std::vector<double> scale)
+    : tau_(space.tau()), kappa_(space.kappa()), rounding_(space.rounding()),
+      complete_(basis.complete), scale_(std::move(scale)) {
+  // Coordinates in which the Gram matrix is the identity: Γ = FᵀF.
+  const SymmetricEigen eigen = symmetric_eigen(norm.gram);
+  Dense F = transpose(eigen.vectors);
+  const double least =
+      eigen.values.empty() ? 0.0 : 1e-15 * F.rows * std::max(eigen.values.back(), 0.0);
+  for (double value : eigen.values)
+    coordinates_.push_back(1 / std::sqrt(std::max(value, 0.0) + std::max(least, 1e-300)));
+  added_ = norm.added + least;
+  for (int j = 0; j < F.columns; ++j)
+    for (int i = 0; i < F.rows; ++i) F(i, j) /= coordinates_[static_cast<std::size_t>(i)];
+  const auto turned = [&](const Dense& a) {
+    return a.rows == 0 ? Dense(0, a.columns) : multiply(F, a);
+  };
+  ports_ = turned(basis.ports);
+  const Dense K = turned(basis.K);
+  K_ = transpose(K);
+  if (response.system().has_extra_damping()) D_ = transpose(turned(basis.D));
+  const auto in_norm = [&](std::vector<double> lost) {
+    for (double& x : lost) x *= norm.of_rounding;
+    return lost;
+  };
+  dropped_ports_ = in_norm(std::move(basis.dropped_ports));
+  dropped_K_ = in_norm(std::move(basis.dropped_K));
+  dropped_D_ = in_norm(std::move(basis.dropped_D));
+
+  const Dense& U = response.U();
+  mu_c_ = 1 / (cutoff * cutoff + tau_);
+  double raised = mu_c_;
+  for (int j = 0; j < modes; ++j) {
+    const auto at = static_cast<std::size_t>(j);
+    double square = 0;
+    for (int i = 0; i < K.rows; ++i) square += K(i, j) * K(i, j);
+    const double mu = response.mu()[at];
+    const double factor = mu + kappa_ * (1 - tau_ * mu); // of −PKu: the residual of Φ_j
+    mode_mu_.push_back(mu);
+    mode_residual_.push_back(factor * (std::sqrt(square) + dropped_K_[at]));
+    raised += mu > mu_c_ ? mode_residual_.back() * mode_residual_.back() / (mu - mu_c_)
+                         : infinity;
+  }
+  if (response.system().has_extra_damping()) {
+    const Dense outside = turned(basis.damped_outside);
+    Dense G(basis.damped_inside.rows + outside.rows, modes), F_all = G;
+    set_part(F_all, 0, 0, basis.damped_inside);
+    set_part(F_all, basis.damped_inside.rows, 0, outside);
+    for (int j = 0; j < modes; ++j) {
+      const auto at = static_cast<std::size_t>(j);
+      const double factor = mode_mu_[at] + kappa_ * (1 - tau_ * mode_mu_[at]);
+      for (int i = 0; i < K.rows; ++i)
+        G(basis.damped_inside.rows + i, j) = -factor * K(i, j);
+      double lost = dropped_D_[at];
+      for (int i = 0; i < response.modal_damping().rows; ++i)
+        lost += dropped_K_[static_cast<std::size_t>(i)] *
+                std::abs(response.modal_damping()(i, j));
+      dropped_G_ = std::hypot(dropped_G_, factor * dropped_K_[at]);
+      dropped_F_ = std::hypot(dropped_F_, lost);
+    }
+    // Only their products matter: a triangle of 2·modes rows holds these.
+    const Dense both = transpose(compressed(transpose(beside(G, F_all))));
+    mode_G_ = part_of(both, 0, both.rows, 0, modes);
+    mode_F_ = part_of(both, 0, both.rows, modes, modes);
+    mode_D_ = part_of(response.modal_damping(), 0, modes, 0, modes);
+  }
+  mu_c_ = raised;
+
+  if (space.rigid() > 0) {
+    rigid_ = transpose(part_of(U, 0, space.rigid(), 0, U.columns));
+    neglected_ = transpose(multiply(space.neglected(), U));
+    assumed_ = multiply(rigid_, space.assumed());
+    for (Dense* a : {&rigid_, &neglected_, &assumed_})
+      for (double& x : a->data) x = std::abs(x);
+  }
+  const auto& weights = space.rounding_weights();
+  for (int j = 0; j < U.columns; ++j) {
+    double square = 0;
+    for (int i = space.rigid(); i < U.rows; ++i)
+      square += std::pow(U(i, j) * weights[static_cast<std::size_t>(i)], 2);
+    rounding_weights_.push_back(std::sqrt(square));
+  }
+  rigid_weights_.assign(weights.begin(), weights.begin() + space.rigid());
+}
+
+bool Certificate::fits(int order, int ports, int modes, int rigid, bool damped) const {
+  const auto is = [](const Dense& a, int rows, int columns) {
+    return a.rows == rows && a.columns == columns;
+  };
+  const auto holds = [](const std::vector<double>& v, int count) {
+    return v.size() == static_cast<std::size_t>(count);
+  };
+  const int span = ports_.rows;
+  return holds(scale_, ports) && holds(rounding_weights_, order) &&
+         holds(rigid_weights_, rigid) && is(ports_, span, ports) && is(K_, order, span) &&
+         (!damped || is(D_, order, span)) && holds(coordinates_, span) &&
+         holds(dropped_ports_, ports) && holds(dropped_K_, order) &&
+         (!damped || holds(dropped_D_, order)) && holds(mode_mu_, modes) &&
+         holds(mode_residual_, modes) &&
+         (!damped || (is(mode_D_, modes, modes) && mode_G_.columns == modes &&
+                      is(mode_F_, mode_G_.rows, modes))) &&
+         (rigid == 0 || (is(rigid_, order, rigid) && is(neglected_, order, rigid) &&
+                         is(assumed_, order, rigid)));
+}
+
+double Certificate::worst_angle() const {
+  double worst = 0;
+  for (std::size_t j = 0; j < mode_mu_.size(); ++j)
+    worst = std::max(worst, mode_residual_[j] / std::max(mode_mu_[j] - mu_c_, 1e-300));
+  return worst;
+}
+
+/// For x > μ₊ the eigenvalues of T above x are, by Haynsworth's formula, at most as many
+/// as the positive ones of diag(μ_j − x) + GᵀG/(x − μ₊), and GᵀG <= N diag(‖G_j‖²).
+Certificate::Modes Certificate::modes() const {
+  Modes modes{mode_mu_, {}, mode_residual_, mu_c_};
+  const auto count = static_cast<double>(mode_mu_.size());
+  for (std::size_t j = 0; j < mode_mu_.size(); ++j)
+    modes.largest_mu.push_back(mode_mu_[j] + count * mode_residual_[j] *
+                                                 mode_residual_[j] /
+                                                 std::max(mode_mu_[j] - mu_c_, 1e-300));
+  std::sort(modes.largest_mu.begin(), modes.largest_mu.end(), std::greater<>());
+  return modes;
+}
+
+std::vector<double> Certificate::outside(const DenseResponse& response) const {
+  const double factor = 1 - kappa_ * tau_; // a_k = 1, a_m = τ
+  const Dense& x = response.modal_inputs();
+  const Dense held = multiply_transposed(K_, x);
+  std::vector<double> norms;
+  for (int j = 0; j < x.columns; ++j) {
+    const auto at = static_cast<std::size_t>(j);
+    double square = 0, lost = dropped_ports_[at];
+    for (int i = 0; i < ports_.rows; ++i)
+      square += std::pow(ports_(i, j) - factor * held(i, j), 2);
+    for (int l = 0; l < x.rows; ++l)
+      lost += factor * std::abs(x(l, j)) * dropped_K_[static_cast<std::size_t>(l)];
+    norms.push_back((std::sqrt(square) + lost) / scale_[at]);
+  }
+  return norms;
+}
+
+namespace {
+
+/// How far a_k and c = a_m − τ a_k move from the centre of an interval to its ends, and c
+/// there.
+struct Coefficients {
+  Coefficients(const DenseSystem& system, double tau, Interval interval) {
+    const double omega = interval.centre(), h = interval.half();
+    const Damping& d = system.damping;
+    const ShiftCoefficients at = system.coefficients(omega);
+    a = at.k;
+    c = at.m - tau * at.k;
+    moved_a = h * d.beta;
+    moved_c = h * (d.alpha + 2 * omega + h + tau * d.beta);
+  }
+  Complex a, c;
+  double moved_a, moved_c;
+};
+
+} // namespace
+
+/// δ: ‖J A_Φ⁻¹ Jᵀ‖ at most, over the interval.
+double Certificate::mode_coupling(const DenseResponse& response,
+                                  const ResponseSeries& x) const {
+  const Coefficients k(response.system(), tau_, x.interval);
+  if (response.is_diagonal()) {
+    const double c = std::abs(k.c) + k.moved_c;
+    double sum = 0;
+    for (std::size_t j = 0; j < mode_mu_.size(); ++j)
+      sum += std::pow(c * mode_residual_[j], 2) * x.largest[j];
+    return sum;
+  }
+  const int count = mode_D_.columns;
+  const double omega = x.interval.centre(), h = x.interval.half();
+  ComplexDense A(count, count), J(mode_G_.rows, count);
+  double moved = 0;
+  for (std::size_t i = 0; i < A.data.size(); ++i)
+    A.data[i] = Complex(0, omega) * mode_D_.data[i];
+  for (int j = 0; j < count; ++j) {
+    const double mu = mode_mu_[static_cast<std::size_t>(j)];
+    A(j, j) += k.a + k.c * mu;
+    moved = std::max(moved, k.moved_a + k.moved_c * mu);
+  }
+  moved += h * frobenius_norm(mode_D_);
+  for (std::size_t i = 0; i < J.data.size(); ++i)
+    J.data[i] = k.c * mode_G_.data[i] + Complex(0, omega) * mode_F_.data[i];
+  ComplexDense right(count, J.rows + count);
+  for (int i = 0; i < count; ++i) {
+    for (int j = 0; j < J.rows; ++j) right(i, j) = J(j, i);
+    right(i, J.rows + i) = 1;
+  }
+  ComplexDense Y;
+  try {
+    Y = solve(std::move(A), std::move(right));
+  } catch (const ShiftError&) {
+    return infinity;
+  }
+  ComplexDense solved(count, J.rows), inverse(count, count);
+  std::copy_n(Y.data.begin(), solved.data.size(), solved.data.begin());
+  std::copy_n(Y.data.begin() + static_cast<std::ptrdiff_t>(solved.data.size()),
+              inverse.data.size(), inverse.data.begin());
+  const double size = frobenius_norm(inverse), away = size * moved;
+  if (!(away < 1)) return infinity;
+  const double y = frobenius_norm(solved), farther = 1 / (1 - away),
+               moved_J = k.moved_c * frobenius_norm(mode_G_) +
+                         h * frobenius_norm(mode_F_) +
+                         (std::abs(k.c) + k.moved_c) * dropped_G_ +
+                         x.interval.last * dropped_F_;
+  return frobenius_norm(multiply(J, solved)) +
+         farther * (moved * y * y + 2 * moved_J * y + moved_J * moved_J * size);
+}
+
+Certificate::Inverse Certificate::inverse(const DenseResponse& response,
+                                          const ResponseSeries& x) const {
+  const Coefficients k(response.system(), tau_, x.interval);
+  Inverse result;
+  double q = 0, radius = 0;
+  if (response.is_diagonal()) {
+    q = largest_distance(k.a, k.c, mu_c_, 0.0);
+    result.centre = 0.5 * (1.0 / (k.a + k.c * mu_c_) + 1.0 / k.a);
+    radius = largest_distance(k.a, k.c, mu_c_, result.centre);
+    const double moved = q * (k.moved_a + mu_c_ * k.moved_c);
+    if (!(moved < 1)) return {0, infinity, infinity, true};
+    radius += q * moved / (1 - moved);
+    q /= 1 - moved;
+  } else {
+    const double left = 1 - (x.interval.last * x.interval.last + tau_) * mu_c_;
+    if (!(left > 0)) return {0, infinity, infinity, false};
+    q = 1 / left;
+    radius = q;
+  }
+  const double delta = mode_coupling(response, x);
+  result.proved = complete_ && q * delta < 1;
+  result.norm = result.proved ? q / (1 - q * delta) : q;
+  result.radius = radius + (result.proved ? q * delta * result.norm : 0.0);
+  return result;
+}
+
+/// W = E^−½ R in the coordinates of T, in the units of the ports.
+MatrixSeries Certificate::residual(const DenseResponse& response,
+                                   const ResponseSeries& x) const {
+  const Damping& d = response.system().damping;
+  const double omega = x.interval.centre(), h = x.interval.half();
+  const Complex i(0, 1);
+  const int p = x.x.columns;
+  // a_k − κ a_m as a polynomial in t.
+  const std::array<Complex, 3> f{
+      1.0 + i * (d.eta + omega * d.beta) - kappa_ * (i * omega * d.alpha - omega * omega),
+      h * (i * d.beta - kappa_ * (i * d.alpha - 2 * omega)), kappa_ * h * h};
+  const double largest = std::abs(f[0]) + std::abs(f[1]) + std::abs(f[2]);
+  MatrixSeries w = multiply_transposed(K_, times_quadratic(f, x.x));
+  for (double& value : w.coefficients.data) value = -value;
+  if (!D_.data.empty()) {
+    const MatrixSeries damped =
+        multiply_transposed(D_, times_quadratic({i * omega, i * h, 0.0}, x.x));
+    for (std::size_t l = 0; l < w.coefficients.data.size(); ++l)
+      w.coefficients.data[l] -= damped.coefficients.data[l];
+    for (std::size_t l = 0; l < w.tail.data.size(); ++l)
+      w.tail.data[l] += damped.tail.data[l];
+  }
+  for (std::size_t l = 0; l < ports_.data.size(); ++l)
+    w.coefficients.data[l] += ports_.data[l];
+  // What T does not hold: a row of its own.
+  MatrixSeries whole{p, Dense(w.rows() + 1, w.coefficients.columns),
+                     Dense(w.rows() + 1, p)};
+  set_part(whole.coefficients, 0, 0, w.coefficients);
+  set_part(whole.tail, 0, 0, w.tail);
+  for (int j = 0; j < p; ++j) {
+    double lost = std::pow(dropped_ports_[static_cast<std::size_t>(j)], 2);
+    for (int l = 0; l < x.envelope.rows; ++l) {
+      const auto at = static_cast<std::size_t>(l);
+      lost += std::pow(x.envelope(l, j) * largest * dropped_K_[at], 2);
+      if (!dropped_D_.empty())
+        lost += std::pow(x.envelope(l, j) * x.interval.last * dropped_D_[at], 2);
+    }
+    whole.tail(w.rows(), j) = std::sqrt(lost);
+  }
+  for (int c = 0; c < whole.coefficients.columns; ++c)
+    for (int l = 0; l < whole.rows(); ++l)
+      whole.coefficients(l, c) /= scale_[static_cast<std::size_t>(c % p)];
+  for (int j = 0; j < p; ++j)
+    for (int l = 0; l < whole.rows(); ++l)
+      whole.tail(l, j) /= scale_[static_cast<std::size_t>(j)];
+  return whole;
+}
+
+/// Rounding of H itself: entries of VᵀKV are wrong by rounding() g_i g_j. Roundings are
+/// random: their squares add up.
+void Certificate::add_rounding(Bound& bound, const ResponseSeries& x,
+                               const PortSet& block) const {
+  const auto rounded = [&](const std::vector<int>& columns, const Dense& sizes,
+                           const std::vector<double>& weights) {
+    double sum = 0;
+    for (int j : columns)
+      for (int i = 0; i < sizes.rows; ++i)
+        sum += std::pow(weights[static_cast<std::size_t>(i)] * sizes(i, j) /
+                            scale_[static_cast<std::size_t>(j)],
+                        2);
+    return std::sqrt(sum);
+  };
+  const double in = rounded(block.inputs, x.envelope, rounding_weights_),
+               out = rounded(block.outputs, x.envelope, rounding_weights_);
+  bound.floor = 4 * rounding_ * in * out;
+  if (rigid_.columns > 0) { // between rigid and elastic motion, and what K holds of both
+    const Dense motion = multiply_transposed(rigid_, x.envelope),
+                force = multiply_transposed(neglected_, x.envelope);
+    const std::vector<double> one(static_cast<std::size_t>(rigid_.columns), 1.0);
+    bound.floor +=
+        4 * rounding_ *
+            (rounded(block.inputs, motion, rigid_weights_) * out +
+             in * rounded(block.outputs, motion, rigid_weights_)) +
+        rounded(block.outputs, motion, one) * rounded(block.inputs, force, one) +
+        rounded(block.outputs, force, one) * rounded(block.inputs, motion, one);
+    bound.assumed = rounded(block.outputs, motion, one) *
+                    rounded(block.inputs, multiply_transposed(assumed_, x.envelope), one);
+  }
+}
+
+std::vector<Certificate::Bound>
+Certificate::over(const DenseResponse& response, const ResponseSeries& x,
+                  const std::vector<PortSet>& blocks) const {
+  const Inverse S = inverse(response, x);
+  const MatrixSeries w = residual(response, x);
+  const ComplexDense at_centre = w.centre();
+  // What the columns of W differ from their values at the centre, at most.
+  std::vector<double> moved;
+  for (int j = 0; j < w.columns; ++j) {
+    double sum = 0, tail = 0;
+    for (int k = 1; k <= w.degree(); ++k) {
+      const std::size_t first =
+          static_cast<std::size_t>(j) * static_cast<std::size_t>(w.rows());
+      double square = 0;
+      for (std::size_t i = first; i < first + static_cast<std::size_t>(w.rows()); ++i)
+        square += w.real(k)[i] * w.real(k)[i] + w.imaginary(k)[i] * w.imaginary(k)[i];
+      sum += std::sqrt(square);
+    }
+    for (int i = 0; i + 1 < w.rows(); ++i) tail += w.tail(i, j) * w.tail(i, j);
+    // What T does not hold is not orthogonal to it in E⁻¹.
+    moved.push_back(sum + std::sqrt(tail) + w.tail(w.rows() - 1, j));
+  }
+  const auto moved_of = [&](const std::vector<int>& columns) {
+    double square = 0;
+    for (int j : columns) square += std::pow(moved[static_cast<std::size_t>(j)], 2);
+    return std::sqrt(square);
+  };
+
+  std::vector<Bound> bounds;
+  for (const PortSet& block : blocks) {
+    const bool same = block.inputs == block.outputs;
+    const ComplexDense w_in = columns_of(at_centre, block.inputs);
+    const ComplexDense w_out =
+        same ? ComplexDense() : columns_of(at_centre, block.outputs);
+    const ComplexDense& w_c = same ? w_in : w_out;
+    const double in = moved_of(block.inputs), out = moved_of(block.outputs),
+                 added = frobenius_norm(w_c) * in + frobenius_norm(w_in) * out + in * out;
+    const double paired =
+        added + (same ? frobenius_norm(multiply_transposed(w_in, w_in, true))
+                      : paired_norm(w_c, w_in));
+    // The Gram matrix is that of the norm or more: no bound of W_CᵀW_B by itself.
+    const auto coefficients = [&](const ComplexDense& w_of, double moved_by) {
+      double square = 0, widest = 0;
+      for (std::size_t i = 0; i < coordinates_.size(); ++i) {
+        widest = std::max(widest, coordinates_[i]);
+        for (int j = 0; j < w_of.columns; ++j)
+          square += std::norm(coordinates_[i] * w_of(static_cast<int>(i), j));
+      }
+      return std::sqrt(square) + widest * moved_by;
+    };
+    const double known = added + frobenius_norm(multiply_transposed(w_c, w_in)) +
+                         added_ * coefficients(w_c, out) * coefficients(w_in, in);
+    Bound bound;
+    bound.error =
+        std::min(S.norm * paired, std::abs(S.centre) * known + S.radius * paired);
+    bound.proved = S.proved;
+    add_rounding(bound, x, block);
+    const Damping& damping = response.system().damping; // K's rounding comes times a_k
+    const double factor = std::hypot(1, damping.eta + x.interval.last * damping.beta);
+    bound.floor *= factor;
+    bound.assumed *= factor;
+    bounds.push_back(bound);
+  }
+  return bounds;
+}
+
+} // namespace flexgram

@@ -1,0 +1,159 @@
+#pragma once
+
+#include "medium/response_series.hpp"
+#include "medium/space.hpp"
+
+#include <span>
+
+namespace flexgram {
+
+/// A basis T of what residuals are made of, and the parts of the residual in its
+/// coordinates: R(ω) = T (ports − (a_k − κ a_m) K U x − iω D U x) + what was dropped.
+struct ResidualBasis {
+  Block T;
+  Dense ports, K, D; ///< k×p, k×N, k×N, the last two in the modal coordinates U
+  Dense damped_inside; ///< (N − modes)×modes: UᵀDU without the rows of Φ; empty without D
+  Dense damped_outside; ///< k×modes: the part of DΦ that is residual to V
+  std::vector<double> dropped_ports, dropped_K,
+      dropped_D;        ///< of each column, rows scaled
+  bool complete = true; ///< false: cut at the largest directions, so nothing is proved
+};
+
+/// @param samples      [rad/s] where residuals are looked at, if not all directions are
+/// kept.
+/// @param modes        number of modes below ω_c, rigid ones included: the first columns
+/// of U.
+/// @param most         at most so many columns.
+/// @note Replaces the space's own residual parts by an orthonormal basis of their span.
+ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
+                             const std::vector<double>& samples, int modes, double cutoff,
+                             int most);
+
+/// The norm (K + τM)⁻¹ on the columns of T, by a solve that need not be exact.
+struct ResidualNorm {
+  Dense gram;             ///< TᵀE⁻¹T at least
+  double added = 0;       ///< at most so much more than that, on its diagonal
+  double of_rounding = 0; ///< ‖E^−½ r‖/‖r‖ of a vector r of roundings, rows scaled
+};
+
+/// The error of the Galerkin model on a space V, bounded over intervals of ω. The proof,
+/// with its assumptions: docs/proof.md; the names here are those of its section 3.
+///
+/// With ports P = [B, C] and their residuals R = P − A V x, VᵀR = 0, the error is exactly
+///   H − H_r = R_CᵀA⁻¹R_B = W_Cᵀ S⁻¹ W_B,   W = E^−½ R,   E = K + τM,
+/// S = a_k + c T° + iωD° − J A_Φ⁻¹ Jᵀ the Schur complement of the Ritz vectors Φ below
+/// ω_c (c = a_m − τ a_k, J their residuals, M's and D's). The inertia of K − ω_c²M says
+/// that
+///   0 <= T° <= μ_c + Σ_j ‖G_j‖²/(μ_j − μ_c) = μ₊,   μ = 1/(λ + τ),
+/// however inexact Φ is; so ‖S⁻¹‖ <= q/(1 − qδ), q = max |1/(a_k + c μ)| over 0 <= μ <=
+/// μ₊, δ = ‖J A_Φ⁻¹ Jᵀ‖, and with any disc |z − z₀| <= ρ that holds these 1/(a_k + c μ)
+///   ‖H − H_r‖_F <= |z₀| ‖W_CᵀW_B‖_F + (ρ + q²δ/(1 − qδ)) s,  s² = Σ σ_i(W_C)² σ_i(W_B)².
+class Certificate {
+public:
+  struct Bound {
+    double error = 0; ///< of ‖H − H_r‖_F, in the unit of H
+    double floor = 0; ///< rounding of the model itself, in the unit of H; not in `error`
+    /// How far H would be if what K holds of rigid modes, taken for rounding of doubles,
+    /// were meant; in neither.
+    double assumed = 0;
+    bool proved = true;
+  };
+
+  Certificate() = default;
+  /// @param modes  number of modes below the cutoff, the rigid ones included.
+  /// @param scale  of each port.
+  Certificate(const MediumSpace& space, const DenseResponse& response,
+              ResidualBasis basis, const ResidualNorm& norm, int modes, double cutoff,
+              std::vector<double> scale);
+
+  /// Columns of ports that are the inputs and the outputs of a block of H.
+  struct PortSet {
+    std::vector<int> inputs, outputs;
+  };
+  /// @param x  the response to all ports over an interval, or at a frequency.
+  /// @return a bound for each block that holds everywhere in the interval.
+  std::vector<Bound> over(const DenseResponse& response, const ResponseSeries& x,
+                          const std::vector<PortSet>& blocks) const;
+  /// Largest sine of the angle between a mode below the cutoff and the space.
+  double worst_angle() const;
+
+  /// What is known of the body's modes below the cutoff, in descending order of
+  /// μ = 1/(λ + τ): the k-th of the body lies between `mu[k]`, which is the model's, and
+  /// `largest_mu[k]`; none of the others is above `rest`.
+  struct Modes {
+    std::vector<double> mu, largest_mu;
+    std::vector<double> residual; ///< ‖E^−½(Mu − μEu)‖, uᵀEu = 1
+    double rest = 0;
+  };
+  Modes modes() const;
+  /// ‖E^−½(p − EVx)‖ of each port p, in its unit: what V does not hold of its response to
+  /// E. @note x: that of the model.
+  std::vector<double> outside(const DenseResponse& response) const;
+  /// Rounding of μ_j, relative: of K, and of the dense eigenvalue problem.
+  double rounding_of_mode(std::size_t j) const {
+    return 4 * rounding_ * rounding_weights_[j] * rounding_weights_[j] + 1e-14;
+  }
+
+  /// Every field by its name, for a file.
+  template <class Archive, class Self>
+  static void archive(Archive&& a, Self& self) {
+    a("tau", self.tau_);
+    a("kappa", self.kappa_);
+    a("mu_c", self.mu_c_);
+    a("rounding", self.rounding_);
+    a("complete", self.complete_);
+    a("scale", self.scale_);
+    a("rounding_weights", self.rounding_weights_);
+    a("rigid_weights", self.rigid_weights_);
+    a("ports", self.ports_);
+    a("K", self.K_);
+    a("D", self.D_);
+    a("dropped_ports", self.dropped_ports_);
+    a("dropped_K", self.dropped_K_);
+    a("dropped_D", self.dropped_D_);
+    a("mode_mu", self.mode_mu_);
+    a("mode_residual", self.mode_residual_);
+    a("mode_G", self.mode_G_);
+    a("mode_F", self.mode_F_);
+    a("mode_D", self.mode_D_);
+    a("coordinates", self.coordinates_);
+    a("added", self.added_);
+    a("dropped_G", self.dropped_G_);
+    a("dropped_F", self.dropped_F_);
+    a("rigid", self.rigid_);
+    a("neglected", self.neglected_);
+    a("assumed", self.assumed_);
+  }
+  /// Whether the fields are of the sizes that a model of this order has.
+  bool fits(int order, int ports, int modes, int rigid, bool damped) const;
+
+private:
+  /// Bounds of the inverse of S over an interval.
+  struct Inverse {
+    std::complex<double> centre; ///< z₀
+    double radius = 0;           ///< ρ + q²δ/(1 − qδ)
+    double norm = 0;             ///< q/(1 − qδ)
+    bool proved = true;
+  };
+  Inverse inverse(const DenseResponse& response, const ResponseSeries& x) const;
+  double mode_coupling(const DenseResponse& response, const ResponseSeries& x) const;
+  MatrixSeries residual(const DenseResponse& response, const ResponseSeries& x) const;
+  void add_rounding(Bound& bound, const ResponseSeries& x, const PortSet& block) const;
+
+  double tau_ = 0, kappa_ = 0, mu_c_ = 0, rounding_ = 0;
+  bool complete_ = true;
+  std::vector<double> scale_, rounding_weights_, rigid_weights_;
+  /// In coordinates where the Gram matrix is the identity; the last two transposed.
+  Dense ports_, K_, D_;
+  std::vector<double> dropped_ports_, dropped_K_, dropped_D_; ///< ‖·‖ of E⁻¹ at most
+  std::vector<double> mode_mu_, mode_residual_; ///< μ_j and ‖G_j‖ of Φ
+  Dense mode_G_, mode_F_, mode_D_;  ///< J = c G + iω F, and ΦᵀDΦ; empty without D
+  std::vector<double> coordinates_; ///< 1/√γ of the Gram matrix' eigenvalues
+  double added_ = 0;                ///< what these hold beyond the norm itself, at most
+  double dropped_G_ = 0, dropped_F_ = 0; ///< norms of what these two do not hold
+  /// Transposed: rigid rows of U; stiffness that was set to zero; that among rigid modes
+  /// taken for rounding.
+  Dense rigid_, neglected_, assumed_;
+};
+
+} // namespace flexgram

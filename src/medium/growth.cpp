@@ -1,0 +1,293 @@
+#include "medium/builder.hpp"
+
+#include "base/process.hpp"
+#include "base/text.hpp"
+#include "linalg/sparse_product.hpp"
+#include "medium/error_over_band.hpp"
+#include "medium/mode_search.hpp"
+#include "model/rigid_body_modes.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+
+namespace flexgram {
+namespace {
+constexpr double hz = 0.5 / std::numbers::pi;
+} // namespace
+
+std::vector<Resonance> Medium::resonances(const MediumLevel& level) const {
+  const DenseResponse& response = *level.response;
+  std::vector<Resonance> result;
+  for (int j = rigid; j < rigid + modes; ++j) {
+    const double l = std::max(response.lambda()[static_cast<std::size_t>(j)], 0.0),
+                 omega = std::sqrt(l);
+    double d = body.damping.alpha + body.damping.beta * l + body.damping.eta * omega;
+    if (!response.is_diagonal())
+      d += response.modal_damping()(j, j) / response.mu()[static_cast<std::size_t>(j)];
+    result.push_back({omega, 0.5 * d});
+  }
+  return result;
+}
+
+std::shared_ptr<const DenseResponse> MediumBuilder::ritz_response() const {
+  DenseSystem system;
+  system.M = space_->M();
+  system.K = space_->K();
+  system.D = space_->D();
+  system.damping = fom_.damping;
+  system.B = inner(space_->V(), loads_);
+  system.C = system.B;
+  return std::make_shared<DenseResponse>(std::move(system), medium_.tau);
+}
+
+void refuse_statics_of_a_free_body(double first) {
+  if (first == 0)
+    throw Error("the band starts at 0 Hz, where a free body has no finite response: "
+                "{band_hz} must start above");
+}
+
+void MediumBuilder::factorise_norm() {
+  const ShiftCoefficients shift{1.0, medium_.tau, 0.0};
+  ++medium_.factorisations;
+  solver_.factorise(shift, Definiteness::positive); // in the place of the last factors
+  if (solver_.null_pivots() > 0 || solver_.negative_pivots() > 0)
+    throw Error(
+        text("K + τM is not positive definite (%d null, %d negative eigenvalues): the "
+             "body has a mechanism without mass and stiffness, or K is indefinite",
+             solver_.null_pivots(), solver_.negative_pivots()));
+}
+
+/// The largest bound on the grid.
+void MediumBuilder::judge() {
+  MediumLevel& level = medium_.levels.back();
+  double worst = 0;
+  bool proved = true;
+  const std::size_t views = model_->views.size();
+  std::vector<double> largest(views, 0.0); // of ‖H‖, where that is meant
+  std::vector<MediumModel::Value> values;
+  for (double omega : grid_) values.push_back(model_->at(omega));
+  const auto size = [&](const MediumModel::Value& value, std::size_t v) {
+    return frobenius_norm(model_->views[v].of(value.H)) - value.bounds[v].error;
+  };
+  if (spec_.relative_to == RelativeTo::band)
+    for (const auto& value : values)
+      for (std::size_t v = 0; v < views; ++v)
+        largest[v] = std::max(largest[v], size(value, v));
+  for (const auto& value : values)
+    for (std::size_t v = 0; v < views; ++v) {
+      const double known = largest[v] > 0 ? largest[v] : size(value, v);
+      proved = proved && value.bounds[v].proved;
+      worst = std::max(worst, known > 0 ? value.bounds[v].error / known : HUGE_VAL);
+    }
+  // Dense work may differ in the last bit from rank to rank; decisions must not.
+  std::vector<double> shared{worst, proved ? 1.0 : 0.0};
+  share_from_first(fom_.comm, shared);
+  level.worst = shared[0];
+  level.proved = shared[1] > 0;
+}
+
+/// Whether the bound meets the target between the frequencies of the grid too; if not,
+/// the grid gains a frequency where it does not.
+bool MediumBuilder::holds_everywhere() {
+  const bool to_band = spec_.relative_to == RelativeTo::band; // the largest |H| is needed
+  ErrorOverBand errors(*model_, spec_.bands, to_band ? grid_ : std::vector<double>(),
+                       spec_.relative_to);
+  const auto spot = errors.weak_spot(spec_.target);
+  std::vector<double> shared{spot.value_or(-1.0)};
+  share_from_first(fom_.comm, shared);
+  if (shared[0] < 0) return true;
+  grid_.push_back(shared[0]);
+  judge();
+  return false;
+}
+
+/// TᵀE⁻¹T at least, E = K + τM, from one block solve X ≈ E⁻¹T, which is kept: with
+/// F = T − E X it is TᵀX + XᵀF + FᵀE⁻¹F, and the last term is at most ‖F‖²/λ_min(E).
+ResidualNorm MediumBuilder::norm_of(const Block& T) {
+  ResidualNorm norm;
+  norm.of_rounding = of_rounding_;
+  image_ = Block();
+  if (T.columns() == 0) return norm;
+  image_ = solver_.solve(T, ShiftedSolver::Verify::first_column).x;
+  medium_.solved_columns += static_cast<int>(T.columns());
+  Block rest = copy(T); // F
+  add_product(rest, -1.0, multiply(fom_.K, image_),
+              identity(static_cast<int>(T.columns())));
+  add_product(rest, -medium_.tau, multiply(fom_.M, image_),
+              identity(static_cast<int>(T.columns())));
+  norm.gram = inner(T, image_);
+  const Dense correction = inner(image_, rest);
+  for (std::size_t i = 0; i < norm.gram.data.size(); ++i)
+    norm.gram.data[i] += correction.data[i];
+  symmetrise(norm.gram);
+  space_->scale(rest);
+  const Dense left = inner(rest, rest);
+  double trace = 0;
+  for (int i = 0; i < left.rows; ++i) trace += left(i, i);
+  norm.added = trace / least_eigenvalue_;
+  for (int i = 0; i < left.rows; ++i) norm.gram(i, i) += norm.added;
+  share_from_first(fom_.comm, norm.gram.data);
+  return norm;
+}
+
+/// A lower bound of the least eigenvalue λ of E, rows and columns scaled to a unit
+/// diagonal: gᵀE⁻¹g >= (gᵀv)²/λ for its eigenvector v, and for entries of g spread evenly
+/// over (−1, 1) |gᵀv| < t has a probability of √2 t at most (Ball 1986). Eight vectors,
+/// t = 1/10: wrong once in six millions.
+void MediumBuilder::bound_least_eigenvalue() {
+  constexpr double t = 0.1;
+  Block g = random_block(fom_.B, 8, 77);
+  space_->unscale(g);
+  const Dense energy = inner(g, solver_.solve(g).x);
+  double largest = 0;
+  for (int i = 0; i < energy.rows; ++i) largest = std::max(largest, energy(i, i));
+  // gᵀE⁻¹g is a third of the trace of E⁻¹ on average: what a random vector of norm 1 has
+  // in E⁻¹ is the n-th part of the trace. Ten times that for safety.
+  std::vector<double> shared{t * t / largest,
+                             std::sqrt(30 * largest / static_cast<double>(fom_.n))};
+  share_from_first(fom_.comm, shared);
+  least_eigenvalue_ = shared[0];
+  of_rounding_ = shared[1];
+}
+
+/// The bound of the space as it is, with one block solve: a level, in the place of an
+/// incomplete one of the same order.
+void MediumBuilder::certify(int most_columns) {
+  MediumLevel level;
+  level.response = ritz_response();
+  std::vector<double> samples;
+  const std::size_t step = std::max<std::size_t>(1, grid_.size() / 24);
+  for (std::size_t l = 0; l < grid_.size(); l += step) samples.push_back(grid_[l]);
+
+  const int modes = space_->rigid() + expected_;
+  ResidualBasis basis = residual_basis(*space_, *level.response, samples, modes,
+                                       medium_.cutoff, most_columns);
+  level.complete = basis.complete;
+  basis.complete = basis.complete && inertia_is_safe_;
+  const ResidualNorm norm = norm_of(basis.T);
+  level.certificate =
+      std::make_shared<Certificate>(*space_, *level.response, std::move(basis), norm,
+                                    modes, medium_.cutoff, medium_.scale);
+  auto& levels = medium_.levels;
+  if (!levels.empty() && levels.back().order() == level.order()) levels.pop_back();
+  levels.push_back(std::move(level));
+  model_ = std::make_unique<MediumModel>(medium_, levels.size() - 1,
+                                         find_ports(medium_.body, {}, {}), spec_.by_kind);
+  judge();
+}
+
+void MediumBuilder::grow() {
+  Stage stage(observer_, "krylov");
+  const int limit = largest_order();
+  const double target = spec_.target;
+  space_->track_residual(loads_);
+  const int usual = 3 * static_cast<int>(loads_.columns());
+  double previous = HUGE_VAL;
+  const auto level = [&]() -> const MediumLevel& { return medium_.levels.back(); };
+  for (int stalled = 0;;) {
+    certify(usual);
+    if (!level().complete && level().worst <= target) certify(space_->columns() * 3);
+    observer_.detail(text("  krylov: order %d, certified %.2e, modes within %.0e",
+                          space_->columns(), level().worst,
+                          level().certificate->worst_angle()));
+    // Modes that are not exact enough for the proof gain from a block; strong dampers do
+    // not.
+    if (level().serves(target) && holds_everywhere()) return;
+    stalled = level().worst > 0.5 * previous ? stalled + 1 : 0;
+    previous = std::min(previous, level().worst);
+    if (stalled >= 3) {
+      medium_.shortfall = "more vectors do not lower the bound";
+      break;
+    }
+    if (!image_ || space_->columns() + static_cast<int>(image_.columns()) > limit) {
+      medium_.shortfall =
+          text("the largest order of the medium model, %d, is reached", limit);
+      break;
+    }
+    const int before = space_->columns();
+    space_->append(std::move(image_), 1e-7);
+    if (space_->columns() == before) {
+      medium_.shortfall = "the solves add nothing new to the space";
+      break;
+    }
+    ++blocks_;
+  }
+  if (!level().complete) certify(space_->columns() * 3);
+}
+
+void MediumBuilder::report() {
+  const MediumLevel& level = medium_.levels.back();
+  const double target = spec_.target;
+  observer_.fact(
+      "medium model",
+      text(
+          "order %d, %d factorisations (real), %d solved columns, %d Krylov blocks at -τ "
+          "after the ports' at ω_c²",
+          space_->columns(), medium_.factorisations, medium_.solved_columns, blocks_));
+  // Without rounding, which the claim of the small model includes.
+  observer_.fact(
+      "medium error",
+      medium_.shortfall.empty()
+          ? text("at most %.0e of H everywhere in the band%s (%.1e at the frequencies "
+                 "it grew by)",
+                 target, level.proved ? "" : ", estimated", level.worst)
+          : text("%.1e of H at the frequencies it grew by, target %.0e not reached: %s",
+                 level.worst, target, medium_.shortfall.c_str()));
+  observer_.skip("complex factorisations", "real shifts span the band");
+  if (medium_.shortfall.empty())
+    observer_.skip("further Krylov blocks", "the bound does not ask for them");
+  else
+    observer_.warn(text("the medium model is good to %.1e only, not to %.0e: %s",
+                        level.worst, target, medium_.shortfall.c_str()));
+  if (!level.proved)
+    observer_.warn(
+        fom_.D ? "the damping is so strong and local (q δ >= 1) that the error is "
+                 "estimated, not proved; a higher {cutoff} helps"
+               : "the modes below the cutoff are not known well enough for a proof: the "
+                 "error is estimated; a higher {medium_order} helps");
+}
+
+Medium MediumBuilder::build(bool mass_is_singular) {
+  const double first = spec_.bands.front().first, last = spec_.bands.back().last;
+  double reference = std::max(last, spec_.last_needed);
+  if (reference == 0) reference = std::sqrt(1e-9 * eigenvalue_scale(fom_)); // statics
+  medium_.reference = reference;
+  medium_.tau = 0.25 * reference * reference;
+  {
+    Stage stage(observer_, "cutoff");
+    find_rigid_modes();
+    if (geometric_ > 0) refuse_statics_of_a_free_body(first);
+    Block response = start(spec_.cutoff * reference, mass_is_singular);
+    scale_ports(response);
+    space_ = std::make_unique<MediumSpace>(fom_, medium_.kappa, medium_.tau);
+    space_->start_with_rigid_modes(std::move(rigid_modes_), rigid_stiffness_);
+    space_->append(std::move(response), 1e-7);
+  }
+  search_modes();
+  if (medium_.rigid > 0) refuse_statics_of_a_free_body(first);
+  {
+    Stage stage(observer_, "norm");
+    factorise_norm();
+    bound_least_eigenvalue();
+  }
+  const auto peaks = medium_.resonances({ritz_response(), nullptr});
+  for (const Interval& band : spec_.bands) {
+    const auto part = band_grid(band.first, band.last,
+                                120 / static_cast<int>(spec_.bands.size()), peaks);
+    grid_.insert(grid_.end(), part.begin(), part.end());
+  }
+  grow();
+  report();
+  medium_.loss_of_orthogonality = loss_of_orthogonality(space_->V(), space_->WV());
+  medium_.V = space_->V().share();
+  return std::move(medium_);
+}
+
+Medium certify(const SecondOrderModel& body, bool mass_is_singular,
+               const CertifySpec& spec, const SolverOptions& solver, Observer& observer) {
+  return MediumBuilder(body, spec, solver, observer).build(mass_is_singular);
+}
+
+} // namespace flexgram

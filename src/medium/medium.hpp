@@ -1,0 +1,80 @@
+#pragma once
+
+#include "base/observer.hpp"
+#include "medium/certificate.hpp"
+#include "model/band_grid.hpp"
+#include "model/frame_integrals.hpp"
+
+#include <memory>
+
+namespace flexgram {
+
+/// What is to be certified.
+struct CertifySpec {
+  std::vector<Interval> bands; ///< [rad/s] where the target is to be met
+  double last_needed = 0;      ///< [rad/s] the certificate must hold up to here at least
+  double target = 1e-8;        ///< relative error of the medium model
+  double cutoff = 1.2;         ///< ω_c over the end of the last band
+  int modes = 0;               ///< so many modes at least are found, and exactly; 0: any
+  int limit = 0;               ///< largest order; 0: what memory and the body allow
+  RelativeTo relative_to = RelativeTo::pointwise;
+  bool by_kind = false; ///< displacements from forces and rotations from moments too
+};
+
+/// The medium space after some blocks of growth, its first columns, and the proof of the
+/// Galerkin model on it.
+struct MediumLevel {
+  std::shared_ptr<const DenseResponse> response; ///< to all ports, scaled
+  std::shared_ptr<const Certificate> certificate;
+  bool complete = true; ///< the certificate knows all that residuals are made of
+  double worst = 0;     ///< largest relative bound at the frequencies it was judged at
+  bool proved = true;
+
+  int order() const { return response->system().order(); }
+  /// On the frequencies it was judged at. Strong dampers leave the word "estimated"
+  /// however large the space is, modes that are not exact enough do not.
+  bool serves(double target) const {
+    return complete && worst <= target && (proved || worst <= 1e-3 * target);
+  }
+};
+
+/// A certified medium model, without the body's matrices: what any number of small
+/// models are cut from. A looser tolerance takes an earlier level, so that the result
+/// does not depend on what else was asked for.
+struct Medium {
+  SecondOrderModel body; ///< names, damping and dof map; no matrices
+  CertifySpec spec;
+  Basis V;       ///< n × N, W-orthonormal: rigid modes, modes, Krylov vectors; or empty
+  int rigid = 0; ///< that many columns come first
+  int modes = 0; ///< elastic modes below the cutoff, all of them
+  double cutoff = 0;         ///< ω_c [rad/s]
+  double reference = 0;      ///< [rad/s] the certificate holds up to here
+  double tau = 0;            ///< [rad²/s²]
+  double kappa = 0;          ///< W = M + κK
+  std::vector<double> scale; ///< of each port, inputs first
+  std::vector<MediumLevel> levels;
+  std::string shortfall; ///< why the target is not reached; empty: it is
+  double loss_of_orthogonality = 0;
+  int factorisations = 0, solved_columns = 0;
+  std::optional<FrameIntegrals> integrals; ///< of V
+
+  /// Undamped frequencies and half widths of the modes below the cutoff.
+  std::vector<Resonance> resonances(const MediumLevel& level) const;
+};
+
+/// Builds the medium model:
+///  1. K − ω_c²M = LDLᵀ: its inertia counts the modes below ω_c, its solves find them
+///  (find_modes),
+///     starting from the response to all ports, which is kept: a Krylov block.
+///  2. K + τM = LLᵀ: the certificate solves with the basis of the residuals; if the bound
+///  is not yet
+///     below the target, these solutions are the next Krylov block.
+/// Two real factorisations, never both alive. No complex one.
+/// @note Collective on body.comm.
+/// @throws Error if the band of a body with rigid modes starts at 0 Hz.
+void refuse_statics_of_a_free_body(double first);
+
+Medium certify(const SecondOrderModel& body, bool mass_is_singular,
+               const CertifySpec& spec, const SolverOptions& solver, Observer& observer);
+
+} // namespace flexgram

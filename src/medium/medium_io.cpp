@@ -1,0 +1,350 @@
+/// The file of a certified medium model: what Medium, its levels and their certificates
+/// hold, each field by its name, once for writing and reading (`archive`).
+
+#include "medium/medium_io.hpp"
+
+#include "base/text.hpp"
+#include "io/body_io.hpp"
+#include "io/hdf5_file.hpp"
+
+#include <cmath>
+#include <type_traits>
+
+namespace flexgram {
+namespace {
+
+constexpr double version = 1; // of the file's layout
+
+/// Numbers go to attributes of the group, arrays to datasets in it.
+class Writer {
+public:
+  Writer(Hdf5File& file, std::string group) : file_(file), group_(std::move(group)) {
+    if (group_ != "/") file_.create_group(group_);
+  }
+  void operator()(const char* name, double value) {
+    file_.set_attribute(group_, name, value);
+  }
+  void operator()(const char* name, int value) {
+    (*this)(name, static_cast<double>(value));
+  }
+  void operator()(const char* name, bool value) { (*this)(name, value ? 1.0 : 0.0); }
+  void operator()(const char* name, const std::string& value) {
+    if (!value.empty()) file_.set_attribute(group_, name, value);
+  }
+  void operator()(const char* name, const std::vector<std::string>& value) {
+    if (!value.empty()) file_.set_attribute(group_, name, value);
+  }
+  void operator()(const char* name, const std::vector<double>& value) {
+    if (!value.empty())
+      file_.write(path(name), {static_cast<std::int64_t>(value.size())}, value);
+  }
+  void operator()(const char* name, const Dense& value) {
+    const std::string shape = std::string(name) + "_shape";
+    file_.set_attribute(group_, shape,
+                        std::vector<double>{static_cast<double>(value.rows),
+                                            static_cast<double>(value.columns)});
+    if (!value.data.empty()) // stored by columns: the shape is reversed
+      file_.write(path(name), {value.columns, value.rows}, value.data);
+  }
+
+private:
+  std::string path(const char* name) const {
+    return (group_ == "/" ? "/" : group_ + "/") + name;
+  }
+  Hdf5File& file_;
+  std::string group_;
+};
+
+class Reader {
+public:
+  Reader(const Hdf5File& file, std::string group)
+      : file_(file), group_(std::move(group)) {}
+  void operator()(const char* name, double& value) {
+    value = file_.number_attribute(group_, name);
+  }
+  void operator()(const char* name, int& value) {
+    const double number = file_.number_attribute(group_, name);
+    if (!(std::abs(number) < 2e9) || number != std::floor(number))
+      fail(name, "is no whole number");
+    value = static_cast<int>(number);
+  }
+  void operator()(const char* name, bool& value) {
+    value = file_.number_attribute(group_, name) != 0;
+  }
+  void operator()(const char* name, std::string& value) {
+    value = file_.has_attribute(group_, name) ? file_.text_attribute(group_, name) : "";
+  }
+  void operator()(const char* name, std::vector<std::string>& value) {
+    value.clear();
+    if (file_.has_attribute(group_, name)) value = file_.texts_attribute(group_, name);
+  }
+  void operator()(const char* name, std::vector<double>& value) {
+    value.clear();
+    if (!file_.exists(path(name))) return;
+    value = file_.read_all<double>(path(name));
+    for (double x : value)
+      if (!std::isfinite(x)) fail(name, "holds NaN or Inf");
+  }
+  void operator()(const char* name, Dense& value) {
+    const auto shape = file_.numbers_attribute(group_, std::string(name) + "_shape");
+    std::vector<double> data;
+    (*this)(name, data);
+    if (shape.size() != 2 || !(shape[0] >= 0) || !(shape[1] >= 0) ||
+        shape[0] * shape[1] != static_cast<double>(data.size()) || shape[0] > 1e9 ||
+        shape[1] > 1e9)
+      fail(name, "has not the shape that it says");
+    value.rows = static_cast<int>(shape[0]);
+    value.columns = static_cast<int>(shape[1]);
+    value.data = std::move(data);
+  }
+
+private:
+  [[noreturn]] void fail(const char* name, const char* what) const {
+    throw Error(text("file %s: %s %s: it is damaged, certify again", file_.path().c_str(),
+                     path(name).c_str(), what));
+  }
+  std::string path(const char* name) const {
+    return (group_ == "/" ? "/" : group_ + "/") + name;
+  }
+  const Hdf5File& file_;
+  std::string group_;
+};
+
+template <class Archive, class Spec>
+void archive_spec(Archive&& a, Spec& spec) {
+  std::vector<double> ends;
+  for (const Interval& band : spec.bands)
+    ends.insert(ends.end(), {band.first, band.last});
+  bool to_band = spec.relative_to == RelativeTo::band;
+  a("bands", ends);
+  a("last_needed", spec.last_needed);
+  a("target", spec.target);
+  a("cutoff_factor", spec.cutoff);
+  a("modes_wanted", spec.modes);
+  a("order_limit", spec.limit);
+  a("relative_to_band", to_band);
+  a("by_kind", spec.by_kind);
+  if constexpr (!std::is_const_v<Spec>) {
+    spec.relative_to = to_band ? RelativeTo::band : RelativeTo::pointwise;
+    for (std::size_t i = 0; i + 1 < ends.size(); i += 2)
+      spec.bands.push_back({ends[i], ends[i + 1]});
+  }
+}
+
+template <class Archive, class M>
+void archive_medium(Archive&& a, M& m) {
+  auto& body = m.body;
+  a("body", body.name);
+  a("alpha", body.damping.alpha);
+  a("beta", body.damping.beta);
+  a("eta", body.damping.eta);
+  a("outputs_are_inputs", body.outputs_are_inputs);
+  a("inputs", body.inputs);
+  a("outputs", body.outputs);
+  a("remarks", body.remarks);
+  a("rigid", m.rigid);
+  a("modes", m.modes);
+  a("cutoff", m.cutoff);
+  a("reference", m.reference);
+  a("tau", m.tau);
+  a("kappa", m.kappa);
+  a("scale", m.scale);
+  a("shortfall", m.shortfall);
+  a("loss_of_orthogonality", m.loss_of_orthogonality);
+  a("factorisations", m.factorisations);
+  a("solved_columns", m.solved_columns);
+}
+
+template <class Archive, class Integrals>
+void archive_integrals(Archive&& a, Integrals& i) {
+  std::vector<double> centre(i.centre.begin(), i.centre.end());
+  a("mass", i.mass);
+  a("centre", centre);
+  a("M_r", i.M_r);
+  a("M_er", i.M_er);
+  a("gyroscopic", i.gyroscopic);
+  a("inertia_first", i.inertia_first);
+  a("inertia_second", i.inertia_second);
+  if constexpr (!std::is_const_v<Integrals>)
+    for (std::size_t c = 0; c < 3 && c < centre.size(); ++c) i.centre[c] = centre[c];
+}
+
+/// The projected matrices of a level are the leading parts of the last level's.
+DenseSystem leading(const DenseSystem& all, int order) {
+  DenseSystem part;
+  for (auto [from, to] : {std::pair{&all.M, &part.M}, std::pair{&all.K, &part.K},
+                          std::pair{&all.D, &part.D}})
+    if (!from->data.empty()) *to = part_of(*from, 0, order, 0, order);
+  part.B = part_of(all.B, 0, order, 0, all.B.columns);
+  part.C = part.B;
+  part.damping = all.damping;
+  return part;
+}
+
+/// What later calls take for granted.
+void check(const Hdf5File& file, const Medium& m, const DenseSystem& all) {
+  const int ports = static_cast<int>(
+      m.body.inputs.size() + (m.body.outputs_are_inputs ? 0 : m.body.outputs.size()));
+  const int N = all.K.rows;
+  const auto square = [&](const Dense& a) { return a.rows == N && a.columns == N; };
+  bool good = N > 0 && ports > 0 && square(all.K) && square(all.M) &&
+              (all.D.data.empty() || square(all.D)) && all.B.rows == N &&
+              all.B.columns == ports && m.scale.size() == all.B.columns * 1u &&
+              m.rigid >= 0 && m.modes >= 0 && m.rigid + m.modes <= N &&
+              !m.spec.bands.empty() && !m.levels.empty() && m.tau > 0 &&
+              m.reference > 0 && m.cutoff > m.reference && m.levels.back().order() == N &&
+              m.body.n >= N;
+  for (const Interval& band : m.spec.bands)
+    good = good && band.first >= 0 && band.first <= band.last;
+  for (double s : m.scale) good = good && s > 0;
+  for (const MediumLevel& level : m.levels)
+    good = good && m.rigid + m.modes <= level.order() &&
+           level.certificate->fits(level.order(), ports, m.rigid + m.modes, m.rigid,
+                                   !all.D.data.empty());
+  if (m.integrals) {
+    const FrameIntegrals& i = *m.integrals;
+    good = good && i.M_r.rows == 6 && i.M_r.columns == 6 && i.M_er.rows == N &&
+           i.M_er.columns == 6 && i.gyroscopic.rows == N &&
+           i.gyroscopic.columns == 3 * N && i.inertia_first.rows == 3 &&
+           i.inertia_first.columns == 3 * N && i.inertia_second.rows == 3 * N &&
+           i.inertia_second.columns == 3 * N;
+  }
+  if (!good)
+    throw Error(text("file %s: its parts do not fit each other: it is damaged, certify "
+                     "again",
+                     file.path().c_str()));
+}
+
+} // namespace
+
+void write_medium(const Medium& m, bool basis,
+                  const std::map<std::string, std::string>& options,
+                  const std::vector<std::pair<std::string, std::string>>& plan,
+                  const std::string& path) {
+  Hdf5File file = Hdf5File::create(m.body.comm, path);
+  file.set_attribute("/", "flexgram_medium", version);
+  file.set_attribute("/", "n", static_cast<double>(m.body.n));
+  archive_medium(Writer(file, "/"), m);
+  archive_spec(Writer(file, "/spec"), m.spec);
+  const DenseSystem& all = m.levels.back().response->system();
+  Writer system(file, "/projected");
+  system("K", all.K);
+  system("M", all.M);
+  system("D", all.D);
+  system("ports", all.B);
+  file.set_attribute("/", "levels", static_cast<double>(m.levels.size()));
+  for (std::size_t k = 0; k < m.levels.size(); ++k) {
+    const MediumLevel& level = m.levels[k];
+    const std::string group = text("/level_%zu", k);
+    Writer a(file, group);
+    a("U", level.response->U());
+    a("mu", level.response->mu());
+    a("complete", level.complete);
+    a("worst", level.worst);
+    a("proved", level.proved);
+    Certificate::archive(Writer(file, group + "/certificate"), *level.certificate);
+  }
+  if (m.integrals) archive_integrals(Writer(file, "/frame"), *m.integrals);
+  if (basis && m.V) {
+    const RowRange rows = m.body.rows;
+    const auto columns = static_cast<std::size_t>(m.V.columns());
+    std::vector<double> values(static_cast<std::size_t>(rows.size()) * columns);
+    m.V.for_each([&](const Block& piece, int first) {
+      const Block::Access access(piece);
+      for (PetscInt j = 0; j < piece.columns(); ++j)
+        for (PetscInt i = 0; i < rows.size(); ++i)
+          values[static_cast<std::size_t>(i) * columns +
+                 static_cast<std::size_t>(first + j)] = access.column(j)[i];
+    });
+    file.write_rows("/V", m.body.n, m.V.columns(), rows, values);
+  }
+  write_dof_map(file, m.body);
+  file.create_group("/log/options");
+  for (const auto& [name, value] : options)
+    file.set_attribute("/log/options", name, value);
+  std::vector<std::string> lines;
+  for (const auto& [name, value] : plan) lines.push_back(name + "\t" + value);
+  if (!lines.empty()) file.set_attribute("/log", "plan", lines);
+  file.commit();
+}
+
+Medium read_medium(MPI_Comm comm, const std::string& path) {
+  const Hdf5File file = Hdf5File::open(comm, path);
+  Medium m;
+  agree(comm, [&] {
+    if (!file.has_attribute("/", "flexgram_medium"))
+      throw Error(
+          text("file %s is no medium model: flexgram certify makes one", path.c_str()));
+    if (file.number_attribute("/", "flexgram_medium") != version)
+      throw Error(text("file %s was written by another version of flexgram: certify "
+                       "again",
+                       path.c_str()));
+    const double n = file.number_attribute("/", "n");
+    if (!(n >= 1) || n > 2e9) throw Error(text("file %s: n is damaged", path.c_str()));
+    m.body.comm = comm;
+    m.body.n = static_cast<PetscInt>(n);
+    archive_medium(Reader(file, "/"), m);
+    archive_spec(Reader(file, "/spec"), m.spec);
+    DenseSystem all;
+    Reader system(file, "/projected");
+    system("K", all.K);
+    system("M", all.M);
+    system("D", all.D);
+    system("ports", all.B);
+    all.damping = m.body.damping;
+    int levels = 0;
+    Reader(file, "/")("levels", levels);
+    for (int k = 0; k < levels; ++k) {
+      MediumLevel level;
+      const std::string group = text("/level_%d", k);
+      Reader a(file, group);
+      Dense U;
+      std::vector<double> mu;
+      a("U", U);
+      a("mu", mu);
+      a("complete", level.complete);
+      a("worst", level.worst);
+      a("proved", level.proved);
+      if (U.rows != U.columns || U.rows < 1 || U.rows > all.K.rows ||
+          U.rows > all.B.rows || mu.size() != static_cast<std::size_t>(U.rows) ||
+          U.rows > all.K.columns || U.rows > all.M.rows || U.rows > all.M.columns)
+        throw Error(text("file %s: %s does not fit: it is damaged, certify again",
+                         path.c_str(), group.c_str()));
+      const int order = U.rows;
+      level.response = std::make_shared<DenseResponse>(leading(all, order), m.tau,
+                                                       std::move(U), std::move(mu));
+      auto certificate = std::make_shared<Certificate>();
+      Certificate::archive(Reader(file, group + "/certificate"), *certificate);
+      level.certificate = std::move(certificate);
+      m.levels.push_back(std::move(level));
+    }
+    if (file.exists("/frame")) {
+      m.integrals.emplace();
+      archive_integrals(Reader(file, "/frame"), *m.integrals);
+    }
+    check(file, m, all);
+    if (file.exists("/V")) {
+      const auto shape = file.shape("/V");
+      if (shape.size() != 2 || shape[0] != m.body.n || shape[1] != all.K.rows)
+        throw Error(
+            text("file %s: /V does not fit: it is damaged, certify again", path.c_str()));
+    }
+  });
+  m.body.rows = even_rows(comm, m.body.n);
+  if (file.exists("/V")) {
+    const RowRange rows = m.body.rows;
+    Block V(comm, rows, m.body.n, m.levels.back().order());
+    agree(comm, [&] {
+      const auto values = file.read<double>("/V", rows.begin, rows.size());
+      Block::Access access(V);
+      for (PetscInt j = 0; j < V.columns(); ++j)
+        for (PetscInt i = 0; i < rows.size(); ++i)
+          access.column(j)[i] = values[static_cast<std::size_t>(i * V.columns() + j)];
+    });
+    m.V.append(std::move(V));
+  }
+  read_dof_map(file, m.body);
+  return m;
+}
+
+} // namespace flexgram

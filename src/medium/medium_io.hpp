@@ -1,0 +1,22 @@
+#pragma once
+
+#include "medium/medium.hpp"
+
+#include <map>
+#include <string>
+
+namespace flexgram {
+
+/// Writes a certified medium model: all that `cut` needs, with the options and the plan
+/// that made it (/log). @param basis  with V.
+/// @note Collective on medium.body.comm.
+void write_medium(const Medium& medium, bool basis,
+                  const std::map<std::string, std::string>& options,
+                  const std::vector<std::pair<std::string, std::string>>& plan,
+                  const std::string& path);
+
+/// @throws Error if the file is none, or not of this version, or its parts do not fit.
+/// @note Collective. V is spread evenly over the ranks.
+Medium read_medium(MPI_Comm comm, const std::string& path);
+
+} // namespace flexgram

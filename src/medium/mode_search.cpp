@@ -1,0 +1,130 @@
+#include "medium/mode_search.hpp"
+
+#include "base/text.hpp"
+#include "linalg/sparse_product.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace flexgram {
+namespace {
+
+constexpr int most_columns = 48, most_rounds = 60;
+
+/// Which Ritz values are those of `good`, one to one: their vectors were good enough when
+/// they were last checked.
+std::vector<bool> known(const std::vector<double>& lambda, int count,
+                        const std::vector<double>& good, double tau) {
+  const auto n = static_cast<std::size_t>(count);
+  std::vector<bool> result(n, false), taken(good.size(), false);
+  for (std::size_t j = 0; j < n; ++j)
+    for (std::size_t g = 0; g < good.size(); ++g)
+      if (!taken[g] &&
+          std::abs(lambda[j] - good[g]) <= 1e-3 * (std::abs(good[g]) + tau)) {
+        taken[g] = result[j] = true;
+        break;
+      }
+  return result;
+}
+
+} // namespace
+
+RitzPairs ritz_pairs(const MediumSpace& space) {
+  const int rigid = space.rigid(), N = space.columns(), count = N - rigid;
+  const Dense M_all = space.M();
+  const Dense M = part_of(M_all, rigid, count, rigid, count);
+  Dense E = part_of(space.K(), rigid, count, rigid, count);
+  for (std::size_t i = 0; i < E.data.size(); ++i) E.data[i] += space.tau() * M.data[i];
+  // M u = μ (K + τM) u: the small λ = 1/μ − τ get all the digits.
+  const SymmetricEigen eigen = symmetric_eigen(M, E);
+  RitzPairs pairs;
+  pairs.vectors = Dense(N, count);
+  for (int j = 0; j < count; ++j) {
+    const double mu = eigen.values[static_cast<std::size_t>(count - 1 - j)];
+    const double* u = eigen.vectors.column(count - 1 - j);
+    pairs.lambda.push_back(mu > 0 ? 1 / mu - space.tau() : HUGE_VAL);
+    double square = 0; // V is W-orthonormal
+    for (int i = 0; i < count; ++i) square += u[i] * u[i];
+    for (int i = 0; i < count; ++i)
+      pairs.vectors(rigid + i, j) = u[i] / std::sqrt(square);
+  }
+  share_from_first(space.fom().comm, pairs.lambda);
+  share_from_first(space.fom().comm, pairs.vectors.data);
+  return pairs;
+}
+
+int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expected,
+               double enough, double null, Observer& observer) {
+  std::vector<double> good;
+  int solves = 0;
+  for (int round = 0;; ++round) {
+    const RitzPairs pairs = ritz_pairs(space);
+    const int below = static_cast<int>(
+        std::lower_bound(pairs.lambda.begin(), pairs.lambda.end(), sigma) -
+        pairs.lambda.begin());
+    if (below > expected)
+      throw Error(
+          text("%d modes were found below the cutoff, the inertia of K - s M counts "
+               "%d: the factorisation is not to be trusted (try {mumps_cntl_1} 0.1)",
+               below, expected));
+    if (!pairs.lambda.empty() &&
+        pairs.lambda.front() < -null) { // a Rayleigh quotient: proof
+      const auto negative =
+          std::lower_bound(pairs.lambda.begin(), pairs.lambda.end(), -null) -
+          pairs.lambda.begin();
+      throw Error(text(
+          "K has %ld negative eigenvalue%s at least (%.3g rad²/s² of the pencil K, "
+          "M): it must be positive semidefinite (a buckled state, or K and M "
+          "swapped?)",
+          static_cast<long>(negative), negative == 1 ? "" : "s", pairs.lambda.front()));
+    }
+    const int missing = expected - below;
+    const std::vector<bool> is_good = known(pairs.lambda, below, good, space.tau());
+    std::vector<int> block;
+    good.clear();
+    for (int j = 0; j < below; ++j)
+      if (is_good[static_cast<std::size_t>(j)])
+        good.push_back(pairs.lambda[static_cast<std::size_t>(j)]);
+      else
+        block.push_back(j);
+    if (block.empty() && missing == 0) return solves;
+    if (round == most_rounds)
+      throw Error(text("only %d of the %d modes below the cutoff were found in %d rounds",
+                       below, expected, most_rounds));
+    if (static_cast<int>(block.size()) > most_columns) block.resize(most_columns);
+    const std::size_t checked = block.size();
+    for (int j = below;
+         j < static_cast<int>(pairs.lambda.size()) && j < below + missing &&
+         static_cast<int>(block.size()) < most_columns;
+         ++j)
+      block.push_back(j);
+
+    Dense chosen(pairs.vectors.rows, 0);
+    for (int j : block)
+      chosen = beside(chosen, part_of(pairs.vectors, 0, pairs.vectors.rows, j, 1));
+    // M V is at hand unless the inner product is another one.
+    Block loads = space.kappa() == 0
+                      ? combine(space.WV(), chosen)
+                      : multiply(space.fom().M, combine(space.V(), chosen));
+    if (missing > 0)
+      loads = concatenate(
+          loads, multiply(space.fom().M, random_block(space.fom().B, 1 + missing / 8,
+                                                      static_cast<unsigned>(round))));
+    // A poor solution costs a round, not the proof; what is nearly in the space already
+    // is only worth its products where angles must become tiny.
+    const std::vector<double> outside = space.append(
+        factor.solve(loads, ShiftedSolver::Verify::none).x, enough < 0.1 ? 1e-7 : 1e-5);
+    solves += static_cast<int>(loads.columns());
+    double worst = 0;
+    for (std::size_t i = 0; i < checked; ++i) {
+      const double lambda = pairs.lambda[static_cast<std::size_t>(block[i])];
+      const double angle = std::abs(lambda - sigma) * outside[i];
+      worst = std::max(worst, angle);
+      if (angle <= enough) good.push_back(lambda);
+    }
+    observer.detail(text("  modes: %d of %d below the cutoff, largest angle %.1e", below,
+                         expected, worst));
+  }
+}
+
+} // namespace flexgram

@@ -1,0 +1,33 @@
+#pragma once
+
+#include "base/observer.hpp"
+#include "medium/space.hpp"
+
+namespace flexgram {
+
+/// Extends the space until it holds every mode of (K, M) below sigma to an angle of about
+/// `enough`. Block Rayleigh-Ritz with the shift-inverted operator S = (K − σM)⁻¹M: for a
+/// Ritz pair (λ, φ) the part of (λ − σ) S φ outside the space is what the space lacks,
+/// and measures the angle: modes below σ have negative eigenvalues 1/(λ − σ) of S, all
+/// others positive ones, so clusters do no harm. Each round applies S to the Ritz vectors
+/// that are not yet good, to the next ones above σ, and to random vectors while modes are
+/// missing. How exact the modes are in the end is proved by the certificate, not here.
+/// @param[in] factor    holds K − σM.
+/// @param[in] expected  modes below σ by Sylvester's law, without the rigid modes of the
+///                      space. No more can be found (Cauchy), and no fewer will do.
+/// @param[in] null      K is indefinite if an eigenvalue lies below −null.
+/// @return right-hand sides solved.
+/// @throws Error if a mode that the inertia counts cannot be found, or if there are more.
+/// @note Collective.
+int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expected,
+               double enough, double null, Observer& observer);
+
+/// Eigenvalues of (K, M) in the space without its rigid modes, ascending, and the Ritz
+/// vectors as columns in the coordinates of V, W-orthonormal.
+struct RitzPairs {
+  std::vector<double> lambda;
+  Dense vectors;
+};
+RitzPairs ritz_pairs(const MediumSpace& space);
+
+} // namespace flexgram

@@ -1,0 +1,99 @@
+#include "medium/model.hpp"
+
+#include <algorithm>
+
+namespace flexgram {
+
+MediumModel::MediumModel(const Medium& medium, std::size_t level,
+                         const PortSelection& ports, bool by_kind)
+    : names(medium.body.head()), rigid(medium.rigid), cutoff(medium.cutoff),
+      tau(medium.tau), kappa(medium.kappa), level_(medium.levels[level]),
+      V_(medium.V.share()), scale_(medium.scale), inputs_(ports.inputs),
+      outputs_(ports.outputs) {
+  select_names(names, ports);
+  // Outputs of a body whose outputs are its inputs are among these; others follow them.
+  if (!medium.body.outputs_are_inputs)
+    for (int& output : outputs_) output += static_cast<int>(medium.body.inputs.size());
+  views = port_views(names, by_kind);
+  for (const PortView& view : views) {
+    Certificate::PortSet block;
+    for (int j : view.columns)
+      block.inputs.push_back(inputs_[static_cast<std::size_t>(j)]);
+    for (int i : view.rows)
+      block.outputs.push_back(outputs_[static_cast<std::size_t>(i)]);
+    blocks_.push_back(std::move(block));
+  }
+  const DenseResponse& response = *level_.response;
+  const auto in_units = [&](const Dense& all, const std::vector<int>& chosen) {
+    Dense part(all.rows, static_cast<int>(chosen.size()));
+    for (int j = 0; j < part.columns; ++j) {
+      const int port = chosen[static_cast<std::size_t>(j)];
+      for (int i = 0; i < part.rows; ++i)
+        part(i, j) = all(i, port) / scale_[static_cast<std::size_t>(port)];
+    }
+    return part;
+  };
+  system = response.system();
+  const Dense all = std::move(system.B);
+  system.B = in_units(all, inputs_);
+  system.C = in_units(all, outputs_);
+  system.outputs_are_inputs = ports.same;
+  modal_outputs_ = in_units(response.modal_inputs(), outputs_);
+  resonances = medium.resonances(level_);
+  lambda.assign(response.lambda().begin() + rigid,
+                response.lambda().begin() + rigid + medium.modes);
+}
+
+void MediumModel::follow_dampers() {
+  if (!system.has_extra_damping() || system.order() > 250) return;
+  resonances.clear();
+  for (const auto& pole : poles(*level_.response))
+    if (pole.real() > 0 && pole.real() < cutoff && pole.imag() < pole.real())
+      resonances.push_back({pole.real(), std::max(pole.imag(), 0.0)});
+}
+
+std::optional<MediumModel::Stretch> MediumModel::over(Interval interval,
+                                                      int degree) const {
+  const auto x = response_series(*level_.response, interval, degree);
+  if (!x) return std::nullopt;
+  const MatrixSeries all = multiply_transposed(modal_outputs_, x->x);
+  const int n_out = all.rows(), n_in = static_cast<int>(inputs_.size()),
+            parts = 2 * (all.degree() + 1);
+  Stretch stretch{{n_in, Dense(n_out, n_in * parts), Dense(n_out, n_in)},
+                  level_.certificate->over(*level_.response, *x, blocks_)};
+  for (int j = 0; j < n_in; ++j) {
+    const int port = inputs_[static_cast<std::size_t>(j)];
+    const double scale = 1 / scale_[static_cast<std::size_t>(port)];
+    for (int i = 0; i < n_out; ++i) {
+      for (int part = 0; part < parts; ++part)
+        stretch.H.coefficients(i, n_in * part + j) =
+            scale * all.coefficients(i, all.columns * part + port);
+      stretch.H.tail(i, j) = scale * all.tail(i, port);
+    }
+  }
+  return stretch;
+}
+
+MediumModel::Value MediumModel::at(double omega) const {
+  auto here = over({omega, omega}, 0);
+  if (!here) throw ShiftError("the body is undamped and the frequency is a resonance");
+  return {here->H.centre(), std::move(here->bounds)};
+}
+
+Block MediumModel::lift(const Dense& Q) const {
+  if (!V_) return Block(names.comm, names.rows, names.n, 0);
+  Dense all(static_cast<int>(V_.columns()), Q.columns);
+  set_part(all, 0, 0, Q);
+  return combine(V_, all);
+}
+
+Dense MediumModel::euclidean_gram() const {
+  if (!V_)
+    throw Error("{inner_product} euclidean needs the basis of the medium model: certify "
+                "with {medium_basis} yes");
+  Dense gram = inner(V_, V_);
+  symmetrise(gram);
+  return part_of(gram, 0, system.order(), 0, system.order());
+}
+
+} // namespace flexgram

@@ -1,0 +1,68 @@
+#pragma once
+
+#include "medium/medium.hpp"
+#include "model/port_views.hpp"
+
+namespace flexgram {
+
+/// A level of a medium model seen by some of its ports: a Galerkin model of some ten
+/// times the final order, and the proof of its error. What small models are measured
+/// against.
+class MediumModel {
+public:
+  MediumModel(const Medium& medium, std::size_t level, const PortSelection& ports,
+              bool by_kind);
+
+  struct Value {
+    ComplexDense H;                         ///< n_out × n_in
+    std::vector<Certificate::Bound> bounds; ///< of each of the views
+  };
+  Value at(double omega) const;
+  struct Stretch {
+    MatrixSeries H;                         ///< n_out × n_in
+    std::vector<Certificate::Bound> bounds; ///< of each of the views, anywhere in it
+  };
+  /// @return nothing if a pole is too near for an interval of this length.
+  std::optional<Stretch> over(Interval interval, int degree) const;
+
+  /// A resonance in an excluded interval.
+  struct Pole {
+    double omega = 0;     ///< [rad/s] of the small model (of this one, if that has none)
+    double frequency = 0; ///< the body's is no farther from it, relative
+    /// ‖Σ cφφᵀb‖_F over the interval's modes, (K + τM)-normalised, differs from the
+    /// body's by no more, relative.
+    double residue = 0;
+  };
+  /// The small model's resonances in the intervals, and how far the body's may be from
+  /// them: Kato's and Temple's way, from the residuals of the modes (docs/proof.md,
+  /// section 4). Nothing with a damping matrix.
+  std::vector<Pole> poles_within(const DenseSystem& small,
+                                 const std::vector<Interval>& intervals) const;
+  /// Takes the resonances from the poles: strong dampers move the peaks.
+  void follow_dampers();
+  /// V Q for Q with as many rows as the level has columns; no columns if the medium model
+  /// is kept without V.
+  Block lift(const Dense& Q) const;
+  /// VᵀV of the level's columns.
+  Dense euclidean_gram() const;
+
+  std::vector<PortView>
+      views; ///< blocks of H that are certified by themselves; the first is all
+  SecondOrderModel names; ///< body and ports, without matrices
+  DenseSystem system;     ///< with inputs and outputs in their units
+  std::vector<Resonance> resonances;
+  std::vector<double> lambda; ///< [rad²/s²] elastic modes below the cutoff, all of them
+  int rigid = 0;
+  double cutoff = 0; ///< ω_c [rad/s]
+  double tau = 0, kappa = 0;
+
+private:
+  MediumLevel level_;
+  Basis V_;
+  std::vector<double> scale_;
+  std::vector<int> inputs_, outputs_;        ///< among all ports
+  std::vector<Certificate::PortSet> blocks_; ///< the views by columns of all ports
+  Dense modal_outputs_;                      ///< N × n_out, in the units of the body
+};
+
+} // namespace flexgram

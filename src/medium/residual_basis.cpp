@@ -1,0 +1,234 @@
+#include "medium/certificate.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace flexgram {
+namespace {
+
+using Complex = std::complex<double>;
+
+/// T orthonormal with S = T coordinates + what was dropped, and the norm of that in each
+/// column. S becomes the latter.
+struct Span {
+  Block T;
+  Dense coordinates; ///< r×q
+  std::vector<double> dropped;
+};
+
+/// Directions of the columns of S, each column by its size: eigenvectors of SᵀS, which
+/// show half the digits. If they leave more than that of a column, the rest is looked at
+/// once more; rounding of the solves that made V is about 1e-9 and not worth directions.
+Span span_of(MPI_Comm comm, Basis S) {
+  const int q = static_cast<int>(S.columns());
+  Span span{Block(), Dense(0, q), {}};
+  std::vector<double> size;
+  for (int pass = 0; pass < 3; ++pass) {
+    Dense gram = symmetric_inner(S, S);
+    share_from_first(comm, gram.data);
+    span.dropped.clear();
+    for (int j = 0; j < q; ++j)
+      span.dropped.push_back(std::sqrt(std::max(gram(j, j), 0.0)));
+    if (pass == 0) size = span.dropped;
+    const auto relative = [&](int j) {
+      const auto at = static_cast<std::size_t>(j);
+      return size[at] > 0 ? span.dropped[at] / size[at] : 0.0;
+    };
+    double left = 0;
+    for (int j = 0; j < q; ++j) left = std::max(left, relative(j));
+    if (left < 1e-8) break;
+    for (int j = 0; j < q; ++j)
+      for (int i = 0; i < q; ++i) {
+        const double d =
+            size[static_cast<std::size_t>(i)] * size[static_cast<std::size_t>(j)];
+        gram(i, j) = d > 0 ? gram(i, j) / d : 0.0;
+      }
+    SymmetricEigen eigen = symmetric_eigen(gram);
+    share_from_first(comm, eigen.values);
+    share_from_first(comm, eigen.vectors.data);
+    const double least = 1e-15 * q * (pass == 0 ? eigen.values.back() : 1.0);
+    int r = 0;
+    while (r < q && eigen.values[static_cast<std::size_t>(q - 1 - r)] > least) ++r;
+    if (r == 0) break;
+    Dense combination(q, r);
+    for (int j = 0; j < r; ++j)
+      for (int i = 0; i < q; ++i) {
+        const double d = size[static_cast<std::size_t>(i)];
+        combination(i, j) =
+            d > 0 ? eigen.vectors(i, q - 1 - j) /
+                        (d * std::sqrt(eigen.values[static_cast<std::size_t>(q - 1 - j)]))
+                  : 0.0;
+      }
+    Block found = combine(S, combination);
+    for (int twice = 0; twice < 2; ++twice) { // orthonormal to working accuracy
+      if (span.T) add_product(found, -1.0, span.T, inner(span.T, found));
+      Dense l = inner(found, found);
+      symmetrise(l);
+      share_from_first(comm, l.data);
+      if (cholesky(l) != 0) throw Error("the parts of the residual have no basis");
+      Dense inverse = identity(r);
+      solve_right_transposed(l, inverse);
+      found = combine(found, inverse);
+    }
+    Dense parts(r, q);
+    S.for_each([&](Block& piece, int first) {
+      const Dense c = inner(found, piece);
+      set_part(parts, 0, first, c);
+      add_product(piece, -1.0, found, c);
+    });
+    const int before = span.coordinates.rows;
+    Dense all(before + r, q);
+    set_part(all, 0, 0, span.coordinates);
+    set_part(all, before, 0, parts);
+    span.coordinates = std::move(all);
+    span.T = span.T ? concatenate(span.T, found) : found.share();
+  }
+  if (!span.T) span.T = combine(S, Dense(q, 0));
+  return span;
+}
+
+/// √Σ_i (norms_i a_ij)²: what columns that are combinations of others lose with them. It
+/// is rounding of the solves that made the space, so its squares add up.
+std::vector<double> combined(const std::vector<double>& norms, const Dense& a) {
+  std::vector<double> result;
+  for (int j = 0; j < a.columns; ++j) {
+    double sum = 0;
+    for (int i = 0; i < a.rows; ++i)
+      sum += std::pow(norms[static_cast<std::size_t>(i)] * a(i, j), 2);
+    result.push_back(std::sqrt(sum));
+  }
+  return result;
+}
+
+/// ports − (a_k − κ a_m) K x − iω D x
+ComplexDense residual_of(const Dense& ports, const Dense& K, const Dense& D, double kappa,
+                         double omega, const ShiftCoefficients& c,
+                         const ComplexDense& x) {
+  ComplexDense r = multiply(K, x);
+  const Complex factor = -(c.k - kappa * c.m);
+  for (std::size_t i = 0; i < r.data.size(); ++i)
+    r.data[i] = ports.data[i] + factor * r.data[i];
+  if (!D.data.empty()) {
+    const ComplexDense d = multiply(D, x);
+    for (std::size_t i = 0; i < r.data.size(); ++i)
+      r.data[i] -= Complex(0, omega) * d.data[i];
+  }
+  return r;
+}
+
+} // namespace
+
+ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
+                             const std::vector<double>& samples, int modes, double cutoff,
+                             int most) {
+  const bool damped = response.system().has_extra_damping();
+  const int p = response.system().B.columns, N = response.system().order();
+  const SecondOrderModel& fom = space.fom();
+  ResidualBasis basis;
+  basis.dropped_ports.assign(static_cast<std::size_t>(p), 0.0);
+  basis.dropped_K.assign(static_cast<std::size_t>(N), 0.0);
+  if (damped) basis.dropped_D = basis.dropped_K;
+  if (space.residual().S) {
+    // All that S spans stays: what is small in these residuals may not be in later ones.
+    const MediumSpace::Residual& parts = space.residual();
+    Span span = span_of(fom.comm, parts.S.share());
+    const auto in_range = [&](const Dense& a) {
+      return a.data.empty() ? Dense() : multiply(span.coordinates, a);
+    };
+    // What was lost before is still missing.
+    const auto lost = [&](std::vector<double> before, const Dense& a) {
+      const std::vector<double> added = combined(span.dropped, a);
+      for (std::size_t j = 0; j < added.size(); ++j)
+        before[j] = std::hypot(before[j], added[j]);
+      return before;
+    };
+    std::vector<double> lost_B = lost(parts.lost_B, parts.B),
+                        lost_K = lost(parts.lost_K, parts.K), lost_D;
+    if (damped) lost_D = lost(parts.lost_D, parts.D);
+    basis.dropped_ports = lost_B;
+    basis.dropped_K = combined(lost_K, response.U());
+    if (damped) basis.dropped_D = combined(lost_D, response.U());
+    space.compress_residual({span.T.share(), in_range(parts.B), in_range(parts.K),
+                             in_range(parts.D), std::move(lost_B), std::move(lost_K),
+                             std::move(lost_D)});
+  }
+  const MediumSpace::Residual& parts = space.residual();
+  const int r = static_cast<int>(parts.S.columns());
+  if (r == 0) {
+    basis.T = Block(fom.comm, fom.rows, fom.n, 0);
+    basis.ports = Dense(0, p);
+    basis.K = Dense(0, N);
+    if (damped) basis.D = Dense(0, N);
+  } else {
+    basis.ports = parts.B;
+    basis.K = multiply(parts.K, response.U());
+    if (damped) basis.D = multiply(parts.D, response.U());
+  }
+  if (damped) { // D u_j = Σ_i E u_i (UᵀDU)_ij + what VᵀR = 0 leaves
+    const Dense of_modes = first_columns(response.modal_damping(), modes);
+    basis.damped_inside = part_of(of_modes, modes, N - modes, 0, modes);
+    basis.damped_outside = first_columns(basis.D, modes);
+    const Dense taken = multiply(basis.K, of_modes);
+    for (std::size_t i = 0; i < basis.damped_outside.data.size(); ++i)
+      basis.damped_outside.data[i] -= (1 - space.kappa() * space.tau()) * taken.data[i];
+  }
+  if (r == 0) return basis;
+  basis.complete = r <= most;
+  if (basis.complete) {
+    basis.T = combine(parts.S, identity(r));
+    space.unscale(basis.T);
+    return basis;
+  }
+
+  // What the residuals are made of over the band, each frequency relative to its
+  // response: enough for a Krylov block, not for a proof.
+  Dense all(r, 2 * p * static_cast<int>(samples.size()));
+  int next = 0;
+  for (double omega : samples) {
+    const ComplexDense x = response.modal_response(omega);
+    const double size = std::sqrt(frobenius_norm(response.transfer(x)));
+    const ComplexDense residual =
+        residual_of(basis.ports, basis.K, basis.D, space.kappa(), omega,
+                    response.system().coefficients(omega), x);
+    for (int j = 0; j < p; ++j, next += 2)
+      for (int i = 0; i < r && size > 0; ++i) {
+        all(i, next) = residual(i, j).real() / size;
+        all(i, next + 1) = residual(i, j).imag() / size;
+      }
+  }
+  double largest = 0;
+  for (double v : all.data) largest = std::max(largest, std::abs(v));
+  // Residuals of the modes, so that angles above some 1e-6 are seen, and the dampers'
+  // part.
+  Dense of_modes = first_columns(basis.K, modes);
+  for (int j = 0; j < modes; ++j) {
+    const double lambda = response.lambda()[static_cast<std::size_t>(j)];
+    for (int i = 0; i < r; ++i)
+      of_modes(i, j) *=
+          largest * (cutoff * cutoff + space.tau()) / (cutoff * cutoff - lambda);
+  }
+  all = beside(all, of_modes);
+  if (damped) {
+    double size = 0;
+    for (double v : basis.damped_outside.data) size = std::max(size, std::abs(v));
+    Dense scaled = basis.damped_outside;
+    for (double& v : scaled.data) v *= size > 0 ? largest / size : 0.0;
+    all = beside(all, scaled);
+  }
+  LeftSvd svd = left_svd(compressed(all));
+  share_from_first(fom.comm, svd.values);
+  share_from_first(fom.comm, svd.vectors.data);
+  const Dense u = first_columns(svd.vectors, std::min(most, svd.vectors.columns));
+  const auto turn = [&](Dense& a) {
+    if (!a.data.empty()) a = multiply_transposed(u, a);
+  };
+  turn(basis.ports);
+  turn(basis.K);
+  turn(basis.D);
+  turn(basis.damped_outside);
+  basis.T = combine(parts.S, u);
+  space.unscale(basis.T);
+  return basis;
+}
+
+} // namespace flexgram

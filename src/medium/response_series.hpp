@@ -1,0 +1,52 @@
+#pragma once
+
+#include "model/dense_system.hpp"
+#include "model/spec.hpp"
+
+#include <array>
+#include <optional>
+
+namespace flexgram {
+
+/// A matrix function of ω on an interval: F(ω) = Σ_k F_k t^k + rest, ω = centre + half t,
+/// |t| <= 1, and every entry of the rest at most that of `tail`, rounding included.
+struct MatrixSeries {
+  int columns = 0;
+  Dense coefficients; ///< rows × 2·columns·(degree + 1): Re F_0, Im F_0, Re F_1, …
+  Dense tail;         ///< rows × columns
+
+  int rows() const { return coefficients.rows; }
+  int degree() const { return coefficients.columns / (2 * columns) - 1; }
+  const double* real(int k) const { return coefficients.column(2 * columns * k); }
+  const double* imaginary(int k) const {
+    return coefficients.column(2 * columns * k + columns);
+  }
+  ComplexDense centre() const; ///< F_0
+};
+
+/// AᵀF.
+MatrixSeries multiply_transposed(const Dense& A, const MatrixSeries& F);
+/// (f_0 + f_1 t + f_2 t²) F, of the same degree: what is above goes into the tail.
+MatrixSeries times_quadratic(const std::array<std::complex<double>, 3>& f,
+                             const MatrixSeries& F);
+
+/// The response X = A⁻¹B of a dense system, in modal coordinates, over an interval.
+struct ResponseSeries {
+  Interval interval;
+  MatrixSeries x;              ///< N × p
+  Dense envelope;              ///< N × p: |x_ij| at most, anywhere in the interval
+  std::vector<double> largest; ///< of a diagonal system: |1/a_i| at most
+};
+
+/// Taylor series of the response about the centre of the interval.
+///
+/// Diagonal systems: 1/(d_0 + d_1 t + d_2 t²) for each mode, with the majorant
+/// 1/(|d_0| − |d_1| − |d_2|) for the tail. Others: X_k = −A⁻¹(A′ X_(k−1) + ½A″ X_(k−2));
+/// the tail is what the truncated series leaves of the equation, solved by Neumann's
+/// series.
+/// @param degree  of the polynomial; an interval without length has degree 0.
+/// @return nothing if a pole is too near for an interval of this length.
+std::optional<ResponseSeries> response_series(const DenseResponse& response,
+                                              Interval interval, int degree);
+
+} // namespace flexgram

@@ -1,0 +1,237 @@
+#include "medium/builder.hpp"
+
+#include "base/process.hpp"
+#include "base/text.hpp"
+#include "linalg/sparse.hpp"
+#include "linalg/sparse_product.hpp"
+#include "medium/mode_search.hpp"
+#include "model/rigid_body_modes.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <numeric>
+
+namespace flexgram {
+namespace {
+
+constexpr double hz = 0.5 / std::numbers::pi;
+
+} // namespace
+
+MediumBuilder::MediumBuilder(const SecondOrderModel& fom, const CertifySpec& spec,
+                             const SolverOptions& solver, Observer& observer)
+    : fom_(fom), spec_(spec), observer_(observer),
+      solver_(fom.K, fom.M, nullptr, fom.node, counting(solver)) {
+  solver_.count_pivots(true);
+  loads_ = fom.outputs_are_inputs ? copy(fom.B) : concatenate(fom.B, fom.C);
+  medium_.body = fom.head();
+  medium_.spec = spec;
+}
+
+MediumSpace::RigidStiffness MediumBuilder::stiffness_of(const RigidSplit& split) {
+  const Dense none(split.count, split.count);
+  return {split.explained ? none : split.stiffness,
+          split.explained ? split.stiffness : none};
+}
+
+void MediumBuilder::find_rigid_modes() {
+  threshold_ = rigid_threshold(fom_);
+  RigidSplit split;
+  Block rigid = rigid_body_modes(fom_, &split);
+  rigid_stiffness_ = stiffness_of(split);
+  geometric_ = static_cast<int>(rigid.columns());
+  ports_ = copy(loads_);
+  // Self-equilibrated loads: no part of the response to them is rigid.
+  if (geometric_ > 0)
+    add_product(ports_, -1.0, multiply(fom_.M, rigid), inner(rigid, ports_));
+  rigid_modes_ = std::move(rigid);
+}
+
+/// Dofs that by themselves would vibrate a million times faster than ω: as good as
+/// massless.
+bool MediumBuilder::has_light_dofs(const SecondOrderModel& fom, double omega) {
+  const auto k = diagonal(fom.K), m = diagonal(fom.M);
+  double fastest = 0;
+  for (std::size_t i = 0; i < k.size(); ++i)
+    if (k[i] > 0) fastest = std::max(fastest, m[i] > 0 ? k[i] / m[i] : HUGE_VAL);
+  return max_over(fom.comm, fastest) > 1e12 * omega * omega;
+}
+
+/// Factorises K − ω_c²M with ω_c near `omega`, away from eigenvalues and with enough
+/// modes below; chooses the inner product. Returns the response to all ports.
+Block MediumBuilder::start(double omega, bool mass_is_singular) {
+  const int modes_wanted = spec_.modes;
+  int last_null = 0; // pivots without size at the cutoff before
+  for (int attempt = 0; attempt < 12; ++attempt) {
+    solver_.count_pivots(true);
+    with_context(text("factorising K - ω²M at the cutoff, %g Hz", omega * hz), [&] {
+      solver_.factorise({1.0, -omega * omega, 0.0});
+    });
+    ++medium_.factorisations;
+    const int below = solver_.negative_pivots();
+    if (below < modes_wanted) {
+      omega *= std::min(3.0, 1.1 * std::sqrt((modes_wanted + 2.0) / std::max(below, 1)));
+      continue;
+    }
+    expected_ = below - geometric_;
+    medium_.cutoff = omega;
+    const double kappa = 1 / (omega * omega);
+    Block response;
+    const int null = solver_.null_pivots();
+    bool regular = null == 0;
+    if (null > 0 && last_null > 0)
+      throw Error(text(
+          "K and M share %d null vector%s: the body has a mechanism without mass and "
+          "stiffness (an unconnected node, a massless hinge)",
+          null, null == 1 ? "" : "s"));
+    last_null = null;
+    if (regular) try {
+        response = solver_.solve(ports_).x;
+      } catch (const ShiftError&) {
+        regular = false;
+      }
+    if (regular) {
+      medium_.solved_columns += static_cast<int>(ports_.columns());
+      const Block none;
+      const Block Z =
+          orthonormalise(copy(response), none, none, {fom_.M, fom_.K, kappa}, 1e-7)
+              .vectors;
+      Dense m = inner(Z, multiply(fom_.M, Z));
+      symmetrise(m);
+      auto eigen = symmetric_eigen(m);
+      share_from_first(fom_.comm, eigen.values);
+      // zᵀMz = 1/(1 + λ/ω_c²) of a Ritz vector; λ = ω_c² to many digits: the shift hits a
+      // mode.
+      for (double value : eigen.values)
+        regular = regular && std::abs(2 * value - 1) > 1e-7;
+      mass_is_singular = mass_is_singular || has_light_dofs(fom_, omega) ||
+                         eigen.values.front() * 1e3 * eigenvalue_scale(fom_) * kappa < 1;
+    }
+    if (regular) {
+      medium_.kappa = mass_is_singular ? kappa : 0;
+      observer_.fact("inner product",
+                     mass_is_singular ? "M + K/ω_c² (M is singular)" : "M");
+      return response;
+    }
+    omega *= 1.0123;
+  }
+  throw Error(text("no cutoff was found with %d modes below and no eigenvalue near",
+                   modes_wanted));
+}
+
+/// Ports of equal weight: each divided by the norm of its response.
+void MediumBuilder::scale_ports(Block& response) {
+  const InnerProduct product{fom_.M, fom_.K, 1 / (medium_.cutoff * medium_.cutoff)};
+  const Dense gram = inner(response, product.apply(response));
+  for (int j = 0; j < gram.rows; ++j)
+    medium_.scale.push_back(gram(j, j) > 0 ? 1 / std::sqrt(gram(j, j)) : 1.0);
+  share_from_first(fom_.comm, medium_.scale);
+  for (Block* block : {&loads_, &ports_, &response}) scale_columns(*block, medium_.scale);
+}
+
+/// What the user allows, or what memory does: V, W V, S and one more of that size.
+int MediumBuilder::largest_order() const {
+  if (spec_.limit > 0) return spec_.limit;
+  const double memory = 0.5 * available_memory_mb(fom_.comm) * 1e6;
+  const double each =
+      4 * 8.0 * static_cast<double>(std::max<PetscInt>(fom_.rows.size(), 1));
+  const double limit = std::min({2000.0, memory / each, static_cast<double>(fom_.n)});
+  return static_cast<int>(-max_over(fom_.comm, -limit));
+}
+
+/// Whether a backward error of the factorisation, 1000 ε of each entry of K, could not
+/// have moved an eigenvalue across the cutoff.
+bool MediumBuilder::cutoff_is_in_a_gap() const {
+  const RitzPairs pairs = ritz_pairs(*space_);
+  const auto& g = space_->rounding_weights();
+  const double sigma = medium_.cutoff * medium_.cutoff;
+  bool safe = true;
+  for (std::size_t j = 0; j < pairs.lambda.size(); ++j) {
+    double weight = 0; // φᵀdiag(K)φ
+    const double* u = pairs.vectors.column(static_cast<int>(j));
+    for (std::size_t i = 0; i < g.size(); ++i) weight += std::pow(g[i] * u[i], 2);
+    safe = safe && std::abs(pairs.lambda[j] - sigma) >
+                       1e3 * std::numeric_limits<double>::epsilon() * weight;
+  }
+  if (!safe)
+    observer_.warn("an eigenvalue lies so near the cutoff that the inertia may have "
+                   "miscounted: another {cutoff} helps");
+  return safe;
+}
+
+/// Modes so slow that they may be rigid, which no geometry told: sharpened by a
+/// factorisation of their own, K + sM with s far below the elastic modes, and judged.
+void MediumBuilder::take_out_rigid_modes() {
+  const double slow = 1e-5 * medium_.cutoff * medium_.cutoff;
+  RitzPairs pairs = ritz_pairs(*space_);
+  const auto candidates = static_cast<int>(std::min<std::ptrdiff_t>(
+      expected_, std::lower_bound(pairs.lambda.begin(), pairs.lambda.end(), slow) -
+                     pairs.lambda.begin()));
+  if (candidates == 0) return;
+  solver_.factorise({1.0, 1e-2 * slow, 0.0});
+  ++medium_.factorisations;
+  for (int step = 0; step < 3; ++step) { // each divides what is elastic by λ_1/s
+    const Block loads =
+        multiply(fom_.M, combine(space_->V(), first_columns(pairs.vectors, candidates)));
+    space_->append(solver_.solve(loads, ShiftedSolver::Verify::none).x, 1e-11);
+    medium_.solved_columns += candidates;
+    pairs = ritz_pairs(*space_);
+  }
+  const RigidSplit split = split_rigid(
+      fom_, combine(space_->V(), first_columns(pairs.vectors, candidates)), true);
+  const int null = split.count, rigid = space_->rigid();
+  observer_.fact("slow modes",
+                 text("%d below %.3g Hz: %d of them rigid, by a factorisation of "
+                      "K + sM (the body has no coordinates, or soft mounts)",
+                      candidates, std::sqrt(slow) * hz, null));
+  if (null == 0) return;
+  Dense Q = identity(space_->columns()), vectors = pairs.vectors;
+  set_part(vectors, 0, 0,
+           multiply(first_columns(pairs.vectors, candidates), split.rotation));
+  set_part(Q, 0, rigid, orthonormal_columns(std::move(vectors)));
+  MediumSpace::RigidStiffness all = stiffness_of(split);
+  for (auto [part, before] : {std::pair{&all.beyond, &rigid_stiffness_.beyond},
+                              std::pair{&all.assumed, &rigid_stiffness_.assumed}}) {
+    Dense whole(rigid + null, rigid + null);
+    if (rigid > 0) set_part(whole, 0, 0, *before);
+    set_part(whole, rigid, rigid, *part);
+    *part = std::move(whole);
+  }
+  space_->rotate_to_rigid(Q, rigid + null, std::move(all));
+  expected_ -= null;
+}
+
+/// All modes below the cutoff into the space; those without stiffness are rigid.
+void MediumBuilder::search_modes() {
+  int solves = 0;
+  if (expected_ + geometric_ > largest_order())
+    throw Error(text(
+        "%d modes lie below the cutoff of %g Hz, more than a medium model of order %d "
+        "can hold ({medium_order}): narrow {band_hz}, lower {cutoff}, or "
+        "take {method} pod",
+        expected_, medium_.cutoff * hz, largest_order()));
+  if (expected_ > 0) {
+    Stage stage(observer_, "modes");
+    solves = find_modes(*space_, solver_, medium_.cutoff * medium_.cutoff, expected_,
+                        spec_.modes > 0 ? 1e-5 : 0.3, threshold_, observer_);
+    medium_.solved_columns += solves;
+    take_out_rigid_modes();
+  }
+  medium_.modes = expected_;
+  inertia_is_safe_ = cutoff_is_in_a_gap();
+  medium_.rigid = space_->rigid();
+  std::string words = text("%d elastic below the cutoff of %.4g Hz, counted by inertia",
+                           expected_, medium_.cutoff * hz);
+  if (expected_ > 0) words += text(", all found (%d solves beside the ports)", solves);
+  observer_.fact("modes", words);
+  observer_.fact("rigid modes",
+                 medium_.rigid == 0
+                     ? "none"
+                     : text("%d, %s, taken out analytically", medium_.rigid,
+                            medium_.rigid == geometric_ ? "from the geometry"
+                                                        : "from the null space of K"));
+}
+
+} // namespace flexgram

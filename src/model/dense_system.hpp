@@ -1,0 +1,74 @@
+#pragma once
+
+#include "model/second_order_model.hpp"
+
+#include <optional>
+
+namespace flexgram {
+
+/// A small second-order system with its damping kept apart: M q'' + (αM + βK + D) q' +
+/// K(1 + iη) q = B u, y = Cᵀq. M, K, D: N×N (D empty: none), B: N×n_in, C: N×n_out.
+struct DenseSystem {
+  Dense M, K, D, B, C;
+  Damping damping;
+  bool outputs_are_inputs = true;
+
+  int order() const { return K.rows; }
+  bool has_extra_damping() const { return !D.data.empty(); }
+  ShiftCoefficients coefficients(double omega) const;
+  /// The Galerkin projection onto the columns of Q (N×m).
+  DenseSystem project(const Dense& Q) const;
+  /// As a model, with the damping summed into D (structural damping stays a factor).
+  SecondOrderModel model(const SecondOrderModel& names) const;
+  static DenseSystem from(const SecondOrderModel& dense);
+};
+
+/// X(ω) = A(ω)⁻¹B and H(ω) = CᵀX(ω) of a dense system at many frequencies. With
+/// proportional damping the system is diagonalised once, Uᵀ(K + τM)U = I, UᵀMU = diag(μ),
+/// λ = 1/μ − τ, so a frequency costs N·n_in; otherwise each is a dense solve. (In this
+/// form low eigenvalues are as accurate as the largest ones of K let no other form be,
+/// and M may be singular.)
+class DenseResponse {
+public:
+  /// @param tau  [rad²/s²], of the size of ω²; K + τM must be positive definite.
+  DenseResponse(DenseSystem system, double tau);
+  /// With eigenvectors and eigenvalues 1/(λ + τ) found before.
+  DenseResponse(DenseSystem system, double tau, Dense U, std::vector<double> mu);
+
+  const DenseSystem& system() const { return system_; }
+  double tau() const { return tau_; }
+  bool is_diagonal() const { return !system_.has_extra_damping(); }
+  /// UᵀA(ω)U without D: a_i = a_k + (a_m − τ a_k) μ_i.
+  std::vector<std::complex<double>> diagonal(double omega, double eta_added = 0) const;
+  const Dense& modal_inputs() const { return B_; }  ///< UᵀB
+  const Dense& modal_outputs() const { return C_; } ///< UᵀC
+  const Dense& modal_damping() const { return D_; } ///< UᵀDU of the extra damping
+  /// Matrix of order 2N whose eigenvalues are 1/s of the poles s (K regular, no
+  /// structural damping taken into account).
+  Dense companion() const;
+  /// Eigenvectors of the undamped pencil, N×N, (K + τM)-orthonormal.
+  const Dense& U() const { return U_; }
+  /// Eigenvalues λ of the pencil (K, M), ascending; infinite for massless directions.
+  const std::vector<double>& lambda() const { return lambda_; }
+
+  const std::vector<double>& mu() const { return mu_; } ///< UᵀMU
+
+  /// X in the coordinates of U: X(ω) = U x.
+  ComplexDense modal_response(double omega) const;
+  ComplexDense transfer(const ComplexDense& modal_response) const;
+  ComplexDense transfer(double omega) const { return transfer(modal_response(omega)); }
+
+private:
+  void take_coordinates();
+
+  DenseSystem system_;
+  double tau_;
+  Dense U_, B_, C_, D_; ///< B, C and D in the coordinates of U
+  std::vector<double> mu_, lambda_;
+};
+
+/// The poles of the system in the upper half of the ω plane [rad/s].
+std::vector<std::complex<double>> poles(const DenseResponse& response,
+                                        double eta_added = 0);
+
+} // namespace flexgram

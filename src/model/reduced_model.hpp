@@ -1,0 +1,59 @@
+#pragma once
+
+#include "model/frame_integrals.hpp"
+#include "model/second_order_model.hpp"
+
+#include <array>
+#include <optional>
+#include <utility>
+
+namespace flexgram {
+
+/// What is claimed of the error everywhere in the bands.
+struct ErrorClaim {
+  double worst = 0;          ///< largest relative error, of H and of each kind of ports
+  double attained = 0;       ///< the bound at one frequency: `worst` is no less than this
+  double at = 0;             ///< [rad/s] that frequency
+  double whole = 0;          ///< largest relative error of H as a whole
+  double rigid_rounding = 0; ///< relative change of H if the stored stiffness of rigid
+                             ///< modes, taken for rounding, were meant
+  std::string relative_to = "pointwise";
+  std::vector<std::array<double, 2>> bands;    ///< [rad/s]
+  std::vector<std::array<double, 2>> excluded; ///< [rad/s] where nothing is claimed
+  /// Resonances in these: frequency [rad/s], how far the body's is from it at most,
+  /// relative, and how far its residue, relative. Empty with a damping matrix.
+  std::vector<std::array<double, 3>> poles;
+  std::optional<double> tolerance; ///< that was asked for
+  bool met = true;                 ///< it is
+};
+
+/// A reduced body with what is known about it. `model` is dense and the same on every
+/// rank.
+struct ReducedModel {
+  SecondOrderModel model;
+  Block V; ///< n × m, rows over the ranks of the world
+  std::string method;
+  std::vector<double> sigma;   ///< eigenvalues of the position Gramian, descending
+  std::vector<double> omega;   ///< [rad/s], where the error is known
+  std::vector<double> epsilon; ///< eq. (17) of the paper at omega
+  std::vector<double> modes;   ///< [rad/s], undamped eigenfrequencies of the reduced body
+  std::vector<double> bound;   ///< proved upper bound of epsilon at omega; empty: none
+  std::vector<double> floor;   ///< its part that is rounding
+  /// Of the error: certified, everywhere in the bands; certified outside the excluded
+  /// intervals; or estimated.
+  std::string kind = "estimated";
+  std::optional<ErrorClaim> claim; ///< none: nothing is known between the frequencies
+  /// Largest bounds of displacements from forces and of rotations from moments; empty:
+  /// not asked for.
+  std::vector<double> by_kind;
+  std::string second_stage, frame = "none";
+  int rigid_modes = 0; ///< of the body; the first basis vectors unless frame is none
+  std::optional<FrameIntegrals> integrals;
+  double band[2] = {0, 0}; ///< [rad/s]
+  int factorisations = 0;
+  /// What was done and what was skipped, as printed: name and value.
+  std::vector<std::pair<std::string, std::string>> plan;
+  int medium_order = 0; ///< of the model that it was cut from; 0: none
+};
+
+} // namespace flexgram

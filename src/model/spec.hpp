@@ -1,0 +1,41 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+namespace flexgram {
+
+/// Frequencies from `first` to `last` [rad/s].
+struct Interval {
+  double first = 0, last = 0;
+  double centre() const { return 0.5 * (first + last); }
+  double half() const { return 0.5 * (last - first); }
+};
+
+/// What an error of H is divided by.
+enum class RelativeTo {
+  pointwise, ///< ‖H(ω)‖_F at the same frequency: eq. (17) of the paper
+  band       ///< the largest ‖H‖_F over the band
+};
+
+/// In which basis vectors of a Gramian are orthonormal.
+enum class Metric {
+  mass,      ///< M, or M + K/ω_max² where M is singular
+  euclidean, ///< I, the paper
+  energy     ///< M + K/ω_max²
+};
+
+/// How large the reduced body is to be.
+struct OrderSpec {
+  int order = 0;                   ///< 0: by the tolerance or the paper's rule
+  std::optional<double> tolerance; ///< relative error; unset: by `order` or the rule
+  bool each_kind = true;           ///< it holds for each kind of ports by itself too
+
+  bool by_kind() const { return tolerance && each_kind; }
+};
+
+/// The paper's order rule (section 2.2): smallest m with σ_{m+1}/σ_1 < √ε ≈ 1.5e-8.
+/// @param sigma  eigenvalues of the position Gramian, descending.
+int order_by_rule(const std::vector<double>& sigma);
+
+} // namespace flexgram

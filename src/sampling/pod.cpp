@@ -1,0 +1,206 @@
+#include "sampling/pod.hpp"
+
+#include "base/text.hpp"
+#include "model/kinds.hpp"
+#include "model/port_views.hpp"
+#include "model/project.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+
+namespace flexgram {
+
+std::vector<double> check_frequencies(const std::vector<double>& samples, int count,
+                                      double first, double last) {
+  std::vector<double> sorted = samples, result;
+  std::sort(sorted.begin(), sorted.end());
+  if (count == 0) return result;
+  for (double end : {first, last})
+    if (std::abs(end - sorted.front()) > 1e-9 * last &&
+        std::abs(end - sorted.back()) > 1e-9 * last)
+      result.push_back(end);
+  const int gaps = static_cast<int>(sorted.size()) - 1;
+  count = std::min(count, gaps);
+  for (int i = 0; i < count; ++i) {
+    const auto gap = static_cast<std::size_t>((i + 0.5) * gaps / count);
+    result.push_back(0.5 * (sorted[gap] + sorted[gap + 1]));
+  }
+  return result;
+}
+
+namespace {
+
+/// The model of the first m basis vectors.
+SecondOrderModel leading_part(const SecondOrderModel& rom, int m) {
+  SecondOrderModel part;
+  const auto corner = [&](Mat a) {
+    const Dense whole = to_dense(a);
+    Dense c(m, m);
+    for (int j = 0; j < m; ++j) std::copy_n(whole.column(j), m, c.column(j));
+    return make_dense(c);
+  };
+  const auto rows = [&](const Block& b) {
+    Block top(PETSC_COMM_SELF, {0, m}, m, b.columns());
+    const Block::Access from(b);
+    Block::Access to(top);
+    for (PetscInt j = 0; j < b.columns(); ++j)
+      std::copy_n(from.column(j), m, to.column(j));
+    return top;
+  };
+  part.name = rom.name;
+  part.comm = rom.comm;
+  part.n = m;
+  part.rows = {0, m};
+  part.K = corner(rom.K);
+  part.M = corner(rom.M);
+  if (rom.D) part.D = corner(rom.D);
+  part.damping = rom.damping;
+  part.B = rows(rom.B);
+  part.outputs_are_inputs = rom.outputs_are_inputs;
+  part.C = rom.outputs_are_inputs ? part.B.share() : rows(rom.C);
+  part.inputs = rom.inputs;
+  part.outputs = rom.outputs;
+  return part;
+}
+
+/// Smallest m whose error, of H and of each kind of ports if asked, is below the
+/// tolerance at every known frequency.
+int order_by_tolerance(const SecondOrderModel& rom, const std::vector<double>& omega,
+                       const std::vector<ComplexDense>& H, double tolerance,
+                       bool by_kind) {
+  const auto views = port_views(rom, by_kind);
+  std::size_t worst = 0; // the frequency that ruled out the last order rules out most
+  for (int m = 1; m <= rom.n; ++m) {
+    const SecondOrderModel part = leading_part(rom, m);
+    const auto fails = [&](std::size_t l) {
+      const ComplexDense H_r = dense_transfer(part, omega[l]);
+      return std::any_of(views.begin(), views.end(), [&](const PortView& view) {
+        return !(relative_error(view.of(H[l]), view.of(H_r)) <= tolerance);
+      });
+    };
+    if (fails(worst)) continue;
+    bool good = true;
+    for (std::size_t l = 0; good && l < omega.size(); ++l)
+      if (fails(l)) {
+        worst = l;
+        good = false;
+      }
+    if (good) return m;
+  }
+  throw Error(text("{tol} %g is not met by all %d directions of the samples: use more "
+                   "{samples}",
+                   tolerance, static_cast<int>(rom.n)));
+}
+
+} // namespace
+
+ReducedModel reduce_pod(const SecondOrderModel& fom, FrequencySolves& solves,
+                        const SamplingSpec& spec, int rigid_modes, Observer& observer) {
+  const auto [first, last] = spec.band;
+  Snapshots samples;
+  {
+    Stage stage(observer, "samples");
+    samples = sample_band(solves, spec.nodes());
+  }
+  const bool by_tolerance = spec.order.tolerance && spec.order.order == 0;
+  if (spec.equal_ports) scale_ports(samples.Z, fom.M, fom.B.columns());
+  GramianBasis basis = gramian_basis(std::move(samples.Z), fom.M, fom.K, last, spec,
+                                     by_tolerance, observer);
+
+  ReducedModel rom;
+  {
+    Stage stage(observer, "project");
+    rom.model = project(fom, basis.V);
+  }
+  rom.omega = samples.omega;
+  std::vector<ComplexDense> H = std::move(samples.H);
+  {
+    Stage stage(observer, "error");
+    const auto extra = check_frequencies(samples.omega, spec.checks, first, last);
+    auto H_extra = solves.transfer(extra, "check");
+    rom.omega.insert(rom.omega.end(), extra.begin(), extra.end());
+    std::move(H_extra.begin(), H_extra.end(), std::back_inserter(H));
+  }
+  int order = basis.order;
+  if (by_tolerance) {
+    order = order_by_tolerance(rom.model, rom.omega, H, *spec.order.tolerance,
+                               spec.order.by_kind());
+    MPI_Bcast(&order, 1, MPI_INT, 0, fom.comm); // dense work may differ in the last bit
+    rom.model = leading_part(rom.model, order);
+    std::vector<int> columns(static_cast<std::size_t>(order));
+    std::iota(columns.begin(), columns.end(), 0);
+    basis.V = select_columns(basis.V, columns);
+  }
+  for (std::size_t l = 0; l < H.size(); ++l)
+    rom.epsilon.push_back(relative_error(H[l], dense_transfer(rom.model, rom.omega[l])));
+  std::vector<ComplexDense> H_r;
+  for (double omega : rom.omega) H_r.push_back(dense_transfer(rom.model, omega));
+  std::vector<std::size_t> by_frequency(rom.omega.size());
+  std::iota(by_frequency.begin(), by_frequency.end(), 0);
+  std::sort(by_frequency.begin(), by_frequency.end(),
+            [&](auto a, auto b) { return rom.omega[a] < rom.omega[b]; });
+  const auto sorted = [&](const std::vector<double>& values) {
+    std::vector<double> result;
+    for (auto l : by_frequency) result.push_back(values[l]);
+    return result;
+  };
+  const auto first_check = rom.epsilon.begin() + static_cast<long>(samples.omega.size());
+  const auto checks = rom.epsilon.end() - first_check;
+  const double at_samples = *std::max_element(rom.epsilon.begin(), first_check);
+  const double between =
+      checks > 0 ? *std::max_element(first_check, rom.epsilon.end()) : at_samples;
+  rom.omega = sorted(rom.omega);
+  rom.epsilon = sorted(rom.epsilon);
+
+  rom.method = "pod";
+  rom.V = std::move(basis.V);
+  rom.sigma = basis.sigma;
+  rom.modes = eigenfrequencies(rom.model);
+  rom.band[0] = first;
+  rom.band[1] = last;
+  rom.factorisations = solves.factorisations();
+  rom.rigid_modes = rigid_modes;
+
+  observer.fact("inner product", basis.inner_product);
+  const bool met = order < static_cast<int>(rom.sigma.size());
+  observer.fact("order",
+                text("m = %d of n = %lld, by %s", order, static_cast<long long>(fom.n),
+                     spec.order.order > 0 ? "{order}"
+                     : by_tolerance ? text("{tol} %g", *spec.order.tolerance).c_str()
+                     : met          ? "the rule sigma_(m+1)/sigma_1 < 1.5e-8"
+                                    : "what the samples hold"));
+  if (!met && spec.order.order == 0 && !by_tolerance)
+    observer.warn("the samples end before the order rule is met: use more {samples}");
+  if (checks > 0 && between > 10 * at_samples && between > 1e-6)
+    observer.warn(
+        text("between the samples the error is %.0f times as large as at them: use more "
+             "{samples}",
+             between / at_samples));
+  if (order < static_cast<int>(rom.sigma.size()) && rom.sigma.front() > 0) {
+    const double tail = std::accumulate(rom.sigma.begin() + order, rom.sigma.end(), 0.0);
+    observer.fact("indicators",
+                  text("sigma_(m+1)/sigma_1 = %.1e, sqrt of the neglected sum = %.1e",
+                       rom.sigma[static_cast<std::size_t>(order)] / rom.sigma[0],
+                       std::sqrt(tail)));
+  }
+  std::string error =
+      text("at most %.1e at the %zu samples", at_samples, samples.omega.size());
+  if (checks > 0)
+    error += text(", %.1e at %ld others (between them, ends of the band)", between,
+                  static_cast<long>(checks));
+  if (checks == 0) error += ", not checked between them";
+  observer.fact("error", error + " (estimated, not proved)");
+  warn_of_kinds(rom.model, H, H_r, std::max(at_samples, between), observer);
+  observer.fact("modes", describe_modes(rom.modes, rigid_modes));
+  observer.fact("reduced M, K", text("smallest over largest eigenvalue %.1e, %.1e",
+                                     relative_smallest_eigenvalue(rom.model.M),
+                                     relative_smallest_eigenvalue(rom.model.K)));
+  observer.fact("solves", text("%d factorisations, backward error at most %.0e",
+                               rom.factorisations, solves.worst_backward_error()));
+  observer.print();
+  return rom;
+}
+
+} // namespace flexgram

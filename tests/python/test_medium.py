@@ -1,0 +1,241 @@
+"""Two steps are two calls: certify once, cut often; the file between them."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from test_continuum import chain, chain_modes
+
+import flexgram
+from conftest import ENVIRONMENT, ROOT, message, rom_matrices, rom_system, run
+from flexgram import BodyError, write_matrices
+from referee import System, relative_error
+
+SAME = 1e-9  # of H, for the same model up to rounding
+
+
+@pytest.fixture(scope="module")
+def body(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, float, float]:
+    """A damped chain of 80 masses with three ports; its file and a band [Hz] of nine modes."""
+    folder = tmp_path_factory.mktemp("medium")
+    K, M, B, _ = chain(80, "three")
+    omega = chain_modes(80)
+    names = ["a.fx", "a.mx", "b.fx"]
+    write_matrices(folder / "body.h5", K, M, B, alpha=2e-2 * omega[0], beta=1e-4 / omega[9],
+                   inputs=names)  # fmt: skip
+    return folder / "body.h5", 0.2 * omega[0] / (2 * np.pi), omega[8] / (2 * np.pi)
+
+
+@pytest.fixture(scope="module")
+def medium(body: tuple[Path, float, float]) -> Path:
+    path, first, last = body
+    out = path.parent / "medium.h5"
+    run("certify", "-body", path, "-mor_band_hz", f"{first!r},{last!r}", "-mor_tol", "1e-8",
+        "-mor_medium_out", out)  # fmt: skip
+    return out
+
+
+def distance(a: Path | Any, b: Path | Any, band: tuple[float, float]) -> float:
+    """Largest relative difference of H of two reduced bodies over the band [Hz]."""
+    systems: list[System] = []
+    for rom in (a, b):
+        if isinstance(rom, Path):
+            systems.append(rom_system(rom_matrices(rom)))
+        else:
+            systems.append(System(rom.K, rom.M, rom.B, rom.C, rom.D, eta=rom.eta))
+    return max(relative_error(systems[0], systems[1], w)
+               for w in 2 * np.pi * np.linspace(*band, 37))  # fmt: skip
+
+
+REQUESTS: dict[str, list[str]] = {
+    "1e-1": ["-mor_tol", "1e-1"],
+    "1e-3": ["-mor_tol", "1e-3"],
+    "1e-6": ["-mor_tol", "1e-6"],
+    "1e-8": ["-mor_tol", "1e-8"],
+    "whole": ["-mor_tol", "1e-4", "-mor_tol_of", "whole"],
+    "band": ["-mor_tol", "1e-4", "-mor_tol_relative_to", "band"],
+    "rule": [],
+    "order": ["-mor_order", "12"],
+    "modal": ["-mor_method", "modal", "-mor_order", "10"],
+    "craig_bampton": ["-mor_method", "craig_bampton"],
+    "krylov": ["-mor_method", "krylov", "-mor_moments", "3"],
+    "irka": ["-mor_second_stage", "irka", "-mor_order", "11"],
+}
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("name", REQUESTS)
+def test_a_cut_equals_the_reduction(
+    tmp_path: Path, body: tuple[Path, float, float], medium: Path, name: str, ranks: int
+) -> None:
+    path, *band = body
+    asked = REQUESTS[name]
+    run("reduce", "-body", path, "-mor_band_hz", f"{band[0]!r},{band[1]!r}", *asked, "-mor_out",
+        tmp_path / "a.h5")  # fmt: skip
+    run("cut", "-medium", medium, *asked, "-mor_out", tmp_path / "b.h5", ranks=ranks)
+    with h5py.File(tmp_path / "a.h5") as a, h5py.File(tmp_path / "b.h5") as b:
+        assert a["K"].shape == b["K"].shape
+        assert a["V"].shape == b["V"].shape
+        for key in ("worst", "whole"):
+            assert np.isclose(a["error"].attrs[key], b["error"].attrs[key], rtol=1e-3), key
+        assert a["error"].attrs["kind"] == b["error"].attrs["kind"] == "certified"
+    assert distance(tmp_path / "a.h5", tmp_path / "b.h5", band) < SAME  # type: ignore[arg-type]
+
+
+def test_ports_and_bands_may_be_fewer(
+    tmp_path: Path, body: tuple[Path, float, float], medium: Path
+) -> None:
+    """A cut with some ports in a part of the band: certified for those, against the full body."""
+    path, first, last = body
+    part = f"{1.5 * first!r},{0.6 * last!r}"
+    out = tmp_path / "fewer.h5"
+    run("cut", "-medium", medium, "-mor_tol", "1e-5", "-mor_band_hz", part, "-mor_inputs",
+        "a.fx,b.fx", "-mor_outputs", "a.mx", "-mor_out", out)  # fmt: skip
+    with h5py.File(out) as file:
+        assert list(file["B"].attrs["names"]) == ["a.fx", "b.fx"]
+        assert list(file["C"].attrs["names"]) == ["a.mx"]
+        claim = dict(file["error"].attrs)
+    K, M, B, _ = chain(80, "three")
+    with h5py.File(path) as file:
+        damping = {key: float(file.attrs[key]) for key in ("alpha", "beta")}
+    full = System(K, M, B[:, [0, 2]], B[:, [1]].T, **damping)
+    rom = rom_system(rom_matrices(out))
+    grid = 2 * np.pi * np.linspace(1.5 * first, 0.6 * last, 400)
+    truth = max(relative_error(full, rom, w) for w in grid)
+    assert truth <= claim["whole"] <= 1e-5 and claim["met"] == 1
+
+
+def test_messages(tmp_path: Path, body: tuple[Path, float, float], medium: Path) -> None:
+    path, first, last = body
+    out = tmp_path / "rom.h5"
+
+    def refused(*arguments: Any) -> str:
+        return message(run("cut", *arguments, "-mor_out", out, expect=1))
+
+    assert "-medium is missing" in refused()
+    assert "no medium model" in refused("-medium", path)
+    assert "no such" in refused("-medium", tmp_path / "none.h5").lower()
+    assert "-mor_band_hz" in refused("-medium", medium, "-mor_band_hz", f"{first},{2 * last}")
+    assert "-mor_shifts_hz" in refused("-medium", medium, "-mor_method", "krylov",
+                                       "-mor_shifts_hz", f"{3 * last}")  # fmt: skip
+    assert "-mor_cutoff" in refused("-medium", medium, "-mor_method", "modal", "-mor_order", "40")
+    assert "pod" in refused("-medium", medium, "-mor_method", "pod")
+    assert "replace the input" in message(
+        run("cut", "-medium", medium, "-mor_out", medium, expect=1))  # fmt: skip
+    tight = run("cut", "-medium", medium, "-mor_tol", "1e-12", "-mor_out", out, expect=2)
+    assert "is not met" in tight.out
+    assert not list(tmp_path.glob("*.part"))
+
+
+def test_a_damaged_file_is_refused(tmp_path: Path, medium: Path) -> None:
+    """Every dataset shortened and every number spoilt in turn: an error, never a wrong result."""
+    with h5py.File(medium) as file:
+        names: list[str] = []
+        file.visititems(lambda n, x: names.append(n) if isinstance(x, h5py.Dataset) else None)
+    names = [n for n in names if not n.startswith(("dofs", "nodes"))]
+    assert len(names) > 20
+    for name in names:
+        copy = tmp_path / "damaged.h5"
+        copy.write_bytes(medium.read_bytes())
+        with h5py.File(copy, "r+") as file:
+            whole = file[name][()]
+            del file[name]
+            file[name] = whole[:-1] if len(whole) > 1 else np.zeros(3)
+        result = run("cut", "-medium", copy, "-mor_tol", "1e-3", "-mor_out", tmp_path / "r.h5",
+                     expect=1)  # fmt: skip
+        assert "damaged" in message(result), name
+
+
+def test_without_the_basis(tmp_path: Path, body: tuple[Path, float, float]) -> None:
+    path, *band = body
+    small = tmp_path / "small.h5"
+    run("certify", "-body", path, "-mor_band_hz", f"{band[0]!r},{band[1]!r}", "-mor_tol", "1e-6",
+        "-mor_medium_out", small, "-mor_medium_basis", "no")  # fmt: skip
+    run("cut", "-medium", small, "-mor_tol", "1e-4", "-mor_out", tmp_path / "rom.h5", ranks=2)
+    with h5py.File(tmp_path / "rom.h5") as file:
+        assert "V" not in file
+    rom = flexgram.ReducedModel.load(tmp_path / "rom.h5")
+    assert rom.met and rom.V.size == 0
+    assert "-mor_medium_basis" in message(
+        run("cut", "-medium", small, "-mor_inner_product", "euclidean", "-mor_out",
+            tmp_path / "x.h5", expect=1))  # fmt: skip
+
+
+def test_free_body_with_frame(tmp_path: Path, rack: Path) -> None:
+    """The integrals of a floating frame and the dofs come through the medium file."""
+    band = (10.0, 300.0)
+    run("reduce", "-body", rack, "-mor_band_hz", "10,300", "-mor_tol", "1e-3", "-mor_out",
+        tmp_path / "a.h5", "-mor_medium_out", tmp_path / "m.h5")  # fmt: skip
+    run("cut", "-medium", tmp_path / "m.h5", "-mor_tol", "1e-3", "-mor_out", tmp_path / "b.h5")
+    run("reduce", "-body", rack, "-mor_band_hz", "10,300", "-mor_tol", "1e-3", "-mor_out",
+        tmp_path / "c.h5")  # fmt: skip
+    assert distance(tmp_path / "a.h5", tmp_path / "b.h5", band) < SAME
+    assert distance(tmp_path / "c.h5", tmp_path / "b.h5", band) < SAME
+    with h5py.File(tmp_path / "c.h5") as c, h5py.File(tmp_path / "b.h5") as b:
+        assert np.isclose(c["frame"].attrs["mass"], b["frame"].attrs["mass"], rtol=1e-12)
+        for name in ("M_er", "gyroscopic", "inertia_first", "inertia_second"):
+            size = np.abs(c["frame"][name][:]).max()
+            # Up to the signs of the basis vectors.
+            assert np.allclose(np.abs(c["frame"][name][:]), np.abs(b["frame"][name][:]),
+                               atol=1e-6 * size), name  # fmt: skip
+        for name in ("dofs/node", "dofs/component", "nodes/position"):
+            assert np.array_equal(c[name][:], b[name][:])
+
+
+def test_python(tmp_path: Path, body: tuple[Path, float, float], medium: Path) -> None:
+    path, *band = body
+    held = flexgram.certify(path, band_hz=band, tol=1e-8)
+    assert held.reached and held.order < 80 and "certified to" in repr(held)
+    assert held.inputs == ["a.fx", "a.mx", "b.fx"]
+    whole = flexgram.reduce(path, band_hz=band, tol=1e-4)
+    rom = held.reduce(tol=1e-4)
+    assert rom.order == whole.order and distance(rom, whole, band) < SAME  # type: ignore[arg-type]
+    fewer = held.reduce(tol=1e-4, inputs=["a"], outputs=["b"], band_hz=(band[0], 0.5 * band[1]))
+    assert fewer.inputs == ["a.fx", "a.mx"] and fewer.outputs == ["b.fx"] and fewer.met
+    held.save(tmp_path / "m.h5")
+    again = flexgram.Medium.load(tmp_path / "m.h5")
+    assert again.order == held.order and again.has_basis
+    assert distance(again.reduce(tol=1e-4), rom, band) < SAME  # type: ignore[arg-type]
+    rom.save(str(tmp_path / "rom.h5"))
+    assert flexgram.ReducedModel.load(tmp_path / "rom.h5").order == rom.order
+    with pytest.raises(BodyError, match="certified up to"):
+        held.reduce(tol=1e-4, band_hz=(band[0], 3 * band[1]))
+    with pytest.raises(BodyError, match="no medium model"):
+        flexgram.Medium.load(path)
+    with pytest.warns(UserWarning, match="not met"):
+        held.reduce(tol=1e-13)
+
+
+PARALLEL = """
+import json, sys, numpy as np, flexgram
+from mpi4py import MPI
+body, first, last, out = sys.argv[1], float(sys.argv[2]), float(sys.argv[3]), sys.argv[4]
+medium = flexgram.certify(body, band_hz=(first, last), tol=1e-7)
+medium.save(out)
+orders = [medium.reduce(tol=t).order for t in (1e-2, 1e-4, 1e-6)]
+rows = MPI.COMM_WORLD.allreduce(len(medium.reduce(tol=1e-3).V))
+again = flexgram.Medium.load(out).reduce(tol=1e-4)
+if MPI.COMM_WORLD.rank == 0:
+    print(json.dumps([orders, rows, again.order]))
+"""
+
+
+def test_python_on_two_ranks(tmp_path: Path, body: tuple[Path, float, float]) -> None:
+    path, *band = body
+    script = tmp_path / "two.py"
+    script.write_text(PARALLEL)
+    command = ["mpirun", "-n", "2", sys.executable, script, path, *map(repr, band),
+               tmp_path / "m.h5"]  # fmt: skip
+    output = subprocess.run([str(c) for c in command], env=ENVIRONMENT, capture_output=True,
+                            text=True, check=True, cwd=ROOT).stdout  # fmt: skip
+    orders, rows, again = json.loads(output.splitlines()[-1])
+    alone = flexgram.certify(path, band_hz=band, tol=1e-7)
+    assert orders == [alone.reduce(tol=t).order for t in (1e-2, 1e-4, 1e-6)]
+    assert rows == 80 and again == orders[1]
