@@ -16,6 +16,7 @@ public:
 
 private:
   void find_rigid_modes();
+  bool find_the_modes(double omega, bool mass_is_singular, bool last);
   static MediumSpace::RigidStiffness stiffness_of(const RigidSplit& split);
   static bool has_light_dofs(const SecondOrderModel& fom, double omega);
   Block start(double omega, bool mass_is_singular);

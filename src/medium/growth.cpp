@@ -249,6 +249,30 @@ void MediumBuilder::report() {
                  "error is estimated; a higher {medium_order} helps");
 }
 
+/// The space with all modes below a cutoff near `omega`. @return false if inertia and
+/// search disagree and it is not the last attempt.
+bool MediumBuilder::find_the_modes(double omega, bool mass_is_singular, bool last) {
+  {
+    Stage stage(observer_, "cutoff");
+    Block response = start(omega, mass_is_singular);
+    scale_ports(response);
+    space_ = std::make_unique<MediumSpace>(fom_, medium_.kappa, medium_.tau);
+    space_->start_with_rigid_modes(rigid_modes_.share(), rigid_stiffness_);
+    space_->append(std::move(response), 1e-7);
+  }
+  try {
+    search_modes();
+  } catch (const MiscountError&) {
+    if (last) throw;
+    for (double& x : medium_.scale) x = 1 / x;
+    for (Block* block : {&loads_, &ports_}) scale_columns(*block, medium_.scale);
+    medium_.scale.clear();
+    return false;
+  }
+  rigid_modes_ = Block();
+  return true;
+}
+
 Medium MediumBuilder::build(bool mass_is_singular) {
   const double first = spec_.bands.front().first, last = spec_.bands.back().last;
   double reference = std::max(last, spec_.last_needed);
@@ -258,14 +282,11 @@ Medium MediumBuilder::build(bool mass_is_singular) {
   {
     Stage stage(observer_, "cutoff");
     find_rigid_modes();
-    if (geometric_ > 0) refuse_statics_of_a_free_body(first);
-    Block response = start(spec_.cutoff * reference, mass_is_singular);
-    scale_ports(response);
-    space_ = std::make_unique<MediumSpace>(fom_, medium_.kappa, medium_.tau);
-    space_->start_with_rigid_modes(std::move(rigid_modes_), rigid_stiffness_);
-    space_->append(std::move(response), 1e-7);
   }
-  search_modes();
+  if (geometric_ > 0) refuse_statics_of_a_free_body(first);
+  double omega = spec_.cutoff * reference;
+  for (int attempt = 1; !find_the_modes(omega, mass_is_singular, attempt == 3); ++attempt)
+    omega = 1.0123 * medium_.cutoff; // a mode on the cutoff: beside it
   if (medium_.rigid > 0) refuse_statics_of_a_free_body(first);
   {
     Stage stage(observer_, "norm");

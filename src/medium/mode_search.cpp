@@ -63,7 +63,7 @@ int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expe
         std::lower_bound(pairs.lambda.begin(), pairs.lambda.end(), sigma) -
         pairs.lambda.begin());
     if (below > expected)
-      throw Error(
+      throw MiscountError(
           text("%d modes were found below the cutoff, the inertia of K - s M counts "
                "%d: the factorisation is not to be trusted (try {mumps_cntl_1} 0.1)",
                below, expected));
@@ -89,8 +89,9 @@ int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expe
         block.push_back(j);
     if (block.empty() && missing == 0) return solves;
     if (round == most_rounds)
-      throw Error(text("only %d of the %d modes below the cutoff were found in %d rounds",
-                       below, expected, most_rounds));
+      throw MiscountError(
+          text("only %d of the %d modes below the cutoff were found in %d rounds", below,
+               expected, most_rounds));
     if (static_cast<int>(block.size()) > most_columns) block.resize(most_columns);
     const std::size_t checked = block.size();
     for (int j = below;

@@ -5,6 +5,12 @@
 
 namespace flexgram {
 
+/// What is found and what the inertia counts disagree: an eigenvalue lies on the cutoff,
+/// or the factorisation is poor.
+class MiscountError : public Error {
+  using Error::Error;
+};
+
 /// Extends the space until it holds every mode of (K, M) below sigma to an angle of about
 /// `enough`. Block Rayleigh-Ritz with the shift-inverted operator S = (K − σM)⁻¹M: for a
 /// Ritz pair (λ, φ) the part of (λ − σ) S φ outside the space is what the space lacks,
@@ -17,7 +23,8 @@ namespace flexgram {
 ///                      space. No more can be found (Cauchy), and no fewer will do.
 /// @param[in] null      K is indefinite if an eigenvalue lies below −null.
 /// @return right-hand sides solved.
-/// @throws Error if a mode that the inertia counts cannot be found, or if there are more.
+/// @throws MiscountError if a mode that the inertia counts cannot be found, or if there
+/// are more; Error if K is indefinite.
 /// @note Collective.
 int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expected,
                double enough, double null, Observer& observer);

@@ -16,6 +16,7 @@ import pytest
 import scipy.linalg as sl
 import scipy.sparse as sp
 
+from audit import CLASSES, DAMPINGS, examine, random_case
 from conftest import ENVIRONMENT, ROOT, rom_matrices, rom_system, run
 from flexgram import write_matrices
 from referee import TWO_PI, System, hard_frequencies, relative_error
@@ -251,3 +252,15 @@ def test_random_systems(seed: int) -> None:
     assert "0 broken of 168" in result.stdout
     refused = [line for line in result.stdout.splitlines() if line.startswith("refused")]
     assert len(refused) <= 0.03 * 168, refused
+
+
+@pytest.mark.parametrize("index", [275, 5531, 9179])
+def test_a_mode_on_the_cutoff(index: int) -> None:
+    """Systems of ``scripts/audit 10000 401`` whose modes were "not found" before the cutoff moved
+    aside."""
+    rng = np.random.default_rng([401, index])
+    kind = CLASSES[index % len(CLASSES)]
+    assert kind == "mode on cutoff"
+    case = random_case(rng, kind, DAMPINGS[(index // len(CLASSES)) % len(DAMPINGS)])
+    verdict = examine(case, rng)
+    assert verdict.outcome == "certified" and verdict.ratio <= 1
