@@ -384,9 +384,9 @@ ReducedModel Cut::run() {
   }
   if (medium_.rigid > 0)
     observer_.fact("frame", frame_names[static_cast<std::size_t>(frame_)]);
-  stage_ = std::make_unique<SecondStage>(
-      SecondStage{medium_, weights(), request_.equal_ports, frame_ != Frame::none, gram(),
-                  shifts_, request_.moments});
+  stage_ = std::make_unique<SecondStage>(SecondStage{
+      medium_, weights(), request_.equal_ports, frame_ != Frame::none, gram(), shifts_,
+      request_.moments, request_.relative_to, request_.order.tolerance.value_or(0)});
   errors_ = std::make_unique<ErrorOverBand>(medium_, bands_, error_grid(),
                                             request_.relative_to);
   const auto names =

@@ -4,6 +4,7 @@
 #include "medium/model.hpp"
 
 #include <functional>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -18,6 +19,8 @@ struct SecondStage {
   Dense gram; ///< N×N inner product of the Gramian's eigenvectors, in coordinates of V
   std::vector<double> shifts; ///< [rad/s] of krylov
   int moments = 2;
+  RelativeTo relative_to = RelativeTo::pointwise; ///< what errors are divided by
+  double tolerance = 0; ///< an error that is good enough; 0: none is
 };
 
 /// A way to span a small space: for every order m up to `most` a basis of m columns in
@@ -29,6 +32,9 @@ struct Candidate {
   std::function<Dense(int)> basis;
   std::vector<double> sigma; ///< eigenvalues of the position Gramian, if it is one
   std::string remark;
+  /// Another candidate that is nested and needs no fewer vectors: where the search for an
+  /// order starts, if each order of this one is costly.
+  std::shared_ptr<const Candidate> no_fewer;
 };
 
 /// What a method asks of the medium model, beyond the band.

@@ -20,6 +20,13 @@ int smallest_order(const Candidate& candidate, const MediumModel& medium, int mo
   const auto is_good = [&](int m) {
     return good(medium.system.project(candidate.basis(m)));
   };
+  if (candidate.no_fewer) {
+    int m = smallest_order(*candidate.no_fewer, medium, most, good);
+    if (m > 0) {
+      while (m > candidate.least && is_good(m - 1)) --m;
+      return is_good(m) ? m : 0;
+    }
+  }
   int low = candidate.least - 1, high = candidate.least;
   while (!is_good(high)) {
     low = high;

@@ -166,13 +166,18 @@ Array rows_of(const Dense& a) {
   return result;
 }
 
-Array rows_of(const Block& block) {
+template <class T>
+py::array_t<T> array_of(const std::vector<T>& values) {
+  return py::array_t<T>(static_cast<py::ssize_t>(values.size()), values.data());
+}
+
+/// Stored by columns, as the block is.
+py::array_t<double, py::array::f_style> rows_of(const Block& block) {
   const PetscInt rows = block.local_rows().size();
-  Array result({rows, block.columns()});
-  auto view = result.mutable_unchecked<2>();
+  py::array_t<double, py::array::f_style> result({rows, block.columns()});
   const Block::Access access(block);
   for (PetscInt j = 0; j < block.columns(); ++j)
-    for (PetscInt i = 0; i < rows; ++i) view(i, j) = access.column(j)[i];
+    std::copy_n(access.column(j), rows, result.mutable_data(0, j));
   return result;
 }
 
@@ -235,9 +240,10 @@ struct Reduction {
       f["frame/inertia_second"] =
           rows_of(i.inertia_second).attr("reshape")(3, order, 3, order);
     }
-    f["dofs/node"] = body.model.label.empty() ? body.model.node : body.model.label;
-    f["dofs/component"] = body.model.component;
-    f["dofs/position"] = body.model.position;
+    f["dofs/node"] =
+        array_of(body.model.label.empty() ? body.model.node : body.model.label);
+    f["dofs/component"] = array_of(body.model.component);
+    f["dofs/position"] = array_of(body.model.position);
     f["log/seconds"] = std::map<std::string, double>(observer->stages().begin(),
                                                      observer->stages().end());
     f["log/plan"] = rom.plan;
