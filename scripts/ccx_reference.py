@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Remakes tests/data/ccx.json: eigenfrequencies by CalculiX of the boxes in tests/python/bodies.py.
+"""Remakes tests/data/ccx.json: eigenfrequencies by CalculiX of the boxes in meshes/bodies.py.
 
 Needs the package calculix-ccx (group "test" in scripts/packages.txt):
 
@@ -19,7 +19,7 @@ from typing import Any
 import meshio
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "tests" / "python"))
+sys.path.insert(0, str(ROOT / "meshes"))
 
 from bodies import CALCULIX, box  # noqa: E402
 

@@ -1,6 +1,6 @@
 """Random systems against extended precision: does any true error exceed the certified one?
 
-    audit.py [count] [seed]       count systems; a table by class and by damping
+    audit.py [count] [seed] [csv]   count systems; a table by class and by damping
 
 Each system is reduced in this process, with its tolerance and nothing else; the referee chooses
 frequencies against the result (``referee.py``).
@@ -9,6 +9,7 @@ frequencies against the result (``referee.py``).
 from __future__ import annotations
 
 import collections
+import csv
 import sys
 import time
 import warnings
@@ -216,6 +217,8 @@ def main() -> int:
     print(f"{count} systems, seed {seed}, {time.time() - start:.0f} s")
     print(f"{'class':22} {'systems':>8} {'certified':>10} {'outside':>8} {'estimated':>10} "
           f"{'not met':>8} {'refused':>8} {'true/bound':>17} {'bound/attained':>15}")  # fmt: skip
+    rows = [["class", "systems", "certified", "outside intervals", "estimated", "not met",
+             "refused", "largest true / certified", "certified / attained, median"]]  # fmt: skip
     for name, verdicts in table.items():
         number = lambda word: sum(v.outcome == word for v in verdicts)  # noqa: E731, B023
         ratios = [v.ratio for v in verdicts]
@@ -224,6 +227,13 @@ def main() -> int:
               f"{number('certified outside'):8} {number('estimated'):10} {number('not met'):8} "
               f"{number('refused'):8} {max(ratios):17.3f} "
               f"{np.median(sharp) if sharp else np.nan:15.3f}")  # fmt: skip
+        outcomes = ("certified", "certified outside", "estimated", "not met", "refused")
+        median = np.median(sharp) if sharp else np.nan
+        rows.append([name, str(len(verdicts)), *(str(number(word)) for word in outcomes),
+                     f"{max(ratios):.3f}", f"{median:.2f}"])  # fmt: skip
+    if len(sys.argv) > 3:
+        with open(sys.argv[3], "w", newline="") as file:
+            csv.writer(file).writerows(rows)
     print(f"{broken} broken of {count}")
     return 1 if broken else 0
 

@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import subprocess
+import sys
 import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy reads it
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "meshes"))
 
 import h5py
 import numpy as np
 import pytest
 import scipy.sparse as sp
 
+from others import SHARED, shared_case
 from referee import System, suspicious
 
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = ROOT / "build" / "flexgram"
-SHARED = ROOT.parent / "shared" / "data"
 
 EXPORTS = (ROOT / "scripts" / "mpi-environment").read_text().splitlines()
 ENVIRONMENT = {
@@ -109,16 +110,6 @@ def assembled(path: Path, body: Path, ranks: int = 1) -> dict[str, Any]:
 def sweep_transfer(path: Path) -> tuple[Any, Any]:
     with h5py.File(path) as file:
         return file["omega"][:], file["H"][..., 0] + 1j * file["H"][..., 1]
-
-
-def shared_case(name: str) -> dict[str, Any]:
-    """One of the bodies in ../shared/data."""
-    spec = importlib.util.spec_from_file_location("load_case", SHARED / "load_case.py")
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    case: dict[str, Any] = module.load_case(str(SHARED / name))
-    return case
 
 
 @pytest.fixture(scope="session")

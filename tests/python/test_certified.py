@@ -9,12 +9,9 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-import scipy.linalg as sl
-import scipy.sparse as sp
-from scipy.sparse.linalg import eigsh
 
 from conftest import assert_certified, certified, rom_matrices, run
-from flexgram import write_matrices
+from others import write_case
 
 Loader = Callable[[str], dict[str, Any]]
 CASES = (
@@ -24,47 +21,6 @@ CASES = (
     "nlevp_shaft",
 )  # fmt: skip
 METHODS = ("krylov", "modal", "craig_bampton", "irka", "balanced")
-
-
-def frequencies(K: Any, M: Any) -> Any:
-    """Some undamped eigenfrequencies [Hz], ascending."""
-    if K.shape[0] < 1500:
-        scale = 1e-6 * abs(K).max() / abs(M).max()
-        mu = sl.eigh(M.toarray(), (K + scale * M).toarray(), eigvals_only=True)
-        squares = 1 / np.maximum(mu, 1e-300) - scale
-    else:
-        shift = -1e-9 * abs(K).max() / abs(M).max()
-        squares = eigsh(K, 16, M, sigma=shift, return_eigenvectors=False)
-    return np.sort(np.sqrt(np.abs(squares))) / (2 * np.pi)
-
-
-def write_case(case: dict[str, Any], path: Path) -> tuple[float, float]:
-    """Body file of a case, lightly damped if it has no damping; a band with ten modes."""
-    K, M = case["K"].tocsc(), case["M"].tocsc()
-    n = K.shape[0]
-    hz = frequencies(K, M)
-    elastic = hz[hz > 1e-4 * hz[min(12, len(hz) - 1)]]
-    top = elastic[min(10, len(elastic) - 1) - 1]
-    reference = case.get("ref", {})
-    options: dict[str, Any] = {}
-    if "D" in case:
-        options["D"] = case["D"]
-    elif reference.get("alpha") is not None:
-        options.update(alpha=reference["alpha"], beta=reference["beta"])
-    else:
-        options.update(alpha=0.04 * np.pi * elastic[0], beta=0.002 / (np.pi * top))
-    B = case.get("B")
-    if B is None:
-        B = np.zeros((n, 4))
-        B[np.random.default_rng(1).choice(n, 4, replace=False), range(4)] = 1
-    B = B.toarray() if sp.issparse(B) else B
-    C = case.get("C")
-    if C is not None:
-        C = C.toarray() if sp.issparse(C) else C
-        if C.shape != B.T.shape or not np.allclose(C, B.T):
-            options["C"] = C
-    write_matrices(path, K, M, B, **options)
-    return 0.1 * elastic[0], 1.02 * top
 
 
 #: Bodies on which a decision hung on rounding once.

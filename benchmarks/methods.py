@@ -2,9 +2,10 @@
 
 Generated Tet10 bodies, cube-like and thin-walled, free, twelve ports, Rayleigh damping. Beside
 them, from the same run, the machine's own unit: one real (and one complex) factorisation and one
-block solve of the same matrix. Writes out/bench/methods.csv and methods.png. Long for large ones.
+block solve of the same matrix. Writes
+benchmarks/results/methods.csv and out/bench/methods.png. Long for large ones.
 
-    scripts/bench [--sizes 6 30 100] [--methods two_step pod modal ...] [--runs 3] [--ranks 1]
+    benchmarks/run methods [--sizes 6 30 100] [--methods two_step pod ...] [--runs 3] [--ranks 1]
                   [--checks 12]
 """
 
@@ -12,11 +13,8 @@ from __future__ import annotations
 
 import argparse
 import csv
-import os
 import re
 import statistics
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -25,14 +23,10 @@ import matplotlib
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
+from common import OUT, RESULTS, flexgram
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "tests" / "python"))
+from bodies import box, write_body_file
 
-from bodies import box, write_body_file  # noqa: E402
-from conftest import ENVIRONMENT, PROGRAM  # noqa: E402
-
-OUT = ROOT / "out" / "bench"
 ENDS = {name: {"set": name, "coupling": "rigid"} for name in ("start", "end")}
 #: Elements along the edges and edges [m] by shape and thousands of dofs.
 SHAPES = {
@@ -48,19 +42,11 @@ METHODS = {
 }
 
 
-def flexgram(ranks: int, *arguments: Any) -> str:
-    command = ["mpirun", "-n", str(ranks), str(PROGRAM), *map(str, arguments)]
-    environment = {**ENVIRONMENT, "OPENBLAS_NUM_THREADS": os.environ.get("BLAS_THREADS", "1")}
-    return subprocess.run(
-        command, env=environment, capture_output=True, text=True, check=True
-    ).stdout
-
-
 def unit(body: Path, ranks: int) -> tuple[float, float]:
     """Seconds of one factorisation and one block solve, as the program itself reports them, and
     the peak memory of that run [MB]."""
-    out = flexgram(ranks, "sweep", "-body", body, "-mor_sweep_hz", "100", "-mor_sweep_out",
-                   OUT / "unit.h5", "-mor_monitor", "detail")  # fmt: skip
+    out = flexgram("sweep", "-body", body, "-mor_sweep_hz", "100", "-mor_sweep_out",
+                   OUT / "unit.h5", "-mor_monitor", "detail", ranks=ranks)  # fmt: skip
     found = re.search(r"factor ([\d.]+) s, solve ([\d.]+) s", out)
     peak = re.search(r"peak (\d+) MB", out)
     assert found and peak, out
@@ -73,8 +59,8 @@ def measure(
     """Median seconds without reading and assembling, peak memory, order, bound, true error."""
     rom, seconds = OUT / "rom.h5", []
     for _ in range(runs):
-        flexgram(ranks, "reduce", "-body", body, "-mor_band_hz", band, "-mor_out", rom,
-                 *METHODS[method])  # fmt: skip
+        flexgram("reduce", "-body", body, "-mor_band_hz", band, "-mor_out", rom,
+                 *METHODS[method], ranks=ranks)  # fmt: skip
         with h5py.File(rom) as file:
             stages = dict(file["log/seconds"].attrs)
             peak = float(file["log"].attrs["peak_memory_mb_per_rank"])
@@ -85,9 +71,9 @@ def measure(
             sum(s for name, s in stages.items() if name not in ("partition", "assemble"))
         )
     first, last = band.split(",")
-    flexgram(ranks, "sweep", "-body", body, "-rom", rom, "-mor_sweep_hz",
+    flexgram("sweep", "-body", body, "-rom", rom, "-mor_sweep_hz",
              f"{float(first) * 1.03},{float(last) * 0.997},{checks}", "-mor_sweep_out",
-             OUT / "sweep.h5")  # fmt: skip
+             OUT / "sweep.h5", ranks=ranks)  # fmt: skip
     with h5py.File(OUT / "sweep.h5") as file:
         error = float(file["error/relative"][:].max())
     return {"method": method, "order": order, "seconds": statistics.median(seconds),
@@ -131,7 +117,7 @@ def main() -> None:
                       f"= {row['units']:6.1f} units  {row['peak_mb']:6.0f} MB, "
                       f"4 bases {4 * row['basis_mb']:.0f} MB  error "
                       f"{row['error']:.1e}  bound {row['bound']:.1e}", flush=True)  # fmt: skip
-    with (OUT / "methods.csv").open("w", newline="") as file:
+    with (RESULTS / "methods.csv").open("w", newline="") as file:
         writer = csv.DictWriter(file, rows[0].keys())
         writer.writeheader()
         writer.writerows(rows)

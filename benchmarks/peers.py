@@ -5,9 +5,9 @@ stable body; the free one has poles at zero), ports at the upper, 10-500 Hz. pyM
 balanced truncation and IRKA, and the paper's first route in plain SciPy (sparse LU of 30 samples,
 SVD), each in this process on the same matrices; flexgram by its whole command, reading included.
 Errors are eq. (17) at 200 frequencies of a full sweep. One BLAS thread. Needs pymor from PyPI:
-``scripts/bench peers`` installs it.
+``benchmarks/run peers`` installs it.
 
-    scripts/bench peers [--order 20] [--limit 1200] [--only scipy ...]
+    benchmarks/run peers [--order 20] [--limit 1200] [--only scipy ...]
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from __future__ import annotations
 import argparse
 import csv
 import signal
-import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -25,14 +24,10 @@ import h5py
 import numpy as np
 import scipy.sparse.linalg as spla
 import yaml
+from common import OUT, ROOT, assembled, flexgram, matrices_of, transfer
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "tests" / "python"))
+from flexgram import import_body
 
-from conftest import assembled, rom_matrices, run, sweep_transfer  # noqa: E402
-from flexgram import import_body  # noqa: E402
-
-OUT = ROOT / "out" / "bench"
 ALPHA, BETA = 2.4, 6e-6
 Reduced = tuple[Any, Any, Any, Any]  # M, D, K, B
 
@@ -45,17 +40,16 @@ def clamped_rack() -> Path:
     description["supports"] = {"base": {"nodes": "lower_plate"}}
     (OUT / "clamped.yaml").write_text(yaml.safe_dump(description))
     import_body(OUT / "clamped.yaml", OUT / "clamped_mesh.h5")
-    run("assemble", "-body", OUT / "clamped_mesh.h5", "-body_out", OUT / "clamped.h5")
+    flexgram("assemble", "-body", OUT / "clamped_mesh.h5", "-body_out", OUT / "clamped.h5")
     return OUT / "clamped.h5"
 
 
 def by_flexgram(body: Path, order: int, method: str) -> Callable[[], Reduced]:
     def reduce() -> Reduced:
         rom = OUT / "peer.rom.h5"
-        run("reduce", "-body", body, "-mor_order", order, "-mor_method", method,
+        flexgram("reduce", "-body", body, "-mor_order", order, "-mor_method", method,
             "-mor_out", rom)  # fmt: skip
-        data = rom_matrices(rom)
-        return data["M"], data["D"], data["K"], data["B"]
+        return matrices_of(rom)
 
     return reduce
 
@@ -119,8 +113,10 @@ def main() -> None:
     OUT.mkdir(parents=True, exist_ok=True)
     body = clamped_rack()
     matrices = assembled(OUT / "clamped.h5", OUT / "clamped_mesh.h5")
-    run("sweep", "-body", body, "-mor_sweep_hz", "10,500,200", "-mor_sweep_out", OUT / "full.h5")
-    omega, H = sweep_transfer(OUT / "full.h5")
+    flexgram(
+        "sweep", "-body", body, "-mor_sweep_hz", "10,500,200", "-mor_sweep_out", OUT / "full.h5"
+    )
+    omega, H = transfer(OUT / "full.h5")
     m = options.order
     peers = {
         "flexgram two_step": by_flexgram(body, m, "two_step"),

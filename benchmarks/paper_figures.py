@@ -2,16 +2,14 @@
 
 Figure 4: singular values of the position Gramian over the order. Figure 5: relative error over the
 band of Krylov, two-step, POD and modal reduction at the order of the paper's rule. Figure 6:
-two-step reduction for three bands. Needs out/rack.h5 (scripts/quickstart makes it).
+two-step reduction for three bands.
 
-    scripts/paper [--frequencies 200]
+    benchmarks/run paper [--frequencies 200]
 """
 
 from __future__ import annotations
 
 import argparse
-import os
-import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -21,17 +19,11 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
+from common import ROOT, flexgram
 
-ROOT = Path(__file__).resolve().parents[1]
 OUT = ROOT / "out" / "paper"
 BODY = ROOT / "out" / "rack.h5"
 BANDS = ((10, 500), (10, 250), (250, 500))
-
-
-def flexgram(*arguments: Any) -> None:
-    command = ["mpirun", "-n", "1", str(ROOT / "build" / "flexgram"), *map(str, arguments)]
-    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1"}
-    subprocess.run(command, check=True, env=environment, stdout=subprocess.DEVNULL)
 
 
 def reduce(name: str, *options: Any) -> Path:

@@ -4,7 +4,7 @@ A generated Tet10 body is assembled by flexgram and its K and M are written as c
 own export takes 50 s at 108k dofs and grows fast), with a deck; then ``python3 -m flexgram import``
 is timed.
 
-    .venv/bin/python3 scripts/bench_import.py [--thousand 250] [--runs 3]
+    .venv/bin/python3 benchmarks/run importing [--thousand 250] [--runs 3]
 """
 
 from __future__ import annotations
@@ -15,18 +15,13 @@ import statistics
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
+from common import ROOT, assembled
+from methods import SHAPES
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "tests" / "python"))
-
-from bench_methods import SHAPES  # noqa: E402
-
-from bodies import box, write_body_file  # noqa: E402
-from conftest import assembled  # noqa: E402
+from bodies import box, write_body_file
 
 OUT = ROOT / "out" / "bench" / "import"
 

@@ -8,7 +8,7 @@ Computing times are of the integration alone, medians of five, relative to two-s
 
 Krylov has all that four moments at both ends and the middle of the band span (the paper: 63).
 
-    scripts/paper dynamics        (after scripts/quickstart; needs petsc4py and exudyn)
+    benchmarks/run dynamics        (needs petsc4py and exudyn)
 """
 
 from __future__ import annotations
@@ -16,7 +16,6 @@ from __future__ import annotations
 import statistics
 import sys
 import time
-from pathlib import Path
 from typing import Any
 
 import matplotlib
@@ -27,15 +26,10 @@ import numpy as np
 import petsc4py
 
 petsc4py.init(sys.argv[:1])
+from common import ROOT, assembled, flexgram  # noqa: E402
+from peers import ALPHA, BETA, clamped_rack  # noqa: E402
 from petsc4py import PETSc  # noqa: E402
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "tests" / "python"))
-sys.path.insert(0, str(ROOT / "scripts"))
-
-from bench_peers import ALPHA, BETA, clamped_rack  # noqa: E402
-
-from conftest import assembled, run  # noqa: E402
 from flexgram import ReducedModel  # noqa: E402
 
 OUT = ROOT / "out" / "paper"
@@ -196,7 +190,7 @@ def main() -> None:
         like = given == ("like two-step",)
         options = ("-mor_order", order) if like else given
         rom, moving = OUT / f"dynamics_{method}.h5", OUT / f"dynamics_free_{method}.h5"
-        run("reduce", "-body", body, "-mor_method", method, "-mor_out", rom, *options)
+        flexgram("reduce", "-body", body, "-mor_method", method, "-mor_out", rom, *options)
         model = ReducedModel.load(rom)
         order = order or model.order
         _, y, seconds = reduced_dynamics(model)
@@ -208,7 +202,7 @@ def main() -> None:
         line: tuple[Any, ...] = (name, model.order, seconds, paper, *error)
         if method != "pod":  # the paper's POD mixes rigid motion into its basis: no floating frame
             size = ("-mor_order", order + 6) if like else given
-            run("reduce", "-body", free, "-mor_method", method, "-mor_out", moving, *size)
+            flexgram("reduce", "-body", free, "-mor_method", method, "-mor_out", moving, *size)
             at, z, multibody = in_exudyn(ReducedModel.load(moving))
             there = np.interp(at, t, reference)
             line += (multibody, np.abs(z - there).max() / np.abs(reference).max())

@@ -4,25 +4,20 @@
 Generated Tet10 boxes (4:2:1), free, twelve ports, undamped (real factorisation) and with Rayleigh
 damping (complex symmetric). Each size runs several times; medians. Prints the table of the README.
 
-    .venv/bin/python3 scripts/bench_assembly.py [--sizes 30 100 300] [--runs 3] [--ranks 1]
+    benchmarks/run assembly [--sizes 30 100 300] [--runs 3] [--ranks 1]
 """
 
 from __future__ import annotations
 
 import argparse
-import os
 import re
 import statistics
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT / "tests" / "python"))
+from common import flexgram
 
-from bodies import box, write_body_file  # noqa: E402
-from conftest import ENVIRONMENT, PROGRAM  # noqa: E402
+from bodies import box, write_body_file
 
 COUNTS = {10: (14, 7, 4), 30: (20, 10, 5), 100: (31, 16, 8), 300: (45, 23, 11)}
 ENDS = {name: {"set": name, "coupling": "rigid"} for name in ("start", "end")}
@@ -30,13 +25,8 @@ ENDS = {name: {"set": name, "coupling": "rigid"} for name in ("start", "end")}
 
 def measure(body: Path, ranks: int, folder: Path) -> dict[str, float]:
     """One run: seconds of the stages, of the factorisation and its solve, and peak memory [MB]."""
-    command = ["mpirun", "-n", str(ranks), str(PROGRAM), "sweep", "-body", str(body),
-               "-mor_sweep_hz", "100", "-mor_sweep_out", str(folder / "sweep.h5"),
-               "-mor_monitor", "detail"]  # fmt: skip
-    environment = {**ENVIRONMENT, "OPENBLAS_NUM_THREADS": os.environ.get("BLAS_THREADS", "1")}
-    out = subprocess.run(
-        command, env=environment, capture_output=True, text=True, check=True
-    ).stdout
+    out = flexgram("sweep", "-body", body, "-mor_sweep_hz", "100", "-mor_sweep_out",
+                   folder / "sweep.h5", "-mor_monitor", "detail", ranks=ranks)  # fmt: skip
 
     def number(pattern: str) -> float:
         found = re.search(pattern, out)
