@@ -20,7 +20,8 @@ const char* const usage =
     "memory\n\n"
     "Exit status: 0; 1 for errors, with one message; 2 if -mor_tol is not met: the best "
     "body\n"
-    "found is written all the same, with the error that it is certified to.\n\n"
+    "found is written all the same, with the error that it is certified to; 3 if SIGTERM "
+    "ended\nit, with a checkpoint (-mor_restart).\n\n"
     "Runs under mpirun; takes -options_file, -log_view and every PETSc option.\n"
     "Options [default]:\n";
 

@@ -122,6 +122,9 @@ int run_session(int argc, char** argv, const std::vector<std::string>& verbs,
   } catch (const std::bad_alloc&) {
     message = out_of_memory;
     status = 1;
+  } catch (const Interrupted& ended) {
+    message = option_names(ended.what());
+    status = 3;
   } catch (const std::exception& error) {
     message = option_names(error.what());
     status = 1;

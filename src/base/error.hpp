@@ -31,6 +31,11 @@ class MemoryError : public Error {
   using Error::Error;
 };
 
+/// The run was asked to end; what is finished is in a checkpoint.
+class Interrupted : public Error {
+  using Error::Error;
+};
+
 /// Runs `work` and adds `context` to any Error that leaves it; the type is kept.
 template <class Work>
 decltype(auto) with_context(const std::string& context, Work&& work) {

@@ -5,6 +5,7 @@
 #include <sys/resource.h>
 
 #include <algorithm>
+#include <csignal>
 #include <cstdlib>
 #include <fstream>
 #include <limits>
@@ -12,6 +13,18 @@
 #include <string>
 
 namespace flexgram {
+
+namespace {
+
+volatile std::sig_atomic_t asked = 0;
+
+extern "C" void ask_to_end(int) { asked = 1; }
+
+} // namespace
+
+void let_sigterm_ask() { std::signal(SIGTERM, ask_to_end); }
+
+bool asked_to_end() { return asked != 0; }
 
 NodeShare node_share(MPI_Comm comm) {
   MPI_Comm node;

@@ -27,6 +27,11 @@ double peak_memory_mb();
 /// ranks of comm on that node; the limit of the control group, if any, counts too.
 double available_memory_mb(MPI_Comm comm);
 
+/// From now on SIGTERM (a batch system's time limit) only asks the work to end.
+void let_sigterm_ask();
+/// Whether it did, on this rank.
+bool asked_to_end();
+
 /// Wall clock [s].
 double now();
 

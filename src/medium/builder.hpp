@@ -10,11 +10,14 @@ namespace flexgram {
 class MediumBuilder {
 public:
   MediumBuilder(const SecondOrderModel& fom, const CertifySpec& spec,
-                const SolverOptions& solver, Observer& observer);
+                const SolverOptions& solver, Observer& observer,
+                const CheckpointSpec& checkpoint);
 
   Medium build(bool mass_is_singular);
 
 private:
+  bool resume();
+  void save(const char* what);
   void find_rigid_modes();
   bool find_the_modes(double omega, bool mass_is_singular, bool last);
   static MediumSpace::RigidStiffness stiffness_of(const RigidSplit& split);
@@ -30,6 +33,7 @@ private:
   ResidualNorm norm_of(const Block& T);
   int largest_order() const;
   void certify(int most_columns);
+  void look_at_last_level();
   void judge();
   bool holds_everywhere();
   void grow();
@@ -37,7 +41,9 @@ private:
 
   const SecondOrderModel& fom_;
   const CertifySpec& spec_;
+  const CheckpointSpec& checkpoint_;
   Observer& observer_;
+  double start_ = 0; ///< [s]
   ShiftedSolver solver_;
   Block rigid_modes_, loads_, ports_; ///< all ports, scaled; the second self-equilibrated
   MediumSpace::RigidStiffness rigid_stiffness_; ///< of those from the geometry
@@ -50,7 +56,7 @@ private:
   double of_rounding_ = 0;      ///< norm in E⁻¹ of a random vector, rows scaled
   double least_eigenvalue_ = 0; ///< of K + τM with a unit diagonal, at least
   Block image_; ///< (K + τM)⁻¹T of the last certificate: the next Krylov block
-  bool inertia_is_safe_ = false;
+  bool inertia_is_safe_ = false, norm_is_factorised_ = false;
   int blocks_ = 0;
 };
 

@@ -17,6 +17,26 @@ namespace {
 constexpr double hz = 0.5 / std::numbers::pi;
 } // namespace
 
+Medium Medium::without_basis() const {
+  Medium copy;
+  copy.body = body.head();
+  copy.spec = spec;
+  copy.rigid = rigid;
+  copy.modes = modes;
+  copy.cutoff = cutoff;
+  copy.reference = reference;
+  copy.tau = tau;
+  copy.kappa = kappa;
+  copy.scale = scale;
+  copy.levels = levels;
+  copy.shortfall = shortfall;
+  copy.loss_of_orthogonality = loss_of_orthogonality;
+  copy.factorisations = factorisations;
+  copy.solved_columns = solved_columns;
+  copy.integrals = integrals;
+  return copy;
+}
+
 std::vector<Resonance> Medium::resonances(const MediumLevel& level) const {
   const DenseResponse& response = *level.response;
   std::vector<Resonance> result;
@@ -49,6 +69,9 @@ void refuse_statics_of_a_free_body(double first) {
 }
 
 void MediumBuilder::factorise_norm() {
+  if (norm_is_factorised_) return;
+  norm_is_factorised_ = true;
+  Stage stage(observer_, "norm");
   const ShiftCoefficients shift{1.0, medium_.tau, 0.0};
   ++medium_.factorisations;
   solver_.factorise(shift, Definiteness::positive); // in the place of the last factors
@@ -57,6 +80,7 @@ void MediumBuilder::factorise_norm() {
         text("K + τM is not positive definite (%d null, %d negative eigenvalues): the "
              "body has a mechanism without mass and stiffness, or K is indefinite",
              solver_.null_pivots(), solver_.negative_pivots()));
+  if (least_eigenvalue_ == 0) bound_least_eigenvalue();
 }
 
 /// The largest bound on the grid.
@@ -155,6 +179,8 @@ void MediumBuilder::bound_least_eigenvalue() {
 /// The bound of the space as it is, with one block solve: a level, in the place of an
 /// incomplete one of the same order.
 void MediumBuilder::certify(int most_columns) {
+  factorise_norm();
+  if (!space_->tracks_residual()) space_->track_residual(loads_);
   MediumLevel level;
   level.response = ritz_response();
   std::vector<double> samples;
@@ -173,30 +199,49 @@ void MediumBuilder::certify(int most_columns) {
   auto& levels = medium_.levels;
   if (!levels.empty() && levels.back().order() == level.order()) levels.pop_back();
   levels.push_back(std::move(level));
-  model_ = std::make_unique<MediumModel>(medium_, levels.size() - 1,
-                                         find_ports(medium_.body, {}, {}), spec_.by_kind);
+  look_at_last_level();
   judge();
 }
 
+void MediumBuilder::look_at_last_level() {
+  const auto& levels = medium_.levels;
+  model_ = std::make_unique<MediumModel>(medium_, levels.size() - 1,
+                                         find_ports(medium_.body, {}, {}), spec_.by_kind);
+}
+
 void MediumBuilder::grow() {
+  if (medium_.levels.empty() ||
+      medium_.levels.back().order() < space_->columns()) // else it may not be needed
+    factorise_norm();
   Stage stage(observer_, "krylov");
   const int limit = largest_order();
   const double target = spec_.target;
-  space_->track_residual(loads_);
   const int usual = 3 * static_cast<int>(loads_.columns());
   double previous = HUGE_VAL;
+  int stalled = 0;
+  const auto count = [&](double worst) {
+    stalled = worst > 0.5 * previous ? stalled + 1 : 0;
+    previous = std::min(previous, worst);
+  };
   const auto level = [&]() -> const MediumLevel& { return medium_.levels.back(); };
-  for (int stalled = 0;;) {
-    certify(usual);
-    if (!level().complete && level().worst <= target) certify(space_->columns() * 3);
+  if (!medium_.levels.empty()) { // of a checkpoint
+    look_at_last_level();
+    for (std::size_t k = 0; k + 1 < medium_.levels.size(); ++k)
+      count(medium_.levels[k].worst);
+  }
+  for (;;) {
+    if (medium_.levels.empty() || level().order() < space_->columns()) {
+      certify(usual);
+      if (!level().complete && level().worst <= target) certify(space_->columns() * 3);
+      save("a level");
+    }
     observer_.detail(text("  krylov: order %d, certified %.2e, modes within %.0e",
                           space_->columns(), level().worst,
                           level().certificate->worst_angle()));
     // Modes that are not exact enough for the proof gain from a block; strong dampers do
     // not.
     if (level().serves(target) && holds_everywhere()) return;
-    stalled = level().worst > 0.5 * previous ? stalled + 1 : 0;
-    previous = std::min(previous, level().worst);
+    count(level().worst);
     if (stalled >= 3) {
       medium_.shortfall = "more vectors do not lower the bound";
       break;
@@ -279,25 +324,24 @@ Medium MediumBuilder::build(bool mass_is_singular) {
   if (reference == 0) reference = std::sqrt(1e-9 * eigenvalue_scale(fom_)); // statics
   medium_.reference = reference;
   medium_.tau = 0.25 * reference * reference;
-  {
-    Stage stage(observer_, "cutoff");
-    find_rigid_modes();
-  }
-  if (geometric_ > 0) refuse_statics_of_a_free_body(first);
-  double omega = spec_.cutoff * reference;
-  for (int attempt = 1; !find_the_modes(omega, mass_is_singular, attempt == 3); ++attempt)
-    omega = 1.0123 * medium_.cutoff; // a mode on the cutoff: beside it
-  if (medium_.rigid > 0) refuse_statics_of_a_free_body(first);
-  {
-    Stage stage(observer_, "norm");
-    factorise_norm();
-    bound_least_eigenvalue();
-  }
-  const auto peaks = medium_.resonances({ritz_response(), nullptr});
-  for (const Interval& band : spec_.bands) {
-    const auto part = band_grid(band.first, band.last,
-                                120 / static_cast<int>(spec_.bands.size()), peaks);
-    grid_.insert(grid_.end(), part.begin(), part.end());
+  if (!resume()) {
+    {
+      Stage stage(observer_, "cutoff");
+      find_rigid_modes();
+    }
+    if (geometric_ > 0) refuse_statics_of_a_free_body(first);
+    double omega = spec_.cutoff * reference;
+    for (int attempt = 1; !find_the_modes(omega, mass_is_singular, attempt == 3);
+         ++attempt)
+      omega = 1.0123 * medium_.cutoff; // a mode on the cutoff: beside it
+    if (medium_.rigid > 0) refuse_statics_of_a_free_body(first);
+    const auto peaks = medium_.resonances({ritz_response(), nullptr});
+    for (const Interval& band : spec_.bands) {
+      const auto part = band_grid(band.first, band.last,
+                                  120 / static_cast<int>(spec_.bands.size()), peaks);
+      grid_.insert(grid_.end(), part.begin(), part.end());
+    }
+    save("the modes");
   }
   grow();
   report();
@@ -307,8 +351,9 @@ Medium MediumBuilder::build(bool mass_is_singular) {
 }
 
 Medium certify(const SecondOrderModel& body, bool mass_is_singular,
-               const CertifySpec& spec, const SolverOptions& solver, Observer& observer) {
-  return MediumBuilder(body, spec, solver, observer).build(mass_is_singular);
+               const CertifySpec& spec, const SolverOptions& solver, Observer& observer,
+               const CheckpointSpec& checkpoint) {
+  return MediumBuilder(body, spec, solver, observer, checkpoint).build(mass_is_singular);
 }
 
 } // namespace flexgram

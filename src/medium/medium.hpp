@@ -6,6 +6,8 @@
 #include "model/frame_integrals.hpp"
 
 #include <memory>
+#include <optional>
+#include <string>
 
 namespace flexgram {
 
@@ -58,9 +60,14 @@ struct Medium {
   int factorisations = 0, solved_columns = 0;
   std::optional<FrameIntegrals> integrals; ///< of V
 
+  /// Everything but V, which a writer hands over by itself.
+  Medium without_basis() const;
   /// Undamped frequencies and half widths of the modes below the cutoff.
   std::vector<Resonance> resonances(const MediumLevel& level) const;
 };
+
+/// @throws Error if the band of a body with rigid modes starts at 0 Hz.
+void refuse_statics_of_a_free_body(double first);
 
 /// Builds the medium model:
 ///  1. K − ω_c²M = LDLᵀ: its inertia counts the modes below ω_c, its solves find them
@@ -70,11 +77,11 @@ struct Medium {
 ///  is not yet
 ///     below the target, these solutions are the next Krylov block.
 /// Two real factorisations, never both alive. No complex one.
+/// Checkpoints are written after the search of the modes and after each level.
+/// @throws Interrupted after one of these if SIGTERM asked to end.
 /// @note Collective on body.comm.
-/// @throws Error if the band of a body with rigid modes starts at 0 Hz.
-void refuse_statics_of_a_free_body(double first);
-
 Medium certify(const SecondOrderModel& body, bool mass_is_singular,
-               const CertifySpec& spec, const SolverOptions& solver, Observer& observer);
+               const CertifySpec& spec, const SolverOptions& solver, Observer& observer,
+               const CheckpointSpec& checkpoint = {});
 
 } // namespace flexgram

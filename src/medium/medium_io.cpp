@@ -4,111 +4,16 @@
 #include "medium/medium_io.hpp"
 
 #include "base/text.hpp"
+#include "io/archive.hpp"
 #include "io/body_io.hpp"
-#include "io/hdf5_file.hpp"
+#include "io/kept_rows.hpp"
 
-#include <cmath>
 #include <type_traits>
 
 namespace flexgram {
 namespace {
 
 constexpr double version = 1; // of the file's layout
-
-/// Numbers go to attributes of the group, arrays to datasets in it.
-class Writer {
-public:
-  Writer(Hdf5File& file, std::string group) : file_(file), group_(std::move(group)) {
-    if (group_ != "/") file_.create_group(group_);
-  }
-  void operator()(const char* name, double value) {
-    file_.set_attribute(group_, name, value);
-  }
-  void operator()(const char* name, int value) {
-    (*this)(name, static_cast<double>(value));
-  }
-  void operator()(const char* name, bool value) { (*this)(name, value ? 1.0 : 0.0); }
-  void operator()(const char* name, const std::string& value) {
-    if (!value.empty()) file_.set_attribute(group_, name, value);
-  }
-  void operator()(const char* name, const std::vector<std::string>& value) {
-    if (!value.empty()) file_.set_attribute(group_, name, value);
-  }
-  void operator()(const char* name, const std::vector<double>& value) {
-    if (!value.empty())
-      file_.write(path(name), {static_cast<std::int64_t>(value.size())}, value);
-  }
-  void operator()(const char* name, const Dense& value) {
-    const std::string shape = std::string(name) + "_shape";
-    file_.set_attribute(group_, shape,
-                        std::vector<double>{static_cast<double>(value.rows),
-                                            static_cast<double>(value.columns)});
-    if (!value.data.empty()) // stored by columns: the shape is reversed
-      file_.write(path(name), {value.columns, value.rows}, value.data);
-  }
-
-private:
-  std::string path(const char* name) const {
-    return (group_ == "/" ? "/" : group_ + "/") + name;
-  }
-  Hdf5File& file_;
-  std::string group_;
-};
-
-class Reader {
-public:
-  Reader(const Hdf5File& file, std::string group)
-      : file_(file), group_(std::move(group)) {}
-  void operator()(const char* name, double& value) {
-    value = file_.number_attribute(group_, name);
-  }
-  void operator()(const char* name, int& value) {
-    const double number = file_.number_attribute(group_, name);
-    if (!(std::abs(number) < 2e9) || number != std::floor(number))
-      fail(name, "is no whole number");
-    value = static_cast<int>(number);
-  }
-  void operator()(const char* name, bool& value) {
-    value = file_.number_attribute(group_, name) != 0;
-  }
-  void operator()(const char* name, std::string& value) {
-    value = file_.has_attribute(group_, name) ? file_.text_attribute(group_, name) : "";
-  }
-  void operator()(const char* name, std::vector<std::string>& value) {
-    value.clear();
-    if (file_.has_attribute(group_, name)) value = file_.texts_attribute(group_, name);
-  }
-  void operator()(const char* name, std::vector<double>& value) {
-    value.clear();
-    if (!file_.exists(path(name))) return;
-    value = file_.read_all<double>(path(name));
-    for (double x : value)
-      if (!std::isfinite(x)) fail(name, "holds NaN or Inf");
-  }
-  void operator()(const char* name, Dense& value) {
-    const auto shape = file_.numbers_attribute(group_, std::string(name) + "_shape");
-    std::vector<double> data;
-    (*this)(name, data);
-    if (shape.size() != 2 || !(shape[0] >= 0) || !(shape[1] >= 0) ||
-        shape[0] * shape[1] != static_cast<double>(data.size()) || shape[0] > 1e9 ||
-        shape[1] > 1e9)
-      fail(name, "has not the shape that it says");
-    value.rows = static_cast<int>(shape[0]);
-    value.columns = static_cast<int>(shape[1]);
-    value.data = std::move(data);
-  }
-
-private:
-  [[noreturn]] void fail(const char* name, const char* what) const {
-    throw Error(text("file %s: %s %s: it is damaged, certify again", file_.path().c_str(),
-                     path(name).c_str(), what));
-  }
-  std::string path(const char* name) const {
-    return (group_ == "/" ? "/" : group_ + "/") + name;
-  }
-  const Hdf5File& file_;
-  std::string group_;
-};
 
 template <class Archive, class Spec>
 void archive_spec(Archive&& a, Spec& spec) {
@@ -217,47 +122,94 @@ void check(const Hdf5File& file, const Medium& m, const DenseSystem& all) {
 
 } // namespace
 
-void write_medium(const Medium& m, bool basis,
-                  const std::map<std::string, std::string>& options,
-                  const std::vector<std::pair<std::string, std::string>>& plan,
-                  const std::string& path) {
-  Hdf5File file = Hdf5File::create(m.body.comm, path);
+void write_levels(Hdf5File& file, const Medium& m) {
   file.set_attribute("/", "flexgram_medium", version);
   file.set_attribute("/", "n", static_cast<double>(m.body.n));
-  archive_medium(Writer(file, "/"), m);
-  archive_spec(Writer(file, "/spec"), m.spec);
+  archive_medium(FieldWriter(file, "/"), m);
+  archive_spec(FieldWriter(file, "/spec"), m.spec);
+  file.set_attribute("/", "levels", static_cast<double>(m.levels.size()));
+  if (m.levels.empty()) return;
   const DenseSystem& all = m.levels.back().response->system();
-  Writer system(file, "/projected");
+  FieldWriter system(file, "/projected");
   system("K", all.K);
   system("M", all.M);
   system("D", all.D);
   system("ports", all.B);
-  file.set_attribute("/", "levels", static_cast<double>(m.levels.size()));
   for (std::size_t k = 0; k < m.levels.size(); ++k) {
     const MediumLevel& level = m.levels[k];
     const std::string group = text("/level_%zu", k);
-    Writer a(file, group);
+    FieldWriter a(file, group);
     a("U", level.response->U());
     a("mu", level.response->mu());
     a("complete", level.complete);
     a("worst", level.worst);
     a("proved", level.proved);
-    Certificate::archive(Writer(file, group + "/certificate"), *level.certificate);
+    Certificate::archive(FieldWriter(file, group + "/certificate"), *level.certificate);
   }
-  if (m.integrals) archive_integrals(Writer(file, "/frame"), *m.integrals);
-  if (basis && m.V) {
-    const RowRange rows = m.body.rows;
-    const auto columns = static_cast<std::size_t>(m.V.columns());
-    std::vector<double> values(static_cast<std::size_t>(rows.size()) * columns);
-    m.V.for_each([&](const Block& piece, int first) {
-      const Block::Access access(piece);
-      for (PetscInt j = 0; j < piece.columns(); ++j)
-        for (PetscInt i = 0; i < rows.size(); ++i)
-          values[static_cast<std::size_t>(i) * columns +
-                 static_cast<std::size_t>(first + j)] = access.column(j)[i];
-    });
-    file.write_rows("/V", m.body.n, m.V.columns(), rows, values);
+}
+
+void read_levels(const Hdf5File& file, Medium& m) {
+  const std::string& path = file.path();
+  if (!file.has_attribute("/", "flexgram_medium"))
+    throw Error(
+        text("file %s is no medium model: flexgram certify makes one", path.c_str()));
+  if (file.number_attribute("/", "flexgram_medium") != version)
+    throw Error(text("file %s was written by another version of flexgram", path.c_str()));
+  const double n = file.number_attribute("/", "n");
+  if (!(n >= 1) || n > 2e9) throw Error(text("file %s: n is damaged", path.c_str()));
+  m.body.comm = file.comm();
+  m.body.n = static_cast<PetscInt>(n);
+  archive_medium(FieldReader(file, "/"), m);
+  archive_spec(FieldReader(file, "/spec"), m.spec);
+  int levels = 0;
+  FieldReader(file, "/")("levels", levels);
+  if (levels <= 0) return;
+  DenseSystem all;
+  FieldReader system(file, "/projected");
+  system("K", all.K);
+  system("M", all.M);
+  system("D", all.D);
+  system("ports", all.B);
+  all.damping = m.body.damping;
+  for (int k = 0; k < levels; ++k) {
+    MediumLevel level;
+    const std::string group = text("/level_%d", k);
+    FieldReader a(file, group);
+    Dense U;
+    std::vector<double> mu;
+    a("U", U);
+    a("mu", mu);
+    a("complete", level.complete);
+    a("worst", level.worst);
+    a("proved", level.proved);
+    if (U.rows != U.columns || U.rows < 1 || U.rows > all.K.rows || U.rows > all.B.rows ||
+        mu.size() != static_cast<std::size_t>(U.rows) || U.rows > all.K.columns ||
+        U.rows > all.M.rows || U.rows > all.M.columns)
+      throw Error(
+          text("file %s: %s does not fit: it is damaged", path.c_str(), group.c_str()));
+    const int order = U.rows;
+    level.response = std::make_shared<DenseResponse>(leading(all, order), m.tau,
+                                                     std::move(U), std::move(mu));
+    auto certificate = std::make_shared<Certificate>();
+    Certificate::archive(FieldReader(file, group + "/certificate"), *certificate);
+    level.certificate = std::move(certificate);
+    m.levels.push_back(std::move(level));
   }
+  if (file.exists("/frame")) {
+    m.integrals.emplace();
+    archive_integrals(FieldReader(file, "/frame"), *m.integrals);
+  }
+  check(file, m, all);
+}
+
+void write_medium(const Medium& m, bool basis,
+                  const std::map<std::string, std::string>& options,
+                  const std::vector<std::pair<std::string, std::string>>& plan,
+                  const std::string& path) {
+  Hdf5File file = Hdf5File::create(m.body.comm, path);
+  write_levels(file, m);
+  if (m.integrals) archive_integrals(FieldWriter(file, "/frame"), *m.integrals);
+  if (basis && m.V) write_basis(file, "/V", m.V, m.body.n, m.body.rows);
   write_dof_map(file, m.body);
   file.create_group("/log/options");
   for (const auto& [name, value] : options)
@@ -272,76 +224,18 @@ Medium read_medium(MPI_Comm comm, const std::string& path) {
   const Hdf5File file = Hdf5File::open(comm, path);
   Medium m;
   agree(comm, [&] {
-    if (!file.has_attribute("/", "flexgram_medium"))
+    read_levels(file, m);
+    if (m.levels.empty())
       throw Error(
-          text("file %s is no medium model: flexgram certify makes one", path.c_str()));
-    if (file.number_attribute("/", "flexgram_medium") != version)
-      throw Error(text("file %s was written by another version of flexgram: certify "
-                       "again",
-                       path.c_str()));
-    const double n = file.number_attribute("/", "n");
-    if (!(n >= 1) || n > 2e9) throw Error(text("file %s: n is damaged", path.c_str()));
-    m.body.comm = comm;
-    m.body.n = static_cast<PetscInt>(n);
-    archive_medium(Reader(file, "/"), m);
-    archive_spec(Reader(file, "/spec"), m.spec);
-    DenseSystem all;
-    Reader system(file, "/projected");
-    system("K", all.K);
-    system("M", all.M);
-    system("D", all.D);
-    system("ports", all.B);
-    all.damping = m.body.damping;
-    int levels = 0;
-    Reader(file, "/")("levels", levels);
-    for (int k = 0; k < levels; ++k) {
-      MediumLevel level;
-      const std::string group = text("/level_%d", k);
-      Reader a(file, group);
-      Dense U;
-      std::vector<double> mu;
-      a("U", U);
-      a("mu", mu);
-      a("complete", level.complete);
-      a("worst", level.worst);
-      a("proved", level.proved);
-      if (U.rows != U.columns || U.rows < 1 || U.rows > all.K.rows ||
-          U.rows > all.B.rows || mu.size() != static_cast<std::size_t>(U.rows) ||
-          U.rows > all.K.columns || U.rows > all.M.rows || U.rows > all.M.columns)
-        throw Error(text("file %s: %s does not fit: it is damaged, certify again",
-                         path.c_str(), group.c_str()));
-      const int order = U.rows;
-      level.response = std::make_shared<DenseResponse>(leading(all, order), m.tau,
-                                                       std::move(U), std::move(mu));
-      auto certificate = std::make_shared<Certificate>();
-      Certificate::archive(Reader(file, group + "/certificate"), *certificate);
-      level.certificate = std::move(certificate);
-      m.levels.push_back(std::move(level));
-    }
-    if (file.exists("/frame")) {
-      m.integrals.emplace();
-      archive_integrals(Reader(file, "/frame"), *m.integrals);
-    }
-    check(file, m, all);
-    if (file.exists("/V")) {
-      const auto shape = file.shape("/V");
-      if (shape.size() != 2 || shape[0] != m.body.n || shape[1] != all.K.rows)
-        throw Error(
-            text("file %s: /V does not fit: it is damaged, certify again", path.c_str()));
-    }
+          text("file %s holds no certified model: it is an unfinished checkpoint, "
+               "which {restart} goes on from",
+               path.c_str()));
   });
   m.body.rows = even_rows(comm, m.body.n);
   if (file.exists("/V")) {
-    const RowRange rows = m.body.rows;
-    Block V(comm, rows, m.body.n, m.levels.back().order());
-    agree(comm, [&] {
-      const auto values = file.read<double>("/V", rows.begin, rows.size());
-      Block::Access access(V);
-      for (PetscInt j = 0; j < V.columns(); ++j)
-        for (PetscInt i = 0; i < rows.size(); ++i)
-          access.column(j)[i] = values[static_cast<std::size_t>(i * V.columns() + j)];
-    });
-    m.V.append(std::move(V));
+    m.V.append(read_basis(file, "/V", m.body.n, m.body.rows));
+    if (m.V.columns() != m.levels.back().order())
+      throw Error(text("file %s: /V does not fit: it is damaged", path.c_str()));
   }
   read_dof_map(file, m.body);
   return m;

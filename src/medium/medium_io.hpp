@@ -1,5 +1,6 @@
 #pragma once
 
+#include "io/hdf5_file.hpp"
 #include "medium/medium.hpp"
 
 #include <map>
@@ -18,5 +19,13 @@ void write_medium(const Medium& medium, bool basis,
 /// @throws Error if the file is none, or not of this version, or its parts do not fit.
 /// @note Collective. V is spread evenly over the ranks.
 Medium read_medium(MPI_Comm comm, const std::string& path);
+
+// ---- parts, for checkpoints
+
+/// All but V and the frame; any number of levels.
+void write_levels(Hdf5File& file, const Medium& medium);
+/// What write_levels and write_medium wrote but V, the dof map and the layout of rows.
+/// Rank-local. @throws Error for what does not fit.
+void read_levels(const Hdf5File& file, Medium& medium);
 
 } // namespace flexgram

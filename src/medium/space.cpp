@@ -103,6 +103,17 @@ void MediumSpace::extend_projection(const Block& X, const Block& KX, const Block
   if (DX) D_ = grown(D_, inner(V_, DX));
 }
 
+void MediumSpace::restore(Block X) {
+  if (X.columns() == 0) return;
+  Block KX = multiply(fom_.K, X), DX;
+  if (fom_.D) DX = multiply(fom_.D, X);
+  V_.append(X.share());
+  WV_.append(product_.apply(X));
+  extend_projection(X, KX, DX);
+  KV_.append(std::move(KX));
+  if (fom_.D) DV_.append(std::move(DX));
+}
+
 std::vector<double> MediumSpace::append(Block X, double tolerance) {
   Orthonormalised added = orthonormalise(std::move(X), V_, WV_, product_, tolerance);
   const int k = static_cast<int>(added.vectors.columns());

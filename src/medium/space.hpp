@@ -25,6 +25,9 @@ public:
   /// Adds what X holds beyond V; returns the W-norms of what each column of X had
   /// outside V.
   std::vector<double> append(Block X, double tolerance);
+  /// Adds vectors that are W-orthonormal to each other and to V: those of a space that
+  /// was kept. Before track_residual only.
+  void restore(Block X);
   /// V ← V Q with an orthogonal Q, and its first columns are declared rigid. Before
   /// track_residual only.
   void rotate_to_rigid(const Dense& Q, int count, RigidStiffness stiffness);
@@ -68,6 +71,7 @@ public:
   const Dense& neglected() const { return neglected_; }
   /// Stiffness among rigid modes that is taken for rounding (rigid × rigid).
   const Dense& assumed() const { return assumed_; }
+  bool tracks_residual() const { return tracks_; }
 
 private:
   void add_rounding_weights(const Block& X);

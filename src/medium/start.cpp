@@ -4,6 +4,7 @@
 #include "base/text.hpp"
 #include "linalg/sparse.hpp"
 #include "linalg/sparse_product.hpp"
+#include "medium/checkpoint.hpp"
 #include "medium/mode_search.hpp"
 #include "model/rigid_body_modes.hpp"
 
@@ -21,13 +22,91 @@ constexpr double hz = 0.5 / std::numbers::pi;
 } // namespace
 
 MediumBuilder::MediumBuilder(const SecondOrderModel& fom, const CertifySpec& spec,
-                             const SolverOptions& solver, Observer& observer)
-    : fom_(fom), spec_(spec), observer_(observer),
+                             const SolverOptions& solver, Observer& observer,
+                             const CheckpointSpec& checkpoint)
+    : fom_(fom), spec_(spec), checkpoint_(checkpoint), observer_(observer), start_(now()),
       solver_(fom.K, fom.M, nullptr, fom.node, counting(solver)) {
   solver_.count_pivots(true);
   loads_ = fom.outputs_are_inputs ? copy(fom.B) : concatenate(fom.B, fom.C);
   medium_.body = fom.head();
   medium_.spec = spec;
+}
+
+/// Takes up what a checkpoint holds. @return false if there is none, or it is not wanted.
+bool MediumBuilder::resume() {
+  if (!checkpoint_.restart || checkpoint_.path.empty()) return false;
+  Stage stage(observer_, "restart");
+  auto state = read_checkpoint(fom_, spec_, checkpoint_.path);
+  if (!state) {
+    observer_.fact("restart", text("there is no checkpoint %s: from the beginning",
+                                   checkpoint_.path.c_str()));
+    return false;
+  }
+  medium_ = std::move(state->medium);
+  medium_.body = fom_.head();
+  medium_.spec = spec_;
+  medium_.shortfall.clear();
+  expected_ = medium_.modes;
+  geometric_ = state->geometric;
+  blocks_ = state->blocks;
+  inertia_is_safe_ = state->inertia_is_safe;
+  grid_ = std::move(state->grid);
+  least_eigenvalue_ = state->least_eigenvalue;
+  of_rounding_ = state->of_rounding;
+  image_ = std::move(state->image);
+  scale_columns(loads_, medium_.scale);
+  const int rigid = medium_.rigid, all = static_cast<int>(state->V.columns());
+  std::vector<int> first(static_cast<std::size_t>(rigid)),
+      rest(static_cast<std::size_t>(all - rigid));
+  std::iota(first.begin(), first.end(), 0);
+  std::iota(rest.begin(), rest.end(), rigid);
+  space_ = std::make_unique<MediumSpace>(fom_, medium_.kappa, medium_.tau);
+  space_->start_with_rigid_modes(
+      select_columns(state->V, first),
+      {std::move(state->rigid_beyond), std::move(state->rigid_assumed)});
+  space_->restore(select_columns(state->V, rest));
+  observer_.fact("restart",
+                 text("from %s: %d rigid and %d elastic modes below %.4g Hz, order %d, "
+                      "%zu levels certified",
+                      checkpoint_.path.c_str(), rigid, medium_.modes, medium_.cutoff * hz,
+                      all, medium_.levels.size()));
+  return true;
+}
+
+/// Writes a checkpoint if it is time for one, and ends the run if it is asked to.
+void MediumBuilder::save(const char* what) {
+  if (checkpoint_.path.empty()) return;
+  const bool end = max_over(fom_.comm, asked_to_end() ? 1.0 : 0.0) > 0;
+  const bool late = max_over(fom_.comm, now() - start_) > 20;
+  using When = CheckpointSpec::When;
+  const bool due = checkpoint_.when == When::always ||
+                   (checkpoint_.when == When::automatic && (late || end));
+  if (due) {
+    Stage stage(observer_, "checkpoint");
+    CheckpointState state;
+    state.medium = medium_.without_basis();
+    state.medium.rigid = space_->rigid();
+    const int rigid = space_->rigid();
+    state.rigid_beyond =
+        rigid > 0 ? part_of(space_->neglected(), 0, rigid, 0, rigid) : Dense(0, 0);
+    state.rigid_assumed = rigid > 0 ? space_->assumed() : Dense(0, 0);
+    state.geometric = geometric_;
+    state.blocks = blocks_;
+    state.inertia_is_safe = inertia_is_safe_;
+    state.grid = grid_;
+    state.least_eigenvalue = least_eigenvalue_;
+    state.of_rounding = of_rounding_;
+    state.V = combine(space_->V(), identity(space_->columns()));
+    if (image_) state.image = image_.share();
+    write_checkpoint(state, fom_, checkpoint_.path);
+    observer_.detail(text("  checkpoint after %s: %s", what, checkpoint_.path.c_str()));
+  }
+  if (end)
+    throw Interrupted(
+        due ? text("ended by SIGTERM after %s; {restart} goes on from %s", what,
+                   checkpoint_.path.c_str())
+            : text("ended by SIGTERM after %s, without a checkpoint ({checkpoint} no)",
+                   what));
 }
 
 MediumSpace::RigidStiffness MediumBuilder::stiffness_of(const RigidSplit& split) {

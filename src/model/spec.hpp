@@ -1,6 +1,7 @@
 #pragma once
 
 #include <optional>
+#include <string>
 #include <vector>
 
 namespace flexgram {
@@ -32,6 +33,18 @@ struct OrderSpec {
   bool each_kind = true;           ///< it holds for each kind of ports by itself too
 
   bool by_kind() const { return tolerance && each_kind; }
+};
+
+/// Where and when what is finished is written, so that a run that was ended goes on.
+struct CheckpointSpec {
+  enum class When {
+    automatic, ///< when the work took more than 20 s so far
+    always,
+    never ///< not even when SIGTERM asks to end
+  };
+  std::string path; ///< empty: nowhere
+  When when = When::automatic;
+  bool restart = false; ///< go on from it, if it is there
 };
 
 /// The paper's order rule (section 2.2): smallest m with σ_{m+1}/σ_1 < √ε ≈ 1.5e-8.

@@ -1,5 +1,6 @@
 #include "run/reduce.hpp"
 
+#include "base/process.hpp"
 #include "base/text.hpp"
 #include "io/reduced_io.hpp"
 #include "medium/medium_io.hpp"
@@ -7,6 +8,7 @@
 #include "run/sweep.hpp"
 #include "sampling/pod.hpp"
 
+#include <filesystem>
 #include <numbers>
 
 namespace flexgram {
@@ -47,8 +49,10 @@ void describe_samples(const FrequencySolves& solves, const Body& body, const Set
                      solves.groups().count > 1 ? ", twice that while they move" : ""));
 }
 
-ReducedModel reduce_by_samples(const Body& body, const Settings& s, Observer& observer) {
+ReducedModel reduce_by_samples(const Body& body, const Settings& s, Observer& observer,
+                               const CheckpointSpec& checkpoint) {
   FrequencySolves solves = prepare_samples(body, s, observer);
+  solves.keep(checkpoint);
   describe_samples(solves, body, s, observer);
   observer.print();
   const BodyFacts facts = check(body, s, observer);
@@ -124,6 +128,12 @@ void warn_of_default_band(const Options& options, Observer& observer) {
       observer.warn("-mor_band_hz is not given: the band is " + option.value + " Hz");
 }
 
+/// The checkpoint of work that is done.
+void remove(const CheckpointSpec& checkpoint, MPI_Comm comm) {
+  std::error_code ignored;
+  if (comm_rank(comm) == 0) std::filesystem::remove_all(checkpoint.path, ignored);
+}
+
 bool write_result(const ReducedModel& rom, const SecondOrderModel& body,
                   const Settings& s, const Options& options, Observer& observer) {
   {
@@ -138,12 +148,13 @@ bool write_result(const ReducedModel& rom, const SecondOrderModel& body,
 } // namespace
 
 Medium certify_body(const Body& body, const Settings& s, bool integrals,
-                    Observer& observer) {
+                    Observer& observer, const CheckpointSpec& checkpoint) {
   observer.fact("method", s.method + " over " + words_of(s.bands()));
   const BodyFacts facts = check(body, s, observer);
   observer.print();
   Medium medium =
-      certify(body.model, facts.mass_is_singular, s.certify_spec(), s.solver, observer);
+      certify(body.model, facts.mass_is_singular, s.certify_spec(), s.solver, observer,
+              checkpoint);
   observer.print();
   if (integrals && wants_integrals(body.model, medium.rigid, s, observer)) {
     Stage stage(observer, "frame");
@@ -160,11 +171,14 @@ ReducedModel cut_medium(const Medium& medium, const Settings& s, Observer& obser
   return rom;
 }
 
-ReducedModel reduce_body(const Body& body, const Settings& s, Observer& observer) {
+ReducedModel reduce_body(const Body& body, const Settings& s, Observer& observer,
+                         const CheckpointSpec& checkpoint) {
   observer.print();
-  ReducedModel rom = s.takes_samples() ? reduce_by_samples(body, s, observer)
-                                       : cut(certify_body(body, s, false, observer),
-                                             s.cut_request(), observer);
+  ReducedModel rom =
+      s.takes_samples()
+          ? reduce_by_samples(body, s, observer, checkpoint)
+          : cut(certify_body(body, s, false, observer, checkpoint), s.cut_request(),
+                observer);
   add_frame_integrals(rom, body, s, observer);
   observer.print();
   rom.plan = observer.facts();
@@ -191,20 +205,25 @@ void write_medium_file(const Medium& medium, const Settings& s, const Options& o
 
 bool reduce(MPI_Comm comm, Settings& s, const Options& options, Observer& observer) {
   s.check();
+  const CheckpointSpec checkpoint = s.checkpoint_spec(s.out);
+  let_sigterm_ask();
   warn_of_default_band(options, observer);
   check_output(comm, s.out, {s.body});
   if (s.medium_out.empty()) {
     const Body body = load_body(comm, s, observer);
-    const ReducedModel rom = reduce_body(body, s, observer);
-    return write_result(rom, body.model, s, options, observer);
+    const ReducedModel rom = reduce_body(body, s, observer, checkpoint);
+    const bool met = write_result(rom, body.model, s, options, observer);
+    remove(checkpoint, comm);
+    return met;
   }
   if (s.takes_samples())
     throw Error("-mor_method pod has no medium model: -mor_medium_out is for the others");
   check_output(comm, s.medium_out, {s.body});
   const Body body = load_body(comm, s, observer);
   observer.print();
-  const Medium medium = certify_body(body, s, true, observer);
+  const Medium medium = certify_body(body, s, true, observer, checkpoint);
   write_medium_file(medium, s, options, observer, s.medium_out);
+  remove(checkpoint, comm);
   observer.say("  wrote          " + s.medium_out);
   ReducedModel rom = cut_medium(medium, s, observer);
   if (rom.integrals) tell_integrals(*rom.integrals, observer);
@@ -220,12 +239,15 @@ void certify(MPI_Comm comm, Settings& s, const Options& options, Observer& obser
     throw Error("-mor_method pod has no medium model to certify: flexgram reduce");
   const std::string out = s.medium_out.empty() ? "medium.h5" : s.medium_out;
   check_output(comm, out, {s.body});
+  const CheckpointSpec checkpoint = s.checkpoint_spec(out);
+  let_sigterm_ask();
   const Body body = load_body(comm, s, observer);
   observer.print();
-  const Medium medium = certify_body(body, s, true, observer);
+  const Medium medium = certify_body(body, s, true, observer, checkpoint);
   if (medium.integrals) tell_integrals(*medium.integrals, observer);
   observer.print();
   write_medium_file(medium, s, options, observer, out);
+  remove(checkpoint, comm);
   print_summary(observer, comm);
   observer.say("  wrote          " + out);
 }

@@ -9,12 +9,13 @@ namespace flexgram {
 /// @param integrals  with what a moving frame needs of the whole medium space.
 /// @note Collective on the body's communicator, like the next.
 Medium certify_body(const Body& body, const Settings& settings, bool integrals,
-                    Observer& observer);
+                    Observer& observer, const CheckpointSpec& checkpoint = {});
 /// The second step. @throws Error for a method that does not go through a medium model.
 ReducedModel cut_medium(const Medium& medium, const Settings& settings,
                         Observer& observer);
 /// Both, or the paper's first route: the whole way from a body to its reduced model.
-ReducedModel reduce_body(const Body& body, const Settings& settings, Observer& observer);
+ReducedModel reduce_body(const Body& body, const Settings& settings, Observer& observer,
+                         const CheckpointSpec& checkpoint = {});
 
 /// What a medium model is, for the plan.
 void tell_medium(const Medium& medium, Observer& observer);

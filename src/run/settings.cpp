@@ -164,6 +164,18 @@ void Settings::describe(Options& options) {
   options.add("-mor_validate", validate, "",
               "frequencies between the samples at which the error is checked by full "
               "solves, beside the two ends of the band; 0 checks none");
+  options.section("Going on after an end (reduce, certify)");
+  options.add_choice(
+      "-mor_checkpoint", checkpoint, {"auto", "yes", "no"},
+      "whether what is finished is written beside the output, to OUTPUT.checkpoint (with "
+      "pod a folder): after the modes, after each level of the medium model, after each "
+      "sample. auto: when the work took more than 20 s so far, and when SIGTERM, the "
+      "time "
+      "limit of a batch system, asks to end (exit status 3). Removed when the output is "
+      "written");
+  options.add("-mor_restart", restart,
+              "go on from the checkpoint, on any number of ranks; from the beginning if "
+              "there is none. One of another body, band, ports or version is refused");
   options.section("Sweep");
   options.add("-mor_sweep_hz", sweep_hz, "Hz",
               "first,last,count frequencies, or a single one");
@@ -350,6 +362,15 @@ CertifySpec Settings::certify_spec() const {
       spec.last_needed = std::max(spec.last_needed, asked.last_needed);
     }
   return spec;
+}
+
+CheckpointSpec Settings::checkpoint_spec(const std::string& output) const {
+  using When = CheckpointSpec::When;
+  return {output.empty() ? "" : output + ".checkpoint",
+          checkpoint == "yes"  ? When::always
+          : checkpoint == "no" ? When::never
+                               : When::automatic,
+          restart};
 }
 
 CutRequest Settings::cut_request() const {

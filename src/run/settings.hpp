@@ -30,6 +30,8 @@ struct Settings {
   int groups = 0;
   std::string ordering = "auto", precision = "double";
   SolverOptions solver;
+  std::string checkpoint = "auto";
+  bool restart = false;
 
   /// Registers every field, and so reads it from PETSc's option database.
   void describe(Options& options);
@@ -45,6 +47,8 @@ struct Settings {
   /// [rad/s]
   std::vector<Interval> bands() const;
   CertifySpec certify_spec() const;
+  /// Beside the file that the verb writes.
+  CheckpointSpec checkpoint_spec(const std::string& output) const;
   CutRequest cut_request() const;
   SamplingSpec sampling_spec() const;
 

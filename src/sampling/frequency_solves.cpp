@@ -2,11 +2,16 @@
 
 #include "base/process.hpp"
 #include "base/text.hpp"
+#include "io/body_io.hpp"
+#include "io/kept_rows.hpp"
 #include "linalg/sparse_product.hpp"
 #include "model/rigid_body_modes.hpp"
 
 #include <algorithm>
+#include <bit>
+#include <filesystem>
 #include <numbers>
+#include <optional>
 
 namespace flexgram {
 
@@ -46,6 +51,12 @@ Block with_imaginary_part(const Block& x, const SecondOrderModel& model) {
 struct FrequencySolves::State {
   void separate_rigid_modes(const SolverOptions& options);
   Block response(double omega, const Block& elastic) const;
+  std::string file_of(double omega) const;
+  std::optional<Block> kept(double omega) const;
+  void keep(double omega, const Block& x, bool end) const;
+
+  CheckpointSpec checkpoint;
+  double start = now();
 
   Observer* observer;
   std::unique_ptr<Groups> groups;
@@ -138,28 +149,90 @@ std::vector<std::size_t> FrequencySolves::mine(std::size_t count) const {
   return list;
 }
 
+void FrequencySolves::keep(const CheckpointSpec& checkpoint) {
+  State& s = *state_;
+  s.checkpoint = checkpoint;
+  if (checkpoint.path.empty() || checkpoint.when == CheckpointSpec::When::never) return;
+  agree(s.groups->world, [&] {
+    std::error_code failed;
+    if (comm_rank(s.groups->world) == 0)
+      std::filesystem::create_directories(checkpoint.path, failed);
+    if (failed)
+      throw Error(text("cannot make the folder %s: %s", checkpoint.path.c_str(),
+                       failed.message().c_str()));
+  });
+}
+
+/// A file by the frequency's bits: the same number, the same file.
+std::string FrequencySolves::State::file_of(double omega) const {
+  return text("%s/%016llx.h5", checkpoint.path.c_str(),
+              static_cast<unsigned long long>(std::bit_cast<std::uint64_t>(omega)));
+}
+
+std::optional<Block> FrequencySolves::State::kept(double omega) const {
+  if (!checkpoint.restart || checkpoint.path.empty()) return std::nullopt;
+  const std::string path = file_of(omega);
+  if (sum_over(groups->comm, static_cast<std::int64_t>(std::filesystem::exists(path))) <
+      comm_size(groups->comm))
+    return std::nullopt;
+  const Hdf5File file = Hdf5File::open(groups->comm, path);
+  expect_identity(file, model);
+  return read_rows(file, "/X", model);
+}
+
+void FrequencySolves::State::keep(double omega, const Block& x, bool end) const {
+  using When = CheckpointSpec::When;
+  const bool late = max_over(groups->comm, now() - start) > 20;
+  if (checkpoint.path.empty() || checkpoint.when == When::never ||
+      (checkpoint.when == When::automatic && !late && !end))
+    return;
+  Hdf5File file = Hdf5File::create(groups->comm, file_of(omega));
+  write_identity(file, model);
+  write_basis(file, "/X", x, model.n, model.rows);
+  write_dof_map(file, model);
+  file.commit();
+}
+
 void FrequencySolves::for_each(const std::vector<double>& omega, const char* what,
                                const Use& use) {
   State& s = *state_;
   const auto list = mine(omega.size());
+  bool ended = false;
   agree(s.groups->world, [&] { // errors inside a group are common to its ranks
     Progress progress(*s.observer, what, static_cast<int>(list.size()));
-    for (std::size_t l : list)
+    for (std::size_t l : list) {
+      if (ended) break;
       with_context(text("%s %zu of %zu, %g Hz", what, l + 1, omega.size(), omega[l] * hz),
                    [&] {
+                     if (const auto known = s.kept(omega[l])) {
+                       use(l, *known);
+                       progress.step(text("%.4g Hz, kept", omega[l] * hz));
+                       return;
+                     }
                      const double start = now();
                      s.solver->factorise(s.model.coefficients(omega[l]));
                      const double factorised = now();
                      const auto solution = s.solver->solve(s.elastic_loads);
                      s.worst_backward_error =
                          std::max(s.worst_backward_error, solution.backward_error);
-                     use(l, s.response(omega[l], solution.x));
+                     const Block x = s.response(omega[l], solution.x);
+                     use(l, x);
+                     ended = !s.checkpoint.path.empty() &&
+                             max_over(s.groups->comm, asked_to_end() ? 1.0 : 0.0) > 0;
+                     s.keep(omega[l], x, ended);
                      progress.step(text("%.4g Hz, factor %.2f s, solve %.2f s, backward "
                                         "error %.0e",
                                         omega[l] * hz, factorised - start,
                                         now() - factorised, solution.backward_error));
                    });
+    }
   });
+  if (max_over(s.groups->world, ended ? 1.0 : 0.0) > 0)
+    throw Interrupted(
+        s.checkpoint.when == CheckpointSpec::When::never
+            ? std::string("ended by SIGTERM, without a checkpoint ({checkpoint} no)")
+            : text("ended by SIGTERM; {restart} goes on from %s",
+                   s.checkpoint.path.c_str()));
   s.worst_backward_error = max_over(s.groups->world, s.worst_backward_error);
   if (s.worst_backward_error > s.target_backward_error)
     s.observer->warn(

@@ -2,6 +2,7 @@
 
 #include "base/observer.hpp"
 #include "model/second_order_model.hpp"
+#include "model/spec.hpp"
 
 #include <functional>
 #include <memory>
@@ -20,9 +21,14 @@ public:
   ~FrequencySolves();
   FrequencySolves(FrequencySolves&&) noexcept;
 
-  /// Calls use(l, X(ω_l)) on the ranks of the group that solved frequency l. A failure in
-  /// one group ends the call on all ranks. X is n × n_in (undamped) or n × 2 n_in: [Re,
-  /// Im].
+  /// From now on every solution is kept as a file in the folder `checkpoint.path`, and
+  /// one that is there already is read, if `checkpoint.restart` says so.
+  void keep(const CheckpointSpec& checkpoint);
+
+  /// @throws Interrupted after a frequency if SIGTERM asked to end and solutions are
+  /// kept. Calls use(l, X(ω_l)) on the ranks of the group that solved frequency l. A
+  /// failure in one group ends the call on all ranks. X is n × n_in (undamped) or n × 2
+  /// n_in: [Re, Im].
   using Use = std::function<void(std::size_t, const Block&)>;
   void for_each(const std::vector<double>& omega, const char* what, const Use& use);
 

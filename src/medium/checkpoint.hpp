@@ -1,0 +1,34 @@
+#pragma once
+
+#include "linalg/block.hpp"
+#include "medium/medium.hpp"
+
+#include <optional>
+
+namespace flexgram {
+
+/// What `certify` has finished: the space, and the levels that were certified.
+struct CheckpointState {
+  Medium medium; ///< without V; its levels so far
+  Block V;       ///< W-orthonormal
+  Block image;   ///< (K + τM)⁻¹T of the last level: the next Krylov block; or empty
+  Dense rigid_beyond, rigid_assumed; ///< stiffness of rigid modes (MediumSpace)
+  int geometric = 0, blocks = 0;
+  bool inertia_is_safe = false;
+  std::vector<double> grid; ///< [rad/s]
+  double least_eigenvalue = 0, of_rounding = 0;
+};
+
+/// Writes the state beside the output, whole or not at all. Collective.
+void write_checkpoint(const CheckpointState& state, const SecondOrderModel& body,
+                      const std::string& path);
+
+/// The state, its rows as this run has them: a body assembled on another number of ranks
+/// has them in another order. @return nothing if there is no such file.
+/// @throws Error naming the difference if it is of another body, band, ports or version.
+/// Collective.
+std::optional<CheckpointState> read_checkpoint(const SecondOrderModel& body,
+                                               const CertifySpec& spec,
+                                               const std::string& path);
+
+} // namespace flexgram
