@@ -152,9 +152,8 @@ Medium certify_body(const Body& body, const Settings& s, bool integrals,
   observer.fact("method", s.method + " over " + words_of(s.bands()));
   const BodyFacts facts = check(body, s, observer);
   observer.print();
-  Medium medium =
-      certify(body.model, facts.mass_is_singular, s.certify_spec(), s.solver, observer,
-              checkpoint);
+  Medium medium = certify(body.model, facts.mass_is_singular, s.certify_spec(), s.solver,
+                          observer, checkpoint);
   observer.print();
   if (integrals && wants_integrals(body.model, medium.rigid, s, observer)) {
     Stage stage(observer, "frame");
@@ -174,11 +173,10 @@ ReducedModel cut_medium(const Medium& medium, const Settings& s, Observer& obser
 ReducedModel reduce_body(const Body& body, const Settings& s, Observer& observer,
                          const CheckpointSpec& checkpoint) {
   observer.print();
-  ReducedModel rom =
-      s.takes_samples()
-          ? reduce_by_samples(body, s, observer, checkpoint)
-          : cut(certify_body(body, s, false, observer, checkpoint), s.cut_request(),
-                observer);
+  ReducedModel rom = s.takes_samples()
+                         ? reduce_by_samples(body, s, observer, checkpoint)
+                         : cut(certify_body(body, s, false, observer, checkpoint),
+                               s.cut_request(), observer);
   add_frame_integrals(rom, body, s, observer);
   observer.print();
   rom.plan = observer.facts();
