@@ -69,15 +69,16 @@ Progress::Progress(const Observer& observer, std::string what, int total)
     : observer_(observer), what_(std::move(what)), total_(total), start_(now()),
       printed_(start_) {}
 
-void Progress::step(const std::string& note) {
-  ++done_;
+void Progress::reach(int done, const std::string& note) {
+  done_ = done;
   const double time = now();
   const bool due = time - printed_ > 2.0 && done_ < total_;
   if (observer_.level() != Observer::Level::detail && !due) return;
   printed_ = time;
-  const double left = (time - start_) / done_ * (total_ - done_);
-  observer_.say(text("  %s %d/%d  %s  %.1f s left", what_.c_str(), done_, total_,
-                     note.c_str(), left));
+  std::string left;
+  if (done_ > 0) left = text("  %.1f s left", (time - start_) / done_ * (total_ - done_));
+  observer_.say(
+      text("  %s %d/%d  %s%s", what_.c_str(), done_, total_, note.c_str(), left.c_str()));
 }
 
 } // namespace flexgram

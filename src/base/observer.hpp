@@ -65,7 +65,10 @@ private:
 class Progress {
 public:
   Progress(const Observer& observer, std::string what, int total);
-  void step(const std::string& note);
+  /// One more of the total.
+  void step(const std::string& note) { reach(done_ + 1, note); }
+  /// So many of the total.
+  void reach(int done, const std::string& note);
 
 private:
   const Observer& observer_;

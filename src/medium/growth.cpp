@@ -223,6 +223,7 @@ void MediumBuilder::grow() {
     stalled = worst > 0.5 * previous ? stalled + 1 : 0;
     previous = std::min(previous, worst);
   };
+  double told = now();
   const auto level = [&]() -> const MediumLevel& { return medium_.levels.back(); };
   if (!medium_.levels.empty()) { // of a checkpoint
     look_at_last_level();
@@ -235,9 +236,14 @@ void MediumBuilder::grow() {
       if (!level().complete && level().worst <= target) certify(space_->columns() * 3);
       save("a level");
     }
-    observer_.detail(text("  krylov: order %d, certified %.2e, modes within %.0e",
-                          space_->columns(), level().worst,
-                          level().certificate->worst_angle()));
+    const std::string line = text(
+        "  krylov: order %d, certified %.2e of %.0e, modes within %.0e",
+        space_->columns(), level().worst, target, level().certificate->worst_angle());
+    if (now() - told > 2.0)
+      observer_.say(line);
+    else
+      observer_.detail(line);
+    told = now();
     // Modes that are not exact enough for the proof gain from a block; strong dampers do
     // not.
     if (level().serves(target) && holds_everywhere()) return;

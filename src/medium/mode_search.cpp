@@ -57,6 +57,7 @@ int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expe
                double enough, double null, Observer& observer) {
   std::vector<double> good;
   int solves = 0;
+  Progress progress(observer, "modes", expected);
   for (int round = 0;; ++round) {
     const RitzPairs pairs = ritz_pairs(space);
     const int below = static_cast<int>(
@@ -123,8 +124,9 @@ int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expe
       worst = std::max(worst, angle);
       if (angle <= enough) good.push_back(lambda);
     }
-    observer.detail(text("  modes: %d of %d below the cutoff, largest angle %.1e", below,
-                         expected, worst));
+    progress.reach(static_cast<int>(good.size()),
+                   text("below the cutoff, %d seen, largest angle of those checked %.1e",
+                        below, worst));
   }
 }
 
