@@ -6,9 +6,10 @@ hands it to multibody codes (see README.md).
 """
 
 from flexgram.api import reduce
+from flexgram.basics import BodyError
 from flexgram.bodyfile import write_matrices
 from flexgram.call import Matrices
-from flexgram.description import BodyError, import_body
+from flexgram.description import import_body
 from flexgram.medium import Medium, certify
 from flexgram.reduced import ReducedModel
 

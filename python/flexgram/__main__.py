@@ -6,8 +6,8 @@ import argparse
 import os
 import sys
 
+from flexgram.basics import BodyError
 from flexgram.commands import COMMANDS
-from flexgram.meshfile import BodyError
 
 
 def mpi_rank() -> int:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from flexgram.meshfile import BodyError
+from flexgram.basics import BodyError
 from flexgram.reduced import ReducedModel
 
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from flexgram.meshfile import BodyError
+from flexgram.basics import BodyError
 
 COUPLINGS = {
     "rigid": "all nodes follow a reference node with six dofs (RBE2)",

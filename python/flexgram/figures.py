@@ -14,8 +14,8 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
+from flexgram.basics import BodyError
 from flexgram.geometry import Geometry, body_of
-from flexgram.meshfile import BodyError
 from flexgram.reduced import ReducedModel
 
 HZ = 1 / (2 * np.pi)

@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexgram.meshfile import BodyError, index_of
+from flexgram.basics import BodyError, index_of
 from flexgram.reduced import Floats, ReducedModel
 
 Ints = NDArray[np.int64]

@@ -7,7 +7,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from flexgram.meshfile import BodyError
+from flexgram.basics import BodyError
 from flexgram.reduced import ReducedModel
 
 

@@ -10,15 +10,13 @@ import meshio
 import numpy as np
 from numpy.typing import NDArray
 
+from flexgram.basics import BodyError
+
 # Debian's meshio 5.0 reads wedge15 but forgot its dimension.
 meshio._mesh.topological_dimension.setdefault("wedge15", 3)
 
 ELEMENTS = ("tetra", "tetra10", "hexahedron", "hexahedron20", "wedge15", "line")
 IntArray = NDArray[np.int64]
-
-
-class BodyError(Exception):
-    """A body description or mesh that cannot be used; the message says what to change."""
 
 
 def read_mesh(path: Path) -> meshio.Mesh:
@@ -76,12 +74,3 @@ def node_set(mesh: meshio.Mesh, regions: dict[str, list[IntArray]], name: str) -
         raise BodyError(f"there is no node set {name}; the mesh has {', '.join(known) or 'none'}")
     used = [mesh.cells[b].data[cells].ravel() for b, cells in enumerate(regions[name])]
     return np.unique(np.concatenate(used)).astype(np.int64)
-
-
-def index_of(labels: IntArray, wanted: IntArray) -> tuple[IntArray, NDArray[np.bool_]]:
-    """Where each wanted label stands in ``labels`` (in any order), and whether it does."""
-    if not len(labels):
-        return np.zeros(np.shape(wanted), dtype=np.int64), np.zeros(np.shape(wanted), dtype=bool)
-    order = np.argsort(labels, kind="stable")
-    at = order[np.minimum(np.searchsorted(labels, wanted, sorter=order), len(order) - 1)]
-    return at, labels[at] == wanted

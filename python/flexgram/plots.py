@@ -11,7 +11,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from flexgram.meshfile import BodyError
+from flexgram.basics import BodyError
 
 
 def _open(path: Path, kind: str, needed: str) -> h5py.File:

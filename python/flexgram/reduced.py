@@ -12,7 +12,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from flexgram.meshfile import BodyError
+from flexgram.basics import BodyError
 
 Floats = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]

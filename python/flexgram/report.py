@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from flexgram import figures
-from flexgram.meshfile import BodyError
+from flexgram.basics import BodyError
 from flexgram.reduced import ReducedModel
 
 STYLE = """

@@ -63,10 +63,10 @@ struct Mumps<Scalar>::Instance {
   using Traits = Arithmetic<Scalar>;
   using Value = typename Traits::Value;
 
-  Instance(MPI_Comm communicator, Symmetry symmetry, const MumpsOptions& settings)
+  Instance(MPI_Comm communicator, const MumpsOptions& settings)
       : comm(communicator), options(settings) {
     s.par = 1;
-    s.sym = static_cast<int>(symmetry);
+    s.sym = 2; // general symmetric
     s.comm_fortran = MPI_Comm_c2f(comm);
     run(-1);
     icntl(1) = icntl(2) = icntl(3) = -1; // no output: errors come as exceptions
@@ -108,8 +108,8 @@ struct Mumps<Scalar>::Instance {
 };
 
 template <class Scalar>
-Mumps<Scalar>::Mumps(MPI_Comm comm, Symmetry symmetry, const MumpsOptions& options)
-    : instance_(std::make_unique<Instance>(comm, symmetry, options)) {}
+Mumps<Scalar>::Mumps(MPI_Comm comm, const MumpsOptions& options)
+    : instance_(std::make_unique<Instance>(comm, options)) {}
 template <class Scalar>
 Mumps<Scalar>::~Mumps() = default;
 template <class Scalar>
@@ -308,20 +308,6 @@ void Mumps<Scalar>::solve(RowRange rows, std::span<Scalar> x, int columns) {
   m.s.lrhs_loc = std::max<int>(rows.size(), 1);
   m.s.irhs_loc = row_numbers.data();
   m.s.rhs_loc = values;
-  m.solve_distributed(rows, x, columns);
-}
-
-template <class Scalar>
-void Mumps<Scalar>::solve_sparse(std::span<const int> start, std::span<const int> row,
-                                 std::span<const Scalar> values, RowRange rows,
-                                 std::span<Scalar> x, int columns) {
-  auto& m = *instance_;
-  m.icntl(20) = 3; // sparse, exploiting the sparsity
-  m.s.nz_rhs = static_cast<int>(row.size());
-  m.s.irhs_ptr = const_cast<int*>(start.data());
-  m.s.irhs_sparse = const_cast<int*>(row.data());
-  m.s.rhs_sparse =
-      reinterpret_cast<typename Instance::Value*>(const_cast<Scalar*>(values.data()));
   m.solve_distributed(rows, x, columns);
 }
 

@@ -12,9 +12,6 @@
 
 namespace flexgram {
 
-/// What MUMPS may assume of the matrix (its SYM parameter).
-enum class Symmetry { unsymmetric = 0, positive_definite = 1, symmetric = 2 };
-
 /// Fill-reducing ordering.
 enum class Ordering {
   automatic, ///< best where many frequencies are factorised; elsewhere nested dissection,
@@ -34,7 +31,7 @@ struct MumpsOptions {
   Ordering ordering = Ordering::automatic;
 };
 
-/// Lower triangle of a sparse symmetric matrix (or all entries of an unsymmetric one),
+/// Lower triangle of a sparse symmetric matrix,
 /// the entries spread over the ranks; 1-based as MUMPS wants them. An entry may occur on
 /// several ranks or several times: MUMPS adds them up.
 struct Pattern {
@@ -51,12 +48,12 @@ struct FactorEstimate {
 };
 
 /// One instance of MUMPS in the arithmetic of Scalar: float, double, complex<float>,
-/// complex<double>. Entries distributed, right-hand sides dense and distributed by rows
-/// or sparse on rank 0, solution distributed by rows.
+/// complex<double>, for symmetric matrices. Entries distributed, right-hand sides and
+/// solutions dense and distributed by rows.
 template <class Scalar>
 class Mumps {
 public:
-  Mumps(MPI_Comm comm, Symmetry symmetry, const MumpsOptions& options);
+  Mumps(MPI_Comm comm, const MumpsOptions& options);
   ~Mumps();
   Mumps(Mumps&&) noexcept;
   Mumps& operator=(Mumps&&) noexcept;
@@ -86,13 +83,6 @@ public:
   /// X = A⁻¹ B in place: this rank's rows `rows`, column-major, leading dimension
   /// rows.size().
   void solve(RowRange rows, std::span<Scalar> x, int columns);
-
-  /// Sparse right-hand sides, given on rank 0 by columns: start has columns + 1 entries
-  /// (1-based), row is 1-based. The others pass empty spans and the same number of
-  /// columns.
-  void solve_sparse(std::span<const int> start, std::span<const int> row,
-                    std::span<const Scalar> values, RowRange rows, std::span<Scalar> x,
-                    int columns);
 
 private:
   struct Instance;

@@ -57,8 +57,7 @@ constexpr bool is_complex = !std::is_floating_point_v<T>;
 template <class Scalar>
 class EngineOf final : public Engine {
 public:
-  EngineOf(MPI_Comm comm, const MumpsOptions& options)
-      : mumps_(comm, Symmetry::symmetric, options) {}
+  EngineOf(MPI_Comm comm, const MumpsOptions& options) : mumps_(comm, options) {}
 
   FactorEstimate analyse(const Pattern& lower, std::span<const int> position) override {
     return mumps_.analyse(lower, position);

@@ -421,7 +421,7 @@ PYBIND11_MODULE(_flexgram, module) {
     try {
       if (pointer) std::rethrow_exception(pointer);
     } catch (const Error& error) {
-      const auto kind = py::module_::import("flexgram.meshfile").attr("BodyError");
+      const auto kind = py::module_::import("flexgram.basics").attr("BodyError");
       PyErr_SetString(kind.ptr(), option_names(error.what()).c_str());
     }
   });

@@ -21,7 +21,7 @@ import scipy.linalg as sl
 import scipy.sparse as sp
 
 import flexgram
-from flexgram.meshfile import BodyError
+from flexgram.basics import BodyError
 from referee import TWO_PI, System, hard_frequencies, relative_error
 
 CLASSES = (

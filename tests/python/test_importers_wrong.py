@@ -10,10 +10,10 @@ import scipy.io
 
 from bodies import box, small, write_body_file
 from conftest import assembled, edit
+from flexgram.basics import BodyError
 from flexgram.importers import FeMatrices, check, import_matrices, parse, read
 from flexgram.importers.deck import read_deck
 from flexgram.importers.interfaces import attach
-from flexgram.meshfile import BodyError
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from flexgram.meshfile import BodyError
+from flexgram.basics import BodyError
 from flexgram.reduced import ReducedModel
 
 __all__ = ["FORMATS", "export"]

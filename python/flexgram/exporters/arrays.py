@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import scipy.io
 
-from flexgram.meshfile import BodyError
+from flexgram.basics import BodyError
 from flexgram.reduced import ReducedModel
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import scipy.linalg
 
-from flexgram.meshfile import BodyError
+from flexgram.basics import BodyError
 from flexgram.reduced import Floats, ReducedModel
 
 

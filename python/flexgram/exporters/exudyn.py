@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from flexgram.basics import BodyError
 from flexgram.geometry import Geometry, body_of, interface_motion, interface_positions
-from flexgram.meshfile import BodyError
 from flexgram.reduced import Floats, ReducedModel
 
 SATELLITES = np.vstack([np.eye(3), -np.eye(3)])

@@ -8,8 +8,8 @@ from typing import Any
 import meshio
 import numpy as np
 
+from flexgram.basics import BodyError
 from flexgram.geometry import Geometry, body_of
-from flexgram.meshfile import BodyError
 from flexgram.reduced import ReducedModel
 
 

@@ -24,8 +24,8 @@ from typing import Any
 
 import numpy as np
 
+from flexgram.basics import BodyError
 from flexgram.geometry import interface_motion, interface_positions
-from flexgram.meshfile import BodyError
 from flexgram.reduced import Floats, ReducedModel
 
 #: m1 with the mode before the column; Gr, Ge axis-major

@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
+from flexgram.basics import BodyError, index_of
 from flexgram.bodyfile import write_matrices
 from flexgram.description import UNITS
 from flexgram.importers.fe import FeMatrices, check
 from flexgram.importers.interfaces import Interface, attach, parse
-from flexgram.meshfile import BodyError, index_of
 
 __all__ = ["FORMATS", "FeMatrices", "Interface", "check", "import_matrices", "parse", "read"]
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
 
+from flexgram.basics import BodyError
 from flexgram.importers.deck import read_deck
 from flexgram.importers.fe import FeMatrices, check_indices, folded, read_triplets, symmetric
-from flexgram.meshfile import BodyError
 
 
 def _partner(path: Path, of: str, to: str) -> Path:

@@ -12,8 +12,8 @@ import numpy as np
 import scipy.io
 import scipy.sparse as sp
 
+from flexgram.basics import BodyError
 from flexgram.importers.fe import FeMatrices, Ints, symmetric
-from flexgram.meshfile import BodyError
 
 
 def _reader() -> Any:

@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
 
+from flexgram.basics import BodyError
 from flexgram.importers.deck import read_deck
 from flexgram.importers.fe import FeMatrices, check_indices, read_triplets, symmetric
-from flexgram.meshfile import BodyError
 
 STEP = "*STEP\n*FREQUENCY, SOLVER=MATRIXSTORAGE\n*END STEP\n"
 

@@ -10,8 +10,8 @@ import numpy as np
 import scipy.io
 import scipy.sparse as sp
 
+from flexgram.basics import BodyError
 from flexgram.importers.fe import FeMatrices, symmetric
-from flexgram.meshfile import BodyError
 
 PETSC_MATRIX = 1211216
 

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from flexgram.basics import BodyError
 from flexgram.importers.fe import Floats, Ints
-from flexgram.meshfile import BodyError
 
 #: Element types by the beginning of their name: meshio type, number of nodes.
 SOLIDS = {

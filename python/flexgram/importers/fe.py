@@ -12,8 +12,8 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
+from flexgram.basics import BodyError, index_of
 from flexgram.importers.interfaces import Interface, rigid_motions
-from flexgram.meshfile import BodyError, index_of
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]

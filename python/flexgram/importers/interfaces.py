@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy.sparse as sp
 
-from flexgram.meshfile import BodyError, index_of
+from flexgram.basics import BodyError, index_of
 
 if TYPE_CHECKING:
     from flexgram.importers.fe import FeMatrices, Floats, Ints
