@@ -71,11 +71,10 @@ void refuse_statics_of_a_free_body(double first);
 
 /// Builds the medium model:
 ///  1. K − ω_c²M = LDLᵀ: its inertia counts the modes below ω_c, its solves find them
-///  (find_modes),
-///     starting from the response to all ports, which is kept: a Krylov block.
+///     (find_modes), starting from the response to all ports, which is kept: a Krylov
+///     block.
 ///  2. K + τM = LLᵀ: the certificate solves with the basis of the residuals; if the bound
-///  is not yet
-///     below the target, these solutions are the next Krylov block.
+///     is not yet below the target, these solutions are the next Krylov block.
 /// Two real factorisations, never both alive. No complex one.
 /// Checkpoints are written after the search of the modes and after each level.
 /// @throws Interrupted after one of these if SIGTERM asked to end.

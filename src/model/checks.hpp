@@ -16,11 +16,9 @@ struct BodyFacts {
 /// diagonals, M, D or K with a negative eigenvalue, a mechanism (K and M share a null
 /// vector), ports without load. Counts the rigid modes. Parallel ports only warn.
 /// @param stiffness  factorise K + τM for a mechanism and K for its rigid modes; methods
-/// that
-///                   factorise them anyway do without.
+///                   that factorise them anyway do without.
 /// @param assembled  the program assembled K and M itself: definite by construction, so
-/// the
-///                   factorisations of M and D are skipped.
+///                   the factorisations of M and D are skipped.
 /// @throws Error naming the matrix and the dof. Collective on model.comm.
 BodyFacts check_body(const SecondOrderModel& model, bool assembled, bool stiffness,
                      const SolverOptions& options, Observer& observer);
