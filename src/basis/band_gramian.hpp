@@ -17,8 +17,8 @@ struct BandWeight {
 
 /// A factor F with FFᵀ = P of the position Gramian of a small system, in its own
 /// coordinates,
-///   P = (1/π) ∫ w(ω) Q̃ Q̃ᵀ dω   (Fehr, Eberhard, Lehner, eqs. 8 and 11; eq. 5 over the
-///   whole axis).
+///   P = (1/π) ∫ w(ω) Q̃ Q̃ᵀ dω
+/// (Fehr, Eberhard, Lehner, eqs. 8 and 11; eq. 5 over the whole axis).
 /// Gauss rules on intervals no longer than their distance to the nearest pole: converged
 /// to about 1e-12 whatever the damping, and nothing is squared. With proportional damping
 /// the response is diag(1/a_i) B in modal coordinates, so the rule is applied to the

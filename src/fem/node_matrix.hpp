@@ -12,8 +12,7 @@ namespace flexgram {
 class NodeMatrix {
 public:
   /// @param[in] element_nodes  for each element its master nodes (global numbers, no
-  /// repeats),
-  ///                           element e has nodes start[e] … start[e+1] − 1.
+  ///                           repeats), element e has nodes start[e] … start[e+1] − 1.
   NodeMatrix(const DofMap& map, const std::vector<std::size_t>& start,
              const std::vector<std::int64_t>& element_nodes);
 

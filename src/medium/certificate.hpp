@@ -42,8 +42,8 @@ struct ResidualNorm {
 /// With ports P = [B, C] and their residuals R = P − A V x, VᵀR = 0, the error is exactly
 ///   H − H_r = R_CᵀA⁻¹R_B = W_Cᵀ S⁻¹ W_B,   W = E^−½ R,   E = K + τM,
 /// S = a_k + c T° + iωD° − J A_Φ⁻¹ Jᵀ the Schur complement of the Ritz vectors Φ below
-/// ω_c (c = a_m − τ a_k, J their residuals, M's and D's). The inertia of K − ω_c²M says
-/// that
+/// ω_c (c = a_m − τ a_k, J their residuals, M's and D's). The inertia of K − ω_c²M
+/// says that
 ///   0 <= T° <= μ_c + Σ_j ‖G_j‖²/(μ_j − μ_c) = μ₊,   μ = 1/(λ + τ),
 /// however inexact Φ is; so ‖S⁻¹‖ <= q/(1 − qδ), q = max |1/(a_k + c μ)| over 0 <= μ <=
 /// μ₊, δ = ‖J A_Φ⁻¹ Jᵀ‖, and with any disc |z − z₀| <= ρ that holds these 1/(a_k + c μ)
