@@ -23,6 +23,7 @@ from referee import System, suspicious
 
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = ROOT / "build" / "flexgram"
+PYTHON = ROOT / ".venv" / "bin" / "python3"
 
 EXPORTS = (ROOT / "scripts" / "mpi-environment").read_text().splitlines()
 ENVIRONMENT = {
@@ -57,6 +58,15 @@ def run(
     if expect is not None:
         assert process.returncode == expect, f"{command}\n{process.stdout}\n{process.stderr}"
     return Result(process)
+
+
+def program(name: str, *arguments: Any, ranks: int = 1) -> str:
+    """What a program of ``programs`` prints, run under MPI."""
+    path = Path(__file__).parent / "programs" / f"{name}.py"
+    command = ["mpirun", "-n", str(ranks), str(PYTHON), str(path), *map(str, arguments)]
+    done = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
 
 
 def message(result: Result) -> str:

@@ -13,32 +13,15 @@ import pytest
 import scipy.linalg
 
 import flexgram
-from conftest import ENVIRONMENT, ROOT, chain, rom_matrices, rom_transfer, run
+from conftest import ENVIRONMENT, PYTHON, ROOT, chain, program, rom_matrices, rom_transfer, run
 from flexgram.__main__ import main
-
-PYTHON = ROOT / ".venv" / "bin" / "python3"
-
-
-def python(code: str, *arguments: Any, ranks: int = 1) -> str:
-    command = ["mpirun", "-n", str(ranks), str(PYTHON), "-c", code, *map(str, arguments)]
-    done = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True, timeout=120)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_file_like_the_program(rack: Path, tmp_path: Path, ranks: int) -> None:
     theirs, ours = tmp_path / "program.h5", tmp_path / "python.h5"
     run("reduce", "-body", rack, "-mor_tol", "1e-3", "-mor_out", theirs, ranks=ranks)
-    code = """
-import sys, flexgram
-rom = flexgram.reduce(sys.argv[1], band_hz=(10, 500), tol=1e-3)
-rom.save(sys.argv[2])
-assert rom.V.shape[0] == len(rom.node) == len(rom.component) == len(rom.position)
-assert rom.kind == "certified" and rom.certified_error <= 1e-3
-assert rom.log["factorisations"] == 2 and "krylov" in rom.log["seconds"]
-"""
-    python(code, rack, ours, ranks=ranks)
+    program("like_the_program", rack, ours, ranks=ranks)
     a, b = rom_matrices(theirs), rom_matrices(ours)
     for omega in (100.0, 700.0, 3000.0):
         assert np.allclose(rom_transfer(a, omega), rom_transfer(b, omega), rtol=1e-8)
@@ -46,135 +29,29 @@ assert rom.log["factorisations"] == 2 and "krylov" in rom.log["seconds"]
         assert set(x) == set(y) and set(x["frame"]) == set(y["frame"])
 
 
-SCIPY = """
-import sys, numpy as np, scipy.sparse as sp, flexgram
-from mpi4py import MPI
-n = 300
-K = 1e6 * sp.diags([-np.ones(n - 1), np.r_[2 * np.ones(n - 1), 1], -np.ones(n - 1)], [-1, 0, 1])
-M = sp.diags([0.5 * np.ones(n - 1), 2 * np.ones(n), 0.5 * np.ones(n - 1)], [-1, 0, 1])
-B = np.zeros((n, 2)); B[-1, 0] = B[n // 2, 1] = 1
-C = np.zeros((1, n)); C[0, n // 3] = 1
-which = sys.argv[2]
-K, M = K.tocsr(), M.tocsr()
-if which == "scipy":
-    body = flexgram.Matrices(K, M, B, C=C, alpha=0.5, inputs=["tip", "middle"], outputs=["third"])
-else:
-    from petsc4py import PETSc
-    def mat(a):
-        m = PETSc.Mat().create(MPI.COMM_WORLD); m.setSizes((n, n)); m.setType("aij"); m.setUp()
-        first, last = m.getOwnershipRange()
-        r = a[first:last]
-        m.setPreallocationCSR((r.indptr, r.indices, r.data)); m.assemble()
-        return m, first, last
-    (Kp, first, last), (Mp, *_) = mat(K), mat(M)
-    body = flexgram.Matrices(Kp, Mp, B[first:last], C=C[:, first:last], alpha=0.5,
-                             inputs=["tip", "middle"], outputs=["third"])
-rom = flexgram.reduce(body, band_hz=(1, 20), tol=1e-5)
-if which == "petsc":
-    assert Kp.refcount >= 1 and abs(Kp.norm() - np.sqrt((K.multiply(K)).sum())) < 1e-3
-worst = 0
-for w in 2 * np.pi * np.linspace(1, 20, 23):
-    A = (K + 1j * w * 0.5 * M - w * w * M).tocsc()
-    exact = C @ sp.linalg.spsolve(A, B)
-    worst = max(worst, np.linalg.norm(rom.transfer(w) - exact) / np.linalg.norm(exact))
-assert worst <= rom.certified_error <= 1e-5, (worst, rom.certified_error)
-rom.save(sys.argv[1])
-"""
-
-
 @pytest.mark.parametrize("ranks", [1, 2])
 @pytest.mark.parametrize("which", ["scipy", "petsc"])
 def test_matrices_in_memory(tmp_path: Path, which: str, ranks: int) -> None:
     if which == "petsc":
         pytest.importorskip("petsc4py")
-    code = SCIPY.replace("import sys,", "import scipy.sparse.linalg, sys,")
-    python(code, tmp_path / "rom.h5", which, ranks=ranks)
+    program("in_memory", tmp_path / "rom.h5", which, ranks=ranks)
     model = flexgram.ReducedModel.load(tmp_path / "rom.h5")
     assert model.inputs == ["tip", "middle"] and model.outputs == ["third"]
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_errors_are_exceptions_on_every_rank(tmp_path: Path, ranks: int) -> None:
-    code = """
-import numpy as np, scipy.sparse as sp, flexgram
-from mpi4py import MPI
-K = sp.diags([2.0, 2.0, 2.0, 2.0]).tocsr()
-bad = K.copy().tolil(); bad[0, 1] = 0.5
-cases = [
-    (lambda: flexgram.reduce("nowhere.h5"), "cannot read nowhere.h5"),
-    (lambda: flexgram.reduce("x.h5", options={"mor_toll": 1}), "did you mean -mor_tol"),
-    (lambda: flexgram.reduce(flexgram.Matrices(bad.tocsr(), K, np.ones((4, 1)))), "triangle"),
-    (lambda: flexgram.reduce(flexgram.Matrices(K, K[:3, :3], np.ones((4, 1)))), "must be sparse"),
-    (lambda: flexgram.reduce(flexgram.Matrices(K, None, np.ones((4, 1)))), "M is missing"),
-    (lambda: flexgram.reduce(flexgram.Matrices(K, K, np.ones((3, 1)))), "B has"),
-    (lambda: flexgram.reduce(flexgram.Matrices(K, K, np.nan * np.ones((4, 1)))), "NaN"),
-    (lambda: flexgram.reduce(flexgram.Matrices(K, K, np.ones((4, 1)), node=np.arange(4),
-        component=np.full(4, 7))), "component must be"),
-    (lambda: flexgram.reduce(flexgram.Matrices(K, K, np.ones((4, 1)), node=np.arange(4),
-        component=np.zeros(4, int), position=np.zeros((4, 2)))), "expected"),
-    # one rank alone
-    (lambda: flexgram.reduce(flexgram.Matrices(K, K, np.ones((4, 1)),
-        inputs=["a"] * (1 + (MPI.COMM_WORLD.rank == MPI.COMM_WORLD.size - 1)))), "do not fit"),
-    (lambda: flexgram.reduce(flexgram.Matrices(K, -K, np.ones((4, 1)))), "M"),
-    (lambda: flexgram.reduce(flexgram.Matrices(K, K, np.ones((4, 1))), (10, 20), method="best"),
-     "-mor_method"),
-]
-for call, expected in cases:
-    try:
-        call()
-    except flexgram.BodyError as error:
-        assert expected in str(error), str(error)
-    else:
-        raise AssertionError(expected)
-rom = flexgram.reduce(flexgram.Matrices(K, K, np.ones((4, 1))), (0.05, 0.1))  # and goes on
-assert MPI.COMM_WORLD.allreduce(1) == MPI.COMM_WORLD.size
-"""
-    python(code, ranks=ranks)
+    program("errors", ranks=ranks)
 
 
 def test_duplicate_entries_are_summed_and_labels_are_any(tmp_path: Path) -> None:
-    code = """
-import numpy as np, scipy.sparse as sp, flexgram
-n = 50
-K = sp.diags([-np.ones(n - 1), 2.5 * np.ones(n), -np.ones(n - 1)], [-1, 0, 1]).tocoo()
-twice = sp.csr_matrix((n, n))
-split = sp.coo_matrix((np.r_[0.25 * K.data, 0.75 * K.data],
-                       (np.r_[K.row, K.row], np.r_[K.col, K.col])), shape=(n, n))
-order = np.argsort(split.row, kind="stable")
-start = np.searchsorted(split.row[order], np.arange(n + 1))
-raw = sp.csr_matrix((split.data[order], split.col[order], start), shape=(n, n))
-assert raw.nnz == 2 * K.nnz
-B = np.eye(n)[:, :2]
-a, b = (flexgram.reduce(flexgram.Matrices(x, sp.eye(n).tocsr(), B, alpha=0.01,
-                                          node=400_000_000 + np.arange(n)), (0.01, 0.2), 1e-6)
-        for x in (K.tocsr(), raw))
-assert np.allclose(a.transfer(0.7), b.transfer(0.7), rtol=1e-5)
-exact = np.linalg.solve(K.toarray() + 0.7j * 0.01 * np.eye(n) - 0.49 * np.eye(n), B)[:2]
-assert np.allclose(b.transfer(0.7), exact, rtol=1e-5)
-assert b.node.min() == 400_000_000
-"""
-    python(code)
+    program("duplicates")
 
 
 def test_petsc_matrix_is_free_afterwards(tmp_path: Path) -> None:
     """A kept result does not keep K."""
     pytest.importorskip("petsc4py")
-    code = """
-import numpy as np, flexgram
-from petsc4py import PETSc
-n = 30
-K = PETSc.Mat().createAIJ((n, n), nnz=3)
-for i in range(n):
-    K[i, i] = 2
-    if i: K[i, i - 1] = K[i - 1, i] = -1
-K.assemble()
-M = PETSc.Mat().createAIJ((n, n), nnz=1)
-for i in range(n): M[i, i] = 1
-M.assemble()
-rom = flexgram.reduce(flexgram.Matrices(K, M, np.eye(n)[:, :1], alpha=0.01), (0.01, 0.1), 1e-4)
-assert K.refcount == 1 and M.refcount == 1
-"""
-    python(code)
+    program("petsc_is_free")
 
 
 def test_damper_to_ground_has_no_floating_frame(tmp_path: Path) -> None:

@@ -11,9 +11,7 @@ import h5py
 import numpy as np
 import pytest
 
-from conftest import ENVIRONMENT, ROOT
-
-PYTHON = ROOT / ".venv" / "bin" / "python3"
+from conftest import ENVIRONMENT, PYTHON, ROOT
 
 
 def example(name: str, *arguments: object, ranks: int = 1) -> str:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +13,7 @@ import scipy.sparse as sp
 from test_continuum import chain, chain_modes
 
 import flexgram
-from conftest import ENVIRONMENT, ROOT, message, rom_matrices, rom_system, run
+from conftest import message, program, rom_matrices, rom_system, run
 from flexgram import BodyError, write_matrices
 from referee import System, relative_error
 
@@ -214,28 +212,9 @@ def test_python(tmp_path: Path, body: tuple[Path, float, float], medium: Path) -
         held.reduce(tol=1e-13)
 
 
-PARALLEL = """
-import json, sys, numpy as np, flexgram
-from mpi4py import MPI
-body, first, last, out = sys.argv[1], float(sys.argv[2]), float(sys.argv[3]), sys.argv[4]
-medium = flexgram.certify(body, band_hz=(first, last), tol=1e-7)
-medium.save(out)
-orders = [medium.reduce(tol=t).order for t in (1e-2, 1e-4, 1e-6)]
-rows = MPI.COMM_WORLD.allreduce(len(medium.reduce(tol=1e-3).V))
-again = flexgram.Medium.load(out).reduce(tol=1e-4)
-if MPI.COMM_WORLD.rank == 0:
-    print(json.dumps([orders, rows, again.order]))
-"""
-
-
 def test_python_on_two_ranks(tmp_path: Path, body: tuple[Path, float, float]) -> None:
     path, *band = body
-    script = tmp_path / "two.py"
-    script.write_text(PARALLEL)
-    command = ["mpirun", "-n", "2", sys.executable, script, path, *map(repr, band),
-               tmp_path / "m.h5"]  # fmt: skip
-    output = subprocess.run([str(c) for c in command], env=ENVIRONMENT, capture_output=True,
-                            text=True, check=True, cwd=ROOT).stdout  # fmt: skip
+    output = program("medium", path, *map(repr, band), tmp_path / "m.h5", ranks=2)
     orders, rows, again = json.loads(output.splitlines()[-1])
     alone = flexgram.certify(path, band_hz=band, tol=1e-7)
     assert orders == [alone.reduce(tol=t).order for t in (1e-2, 1e-4, 1e-6)]
