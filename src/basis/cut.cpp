@@ -49,7 +49,13 @@ private:
   Dense tangent(const Dense& Q) const;
   ErrorOverBand::Supremum shared_supremum(ErrorOverBand::Supremum sup) const;
   ErrorClaim claim_of(const ErrorOverBand::Supremum& sup) const;
-  ReducedModel finish();
+  Dense chosen_basis();
+  ReducedModel reduced(const Dense& Q, const DenseSystem& small,
+                       const ErrorOverBand::Supremum& sup) const;
+  void tell(const ReducedModel& rom, const DenseSystem& small,
+            const ErrorOverBand::Supremum& sup);
+  void tell_error(const ReducedModel& rom, const DenseSystem& small,
+                  const ErrorOverBand::Supremum& sup);
 
   const Medium& whole_;
   const CutRequest& request_;
@@ -263,36 +269,37 @@ std::string label_of(const ReducedModel& rom) {
   return words;
 }
 
-ReducedModel Cut::finish() {
+/// The basis of the chosen order, the same on every rank.
+Dense Cut::chosen_basis() {
+  // The last bit of an error may differ between ranks.
   std::vector<double> shared{static_cast<double>(choice_.best),
                              static_cast<double>(choice_.order)};
-  share_from_first(comm_,
-                   shared); // the last bit of an error may differ between ranks
+  share_from_first(comm_, shared);
   choice_.best = static_cast<std::size_t>(shared[0]);
-  const int order = static_cast<int>(shared[1]);
-  const Candidate& candidate = choice_.candidates[choice_.best];
-  Dense Q = candidate.basis(order);
+  choice_.order = static_cast<int>(shared[1]);
+  Dense Q = choice_.candidates[choice_.best].basis(choice_.order);
   share_from_first(comm_, Q.data);
-  if (frame_ == Frame::tangent) Q = tangent(Q);
-  const DenseSystem small = medium_.system.project(Q);
-  const ErrorOverBand::Errors errors = errors_->of(small);
-  const ErrorOverBand::Supremum sup = shared_supremum(errors_->supremum(
-      small, request_.order.tolerance.value_or(0), request_.relative_to));
+  return frame_ == Frame::tangent ? tangent(Q) : Q;
+}
 
+/// The reduced body and what is claimed of it.
+ReducedModel Cut::reduced(const Dense& Q, const DenseSystem& small,
+                          const ErrorOverBand::Supremum& sup) const {
   ReducedModel rom;
   rom.model = small.model(medium_.names);
   rom.V = medium_.lift(Q);
   rom.method = request_.name;
-  rom.second_stage = candidate.name;
+  rom.second_stage = choice_.candidates[choice_.best].name;
   // The paper's indicator: the Gramian over the band, whatever the basis is made of.
   const auto paper = std::find_if(choice_.candidates.begin(), choice_.candidates.end(),
                                   [](const Candidate& c) { return c.name == "gramian"; });
   rom.sigma = paper != choice_.candidates.end()
                   ? paper->sigma
                   : make_candidate("gramian", *stage_).sigma;
+  ErrorOverBand::Errors errors = errors_->of(small);
   rom.omega = errors_->omega();
-  rom.epsilon = errors.relative;
-  rom.bound = errors.bound;
+  rom.epsilon = std::move(errors.relative);
+  rom.bound = std::move(errors.bound);
   rom.floor = errors_->floor();
   rom.claim = claim_of(sup);
   for (const auto& pole : medium_.poles_within(small, sup.excluded))
@@ -300,6 +307,7 @@ ReducedModel Cut::finish() {
   rom.kind = !sup.proved            ? "estimated"
              : sup.excluded.empty() ? "certified"
                                     : "certified outside";
+  if (sup.worst_of.size() == 3) rom.by_kind = {sup.worst_of[1], sup.worst_of[2]};
   rom.modes = eigenfrequencies(rom.model);
   rom.band[0] = bands_.front().first;
   rom.band[1] = bands_.back().last;
@@ -307,14 +315,17 @@ ReducedModel Cut::finish() {
   rom.medium_order = medium_.system.order();
   rom.frame = frame_names[static_cast<std::size_t>(frame_)];
   rom.rigid_modes = medium_.rigid;
+  if (whole_.integrals) {
+    Dense all(whole_.integrals->M_er.rows, Q.columns);
+    set_part(all, 0, 0, Q);
+    rom.integrals = project(*whole_.integrals, all);
+  }
+  return rom;
+}
 
-  observer_.fact(
-      "order",
-      text("m = %d of n = %lld, by %s, from %s%s", order,
-           static_cast<long long>(medium_.names.n), choice_.chosen_by.c_str(),
-           candidate.name.c_str(),
-           candidate.remark.empty() ? "" : (" (" + candidate.remark + ")").c_str()));
-  const double floor = *std::max_element(rom.floor.begin(), rom.floor.end());
+/// The error in words: of H as a whole, by either reference, and of its kinds.
+void Cut::tell_error(const ReducedModel& rom, const DenseSystem& small,
+                     const ErrorOverBand::Supremum& sup) {
   const std::string label = label_of(rom);
   const bool to_band = request_.relative_to == RelativeTo::band;
   const char* const references[] = {"|H| at each frequency",
@@ -325,7 +336,7 @@ ReducedModel Cut::finish() {
            "rounding floor %.0e",
            sup.worst_of[0], references[to_band ? 1 : 0],
            rom.claim->bands.size() > 1 ? "s" : "", label.c_str(), sup.attained_of[0],
-           sup.at_of[0] * hz, floor));
+           sup.at_of[0] * hz, *std::max_element(rom.floor.begin(), rom.floor.end())));
   if (sup.excluded.empty()) { // else |H| has no largest value
     const auto other = errors_->supremum(
         small, request_.order.tolerance.value_or(0),
@@ -341,12 +352,11 @@ ReducedModel Cut::finish() {
         text("rigid modes are rigid; if what K holds of them, which its rounding "
              "explains, were meant, H would change by %.0e",
              rom.claim->rigid_rounding));
-  if (sup.worst_of.size() == 3) {
-    rom.by_kind = {sup.worst_of[1], sup.worst_of[2]};
+  if (!rom.by_kind.empty()) {
     observer_.fact("by kind",
                    text("%s at most %.1e, %s at most %.1e (%s)",
-                        medium_.views[1].name.c_str(), sup.worst_of[1],
-                        medium_.views[2].name.c_str(), sup.worst_of[2], label.c_str()));
+                        medium_.views[1].name.c_str(), rom.by_kind[0],
+                        medium_.views[2].name.c_str(), rom.by_kind[1], label.c_str()));
   } else {
     std::vector<ComplexDense> H_r;
     const DenseResponse response(small, medium_.tau);
@@ -358,19 +368,25 @@ ReducedModel Cut::finish() {
         "{tol} %g is not met: the error is at most %.1e (%s); %s. This is "
         "the best body that was found",
         *request_.order.tolerance, sup.worst, label.c_str(), choice_.shortfall.c_str()));
+}
+
+void Cut::tell(const ReducedModel& rom, const DenseSystem& small,
+               const ErrorOverBand::Supremum& sup) {
+  const Candidate& candidate = choice_.candidates[choice_.best];
+  observer_.fact(
+      "order",
+      text("m = %d of n = %lld, by %s, from %s%s", choice_.order,
+           static_cast<long long>(medium_.names.n), choice_.chosen_by.c_str(),
+           candidate.name.c_str(),
+           candidate.remark.empty() ? "" : (" (" + candidate.remark + ")").c_str()));
+  tell_error(rom, small, sup);
   observer_.fact("reduced modes", describe_modes(rom.modes, medium_.rigid));
   observer_.fact("reduced M, K",
                  text("smallest over largest eigenvalue %.1e, %.1e; V'MV = I to %.0e",
                       relative_smallest_eigenvalue(rom.model.M),
                       relative_smallest_eigenvalue(rom.model.K),
                       whole_.loss_of_orthogonality));
-  if (whole_.integrals) {
-    Dense all(static_cast<int>(whole_.integrals->M_er.rows), order);
-    set_part(all, 0, 0, Q);
-    rom.integrals = project(*whole_.integrals, all);
-  }
   observer_.print();
-  return rom;
 }
 
 ReducedModel Cut::run() {
@@ -393,7 +409,13 @@ ReducedModel Cut::run() {
       request_.methods.empty() ? automatic_methods(request_.order) : request_.methods;
   choice_ = choose_order(names, *stage_, *errors_, request_.order);
   if (!choice_.tried.empty()) observer_.fact("second stage", choice_.tried);
-  return finish();
+  const Dense Q = chosen_basis();
+  const DenseSystem small = medium_.system.project(Q);
+  const auto sup = shared_supremum(errors_->supremum(
+      small, request_.order.tolerance.value_or(0), request_.relative_to));
+  ReducedModel rom = reduced(Q, small, sup);
+  tell(rom, small, sup);
+  return rom;
 }
 
 } // namespace

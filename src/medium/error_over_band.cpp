@@ -1,5 +1,7 @@
 #include "medium/error_over_band.hpp"
 
+#include "medium/view_norms.hpp"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -18,82 +20,11 @@ constexpr double solve_floor = 1e-11;
 constexpr double sharp = 1e-6, zone = 1e-4, nearest = 1e-7;
 /// Relative length of intervals that are not halved any more.
 constexpr double narrowest = 1e-10;
-/// Degree of the polynomials, equal pieces of an interval, and how close the supremum is
-/// to come to an attained value.
-constexpr int degree = 12, pieces = 8;
+/// Degree of the polynomials, and how close the supremum is to come to an attained value.
+constexpr int degree = 12;
 constexpr double close = 1.05;
 /// What is kept of the medium model's series; more is computed again.
 constexpr std::size_t most_kept = 32u << 20; // numbers: 256 MB
-
-using Nodes = std::array<double, pieces + 1>;
-
-/// Norms of a view of a matrix polynomial: at the nodes, above and below between them.
-struct ViewNorms {
-  Nodes at{};
-  std::array<double, pieces> above{}, below{};
-};
-
-/// Norms over the entries (rows, columns) of a view. `coefficients` is laid out like a
-/// MatrixSeries, `tail` bounds what is left.
-ViewNorms view_norms(const MatrixSeries& series, const PortView& view) {
-  const int degree_here = series.degree(), rows = series.rows();
-  ViewNorms norms;
-  double bend = 0, tail = 0; // Σ k(k − 1)‖F_k‖ >= max‖F″‖
-  std::vector<double> parts; // the view's entries, coefficient after coefficient
-  for (int k = 0; k <= degree_here; ++k) {
-    const double *re = series.real(k), *im = series.imaginary(k);
-    double square = 0;
-    for (int j : view.columns)
-      for (int i : view.rows) {
-        const auto at = static_cast<std::size_t>(i) +
-                        static_cast<std::size_t>(j) * static_cast<std::size_t>(rows);
-        parts.push_back(re[at]);
-        parts.push_back(im[at]);
-        square += re[at] * re[at] + im[at] * im[at];
-      }
-    bend += k * (k - 1) * std::sqrt(square);
-  }
-  for (int j : view.columns)
-    for (int i : view.rows) tail += series.tail(i, j) * series.tail(i, j);
-  const std::size_t count = 2 * view.rows.size() * view.columns.size();
-  const double width = 2.0 / pieces, away = bend * width * width / 8 + std::sqrt(tail);
-
-  std::vector<double> last(count), next(count);
-  for (int node = 0; node <= pieces; ++node) {
-    const double t = -1 + node * width;
-    std::fill(next.begin(), next.end(), 0.0);
-    for (int k = degree_here; k >= 0; --k) {
-      const double* part = parts.data() + static_cast<std::size_t>(k) * count;
-      for (std::size_t i = 0; i < count; ++i) next[i] = next[i] * t + part[i];
-    }
-    double square = 0, along = 0, across = 0; // of the chord from `last` to `next`
-    for (std::size_t i = 0; i < count; ++i) {
-      square += next[i] * next[i];
-      const double step = next[i] - last[i];
-      along -= last[i] * step;
-      across += step * step;
-    }
-    const auto at = static_cast<std::size_t>(node);
-    norms.at[at] = std::sqrt(square);
-    if (node > 0) {
-      const double a = norms.at[at - 1], b = norms.at[at];
-      double least = std::min(a, b);
-      if (along > 0 && along < across) // the foot of the perpendicular is on the chord
-        least = std::sqrt(std::max(a * a - along * along / across - 1e-14 * a * a, 0.0));
-      norms.above[at - 1] = std::max(a, b) + away;
-      norms.below[at - 1] = std::max(least - away, 0.0);
-    }
-    std::swap(last, next);
-  }
-  return norms;
-}
-
-MatrixSeries difference_of(const MatrixSeries& a, MatrixSeries b) {
-  for (std::size_t i = 0; i < b.coefficients.data.size(); ++i)
-    b.coefficients.data[i] = a.coefficients.data[i] - b.coefficients.data[i];
-  for (std::size_t i = 0; i < b.tail.data.size(); ++i) b.tail.data[i] += a.tail.data[i];
-  return b;
-}
 
 double width_of(const Interval& interval) { return interval.last - interval.first; }
 
@@ -409,6 +340,43 @@ std::optional<double> ErrorOverBand::exceeds(const DenseResponse* small,
   return std::nullopt;
 }
 
+/// Beside undamped resonances: what is within the level is settled, what is not is
+/// excluded as soon as it may be.
+void ErrorOverBand::exclude(std::vector<Node*> zones, const DenseResponse& small,
+                            double allowed, Supremum& result) {
+  while (!zones.empty()) {
+    Node& node = *zones.back();
+    zones.pop_back();
+    ++result.intervals;
+    const Look seen = look(node, &small);
+    if (seen.worst <= allowed) {
+      settle(seen, result);
+    } else if (may_be_excluded(node.interval)) {
+      result.excluded.push_back(node.interval);
+    } else {
+      split(node);
+      zones.push_back(node.low.get());
+      zones.push_back(node.high.get());
+    }
+  }
+  std::sort(result.excluded.begin(), result.excluded.end(),
+            [](const Interval& a, const Interval& b) { return a.first < b.first; });
+  std::vector<Interval> joined;
+  for (const Interval& e : result.excluded)
+    if (!joined.empty() && e.first <= joined.back().last)
+      joined.back().last = std::max(joined.back().last, e.last);
+    else
+      joined.push_back(e);
+  result.excluded = std::move(joined);
+}
+
+/// What an interval shows belongs to the result.
+void ErrorOverBand::settle(const Look& seen, Supremum& result) {
+  for (std::size_t v = 0; v < result.worst_of.size(); ++v)
+    result.worst_of[v] = std::max(result.worst_of[v], seen.upper[v]);
+  result.proved = result.proved && seen.proved;
+}
+
 ErrorOverBand::Supremum ErrorOverBand::supremum(const DenseSystem& system, double level,
                                                 RelativeTo relative_to, int most) {
   std::swap(relative_to_, relative_to); // until the end: nodes hold norms, not ratios
@@ -441,12 +409,6 @@ ErrorOverBand::Supremum ErrorOverBand::supremum(const DenseSystem& system, doubl
                                                       : 0.0);
     return largest;
   };
-  const auto settle = [&](const Look& seen) {
-    for (std::size_t v = 0; v < views_.size(); ++v)
-      result.worst_of[v] = std::max(result.worst_of[v], seen.upper[v]);
-    result.proved = result.proved && seen.proved;
-  };
-
   std::priority_queue<Open> open;
   std::vector<Node*> zones;
   const auto enter = [&](Node& node) {
@@ -477,7 +439,7 @@ ErrorOverBand::Supremum ErrorOverBand::supremum(const DenseSystem& system, doubl
       open_question |= best[v] <= level && top.seen.upper[v] > level;
     if ((now <= close && !open_question) || unbounded || result.intervals > most ||
         width_of(top.node->interval) <= narrowest * top.node->interval.last) {
-      settle(top.seen);
+      settle(top.seen, result);
       continue;
     }
     split(*top.node);
@@ -485,34 +447,9 @@ ErrorOverBand::Supremum ErrorOverBand::supremum(const DenseSystem& system, doubl
     enter(*top.node->high);
   }
 
-  // Beside undamped resonances: excluded where the error is larger than elsewhere.
   result.worst = *std::max_element(result.worst_of.begin(), result.worst_of.end());
-  const double allowed = std::max(level, result.worst);
-  while (!zones.empty()) {
-    Node& node = *zones.back();
-    zones.pop_back();
-    ++result.intervals;
-    const Look seen = look(node, &small);
-    if (seen.worst <= allowed) {
-      settle(seen);
-    } else if (may_be_excluded(node.interval)) {
-      result.excluded.push_back(node.interval);
-    } else {
-      split(node);
-      zones.push_back(node.low.get());
-      zones.push_back(node.high.get());
-    }
-  }
+  exclude(std::move(zones), small, std::max(level, result.worst), result);
   result.worst = *std::max_element(result.worst_of.begin(), result.worst_of.end());
-  std::sort(result.excluded.begin(), result.excluded.end(),
-            [](const Interval& a, const Interval& b) { return a.first < b.first; });
-  std::vector<Interval> joined;
-  for (const Interval& e : result.excluded)
-    if (!joined.empty() && e.first <= joined.back().last)
-      joined.back().last = std::max(joined.back().last, e.last);
-    else
-      joined.push_back(e);
-  result.excluded = std::move(joined);
   std::swap(relative_to_, relative_to);
   return result;
 }

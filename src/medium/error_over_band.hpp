@@ -89,6 +89,9 @@ private:
   std::optional<MediumModel::Stretch> provable_over(const Interval& interval) const;
   Look look(Node& node, const DenseResponse* small);
   std::optional<double> exceeds(const DenseResponse* small, double tolerance);
+  static void settle(const Look& seen, Supremum& result);
+  void exclude(std::vector<Node*> zones, const DenseResponse& small, double allowed,
+               Supremum& result);
   void split(Node& node) const;
   bool may_be_excluded(const Interval& interval) const;
   bool near_pole(const Interval& interval) const;

@@ -94,6 +94,72 @@ int order_by_tolerance(const SecondOrderModel& rom, const std::vector<double>& o
                    tolerance, static_cast<int>(rom.n)));
 }
 
+/// Errors at the samples, then at the checks; sorted by frequency in the end.
+struct Judged {
+  double at_samples = 0, between = 0; ///< largest errors
+  long checks = 0;
+};
+
+Judged judge(ReducedModel& rom, const std::vector<ComplexDense>& H, std::size_t samples) {
+  for (std::size_t l = 0; l < H.size(); ++l)
+    rom.epsilon.push_back(relative_error(H[l], dense_transfer(rom.model, rom.omega[l])));
+  Judged judged;
+  const auto first_check = rom.epsilon.begin() + static_cast<long>(samples);
+  judged.checks = rom.epsilon.end() - first_check;
+  judged.at_samples = *std::max_element(rom.epsilon.begin(), first_check);
+  judged.between = judged.checks > 0 ? *std::max_element(first_check, rom.epsilon.end())
+                                     : judged.at_samples;
+  return judged;
+}
+
+void sort_by_frequency(ReducedModel& rom) {
+  std::vector<std::size_t> by_frequency(rom.omega.size());
+  std::iota(by_frequency.begin(), by_frequency.end(), 0);
+  std::sort(by_frequency.begin(), by_frequency.end(),
+            [&](auto a, auto b) { return rom.omega[a] < rom.omega[b]; });
+  for (std::vector<double>* values : {&rom.omega, &rom.epsilon}) {
+    std::vector<double> sorted;
+    for (auto l : by_frequency) sorted.push_back((*values)[l]);
+    *values = std::move(sorted);
+  }
+}
+
+void tell_order(const ReducedModel& rom, PetscInt n, const OrderSpec& asked,
+                Observer& observer) {
+  const bool by_tolerance = asked.tolerance && asked.order == 0;
+  const auto order = static_cast<std::size_t>(rom.model.n);
+  const bool met = order < rom.sigma.size();
+  observer.fact("order",
+                text("m = %zu of n = %lld, by %s", order, static_cast<long long>(n),
+                     asked.order > 0 ? "{order}"
+                     : by_tolerance  ? text("{tol} %g", *asked.tolerance).c_str()
+                     : met           ? "the rule sigma_(m+1)/sigma_1 < 1.5e-8"
+                                     : "what the samples hold"));
+  if (!met && asked.order == 0 && !by_tolerance)
+    observer.warn("the samples end before the order rule is met: use more {samples}");
+  if (!met || rom.sigma.front() <= 0) return;
+  const double tail =
+      std::accumulate(rom.sigma.begin() + static_cast<long>(order), rom.sigma.end(), 0.0);
+  observer.fact("indicators",
+                text("sigma_(m+1)/sigma_1 = %.1e, sqrt of the neglected sum = %.1e",
+                     rom.sigma[order] / rom.sigma[0], std::sqrt(tail)));
+}
+
+void tell_error(const Judged& judged, std::size_t samples, Observer& observer) {
+  if (judged.checks > 0 && judged.between > 10 * judged.at_samples &&
+      judged.between > 1e-6)
+    observer.warn(
+        text("between the samples the error is %.0f times as large as at them: use more "
+             "{samples}",
+             judged.between / judged.at_samples));
+  std::string error = text("at most %.1e at the %zu samples", judged.at_samples, samples);
+  error += judged.checks > 0
+               ? text(", %.1e at %ld others (between them, ends of the band)",
+                      judged.between, judged.checks)
+               : std::string(", not checked between them");
+  observer.fact("error", error + " (estimated, not proved)");
+}
+
 } // namespace
 
 ReducedModel reduce_pod(const SecondOrderModel& fom, FrequencySolves& solves,
@@ -108,7 +174,6 @@ ReducedModel reduce_pod(const SecondOrderModel& fom, FrequencySolves& solves,
   if (spec.equal_ports) scale_ports(samples.Z, fom.M, fom.B.columns());
   GramianBasis basis = gramian_basis(std::move(samples.Z), fom.M, fom.K, last, spec,
                                      by_tolerance, observer);
-
   ReducedModel rom;
   {
     Stage stage(observer, "project");
@@ -123,37 +188,19 @@ ReducedModel reduce_pod(const SecondOrderModel& fom, FrequencySolves& solves,
     rom.omega.insert(rom.omega.end(), extra.begin(), extra.end());
     std::move(H_extra.begin(), H_extra.end(), std::back_inserter(H));
   }
-  int order = basis.order;
   if (by_tolerance) {
-    order = order_by_tolerance(rom.model, rom.omega, H, *spec.order.tolerance,
-                               spec.order.by_kind());
+    int order = order_by_tolerance(rom.model, rom.omega, H, *spec.order.tolerance,
+                                   spec.order.by_kind());
     MPI_Bcast(&order, 1, MPI_INT, 0, fom.comm); // dense work may differ in the last bit
     rom.model = leading_part(rom.model, order);
     std::vector<int> columns(static_cast<std::size_t>(order));
     std::iota(columns.begin(), columns.end(), 0);
     basis.V = select_columns(basis.V, columns);
   }
-  for (std::size_t l = 0; l < H.size(); ++l)
-    rom.epsilon.push_back(relative_error(H[l], dense_transfer(rom.model, rom.omega[l])));
+  const Judged judged = judge(rom, H, samples.omega.size());
   std::vector<ComplexDense> H_r;
   for (double omega : rom.omega) H_r.push_back(dense_transfer(rom.model, omega));
-  std::vector<std::size_t> by_frequency(rom.omega.size());
-  std::iota(by_frequency.begin(), by_frequency.end(), 0);
-  std::sort(by_frequency.begin(), by_frequency.end(),
-            [&](auto a, auto b) { return rom.omega[a] < rom.omega[b]; });
-  const auto sorted = [&](const std::vector<double>& values) {
-    std::vector<double> result;
-    for (auto l : by_frequency) result.push_back(values[l]);
-    return result;
-  };
-  const auto first_check = rom.epsilon.begin() + static_cast<long>(samples.omega.size());
-  const auto checks = rom.epsilon.end() - first_check;
-  const double at_samples = *std::max_element(rom.epsilon.begin(), first_check);
-  const double between =
-      checks > 0 ? *std::max_element(first_check, rom.epsilon.end()) : at_samples;
-  rom.omega = sorted(rom.omega);
-  rom.epsilon = sorted(rom.epsilon);
-
+  sort_by_frequency(rom);
   rom.method = "pod";
   rom.V = std::move(basis.V);
   rom.sigma = basis.sigma;
@@ -164,35 +211,9 @@ ReducedModel reduce_pod(const SecondOrderModel& fom, FrequencySolves& solves,
   rom.rigid_modes = rigid_modes;
 
   observer.fact("inner product", basis.inner_product);
-  const bool met = order < static_cast<int>(rom.sigma.size());
-  observer.fact("order",
-                text("m = %d of n = %lld, by %s", order, static_cast<long long>(fom.n),
-                     spec.order.order > 0 ? "{order}"
-                     : by_tolerance ? text("{tol} %g", *spec.order.tolerance).c_str()
-                     : met          ? "the rule sigma_(m+1)/sigma_1 < 1.5e-8"
-                                    : "what the samples hold"));
-  if (!met && spec.order.order == 0 && !by_tolerance)
-    observer.warn("the samples end before the order rule is met: use more {samples}");
-  if (checks > 0 && between > 10 * at_samples && between > 1e-6)
-    observer.warn(
-        text("between the samples the error is %.0f times as large as at them: use more "
-             "{samples}",
-             between / at_samples));
-  if (order < static_cast<int>(rom.sigma.size()) && rom.sigma.front() > 0) {
-    const double tail = std::accumulate(rom.sigma.begin() + order, rom.sigma.end(), 0.0);
-    observer.fact("indicators",
-                  text("sigma_(m+1)/sigma_1 = %.1e, sqrt of the neglected sum = %.1e",
-                       rom.sigma[static_cast<std::size_t>(order)] / rom.sigma[0],
-                       std::sqrt(tail)));
-  }
-  std::string error =
-      text("at most %.1e at the %zu samples", at_samples, samples.omega.size());
-  if (checks > 0)
-    error += text(", %.1e at %ld others (between them, ends of the band)", between,
-                  static_cast<long>(checks));
-  if (checks == 0) error += ", not checked between them";
-  observer.fact("error", error + " (estimated, not proved)");
-  warn_of_kinds(rom.model, H, H_r, std::max(at_samples, between), observer);
+  tell_order(rom, fom.n, spec.order, observer);
+  tell_error(judged, samples.omega.size(), observer);
+  warn_of_kinds(rom.model, H, H_r, std::max(judged.at_samples, judged.between), observer);
   observer.fact("modes", describe_modes(rom.modes, rigid_modes));
   observer.fact("reduced M, K", text("smallest over largest eigenvalue %.1e, %.1e",
                                      relative_smallest_eigenvalue(rom.model.M),
