@@ -24,7 +24,7 @@ class Medium:
     target : float
         Relative error that its own error is below; small bodies want fifty times that at least.
     reached : bool
-        Whether it is.
+        Whether it is; ``claim`` says so in words.
     cutoff : float
         All ``modes`` elastic modes below it are held [rad/s].
     inputs, outputs : list of str
@@ -39,6 +39,7 @@ class Medium:
         self.n, self.order = int(fields["n"]), int(fields["order"])
         self.bands = np.asarray(fields["bands"], dtype=float).reshape(-1, 2)
         self.target, self.reached = float(fields["target"]), bool(fields["reached"])
+        self.claim = str(fields["claim"])
         self.cutoff, self.modes = float(fields["cutoff"]), int(fields["modes"])
         self.rigid_modes = int(fields["rigid_modes"])
         self.inputs: list[str] = list(fields["inputs"])
@@ -50,7 +51,7 @@ class Medium:
     def __repr__(self) -> str:
         words = ", ".join(f"{first:.6g}-{last:.6g}" for first, last in self.bands / (2 * np.pi))
         return (f"<Medium of order {self.order} of n = {self.n}, {len(self.inputs)} inputs, "
-                f"certified to {self.target:.0e} over {words} Hz>")  # fmt: skip
+                f"{self.claim}, over {words} Hz>")  # fmt: skip
 
     def reduce(
         self,

@@ -30,7 +30,7 @@ void Observer::print() {
 
 void Observer::say(const std::string& line) const {
   if (speaks_ && level_ != Level::silent)
-    PetscPrintf(PETSC_COMM_SELF, "%s\n", line.c_str());
+    PetscPrintf(PETSC_COMM_SELF, "%s\n", option_names(line).c_str());
 }
 
 void Observer::detail(const std::string& line) const {

@@ -53,6 +53,7 @@ bool Options::given(const char* name, std::string& value) const {
 
 void Options::record(const char* name, std::string value, bool set_by_user,
                      std::string unit, std::string choices, std::string help) {
+  know_option(name);
   options_.push_back({section_, name, std::move(value), std::move(unit),
                       std::move(choices), std::move(help), set_by_user});
 }

@@ -4,6 +4,7 @@
 #include <cstdarg>
 #include <cstdio>
 #include <numeric>
+#include <set>
 
 namespace flexgram {
 
@@ -51,14 +52,31 @@ std::string nearest(std::string_view word, const std::vector<std::string>& candi
   return best;
 }
 
+namespace {
+
+std::set<std::string>& option_keys() {
+  static std::set<std::string> keys;
+  return keys;
+}
+
+/// A key, or one of a numbered family: mumps_cntl_1.
+bool is_option_key(const std::string& key) {
+  const std::size_t digits = key.find_last_not_of("0123456789") + 1;
+  return option_keys().count(key) > 0 ||
+         (digits < key.size() && option_keys().count(key.substr(0, digits) + "N") > 0);
+}
+
+} // namespace
+
+void know_option(const std::string& name) {
+  if (name.rfind("-mor_", 0) == 0) option_keys().insert(name.substr(5));
+}
+
 std::string option_names(const std::string& message) {
   std::string result;
   for (std::size_t i = 0; i < message.size(); ++i) {
-    const std::size_t end =
-        message[i] == '{'
-            ? message.find_first_not_of("abcdefghijklmnopqrstuvwxyz0123456789_N", i + 1)
-            : std::string::npos;
-    if (end == std::string::npos || end == i + 1 || message[end] != '}') {
+    const std::size_t end = message[i] == '{' ? message.find('}', i) : std::string::npos;
+    if (end == std::string::npos || !is_option_key(message.substr(i + 1, end - i - 1))) {
       result += message[i];
       continue;
     }

@@ -20,7 +20,10 @@ std::string join(const std::vector<std::string>& words,
 std::vector<std::string> split(std::string_view line, char separator);
 
 /// "{tol} is not met" → "-mor_tol is not met": the mathematics names what a user can set
-/// by its key, and the texts that leave the program by the option.
+/// by its key, and the texts that leave the program by the option. Braces around anything
+/// else, such as a part of a file's name, stay.
 std::string option_names(const std::string& message);
+/// "-mor_tol": the registry tells every option that there is.
+void know_option(const std::string& name);
 
 } // namespace flexgram

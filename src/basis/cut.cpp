@@ -79,15 +79,13 @@ Cut::Cut(const Medium& medium, const CutRequest& request, Observer& observer)
       medium_(medium, level(), ports_, request.order.by_kind()) {
   if (medium_.rigid > 0) refuse_statics_of_a_free_body(bands_.front().first);
   medium_.follow_dampers();
-  std::vector<double> peaks{static_cast<double>(medium_.resonances.size())};
-  share_from_first(comm_, peaks); // decisions about intervals must not differ
-  medium_.resonances.resize(static_cast<std::size_t>(peaks[0]));
-  peaks.clear();
+  std::vector<double> peaks; // decisions about intervals must not differ
   for (const auto& [omega, half_width] : medium_.resonances)
     peaks.insert(peaks.end(), {omega, half_width});
-  share_from_first(comm_, peaks);
-  for (std::size_t i = 0; i < medium_.resonances.size(); ++i)
-    medium_.resonances[i] = {peaks[2 * i], peaks[2 * i + 1]};
+  share_list(comm_, peaks);
+  medium_.resonances.clear();
+  for (std::size_t i = 0; i + 1 < peaks.size(); i += 2)
+    medium_.resonances.push_back({peaks[i], peaks[i + 1]});
 }
 
 /// The first level that meets the target, as the growth for this target would have found.
@@ -155,6 +153,7 @@ std::vector<double> Cut::error_grid() const {
     std::sort(grid.begin(), grid.end());
     grid.erase(std::unique(grid.begin(), grid.end()), grid.end());
   }
+  share_list(comm_, grid);
   return grid;
 }
 
@@ -302,8 +301,12 @@ ReducedModel Cut::reduced(const Dense& Q, const DenseSystem& small,
   rom.bound = std::move(errors.bound);
   rom.floor = errors_->floor();
   rom.claim = claim_of(sup);
+  std::vector<double> poles;
   for (const auto& pole : medium_.poles_within(small, sup.excluded))
-    rom.claim->poles.push_back({pole.omega, pole.frequency, pole.residue});
+    poles.insert(poles.end(), {pole.omega, pole.frequency, pole.residue});
+  share_list(comm_, poles);
+  for (std::size_t i = 0; i + 2 < poles.size(); i += 3)
+    rom.claim->poles.push_back({poles[i], poles[i + 1], poles[i + 2]});
   rom.kind = !sup.proved            ? "estimated"
              : sup.excluded.empty() ? "certified"
                                     : "certified outside";
@@ -313,7 +316,9 @@ ReducedModel Cut::reduced(const Dense& Q, const DenseSystem& small,
   rom.band[1] = bands_.back().last;
   rom.factorisations = whole_.factorisations;
   rom.medium_order = medium_.system.order();
-  rom.frame = frame_names[static_cast<std::size_t>(frame_)];
+  const bool apart = medium_.rigid > 0 && choice_.candidates[choice_.best].rigid_first;
+  rom.frame = frame_names[static_cast<std::size_t>(
+      frame_ == Frame::none && apart ? Frame::buckens : frame_)];
   rom.rigid_modes = medium_.rigid;
   if (whole_.integrals) {
     Dense all(whole_.integrals->M_er.rows, Q.columns);

@@ -80,6 +80,7 @@ Candidate gramian_candidate(const SecondStage& stage,
     c = nested(after_rigid(elastic, rigid, N), rigid + 1);
   } else {
     c = nested(all.vectors);
+    c.rigid_first = false;
   }
   c.sigma = all.sigma;
   return c;

@@ -15,7 +15,9 @@ struct SecondStage {
   const MediumModel& medium;
   std::vector<BandWeight> bands; ///< [rad/s], with their weights
   bool equal_ports = true;
-  bool keep_rigid = true; ///< the first basis vectors are the rigid modes, exactly
+  /// The first basis vectors are to be the rigid modes, exactly; what keeps them apart
+  /// anyway need not look.
+  bool keep_rigid = true;
   Dense gram; ///< N×N inner product of the Gramian's eigenvectors, in coordinates of V
   std::vector<double> shifts; ///< [rad/s] of krylov
   int moments = 2;
@@ -30,7 +32,10 @@ struct Candidate {
   int least = 1, most = 0;
   bool nested = false; ///< basis(m) is the first m columns of basis(most)
   std::function<Dense(int)> basis;
-  std::vector<double> sigma; ///< eigenvalues of the position Gramian, if it is one
+  /// Of the position Gramian over the bands that the basis is made of (whole_axis: of its
+  /// elastic part over all frequencies; balanced: Hankel singular values); else empty.
+  std::vector<double> sigma;
+  bool rigid_first = true; ///< the first vectors are the rigid modes
   std::string remark;
   /// Another candidate that is nested and needs no fewer vectors: where the search for an
   /// order starts, if each order of this one is costly.

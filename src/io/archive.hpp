@@ -57,6 +57,7 @@ public:
       : file_(file), group_(std::move(group)) {}
   void operator()(const char* name, double& value) {
     value = file_.number_attribute(group_, name);
+    if (std::isnan(value)) fail(name, "is no number");
   }
   void operator()(const char* name, int& value) {
     const double number = file_.number_attribute(group_, name);
@@ -65,7 +66,9 @@ public:
     value = static_cast<int>(number);
   }
   void operator()(const char* name, bool& value) {
-    value = file_.number_attribute(group_, name) != 0;
+    const double number = file_.number_attribute(group_, name);
+    if (number != 0 && number != 1) fail(name, "is neither 0 nor 1");
+    value = number == 1;
   }
   void operator()(const char* name, std::string& value) {
     value = file_.has_attribute(group_, name) ? file_.text_attribute(group_, name) : "";

@@ -17,6 +17,8 @@ public:
   PetscInt columns() const { return columns_; }
   explicit operator bool() const { return columns_ > 0; }
   const std::vector<Block>& pieces() const { return pieces_; }
+  /// The only piece. @pre there is one.
+  Block block() && { return std::move(pieces_.front()); }
 
   /// Calls visit(piece, number of its first column) for each piece.
   template <class Visit>

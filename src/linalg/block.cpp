@@ -42,6 +42,13 @@ void share_from_first(MPI_Comm comm, std::vector<double>& values) {
   MPI_Bcast(values.data(), static_cast<int>(values.size()), MPI_DOUBLE, 0, comm);
 }
 
+void share_list(MPI_Comm comm, std::vector<double>& values) {
+  auto count = static_cast<std::int64_t>(values.size());
+  MPI_Bcast(&count, 1, MPI_INT64_T, 0, comm);
+  values.resize(static_cast<std::size_t>(count));
+  share_from_first(comm, values);
+}
+
 namespace {
 
 Matrix wrap(const Dense& q) {

@@ -54,6 +54,8 @@ private:
 /// Rank 0's numbers for all ranks: dense work done on every rank may differ in the last
 /// bit, and with it the vectors of equal singular values.
 void share_from_first(MPI_Comm comm, std::vector<double>& values);
+/// The same where the length may differ between ranks too.
+void share_list(MPI_Comm comm, std::vector<double>& values);
 
 Block combine(const Block& x, const Dense& q); ///< X Q
 Dense inner(const Block& x, const Block& y);   ///< XᵀY, on every rank

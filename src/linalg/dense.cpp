@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <stdexcept>
 
 extern "C" {
 void zgesv_(const int* n, const int* nrhs, std::complex<double>* a, const int* lda,
@@ -88,6 +89,7 @@ Dense beside(const Dense& a, const Dense& b) {
 }
 
 Dense first_columns(const Dense& a, int count) {
+  if (count > a.columns) throw std::logic_error("first_columns: more than there are");
   Dense result(a.rows, count);
   std::copy_n(a.data.begin(), result.data.size(), result.data.begin());
   return result;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "medium/checkpoint.hpp"
 #include "medium/model.hpp"
 #include "medium/space.hpp"
 #include "model/rigid_body_modes.hpp"
@@ -17,7 +18,10 @@ public:
 
 private:
   bool resume();
+  CheckpointState state() const;
+  void expect_same_projection(const CheckpointState& state) const;
   void save(const char* what);
+  void end_if_asked(const char* what) const;
   void find_rigid_modes();
   bool find_the_modes(double omega, bool mass_is_singular, bool last);
   static MediumSpace::RigidStiffness stiffness_of(const RigidSplit& split);
@@ -33,10 +37,11 @@ private:
   ResidualNorm norm_of(const Block& T);
   int largest_order() const;
   void certify(int most_columns);
-  void look_at_last_level();
-  void judge();
+  void look_at(std::size_t level);
+  void judge(MediumLevel& level);
   bool holds_everywhere();
   void grow();
+  bool has_sharp_resonances() const;
   void report();
 
   const SecondOrderModel& fom_;
@@ -45,13 +50,14 @@ private:
   Observer& observer_;
   double start_ = 0; ///< [s]
   ShiftedSolver solver_;
-  Block rigid_modes_, loads_, ports_; ///< all ports, scaled; the second self-equilibrated
+  Block rigid_modes_;   ///< from the geometry, until the space has them
+  Block loads_, ports_; ///< all ports, scaled; the same, self-equilibrated
   MediumSpace::RigidStiffness rigid_stiffness_; ///< of those from the geometry
   int geometric_ = 0, expected_ = 0;
   double threshold_ = 0;
   std::unique_ptr<MediumSpace> space_;
   Medium medium_;
-  std::unique_ptr<MediumModel> model_; ///< its last level, by all ports
+  std::unique_ptr<MediumModel> model_; ///< one of its levels, by all ports
   std::vector<double> grid_;
   double of_rounding_ = 0;      ///< norm in E⁻¹ of a random vector, rows scaled
   double least_eigenvalue_ = 0; ///< of K + τM with a unit diagonal, at least

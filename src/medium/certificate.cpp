@@ -94,8 +94,8 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
   dropped_D_ = in_norm(std::move(basis.dropped_D));
 
   const Dense& U = response.U();
-  mu_c_ = 1 / (cutoff * cutoff + tau_);
-  double raised = mu_c_;
+  const double mu_c = 1 / (cutoff * cutoff + tau_);
+  mu_plus_ = mu_c;
   for (int j = 0; j < modes; ++j) {
     const auto at = static_cast<std::size_t>(j);
     double square = 0;
@@ -104,8 +104,8 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
     const double factor = mu + kappa_ * (1 - tau_ * mu); // of −PKu: the residual of Φ_j
     mode_mu_.push_back(mu);
     mode_residual_.push_back(factor * (std::sqrt(square) + dropped_K_[at]));
-    raised += mu > mu_c_ ? mode_residual_.back() * mode_residual_.back() / (mu - mu_c_)
-                         : infinity;
+    mu_plus_ += mu > mu_c ? mode_residual_.back() * mode_residual_.back() / (mu - mu_c)
+                          : infinity;
   }
   if (response.system().has_extra_damping()) {
     const Dense outside = turned(basis.damped_outside);
@@ -130,7 +130,6 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
     mode_F_ = part_of(both, 0, both.rows, modes, modes);
     mode_D_ = part_of(response.modal_damping(), 0, modes, 0, modes);
   }
-  mu_c_ = raised;
 
   if (space.rigid() > 0) {
     rigid_ = transpose(part_of(U, 0, space.rigid(), 0, U.columns));
@@ -172,19 +171,19 @@ bool Certificate::fits(int order, int ports, int modes, int rigid, bool damped) 
 double Certificate::worst_angle() const {
   double worst = 0;
   for (std::size_t j = 0; j < mode_mu_.size(); ++j)
-    worst = std::max(worst, mode_residual_[j] / std::max(mode_mu_[j] - mu_c_, 1e-300));
+    worst = std::max(worst, mode_residual_[j] / std::max(mode_mu_[j] - mu_plus_, 1e-300));
   return worst;
 }
 
 /// For x > μ₊ the eigenvalues of T above x are, by Haynsworth's formula, at most as many
 /// as the positive ones of diag(μ_j − x) + GᵀG/(x − μ₊), and GᵀG <= N diag(‖G_j‖²).
 Certificate::Modes Certificate::modes() const {
-  Modes modes{mode_mu_, {}, mode_residual_, mu_c_};
+  Modes modes{mode_mu_, {}, mode_residual_, mu_plus_};
   const auto count = static_cast<double>(mode_mu_.size());
   for (std::size_t j = 0; j < mode_mu_.size(); ++j)
-    modes.largest_mu.push_back(mode_mu_[j] + count * mode_residual_[j] *
-                                                 mode_residual_[j] /
-                                                 std::max(mode_mu_[j] - mu_c_, 1e-300));
+    modes.largest_mu.push_back(
+        std::max(mu_plus_, mode_mu_[j] + count * mode_residual_[j] * mode_residual_[j] /
+                                             std::max(mode_mu_[j] - mu_plus_, 1e-300)));
   std::sort(modes.largest_mu.begin(), modes.largest_mu.end(), std::greater<>());
   return modes;
 }
@@ -283,15 +282,15 @@ Certificate::Inverse Certificate::inverse(const DenseResponse& response,
   Inverse result;
   double q = 0, radius = 0;
   if (response.is_diagonal()) {
-    q = largest_distance(k.a, k.c, mu_c_, 0.0);
-    result.centre = 0.5 * (1.0 / (k.a + k.c * mu_c_) + 1.0 / k.a);
-    radius = largest_distance(k.a, k.c, mu_c_, result.centre);
-    const double moved = q * (k.moved_a + mu_c_ * k.moved_c);
+    q = largest_distance(k.a, k.c, mu_plus_, 0.0);
+    result.centre = 0.5 * (1.0 / (k.a + k.c * mu_plus_) + 1.0 / k.a);
+    radius = largest_distance(k.a, k.c, mu_plus_, result.centre);
+    const double moved = q * (k.moved_a + mu_plus_ * k.moved_c);
     if (!(moved < 1)) return {0, infinity, infinity, true};
     radius += q * moved / (1 - moved);
     q /= 1 - moved;
   } else {
-    const double left = 1 - (x.interval.last * x.interval.last + tau_) * mu_c_;
+    const double left = 1 - (x.interval.last * x.interval.last + tau_) * mu_plus_;
     if (!(left > 0)) return {0, infinity, infinity, false};
     q = 1 / left;
     radius = q;

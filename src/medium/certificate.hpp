@@ -90,6 +90,10 @@ public:
   /// E. @note x: that of the model.
   std::vector<double> outside(const DenseResponse& response) const;
   /// Rounding of μ_j, relative: of K, and of the dense eigenvalue problem.
+  /// Rounding of uᵢᵀKuⱼ between two Ritz vectors.
+  double rounding_between(std::size_t i, std::size_t j) const {
+    return 4 * rounding_ * rounding_weights_[i] * rounding_weights_[j] + 1e-15;
+  }
   double rounding_of_mode(std::size_t j) const {
     return 4 * rounding_ * rounding_weights_[j] * rounding_weights_[j] + 1e-14;
   }
@@ -99,7 +103,7 @@ public:
   static void archive(Archive&& a, Self& self) {
     a("tau", self.tau_);
     a("kappa", self.kappa_);
-    a("mu_c", self.mu_c_);
+    a("mu_plus", self.mu_plus_);
     a("rounding", self.rounding_);
     a("complete", self.complete_);
     a("scale", self.scale_);
@@ -140,7 +144,7 @@ private:
   MatrixSeries residual(const DenseResponse& response, const ResponseSeries& x) const;
   void add_rounding(Bound& bound, const ResponseSeries& x, const PortSet& block) const;
 
-  double tau_ = 0, kappa_ = 0, mu_c_ = 0, rounding_ = 0;
+  double tau_ = 0, kappa_ = 0, mu_plus_ = 0, rounding_ = 0;
   bool complete_ = true;
   std::vector<double> scale_, rounding_weights_, rigid_weights_;
   /// In coordinates where the Gram matrix is the identity; the last two transposed.

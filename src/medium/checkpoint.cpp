@@ -18,6 +18,9 @@ namespace {
 
 template <class Archive, class State>
 void archive_state(Archive&& a, State& s) {
+  a("K", s.K);
+  a("D", s.D);
+  a("ports", s.ports);
   a("rigid_beyond", s.rigid_beyond);
   a("rigid_assumed", s.rigid_assumed);
   a("geometric", s.geometric);
@@ -75,8 +78,9 @@ void write_checkpoint(const CheckpointState& state, const SecondOrderModel& body
 std::optional<CheckpointState> read_checkpoint(const SecondOrderModel& body,
                                                const CertifySpec& spec,
                                                const std::string& path) {
-  if (sum_over(body.comm, static_cast<std::int64_t>(std::filesystem::exists(path))) <
-      comm_size(body.comm))
+  std::error_code ignored;
+  const bool here = std::filesystem::is_regular_file(path, ignored);
+  if (sum_over(body.comm, static_cast<std::int64_t>(here)) < comm_size(body.comm))
     return std::nullopt;
   const Hdf5File file = Hdf5File::open(body.comm, path);
   CheckpointState state;
@@ -86,13 +90,17 @@ std::optional<CheckpointState> read_checkpoint(const SecondOrderModel& body,
     expect_same_job(file, state.medium, spec);
   });
   expect_identity(file, body);
-  state.V = read_rows(file, "/V", body);
+  state.V.append(read_rows(file, "/V", body));
   if (file.exists("/image")) state.image = read_rows(file, "/image", body);
   const int rigid = state.medium.rigid;
+  const auto ports =
+      body.inputs.size() + (body.outputs_are_inputs ? 0 : body.outputs.size());
   const auto square = [&](const Dense& a) {
     return a.rows == rigid && a.columns == rigid;
   };
-  if (state.V.columns() < rigid + state.medium.modes || !square(state.rigid_beyond) ||
+  if (state.medium.scale.size() != ports ||
+      state.medium.body.outputs_are_inputs != body.outputs_are_inputs ||
+      state.V.columns() < rigid + state.medium.modes || !square(state.rigid_beyond) ||
       !square(state.rigid_assumed) ||
       (!state.medium.levels.empty() &&
        state.medium.levels.back().order() > state.V.columns()))

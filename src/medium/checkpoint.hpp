@@ -1,6 +1,6 @@
 #pragma once
 
-#include "linalg/block.hpp"
+#include "linalg/basis.hpp"
 #include "medium/medium.hpp"
 
 #include <optional>
@@ -9,9 +9,10 @@ namespace flexgram {
 
 /// What `certify` has finished: the space, and the levels that were certified.
 struct CheckpointState {
-  Medium medium; ///< without V; its levels so far
-  Block V;       ///< W-orthonormal
-  Block image;   ///< (K + τM)⁻¹T of the last level: the next Krylov block; or empty
+  Medium medium;     ///< without V; its levels so far
+  Basis V;           ///< W-orthonormal
+  Dense K, D, ports; ///< VᵀKV, VᵀDV and Vᵀ[B, C], scaled: what tells bodies apart
+  Block image; ///< (K + τM)⁻¹T of the last level: the next Krylov block; or empty
   Dense rigid_beyond, rigid_assumed; ///< stiffness of rigid modes (MediumSpace)
   int geometric = 0, blocks = 0;
   bool inertia_is_safe = false;

@@ -67,7 +67,7 @@ ErrorOverBand::ErrorOverBand(const MediumModel& medium, std::vector<Interval> ba
       seen.bound.push_back(bound.error + floor);
       seen.floor.push_back(floor / size);
       assumed_ = std::max(assumed_, bound.assumed / size);
-      seen.largest = std::max(seen.largest, size - seen.bound.back());
+      if (bound.proved) seen.largest = std::max(seen.largest, size - seen.bound.back());
     }
     H_.push_back(std::move(value.H));
   }
@@ -448,7 +448,10 @@ ErrorOverBand::Supremum ErrorOverBand::supremum(const DenseSystem& system, doubl
   }
 
   result.worst = *std::max_element(result.worst_of.begin(), result.worst_of.end());
+  const bool nothing_else = zones.size() == roots_.size();
   exclude(std::move(zones), small, std::max(level, result.worst), result);
+  if (nothing_else && result.worst_of == std::vector<double>(views_.size(), 0.0))
+    result.worst_of.assign(views_.size(), infinity); // all of the band is excluded
   result.worst = *std::max_element(result.worst_of.begin(), result.worst_of.end());
   std::swap(relative_to_, relative_to);
   return result;

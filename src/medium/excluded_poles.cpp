@@ -81,8 +81,22 @@ MediumModel::poles_within(const DenseSystem& small,
     const double below =
         body.mu[end - 1] - (end < body.mu.size() ? body.largest_mu[end] : body.rest);
     const double above = first > 0 ? body.mu[first - 1] - body.mu[first] : infinity;
-    const double gap = std::min(above, below);
-    const double sine = gap > 0 ? std::sqrt(square) / gap : infinity;
+    double rounded = 0; // of the enclosures' ends
+    for (std::size_t k = first; k < end; ++k)
+      rounded = std::max(rounded, body.mu[k] * level_.certificate->rounding_of_mode(k));
+    const double gap = std::min(above, below) - 2 * rounded;
+    // Rounding of the projected K turns Ritz vectors into each other.
+    const auto& mu = level_.response->mu();
+    double mixed = 0;
+    for (std::size_t k = first; k < end; ++k)
+      for (std::size_t j = 0; j < mu.size(); ++j)
+        if (j < first || j >= end)
+          mixed += std::pow(std::max(mu[j], mu[k]) *
+                                level_.certificate->rounding_between(j, k) /
+                                std::max(std::abs(mu[j] - mu[k]), 1e-300),
+                            2);
+    const double sine =
+        gap > 0 ? std::hypot(std::sqrt(square) / gap, std::sqrt(mixed)) : infinity;
 
     const Dense b = rows_within(modal_inputs, here),
                 c = rows_within(modal_outputs_, here);

@@ -17,6 +17,15 @@ namespace {
 constexpr double hz = 0.5 / std::numbers::pi;
 } // namespace
 
+std::string Medium::claim() const {
+  const MediumLevel* last = levels.empty() ? nullptr : &levels.back();
+  if (shortfall.empty() && last && last->proved)
+    return text("certified to %.0e", spec.target);
+  const double worst = last ? last->worst : HUGE_VAL;
+  return text("%.1e at the frequencies it grew by, target %.0e not reached: %s", worst,
+              spec.target, shortfall.empty() ? "not proved" : shortfall.c_str());
+}
+
 Medium Medium::without_basis() const {
   Medium copy;
   copy.body = body.head();
@@ -83,9 +92,8 @@ void MediumBuilder::factorise_norm() {
   if (least_eigenvalue_ == 0) bound_least_eigenvalue();
 }
 
-/// The largest bound on the grid.
-void MediumBuilder::judge() {
-  MediumLevel& level = medium_.levels.back();
+/// The largest bound of the level that model_ shows, on the grid.
+void MediumBuilder::judge(MediumLevel& level) {
   double worst = 0;
   bool proved = true;
   const std::size_t views = model_->views.size();
@@ -98,7 +106,7 @@ void MediumBuilder::judge() {
   if (spec_.relative_to == RelativeTo::band)
     for (const auto& value : values)
       for (std::size_t v = 0; v < views; ++v)
-        largest[v] = std::max(largest[v], size(value, v));
+        if (value.bounds[v].proved) largest[v] = std::max(largest[v], size(value, v));
   for (const auto& value : values)
     for (std::size_t v = 0; v < views; ++v) {
       const double known = largest[v] > 0 ? largest[v] : size(value, v);
@@ -123,7 +131,7 @@ bool MediumBuilder::holds_everywhere() {
   share_from_first(fom_.comm, shared);
   if (shared[0] < 0) return true;
   grid_.push_back(shared[0]);
-  judge();
+  judge(medium_.levels.back());
   return false;
 }
 
@@ -198,15 +206,15 @@ void MediumBuilder::certify(int most_columns) {
                                     modes, medium_.cutoff, medium_.scale);
   auto& levels = medium_.levels;
   if (!levels.empty() && levels.back().order() == level.order()) levels.pop_back();
+  if (!spec_.keep_levels) levels.clear();
   levels.push_back(std::move(level));
-  look_at_last_level();
-  judge();
+  look_at(levels.size() - 1);
+  judge(levels.back());
 }
 
-void MediumBuilder::look_at_last_level() {
-  const auto& levels = medium_.levels;
-  model_ = std::make_unique<MediumModel>(medium_, levels.size() - 1,
-                                         find_ports(medium_.body, {}, {}), spec_.by_kind);
+void MediumBuilder::look_at(std::size_t level) {
+  model_ = std::make_unique<MediumModel>(medium_, level, find_ports(medium_.body, {}, {}),
+                                         spec_.by_kind);
 }
 
 void MediumBuilder::grow() {
@@ -225,10 +233,12 @@ void MediumBuilder::grow() {
   };
   double told = now();
   const auto level = [&]() -> const MediumLevel& { return medium_.levels.back(); };
-  if (!medium_.levels.empty()) { // of a checkpoint
-    look_at_last_level();
-    for (std::size_t k = 0; k + 1 < medium_.levels.size(); ++k)
-      count(medium_.levels[k].worst);
+  if (!medium_.levels.empty()) {                              // of a checkpoint
+    for (std::size_t k = 0; k < medium_.levels.size(); ++k) { // by what is asked now
+      look_at(k);
+      judge(medium_.levels[k]);
+      if (k + 1 < medium_.levels.size()) count(medium_.levels[k].worst);
+    }
   }
   for (;;) {
     if (medium_.levels.empty() || level().order() < space_->columns()) {
@@ -268,6 +278,12 @@ void MediumBuilder::grow() {
   if (!level().complete) certify(space_->columns() * 3);
 }
 
+/// Where intervals may be excluded.
+bool MediumBuilder::has_sharp_resonances() const {
+  return std::any_of(model_->resonances.begin(), model_->resonances.end(),
+                     [](const Resonance& r) { return r.half_width < 1e-6 * r.omega; });
+}
+
 void MediumBuilder::report() {
   const MediumLevel& level = medium_.levels.back();
   const double target = spec_.target;
@@ -281,9 +297,10 @@ void MediumBuilder::report() {
   observer_.fact(
       "medium error",
       medium_.shortfall.empty()
-          ? text("at most %.0e of H everywhere in the band%s (%.1e at the frequencies "
+          ? text("at most %.0e of H everywhere in the band%s%s (%.1e at the frequencies "
                  "it grew by)",
-                 target, level.proved ? "" : ", estimated", level.worst)
+                 target, has_sharp_resonances() ? " but beside undamped resonances" : "",
+                 level.proved ? "" : ", estimated", level.worst)
           : text("%.1e of H at the frequencies it grew by, target %.0e not reached: %s",
                  level.worst, target, medium_.shortfall.c_str()));
   observer_.skip("complex factorisations", "real shifts span the band");
@@ -347,6 +364,7 @@ Medium MediumBuilder::build(bool mass_is_singular) {
                                   120 / static_cast<int>(spec_.bands.size()), peaks);
       grid_.insert(grid_.end(), part.begin(), part.end());
     }
+    share_list(fom_.comm, grid_);
     save("the modes");
   }
   grow();

@@ -20,7 +20,8 @@ struct CertifySpec {
   int modes = 0;               ///< so many modes at least are found, and exactly; 0: any
   int limit = 0;               ///< largest order; 0: what memory and the body allow
   RelativeTo relative_to = RelativeTo::pointwise;
-  bool by_kind = false; ///< displacements from forces and rotations from moments too
+  bool by_kind = false;    ///< displacements from forces and rotations from moments too
+  bool keep_levels = true; ///< all of them, for later cuts; else only the last one
 };
 
 /// The medium space after some blocks of growth, its first columns, and the proof of the
@@ -60,6 +61,8 @@ struct Medium {
   int factorisations = 0, solved_columns = 0;
   std::optional<FrameIntegrals> integrals; ///< of V
 
+  /// "certified to 2e-08", or how far it is from that.
+  std::string claim() const;
   /// Everything but V, which a writer hands over by itself.
   Medium without_basis() const;
   /// Undamped frequencies and half widths of the modes below the cutoff.
@@ -75,7 +78,8 @@ void refuse_statics_of_a_free_body(double first);
 ///     block.
 ///  2. K + τM = LLᵀ: the certificate solves with the basis of the residuals; if the bound
 ///     is not yet below the target, these solutions are the next Krylov block.
-/// Two real factorisations, never both alive. No complex one.
+/// Two real factorisations, never both alive (a third for slow modes of a body without
+/// coordinates; more if a mode lies on the cutoff). No complex one.
 /// Checkpoints are written after the search of the modes and after each level.
 /// @throws Interrupted after one of these if SIGTERM asked to end.
 /// @note Collective on body.comm.

@@ -8,6 +8,8 @@
 #include "io/body_io.hpp"
 #include "io/kept_rows.hpp"
 
+#include <algorithm>
+#include <cmath>
 #include <type_traits>
 
 namespace flexgram {
@@ -86,6 +88,27 @@ DenseSystem leading(const DenseSystem& all, int order) {
   return part;
 }
 
+/// Uᵀ(K + τM)U = I and UᵀMU = diag(μ).
+void expect_coordinates(const Hdf5File& file, const DenseSystem& system, double tau,
+                        const Dense& U, const std::vector<double>& mu) {
+  Dense E = system.K;
+  for (std::size_t i = 0; i < E.data.size(); ++i) E.data[i] += tau * system.M.data[i];
+  const Dense one = multiply_transposed(U, multiply(E, U)),
+              m = multiply_transposed(U, multiply(system.M, U));
+  double worst = 0;
+  for (int j = 0; j < U.columns; ++j)
+    for (int i = 0; i < U.columns; ++i) {
+      const double mass = i == j ? mu[static_cast<std::size_t>(i)] : 0.0;
+      worst = std::max({worst, std::abs(one(i, j) - (i == j ? 1 : 0)),
+                        tau * std::abs(m(i, j) - mass)});
+    }
+  if (!(worst < 1e-6))
+    throw Error(
+        text("file %s: its projected matrices and modes do not fit each other: it "
+             "is damaged",
+             file.path().c_str()));
+}
+
 /// What later calls take for granted.
 void check(const Hdf5File& file, const Medium& m, const DenseSystem& all) {
   const int ports = static_cast<int>(
@@ -124,6 +147,7 @@ void check(const Hdf5File& file, const Medium& m, const DenseSystem& all) {
 
 void write_levels(Hdf5File& file, const Medium& m) {
   file.set_attribute("/", "flexgram_medium", version);
+  file.set_attribute("/", "flexgram", std::string(FLEXGRAM_VERSION));
   file.set_attribute("/", "n", static_cast<double>(m.body.n));
   archive_medium(FieldWriter(file, "/"), m);
   archive_spec(FieldWriter(file, "/spec"), m.spec);
@@ -153,7 +177,8 @@ void read_levels(const Hdf5File& file, Medium& m) {
   if (!file.has_attribute("/", "flexgram_medium"))
     throw Error(
         text("file %s is no medium model: flexgram certify makes one", path.c_str()));
-  if (file.number_attribute("/", "flexgram_medium") != version)
+  if (file.number_attribute("/", "flexgram_medium") != version ||
+      file.text_attribute("/", "flexgram") != FLEXGRAM_VERSION)
     throw Error(text("file %s was written by another version of flexgram", path.c_str()));
   const double n = file.number_attribute("/", "n");
   if (!(n >= 1) || n > 2e9) throw Error(text("file %s: n is damaged", path.c_str()));
@@ -188,6 +213,7 @@ void read_levels(const Hdf5File& file, Medium& m) {
       throw Error(
           text("file %s: %s does not fit: it is damaged", path.c_str(), group.c_str()));
     const int order = U.rows;
+    expect_coordinates(file, leading(all, order), m.tau, U, mu);
     level.response = std::make_shared<DenseResponse>(leading(all, order), m.tau,
                                                      std::move(U), std::move(mu));
     auto certificate = std::make_shared<Certificate>();

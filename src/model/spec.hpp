@@ -44,7 +44,8 @@ struct CheckpointSpec {
   };
   std::string path; ///< empty: nowhere
   When when = When::automatic;
-  bool restart = false; ///< go on from it, if it is there
+  bool restart = false;      ///< go on from it, if it is there
+  mutable bool used = false; ///< it was written or gone on from
 };
 
 /// The paper's order rule (section 2.2): smallest m with σ_{m+1}/σ_1 < √ε ≈ 1.5e-8.

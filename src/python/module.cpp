@@ -268,6 +268,9 @@ struct Call {
     options.reject_unknown();
     observer = std::make_unique<Observer>(comm, settings.prepare(comm));
     settings.check();
+    if (settings.restart || settings.checkpoint != "auto")
+      throw Error("{checkpoint} and {restart} are for the program: in Python keep the "
+                  "Medium that certify returns");
   }
   CallOptions guard;
   Settings settings;
@@ -332,7 +335,8 @@ struct PythonMedium {
     f["levels"] = medium.levels.size();
     f["bands"] = bands;
     f["target"] = medium.spec.target;
-    f["reached"] = medium.shortfall.empty();
+    f["reached"] = medium.shortfall.empty() && medium.levels.back().proved;
+    f["claim"] = medium.claim();
     f["cutoff"] = medium.cutoff;
     f["modes"] = medium.modes;
     f["rigid_modes"] = medium.rigid;

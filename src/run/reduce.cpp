@@ -128,10 +128,23 @@ void warn_of_default_band(const Options& options, Observer& observer) {
       observer.warn("-mor_band_hz is not given: the band is " + option.value + " Hz");
 }
 
-/// The checkpoint of work that is done.
+/// The checkpoint of work that is done: what this run wrote or went on from. Of the
+/// folder of samples only samples.
 void remove(const CheckpointSpec& checkpoint, MPI_Comm comm) {
+  namespace fs = std::filesystem;
+  if (!checkpoint.used || comm_rank(comm) != 0) return;
   std::error_code ignored;
-  if (comm_rank(comm) == 0) std::filesystem::remove_all(checkpoint.path, ignored);
+  if (fs::is_directory(checkpoint.path, ignored)) {
+    std::vector<fs::path> files;
+    for (const auto& entry : fs::directory_iterator(checkpoint.path, ignored)) {
+      const std::string name = entry.path().filename().string();
+      if (name.size() >= 19 && name.substr(16, 3) == ".h5" &&
+          name.find_first_not_of("0123456789abcdef") == 16)
+        files.push_back(entry.path());
+    }
+    for (const auto& file : files) fs::remove(file, ignored);
+  }
+  fs::remove(checkpoint.path, ignored); // a folder only if it is empty now
 }
 
 bool write_result(const ReducedModel& rom, const SecondOrderModel& body,
@@ -147,15 +160,17 @@ bool write_result(const ReducedModel& rom, const SecondOrderModel& body,
 
 } // namespace
 
-Medium certify_body(const Body& body, const Settings& s, bool integrals,
-                    Observer& observer, const CheckpointSpec& checkpoint) {
+Medium certify_body(const Body& body, const Settings& s, bool keep, Observer& observer,
+                    const CheckpointSpec& checkpoint) {
   observer.fact("method", s.method + " over " + words_of(s.bands()));
   const BodyFacts facts = check(body, s, observer);
   observer.print();
-  Medium medium = certify(body.model, facts.mass_is_singular, s.certify_spec(), s.solver,
-                          observer, checkpoint);
+  CertifySpec spec = s.certify_spec();
+  spec.keep_levels = keep;
+  Medium medium =
+      certify(body.model, facts.mass_is_singular, spec, s.solver, observer, checkpoint);
   observer.print();
-  if (integrals && wants_integrals(body.model, medium.rigid, s, observer)) {
+  if (keep && wants_integrals(body.model, medium.rigid, s, observer)) {
     Stage stage(observer, "frame");
     medium.integrals = frame_integrals(body.model, medium.V);
   }
@@ -186,10 +201,9 @@ ReducedModel reduce_body(const Body& body, const Settings& s, Observer& observer
 void tell_medium(const Medium& medium, Observer& observer) {
   observer.fact(
       "medium model",
-      text("%s: n = %lld, order %d (%zu levels), certified to %.0e over %s, modes "
-           "below %.4g Hz",
+      text("%s: n = %lld, order %d (%zu levels), %s, over %s, modes below %.4g Hz",
            medium.body.name.c_str(), static_cast<long long>(medium.body.n),
-           medium.levels.back().order(), medium.levels.size(), medium.spec.target,
+           medium.levels.back().order(), medium.levels.size(), medium.claim().c_str(),
            words_of(medium.spec.bands).c_str(), medium.cutoff * hz));
 }
 
@@ -216,6 +230,8 @@ bool reduce(MPI_Comm comm, Settings& s, const Options& options, Observer& observ
   }
   if (s.takes_samples())
     throw Error("-mor_method pod has no medium model: -mor_medium_out is for the others");
+  if (s.medium_out == s.out)
+    throw Error("-mor_medium_out and -mor_out name the same file, " + s.out);
   check_output(comm, s.medium_out, {s.body});
   const Body body = load_body(comm, s, observer);
   observer.print();

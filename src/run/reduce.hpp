@@ -6,9 +6,10 @@
 namespace flexgram {
 
 /// The first step: the certified medium model of a body, by as much as the settings ask.
-/// @param integrals  with what a moving frame needs of the whole medium space.
+/// @param keep  for later cuts: all levels, and what a moving frame needs of the whole
+/// medium space.
 /// @note Collective on the body's communicator, like the next.
-Medium certify_body(const Body& body, const Settings& settings, bool integrals,
+Medium certify_body(const Body& body, const Settings& settings, bool keep,
                     Observer& observer, const CheckpointSpec& checkpoint = {});
 /// The second step. @throws Error for a method that does not go through a medium model.
 ReducedModel cut_medium(const Medium& medium, const Settings& settings,

@@ -168,7 +168,8 @@ void Settings::describe(Options& options) {
   options.add_choice(
       "-mor_checkpoint", checkpoint, {"auto", "yes", "no"},
       "whether what is finished is written beside the output, to OUTPUT.checkpoint (with "
-      "pod a folder): after the modes, after each level of the medium model, after each "
+      "pod to the folder OUTPUT.samples): after the modes, after each level of the "
+      "medium model, after each "
       "sample. auto: when the work took more than 20 s so far, and when SIGTERM, the "
       "time "
       "limit of a batch system, asks to end (exit status 3). Removed when the output is "
@@ -366,7 +367,7 @@ CertifySpec Settings::certify_spec() const {
 
 CheckpointSpec Settings::checkpoint_spec(const std::string& output) const {
   using When = CheckpointSpec::When;
-  return {output.empty() ? "" : output + ".checkpoint",
+  return {output + (takes_samples() ? ".samples" : ".checkpoint"),
           checkpoint == "yes"  ? When::always
           : checkpoint == "no" ? When::never
                                : When::automatic,

@@ -56,6 +56,8 @@ struct FrequencySolves::State {
   void keep(double omega, const Block& x, bool end) const;
 
   CheckpointSpec checkpoint;
+  const CheckpointSpec* asked = nullptr; ///< whose `used` tells the caller
+  mutable bool used = false;
   double start = now();
 
   Observer* observer;
@@ -150,17 +152,8 @@ std::vector<std::size_t> FrequencySolves::mine(std::size_t count) const {
 }
 
 void FrequencySolves::keep(const CheckpointSpec& checkpoint) {
-  State& s = *state_;
-  s.checkpoint = checkpoint;
-  if (checkpoint.path.empty() || checkpoint.when == CheckpointSpec::When::never) return;
-  agree(s.groups->world, [&] {
-    std::error_code failed;
-    if (comm_rank(s.groups->world) == 0)
-      std::filesystem::create_directories(checkpoint.path, failed);
-    if (failed)
-      throw Error(text("cannot make the folder %s: %s", checkpoint.path.c_str(),
-                       failed.message().c_str()));
-  });
+  state_->checkpoint = checkpoint;
+  state_->asked = &checkpoint;
 }
 
 /// A file by the frequency's bits: the same number, the same file.
@@ -172,9 +165,11 @@ std::string FrequencySolves::State::file_of(double omega) const {
 std::optional<Block> FrequencySolves::State::kept(double omega) const {
   if (!checkpoint.restart || checkpoint.path.empty()) return std::nullopt;
   const std::string path = file_of(omega);
-  if (sum_over(groups->comm, static_cast<std::int64_t>(std::filesystem::exists(path))) <
-      comm_size(groups->comm))
+  std::error_code ignored;
+  const bool here = std::filesystem::exists(path, ignored);
+  if (sum_over(groups->comm, static_cast<std::int64_t>(here)) < comm_size(groups->comm))
     return std::nullopt;
+  used = true;
   const Hdf5File file = Hdf5File::open(groups->comm, path);
   expect_identity(file, model);
   return read_rows(file, "/X", model);
@@ -186,11 +181,20 @@ void FrequencySolves::State::keep(double omega, const Block& x, bool end) const 
   if (checkpoint.path.empty() || checkpoint.when == When::never ||
       (checkpoint.when == When::automatic && !late && !end))
     return;
+  agree(groups->comm, [&] {
+    std::error_code failed;
+    if (comm_rank(groups->comm) == 0)
+      std::filesystem::create_directories(checkpoint.path, failed);
+    if (failed)
+      throw Error(text("cannot make the folder %s: %s", checkpoint.path.c_str(),
+                       failed.message().c_str()));
+  });
   Hdf5File file = Hdf5File::create(groups->comm, file_of(omega));
   write_identity(file, model);
   write_basis(file, "/X", x, model.n, model.rows);
   write_dof_map(file, model);
   file.commit();
+  used = true;
 }
 
 void FrequencySolves::for_each(const std::vector<double>& omega, const char* what,
@@ -233,6 +237,7 @@ void FrequencySolves::for_each(const std::vector<double>& omega, const char* wha
             ? std::string("ended by SIGTERM, without a checkpoint ({checkpoint} no)")
             : text("ended by SIGTERM; {restart} goes on from %s",
                    s.checkpoint.path.c_str()));
+  if (s.asked) s.asked->used = max_over(s.groups->world, s.used ? 1.0 : 0.0) > 0;
   s.worst_backward_error = max_over(s.groups->world, s.worst_backward_error);
   if (s.worst_backward_error > s.target_backward_error)
     s.observer->warn(

@@ -17,7 +17,11 @@ namespace {
 /// stays symmetric.
 Candidate make(const SecondStage& stage) {
   if (stage.medium.system.outputs_are_inputs) {
-    Candidate c = whole_axis_candidate(stage);
+    SecondStage in_mass = stage;
+    in_mass.gram = stage.medium.system.M;
+    for (std::size_t i = 0; i < in_mass.gram.data.size(); ++i) // where M is singular
+      in_mass.gram.data[i] += stage.medium.kappa * stage.medium.system.K.data[i];
+    Candidate c = whole_axis_candidate(in_mass);
     c.remark = "equal to whole_axis in the mass inner product, since C = Bᵀ";
     return c;
   }
@@ -46,9 +50,16 @@ Candidate make(const SecondStage& stage) {
   return c;
 }
 
+/// Each singular value stands for a vector, or for a pair of them.
+int beside_rigid(const Candidate& candidate, const SecondStage& stage) {
+  const int each = stage.medium.system.outputs_are_inputs ? 1 : 2;
+  return std::clamp(stage.medium.rigid + each * order_by_rule(candidate.sigma),
+                    candidate.least, candidate.most);
+}
+
 } // namespace
 
 extern const Method balanced_method;
-const Method balanced_method{"position-velocity balancing", make};
+const Method balanced_method{"position-velocity balancing", make, beside_rigid};
 
 } // namespace flexgram

@@ -77,7 +77,7 @@ Candidate make(const SecondStage& stage) {
           .vectors;
   Candidate c;
   c.least = e->rigid + 1;
-  c.most = e->N;
+  c.most = e->rigid + start.columns;
   c.basis = [e, start](int m) {
     return after_rigid(irka_basis(*e, first_columns(start, m - e->rigid)), e->rigid,
                        e->N);

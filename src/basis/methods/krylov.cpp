@@ -33,6 +33,7 @@ Candidate make(const SecondStage& stage) {
   const Dense span = nested_span(columns);
   Candidate c =
       apart ? nested(after_rigid(span, e.rigid, e.N), e.rigid + 1) : nested(span);
+  c.rigid_first = apart;
   c.remark = text("%zu shifts, %d moments", stage.shifts.size(), stage.moments);
   return c;
 }
