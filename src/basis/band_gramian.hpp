@@ -1,3 +1,6 @@
+/// Converged position Gramians of a small system (Fehr, Eberhard, Lehner, eqs. 5, 8, 11).
+/// Called by methods.
+
 #pragma once
 
 #include "model/dense_system.hpp"

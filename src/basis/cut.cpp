@@ -7,15 +7,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 namespace flexgram {
-namespace {
-
-constexpr double hz = 0.5 / std::numbers::pi;
-
-} // namespace
-
 std::vector<std::string> automatic_methods(const OrderSpec& order) {
   // Measured over seven bodies and tolerances from 1e-2 to 1e-8 (README, "Order over
   // tolerance"), none of the others is ever smaller than the better of these two.

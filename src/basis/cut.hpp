@@ -1,3 +1,6 @@
+/// The second of two steps: a small body out of a certified medium model (Fehr, Eberhard,
+/// Lehner, section 2.3). Called by run/reduce and, through it, by Python.
+
 #pragma once
 
 #include "basis/band_gramian.hpp"

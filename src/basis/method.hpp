@@ -1,3 +1,6 @@
+/// What a method for the small basis is, their table, and what they share. Called by cut
+/// and order_choice; each file of methods/ defines one (CONTRIBUTING.md).
+
 #pragma once
 
 #include "basis/band_gramian.hpp"

@@ -1,3 +1,6 @@
+/// Which method at which order: by the certified error, a given order, or the paper's
+/// rule (section 2.2). Called by cut.
+
 #pragma once
 
 #include "basis/method.hpp"

@@ -1,3 +1,6 @@
+/// The steps of `certify` with what they share; start.cpp holds those up to the modes,
+/// growth.cpp the rest. Seen by these two alone.
+
 #pragma once
 
 #include "medium/checkpoint.hpp"
@@ -36,7 +39,7 @@ private:
   void bound_least_eigenvalue();
   ResidualNorm norm_of(const Block& T);
   int largest_order() const;
-  void certify(int most_columns);
+  void prove(int most_columns);
   void look_at(std::size_t level);
   void judge(MediumLevel& level);
   bool holds_everywhere();

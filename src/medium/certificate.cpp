@@ -65,9 +65,9 @@ double paired_norm(const ComplexDense& a, const ComplexDense& b) {
 
 Certificate::Certificate(const MediumSpace& space, const DenseResponse& response,
                          ResidualBasis basis, const ResidualNorm& norm, int modes,
-                         double cutoff, std::vector<double> scale)
+                         bool inertia_is_safe, double cutoff, std::vector<double> scale)
     : tau_(space.tau()), kappa_(space.kappa()), rounding_(space.rounding()),
-      complete_(basis.complete), scale_(std::move(scale)) {
+      provable_(basis.complete && inertia_is_safe), scale_(std::move(scale)) {
   // Coordinates in which the Gram matrix is the identity: Γ = FᵀF.
   const SymmetricEigen eigen = symmetric_eigen(norm.gram);
   Dense F = transpose(eigen.vectors);
@@ -296,7 +296,7 @@ Certificate::Inverse Certificate::inverse(const DenseResponse& response,
     radius = q;
   }
   const double delta = mode_coupling(response, x);
-  result.proved = complete_ && q * delta < 1;
+  result.proved = provable_ && q * delta < 1;
   result.norm = result.proved ? q / (1 - q * delta) : q;
   result.radius = radius + (result.proved ? q * delta * result.norm : 0.0);
   return result;

@@ -1,3 +1,6 @@
+/// The bound of a Galerkin model's error over an interval of ω (docs/proof.md, sections 2
+/// to 4). Made by growth.cpp, asked by MediumModel.
+
 #pragma once
 
 #include "medium/response_series.hpp"
@@ -61,10 +64,11 @@ public:
 
   Certificate() = default;
   /// @param modes  number of modes below the cutoff, the rigid ones included.
+  /// @param inertia_is_safe  their number is what the inertia says, whatever its rounding.
   /// @param scale  of each port.
   Certificate(const MediumSpace& space, const DenseResponse& response,
-              ResidualBasis basis, const ResidualNorm& norm, int modes, double cutoff,
-              std::vector<double> scale);
+              ResidualBasis basis, const ResidualNorm& norm, int modes,
+              bool inertia_is_safe, double cutoff, std::vector<double> scale);
 
   /// Columns of ports that are the inputs and the outputs of a block of H.
   struct PortSet {
@@ -105,7 +109,7 @@ public:
     a("kappa", self.kappa_);
     a("mu_plus", self.mu_plus_);
     a("rounding", self.rounding_);
-    a("complete", self.complete_);
+    a("provable", self.provable_);
     a("scale", self.scale_);
     a("rounding_weights", self.rounding_weights_);
     a("rigid_weights", self.rigid_weights_);
@@ -145,7 +149,7 @@ private:
   void add_rounding(Bound& bound, const ResponseSeries& x, const PortSet& block) const;
 
   double tau_ = 0, kappa_ = 0, mu_plus_ = 0, rounding_ = 0;
-  bool complete_ = true;
+  bool provable_ = true; ///< the residual is known whole, and the modes are counted
   std::vector<double> scale_, rounding_weights_, rigid_weights_;
   /// In coordinates where the Gram matrix is the identity; the last two transposed.
   Dense ports_, K_, D_;

@@ -43,8 +43,7 @@ void expect_same_job(const Hdf5File& file, const Medium& there, const CertifySpe
   const auto words = [](const std::vector<Interval>& bands) {
     std::string all;
     for (const Interval& b : bands)
-      all += text("%s%g-%g", all.empty() ? "" : ", ", b.first / 6.283185307179586,
-                  b.last / 6.283185307179586);
+      all += text("%s%g-%g", all.empty() ? "" : ", ", b.first * hz, b.last * hz);
     return all + " Hz";
   };
   bool same = there.spec.bands.size() == spec.bands.size();

@@ -1,3 +1,6 @@
+/// What an unfinished `certify` leaves behind, for one that goes on. Called by start.cpp
+/// alone.
+
 #pragma once
 
 #include "linalg/basis.hpp"

@@ -1,3 +1,7 @@
+/// The certified error of small models everywhere in the bands, by branch and bound
+/// (docs/proof.md, section 4, "Together"). Called by basis/cut and order_choice, and by
+/// growth.cpp for the medium model itself.
+
 #pragma once
 
 #include "medium/model.hpp"

@@ -1,3 +1,6 @@
+/// Bounds of frequency and residue where a resonance is excluded (Kato 1949, Davis and
+/// Kahan 1970; docs/proof.md, section 4). A member of MediumModel, called by basis/cut.
+
 #include "medium/model.hpp"
 
 #include <algorithm>

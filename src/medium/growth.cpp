@@ -1,3 +1,6 @@
+/// Second half of `certify`: the norm of E = K + τM, certificates, growth by Krylov
+/// blocks until the bound holds everywhere in the bands (docs/proof.md, sections 2 to 4).
+
 #include "medium/builder.hpp"
 
 #include "base/process.hpp"
@@ -9,14 +12,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <numeric>
 
 namespace flexgram {
-namespace {
-constexpr double hz = 0.5 / std::numbers::pi;
-} // namespace
-
 std::string Medium::claim() const {
   const MediumLevel* last = levels.empty() ? nullptr : &levels.back();
   if (shortfall.empty() && last && last->proved)
@@ -186,7 +184,7 @@ void MediumBuilder::bound_least_eigenvalue() {
 
 /// The bound of the space as it is, with one block solve: a level, in the place of an
 /// incomplete one of the same order.
-void MediumBuilder::certify(int most_columns) {
+void MediumBuilder::prove(int most_columns) {
   factorise_norm();
   if (!space_->tracks_residual()) space_->track_residual(loads_);
   MediumLevel level;
@@ -199,11 +197,10 @@ void MediumBuilder::certify(int most_columns) {
   ResidualBasis basis = residual_basis(*space_, *level.response, samples, modes,
                                        medium_.cutoff, most_columns);
   level.complete = basis.complete;
-  basis.complete = basis.complete && inertia_is_safe_;
   const ResidualNorm norm = norm_of(basis.T);
-  level.certificate =
-      std::make_shared<Certificate>(*space_, *level.response, std::move(basis), norm,
-                                    modes, medium_.cutoff, medium_.scale);
+  level.certificate = std::make_shared<Certificate>(
+      *space_, *level.response, std::move(basis), norm, modes, inertia_is_safe_,
+      medium_.cutoff, medium_.scale);
   auto& levels = medium_.levels;
   if (!levels.empty() && levels.back().order() == level.order()) levels.pop_back();
   if (!spec_.keep_levels) levels.clear();
@@ -242,8 +239,8 @@ void MediumBuilder::grow() {
   }
   for (;;) {
     if (medium_.levels.empty() || level().order() < space_->columns()) {
-      certify(usual);
-      if (!level().complete && level().worst <= target) certify(space_->columns() * 3);
+      prove(usual);
+      if (!level().complete && level().worst <= target) prove(space_->columns() * 3);
       save("a level");
     }
     const std::string line = text(
@@ -275,7 +272,7 @@ void MediumBuilder::grow() {
     }
     ++blocks_;
   }
-  if (!level().complete) certify(space_->columns() * 3);
+  if (!level().complete) prove(space_->columns() * 3);
 }
 
 /// Where intervals may be excluded.

@@ -1,3 +1,7 @@
+/// The first of two steps: a certified medium model (docs/proof.md; Fehr, Eberhard,
+/// Lehner, section 2.3, with real shifts). Made by run/reduce, stored by medium_io, used
+/// by basis/cut.
+
 #pragma once
 
 #include "base/observer.hpp"

@@ -1,3 +1,6 @@
+/// The file of a certified medium model (src/README.md, "Files"). Called by run/reduce
+/// and the Python module; its parts by checkpoint.cpp.
+
 #pragma once
 
 #include "io/hdf5_file.hpp"

@@ -1,3 +1,7 @@
+/// All modes below the cutoff by block Rayleigh-Ritz with the shift-inverted operator
+/// (the residual as in subspace iteration; Parlett 1998, chapter 14). Called by
+/// start.cpp.
+
 #pragma once
 
 #include "base/observer.hpp"

@@ -1,3 +1,6 @@
+/// A level of a medium model seen by some ports: what small models are measured against.
+/// Made by basis/cut and growth.cpp.
+
 #pragma once
 
 #include "medium/medium.hpp"

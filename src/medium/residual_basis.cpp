@@ -1,3 +1,6 @@
+/// A basis T of what residuals are made of, R(ω) = T(…) + what was dropped
+/// (docs/proof.md, section 3, "W"). Declared in certificate.hpp, called by growth.cpp.
+
 #include "medium/certificate.hpp"
 
 #include <algorithm>

@@ -1,3 +1,6 @@
+/// The response of a dense system over an interval as a polynomial with a bound of its
+/// tail (docs/proof.md, section 4, "Series"). Called by MediumModel and ErrorOverBand.
+
 #pragma once
 
 #include "model/dense_system.hpp"

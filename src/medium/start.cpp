@@ -1,3 +1,6 @@
+/// First half of `certify`: rigid modes, the cutoff and its inertia, the modes below it;
+/// checkpoints (docs/proof.md, section 3, "Inertia").
+
 #include "medium/builder.hpp"
 
 #include "base/process.hpp"
@@ -11,16 +14,9 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
-#include <numbers>
 #include <numeric>
 
 namespace flexgram {
-namespace {
-
-constexpr double hz = 0.5 / std::numbers::pi;
-
-} // namespace
-
 MediumBuilder::MediumBuilder(const SecondOrderModel& fom, const CertifySpec& spec,
                              const SolverOptions& solver, Observer& observer,
                              const CheckpointSpec& checkpoint)

@@ -1,3 +1,6 @@
+/// Norms of such polynomials over an interval, above and below (docs/proof.md, section 4,
+/// "Norms"). Called by ErrorOverBand.
+
 #pragma once
 
 #include "medium/response_series.hpp"

@@ -3,9 +3,9 @@
 #include "base/text.hpp"
 #include "model/port_views.hpp"
 #include "model/project.hpp"
+#include "model/spec.hpp"
 
 #include <algorithm>
-#include <numbers>
 
 namespace flexgram {
 
@@ -28,7 +28,6 @@ void warn_of_kinds(const SecondOrderModel& names, const std::vector<ComplexDense
 }
 
 std::string describe_modes(const std::vector<double>& modes, int rigid) {
-  const double hz = 0.5 / std::numbers::pi;
   const auto count = static_cast<std::size_t>(rigid);
   if (modes.empty()) return "not known, the reduced M is singular";
   std::string words;

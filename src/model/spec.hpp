@@ -1,10 +1,14 @@
 #pragma once
 
+#include <numbers>
 #include <optional>
 #include <string>
 #include <vector>
 
 namespace flexgram {
+
+/// 1 rad/s in Hz.
+inline constexpr double hz = 0.5 / std::numbers::pi;
 
 /// Frequencies from `first` to `last` [rad/s].
 struct Interval {

@@ -1,3 +1,6 @@
+/// Reading, planning and checking a body, and what verbs have in common. Used by
+/// run/reduce, run/sweep, main and the Python module.
+
 #pragma once
 
 #include "base/observer.hpp"

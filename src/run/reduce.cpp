@@ -9,12 +9,9 @@
 #include "sampling/pod.hpp"
 
 #include <filesystem>
-#include <numbers>
 
 namespace flexgram {
 namespace {
-
-constexpr double hz = 0.5 / std::numbers::pi;
 
 /// What a rank keeps of the samples [MB].
 double samples_mb(const SecondOrderModel& model, std::size_t samples) {

@@ -1,3 +1,6 @@
+/// The verbs reduce, certify, cut and plan, and their parts for Python. Called by main
+/// and the Python module.
+
 #pragma once
 
 #include "medium/medium.hpp"

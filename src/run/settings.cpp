@@ -5,12 +5,9 @@
 #include "basis/method.hpp"
 
 #include <algorithm>
-#include <numbers>
 
 namespace flexgram {
 namespace {
-
-constexpr double to_rad = 2 * std::numbers::pi;
 
 std::vector<std::string> method_names() {
   std::vector<std::string> names;
@@ -32,9 +29,9 @@ std::string words_of(const std::vector<double>& numbers) {
   return words;
 }
 
-std::vector<double> in_rad(const std::vector<double>& hz) {
+std::vector<double> in_rad(const std::vector<double>& frequencies) {
   std::vector<double> omega;
-  for (double f : hz) omega.push_back(to_rad * f);
+  for (double f : frequencies) omega.push_back(f / hz);
   return omega;
 }
 
@@ -382,7 +379,7 @@ CutRequest Settings::cut_request() const {
   request.medium_target = medium_target;
   if (band_is_given) request.bands = bands();
   for (std::size_t i = 0; i < weight.size(); i += 2) {
-    request.weight.omega.push_back(to_rad * weight[i]);
+    request.weight.omega.push_back(weight[i] / hz);
     request.weight.weight.push_back(weight[i + 1]);
   }
   request.metric = metric_of(metric);
@@ -401,8 +398,7 @@ CutRequest Settings::cut_request() const {
     const int count = static_cast<int>(error_hz[2]);
     for (int l = 0; l < count; ++l) {
       const double t = count == 1 ? 0.0 : static_cast<double>(l) / (count - 1);
-      request.error_omega.push_back(to_rad *
-                                    (error_hz[0] + t * (error_hz[1] - error_hz[0])));
+      request.error_omega.push_back((error_hz[0] + t * (error_hz[1] - error_hz[0])) / hz);
     }
   }
   return request;

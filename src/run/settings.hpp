@@ -1,3 +1,6 @@
+/// Every option of a user, and the specs that the mathematics takes made of them. Used by
+/// all verbs, in main and in the Python module.
+
 #pragma once
 
 #include "base/options.hpp"

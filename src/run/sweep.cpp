@@ -5,7 +5,6 @@
 #include "model/project.hpp"
 
 #include <algorithm>
-#include <numbers>
 
 namespace flexgram {
 
@@ -25,21 +24,20 @@ void plan_solves(const FrequencySolves& solves, std::size_t tasks, Observer& obs
 
 namespace {
 
-std::vector<double> sweep_omega(const std::vector<double>& hz) {
+std::vector<double> sweep_omega(const std::vector<double>& list) {
   std::string words;
-  for (double f : hz) words += text("%s%g", words.empty() ? "" : ",", f);
-  require_option(hz.size() == 1 || (hz.size() == 3 && hz[2] >= 1), "-mor_sweep_hz", words,
-                 "first,last,count or one frequency");
-  require_option(hz[0] >= 0, "-mor_sweep_hz", words, "zero or more");
-  require_option(hz.size() == 1 || hz[0] <= hz[1], "-mor_sweep_hz", words,
+  for (double f : list) words += text("%s%g", words.empty() ? "" : ",", f);
+  require_option(list.size() == 1 || (list.size() == 3 && list[2] >= 1), "-mor_sweep_hz",
+                 words, "first,last,count or one frequency");
+  require_option(list[0] >= 0, "-mor_sweep_hz", words, "zero or more");
+  require_option(list.size() == 1 || list[0] <= list[1], "-mor_sweep_hz", words,
                  "first,last,count with first <= last");
-  const double to_rad = 2 * std::numbers::pi;
-  if (hz.size() == 1) return {hz[0] * to_rad};
-  const int count = static_cast<int>(hz[2]);
+  if (list.size() == 1) return {list[0] / hz};
+  const int count = static_cast<int>(list[2]);
   std::vector<double> omega;
   for (int l = 0; l < count; ++l)
-    omega.push_back(to_rad *
-                    (hz[0] + (count == 1 ? 0.0 : (hz[1] - hz[0]) * l / (count - 1))));
+    omega.push_back(
+        (list[0] + (count == 1 ? 0.0 : (list[1] - list[0]) * l / (count - 1))) / hz);
   return omega;
 }
 
@@ -107,10 +105,9 @@ void sweep(MPI_Comm comm, const Settings& s, const Options& options, Observer& o
       epsilon.push_back(relative_error(H[l], H_rom.back()));
     }
     const auto worst = std::max_element(epsilon.begin(), epsilon.end());
-    observer.fact("error", text("at most %.2e of %zu frequencies, at %.4g Hz", *worst,
-                                omega.size(),
-                                omega[static_cast<std::size_t>(worst - epsilon.begin())] *
-                                    0.5 / std::numbers::pi));
+    observer.fact(
+        "error", text("at most %.2e of %zu frequencies, at %.4g Hz", *worst, omega.size(),
+                      omega[static_cast<std::size_t>(worst - epsilon.begin())] * hz));
   }
   observer.fact("solves", text("%d factorisations, backward error at most %.0e",
                                solves.factorisations(), solves.worst_backward_error()));

@@ -1,3 +1,5 @@
+/// The verb sweep: full solves over frequencies. Called by main.
+
 #pragma once
 
 #include "run/body.hpp"

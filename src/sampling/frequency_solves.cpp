@@ -10,14 +10,11 @@
 #include <algorithm>
 #include <bit>
 #include <filesystem>
-#include <numbers>
 #include <optional>
 
 namespace flexgram {
 
 namespace {
-
-constexpr double hz = 1 / (2 * std::numbers::pi);
 
 /// Most groups of equal size whose factors fit beside each other.
 int fitting_groups(MPI_Comm world, const FactorEstimate& whole, double matrices_mb,

@@ -128,3 +128,10 @@ TEST(Base, GroupsSplitTheWorldEvenly) {
   EXPECT_EQ(groups.mine, comm_rank(world()));
   EXPECT_THROW(Groups(world(), comm_size(world()) + 1), Error);
 }
+
+TEST(Base, MessagesNameOptionsAndLeaveOtherBracesAlone) {
+  know_option("-mor_tol");
+  know_option("-mor_mumps_cntl_N");
+  EXPECT_EQ(option_names("{tol} 1 in part{left}.h5, {mumps_cntl_1} {tol"),
+            "-mor_tol 1 in part{left}.h5, -mor_mumps_cntl_1 {tol");
+}

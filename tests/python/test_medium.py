@@ -268,3 +268,28 @@ def test_optimal_on_the_rack(tmp_path: Path, rack: Path, ranks: int) -> None:
         assert file["error"].attrs["worst"] < 8e-4
         assert file["error"].attrs["kind"] == "certified"
         assert file["frame"].attrs["rigid_modes"] == 6
+
+
+def test_orders_that_a_method_has(tmp_path: Path, rack: Path) -> None:
+    """By the paper's rule rigid modes come on top of what the eigenvalues of the elastic part say;
+    irka has no more orders than the Gramian that it starts from."""
+    out = tmp_path / "rom.h5"
+    job = ["reduce", "-body", rack, "-mor_out", out]
+    run(*job, "-mor_band_hz", "10,500", "-mor_method", "whole_axis")
+    with h5py.File(out) as file:
+        assert file["K"].shape[0] > 30 and file["error"].attrs["worst"] < 0.5
+    said = message(run(*job, "-mor_band_hz", "100", "-mor_method", "irka", "-mor_order", "80",
+                       expect=1))  # fmt: skip
+    assert "irka has orders from 7 to" in said
+
+
+def test_a_band_on_an_undamped_resonance_claims_nothing(tmp_path: Path) -> None:
+    K, M, B, _ = chain(40, "three")
+    omega = chain_modes(40)
+    write_matrices(tmp_path / "body.h5", K, M, B)
+    hz = omega[3] / (2 * np.pi)
+    run("reduce", "-body", tmp_path / "body.h5", "-mor_band_hz",
+        f"{hz * (1 - 1e-9)!r},{hz * (1 + 1e-9)!r}", "-mor_tol", "1e-3", "-mor_out",
+        tmp_path / "rom.h5", expect=2)  # fmt: skip
+    with h5py.File(tmp_path / "rom.h5") as file:
+        assert file["error"].attrs["met"] == 0

@@ -1,5 +1,5 @@
 /// gramian_modes: the modes of the band, then eigenvectors of the position Gramian of
-/// what they leave.
+/// what they leave (modal truncation completed by Fehr, Eberhard, Lehner, eq. 8).
 
 #include "basis/method.hpp"
 

@@ -1,4 +1,4 @@
-/// medium: the medium model as it is.
+/// medium: the medium model as it is, the first step of Fehr, Eberhard, Lehner, section 2.3.
 
 #include "basis/method.hpp"
 

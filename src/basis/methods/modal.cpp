@@ -1,4 +1,5 @@
-/// modal: eigenmodes of the free body, lowest first: modal truncation.
+/// modal: eigenmodes of the body with free interfaces, lowest first: modal truncation, with
+/// which the paper compares (Fehr, Eberhard, Lehner, section 3).
 
 #include "basis/method.hpp"
 

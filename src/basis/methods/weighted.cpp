@@ -1,4 +1,5 @@
-/// weighted: the position Gramian with the weight 1/‖H(ω)‖.
+/// weighted: the position Gramian with the weight 1/‖H(ω)‖ (Fehr, Eberhard, Lehner, eq. 8
+/// with the weight that eq. 17 has).
 
 #include "basis/method.hpp"
 
