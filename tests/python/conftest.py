@@ -33,6 +33,22 @@ ENVIRONMENT = {
 }
 
 
+#: Modules and tests of more than some seconds: ``-m "not slow"`` leaves them out.
+SLOW = {
+    "test_certified", "test_continuum", "test_stress", "test_restart", "test_exudyn", "test_rack",
+    "test_shared_bodies", "test_examples", "test_a_cut_equals_the_reduction",
+    "test_a_damaged_file_is_refused", "test_doubtful_units_and_thin_rigid_sets",
+    "test_optimal_beats_the_gramian", "test_optimal_on_the_rack", "test_report_and_figures",
+}  # fmt: skip
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        name = getattr(item, "originalname", item.name)
+        if item.path.stem in SLOW or name in SLOW:
+            item.add_marker(pytest.mark.slow)
+
+
 class Result:
     """Exit status and output of one run."""
 
