@@ -348,6 +348,6 @@ Candidate make(const SecondStage& stage) {
 
 extern const Method optimal_method;
 const Method optimal_method{
-    "least possible error over the band at its order, seconds of optimisation", make};
+    "the largest error over the band minimised at its order (locally), in seconds", make};
 
 } // namespace flexgram
