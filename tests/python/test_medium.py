@@ -281,15 +281,3 @@ def test_orders_that_a_method_has(tmp_path: Path, rack: Path) -> None:
     said = message(run(*job, "-mor_band_hz", "100", "-mor_method", "irka", "-mor_order", "80",
                        expect=1))  # fmt: skip
     assert "irka has orders from 7 to" in said
-
-
-def test_a_band_on_an_undamped_resonance_claims_nothing(tmp_path: Path) -> None:
-    K, M, B, _ = chain(40, "three")
-    omega = chain_modes(40)
-    write_matrices(tmp_path / "body.h5", K, M, B)
-    hz = omega[3] / (2 * np.pi)
-    run("reduce", "-body", tmp_path / "body.h5", "-mor_band_hz",
-        f"{hz * (1 - 1e-9)!r},{hz * (1 + 1e-9)!r}", "-mor_tol", "1e-3", "-mor_out",
-        tmp_path / "rom.h5", expect=2)  # fmt: skip
-    with h5py.File(tmp_path / "rom.h5") as file:
-        assert file["error"].attrs["met"] == 0
