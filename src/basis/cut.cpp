@@ -35,6 +35,7 @@ public:
   ReducedModel run();
 
 private:
+  void check() const;
   std::size_t level() const;
   std::vector<BandWeight> weights() const;
   std::vector<double> error_grid() const;
@@ -70,7 +71,6 @@ Cut::Cut(const Medium& medium, const CutRequest& request, Observer& observer)
       shifts_(request.shifts.empty() ? default_shifts(bands_) : request.shifts),
       ports_(find_ports(medium.body, request.inputs, request.outputs)),
       medium_(medium, level(), ports_, request.order.by_kind()) {
-  if (medium_.rigid > 0) refuse_statics_of_a_free_body(bands_.front().first);
   medium_.follow_dampers();
   std::vector<double> peaks; // decisions about intervals must not differ
   for (const auto& [omega, half_width] : medium_.resonances)
@@ -81,42 +81,41 @@ Cut::Cut(const Medium& medium, const CutRequest& request, Observer& observer)
     medium_.resonances.push_back({peaks[i], peaks[i + 1]});
 }
 
-/// The first level that meets the target, as the growth for this target would have found.
-std::size_t Cut::level() const {
-  const std::size_t last = whole_.levels.size() - 1;
-  const double target =
-      request_.medium_target > 0 ? request_.medium_target : medium_target(request_.order);
+/// What the medium model must hold for the request.
+void Cut::check() const {
   const double reach = whole_.reference * (1 + 1e-12);
   if (bands_.back().last > reach)
     throw Error(text("the medium model is certified up to %g Hz, the band ends at %g Hz: "
                      "certify it again with {band_hz} as wide",
                      whole_.reference * hz, bands_.back().last * hz));
-  for (const auto& name : request_.methods)
-    if (const auto demand = method(name).demand) {
-      const Demand asked = demand(request_.order.order, shifts_);
-      if (asked.last_needed > reach)
-        throw Error(
-            text("%s expands at %g Hz, the medium model is certified up to %g Hz: "
-                 "certify it again with {shifts_hz}",
-                 name.c_str(), asked.last_needed * hz, whole_.reference * hz));
-      if (asked.modes > whole_.rigid + whole_.modes)
-        throw Error(text("%s of order %d: the medium model knows the %d modes below "
-                         "%g Hz; certify it again with {order} or a higher {cutoff}",
-                         name.c_str(), asked.modes, whole_.rigid + whole_.modes,
-                         whole_.cutoff * hz));
-    }
+  const Demand asked = demand_of(request_.methods, request_.order.order, shifts_);
+  if (asked.last_needed > reach)
+    throw Error(text("%s expands at %g Hz, the medium model is certified up to %g Hz: "
+                     "certify it again with {shifts_hz}",
+                     join(request_.methods).c_str(), asked.last_needed * hz,
+                     whole_.reference * hz));
+  if (asked.modes > whole_.rigid + whole_.modes)
+    throw Error(text("%s of order %d: the medium model knows the %d modes below %g Hz; "
+                     "certify it again with {order} or a higher {cutoff}",
+                     join(request_.methods).c_str(), asked.modes,
+                     whole_.rigid + whole_.modes, whole_.cutoff * hz));
+  if (whole_.rigid > 0) refuse_statics_of_a_free_body(bands_.front().first);
+}
+
+/// The first level that meets the target: for all ports and bands the one that the growth
+/// for this target would have ended with.
+std::size_t Cut::level() const {
+  check();
+  const std::size_t last = whole_.levels.size() - 1;
+  const double target =
+      request_.medium_target > 0 ? request_.medium_target : medium_target(request_.order);
   if (target <= whole_.spec.target) return last;
   for (std::size_t k = 0; k < last; ++k) {
     if (!whole_.levels[k].serves(target)) continue;
     const MediumModel model(whole_, k, ports_, request_.order.by_kind());
-    std::vector<double> grid;
-    if (request_.relative_to == RelativeTo::band)
-      for (const Interval& band : bands_) {
-        const auto part =
-            band_grid(band.first, band.last, 120 / static_cast<int>(bands_.size()),
-                      model.resonances);
-        grid.insert(grid.end(), part.begin(), part.end());
-      }
+    const auto grid = request_.relative_to == RelativeTo::band
+                          ? band_grid(bands_, 120, model.resonances)
+                          : std::vector<double>();
     ErrorOverBand errors(model, bands_, grid, request_.relative_to);
     std::vector<double> spot{errors.weak_spot(target).value_or(-1.0)};
     share_from_first(comm_, spot);
@@ -134,14 +133,12 @@ std::vector<BandWeight> Cut::weights() const {
 }
 
 std::vector<double> Cut::error_grid() const {
-  std::vector<double> grid;
-  for (const Interval& band : bands_) {
-    const auto part = band_grid(
-        band.first, band.last, 400 / static_cast<int>(bands_.size()), medium_.resonances);
-    grid.insert(grid.end(), part.begin(), part.end());
-    for (double omega : request_.error_omega)
-      if (omega >= band.first && omega <= band.last) grid.push_back(omega);
-  }
+  std::vector<double> grid = band_grid(bands_, 400, medium_.resonances);
+  for (double omega : request_.error_omega)
+    if (std::any_of(bands_.begin(), bands_.end(), [&](const Interval& band) {
+          return omega >= band.first && omega <= band.last;
+        }))
+      grid.push_back(omega);
   if (!request_.error_omega.empty()) {
     std::sort(grid.begin(), grid.end());
     grid.erase(std::unique(grid.begin(), grid.end()), grid.end());

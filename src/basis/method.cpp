@@ -115,4 +115,16 @@ Candidate make_candidate(const std::string& name, const SecondStage& stage) {
   return candidate;
 }
 
+Demand demand_of(const std::vector<std::string>& names, int order,
+                 const std::vector<double>& shifts) {
+  Demand all;
+  for (const auto& name : names)
+    if (const auto demand = method(name).demand) {
+      const Demand one = demand(order, shifts);
+      all.modes = std::max(all.modes, one.modes);
+      all.last_needed = std::max(all.last_needed, one.last_needed);
+    }
+  return all;
+}
+
 } // namespace flexgram

@@ -67,6 +67,9 @@ const std::vector<std::pair<std::string, const Method*>>& methods();
 /// @throws Error for a name that is none.
 const Method& method(const std::string& name);
 Candidate make_candidate(const std::string& name, const SecondStage& stage);
+/// What all of them ask of the medium model.
+Demand demand_of(const std::vector<std::string>& names, int order,
+                 const std::vector<double>& shifts);
 
 // ---- what methods share
 

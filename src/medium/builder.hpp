@@ -10,6 +10,9 @@
 
 namespace flexgram {
 
+/// The shortfall of a medium model that is still growing: what a checkpoint says of itself.
+inline constexpr const char* unfinished = "unfinished";
+
 /// The steps of certify, with what they share.
 class MediumBuilder {
 public:
@@ -44,7 +47,6 @@ private:
   void judge(MediumLevel& level);
   bool holds_everywhere();
   void grow();
-  bool has_sharp_resonances() const;
   void report();
 
   const SecondOrderModel& fom_;

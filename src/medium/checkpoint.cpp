@@ -62,10 +62,10 @@ void expect_same_job(const Hdf5File& file, const Medium& there, const CertifySpe
 
 } // namespace
 
-void write_checkpoint(const CheckpointState& state, const SecondOrderModel& body,
-                      const std::string& path) {
+void write_checkpoint(const Medium& medium, const CheckpointState& state,
+                      const SecondOrderModel& body, const std::string& path) {
   Hdf5File file = Hdf5File::create(body.comm, path);
-  write_levels(file, state.medium);
+  write_levels(file, medium);
   archive_state(FieldWriter(file, "/checkpoint"), state);
   write_identity(file, body);
   write_basis(file, "/V", state.V, body.n, body.rows);
@@ -76,33 +76,33 @@ void write_checkpoint(const CheckpointState& state, const SecondOrderModel& body
 
 std::optional<CheckpointState> read_checkpoint(const SecondOrderModel& body,
                                                const CertifySpec& spec,
-                                               const std::string& path) {
+                                               const std::string& path, Medium& medium) {
   std::error_code ignored;
   const bool here = std::filesystem::is_regular_file(path, ignored);
   if (sum_over(body.comm, static_cast<std::int64_t>(here)) < comm_size(body.comm))
     return std::nullopt;
   const Hdf5File file = Hdf5File::open(body.comm, path);
   CheckpointState state;
+  medium = Medium();
   agree(body.comm, [&] {
-    read_levels(file, state.medium);
+    read_levels(file, medium);
     archive_state(FieldReader(file, "/checkpoint"), state);
-    expect_same_job(file, state.medium, spec);
+    expect_same_job(file, medium, spec);
   });
   expect_identity(file, body);
   state.V.append(read_rows(file, "/V", body));
   if (file.exists("/image")) state.image = read_rows(file, "/image", body);
-  const int rigid = state.medium.rigid;
+  const int rigid = medium.rigid;
   const auto ports =
       body.inputs.size() + (body.outputs_are_inputs ? 0 : body.outputs.size());
   const auto square = [&](const Dense& a) {
     return a.rows == rigid && a.columns == rigid;
   };
-  if (state.medium.scale.size() != ports ||
-      state.medium.body.outputs_are_inputs != body.outputs_are_inputs ||
-      state.V.columns() < rigid + state.medium.modes || !square(state.rigid_beyond) ||
+  if (medium.scale.size() != ports ||
+      medium.body.outputs_are_inputs != body.outputs_are_inputs ||
+      state.V.columns() < rigid + medium.modes || !square(state.rigid_beyond) ||
       !square(state.rigid_assumed) ||
-      (!state.medium.levels.empty() &&
-       state.medium.levels.back().order() > state.V.columns()))
+      (!medium.levels.empty() && medium.levels.back().order() > state.V.columns()))
     throw Error(
         text("file %s: its parts do not fit each other: it is damaged", path.c_str()));
   return state;

@@ -10,9 +10,8 @@
 
 namespace flexgram {
 
-/// What `certify` has finished: the space, and the levels that were certified.
+/// What `certify` has finished beside the levels of the medium model: the space.
 struct CheckpointState {
-  Medium medium;     ///< without V; its levels so far
   Basis V;           ///< W-orthonormal
   Dense K, D, ports; ///< VᵀKV, VᵀDV and Vᵀ[B, C], scaled: what tells bodies apart
   Block image; ///< (K + τM)⁻¹T of the last level: the next Krylov block; or empty
@@ -23,16 +22,18 @@ struct CheckpointState {
   double least_eigenvalue = 0, of_rounding = 0;
 };
 
-/// Writes the state beside the output, whole or not at all. Collective.
-void write_checkpoint(const CheckpointState& state, const SecondOrderModel& body,
-                      const std::string& path);
+/// Writes the medium model so far and the state beside the output, whole or not at all.
+/// Collective.
+void write_checkpoint(const Medium& medium, const CheckpointState& state,
+                      const SecondOrderModel& body, const std::string& path);
 
-/// The state, its rows as this run has them: a body assembled on another number of ranks
-/// has them in another order. @return nothing if there is no such file.
+/// Both, rows as this run has them: a body assembled on another number of ranks has them
+/// in another order. @return nothing if there is no such file.
+/// @param medium  becomes what it was, without V.
 /// @throws Error naming the difference if it is of another body, band, ports or version.
 /// Collective.
 std::optional<CheckpointState> read_checkpoint(const SecondOrderModel& body,
                                                const CertifySpec& spec,
-                                               const std::string& path);
+                                               const std::string& path, Medium& medium);
 
 } // namespace flexgram

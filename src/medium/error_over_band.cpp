@@ -14,10 +14,9 @@ namespace {
 constexpr double infinity = std::numeric_limits<double>::infinity();
 /// A factorisation of the full body tells H to no more digits than this.
 constexpr double solve_floor = 1e-11;
-/// Resonances sharper than this (half width over frequency) may be excluded, no farther
-/// from the pole than `zone` of its frequency, and looked at no closer than `nearest`, or
-/// a tenth of the half width.
-constexpr double sharp = 1e-6, zone = 1e-4, nearest = 1e-7;
+/// Beside sharp resonances intervals may be excluded, no farther from the pole than `zone`
+/// of its frequency, and looked at no closer than `nearest`, or a tenth of the half width.
+constexpr double zone = 1e-4, nearest = 1e-7;
 /// Relative length of intervals that are not halved any more.
 constexpr double narrowest = 1e-10;
 /// Degree of the polynomials, and how close the supremum is to come to an attained value.
@@ -72,7 +71,7 @@ ErrorOverBand::ErrorOverBand(const MediumModel& medium, std::vector<Interval> ba
     H_.push_back(std::move(value.H));
   }
   for (const Resonance& r : medium.resonances)
-    if (r.half_width < sharp * r.omega)
+    if (r.sharp())
       sharp_.push_back({{r.omega * (1 - zone), r.omega * (1 + zone)},
                         r.omega,
                         r.half_width > 10 * narrowest * r.omega ? 0.1 * r.half_width

@@ -15,48 +15,6 @@
 #include <numeric>
 
 namespace flexgram {
-std::string Medium::claim() const {
-  const MediumLevel* last = levels.empty() ? nullptr : &levels.back();
-  if (shortfall.empty() && last && last->proved)
-    return text("certified to %.0e", spec.target);
-  const double worst = last ? last->worst : HUGE_VAL;
-  return text("%.1e at the frequencies it grew by, target %.0e not reached: %s", worst,
-              spec.target, shortfall.empty() ? "not proved" : shortfall.c_str());
-}
-
-Medium Medium::without_basis() const {
-  Medium copy;
-  copy.body = body.head();
-  copy.spec = spec;
-  copy.rigid = rigid;
-  copy.modes = modes;
-  copy.cutoff = cutoff;
-  copy.reference = reference;
-  copy.tau = tau;
-  copy.kappa = kappa;
-  copy.scale = scale;
-  copy.levels = levels;
-  copy.shortfall = shortfall;
-  copy.loss_of_orthogonality = loss_of_orthogonality;
-  copy.factorisations = factorisations;
-  copy.solved_columns = solved_columns;
-  copy.integrals = integrals;
-  return copy;
-}
-
-std::vector<Resonance> Medium::resonances(const MediumLevel& level) const {
-  const DenseResponse& response = *level.response;
-  std::vector<Resonance> result;
-  for (int j = rigid; j < rigid + modes; ++j) {
-    const double l = std::max(response.lambda()[static_cast<std::size_t>(j)], 0.0),
-                 omega = std::sqrt(l);
-    double d = body.damping.alpha + body.damping.beta * l + body.damping.eta * omega;
-    if (!response.is_diagonal())
-      d += response.modal_damping()(j, j) / response.mu()[static_cast<std::size_t>(j)];
-    result.push_back({omega, 0.5 * d});
-  }
-  return result;
-}
 
 std::shared_ptr<const DenseResponse> MediumBuilder::ritz_response() const {
   DenseSystem system;
@@ -67,12 +25,6 @@ std::shared_ptr<const DenseResponse> MediumBuilder::ritz_response() const {
   system.B = inner(space_->V(), loads_);
   system.C = system.B;
   return std::make_shared<DenseResponse>(std::move(system), medium_.tau);
-}
-
-void refuse_statics_of_a_free_body(double first) {
-  if (first == 0)
-    throw Error("the band starts at 0 Hz, where a free body has no finite response: "
-                "{band_hz} must start above");
 }
 
 void MediumBuilder::factorise_norm() {
@@ -253,7 +205,10 @@ void MediumBuilder::grow() {
     told = now();
     // Modes that are not exact enough for the proof gain from a block; strong dampers do
     // not.
-    if (level().serves(target) && holds_everywhere()) return;
+    if (level().serves(target) && holds_everywhere()) {
+      medium_.shortfall.clear();
+      return;
+    }
     count(level().worst);
     if (stalled >= 3) {
       medium_.shortfall = "more vectors do not lower the bound";
@@ -275,12 +230,6 @@ void MediumBuilder::grow() {
   if (!level().complete) prove(space_->columns() * 3);
 }
 
-/// Where intervals may be excluded.
-bool MediumBuilder::has_sharp_resonances() const {
-  return std::any_of(model_->resonances.begin(), model_->resonances.end(),
-                     [](const Resonance& r) { return r.half_width < 1e-6 * r.omega; });
-}
-
 void MediumBuilder::report() {
   const MediumLevel& level = medium_.levels.back();
   const double target = spec_.target;
@@ -296,7 +245,8 @@ void MediumBuilder::report() {
       medium_.shortfall.empty()
           ? text("at most %.0e of H everywhere in the band%s%s (%.1e at the frequencies "
                  "it grew by)",
-                 target, has_sharp_resonances() ? " but beside undamped resonances" : "",
+                 target,
+                 medium_.has_sharp_resonances() ? " but beside undamped resonances" : "",
                  level.proved ? "" : ", estimated", level.worst)
           : text("%.1e of H at the frequencies it grew by, target %.0e not reached: %s",
                  level.worst, target, medium_.shortfall.c_str()));
@@ -356,11 +306,7 @@ Medium MediumBuilder::build(bool mass_is_singular) {
       omega = 1.0123 * medium_.cutoff; // a mode on the cutoff: beside it
     if (medium_.rigid > 0) refuse_statics_of_a_free_body(first);
     const auto peaks = medium_.resonances({ritz_response(), nullptr});
-    for (const Interval& band : spec_.bands) {
-      const auto part = band_grid(band.first, band.last,
-                                  120 / static_cast<int>(spec_.bands.size()), peaks);
-      grid_.insert(grid_.end(), part.begin(), part.end());
-    }
+    grid_ = band_grid(spec_.bands, 120, peaks);
     share_list(fom_.comm, grid_);
     save("the modes");
   }

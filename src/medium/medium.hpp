@@ -67,8 +67,8 @@ struct Medium {
 
   /// "certified to 2e-08", or how far it is from that.
   std::string claim() const;
-  /// Everything but V, which a writer hands over by itself.
-  Medium without_basis() const;
+  /// Intervals beside them are excluded from the claim.
+  bool has_sharp_resonances() const;
   /// Undamped frequencies and half widths of the modes below the cutoff.
   std::vector<Resonance> resonances(const MediumLevel& level) const;
 };

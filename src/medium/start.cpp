@@ -17,6 +17,7 @@
 #include <numeric>
 
 namespace flexgram {
+
 MediumBuilder::MediumBuilder(const SecondOrderModel& fom, const CertifySpec& spec,
                              const SolverOptions& solver, Observer& observer,
                              const CheckpointSpec& checkpoint)
@@ -26,6 +27,7 @@ MediumBuilder::MediumBuilder(const SecondOrderModel& fom, const CertifySpec& spe
   loads_ = fom.outputs_are_inputs ? copy(fom.B) : concatenate(fom.B, fom.C);
   medium_.body = fom.head();
   medium_.spec = spec;
+  medium_.shortfall = unfinished;
 }
 
 /// Whether V is of this body: what it makes of K, D and the ports now against what it
@@ -64,17 +66,18 @@ void MediumBuilder::expect_same_projection(const CheckpointState& state) const {
 bool MediumBuilder::resume() {
   if (!checkpoint_.restart || checkpoint_.path.empty()) return false;
   Stage stage(observer_, "restart");
-  auto state = read_checkpoint(fom_, spec_, checkpoint_.path);
+  Medium kept;
+  auto state = read_checkpoint(fom_, spec_, checkpoint_.path, kept);
   if (!state) {
     observer_.fact("restart", text("there is no checkpoint %s: from the beginning",
                                    checkpoint_.path.c_str()));
     return false;
   }
-  checkpoint_.used = true;
-  medium_ = std::move(state->medium);
+  *checkpoint_.used = true;
+  medium_ = std::move(kept);
   medium_.body = fom_.head();
   medium_.spec = spec_;
-  medium_.shortfall.clear();
+  medium_.shortfall = unfinished;
   expected_ = medium_.modes;
   geometric_ = state->geometric;
   blocks_ = state->blocks;
@@ -106,9 +109,7 @@ bool MediumBuilder::resume() {
 
 CheckpointState MediumBuilder::state() const {
   CheckpointState state;
-  state.medium = medium_.without_basis();
-  state.medium.shortfall = "unfinished";
-  const int rigid = state.medium.rigid = space_->rigid();
+  const int rigid = space_->rigid();
   state.rigid_beyond =
       rigid > 0 ? part_of(space_->neglected(), 0, rigid, 0, rigid) : Dense(0, 0);
   state.rigid_assumed = rigid > 0 ? space_->assumed() : Dense(0, 0);
@@ -137,8 +138,8 @@ void MediumBuilder::save(const char* what) {
       (checkpoint_.when == When::automatic && (late || end))) {
     Stage stage(observer_, "checkpoint");
     try {
-      write_checkpoint(state(), fom_, checkpoint_.path);
-      saved = checkpoint_.used = true;
+      write_checkpoint(medium_, state(), fom_, checkpoint_.path);
+      saved = *checkpoint_.used = true;
       observer_.detail(text("  checkpoint after %s: %s", what, checkpoint_.path.c_str()));
     } catch (const Error& error) { // on all ranks
       if (checkpoint_.when == When::always) throw;

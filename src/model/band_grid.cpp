@@ -27,4 +27,15 @@ std::vector<double> band_grid(double first, double last, int count,
   return grid;
 }
 
+std::vector<double> band_grid(const std::vector<Interval>& bands, int count,
+                              const std::vector<Resonance>& resonances) {
+  std::vector<double> grid;
+  for (const Interval& band : bands) {
+    const auto part = band_grid(band.first, band.last,
+                                count / static_cast<int>(bands.size()), resonances);
+    grid.insert(grid.end(), part.begin(), part.end());
+  }
+  return grid;
+}
+
 } // namespace flexgram

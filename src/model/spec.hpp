@@ -1,5 +1,6 @@
 #pragma once
 
+#include <memory>
 #include <numbers>
 #include <optional>
 #include <string>
@@ -48,8 +49,9 @@ struct CheckpointSpec {
   };
   std::string path; ///< empty: nowhere
   When when = When::automatic;
-  bool restart = false;      ///< go on from it, if it is there
-  mutable bool used = false; ///< it was written or gone on from
+  bool restart = false; ///< go on from it, if it is there
+  /// Whether it was written or gone on from; shared by copies.
+  std::shared_ptr<bool> used = std::make_shared<bool>(false);
 };
 
 /// The paper's order rule (section 2.2): smallest m with σ_{m+1}/σ_1 < √ε ≈ 1.5e-8.

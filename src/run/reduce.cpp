@@ -129,7 +129,7 @@ void warn_of_default_band(const Options& options, Observer& observer) {
 /// folder of samples only samples.
 void remove(const CheckpointSpec& checkpoint, MPI_Comm comm) {
   namespace fs = std::filesystem;
-  if (!checkpoint.used || comm_rank(comm) != 0) return;
+  if (!*checkpoint.used || comm_rank(comm) != 0) return;
   std::error_code ignored;
   if (fs::is_directory(checkpoint.path, ignored)) {
     std::vector<fs::path> files;

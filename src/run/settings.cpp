@@ -353,22 +353,21 @@ CertifySpec Settings::certify_spec() const {
   spec.relative_to = reference_of(relative_to);
   spec.by_kind = order.by_kind();
   const auto shifts = shifts_hz.empty() ? default_shifts(spec.bands) : in_rad(shifts_hz);
-  for (const auto& name : methods())
-    if (const auto demand = flexgram::method(name).demand) {
-      const Demand asked = demand(order.order, shifts);
-      spec.modes = std::max(spec.modes, asked.modes);
-      spec.last_needed = std::max(spec.last_needed, asked.last_needed);
-    }
+  const Demand asked = demand_of(methods(), order.order, shifts);
+  spec.modes = asked.modes;
+  spec.last_needed = asked.last_needed;
   return spec;
 }
 
 CheckpointSpec Settings::checkpoint_spec(const std::string& output) const {
   using When = CheckpointSpec::When;
-  return {output + (takes_samples() ? ".samples" : ".checkpoint"),
-          checkpoint == "yes"  ? When::always
-          : checkpoint == "no" ? When::never
-                               : When::automatic,
-          restart};
+  CheckpointSpec spec;
+  spec.path = output + (takes_samples() ? ".samples" : ".checkpoint");
+  spec.when = checkpoint == "yes"  ? When::always
+              : checkpoint == "no" ? When::never
+                                   : When::automatic;
+  spec.restart = restart;
+  return spec;
 }
 
 CutRequest Settings::cut_request() const {

@@ -53,8 +53,6 @@ struct FrequencySolves::State {
   void keep(double omega, const Block& x, bool end) const;
 
   CheckpointSpec checkpoint;
-  const CheckpointSpec* asked = nullptr; ///< whose `used` tells the caller
-  mutable bool used = false;
   double start = now();
 
   Observer* observer;
@@ -150,7 +148,6 @@ std::vector<std::size_t> FrequencySolves::mine(std::size_t count) const {
 
 void FrequencySolves::keep(const CheckpointSpec& checkpoint) {
   state_->checkpoint = checkpoint;
-  state_->asked = &checkpoint;
 }
 
 /// A file by the frequency's bits: the same number, the same file.
@@ -166,7 +163,7 @@ std::optional<Block> FrequencySolves::State::kept(double omega) const {
   const bool here = std::filesystem::exists(path, ignored);
   if (sum_over(groups->comm, static_cast<std::int64_t>(here)) < comm_size(groups->comm))
     return std::nullopt;
-  used = true;
+  *checkpoint.used = true;
   const Hdf5File file = Hdf5File::open(groups->comm, path);
   expect_identity(file, model);
   return read_rows(file, "/X", model);
@@ -191,7 +188,7 @@ void FrequencySolves::State::keep(double omega, const Block& x, bool end) const 
   write_basis(file, "/X", x, model.n, model.rows);
   write_dof_map(file, model);
   file.commit();
-  used = true;
+  *checkpoint.used = true;
 }
 
 void FrequencySolves::for_each(const std::vector<double>& omega, const char* what,
@@ -234,7 +231,8 @@ void FrequencySolves::for_each(const std::vector<double>& omega, const char* wha
             ? std::string("ended by SIGTERM, without a checkpoint ({checkpoint} no)")
             : text("ended by SIGTERM; {restart} goes on from %s",
                    s.checkpoint.path.c_str()));
-  if (s.asked) s.asked->used = max_over(s.groups->world, s.used ? 1.0 : 0.0) > 0;
+  bool& used = *s.checkpoint.used; // by any group
+  used = max_over(s.groups->world, used ? 1.0 : 0.0) > 0;
   s.worst_backward_error = max_over(s.groups->world, s.worst_backward_error);
   if (s.worst_backward_error > s.target_backward_error)
     s.observer->warn(

@@ -38,12 +38,10 @@ Job to_tolerance(double tolerance) {
 }
 
 Medium certified(const SecondOrderModel& fom, Job job) {
-  for (const auto& name : job.request.methods)
-    if (const auto demand = method(name).demand) {
-      const Demand asked = demand(job.request.order.order, job.request.shifts);
-      job.spec.modes = asked.modes;
-      job.spec.last_needed = asked.last_needed;
-    }
+  const Demand asked =
+      demand_of(job.request.methods, job.request.order.order, job.request.shifts);
+  job.spec.modes = asked.modes;
+  job.spec.last_needed = asked.last_needed;
   if (job.spec.target == CertifySpec().target)
     job.spec.target = medium_target(job.request.order);
   job.spec.by_kind = job.request.order.by_kind();

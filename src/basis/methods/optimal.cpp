@@ -270,14 +270,10 @@ Dense minimum(const BandError& band, Dense V, double q, double tolerance) {
 }
 
 std::vector<double> grid_of(const SecondStage& stage, int count) {
-  std::vector<double> omega;
-  for (const BandWeight& band : stage.bands) {
-    const auto part =
-        band_grid(band.omega.front(), band.omega.back(),
-                  count / static_cast<int>(stage.bands.size()), stage.medium.resonances);
-    omega.insert(omega.end(), part.begin(), part.end());
-  }
-  return omega;
+  std::vector<Interval> bands;
+  for (const BandWeight& band : stage.bands)
+    bands.push_back({band.omega.front(), band.omega.back()});
+  return band_grid(bands, count, stage.medium.resonances);
 }
 
 /// Optimises over a coarse grid, which gains the frequencies where a fine one shows more.

@@ -1,0 +1,48 @@
+/// What a certified medium model says of itself. See medium.hpp; it is made in growth.cpp.
+
+#include "medium/medium.hpp"
+
+#include "base/text.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace flexgram {
+
+std::string Medium::claim() const {
+  const MediumLevel* last = levels.empty() ? nullptr : &levels.back();
+  if (shortfall.empty() && last && last->proved)
+    return text("certified to %.0e%s", spec.target,
+                has_sharp_resonances() ? " but beside undamped resonances" : "");
+  const double worst = last ? last->worst : HUGE_VAL;
+  return text("%.1e at the frequencies it grew by, target %.0e not reached: %s", worst,
+              spec.target, shortfall.empty() ? "not proved" : shortfall.c_str());
+}
+
+bool Medium::has_sharp_resonances() const {
+  const auto peaks = resonances(levels.back());
+  return std::any_of(peaks.begin(), peaks.end(),
+                     [](const Resonance& r) { return r.sharp(); });
+}
+
+std::vector<Resonance> Medium::resonances(const MediumLevel& level) const {
+  const DenseResponse& response = *level.response;
+  std::vector<Resonance> result;
+  for (int j = rigid; j < rigid + modes; ++j) {
+    const double l = std::max(response.lambda()[static_cast<std::size_t>(j)], 0.0),
+                 omega = std::sqrt(l);
+    double d = body.damping.alpha + body.damping.beta * l + body.damping.eta * omega;
+    if (!response.is_diagonal())
+      d += response.modal_damping()(j, j) / response.mu()[static_cast<std::size_t>(j)];
+    result.push_back({omega, 0.5 * d});
+  }
+  return result;
+}
+
+void refuse_statics_of_a_free_body(double first) {
+  if (first == 0)
+    throw Error("the band starts at 0 Hz, where a free body has no finite response: "
+                "{band_hz} must start above");
+}
+
+} // namespace flexgram
