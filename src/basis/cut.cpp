@@ -36,16 +36,17 @@ public:
 
 private:
   void check() const;
-  std::size_t level() const;
+  std::shared_ptr<MediumOverBand> seen(std::size_t level) const;
+  std::shared_ptr<MediumOverBand> first_that_serves() const;
   std::vector<BandWeight> weights() const;
-  std::vector<double> error_grid() const;
+  std::vector<double> error_grid(const MediumModel& model) const;
   Dense gram() const;
   Dense tangent(const Dense& Q) const;
   ErrorOverBand::Supremum shared_supremum(ErrorOverBand::Supremum sup) const;
   ErrorClaim claim_of(const ErrorOverBand::Supremum& sup) const;
   Dense chosen_basis();
   ReducedModel reduced(const Dense& Q, const DenseSystem& small,
-                       const ErrorOverBand::Supremum& sup) const;
+                       const ErrorOverBand::Supremum& sup);
   void tell(const ReducedModel& rom, const DenseSystem& small,
             const ErrorOverBand::Supremum& sup);
   void tell_error(const ReducedModel& rom, const DenseSystem& small,
@@ -58,9 +59,10 @@ private:
   std::vector<Interval> bands_;
   std::vector<double> shifts_;
   PortSelection ports_;
-  MediumModel medium_;
+  std::shared_ptr<MediumOverBand> seen_;
+  const MediumModel& medium_;
   std::unique_ptr<SecondStage> stage_;
-  std::unique_ptr<ErrorOverBand> errors_;
+  ErrorOverBand errors_;
   OrderChoice choice_;
   Frame frame_ = Frame::none;
 };
@@ -70,16 +72,8 @@ Cut::Cut(const Medium& medium, const CutRequest& request, Observer& observer)
       bands_(request.bands.empty() ? medium.spec.bands : request.bands),
       shifts_(request.shifts.empty() ? default_shifts(bands_) : request.shifts),
       ports_(find_ports(medium.body, request.inputs, request.outputs)),
-      medium_(medium, level(), ports_, request.order.by_kind()) {
-  medium_.follow_dampers();
-  std::vector<double> peaks; // decisions about intervals must not differ
-  for (const auto& [omega, half_width] : medium_.resonances)
-    peaks.insert(peaks.end(), {omega, half_width});
-  share_list(comm_, peaks);
-  medium_.resonances.clear();
-  for (std::size_t i = 0; i + 1 < peaks.size(); i += 2)
-    medium_.resonances.push_back({peaks[i], peaks[i + 1]});
-}
+      seen_(first_that_serves()), medium_(seen_->model()),
+      errors_(*seen_, request.relative_to) {}
 
 /// What the medium model must hold for the request.
 void Cut::check() const {
@@ -102,26 +96,42 @@ void Cut::check() const {
   if (whole_.rigid > 0) refuse_statics_of_a_free_body(bands_.front().first);
 }
 
+/// A level as this request looks at it.
+std::shared_ptr<MediumOverBand> Cut::seen(std::size_t level) const {
+  const bool by_kind = request_.order.by_kind();
+  return whole_.seen->find_or(
+      {level, ports_, by_kind, bands_, request_.error_omega}, [&] {
+        MediumModel model(whole_, level, ports_, by_kind);
+        model.follow_dampers();
+        std::vector<double> peaks; // decisions about intervals must not differ
+        for (const auto& [omega, half_width] : model.resonances)
+          peaks.insert(peaks.end(), {omega, half_width});
+        share_list(comm_, peaks);
+        model.resonances.clear();
+        for (std::size_t i = 0; i + 1 < peaks.size(); i += 2)
+          model.resonances.push_back({peaks[i], peaks[i + 1]});
+        std::vector<double> grid = error_grid(model);
+        return std::make_shared<MediumOverBand>(std::move(model), bands_,
+                                                std::move(grid));
+      });
+}
+
 /// The first level that meets the target: for all ports and bands the one that the growth
 /// for this target would have ended with.
-std::size_t Cut::level() const {
+std::shared_ptr<MediumOverBand> Cut::first_that_serves() const {
   check();
   const std::size_t last = whole_.levels.size() - 1;
   const double target =
       request_.medium_target > 0 ? request_.medium_target : medium_target(request_.order);
-  if (target <= whole_.spec.target) return last;
-  for (std::size_t k = 0; k < last; ++k) {
+  for (std::size_t k = 0; k < last && target > whole_.spec.target; ++k) {
     if (!whole_.levels[k].serves(target)) continue;
-    const MediumModel model(whole_, k, ports_, request_.order.by_kind());
-    const auto grid = request_.relative_to == RelativeTo::band
-                          ? band_grid(bands_, 120, model.resonances)
-                          : std::vector<double>();
-    ErrorOverBand errors(model, bands_, grid, request_.relative_to);
-    std::vector<double> spot{errors.weak_spot(target).value_or(-1.0)};
+    const auto here = seen(k);
+    std::vector<double> spot{
+        ErrorOverBand(*here, request_.relative_to).weak_spot(target).value_or(-1.0)};
     share_from_first(comm_, spot);
-    if (spot[0] < 0) return k;
+    if (spot[0] < 0) return here;
   }
-  return last;
+  return seen(last);
 }
 
 std::vector<BandWeight> Cut::weights() const {
@@ -132,8 +142,8 @@ std::vector<BandWeight> Cut::weights() const {
   return result;
 }
 
-std::vector<double> Cut::error_grid() const {
-  std::vector<double> grid = band_grid(bands_, 400, medium_.resonances);
+std::vector<double> Cut::error_grid(const MediumModel& model) const {
+  std::vector<double> grid = band_grid(bands_, 400, model.resonances);
   for (double omega : request_.error_omega)
     if (std::any_of(bands_.begin(), bands_.end(), [&](const Interval& band) {
           return omega >= band.first && omega <= band.last;
@@ -223,7 +233,7 @@ ErrorClaim Cut::claim_of(const ErrorOverBand::Supremum& sup) const {
       std::max_element(sup.worst_of.begin(), sup.worst_of.end()) - sup.worst_of.begin());
   claim.attained = sup.attained_of[view];
   claim.at = sup.at_of[view];
-  claim.rigid_rounding = errors_->assumed();
+  claim.rigid_rounding = seen_->grid().assumed;
   claim.relative_to = request_.relative_to == RelativeTo::band ? "band" : "pointwise";
   for (const Interval& b : bands_) claim.bands.push_back({b.first, b.last});
   for (const Interval& e : sup.excluded) claim.excluded.push_back({e.first, e.last});
@@ -273,7 +283,7 @@ Dense Cut::chosen_basis() {
 
 /// The reduced body and what is claimed of it.
 ReducedModel Cut::reduced(const Dense& Q, const DenseSystem& small,
-                          const ErrorOverBand::Supremum& sup) const {
+                          const ErrorOverBand::Supremum& sup) {
   ReducedModel rom;
   rom.model = small.model(medium_.names);
   rom.V = medium_.lift(Q);
@@ -285,11 +295,11 @@ ReducedModel Cut::reduced(const Dense& Q, const DenseSystem& small,
   rom.sigma = paper != choice_.candidates.end()
                   ? paper->sigma
                   : make_candidate("gramian", *stage_).sigma;
-  ErrorOverBand::Errors errors = errors_->of(small);
-  rom.omega = errors_->omega();
+  ErrorOverBand::Errors errors = errors_.of(small);
+  rom.omega = errors_.omega();
   rom.epsilon = std::move(errors.relative);
   rom.bound = std::move(errors.bound);
-  rom.floor = errors_->floor();
+  rom.floor = errors_.floor();
   rom.claim = claim_of(sup);
   std::vector<double> poles;
   for (const auto& pole : medium_.poles_within(small, sup.excluded))
@@ -333,9 +343,9 @@ void Cut::tell_error(const ReducedModel& rom, const DenseSystem& small,
            rom.claim->bands.size() > 1 ? "s" : "", label.c_str(), sup.attained_of[0],
            sup.at_of[0] * hz, *std::max_element(rom.floor.begin(), rom.floor.end())));
   if (sup.excluded.empty()) { // else |H| has no largest value
-    const auto other = errors_->supremum(
-        small, request_.order.tolerance.value_or(0),
-        to_band ? RelativeTo::pointwise : RelativeTo::band, sup.intervals + 200);
+    const auto other =
+        ErrorOverBand(*seen_, to_band ? RelativeTo::pointwise : RelativeTo::band)
+            .supremum(small, request_.order.tolerance.value_or(0), sup.intervals + 200);
     observer_.fact("relative to",
                    text("%s ({tol_relative_to} %s); of %s the error is at most %.1e",
                         references[to_band ? 1 : 0], to_band ? "band" : "pointwise",
@@ -356,7 +366,7 @@ void Cut::tell_error(const ReducedModel& rom, const DenseSystem& small,
     std::vector<ComplexDense> H_r;
     const DenseResponse response(small, medium_.tau);
     for (double omega : rom.omega) H_r.push_back(response.transfer(omega));
-    warn_of_kinds(rom.model, errors_->H(), H_r, sup.worst, observer_);
+    warn_of_kinds(rom.model, seen_->grid().H, H_r, sup.worst, observer_);
   }
   if (!rom.claim->met)
     observer_.warn(text(
@@ -398,16 +408,14 @@ ReducedModel Cut::run() {
   stage_ = std::make_unique<SecondStage>(SecondStage{
       medium_, weights(), request_.equal_ports, frame_ != Frame::none, gram(), shifts_,
       request_.moments, request_.relative_to, request_.order.tolerance.value_or(0)});
-  errors_ = std::make_unique<ErrorOverBand>(medium_, bands_, error_grid(),
-                                            request_.relative_to);
   const auto names =
       request_.methods.empty() ? automatic_methods(request_.order) : request_.methods;
-  choice_ = choose_order(names, *stage_, *errors_, request_.order);
+  choice_ = choose_order(names, *stage_, errors_, request_.order);
   if (!choice_.tried.empty()) observer_.fact("second stage", choice_.tried);
   const Dense Q = chosen_basis();
   const DenseSystem small = medium_.system.project(Q);
-  const auto sup = shared_supremum(errors_->supremum(
-      small, request_.order.tolerance.value_or(0), request_.relative_to));
+  const auto sup =
+      shared_supremum(errors_.supremum(small, request_.order.tolerance.value_or(0)));
   ReducedModel rom = reduced(Q, small, sup);
   tell(rom, small, sup);
   return rom;

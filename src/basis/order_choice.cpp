@@ -52,8 +52,8 @@ int ruled_order(const Candidate& candidate, const SecondStage& stage) {
 }
 
 /// Why no small model meets the tolerance.
-std::string shortfall(double tolerance, const SecondStage& stage,
-                      const ErrorOverBand& errors, const Candidate& best) {
+std::string shortfall(double tolerance, const SecondStage& stage, ErrorOverBand& errors,
+                      const Candidate& best) {
   const double floor = errors.largest_floor(), least = errors.least();
   if (floor > 0.5 * tolerance)
     return text(
@@ -71,7 +71,7 @@ std::string shortfall(double tolerance, const SecondStage& stage,
 
 /// The model that comes closest, at the smallest order that does as well to a tenth.
 void choose_closest(OrderChoice& choice, double tolerance, const SecondStage& stage,
-                    const ErrorOverBand& errors) {
+                    ErrorOverBand& errors) {
   const MediumModel& medium = stage.medium;
   double reached = std::numeric_limits<double>::infinity();
   for (std::size_t c = 0; c < choice.candidates.size(); ++c) {
@@ -117,7 +117,7 @@ void choose_by_tolerance(OrderChoice& choice, double tolerance, const SecondStag
 }
 
 void choose_by_order(OrderChoice& choice, int order, const SecondStage& stage,
-                     const ErrorOverBand& errors) {
+                     ErrorOverBand& errors) {
   double least = std::numeric_limits<double>::infinity();
   for (std::size_t c = 0; c < choice.candidates.size(); ++c) {
     const Candidate& candidate = choice.candidates[c];

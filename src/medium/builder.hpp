@@ -4,7 +4,7 @@
 #pragma once
 
 #include "medium/checkpoint.hpp"
-#include "medium/model.hpp"
+#include "medium/over_band.hpp"
 #include "medium/space.hpp"
 #include "model/rigid_body_modes.hpp"
 
@@ -62,7 +62,7 @@ private:
   double threshold_ = 0;
   std::unique_ptr<MediumSpace> space_;
   Medium medium_;
-  std::unique_ptr<MediumModel> model_; ///< one of its levels, by all ports
+  std::unique_ptr<MediumOverBand> seen_; ///< one of its levels, by all ports
   std::vector<double> grid_;
   double of_rounding_ = 0;      ///< norm in E⁻¹ of a random vector, rows scaled
   double least_eigenvalue_ = 0; ///< of K + τM with a unit diagonal, at least

@@ -1,9 +1,6 @@
 #include "medium/error_over_band.hpp"
 
-#include "medium/view_norms.hpp"
-
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <queue>
@@ -12,33 +9,20 @@ namespace flexgram {
 namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
-/// A factorisation of the full body tells H to no more digits than this.
-constexpr double solve_floor = 1e-11;
-/// Beside sharp resonances intervals may be excluded, no farther from the pole than `zone`
-/// of its frequency, and looked at no closer than `nearest`, or a tenth of the half width.
-constexpr double zone = 1e-4, nearest = 1e-7;
 /// Relative length of intervals that are not halved any more.
 constexpr double narrowest = 1e-10;
-/// Degree of the polynomials, and how close the supremum is to come to an attained value.
-constexpr int degree = 12;
+/// How close the supremum is to come to an attained value.
 constexpr double close = 1.05;
-/// What is kept of the medium model's series; more is computed again.
-constexpr std::size_t most_kept = 32u << 20; // numbers: 256 MB
 
 double width_of(const Interval& interval) { return interval.last - interval.first; }
 
+double largest(const std::vector<double>& values) {
+  return *std::max_element(values.begin(), values.end());
+}
+
 } // namespace
 
-/// An interval and what the medium model says of it; halved when that is not enough.
-struct ErrorOverBand::Node {
-  Interval interval;
-  std::unique_ptr<Node> low, high;
-  bool seen = false, kept = false, proved = true;
-  std::optional<MatrixSeries> H;    ///< none: a pole is too near
-  std::vector<double> bound, floor; ///< of each view, in the unit of H; its rounding
-  std::vector<ViewNorms> size;      ///< of each view
-};
-
+/// What a small model's error may be on an interval.
 struct ErrorOverBand::Look {
   std::vector<double> upper; ///< of each view
   double worst = infinity;
@@ -47,124 +31,75 @@ struct ErrorOverBand::Look {
   bool proved = true;
 };
 
-double ErrorOverBand::Point::worst() const {
-  return *std::max_element(certified.begin(), certified.end());
-}
+/// The certified errors at one frequency.
+struct ErrorOverBand::Point {
+  std::vector<double> certified; ///< of each view
+  bool proved = true;
+  double worst() const { return largest(certified); }
+};
 
-ErrorOverBand::ErrorOverBand(const MediumModel& medium, std::vector<Interval> bands,
-                             std::vector<double> grid, RelativeTo relative_to)
-    : medium_(medium), relative_to_(relative_to), omega_(std::move(grid)) {
-  for (const PortView& view : medium.views) views_.push_back({view, 0, {}, {}, {}});
-  for (double omega : omega_) {
-    MediumModel::Value value = medium.at(omega);
-    for (std::size_t v = 0; v < views_.size(); ++v) {
-      Seen& seen = views_[v];
-      const Certificate::Bound& bound = value.bounds[v];
-      const double size = frobenius_norm(seen.view.of(value.H)),
-                   floor = bound.floor + solve_floor * size;
-      seen.size.push_back(size);
-      seen.bound.push_back(bound.error + floor);
-      seen.floor.push_back(floor / size);
-      assumed_ = std::max(assumed_, bound.assumed / size);
-      if (bound.proved) seen.largest = std::max(seen.largest, size - seen.bound.back());
-    }
-    H_.push_back(std::move(value.H));
-  }
-  for (const Resonance& r : medium.resonances)
-    if (r.sharp())
-      sharp_.push_back({{r.omega * (1 - zone), r.omega * (1 + zone)},
-                        r.omega,
-                        r.half_width > 10 * narrowest * r.omega ? 0.1 * r.half_width
-                                                                : nearest * r.omega});
-  for (const Interval& band : bands) {
-    // Zones of exclusion are intervals of their own.
-    std::vector<double> ends{band.first, band.last};
-    for (const Sharp& s : sharp_)
-      for (double end : {s.zone.first, s.zone.last})
-        if (end > band.first && end < band.last) ends.push_back(end);
-    std::sort(ends.begin(), ends.end());
-    for (std::size_t i = 0; i + 1 < ends.size(); ++i) {
-      const double whole = ends[i + 1] - ends[i];
-      const int count =
-          1 + static_cast<int>(31 * whole / std::max(width_of(band), 1e-300));
-      for (int l = 0; l < count; ++l) {
-        auto node = std::make_unique<Node>();
-        node->interval = {ends[i] + whole * l / count,
-                          l + 1 == count ? ends[i + 1]
-                                         : ends[i] + whole * (l + 1) / count};
-        roots_.push_back(std::move(node));
-      }
-    }
-    if (width_of(band) == 0) {
-      roots_.push_back(std::make_unique<Node>());
-      roots_.back()->interval = band;
-    }
-  }
-}
+ErrorOverBand::ErrorOverBand(MediumOverBand& medium, RelativeTo relative_to)
+    : medium_(medium), relative_to_(relative_to) {}
 
-ErrorOverBand::~ErrorOverBand() = default;
-
+/// A certified error: `difference` of the responses, ‖H‖ of the medium model and the bound
+/// of its error, in the unit of H.
 double ErrorOverBand::ratio(std::size_t view, double difference, double size,
-                            double bound) const {
-  const double known =
-      relative_to_ == RelativeTo::band ? views_[view].largest : size - bound;
+                            double bound) {
+  const double known = relative_to_ == RelativeTo::band
+                           ? medium_.grid().views[view].largest
+                           : size - bound;
   const double most = difference + bound;
   return known > 0 && most < infinity ? most / known : infinity; // NaN too
 }
 
-double ErrorOverBand::certified(const Seen& seen, std::size_t l,
-                                const ComplexDense& H_r) const {
+double ErrorOverBand::on_grid(std::size_t view, std::size_t l, const ComplexDense& H_r) {
+  const MediumOverBand::Grid& grid = medium_.grid();
+  const PortView& ports = medium_.model().views[view];
   double sum = 0;
-  for (int j : seen.view.columns)
-    for (int i : seen.view.rows) sum += std::norm(H_[l](i, j) - H_r(i, j));
-  return ratio(static_cast<std::size_t>(&seen - views_.data()), std::sqrt(sum),
-               seen.size[l], seen.bound[l]);
+  for (int j : ports.columns)
+    for (int i : ports.rows) sum += std::norm(grid.H[l](i, j) - H_r(i, j));
+  return ratio(view, std::sqrt(sum), grid.views[view].size[l], grid.views[view].bound[l]);
 }
 
-double ErrorOverBand::least() const {
+double ErrorOverBand::least() {
+  const auto& views = medium_.grid().views;
   double least = 0;
-  for (std::size_t v = 0; v < views_.size(); ++v)
-    for (std::size_t l = 0; l < omega_.size(); ++l)
-      least = std::max(least, ratio(v, 0, views_[v].size[l], views_[v].bound[l]));
+  for (std::size_t v = 0; v < views.size(); ++v)
+    for (std::size_t l = 0; l < omega().size(); ++l)
+      least = std::max(least, ratio(v, 0, views[v].size[l], views[v].bound[l]));
   return least;
 }
 
-double ErrorOverBand::largest_floor() const {
-  double largest = 0;
-  for (const Seen& seen : views_)
-    for (double floor : seen.floor) largest = std::max(largest, floor);
-  return largest;
+double ErrorOverBand::largest_floor() {
+  double most = 0;
+  for (const auto& view : medium_.grid().views)
+    for (double floor : view.floor) most = std::max(most, floor);
+  return most;
 }
 
-ErrorOverBand::Errors ErrorOverBand::of(const DenseSystem& small) const {
-  const DenseResponse response(small, medium_.tau);
+ErrorOverBand::Errors ErrorOverBand::of(const DenseSystem& small) {
+  const DenseResponse response(small, medium_.model().tau);
+  const MediumOverBand::Grid& grid = medium_.grid();
   Errors errors;
-  errors.worst_of.assign(views_.size(), 0.0);
-  for (std::size_t l = 0; l < omega_.size(); ++l) {
-    const ComplexDense H_r = response.transfer(omega_[l]);
-    for (std::size_t v = 0; v < views_.size(); ++v) {
-      const double bound = certified(views_[v], l, H_r);
-      errors.worst_of[v] = std::max(errors.worst_of[v], bound);
-      if (bound > errors.worst) {
-        errors.worst = bound;
-        errors.at = omega_[l];
-      }
-      if (v > 0) continue;
-      ComplexDense difference = H_[l];
-      for (std::size_t i = 0; i < difference.data.size(); ++i)
-        difference.data[i] -= H_r.data[i];
-      errors.relative.push_back(frobenius_norm(difference) / views_[v].size[l]);
-      errors.bound.push_back(bound);
+  for (std::size_t l = 0; l < omega().size(); ++l) {
+    const ComplexDense H_r = response.transfer(omega()[l]);
+    for (std::size_t v = 0; v < grid.views.size(); ++v) {
+      const double bound = on_grid(v, l, H_r);
+      errors.worst = std::max(errors.worst, bound);
+      if (v == 0) errors.bound.push_back(bound);
     }
+    ComplexDense difference = grid.H[l];
+    for (std::size_t i = 0; i < difference.data.size(); ++i)
+      difference.data[i] -= H_r.data[i];
+    errors.relative.push_back(frobenius_norm(difference) / grid.views.front().size[l]);
   }
   return errors;
 }
 
-/// The certified errors at one frequency.
-ErrorOverBand::Point ErrorOverBand::point(double omega,
-                                          const DenseResponse* small) const {
-  Point result{std::vector<double>(views_.size(), infinity), true};
-  const auto medium = medium_.over({omega, omega}, 0);
+ErrorOverBand::Point ErrorOverBand::point(double omega, Small small) {
+  const MediumModel& model = medium_.model();
+  Point result{std::vector<double>(model.views.size(), infinity), true};
+  const auto medium = model.over({omega, omega}, 0);
   if (!medium) return result;
   MatrixSeries difference;
   if (small) {
@@ -173,8 +108,8 @@ ErrorOverBand::Point ErrorOverBand::point(double omega,
     difference =
         difference_of(medium->H, multiply_transposed(small->modal_outputs(), series->x));
   }
-  for (std::size_t v = 0; v < views_.size(); ++v) {
-    const PortView& view = views_[v].view;
+  for (std::size_t v = 0; v < model.views.size(); ++v) {
+    const PortView& view = model.views[v];
     const ViewNorms size = view_norms(medium->H, view);
     const Certificate::Bound& bound = medium->bounds[v];
     result.certified[v] =
@@ -185,121 +120,57 @@ ErrorOverBand::Point ErrorOverBand::point(double omega,
   return result;
 }
 
-/// The medium model over an interval: nothing if it is too long for a series, or for a
-/// proof that there is at its centre.
-std::optional<MediumModel::Stretch>
-ErrorOverBand::provable_over(const Interval& interval) const {
-  auto medium = medium_.over(interval, degree);
-  const auto proved = [](const MediumModel::Stretch& stretch) {
-    return std::all_of(stretch.bounds.begin(), stretch.bounds.end(),
-                       [](const Certificate::Bound& bound) { return bound.proved; });
-  };
-  if (!medium || proved(*medium) || width_of(interval) == 0) return medium;
-  const double centre = interval.centre();
-  const auto there = medium_.over({centre, centre}, 0);
-  if (there && proved(*there)) return std::nullopt;
-  return medium;
-}
-
-ErrorOverBand::Look ErrorOverBand::look(Node& node, const DenseResponse* small) {
-  Look look{std::vector<double>(views_.size(), infinity), infinity,
-            node.interval.centre(), false, true};
-  if (!node.seen) {
-    node.seen = true;
-    if (auto medium = provable_over(node.interval)) {
-      for (std::size_t v = 0; v < views_.size(); ++v) {
-        node.size.push_back(view_norms(medium->H, views_[v].view));
-        const Certificate::Bound& bound = medium->bounds[v];
-        const auto& above = node.size.back().above;
-        node.bound.push_back(bound.error);
-        node.floor.push_back(bound.floor +
-                             solve_floor * *std::max_element(above.begin(), above.end()));
-        node.proved = node.proved && bound.proved;
-      }
-      node.H = std::move(medium->H);
-    }
-  }
-  if (!node.H) return look;
+ErrorOverBand::Look ErrorOverBand::look(Node& node, Small small) {
+  const auto& views = medium_.model().views;
+  Look look{std::vector<double>(views.size(), infinity), infinity, node.interval.centre(),
+            false, true};
+  const auto medium = medium_.over(node);
+  if (!medium) return look;
   MatrixSeries difference;
   if (small) {
-    const auto series = response_series(*small, node.interval, degree);
+    const auto series = response_series(*small, node.interval, series_degree);
     if (!series) return look;
     difference =
-        difference_of(*node.H, multiply_transposed(small->modal_outputs(), series->x));
+        difference_of(medium->H, multiply_transposed(small->modal_outputs(), series->x));
   }
   look.known = true;
   look.worst = 0;
-  look.proved = node.proved;
-  double largest = -1;
-  for (std::size_t v = 0; v < views_.size(); ++v) {
-    const ViewNorms away = small ? view_norms(difference, views_[v].view) : ViewNorms();
-    const double bound = node.bound[v] + (small ? node.floor[v] : 0.0);
+  look.proved = medium->proved;
+  double most = -1;
+  for (std::size_t v = 0; v < views.size(); ++v) {
+    const ViewNorms away = small ? view_norms(difference, views[v]) : ViewNorms();
+    const ViewNorms& size = medium->size[v];
+    const double bound = medium->bound[v] + (small ? medium->floor[v] : 0.0);
     look.upper[v] = 0;
     for (std::size_t i = 0; i < pieces; ++i)
       look.upper[v] =
-          std::max(look.upper[v], ratio(v, away.above[i], node.size[v].below[i], bound));
+          std::max(look.upper[v], ratio(v, away.above[i], size.below[i], bound));
     look.worst = std::max(look.worst, look.upper[v]);
     for (std::size_t i = 0; i <= pieces; ++i) {
-      const double here =
-          ratio(v, away.at[i] + (small ? 0.0 : bound), node.size[v].at[i], 0);
-      if (here <= largest) continue;
-      largest = here;
+      const double here = ratio(v, away.at[i] + (small ? 0.0 : bound), size.at[i], 0);
+      if (here <= most) continue;
+      most = here;
       look.omega =
           node.interval.first + width_of(node.interval) * static_cast<double>(i) / pieces;
     }
   }
-  if (!node.kept && kept_ + node.H->coefficients.data.size() > most_kept) {
-    node.seen = false;
-    node.proved = true;
-    node.H.reset();
-    node.bound.clear();
-    node.floor.clear();
-    node.size.clear();
-  } else if (!node.kept) {
-    node.kept = true;
-    kept_ += node.H->coefficients.data.size();
-  }
   return look;
 }
 
-void ErrorOverBand::split(Node& node) const {
-  if (node.low) return;
-  const double middle = node.interval.centre();
-  node.low = std::make_unique<Node>();
-  node.high = std::make_unique<Node>();
-  node.low->interval = {node.interval.first, middle};
-  node.high->interval = {middle, node.interval.last};
-}
-
-/// In the zone of a sharp resonance, and short beside the distance from its pole.
-bool ErrorOverBand::may_be_excluded(const Interval& interval) const {
-  return std::any_of(sharp_.begin(), sharp_.end(), [&](const Sharp& s) {
-    const double distance =
-        std::max({interval.first - s.pole, s.pole - interval.last, 0.0});
-    return s.holds(interval) &&
-           width_of(interval) <= std::max(0.25 * distance, s.nearest);
-  });
-}
-
-bool ErrorOverBand::near_pole(const Interval& interval) const {
-  return std::any_of(sharp_.begin(), sharp_.end(),
-                     [&](const Sharp& s) { return s.holds(interval); });
-}
-
 bool ErrorOverBand::meets(const DenseSystem& system, double tolerance) {
-  const DenseResponse small(system, medium_.tau);
+  const DenseResponse small(system, medium_.model().tau);
   const auto fails = [&](std::size_t l) {
-    const ComplexDense H_r = small.transfer(omega_[l]);
-    return std::any_of(views_.begin(), views_.end(), [&](const Seen& seen) {
-      return !(certified(seen, l, H_r) <= tolerance);
-    });
+    const ComplexDense H_r = small.transfer(omega()[l]);
+    for (std::size_t v = 0; v < medium_.grid().views.size(); ++v)
+      if (!(on_grid(v, l, H_r) <= tolerance)) return true;
+    return false;
   };
   for (double omega : hard_omega_)
     if (!(point(omega, &small).worst() <= tolerance)) return false;
   if (!hard_.empty() && fails(hard_.front())) return false;
   // Far apart first: a failure is found early.
   for (std::size_t step = 16, first = 0; step >= 1; step /= 2, first = step)
-    for (std::size_t l = first; l < omega_.size(); l += first == 0 ? step : 2 * step)
+    for (std::size_t l = first; l < omega().size(); l += first == 0 ? step : 2 * step)
       if (fails(l)) {
         hard_.assign(1, l);
         return false;
@@ -317,22 +188,21 @@ std::optional<double> ErrorOverBand::weak_spot(double tolerance) {
 
 /// A frequency where the certified error of the small model, or of the medium model
 /// itself without rounding, is not proved to be within the tolerance.
-std::optional<double> ErrorOverBand::exceeds(const DenseResponse* small,
-                                             double tolerance) {
+std::optional<double> ErrorOverBand::exceeds(Small small, double tolerance) {
   std::vector<Node*> open;
-  for (const auto& root : roots_) open.push_back(root.get());
+  for (const auto& root : medium_.roots()) open.push_back(root.get());
   for (int count = 0; !open.empty(); ++count) {
     Node& node = *open.back();
     open.pop_back();
     const Look seen = look(node, small);
     if (seen.worst <= tolerance) continue;
-    if (may_be_excluded(node.interval)) continue;
-    if (!near_pole(node.interval) && seen.known &&
+    if (medium_.may_be_excluded(node.interval)) continue;
+    if (!medium_.near_pole(node.interval) && seen.known &&
         !(point(seen.omega, small).worst() <= tolerance))
       return seen.omega;
     if (width_of(node.interval) <= narrowest * node.interval.last || count > 20000)
       return node.interval.centre();
-    split(node);
+    medium_.split(node);
     open.push_back(node.low.get());
     open.push_back(node.high.get());
   }
@@ -350,10 +220,10 @@ void ErrorOverBand::exclude(std::vector<Node*> zones, const DenseResponse& small
     const Look seen = look(node, &small);
     if (seen.worst <= allowed) {
       settle(seen, result);
-    } else if (may_be_excluded(node.interval)) {
+    } else if (medium_.may_be_excluded(node.interval)) {
       result.excluded.push_back(node.interval);
     } else {
-      split(node);
+      medium_.split(node);
       zones.push_back(node.low.get());
       zones.push_back(node.high.get());
     }
@@ -377,36 +247,36 @@ void ErrorOverBand::settle(const Look& seen, Supremum& result) {
 }
 
 ErrorOverBand::Supremum ErrorOverBand::supremum(const DenseSystem& system, double level,
-                                                RelativeTo relative_to, int most) {
-  std::swap(relative_to_, relative_to); // until the end: nodes hold norms, not ratios
-  const DenseResponse small(system, medium_.tau);
+                                                int most) {
+  const DenseResponse small(system, medium_.model().tau);
   struct Open {
     Node* node;
     Look seen;
     double priority;
     bool operator<(const Open& other) const { return priority < other.priority; }
   };
+  const std::size_t views = medium_.model().views.size();
   Supremum result;
-  result.worst_of.assign(views_.size(), 0.0);
+  result.worst_of.assign(views, 0.0);
   std::vector<double>& best = result.attained_of;
-  best.assign(views_.size(), 0.0);
-  result.at_of.assign(views_.size(), 0.0);
+  best.assign(views, 0.0);
+  result.at_of.assign(views, 0.0);
   const auto visit = [&](double omega) {
     const Point here = point(omega, &small);
     result.proved = result.proved && here.proved;
-    for (std::size_t v = 0; v < views_.size(); ++v) {
+    for (std::size_t v = 0; v < views; ++v) {
       if (here.certified[v] <= best[v]) continue;
       best[v] = here.certified[v];
       result.at_of[v] = omega;
     }
   };
   const auto priority = [&](const Look& seen) {
-    double largest = 0;
-    for (std::size_t v = 0; v < views_.size(); ++v)
-      largest = std::max(largest, best[v] > 0         ? seen.upper[v] / best[v]
-                                  : seen.upper[v] > 0 ? infinity
-                                                      : 0.0);
-    return largest;
+    double most_promising = 0;
+    for (std::size_t v = 0; v < views; ++v)
+      most_promising = std::max(most_promising, best[v] > 0 ? seen.upper[v] / best[v]
+                                                : seen.upper[v] > 0 ? infinity
+                                                                    : 0.0);
+    return most_promising;
   };
   std::priority_queue<Open> open;
   std::vector<Node*> zones;
@@ -415,13 +285,13 @@ ErrorOverBand::Supremum ErrorOverBand::supremum(const DenseSystem& system, doubl
     Look seen = look(node, &small);
     bool higher = false;
     if (seen.known)
-      for (std::size_t v = 0; v < views_.size(); ++v) higher |= seen.upper[v] > best[v];
+      for (std::size_t v = 0; v < views; ++v) higher |= seen.upper[v] > best[v];
     if (higher) visit(seen.omega);
     const double now = priority(seen);
     open.push({&node, std::move(seen), now});
   };
-  for (const auto& root : roots_)
-    if (near_pole(root->interval))
+  for (const auto& root : medium_.roots())
+    if (medium_.near_pole(root->interval))
       zones.push_back(root.get());
     else
       enter(*root);
@@ -434,25 +304,24 @@ ErrorOverBand::Supremum ErrorOverBand::supremum(const DenseSystem& system, doubl
         std::any_of(best.begin(), best.end(), [](double b) { return b == infinity; });
     // What may be within the level is to be known to be.
     bool open_question = false;
-    for (std::size_t v = 0; v < views_.size(); ++v)
+    for (std::size_t v = 0; v < views; ++v)
       open_question |= best[v] <= level && top.seen.upper[v] > level;
     if ((now <= close && !open_question) || unbounded || result.intervals > most ||
         width_of(top.node->interval) <= narrowest * top.node->interval.last) {
       settle(top.seen, result);
       continue;
     }
-    split(*top.node);
+    medium_.split(*top.node);
     enter(*top.node->low);
     enter(*top.node->high);
   }
 
-  result.worst = *std::max_element(result.worst_of.begin(), result.worst_of.end());
-  const bool nothing_else = zones.size() == roots_.size();
+  result.worst = largest(result.worst_of);
+  const bool nothing_else = zones.size() == medium_.roots().size();
   exclude(std::move(zones), small, std::max(level, result.worst), result);
-  if (nothing_else && result.worst_of == std::vector<double>(views_.size(), 0.0))
-    result.worst_of.assign(views_.size(), infinity); // all of the band is excluded
-  result.worst = *std::max_element(result.worst_of.begin(), result.worst_of.end());
-  std::swap(relative_to_, relative_to);
+  if (nothing_else && result.worst_of == std::vector<double>(views, 0.0))
+    result.worst_of.assign(views, infinity); // all of the band is excluded
+  result.worst = largest(result.worst_of);
   return result;
 }
 

@@ -42,16 +42,17 @@ void MediumBuilder::factorise_norm() {
   if (least_eigenvalue_ == 0) bound_least_eigenvalue();
 }
 
-/// The largest bound of the level that model_ shows, on the grid.
+/// The largest bound of the level that is seen, on the grid.
 void MediumBuilder::judge(MediumLevel& level) {
+  const MediumModel& model = seen_->model();
   double worst = 0;
   bool proved = true;
-  const std::size_t views = model_->views.size();
+  const std::size_t views = model.views.size();
   std::vector<double> largest(views, 0.0); // of ‖H‖, where that is meant
   std::vector<MediumModel::Value> values;
-  for (double omega : grid_) values.push_back(model_->at(omega));
+  for (double omega : grid_) values.push_back(model.at(omega));
   const auto size = [&](const MediumModel::Value& value, std::size_t v) {
-    return frobenius_norm(model_->views[v].of(value.H)) - value.bounds[v].error;
+    return frobenius_norm(model.views[v].of(value.H)) - value.bounds[v].error;
   };
   if (spec_.relative_to == RelativeTo::band)
     for (const auto& value : values)
@@ -73,10 +74,7 @@ void MediumBuilder::judge(MediumLevel& level) {
 /// Whether the bound meets the target between the frequencies of the grid too; if not,
 /// the grid gains a frequency where it does not.
 bool MediumBuilder::holds_everywhere() {
-  const bool to_band = spec_.relative_to == RelativeTo::band; // the largest |H| is needed
-  ErrorOverBand errors(*model_, spec_.bands, to_band ? grid_ : std::vector<double>(),
-                       spec_.relative_to);
-  const auto spot = errors.weak_spot(spec_.target);
+  const auto spot = ErrorOverBand(*seen_, spec_.relative_to).weak_spot(spec_.target);
   std::vector<double> shared{spot.value_or(-1.0)};
   share_from_first(fom_.comm, shared);
   if (shared[0] < 0) return true;
@@ -162,8 +160,10 @@ void MediumBuilder::prove(int most_columns) {
 }
 
 void MediumBuilder::look_at(std::size_t level) {
-  model_ = std::make_unique<MediumModel>(medium_, level, find_ports(medium_.body, {}, {}),
-                                         spec_.by_kind);
+  const bool to_band = spec_.relative_to == RelativeTo::band; // the largest |H| is needed
+  seen_ = std::make_unique<MediumOverBand>(
+      MediumModel(medium_, level, find_ports(medium_.body, {}, {}), spec_.by_kind),
+      spec_.bands, to_band ? grid_ : std::vector<double>());
 }
 
 void MediumBuilder::grow() {

@@ -45,6 +45,9 @@ struct MediumLevel {
   }
 };
 
+class SeenLevels;
+std::shared_ptr<SeenLevels> no_level_seen();
+
 /// A certified medium model, without the body's matrices: what any number of small
 /// models are cut from. A looser tolerance takes an earlier level, so that the result
 /// does not depend on what else was asked for.
@@ -64,6 +67,8 @@ struct Medium {
   double loss_of_orthogonality = 0;
   int factorisations = 0, solved_columns = 0;
   std::optional<FrameIntegrals> integrals; ///< of V
+  /// What cuts have evaluated of the levels, for the next one.
+  std::shared_ptr<SeenLevels> seen = no_level_seen();
 
   /// "certified to 2e-08", or how far it is from that.
   std::string claim() const;

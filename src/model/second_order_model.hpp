@@ -63,6 +63,7 @@ SecondOrderModel move_to_group(SecondOrderModel model, const Groups& groups);
 struct PortSelection {
   std::vector<int> inputs, outputs;
   bool same = true; ///< the outputs are the inputs
+  bool operator==(const PortSelection&) const = default;
 };
 /// The named ports of the model. A name is a port ("lower.fx") or an interface ("lower").
 /// An empty list means all, outputs those of the inputs where they are the same.

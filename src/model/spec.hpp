@@ -16,6 +16,7 @@ struct Interval {
   double first = 0, last = 0;
   double centre() const { return 0.5 * (first + last); }
   double half() const { return 0.5 * (last - first); }
+  bool operator==(const Interval&) const = default;
 };
 
 /// What an error of H is divided by.

@@ -171,14 +171,18 @@ py::array_t<T> array_of(const std::vector<T>& values) {
   return py::array_t<T>(static_cast<py::ssize_t>(values.size()), values.data());
 }
 
-/// Stored by columns, as the block is.
-py::array_t<double, py::array::f_style> rows_of(const Block& block) {
-  const PetscInt rows = block.local_rows().size();
-  py::array_t<double, py::array::f_style> result({rows, block.columns()});
-  const Block::Access access(block);
-  for (PetscInt j = 0; j < block.columns(); ++j)
-    std::copy_n(access.column(j), rows, result.mutable_data(0, j));
-  return result;
+/// This rank's rows, by columns, without a copy: the array keeps the block alive.
+py::array_t<double> rows_of(const Block& block) {
+  const py::ssize_t rows = block.local_rows().size(), columns = block.columns();
+  if (rows == 0 || columns == 0) return py::array_t<double>({rows, columns});
+  auto owner = std::make_unique<Block>(block.share());
+  const Block::Access access(*owner);
+  const py::capsule keep(owner.get(),
+                         [](void* held) { delete static_cast<Block*>(held); });
+  owner.release();
+  constexpr auto size = static_cast<py::ssize_t>(sizeof(double));
+  return py::array_t<double>({rows, columns}, {size, rows * size}, access.column(0),
+                             keep);
 }
 
 /// What a call returns: the reduced body, kept together with what its file needs.

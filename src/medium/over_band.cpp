@@ -1,0 +1,157 @@
+#include "medium/over_band.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace flexgram {
+namespace {
+
+/// Beside sharp resonances intervals may be excluded, no farther from the pole than `zone`
+/// of its frequency, and looked at no closer than `nearest`, or a tenth of the half width
+/// if that is wider than `thin`.
+constexpr double zone = 1e-4, nearest = 1e-7, thin = 1e-9;
+/// Intervals that a band starts from.
+constexpr int first_intervals = 32;
+/// What is kept of the medium model's series; more is computed again.
+constexpr std::size_t most_kept = 32u << 20; // numbers: 256 MB
+constexpr std::size_t most_sights = 8;
+
+double width_of(const Interval& interval) { return interval.last - interval.first; }
+
+} // namespace
+
+MediumOverBand::MediumOverBand(MediumModel model, const std::vector<Interval>& bands,
+                               std::vector<double> grid)
+    : model_(std::move(model)), omega_(std::move(grid)) {
+  for (const Resonance& r : model_.resonances)
+    if (r.sharp())
+      sharp_.push_back(
+          {{r.omega * (1 - zone), r.omega * (1 + zone)},
+           r.omega,
+           r.half_width > thin * r.omega ? 0.1 * r.half_width : nearest * r.omega});
+  const auto add = [&](const Interval& interval) {
+    roots_.push_back(std::make_unique<Node>());
+    roots_.back()->interval = interval;
+  };
+  for (const Interval& band : bands) {
+    if (width_of(band) == 0) {
+      add(band);
+      continue;
+    }
+    // Zones of exclusion are intervals of their own.
+    std::vector<double> ends{band.first, band.last};
+    for (const Sharp& s : sharp_)
+      for (double end : {s.zone.first, s.zone.last})
+        if (end > band.first && end < band.last) ends.push_back(end);
+    std::sort(ends.begin(), ends.end());
+    for (std::size_t i = 0; i + 1 < ends.size(); ++i) {
+      const double first = ends[i], last = ends[i + 1], whole = last - first;
+      const int count =
+          1 + static_cast<int>((first_intervals - 1) * whole / width_of(band));
+      for (int l = 0; l < count; ++l)
+        add({first + whole * l / count,
+             l + 1 == count ? last : first + whole * (l + 1) / count});
+    }
+  }
+}
+
+const MediumOverBand::Grid& MediumOverBand::grid() {
+  if (grid_) return *grid_;
+  grid_.emplace();
+  grid_->views.resize(model_.views.size());
+  for (double omega : omega_) {
+    MediumModel::Value value = model_.at(omega);
+    for (std::size_t v = 0; v < grid_->views.size(); ++v) {
+      View& view = grid_->views[v];
+      const Certificate::Bound& bound = value.bounds[v];
+      const double size = frobenius_norm(model_.views[v].of(value.H)),
+                   floor = bound.floor + solve_floor * size;
+      view.size.push_back(size);
+      view.bound.push_back(bound.error + floor);
+      view.floor.push_back(floor / size);
+      grid_->assumed = std::max(grid_->assumed, bound.assumed / size);
+      if (bound.proved) view.largest = std::max(view.largest, size - view.bound.back());
+    }
+    grid_->H.push_back(std::move(value.H));
+  }
+  return *grid_;
+}
+
+/// Nothing if the interval is too long for a series, or for a proof that there is at its
+/// centre.
+std::optional<MediumModel::Stretch>
+MediumOverBand::provable_over(const Interval& interval) const {
+  auto medium = model_.over(interval, series_degree);
+  const auto proved = [](const MediumModel::Stretch& stretch) {
+    return std::all_of(stretch.bounds.begin(), stretch.bounds.end(),
+                       [](const Certificate::Bound& bound) { return bound.proved; });
+  };
+  if (!medium || proved(*medium) || width_of(interval) == 0) return medium;
+  const double centre = interval.centre();
+  const auto there = model_.over({centre, centre}, 0);
+  if (there && proved(*there)) return std::nullopt;
+  return medium;
+}
+
+std::shared_ptr<const MediumOverBand::Stretch> MediumOverBand::over(Node& node) {
+  if (node.seen) return node.stretch;
+  auto medium = provable_over(node.interval);
+  node.seen = true;
+  if (!medium) return nullptr;
+  auto stretch = std::make_shared<Stretch>();
+  for (std::size_t v = 0; v < model_.views.size(); ++v) {
+    stretch->size.push_back(view_norms(medium->H, model_.views[v]));
+    const Certificate::Bound& bound = medium->bounds[v];
+    const auto& above = stretch->size.back().above;
+    stretch->bound.push_back(bound.error);
+    stretch->floor.push_back(bound.floor +
+                             solve_floor * *std::max_element(above.begin(), above.end()));
+    stretch->proved = stretch->proved && bound.proved;
+  }
+  stretch->H = std::move(medium->H);
+  const std::size_t numbers = stretch->H.coefficients.data.size();
+  if (kept_ + numbers > most_kept) {
+    node.seen = false;
+  } else {
+    kept_ += numbers;
+    node.stretch = stretch;
+  }
+  return stretch;
+}
+
+void MediumOverBand::split(Node& node) {
+  if (node.low) return;
+  const double middle = node.interval.centre();
+  node.low = std::make_unique<Node>();
+  node.high = std::make_unique<Node>();
+  node.low->interval = {node.interval.first, middle};
+  node.high->interval = {middle, node.interval.last};
+}
+
+bool MediumOverBand::near_pole(const Interval& interval) const {
+  return std::any_of(sharp_.begin(), sharp_.end(),
+                     [&](const Sharp& s) { return s.holds(interval); });
+}
+
+bool MediumOverBand::may_be_excluded(const Interval& interval) const {
+  return std::any_of(sharp_.begin(), sharp_.end(), [&](const Sharp& s) {
+    const double distance =
+        std::max({interval.first - s.pole, s.pole - interval.last, 0.0});
+    return s.holds(interval) &&
+           width_of(interval) <= std::max(0.25 * distance, s.nearest);
+  });
+}
+
+std::shared_ptr<SeenLevels> no_level_seen() { return std::make_shared<SeenLevels>(); }
+
+void SeenLevels::make_room() {
+  const auto numbers = [&] {
+    std::size_t sum = 0;
+    for (const auto& [sight, seen] : seen_) sum += seen->kept();
+    return sum;
+  };
+  while (seen_.size() >= most_sights || (!seen_.empty() && numbers() > most_kept / 2))
+    seen_.pop_front();
+}
+
+} // namespace flexgram

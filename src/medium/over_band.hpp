@@ -1,0 +1,121 @@
+/// A medium model's response everywhere in the bands and the bounds of its error: what
+/// small models are compared with. Kept in the Medium from one cut to the next. Made by
+/// basis/cut and growth.cpp, read by ErrorOverBand.
+
+#pragma once
+
+#include "medium/model.hpp"
+#include "medium/view_norms.hpp"
+
+#include <list>
+#include <memory>
+#include <optional>
+
+namespace flexgram {
+
+/// A medium model on a grid of frequencies and on intervals of the bands. Both are
+/// evaluated when they are first asked for, an interval's halves when it was too long.
+class MediumOverBand {
+public:
+  /// @param grid  [rad/s] frequencies of the curve, within the bands.
+  MediumOverBand(MediumModel model, const std::vector<Interval>& bands,
+                 std::vector<double> grid);
+
+  const MediumModel& model() const { return model_; }
+
+  /// A block of H at every frequency of the grid, in its own unit.
+  struct View {
+    std::vector<double> size;  ///< ‖H‖
+    std::vector<double> bound; ///< of the medium model's error, rounding included
+    std::vector<double> floor; ///< rounding
+    double largest = 0;        ///< of ‖H‖ − bound
+  };
+  struct Grid {
+    std::vector<ComplexDense> H; ///< n_out × n_in at every frequency
+    std::vector<View> views;     ///< those of the model
+    /// What H would change by, relative, if the stiffness of rigid modes that was taken
+    /// for rounding were meant; the largest of all views and frequencies.
+    double assumed = 0;
+  };
+  const std::vector<double>& omega() const { return omega_; } ///< [rad/s] of the grid
+  const Grid& grid();
+
+  /// What the medium model says of an interval; of each view where these are several.
+  struct Stretch {
+    MatrixSeries H;
+    std::vector<double> bound, floor; ///< in the unit of H: error, rounding
+    std::vector<ViewNorms> size;
+    bool proved = true;
+  };
+  struct Node {
+    Interval interval;
+    std::unique_ptr<Node> low, high;
+    bool seen = false; ///< `stretch` is known
+    std::shared_ptr<const Stretch> stretch;
+  };
+  /// Intervals that make up the bands.
+  const std::vector<std::unique_ptr<Node>>& roots() const { return roots_; }
+  /// @return null if a pole is too near for an interval of this length.
+  std::shared_ptr<const Stretch> over(Node& node);
+  static void split(Node& node);
+  /// The whole of it is beside a sharp resonance.
+  bool near_pole(const Interval& interval) const;
+  /// It is, and short beside the distance from the pole.
+  bool may_be_excluded(const Interval& interval) const;
+
+  std::size_t kept() const { return kept_; } ///< numbers
+
+private:
+  std::optional<MediumModel::Stretch> provable_over(const Interval& interval) const;
+
+  MediumModel model_;
+  std::vector<double> omega_;
+  std::optional<Grid> grid_;
+  /// A resonance with hardly any damping, and the zone in which intervals may be
+  /// excluded.
+  struct Sharp {
+    Interval zone;
+    double pole, nearest; ///< [rad/s]; intervals need not be shorter than the latter
+    bool holds(const Interval& i) const {
+      return i.first >= zone.first && i.last <= zone.last;
+    }
+  };
+  std::vector<Sharp> sharp_;
+  std::vector<std::unique_ptr<Node>> roots_;
+  std::size_t kept_ = 0; ///< numbers in the nodes
+};
+
+/// A factorisation of the full body tells H to no more digits than this.
+inline constexpr double solve_floor = 1e-11;
+/// Degree of the polynomials over an interval.
+inline constexpr int series_degree = 12;
+
+/// What earlier cuts of a Medium saw of it.
+class SeenLevels {
+public:
+  /// How a level is looked at.
+  struct Sight {
+    std::size_t level = 0;
+    PortSelection ports;
+    bool by_kind = false;
+    std::vector<Interval> bands;
+    std::vector<double> curve; ///< [rad/s] more frequencies of the grid
+    bool operator==(const Sight&) const = default;
+  };
+  /// The one that was made for the same sight, or the one that `make` returns. The oldest
+  /// are dropped when they hold too much.
+  template <class Make>
+  std::shared_ptr<MediumOverBand> find_or(const Sight& sight, const Make& make) {
+    for (const auto& [known, seen] : seen_)
+      if (known == sight) return seen;
+    make_room();
+    seen_.emplace_back(sight, make());
+    return seen_.back().second;
+  }
+
+private:
+  void make_room();
+  std::list<std::pair<Sight, std::shared_ptr<MediumOverBand>>> seen_;
+};
+
+} // namespace flexgram
