@@ -86,8 +86,8 @@ class ReducedModel:
         self.M, self.D, self.K = array("M"), array("D"), array("K")
         self.B, self.C, self.V = array("B"), array("C"), array("V")
         self.eta = float(fields.get("eta", 0.0))
-        self.inputs: list[str] = list(fields["inputs"])
-        self.outputs: list[str] = list(fields["outputs"])
+        self.inputs: list[str] = _names(fields, "B", self.B.shape[1])
+        self.outputs: list[str] = _names(fields, "C", self.C.shape[0])
         self.omega, self.error = array("error/omega"), array("error/relative")
         self.bound, self.floor = array("error/bound"), array("error/floor")
         self.kind = str(fields.get("error/kind", "estimated"))
@@ -123,9 +123,8 @@ class ReducedModel:
             for name, value in fields.items()
             if name.startswith("log/")
         }
-        if "plan" in self.log:  # in a file "name<tab>value"
-            self.log["plan"] = [tuple(line.split("\t", 1)) if isinstance(line, str) else line
-                                for line in self.log["plan"]]  # fmt: skip
+        if "plan" in self.log:  # "name<tab>value"
+            self.log["plan"] = [tuple(str(line).split("\t", 1)) for line in self.log["plan"]]
         self._save = save
         self.path: Path | None = None  #: where it was read from
 
@@ -158,17 +157,14 @@ class ReducedModel:
             def collect(name: str, item: Any) -> None:
                 if isinstance(item, h5py.Dataset) and (basis or name != "V"):
                     fields[name] = item[()]
-                if isinstance(item, h5py.Group):
-                    values = {key: _plain(value) for key, value in item.attrs.items()}
-                    if name in ("log/seconds", "log/options", "log/versions"):
-                        fields[name] = values
-                    else:
-                        fields.update({f"{name}/{key}": value for key, value in values.items()})
+                values = {key: _plain(value) for key, value in item.attrs.items()}
+                if name in ("log/seconds", "log/options", "log/versions"):
+                    fields[name] = values
+                else:
+                    fields.update({f"{name}/{key}": value for key, value in values.items()})
 
             file.visititems(collect)
             fields.update({key: _plain(value) for key, value in file.attrs.items()})
-            fields["inputs"] = _names(file, "B", file["B"].shape[1])
-            fields["outputs"] = _names(file, "C", file["C"].shape[0])
             if "dofs/node" in fields:
                 at = fields["dofs/node"]
                 fields["dofs/position"] = fields["nodes/position"][at]
@@ -413,9 +409,8 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def _names(file: h5py.File, name: str, count: int) -> list[str]:
-    names = file[name].attrs.get("names")
-    return [str(i + 1) for i in range(count)] if names is None else [str(_plain(x)) for x in names]
+def _names(fields: dict[str, Any], name: str, count: int) -> list[str]:
+    return [str(x) for x in fields.get(f"{name}/names", range(1, count + 1))]
 
 
 def _copy(source: Path, target: Path) -> None:

@@ -4,6 +4,7 @@
 #include "base/text.hpp"
 #include "io/body_io.hpp"
 #include "io/hdf5_file.hpp"
+#include "io/reduced_fields.hpp"
 
 #include <slepcversion.h>
 
@@ -13,22 +14,35 @@
 namespace flexgram {
 namespace {
 
-std::vector<double> row_major(const Dense& a) { return transpose(a).data; }
+/// Names are paths in the file.
+class FileSink : public FieldSink {
+public:
+  explicit FileSink(Hdf5File& file) : file_(file) {}
+  void value(const std::string& name, double x) override { attribute(name, x); }
+  void value(const std::string& name, const std::string& x) override {
+    attribute(name, x);
+  }
+  void value(const std::string& name, const std::vector<double>& x) override {
+    attribute(name, x);
+  }
+  void value(const std::string& name, const std::vector<std::string>& x) override {
+    attribute(name, x);
+  }
+  void array(const std::string& name, const std::vector<std::int64_t>& shape,
+             const std::vector<double>& values) override {
+    file_.write("/" + name, shape, values);
+  }
 
-Dense local_dense(const Block& block) {
-  Dense a(static_cast<int>(block.rows()), static_cast<int>(block.columns()));
-  const Block::Access access(block);
-  std::copy_n(access.column(0), a.data.size(), a.data.begin());
-  return a;
-}
-
-void write_matrix(Hdf5File& file, const std::string& name, const Dense& a) {
-  file.write(name, {a.rows, a.columns}, row_major(a));
-}
-
-void write_vector(Hdf5File& file, const std::string& name, const std::vector<double>& v) {
-  file.write(name, {static_cast<std::int64_t>(v.size())}, v);
-}
+private:
+  template <class T>
+  void attribute(const std::string& path, const T& value) {
+    const std::size_t slash = path.rfind('/');
+    const std::string object = slash == std::string::npos ? "" : path.substr(0, slash);
+    if (!object.empty() && !file_.exists("/" + object)) file_.create_group("/" + object);
+    file_.set_attribute("/" + object, path.substr(slash + 1), value);
+  }
+  Hdf5File& file_;
+};
 
 void write_log(Hdf5File& file, const ReducedModel& rom, const Options& options,
                const Observer& observer) {
@@ -44,64 +58,11 @@ void write_log(Hdf5File& file, const ReducedModel& rom, const Options& options,
       "/log/versions", "SLEPc",
       text("%d.%d.%d", SLEPC_VERSION_MAJOR, SLEPC_VERSION_MINOR, SLEPC_VERSION_SUBMINOR));
   file.set_attribute("/log/versions", "flexgram", std::string(FLEXGRAM_VERSION));
-  file.set_attribute("/log", "body", rom.model.name);
   file.set_attribute("/log", "ranks", static_cast<double>(comm_size(rom.V.comm())));
-  file.set_attribute("/log", "factorisations", static_cast<double>(rom.factorisations));
-  std::vector<std::string> plan;
-  for (const auto& [name, value] : rom.plan) plan.push_back(name + "\t" + value);
-  if (!plan.empty()) file.set_attribute("/log", "plan", plan);
-  if (rom.medium_order > 0)
-    file.set_attribute("/log", "medium_order", static_cast<double>(rom.medium_order));
   const double peak = max_over(rom.V.comm(), peak_memory_mb());
   file.set_attribute("/log", "peak_memory_mb_per_rank", peak);
   if (!observer.warnings().empty())
     file.set_attribute("/log", "warnings", observer.warnings());
-}
-
-/// Rows of `a` × blocks of m columns, written with the block index between: rows × blocks
-/// × m.
-void write_blocks(Hdf5File& file, const std::string& name, const Dense& a, int m) {
-  file.write(name, {a.rows, a.columns / m, m}, row_major(a));
-}
-
-void write_frame(Hdf5File& file, const ReducedModel& rom) {
-  file.create_group("/frame");
-  file.set_attribute("/frame", "kind", rom.frame);
-  file.set_attribute("/frame", "rigid_modes", static_cast<double>(rom.rigid_modes));
-  if (!rom.integrals) return;
-  const FrameIntegrals& i = *rom.integrals;
-  const int m = static_cast<int>(rom.model.n);
-  file.set_attribute("/frame", "mass", i.mass);
-  write_vector(file, "/frame/centre", {i.centre.begin(), i.centre.end()});
-  write_matrix(file, "/frame/M_r", i.M_r);
-  write_matrix(file, "/frame/M_er", i.M_er);
-  write_blocks(file, "/frame/gyroscopic", i.gyroscopic, m);
-  write_blocks(file, "/frame/inertia_first", i.inertia_first, m);
-  file.write("/frame/inertia_second", {3, m, 3, m}, row_major(i.inertia_second));
-}
-
-template <std::size_t columns>
-void write_rows(Hdf5File& file, const std::string& name,
-                const std::vector<std::array<double, columns>>& rows) {
-  if (rows.empty()) return;
-  std::vector<double> all;
-  for (const auto& row : rows) all.insert(all.end(), row.begin(), row.end());
-  file.write(name, {static_cast<std::int64_t>(rows.size()), columns}, all);
-}
-
-void write_claim(Hdf5File& file, const ErrorClaim& claim) {
-  file.set_attribute("/error", "worst", claim.worst);
-  file.set_attribute("/error", "whole", claim.whole);
-  file.set_attribute("/error", "attained", claim.attained);
-  file.set_attribute("/error", "at", claim.at);
-  file.set_attribute("/error", "rigid_rounding", claim.rigid_rounding);
-  file.set_attribute("/error", "relative_to", claim.relative_to);
-  write_rows(file, "/error/bands", claim.bands);
-  write_rows(file, "/error/excluded", claim.excluded);
-  write_rows(file, "/error/poles", claim.poles);
-  if (!claim.tolerance) return;
-  file.set_attribute("/error", "tolerance", *claim.tolerance);
-  file.set_attribute("/error", "met", claim.met ? 1.0 : 0.0);
 }
 
 } // namespace
@@ -115,22 +76,9 @@ void write_options(Hdf5File& file, const Options& options) {
 void write_reduced(const ReducedModel& rom, const Options& options,
                    const Observer& observer, const SecondOrderModel& fom,
                    const std::string& path) {
-  const SecondOrderModel& model = rom.model;
   Hdf5File file = Hdf5File::create(rom.V.comm(), path);
-  file.set_attribute("/", "method", rom.method);
-  if (!rom.second_stage.empty())
-    file.set_attribute("/", "second_stage", rom.second_stage);
-  file.set_attribute("/", "band", std::vector<double>{rom.band[0], rom.band[1]});
-  write_matrix(file, "/M", to_dense(model.M));
-  write_matrix(file, "/K", to_dense(model.K));
-  write_matrix(file, "/D",
-               model.D ? to_dense(model.D)
-                       : Dense(static_cast<int>(model.n), static_cast<int>(model.n)));
-  file.set_attribute("/", "eta", model.damping.eta);
-  write_matrix(file, "/B", local_dense(model.B));
-  file.set_attribute("/B", "names", model.inputs);
-  write_matrix(file, "/C", transpose(local_dense(model.C)));
-  file.set_attribute("/C", "names", model.outputs);
+  FileSink sink(file);
+  visit_fields(rom, sink);
   if (rom.V.columns() > 0) { // else cut from a medium model without its basis
     const Block::Access access(rom.V);
     const PetscInt rows = rom.V.local_rows().size(), columns = rom.V.columns();
@@ -140,18 +88,6 @@ void write_reduced(const ReducedModel& rom, const Options& options,
         values[static_cast<std::size_t>(i * columns + j)] = access.column(j)[i];
     file.write_rows("/V", rom.V.rows(), columns, rom.V.local_rows(), values);
   }
-  write_vector(file, "/gramian/sigma", rom.sigma);
-  write_vector(file, "/error/omega", rom.omega);
-  write_vector(file, "/error/relative", rom.epsilon);
-  if (!rom.bound.empty()) {
-    write_vector(file, "/error/bound", rom.bound);
-    write_vector(file, "/error/floor", rom.floor);
-  }
-  file.set_attribute("/error", "kind", rom.kind);
-  if (rom.claim) write_claim(file, *rom.claim);
-  if (!rom.by_kind.empty()) file.set_attribute("/error", "by_kind", rom.by_kind);
-  write_vector(file, "/modes/omega", rom.modes);
-  write_frame(file, rom);
   write_dof_map(file, fom);
   write_log(file, rom, options, observer);
   file.commit();

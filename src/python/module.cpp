@@ -3,6 +3,7 @@
 
 #include "base/text.hpp"
 #include "io/body_io.hpp"
+#include "io/reduced_fields.hpp"
 #include "io/reduced_io.hpp"
 #include "linalg/sparse.hpp"
 #include "medium/medium_io.hpp"
@@ -158,13 +159,25 @@ private:
   }
 };
 
-Array rows_of(const Dense& a) {
-  Array result({a.rows, a.columns});
-  auto view = result.mutable_unchecked<2>();
-  for (int j = 0; j < a.columns; ++j)
-    for (int i = 0; i < a.rows; ++i) view(i, j) = a(i, j);
-  return result;
-}
+/// Fields of a reduced body, by their names in its file.
+class DictSink : public FieldSink {
+public:
+  void value(const std::string& name, double x) override { fields[name.c_str()] = x; }
+  void value(const std::string& name, const std::string& x) override {
+    fields[name.c_str()] = x;
+  }
+  void value(const std::string& name, const std::vector<double>& x) override {
+    fields[name.c_str()] = x;
+  }
+  void value(const std::string& name, const std::vector<std::string>& x) override {
+    fields[name.c_str()] = x;
+  }
+  void array(const std::string& name, const std::vector<std::int64_t>& shape,
+             const std::vector<double>& values) override {
+    fields[name.c_str()] = Array(shape, values.data());
+  }
+  py::dict fields;
+};
 
 template <class T>
 py::array_t<T> array_of(const std::vector<T>& values) {
@@ -195,65 +208,17 @@ struct Reduction {
   /// The reduced file's datasets and attributes by their names there, this rank's rows of
   /// V.
   py::dict fields() const {
-    py::dict f;
-    const SecondOrderModel& m = rom.model;
-    const int order = static_cast<int>(m.n);
-    f["M"] = rows_of(to_dense(m.M));
-    f["K"] = rows_of(to_dense(m.K));
-    f["D"] = rows_of(m.D ? to_dense(m.D) : Dense(order, order));
-    f["B"] = rows_of(m.B);
-    f["C"] = rows_of(m.C).attr("T");
+    DictSink sink;
+    visit_fields(rom, sink);
+    py::dict f = std::move(sink.fields);
     f["V"] = rows_of(rom.V);
-    f["eta"] = m.damping.eta;
-    f["inputs"] = m.inputs;
-    f["outputs"] = m.outputs;
-    f["method"] = rom.method;
-    f["second_stage"] = rom.second_stage;
-    f["band"] = std::vector<double>{rom.band[0], rom.band[1]};
-    f["gramian/sigma"] = rom.sigma;
-    f["error/omega"] = rom.omega;
-    f["error/relative"] = rom.epsilon;
-    f["error/bound"] = rom.bound;
-    f["error/floor"] = rom.floor;
-    f["error/kind"] = rom.kind;
-    f["error/by_kind"] = rom.by_kind;
-    if (rom.claim) {
-      f["error/worst"] = rom.claim->worst;
-      f["error/whole"] = rom.claim->whole;
-      f["error/attained"] = rom.claim->attained;
-      f["error/at"] = rom.claim->at;
-      f["error/rigid_rounding"] = rom.claim->rigid_rounding;
-      f["error/relative_to"] = rom.claim->relative_to;
-      f["error/bands"] = rom.claim->bands;
-      f["error/excluded"] = rom.claim->excluded;
-      f["error/poles"] = rom.claim->poles;
-      if (rom.claim->tolerance) f["error/tolerance"] = *rom.claim->tolerance;
-      f["error/met"] = rom.claim->met;
-    }
-    f["modes/omega"] = rom.modes;
-    f["frame/kind"] = rom.frame;
-    f["frame/rigid_modes"] = rom.rigid_modes;
-    if (rom.integrals) {
-      const FrameIntegrals& i = *rom.integrals;
-      f["frame/mass"] = i.mass;
-      f["frame/centre"] = i.centre;
-      f["frame/M_r"] = rows_of(i.M_r);
-      f["frame/M_er"] = rows_of(i.M_er);
-      f["frame/gyroscopic"] = rows_of(i.gyroscopic).attr("reshape")(order, 3, order);
-      f["frame/inertia_first"] = rows_of(i.inertia_first).attr("reshape")(3, 3, order);
-      f["frame/inertia_second"] =
-          rows_of(i.inertia_second).attr("reshape")(3, order, 3, order);
-    }
     f["dofs/node"] =
         array_of(body.model.label.empty() ? body.model.node : body.model.label);
     f["dofs/component"] = array_of(body.model.component);
     f["dofs/position"] = array_of(body.model.position);
     f["log/seconds"] = std::map<std::string, double>(observer->stages().begin(),
                                                      observer->stages().end());
-    f["log/plan"] = rom.plan;
-    f["log/body"] = body.model.name;
     f["log/warnings"] = observer->warnings();
-    f["log/factorisations"] = rom.factorisations;
     return f;
   }
 

@@ -1,0 +1,118 @@
+#include "io/reduced_fields.hpp"
+
+#include "linalg/sparse.hpp"
+
+#include <algorithm>
+
+namespace flexgram {
+namespace {
+
+std::vector<double> row_major(const Dense& a) { return transpose(a).data; }
+
+Dense local_dense(const Block& block) {
+  Dense a(static_cast<int>(block.rows()), static_cast<int>(block.columns()));
+  const Block::Access access(block);
+  std::copy_n(access.column(0), a.data.size(), a.data.begin());
+  return a;
+}
+
+void matrix(FieldSink& sink, const std::string& name, const Dense& a) {
+  sink.array(name, {a.rows, a.columns}, row_major(a));
+}
+
+void vector(FieldSink& sink, const std::string& name, const std::vector<double>& v) {
+  sink.array(name, {static_cast<std::int64_t>(v.size())}, v);
+}
+
+template <std::size_t columns>
+void rows(FieldSink& sink, const std::string& name,
+          const std::vector<std::array<double, columns>>& rows) {
+  if (rows.empty()) return;
+  std::vector<double> all;
+  for (const auto& row : rows) all.insert(all.end(), row.begin(), row.end());
+  sink.array(name, {static_cast<std::int64_t>(rows.size()), columns}, all);
+}
+
+void system(FieldSink& sink, const SecondOrderModel& model) {
+  const int m = static_cast<int>(model.n);
+  matrix(sink, "M", to_dense(model.M));
+  matrix(sink, "K", to_dense(model.K));
+  matrix(sink, "D", model.D ? to_dense(model.D) : Dense(m, m));
+  sink.value("eta", model.damping.eta);
+  matrix(sink, "B", local_dense(model.B));
+  sink.value("B/names", model.inputs);
+  matrix(sink, "C", transpose(local_dense(model.C)));
+  sink.value("C/names", model.outputs);
+}
+
+void claim_of(FieldSink& sink, const ErrorClaim& claim) {
+  sink.value("error/worst", claim.worst);
+  sink.value("error/whole", claim.whole);
+  sink.value("error/attained", claim.attained);
+  sink.value("error/at", claim.at);
+  sink.value("error/rigid_rounding", claim.rigid_rounding);
+  sink.value("error/relative_to", claim.relative_to);
+  rows(sink, "error/bands", claim.bands);
+  rows(sink, "error/excluded", claim.excluded);
+  rows(sink, "error/poles", claim.poles);
+  if (!claim.tolerance) return;
+  sink.value("error/tolerance", *claim.tolerance);
+  sink.value("error/met", claim.met ? 1.0 : 0.0);
+}
+
+void error(FieldSink& sink, const ReducedModel& rom) {
+  vector(sink, "error/omega", rom.omega);
+  vector(sink, "error/relative", rom.epsilon);
+  if (!rom.bound.empty()) {
+    vector(sink, "error/bound", rom.bound);
+    vector(sink, "error/floor", rom.floor);
+  }
+  sink.value("error/kind", rom.kind);
+  if (rom.claim) claim_of(sink, *rom.claim);
+  if (!rom.by_kind.empty()) sink.value("error/by_kind", rom.by_kind);
+}
+
+void frame(FieldSink& sink, const ReducedModel& rom) {
+  sink.value("frame/kind", rom.frame);
+  sink.value("frame/rigid_modes", static_cast<double>(rom.rigid_modes));
+  if (!rom.integrals) return;
+  const FrameIntegrals& i = *rom.integrals;
+  const std::int64_t m = rom.model.n;
+  // Blocks of m columns stand side by side; in the file the block index is between.
+  const auto blocks = [&](const char* name, const Dense& a) {
+    sink.array(name, {a.rows, a.columns / m, m}, row_major(a));
+  };
+  sink.value("frame/mass", i.mass);
+  vector(sink, "frame/centre", {i.centre.begin(), i.centre.end()});
+  matrix(sink, "frame/M_r", i.M_r);
+  matrix(sink, "frame/M_er", i.M_er);
+  blocks("frame/gyroscopic", i.gyroscopic);
+  blocks("frame/inertia_first", i.inertia_first);
+  sink.array("frame/inertia_second", {3, m, 3, m}, row_major(i.inertia_second));
+}
+
+void log(FieldSink& sink, const ReducedModel& rom) {
+  sink.value("log/body", rom.model.name);
+  sink.value("log/factorisations", static_cast<double>(rom.factorisations));
+  std::vector<std::string> plan;
+  for (const auto& [name, value] : rom.plan) plan.push_back(name + "\t" + value);
+  if (!plan.empty()) sink.value("log/plan", plan);
+  if (rom.medium_order > 0)
+    sink.value("log/medium_order", static_cast<double>(rom.medium_order));
+}
+
+} // namespace
+
+void visit_fields(const ReducedModel& rom, FieldSink& sink) {
+  sink.value("method", rom.method);
+  if (!rom.second_stage.empty()) sink.value("second_stage", rom.second_stage);
+  sink.value("band", std::vector<double>{rom.band[0], rom.band[1]});
+  system(sink, rom.model);
+  vector(sink, "gramian/sigma", rom.sigma);
+  error(sink, rom);
+  vector(sink, "modes/omega", rom.modes);
+  frame(sink, rom);
+  log(sink, rom);
+}
+
+} // namespace flexgram
