@@ -19,7 +19,7 @@ def mpi_rank() -> int:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run one command; errors are one line on standard error and exit status 1.
+    """Run one command; errors of its input are one line on standard error and exit status 1.
 
     These commands are serial: under mpirun the first rank does the work, the others are done.
     """
@@ -42,7 +42,7 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     try:
         work[options.command](options)
-    except (BodyError, OSError, ValueError, KeyError) as error:
+    except (BodyError, OSError) as error:
         print(f"flexgram: {error}", file=sys.stderr)
         return 1
     return 0

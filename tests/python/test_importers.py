@@ -21,7 +21,8 @@ from flexgram.basics import BodyError
 from flexgram.geometry import Geometry
 from flexgram.importers import check, import_matrices, parse, read
 from flexgram.importers.deck import read_deck
-from flexgram.importers.interfaces import Interface, attach
+from flexgram.importers.fe import Interface
+from flexgram.importers.interfaces import attach
 
 STEEL = "*MATERIAL, NAME=STEEL\n*ELASTIC\n210e9, 0.3\n*DENSITY\n7850.\n"
 FREQUENCY = "*STEP\n*FREQUENCY\n16\n*END STEP\n"

@@ -18,8 +18,8 @@ import scipy.sparse as sp
 from flexgram.basics import BodyError, index_of
 from flexgram.bodyfile import write_matrices
 from flexgram.description import UNITS
-from flexgram.importers.fe import FeMatrices, check
-from flexgram.importers.interfaces import Interface, attach, parse
+from flexgram.importers.fe import FeMatrices, Interface, check
+from flexgram.importers.interfaces import attach, parse
 
 __all__ = ["FORMATS", "FeMatrices", "Interface", "check", "import_matrices", "parse", "read"]
 

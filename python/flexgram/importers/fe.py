@@ -13,10 +13,37 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from flexgram.basics import BodyError, index_of
-from flexgram.importers.interfaces import Interface, rigid_motions
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+
+
+@dataclass
+class Interface:
+    """Where forces act.
+
+    ``rigid``: all nodes follow a reference node with six dofs (RBE2). ``distributing``: the
+    reference node is the least-squares motion of the nodes (RBE3). ``node``: the dofs of each node
+    are ports. ``rows``: rows of the matrices (1-based) are ports.
+    """
+
+    name: str
+    coupling: str
+    where: str | Ints  #: a selector such as ``NSET:TOP``, or labels (rows)
+    position: Floats | None = None  #: of the reference node; default: the middle of the nodes
+    weights: Floats | None = None  #: of the nodes of a distributing interface; default: equal
+
+
+def rigid_motions(points: Floats, component: Ints) -> Floats:
+    """Three translations and three rotations about the origin on rows, n x 6: ``points`` (n, 3) are
+    the places of the rows' nodes, ``component`` 0-2 a translation, 3-5 a rotation."""
+    motions = np.zeros((len(points), 6))
+    row, moves = np.arange(len(points)), component < 3
+    motions[row, component] = 1
+    for axis in range(3):
+        turned = np.cross(np.eye(3)[axis], points)
+        motions[row[moves], 3 + axis] = turned[row[moves], component[moves]]
+    return motions
 
 
 @dataclass

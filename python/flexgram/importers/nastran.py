@@ -16,8 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexgram.basics import BodyError
-from flexgram.importers.fe import FeMatrices, folded, symmetric
-from flexgram.importers.interfaces import Interface
+from flexgram.importers.fe import FeMatrices, Interface, folded, symmetric
 
 #: Our (VTK) order of nodes where Nastran's has the vertical edges before the top ones.
 REORDER = {"hexahedron20": [*range(12), *range(16, 20), *range(12, 16)],
