@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from pathlib import Path
 
 from flexgram.basics import BodyError
 from flexgram.commands import COMMANDS
@@ -16,6 +17,15 @@ def mpi_rank() -> int:
         if os.environ.get(name, "").isdigit():
             return int(os.environ[name])
     return 0
+
+
+def keep_inputs(options: argparse.Namespace) -> None:
+    """Refuse an output that is one of the inputs of the same command."""
+    files = {name: value for name, value in vars(options).items() if isinstance(value, Path)}
+    for out in [files.pop(name) for name in ("output", "xdmf") if name in files]:
+        for given in files.values():
+            if out.is_file() and given.exists() and out.samefile(given):
+                raise BodyError(f"{out} would replace the input {given}")
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -41,6 +51,7 @@ def main(arguments: list[str] | None = None) -> int:
         work[name] = run
     options = parser.parse_args(arguments)
     try:
+        keep_inputs(options)
         work[options.command](options)
     except (BodyError, OSError) as error:
         print(f"flexgram: {error}", file=sys.stderr)

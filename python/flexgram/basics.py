@@ -1,15 +1,102 @@
-"""What many modules share: the one error of users, and looking numbers up."""
+"""What many modules share: the one error of users, looking numbers up, writing files whole."""
 
 from __future__ import annotations
 
+import os
+import shutil
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import h5py
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 IntArray = NDArray[np.int64]
 
 
-class BodyError(Exception):
-    """A body description or mesh that cannot be used; the message says what to change."""
+class BodyError(ValueError):
+    """A body, file or argument that cannot be used; the message says what to change."""
+
+
+@contextmanager
+def errors_of(path: str | Path) -> Iterator[None]:
+    """What a damaged file makes readers say, as one error that names the file."""
+    try:
+        yield
+    except BodyError:
+        raise
+    except (ValueError, LookupError, TypeError, ArithmeticError, AttributeError, MemoryError,
+            RecursionError) as error:  # fmt: skip
+        words = " ".join(str(error).split())[:200]
+        raise BodyError(f"{path}: cannot be read ({type(error).__name__}: {words}); is it complete "
+                        "and of this format?") from error  # fmt: skip
+
+
+def whole_numbers(what: str | Path, values: ArrayLike) -> IntArray:
+    """Numbers that count or number something, as integers.
+
+    Raises
+    ------
+    BodyError
+        For fractions, NaN and what no index can be.
+    """
+    numbers = np.asarray(values)
+    if numbers.dtype.kind in "iu":
+        return numbers.astype(np.int64)
+    bad = ~(np.abs(numbers) < 2.0**53) | (numbers != np.floor(numbers))
+    if np.any(bad):
+        raise BodyError(f"{what}: {numbers[bad].ravel()[0]:.17g} where a whole number is expected")
+    return numbers.astype(np.int64)
+
+
+def stored(what: str | Path, dataset: h5py.Dataset) -> NDArray[np.generic]:
+    """All of an HDF5 dataset, if all of it is in this file.
+
+    Raises
+    ------
+    BodyError
+        If it declares more than is stored (a few bytes could ask for all memory, and HDF5 gives
+        zeros for what a killed writer left out), or if it is stored in other files.
+    """
+    here = not dataset.external and not dataset.is_virtual
+    if here and dataset.chunks is not None:
+        parts = [-(-n // c) for n, c in zip(dataset.shape, dataset.chunks, strict=True)]
+        here = dataset.id.get_num_chunks() >= np.prod(parts, dtype=float)
+    elif here:
+        here = dataset.id.get_storage_size() >= dataset.size * dataset.dtype.itemsize
+    if not here:
+        raise BodyError(f"{what}: {dataset.name} declares {dataset.size} numbers, which are not "
+                        "all in this file")  # fmt: skip
+    values: NDArray[np.generic] = dataset[()]
+    return values
+
+
+def expect_survival(path: str | Path, work: Callable[[], object]) -> None:
+    """Try a library's reader on a file in a child process: damaged files crash some of them.
+
+    Raises
+    ------
+    BodyError
+        If the child died of a signal; other errors come again when the file is read.
+    """
+    child = os.fork()
+    if child == 0:
+        try:
+            os.close(2)
+            work()
+        finally:
+            os._exit(0)
+    if os.WIFSIGNALED(os.waitpid(child, 0)[1]):
+        raise BodyError(f"{path}: damaged: its reader crashes")
+
+
+def check_name(what: str, name: str) -> str:
+    """The name of an interface: it becomes part of lists and of paths in the file."""
+    if not name or name != name.strip() or any(c in name for c in "/,\n\t") or name in (".", ".."):
+        raise BodyError(f"{what}: {name!r} is no name: without / and commas, please")
+    return name
 
 
 def index_of(labels: IntArray, wanted: IntArray) -> tuple[IntArray, NDArray[np.bool_]]:
@@ -19,3 +106,40 @@ def index_of(labels: IntArray, wanted: IntArray) -> tuple[IntArray, NDArray[np.b
     order = np.argsort(labels, kind="stable")
     at = order[np.minimum(np.searchsorted(labels, wanted, sorter=order), len(order) - 1)]
     return at, labels[at] == wanted
+
+
+@contextmanager
+def written_aside(path: str | Path, *inputs: str | Path | None) -> Iterator[Path]:
+    """A place to write ``path``: what is written there appears under its name when all is done.
+
+    The place has the final name, in a folder of its own beside the target, so a format of several
+    files (XDMF) works; a failure leaves what was there before. Symlinks are followed.
+
+    Parameters
+    ----------
+    path : str or Path
+        File to write. Its folder is made.
+    inputs : str or Path
+        What it is made from, and must not replace.
+
+    Raises
+    ------
+    BodyError
+        If ``path`` is one of ``inputs``, a folder, a device or a pipe.
+    """
+    target = Path(os.path.realpath(path))
+    if target.exists() and not target.is_file():
+        raise BodyError(f"cannot write {path}: it is no file")
+    for given in inputs:
+        if given is not None and Path(given).exists() and target.exists():
+            if target.samefile(given):
+                raise BodyError(f"{path} would replace the input {given}")
+    target.parent.mkdir(parents=True, exist_ok=True)
+    folder = Path(tempfile.mkdtemp(prefix=f".{target.name}.part-", dir=target.parent))
+    try:
+        yield folder / target.name
+        others = [file for file in folder.iterdir() if file.name != target.name]
+        for file in (*others, folder / target.name):  # the one that names the others last
+            file.replace(target.parent / file.name)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)

@@ -15,18 +15,14 @@ import h5py
 import numpy as np
 import scipy.sparse as sp
 
+from flexgram.basics import BodyError, written_aside
+
 
 @contextmanager
 def written_whole(path: str | Path) -> Iterator[h5py.File]:
     """An HDF5 file that appears under its name only when all of it is written."""
-    part = Path(f"{path}.part")
-    part.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        with h5py.File(part, "w") as file:
-            yield file
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
+    with written_aside(path) as place, h5py.File(place, "w") as file:
+        yield file
 
 
 def write_sparse(file: h5py.File, name: str, matrix: Any) -> None:
@@ -108,7 +104,7 @@ def write_matrices(
 
     Raises
     ------
-    ValueError
+    BodyError
         For shapes that do not fit, complex entries, or names that do not fit the ports.
     """
     n = K.shape[0]
@@ -121,14 +117,20 @@ def write_matrices(
         actual = np.shape(value)
         if len(actual) != 2 or any(e not in (None, a) for e, a in zip(shape, actual, strict=True)):
             wanted = " x ".join("any" if e is None else str(e) for e in shape)
-            raise ValueError(f"{name} has shape {actual}, expected {wanted}")
+            raise BodyError(f"{name} has shape {actual}, expected {wanted}")
         if np.iscomplexobj(value):
-            raise ValueError(f"{name} is complex; K (1 + i eta) is K with eta=...")
+            raise BodyError(f"{name} is complex; K (1 + i eta) is K with eta=...")
     if outputs is not None and C is None:
-        raise ValueError("outputs are named but C is not given (the outputs are the inputs)")
+        raise BodyError("outputs are named but C is not given (the outputs are the inputs)")
     for key, (names, count) in ports.items():
         if names is not None and len(names) != count:
-            raise ValueError(f"{key}: {len(names)} names for {count} ports")
+            raise BodyError(f"{key}: {len(names)} names for {count} ports")
+        if names is not None and len(set(names)) != len(names):
+            raise BodyError(f"{key}: a name is given twice")
+    damping = {"alpha": alpha, "beta": beta, "eta": eta}
+    for name, number in damping.items():
+        if not (np.isfinite(number) and number >= 0):
+            raise BodyError(f"{name} = {number}: damping must be finite and not negative")
     with written_whole(path) as file:
         write_sparse(file, "K", K)
         write_sparse(file, "M", M)
@@ -145,7 +147,7 @@ def write_matrices(
             file["B"].attrs["names"] = list(inputs)
         if outputs is not None and C is not None:
             file["C"].attrs["names"] = list(outputs)
-        for name, number in (("alpha", alpha), ("beta", beta), ("eta", eta)):
+        for name, number in damping.items():
             file.attrs[name] = float(number)
         if node is not None:
             file["dofs/node"] = np.asarray(node, dtype=np.int64)

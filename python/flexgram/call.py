@@ -23,10 +23,10 @@ class Matrices:
     ----------
     K, M, D : SciPy sparse or petsc4py Mat, n x n
         Stiffness [N/m], mass [kg], optional damping [N s/m]; symmetric, both triangles. SciPy
-        matrices are the same on every rank, each takes its rows; petsc4py matrices (AIJ) are used
-        as they are, without a copy.
+        matrices are the same on every rank, each takes its rows; petsc4py matrices in AIJ are used
+        as they are, without a copy, others are converted.
     B : array, n x n_in
-        Inputs; with petsc4py matrices the rows that this rank owns.
+        Inputs (n: one of them); with petsc4py matrices the rows that this rank owns.
     C : array, n_out x n, optional
         Outputs, default ``B.T``; with petsc4py the columns of the rows that this rank owns.
     alpha, beta, eta : float
@@ -56,6 +56,11 @@ class Matrices:
     component: Any = None
     position: Any = None
     name: str = "matrices"
+
+
+#: How the names of options start.
+PREFIXES = ("mor_", "log_", "mat_", "vec_", "bv_", "ksp_", "pc_", "eps_", "svd_", "options_",
+            "info", "malloc")  # fmt: skip
 
 
 def core() -> Any:
@@ -95,78 +100,114 @@ def _agree(comm: Any, work: Any) -> Any:
     return result
 
 
+def _rows_of(matrices: Matrices, comm: Any) -> tuple[int, int]:
+    """This rank's rows: those of the first petsc4py matrix, else an even share."""
+    for matrix in (matrices.K, matrices.M, matrices.D):
+        if hasattr(matrix, "handle"):
+            return matrix.getOwnershipRange()
+    n, size, rank = matrices.K.shape[0], comm.size, comm.rank
+    first = rank * (n // size) + min(rank, n % size)
+    return first, first + n // size + (rank < n % size)
+
+
+def _one_matrix(name: str, matrix: Any, rows: tuple[int, int], n: int, comm: Any) -> Any:
+    """Rows of a SciPy matrix as CSR, or a petsc4py matrix in a format that is taken."""
+    if sp.issparse(matrix):
+        if np.iscomplexobj(matrix.data):
+            raise BodyError(f"{name} is complex; K (1 + i eta) is K with eta=...")
+        if matrix.shape != (n, n):
+            raise BodyError(f"{name} is {matrix.shape}, expected {(n, n)}: square, and like K")
+        mine = sp.csr_matrix(matrix)[slice(*rows)].astype(np.float64)
+        mine.sum_duplicates()
+        return (*rows, n, mine.indptr, mine.indices, mine.data)
+    if matrix.comm.size != comm.size:
+        raise BodyError(f"{name} lives on {matrix.comm.size} ranks, comm has {comm.size}")
+    if matrix.getOwnershipRange() != rows:
+        raise BodyError(f"{name} is not split over the ranks like K")
+    # SBAIJ, BAIJ and others become AIJ, which is what the kernels read.
+    return matrix if "aij" == matrix.getType()[-3:] and "b" not in matrix.getType() else None
+
+
+def _dense(name: str, value: Any, rows: int, axis: int) -> Any:
+    """A port map with its ports along the other axis; a vector is one port."""
+    if sp.issparse(value):
+        value = value.toarray()
+    if np.iscomplexobj(value):
+        raise BodyError(f"{name} is complex; input and output maps are real")
+    block = np.asarray(value, dtype=float)
+    if block.ndim == 1:
+        block = np.expand_dims(block, 1 - axis)
+    if block.ndim != 2 or block.shape[axis] != rows:
+        raise BodyError(f"{name} has shape {np.shape(value)}, but there are {rows} rows of K "
+                        "that go with it")  # fmt: skip
+    if not np.all(np.isfinite(block)):
+        raise BodyError(f"{name} holds NaN or Inf")
+    return block
+
+
+def _port_names(what: str, given: Sequence[str] | None, count: int, prefix: str) -> list[str]:
+    names = [str(name) for name in given or (f"{prefix}{i + 1}" for i in range(count))]
+    if len(names) != count:
+        raise BodyError(f"{what}: {len(names)} names for {count} ports")
+    if twice := {name for name in names if names.count(name) > 1}:
+        raise BodyError(f"{what}: two ports are named {sorted(twice)[0]}")
+    return names
+
+
 def _own_rows(matrices: Matrices, comm: Any) -> dict[str, Any]:
-    """What this rank hands over, checked: rows, CSR or handles, ports, places. Local."""
-    parts: dict[str, Any] = {}
-    whole = sp.issparse(matrices.K)
+    """What this rank hands over, checked: rows, CSR or matrices, ports, places. Local."""
+    for name in ("K", "M", "B"):
+        if getattr(matrices, name) is None:
+            raise BodyError(f"{name} is missing")
     for name in ("K", "M", "D"):
         matrix = getattr(matrices, name)
-        if matrix is None:
-            if name == "D":
-                continue
-            raise BodyError(f"{name} is missing")
-        if whole:
-            if not sp.issparse(matrix) or matrix.shape != matrices.K.shape:
-                raise BodyError(f"{name} must be sparse and {matrices.K.shape} like K")
-            if np.iscomplexobj(matrix.data):
-                raise BodyError(f"{name} is complex; K (1 + i eta) is K with eta=...")
-            n, size, rank = matrix.shape[0], comm.size, comm.rank
-            if matrix.shape[1] != n:
-                raise BodyError(f"{name} is {matrix.shape}, expected a square matrix")
-            first = rank * (n // size) + min(rank, n % size)
-            last = first + n // size + (rank < n % size)
-            mine = sp.csr_matrix(matrix)[first:last].astype(np.float64)
-            mine.sum_duplicates()
-            parts[name] = (first, last, n, mine.indptr, mine.indices, mine.data)
-        elif hasattr(matrix, "handle"):
-            if matrix.comm.size != comm.size:
-                raise BodyError(f"{name} lives on {matrix.comm.size} ranks, comm has {comm.size}")
-            first, last = matrix.getOwnershipRange()
-            parts[name] = matrix.handle
-        else:
-            raise BodyError(f"{name} must be a SciPy sparse or petsc4py matrix, not "
-                            f"{type(matrix).__name__}")  # fmt: skip
-        if parts.setdefault("rows", (first, last)) != (first, last):
-            raise BodyError(f"{name} is not split over the ranks like K")
-    first, last = parts["rows"]
-    mine_of = slice(first, last) if whole else slice(None)
-
-    def dense(value: Any) -> Any:
-        return np.atleast_2d(np.asarray(value.toarray() if sp.issparse(value) else value, float))
-
-    B = dense(matrices.B)[mine_of]
-    C = None if matrices.C is None else dense(matrices.C).T[mine_of]
-    for name, block in (("B", B), ("C", C)):
-        if block is not None and len(block) != last - first:
-            raise BodyError(f"{name} has {len(block)} entries along the {last - first} rows of "
-                            "K that this rank has")  # fmt: skip
-        if block is not None and not np.all(np.isfinite(block)):
-            raise BodyError(f"{name} holds NaN or Inf")
-    inputs = list(matrices.inputs or [f"u{i + 1}" for i in range(B.shape[1])])
-    outputs = (inputs if C is None
-               else list(matrices.outputs or [f"y{i + 1}" for i in range(C.shape[1])]))  # fmt: skip
-    if len(inputs) != B.shape[1] or (C is not None and len(outputs) != C.shape[1]):
-        raise BodyError("the names of inputs and outputs do not fit B and C")
+        if not (matrix is None or sp.issparse(matrix) or hasattr(matrix, "handle")):
+            kind = type(matrix).__name__
+            raise BodyError(f"{name} must be a SciPy sparse or petsc4py matrix, not {kind}")
+    for name in ("alpha", "beta", "eta"):
+        value = getattr(matrices, name)
+        if not (np.isfinite(value) and value >= 0):
+            raise BodyError(f"{name} = {value}: damping must be finite and not negative")
+    first, last = _rows_of(matrices, comm)
+    n = int(matrices.K.shape[0] if sp.issparse(matrices.K) else matrices.K.getSize()[0])
+    parts: dict[str, Any] = {"rows": (first, last)}
+    for name in ("K", "M", "D"):
+        matrix = getattr(matrices, name)
+        if matrix is not None:
+            parts[name] = _one_matrix(name, matrix, (first, last), n, comm)
+    whole = sp.issparse(matrices.K)  # then ports and places have all rows
+    mine, rows = (slice(first, last), n) if whole else (slice(None), last - first)
+    B = _dense("B", matrices.B, rows, 0)[mine]
+    C = None if matrices.C is None else _dense("C", matrices.C, rows, 1).T[mine]
+    inputs = _port_names("inputs", matrices.inputs, B.shape[1], "u")
+    if C is None and matrices.outputs is not None and list(matrices.outputs) != inputs:
+        raise BodyError("outputs are named but C is not given (the outputs are the inputs)")
+    outputs = inputs if C is None else _port_names("outputs", matrices.outputs, C.shape[1], "y")
     parts["ports"] = (B, C, inputs, outputs)
     if matrices.node is not None:
-        shapes = {"node": (last - first,), "component": (last - first,),
-                  "position": (last - first, 3)}  # fmt: skip
-        for name, shape in shapes.items():
-            value = getattr(matrices, name)
-            if value is None:
-                parts[name] = None
-                continue
-            parts[name] = np.asarray(value)[mine_of]
-            if parts[name].shape != shape:
-                raise BodyError(f"{name} has shape {parts[name].shape}, expected {shape}")
-        component = parts["component"]
-        if (
-            component is not None
-            and len(component)
-            and (component.min() < 0 or component.max() > 5)
-        ):
-            raise BodyError("component must be 0 to 2 (translations) or 3 to 5 (rotations)")
+        parts |= _places(matrices, mine, last - first)
     return parts
+
+
+def _places(matrices: Matrices, mine: slice, rows: int) -> dict[str, Any]:
+    """Node, component and position of this rank's rows."""
+    places: dict[str, Any] = {}
+    shapes = {"node": (rows,), "component": (rows,), "position": (rows, 3)}
+    for name, shape in shapes.items():
+        value = getattr(matrices, name)
+        places[name] = None if value is None else np.asarray(value)[mine]
+        if value is None:
+            continue
+        if places[name].shape != shape:
+            raise BodyError(f"{name} has shape {places[name].shape}, expected {shape}")
+        if not np.all(np.isfinite(places[name])):
+            raise BodyError(f"{name} holds NaN or Inf")
+        if name != "position" and np.any(places[name] != np.floor(places[name])):
+            raise BodyError(f"{name} must hold whole numbers")
+    component = places["component"]
+    if component is not None and len(component) and (component.min() < 0 or component.max() > 5):
+        raise BodyError("component must be 0 to 2 (translations) or 3 to 5 (rotations)")
+    return places
 
 
 def _matrices_over(matrices: Matrices, comm: Any) -> Any:
@@ -176,7 +217,10 @@ def _matrices_over(matrices: Matrices, comm: Any) -> Any:
         if isinstance(parts.get(name), tuple):
             body.set_csr(name, *parts[name])
         elif name in parts:
-            body.set_petsc(name, parts[name])
+            matrix = parts[name]
+            if matrix is None:
+                matrix = getattr(matrices, name).copy().convert("aij")
+            body.set_petsc(name, matrix.handle)
     body.set_ports(*parts["ports"])
     body.set_damping(matrices.alpha, matrices.beta, matrices.eta)
     if matrices.node is not None:
@@ -202,7 +246,13 @@ def option_values(
     options: Mapping[str, Any] | None,
     verbose: bool,
 ) -> dict[str, str]:
-    """The options of one call, as words."""
+    """The options of one call, as words.
+
+    Raises
+    ------
+    BodyError
+        For a key that neither flexgram nor PETSc would look at.
+    """
     values = {"-mor_method": method, "-mor_monitor": "summary" if verbose else "silent"}
     if band_hz is not None:
         values["-mor_band_hz"] = ",".join(repr(float(f)) for f in band_hz)
@@ -210,9 +260,14 @@ def option_values(
         values["-mor_tol"] = repr(float(tol))
     if order is not None:
         values["-mor_order"] = str(int(order))
-    for name, value in (options or {}).items():
-        word = ",".join(map(str, value)) if isinstance(value, (list, tuple)) else str(value)
-        values[f"-{name.lstrip('-')}"] = word
+    for key, value in (options or {}).items():
+        name = key.lstrip("-")
+        if not name.startswith(PREFIXES):
+            raise BodyError(f"options: {key} is none of flexgram's (mor_...) or PETSc's "
+                            f"({', '.join(PREFIXES[1:])}...)")  # fmt: skip
+        several = isinstance(value, (list, tuple, np.ndarray))
+        word = ",".join(map(str, value)) if several else str(value)
+        values[f"-{name}"] = {True: "yes", False: "no"}[value] if isinstance(value, bool) else word
     return values
 
 

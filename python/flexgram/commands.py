@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, written_aside
 
 COUPLINGS = {
     "rigid": "all nodes follow a reference node with six dofs (RBE2)",
@@ -279,7 +279,7 @@ def _simulate_options(parser: argparse.ArgumentParser) -> None:
         default=[],
         metavar="PORT=f(t)",
         required=True,
-        help="force or moment [N, N m] as an expression in t with NumPy's functions",
+        help="force or moment [N, N m] as an expression in t: + - * / ** < >, sin, exp, where, ...",
     )
     parser.add_argument(
         "--time", default="0,1,1001", help="first,last,count [s] (default %(default)s)"
@@ -294,6 +294,7 @@ def _simulate_options(parser: argparse.ArgumentParser) -> None:
 def _simulate(options: argparse.Namespace) -> None:
     import numpy as np
 
+    from flexgram.expressions import function_of_time
     from flexgram.reduced import ReducedModel
 
     model = ReducedModel.load(options.rom, basis=options.xdmf is not None)
@@ -303,7 +304,6 @@ def _simulate(options: argparse.Namespace) -> None:
     except ValueError:
         raise BodyError(f"--time {options.time}: expected first,last,count") from None
     u = np.zeros((len(t), len(model.inputs)))
-    names = {name: getattr(np, name) for name in dir(np) if not name.startswith("_")}
     for word in options.force:
         port, _, expression = word.partition("=")
         if port not in model.inputs:
@@ -311,14 +311,13 @@ def _simulate(options: argparse.Namespace) -> None:
                 f"--force {word}: there is no port {port}; there are {', '.join(model.inputs)}"
             )
         try:
-            u[:, model.inputs.index(port)] += eval(
-                expression, {"__builtins__": {}}, names | {"t": t}
-            )
-        except Exception as error:
-            raise BodyError(f"--force {word}: {error}") from None
+            u[:, model.inputs.index(port)] += function_of_time(expression, t)
+        except BodyError as error:
+            raise BodyError(f"--force {port}: {error}") from None
     y, q = model.simulate(u, t)
     header = "t," + ",".join(model.outputs)
-    np.savetxt(options.output, np.column_stack([t, y]), delimiter=",", header=header, comments="")
+    with written_aside(options.output) as place:
+        np.savetxt(place, np.column_stack([t, y]), delimiter=",", header=header, comments="")
     print(f"  wrote {options.output}: {len(t)} times, {len(model.outputs)} outputs")
     if options.xdmf is not None:
         from flexgram.exporters.shapes import write_motion

@@ -16,11 +16,10 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
+from flexgram.basics import BodyError, IntArray, check_name, errors_of
 from flexgram.bodyfile import written_whole
 from flexgram.meshfile import (
     ELEMENTS,
-    BodyError,
-    IntArray,
     cell_regions,
     node_set,
     read_mesh,
@@ -139,13 +138,15 @@ def _write_material(file: h5py.File, name: str, data: Any, units: tuple[float, .
     length, mass, force = units
     stress, density = force / length**2, mass / length**3
     where = f"materials: {name}"
-    group = file.create_group(f"materials/{name}")
+    group = file.create_group(f"materials/{check_name(where, str(name))}")
     if isinstance(data, dict) and "E1" in data:
         reader = _Reader(data, where, (*ENGINEERING, "rho", "axis_1", "axis_2"))
         group.attrs["engineering_constants"] = [
             reader.number(key) * (1.0 if key.startswith("nu") else stress) for key in ENGINEERING
         ]
         first, second = reader.vector("axis_1", [1, 0, 0]), reader.vector("axis_2", [0, 1, 0])
+        if not np.linalg.norm(first) > 0:
+            raise BodyError(f"{where}: axis_1 = [0, 0, 0] has no direction")
         first = first / np.linalg.norm(first)
         second = second - first * (first @ second)
         if np.linalg.norm(second) < 1e-9:
@@ -173,15 +174,19 @@ def _select_nodes(
         nodes = np.flatnonzero(used)
         nodes = nodes[[np.argmin(np.linalg.norm(points[nodes] - at, axis=1))]]
     elif isinstance(choice, dict):
-        box = np.array(_Reader(choice, where, ("box",)).get("box"), dtype=float)
-        if box.shape != (2, 3):
+        with errors_of(f"{where}: box"):
+            box = np.array(_Reader(choice, where, ("box",)).get("box"), dtype=float)
+        if box.shape != (2, 3) or not np.all(np.isfinite(box)):
             raise BodyError(
                 f"{where}: box must be [[x, y, z] of one corner, [x, y, z] of the other]"
             )
         inside = np.all((points >= box.min(0)) & (points <= box.max(0)), axis=1)
         nodes = np.flatnonzero(inside & used)
     elif isinstance(choice, list):
-        nodes = np.array(choice, dtype=np.int64) - 1
+        if not all(type(number) is int for number in choice):
+            raise BodyError(f"{where}: {_short(choice)} must be node numbers")
+        with errors_of(where):
+            nodes = np.array(choice, dtype=np.int64) - 1
         if nodes.size and (nodes.min() < 0 or nodes.max() >= len(points)):
             raise BodyError(f"{where}: node numbers run from 1 to {len(points)}")
     else:
@@ -238,10 +243,14 @@ def import_body(description: str | Path, output: str | Path) -> dict[str, Any]:
          "damping", "mass_integration"),
     )  # fmt: skip
     units = UNITS[reader.choice("units", UNITS, "SI")]
-    mesh = read_mesh(path.parent / str(reader.get("mesh")))
-    cells = cell_regions(mesh)
-
-    with written_whole(output) as file:
+    source = path.parent / str(reader.get("mesh"))
+    for given in (path, source):
+        if Path(output).exists() and given.exists() and Path(output).samefile(given):
+            raise BodyError(f"{output} would replace the input {given}")
+    mesh = read_mesh(source)
+    with errors_of(source):
+        cells = cell_regions(mesh)
+    with errors_of(path), written_whole(output) as file:
         return _write(file, reader, mesh, cells, units)
 
 
@@ -262,9 +271,12 @@ def _write(
         _write_material(file, name, data, units)
     for name, data in reader.children("sections").items():
         section = _Reader(data, f"sections: {name}")
-        group = file.create_group(f"sections/{name}")
+        group = file.create_group(f"sections/{check_name(section.where, str(name))}")
         group.attrs.update(section_properties(section, length))
-        group.attrs["y_axis"] = section.vector("y_axis", [0, 1, 0])
+        y_axis = section.vector("y_axis", [0, 1, 0])
+        if not np.linalg.norm(y_axis) > 0:
+            raise BodyError(f"{section.where}: y_axis = [0, 0, 0] has no direction")
+        group.attrs["y_axis"] = y_axis
 
     used = np.zeros(len(mesh.points), dtype=bool)
     elements = _write_blocks(file, reader, mesh, cells, used)
@@ -276,7 +288,7 @@ def _write(
     for order, (name, data) in enumerate(reader.children("interfaces").items()):
         entry = _Reader(data, f"interfaces: {name}", ("coupling", "nodes", "position", "weights"))
         nodes = _select_nodes(entry.get("nodes"), entry.where, mesh.points, used, sets)
-        group = file.create_group(f"interfaces/{name}")
+        group = file.create_group(f"interfaces/{check_name(entry.where, str(name))}")
         group.attrs["coupling"] = entry.choice("coupling", ("rigid", "distributing", "node"))
         chosen = mesh.points[nodes]
         position = entry.vector("position", chosen.mean(0))
@@ -291,12 +303,15 @@ def _write(
         group.attrs["order"] = order
         group["nodes"] = nodes
         if "weights" in entry.data:
-            group["weights"] = np.asarray(entry.get("weights"), dtype=np.float64)
+            with errors_of(f"{entry.where}: weights"):
+                group["weights"] = np.asarray(entry.get("weights"), dtype=np.float64)
     for order, (name, data) in enumerate(reader.children("supports").items()):
         entry = _Reader(data, f"supports: {name}", ("nodes", "components"))
-        group = file.create_group(f"supports/{name}")
+        group = file.create_group(f"supports/{check_name(entry.where, str(name))}")
         group["nodes"] = _select_nodes(entry.get("nodes"), entry.where, mesh.points, used, sets)
         held = entry.get("components", ["x", "y", "z"])
+        if not isinstance(held, list):
+            raise BodyError(f"{entry.where}: components = {_short(held)} must be a list")
         unknown = [c for c in held if c not in COMPONENTS]
         if unknown:
             raise BodyError(f"{entry.where}: component {unknown[0]} must be one of "

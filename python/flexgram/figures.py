@@ -14,7 +14,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, written_aside
 from flexgram.geometry import Geometry, body_of
 from flexgram.reduced import ReducedModel
 
@@ -171,7 +171,8 @@ FIGURES: dict[str, Callable[..., Figure]] = {
 def save(figure: Figure, path: Path) -> None:
     """Write a figure; the suffix chooses the format."""
     try:
-        figure.savefig(path, dpi=150)
+        with written_aside(path) as place:
+            figure.savefig(place, dpi=150)
     except ValueError as failure:  # matplotlib does not know the suffix
         raise BodyError(f"{path}: {failure}") from None
     finally:

@@ -11,7 +11,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, written_aside
 
 
 def _open(path: Path, kind: str, needed: str) -> h5py.File:
@@ -82,7 +82,8 @@ def plot_sweep(sweep: Path, output: Path, rom: Path | None = None) -> None:
         panel.grid(alpha=0.3)
     figure.tight_layout()
     try:
-        figure.savefig(output, dpi=120)
+        with written_aside(output, sweep, rom) as place:
+            figure.savefig(place, dpi=120)
     except ValueError as error:  # matplotlib does not know the suffix
         raise BodyError(f"{output}: {error}") from None
     plt.close(figure)

@@ -12,7 +12,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, stored, written_aside
 
 Floats = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -156,7 +156,7 @@ class ReducedModel:
 
             def collect(name: str, item: Any) -> None:
                 if isinstance(item, h5py.Dataset) and (basis or name != "V"):
-                    fields[name] = item[()]
+                    fields[name] = stored(path, item)
                 values = {key: _plain(value) for key, value in item.attrs.items()}
                 if name in ("log/seconds", "log/options", "log/versions"):
                     fields[name] = values
@@ -415,4 +415,5 @@ def _names(fields: dict[str, Any], name: str, count: int) -> list[str]:
 
 def _copy(source: Path, target: Path) -> None:
     if source.resolve() != target.resolve():
-        shutil.copyfile(source, target)
+        with written_aside(target) as place:
+            shutil.copyfile(source, place)

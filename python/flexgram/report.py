@@ -13,7 +13,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from flexgram import figures
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, written_aside
 from flexgram.reduced import ReducedModel
 
 STYLE = """
@@ -185,9 +185,11 @@ def write_report(
                 for k, v in options.items()),
               f"</table></details><p class=lead>{html.escape(versions)}</p>"]  # fmt: skip
     title = html.escape(Path(rom).name)
-    Path(output).write_text(
+    page = (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
         f'<meta name="viewport" content="width=device-width"><style>{STYLE}</style></head>'
         f"<body>{''.join(parts)}</body></html>\n"
     )
+    with written_aside(output, rom, body, sweep) as place:
+        place.write_text(page)
     return left

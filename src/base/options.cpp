@@ -44,10 +44,13 @@ void require_option(bool condition, const char* name, const std::string& value,
 bool Options::given(const char* name, std::string& value) const {
   if (mode_ == Mode::describe) return false;
   PetscBool set = PETSC_FALSE;
-  char buffer[4096] = "";
-  FG_CALL(PetscOptionsGetString(nullptr, nullptr, name, buffer, sizeof(buffer), &set));
+  std::vector<char> buffer(1 << 20, '\0');
+  FG_CALL(
+      PetscOptionsGetString(nullptr, nullptr, name, buffer.data(), buffer.size(), &set));
   if (!set) FG_CALL(PetscOptionsHasName(nullptr, nullptr, name, &set));
-  value = buffer;
+  value = buffer.data();
+  if (value.size() + 1 >= buffer.size())
+    throw Error(text("option %s is longer than %zu characters", name, buffer.size()));
   return set;
 }
 

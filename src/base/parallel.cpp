@@ -49,6 +49,13 @@ void throw_if_any_failed(MPI_Comm comm, const char* local_message) {
   throw Error(message);
 }
 
+void share_text(MPI_Comm comm, std::string& value) {
+  int length = static_cast<int>(value.size());
+  MPI_Bcast(&length, 1, MPI_INT, 0, comm);
+  value.resize(static_cast<std::size_t>(length));
+  MPI_Bcast(value.data(), length, MPI_CHAR, 0, comm);
+}
+
 Communicator::~Communicator() {
   int finalized = 0;
   MPI_Finalized(&finalized);

@@ -42,6 +42,9 @@ void agree(MPI_Comm comm, Work&& work) {
   throw_if_any_failed(comm, failed ? message.c_str() : nullptr);
 }
 
+/// Rank 0's text on every rank.
+void share_text(MPI_Comm comm, std::string& value);
+
 /// Owns a communicator made by split or duplication.
 class Communicator {
 public:

@@ -52,9 +52,11 @@ std::int64_t sparse_columns(const Hdf5File& file, const std::string& group) {
 
 std::int64_t sparse_rows(const Hdf5File& file, const std::string& group,
                          std::int64_t otherwise) {
-  return file.has_attribute(group, "MATLAB_sparse")
-             ? static_cast<std::int64_t>(file.number_attribute(group, "MATLAB_sparse"))
-             : otherwise;
+  if (!file.has_attribute(group, "MATLAB_sparse")) return otherwise;
+  const double rows = file.number_attribute(group, "MATLAB_sparse");
+  if (!(rows >= 0 && rows < 9e15) || rows != std::floor(rows))
+    fail(file, text("%s: MATLAB_sparse = %g is no number of rows", group.c_str(), rows));
+  return static_cast<std::int64_t>(rows);
 }
 
 /// Columns first … first + count of a sparse matrix by columns.
@@ -68,6 +70,8 @@ SparseColumns read_columns(const Hdf5File& file, const std::string& group,
   SparseColumns columns;
   columns.start = read_vector<std::int64_t>(file, group + "/jc", first, count + 1);
   const std::int64_t offset = columns.start.front();
+  if (first == 0 && offset != 0)
+    fail(file, text("%s/jc starts with %lld, expected 0", group.c_str(), ll(offset)));
   std::int64_t entries = 0;
   if (file.exists(group + "/data")) { // MATLAB leaves data and ir out of an empty matrix
     if (!file.exists(group + "/ir")) fail(file, text("%s/ir is missing", group.c_str()));
@@ -79,7 +83,9 @@ SparseColumns read_columns(const Hdf5File& file, const std::string& group,
     if (columns.start[j] > columns.start[j + 1] || columns.start[j] < 0)
       fail(file, text("%s/jc must not decrease (column %lld)", group.c_str(),
                       ll(first + static_cast<std::int64_t>(j))));
-  if (columns.start.back() > entries)
+  // The last part sees the last column: what is behind it belongs to none.
+  const bool ends = first + count == vector_length(file, group + "/jc") - 1;
+  if (columns.start.back() > entries || (ends && columns.start.back() < entries))
     fail(file, text("%s/jc points to entry %lld of %lld", group.c_str(),
                     ll(columns.start.back()), ll(entries)));
   for (auto& position : columns.start) position -= offset;
@@ -270,9 +276,13 @@ void read_dof_map(const Hdf5File& file, SecondOrderModel& model) {
       if (node < 0 || node >= nodes)
         fail(file, text("/dofs/node holds %lld, /nodes/position has %lld nodes (0-based)",
                         ll(node), ll(nodes)));
-      for (std::int64_t axis = 0; axis < 3; ++axis)
-        model.position.push_back(all[static_cast<std::size_t>(
-            reversed ? axis * nodes + node : 3 * node + axis)]);
+      for (std::int64_t axis = 0; axis < 3; ++axis) {
+        const double x = all[static_cast<std::size_t>(reversed ? axis * nodes + node
+                                                               : 3 * node + axis)];
+        if (!std::isfinite(x))
+          fail(file, text("/nodes/position of node %lld holds %g", ll(node), x));
+        model.position.push_back(x);
+      }
     }
   });
 }
@@ -324,8 +334,11 @@ Damping read_damping(const Hdf5File& file) {
     double value = 0;
     if (file.has_attribute("/", name))
       value = file.number_attribute("/", name);
-    else if (file.exists("/" + name))
-      value = file.read_all<double>("/" + name).at(0);
+    else if (file.exists("/" + name)) {
+      if (vector_length(file, "/" + name) != 1)
+        fail(file, text("%s must be one number", name.c_str()));
+      value = file.read_all<double>("/" + name).front();
+    }
     if (!std::isfinite(value) || value < 0)
       fail(file,
            text("%s = %g: damping must be finite and not negative", name.c_str(), value));

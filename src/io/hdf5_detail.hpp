@@ -75,7 +75,7 @@ inline std::vector<hsize_t> dims_of(hid_t space) {
 
 struct Hdf5File::State {
   MPI_Comm comm = MPI_COMM_NULL;
-  std::string path, part;
+  std::string path, target, part; ///< as named; what that means; being written
   hid_t file = -1;
   std::string last_dataset; ///< while it is being written
 

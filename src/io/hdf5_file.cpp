@@ -1,7 +1,12 @@
 #include "io/hdf5_detail.hpp"
 
+#include <fcntl.h>
+#include <sys/stat.h>
+
 #include <cerrno>
+#include <cmath>
 #include <cstring>
+#include <filesystem>
 
 namespace flexgram {
 
@@ -16,12 +21,73 @@ Hdf5File::~Hdf5File() {
   if (state_) state_->discard();
 }
 
+namespace {
+
+/// What a path means: symlinks followed, though the file need not be there.
+std::filesystem::path resolved(const std::string& path) {
+  namespace fs = std::filesystem;
+  fs::path target = path;
+  for (int links = 0; links < 40 && fs::is_symlink(target); ++links) {
+    const fs::path next = fs::read_symlink(target);
+    target = next.is_absolute() ? next : target.parent_path() / next;
+  }
+  return target;
+}
+
+/// An empty file beside `target` that nobody else has.
+std::string create_beside(const std::string& target) {
+  for (int attempt = 0;; ++attempt) {
+    const std::string part = text("%s.part-%d-%d", target.c_str(), getpid(), attempt);
+    const int file = ::open(part.c_str(), O_CREAT | O_EXCL | O_WRONLY, 0666);
+    if (file >= 0) {
+      ::close(file);
+      return part;
+    }
+    if (errno != EEXIST || attempt > 1000)
+      throw Error(text("cannot write %s: %s", target.c_str(), std::strerror(errno)));
+  }
+}
+
+/// Everything that is declared is stored: else a few bytes could ask for all memory, or
+/// zeros stand where a killed writer left nothing.
+bool is_stored(hid_t dataset, hid_t type, hsize_t count) {
+  const Id creation(H5Dget_create_plist(dataset), H5Pclose);
+  const Id space(H5Dget_space(dataset), H5Sclose);
+  const H5D_layout_t layout = H5Pget_layout(creation);
+  if (layout == H5D_VIRTUAL || H5Pget_external_count(creation) > 0) return false;
+  if (layout != H5D_CHUNKED)
+    return H5Dget_storage_size(dataset) / H5Tget_size(type) >= count;
+  const auto dims = dims_of(space);
+  std::vector<hsize_t> chunk(dims.size());
+  if (dims.empty() ||
+      H5Pget_chunk(creation, static_cast<int>(chunk.size()), chunk.data()) < 0)
+    return false;
+  hsize_t needed = 1, there = 0;
+  for (std::size_t i = 0; i < dims.size(); ++i)
+    needed *= (dims[i] + chunk[i] - 1) / chunk[i];
+  return H5Dget_num_chunks(dataset, space, &there) >= 0 && there >= needed;
+}
+
+} // namespace
+
+void expect_regular(const std::string& path) {
+  struct stat found {};
+  const std::string target = resolved(path).string();
+  if (::stat(target.c_str(), &found) == 0 && !S_ISREG(found.st_mode))
+    throw Error(text("cannot write %s: it is %s, not a file", path.c_str(),
+                     S_ISDIR(found.st_mode) ? "a folder" : "a device or pipe"));
+}
+
 Hdf5File Hdf5File::open(MPI_Comm comm, const std::string& path) {
   H5Eset_auto2(H5E_DEFAULT, nullptr, nullptr); // errors come as exceptions
   auto state = std::make_unique<State>();
   state->comm = comm;
   state->path = path;
   agree(comm, [&] {
+    struct stat found {};
+    if (::stat(path.c_str(), &found) == 0 && !S_ISREG(found.st_mode)) // a pipe would wait
+      throw Error(text("cannot read %s: it is %s, not a file", path.c_str(),
+                       S_ISDIR(found.st_mode) ? "a folder" : "a device or pipe"));
     if (std::FILE* probe = std::fopen(path.c_str(), "rb"))
       std::fclose(probe);
     else
@@ -46,14 +112,14 @@ Hdf5File Hdf5File::create(MPI_Comm comm, const std::string& path) {
   auto state = std::make_unique<State>();
   state->comm = comm;
   state->path = path;
-  const std::string part = path + ".part";
+  std::string part;
   agree(comm, [&] { // MPI-IO's own message for a missing folder is not helpful
     if (comm_rank(comm) != 0) return;
-    if (std::FILE* probe = std::fopen(part.c_str(), "wb"))
-      std::fclose(probe);
-    else
-      throw Error(text("cannot write %s: %s", path.c_str(), std::strerror(errno)));
+    expect_regular(path);
+    state->target = resolved(path).string();
+    part = create_beside(state->target);
   });
+  share_text(comm, part);
   state->part = part;
   const Id access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
   H5Pset_fapl_mpio(access, comm, MPI_INFO_NULL);
@@ -79,7 +145,7 @@ void Hdf5File::commit() {
                          hdf5_reason().c_str()));
     });
     agree(s.comm, [&] {
-      if (comm_rank(s.comm) == 0 && std::rename(s.part.c_str(), s.path.c_str()) != 0)
+      if (comm_rank(s.comm) == 0 && std::rename(s.part.c_str(), s.target.c_str()) != 0)
         throw Error(text("cannot write %s: %s", s.path.c_str(), std::strerror(errno)));
     });
   } catch (...) {
@@ -95,11 +161,17 @@ MPI_Comm Hdf5File::comm() const { return state_->comm; }
 bool Hdf5File::exists(const std::string& object) const {
   if (object == "/") return true;
   // H5Lexists wants every parent to exist.
-  for (std::size_t slash = object.find('/', 1); slash != std::string::npos;
-       slash = object.find('/', slash + 1))
-    if (H5Lexists(state_->file, object.substr(0, slash).c_str(), H5P_DEFAULT) <= 0)
-      return false;
-  return H5Lexists(state_->file, object.c_str(), H5P_DEFAULT) > 0;
+  for (std::size_t slash = object.find('/', 1);; slash = object.find('/', slash + 1)) {
+    const std::string part = object.substr(0, slash);
+    const htri_t there = H5Lexists(state_->file, part.c_str(), H5P_DEFAULT);
+    if (there < 0) state_->fail(text("%s cannot be read: it is damaged", part.c_str()));
+    if (there == 0) return false;
+    H5L_info_t link;
+    if (H5Lget_info(state_->file, part.c_str(), &link, H5P_DEFAULT) < 0 ||
+        link.type == H5L_TYPE_EXTERNAL)
+      state_->fail(text("%s is a link to another file", part.c_str()));
+    if (slash == std::string::npos) return true;
+  }
 }
 
 bool Hdf5File::is_group(const std::string& object) const {
@@ -127,7 +199,11 @@ std::vector<std::int64_t> Hdf5File::shape(const std::string& dataset) const {
 }
 
 bool Hdf5File::has_attribute(const std::string& object, const std::string& name) const {
-  return H5Aexists(state_->object(object), name.c_str()) > 0;
+  const htri_t there = H5Aexists(state_->object(object), name.c_str());
+  if (there < 0)
+    state_->fail(
+        text("the attributes of %s cannot be read: they are damaged", object.c_str()));
+  return there > 0;
 }
 
 std::vector<std::string> Hdf5File::texts_attribute(const std::string& object,
@@ -198,6 +274,11 @@ std::vector<T> Hdf5File::read(const std::string& dataset, std::int64_t first,
   if (kind != H5T_INTEGER && kind != H5T_FLOAT)
     state_->fail(text("dataset %s must hold numbers", dataset.c_str()));
   auto dims = dims_of(space);
+  hsize_t declared = 1;
+  for (auto length : dims) declared *= length;
+  if (!is_stored(id, type, declared))
+    state_->fail(text("dataset %s declares %llu numbers, which are not all in this file",
+                      dataset.c_str(), static_cast<unsigned long long>(declared)));
   std::vector<hsize_t> start(dims.size(), 0);
   if (!dims.empty()) {
     start[static_cast<std::size_t>(dim)] = static_cast<hsize_t>(first);
@@ -214,8 +295,22 @@ std::vector<T> Hdf5File::read(const std::string& dataset, std::int64_t first,
   if (!dims.empty())
     H5Sselect_hyperslab(space, H5S_SELECT_SET, start.data(), nullptr, dims.data(),
                         nullptr);
-  if (H5Dread(id, memory_type<T>(), memory, space, H5P_DEFAULT, values.data()) < 0)
-    state_->fail(text("cannot read %s: %s", dataset.c_str(), hdf5_reason().c_str()));
+  const auto read_as = [&](hid_t memory_kind, void* into) {
+    if (H5Dread(id, memory_kind, memory, space, H5P_DEFAULT, into) < 0)
+      state_->fail(text("cannot read %s: %s", dataset.c_str(), hdf5_reason().c_str()));
+  };
+  if (std::is_same_v<T, double> || kind == H5T_INTEGER) {
+    read_as(memory_type<T>(), values.data());
+    return values;
+  }
+  std::vector<double> numbers(total); // HDF5 would cut the fractions off
+  read_as(H5T_NATIVE_DOUBLE, numbers.data());
+  for (std::size_t i = 0; i < total; ++i) {
+    if (!(std::abs(numbers[i]) < 9e15) || numbers[i] != std::floor(numbers[i]))
+      state_->fail(text("dataset %s holds %.17g, expected whole numbers", dataset.c_str(),
+                        numbers[i]));
+    values[i] = static_cast<T>(numbers[i]);
+  }
   return values;
 }
 

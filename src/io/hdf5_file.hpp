@@ -9,6 +9,9 @@
 
 namespace flexgram {
 
+/// @throws Error if `path` is a folder, a device or a pipe: only files are replaced.
+void expect_regular(const std::string& path);
+
 /// An HDF5 file opened by all ranks of a communicator. The only place that knows HDF5.
 /// Reads are independent: each rank takes its own slab. Every failure throws an Error
 /// that names the file and the object; throws may be rank-local, so callers wrap reads in
@@ -19,8 +22,8 @@ public:
   /// Collective.
   static Hdf5File open(MPI_Comm comm, const std::string& path);
 
-  /// Writes go to "path.part"; commit() renames it, so the file appears whole or not at
-  /// all.
+  /// Writes go to a file of this writer's own beside it, "path.part-…"; commit() renames
+  /// it, so the file appears whole or not at all. Symlinks are followed.
   static Hdf5File create(MPI_Comm comm, const std::string& path);
   /// Closes and renames; collective. @throws Error if anything did not reach the disk.
   void commit();

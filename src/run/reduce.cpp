@@ -66,9 +66,17 @@ std::string words_of(const std::vector<Interval>& bands) {
   return join(words) + " Hz";
 }
 
+/// The medium model is made by all ranks together.
+void tell_of_groups(const Settings& s, Observer& observer) {
+  if (s.groups > 0)
+    observer.skip("groups", "one factorisation at a time, by all ranks: -mor_groups is "
+                            "for sweep and -mor_method pod");
+}
+
 /// What the two factorisations of the medium model will take.
 void describe_two_step(const Body& body, const Settings& s, Observer& observer) {
   observer.fact("method", s.method + " over " + words_of(s.bands()));
+  tell_of_groups(s, observer);
   Stage stage(observer, "analyse");
   ShiftedSolver solver(body.model.K, body.model.M, nullptr, body.model.node, s.solver);
   const FactorEstimate cutoff = solver.analyse(true);
@@ -160,6 +168,7 @@ bool write_result(const ReducedModel& rom, const SecondOrderModel& body,
 Medium certify_body(const Body& body, const Settings& s, bool keep, Observer& observer,
                     const CheckpointSpec& checkpoint) {
   observer.fact("method", s.method + " over " + words_of(s.bands()));
+  tell_of_groups(s, observer);
   const BodyFacts facts = check(body, s, observer);
   observer.print();
   CertifySpec spec = s.certify_spec();

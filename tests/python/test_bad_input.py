@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import shutil
+import stat
+import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,8 +15,8 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from conftest import chain, message, run
-from flexgram import write_matrices
+from conftest import ENVIRONMENT, PROGRAM, chain, message, run
+from flexgram import ReducedModel, write_matrices
 from flexgram.bodyfile import write_sparse
 
 
@@ -71,12 +74,10 @@ BODIES: dict[str, tuple[Callable[[], dict[str, Any]], str]] = {
         "row 59",
     ),
     "zero port": (lambda: chain(B=np.eye(60)[:, :2] * [1, 0]), "port in2: its column of B is zero"),
-    "negative damping": (lambda: chain(alpha=-1.0), "alpha = -1"),
     "negative diagonal damping": (
         lambda: chain(D=with_entries(sp.csc_matrix((60, 60)), r3c3=-2.0)),
         "D(3, 3) = -2 is negative",
     ),
-    "two ports of one name": (lambda: chain(inputs=["a", "a"]), "two ports named a"),
 }  # fmt: skip
 
 
@@ -89,6 +90,130 @@ def test_bad_bodies(case: str, ranks: int, tmp_path: Path) -> None:
     result = run("reduce", "-body", body, "-mor_out", out, ranks=ranks, expect=1, timeout=60)
     assert expected in message(result)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["body.h5"]
+
+
+def _short_data(file: h5py.File) -> None:
+    """A dataset that declares more than is stored."""
+    del file["K/jc"], file["K"].attrs["MATLAB_sparse"]
+    file.create_dataset("K/jc", (10**9 + 1,), dtype="u8")
+
+
+def _external(file: h5py.File) -> None:
+    value = file["K/data"][:]
+    del file["K/data"]
+    Path(file.filename).with_suffix(".raw").write_bytes(value.tobytes())
+    raw = str(Path(file.filename).with_suffix(".raw"))
+    file.create_dataset("K/data", value.shape, "f8", external=[(raw, 0, value.nbytes)])
+
+
+def _fractions(file: h5py.File) -> None:
+    rows = file["K/ir"][:].astype(float)
+    rows[3] += 0.5
+    del file["K/ir"]
+    file["K/ir"] = rows
+
+
+def _longer(file: h5py.File) -> None:
+    for name in ("data", "ir"):
+        longer = np.append(file[f"K/{name}"][:], 0)
+        del file[f"K/{name}"]
+        file[f"K/{name}"] = longer
+
+
+def _linked(file: h5py.File) -> None:
+    del file["M"]
+    file["M"] = h5py.ExternalLink("elsewhere.h5", "/M")
+
+
+def _two_names(file: h5py.File) -> None:
+    file["B"].attrs["names"] = ["a", "a"]
+
+
+def _vector_eta(file: h5py.File) -> None:
+    del file.attrs["eta"]
+    file["eta"] = np.empty(0)
+
+
+EDITS = {
+    "negative damping": (lambda file: file.attrs.__setitem__("alpha", -1.0), "alpha = -1"),
+    "two ports of one name": (_two_names, "two ports named a"),
+    "declared, not stored": (_short_data, "declares 1000000001 numbers, which are not all"),
+    "stored elsewhere": (_external, "which are not all in this file"),
+    "link to another file": (_linked, "/M is a link to another file"),
+    "fractional rows": (_fractions, "expected whole numbers"),
+    "entries behind the last column": (_longer, "/K/jc points to entry"),
+    "rows that are no number": (
+        lambda file: file["K"].attrs.__setitem__("MATLAB_sparse", np.nan),
+        "MATLAB_sparse = nan",
+    ),
+    "damping without a number": (_vector_eta, "eta must be one number"),
+}
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("case", EDITS)
+def test_damaged_bodies(case: str, ranks: int, tmp_path: Path) -> None:
+    damage, expected = EDITS[case]
+    body = tmp_path / "body.h5"
+    write_matrices(body, **chain())
+    with h5py.File(body, "r+") as file:
+        damage(file)
+    result = run("reduce", "-body", body, "-mor_out", tmp_path / "rom.h5", ranks=ranks, expect=1,
+                 timeout=60)  # fmt: skip
+    assert expected in message(result)
+
+
+def test_a_damaged_attribute_is_not_a_missing_one(tmp_path: Path) -> None:
+    """eta = 0.1 was lost when its header did not parse: the program reads what h5py reads, or
+    refuses the file."""
+    body, damaged, out = (tmp_path / name for name in ("body.h5", "damaged.h5", "rom.h5"))
+    write_matrices(body, **chain(eta=0.1))
+    data = body.read_bytes()
+    at, read = data.index(b"eta\0"), 0
+    for offset in range(-10, 40):
+        changed = bytearray(data)
+        changed[at + offset] ^= 0xFF
+        damaged.write_bytes(changed)
+        result = run("reduce", "-body", damaged, "-mor_band_hz", "0.01,0.3", "-mor_order", "4",
+                     "-mor_out", out, expect=None, timeout=60)  # fmt: skip
+        assert result.status in (0, 1)
+        if result.status == 0:
+            read += 1
+            with h5py.File(damaged) as file:
+                assert ReducedModel.load(out).eta == float(file.attrs.get("eta", 0.0))
+    assert read > 0
+
+
+@pytest.mark.parametrize("verb", ["reduce", "certify", "sweep", "assemble"])
+def test_only_files_are_replaced(verb: str, tmp_path: Path) -> None:
+    """A device, a pipe and a folder stay what they are; a symlink stays one."""
+    body = tmp_path / "body.h5"
+    write_matrices(body, **chain())
+    out = {"reduce": "-mor_out", "certify": "-mor_medium_out", "sweep": "-mor_sweep_out",
+           "assemble": "-body_out"}[verb]  # fmt: skip
+    pipe, folder = tmp_path / "pipe", tmp_path / "folder"
+    os.mkfifo(pipe)
+    folder.mkdir()
+    for target, what in ((pipe, "a device or pipe"), (folder, "a folder")):
+        result = run(verb, "-body", body, "-mor_band_hz", "0.01,0.3", out, target, expect=1)
+        assert f"it is {what}" in message(result)
+    assert stat.S_ISFIFO(pipe.stat().st_mode) and folder.is_dir()
+    result = run("plan", "-body", pipe, expect=1, timeout=20)  # would wait for ever
+    assert "a device or pipe" in message(result)
+
+
+def test_symlinks_and_many_writers(tmp_path: Path) -> None:
+    """A symlink is followed, not replaced, and runs that write one file do not mix."""
+    body, out, link = tmp_path / "body.h5", tmp_path / "rom.h5", tmp_path / "latest.h5"
+    write_matrices(body, **chain())
+    out.write_bytes(b"old")
+    link.symlink_to("rom.h5")
+    command = [str(PROGRAM), "reduce", "-body", str(body), "-mor_band_hz", "0.01,0.3", "-mor_out",
+               str(link)]  # fmt: skip
+    runs = [subprocess.Popen(command, env=ENVIRONMENT, stdout=subprocess.DEVNULL) for _ in range(6)]
+    assert [r.wait() for r in runs] == [0] * 6
+    assert link.is_symlink() and ReducedModel.load(out).order > 0
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["body.h5", "latest.h5", "rom.h5"]
 
 
 OPTIONS = {

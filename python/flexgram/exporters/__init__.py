@@ -82,5 +82,6 @@ def export(model: ReducedModel, path: str | Path, format: str, **options: Any) -
     """
     if format not in FORMATS:
         raise BodyError(f"export to {format}: must be one of {', '.join(FORMATS)}")
-    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    if model.path is not None and Path(path).exists() and Path(path).samefile(model.path):
+        raise BodyError(f"{path} would replace the reduced file itself")
     FORMATS[format][2](model, Path(path), **{k: v for k, v in options.items() if v is not None})

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import scipy.io
 
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, written_aside
 from flexgram.reduced import ReducedModel
 
 
@@ -27,7 +27,7 @@ def arrays(model: ReducedModel) -> dict[str, Any]:
 
 def write_npz(model: ReducedModel, path: Path) -> None:
     """NumPy archive of ``arrays``."""
-    with path.open("wb") as file:
+    with written_aside(path) as place, place.open("wb") as file:
         np.savez(file, **arrays(model))
 
 
@@ -36,16 +36,17 @@ def write_mat(model: ReducedModel, path: Path) -> None:
     values = arrays(model)
     for name in ("inputs", "outputs"):
         values[name] = np.array(values[name], dtype=object)
-    scipy.io.savemat(path, values, do_compression=False, oned_as="column")
+    with written_aside(path) as place:
+        scipy.io.savemat(place, values, do_compression=False, oned_as="column", appendmat=False)
 
 
 def write_state_space(model: ReducedModel, path: Path) -> None:
     """A, B, C, D of x' = A x + B u, y = C x, x = [q, q'], as ``.mat`` or ``.npz``."""
     values = dict(zip("ABCD", model.state_space(), strict=True))
-    if path.suffix == ".mat":
-        scipy.io.savemat(path, values)
-    else:
-        with path.open("wb") as file:
+    with written_aside(path) as place, place.open("wb") as file:
+        if path.suffix == ".mat":
+            scipy.io.savemat(file, values)
+        else:
             np.savez(file, **values)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import scipy.linalg
 
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, written_aside
 from flexgram.reduced import Floats, ReducedModel
 
 
@@ -56,4 +56,5 @@ def write_dmig(model: ReducedModel, path: Path) -> None:
     if np.any(D):
         lines += _matrix("BRED", 0.5 * (D + D.T), True)
     lines += _matrix("PRED", modes.T @ model.B, False)
-    path.write_text("\n".join(lines) + "\n")
+    with written_aside(path) as place:
+        place.write_text("\n".join(lines) + "\n")

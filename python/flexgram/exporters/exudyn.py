@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, written_aside
 from flexgram.geometry import Geometry, body_of, interface_motion, interface_positions
 from flexgram.reduced import Floats, ReducedModel
 
@@ -111,8 +111,17 @@ def ffrf_terms(
 
 def write_npz(model: ReducedModel, path: Path, body: str | Path | None = None) -> None:
     """NPZ that ``ObjectFFRFreducedOrderInterface.LoadFromFile`` reads."""
-    with path.open("wb") as file:
-        np.savez(file, **ffrf_terms(model, body))
+    terms = ffrf_terms(model, body)
+    with written_aside(path, body) as place, place.open("wb") as file:
+        np.savez(file, **terms)
+
+
+#: What ``add_body`` passes on as it is, and all that it reads of a file.
+DIRECT = ("mPsiTildePsi", "mPsiTildePsiTilde", "mPhitTPsi", "mPhitTPsiTilde", "mXRefTildePsi",
+          "mXRefTildePsiTilde", "modeBasis")  # fmt: skip
+USED = {*DIRECT, "infoList", "stiffnessMatrixReduced", "massMatrixReduced", "dampingMatrixReduced",
+        "xRef", "totalMass", "inertiaLocal", "chiU", "trigList", "interfaceNames",
+        "interfaceNodes"}  # fmt: skip
 
 
 def add_body(
@@ -152,8 +161,8 @@ def add_body(
     if isinstance(source, ReducedModel):
         terms = ffrf_terms(source)
     else:
-        with np.load(source, allow_pickle=True) as file:
-            terms = {key: file[key] for key in file.files}
+        with np.load(source) as file:  # what others may have pickled into it stays shut
+            terms = {key: file[key] for key in file.files if key in USED}
     n = int(terms["infoList"][0])
     turn = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
     node = GetRigidBodyNode(
@@ -171,8 +180,6 @@ def add_body(
         matrix.SetWithDenseMatrix(np.asarray(a), useDenseMatrix=True)
         return matrix
 
-    direct = ("mPsiTildePsi", "mPsiTildePsiTilde", "mPhitTPsi", "mPhitTPsiTilde", "mXRefTildePsi",
-              "mXRefTildePsiTilde", "modeBasis")  # fmt: skip
     number = mbs.AddObject(
         eii.ObjectFFRFreducedOrder(
             nodeNumbers=[rigid_node, modal_node],
@@ -181,7 +188,7 @@ def add_body(
             dampingMatrixReduced=container(terms["dampingMatrixReduced"]),
             referencePositions=terms["xRef"], mass=float(terms["totalMass"]),
             inertia=terms["inertiaLocal"], centerOfMass=terms["chiU"],
-            **{key: terms[key] for key in direct}, computeFFRFterms=True,
+            **{key: terms[key] for key in DIRECT}, computeFFRFterms=True,
             visualization=eii.VObjectFFRF(triangleMesh=terms["trigList"].tolist(),
                                           color=list(color)),
         )

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Any
 
 import meshio
 import numpy as np
 
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, written_aside
 from flexgram.geometry import Geometry, body_of
 from flexgram.reduced import ReducedModel
 
@@ -26,7 +27,8 @@ def write_shapes(model: ReducedModel, path: Path, body: str | Path | None = None
     fields = {f"phi_{j + 1:03d}": field for j, field in enumerate(geometry.motion(model))}
     mesh = meshio.Mesh(geometry.points, geometry.blocks, point_data=fields)
     try:
-        meshio.write(path, mesh)
+        with written_aside(path, body) as place:
+            meshio.write(place, mesh)
     except (meshio.WriteError, KeyError) as error:
         raise BodyError(f"{path}: meshio cannot write it ({error})") from error
 
@@ -47,17 +49,15 @@ def write_motion(
     body : str or Path, optional
         Body file with the mesh; default: the one that was reduced.
     """
-    import os
-
     geometry = _geometry(model, body)
-    target = Path(path).resolve()
     here = os.getcwd()
-    os.chdir(target.parent)  # meshio puts the data file where it runs
-    try:
-        with meshio.xdmf.TimeSeriesWriter(target.name) as writer:
-            writer.write_points_cells(geometry.points, geometry.blocks)
-            for time, state in zip(t, np.asarray(q), strict=True):
-                field = geometry.motion(model, state)[0]
-                writer.write_data(float(time), point_data={"u": field})
-    finally:
-        os.chdir(here)
+    with written_aside(path, body, model.path) as place:
+        os.chdir(place.parent)  # meshio puts the data file where it runs
+        try:
+            with meshio.xdmf.TimeSeriesWriter(place.name) as writer:
+                writer.write_points_cells(geometry.points, geometry.blocks)
+                for time, state in zip(t, np.asarray(q), strict=True):
+                    field = geometry.motion(model, state)[0]
+                    writer.write_data(float(time), point_data={"u": field})
+        finally:
+            os.chdir(here)

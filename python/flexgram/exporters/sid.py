@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, written_aside
 from flexgram.geometry import interface_motion, interface_positions
 from flexgram.reduced import Floats, ReducedModel
 
@@ -158,7 +158,8 @@ def write_sid(model: ReducedModel, path: Path, dialect: str = "dlr") -> None:
             m0 = _axis_major(m0)
         lines += _block(name, (m0, m1), n, mode_first)
     lines += ["end modal", "end part"]
-    path.write_text("\n".join(lines) + "\n")
+    with written_aside(path) as place:
+        place.write_text("\n".join(lines) + "\n")
 
 
 def read_sid(path: str | Path, dialect: str = "dlr") -> dict[str, Any]:

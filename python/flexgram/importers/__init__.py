@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from flexgram.basics import BodyError, index_of
+from flexgram.basics import BodyError, errors_of, index_of
 from flexgram.bodyfile import write_matrices
 from flexgram.description import UNITS
 from flexgram.importers.fe import FeMatrices, Interface, check
@@ -99,6 +99,12 @@ def read(
             raise BodyError(f"{given}: no such file (--{name})")
     if kind in ("pair", "petsc") and other["mass"] is None:
         raise BodyError(f"{first} holds one matrix: name the mass matrix too (--mass)")
+    with errors_of(first):
+        return _read(kind, first, other, run_ccx)
+
+
+def _read(kind: str, first: Path, other: dict[str, Path | None], run_ccx: bool) -> FeMatrices:
+    """Hand over to the format's own reader."""
     if kind == "calculix":
         from flexgram.importers import calculix
 
@@ -164,6 +170,9 @@ def import_matrices(
     """
     if units not in UNITS:
         raise BodyError(f"--units {units} must be one of {', '.join(UNITS)}")
+    for name, value in (("alpha", alpha), ("beta", beta), ("eta", eta)):
+        if value is not None and not (np.isfinite(value) and value >= 0):
+            raise BodyError(f"--{name} {value}: damping must be finite and not negative")
     length, mass, force = UNITS[units]
     facts = check(fe)
     every = list(interfaces) + fe.interfaces

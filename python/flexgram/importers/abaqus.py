@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
 
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, whole_numbers
 from flexgram.importers.deck import read_deck
 from flexgram.importers.fe import FeMatrices, check_indices, folded, read_triplets, symmetric
 
@@ -42,18 +42,15 @@ def read_abaqus(path: Path, deck: Path | None = None) -> FeMatrices:
     model = read_deck(deck) if deck is not None else None
     if "," in _first_line(stiffness):  # node, dof, node, dof, value
         tables = {file: read_triplets(file, 5) for file in (stiffness, mass)}
-        ends = [t[:, c].astype(np.int64) * 8 + t[:, c + 1].astype(np.int64)
-                for t in tables.values() for c in (0, 2)]  # fmt: skip
+        whole = {f: whole_numbers(f, t[:, :4]) for f, t in tables.items()}
+        ends = [w[:, c] * 8 + w[:, c + 1] for w in whole.values() for c in (0, 2)]
         code = np.unique(np.concatenate([np.unique(end) for end in ends]))
         n = len(code)
 
         def build(file: Path) -> sp.csr_matrix:
-            table = tables[file]
-            index = [
-                np.searchsorted(code, (table[:, c] * 8 + table[:, c + 1]).astype(np.int64))
-                for c in (0, 2)
-            ]
-            return folded(file, index[0], index[1], table[:, 4], n)
+            w = whole[file]
+            row, column = (np.searchsorted(code, w[:, c] * 8 + w[:, c + 1]) for c in (0, 2))
+            return folded(file, row, column, tables[file][:, 4], n)
 
         component = code % 8 - 1
         node = (code - component - 1) // 8
@@ -64,11 +61,14 @@ def read_abaqus(path: Path, deck: Path | None = None) -> FeMatrices:
                         component=component)  # fmt: skip
     else:
         tables = {file: read_triplets(file) for file in (stiffness, mass)}
-        n = int(max(t[:, :2].max() for t in tables.values()))
-        for file, table in tables.items():
-            check_indices(file, table[:, :2], n, "equations")
+        whole = {f: whole_numbers(f, t[:, :2]) for f, t in tables.items()}
+        n = int(max(w.max() for w in whole.values()))
+        if n > len(tables[stiffness]):
+            raise BodyError(f"{stiffness}: {len(tables[stiffness])} entries cannot fill {n} rows")
+        for file, pairs in whole.items():
+            check_indices(file, pairs, n, "equations")
         K, M = (
-            symmetric(f, t[:, 0].astype(int) - 1, t[:, 1].astype(int) - 1, t[:, 2], n)
+            symmetric(f, whole[f][:, 0] - 1, whole[f][:, 1] - 1, t[:, 2], n)
             for f, t in tables.items()
         )
         fe = FeMatrices(str(stiffness), K, M)

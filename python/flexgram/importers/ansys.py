@@ -12,7 +12,7 @@ import numpy as np
 import scipy.io
 import scipy.sparse as sp
 
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, expect_survival
 from flexgram.importers.fe import FeMatrices, Ints, symmetric
 
 
@@ -34,6 +34,7 @@ def read_full(path: Path, deck: Path | None = None) -> FeMatrices:
     if not path.exists():
         raise BodyError(f"{path}: no such file")
     reader = _reader()
+    expect_survival(path, lambda: reader.read_binary(str(path)).load_km(sort=True, as_sparse=True))
     try:
         with contextlib.redirect_stdout(io.StringIO()):
             dofs, k, m = reader.read_binary(str(path)).load_km(sort=True, as_sparse=True)
@@ -116,6 +117,9 @@ def read_harwell_boeing(path: Path) -> sp.coo_matrix:
         forms = [lines[3][:16], lines[3][16:32], lines[3][32:52]]
     except (ValueError, IndexError):
         raise BodyError(f"{path}, lines 1 to 4: no Harwell-Boeing header") from None
+    if not (0 < rows <= entries and columns <= entries <= path.stat().st_size):
+        raise BodyError(f"{path}: a matrix of {rows} × {columns} with {entries} entries is not in "
+                        f"{path.stat().st_size} bytes")  # fmt: skip
     if kind[0] != "R" or kind[2] != "A" or kind[1] not in "SU":
         raise BodyError(f"{path}: type {kind}; flexgram takes real assembled matrices (RSA, RUA)")
     first = 5 if len(cards) > 3 and cards[3] > 0 else 4
@@ -126,8 +130,21 @@ def read_harwell_boeing(path: Path) -> sp.coo_matrix:
         value = _fields(lines[start_of[2] : start_of[2] + cards[2]], forms[2], entries, float)
     except ValueError as error:
         raise BodyError(f"{path}: {error}") from None
+    if start[0] != 1 or start[-1] != entries + 1 or np.any(np.diff(start) < 0):
+        raise BodyError(f"{path}: its column starts do not rise from 1 to {entries + 1}")
+    if row and (min(row) < 1 or max(row) > rows):
+        raise BodyError(f"{path}: row numbers from {min(row)} to {max(row)}, expected 1 to {rows}")
     column = np.repeat(np.arange(columns), np.diff(start))
     return sp.coo_matrix((value, (np.array(row) - 1, column)), shape=(rows, columns))
+
+
+def _read_market(path: Path) -> sp.coo_matrix:
+    """A MatrixMarket file whose header declares no more than the file can hold."""
+    rows, columns, entries, *_ = scipy.io.mminfo(str(path))
+    if max(rows, columns) > entries or entries > path.stat().st_size:
+        raise BodyError(f"{path}: a matrix of {rows} × {columns} with {entries} entries is not in "
+                        f"{path.stat().st_size} bytes")  # fmt: skip
+    return sp.coo_matrix(scipy.io.mmread(str(path)))
 
 
 def _node_map(path: Path | None, n: int) -> tuple[Ints, Ints]:
@@ -167,7 +184,7 @@ def read_pair(stiffness: Path, mass: Path, damping: Path | None = None, mapping:
         head = path.open("rb").read(64)
         try:
             market = head.startswith(b"%%MatrixMarket")
-            raw = sp.coo_matrix(scipy.io.mmread(str(path))) if market else read_harwell_boeing(path)
+            raw = _read_market(path) if market else read_harwell_boeing(path)
         except BodyError:
             raise
         except Exception as error:

@@ -6,6 +6,7 @@ deck and runs ccx. Checked with ccx 2.20.
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -13,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import scipy.sparse as sp
 
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, whole_numbers
 from flexgram.importers.deck import read_deck
 from flexgram.importers.fe import FeMatrices, check_indices, read_triplets, symmetric
 
@@ -22,7 +23,7 @@ STEP = "*STEP\n*FREQUENCY, SOLVER=MATRIXSTORAGE\n*END STEP\n"
 
 def _matrix(path: Path, n: int) -> sp.csr_matrix:
     data = read_triplets(path)
-    row, column = data[:, 0].astype(np.int32), data[:, 1].astype(np.int32)
+    row, column = (whole_numbers(path, data[:, i]).astype(np.int32) for i in (0, 1))
     value = data[:, 2].copy()
     del data
     check_indices(path, row, n, "the lines of the .dof file")
@@ -44,8 +45,9 @@ def read_calculix(path: Path, deck: Path | None = None) -> FeMatrices:
     BodyError
         For missing, truncated or inconsistent files, with the line.
     """
-    job = path.with_suffix("")
-    files = {suffix: job.with_suffix(suffix) for suffix in (".sti", ".mas", ".dof")}
+    # Not with_suffix: part.v2.sti is of the job part.v2.
+    job = path.with_name(re.sub(r"\.(sti|mas|dof|inp)$", "", path.name, flags=re.IGNORECASE))
+    files = {suffix: path.with_name(job.name + suffix) for suffix in (".sti", ".mas", ".dof")}
     for suffix, file in files.items():
         if not file.exists():
             what = {".sti": "K", ".mas": "M", ".dof": "the dof map"}[suffix]
@@ -67,8 +69,10 @@ def read_calculix(path: Path, deck: Path | None = None) -> FeMatrices:
         raise BodyError(f"{files['.dof']}: empty")
     K = _matrix(files[".sti"], n)
     M = _matrix(files[".mas"], n)
-    fe = FeMatrices(str(job), K, M, node=np.array(node), component=np.array(component))
-    deck = deck or job.with_suffix(".inp")
+    fe = FeMatrices(
+        str(job), K, M, node=np.array(node, dtype=np.int64), component=np.array(component)
+    )
+    deck = deck or path.with_name(job.name + ".inp")
     if not deck.exists():
         fe.remarks.append(f"{deck} is not there: no coordinates, no node sets (--deck names it)")
         return fe

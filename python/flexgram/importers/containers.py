@@ -10,13 +10,18 @@ import numpy as np
 import scipy.io
 import scipy.sparse as sp
 
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, expect_survival, stored, whole_numbers
 from flexgram.importers.fe import FeMatrices, symmetric
 
 PETSC_MATRIX = 1211216
 
 
 def _sparse(path: Path, name: str, value: Any) -> sp.csr_matrix:
+    if sp.issparse(value) and value.format in ("csc", "csr"):
+        kind = sp.csc_matrix if value.format == "csc" else sp.csr_matrix
+        parts = (value.data, value.indices, value.indptr)
+        if not np.iscomplexobj(value.data):
+            value = checked(f"{path}: {name}", parts, value.shape, kind)
     if np.iscomplexobj(value.data if sp.issparse(value) else value):
         raise BodyError(f"{path}: {name} is complex; flexgram takes K (1 + i eta) as K with eta")
     entries = sp.coo_matrix(value)
@@ -27,20 +32,55 @@ def _sparse(path: Path, name: str, value: Any) -> sp.csr_matrix:
                      entries.shape[0])  # fmt: skip
 
 
+def checked(what: str, parts: tuple[Any, Any, Any], shape: tuple[int, int], kind: Any) -> Any:
+    """A compressed matrix (values, indices, starts) whose indices lie within it: SciPy's own
+    routines trust them.
+
+    Raises
+    ------
+    BodyError
+        Naming what does not fit.
+    """
+    value, index, start = parts[0], whole_numbers(what, parts[1]), whole_numbers(what, parts[2])
+    major, minor = shape if kind is sp.csr_matrix else shape[::-1]
+    if len(start) != major + 1 or start[0] != 0 or np.any(np.diff(start) < 0):
+        raise BodyError(f"{what}: the starts of its rows or columns do not rise from 0")
+    if start[-1] != len(value) or len(index) != len(value):
+        raise BodyError(f"{what}: {len(value)} values and {len(index)} indices for the "
+                        f"{start[-1]} entries that it declares")  # fmt: skip
+    if len(index) and (index.min() < 0 or index.max() >= minor):
+        raise BodyError(f"{what}: indices from {index.min()} to {index.max()}, expected 0 to "
+                        f"{minor - 1}")  # fmt: skip
+    return kind((np.asarray(value, dtype=float), index, start), shape=shape)
+
+
+def _sparse_ports(what: str, value: Any) -> Any:
+    parts = (value.data, value.indices, value.indptr)
+    return checked(what, parts, value.shape, type(value)).toarray()
+
+
+def _sparse_of_hdf5(what: str, group: h5py.Group) -> sp.csc_matrix:
+    start = stored(what, group["jc"])
+    rows = int(whole_numbers(what, group.attrs["MATLAB_sparse"]))
+    if "ir" not in group:  # MATLAB leaves data and ir out of an empty matrix
+        return checked(what, (np.empty(0), np.empty(0), start), (rows, len(start) - 1),
+                       sp.csc_matrix)  # fmt: skip
+    if group["data"].dtype.kind != "f":
+        raise BodyError(f"{what} is complex or not of doubles")
+    parts = (stored(what, group["data"]), stored(what, group["ir"]), start)
+    return checked(what, parts, (rows, len(start) - 1), sp.csc_matrix)
+
+
 def _from_hdf5(path: Path) -> dict[str, Any]:
     """Variables of a v7.3 file: sparse, dense (stored by columns), scalars."""
     values: dict[str, Any] = {}
     with h5py.File(path) as file:
         for name, item in file.items():
             if isinstance(item, h5py.Group) and "MATLAB_sparse" in item.attrs:
-                start = item["jc"][:]
-                shape = (int(item.attrs["MATLAB_sparse"]), len(start) - 1)
-                if "ir" in item and item["data"].dtype.kind != "f":
-                    raise BodyError(f"{path}: {name} is complex or not of doubles")
-                parts = (item["data"][:], item["ir"][:], start) if "ir" in item else ([], [], start)
-                values[name] = sp.csc_matrix(parts, shape=shape)
+                values[name] = _sparse_of_hdf5(f"{path}: {name}", item)
             elif isinstance(item, h5py.Dataset) and item.dtype.kind in "fiu":
-                values[name] = item[:].T if item.ndim == 2 else item[()]
+                data = stored(f"{path}: {name}", item)
+                values[name] = data.T if item.ndim == 2 else data
     return values
 
 
@@ -54,7 +94,11 @@ def read_matlab(path: Path) -> FeMatrices:
     if not path.exists():
         raise BodyError(f"{path}: no such file")
     try:
+        if not h5py.is_hdf5(path):
+            expect_survival(path, lambda: scipy.io.loadmat(path))
         values = _from_hdf5(path) if h5py.is_hdf5(path) else scipy.io.loadmat(path)
+    except BodyError:
+        raise
     except Exception as error:
         raise BodyError(f"{path}: not a MATLAB file ({error})") from error
     for name in ("K", "M"):
@@ -63,11 +107,16 @@ def read_matlab(path: Path) -> FeMatrices:
             raise BodyError(f"{path}: {name} is missing; there are {', '.join(there) or 'none'}")
 
     def number(name: str) -> float:
-        return float(np.ravel(values[name])[0]) if name in values else 0.0
+        if name not in values:
+            return 0.0
+        value = np.ravel(values[name])
+        if len(value) != 1 or np.iscomplexobj(value) or not (np.isfinite(value[0]) and value >= 0):
+            raise BodyError(f"{path}: {name} must be one number, finite and not negative")
+        return float(value[0])
 
     def dense(name: str) -> Any:
         value = values.get(name)
-        return value.toarray() if sp.issparse(value) else value
+        return _sparse_ports(f"{path}: {name}", value) if sp.issparse(value) else value
 
     fe = FeMatrices(
         str(path), _sparse(path, "K", values["K"]), _sparse(path, "M", values["M"]),
@@ -75,14 +124,16 @@ def read_matlab(path: Path) -> FeMatrices:
         alpha=number("alpha"), beta=number("beta"), eta=number("eta"),
     )  # fmt: skip
     if {"node", "component", "position"} <= set(values):
-        fe.node = np.ravel(values["node"]).astype(np.int64)
-        fe.component = np.ravel(values["component"]).astype(np.int64)
+        fe.node = whole_numbers(f"{path}: node", np.ravel(values["node"]))
+        fe.component = whole_numbers(f"{path}: component", np.ravel(values["component"]))
         fe.points = np.asarray(values["position"], dtype=float)
         fe.labels = np.arange(1, len(fe.points) + 1)
         if len(fe.node) != fe.n or len(fe.component) != fe.n:
             raise BodyError(f"{path}: node and component need an entry for each of the {fe.n} rows")
         if fe.points.ndim != 2 or fe.points.shape[1] != 3:
             raise BodyError(f"{path}: position must be nodes × 3")
+        if not np.all(np.isfinite(fe.points)):
+            raise BodyError(f"{path}: position holds NaN or Inf")
         if fe.component.min() < 0 or fe.component.max() > 5 or 0 not in fe.component:
             raise BodyError(f"{path}: component must be 0, 1, 2 (translations) or 3, 4, 5 "
                             "(rotations); node counts from 1")  # fmt: skip
@@ -101,6 +152,10 @@ def _petsc_matrix(path: Path) -> sp.csr_matrix:
         _, rows, columns, count = (int(x) for x in head)
         if count < 0:
             raise BodyError(f"{path}: a dense Mat; flexgram takes sparse ones (AIJ)")
+        needed = 16 + 4 * rows + 12 * count
+        if rows < 0 or columns < 0 or path.stat().st_size < needed:
+            raise BodyError(f"{path}: truncated: {rows} rows with {count} entries need {needed} "
+                            f"bytes, it has {path.stat().st_size}")  # fmt: skip
         lengths = np.fromfile(file, dtype=">i4", count=rows)
         index = np.fromfile(file, dtype=">i4", count=count)
         value = np.fromfile(file, dtype=">f8", count=count)
@@ -111,11 +166,8 @@ def _petsc_matrix(path: Path) -> sp.csr_matrix:
         )
     if rest:
         raise BodyError(f"{path}: {rest} bytes follow the matrix: one Mat to a file is expected")
-    if len(value) != count or len(lengths) != rows:
-        raise BodyError(f"{path}: truncated: {len(value)} of {count} values are there")
-    start = np.concatenate([[0], np.cumsum(lengths)])
-    return sp.csr_matrix((value.astype(float), index.astype(np.int32), start),
-                         shape=(rows, columns))  # fmt: skip
+    start = np.concatenate([[0], np.cumsum(lengths, dtype=np.int64)])
+    return checked(str(path), (value, index, start), (rows, columns), sp.csr_matrix)
 
 
 def read_petsc(stiffness: Path, mass: Path, inputs: Path | None = None, damping: Path | None = None,

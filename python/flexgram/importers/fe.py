@@ -142,6 +142,10 @@ def symmetric(path: Path | str, row: Any, column: Any, value: Any, n: int) -> sp
         If both triangles are given and differ.
     """
     entries = sp.coo_matrix((value, (row, column)), shape=(n, n)).tocsr()
+    if entries.nnz < len(value):
+        code = np.sort(np.asarray(row, dtype=np.int64) * n + np.asarray(column))
+        twice = int(code[:-1][np.diff(code) == 0][0])
+        raise BodyError(f"{path}: the entry ({twice // n + 1}, {twice % n + 1}) is given twice")
     if not np.all(np.isfinite(entries.data)):
         raise BodyError(f"{path}: holds NaN or Inf")
     upper = sp.triu(entries, 1, format="csr")

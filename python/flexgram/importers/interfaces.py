@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from flexgram.basics import BodyError, index_of
+from flexgram.basics import BodyError, check_name, index_of
 from flexgram.importers.fe import FeMatrices, Floats, Interface, Ints, rigid_motions
 
 FORCES = ("fx", "fy", "fz", "mx", "my", "mz")
@@ -20,6 +20,7 @@ def parse(coupling: str, text: str) -> Interface:
         raise BodyError(f"--{coupling} {text}: expected name=NSET:SET, name=NODES:1,2,3, "
                         "name=BOX:x0,y0,z0,x1,y1,z1 or name=AT:x,y,z, and @x,y,z for the "
                         "reference")  # fmt: skip
+    check_name(f"--{coupling} {text}", name)
     where, at, position = rest.partition("@")
     return Interface(name, coupling, where, _numbers(text, position, 3) if at else None)
 
@@ -29,8 +30,8 @@ def _numbers(text: str, words: str, count: int) -> Floats:
         values = np.array([float(word) for word in words.split(",")])
     except ValueError:
         values = np.empty(0)
-    if len(values) != count:
-        raise BodyError(f"{text}: expected {count} numbers, not {words!r}")
+    if len(values) != count or not np.all(np.isfinite(values)):
+        raise BodyError(f"{text}: expected {count} finite numbers, not {words!r}")
     return values
 
 
@@ -50,7 +51,7 @@ def select(fe: FeMatrices, interface: Interface) -> Ints:
     if kind == "NODES":
         try:
             return np.array([int(word) for word in words.split(",")], dtype=np.int64)
-        except ValueError:
+        except (ValueError, OverflowError):
             raise BodyError(f"{place}: expected node numbers, not {words!r}") from None
     if kind in ("BOX", "AT"):
         if not len(fe.points):

@@ -1,0 +1,83 @@
+"""Functions of time as users write them: arithmetic and the usual functions, nothing else."""
+
+from __future__ import annotations
+
+import ast
+import operator
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from flexgram.basics import BodyError
+
+FUNCTIONS: dict[str, Callable[..., Any]] = {
+    name: getattr(np, name)
+    for name in (
+        "sin", "cos", "tan", "arcsin", "arccos", "arctan", "arctan2", "sinh", "cosh", "tanh",
+        "exp", "log", "log10", "sqrt", "abs", "sign", "floor", "heaviside", "minimum", "maximum",
+        "where", "interp", "sinc",
+    )
+}  # fmt: skip
+NUMBERS = {"pi": np.pi, "e": np.e}
+OPERATORS: dict[type, Callable[..., Any]] = {
+    ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: np.true_divide,
+    ast.Mod: np.mod, ast.Pow: np.power, ast.USub: operator.neg, ast.UAdd: operator.pos,
+    ast.Lt: np.less, ast.LtE: np.less_equal, ast.Gt: np.greater, ast.GtE: np.greater_equal,
+    ast.BitAnd: np.logical_and, ast.BitOr: np.logical_or,
+}  # fmt: skip
+
+
+def function_of_time(text: str, t: Any) -> Any:
+    """The values of an expression such as ``-1e4*sin(20*pi*t)*(t < 0.1)`` at the times ``t``.
+
+    Parameters
+    ----------
+    text : str
+        Numbers, ``t``, ``pi``, ``e``, + - * / % ** < <= > >= & | and the functions ``FUNCTIONS``;
+        lists of numbers as arguments of ``interp``.
+    t : (n,) array
+        Times [s].
+
+    Returns
+    -------
+    (n,) array
+
+    Raises
+    ------
+    BodyError
+        For anything else, and where a value is not finite.
+    """
+
+    def value(node: ast.AST) -> Any:
+        if isinstance(node, ast.Constant) and type(node.value) in (int, float):
+            return float(node.value)
+        if isinstance(node, ast.Name) and node.id == "t":
+            return t
+        if isinstance(node, ast.Name) and node.id in NUMBERS:
+            return NUMBERS[node.id]
+        if isinstance(node, ast.BinOp) and type(node.op) in OPERATORS:
+            return OPERATORS[type(node.op)](value(node.left), value(node.right))
+        if isinstance(node, ast.UnaryOp) and type(node.op) in OPERATORS:
+            return OPERATORS[type(node.op)](value(node.operand))
+        if isinstance(node, ast.Compare) and len(node.ops) == 1 and type(node.ops[0]) in OPERATORS:
+            return OPERATORS[type(node.ops[0])](value(node.left), value(node.comparators[0]))
+        if isinstance(node, ast.List):
+            return np.array([value(item) for item in node.elts])
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
+            if node.func.id in FUNCTIONS:
+                return FUNCTIONS[node.func.id](*(value(argument) for argument in node.args))
+        word = ast.get_source_segment(text, node) or text  # type: ignore[arg-type]
+        raise BodyError(f"{word!r} is not understood: an expression in t has numbers, pi, "
+                        f"+ - * / % ** < > & | and {', '.join(FUNCTIONS)}")  # fmt: skip
+
+    try:
+        with np.errstate(all="ignore"):
+            values = value(ast.parse(text.strip(), mode="eval").body)
+            result = np.broadcast_to(np.asarray(values, dtype=float), np.shape(t))
+    except (SyntaxError, ValueError, TypeError, RecursionError, OverflowError) as error:
+        raise BodyError(f"{text}: {error}") from None
+    if not np.all(np.isfinite(result)):
+        at = t[int(np.argmin(np.isfinite(result)))]
+        raise BodyError(f"{text}: not finite at t = {at:g}")
+    return result
