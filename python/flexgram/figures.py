@@ -14,7 +14,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
-from flexgram.basics import BodyError, written_aside
+from flexgram.basics import BodyError, errors_of, written_aside
 from flexgram.geometry import Geometry, body_of
 from flexgram.reduced import ReducedModel
 
@@ -74,7 +74,7 @@ def transfer(
     full, hz = None, np.linspace(model.band[0] * HZ, model.band[1] * HZ, 800)
     inputs, outputs = model.inputs, model.outputs
     if sweep is not None:
-        with h5py.File(sweep) as file:
+        with errors_of(sweep), h5py.File(sweep) as file:
             hz, full = file["omega"][:] * HZ, file["H"][..., 0] + 1j * file["H"][..., 1]
             names = [[str(x) for x in file["H"].attrs[k]] for k in ("inputs", "outputs")]
         if names != [inputs, outputs]:

@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from flexgram.basics import BodyError, index_of
+from flexgram.basics import BodyError, errors_of, index_of
 from flexgram.reduced import Floats, ReducedModel
 
 Ints = NDArray[np.int64]
@@ -60,7 +60,7 @@ class Geometry:
         path = Path(path)
         if not path.exists():
             raise BodyError(f"{path}: no such file (the body file is needed for its mesh)")
-        with h5py.File(path) as file:
+        with errors_of(path), h5py.File(path) as file:
             followers: dict[str, tuple[Floats, Ints]] = {}
             interfaces: dict[str, Ints] = {}
             if "mesh" in file:

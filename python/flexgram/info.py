@@ -7,7 +7,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, errors_of, expect_survival
 from flexgram.reduced import ReducedModel
 
 
@@ -24,6 +24,13 @@ def describe(path: str | Path) -> list[str]:
         raise BodyError(f"{path}: no such file")
     if not h5py.is_hdf5(path):
         raise BodyError(f"{path}: not an HDF5 file")
+    file = Path(path)
+    expect_survival(file, lambda: _describe(file))
+    with errors_of(path):
+        return _describe(file)
+
+
+def _describe(path: Path) -> list[str]:
     with h5py.File(path) as file:
         if "mesh" in file:
             return _mesh(file)

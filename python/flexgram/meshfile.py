@@ -24,10 +24,17 @@ def read_mesh(path: Path) -> meshio.Mesh:
     if not path.exists():
         raise BodyError(f"mesh {path}: no such file")
     try:
-        with contextlib.redirect_stdout(io.StringIO()):  # meshio prints warnings as it reads
+        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
             mesh = meshio.read(path)
     except (Exception, SystemExit) as error:
         raise BodyError(f"mesh {path}: meshio cannot read it ({error})") from error
+    if mesh.points.ndim != 2 or mesh.points.shape[1] not in (2, 3):
+        raise BodyError(f"mesh {path}: its points have no two or three coordinates each")
+    if not np.all(np.isfinite(mesh.points)):
+        raise BodyError(f"mesh {path}: a coordinate is NaN or Inf")
+    for block in mesh.cells:
+        if len(block.data) and not 0 <= block.data.min() <= block.data.max() < len(mesh.points):
+            raise BodyError(f"mesh {path}: elements name nodes that are not there")
     if mesh.points.shape[1] == 2:
         mesh.points = np.column_stack([mesh.points, np.zeros(len(mesh.points))])
     return mesh

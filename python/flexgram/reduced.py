@@ -12,7 +12,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from flexgram.basics import BodyError, stored, written_aside
+from flexgram.basics import BodyError, errors_of, expect_survival, stored, written_aside
 
 Floats = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -144,34 +144,31 @@ class ReducedModel:
         BodyError
             If the file is missing or no reduced file.
         """
-        source = path = Path(path)
+        source = Path(path)
+        path = source
         if not path.exists():
             raise BodyError(f"{path}: no such file")
         if not h5py.is_hdf5(path):
             raise BodyError(f"{path}: not an HDF5 file")
-        with h5py.File(path) as file:
-            if any(name not in file for name in ("gramian", "K", "M", "D", "B", "C", "error")):
-                raise BodyError(f"{path}: no reduced file (flexgram reduce writes one)")
-            fields: dict[str, Any] = {}
-
-            def collect(name: str, item: Any) -> None:
-                if isinstance(item, h5py.Dataset) and (basis or name != "V"):
-                    fields[name] = stored(path, item)
-                values = {key: _plain(value) for key, value in item.attrs.items()}
-                if name in ("log/seconds", "log/options", "log/versions"):
-                    fields[name] = values
-                else:
-                    fields.update({f"{name}/{key}": value for key, value in values.items()})
-
-            file.visititems(collect)
-            fields.update({key: _plain(value) for key, value in file.attrs.items()})
-            if "dofs/node" in fields:
-                at = fields["dofs/node"]
-                fields["dofs/position"] = fields["nodes/position"][at]
-                fields["dofs/node"] = fields["nodes/id"][at]
-        model = cls(fields, lambda target: _copy(source, Path(target)))
+        expect_survival(source, lambda: _read_fields(source, False))
+        with errors_of(path):
+            fields = _read_fields(path, basis)
+        with errors_of(path):
+            model = cls(fields, lambda target: _copy(source, Path(target)))
+            model._expect_shapes()
         model.path = source
         return model
+
+    def _expect_shapes(self) -> None:
+        """What a file must hold for anything else here to make sense."""
+        m, n_in, n_out = len(self.K), len(self.inputs), len(self.outputs)
+        shapes = {"M": (m, m), "D": (m, m), "K": (m, m), "B": (m, n_in), "C": (n_out, m)}
+        for name, shape in shapes.items():
+            matrix = getattr(self, name)
+            if matrix.shape != shape:
+                raise BodyError(f"{name} is {matrix.shape}, expected {shape}")
+            if not np.all(np.isfinite(matrix)):
+                raise BodyError(f"{name} holds NaN or Inf")
 
     @property
     def order(self) -> int:
@@ -407,6 +404,31 @@ def _plain(value: Any) -> Any:
     if isinstance(value, np.ndarray) and value.dtype.kind == "O":
         return [v.decode() if isinstance(v, bytes) else v for v in value]
     return value
+
+
+def _read_fields(path: Path, basis: bool) -> dict[str, Any]:
+    """Datasets and attributes of a reduced file by their paths."""
+    fields: dict[str, Any] = {}
+    with h5py.File(path) as file:
+        if any(name not in file for name in ("gramian", "K", "M", "D", "B", "C", "error")):
+            raise BodyError(f"{path}: no reduced file (flexgram reduce writes one)")
+
+        def collect(name: str, item: Any) -> None:
+            if isinstance(item, h5py.Dataset) and (basis or name != "V"):
+                fields[name] = stored(path, item)
+            values = {key: _plain(value) for key, value in item.attrs.items()}
+            if name in ("log/seconds", "log/options", "log/versions"):
+                fields[name] = values
+            else:
+                fields.update({f"{name}/{key}": value for key, value in values.items()})
+
+        file.visititems(collect)
+        fields.update({key: _plain(value) for key, value in file.attrs.items()})
+        if "dofs/node" in fields:
+            at = fields["dofs/node"]
+            fields["dofs/position"] = fields["nodes/position"][at]
+            fields["dofs/node"] = fields["nodes/id"][at]
+    return fields
 
 
 def _names(fields: dict[str, Any], name: str, count: int) -> list[str]:

@@ -5,6 +5,8 @@
 
 #include <cerrno>
 #include <cmath>
+#include <csetjmp>
+#include <csignal>
 #include <cstring>
 #include <filesystem>
 
@@ -32,6 +34,23 @@ std::filesystem::path resolved(const std::string& path) {
     target = next.is_absolute() ? next : target.parent_path() / next;
   }
   return target;
+}
+
+sigjmp_buf escape;
+
+/// Whether a read of HDF5 comes back. The library trusts what a damaged file says of texts
+/// of variable length (they lie in a heap without checksums) and would end the program.
+template <class Read>
+bool survives(Read&& read) {
+  struct sigaction guard {
+  }, before{};
+  guard.sa_handler = [](int) { siglongjmp(escape, 1); };
+  sigemptyset(&guard.sa_mask);
+  sigaction(SIGSEGV, &guard, &before);
+  volatile bool good = false;
+  if (sigsetjmp(escape, 1) == 0) good = read();
+  sigaction(SIGSEGV, &before, nullptr);
+  return good;
 }
 
 /// An empty file beside `target` that nobody else has.
@@ -220,9 +239,9 @@ std::vector<std::string> Hdf5File::texts_attribute(const std::string& object,
     const Id memory(H5Tcopy(H5T_C_S1), H5Tclose);
     H5Tset_size(memory, H5T_VARIABLE);
     H5Tset_cset(memory, H5Tget_cset(type));
-    if (H5Aread(id, memory, values.data()) < 0)
-      state_->fail(text("cannot read attribute %s of %s: %s", name.c_str(),
-                        object.c_str(), hdf5_reason().c_str()));
+    if (!survives([&] { return H5Aread(id, memory, values.data()) >= 0; }))
+      state_->fail(text("cannot read attribute %s of %s: it is damaged", name.c_str(),
+                        object.c_str()));
     for (char* value : values) result.emplace_back(value ? value : "");
     H5Dvlen_reclaim(memory, space, H5P_DEFAULT, values.data());
   } else {

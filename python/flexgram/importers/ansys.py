@@ -140,6 +140,9 @@ def read_harwell_boeing(path: Path) -> sp.coo_matrix:
 
 def _read_market(path: Path) -> sp.coo_matrix:
     """A MatrixMarket file whose header declares no more than the file can hold."""
+    with path.open("rb") as file:  # without a line of sizes SciPy would look for it for ever
+        if not any(line.strip() and not line.startswith(b"%") for line in file):
+            raise BodyError(f"{path}: truncated: only comments are there")
     rows, columns, entries, *_ = scipy.io.mminfo(str(path))
     if max(rows, columns) > entries or entries > path.stat().st_size:
         raise BodyError(f"{path}: a matrix of {rows} × {columns} with {entries} entries is not in "

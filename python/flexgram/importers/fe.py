@@ -258,10 +258,19 @@ def check(fe: FeMatrices) -> dict[str, Any]:
     facts: dict[str, Any] = {"n": fe.n, "nonzeros": int(fe.K.nnz)}
     if not fe.has_coordinates():
         return facts
+    with np.errstate(all="ignore"):  # what overflows is refused below
+        return facts | _rigid_facts(where, fe)
+
+
+def _rigid_facts(where: str, fe: FeMatrices) -> dict[str, Any]:
+    facts: dict[str, Any] = {}
+    k = fe.K.diagonal()
     motions = rigid_motions(fe.positions(fe.node), fe.component)
     energy = np.abs(np.sum(motions * (fe.K @ motions), axis=0))
     weight = np.sum(motions**2 * np.abs(k)[:, None], axis=0)
     facts["rigid_energy"] = energy / np.where(weight > 0, weight, 1)
+    if not np.all(np.isfinite(facts["rigid_energy"])):
+        raise BodyError(f"{where}: numbers so large that products overflow")
     free = facts["rigid_energy"] < 1e-10
     facts["free"] = int(free.sum())
     if free[:3].all() and not free.all():
@@ -278,7 +287,7 @@ def check(fe: FeMatrices) -> dict[str, Any]:
                         f"{masses[1]:.6g}, {masses[2]:.6g}: the dof map does not belong to "
                         "these matrices")  # fmt: skip
     mass = float(masses.mean())
-    if not mass > 0:
+    if not 0 < mass < np.inf:
         raise BodyError(f"{where}: the mass is {mass:.6g}")
     centre = np.array([mass6[1, 5] - mass6[2, 4], mass6[2, 3] - mass6[0, 5],
                        mass6[0, 4] - mass6[1, 3]]) / (2 * mass)  # fmt: skip
