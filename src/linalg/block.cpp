@@ -19,6 +19,9 @@ Block::Block(MPI_Comm comm, RowRange rows, PetscInt n, PetscInt columns)
   FG_CALL(BVCreate(comm, bv_.out()));
   FG_CALL(BVSetType(bv_, BVMAT));
   FG_CALL(BVSetSizes(bv_, rows.size(), n, std::max<PetscInt>(columns, 1)));
+#if SLEPC_VERSION_GE(3, 22, 0)
+  FG_CALL(BVSetLeadingDimension(bv_, rows.size())); // else columns may be padded
+#endif
   if (columns == 0) FG_CALL(BVSetActiveColumns(bv_, 0, 0));
 }
 
