@@ -50,8 +50,7 @@ def function_of_time(text: str, t: Any) -> Any:
     """
 
     def value(node: ast.AST) -> Any:
-        number = isinstance(node, ast.Constant) and not isinstance(node.value, bool)
-        if number and isinstance(node.value, (int, float)):
+        if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)):
             return float(node.value)
         if isinstance(node, ast.Name) and node.id == "t":
             return t
