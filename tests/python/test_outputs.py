@@ -1,0 +1,102 @@
+"""Every writer of the package: whole or not at all, files only, never its own input."""
+
+from __future__ import annotations
+
+import os
+import stat
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from conftest import ENVIRONMENT, PYTHON, ROOT, chain, run
+from flexgram import BodyError, ReducedModel, write_matrices
+from flexgram.basics import written_aside
+from flexgram.exporters import FORMATS, export
+
+
+@pytest.fixture(scope="module")
+def rom(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A free body with places, so that every format has what it needs."""
+    folder = tmp_path_factory.mktemp("outputs")
+    subprocess.run([str(PYTHON), "-m", "flexgram", "import", str(ROOT / "meshes" / "rack.yaml"),
+                    "-o", str(folder / "rack.h5")], check=True, env=ENVIRONMENT,
+                   capture_output=True)  # fmt: skip
+    run("reduce", "-body", folder / "rack.h5", "-mor_band_hz", "10,100", "-mor_tol", "1e-2",
+        "-mor_out", folder / "rack.rom.h5")  # fmt: skip
+    return folder / "rack.rom.h5"
+
+
+def limited(*words: Any, blocks: int = 8) -> subprocess.CompletedProcess[str]:
+    """The command line where no file may grow beyond some kilobytes."""
+    command = f'ulimit -f {blocks}; exec "$@"'
+    return subprocess.run(["bash", "-c", command, "-", str(PYTHON), "-m", "flexgram",
+                           *map(str, words)], env=ENVIRONMENT, capture_output=True,
+                          text=True)  # fmt: skip
+
+
+@pytest.mark.parametrize("format", [*FORMATS, "report", "simulate", "plot"])
+def test_a_full_disk_leaves_what_was_there(format: str, rom: Path, tmp_path: Path) -> None:
+    suffix = {"report": ".html", "simulate": ".csv", "plot": ".png"}.get(format)
+    out = tmp_path / f"out{suffix or FORMATS[format][1]}"
+    out.write_text("earlier")
+    words: dict[str, list[Any]] = {
+        "report": ["report", rom],
+        "simulate": ["simulate", rom, "--force", "upper.fz=sin(t)", "--time", "0,1,9999"],
+        "plot": ["plot", rom, "--figure", "shapes"],
+    }
+    done = limited(*words.get(format, ["export", rom, "--to", format]), "-o", out)
+    assert done.returncode != 0
+    assert out.read_text() == "earlier" and sorted(tmp_path.iterdir()) == [out]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [["export", "{rom}", "--to", "npz", "-o", "{rom}"],
+     ["report", "{rom}", "-o", "{rom}"],
+     ["report", "{rom}", "--body", "{body}", "-o", "{body}"],
+     ["plot", "{rom}", "--figure", "error", "-o", "{rom}"],
+     ["simulate", "{rom}", "--force", "upper.fz=1", "-o", "{rom}"],
+     ["import", "{yaml}", "-o", "{yaml}"]],
+)  # fmt: skip
+def test_no_command_replaces_its_input(words: list[str], rom: Path, tmp_path: Path) -> None:
+    yaml = tmp_path / "body.yaml"
+    yaml.write_text((ROOT / "meshes" / "rack.yaml").read_text())
+    places = {"rom": rom, "body": rom.with_name("rack.h5"), "yaml": yaml}
+    before = {path: path.read_bytes() for path in places.values()}
+    done = subprocess.run([str(PYTHON), "-m", "flexgram", *(w.format(**places) for w in words)],
+                          env=ENVIRONMENT, capture_output=True, text=True)  # fmt: skip
+    assert done.returncode == 1 and "would replace the input" in done.stderr, done.stderr
+    assert {path: path.read_bytes() for path in places.values()} == before
+
+
+def test_only_files_are_replaced(rom: Path, tmp_path: Path) -> None:
+    pipe, link = tmp_path / "pipe", tmp_path / "link.npz"
+    os.mkfifo(pipe)
+    model = ReducedModel.load(rom)
+    with pytest.raises(BodyError, match="no file"):
+        export(model, pipe, "npz")
+    assert stat.S_ISFIFO(pipe.stat().st_mode)
+    with pytest.raises(BodyError, match="no file"):
+        write_matrices(tmp_path, **chain())
+    link.symlink_to("real.npz")
+    export(model, link, "npz")
+    assert link.is_symlink() and np.load(tmp_path / "real.npz")["K"].shape == model.K.shape
+    with pytest.raises(BodyError, match="reduced file itself"):
+        export(model, rom, "npz")
+
+
+def test_several_files_or_none(tmp_path: Path) -> None:
+    out = tmp_path / "motion.xdmf"
+    with pytest.raises(RuntimeError), written_aside(out) as place:
+        place.write_text("half")
+        place.with_suffix(".h5").write_text("half")
+        raise RuntimeError
+    assert not list(tmp_path.iterdir())
+    with written_aside(out) as place:
+        place.write_text("whole")
+        place.with_suffix(".h5").write_text("whole")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["motion.h5", "motion.xdmf"]
+    assert stat.S_IMODE(out.stat().st_mode) & 0o444 == 0o444
