@@ -58,7 +58,7 @@ def main() -> None:
     count = parser.parse_args().frequencies
     OUT.mkdir(parents=True, exist_ok=True)
 
-    rule = reduce("two_step_rule", "-mor_second_stage", "gramian")
+    rule = reduce("two_step_rule", "-mor_second_stage", "gramian", "-mor_order", "rule")
     pod = reduce("pod_rule", "-mor_method", "pod")
     with h5py.File(rule) as two, h5py.File(pod) as samples:
         order = two["K"].shape[0]

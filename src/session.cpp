@@ -4,6 +4,7 @@
 #include "base/parallel.hpp"
 #include "base/process.hpp"
 #include "base/text.hpp"
+#include "io/versions.hpp"
 
 #include <slepcsys.h>
 
@@ -85,7 +86,9 @@ int run_session(int argc, char** argv, const std::vector<std::string>& verbs,
     return 0;
   }
   if (verb == "-version" || verb == "--version" || verb == "version") {
-    if (rank == 0) std::printf("flexgram %s\n", FLEXGRAM_VERSION);
+    if (rank == 0)
+      for (const auto& [name, version] : versions())
+        std::printf("%-9s %s\n", name.c_str(), version.c_str());
     MPI_Finalize();
     return 0;
   }

@@ -5,6 +5,8 @@
 hands it to multibody codes (see README.md).
 """
 
+from typing import Any
+
 from flexgram.api import reduce
 from flexgram.basics import BodyError
 from flexgram.bodyfile import write_matrices
@@ -13,7 +15,19 @@ from flexgram.description import import_body
 from flexgram.medium import Medium, certify
 from flexgram.reduced import ReducedModel
 
+__version__ = "0.1.0"
 __all__ = [
-    "BodyError", "Matrices", "Medium", "ReducedModel", "certify", "import_body", "reduce",
-    "write_matrices",
+    "BodyError", "Matrices", "Medium", "ReducedModel", "certify", "export", "exporters", "figures",
+    "import_body", "importers", "reduce", "write_matrices",
 ]  # fmt: skip
+
+
+def __getattr__(name: str) -> Any:
+    """Modules that take time to load come when they are asked for."""
+    from importlib import import_module
+
+    if name in ("exporters", "importers", "figures"):
+        return import_module(f"flexgram.{name}")
+    if name == "export":
+        return import_module("flexgram.exporters").export
+    raise AttributeError(f"module flexgram has no attribute {name}")

@@ -15,7 +15,7 @@ def reduce(
     band_hz: Sequence[float] = (10.0, 500.0),
     tol: float | None = None,
     *,
-    order: int | None = None,
+    order: int | str | None = None,
     method: str = "two_step",
     comm: Any = None,
     options: Mapping[str, Any] | None = None,
@@ -31,9 +31,10 @@ def reduce(
         First and last frequency [Hz]; several bands as one sequence of pairs.
     tol : float, optional
         Largest relative error of H over the band (eq. 17); the smallest certified order that meets
-        it is taken. Without ``tol`` and ``order`` the paper's rule decides.
-    order : int, optional
-        Order of the reduced body instead of a tolerance.
+        it is taken. Without ``tol`` and ``order`` 1e-3, but for methods with an order of their own
+        (``modal``: the modes in the band) and ``pod`` (the paper's rule).
+    order : int or str, optional
+        Order of the reduced body instead of a tolerance; ``"rule"``: by the paper's rule.
     method : str
         ``two_step``, ``pod``, ``modal``, ``craig_bampton``, ``krylov``, ``irka``, ``balanced``.
     comm : mpi4py communicator, optional

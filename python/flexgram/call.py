@@ -241,7 +241,7 @@ def hand_over(body: str | Path | Matrices, comm: Any, values: dict[str, str]) ->
 def option_values(
     band_hz: Sequence[float] | None,
     tol: float | None,
-    order: int | None,
+    order: int | str | None,
     method: str,
     options: Mapping[str, Any] | None,
     verbose: bool,
@@ -259,7 +259,7 @@ def option_values(
     if tol is not None:
         values["-mor_tol"] = repr(float(tol))
     if order is not None:
-        values["-mor_order"] = str(int(order))
+        values["-mor_order"] = str(order)
     for key, value in (options or {}).items():
         name = key.lstrip("-")
         if not name.startswith(PREFIXES):

@@ -84,8 +84,10 @@ def _import(options: argparse.Namespace) -> None:
                     "its node set away from its middle: right units?"
                 )
         return
-    from flexgram.importers import import_matrices, parse, read
+    from flexgram.importers import check_damping, import_matrices, parse, read
 
+    interfaces = [parse(*pair) for pair in named]  # before ccx runs for minutes
+    check_damping(options.alpha, options.beta, options.eta)
     fe = read(
         options.source,
         format=options.format,
@@ -99,7 +101,7 @@ def _import(options: argparse.Namespace) -> None:
     facts = import_matrices(
         fe,
         options.output,
-        [parse(*pair) for pair in named],
+        interfaces,
         units=options.units or "SI",
         alpha=options.alpha,
         beta=options.beta,

@@ -6,13 +6,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import matplotlib
-
-matplotlib.use("Agg")
 import h5py
-import matplotlib.pyplot as plt
+import matplotlib
 import numpy as np
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure  # not pyplot: the caller's backend stays the caller's
 
 from flexgram.basics import BodyError, errors_of, written_aside
 from flexgram.geometry import Geometry, body_of
@@ -23,7 +20,8 @@ FULL, REDUCED, BOUND = "#444444", "#0868ac", "#e08214"
 
 
 def _axes(width: float = 6.4, height: float = 3.6) -> tuple[Figure, Any]:
-    figure, axes = plt.subplots(figsize=(width, height), layout="constrained")
+    figure = Figure(figsize=(width, height), layout="constrained")
+    axes = figure.subplots()
     axes.grid(alpha=0.3)
     return figure, axes
 
@@ -87,8 +85,8 @@ def transfer(
                  for k in "fm"]  # fmt: skip
         chosen = [i for i in kinds if i is not None] or [int(strongest[0])]
         ports = [(outputs[i], inputs[i]) for i in chosen]
-    figure, panels = plt.subplots(len(ports), 1, figsize=(6.4, 2.9 * len(ports)), squeeze=False,
-                                  layout="constrained", sharex=True)  # fmt: skip
+    figure = Figure(figsize=(6.4, 2.9 * len(ports)), layout="constrained")
+    panels = figure.subplots(len(ports), 1, squeeze=False, sharex=True)
     for axes, (output, port) in zip(panels.flat, ports, strict=True):
         if output not in outputs or port not in inputs:
             raise BodyError(f"no port {output if output not in outputs else port}; there are "
@@ -133,7 +131,7 @@ def shapes(model: ReducedModel, body: str | Path | None = None, count: int = 5) 
     size = float(np.ptp(geometry.points, axis=0).max())
     columns = 3
     rows = -(-(1 + len(chosen)) // columns)
-    figure = plt.figure(figsize=(3.4 * columns, 3.2 * rows), layout="constrained")
+    figure = Figure(figsize=(3.4 * columns, 3.2 * rows), layout="constrained")
     used = np.unique(triangles)
     center = 0.5 * (geometry.points[used].max(axis=0) + geometry.points[used].min(axis=0))
     for place in range(1 + len(chosen)):
@@ -145,7 +143,7 @@ def shapes(model: ReducedModel, body: str | Path | None = None, count: int = 5) 
             scale = 0.12 * size / max(np.abs(field[used]).max(), 1e-300)
             points = points + scale * field
             amount = np.linalg.norm(field[triangles].mean(axis=1), axis=1)
-            color = plt.cm.viridis(amount / max(amount.max(), 1e-300))
+            color = matplotlib.colormaps["viridis"](amount / max(amount.max(), 1e-300))
         axes.add_collection3d(
             Poly3DCollection(points[triangles], facecolor=color, edgecolor="#00000018", lw=0.2)
         )
@@ -175,5 +173,3 @@ def save(figure: Figure, path: Path) -> None:
             figure.savefig(place, dpi=150)
     except ValueError as failure:  # matplotlib does not know the suffix
         raise BodyError(f"{path}: {failure}") from None
-    finally:
-        plt.close(figure)

@@ -5,11 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import h5py
-import matplotlib
-
-matplotlib.use("Agg")
-import matplotlib.pyplot as plt
 import numpy as np
+from matplotlib.figure import Figure
 
 from flexgram.basics import BodyError, written_aside
 
@@ -54,7 +51,8 @@ def plot_sweep(sweep: Path, output: Path, rom: Path | None = None) -> None:
             sampled = file["error/omega"][:] / (2 * np.pi), file["error/relative"][:]
 
     count = 1 + (error is not None) + (sigma is not None)
-    figure, axes = plt.subplots(1, count, figsize=(5.2 * count, 4.0), squeeze=False)
+    figure = Figure(figsize=(5.2 * count, 4.0))
+    axes = figure.subplots(1, count, squeeze=False)
     response = axes[0, 0]
     strongest = np.argmax(np.abs(H).max(axis=0).diagonal())
     i = min(int(strongest), H.shape[1] - 1)
@@ -86,4 +84,3 @@ def plot_sweep(sweep: Path, output: Path, rom: Path | None = None) -> None:
             figure.savefig(place, dpi=120)
     except ValueError as error:  # matplotlib does not know the suffix
         raise BodyError(f"{output}: {error}") from None
-    plt.close(figure)

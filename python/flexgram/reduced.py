@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import shutil
 from collections.abc import Callable
 from pathlib import Path
@@ -81,7 +82,7 @@ class ReducedModel:
         Seconds by stage, warnings, factorisations, body.
     """
 
-    def __init__(self, fields: dict[str, Any], save: Callable[[str], None]) -> None:
+    def __init__(self, fields: dict[str, Any], save: Callable[[str], None] | None) -> None:
         array = lambda name: np.asarray(fields.get(name, []), dtype=np.float64)  # noqa: E731
         self.M, self.D, self.K = array("M"), array("D"), array("K")
         self.B, self.C, self.V = array("B"), array("C"), array("V")
@@ -194,6 +195,23 @@ class ReducedModel:
     def __repr__(self) -> str:
         return (f"<ReducedModel of order {self.order} by {self.method}, {len(self.inputs)} inputs, "
                 f"error {self.certified_error:.1e} ({self.label})>")  # fmt: skip
+
+    def _repr_html_(self) -> str:
+        """For notebooks: what ``info`` says."""
+        rows = {
+            "order": f"{self.order} of {len(self.V):,}" if len(self.V) else str(self.order),
+            "method": f"{self.method} ({self.second_stage})" if self.second_stage else self.method,
+            "band": ", ".join(f"{a:g} to {b:g} Hz" for a, b in self.bands / (2 * np.pi)),
+            "error": f"at most {self.certified_error:.1e} ({self.label})",
+            "inputs": ", ".join(self.inputs),
+        }
+        lines = (f"<tr><th>{key}</th><td style='text-align:left'>{html.escape(value)}</td></tr>"
+                 for key, value in rows.items())  # fmt: skip
+        return f"<table>{''.join(lines)}</table>"
+
+    def __getstate__(self) -> dict[str, Any]:
+        """For pickle and copy: all numbers; what wrote the file of this one stays behind."""
+        return self.__dict__ | {"_save": None, "V": np.array(self.V)}
 
     def transfer(self, omega: ArrayLike) -> ComplexArray:
         """Transfer function H_r = C (K (1 + i eta) + i omega D - omega² M)⁻¹ B.
@@ -395,6 +413,9 @@ class ReducedModel:
 
     def save(self, path: str | Path) -> None:
         """Write the reduced file; collective on the communicator of ``reduce``."""
+        if self._save is None:
+            raise BodyError("a copied or unpickled body has no file of its own: export it "
+                            "(flexgram.export), or save the original")  # fmt: skip
         self._save(str(path))
 
 

@@ -8,7 +8,6 @@ import io
 from pathlib import Path
 from typing import Any
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -28,7 +27,7 @@ h1 { font-size: 1.7rem; margin: 0 0 .2rem; } h2 { font-size: 1.15rem; margin: 2r
 .card { border: 1px solid var(--line); border-radius: .5rem; padding: .7rem; }
 .card b { display: block; font-size: 1.35rem; }
 .card span { color: var(--soft); font-size: .85rem; }
-.proved b { color: #1a7f37; } .guessed b { color: #b35900; }
+.good b { color: #1a7f37; } .fair b { color: #b35900; } .poor b { color: #c0392b; }
 table { border-collapse: collapse; } td, th { padding: .15rem .9rem .15rem 0; text-align: left;
        vertical-align: top; border-bottom: 1px solid #eef1f4; } th { color: var(--soft);
        font-weight: 500; } td.n { text-align: right; font-variant-numeric: tabular-nums; }
@@ -44,7 +43,6 @@ details { margin-top: .6rem; } code { font-size: .85em; }
 def _image(figure: Figure, caption: str, raster: bool = False) -> str:
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png" if raster else "svg", dpi=110)
-    plt.close(figure)
     kind = "png" if raster else "svg+xml"
     data = base64.b64encode(buffer.getvalue()).decode()
     text = html.escape(caption)
@@ -82,7 +80,10 @@ def _modes(model: ReducedModel, most: int = 40) -> str:
 
 
 def _cards(model: ReducedModel) -> str:
-    proved = model.kind.startswith("certified")
+    # By the size of the error: a proof of 23 % is no good news.
+    colour = ("poor" if not model.certified_error <= 0.1 or not model.met
+              else "good" if model.certified_error <= 0.01 and model.kind.startswith("certified")
+              else "fair")  # fmt: skip
     hz = model.bands / (2 * np.pi)
     kinds = ""
     if len(model.by_kind):
@@ -91,7 +92,7 @@ def _cards(model: ReducedModel) -> str:
     cards = [
         (f"{model.certified_error:.1e}", f"largest relative error over the band, {model.label}"
          + kinds + ("" if model.met else f"; NOT within the tolerance {model.tolerance:g}"),
-         "proved" if proved and model.met else "guessed"),
+         colour),
         (f"{len(model.V):,} → {model.order}" if len(model.V) else str(model.order),
          "degrees of freedom", ""),
         (", ".join(f"{first:g} – {last:g}" for first, last in hz) + " Hz", "band", ""),

@@ -3,10 +3,12 @@
 #include <dlfcn.h>
 #include <malloc.h>
 #include <sys/resource.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <csignal>
 #include <cstdlib>
+#include <ctime>
 #include <fstream>
 #include <limits>
 #include <sched.h>
@@ -55,6 +57,32 @@ bool set_blas_threads(int threads) {
       return true;
     }
   return false;
+}
+
+std::string blas_version() {
+  using Text = char* (*)();
+  for (const char* name : {"openblas_get_config", "bli_info_get_version_str"})
+    if (void* symbol = dlsym(RTLD_DEFAULT, name)) {
+      std::string words = reinterpret_cast<Text>(symbol)();
+      if (void* core = dlsym(RTLD_DEFAULT, "openblas_get_corename"))
+        words += std::string(" on ") + reinterpret_cast<Text>(core)();
+      return words;
+    }
+  return "unknown";
+}
+
+std::string host_name() {
+  char name[256] = "";
+  gethostname(name, sizeof(name) - 1);
+  return name;
+}
+
+std::string utc_time() {
+  char words[32] = "";
+  const std::time_t now = std::time(nullptr);
+  std::tm parts{};
+  std::strftime(words, sizeof(words), "%Y-%m-%dT%H:%M:%SZ", gmtime_r(&now, &parts));
+  return words;
 }
 
 void keep_freed_pages() {

@@ -2,6 +2,8 @@
 
 #include <mpi.h>
 
+#include <string>
+
 namespace flexgram {
 
 /// Ranks of comm on this node, and hardware threads of the node that each may use.
@@ -19,6 +21,12 @@ bool set_blas_threads(int threads);
 /// Makes malloc keep freed pages: large work arrays are reused by each factorisation, and
 /// the first touch of fresh memory is dear in virtual machines.
 void keep_freed_pages();
+
+/// What the BLAS says of itself, with the kernels it chose; "unknown" if it does not.
+std::string blas_version();
+/// Name of this machine, and the time as 2026-01-31T12:00:00Z.
+std::string host_name();
+std::string utc_time();
 
 /// Peak resident memory of this process [MB].
 double peak_memory_mb();

@@ -89,12 +89,19 @@ bool is_stored(hid_t dataset, hid_t type, hsize_t count) {
 
 } // namespace
 
-void expect_regular(const std::string& path) {
+std::string hdf5_version() {
+  unsigned major = 0, minor = 0, release = 0;
+  H5get_libversion(&major, &minor, &release);
+  return text("%u.%u.%u", major, minor, release);
+}
+
+std::string target_of(const std::string& path) {
   struct stat found {};
   const std::string target = resolved(path).string();
   if (::stat(target.c_str(), &found) == 0 && !S_ISREG(found.st_mode))
     throw Error(text("cannot write %s: it is %s, not a file", path.c_str(),
                      S_ISDIR(found.st_mode) ? "a folder" : "a device or pipe"));
+  return target;
 }
 
 Hdf5File Hdf5File::open(MPI_Comm comm, const std::string& path) {
@@ -134,8 +141,7 @@ Hdf5File Hdf5File::create(MPI_Comm comm, const std::string& path) {
   std::string part;
   agree(comm, [&] { // MPI-IO's own message for a missing folder is not helpful
     if (comm_rank(comm) != 0) return;
-    expect_regular(path);
-    state->target = resolved(path).string();
+    state->target = target_of(path);
     part = create_beside(state->target);
   });
   share_text(comm, part);

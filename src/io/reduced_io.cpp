@@ -5,8 +5,7 @@
 #include "io/body_io.hpp"
 #include "io/hdf5_file.hpp"
 #include "io/reduced_fields.hpp"
-
-#include <slepcversion.h>
+#include "io/versions.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -51,13 +50,13 @@ void write_log(Hdf5File& file, const ReducedModel& rom, const Options& options,
   for (const auto& [stage, seconds] : observer.stages())
     file.set_attribute("/log/seconds", stage, seconds);
   file.create_group("/log/versions");
-  file.set_attribute(
-      "/log/versions", "PETSc",
-      text("%d.%d.%d", PETSC_VERSION_MAJOR, PETSC_VERSION_MINOR, PETSC_VERSION_SUBMINOR));
-  file.set_attribute(
-      "/log/versions", "SLEPc",
-      text("%d.%d.%d", SLEPC_VERSION_MAJOR, SLEPC_VERSION_MINOR, SLEPC_VERSION_SUBMINOR));
-  file.set_attribute("/log/versions", "flexgram", std::string(FLEXGRAM_VERSION));
+  for (const auto& [name, version] : versions())
+    file.set_attribute("/log/versions", name, version);
+  std::string date = utc_time(), host = host_name(); // rank 0's
+  share_text(rom.V.comm(), date);
+  share_text(rom.V.comm(), host);
+  file.set_attribute("/log", "date", date);
+  file.set_attribute("/log", "host", host);
   file.set_attribute("/log", "ranks", static_cast<double>(comm_size(rom.V.comm())));
   const double peak = max_over(rom.V.comm(), peak_memory_mb());
   file.set_attribute("/log", "peak_memory_mb_per_rank", peak);

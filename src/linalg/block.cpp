@@ -11,7 +11,8 @@ namespace flexgram {
 
 Block::Block(MPI_Comm comm, RowRange rows, PetscInt n, PetscInt columns)
     : n_(n), columns_(columns), local_(rows) {
-  if (static_cast<double>(rows.size()) * static_cast<double>(columns) > PETSC_MAX_INT)
+  if (static_cast<double>(rows.size()) * static_cast<double>(columns) >
+      static_cast<double>(PETSC_MAX_INT))
     throw Error(
         text("%lld rows × %lld columns are too many numbers for one rank: use more "
              "ranks or fewer samples",

@@ -1,5 +1,6 @@
 #include "linalg/lbfgs.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <deque>
 

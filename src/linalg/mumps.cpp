@@ -58,6 +58,8 @@ int owner_of(const std::vector<PetscInt>& starts, PetscInt row) {
 
 } // namespace
 
+std::string mumps_version() { return MUMPS_VERSION; }
+
 template <class Scalar>
 struct Mumps<Scalar>::Instance {
   using Traits = Arithmetic<Scalar>;

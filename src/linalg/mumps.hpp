@@ -21,6 +21,8 @@ enum class Ordering {
   mumps              ///< MUMPS' own choice
 };
 
+std::string mumps_version();
+
 /// Options of every factorisation of the program.
 struct MumpsOptions {
   std::map<int, double> icntl, cntl; ///< any control of MUMPS, by number

@@ -272,6 +272,7 @@ std::unique_ptr<Reduction> reduce_call(std::intptr_t comm_handle, PythonBody* gi
   start();
   const MPI_Comm comm = comm_of(comm_handle);
   Call call(comm, values);
+  call.settings.choose_tolerance(*call.observer);
   const Body body = body_of(comm, given, call);
   ReducedModel rom = reduce_body(body, call.settings, *call.observer);
   return result_of(call, body.model, std::move(rom));
@@ -290,6 +291,7 @@ struct PythonMedium {
   }
   std::unique_ptr<Reduction> cut(const std::map<std::string, std::string>& values) const {
     Call call(medium.body.comm, values);
+    call.settings.choose_tolerance(*call.observer);
     tell_medium(medium, *call.observer);
     ReducedModel rom = cut_medium(medium, call.settings, *call.observer);
     return result_of(call, medium.body, std::move(rom));

@@ -18,8 +18,7 @@ void check_output(MPI_Comm comm, const std::string& path,
   namespace fs = std::filesystem;
   agree(comm, [&] {
     if (comm_rank(comm) != 0) return;
-    expect_regular(path);
-    const fs::path folder = fs::path(path).parent_path();
+    const fs::path folder = fs::path(target_of(path)).parent_path();
     if (access(folder.empty() ? "." : folder.c_str(), W_OK) != 0)
       throw Error(text("cannot write %s: %s", path.c_str(), std::strerror(errno)));
     for (const auto& input : inputs) {

@@ -8,6 +8,7 @@
 #include "run/sweep.hpp"
 #include "sampling/pod.hpp"
 
+#include <algorithm>
 #include <filesystem>
 
 namespace flexgram {
@@ -223,6 +224,7 @@ void write_medium_file(const Medium& medium, const Settings& s, const Options& o
 
 bool reduce(MPI_Comm comm, Settings& s, const Options& options, Observer& observer) {
   s.check();
+  s.choose_tolerance(observer);
   const CheckpointSpec checkpoint = s.checkpoint_spec(s.out);
   let_sigterm_ask();
   warn_of_default_band(options, observer);
@@ -274,6 +276,7 @@ void certify(MPI_Comm comm, Settings& s, const Options& options, Observer& obser
 
 bool cut(MPI_Comm comm, Settings& s, const Options& options, Observer& observer) {
   s.check();
+  s.choose_tolerance(observer);
   if (s.medium.empty())
     throw Error("option -medium is missing: name a file of flexgram certify");
   check_output(comm, s.out, {s.medium});

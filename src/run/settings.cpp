@@ -64,13 +64,16 @@ void Settings::describe(Options& options) {
               "first,last,first,last (cut: default the bands of the medium model)");
   band_is_given = options.all().back().set_by_user;
   options.add(
-      "-mor_order", order.order, "",
-      "order m of the reduced body; 0: smallest m with sigma_(m+1)/sigma_1 < sqrt(eps) "
-      "= 1.5e-8, the paper's rule");
+      "-mor_order", order_word,
+      "order m of the reduced body; rule: smallest m with sigma_(m+1)/sigma_1 < "
+      "sqrt(eps) "
+      "= 1.5e-8, the paper's, whatever the error is; auto: by -mor_tol, or what "
+      "-mor_method gives by itself (pod: the rule, modal: the modes in the band, ...)");
   options.add(
       "-mor_tol", order.tolerance, "",
       "smallest order whose relative error over the band is below this: the certified "
-      "error, or with -mor_method pod the one at the samples and the check frequencies");
+      "error, or with -mor_method pod the one at the samples and the check frequencies. "
+      "Default without -mor_order: 1e-3, but for methods with an order of their own");
   options.add_choice(
       "-mor_tol_of", tolerance_of, {"each_kind", "whole"},
       "what -mor_tol bounds: the error of H as a whole (eq. 17), which adds m/N and "
@@ -277,16 +280,36 @@ void Settings::check_lists() const {
                  "first,last,count with first <= last");
 }
 
+void Settings::check_order() {
+  if (order_word == "auto" || order_word == "rule" || order_word == "0") {
+    order.order = 0;
+  } else {
+    const bool digits = order_word.size() < 9 &&
+                        order_word.find_first_not_of("0123456789") == std::string::npos;
+    require_option(digits, "-mor_order", order_word, "a whole number, rule or auto");
+    order.order = std::stoi(order_word);
+  }
+  require_option(!order.tolerance || order_word == "auto", "-mor_tol", "with -mor_order",
+                 "given without the other: the tolerance chooses the order");
+}
+
+void Settings::choose_tolerance(Observer& observer) {
+  constexpr double default_tolerance = 1e-3;
+  if (order.tolerance || order_word != "auto" || takes_samples()) return;
+  for (const auto& name : methods())
+    if (flexgram::method(name).rule) return;
+  order.tolerance = default_tolerance;
+  observer.fact("tolerance",
+                text("%g, as none is given (-mor_tol, -mor_order)", default_tolerance));
+}
+
 void Settings::check() {
   check_band();
   require_option(samples >= 1, "-mor_samples", std::to_string(samples), "1 or more");
   if (order.tolerance)
     require_option(*order.tolerance > 0 && *order.tolerance < 1, "-mor_tol",
                    text("%g", *order.tolerance), "above 0 and below 1");
-  require_option(!order.tolerance || order.order == 0, "-mor_tol", "with -mor_order",
-                 "given without the other: the tolerance chooses the order");
-  require_option(order.order >= 0, "-mor_order", std::to_string(order.order),
-                 "0 (by the rule) or more");
+  check_order();
   require_option(validate >= 0, "-mor_validate", std::to_string(validate), "0 or more");
   require_option(moments >= 1, "-mor_moments", std::to_string(moments), "1 or more");
   require_option(cutoff >= 1.05, "-mor_cutoff", text("%g", cutoff), "1.05 or more");

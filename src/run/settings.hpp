@@ -21,6 +21,7 @@ struct Settings {
   std::string frame_integrals = "auto";
   std::vector<double> band_hz{10, 500}, sweep_hz{10, 500, 200};
   bool band_is_given = false;
+  std::string order_word = "auto";
   OrderSpec order;
   std::string tolerance_of = "each_kind", port_scaling = "equal", metric = "mass",
               relative_to = "pointwise", frame = "auto", frame_interface;
@@ -40,6 +41,9 @@ struct Settings {
   void describe(Options& options);
   /// Refuses bad options before any work, and fills in what depends on others.
   void check();
+  /// A tolerance where neither it nor an order is given and no method has an order of its
+  /// own: the paper's rule says nothing of the error (23 % was seen).
+  void choose_tolerance(Observer& observer);
   /// Memory limit and BLAS threads of this process. @throws Error for options of the
   /// solver that cannot be. @return how much to print. Collective.
   Observer::Level prepare(MPI_Comm comm);
@@ -59,6 +63,7 @@ private:
   void describe_solver(Options& options);
   void check_solver() const;
   void check_band() const;
+  void check_order();
   void check_lists() const;
 };
 

@@ -4,6 +4,7 @@
 #include "io/body_io.hpp"
 #include "model/checks.hpp"
 
+#include <algorithm>
 #include <cstdio>
 #include <unistd.h>
 

@@ -2,6 +2,7 @@
 #include "examples.hpp"
 #include "linalg/ordering.hpp"
 
+#include <algorithm>
 #include <numeric>
 
 using namespace flexgram;

@@ -9,6 +9,7 @@
 #include "model/project.hpp"
 #include "sampling/pod.hpp"
 
+#include <algorithm>
 #include <numbers>
 
 using namespace flexgram;

@@ -47,7 +47,8 @@ def test_bodies_of_others(load_case: Loader, tmp_path: Path, name: str) -> None:
     assert_certified(small, tolerance, sharp=1.3)
     assert small["order"] <= 27
     for method in METHODS:
-        assert_certified(certified(body, band, tmp_path, "-mor_method", method, full=full))
+        assert_certified(certified(body, band, tmp_path, "-mor_method", method, "-mor_order",
+                                   "rule", full=full))  # fmt: skip
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
@@ -64,13 +65,14 @@ def test_rack(rack: Path, tmp_path: Path, ranks: int) -> None:
     # 28, 38, 48 and 50 when written (README).
     assert orders == sorted(orders) and orders[0] <= 28 and orders[-1] <= 52
     for method in METHODS if ranks == 1 else ():
-        result = certified(rack, band, tmp_path, "-mor_method", method, full=full, count=6)
+        result = certified(rack, band, tmp_path, "-mor_method", method, "-mor_order", "rule", full=full,
+                           count=6)  # fmt: skip
         assert_certified(result)
 
 
 def test_rule_at_the_papers_order_is_not_worse_than_its_samples(rack: Path, tmp_path: Path) -> None:
     band = (10.0, 500.0)
-    rule = certified(rack, band, tmp_path, count=8)
+    rule = certified(rack, band, tmp_path, "-mor_order", "rule", count=8)
     assert 25 <= rule["order"] <= 35
     samples = tmp_path / "pod.h5"
     run("reduce", "-body", rack, "-mor_method", "pod", "-mor_order", rule["order"], "-mor_out",

@@ -42,7 +42,7 @@ def test_against_matrix_logarithm(tmp_path: Path, band: tuple[float, float], ran
     write_matrices(tmp_path / "body.h5", **body)
     run("reduce", "-body", tmp_path / "body.h5", "-mor_band_hz", f"{band[0]},{band[1]}",
         "-mor_inner_product", "euclidean", "-mor_port_scaling", "none", "-mor_second_stage",
-        "gramian", "-mor_out", tmp_path / "rom.h5", ranks=ranks)  # fmt: skip
+        "gramian", "-mor_order", "rule", "-mor_out", tmp_path / "rom.h5", ranks=ranks)  # fmt: skip
     with h5py.File(tmp_path / "rom.h5") as file:
         ours, V = file["gramian/sigma"][:], file["V"][:]
     P = closed_form(body, *(2 * np.pi * f for f in band))

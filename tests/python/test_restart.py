@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import subprocess
@@ -146,14 +147,16 @@ def test_another_job_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     band = f"{first!r},{last!r}"
     job = ["certify", "-body", body, "-mor_band_hz", band, "-mor_tol", "1e-6", "-mor_medium_out",
            out]  # fmt: skip
-    # A full disk at the end keeps the checkpoint: here the output cannot replace a folder.
-    out.mkdir()
-    (out / "occupied").touch()
-    run(*job, "-mor_checkpoint", "yes", expect=None)
-    state = Path(f"{out}.checkpoint")
-    assert state.exists()
-    (out / "occupied").unlink()
-    out.rmdir()
+    # The run removes its checkpoint when it is done; a second name keeps the last one.
+    state, kept = Path(f"{out}.checkpoint"), tmp_path / "kept"
+    process = start(*job, "-mor_checkpoint", "yes", ranks=1)
+    while process.poll() is None:
+        with contextlib.suppress(FileNotFoundError, FileExistsError):
+            os.link(state, tmp_path / "now")
+            (tmp_path / "now").replace(kept)
+    assert process.returncode == 0 and not state.exists()
+    kept.replace(state)
+    out.unlink()
 
     def refused(*changed: Any) -> str:
         kept = state.read_bytes()

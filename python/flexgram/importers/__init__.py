@@ -110,7 +110,13 @@ def _read(kind: str, first: Path, other: dict[str, Path | None], run_ccx: bool) 
 
         if run_ccx:
             with tempfile.TemporaryDirectory(prefix="flexgram-ccx-") as folder:
-                return calculix.read_calculix(calculix.run_ccx(first, Path(folder)))
+                try:
+                    fe = calculix.read_calculix(calculix.run_ccx(first, Path(folder)))
+                except BodyError as error:  # the user knows the deck, not the folder of the run
+                    raise BodyError(str(error).replace(folder, str(first.parent))) from error
+                fe.source = str(first)
+                fe.remarks = [line.replace(folder, str(first.parent)) for line in fe.remarks]
+                return fe
         return calculix.read_calculix(first, other["deck"])
     if run_ccx:
         raise BodyError(f"--run-ccx wants a CalculiX deck, not {first}")
@@ -134,6 +140,13 @@ def _read(kind: str, first: Path, other: dict[str, Path | None], run_ccx: bool) 
     if kind == "petsc":
         return containers.read_petsc(first, other["mass"], other["inputs"], other["damping"])
     return ansys.read_pair(first, other["mass"], other["damping"], other["mapping"], other["deck"])
+
+
+def check_damping(alpha: float | None, beta: float | None, eta: float | None) -> None:
+    """Refuse what no damping can be."""
+    for name, value in (("alpha", alpha), ("beta", beta), ("eta", eta)):
+        if value is not None and not (np.isfinite(value) and value >= 0):
+            raise BodyError(f"--{name} {value}: damping must be finite and not negative")
 
 
 def import_matrices(
@@ -170,9 +183,7 @@ def import_matrices(
     """
     if units not in UNITS:
         raise BodyError(f"--units {units} must be one of {', '.join(UNITS)}")
-    for name, value in (("alpha", alpha), ("beta", beta), ("eta", eta)):
-        if value is not None and not (np.isfinite(value) and value >= 0):
-            raise BodyError(f"--{name} {value}: damping must be finite and not negative")
+    check_damping(alpha, beta, eta)
     length, mass, force = UNITS[units]
     facts = check(fe)
     every = list(interfaces) + fe.interfaces
