@@ -21,7 +21,8 @@ Block::Block(MPI_Comm comm, RowRange rows, PetscInt n, PetscInt columns)
   FG_CALL(BVSetType(bv_, BVMAT));
   FG_CALL(BVSetSizes(bv_, rows.size(), n, std::max<PetscInt>(columns, 1)));
 #if SLEPC_VERSION_GE(3, 22, 0)
-  FG_CALL(BVSetLeadingDimension(bv_, rows.size())); // else columns may be padded
+  FG_CALL(BVSetLeadingDimension(
+      bv_, std::max<PetscInt>(rows.size(), 1))); // else columns may be padded
 #endif
   if (columns == 0) FG_CALL(BVSetActiveColumns(bv_, 0, 0));
 }

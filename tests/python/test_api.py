@@ -178,7 +178,8 @@ def test_report_and_figures(rack: Path, tmp_path: Path) -> None:
     page = Page()
     page.feed((tmp_path / "r.html").read_text())
     assert page.images == 5
-    for words in ("card good", "12 / 12", "skipped", "buckens", "Modes of the reduced body",
+    assert 'class="card good"' in (tmp_path / "r.html").read_text()
+    for words in ("12 / 12", "skipped", "buckens", "Modes of the reduced body",
                   "-mor_tol"):  # fmt: skip
         assert words in page.text, words
     for name in ("error", "gramian", "transfer", "stages", "shapes"):

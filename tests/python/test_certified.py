@@ -65,7 +65,8 @@ def test_rack(rack: Path, tmp_path: Path, ranks: int) -> None:
     # 28, 38, 48 and 50 when written (README).
     assert orders == sorted(orders) and orders[0] <= 28 and orders[-1] <= 52
     for method in METHODS if ranks == 1 else ():
-        result = certified(rack, band, tmp_path, "-mor_method", method, "-mor_order", "rule", full=full,
+        asked = ("-mor_method", method, "-mor_order", "rule")
+        result = certified(rack, band, tmp_path, *asked, full=full,
                            count=6)  # fmt: skip
         assert_certified(result)
 
