@@ -14,13 +14,21 @@ Made by `benchmarks/page` of `benchmarks/results`; each section names the comman
 Times on a virtual machine with two cores, one rank and one BLAS thread unless said, medians.
 """
 #: Sections in this order; others follow by name.
-FIRST = ("methods", "orders", "audit", "peers")
+FIRST = ("methods", "orders", "audit", "fuzz", "peers", "paper", "assembly", "importing")
+
+
+def short(cell: str) -> str:
+    """Three digits of a measured number; all else as it is."""
+    try:
+        return f"{float(cell):.3g}" if "." in cell else cell
+    except ValueError:
+        return cell
 
 
 def table(path: Path) -> str:
     """A CSV file as a Markdown table."""
     with path.open(newline="") as file:
-        rows = list(csv.reader(file))
+        rows = [[short(cell) for cell in row] for row in csv.reader(file)]
     rows.insert(1, ["---"] * len(rows[0]))
     return "".join(f"| {' | '.join(row)} |\n" for row in rows)
 
