@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 import scipy.io
 
 from bodies import box, small, write_body_file
-from conftest import assembled, edit
+from conftest import ROOT, assembled, edit
+from flexgram import import_body, write_matrices
 from flexgram.basics import BodyError
 from flexgram.importers import FeMatrices, check, import_matrices, parse, read
 from flexgram.importers.deck import read_deck
@@ -33,6 +35,137 @@ def test_decks_that_are_not_followed(tmp_path: Path, cards: str, expected: str) 
     (tmp_path / "x.inp").write_text(cards)
     with pytest.raises(BodyError, match=expected):
         read_deck(tmp_path / "x.inp")
+
+
+def ccx_job(folder: Path, name: str = "job") -> Path:
+    """K = diag(2, 2, 2, …), M = 1 of two nodes, as ccx writes them."""
+    lines = "".join(f"{i + 1} {i + 1} 2.0\n" for i in range(6))
+    (folder / f"{name}.sti").write_text(lines)
+    (folder / f"{name}.mas").write_text(lines.replace("2.0", "1.0"))
+    (folder / f"{name}.dof").write_text("".join(f"{i // 3 + 1}.{i % 3 + 1}\n" for i in range(6)))
+    return folder / f"{name}.sti"
+
+
+def test_dotted_names_are_names(tmp_path: Path) -> None:
+    """part.v2.sti read part.sti."""
+    ccx_job(tmp_path, "part")
+    (tmp_path / "part.sti").write_text("9 9 9\n")
+    fe = read(ccx_job(tmp_path, "part.v2"))
+    assert fe.n == 6 and np.all(fe.K.diagonal() == 2.0)
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "expected"),
+    [
+        ("job.sti", "3 3 2.0", "3.5 3 2.0", "3.5 where a whole number"),
+        ("job.mas", "3 3 1.0", "3 3 1.0\n3 3 1.0", r"entry \(3, 3\) is given twice"),
+        ("job.sti", "3 3 2.0", "3 3 nan", "NaN or Inf"),
+        ("job.sti", "3 3 2.0", "nan 3 2.0", "nan where a whole number"),
+        ("job.dof", "2.1", "99999999999999999999.1", "cannot be read"),
+    ],
+)
+def test_numbers_that_are_none(
+    tmp_path: Path, file: str, old: str, new: str, expected: str
+) -> None:
+    job = ccx_job(tmp_path)
+    edit(tmp_path / file, lambda text: text.replace(old, new, 1))
+    with pytest.raises(BodyError, match=expected):
+        read(job)
+
+
+@pytest.mark.parametrize(
+    ("place", "expected"),
+    [
+        ("a=AT:0,0,nan", "finite numbers"),
+        ("a=BOX:0,0,0,1,1,inf", "finite numbers"),
+        ("a=NODES:99999999999999999999", "expected node numbers"),
+        ("a=NODES:1.5", "expected node numbers"),
+        ("a/b=NODES:1", "is no name"),
+        ("a,b=NODES:1", "is no name"),
+        ("..=NODES:1", "is no name"),
+    ],
+)
+def test_places_that_are_none(tmp_path: Path, place: str, expected: str) -> None:
+    fe = read(ccx_job(tmp_path))
+    fe.labels, fe.points = np.array([1, 2]), np.array([[0.0, 0, 0], [1, 0, 0]])
+    with pytest.raises(BodyError, match=expected):
+        attach(fe, [parse("node", place)])
+
+
+@pytest.mark.parametrize("damping", [{"alpha": np.nan}, {"beta": -1.0}, {"eta": np.inf}])
+def test_damping_that_is_none(tmp_path: Path, damping: dict[str, float]) -> None:
+    fe = read(ccx_job(tmp_path))
+    with pytest.raises(BodyError, match="finite and not negative"):
+        import_matrices(fe, tmp_path / "b.h5", [parse("rows", "a=ROWS:1")], **damping)
+    with pytest.raises(BodyError, match="finite and not negative"):
+        write_matrices(tmp_path / "b.h5", fe.K, fe.M, np.eye(6)[:, :1], **damping)
+
+
+def test_indices_that_point_outside(tmp_path: Path) -> None:
+    """SciPy's routines trust them: a write out of bounds, and a crash."""
+    head = np.array([1211216, 2, 2, 2, 1, 1, 0, 7], dtype=">i4").tobytes()
+    for name in ("K", "M"):
+        (tmp_path / f"{name}.petsc").write_bytes(head + np.ones(2, dtype=">f8").tobytes())
+    with pytest.raises(BodyError, match="indices from 0 to 7, expected 0 to 1"):
+        read(tmp_path / "K.petsc", mass=tmp_path / "M.petsc")
+    huge = np.array([1211216, 2**30, 2**30, 2**30], dtype=">i4").tobytes()
+    (tmp_path / "K.petsc").write_bytes(huge)
+    with pytest.raises(BodyError, match="truncated"):
+        read(tmp_path / "K.petsc", mass=tmp_path / "M.petsc")
+    for change, expected in (
+        ({"ir": [0, 9]}, "indices from 0 to 9, expected 0 to 1"),
+        ({"ir": [0, 0.5]}, "whole number"),
+        ({"jc": [0, 1, 1]}, "2 values and 2 indices for the 1 entries"),
+        ({"jc": [0, 2, 1]}, "do not rise"),
+    ):
+        with h5py.File(tmp_path / "b.mat", "w") as file:
+            for name in ("K", "M"):
+                parts = {"data": [1.0, 1.0], "ir": [0, 1], "jc": [0, 1, 2]}
+                parts |= change if name == "K" else {}
+                for key, values in parts.items():
+                    file[f"{name}/{key}"] = np.asarray(values)
+                file[name].attrs["MATLAB_sparse"] = np.uint64(2)
+        with pytest.raises(BodyError, match=expected):
+            read(tmp_path / "b.mat")
+    with h5py.File(tmp_path / "b.mat", "r+") as file:
+        del file["K/jc"]
+        file.create_dataset("K/jc", (10**9,), dtype="u8")
+    with pytest.raises(BodyError, match="declares 1000000000 numbers"):
+        read(tmp_path / "b.mat")
+
+
+def test_sizes_that_no_file_holds(tmp_path: Path) -> None:
+    """A header of 8 KB asked for all memory; one without sizes was read for ever."""
+    path = tmp_path / "k.mtx"
+    start = "%%MatrixMarket matrix coordinate real symmetric\n"
+    for text, expected in ((start + f"{10**9} {10**9} {10**9}\n1 1 1\n", "is not in"),
+                           (start[:30], "only comments")):  # fmt: skip
+        path.write_text(text)
+        with pytest.raises(BodyError, match=expected):
+            read(path, mass=path)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("nodes: lower_plate", "nodes: [1, 2.5]", "must be node numbers"),
+        ("nodes: lower_plate", "nodes: {box: [[0, 0, 0], [1, .nan, 1]]}", "box must be"),
+        ("nodes: lower_plate", "nodes: {box: 3}", "box"),
+        ("  lower:", "  a/b:", "is no name"),
+        ("{E: 210.0e9, nu: 0.3, rho: 7850}",
+         "{E1: 1, E2: 1, E3: 1, nu12: 0, nu13: 0, nu23: 0, G12: 1, G13: 1, G23: 1, rho: 1, "
+         "axis_1: [0, 0, 0]}", "no direction"),
+        ("damping:", "supports: {base: {nodes: lower_plate, components: x}}\ndamping:", "a list"),
+    ],
+)  # fmt: skip
+def test_descriptions_that_are_none(tmp_path: Path, old: str, new: str, expected: str) -> None:
+    text = (ROOT / "meshes" / "rack.yaml").read_text()
+    assert old in text
+    (tmp_path / "body.yaml").write_text(text.replace(old, new, 1).replace(
+        "mesh: rack.msh", f"mesh: {ROOT / 'meshes' / 'rack.msh'}"))  # fmt: skip
+    with pytest.raises(BodyError, match=expected):
+        import_body(tmp_path / "body.yaml", tmp_path / "b.h5")
+    assert not (tmp_path / "b.h5").exists()
 
 
 def test_wrong_containers(tmp_path: Path) -> None:
