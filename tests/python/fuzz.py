@@ -283,11 +283,15 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("count", type=int, nargs="?", default=300)
     parser.add_argument("seed", type=int, nargs="?", default=1)
+    parser.add_argument("--kind", choices=[kind.__name__ for kind in KINDS])
+    parser.add_argument("--place", type=Path, default=ROOT / "out" / "fuzz")
     options = parser.parse_args()
     failed = 0
     print(f"{'kind':16s} {'tried':>6s} {'read':>6s} {'refused':>8s} {'crashed':>8s}")
     for kind in KINDS:
-        found, first = fuzz(kind, options.count, options.seed, ROOT / "out" / "fuzz")
+        if options.kind not in (None, kind.__name__):
+            continue
+        found, first = fuzz(kind, options.count, options.seed, options.place)
         failed += found["crashed"]
         print(f"{kind.__name__:16s} {options.count:6d} {found['read']:6d} {found['refused']:8d} "
               f"{found['crashed']:8d}", flush=True)  # fmt: skip
