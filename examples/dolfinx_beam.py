@@ -20,7 +20,10 @@ import flexgram
 comm = MPI.COMM_WORLD
 size = np.array([1.0, 0.06, 0.04])
 domain = mesh.create_box(comm, [np.zeros(3), size], [16, 2, 2], mesh.CellType.tetrahedron)
-V = fem.VectorFunctionSpace(domain, ("CG", 2))
+if hasattr(fem, "VectorFunctionSpace"):  # DOLFINx 0.5
+    V = fem.VectorFunctionSpace(domain, ("CG", 2))
+else:
+    V = fem.functionspace(domain, ("Lagrange", 2, (3,)))
 u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
 E, nu, rho = 210e9, 0.3, 7850.0
 mu, lame = E / (2 * (1 + nu)), E * nu / ((1 + nu) * (1 - 2 * nu))

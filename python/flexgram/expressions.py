@@ -49,6 +49,8 @@ def function_of_time(text: str, t: Any) -> Any:
         For anything else, and where a value is not finite.
     """
 
+    t = np.array(t, dtype=float)
+
     def value(node: ast.AST) -> Any:
         if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)):
             return float(node.value)
@@ -65,8 +67,10 @@ def function_of_time(text: str, t: Any) -> Any:
         if isinstance(node, ast.List):
             return np.array([value(item) for item in node.elts])
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
-            if node.func.id in FUNCTIONS:
-                return FUNCTIONS[node.func.id](*(value(argument) for argument in node.args))
+            work = FUNCTIONS.get(node.func.id)
+            takes = getattr(work, "nin", 1 if node.func.id == "sinc" else 3)
+            if work is not None and len(node.args) == takes:  # NumPy would write into one more
+                return work(*(value(argument) for argument in node.args))
         word = ast.get_source_segment(text, node) or text  # type: ignore[arg-type]
         raise BodyError(f"{word!r} is not understood: an expression in t has numbers, pi, "
                         f"+ - * / % ** < > & | and {', '.join(FUNCTIONS)}")  # fmt: skip

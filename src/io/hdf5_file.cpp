@@ -4,6 +4,7 @@
 #include <sys/stat.h>
 
 #include <cerrno>
+#include <chrono>
 #include <cmath>
 #include <csetjmp>
 #include <csignal>
@@ -53,8 +54,22 @@ bool survives(Read&& read) {
   return good;
 }
 
+/// What killed runs left beside `target` more than a day ago.
+void remove_old_parts(const std::filesystem::path& target) {
+  namespace fs = std::filesystem;
+  const std::string start = target.filename().string() + ".part-";
+  const auto old = fs::file_time_type::clock::now() - std::chrono::hours(24);
+  std::error_code ignored;
+  const fs::path folder = target.has_parent_path() ? target.parent_path() : ".";
+  for (const auto& entry : fs::directory_iterator(folder, ignored))
+    if (entry.path().filename().string().rfind(start, 0) == 0 &&
+        entry.last_write_time(ignored) < old)
+      fs::remove(entry.path(), ignored);
+}
+
 /// An empty file beside `target` that nobody else has.
 std::string create_beside(const std::string& target) {
+  remove_old_parts(target);
   for (int attempt = 0;; ++attempt) {
     const std::string part = text("%s.part-%d-%d", target.c_str(), getpid(), attempt);
     const int file = ::open(part.c_str(), O_CREAT | O_EXCL | O_WRONLY, 0666);
@@ -196,6 +211,10 @@ bool Hdf5File::exists(const std::string& object) const {
         link.type == H5L_TYPE_EXTERNAL)
       state_->fail(text("%s is a link to another file", part.c_str()));
     if (slash == std::string::npos) return true;
+    // A dataset, or a link to nothing, holds no more.
+    if (H5Oexists_by_name(state_->file, part.c_str(), H5P_DEFAULT) <= 0 ||
+        !is_group(part))
+      return false;
   }
 }
 

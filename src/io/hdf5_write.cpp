@@ -79,14 +79,20 @@ void Hdf5File::set_attribute(const std::string& object, const std::string& name,
 
 void Hdf5File::set_attribute(const std::string& object, const std::string& name,
                              const std::string& value) {
-  const char* pointer = value.c_str();
+  std::string text = value; // rank 0's: what HDF5 stores must not differ between ranks
+  share_text(state_->comm, text);
+  const char* pointer = text.c_str();
   state_->set_attribute(object, name, text_type(), &pointer, 1, true);
 }
 
 void Hdf5File::set_attribute(const std::string& object, const std::string& name,
                              const std::vector<std::string>& values) {
+  std::string all; // rank 0's
+  for (const auto& value : values) all += value + '\0';
+  share_text(state_->comm, all);
   std::vector<const char*> pointers;
-  for (const auto& value : values) pointers.push_back(value.c_str());
+  for (std::size_t at = 0; at < all.size(); at = all.find('\0', at) + 1)
+    pointers.push_back(all.data() + at);
   state_->set_attribute(object, name, text_type(), pointers.data(), pointers.size(),
                         false);
 }

@@ -52,11 +52,8 @@ void write_log(Hdf5File& file, const ReducedModel& rom, const Options& options,
   file.create_group("/log/versions");
   for (const auto& [name, version] : versions())
     file.set_attribute("/log/versions", name, version);
-  std::string date = utc_time(), host = host_name(); // rank 0's
-  share_text(rom.V.comm(), date);
-  share_text(rom.V.comm(), host);
-  file.set_attribute("/log", "date", date);
-  file.set_attribute("/log", "host", host);
+  file.set_attribute("/log", "date", utc_time());
+  file.set_attribute("/log", "host", host_name());
   file.set_attribute("/log", "ranks", static_cast<double>(comm_size(rom.V.comm())));
   const double peak = max_over(rom.V.comm(), peak_memory_mb());
   file.set_attribute("/log", "peak_memory_mb_per_rank", peak);

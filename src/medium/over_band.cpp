@@ -12,9 +12,17 @@ namespace {
 constexpr double zone = 1e-4, nearest = 1e-7, thin = 1e-9;
 /// Intervals that a band starts from.
 constexpr int first_intervals = 32;
-/// What is kept of the medium model's series; more is computed again.
+/// What is kept of series, of all sights together; more is computed again.
 constexpr std::size_t most_kept = 32u << 20; // numbers: 256 MB
-constexpr std::size_t most_sights = 8;
+constexpr std::size_t most_sights = 6;
+
+/// As many sights as leave each room for a thousand intervals. By the entries of H, so the
+/// same on every rank.
+std::size_t sights_at_once(std::size_t entries) {
+  const std::size_t each =
+      1000 * 2 * (series_degree + 1) * std::max<std::size_t>(entries, 1);
+  return std::clamp<std::size_t>(most_kept / each, 1, most_sights);
+}
 
 double width_of(const Interval& interval) { return interval.last - interval.first; }
 
@@ -57,24 +65,24 @@ MediumOverBand::MediumOverBand(MediumModel model, const std::vector<Interval>& b
 
 const MediumOverBand::Grid& MediumOverBand::grid() {
   if (grid_) return *grid_;
-  grid_.emplace();
-  grid_->views.resize(model_.views.size());
+  Grid grid; // a frequency may be a resonance: then there is none
+  grid.views.resize(model_.views.size());
   for (double omega : omega_) {
     MediumModel::Value value = model_.at(omega);
-    for (std::size_t v = 0; v < grid_->views.size(); ++v) {
-      View& view = grid_->views[v];
+    for (std::size_t v = 0; v < grid.views.size(); ++v) {
+      View& view = grid.views[v];
       const Certificate::Bound& bound = value.bounds[v];
       const double size = frobenius_norm(model_.views[v].of(value.H)),
                    floor = bound.floor + solve_floor * size;
       view.size.push_back(size);
       view.bound.push_back(bound.error + floor);
       view.floor.push_back(floor / size);
-      grid_->assumed = std::max(grid_->assumed, bound.assumed / size);
+      grid.assumed = std::max(grid.assumed, bound.assumed / size);
       if (bound.proved) view.largest = std::max(view.largest, size - view.bound.back());
     }
-    grid_->H.push_back(std::move(value.H));
+    grid.H.push_back(std::move(value.H));
   }
-  return *grid_;
+  return grid_.emplace(std::move(grid));
 }
 
 /// Nothing if the interval is too long for a series, or for a proof that there is at its
@@ -96,8 +104,10 @@ MediumOverBand::provable_over(const Interval& interval) const {
 std::shared_ptr<const MediumOverBand::Stretch> MediumOverBand::over(Node& node) {
   if (node.seen) return node.stretch;
   auto medium = provable_over(node.interval);
-  node.seen = true;
-  if (!medium) return nullptr;
+  if (!medium) {
+    node.seen = true;
+    return nullptr;
+  }
   auto stretch = std::make_shared<Stretch>();
   for (std::size_t v = 0; v < model_.views.size(); ++v) {
     stretch->size.push_back(view_norms(medium->H, model_.views[v]));
@@ -110,11 +120,11 @@ std::shared_ptr<const MediumOverBand::Stretch> MediumOverBand::over(Node& node) 
   }
   stretch->H = std::move(medium->H);
   const std::size_t numbers = stretch->H.coefficients.data.size();
-  if (kept_ + numbers > most_kept) {
-    node.seen = false;
-  } else {
+  const std::size_t ports = model_.names.inputs.size() * model_.names.outputs.size();
+  if (kept_ + numbers <= most_kept / sights_at_once(ports)) {
     kept_ += numbers;
     node.stretch = stretch;
+    node.seen = true;
   }
   return stretch;
 }
@@ -144,14 +154,10 @@ bool MediumOverBand::may_be_excluded(const Interval& interval) const {
 
 std::shared_ptr<SeenLevels> no_level_seen() { return std::make_shared<SeenLevels>(); }
 
-void SeenLevels::make_room() {
-  const auto numbers = [&] {
-    std::size_t sum = 0;
-    for (const auto& [sight, seen] : seen_) sum += seen->kept();
-    return sum;
-  };
-  while (seen_.size() >= most_sights || (!seen_.empty() && numbers() > most_kept / 2))
-    seen_.pop_front();
+void SeenLevels::make_room(const Sight& next) {
+  const std::size_t most =
+      sights_at_once(next.ports.inputs.size() * next.ports.outputs.size());
+  while (seen_.size() >= most) seen_.pop_front();
 }
 
 } // namespace flexgram

@@ -63,8 +63,6 @@ public:
   /// It is, and short beside the distance from the pole.
   bool may_be_excluded(const Interval& interval) const;
 
-  std::size_t kept() const { return kept_; } ///< numbers
-
 private:
   std::optional<MediumModel::Stretch> provable_over(const Interval& interval) const;
 
@@ -102,19 +100,20 @@ public:
     std::vector<double> curve; ///< [rad/s] more frequencies of the grid
     bool operator==(const Sight&) const = default;
   };
-  /// The one that was made for the same sight, or the one that `make` returns. The oldest
-  /// are dropped when they hold too much.
+  /// The one that was made for the same sight, or the one that `make` returns, which may
+  /// be collective: so the oldest are dropped by their number, the same on every rank, and
+  /// not by what they hold.
   template <class Make>
   std::shared_ptr<MediumOverBand> find_or(const Sight& sight, const Make& make) {
     for (const auto& [known, seen] : seen_)
       if (known == sight) return seen;
-    make_room();
+    make_room(sight);
     seen_.emplace_back(sight, make());
     return seen_.back().second;
   }
 
 private:
-  void make_room();
+  void make_room(const Sight& next);
   std::list<std::pair<Sight, std::shared_ptr<MediumOverBand>>> seen_;
 };
 

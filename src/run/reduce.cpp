@@ -224,7 +224,7 @@ void write_medium_file(const Medium& medium, const Settings& s, const Options& o
 
 bool reduce(MPI_Comm comm, Settings& s, const Options& options, Observer& observer) {
   s.check();
-  s.choose_tolerance(observer);
+  if (s.medium_out.empty()) s.choose_tolerance(observer); // else it serves later cuts too
   const CheckpointSpec checkpoint = s.checkpoint_spec(s.out);
   let_sigterm_ask();
   warn_of_default_band(options, observer);
@@ -247,6 +247,7 @@ bool reduce(MPI_Comm comm, Settings& s, const Options& options, Observer& observ
   write_medium_file(medium, s, options, observer, s.medium_out);
   remove(checkpoint, comm);
   observer.say("  wrote          " + s.medium_out);
+  s.choose_tolerance(observer);
   ReducedModel rom = cut_medium(medium, s, observer);
   if (rom.integrals) tell_integrals(*rom.integrals, observer);
   observer.print();

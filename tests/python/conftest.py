@@ -73,8 +73,10 @@ def run(
     if file_limit_kb is not None:  # for the ranks only: mpirun needs larger files
         program = ["bash", "-c", f'ulimit -f {file_limit_kb}; exec "$@"', "-", *program]
     command = ["mpirun", "-n", str(ranks), *program]
+    # Open MPI 5 keeps shared memory in files that are larger than a limit.
+    by_tcp = {} if file_limit_kb is None else {"OMPI_MCA_btl": "self,tcp"}
     process = subprocess.run(
-        command, env=ENVIRONMENT, capture_output=True, text=True, timeout=timeout
+        command, env=ENVIRONMENT | by_tcp, capture_output=True, text=True, timeout=timeout
     )
     if expect is not None:
         assert process.returncode == expect, f"{command}\n{process.stdout}\n{process.stderr}"

@@ -88,6 +88,23 @@ def test_only_files_are_replaced(rom: Path, tmp_path: Path) -> None:
         export(model, rom, "npz")
 
 
+def test_the_companion_of_a_file_replaces_no_input(rom: Path, tmp_path: Path) -> None:
+    """XDMF writes an .h5 beside it: of the name of the reduced file here."""
+    own = tmp_path / "motion.h5"
+    own.write_bytes(rom.read_bytes())
+    model = ReducedModel.load(own)
+    body = rom.with_name("rack.h5")
+    with pytest.raises(BodyError, match="would replace the input"):
+        export(model, tmp_path / "motion.xdmf", "vtu", body=body)
+    done = subprocess.run(
+        [str(PYTHON), "-m", "flexgram", "simulate", str(own), "--force", "upper.fz=1", "--time",
+         "0,1,3", "--body", str(body), "--xdmf", str(tmp_path / "motion.xdmf"), "-o",
+         str(tmp_path / "motion.csv")], env=ENVIRONMENT, capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 1 and "would replace the input" in done.stderr
+    assert own.read_bytes() == rom.read_bytes()
+
+
 def test_several_files_or_none(tmp_path: Path) -> None:
     out = tmp_path / "motion.xdmf"
     with pytest.raises(RuntimeError), written_aside(out) as place:

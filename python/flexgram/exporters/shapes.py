@@ -27,7 +27,7 @@ def write_shapes(model: ReducedModel, path: Path, body: str | Path | None = None
     fields = {f"phi_{j + 1:03d}": field for j, field in enumerate(geometry.motion(model))}
     mesh = meshio.Mesh(geometry.points, geometry.blocks, point_data=fields)
     try:
-        with written_aside(path, body) as place:
+        with written_aside(path, body, model.path) as place:
             meshio.write(place, mesh)
     except (meshio.WriteError, KeyError) as error:
         raise BodyError(f"{path}: meshio cannot write it ({error})") from error

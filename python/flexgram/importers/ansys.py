@@ -117,7 +117,7 @@ def read_harwell_boeing(path: Path) -> sp.coo_matrix:
         forms = [lines[3][:16], lines[3][16:32], lines[3][32:52]]
     except (ValueError, IndexError):
         raise BodyError(f"{path}, lines 1 to 4: no Harwell-Boeing header") from None
-    if not (0 < rows <= entries and columns <= entries <= path.stat().st_size):
+    if max(rows, columns) > max(entries, 10**7) or entries > path.stat().st_size:
         raise BodyError(f"{path}: a matrix of {rows} × {columns} with {entries} entries is not in "
                         f"{path.stat().st_size} bytes")  # fmt: skip
     if kind[0] != "R" or kind[2] != "A" or kind[1] not in "SU":
@@ -144,7 +144,7 @@ def _read_market(path: Path) -> sp.coo_matrix:
         if not any(line.strip() and not line.startswith(b"%") for line in file):
             raise BodyError(f"{path}: truncated: only comments are there")
     rows, columns, entries, *_ = scipy.io.mminfo(str(path))
-    if max(rows, columns) > entries or entries > path.stat().st_size:
+    if max(rows, columns) > max(entries, 10**7) or entries > path.stat().st_size:
         raise BodyError(f"{path}: a matrix of {rows} × {columns} with {entries} entries is not in "
                         f"{path.stat().st_size} bytes")  # fmt: skip
     return sp.coo_matrix(scipy.io.mmread(str(path)))
@@ -178,7 +178,7 @@ def read_pair(stiffness: Path, mass: Path, damping: Path | None = None, mapping:
 
     ``mapping`` is the node map that HBMAT writes with MAPPING=YES.
     """
-    found = {}
+    found, remarks = {}, []
     for name, path in (("K", stiffness), ("M", mass), ("D", damping)):
         if path is None:
             continue
@@ -196,8 +196,13 @@ def read_pair(stiffness: Path, mass: Path, damping: Path | None = None, mapping:
             raise BodyError(f"{path}: {raw.shape[0]} × {raw.shape[1]}, expected a square matrix")
         if np.iscomplexobj(raw.data):
             raise BodyError(f"{path}: complex; flexgram takes K (1 + i eta) as K with --eta")
+        if market:  # of elements before their assembly, which SciPy writes too
+            count = raw.nnz
+            raw.sum_duplicates()
+            if raw.nnz < count:
+                remarks.append(f"{path}: {count - raw.nnz} repeated entries are summed")
         found[name] = symmetric(path, raw.row, raw.col, raw.data.astype(float), raw.shape[0])
-    fe = FeMatrices(str(stiffness), found["K"], found["M"], found.get("D"))
+    fe = FeMatrices(str(stiffness), found["K"], found["M"], found.get("D"), remarks=remarks)
     fe.node, fe.component = _node_map(mapping, fe.n)
     if len(fe.node) and deck is not None and deck.suffix.lower() == ".cdb":
         _add_archive(fe, deck)
