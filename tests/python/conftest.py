@@ -74,7 +74,11 @@ def run(
         program = ["bash", "-c", f'ulimit -f {file_limit_kb}; exec "$@"', "-", *program]
     command = ["mpirun", "-n", str(ranks), *program]
     # Open MPI 5 keeps shared memory in files that are larger than a limit.
-    by_tcp = {} if file_limit_kb is None else {"OMPI_MCA_btl": "self,tcp"}
+    by_tcp = (
+        {}
+        if file_limit_kb is None
+        else {"OMPI_MCA_btl": "self,tcp", "OMPI_MCA_btl_tcp_if_include": "lo"}
+    )
     process = subprocess.run(
         command, env=ENVIRONMENT | by_tcp, capture_output=True, text=True, timeout=timeout
     )
