@@ -4,6 +4,7 @@
 #include "base/parallel.hpp"
 #include "base/process.hpp"
 #include "base/text.hpp"
+#include "io/hdf5_file.hpp"
 #include "io/versions.hpp"
 
 #include <slepcsys.h>
@@ -144,6 +145,7 @@ int run_session(int argc, char** argv, const std::vector<std::string>& verbs,
   PetscBool running = PETSC_FALSE;
   PetscInitialized(&running);
   if (running) SlepcFinalize();
+  expect_the_end_of_hdf5();
   MPI_Finalize();
   return status;
 }

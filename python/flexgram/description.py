@@ -24,6 +24,7 @@ from flexgram.meshfile import (
     node_set,
     read_mesh,
 )
+from flexgram.selection import in_box, nearest
 
 #: Factors that bring lengths, masses and forces to SI.
 UNITS = {"SI": (1.0, 1.0, 1.0), "mm-t-s": (1e-3, 1e3, 1.0), "mm-kg-s": (1e-3, 1.0, 1e-3)}
@@ -172,7 +173,7 @@ def _select_nodes(
     if isinstance(choice, dict) and "at" in choice:
         at = _Reader(choice, where, ("at",)).vector("at")
         nodes = np.flatnonzero(used)
-        nodes = nodes[[np.argmin(np.linalg.norm(points[nodes] - at, axis=1))]]
+        nodes = nodes[[nearest(points[nodes], at, where)]]
     elif isinstance(choice, dict):
         with errors_of(f"{where}: box"):
             box = np.array(_Reader(choice, where, ("box",)).get("box"), dtype=float)
@@ -180,8 +181,8 @@ def _select_nodes(
             raise BodyError(
                 f"{where}: box must be [[x, y, z] of one corner, [x, y, z] of the other]"
             )
-        inside = np.all((points >= box.min(0)) & (points <= box.max(0)), axis=1)
-        nodes = np.flatnonzero(inside & used)
+        nodes = np.flatnonzero(used)
+        nodes = nodes[in_box(points[nodes], box, where)]
     elif isinstance(choice, list):
         if not all(type(number) is int for number in choice):
             raise BodyError(f"{where}: {_short(choice)} must be node numbers")

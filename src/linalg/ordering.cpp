@@ -86,9 +86,9 @@ std::vector<std::int64_t> indistinguishable_rows(const std::vector<Mat>& matrice
     columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
     std::uint64_t hash = columns.size();
     for (PetscInt column : columns) {
-      hash ^= static_cast<std::uint64_t>(column) + 0x9e3779b97f4a7c15ULL + (hash << 12) +
-              (hash >> 4);
-      hash *= 0xff51afd7ed558ccdULL;
+      hash ^= static_cast<std::uint64_t>(column) + std::uint64_t{0x9e3779b97f4a7c15} +
+              (hash << 12) + (hash >> 4);
+      hash *= std::uint64_t{0xff51afd7ed558ccd};
     }
     labels.push_back(static_cast<std::int64_t>(hash));
   }

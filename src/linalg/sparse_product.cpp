@@ -58,7 +58,7 @@ template <int width>
     typename Lane<width>::type sum{};
     add_row<width>(sum, here, i, x);
     if (away.count > 0) add_row<width>(sum, away, i, halo);
-    double sums[width];
+    double sums[static_cast<std::size_t>(width)];
     std::memcpy(sums, &sum, sizeof sum);
     for (PetscInt c = 0; c < columns; ++c)
       y[c * static_cast<std::ptrdiff_t>(here.count) + i] = sums[c];

@@ -117,11 +117,11 @@ void check(const Hdf5File& file, const Medium& m, const DenseSystem& all) {
   const auto square = [&](const Dense& a) { return a.rows == N && a.columns == N; };
   bool good = N > 0 && ports > 0 && square(all.K) && square(all.M) &&
               (all.D.data.empty() || square(all.D)) && all.B.rows == N &&
-              all.B.columns == ports && m.scale.size() == all.B.columns * 1u &&
-              m.rigid >= 0 && m.modes >= 0 && m.rigid + m.modes <= N &&
-              !m.spec.bands.empty() && !m.levels.empty() && m.tau > 0 &&
-              m.reference > 0 && m.cutoff > m.reference && m.levels.back().order() == N &&
-              m.body.n >= N;
+              all.B.columns == ports &&
+              m.scale.size() == static_cast<std::size_t>(all.B.columns) && m.rigid >= 0 &&
+              m.modes >= 0 && m.rigid + m.modes <= N && !m.spec.bands.empty() &&
+              !m.levels.empty() && m.tau > 0 && m.reference > 0 &&
+              m.cutoff > m.reference && m.levels.back().order() == N && m.body.n >= N;
   for (const Interval& band : m.spec.bands)
     good = good && band.first >= 0 && band.first <= band.last;
   for (double s : m.scale) good = good && s > 0;

@@ -13,8 +13,9 @@ from scipy.linalg import eigh
 from scipy.sparse.linalg import eigsh
 
 from bodies import box, write_body_file
-from conftest import assembled, message, run
+from conftest import assembled, message, run, sweep_transfer
 from flexgram import BodyError, import_body
+from flexgram.importers import FeMatrices, Interface, import_matrices
 
 ENDS = {
     "start": {"set": "start", "coupling": "rigid"},
@@ -40,6 +41,32 @@ def test_ranks_do_not_change_the_matrices(kind: str, tmp_path: Path) -> None:
         assert np.abs(one["B"] - many["B"]).max() < 1e-15
         for key in ("K", "M"):  # sums in another order
             assert abs(one[key] - many[key]).max() < 1e-14 * abs(one[key]).max()
+
+
+def test_couplings_mean_the_same_on_a_mesh_and_on_its_matrices(tmp_path: Path) -> None:
+    """Rigid and distributing: during assembly, and by the importer on K and M of the same mesh."""
+    mesh = box("tetra10")
+    write_body_file(tmp_path / "mesh.h5", mesh, interfaces=ENDS)
+    mesh.point_sets["corner"] = mesh.point_sets["start"][:1]
+    bare = {"corner": {"set": "corner", "coupling": "node"}}
+    write_body_file(tmp_path / "bare.h5", mesh, interfaces=bare)
+    full = assembled(tmp_path / "full.h5", tmp_path / "bare.h5")
+    fe = FeMatrices(
+        "full", full["K"].tocsr(), full["M"].tocsr(), node=full["node"],
+        component=full["component"], labels=np.arange(len(mesh.points)), points=mesh.points,
+    )  # fmt: skip
+    places = [Interface(name, data["coupling"], mesh.point_sets[name])
+              for name, data in ENDS.items()]  # fmt: skip
+    import_matrices(fe, tmp_path / "matrices.h5", places)
+    H = []
+    for name in ("mesh", "matrices"):
+        out = tmp_path / f"{name}.sweep.h5"
+        run("sweep", "-body", tmp_path / f"{name}.h5", "-mor_sweep_hz", "50,4000,5",
+            "-mor_sweep_out", out)  # fmt: skip
+        with h5py.File(out) as file:
+            assert [str(x) for x in file["H"].attrs["inputs"]][6] == "end.fx"
+        H.append(sweep_transfer(out)[1])
+    assert np.abs(H[0] - H[1]).max() < 1e-8 * np.abs(H[0]).max()
 
 
 def motion(d: Any) -> Any:

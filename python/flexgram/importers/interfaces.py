@@ -9,6 +9,7 @@ import scipy.sparse as sp
 
 from flexgram.basics import BodyError, check_name, index_of
 from flexgram.importers.fe import FeMatrices, Floats, Interface, Ints, rigid_motions
+from flexgram.selection import in_box, nearest
 
 FORCES = ("fx", "fy", "fz", "mx", "my", "mz")
 
@@ -59,21 +60,8 @@ def select(fe: FeMatrices, interface: Interface) -> Ints:
         here = np.isin(fe.labels, fe.node)
         points, labels = fe.points[here], fe.labels[here]
         if kind == "AT":
-            at = _numbers(place, words, 3)
-            distance = np.linalg.norm(points - at, axis=1)
-            extent = np.linalg.norm(np.ptp(points, axis=0))
-            if distance.min() > 0.1 * extent:
-                raise BodyError(f"{place}: the nearest node is {distance.min():.6g} away, the body "
-                                f"measures {extent:.6g}: are these its units?")  # fmt: skip
-            return labels[[int(np.argmin(distance))]]
-        corners = _numbers(place, words, 6).reshape(2, 3)
-        inside = np.all((points >= corners.min(0)) & (points <= corners.max(0)), axis=1)
-        if not inside.any():
-            low, high = points.min(0), points.max(0)
-            raise BodyError(f"{place}: no node in the box; the body spans "
-                            f"({low[0]:.6g}, {low[1]:.6g}, {low[2]:.6g}) to "
-                            f"({high[0]:.6g}, {high[1]:.6g}, {high[2]:.6g})")  # fmt: skip
-        return labels[inside]
+            return labels[[nearest(points, _numbers(place, words, 3), place)]]
+        return labels[in_box(points, _numbers(place, words, 6).reshape(2, 3), place)]
     raise BodyError(f"{place}: {kind} must be NSET, NODES, BOX or AT")
 
 

@@ -1,0 +1,44 @@
+"""Nodes by place: in a box, or the one nearest to a point. One meaning for descriptions of meshes
+(YAML) and for matrices of FE codes (command line)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexgram.basics import BodyError, IntArray
+
+Floats = NDArray[np.float64]
+
+
+def in_box(points: Floats, corners: Floats, place: str) -> IntArray:
+    """Indices of the points in an axis-parallel box, given by two opposite corners (2 x 3).
+
+    Raises
+    ------
+    BodyError
+        If there are none, with what the points span.
+    """
+    inside = np.all((points >= corners.min(0)) & (points <= corners.max(0)), axis=1)
+    if not inside.any():
+        low, high = points.min(0), points.max(0)
+        raise BodyError(f"{place}: no node in the box; the body spans "
+                        f"({low[0]:.6g}, {low[1]:.6g}, {low[2]:.6g}) to "
+                        f"({high[0]:.6g}, {high[1]:.6g}, {high[2]:.6g})")  # fmt: skip
+    return np.flatnonzero(inside)
+
+
+def nearest(points: Floats, at: Floats, place: str) -> int:
+    """Index of the point nearest to ``at`` (3).
+
+    Raises
+    ------
+    BodyError
+        If that is farther away than a tenth of the body's size: other units, probably.
+    """
+    distance = np.linalg.norm(points - at, axis=1)
+    extent = np.linalg.norm(np.ptp(points, axis=0))
+    if distance.min() > 0.1 * extent:
+        raise BodyError(f"{place}: the nearest node is {distance.min():.6g} away, the body "
+                        f"measures {extent:.6g}: are these its units?")  # fmt: skip
+    return int(np.argmin(distance))
