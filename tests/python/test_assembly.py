@@ -330,7 +330,7 @@ def test_a_mesh_is_no_description(tmp_path: Path) -> None:
         ("material: steel", "material: gold", "material = 'gold' must be one of steel"),
         ("units: mm-t-s", "units: inch", "one of SI"),
         ("mesh: box.inp", "mash: box.inp", "unknown key mash"),
-        ("[1.0e-6, 99, 99]", "[-0.5, 99, 99]", "no nodes of the body are selected"),
+        ("[1.0e-6, 99, 99]", "[-0.5, 99, 99]", "no node in the box; the body spans"),
         ("interfaces:", "interfaces: [", "not YAML"),
         ("  far:", "  near:", "the key near is given twice"),
         ("mesh: box.inp", "- 1", "not"),
