@@ -44,13 +44,9 @@ void require_option(bool condition, const char* name, const std::string& value,
 bool Options::given(const char* name, std::string& value) const {
   if (mode_ == Mode::describe) return false;
   PetscBool set = PETSC_FALSE;
-  std::vector<char> buffer(1 << 20, '\0');
-  FG_CALL(
-      PetscOptionsGetString(nullptr, nullptr, name, buffer.data(), buffer.size(), &set));
-  if (!set) FG_CALL(PetscOptionsHasName(nullptr, nullptr, name, &set));
-  value = buffer.data();
-  if (value.size() + 1 >= buffer.size())
-    throw Error(text("option %s is longer than %zu characters", name, buffer.size()));
+  const char* word = nullptr; // of any length; null: the name alone is given
+  FG_CALL(PetscOptionsFindPair(nullptr, nullptr, name, &word, &set));
+  value = set && word ? word : "";
   return set;
 }
 

@@ -44,8 +44,8 @@ sigjmp_buf escape;
 /// of variable length (they lie in a heap without checksums) and would end the program.
 template <class Read>
 bool survives(Read&& read) {
-  struct sigaction guard {
-  }, before{};
+  struct sigaction guard = {};
+  struct sigaction before = {};
   guard.sa_handler = [](int) { siglongjmp(escape, 1); };
   sigemptyset(&guard.sa_mask);
   sigaction(SIGSEGV, &guard, &before);
@@ -64,10 +64,13 @@ void remove_old_parts(const std::filesystem::path& target) {
   const auto old = fs::file_time_type::clock::now() - std::chrono::hours(24);
   std::error_code ignored;
   const fs::path folder = target.has_parent_path() ? target.parent_path() : ".";
-  for (const auto& entry : fs::directory_iterator(folder, ignored))
-    if (entry.path().filename().string().rfind(start, 0) == 0 &&
+  for (const auto& entry : fs::directory_iterator(folder, ignored)) {
+    const std::string name = entry.path().filename().string();
+    if (name.rfind(start, 0) == 0 &&
+        name.find_first_not_of("0123456789-", start.size()) == std::string::npos &&
         entry.last_write_time(ignored) < old)
       fs::remove(entry.path(), ignored);
+  }
 }
 
 /// An empty file beside `target` that nobody else has.
