@@ -1,7 +1,7 @@
 """Time and memory of importing a large CalculiX export.
 
 A generated Tet10 body is assembled by flexgram and its K and M are written as ccx writes them (its
-own export takes 50 s at 108k dofs and grows fast), with a deck; then ``python3 -m flexgram import``
+own export takes 50 s at 108k dofs and grows fast), with a deck; then ``flexgram import``
 is timed.
 
     .venv/bin/python3 benchmarks/run importing [--thousand 250] [--runs 3]

@@ -4,10 +4,10 @@
 
 Needs gmsh (Debian: python3-gmsh) and ccx (calculix-ccx). The same on the command line, from a deck:
 
-    python3 -m flexgram import part.inp --run-ccx --units mm-t-s --rigid foot=NSET:FOOT \
+    flexgram import part.inp --run-ccx --units mm-t-s --rigid foot=NSET:FOOT \
         --rigid eye=NSET:EYE --alpha 5 -o part.h5
     build/flexgram reduce -body part.h5 -mor_band_hz 10,5000 -mor_tol 1e-3 -mor_out part.rom.h5
-    python3 -m flexgram export part.rom.h5 --to sid -o part.SID_FEM
+    flexgram export part.rom.h5 --to sid -o part.SID_FEM
 """
 
 import sys

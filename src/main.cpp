@@ -1,6 +1,8 @@
 /// flexgram: reduces elastic bodies of multibody systems.
 
+#include "base/text.hpp"
 #include "io/body_io.hpp"
+#include "python_verbs.hpp"
 #include "run/reduce.hpp"
 #include "run/sweep.hpp"
 #include "session.hpp"
@@ -8,16 +10,28 @@
 namespace flexgram {
 namespace {
 
-const char* const usage =
-    "flexgram reduces elastic bodies of multibody systems.\n\n"
-    "  flexgram reduce   -body body.h5 [-mor_band_hz 10,500] [-mor_out rom.h5]\n"
-    "  flexgram certify  -body body.h5 [-mor_band_hz 10,500] [-mor_medium_out "
-    "medium.h5]\n"
-    "  flexgram cut      -medium medium.h5 [-mor_tol 1e-4] [-mor_out rom.h5]\n"
-    "  flexgram sweep    -body body.h5 [-rom rom.h5] [-mor_sweep_hz 10,500,200]\n"
-    "  flexgram assemble -body mesh.h5 -body_out matrices.h5\n"
-    "  flexgram plan     -body body.h5          what would be done and skipped, "
-    "memory\n\n"
+/// A verb of the program, as its help shows it.
+struct Verb {
+  std::string name, usage, what;
+};
+
+const std::vector<Verb> verbs{
+    {"reduce", "-body body.h5 -mor_band_hz 10,500 [-mor_tol 1e-4] [-mor_out rom.h5]",
+     "the smallest body that meets the tolerance over the band, with the proof of its "
+     "error"},
+    {"certify",
+     "-body body.h5 -mor_band_hz 10,500 [-mor_tol 1e-8] [-mor_medium_out m.h5]",
+     "a medium model with its proof, once, to cut small bodies from"},
+    {"cut", "-medium m.h5 [-mor_tol 1e-4] [-mor_inputs upper] [-mor_out rom.h5]",
+     "a reduced body out of a certified medium model, without the body's matrices"},
+    {"sweep", "-body body.h5 [-rom rom.h5] -mor_sweep_hz 10,500,200",
+     "H of the full body over frequencies, and the error of a reduced one"},
+    {"plan", "-body body.h5 [-mor_band_hz 10,500]",
+     "what reduce would do and skip, and its memory"},
+    {"assemble", "-body mesh.h5 -body_out matrices.h5", "a body of matrices of a mesh"},
+};
+
+const char* const status_help =
     "Exit status: 0; 1 for errors, with one message; 2 if -mor_tol is not met: the best "
     "body\n"
     "found is written all the same, with the error that it is certified to; 3 if SIGTERM "
@@ -64,11 +78,30 @@ int run(const std::string& verb, MPI_Comm comm) {
   return 0;
 }
 
-std::string help() {
+std::vector<std::string> verb_names() {
+  std::vector<std::string> names;
+  for (const Verb& verb : verbs) names.push_back(verb.name);
+  for (const auto& verb : python_verbs()) names.push_back(verb.first);
+  return names;
+}
+
+/// Help of a verb, or of the whole program.
+std::string help(const std::string& asked) {
   Settings settings;
   Options options(Options::Mode::describe);
   settings.describe(options);
-  return usage + options.help();
+  for (const Verb& verb : verbs)
+    if (verb.name == asked)
+      return "flexgram " + verb.name + " " + verb.usage + "\n\n" + verb.what + "\n\n" +
+             status_help + options.help(verb.name);
+  std::string list = "flexgram reduces elastic bodies of multibody systems.\n\n";
+  for (const Verb& verb : verbs)
+    list += text("  flexgram %-9s %s\n", verb.name.c_str(), verb.what.c_str());
+  list += "\nand, of the Python package,\n\n";
+  for (const auto& [name, what] : python_verbs())
+    list += text("  flexgram %-9s %s\n", name.c_str(), what.c_str());
+  return list + "\nflexgram VERB -help shows the options of one.\n\n" + status_help +
+         options.help();
 }
 
 } // namespace
@@ -76,6 +109,6 @@ std::string help() {
 
 int main(int argc, char** argv) {
   using namespace flexgram;
-  return run_session(
-      argc, argv, {"reduce", "certify", "cut", "sweep", "assemble", "plan"}, help(), run);
+  if (argc > 1 && is_python_verb(argv[1])) return run_python(argv);
+  return run_session(argc, argv, verb_names(), help, run);
 }

@@ -72,7 +72,7 @@ void warn_of_unused_options() {
 } // namespace
 
 int run_session(int argc, char** argv, const std::vector<std::string>& verbs,
-                const std::string& help,
+                const std::function<std::string(const std::string&)>& help,
                 const std::function<int(const std::string&, MPI_Comm)>& run) {
   std::string verb = argc > 1 ? argv[1] : "-help";
   bool wants_help = false;
@@ -82,7 +82,8 @@ int run_session(int argc, char** argv, const std::vector<std::string>& verbs,
   MPI_Init(&argc, &argv);
   const int rank = comm_rank(MPI_COMM_WORLD);
   if (wants_help || argc <= 1) {
-    if (rank == 0) std::fputs(help.c_str(), stdout);
+    const std::string of_verb = verb == "help" && argc > 2 ? argv[2] : verb;
+    if (rank == 0) std::fputs(help(of_verb).c_str(), stdout);
     MPI_Finalize();
     return 0;
   }

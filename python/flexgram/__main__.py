@@ -1,14 +1,30 @@
-"""Command line of the Python package: ``python3 -m flexgram import|info|report|...``."""
+"""Command line of the Python package: ``flexgram import|info|report|...``."""
 
 from __future__ import annotations
 
 import argparse
 import os
+import shutil
 import sys
 from pathlib import Path
 
 from flexgram.basics import BodyError
 from flexgram.commands import COMMANDS
+
+#: Verbs of the compiled program.
+PROGRAM_VERBS = ("reduce", "certify", "cut", "sweep", "plan", "assemble")
+
+
+def become_program(arguments: list[str]) -> None:
+    """Replace this process by the program of the same environment, as ``flexgram`` alone is."""
+    beside = Path(sys.executable).parent / "flexgram"
+    program = str(beside) if os.access(beside, os.X_OK) else shutil.which("flexgram")
+    if program is None:
+        raise BodyError(
+            f"{arguments[0]} is a verb of the program flexgram, which is not beside "
+            f"{sys.executable} and not in PATH (scripts/build, or pip install .)"
+        )
+    os.execv(program, [program, *arguments])
 
 
 def mpi_rank() -> int:
@@ -33,12 +49,20 @@ def main(arguments: list[str] | None = None) -> int:
 
     These commands are serial: under mpirun the first rank does the work, the others are done.
     """
+    words = sys.argv[1:] if arguments is None else arguments
+    if words and words[0] in PROGRAM_VERBS:
+        try:
+            become_program(words)
+        except (BodyError, OSError) as error:
+            print(f"flexgram: {error}", file=sys.stderr)
+            return 1
     if mpi_rank() > 0:
         return 0
     parser = argparse.ArgumentParser(
-        prog="python3 -m flexgram",
+        prog="flexgram",
         description="From FE codes to body files, and from reduced bodies to multibody codes and "
-        "pictures. The reduction itself: build/flexgram, or flexgram.reduce in Python.",
+        "pictures. The reduction itself: flexgram.reduce in Python, or the verbs of the program: "
+        f"{', '.join(PROGRAM_VERBS)}.",
     )
     commands = parser.add_subparsers(dest="command", required=True)
     work = {}

@@ -1,4 +1,4 @@
-"""The commands of ``python3 -m flexgram``: their options and their work."""
+"""The commands of ``flexgram``: their options and their work."""
 
 from __future__ import annotations
 
@@ -335,10 +335,10 @@ COMMANDS: dict[
 ] = {
     "import": (
         "mesh description or files of an FE code -> body file",
-        "python3 -m flexgram import meshes/rack.yaml -o out/rack.h5\n"
-        "  python3 -m flexgram import part.inp --run-ccx --units mm-t-s --rigid left=NSET:LEFT "
+        "flexgram import meshes/rack.yaml -o out/rack.h5\n"
+        "  flexgram import part.inp --run-ccx --units mm-t-s --rigid left=NSET:LEFT "
         "--rigid right=NSET:RIGHT -o part.h5\n"
-        "  python3 -m flexgram import job_STIF1.mtx --rigid hub=BOX:0,0,0,1,1,0.01@0.5,0.5,0 "
+        "  flexgram import job_STIF1.mtx --rigid hub=BOX:0,0,0,1,1,0.01@0.5,0.5,0 "
         "-o body.h5\n\nWHERE is NSET:SET, NODES:1,2,3, BOX:x0,y0,z0,x1,y1,z1 or AT:x,y,z (the "
         "nearest node), in the\nunits of the files; @x,y,z behind it places the reference node "
         "(default: the middle of the nodes).",
@@ -347,34 +347,34 @@ COMMANDS: dict[
     ),
     "info": (
         "what a body, reduced or sweep file holds",
-        "python3 -m flexgram info out/rack.rom.h5",
+        "flexgram info out/rack.rom.h5",
         _info_options,
         _info,
     ),
     "report": (
         "reduced file -> one self-contained HTML page",
-        "python3 -m flexgram report out/rack.rom.h5 --sweep out/rack.sweep.h5 -o out/rack.html",
+        "flexgram report out/rack.rom.h5 --sweep out/rack.sweep.h5 -o out/rack.html",
         _report_options,
         _report,
     ),
     "plot": (
         "reduced or sweep file -> figures",
-        "python3 -m flexgram plot out/rack.rom.h5 --figure error -o error.svg\n"
-        "  python3 -m flexgram plot out/rack.rom.h5 -o figures/\n"
-        "  python3 -m flexgram plot sweep.h5 --rom rack.rom.h5 -o rack.png",
+        "flexgram plot out/rack.rom.h5 --figure error -o error.svg\n"
+        "  flexgram plot out/rack.rom.h5 -o figures/\n"
+        "  flexgram plot sweep.h5 --rom rack.rom.h5 -o rack.png",
         _plot_options,
         _plot,
     ),
     "export": (
         "reduced file -> multibody codes and other tools",
-        "python3 -m flexgram export out/rack.rom.h5 --to exudyn -o rack.npz\n"
-        "  python3 -m flexgram export out/rack.rom.h5 --to sid --dialect dlr -o rack.SID_FEM",
+        "flexgram export out/rack.rom.h5 --to exudyn -o rack.npz\n"
+        "  flexgram export out/rack.rom.h5 --to sid --dialect dlr -o rack.SID_FEM",
         _export_options,
         _export,
     ),
     "simulate": (
         "response of a reduced body to forces over time",
-        "python3 -m flexgram simulate out/rack.rom.h5 --force 'upper.fz=-1e4*sin(20*pi*t)' "
+        "flexgram simulate out/rack.rom.h5 --force 'upper.fz=-1e4*sin(20*pi*t)' "
         "--time 0,1,1001 -o rack.csv",
         _simulate_options,
         _simulate,

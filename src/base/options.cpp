@@ -54,7 +54,7 @@ void Options::record(const char* name, std::string value, bool set_by_user,
                      std::string unit, std::string choices, std::string help) {
   know_option(name);
   options_.push_back({section_, name, std::move(value), std::move(unit),
-                      std::move(choices), std::move(help), set_by_user});
+                      std::move(choices), std::move(help), verbs_, set_by_user});
 }
 
 void Options::add(const char* name, double& value, const char* unit, const char* help) {
@@ -176,10 +176,15 @@ void Options::reject_unknown() const {
   }
 }
 
-std::string Options::help() const {
+std::string Options::help(const std::string& verb) const {
   std::string result, section;
   for (const auto& option : options_) {
-    if (option.section != section) result += "\n" + (section = option.section) + "\n";
+    const auto verbs = split(option.verbs, ' ');
+    if (!verb.empty() && std::find(verbs.begin(), verbs.end(), verb) == verbs.end())
+      continue;
+    const std::string title =
+        option.section + (verb.empty() ? " (" + join(verbs) + ")" : std::string());
+    if (title != section) result += "\n" + (section = title) + "\n";
     std::string head = option.name;
     if (!option.choices.empty()) head += " <" + option.choices + ">";
     if (!option.value.empty()) head += " [" + option.value + "]";

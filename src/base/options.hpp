@@ -10,6 +10,7 @@ namespace flexgram {
 /// One option after reading: what it is called, what it was set to, and what it means.
 struct Option {
   std::string section, name, value, unit, choices, help;
+  std::string verbs; ///< that look at it, separated by spaces
   bool set_by_user = false;
 };
 
@@ -17,7 +18,7 @@ struct Option {
 /// default (the field's value), unit, choices and help; the same call reads PETSc's
 /// option database, so command line, -options_file and PETSC_OPTIONS all work.
 ///
-///     options.section("Sampling");
+///     options.section("Sampling", "reduce sweep");
 ///     options.add("-mor_samples", samples, "", "frequencies of the quadrature");
 class Options {
 public:
@@ -25,7 +26,11 @@ public:
   /// describe: keep the defaults and only collect the texts, for -help.
   explicit Options(Mode mode = Mode::read) : mode_(mode) {}
 
-  void section(const std::string& title) { section_ = title; }
+  /// What follows belongs together, and to these verbs (separated by spaces).
+  void section(const std::string& title, const std::string& verbs) {
+    section_ = title;
+    verbs_ = verbs;
+  }
   void add(const char* name, double& value, const char* unit, const char* help);
   /// Unset unless the user gives it.
   void add(const char* name, std::optional<double>& value, const char* unit,
@@ -44,7 +49,8 @@ public:
   void reject_unknown() const;
 
   const std::vector<Option>& all() const { return options_; }
-  std::string help() const;
+  /// The options of a verb, or all.
+  std::string help(const std::string& verb = "") const;
 
 private:
   bool given(const char* name, std::string& value) const;
@@ -52,7 +58,7 @@ private:
               std::string choices, std::string help);
 
   Mode mode_;
-  std::string section_;
+  std::string section_, verbs_;
   std::vector<Option> options_;
   std::vector<std::string> prefixes_;
 };

@@ -144,7 +144,7 @@ Hdf5File Hdf5File::open(MPI_Comm comm, const std::string& path) {
     else
       throw Error(text("cannot read %s: %s", path.c_str(), std::strerror(errno)));
     if (H5Fis_hdf5(path.c_str()) <= 0)
-      throw Error(text("%s is not an HDF5 file (a body file is HDF5: python3 -m flexgram "
+      throw Error(text("%s is not an HDF5 file (a body file is HDF5: flexgram "
                        "import makes one, and so does MATLAB's save -v7.3)",
                        path.c_str()));
   });

@@ -355,6 +355,7 @@ std::vector<std::map<std::string, std::string>> options() {
   std::vector<std::map<std::string, std::string>> result;
   for (const auto& o : registry.all())
     result.push_back({{"section", o.section},
+                      {"verbs", o.verbs},
                       {"name", o.name},
                       {"default", o.value},
                       {"unit", o.unit},

@@ -35,30 +35,39 @@ std::vector<double> in_rad(const std::vector<double>& frequencies) {
   return omega;
 }
 
+const char* const all_verbs = "reduce certify cut sweep assemble plan";
+const char* const all_but_cut = "reduce certify sweep assemble plan";
+
 } // namespace
 
 void Settings::describe(Options& options) {
-  options.section("Files");
-  options.add("-body", body, "body file: matrices or a mesh (all verbs but cut)");
-  options.add("-mor_out", out, "reduced file to write (reduce, cut)");
-  options.add("-medium", medium, "certified medium model to cut from (cut)");
-  options.add("-mor_medium_out", medium_out,
-              "certified medium model to write, for cut (certify: default medium.h5; "
-              "reduce: none)");
+  options.section("Files", all_but_cut);
+  options.add("-body", body, "body file: matrices or a mesh");
+  options.section("Files", "cut");
+  options.add("-medium", medium, "certified medium model to cut from");
+  options.section("Files", "reduce cut");
+  options.add("-mor_out", out, "reduced file to write");
+  options.section("Files", "reduce certify");
+  options.add(
+      "-mor_medium_out", medium_out,
+      "certified medium model to write, for cut; default medium.h5 (certify), none "
+      "(reduce)");
   options.add_choice("-mor_medium_basis", medium_basis, {"yes", "no"},
                      "whether the medium file holds the basis V (n × N), without which "
                      "reduced files have no /V: no shapes, no flexible bodies in a "
                      "multibody code with pictures");
-  options.add("-rom", rom, "reduced file to compare with the body (sweep)");
-  options.add("-mor_sweep_out", sweep_out, "file with H over the frequencies (sweep)");
-  options.add("-body_out", body_out, "body of matrices to write (assemble)");
-  options.section("Ports (all verbs)");
+  options.section("Files", "sweep");
+  options.add("-rom", rom, "reduced file to compare with the body");
+  options.add("-mor_sweep_out", sweep_out, "file to write, with H over the frequencies");
+  options.section("Files", "assemble");
+  options.add("-body_out", body_out, "body of matrices to write");
+  options.section("Ports", all_verbs);
   options.add("-mor_inputs", inputs,
               "ports to keep, by port (lower.fx) or interface (lower), comma separated");
   options.add("-mor_outputs", outputs,
               "the same for outputs; default: like the inputs where the outputs are "
               "the inputs, else all");
-  options.section("Reduction (reduce, certify, cut, plan)");
+  options.section("Reduction", "reduce certify cut plan");
   options.add("-mor_band_hz", band_hz, "Hz",
               "frequency band, first,last; or one frequency; or several bands, "
               "first,last,first,last (cut: default the bands of the medium model)");
@@ -85,6 +94,7 @@ void Settings::describe(Options& options) {
       "what errors of H are divided by: |H| at the same frequency (eq. 17; near an "
       "antiresonance, where H itself vanishes, the order grows to meet it), or the "
       "largest |H| over the band, which forgives such frequencies");
+  options.section("Reduction", "reduce cut");
   options.add_choice("-mor_port_scaling", port_scaling, {"none", "equal"},
                      "weight of the ports in the Gramian: all the same, so that forces "
                      "and moments (in N m or N mm) count alike, or as their units have "
@@ -94,6 +104,7 @@ void Settings::describe(Options& options) {
       "in which the modes are orthonormal: mass (independent of units; M + "
       "K/omega_max^2 where M is singular), euclidean (the paper), energy (M + "
       "K/omega_max^2)");
+  options.section("Reduction", "reduce certify cut plan");
   std::vector<std::string> names = method_names(), kinds{"two_step", "pod"},
                            stages{"auto"};
   kinds.insert(kinds.end(), names.begin(), names.end());
@@ -106,18 +117,19 @@ void Settings::describe(Options& options) {
        "the medium model, with the same proof. " +
        method_help())
           .c_str());
-  options.section("Second stage (every method but pod)");
+  options.section("Second stage (every method but pod)", "reduce certify cut plan");
   options.add_choice(
       "-mor_second_stage", second_stage, stages,
       "how -mor_method two_step picks the small basis out of the medium space; auto "
       "tries gramian and weighted and keeps the smallest body that meets -mor_tol (by "
       "the order rule: gramian)");
-  options.add("-mor_weight", weight, "Hz, 1",
-              "weight of the Gramian over the band: f1,w1,f2,w2,... , linear between, "
-              "zero outside");
   options.add(
       "-mor_shifts_hz", shifts_hz, "Hz",
       "expansion points of krylov; default: both ends of the band and its middle");
+  options.section("Second stage (every method but pod)", "reduce cut");
+  options.add("-mor_weight", weight, "Hz, 1",
+              "weight of the Gramian over the band: f1,w1,f2,w2,... , linear between, "
+              "zero outside");
   options.add("-mor_moments", moments, "", "moments at each expansion point of krylov");
   options.add_choice(
       "-mor_frame", frame, {"auto", "none", "buckens", "tangent"},
@@ -131,23 +143,25 @@ void Settings::describe(Options& options) {
       "-mor_error_hz", error_hz, "Hz",
       "first,last,count: further frequencies at which error and bound are evaluated and "
       "stored, beside some hundred over the band and on its resonances");
-  options.section("Medium model (every method but pod)");
+  options.section("Medium model (every method but pod)", "reduce certify plan");
   options.add(
       "-mor_cutoff", cutoff, "",
       "all modes up to this many times the end of the band are found and counted; more "
       "modes, but fewer Krylov blocks");
   options.add("-mor_medium_order", medium_order, "",
               "largest order of the medium model; 0: what memory and the body allow");
+  options.section("Medium model (every method but pod)", "reduce certify cut plan");
   options.add(
       "-mor_medium_tol", medium_target, "",
       "certified relative error of the medium model; 0: a fiftieth of -mor_tol, or 1e-8 "
       "where the order is given or ruled");
+  options.section("Medium model (every method but pod)", "reduce certify");
   options.add_choice(
       "-mor_frame_integrals", frame_integrals, {"auto", "yes", "no"},
       "mass, centre, inertia and the shape integrals that a floating frame of "
       "reference needs, into /frame; auto: if the body is free and has "
       "coordinates");
-  options.section("Samples (-mor_method pod)");
+  options.section("Samples (-mor_method pod)", "reduce plan");
   options.add("-mor_samples", samples, "",
               "frequencies at which the response is sampled");
   options.add_choice("-mor_quadrature", quadrature,
@@ -164,7 +178,7 @@ void Settings::describe(Options& options) {
   options.add("-mor_validate", validate, "",
               "frequencies between the samples at which the error is checked by full "
               "solves, beside the two ends of the band; 0 checks none");
-  options.section("Going on after an end (reduce, certify)");
+  options.section("Going on after an end", "reduce certify");
   options.add_choice(
       "-mor_checkpoint", checkpoint, {"auto", "yes", "no"},
       "whether what is finished is written beside the output, to OUTPUT.checkpoint (with "
@@ -177,24 +191,24 @@ void Settings::describe(Options& options) {
   options.add("-mor_restart", restart,
               "go on from the checkpoint, on any number of ranks; from the beginning if "
               "there is none. One of another body, band, ports or version is refused");
-  options.section("Sweep");
+  options.section("Sweep", "sweep");
   options.add("-mor_sweep_hz", sweep_hz, "Hz",
               "first,last,count frequencies, or a single one");
-  options.section("Parallel (reduce, sweep)");
+  options.section("Parallel", "reduce sweep plan");
   options.add(
       "-mor_groups", groups, "",
       "groups of ranks; each holds the body and factorises its own frequencies (pod, "
       "sweep). 0: as many as the memory estimate allows (independent factorisations "
       "scale better than parallel ones)");
   describe_solver(options);
-  options.section("Output");
+  options.section("Output", all_verbs);
   options.add_choice("-mor_monitor", monitor, {"silent", "summary", "detail"},
                      "what is printed; detail adds a line for each factorisation");
 }
 
 void Settings::describe_solver(Options& options) {
   MumpsOptions& mumps = solver.mumps;
-  options.section("Factorisation (all verbs)");
+  options.section("Factorisation", all_but_cut);
   options.add_choice(
       "-mor_ordering", ordering, {"auto", "best", "nested_dissection", "mumps"},
       "fill-reducing ordering: METIS nested dissection on the node graph, MUMPS' own "

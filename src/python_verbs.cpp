@@ -1,0 +1,75 @@
+#include "python_verbs.hpp"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <sstream>
+
+namespace flexgram {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool is_program(const fs::path& path) {
+  std::error_code ignored;
+  return fs::is_regular_file(path, ignored) && access(path.c_str(), X_OK) == 0;
+}
+
+/// The path by which a program was called, looked up as a shell does.
+fs::path called_as(const char* name) {
+  if (std::strchr(name, '/')) return name;
+  std::istringstream folders(std::getenv("PATH") ? std::getenv("PATH") : "");
+  for (std::string folder; std::getline(folders, folder, ':');)
+    if (is_program(fs::path(folder) / name)) return fs::path(folder) / name;
+  return {};
+}
+
+std::string python_of(const char* called) {
+  if (const char* named = std::getenv("FLEXGRAM_PYTHON")) return named;
+  std::error_code ignored;
+  const fs::path self = fs::read_symlink("/proc/self/exe", ignored);
+  for (const fs::path& candidate :
+       {called_as(called).parent_path() / "python3", self.parent_path() / "python3",
+        fs::path(FLEXGRAM_PYTHON_COMMAND)})
+    if (is_program(candidate)) return candidate;
+  return "python3";
+}
+
+} // namespace
+
+const std::vector<std::pair<std::string, std::string>>& python_verbs() {
+  static const std::vector<std::pair<std::string, std::string>> verbs{
+      {"import", "mesh description or files of an FE code -> body file"},
+      {"info", "what a body, reduced or sweep file holds"},
+      {"report", "reduced file -> one self-contained HTML page"},
+      {"plot", "reduced or sweep file -> figures"},
+      {"export", "reduced file -> multibody codes and other tools"},
+      {"simulate", "response of a reduced body to forces over time"},
+  };
+  return verbs;
+}
+
+bool is_python_verb(const std::string& verb) {
+  return std::any_of(python_verbs().begin(), python_verbs().end(),
+                     [&](const auto& known) { return known.first == verb; });
+}
+
+int run_python(char** argv) {
+  const std::string python = python_of(argv[0]);
+  std::vector<char*> words;
+  std::string module = "-m", package = "flexgram", name = python;
+  for (std::string* word : {&name, &module, &package}) words.push_back(word->data());
+  for (char** word = argv + 1; *word; ++word) words.push_back(*word);
+  words.push_back(nullptr);
+  execvp(python.c_str(), words.data());
+  std::fprintf(stderr, "flexgram: %s belongs to the Python package: %s: %s\n", argv[1],
+               python.c_str(), std::strerror(errno));
+  return 1;
+}
+
+} // namespace flexgram
