@@ -6,7 +6,7 @@ Needs gmsh (Debian: python3-gmsh) and ccx (calculix-ccx). The same on the comman
 
     flexgram import part.inp --run-ccx --units mm-t-s --rigid foot=NSET:FOOT \
         --rigid eye=NSET:EYE --alpha 5 -o part.h5
-    build/flexgram reduce -body part.h5 -mor_band_hz 10,5000 -mor_tol 1e-3 -mor_out part.rom.h5
+    flexgram reduce -body part.h5 -mor_band_hz 10,5000 -mor_tol 1e-3 -mor_out part.rom.h5
     flexgram export part.rom.h5 --to sid -o part.SID_FEM
 """
 
@@ -52,7 +52,7 @@ deck += ["*SOLID SECTION, ELSET=EALL, MATERIAL=STEEL"]
 (out / "part.inp").write_text("\n".join(deck) + "\n")
 
 fe = read(out / "part.inp", run_ccx=True)
-interfaces = [parse("rigid", "foot=NSET:FOOT"), parse("rigid", "eye=NSET:EYE@95,20,6")]
+interfaces = [parse("rigid", "foot=NSET:FOOT"), parse("rigid", "eye=NSET:EYE")]
 facts = import_matrices(fe, out / "part.h5", interfaces, units="mm-t-s", alpha=5.0)
 print(f"n = {facts['rows']}, mass {facts['mass']:.4f} kg, {facts['free']} free rigid motions")
 rom = flexgram.reduce(out / "part.h5", band_hz=(10, 5000), tol=1e-3)

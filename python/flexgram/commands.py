@@ -17,6 +17,11 @@ COUPLINGS = {
 }
 
 
+#: Endings of files that are meshes and nothing else.
+MESHES = (".msh", ".vtu", ".vtk", ".med", ".xdmf", ".xmf", ".exo", ".e", ".cgns", ".unv", ".h5m",
+          ".ugrid", ".su2", ".mesh", ".meshb", ".vol")  # fmt: skip
+
+
 class _Named(argparse.Action):
     """Collects --rigid, --distributing, … in the order of the command line."""
 
@@ -29,8 +34,8 @@ def _import_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "source",
         type=Path,
-        help="YAML description of a mesh, or a file of an FE "
-        "code: job.inp, job.sti (CalculiX), job_STIF1.mtx (Abaqus), .pch, .op4 "
+        help="YAML description of a mesh, a mesh (.msh, .vtu, .med, with --material), or a file "
+        "of an FE code: job.inp, job.sti (CalculiX), job_STIF1.mtx (Abaqus), .pch, .op4 "
         "(Nastran), .full (ANSYS), .mat, .mtx (MatrixMarket), PETSc binary",
     )
     parser.add_argument("-o", "--output", type=Path, required=True, help="body file to write")
@@ -51,9 +56,65 @@ def _import_options(parser: argparse.ArgumentParser) -> None:
         parser.add_argument(
             f"--{coupling}", metavar="NAME=WHERE", action=_Named, help=f"interface: {what}"
         )
+    parser.add_argument(
+        "--material",
+        help="of a mesh without YAML: steel, aluminium, titanium, cast-iron, or "
+        "E=210e9,nu=0.3,rho=7850 in its units",
+    )
     parser.add_argument("--units", help="of the files: SI (default), mm-t-s, mm-kg-s")
     for name, unit in (("alpha", "[1/s]"), ("beta", "[s]"), ("eta", "loss factor")):
         parser.add_argument(f"--{name}", type=float, help=f"damping {unit}")
+
+
+def _lengths(numbers: Any) -> str:
+    return " × ".join(f"{x:.4g}" for x in numbers)
+
+
+def _interface(facts: dict[str, Any]) -> str:
+    """An interface in a line: coupling, nodes, and where its reference is and why there."""
+    at = ", ".join(f"{x:.6g}" for x in facts["position"])
+    why = f": {facts['middle']}" if facts["middle"] else ""
+    return f"{facts['coupling']}, {facts['nodes']} nodes, reference at ({at}) m{why}"
+
+
+def _say_mesh(options: argparse.Namespace, counts: dict[str, Any]) -> None:
+    print(f"  {options.output}: {counts['points']} nodes, {counts['elements']} elements")
+    print(f"  it measures {_lengths(counts['extent'])} m")
+    for name, facts in counts["interfaces"].items():
+        print(f"  interface {name}: {_interface(facts)}")
+        if facts["distance"] > 3 and facts["nodes"] > 1:
+            print(
+                f"  warning: the reference of {name} is {facts['distance']:.0f} sizes of "
+                "its node set away from its middle: right units?"
+            )
+    if max(counts["extent"]) > 15 and counts["units"] == "SI":
+        print("  note: is the mesh in millimetres (units mm-t-s)?")
+
+
+def _import_mesh(options: argparse.Namespace, named: list[tuple[str, str]]) -> None:
+    """A mesh of one material, described on the command line."""
+    from flexgram.description import describe_mesh, import_description
+    from flexgram.importers import check_damping, parse
+
+    if options.material is None:
+        raise BodyError(
+            f"{options.source} is a mesh: name what it is made of and its interfaces (--material "
+            "steel --rigid eye=NSET:EYE), or describe it in YAML (several materials, supports, "
+            "beams), see meshes/rack.yaml"
+        )
+    for name in ("format", "deck", "mass", "damping", "inputs", "mapping", "run_ccx"):
+        if getattr(options, name):
+            raise BodyError(f"--{name.replace('_', '-')} is nothing for a mesh")
+    damping = {name: getattr(options, name) for name in ("alpha", "beta", "eta")}
+    check_damping(**damping)
+    described = describe_mesh(
+        options.source,
+        options.material,
+        [parse(*pair) for pair in named],
+        units=options.units or "SI",
+        damping=damping,
+    )
+    _say_mesh(options, import_description(described, str(options.source), options.output))
 
 
 def _import(options: argparse.Namespace) -> None:
@@ -61,8 +122,8 @@ def _import(options: argparse.Namespace) -> None:
     if options.source.suffix.lower() in (".yaml", ".yml"):
         from flexgram.description import import_body
 
-        every = ("format", "deck", "mass", "damping", "inputs", "mapping", "run_ccx", "units",
-                 "alpha", "beta", "eta")  # fmt: skip
+        every = ("material", "format", "deck", "mass", "damping", "inputs", "mapping", "run_ccx",
+                 "units", "alpha", "beta", "eta")  # fmt: skip
         given = [name.replace("_", "-") for name in every if getattr(options, name)]
         given += [coupling for coupling, _ in named]
         if given:
@@ -70,19 +131,10 @@ def _import(options: argparse.Namespace) -> None:
                 f"--{given[0]}: interfaces, units and damping of a meshed body stand "
                 f"in its YAML file {options.source}, not on the command line"
             )
-        counts = import_body(options.source, options.output)
-        print(f"  {options.output}: {counts['points']} nodes, {counts['elements']} elements")
-        for name, facts in counts["interfaces"].items():
-            at = ", ".join(f"{x:.6g}" for x in facts["position"])
-            print(
-                f"  interface {name}: {facts['coupling']}, {facts['nodes']} nodes, "
-                f"reference at ({at}) m"
-            )
-            if facts["distance"] > 3 and facts["nodes"] > 1:
-                print(
-                    f"  warning: the reference of {name} is {facts['distance']:.0f} sizes of "
-                    "its node set away from its middle: right units?"
-                )
+        _say_mesh(options, import_body(options.source, options.output))
+        return
+    if options.material is not None or options.source.suffix.lower() in MESHES:
+        _import_mesh(options, named)
         return
     from flexgram.importers import check_damping, import_matrices, parse, read
 
@@ -108,6 +160,8 @@ def _import(options: argparse.Namespace) -> None:
         eta=options.eta,
     )
     print(f"  {options.output}: n = {facts['rows']}, {facts['nonzeros']:.3g} nonzeros in K as read")
+    if "extent" in facts:
+        print(f"  it measures {_lengths(facts['extent'])} m")
     if "mass" in facts:
         at = ", ".join(f"{x:.6g}" for x in facts["centre"])
         inertia = ", ".join(f"{facts['inertia'][i, i]:.6g}" for i in range(3))
@@ -117,9 +171,8 @@ def _import(options: argparse.Namespace) -> None:
         )
         left = f"{facts['free']} of 6 rigid motions are free"
         print(f"  {left} (relative energy at most {facts['rigid_energy'].max():.0e})")
-    for name, (reference, count) in facts["interfaces"].items():
-        place = ", ".join(f"{x:.6g}" for x in reference)
-        print(f"  interface {name}: rigid, {count} nodes, reference at ({place}) m")
+    for name, interface in facts["interfaces"].items():
+        print(f"  interface {name}: {_interface(interface)}")
     print(
         f"  {len(facts['ports'])} ports: {', '.join(facts['ports'][:12])}"
         f"{' …' if len(facts['ports']) > 12 else ''}"
@@ -338,10 +391,13 @@ COMMANDS: dict[
         "flexgram import meshes/rack.yaml -o out/rack.h5\n"
         "  flexgram import part.inp --run-ccx --units mm-t-s --rigid left=NSET:LEFT "
         "--rigid right=NSET:RIGHT -o part.h5\n"
+        "  flexgram import lever.msh --material steel --units mm-t-s --rigid eye=NSET:eye "
+        "-o lever.h5\n"
         "  flexgram import job_STIF1.mtx --rigid hub=BOX:0,0,0,1,1,0.01@0.5,0.5,0 "
         "-o body.h5\n\nWHERE is NSET:SET, NODES:1,2,3, BOX:x0,y0,z0,x1,y1,z1 or AT:x,y,z (the "
         "nearest node), in the\nunits of the files; @x,y,z behind it places the reference node "
-        "(default: the middle of the nodes).",
+        "(default: the middle of the faces between\nthe nodes, on the axis where they are a "
+        "cylinder).",
         _import_options,
         _import,
     ),

@@ -7,7 +7,7 @@ the program ``flexgram`` assembles.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,8 @@ from numpy.typing import NDArray
 
 from flexgram.basics import BodyError, IntArray, check_name, errors_of
 from flexgram.bodyfile import written_whole
+from flexgram.faces import middle_of
+from flexgram.importers.fe import Interface
 from flexgram.meshfile import (
     ELEMENTS,
     cell_regions,
@@ -25,9 +27,8 @@ from flexgram.meshfile import (
     read_mesh,
 )
 from flexgram.selection import in_box, nearest
+from flexgram.units import UNITS
 
-#: Factors that bring lengths, masses and forces to SI.
-UNITS = {"SI": (1.0, 1.0, 1.0), "mm-t-s": (1e-3, 1e3, 1.0), "mm-kg-s": (1e-3, 1.0, 1e-3)}
 COMPONENTS = {"x": 0, "y": 1, "z": 2, "rx": 3, "ry": 4, "rz": 5}
 ENGINEERING = ("E1", "E2", "E3", "nu12", "nu13", "nu23", "G12", "G13", "G23")
 ISOTROPIC = ("E", "nu", "rho")
@@ -215,8 +216,8 @@ def import_body(description: str | Path, output: str | Path) -> dict[str, Any]:
     -------
     dict
         ``points`` and ``elements`` (counts), ``interfaces`` (for each name its coupling, number of
-        nodes, reference position [m] and the position's distance from the middle of the nodes in
-        sizes of the set).
+        nodes, reference position [m], what that is, and its distance from the middle of the
+        interface in extents of that), ``extent`` (of the body, 3 [m]), ``units``.
 
     Raises
     ------
@@ -235,24 +236,138 @@ def import_body(description: str | Path, output: str | Path) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise BodyError(
             f"{path}: not a body description; if it is a mesh, name it in a YAML file such as "
-            "meshes/rack.yaml"
+            "meshes/rack.yaml, or import it with --material"
         )
+    with errors_of(path):
+        return import_description(content, path.name, output, folder=path.parent, inputs=(path,))
+
+
+def import_description(
+    content: dict[str, Any],
+    where: str,
+    output: str | Path,
+    *,
+    folder: Path = Path(),
+    inputs: Sequence[Path] = (),
+) -> dict[str, Any]:
+    """Turn a description that is read already into a body file; as ``import_body``.
+
+    Parameters
+    ----------
+    content : dict
+        What the YAML file would hold.
+    where : str
+        For messages.
+    output : str or Path
+        Body file to write.
+    folder : Path
+        Which paths in the description are relative to.
+    inputs : sequence of Path
+        Files that the output must not replace, beside the mesh.
+    """
     reader = _Reader(
         content,
-        path.name,
+        where,
         ("name", "mesh", "units", "materials", "regions", "sections", "interfaces", "supports",
          "damping", "mass_integration"),
     )  # fmt: skip
     units = UNITS[reader.choice("units", UNITS, "SI")]
-    source = path.parent / str(reader.get("mesh"))
-    for given in (path, source):
+    source = folder / str(reader.get("mesh"))
+    for given in (*inputs, source):
         if Path(output).exists() and given.exists() and Path(output).samefile(given):
             raise BodyError(f"{output} would replace the input {given}")
     mesh = read_mesh(source)
     with errors_of(source):
         cells = cell_regions(mesh)
-    with errors_of(path), written_whole(output) as file:
+    with written_whole(output) as file:
         return _write(file, reader, mesh, cells, units)
+
+
+#: Materials by name [SI]: Young's modulus, Poisson's ratio, density.
+MATERIALS = {
+    "steel": (210e9, 0.3, 7850.0),
+    "aluminium": (70e9, 0.33, 2700.0),
+    "titanium": (114e9, 0.34, 4430.0),
+    "cast-iron": (110e9, 0.28, 7200.0),
+}
+
+
+def describe_mesh(
+    mesh: Path,
+    material: str,
+    interfaces: Sequence[Interface],
+    *,
+    units: str = "SI",
+    damping: Mapping[str, float | None] | None = None,
+) -> dict[str, Any]:
+    """The description of a mesh of one material, from the words of a command line.
+
+    Parameters
+    ----------
+    mesh : Path
+        Of any meshio format.
+    material : str
+        One of ``MATERIALS``, or ``E=210e9,nu=0.3,rho=7850`` in the given units.
+    interfaces : sequence of Interface
+        Names, couplings, selectors, references, as ``importers.parse`` reads them.
+    units : str
+        Of the mesh.
+    damping : mapping, optional
+        alpha [1/s], beta [s], eta.
+
+    Raises
+    ------
+    BodyError
+        For words that no mesh can be described by.
+    """
+    if units not in UNITS:
+        raise BodyError(f"--units {units} must be one of {', '.join(UNITS)}")
+    length, mass, force = UNITS[units]
+    if material in MATERIALS:
+        E, nu, rho = MATERIALS[material]
+        values = {"E": E / (force / length**2), "nu": nu, "rho": rho / (mass / length**3)}
+    else:
+        pairs = [word.partition("=") for word in material.split(",")]
+        try:
+            values = {name.strip(): float(number) for name, _, number in pairs}
+        except ValueError:
+            values = {}
+        if set(values) != set(ISOTROPIC):
+            raise BodyError(f"--material {material}: expected one of {', '.join(MATERIALS)}, or "
+                            "E=210e9,nu=0.3,rho=7850 in the units of the mesh")  # fmt: skip
+    described: dict[str, Any] = {}
+    for interface in interfaces:
+        name = interface.name
+        if name in described:
+            raise BodyError(f"interface {name} is given twice")
+        if interface.coupling == "rows" or not isinstance(interface.where, str):
+            raise BodyError(f"--{interface.coupling} {name}: a mesh has nodes, no rows of matrices")
+        described[name] = {"coupling": interface.coupling, "nodes": _choice(interface)}
+        if interface.position is not None:
+            described[name]["position"] = interface.position.tolist()
+    given = {key: value for key, value in (damping or {}).items() if value is not None}
+    return {"name": mesh.stem, "mesh": str(mesh.absolute()), "units": units,
+            "materials": {"material": values}, "regions": {"all": {"material": "material"}},
+            "interfaces": described, "damping": given}  # fmt: skip
+
+
+def _choice(interface: Interface) -> Any:
+    """Nodes of a description, from a selector of the command line."""
+    kind, _, words = str(interface.where).partition(":")
+    place = f"{interface.name}={interface.where}"
+    if kind.upper() == "NSET":
+        return words
+    try:
+        if kind.upper() == "NODES":
+            return [int(word) for word in words.split(",")]
+        numbers = [float(word) for word in words.split(",")]
+    except ValueError:
+        raise BodyError(f"{place}: expected numbers, not {words!r}") from None
+    if kind.upper() == "AT":
+        return {"at": numbers}
+    if kind.upper() == "BOX" and len(numbers) == 6:
+        return {"box": [numbers[:3], numbers[3:]]}
+    raise BodyError(f"{place}: must be NSET:SET, NODES:1,2,3, BOX:x0,y0,z0,x1,y1,z1 or AT:x,y,z")
 
 
 def _write(
@@ -282,6 +397,9 @@ def _write(
     used = np.zeros(len(mesh.points), dtype=bool)
     elements = _write_blocks(file, reader, mesh, cells, used)
 
+    blocks = [(block.type, np.asarray(block.data, dtype=np.int64)) for block in mesh.cells
+              if block.type in ELEMENTS]  # fmt: skip
+
     def sets(name: str) -> IntArray:
         return node_set(mesh, cells, name)
 
@@ -291,15 +409,15 @@ def _write(
         nodes = _select_nodes(entry.get("nodes"), entry.where, mesh.points, used, sets)
         group = file.create_group(f"interfaces/{check_name(entry.where, str(name))}")
         group.attrs["coupling"] = entry.choice("coupling", ("rigid", "distributing", "node"))
-        chosen = mesh.points[nodes]
-        position = entry.vector("position", chosen.mean(0))
+        middle = middle_of(mesh.points, blocks, nodes)
+        position = entry.vector("position", middle.position)
         group.attrs["position"] = length * position
-        extent = float(np.linalg.norm(np.ptp(chosen, axis=0)))
         interfaces[str(name)] = {
             "coupling": str(entry.get("coupling")),
             "nodes": len(nodes),
             "position": (length * position).tolist(),
-            "distance": float(np.linalg.norm(position - chosen.mean(0))) / max(extent, 1e-300),
+            "middle": middle.said(length) if "position" not in entry.data else "",
+            "distance": middle.away(position),
         }
         group.attrs["order"] = order
         group["nodes"] = nodes
@@ -322,7 +440,9 @@ def _write(
     damping = _Reader(reader.get("damping", {}) or {}, "damping", ("alpha", "beta", "eta"))
     for key in ("alpha", "beta", "eta"):
         file.attrs[key] = damping.number(key, 0.0)
-    return {"points": int(used.sum()), "elements": elements, "interfaces": interfaces}
+    extent = np.ptp(mesh.points[used], axis=0) * length
+    return {"points": int(used.sum()), "elements": elements, "interfaces": interfaces,
+            "extent": extent, "units": reader.get("units", "SI")}  # fmt: skip
 
 
 def _write_blocks(

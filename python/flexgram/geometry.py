@@ -10,18 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexgram.basics import BodyError, errors_of, index_of
+from flexgram.faces import SHELLS, faces_of, outer
 from flexgram.reduced import Floats, ReducedModel
 
 Ints = NDArray[np.int64]
-
-#: Faces of solids by their corner nodes, in VTK's order, outward.
-FACES: dict[str, list[tuple[int, ...]]] = {
-    "tetra": [(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)],
-    "hexahedron": [(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6),
-                   (3, 0, 4, 7)],
-    "wedge": [(0, 2, 1), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)],
-}  # fmt: skip
-LINEAR = {"tetra10": "tetra", "hexahedron20": "hexahedron", "wedge15": "wedge"}
 
 
 @dataclass
@@ -108,23 +100,9 @@ class Geometry:
 
     def surface(self) -> Ints:
         """Triangles of the outer surface by corner nodes, (T, 3)."""
-        faces: list[Ints] = []
-        for kind, nodes in self.blocks:
-            for face in FACES.get(LINEAR.get(kind, kind), []):
-                quad = nodes[:, face]
-                if quad.shape[1] == 3:
-                    quad = np.hstack([quad, quad[:, :1]])  # a triangle closes on itself
-                faces.append(quad)
-        if not faces:
-            return np.empty((0, 3), dtype=np.int64)
-        every = np.vstack(faces)
-        _, first, count = np.unique(np.sort(every, axis=1), axis=0, return_index=True,
-                                    return_counts=True)  # fmt: skip
-        outer = every[first[count == 1]]
-        triangles = [outer[:, :3]]
-        square = outer[:, 3] != outer[:, 0]
-        triangles.append(outer[square][:, [0, 2, 3]])
-        return np.vstack(triangles)
+        own = outer(faces_of([b for b in self.blocks if b[0] not in SHELLS]))
+        square = own[:, 3] != own[:, 0]
+        return np.vstack([own[:, :3], own[square][:, [0, 2, 3]]])
 
 
 def body_of(model: ReducedModel, body: str | Path | None = None) -> str | Path:

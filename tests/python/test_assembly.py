@@ -344,3 +344,52 @@ def test_descriptions_that_cannot_be_read(
     with pytest.raises(BodyError, match=expected):
         import_body(tmp_path / "box.yaml", tmp_path / "box.h5")
     assert not list(tmp_path.glob("box.h5*"))
+
+
+LEVER = ["--units", "mm-t-s", "--alpha", "2", "--rigid", "near=BOX:-1,-1,-1,1e-6,99,99",
+         "--distributing", "far=NSET:far@100,10,15"]  # fmt: skip
+
+
+def test_a_mesh_with_its_material_on_the_command_line(tmp_path: Path) -> None:
+    """The same body as by YAML; a mesh alone says what it lacks."""
+    millimetres(tmp_path)
+    (tmp_path / "box.yaml").write_text(GOOD + "damping: {alpha: 2}\n")
+    mesh, by_words, by_yaml = (tmp_path / name for name in ("box.inp", "words.h5", "yaml.h5"))
+    import_body(tmp_path / "box.yaml", by_yaml)
+    words = ["import", mesh, "--material", "E=210000,nu=0.3,rho=7.85e-9", *LEVER, "-o", by_words]
+    out = run(*words).out
+    assert "it measures 0.1 × 0.02 × 0.03 m" in out
+    assert "near: rigid, 25 nodes, reference at (0, 0.01, 0.015) m: the middle of its faces" in out
+    with h5py.File(by_words) as one, h5py.File(by_yaml) as other:
+        assert one.attrs["alpha"] == other.attrs["alpha"] == 2
+        for name in ("mesh/points", "interfaces/near/nodes", "interfaces/far/nodes"):
+            assert np.array_equal(one[name][:], other[name][:])
+        for name in ("near", "far"):
+            ours, theirs = one[f"interfaces/{name}"].attrs, other[f"interfaces/{name}"].attrs
+            assert ours["coupling"] == theirs["coupling"]
+            assert np.array_equal(ours["position"], theirs["position"])
+        steel = one["materials/material"].attrs
+        assert dict(steel) == dict(other["materials/steel"].attrs)
+    run("import", mesh, "--material", "steel", *LEVER, "-o", by_words)
+    with h5py.File(by_words) as file:
+        named = file["materials/material"].attrs
+        assert named["E"] == pytest.approx(210e9) and named["rho"] == pytest.approx(7850)
+
+    def refused(*arguments: Any) -> str:
+        return message(run("import", *arguments, "-o", tmp_path / "no.h5", expect=1))
+
+    meshio.write(tmp_path / "box.vtu", meshio.read(mesh))
+    assert "is a mesh: name what it is made of" in refused(tmp_path / "box.vtu", *LEVER)
+    assert "expected one of steel" in refused(mesh, "--material", "wood", *LEVER)
+    assert "no rows of matrices" in refused(mesh, "--material", "steel", "--rows", "a=1,2")
+    assert "--mass is nothing for a mesh" in refused(mesh, "--material", "steel", "--mass", mesh)
+    assert "BOX:x0" in refused(mesh, "--material", "steel", "--rigid", "a=BOX:1,2")
+    assert "there is no node set EYE" in refused(
+        mesh, "--material", "steel", "--rigid", "a=NSET:EYE"
+    )
+    large = tmp_path / "large.inp"
+    big = meshio.read(mesh)
+    big.points *= 0.2
+    meshio.write(large, big)
+    assert "in millimetres" in run("import", large, "--material", "steel", "--rigid",
+                                   "near=BOX:-1,-1,-1,1e-6,99,99", "-o", by_words).out  # fmt: skip

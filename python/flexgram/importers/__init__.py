@@ -17,9 +17,10 @@ import scipy.sparse as sp
 
 from flexgram.basics import BodyError, errors_of, index_of
 from flexgram.bodyfile import write_matrices
-from flexgram.description import UNITS
+from flexgram.faces import volume_of
 from flexgram.importers.fe import FeMatrices, Interface, check
-from flexgram.importers.interfaces import attach, parse
+from flexgram.importers.interfaces import attach, middle, parse, select
+from flexgram.units import UNITS, doubt, spacing
 
 __all__ = ["FORMATS", "FeMatrices", "Interface", "check", "import_matrices", "parse", "read"]
 
@@ -178,8 +179,9 @@ def import_matrices(
     Returns
     -------
     dict
-        What ``check`` found, in SI; ``rows``, ``ports``, ``remarks``, and ``interfaces``: for
-        each rigid one its reference [m] and number of nodes.
+        What ``check`` found, in SI; ``extent`` (3 [m]); ``rows``, ``ports``, ``remarks``, and
+        ``interfaces``: for each rigid or distributing one its ``coupling``, ``nodes`` (how many),
+        ``position`` [m] of its reference, and ``middle``: what that is.
     """
     if units not in UNITS:
         raise BodyError(f"--units {units} must be one of {', '.join(UNITS)}")
@@ -230,18 +232,17 @@ def import_matrices(
         C=None if body["C"] is None else body["C"] * turn,
         inputs=body["inputs"], outputs=body["outputs"],
         alpha=fe.alpha if alpha is None else alpha, beta=fe.beta if beta is None else beta,
-        eta=fe.eta if eta is None else eta, **places, blocks=_picture(fe),
+        eta=fe.eta if eta is None else eta, **places, blocks=fe.indexed_blocks(),
         followers=followers, interfaces=members,
     )  # fmt: skip
+    if doubts := _doubt(fe, facts.get("mass", 0.0), units):
+        fe.remarks.append(doubts)
     for key, factor in (("mass", mass), ("centre", length), ("inertia", mass * length**2)):
         if key in facts:
             facts[key] = facts[key] * factor
-    size = float(np.linalg.norm(np.ptp(points, axis=0))) * length if len(points) else 0.0
-    if facts.get("mass", 0) > 0 and size > 0 and facts["mass"] / size**3 < 1e-3:
-        fe.remarks.append(f"{facts['mass']:.3g} kg in a body that measures {size:.4g} m: are the "
-                          "files in other units (--units mm-t-s)?")  # fmt: skip
-    became = {name: (points[np.flatnonzero(labels == nodes[0])[0]] * length, len(nodes) - 1)
-              for name, nodes in body["followers"].items()}  # fmt: skip
+    if fe.has_coordinates():
+        facts["extent"] = np.ptp(fe.positions(np.unique(fe.node)), axis=0) * length
+    became = _references(fe, every, body["followers"], labels, points, length)
     return {
         **facts,
         "interfaces": became,
@@ -251,13 +252,51 @@ def import_matrices(
     }
 
 
-def _picture(fe: FeMatrices) -> list[tuple[str, Any]]:
-    """Elements by indices into the nodes, where all their nodes are known."""
-    if not fe.has_coordinates():
-        return []
-    blocks = []
-    for kind, connectivity in fe.blocks:
-        at, known = index_of(fe.labels, connectivity)
-        if known.all():
-            blocks.append((kind, at))
-    return blocks
+def _doubt(fe: FeMatrices, mass: float, units: str) -> str | None:
+    """What speaks against the units: the speed of sound by stiffness and mass of the rows and the
+    distance of nodes, the density by the volume of the elements (without them, of one cell a node),
+    the size of the part."""
+    if not fe.has_coordinates() or not mass > 0:
+        return None
+    k, m = fe.K.diagonal(), fe.M.diagonal()
+    rows = (fe.component < 3) & (k > 0) & (m > 0)
+    points = fe.positions(np.unique(fe.node))
+    h = spacing(points)
+    if not h > 0 or not rows.any():
+        return None
+    speed = h * float(np.sqrt(np.median(k[rows] / m[rows]))) / 2.5  # 2.5: linear hexahedra
+    extent = float(np.linalg.norm(np.ptp(points, axis=0)))
+    volume = volume_of(fe.points, fe.indexed_blocks())
+    return doubt(units, speed, mass / (volume if volume > 0 else len(points) * h**3), extent)
+
+
+def _references(
+    fe: FeMatrices,
+    interfaces: Sequence[Interface],
+    followers: dict[str, Any],
+    labels: Any,
+    points: Any,
+    length: float,
+) -> dict[str, dict[str, Any]]:
+    """What became of each rigid or distributing interface; a far reference is remarked on."""
+    became: dict[str, dict[str, Any]] = {}
+    for name, nodes in followers.items():
+        at = points[np.flatnonzero(labels == nodes[0])[0]]
+        became[name] = {"coupling": "rigid", "nodes": len(nodes) - 1, "position": at * length,
+                        "middle": ""}  # fmt: skip
+    for interface in interfaces:
+        name = interface.name
+        if interface.coupling not in ("rigid", "distributing"):
+            continue
+        chosen = select(fe, interface)
+        its_middle = middle(fe, chosen)
+        at = its_middle.position if interface.position is None else interface.position
+        became[name] = {
+            "coupling": interface.coupling, "nodes": len(np.unique(chosen)),
+            "position": at * length,
+            "middle": "" if interface.position is not None else its_middle.said(length),
+        }  # fmt: skip
+        if its_middle.away(at) > 3:
+            fe.remarks.append(f"the reference of {name} is {its_middle.away(at):.0f} sizes of its "
+                              "node set away from its middle: right units?")  # fmt: skip
+    return became

@@ -96,6 +96,7 @@ class FeMatrices:
     beta: float = 0.0
     eta: float = 0.0
     remarks: list[str] = field(default_factory=list)
+    _indexed: list[tuple[str, Ints]] | None = field(default=None, repr=False)
 
     @property
     def n(self) -> int:
@@ -103,6 +104,16 @@ class FeMatrices:
 
     def has_coordinates(self) -> bool:
         return len(self.node) == self.n and len(self.points) > 0
+
+    def indexed_blocks(self) -> list[tuple[str, Ints]]:
+        """Elements by indices into ``points``, where all their nodes are known."""
+        if self._indexed is None:
+            self._indexed = []
+            for kind, connectivity in self.blocks if self.has_coordinates() else ():
+                at, known = index_of(self.labels, connectivity)
+                if known.all():
+                    self._indexed.append((kind, at))
+        return self._indexed
 
     def positions(self, labels: Ints) -> Floats:
         """Coordinates of the given labels; a label without coordinates is an error."""

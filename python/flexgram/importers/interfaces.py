@@ -8,6 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexgram.basics import BodyError, check_name, index_of
+from flexgram.faces import Middle, middle_of
 from flexgram.importers.fe import FeMatrices, Floats, Interface, Ints, rigid_motions
 from flexgram.selection import in_box, nearest
 
@@ -172,10 +173,16 @@ def _require_extent(fe: FeMatrices, interface: Interface, labels: Ints) -> None:
                         "nodes, or --node")  # fmt: skip
 
 
+def middle(fe: FeMatrices, labels: Ints) -> Middle:
+    """The middle of the faces or nodes of an interface, in the units of the deck."""
+    at, known = index_of(fe.labels, np.unique(labels))
+    if not known.all():
+        fe.positions(labels)  # says which
+    return middle_of(fe.points, fe.indexed_blocks(), at)
+
+
 def _reference(fe: FeMatrices, interface: Interface, labels: Ints) -> Floats:
-    if interface.position is not None:
-        return interface.position
-    return fe.positions(np.unique(labels)).mean(axis=0)
+    return interface.position if interface.position is not None else middle(fe, labels).position
 
 
 def _condense(

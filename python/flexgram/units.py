@@ -1,0 +1,60 @@
+"""Systems of units, and which of them the numbers of a body can be in."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+#: Factors that bring lengths, masses and forces to SI.
+UNITS = {"SI": (1.0, 1.0, 1.0), "mm-t-s": (1e-3, 1e3, 1.0), "mm-kg-s": (1e-3, 1.0, 1e-3)}
+
+#: What bodies are made of: rubber to diamond in the speed of sound [m/s], foam to osmium in density
+#: [kg/m³]; wide enough for what is only estimated.
+SPEED = (10.0, 1e5)
+DENSITY = (20.0, 5e4)
+#: Largest extent of a part [m].
+EXTENT = (1e-5, 300.0)
+
+
+def plausible(system: str, speed: float, density: float, extent: float) -> bool:
+    """Whether numbers in the units of a file, taken in a system, are those of a part."""
+    length, mass, _ = UNITS[system]
+    values = (speed * length, density * mass / length**3, extent * length)
+    ranges = (SPEED, DENSITY, EXTENT)
+    return all(low <= x <= high for x, (low, high) in zip(values, ranges, strict=True))
+
+
+def doubt(system: str, speed: float, density: float, extent: float) -> str | None:
+    """What speaks against a system of units, and which others the numbers fit.
+
+    Parameters
+    ----------
+    system : str
+        Of ``UNITS``: in which the numbers are taken to be.
+    speed, density, extent : float
+        Of sound, of mass, and largest extent, in the units of the file.
+
+    Returns
+    -------
+    str or None
+        None where nothing speaks against it.
+    """
+    if plausible(system, speed, density, extent):
+        return None
+    length, mass, _ = UNITS[system]
+    fits = [name for name in UNITS if plausible(name, speed, density, extent)]
+    hint = f"are the files in {' or '.join(fits)} (--units)?" if fits else "are the units right?"
+    return (f"in {system} the speed of sound is about {speed * length:.2g} m/s, the density about "
+            f"{density * mass / length**3:.2g} kg/m³ and the part measures {extent * length:.3g} m:"
+            f" {hint}")  # fmt: skip
+
+
+def spacing(points: NDArray[np.float64]) -> float:
+    """Typical distance of a node to the nearest other one; 0 where all lie in one place."""
+    from scipy.spatial import cKDTree
+
+    points = np.unique(points, axis=0)
+    if len(points) < 2:
+        return 0.0
+    some = points[:: max(1, len(points) // 2000)]
+    return float(np.median(cKDTree(points).query(some, k=2)[0][:, 1]))
