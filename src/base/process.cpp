@@ -1,5 +1,7 @@
 #include "base/process.hpp"
 
+#include "base/error.hpp"
+
 #include <dlfcn.h>
 #include <malloc.h>
 #include <sys/resource.h>
@@ -25,7 +27,36 @@ extern "C" void ask_to_end(int signal) {
   std::signal(signal, SIG_DFL); // a second one ends at once
 }
 
+volatile std::sig_atomic_t interrupted = 0;
+
+extern "C" void ask_to_stop(int signal) {
+  interrupted = 1;
+  std::signal(signal, SIG_DFL); // a second one ends at once
+}
+
 } // namespace
+
+InterruptGuard::InterruptGuard() {
+  interrupted = 0;
+  if (sigaction(SIGINT, nullptr, &before_) != 0 || before_.sa_handler == SIG_IGN) return;
+  struct sigaction ours {};
+  ours.sa_handler = ask_to_stop;
+  ours.sa_flags = SA_RESTART;
+  installed_ = sigaction(SIGINT, &ours, nullptr) == 0;
+}
+
+InterruptGuard::~InterruptGuard() {
+  const bool late = interrupted != 0;
+  interrupted = 0;
+  if (installed_) sigaction(SIGINT, &before_, nullptr);
+  if (late) std::raise(SIGINT); // the work was done before it looked
+}
+
+void stop_if_interrupted() {
+  if (!interrupted) return;
+  interrupted = 0;
+  throw Interrupted("interrupted");
+}
 
 void let_sigterm_ask() { std::signal(SIGTERM, ask_to_end); }
 

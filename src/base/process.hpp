@@ -2,6 +2,7 @@
 
 #include <mpi.h>
 
+#include <csignal>
 #include <string>
 
 namespace flexgram {
@@ -39,6 +40,23 @@ double available_memory_mb(MPI_Comm comm);
 void let_sigterm_ask();
 /// Whether it did, on this rank.
 bool asked_to_end();
+
+/// While it lives, the first SIGINT (Ctrl-C) only asks this process to end, see
+/// stop_if_interrupted(); a second one ends it. For work on one rank: mpirun ends several.
+class InterruptGuard {
+public:
+  InterruptGuard();
+  ~InterruptGuard();
+  InterruptGuard(const InterruptGuard&) = delete;
+  InterruptGuard& operator=(const InterruptGuard&) = delete;
+
+private:
+  struct sigaction before_ {};
+  bool installed_ = false;
+};
+/// Called between the steps of long work.
+/// @throws Interrupted if Ctrl-C asked this rank to end.
+void stop_if_interrupted();
 
 /// Wall clock [s].
 double now();

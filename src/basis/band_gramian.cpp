@@ -1,5 +1,7 @@
 #include "basis/band_gramian.hpp"
 
+#include "base/process.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -51,6 +53,7 @@ std::vector<Dense> by_modes(const DenseResponse& response, const Quadrature& nod
   Dense scalar(N, 0);
   constexpr std::size_t chunk = 256;
   for (std::size_t first = 0; first < nodes.omega.size(); first += chunk) {
+    stop_if_interrupted();
     const std::size_t count = std::min(chunk, nodes.omega.size() - first);
     Dense next(N, 2 * static_cast<int>(count));
     for (std::size_t l = 0; l < count; ++l) {
@@ -78,6 +81,7 @@ std::vector<Dense> by_solves(const DenseResponse& response, const Quadrature& no
   const int N = response.system().order(), ports = response.system().B.columns;
   std::vector<Dense> factors(static_cast<std::size_t>(ports), Dense(N, 0));
   for (std::size_t l = 0; l < nodes.omega.size(); ++l) {
+    stop_if_interrupted();
     const double root = std::sqrt(nodes.weight[l] / std::numbers::pi);
     const ComplexDense x = response.modal_response(nodes.omega[l]);
     for (int p = 0; p < ports; ++p) {

@@ -1,5 +1,7 @@
 #include "linalg/lbfgs.hpp"
 
+#include "base/process.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <deque>
@@ -61,6 +63,7 @@ double minimise(const Objective& f, Vector& x, const LbfgsOptions& options) {
   std::deque<Pair> pairs;
   std::deque<double> before;
   for (int k = 0; k < options.iterations; ++k) {
+    stop_if_interrupted();
     const Vector d = direction(pairs, g);
     const double slope = dot(g, d);
     if (!(slope < 0)) break;

@@ -1,5 +1,6 @@
 #include "linalg/shifted_solver.hpp"
 
+#include "base/process.hpp"
 #include "base/text.hpp"
 #include "linalg/ordering.hpp"
 #include "linalg/shifted_engine.hpp"
@@ -137,6 +138,7 @@ FactorEstimate ShiftedSolver::analyse(bool real) {
 
 void ShiftedSolver::factorise(const ShiftCoefficients& coefficients,
                               Definiteness definiteness) {
+  stop_if_interrupted();
   State& s = *state_;
   s.current = &s.prepare(coefficients.real(), s.single);
   s.current->count_pivots(s.count);
@@ -228,6 +230,7 @@ void ShiftedSolver::State::require_regular(const Block& b, const Block& x) const
 }
 
 ShiftedSolver::Solution ShiftedSolver::solve(const Block& b, Verify verify) {
+  stop_if_interrupted();
   State& s = *state_;
   const bool real = s.coefficients.real();
   const PetscInt p = b.columns();

@@ -1,5 +1,7 @@
 #include "medium/error_over_band.hpp"
 
+#include "base/process.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -160,6 +162,7 @@ ErrorOverBand::Look ErrorOverBand::look(Node& node, Small small) {
 bool ErrorOverBand::meets(const DenseSystem& system, double tolerance) {
   const DenseResponse small(system, medium_.model().tau);
   const auto fails = [&](std::size_t l) {
+    stop_if_interrupted();
     const ComplexDense H_r = small.transfer(omega()[l]);
     for (std::size_t v = 0; v < medium_.grid().views.size(); ++v)
       if (!(on_grid(v, l, H_r) <= tolerance)) return true;
@@ -192,6 +195,7 @@ std::optional<double> ErrorOverBand::exceeds(Small small, double tolerance) {
   std::vector<Node*> open;
   for (const auto& root : medium_.roots()) open.push_back(root.get());
   for (int count = 0; !open.empty(); ++count) {
+    stop_if_interrupted();
     Node& node = *open.back();
     open.pop_back();
     const Look seen = look(node, small);
@@ -214,6 +218,7 @@ std::optional<double> ErrorOverBand::exceeds(Small small, double tolerance) {
 void ErrorOverBand::exclude(std::vector<Node*> zones, const DenseResponse& small,
                             double allowed, Supremum& result) {
   while (!zones.empty()) {
+    stop_if_interrupted();
     Node& node = *zones.back();
     zones.pop_back();
     ++result.intervals;
@@ -296,6 +301,7 @@ ErrorOverBand::Supremum ErrorOverBand::supremum(const DenseSystem& system, doubl
     else
       enter(*root);
   while (!open.empty()) {
+    stop_if_interrupted();
     const Open top = open.top();
     open.pop();
     // `best` may have risen since; an infinite error at one frequency ends the search.

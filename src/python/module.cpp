@@ -1,6 +1,8 @@
 /// Python module _flexgram: reduction in the caller's process and communicator. The
 /// package flexgram (python/flexgram) is its user; nothing here is documented for others.
 
+#include "base/parallel.hpp"
+#include "base/process.hpp"
 #include "base/text.hpp"
 #include "io/body_io.hpp"
 #include "io/reduced_fields.hpp"
@@ -240,8 +242,10 @@ struct Call {
     if (settings.restart || settings.checkpoint != "auto")
       throw Error("{checkpoint} and {restart} are for the program: in Python keep the "
                   "Medium that certify returns");
+    if (comm_size(comm) == 1) interrupt.emplace();
   }
   CallOptions guard;
+  std::optional<InterruptGuard> interrupt; ///< Ctrl-C, on one rank
   Settings settings;
   Options options;
   std::unique_ptr<Observer> observer;
@@ -396,6 +400,8 @@ PYBIND11_MODULE(_flexgram, module) {
   py::register_exception_translator([](std::exception_ptr pointer) {
     try {
       if (pointer) std::rethrow_exception(pointer);
+    } catch (const Interrupted&) {
+      PyErr_SetString(PyExc_KeyboardInterrupt, "");
     } catch (const Error& error) {
       const auto kind = py::module_::import("flexgram.basics").attr("BodyError");
       PyErr_SetString(kind.ptr(), option_names(error.what()).c_str());

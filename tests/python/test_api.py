@@ -235,3 +235,10 @@ def test_commands(rack: Path, tmp_path: Path, capsys: Any) -> None:
         message = capsys.readouterr().err
         assert message.startswith("flexgram: ") and expected in message, message
         assert message.count("\n") == 1
+
+
+def test_ctrl_c_ends_a_call_and_nothing_else(rack: Path) -> None:
+    done = program("interrupted", rack, 0.05, 0.21, 0.4)
+    assert done.split() == ["certify", "True", "cut", "True"] * 3 + [
+        "equal", "True", "order", "True", "certified"
+    ]  # fmt: skip
