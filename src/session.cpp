@@ -121,6 +121,8 @@ int run_session(int argc, char** argv, const std::vector<std::string>& verbs,
     const PetscErrorCode started = SlepcInitialize(&argc, &argv, nullptr, nullptr);
     if (started) throw Error("PETSc or SLEPc did not start; see the message above");
     install_petsc_error_handler();
+    std::signal(SIGPIPE, SIG_IGN); // a closed pipe (| head) ends the talk, not the work
+    reserve_blas_buffers();
     FG_CALL(PetscLogDefaultBegin());
     status = run(verb, PETSC_COMM_WORLD);
     warn_of_unused_options();

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import os
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -20,6 +22,14 @@ COUPLINGS = {
 #: Endings of files that are meshes and nothing else.
 MESHES = (".msh", ".vtu", ".vtk", ".med", ".xdmf", ".xmf", ".exo", ".e", ".cgns", ".unv", ".h5m",
           ".ugrid", ".su2", ".mesh", ".meshb", ".vol")  # fmt: skip
+
+
+def say(line: str) -> None:
+    """Print; where nobody listens any more (``| head``) the work goes on."""
+    try:
+        print(line, flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 class _Named(argparse.Action):
@@ -78,17 +88,17 @@ def _interface(facts: dict[str, Any]) -> str:
 
 
 def _say_mesh(options: argparse.Namespace, counts: dict[str, Any]) -> None:
-    print(f"  {options.output}: {counts['points']} nodes, {counts['elements']} elements")
-    print(f"  it measures {_lengths(counts['extent'])} m")
+    say(f"  {options.output}: {counts['points']} nodes, {counts['elements']} elements")
+    say(f"  it measures {_lengths(counts['extent'])} m")
     for name, facts in counts["interfaces"].items():
-        print(f"  interface {name}: {_interface(facts)}")
+        say(f"  interface {name}: {_interface(facts)}")
         if facts["distance"] > 3 and facts["nodes"] > 1:
-            print(
+            say(
                 f"  warning: the reference of {name} is {facts['distance']:.0f} sizes of "
                 "its node set away from its middle: right units?"
             )
     if max(counts["extent"]) > 15 and counts["units"] == "SI":
-        print("  note: is the mesh in millimetres (units mm-t-s)?")
+        say("  note: is the mesh in millimetres (units mm-t-s)?")
 
 
 def _import_mesh(options: argparse.Namespace, named: list[tuple[str, str]]) -> None:
@@ -159,26 +169,26 @@ def _import(options: argparse.Namespace) -> None:
         beta=options.beta,
         eta=options.eta,
     )
-    print(f"  {options.output}: n = {facts['rows']}, {facts['nonzeros']:.3g} nonzeros in K as read")
+    say(f"  {options.output}: n = {facts['rows']}, {facts['nonzeros']:.3g} nonzeros in K as read")
     if "extent" in facts:
-        print(f"  it measures {_lengths(facts['extent'])} m")
+        say(f"  it measures {_lengths(facts['extent'])} m")
     if "mass" in facts:
         at = ", ".join(f"{x:.6g}" for x in facts["centre"])
         inertia = ", ".join(f"{facts['inertia'][i, i]:.6g}" for i in range(3))
-        print(
+        say(
             f"  mass {facts['mass']:.6g} kg of the free rows, centre ({at}) m, inertia about it "
             f"{inertia} kg m²"
         )
         left = f"{facts['free']} of 6 rigid motions are free"
-        print(f"  {left} (relative energy at most {facts['rigid_energy'].max():.0e})")
+        say(f"  {left} (relative energy at most {facts['rigid_energy'].max():.0e})")
     for name, interface in facts["interfaces"].items():
-        print(f"  interface {name}: {_interface(interface)}")
-    print(
+        say(f"  interface {name}: {_interface(interface)}")
+    say(
         f"  {len(facts['ports'])} ports: {', '.join(facts['ports'][:12])}"
         f"{' …' if len(facts['ports']) > 12 else ''}"
     )
     for remark in facts["remarks"]:
-        print(f"  note: {remark}")
+        say(f"  note: {remark}")
 
 
 def _plot_options(parser: argparse.ArgumentParser) -> None:
@@ -230,7 +240,7 @@ def _plot(options: argparse.Namespace) -> None:
         from flexgram.plots import plot_sweep  # matplotlib is slow to load
 
         plot_sweep(options.source, options.output, options.rom)
-        print(f"  wrote {options.output}")
+        say(f"  wrote {options.output}")
         return
     from flexgram import figures
     from flexgram.reduced import ReducedModel
@@ -256,11 +266,11 @@ def _plot(options: argparse.Namespace) -> None:
         path = options.output / f"{name}.{options.suffix}" if every else options.output
         try:
             figures.save(figures.FIGURES[name](model, **arguments.get(name, {})), path)
-            print(f"  wrote {path}")
+            say(f"  wrote {path}")
         except BodyError as reason:
             if not every:
                 raise
-            print(f"  left out {name}: {reason}")
+            say(f"  left out {name}: {reason}")
 
 
 def _report_options(parser: argparse.ArgumentParser) -> None:
@@ -279,8 +289,8 @@ def _report(options: argparse.Namespace) -> None:
         sweep=options.sweep,
         ports=_pairs(options.port),
     ):
-        print(f"  left out {line}")
-    print(f"  wrote {options.output}")
+        say(f"  left out {line}")
+    say(f"  wrote {options.output}")
 
 
 def _export_options(parser: argparse.ArgumentParser) -> None:
@@ -312,7 +322,7 @@ def _export(options: argparse.Namespace) -> None:
         extra["dialect"] = options.dialect
     model = ReducedModel.load(options.rom)
     export(model, options.output, options.to, **extra)
-    print(f"  wrote {options.output}: {model}")
+    say(f"  wrote {options.output}: {model}")
 
 
 def _info_options(parser: argparse.ArgumentParser) -> None:
@@ -323,7 +333,7 @@ def _info(options: argparse.Namespace) -> None:
     from flexgram.info import describe
 
     for line in describe(options.file):
-        print(f"  {line}")
+        say(f"  {line}")
 
 
 def _simulate_options(parser: argparse.ArgumentParser) -> None:
@@ -373,12 +383,12 @@ def _simulate(options: argparse.Namespace) -> None:
     header = "t," + ",".join(model.outputs)
     with written_aside(options.output) as place:
         np.savetxt(place, np.column_stack([t, y]), delimiter=",", header=header, comments="")
-    print(f"  wrote {options.output}: {len(t)} times, {len(model.outputs)} outputs")
+    say(f"  wrote {options.output}: {len(t)} times, {len(model.outputs)} outputs")
     if options.xdmf is not None:
         from flexgram.exporters.shapes import write_motion
 
         write_motion(model, options.xdmf, t, q, body=options.body)
-        print(f"  wrote {options.xdmf}")
+        say(f"  wrote {options.xdmf}")
 
 
 #: name: what it does, example, its options, the work

@@ -31,6 +31,9 @@ class MemoryError : public Error {
   using Error::Error;
 };
 
+inline constexpr const char* out_of_memory =
+    "out of memory: use more ranks or fewer groups (flexgram plan tells the need)";
+
 /// The run was asked to end; what is finished is in a checkpoint.
 class Interrupted : public Error {
   using Error::Error;

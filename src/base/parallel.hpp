@@ -20,9 +20,6 @@ int comm_size(MPI_Comm comm);
 /// the message. Collective.
 void throw_if_any_failed(MPI_Comm comm, const char* local_message);
 
-inline constexpr const char* out_of_memory =
-    "out of memory: use more ranks or fewer groups (flexgram plan tells the need)";
-
 /// Runs rank-local work that can fail; if it throws on one rank, all ranks throw
 /// together. The work may communicate within a part of comm whose ranks fail together.
 /// Collective on comm, always on.

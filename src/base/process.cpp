@@ -15,6 +15,7 @@
 #include <limits>
 #include <sched.h>
 #include <string>
+#include <vector>
 
 namespace flexgram {
 
@@ -88,6 +89,22 @@ bool set_blas_threads(int threads) {
       return true;
     }
   return false;
+}
+
+void reserve_blas_buffers() {
+  rlimit limit{};
+  void* symbol = dlsym(RTLD_DEFAULT, "dgemm_");
+  if (getrlimit(RLIMIT_AS, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY || !symbol)
+    return;
+  using Gemm = void (*)(const char*, const char*, const int*, const int*, const int*,
+                        const double*, const double*, const int*, const double*,
+                        const int*, const double*, double*, const int*);
+  const int n = 256; // enough for every thread to take part
+  const std::vector<double> a(n * n, 0.0);
+  std::vector<double> c(n * n, 0.0);
+  const double zero = 0;
+  reinterpret_cast<Gemm>(symbol)("N", "N", &n, &n, &n, &zero, a.data(), &n, a.data(), &n,
+                                 &zero, c.data(), &n);
 }
 
 std::string blas_version() {
@@ -173,8 +190,20 @@ double cgroup_available_mb() {
 
 } // namespace
 
+/// What a limit of this process's own leaves (ulimit -v).
+double address_space_mb() {
+  rlimit limit{};
+  if (getrlimit(RLIMIT_AS, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY)
+    return std::numeric_limits<double>::infinity();
+  double pages = 0;
+  std::ifstream("/proc/self/statm") >> pages;
+  const double used = pages * static_cast<double>(sysconf(_SC_PAGESIZE));
+  return std::max(0.0, (static_cast<double>(limit.rlim_cur) - used) / 1e6);
+}
+
 double available_memory_mb(MPI_Comm comm) {
-  return std::min(meminfo_available_mb(), cgroup_available_mb()) / node_share(comm).ranks;
+  const double shared = std::min(meminfo_available_mb(), cgroup_available_mb());
+  return std::min(shared / node_share(comm).ranks, address_space_mb());
 }
 
 double now() { return MPI_Wtime(); }

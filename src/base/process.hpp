@@ -19,6 +19,10 @@ NodeShare node_share(MPI_Comm comm);
 /// BLIS_NUM_THREADS or OMP_NUM_THREADS wins.
 bool set_blas_threads(int threads);
 
+/// Lets the BLAS take its buffers now where the address space is limited (ulimit -v):
+/// OpenBLAS would wait for ever for them later, once other memory has used the limit up.
+void reserve_blas_buffers();
+
 /// Makes malloc keep freed pages: large work arrays are reused by each factorisation, and
 /// the first touch of fresh memory is dear in virtual machines.
 void keep_freed_pages();

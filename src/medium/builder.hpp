@@ -42,6 +42,7 @@ private:
   void bound_least_eigenvalue();
   ResidualNorm norm_of(const Block& T);
   int largest_order() const;
+  std::string why_no_larger() const;
   void prove(int most_columns);
   void look_at(std::size_t level);
   void judge(MediumLevel& level);

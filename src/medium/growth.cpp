@@ -216,7 +216,8 @@ void MediumBuilder::grow() {
     }
     if (!image_ || space_->columns() + static_cast<int>(image_.columns()) > limit) {
       medium_.shortfall =
-          text("the largest order of the medium model, %d, is reached", limit);
+          text("the largest order of the medium model, %d, is reached (%s)", limit,
+               why_no_larger().c_str());
       break;
     }
     const int before = space_->columns();

@@ -335,15 +335,22 @@ void MediumBuilder::take_out_rigid_modes() {
   expected_ -= null;
 }
 
+/// Who says that the medium model may not be larger.
+std::string MediumBuilder::why_no_larger() const {
+  if (spec_.limit > 0) return "{medium_order}";
+  return largest_order() < std::min<double>(2000.0, static_cast<double>(fom_.n))
+             ? "what the memory allows that is free"
+             : "{medium_order} allows more";
+}
+
 /// All modes below the cutoff into the space; those without stiffness are rigid.
 void MediumBuilder::search_modes() {
   int solves = 0;
   if (expected_ + geometric_ > largest_order())
     throw Error(text(
         "%d modes lie below the cutoff of %g Hz, more than a medium model of order %d "
-        "can hold ({medium_order}): narrow {band_hz}, lower {cutoff}, or "
-        "take {method} pod",
-        expected_, medium_.cutoff * hz, largest_order()));
+        "can hold (%s): narrow {band_hz}, lower {cutoff}, or take {method} pod",
+        expected_, medium_.cutoff * hz, largest_order(), why_no_larger().c_str()));
   if (expected_ > 0) {
     Stage stage(observer_, "modes");
     solves = find_modes(*space_, solver_, medium_.cutoff * medium_.cutoff, expected_,

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from conftest import ENVIRONMENT, PYTHON, ROOT, chain, run
+from conftest import ENVIRONMENT, PROGRAM, PYTHON, ROOT, chain, run
 from flexgram import BodyError, ReducedModel, write_matrices
 from flexgram.basics import written_aside
 from flexgram.exporters import FORMATS, export
@@ -117,3 +117,34 @@ def test_several_files_or_none(tmp_path: Path) -> None:
         place.with_suffix(".h5").write_text("whole")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["motion.h5", "motion.xdmf"]
     assert stat.S_IMODE(out.stat().st_mode) & 0o444 == 0o444
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_a_limit_of_the_address_space_never_hangs(rom: Path, tmp_path: Path, threads: int) -> None:
+    """OpenBLAS waits for ever where it gets no buffer: an error, or a result."""
+    body, out = rom.parent / "rack.h5", tmp_path / "r.h5"
+    seen = set()
+    for megabytes in range(200, 1000, 50):
+        command = f'ulimit -v {1024 * megabytes}; exec "$@"'
+        words = [PROGRAM, "reduce", "-body", body, "-mor_band_hz", "10,100", "-mor_out", out]
+        done = subprocess.run(["bash", "-c", command, "-", *map(str, words)], text=True,
+                              env=ENVIRONMENT | {"OPENBLAS_NUM_THREADS": str(threads)},
+                              capture_output=True, timeout=60)  # fmt: skip
+        seen.add(done.returncode)
+        assert done.returncode in (0, 1, 2), (megabytes, done.stderr)
+        if done.returncode == 1:
+            assert len([x for x in done.stderr.splitlines() if x.startswith("flexgram: ")]) == 1
+    assert seen >= {0, 1}
+
+
+def test_a_closed_pipe_ends_the_talk_not_the_work(rom: Path, tmp_path: Path) -> None:
+    body, out = rom.parent / "rack.h5", tmp_path / "r.h5"
+    command = (
+        f"'{PROGRAM}' reduce -body '{body}' -mor_out '{out}' | head -1; exit ${{PIPESTATUS[0]}}"
+    )
+    done = subprocess.run(["bash", "-c", command], env=ENVIRONMENT, capture_output=True, text=True)
+    assert done.returncode == 0 and out.exists(), done.stderr
+    pictures = tmp_path / "pictures"
+    command = f"'{PROGRAM}' plot '{out}' -o '{pictures}' | head -1"
+    done = subprocess.run(["bash", "-c", command], env=ENVIRONMENT, capture_output=True, text=True)
+    assert len(list(pictures.iterdir())) == 5 and not done.stderr

@@ -23,12 +23,12 @@ def interrupted(work, after: float) -> bool:
         return True
 
 
+optimal = {"mor_second_stage": "optimal"}
 for after in seconds:
     print(
         "certify", interrupted(lambda: flexgram.certify(body, band_hz=(10, 500), tol=1e-6), after)
     )
-    options = {"mor_second_stage": "optimal"}
-    print("cut", interrupted(lambda: medium.reduce(order=before.order, options=options), after))
+    print("cut", interrupted(lambda: medium.reduce(order=before.order, options=optimal), after))
 again = medium.reduce(tol=1e-5)
 omega = 2 * np.pi * 123.4
 difference = np.abs(again.transfer(omega) - before.transfer(omega)).max()
