@@ -10,12 +10,14 @@ import h5py
 import matplotlib
 import numpy as np
 from matplotlib.figure import Figure  # not pyplot: the caller's backend stays the caller's
+from scipy.linalg import eigh
 
 from flexgram.basics import BodyError, errors_of, written_aside
 from flexgram.geometry import Geometry, body_of
-from flexgram.reduced import ReducedModel
+from flexgram.reduced import Floats, ReducedModel
 
 HZ = 1 / (2 * np.pi)
+KINDS = ("displacement from force", "rotation from moment")
 FULL, REDUCED, BOUND = "#444444", "#0868ac", "#e08214"
 
 
@@ -28,24 +30,31 @@ def _axes(width: float = 6.4, height: float = 3.6) -> tuple[Figure, Any]:
 
 def error(model: ReducedModel) -> Figure:
     """Relative error (eq. 17) and its certified bound over the band."""
-    figure, axes = _axes()
+    figure, axes = _axes(height=4.2)
     hz = model.omega * HZ
     if len(model.bound):
         word = "certified" if model.kind.startswith("certified") else "estimated"
         axes.semilogy(hz, model.bound, color=BOUND, lw=3.5, alpha=0.6, label=f"{word} bound")
-        for i, (first, last) in enumerate(model.bands * HZ):
-            axes.plot([first, last], 2 * [model.certified_error], "--", color=BOUND, lw=1.2,
-                      label=f"{word} everywhere" if i == 0 else None)  # fmt: skip
+        everywhere = [("all of H, everywhere", model.whole_error, "--", BOUND)]
+        if len(model.by_kind):
+            everywhere += [
+                (f"{kind}, everywhere", value, style, "#7a6a55")
+                for kind, value, style in zip(KINDS, model.by_kind, ("-.", ":"), strict=True)
+            ]
+        for label, value, style, color in everywhere:
+            for i, (first, last) in enumerate(model.bands * HZ):
+                axes.plot([first, last], 2 * [max(value, 1e-17)], style, color=color, lw=1.2,
+                          label=f"{label}: {value:.1e}" if i == 0 else None)  # fmt: skip
         for i, (first, last) in enumerate(model.excluded * HZ):
             axes.axvspan(first, last, color="#d7301f", lw=1.5,
                          label="excluded" if i == 0 else None)  # fmt: skip
         axes.semilogy(hz, np.maximum(model.floor, 1e-17), ":", color=BOUND, lw=1,
-                      label="its part that is rounding")  # fmt: skip
+                      label="part of it that is rounding")  # fmt: skip
     style = "-" if len(model.bound) else "."
     label = "error against the medium model" if len(model.bound) else "error"
     axes.semilogy(hz, np.maximum(model.error, 1e-17), style, color=REDUCED, lw=1, label=label)
     axes.set(xlabel="frequency [Hz]", ylabel="relative error of H")
-    axes.legend()
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncol=2, fontsize=7)
     return figure
 
 
@@ -96,11 +105,20 @@ def transfer(
             axes.semilogy(hz, np.abs(full[:, i, j]), color=FULL, label="full body")
         axes.semilogy(hz, np.abs(H[:, i, j]), "--" if full is not None else "-", color=REDUCED,
                       label=f"reduced, m = {model.order}")  # fmt: skip
-        axes.set(ylabel="|H| [SI]", title=f"{output} from {port}")
+        axes.set(ylabel=f"|H| [{unit_of(output, port)}]", title=f"{output} from {port}")
         axes.grid(alpha=0.3)
         axes.legend()
     panels[-1, 0].set(xlabel="frequency [Hz]")
     return figure
+
+
+def unit_of(output: str, port: str) -> str:
+    """Unit of an element of H, by how ports are named (``upper.fz``, ``upper.mx``)."""
+    kinds = [name.rpartition(".")[2] for name in (output, port)]
+    if not all(kind in ("fx", "fy", "fz", "mx", "my", "mz") for kind in kinds):
+        return "SI"
+    of_output, of_input = ("rad" if kinds[0][0] == "m" else "m"), kinds[1][0]
+    return f"{of_output}/{'(N m)' if of_input == 'm' else 'N'}"
 
 
 def stages(model: ReducedModel) -> Figure:
@@ -115,26 +133,36 @@ def stages(model: ReducedModel) -> Figure:
     return figure
 
 
+def elastic_modes(model: ReducedModel, count: int) -> tuple[Floats, Floats]:
+    """Frequencies [Hz] and shapes (k, m) of the lowest modes of the reduced body that are not
+    rigid, without damping."""
+    squares, shapes = eigh(0.5 * (model.K + model.K.T), 0.5 * (model.M + model.M.T))
+    hz = np.sqrt(np.maximum(squares, 0)) * HZ
+    chosen = np.flatnonzero(hz > 1e-6 * hz.max(initial=0))[:count]
+    return hz[chosen], shapes[:, chosen].T
+
+
 def shapes(model: ReducedModel, body: str | Path | None = None, count: int = 5) -> Figure:
-    """The mesh with its interfaces, and the first elastic basis vectors."""
+    """The mesh with its interfaces, and the lowest elastic modes of the reduced body."""
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     geometry = Geometry.load(body_of(model, body))
     triangles = geometry.surface()
     if not len(triangles):
         raise BodyError("the body has no solid elements to draw")
-    if len(triangles) > 20000:  # a picture needs no more
-        triangles = triangles[:: len(triangles) // 20000 + 1]
-    first = model.frame["rigid_modes"] if model.frame["kind"] != "none" else 0
-    chosen = list(range(first, min(first + count, model.order)))
-    motion = geometry.motion(model, np.eye(model.order)[chosen])
+    step = len(triangles) // 20000 + 1  # a picture needs no more
+    marked = {name: triangles[np.isin(triangles, nodes).all(axis=1)]
+              for name, nodes in geometry.interfaces.items()}  # fmt: skip
+    triangles = triangles[::step]
+    hz, modes = elastic_modes(model, count)
+    motion = geometry.motion(model, modes) if len(modes) else np.empty((0, 0, 3))
     size = float(np.ptp(geometry.points, axis=0).max())
     columns = 3
-    rows = -(-(1 + len(chosen)) // columns)
+    rows = -(-(1 + len(modes)) // columns)
     figure = Figure(figsize=(3.4 * columns, 3.2 * rows), layout="constrained")
     used = np.unique(triangles)
     center = 0.5 * (geometry.points[used].max(axis=0) + geometry.points[used].min(axis=0))
-    for place in range(1 + len(chosen)):
+    for place in range(1 + len(modes)):
         axes = figure.add_subplot(rows, columns, place + 1, projection="3d")
         points = geometry.points
         color: Any = "#9ecae1"
@@ -148,17 +176,33 @@ def shapes(model: ReducedModel, body: str | Path | None = None, count: int = 5) 
             Poly3DCollection(points[triangles], facecolor=color, edgecolor="#00000018", lw=0.2)
         )
         if not place:
-            for name, nodes in geometry.interfaces.items():
-                axes.plot(*geometry.points[nodes].T, ".", ms=2, label=name)
-            if geometry.interfaces:
-                axes.legend(fontsize=7, loc="upper left")
+            axes.computed_zorder = False
+            _mark(axes, geometry, marked)
         for axis, at in zip("xyz", center, strict=True):
             getattr(axes, f"set_{axis}lim")(at - 0.55 * size, at + 0.55 * size)
         axes.set_box_aspect((1, 1, 1))
         axes.set_axis_off()
-        title = f"basis vector {chosen[place - 1] + 1}" if place else "body and interfaces"
+        title = f"{hz[place - 1]:.5g} Hz" if place else "body and interfaces"
         axes.set_title(title, fontsize=9)
     return figure
+
+
+def _mark(axes: Any, geometry: Geometry, marked: dict[str, Any]) -> None:
+    """Faces of each interface in a colour, seen through the body, and its nodes."""
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    for k, (name, nodes) in enumerate(geometry.interfaces.items()):
+        color = f"C{1 + k % 9}"
+        faces = marked[name]
+        if len(faces):
+            patches = Poly3DCollection(
+                geometry.points[faces], facecolor=color, alpha=0.6, zorder=10
+            )
+            axes.add_collection3d(patches)
+        size = 1 if len(faces) else 4
+        axes.plot(*geometry.points[nodes].T, ".", ms=size, color=color, label=name, zorder=11)
+    if geometry.interfaces:
+        axes.legend(fontsize=7, loc="upper left", markerscale=4)
 
 
 FIGURES: dict[str, Callable[..., Figure]] = {

@@ -63,6 +63,8 @@ class ReducedModel:
         it, relative, and how far its residue, relative. Empty with a damping matrix.
     tolerance : float or None
         That was asked for; ``met`` tells whether ``certified_error`` is within it.
+    whole_error : float
+        The same of H as a whole, eq. (17), by itself.
     by_kind : (2,) array
         Largest bounds of displacement from force and of rotation from moment; empty if the
         tolerance was for H as a whole, or none was given.
@@ -95,6 +97,7 @@ class ReducedModel:
         self.by_kind = array("error/by_kind")
         known = np.concatenate([self.bound if len(self.bound) else self.error, self.by_kind, [0]])
         self.certified_error = float(fields.get("error/worst", known.max()))
+        self.whole_error = float(fields.get("error/whole", self.certified_error))
         self.attained_error = float(fields.get("error/attained", known.max()))
         self.attained_at = float(fields.get("error/at", np.nan))
         self.rigid_rounding = float(fields.get("error/rigid_rounding", 0.0))

@@ -22,8 +22,10 @@ body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); margin: 0 auto; 
 h1 { font-size: 1.7rem; margin: 0 0 .2rem; } h2 { font-size: 1.15rem; margin: 2rem 0 .6rem;
        border-bottom: 1px solid var(--line); padding-bottom: .2rem; }
 .lead { color: var(--soft); margin: 0 0 1rem; }
-.cards { display: grid; gap: .8rem;
-       grid-template-columns: repeat(auto-fit, minmax(10.5rem, 1fr)); }
+.cards { display: grid; gap: .8rem; }
+.card:first-child { grid-column: span var(--first, 1); }
+@media (min-width: 40rem) { .columns-3 { grid-template-columns: repeat(3, 1fr); }
+       .columns-2 { grid-template-columns: repeat(2, 1fr); } }
 .card { border: 1px solid var(--line); border-radius: .5rem; padding: .7rem; }
 .card b { display: block; font-size: 1.35rem; }
 .card span { color: var(--soft); font-size: .85rem; }
@@ -87,8 +89,9 @@ def _cards(model: ReducedModel) -> str:
     hz = model.bands / (2 * np.pi)
     kinds = ""
     if len(model.by_kind):
-        kinds = (f" (displacement from force {model.by_kind[0]:.1e}, rotation from moment "
-                 f"{model.by_kind[1]:.1e})")  # fmt: skip
+        of = [f"{kind} {value:.1e}"
+              for kind, value in zip(figures.KINDS, model.by_kind, strict=True)]  # fmt: skip
+        kinds = f": the largest of all of H {model.whole_error:.1e}, {', '.join(of)}"
     cards = [
         (f"{model.certified_error:.1e}", f"largest relative error over the band, {model.label}"
          + kinds + ("" if model.met else f"; NOT within the tolerance {model.tolerance:g}"),
@@ -106,8 +109,21 @@ def _cards(model: ReducedModel) -> str:
     peak = model.log.get("peak_memory_mb_per_rank")
     if peak:
         cards.append((f"{float(peak):.0f} MB", "peak memory on a rank", ""))
-    return "".join(f'<div class="card {kind}"><b>{value}</b><span>{html.escape(what)}</span></div>'
-                   for value, what, kind in cards)  # fmt: skip
+    tiles = "".join(f'<div class="card {kind}"><b>{value}</b><span>{html.escape(what)}</span></div>'
+                    for value, what, kind in cards)  # fmt: skip
+    columns = 3 if len(cards) in (3, 5, 6) else 2  # full rows, the first tile makes up for one
+    first = ' style="--first: 2"' if len(cards) == 5 else ""
+    return f'<div class="cards columns-{columns}"{first}>{tiles}</div>'
+
+
+def _when(log: dict[str, Any]) -> str:
+    """When, where, and with which options the body was reduced."""
+    told = ""
+    if "date" in log:
+        told = f", {log['date']} on {log.get('host', '')}"
+    if log.get("given"):
+        told += f"; <code>{html.escape(str(log['given']))}</code>"
+    return told
 
 
 def write_report(
@@ -160,21 +176,21 @@ def write_report(
         f"<h1>{html.escape(Path(str(log.get('body', rom))).stem)}, reduced</h1>",
         f"<p class=lead>{html.escape(str(log.get('body', '')))} by flexgram "
         f"({html.escape(how)}), "
-        f"in {html.escape(Path(rom).name)}</p>",
-        f'<div class="cards">{_cards(model)}</div>',
+        f"in {html.escape(Path(rom).name)}{_when(log)}</p>",
+        _cards(model),
         *(f'<p class="warning">{html.escape(w)}</p>' for w in warnings),
         "<h2>Error over the band</h2>",
         draw("error", "Relative error of the transfer matrix, Frobenius norm, eq. (17) of Fehr, "
              "Eberhard and Lehner."),
         '<h2>Order and response</h2><div class="pair">',
-        draw("gramian", "Eigenvalues of the position Gramian over the band."),
+        draw("gramian", "Eigenvalues of the position Gramian over the band, and the order taken."),
         draw("transfer", "Transfer functions" + (" of the full and the reduced body." if sweep else
              " of the reduced body (name a sweep file to compare with the full one)."),
              sweep=None if sweep is None else Path(sweep), ports=ports),
         "</div>",
     ]  # fmt: skip
-    picture = draw("shapes", "Surface with the nodes of the interfaces; elastic basis vectors, "
-                   "enlarged.", raster=True, body=body)  # fmt: skip
+    picture = draw("shapes", "Surface with the interfaces; lowest elastic modes of the reduced "
+                   "body, enlarged.", raster=True, body=body)  # fmt: skip
     if picture:
         parts += ["<h2>Shapes</h2>", picture]
     parts += ["<h2>Plan: what was done, what was skipped and why</h2>",

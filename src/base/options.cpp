@@ -10,9 +10,7 @@
 namespace flexgram {
 namespace {
 
-std::string number_text(double value) { return text("%.17g", value); }
-
-std::string short_number(double value) { return text("%g", value); }
+std::string number_text(double value) { return text("%g", value); }
 
 double parse_number(const char* name, const std::string& word) {
   char* end = nullptr;
@@ -61,7 +59,7 @@ void Options::add(const char* name, double& value, const char* unit, const char*
   std::string word;
   const bool set = given(name, word);
   if (set) value = parse_number(name, word);
-  record(name, set ? number_text(value) : short_number(value), set, unit, "", help);
+  record(name, set ? word : number_text(value), set, unit, "", help);
 }
 
 void Options::add(const char* name, std::optional<double>& value, const char* unit,
@@ -69,7 +67,7 @@ void Options::add(const char* name, std::optional<double>& value, const char* un
   std::string word;
   const bool set = given(name, word);
   if (set) value = parse_number(name, word);
-  record(name, set ? number_text(*value) : "", set, unit, "", help);
+  record(name, word, set, unit, "", help);
 }
 
 void Options::add(const char* name, int& value, const char* unit, const char* help) {
@@ -118,9 +116,8 @@ void Options::add(const char* name, std::vector<double>& value, const char* unit
     require_option(!value.empty(), name, word, "a list of numbers such as 10,500");
   }
   std::vector<std::string> words;
-  for (double number : value)
-    words.push_back(set ? number_text(number) : short_number(number));
-  record(name, join(words, ","), set, unit, "", help);
+  for (double number : value) words.push_back(number_text(number));
+  record(name, set ? word : join(words, ","), set, unit, "", help);
 }
 
 void Options::add_choice(const char* name, std::string& value,

@@ -67,6 +67,11 @@ void write_options(Hdf5File& file, const Options& options) {
   file.create_group("/log/options");
   for (const auto& option : options.all())
     file.set_attribute("/log/options", option.name, option.value);
+  std::string given;
+  for (const auto& option : options.all())
+    if (option.set_by_user)
+      given += (given.empty() ? "" : " ") + option.name + " " + option.value;
+  file.set_attribute("/log", "given", given);
 }
 
 void write_reduced(const ReducedModel& rom, const Options& options,
