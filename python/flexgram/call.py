@@ -104,7 +104,8 @@ def _rows_of(matrices: Matrices, comm: Any) -> tuple[int, int]:
     """This rank's rows: those of the first petsc4py matrix, else an even share."""
     for matrix in (matrices.K, matrices.M, matrices.D):
         if hasattr(matrix, "handle"):
-            return matrix.getOwnershipRange()
+            owned: tuple[int, int] = matrix.getOwnershipRange()
+            return owned
     n, size, rank = matrices.K.shape[0], comm.size, comm.rank
     first = rank * (n // size) + min(rank, n % size)
     return first, first + n // size + (rank < n % size)

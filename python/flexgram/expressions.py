@@ -71,7 +71,7 @@ def function_of_time(text: str, t: Any) -> Any:
             takes = getattr(work, "nin", 1 if node.func.id == "sinc" else 3)
             if work is not None and len(node.args) == takes:  # NumPy would write into one more
                 return work(*(value(argument) for argument in node.args))
-        word = ast.get_source_segment(text, node) or text  # type: ignore[arg-type]
+        word = ast.get_source_segment(text, node) or text
         raise BodyError(f"{word!r} is not understood: an expression in t has numbers, pi, "
                         f"+ - * / % ** < > & | and {', '.join(FUNCTIONS)}")  # fmt: skip
 

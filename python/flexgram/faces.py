@@ -54,7 +54,8 @@ def outer(faces: IntArray) -> IntArray:
     """Faces that are there once, in the order of their nodes."""
     _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True,
                                 return_counts=True)  # fmt: skip
-    return faces[first[count == 1]]
+    alone: IntArray = faces[first[count == 1]]
+    return alone
 
 
 def volume_of(points: Floats, blocks: Sequence[tuple[str, IntArray]]) -> float:
@@ -174,7 +175,8 @@ def _cylinder(points: Floats, vectors: Floats, area: Floats) -> tuple[Floats, Fl
         """From the axis through (x0, x1, 0) along (x2, x3, 1) to the nodes."""
         direction = np.array([x[2], x[3], 1.0]) / np.sqrt(1 + x[2] ** 2 + x[3] ** 2)
         arm = local - [x[0], x[1], 0.0]
-        return arm - np.outer(arm @ direction, direction)
+        across: Floats = arm - np.outer(arm @ direction, direction)
+        return across
 
     flat = np.column_stack([2 * local[:, :2], np.ones(len(local))])
     circle, _, rank, _ = np.linalg.lstsq(flat, np.sum(local[:, :2] ** 2, axis=1), rcond=None)

@@ -80,4 +80,5 @@ def node_set(mesh: meshio.Mesh, regions: dict[str, list[IntArray]], name: str) -
         known = sorted({*regions, *mesh.point_sets} - {"all"})
         raise BodyError(f"there is no node set {name}; the mesh has {', '.join(known) or 'none'}")
     used = [mesh.cells[b].data[cells].ravel() for b, cells in enumerate(regions[name])]
-    return np.unique(np.concatenate(used)).astype(np.int64)
+    nodes: IntArray = np.unique(np.concatenate(used)).astype(np.int64)
+    return nodes

@@ -85,7 +85,9 @@ class ReducedModel:
     """
 
     def __init__(self, fields: dict[str, Any], save: Callable[[str], None] | None) -> None:
-        array = lambda name: np.asarray(fields.get(name, []), dtype=np.float64)  # noqa: E731
+        def array(name: str) -> Floats:
+            return np.asarray(fields.get(name, []), dtype=np.float64)
+
         self.M, self.D, self.K = array("M"), array("D"), array("K")
         self.B, self.C, self.V = array("B"), array("C"), array("V")
         self.eta = float(fields.get("eta", 0.0))
@@ -240,9 +242,10 @@ class ReducedModel:
         """The 2m poles s [rad/s] of the body without structural damping, by rising |s|."""
         m = self.order
         zero, one = np.zeros((m, m)), np.eye(m)
-        s = scipy.linalg.eigvals(np.block([[zero, one], [-self.K, -self.D]]),
+        s: ComplexArray = scipy.linalg.eigvals(np.block([[zero, one], [-self.K, -self.D]]),
                                  np.block([[one, zero], [zero, self.M]]))  # fmt: skip
-        return s[np.argsort(np.abs(s))]
+        s = s[np.argsort(np.abs(s))]
+        return s
 
     def state_space(self) -> tuple[Floats, Floats, Floats, Floats]:
         """A, B, C, D of x' = A x + B u, y = C x with x = [q, q'].

@@ -58,9 +58,11 @@ def taylor_terms(model: ReducedModel) -> dict[str, Taylor]:
     S, gyro = f["inertia_second"], f["gyroscopic"]
     inertia = f["M_r"][3:, 3:]
     J1 = np.array([[[-(c + c.T)[a, b]] for a, b in INERTIA] for c in C4]).reshape(n, 6, 1)
-    pair = lambda X: np.stack(  # noqa: E731  (…, 3, 3) -> (…, 6)
-        [X[..., a, b] if a == b else X[..., a, b] + X[..., b, a] for a, b in CENTRIFUGAL], axis=-1
-    )
+
+    def pair(X: Any) -> Any:  # (…, 3, 3) -> (…, 6)
+        parts = [X[..., a, b] if a == b else X[..., a, b] + X[..., b, a] for a, b in CENTRIFUGAL]
+        return np.stack(parts, axis=-1)
+
     Cr1 = np.swapaxes(gyro, 1, 2)  # [j, q, a]: ∫ρ φ_j · (e_a × φ_q)
     Oe1 = -pair(np.transpose(S, (1, 3, 0, 2)))  # [j, q, 6]
     return {
