@@ -15,7 +15,8 @@
 namespace {
 
 /// Threads that OpenBLAS will start.
-int blas_threads(char** environment) {
+__attribute__((no_sanitize("address", "undefined"))) int
+blas_threads(char** environment) {
   for (const char* name :
        {"OPENBLAS_NUM_THREADS=", "GOTO_NUM_THREADS=", "OMP_NUM_THREADS="})
     for (char** entry = environment; *entry; ++entry)
@@ -32,7 +33,8 @@ int blas_threads(char** environment) {
 /// and stack for each thread and the main one [MB], as measured (`ulimit -v` from below).
 constexpr unsigned long of_libraries = 470, of_a_thread = 64;
 
-void check(int, char**, char** environment) {
+__attribute__((no_sanitize("address", "undefined"))) void check(int, char**,
+                                                                char** environment) {
   rlimit limit{};
   if (getrlimit(RLIMIT_AS, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY) return;
   const auto threads = static_cast<unsigned long>(blas_threads(environment));

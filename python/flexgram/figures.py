@@ -77,7 +77,7 @@ def gramian(model: ReducedModel) -> Figure:
 def transfer(
     model: ReducedModel, sweep: Path | None = None, ports: list[tuple[str, str]] | None = None
 ) -> Figure:
-    """|H_r| for chosen (output, input) pairs; with a sweep file |H| of the full body beside it."""
+    """Amount of H_r for chosen (output, input) pairs; with a sweep file that of the full body."""
     full, hz = None, np.linspace(model.band[0] * HZ, model.band[1] * HZ, 800)
     inputs, outputs = model.inputs, model.outputs
     if sweep is not None:

@@ -239,7 +239,7 @@ class ReducedModel:
         return H[0] if np.ndim(omega) == 0 else H
 
     def poles(self) -> ComplexArray:
-        """The 2m poles s [rad/s] of the body without structural damping, by rising |s|."""
+        """The 2m poles s [rad/s] of the body without structural damping, by rising ``|s|``."""
         m = self.order
         zero, one = np.zeros((m, m)), np.eye(m)
         s: ComplexArray = scipy.linalg.eigvals(np.block([[zero, one], [-self.K, -self.D]]),

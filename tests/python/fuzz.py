@@ -280,16 +280,19 @@ def fuzz(kind: Kind, count: int, seed: int, place: Path) -> tuple[collections.Co
 
 
 def main() -> int:
+    global PROGRAM
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("count", type=int, nargs="?", default=300)
     parser.add_argument("seed", type=int, nargs="?", default=1)
-    parser.add_argument("--kind", choices=[kind.__name__ for kind in KINDS])
+    parser.add_argument("--kind", action="append", choices=[kind.__name__ for kind in KINDS])
+    parser.add_argument("--program", type=Path, default=PROGRAM, help="another build of flexgram")
     parser.add_argument("--place", type=Path, default=ROOT / "out" / "fuzz")
     options = parser.parse_args()
+    PROGRAM = options.program.resolve()
     failed = 0
     print(f"{'kind':16s} {'tried':>6s} {'read':>6s} {'refused':>8s} {'crashed':>8s}")
     for kind in KINDS:
-        if options.kind not in (None, kind.__name__):
+        if options.kind and kind.__name__ not in options.kind:
             continue
         found, first = fuzz(kind, options.count, options.seed, options.place)
         failed += found["crashed"]
