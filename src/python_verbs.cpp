@@ -23,7 +23,8 @@ bool is_program(const fs::path& path) {
 /// The path by which a program was called, looked up as a shell does.
 fs::path called_as(const char* name) {
   if (std::strchr(name, '/')) return name;
-  std::istringstream folders(std::getenv("PATH") ? std::getenv("PATH") : "");
+  const char* path = std::getenv("PATH");
+  std::istringstream folders(path ? path : "");
   for (std::string folder; std::getline(folders, folder, ':');)
     if (is_program(fs::path(folder) / name)) return fs::path(folder) / name;
   return {};

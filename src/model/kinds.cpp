@@ -32,8 +32,9 @@ std::string describe_modes(const std::vector<double>& modes, int rigid) {
   if (modes.empty()) return "not known, the reduced M is singular";
   std::string words;
   if (count > 0 && count <= modes.size())
-    words = text("%d rigid, up to %.2g Hz, ", rigid, modes[count - 1] * hz);
-  if (count < modes.size()) words += text("elastic from %.4g Hz", modes[count] * hz);
+    words = text("%d rigid, up to %.2g Hz", rigid, modes[count - 1] * hz);
+  if (count < modes.size())
+    words += text("%selastic from %.4g Hz", words.empty() ? "" : ", ", modes[count] * hz);
   return words;
 }
 

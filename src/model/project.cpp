@@ -40,7 +40,8 @@ std::vector<double> eigenfrequencies(const SecondOrderModel& dense) {
 
 double relative_smallest_eigenvalue(Mat dense) {
   const auto values = symmetric_eigen(to_dense(dense)).values;
-  return values.front() / values.back();
+  return values.back() != 0 ? values.front() / values.back()
+                            : 0.0; // 0: a body of rigid modes
 }
 
 double relative_error(const ComplexDense& h, const ComplexDense& h_r) {

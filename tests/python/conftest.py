@@ -41,7 +41,7 @@ SLOW = {
     "test_optimal_beats_the_gramian", "test_optimal_on_the_rack", "test_report_and_figures",
     "test_other_formulations_converge_to_each_other", "test_a_full_disk_leaves_nothing_behind",
     "test_file_like_the_program", "test_free_body_with_frame", "test_messages",
-    "test_a_damaged_attribute_is_not_a_missing_one", "test_fuzz",
+    "test_a_damaged_attribute_is_not_a_missing_one", "test_fuzz", "test_soak",
 }  # fmt: skip
 
 
@@ -87,11 +87,11 @@ def run(
     return Result(process)
 
 
-def program(name: str, *arguments: Any, ranks: int = 1) -> str:
+def program(name: str, *arguments: Any, ranks: int = 1, timeout: float = 120) -> str:
     """What a program of ``programs`` prints, run under MPI."""
     path = Path(__file__).parent / "programs" / f"{name}.py"
     command = ["mpirun", "-n", str(ranks), str(PYTHON), str(path), *map(str, arguments)]
-    done = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True, timeout=120)
+    done = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True, timeout=timeout)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
