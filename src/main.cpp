@@ -85,7 +85,7 @@ std::vector<std::string> verb_names() {
   return names;
 }
 
-/// Help of a verb, or of the whole program.
+/// Help of a verb, or of the whole program; the verbs alone for no word.
 std::string help(const std::string& asked) {
   Settings settings;
   Options options(Options::Mode::describe);
@@ -100,8 +100,9 @@ std::string help(const std::string& asked) {
   list += "\nand, of the Python package,\n\n";
   for (const auto& [name, what] : python_verbs())
     list += text("  flexgram %-9s %s\n", name.c_str(), what.c_str());
-  return list + "\nflexgram VERB -help shows the options of one.\n\n" + status_help +
-         options.help();
+  list +=
+      "\nflexgram VERB -help shows the options of one, flexgram -help those of all.\n";
+  return asked.empty() ? list : list + "\n" + status_help + options.help();
 }
 
 } // namespace

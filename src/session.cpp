@@ -17,6 +17,8 @@
 #include <csignal>
 #include <cstdio>
 #include <cstring>
+#include <fstream>
+#include <sstream>
 #include <thread>
 
 namespace flexgram {
@@ -51,11 +53,36 @@ std::string stray_word(int argc, char** argv) {
   return "";
 }
 
-/// PETSc would answer a missing file with pages.
+/// What to write instead of a stray word.
+std::string instead_of(const std::string& stray, int argc, char** argv) {
+  if (stray.rfind("--", 0) == 0)
+    return text("options of this verb have one dash: %s", stray.c_str() + 1);
+  if (argc > 2 && stray == argv[2])
+    return text("name what it is: -body %s (flexgram %s -help)", stray.c_str(), argv[1]);
+  return "an option takes one word, lists have commas (-mor_band_hz 10,500)";
+}
+
+/// PETSc would answer a missing file, or a line that is none, with pages.
 void require_options_file(int argc, char** argv) {
-  for (int i = 2; i + 1 < argc; ++i)
-    if (!std::strcmp(argv[i], "-options_file") && access(argv[i + 1], R_OK) != 0)
+  for (int i = 2; i + 1 < argc; ++i) {
+    if (std::strcmp(argv[i], "-options_file") != 0) continue;
+    if (access(argv[i + 1], R_OK) != 0)
       throw Error(text("-options_file %s: %s", argv[i + 1], std::strerror(errno)));
+    std::ifstream file(argv[i + 1]);
+    int number = 1;
+    for (std::string line; std::getline(file, line); ++number) {
+      line.erase(std::min(line.find('#'), line.size()));
+      std::istringstream words(line);
+      std::string option, value, more;
+      words >> option >> value >> more;
+      if (!option.empty() && option[0] == '-' && !more.empty() && value[0] != '"' &&
+          value[0] != '-' && more[0] != '-')
+        throw Error(text("-options_file %s, line %d: %s %s %s: an option takes one word, "
+                         "lists have commas and no spaces",
+                         argv[i + 1], number, option.c_str(), value.c_str(),
+                         more.c_str()));
+    }
+  }
 }
 
 /// Options that nobody read: misspelt ones without a prefix of ours.
@@ -82,7 +109,9 @@ int run_session(int argc, char** argv, const std::vector<std::string>& verbs,
   MPI_Init(&argc, &argv);
   const int rank = comm_rank(MPI_COMM_WORLD);
   if (wants_help || argc <= 1) {
-    const std::string of_verb = verb == "help" && argc > 2 ? argv[2] : verb;
+    const std::string of_verb = argc <= 1                    ? ""
+                                : verb == "help" && argc > 2 ? argv[2]
+                                                             : verb;
     if (rank == 0) std::fputs(help(of_verb).c_str(), stdout);
     MPI_Finalize();
     return 0;
@@ -105,10 +134,8 @@ int run_session(int argc, char** argv, const std::vector<std::string>& verbs,
 
   if (const std::string stray = stray_word(argc, argv); !stray.empty()) {
     if (rank == 0)
-      std::fprintf(stderr,
-                   "flexgram: stray word %s: an option takes one word, lists have commas "
-                   "(-mor_band_hz 10,500)\n",
-                   stray.c_str());
+      std::fprintf(stderr, "flexgram: stray word %s: %s\n", stray.c_str(),
+                   instead_of(stray, argc, argv).c_str());
     MPI_Finalize();
     return 1;
   }

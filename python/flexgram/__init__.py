@@ -11,14 +11,14 @@ from flexgram.api import reduce
 from flexgram.basics import BodyError
 from flexgram.bodyfile import write_matrices
 from flexgram.call import Matrices
-from flexgram.description import import_body
+from flexgram.description import import_body, import_mesh
 from flexgram.medium import Medium, certify
 from flexgram.reduced import ReducedModel
 
 __version__ = "0.1.0"
 __all__ = [
     "BodyError", "Matrices", "Medium", "ReducedModel", "certify", "export", "exporters", "figures",
-    "import_body", "importers", "reduce", "write_matrices",
+    "import_body", "import_mesh", "importers", "reduce", "write_matrices",
 ]  # fmt: skip
 
 

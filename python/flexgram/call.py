@@ -235,6 +235,9 @@ def hand_over(body: str | Path | Matrices, comm: Any, values: dict[str, str]) ->
     """The compiled module's body, or None and the file's name among the options."""
     if isinstance(body, Matrices):
         return _matrices_over(body, comm)
+    if not isinstance(body, (str, Path)):
+        raise BodyError("a body is the name of a file or flexgram.Matrices(K, M, B, ...), not "
+                        f"{type(body).__name__}")  # fmt: skip
     values["-body"] = str(body)
     return None
 
@@ -254,6 +257,13 @@ def option_values(
     BodyError
         For a key that neither flexgram nor PETSc would look at.
     """
+    numbers = {"band_hz": band_hz, "tol": [] if tol is None else [tol]}
+    for name, given in numbers.items():
+        try:
+            [float(value) for value in given or ()]
+        except (TypeError, ValueError):
+            what = "first and last frequency, (10, 500)" if name == "band_hz" else "a number"
+            raise BodyError(f"{name} must be {what}, not {given!r}") from None
     values = {"-mor_method": method, "-mor_monitor": "summary" if verbose else "silent"}
     if band_hz is not None:
         values["-mor_band_hz"] = ",".join(repr(float(f)) for f in band_hz)

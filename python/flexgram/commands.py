@@ -97,6 +97,8 @@ def _say_mesh(options: argparse.Namespace, counts: dict[str, Any]) -> None:
                 f"  warning: the reference of {name} is {facts['distance']:.0f} sizes of "
                 "its node set away from its middle: right units?"
             )
+    if {"tetra"} & set(counts["kinds"]):
+        say("  note: linear tetrahedra are too stiff; second-order ones (tetra10) converge faster")
     if max(counts["extent"]) > 15 and counts["units"] == "SI":
         say("  note: is the mesh in millimetres (units mm-t-s)?")
 

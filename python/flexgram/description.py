@@ -236,7 +236,8 @@ def import_body(description: str | Path, output: str | Path) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise BodyError(
             f"{path}: not a body description; if it is a mesh, name it in a YAML file such as "
-            "meshes/rack.yaml, or import it with --material"
+            "meshes/rack.yaml, or say what it is made of (flexgram import --material, in Python "
+            "flexgram.import_mesh)"
         )
     with errors_of(path):
         return import_description(content, path.name, output, folder=path.parent, inputs=(path,))
@@ -351,12 +352,68 @@ def describe_mesh(
             "interfaces": described, "damping": given}  # fmt: skip
 
 
+def import_mesh(
+    mesh: str | Path,
+    output: str | Path,
+    material: str,
+    interfaces: Mapping[str, str],
+    *,
+    units: str = "SI",
+    alpha: float | None = None,
+    beta: float | None = None,
+    eta: float | None = None,
+) -> dict[str, Any]:
+    """Turn a mesh of one material into a body file, without YAML.
+
+    Parameters
+    ----------
+    mesh : str or Path
+        Of any meshio format.
+    output : str or Path
+        Body file to write.
+    material : str
+        ``steel``, ``aluminium``, ``titanium``, ``cast-iron``, or ``E=210e9,nu=0.3,rho=7850`` in the
+        given units.
+    interfaces : mapping
+        Name -> coupling and nodes, as on the command line: ``{"eye": "rigid NSET:eye"}``.
+    units : str
+        Of the mesh: ``SI``, ``mm-t-s`` or ``mm-kg-s``.
+    alpha, beta, eta : float, optional
+        Damping.
+
+    Returns
+    -------
+    dict
+        As ``import_body``.
+
+    Raises
+    ------
+    BodyError
+        With the place and what was expected.
+    """
+    from flexgram.importers import check_damping, parse
+
+    check_damping(alpha, beta, eta)
+    named = []
+    for name, words in interfaces.items():
+        coupling, _, where = str(words).partition(" ")
+        if coupling not in ("rigid", "distributing", "node"):
+            raise BodyError(f"interface {name}: {words!r} must be rigid, distributing or node and "
+                            "its nodes: 'rigid NSET:eye'")  # fmt: skip
+        named.append(parse(coupling, f"{name}={where}"))
+    described = describe_mesh(Path(mesh), material, named, units=units,
+                              damping={"alpha": alpha, "beta": beta, "eta": eta})  # fmt: skip
+    return import_description(described, str(mesh), output)
+
+
 def _choice(interface: Interface) -> Any:
     """Nodes of a description, from a selector of the command line."""
     kind, _, words = str(interface.where).partition(":")
     place = f"{interface.name}={interface.where}"
     if kind.upper() == "NSET":
         return words
+    if kind.upper() not in ("NODES", "AT", "BOX"):
+        raise BodyError(f"{place}: a node set is named with NSET:{kind}")
     try:
         if kind.upper() == "NODES":
             return [int(word) for word in words.split(",")]
@@ -404,6 +461,13 @@ def _write(
         return node_set(mesh, cells, name)
 
     interfaces: dict[str, dict[str, Any]] = {}
+    follows: dict[int, str] = {}  # node -> rigid interface
+    if not reader.children("interfaces"):
+        known = ", ".join(sorted({*cells, *mesh.point_sets} - {"all"})) or "none"
+        raise BodyError(
+            f"{reader.where}: no interface is named, and a body without one has nothing to reduce; "
+            f"parts and node sets of the mesh are {known}"
+        )
     for order, (name, data) in enumerate(reader.children("interfaces").items()):
         entry = _Reader(data, f"interfaces: {name}", ("coupling", "nodes", "position", "weights"))
         nodes = _select_nodes(entry.get("nodes"), entry.where, mesh.points, used, sets)
@@ -421,6 +485,12 @@ def _write(
         }
         group.attrs["order"] = order
         group["nodes"] = nodes
+        if group.attrs["coupling"] == "rigid":
+            twice = [node for node in nodes.tolist() if node in follows]
+            if twice:
+                raise BodyError(f"interfaces {follows[twice[0]]} and {name} share node "
+                                f"{twice[0] + 1}")  # fmt: skip
+            follows.update(dict.fromkeys(nodes.tolist(), str(name)))
         if "weights" in entry.data:
             with errors_of(f"{entry.where}: weights"):
                 group["weights"] = np.asarray(entry.get("weights"), dtype=np.float64)
@@ -442,7 +512,8 @@ def _write(
         file.attrs[key] = damping.number(key, 0.0)
     extent = np.ptp(mesh.points[used], axis=0) * length
     return {"points": int(used.sum()), "elements": elements, "interfaces": interfaces,
-            "extent": extent, "units": reader.get("units", "SI")}  # fmt: skip
+            "extent": extent, "units": reader.get("units", "SI"),
+            "kinds": sorted({kind for kind, _ in blocks})}  # fmt: skip
 
 
 def _write_blocks(

@@ -52,7 +52,9 @@ def faces_of(
 
 def outer(faces: IntArray) -> IntArray:
     """Faces that are there once, in the order of their nodes."""
-    _, first, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True,
+    corners = faces.copy()
+    corners[faces[:, 3] == faces[:, 0], 3] = -1  # seen from the other side it starts elsewhere
+    _, first, count = np.unique(np.sort(corners, axis=1), axis=0, return_index=True,
                                 return_counts=True)  # fmt: skip
     alone: IntArray = faces[first[count == 1]]
     return alone
@@ -72,8 +74,8 @@ class Middle:
     Attributes
     ----------
     position : (3,) array
-        Area-weighted mean of the faces whose nodes all belong to the interface, moved onto the axis
-        where they lie on a cylinder; without such faces the mean of the nodes.
+        Area-weighted mean of the faces whose nodes all belong to the interface; where they lie on a
+        cylinder, the middle of its axis; without such faces the mean of the nodes.
     mean : (3,) array
         Plain mean of the nodes.
     extent : float
@@ -82,8 +84,8 @@ class Middle:
         Of the faces.
     axis : (3,) array or None
         Direction of the cylinder's axis.
-    radius : float
-        Of the cylinder.
+    radii : tuple of float
+        Of the cylinder, or of several on one axis (a stepped bore).
     """
 
     position: Floats
@@ -91,7 +93,7 @@ class Middle:
     extent: float
     area: float = 0.0
     axis: Floats | None = None
-    radius: float = 0.0
+    radii: tuple[float, ...] = ()
 
     def away(self, position: Floats) -> float:
         """Distance of a place from the middle, in extents of the interface."""
@@ -105,9 +107,8 @@ class Middle:
             what = "the middle of its faces"
         else:
             direction = ", ".join(f"{x:.3g}" for x in np.round(self.axis, 6) + 0.0)
-            what = (
-                f"on the axis ({direction}) of its cylinder of radius {self.radius * length:.4g} m"
-            )
+            radii = " and ".join(f"{radius * length:.4g} m" for radius in self.radii)
+            what = f"on the axis ({direction}) of its cylinder of radius {radii}"
         offset = float(np.linalg.norm(self.position - self.mean))
         beside = f", {offset * length:.3g} m beside the mean of its nodes"
         return what + (beside if offset > 1e-3 * self.extent else "")
@@ -135,12 +136,21 @@ def middle_of(points: Floats, blocks: Sequence[tuple[str, IntArray]], nodes: Int
     whole = float(area.sum())
     if not whole > 0:
         return Middle(mean, mean, extent)
-    middle = Middle(area @ centres / whole, mean, extent, whole)
-    cylinder = _cylinder(points[np.unique(faces)], vectors, area)
+    middle = Middle(_rounded(area @ centres / whole, extent), mean, extent, whole)
+    cylinder = _cylinder(points, faces, vectors, area, centres)
     if cylinder is not None:
-        middle.axis, on_axis, middle.radius = cylinder
-        middle.position = on_axis + middle.axis * (middle.axis @ (middle.position - on_axis))
+        middle.axis, on_axis, middle.radii, wall = cylinder
+        along = (points[wall] - on_axis) @ middle.axis
+        between = on_axis + middle.axis * (0.5 * (along.min() + along.max()))
+        middle.position = _rounded(between, extent)
     return middle
+
+
+def _rounded(place: Floats, extent: float) -> Floats:
+    """Without digits that the mesh does not have."""
+    digits = 11 - int(np.floor(np.log10(max(extent, np.abs(place).max(), 1e-300))))
+    rounded: Floats = np.round(place, digits) + 0.0
+    return rounded
 
 
 def _areas(points: Floats, faces: IntArray) -> tuple[Floats, Floats]:
@@ -153,23 +163,41 @@ def _areas(points: Floats, faces: IntArray) -> tuple[Floats, Floats]:
     return first + second, middles / whole[:, None]
 
 
-def _cylinder(points: Floats, vectors: Floats, area: Floats) -> tuple[Floats, Floats, float] | None:
-    """Axis, a point on it and radius, if the faces lie on a cylinder of a third of a turn or more.
+def _cylinder(
+    points: Floats, faces: IntArray, vectors: Floats, area: Floats, centres: Floats
+) -> tuple[Floats, Floats, tuple[float, ...], IntArray] | None:
+    """Axis, a point on it, radii and nodes of a cylinder of a third of a turn or more, or of
+    several on one axis: a bore with its counterbore and perhaps the shoulder between them.
 
-    The faces' normals have nearly no part along the axis and spread over at least 120° about it;
-    the corner nodes, at eight angles or more, are at one distance from it (to 1 %), by least
-    squares.
+    The faces' normals are across the axis (walls) or along it (shoulders); those of the walls
+    spread over at least 120°. Walls' corner nodes, at eight angles or more, are at one distance
+    from the axis, or at few (to 1 %), by least squares.
     """
+    normals = vectors / np.maximum(area, 1e-300)[:, None]
+    _, directions = np.linalg.eigh((normals * area[:, None]).T @ normals)
+    for k in range(3):
+        slope = np.abs(normals @ directions[:, k])
+        wall = slope < 0.35
+        if not np.all(wall | (slope > 0.95)) or area[wall].sum() < 0.3 * area.sum():
+            continue
+        found = _fit(points, np.unique(faces[wall]), normals[wall], area[wall], centres[wall])
+        if found is not None:
+            return found
+    return None
+
+
+def _fit(
+    points: Floats, nodes: IntArray, normals: Floats, area: Floats, centres: Floats
+) -> tuple[Floats, Floats, tuple[float, ...], IntArray] | None:
     from scipy.optimize import least_squares
 
-    normals = vectors / np.maximum(area, 1e-300)[:, None]
     spread, frame = np.linalg.eigh((normals * area[:, None]).T @ normals / area.sum())
     if spread[0] > 0.02 or spread[1] < 0.29:
         return None
     frame = frame[:, [1, 2, 0]]  # the axis last
-    origin = points.mean(axis=0)
-    size = float(np.abs(points - origin).max())
-    local = (points - origin) @ frame / size
+    origin = points[nodes].mean(axis=0)
+    size = float(np.abs(points[nodes] - origin).max())
+    local = (points[nodes] - origin) @ frame / size
 
     def arms(x: Floats) -> Floats:
         """From the axis through (x0, x1, 0) along (x2, x3, 1) to the nodes."""
@@ -178,18 +206,36 @@ def _cylinder(points: Floats, vectors: Floats, area: Floats) -> tuple[Floats, Fl
         across: Floats = arm - np.outer(arm @ direction, direction)
         return across
 
-    flat = np.column_stack([2 * local[:, :2], np.ones(len(local))])
-    circle, _, rank, _ = np.linalg.lstsq(flat, np.sum(local[:, :2] ** 2, axis=1), rcond=None)
-    if rank < 3:
-        return None
-    radius = np.sqrt(max(circle[2] + circle[:2] @ circle[:2], 0.0))
-    fit = least_squares(lambda x: np.linalg.norm(arms(x), axis=1) - x[4],
-                        [circle[0], circle[1], 0.0, 0.0, radius])  # fmt: skip
-    x = fit.x
+    # Normals of walls meet on the axis, whatever the radius.
+    across = normals @ frame[:, :2]
+    tangents = np.sqrt(area)[:, None] * np.column_stack([-across[:, 1], across[:, 0]])
+    through = np.sum(tangents * ((centres - origin) @ frame[:, :2] / size), axis=1)
+    x = np.append(np.linalg.lstsq(tangents, through, rcond=None)[0], [0.0, 0.0])
+    for _ in range(3):  # radii by gaps between the distances, which the fit makes sharper
+        distance = np.linalg.norm(arms(x), axis=1)
+        order = np.argsort(distance)
+        step = np.diff(distance[order]) > 0.04 * distance.max()
+        group = np.empty(len(nodes), dtype=np.int64)
+        group[order] = np.concatenate([[0], np.cumsum(step)])
+        count = int(group.max()) + 1
+        if count > 3:
+            return None
+
+        def off(y: Floats, group: IntArray = group, count: int = count) -> Floats:
+            """Each distance beside the mean of those of its radius."""
+            far = np.linalg.norm(arms(y), axis=1)
+            means = np.bincount(group, far, count) / np.bincount(group, minlength=count)
+            beside: Floats = far - means[group]
+            return beside
+
+        fit = least_squares(off, x, xtol=1e-15, ftol=1e-15, gtol=1e-15)
+        x = fit.x
     arm = arms(x)
+    distance = np.linalg.norm(arm, axis=1)
     angles = np.unique(np.round(np.arctan2(arm[:, 1], arm[:, 0]), 3))
-    if len(angles) < 8 or np.abs(fit.fun).max() > 0.01 * x[4]:
+    if len(angles) < 8 or np.any(np.abs(fit.fun) > 0.01 * distance):
         return None
     axis = frame @ np.array([x[2], x[3], 1.0])
     axis *= np.sign(axis[np.argmax(np.abs(axis))]) / np.linalg.norm(axis)
-    return axis, origin + size * (frame[:, :2] @ x[:2]), size * float(x[4])
+    radii = tuple(float(size * distance[group == g].mean()) for g in range(count))
+    return axis, origin + size * (frame[:, :2] @ x[:2]), radii, nodes

@@ -9,6 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from flexgram.basics import BodyError, written_aside
+from flexgram.reduced import ReducedModel
 
 
 def _open(path: Path, kind: str, needed: str) -> h5py.File:
@@ -36,7 +37,7 @@ def plot_sweep(sweep: Path, output: Path, rom: Path | None = None) -> None:
     output : Path
         Picture to write; its suffix chooses the format.
     rom : Path, optional
-        Reduced file, for the eigenvalues of its Gramian.
+        Reduced file to compare with the sweep, and for the eigenvalues of its Gramian.
     """
     with _open(sweep, "sweep", "H") as file:
         hz = file["omega"][:] / (2 * np.pi)
@@ -46,9 +47,16 @@ def plot_sweep(sweep: Path, output: Path, rom: Path | None = None) -> None:
         inputs, outputs = file["H"].attrs["inputs"], file["H"].attrs["outputs"]
     sigma, order = None, 0
     if rom is not None:
-        with _open(rom, "reduced", "gramian/sigma") as file:
-            sigma, order = file["gramian/sigma"][:], file["K"].shape[0]
-            sampled = file["error/omega"][:] / (2 * np.pi), file["error/relative"][:]
+        _open(rom, "reduced", "gramian/sigma").close()
+        model = ReducedModel.load(rom, basis=False)
+        if [model.inputs, model.outputs] != [[str(x) for x in inputs], [str(x) for x in outputs]]:
+            raise BodyError(f"{rom}: its ports are not those of {sweep}")
+        sigma, order = model.sigma, model.order
+        sampled = model.omega / (2 * np.pi), model.error
+        # Of the body that is named, which the sweep may not have been compared with.
+        H_rom = model.transfer(2 * np.pi * hz)
+        size = np.linalg.norm(H, axis=(1, 2))
+        error = np.linalg.norm(H - H_rom, axis=(1, 2)) / np.maximum(size, 1e-300)
 
     count = 1 + (error is not None) + (sigma is not None)
     figure = Figure(figsize=(5.2 * count, 4.0))

@@ -199,7 +199,12 @@ class ReducedModel:
 
     def __repr__(self) -> str:
         return (f"<ReducedModel of order {self.order} by {self.method}, {len(self.inputs)} inputs, "
-                f"error {self.certified_error:.1e} ({self.label})>")  # fmt: skip
+                f"{self._error_words()}>")  # fmt: skip
+
+    def _error_words(self) -> str:
+        if not np.isfinite(self.certified_error):
+            return "no bound of the error"
+        return f"error {self.certified_error:.1e} ({self.label})"
 
     def _repr_html_(self) -> str:
         """For notebooks: what ``info`` says."""
@@ -207,7 +212,7 @@ class ReducedModel:
             "order": f"{self.order} of {len(self.V):,}" if len(self.V) else str(self.order),
             "method": f"{self.method} ({self.second_stage})" if self.second_stage else self.method,
             "band": ", ".join(f"{a:g} to {b:g} Hz" for a, b in self.bands / (2 * np.pi)),
-            "error": f"at most {self.certified_error:.1e} ({self.label})",
+            "error": self._error_words(),
             "inputs": ", ".join(self.inputs),
         }
         lines = (f"<tr><th>{key}</th><td style='text-align:left'>{html.escape(value)}</td></tr>"

@@ -160,6 +160,14 @@ void Options::reject_unknown() const {
   for (const auto& option : options_) known.push_back(option.name);
   for (const auto& name : names_in_database()) {
     const bool hyphen = name.rfind("-mor-", 0) == 0;
+    // -bodi: nearly one of ours without the prefix, and nothing of PETSc's is so near
+    const std::string near = nearest(name, known);
+    const bool misspelt = near.rfind("-mor_", 0) != 0 && near != name &&
+                          near.size() == name.size() && name.size() > 4 &&
+                          near.substr(0, 3) == name.substr(0, 3);
+    if (misspelt)
+      throw Error(
+          text("unknown option %s: did you mean %s?", name.c_str(), near.c_str()));
     const bool no_prefix =
         std::find(known.begin(), known.end(), "-mor_" + name.substr(1)) != known.end();
     if (name.rfind("-mor_", 0) != 0 && !hyphen && !no_prefix) continue;

@@ -329,19 +329,33 @@ ReducedModel Cut::reduced(const Dense& Q, const DenseSystem& small,
 }
 
 /// The error in words: of H as a whole, by either reference, and of its kinds.
+/// "at most 1e-4", or that there is none.
+std::string bound_words(double bound, const char* format) {
+  return std::isfinite(bound) ? text(format, bound) : "without a bound";
+}
+
+/// Where H vanishes, or nearly, no error relative to it is small.
+std::string at_a_zero(const ErrorOverBand::Supremum& sup) {
+  const auto worst = std::max_element(sup.attained_of.begin(), sup.attained_of.end());
+  return text(
+      "near %.5g Hz H vanishes or nearly so, and no error relative to it is small "
+      "there: {tol_relative_to} band forgives that, and so does damping",
+      sup.at_of[static_cast<std::size_t>(worst - sup.attained_of.begin())] * hz);
+}
+
 void Cut::tell_error(const ReducedModel& rom, const DenseSystem& small,
                      const ErrorOverBand::Supremum& sup) {
   const std::string label = label_of(rom);
   const bool to_band = request_.relative_to == RelativeTo::band;
   const char* const references[] = {"|H| at each frequency",
                                     "the largest |H| in the band"};
-  observer_.fact(
-      "error",
-      text("at most %.2e of %s, everywhere in the band%s (%s), reached %.2e at %.5g Hz; "
-           "rounding floor %.0e",
-           sup.worst_of[0], references[to_band ? 1 : 0],
-           rom.claim->bands.size() > 1 ? "s" : "", label.c_str(), sup.attained_of[0],
-           sup.at_of[0] * hz, *std::max_element(rom.floor.begin(), rom.floor.end())));
+  observer_.fact("error",
+                 text("%s of %s, everywhere in the band%s (%s), reached %.2e at %.5g Hz; "
+                      "rounding floor %.0e",
+                      bound_words(sup.worst_of[0], "at most %.2e").c_str(),
+                      references[to_band ? 1 : 0], rom.claim->bands.size() > 1 ? "s" : "",
+                      label.c_str(), sup.attained_of[0], sup.at_of[0] * hz,
+                      *std::max_element(rom.floor.begin(), rom.floor.end())));
   if (sup.excluded.empty()) { // else |H| has no largest value
     const auto other =
         ErrorOverBand(*seen_, to_band ? RelativeTo::pointwise : RelativeTo::band)
@@ -369,10 +383,12 @@ void Cut::tell_error(const ReducedModel& rom, const DenseSystem& small,
     warn_of_kinds(rom.model, seen_->grid().H, H_r, sup.worst, observer_);
   }
   if (!rom.claim->met)
-    observer_.warn(text(
-        "{tol} %g is not met: the error is at most %.1e (%s); %s. This is "
-        "the best body that was found",
-        *request_.order.tolerance, sup.worst, label.c_str(), choice_.shortfall.c_str()));
+    observer_.warn(
+        text("{tol} %g is not met: the error is %s (%s); %s. This is "
+             "the best body that was found",
+             *request_.order.tolerance, bound_words(sup.worst, "at most %.1e").c_str(),
+             label.c_str(),
+             sup.worst < 1 ? choice_.shortfall.c_str() : at_a_zero(sup).c_str()));
 }
 
 void Cut::tell(const ReducedModel& rom, const DenseSystem& small,

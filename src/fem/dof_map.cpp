@@ -41,9 +41,8 @@ void add_rigid_interface(const Interface& interface, DofMap& map) {
   for (auto node : interface.nodes) {
     auto& master = map.reference[static_cast<std::size_t>(node)];
     if (master >= 0)
-      throw Error(text("interface %s: node %lld (0-based) already follows another rigid "
-                       "interface",
-                       interface.name.c_str(), ll(node)));
+      throw Error(text("interface %s: node %lld already follows another rigid interface",
+                       interface.name.c_str(), ll(node) + 1));
     if (map.held[static_cast<std::size_t>(node)])
       throw Error(
           text("interface %s: node %lld (0-based) is also held by a support; a rigid "

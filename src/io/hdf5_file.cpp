@@ -153,7 +153,8 @@ Hdf5File Hdf5File::open(MPI_Comm comm, const std::string& path) {
   state->file = H5Fopen(path.c_str(), H5F_ACC_RDONLY, access);
   agree(comm, [&] {
     if (state->file < 0)
-      throw Error(text("cannot open %s: %s", path.c_str(), hdf5_reason().c_str()));
+      throw Error(text("cannot open %s: it is damaged or not complete (HDF5: %s)",
+                       path.c_str(), hdf5_reason().c_str()));
   });
   return Hdf5File(std::move(state));
 }

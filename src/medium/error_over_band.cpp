@@ -225,6 +225,12 @@ void ErrorOverBand::exclude(std::vector<Node*> zones, const DenseResponse& small
     const Look seen = look(node, &small);
     if (seen.worst <= allowed) {
       settle(seen, result);
+      bool higher = false; // than what is attained: beside the resonance, maybe
+      for (std::size_t v = 0; seen.known && v < seen.upper.size(); ++v)
+        higher |= seen.upper[v] > 1.1 * result.attained_of[v];
+      if (higher)
+        for (double omega : {node.interval.first, node.interval.last})
+          visit(omega, &small, result);
     } else if (medium_.may_be_excluded(node.interval)) {
       result.excluded.push_back(node.interval);
     } else {
@@ -251,6 +257,17 @@ void ErrorOverBand::settle(const Look& seen, Supremum& result) {
   result.proved = result.proved && seen.proved;
 }
 
+/// The certified error at a frequency, a lower bound of the supremum.
+void ErrorOverBand::visit(double omega, Small small, Supremum& result) {
+  const Point here = point(omega, small);
+  result.proved = result.proved && here.proved;
+  for (std::size_t v = 0; v < result.attained_of.size(); ++v) {
+    if (here.certified[v] <= result.attained_of[v]) continue;
+    result.attained_of[v] = here.certified[v];
+    result.at_of[v] = omega;
+  }
+}
+
 ErrorOverBand::Supremum ErrorOverBand::supremum(const DenseSystem& system, double level,
                                                 int most) {
   const DenseResponse small(system, medium_.model().tau);
@@ -266,15 +283,6 @@ ErrorOverBand::Supremum ErrorOverBand::supremum(const DenseSystem& system, doubl
   std::vector<double>& best = result.attained_of;
   best.assign(views, 0.0);
   result.at_of.assign(views, 0.0);
-  const auto visit = [&](double omega) {
-    const Point here = point(omega, &small);
-    result.proved = result.proved && here.proved;
-    for (std::size_t v = 0; v < views; ++v) {
-      if (here.certified[v] <= best[v]) continue;
-      best[v] = here.certified[v];
-      result.at_of[v] = omega;
-    }
-  };
   const auto priority = [&](const Look& seen) {
     double most_promising = 0;
     for (std::size_t v = 0; v < views; ++v)
@@ -291,7 +299,7 @@ ErrorOverBand::Supremum ErrorOverBand::supremum(const DenseSystem& system, doubl
     bool higher = false;
     if (seen.known)
       for (std::size_t v = 0; v < views; ++v) higher |= seen.upper[v] > best[v];
-    if (higher) visit(seen.omega);
+    if (higher) visit(seen.omega, &small, result);
     const double now = priority(seen);
     open.push({&node, std::move(seen), now});
   };

@@ -76,6 +76,7 @@ private:
   Look look(Node& node, Small small);
   std::optional<double> exceeds(Small small, double tolerance);
   static void settle(const Look& seen, Supremum& result);
+  void visit(double omega, Small small, Supremum& result);
   void exclude(std::vector<Node*> zones, const DenseResponse& small, double allowed,
                Supremum& result);
 

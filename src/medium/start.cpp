@@ -349,8 +349,9 @@ void MediumBuilder::search_modes() {
   if (expected_ + geometric_ > largest_order())
     throw Error(text(
         "%d modes lie below the cutoff of %g Hz, more than a medium model of order %d "
-        "can hold (%s): narrow {band_hz}, lower {cutoff}, or take {method} pod",
-        expected_, medium_.cutoff * hz, largest_order(), why_no_larger().c_str()));
+        "can hold (%s): narrow {band_hz}, lower {cutoff}, or take {method} pod%s",
+        expected_, medium_.cutoff * hz, largest_order(), why_no_larger().c_str(),
+        expected_ > 1000 ? "; are the units of the body right?" : ""));
   if (expected_ > 0) {
     Stage stage(observer_, "modes");
     solves = find_modes(*space_, solver_, medium_.cutoff * medium_.cutoff, expected_,
@@ -363,6 +364,8 @@ void MediumBuilder::search_modes() {
   medium_.rigid = space_->rigid();
   std::string words = text("%d elastic below the cutoff of %.4g Hz, counted by inertia",
                            expected_, medium_.cutoff * hz);
+  if (expected_ == 0 && medium_.rigid == 6)
+    words += " (the band is in Hz, up to the first elastic modes or beyond?)";
   if (expected_ > 0) words += text(", all found (%d solves beside the ports)", solves);
   observer_.fact("modes", words);
   observer_.fact("rigid modes",

@@ -30,6 +30,9 @@ ENVIRONMENT = {
     **os.environ,
     **dict(line.removeprefix("export ").split("=", 1) for line in EXPORTS if "=" in line),
     "OPENBLAS_NUM_THREADS": "1",
+    # No wait after a failed rank.
+    "OMPI_MCA_odls_base_sigkill_timeout": "0",
+    "PRTE_MCA_odls_base_sigkill_timeout": "0",
 }
 
 

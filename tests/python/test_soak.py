@@ -1,4 +1,4 @@
-"""Many calls in one process, tiny bodies on many ranks, and a few kills (``scripts/kills``: more)."""
+"""Many calls in one process, tiny bodies on many ranks, a few kills (``scripts/kills``: more)."""
 
 from __future__ import annotations
 

@@ -63,7 +63,8 @@ def select(fe: FeMatrices, interface: Interface) -> Ints:
         if kind == "AT":
             return labels[[nearest(points, _numbers(place, words, 3), place)]]
         return labels[in_box(points, _numbers(place, words, 6).reshape(2, 3), place)]
-    raise BodyError(f"{place}: {kind} must be NSET, NODES, BOX or AT")
+    hint = f" (NSET:{kind})" if not words else ""
+    raise BodyError(f"{place}: {kind} must be NSET, NODES, BOX or AT{hint}")
 
 
 def _rows(fe: FeMatrices, name: str, labels: Ints) -> tuple[Ints, Ints]:
