@@ -14,7 +14,7 @@ Made by `benchmarks/page` of `benchmarks/results`; each section names the comman
 Times on a virtual machine with two cores, one rank and one BLAS thread unless said, medians.
 """
 #: Sections in this order; others follow by name.
-FIRST = ("methods", "orders", "audit", "fuzz", "peers", "paper", "assembly", "importing")
+FIRST = ("methods", "orders", "audit", "fuzz", "kills", "peers", "paper", "assembly", "importing")
 
 
 def short(cell: str) -> str:
