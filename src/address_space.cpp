@@ -12,6 +12,8 @@
 #include <cstring>
 #include <initializer_list>
 
+extern "C" __attribute__((weak)) char* openblas_get_config();
+
 namespace {
 
 /// Threads that OpenBLAS will start.
@@ -36,6 +38,7 @@ constexpr unsigned long of_libraries = 470, of_a_thread = 64;
 __attribute__((no_sanitize("address", "undefined"))) void check(int, char**,
                                                                 char** environment) {
   rlimit limit{};
+  if (!openblas_get_config) return; // another BLAS has other needs
   if (getrlimit(RLIMIT_AS, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY) return;
   const auto threads = static_cast<unsigned long>(blas_threads(environment));
   const unsigned long needed = of_libraries + of_a_thread * (threads + 1);

@@ -111,5 +111,10 @@ std::string help(const std::string& asked) {
 int main(int argc, char** argv) {
   using namespace flexgram;
   if (argc > 1 && is_python_verb(argv[1])) return run_python(argv);
+  if (argc > 2 && std::string(argv[1]) == "help" && is_python_verb(argv[2])) {
+    char help[] = "--help";
+    char* words[] = {argv[0], argv[2], help, nullptr};
+    return run_python(words);
+  }
   return run_session(argc, argv, verb_names(), help, run);
 }

@@ -63,8 +63,10 @@ bool is_python_verb(const std::string& verb) {
 int run_python(char** argv) {
   const std::string python = python_of(argv[0]);
   std::vector<char*> words;
-  std::string module = "-m", package = "flexgram", name = python;
-  for (std::string* word : {&name, &module, &package}) words.push_back(word->data());
+  // -P: not the modules of the folder that it is called in.
+  std::string name = python, safe = "-P", module = "-m", package = "flexgram";
+  for (std::string* word : {&name, &safe, &module, &package})
+    words.push_back(word->data());
   for (char** word = argv + 1; *word; ++word) words.push_back(*word);
   words.push_back(nullptr);
   execvp(python.c_str(), words.data());

@@ -76,7 +76,7 @@ void require_options_file(int argc, char** argv) {
       std::string option, value, more;
       words >> option >> value >> more;
       if (!option.empty() && option[0] == '-' && !more.empty() && value[0] != '"' &&
-          value[0] != '-' && more[0] != '-')
+          value[0] != '\'' && value[0] != '-' && more[0] != '-')
         throw Error(text("-options_file %s, line %d: %s %s %s: an option takes one word, "
                          "lists have commas and no spaces",
                          argv[i + 1], number, option.c_str(), value.c_str(),

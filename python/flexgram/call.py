@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -235,10 +236,10 @@ def hand_over(body: str | Path | Matrices, comm: Any, values: dict[str, str]) ->
     """The compiled module's body, or None and the file's name among the options."""
     if isinstance(body, Matrices):
         return _matrices_over(body, comm)
-    if not isinstance(body, (str, Path)):
+    if not isinstance(body, (str, os.PathLike)):
         raise BodyError("a body is the name of a file or flexgram.Matrices(K, M, B, ...), not "
                         f"{type(body).__name__}")  # fmt: skip
-    values["-body"] = str(body)
+    values["-body"] = os.fspath(body)
     return None
 
 
@@ -257,13 +258,15 @@ def option_values(
     BodyError
         For a key that neither flexgram nor PETSc would look at.
     """
-    numbers = {"band_hz": band_hz, "tol": [] if tol is None else [tol]}
-    for name, given in numbers.items():
-        try:
-            [float(value) for value in given or ()]
-        except (TypeError, ValueError):
-            what = "first and last frequency, (10, 500)" if name == "band_hz" else "a number"
-            raise BodyError(f"{name} must be {what}, not {given!r}") from None
+    try:
+        band_hz = None if band_hz is None else [float(f) for f in band_hz]
+    except (TypeError, ValueError):
+        raise BodyError(f"band_hz must be first and last frequency, (10, 500), not {band_hz!r}"
+                        ) from None  # fmt: skip
+    try:
+        tol = None if tol is None else float(tol)
+    except (TypeError, ValueError):
+        raise BodyError(f"tol must be a number, not {tol!r}") from None
     values = {"-mor_method": method, "-mor_monitor": "summary" if verbose else "silent"}
     if band_hz is not None:
         values["-mor_band_hz"] = ",".join(repr(float(f)) for f in band_hz)

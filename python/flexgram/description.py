@@ -452,10 +452,8 @@ def _write(
         group.attrs["y_axis"] = y_axis
 
     used = np.zeros(len(mesh.points), dtype=bool)
-    elements = _write_blocks(file, reader, mesh, cells, used)
-
-    blocks = [(block.type, np.asarray(block.data, dtype=np.int64)) for block in mesh.cells
-              if block.type in ELEMENTS]  # fmt: skip
+    blocks = _write_blocks(file, reader, mesh, cells, used)
+    elements = sum(len(nodes) for _, nodes in blocks)
 
     def sets(name: str) -> IntArray:
         return node_set(mesh, cells, name)
@@ -522,15 +520,16 @@ def _write_blocks(
     mesh: Any,
     cells: dict[str, list[IntArray]],
     used: NDArray[np.bool_],
-) -> int:
-    """Element blocks by region and cell type; marks the nodes that they use."""
+) -> list[tuple[str, IntArray]]:
+    """Element blocks by region and cell type; marks the nodes that they use. Returns their types
+    and nodes."""
     regions = reader.children("regions")
     if not regions:
         raise BodyError(f"{reader.where}: regions is missing: name a part of the mesh and its "
                         f"material; the mesh has {', '.join(sorted(cells))}")  # fmt: skip
     taken = [np.zeros(len(block.data), dtype=bool) for block in mesh.cells]
     first = np.cumsum([0, *(len(block.data) for block in mesh.cells)])
-    count = elements = 0
+    blocks: list[tuple[str, IntArray]] = []
     for name, data in regions.items():
         entry = _Reader(data, f"regions: {name}", ("material", "section"))
         material = entry.choice("material", reader.children("materials"))
@@ -549,16 +548,16 @@ def _write_blocks(
             taken[block][chosen] = solid = True
             nodes = np.asarray(mesh.cells[block].data[chosen], dtype=np.int64)
             used[nodes.ravel()] = True
-            group = file.create_group(f"mesh/blocks/{count:04d}")
+            group = file.create_group(f"mesh/blocks/{len(blocks):04d}")
             group.attrs["type"], group.attrs["material"] = kind, material
             if kind == "line":
                 group.attrs["section"] = entry.choice("section", reader.children("sections"))
             group["connectivity"] = nodes
             group["ids"] = first[block] + chosen + 1  # 1-based, in the order of the mesh file
-            count, elements = count + 1, elements + len(chosen)
+            blocks.append((kind, nodes))
         if not solid:
             kinds = {mesh.cells[b].type for b, c in enumerate(cells[str(name)]) if len(c)}
             raise BodyError(f"{entry.where}: no elements that flexgram knows; it has "
                             f"{', '.join(sorted(kinds))}, known are {', '.join(ELEMENTS)} (line "
                             "with a section)")  # fmt: skip
-    return elements
+    return blocks

@@ -236,6 +236,11 @@ def _fit(
     if len(angles) < 8 or np.any(np.abs(fit.fun) > 0.01 * distance):
         return None
     axis = frame @ np.array([x[2], x[3], 1.0])
+    # Flat walls may have their nodes at few distances too, but not their normals at the axis.
+    arm = centres - origin - size * (frame[:, :2] @ x[:2])
+    arm -= np.outer(arm @ axis, axis) / (axis @ axis)
+    if np.any(np.abs(np.sum(normals * arm, axis=1)) < 0.94 * np.linalg.norm(arm, axis=1)):
+        return None
     axis *= np.sign(axis[np.argmax(np.abs(axis))]) / np.linalg.norm(axis)
     radii = tuple(float(size * distance[group == g].mean()) for g in range(count))
     return axis, origin + size * (frame[:, :2] @ x[:2]), radii, nodes

@@ -136,10 +136,13 @@ def stages(model: ReducedModel) -> Figure:
 def elastic_modes(model: ReducedModel, count: int) -> tuple[Floats, Floats]:
     """Frequencies [Hz] and shapes (k, m) of the lowest modes of the reduced body that are not
     rigid, without damping."""
-    squares, shapes = eigh(0.5 * (model.K + model.K.T), 0.5 * (model.M + model.M.T))
+    try:
+        squares, shapes = eigh(0.5 * (model.K + model.K.T), 0.5 * (model.M + model.M.T))
+    except np.linalg.LinAlgError:
+        raise BodyError("the reduced M is singular: there are no modes to draw") from None
     hz = np.sqrt(np.maximum(squares, 0)) * HZ
-    chosen = np.flatnonzero(hz > 1e-6 * hz.max(initial=0))[:count]
-    return hz[chosen], shapes[:, chosen].T
+    rigid = int(model.frame["rigid_modes"])
+    return hz[rigid:][:count], shapes[:, rigid:][:, :count].T
 
 
 def shapes(model: ReducedModel, body: str | Path | None = None, count: int = 5) -> Figure:

@@ -118,11 +118,11 @@ def body_of(model: ReducedModel, body: str | Path | None = None) -> str | Path:
         return body
     if not stored:
         raise BodyError("the mesh is in the body file: name it (--body)")
-    if Path(stored).suffix == "" and not Path(stored).exists():
-        raise BodyError(f"the body {stored} was handed over in memory: it has no mesh to draw")
     beside = model.path.parent / Path(stored).name if model.path is not None else None
     if not Path(stored).exists() and beside is not None and beside.exists():
         return beside
+    if Path(stored).suffix == "" and not Path(stored).exists():
+        raise BodyError(f"the body {stored} was handed over in memory: it has no mesh to draw")
     if not Path(stored).exists():
         raise BodyError(f"{stored}: no such file (the body file holds the mesh: --body names it)")
     return stored

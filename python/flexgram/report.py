@@ -120,7 +120,7 @@ def _when(log: dict[str, Any]) -> str:
     """When, where, and with which options the body was reduced."""
     told = ""
     if "date" in log:
-        told = f", {log['date']} on {log.get('host', '')}"
+        told = html.escape(f", {log['date']} on {log.get('host', '')}")
     if log.get("given"):
         told += f"; <code>{html.escape(str(log['given']))}</code>"
     return told

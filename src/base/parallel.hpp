@@ -29,6 +29,10 @@ void agree(MPI_Comm comm, Work&& work) {
   bool failed = false;
   try {
     std::forward<Work>(work)();
+  } catch (const Interrupted& asked) {
+    if (comm_size(comm) == 1) throw; // Ctrl-C is no error of the work
+    message = asked.what();
+    failed = true;
   } catch (const std::bad_alloc&) {
     message = out_of_memory;
     failed = true;

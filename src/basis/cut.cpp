@@ -49,6 +49,7 @@ private:
                        const ErrorOverBand::Supremum& sup);
   void tell(const ReducedModel& rom, const DenseSystem& small,
             const ErrorOverBand::Supremum& sup);
+  std::string at_a_zero(const ErrorOverBand::Supremum& sup) const;
   void tell_error(const ReducedModel& rom, const DenseSystem& small,
                   const ErrorOverBand::Supremum& sup);
 
@@ -328,21 +329,30 @@ ReducedModel Cut::reduced(const Dense& Q, const DenseSystem& small,
   return rom;
 }
 
-/// The error in words: of H as a whole, by either reference, and of its kinds.
 /// "at most 1e-4", or that there is none.
 std::string bound_words(double bound, const char* format) {
   return std::isfinite(bound) ? text(format, bound) : "without a bound";
 }
 
-/// Where H vanishes, or nearly, no error relative to it is small.
-std::string at_a_zero(const ErrorOverBand::Supremum& sup) {
+/// Where H vanishes, or nearly, no error relative to it is small: whether that is why the
+/// error is large, in words.
+std::string Cut::at_a_zero(const ErrorOverBand::Supremum& sup) const {
+  if (request_.relative_to != RelativeTo::pointwise || sup.worst < 1) return "";
   const auto worst = std::max_element(sup.attained_of.begin(), sup.attained_of.end());
+  const auto view = static_cast<std::size_t>(worst - sup.attained_of.begin());
+  const double omega = sup.at_of[view];
+  if (!(*worst > 0) || !(omega > 0)) return "";
+  const auto& sizes = seen_->grid().views[view].size;
+  const double here = frobenius_norm(medium_.views[view].of(medium_.at(omega).H)),
+               largest = *std::max_element(sizes.begin(), sizes.end());
+  if (!(here < 1e-3 * largest)) return "";
   return text(
       "near %.5g Hz H vanishes or nearly so, and no error relative to it is small "
       "there: {tol_relative_to} band forgives that, and so does damping",
-      sup.at_of[static_cast<std::size_t>(worst - sup.attained_of.begin())] * hz);
+      omega * hz);
 }
 
+/// The error in words: of H as a whole, by either reference, and of its kinds.
 void Cut::tell_error(const ReducedModel& rom, const DenseSystem& small,
                      const ErrorOverBand::Supremum& sup) {
   const std::string label = label_of(rom);
@@ -382,13 +392,13 @@ void Cut::tell_error(const ReducedModel& rom, const DenseSystem& small,
     for (double omega : rom.omega) H_r.push_back(response.transfer(omega));
     warn_of_kinds(rom.model, seen_->grid().H, H_r, sup.worst, observer_);
   }
-  if (!rom.claim->met)
-    observer_.warn(
-        text("{tol} %g is not met: the error is %s (%s); %s. This is "
-             "the best body that was found",
-             *request_.order.tolerance, bound_words(sup.worst, "at most %.1e").c_str(),
-             label.c_str(),
-             sup.worst < 1 ? choice_.shortfall.c_str() : at_a_zero(sup).c_str()));
+  if (rom.claim->met) return;
+  const std::string zero = at_a_zero(sup);
+  observer_.warn(text("{tol} %g is not met: the error is %s (%s); %s. This is "
+                      "the best body that was found",
+                      *request_.order.tolerance,
+                      bound_words(sup.worst, "at most %.1e").c_str(), label.c_str(),
+                      (zero.empty() ? choice_.shortfall : zero).c_str()));
 }
 
 void Cut::tell(const ReducedModel& rom, const DenseSystem& small,

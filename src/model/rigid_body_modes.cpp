@@ -177,6 +177,24 @@ Block null_space_modes(const SecondOrderModel& model, SolverOptions options) {
   return rigid_part(model, x, true, nullptr);
 }
 
+double misfit_of_positions(const SecondOrderModel& model) {
+  std::array<double, 3> centre{};
+  const double radius = mean_radius(model, centre);
+  const Block motions = rigid_motions(model, centre, radius);
+  const Dense energy = inner(motions, multiply(model.K, motions));
+  const auto stiffness = diagonal(model.K);
+  const Block::Access access(motions);
+  double worst = 0;
+  for (int j = 0; j < 6; ++j) {
+    double weight = 0;
+    for (std::size_t i = 0; i < stiffness.size(); ++i)
+      weight += std::abs(stiffness[i]) * std::pow(access.column(j)[i], 2);
+    weight = sum_over(model.comm, weight);
+    if (weight > 0) worst = std::max(worst, std::abs(energy(j, j)) / weight);
+  }
+  return worst;
+}
+
 Block rigid_body_modes(const SecondOrderModel& model, RigidSplit* split) {
   if (!has_coordinates(model)) return Block(model.comm, model.rows, model.n, 0);
   const InnerProduct mass{model.M, model.K, 0};

@@ -51,6 +51,11 @@ Block rigid_body_modes(const SecondOrderModel& model, RigidSplit* split = nullpt
 /// factorisation.
 Block null_space_modes(const SecondOrderModel& model, SolverOptions options);
 
+/// How far the six motions of the nodes are from costing no energy: the largest
+/// φᵀKφ / φᵀdiag(K)φ. Near 1e-16 for a free body, up to the square of what its printed
+/// coordinates have lost; above 1e-6 they are not its coordinates. Collective.
+double misfit_of_positions(const SecondOrderModel& model);
+
 /// From geometry where there are coordinates, else from the null space.
 bool has_coordinates(const SecondOrderModel& model);
 

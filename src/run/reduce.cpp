@@ -110,15 +110,15 @@ bool wants_integrals(const SecondOrderModel& body, int rigid_modes, const Settin
     observer.skip("frame integrals", "the body cannot move freely");
     return false;
   }
-  // Free in six ways, translations among them, but not in the rotations of its nodes.
-  const auto of_nodes = rigid_body_modes(body).columns();
-  if (rigid_modes >= 6 && of_nodes >= 3 && of_nodes < 6) {
-    observer.warn(
-        text("the coordinates do not fit K: the body has %d rigid modes, but "
-             "only %lld of the six motions of its nodes are among them; look at "
-             "the order of the positions, their axes and components. No frame "
-             "integrals, and shapes are not to be trusted",
-             rigid_modes, static_cast<long long>(of_nodes)));
+  constexpr double no_rounding = 1e-6;
+  if (rigid_modes >= 6 && misfit_of_positions(body) > no_rounding) {
+    const std::string words = text(
+        "the coordinates do not fit K: it has %d rigid modes, but the motions of its "
+        "nodes as a rigid body are not among them; look at the order of the "
+        "positions, their axes and components",
+        rigid_modes);
+    if (s.frame_integrals == "yes") throw Error("-mor_frame_integrals yes: " + words);
+    observer.warn(words + ". No frame integrals, and shapes are not to be trusted");
     return false;
   }
   return true;

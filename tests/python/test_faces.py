@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import gmsh
@@ -137,6 +138,23 @@ def test_what_is_no_cylinder() -> None:
     quads = [("quad", np.array([[0, 1, 2, 3]]))]
     flat = np.array([[0, 0, 0], [2, 0, 0], [2, 1, 0], [0, 1, 0.0]])
     assert np.allclose(middle_of(flat, quads, np.arange(4)).position, [1, 0.5, 0])
+
+
+@pytest.mark.parametrize("count", [2, 3, 4, 5])
+@pytest.mark.parametrize("sides", ["ring", "channel"])
+def test_flat_walls_are_no_cylinder(count: int, sides: str) -> None:
+    """Regular meshes of a square hole or a channel have their nodes at few distances too."""
+    t = np.linspace(-1, 1, count + 1)
+    bottom, right = np.column_stack([t, t * 0 - 1]), np.column_stack([t * 0 + 1, t])
+    walls = [bottom, right, -right] + ([-bottom] if sides == "ring" else [])
+    quads, points = [], []
+    for wall in walls:
+        for a, b in itertools.pairwise(wall):
+            first = len(points)
+            points += [[*a, 0], [*b, 0], [*b, 1], [*a, 1]]
+            quads.append([first, first + 1, first + 2, first + 3])
+    middle = middle_of(np.array(points), [("quad", np.array(quads))], np.arange(len(points)))
+    assert middle.axis is None
 
 
 def test_the_outer_surface_has_no_faces_inside() -> None:

@@ -30,7 +30,7 @@ def test_words_that_are_no_options(tmp_path: Path, rack: Path) -> None:
     run("reduce", "-options_file", options, "-mor_out", tmp_path / "r.h5")
 
 
-@pytest.mark.parametrize("wrong", ["swapped", "reversed", "flat"])
+@pytest.mark.parametrize("wrong", ["swapped", "reversed", "flat", "components"])
 def test_coordinates_that_do_not_fit(rack: Path, tmp_path: Path, wrong: str) -> None:
     """Positions of matrices from Python: frame data of a wrong geometry must not come out."""
     parts = assembled(tmp_path / "m.h5", rack)
@@ -38,11 +38,13 @@ def test_coordinates_that_do_not_fit(rack: Path, tmp_path: Path, wrong: str) -> 
         places = file["nodes/position"][:][file["dofs/node"][:]]
         node = file["dofs/node"][:].astype(int)
     changed = {"swapped": places[:, [0, 2, 1]], "reversed": places[::-1],
-               "flat": places * [1, 0, 0]}[wrong]  # fmt: skip
+               "flat": places * [1, 0, 0]}.get(wrong, places)  # fmt: skip
     arguments = {"K": parts["K"], "M": parts["M"], "B": parts["B"], "alpha": 2.0, "node": node,
                  "component": parts["component"]}  # fmt: skip
     right = flexgram.reduce(flexgram.Matrices(**arguments, position=places), tol=1e-2)
     assert right.frame["mass"] == pytest.approx(178.28, rel=1e-3)
+    if wrong == "components":  # a component for all nodes after the other, on rows node by node
+        arguments["component"] = np.sort(parts["component"])
     rom = flexgram.reduce(flexgram.Matrices(**arguments, position=changed), tol=1e-2)
     assert any("the coordinates do not fit K" in words for words in rom.log["warnings"])
     assert "mass" not in rom.frame
@@ -120,6 +122,7 @@ def test_python_arguments_of_wrong_kinds(rack: Path) -> None:
     for arguments in ({"band_hz": 10}, {"tol": "small"}, {"band_hz": ("a", 2)}):
         with pytest.raises(BodyError, match="must be"):
             flexgram.reduce(rack, **arguments)
+    assert flexgram.reduce(rack, band_hz=np.array([10, 100]), tol=np.float64(0.1)).met
     with pytest.raises(BodyError, match=r"flexgram.Matrices\(K, M, B"):
         flexgram.reduce((1, 2, 3))  # type: ignore[arg-type]
 

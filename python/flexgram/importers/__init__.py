@@ -296,7 +296,7 @@ def _references(
             "position": at * length,
             "middle": "" if interface.position is not None else its_middle.said(length),
         }  # fmt: skip
-        if its_middle.away(at) > 3:
+        if its_middle.extent > 0 and its_middle.away(at) > 3:
             fe.remarks.append(f"the reference of {name} is {its_middle.away(at):.0f} sizes of its "
                               "node set away from its middle: right units?")  # fmt: skip
     return became

@@ -1,34 +1,40 @@
-"""Ctrl-C in the midst of a reduction: KeyboardInterrupt, and the process goes on to reduce."""
+"""Ctrl-C in the midst of a call: KeyboardInterrupt before its end, and the process goes on to
+reduce."""
 
 import os
 import subprocess
 import sys
+import time
 
 import numpy as np
 
 import flexgram
 
-body, seconds = sys.argv[1], [float(word) for word in sys.argv[2:]]
+body = sys.argv[1]
 medium = flexgram.certify(body, band_hz=(10, 500), tol=1e-6)
 before = medium.reduce(tol=1e-5)
-
-
-def interrupted(work, after: float) -> bool:
-    # From outside: a thread of this process would wait for the interpreter.
-    subprocess.Popen(["sh", "-c", f"sleep {after}; kill -INT {os.getpid()}"])
-    try:
-        while True:
-            work()
-    except KeyboardInterrupt:
-        return True
-
-
 optimal = {"mor_second_stage": "optimal"}
-for after in seconds:
-    print(
-        "certify", interrupted(lambda: flexgram.certify(body, band_hz=(10, 500), tol=1e-6), after)
-    )
-    print("cut", interrupted(lambda: medium.reduce(order=before.order, options=optimal), after))
+samples = {"mor_samples": 60}
+works = {
+    "certify": lambda: flexgram.certify(body, band_hz=(10, 800), tol=1e-9),
+    "cut": lambda: medium.reduce(order=before.order, options=optimal),
+    "pod": lambda: flexgram.reduce(body, band_hz=(10, 500), method="pod", options=samples),
+}
+for name, work in works.items():
+    start = time.monotonic()
+    work()
+    whole = time.monotonic() - start
+    # From outside: a thread of this process would wait for the interpreter.
+    subprocess.Popen(["sh", "-c", f"sleep {0.2 * whole}; kill -INT {os.getpid()}"])
+    ended = "not"
+    start = time.monotonic()
+    try:
+        work()
+        ended = "at the end"  # the interpreter's own handler would be looked at only now
+    except KeyboardInterrupt:
+        ended = "early" if time.monotonic() - start < 0.9 * whole else "late"
+    print(name, ended)
+    time.sleep(max(0.0, whole - (time.monotonic() - start)))
 again = medium.reduce(tol=1e-5)
 omega = 2 * np.pi * 123.4
 difference = np.abs(again.transfer(omega) - before.transfer(omega)).max()
