@@ -149,7 +149,8 @@ void warn_of_default_band(const Options& options, Observer& observer) {
 /// folder of samples only samples.
 void remove(const CheckpointSpec& checkpoint, MPI_Comm comm) {
   namespace fs = std::filesystem;
-  if (!*checkpoint.used || comm_rank(comm) != 0) return;
+  // A run that was killed before its first sample has left an empty folder.
+  if (!(*checkpoint.used || checkpoint.restart) || comm_rank(comm) != 0) return;
   std::error_code ignored;
   if (fs::is_directory(checkpoint.path, ignored)) {
     std::vector<fs::path> files;
