@@ -11,8 +11,9 @@ from flexgram.api import reduce
 from flexgram.basics import BodyError
 from flexgram.bodyfile import write_matrices
 from flexgram.call import Matrices
-from flexgram.description import import_body, import_mesh
+from flexgram.description import import_body
 from flexgram.medium import Medium, certify
+from flexgram.meshbody import import_mesh
 from flexgram.reduced import ReducedModel
 
 __version__ = "0.1.0"

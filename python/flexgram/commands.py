@@ -105,8 +105,8 @@ def _say_mesh(options: argparse.Namespace, counts: dict[str, Any]) -> None:
 
 def _import_mesh(options: argparse.Namespace, named: list[tuple[str, str]]) -> None:
     """A mesh of one material, described on the command line."""
-    from flexgram.description import describe_mesh, import_description
-    from flexgram.importers import check_damping, parse
+    from flexgram.importers import parse
+    from flexgram.meshbody import import_mesh
 
     if options.material is None:
         raise BodyError(
@@ -117,16 +117,17 @@ def _import_mesh(options: argparse.Namespace, named: list[tuple[str, str]]) -> N
     for name in ("format", "deck", "mass", "damping", "inputs", "mapping", "run_ccx"):
         if getattr(options, name):
             raise BodyError(f"--{name.replace('_', '-')} is nothing for a mesh")
-    damping = {name: getattr(options, name) for name in ("alpha", "beta", "eta")}
-    check_damping(**damping)
-    described = describe_mesh(
+    counts = import_mesh(
         options.source,
+        options.output,
         options.material,
         [parse(*pair) for pair in named],
         units=options.units or "SI",
-        damping=damping,
+        alpha=options.alpha,
+        beta=options.beta,
+        eta=options.eta,
     )
-    _say_mesh(options, import_description(described, str(options.source), options.output))
+    _say_mesh(options, counts)
 
 
 def _import(options: argparse.Namespace) -> None:

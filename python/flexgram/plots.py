@@ -26,16 +26,14 @@ def _open(path: Path, kind: str, needed: str) -> h5py.File:
     return file
 
 
-def plot_sweep(sweep: Path, output: Path, rom: Path | None = None) -> None:
-    """Draw what ``flexgram sweep`` found.
+def sweep_figure(sweep: Path, rom: Path | None = None) -> Figure:
+    """What ``flexgram sweep`` found.
 
     Parameters
     ----------
     sweep : Path
         Sweep file with ``/omega`` [rad/s], ``/H`` and, compared with a reduced body, ``/H_rom``
         and ``/error/relative`` (eq. 17 of Fehr, Eberhard and Lehner).
-    output : Path
-        Picture to write; its suffix chooses the format.
     rom : Path, optional
         Reduced file to compare with the sweep, and for the eigenvalues of its Gramian.
     """
@@ -87,6 +85,12 @@ def plot_sweep(sweep: Path, output: Path, rom: Path | None = None) -> None:
     for panel in axes.flat:
         panel.grid(alpha=0.3)
     figure.tight_layout()
+    return figure
+
+
+def plot_sweep(sweep: Path, output: Path, rom: Path | None = None) -> None:
+    """Draw a sweep into a file; its suffix chooses the format."""
+    figure = sweep_figure(sweep, rom)
     try:
         with written_aside(output, sweep, rom) as place:
             figure.savefig(place, dpi=120)

@@ -401,7 +401,7 @@ PYBIND11_MODULE(_flexgram, module) {
     try {
       if (pointer) std::rethrow_exception(pointer);
     } catch (const Interrupted&) {
-      PyErr_SetString(PyExc_KeyboardInterrupt, "");
+      PyErr_SetString(PyExc_KeyboardInterrupt, "between the steps of flexgram's work");
     } catch (const Error& error) {
       const auto kind = py::module_::import("flexgram.basics").attr("BodyError");
       PyErr_SetString(kind.ptr(), option_names(error.what()).c_str());

@@ -244,6 +244,5 @@ def test_commands(rack: Path, tmp_path: Path, capsys: Any) -> None:
 def test_ctrl_c_ends_a_call_and_nothing_else(rack: Path) -> None:
     told = [line.split(maxsplit=1) for line in program("interrupted", rack).splitlines()]
     assert [line[0] for line in told] == ["certify", "cut", "pod", "equal", "order"]
-    assert all(how in ("early", "late") for _, how in told[:3])  # late: on a busy machine
-    assert [how for _, how in told[:3]].count("early") >= 2
+    assert all(how == "between the steps of flexgram's work" for _, how in told[:3])
     assert told[3:] == [["equal", "True"], ["order", "True certified"]]

@@ -24,10 +24,11 @@ def parse(coupling: str, text: str) -> Interface:
                         "reference")  # fmt: skip
     check_name(f"--{coupling} {text}", name)
     where, at, position = rest.partition("@")
-    return Interface(name, coupling, where, _numbers(text, position, 3) if at else None)
+    return Interface(name, coupling, where, numbers(text, position, 3) if at else None)
 
 
-def _numbers(text: str, words: str, count: int) -> Floats:
+def numbers(text: str, words: str, count: int) -> Floats:
+    """So many finite numbers with commas between them; ``text`` is for the message."""
     try:
         values = np.array([float(word) for word in words.split(",")])
     except ValueError:
@@ -61,8 +62,8 @@ def select(fe: FeMatrices, interface: Interface) -> Ints:
         here = np.isin(fe.labels, fe.node)
         points, labels = fe.points[here], fe.labels[here]
         if kind == "AT":
-            return labels[[nearest(points, _numbers(place, words, 3), place)]]
-        return labels[in_box(points, _numbers(place, words, 6).reshape(2, 3), place)]
+            return labels[[nearest(points, numbers(place, words, 3), place)]]
+        return labels[in_box(points, numbers(place, words, 6).reshape(2, 3), place)]
     hint = f" (NSET:{kind})" if not words else ""
     raise BodyError(f"{place}: {kind} must be NSET, NODES, BOX or AT{hint}")
 

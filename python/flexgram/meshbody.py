@@ -1,0 +1,154 @@
+"""Bodies of a mesh of one material, described in words instead of YAML."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from flexgram.basics import BodyError
+from flexgram.description import ISOTROPIC, import_description
+from flexgram.importers import check_damping
+from flexgram.importers.fe import Interface
+from flexgram.importers.interfaces import numbers, parse
+from flexgram.units import UNITS
+
+#: Materials by name [SI]: Young's modulus, Poisson's ratio, density.
+MATERIALS = {
+    "steel": (210e9, 0.3, 7850.0),
+    "aluminium": (70e9, 0.33, 2700.0),
+    "titanium": (114e9, 0.34, 4430.0),
+    "cast-iron": (110e9, 0.28, 7200.0),
+}
+
+
+def describe_mesh(
+    mesh: Path,
+    material: str,
+    interfaces: Sequence[Interface],
+    *,
+    units: str = "SI",
+    damping: Mapping[str, float | None] | None = None,
+) -> dict[str, Any]:
+    """The description of a mesh of one material, from the words of a command line.
+
+    Parameters
+    ----------
+    mesh : Path
+        Of any meshio format.
+    material : str
+        One of ``MATERIALS``, or ``E=210e9,nu=0.3,rho=7850`` in the given units.
+    interfaces : sequence of Interface
+        Names, couplings, selectors, references, as ``importers.parse`` reads them.
+    units : str
+        Of the mesh.
+    damping : mapping, optional
+        alpha [1/s], beta [s], eta.
+
+    Raises
+    ------
+    BodyError
+        For words that no mesh can be described by.
+    """
+    if units not in UNITS:
+        raise BodyError(f"--units {units} must be one of {', '.join(UNITS)}")
+    length, mass, force = UNITS[units]
+    if material in MATERIALS:
+        E, nu, rho = MATERIALS[material]
+        values = {"E": E / (force / length**2), "nu": nu, "rho": rho / (mass / length**3)}
+    else:
+        pairs = [word.partition("=") for word in material.split(",")]
+        try:
+            values = {name.strip(): float(number) for name, _, number in pairs}
+        except ValueError:
+            values = {}
+        if set(values) != set(ISOTROPIC):
+            raise BodyError(f"--material {material}: expected one of {', '.join(MATERIALS)}, or "
+                            "E=210e9,nu=0.3,rho=7850 in the units of the mesh")  # fmt: skip
+    described: dict[str, Any] = {}
+    for interface in interfaces:
+        name = interface.name
+        if name in described:
+            raise BodyError(f"interface {name} is given twice")
+        if interface.coupling == "rows" or not isinstance(interface.where, str):
+            raise BodyError(f"--{interface.coupling} {name}: a mesh has nodes, no rows of matrices")
+        described[name] = {"coupling": interface.coupling, "nodes": _choice(interface)}
+        if interface.position is not None:
+            described[name]["position"] = interface.position.tolist()
+    given = {key: value for key, value in (damping or {}).items() if value is not None}
+    return {"name": mesh.stem, "mesh": str(mesh.absolute()), "units": units,
+            "materials": {"material": values}, "regions": {"all": {"material": "material"}},
+            "interfaces": described, "damping": given}  # fmt: skip
+
+
+def import_mesh(
+    mesh: str | Path,
+    output: str | Path,
+    material: str,
+    interfaces: Mapping[str, str] | Sequence[Interface],
+    *,
+    units: str = "SI",
+    alpha: float | None = None,
+    beta: float | None = None,
+    eta: float | None = None,
+) -> dict[str, Any]:
+    """Turn a mesh of one material into a body file, without YAML.
+
+    Parameters
+    ----------
+    mesh : str or Path
+        Of any meshio format.
+    output : str or Path
+        Body file to write.
+    material : str
+        ``steel``, ``aluminium``, ``titanium``, ``cast-iron``, or ``E=210e9,nu=0.3,rho=7850`` in the
+        given units.
+    interfaces : mapping, or sequence of Interface
+        Name -> coupling and nodes, as on the command line: ``{"eye": "rigid NSET:eye"}``.
+    units : str
+        Of the mesh: ``SI``, ``mm-t-s`` or ``mm-kg-s``.
+    alpha, beta, eta : float, optional
+        Damping.
+
+    Returns
+    -------
+    dict
+        As ``import_body``.
+
+    Raises
+    ------
+    BodyError
+        With the place and what was expected.
+    """
+    check_damping(alpha, beta, eta)
+    named = [_parsed(*item) for item in interfaces.items()] if isinstance(
+        interfaces, Mapping) else interfaces  # fmt: skip
+    described = describe_mesh(Path(mesh), material, named, units=units,
+                              damping={"alpha": alpha, "beta": beta, "eta": eta})  # fmt: skip
+    return import_description(described, str(mesh), output)
+
+
+def _parsed(name: str, words: str) -> Interface:
+    coupling, _, where = str(words).partition(" ")
+    if coupling not in ("rigid", "distributing", "node"):
+        raise BodyError(f"interface {name}: {words!r} must be rigid, distributing or node and "
+                        "its nodes: 'rigid NSET:eye'")  # fmt: skip
+    return parse(coupling, f"{name}={where}")
+
+
+def _choice(interface: Interface) -> Any:
+    """Nodes of a description, from a selector of the command line."""
+    kind, _, words = str(interface.where).partition(":")
+    place = f"{interface.name}={interface.where}"
+    if kind.upper() == "NSET":
+        return words
+    if kind.upper() not in ("NODES", "AT", "BOX"):
+        raise BodyError(f"{place}: a node set is named with NSET:{kind}")
+    if kind.upper() == "NODES":
+        try:
+            return [int(word) for word in words.split(",")]
+        except ValueError:
+            raise BodyError(f"{place}: expected node numbers, not {words!r}") from None
+    if kind.upper() == "AT":
+        return {"at": numbers(place, words, 3).tolist()}
+    return {"box": numbers(place, words, 6).reshape(2, 3).tolist()}
