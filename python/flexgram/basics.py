@@ -167,3 +167,11 @@ def written_aside(path: str | Path, *inputs: str | Path | None) -> Iterator[Path
             file.replace(target.parent / file.name)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def say(line: str) -> None:
+    """Print; where nobody listens any more (``| head``) the work goes on."""
+    try:
+        print(line, flush=True)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,0 +1,183 @@
+"""``flexgram import``: a mesh, its description, or files of an FE code -> body file."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from flexgram.basics import BodyError, say
+
+COUPLINGS = {
+    "rigid": "all nodes follow a reference node with six dofs (RBE2)",
+    "distributing": "force averaging (RBE3)",
+    "node": "the dofs of the nodes themselves",
+    "rows": "rows of the matrices, numbers from 1: name=1,2,3",
+}
+
+
+#: Endings of files that are meshes and nothing else.
+MESHES = (".msh", ".vtu", ".vtk", ".med", ".xdmf", ".xmf", ".exo", ".e", ".cgns", ".unv", ".h5m",
+          ".ugrid", ".su2", ".mesh", ".meshb", ".vol")  # fmt: skip
+
+
+class _Named(argparse.Action):
+    """Collects --rigid, --distributing, … in the order of the command line."""
+
+    def __call__(self, parser: Any, namespace: Any, value: Any, option: Any = None) -> None:
+        found = getattr(namespace, "interfaces", None) or []
+        namespace.interfaces = [*found, (str(option).lstrip("-"), value)]
+
+
+def import_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "source",
+        type=Path,
+        help="YAML description of a mesh, a mesh (.msh, .vtu, .med, with --material), or a file "
+        "of an FE code: job.inp, job.sti (CalculiX), job_STIF1.mtx (Abaqus), .pch, .op4 "
+        "(Nastran), .full (ANSYS), .mat, .mtx (MatrixMarket), PETSc binary",
+    )
+    parser.add_argument("-o", "--output", type=Path, required=True, help="body file to write")
+    from flexgram.importers import FORMATS  # light: NumPy and SciPy
+
+    parser.add_argument("--format", choices=FORMATS, help="default: by the file's name")
+    parser.add_argument("--deck", type=Path, help="model with nodes and node sets")
+    parser.add_argument("--mass", type=Path, help="mass matrix, where the source holds K only")
+    parser.add_argument("--damping", type=Path, help="damping matrix in a file of its own")
+    parser.add_argument("--inputs", type=Path, help="input matrix B in a file of its own (PETSc)")
+    parser.add_argument("--mapping", type=Path, help="ANSYS node map of HBMAT or *EXPORT")
+    parser.add_argument(
+        "--run-ccx",
+        action="store_true",
+        help="run CalculiX on the deck first, with a matrix-storage step in place of its steps",
+    )
+    for coupling, what in COUPLINGS.items():
+        parser.add_argument(
+            f"--{coupling}", metavar="NAME=WHERE", action=_Named, help=f"interface: {what}"
+        )
+    parser.add_argument(
+        "--material",
+        help="of a mesh without YAML: steel, aluminium, titanium, cast-iron, or "
+        "E=210e9,nu=0.3,rho=7850 in its units",
+    )
+    parser.add_argument("--units", help="of the files: SI (default), mm-t-s, mm-kg-s")
+    for name, unit in (("alpha", "[1/s]"), ("beta", "[s]"), ("eta", "loss factor")):
+        parser.add_argument(f"--{name}", type=float, help=f"damping {unit}")
+
+
+def _lengths(numbers: Any) -> str:
+    return " × ".join(f"{x:.4g}" for x in numbers)
+
+
+def _interface(facts: dict[str, Any]) -> str:
+    """An interface in a line: coupling, nodes, and where its reference is and why there."""
+    at = ", ".join(f"{x:.6g}" for x in facts["position"])
+    why = f": {facts['middle']}" if facts["middle"] else ""
+    return f"{facts['coupling']}, {facts['nodes']} nodes, reference at ({at}) m{why}"
+
+
+def _say_mesh(options: argparse.Namespace, counts: dict[str, Any]) -> None:
+    say(f"  {options.output}: {counts['points']} nodes, {counts['elements']} elements")
+    say(f"  it measures {_lengths(counts['extent'])} m")
+    for name, facts in counts["interfaces"].items():
+        say(f"  interface {name}: {_interface(facts)}")
+        if facts["distance"] > 3 and facts["nodes"] > 1:
+            say(
+                f"  warning: the reference of {name} is {facts['distance']:.0f} sizes of "
+                "its node set away from its middle: right units?"
+            )
+    if {"tetra"} & set(counts["kinds"]):
+        say("  note: linear tetrahedra are too stiff; second-order ones (tetra10) converge faster")
+    if max(counts["extent"]) > 15 and counts["units"] == "SI":
+        say("  note: is the mesh in millimetres (units mm-t-s)?")
+
+
+def _import_mesh(options: argparse.Namespace, named: list[tuple[str, str]]) -> None:
+    """A mesh of one material, described on the command line."""
+    from flexgram.importers import parse
+    from flexgram.meshbody import import_mesh
+
+    if options.material is None:
+        raise BodyError(
+            f"{options.source} is a mesh: name what it is made of and its interfaces (--material "
+            "steel --rigid eye=NSET:EYE), or describe it in YAML (several materials, supports, "
+            "beams), see meshes/rack.yaml"
+        )
+    for name in ("format", "deck", "mass", "damping", "inputs", "mapping", "run_ccx"):
+        if getattr(options, name):
+            raise BodyError(f"--{name.replace('_', '-')} is nothing for a mesh")
+    counts = import_mesh(
+        options.source,
+        options.output,
+        options.material,
+        [parse(*pair) for pair in named],
+        units=options.units or "SI",
+        alpha=options.alpha,
+        beta=options.beta,
+        eta=options.eta,
+    )
+    _say_mesh(options, counts)
+
+
+def import_body_file(options: argparse.Namespace) -> None:
+    named = getattr(options, "interfaces", None) or []
+    if options.source.suffix.lower() in (".yaml", ".yml"):
+        from flexgram.description import import_body
+
+        every = ("material", "format", "deck", "mass", "damping", "inputs", "mapping", "run_ccx",
+                 "units", "alpha", "beta", "eta")  # fmt: skip
+        given = [name.replace("_", "-") for name in every if getattr(options, name)]
+        given += [coupling for coupling, _ in named]
+        if given:
+            raise BodyError(
+                f"--{given[0]}: interfaces, units and damping of a meshed body stand "
+                f"in its YAML file {options.source}, not on the command line"
+            )
+        _say_mesh(options, import_body(options.source, options.output))
+        return
+    if options.material is not None or options.source.suffix.lower() in MESHES:
+        _import_mesh(options, named)
+        return
+    from flexgram.importers import check_damping, import_matrices, parse, read
+
+    interfaces = [parse(*pair) for pair in named]  # before ccx runs for minutes
+    check_damping(options.alpha, options.beta, options.eta)
+    fe = read(
+        options.source,
+        format=options.format,
+        deck=options.deck,
+        mass=options.mass,
+        damping=options.damping,
+        inputs=options.inputs,
+        mapping=options.mapping,
+        run_ccx=options.run_ccx,
+    )
+    facts = import_matrices(
+        fe,
+        options.output,
+        interfaces,
+        units=options.units or "SI",
+        alpha=options.alpha,
+        beta=options.beta,
+        eta=options.eta,
+    )
+    say(f"  {options.output}: n = {facts['rows']}, {facts['nonzeros']:.3g} nonzeros in K as read")
+    if "extent" in facts:
+        say(f"  it measures {_lengths(facts['extent'])} m")
+    if "mass" in facts:
+        at = ", ".join(f"{x:.6g}" for x in facts["centre"])
+        inertia = ", ".join(f"{facts['inertia'][i, i]:.6g}" for i in range(3))
+        say(
+            f"  mass {facts['mass']:.6g} kg of the free rows, centre ({at}) m, inertia about it "
+            f"{inertia} kg m²"
+        )
+        left = f"{facts['free']} of 6 rigid motions are free"
+        say(f"  {left} (relative energy at most {facts['rigid_energy'].max():.0e})")
+    for name, interface in facts["interfaces"].items():
+        say(f"  interface {name}: {_interface(interface)}")
+    say(
+        f"  {len(facts['ports'])} ports: {', '.join(facts['ports'][:12])}"
+        f"{' …' if len(facts['ports']) > 12 else ''}"
+    )
+    for remark in facts["remarks"]:
+        say(f"  note: {remark}")
