@@ -38,7 +38,7 @@ private:
   void take_out_rigid_modes();
   bool cutoff_is_in_a_gap() const;
   std::shared_ptr<const DenseResponse> ritz_response() const;
-  void factorise_norm();
+  void need_cutoff();
   void bound_least_eigenvalue();
   ResidualNorm norm_of(const Block& T);
   int largest_order() const;
@@ -66,9 +66,9 @@ private:
   std::unique_ptr<MediumOverBand> seen_; ///< one of its levels, by all ports
   std::vector<double> grid_;
   double of_rounding_ = 0;      ///< norm in E⁻¹ of a random vector, rows scaled
-  double least_eigenvalue_ = 0; ///< of K + τM with a unit diagonal, at least
-  Block image_; ///< (K + τM)⁻¹T of the last certificate: the next Krylov block
-  bool inertia_is_safe_ = false, norm_is_factorised_ = false;
+  double least_eigenvalue_ = 0; ///< |λ| of K − ω_c²M, scaled, at least
+  Block image_; ///< (K − ω_c²M)⁻¹T of the last certificate: the next Krylov block
+  bool inertia_is_safe_ = false, cutoff_is_factorised_ = false;
   int blocks_ = 0;
 };
 

@@ -13,24 +13,23 @@ namespace {
 using Complex = std::complex<double>;
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
-/// sup over μ in [0, last] of |1/(a + c μ) − z|. The numerator (1 − z a) − z c μ and the
-/// denominator are linear in μ: the stationary points of the quotient of their squares
-/// are the roots of a quadratic.
-double largest_distance(Complex a, Complex c, double last, Complex z) {
-  const auto square = [](Complex slope, Complex constant) {
+/// sup over μ >= 0 of |(n_0 + n_1 μ)/(d_0 + d_1 μ)|, the limit included. The stationary
+/// points of the quotient of the squares are the roots of a quadratic.
+double largest_quotient(std::array<Complex, 2> n, std::array<Complex, 2> d) {
+  const auto square = [](std::array<Complex, 2> f) {
     return std::array<double, 3>{
-        std::norm(constant), 2 * (slope * std::conj(constant)).real(), std::norm(slope)};
+        std::norm(f[0]), 2 * (f[1] * std::conj(f[0])).real(), std::norm(f[1])};
   };
-  const auto N = square(-z * c, 1.0 - z * a), D = square(c, a);
+  const auto N = square(n), D = square(d);
   const auto value = [&](double mu) {
     const double denominator = D[0] + mu * (D[1] + mu * D[2]);
     return denominator > 0 ? (N[0] + mu * (N[1] + mu * N[2])) / denominator : infinity;
   };
-  double largest = std::max(value(0), value(last));
+  double largest = std::max(value(0), D[2] > 0 ? N[2] / D[2] : infinity);
   const double x = N[2] * D[1] - N[1] * D[2], y = N[2] * D[0] - N[0] * D[2],
                e = N[1] * D[0] - N[0] * D[1], root = y * y - x * e; // xμ² + 2yμ + e = 0
   const auto stationary = [&](double mu) {
-    if (mu > 0 && mu < last) largest = std::max(largest, value(mu));
+    if (mu > 0 && std::isfinite(mu)) largest = std::max(largest, value(mu));
   };
   if (x == 0 && y != 0) stationary(-e / (2 * y));
   if (x != 0 && root >= 0) {
@@ -66,8 +65,8 @@ double paired_norm(const ComplexDense& a, const ComplexDense& b) {
 Certificate::Certificate(const MediumSpace& space, const DenseResponse& response,
                          ResidualBasis basis, const ResidualNorm& norm, int modes,
                          bool inertia_is_safe, double cutoff, std::vector<double> scale)
-    : tau_(space.tau()), kappa_(space.kappa()), rounding_(space.rounding()),
-      provable_(basis.complete && inertia_is_safe), scale_(std::move(scale)) {
+    : tau_(space.tau()), sigma_(cutoff * cutoff), kappa_(space.kappa()),
+      rounding_(space.rounding()), provable_(basis.complete && inertia_is_safe), scale_(std::move(scale)) {
   // Coordinates in which the Gram matrix is the identity: Γ = FᵀF.
   const SymmetricEigen eigen = symmetric_eigen(norm.gram);
   Dense F = transpose(eigen.vectors);
@@ -94,19 +93,19 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
   dropped_D_ = in_norm(std::move(basis.dropped_D));
 
   const Dense& U = response.U();
-  const double mu_c = 1 / (cutoff * cutoff + tau_);
-  mu_plus_ = mu_c;
   for (int j = 0; j < modes; ++j) {
     const auto at = static_cast<std::size_t>(j);
     double square = 0;
     for (int i = 0; i < K.rows; ++i) square += K(i, j) * K(i, j);
-    const double mu = response.mu()[at];
-    const double factor = mu + kappa_ * (1 - tau_ * mu); // of −PKu: the residual of Φ_j
+    const double mu = response.mu()[at], e = energy(mu);
     mode_mu_.push_back(mu);
-    mode_residual_.push_back(factor * (std::sqrt(square) + dropped_K_[at]));
-    mu_plus_ += mu > mu_c ? mode_residual_.back() * mode_residual_.back() / (mu - mu_c)
-                          : infinity;
+    mode_G_norm_.push_back(std::abs(residual_factor(mu) / e) *
+                           (std::sqrt(square) + dropped_K_[at]));
+    provable_ = provable_ && e < 0;
   }
+  for (std::size_t i = mode_mu_.size(); i < response.mu().size(); ++i)
+    provable_ = provable_ && energy(response.mu()[i]) > 0;
+  enclose_modes();
   if (response.system().has_extra_damping()) {
     const Dense outside = turned(basis.damped_outside);
     Dense G(basis.damped_inside.rows + outside.rows, modes), F_all = G;
@@ -114,13 +113,15 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
     set_part(F_all, basis.damped_inside.rows, 0, outside);
     for (int j = 0; j < modes; ++j) {
       const auto at = static_cast<std::size_t>(j);
-      const double factor = mode_mu_[at] + kappa_ * (1 - tau_ * mode_mu_[at]);
+      const double factor = residual_factor(mode_mu_[at]) / energy(mode_mu_[at]);
       for (int i = 0; i < K.rows; ++i)
         G(basis.damped_inside.rows + i, j) = -factor * K(i, j);
       double lost = dropped_D_[at];
-      for (int i = 0; i < response.modal_damping().rows; ++i)
-        lost += dropped_K_[static_cast<std::size_t>(i)] *
-                std::abs(response.modal_damping()(i, j));
+      for (int i = 0; i < response.modal_damping().rows; ++i) {
+        const auto of = static_cast<std::size_t>(i);
+        lost += (1 + kappa_ * sigma_) * dropped_K_[of] *
+                std::abs(response.modal_damping()(i, j) / energy(response.mu()[of]));
+      }
       dropped_G_ = std::hypot(dropped_G_, factor * dropped_K_[at]);
       dropped_F_ = std::hypot(dropped_F_, lost);
     }
@@ -148,6 +149,23 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
   rigid_weights_.assign(weights.begin(), weights.begin() + space.rigid());
 }
 
+/// What Φ leaves of its own equation in the norm of (K + τM)⁻¹, in which frequencies are
+/// enclosed, and μ₊. On the complement of Φ, by Schur, K + τM >= (1 − θ)(K − ω_c²M) with
+/// θ = (ω_c² + τ)² Σ‖G_j‖², so ‖r‖² in the one norm is ‖r‖²/(1 − θ) in the other at most.
+void Certificate::enclose_modes() {
+  double theta = 0;
+  for (double g : mode_G_norm_) theta += std::pow((sigma_ + tau_) * g, 2);
+  enlarged_ = theta < 1 ? 1 / std::sqrt(1 - theta) : infinity;
+  const double mu_c = 1 / (sigma_ + tau_);
+  mu_plus_ = mu_c;
+  for (std::size_t j = 0; j < mode_mu_.size(); ++j) {
+    const double mu = mode_mu_[j], g = mode_G_norm_[j] * std::abs(energy(mu));
+    mode_residual_.push_back(g > 0 ? g * enlarged_ : 0.0);
+    mu_plus_ += mu > mu_c ? mode_residual_.back() * mode_residual_.back() / (mu - mu_c)
+                          : infinity;
+  }
+}
+
 bool Certificate::fits(int order, int ports, int modes, int rigid, bool damped) const {
   const auto is = [](const Dense& a, int rows, int columns) {
     return a.rows == rows && a.columns == columns;
@@ -161,7 +179,7 @@ bool Certificate::fits(int order, int ports, int modes, int rigid, bool damped) 
          (!damped || is(D_, order, span)) && holds(coordinates_, span) &&
          holds(dropped_ports_, ports) && holds(dropped_K_, order) &&
          (!damped || holds(dropped_D_, order)) && holds(mode_mu_, modes) &&
-         holds(mode_residual_, modes) &&
+         holds(mode_residual_, modes) && holds(mode_G_norm_, modes) &&
          (!damped || (is(mode_D_, modes, modes) && mode_G_.columns == modes &&
                       is(mode_F_, mode_G_.rows, modes))) &&
          (rigid == 0 || (is(rigid_, order, rigid) && is(neglected_, order, rigid) &&
@@ -200,24 +218,24 @@ std::vector<double> Certificate::outside(const DenseResponse& response) const {
       square += std::pow(ports_(i, j) - factor * held(i, j), 2);
     for (int l = 0; l < x.rows; ++l)
       lost += factor * std::abs(x(l, j)) * dropped_K_[static_cast<std::size_t>(l)];
-    norms.push_back((std::sqrt(square) + lost) / scale_[at]);
+    const double norm = std::sqrt(square) + lost;
+    norms.push_back(norm > 0 ? enlarged_ * norm / scale_[at] : 0.0);
   }
   return norms;
 }
 
 namespace {
 
-/// How far a_k and c = a_m − τ a_k move from the centre of an interval to its ends, and c
-/// there.
+/// a_k and a_m − s a_k at the centre of an interval, and how far they move to its ends.
 struct Coefficients {
-  Coefficients(const DenseSystem& system, double tau, Interval interval) {
+  Coefficients(const DenseSystem& system, double s, Interval interval) {
     const double omega = interval.centre(), h = interval.half();
     const Damping& d = system.damping;
     const ShiftCoefficients at = system.coefficients(omega);
     a = at.k;
-    c = at.m - tau * at.k;
+    c = at.m - s * at.k;
     moved_a = h * d.beta;
-    moved_c = h * (d.alpha + 2 * omega + h + tau * d.beta);
+    moved_c = h * (d.alpha + 2 * omega + h + std::abs(s) * d.beta);
   }
   Complex a, c;
   double moved_a, moved_c;
@@ -228,14 +246,15 @@ struct Coefficients {
 /// δ: ‖J A_Φ⁻¹ Jᵀ‖ at most, over the interval.
 double Certificate::mode_coupling(const DenseResponse& response,
                                   const ResponseSeries& x) const {
-  const Coefficients k(response.system(), tau_, x.interval);
+  const Coefficients outer(response.system(), -sigma_, x.interval);
+  const double largest_c = std::abs(outer.c) + outer.moved_c;
   if (response.is_diagonal()) {
-    const double c = std::abs(k.c) + k.moved_c;
     double sum = 0;
     for (std::size_t j = 0; j < mode_mu_.size(); ++j)
-      sum += std::pow(c * mode_residual_[j], 2) * x.largest[j];
+      sum += std::pow(largest_c * mode_G_norm_[j], 2) * x.largest[j];
     return sum;
   }
+  const Coefficients k(response.system(), tau_, x.interval); // of A_Φ, in modal coordinates
   const int count = mode_D_.columns;
   const double omega = x.interval.centre(), h = x.interval.half();
   ComplexDense A(count, count), J(mode_G_.rows, count);
@@ -249,7 +268,7 @@ double Certificate::mode_coupling(const DenseResponse& response,
   }
   moved += h * frobenius_norm(mode_D_);
   for (std::size_t i = 0; i < J.data.size(); ++i)
-    J.data[i] = k.c * mode_G_.data[i] + Complex(0, omega) * mode_F_.data[i];
+    J.data[i] = outer.c * mode_G_.data[i] + Complex(0, omega) * mode_F_.data[i];
   ComplexDense right(count, J.rows + count);
   for (int i = 0; i < count; ++i) {
     for (int j = 0; j < J.rows; ++j) right(i, j) = J(j, i);
@@ -268,9 +287,8 @@ double Certificate::mode_coupling(const DenseResponse& response,
   const double size = frobenius_norm(inverse), away = size * moved;
   if (!(away < 1)) return infinity;
   const double y = frobenius_norm(solved), farther = 1 / (1 - away),
-               moved_J = k.moved_c * frobenius_norm(mode_G_) +
-                         h * frobenius_norm(mode_F_) +
-                         (std::abs(k.c) + k.moved_c) * dropped_G_ +
+               moved_J = outer.moved_c * frobenius_norm(mode_G_) +
+                         h * frobenius_norm(mode_F_) + largest_c * dropped_G_ +
                          x.interval.last * dropped_F_;
   return frobenius_norm(multiply(J, solved)) +
          farther * (moved * y * y + 2 * moved_J * y + moved_J * moved_J * size);
@@ -278,22 +296,22 @@ double Certificate::mode_coupling(const DenseResponse& response,
 
 Certificate::Inverse Certificate::inverse(const DenseResponse& response,
                                           const ResponseSeries& x) const {
-  const Coefficients k(response.system(), tau_, x.interval);
   Inverse result;
-  double q = 0, radius = 0;
+  double q = 1, radius = 1; // Re (a_k + c μ) >= 1 + (ω_c² − ω²) μ, whatever the damping
+  if (!(x.interval.last * x.interval.last <= sigma_)) return {0, infinity, infinity, false};
   if (response.is_diagonal()) {
-    q = largest_distance(k.a, k.c, mu_plus_, 0.0);
-    result.centre = 0.5 * (1.0 / (k.a + k.c * mu_plus_) + 1.0 / k.a);
-    radius = largest_distance(k.a, k.c, mu_plus_, result.centre);
-    const double moved = q * (k.moved_a + mu_plus_ * k.moved_c);
+    const Coefficients k(response.system(), -sigma_, x.interval);
+    const std::array<Complex, 2> denominator{k.a, k.c};
+    q = std::min(q, largest_quotient({1.0, 0.0}, denominator));
+    result.centre = 0.5 / k.a; // of 1/a_k and 0, for μ = 0 and ∞
+    radius = largest_quotient({1.0 - result.centre * k.a, -result.centre * k.c},
+                              denominator);
+    // (a_k + c μ) at any other frequency is (1 + ε) times that at the centre.
+    const double moved = k.moved_a * q +
+                         k.moved_c * largest_quotient({0.0, 1.0}, denominator);
     if (!(moved < 1)) return {0, infinity, infinity, true};
     radius += q * moved / (1 - moved);
-    q /= 1 - moved;
-  } else {
-    const double left = 1 - (x.interval.last * x.interval.last + tau_) * mu_plus_;
-    if (!(left > 0)) return {0, infinity, infinity, false};
-    q = 1 / left;
-    radius = q;
+    q = std::min(1.0, q / (1 - moved));
   }
   const double delta = mode_coupling(response, x);
   result.proved = provable_ && q * delta < 1;

@@ -32,7 +32,7 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
                              const std::vector<double>& samples, int modes, double cutoff,
                              int most);
 
-/// The norm (K + τM)⁻¹ on the columns of T, by a solve that need not be exact.
+/// The norm (K − ω_c²M)⁻¹ on the columns of T, by a solve that need not be exact.
 struct ResidualNorm {
   Dense gram;             ///< TᵀE⁻¹T at least
   double added = 0;       ///< at most so much more than that, on its diagonal
@@ -43,13 +43,12 @@ struct ResidualNorm {
 /// with its assumptions: docs/proof.md; the names here are those of its section 3.
 ///
 /// With ports P = [B, C] and their residuals R = P − A V x, VᵀR = 0, the error is exactly
-///   H − H_r = R_CᵀA⁻¹R_B = W_Cᵀ S⁻¹ W_B,   W = E^−½ R,   E = K + τM,
-/// S = a_k + c T° + iωD° − J A_Φ⁻¹ Jᵀ the Schur complement of the Ritz vectors Φ below
-/// ω_c (c = a_m − τ a_k, J their residuals, M's and D's). The inertia of K − ω_c²M
-/// says that
-///   0 <= T° <= μ_c + Σ_j ‖G_j‖²/(μ_j − μ_c) = μ₊,   μ = 1/(λ + τ),
-/// however inexact Φ is; so ‖S⁻¹‖ <= q/(1 − qδ), q = max |1/(a_k + c μ)| over 0 <= μ <=
-/// μ₊, δ = ‖J A_Φ⁻¹ Jᵀ‖, and with any disc |z − z₀| <= ρ that holds these 1/(a_k + c μ)
+///   H − H_r = R_CᵀA⁻¹R_B = W_Cᵀ S⁻¹ W_B,   W = E^−½ R,   E = K − ω_c²M,
+/// on the E-orthogonal complement of the Ritz vectors Φ below ω_c, where E is positive
+/// definite: its inertia says so, however inexact Φ is. S = a_k + c T + iωD̃ − J A_Φ⁻¹ Jᵀ
+/// is the Schur complement of Φ (c = a_m + ω_c² a_k, T = E^−½ME^−½ >= 0, J what M and D
+/// couple Φ to the rest by); so ‖S⁻¹‖ <= q/(1 − qδ), q = max |1/(a_k + c μ)| over μ >= 0,
+/// δ = ‖J A_Φ⁻¹ Jᵀ‖, and with any disc |z − z₀| <= ρ that holds these 1/(a_k + c μ)
 ///   ‖H − H_r‖_F <= |z₀| ‖W_CᵀW_B‖_F + (ρ + q²δ/(1 − qδ)) s,  s² = Σ σ_i(W_C)² σ_i(W_B)².
 class Certificate {
 public:
@@ -81,8 +80,8 @@ public:
   /// Largest sine of the angle between a mode below the cutoff and the space.
   double worst_angle() const;
 
-  /// What is known of the body's modes below the cutoff, in descending order of
-  /// μ = 1/(λ + τ): the k-th of the body lies between `mu[k]`, which is the model's, and
+  /// What is known of the body's modes below the cutoff, with E = K + τM, in descending
+  /// order of μ = 1/(λ + τ): the k-th of the body lies between `mu[k]`, which is the model's, and
   /// `largest_mu[k]`; none of the others is above `rest`.
   struct Modes {
     std::vector<double> mu, largest_mu;
@@ -90,8 +89,8 @@ public:
     double rest = 0;
   };
   Modes modes() const;
-  /// ‖E^−½(p − EVx)‖ of each port p, in its unit: what V does not hold of its response to
-  /// E. @note x: that of the model.
+  /// ‖E^−½(p − EVx)‖ of each port p, in its unit, E = K + τM: what V does not hold of its
+  /// response to E. @note x: that of the model.
   std::vector<double> outside(const DenseResponse& response) const;
   /// Rounding of μ_j, relative: of K, and of the dense eigenvalue problem.
   /// Rounding of uᵢᵀKuⱼ between two Ritz vectors.
@@ -106,6 +105,7 @@ public:
   template <class Archive, class Self>
   static void archive(Archive&& a, Self& self) {
     a("tau", self.tau_);
+    a("sigma", self.sigma_);
     a("kappa", self.kappa_);
     a("mu_plus", self.mu_plus_);
     a("rounding", self.rounding_);
@@ -121,6 +121,8 @@ public:
     a("dropped_D", self.dropped_D_);
     a("mode_mu", self.mode_mu_);
     a("mode_residual", self.mode_residual_);
+    a("mode_G_norm", self.mode_G_norm_);
+    a("enlarged", self.enlarged_);
     a("mode_G", self.mode_G_);
     a("mode_F", self.mode_F_);
     a("mode_D", self.mode_D_);
@@ -148,13 +150,21 @@ private:
   MatrixSeries residual(const DenseResponse& response, const ResponseSeries& x) const;
   void add_rounding(Bound& bound, const ResponseSeries& x, const PortSet& block) const;
 
-  double tau_ = 0, kappa_ = 0, mu_plus_ = 0, rounding_ = 0;
+  void enclose_modes();
+  /// uᵀ(K − ω_c²M)u of a mode: uᵀ(K + τM)u = 1, uᵀMu = μ.
+  double energy(double mu) const { return 1 - (sigma_ + tau_) * mu; }
+  /// μ(1 + κλ): −Mu + μ(K + τM)u is so many times what K u has outside V.
+  double residual_factor(double mu) const { return mu + kappa_ * (1 - tau_ * mu); }
+
+  double tau_ = 0, sigma_ = 0, kappa_ = 0, mu_plus_ = 0, rounding_ = 0;
+  double enlarged_ = 1; ///< (K + τM)⁻¹ of residuals over (K − ω_c²M)⁻¹ at most, its root
   bool provable_ = true; ///< the residual is known whole, and the modes are counted
   std::vector<double> scale_, rounding_weights_, rigid_weights_;
   /// In coordinates where the Gram matrix is the identity; the last two transposed.
   Dense ports_, K_, D_;
-  std::vector<double> dropped_ports_, dropped_K_, dropped_D_; ///< ‖·‖ of E⁻¹ at most
-  std::vector<double> mode_mu_, mode_residual_; ///< μ_j and ‖G_j‖ of Φ
+  std::vector<double> dropped_ports_, dropped_K_, dropped_D_; ///< ‖·‖ in E⁻¹
+  /// Of Φ: μ_j, ‖(K + τM)^−½(Mu − μ(K + τM)u)‖ at most, ‖G_j‖.
+  std::vector<double> mode_mu_, mode_residual_, mode_G_norm_;
   Dense mode_G_, mode_F_, mode_D_;  ///< J = c G + iω F, and ΦᵀDΦ; empty without D
   std::vector<double> coordinates_; ///< 1/√γ of the Gram matrix' eigenvalues
   double added_ = 0;                ///< what these hold beyond the norm itself, at most

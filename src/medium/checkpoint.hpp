@@ -14,7 +14,7 @@ namespace flexgram {
 struct CheckpointState {
   Basis V;           ///< W-orthonormal
   Dense K, D, ports; ///< VᵀKV, VᵀDV and Vᵀ[B, C], scaled: what tells bodies apart
-  Block image; ///< (K + τM)⁻¹T of the last level: the next Krylov block; or empty
+  Block image; ///< (K − ω_c²M)⁻¹T of the last level: the next Krylov block; or empty
   Dense rigid_beyond, rigid_assumed; ///< stiffness of rigid modes (MediumSpace)
   int geometric = 0, blocks = 0;
   bool inertia_is_safe = false;

@@ -1,4 +1,4 @@
-/// Second half of `certify`: the norm of E = K + τM, certificates, growth by Krylov
+/// Second half of `certify`: the norm of E = K − ω_c²M, certificates, growth by Krylov
 /// blocks until the bound holds everywhere in the bands (docs/proof.md, sections 2 to 4).
 
 #include "medium/builder.hpp"
@@ -27,18 +27,17 @@ std::shared_ptr<const DenseResponse> MediumBuilder::ritz_response() const {
   return std::make_shared<DenseResponse>(std::move(system), medium_.tau);
 }
 
-void MediumBuilder::factorise_norm() {
-  if (norm_is_factorised_) return;
-  norm_is_factorised_ = true;
-  Stage stage(observer_, "norm");
-  const ShiftCoefficients shift{1.0, medium_.tau, 0.0};
-  ++medium_.factorisations;
-  solver_.factorise(shift, Definiteness::positive); // in the place of the last factors
-  if (solver_.null_pivots() > 0 || solver_.negative_pivots() > 0)
-    throw Error(
-        text("K + τM is not positive definite (%d null, %d negative eigenvalues): the "
-             "body has a mechanism without mass and stiffness, or K is indefinite",
-             solver_.null_pivots(), solver_.negative_pivots()));
+/// K − ω_c²M, unless it still is what the solver holds: after a restart, or after slow
+/// modes were sharpened.
+void MediumBuilder::need_cutoff() {
+  if (!cutoff_is_factorised_) {
+    Stage stage(observer_, "cutoff");
+    solver_.factorise({1.0, -medium_.cutoff * medium_.cutoff, 0.0});
+    ++medium_.factorisations;
+    cutoff_is_factorised_ = true;
+    inertia_is_safe_ = inertia_is_safe_ && solver_.null_pivots() == 0 &&
+                       solver_.negative_pivots() == medium_.rigid + medium_.modes;
+  }
   if (least_eigenvalue_ == 0) bound_least_eigenvalue();
 }
 
@@ -83,8 +82,8 @@ bool MediumBuilder::holds_everywhere() {
   return false;
 }
 
-/// TᵀE⁻¹T at least, E = K + τM, from one block solve X ≈ E⁻¹T, which is kept: with
-/// F = T − E X it is TᵀX + XᵀF + FᵀE⁻¹F, and the last term is at most ‖F‖²/λ_min(E).
+/// TᵀE⁻¹T at least, E = K − ω_c²M, from one block solve X ≈ E⁻¹T, which is kept: with
+/// F = T − E X it is TᵀX + XᵀF + FᵀE⁻¹F, and the last term is at most ‖F‖²/min |λ(E)|.
 ResidualNorm MediumBuilder::norm_of(const Block& T) {
   ResidualNorm norm;
   norm.of_rounding = of_rounding_;
@@ -92,11 +91,10 @@ ResidualNorm MediumBuilder::norm_of(const Block& T) {
   if (T.columns() == 0) return norm;
   image_ = solver_.solve(T, ShiftedSolver::Verify::first_column).x;
   medium_.solved_columns += static_cast<int>(T.columns());
+  const Dense one = identity(static_cast<int>(T.columns()));
   Block rest = copy(T); // F
-  add_product(rest, -1.0, multiply(fom_.K, image_),
-              identity(static_cast<int>(T.columns())));
-  add_product(rest, -medium_.tau, multiply(fom_.M, image_),
-              identity(static_cast<int>(T.columns())));
+  add_product(rest, -1.0, multiply(fom_.K, image_), one);
+  add_product(rest, medium_.cutoff * medium_.cutoff, multiply(fom_.M, image_), one);
   norm.gram = inner(T, image_);
   const Dense correction = inner(image_, rest);
   for (std::size_t i = 0; i < norm.gram.data.size(); ++i)
@@ -112,20 +110,41 @@ ResidualNorm MediumBuilder::norm_of(const Block& T) {
   return norm;
 }
 
-/// A lower bound of the least eigenvalue λ of E, rows and columns scaled to a unit
-/// diagonal: gᵀE⁻¹g >= (gᵀv)²/λ for its eigenvector v, and for entries of g spread evenly
-/// over (−1, 1) |gᵀv| < t has a probability of √2 t at most (Ball 1986). Eight vectors,
-/// t = 1/10: wrong once in six millions.
+/// A lower bound of the least |λ| of E = K − ω_c²M, rows and columns scaled by the
+/// diagonal of K + τM: ‖E⁻¹g‖ >= |gᵀv|/|λ| for its eigenvector v, and for entries of g
+/// spread evenly over (−1, 1) |gᵀv| < t has a probability of √2 t at most (Ball 1986).
+/// Eight vectors, t = 1/10: wrong once in six millions. And how large a random vector is
+/// in E⁻¹ once its part along the modes below the cutoff is taken out, where E is positive.
 void MediumBuilder::bound_least_eigenvalue() {
   constexpr double t = 0.1;
   Block g = random_block(fom_.B, 8, 77);
   space_->unscale(g);
-  const Dense energy = inner(g, solver_.solve(g).x);
-  double largest = 0;
-  for (int i = 0; i < energy.rows; ++i) largest = std::max(largest, energy(i, i));
+  Block x = solver_.solve(g).x;
+  Dense energy = inner(g, x);
+  const RitzPairs pairs = ritz_pairs(*space_);
+  const double sigma = medium_.cutoff * medium_.cutoff;
+  Dense U(space_->columns(), space_->rigid() + expected_); // W-orthonormal
+  for (int j = 0; j < space_->rigid(); ++j) U(j, j) = 1;
+  set_part(U, 0, space_->rigid(), first_columns(pairs.vectors, expected_));
+  const Dense along = multiply_transposed(U, inner(space_->V(), g));
+  for (int j = 0; j < U.columns; ++j) { // (uᵀg)²/uᵀEu; uᵀMu = 1/(1 + κλ)
+    const double lambda =
+        j < space_->rigid()
+            ? 0.0
+            : pairs.lambda[static_cast<std::size_t>(j - space_->rigid())];
+    const double e = (lambda - sigma) / (1 + medium_.kappa * lambda);
+    for (int i = 0; i < 8; ++i) energy(i, i) -= along(j, i) * along(j, i) / e;
+  }
+  space_->unscale(x);
+  const Dense size = inner(x, x);
+  double largest = 0, longest = 0;
+  for (int i = 0; i < 8; ++i) {
+    largest = std::max(largest, energy(i, i));
+    longest = std::max(longest, size(i, i));
+  }
   // gᵀE⁻¹g is a third of the trace of E⁻¹ on average: what a random vector of norm 1 has
   // in E⁻¹ is the n-th part of the trace. Ten times that for safety.
-  std::vector<double> shared{t * t / largest,
+  std::vector<double> shared{t / std::sqrt(longest),
                              std::sqrt(30 * largest / static_cast<double>(fom_.n))};
   share_from_first(fom_.comm, shared);
   least_eigenvalue_ = shared[0];
@@ -135,7 +154,7 @@ void MediumBuilder::bound_least_eigenvalue() {
 /// The bound of the space as it is, with one block solve: a level, in the place of an
 /// incomplete one of the same order.
 void MediumBuilder::prove(int most_columns) {
-  factorise_norm();
+  need_cutoff();
   if (!space_->tracks_residual()) space_->track_residual(loads_);
   MediumLevel level;
   level.response = ritz_response();
@@ -169,7 +188,7 @@ void MediumBuilder::look_at(std::size_t level) {
 void MediumBuilder::grow() {
   if (medium_.levels.empty() ||
       medium_.levels.back().order() < space_->columns()) // else it may not be needed
-    factorise_norm();
+    need_cutoff();
   Stage stage(observer_, "krylov");
   const int limit = largest_order();
   const double target = spec_.target;
@@ -237,8 +256,8 @@ void MediumBuilder::report() {
   observer_.fact(
       "medium model",
       text(
-          "order %d, %d factorisations (real), %d solved columns, %d Krylov blocks at -τ "
-          "after the ports' at ω_c²",
+          "order %d, %d factorisations (real), %d solved columns, %d Krylov blocks at "
+          "ω_c² after the ports'",
           space_->columns(), medium_.factorisations, medium_.solved_columns, blocks_));
   // Without rounding, which the claim of the small model includes.
   observer_.fact(

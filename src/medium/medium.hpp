@@ -59,7 +59,7 @@ struct Medium {
   int modes = 0; ///< elastic modes below the cutoff, all of them
   double cutoff = 0;         ///< ω_c [rad/s]
   double reference = 0;      ///< [rad/s] the certificate holds up to here
-  double tau = 0;            ///< [rad²/s²]
+  double tau = 0; ///< [rad²/s²] modes of small systems are (K + τM)-orthonormal
   double kappa = 0;          ///< W = M + κK
   std::vector<double> scale; ///< of each port, inputs first
   std::vector<MediumLevel> levels;
@@ -85,10 +85,10 @@ void refuse_statics_of_a_free_body(double first);
 ///  1. K − ω_c²M = LDLᵀ: its inertia counts the modes below ω_c, its solves find them
 ///     (find_modes), starting from the response to all ports, which is kept: a Krylov
 ///     block.
-///  2. K + τM = LLᵀ: the certificate solves with the basis of the residuals; if the bound
-///     is not yet below the target, these solutions are the next Krylov block.
-/// Two real factorisations, never both alive (a third for slow modes of a body without
-/// coordinates; more if a mode lies on the cutoff). No complex one.
+///  2. The certificate solves with the basis of the residuals; if the bound is not yet
+///     below the target, these solutions are the next Krylov block.
+/// One real factorisation (two more for slow modes of a body without coordinates; more if
+/// a mode lies on the cutoff). No complex one.
 /// Checkpoints are written after the search of the modes and after each level.
 /// @throws Interrupted after one of these if SIGTERM asked to end.
 /// @note Collective on body.comm.

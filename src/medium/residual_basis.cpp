@@ -167,13 +167,22 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
     basis.K = multiply(parts.K, response.U());
     if (damped) basis.D = multiply(parts.D, response.U());
   }
-  if (damped) { // D u_j = Σ_i E u_i (UᵀDU)_ij + what VᵀR = 0 leaves
-    const Dense of_modes = first_columns(response.modal_damping(), modes);
-    basis.damped_inside = part_of(of_modes, modes, N - modes, 0, modes);
+  if (damped) { // D u_j = Σ_i E u_i (UᵀDU)_ij/e_i + what VᵀR = 0 leaves
+    const double sigma = cutoff * cutoff;
+    Dense of_modes = first_columns(response.modal_damping(), modes), inside = of_modes;
+    for (int i = 0; i < N; ++i) {
+      const double e = // uᵀEu, E = K − ω_c²M
+          1 - (sigma + space.tau()) * response.mu()[static_cast<std::size_t>(i)];
+      for (int j = 0; j < modes; ++j) {
+        of_modes(i, j) /= e;
+        inside(i, j) /= std::sqrt(std::abs(e));
+      }
+    }
+    basis.damped_inside = part_of(inside, modes, N - modes, 0, modes);
     basis.damped_outside = first_columns(basis.D, modes);
     const Dense taken = multiply(basis.K, of_modes);
     for (std::size_t i = 0; i < basis.damped_outside.data.size(); ++i)
-      basis.damped_outside.data[i] -= (1 - space.kappa() * space.tau()) * taken.data[i];
+      basis.damped_outside.data[i] -= (1 + space.kappa() * sigma) * taken.data[i];
   }
   if (r == 0) return basis;
   basis.complete = r <= most;

@@ -15,7 +15,7 @@ namespace flexgram {
 /// stay accurate.
 class MediumSpace {
 public:
-  /// @param tau   [rad²/s²] shift of the norm (K + τM)⁻¹.
+  /// @param tau   [rad²/s²] rows of residuals are scaled by the diagonal of K + τM.
   MediumSpace(const SecondOrderModel& fom, double kappa, double tau);
 
   /// What K holds of rigid modes, which have none: `beyond` enters the bound, `assumed`

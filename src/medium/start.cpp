@@ -201,6 +201,7 @@ Block MediumBuilder::start(double omega, bool mass_is_singular) {
     with_context(text("factorising K - ω²M at the cutoff, %g Hz", omega * hz), [&] {
       solver_.factorise({1.0, -omega * omega, 0.0});
     });
+    cutoff_is_factorised_ = true;
     ++medium_.factorisations;
     const int below = solver_.negative_pivots();
     if (below < modes_wanted) {
@@ -303,6 +304,7 @@ void MediumBuilder::take_out_rigid_modes() {
                      pairs.lambda.begin()));
   if (candidates == 0) return;
   solver_.factorise({1.0, 1e-2 * slow, 0.0});
+  cutoff_is_factorised_ = false;
   ++medium_.factorisations;
   for (int step = 0; step < 3; ++step) { // each divides what is elastic by λ_1/s
     const Block loads =

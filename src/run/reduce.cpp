@@ -74,7 +74,7 @@ void tell_of_groups(const Settings& s, Observer& observer) {
                             "for sweep and -mor_method pod");
 }
 
-/// What the two factorisations of the medium model will take.
+/// What the factorisation of the medium model will take.
 void describe_two_step(const Body& body, const Settings& s, Observer& observer) {
   observer.fact("method", s.method + " over " + words_of(s.bands()));
   tell_of_groups(s, observer);
@@ -82,9 +82,8 @@ void describe_two_step(const Body& body, const Settings& s, Observer& observer) 
   ShiftedSolver solver(body.model.K, body.model.M, nullptr, body.model.node, s.solver);
   const FactorEstimate cutoff = solver.analyse(true);
   observer.fact("factorisations",
-                text("2 real LDLᵀ of K - ω²M and K + τM, one at a time: "
-                     "%.2g entries, %.2g flops, %.0f "
-                     "MB on a rank, ordered by %s",
+                text("1 real LDLᵀ, of K - ω_c²M: %.2g entries, %.2g flops, %.0f MB on a "
+                     "rank, ordered by %s",
                      cutoff.factor_entries, cutoff.flops, cutoff.mb_per_rank,
                      solver.ordering().c_str()));
   const double column =

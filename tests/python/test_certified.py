@@ -40,7 +40,7 @@ def test_bodies_of_others(load_case: Loader, tmp_path: Path, name: str) -> None:
                        "-mor_medium_tol", "1e-3", ranks=2)  # fmt: skip
     assert_certified(medium)
     # One more where slow modes may be rigid: these bodies come without coordinates.
-    assert medium["factorisations"] in (2, 3)
+    assert medium["factorisations"] in (1, 3)
     full = medium["full"]
     tolerance = 5e-2 if loose else 1e-4
     small = certified(body, band, tmp_path, "-mor_tol", tolerance, full=full)
@@ -60,7 +60,7 @@ def test_rack(rack: Path, tmp_path: Path, ranks: int) -> None:
                            count=6)  # fmt: skip
         full = result["full"]
         assert_certified(result, tolerance)
-        assert result["factorisations"] == 2
+        assert result["factorisations"] == 1
         orders.append(result["order"])
     # 28, 38, 48 and 50 when written (README).
     assert orders == sorted(orders) and orders[0] <= 28 and orders[-1] <= 52
@@ -90,7 +90,7 @@ def test_sigma_equals_that_of_many_samples(rack: Path, tmp_path: Path, ranks: in
     """In this band the poles lie 13 rad/s off the axis: 80 Gauss points are enough."""
     band = ("-mor_band_hz", "300,330")
     two, pod = tmp_path / "two.h5", tmp_path / "pod.h5"
-    run("reduce", "-body", rack, *band, "-mor_medium_tol", "1e-11", "-mor_out", two, ranks=ranks)
+    run("reduce", "-body", rack, *band, "-mor_medium_tol", "1e-12", "-mor_out", two, ranks=ranks)
     run("reduce", "-body", rack, *band, "-mor_method", "pod", "-mor_samples", 80, "-mor_quadrature",
         "gauss", "-mor_validate", 0, "-mor_order", 20, "-mor_out", pod, ranks=ranks)  # fmt: skip
     sigma, reference = rom_matrices(two)["sigma"], rom_matrices(pod)["sigma"]

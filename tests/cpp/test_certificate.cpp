@@ -1,0 +1,153 @@
+#include "base/observer.hpp"
+#include "examples.hpp"
+#include "linalg/sparse_product.hpp"
+#include "medium/certificate.hpp"
+#include "medium/model.hpp"
+#include "sampling/pod.hpp"
+
+#include <algorithm>
+
+using namespace flexgram;
+using namespace flexgram::examples;
+
+namespace {
+
+constexpr PetscInt n = 120;
+
+Observer& silent() {
+  static Observer observer(world(), Observer::Level::silent);
+  return observer;
+}
+
+/// D of material damping in the right half only.
+Matrix half_damped() {
+  return sparse(
+      n,
+      [](PetscInt i, PetscInt j) {
+        if (std::min(i, j) < n / 2) return 0.0;
+        const double ends = i == n / 2 || i == n - 1 ? 1.0 : 2.0;
+        return 4e-4 * n * (i == j ? ends : -1.0);
+      },
+      1);
+}
+
+struct Case {
+  const char* name;
+  SecondOrderModel body;
+  bool mass_is_singular = false;
+};
+
+/// Every form of damping; M singular, so that the inner product is M + κK; outputs of
+/// their own; a body that floats (its rigid mode has no coordinates to be known by).
+std::vector<Case> cases() {
+  std::vector<Case> all;
+  all.push_back({"mass", rod(n, {0.05, 0, 0})});
+  all.push_back({"stiffness", rod(n, {0, 1e-4, 0})});
+  all.push_back({"structural", rod(n, {0, 0, 0.03})});
+  all.push_back({"all", rod(n, {0.05, 1e-4, 0.01})});
+  SecondOrderModel dashpot = rod(n, {0.02, 0, 0});
+  dashpot.D = sparse(
+      n, [](PetscInt i, PetscInt j) { return i == j && i == n - 7 ? 0.3 : 0.0; }, 0);
+  all.push_back({"dashpot", std::move(dashpot)});
+  SecondOrderModel half = rod(n, {0.02, 0, 0});
+  half.D = half_damped();
+  all.push_back({"half", std::move(half)});
+  for (bool damped : {false, true}) {
+    SecondOrderModel light = rod(n, {0.05, 1e-4, 0});
+    light.M = sparse(
+        n,
+        [](PetscInt i, PetscInt j) {
+          return i == j && i % 3 > 0 ? 1.5 / static_cast<double>(n) : 0.0;
+        },
+        0);
+    if (damped) light.D = half_damped();
+    all.push_back({damped ? "massless and damped" : "massless", std::move(light), true});
+  }
+  SecondOrderModel outputs = rod(n, {0.05, 1e-4, 0});
+  outputs.C =
+      block(n, 3, [](PetscInt i, PetscInt j) { return i == 20 * (j + 1) ? 1.0 : 0.0; });
+  outputs.outputs_are_inputs = false;
+  outputs.outputs = {"a", "b", "c"};
+  all.push_back({"outputs", std::move(outputs)});
+  SecondOrderModel floating = rod(n, {0, 1e-4, 0});
+  floating.K = sparse(
+      n,
+      [](PetscInt i, PetscInt j) {
+        const double k = static_cast<double>(n);
+        return i == j ? (i == 0 || i == n - 1 ? k : 2 * k) : -k;
+      },
+      1);
+  all.push_back({"floating", std::move(floating)});
+  return all;
+}
+
+} // namespace
+
+TEST(Certificate, KnowsTheResidualOfEveryResponseHoweverTheSpaceGrew) {
+  const SecondOrderModel fom = rod(n);
+  MediumSpace space(fom, 0, 1.0);
+  space.append(random_block(fom.B, 6, 1), 1e-7);
+  space.track_residual(fom.B);
+  for (unsigned step = 2; step < 4; ++step) {
+    DenseSystem system;
+    system.M = space.M();
+    system.K = space.K();
+    system.B = inner(space.V(), fom.B);
+    system.C = system.B;
+    const DenseResponse response(std::move(system), space.tau());
+    // One frequency shows few of the directions that residuals can take: cut to them, a
+    // basis must not forget the others.
+    const int few = static_cast<int>(fom.B.columns());
+    const ResidualBasis basis = residual_basis(space, response, {1.0}, 0, 2.0, few);
+    EXPECT_EQ(basis.T.columns(), few);
+    EXPECT_FALSE(basis.complete);
+    space.append(random_block(fom.B, 4, step), 1e-7);
+  }
+  const Block V = combine(space.V(), identity(space.columns()));
+  Block expected = multiply(fom.K, V), found;
+  add_product(expected, -1.0, space.WV(), inner(V, expected));
+  found = combine(space.residual().S, space.residual().K);
+  space.unscale(found);
+  const Dense a = whole(expected), b = whole(found);
+  for (std::size_t i = 0; i < a.data.size(); ++i)
+    EXPECT_NEAR(a.data[i], b.data[i], 1e-6 * frobenius_norm(a));
+}
+
+/// The bound against full solves at frequencies that it was not given, for each level of
+/// the growth: the first has modes that are good to an angle of 0.3 only.
+TEST(Certificate, BoundsTheErrorOfEveryLevel) {
+  for (const Case& c : cases()) {
+    CertifySpec spec{.bands = {{0.5, 12.3}}};
+    spec.target = 1e-9;
+    const Medium medium = certify(c.body, c.mass_is_singular, spec, {}, silent());
+    EXPECT_TRUE(medium.shortfall.empty()) << c.name << ": " << medium.shortfall;
+    ASSERT_GE(medium.levels.size(), 2u) << c.name;
+    EXPECT_TRUE(medium.levels.back().proved) << c.name;
+    std::vector<double> omega;
+    for (int l = 0; l < 37; ++l) omega.push_back(0.503 + (12.29 - 0.503) * l / 36);
+    FrequencySolves solves(c.body.share(), 0, {}, 1, 0.0, silent());
+    const auto H = solves.transfer(omega, "test");
+    for (std::size_t k = 0; k < medium.levels.size(); ++k) {
+      const MediumModel model(medium, k, find_ports(medium.body, {}, {}), false);
+      double largest = 0, largest_bound = 0, floor = 0;
+      for (std::size_t l = 0; l < omega.size(); ++l) {
+        const MediumModel::Value value = model.at(omega[l]);
+        ComplexDense difference = H[l];
+        for (std::size_t i = 0; i < difference.data.size(); ++i)
+          difference.data[i] -= value.H.data[i];
+        const double truth = frobenius_norm(difference);
+        const Certificate::Bound& bound = value.bounds[0];
+        if (bound.proved) {
+          EXPECT_LE(truth, bound.error + bound.floor)
+              << c.name << ", level " << k << " at " << omega[l];
+        }
+        largest = std::max(largest, truth);
+        largest_bound = std::max(largest_bound, bound.error);
+        floor = std::max(floor, bound.floor);
+      }
+      if (largest > 100 * floor && medium.levels[k].proved) { // and it is tight
+        EXPECT_LE(largest_bound, 3 * largest) << c.name << ", level " << k;
+      }
+    }
+  }
+}
