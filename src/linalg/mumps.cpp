@@ -1,5 +1,6 @@
 #include "linalg/mumps.hpp"
 
+#include "base/event.hpp"
 #include "base/process.hpp"
 #include "base/text.hpp"
 
@@ -90,6 +91,12 @@ struct Mumps<Scalar>::Instance {
   int infog(int n) const { return s.infog[n - 1]; }
   int run(int job) {
     s.job = job;
+    static Event analysis("MumpsAnalysis"), factor("MumpsFactor"), solve("MumpsSolve");
+    if (job >= 1 && job <= 3) {
+      const auto timed = (job == 1 ? analysis : job == 2 ? factor : solve).timed();
+      Traits::call(&s);
+      return infog(1);
+    }
     Traits::call(&s);
     return infog(1);
   }

@@ -1,5 +1,7 @@
 #include "linalg/ordering.hpp"
 
+#include "base/event.hpp"
+
 #include "base/text.hpp"
 
 #include <metis.h>
@@ -97,6 +99,8 @@ std::vector<std::int64_t> indistinguishable_rows(const std::vector<Mat>& matrice
 
 std::vector<int> nested_dissection(MPI_Comm comm, const Pattern& lower,
                                    std::span<const std::int64_t> node_of_row) {
+  static Event event("NestedDissection");
+  const auto timed = event.timed();
   std::vector<std::int64_t> node = gather_all(comm, node_of_row, MPI_INT64_T);
   const int nodes = renumber(node);
 

@@ -1,5 +1,7 @@
 #include "linalg/orthonormal.hpp"
 
+#include "base/event.hpp"
+
 #include "linalg/sparse_product.hpp"
 
 #include <algorithm>
@@ -54,6 +56,8 @@ Block InnerProduct::apply(const Block& x) const {
 
 Orthonormalised orthonormalise(Block X, const Basis& V, const Basis& WV,
                                const InnerProduct& product, double tolerance) {
+  static Event event("Orthonormalise");
+  const auto timed = event.timed();
   Orthonormalised result;
   const Dense inside = remove(X, V, WV);
   Block WX = product.apply(X);

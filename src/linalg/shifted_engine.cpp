@@ -1,11 +1,15 @@
 #include "linalg/shifted_engine.hpp"
 
+#include "base/event.hpp"
+
 #include <algorithm>
 #include <type_traits>
 
 namespace flexgram {
 
 CommonPattern common_pattern(Mat K, Mat M, Mat D) {
+  static Event event("CommonPattern");
+  const auto timed = event.timed();
   CommonPattern common;
   PetscInt n = 0, begin = 0, end = 0;
   FG_CALL(MatGetSize(K, &n, nullptr));

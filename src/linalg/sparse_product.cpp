@@ -1,5 +1,7 @@
 #include "linalg/sparse_product.hpp"
 
+#include "base/event.hpp"
+
 #include <petscsf.h>
 
 #include <algorithm>
@@ -197,6 +199,8 @@ bool is_type(Mat a, const char* type) {
 Block multiply(Mat a, const Block& x) {
   Block y(x.comm(), x.local_rows(), x.rows(), x.columns());
   if (x.columns() == 0) return y;
+  static Event event("SparseProduct");
+  const auto timed = event.timed();
   const bool shared = is_type(a, MATMPIAIJ);
   if (!shared && !is_type(a, MATSEQAIJ)) {
     FG_CALL(BVMatMult(x.bv(), a, y.bv()));
@@ -219,6 +223,8 @@ Block multiply(Mat a, const Block& x) {
 }
 
 AccurateProduct multiply_accurately(Mat a, const Block& x) {
+  static Event event("AccurateProduct");
+  const auto timed = event.timed();
   const bool shared = is_type(a, MATMPIAIJ);
   if (!shared && !is_type(a, MATSEQAIJ)) throw Error("an accurate product needs AIJ");
   AccurateProduct result{Block(x.comm(), x.local_rows(), x.rows(), x.columns()),

@@ -33,6 +33,7 @@ private:
   static MediumSpace::RigidStiffness stiffness_of(const RigidSplit& split);
   static bool has_light_dofs(const SecondOrderModel& fom, double omega);
   Block start(double omega, bool mass_is_singular);
+  Block with_company(const Block& ports) const;
   void scale_ports(Block& response);
   void search_modes();
   void take_out_rigid_modes();

@@ -20,7 +20,7 @@ struct CertifySpec {
   std::vector<Interval> bands; ///< [rad/s] where the target is to be met
   double last_needed = 0;      ///< [rad/s] the certificate must hold up to here at least
   double target = 1e-8;        ///< relative error of the medium model
-  double cutoff = 1.2;         ///< ω_c over the end of the last band
+  double cutoff = 1.1;         ///< ω_c over the end of the last band
   int modes = 0;               ///< so many modes at least are found, and exactly; 0: any
   int limit = 0;               ///< largest order; 0: what memory and the body allow
   RelativeTo relative_to = RelativeTo::pointwise;

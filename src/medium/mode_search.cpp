@@ -56,7 +56,10 @@ RitzPairs ritz_pairs(const MediumSpace& space) {
 int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expected,
                double enough, double null, Observer& observer) {
   std::vector<double> good;
-  int solves = 0;
+  int solves = 0, before = -1;
+  int newest = space.columns() > space.rigid() // vectors of the last block
+                   ? static_cast<int>(space.V().pieces().back().columns())
+                   : 0;
   Progress progress(observer, "modes", expected);
   for (int round = 0;; ++round) {
     const RitzPairs pairs = ritz_pairs(space);
@@ -80,7 +83,9 @@ int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expe
           static_cast<long>(negative), negative == 1 ? "" : "s", pairs.lambda.front()));
     }
     const int missing = expected - below;
-    const std::vector<bool> is_good = known(pairs.lambda, below, good, space.tau());
+    const std::vector<bool> is_good =
+        std::isfinite(enough) ? known(pairs.lambda, below, good, space.tau())
+                              : std::vector<bool>(static_cast<std::size_t>(below), true);
     std::vector<int> block;
     good.clear();
     for (int j = 0; j < below; ++j)
@@ -93,40 +98,69 @@ int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expe
       throw MiscountError(
           text("only %d of the %d modes below the cutoff were found in %d rounds", below,
                expected, most_rounds));
-    if (static_cast<int>(block.size()) > most_columns) block.resize(most_columns);
-    const std::size_t checked = block.size();
-    for (int j = below;
-         j < static_cast<int>(pairs.lambda.size()) && j < below + missing &&
-         static_cast<int>(block.size()) < most_columns;
-         ++j)
-      block.push_back(j);
+    const bool stalled = below <= before;
+    before = below;
 
-    Dense chosen(pairs.vectors.rows, 0);
-    for (int j : block)
-      chosen = beside(chosen, part_of(pairs.vectors, 0, pairs.vectors.rows, j, 1));
-    // M V is at hand unless the inner product is another one.
-    Block loads = space.kappa() == 0
-                      ? combine(space.WV(), chosen)
-                      : multiply(space.fom().M, combine(space.V(), chosen));
-    if (missing > 0)
+    // A narrow last block of V is applied S to as it is, a Krylov step, which serves all
+    // modes at once. `parts` are the shares of the modes in question in the loads.
+    const bool krylov = newest > 0 && newest <= most_columns;
+    Dense parts;
+    Block loads;
+    if (krylov) {
+      const Basis& at_hand = space.kappa() == 0 ? space.WV() : space.V();
+      loads = at_hand.pieces().back().share();
+      if (space.kappa() != 0) loads = multiply(space.fom().M, loads);
+      parts = Dense(newest, static_cast<int>(block.size()));
+      for (int j = 0; j < parts.columns; ++j)
+        for (int i = 0; i < newest; ++i)
+          parts(i, j) = pairs.vectors(space.columns() - newest + i,
+                                      block[static_cast<std::size_t>(j)]);
+    } else {
+      if (static_cast<int>(block.size()) > most_columns) block.resize(most_columns);
+      const auto checked = static_cast<int>(block.size());
+      std::vector<int> chosen_modes = block;
+      for (int j = below;
+           j < static_cast<int>(pairs.lambda.size()) && j < below + missing &&
+           static_cast<int>(chosen_modes.size()) < most_columns;
+           ++j)
+        chosen_modes.push_back(j);
+      Dense chosen(pairs.vectors.rows, 0);
+      for (int j : chosen_modes)
+        chosen = beside(chosen, part_of(pairs.vectors, 0, pairs.vectors.rows, j, 1));
+      // M V is at hand unless the inner product is another one.
+      loads = space.kappa() == 0
+                  ? combine(space.WV(), chosen)
+                  : multiply(space.fom().M, combine(space.V(), chosen));
+      parts = Dense(chosen.columns, checked);
+      for (int j = 0; j < checked; ++j) parts(j, j) = 1;
+    }
+    if (missing > 0 && (stalled || !krylov))
       loads = concatenate(
           loads, multiply(space.fom().M, random_block(space.fom().B, 1 + missing / 8,
                                                       static_cast<unsigned>(round))));
     // A poor solution costs a round, not the proof; what is nearly in the space already
     // is only worth its products where angles must become tiny.
+    const int columns = space.columns();
     const std::vector<double> outside = space.append(
         factor.solve(loads, ShiftedSolver::Verify::none).x, enough < 0.1 ? 1e-7 : 1e-5);
+    newest = space.columns() - columns;
     solves += static_cast<int>(loads.columns());
     double worst = 0;
-    for (std::size_t i = 0; i < checked; ++i) {
-      const double lambda = pairs.lambda[static_cast<std::size_t>(block[i])];
-      const double angle = std::abs(lambda - sigma) * outside[i];
+    for (int j = 0; j < parts.columns; ++j) {
+      const double lambda =
+          pairs.lambda[static_cast<std::size_t>(block[static_cast<std::size_t>(j)])];
+      double angle = 0;
+      for (int i = 0; i < parts.rows; ++i)
+        angle += std::abs(lambda - sigma) * std::abs(parts(i, j)) *
+                 outside[static_cast<std::size_t>(i)];
       worst = std::max(worst, angle);
       if (angle <= enough) good.push_back(lambda);
     }
     progress.reach(static_cast<int>(good.size()),
-                   text("below the cutoff, %d seen, largest angle of those checked %.1e",
-                        below, worst));
+                   text("below the cutoff, %d seen before%s", below,
+                        parts.columns > 0
+                            ? text(", largest angle of those checked %.1e", worst).c_str()
+                            : ""));
   }
 }
 

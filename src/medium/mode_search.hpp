@@ -15,13 +15,15 @@ class MiscountError : public Error {
   using Error::Error;
 };
 
-/// Extends the space until it holds every mode of (K, M) below sigma to an angle of about
-/// `enough`. Block Rayleigh-Ritz with the shift-inverted operator S = (K − σM)⁻¹M: for a
+/// Extends the space until it holds every mode of (K, M) below sigma, each to an angle of
+/// about `enough` (infinity: as many Ritz values as modes are enough). Block Krylov and
+/// Rayleigh-Ritz with the shift-inverted operator S = (K − σM)⁻¹M: for a
 /// Ritz pair (λ, φ) the part of (λ − σ) S φ outside the space is what the space lacks,
 /// and measures the angle: modes below σ have negative eigenvalues 1/(λ − σ) of S, all
-/// others positive ones, so clusters do no harm. Each round applies S to the Ritz vectors
-/// that are not yet good, to the next ones above σ, and to random vectors while modes are
-/// missing. How exact the modes are in the end is proved by the certificate, not here.
+/// others positive ones, so clusters do no harm. Each round applies S to the last block of
+/// the space; if that is wide, to the Ritz vectors that are not yet good and the next ones
+/// above σ; and to random vectors where a round found no further mode.
+/// How exact the modes are in the end is proved by the certificate, not here.
 /// @param[in] factor    holds K − σM.
 /// @param[in] expected  modes below σ by Sylvester's law, without the rigid modes of the
 ///                      space. No more can be found (Cauchy), and no fewer will do.
@@ -30,6 +32,8 @@ class MiscountError : public Error {
 /// @throws MiscountError if a mode that the inertia counts cannot be found, or if there
 /// are more; Error if K is indefinite.
 /// @note Collective.
+/// @pre the last block of the space is S applied to something, such as the response to
+/// loads at σ.
 int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expected,
                double enough, double null, Observer& observer);
 

@@ -3,6 +3,8 @@
 
 #include "medium/certificate.hpp"
 
+#include "base/event.hpp"
+
 #include <algorithm>
 #include <cmath>
 
@@ -124,6 +126,8 @@ ComplexDense residual_of(const Dense& ports, const Dense& K, const Dense& D, dou
 ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
                              const std::vector<double>& samples, int modes, double cutoff,
                              int most) {
+  static Event event("ResidualBasis");
+  const auto timed = event.timed();
   const bool damped = response.system().has_extra_damping();
   const int p = response.system().B.columns, N = response.system().order();
   const SecondOrderModel& fom = space.fom();

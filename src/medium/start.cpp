@@ -190,8 +190,20 @@ bool MediumBuilder::has_light_dofs(const SecondOrderModel& fom, double omega) {
   return max_over(fom.comm, fastest) > 1e12 * omega * omega;
 }
 
+/// The loads of few ports with random ones beside them, if there are modes to be found:
+/// blocks of some width cost little more than narrow ones.
+Block MediumBuilder::with_company(const Block& ports) const {
+  constexpr int width = 8;
+  const int more =
+      std::min(expected_, width) - static_cast<int>(ports.columns());
+  return more > 0
+             ? concatenate(ports, multiply(fom_.M, random_block(fom_.B, more, 99)))
+             : ports.share();
+}
+
 /// Factorises K − ω_c²M with ω_c near `omega`, away from eigenvalues and with enough
-/// modes below; chooses the inner product. Returns the response to all ports.
+/// modes below; chooses the inner product. Returns the response to all ports, and to what
+/// keeps them company.
 Block MediumBuilder::start(double omega, bool mass_is_singular) {
   const int modes_wanted = spec_.modes;
   int last_null = 0; // pivots without size at the cutoff before
@@ -221,12 +233,12 @@ Block MediumBuilder::start(double omega, bool mass_is_singular) {
           null, null == 1 ? "" : "s"));
     last_null = null;
     if (regular) try {
-        response = solver_.solve(ports_).x;
+        response = solver_.solve(with_company(ports_)).x;
       } catch (const ShiftError&) {
         regular = false;
       }
     if (regular) {
-      medium_.solved_columns += static_cast<int>(ports_.columns());
+      medium_.solved_columns += static_cast<int>(response.columns());
       const Block none;
       const Block Z =
           orthonormalise(copy(response), none, none, {fom_.M, fom_.K, kappa}, 1e-7)
@@ -258,10 +270,14 @@ Block MediumBuilder::start(double omega, bool mass_is_singular) {
 void MediumBuilder::scale_ports(Block& response) {
   const InnerProduct product{fom_.M, fom_.K, 1 / (medium_.cutoff * medium_.cutoff)};
   const Dense gram = inner(response, product.apply(response));
-  for (int j = 0; j < gram.rows; ++j)
+  for (int j = 0; j < ports_.columns(); ++j)
     medium_.scale.push_back(gram(j, j) > 0 ? 1 / std::sqrt(gram(j, j)) : 1.0);
   share_from_first(fom_.comm, medium_.scale);
-  for (Block* block : {&loads_, &ports_, &response}) scale_columns(*block, medium_.scale);
+  for (Block* block : {&loads_, &ports_}) scale_columns(*block, medium_.scale);
+  std::vector<double> all = medium_.scale;
+  for (auto j = static_cast<int>(all.size()); j < gram.rows; ++j)
+    all.push_back(1 / std::sqrt(gram(j, j)));
+  scale_columns(response, all);
 }
 
 /// What the user allows, or what memory does: V, W V, S and one more of that size.
@@ -357,7 +373,7 @@ void MediumBuilder::search_modes() {
   if (expected_ > 0) {
     Stage stage(observer_, "modes");
     solves = find_modes(*space_, solver_, medium_.cutoff * medium_.cutoff, expected_,
-                        spec_.modes > 0 ? 1e-5 : 0.3, threshold_, observer_);
+                        spec_.modes > 0 ? 1e-5 : 3.0, threshold_, observer_);
     medium_.solved_columns += solves;
     take_out_rigid_modes();
   }
