@@ -17,8 +17,8 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 /// points of the quotient of the squares are the roots of a quadratic.
 double largest_quotient(std::array<Complex, 2> n, std::array<Complex, 2> d) {
   const auto square = [](std::array<Complex, 2> f) {
-    return std::array<double, 3>{
-        std::norm(f[0]), 2 * (f[1] * std::conj(f[0])).real(), std::norm(f[1])};
+    return std::array<double, 3>{std::norm(f[0]), 2 * (f[1] * std::conj(f[0])).real(),
+                                 std::norm(f[1])};
   };
   const auto N = square(n), D = square(d);
   const auto value = [&](double mu) {
@@ -66,7 +66,8 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
                          ResidualBasis basis, const ResidualNorm& norm, int modes,
                          bool inertia_is_safe, double cutoff, std::vector<double> scale)
     : tau_(space.tau()), sigma_(cutoff * cutoff), kappa_(space.kappa()),
-      rounding_(space.rounding()), provable_(basis.complete && inertia_is_safe), scale_(std::move(scale)) {
+      rounding_(space.rounding()), provable_(basis.complete && inertia_is_safe),
+      scale_(std::move(scale)) {
   // Coordinates in which the Gram matrix is the identity: Γ = FᵀF.
   const SymmetricEigen eigen = symmetric_eigen(norm.gram);
   Dense F = transpose(eigen.vectors);
@@ -254,7 +255,8 @@ double Certificate::mode_coupling(const DenseResponse& response,
       sum += std::pow(largest_c * mode_G_norm_[j], 2) * x.largest[j];
     return sum;
   }
-  const Coefficients k(response.system(), tau_, x.interval); // of A_Φ, in modal coordinates
+  const Coefficients k(response.system(), tau_,
+                       x.interval); // of A_Φ, in modal coordinates
   const int count = mode_D_.columns;
   const double omega = x.interval.centre(), h = x.interval.half();
   ComplexDense A(count, count), J(mode_G_.rows, count);
@@ -298,17 +300,18 @@ Certificate::Inverse Certificate::inverse(const DenseResponse& response,
                                           const ResponseSeries& x) const {
   Inverse result;
   double q = 1, radius = 1; // Re (a_k + c μ) >= 1 + (ω_c² − ω²) μ, whatever the damping
-  if (!(x.interval.last * x.interval.last <= sigma_)) return {0, infinity, infinity, false};
+  if (!(x.interval.last * x.interval.last <= sigma_))
+    return {0, infinity, infinity, false};
   if (response.is_diagonal()) {
     const Coefficients k(response.system(), -sigma_, x.interval);
     const std::array<Complex, 2> denominator{k.a, k.c};
     q = std::min(q, largest_quotient({1.0, 0.0}, denominator));
     result.centre = 0.5 / k.a; // of 1/a_k and 0, for μ = 0 and ∞
-    radius = largest_quotient({1.0 - result.centre * k.a, -result.centre * k.c},
-                              denominator);
+    radius =
+        largest_quotient({1.0 - result.centre * k.a, -result.centre * k.c}, denominator);
     // (a_k + c μ) at any other frequency is (1 + ε) times that at the centre.
-    const double moved = k.moved_a * q +
-                         k.moved_c * largest_quotient({0.0, 1.0}, denominator);
+    const double moved =
+        k.moved_a * q + k.moved_c * largest_quotient({0.0, 1.0}, denominator);
     if (!(moved < 1)) return {0, infinity, infinity, true};
     radius += q * moved / (1 - moved);
     q = std::min(1.0, q / (1 - moved));

@@ -129,9 +129,8 @@ void MediumBuilder::bound_least_eigenvalue() {
   const Dense along = multiply_transposed(U, inner(space_->V(), g));
   for (int j = 0; j < U.columns; ++j) { // (uᵀg)²/uᵀEu; uᵀMu = 1/(1 + κλ)
     const double lambda =
-        j < space_->rigid()
-            ? 0.0
-            : pairs.lambda[static_cast<std::size_t>(j - space_->rigid())];
+        j < space_->rigid() ? 0.0
+                            : pairs.lambda[static_cast<std::size_t>(j - space_->rigid())];
     const double e = (lambda - sigma) / (1 + medium_.kappa * lambda);
     for (int i = 0; i < 8; ++i) energy(i, i) -= along(j, i) * along(j, i) / e;
   }
@@ -255,10 +254,9 @@ void MediumBuilder::report() {
   const double target = spec_.target;
   observer_.fact(
       "medium model",
-      text(
-          "order %d, %d factorisations (real), %d solved columns, %d Krylov blocks at "
-          "ω_c² after the ports'",
-          space_->columns(), medium_.factorisations, medium_.solved_columns, blocks_));
+      text("order %d, %d factorisations (real), %d solved columns, %d Krylov blocks at "
+           "ω_c² after the ports'",
+           space_->columns(), medium_.factorisations, medium_.solved_columns, blocks_));
   // Without rounding, which the claim of the small model includes.
   observer_.fact(
       "medium error",

@@ -57,10 +57,10 @@ struct Medium {
   Basis V;       ///< n × N, W-orthonormal: rigid modes, modes, Krylov vectors; or empty
   int rigid = 0; ///< that many columns come first
   int modes = 0; ///< elastic modes below the cutoff, all of them
-  double cutoff = 0;         ///< ω_c [rad/s]
-  double reference = 0;      ///< [rad/s] the certificate holds up to here
-  double tau = 0; ///< [rad²/s²] modes of small systems are (K + τM)-orthonormal
-  double kappa = 0;          ///< W = M + κK
+  double cutoff = 0;    ///< ω_c [rad/s]
+  double reference = 0; ///< [rad/s] the certificate holds up to here
+  double tau = 0;       ///< [rad²/s²] modes of small systems are (K + τM)-orthonormal
+  double kappa = 0;     ///< W = M + κK
   std::vector<double> scale; ///< of each port, inputs first
   std::vector<MediumLevel> levels;
   std::string shortfall; ///< why the target is not reached; empty: it is

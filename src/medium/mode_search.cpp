@@ -128,9 +128,8 @@ int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expe
       for (int j : chosen_modes)
         chosen = beside(chosen, part_of(pairs.vectors, 0, pairs.vectors.rows, j, 1));
       // M V is at hand unless the inner product is another one.
-      loads = space.kappa() == 0
-                  ? combine(space.WV(), chosen)
-                  : multiply(space.fom().M, combine(space.V(), chosen));
+      loads = space.kappa() == 0 ? combine(space.WV(), chosen)
+                                 : multiply(space.fom().M, combine(space.V(), chosen));
       parts = Dense(chosen.columns, checked);
       for (int j = 0; j < checked; ++j) parts(j, j) = 1;
     }

@@ -194,11 +194,9 @@ bool MediumBuilder::has_light_dofs(const SecondOrderModel& fom, double omega) {
 /// blocks of some width cost little more than narrow ones.
 Block MediumBuilder::with_company(const Block& ports) const {
   constexpr int width = 8;
-  const int more =
-      std::min(expected_, width) - static_cast<int>(ports.columns());
-  return more > 0
-             ? concatenate(ports, multiply(fom_.M, random_block(fom_.B, more, 99)))
-             : ports.share();
+  const int more = std::min(expected_, width) - static_cast<int>(ports.columns());
+  return more > 0 ? concatenate(ports, multiply(fom_.M, random_block(fom_.B, more, 99)))
+                  : ports.share();
 }
 
 /// Factorises K − ω_c²M with ω_c near `omega`, away from eigenvalues and with enough
