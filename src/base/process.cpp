@@ -140,10 +140,23 @@ void keep_freed_pages() {
 #endif
 }
 
+void give_back_freed_pages() {
+#ifdef __GLIBC__
+  malloc_trim(0);
+#endif
+}
+
 double peak_memory_mb() {
   rusage usage{};
   getrusage(RUSAGE_SELF, &usage);
   return static_cast<double>(usage.ru_maxrss) / 1024.0;
+}
+
+double resident_memory_mb() {
+  std::ifstream file("/proc/self/statm"); // pages: all, resident, …
+  double all = 0, resident = 0;
+  file >> all >> resident;
+  return resident * static_cast<double>(sysconf(_SC_PAGESIZE)) / 1e6;
 }
 
 namespace {

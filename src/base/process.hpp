@@ -26,6 +26,8 @@ void reserve_blas_buffers();
 /// Makes malloc keep freed pages: large work arrays are reused by each factorisation, and
 /// the first touch of fresh memory is dear in virtual machines.
 void keep_freed_pages();
+/// Gives them back all the same, now: where memory is what is short.
+void give_back_freed_pages();
 
 /// What the BLAS says of itself, with the kernels it chose; "unknown" if it does not.
 std::string blas_version();
@@ -35,6 +37,9 @@ std::string utc_time();
 
 /// Peak resident memory of this process [MB].
 double peak_memory_mb();
+
+/// Resident memory of this process now [MB].
+double resident_memory_mb();
 
 /// Memory that this rank may still use [MB]: the node's available memory divided by the
 /// ranks of comm on that node; the limit of the control group, if any, counts too.

@@ -100,6 +100,11 @@ struct Mumps<Scalar>::Instance {
     Traits::call(&s);
     return infog(1);
   }
+  void hand_over(const Pattern& pattern) {
+    s.nnz_loc = static_cast<MUMPS_INT8>(pattern.row.size());
+    s.irn_loc = const_cast<int*>(pattern.row.data());
+    s.jcn_loc = const_cast<int*>(pattern.column.data());
+  }
   bool user_set(int n) const { return options.icntl.count(n) > 0; }
 
   void redistribute(const std::vector<int>& solution_rows,
@@ -133,9 +138,7 @@ FactorEstimate Mumps<Scalar>::analyse(const Pattern& pattern,
   int given = !position.empty();
   MPI_Bcast(&given, 1, MPI_INT, 0, m.comm);
   m.s.n = pattern.n;
-  m.s.nnz_loc = static_cast<MUMPS_INT8>(pattern.row.size());
-  m.s.irn_loc = const_cast<int*>(pattern.row.data());
-  m.s.jcn_loc = const_cast<int*>(pattern.column.data());
+  m.hand_over(pattern);
   if (given) m.s.perm_in = const_cast<int*>(position.data());
   if (!m.user_set(7)) m.icntl(7) = given ? 1 : 7;
   // An inertia is only complete if the root front is not handed to ScaLAPACK.
@@ -155,7 +158,8 @@ std::vector<int> Mumps<Scalar>::position() const {
 }
 
 template <class Scalar>
-void Mumps<Scalar>::factorise(std::vector<Scalar> values, bool pivoting) {
+void Mumps<Scalar>::factorise(const Pattern& pattern, std::vector<Scalar> values,
+                              bool pivoting) {
   auto& m = *instance_;
   const double estimated = m.estimated_mb;
   const double limit = m.options.memory_limit_mb;
@@ -168,6 +172,7 @@ void Mumps<Scalar>::factorise(std::vector<Scalar> values, bool pivoting) {
                            "raise {memory_limit_mb}",
                            estimated, limit));
 
+  m.hand_over(pattern);
   m.values = std::move(values);
   m.s.a_loc = reinterpret_cast<typename Instance::Value*>(m.values.data());
   if (!m.user_set(24)) m.icntl(24) = m.tolerate_null_pivots;
@@ -197,6 +202,7 @@ void Mumps<Scalar>::factorise(std::vector<Scalar> values, bool pivoting) {
     throw Error(explain(status, m.infog(2)));
   }
   m.values = {};
+  m.s.irn_loc = m.s.jcn_loc = nullptr;
 }
 
 template <class Scalar>

@@ -62,16 +62,17 @@ public:
 
   /// Orders and analyses, once for a pattern. `position` (n numbers on rank 0, 1-based
   /// place of each variable in the pivot order) or empty: MUMPS orders. Collective.
-  /// @note pattern must outlive this object.
   FactorEstimate analyse(const Pattern& pattern, std::span<const int> position);
   /// The ordering in use, n numbers on rank 0.
   std::vector<int> position() const;
 
-  /// Numeric factorisation; values in the order of the pattern's entries.
+  /// Numeric factorisation; values in the order of the entries of the analysed pattern,
+  /// which is not needed afterwards.
   /// @throws ShiftError if the matrix is singular, MemoryError with the amount needed.
   /// @param pivoting  search for numerical pivots; without, as for positive definite
   /// matrices, factors keep the estimated size.
-  void factorise(std::vector<Scalar> values, bool pivoting = true);
+  void factorise(const Pattern& pattern, std::vector<Scalar> values,
+                 bool pivoting = true);
 
   /// Number of negative pivots = negative eigenvalues (Sylvester), for real symmetric
   /// matrices; pivots that were zero are counted by null_pivots().

@@ -17,10 +17,10 @@ double largest_entry(const Dense& a) {
   return largest;
 }
 
-/// X ← X − V (WV)ᵀX; returns the coefficients (WV)ᵀX.
-Dense remove(Block& X, const Basis& V, const Basis& WV) {
+/// X ← X − V VᵀWX from WX; returns the coefficients VᵀWX.
+Dense remove(Block& X, const Basis& V, const Block& WX) {
   if (!V) return Dense(0, static_cast<int>(X.columns()));
-  Dense c = inner(WV, X);
+  Dense c = inner(V, WX);
   add_product(X, -1.0, V, c);
   return c;
 }
@@ -54,13 +54,14 @@ Block InnerProduct::apply(const Block& x) const {
   return y;
 }
 
-Orthonormalised orthonormalise(Block X, const Basis& V, const Basis& WV,
-                               const InnerProduct& product, double tolerance) {
+Orthonormalised orthonormalise(Block X, const Basis& V, const InnerProduct& product,
+                               double tolerance) {
   static Event event("Orthonormalise");
   const auto timed = event.timed();
   Orthonormalised result;
-  const Dense inside = remove(X, V, WV);
   Block WX = product.apply(X);
+  const Dense inside = remove(X, V, WX);
+  if (V) WX = product.apply(X);
   Dense gram = inner(X, WX);
   symmetrise(gram);
   std::vector<double> inverse; // of the norms before the removal (Pythagoras)
@@ -89,11 +90,9 @@ Orthonormalised orthonormalise(Block X, const Basis& V, const Basis& WV,
   // What was magnified much is multiplied anew; what is nearly right is corrected.
   bool anew = least < 1e-6;
   for (int pass = 0; keep.columns > 0 && pass < 4; ++pass) {
-    const Dense removed = remove(X, V, WV);
-    if (anew)
-      WX = product.apply(X);
-    else if (removed.rows > 0)
-      add_product(WX, -1.0, WV, removed); // W V, as V was removed from X
+    if (anew) WX = product.apply(X);
+    const Dense removed = remove(X, V, WX);
+    if (V) WX = product.apply(X);
     Dense l = inner(X, WX);
     symmetrise(l);
     Dense distance = l;
@@ -114,8 +113,13 @@ Orthonormalised orthonormalise(Block X, const Basis& V, const Basis& WV,
   return result;
 }
 
-double loss_of_orthogonality(const Basis& V, const Basis& WV) {
-  Dense gram = symmetric_inner(V, WV);
+double loss_of_orthogonality(const Basis& V, const InnerProduct& product) {
+  Dense gram = symmetric_inner(V, product.M);
+  if (product.kappa != 0) {
+    const Dense stiff = symmetric_inner(V, product.K);
+    for (std::size_t i = 0; i < gram.data.size(); ++i)
+      gram.data[i] += product.kappa * stiff.data[i];
+  }
   for (int j = 0; j < gram.rows; ++j) gram(j, j) -= 1;
   return largest_entry(gram);
 }

@@ -22,12 +22,13 @@ struct Orthonormalised {
 /// Directions whose part outside V is below `tolerance` times their norm are dropped, by
 /// the eigenvalues of the Gram matrix of the normalised columns. Gram-Schmidt in blocks,
 /// repeated until what it still removes is rounding.
-/// @param[in] V, WV  basis so far and W times it; both may be empty.
+/// @param[in] V  basis so far; may be empty. W V is not kept: products with a few columns
+///               cost no more than reading it would.
 /// @note Collective. May return no columns.
-Orthonormalised orthonormalise(Block X, const Basis& V, const Basis& WV,
-                               const InnerProduct& product, double tolerance);
+Orthonormalised orthonormalise(Block X, const Basis& V, const InnerProduct& product,
+                               double tolerance);
 
 /// Largest entry of |VᵀWV − I|.
-double loss_of_orthogonality(const Basis& V, const Basis& WV);
+double loss_of_orthogonality(const Basis& V, const InnerProduct& product);
 
 } // namespace flexgram

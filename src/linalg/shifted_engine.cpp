@@ -18,6 +18,17 @@ CommonPattern common_pattern(Mat K, Mat M, Mat D) {
   std::vector<int> place(static_cast<std::size_t>(n), -1);
   std::vector<PetscInt> columns;
   Mat const matrices[] = {K, M, D};
+  std::size_t lower = 0; // of K: M and D rarely have more
+  for (PetscInt row = begin; row < end; ++row) {
+    PetscInt count = 0;
+    const PetscInt* list = nullptr;
+    FG_CALL(MatGetRow(K, row, &count, &list, nullptr));
+    lower += static_cast<std::size_t>(std::upper_bound(list, list + count, row) - list);
+    FG_CALL(MatRestoreRow(K, row, &count, &list, nullptr));
+  }
+  for (auto* list : {&common.lower.row, &common.lower.column}) list->reserve(lower);
+  for (auto* list : {&common.k, &common.m, &common.d})
+    if (list != &common.d || D) list->reserve(lower);
   std::vector<double>* const values[] = {&common.k, &common.m, &common.d};
   for (PetscInt row = begin; row < end; ++row) {
     const std::size_t first = common.lower.row.size();
@@ -75,7 +86,7 @@ public:
     for (std::size_t i = 0; i < values.size(); ++i)
       values[i] = narrow(c.k * common.k[i] + c.m * common.m[i] +
                          (damped ? c.d * common.d[i] : 0.0));
-    mumps_.factorise(std::move(values), pivoting);
+    mumps_.factorise(common.lower, std::move(values), pivoting);
   }
 
   void solve(RowRange rows, const double* re, const double* im, double* x_re,

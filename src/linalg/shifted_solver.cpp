@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <utility>
 
 namespace flexgram {
@@ -24,7 +25,6 @@ double infinity_norm(Mat a) {
 } // namespace
 
 SolverOptions counting(SolverOptions options) {
-  options.single = false; // inertia and norms are worth nothing in single
   options.mumps.cntl.try_emplace(3, 1e-13);
   return options;
 }
@@ -34,9 +34,14 @@ struct ShiftedSolver::State {
   Mat K, M, D;
   SolverOptions options;
   std::vector<std::int64_t> node_of_row;
-  CommonPattern common;
+  std::optional<CommonPattern> common; ///< while factorisations may come
   RowRange rows;
   double norm_K, norm_M, norm_D;
+
+  const CommonPattern& pattern() {
+    if (!common) common = common_pattern(K, M, D);
+    return *common;
+  }
 
   bool ordered = false;
   std::vector<int> position;
@@ -47,13 +52,14 @@ struct ShiftedSolver::State {
   Engine* current = nullptr;
   ShiftCoefficients coefficients{};
   Definiteness definiteness{};
-  bool single = false, count = false;
+  bool single = false, fell_back = false, count = false;
+  int negative = 0, null = 0; ///< pivots of the last factorisation that counted them
   int factorisations = 0;
 
   std::unique_ptr<Engine> analysed(bool real, bool narrow, FactorEstimate& estimate) {
     auto engine = make_engine(comm, real, narrow, options.mumps);
-    engine->count_pivots(count);
-    estimate = engine->analyse(common.lower, position);
+    engine->count_pivots(count && !narrow);
+    estimate = engine->analyse(pattern().lower, position);
     return engine;
   }
 
@@ -63,11 +69,11 @@ struct ShiftedSolver::State {
     // A user's own ICNTL(7) is no choice between orderings.
     const Ordering wish =
         options.mumps.icntl.count(7) ? Ordering::mumps : options.mumps.ordering;
-    const bool small = common.lower.n < 10000;
+    const bool small = pattern().lower.n < 10000;
     std::unique_ptr<Engine> dissected;
     if (wish == Ordering::nested_dissection || wish == Ordering::best ||
         (wish == Ordering::automatic && !small)) {
-      position = nested_dissection(comm, common.lower, node_of_row);
+      position = nested_dissection(comm, pattern().lower, node_of_row);
       dissected = analysed(real, narrow, estimate);
       ordering = "nested dissection";
       if (wish != Ordering::best) return dissected;
@@ -94,6 +100,24 @@ struct ShiftedSolver::State {
     return *slot;
   }
 
+  /// The inertia of a real A, in double and without keeping factors: about a third of
+  /// the memory.
+  void count_apart() {
+    MumpsOptions without_factors = options.mumps;
+    without_factors.icntl[31] = 1;
+    without_factors.icntl.erase(22);
+    give_back_freed_pages();
+    {
+      const auto engine = make_engine(comm, true, false, without_factors);
+      engine->count_pivots(true);
+      engine->analyse(pattern().lower, position);
+      engine->factorise(pattern(), coefficients, definiteness != Definiteness::positive);
+      negative = engine->negative_pivots();
+      null = engine->null_pivots();
+    }
+    give_back_freed_pages();
+  }
+
   double norm_of_A() const { ///< upper bound of ‖A‖∞
     return std::abs(coefficients.k) * norm_K + std::abs(coefficients.m) * norm_M +
            std::abs(coefficients.d) * norm_D;
@@ -116,9 +140,8 @@ ShiftedSolver::ShiftedSolver(Mat K, Mat M, Mat D, std::vector<std::int64_t> node
   s.M = M;
   s.D = D;
   s.options = options;
-  s.single = options.single;
+  s.single = options.precision == Precision::single;
   FG_CALL(MatGetOwnershipRange(K, &s.rows.begin, &s.rows.end));
-  s.common = common_pattern(K, M, D);
   const auto missing =
       static_cast<std::int64_t>(node_of_row.empty() && s.rows.size() > 0);
   s.node_of_row = sum_over(s.comm, missing) > 0 ? indistinguishable_rows({K, M, D})
@@ -130,6 +153,16 @@ ShiftedSolver::ShiftedSolver(Mat K, Mat M, Mat D, std::vector<std::int64_t> node
 
 ShiftedSolver::~ShiftedSolver() = default;
 
+void ShiftedSolver::use(bool single, bool out_of_core) {
+  State& s = *state_;
+  s.single = single;
+  if (out_of_core) s.options.mumps.icntl.try_emplace(22, 1);
+  for (auto& of_kind : s.engines) {
+    of_kind[!single].reset();
+    if (out_of_core) of_kind[single].reset(); // options are read when MUMPS starts
+  }
+}
+
 FactorEstimate ShiftedSolver::analyse(bool real) {
   State& s = *state_;
   s.prepare(real, s.single);
@@ -140,13 +173,25 @@ void ShiftedSolver::factorise(const ShiftCoefficients& coefficients,
                               Definiteness definiteness) {
   stop_if_interrupted();
   State& s = *state_;
-  s.current = &s.prepare(coefficients.real(), s.single);
-  s.current->count_pivots(s.count);
   s.coefficients = coefficients;
   s.definiteness = definiteness;
-  const bool definite = coefficients.real() && definiteness == Definiteness::positive;
-  s.current->factorise(s.common, coefficients, !definite);
+  const bool real = coefficients.real(),
+             definite = real && definiteness == Definiteness::positive,
+             apart = s.count && real && s.single; // single counts nothing
+  s.current = &s.prepare(real, s.single);
+  if (apart) s.count_apart();
+  s.current->count_pivots(s.count && !apart);
+  try {
+    s.current->factorise(s.pattern(), coefficients, !definite);
+  } catch (const ShiftError&) {
+    if (!s.single) throw;
+    return fall_back(); // singular to single precision only, perhaps
+  }
   ++s.factorisations;
+  if (!apart && real) {
+    s.negative = s.current->negative_pivots();
+    s.null = s.current->null_pivots();
+  }
 }
 
 double ShiftedSolver::State::residual(const Block& b, const Block& x, Block& r) const {
@@ -276,9 +321,7 @@ ShiftedSolver::Solution ShiftedSolver::solve(const Block& b, Verify verify) {
     if (!better) break;
   }
   if (s.single && solution.backward_error > s.options.backward_error) {
-    for (auto& of_kind : s.engines) of_kind[true].reset();
-    s.single = false; // refinement stalled: this and all later shifts in double
-    factorise(s.coefficients, s.definiteness);
+    fall_back(); // refinement stalled
     return solve(b);
   }
   if (!(solution.backward_error < 1e-6))
@@ -289,9 +332,20 @@ ShiftedSolver::Solution ShiftedSolver::solve(const Block& b, Verify verify) {
   return solution;
 }
 
-int ShiftedSolver::negative_pivots() const { return state_->current->negative_pivots(); }
-int ShiftedSolver::null_pivots() const { return state_->current->null_pivots(); }
+int ShiftedSolver::negative_pivots() const { return state_->negative; }
+int ShiftedSolver::null_pivots() const { return state_->null; }
 void ShiftedSolver::count_pivots(bool count) { state_->count = count; }
+/// This and all later shifts in double.
+void ShiftedSolver::fall_back() {
+  State& s = *state_;
+  for (auto& of_kind : s.engines) of_kind[true].reset();
+  s.single = false;
+  s.fell_back = true;
+  factorise(s.coefficients, s.definiteness);
+}
+
+bool ShiftedSolver::fell_back() const { return state_->fell_back; }
+void ShiftedSolver::forget_pattern() { state_->common.reset(); }
 const std::string& ShiftedSolver::ordering() const { return state_->ordering; }
 int ShiftedSolver::factorisations() const { return state_->factorisations; }
 

@@ -13,10 +13,13 @@
 
 namespace flexgram {
 
+/// Arithmetic of the factors. Single precision is refined to double accuracy.
+enum class Precision { automatic, twice, single };
+
 /// How the shifted systems are solved.
 struct SolverOptions {
   MumpsOptions mumps;
-  bool single = false;           ///< factors in single precision, refined
+  Precision precision = Precision::automatic; ///< double, unless use() says otherwise
   int refinements = 2;           ///< at most so many refinement steps
   double backward_error = 1e-13; ///< refine and warn above it; 1e-6 is an error
 };
@@ -52,6 +55,11 @@ public:
   /// Analyses for the arithmetic that such a shift needs, and returns MUMPS' estimate.
   FactorEstimate analyse(bool real);
 
+  /// Arithmetic and place of the factors from now on.
+  void use(bool single, bool out_of_core);
+
+  /// With factors in single precision and count_pivots() a real A is factorised twice:
+  /// first in double, without keeping factors, for its inertia.
   /// @throws ShiftError if A is singular, MemoryError if it does not fit.
   void factorise(const ShiftCoefficients& coefficients,
                  Definiteness definiteness = Definiteness::indefinite);
@@ -74,12 +82,20 @@ public:
   int null_pivots() const;
   void count_pivots(bool count);
 
+  /// Frees what only further factorisations need; one that comes all the same makes it
+  /// again.
+  void forget_pattern();
+
+  /// Whether single precision was not enough, so that factors are in double now.
+  bool fell_back() const;
+
   /// "nested dissection" or "MUMPS"; what was taken after analyse().
   const std::string& ordering() const;
   int factorisations() const;
 
 private:
   struct State;
+  void fall_back();
   std::unique_ptr<State> state_;
 };
 

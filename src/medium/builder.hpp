@@ -39,6 +39,7 @@ private:
   void take_out_rigid_modes();
   bool cutoff_is_in_a_gap() const;
   std::shared_ptr<const DenseResponse> ritz_response() const;
+  void need_factors();
   void need_cutoff();
   void bound_least_eigenvalue();
   ResidualNorm norm_of(const Block& T);
@@ -56,6 +57,7 @@ private:
   const CheckpointSpec& checkpoint_;
   Observer& observer_;
   double start_ = 0; ///< [s]
+  SolverOptions options_;
   ShiftedSolver solver_;
   Block rigid_modes_;   ///< from the geometry, until the space has them
   Block loads_, ports_; ///< all ports, scaled; the same, self-equilibrated
@@ -69,7 +71,8 @@ private:
   double of_rounding_ = 0;      ///< norm in E⁻¹ of a random vector, rows scaled
   double least_eigenvalue_ = 0; ///< |λ| of K − ω_c²M, scaled, at least
   Block image_; ///< (K − ω_c²M)⁻¹T of the last certificate: the next Krylov block
-  bool inertia_is_safe_ = false, cutoff_is_factorised_ = false;
+  bool inertia_is_safe_ = false, cutoff_is_factorised_ = false,
+       factors_are_chosen_ = false;
   int blocks_ = 0;
 };
 

@@ -107,31 +107,8 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
   for (std::size_t i = mode_mu_.size(); i < response.mu().size(); ++i)
     provable_ = provable_ && energy(response.mu()[i]) > 0;
   enclose_modes();
-  if (response.system().has_extra_damping()) {
-    const Dense outside = turned(basis.damped_outside);
-    Dense G(basis.damped_inside.rows + outside.rows, modes), F_all = G;
-    set_part(F_all, 0, 0, basis.damped_inside);
-    set_part(F_all, basis.damped_inside.rows, 0, outside);
-    for (int j = 0; j < modes; ++j) {
-      const auto at = static_cast<std::size_t>(j);
-      const double factor = residual_factor(mode_mu_[at]) / energy(mode_mu_[at]);
-      for (int i = 0; i < K.rows; ++i)
-        G(basis.damped_inside.rows + i, j) = -factor * K(i, j);
-      double lost = dropped_D_[at];
-      for (int i = 0; i < response.modal_damping().rows; ++i) {
-        const auto of = static_cast<std::size_t>(i);
-        lost += (1 + kappa_ * sigma_) * dropped_K_[of] *
-                std::abs(response.modal_damping()(i, j) / energy(response.mu()[of]));
-      }
-      dropped_G_ = std::hypot(dropped_G_, factor * dropped_K_[at]);
-      dropped_F_ = std::hypot(dropped_F_, lost);
-    }
-    // Only their products matter: a triangle of 2·modes rows holds these.
-    const Dense both = transpose(compressed(transpose(beside(G, F_all))));
-    mode_G_ = part_of(both, 0, both.rows, 0, modes);
-    mode_F_ = part_of(both, 0, both.rows, modes, modes);
-    mode_D_ = part_of(response.modal_damping(), 0, modes, 0, modes);
-  }
+  if (response.system().has_extra_damping())
+    couple_by_damping(response, K, turned(basis.damped_outside), modes);
 
   if (space.rigid() > 0) {
     rigid_ = transpose(part_of(U, 0, space.rigid(), 0, U.columns));
@@ -148,6 +125,103 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
     rounding_weights_.push_back(std::sqrt(square));
   }
   rigid_weights_.assign(weights.begin(), weights.begin() + space.rigid());
+}
+
+/// What couples the first `count` columns of U to the rest.
+struct Certificate::Coupling {
+  Dense G, F, D; ///< J = c G + iω F; ΦᵀDΦ
+  std::vector<double> mu;
+  double dropped_G = 0, dropped_F = 0;
+
+  ComplexDense A(Complex a_k, Complex a_m, double tau, double omega) const {
+    ComplexDense A(D.rows, D.columns);
+    for (std::size_t i = 0; i < A.data.size(); ++i)
+      A.data[i] = Complex(0, omega) * D.data[i];
+    for (int j = 0; j < A.columns; ++j) {
+      const double m = mu[static_cast<std::size_t>(j)];
+      A(j, j) += a_k * (1 - tau * m) + a_m * m;
+    }
+    return A;
+  }
+  ComplexDense J(Complex c, double omega) const {
+    ComplexDense J(G.rows, G.columns);
+    for (std::size_t i = 0; i < J.data.size(); ++i)
+      J.data[i] = c * G.data[i] + Complex(0, omega) * F.data[i];
+    return J;
+  }
+};
+
+Certificate::Coupling Certificate::coupling(const DenseResponse& response, const Dense& K,
+                                            const Dense& outside, int count) const {
+  const Dense& damping = response.modal_damping();
+  const auto& mu = response.mu();
+  const int N = damping.rows, inside = N - count;
+  Coupling c;
+  c.G = c.F = Dense(inside + K.rows, count);
+  c.D = part_of(damping, 0, count, 0, count);
+  c.mu.assign(mu.begin(), mu.begin() + count);
+  for (int j = 0; j < count; ++j) {
+    const auto at = static_cast<std::size_t>(j);
+    const double factor = residual_factor(mu[at]) / energy(mu[at]);
+    for (int i = 0; i < inside; ++i)
+      c.F(i, j) = damping(count + i, j) /
+                  std::sqrt(energy(mu[static_cast<std::size_t>(count + i)]));
+    for (int i = 0; i < K.rows; ++i) {
+      c.G(inside + i, j) = -factor * K(i, j);
+      c.F(inside + i, j) = outside(i, j);
+    }
+    double lost = dropped_D_[at];
+    for (int i = 0; i < N; ++i) {
+      const auto of = static_cast<std::size_t>(i);
+      lost += (1 + kappa_ * sigma_) * dropped_K_[of] *
+              std::abs(damping(i, j) / energy(mu[of]));
+    }
+    c.dropped_G = std::hypot(c.dropped_G, factor * dropped_K_[at]);
+    c.dropped_F = std::hypot(c.dropped_F, lost);
+  }
+  return c;
+}
+
+/// Φ may be any of the first columns of U that hold the modes: with more of them less of
+/// what D couples is outside, but their residuals are larger. The number with the
+/// smallest δ at some frequencies is taken.
+void Certificate::couple_by_damping(const DenseResponse& response, const Dense& K,
+                                    const Dense& outside, int modes) {
+  if (!provable_) return; // energies have the wrong signs
+  const int N = response.modal_damping().rows;
+  double least = infinity;
+  Coupling best;
+  for (int step = 0; step <= 8; ++step) {
+    Coupling c = coupling(response, K, outside, modes + (N - modes) * step / 8);
+    double largest = 0;
+    for (double part : {0.2, 0.5, 0.8}) {
+      const double omega = part * std::sqrt(sigma_);
+      const ShiftCoefficients a = response.system().coefficients(omega);
+      const ComplexDense J = c.J(a.m + sigma_ * a.k, omega);
+      ComplexDense right(J.columns, J.rows);
+      for (int i = 0; i < J.rows; ++i)
+        for (int j = 0; j < J.columns; ++j) right(j, i) = J(i, j);
+      try {
+        const ComplexDense Y = solve(c.A(a.k, a.m, tau_, omega), std::move(right));
+        largest = std::max(largest, frobenius_norm(multiply(J, Y)));
+      } catch (const ShiftError&) {
+        largest = infinity;
+      }
+    }
+    if (step == 0 || largest < 0.9 * least) {
+      least = largest;
+      best = std::move(c);
+    }
+  }
+  // Only their products matter: a triangle of 2·count rows holds these.
+  const int count = best.D.columns;
+  const Dense both = transpose(compressed(transpose(beside(best.G, best.F))));
+  mode_G_ = part_of(both, 0, both.rows, 0, count);
+  mode_F_ = part_of(both, 0, both.rows, count, count);
+  mode_D_ = std::move(best.D);
+  mode_D_mu_ = std::move(best.mu);
+  dropped_G_ = best.dropped_G;
+  dropped_F_ = best.dropped_F;
 }
 
 /// What Φ leaves of its own equation in the norm of (K + τM)⁻¹, in which frequencies are
@@ -167,6 +241,15 @@ void Certificate::enclose_modes() {
   }
 }
 
+bool Certificate::fits_damping(int order, int modes) const {
+  const int count = mode_D_.columns;
+  return (count == 0 && !provable_) ||
+         (modes <= count && count <= order && mode_D_.rows == count &&
+          mode_D_mu_.size() == static_cast<std::size_t>(count) &&
+          mode_G_.columns == count && mode_F_.columns == count &&
+          mode_G_.rows == mode_F_.rows);
+}
+
 bool Certificate::fits(int order, int ports, int modes, int rigid, bool damped) const {
   const auto is = [](const Dense& a, int rows, int columns) {
     return a.rows == rows && a.columns == columns;
@@ -181,8 +264,7 @@ bool Certificate::fits(int order, int ports, int modes, int rigid, bool damped) 
          holds(dropped_ports_, ports) && holds(dropped_K_, order) &&
          (!damped || holds(dropped_D_, order)) && holds(mode_mu_, modes) &&
          holds(mode_residual_, modes) && holds(mode_G_norm_, modes) &&
-         (!damped || (is(mode_D_, modes, modes) && mode_G_.columns == modes &&
-                      is(mode_F_, mode_G_.rows, modes))) &&
+         (!damped || fits_damping(order, modes)) &&
          (rigid == 0 || (is(rigid_, order, rigid) && is(neglected_, order, rigid) &&
                          is(assumed_, order, rigid)));
 }
@@ -255,22 +337,16 @@ double Certificate::mode_coupling(const DenseResponse& response,
       sum += std::pow(largest_c * mode_G_norm_[j], 2) * x.largest[j];
     return sum;
   }
-  const Coefficients k(response.system(), tau_,
-                       x.interval); // of A_Φ, in modal coordinates
+  if (mode_D_mu_.empty() && !mode_mu_.empty()) return infinity;
+  const Coefficients k(response.system(), tau_, x.interval); // of A_Φ
   const int count = mode_D_.columns;
   const double omega = x.interval.centre(), h = x.interval.half();
-  ComplexDense A(count, count), J(mode_G_.rows, count);
+  const Coupling phi{mode_G_, mode_F_, mode_D_, mode_D_mu_, 0, 0};
+  ComplexDense A = phi.A(k.a, k.c + tau_ * k.a, tau_, omega);
+  const ComplexDense J = phi.J(outer.c, omega);
   double moved = 0;
-  for (std::size_t i = 0; i < A.data.size(); ++i)
-    A.data[i] = Complex(0, omega) * mode_D_.data[i];
-  for (int j = 0; j < count; ++j) {
-    const double mu = mode_mu_[static_cast<std::size_t>(j)];
-    A(j, j) += k.a + k.c * mu;
-    moved = std::max(moved, k.moved_a + k.moved_c * mu);
-  }
+  for (double mu : mode_D_mu_) moved = std::max(moved, k.moved_a + k.moved_c * mu);
   moved += h * frobenius_norm(mode_D_);
-  for (std::size_t i = 0; i < J.data.size(); ++i)
-    J.data[i] = outer.c * mode_G_.data[i] + Complex(0, omega) * mode_F_.data[i];
   ComplexDense right(count, J.rows + count);
   for (int i = 0; i < count; ++i) {
     for (int j = 0; j < J.rows; ++j) right(i, j) = J(j, i);

@@ -15,8 +15,7 @@ namespace flexgram {
 struct ResidualBasis {
   Block T;
   Dense ports, K, D; ///< k×p, k×N, k×N, the last two in the modal coordinates U
-  Dense damped_inside; ///< (N − modes)×modes: UᵀDU without the rows of Φ; empty without D
-  Dense damped_outside; ///< k×modes: the part of DΦ that is residual to V
+  Dense damped_outside; ///< k×N: what DU has beyond E V, E = K − ω_c²M; empty without D
   std::vector<double> dropped_ports, dropped_K,
       dropped_D;        ///< of each column, rows scaled
   bool complete = true; ///< false: cut at the largest directions, so nothing is proved
@@ -126,6 +125,7 @@ public:
     a("mode_G", self.mode_G_);
     a("mode_F", self.mode_F_);
     a("mode_D", self.mode_D_);
+    a("mode_D_mu", self.mode_D_mu_);
     a("coordinates", self.coordinates_);
     a("added", self.added_);
     a("dropped_G", self.dropped_G_);
@@ -151,6 +151,12 @@ private:
   void add_rounding(Bound& bound, const ResponseSeries& x, const PortSet& block) const;
 
   void enclose_modes();
+  bool fits_damping(int order, int modes) const;
+  struct Coupling;
+  Coupling coupling(const DenseResponse& response, const Dense& K, const Dense& outside,
+                    int count) const;
+  void couple_by_damping(const DenseResponse& response, const Dense& K,
+                         const Dense& outside, int modes);
   /// uᵀ(K − ω_c²M)u of a mode: uᵀ(K + τM)u = 1, uᵀMu = μ.
   double energy(double mu) const { return 1 - (sigma_ + tau_) * mu; }
   /// μ(1 + κλ): −Mu + μ(K + τM)u is so many times what K u has outside V.
@@ -165,7 +171,9 @@ private:
   std::vector<double> dropped_ports_, dropped_K_, dropped_D_; ///< ‖·‖ in E⁻¹
   /// Of Φ: μ_j, ‖(K + τM)^−½(Mu − μ(K + τM)u)‖ at most, ‖G_j‖.
   std::vector<double> mode_mu_, mode_residual_, mode_G_norm_;
-  Dense mode_G_, mode_F_, mode_D_;  ///< J = c G + iω F, and ΦᵀDΦ; empty without D
+  /// With D: J = c G + iω F, ΦᵀDΦ and μ of Φ, which may be more of U than the modes.
+  Dense mode_G_, mode_F_, mode_D_;
+  std::vector<double> mode_D_mu_;
   std::vector<double> coordinates_; ///< 1/√γ of the Gram matrix' eigenvalues
   double added_ = 0;                ///< what these hold beyond the norm itself, at most
   double dropped_G_ = 0, dropped_F_ = 0; ///< norms of what these two do not hold

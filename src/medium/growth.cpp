@@ -32,7 +32,9 @@ std::shared_ptr<const DenseResponse> MediumBuilder::ritz_response() const {
 void MediumBuilder::need_cutoff() {
   if (!cutoff_is_factorised_) {
     Stage stage(observer_, "cutoff");
+    need_factors();
     solver_.factorise({1.0, -medium_.cutoff * medium_.cutoff, 0.0});
+    solver_.forget_pattern();
     ++medium_.factorisations;
     cutoff_is_factorised_ = true;
     inertia_is_safe_ = inertia_is_safe_ && solver_.null_pivots() == 0 &&
@@ -232,7 +234,7 @@ void MediumBuilder::grow() {
       medium_.shortfall = "more vectors do not lower the bound";
       break;
     }
-    if (!image_ || space_->columns() + static_cast<int>(image_.columns()) > limit) {
+    if (!image_ || std::min<PetscInt>(fom_.n, space_->columns() + image_.columns()) > limit) {
       medium_.shortfall =
           text("the largest order of the medium model, %d, is reached (%s)", limit,
                why_no_larger().c_str());
@@ -257,6 +259,8 @@ void MediumBuilder::report() {
       text("order %d, %d factorisations (real), %d solved columns, %d Krylov blocks at "
            "ω_c² after the ports'",
            space_->columns(), medium_.factorisations, medium_.solved_columns, blocks_));
+  if (solver_.fell_back())
+    observer_.fact("fall-back", "refinement of single precision stalled: double precision");
   // Without rounding, which the claim of the small model includes.
   observer_.fact(
       "medium error",
@@ -330,7 +334,7 @@ Medium MediumBuilder::build(bool mass_is_singular) {
   }
   grow();
   report();
-  medium_.loss_of_orthogonality = loss_of_orthogonality(space_->V(), space_->WV());
+  medium_.loss_of_orthogonality = loss_of_orthogonality(space_->V(), space_->product());
   medium_.V = space_->V().share();
   return std::move(medium_);
 }

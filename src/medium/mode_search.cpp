@@ -107,9 +107,7 @@ int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expe
     Dense parts;
     Block loads;
     if (krylov) {
-      const Basis& at_hand = space.kappa() == 0 ? space.WV() : space.V();
-      loads = at_hand.pieces().back().share();
-      if (space.kappa() != 0) loads = multiply(space.fom().M, loads);
+      loads = multiply(space.fom().M, space.V().pieces().back());
       parts = Dense(newest, static_cast<int>(block.size()));
       for (int j = 0; j < parts.columns; ++j)
         for (int i = 0; i < newest; ++i)
@@ -127,9 +125,7 @@ int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expe
       Dense chosen(pairs.vectors.rows, 0);
       for (int j : chosen_modes)
         chosen = beside(chosen, part_of(pairs.vectors, 0, pairs.vectors.rows, j, 1));
-      // M V is at hand unless the inner product is another one.
-      loads = space.kappa() == 0 ? combine(space.WV(), chosen)
-                                 : multiply(space.fom().M, combine(space.V(), chosen));
+      loads = multiply(space.fom().M, combine(space.V(), chosen));
       parts = Dense(chosen.columns, checked);
       for (int j = 0; j < checked; ++j) parts(j, j) = 1;
     }

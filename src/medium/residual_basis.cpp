@@ -173,18 +173,14 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
   }
   if (damped) { // D u_j = Σ_i E u_i (UᵀDU)_ij/e_i + what VᵀR = 0 leaves
     const double sigma = cutoff * cutoff;
-    Dense of_modes = first_columns(response.modal_damping(), modes), inside = of_modes;
+    Dense parts_of_V = response.modal_damping();
     for (int i = 0; i < N; ++i) {
       const double e = // uᵀEu, E = K − ω_c²M
           1 - (sigma + space.tau()) * response.mu()[static_cast<std::size_t>(i)];
-      for (int j = 0; j < modes; ++j) {
-        of_modes(i, j) /= e;
-        inside(i, j) /= std::sqrt(std::abs(e));
-      }
+      for (int j = 0; j < N; ++j) parts_of_V(i, j) /= e;
     }
-    basis.damped_inside = part_of(inside, modes, N - modes, 0, modes);
-    basis.damped_outside = first_columns(basis.D, modes);
-    const Dense taken = multiply(basis.K, of_modes);
+    basis.damped_outside = basis.D;
+    const Dense taken = multiply(basis.K, parts_of_V);
     for (std::size_t i = 0; i < basis.damped_outside.data.size(); ++i)
       basis.damped_outside.data[i] -= (1 + space.kappa() * sigma) * taken.data[i];
   }
@@ -226,8 +222,8 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
   all = beside(all, of_modes);
   if (damped) {
     double size = 0;
-    for (double v : basis.damped_outside.data) size = std::max(size, std::abs(v));
-    Dense scaled = basis.damped_outside;
+    Dense scaled = first_columns(basis.damped_outside, modes);
+    for (double v : scaled.data) size = std::max(size, std::abs(v));
     for (double& v : scaled.data) v *= size > 0 ? largest / size : 0.0;
     all = beside(all, scaled);
   }

@@ -50,7 +50,6 @@ void MediumSpace::unscale(Block& x) const { scale_rows(x, root_diagonal_); }
 void MediumSpace::start_with_rigid_modes(Block Phi, RigidStiffness stiffness) {
   const int count = static_cast<int>(Phi.columns());
   if (count == 0) return;
-  WV_.append(multiply(fom_.M, Phi));
   KV_.append(Block(Phi.comm(), Phi.local_rows(), Phi.rows(), count)); // zero
   K_ = Dense(count, count);
   neglected_ = std::move(stiffness.beyond);
@@ -108,18 +107,23 @@ void MediumSpace::restore(Block X) {
   Block KX = multiply(fom_.K, X), DX;
   if (fom_.D) DX = multiply(fom_.D, X);
   V_.append(X.share());
-  WV_.append(product_.apply(X));
   extend_projection(X, KX, DX);
   KV_.append(std::move(KX));
   if (fom_.D) DV_.append(std::move(DX));
 }
 
+/// Y ← Y − W V c for c = VᵀY, rows scaled: what is residual of it.
+void MediumSpace::project(Block& image, const Dense& coordinates) const {
+  add_product(image, -1.0, product_.apply(combine(V_, coordinates)),
+              identity(coordinates.columns));
+  scale(image);
+}
+
 std::vector<double> MediumSpace::append(Block X, double tolerance) {
-  Orthonormalised added = orthonormalise(std::move(X), V_, WV_, product_, tolerance);
+  Orthonormalised added = orthonormalise(std::move(X), V_, product_, tolerance);
   const int k = static_cast<int>(added.vectors.columns());
   if (k == 0) return std::move(added.outside);
   V_.append(added.vectors.share());
-  WV_.append(added.weighted.share());
   Block KX = multiply(fom_.K, added.vectors), DX;
   if (fom_.D) DX = multiply(fom_.D, added.vectors);
   extend_projection(added.vectors, KX, DX);
@@ -137,8 +141,7 @@ std::vector<double> MediumSpace::append(Block X, double tolerance) {
   residual_.S.for_each(
       [&](Block& piece, int) { add_product(piece, -1.0, weighted, inner(dual, piece)); });
   const auto join = [&](Block image, const Dense& projected) {
-    add_product(image, -1.0, WV_, part_of(projected, 0, columns(), old, k));
-    scale(image);
+    project(image, part_of(projected, 0, columns(), old, k));
     residual_.S.append(std::move(image));
   };
   join(std::move(KX), K_);
@@ -161,14 +164,12 @@ std::vector<double> MediumSpace::append(Block X, double tolerance) {
 void MediumSpace::track_residual(const Block& ports) {
   tracks_ = true;
   Block PB = copy(ports);
-  add_product(PB, -1.0, WV_, inner(V_, ports));
-  scale(PB);
+  project(PB, inner(V_, ports));
   residual_.S.append(std::move(PB));
-  const auto project = [&](Basis& images, const Dense& projected) {
+  const auto take_over = [&](Basis& images, const Dense& projected) {
     images.for_each([&](Block& piece, int first) {
       const int k = static_cast<int>(piece.columns());
-      add_product(piece, -1.0, WV_, part_of(projected, 0, columns(), first, k));
-      scale(piece);
+      project(piece, part_of(projected, 0, columns(), first, k));
       residual_.S.append(piece.share());
     });
     images = Basis();
@@ -179,8 +180,8 @@ void MediumSpace::track_residual(const Block& ports) {
       keep[static_cast<std::size_t>(j - first)] = 0;
     if (first < rigid_) scale_columns(piece, keep);
   });
-  project(KV_, K_);
-  if (fom_.D) project(DV_, D_);
+  take_over(KV_, K_);
+  if (fom_.D) take_over(DV_, D_);
   const int p = static_cast<int>(ports.columns()), N = columns(),
             total = static_cast<int>(residual_.S.columns());
   const auto unit = [&](int first, int count) {
@@ -202,7 +203,7 @@ void MediumSpace::rotate_to_rigid(const Dense& Q, int count, RigidStiffness stif
     symmetrise(result);
     return result;
   };
-  for (Basis* basis : {&V_, &WV_, &KV_, &DV_})
+  for (Basis* basis : {&V_, &KV_, &DV_})
     if (*basis) *basis = combine(*basis, Q);
   K_ = congruence(K_);
   if (!D_.data.empty()) D_ = congruence(D_);

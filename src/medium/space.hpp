@@ -60,7 +60,7 @@ public:
   int columns() const { return static_cast<int>(V_.columns()); }
   int rigid() const { return rigid_; }
   const Basis& V() const { return V_; }
-  const Basis& WV() const { return WV_; }
+  const InnerProduct& product() const { return product_; }
   const Dense& K() const { return K_; }
   Dense M() const; ///< I − κ VᵀKV
   const Dense& D() const { return D_; }
@@ -78,6 +78,7 @@ public:
 
 private:
   void add_rounding_weights(const Block& X);
+  void project(Block& image, const Dense& coordinates) const;
   void extend_projection(const Block& X, const Block& KX, const Block& DX);
   void keep_rigid_forces(const Block& Phi);
 
@@ -86,7 +87,7 @@ private:
   double tau_;
   std::vector<double> root_diagonal_, K_diagonal_; ///< this rank's rows
   Block rigid_forces_;                             ///< K Φ of rigid modes, all digits
-  Basis V_, WV_, KV_, DV_;                         ///< the last two until track_residual
+  Basis V_, KV_, DV_;                              ///< the last two until track_residual
   Residual residual_;
   Dense K_, D_, neglected_, assumed_;
   std::vector<double> g_;

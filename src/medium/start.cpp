@@ -8,6 +8,7 @@
 #include "linalg/sparse.hpp"
 #include "linalg/sparse_product.hpp"
 #include "medium/checkpoint.hpp"
+#include "medium/factors.hpp"
 #include "medium/mode_search.hpp"
 #include "model/rigid_body_modes.hpp"
 
@@ -22,7 +23,7 @@ MediumBuilder::MediumBuilder(const SecondOrderModel& fom, const CertifySpec& spe
                              const SolverOptions& solver, Observer& observer,
                              const CheckpointSpec& checkpoint)
     : fom_(fom), spec_(spec), checkpoint_(checkpoint), observer_(observer), start_(now()),
-      solver_(fom.K, fom.M, nullptr, fom.node, counting(solver)) {
+      options_(counting(solver)), solver_(fom.K, fom.M, nullptr, fom.node, options_) {
   solver_.count_pivots(true);
   loads_ = fom.outputs_are_inputs ? copy(fom.B) : concatenate(fom.B, fom.C);
   medium_.body = fom.head();
@@ -35,7 +36,7 @@ MediumBuilder::MediumBuilder(const SecondOrderModel& fom, const CertifySpec& spe
 /// moved to another node.
 void MediumBuilder::expect_same_projection(const CheckpointState& state) const {
   const auto& g = space_->rounding_weights();
-  double worst = loss_of_orthogonality(space_->V(), space_->WV()) / 1e-9;
+  double worst = loss_of_orthogonality(space_->V(), space_->product()) / 1e-9;
   const auto compare = [&](const Dense& here, const Dense& there, auto&& allowed) {
     if (here.rows != there.rows || here.columns != there.columns) worst = HUGE_VAL;
     for (int j = 0; j < here.columns && worst < HUGE_VAL; ++j)
@@ -199,10 +200,17 @@ Block MediumBuilder::with_company(const Block& ports) const {
                   : ports.share();
 }
 
+/// Chooses the arithmetic of the factors, once.
+void MediumBuilder::need_factors() {
+  if (!factors_are_chosen_) choose_factors(solver_, fom_, options_, observer_, false);
+  factors_are_chosen_ = true;
+}
+
 /// Factorises K − ω_c²M with ω_c near `omega`, away from eigenvalues and with enough
 /// modes below; chooses the inner product. Returns the response to all ports, and to what
 /// keeps them company.
 Block MediumBuilder::start(double omega, bool mass_is_singular) {
+  need_factors();
   const int modes_wanted = spec_.modes;
   int last_null = 0; // pivots without size at the cutoff before
   for (int attempt = 0; attempt < 12; ++attempt) {
@@ -211,6 +219,7 @@ Block MediumBuilder::start(double omega, bool mass_is_singular) {
     with_context(text("factorising K - ω²M at the cutoff, %g Hz", omega * hz), [&] {
       solver_.factorise({1.0, -omega * omega, 0.0});
     });
+    solver_.forget_pattern();
     cutoff_is_factorised_ = true;
     ++medium_.factorisations;
     const int below = solver_.negative_pivots();
@@ -239,7 +248,7 @@ Block MediumBuilder::start(double omega, bool mass_is_singular) {
       medium_.solved_columns += static_cast<int>(response.columns());
       const Block none;
       const Block Z =
-          orthonormalise(copy(response), none, none, {fom_.M, fom_.K, kappa}, 1e-7)
+          orthonormalise(copy(response), none, {fom_.M, fom_.K, kappa}, 1e-7)
               .vectors;
       Dense m = inner(Z, multiply(fom_.M, Z));
       symmetrise(m);
@@ -318,6 +327,7 @@ void MediumBuilder::take_out_rigid_modes() {
                      pairs.lambda.begin()));
   if (candidates == 0) return;
   solver_.factorise({1.0, 1e-2 * slow, 0.0});
+  solver_.forget_pattern();
   cutoff_is_factorised_ = false;
   ++medium_.factorisations;
   for (int step = 0; step < 3; ++step) { // each divides what is elastic by λ_1/s
@@ -371,7 +381,7 @@ void MediumBuilder::search_modes() {
   if (expected_ > 0) {
     Stage stage(observer_, "modes");
     solves = find_modes(*space_, solver_, medium_.cutoff * medium_.cutoff, expected_,
-                        spec_.modes > 0 ? 1e-5 : 3.0, threshold_, observer_);
+                        spec_.modes > 0 ? 1e-6 : 3.0, threshold_, observer_);
     medium_.solved_columns += solves;
     take_out_rigid_modes();
   }

@@ -152,12 +152,12 @@ Block null_space_modes(const SecondOrderModel& model, SolverOptions options) {
   if (count == 0) return x;
   const InnerProduct mass{model.M, model.K, 0};
   const Block none;
-  x = orthonormalise(random_block(x, count, 1), none, none, mass, 1e-12).vectors;
+  x = orthonormalise(random_block(x, count, 1), none, mass, 1e-12).vectors;
   double last = HUGE_VAL;
   for (int step = 0; step < 30; ++step) { // each divides the rest by λ_1/s₀
     const Block Mx = multiply(model.M, x);
     const Orthonormalised next =
-        orthonormalise(solver.solve(Mx).x, none, none, mass, 1e-12);
+        orthonormalise(solver.solve(Mx).x, none, mass, 1e-12);
     // What the new vectors have outside the old ones.
     const Dense overlap = inner(Mx, next.vectors);
     double outside = 0;
@@ -202,7 +202,7 @@ Block rigid_body_modes(const SecondOrderModel& model, RigidSplit* split) {
   std::array<double, 3> centre{};
   const double radius = mean_radius(model, centre);
   const Block motions =
-      orthonormalise(rigid_motions(model, centre, radius), none, none, mass, 1e-6)
+      orthonormalise(rigid_motions(model, centre, radius), none, mass, 1e-6)
           .vectors;
   return rigid_part(model, motions, false, split);
 }

@@ -3,6 +3,7 @@
 #include "base/process.hpp"
 #include "base/text.hpp"
 #include "io/reduced_io.hpp"
+#include "medium/factors.hpp"
 #include "medium/medium_io.hpp"
 #include "model/rigid_body_modes.hpp"
 #include "run/sweep.hpp"
@@ -80,12 +81,7 @@ void describe_two_step(const Body& body, const Settings& s, Observer& observer) 
   tell_of_groups(s, observer);
   Stage stage(observer, "analyse");
   ShiftedSolver solver(body.model.K, body.model.M, nullptr, body.model.node, s.solver);
-  const FactorEstimate cutoff = solver.analyse(true);
-  observer.fact("factorisations",
-                text("1 real LDLᵀ, of K - ω_c²M: %.2g entries, %.2g flops, %.0f MB on a "
-                     "rank, ordered by %s",
-                     cutoff.factor_entries, cutoff.flops, cutoff.mb_per_rank,
-                     solver.ordering().c_str()));
+  choose_factors(solver, body.model, s.solver, observer, true);
   const double column =
       static_cast<double>(body.model.n) * 8 / 1e6 / comm_size(body.model.comm);
   observer.fact("medium space",

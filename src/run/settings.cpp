@@ -225,10 +225,11 @@ void Settings::describe_solver(Options& options) {
   options.add_numbered("-mor_mumps_icntl_", mumps.icntl, "sets ICNTL(N) of MUMPS");
   options.add_numbered("-mor_mumps_cntl_", mumps.cntl, "sets CNTL(N) of MUMPS");
   options.add_choice(
-      "-mor_precision", precision, {"double", "single"},
-      "arithmetic of the factors; single is refined to double accuracy and "
-      "falls back to double where refinement stalls (it does within 1e-6 of an "
-      "undamped resonance)");
+      "-mor_precision", precision, {"auto", "double", "single"},
+      "arithmetic of the factors; single takes half the memory, is refined to double "
+      "accuracy, and falls back to double where refinement stalls (it does within 1e-6 "
+      "of an undamped resonance). auto: double where the run then fits into the memory, "
+      "else single, else single on disk; with pod and sweep always double");
   options.add(
       "-mor_refinements", solver.refinements, "",
       "refinement steps at most, taken while the backward error is above its target");
@@ -338,7 +339,9 @@ void Settings::check() {
 
 Observer::Level Settings::prepare(MPI_Comm comm) {
   check_solver();
-  solver.single = precision == "single";
+  solver.precision = precision == "single"   ? Precision::single
+                     : precision == "double" ? Precision::twice
+                                             : Precision::automatic;
   solver.mumps.ordering = ordering == "best"                ? Ordering::best
                           : ordering == "nested_dissection" ? Ordering::nested_dissection
                           : ordering == "mumps"             ? Ordering::mumps

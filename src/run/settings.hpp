@@ -27,12 +27,12 @@ struct Settings {
               relative_to = "pointwise", frame = "auto", frame_interface;
   std::vector<double> weight, shifts_hz, error_hz;
   int moments = 2;
-  double cutoff = 1.2, medium_target = 0;
+  double cutoff = 1.1, medium_target = 0;
   int medium_order = 0;
   int samples = 30, validate = 8;
   std::string quadrature = "midpoint", spacing = "linear", svd = "tsqr";
   int groups = 0;
-  std::string ordering = "auto", precision = "double";
+  std::string ordering = "auto", precision = "auto";
   SolverOptions solver;
   std::string checkpoint = "auto";
   bool restart = false;

@@ -105,7 +105,7 @@ TEST(Certificate, KnowsTheResidualOfEveryResponseHoweverTheSpaceGrew) {
   }
   const Block V = combine(space.V(), identity(space.columns()));
   Block expected = multiply(fom.K, V), found;
-  add_product(expected, -1.0, space.WV(), inner(V, expected));
+  add_product(expected, -1.0, multiply(fom.M, V), inner(V, expected));
   found = combine(space.residual().S, space.residual().K);
   space.unscale(found);
   const Dense a = whole(expected), b = whole(found);

@@ -66,7 +66,7 @@ double residual(Scalar factor) {
   mumps.analyse(g.pattern, {});
   std::vector<Scalar> values;
   for (double v : g.values) values.push_back(factor * Scalar(static_cast<float>(v)));
-  mumps.factorise(values);
+  mumps.factorise(g.pattern, values);
   const auto local = static_cast<std::size_t>(g.rows.size());
   std::vector<Scalar> x(2 * local);
   for (int j = 0; j < 2; ++j)
@@ -113,7 +113,7 @@ TEST(Mumps, InertiaCountsTheEigenvaluesBelowTheShift) {
     Mumps<double> mumps(world(), {});
     mumps.tolerate_null_pivots(true);
     mumps.analyse(g.pattern, {});
-    mumps.factorise(g.values);
+    mumps.factorise(g.pattern, g.values);
     EXPECT_EQ(mumps.negative_pivots(), below) << "shift " << shift;
   }
 }
@@ -131,7 +131,7 @@ TEST(Mumps, ASingularMatrixIsAClearError) {
   Mumps<double> mumps(world(), {});
   mumps.analyse(p, {});
   try {
-    mumps.factorise(values);
+    mumps.factorise(p, values);
     FAIL() << "no error";
   } catch (const ShiftError& error) {
     EXPECT_NE(std::string(error.what()).find("singular"), std::string::npos);
@@ -145,7 +145,7 @@ TEST(Mumps, TooLittleMemoryNamesTheNeed) {
   Mumps<double> mumps(world(), options);
   const FactorEstimate estimate = mumps.analyse(g.pattern, {});
   try {
-    mumps.factorise(g.values);
+    mumps.factorise(g.pattern, g.values);
     FAIL() << "no error";
   } catch (const MemoryError& error) {
     EXPECT_NE(std::string(error.what()).find(text("needs %.0f MB", estimate.mb_per_rank)),
@@ -164,7 +164,7 @@ TEST(Mumps, MoreWorkspaceIsTriedUpToTheLimit) {
   const Grid g = full_matrix(600);
   Mumps<double> mumps(world(), options);
   mumps.analyse(g.pattern, {});
-  EXPECT_THROW(mumps.factorise(g.values), MemoryError);
+  EXPECT_THROW(mumps.factorise(g.pattern, g.values), MemoryError);
 }
 
 TEST(Mumps, NestedDissectionIsAPermutationThatKeepsNodesTogether) {
@@ -204,7 +204,7 @@ TEST(Mumps, AnalysisServesManyFactorisations) {
   for (double scale : {1.0, 10.0}) {
     std::vector<double> values = g.values;
     for (double& v : values) v *= scale;
-    mumps.factorise(values);
+    mumps.factorise(g.pattern, values);
     const auto local = static_cast<std::size_t>(g.rows.size());
     std::vector<double> x(local, scale);
     mumps.solve(g.rows, x, 1); // A x = scale · 1, the same x each time

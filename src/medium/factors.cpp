@@ -1,0 +1,63 @@
+#include "medium/factors.hpp"
+
+#include "base/process.hpp"
+#include "base/text.hpp"
+
+#include <algorithm>
+
+namespace flexgram {
+
+std::vector<FactorPath> factor_paths(const SecondOrderModel& fom,
+                                     const FactorEstimate& estimate) {
+  const double ranks = comm_size(fom.comm), now = max_over(fom.comm, resident_memory_mb()),
+               entries = 1.15e-6 * estimate.factor_entries / ranks,
+               ports = std::max<double>(8, static_cast<double>(fom.B.columns())),
+               bases = 8e-6 * static_cast<double>(fom.n) / ranks * (14 * ports + 6),
+               triangle = 0.5 * 24e-6 * static_cast<double>(fom.nonzeros()) / ranks,
+               rest = now + std::max(bases, triangle);
+  return {{"double precision", false, false, 8 * entries, rest + 8 * entries},
+          {"single precision, refined", true, false, 4 * entries, rest + 4 * entries},
+          {"single precision on disk", true, true, entries, rest + entries}};
+}
+
+void choose_factors(ShiftedSolver& solver, const SecondOrderModel& fom,
+                    const SolverOptions& options, Observer& observer, bool every) {
+  const FactorEstimate estimate = solver.analyse(true);
+  std::vector<FactorPath> paths = factor_paths(fom, estimate);
+  if (options.precision == Precision::single)
+    paths.erase(paths.begin());
+  else if (options.precision == Precision::twice)
+    paths.resize(1);
+  const double limit = options.mumps.memory_limit_mb;
+  auto taken = std::find_if(paths.begin(), paths.end(), [&](const FactorPath& path) {
+    return limit == 0 || path.peak_mb <= limit;
+  });
+  const bool fits = taken != paths.end();
+  if (!fits) --taken;
+  solver.use(taken->single, taken->out_of_core);
+
+  observer.fact("factors",
+                text("of K - ω_c²M, %s: %.2g entries, %.2g flops, %.0f MB on a rank, ordered "
+                     "by %s; the run about %.0f MB",
+                     taken->name, estimate.factor_entries, estimate.flops,
+                     taken->factors_mb, solver.ordering().c_str(), taken->peak_mb));
+  for (const FactorPath& path : paths)
+    if (every && &path != &*taken)
+      observer.fact("or", text("%s: %.0f MB on a rank; the run about %.0f MB", path.name,
+                               path.factors_mb, path.peak_mb));
+  if (taken->single)
+    observer.fact("inertia", "by a factorisation in double that keeps no factors");
+  if (taken != paths.begin())
+    observer.skip("factors in " + std::string(paths.front().name),
+                  text("the run would take about %.0f MB on a rank, %.0f MB may be used "
+                       "({memory_limit_mb})",
+                       paths.front().peak_mb, limit));
+  if (taken->out_of_core)
+    observer.warn("the factors go to disk ({mumps_icntl_22} 1, folder MUMPS_OOC_TMPDIR or "
+                  "/tmp): each solve reads them; more ranks would hold them in memory");
+  if (!fits && !taken->out_of_core)
+    observer.warn(text("the run may take %.0f MB on a rank, %.0f MB may be used",
+                       taken->peak_mb, limit));
+}
+
+} // namespace flexgram

@@ -1,0 +1,35 @@
+/// Which factors of K − ω_c²M a body gets: in double precision, in single, or in single on
+/// disk, by the memory that the run will take. Called by start.cpp and by the verb plan.
+
+#pragma once
+
+#include "base/observer.hpp"
+#include "linalg/shifted_solver.hpp"
+#include "model/second_order_model.hpp"
+
+namespace flexgram {
+
+/// A way to keep the factors, and what a rank needs for it.
+struct FactorPath {
+  const char* name;
+  bool single = false, out_of_core = false;
+  double factors_mb = 0; ///< in memory
+  double peak_mb = 0;    ///< of the whole run, with what the process holds now
+};
+
+/// Estimates from the analysis in double precision: 1.15 times the factors' entries
+/// (fronts), the triangle handed to MUMPS or the bases after it, whichever is more (14
+/// vectors for each port, eight ports at least). Single precision has half the factors.
+/// @note Collective.
+std::vector<FactorPath> factor_paths(const SecondOrderModel& fom,
+                                     const FactorEstimate& estimate);
+
+/// Analyses, takes the first path that fits into the memory limit (the last, with a
+/// warning, if none does; the user's -mor_precision limits the choice), makes the solver
+/// follow it, and tells.
+/// @param every  tell all paths, not only the one taken.
+/// @note Collective.
+void choose_factors(ShiftedSolver& solver, const SecondOrderModel& fom,
+                    const SolverOptions& options, Observer& observer, bool every);
+
+} // namespace flexgram
