@@ -20,7 +20,7 @@ enum class Precision { automatic, twice, single };
 struct SolverOptions {
   MumpsOptions mumps;
   Precision precision = Precision::automatic; ///< double, unless use() says otherwise
-  int refinements = 2;           ///< at most so many refinement steps
+  int refinements = 2;                        ///< at most so many refinement steps
   double backward_error = 1e-13; ///< refine and warn above it; 1e-6 is an error
 };
 

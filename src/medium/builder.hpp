@@ -35,6 +35,7 @@ private:
   Block start(double omega, bool mass_is_singular);
   Block with_company(const Block& ports) const;
   void scale_ports(Block& response);
+  double angle_of_modes() const;
   void search_modes();
   void take_out_rigid_modes();
   bool cutoff_is_in_a_gap() const;

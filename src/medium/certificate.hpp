@@ -14,7 +14,7 @@ namespace flexgram {
 /// coordinates: R(ω) = T (ports − (a_k − κ a_m) K U x − iω D U x) + what was dropped.
 struct ResidualBasis {
   Block T;
-  Dense ports, K, D; ///< k×p, k×N, k×N, the last two in the modal coordinates U
+  Dense ports, K, D;    ///< k×p, k×N, k×N, the last two in the modal coordinates U
   Dense damped_outside; ///< k×N: what DU has beyond E V, E = K − ω_c²M; empty without D
   std::vector<double> dropped_ports, dropped_K,
       dropped_D;        ///< of each column, rows scaled

@@ -9,7 +9,8 @@ namespace flexgram {
 
 std::vector<FactorPath> factor_paths(const SecondOrderModel& fom,
                                      const FactorEstimate& estimate) {
-  const double ranks = comm_size(fom.comm), now = max_over(fom.comm, resident_memory_mb()),
+  const double ranks = comm_size(fom.comm),
+               now = max_over(fom.comm, resident_memory_mb()),
                entries = 1.15e-6 * estimate.factor_entries / ranks,
                ports = std::max<double>(8, static_cast<double>(fom.B.columns())),
                bases = 8e-6 * static_cast<double>(fom.n) / ranks * (14 * ports + 6),
@@ -36,11 +37,12 @@ void choose_factors(ShiftedSolver& solver, const SecondOrderModel& fom,
   if (!fits) --taken;
   solver.use(taken->single, taken->out_of_core);
 
-  observer.fact("factors",
-                text("of K - ω_c²M, %s: %.2g entries, %.2g flops, %.0f MB on a rank, ordered "
-                     "by %s; the run about %.0f MB",
-                     taken->name, estimate.factor_entries, estimate.flops,
-                     taken->factors_mb, solver.ordering().c_str(), taken->peak_mb));
+  observer.fact(
+      "factors",
+      text("of K - ω_c²M, %s: %.2g entries, %.2g flops, %.0f MB on a rank, ordered "
+           "by %s; the run about %.0f MB",
+           taken->name, estimate.factor_entries, estimate.flops, taken->factors_mb,
+           solver.ordering().c_str(), taken->peak_mb));
   for (const FactorPath& path : paths)
     if (every && &path != &*taken)
       observer.fact("or", text("%s: %.0f MB on a rank; the run about %.0f MB", path.name,
@@ -53,8 +55,9 @@ void choose_factors(ShiftedSolver& solver, const SecondOrderModel& fom,
                        "({memory_limit_mb})",
                        paths.front().peak_mb, limit));
   if (taken->out_of_core)
-    observer.warn("the factors go to disk ({mumps_icntl_22} 1, folder MUMPS_OOC_TMPDIR or "
-                  "/tmp): each solve reads them; more ranks would hold them in memory");
+    observer.warn(
+        "the factors go to disk ({mumps_icntl_22} 1, folder MUMPS_OOC_TMPDIR or "
+        "/tmp): each solve reads them; more ranks would hold them in memory");
   if (!fits && !taken->out_of_core)
     observer.warn(text("the run may take %.0f MB on a rank, %.0f MB may be used",
                        taken->peak_mb, limit));

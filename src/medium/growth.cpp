@@ -234,7 +234,8 @@ void MediumBuilder::grow() {
       medium_.shortfall = "more vectors do not lower the bound";
       break;
     }
-    if (!image_ || std::min<PetscInt>(fom_.n, space_->columns() + image_.columns()) > limit) {
+    if (!image_ ||
+        std::min<PetscInt>(fom_.n, space_->columns() + image_.columns()) > limit) {
       medium_.shortfall =
           text("the largest order of the medium model, %d, is reached (%s)", limit,
                why_no_larger().c_str());
@@ -260,7 +261,8 @@ void MediumBuilder::report() {
            "ω_c² after the ports'",
            space_->columns(), medium_.factorisations, medium_.solved_columns, blocks_));
   if (solver_.fell_back())
-    observer_.fact("fall-back", "refinement of single precision stalled: double precision");
+    observer_.fact("fall-back",
+                   "refinement of single precision stalled: double precision");
   // Without rounding, which the claim of the small model includes.
   observer_.fact(
       "medium error",

@@ -248,8 +248,7 @@ Block MediumBuilder::start(double omega, bool mass_is_singular) {
       medium_.solved_columns += static_cast<int>(response.columns());
       const Block none;
       const Block Z =
-          orthonormalise(copy(response), none, {fom_.M, fom_.K, kappa}, 1e-7)
-              .vectors;
+          orthonormalise(copy(response), none, {fom_.M, fom_.K, kappa}, 1e-7).vectors;
       Dense m = inner(Z, multiply(fom_.M, Z));
       symmetrise(m);
       auto eigen = symmetric_eigen(m);
@@ -369,6 +368,16 @@ std::string MediumBuilder::why_no_larger() const {
              : "{medium_order} allows more";
 }
 
+/// How exact the modes must be when the search ends. The certificate takes any, and the
+/// Krylov blocks that follow improve them; where modes are asked for themselves, or stand
+/// for H beside resonances without damping, they must be good.
+double MediumBuilder::angle_of_modes() const {
+  if (spec_.modes > 0) return 1e-6;
+  const Damping& d = fom_.damping;
+  const double loss = d.eta + d.alpha / medium_.cutoff + d.beta * medium_.cutoff;
+  return loss < 1e-5 ? 1e-3 : 3.0;
+}
+
 /// All modes below the cutoff into the space; those without stiffness are rigid.
 void MediumBuilder::search_modes() {
   int solves = 0;
@@ -381,7 +390,7 @@ void MediumBuilder::search_modes() {
   if (expected_ > 0) {
     Stage stage(observer_, "modes");
     solves = find_modes(*space_, solver_, medium_.cutoff * medium_.cutoff, expected_,
-                        spec_.modes > 0 ? 1e-6 : 3.0, threshold_, observer_);
+                        angle_of_modes(), threshold_, observer_);
     medium_.solved_columns += solves;
     take_out_rigid_modes();
   }

@@ -115,8 +115,7 @@ TEST(Orthonormal, NewVectorsAreOrthonormalAndDependentOnesAreDropped) {
   Block x = concatenate(
       random_block(fom.B, 3, 2),
       concatenate(select_columns(first.vectors, {0, 3}), random_block(fom.B, 1, 2)));
-  const Orthonormalised next =
-      orthonormalise(std::move(x), first.vectors, mass, 1e-8);
+  const Orthonormalised next = orthonormalise(std::move(x), first.vectors, mass, 1e-8);
   EXPECT_EQ(next.vectors.columns(), 3);
   const Block V = concatenate(first.vectors, next.vectors);
   EXPECT_LT(loss_of_orthogonality(V, mass), 1e-13);

@@ -62,7 +62,7 @@ REQUESTS: dict[str, list[str]] = {
     "band": ["-mor_tol", "1e-4", "-mor_tol_relative_to", "band"],
     "rule": [],
     "order": ["-mor_order", "12"],
-    "modal": ["-mor_method", "modal", "-mor_order", "10"],
+    "modal": ["-mor_method", "modal", "-mor_order", "9"],
     "craig_bampton": ["-mor_method", "craig_bampton"],
     "krylov": ["-mor_method", "krylov", "-mor_moments", "3"],
     "irka": ["-mor_second_stage", "irka", "-mor_order", "11"],
