@@ -156,8 +156,7 @@ Block null_space_modes(const SecondOrderModel& model, SolverOptions options) {
   double last = HUGE_VAL;
   for (int step = 0; step < 30; ++step) { // each divides the rest by λ_1/s₀
     const Block Mx = multiply(model.M, x);
-    const Orthonormalised next =
-        orthonormalise(solver.solve(Mx).x, none, mass, 1e-12);
+    const Orthonormalised next = orthonormalise(solver.solve(Mx).x, none, mass, 1e-12);
     // What the new vectors have outside the old ones.
     const Dense overlap = inner(Mx, next.vectors);
     double outside = 0;
@@ -202,8 +201,7 @@ Block rigid_body_modes(const SecondOrderModel& model, RigidSplit* split) {
   std::array<double, 3> centre{};
   const double radius = mean_radius(model, centre);
   const Block motions =
-      orthonormalise(rigid_motions(model, centre, radius), none, mass, 1e-6)
-          .vectors;
+      orthonormalise(rigid_motions(model, centre, radius), none, mass, 1e-6).vectors;
   return rigid_part(model, motions, false, split);
 }
 
