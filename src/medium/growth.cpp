@@ -176,7 +176,12 @@ void MediumBuilder::prove(int most_columns) {
   if (!spec_.keep_levels) levels.clear();
   levels.push_back(std::move(level));
   look_at(levels.size() - 1);
-  judge(levels.back());
+  if (std::isfinite(levels.back().certificate->worst_angle())) {
+    judge(levels.back());
+  } else { // modes so inexact that no bound is worth evaluating
+    levels.back().worst = HUGE_VAL;
+    levels.back().proved = false;
+  }
 }
 
 void MediumBuilder::look_at(std::size_t level) {

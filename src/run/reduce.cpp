@@ -82,10 +82,6 @@ void describe_two_step(const Body& body, const Settings& s, Observer& observer) 
   Stage stage(observer, "analyse");
   ShiftedSolver solver(body.model.K, body.model.M, nullptr, body.model.node, s.solver);
   choose_factors(solver, body.model, s.solver, observer, true);
-  const double column =
-      static_cast<double>(body.model.n) * 8 / 1e6 / comm_size(body.model.comm);
-  observer.fact("medium space",
-                text("about %.0f MB on a rank for each 100 vectors", 400 * column));
 }
 
 /// Whether to find what a moving frame needs of the body: where it can move and has

@@ -66,6 +66,36 @@ TEST(ShiftedSolver, SinglePrecisionFallsBackToDoubleBesideAResonance) {
   EXPECT_EQ(solver.factorisations(), 2); // one single, one double
 }
 
+TEST(ShiftedSolver, FactorsInSinglePrecisionAreCountedInDouble) {
+  const SecondOrderModel model = rod(n);
+  SolverOptions options;
+  options.precision = Precision::single;
+  for (PetscInt k : {1, 4}) { // between the k-th eigenvalue and the next, close to it
+    ShiftedSolver solver(model.K, model.M, nullptr, {}, options);
+    solver.count_pivots(true);
+    const ShiftCoefficients c{1.0, -rod_eigenvalue(n, k) * (1 + 1e-6), 0.0};
+    solver.factorise(c);
+    EXPECT_EQ(solver.negative_pivots(), k);
+    EXPECT_EQ(solver.null_pivots(), 0);
+    solver.forget_pattern();
+    EXPECT_LE(solver.solve(model.B).backward_error, options.backward_error);
+    EXPECT_EQ(solver.negative_pivots(), k); // after a fall-back, too
+    EXPECT_EQ(solver.factorisations(), solver.fell_back() ? 2 : 1);
+  }
+}
+
+TEST(ShiftedSolver, FactorsOnDiskSolveAsThoseInMemory) {
+  const SecondOrderModel model = rod(n);
+  ShiftedSolver solver(model.K, model.M, nullptr, {}, {});
+  solver.analyse(true);
+  solver.use(true, true);
+  const ShiftCoefficients c{1.0, -30.0, 0.0};
+  solver.factorise(c);
+  const auto solution = solver.solve(model.B);
+  EXPECT_LE(solution.backward_error, 1e-13);
+  EXPECT_LT(residual(model, c, solution.x), 1e-9);
+}
+
 TEST(ShiftedSolver, AnExactResonanceIsAShiftError) {
   const SecondOrderModel model = rod(1);
   ShiftedSolver solver(model.K, model.M, nullptr, {}, {});
