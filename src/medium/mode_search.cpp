@@ -60,6 +60,7 @@ int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expe
   int newest = space.columns() > space.rigid() // vectors of the last block
                    ? static_cast<int>(space.V().pieces().back().columns())
                    : 0;
+  bool krylov = true;
   Progress progress(observer, "modes", expected);
   for (int round = 0;; ++round) {
     const RitzPairs pairs = ritz_pairs(space);
@@ -101,9 +102,10 @@ int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expe
     const bool stalled = below <= before;
     before = below;
 
-    // A narrow last block of V is applied S to as it is, a Krylov step, which serves all
-    // modes at once. `parts` are the shares of the modes in question in the loads.
-    const bool krylov = newest > 0 && newest <= most_columns;
+    // S is applied to the last block of V as it is, a Krylov step, which serves all modes
+    // at once: as long as each block before was, so that residuals are of the last alone.
+    // `parts` are the shares of the modes in question in the loads.
+    krylov = krylov && newest > 0 && newest <= most_columns;
     Dense parts;
     Block loads;
     if (krylov) {
