@@ -110,7 +110,10 @@ Dense factor_of(const DenseResponse& response, const Quadrature& nodes, double e
         square += mu[static_cast<std::size_t>(i)] * part(i, j) * part(i, j);
     if (equal_ports && square > 0)
       for (double& x : part.data) x /= std::sqrt(square);
-    all = beside(all, compressed(part));
+    const Dense rows = compressed(part);
+    all.data.insert(all.data.end(), rows.data.begin(), rows.data.end());
+    all.columns += rows.columns;
+    if (all.columns > 8 * all.rows) all = compressed(all);
   }
   return multiply(response.U(), compressed(all));
 }

@@ -366,7 +366,10 @@ void Cut::tell_error(const ReducedModel& rom, const DenseSystem& small,
                       references[to_band ? 1 : 0], rom.claim->bands.size() > 1 ? "s" : "",
                       label.c_str(), sup.attained_of[0], sup.at_of[0] * hz,
                       *std::max_element(rom.floor.begin(), rom.floor.end())));
-  if (sup.excluded.empty()) { // else |H| has no largest value
+  // Beside undamped resonances |H| has no largest value; of very many ports it would cost
+  // as much as the claim itself.
+  if (sup.excluded.empty() &&
+      medium_.names.inputs.size() * medium_.names.outputs.size() <= 2500) {
     const auto other =
         ErrorOverBand(*seen_, to_band ? RelativeTo::pointwise : RelativeTo::band)
             .supremum(small, request_.order.tolerance.value_or(0), sup.intervals + 200);

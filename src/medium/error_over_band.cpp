@@ -132,8 +132,8 @@ ErrorOverBand::Look ErrorOverBand::look(Node& node, Small small) {
   if (small) {
     const auto series = response_series(*small, node.interval, series_degree);
     if (!series) return look;
-    difference =
-        difference_of(medium->H, multiply_transposed(small->modal_outputs(), series->x));
+    difference = difference_of(*medium_.response(node),
+                               multiply_transposed(small->modal_outputs(), series->x));
   }
   look.known = true;
   look.worst = 0;

@@ -52,26 +52,36 @@ void MediumModel::follow_dampers() {
       resonances.push_back({pole.real(), std::max(pole.imag(), 0.0)});
 }
 
-std::optional<MediumModel::Stretch> MediumModel::over(Interval interval,
-                                                      int degree) const {
-  const auto x = response_series(*level_.response, interval, degree);
-  if (!x) return std::nullopt;
-  const MatrixSeries all = multiply_transposed(modal_outputs_, x->x);
+/// H of the chosen ports, in their units.
+MatrixSeries MediumModel::transfer(const ResponseSeries& x) const {
+  const MatrixSeries all = multiply_transposed(modal_outputs_, x.x);
   const int n_out = all.rows(), n_in = static_cast<int>(inputs_.size()),
             parts = 2 * (all.degree() + 1);
-  Stretch stretch{{n_in, Dense(n_out, n_in * parts), Dense(n_out, n_in)},
-                  level_.certificate->over(*level_.response, *x, blocks_)};
+  MatrixSeries H{n_in, Dense(n_out, n_in * parts), Dense(n_out, n_in)};
   for (int j = 0; j < n_in; ++j) {
     const int port = inputs_[static_cast<std::size_t>(j)];
     const double scale = 1 / scale_[static_cast<std::size_t>(port)];
     for (int i = 0; i < n_out; ++i) {
       for (int part = 0; part < parts; ++part)
-        stretch.H.coefficients(i, n_in * part + j) =
+        H.coefficients(i, n_in * part + j) =
             scale * all.coefficients(i, all.columns * part + port);
-      stretch.H.tail(i, j) = scale * all.tail(i, port);
+      H.tail(i, j) = scale * all.tail(i, port);
     }
   }
-  return stretch;
+  return H;
+}
+
+std::optional<MediumModel::Stretch> MediumModel::over(Interval interval,
+                                                      int degree) const {
+  const auto x = response_series(*level_.response, interval, degree);
+  if (!x) return std::nullopt;
+  return Stretch{transfer(*x), level_.certificate->over(*level_.response, *x, blocks_)};
+}
+
+std::optional<MatrixSeries> MediumModel::response(Interval interval, int degree) const {
+  const auto x = response_series(*level_.response, interval, degree);
+  if (!x) return std::nullopt;
+  return transfer(*x);
 }
 
 MediumModel::Value MediumModel::at(double omega) const {

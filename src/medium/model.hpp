@@ -27,6 +27,8 @@ public:
   };
   /// @return nothing if a pole is too near for an interval of this length.
   std::optional<Stretch> over(Interval interval, int degree) const;
+  /// H of it alone.
+  std::optional<MatrixSeries> response(Interval interval, int degree) const;
 
   /// A resonance in an excluded interval.
   struct Pole {
@@ -60,6 +62,7 @@ public:
   double tau = 0, kappa = 0;
 
 private:
+  MatrixSeries transfer(const ResponseSeries& x) const;
   MediumLevel level_;
   Basis V_;
   std::vector<double> scale_;

@@ -118,15 +118,30 @@ std::shared_ptr<const MediumOverBand::Stretch> MediumOverBand::over(Node& node) 
                              solve_floor * *std::max_element(above.begin(), above.end()));
     stretch->proved = stretch->proved && bound.proved;
   }
-  stretch->H = std::move(medium->H);
-  const std::size_t numbers = stretch->H.coefficients.data.size();
+  node.stretch = std::move(stretch);
+  node.seen = true;
+  keep(node, std::make_shared<const MatrixSeries>(std::move(medium->H)));
+  return node.stretch;
+}
+
+void MediumOverBand::keep(Node& node, std::shared_ptr<const MatrixSeries> H) {
+  const std::size_t numbers = H->coefficients.data.size();
   const std::size_t ports = model_.names.inputs.size() * model_.names.outputs.size();
-  if (kept_ + numbers <= most_kept / sights_at_once(ports)) {
-    kept_ += numbers;
-    node.stretch = stretch;
-    node.seen = true;
+  if (kept_ + numbers > most_kept / sights_at_once(ports)) {
+    latest_ = {&node, std::move(H)};
+    return;
   }
-  return stretch;
+  kept_ += numbers;
+  node.H = std::move(H);
+}
+
+std::shared_ptr<const MatrixSeries> MediumOverBand::response(Node& node) {
+  if (node.H) return node.H;
+  if (latest_.first != &node) {
+    auto again = model_.response(node.interval, series_degree);
+    latest_ = {&node, std::make_shared<const MatrixSeries>(std::move(*again))};
+  }
+  return latest_.second;
 }
 
 void MediumOverBand::split(Node& node) {

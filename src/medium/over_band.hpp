@@ -42,7 +42,6 @@ public:
 
   /// What the medium model says of an interval; of each view where these are several.
   struct Stretch {
-    MatrixSeries H;
     std::vector<double> bound, floor; ///< in the unit of H: error, rounding
     std::vector<ViewNorms> size;
     bool proved = true;
@@ -52,11 +51,14 @@ public:
     std::unique_ptr<Node> low, high;
     bool seen = false; ///< `stretch` is known
     std::shared_ptr<const Stretch> stretch;
+    std::shared_ptr<const MatrixSeries> H; ///< only as long as there is room
   };
   /// Intervals that make up the bands.
   const std::vector<std::unique_ptr<Node>>& roots() const { return roots_; }
   /// @return null if a pole is too near for an interval of this length.
   std::shared_ptr<const Stretch> over(Node& node);
+  /// H over the interval. @pre over(node) is not null.
+  std::shared_ptr<const MatrixSeries> response(Node& node);
   static void split(Node& node);
   /// The whole of it is beside a sharp resonance.
   bool near_pole(const Interval& interval) const;
@@ -65,6 +67,7 @@ public:
 
 private:
   std::optional<MediumModel::Stretch> provable_over(const Interval& interval) const;
+  void keep(Node& node, std::shared_ptr<const MatrixSeries> H);
 
   MediumModel model_;
   std::vector<double> omega_;
@@ -81,6 +84,8 @@ private:
   std::vector<Sharp> sharp_;
   std::vector<std::unique_ptr<Node>> roots_;
   std::size_t kept_ = 0; ///< numbers in the nodes
+  /// H of the interval that was looked at last, if there was no room for it.
+  std::pair<const Node*, std::shared_ptr<const MatrixSeries>> latest_;
 };
 
 /// A factorisation of the full body tells H to no more digits than this.
