@@ -43,6 +43,7 @@ private:
   void need_factors();
   void need_cutoff();
   void bound_least_eigenvalue();
+  Dense along_modes(const Block& g) const;
   ResidualNorm norm_of(const Block& T);
   int largest_order() const;
   std::string why_no_larger() const;

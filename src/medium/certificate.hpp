@@ -33,7 +33,7 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
 
 /// The norm (K − ω_c²M)⁻¹ on the columns of T, by a solve that need not be exact.
 struct ResidualNorm {
-  Dense gram;             ///< TᵀE⁻¹T at least
+  Dense gram;             ///< TᵀE⁻¹T at least, without the modes below ω_c
   double added = 0;       ///< at most so much more than that, on its diagonal
   double of_rounding = 0; ///< ‖E^−½ r‖/‖r‖ of a vector r of roundings, rows scaled
 };
@@ -91,11 +91,11 @@ public:
   /// ‖E^−½(p − EVx)‖ of each port p, in its unit, E = K + τM: what V does not hold of its
   /// response to E. @note x: that of the model.
   std::vector<double> outside(const DenseResponse& response) const;
-  /// Rounding of μ_j, relative: of K, and of the dense eigenvalue problem.
   /// Rounding of uᵢᵀKuⱼ between two Ritz vectors.
   double rounding_between(std::size_t i, std::size_t j) const {
     return 4 * rounding_ * rounding_weights_[i] * rounding_weights_[j] + 1e-15;
   }
+  /// Rounding of μ_j, relative: of K, and of the dense eigenvalue problem.
   double rounding_of_mode(std::size_t j) const {
     return 4 * rounding_ * rounding_weights_[j] * rounding_weights_[j] + 1e-14;
   }

@@ -12,6 +12,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 namespace flexgram {
@@ -41,6 +42,9 @@ void MediumBuilder::need_cutoff() {
                        solver_.negative_pivots() == medium_.rigid + medium_.modes;
   }
   if (least_eigenvalue_ == 0) bound_least_eigenvalue();
+  // By Weyl a backward error of that size could have moved an eigenvalue of E across zero.
+  inertia_is_safe_ =
+      inertia_is_safe_ && least_eigenvalue_ > 16 * std::numeric_limits<double>::epsilon();
 }
 
 /// The largest bound of the level that is seen, on the grid.
@@ -84,8 +88,28 @@ bool MediumBuilder::holds_everywhere() {
   return false;
 }
 
+/// (−uᵀEu)^−½ uᵀg of the modes u below the cutoff, for each column g: the sum of their
+/// squares is what gᵀE⁻¹g, E = K − ω_c²M, has less for them.
+Dense MediumBuilder::along_modes(const Block& g) const {
+  const RitzPairs pairs = ritz_pairs(*space_);
+  const int rigid = space_->rigid();
+  Dense U(space_->columns(), rigid + medium_.modes); // W-orthonormal
+  for (int j = 0; j < rigid; ++j) U(j, j) = 1;
+  set_part(U, 0, rigid, first_columns(pairs.vectors, medium_.modes));
+  Dense along = multiply_transposed(U, inner(space_->V(), g));
+  for (int j = 0; j < along.rows; ++j) { // uᵀMu = 1/(1 + κλ)
+    const double lambda =
+        j < rigid ? 0.0 : pairs.lambda[static_cast<std::size_t>(j - rigid)];
+    const double e =
+        (medium_.cutoff * medium_.cutoff - lambda) / (1 + medium_.kappa * lambda);
+    for (int i = 0; i < along.columns; ++i) along(j, i) /= std::sqrt(std::max(e, 1e-300));
+  }
+  return along;
+}
+
 /// TᵀE⁻¹T at least, E = K − ω_c²M, from one block solve X ≈ E⁻¹T, which is kept: with
-/// F = T − E X it is TᵀX + XᵀF + FᵀE⁻¹F, and the last term is at most ‖F‖²/min |λ(E)|.
+/// F = T − E X it is TᵀX + XᵀF + FᵀE⁻¹F, and the last term is at most ‖F‖²/min |λ(E)|
+/// in size.
 ResidualNorm MediumBuilder::norm_of(const Block& T) {
   ResidualNorm norm;
   norm.of_rounding = of_rounding_;
@@ -106,8 +130,14 @@ ResidualNorm MediumBuilder::norm_of(const Block& T) {
   const Dense left = inner(rest, rest);
   double trace = 0;
   for (int i = 0; i < left.rows; ++i) trace += left(i, i);
-  norm.added = trace / least_eigenvalue_;
-  for (int i = 0; i < left.rows; ++i) norm.gram(i, i) += norm.added;
+  const double most = trace / least_eigenvalue_; // of ± FᵀE⁻¹F, which has any sign
+  for (int i = 0; i < left.rows; ++i) norm.gram(i, i) += most;
+  norm.added = 2 * most;
+  // What rounding left of the modes in T, where E⁻¹ is negative, is taken out again.
+  const Dense along = along_modes(T);
+  const Dense negative = multiply_transposed(along, along);
+  for (std::size_t i = 0; i < norm.gram.data.size(); ++i)
+    norm.gram.data[i] += negative.data[i];
   share_from_first(fom_.comm, norm.gram.data);
   return norm;
 }
@@ -123,19 +153,9 @@ void MediumBuilder::bound_least_eigenvalue() {
   space_->unscale(g);
   Block x = solver_.solve(g).x;
   Dense energy = inner(g, x);
-  const RitzPairs pairs = ritz_pairs(*space_);
-  const double sigma = medium_.cutoff * medium_.cutoff;
-  Dense U(space_->columns(), space_->rigid() + expected_); // W-orthonormal
-  for (int j = 0; j < space_->rigid(); ++j) U(j, j) = 1;
-  set_part(U, 0, space_->rigid(), first_columns(pairs.vectors, expected_));
-  const Dense along = multiply_transposed(U, inner(space_->V(), g));
-  for (int j = 0; j < U.columns; ++j) { // (uᵀg)²/uᵀEu; uᵀMu = 1/(1 + κλ)
-    const double lambda =
-        j < space_->rigid() ? 0.0
-                            : pairs.lambda[static_cast<std::size_t>(j - space_->rigid())];
-    const double e = (lambda - sigma) / (1 + medium_.kappa * lambda);
-    for (int i = 0; i < 8; ++i) energy(i, i) -= along(j, i) * along(j, i) / e;
-  }
+  const Dense along = along_modes(g);
+  for (int i = 0; i < 8; ++i)
+    for (int j = 0; j < along.rows; ++j) energy(i, i) += along(j, i) * along(j, i);
   space_->unscale(x);
   const Dense size = inner(x, x);
   double largest = 0, longest = 0;
@@ -176,12 +196,7 @@ void MediumBuilder::prove(int most_columns) {
   if (!spec_.keep_levels) levels.clear();
   levels.push_back(std::move(level));
   look_at(levels.size() - 1);
-  if (std::isfinite(levels.back().certificate->worst_angle())) {
-    judge(levels.back());
-  } else { // modes so inexact that no bound is worth evaluating
-    levels.back().worst = HUGE_VAL;
-    levels.back().proved = false;
-  }
+  judge(levels.back());
 }
 
 void MediumBuilder::look_at(std::size_t level) {

@@ -1,5 +1,5 @@
 /// First half of `certify`: rigid modes, the cutoff and its inertia, the modes below it;
-/// checkpoints (docs/proof.md, section 3, "Inertia").
+/// checkpoints (docs/proof.md, section 2, and section 6, "Inertia").
 
 #include "medium/builder.hpp"
 
