@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from flexgram.basics import BodyError, errors_of, expect_survival, stored, written_aside
+from flexgram.basics import BodyError, errors_of, expect_survival
+from flexgram.reduced_file import copy_file, port_names, read_fields
 
 Floats = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -91,8 +91,8 @@ class ReducedModel:
         self.M, self.D, self.K = array("M"), array("D"), array("K")
         self.B, self.C, self.V = array("B"), array("C"), array("V")
         self.eta = float(fields.get("eta", 0.0))
-        self.inputs: list[str] = _names(fields, "B", self.B.shape[1])
-        self.outputs: list[str] = _names(fields, "C", self.C.shape[0])
+        self.inputs: list[str] = port_names(fields, "B", self.B.shape[1])
+        self.outputs: list[str] = port_names(fields, "C", self.C.shape[0])
         self.omega, self.error = array("error/omega"), array("error/relative")
         self.bound, self.floor = array("error/bound"), array("error/floor")
         self.kind = str(fields.get("error/kind", "estimated"))
@@ -156,11 +156,11 @@ class ReducedModel:
             raise BodyError(f"{path}: no such file")
         if not h5py.is_hdf5(path):
             raise BodyError(f"{path}: not an HDF5 file")
-        expect_survival(source, lambda: _read_fields(source, False))
+        expect_survival(source, lambda: read_fields(source, False))
         with errors_of(path):
-            fields = _read_fields(path, basis)
+            fields = read_fields(path, basis)
         with errors_of(path):
-            model = cls(fields, lambda target: _copy(source, Path(target)))
+            model = cls(fields, lambda target: copy_file(source, Path(target)))
             model._expect_shapes()
         model.path = source
         return model
@@ -428,46 +428,3 @@ class ReducedModel:
             raise BodyError("a copied or unpickled body has no file of its own: export it "
                             "(flexgram.export), or save the original")  # fmt: skip
         self._save(str(path))
-
-
-def _plain(value: Any) -> Any:
-    if isinstance(value, bytes):
-        return value.decode()
-    if isinstance(value, np.ndarray) and value.dtype.kind == "O":
-        return [v.decode() if isinstance(v, bytes) else v for v in value]
-    return value
-
-
-def _read_fields(path: Path, basis: bool) -> dict[str, Any]:
-    """Datasets and attributes of a reduced file by their paths."""
-    fields: dict[str, Any] = {}
-    with h5py.File(path) as file:
-        if any(name not in file for name in ("gramian", "K", "M", "D", "B", "C", "error")):
-            raise BodyError(f"{path}: no reduced file (flexgram reduce writes one)")
-
-        def collect(name: str, item: Any) -> None:
-            if isinstance(item, h5py.Dataset) and (basis or name != "V"):
-                fields[name] = stored(path, item)
-            values = {key: _plain(value) for key, value in item.attrs.items()}
-            if name in ("log/seconds", "log/options", "log/versions"):
-                fields[name] = values
-            else:
-                fields.update({f"{name}/{key}": value for key, value in values.items()})
-
-        file.visititems(collect)
-        fields.update({key: _plain(value) for key, value in file.attrs.items()})
-        if "dofs/node" in fields:
-            at = fields["dofs/node"]
-            fields["dofs/position"] = fields["nodes/position"][at]
-            fields["dofs/node"] = fields["nodes/id"][at]
-    return fields
-
-
-def _names(fields: dict[str, Any], name: str, count: int) -> list[str]:
-    return [str(x) for x in fields.get(f"{name}/names", range(1, count + 1))]
-
-
-def _copy(source: Path, target: Path) -> None:
-    if source.resolve() != target.resolve():
-        with written_aside(target) as place:
-            shutil.copyfile(source, place)

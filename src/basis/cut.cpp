@@ -2,7 +2,7 @@
 
 #include "base/text.hpp"
 #include "basis/order_choice.hpp"
-#include "model/kinds.hpp"
+#include "basis/tell.hpp"
 #include "model/project.hpp"
 
 #include <algorithm>
@@ -47,11 +47,6 @@ private:
   Dense chosen_basis();
   ReducedModel reduced(const Dense& Q, const DenseSystem& small,
                        const ErrorOverBand::Supremum& sup);
-  void tell(const ReducedModel& rom, const DenseSystem& small,
-            const ErrorOverBand::Supremum& sup);
-  std::string at_a_zero(const ErrorOverBand::Supremum& sup) const;
-  void tell_error(const ReducedModel& rom, const DenseSystem& small,
-                  const ErrorOverBand::Supremum& sup);
 
   const Medium& whole_;
   const CutRequest& request_;
@@ -246,29 +241,6 @@ ErrorClaim Cut::claim_of(const ErrorOverBand::Supremum& sup) const {
 
 constexpr const char* frame_names[] = {"auto", "none", "buckens", "tangent"};
 
-/// What is claimed, as it is printed.
-std::string label_of(const ReducedModel& rom) {
-  if (rom.kind == "estimated") return "estimated, not proved";
-  const auto& excluded = rom.claim->excluded;
-  if (excluded.empty()) return "certified";
-  double widest = 0;
-  for (const auto& [first, last] : excluded)
-    widest = std::max(widest, (last - first) / last);
-  std::string words =
-      text("certified outside %zu interval%s of relative width %.0e at most, around "
-           "undamped resonances",
-           excluded.size(), excluded.size() == 1 ? "" : "s", widest);
-  double frequency = 0, residue = 0;
-  for (const auto& pole : rom.claim->poles) {
-    frequency = std::max(frequency, pole[1]);
-    residue = std::max(residue, pole[2]);
-  }
-  if (!rom.claim->poles.empty())
-    words += text(", whose frequencies are right to %.0e and residues to %.0e", frequency,
-                  residue);
-  return words;
-}
-
 /// The basis of the chosen order, the same on every rank.
 Dense Cut::chosen_basis() {
   // The last bit of an error may differ between ranks.
@@ -329,100 +301,6 @@ ReducedModel Cut::reduced(const Dense& Q, const DenseSystem& small,
   return rom;
 }
 
-/// "at most 1e-4", or that there is none.
-std::string bound_words(double bound, const char* format) {
-  return std::isfinite(bound) ? text(format, bound) : "without a bound";
-}
-
-/// Where H vanishes, or nearly, no error relative to it is small: whether that is why the
-/// error is large, in words.
-std::string Cut::at_a_zero(const ErrorOverBand::Supremum& sup) const {
-  if (request_.relative_to != RelativeTo::pointwise || sup.worst < 1) return "";
-  const auto worst = std::max_element(sup.attained_of.begin(), sup.attained_of.end());
-  const auto view = static_cast<std::size_t>(worst - sup.attained_of.begin());
-  const double omega = sup.at_of[view];
-  if (!(*worst > 0) || !(omega > 0)) return "";
-  const auto& sizes = seen_->grid().views[view].size;
-  const double here = frobenius_norm(medium_.views[view].of(medium_.at(omega).H)),
-               largest = *std::max_element(sizes.begin(), sizes.end());
-  if (!(here < 1e-3 * largest)) return "";
-  return text(
-      "near %.5g Hz H vanishes or nearly so, and no error relative to it is small "
-      "there: {tol_relative_to} band forgives that, and so does damping",
-      omega * hz);
-}
-
-/// The error in words: of H as a whole, by either reference, and of its kinds.
-void Cut::tell_error(const ReducedModel& rom, const DenseSystem& small,
-                     const ErrorOverBand::Supremum& sup) {
-  const std::string label = label_of(rom);
-  const bool to_band = request_.relative_to == RelativeTo::band;
-  const char* const references[] = {"|H| at each frequency",
-                                    "the largest |H| in the band"};
-  observer_.fact("error",
-                 text("%s of %s, everywhere in the band%s (%s), reached %.2e at %.5g Hz; "
-                      "rounding floor %.0e",
-                      bound_words(sup.worst_of[0], "at most %.2e").c_str(),
-                      references[to_band ? 1 : 0], rom.claim->bands.size() > 1 ? "s" : "",
-                      label.c_str(), sup.attained_of[0], sup.at_of[0] * hz,
-                      *std::max_element(rom.floor.begin(), rom.floor.end())));
-  // Beside undamped resonances |H| has no largest value; of very many ports it would cost
-  // as much as the claim itself.
-  if (sup.excluded.empty() &&
-      medium_.names.inputs.size() * medium_.names.outputs.size() <= 2500) {
-    const auto other =
-        ErrorOverBand(*seen_, to_band ? RelativeTo::pointwise : RelativeTo::band)
-            .supremum(small, request_.order.tolerance.value_or(0), sup.intervals + 200);
-    observer_.fact("relative to",
-                   text("%s ({tol_relative_to} %s); of %s the error is at most %.1e",
-                        references[to_band ? 1 : 0], to_band ? "band" : "pointwise",
-                        references[to_band ? 0 : 1], other.worst));
-  }
-  if (medium_.rigid > 0)
-    observer_.fact(
-        "rigid rounding",
-        text("rigid modes are rigid; if what K holds of them, which its rounding "
-             "explains, were meant, H would change by %.0e",
-             rom.claim->rigid_rounding));
-  if (!rom.by_kind.empty()) {
-    observer_.fact("by kind",
-                   text("%s at most %.1e, %s at most %.1e (%s)",
-                        medium_.views[1].name.c_str(), rom.by_kind[0],
-                        medium_.views[2].name.c_str(), rom.by_kind[1], label.c_str()));
-  } else {
-    std::vector<ComplexDense> H_r;
-    const DenseResponse response(small, medium_.tau);
-    for (double omega : rom.omega) H_r.push_back(response.transfer(omega));
-    warn_of_kinds(rom.model, seen_->grid().H, H_r, sup.worst, observer_);
-  }
-  if (rom.claim->met) return;
-  const std::string zero = at_a_zero(sup);
-  observer_.warn(text("{tol} %g is not met: the error is %s (%s); %s. This is "
-                      "the best body that was found",
-                      *request_.order.tolerance,
-                      bound_words(sup.worst, "at most %.1e").c_str(), label.c_str(),
-                      (zero.empty() ? choice_.shortfall : zero).c_str()));
-}
-
-void Cut::tell(const ReducedModel& rom, const DenseSystem& small,
-               const ErrorOverBand::Supremum& sup) {
-  const Candidate& candidate = choice_.candidates[choice_.best];
-  observer_.fact(
-      "order",
-      text("m = %d of n = %lld, by %s, from %s%s", choice_.order,
-           static_cast<long long>(medium_.names.n), choice_.chosen_by.c_str(),
-           candidate.name.c_str(),
-           candidate.remark.empty() ? "" : (" (" + candidate.remark + ")").c_str()));
-  tell_error(rom, small, sup);
-  observer_.fact("reduced modes", describe_modes(rom.modes, medium_.rigid));
-  observer_.fact("reduced M, K",
-                 text("smallest over largest eigenvalue %.1e, %.1e; V'MV = I to %.0e",
-                      relative_smallest_eigenvalue(rom.model.M),
-                      relative_smallest_eigenvalue(rom.model.K),
-                      whole_.loss_of_orthogonality));
-  observer_.print();
-}
-
 ReducedModel Cut::run() {
   Stage timer(observer_, "second stage");
   frame_ = request_.frame != Frame::automatic ? request_.frame
@@ -446,7 +324,7 @@ ReducedModel Cut::run() {
   const auto sup =
       shared_supremum(errors_.supremum(small, request_.order.tolerance.value_or(0)));
   ReducedModel rom = reduced(Q, small, sup);
-  tell(rom, small, sup);
+  tell({whole_, request_, *seen_, choice_, small, sup}, rom, observer_);
   return rom;
 }
 

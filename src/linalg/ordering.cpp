@@ -1,7 +1,6 @@
 #include "linalg/ordering.hpp"
 
 #include "base/event.hpp"
-
 #include "base/text.hpp"
 
 #include <metis.h>

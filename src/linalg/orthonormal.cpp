@@ -1,7 +1,6 @@
 #include "linalg/orthonormal.hpp"
 
 #include "base/event.hpp"
-
 #include "linalg/sparse_product.hpp"
 
 #include <algorithm>

@@ -114,6 +114,7 @@ struct ShiftedSolver::State {
       engine->factorise(pattern(), coefficients, definiteness != Definiteness::positive);
       negative = engine->negative_pivots();
       null = engine->null_pivots();
+      ++factorisations;
     }
     give_back_freed_pages();
   }
@@ -140,7 +141,7 @@ ShiftedSolver::ShiftedSolver(Mat K, Mat M, Mat D, std::vector<std::int64_t> node
   s.M = M;
   s.D = D;
   s.options = options;
-  s.single = options.precision == Precision::single;
+  s.single = options.precision == Precision::single_precision;
   FG_CALL(MatGetOwnershipRange(K, &s.rows.begin, &s.rows.end));
   const auto missing =
       static_cast<std::int64_t>(node_of_row.empty() && s.rows.size() > 0);
@@ -335,6 +336,7 @@ ShiftedSolver::Solution ShiftedSolver::solve(const Block& b, Verify verify) {
 int ShiftedSolver::negative_pivots() const { return state_->negative; }
 int ShiftedSolver::null_pivots() const { return state_->null; }
 void ShiftedSolver::count_pivots(bool count) { state_->count = count; }
+
 /// This and all later shifts in double.
 void ShiftedSolver::fall_back() {
   State& s = *state_;

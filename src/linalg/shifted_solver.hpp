@@ -14,7 +14,7 @@
 namespace flexgram {
 
 /// Arithmetic of the factors. Single precision is refined to double accuracy.
-enum class Precision { automatic, twice, single };
+enum class Precision { automatic, double_precision, single_precision };
 
 /// How the shifted systems are solved.
 struct SolverOptions {

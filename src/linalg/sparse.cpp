@@ -258,7 +258,7 @@ int count_negative_eigenvalues(Mat a, double floor, SolverOptions options) {
       scaled, floor,
       make_sparse(PetscObjectComm(reinterpret_cast<PetscObject>(a)), rows, n, unit),
       DIFFERENT_NONZERO_PATTERN));
-  options.precision = Precision::twice;
+  options.precision = Precision::double_precision;
   ShiftedSolver solver(scaled, nullptr, nullptr, {}, options);
   solver.count_pivots(true);
   solver.factorise({1.0, 0.0, 0.0});

@@ -1,5 +1,5 @@
 /// The steps of `certify` with what they share; start.cpp holds those up to the modes,
-/// growth.cpp the rest. Seen by these two alone.
+/// growth.cpp the rest, resume.cpp checkpoints. Seen by these alone.
 
 #pragma once
 
@@ -41,10 +41,12 @@ private:
   bool cutoff_is_in_a_gap() const;
   std::shared_ptr<const DenseResponse> ritz_response() const;
   void need_factors();
+  void factorise(double s);
+  void count_factorisations();
   void need_cutoff();
-  void bound_least_eigenvalue();
-  Dense along_modes(const Block& g) const;
-  ResidualNorm norm_of(const Block& T);
+  void bound_least_eigenvalue(const DenseResponse& response);
+  Dense along_modes(const DenseResponse& response, const Block& g) const;
+  ResidualNorm norm_of(const DenseResponse& response, const Block& T);
   int largest_order() const;
   std::string why_no_larger() const;
   void prove(int most_columns);
@@ -75,7 +77,7 @@ private:
   Block image_; ///< (K − ω_c²M)⁻¹T of the last certificate: the next Krylov block
   bool inertia_is_safe_ = false, cutoff_is_factorised_ = false,
        factors_are_chosen_ = false;
-  int blocks_ = 0;
+  int blocks_ = 0, factorisations_before_ = 0; ///< ... of a checkpoint
 };
 
 } // namespace flexgram

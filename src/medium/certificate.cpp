@@ -98,17 +98,19 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
     const auto at = static_cast<std::size_t>(j);
     double square = 0;
     for (int i = 0; i < K.rows; ++i) square += K(i, j) * K(i, j);
-    const double mu = response.mu()[at], e = energy(mu);
+    const double mu = response.mu()[at], e = response.energy(j, sigma_);
     mode_mu_.push_back(mu);
-    mode_G_norm_.push_back(std::abs(residual_factor(mu) / e) *
+    mode_G_norm_.push_back(std::abs(residual_factor(mu, tau_, kappa_) / e) *
                            (std::sqrt(square) + dropped_K_[at]));
     provable_ = provable_ && e < 0;
   }
-  for (std::size_t i = mode_mu_.size(); i < response.mu().size(); ++i)
-    provable_ = provable_ && energy(response.mu()[i]) > 0;
+  for (int i = modes; i < U.columns; ++i)
+    provable_ = provable_ && response.energy(i, sigma_) > 0;
   enclose_modes();
-  if (response.system().has_extra_damping())
-    couple_by_damping(response, K, turned(basis.damped_outside), modes);
+  if (response.system().has_extra_damping() && provable_)
+    by_damping_ = DampingCoupling(
+        response, {K, turned(basis.damped_outside), dropped_K_, dropped_D_}, modes,
+        sigma_, kappa_);
 
   if (space.rigid() > 0) {
     rigid_ = transpose(part_of(U, 0, space.rigid(), 0, U.columns));
@@ -127,103 +129,6 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
   rigid_weights_.assign(weights.begin(), weights.begin() + space.rigid());
 }
 
-/// What couples the first `count` columns of U to the rest.
-struct Certificate::Coupling {
-  Dense G, F, D; ///< J = c G + iω F; ΦᵀDΦ
-  std::vector<double> mu;
-  double dropped_G = 0, dropped_F = 0;
-
-  ComplexDense A(Complex a_k, Complex a_m, double tau, double omega) const {
-    ComplexDense A(D.rows, D.columns);
-    for (std::size_t i = 0; i < A.data.size(); ++i)
-      A.data[i] = Complex(0, omega) * D.data[i];
-    for (int j = 0; j < A.columns; ++j) {
-      const double m = mu[static_cast<std::size_t>(j)];
-      A(j, j) += a_k * (1 - tau * m) + a_m * m;
-    }
-    return A;
-  }
-  ComplexDense J(Complex c, double omega) const {
-    ComplexDense J(G.rows, G.columns);
-    for (std::size_t i = 0; i < J.data.size(); ++i)
-      J.data[i] = c * G.data[i] + Complex(0, omega) * F.data[i];
-    return J;
-  }
-};
-
-Certificate::Coupling Certificate::coupling(const DenseResponse& response, const Dense& K,
-                                            const Dense& outside, int count) const {
-  const Dense& damping = response.modal_damping();
-  const auto& mu = response.mu();
-  const int N = damping.rows, inside = N - count;
-  Coupling c;
-  c.G = c.F = Dense(inside + K.rows, count);
-  c.D = part_of(damping, 0, count, 0, count);
-  c.mu.assign(mu.begin(), mu.begin() + count);
-  for (int j = 0; j < count; ++j) {
-    const auto at = static_cast<std::size_t>(j);
-    const double factor = residual_factor(mu[at]) / energy(mu[at]);
-    for (int i = 0; i < inside; ++i)
-      c.F(i, j) = damping(count + i, j) /
-                  std::sqrt(energy(mu[static_cast<std::size_t>(count + i)]));
-    for (int i = 0; i < K.rows; ++i) {
-      c.G(inside + i, j) = -factor * K(i, j);
-      c.F(inside + i, j) = outside(i, j);
-    }
-    double lost = dropped_D_[at];
-    for (int i = 0; i < N; ++i) {
-      const auto of = static_cast<std::size_t>(i);
-      lost += (1 + kappa_ * sigma_) * dropped_K_[of] *
-              std::abs(damping(i, j) / energy(mu[of]));
-    }
-    c.dropped_G = std::hypot(c.dropped_G, factor * dropped_K_[at]);
-    c.dropped_F = std::hypot(c.dropped_F, lost);
-  }
-  return c;
-}
-
-/// Φ may be any of the first columns of U that hold the modes: with more of them less of
-/// what D couples is outside, but their residuals are larger. The number with the
-/// smallest δ at some frequencies is taken.
-void Certificate::couple_by_damping(const DenseResponse& response, const Dense& K,
-                                    const Dense& outside, int modes) {
-  if (!provable_) return; // energies have the wrong signs
-  const int N = response.modal_damping().rows;
-  double least = infinity;
-  Coupling best;
-  for (int step = 0; step <= 8; ++step) {
-    Coupling c = coupling(response, K, outside, modes + (N - modes) * step / 8);
-    double largest = 0;
-    for (double part : {0.2, 0.5, 0.8}) {
-      const double omega = part * std::sqrt(sigma_);
-      const ShiftCoefficients a = response.system().coefficients(omega);
-      const ComplexDense J = c.J(a.m + sigma_ * a.k, omega);
-      ComplexDense right(J.columns, J.rows);
-      for (int i = 0; i < J.rows; ++i)
-        for (int j = 0; j < J.columns; ++j) right(j, i) = J(i, j);
-      try {
-        const ComplexDense Y = solve(c.A(a.k, a.m, tau_, omega), std::move(right));
-        largest = std::max(largest, frobenius_norm(multiply(J, Y)));
-      } catch (const ShiftError&) {
-        largest = infinity;
-      }
-    }
-    if (step == 0 || largest < 0.9 * least) {
-      least = largest;
-      best = std::move(c);
-    }
-  }
-  // Only their products matter: a triangle of 2·count rows holds these.
-  const int count = best.D.columns;
-  const Dense both = transpose(compressed(transpose(beside(best.G, best.F))));
-  mode_G_ = part_of(both, 0, both.rows, 0, count);
-  mode_F_ = part_of(both, 0, both.rows, count, count);
-  mode_D_ = std::move(best.D);
-  mode_D_mu_ = std::move(best.mu);
-  dropped_G_ = best.dropped_G;
-  dropped_F_ = best.dropped_F;
-}
-
 /// What Φ leaves of its own equation in the norm of (K + τM)⁻¹, in which frequencies are
 /// enclosed, and μ₊. On the complement of Φ, by Schur, K + τM >= (1 − θ)(K − ω_c²M) with
 /// θ = (ω_c² + τ)² Σ‖G_j‖², so ‖r‖² in the one norm is ‖r‖²/(1 − θ) in the other at most.
@@ -234,20 +139,12 @@ void Certificate::enclose_modes() {
   const double mu_c = 1 / (sigma_ + tau_);
   mu_plus_ = mu_c;
   for (std::size_t j = 0; j < mode_mu_.size(); ++j) {
-    const double mu = mode_mu_[j], g = mode_G_norm_[j] * std::abs(energy(mu));
+    const double mu = mode_mu_[j],
+                 g = mode_G_norm_[j] * std::abs(1 - (sigma_ + tau_) * mu);
     mode_residual_.push_back(g > 0 ? g * enlarged_ : 0.0);
     mu_plus_ += mu > mu_c ? mode_residual_.back() * mode_residual_.back() / (mu - mu_c)
                           : infinity;
   }
-}
-
-bool Certificate::fits_damping(int order, int modes) const {
-  const int count = mode_D_.columns;
-  return (count == 0 && !provable_) ||
-         (modes <= count && count <= order && mode_D_.rows == count &&
-          mode_D_mu_.size() == static_cast<std::size_t>(count) &&
-          mode_G_.columns == count && mode_F_.columns == count &&
-          mode_G_.rows == mode_F_.rows);
 }
 
 bool Certificate::fits(int order, int ports, int modes, int rigid, bool damped) const {
@@ -264,7 +161,9 @@ bool Certificate::fits(int order, int ports, int modes, int rigid, bool damped) 
          holds(dropped_ports_, ports) && holds(dropped_K_, order) &&
          (!damped || holds(dropped_D_, order)) && holds(mode_mu_, modes) &&
          holds(mode_residual_, modes) && holds(mode_G_norm_, modes) &&
-         (!damped || fits_damping(order, modes)) &&
+         (!damped || !provable_ ||
+          (by_damping_.fits() && modes <= by_damping_.count() &&
+           by_damping_.count() <= order)) &&
          (rigid == 0 || (is(rigid_, order, rigid) && is(neglected_, order, rigid) &&
                          is(assumed_, order, rigid)));
 }
@@ -307,69 +206,17 @@ std::vector<double> Certificate::outside(const DenseResponse& response) const {
   return norms;
 }
 
-namespace {
-
-/// a_k and a_m − s a_k at the centre of an interval, and how far they move to its ends.
-struct Coefficients {
-  Coefficients(const DenseSystem& system, double s, Interval interval) {
-    const double omega = interval.centre(), h = interval.half();
-    const Damping& d = system.damping;
-    const ShiftCoefficients at = system.coefficients(omega);
-    a = at.k;
-    c = at.m - s * at.k;
-    moved_a = h * d.beta;
-    moved_c = h * (d.alpha + 2 * omega + h + std::abs(s) * d.beta);
-  }
-  Complex a, c;
-  double moved_a, moved_c;
-};
-
-} // namespace
-
 /// δ: ‖J A_Φ⁻¹ Jᵀ‖ at most, over the interval.
 double Certificate::mode_coupling(const DenseResponse& response,
                                   const ResponseSeries& x) const {
+  if (!provable_) return infinity;
+  if (!response.is_diagonal()) return by_damping_.over(response.system(), x.interval);
   const Coefficients outer(response.system(), -sigma_, x.interval);
   const double largest_c = std::abs(outer.c) + outer.moved_c;
-  if (response.is_diagonal()) {
-    double sum = 0;
-    for (std::size_t j = 0; j < mode_mu_.size(); ++j)
-      sum += std::pow(largest_c * mode_G_norm_[j], 2) * x.largest[j];
-    return sum;
-  }
-  if (mode_D_mu_.empty() && !mode_mu_.empty()) return infinity;
-  const Coefficients k(response.system(), tau_, x.interval); // of A_Φ
-  const int count = mode_D_.columns;
-  const double omega = x.interval.centre(), h = x.interval.half();
-  const Coupling phi{mode_G_, mode_F_, mode_D_, mode_D_mu_, 0, 0};
-  ComplexDense A = phi.A(k.a, k.c + tau_ * k.a, tau_, omega);
-  const ComplexDense J = phi.J(outer.c, omega);
-  double moved = 0;
-  for (double mu : mode_D_mu_) moved = std::max(moved, k.moved_a + k.moved_c * mu);
-  moved += h * frobenius_norm(mode_D_);
-  ComplexDense right(count, J.rows + count);
-  for (int i = 0; i < count; ++i) {
-    for (int j = 0; j < J.rows; ++j) right(i, j) = J(j, i);
-    right(i, J.rows + i) = 1;
-  }
-  ComplexDense Y;
-  try {
-    Y = solve(std::move(A), std::move(right));
-  } catch (const ShiftError&) {
-    return infinity;
-  }
-  ComplexDense solved(count, J.rows), inverse(count, count);
-  std::copy_n(Y.data.begin(), solved.data.size(), solved.data.begin());
-  std::copy_n(Y.data.begin() + static_cast<std::ptrdiff_t>(solved.data.size()),
-              inverse.data.size(), inverse.data.begin());
-  const double size = frobenius_norm(inverse), away = size * moved;
-  if (!(away < 1)) return infinity;
-  const double y = frobenius_norm(solved), farther = 1 / (1 - away),
-               moved_J = outer.moved_c * frobenius_norm(mode_G_) +
-                         h * frobenius_norm(mode_F_) + largest_c * dropped_G_ +
-                         x.interval.last * dropped_F_;
-  return frobenius_norm(multiply(J, solved)) +
-         farther * (moved * y * y + 2 * moved_J * y + moved_J * moved_J * size);
+  double sum = 0;
+  for (std::size_t j = 0; j < mode_mu_.size(); ++j)
+    sum += std::pow(largest_c * mode_G_norm_[j], 2) * x.largest[j];
+  return sum;
 }
 
 Certificate::Inverse Certificate::inverse(const DenseResponse& response,
@@ -393,7 +240,7 @@ Certificate::Inverse Certificate::inverse(const DenseResponse& response,
     q = std::min(1.0, q / (1 - moved));
   }
   const double delta = mode_coupling(response, x);
-  result.proved = provable_ && q * delta < 1;
+  result.proved = q * delta < 1;
   result.norm = result.proved ? q / (1 - q * delta) : q;
   result.radius = radius + (result.proved ? q * delta * result.norm : 0.0);
   return result;

@@ -3,6 +3,7 @@
 
 #pragma once
 
+#include "medium/coupling.hpp"
 #include "medium/response_series.hpp"
 #include "medium/space.hpp"
 
@@ -122,14 +123,9 @@ public:
     a("mode_residual", self.mode_residual_);
     a("mode_G_norm", self.mode_G_norm_);
     a("enlarged", self.enlarged_);
-    a("mode_G", self.mode_G_);
-    a("mode_F", self.mode_F_);
-    a("mode_D", self.mode_D_);
-    a("mode_D_mu", self.mode_D_mu_);
+    DampingCoupling::archive(a, self.by_damping_);
     a("coordinates", self.coordinates_);
     a("added", self.added_);
-    a("dropped_G", self.dropped_G_);
-    a("dropped_F", self.dropped_F_);
     a("rigid", self.rigid_);
     a("neglected", self.neglected_);
     a("assumed", self.assumed_);
@@ -151,16 +147,6 @@ private:
   void add_rounding(Bound& bound, const ResponseSeries& x, const PortSet& block) const;
 
   void enclose_modes();
-  bool fits_damping(int order, int modes) const;
-  struct Coupling;
-  Coupling coupling(const DenseResponse& response, const Dense& K, const Dense& outside,
-                    int count) const;
-  void couple_by_damping(const DenseResponse& response, const Dense& K,
-                         const Dense& outside, int modes);
-  /// uᵀ(K − ω_c²M)u of a mode: uᵀ(K + τM)u = 1, uᵀMu = μ.
-  double energy(double mu) const { return 1 - (sigma_ + tau_) * mu; }
-  /// μ(1 + κλ): −Mu + μ(K + τM)u is so many times what K u has outside V.
-  double residual_factor(double mu) const { return mu + kappa_ * (1 - tau_ * mu); }
 
   double tau_ = 0, sigma_ = 0, kappa_ = 0, mu_plus_ = 0, rounding_ = 0;
   double enlarged_ = 1; ///< (K + τM)⁻¹ of residuals over (K − ω_c²M)⁻¹ at most, its root
@@ -171,12 +157,9 @@ private:
   std::vector<double> dropped_ports_, dropped_K_, dropped_D_; ///< ‖·‖ in E⁻¹
   /// Of Φ: μ_j, ‖(K + τM)^−½(Mu − μ(K + τM)u)‖ at most, ‖G_j‖.
   std::vector<double> mode_mu_, mode_residual_, mode_G_norm_;
-  /// With D: J = c G + iω F, ΦᵀDΦ and μ of Φ, which may be more of U than the modes.
-  Dense mode_G_, mode_F_, mode_D_;
-  std::vector<double> mode_D_mu_;
+  DampingCoupling by_damping_;      ///< with D, and of a body whose claims are proved
   std::vector<double> coordinates_; ///< 1/√γ of the Gram matrix' eigenvalues
   double added_ = 0;                ///< what these hold beyond the norm itself, at most
-  double dropped_G_ = 0, dropped_F_ = 0; ///< norms of what these two do not hold
   /// Transposed: rigid rows of U; stiffness that was set to zero; that among rigid modes
   /// taken for rounding.
   Dense rigid_, neglected_, assumed_;

@@ -16,22 +16,25 @@ std::vector<FactorPath> factor_paths(const SecondOrderModel& fom,
                bases = 8e-6 * static_cast<double>(fom.n) / ranks * (14 * ports + 6),
                triangle = 0.5 * 24e-6 * static_cast<double>(fom.nonzeros()) / ranks,
                rest = now + std::max(bases, triangle);
-  return {{"double precision", false, false, 8 * entries, rest + 8 * entries},
-          {"single precision, refined", true, false, 4 * entries, rest + 4 * entries},
-          {"single precision on disk", true, true, entries, rest + entries}};
+  const double mumps = estimate.mb_per_rank;
+  return {{"double precision", false, false, 8 * entries, rest + 8 * entries, mumps},
+          {"single precision, refined", true, false, 4 * entries, rest + 4 * entries,
+           mumps / 2},
+          {"single precision on disk", true, true, entries, rest + entries, 0}};
 }
 
 void choose_factors(ShiftedSolver& solver, const SecondOrderModel& fom,
                     const SolverOptions& options, Observer& observer, bool every) {
-  const FactorEstimate estimate = solver.analyse(true);
+  FactorEstimate estimate = solver.analyse(true);
+  if (options.precision == Precision::single_precision) estimate.mb_per_rank *= 2;
   std::vector<FactorPath> paths = factor_paths(fom, estimate);
-  if (options.precision == Precision::single)
+  if (options.precision == Precision::single_precision)
     paths.erase(paths.begin());
-  else if (options.precision == Precision::twice)
+  else if (options.precision == Precision::double_precision)
     paths.resize(1);
   const double limit = options.mumps.memory_limit_mb;
   auto taken = std::find_if(paths.begin(), paths.end(), [&](const FactorPath& path) {
-    return limit == 0 || path.peak_mb <= limit;
+    return limit == 0 || std::max(path.peak_mb, path.mumps_mb) <= limit;
   });
   const bool fits = taken != paths.end();
   if (!fits) --taken;

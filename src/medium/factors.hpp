@@ -15,9 +15,11 @@ struct FactorPath {
   bool single = false, out_of_core = false;
   double factors_mb = 0; ///< in memory
   double peak_mb = 0;    ///< of the whole run, with what the process holds now
+  double mumps_mb = 0;   ///< what MUMPS itself expects of a factorisation, and is held to
 };
 
-/// Estimates from the analysis in double precision: 1.15 times the factors' entries
+/// @param estimate  of the analysis in double precision.
+/// @return estimates: 1.15 times the factors' entries
 /// (fronts), the triangle handed to MUMPS or the bases after it, whichever is more (14
 /// vectors for each port, eight ports at least). Single precision has half the factors.
 /// @note Collective.

@@ -34,17 +34,11 @@ void MediumBuilder::need_cutoff() {
   if (!cutoff_is_factorised_) {
     Stage stage(observer_, "cutoff");
     need_factors();
-    solver_.factorise({1.0, -medium_.cutoff * medium_.cutoff, 0.0});
-    solver_.forget_pattern();
-    ++medium_.factorisations;
+    factorise(-medium_.cutoff * medium_.cutoff);
     cutoff_is_factorised_ = true;
     inertia_is_safe_ = inertia_is_safe_ && solver_.null_pivots() == 0 &&
                        solver_.negative_pivots() == medium_.rigid + medium_.modes;
   }
-  if (least_eigenvalue_ == 0) bound_least_eigenvalue();
-  // By Weyl a backward error of that size could have moved an eigenvalue of E across zero.
-  inertia_is_safe_ =
-      inertia_is_safe_ && least_eigenvalue_ > 16 * std::numeric_limits<double>::epsilon();
 }
 
 /// The largest bound of the level that is seen, on the grid.
@@ -67,7 +61,8 @@ void MediumBuilder::judge(MediumLevel& level) {
     for (std::size_t v = 0; v < views; ++v) {
       const double known = largest[v] > 0 ? largest[v] : size(value, v);
       proved = proved && value.bounds[v].proved;
-      worst = std::max(worst, known > 0 ? value.bounds[v].error / known : HUGE_VAL);
+      const double error = value.bounds[v].error / known;
+      worst = std::max(worst, known > 0 && std::isfinite(error) ? error : HUGE_VAL);
     }
   // Dense work may differ in the last bit from rank to rank; decisions must not.
   std::vector<double> shared{worst, proved ? 1.0 : 0.0};
@@ -90,18 +85,11 @@ bool MediumBuilder::holds_everywhere() {
 
 /// (−uᵀEu)^−½ uᵀg of the modes u below the cutoff, for each column g: the sum of their
 /// squares is what gᵀE⁻¹g, E = K − ω_c²M, has less for them.
-Dense MediumBuilder::along_modes(const Block& g) const {
-  const RitzPairs pairs = ritz_pairs(*space_);
-  const int rigid = space_->rigid();
-  Dense U(space_->columns(), rigid + medium_.modes); // W-orthonormal
-  for (int j = 0; j < rigid; ++j) U(j, j) = 1;
-  set_part(U, 0, rigid, first_columns(pairs.vectors, medium_.modes));
+Dense MediumBuilder::along_modes(const DenseResponse& response, const Block& g) const {
+  const Dense U = first_columns(response.U(), space_->rigid() + expected_);
   Dense along = multiply_transposed(U, inner(space_->V(), g));
-  for (int j = 0; j < along.rows; ++j) { // uᵀMu = 1/(1 + κλ)
-    const double lambda =
-        j < rigid ? 0.0 : pairs.lambda[static_cast<std::size_t>(j - rigid)];
-    const double e =
-        (medium_.cutoff * medium_.cutoff - lambda) / (1 + medium_.kappa * lambda);
+  for (int j = 0; j < along.rows; ++j) {
+    const double e = -response.energy(j, medium_.cutoff * medium_.cutoff);
     for (int i = 0; i < along.columns; ++i) along(j, i) /= std::sqrt(std::max(e, 1e-300));
   }
   return along;
@@ -110,7 +98,7 @@ Dense MediumBuilder::along_modes(const Block& g) const {
 /// TᵀE⁻¹T at least, E = K − ω_c²M, from one block solve X ≈ E⁻¹T, which is kept: with
 /// F = T − E X it is TᵀX + XᵀF + FᵀE⁻¹F, and the last term is at most ‖F‖²/min |λ(E)|
 /// in size.
-ResidualNorm MediumBuilder::norm_of(const Block& T) {
+ResidualNorm MediumBuilder::norm_of(const DenseResponse& response, const Block& T) {
   ResidualNorm norm;
   norm.of_rounding = of_rounding_;
   image_ = Block();
@@ -134,7 +122,7 @@ ResidualNorm MediumBuilder::norm_of(const Block& T) {
   for (int i = 0; i < left.rows; ++i) norm.gram(i, i) += most;
   norm.added = 2 * most;
   // What rounding left of the modes in T, where E⁻¹ is negative, is taken out again.
-  const Dense along = along_modes(T);
+  const Dense along = along_modes(response, T);
   const Dense negative = multiply_transposed(along, along);
   for (std::size_t i = 0; i < norm.gram.data.size(); ++i)
     norm.gram.data[i] += negative.data[i];
@@ -147,13 +135,13 @@ ResidualNorm MediumBuilder::norm_of(const Block& T) {
 /// spread evenly over (−1, 1) |gᵀv| < t has a probability of √2 t at most (Ball 1986).
 /// Eight vectors, t = 1/10: wrong once in six millions. And how large a random vector is
 /// in E⁻¹ once its part along the modes below the cutoff is taken out, where E is positive.
-void MediumBuilder::bound_least_eigenvalue() {
+void MediumBuilder::bound_least_eigenvalue(const DenseResponse& response) {
   constexpr double t = 0.1;
   Block g = random_block(fom_.B, 8, 77);
   space_->unscale(g);
   Block x = solver_.solve(g).x;
   Dense energy = inner(g, x);
-  const Dense along = along_modes(g);
+  const Dense along = along_modes(response, g);
   for (int i = 0; i < 8; ++i)
     for (int j = 0; j < along.rows; ++j) energy(i, i) += along(j, i) * along(j, i);
   space_->unscale(x);
@@ -179,6 +167,10 @@ void MediumBuilder::prove(int most_columns) {
   if (!space_->tracks_residual()) space_->track_residual(loads_);
   MediumLevel level;
   level.response = ritz_response();
+  if (least_eigenvalue_ == 0) bound_least_eigenvalue(*level.response);
+  // By Weyl a backward error of that size could have moved an eigenvalue of E across zero.
+  inertia_is_safe_ =
+      inertia_is_safe_ && least_eigenvalue_ > 16 * std::numeric_limits<double>::epsilon();
   std::vector<double> samples;
   const std::size_t step = std::max<std::size_t>(1, grid_.size() / 24);
   for (std::size_t l = 0; l < grid_.size(); l += step) samples.push_back(grid_[l]);
@@ -187,7 +179,7 @@ void MediumBuilder::prove(int most_columns) {
   ResidualBasis basis = residual_basis(*space_, *level.response, samples, modes,
                                        medium_.cutoff, most_columns);
   level.complete = basis.complete;
-  const ResidualNorm norm = norm_of(basis.T);
+  const ResidualNorm norm = norm_of(*level.response, basis.T);
   level.certificate = std::make_shared<Certificate>(
       *space_, *level.response, std::move(basis), norm, modes, inertia_is_safe_,
       medium_.cutoff, medium_.scale);
@@ -273,6 +265,7 @@ void MediumBuilder::grow() {
 }
 
 void MediumBuilder::report() {
+  count_factorisations();
   const MediumLevel& level = medium_.levels.back();
   const double target = spec_.target;
   observer_.fact(

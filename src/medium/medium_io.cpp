@@ -15,7 +15,7 @@
 namespace flexgram {
 namespace {
 
-constexpr double version = 2; // of the file's layout
+constexpr double version = 3; // of the file's layout
 
 template <class Archive, class Spec>
 void archive_spec(Archive&& a, Spec& spec) {

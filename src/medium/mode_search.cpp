@@ -84,9 +84,7 @@ int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expe
           static_cast<long>(negative), negative == 1 ? "" : "s", pairs.lambda.front()));
     }
     const int missing = expected - below;
-    const std::vector<bool> is_good =
-        std::isfinite(enough) ? known(pairs.lambda, below, good, space.tau())
-                              : std::vector<bool>(static_cast<std::size_t>(below), true);
+    const std::vector<bool> is_good = known(pairs.lambda, below, good, space.tau());
     std::vector<int> block;
     good.clear();
     for (int j = 0; j < below; ++j)

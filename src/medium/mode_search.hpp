@@ -16,7 +16,7 @@ class MiscountError : public Error {
 };
 
 /// Extends the space until it holds every mode of (K, M) below sigma, each to an angle of
-/// about `enough` (infinity: as many Ritz values as modes are enough). Block Krylov and
+/// about `enough`. Block Krylov and
 /// Rayleigh-Ritz with the shift-inverted operator S = (K − σM)⁻¹M: for a
 /// Ritz pair (λ, φ) the part of (λ − σ) S φ outside the space is what the space lacks,
 /// and measures the angle: modes below σ have negative eigenvalues 1/(λ − σ) of S, all

@@ -1,9 +1,8 @@
 /// A basis T of what residuals are made of, R(ω) = T(…) + what was dropped
 /// (docs/proof.md, section 3, "W"). Declared in certificate.hpp, called by growth.cpp.
 
-#include "medium/certificate.hpp"
-
 #include "base/event.hpp"
+#include "medium/certificate.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -175,8 +174,7 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
     const double sigma = cutoff * cutoff;
     Dense parts_of_V = response.modal_damping();
     for (int i = 0; i < N; ++i) {
-      const double e = // uᵀEu, E = K − ω_c²M
-          1 - (sigma + space.tau()) * response.mu()[static_cast<std::size_t>(i)];
+      const double e = response.energy(i, sigma); // uᵀEu, E = K − ω_c²M
       for (int j = 0; j < N; ++j) parts_of_V(i, j) /= e;
     }
     basis.damped_outside = basis.D;

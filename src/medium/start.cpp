@@ -1,5 +1,5 @@
-/// First half of `certify`: rigid modes, the cutoff and its inertia, the modes below it;
-/// checkpoints (docs/proof.md, section 2, and section 6, "Inertia").
+/// First half of `certify`: rigid modes, the cutoff and its inertia, the modes below it
+/// (docs/proof.md, section 2, and section 6, "Inertia").
 
 #include "medium/builder.hpp"
 
@@ -29,137 +29,6 @@ MediumBuilder::MediumBuilder(const SecondOrderModel& fom, const CertifySpec& spe
   medium_.body = fom.head();
   medium_.spec = spec;
   medium_.shortfall = unfinished;
-}
-
-/// Whether V is of this body: what it makes of K, D and the ports now against what it
-/// made of them then, up to rounding of each entry; norms alone would not see a load that
-/// moved to another node.
-void MediumBuilder::expect_same_projection(const CheckpointState& state) const {
-  const auto& g = space_->rounding_weights();
-  double worst = loss_of_orthogonality(space_->V(), space_->product()) / 1e-9;
-  const auto compare = [&](const Dense& here, const Dense& there, auto&& allowed) {
-    if (here.rows != there.rows || here.columns != there.columns) worst = HUGE_VAL;
-    for (int j = 0; j < here.columns && worst < HUGE_VAL; ++j)
-      for (int i = 0; i < here.rows; ++i)
-        worst = std::max(worst, std::abs(here(i, j) - there(i, j)) / allowed(i, j));
-  };
-  const double rounding = 1e3 * space_->rounding();
-  compare(space_->K(), state.K, [&](int i, int j) {
-    return rounding * g[static_cast<std::size_t>(i)] * g[static_cast<std::size_t>(j)] +
-           1e-12 * medium_.cutoff * medium_.cutoff;
-  });
-  const double size_D = frobenius_norm(state.D);
-  compare(space_->D(), state.D, [&](int, int) { return 1e-9 * size_D + 1e-300; });
-  const Dense ports = inner(space_->V(), loads_);
-  const double size = frobenius_norm(ports);
-  compare(ports, state.ports, [&](int, int) { return 1e-9 * size + 1e-300; });
-  int below = 0;
-  const RitzPairs pairs = ritz_pairs(*space_);
-  for (double l : pairs.lambda) below += l < medium_.cutoff * medium_.cutoff;
-  if (!(max_over(fom_.comm, worst) <= 1) || below != medium_.modes)
-    throw Error(text("{restart}: the checkpoint %s is of another body, or damaged: what "
-                     "its basis makes of K, D and the ports differs; remove it to start "
-                     "afresh",
-                     checkpoint_.path.c_str()));
-}
-
-/// Takes up what a checkpoint holds. @return false if there is none, or it is not wanted.
-bool MediumBuilder::resume() {
-  if (!checkpoint_.restart || checkpoint_.path.empty()) return false;
-  Stage stage(observer_, "restart");
-  Medium kept;
-  auto state = read_checkpoint(fom_, spec_, checkpoint_.path, kept);
-  if (!state) {
-    observer_.fact("restart", text("there is no checkpoint %s: from the beginning",
-                                   checkpoint_.path.c_str()));
-    return false;
-  }
-  *checkpoint_.used = true;
-  medium_ = std::move(kept);
-  medium_.body = fom_.head();
-  medium_.spec = spec_;
-  medium_.shortfall = unfinished;
-  expected_ = medium_.modes;
-  geometric_ = state->geometric;
-  blocks_ = state->blocks;
-  inertia_is_safe_ = state->inertia_is_safe;
-  grid_ = std::move(state->grid);
-  least_eigenvalue_ = state->least_eigenvalue;
-  of_rounding_ = state->of_rounding;
-  image_ = std::move(state->image);
-  scale_columns(loads_, medium_.scale);
-  const int rigid = medium_.rigid, all = static_cast<int>(state->V.columns());
-  std::vector<int> first(static_cast<std::size_t>(rigid)),
-      rest(static_cast<std::size_t>(all - rigid));
-  std::iota(first.begin(), first.end(), 0);
-  std::iota(rest.begin(), rest.end(), rigid);
-  const Block V = std::move(state->V).block();
-  space_ = std::make_unique<MediumSpace>(fom_, medium_.kappa, medium_.tau);
-  space_->start_with_rigid_modes(
-      select_columns(V, first),
-      {std::move(state->rigid_beyond), std::move(state->rigid_assumed)});
-  space_->restore(select_columns(V, rest));
-  expect_same_projection(*state);
-  observer_.fact("restart",
-                 text("from %s: %d rigid and %d elastic modes below %.4g Hz, order %d, "
-                      "%zu levels certified",
-                      checkpoint_.path.c_str(), rigid, medium_.modes, medium_.cutoff * hz,
-                      all, medium_.levels.size()));
-  return true;
-}
-
-CheckpointState MediumBuilder::state() const {
-  CheckpointState state;
-  const int rigid = space_->rigid();
-  state.rigid_beyond =
-      rigid > 0 ? part_of(space_->neglected(), 0, rigid, 0, rigid) : Dense(0, 0);
-  state.rigid_assumed = rigid > 0 ? space_->assumed() : Dense(0, 0);
-  state.geometric = geometric_;
-  state.blocks = blocks_;
-  state.inertia_is_safe = inertia_is_safe_;
-  state.grid = grid_;
-  state.least_eigenvalue = least_eigenvalue_;
-  state.of_rounding = of_rounding_;
-  state.K = space_->K();
-  state.D = space_->D();
-  state.ports = inner(space_->V(), loads_);
-  state.V = space_->V().share();
-  if (image_) state.image = image_.share();
-  return state;
-}
-
-/// Writes a checkpoint if it is time for one, and ends the run if it is asked to.
-void MediumBuilder::save(const char* what) {
-  if (checkpoint_.path.empty()) return;
-  using When = CheckpointSpec::When;
-  const bool end = max_over(fom_.comm, asked_to_end() ? 1.0 : 0.0) > 0;
-  const bool late = max_over(fom_.comm, now() - start_) > 20;
-  bool saved = false;
-  if (checkpoint_.when == When::always ||
-      (checkpoint_.when == When::automatic && (late || end))) {
-    Stage stage(observer_, "checkpoint");
-    try {
-      write_checkpoint(medium_, state(), fom_, checkpoint_.path);
-      saved = *checkpoint_.used = true;
-      observer_.detail(text("  checkpoint after %s: %s", what, checkpoint_.path.c_str()));
-    } catch (const Error& error) { // on all ranks
-      if (checkpoint_.when == When::always) throw;
-      observer_.warn(text("no checkpoint: %s", error.what()));
-    }
-  }
-  if (end)
-    throw Interrupted(
-        saved ? text("ended by SIGTERM after %s; {restart} goes on from %s", what,
-                     checkpoint_.path.c_str())
-              : text("ended by SIGTERM after %s, without a checkpoint", what));
-}
-
-/// Where nothing could be saved.
-void MediumBuilder::end_if_asked(const char* what) const {
-  if (!checkpoint_.path.empty() && max_over(fom_.comm, asked_to_end() ? 1.0 : 0.0) > 0)
-    throw Interrupted(text("ended by SIGTERM before %s was done: there was nothing to "
-                           "keep yet",
-                           what));
 }
 
 MediumSpace::RigidStiffness MediumBuilder::stiffness_of(const RigidSplit& split) {
@@ -206,6 +75,16 @@ void MediumBuilder::need_factors() {
   factors_are_chosen_ = true;
 }
 
+/// Factorises K + sM.
+void MediumBuilder::factorise(double s) {
+  solver_.factorise({1.0, s, 0.0});
+  solver_.forget_pattern();
+}
+
+void MediumBuilder::count_factorisations() {
+  medium_.factorisations = factorisations_before_ + solver_.factorisations();
+}
+
 /// Factorises K − ω_c²M with ω_c near `omega`, away from eigenvalues and with enough
 /// modes below; chooses the inner product. Returns the response to all ports, and to what
 /// keeps them company.
@@ -216,12 +95,9 @@ Block MediumBuilder::start(double omega, bool mass_is_singular) {
   for (int attempt = 0; attempt < 12; ++attempt) {
     end_if_asked("the first factorisation");
     solver_.count_pivots(true);
-    with_context(text("factorising K - ω²M at the cutoff, %g Hz", omega * hz), [&] {
-      solver_.factorise({1.0, -omega * omega, 0.0});
-    });
-    solver_.forget_pattern();
+    with_context(text("factorising K - ω²M at the cutoff, %g Hz", omega * hz),
+                 [&] { factorise(-omega * omega); });
     cutoff_is_factorised_ = true;
-    ++medium_.factorisations;
     const int below = solver_.negative_pivots();
     if (below < modes_wanted) {
       omega *= std::min(3.0, 1.1 * std::sqrt((modes_wanted + 2.0) / std::max(below, 1)));
@@ -286,12 +162,12 @@ void MediumBuilder::scale_ports(Block& response) {
   scale_columns(response, all);
 }
 
-/// What the user allows, or what memory does: V, W V, S and one more of that size.
+/// What the user allows, or what memory does: V, S and one more of that size.
 int MediumBuilder::largest_order() const {
   if (spec_.limit > 0) return spec_.limit;
   const double memory = 0.5 * available_memory_mb(fom_.comm) * 1e6;
   const double each =
-      4 * 8.0 * static_cast<double>(std::max<PetscInt>(fom_.rows.size(), 1));
+      3 * 8.0 * static_cast<double>(std::max<PetscInt>(fom_.rows.size(), 1));
   const double limit = std::min({2000.0, memory / each, static_cast<double>(fom_.n)});
   return static_cast<int>(-max_over(fom_.comm, -limit));
 }
@@ -325,10 +201,8 @@ void MediumBuilder::take_out_rigid_modes() {
       expected_, std::lower_bound(pairs.lambda.begin(), pairs.lambda.end(), slow) -
                      pairs.lambda.begin()));
   if (candidates == 0) return;
-  solver_.factorise({1.0, 1e-2 * slow, 0.0});
-  solver_.forget_pattern();
+  factorise(1e-2 * slow);
   cutoff_is_factorised_ = false;
-  ++medium_.factorisations;
   for (int step = 0; step < 3; ++step) { // each divides what is elastic by λ_1/s
     const Block loads =
         multiply(fom_.M, combine(space_->V(), first_columns(pairs.vectors, candidates)));

@@ -52,6 +52,10 @@ public:
   const std::vector<double>& lambda() const { return lambda_; }
 
   const std::vector<double>& mu() const { return mu_; } ///< UᵀMU
+  /// uᵀ(K − σM)u of column j of U.
+  double energy(int j, double sigma) const {
+    return 1 - (sigma + tau_) * mu_[static_cast<std::size_t>(j)];
+  }
 
   /// X in the coordinates of U: X(ω) = U x.
   ComplexDense modal_response(double omega) const;

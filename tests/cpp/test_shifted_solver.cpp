@@ -45,7 +45,7 @@ TEST(ShiftedSolver, RealShiftsStayRealAndComplexOnesAreSolved) {
 TEST(ShiftedSolver, SinglePrecisionIsRefinedToDouble) {
   const SecondOrderModel model = rod(n);
   SolverOptions options;
-  options.precision = Precision::single;
+  options.precision = Precision::single_precision;
   ShiftedSolver solver(model.K, model.M, nullptr, {}, options);
   const ShiftCoefficients c{{1.0, 0.05}, {-30.0, 0.2}, 0.0};
   solver.factorise(c);
@@ -58,7 +58,7 @@ TEST(ShiftedSolver, SinglePrecisionIsRefinedToDouble) {
 TEST(ShiftedSolver, SinglePrecisionFallsBackToDoubleBesideAResonance) {
   const SecondOrderModel model = rod(n);
   SolverOptions options;
-  options.precision = Precision::single;
+  options.precision = Precision::single_precision;
   ShiftedSolver solver(model.K, model.M, nullptr, {}, options);
   solver.factorise({1.0, -rod_eigenvalue(n, 3) * (1 + 1e-9), 0.0});
   const auto solution = solver.solve(model.B);
@@ -69,7 +69,7 @@ TEST(ShiftedSolver, SinglePrecisionFallsBackToDoubleBesideAResonance) {
 TEST(ShiftedSolver, FactorsInSinglePrecisionAreCountedInDouble) {
   const SecondOrderModel model = rod(n);
   SolverOptions options;
-  options.precision = Precision::single;
+  options.precision = Precision::single_precision;
   for (PetscInt k : {1, 4}) { // between the k-th eigenvalue and the next, close to it
     ShiftedSolver solver(model.K, model.M, nullptr, {}, options);
     solver.count_pivots(true);

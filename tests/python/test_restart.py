@@ -179,7 +179,7 @@ def test_another_job_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
         file.attrs["flexgram_medium"] = 0.0
     assert "another version" in refused()
     with h5py.File(state, "r+") as file:
-        file.attrs["flexgram_medium"] = 2.0
+        file.attrs["flexgram_medium"] = 3.0
     result = run(*job, "-mor_restart")
     assert "levels certified" in result.out and out.exists() and not state.exists()
 

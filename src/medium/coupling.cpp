@@ -1,0 +1,151 @@
+#include "medium/coupling.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace flexgram {
+namespace {
+
+using Complex = std::complex<double>;
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+/// ‖J A⁻¹ Jᵀ‖_F, and A⁻¹Jᵀ and A⁻¹ if they are asked for.
+/// @throws ShiftError if A is singular.
+ComplexDense solved(ComplexDense A, const ComplexDense& J, bool with_inverse) {
+  const int count = J.columns;
+  ComplexDense right(count, J.rows + (with_inverse ? count : 0));
+  for (int i = 0; i < count; ++i) {
+    for (int j = 0; j < J.rows; ++j) right(i, j) = J(j, i);
+    if (with_inverse) right(i, J.rows + i) = 1;
+  }
+  return solve(std::move(A), std::move(right));
+}
+
+} // namespace
+
+Coefficients::Coefficients(const DenseSystem& system, double s, Interval interval) {
+  const double omega = interval.centre(), h = interval.half();
+  const Damping& d = system.damping;
+  const ShiftCoefficients at = system.coefficients(omega);
+  a = at.k;
+  c = at.m - s * at.k;
+  moved_a = h * d.beta;
+  moved_c = h * (d.alpha + 2 * omega + h + std::abs(s) * d.beta);
+}
+
+DampingCoupling::DampingCoupling(const DenseResponse& response, const Residual& residual,
+                                 int modes, double sigma, double kappa)
+    : tau_(response.tau()), sigma_(sigma) {
+  const int N = response.modal_damping().rows;
+  constexpr int steps = 8;
+  double least = infinity;
+  DampingCoupling best;
+  for (int step = 0; step <= steps; ++step) {
+    couple(response, residual, modes + (N - modes) * step / steps, kappa);
+    double largest = 0;
+    for (double part : {0.2, 0.5, 0.8})
+      largest = std::max(largest, at(response.system(), part * std::sqrt(sigma)));
+    if (step > 0 && !(largest < 0.9 * least)) continue;
+    least = largest;
+    best = *this;
+  }
+  *this = std::move(best);
+  // Only products of G and F matter: a triangle of 2·count rows holds these.
+  const Dense both = transpose(compressed(transpose(beside(G_, F_))));
+  G_ = part_of(both, 0, both.rows, 0, count());
+  F_ = part_of(both, 0, both.rows, count(), count());
+}
+
+/// The fields for the first `count` columns of U.
+void DampingCoupling::couple(const DenseResponse& response, const Residual& residual,
+                             int count, double kappa) {
+  const Dense& damping = response.modal_damping();
+  const int N = damping.rows, inside = N - count, span = residual.K.rows;
+  const auto energy = [&](int i) { return response.energy(i, sigma_); };
+  G_ = F_ = Dense(inside + span, count);
+  D_ = part_of(damping, 0, count, 0, count);
+  mu_.assign(response.mu().begin(), response.mu().begin() + count);
+  dropped_G_ = dropped_F_ = 0;
+  for (int j = 0; j < count; ++j) {
+    const auto at = static_cast<std::size_t>(j);
+    const double factor = residual_factor(mu_[at], tau_, kappa) / energy(j);
+    for (int i = 0; i < inside; ++i)
+      F_(i, j) = damping(count + i, j) / std::sqrt(energy(count + i));
+    for (int i = 0; i < span; ++i) {
+      G_(inside + i, j) = -factor * residual.K(i, j);
+      F_(inside + i, j) = residual.D(i, j);
+    }
+    double lost = residual.dropped_D[at];
+    for (int i = 0; i < N; ++i)
+      lost += (1 + kappa * sigma_) * residual.dropped_K[static_cast<std::size_t>(i)] *
+              std::abs(damping(i, j) / energy(i));
+    dropped_G_ = std::hypot(dropped_G_, factor * residual.dropped_K[at]);
+    dropped_F_ = std::hypot(dropped_F_, lost);
+  }
+}
+
+ComplexDense DampingCoupling::A(const ShiftCoefficients& c, double omega) const {
+  ComplexDense A(D_.rows, D_.columns);
+  for (std::size_t i = 0; i < A.data.size(); ++i)
+    A.data[i] = Complex(0, omega) * D_.data[i];
+  for (int j = 0; j < A.columns; ++j) {
+    const double mu = mu_[static_cast<std::size_t>(j)];
+    A(j, j) += c.k * (1 - tau_ * mu) + c.m * mu;
+  }
+  return A;
+}
+
+ComplexDense DampingCoupling::J(Complex c, double omega) const {
+  ComplexDense J(G_.rows, G_.columns);
+  for (std::size_t i = 0; i < J.data.size(); ++i)
+    J.data[i] = c * G_.data[i] + Complex(0, omega) * F_.data[i];
+  return J;
+}
+
+/// δ at a frequency, without what was dropped.
+double DampingCoupling::at(const DenseSystem& system, double omega) const {
+  const ShiftCoefficients c = system.coefficients(omega);
+  const ComplexDense j = J(c.m + sigma_ * c.k, omega);
+  try {
+    return frobenius_norm(multiply(j, solved(A(c, omega), j, false)));
+  } catch (const ShiftError&) {
+    return infinity;
+  }
+}
+
+double DampingCoupling::over(const DenseSystem& system, Interval interval) const {
+  const double omega = interval.centre(), h = interval.half();
+  const Coefficients outer(system, -sigma_, interval), inner(system, tau_, interval);
+  double moved = h * frobenius_norm(D_), farthest = 0; // of A_Φ
+  for (double mu : mu_) farthest = std::max(farthest, inner.moved_a + inner.moved_c * mu);
+  moved += farthest;
+  const ComplexDense j = J(outer.c, omega);
+  ComplexDense Y;
+  try {
+    Y = solved(A(system.coefficients(omega), omega), j, true);
+  } catch (const ShiftError&) {
+    return infinity;
+  }
+  const auto columns = static_cast<std::size_t>(j.rows);
+  ComplexDense product(count(), j.rows), inverse(count(), count());
+  const auto split =
+      static_cast<std::ptrdiff_t>(columns * static_cast<std::size_t>(count()));
+  std::copy(Y.data.begin(), Y.data.begin() + split, product.data.begin());
+  std::copy(Y.data.begin() + split, Y.data.end(), inverse.data.begin());
+  const double size = frobenius_norm(inverse), away = size * moved;
+  if (!(away < 1)) return infinity;
+  const double largest_c = std::abs(outer.c) + outer.moved_c;
+  const double y = frobenius_norm(product), farther = 1 / (1 - away),
+               moved_J = outer.moved_c * frobenius_norm(G_) + h * frobenius_norm(F_) +
+                         largest_c * dropped_G_ + interval.last * dropped_F_;
+  return frobenius_norm(multiply(j, product)) +
+         farther * (moved * y * y + 2 * moved_J * y + moved_J * moved_J * size);
+}
+
+bool DampingCoupling::fits() const {
+  return D_.rows == count() && mu_.size() == static_cast<std::size_t>(count()) &&
+         G_.columns == count() && F_.columns == count() && G_.rows == F_.rows;
+}
+
+} // namespace flexgram

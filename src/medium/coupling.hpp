@@ -1,0 +1,73 @@
+/// What couples Ritz vectors to the rest of a body with a damping matrix: J and δ of
+/// docs/proof.md, sections 2 and 3. Owned by the certificate.
+
+#pragma once
+
+#include "model/dense_system.hpp"
+#include "model/spec.hpp"
+
+#include <span>
+
+namespace flexgram {
+
+/// μ(1 + κλ): −Mu + μ(K + τM)u of a Ritz vector u is so many times what K u has outside V.
+inline double residual_factor(double mu, double tau, double kappa) {
+  return mu + kappa * (1 - tau * mu);
+}
+
+/// a_k and a_m − s a_k at the centre of an interval, and how far they move to its ends.
+struct Coefficients {
+  Coefficients(const DenseSystem& system, double s, Interval interval);
+  std::complex<double> a, c;
+  double moved_a, moved_c;
+};
+
+/// J = c G + iω F of Ritz vectors Φ, the first columns of U, in the norm of E⁻¹, E = K −
+/// ω_c²M, and A_Φ = ΦᵀA(ω)Φ.
+class DampingCoupling {
+public:
+  /// What residuals hold, in coordinates where E⁻¹ is the identity.
+  struct Residual {
+    const Dense &K, &D; ///< k×N: P K U; what D U has beyond E V
+    std::span<const double> dropped_K, dropped_D; ///< norms of what these do not hold
+  };
+  DampingCoupling() = default;
+  /// Φ may be any of the first columns of U that hold the modes below the cutoff: with
+  /// more of them less of what D couples is outside, but their residuals are larger. The
+  /// number with the smallest δ at some frequencies is taken.
+  /// @pre uᵀEu < 0 of the first `modes` columns of U, > 0 of the others.
+  DampingCoupling(const DenseResponse& response, const Residual& residual, int modes,
+                  double sigma, double kappa);
+
+  /// δ: ‖J A_Φ⁻¹ Jᵀ‖ at most over an interval; infinite where A_Φ may be singular.
+  double over(const DenseSystem& system, Interval interval) const;
+
+  template <class Archive, class Self>
+  static void archive(Archive&& a, Self& self) {
+    a("mode_G", self.G_);
+    a("mode_F", self.F_);
+    a("mode_D", self.D_);
+    a("mode_D_mu", self.mu_);
+    a("dropped_G", self.dropped_G_);
+    a("dropped_F", self.dropped_F_);
+    a("coupling_tau", self.tau_);
+    a("coupling_sigma", self.sigma_);
+  }
+  int count() const { return D_.columns; } ///< columns of Φ
+  /// Whether the fields fit each other.
+  bool fits() const;
+
+private:
+  void couple(const DenseResponse& response, const Residual& residual, int count,
+              double kappa);
+  double at(const DenseSystem& system, double omega) const;
+  ComplexDense A(const ShiftCoefficients& c, double omega) const;
+  ComplexDense J(std::complex<double> c, double omega) const;
+
+  Dense G_, F_, D_; ///< rows of G and F: the rest of U, then directions of residuals
+  std::vector<double> mu_;
+  double dropped_G_ = 0, dropped_F_ = 0; ///< norms of what these two do not hold
+  double tau_ = 0, sigma_ = 0;
+};
+
+} // namespace flexgram
