@@ -80,7 +80,7 @@ TEST(ShiftedSolver, FactorsInSinglePrecisionAreCountedInDouble) {
     solver.forget_pattern();
     EXPECT_LE(solver.solve(model.B).backward_error, options.backward_error);
     EXPECT_EQ(solver.negative_pivots(), k); // after a fall-back, too
-    EXPECT_EQ(solver.factorisations(), solver.fell_back() ? 2 : 1);
+    EXPECT_EQ(solver.factorisations(), solver.fell_back() ? 3 : 2); // one only counts
   }
 }
 

@@ -30,6 +30,10 @@ ENVIRONMENT = {
     **os.environ,
     **dict(line.removeprefix("export ").split("=", 1) for line in EXPORTS if "=" in line),
     "OPENBLAS_NUM_THREADS": "1",
+    # Tests run side by side: no rank is tied to a core, and who waits gives way.
+    "OMPI_MCA_hwloc_base_binding_policy": "none",
+    "PRTE_MCA_hwloc_default_binding_policy": "none",
+    "OMPI_MCA_mpi_yield_when_idle": "1",
     # No wait after a failed rank.
     "OMPI_MCA_odls_base_sigkill_timeout": "0",
     "PRTE_MCA_odls_base_sigkill_timeout": "0",
