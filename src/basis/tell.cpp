@@ -49,7 +49,7 @@ std::string at_a_zero(const CutStory& cut) {
   const double omega = sup.at_of[view];
   if (!(*worst > 0) || !(omega > 0)) return "";
   const auto& sizes = cut.seen.grid().views[view].size;
-  const double here = frobenius_norm(medium.views[view].of(medium.at(omega).H)),
+  const double here = medium.at(omega).size[view].at[0],
                largest = *std::max_element(sizes.begin(), sizes.end());
   if (!(here < 1e-3 * largest)) return "";
   return text(
@@ -73,10 +73,11 @@ void tell_error(const CutStory& cut, const ReducedModel& rom, Observer& observer
                      references[to_band ? 1 : 0], rom.claim->bands.size() > 1 ? "s" : "",
                      label.c_str(), sup.attained_of[0], sup.at_of[0] * hz,
                      *std::max_element(rom.floor.begin(), rom.floor.end())));
-  // Beside undamped resonances |H| has no largest value; of very many ports it would cost
-  // as much as the claim itself.
+  // Beside undamped resonances |H| has no largest value; of very many ports with a damping
+  // matrix it would cost as much as the claim itself.
   if (sup.excluded.empty() &&
-      medium.names.inputs.size() * medium.names.outputs.size() <= 2500) {
+      (medium.has_many_ports() ||
+       medium.names.inputs.size() * medium.names.outputs.size() <= 2500)) {
     const auto other =
         ErrorOverBand(cut.seen, to_band ? RelativeTo::pointwise : RelativeTo::band)
             .supremum(cut.small, cut.request.order.tolerance.value_or(0),
@@ -97,11 +98,14 @@ void tell_error(const CutStory& cut, const ReducedModel& rom, Observer& observer
                   text("%s at most %.1e, %s at most %.1e (%s)",
                        medium.views[1].name.c_str(), rom.by_kind[0],
                        medium.views[2].name.c_str(), rom.by_kind[1], label.c_str()));
-  } else {
-    std::vector<ComplexDense> H_r;
+  } else if (port_views(medium.names, true).size() > 1) {
+    std::vector<ComplexDense> H, H_r;
     const DenseResponse response(cut.small, medium.tau);
-    for (double omega : rom.omega) H_r.push_back(response.transfer(omega));
-    warn_of_kinds(rom.model, cut.seen.grid().H, H_r, sup.worst, observer);
+    for (double omega : rom.omega) {
+      H.push_back(medium.transfer(omega));
+      H_r.push_back(response.transfer(omega));
+    }
+    warn_of_kinds(rom.model, H, H_r, sup.worst, observer);
   }
   if (rom.claim->met) return;
   const std::string zero = at_a_zero(cut);

@@ -246,17 +246,37 @@ Certificate::Inverse Certificate::inverse(const DenseResponse& response,
   return result;
 }
 
+/// a_k − κ a_m as a polynomial in t.
+std::array<Complex, 3> Certificate::residual_factors(const DenseResponse& response,
+                                                     Interval interval) const {
+  const Damping& d = response.system().damping;
+  const double omega = interval.centre(), h = interval.half();
+  const Complex i(0, 1);
+  return {1.0 + i * (d.eta + omega * d.beta) -
+              kappa_ * (i * omega * d.alpha - omega * omega),
+          h * (i * d.beta - kappa_ * (i * d.alpha - 2 * omega)), kappa_ * h * h};
+}
+
+/// ‖E^−½ ·‖ of what T does not hold of a port's residual, at most.
+/// @param factor  |a_k − κ a_m| at most.
+double Certificate::lost(const ResponseSeries& x, int port, double factor) const {
+  double sum = std::pow(dropped_ports_[static_cast<std::size_t>(port)], 2);
+  for (int l = 0; l < x.envelope.rows; ++l) {
+    const auto at = static_cast<std::size_t>(l);
+    sum += std::pow(x.envelope(l, port) * factor * dropped_K_[at], 2);
+    if (!dropped_D_.empty())
+      sum += std::pow(x.envelope(l, port) * x.interval.last * dropped_D_[at], 2);
+  }
+  return std::sqrt(sum);
+}
+
 /// W = E^−½ R in the coordinates of T, in the units of the ports.
 MatrixSeries Certificate::residual(const DenseResponse& response,
                                    const ResponseSeries& x) const {
-  const Damping& d = response.system().damping;
   const double omega = x.interval.centre(), h = x.interval.half();
   const Complex i(0, 1);
   const int p = x.x.columns;
-  // a_k − κ a_m as a polynomial in t.
-  const std::array<Complex, 3> f{
-      1.0 + i * (d.eta + omega * d.beta) - kappa_ * (i * omega * d.alpha - omega * omega),
-      h * (i * d.beta - kappa_ * (i * d.alpha - 2 * omega)), kappa_ * h * h};
+  const auto f = residual_factors(response, x.interval);
   const double largest = std::abs(f[0]) + std::abs(f[1]) + std::abs(f[2]);
   MatrixSeries w = multiply_transposed(K_, times_quadratic(f, x.x));
   for (double& value : w.coefficients.data) value = -value;
@@ -275,16 +295,7 @@ MatrixSeries Certificate::residual(const DenseResponse& response,
                      Dense(w.rows() + 1, p)};
   set_part(whole.coefficients, 0, 0, w.coefficients);
   set_part(whole.tail, 0, 0, w.tail);
-  for (int j = 0; j < p; ++j) {
-    double lost = std::pow(dropped_ports_[static_cast<std::size_t>(j)], 2);
-    for (int l = 0; l < x.envelope.rows; ++l) {
-      const auto at = static_cast<std::size_t>(l);
-      lost += std::pow(x.envelope(l, j) * largest * dropped_K_[at], 2);
-      if (!dropped_D_.empty())
-        lost += std::pow(x.envelope(l, j) * x.interval.last * dropped_D_[at], 2);
-    }
-    whole.tail(w.rows(), j) = std::sqrt(lost);
-  }
+  for (int j = 0; j < p; ++j) whole.tail(w.rows(), j) = lost(x, j, largest);
   for (int c = 0; c < whole.coefficients.columns; ++c)
     for (int l = 0; l < whole.rows(); ++l)
       whole.coefficients(l, c) /= scale_[static_cast<std::size_t>(c % p)];
@@ -324,6 +335,16 @@ void Certificate::add_rounding(Bound& bound, const ResponseSeries& x,
     bound.assumed = rounded(block.outputs, motion, one) *
                     rounded(block.inputs, multiply_transposed(assumed_, x.envelope), one);
   }
+}
+
+/// What a claim has beside the error: rounding, times |a_k|, by which K comes.
+void Certificate::add_rounding(Bound& bound, const DenseResponse& response,
+                               const ResponseSeries& x, const PortSet& block) const {
+  add_rounding(bound, x, block);
+  const Damping& damping = response.system().damping;
+  const double factor = std::hypot(1, damping.eta + x.interval.last * damping.beta);
+  bound.floor *= factor;
+  bound.assumed *= factor;
 }
 
 std::vector<Certificate::Bound>
@@ -382,11 +403,85 @@ Certificate::over(const DenseResponse& response, const ResponseSeries& x,
     bound.error =
         std::min(S.norm * paired, std::abs(S.centre) * known + S.radius * paired);
     bound.proved = S.proved;
-    add_rounding(bound, x, block);
-    const Damping& damping = response.system().damping; // K's rounding comes times a_k
-    const double factor = std::hypot(1, damping.eta + x.interval.last * damping.beta);
-    bound.floor *= factor;
-    bound.assumed *= factor;
+    add_rounding(bound, response, x, block);
+    bounds.push_back(bound);
+  }
+  return bounds;
+}
+
+namespace {
+
+/// The chosen columns, each divided by the scale of its port.
+Dense in_units(const Dense& a, const std::vector<int>& columns,
+               const std::vector<double>& scale) {
+  Dense part(a.rows, static_cast<int>(columns.size()));
+  for (int j = 0; j < part.columns; ++j) {
+    const int port = columns[static_cast<std::size_t>(j)];
+    for (int i = 0; i < a.rows; ++i)
+      part(i, j) = a(i, port) / scale[static_cast<std::size_t>(port)];
+  }
+  return part;
+}
+
+} // namespace
+
+/// W = P − Σ_i f_i k_i b_iᵀ: terms of the modes, and one that is P.
+Certificate::ResidualGrams Certificate::residual_grams(const DenseResponse& response,
+                                                       const PortSet& block) const {
+  const auto of = [&](const std::vector<int>& columns) {
+    const Dense B = in_units(response.modal_inputs(), columns, scale_),
+                P = in_units(ports_, columns, scale_);
+    const Dense forces = multiply(K_, P); // N × columns
+    Dense mixed(B.rows, 1);
+    for (int j = 0; j < B.columns; ++j)
+      for (int i = 0; i < B.rows; ++i) mixed(i, 0) += forces(i, j) * B(i, j);
+    TermGram constant;
+    constant.Q = Dense(1, 1);
+    constant.size = {frobenius_norm(P)};
+    constant.Q(0, 0) = constant.size[0] * constant.size[0];
+    constant.summed = P.rows + P.columns;
+    return TermGram(TermGram(K_, B), mixed, constant);
+  };
+  return {of(block.inputs),
+          block.outputs == block.inputs ? TermGram() : of(block.outputs)};
+}
+
+std::vector<Certificate::Bound>
+Certificate::roughly_over(const DenseResponse& response, const ResponseSeries& factors,
+                          const std::vector<PortSet>& blocks,
+                          const std::vector<ResidualGrams>& grams) const {
+  const Dense& B = response.modal_inputs();
+  ResponseSeries x{factors.interval, {}, Dense(B.rows, B.columns), factors.largest};
+  for (int j = 0; j < B.columns; ++j)
+    for (int i = 0; i < B.rows; ++i)
+      x.envelope(i, j) = factors.envelope(i, 0) * std::abs(B(i, j));
+  const Inverse S = inverse(response, x);
+  const auto f = residual_factors(response, x.interval);
+  const double largest = std::abs(f[0]) + std::abs(f[1]) + std::abs(f[2]);
+  const MatrixSeries g = times_quadratic(f, factors.x);
+  MatrixSeries constant{1, Dense(1, g.coefficients.columns), Dense(1, 1)};
+  constant.coefficients(0, 0) = -1;
+  const MatrixSeries terms = stacked(g, constant);
+  const auto lost_of = [&](const std::vector<int>& columns) {
+    double square = 0;
+    for (int j : columns)
+      square += std::pow(lost(x, j, largest) / scale_[static_cast<std::size_t>(j)], 2);
+    return std::sqrt(square);
+  };
+  std::vector<Bound> bounds;
+  for (std::size_t k = 0; k < blocks.size(); ++k) {
+    const bool same = grams[k].of_outputs.order() == 0;
+    const ViewNorms in = term_norms(grams[k].of_inputs, terms).norms,
+                    out = same ? in : term_norms(grams[k].of_outputs, terms).norms;
+    const double lost_in = lost_of(blocks[k].inputs),
+                 lost_out = same ? lost_in : lost_of(blocks[k].outputs);
+    double product = 0;
+    for (std::size_t i = 0; i < pieces; ++i)
+      product = std::max(product, (in.above[i] + lost_in) * (out.above[i] + lost_out));
+    Bound bound;
+    bound.error = S.norm * product;
+    bound.proved = S.proved;
+    add_rounding(bound, response, x, blocks[k]);
     bounds.push_back(bound);
   }
   return bounds;

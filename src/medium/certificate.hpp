@@ -6,6 +6,7 @@
 #include "medium/coupling.hpp"
 #include "medium/response_series.hpp"
 #include "medium/space.hpp"
+#include "medium/term_gram.hpp"
 
 #include <span>
 
@@ -77,6 +78,18 @@ public:
   /// @return a bound for each block that holds everywhere in the interval.
   std::vector<Bound> over(const DenseResponse& response, const ResponseSeries& x,
                           const std::vector<PortSet>& blocks) const;
+  /// Of the residuals' terms, for the inputs and the outputs of a block.
+  struct ResidualGrams {
+    TermGram of_inputs, of_outputs; ///< the latter empty where they are the former
+  };
+  ResidualGrams residual_grams(const DenseResponse& response, const PortSet& block) const;
+  /// Bounds like those of `over`, but by ‖W_C‖‖W_B‖: larger by the root of the number of
+  /// ports where their residuals are independent, at a price without the ports.
+  /// @pre a diagonal system.
+  std::vector<Bound> roughly_over(const DenseResponse& response,
+                                  const ResponseSeries& factors,
+                                  const std::vector<PortSet>& blocks,
+                                  const std::vector<ResidualGrams>& grams) const;
   /// Largest sine of the angle between a mode below the cutoff and the space.
   double worst_angle() const;
 
@@ -143,8 +156,13 @@ private:
   };
   Inverse inverse(const DenseResponse& response, const ResponseSeries& x) const;
   double mode_coupling(const DenseResponse& response, const ResponseSeries& x) const;
+  std::array<std::complex<double>, 3> residual_factors(const DenseResponse& response,
+                                                       Interval interval) const;
+  double lost(const ResponseSeries& x, int port, double factor) const;
   MatrixSeries residual(const DenseResponse& response, const ResponseSeries& x) const;
   void add_rounding(Bound& bound, const ResponseSeries& x, const PortSet& block) const;
+  void add_rounding(Bound& bound, const DenseResponse& response, const ResponseSeries& x,
+                    const PortSet& block) const;
 
   void enclose_modes();
 

@@ -33,6 +33,17 @@ struct ErrorOverBand::Look {
   bool proved = true;
 };
 
+/// A model that is compared with the medium model.
+struct ErrorOverBand::SmallModel {
+  SmallModel(const DenseSystem& system, const MediumModel& medium)
+      : response(system, medium.tau) {
+    for (std::size_t v = 0; medium.has_many_ports() && v < medium.views.size(); ++v)
+      terms.push_back(medium.terms_of_difference(v, response));
+  }
+  DenseResponse response;
+  std::vector<TermGram> terms; ///< of the difference, for each view; with many ports
+};
+
 /// The certified errors at one frequency.
 struct ErrorOverBand::Point {
   std::vector<double> certified; ///< of each view
@@ -54,13 +65,81 @@ double ErrorOverBand::ratio(std::size_t view, double difference, double size,
   return known > 0 && most < infinity ? most / known : infinity; // NaN too
 }
 
-double ErrorOverBand::on_grid(std::size_t view, std::size_t l, const ComplexDense& H_r) {
+/// ‖H_medium − H_r‖ of each view over an interval. With many ports by the terms of both,
+/// unless what rounding adds to that would count beside `level`, a relative error.
+std::optional<std::vector<ViewNorms>>
+ErrorOverBand::differences(const TransferSeries& medium, const std::vector<double>& sizes,
+                           Interval interval, int degree, const SmallModel& small,
+                           double level) {
+  const MediumModel& model = medium_.model();
+  std::vector<ViewNorms> result;
+  if (medium.has_many_ports()) {
+    auto factors = modal_factors(small.response, interval, degree);
+    if (!factors) return std::nullopt;
+    for (double& x : factors->x.coefficients.data) x = -x;
+    const MatrixSeries all = stacked(medium.factors, factors->x);
+    bool clear = true;
+    for (std::size_t v = 0; v < model.views.size(); ++v) {
+      const TermNorms difference = term_norms(small.terms[v], all);
+      const auto& at = difference.norms.at;
+      const double here = *std::max_element(at.begin(), at.end());
+      clear = clear && (difference.rounding <= 0.2 * here ||
+                        ratio(v, difference.rounding, sizes[v], 0) <= 0.05 * level);
+      result.push_back(difference.norms);
+    }
+    if (clear) return result;
+    result.clear();
+  }
+  const auto series = response_series(small.response, interval, degree);
+  if (!series) return std::nullopt;
+  const MatrixSeries H_r = multiply_transposed(small.response.modal_outputs(), series->x);
+  const MatrixSeries difference =
+      medium.has_many_ports()
+          ? difference_of(model.entries(interval, degree).value(), H_r)
+          : difference_of(medium.entries, H_r);
+  for (const PortView& view : model.views) result.push_back(view_norms(difference, view));
+  return result;
+}
+
+/// The same at a frequency of the grid, as one number each.
+std::vector<double> ErrorOverBand::distances(std::size_t l, const SmallModel& small,
+                                             double level) {
   const MediumOverBand::Grid& grid = medium_.grid();
-  const PortView& ports = medium_.model().views[view];
-  double sum = 0;
-  for (int j : ports.columns)
-    for (int i : ports.rows) sum += std::norm(grid.H[l](i, j) - H_r(i, j));
-  return ratio(view, std::sqrt(sum), grid.views[view].size[l], grid.views[view].bound[l]);
+  const TransferSeries& H = medium_.at(l);
+  const auto& views = medium_.model().views;
+  const double omega = this->omega()[l];
+  std::vector<double> result;
+  if (H.has_many_ports()) {
+    std::vector<double> sizes;
+    for (const auto& view : grid.views) sizes.push_back(view.size[l]);
+    const auto norms = differences(H, sizes, {omega, omega}, 0, small, level);
+    for (std::size_t v = 0; v < views.size(); ++v)
+      result.push_back(norms ? (*norms)[v].above[0] : infinity);
+    return result;
+  }
+  const ComplexDense H_r = small.response.transfer(omega);
+  const double *re = H.entries.real(0), *im = H.entries.imaginary(0);
+  for (const PortView& view : views) {
+    double sum = 0;
+    for (int j : view.columns)
+      for (int i : view.rows) {
+        const auto at = static_cast<std::size_t>(i) +
+                        static_cast<std::size_t>(j) * static_cast<std::size_t>(H_r.rows);
+        sum += std::norm(std::complex<double>(re[at], im[at]) - H_r.data[at]);
+      }
+    result.push_back(std::sqrt(sum));
+  }
+  return result;
+}
+
+/// The largest certified error of all views there.
+double ErrorOverBand::on_grid(std::size_t l, const SmallModel& small, double level) {
+  const auto& views = medium_.grid().views;
+  const std::vector<double> distance = distances(l, small, level);
+  double worst = 0;
+  for (std::size_t v = 0; v < views.size(); ++v)
+    worst = std::max(worst, ratio(v, distance[v], views[v].size[l], views[v].bound[l]));
+  return worst;
 }
 
 double ErrorOverBand::least() {
@@ -79,68 +158,67 @@ double ErrorOverBand::largest_floor() {
   return most;
 }
 
-ErrorOverBand::Errors ErrorOverBand::of(const DenseSystem& small) {
-  const DenseResponse response(small, medium_.model().tau);
-  const MediumOverBand::Grid& grid = medium_.grid();
+ErrorOverBand::Errors ErrorOverBand::of(const DenseSystem& system) {
+  const SmallModel small(system, medium_.model());
+  const auto& views = medium_.grid().views;
   Errors errors;
   for (std::size_t l = 0; l < omega().size(); ++l) {
-    const ComplexDense H_r = response.transfer(omega()[l]);
-    for (std::size_t v = 0; v < grid.views.size(); ++v) {
-      const double bound = on_grid(v, l, H_r);
+    const std::vector<double> distance = distances(l, small, 0);
+    for (std::size_t v = 0; v < views.size(); ++v) {
+      const double bound = ratio(v, distance[v], views[v].size[l], views[v].bound[l]);
       errors.worst = std::max(errors.worst, bound);
       if (v == 0) errors.bound.push_back(bound);
     }
-    ComplexDense difference = grid.H[l];
-    for (std::size_t i = 0; i < difference.data.size(); ++i)
-      difference.data[i] -= H_r.data[i];
-    errors.relative.push_back(frobenius_norm(difference) / grid.views.front().size[l]);
+    errors.relative.push_back(distance[0] / views.front().size[l]);
   }
   return errors;
 }
 
-ErrorOverBand::Point ErrorOverBand::point(double omega, Small small) {
+/// @param level  of errors that matter.
+ErrorOverBand::Point ErrorOverBand::point(double omega, Small small, double level) {
   const MediumModel& model = medium_.model();
   Point result{std::vector<double>(model.views.size(), infinity), true};
   const auto medium = model.over({omega, omega}, 0);
   if (!medium) return result;
-  MatrixSeries difference;
+  std::vector<double> sizes;
+  for (const ViewNorms& size : medium->size) sizes.push_back(size.below[0]);
+  std::optional<std::vector<ViewNorms>> away;
   if (small) {
-    const auto series = response_series(*small, {omega, omega}, 0);
-    if (!series) return result;
-    difference =
-        difference_of(medium->H, multiply_transposed(small->modal_outputs(), series->x));
+    away = differences(medium->H, sizes, {omega, omega}, 0, *small, level);
+    if (!away) return result;
   }
   for (std::size_t v = 0; v < model.views.size(); ++v) {
-    const PortView& view = model.views[v];
-    const ViewNorms size = view_norms(medium->H, view);
     const Certificate::Bound& bound = medium->bounds[v];
     result.certified[v] =
-        ratio(v, small ? view_norms(difference, view).above[0] : 0.0, size.below[0],
-              bound.error + (small ? bound.floor + solve_floor * size.above[0] : 0.0));
+        ratio(v, small ? (*away)[v].above[0] : 0.0, sizes[v],
+              bound.error +
+                  (small ? bound.floor + solve_floor * medium->size[v].above[0] : 0.0));
     result.proved = result.proved && bound.proved;
   }
   return result;
 }
 
-ErrorOverBand::Look ErrorOverBand::look(Node& node, Small small) {
+ErrorOverBand::Look ErrorOverBand::look(Node& node, Small small, double level) {
   const auto& views = medium_.model().views;
   Look look{std::vector<double>(views.size(), infinity), infinity, node.interval.centre(),
             false, true};
   const auto medium = medium_.over(node);
   if (!medium) return look;
-  MatrixSeries difference;
+  std::optional<std::vector<ViewNorms>> differs;
   if (small) {
-    const auto series = response_series(*small, node.interval, series_degree);
-    if (!series) return look;
-    difference = difference_of(*medium_.response(node),
-                               multiply_transposed(small->modal_outputs(), series->x));
+    std::vector<double> sizes;
+    for (const ViewNorms& size : medium->size)
+      sizes.push_back(*std::min_element(size.below.begin(), size.below.end()));
+    differs = differences(*medium_.response(node), sizes, node.interval, series_degree,
+                          *small, level);
+    if (!differs) return look;
   }
   look.known = true;
   look.worst = 0;
   look.proved = medium->proved;
   double most = -1;
   for (std::size_t v = 0; v < views.size(); ++v) {
-    const ViewNorms away = small ? view_norms(difference, views[v]) : ViewNorms();
+    const ViewNorms away = small ? (*differs)[v] : ViewNorms();
     const ViewNorms& size = medium->size[v];
     const double bound = medium->bound[v] + (small ? medium->floor[v] : 0.0);
     look.upper[v] = 0;
@@ -160,16 +238,13 @@ ErrorOverBand::Look ErrorOverBand::look(Node& node, Small small) {
 }
 
 bool ErrorOverBand::meets(const DenseSystem& system, double tolerance) {
-  const DenseResponse small(system, medium_.model().tau);
+  const SmallModel small(system, medium_.model());
   const auto fails = [&](std::size_t l) {
     stop_if_interrupted();
-    const ComplexDense H_r = small.transfer(omega()[l]);
-    for (std::size_t v = 0; v < medium_.grid().views.size(); ++v)
-      if (!(on_grid(v, l, H_r) <= tolerance)) return true;
-    return false;
+    return !(on_grid(l, small, tolerance) <= tolerance);
   };
   for (double omega : hard_omega_)
-    if (!(point(omega, &small).worst() <= tolerance)) return false;
+    if (!(point(omega, &small, tolerance).worst() <= tolerance)) return false;
   if (!hard_.empty() && fails(hard_.front())) return false;
   // Far apart first: a failure is found early.
   for (std::size_t step = 16, first = 0; step >= 1; step /= 2, first = step)
@@ -198,11 +273,11 @@ std::optional<double> ErrorOverBand::exceeds(Small small, double tolerance) {
     stop_if_interrupted();
     Node& node = *open.back();
     open.pop_back();
-    const Look seen = look(node, small);
+    const Look seen = look(node, small, tolerance);
     if (seen.worst <= tolerance) continue;
     if (medium_.may_be_excluded(node.interval)) continue;
     if (!medium_.near_pole(node.interval) && seen.known &&
-        !(point(seen.omega, small).worst() <= tolerance))
+        !(point(seen.omega, small, tolerance).worst() <= tolerance))
       return seen.omega;
     if (width_of(node.interval) <= narrowest * node.interval.last || count > 20000)
       return node.interval.centre();
@@ -215,14 +290,14 @@ std::optional<double> ErrorOverBand::exceeds(Small small, double tolerance) {
 
 /// Beside undamped resonances: what is within the level is settled, what is not is
 /// excluded as soon as it may be.
-void ErrorOverBand::exclude(std::vector<Node*> zones, const DenseResponse& small,
+void ErrorOverBand::exclude(std::vector<Node*> zones, const SmallModel& small,
                             double allowed, Supremum& result) {
   while (!zones.empty()) {
     stop_if_interrupted();
     Node& node = *zones.back();
     zones.pop_back();
     ++result.intervals;
-    const Look seen = look(node, &small);
+    const Look seen = look(node, &small, allowed);
     if (seen.worst <= allowed) {
       settle(seen, result);
       bool higher = false; // than what is attained: beside the resonance, maybe
@@ -230,7 +305,7 @@ void ErrorOverBand::exclude(std::vector<Node*> zones, const DenseResponse& small
         higher |= seen.upper[v] > 1.1 * result.attained_of[v];
       if (higher)
         for (double omega : {node.interval.first, node.interval.last})
-          visit(omega, &small, result);
+          visit(omega, small, allowed, result);
     } else if (medium_.may_be_excluded(node.interval)) {
       result.excluded.push_back(node.interval);
     } else {
@@ -258,8 +333,9 @@ void ErrorOverBand::settle(const Look& seen, Supremum& result) {
 }
 
 /// The certified error at a frequency, a lower bound of the supremum.
-void ErrorOverBand::visit(double omega, Small small, Supremum& result) {
-  const Point here = point(omega, small);
+void ErrorOverBand::visit(double omega, const SmallModel& small, double level,
+                          Supremum& result) {
+  const Point here = point(omega, &small, level);
   result.proved = result.proved && here.proved;
   for (std::size_t v = 0; v < result.attained_of.size(); ++v) {
     if (here.certified[v] <= result.attained_of[v]) continue;
@@ -270,7 +346,7 @@ void ErrorOverBand::visit(double omega, Small small, Supremum& result) {
 
 ErrorOverBand::Supremum ErrorOverBand::supremum(const DenseSystem& system, double level,
                                                 int most) {
-  const DenseResponse small(system, medium_.model().tau);
+  const SmallModel small(system, medium_.model());
   struct Open {
     Node* node;
     Look seen;
@@ -295,11 +371,12 @@ ErrorOverBand::Supremum ErrorOverBand::supremum(const DenseSystem& system, doubl
   std::vector<Node*> zones;
   const auto enter = [&](Node& node) {
     ++result.intervals;
-    Look seen = look(node, &small);
+    const double matters = std::max(level, *std::min_element(best.begin(), best.end()));
+    Look seen = look(node, &small, matters);
     bool higher = false;
     if (seen.known)
       for (std::size_t v = 0; v < views; ++v) higher |= seen.upper[v] > best[v];
-    if (higher) visit(seen.omega, &small, result);
+    if (higher) visit(seen.omega, small, matters, result);
     const double now = priority(seen);
     open.push({&node, std::move(seen), now});
   };

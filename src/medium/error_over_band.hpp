@@ -67,17 +67,22 @@ private:
   using Node = MediumOverBand::Node;
   /// What is compared with the medium model; null: the medium model itself, without
   /// rounding.
-  using Small = const DenseResponse*;
+  struct SmallModel;
+  using Small = const SmallModel*;
   struct Look;
   struct Point;
   double ratio(std::size_t view, double difference, double size, double bound);
-  double on_grid(std::size_t view, std::size_t l, const ComplexDense& H_r);
-  Point point(double omega, Small small);
-  Look look(Node& node, Small small);
+  std::vector<double> distances(std::size_t l, const SmallModel& small, double level);
+  double on_grid(std::size_t l, const SmallModel& small, double level);
+  std::optional<std::vector<ViewNorms>>
+  differences(const TransferSeries& medium, const std::vector<double>& sizes,
+              Interval interval, int degree, const SmallModel& small, double level);
+  Point point(double omega, Small small, double level);
+  Look look(Node& node, Small small, double level);
   std::optional<double> exceeds(Small small, double tolerance);
   static void settle(const Look& seen, Supremum& result);
-  void visit(double omega, Small small, Supremum& result);
-  void exclude(std::vector<Node*> zones, const DenseResponse& small, double allowed,
+  void visit(double omega, const SmallModel& small, double level, Supremum& result);
+  void exclude(std::vector<Node*> zones, const SmallModel& small, double allowed,
                Supremum& result);
 
   MediumOverBand& medium_;

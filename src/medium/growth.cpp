@@ -48,10 +48,10 @@ void MediumBuilder::judge(MediumLevel& level) {
   bool proved = true;
   const std::size_t views = model.views.size();
   std::vector<double> largest(views, 0.0); // of ‖H‖, where that is meant
-  std::vector<MediumModel::Value> values;
+  std::vector<MediumModel::Stretch> values;
   for (double omega : grid_) values.push_back(model.at(omega));
-  const auto size = [&](const MediumModel::Value& value, std::size_t v) {
-    return frobenius_norm(model.views[v].of(value.H)) - value.bounds[v].error;
+  const auto size = [&](const MediumModel::Stretch& value, std::size_t v) {
+    return value.size[v].at[0] - value.bounds[v].error;
   };
   if (spec_.relative_to == RelativeTo::band)
     for (const auto& value : values)

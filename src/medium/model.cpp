@@ -3,6 +3,19 @@
 #include <algorithm>
 
 namespace flexgram {
+namespace {
+
+/// Entries of H for each mode from which its terms are fewer.
+constexpr double many = 4;
+
+Dense columns_of(const Dense& a, const std::vector<int>& columns) {
+  Dense part(a.rows, static_cast<int>(columns.size()));
+  for (int j = 0; j < part.columns; ++j)
+    std::copy_n(a.column(columns[static_cast<std::size_t>(j)]), a.rows, part.column(j));
+  return part;
+}
+
+} // namespace
 
 MediumModel::MediumModel(const Medium& medium, std::size_t level,
                          const PortSelection& ports, bool by_kind)
@@ -38,7 +51,17 @@ MediumModel::MediumModel(const Medium& medium, std::size_t level,
   system.B = in_units(all, inputs_);
   system.C = in_units(all, outputs_);
   system.outputs_are_inputs = ports.same;
+  modal_inputs_ = in_units(response.modal_inputs(), inputs_);
   modal_outputs_ = in_units(response.modal_inputs(), outputs_);
+  const double entries = static_cast<double>(inputs_.size() * outputs_.size());
+  if (response.is_diagonal() && entries > many * response.system().order()) {
+    enough_ = 0.1 * medium.spec.target;
+    for (std::size_t v = 0; v < views.size(); ++v) {
+      terms_.emplace_back(columns_of(modal_outputs_, views[v].rows),
+                          columns_of(modal_inputs_, views[v].columns));
+      residuals_.push_back(level_.certificate->residual_grams(response, blocks_[v]));
+    }
+  }
   resonances = medium.resonances(level_);
   lambda.assign(response.lambda().begin() + rigid,
                 response.lambda().begin() + rigid + medium.modes);
@@ -73,21 +96,62 @@ MatrixSeries MediumModel::transfer(const ResponseSeries& x) const {
 
 std::optional<MediumModel::Stretch> MediumModel::over(Interval interval,
                                                       int degree) const {
-  const auto x = response_series(*level_.response, interval, degree);
+  const DenseResponse& response = *level_.response;
+  Stretch result;
+  if (has_many_ports()) {
+    const auto factors = modal_factors(response, interval, degree);
+    if (!factors) return std::nullopt;
+    result.bounds =
+        level_.certificate->roughly_over(response, *factors, blocks_, residuals_);
+    bool sharper = false;
+    for (std::size_t v = 0; v < views.size(); ++v) {
+      result.size.push_back(term_norms(terms_[v], factors->x).norms);
+      const auto& below = result.size.back().below;
+      sharper |= !(result.bounds[v].error <=
+                   enough_ * *std::min_element(below.begin(), below.end()));
+    }
+    result.H.factors = factors->x;
+    if (!sharper) return result;
+  }
+  const auto x = response_series(response, interval, degree);
   if (!x) return std::nullopt;
-  return Stretch{transfer(*x), level_.certificate->over(*level_.response, *x, blocks_)};
+  result.bounds = level_.certificate->over(response, *x, blocks_);
+  if (has_many_ports()) return result;
+  result.H.entries = transfer(*x);
+  for (const PortView& view : views)
+    result.size.push_back(view_norms(result.H.entries, view));
+  return result;
 }
 
-std::optional<MatrixSeries> MediumModel::response(Interval interval, int degree) const {
+std::optional<TransferSeries> MediumModel::response(Interval interval, int degree) const {
+  TransferSeries H;
+  if (has_many_ports()) {
+    auto factors = modal_factors(*level_.response, interval, degree);
+    if (!factors) return std::nullopt;
+    H.factors = std::move(factors->x);
+  } else {
+    auto all = entries(interval, degree);
+    if (!all) return std::nullopt;
+    H.entries = std::move(*all);
+  }
+  return H;
+}
+
+std::optional<MatrixSeries> MediumModel::entries(Interval interval, int degree) const {
   const auto x = response_series(*level_.response, interval, degree);
   if (!x) return std::nullopt;
   return transfer(*x);
 }
 
-MediumModel::Value MediumModel::at(double omega) const {
-  auto here = over({omega, omega}, 0);
-  if (!here) throw ShiftError("the body is undamped and the frequency is a resonance");
-  return {here->H.centre(), std::move(here->bounds)};
+TermGram MediumModel::terms_of_difference(std::size_t view,
+                                          const DenseResponse& small) const {
+  const auto& [name, rows, columns] = views[view];
+  const Dense B = columns_of(small.modal_inputs(), columns),
+              C = columns_of(small.modal_outputs(), rows);
+  Dense mixed = multiply(columns_of(modal_outputs_, rows), transpose(C));
+  const Dense of_B = multiply(columns_of(modal_inputs_, columns), transpose(B));
+  for (std::size_t i = 0; i < mixed.data.size(); ++i) mixed.data[i] *= of_B.data[i];
+  return {terms_[view], mixed, TermGram(C, B)};
 }
 
 Block MediumModel::lift(const Dense& Q) const {

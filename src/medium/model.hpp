@@ -4,9 +4,18 @@
 #pragma once
 
 #include "medium/medium.hpp"
+#include "medium/term_gram.hpp"
 #include "model/port_views.hpp"
 
 namespace flexgram {
+
+/// A response over an interval: its entries, or, with many ports and without a damping
+/// matrix, the factors of its modes, H = Σ_i f_i c_i b_iᵀ.
+struct TransferSeries {
+  MatrixSeries entries; ///< n_out × n_in
+  MatrixSeries factors; ///< N × 1
+  bool has_many_ports() const { return factors.columns > 0; }
+};
 
 /// A level of a medium model seen by some of its ports: a Galerkin model of some ten
 /// times the final order, and the proof of its error. What small models are measured
@@ -16,19 +25,28 @@ public:
   MediumModel(const Medium& medium, std::size_t level, const PortSelection& ports,
               bool by_kind);
 
-  struct Value {
-    ComplexDense H;                         ///< n_out × n_in
-    std::vector<Certificate::Bound> bounds; ///< of each of the views
-  };
-  Value at(double omega) const;
   struct Stretch {
-    MatrixSeries H;                         ///< n_out × n_in
-    std::vector<Certificate::Bound> bounds; ///< of each of the views, anywhere in it
+    TransferSeries H;
+    std::vector<ViewNorms> size;            ///< of each of the views
+    std::vector<Certificate::Bound> bounds; ///< the same, anywhere in it
   };
   /// @return nothing if a pole is too near for an interval of this length.
   std::optional<Stretch> over(Interval interval, int degree) const;
   /// H of it alone.
-  std::optional<MatrixSeries> response(Interval interval, int degree) const;
+  std::optional<TransferSeries> response(Interval interval, int degree) const;
+  /// Its entries, however many.
+  std::optional<MatrixSeries> entries(Interval interval, int degree) const;
+  /// At one frequency. @throws ShiftError at an undamped resonance.
+  Stretch at(double omega) const { return known(over({omega, omega}, 0)); }
+  ComplexDense transfer(double omega) const {
+    return known(entries({omega, omega}, 0)).centre();
+  }
+
+  /// Whether norms come from the terms of H, (N + m)² products each, not from its entries.
+  bool has_many_ports() const { return !terms_.empty(); }
+  /// Terms of H − H_r for a view of a small model: those of the medium model, then those of
+  /// the small one. @pre has_many_ports()
+  TermGram terms_of_difference(std::size_t view, const DenseResponse& small) const;
 
   /// A resonance in an excluded interval.
   struct Pole {
@@ -63,12 +81,21 @@ public:
 
 private:
   MatrixSeries transfer(const ResponseSeries& x) const;
+  template <class T>
+  static T known(std::optional<T> value) {
+    if (!value) throw ShiftError("the body is undamped and the frequency is a resonance");
+    return std::move(*value);
+  }
   MediumLevel level_;
   Basis V_;
   std::vector<double> scale_;
   std::vector<int> inputs_, outputs_;        ///< among all ports
   std::vector<Certificate::PortSet> blocks_; ///< the views by columns of all ports
-  Dense modal_outputs_;                      ///< N × n_out, in the units of the body
+  Dense modal_inputs_, modal_outputs_;       ///< N × n_in, n_out, in the body's units
+  /// With many ports, of each view: terms of H, and of its residuals.
+  std::vector<TermGram> terms_;
+  std::vector<Certificate::ResidualGrams> residuals_;
+  double enough_ = 0; ///< errors of H up to this need no sharper bound, relative
 };
 
 } // namespace flexgram

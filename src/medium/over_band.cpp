@@ -68,19 +68,18 @@ const MediumOverBand::Grid& MediumOverBand::grid() {
   Grid grid; // a frequency may be a resonance: then there is none
   grid.views.resize(model_.views.size());
   for (double omega : omega_) {
-    MediumModel::Value value = model_.at(omega);
+    MediumModel::Stretch value = model_.at(omega);
     for (std::size_t v = 0; v < grid.views.size(); ++v) {
       View& view = grid.views[v];
       const Certificate::Bound& bound = value.bounds[v];
-      const double size = frobenius_norm(model_.views[v].of(value.H)),
-                   floor = bound.floor + solve_floor * size;
+      const double size = value.size[v].at[0], floor = bound.floor + solve_floor * size;
       view.size.push_back(size);
       view.bound.push_back(bound.error + floor);
       view.floor.push_back(floor / size);
       grid.assumed = std::max(grid.assumed, bound.assumed / size);
       if (bound.proved) view.largest = std::max(view.largest, size - view.bound.back());
     }
-    grid.H.push_back(std::move(value.H));
+    grid_H_.push_back(std::move(value.H));
   }
   return grid_.emplace(std::move(grid));
 }
@@ -110,7 +109,7 @@ std::shared_ptr<const MediumOverBand::Stretch> MediumOverBand::over(Node& node) 
   }
   auto stretch = std::make_shared<Stretch>();
   for (std::size_t v = 0; v < model_.views.size(); ++v) {
-    stretch->size.push_back(view_norms(medium->H, model_.views[v]));
+    stretch->size.push_back(medium->size[v]);
     const Certificate::Bound& bound = medium->bounds[v];
     const auto& above = stretch->size.back().above;
     stretch->bound.push_back(bound.error);
@@ -120,12 +119,13 @@ std::shared_ptr<const MediumOverBand::Stretch> MediumOverBand::over(Node& node) 
   }
   node.stretch = std::move(stretch);
   node.seen = true;
-  keep(node, std::make_shared<const MatrixSeries>(std::move(medium->H)));
+  keep(node, std::make_shared<const TransferSeries>(std::move(medium->H)));
   return node.stretch;
 }
 
-void MediumOverBand::keep(Node& node, std::shared_ptr<const MatrixSeries> H) {
-  const std::size_t numbers = H->coefficients.data.size();
+void MediumOverBand::keep(Node& node, std::shared_ptr<const TransferSeries> H) {
+  const std::size_t numbers =
+      H->entries.coefficients.data.size() + H->factors.coefficients.data.size();
   const std::size_t ports = model_.names.inputs.size() * model_.names.outputs.size();
   if (kept_ + numbers > most_kept / sights_at_once(ports)) {
     latest_ = {&node, std::move(H)};
@@ -135,11 +135,11 @@ void MediumOverBand::keep(Node& node, std::shared_ptr<const MatrixSeries> H) {
   node.H = std::move(H);
 }
 
-std::shared_ptr<const MatrixSeries> MediumOverBand::response(Node& node) {
+std::shared_ptr<const TransferSeries> MediumOverBand::response(Node& node) {
   if (node.H) return node.H;
   if (latest_.first != &node) {
     auto again = model_.response(node.interval, series_degree);
-    latest_ = {&node, std::make_shared<const MatrixSeries>(std::move(*again))};
+    latest_ = {&node, std::make_shared<const TransferSeries>(std::move(*again))};
   }
   return latest_.second;
 }

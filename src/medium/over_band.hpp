@@ -31,14 +31,15 @@ public:
     double largest = 0;        ///< of ‖H‖ − bound
   };
   struct Grid {
-    std::vector<ComplexDense> H; ///< n_out × n_in at every frequency
-    std::vector<View> views;     ///< those of the model
+    std::vector<View> views; ///< those of the model
     /// What H would change by, relative, if the stiffness of rigid modes that was taken
     /// for rounding were meant; the largest of all views and frequencies.
     double assumed = 0;
   };
   const std::vector<double>& omega() const { return omega_; } ///< [rad/s] of the grid
   const Grid& grid();
+  /// H at a frequency of the grid. @pre grid() was called.
+  const TransferSeries& at(std::size_t l) const { return grid_H_[l]; }
 
   /// What the medium model says of an interval; of each view where these are several.
   struct Stretch {
@@ -51,14 +52,14 @@ public:
     std::unique_ptr<Node> low, high;
     bool seen = false; ///< `stretch` is known
     std::shared_ptr<const Stretch> stretch;
-    std::shared_ptr<const MatrixSeries> H; ///< only as long as there is room
+    std::shared_ptr<const TransferSeries> H; ///< only as long as there is room
   };
   /// Intervals that make up the bands.
   const std::vector<std::unique_ptr<Node>>& roots() const { return roots_; }
   /// @return null if a pole is too near for an interval of this length.
   std::shared_ptr<const Stretch> over(Node& node);
   /// H over the interval. @pre over(node) is not null.
-  std::shared_ptr<const MatrixSeries> response(Node& node);
+  std::shared_ptr<const TransferSeries> response(Node& node);
   static void split(Node& node);
   /// The whole of it is beside a sharp resonance.
   bool near_pole(const Interval& interval) const;
@@ -67,11 +68,12 @@ public:
 
 private:
   std::optional<MediumModel::Stretch> provable_over(const Interval& interval) const;
-  void keep(Node& node, std::shared_ptr<const MatrixSeries> H);
+  void keep(Node& node, std::shared_ptr<const TransferSeries> H);
 
   MediumModel model_;
   std::vector<double> omega_;
   std::optional<Grid> grid_;
+  std::vector<TransferSeries> grid_H_;
   /// A resonance with hardly any damping, and the zone in which intervals may be
   /// excluded.
   struct Sharp {
@@ -85,7 +87,7 @@ private:
   std::vector<std::unique_ptr<Node>> roots_;
   std::size_t kept_ = 0; ///< numbers in the nodes
   /// H of the interval that was looked at last, if there was no room for it.
-  std::pair<const Node*, std::shared_ptr<const MatrixSeries>> latest_;
+  std::pair<const Node*, std::shared_ptr<const TransferSeries>> latest_;
 };
 
 /// A factorisation of the full body tells H to no more digits than this.

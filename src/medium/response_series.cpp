@@ -40,9 +40,8 @@ ResponseSeries empty_series(Interval interval, int N, int p, int degree) {
   return {interval, {p, Dense(N, 2 * p * (degree + 1)), Dense(N, p)}, Dense(N, p), {}};
 }
 
-std::optional<ResponseSeries> of_modes(const DenseResponse& response, Interval interval,
-                                       int degree) {
-  const Dense& B = response.modal_inputs();
+std::optional<ResponseSeries> of_modes(const DenseResponse& response, const Dense& B,
+                                       Interval interval, int degree) {
   const int N = B.rows, p = B.columns;
   ComplexDense factor(N, degree + 1); // of t^k, of each mode
   std::vector<double> tail, largest;
@@ -249,8 +248,17 @@ MatrixSeries times_quadratic(const std::array<Complex, 3>& f, const MatrixSeries
 std::optional<ResponseSeries> response_series(const DenseResponse& response,
                                               Interval interval, int degree) {
   if (interval.half() == 0) degree = 0;
-  return response.is_diagonal() ? of_modes(response, interval, degree)
-                                : of_solves(response, interval, degree);
+  return response.is_diagonal()
+             ? of_modes(response, response.modal_inputs(), interval, degree)
+             : of_solves(response, interval, degree);
+}
+
+std::optional<ResponseSeries> modal_factors(const DenseResponse& response,
+                                            Interval interval, int degree) {
+  if (interval.half() == 0) degree = 0;
+  Dense one(response.system().order(), 1);
+  for (double& x : one.data) x = 1;
+  return of_modes(response, one, interval, degree);
 }
 
 } // namespace flexgram

@@ -52,4 +52,9 @@ struct ResponseSeries {
 std::optional<ResponseSeries> response_series(const DenseResponse& response,
                                               Interval interval, int degree);
 
+/// The factors 1/a_i of a diagonal system, one column: what response_series multiplies
+/// with the rows of UᵀB.
+std::optional<ResponseSeries> modal_factors(const DenseResponse& response,
+                                            Interval interval, int degree);
+
 } // namespace flexgram

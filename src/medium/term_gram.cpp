@@ -1,0 +1,97 @@
+#include "medium/term_gram.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace flexgram {
+
+TermGram::TermGram(const Dense& C, const Dense& B) : summed(C.columns + B.columns) {
+  Q = multiply(C, transpose(C));
+  const Dense of_B = multiply(B, transpose(B));
+  for (std::size_t i = 0; i < Q.data.size(); ++i) Q.data[i] *= of_B.data[i];
+  for (int i = 0; i < Q.rows; ++i) size.push_back(std::sqrt(std::max(Q(i, i), 0.0)));
+}
+
+TermGram::TermGram(const TermGram& a, const Dense& mixed, const TermGram& b)
+    : Q(a.order() + b.order(), a.order() + b.order()), size(a.size),
+      summed(std::max(a.summed, b.summed)) {
+  set_part(Q, 0, 0, a.Q);
+  set_part(Q, 0, a.order(), mixed);
+  set_part(Q, a.order(), 0, transpose(mixed));
+  set_part(Q, a.order(), a.order(), b.Q);
+  size.insert(size.end(), b.size.begin(), b.size.end());
+}
+
+TermNorms term_norms(const TermGram& gram, const MatrixSeries& f) {
+  const int n = gram.order(), degree = f.degree();
+  // G_kl = Re ⟨F_k, F_l⟩ of the coefficients F_k = Σ_i f_ik c_i b_iᵀ.
+  const Dense parts =
+      multiply_transposed(f.coefficients, multiply(gram.Q, f.coefficients));
+  Dense G(degree + 1, degree + 1);
+  for (int l = 0; l <= degree; ++l)
+    for (int k = 0; k <= degree; ++k)
+      G(k, l) = parts(2 * k, 2 * l) + parts(2 * k + 1, 2 * l + 1);
+  // |computed − exact| <= γ Σ_ij |f_i| |c_iᵀc_j| |b_iᵀb_j| |f_j| <= γ (Σ |f_i| ‖c_i‖‖b_i‖)²,
+  // for any ‖Σ t_k F_k‖² with |t_k| <= 1.
+  double sizes = 0, tail = 0;
+  for (int i = 0; i < n; ++i) {
+    double sum = 0;
+    for (int k = 0; k <= degree; ++k) sum += std::hypot(f.real(k)[i], f.imaginary(k)[i]);
+    sizes += sum * gram.size[static_cast<std::size_t>(i)];
+    tail += f.tail(i, 0) * gram.size[static_cast<std::size_t>(i)];
+  }
+  const double gamma = std::numeric_limits<double>::epsilon() *
+                       (4.0 * n + 2 * gram.summed + 8 * degree + 16);
+  const double lost = gamma * sizes * sizes;
+
+  TermNorms result;
+  result.rounding = std::sqrt(lost);
+  ViewNorms& norms = result.norms;
+  double bend = 0; // Σ k(k − 1)‖F_k‖ >= max‖F″‖
+  for (int k = 2; k <= degree; ++k)
+    bend += k * (k - 1) * std::sqrt(std::max(G(k, k), 0.0) + lost);
+  const double width = 2.0 / pieces, away = bend * width * width / 8 + tail;
+  const auto product = [&](const std::vector<double>& s, const std::vector<double>& t) {
+    double sum = 0;
+    for (int l = 0; l <= degree; ++l)
+      for (int k = 0; k <= degree; ++k)
+        sum += s[static_cast<std::size_t>(k)] * G(k, l) * t[static_cast<std::size_t>(l)];
+    return sum;
+  };
+  std::vector<double> last, next(static_cast<std::size_t>(degree) + 1);
+  double square_before = 0;
+  for (int node = 0; node <= pieces; ++node) {
+    const double t = -1 + node * width;
+    next[0] = 1;
+    for (std::size_t k = 1; k < next.size(); ++k) next[k] = next[k - 1] * t;
+    const auto at = static_cast<std::size_t>(node);
+    const double square = std::max(product(next, next), 0.0);
+    norms.at[at] = std::sqrt(square);
+    if (node > 0) { // of the chord from `last` to `next`
+      const double both = product(last, next), along = square_before - both,
+                   across = square_before - 2 * both + square;
+      double least = std::min(square, square_before);
+      if (along > 0 && along < across) least = square_before - along * along / across;
+      // A convex combination is off by no more than its ends.
+      norms.above[at - 1] = std::sqrt(std::max(square, square_before) + lost) + away;
+      norms.below[at - 1] = std::max(
+          std::sqrt(std::max(least - lost - 1e-14 * square_before, 0.0)) - away, 0.0);
+    }
+    last = next;
+    square_before = square;
+  }
+  return result;
+}
+
+MatrixSeries stacked(const MatrixSeries& a, const MatrixSeries& b) {
+  MatrixSeries all{1, Dense(a.rows() + b.rows(), a.coefficients.columns),
+                   Dense(a.rows() + b.rows(), 1)};
+  set_part(all.coefficients, 0, 0, a.coefficients);
+  set_part(all.coefficients, a.rows(), 0, b.coefficients);
+  set_part(all.tail, 0, 0, a.tail);
+  set_part(all.tail, a.rows(), 0, b.tail);
+  return all;
+}
+
+} // namespace flexgram
