@@ -179,6 +179,14 @@ void MediumBuilder::prove(int most_columns) {
   ResidualBasis basis = residual_basis(*space_, *level.response, samples, modes,
                                        medium_.cutoff, most_columns);
   level.complete = basis.complete;
+  // A wide block brings more than is needed.
+  const bool wide = basis.complete && basis.T.columns() > 48;
+  ResidualBasis parts;
+  if (wide) {
+    parts.ports = basis.ports;
+    parts.K = basis.K;
+    parts.D = basis.D;
+  }
   const ResidualNorm norm = norm_of(*level.response, basis.T);
   level.certificate = std::make_shared<Certificate>(
       *space_, *level.response, std::move(basis), norm, modes, inertia_is_safe_,
@@ -189,6 +197,14 @@ void MediumBuilder::prove(int most_columns) {
   levels.push_back(std::move(level));
   look_at(levels.size() - 1);
   judge(levels.back());
+  if (wide && levels.back().worst > spec_.target) {
+    Dense chosen = directions_to_grow(
+        parts, norm.gram, *levels.back().response, samples, seen_->model().blocks(),
+        medium_.scale, medium_.kappa, medium_.cutoff, modes, 0.1 * spec_.target);
+    share_list(fom_.comm, chosen.data);
+    chosen.columns = static_cast<int>(chosen.data.size()) / std::max(chosen.rows, 1);
+    image_ = combine(image_, chosen);
+  }
 }
 
 void MediumBuilder::look_at(std::size_t level) {

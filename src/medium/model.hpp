@@ -69,6 +69,9 @@ public:
   /// VᵀV of the level's columns.
   Dense euclidean_gram() const;
 
+  /// The views by columns of all ports.
+  const std::vector<Certificate::PortSet>& blocks() const { return blocks_; }
+
   std::vector<PortView>
       views; ///< blocks of H that are certified by themselves; the first is all
   SecondOrderModel names; ///< body and ports, without matrices

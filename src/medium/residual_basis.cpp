@@ -241,4 +241,75 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
   return basis;
 }
 
+Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
+                         const DenseResponse& response,
+                         const std::vector<double>& samples,
+                         const std::vector<Certificate::PortSet>& blocks,
+                         const std::vector<double>& scale, double kappa, double cutoff,
+                         int modes, double target) {
+  // F R has the norm of R in E⁻¹, gram = FᵀF; dominant directions are chosen by squares:
+  // H differs by products of residuals.
+  const int k = gram.rows;
+  const SymmetricEigen norm = symmetric_eigen(gram);
+  const double least = 1e-15 * k * std::max(norm.values.back(), 0.0);
+  Dense F = transpose(norm.vectors), back = norm.vectors; // F⁻¹
+  for (int i = 0; i < k; ++i) {
+    const double root =
+        std::sqrt(std::max({norm.values[static_cast<std::size_t>(i)], least, 1e-300}));
+    for (int j = 0; j < k; ++j) {
+      F(i, j) *= root;
+      back(j, i) /= root;
+    }
+  }
+  Dense squares(k, k);
+  const auto add = [&](const Dense& columns) {
+    const Dense W = multiply(F, columns), WWt = multiply(W, transpose(W));
+    for (std::size_t i = 0; i < squares.data.size(); ++i) squares.data[i] += WWt.data[i];
+  };
+  const auto scale_of = [&](int port) { return scale[static_cast<std::size_t>(port)]; };
+  for (double omega : samples) {
+    const ComplexDense x = response.modal_response(omega), H = response.transfer(x);
+    const ComplexDense R = residual_of(basis.ports, basis.K, basis.D, kappa, omega,
+                                       response.system().coefficients(omega), x);
+    for (const Certificate::PortSet& block : blocks) {
+      double size = 0; // ‖H‖² of the block
+      for (int j : block.inputs)
+        for (int i : block.outputs)
+          size += std::norm(H(i, j) / (scale_of(i) * scale_of(j)));
+      if (!(size > 0)) continue;
+      std::vector<int> ports = block.inputs;
+      if (block.outputs != block.inputs)
+        ports.insert(ports.end(), block.outputs.begin(), block.outputs.end());
+      Dense parts(k, 2 * static_cast<int>(ports.size()));
+      int next = 0;
+      for (int j : ports) {
+        const double unit = 1 / (scale_of(j) * std::pow(size, 0.25));
+        for (int i = 0; i < k; ++i) {
+          parts(i, next) = unit * R(i, j).real();
+          parts(i, next + 1) = unit * R(i, j).imag();
+        }
+        next += 2;
+      }
+      add(parts);
+    }
+  }
+  const double sigma = cutoff * cutoff;
+  Dense of_modes = first_columns(basis.K, modes); // (ω_c² + τ) G of the certificate
+  for (int j = 0; j < modes; ++j) {
+    const double factor = (sigma + response.tau()) *
+                          residual_factor(response.mu()[static_cast<std::size_t>(j)],
+                                          response.tau(), kappa) /
+                          response.energy(j, sigma);
+    for (int i = 0; i < k; ++i) of_modes(i, j) *= factor;
+  }
+  add(of_modes);
+  const SymmetricEigen eigen = symmetric_eigen(squares);
+  int dropped = 0;
+  for (double left = 0; dropped < k - 1; ++dropped) {
+    left += std::max(eigen.values[static_cast<std::size_t>(dropped)], 0.0);
+    if (left > target) break;
+  }
+  return multiply(back, part_of(eigen.vectors, 0, k, dropped, k - dropped));
+}
+
 } // namespace flexgram
