@@ -29,9 +29,11 @@ struct BandWeight {
 /// loss factor of 1 % for this purpose.
 /// @param equal_ports  each port's part is divided by its norm in M, so that ports weigh
 /// alike.
+/// @param half_the_digits  eigenvalues of the Gramian below ε of the largest need not be
+/// known: without a damping matrix the price is then without the ports.
 /// @return N × at most N.
 Dense gramian_factor(const DenseResponse& response, const std::vector<BandWeight>& bands,
-                     bool equal_ports);
+                     bool equal_ports, bool half_the_digits = false);
 
 /// The same over the whole axis, 0 to ∞ (eq. 5), of a body without rigid modes.
 Dense whole_axis_factor(const DenseResponse& response, bool equal_ports);

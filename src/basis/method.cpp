@@ -69,7 +69,9 @@ Elastic::Elastic(const SecondStage& stage)
 Candidate gramian_candidate(const SecondStage& stage,
                             const std::vector<BandWeight>& bands) {
   const DenseResponse response(stage.medium.system, stage.medium.tau);
-  const Dense F = gramian_factor(response, bands, stage.equal_ports);
+  // With many ports, unless the tolerance needs small eigenvalues.
+  const bool squares = stage.medium.has_many_ports() && stage.tolerance >= 1e-5;
+  const Dense F = gramian_factor(response, bands, stage.equal_ports, squares);
   const WeightedSvd all = weighted_svd(F, stage.gram);
   Candidate c;
   if (stage.medium.rigid > 0 && stage.keep_rigid) {

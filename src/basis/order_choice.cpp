@@ -6,6 +6,24 @@
 #include <limits>
 
 namespace flexgram {
+namespace {
+
+/// An order above `low` that is good while the one below it is not; 0 if none is found.
+int bracketed(int low, int most, const std::function<bool(int)>& is_good) {
+  int high = low + 1;
+  while (!is_good(high)) {
+    low = high;
+    if (high == most) return 0;
+    high = std::min(most, high + std::max(2, high / 2));
+  }
+  while (high - low > 1) {
+    const int middle = (low + high) / 2;
+    (is_good(middle) ? high : low) = middle;
+  }
+  return high;
+}
+
+} // namespace
 
 int smallest_order(const Candidate& candidate, const MediumModel& medium, int most,
                    const std::function<bool(const DenseSystem&)>& good) {
@@ -13,9 +31,17 @@ int smallest_order(const Candidate& candidate, const MediumModel& medium, int mo
   if (most < candidate.least) return 0;
   if (candidate.nested) {
     const DenseSystem all = medium.system.project(candidate.basis(most));
-    for (int m = candidate.least; m <= most; ++m)
-      if (good(all.project(first_columns(identity(most), m)))) return m;
-    return 0;
+    const auto is_good = [&](int m) {
+      return good(all.project(first_columns(identity(most), m)));
+    };
+    // One by one; from orders on where each is costly, from a bracket downwards.
+    constexpr int costly = 64;
+    for (int m = candidate.least; m <= std::min(most, costly); ++m)
+      if (is_good(m)) return m;
+    if (most <= costly) return 0;
+    int m = bracketed(std::max(costly, candidate.least - 1), most, is_good);
+    while (m > costly + 1 && is_good(m - 1)) --m;
+    return m;
   }
   const auto is_good = [&](int m) {
     return good(medium.system.project(candidate.basis(m)));
@@ -27,17 +53,7 @@ int smallest_order(const Candidate& candidate, const MediumModel& medium, int mo
       return is_good(m) ? m : 0;
     }
   }
-  int low = candidate.least - 1, high = candidate.least;
-  while (!is_good(high)) {
-    low = high;
-    if (high == most) return 0;
-    high = std::min(most, high + std::max(2, high / 2));
-  }
-  while (high - low > 1) {
-    const int middle = (low + high) / 2;
-    (is_good(middle) ? high : low) = middle;
-  }
-  return high;
+  return bracketed(candidate.least - 1, most, is_good);
 }
 
 namespace {

@@ -49,7 +49,9 @@ void MediumBuilder::judge(MediumLevel& level) {
   const std::size_t views = model.views.size();
   std::vector<double> largest(views, 0.0); // of ‖H‖, where that is meant
   std::vector<MediumModel::Stretch> values;
-  for (double omega : grid_) values.push_back(model.at(omega));
+  // Of many ports, rough bounds are larger by the root of their number at most.
+  const double hopeless = spec_.target * std::sqrt(static_cast<double>(loads_.columns()));
+  for (double omega : grid_) values.push_back(model.at(omega, hopeless));
   const auto size = [&](const MediumModel::Stretch& value, std::size_t v) {
     return value.size[v].at[0] - value.bounds[v].error;
   };
@@ -200,7 +202,7 @@ void MediumBuilder::prove(int most_columns) {
   if (wide && levels.back().worst > spec_.target) {
     Dense chosen = directions_to_grow(
         parts, norm.gram, *levels.back().response, samples, seen_->model().blocks(),
-        medium_.scale, medium_.kappa, medium_.cutoff, modes, 0.1 * spec_.target);
+        medium_.scale, medium_.kappa, medium_.cutoff, modes, 0.3 * spec_.target);
     share_list(fom_.comm, chosen.data);
     chosen.columns = static_cast<int>(chosen.data.size()) / std::max(chosen.rows, 1);
     image_ = combine(image_, chosen);

@@ -94,8 +94,8 @@ MatrixSeries MediumModel::transfer(const ResponseSeries& x) const {
   return H;
 }
 
-std::optional<MediumModel::Stretch> MediumModel::over(Interval interval,
-                                                      int degree) const {
+std::optional<MediumModel::Stretch> MediumModel::over(Interval interval, int degree,
+                                                      double hopeless) const {
   const DenseResponse& response = *level_.response;
   Stretch result;
   if (has_many_ports()) {
@@ -107,8 +107,9 @@ std::optional<MediumModel::Stretch> MediumModel::over(Interval interval,
     for (std::size_t v = 0; v < views.size(); ++v) {
       result.size.push_back(term_norms(terms_[v], factors->x).norms);
       const auto& below = result.size.back().below;
-      sharper |= !(result.bounds[v].error <=
-                   enough_ * *std::min_element(below.begin(), below.end()));
+      const double relative =
+          result.bounds[v].error / *std::min_element(below.begin(), below.end());
+      sharper = sharper || !(relative <= enough_ || relative > hopeless);
     }
     result.H.factors = factors->x;
     if (!sharper) return result;

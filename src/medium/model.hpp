@@ -7,6 +7,8 @@
 #include "medium/term_gram.hpp"
 #include "model/port_views.hpp"
 
+#include <cmath>
+
 namespace flexgram {
 
 /// A response over an interval: its entries, or, with many ports and without a damping
@@ -30,14 +32,18 @@ public:
     std::vector<ViewNorms> size;            ///< of each of the views
     std::vector<Certificate::Bound> bounds; ///< the same, anywhere in it
   };
+  /// @param hopeless  with many ports, relative bounds above this need not be sharp.
   /// @return nothing if a pole is too near for an interval of this length.
-  std::optional<Stretch> over(Interval interval, int degree) const;
+  std::optional<Stretch> over(Interval interval, int degree,
+                              double hopeless = HUGE_VAL) const;
   /// H of it alone.
   std::optional<TransferSeries> response(Interval interval, int degree) const;
   /// Its entries, however many.
   std::optional<MatrixSeries> entries(Interval interval, int degree) const;
   /// At one frequency. @throws ShiftError at an undamped resonance.
-  Stretch at(double omega) const { return known(over({omega, omega}, 0)); }
+  Stretch at(double omega, double hopeless = HUGE_VAL) const {
+    return known(over({omega, omega}, 0, hopeless));
+  }
   ComplexDense transfer(double omega) const {
     return known(entries({omega, omega}, 0)).centre();
   }

@@ -306,8 +306,8 @@ Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
   const SymmetricEigen eigen = symmetric_eigen(squares);
   int dropped = 0;
   for (double left = 0; dropped < k - 1; ++dropped) {
-    left += std::max(eigen.values[static_cast<std::size_t>(dropped)], 0.0);
-    if (left > target) break;
+    left = std::hypot(left, eigen.values[static_cast<std::size_t>(dropped)]);
+    if (left > target) break; // ‖WᵀW‖_F of what is dropped, at each of the frequencies
   }
   return multiply(back, part_of(eigen.vectors, 0, k, dropped, k - dropped));
 }

@@ -34,23 +34,24 @@ TermNorms term_norms(const TermGram& gram, const MatrixSeries& f) {
       G(k, l) = parts(2 * k, 2 * l) + parts(2 * k + 1, 2 * l + 1);
   // |computed − exact| <= γ Σ_ij |f_i| |c_iᵀc_j| |b_iᵀb_j| |f_j| <= γ (Σ |f_i| ‖c_i‖‖b_i‖)²,
   // for any ‖Σ t_k F_k‖² with |t_k| <= 1.
-  double sizes = 0, tail = 0;
-  for (int i = 0; i < n; ++i) {
-    double sum = 0;
-    for (int k = 0; k <= degree; ++k) sum += std::hypot(f.real(k)[i], f.imaginary(k)[i]);
-    sizes += sum * gram.size[static_cast<std::size_t>(i)];
-    tail += f.tail(i, 0) * gram.size[static_cast<std::size_t>(i)];
-  }
   const double gamma = std::numeric_limits<double>::epsilon() *
                        (4.0 * n + 2 * gram.summed + 8 * degree + 16);
+  double sizes = 0, bend = 0, tail = 0; // bend: Σ k(k − 1)‖F_k‖ >= max‖F″‖
+  for (int k = 0; k <= degree; ++k) {
+    double sum = 0;
+    for (int i = 0; i < n; ++i)
+      sum += std::hypot(f.real(k)[i], f.imaginary(k)[i]) *
+             gram.size[static_cast<std::size_t>(i)];
+    sizes += sum;
+    bend += k * (k - 1) * std::sqrt(std::max(G(k, k), 0.0) + gamma * sum * sum);
+  }
+  for (int i = 0; i < n; ++i)
+    tail += f.tail(i, 0) * gram.size[static_cast<std::size_t>(i)];
   const double lost = gamma * sizes * sizes;
 
   TermNorms result;
   result.rounding = std::sqrt(lost);
   ViewNorms& norms = result.norms;
-  double bend = 0; // Σ k(k − 1)‖F_k‖ >= max‖F″‖
-  for (int k = 2; k <= degree; ++k)
-    bend += k * (k - 1) * std::sqrt(std::max(G(k, k), 0.0) + lost);
   const double width = 2.0 / pieces, away = bend * width * width / 8 + tail;
   const auto product = [&](const std::vector<double>& s, const std::vector<double>& t) {
     double sum = 0;

@@ -69,6 +69,22 @@ std::vector<Case> cases() {
   outputs.outputs_are_inputs = false;
   outputs.outputs = {"a", "b", "c"};
   all.push_back({"outputs", std::move(outputs)});
+  for (bool same : {true, false}) {
+    SecondOrderModel many = rod(n, {0.05, 1e-4, 0});
+    many.B =
+        block(n, 36, [](PetscInt i, PetscInt j) { return i == 3 * j + 5 ? 1.0 : 0.0; });
+    many.C = copy(many.B);
+    many.inputs.clear();
+    for (int j = 0; j < 36; ++j) many.inputs.push_back(std::to_string(j));
+    many.outputs = many.inputs;
+    if (!same) {
+      many.C = block(n, 30,
+                     [](PetscInt i, PetscInt j) { return i == 2 * j + 40 ? 2.0 : 0.0; });
+      many.outputs_are_inputs = false;
+      many.outputs.resize(30);
+    }
+    all.push_back({same ? "many ports" : "many ports and outputs", std::move(many)});
+  }
   SecondOrderModel floating = rod(n, {0, 1e-4, 0});
   floating.K = sparse(
       n,
@@ -129,6 +145,7 @@ TEST(Certificate, BoundsTheErrorOfEveryLevel) {
     const auto H = solves.transfer(omega, "test");
     for (std::size_t k = 0; k < medium.levels.size(); ++k) {
       const MediumModel model(medium, k, find_ports(medium.body, {}, {}), false);
+      EXPECT_EQ(model.has_many_ports(), std::string(c.name).rfind("many", 0) == 0);
       double largest = 0, largest_bound = 0, floor = 0;
       for (std::size_t l = 0; l < omega.size(); ++l) {
         const MediumModel::Stretch value = model.at(omega[l]);
@@ -151,4 +168,41 @@ TEST(Certificate, BoundsTheErrorOfEveryLevel) {
       }
     }
   }
+}
+
+TEST(TermNorms, AreThoseOfTheEntries) {
+  DenseSystem system;
+  const int N = 24;
+  system.M = system.K = identity(N);
+  for (int i = 0; i < N; ++i) system.K(i, i) = 3.0 + i * i;
+  system.damping = {0.02, 1e-3, 0.01};
+  system.B = system.C = Dense(N, 31);
+  for (std::size_t i = 0; i < system.B.data.size(); ++i)
+    system.B.data[i] = std::sin(3.0 * static_cast<double>(i) + 1);
+  const DenseResponse response(std::move(system), 1.0);
+  const auto x = response_series(response, {2.2, 2.25}, 12),
+             factors = modal_factors(response, {2.2, 2.25}, 12);
+  ASSERT_TRUE(x && factors);
+  const Dense &C = response.modal_outputs(), &B = response.modal_inputs();
+  PortView all{"all", {}, {}};
+  for (int i = 0; i < 31; ++i) all.rows.push_back(i);
+  all.columns = all.rows;
+  const ViewNorms expected = view_norms(multiply_transposed(C, x->x), all);
+  const TermNorms found = term_norms(TermGram(C, B), factors->x);
+  for (std::size_t i = 0; i <= pieces; ++i)
+    EXPECT_NEAR(found.norms.at[i], expected.at[i], 1e-12 * expected.at[i]);
+  for (std::size_t i = 0; i < pieces; ++i) {
+    EXPECT_NEAR(found.norms.above[i], expected.above[i], 1e-9 * expected.above[i]);
+    EXPECT_NEAR(found.norms.below[i], expected.below[i], 1e-9 * expected.below[i]);
+    EXPECT_GE(found.norms.above[i], found.norms.at[i]);
+    EXPECT_LE(found.norms.below[i], found.norms.at[i]);
+  }
+  EXPECT_LT(found.rounding, 1e-5 * expected.at[0]);
+  // A difference of two equal responses: nothing but rounding, which is told.
+  MatrixSeries negative = factors->x;
+  for (double& f : negative.coefficients.data) f = -f;
+  const TermGram one(C, B);
+  const TermNorms zero =
+      term_norms(TermGram(one, one.Q, one), stacked(factors->x, negative));
+  EXPECT_LE(zero.norms.at[0], zero.rounding);
 }

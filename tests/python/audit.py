@@ -26,7 +26,7 @@ from referee import TWO_PI, System, hard_frequencies, relative_error
 
 CLASSES = (
     "chain", "graph", "modal", "clustered", "massless", "soft mounts", "free", "weak ports",
-    "scaled ports", "other outputs", "two bands", "mode on cutoff",
+    "scaled ports", "other outputs", "two bands", "mode on cutoff", "many ports",
 )  # fmt: skip
 DAMPINGS = ("none", "mass", "stiffness", "both", "structural", "dashpots", "general")
 
@@ -55,7 +55,7 @@ def _springs(n: int, pairs: Any, stiffness: Any, ground: Any) -> Any:
 
 def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
     """A system of the class, lightly to strongly damped, with a band over some of its modes."""
-    n = int(rng.integers(20, 70))
+    n = int(rng.integers(20, 70)) if kind != "many ports" else int(rng.integers(90, 160))
     scale = 10.0 ** rng.uniform(2, 7)
     mass = 10.0 ** rng.uniform(-2, 2)
     chain = [(i, i + 1) for i in range(n - 1)]
@@ -86,7 +86,7 @@ def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
     if kind == "massless":
         M[rng.choice(n, n // 4, replace=False)] = rng.choice([0.0, 1e-15 * mass])
         M[-1] = mass
-    p = int(rng.integers(1, 4))
+    p = int(rng.integers(1, 4)) if kind != "many ports" else int(rng.integers(20, 60))
     B = np.zeros((n, p))
     B[rng.choice(n, p, replace=False), range(p)] = 1.0
     if kind in ("chain", "soft mounts", "free"):
@@ -105,6 +105,11 @@ def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
         if kind == "chain":
             C[0] = 0
             C[0, 0] = 1
+    if kind == "many ports":
+        B *= 10.0 ** rng.uniform(-2, 2, p)
+        if rng.random() < 0.4:
+            C = np.zeros((int(rng.integers(20, 40)), n))
+            C[range(len(C)), rng.choice(n, len(C), replace=False)] = 1.0
     eigen = sl.eigvalsh(np.diag(M), K + 1e-3 * scale * np.diag(M / mass), subset_by_index=None)
     shift = 1e-3 * scale / mass
     lam = np.sort(1 / eigen[eigen > 1e-9 * eigen.max()] - shift)
