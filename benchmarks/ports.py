@@ -34,7 +34,7 @@ def main() -> None:
         begin = time.perf_counter()
         rom = flexgram.reduce(matrices, band_hz=(10, 1000), tol=1e-3)
         seconds = time.perf_counter() - begin
-        rows.append([n, ports, rom.log["medium_order"], rom.order, f"{rom.certified_error:.1e}",
+        rows.append([n, ports, int(rom.log["medium_order"]), rom.order, f"{rom.certified_error:.1e}",
                      f"{seconds:.2f}"])  # fmt: skip
         print(*rows[-1], sep="  ", flush=True)
     with (RESULTS / "ports.csv").open("w", newline="") as file:

@@ -347,6 +347,33 @@ void Certificate::add_rounding(Bound& bound, const DenseResponse& response,
   bound.assumed *= factor;
 }
 
+/// |…| of the residual's claim for a block whose residuals are W at the centre of an
+/// interval and no farther from that than `in` and `out`, anywhere in it.
+double Certificate::error_of(const Inverse& S, const ComplexDense& at_centre,
+                             const PortSet& block, double in, double out) const {
+  const bool same = block.inputs == block.outputs;
+  const ComplexDense w_in = columns_of(at_centre, block.inputs);
+  const ComplexDense w_out = same ? ComplexDense() : columns_of(at_centre, block.outputs);
+  const ComplexDense& w_c = same ? w_in : w_out;
+  const double added = frobenius_norm(w_c) * in + frobenius_norm(w_in) * out + in * out;
+  const double paired =
+      added + (same ? frobenius_norm(multiply_transposed(w_in, w_in, true))
+                    : paired_norm(w_c, w_in));
+  // The Gram matrix is that of the norm or more: no bound of W_CᵀW_B by itself.
+  const auto coefficients = [&](const ComplexDense& w_of, double moved_by) {
+    double square = 0, widest = 0;
+    for (std::size_t i = 0; i < coordinates_.size(); ++i) {
+      widest = std::max(widest, coordinates_[i]);
+      for (int j = 0; j < w_of.columns; ++j)
+        square += std::norm(coordinates_[i] * w_of(static_cast<int>(i), j));
+    }
+    return std::sqrt(square) + widest * moved_by;
+  };
+  const double known = added + frobenius_norm(multiply_transposed(w_c, w_in)) +
+                       added_ * coefficients(w_c, out) * coefficients(w_in, in);
+  return std::min(S.norm * paired, std::abs(S.centre) * known + S.radius * paired);
+}
+
 std::vector<Certificate::Bound>
 Certificate::over(const DenseResponse& response, const ResponseSeries& x,
                   const std::vector<PortSet>& blocks) const {
@@ -374,34 +401,11 @@ Certificate::over(const DenseResponse& response, const ResponseSeries& x,
     for (int j : columns) square += std::pow(moved[static_cast<std::size_t>(j)], 2);
     return std::sqrt(square);
   };
-
   std::vector<Bound> bounds;
   for (const PortSet& block : blocks) {
-    const bool same = block.inputs == block.outputs;
-    const ComplexDense w_in = columns_of(at_centre, block.inputs);
-    const ComplexDense w_out =
-        same ? ComplexDense() : columns_of(at_centre, block.outputs);
-    const ComplexDense& w_c = same ? w_in : w_out;
-    const double in = moved_of(block.inputs), out = moved_of(block.outputs),
-                 added = frobenius_norm(w_c) * in + frobenius_norm(w_in) * out + in * out;
-    const double paired =
-        added + (same ? frobenius_norm(multiply_transposed(w_in, w_in, true))
-                      : paired_norm(w_c, w_in));
-    // The Gram matrix is that of the norm or more: no bound of W_CᵀW_B by itself.
-    const auto coefficients = [&](const ComplexDense& w_of, double moved_by) {
-      double square = 0, widest = 0;
-      for (std::size_t i = 0; i < coordinates_.size(); ++i) {
-        widest = std::max(widest, coordinates_[i]);
-        for (int j = 0; j < w_of.columns; ++j)
-          square += std::norm(coordinates_[i] * w_of(static_cast<int>(i), j));
-      }
-      return std::sqrt(square) + widest * moved_by;
-    };
-    const double known = added + frobenius_norm(multiply_transposed(w_c, w_in)) +
-                         added_ * coefficients(w_c, out) * coefficients(w_in, in);
     Bound bound;
     bound.error =
-        std::min(S.norm * paired, std::abs(S.centre) * known + S.radius * paired);
+        error_of(S, at_centre, block, moved_of(block.inputs), moved_of(block.outputs));
     bound.proved = S.proved;
     add_rounding(bound, response, x, block);
     bounds.push_back(bound);
@@ -447,9 +451,10 @@ Certificate::ResidualGrams Certificate::residual_grams(const DenseResponse& resp
 }
 
 std::vector<Certificate::Bound>
-Certificate::roughly_over(const DenseResponse& response, const ResponseSeries& factors,
-                          const std::vector<PortSet>& blocks,
-                          const std::vector<ResidualGrams>& grams) const {
+Certificate::of_many(const DenseResponse& response, const ResponseSeries& factors,
+                     const std::vector<PortSet>& blocks,
+                     const std::vector<ResidualGrams>& grams,
+                     const std::function<bool(std::size_t, double)>& enough) const {
   const Dense& B = response.modal_inputs();
   ResponseSeries x{factors.interval, {}, Dense(B.rows, B.columns), factors.largest};
   for (int j = 0; j < B.columns; ++j)
@@ -468,13 +473,17 @@ Certificate::roughly_over(const DenseResponse& response, const ResponseSeries& f
       square += std::pow(lost(x, j, largest) / scale_[static_cast<std::size_t>(j)], 2);
     return std::sqrt(square);
   };
-  std::vector<Bound> bounds;
-  for (std::size_t k = 0; k < blocks.size(); ++k) {
+  const auto norms_of = [&](std::size_t k, const MatrixSeries& series) {
+    const ViewNorms in = term_norms(grams[k].of_inputs, series).norms;
     const bool same = grams[k].of_outputs.order() == 0;
-    const ViewNorms in = term_norms(grams[k].of_inputs, terms).norms,
-                    out = same ? in : term_norms(grams[k].of_outputs, terms).norms;
+    return std::pair{in, same ? in : term_norms(grams[k].of_outputs, series).norms};
+  };
+  std::vector<Bound> bounds;
+  bool sharper = false;
+  for (std::size_t k = 0; k < blocks.size(); ++k) {
+    const auto [in, out] = norms_of(k, terms);
     const double lost_in = lost_of(blocks[k].inputs),
-                 lost_out = same ? lost_in : lost_of(blocks[k].outputs);
+                 lost_out = lost_of(blocks[k].outputs);
     double product = 0;
     for (std::size_t i = 0; i < pieces; ++i)
       product = std::max(product, (in.above[i] + lost_in) * (out.above[i] + lost_out));
@@ -482,7 +491,35 @@ Certificate::roughly_over(const DenseResponse& response, const ResponseSeries& f
     bound.error = S.norm * product;
     bound.proved = S.proved;
     add_rounding(bound, response, x, blocks[k]);
+    sharper = sharper || !enough(k, bound.error);
     bounds.push_back(bound);
+  }
+  if (!sharper) return bounds;
+
+  // W itself at the centre; the terms say how far it moves from there.
+  const double centre = x.interval.centre();
+  const auto there = response_series(response, {centre, centre}, 0);
+  if (!there) return bounds;
+  const MatrixSeries w = residual(response, *there);
+  const ComplexDense at_centre = w.centre();
+  MatrixSeries moving = terms;
+  for (int part = 0; part < 2; ++part)
+    std::fill_n(moving.coefficients.column(part), moving.rows(), 0.0);
+  const auto rounding_of = [&](const std::vector<int>& columns) {
+    double square = 0;
+    for (int j : columns)
+      for (int i = 0; i + 1 < w.rows(); ++i) square += w.tail(i, j) * w.tail(i, j);
+    return std::sqrt(square);
+  };
+  for (std::size_t k = 0; k < blocks.size(); ++k) {
+    const auto [in, out] = norms_of(k, moving);
+    const auto farthest = [&](const ViewNorms& norms, const std::vector<int>& columns) {
+      return *std::max_element(norms.above.begin(), norms.above.end()) +
+             rounding_of(columns) + lost_of(columns);
+    };
+    bounds[k].error = std::min(
+        bounds[k].error, error_of(S, at_centre, blocks[k], farthest(in, blocks[k].inputs),
+                                  farthest(out, blocks[k].outputs)));
   }
   return bounds;
 }

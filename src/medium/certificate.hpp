@@ -8,6 +8,7 @@
 #include "medium/space.hpp"
 #include "medium/term_gram.hpp"
 
+#include <functional>
 #include <span>
 
 namespace flexgram {
@@ -83,13 +84,14 @@ public:
     TermGram of_inputs, of_outputs; ///< the latter empty where they are the former
   };
   ResidualGrams residual_grams(const DenseResponse& response, const PortSet& block) const;
-  /// Bounds like those of `over`, but by ‖W_C‖‖W_B‖: larger by the root of the number of
-  /// ports where their residuals are independent, at a price without the ports.
-  /// @pre a diagonal system.
-  std::vector<Bound> roughly_over(const DenseResponse& response,
-                                  const ResponseSeries& factors,
-                                  const std::vector<PortSet>& blocks,
-                                  const std::vector<ResidualGrams>& grams) const;
+  /// Bounds like those of `over` for many ports of a diagonal system, by ‖W_C‖‖W_B‖:
+  /// larger by the root of the number of ports where their residuals are independent, at
+  /// a price without the ports. Where they are not `enough` (number of the block, error),
+  /// W_CᵀW_B at the centre makes them sharper.
+  std::vector<Bound>
+  of_many(const DenseResponse& response, const ResponseSeries& factors,
+          const std::vector<PortSet>& blocks, const std::vector<ResidualGrams>& grams,
+          const std::function<bool(std::size_t, double)>& enough) const;
   /// Largest sine of the angle between a mode below the cutoff and the space.
   double worst_angle() const;
 
@@ -155,6 +157,8 @@ private:
     bool proved = true;
   };
   Inverse inverse(const DenseResponse& response, const ResponseSeries& x) const;
+  double error_of(const Inverse& S, const ComplexDense& at_centre, const PortSet& block,
+                  double in, double out) const;
   double mode_coupling(const DenseResponse& response, const ResponseSeries& x) const;
   std::array<std::complex<double>, 3> residual_factors(const DenseResponse& response,
                                                        Interval interval) const;

@@ -55,7 +55,7 @@ MediumModel::MediumModel(const Medium& medium, std::size_t level,
   modal_outputs_ = in_units(response.modal_inputs(), outputs_);
   const double entries = static_cast<double>(inputs_.size() * outputs_.size());
   if (response.is_diagonal() && entries > many * response.system().order()) {
-    enough_ = 0.1 * medium.spec.target;
+    enough_ = medium.spec.target;
     for (std::size_t v = 0; v < views.size(); ++v) {
       terms_.emplace_back(columns_of(modal_outputs_, views[v].rows),
                           columns_of(modal_inputs_, views[v].columns));
@@ -101,23 +101,22 @@ std::optional<MediumModel::Stretch> MediumModel::over(Interval interval, int deg
   if (has_many_ports()) {
     const auto factors = modal_factors(response, interval, degree);
     if (!factors) return std::nullopt;
-    result.bounds =
-        level_.certificate->roughly_over(response, *factors, blocks_, residuals_);
-    bool sharper = false;
-    for (std::size_t v = 0; v < views.size(); ++v) {
-      result.size.push_back(term_norms(terms_[v], factors->x).norms);
+    std::vector<double> least; // ‖H‖
+    for (const TermGram& terms : terms_) {
+      result.size.push_back(term_norms(terms, factors->x).norms);
       const auto& below = result.size.back().below;
-      const double relative =
-          result.bounds[v].error / *std::min_element(below.begin(), below.end());
-      sharper = sharper || !(relative <= enough_ || relative > hopeless);
+      least.push_back(*std::min_element(below.begin(), below.end()));
     }
+    result.bounds = level_.certificate->of_many(
+        response, *factors, blocks_, residuals_, [&](std::size_t v, double error) {
+          return error <= enough_ * least[v] || error > hopeless * least[v];
+        });
     result.H.factors = factors->x;
-    if (!sharper) return result;
+    return result;
   }
   const auto x = response_series(response, interval, degree);
   if (!x) return std::nullopt;
   result.bounds = level_.certificate->over(response, *x, blocks_);
-  if (has_many_ports()) return result;
   result.H.entries = transfer(*x);
   for (const PortView& view : views)
     result.size.push_back(view_norms(result.H.entries, view));
