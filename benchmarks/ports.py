@@ -34,8 +34,8 @@ def main() -> None:
         begin = time.perf_counter()
         rom = flexgram.reduce(matrices, band_hz=(10, 1000), tol=1e-3)
         seconds = time.perf_counter() - begin
-        rows.append([n, ports, int(rom.log["medium_order"]), rom.order, f"{rom.certified_error:.1e}",
-                     f"{seconds:.2f}"])  # fmt: skip
+        medium = int(rom.log["medium_order"])
+        rows.append([n, ports, medium, rom.order, f"{rom.certified_error:.1e}", f"{seconds:.2f}"])
         print(*rows[-1], sep="  ", flush=True)
     with (RESULTS / "ports.csv").open("w", newline="") as file:
         head = ["dofs", "ports", "medium order", "order", "certified", "seconds"]
