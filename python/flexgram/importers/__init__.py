@@ -63,6 +63,7 @@ def read(
     inputs: str | Path | None = None,
     mapping: str | Path | None = None,
     run_ccx: bool = False,
+    step: int | None = None,
 ) -> FeMatrices:
     """Read the matrices of an FE code.
 
@@ -80,6 +81,9 @@ def read(
         Further files of formats that keep each matrix in its own.
     run_ccx : bool
         ``path`` is a CalculiX deck without results: run ccx on it first.
+    step : int, optional
+        With ``run_ccx``: the ``*FREQUENCY`` step, from 1, whose matrices are taken; default: the
+        last with ``PERTURBATION``, else the first.
 
     Raises
     ------
@@ -101,26 +105,33 @@ def read(
     if kind in ("pair", "petsc") and other["mass"] is None:
         raise BodyError(f"{first} holds one matrix: name the mass matrix too (--mass)")
     with errors_of(first):
-        return _read(kind, first, other, run_ccx)
+        return _read(kind, first, other, run_ccx, step)
 
 
-def _read(kind: str, first: Path, other: dict[str, Path | None], run_ccx: bool) -> FeMatrices:
+def _read(
+    kind: str, first: Path, other: dict[str, Path | None], run_ccx: bool, step: int | None
+) -> FeMatrices:
     """Hand over to the format's own reader."""
     if kind == "calculix":
-        from flexgram.importers import calculix
+        from flexgram.importers import calculix, ccx
 
         if run_ccx:
             with tempfile.TemporaryDirectory(prefix="flexgram-ccx-") as folder:
                 try:
-                    fe = calculix.read_calculix(calculix.run_ccx(first, Path(folder)))
+                    job, remarks = ccx.run_ccx(first, Path(folder), step)
+                    fe = calculix.read_calculix(job)
                 except BodyError as error:  # the user knows the deck, not the folder of the run
                     raise BodyError(str(error).replace(folder, str(first.parent))) from error
                 fe.source = str(first)
-                fe.remarks = [line.replace(folder, str(first.parent)) for line in fe.remarks]
+                fe.remarks = remarks + [
+                    line.replace(folder, str(first.parent)) for line in fe.remarks
+                ]
                 return fe
         return calculix.read_calculix(first, other["deck"])
     if run_ccx:
         raise BodyError(f"--run-ccx wants a CalculiX deck, not {first}")
+    if step is not None:
+        raise BodyError("--step belongs to --run-ccx")
     if kind == "abaqus":
         from flexgram.importers import abaqus
 

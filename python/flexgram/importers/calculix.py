@@ -1,14 +1,11 @@
 """CalculiX: ``job.sti``, ``job.mas``, ``job.dof`` of a matrix-storage step, and the deck.
 
-The step is ``*FREQUENCY, SOLVER=MATRIXSTORAGE``; ``run_ccx`` puts it in place of the steps of a
-deck and runs ccx. Checked with ccx 2.20.
+The step is ``*FREQUENCY, SOLVER=MATRIXSTORAGE``; ``ccx`` makes one of a deck's steps and runs it.
 """
 
 from __future__ import annotations
 
 import re
-import shutil
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -17,8 +14,6 @@ import scipy.sparse as sp
 from flexgram.basics import BodyError, whole_numbers
 from flexgram.importers.deck import read_deck
 from flexgram.importers.fe import FeMatrices, check_indices, read_triplets, symmetric
-
-STEP = "*STEP\n*FREQUENCY, SOLVER=MATRIXSTORAGE\n*END STEP\n"
 
 
 def _matrix(path: Path, n: int) -> sp.csr_matrix:
@@ -77,9 +72,6 @@ def read_calculix(path: Path, deck: Path | None = None) -> FeMatrices:
         fe.remarks.append(f"{deck} is not there: no coordinates, no node sets (--deck names it)")
         return fe
     model = read_deck(deck)
-    if model.transformed:
-        raise BodyError(f"{deck}: *TRANSFORM: CalculiX writes these rows in local axes; take the "
-                        "card out before exporting")  # fmt: skip
     fe.labels, fe.points, fe.sets, fe.blocks = model.labels, model.points, model.sets, model.blocks
     fe.remarks += model.remarks
     # ccx numbers a rotation node that the deck does not name by itself: a label of its own with
@@ -107,45 +99,3 @@ def read_calculix(path: Path, deck: Path | None = None) -> FeMatrices:
         )
         fe.points = np.empty((0, 3))
     return fe
-
-
-def run_ccx(deck: Path, folder: Path) -> Path:
-    """Run ccx on the model part of ``deck`` with a matrix-storage step.
-
-    Returns
-    -------
-    Path
-        The deck that ran, in ``folder``, with its results beside it.
-    """
-    program = shutil.which("ccx")
-    if program is None:
-        raise BodyError("ccx is not installed (Debian: apt install calculix-ccx)")
-    if not deck.exists():
-        raise BodyError(f"{deck}: no such file")
-    folder.mkdir(parents=True, exist_ok=True)
-    kept: list[str] = []
-    in_step, boundary, steps = False, False, 0
-    for line in deck.read_text(errors="replace").splitlines():
-        word = line.upper().replace(" ", "")
-        if word.startswith("*STEP"):
-            in_step, steps = True, steps + 1
-        if word.startswith("*INCLUDE"):  # paths are relative to the deck
-            head, _, name = line.partition("=")
-            line = f"{head}={(deck.parent / name.strip()).resolve()}"
-        if in_step and word.startswith("*") and not word.startswith("**"):
-            boundary = word.startswith("*BOUNDARY")
-        if not in_step or (boundary and steps == 1):  # supports of the first step hold the body
-            kept.append(line)
-    job = folder / deck.name
-    job.write_text("\n".join(kept) + "\n" + STEP)
-    for suffix in (".sti", ".mas", ".dof"):  # never take an old result for a new one
-        job.with_suffix(suffix).unlink(missing_ok=True)
-    done = subprocess.run([program, job.stem], cwd=folder, capture_output=True, text=True)
-    missing = [s for s in (".sti", ".mas", ".dof") if not job.with_suffix(s).exists()]
-    said = done.stdout.splitlines()
-    errors = [i for i, line in enumerate(said) if "*ERROR" in line]
-    if done.returncode or missing or errors:
-        first = errors[0] if errors else max(len(said) - 3, 0)  # an error goes on for some lines
-        reason = " ".join(line.strip() for line in said[first : first + 3] if line.strip())
-        raise BodyError(f"ccx on {deck} failed (exit status {done.returncode}): {reason}")
-    return job

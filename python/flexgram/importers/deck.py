@@ -36,7 +36,8 @@ class Deck:
     remarks: list[str] = field(default_factory=list)
 
 
-def _keyword(line: str) -> tuple[str, dict[str, str]]:
+def keyword_of(line: str) -> tuple[str, dict[str, str]]:
+    """Keyword and options of a card, in capitals; values as written, without quotes."""
     parts = [part.strip() for part in line[1:].split(",")]
     options = {}
     for part in parts[1:]:
@@ -69,7 +70,7 @@ def _lines(path: Path, depth: int = 0) -> list[tuple[Path, int, str]]:
             place = (path, number)
         open_keyword = line.startswith("*") and line.endswith(",")
         if line.upper().startswith("*INCLUDE") and not open_keyword:
-            name = _keyword(line)[1].get("INPUT", "")
+            name = keyword_of(line)[1].get("INPUT", "")
             result += _lines(path.parent / name, depth + 1)
         else:
             result.append((*place, line))
@@ -170,7 +171,7 @@ def read_deck(path: Path) -> Deck:
     for file, number, line in _lines(path):
         try:
             if line.startswith("*"):
-                keyword, options = _keyword(line)
+                keyword, options = keyword_of(line)
                 if keyword == "STEP":
                     break
                 model.card(keyword, options)

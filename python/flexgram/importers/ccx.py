@@ -1,0 +1,258 @@
+"""Running CalculiX: which step of a deck gives K and M, and what of the deck they do not hold.
+
+``prepare`` keeps the model and, where the deck has a ``*FREQUENCY`` step, that step with all before
+it, as ccx itself would run them (a preload of a ``*STEP, PERTURBATION`` is part of the linear
+model); the step then stores its matrices instead of finding modes. Checked with ccx 2.20.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from flexgram.basics import BodyError
+from flexgram.importers.deck import keyword_of
+
+STORAGE = "*FREQUENCY, SOLVER=MATRIXSTORAGE"
+
+#: Cards of a step that are forces or histories: no part of a linear body.
+LOADS = ("CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE", "CFLUX", "DFLUX", "FILM", "RADIATE",
+         "BASE MOTION", "GREEN")  # fmt: skip
+#: What K and M of the model do not mean, whatever the step.
+FOREIGN = {
+    "CYCLIC SYMMETRY MODEL": "the deck is one sector of a cyclic body, which is no body by itself: "
+    "model all of it",
+    "SUBMODEL": "a submodel hangs on results of another run",
+    "RESTART": "the deck starts from another run (*RESTART)",
+}
+#: Procedures without masses and stiffnesses of a body.
+NOT_MECHANICAL = ("HEAT TRANSFER", "ELECTROMAGNETICS", "CFD", "CRACK PROPAGATION")
+
+
+@dataclass
+class Card:
+    """A keyword with its options and data lines, as written."""
+
+    keyword: str
+    options: dict[str, str]
+    lines: list[str]  #: the keyword line (or lines) first
+
+    def words(self) -> Iterator[list[str]]:
+        """The data lines, split."""
+        head = next(i for i, line in enumerate(self.lines) if not _continued(line)) + 1
+        for line in self.lines[head:]:
+            if line.strip() and not line.lstrip().startswith("**"):
+                yield [word.strip() for word in line.split(",")]
+
+
+@dataclass
+class Job:
+    """A deck in cards: those of the model, and those of each step."""
+
+    path: Path
+    model: list[Card] = field(default_factory=list)
+    steps: list[list[Card]] = field(default_factory=list)
+
+    def step_of(self, number: int) -> list[Card]:
+        return self.steps[number - 1]
+
+
+def _continued(line: str) -> bool:
+    return line.lstrip().startswith("*") and line.rstrip().endswith(",")
+
+
+def _raw_lines(path: Path, folder: Path, depth: int = 0) -> Iterator[str]:
+    """Lines with ``*INCLUDE`` in its place; names are relative to the deck, as ccx takes them, or
+    to the file that includes."""
+    if depth > 20:
+        raise BodyError(f"{path}: *INCLUDE goes round in circles")
+    try:
+        content = path.read_text(errors="replace")
+    except OSError as error:
+        raise BodyError(f"{path}: {error.strerror}") from None
+    for number, line in enumerate(content.splitlines(), 1):
+        if not line.upper().replace(" ", "").startswith("*INCLUDE"):
+            yield line
+            continue
+        name = keyword_of(line)[1].get("INPUT", "")
+        places = [place / name for place in (folder, path.parent) if (place / name).is_file()]
+        if not places:
+            raise BodyError(f"{path}, line {number}: {name or line!r} is not there")
+        yield from _raw_lines(places[0], folder, depth + 1)
+
+
+def read_job(path: Path) -> Job:
+    """The deck in cards.
+
+    Raises
+    ------
+    BodyError
+        If it, or what it includes, cannot be read.
+    """
+    job = Job(path)
+    cards, step = job.model, False
+    open_keyword = False
+    for line in _raw_lines(path, path.parent):
+        comment = line.lstrip().startswith("**")
+        if open_keyword and not comment:
+            card = cards[-1]
+            card.lines.append(line)
+            head = "".join(part.strip() for part in card.lines if not part.startswith("**"))
+            card.keyword, card.options = keyword_of(head)
+            open_keyword = line.rstrip().endswith(",")
+            continue
+        if line.lstrip().startswith("*") and not comment:
+            keyword, options = keyword_of(line.strip())
+            open_keyword = line.rstrip().endswith(",")
+            if keyword == "STEP":
+                job.steps.append([])
+                cards, step = job.steps[-1], True
+            cards.append(Card(keyword, options, [line]))
+            if keyword == "END STEP" and step:
+                cards, step = job.model, False
+        elif cards:
+            cards[-1].lines.append(line)
+    return job
+
+
+def frequency_step(job: Job, asked: int | None = None) -> int | None:
+    """The step, from 1, that K and M are to be of: the last *FREQUENCY step with PERTURBATION, else
+    the first one; None without such a step.
+
+    Raises
+    ------
+    BodyError
+        If the step asked for is none.
+    """
+    found = [number for number, cards in enumerate(job.steps, 1)
+             if any(card.keyword == "FREQUENCY" for card in cards)]  # fmt: skip
+    if asked is not None:
+        if asked not in found:
+            there = f"its *FREQUENCY steps are {', '.join(map(str, found))}" if found else \
+                "it has no *FREQUENCY step"  # fmt: skip
+            raise BodyError(f"{job.path}: step {asked} gives no matrices: {there}")
+        return asked
+    loaded = [n for n in found if "PERTURBATION" in job.step_of(n)[0].options]
+    return loaded[-1] if loaded else found[0] if found else None
+
+
+def _text(cards: list[Card]) -> str:
+    return "".join(f"{line}\n" for card in cards for line in card.lines)
+
+
+def _stored(step: list[Card]) -> list[Card]:
+    """The step with its matrices stored instead of its modes found."""
+    kept = [card for card in step if card.keyword not in ("SELECT CYCLIC SYMMETRY MODES",)]
+    return [Card("FREQUENCY", {}, [STORAGE]) if card.keyword == "FREQUENCY" else card
+            for card in kept]  # fmt: skip
+
+
+def _and(words: list[str]) -> str:
+    return ", ".join(f"*{word}" for word in dict.fromkeys(words))
+
+
+def prepare(job: Job, asked: int | None = None) -> tuple[str, list[str]]:
+    """The deck that stores the matrices, and what of the user's deck these do not hold.
+
+    Returns
+    -------
+    text : str
+    remarks : list of str
+
+    Raises
+    ------
+    BodyError
+        For a deck whose matrices are not those of a body.
+    """
+    for card in job.model:
+        if card.keyword in FOREIGN and not (card.keyword == "RESTART" and "READ" not in
+                                            card.options):  # fmt: skip
+            raise BodyError(f"{job.path}: {FOREIGN[card.keyword]}")
+    words = [card.keyword for step in job.steps for card in step]
+    heat = [word for word in words if word in NOT_MECHANICAL]
+    if heat and not any(c.keyword == "DENSITY" for c in job.model):
+        raise BodyError(f"{job.path}: *{heat[0]}: no masses and stiffnesses of a mechanical body")
+    number = frequency_step(job, asked)
+    remarks: list[str] = []
+    if number is None:
+        first = job.steps[0] if job.steps else []
+        held = [card for card in first if card.keyword == "BOUNDARY"]
+        text = _text(job.model) + "*STEP\n" + STORAGE + "\n" + _text(held) + "*END STEP\n"
+        if job.steps:
+            what = [card.keyword for step in job.steps for card in step
+                    if card.keyword in (*LOADS, "STATIC", "VISCO", "BUCKLE", "DYNAMIC",
+                                        "MODAL DYNAMIC", "STEADY STATE DYNAMICS",
+                                        "COUPLED TEMPERATURE-DISPLACEMENT")]  # fmt: skip
+            left = f"; left out: {_and(what)}" if what else ""
+            remarks.append("the deck has no *FREQUENCY step: K and M of the unloaded body with the "
+                           f"supports of step 1{left}")  # fmt: skip
+    else:
+        step = job.step_of(number)
+        kept = [card for earlier in job.steps[: number - 1] for card in earlier]
+        text = _text(job.model) + _text(kept) + _text(_stored(step))
+        preloaded = "PERTURBATION" in step[0].options
+        if preloaded:
+            by = [c.keyword for c in kept if c.keyword in (*LOADS, "STATIC", "BOUNDARY", "VISCO")]
+            remarks.append(f"K and M of step {number}, *STEP, PERTURBATION: preloaded by the steps "
+                           f"before it ({_and(by)})")  # fmt: skip
+        elif number > 1:
+            remarks.append(f"K and M of step {number}, without preload: what steps 1 to "
+                           f"{number - 1} load is left out (no PERTURBATION)")  # fmt: skip
+        others = [n for n in range(1, len(job.steps) + 1) if n > number]
+        further = [c.keyword for n in others for c in job.step_of(n)
+                   if c.keyword in ("FREQUENCY", "MODAL DYNAMIC", "STEADY STATE DYNAMICS",
+                                    "COMPLEX FREQUENCY", "BUCKLE", "STATIC", "DYNAMIC")]  # fmt: skip
+        more = [n for n in range(1, len(job.steps) + 1) if n != number
+                and any(c.keyword == "FREQUENCY" for c in job.step_of(n))]  # fmt: skip
+        if more:
+            remarks.append(f"step {number} is taken; --step {more[0]} takes another *FREQUENCY step")
+        elif further:
+            remarks.append(f"steps after it are left out: {_and(further)}")
+        if "COMPLEX FREQUENCY" in words:
+            remarks.append("gyroscopic terms (*COMPLEX FREQUENCY) are left out")
+    return text, remarks
+
+
+def run_ccx(deck: Path, folder: Path, step: int | None = None) -> tuple[Path, list[str]]:
+    """Run ccx on a deck so that it stores its matrices.
+
+    Parameters
+    ----------
+    deck, folder : Path
+        The deck, and where to run.
+    step : int, optional
+        Which *FREQUENCY step, from 1; default: ``frequency_step``.
+
+    Returns
+    -------
+    path : Path
+        The deck that ran, in ``folder``, with its results beside it.
+    remarks : list of str
+        What of the user's deck the matrices do not hold.
+    """
+    program = shutil.which("ccx")
+    if program is None:
+        raise BodyError("ccx is not installed (Debian: apt install calculix-ccx)")
+    if not deck.exists():
+        raise BodyError(f"{deck}: no such file")
+    text, remarks = prepare(read_job(deck), step)
+    folder.mkdir(parents=True, exist_ok=True)
+    job = folder / deck.name
+    job.write_text(text)
+    for suffix in (".sti", ".mas", ".dof"):  # never take an old result for a new one
+        job.with_suffix(suffix).unlink(missing_ok=True)
+    done = subprocess.run([program, job.stem], cwd=folder, capture_output=True, text=True,
+                          errors="replace")  # fmt: skip
+    missing = [s for s in (".sti", ".mas", ".dof") if not job.with_suffix(s).exists()]
+    said = done.stdout.splitlines()
+    errors = [i for i, line in enumerate(said) if "*ERROR" in line]
+    if done.returncode or missing or errors:
+        first = errors[0] if errors else max(len(said) - 3, 0)  # an error goes on for some lines
+        reason = " ".join(line.strip() for line in said[first : first + 3] if line.strip())
+        reason = re.sub(r"\s+", " ", reason)
+        raise BodyError(f"ccx on {deck} failed (exit status {done.returncode}): {reason}")
+    return job, remarks

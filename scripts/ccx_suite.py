@@ -1,0 +1,128 @@
+"""Every deck of a folder: imported and compared with CalculiX' own frequencies of the same step.
+
+    scripts/ccx-suite FOLDER [pattern]        such as the decks of CalculiX' own test suite
+
+For each deck that ccx itself can run: ``equal`` (to the digits that ccx prints), ``named``
+(different, and the import says that something is left out), ``refused`` (with the reason),
+``WRONG``. Exit status 1 if one is wrong or ends in a traceback. Decks for which ccx finds no
+frequencies by itself (heat, fluids, other versions) are counted apart.
+"""
+
+from __future__ import annotations
+
+import concurrent.futures
+import fnmatch
+import os
+import re
+import subprocess
+import sys
+import tempfile
+import traceback
+from collections import Counter
+from pathlib import Path
+
+os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
+
+import numpy as np
+import scipy.linalg as sl
+from scipy.sparse.linalg import eigsh
+
+from flexgram.basics import BodyError
+from flexgram.importers import ccx, read
+
+COUNT, SECONDS = 10, 120
+
+
+def reference(deck: Path, folder: Path) -> np.ndarray | None:
+    """[Hz, negative below zero] by ccx: of the deck's own step, or of one in place of its steps."""
+    try:
+        job = ccx.read_job(deck)
+        number = ccx.frequency_step(job)
+        text = ccx.prepare(job)[0]
+    except BodyError:
+        number, text = None, deck.read_text(errors="replace")
+    head, storage, tail = text.partition(ccx.STORAGE)
+    if storage:
+        own = "" if number is None else next(
+            "".join(f"{line}\n" for line in card.lines)
+            for card in job.step_of(number) if card.keyword == "FREQUENCY")  # fmt: skip
+        text = head + (own or f"*FREQUENCY\n{COUNT}\n") + tail
+    (folder / deck.name).write_text(text)
+    try:
+        subprocess.run(["ccx", deck.stem], cwd=folder, capture_output=True, timeout=SECONDS)
+    except subprocess.TimeoutExpired:
+        return None
+    data = folder / (deck.stem + ".dat")
+    if not data.exists():
+        return None
+    tables = data.read_text(errors="replace").split("E I G E N V A L U E   O U T P U T")
+    number_ = r"([-+.\dE]+)"
+    rows = re.findall(rf"^\s+\d+\s+{number_}\s+{number_}\s+{number_}\s+{number_}\s*$",
+                      tables[-1] if len(tables) > 1 else "", re.MULTILINE)  # fmt: skip
+    if not rows:
+        return None
+    return np.array([float(hz) if float(value) > 0 else -float(imaginary) / (2 * np.pi)
+                     for value, _, hz, imaginary in rows])  # fmt: skip
+
+
+def squares(hz: np.ndarray) -> np.ndarray:
+    """λ [rad²/s²] with its sign."""
+    return np.sign(hz) * (2 * np.pi * hz) ** 2
+
+
+def imported(deck: Path, count: int) -> tuple[np.ndarray, float, list[str]]:
+    """The lowest λ, the rounding of the printed matrices in it, and what the import says."""
+    fe = read(deck, run_ccx=True)
+    K, M = fe.K, fe.M
+    largest = float(np.max(K.diagonal()[M.diagonal() > 0] / M.diagonal()[M.diagonal() > 0]))
+    shift = 1e-7 * largest
+    if fe.n <= 2000:
+        E = K.toarray() + shift * M.toarray()
+        try:
+            mu = sl.eigvalsh(M.toarray(), E)[::-1]
+        except sl.LinAlgError:  # a body that its preload buckles, or that fluid makes indefinite
+            mu = np.sort(sl.eigvals(M.toarray(), E).real)[::-1]
+            mu = np.concatenate([mu[mu < 0], mu[mu > 0]])
+        values = 1 / mu[:count] - shift
+    else:
+        values = eigsh(K, min(count, fe.n - 2), M, sigma=-shift, return_eigenvectors=False)
+    return np.sort(values)[:count], 1e-12 * largest, fe.remarks
+
+
+def verdict(deck: Path) -> tuple[str, str]:
+    with tempfile.TemporaryDirectory() as folder:
+        theirs = reference(deck, Path(folder))
+    if theirs is None or not np.any(theirs):  # without masses ccx prints zeros
+        return "no frequencies", ""
+    try:
+        ours, rounding, remarks = imported(deck, len(theirs))
+    except BodyError as error:
+        return "refused", str(error)
+    except Exception:
+        return "WRONG", "traceback: " + traceback.format_exc().splitlines()[-1]
+    expected = np.sort(squares(theirs))[: len(ours)]
+    off = np.abs(ours[: len(expected)] - expected)
+    said = "; ".join(remarks)
+    if np.all(off <= 2e-6 * np.abs(expected) + rounding):
+        return "equal", said
+    worst = int(np.argmax(off / (2e-6 * np.abs(expected) + rounding)))
+    hz = np.sqrt(np.abs([ours[worst], expected[worst]])) / (2 * np.pi)
+    first = f"mode {worst + 1}: {hz[0]:.6g} for {hz[1]:.6g} Hz"
+    return ("named" if "left out" in said else "WRONG"), f"{first}; {said}"
+
+
+def main() -> int:
+    folder, pattern = Path(sys.argv[1]), sys.argv[2] if len(sys.argv) > 2 else "*.inp"
+    decks = sorted(path for path in folder.iterdir() if fnmatch.fnmatch(path.name, pattern))
+    counts: Counter[str] = Counter()
+    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+        for deck, (word, why) in zip(decks, pool.map(verdict, decks), strict=True):
+            counts[word] += 1
+            if word != "no frequencies":
+                print(f"{word:10} {deck.name:28} {why}"[:300], flush=True)
+    print(", ".join(f"{number} {word}" for word, number in sorted(counts.items())))
+    return 1 if counts["WRONG"] else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
