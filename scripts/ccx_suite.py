@@ -5,7 +5,8 @@
 For each deck that ccx itself can run: ``equal`` (to the digits that ccx prints), ``named``
 (different, and the import says that something is left out), ``refused`` (with the reason),
 ``WRONG``. Exit status 1 if one is wrong or ends in a traceback. Decks for which ccx finds no
-frequencies by itself (heat, fluids, other versions) are counted apart.
+frequencies by itself (heat, fluids, other versions), and those that take more than two minutes, are
+counted apart.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import concurrent.futures
 import fnmatch
 import os
 import re
+import signal
 import subprocess
 import sys
 import tempfile
@@ -89,15 +91,24 @@ def imported(deck: Path, count: int) -> tuple[np.ndarray, float, list[str]]:
     return np.sort(values)[:count], 1e-12 * largest, fe.remarks
 
 
+def _stop(*_: object) -> None:
+    raise TimeoutError
+
+
 def verdict(deck: Path) -> tuple[str, str]:
+    signal.signal(signal.SIGALRM, _stop)
     with tempfile.TemporaryDirectory() as folder:
         theirs = reference(deck, Path(folder))
     if theirs is None or not np.any(theirs):  # without masses ccx prints zeros
         return "no frequencies", ""
     try:
+        signal.alarm(SECONDS)
         ours, rounding, remarks = imported(deck, len(theirs))
+        signal.alarm(0)
     except BodyError as error:
         return "refused", str(error)
+    except TimeoutError:
+        return "too slow", ""
     except Exception:
         return "WRONG", "traceback: " + traceback.format_exc().splitlines()[-1]
     expected = np.sort(squares(theirs))[: len(ours)]
@@ -115,7 +126,7 @@ def main() -> int:
     folder, pattern = Path(sys.argv[1]), sys.argv[2] if len(sys.argv) > 2 else "*.inp"
     decks = sorted(path for path in folder.iterdir() if fnmatch.fnmatch(path.name, pattern))
     counts: Counter[str] = Counter()
-    with concurrent.futures.ThreadPoolExecutor(os.cpu_count()) as pool:
+    with concurrent.futures.ProcessPoolExecutor(os.cpu_count()) as pool:
         for deck, (word, why) in zip(decks, pool.map(verdict, decks), strict=True):
             counts[word] += 1
             if word != "no frequencies":

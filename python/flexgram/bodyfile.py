@@ -17,11 +17,14 @@ import scipy.sparse as sp
 
 from flexgram.basics import BodyError, written_aside
 
+#: HDF5 1.8 to 1.10: thousands of port names do not fit into an attribute of older layouts.
+LAYOUT = ("v108", "v110")
+
 
 @contextmanager
 def written_whole(path: str | Path) -> Iterator[h5py.File]:
     """An HDF5 file that appears under its name only when all of it is written."""
-    with written_aside(path) as place, h5py.File(place, "w") as file:
+    with written_aside(path) as place, h5py.File(place, "w", libver=LAYOUT) as file:
         yield file
 
 

@@ -49,8 +49,13 @@ def import_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--run-ccx",
         action="store_true",
-        help="run CalculiX on the deck first, with a matrix-storage step in place of its steps",
+        help="run CalculiX on the deck first: its *FREQUENCY step, or one in place of its steps, "
+        "stores the matrices",
     )
+    parser.add_argument("--step", type=int, help="with --run-ccx: which *FREQUENCY step (1, 2, …); "
+                        "default: the last with PERTURBATION, else the first")  # fmt: skip
+    parser.add_argument("--strict", action="store_true",
+                        help="refuse files of which something is left out")  # fmt: skip
     for coupling, what in COUPLINGS.items():
         parser.add_argument(
             f"--{coupling}", metavar="NAME=WHERE", action=_Named, help=f"interface: {what}"
@@ -103,7 +108,8 @@ def _import_mesh(options: argparse.Namespace, named: list[tuple[str, str]]) -> N
             "steel --rigid eye=NSET:EYE), or describe it in YAML (several materials, supports, "
             "beams), see meshes/rack.yaml"
         )
-    for name in ("format", "deck", "mass", "damping", "inputs", "mapping", "run_ccx"):
+    for name in ("format", "deck", "mass", "damping", "inputs", "mapping", "run_ccx",
+                 "step", "strict"):  # fmt: skip
         if getattr(options, name):
             raise BodyError(f"--{name.replace('_', '-')} is nothing for a mesh")
     counts = import_mesh(
@@ -125,7 +131,7 @@ def import_body_file(options: argparse.Namespace) -> None:
         from flexgram.description import import_body
 
         every = ("material", "format", "deck", "mass", "damping", "inputs", "mapping", "run_ccx",
-                 "units", "alpha", "beta", "eta")  # fmt: skip
+                 "step", "strict", "units", "alpha", "beta", "eta")  # fmt: skip
         given = [name.replace("_", "-") for name in every if getattr(options, name)]
         given += [coupling for coupling, _ in named]
         if given:
@@ -151,6 +157,7 @@ def import_body_file(options: argparse.Namespace) -> None:
         inputs=options.inputs,
         mapping=options.mapping,
         run_ccx=options.run_ccx,
+        step=options.step,
     )
     facts = import_matrices(
         fe,
@@ -160,6 +167,7 @@ def import_body_file(options: argparse.Namespace) -> None:
         alpha=options.alpha,
         beta=options.beta,
         eta=options.eta,
+        strict=options.strict,
     )
     say(f"  {options.output}: n = {facts['rows']}, {facts['nonzeros']:.3g} nonzeros in K as read")
     if "extent" in facts:

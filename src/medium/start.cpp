@@ -61,9 +61,10 @@ bool MediumBuilder::has_light_dofs(const SecondOrderModel& fom, double omega) {
 }
 
 /// The loads of few ports with random ones beside them, if there are modes to be found:
-/// blocks of some width cost little more than narrow ones.
+/// blocks of some width cost little more than narrow ones, and hundreds of modes would
+/// take as many Krylov steps.
 Block MediumBuilder::with_company(const Block& ports) const {
-  constexpr int width = 8;
+  const int width = std::clamp(expected_ / 10, 8, 48);
   const int more = std::min(expected_, width) - static_cast<int>(ports.columns());
   return more > 0 ? concatenate(ports, multiply(fom_.M, random_block(fom_.B, more, 99)))
                   : ports.share();

@@ -104,6 +104,8 @@ def read(
             raise BodyError(f"{given}: no such file (--{name})")
     if kind in ("pair", "petsc") and other["mass"] is None:
         raise BodyError(f"{first} holds one matrix: name the mass matrix too (--mass)")
+    if step is not None and not run_ccx:
+        raise BodyError("--step belongs to --run-ccx")
     with errors_of(first):
         return _read(kind, first, other, run_ccx, step)
 
@@ -119,7 +121,7 @@ def _read(
             with tempfile.TemporaryDirectory(prefix="flexgram-ccx-") as folder:
                 try:
                     job, remarks = ccx.run_ccx(first, Path(folder), step)
-                    fe = calculix.read_calculix(job)
+                    fe = calculix.read_calculix(job, own=first)
                 except BodyError as error:  # the user knows the deck, not the folder of the run
                     raise BodyError(str(error).replace(folder, str(first.parent))) from error
                 fe.source = str(first)
@@ -130,8 +132,6 @@ def _read(
         return calculix.read_calculix(first, other["deck"])
     if run_ccx:
         raise BodyError(f"--run-ccx wants a CalculiX deck, not {first}")
-    if step is not None:
-        raise BodyError("--step belongs to --run-ccx")
     if kind == "abaqus":
         from flexgram.importers import abaqus
 
@@ -170,6 +170,7 @@ def import_matrices(
     alpha: float | None = None,
     beta: float | None = None,
     eta: float | None = None,
+    strict: bool = False,
 ) -> dict[str, Any]:
     """Check the matrices, attach interfaces, and write a body file in SI units.
 
@@ -185,7 +186,9 @@ def import_matrices(
     units : str
         ``SI``, ``mm-t-s`` or ``mm-kg-s``: units of the matrices and the deck.
     alpha, beta, eta : float, optional
-        Rayleigh coefficients [1/s], [s] and loss factor.
+        Rayleigh coefficients [1/s], [s] and loss factor; default: those of the files.
+    strict : bool
+        Refuse files of which something is left out, by name.
 
     Returns
     -------
@@ -197,6 +200,8 @@ def import_matrices(
     if units not in UNITS:
         raise BodyError(f"--units {units} must be one of {', '.join(UNITS)}")
     check_damping(alpha, beta, eta)
+    if strict and (left := [line for line in fe.remarks if "left out" in line]):
+        raise BodyError(f"{fe.source}: --strict: {'; '.join(left)}")
     length, mass, force = UNITS[units]
     facts = check(fe)
     every = list(interfaces) + fe.interfaces

@@ -12,6 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexgram.basics import BodyError, whole_numbers
+from flexgram.importers import ccx
 from flexgram.importers.deck import read_deck
 from flexgram.importers.fe import FeMatrices, check_indices, read_triplets, symmetric
 
@@ -31,9 +32,10 @@ def _matrix(path: Path, n: int) -> sp.csr_matrix:
     return symmetric(path, row - 1, column - 1, value, n)
 
 
-def read_calculix(path: Path, deck: Path | None = None) -> FeMatrices:
+def read_calculix(path: Path, deck: Path | None = None, own: Path | None = None) -> FeMatrices:
     """Read ``job.sti``, ``job.mas``, ``job.dof`` beside each other; ``path`` names any of them or
-    the deck ``job.inp``, which gives coordinates and node sets.
+    the deck ``job.inp``, which gives coordinates, node sets and damping; ``own`` is the user's
+    deck if that one was made of it.
 
     Raises
     ------
@@ -52,11 +54,11 @@ def read_calculix(path: Path, deck: Path | None = None) -> FeMatrices:
     for number, line in enumerate(files[".dof"].read_text(errors="replace").splitlines(), 1):
         label, dot, direction = line.strip().partition(".")
         # never as a float: 12.10 is not 12.1
-        if not dot or not label.lstrip("-").isdigit() or direction not in ("1", "2", "3"):
+        if not dot or not label.lstrip("-").isdigit() or direction not in tuple("123456"):
             if not line.strip():
                 continue
             raise BodyError(f"{files['.dof']}, line {number}: {line.strip()[:40]!r}, expected "
-                            "node.direction with direction 1 to 3")  # fmt: skip
+                            "node.direction with direction 1 to 6")  # fmt: skip
         node.append(int(label))
         component.append(int(direction) - 1)
     n = len(node)
@@ -91,6 +93,7 @@ def read_calculix(path: Path, deck: Path | None = None) -> FeMatrices:
         fe.node[turns] = reference
         fe.component[turns] += 3
         fe.rigid[name] = reference
+    _take_damping(fe, ccx.damping_of(ccx.read_job(own or deck)))
     known = np.isin(fe.node, fe.labels)
     if not known.all():
         fe.remarks.append(
@@ -99,3 +102,39 @@ def read_calculix(path: Path, deck: Path | None = None) -> FeMatrices:
         )
         fe.points = np.empty((0, 3))
     return fe
+
+
+def _take_damping(fe: FeMatrices, damping: ccx.Damping) -> None:
+    """Rayleigh coefficients, and D of the dashpots: c e eᵀ along the line between their nodes."""
+    fe.alpha, fe.beta, fe.eta = damping.alpha, damping.beta, damping.eta
+    fe.remarks += damping.remarks
+    if not damping.dashpots:
+        return
+    held: set[tuple[int, int]] = set()
+    for name, first, last in damping.held:
+        labels = [int(name)] if name.isdigit() else fe.sets.get(name, [])
+        held |= {(int(n), c) for n in labels for c in range(first - 1, last)}
+    D = sp.lil_matrix((fe.n, fe.n))
+    taken = 0
+    for first, second, constant in damping.dashpots:
+        ends = np.searchsorted(fe.labels, [first, second])
+        line = fe.points[ends[1]] - fe.points[ends[0]]
+        length = float(np.linalg.norm(line))
+        whole = length > 0
+        rows: list[int] = []
+        shares: list[float] = []
+        for node, sign in ((first, 1.0), (second, -1.0)):
+            for direction in np.flatnonzero(line):
+                own = np.flatnonzero((fe.node == node) & (fe.component == direction))
+                whole &= len(own) == 1 or (len(own) == 0 and (node, int(direction)) in held)
+                rows += own.tolist()
+                shares += [sign * line[direction] / length] * len(own)
+        if not whole:
+            fe.remarks.append(f"the dashpot between nodes {first} and {second} is left out: they "
+                              "are in one place, or depend on other nodes")  # fmt: skip
+            continue
+        D[np.ix_(rows, rows)] += constant * np.outer(shares, shares)
+        taken += 1
+    if taken:
+        fe.D = D.tocsr()
+        fe.remarks.append(f"{taken} dashpot{'s' if taken > 1 else ''} of the deck in D")

@@ -15,13 +15,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from flexgram.basics import BodyError
-from flexgram.importers.deck import keyword_of
+from flexgram.importers.deck import included, keyword_of
 
 STORAGE = "*FREQUENCY, SOLVER=MATRIXSTORAGE"
 
 #: Cards of a step that are forces or histories: no part of a linear body.
 LOADS = ("CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE", "CFLUX", "DFLUX", "FILM", "RADIATE",
          "BASE MOTION", "GREEN")  # fmt: skip
+#: Procedures that are named where they are left out.
+FURTHER = ("FREQUENCY", "MODAL DYNAMIC", "STEADY STATE DYNAMICS", "COMPLEX FREQUENCY", "BUCKLE",
+           "STATIC", "DYNAMIC")  # fmt: skip
 #: What K and M of the model do not mean, whatever the step.
 FOREIGN = {
     "CYCLIC SYMMETRY MODEL": "the deck is one sector of a cyclic body, which is no body by itself: "
@@ -66,23 +69,18 @@ def _continued(line: str) -> bool:
 
 
 def _raw_lines(path: Path, folder: Path, depth: int = 0) -> Iterator[str]:
-    """Lines with ``*INCLUDE`` in its place; names are relative to the deck, as ccx takes them, or
-    to the file that includes."""
+    """Lines with each ``*INCLUDE`` in its place."""
     if depth > 20:
         raise BodyError(f"{path}: *INCLUDE goes round in circles")
     try:
         content = path.read_text(errors="replace")
     except OSError as error:
         raise BodyError(f"{path}: {error.strerror}") from None
-    for number, line in enumerate(content.splitlines(), 1):
-        if not line.upper().replace(" ", "").startswith("*INCLUDE"):
+    for line in content.splitlines():
+        if line.upper().replace(" ", "").startswith("*INCLUDE"):
+            yield from _raw_lines(included(line, path, folder), folder, depth + 1)
+        else:
             yield line
-            continue
-        name = keyword_of(line)[1].get("INPUT", "")
-        places = [place / name for place in (folder, path.parent) if (place / name).is_file()]
-        if not places:
-            raise BodyError(f"{path}, line {number}: {name or line!r} is not there")
-        yield from _raw_lines(places[0], folder, depth + 1)
 
 
 def read_job(path: Path) -> Job:
@@ -203,13 +201,13 @@ def prepare(job: Job, asked: int | None = None) -> tuple[str, list[str]]:
             remarks.append(f"K and M of step {number}, without preload: what steps 1 to "
                            f"{number - 1} load is left out (no PERTURBATION)")  # fmt: skip
         others = [n for n in range(1, len(job.steps) + 1) if n > number]
-        further = [c.keyword for n in others for c in job.step_of(n)
-                   if c.keyword in ("FREQUENCY", "MODAL DYNAMIC", "STEADY STATE DYNAMICS",
-                                    "COMPLEX FREQUENCY", "BUCKLE", "STATIC", "DYNAMIC")]  # fmt: skip
+        further = [c.keyword for n in others for c in job.step_of(n) if c.keyword in FURTHER]
         more = [n for n in range(1, len(job.steps) + 1) if n != number
                 and any(c.keyword == "FREQUENCY" for c in job.step_of(n))]  # fmt: skip
         if more:
-            remarks.append(f"step {number} is taken; --step {more[0]} takes another *FREQUENCY step")
+            remarks.append(
+                f"step {number} is taken; --step {more[0]} takes another *FREQUENCY step"
+            )
         elif further:
             remarks.append(f"steps after it are left out: {_and(further)}")
         if "COMPLEX FREQUENCY" in words:
@@ -256,3 +254,95 @@ def run_ccx(deck: Path, folder: Path, step: int | None = None) -> tuple[Path, li
         reason = re.sub(r"\s+", " ", reason)
         raise BodyError(f"ccx on {deck} failed (exit status {done.returncode}): {reason}")
     return job, remarks
+
+
+@dataclass
+class Damping:
+    """What a deck says of damping: none of it is in the matrices that ccx stores."""
+
+    alpha: float = 0.0  #: [1/time]
+    beta: float = 0.0  #: [time]
+    eta: float = 0.0
+    dashpots: list[tuple[int, int, float]] = field(default_factory=list)  #: nodes, force/speed
+    #: what *BOUNDARY holds: node or set, first and last direction from 1
+    held: list[tuple[str, int, int]] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
+
+
+def _number(words: list[str], at: int) -> float:
+    return float(words[at]) if at < len(words) and words[at] else 0.0
+
+
+def _rayleigh(job: Job, damping: Damping) -> None:
+    """Of ``*MODAL DAMPING, RAYLEIGH``, else of the materials, if all that are damped agree."""
+    every = [card for step in [job.model, *job.steps] for card in step]
+    modal = [card for card in every if card.keyword == "MODAL DAMPING"]
+    found: set[tuple[float, float, float]] = set()
+    for card in modal:
+        if "RAYLEIGH" not in card.options:
+            damping.remarks.append("*MODAL DAMPING by ratios is left out: give --alpha, --beta or "
+                                   "--eta")  # fmt: skip
+            continue
+        found |= {(_number(words, 2), _number(words, 3), 0.0) for words in card.words()}
+    materials = sum(card.keyword == "MATERIAL" for card in job.model)
+    of_materials = [
+        tuple(float(card.options.get(name) or 0) for name in ("ALPHA", "BETA", "STRUCTURAL"))
+        for card in job.model if card.keyword == "DAMPING"
+    ]  # fmt: skip
+    if not found and of_materials:
+        if len(set(of_materials)) > 1 or len(of_materials) < materials:
+            damping.remarks.append("*DAMPING of the materials differs: it is left out (--alpha, "
+                                   "--beta, --eta)")  # fmt: skip
+        else:
+            found = {(a, b, c) for a, b, c in of_materials}
+    if len(found) > 1:
+        damping.remarks.append(
+            "steps damp differently: *MODAL DAMPING is left out (--alpha, --beta)"
+        )
+    elif found:
+        damping.alpha, damping.beta, damping.eta = next(iter(found))
+        words = {"alpha": damping.alpha, "beta": damping.beta, "eta": damping.eta}
+        said = ", ".join(f"{name} {value:g}" for name, value in words.items() if value)
+        source = "*MODAL DAMPING" if modal else "*DAMPING"
+        damping.remarks.append(f"damping of the deck ({source}): {said or 'none'}")
+
+
+def damping_of(job: Job) -> Damping:
+    """Rayleigh and structural damping of a deck, and its dashpots.
+
+    Raises
+    ------
+    BodyError
+        For cards that are no numbers.
+    """
+    damping = Damping()
+    try:
+        _rayleigh(job, damping)
+        constants: dict[str, float | None] = {}
+        for card in job.model:
+            if card.keyword == "DASHPOT":
+                rows = [[float(word) for word in words if word] for words in card.words()]
+                values = {row[0] for row in rows if row}
+                constants[card.options.get("ELSET", "").upper()] = (
+                    values.pop() if len(values) == 1 else None
+                )
+        for card in (card for step in [job.model, *job.steps] for card in step):
+            if card.keyword == "BOUNDARY":
+                damping.held += [
+                    (words[0].upper(), int(words[1]), int(_number(words, 2) or words[1]))
+                    for words in card.words() if len(words) > 1
+                ]  # fmt: skip
+        for card in job.model:
+            if card.keyword != "ELEMENT" or card.options.get("TYPE", "").upper() != "DASHPOTA":
+                continue
+            constant = constants.get(card.options.get("ELSET", "").upper())
+            if constant is None:
+                damping.remarks.append("dashpots without one constant are left out")
+                continue
+            labels = [int(word) for words in card.words() for word in words if word]
+            damping.dashpots += [
+                (labels[i + 1], labels[i + 2], constant) for i in range(0, len(labels) - 2, 3)
+            ]
+    except ValueError as error:
+        raise BodyError(f"{job.path}: damping cards: {error}") from None
+    return damping

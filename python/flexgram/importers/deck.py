@@ -46,7 +46,23 @@ def keyword_of(line: str) -> tuple[str, dict[str, str]]:
     return " ".join(parts[0].upper().split()), options
 
 
-def _lines(path: Path, depth: int = 0) -> list[tuple[Path, int, str]]:
+def included(line: str, path: Path, folder: Path) -> Path:
+    """The file that an ``*INCLUDE`` of ``path`` names: relative to the folder of the deck, as the
+    codes take it, or to the file that includes.
+
+    Raises
+    ------
+    BodyError
+        If it is in neither.
+    """
+    name = keyword_of(line.strip())[1].get("INPUT", "")
+    for place in (folder / name, path.parent / name):
+        if place.is_file():
+            return place
+    raise BodyError(f"{path}: *INCLUDE {name or line.strip()!r}: no such file")
+
+
+def _lines(path: Path, folder: Path, depth: int = 0) -> list[tuple[Path, int, str]]:
     """All lines with their place: *INCLUDE resolved, keyword lines that end in a comma joined with
     the next, comments left out."""
     if depth > 10:
@@ -70,8 +86,7 @@ def _lines(path: Path, depth: int = 0) -> list[tuple[Path, int, str]]:
             place = (path, number)
         open_keyword = line.startswith("*") and line.endswith(",")
         if line.upper().startswith("*INCLUDE") and not open_keyword:
-            name = keyword_of(line)[1].get("INPUT", "")
-            result += _lines(path.parent / name, depth + 1)
+            result += _lines(included(line, path, folder), folder, depth + 1)
         else:
             result.append((*place, line))
     return result
@@ -168,7 +183,7 @@ def read_deck(path: Path) -> Deck:
     """Read the model part of a deck (everything before the first step)."""
     model = _Model()
     keyword, options = "", dict[str, str]()
-    for file, number, line in _lines(path):
+    for file, number, line in _lines(path, path.parent):
         try:
             if line.startswith("*"):
                 keyword, options = keyword_of(line)

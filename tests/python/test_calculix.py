@@ -1,0 +1,165 @@
+"""CalculiX decks whose steps, damping and includes matter: nothing replaced or lost in silence."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from test_importers import FREQUENCY, assert_digits, ccx, ccx_frequencies, frequencies, write_deck
+from test_importers_wrong import ccx_job
+
+from flexgram.basics import BodyError
+from flexgram.importers import import_matrices, parse, read
+from flexgram.importers.ccx import damping_of, prepare, read_job
+
+HELD = "*BOUNDARY\nSTART, 1, 3\n"
+PRELOAD = "*STEP\n*STATIC\n*CLOAD\nEND, 1, 1e5\n*END STEP\n"
+MODES = "*FREQUENCY\n16\n*END STEP\n"
+
+
+@ccx
+def test_preload_of_a_perturbation_step_is_part_of_the_body(tmp_path: Path) -> None:
+    deck = write_deck(tmp_path / "loaded.inp", "C3D20R",
+                      HELD + PRELOAD + "*STEP, PERTURBATION\n" + MODES)  # fmt: skip
+    fe = read(deck, run_ccx=True)
+    assert_digits(frequencies(fe.K, fe.M), ccx_frequencies(deck)[:16])
+    assert any("step 2" in line and "*STATIC, *CLOAD" in line for line in fe.remarks)
+    free = read(write_deck(tmp_path / "free.inp", "C3D20R", HELD + FREQUENCY), run_ccx=True)
+    stiffer = frequencies(fe.K, fe.M)[0] / frequencies(free.K, free.M)[0]
+    assert stiffer > 1.1  # the preload is no rounding
+
+
+@ccx
+def test_another_frequency_step_is_named_and_can_be_asked_for(tmp_path: Path) -> None:
+    deck = write_deck(tmp_path / "both.inp", "C3D20R", HELD + FREQUENCY + PRELOAD
+                      + "*STEP, PERTURBATION\n" + MODES)  # fmt: skip
+    loaded, plain = read(deck, run_ccx=True), read(deck, run_ccx=True, step=1)
+    free = read(write_deck(tmp_path / "free.inp", "C3D20R", HELD + FREQUENCY), run_ccx=True)
+    assert np.allclose(frequencies(plain.K, plain.M), frequencies(free.K, free.M), rtol=1e-9)
+    assert frequencies(loaded.K, loaded.M)[0] > 1.1 * frequencies(free.K, free.M)[0]
+    assert any("--step 1" in line for line in loaded.remarks)
+    with pytest.raises(BodyError, match=r"step 2 gives no matrices: its .* steps are 1, 3"):
+        read(deck, run_ccx=True, step=2)
+    with pytest.raises(BodyError, match="--step belongs to --run-ccx"):
+        read(tmp_path / "free.sti", step=1)
+
+
+@ccx
+def test_what_is_left_out_is_named_and_strict_refuses(tmp_path: Path) -> None:
+    fe = read(write_deck(tmp_path / "static.inp", "C3D10", HELD + PRELOAD), run_ccx=True)
+    free = read(write_deck(tmp_path / "free.inp", "C3D10", HELD + FREQUENCY), run_ccx=True)
+    assert abs(fe.K - free.K).max() == 0
+    left = [line for line in fe.remarks if "left out" in line]
+    assert len(left) == 1 and "*STATIC, *CLOAD" in left[0] and "supports of step 1" in left[0]
+    end = [parse("rigid", "end=NSET:END")]
+    with pytest.raises(BodyError, match=r"--strict: the deck has no .FREQUENCY step"):
+        import_matrices(fe, tmp_path / "static.h5", end, strict=True)
+    import_matrices(free, tmp_path / "free.h5", end, strict=True)
+
+
+@ccx
+def test_local_axes_of_supports(tmp_path: Path) -> None:
+    """*TRANSFORM: a roller along an oblique line; the matrices are in global axes all the same."""
+    oblique = "*TRANSFORM, NSET=START\n1, 1, 0, -1, 1, 0\n*BOUNDARY\nSTART, 1, 1\nSTART, 3, 3\n"
+    deck = write_deck(tmp_path / "oblique.inp", "C3D10", oblique + "*BOUNDARY\nEND, 1, 3\n"
+                      + FREQUENCY)  # fmt: skip
+    fe = read(deck, run_ccx=True)
+    assert_digits(frequencies(fe.K, fe.M), ccx_frequencies(deck)[:16])
+
+
+DAMPED = """*NODE
+8001, 0, 0, 0
+8002, 0, 3, 4
+8003, 1, 0, 0
+*ELEMENT, TYPE=DASHPOTA, ELSET=ED
+1, 8001, 8002
+2, 8003, 8001
+*DASHPOT, ELSET=ED
+
+50.
+"""
+
+
+def test_damping_of_the_deck(tmp_path: Path) -> None:
+    def damping(extra: str, deck: str = "part.inp") -> Any:
+        return damping_of(read_job(write_deck(tmp_path / deck, "C3D10", extra)))
+
+    modal = damping(FREQUENCY + "*STEP\n*MODAL DYNAMIC\n1e-4, 1.\n*MODAL DAMPING, RAYLEIGH\n"
+                    ",, 20., 3e-6\n*END STEP\n")  # fmt: skip
+    assert (modal.alpha, modal.beta, modal.eta) == (20.0, 3e-6, 0.0)
+    material = damping("*MATERIAL, NAME=STEEL2\n*DAMPING, ALPHA=5., BETA=1e-5\n" + FREQUENCY)
+    assert material.alpha == 0 and "differs" in material.remarks[0]  # STEEL has none
+    deck = write_deck(tmp_path / "one.inp", "C3D10", FREQUENCY)
+    deck.write_text(deck.read_text().replace("*DENSITY", "*DAMPING, ALPHA=5., BETA=1e-5\n*DENSITY"))
+    one = damping_of(read_job(deck))
+    assert (one.alpha, one.beta) == (5.0, 1e-5)
+    ratios = damping("*STEP\n*MODAL DYNAMIC\n*MODAL DAMPING\n1, 5, 0.02\n*END STEP\n")
+    assert (ratios.alpha, ratios.beta) == (0, 0) and "left out" in ratios.remarks[0]
+    assert damping(DAMPED).dashpots == [(8001, 8002, 50.0), (8003, 8001, 50.0)]
+    with pytest.raises(BodyError, match="damping cards"):
+        damping("*DASHPOT, ELSET=E\n\nfifty\n")
+
+
+def test_dashpots_act_along_their_line(tmp_path: Path) -> None:
+    job = ccx_job(tmp_path)  # rows of the nodes 1 and 2
+    deck = job.with_suffix(".inp")
+    deck.write_text("*NODE\n1, 0, 0, 0\n2, 0, 3, 4\n3, 1, 0, 0\n"
+                    "*ELEMENT, TYPE=DASHPOTA, ELSET=ED\n1, 1, 2\n2, 1, 3\n"
+                    "*DASHPOT, ELSET=ED\n\n50.\n*BOUNDARY\n3, 1, 3\n")  # fmt: skip
+    fe = read(job)
+    e = np.array([0, 0.6, 0.8])
+    expected = 50 * np.block([[np.outer(e, e), -np.outer(e, e)], [-np.outer(e, e), np.outer(e, e)]])
+    expected[0, 0] += 50  # to the held node
+    assert fe.D is not None and np.allclose(fe.D.toarray(), expected)
+    deck.write_text(deck.read_text().replace("3, 1, 3", "3, 2, 3"))
+    fe = read(job)  # node 3 has neither rows nor a support along the second dashpot
+    assert fe.D is not None and fe.D[0, 0] == 0
+    assert any("1 and 3 is left out" in line for line in fe.remarks)
+
+
+def test_includes_nested_quoted_and_in_long_folders(tmp_path: Path) -> None:
+    deck = write_deck(tmp_path / "flat.inp", "C3D10", HELD + FREQUENCY)
+    text = deck.read_text()
+    folder = tmp_path / ("a folder with a long name " * 6).strip()
+    folder.mkdir()
+    nodes, rest = text.split("*ELEMENT", 1)
+    (folder / "nodes of the part.inc").write_text(nodes)
+    (folder / "model.inc").write_text('*INCLUDE, INPUT="nodes of the part.inc"\n*ELEMENT' + rest)
+    split = tmp_path / "split.inp"
+    split.write_text(f'*Include, Input="{folder.name}/model.inc"\n')
+    assert prepare(read_job(split)) == prepare(read_job(deck))
+    (folder / "model.inc").write_text("*INCLUDE, INPUT=nowhere.inc\n")
+    with pytest.raises(BodyError, match=r"nowhere.inc.*no such file"):
+        read_job(split)
+
+
+def test_a_cyclic_sector_is_no_body(tmp_path: Path) -> None:
+    deck = write_deck(tmp_path / "sector.inp", "C3D10",
+                      "*CYCLIC SYMMETRY MODEL, N=8, TIE=T\n0,0,0,0,0,1\n" + FREQUENCY)  # fmt: skip
+    with pytest.raises(BodyError, match="one sector of a cyclic body"):
+        prepare(read_job(deck))
+
+
+def test_rotations_in_the_dof_file(tmp_path: Path) -> None:
+    job = ccx_job(tmp_path)
+    dof = job.with_suffix(".dof")
+    dof.write_text(
+        dof.read_text().replace("2.1", "1.4").replace("2.2", "1.5").replace("2.3", "1.6")
+    )
+    assert list(read(job).component) == [0, 1, 2, 3, 4, 5]
+
+
+def test_thousands_of_ports_have_names(tmp_path: Path) -> None:
+    import scipy.sparse as sp
+
+    from flexgram.bodyfile import write_matrices
+
+    n = 5000
+    names = [f"port_{i}.fx" for i in range(n)]
+    write_matrices(tmp_path / "many.h5", sp.identity(n).tocsr(), sp.identity(n).tocsr(),
+                   np.eye(n), inputs=names)  # fmt: skip
+    with h5py.File(tmp_path / "many.h5") as file:
+        assert list(file["B"].attrs["names"]) == names
