@@ -172,7 +172,8 @@ def prepare(job: Job, asked: int | None = None) -> tuple[str, list[str]]:
             raise BodyError(f"{job.path}: {FOREIGN[card.keyword]}")
     words = [card.keyword for step in job.steps for card in step]
     heat = [word for word in words if word in NOT_MECHANICAL]
-    if heat and not any(c.keyword == "DENSITY" for c in job.model):
+    if heat and not any(word in (*FURTHER, "VISCO", "COUPLED TEMPERATURE-DISPLACEMENT")
+                        for word in words):  # fmt: skip
         raise BodyError(f"{job.path}: *{heat[0]}: no masses and stiffnesses of a mechanical body")
     number = frequency_step(job, asked)
     remarks: list[str] = []
