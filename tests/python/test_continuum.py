@@ -256,8 +256,8 @@ def test_random_systems(seed: int) -> None:
 
 @pytest.mark.parametrize("index", [275, 5531, 9179])
 def test_a_mode_on_the_cutoff(index: int) -> None:
-    """Systems of ``scripts/audit 10000 401``, then of twelve classes, whose modes were "not found" before the cutoff moved
-    aside."""
+    """Systems of ``scripts/audit 10000 401``, then of twelve classes, whose modes were "not found"
+    before the cutoff moved aside."""
     rng = np.random.default_rng([401, index])
     case = random_case(rng, "mode on cutoff", DAMPINGS[(index // 12) % len(DAMPINGS)])
     verdict = examine(case, rng)
