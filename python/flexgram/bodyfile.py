@@ -62,6 +62,7 @@ def write_matrices(
     alpha: float = 0.0,
     beta: float = 0.0,
     eta: float = 0.0,
+    rounding: float = 0.0,
     inputs: Sequence[str] | None = None,
     outputs: Sequence[str] | None = None,
     node: Any = None,
@@ -88,6 +89,9 @@ def write_matrices(
         Output map; without it the outputs are the inputs, ``B.T``.
     alpha, beta, eta : float
         Rayleigh coefficients [1/s], [s] and structural loss factor.
+    rounding : float
+        Relative rounding of the entries of K, if it was printed with few digits; it enters
+        the floor of what is claimed. 0: by the digits of the entries.
     inputs, outputs : sequence of str, optional
         Port names.
     node, component : array of int, n, optional
@@ -152,6 +156,8 @@ def write_matrices(
             file["C"].attrs["names"] = list(outputs)
         for name, number in damping.items():
             file.attrs[name] = float(number)
+        if rounding:
+            file.attrs["rounding"] = float(rounding)
         if node is not None:
             file["dofs/node"] = np.asarray(node, dtype=np.int64)
         if component is not None:

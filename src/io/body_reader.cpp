@@ -375,6 +375,12 @@ SecondOrderModel read_body(const Hdf5File& file) {
   if (file.exists("/D"))
     model.D = read_symmetric(file, "/D", model.n, model.rows, model.remarks);
   model.damping = read_damping(file);
+  agree(file.comm(), [&] {
+    if (file.has_attribute("/", "rounding"))
+      model.rounding = file.number_attribute("/", "rounding");
+    if (!(model.rounding >= 0 && model.rounding < 1))
+      fail(file, text("rounding = %g: must be from 0 to 1", model.rounding));
+  });
   classify_damping(model);
 
   if (!file.exists("/B")) fail(file, "dataset /B (input map, n × n_in) is missing");

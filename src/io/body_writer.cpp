@@ -89,6 +89,7 @@ void write_body(const SecondOrderModel& model, const std::string& path) {
   file.set_attribute("/", "alpha", model.damping.alpha);
   file.set_attribute("/", "beta", model.damping.beta);
   file.set_attribute("/", "eta", model.damping.eta);
+  if (model.rounding > 0) file.set_attribute("/", "rounding", model.rounding);
   file.write_rows("/B", model.n, model.B.columns(), model.rows, row_major(model.B));
   file.set_attribute("/B", "names", model.inputs);
   if (!model.outputs_are_inputs) {

@@ -55,7 +55,7 @@ RigidSplit split_rigid(const SecondOrderModel& model, const Block& vectors,
         sizes[static_cast<std::size_t>(j)] += k[i] * x.column(j)[i] * x.column(j)[i];
   }
   MPI_Allreduce(MPI_IN_PLACE, sizes.data(), count, MPI_DOUBLE, MPI_SUM, model.comm);
-  const double relative = 16 * std::max(epsilon, 0.25 * relative_rounding(model.K)),
+  const double relative = 16 * std::max(epsilon, 0.25 * model.entry_rounding()),
                negative = std::max(0.0, -turned(0, 0));
   std::vector<int> order, rest;
   for (int j = 0; j < count; ++j) {

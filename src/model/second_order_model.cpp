@@ -45,13 +45,19 @@ SecondOrderModel SecondOrderModel::head() const {
   head.component = component;
   head.position = position;
   head.remarks = remarks;
+  head.rounding = rounding;
   return head;
 }
 
 SecondOrderModel SecondOrderModel::share() const {
   return {name,      comm,    n,         rows,      M.share(),          K.share(),
           D.share(), damping, B.share(), C.share(), outputs_are_inputs, inputs,
-          outputs,   node,    label,     component, position,           remarks};
+          outputs,   node,    label,     component, position,           remarks,
+          rounding};
+}
+
+double SecondOrderModel::entry_rounding() const {
+  return rounding > 0 ? rounding : relative_rounding(K);
 }
 
 std::int64_t SecondOrderModel::nonzeros() const {

@@ -40,6 +40,7 @@ struct SecondOrderModel {
   std::vector<std::int64_t> component; ///< 0-2 translation, 3-5 rotation
   std::vector<double> position;        ///< [m], 3 numbers a row
   std::vector<std::string> remarks;    ///< what reading changed, in words
+  double rounding = 0; ///< relative, of K's entries, if they were printed; 0: not known
 
   bool undamped() const;
   /// Damping class in words, for the plan.
@@ -50,6 +51,9 @@ struct SecondOrderModel {
   SecondOrderModel share() const;
   /// Everything but the matrices: names, damping, where the rows are.
   SecondOrderModel head() const;
+  /// Relative rounding of K's entries: what is known of it, else what their digits show.
+  /// Collective.
+  double entry_rounding() const;
   std::int64_t nonzeros() const;
   /// Memory of the matrices on this rank [MB].
   double memory_mb() const;

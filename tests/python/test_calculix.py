@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 import pytest
+import scipy.sparse as sp
 from test_importers import FREQUENCY, assert_digits, ccx, ccx_frequencies, frequencies, write_deck
 from test_importers_wrong import ccx_job
 
+from bodies import box, write_body_file
+from conftest import assembled
+from flexgram import reduce
 from flexgram.basics import BodyError
-from flexgram.importers import import_matrices, parse, read
+from flexgram.bodyfile import write_matrices
+from flexgram.importers import Interface, import_matrices, parse, read
 from flexgram.importers.ccx import damping_of, prepare, read_job
+from referee import System
 
 HELD = "*BOUNDARY\nSTART, 1, 3\n"
 PRELOAD = "*STEP\n*STATIC\n*CLOAD\nEND, 1, 1e5\n*END STEP\n"
@@ -153,13 +160,51 @@ def test_rotations_in_the_dof_file(tmp_path: Path) -> None:
 
 
 def test_thousands_of_ports_have_names(tmp_path: Path) -> None:
-    import scipy.sparse as sp
-
-    from flexgram.bodyfile import write_matrices
-
     n = 5000
     names = [f"port_{i}.fx" for i in range(n)]
     write_matrices(tmp_path / "many.h5", sp.identity(n).tocsr(), sp.identity(n).tocsr(),
                    np.eye(n), inputs=names)  # fmt: skip
     with h5py.File(tmp_path / "many.h5") as file:
         assert list(file["B"].attrs["names"]) == names
+
+
+def test_printed_digits_are_in_the_floor(tmp_path: Path) -> None:
+    """A slender bar: its lowest frequencies lose digits when K is printed with fourteen."""
+    body = tmp_path / "bar.h5"
+    write_body_file(body, box("hexahedron20", (60, 1, 1), (1.0, 0.004, 0.004), distort=False),
+                    interfaces={"start": {"set": "start", "coupling": "distributing"}})  # fmt: skip
+    exact = assembled(tmp_path / "exact.h5", body)
+    node, component = np.unique(exact["node"], return_inverse=True)[1] + 1, exact["component"]
+    job = tmp_path / "job.inp"
+    points = {n: x for n, x in zip(node, exact["position"], strict=True)}
+    job.write_text("*NODE\n" + "".join(f"{n}, {x[0]}, {x[1]}, {x[2]}\n" for n, x in points.items()))
+    job.with_suffix(".dof").write_text(
+        "".join(f"{n}.{c + 1}\n" for n, c in zip(node, component, strict=True)))  # fmt: skip
+    for name, suffix in (("K", ".sti"), ("M", ".mas")):
+        upper = sp.triu(exact[name]).tocoo()
+        job.with_suffix(suffix).write_text("".join(
+            f"{i + 1} {j + 1} {x:.13e}\n"
+            for i, j, x in zip(upper.row, upper.col, upper.data, strict=True)))  # fmt: skip
+    ends = [node[np.argmin(exact["position"][:, 0])], node[np.argmax(exact["position"][:, 0])]]
+    fe = read(job)
+    facts = import_matrices(fe, tmp_path / "printed.h5", [Interface("tip", "node", np.array(ends))],
+                            alpha=2.0, beta=1e-6)  # fmt: skip
+    assert any("printed with 14 digits" in line for line in facts["remarks"])
+    rows = [int(np.flatnonzero((node == n) & (component == c))[0]) for n in ends for c in range(3)]
+    B = np.zeros((len(node), 6))
+    B[rows, range(6)] = 1
+    truth = System(exact["K"], exact["M"], B, alpha=2.0, beta=1e-6)
+    with h5py.File(tmp_path / "printed.h5", "r+") as file:
+        assert file.attrs["rounding"] == 5e-14
+    worst = {}
+    for known in (True, False):
+        if not known:
+            with h5py.File(tmp_path / "printed.h5", "r+") as file:
+                file.attrs["rounding"] = 1e-16  # as if K were exact
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # the tolerance is below the floor
+            rom = reduce(tmp_path / "printed.h5", band_hz=(18, 24), tol=1e-8)
+        worst[known] = max(
+            np.linalg.norm(truth.transfer(w) - rom.transfer(w)) / np.linalg.norm(truth.transfer(w))
+            / bound for w, bound in zip(rom.omega[::20], rom.bound[::20], strict=True))  # fmt: skip
+    assert worst[True] <= 1 < worst[False]

@@ -18,7 +18,7 @@ import scipy.sparse as sp
 from flexgram.basics import BodyError, errors_of, index_of
 from flexgram.bodyfile import write_matrices
 from flexgram.faces import volume_of
-from flexgram.importers.fe import FeMatrices, Interface, check
+from flexgram.importers.fe import FeMatrices, Interface, check, printed_rounding
 from flexgram.importers.interfaces import attach, middle, parse, select
 from flexgram.units import UNITS, doubt, spacing
 
@@ -209,6 +209,7 @@ def import_matrices(
     for name, label in fe.rigid.items():
         if name not in named:
             every.append(Interface(name, "node", np.array([label])))
+    rounding = printed_rounding(fe.K.data)  # before anything is added or scaled
     body = attach(fe, every)
     new = body.pop("new_points")
     followers: dict[str, Any] = {}
@@ -248,9 +249,11 @@ def import_matrices(
         C=None if body["C"] is None else body["C"] * turn,
         inputs=body["inputs"], outputs=body["outputs"],
         alpha=fe.alpha if alpha is None else alpha, beta=fe.beta if beta is None else beta,
-        eta=fe.eta if eta is None else eta, **places, blocks=fe.indexed_blocks(),
+        eta=fe.eta if eta is None else eta, rounding=rounding, **places, blocks=fe.indexed_blocks(),
         followers=followers, interfaces=members,
     )  # fmt: skip
+    if rounding:
+        fe.remarks.append(_digits(fe, rounding))
     if doubts := _doubt(fe, facts.get("mass", 0.0), units):
         fe.remarks.append(doubts)
     for key, factor in (("mass", mass), ("centre", length), ("inertia", mass * length**2)):
@@ -266,6 +269,19 @@ def import_matrices(
         "ports": body["inputs"],
         "remarks": fe.remarks,
     }
+
+
+def _digits(fe: FeMatrices, rounding: float) -> str:
+    """What the digits of printed matrices leave of low frequencies: λ is wrong by some 8 ε/√n of
+    the median of K_ii/M_ii."""
+    k, m = fe.K.diagonal(), fe.M.diagonal()
+    rows = (k > 0) & (m > 0)
+    largest = float(np.median(k[rows] / m[rows])) if rows.any() else 0.0
+    lost = 8 * rounding / np.sqrt(fe.n) * largest  # of λ
+    digits = round(1 - np.log10(2 * rounding))
+    return (f"K is printed with {digits} digits: frequencies below about "
+            f"{np.sqrt(lost / 2e-4) / (2 * np.pi):.2g} Hz are known to less than 1e-4 "
+            "(the rounding floor of a result tells)")  # fmt: skip
 
 
 def _doubt(fe: FeMatrices, mass: float, units: str) -> str | None:

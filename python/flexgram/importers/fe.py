@@ -177,6 +177,19 @@ def symmetric(path: Path | str, row: Any, column: Any, value: Any, n: int) -> sp
     return (0.5 * (entries + entries.T)).tocsr()
 
 
+def printed_rounding(values: Floats) -> float:
+    """Relative rounding of numbers that were printed with 7 to 15 digits, half a unit of the last
+    one; 0 for doubles, and for numbers that are short by nature."""
+    sample = values[values != 0][:: max(1, np.count_nonzero(values) // 2000)]
+    needed = np.array([next((d for d in range(6, 16) if float(f"{x:.{d - 1}e}") == x), 16)
+                       for x in sample.tolist()])  # fmt: skip
+    if not len(needed):
+        return 0.0
+    digits = int(np.bincount(needed).argmax())
+    alike = np.mean(needed == digits) > 0.5 and np.mean(needed <= digits) > 0.95
+    return 0.5 * 10.0 ** (1 - digits) if 6 < digits < 16 and alike else 0.0
+
+
 def read_triplets(path: Path, columns: int = 3) -> Floats:
     """Whitespace- or comma-separated numbers, ``columns`` on each line.
 
