@@ -45,6 +45,11 @@ def import_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--mass", type=Path, help="mass matrix, where the source holds K only")
     parser.add_argument("--damping", type=Path, help="damping matrix in a file of its own")
     parser.add_argument("--inputs", type=Path, help="input matrix B in a file of its own (PETSc)")
+    parser.add_argument(
+        "--matrices",
+        metavar="K=KXX,M=MXX",
+        help="names of the matrices in an OP4, DMIG or MATLAB file, where not the usual ones",
+    )
     parser.add_argument("--mapping", type=Path, help="ANSYS node map of HBMAT or *EXPORT")
     parser.add_argument(
         "--run-ccx",
@@ -68,6 +73,16 @@ def import_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--units", help="of the files: SI (default), mm-t-s, mm-kg-s")
     for name, unit in (("alpha", "[1/s]"), ("beta", "[s]"), ("eta", "loss factor")):
         parser.add_argument(f"--{name}", type=float, help=f"damping {unit}")
+
+
+def _names(words: str | None) -> dict[str, str] | None:
+    """``K=KXX,M=MXX`` as a mapping."""
+    if words is None:
+        return None
+    pairs = [word.partition("=") for word in words.split(",")]
+    if not all(role.strip() and name.strip() for role, _, name in pairs):
+        raise BodyError(f"--matrices {words}: expected K=NAME,M=NAME")
+    return {role.strip().upper(): name.strip() for role, _, name in pairs}
 
 
 def _lengths(numbers: Any) -> str:
@@ -109,7 +124,7 @@ def _import_mesh(options: argparse.Namespace, named: list[tuple[str, str]]) -> N
             "beams), see meshes/rack.yaml"
         )
     for name in ("format", "deck", "mass", "damping", "inputs", "mapping", "run_ccx",
-                 "step", "strict"):  # fmt: skip
+                 "step", "strict", "matrices"):  # fmt: skip
         if getattr(options, name):
             raise BodyError(f"--{name.replace('_', '-')} is nothing for a mesh")
     counts = import_mesh(
@@ -131,7 +146,7 @@ def import_body_file(options: argparse.Namespace) -> None:
         from flexgram.description import import_body
 
         every = ("material", "format", "deck", "mass", "damping", "inputs", "mapping", "run_ccx",
-                 "step", "strict", "units", "alpha", "beta", "eta")  # fmt: skip
+                 "step", "strict", "matrices", "units", "alpha", "beta", "eta")  # fmt: skip
         given = [name.replace("_", "-") for name in every if getattr(options, name)]
         given += [coupling for coupling, _ in named]
         if given:
@@ -158,6 +173,7 @@ def import_body_file(options: argparse.Namespace) -> None:
         mapping=options.mapping,
         run_ccx=options.run_ccx,
         step=options.step,
+        matrices=_names(options.matrices),
     )
     facts = import_matrices(
         fe,

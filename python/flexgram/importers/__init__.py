@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -62,6 +62,7 @@ def read(
     damping: str | Path | None = None,
     inputs: str | Path | None = None,
     mapping: str | Path | None = None,
+    matrices: Mapping[str, str] | None = None,
     run_ccx: bool = False,
     step: int | None = None,
 ) -> FeMatrices:
@@ -79,6 +80,9 @@ def read(
         Model with nodes and node sets, where it does not lie beside ``path``.
     mass, damping, inputs, mapping : path, optional
         Further files of formats that keep each matrix in its own.
+    matrices : mapping, optional
+        Names of the matrices in the file, where these are not the usual ones: ``{"K": "KXX"}``;
+        of Nastran K, M, D, of MATLAB B and C too.
     run_ccx : bool
         ``path`` is a CalculiX deck without results: run ccx on it first.
     step : int, optional
@@ -104,14 +108,24 @@ def read(
             raise BodyError(f"{given}: no such file (--{name})")
     if kind in ("pair", "petsc") and other["mass"] is None:
         raise BodyError(f"{first} holds one matrix: name the mass matrix too (--mass)")
+    allowed = {"nastran": "KMD", "matlab": "KMDBC"}.get(kind, "")
+    for role in matrices or {}:
+        if role not in allowed or len(role) != 1:
+            what = f"one of {', '.join(allowed)}" if allowed else "nothing of the format " + kind
+            raise BodyError(f"--matrices {role}=…: {role} must be {what}")
     if step is not None and not run_ccx:
         raise BodyError("--step belongs to --run-ccx")
     with errors_of(first):
-        return _read(kind, first, other, run_ccx, step)
+        return _read(kind, first, other, matrices, run_ccx, step)
 
 
 def _read(
-    kind: str, first: Path, other: dict[str, Path | None], run_ccx: bool, step: int | None
+    kind: str,
+    first: Path,
+    other: dict[str, Path | None],
+    matrices: Mapping[str, str] | None,
+    run_ccx: bool,
+    step: int | None,
 ) -> FeMatrices:
     """Hand over to the format's own reader."""
     if kind == "calculix":
@@ -139,11 +153,11 @@ def _read(
     if kind == "nastran":
         from flexgram.importers import nastran
 
-        return nastran.read_nastran(first, other["deck"])
+        return nastran.read_nastran(first, other["deck"], matrices)
     if kind == "matlab":
         from flexgram.importers import containers
 
-        return containers.read_matlab(first)
+        return containers.read_matlab(first, matrices)
     from flexgram.importers import ansys, containers
 
     if kind == "ansys":

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -84,12 +85,12 @@ def _from_hdf5(path: Path) -> dict[str, Any]:
     return values
 
 
-def read_matlab(path: Path) -> FeMatrices:
+def read_matlab(path: Path, matrices: Mapping[str, str] | None = None) -> FeMatrices:
     """Read ``K``, ``M``, ``B`` (and ``D``, ``C``, ``alpha``, ``beta``, ``eta``, ``node``,
     ``component``, ``position``) from a MATLAB file of any version.
 
     ``node`` is the row (from 1) of ``position`` (nodes x 3) for each row of the matrices,
-    ``component`` its direction, 0 to 5.
+    ``component`` its direction, 0 to 5. ``matrices`` maps K, M, D, B, C to other names.
     """
     if not path.exists():
         raise BodyError(f"{path}: no such file")
@@ -101,10 +102,23 @@ def read_matlab(path: Path) -> FeMatrices:
         raise
     except Exception as error:
         raise BodyError(f"{path}: not a MATLAB file ({error})") from error
+    asked = matrices or {}
+    there = ", ".join(key for key in values if not key.startswith("__")) or "none"
+    for name in asked.values():
+        if name not in values:
+            raise BodyError(f"{path}: {name} is missing; there are {there}")
+    named = {role: values[name] for role, name in asked.items()}
+    for name in set(asked.values()) - set(asked):  # it has a role now, not that of its name
+        values.pop(name)
+    values |= named
     for name in ("K", "M"):
         if name not in values:
-            there = [key for key in values if not key.startswith("__")]
-            raise BodyError(f"{path}: {name} is missing; there are {', '.join(there) or 'none'}")
+            raise BodyError(f"{path}: {name} is missing; there are {there} (--matrices "
+                            "K=Kmat,M=Mmat names them)")  # fmt: skip
+    square = np.shape(values["C"]) == np.shape(values["K"]) if "C" in values else False
+    if square and "C" not in asked and np.shape(values["K"])[0] > 1:
+        raise BodyError(f"{path}: C is as large as K: damping (--matrices D=C), or an output for "
+                        "each row (--matrices C=C)?")  # fmt: skip
 
     def number(name: str) -> float:
         if name not in values:

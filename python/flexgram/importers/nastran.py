@@ -1,7 +1,7 @@
 """Nastran: DMIG punch or OP4 matrices, and bulk data for grids and rigid elements, by pyNastran.
 
 Punch files come from ``PARAM,EXTOUT,DMIGPCH`` or ``EXTSEOUT(...DMIGPCH)``. Names beginning with
-K, M, B are taken as stiffness, mass, damping.
+K, M, B are taken as stiffness, mass, damping, those of the analysis set first.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import io
 import warnings
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -51,26 +52,57 @@ def _bulk_data(path: Path, punch: bool) -> Any:
     return model
 
 
-def _role(names: list[str], letter: str, path: Path, needed: bool) -> str | None:
-    """The one matrix whose name begins with the letter; K4 is structural damping, not K."""
+#: The matrices of a role, in the order in which they are looked for: of the analysis set first.
+ROLES = {"K": ("KAA", "KXX", "KHH", "KLL", "KFF", "KGG", "KJJ"),
+         "M": ("MAA", "MXX", "MHH", "MLL", "MFF", "MGG", "MJJ"),
+         "D": ("BAA", "BXX", "BHH", "BLL", "BFF", "BGG", "BJJ")}  # fmt: skip
+
+
+def _role(names: list[str], role: str, path: Path, asked: Mapping[str, str]) -> str | None:
+    """The matrix of a role: by the user's words, by its usual names, or the only one whose name
+    begins with the letter (K4 is structural damping, not K)."""
+    there = f"there are {', '.join(names) or 'none'} (--matrices K=KXX,M=MXX names them)"
+    if role in asked:
+        for name in names:
+            if name.upper() == asked[role].upper():
+                return name
+        raise BodyError(f"{path}: no matrix {asked[role]}; {there}")
+    for usual in ROLES[role]:
+        for name in names:
+            if name.upper() == usual:
+                return name
+    letter = "B" if role == "D" else role
     found = [n for n in names if n.upper().startswith(letter) and not n.upper().startswith("K4")]
-    if len(found) > 1:
-        raise BodyError(f"{path}: several matrices could be {letter}: {', '.join(found)}")
-    if needed and not found:
-        raise BodyError(f"{path}: no matrix named {letter}...; there are {', '.join(names)}")
-    return found[0] if found else None
+    if len(found) > 1 and role != "D":
+        raise BodyError(f"{path}: several matrices could be {role}: {', '.join(found)} "
+                        "(--matrices K=KXX,M=MXX names them)")  # fmt: skip
+    if role != "D" and not found:
+        raise BodyError(f"{path}: no matrix is {role}; {there}")
+    return found[0] if len(found) == 1 else None
 
 
-def _dmig(path: Path) -> FeMatrices:
+def _left_out(fe: FeMatrices, names: list[str], taken: list[str | None]) -> None:
+    """Name what is not read."""
+    lossy = [name for name in names if name.upper().startswith("K4")]
+    if lossy:
+        fe.remarks.append(f"structural damping {', '.join(lossy)} is left out: give --eta")
+    rest = [name for name in names if name not in taken and name not in lossy]
+    if rest:
+        fe.remarks.append(f"other matrices of the file are not needed: {', '.join(rest)}")
+    if any(str(name).upper() in ("KXX", "MXX") for name in taken):
+        fe.remarks.append("KXX is a reduced body (EXTSEOUT): rows of boundary dofs and modal "
+                          "coordinates; name the former by --rows")  # fmt: skip
+
+
+def _dmig(path: Path, asked: Mapping[str, str]) -> FeMatrices:
     model = _bulk_data(path, punch=True)
     names = list(model.dmig)
     if not names:
         raise BodyError(f"{path}: no DMIG: is this a punch file?")
-    lossy = [name for name in names if name.upper().startswith("K4")]
     entries: dict[str, tuple[Any, Any, Any]] = {}
     roles: dict[str, str] = {}
-    for letter, needed in (("K", True), ("M", True), ("B", False)):
-        name = _role(names, letter, path, needed)
+    for letter in ROLES:
+        name = _role(names, letter, path, asked)
         if name is None:
             continue
         card = model.dmig[name]
@@ -88,9 +120,8 @@ def _dmig(path: Path) -> FeMatrices:
         make = folded if model.dmig[roles[letter]].matrix_form == 6 else symmetric
         matrices[letter] = make(f"{path}, {letter}", *at, entries[letter][2], len(dofs))
     node, component = dofs // 8, dofs % 8 - 1
-    fe = FeMatrices(str(path), matrices["K"], matrices["M"], matrices.get("B"))
-    if lossy:
-        fe.remarks.append(f"structural damping {', '.join(lossy)} is not taken: give --eta")
+    fe = FeMatrices(str(path), matrices["K"], matrices["M"], matrices.get("D"))
+    _left_out(fe, names, list(roles.values()))
     if component.min() < 0:
         fe.remarks.append("scalar points have no place in space: no dof map is kept")
     else:
@@ -98,7 +129,7 @@ def _dmig(path: Path) -> FeMatrices:
     return fe
 
 
-def _op4(path: Path) -> FeMatrices:
+def _op4(path: Path, asked: Mapping[str, str]) -> FeMatrices:
     _pynastran()
     from pyNastran.op4.op4 import read_op4
 
@@ -112,23 +143,39 @@ def _op4(path: Path) -> FeMatrices:
         raise BodyError(f"{path}: pyNastran cannot read it ({error}); is the file complete?"
                         ) from error  # fmt: skip
     names = list(matrices)
+    roles = {role: _role(names, role, path, asked) for role in ROLES}
     found = {}
-    for letter, needed in (("K", True), ("M", True), ("B", False)):
-        name = _role(names, letter, path, needed)
-        if name is not None:
-            data = sp.coo_matrix(matrices[name].data)
-            found[letter] = symmetric(f"{path}, {name}", data.row, data.col, data.data,
-                                      data.shape[0])  # fmt: skip
-    return FeMatrices(str(path), found["K"], found["M"], found.get("B"))
+    for role, name in roles.items():
+        if name is None:
+            continue
+        data = sp.coo_matrix(matrices[name].data)
+        if data.shape[0] != data.shape[1] or np.iscomplexobj(data.data):
+            raise BodyError(f"{path}: {name} is {data.shape[0]} × {data.shape[1]}"
+                            f"{' and complex' if np.iscomplexobj(data.data) else ''}; {role} is "
+                            "square and real (--matrices K=KXX,M=MXX names them)")  # fmt: skip
+        found[role] = symmetric(f"{path}, {name}", data.row, data.col,
+                                data.data.astype(float), data.shape[0])  # fmt: skip
+    sizes = {matrix.shape[0] for matrix in found.values()}
+    if len(sizes) > 1:
+        words = ", ".join(f"{roles[r]} {m.shape[0]}" for r, m in found.items())
+        raise BodyError(f"{path}: matrices of different sets: {words} rows (--matrices K=KXX,M=MXX "
+                        "names others)")  # fmt: skip
+    fe = FeMatrices(str(path), found["K"], found["M"], found.get("D"))
+    _left_out(fe, names, list(roles.values()))
+    return fe
 
 
-def read_nastran(path: Path, deck: Path | None = None) -> FeMatrices:
+def read_nastran(
+    path: Path, deck: Path | None = None, matrices: Mapping[str, str] | None = None
+) -> FeMatrices:
     """Read a punch file (``.pch``, ``.dmig``, ``.bdf`` with DMIG) or OP4 (``.op4``).
 
     The deck gives grids, elements for pictures, and RBE2 and RBE3 elements, which
-    become interfaces where Nastran has not condensed them already.
+    become interfaces where Nastran has not condensed them already. ``matrices`` maps K, M, D to
+    names of the file where these are not the usual ones.
     """
-    fe = _op4(path) if path.suffix.lower() == ".op4" else _dmig(path)
+    reader = _op4 if path.suffix.lower() == ".op4" else _dmig
+    fe = reader(path, matrices or {})
     if deck is None:
         fe.remarks.append("no deck: no coordinates, no node sets (--deck names the bulk data)")
         return fe
