@@ -1,8 +1,8 @@
-"""A DOLFINx program hands its own matrices to flexgram, without files and in parallel.
+"""A DOLFINx program hands its own forms to flexgram, without files and in parallel.
 
     mpirun -n 2 .venv/bin/python3 examples/dolfinx_beam.py [out/beam.rom.h5]
 
-A steel beam of quadratic tetrahedra, free, with the resultant forces on its two ends as inputs;
+A steel beam of quadratic tetrahedra, free, with forces and moments on its two ends as inputs;
 10 to 1000 Hz, error at most 1e-4. Needs Debian's python3-dolfinx-real.
 """
 
@@ -11,11 +11,10 @@ import sys
 import numpy as np
 import ufl
 from dolfinx import fem, mesh
-from dolfinx.fem.petsc import assemble_matrix, assemble_vector
 from mpi4py import MPI
-from petsc4py import PETSc
 
 import flexgram
+import flexgram.dolfinx
 
 comm = MPI.COMM_WORLD
 size = np.array([1.0, 0.06, 0.04])
@@ -34,38 +33,18 @@ def strain(w):
 
 
 stress = 2 * mu * strain(u) + lame * ufl.tr(strain(u)) * ufl.Identity(3)
-matrices = []
-for form in (ufl.inner(stress, strain(v)) * ufl.dx, rho * ufl.inner(u, v) * ufl.dx):
-    matrix = assemble_matrix(fem.form(form))
-    matrix.assemble()
-    matrices.append(matrix)
-K, M = matrices
+ends = [mesh.locate_entities_boundary(domain, 2, lambda p, at=x: np.isclose(p[0], at))
+        for x in (0.0, size[0])]  # fmt: skip
+facets, which = np.concatenate(ends), np.repeat([3, 7], [len(faces) for faces in ends])
+order = np.argsort(facets)
+tags = mesh.meshtags(domain, 2, facets[order], which[order].astype(np.int32))
 
-# One input for each direction at each end: a force of 1 N, evenly over the face.
-columns, names = [], []
-for end, x in (("start", 0.0), ("end", size[0])):
-    faces = mesh.locate_entities_boundary(domain, 2, lambda p, at=x: np.isclose(p[0], at))
-    tags = mesh.meshtags(domain, 2, np.sort(faces), np.ones(len(faces), dtype=np.int32))
-    ds = ufl.Measure("ds", domain=domain, subdomain_data=tags)
-    for axis in range(3):
-        direction = np.zeros(3)
-        direction[axis] = 1 / (size[1] * size[2])
-        load = fem.Constant(domain, PETSc.ScalarType(direction))
-        vector = assemble_vector(fem.form(ufl.inner(load, v) * ds(1)))
-        vector.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
-        columns.append(vector.array_r.copy())
-        names.append(f"{end}.f{'xyz'[axis]}")
-
-# Where the rows are: rigid modes and frame integrals come from the coordinates.
-blocks = V.dofmap.index_map.size_local
-first = V.dofmap.index_map.local_range[0]
-position = np.repeat(V.tabulate_dof_coordinates()[:blocks], 3, axis=0)
-body = flexgram.Matrices(
-    K, M, np.column_stack(columns), alpha=2.0, beta=1e-6, inputs=names, name="DOLFINx beam",
-    node=np.repeat(first + np.arange(blocks), 3), component=np.tile(np.arange(3), blocks),
-    position=position,
+body = flexgram.dolfinx.body(
+    V, ufl.inner(stress, strain(v)) * ufl.dx, rho * ufl.inner(u, v) * ufl.dx, tags,
+    {3: "start", 7: "end"}, alpha=2.0, beta=1e-6, name="DOLFINx beam",
 )  # fmt: skip
 rom = flexgram.reduce(body, band_hz=(10, 1000), tol=1e-4, comm=comm)
+
 if comm.rank == 0:
     print(rom)
     print(f"mass {float(rom.frame['mass']):.6f} kg, exact {rho * size.prod():.6f} kg")

@@ -11,7 +11,7 @@ import h5py
 import numpy as np
 import pytest
 
-from conftest import ENVIRONMENT, PYTHON, ROOT
+from conftest import ENVIRONMENT, PYTHON, ROOT, program
 
 
 def example(name: str, *arguments: object, ranks: int = 1) -> str:
@@ -61,6 +61,28 @@ def test_dolfinx_beam_on_one_and_two_ranks(tmp_path: Path) -> None:
     # Euler-Bernoulli, first bending in the thin direction, within the error of that theory
     slender = 22.373 * np.sqrt(210e9 * 0.04**2 / 12 / 7850)
     assert modes[0][0] == pytest.approx(slender, rel=0.02)
+
+
+def test_dolfinx_ports_equal_glue_by_hand() -> None:
+    pytest.importorskip("dolfinx")
+    for degree in (1, 2):
+        lines = []
+        for ranks in (1, 2, 3):
+            out = program("dolfinx_ports", degree, ranks=ranks, timeout=600)
+            assert number(r"loads (\S+)", out) < 1e-15
+            assert number(r"work (\S+)", out) < 1e-10
+            assert number(r"matrix (\S+)", out) == 0
+            assert "rigid 6 mass 62.8" in out
+            assert "certified" in out and "no facets have the tag 5 (none)" in out
+            lines.append(
+                [line for line in out.splitlines() if line.startswith(("free", "clamped"))]
+            )
+        assert lines[0] == lines[1] == lines[2]
+        # a cantilever of that section, thin direction, by Euler and Bernoulli
+        E = 8e10 * (3 * 1e11 + 2 * 8e10) / (1e11 + 8e10)
+        slender = 3.516 / (2 * np.pi) * np.sqrt(E * 0.08**2 / 12 / 7850)
+        lowest = number(r"clamped (\S+)", out)
+        assert lowest == pytest.approx(slender, rel=0.02) if degree == 2 else lowest > slender
 
 
 def test_matlab_matrices(tmp_path: Path) -> None:
