@@ -164,9 +164,13 @@ def test_damaged_bodies(case: str, ranks: int, tmp_path: Path) -> None:
     assert expected in message(result)
 
 
-def test_a_damaged_attribute_is_not_a_missing_one(tmp_path: Path) -> None:
+@pytest.mark.parametrize("layout", ["earliest", "v108"])
+def test_a_damaged_attribute_is_not_a_missing_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, layout: str
+) -> None:
     """eta = 0.1 was lost when its header did not parse: the program reads what h5py reads, or
-    refuses the file."""
+    refuses the file. The layout of HDF5 1.8, which flexgram writes, has checksums."""
+    monkeypatch.setattr("flexgram.bodyfile.LAYOUT", (layout, "v110"))
     body, damaged, out = (tmp_path / name for name in ("body.h5", "damaged.h5", "rom.h5"))
     write_matrices(body, **chain(eta=0.1))
     data = body.read_bytes()
@@ -182,7 +186,7 @@ def test_a_damaged_attribute_is_not_a_missing_one(tmp_path: Path) -> None:
             read += 1
             with h5py.File(damaged) as file:
                 assert ReducedModel.load(out).eta == float(file.attrs.get("eta", 0.0))
-    assert read > 0
+    assert (read > 0) == (layout == "earliest")
 
 
 @pytest.mark.parametrize("verb", ["reduce", "certify", "sweep", "assemble"])

@@ -28,7 +28,7 @@ from flexgram.importers.interfaces import attach
         ("*INSTANCE, NAME=A\n*NODE\n1,0,0,0\n*INSTANCE, NAME=B\n", "line 4: .* second instance"),
         ("*NODE\n1,0,0,z\n", "line 2: .* does not belong under"),
         ("*ELEMENT, TYPE=C3D4\n1, 1,2,3,4\n", "is this a deck"),
-        ("*INCLUDE, INPUT=none.inp\n", "No such file"),
+        ("*INCLUDE, INPUT=none.inp\n", "no such file"),
     ],
 )
 def test_decks_that_are_not_followed(tmp_path: Path, cards: str, expected: str) -> None:
