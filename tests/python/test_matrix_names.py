@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.io
+import scipy.sparse as sp
 from test_importers import assert_same
 
 from bodies import small
@@ -89,6 +90,37 @@ def test_names_that_tell_nothing(tmp_path: Path) -> None:
     wide = write_op4(tmp_path / "wide.op4", {"KAA": np.ones((3, 4)), "MAA": M})
     with pytest.raises(BodyError, match=r"KAA is 3 × 4; K is square"):
         read(wide)
+
+
+def test_abaqus_names_without_an_underscore(tmp_path: Path) -> None:
+    K, M = (sp.triu(a).tocoo() for a in small())
+    for name, a in (("discSTIF1", K), ("discMASS1", M)):
+        (tmp_path / f"{name}.mtx").write_text("".join(
+            f"{i // 3 + 1},{i % 3 + 1},{j // 3 + 1},{j % 3 + 1},{x:.16e}\n"
+            for i, j, x in zip(a.row, a.col, a.data, strict=True)))  # fmt: skip
+    for name in ("discSTIF1", "discMASS1"):
+        assert_same(read(tmp_path / f"{name}.mtx"), *small())
+
+
+def test_text_files(tmp_path: Path) -> None:
+    for first in (0, 1):
+        for name, a in zip("KM", small(), strict=True):
+            entries = a.tocoo()
+            table = np.column_stack([entries.row + first, entries.col + first, entries.data])
+            np.savetxt(tmp_path / f"{name}.txt", table, header="row column value", fmt="%.17g")
+        assert_same(read(tmp_path / "K.txt", mass=tmp_path / "M.txt"), *small())
+    for name, a in zip("KM", small(), strict=True):
+        np.savetxt(tmp_path / f"{name}.csv", a.toarray(), delimiter=",", fmt="%.17g")
+    assert_same(read(tmp_path / "K.csv", mass=tmp_path / "M.csv"), *small())
+    (tmp_path / "K.txt").write_text("1 1\n2 2\n3 3\n")
+    with pytest.raises(BodyError, match=r"3 × 2 numbers, expected a square"):
+        read(tmp_path / "K.txt", mass=tmp_path / "M.txt")
+    (tmp_path / "K.txt").write_text("1 1 2.0\n1000000 1 2.0\n")
+    with pytest.raises(BodyError, match=r"cannot fill that"):
+        read(tmp_path / "K.txt", mass=tmp_path / "M.txt")
+    (tmp_path / "K.txt").write_text("stiffness\n")
+    with pytest.raises(BodyError, match=r"no table of numbers"):
+        read(tmp_path / "K.txt", mass=tmp_path / "M.txt")
 
 
 def test_matlab_names_and_a_square_C(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

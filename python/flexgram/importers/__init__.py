@@ -41,12 +41,13 @@ def guess_format(path: Path) -> str:
     if suffix == ".mtx":
         if path.exists() and path.open("rb").read(14) == b"%%MatrixMarket":
             return "pair"
-        if re.search("_(STIF|MASS)", path.name, re.IGNORECASE):
+        if re.search(r"(STIF|MASS)\d+\.mtx$", path.name, re.IGNORECASE):
             return "abaqus"
         return "pair"
     known = {".pch": "nastran", ".dmig": "nastran", ".op4": "nastran", ".bdf": "nastran",
              ".full": "ansys", ".mat": "matlab", ".mmf": "pair", ".hb": "pair", ".rsa": "pair",
-             ".matrix": "pair", ".petsc": "petsc", ".bin": "petsc"}  # fmt: skip
+             ".matrix": "pair", ".txt": "pair", ".csv": "pair", ".petsc": "petsc",
+             ".bin": "petsc"}  # fmt: skip
     if suffix not in known:
         raise BodyError(f"{path}: the format is not told by the name; --format is one of "
                         f"{', '.join(FORMATS)}")  # fmt: skip
@@ -73,7 +74,7 @@ def read(
     path : str or Path
         What ``format`` starts from: ``job.sti`` or ``job.inp`` (CalculiX), ``job_STIF1.mtx``
         (Abaqus), ``.pch`` or ``.op4`` (Nastran), ``.full`` (ANSYS), ``.mat`` (MATLAB), the
-        stiffness matrix (MatrixMarket, Harwell-Boeing, PETSc; ``mass`` names the other one).
+        stiffness matrix (MatrixMarket, Harwell-Boeing, text, PETSc; ``mass`` names the other one).
     format : str, optional
         One of ``FORMATS``; default: by the name.
     deck : path, optional

@@ -15,7 +15,7 @@ from flexgram.importers.fe import FeMatrices, check_indices, folded, read_triple
 
 def _partner(path: Path, of: str, to: str) -> Path:
     """The other matrix of the same job and step."""
-    name = re.sub(rf"_{of}(\d+)\.mtx$", rf"_{to}\1.mtx", path.name, flags=re.IGNORECASE)
+    name = re.sub(rf"(_?){of}(\d+)\.mtx$", rf"\1{to}\2.mtx", path.name, flags=re.IGNORECASE)
     if name == path.name:
         raise BodyError(f"{path}: expected a name like job_{of}1.mtx, as *MATRIX OUTPUT gives it")
     return path.with_name(name)
@@ -34,10 +34,12 @@ def read_abaqus(path: Path, deck: Path | None = None) -> FeMatrices:
     FORMAT=MATRIX INPUT carries its own dof map; FORMAT=COORDINATE counts equations, which are
     taken as three to a node in the order of the deck's labels, so it needs the deck.
     """
-    stiffness = path if re.search("_STIF", path.name, re.IGNORECASE) else _partner(
+    stiffness = path if re.search(r"STIF\d+\.mtx$", path.name, re.IGNORECASE) else _partner(
         path, "MASS", "STIF")  # fmt: skip
     mass = _partner(stiffness, "STIF", "MASS")
-    job = stiffness.with_name(re.sub(r"_STIF.*", ".inp", stiffness.name, flags=re.IGNORECASE))
+    job = stiffness.with_name(
+        re.sub(r"_?STIF\d+\.mtx$", ".inp", stiffness.name, flags=re.IGNORECASE)
+    )
     deck = deck or (job if job.exists() else None)
     model = read_deck(deck) if deck is not None else None
     if "," in _first_line(stiffness):  # node, dof, node, dof, value

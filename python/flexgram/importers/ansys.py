@@ -12,7 +12,7 @@ import numpy as np
 import scipy.io
 import scipy.sparse as sp
 
-from flexgram.basics import BodyError, expect_survival
+from flexgram.basics import BodyError, expect_survival, whole_numbers
 from flexgram.importers.fe import FeMatrices, Ints, symmetric
 
 
@@ -150,6 +150,29 @@ def _read_market(path: Path) -> sp.coo_matrix:
     return sp.coo_matrix(scipy.io.mmread(str(path)))
 
 
+def _read_text(path: Path) -> sp.coo_matrix:
+    """Triplets (row, column, value; numbers from 1, or from 0 if one is) or a whole matrix."""
+    first = next((line for line in path.read_text(errors="replace").splitlines()
+                  if line.strip() and not line.lstrip().startswith(("#", "%"))), "")  # fmt: skip
+    comma = "," if "," in first else None
+    try:
+        values = np.loadtxt(path, delimiter=comma, comments=["#", "%"], ndmin=2)
+    except ValueError as error:
+        raise BodyError(f"{path}: no table of numbers ({error})") from None
+    if values.shape[0] == values.shape[1]:
+        return sp.coo_matrix(values)
+    if values.shape[1] != 3:
+        raise BodyError(f"{path}: {values.shape[0]} × {values.shape[1]} numbers, expected a square "
+                        "matrix, or row, column and value on each line")  # fmt: skip
+    pairs = whole_numbers(path, values[:, :2])
+    pairs = pairs - (0 if pairs.min() == 0 else 1)
+    n = int(pairs.max()) + 1
+    if pairs.min() < 0 or n > len(values):
+        raise BodyError(f"{path}: numbers of rows and columns from {pairs.min()} to {n}: "
+                        f"{len(values)} entries cannot fill that")  # fmt: skip
+    return sp.coo_matrix((values[:, 2], (pairs[:, 0], pairs[:, 1])), shape=(n, n))
+
+
 def _node_map(path: Path | None, n: int) -> tuple[Ints, Ints]:
     """A mapping file of HBMAT or ``*EXPORT``: equation, node, direction on each line."""
     none = np.empty(0, dtype=np.int64)
@@ -174,8 +197,9 @@ def _node_map(path: Path | None, n: int) -> tuple[Ints, Ints]:
 
 def read_pair(stiffness: Path, mass: Path, damping: Path | None = None, mapping: Path | None = None,
               deck: Path | None = None) -> FeMatrices:  # fmt: skip
-    """Read K and M (and D) from two files, Harwell-Boeing or MatrixMarket, one triangle or both.
+    """Read K and M (and D) from two files, one triangle or both.
 
+    Harwell-Boeing, MatrixMarket, or text: ``.txt`` and ``.csv`` have row, column and value on each line, or the whole matrix.
     ``mapping`` is the node map that HBMAT writes with MAPPING=YES.
     """
     found, remarks = {}, []
@@ -187,7 +211,9 @@ def read_pair(stiffness: Path, mass: Path, damping: Path | None = None, mapping:
         head = path.open("rb").read(64)
         try:
             market = head.startswith(b"%%MatrixMarket")
-            raw = _read_market(path) if market else read_harwell_boeing(path)
+            text = path.suffix.lower() in (".txt", ".csv")
+            reader = _read_market if market else _read_text if text else read_harwell_boeing
+            raw = reader(path)
         except BodyError:
             raise
         except Exception as error:
