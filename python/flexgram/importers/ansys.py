@@ -199,7 +199,8 @@ def read_pair(stiffness: Path, mass: Path, damping: Path | None = None, mapping:
               deck: Path | None = None) -> FeMatrices:  # fmt: skip
     """Read K and M (and D) from two files, one triangle or both.
 
-    Harwell-Boeing, MatrixMarket, or text: ``.txt`` and ``.csv`` have row, column and value on each line, or the whole matrix.
+    Harwell-Boeing, MatrixMarket, or text: ``.txt`` and ``.csv`` have row, column and value on
+    each line, or the whole matrix.
     ``mapping`` is the node map that HBMAT writes with MAPPING=YES.
     """
     found, remarks = {}, []
