@@ -10,15 +10,24 @@ import h5py
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from test_importers import FREQUENCY, assert_digits, ccx, ccx_frequencies, frequencies, write_deck
+from test_importers import (
+    CALCULIX,
+    FREQUENCY,
+    STEEL,
+    assert_digits,
+    ccx,
+    ccx_frequencies,
+    frequencies,
+    write_deck,
+)
 from test_importers_wrong import ccx_job
 
 from bodies import box, write_body_file
-from conftest import assembled
+from conftest import assembled, read_sparse
 from flexgram import reduce
 from flexgram.basics import BodyError
 from flexgram.bodyfile import write_matrices
-from flexgram.importers import Interface, import_matrices, parse, read
+from flexgram.importers import Interface, check, import_matrices, parse, read
 from flexgram.importers.ccx import damping_of, prepare, read_job
 from referee import System
 
@@ -166,6 +175,53 @@ def test_thousands_of_ports_have_names(tmp_path: Path) -> None:
                    np.eye(n), inputs=names)  # fmt: skip
     with h5py.File(tmp_path / "many.h5") as file:
         assert list(file["B"].attrs["names"]) == names
+
+
+def shell_plate(path: Path, kind: str, extra: str) -> Path:
+    """A plate of 8 x 4 quadratic shells, 0.8 x 0.4 x 0.01 m, with its left edge as a set."""
+    places = [(i, j) for i in range(17) for j in range(9) if i % 2 == 0 or j % 2 == 0]
+    label = {place: k for k, place in enumerate(places, 1)}
+    lines = ["*NODE"] + [f"{label[i, j]}, {0.05 * i}, {0.05 * j}, 0" for i, j in places]
+    lines.append(f"*ELEMENT, TYPE={kind}, ELSET=EALL")
+    around = ((0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1))
+    for e, (i, j) in enumerate([(i, j) for i in range(0, 16, 2) for j in range(0, 8, 2)], 1):
+        lines.append(", ".join(map(str, [e, *(label[i + a, j + b] for a, b in around)])))
+    lines += ["*NSET, NSET=LEFT", *(f"{label[0, j]}," for j in range(9))]
+    lines.append(STEEL + "*SHELL SECTION, ELSET=EALL, MATERIAL=STEEL\n0.01")
+    path.write_text("\n".join(lines) + "\n" + extra)
+    return path
+
+
+@ccx
+@pytest.mark.parametrize(("shell", "solid"), [("S8", "C3D20"), ("S8R", "C3D20R")])
+def test_shells_are_the_solids_that_ccx_makes_of_them(
+    tmp_path: Path, shell: str, solid: str
+) -> None:
+    """ccx prints one label for two or three nodes, and no places: both are found again."""
+    plate = read(shell_plate(tmp_path / "shell.inp", shell, FREQUENCY), run_ccx=True)
+    facts = check(plate)
+    mass = 7850 * 0.8 * 0.4 * 0.01
+    assert facts["mass"] == pytest.approx(mass, rel=1e-9)
+    assert np.allclose(facts["centre"], [0.4, 0.2, 0], atol=1e-9)
+    inertia = mass / 12 * np.array([0.4**2 + 1e-4, 0.8**2 + 1e-4, 0.8**2 + 0.4**2])
+    assert np.allclose(np.diag(facts["inertia"]), inertia, rtol=1e-9)
+    mesh = box(CALCULIX[solid], (8, 4, 1), (0.8, 0.4, 0.01), distort=False)
+    brick = read(write_deck(tmp_path / "solid.inp", solid, FREQUENCY, mesh=mesh), run_ccx=True)
+    for coupling in ("rigid", "distributing"):
+        found = []
+        for fe, where in ((plate, "NSET:LEFT@0,0.2,0"), (brick, "NSET:START@0,0.2,0.005")):
+            import_matrices(fe, tmp_path / "body.h5", [parse(coupling, f"edge={where}")])
+            with h5py.File(tmp_path / "body.h5") as file:
+                found.append(frequencies(read_sparse(file, "K"), read_sparse(file, "M"))[6:18])
+        assert np.allclose(*found, rtol=1e-7)
+
+
+@ccx
+def test_held_shells_say_that_places_are_not_known(tmp_path: Path) -> None:
+    held = read(shell_plate(tmp_path / "held.inp", "S8R", "*BOUNDARY\nLEFT, 1, 3\n" + FREQUENCY),
+                run_ccx=True)  # fmt: skip
+    assert any("import it free" in line or "some of them held" in line for line in held.remarks)
+    assert not held.has_coordinates()
 
 
 def test_printed_digits_are_in_the_floor(tmp_path: Path) -> None:

@@ -58,9 +58,11 @@ def unpacked(name: str, folder: Path) -> Path:
     return folder
 
 
-def write_deck(path: Path, kind: str = "C3D10", extra: str = "", scale: float = 1.0) -> Path:
-    """A distorted box as a CalculiX deck with the node sets START and END."""
-    mesh = box(CALCULIX[kind], (4, 2, 2))
+def write_deck(
+    path: Path, kind: str = "C3D10", extra: str = "", scale: float = 1.0, mesh: Any = None
+) -> Path:
+    """A distorted box, or a mesh, as a CalculiX deck with the node sets START and END."""
+    mesh = mesh or box(CALCULIX[kind], (4, 2, 2))
     lines = ["*NODE, NSET=NALL"]
     lines += [f"{i + 10}, " + ", ".join(f"{x * scale:.12g}" for x in point)
               for i, point in enumerate(mesh.points)]  # fmt: skip

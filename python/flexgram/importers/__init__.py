@@ -303,7 +303,7 @@ def _doubt(fe: FeMatrices, mass: float, units: str) -> str | None:
     """What speaks against the units: the speed of sound by stiffness and mass of the rows and the
     distance of nodes, the density by the volume of the elements (without them, of one cell a node),
     the size of the part."""
-    if not fe.has_coordinates() or not mass > 0:
+    if not fe.has_coordinates() or not mass > 0 or fe.thin:
         return None
     k, m = fe.K.diagonal(), fe.M.diagonal()
     rows = (fe.component < 3) & (k > 0) & (m > 0)

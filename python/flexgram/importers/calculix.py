@@ -10,11 +10,18 @@ from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.sparse.linalg import splu
 
 from flexgram.basics import BodyError, whole_numbers
 from flexgram.importers import ccx
 from flexgram.importers.deck import read_deck
-from flexgram.importers.fe import FeMatrices, check_indices, read_triplets, symmetric
+from flexgram.importers.fe import (
+    FeMatrices,
+    check_indices,
+    read_triplets,
+    rigid_motions,
+    symmetric,
+)
 
 
 def _matrix(path: Path, n: int) -> sp.csr_matrix:
@@ -93,6 +100,7 @@ def read_calculix(path: Path, deck: Path | None = None, own: Path | None = None)
         fe.node[turns] = reference
         fe.component[turns] += 3
         fe.rigid[name] = reference
+    _expand(fe)
     _take_damping(fe, ccx.damping_of(ccx.read_job(own or deck)))
     known = np.isin(fe.node, fe.labels)
     if not known.all():
@@ -138,3 +146,70 @@ def _take_damping(fe: FeMatrices, damping: ccx.Damping) -> None:
     if taken:
         fe.D = D.tocsr()
         fe.remarks.append(f"{taken} dashpot{'s' if taken > 1 else ''} of the deck in D")
+
+
+def _expand(fe: FeMatrices) -> None:
+    """Nodes of shells and beams, which ccx expands to solids: a label has the rows of two, three or
+    more nodes, and nobody says where these are. In a free body rigid rotations cost no energy: of
+    all places whose mean is that of the label, the expanded nodes are at those where they do not.
+    Each gets a label of its own, and is in the sets that the label is in.
+    """
+    first = np.flatnonzero(fe.component == 0)
+    together = (len(fe.node) == 3 * len(first)) and np.array_equal(
+        fe.component, np.tile(np.arange(3), len(first)))  # fmt: skip
+    label, count = np.unique(fe.node[first], return_counts=True)
+    several = label[(count > 1) & np.isin(label, fe.labels)]
+    if not len(several):
+        return
+    if not together or len(first) != count.sum():
+        fe.remarks.append("nodes of shells or beams have several rows, some of them held: where "
+                          "these are is not known, no coordinates are kept")  # fmt: skip
+        fe.points = np.empty((0, 3))
+        return
+    # Nodes of the rows, three rows each; unknown places of the expanded ones about the label's.
+    of_label = np.searchsorted(fe.labels, fe.node[first])
+    base = fe.points[of_label]
+    expanded = np.isin(fe.node[first], several)
+    order = np.argsort(fe.node[first], kind="stable")
+    last = np.zeros(len(first), dtype=bool)  # the last copy of each label makes the mean right
+    ends = np.flatnonzero(np.diff(np.append(fe.node[first][order], -1)))
+    last[order[ends]] = True
+    free = np.flatnonzero(expanded & ~last)
+    unknown = np.full(len(first), -1)
+    unknown[free] = np.arange(len(free))
+    copies = [(unknown[i], i, 1.0) for i in free]
+    tail = dict(zip(fe.node[first][expanded & last], np.flatnonzero(expanded & last), strict=True))
+    copies += [(unknown[i], tail[fe.node[first[i]]], -1.0) for i in free]
+    column, node, sign = (np.array(part) for part in zip(*copies, strict=True))
+    place = sp.csr_matrix((sign, (node, column)), shape=(len(first), len(free)))
+    place = sp.kron(place, sp.identity(3), format="csr")  # places of all nodes by the unknown ones
+    A = sp.csr_matrix((3 * len(free), 3 * len(free)))
+    b = np.zeros(3 * len(free))
+    for axis in np.eye(3):
+        turn = np.array([np.cross(axis, e) for e in np.eye(3)]).T  # x -> axis × x
+        turned = sp.kron(sp.identity(len(first)), turn, format="csr")
+        S = turned @ place
+        KS = fe.K @ S
+        A = A + S.T @ KS
+        b -= KS.T @ (turned @ base.ravel())
+    offset = place @ splu(A.tocsc()).solve(b)
+    points = base + offset.reshape(-1, 3)
+    motion = rigid_motions(np.repeat(points, 3, axis=0), fe.component)
+    energy = np.einsum("ij,ij->j", motion, fe.K @ motion)
+    scale = np.einsum("ij,i,ij->j", motion, fe.K.diagonal(), motion)
+    if not np.all(np.abs(energy) <= 1e-9 * scale):
+        fe.remarks.append("nodes of shells or beams are expanded, and the body is held: where they "
+                          "are is not known, no coordinates are kept (import it free)")  # fmt: skip
+        fe.points = np.empty((0, 3))
+        return
+    fresh = np.arange(expanded.sum()) + max(fe.labels.max(), fe.node.max()) + 1
+    old = fe.node[first][expanded]
+    fe.node[np.repeat(expanded, 3)] = np.repeat(fresh, 3)
+    fe.thin = True
+    fe.labels = np.concatenate([fe.labels, fresh])
+    fe.points = np.vstack([fe.points, points[expanded]])
+    for name, members in fe.sets.items():
+        fe.sets[name] = np.concatenate([members[~np.isin(members, several)],
+                                        fresh[np.isin(old, members)]])  # fmt: skip
+    fe.remarks.append(f"{len(several)} nodes of shells or beams are {expanded.sum()} of the solids "
+                      "that ccx makes of them; sets hold these")  # fmt: skip

@@ -95,6 +95,7 @@ class FeMatrices:
     alpha: float = 0.0
     beta: float = 0.0
     eta: float = 0.0
+    thin: bool = False  #: of shells or beams: distances of nodes tell no volume
     remarks: list[str] = field(default_factory=list)
     _indexed: list[tuple[str, Ints]] | None = field(default=None, repr=False)
 
