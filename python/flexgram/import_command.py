@@ -163,6 +163,8 @@ def import_body_file(options: argparse.Namespace) -> None:
 
     interfaces = [parse(*pair) for pair in named]  # before ccx runs for minutes
     check_damping(options.alpha, options.beta, options.eta)
+    if options.run_ccx:
+        say(f"  ccx runs on {options.source}")
     fe = read(
         options.source,
         format=options.format,
