@@ -127,7 +127,8 @@ Dense factor_of(const DenseResponse& response, const Quadrature& nodes, double e
 }
 
 /// A factor of P = (SSᵀ) ∘ (BBᵀ), entry by entry, the same Gramian at a price without the
-/// ports. Eigenvalues of P are right to ε of the largest, so half the digits are lost.
+/// ports. Eigenvalues of P, scaled to a unit diagonal, are right to ε of the largest, so half
+/// the digits are lost.
 Dense factor_by_squares(const DenseResponse& response, const Quadrature& nodes,
                         double eta_added, bool equal_ports) {
   const Dense S = factors_of_modes(response, nodes, eta_added);
@@ -141,10 +142,17 @@ Dense factor_by_squares(const DenseResponse& response, const Quadrature& nodes,
   const Dense loads = multiply(B, transpose(B));
   for (std::size_t i = 0; i < P.data.size(); ++i) P.data[i] *= loads.data[i];
   symmetrise(P);
+  // Rigid and resonant modes are large: each by its own size.
+  std::vector<double> root;
+  for (int i = 0; i < P.rows; ++i) root.push_back(P(i, i) > 0 ? std::sqrt(P(i, i)) : 1.0);
+  for (int j = 0; j < P.columns; ++j)
+    for (int i = 0; i < P.rows; ++i)
+      P(i, j) /= root[static_cast<std::size_t>(i)] * root[static_cast<std::size_t>(j)];
   SymmetricEigen eigen = symmetric_eigen(std::move(P));
   for (int j = 0; j < eigen.vectors.columns; ++j)
     for (int i = 0; i < eigen.vectors.rows; ++i)
       eigen.vectors(i, j) *=
+          root[static_cast<std::size_t>(i)] *
           std::sqrt(std::max(eigen.values[static_cast<std::size_t>(j)], 0.0));
   return multiply(response.U(), eigen.vectors);
 }

@@ -36,6 +36,11 @@ public:
 
 private:
   void check() const;
+  /// What the medium model must be good to.
+  double target() const {
+    return request_.medium_target > 0 ? request_.medium_target
+                                      : medium_target(request_.order);
+  }
   std::shared_ptr<MediumOverBand> seen(std::size_t level) const;
   std::shared_ptr<MediumOverBand> first_that_serves() const;
   std::vector<BandWeight> weights() const;
@@ -95,9 +100,10 @@ void Cut::check() const {
 /// A level as this request looks at it.
 std::shared_ptr<MediumOverBand> Cut::seen(std::size_t level) const {
   const bool by_kind = request_.order.by_kind();
+  const double enough = std::min(target(), whole_.spec.target);
   return whole_.seen->find_or(
-      {level, ports_, by_kind, bands_, request_.error_omega}, [&] {
-        MediumModel model(whole_, level, ports_, by_kind);
+      {level, ports_, by_kind, bands_, request_.error_omega, enough}, [&] {
+        MediumModel model(whole_, level, ports_, by_kind, enough);
         model.follow_dampers();
         std::vector<double> peaks; // decisions about intervals must not differ
         for (const auto& [omega, half_width] : model.resonances)
@@ -117,13 +123,11 @@ std::shared_ptr<MediumOverBand> Cut::seen(std::size_t level) const {
 std::shared_ptr<MediumOverBand> Cut::first_that_serves() const {
   check();
   const std::size_t last = whole_.levels.size() - 1;
-  const double target =
-      request_.medium_target > 0 ? request_.medium_target : medium_target(request_.order);
-  for (std::size_t k = 0; k < last && target > whole_.spec.target; ++k) {
-    if (!whole_.levels[k].serves(target)) continue;
+  for (std::size_t k = 0; k < last && target() > whole_.spec.target; ++k) {
+    if (!whole_.levels[k].serves(target())) continue;
     const auto here = seen(k);
     std::vector<double> spot{
-        ErrorOverBand(*here, request_.relative_to).weak_spot(target).value_or(-1.0)};
+        ErrorOverBand(*here, request_.relative_to).weak_spot(target()).value_or(-1.0)};
     share_from_first(comm_, spot);
     if (spot[0] < 0) return here;
   }

@@ -34,14 +34,12 @@ int smallest_order(const Candidate& candidate, const MediumModel& medium, int mo
     const auto is_good = [&](int m) {
       return good(all.project(first_columns(identity(most), m)));
     };
-    // One by one; from orders on where each is costly, from a bracket downwards.
+    // One by one; from orders on where each is costly, by a bracket.
     constexpr int costly = 64;
     for (int m = candidate.least; m <= std::min(most, costly); ++m)
       if (is_good(m)) return m;
     if (most <= costly) return 0;
-    int m = bracketed(std::max(costly, candidate.least - 1), most, is_good);
-    while (m > costly + 1 && is_good(m - 1)) --m;
-    return m;
+    return bracketed(std::max(costly, candidate.least - 1), most, is_good);
   }
   const auto is_good = [&](int m) {
     return good(medium.system.project(candidate.basis(m)));

@@ -9,7 +9,8 @@
 namespace flexgram {
 
 /// Smallest order of a candidate that is good enough; 0 if none up to `most` is. For
-/// nested bases every order is tried, so m − 1 is not; of others orders are halved.
+/// nested bases every order up to 64 is tried, so m − 1 is not; then, and of others,
+/// orders are halved: m − 1 is not, one below that may be.
 int smallest_order(const Candidate& candidate, const MediumModel& medium, int most,
                    const std::function<bool(const DenseSystem&)>& good);
 

@@ -49,7 +49,7 @@ std::string at_a_zero(const CutStory& cut) {
   const double omega = sup.at_of[view];
   if (!(*worst > 0) || !(omega > 0)) return "";
   const auto& sizes = cut.seen.grid().views[view].size;
-  const double here = medium.at(omega).size[view].at[0],
+  const double here = medium.at(omega, 0).size[view].at[0],
                largest = *std::max_element(sizes.begin(), sizes.end());
   if (!(here < 1e-3 * largest)) return "";
   return text(

@@ -77,6 +77,10 @@ private:
   Block image_; ///< (K − ω_c²M)⁻¹T of the last certificate: the next Krylov block
   bool inertia_is_safe_ = false, cutoff_is_factorised_ = false,
        factors_are_chosen_ = false;
+  /// Wide blocks are cut to the directions that matter, as long as that helps.
+  bool cut_blocks_ = true, block_was_cut_ = false;
+  double worst_before_ = 0;                    ///< error of the level before
+  double worst_omega_ = 0;                     ///< [rad/s] where the error was largest
   int blocks_ = 0, factorisations_before_ = 0; ///< ... of a checkpoint
 };
 

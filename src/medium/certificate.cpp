@@ -486,7 +486,9 @@ Certificate::of_many(const DenseResponse& response, const ResponseSeries& factor
                  lost_out = lost_of(blocks[k].outputs);
     double product = 0;
     for (std::size_t i = 0; i < pieces; ++i)
-      product = std::max(product, (in.above[i] + lost_in) * (out.above[i] + lost_out));
+      if (const double here = (in.above[i] + lost_in) * (out.above[i] + lost_out);
+          !(here <= product)) // NaN too
+        product = here;
     Bound bound;
     bound.error = S.norm * product;
     bound.proved = S.proved;
@@ -514,12 +516,14 @@ Certificate::of_many(const DenseResponse& response, const ResponseSeries& factor
   for (std::size_t k = 0; k < blocks.size(); ++k) {
     const auto [in, out] = norms_of(k, moving);
     const auto farthest = [&](const ViewNorms& norms, const std::vector<int>& columns) {
-      return *std::max_element(norms.above.begin(), norms.above.end()) +
-             rounding_of(columns) + lost_of(columns);
+      double most = 0;
+      for (double above : norms.above)
+        if (!(above <= most)) most = above; // NaN too
+      return most + rounding_of(columns) + lost_of(columns);
     };
-    bounds[k].error = std::min(
-        bounds[k].error, error_of(S, at_centre, blocks[k], farthest(in, blocks[k].inputs),
-                                  farthest(out, blocks[k].outputs)));
+    const double sharp = error_of(S, at_centre, blocks[k], farthest(in, blocks[k].inputs),
+                                  farthest(out, blocks[k].outputs));
+    if (sharp < bounds[k].error) bounds[k].error = sharp;
   }
   return bounds;
 }

@@ -413,6 +413,9 @@ ErrorOverBand::Supremum ErrorOverBand::supremum(const DenseSystem& system, doubl
   if (nothing_else && result.worst_of == std::vector<double>(views, 0.0))
     result.worst_of.assign(views, infinity); // all of the band is excluded
   result.worst = largest(result.worst_of);
+  // A value at one frequency may come from a looser bound than that of its interval.
+  for (std::size_t v = 0; v < views; ++v)
+    result.attained_of[v] = std::min(result.attained_of[v], result.worst_of[v]);
   return result;
 }
 

@@ -49,28 +49,36 @@ void MediumBuilder::judge(MediumLevel& level) {
   const std::size_t views = model.views.size();
   std::vector<double> largest(views, 0.0); // of ‖H‖, where that is meant
   std::vector<MediumModel::Stretch> values;
-  // Of many ports, rough bounds are larger by the root of their number at most.
-  const double hopeless = spec_.target * std::sqrt(static_cast<double>(loads_.columns()));
+  // Of many ports, rough bounds are larger by twice the root of their number at most.
+  const double hopeless =
+      spec_.relative_to == RelativeTo::band
+          ? HUGE_VAL
+          : 2 * spec_.target * std::sqrt(static_cast<double>(loads_.columns()));
   for (double omega : grid_) values.push_back(model.at(omega, hopeless));
   const auto size = [&](const MediumModel::Stretch& value, std::size_t v) {
-    return value.size[v].at[0] - value.bounds[v].error;
+    return value.size[v].below[0] - value.bounds[v].error;
   };
   if (spec_.relative_to == RelativeTo::band)
     for (const auto& value : values)
       for (std::size_t v = 0; v < views; ++v)
         if (value.bounds[v].proved) largest[v] = std::max(largest[v], size(value, v));
-  for (const auto& value : values)
+  double worst_omega = grid_.empty() ? 0 : grid_.front();
+  for (std::size_t l = 0; l < values.size(); ++l)
     for (std::size_t v = 0; v < views; ++v) {
+      const auto& value = values[l];
       const double known = largest[v] > 0 ? largest[v] : size(value, v);
       proved = proved && value.bounds[v].proved;
-      const double error = value.bounds[v].error / known;
-      worst = std::max(worst, known > 0 && std::isfinite(error) ? error : HUGE_VAL);
+      const double relative = value.bounds[v].error / known,
+                   error = known > 0 && std::isfinite(relative) ? relative : HUGE_VAL;
+      if (error > worst) worst_omega = grid_[l];
+      worst = std::max(worst, error);
     }
   // Dense work may differ in the last bit from rank to rank; decisions must not.
-  std::vector<double> shared{worst, proved ? 1.0 : 0.0};
+  std::vector<double> shared{worst, proved ? 1.0 : 0.0, worst_omega};
   share_from_first(fom_.comm, shared);
   level.worst = shared[0];
   level.proved = shared[1] > 0;
+  worst_omega_ = shared[2];
 }
 
 /// Whether the bound meets the target between the frequencies of the grid too; if not,
@@ -199,7 +207,14 @@ void MediumBuilder::prove(int most_columns) {
   levels.push_back(std::move(level));
   look_at(levels.size() - 1);
   judge(levels.back());
-  if (wide && levels.back().worst > spec_.target) {
+  const double worst = levels.back().worst;
+  if (block_was_cut_ && worst > 0.5 * worst_before_) cut_blocks_ = false;
+  worst_before_ = worst;
+  block_was_cut_ = wide && cut_blocks_ && worst > spec_.target;
+  if (block_was_cut_) {
+    samples.push_back(worst_omega_);
+    for (std::size_t l = grid_.size(); l-- > 0 && grid_.size() - l <= 8;)
+      samples.push_back(grid_[l]); // where it was found to be weak
     Dense chosen = directions_to_grow(
         parts, norm.gram, *levels.back().response, samples, seen_->model().blocks(),
         medium_.scale, medium_.kappa, medium_.cutoff, modes, 0.3 * spec_.target);

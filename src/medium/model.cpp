@@ -18,7 +18,7 @@ Dense columns_of(const Dense& a, const std::vector<int>& columns) {
 } // namespace
 
 MediumModel::MediumModel(const Medium& medium, std::size_t level,
-                         const PortSelection& ports, bool by_kind)
+                         const PortSelection& ports, bool by_kind, double enough)
     : names(medium.body.head()), rigid(medium.rigid), cutoff(medium.cutoff),
       tau(medium.tau), kappa(medium.kappa), level_(medium.levels[level]),
       V_(medium.V.share()), scale_(medium.scale), inputs_(ports.inputs),
@@ -55,7 +55,8 @@ MediumModel::MediumModel(const Medium& medium, std::size_t level,
   modal_outputs_ = in_units(response.modal_inputs(), outputs_);
   const double entries = static_cast<double>(inputs_.size() * outputs_.size());
   if (response.is_diagonal() && entries > many * response.system().order()) {
-    enough_ = medium.spec.target;
+    enough_ = (enough > 0 ? enough : medium.spec.target);
+    enough_ /= 1 + enough_; // of ‖H‖, for an error relative to ‖H‖ − error
     for (std::size_t v = 0; v < views.size(); ++v) {
       terms_.emplace_back(columns_of(modal_outputs_, views[v].rows),
                           columns_of(modal_inputs_, views[v].columns));
@@ -101,12 +102,21 @@ std::optional<MediumModel::Stretch> MediumModel::over(Interval interval, int deg
   if (has_many_ports()) {
     const auto factors = modal_factors(response, interval, degree);
     if (!factors) return std::nullopt;
-    std::vector<double> least; // ‖H‖
+    bool clear = true; // of rounding
     for (const TermGram& terms : terms_) {
-      result.size.push_back(term_norms(terms, factors->x).norms);
-      const auto& below = result.size.back().below;
-      least.push_back(*std::min_element(below.begin(), below.end()));
+      const TermNorms size = term_norms(terms, factors->x);
+      const auto& at = size.norms.at;
+      clear = clear && size.rounding <= 0.1 * *std::min_element(at.begin(), at.end());
+      result.size.push_back(size.norms);
     }
+    if (!clear)
+      if (const auto all = entries(interval, degree)) {
+        result.size.clear();
+        for (const PortView& view : views) result.size.push_back(view_norms(*all, view));
+      }
+    std::vector<double> least; // ‖H‖
+    for (const ViewNorms& size : result.size)
+      least.push_back(*std::min_element(size.below.begin(), size.below.end()));
     result.bounds = level_.certificate->of_many(
         response, *factors, blocks_, residuals_, [&](std::size_t v, double error) {
           return error <= enough_ * least[v] || error > hopeless * least[v];

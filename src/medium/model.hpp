@@ -24,8 +24,10 @@ struct TransferSeries {
 /// against.
 class MediumModel {
 public:
+  /// @param enough  with many ports, relative errors of H up to this need no sharper bound;
+  /// 0: the medium model's target.
   MediumModel(const Medium& medium, std::size_t level, const PortSelection& ports,
-              bool by_kind);
+              bool by_kind, double enough = 0);
 
   struct Stretch {
     TransferSeries H;

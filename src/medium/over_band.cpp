@@ -72,7 +72,8 @@ const MediumOverBand::Grid& MediumOverBand::grid() {
     for (std::size_t v = 0; v < grid.views.size(); ++v) {
       View& view = grid.views[v];
       const Certificate::Bound& bound = value.bounds[v];
-      const double size = value.size[v].at[0], floor = bound.floor + solve_floor * size;
+      const double size = value.size[v].below[0],
+                   floor = bound.floor + solve_floor * size;
       view.size.push_back(size);
       view.bound.push_back(bound.error + floor);
       view.floor.push_back(floor / size);

@@ -105,6 +105,7 @@ public:
     bool by_kind = false;
     std::vector<Interval> bands;
     std::vector<double> curve; ///< [rad/s] more frequencies of the grid
+    double enough = 0;         ///< what needs no sharper bound
     bool operator==(const Sight&) const = default;
   };
   /// The one that was made for the same sight, or the one that `make` returns, which may

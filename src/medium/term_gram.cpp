@@ -35,7 +35,7 @@ TermNorms term_norms(const TermGram& gram, const MatrixSeries& f) {
   // |computed − exact| <= γ Σ_ij |f_i| |c_iᵀc_j| |b_iᵀb_j| |f_j| <= γ (Σ |f_i| ‖c_i‖‖b_i‖)²,
   // for any ‖Σ t_k F_k‖² with |t_k| <= 1.
   const double gamma = std::numeric_limits<double>::epsilon() *
-                       (4.0 * n + 2 * gram.summed + 8 * degree + 16);
+                       (4.0 * n + 2 * gram.summed + (degree + 1) * (degree + 1) + 16);
   double sizes = 0, bend = 0, tail = 0; // bend: Σ k(k − 1)‖F_k‖ >= max‖F″‖
   for (int k = 0; k <= degree; ++k) {
     double sum = 0;

@@ -16,7 +16,7 @@ Candidate make(const SecondStage& stage) {
     BandWeight b;
     for (double omega : band_grid(band.omega.front(), band.omega.back(), 36, {})) {
       b.omega.push_back(omega);
-      b.weight.push_back(band.at(omega) / stage.medium.at(omega).size[0].at[0]);
+      b.weight.push_back(band.at(omega) / stage.medium.at(omega, 0).size[0].at[0]);
     }
     const double largest = *std::max_element(b.weight.begin(), b.weight.end());
     for (double& w : b.weight) w /= largest;
