@@ -107,13 +107,14 @@ def verdict(deck: Path) -> tuple[str, str]:
     try:
         signal.alarm(SECONDS)
         ours, rounding, remarks = imported(deck, len(theirs))
-        signal.alarm(0)
     except BodyError as error:
         return "refused", str(error)
     except TimeoutError:
         return "too slow", ""
     except Exception:
         return "WRONG", "traceback: " + traceback.format_exc().splitlines()[-1]
+    finally:
+        signal.alarm(0)
     expected = np.sort(squares(theirs))[: len(ours)]
     off = np.abs(ours[: len(expected)] - expected)
     said = "; ".join(remarks)
