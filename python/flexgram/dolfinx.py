@@ -106,7 +106,7 @@ def body(
 
     if V.dofmap.index_map_bs != 3 or V.mesh.geometry.dim != 3:
         raise BodyError("dolfinx.body: V must have three components on a mesh in space")
-    if np.issubdtype(PETSc.ScalarType, np.complexfloating):
+    if np.iscomplexobj(PETSc.Vec().createSeq(1).array_r):
         raise BodyError("dolfinx.body: PETSc has complex scalars; flexgram takes a real one")
     comm = V.mesh.comm
     blocks, first = V.dofmap.index_map.size_local, V.dofmap.index_map.local_range[0]
