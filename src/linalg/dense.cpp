@@ -95,6 +95,36 @@ Dense first_columns(const Dense& a, int count) {
   return result;
 }
 
+namespace {
+
+template <class T>
+DenseOf<T> chosen(const DenseOf<T>& a, const std::vector<int>& columns) {
+  DenseOf<T> part(a.rows, static_cast<int>(columns.size()));
+  for (int j = 0; j < part.columns; ++j)
+    std::copy_n(a.column(columns[static_cast<std::size_t>(j)]), a.rows, part.column(j));
+  return part;
+}
+
+} // namespace
+
+Dense columns_of(const Dense& a, const std::vector<int>& columns) {
+  return chosen(a, columns);
+}
+
+ComplexDense columns_of(const ComplexDense& a, const std::vector<int>& columns) {
+  return chosen(a, columns);
+}
+
+Dense columns_of(const Dense& a, const std::vector<int>& columns,
+                 const std::vector<double>& divisors) {
+  Dense part = chosen(a, columns);
+  for (int j = 0; j < part.columns; ++j)
+    for (int i = 0; i < part.rows; ++i)
+      part(i, j) /=
+          divisors[static_cast<std::size_t>(columns[static_cast<std::size_t>(j)])];
+  return part;
+}
+
 double frobenius_norm(const Dense& a) {
   double sum = 0;
   for (double x : a.data) sum += x * x;
@@ -130,6 +160,23 @@ SymmetricEigen symmetric_eigen(Dense a) {
   if (info) throw Error(text("LAPACK dsyevd returned %d", info));
   result.vectors = std::move(a);
   return result;
+}
+
+GramFactor gram_factor(const Dense& a) {
+  const SymmetricEigen eigen = symmetric_eigen(a);
+  GramFactor factor{transpose(eigen.vectors), eigen.vectors, {}, 0};
+  const int k = a.rows;
+  if (k > 0) factor.added = 1e-15 * k * std::max(eigen.values.back(), 0.0);
+  for (int i = 0; i < k; ++i) {
+    const double value = eigen.values[static_cast<std::size_t>(i)],
+                 root = std::sqrt(std::max(value, 0.0) + std::max(factor.added, 1e-300));
+    factor.roots.push_back(root);
+    for (int j = 0; j < k; ++j) {
+      factor.F(i, j) *= root;
+      factor.inverse(j, i) /= root;
+    }
+  }
+  return factor;
 }
 
 SymmetricEigen symmetric_eigen(Dense a, Dense b) {

@@ -41,6 +41,12 @@ Dense part_of(const Dense& a, int r0, int rows, int c0, int columns);
 void set_part(Dense& a, int r0, int c0, const Dense& part);
 Dense beside(const Dense& a, const Dense& b); ///< [A B]; either may be empty
 Dense first_columns(const Dense& a, int count);
+/// The chosen columns, in that order.
+Dense columns_of(const Dense& a, const std::vector<int>& columns);
+ComplexDense columns_of(const ComplexDense& a, const std::vector<int>& columns);
+/// The same, column j of A divided by divisors[j].
+Dense columns_of(const Dense& a, const std::vector<int>& columns,
+                 const std::vector<double>& divisors);
 double frobenius_norm(const Dense& a);
 double frobenius_norm(const ComplexDense& a);
 /// Replaces A by (A + Aᵀ)/2.
@@ -52,6 +58,15 @@ struct SymmetricEigen {
   Dense vectors;
 };
 SymmetricEigen symmetric_eigen(Dense a);
+
+/// FᵀF = A + added, A positive semidefinite but for rounding; added = 1e-15 rows ‖A‖ on its
+/// diagonal.
+struct GramFactor {
+  Dense F, inverse;
+  std::vector<double> roots; ///< of the eigenvalues of FᵀF, ascending: norms of F's rows
+  double added = 0;
+};
+GramFactor gram_factor(const Dense& a);
 
 /// Generalised problem A x = λ B x, B positive definite (LAPACK sygvd); Xᵀ B X = I.
 /// @throws Error if B is not positive definite.

@@ -33,17 +33,6 @@ struct ErrorOverBand::Look {
   bool proved = true;
 };
 
-/// A model that is compared with the medium model.
-struct ErrorOverBand::SmallModel {
-  SmallModel(const DenseSystem& system, const MediumModel& medium)
-      : response(system, medium.tau) {
-    for (std::size_t v = 0; medium.has_many_ports() && v < medium.views.size(); ++v)
-      terms.push_back(medium.terms_of_difference(v, response));
-  }
-  DenseResponse response;
-  std::vector<TermGram> terms; ///< of the difference, for each view; with many ports
-};
-
 /// The certified errors at one frequency.
 struct ErrorOverBand::Point {
   std::vector<double> certified; ///< of each view
@@ -54,82 +43,34 @@ struct ErrorOverBand::Point {
 ErrorOverBand::ErrorOverBand(MediumOverBand& medium, RelativeTo relative_to)
     : medium_(medium), relative_to_(relative_to) {}
 
+/// What errors are relative to.
+double ErrorOverBand::reference(std::size_t view, double here) {
+  return relative_to_ == RelativeTo::band ? medium_.grid().views[view].largest : here;
+}
+
 /// A certified error: `difference` of the responses, ‖H‖ of the medium model and the bound
 /// of its error, in the unit of H.
 double ErrorOverBand::ratio(std::size_t view, double difference, double size,
                             double bound) {
-  const double known = relative_to_ == RelativeTo::band
-                           ? medium_.grid().views[view].largest
-                           : size - bound;
+  const double known = reference(view, size - bound);
   const double most = difference + bound;
   return known > 0 && most < infinity ? most / known : infinity; // NaN too
 }
 
-/// ‖H_medium − H_r‖ of each view over an interval. With many ports by the terms of both,
-/// unless what rounding adds to that would count beside `level`, a relative error.
-std::optional<std::vector<ViewNorms>>
-ErrorOverBand::differences(const TransferSeries& medium, const std::vector<double>& sizes,
-                           Interval interval, int degree, const SmallModel& small,
-                           double level) {
-  const MediumModel& model = medium_.model();
-  std::vector<ViewNorms> result;
-  if (medium.has_many_ports()) {
-    auto factors = modal_factors(small.response, interval, degree);
-    if (!factors) return std::nullopt;
-    for (double& x : factors->x.coefficients.data) x = -x;
-    const MatrixSeries all = stacked(medium.factors, factors->x);
-    bool clear = true;
-    for (std::size_t v = 0; v < model.views.size(); ++v) {
-      const TermNorms difference = term_norms(small.terms[v], all);
-      const auto& at = difference.norms.at;
-      const double here = *std::max_element(at.begin(), at.end());
-      clear = clear && (difference.rounding <= 0.2 * here ||
-                        ratio(v, difference.rounding, sizes[v], 0) <= 0.05 * level);
-      result.push_back(difference.norms);
-    }
-    if (clear) return result;
-    result.clear();
-  }
-  const auto series = response_series(small.response, interval, degree);
-  if (!series) return std::nullopt;
-  const MatrixSeries H_r = multiply_transposed(small.response.modal_outputs(), series->x);
-  const MatrixSeries difference =
-      medium.has_many_ports()
-          ? difference_of(model.entries(interval, degree).value(), H_r)
-          : difference_of(medium.entries, H_r);
-  for (const PortView& view : model.views) result.push_back(view_norms(difference, view));
+/// Differences that do not matter beside errors of `level`.
+std::vector<double> ErrorOverBand::negligible(const std::vector<double>& sizes,
+                                              double level) {
+  std::vector<double> result;
+  for (std::size_t v = 0; v < sizes.size(); ++v)
+    result.push_back(0.05 * level * reference(v, sizes[v]));
   return result;
 }
 
-/// The same at a frequency of the grid, as one number each.
 std::vector<double> ErrorOverBand::distances(std::size_t l, const SmallModel& small,
                                              double level) {
-  const MediumOverBand::Grid& grid = medium_.grid();
-  const TransferSeries& H = medium_.at(l);
-  const auto& views = medium_.model().views;
-  const double omega = this->omega()[l];
-  std::vector<double> result;
-  if (H.has_many_ports()) {
-    std::vector<double> sizes;
-    for (const auto& view : grid.views) sizes.push_back(view.size[l]);
-    const auto norms = differences(H, sizes, {omega, omega}, 0, small, level);
-    for (std::size_t v = 0; v < views.size(); ++v)
-      result.push_back(norms ? (*norms)[v].above[0] : infinity);
-    return result;
-  }
-  const ComplexDense H_r = small.response.transfer(omega);
-  const double *re = H.entries.real(0), *im = H.entries.imaginary(0);
-  for (const PortView& view : views) {
-    double sum = 0;
-    for (int j : view.columns)
-      for (int i : view.rows) {
-        const auto at = static_cast<std::size_t>(i) +
-                        static_cast<std::size_t>(j) * static_cast<std::size_t>(H_r.rows);
-        sum += std::norm(std::complex<double>(re[at], im[at]) - H_r.data[at]);
-      }
-    result.push_back(std::sqrt(sum));
-  }
-  return result;
+  std::vector<double> sizes;
+  for (const auto& view : medium_.grid().views) sizes.push_back(view.size[l]);
+  return small.distances(medium_.at(l), omega()[l], negligible(sizes, level));
 }
 
 /// The largest certified error of all views there.
@@ -184,7 +125,7 @@ ErrorOverBand::Point ErrorOverBand::point(double omega, Small small, double leve
   for (const ViewNorms& size : medium->size) sizes.push_back(size.below[0]);
   std::optional<std::vector<ViewNorms>> away;
   if (small) {
-    away = differences(medium->H, sizes, {omega, omega}, 0, *small, level);
+    away = small->differences(medium->H, {omega, omega}, 0, negligible(sizes, level));
     if (!away) return result;
   }
   for (std::size_t v = 0; v < model.views.size(); ++v) {
@@ -209,8 +150,8 @@ ErrorOverBand::Look ErrorOverBand::look(Node& node, Small small, double level) {
     std::vector<double> sizes;
     for (const ViewNorms& size : medium->size)
       sizes.push_back(*std::min_element(size.below.begin(), size.below.end()));
-    differs = differences(*medium_.response(node), sizes, node.interval, series_degree,
-                          *small, level);
+    differs = small->differences(*medium_.response(node), node.interval, series_degree,
+                                 negligible(sizes, level));
     if (!differs) return look;
   }
   look.known = true;

@@ -5,6 +5,7 @@
 #pragma once
 
 #include "medium/over_band.hpp"
+#include "medium/small_model.hpp"
 
 #include <optional>
 
@@ -67,16 +68,14 @@ private:
   using Node = MediumOverBand::Node;
   /// What is compared with the medium model; null: the medium model itself, without
   /// rounding.
-  struct SmallModel;
   using Small = const SmallModel*;
   struct Look;
   struct Point;
+  double reference(std::size_t view, double here);
+  std::vector<double> negligible(const std::vector<double>& sizes, double level);
   double ratio(std::size_t view, double difference, double size, double bound);
   std::vector<double> distances(std::size_t l, const SmallModel& small, double level);
   double on_grid(std::size_t l, const SmallModel& small, double level);
-  std::optional<std::vector<ViewNorms>>
-  differences(const TransferSeries& medium, const std::vector<double>& sizes,
-              Interval interval, int degree, const SmallModel& small, double level);
   Point point(double omega, Small small, double level);
   Look look(Node& node, Small small, double level);
   std::optional<double> exceeds(Small small, double tolerance);

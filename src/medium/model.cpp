@@ -8,13 +8,6 @@ namespace {
 /// Entries of H for each mode from which its terms are fewer.
 constexpr double many = 4;
 
-Dense columns_of(const Dense& a, const std::vector<int>& columns) {
-  Dense part(a.rows, static_cast<int>(columns.size()));
-  for (int j = 0; j < part.columns; ++j)
-    std::copy_n(a.column(columns[static_cast<std::size_t>(j)]), a.rows, part.column(j));
-  return part;
-}
-
 } // namespace
 
 MediumModel::MediumModel(const Medium& medium, std::size_t level,
@@ -37,22 +30,13 @@ MediumModel::MediumModel(const Medium& medium, std::size_t level,
     blocks_.push_back(std::move(block));
   }
   const DenseResponse& response = *level_.response;
-  const auto in_units = [&](const Dense& all, const std::vector<int>& chosen) {
-    Dense part(all.rows, static_cast<int>(chosen.size()));
-    for (int j = 0; j < part.columns; ++j) {
-      const int port = chosen[static_cast<std::size_t>(j)];
-      for (int i = 0; i < part.rows; ++i)
-        part(i, j) = all(i, port) / scale_[static_cast<std::size_t>(port)];
-    }
-    return part;
-  };
   system = response.system();
   const Dense all = std::move(system.B);
-  system.B = in_units(all, inputs_);
-  system.C = in_units(all, outputs_);
+  system.B = columns_of(all, inputs_, scale_);
+  system.C = columns_of(all, outputs_, scale_);
   system.outputs_are_inputs = ports.same;
-  modal_inputs_ = in_units(response.modal_inputs(), inputs_);
-  modal_outputs_ = in_units(response.modal_inputs(), outputs_);
+  modal_inputs_ = columns_of(response.modal_inputs(), inputs_, scale_);
+  modal_outputs_ = columns_of(response.modal_inputs(), outputs_, scale_);
   const double entries = static_cast<double>(inputs_.size() * outputs_.size());
   if (response.is_diagonal() && entries > many * response.system().order()) {
     enough_ = (enough > 0 ? enough : medium.spec.target);

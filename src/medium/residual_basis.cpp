@@ -247,23 +247,13 @@ Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
                          const std::vector<Certificate::PortSet>& blocks,
                          const std::vector<double>& scale, double kappa, double cutoff,
                          int modes, double target) {
-  // F R has the norm of R in E⁻¹, gram = FᵀF; dominant directions are chosen by squares:
-  // H differs by products of residuals.
+  // F R has the norm of R in E⁻¹; dominant directions are chosen by squares: H differs by
+  // products of residuals.
   const int k = gram.rows;
-  const SymmetricEigen norm = symmetric_eigen(gram);
-  const double least = 1e-15 * k * std::max(norm.values.back(), 0.0);
-  Dense F = transpose(norm.vectors), back = norm.vectors; // F⁻¹
-  for (int i = 0; i < k; ++i) {
-    const double root =
-        std::sqrt(std::max({norm.values[static_cast<std::size_t>(i)], least, 1e-300}));
-    for (int j = 0; j < k; ++j) {
-      F(i, j) *= root;
-      back(j, i) /= root;
-    }
-  }
+  const GramFactor norm = gram_factor(gram);
   Dense squares(k, k);
   const auto add = [&](const Dense& columns) {
-    const Dense W = multiply(F, columns), WWt = multiply(W, transpose(W));
+    const Dense W = multiply(norm.F, columns), WWt = multiply(W, transpose(W));
     for (std::size_t i = 0; i < squares.data.size(); ++i) squares.data[i] += WWt.data[i];
   };
   const auto scale_of = [&](int port) { return scale[static_cast<std::size_t>(port)]; };
@@ -309,7 +299,7 @@ Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
     left = std::hypot(left, eigen.values[static_cast<std::size_t>(dropped)]);
     if (left > target) break; // ‖WᵀW‖_F of what is dropped, at each of the frequencies
   }
-  return multiply(back, part_of(eigen.vectors, 0, k, dropped, k - dropped));
+  return multiply(norm.inverse, part_of(eigen.vectors, 0, k, dropped, k - dropped));
 }
 
 } // namespace flexgram

@@ -1,0 +1,266 @@
+/// The bound itself, over an interval of ω (docs/proof.md, sections 3 and 4). Declared in
+/// certificate.hpp.
+
+#include "medium/certificate.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+namespace flexgram {
+namespace {
+
+using Complex = std::complex<double>;
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+/// sup over μ >= 0 of |(n_0 + n_1 μ)/(d_0 + d_1 μ)|, the limit included. The stationary
+/// points of the quotient of the squares are the roots of a quadratic.
+double largest_quotient(std::array<Complex, 2> n, std::array<Complex, 2> d) {
+  const auto square = [](std::array<Complex, 2> f) {
+    return std::array<double, 3>{std::norm(f[0]), 2 * (f[1] * std::conj(f[0])).real(),
+                                 std::norm(f[1])};
+  };
+  const auto N = square(n), D = square(d);
+  const auto value = [&](double mu) {
+    const double denominator = D[0] + mu * (D[1] + mu * D[2]);
+    return denominator > 0 ? (N[0] + mu * (N[1] + mu * N[2])) / denominator : infinity;
+  };
+  double largest = std::max(value(0), D[2] > 0 ? N[2] / D[2] : infinity);
+  const double x = N[2] * D[1] - N[1] * D[2], y = N[2] * D[0] - N[0] * D[2],
+               e = N[1] * D[0] - N[0] * D[1], root = y * y - x * e; // xμ² + 2yμ + e = 0
+  const auto stationary = [&](double mu) {
+    if (mu > 0 && std::isfinite(mu)) largest = std::max(largest, value(mu));
+  };
+  if (x == 0 && y != 0) stationary(-e / (2 * y));
+  if (x != 0 && root >= 0) {
+    stationary((-y - std::sqrt(root)) / x);
+    stationary((-y + std::sqrt(root)) / x);
+  }
+  return std::sqrt(std::max(largest, 0.0)) * (1 + 1e-14);
+}
+
+/// √Σ σ_i(A)² σ_i(B)², singular values in descending order.
+double paired_norm(const ComplexDense& a, const ComplexDense& b) {
+  const auto squares = [](const ComplexDense& w) {
+    auto values = hermitian_eigenvalues(multiply_transposed(w, w, true));
+    std::reverse(values.begin(), values.end());
+    return values;
+  };
+  const auto alpha = squares(a), beta = squares(b);
+  double sum = 0;
+  for (std::size_t i = 0; i < std::min(alpha.size(), beta.size()); ++i)
+    sum += std::max(alpha[i], 0.0) * std::max(beta[i], 0.0);
+  return std::sqrt(sum);
+}
+
+} // namespace
+
+/// δ: ‖J A_Φ⁻¹ Jᵀ‖ at most, over the interval.
+double Certificate::mode_coupling(const DenseResponse& response,
+                                  const ResponseSeries& x) const {
+  if (!provable_) return infinity;
+  if (!response.is_diagonal()) return by_damping_.over(response.system(), x.interval);
+  const Coefficients outer(response.system(), -sigma_, x.interval);
+  const double largest_c = std::abs(outer.c) + outer.moved_c;
+  double sum = 0;
+  for (std::size_t j = 0; j < mode_mu_.size(); ++j)
+    sum += std::pow(largest_c * mode_G_norm_[j], 2) * x.largest[j];
+  return sum;
+}
+
+Certificate::Inverse Certificate::inverse(const DenseResponse& response,
+                                          const ResponseSeries& x) const {
+  Inverse result;
+  double q = 1, radius = 1; // Re (a_k + c μ) >= 1 + (ω_c² − ω²) μ, whatever the damping
+  if (!(x.interval.last * x.interval.last <= sigma_))
+    return {0, infinity, infinity, false};
+  if (response.is_diagonal()) {
+    const Coefficients k(response.system(), -sigma_, x.interval);
+    const std::array<Complex, 2> denominator{k.a, k.c};
+    q = std::min(q, largest_quotient({1.0, 0.0}, denominator));
+    result.centre = 0.5 / k.a; // of 1/a_k and 0, for μ = 0 and ∞
+    radius =
+        largest_quotient({1.0 - result.centre * k.a, -result.centre * k.c}, denominator);
+    // (a_k + c μ) at any other frequency is (1 + ε) times that at the centre.
+    const double moved =
+        k.moved_a * q + k.moved_c * largest_quotient({0.0, 1.0}, denominator);
+    if (!(moved < 1)) return {0, infinity, infinity, true};
+    radius += q * moved / (1 - moved);
+    q = std::min(1.0, q / (1 - moved));
+  }
+  const double delta = mode_coupling(response, x);
+  result.proved = q * delta < 1;
+  result.norm = result.proved ? q / (1 - q * delta) : q;
+  result.radius = radius + (result.proved ? q * delta * result.norm : 0.0);
+  return result;
+}
+
+/// a_k − κ a_m as a polynomial in t.
+std::array<Complex, 3> Certificate::residual_factors(const DenseResponse& response,
+                                                     Interval interval) const {
+  const Damping& d = response.system().damping;
+  const double omega = interval.centre(), h = interval.half();
+  const Complex i(0, 1);
+  return {1.0 + i * (d.eta + omega * d.beta) -
+              kappa_ * (i * omega * d.alpha - omega * omega),
+          h * (i * d.beta - kappa_ * (i * d.alpha - 2 * omega)), kappa_ * h * h};
+}
+
+/// ‖E^−½ ·‖ of what T does not hold of a port's residual, at most.
+/// @param factor  |a_k − κ a_m| at most.
+double Certificate::lost(const ResponseSeries& x, int port, double factor) const {
+  double sum = std::pow(dropped_ports_[static_cast<std::size_t>(port)], 2);
+  for (int l = 0; l < x.envelope.rows; ++l) {
+    const auto at = static_cast<std::size_t>(l);
+    sum += std::pow(x.envelope(l, port) * factor * dropped_K_[at], 2);
+    if (!dropped_D_.empty())
+      sum += std::pow(x.envelope(l, port) * x.interval.last * dropped_D_[at], 2);
+  }
+  return std::sqrt(sum);
+}
+
+/// W = E^−½ R in the coordinates of T, in the units of the ports.
+MatrixSeries Certificate::residual(const DenseResponse& response,
+                                   const ResponseSeries& x) const {
+  const double omega = x.interval.centre(), h = x.interval.half();
+  const Complex i(0, 1);
+  const int p = x.x.columns;
+  const auto f = residual_factors(response, x.interval);
+  const double largest = std::abs(f[0]) + std::abs(f[1]) + std::abs(f[2]);
+  MatrixSeries w = multiply_transposed(K_, times_quadratic(f, x.x));
+  for (double& value : w.coefficients.data) value = -value;
+  if (!D_.data.empty()) {
+    const MatrixSeries damped =
+        multiply_transposed(D_, times_quadratic({i * omega, i * h, 0.0}, x.x));
+    for (std::size_t l = 0; l < w.coefficients.data.size(); ++l)
+      w.coefficients.data[l] -= damped.coefficients.data[l];
+    for (std::size_t l = 0; l < w.tail.data.size(); ++l)
+      w.tail.data[l] += damped.tail.data[l];
+  }
+  for (std::size_t l = 0; l < ports_.data.size(); ++l)
+    w.coefficients.data[l] += ports_.data[l];
+  // What T does not hold: a row of its own.
+  MatrixSeries whole{p, Dense(w.rows() + 1, w.coefficients.columns),
+                     Dense(w.rows() + 1, p)};
+  set_part(whole.coefficients, 0, 0, w.coefficients);
+  set_part(whole.tail, 0, 0, w.tail);
+  for (int j = 0; j < p; ++j) whole.tail(w.rows(), j) = lost(x, j, largest);
+  for (int c = 0; c < whole.coefficients.columns; ++c)
+    for (int l = 0; l < whole.rows(); ++l)
+      whole.coefficients(l, c) /= scale_[static_cast<std::size_t>(c % p)];
+  for (int j = 0; j < p; ++j)
+    for (int l = 0; l < whole.rows(); ++l)
+      whole.tail(l, j) /= scale_[static_cast<std::size_t>(j)];
+  return whole;
+}
+
+/// Rounding of H itself: entries of VᵀKV are wrong by rounding() g_i g_j. Roundings are
+/// random: their squares add up.
+void Certificate::add_rounding(Bound& bound, const ResponseSeries& x,
+                               const PortSet& block) const {
+  const auto rounded = [&](const std::vector<int>& columns, const Dense& sizes,
+                           const std::vector<double>& weights) {
+    double sum = 0;
+    for (int j : columns)
+      for (int i = 0; i < sizes.rows; ++i)
+        sum += std::pow(weights[static_cast<std::size_t>(i)] * sizes(i, j) /
+                            scale_[static_cast<std::size_t>(j)],
+                        2);
+    return std::sqrt(sum);
+  };
+  const double in = rounded(block.inputs, x.envelope, rounding_weights_),
+               out = rounded(block.outputs, x.envelope, rounding_weights_);
+  bound.floor = 4 * rounding_ * in * out;
+  if (rigid_.columns > 0) { // between rigid and elastic motion, and what K holds of both
+    const Dense motion = multiply_transposed(rigid_, x.envelope),
+                force = multiply_transposed(neglected_, x.envelope);
+    const std::vector<double> one(static_cast<std::size_t>(rigid_.columns), 1.0);
+    bound.floor +=
+        4 * rounding_ *
+            (rounded(block.inputs, motion, rigid_weights_) * out +
+             in * rounded(block.outputs, motion, rigid_weights_)) +
+        rounded(block.outputs, motion, one) * rounded(block.inputs, force, one) +
+        rounded(block.outputs, force, one) * rounded(block.inputs, motion, one);
+    bound.assumed = rounded(block.outputs, motion, one) *
+                    rounded(block.inputs, multiply_transposed(assumed_, x.envelope), one);
+  }
+}
+
+/// What a claim has beside the error: rounding, times |a_k|, by which K comes.
+void Certificate::add_rounding(Bound& bound, const DenseResponse& response,
+                               const ResponseSeries& x, const PortSet& block) const {
+  add_rounding(bound, x, block);
+  const Damping& damping = response.system().damping;
+  const double factor = std::hypot(1, damping.eta + x.interval.last * damping.beta);
+  bound.floor *= factor;
+  bound.assumed *= factor;
+}
+
+/// |…| of the residual's claim for a block whose residuals are W at the centre of an
+/// interval and no farther from that than `in` and `out`, anywhere in it.
+double Certificate::error_of(const Inverse& S, const ComplexDense& at_centre,
+                             const PortSet& block, double in, double out) const {
+  const bool same = block.inputs == block.outputs;
+  const ComplexDense w_in = columns_of(at_centre, block.inputs);
+  const ComplexDense w_out = same ? ComplexDense() : columns_of(at_centre, block.outputs);
+  const ComplexDense& w_c = same ? w_in : w_out;
+  const double added = frobenius_norm(w_c) * in + frobenius_norm(w_in) * out + in * out;
+  const double paired =
+      added + (same ? frobenius_norm(multiply_transposed(w_in, w_in, true))
+                    : paired_norm(w_c, w_in));
+  // The Gram matrix is that of the norm or more: no bound of W_CᵀW_B by itself.
+  const auto coefficients = [&](const ComplexDense& w_of, double moved_by) {
+    double square = 0, widest = 0;
+    for (std::size_t i = 0; i < coordinates_.size(); ++i) {
+      widest = std::max(widest, coordinates_[i]);
+      for (int j = 0; j < w_of.columns; ++j)
+        square += std::norm(coordinates_[i] * w_of(static_cast<int>(i), j));
+    }
+    return std::sqrt(square) + widest * moved_by;
+  };
+  const double known = added + frobenius_norm(multiply_transposed(w_c, w_in)) +
+                       added_ * coefficients(w_c, out) * coefficients(w_in, in);
+  return std::min(S.norm * paired, std::abs(S.centre) * known + S.radius * paired);
+}
+
+std::vector<Certificate::Bound>
+Certificate::over(const DenseResponse& response, const ResponseSeries& x,
+                  const std::vector<PortSet>& blocks) const {
+  const Inverse S = inverse(response, x);
+  const MatrixSeries w = residual(response, x);
+  const ComplexDense at_centre = w.centre();
+  // What the columns of W differ from their values at the centre, at most.
+  std::vector<double> moved;
+  for (int j = 0; j < w.columns; ++j) {
+    double sum = 0, tail = 0;
+    for (int k = 1; k <= w.degree(); ++k) {
+      const std::size_t first =
+          static_cast<std::size_t>(j) * static_cast<std::size_t>(w.rows());
+      double square = 0;
+      for (std::size_t i = first; i < first + static_cast<std::size_t>(w.rows()); ++i)
+        square += w.real(k)[i] * w.real(k)[i] + w.imaginary(k)[i] * w.imaginary(k)[i];
+      sum += std::sqrt(square);
+    }
+    for (int i = 0; i + 1 < w.rows(); ++i) tail += w.tail(i, j) * w.tail(i, j);
+    // What T does not hold is not orthogonal to it in E⁻¹.
+    moved.push_back(sum + std::sqrt(tail) + w.tail(w.rows() - 1, j));
+  }
+  const auto moved_of = [&](const std::vector<int>& columns) {
+    double square = 0;
+    for (int j : columns) square += std::pow(moved[static_cast<std::size_t>(j)], 2);
+    return std::sqrt(square);
+  };
+  std::vector<Bound> bounds;
+  for (const PortSet& block : blocks) {
+    Bound bound;
+    bound.error =
+        error_of(S, at_centre, block, moved_of(block.inputs), moved_of(block.outputs));
+    bound.proved = S.proved;
+    add_rounding(bound, response, x, block);
+    bounds.push_back(bound);
+  }
+  return bounds;
+}
+
+} // namespace flexgram

@@ -1,0 +1,113 @@
+/// The bound for many ports, by Gram matrices of the residuals' terms (docs/proof.md,
+/// section 4, "Many ports"). Declared in certificate.hpp.
+
+#include "medium/certificate.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace flexgram {
+
+/// W = P − Σ_i f_i k_i b_iᵀ: terms of the modes, and one that is P.
+Certificate::ResidualGrams Certificate::residual_grams(const DenseResponse& response,
+                                                       const PortSet& block) const {
+  const auto of = [&](const std::vector<int>& columns) {
+    const Dense B = columns_of(response.modal_inputs(), columns, scale_),
+                P = columns_of(ports_, columns, scale_);
+    const Dense forces = multiply(K_, P); // N × columns
+    Dense mixed(B.rows, 1);
+    for (int j = 0; j < B.columns; ++j)
+      for (int i = 0; i < B.rows; ++i) mixed(i, 0) += forces(i, j) * B(i, j);
+    TermGram constant;
+    constant.Q = Dense(1, 1);
+    constant.size = {frobenius_norm(P)};
+    constant.Q(0, 0) = constant.size[0] * constant.size[0];
+    constant.summed = P.rows + P.columns;
+    return TermGram(TermGram(K_, B), mixed, constant);
+  };
+  return {of(block.inputs),
+          block.outputs == block.inputs ? TermGram() : of(block.outputs)};
+}
+
+std::vector<Certificate::Bound>
+Certificate::of_many(const DenseResponse& response, const ResponseSeries& factors,
+                     const std::vector<PortSet>& blocks,
+                     const std::vector<ResidualGrams>& grams,
+                     const std::function<bool(std::size_t, double)>& enough) const {
+  const Dense& B = response.modal_inputs();
+  ResponseSeries x{factors.interval, {}, Dense(B.rows, B.columns), factors.largest};
+  for (int j = 0; j < B.columns; ++j)
+    for (int i = 0; i < B.rows; ++i)
+      x.envelope(i, j) = factors.envelope(i, 0) * std::abs(B(i, j));
+  const Inverse S = inverse(response, x);
+  const auto f = residual_factors(response, x.interval);
+  const double largest = std::abs(f[0]) + std::abs(f[1]) + std::abs(f[2]);
+  const MatrixSeries g = times_quadratic(f, factors.x);
+  MatrixSeries constant{1, Dense(1, g.coefficients.columns), Dense(1, 1)};
+  constant.coefficients(0, 0) = -1;
+  const MatrixSeries terms = stacked(g, constant);
+  std::vector<double> lost_in_units;
+  for (int j = 0; j < B.columns; ++j)
+    lost_in_units.push_back(lost(x, j, largest) / scale_[static_cast<std::size_t>(j)]);
+  const auto lost_of = [&](const std::vector<int>& columns) {
+    double square = 0;
+    for (int j : columns)
+      square += std::pow(lost_in_units[static_cast<std::size_t>(j)], 2);
+    return std::sqrt(square);
+  };
+  const auto norms_of = [&](std::size_t k, const MatrixSeries& series) {
+    const ViewNorms in = term_norms(grams[k].of_inputs, series).norms;
+    const bool same = grams[k].of_outputs.order() == 0;
+    return std::pair{in, same ? in : term_norms(grams[k].of_outputs, series).norms};
+  };
+  std::vector<Bound> bounds;
+  bool sharper = false;
+  for (std::size_t k = 0; k < blocks.size(); ++k) {
+    const auto [in, out] = norms_of(k, terms);
+    const double lost_in = lost_of(blocks[k].inputs),
+                 lost_out = lost_of(blocks[k].outputs);
+    double product = 0;
+    for (std::size_t i = 0; i < pieces; ++i)
+      if (const double here = (in.above[i] + lost_in) * (out.above[i] + lost_out);
+          !(here <= product)) // NaN too
+        product = here;
+    Bound bound;
+    bound.error = S.norm * product;
+    bound.proved = S.proved;
+    add_rounding(bound, response, x, blocks[k]);
+    sharper = sharper || !enough(k, bound.error);
+    bounds.push_back(bound);
+  }
+  if (!sharper) return bounds;
+
+  // W itself at the centre; the terms say how far it moves from there.
+  const double centre = x.interval.centre();
+  const auto there = response_series(response, {centre, centre}, 0);
+  if (!there) return bounds;
+  const MatrixSeries w = residual(response, *there);
+  const ComplexDense at_centre = w.centre();
+  MatrixSeries moving = terms;
+  for (int part = 0; part < 2; ++part)
+    std::fill_n(moving.coefficients.column(part), moving.rows(), 0.0);
+  const auto rounding_of = [&](const std::vector<int>& columns) {
+    double square = 0;
+    for (int j : columns)
+      for (int i = 0; i + 1 < w.rows(); ++i) square += w.tail(i, j) * w.tail(i, j);
+    return std::sqrt(square);
+  };
+  for (std::size_t k = 0; k < blocks.size(); ++k) {
+    const auto [in, out] = norms_of(k, moving);
+    const auto farthest = [&](const ViewNorms& norms, const std::vector<int>& columns) {
+      double most = 0;
+      for (double above : norms.above)
+        if (!(above <= most)) most = above; // NaN too
+      return most + rounding_of(columns) + lost_of(columns);
+    };
+    const double sharp = error_of(S, at_centre, blocks[k], farthest(in, blocks[k].inputs),
+                                  farthest(out, blocks[k].outputs));
+    if (sharp < bounds[k].error) bounds[k].error = sharp;
+  }
+  return bounds;
+}
+
+} // namespace flexgram
