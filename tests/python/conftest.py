@@ -49,6 +49,7 @@ SLOW = {
     "test_other_formulations_converge_to_each_other", "test_a_full_disk_leaves_nothing_behind",
     "test_file_like_the_program", "test_free_body_with_frame", "test_messages",
     "test_a_damaged_attribute_is_not_a_missing_one", "test_fuzz", "test_soak",
+    "test_printed_digits_are_in_the_floor",
 }  # fmt: skip
 
 

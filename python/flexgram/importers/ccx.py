@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from flexgram.basics import BodyError
-from flexgram.importers.deck import included, keyword_of
+from flexgram.importers.deck import keyword_of, raw_lines
 
 STORAGE = "*FREQUENCY, SOLVER=MATRIXSTORAGE"
 
@@ -44,10 +44,11 @@ class Card:
     options: dict[str, str]
     lines: list[str]  #: the keyword line (or lines) first
 
+    first: int = 1  #: how many lines that is: the data come after it
+
     def words(self) -> Iterator[list[str]]:
         """The data lines, split."""
-        head = next(i for i, line in enumerate(self.lines) if not _continued(line)) + 1
-        for line in self.lines[head:]:
+        for line in self.lines[self.first :]:
             if line.strip() and not line.lstrip().startswith("**"):
                 yield [word.strip() for word in line.split(",")]
 
@@ -64,25 +65,6 @@ class Job:
         return self.steps[number - 1]
 
 
-def _continued(line: str) -> bool:
-    return line.lstrip().startswith("*") and line.rstrip().endswith(",")
-
-
-def _raw_lines(path: Path, folder: Path, depth: int = 0) -> Iterator[str]:
-    """Lines with each ``*INCLUDE`` in its place."""
-    if depth > 20:
-        raise BodyError(f"{path}: *INCLUDE goes round in circles")
-    try:
-        content = path.read_text(errors="replace")
-    except OSError as error:
-        raise BodyError(f"{path}: {error.strerror}") from None
-    for line in content.splitlines():
-        if line.upper().replace(" ", "").startswith("*INCLUDE"):
-            yield from _raw_lines(included(line, path, folder), folder, depth + 1)
-        else:
-            yield line
-
-
 def read_job(path: Path) -> Job:
     """The deck in cards.
 
@@ -94,11 +76,12 @@ def read_job(path: Path) -> Job:
     job = Job(path)
     cards, step = job.model, False
     open_keyword = False
-    for line in _raw_lines(path, path.parent):
+    for _, _, line in raw_lines(path):
         comment = line.lstrip().startswith("**")
         if open_keyword and not comment:
             card = cards[-1]
             card.lines.append(line)
+            card.first = len(card.lines)
             head = "".join(part.strip() for part in card.lines if not part.startswith("**"))
             card.keyword, card.options = keyword_of(head)
             open_keyword = line.rstrip().endswith(",")
@@ -265,7 +248,7 @@ class Damping:
     beta: float = 0.0  #: [time]
     eta: float = 0.0
     dashpots: list[tuple[int, int, float]] = field(default_factory=list)  #: nodes, force/speed
-    #: what *BOUNDARY holds: node or set, first and last direction from 1
+    #: what *BOUNDARY holds, if there are dashpots: node or set, first and last direction from 1
     held: list[tuple[str, int, int]] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
 
@@ -327,12 +310,6 @@ def damping_of(job: Job) -> Damping:
                 constants[card.options.get("ELSET", "").upper()] = (
                     values.pop() if len(values) == 1 else None
                 )
-        for card in (card for step in [job.model, *job.steps] for card in step):
-            if card.keyword == "BOUNDARY":
-                damping.held += [
-                    (words[0].upper(), int(words[1]), int(_number(words, 2) or words[1]))
-                    for words in card.words() if len(words) > 1
-                ]  # fmt: skip
         for card in job.model:
             if card.keyword != "ELEMENT" or card.options.get("TYPE", "").upper() != "DASHPOTA":
                 continue
@@ -344,6 +321,12 @@ def damping_of(job: Job) -> Damping:
             damping.dashpots += [
                 (labels[i + 1], labels[i + 2], constant) for i in range(0, len(labels) - 2, 3)
             ]
+        if damping.dashpots:
+            damping.held = [
+                (words[0].upper(), int(words[1]), int(_number(words, 2) or words[1]))
+                for step in [job.model, *job.steps] for card in step if card.keyword == "BOUNDARY"
+                for words in card.words() if len(words) > 1
+            ]  # fmt: skip
     except ValueError as error:
         raise BodyError(f"{job.path}: damping cards: {error}") from None
     return damping

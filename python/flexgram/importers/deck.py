@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -62,34 +63,51 @@ def included(line: str, path: Path, folder: Path) -> Path:
     raise BodyError(f"{path}: *INCLUDE {name or line.strip()!r}: no such file")
 
 
-def _lines(path: Path, folder: Path, depth: int = 0) -> list[tuple[Path, int, str]]:
-    """All lines with their place: *INCLUDE resolved, keyword lines that end in a comma joined with
-    the next, comments left out."""
-    if depth > 10:
+Line = tuple[Path, int, str]  #: file, number from 1, text
+
+
+def raw_lines(path: Path, folder: Path | None = None, depth: int = 0) -> Iterator[Line]:
+    """Lines of a deck as written, those of an ``*INCLUDE`` in its place.
+
+    Raises
+    ------
+    BodyError
+        If a file cannot be read, or is no text.
+    """
+    if depth > 20:
         raise BodyError(f"{path}: *INCLUDE goes round in circles")
+    folder = folder or path.parent
     try:
         content = path.read_text(errors="replace")
     except OSError as error:
         raise BodyError(f"{path}: {error.strerror}") from None
     if "\0" in content[:4096]:
         raise BodyError(f"{path}: binary, expected an input deck")
-    result: list[tuple[Path, int, str]] = []
-    open_keyword = False
-    for number, raw in enumerate(content.splitlines(), start=1):
+    lines = iter(enumerate(content.splitlines(), start=1))
+    for number, line in lines:
+        if not re.match(r"\s*\*\s*INCLUDE\b", line, re.IGNORECASE):
+            yield path, number, line
+            continue
+        while line.rstrip().endswith(",") and (more := next(lines, None)):
+            line = line.rstrip() + more[1]
+        yield from raw_lines(included(line, path, folder), folder, depth + 1)
+
+
+def _lines(path: Path) -> Iterator[Line]:
+    """Lines that say something: no comments; keyword lines that end in a comma joined with the
+    next."""
+    begun: Line | None = None
+    for file, number, raw in raw_lines(path):
         line = raw.strip()
         if line.startswith("**") or not line:
             continue
-        if open_keyword:
-            file, first, begun = result.pop()
-            line, place = begun + line, (file, first)
-        else:
-            place = (path, number)
-        open_keyword = line.startswith("*") and line.endswith(",")
-        if line.upper().startswith("*INCLUDE") and not open_keyword:
-            result += _lines(included(line, path, folder), folder, depth + 1)
-        else:
-            result.append((*place, line))
-    return result
+        if begun:
+            file, number, line = begun[0], begun[1], begun[2] + line
+        begun = (file, number, line) if line.startswith("*") and line.endswith(",") else None
+        if not begun:
+            yield file, number, line
+    if begun:
+        yield begun
 
 
 #: Cards that make or move nodes in ways that are not followed here.
@@ -183,7 +201,7 @@ def read_deck(path: Path) -> Deck:
     """Read the model part of a deck (everything before the first step)."""
     model = _Model()
     keyword, options = "", dict[str, str]()
-    for file, number, line in _lines(path, path.parent):
+    for file, number, line in _lines(path):
         try:
             if line.startswith("*"):
                 keyword, options = keyword_of(line)
