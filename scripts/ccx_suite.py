@@ -117,8 +117,10 @@ def imported(deck: Path, count: int) -> tuple[np.ndarray, float, list[str]]:
     K, M = fe.K, fe.M
     largest = float(np.max(K.diagonal()[M.diagonal() > 0] / M.diagonal()[M.diagonal() > 0]))
     shift = 1e-7 * largest
-    if fe.n <= 2000:
+    if fe.n <= 3000:
         E, M = K.toarray() + shift * M.toarray(), M.toarray()
+        unit = 1 / np.sqrt(np.maximum(np.abs(E.diagonal()), 1e-300))
+        E, M = unit[:, None] * E * unit, unit[:, None] * M * unit
         energy, Q = sl.eigh(E)
         some = np.abs(energy) > 1e-13 * energy[-1]  # else neither stiff nor heavy
         Q = Q[:, some] / np.sqrt(np.abs(energy[some]))
@@ -169,6 +171,10 @@ def verdict(deck: Path) -> tuple[str, str]:
     worst = int(np.argmax(off / (2e-6 * np.abs(expected) + rounding)))
     hz = np.sqrt(np.abs([ours[worst], expected[worst]])) / (2 * np.pi)
     first = f"mode {worst + 1}: {hz[0]:.6g} for {hz[1]:.6g} Hz"
+    if (
+        np.min(np.abs(ours)) <= rounding
+    ):  # ccx shifts by nothing: it misses modes, and makes some up
+        return "named", f"{first}: K is singular, modes of ccx itself are not reliable; {said}"
     return ("named" if "left out" in said else "WRONG"), f"{first}; {said}"
 
 
