@@ -23,6 +23,7 @@ def mesh_of(order: int, make: Any, size: float) -> tuple[Any, list[tuple[str, An
         make(gmsh.model.occ)
         gmsh.model.occ.synchronize()
         gmsh.option.setNumber("Mesh.MeshSizeMax", size)
+        gmsh.option.setNumber("Mesh.MeshSizeFromCurvature", 16)  # or facets of holes may overlap
         gmsh.option.setNumber("Mesh.ElementOrder", order)
         gmsh.model.mesh.generate(3)
         gmsh.model.mesh.removeDuplicateNodes()

@@ -56,6 +56,8 @@ def checked(what: str, parts: tuple[Any, Any, Any], shape: tuple[int, int], kind
 
 
 def _sparse_ports(what: str, value: Any) -> Any:
+    if value.format not in ("csc", "csr"):  # SciPy has looked at these indices itself
+        return value.toarray()
     parts = (value.data, value.indices, value.indptr)
     return checked(what, parts, value.shape, type(value)).toarray()
 
