@@ -40,7 +40,8 @@ def reduce(
     comm : mpi4py communicator, optional
         Default: ``MPI.COMM_WORLD``. Every rank of it must call.
     options : mapping, optional
-        Any option of the program, with or without ``-``: ``{"mor_frame": "tangent"}``.
+        Any option of the program, with or without ``-``: ``{"mor_frame": "tangent"}``,
+        ``{"mor_load_patterns": 100}`` for hundreds of ports and more.
     verbose : bool
         Print the plan and progress as the program does.
 

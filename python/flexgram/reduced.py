@@ -68,6 +68,8 @@ class ReducedModel:
     by_kind : (2,) array
         Largest bounds of displacement from force and of rotation from moment; empty if the
         tolerance was for H as a whole, or none was given.
+    loads : (n_in, k) array
+        Loads whose span the claim is for; k = 0: each input by itself. ``load_names``.
     sigma : array
         Eigenvalues of the position Gramian, descending.
     modes : array
@@ -97,6 +99,8 @@ class ReducedModel:
         self.bound, self.floor = array("error/bound"), array("error/floor")
         self.kind = str(fields.get("error/kind", "estimated"))
         self.by_kind = array("error/by_kind")
+        self.load_names = [str(name) for name in fields.get("loads/names", [])]
+        self.loads = array("loads/patterns").reshape(self.B.shape[1], len(self.load_names))
         known = np.concatenate([self.bound if len(self.bound) else self.error, self.by_kind, [0]])
         self.certified_error = float(fields.get("error/worst", known.max()))
         self.whole_error = float(fields.get("error/whole", self.certified_error))
@@ -184,6 +188,11 @@ class ReducedModel:
     @property
     def label(self) -> str:
         """What is claimed of the error, in words."""
+        count = len(self.load_names)
+        few = f", for loads in the span of {count} pattern{'s' if count != 1 else ''}"
+        return self._label_of_band() + (few if count else "")
+
+    def _label_of_band(self) -> str:
         if self.kind != "certified outside":
             return "certified" if self.kind == "certified" else "estimated, not proved"
         widest = np.max(np.diff(self.excluded, axis=1)[:, 0] / self.excluded[:, 1])

@@ -70,6 +70,9 @@ void error(FieldSink& sink, const ReducedModel& rom) {
   sink.value("error/kind", rom.kind);
   if (rom.claim) claim_of(sink, *rom.claim);
   if (!rom.by_kind.empty()) sink.value("error/by_kind", rom.by_kind);
+  if (!rom.loads) return;
+  matrix(sink, "loads/patterns", rom.loads->patterns);
+  sink.value("loads/names", rom.loads->names);
 }
 
 void frame(FieldSink& sink, const ReducedModel& rom) {

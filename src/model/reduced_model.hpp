@@ -27,6 +27,14 @@ struct ErrorClaim {
   bool met = true;                 ///< it is
 };
 
+/// Loads that a body was reduced for, instead of each input by itself: combinations of its
+/// inputs. What is claimed holds for all loads in their span, and for the motion seen by
+/// them where the outputs are the inputs.
+struct LoadSpan {
+  Dense patterns; ///< n_in × k
+  std::vector<std::string> names;
+};
+
 /// A reduced body with what is known about it. `model` is dense and the same on every
 /// rank.
 struct ReducedModel {
@@ -46,6 +54,7 @@ struct ReducedModel {
   /// Largest bounds of displacements from forces and of rotations from moments; empty:
   /// not asked for.
   std::vector<double> by_kind;
+  std::optional<LoadSpan> loads; ///< none: each input by itself
   std::string second_stage, frame = "none";
   int rigid_modes = 0; ///< of the body; the first basis vectors unless frame is none
   std::optional<FrameIntegrals> integrals;

@@ -5,7 +5,9 @@
 #include "io/reduced_io.hpp"
 #include "medium/factors.hpp"
 #include "medium/medium_io.hpp"
+#include "model/load_patterns.hpp"
 #include "model/rigid_body_modes.hpp"
+#include "run/loads.hpp"
 #include "run/sweep.hpp"
 #include "sampling/pod.hpp"
 
@@ -171,6 +173,10 @@ bool write_result(const ReducedModel& rom, const SecondOrderModel& body,
 
 Medium certify_body(const Body& body, const Settings& s, bool keep, Observer& observer,
                     const CheckpointSpec& checkpoint) {
+  if (keep && (s.load_patterns > 0 || !s.loads.empty()))
+    throw Error(
+        "{loads} and {load_patterns} are of flexgram reduce: a medium model keeps "
+        "each port");
   observer.fact("method", s.method + " over " + words_of(s.bands()));
   tell_of_groups(s, observer);
   const BodyFacts facts = check(body, s, observer);
@@ -195,14 +201,35 @@ ReducedModel cut_medium(const Medium& medium, const Settings& s, Observer& obser
   return rom;
 }
 
-ReducedModel reduce_body(const Body& body, const Settings& s, Observer& observer,
-                         const CheckpointSpec& checkpoint) {
-  observer.print();
+namespace {
+
+ReducedModel reduce_for_ports(const Body& body, const Settings& s, Observer& observer,
+                              const CheckpointSpec& checkpoint) {
   ReducedModel rom = s.takes_samples()
                          ? reduce_by_samples(body, s, observer, checkpoint)
                          : cut(certify_body(body, s, false, observer, checkpoint),
                                s.cut_request(), observer);
   add_frame_integrals(rom, body, s, observer);
+  return rom;
+}
+
+} // namespace
+
+ReducedModel reduce_body(const Body& body, const Settings& s, Observer& observer,
+                         const CheckpointSpec& checkpoint) {
+  observer.print();
+  ReducedModel rom;
+  if (auto loads = loads_of(body, s, observer)) {
+    const Body narrow{with_patterns(body.model, *loads), body.assembled};
+    rom = reduce_for_ports(narrow, s, observer, checkpoint);
+    restore_ports(rom, body.model, std::move(*loads));
+    observer.fact("claim",
+                  text("for all loads in the span of these %zu; the body keeps its "
+                       "%zu inputs",
+                       rom.loads->names.size(), rom.model.inputs.size()));
+  } else {
+    rom = reduce_for_ports(body, s, observer, checkpoint);
+  }
   observer.print();
   rom.plan = observer.facts();
   return rom;

@@ -17,7 +17,8 @@ struct Settings {
                                    medium_out, monitor = "summary";
   std::string medium_basis = "yes";
   std::string method = "two_step", second_stage = "auto";
-  std::string inputs, outputs;
+  std::string inputs, outputs, loads;
+  int load_patterns = 0; ///< 0: each port by itself
   std::string frame_integrals = "auto";
   std::vector<double> band_hz{10, 500}, sweep_hz{10, 500, 200};
   bool band_is_given = false;

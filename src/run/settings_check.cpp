@@ -37,6 +37,10 @@ void Settings::check_solver() const {
                  std::to_string(solver.refinements), "0 or more");
   require_option(solver.backward_error > 0, "-mor_backward_error",
                  text("%g", solver.backward_error), "above 0");
+  require_option(load_patterns >= 0, "-mor_load_patterns", std::to_string(load_patterns),
+                 "0 (each port by itself) or more");
+  if (load_patterns > 0 && !loads.empty())
+    throw Error("{loads} and {load_patterns} exclude each other");
   require_option(groups >= 0, "-mor_groups", std::to_string(groups),
                  "0 (automatic) or more");
 }

@@ -1,0 +1,119 @@
+#include "run/loads.hpp"
+
+#include "base/text.hpp"
+#include "model/load_patterns.hpp"
+
+#include <charconv>
+#include <cmath>
+#include <fstream>
+#include <map>
+#include <sstream>
+
+namespace flexgram {
+namespace {
+
+std::vector<std::string> cells_of(const std::string& line) {
+  std::vector<std::string> cells;
+  std::istringstream stream(line);
+  for (std::string cell; std::getline(stream, cell, ',');) {
+    const auto first = cell.find_first_not_of(" \t\r\""),
+               last = cell.find_last_not_of(" \t\r\"");
+    cells.push_back(first == std::string::npos ? ""
+                                               : cell.substr(first, last - first + 1));
+  }
+  return cells;
+}
+
+/// A table: the first line names the loads, each other line a port and its share of each
+/// load; ports that are not named carry nothing.
+LoadSpan read_loads(const std::string& path, const std::vector<std::string>& ports) {
+  std::ifstream file(path);
+  if (!file) throw Error("-mor_loads " + path + ": cannot be read");
+  std::map<std::string, int> row_of;
+  for (std::size_t i = 0; i < ports.size(); ++i) row_of[ports[i]] = static_cast<int>(i);
+  LoadSpan loads;
+  std::vector<bool> seen(ports.size(), false);
+  int number = 0;
+  for (std::string line; std::getline(file, line);) {
+    ++number;
+    const std::vector<std::string> cells = cells_of(line);
+    if (cells.empty() || (cells.size() == 1 && cells[0].empty()) || cells[0][0] == '#')
+      continue;
+    const auto refuse = [&](const std::string& why) {
+      throw Error(text("-mor_loads %s, line %d: %s", path.c_str(), number, why.c_str()));
+    };
+    if (loads.names.empty()) {
+      loads.names.assign(cells.begin() + 1, cells.end());
+      if (loads.names.empty())
+        refuse("expected a word for the ports and the names of the loads");
+      for (std::size_t i = 0; i < loads.names.size(); ++i)
+        if (loads.names[i].empty() ||
+            std::find(loads.names.begin(), loads.names.begin() + static_cast<long>(i),
+                      loads.names[i]) != loads.names.begin() + static_cast<long>(i))
+          refuse("load '" + loads.names[i] +
+                 "' has no name or one that is there already");
+      loads.patterns =
+          Dense(static_cast<int>(ports.size()), static_cast<int>(loads.names.size()));
+      continue;
+    }
+    const auto port = row_of.find(cells[0]);
+    if (port == row_of.end()) refuse("the body has no input '" + cells[0] + "'");
+    if (seen[static_cast<std::size_t>(port->second)])
+      refuse("'" + cells[0] + "' is there twice");
+    seen[static_cast<std::size_t>(port->second)] = true;
+    if (cells.size() != loads.names.size() + 1)
+      refuse(text("%zu numbers, expected %zu", cells.size() - 1, loads.names.size()));
+    for (std::size_t j = 0; j < loads.names.size(); ++j) {
+      const std::string& cell = cells[j + 1];
+      double value = 0;
+      const auto [end, error] =
+          std::from_chars(cell.data(), cell.data() + cell.size(), value);
+      if (error != std::errc() || end != cell.data() + cell.size() ||
+          !std::isfinite(value))
+        refuse("'" + cell + "' is no number");
+      loads.patterns(port->second, static_cast<int>(j)) = value;
+    }
+  }
+  if (loads.names.empty()) throw Error("-mor_loads " + path + ": is empty");
+  for (int j = 0; j < loads.patterns.columns; ++j) {
+    const double* column = loads.patterns.column(j);
+    if (std::all_of(column, column + loads.patterns.rows,
+                    [](double x) { return x == 0; }))
+      throw Error("-mor_loads " + path + ": load '" +
+                  loads.names[static_cast<std::size_t>(j)] + "' is zero");
+  }
+  return loads;
+}
+
+} // namespace
+
+std::optional<LoadSpan> loads_of(const Body& body, const Settings& s,
+                                 Observer& observer) {
+  if (s.loads.empty() && s.load_patterns == 0) return std::nullopt;
+  const int p = static_cast<int>(body.model.B.columns());
+  if (!s.loads.empty()) {
+    LoadSpan loads;
+    agree(body.model.comm, [&] { loads = read_loads(s.loads, body.model.inputs); });
+    observer.fact("loads", text("%d of %s at %d inputs: %s", loads.patterns.columns,
+                                s.loads.c_str(), p, join(loads.names, ", ").c_str()));
+    return loads;
+  }
+  if (s.load_patterns >= p) {
+    observer.skip("load patterns", text("there are %d inputs", p));
+    return std::nullopt;
+  }
+  double last = 0;
+  for (const Interval& band : s.bands()) last = std::max(last, band.last);
+  LeadingPatterns leading =
+      leading_patterns(body.model, s.load_patterns, last * last, s.solver, observer);
+  LoadSpan loads{std::move(leading.patterns), {}};
+  for (int j = 0; j < loads.patterns.columns; ++j)
+    loads.names.push_back(text("pattern%d", j + 1));
+  observer.fact("loads",
+                text("the leading %d patterns of %d inputs: %.3g %% of their "
+                     "compliance, the next has %.1e of the first",
+                     loads.patterns.columns, p, 100 * leading.held, leading.next));
+  return loads;
+}
+
+} // namespace flexgram
