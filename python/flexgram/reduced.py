@@ -55,7 +55,7 @@ class ReducedModel:
         How much H would change, relative, if the stiffness that K holds of the rigid modes, which
         is within the rounding of doubles and taken for zero, were meant.
     relative_to : str
-        What errors are divided by: ``pointwise`` (eq. 17) or ``band``.
+        What errors are divided by: ``pointwise`` (eq. 17), ``band`` or ``elastic``.
     bands, excluded : (n, 2) arrays
         [rad/s]
     excluded_poles : (n, 3) array

@@ -102,8 +102,10 @@ std::shared_ptr<MediumOverBand> Cut::seen(std::size_t level) const {
   const bool by_kind = request_.order.by_kind();
   const double enough = std::min(target(), whole_.spec.target);
   return whole_.seen->find_or(
-      {level, ports_, by_kind, bands_, request_.error_omega, enough}, [&] {
-        MediumModel model(whole_, level, ports_, by_kind, enough);
+      {level, ports_, by_kind, request_.relative_to == RelativeTo::elastic, bands_,
+       request_.error_omega, enough},
+      [&] {
+        MediumModel model(whole_, level, ports_, by_kind, request_.relative_to, enough);
         model.follow_dampers();
         std::vector<double> peaks; // decisions about intervals must not differ
         for (const auto& [omega, half_width] : model.resonances)
@@ -234,7 +236,7 @@ ErrorClaim Cut::claim_of(const ErrorOverBand::Supremum& sup) const {
   claim.attained = sup.attained_of[view];
   claim.at = sup.at_of[view];
   claim.rigid_rounding = seen_->grid().assumed;
-  claim.relative_to = request_.relative_to == RelativeTo::band ? "band" : "pointwise";
+  claim.relative_to = word_of(request_.relative_to);
   for (const Interval& b : bands_) claim.bands.push_back({b.first, b.last});
   for (const Interval& e : sup.excluded) claim.excluded.push_back({e.first, e.last});
   claim.tolerance = request_.order.tolerance;

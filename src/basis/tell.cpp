@@ -58,35 +58,78 @@ std::string at_a_zero(const CutStory& cut) {
       omega * hz);
 }
 
+/// Whether H itself at all frequencies of the curve would cost as much as the claim.
+bool too_many_ports(const MediumModel& medium) {
+  return medium.names.inputs.size() * medium.names.outputs.size() > 2500;
+}
+
+/// What joints and springs at its ports leave of a free body's motion is elastic, and small
+/// beside the motion as a rigid body that |H| is mostly made of at low frequencies.
+void tell_elastic_part(const CutStory& cut, const ReducedModel& rom, Observer& observer) {
+  const MediumModel& medium = cut.seen.model();
+  if (!medium.has_elastic_part() || too_many_ports(medium)) return;
+  const auto& sizes = cut.seen.grid().views.front();
+  double worst = 0, at = 0;
+  for (std::size_t l = 0; l < rom.omega.size(); ++l) {
+    const double reference = cut.request.relative_to == RelativeTo::band
+                                 ? sizes.largest
+                                 : sizes.size[l] - sizes.bound[l],
+                 error = rom.bound[l] * reference / sizes.size[l] *
+                         medium.whole_over_elastic(rom.omega[l]);
+    if (!(error <= worst)) {
+      worst = error;
+      at = rom.omega[l];
+    }
+  }
+  std::vector<double> shared{worst, at};
+  share_from_first(medium.names.comm, shared);
+  observer.fact("elastic part",
+                text("of |H| without rigid motion the error is about %.1e "
+                     "at most (at %.4g Hz); {tol_relative_to} elastic bounds "
+                     "that",
+                     shared[0], shared[1] * hz));
+  if (shared[0] > 0.05)
+    observer.warn(
+        text("the body is free, and its error is %.0f %% of its elastic motion (at "
+             "%.4g Hz): where joints or springs hold it that is what counts. "
+             "{tol_relative_to} elastic bounds it",
+             100 * shared[0], shared[1] * hz));
+}
+
 /// The error in words: of H as a whole, by either reference, and of its kinds.
 void tell_error(const CutStory& cut, const ReducedModel& rom, Observer& observer) {
   const ErrorOverBand::Supremum& sup = cut.sup;
   const MediumModel& medium = cut.seen.model();
   const std::string label = label_of(rom);
-  const bool to_band = cut.request.relative_to == RelativeTo::band;
+  const bool to_band = cut.request.relative_to == RelativeTo::band,
+             to_elastic = cut.request.relative_to == RelativeTo::elastic;
   const char* const references[] = {"|H| at each frequency",
-                                    "the largest |H| in the band"};
+                                    "the largest |H| in the band",
+                                    "|H| without rigid motion at each frequency"};
+  const char* const reference = references[static_cast<int>(cut.request.relative_to)];
   observer.fact("error",
                 text("%s of %s, everywhere in the band%s (%s), reached %.2e at %.5g Hz; "
                      "rounding floor %.0e",
-                     bound_words(sup.worst_of[0], "at most %.2e").c_str(),
-                     references[to_band ? 1 : 0], rom.claim->bands.size() > 1 ? "s" : "",
-                     label.c_str(), sup.attained_of[0], sup.at_of[0] * hz,
+                     bound_words(sup.worst_of[0], "at most %.2e").c_str(), reference,
+                     rom.claim->bands.size() > 1 ? "s" : "", label.c_str(),
+                     sup.attained_of[0], sup.at_of[0] * hz,
                      *std::max_element(rom.floor.begin(), rom.floor.end())));
   // Beside undamped resonances |H| has no largest value; of very many ports with a damping
   // matrix it would cost as much as the claim itself.
-  if (sup.excluded.empty() &&
-      (medium.has_many_ports() ||
-       medium.names.inputs.size() * medium.names.outputs.size() <= 2500)) {
+  if (to_elastic) {
+    observer.fact("relative to", text("%s ({tol_relative_to} elastic)", reference));
+  } else if (sup.excluded.empty() &&
+             (medium.has_many_ports() || !too_many_ports(medium))) {
     const auto other =
         ErrorOverBand(cut.seen, to_band ? RelativeTo::pointwise : RelativeTo::band)
             .supremum(cut.small, cut.request.order.tolerance.value_or(0),
                       sup.intervals + 200);
     observer.fact("relative to",
                   text("%s ({tol_relative_to} %s); of %s the error is at most %.1e",
-                       references[to_band ? 1 : 0], to_band ? "band" : "pointwise",
+                       reference, word_of(cut.request.relative_to),
                        references[to_band ? 0 : 1], other.worst));
   }
+  if (!to_elastic && medium.rigid > 0) tell_elastic_part(cut, rom, observer);
   if (medium.rigid > 0)
     observer.fact(
         "rigid rounding",

@@ -193,12 +193,13 @@ private:
 /// @param gram     TᵀE⁻¹T.
 /// @param samples  [rad/s]
 /// @param scale    of each port.
+/// @param left_out so many first modes, rigid ones, are no part of a block's size.
 /// @return k×d, d as small as it can be.
 Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
                          const DenseResponse& response,
                          const std::vector<double>& samples,
                          const std::vector<Certificate::PortSet>& blocks,
                          const std::vector<double>& scale, double kappa, double cutoff,
-                         int modes, double target);
+                         int modes, int left_out, double target);
 
 } // namespace flexgram

@@ -217,7 +217,8 @@ void MediumBuilder::prove(int most_columns) {
       samples.push_back(grid_[l]); // where it was found to be weak
     Dense chosen = directions_to_grow(
         parts, norm.gram, *levels.back().response, samples, seen_->model().blocks(),
-        medium_.scale, medium_.kappa, medium_.cutoff, modes, 0.3 * spec_.target);
+        medium_.scale, medium_.kappa, medium_.cutoff, modes,
+        spec_.relative_to == RelativeTo::elastic ? medium_.rigid : 0, 0.3 * spec_.target);
     share_list(fom_.comm, chosen.data);
     chosen.columns = static_cast<int>(chosen.data.size()) / std::max(chosen.rows, 1);
     image_ = combine(image_, chosen);
@@ -227,7 +228,8 @@ void MediumBuilder::prove(int most_columns) {
 void MediumBuilder::look_at(std::size_t level) {
   const bool to_band = spec_.relative_to == RelativeTo::band; // the largest |H| is needed
   seen_ = std::make_unique<MediumOverBand>(
-      MediumModel(medium_, level, find_ports(medium_.body, {}, {}), spec_.by_kind),
+      MediumModel(medium_, level, find_ports(medium_.body, {}, {}), spec_.by_kind,
+                  spec_.relative_to),
       spec_.bands, to_band ? grid_ : std::vector<double>());
 }
 

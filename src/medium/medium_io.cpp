@@ -15,14 +15,15 @@
 namespace flexgram {
 namespace {
 
-constexpr double version = 3; // of the file's layout
+constexpr double version = 4; // of the file's layout
 
 template <class Archive, class Spec>
 void archive_spec(Archive&& a, Spec& spec) {
   std::vector<double> ends;
   for (const Interval& band : spec.bands)
     ends.insert(ends.end(), {band.first, band.last});
-  bool to_band = spec.relative_to == RelativeTo::band;
+  bool to_band = spec.relative_to == RelativeTo::band,
+       to_elastic = spec.relative_to == RelativeTo::elastic;
   a("bands", ends);
   a("last_needed", spec.last_needed);
   a("target", spec.target);
@@ -30,9 +31,12 @@ void archive_spec(Archive&& a, Spec& spec) {
   a("modes_wanted", spec.modes);
   a("order_limit", spec.limit);
   a("relative_to_band", to_band);
+  a("relative_to_elastic", to_elastic);
   a("by_kind", spec.by_kind);
   if constexpr (!std::is_const_v<Spec>) {
-    spec.relative_to = to_band ? RelativeTo::band : RelativeTo::pointwise;
+    spec.relative_to = to_band      ? RelativeTo::band
+                       : to_elastic ? RelativeTo::elastic
+                                    : RelativeTo::pointwise;
     for (std::size_t i = 0; i + 1 < ends.size(); i += 2)
       spec.bands.push_back({ends[i], ends[i + 1]});
   }

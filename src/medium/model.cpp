@@ -11,11 +11,17 @@ constexpr double many = 4;
 } // namespace
 
 MediumModel::MediumModel(const Medium& medium, std::size_t level,
-                         const PortSelection& ports, bool by_kind, double enough)
+                         const PortSelection& ports, bool by_kind, RelativeTo relative_to,
+                         double enough)
     : names(medium.body.head()), rigid(medium.rigid), cutoff(medium.cutoff),
       tau(medium.tau), kappa(medium.kappa), level_(medium.levels[level]),
       V_(medium.V.share()), scale_(medium.scale), inputs_(ports.inputs),
-      outputs_(ports.outputs) {
+      outputs_(ports.outputs),
+      left_out_(relative_to == RelativeTo::elastic ? medium.rigid : 0) {
+  if (left_out_ > 0 && !has_elastic_part())
+    throw Error(
+        "{tol_relative_to} elastic: a damping matrix mixes elastic and rigid motion, "
+        "so H has no elastic part by itself");
   select_names(names, ports);
   // Outputs of a body whose outputs are its inputs are among these; others follow them.
   if (!medium.body.outputs_are_inputs)
@@ -60,9 +66,30 @@ void MediumModel::follow_dampers() {
       resonances.push_back({pole.real(), std::max(pole.imag(), 0.0)});
 }
 
+/// Modal coordinates x of what errors are relative to.
+MatrixSeries MediumModel::reference_of(MatrixSeries x) const {
+  for (Dense* part : {&x.coefficients, &x.tail})
+    for (int j = 0; j < part->columns; ++j) std::fill_n(part->column(j), left_out_, 0.0);
+  return x;
+}
+
+double MediumModel::whole_over_elastic(double omega) const {
+  const DenseResponse& response = *level_.response;
+  ComplexDense x = response.modal_response(omega);
+  const auto size = [&] {
+    return frobenius_norm(multiply_transposed(modal_outputs_, columns_of(x, inputs_)));
+  };
+  for (std::size_t j = 0; j < inputs_.size(); ++j) // in their units
+    for (int i = 0; i < x.rows; ++i)
+      x(i, inputs_[j]) /= scale_[static_cast<std::size_t>(inputs_[j])];
+  const double whole = size();
+  for (int j = 0; j < x.columns; ++j) std::fill_n(x.column(j), rigid, 0.0);
+  return whole / size();
+}
+
 /// H of the chosen ports, in their units.
-MatrixSeries MediumModel::transfer(const ResponseSeries& x) const {
-  const MatrixSeries all = multiply_transposed(modal_outputs_, x.x);
+MatrixSeries MediumModel::transfer(const MatrixSeries& x) const {
+  const MatrixSeries all = multiply_transposed(modal_outputs_, x);
   const int n_out = all.rows(), n_in = static_cast<int>(inputs_.size()),
             parts = 2 * (all.degree() + 1);
   MatrixSeries H{n_in, Dense(n_out, n_in * parts), Dense(n_out, n_in)};
@@ -87,16 +114,18 @@ std::optional<MediumModel::Stretch> MediumModel::over(Interval interval, int deg
     const auto factors = modal_factors(response, interval, degree);
     if (!factors) return std::nullopt;
     bool clear = true; // of rounding
+    const MatrixSeries reference = reference_of(factors->x);
     for (const TermGram& terms : terms_) {
-      const TermNorms size = term_norms(terms, factors->x);
+      const TermNorms size = term_norms(terms, reference);
       const auto& at = size.norms.at;
       clear = clear && size.rounding <= 0.1 * *std::min_element(at.begin(), at.end());
       result.size.push_back(size.norms);
     }
     if (!clear)
-      if (const auto all = entries(interval, degree)) {
+      if (const auto x = response_series(response, interval, degree)) {
+        const MatrixSeries all = transfer(reference_of(x->x));
         result.size.clear();
-        for (const PortView& view : views) result.size.push_back(view_norms(*all, view));
+        for (const PortView& view : views) result.size.push_back(view_norms(all, view));
       }
     std::vector<double> least; // ‖H‖
     for (const ViewNorms& size : result.size)
@@ -111,9 +140,11 @@ std::optional<MediumModel::Stretch> MediumModel::over(Interval interval, int deg
   const auto x = response_series(response, interval, degree);
   if (!x) return std::nullopt;
   result.bounds = level_.certificate->over(response, *x, blocks_);
-  result.H.entries = transfer(*x);
+  result.H.entries = transfer(x->x);
+  const MatrixSeries elastic =
+      left_out_ > 0 ? transfer(reference_of(x->x)) : MatrixSeries();
   for (const PortView& view : views)
-    result.size.push_back(view_norms(result.H.entries, view));
+    result.size.push_back(view_norms(left_out_ > 0 ? elastic : result.H.entries, view));
   return result;
 }
 
@@ -134,7 +165,7 @@ std::optional<TransferSeries> MediumModel::response(Interval interval, int degre
 std::optional<MatrixSeries> MediumModel::entries(Interval interval, int degree) const {
   const auto x = response_series(*level_.response, interval, degree);
   if (!x) return std::nullopt;
-  return transfer(*x);
+  return transfer(x->x);
 }
 
 TermGram MediumModel::terms_of_difference(std::size_t view,

@@ -26,12 +26,14 @@ class MediumModel {
 public:
   /// @param enough  with many ports, relative errors of H up to this need no sharper bound;
   /// 0: the medium model's target.
+  /// @throws Error if errors are to be relative to the elastic part of H and a damping
+  /// matrix leaves no such part.
   MediumModel(const Medium& medium, std::size_t level, const PortSelection& ports,
-              bool by_kind, double enough = 0);
+              bool by_kind, RelativeTo relative_to, double enough = 0);
 
   struct Stretch {
     TransferSeries H;
-    std::vector<ViewNorms> size;            ///< of each of the views
+    std::vector<ViewNorms> size; ///< of each of the views: of H, or its elastic part
     std::vector<Certificate::Bound> bounds; ///< the same, anywhere in it
   };
   /// @param hopeless  with many ports, relative bounds above this need not be sharp.
@@ -49,6 +51,10 @@ public:
   ComplexDense transfer(double omega) const {
     return known(entries({omega, omega}, 0)).centre();
   }
+  /// Whether H has an elastic part: no damping matrix mixes it with rigid motion.
+  bool has_elastic_part() const { return level_.response->is_diagonal(); }
+  /// ‖H‖ of all ports at a frequency over that of its elastic part. @pre has_elastic_part()
+  double whole_over_elastic(double omega) const;
 
   /// Whether norms come from the terms of H, (N + m)² products each, not from its entries.
   bool has_many_ports() const { return !terms_.empty(); }
@@ -91,7 +97,8 @@ public:
   double tau = 0, kappa = 0;
 
 private:
-  MatrixSeries transfer(const ResponseSeries& x) const;
+  MatrixSeries transfer(const MatrixSeries& x) const;
+  MatrixSeries reference_of(MatrixSeries x) const;
   template <class T>
   static T known(std::optional<T> value) {
     if (!value) throw ShiftError("the body is undamped and the frequency is a resonance");
@@ -106,6 +113,7 @@ private:
   /// With many ports, of each view: terms of H, and of its residuals.
   std::vector<TermGram> terms_;
   std::vector<Certificate::ResidualGrams> residuals_;
+  int left_out_ = 0;  ///< modes that errors are not relative to: rigid ones, or none
   double enough_ = 0; ///< errors of H up to this need no sharper bound, relative
 };
 

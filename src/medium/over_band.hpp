@@ -25,10 +25,11 @@ public:
 
   /// A block of H at every frequency of the grid, in its own unit.
   struct View {
-    std::vector<double> size;  ///< ‖H‖
+    std::vector<double>
+        size; ///< ‖H‖, or of its elastic part: what errors are relative to
     std::vector<double> bound; ///< of the medium model's error, rounding included
     std::vector<double> floor; ///< rounding
-    double largest = 0;        ///< of ‖H‖ − bound
+    double largest = 0;        ///< of size − bound
   };
   struct Grid {
     std::vector<View> views; ///< those of the model
@@ -103,6 +104,7 @@ public:
     std::size_t level = 0;
     PortSelection ports;
     bool by_kind = false;
+    bool elastic = false; ///< what errors are relative to
     std::vector<Interval> bands;
     std::vector<double> curve; ///< [rad/s] more frequencies of the grid
     double enough = 0;         ///< what needs no sharper bound

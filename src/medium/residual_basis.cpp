@@ -246,7 +246,7 @@ Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
                          const std::vector<double>& samples,
                          const std::vector<Certificate::PortSet>& blocks,
                          const std::vector<double>& scale, double kappa, double cutoff,
-                         int modes, double target) {
+                         int modes, int left_out, double target) {
   // F R has the norm of R in E⁻¹; dominant directions are chosen by squares: H differs by
   // products of residuals.
   const int k = gram.rows;
@@ -258,7 +258,10 @@ Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
   };
   const auto scale_of = [&](int port) { return scale[static_cast<std::size_t>(port)]; };
   for (double omega : samples) {
-    const ComplexDense x = response.modal_response(omega), H = response.transfer(x);
+    const ComplexDense x = response.modal_response(omega);
+    ComplexDense counted = x;
+    for (int j = 0; j < x.columns; ++j) std::fill_n(counted.column(j), left_out, 0.0);
+    const ComplexDense H = response.transfer(counted);
     const ComplexDense R = residual_of(basis.ports, basis.K, basis.D, kappa, omega,
                                        response.system().coefficients(omega), x);
     for (const Certificate::PortSet& block : blocks) {

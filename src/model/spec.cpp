@@ -5,6 +5,12 @@
 
 namespace flexgram {
 
+const char* word_of(RelativeTo reference) {
+  return reference == RelativeTo::band      ? "band"
+         : reference == RelativeTo::elastic ? "elastic"
+                                            : "pointwise";
+}
+
 int order_by_rule(const std::vector<double>& sigma) {
   const double threshold = std::sqrt(std::numeric_limits<double>::epsilon());
   int order = 1;

@@ -22,8 +22,12 @@ struct Interval {
 /// What an error of H is divided by.
 enum class RelativeTo {
   pointwise, ///< ‖H(ω)‖_F at the same frequency: eq. (17) of the paper
-  band       ///< the largest ‖H‖_F over the band
+  band,      ///< the largest ‖H‖_F over the band
+  elastic    ///< ‖H(ω)‖_F without the motion as a rigid body, at the same frequency
 };
+
+/// "pointwise", "band", "elastic".
+const char* word_of(RelativeTo reference);
 
 /// In which basis vectors of a Gramian are orthonormal.
 enum class Metric {

@@ -93,10 +93,12 @@ void Settings::describe(Options& options) {
       "displacements from forces and of rotations from moments by themselves (ports "
       "named x.fx ... x.mz)");
   options.add_choice(
-      "-mor_tol_relative_to", relative_to, {"pointwise", "band"},
+      "-mor_tol_relative_to", relative_to, {"pointwise", "band", "elastic"},
       "what errors of H are divided by: |H| at the same frequency (eq. 17; near an "
       "antiresonance, where H itself vanishes, the order grows to meet it), or the "
-      "largest |H| over the band, which forgives such frequencies");
+      "largest |H| over the band, which forgives such frequencies; or |H| at the same "
+      "frequency without the motion as a rigid body, for a free body that joints or "
+      "springs hold in the multibody system: what it feels there is its elastic part");
   options.section("Reduction", "reduce cut");
   options.add_choice("-mor_port_scaling", port_scaling, {"none", "equal"},
                      "weight of the ports in the Gramian: all the same, so that forces "
@@ -287,7 +289,9 @@ std::vector<Interval> Settings::bands() const {
 namespace {
 
 RelativeTo reference_of(const std::string& word) {
-  return word == "band" ? RelativeTo::band : RelativeTo::pointwise;
+  return word == "band"      ? RelativeTo::band
+         : word == "elastic" ? RelativeTo::elastic
+                             : RelativeTo::pointwise;
 }
 
 Metric metric_of(const std::string& word) {

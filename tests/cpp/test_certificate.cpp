@@ -144,7 +144,8 @@ TEST(Certificate, BoundsTheErrorOfEveryLevel) {
     FrequencySolves solves(c.body.share(), 0, {}, 1, 0.0, silent());
     const auto H = solves.transfer(omega, "test");
     for (std::size_t k = 0; k < medium.levels.size(); ++k) {
-      const MediumModel model(medium, k, find_ports(medium.body, {}, {}), false);
+      const MediumModel model(medium, k, find_ports(medium.body, {}, {}), false,
+                              RelativeTo::pointwise);
       EXPECT_EQ(model.has_many_ports(), std::string(c.name).rfind("many", 0) == 0);
       double largest = 0, largest_bound = 0, floor = 0;
       for (std::size_t l = 0; l < omega.size(); ++l) {

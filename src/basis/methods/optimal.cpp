@@ -74,8 +74,8 @@ BandError::BandError(const SecondStage& stage, std::vector<double> omega)
   const DenseResponse response(medium_.system, medium_.tau);
   for (double w : omega_) {
     H_.push_back(response.transfer(w));
-    for (const PortView& view : medium_.views)
-      size_.push_back(std::pow(frobenius_norm(view.of(H_.back())), 2));
+    for (const ViewNorms& size : medium_.at(w, 0).size)
+      size_.push_back(size.at[0] * size.at[0]);
   }
   if (stage.relative_to == RelativeTo::band)
     for (std::size_t v = 0; v < medium_.views.size(); ++v) {

@@ -1,0 +1,119 @@
+"""Errors relative to the elastic part of H: what counts of a free body that joints hold."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.linalg as sl
+import scipy.sparse as sp
+from conftest import assembled, message, run
+
+from bodies import box, write_body_file
+from flexgram import BodyError, Matrices, ReducedModel, certify, reduce
+
+LAST = 100.0
+ALPHA, BETA = 3.0, 1e-6
+
+
+class Free:
+    """A free bar by all of its modes, from LAPACK: the first six are rigid."""
+
+    def __init__(self, folder: Path) -> None:
+        self.path = folder / "bar.h5"
+        ends = {name: {"set": name, "coupling": "distributing"} for name in ("start", "end")}
+        write_body_file(self.path, box("hexahedron20", (10, 2, 2), (1.0, 0.1, 0.08)),
+                        interfaces=ends, damping=(ALPHA, BETA, 0))  # fmt: skip
+        body = assembled(folder / "matrices.h5", self.path)
+        self.K, self.M, self.B = body["K"].tocsr(), body["M"].tocsr(), body["B"]
+        self.eigenvalues, modes = sl.eigh(self.K.toarray(), self.M.toarray())
+        assert self.eigenvalues[5] < 1e-3 * self.eigenvalues[6]
+        self.loads = modes.T @ self.B
+
+    def elastic(self, omega: float, B: Any = None) -> Any:
+        loads = (self.loads if B is None else B)[6:]
+        values = self.eigenvalues[6:]
+        a = values * (1 + 1j * omega * BETA) + 1j * omega * ALPHA - omega**2
+        return loads.T @ (loads / a[:, None])
+
+    def worst(self, rom: ReducedModel, first: float = 1.0) -> float:
+        """Largest error of the elastic part, at frequencies that the program does not know."""
+        r = int(rom.frame["rigid_modes"])
+        assert r == 6 and np.abs(rom.M[:r, r:]).max() < 1e-9 * np.abs(rom.M).max()
+        e = slice(r, None)
+        worst = 0.0
+        for omega in 2 * np.pi * np.geomspace(1.003 * first, 0.997 * LAST, 61):
+            A = (1 + 1j * rom.eta) * rom.K[e, e] + 1j * omega * rom.D[e, e] - omega**2 * rom.M[e, e]
+            H = self.elastic(omega)
+            error = rom.C[:, e] @ np.linalg.solve(A, rom.B[e]) - H
+            worst = max(worst, np.linalg.norm(error) / np.linalg.norm(H))
+        return worst
+
+
+@pytest.fixture(scope="module")
+def bar(tmp_path_factory: pytest.TempPathFactory) -> Free:
+    return Free(tmp_path_factory.mktemp("free"))
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_the_elastic_part_is_certified(bar: Free, ranks: int, tmp_path: Path) -> None:
+    worst = {}
+    for reference in ("pointwise", "elastic"):
+        out = tmp_path / f"{reference}.h5"
+        said = run("reduce", "-body", bar.path, "-mor_band_hz", f"1,{LAST}", "-mor_tol", 2e-2,
+                   "-mor_tol_of", "whole", "-mor_tol_relative_to", reference,
+                   "-mor_out", out, ranks=ranks)  # fmt: skip
+        rom = ReducedModel.load(out)
+        worst[reference] = bar.worst(rom)
+        assert rom.relative_to == reference and rom.kind == "certified"
+        if reference == "pointwise":
+            # What the claim does not say is said beside it.
+            assert "the body is free, and its error is" in said.err + said.out
+        else:
+            assert worst[reference] <= rom.certified_error <= 2e-2
+            assert rom.certified_error <= 1.3 * worst[reference]
+    assert worst["pointwise"] > 0.5 and worst["elastic"] < 2e-2
+
+
+def test_a_medium_model_and_its_cuts(bar: Free, tmp_path: Path) -> None:
+    medium = certify(bar.path, band_hz=(1, LAST), tol=1e-5,
+                     options={"mor_tol_relative_to": "elastic"})  # fmt: skip
+    medium.save(tmp_path / "medium.h5")
+    for order in ("weighted", "optimal"):
+        rom = medium.reduce(tol=1e-3, options={"mor_tol_relative_to": "elastic",
+                                            "mor_second_stage": order, "mor_tol_of": "whole"})  # fmt: skip
+        assert bar.worst(rom) <= rom.certified_error <= 1e-3
+    # The same medium model serves the other references.
+    rom = medium.reduce(tol=1e-3, options={"mor_tol_relative_to": "band"})
+    assert rom.certified_error <= 1e-3 and rom.relative_to == "band"
+
+
+def test_many_ports(bar: Free) -> None:
+    rng = np.random.default_rng(3)
+    rows = rng.permutation(bar.K.shape[0])[:90]
+    B = np.zeros((bar.K.shape[0], 90))
+    B[rows, range(90)] = 1
+    body = Matrices(K=bar.K, M=bar.M, B=B, alpha=ALPHA, beta=BETA)
+    rom = reduce(body, (1, LAST), 1e-2, options={"mor_tol_relative_to": "elastic"})
+    many = object.__new__(Free)
+    modes = sl.eigh(bar.K.toarray(), bar.M.toarray())[1]
+    many.eigenvalues, many.loads = bar.eigenvalues, modes.T @ B
+    assert many.worst(rom) <= rom.certified_error <= 2e-2
+
+
+def test_where_there_is_no_elastic_part_by_itself(bar: Free, tmp_path: Path) -> None:
+    D = sp.lil_matrix(bar.K.shape)
+    D[5, 5] = 2.0
+    damped = Matrices(K=bar.K, M=bar.M, B=bar.B, D=D.tocsr())
+    with pytest.raises(BodyError, match="a damping matrix mixes elastic and rigid motion"):
+        reduce(damped, (1, LAST), 1e-2, options={"mor_tol_relative_to": "elastic"})
+    wrong = run("reduce", "-body", bar.path, "-mor_tol_relative_to", "elastc", expect=1)
+    assert "did you mean elastic?" in message(wrong)
+    # A held body has no rigid motion: both are the same.
+    held = Matrices(K=bar.K + 1e6 * bar.M, M=bar.M, B=bar.B, alpha=ALPHA)
+    both = [reduce(held, (1, LAST), 1e-3, options={"mor_tol_relative_to": reference})
+            for reference in ("pointwise", "elastic")]  # fmt: skip
+    assert both[0].order == both[1].order
+    assert both[0].certified_error == pytest.approx(both[1].certified_error, rel=1e-6)
