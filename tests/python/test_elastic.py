@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 import scipy.linalg as sl
 import scipy.sparse as sp
-from conftest import assembled, message, run
 
 from bodies import box, write_body_file
+from conftest import assembled, message, run
 from flexgram import BodyError, Matrices, ReducedModel, certify, reduce
 
 LAST = 100.0
@@ -81,9 +81,9 @@ def test_a_medium_model_and_its_cuts(bar: Free, tmp_path: Path) -> None:
     medium = certify(bar.path, band_hz=(1, LAST), tol=1e-5,
                      options={"mor_tol_relative_to": "elastic"})  # fmt: skip
     medium.save(tmp_path / "medium.h5")
-    for order in ("weighted", "optimal"):
-        rom = medium.reduce(tol=1e-3, options={"mor_tol_relative_to": "elastic",
-                                            "mor_second_stage": order, "mor_tol_of": "whole"})  # fmt: skip
+    elastic = {"mor_tol_relative_to": "elastic", "mor_tol_of": "whole"}
+    for stage in ("weighted", "optimal"):
+        rom = medium.reduce(tol=1e-3, options={**elastic, "mor_second_stage": stage})
         assert bar.worst(rom) <= rom.certified_error <= 1e-3
     # The same medium model serves the other references.
     rom = medium.reduce(tol=1e-3, options={"mor_tol_relative_to": "band"})
