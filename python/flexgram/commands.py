@@ -96,6 +96,12 @@ def _plot(options: argparse.Namespace) -> None:
 def _report_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("rom", type=Path, help="reduced file")
     _picture_options(parser)
+    parser.add_argument(
+        "--loads",
+        type=Path,
+        help="CSV of a load history, t,port,...: its spectrum against the band, and what the claim "
+        "says of the response to it",
+    )
     parser.add_argument("-o", "--output", type=Path, required=True, help=".html file to write")
 
 
@@ -108,8 +114,16 @@ def _report(options: argparse.Namespace) -> None:
         body=options.body,
         sweep=options.sweep,
         ports=_pairs(options.port),
+        loads=options.loads,
     ):
         say(f"  left out {line}")
+    if options.loads is not None:
+        from flexgram.histories import judge, read_history
+        from flexgram.reduced import ReducedModel
+
+        model = ReducedModel.load(options.rom, basis=False)
+        for words in judge(model, *read_history(options.loads, model.inputs)).words:
+            say(f"  {words}")
     say(f"  wrote {options.output}")
 
 
@@ -163,12 +177,12 @@ def _simulate_options(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="PORT=f(t)",
-        required=True,
         help="force or moment [N, N m] as an expression in t: + - * / ** < >, sin, exp, where, ...",
     )
     parser.add_argument(
         "--time", default="0,1,1001", help="first,last,count [s] (default %(default)s)"
     )
+    parser.add_argument("--loads", type=Path, help="CSV of a load history, t,port,...: its times")
     parser.add_argument("--body", type=Path, help="body file with the mesh, for --xdmf")
     parser.add_argument("--xdmf", type=Path, help="also the motion of the mesh, for ParaView")
     parser.add_argument(
@@ -180,15 +194,21 @@ def _simulate(options: argparse.Namespace) -> None:
     import numpy as np
 
     from flexgram.expressions import function_of_time
+    from flexgram.histories import evenly, read_history
     from flexgram.reduced import ReducedModel
 
     model = ReducedModel.load(options.rom, basis=options.xdmf is not None)
-    try:
-        first, last, count = (float(x) for x in options.time.split(","))
-        t = np.linspace(first, last, int(count))
-    except ValueError:
-        raise BodyError(f"--time {options.time}: expected first,last,count") from None
-    u = np.zeros((len(t), len(model.inputs)))
+    if not options.force and options.loads is None:
+        raise BodyError("no loads: --force PORT=f(t), or --loads FILE")
+    if options.loads is not None:
+        t, u = evenly(*read_history(options.loads, model.inputs))
+    else:
+        try:
+            first, last, count = (float(x) for x in options.time.split(","))
+            t = np.linspace(first, last, int(count))
+        except ValueError:
+            raise BodyError(f"--time {options.time}: expected first,last,count") from None
+        u = np.zeros((len(t), len(model.inputs)))
     for word in options.force:
         port, _, expression = word.partition("=")
         if port not in model.inputs:

@@ -14,6 +14,7 @@ from scipy.linalg import eigh
 
 from flexgram.basics import BodyError, errors_of, written_aside
 from flexgram.geometry import Geometry, body_of
+from flexgram.histories import Verdict
 from flexgram.reduced import Floats, ReducedModel
 
 HZ = 1 / (2 * np.pi)
@@ -119,6 +120,24 @@ def unit_of(output: str, port: str) -> str:
         return "SI"
     of_output, of_input = ("rad" if kinds[0][0] == "m" else "m"), kinds[1][0]
     return f"{of_output}/{'(N m)' if of_input == 'm' else 'N'}"
+
+
+def loads(model: ReducedModel, verdict: Verdict, most: int = 6) -> Figure:
+    """Spectrum of a load history, and the band."""
+    figure, axes = _axes()
+    largest = verdict.spectrum.max(axis=0)
+    for j in np.argsort(-largest)[:most]:
+        if largest[j] > 0:
+            axes.semilogy(verdict.hz, np.maximum(verdict.spectrum[:, j], 1e-9 * largest[j]), lw=1,
+                          label=model.inputs[j])  # fmt: skip
+    for i, (first, last) in enumerate(model.bands * HZ):
+        axes.axvspan(first, last, color=BOUND, alpha=0.15, lw=0, label=None if i else "band")
+    axes.axvline(verdict.needed, color="k", ls=":", lw=1, label="99.9 % of every load is below")
+    right = 1.5 * max(verdict.needed, model.bands.max() * HZ)
+    axes.set(xlabel="frequency [Hz]", ylabel="amplitude [N, N m]",
+             xlim=(0, min(right, verdict.hz[-1])))  # fmt: skip
+    axes.legend(fontsize=7)
+    return figure
 
 
 def stages(model: ReducedModel) -> Figure:

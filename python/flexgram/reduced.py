@@ -396,7 +396,8 @@ class ReducedModel:
         part = object.__new__(ReducedModel)
         part.__dict__.update(self.__dict__)
         part.M, part.D, part.K = (a[keep, keep] for a in (self.M, self.D, self.K))
-        part.B, part.C, part.V = self.B[keep], self.C[:, keep], self.V[:, keep]
+        part.B, part.C = self.B[keep], self.C[:, keep]
+        part.V = self.V[:, keep] if self.V.ndim == 2 else self.V  # else loaded without
         frame = dict(self.frame)
         if "M_er" in frame:
             frame["M_er"] = frame["M_er"][keep]

@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 
 from flexgram import figures
 from flexgram.basics import BodyError, written_aside
+from flexgram.histories import judge, read_history
 from flexgram.reduced import ReducedModel
 
 STYLE = """
@@ -133,6 +134,7 @@ def write_report(
     body: str | Path | None = None,
     sweep: str | Path | None = None,
     ports: list[tuple[str, str]] | None = None,
+    loads: str | Path | None = None,
 ) -> list[str]:
     """Write the page.
 
@@ -148,6 +150,9 @@ def write_report(
         Sweep file of the full body with the same ports, to compare H with.
     ports : list of (output, input), optional
         Transfer functions to draw; default: the strongest force and moment.
+    loads : str or Path, optional
+        Load history (``flexgram.histories.read_history``): its spectrum, and what the claim says of
+        the response to it.
 
     Returns
     -------
@@ -189,6 +194,12 @@ def write_report(
              sweep=None if sweep is None else Path(sweep), ports=ports),
         "</div>",
     ]  # fmt: skip
+    if loads is not None:
+        verdict = judge(model, *read_history(loads, model.inputs))
+        parts += [f"<h2>The load history {html.escape(Path(loads).name)}</h2>",
+                  "".join(f"<p>{html.escape(words[0].upper() + words[1:])}.</p>"
+                          for words in verdict.words),
+                  _image(figures.loads(model, verdict), "Amplitudes, and the band.")]  # fmt: skip
     picture = draw("shapes", "Surface with the interfaces; lowest elastic modes of the reduced "
                    "body, enlarged.", raster=True, body=body)  # fmt: skip
     if picture:
@@ -207,6 +218,6 @@ def write_report(
         f'<meta name="viewport" content="width=device-width"><style>{STYLE}</style></head>'
         f"<body>{''.join(parts)}</body></html>\n"
     )
-    with written_aside(output, rom, body, sweep) as place:
+    with written_aside(output, rom, body, sweep, loads) as place:
         place.write_text(page)
     return left

@@ -1,0 +1,187 @@
+"""Loads over time: reading them, and what a reduced body's claim over its band says of them."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexgram.basics import BodyError
+from flexgram.reduced import ComplexArray, Floats, ReducedModel
+
+#: Share of a load's energy that the band is to hold.
+ENOUGH = 0.999
+
+
+def read_history(path: str | Path, inputs: list[str]) -> tuple[Floats, Floats]:
+    """Times and loads of a CSV file: its first line is ``t`` and names of inputs, each other one a
+    time [s] and the loads [N, N m] then. Inputs that are not named carry nothing.
+
+    Returns
+    -------
+    t : (n,) array
+    u : (n, n_in) array
+
+    Raises
+    ------
+    BodyError
+        For an unknown input, what is no number, or times that do not rise; with the line.
+    """
+    path = Path(path)
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = [(n, row) for n, row in enumerate(csv.reader(file), 1)
+                    if row and not row[0].lstrip().startswith("#")]  # fmt: skip
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise BodyError(f"{path}: {error}") from None
+    if len(rows) < 3:
+        raise BodyError(f"{path}: expected a line 't,port,...' and a line for each time")
+    head = [word.strip() for word in rows[0][1]]
+    for name in head[1:]:
+        if name not in inputs:
+            raise BodyError(f"{path}, line {rows[0][0]}: the body has no input {name!r}; there are "
+                            f"{', '.join(inputs)}")  # fmt: skip
+    if head[0] not in ("t", "time") or len(head) < 2 or len(set(head)) < len(head):
+        raise BodyError(f"{path}, line {rows[0][0]}: expected t and names of inputs, each once")
+    table = np.empty((len(rows) - 1, len(head)))
+    for values, (number, row) in zip(table, rows[1:], strict=True):
+        try:
+            values[:] = np.array([float(word) for word in row]).reshape(len(head))
+        except ValueError:
+            raise BodyError(f"{path}, line {number}: expected {len(head)} numbers") from None
+        if not np.all(np.isfinite(values)):
+            raise BodyError(f"{path}, line {number}: holds NaN or Inf")
+    t = table[:, 0]
+    if not np.all(np.diff(t) > 0):
+        line = rows[2 + int(np.argmin(np.diff(t) > 0))][0]
+        raise BodyError(f"{path}, line {line}: the time does not rise")
+    u = np.zeros((len(t), len(inputs)))
+    u[:, [inputs.index(name) for name in head[1:]]] = table[:, 1:]
+    return t, u
+
+
+def evenly(t: Floats, u: Floats) -> tuple[Floats, Floats]:
+    """The loads at evenly spaced times, linear between those that are there: at their own number of
+    times if these are even but for printed digits, else at their smallest step."""
+    steps = np.diff(t)
+    count = len(t)
+    if np.ptp(steps) > 1e-3 * steps.min():
+        count = int(min(np.ceil(np.ptp(t) / steps.min()), 2**20)) + 1
+    even = np.linspace(t[0], t[-1], count)
+    return even, np.column_stack([np.interp(even, t, column) for column in u.T])
+
+
+@dataclass
+class Verdict:
+    """What the claim of a reduced body says of its response to a load history.
+
+    The history counts as one period: with zeros behind it, it is a single event.
+    """
+
+    hz: Floats  #: (k,) lines of the spectrum
+    spectrum: Floats  #: (k, n_in) amplitudes of the loads there
+    below: float  #: share of the energy below the band, of the input that has most there
+    above: float  #: the same above the band
+    worst_port: str  #: the input with most energy outside the band
+    needed: float  #: [Hz] below which every input has 99.9 % of its energy
+    error: float  #: of the motion in the band, root mean square, relative: at most so much
+    elastic_error: float | None  #: the same of the elastic motion of a free body; of others None
+
+    @property
+    def words(self) -> list[str]:
+        """Sentences."""
+        said = [f"in the band the motion is within {self.error:.1e} of itself, root mean square"]
+        if self.elastic_error is not None:
+            said.append(f"its elastic part is within {self.elastic_error:.1e} of itself"
+                        + (": -mor_tol_relative_to elastic bounds what joints leave of a free body"
+                           if self.elastic_error > 0.02 else ""))  # fmt: skip
+        if self.above > 1 - ENOUGH:
+            said.append(f"{100 * self.above:.2g} % of the load at {self.worst_port} lies above the "
+                        f"band, where nothing is claimed: {100 * ENOUGH:g} % of every load lies "
+                        f"below {self.needed:.4g} Hz, let the band reach there")  # fmt: skip
+        if self.below > 1 - ENOUGH:
+            said.append(f"{100 * self.below:.2g} % lies below the band, constant or slow: let the "
+                        "band begin lower (at 0 for a body that is held)")  # fmt: skip
+        return said
+
+
+def _responses(model: ReducedModel, omega: Floats, loads: ComplexArray) -> tuple[Floats, Floats]:
+    """‖H_r u‖ and ‖H_r‖_F at each frequency."""
+    motion, size = np.empty(len(omega)), np.empty(len(omega))
+    for i, w in enumerate(omega):
+        H = model.transfer(w)
+        motion[i], size[i] = np.linalg.norm(H @ loads[i]), np.linalg.norm(H)
+    return motion, size
+
+
+def judge(model: ReducedModel, t: ArrayLike, u: ArrayLike) -> Verdict:
+    """What the claim says of the response to a load history.
+
+    By Parseval, from ‖H − H_r‖ <= ε ‖H‖ at every line of the spectrum in the band; ‖H‖ is at most
+    ‖H_r‖/(1 − ε), of that part of H that ε is relative to. At resonances that a claim leaves out
+    nothing is known: lines in them count as outside.
+
+    Parameters
+    ----------
+    t : (n,) array
+        [s], rising; not uniform: interpolated linearly at the smallest step.
+    u : (n, n_in) array
+        Loads.
+
+    Raises
+    ------
+    BodyError
+        If the loads vanish, or are none for these times and inputs.
+    """
+    t, u = np.asarray(t, dtype=float), np.asarray(u, dtype=float)
+    if u.shape != (len(t), len(model.inputs)) or len(t) < 2:
+        raise BodyError(f"loads are {u.shape}, expected {(len(t), len(model.inputs))}")
+    t, u = evenly(t, u)
+    U = np.fft.rfft(u, axis=0)
+    hz = np.fft.rfftfreq(len(u), t[1] - t[0])
+    weight = np.where((hz == 0) | (2 * np.arange(len(hz)) == len(u)), 1.0, 2.0)  # two-sided
+    energy = weight[:, None] * np.abs(U) ** 2
+    total = energy.sum(axis=0)
+    if not total.any():
+        raise BodyError("all loads vanish")
+    share = energy[:, total > 0] / total[total > 0]
+    names = [name for name, some in zip(model.inputs, total > 0, strict=True) if some]
+    omega = 2 * np.pi * hz
+    tiny = 1e-9 * model.bands[-1, 1]
+    inside = np.any([(omega >= a - tiny) & (omega <= b + tiny) for a, b in model.bands], axis=0)
+    for a, b in model.excluded:
+        inside &= (omega < a) | (omega > b)
+    below = share[(omega < model.bands[0, 0] - tiny)].sum(axis=0)
+    above = share[~inside & (omega >= model.bands[0, 0] - tiny)].sum(axis=0)
+    reached = np.argmax(np.cumsum(share, axis=0) >= ENOUGH - 1e-12, axis=0)
+
+    lines = np.flatnonzero(inside & (energy.sum(axis=1) > 1e-20 * total.sum()) & (omega > 0))
+    w, loads, twice = omega[lines], U[lines], weight[lines]
+    motion, size = _responses(model, w, loads)
+    free = int(model.frame["rigid_modes"]) > 0 and model.frame["kind"] != "none"
+    elastic, elastic_size = motion, size
+    if free:
+        try:
+            elastic, elastic_size = _responses(model.elastic(), w, loads)
+        except BodyError:  # dampers hold it
+            free = False
+    epsilon = model.whole_error
+    known = epsilon < 1
+    reference = {"band": np.full(len(lines), size.max(initial=0)), "elastic": elastic_size}.get(
+        model.relative_to, size
+    )
+    off = epsilon / (1 - epsilon) * reference * np.linalg.norm(loads, axis=1) if known else None
+
+    def relative(what: Floats) -> float:
+        if off is None or not len(lines):
+            return float("inf") if len(lines) else 0.0
+        norm = float(np.sqrt(np.sum(twice * what**2)))
+        return float(np.sqrt(np.sum(twice * off**2)) / max(norm, 1e-300))
+
+    return Verdict(hz, np.sqrt(weight[:, None]) * np.abs(U) / len(u), float(below.max()),
+                   float(above.max()), names[int(np.argmax(below + above))],
+                   float(hz[reached.max()]), relative(motion),
+                   relative(elastic) if free else None)  # fmt: skip

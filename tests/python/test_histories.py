@@ -1,0 +1,109 @@
+"""Load histories: what lies outside the band, and the error that the claim leaves in time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from test_elastic import LAST, Free
+
+from conftest import run
+from flexgram import BodyError, Matrices, ReducedModel, reduce
+from flexgram.histories import evenly, judge, read_history
+from referee import System
+
+T, COUNT = 2.0, 4000  # half a Hz from line to line, up to 1000 Hz
+
+
+@pytest.fixture(scope="module")
+def bar(tmp_path_factory: pytest.TempPathFactory) -> Free:
+    return Free(tmp_path_factory.mktemp("free"))
+
+
+def tones(lines: dict[float, Any]) -> tuple[Any, Any]:
+    """A period of tones: amplitudes of the inputs by frequency [Hz]."""
+    t = np.arange(COUNT) * T / COUNT
+    u = sum(np.outer(np.cos(2 * np.pi * hz * t + hz), amplitude) for hz, amplitude in lines.items())
+    return t, u
+
+
+@pytest.mark.parametrize("reference", ["pointwise", "band", "elastic"])
+def test_the_error_in_time_is_within_the_verdict(bar: Free, reference: str) -> None:
+    rom = reduce(bar.path, (1, LAST), 2e-2,
+                 options={"mor_tol_of": "whole", "mor_tol_relative_to": reference})  # fmt: skip
+    rng = np.random.default_rng(0)
+    lines = {hz: rng.standard_normal(12) for hz in (1.5, 7.0, 23.5, 61.0, 98.5)}
+    verdict = judge(rom, *tones(lines))
+    assert verdict.below < 1e-12 and verdict.above < 1e-12 and verdict.needed == 98.5
+    # Mean squares of the stationary response, tone by tone.
+    off = whole = elastic = 0.0
+    free, part = System(bar.K, bar.M, bar.B, alpha=3.0, beta=1e-6), rom.elastic()
+    for hz, amplitude in lines.items():
+        omega = 2 * np.pi * hz
+        H_e = bar.elastic(omega)
+        off += np.linalg.norm((part.transfer(omega) - H_e) @ amplitude) ** 2
+        elastic += np.linalg.norm(H_e @ amplitude) ** 2
+        whole += np.linalg.norm(free.transfer(omega) @ amplitude) ** 2
+    assert np.sqrt(off / whole) <= verdict.error
+    assert verdict.elastic_error is not None and np.sqrt(off / elastic) <= verdict.elastic_error
+    if reference == "elastic":
+        assert verdict.elastic_error < 0.2
+    else:
+        assert verdict.elastic_error > 0.1 and "-mor_tol_relative_to elastic" in verdict.words[1]
+
+
+def test_what_lies_outside_the_band() -> None:
+    body = Matrices(K=sp.diags([1e4, 9e4]).tocsr(), M=sp.identity(2, format="csr"), B=np.eye(2),
+                    alpha=0.5, inputs=["a", "b"])  # fmt: skip
+    rom = reduce(body, (10, 60), 1e-6)
+    verdict = judge(rom, *tones({20.0: [1.0, 3.0], 80.0: [0.0, 1.0]}))
+    assert verdict.above == pytest.approx(0.1) and verdict.worst_port == "b"
+    assert verdict.needed == 80.0 and verdict.elastic_error is None
+    assert any("let the band reach there" in words for words in verdict.words)
+    verdict = judge(rom, *tones({0.0: [1.0, 0.0], 20.0: [1.0, 1.0]}))
+    share = np.cos(0) ** 2 / (np.cos(0) ** 2 + 0.5)
+    assert verdict.below == pytest.approx(share) and verdict.worst_port == "a"
+    with pytest.raises(BodyError, match="all loads vanish"):
+        judge(rom, [0, 1, 2], np.zeros((3, 2)))
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("t,a\n0,1\n", "expected a line"),
+        ("t,c\n0,1\n1,2\n", "line 1: the body has no input 'c'; there are a, b"),
+        ("a,b\n0,1\n1,2\n", "line 1: expected t and names"),
+        ("t,a,a\n0,1,1\n1,2,2\n", "line 1: expected t and names"),
+        ("t,a\n0,1\n1,x\n", "line 3: expected 2 numbers"),
+        ("t,a\n0,1\n1\n", "line 3: expected 2 numbers"),
+        ("t,a\n0,1\n1,nan\n", "line 3: holds NaN or Inf"),
+        ("t,a\n0,1\n# no\n1,1\n1,2\n", "line 5: the time does not rise"),
+    ],
+)  # fmt: skip
+def test_histories_that_are_none(text: str, expected: str, tmp_path: Path) -> None:
+    path = tmp_path / "history.csv"
+    path.write_text(text)
+    with pytest.raises(BodyError, match=expected):
+        read_history(path, ["a", "b"])
+
+
+def test_uneven_times_and_the_command_line(bar: Free, tmp_path: Path) -> None:
+    t, u = evenly(np.array([0.0, 0.1, 0.4]), np.array([[0.0], [1.0], [4.0]]))
+    assert np.allclose(t, [0, 0.1, 0.2, 0.3, 0.4]) and np.allclose(u[:, 0], 10 * t)
+    rom = tmp_path / "bar.rom.h5"
+    reduce(bar.path, (1, LAST), 2e-2).save(rom)
+    port = ReducedModel.load(rom).inputs[0]
+    history = tmp_path / "history.csv"
+    times = np.linspace(0, 1, 801)
+    force = np.sin(2 * np.pi * 30 * times) + 0.5 * np.sin(2 * np.pi * 150 * times)
+    history.write_text(f"t,{port}\n" + "".join(
+        f"{a:.5g},{b:.6g}\n" for a, b in zip(times, force, strict=True)))  # fmt: skip
+    said = run("report", rom, "--loads", history, "-o", tmp_path / "bar.html").out
+    assert "lies above the band" in said and "wrote" in said
+    page = (tmp_path / "bar.html").read_text()
+    assert "The load history history.csv" in page and "lies above the band" in page
+    run("simulate", rom, "--loads", history, "-o", tmp_path / "y.csv")
+    assert (tmp_path / "y.csv").read_text().count("\n") == 802
