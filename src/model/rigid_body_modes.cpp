@@ -23,7 +23,8 @@ double eigenvalue_scale(const SecondOrderModel& model) {
 }
 
 double rigid_threshold(const SecondOrderModel& model) {
-  return 1e3 * std::numeric_limits<double>::epsilon() * eigenvalue_scale(model);
+  return std::max(1e3 * std::numeric_limits<double>::epsilon(), 8 * model.rounding) *
+         eigenvalue_scale(model);
 }
 
 RigidSplit split_rigid(const SecondOrderModel& model, const Block& vectors,
@@ -67,7 +68,8 @@ RigidSplit split_rigid(const SecondOrderModel& model, const Block& vectors,
                      std::max(16 * epsilon * image.spread[at], 4 * epsilon * sizes[at]),
                  noise = std::max({relative * image.spread[at], explained, 3 * negative,
                                    computed ? 16 * epsilon * sizes[at] : 0.0});
-    const bool rigid = lambda <= std::min(noise, 256 * epsilon * sizes[at]);
+    const double most = std::max(256 * epsilon, 4 * model.rounding) * sizes[at];
+    const bool rigid = lambda <= std::min(noise, most);
     (rigid ? order : rest).push_back(j);
     if (rigid && std::abs(lambda) > explained) split.explained = false;
   }

@@ -3,6 +3,7 @@
 #include "base/text.hpp"
 #include "model/load_patterns.hpp"
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 #include <fstream>

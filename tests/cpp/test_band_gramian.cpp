@@ -1,6 +1,7 @@
 #include "basis/band_gramian.hpp"
 #include "examples.hpp"
 
+#include <cmath>
 #include <numbers>
 
 using namespace flexgram;

@@ -3,6 +3,8 @@
 #include "linalg/orthonormal.hpp"
 #include "medium/mode_search.hpp"
 
+#include <algorithm>
+#include <cmath>
 #include <numbers>
 
 using namespace flexgram;

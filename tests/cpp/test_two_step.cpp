@@ -6,6 +6,7 @@
 #include "sampling/pod.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <numbers>
 
 using namespace flexgram;

@@ -186,9 +186,14 @@ def printed_rounding(values: Floats) -> float:
                        for x in sample.tolist()])  # fmt: skip
     if not len(needed):
         return 0.0
-    digits = int(np.bincount(needed).argmax())
-    alike = np.mean(needed == digits) > 0.5 and np.mean(needed <= digits) > 0.95
-    return 0.5 * 10.0 ** (1 - digits) if 6 < digits < 16 and alike else 0.0
+    # Columns of a width have room for a digit less where there is a sign.
+    counts = np.bincount(needed, minlength=18)
+    digits = int(np.argmax(counts[:-1] + counts[1:]))
+    signs = min(counts[digits : digits + 2]) > 0.2 * len(needed)
+    digits = digits if signs else int(np.argmax(counts))
+    alike = np.mean((needed == digits) | (signs & (needed == digits + 1))) > 0.5
+    short = np.mean(needed <= digits + signs) > 0.95
+    return 0.5 * 10.0 ** (1 - digits) if 6 < digits < 16 and alike and short else 0.0
 
 
 def read_triplets(path: Path, columns: int = 3) -> Floats:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import re
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
@@ -34,13 +35,22 @@ def _pynastran() -> Any:
     return BDF
 
 
-def _bulk_data(path: Path, punch: bool) -> Any:
-    """A parsed file; pyNastran's many errors as one."""
+#: What of a deck is read; what else is in it may be as it likes.
+CARDS = ("GRID", "GRDSET", "SPOINT", "CORD1R", "CORD1C", "CORD1S", "CORD2R", "CORD2C", "CORD2S",
+         "CTETRA", "CHEXA", "CPENTA", "RBE2", "RBE3")  # fmt: skip
+
+
+def _bulk_data(path: Path, punch: bool | None) -> Any:
+    """A parsed file; pyNastran's many errors as one. punch None: a deck, from its BEGIN BULK on
+    or, without one, all of it."""
     if not path.exists():
         raise BodyError(f"{path}: no such file")
     if b"\0" in path.open("rb").read(4096):
         raise BodyError(f"{path}: binary, expected bulk data as text")
     model = _pynastran()(debug=None)
+    if punch is None:
+        punch = not re.search(rb"^\s*BEGIN\s*,?\s*BULK", path.read_bytes(), re.M | re.I)
+        model.enable_cards(CARDS)
     try:
         with contextlib.redirect_stdout(io.StringIO()), warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -120,12 +130,14 @@ def _dmig(path: Path, asked: Mapping[str, str]) -> FeMatrices:
         make = folded if model.dmig[roles[letter]].matrix_form == 6 else symmetric
         matrices[letter] = make(f"{path}, {letter}", *at, entries[letter][2], len(dofs))
     node, component = dofs // 8, dofs % 8 - 1
+    scalar = component < 0
     fe = FeMatrices(str(path), matrices["K"], matrices["M"], matrices.get("D"))
     _left_out(fe, names, list(roles.values()))
-    if component.min() < 0:
-        fe.remarks.append("scalar points have no place in space: no dof map is kept")
-    else:
-        fe.node, fe.component = node, component
+    fe.node, fe.component = node, np.maximum(component, 0)
+    if scalar.any():
+        fe.remarks.append(f"{scalar.sum()} scalar points are modal coordinates or the like, "
+                          "without a place in space: no coordinates are kept; interfaces are named "
+                          f"by the {len(np.unique(node[~scalar]))} grids (NODES:...)")  # fmt: skip
     return fe
 
 
@@ -165,6 +177,52 @@ def _op4(path: Path, asked: Mapping[str, str]) -> FeMatrices:
     return fe
 
 
+def _to_basic(fe: FeMatrices, model: Any, deck: Path) -> None:
+    """Turn rows of grids with a displacement coordinate system (CD) into the basic one."""
+    present = set(fe.node.tolist())
+    turned = {n: grid for n, grid in model.nodes.items() if grid.cd and n in present}
+    if not turned:
+        return
+    rows, columns, values = [], [], []
+    plain = ~np.isin(fe.node, list(turned))
+    for label, grid in turned.items():
+        coord = grid.cd_ref
+        axes = np.array(coord.beta(), dtype=float)  # rows: the system's axes
+        if coord.type[5] in "CS":  # along r, θ, z (or r, θ, φ) at the grid itself
+            x, y, z = axes @ (grid.get_position() - coord.origin)
+            r = np.hypot(x, y)
+            c, s = (x / r, y / r) if r > 0 else (1.0, 0.0)
+            local = np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+            if coord.type[5] == "S":
+                R = np.hypot(r, z)
+                st, ct = (r / R, z / R) if R > 0 else (0.0, 1.0)
+                local = np.array([[st * c, st * s, ct], [ct * c, ct * s, -st], [-s, c, 0]])
+            axes = local @ axes
+        for first in (0, 3):
+            own = np.flatnonzero((fe.node == label) & (fe.component // 3 == first // 3))
+            if len(own) == 0:
+                continue
+            if len(own) != 3:
+                raise BodyError(f"{deck}: grid {label} has a displacement coordinate system (CD) "
+                                f"and only {len(own)} of three components in the matrices: they "
+                                "cannot be turned into the basic one")  # fmt: skip
+            own = own[np.argsort(fe.component[own])]
+            rows += np.repeat(own, 3).tolist()  # basic = axesᵀ local
+            columns += np.tile(own, 3).tolist()
+            values += axes.T.ravel().tolist()
+    same = np.flatnonzero(plain)
+    Q = sp.csr_matrix((np.concatenate([values, np.ones(len(same))]),
+                       (np.concatenate([rows, same]), np.concatenate([columns, same]))),
+                      shape=(fe.n, fe.n))  # fmt: skip
+    fe.K, fe.M = (sp.csr_matrix(Q @ A @ Q.T) for A in (fe.K, fe.M))
+    fe.K, fe.M = (0.5 * (A + A.T) for A in (fe.K, fe.M))
+    if fe.D is not None:
+        fe.D = sp.csr_matrix(Q @ fe.D @ Q.T)
+        fe.D = 0.5 * (fe.D + fe.D.T)
+    fe.remarks.append(f"{len(turned)} grids have displacement coordinate systems (CD): their rows "
+                      "are turned into the basic one")  # fmt: skip
+
+
 def read_nastran(
     path: Path, deck: Path | None = None, matrices: Mapping[str, str] | None = None
 ) -> FeMatrices:
@@ -179,12 +237,15 @@ def read_nastran(
     if deck is None:
         fe.remarks.append("no deck: no coordinates, no node sets (--deck names the bulk data)")
         return fe
-    model = _bulk_data(deck, punch=False)
-    if any(grid.cd for grid in model.nodes.values() if isinstance(grid.cd, int)):
-        raise BodyError(f"{deck}: grids with their own displacement coordinate system (CD) are not "
-                        "supported: export in basic coordinates")  # fmt: skip
-    with contextlib.redirect_stdout(io.StringIO()):
-        model.cross_reference()
+    model = _bulk_data(deck, None)
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):
+            others = ("elements", "properties", "masses", "materials", "loads", "constraints",
+                      "aero", "sets", "optimization")  # fmt: skip
+            model.cross_reference(**{f"xref_{what}": False for what in others})
+    except (Exception, SystemExit) as error:
+        raise BodyError(f"{deck}: its grids cannot be placed ({str(error).strip().splitlines()[0]})"
+                        ) from error  # fmt: skip
     fe.labels = np.array(sorted(model.nodes), dtype=np.int64)
     fe.points = np.array([model.nodes[int(n)].get_position() for n in fe.labels])
     if not len(fe.node):
@@ -197,6 +258,9 @@ def read_nastran(
             fe.points = np.empty((0, 3))
             fe.remarks.append(f"OP4 has no dof map, and {fe.n} rows are not 3 or 6 for each of "
                               f"{len(fe.labels)} grids: no coordinates")  # fmt: skip
+    _to_basic(fe, model, deck)
+    if not np.isin(fe.node, fe.labels).all():  # scalar points
+        fe.points = np.empty((0, 3))
     by_kind: dict[str, list[list[int]]] = {}
     for element in model.elements.values():
         nodes = [int(n) for n in element.nodes if n]
