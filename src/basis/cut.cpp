@@ -318,9 +318,10 @@ ReducedModel Cut::run() {
   }
   if (medium_.rigid > 0)
     observer_.fact("frame", frame_names[static_cast<std::size_t>(frame_)]);
-  stage_ = std::make_unique<SecondStage>(SecondStage{
-      medium_, weights(), request_.equal_ports, frame_ != Frame::none, gram(), shifts_,
-      request_.moments, request_.relative_to, request_.order.tolerance.value_or(0)});
+  stage_ = std::make_unique<SecondStage>(
+      SecondStage{medium_, weights(), request_.equal_ports, frame_ != Frame::none, gram(),
+                  shifts_, request_.moments, request_.relative_to,
+                  request_.order.tolerance.value_or(0), request_.statics});
   const auto names =
       request_.methods.empty() ? automatic_methods(request_.order) : request_.methods;
   choice_ = choose_order(names, *stage_, errors_, request_.order);

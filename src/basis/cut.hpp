@@ -28,6 +28,7 @@ struct CutRequest {
   BandWeight weight;            ///< of the Gramian; empty: 1 over the bands
   Metric metric = Metric::mass; ///< in which the Gramian's eigenvectors are orthonormal
   bool equal_ports = true;      ///< every port weighs the same in the Gramian
+  bool statics = false;         ///< the static response to every port is in the basis
   std::vector<double> shifts;   ///< [rad/s] of krylov; empty: ends and middle of the band
   int moments = 2;              ///< of krylov, at each shift
   Frame frame = Frame::automatic;

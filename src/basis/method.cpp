@@ -97,6 +97,54 @@ Candidate whole_axis_candidate(const SecondStage& stage) {
   return c;
 }
 
+namespace {
+
+/// K⁻¹ of the ports, of a free body the elastic part of its response to a constant load.
+Dense static_responses(const SecondStage& stage) {
+  const Elastic e(stage);
+  const DenseSystem& all = e.system;
+  Dense modal = multiply_transposed(
+      e.response.U(), all.outputs_are_inputs ? all.B : beside(all.B, all.C));
+  for (int j = 0; j < modal.columns; ++j)
+    for (int i = 0; i < modal.rows; ++i) // in modal coordinates K is 1 − τμ
+      modal(i, j) /= std::max(
+          1 - e.response.tau() * e.response.mu()[static_cast<std::size_t>(i)], 1e-12);
+  return after_rigid(multiply(e.response.U(), modal), e.rigid, e.N);
+}
+
+/// The candidate's vectors after those of the static responses, orthonormal in the inner
+/// product G.
+Candidate after_statics(Candidate own, const Dense& statics, const Dense& G) {
+  Dense L = G;
+  if (cholesky(L) != 0)
+    throw Error("the inner product is not positive on the medium space");
+  Dense inverse = identity(L.rows);
+  solve_right_transposed(L, inverse); // L⁻ᵀ
+  const auto span = [L = transpose(L), inverse = std::move(inverse),
+                     statics](const Dense& vectors) {
+    return multiply(inverse, nested_span(multiply(L, beside(statics, vectors))));
+  };
+  const int least = span(Dense(statics.rows, 0)).columns;
+  Candidate c = own;
+  if (own.nested) {
+    const Candidate all = nested(span(own.basis(own.most)), least);
+    c.basis = all.basis;
+    c.most = all.most;
+  } else {
+    c.basis = [span, basis = own.basis](int m) {
+      return first_columns(span(basis(m)), m);
+    };
+  }
+  c.least = std::max(least, own.least);
+  c.most = std::max(c.most, c.least);
+  if (own.no_fewer)
+    c.no_fewer =
+        std::make_shared<const Candidate>(after_statics(*own.no_fewer, statics, G));
+  return c;
+}
+
+} // namespace
+
 const Method& method(const std::string& name) {
   std::vector<std::string> names;
   for (const auto& [known, method] : methods()) {
@@ -113,6 +161,8 @@ Candidate make_candidate(const std::string& name, const SecondStage& stage) {
   Candidate candidate = stage.medium.system.order() == rigid // nothing elastic in reach
                             ? nested(identity(rigid), rigid)
                             : chosen.make(stage);
+  if (stage.statics && stage.medium.system.order() > rigid)
+    candidate = after_statics(std::move(candidate), static_responses(stage), stage.gram);
   candidate.name = name;
   return candidate;
 }

@@ -26,6 +26,7 @@ struct SecondStage {
   int moments = 2;
   RelativeTo relative_to = RelativeTo::pointwise; ///< what errors are divided by
   double tolerance = 0; ///< an error that is good enough; 0: none is
+  bool statics = false; ///< the static response to every port is to be in the basis
 };
 
 /// A way to span a small space: for every order m up to `most` a basis of m columns in

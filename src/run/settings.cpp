@@ -135,6 +135,11 @@ void Settings::describe(Options& options) {
   options.add("-mor_weight", weight, "Hz, 1",
               "weight of the Gramian over the band: f1,w1,f2,w2,... , linear between, "
               "zero outside");
+  options.add_choice(
+      "-mor_statics", statics, {"no", "yes"},
+      "whether the small basis begins with the static response to every port (of a free "
+      "body: with its elastic part), as the medium model has it; then slow loads are "
+      "answered without error, for as many vectors");
   options.add("-mor_moments", moments, "", "moments at each expansion point of krylov");
   options.add_choice(
       "-mor_frame", frame, {"auto", "none", "buckens", "tangent"},
@@ -341,6 +346,7 @@ CutRequest Settings::cut_request() const {
   }
   request.metric = metric_of(metric);
   request.equal_ports = port_scaling == "equal";
+  request.statics = statics == "yes";
   request.shifts = in_rad(shifts_hz);
   request.moments = moments;
   request.frame = frame == "none"      ? Frame::none

@@ -117,3 +117,31 @@ def test_where_there_is_no_elastic_part_by_itself(bar: Free, tmp_path: Path) -> 
             for reference in ("pointwise", "elastic")]  # fmt: skip
     assert both[0].order == both[1].order
     assert both[0].certified_error == pytest.approx(both[1].certified_error, rel=1e-6)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("stage", ["auto", "optimal", "krylov"])
+def test_statics_are_exact(bar: Free, stage: str, ranks: int, tmp_path: Path) -> None:
+    """Far below the band the elastic part of a free body is that of the medium model."""
+    off = {}
+    for statics in ("no", "yes"):
+        out = tmp_path / f"{statics}.h5"
+        run("reduce", "-body", bar.path, "-mor_band_hz", f"30,{LAST}", "-mor_tol", 1e-2,
+            "-mor_statics", statics, "-mor_second_stage", stage, "-mor_medium_tol", 1e-9,
+            "-mor_out", out,
+            ranks=ranks)  # fmt: skip
+        rom = ReducedModel.load(out)
+        assert rom.certified_error <= 1e-2
+        part, omega = rom.elastic(), 2 * np.pi * 0.01
+        H = bar.elastic(omega)
+        off[statics] = np.linalg.norm(part.transfer(omega) - H) / np.linalg.norm(H)
+    assert off["yes"] < 1e-6 and off["yes"] < 0.01 * off["no"]
+
+
+def test_statics_of_a_held_body(bar: Free) -> None:
+    # Springs to the ground.
+    held = Matrices(K=bar.K + 1e6 * sp.identity(bar.K.shape[0], format="csr"), M=bar.M, B=bar.B,
+                    alpha=ALPHA)  # fmt: skip
+    rom = reduce(held, (50, LAST), 1e-2, options={"mor_statics": "yes", "mor_medium_tol": 1e-9})
+    exact = bar.B.T @ sp.linalg.spsolve(held.K.tocsc(), bar.B)
+    assert np.linalg.norm(rom.transfer(0.0) - exact) <= 1e-6 * np.linalg.norm(exact)

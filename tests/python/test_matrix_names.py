@@ -123,6 +123,24 @@ def test_text_files(tmp_path: Path) -> None:
         read(tmp_path / "K.txt", mass=tmp_path / "M.txt")
 
 
+def test_a_mapping_of_ansys(tmp_path: Path) -> None:
+    """HBMAT's map of equations; a vector of *EXPORT says nothing of nodes."""
+    for name, matrix in zip("KM", small(), strict=True):
+        scipy.io.hb_write(tmp_path / f"{name}.hb", matrix.tocsc())
+    map_file = tmp_path / "K.mapping"
+    map_file.write_text("Matrix Eqn    Node    DOF\n" + "".join(
+        f"{i + 1:8d} {11 + i // 3:8d}  {('UX', 'UY', 'UZ')[i % 3]}\n" for i in range(8)))  # fmt: skip
+    fe = read(tmp_path / "K.hb", mass=tmp_path / "M.hb", mapping=map_file)
+    assert fe.node.tolist() == [11, 11, 11, 12, 12, 12, 13, 13]
+    assert fe.component.tolist() == [0, 1, 2, 0, 1, 2, 0, 1]
+    map_file.write_text("1 11 UX\n")
+    with pytest.raises(BodyError, match="maps 1 equations, the matrices have 8"):
+        read(tmp_path / "K.hb", mass=tmp_path / "M.hb", mapping=map_file)
+    scipy.io.mmwrite(tmp_path / "nod2bcs.mtx", np.arange(8.0)[:, None])
+    with pytest.raises(BodyError, match="HBMAT with MAPPING=YES"):
+        read(tmp_path / "K.hb", mass=tmp_path / "M.hb", mapping=tmp_path / "nod2bcs.mtx")
+
+
 def test_matlab_names_and_a_square_C(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     K, M = small()
     file = tmp_path / "other.mat"

@@ -180,6 +180,13 @@ def _node_map(path: Path | None, n: int) -> tuple[Ints, Ints]:
         return none, none
     directions = {"UX": 0, "UY": 1, "UZ": 2, "ROTX": 3, "ROTY": 4, "ROTZ": 5}
     rows: dict[int, tuple[int, int]] = {}
+    if not path.exists():
+        raise BodyError(f"{path}: no such file")
+    if path.open("rb").read(14) == b"%%MatrixMarket":
+        raise BodyError(
+            f"{path}: a vector of *EXPORT,MMF (NOD2BCS, USR2BCS) counts ANSYS' own nodes; "
+            "HBMAT with MAPPING=YES writes the nodes' numbers, and file.full has them"
+        )
     for number, line in enumerate(path.read_text(errors="replace").splitlines(), 1):
         words = line.split()
         if not words or not words[0].isdigit():
