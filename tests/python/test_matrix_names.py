@@ -128,8 +128,8 @@ def test_a_mapping_of_ansys(tmp_path: Path) -> None:
     for name, matrix in zip("KM", small(), strict=True):
         scipy.io.hb_write(tmp_path / f"{name}.hb", matrix.tocsc())
     map_file = tmp_path / "K.mapping"
-    map_file.write_text("Matrix Eqn    Node    DOF\n" + "".join(
-        f"{i + 1:8d} {11 + i // 3:8d}  {('UX', 'UY', 'UZ')[i % 3]}\n" for i in range(8)))  # fmt: skip
+    lines = [f"{i + 1:8d} {11 + i // 3:8d}  {('UX', 'UY', 'UZ')[i % 3]}" for i in range(8)]
+    map_file.write_text("\n".join(["Matrix Eqn    Node    DOF", *lines]))
     fe = read(tmp_path / "K.hb", mass=tmp_path / "M.hb", mapping=map_file)
     assert fe.node.tolist() == [11, 11, 11, 12, 12, 12, 13, 13]
     assert fe.component.tolist() == [0, 1, 2, 0, 1, 2, 0, 1]
