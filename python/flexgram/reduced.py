@@ -69,7 +69,8 @@ class ReducedModel:
         Largest bounds of displacement from force and of rotation from moment; empty if the
         tolerance was for H as a whole, or none was given.
     loads : (n_in, k) array
-        Loads whose span the claim is for; k = 0: each input by itself. ``load_names``.
+        Loads P that the claim is for, each of unit norm: ‖Pᵀ(H − H_r)P‖ <= ε ‖PᵀHP‖ (where the
+        outputs are not the inputs: (H − H_r)P); k = 0: each input by itself. ``load_names``.
     sigma : array
         Eigenvalues of the position Gramian, descending.
     modes : array
@@ -189,7 +190,7 @@ class ReducedModel:
     def label(self) -> str:
         """What is claimed of the error, in words."""
         count = len(self.load_names)
-        few = f", for loads in the span of {count} pattern{'s' if count != 1 else ''}"
+        few = f", of the motion along {count} load{'s' if count != 1 else ''} in answer to them"
         return self._label_of_band() + (few if count else "")
 
     def _label_of_band(self) -> str:

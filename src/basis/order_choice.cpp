@@ -100,7 +100,9 @@ void choose_closest(OrderChoice& choice, double tolerance, const SecondStage& st
   choice.order = smallest_order(best, medium, best.most, [&](const DenseSystem& small) {
     return errors.of(small).worst <= 1.1 * reached;
   });
-  if (choice.order == 0) choice.order = best.most;
+  // Without a bound at any order the largest body is no worse than others.
+  if (choice.order == 0 || reached == std::numeric_limits<double>::infinity())
+    choice.order = best.most;
   choice.shortfall = shortfall(tolerance, stage, errors, best);
 }
 

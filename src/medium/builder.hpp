@@ -35,6 +35,7 @@ private:
   Block start(double omega, bool mass_is_singular);
   Block with_company(const Block& ports) const;
   void scale_ports(Block& response);
+  void unscale_ports();
   double angle_of_modes() const;
   void search_modes();
   void take_out_rigid_modes();
@@ -53,6 +54,10 @@ private:
   void look_at(std::size_t level);
   void judge(MediumLevel& level);
   bool holds_everywhere();
+  double slow() const { return 1e-5 * medium_.cutoff * medium_.cutoff; }
+  bool has_unjudged_slow_modes() const;
+  void begin_again_with_exact_modes(bool mass_is_singular);
+  void find_all_modes(double omega, bool mass_is_singular);
   void grow();
   void report();
 
@@ -77,6 +82,9 @@ private:
   Block image_; ///< (K − ω_c²M)⁻¹T of the last certificate: the next Krylov block
   bool inertia_is_safe_ = false, cutoff_is_factorised_ = false,
        factors_are_chosen_ = false;
+  bool exact_modes_ = false; ///< loose ones hid one that may be rigid
+  int judged_elastic_ = -1; ///< slow modes that were found to be no rigid ones; −1: of a
+                            ///< checkpoint, not known
   /// Wide blocks are cut to the directions that matter, as long as that helps.
   bool cut_blocks_ = true, block_was_cut_ = false;
   double worst_before_ = 0;                    ///< error of the level before

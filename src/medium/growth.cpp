@@ -311,17 +311,19 @@ void MediumBuilder::report() {
   if (solver_.fell_back())
     observer_.fact("fall-back",
                    "refinement of single precision stalled: double precision");
+  const char* const what =
+      spec_.relative_to == RelativeTo::elastic ? "H without rigid motion" : "H";
   // Without rounding, which the claim of the small model includes.
   observer_.fact(
       "medium error",
       medium_.shortfall.empty()
-          ? text("at most %.0e of H everywhere in the band%s%s (%.1e at the frequencies "
+          ? text("at most %.0e of %s everywhere in the band%s%s (%.1e at the frequencies "
                  "it grew by)",
-                 target,
+                 target, what,
                  medium_.has_sharp_resonances() ? " but beside undamped resonances" : "",
                  level.proved ? "" : ", estimated", level.worst)
-          : text("%.1e of H at the frequencies it grew by, target %.0e not reached: %s",
-                 level.worst, target, medium_.shortfall.c_str()));
+          : text("%.1e of %s at the frequencies it grew by, target %.0e not reached: %s",
+                 level.worst, what, target, medium_.shortfall.c_str()));
   observer_.skip("complex factorisations", "real shifts span the band");
   if (medium_.shortfall.empty())
     observer_.skip("further Krylov blocks", "the bound does not ask for them");
@@ -351,13 +353,49 @@ bool MediumBuilder::find_the_modes(double omega, bool mass_is_singular, bool las
     search_modes();
   } catch (const MiscountError&) {
     if (last) throw;
-    for (double& x : medium_.scale) x = 1 / x;
-    for (Block* block : {&loads_, &ports_}) scale_columns(*block, medium_.scale);
-    medium_.scale.clear();
+    unscale_ports();
     return false;
   }
   rigid_modes_ = Block();
   return true;
+}
+
+/// Whether a mode that the search left loose, and that was not judged, may be as slow as a
+/// rigid one, by its enclosure in the last level.
+bool MediumBuilder::has_unjudged_slow_modes() const {
+  if (judged_elastic_ < 0) return false;
+  const Certificate::Modes modes = medium_.levels.back().certificate->modes();
+  int count = 0;
+  for (auto k = static_cast<std::size_t>(medium_.rigid); k < modes.largest_mu.size(); ++k)
+    count += 1 / modes.largest_mu[k] - medium_.tau <= slow();
+  std::vector<double> shared{static_cast<double>(count)};
+  share_from_first(fom_.comm, shared);
+  return shared[0] > judged_elastic_;
+}
+
+void MediumBuilder::begin_again_with_exact_modes(bool mass_is_singular) {
+  observer_.fact("slow modes", "one came to light while the space grew: all are found "
+                               "again, exactly, and judged");
+  exact_modes_ = true;
+  medium_.levels.clear();
+  image_ = Block();
+  blocks_ = 0;
+  unscale_ports();
+  {
+    Stage stage(observer_, "cutoff");
+    find_rigid_modes();
+  }
+  find_all_modes(medium_.cutoff, mass_is_singular);
+}
+
+/// The modes below a cutoff at `omega`, or near it if one lies there.
+void MediumBuilder::find_all_modes(double omega, bool mass_is_singular) {
+  for (int attempt = 1; !find_the_modes(omega, mass_is_singular, attempt == 3); ++attempt)
+    omega = 1.0123 * medium_.cutoff; // a mode on the cutoff: beside it
+  if (medium_.rigid > 0) refuse_statics_of_a_free_body(spec_.bands.front().first);
+  const auto peaks = medium_.resonances({ritz_response(), nullptr});
+  grid_ = band_grid(spec_.bands, 120, peaks);
+  share_list(fom_.comm, grid_);
 }
 
 Medium MediumBuilder::build(bool mass_is_singular) {
@@ -372,17 +410,14 @@ Medium MediumBuilder::build(bool mass_is_singular) {
       find_rigid_modes();
     }
     if (geometric_ > 0) refuse_statics_of_a_free_body(first);
-    double omega = spec_.cutoff * reference;
-    for (int attempt = 1; !find_the_modes(omega, mass_is_singular, attempt == 3);
-         ++attempt)
-      omega = 1.0123 * medium_.cutoff; // a mode on the cutoff: beside it
-    if (medium_.rigid > 0) refuse_statics_of_a_free_body(first);
-    const auto peaks = medium_.resonances({ritz_response(), nullptr});
-    grid_ = band_grid(spec_.bands, 120, peaks);
-    share_list(fom_.comm, grid_);
+    find_all_modes(spec_.cutoff * reference, mass_is_singular);
     save("the modes");
   }
   grow();
+  if (!exact_modes_ && has_unjudged_slow_modes()) {
+    begin_again_with_exact_modes(mass_is_singular);
+    grow();
+  }
   report();
   medium_.loss_of_orthogonality = loss_of_orthogonality(space_->V(), space_->product());
   medium_.V = space_->V().share();

@@ -10,6 +10,12 @@ constexpr double many = 4;
 
 } // namespace
 
+void refuse_elastic_part() {
+  throw Error(
+      "{tol_relative_to} elastic: a damping matrix mixes elastic and rigid motion, "
+      "so H has no elastic part by itself");
+}
+
 MediumModel::MediumModel(const Medium& medium, std::size_t level,
                          const PortSelection& ports, bool by_kind, RelativeTo relative_to,
                          double enough)
@@ -18,10 +24,7 @@ MediumModel::MediumModel(const Medium& medium, std::size_t level,
       V_(medium.V.share()), scale_(medium.scale), inputs_(ports.inputs),
       outputs_(ports.outputs),
       left_out_(relative_to == RelativeTo::elastic ? medium.rigid : 0) {
-  if (left_out_ > 0 && !has_elastic_part())
-    throw Error(
-        "{tol_relative_to} elastic: a damping matrix mixes elastic and rigid motion, "
-        "so H has no elastic part by itself");
+  if (left_out_ > 0 && !has_elastic_part()) refuse_elastic_part();
   select_names(names, ports);
   // Outputs of a body whose outputs are its inputs are among these; others follow them.
   if (!medium.body.outputs_are_inputs)

@@ -19,6 +19,9 @@ struct TransferSeries {
   bool has_many_ports() const { return factors.columns > 0; }
 };
 
+/// @throws Error: of a free body with a damping matrix.
+[[noreturn]] void refuse_elastic_part();
+
 /// A level of a medium model seen by some of its ports: a Galerkin model of some ten
 /// times the final order, and the proof of its error. What small models are measured
 /// against.

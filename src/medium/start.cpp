@@ -163,6 +163,12 @@ void MediumBuilder::scale_ports(Block& response) {
   scale_columns(response, all);
 }
 
+void MediumBuilder::unscale_ports() {
+  for (double& x : medium_.scale) x = 1 / x;
+  for (Block* block : {&loads_, &ports_}) scale_columns(*block, medium_.scale);
+  medium_.scale.clear();
+}
+
 /// What the user allows, or what memory does: V, S and one more of that size.
 int MediumBuilder::largest_order() const {
   if (spec_.limit > 0) return spec_.limit;
@@ -196,13 +202,13 @@ bool MediumBuilder::cutoff_is_in_a_gap() const {
 /// Modes so slow that they may be rigid, which no geometry told: sharpened by a
 /// factorisation of their own, K + sM with s far below the elastic modes, and judged.
 void MediumBuilder::take_out_rigid_modes() {
-  const double slow = 1e-5 * medium_.cutoff * medium_.cutoff;
   RitzPairs pairs = ritz_pairs(*space_);
   const auto candidates = static_cast<int>(std::min<std::ptrdiff_t>(
-      expected_, std::lower_bound(pairs.lambda.begin(), pairs.lambda.end(), slow) -
+      expected_, std::lower_bound(pairs.lambda.begin(), pairs.lambda.end(), slow()) -
                      pairs.lambda.begin()));
+  judged_elastic_ = candidates;
   if (candidates == 0) return;
-  factorise(1e-2 * slow);
+  factorise(1e-2 * slow());
   cutoff_is_factorised_ = false;
   for (int step = 0; step < 3; ++step) { // each divides what is elastic by λ_1/s
     const Block loads =
@@ -217,7 +223,8 @@ void MediumBuilder::take_out_rigid_modes() {
   observer_.fact("slow modes",
                  text("%d below %.3g Hz: %d of them rigid, by a factorisation of "
                       "K + sM (the body has no coordinates, or soft mounts)",
-                      candidates, std::sqrt(slow) * hz, null));
+                      candidates, std::sqrt(slow()) * hz, null));
+  judged_elastic_ -= null;
   if (null == 0) return;
   Dense Q = identity(space_->columns()), vectors = pairs.vectors;
   set_part(vectors, 0, 0,
@@ -247,7 +254,7 @@ std::string MediumBuilder::why_no_larger() const {
 /// Krylov blocks that follow improve them; where modes are asked for themselves, or stand
 /// for H beside resonances without damping, they must be good.
 double MediumBuilder::angle_of_modes() const {
-  if (spec_.modes > 0) return 1e-6;
+  if (spec_.modes > 0 || exact_modes_) return 1e-6;
   const Damping& d = fom_.damping;
   const double loss = d.eta + d.alpha / medium_.cutoff + d.beta * medium_.cutoff;
   return loss < 1e-5 ? 1e-3 : 3.0;
@@ -272,6 +279,8 @@ void MediumBuilder::search_modes() {
   medium_.modes = expected_;
   inertia_is_safe_ = cutoff_is_in_a_gap();
   medium_.rigid = space_->rigid();
+  if (medium_.rigid > 0 && fom_.D && spec_.relative_to == RelativeTo::elastic)
+    refuse_elastic_part();
   std::string words = text("%d elastic below the cutoff of %.4g Hz, counted by inertia",
                            expected_, medium_.cutoff * hz);
   if (expected_ == 0 && medium_.rigid == 6)

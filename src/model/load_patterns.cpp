@@ -1,6 +1,7 @@
 #include "model/load_patterns.hpp"
 
 #include "base/process.hpp"
+#include "base/text.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -78,19 +79,14 @@ LeadingPatterns leading_patterns(const SecondOrderModel& body, int count, double
   };
 
   const Dense random = random_columns(p, k);
-  Dense response = compliance(random);
+  Dense first = compliance(random), response = first;
   std::vector<double> diagonal; // Hutchinson's estimate
   for (int i = 0; i < p; ++i) {
     double sum = 0;
-    for (int j = 0; j < k; ++j) sum += random(i, j) * response(i, j);
+    for (int j = 0; j < k; ++j) sum += random(i, j) * first(i, j);
     diagonal.push_back(std::max(sum / k, 0.0));
   }
   const std::vector<double> units = units_of(body.inputs, diagonal);
-  double trace = 0;
-  for (int i = 0; i < p; ++i)
-    trace += diagonal[static_cast<std::size_t>(i)] *
-             std::pow(units[static_cast<std::size_t>(i)], 2);
-
   SymmetricEigen eigen;
   Dense basis;
   for (int step = 0; step < 2; ++step) {
@@ -107,6 +103,29 @@ LeadingPatterns leading_patterns(const SecondOrderModel& body, int count, double
   eigen = symmetric_eigen(ritz);
   share_from_first(body.comm, eigen.values);
   share_from_first(body.comm, eigen.vectors.data);
+
+  // The trace: what the basis has of it, and of the rest Hutchinson's estimate, from the
+  // responses to random loads of unit size.
+  Dense unit = random;
+  const bool alike = std::all_of(units.begin(), units.end(),
+                                 [&](double u) { return u == units.front(); });
+  if (!alike) {
+    Dense loads = random;
+    scale_each_row(loads, units);
+    first = compliance(loads);
+  } else {
+    for (double& x : first.data) x *= units.front();
+  }
+  scale_each_row(first, units);
+  const Dense inside = multiply_transposed(basis, unit);
+  const Dense taken = multiply(basis, inside);
+  for (std::size_t i = 0; i < unit.data.size(); ++i) unit.data[i] -= taken.data[i];
+  double trace = 0; // Σ wᵀG w̃, w̃ = (1 − QQᵀ) w, and G Q Qᵀ w = response · Qᵀw
+  const Dense held_part = multiply(response, inside);
+  for (std::size_t i = 0; i < unit.data.size(); ++i)
+    trace += unit.data[i] * (first.data[i] - held_part.data[i]) / k;
+  trace = k == p ? 0.0 : std::max(trace, 0.0);
+  for (double value : eigen.values) trace += value;
 
   int kept = 0; // from the largest
   const double largest = eigen.values.back();
@@ -131,7 +150,9 @@ LeadingPatterns leading_patterns(const SecondOrderModel& body, int count, double
 SecondOrderModel with_patterns(const SecondOrderModel& body, const LoadSpan& loads) {
   SecondOrderModel narrow = body.share();
   narrow.B = combine(body.B, loads.patterns);
-  narrow.inputs = loads.names;
+  narrow.inputs.clear();
+  for (std::size_t j = 0; j < loads.names.size(); ++j) // not read as names of ports
+    narrow.inputs.push_back(text("load %zu", j + 1));
   if (body.outputs_are_inputs) {
     narrow.C = narrow.B.share();
     narrow.outputs = narrow.inputs;

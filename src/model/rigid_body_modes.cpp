@@ -30,16 +30,16 @@ double rigid_threshold(const SecondOrderModel& model) {
 RigidSplit split_rigid(const SecondOrderModel& model, const Block& vectors,
                        bool computed) {
   constexpr double epsilon = std::numeric_limits<double>::epsilon();
-  const int all = static_cast<int>(vectors.columns()), count = std::min(all, 8);
+  const int count = static_cast<int>(vectors.columns());
   RigidSplit split;
-  split.rotation = identity(all);
+  split.rotation = identity(count);
   if (count == 0) return split;
   const auto stiffness = [](const Block& x, const Block& image) {
     Dense k = inner(x, image);
     symmetrise(k);
     return k;
   };
-  Block chosen = combine(vectors, first_columns(identity(all), count));
+  Block chosen = copy(vectors);
   SymmetricEigen eigen =
       symmetric_eigen(stiffness(chosen, multiply_accurately(model.K, chosen).product));
   share_from_first(model.comm, eigen.values);

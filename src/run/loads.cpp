@@ -6,8 +6,10 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <filesystem>
 #include <fstream>
 #include <map>
+#include <numbers>
 #include <sstream>
 
 namespace flexgram {
@@ -26,10 +28,11 @@ std::vector<std::string> cells_of(const std::string& line) {
 }
 
 /// A table: the first line names the loads, each other line a port and its share of each
-/// load; ports that are not named carry nothing.
+/// load; ports that are not named carry nothing. Each load comes back with unit norm.
 LoadSpan read_loads(const std::string& path, const std::vector<std::string>& ports) {
   std::ifstream file(path);
-  if (!file) throw Error("-mor_loads " + path + ": cannot be read");
+  if (!file || std::filesystem::is_directory(path))
+    throw Error("-mor_loads " + path + ": cannot be read");
   std::map<std::string, int> row_of;
   for (std::size_t i = 0; i < ports.size(); ++i) row_of[ports[i]] = static_cast<int>(i);
   LoadSpan loads;
@@ -38,14 +41,14 @@ LoadSpan read_loads(const std::string& path, const std::vector<std::string>& por
   for (std::string line; std::getline(file, line);) {
     ++number;
     const std::vector<std::string> cells = cells_of(line);
-    if (cells.empty() || (cells.size() == 1 && cells[0].empty()) || cells[0][0] == '#')
-      continue;
+    if (cells.empty() || (cells.size() == 1 && cells[0].empty())) continue;
+    if (cells[0][0] == '#') continue;
     const auto refuse = [&](const std::string& why) {
       throw Error(text("-mor_loads %s, line %d: %s", path.c_str(), number, why.c_str()));
     };
     if (loads.names.empty()) {
       loads.names.assign(cells.begin() + 1, cells.end());
-      if (loads.names.empty())
+      if (loads.names.empty() || row_of.count(cells[0]))
         refuse("expected a word for the ports and the names of the loads");
       for (std::size_t i = 0; i < loads.names.size(); ++i)
         if (loads.names[i].empty() ||
@@ -76,12 +79,19 @@ LoadSpan read_loads(const std::string& path, const std::vector<std::string>& por
     }
   }
   if (loads.names.empty()) throw Error("-mor_loads " + path + ": is empty");
+  // Of unit size: none counts less than another for the unit that it is written in.
   for (int j = 0; j < loads.patterns.columns; ++j) {
-    const double* column = loads.patterns.column(j);
-    if (std::all_of(column, column + loads.patterns.rows,
-                    [](double x) { return x == 0; }))
+    double* column = loads.patterns.column(j);
+    double largest = 0, square = 0;
+    for (int i = 0; i < loads.patterns.rows; ++i)
+      largest = std::max(largest, std::abs(column[i]));
+    if (largest == 0)
       throw Error("-mor_loads " + path + ": load '" +
                   loads.names[static_cast<std::size_t>(j)] + "' is zero");
+    for (int i = 0; i < loads.patterns.rows; ++i)
+      square += std::pow(column[i] / largest, 2);
+    for (int i = 0; i < loads.patterns.rows; ++i)
+      column[i] = column[i] / largest / std::sqrt(square);
   }
   return loads;
 }
@@ -91,6 +101,11 @@ LoadSpan read_loads(const std::string& path, const std::vector<std::string>& por
 std::optional<LoadSpan> loads_of(const Body& body, const Settings& s,
                                  Observer& observer) {
   if (s.loads.empty() && s.load_patterns == 0) return std::nullopt;
+  if (s.frame == "tangent")
+    throw Error("{frame} tangent follows an interface, and {loads} and {load_patterns} "
+                "reduce for loads instead of interfaces");
+  if (s.order.by_kind())
+    observer.skip("errors by kind", "loads are of no kind: the error is of all of H");
   const int p = static_cast<int>(body.model.B.columns());
   if (!s.loads.empty()) {
     LoadSpan loads;
@@ -105,6 +120,7 @@ std::optional<LoadSpan> loads_of(const Body& body, const Settings& s,
   }
   double last = 0;
   for (const Interval& band : s.bands()) last = std::max(last, band.last);
+  if (last == 0) last = 2 * std::numbers::pi; // statics: at 1 Hz
   LeadingPatterns leading =
       leading_patterns(body.model, s.load_patterns, last * last, s.solver, observer);
   LoadSpan loads{std::move(leading.patterns), {}};

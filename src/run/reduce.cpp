@@ -205,10 +205,13 @@ namespace {
 
 ReducedModel reduce_for_ports(const Body& body, const Settings& s, Observer& observer,
                               const CheckpointSpec& checkpoint) {
-  ReducedModel rom = s.takes_samples()
-                         ? reduce_by_samples(body, s, observer, checkpoint)
-                         : cut(certify_body(body, s, false, observer, checkpoint),
-                               s.cut_request(), observer);
+  CutRequest request = s.cut_request();
+  request.inputs.clear(); // the body has no other ports
+  request.outputs.clear();
+  ReducedModel rom =
+      s.takes_samples()
+          ? reduce_by_samples(body, s, observer, checkpoint)
+          : cut(certify_body(body, s, false, observer, checkpoint), request, observer);
   add_frame_integrals(rom, body, s, observer);
   return rom;
 }

@@ -62,11 +62,12 @@ void Settings::describe(Options& options) {
               "the same for outputs; default: like the inputs where the outputs are "
               "the inputs, else all");
   options.section("Ports", "reduce");
-  options.add(
-      "-mor_loads", loads,
-      "table of loads to reduce for, instead of each input by itself: CSV, its "
-      "first line names the loads, each other a port and its share of each load. "
-      "The claim is for all loads in their span; the reduced body keeps all ports");
+  options.add("-mor_loads", loads,
+              "table of loads to reduce for, instead of each input by itself: CSV, its "
+              "first line names the loads, each other a port and its share of each load. "
+              "The claim is of the motion along these loads in answer to any in their "
+              "span, relative to all of them together (each of unit norm); the reduced "
+              "body keeps all ports");
   options.add("-mor_load_patterns", load_patterns, "",
               "the same for so many leading load patterns of the inputs, those that move "
               "them most; for hundreds and thousands of ports. 0: each port by itself");

@@ -39,6 +39,10 @@ void Settings::check_solver() const {
                  text("%g", solver.backward_error), "above 0");
   require_option(load_patterns >= 0, "-mor_load_patterns", std::to_string(load_patterns),
                  "0 (each port by itself) or more");
+  if (takes_samples() && relative_to == "elastic")
+    throw Error(
+        "{method} pod knows no elastic part of H: {tol_relative_to} elastic is of the "
+        "others");
   if (load_patterns > 0 && !loads.empty())
     throw Error("{loads} and {load_patterns} exclude each other");
   require_option(groups >= 0, "-mor_groups", std::to_string(groups),

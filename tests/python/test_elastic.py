@@ -145,3 +145,42 @@ def test_statics_of_a_held_body(bar: Free) -> None:
     rom = reduce(held, (50, LAST), 1e-2, options={"mor_statics": "yes", "mor_medium_tol": 1e-9})
     exact = bar.B.T @ sp.linalg.spsolve(held.K.tocsc(), bar.B)
     assert np.linalg.norm(rom.transfer(0.0) - exact) <= 1e-6 * np.linalg.norm(exact)
+
+
+def springs(pairs: list[tuple[int, int]], n: int, rng: Any) -> Any:
+    K = np.zeros((n, n))
+    for i, j in pairs:
+        k = 1e4 * rng.uniform(0.5, 2)
+        K[np.ix_([i, j], [i, j])] += k * np.array([[1, -1], [-1, 1]])
+    return K
+
+
+@pytest.mark.parametrize("case", ["loads like gravity", "twelve parts"])
+def test_rigid_modes_that_are_hard_to_see(case: str) -> None:
+    """Loads that move nearly nothing but the whole body, which the search leaves loose; and more
+    rigid modes than a solid has."""
+    rng = np.random.default_rng(2)
+    parts, n = (1, 60) if case == "loads like gravity" else (12, 240)
+    size = n // parts
+    pairs = [(i, i + 1) for i in range(n - 1) if (i + 1) % size]
+    pairs += [(a, b) for p in range(parts)
+              for a, b in rng.integers(p * size, (p + 1) * size, (size, 2)) if a != b]  # fmt: skip
+    K, m = springs(pairs, n, rng), rng.integers(1, 5, n).astype(float)
+    B = np.zeros((n, 3 if parts == 1 else 12))
+    B[rng.choice(n, B.shape[1], replace=False), range(B.shape[1])] = 1e-2 if parts == 1 else 1.0
+    if parts == 1:
+        B += (m / m.sum())[:, None]
+    values, modes = sl.eigh(K, np.diag(m))
+    last = np.sqrt(values[parts]) / (2 * np.pi) * 0.6
+    body = Matrices(K=sp.csr_matrix(K), M=sp.diags(m).tocsr(), B=B, beta=1e-6)
+    rom = reduce(body, (last / 60, last), 1e-3, options={"mor_tol_relative_to": "elastic"})
+    loads, worst = modes.T @ B, 0.0
+    for omega in 2 * np.pi * np.geomspace(1.01 * last / 60, 0.99 * last, 31):
+        a = values * (1 + 1e-6j * omega) - omega**2
+        a[:parts] = -(omega**2)
+        H = loads.T @ (loads / a[:, None])
+        elastic = loads[parts:].T @ (loads[parts:] / a[parts:, None])
+        off = np.linalg.norm(rom.transfer(omega) - H) / np.linalg.norm(elastic)
+        worst = max(worst, off)
+    assert rom.frame["rigid_modes"] == parts
+    assert worst <= rom.certified_error <= 1e-3

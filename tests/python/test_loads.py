@@ -67,7 +67,7 @@ def test_leading_patterns_are_certified(faces: Any, ranks: int, tmp_path: Path) 
         P, claimed = file["loads/patterns"][:], file["error"].attrs["worst"]
     model = ReducedModel.load(out)
     assert model.inputs == model.outputs == names
-    assert model.label == "certified, for loads in the span of 40 patterns"
+    assert model.label == "certified, of the motion along 40 loads in answer to them"
     worst, of_loads = certified_for(rom, truth, P)
     assert of_loads <= worst <= claimed <= 1e-4 and claimed < 30 * worst
     # Nearly the largest: no space of so many loads holds more of the static response.
@@ -77,6 +77,8 @@ def test_leading_patterns_are_certified(faces: Any, ranks: int, tmp_path: Path) 
     Q = np.linalg.qr(P)[0]
     G = truth.B.T @ np.linalg.solve((truth.K + tau * truth.M).toarray(), truth.B @ Q)
     held = np.linalg.eigvalsh(Q.T @ G)[::-1]
+    share = float(said.partition("inputs: ")[2].partition(" %")[0]) / 100
+    assert share == pytest.approx(held.sum() / full.sum(), rel=0.1)
     assert np.all(held[:20] >= 0.98 * full[:20]) and held.sum() >= 0.96 * full[:40].sum()
 
 
@@ -88,9 +90,10 @@ def test_loads_of_a_table(faces: Any, tmp_path: Path) -> None:
     table = tmp_path / "loads.csv"
     table.write_text("port, push, twist, shake\n" + "".join(
         f"{name}, {row[0]:.17g}, {row[1]:.17g}, {row[2]:.17g}\n"
-        for name, row in zip(names[:60], P, strict=False)))  # fmt: skip
+        for name, row in zip(names[:60], P * [1e-9, 1.0, 1e160], strict=False)))  # fmt: skip
     rom = reduce(body, band_hz=(10, LAST), tol=1e-6, options={"mor_loads": str(table)})
-    assert rom.load_names == ["push", "twist", "shake"] and np.array_equal(rom.loads, P)
+    P /= np.linalg.norm(P, axis=0)  # none counts less for the unit that it is written in
+    assert rom.load_names == ["push", "twist", "shake"] and np.allclose(rom.loads, P, rtol=1e-14)
     fields = {"K": rom.K, "M": rom.M, "D": rom.D, "B": rom.B, "C": rom.C, "eta": rom.eta}
     worst, of_loads = certified_for(fields, truth, P)
     assert of_loads <= worst <= rom.certified_error <= 1e-6
@@ -98,7 +101,7 @@ def test_loads_of_a_table(faces: Any, tmp_path: Path) -> None:
     assert rom.order < 60
     rom.save(tmp_path / "rom.h5")
     again = ReducedModel.load(tmp_path / "rom.h5")
-    assert np.array_equal(again.loads, P) and again.label == rom.label
+    assert np.array_equal(again.loads, rom.loads) and again.label == rom.label
     with pytest.raises(BodyError, match="a medium model keeps each port"):
         certify(body, band_hz=(10, LAST), options={"mor_loads": str(table)})
 
@@ -112,6 +115,7 @@ def test_loads_of_a_table(faces: Any, tmp_path: Path) -> None:
         ("port,a\n{0},one\n", "line 2: 'one' is no number"),
         ("port,a\n{0},nan\n", "line 2: 'nan' is no number"),
         ("port,a,a\n{0},1,1\n", "line 1: load 'a' has no name or one that is there already"),
+        ("{0},1\n{0},2\n", "line 1: expected a word for the ports and the names of the loads"),
         ("port\n", "line 1: expected a word for the ports and the names of the loads"),
         ("port,a,b\n{0},1,0\n", "load 'b' is zero"),
         ("", "is empty"),
@@ -129,5 +133,13 @@ def test_options_that_contradict(faces: Any, tmp_path: Path) -> None:
     body = faces[0]
     both = run("reduce", "-body", body, "-mor_loads", "a.csv", "-mor_load_patterns", 3, expect=1)
     assert "exclude each other" in message(both)
+    tangent = run("reduce", "-body", body, "-mor_load_patterns", 3, "-mor_frame", "tangent",
+                  expect=1)  # fmt: skip
+    assert "-mor_frame tangent follows an interface" in message(tangent)
+    # Loads at some of the inputs.
+    some = run("reduce", "-body", body, "-mor_band_hz", f"10,{LAST}", "-mor_load_patterns", 4,
+               "-mor_inputs", ",".join(faces[2][:9]), "-mor_out", tmp_path / "some.h5")  # fmt: skip
+    assert "the leading 4 patterns of 9 inputs" in some.out
+    assert ReducedModel.load(tmp_path / "some.h5").inputs == faces[2][:9]
     few = run("reduce", "-body", body, "-mor_load_patterns", -1, expect=1)
     assert "-mor_load_patterns" in message(few)

@@ -43,7 +43,7 @@ def write_dmig(model: ReducedModel, path: Path) -> None:
     """
     if model.eta:
         raise BodyError("structural damping goes into Nastran by PARAM,G: reduce without eta")
-    error = f"error {model.certified_error:.1e} ({model.kind})"
+    error = f"error {model.certified_error:.1e} ({model.label})"
     lines = [f"$ flexgram: {model.order} generalised coordinates, {error}"]
     lines += [f"$ column {j + 1} of PRED: {name}" for j, name in enumerate(model.inputs)]
     values, modes = scipy.linalg.eigh(model.K, model.M)
