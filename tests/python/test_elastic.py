@@ -155,23 +155,24 @@ def springs(pairs: list[tuple[int, int]], n: int, rng: Any) -> Any:
     return K
 
 
-@pytest.mark.parametrize("case", ["loads like gravity", "twelve parts"])
-def test_rigid_modes_that_are_hard_to_see(case: str) -> None:
-    """Loads that move nearly nothing but the whole body, which the search leaves loose; and more
-    rigid modes than a solid has."""
-    rng = np.random.default_rng(2)
-    parts, n = (1, 60) if case == "loads like gravity" else (12, 240)
+@pytest.mark.parametrize(("parts", "seed"), [(1, 4), (1, 9), (1, 22), (12, 7)])
+def test_rigid_modes_that_are_hard_to_see(parts: int, seed: int) -> None:
+    """Loads like gravity, which move nearly nothing but the whole body: the search leaves its mode
+    loose. And more rigid modes than a solid has."""
+    rng = np.random.default_rng(seed)
+    n = 60 if parts == 1 else 240
     size = n // parts
     pairs = [(i, i + 1) for i in range(n - 1) if (i + 1) % size]
     pairs += [(a, b) for p in range(parts)
-              for a, b in rng.integers(p * size, (p + 1) * size, (size, 2)) if a != b]  # fmt: skip
+              for a, b in rng.integers(p * size, (p + 1) * size, (3 * size // 2, 2))
+              if a != b]  # fmt: skip
     K, m = springs(pairs, n, rng), rng.integers(1, 5, n).astype(float)
     B = np.zeros((n, 3 if parts == 1 else 12))
-    B[rng.choice(n, B.shape[1], replace=False), range(B.shape[1])] = 1e-2 if parts == 1 else 1.0
     if parts == 1:
         B += (m / m.sum())[:, None]
+    B[rng.choice(n, B.shape[1], replace=False), range(B.shape[1])] += 1e-2 if parts == 1 else 1.0
     values, modes = sl.eigh(K, np.diag(m))
-    last = np.sqrt(values[parts]) / (2 * np.pi) * 0.6
+    last = np.sqrt(values[parts]) / (2 * np.pi) * 0.85
     body = Matrices(K=sp.csr_matrix(K), M=sp.diags(m).tocsr(), B=B, beta=1e-6)
     rom = reduce(body, (last / 60, last), 1e-3, options={"mor_tol_relative_to": "elastic"})
     loads, worst = modes.T @ B, 0.0
