@@ -130,6 +130,9 @@ Block MediumBuilder::start(double omega, bool mass_is_singular) {
       symmetrise(m);
       auto eigen = symmetric_eigen(m);
       share_from_first(fom_.comm, eigen.values);
+      if (eigen.values.empty())
+        throw Error("the ports move nothing, or so little that doubles cannot square it: "
+                    "are the units of B and C right?");
       // zᵀMz = 1/(1 + λ/ω_c²) of a Ritz vector; λ = ω_c² to many digits: the shift hits a
       // mode.
       for (double value : eigen.values)
