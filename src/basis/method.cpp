@@ -114,7 +114,7 @@ Dense static_responses(const SecondStage& stage) {
 
 /// The candidate's vectors after those of the static responses, orthonormal in the inner
 /// product G.
-Candidate after_statics(Candidate own, const Dense& statics, const Dense& G) {
+Candidate after_statics(const Candidate& own, const Dense& statics, const Dense& G) {
   Dense L = G;
   if (cholesky(L) != 0)
     throw Error("the inner product is not positive on the medium space");
@@ -162,7 +162,7 @@ Candidate make_candidate(const std::string& name, const SecondStage& stage) {
                             ? nested(identity(rigid), rigid)
                             : chosen.make(stage);
   if (stage.statics && stage.medium.system.order() > rigid)
-    candidate = after_statics(std::move(candidate), static_responses(stage), stage.gram);
+    candidate = after_statics(candidate, static_responses(stage), stage.gram);
   candidate.name = name;
   return candidate;
 }
