@@ -34,11 +34,6 @@ std::vector<double> units_of(const std::vector<std::string>& names,
   return units;
 }
 
-void scale_each_row(Dense& a, const std::vector<double>& units) {
-  for (int j = 0; j < a.columns; ++j)
-    for (int i = 0; i < a.rows; ++i) a(i, j) *= units[static_cast<std::size_t>(i)];
-}
-
 /// The same numbers on every rank.
 Dense random_columns(int rows, int columns) {
   Dense a(rows, columns);
@@ -54,96 +49,113 @@ Dense random_columns(int rows, int columns) {
   return a;
 }
 
+/// G = U Bᵀ(K + τM)⁻¹B U, U the diagonal matrix of the inputs' units: of loads in these
+/// units the motion of their points of action.
+class Compliance {
+public:
+  Compliance(const SecondOrderModel& body, double tau, const SolverOptions& options)
+      : units(static_cast<std::size_t>(body.B.columns()), 1.0), body_(body),
+        solver_(body.K, body.M, nullptr, body.node, options) {
+    solver_.factorise({1.0, tau, 0.0}, Definiteness::positive);
+  }
+
+  Dense operator()(Dense loads) {
+    in_units(loads);
+    Dense motion(loads.rows, loads.columns);
+    constexpr int panel = 64;
+    for (int first = 0; first < loads.columns; first += panel) {
+      stop_if_interrupted();
+      const int width = std::min(panel, loads.columns - first);
+      const Block forces = combine(body_.B, part_of(loads, 0, loads.rows, first, width));
+      set_part(
+          motion, 0, first,
+          inner(body_.B, solver_.solve(forces, ShiftedSolver::Verify::first_column).x));
+    }
+    share_from_first(body_.comm, motion.data);
+    in_units(motion);
+    return motion;
+  }
+
+  /// U A
+  void in_units(Dense& a) const {
+    for (int j = 0; j < a.columns; ++j)
+      for (int i = 0; i < a.rows; ++i) a(i, j) *= units[static_cast<std::size_t>(i)];
+  }
+
+  std::vector<double> units;
+
+private:
+  const SecondOrderModel& body_;
+  ShiftedSolver solver_;
+};
+
+/// The diagonal of G, by Hutchinson's estimate.
+std::vector<double> diagonal_of(const Dense& random, const Dense& response) {
+  std::vector<double> diagonal;
+  for (int i = 0; i < random.rows; ++i) {
+    double sum = 0;
+    for (int j = 0; j < random.columns; ++j) sum += random(i, j) * response(i, j);
+    diagonal.push_back(std::max(sum / random.columns, 0.0));
+  }
+  return diagonal;
+}
+
+/// What the trace of G has outside the span of Q, by the same: from random loads w, G w
+/// and G Q the mean of w̃ᵀG w̃, w̃ = (1 − QQᵀ)w, as wᵀ(1 − QQᵀ)(G w − G Q Qᵀw).
+double trace_outside(const Dense& Q, const Dense& GQ, Dense random, const Dense& Gw) {
+  const Dense inside = multiply_transposed(Q, random);
+  const Dense taken = multiply(Q, inside), moved = multiply(GQ, inside);
+  double sum = 0;
+  for (std::size_t i = 0; i < random.data.size(); ++i)
+    sum += (random.data[i] - taken.data[i]) * (Gw.data[i] - moved.data[i]);
+  return std::max(sum / random.columns, 0.0);
+}
+
 } // namespace
 
 LeadingPatterns leading_patterns(const SecondOrderModel& body, int count, double tau,
                                  const SolverOptions& options, Observer& observer) {
   Stage stage(observer, "load patterns");
-  const int p = static_cast<int>(body.B.columns());
-  const int k = std::min(p, count + std::max(10, count / 5));
-  ShiftedSolver solver(body.K, body.M, nullptr, body.node, options);
-  solver.factorise({1.0, tau, 0.0}, Definiteness::positive);
-  const auto compliance = [&](const Dense& loads) { // Bᵀ(K + τM)⁻¹B · loads
-    Dense result(p, loads.columns);
-    constexpr int panel = 64;
-    for (int first = 0; first < loads.columns; first += panel) {
-      stop_if_interrupted();
-      const int width = std::min(panel, loads.columns - first);
-      const Block forces = combine(body.B, part_of(loads, 0, p, first, width));
-      set_part(
-          result, 0, first,
-          inner(body.B, solver.solve(forces, ShiftedSolver::Verify::first_column).x));
-    }
-    share_from_first(body.comm, result.data);
-    return result;
-  };
-
+  const int p = static_cast<int>(body.B.columns()),
+            k = std::min(p, count + std::max(10, count / 5));
+  Compliance G(body, tau, options);
   const Dense random = random_columns(p, k);
-  Dense first = compliance(random), response = first;
-  std::vector<double> diagonal; // Hutchinson's estimate
-  for (int i = 0; i < p; ++i) {
-    double sum = 0;
-    for (int j = 0; j < k; ++j) sum += random(i, j) * first(i, j);
-    diagonal.push_back(std::max(sum / k, 0.0));
-  }
-  const std::vector<double> units = units_of(body.inputs, diagonal);
-  SymmetricEigen eigen;
-  Dense basis;
+  Dense first = G(random);
+  G.units = units_of(body.inputs, diagonal_of(random, first));
+  const double unit = G.units.front();
+  if (std::all_of(G.units.begin(), G.units.end(), [&](double u) { return u == unit; }))
+    for (double& x : first.data) x *= unit * unit;
+  else
+    first = G(random);
+
+  Dense Q, GQ = first;
   for (int step = 0; step < 2; ++step) {
-    scale_each_row(response, units);
-    basis = orthonormal_columns(response);
-    share_from_first(body.comm, basis.data);
-    Dense loads = basis;
-    scale_each_row(loads, units);
-    response = compliance(loads);
+    Q = orthonormal_columns(std::move(GQ));
+    share_from_first(body.comm, Q.data);
+    GQ = G(Q);
   }
-  scale_each_row(response, units);
-  Dense ritz = multiply_transposed(basis, response);
+  Dense ritz = multiply_transposed(Q, GQ);
   symmetrise(ritz);
-  eigen = symmetric_eigen(ritz);
+  SymmetricEigen eigen = symmetric_eigen(ritz);
   share_from_first(body.comm, eigen.values);
   share_from_first(body.comm, eigen.vectors.data);
-
-  // The trace: what the basis has of it, and of the rest Hutchinson's estimate, from the
-  // responses to random loads of unit size.
-  Dense unit = random;
-  const bool alike = std::all_of(units.begin(), units.end(),
-                                 [&](double u) { return u == units.front(); });
-  if (!alike) {
-    Dense loads = random;
-    scale_each_row(loads, units);
-    first = compliance(loads);
-  } else {
-    for (double& x : first.data) x *= units.front();
-  }
-  scale_each_row(first, units);
-  const Dense inside = multiply_transposed(basis, unit);
-  const Dense taken = multiply(basis, inside);
-  for (std::size_t i = 0; i < unit.data.size(); ++i) unit.data[i] -= taken.data[i];
-  double trace = 0; // Σ wᵀG w̃, w̃ = (1 − QQᵀ) w, and G Q Qᵀ w = response · Qᵀw
-  const Dense held_part = multiply(response, inside);
-  for (std::size_t i = 0; i < unit.data.size(); ++i)
-    trace += unit.data[i] * (first.data[i] - held_part.data[i]) / k;
-  trace = k == p ? 0.0 : std::max(trace, 0.0);
-  for (double value : eigen.values) trace += value;
-
-  int kept = 0; // from the largest
-  const double largest = eigen.values.back();
-  const auto value = [&](int i) {
+  const auto value = [&](int i) { // from the largest
     return eigen.values[static_cast<std::size_t>(k - 1 - i)];
   };
-  while (kept < std::min(count, k) && value(kept) > 1e-14 * largest) ++kept;
-  if (kept == 0) throw Error("{load_patterns}: the inputs move nothing");
-  std::vector<int> columns(static_cast<std::size_t>(kept));
-  double held = 0;
-  for (int i = 0; i < kept; ++i) {
-    columns[static_cast<std::size_t>(i)] = k - 1 - i;
-    held += value(i);
+
+  int kept = 0;
+  std::vector<int> columns;
+  double held = 0, trace = k == p ? 0.0 : trace_outside(Q, GQ, random, first);
+  for (double v : eigen.values) trace += v;
+  for (; kept < std::min(count, k) && value(kept) > 1e-14 * value(0); ++kept) {
+    columns.push_back(k - 1 - kept);
+    held += value(kept);
   }
-  LeadingPatterns result{multiply(basis, columns_of(eigen.vectors, columns)), 0, 0};
-  scale_each_row(result.patterns, units);
+  if (kept == 0) throw Error("{load_patterns}: the inputs move nothing");
+  LeadingPatterns result{multiply(Q, columns_of(eigen.vectors, columns)), 0, 0};
+  G.in_units(result.patterns);
   result.held = std::min(1.0, held / std::max(trace, held));
-  result.next = kept < k ? std::max(value(kept), 0.0) / largest : 0;
+  result.next = kept < k ? std::max(value(kept), 0.0) / value(0) : 0;
   return result;
 }
 
