@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import h5py
+import meshio
 import numpy as np
 import yaml
 from numpy.typing import NDArray
@@ -249,6 +250,7 @@ def import_description(
     *,
     folder: Path = Path(),
     inputs: Sequence[Path] = (),
+    mesh: meshio.Mesh | None = None,
 ) -> dict[str, Any]:
     """Turn a description that is read already into a body file; as ``import_body``.
 
@@ -264,6 +266,8 @@ def import_description(
         Which paths in the description are relative to.
     inputs : sequence of Path
         Files that the output must not replace, beside the mesh.
+    mesh : meshio.Mesh, optional
+        Instead of the file that the description names.
     """
     reader = _Reader(
         content,
@@ -272,11 +276,11 @@ def import_description(
          "damping", "mass_integration"),
     )  # fmt: skip
     units = UNITS[reader.choice("units", UNITS, "SI")]
-    source = folder / str(reader.get("mesh"))
+    source = Path(where) if mesh is not None else folder / str(reader.get("mesh"))
     for given in (*inputs, source):
         if Path(output).exists() and given.exists() and Path(output).samefile(given):
             raise BodyError(f"{output} would replace the input {given}")
-    mesh = read_mesh(source)
+    mesh = mesh if mesh is not None else read_mesh(source)
     with errors_of(source):
         cells = cell_regions(mesh)
     with written_whole(output) as file:

@@ -57,8 +57,18 @@ def import_options(parser: argparse.ArgumentParser) -> None:
         help="run CalculiX on the deck first: its *FREQUENCY step, or one in place of its steps, "
         "stores the matrices",
     )
-    parser.add_argument("--step", type=int, help="with --run-ccx: which *FREQUENCY step (1, 2, …); "
-                        "default: the last with PERTURBATION, else the first")  # fmt: skip
+    parser.add_argument(
+        "--assemble",
+        action="store_true",
+        help="assemble a CalculiX deck here, without ccx and its printed digits: C3D4, C3D10, "
+        "C3D15, C3D20 of isotropic materials",
+    )
+    parser.add_argument(
+        "--step",
+        type=int,
+        help="with --run-ccx or --assemble: which *FREQUENCY step (1, 2, …); default: the last "
+        "with PERTURBATION, else the first",
+    )
     parser.add_argument("--strict", action="store_true",
                         help="refuse files of which something is left out")  # fmt: skip
     for coupling, what in COUPLINGS.items():
@@ -124,7 +134,7 @@ def _import_mesh(options: argparse.Namespace, named: list[tuple[str, str]]) -> N
             "beams), see meshes/rack.yaml"
         )
     for name in ("format", "deck", "mass", "damping", "inputs", "mapping", "run_ccx",
-                 "step", "strict", "matrices"):  # fmt: skip
+                 "assemble", "step", "strict", "matrices"):  # fmt: skip
         if getattr(options, name):
             raise BodyError(f"--{name.replace('_', '-')} is nothing for a mesh")
     counts = import_mesh(
@@ -146,7 +156,8 @@ def import_body_file(options: argparse.Namespace) -> None:
         from flexgram.description import import_body
 
         every = ("material", "format", "deck", "mass", "damping", "inputs", "mapping", "run_ccx",
-                 "step", "strict", "matrices", "units", "alpha", "beta", "eta")  # fmt: skip
+                 "assemble", "step", "strict", "matrices", "units", "alpha", "beta",
+                 "eta")  # fmt: skip
         given = [name.replace("_", "-") for name in every if getattr(options, name)]
         given += [coupling for coupling, _ in named]
         if given:
@@ -161,6 +172,20 @@ def import_body_file(options: argparse.Namespace) -> None:
         return
     from flexgram.importers import check_damping, import_matrices, parse, read
 
+    if options.assemble:
+        from flexgram.importers.assemble import assemble_deck
+
+        for name in ("format", "deck", "mass", "damping", "inputs", "mapping", "run_ccx", "strict",
+                     "matrices"):  # fmt: skip
+            if getattr(options, name):
+                raise BodyError(f"--{name.replace('_', '-')} is nothing for --assemble")
+        counts = assemble_deck(options.source, options.output, [parse(*pair) for pair in named],
+                               units=options.units or "SI", step=options.step, alpha=options.alpha,
+                               beta=options.beta, eta=options.eta)  # fmt: skip
+        _say_mesh(options, counts)
+        for remark in counts["remarks"]:
+            say(f"  note: {remark}")
+        return
     interfaces = [parse(*pair) for pair in named]  # before ccx runs for minutes
     check_damping(options.alpha, options.beta, options.eta)
     if options.run_ccx:

@@ -22,6 +22,21 @@ MATERIALS = {
 }
 
 
+def describe_interfaces(interfaces: Sequence[Interface]) -> dict[str, Any]:
+    """Interfaces of a description, from the words of a command line."""
+    described: dict[str, Any] = {}
+    for interface in interfaces:
+        name = interface.name
+        if name in described:
+            raise BodyError(f"interface {name} is given twice")
+        if interface.coupling == "rows" or not isinstance(interface.where, str):
+            raise BodyError(f"--{interface.coupling} {name}: a mesh has nodes, no rows of matrices")
+        described[name] = {"coupling": interface.coupling, "nodes": _choice(interface)}
+        if interface.position is not None:
+            described[name]["position"] = interface.position.tolist()
+    return described
+
+
 def describe_mesh(
     mesh: Path,
     material: str,
@@ -65,16 +80,7 @@ def describe_mesh(
         if set(values) != set(ISOTROPIC):
             raise BodyError(f"--material {material}: expected one of {', '.join(MATERIALS)}, or "
                             "E=210e9,nu=0.3,rho=7850 in the units of the mesh")  # fmt: skip
-    described: dict[str, Any] = {}
-    for interface in interfaces:
-        name = interface.name
-        if name in described:
-            raise BodyError(f"interface {name} is given twice")
-        if interface.coupling == "rows" or not isinstance(interface.where, str):
-            raise BodyError(f"--{interface.coupling} {name}: a mesh has nodes, no rows of matrices")
-        described[name] = {"coupling": interface.coupling, "nodes": _choice(interface)}
-        if interface.position is not None:
-            described[name]["position"] = interface.position.tolist()
+    described = describe_interfaces(interfaces)
     given = {key: value for key, value in (damping or {}).items() if value is not None}
     return {"name": mesh.stem, "mesh": str(mesh.absolute()), "units": units,
             "materials": {"material": values}, "regions": {"all": {"material": "material"}},

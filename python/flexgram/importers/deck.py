@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -34,6 +35,9 @@ class Deck:
     #: *RIGID BODY: name of its node set -> reference node and, if named, rotation node
     rigid: dict[str, tuple[int, int | None]] = field(default_factory=dict)
     transformed: bool = False  #: *TRANSFORM: matrices are in local axes
+    #: solids by label: meshio type and node labels; and their sets
+    elements: dict[int, tuple[str, list[int]]] = field(default_factory=dict)
+    elsets: dict[str, list[int]] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
 
 
@@ -237,6 +241,11 @@ def read_deck(path: Path) -> Deck:
             sets[name] = np.unique(np.array(model.resolved(model.sets, name), dtype=np.int64))
         except ValueError as missing:
             left.append(f"node set {name} names {missing}, which is not there")
+    elsets: dict[str, list[int]] = {}
+    for name in model.elsets:
+        with contextlib.suppress(ValueError):
+            members = model.resolved(model.elsets, name)
+            elsets[name] = [e for e in dict.fromkeys(members) if e in connectivity]
     for name, parts in {**{n: [n] for n in model.elsets}, **model.of_elements}.items():
         try:
             members = [e for part in parts for e in model.resolved(model.elsets, part)]
@@ -253,5 +262,7 @@ def read_deck(path: Path) -> Deck:
         blocks,
         model.rigid,
         model.transformed,
+        connectivity,
+        elsets,
         left,
     )

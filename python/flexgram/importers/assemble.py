@@ -1,0 +1,220 @@
+"""A CalculiX deck assembled by flexgram: nothing of K and M is lost to printed digits.
+
+For solids whose elements are the same in both programs (C3D4, C3D10, C3D15, C3D20: equal to the
+seven digits that CalculiX prints, ``tests/python/test_elements_ccx.py``) and isotropic materials.
+Whatever else a deck says of its stiffness or mass is refused by name: ccx knows it (``--run-ccx``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+
+from flexgram.basics import BodyError
+from flexgram.description import import_description
+from flexgram.importers import check_damping
+from flexgram.importers.ccx import Card, Job, damping_of, frequency_step, read_job
+from flexgram.importers.deck import Deck, read_deck
+from flexgram.importers.fe import Interface
+from flexgram.meshbody import describe_interfaces
+from flexgram.units import UNITS
+
+ELEMENTS = ("C3D4", "C3D10", "C3D15", "C3D20")
+#: Cards of the model that are read here, by ``read_deck`` or ``damping_of``.
+READ = {"NODE", "ELEMENT", "NSET", "ELSET", "MATERIAL", "ELASTIC", "DENSITY", "SOLID SECTION",
+        "BOUNDARY", "DAMPING", "MODAL DAMPING"}  # fmt: skip
+#: Cards that are nothing to K and M of the unloaded body.
+PASSED = {"HEADING", "SURFACE", "AMPLITUDE", "EXPANSION", "CONDUCTIVITY", "SPECIFIC HEAT",
+          "PHYSICAL CONSTANTS", "TIME POINTS", "INITIAL CONDITIONS", "PLASTIC", "CYCLIC HARDENING",
+          "CREEP", "USER OUTPUT"}  # fmt: skip
+
+
+def _numbers(job: Job, card: Card, count: int) -> list[float]:
+    """The one row of a card of a material."""
+    rows = [words for words in card.words() if any(words)]
+    where = f"{job.path}: *{card.keyword}"
+    if len(rows) != 1 or card.options.get("TYPE", "ISO").upper() not in ("ISO", "ISOTROPIC"):
+        raise BodyError(f"{where}: depends on temperature or direction; --run-ccx knows it")
+    try:
+        values = [float(word) for word in rows[0][:count]]
+    except ValueError:
+        values = []
+    if len(values) < count:
+        raise BodyError(f"{where}: expected {count} number{'s' if count > 1 else ''}")
+    return values
+
+
+def _materials(job: Job) -> dict[str, dict[str, float]]:
+    found: dict[str, dict[str, float]] = {}
+    name = ""
+    for card in job.model:
+        if card.keyword == "MATERIAL":
+            name = card.options.get("NAME", "").upper()
+            found[name] = {}
+        elif card.keyword == "ELASTIC" and name:
+            found[name]["E"], found[name]["nu"] = _numbers(job, card, 2)
+        elif card.keyword == "DENSITY" and name:
+            found[name]["rho"] = _numbers(job, card, 1)[0]
+    return found
+
+
+def _refuse_others(job: Job) -> None:
+    """Cards of the model that say something of K or M which is not read here."""
+    for card in job.model:
+        if card.keyword not in READ | PASSED:
+            raise BodyError(f"{job.path}: *{card.keyword} is not followed by --assemble: take "
+                            "--run-ccx")  # fmt: skip
+        kind = card.options.get("TYPE", "").upper()
+        if card.keyword == "ELEMENT" and kind not in ELEMENTS:
+            raise BodyError(f"{job.path}: elements {kind} are others than flexgram's, which has "
+                            f"{', '.join(ELEMENTS)} of CalculiX: take --run-ccx")  # fmt: skip
+        if card.keyword == "SOLID SECTION" and "ORIENTATION" in card.options:
+            raise BodyError(f"{job.path}: *SOLID SECTION with an ORIENTATION: take --run-ccx")
+
+
+def _supports(job: Job, deck: Deck, step: Sequence[Card]) -> dict[str, list[int]]:
+    """Nodes that are held, from 0, by the directions in which they are."""
+    held: dict[int, set[str]] = {}
+    for card in (card for card in (*job.model, *step) if card.keyword == "BOUNDARY"):
+        for words in card.words():
+            try:
+                first = int(words[1])
+                last = int(words[2]) if len(words) > 2 and words[2] else first
+                value = float(words[3]) if len(words) > 3 and words[3] else 0.0
+                labels: Iterable[int] = (
+                    [int(words[0])] if words[0].isdigit() else deck.sets[words[0].upper()]
+                )
+            except (IndexError, ValueError, KeyError):
+                raise BodyError(f"{job.path}: *BOUNDARY {', '.join(words)!r}: expected a node or "
+                                "node set, and directions") from None  # fmt: skip
+            if value:
+                raise BodyError(f"{job.path}: *BOUNDARY moves nodes by {value:g}: a preload, which "
+                                "--run-ccx takes into account")  # fmt: skip
+            for label in labels:
+                for direction in range(first, min(last, 3) + 1):
+                    held.setdefault(int(label), set()).add("xyz"[direction - 1])
+    alike: dict[str, list[int]] = {}
+    for label, directions in held.items():
+        at = int(np.searchsorted(deck.labels, label))
+        if at < len(deck.labels) and deck.labels[at] == label:
+            alike.setdefault("".join(sorted(directions)), []).append(at)
+    return alike
+
+
+def assemble_deck(
+    path: Path,
+    output: str | Path,
+    interfaces: Sequence[Interface],
+    *,
+    units: str = "SI",
+    step: int | None = None,
+    alpha: float | None = None,
+    beta: float | None = None,
+    eta: float | None = None,
+) -> dict[str, Any]:
+    """Write a mesh body of a deck, without ccx.
+
+    Parameters
+    ----------
+    path : Path
+        The deck.
+    output : str or Path
+        Body file to write.
+    interfaces : sequence of Interface
+        As ``importers.parse`` reads them; node numbers and sets are those of the deck.
+    units : str
+        Of the deck: ``SI``, ``mm-t-s`` or ``mm-kg-s``.
+    step : int, optional
+        Whose supports hold the body; default: those of the *FREQUENCY step, else of the first.
+    alpha, beta, eta : float, optional
+        Damping instead of the deck's.
+
+    Returns
+    -------
+    dict
+        As ``import_body``.
+
+    Raises
+    ------
+    BodyError
+        For a deck that says more of K or M than is followed here.
+    """
+    check_damping(alpha, beta, eta)
+    if units not in UNITS:
+        raise BodyError(f"--units {units} must be one of {', '.join(UNITS)}")
+    job = read_job(path)
+    _refuse_others(job)
+    deck = read_deck(path)
+    number = frequency_step(job, step)
+    cards = job.step_of(number or 1) if job.steps else []
+    if number and number > 1 and "PERTURBATION" in cards[0].options:
+        raise BodyError(f"{path}: step {number} is preloaded (PERTURBATION), which --run-ccx takes "
+                        "into account")  # fmt: skip
+    materials = _materials(job)
+    regions: dict[str, dict[str, str]] = {}
+    cells: list[tuple[str, Any]] = []
+    cell_sets: dict[str, list[Any]] = {}
+    for index, card in enumerate(c for c in job.model if c.keyword == "SOLID SECTION"):
+        name, material = (card.options.get(key, "").upper() for key in ("ELSET", "MATERIAL"))
+        if name not in deck.elsets or set(materials.get(material, ())) != {"E", "nu", "rho"}:
+            raise BodyError(f"{path}: *SOLID SECTION, ELSET={name}, MATERIAL={material}: needs "
+                            "elements, *ELASTIC and *DENSITY")  # fmt: skip
+        regions[f"section{index + 1}"] = {"material": material}
+        by_kind: dict[str, list[list[int]]] = {}
+        for label in deck.elsets[name]:
+            kind, nodes = deck.elements[label]
+            by_kind.setdefault(kind, []).append(nodes)
+        for kind, lists in by_kind.items():
+            table = np.searchsorted(deck.labels, np.array(lists, dtype=np.int64))
+            cells.append((kind, table))
+            whole = np.arange(len(table))
+            for region in regions:
+                cell_sets.setdefault(region, [np.empty(0, dtype=np.int64)] * (len(cells) - 1))
+            for region, parts in cell_sets.items():
+                mine = region == f"section{index + 1}"
+                parts.append(whole if mine else np.empty(0, dtype=np.int64))
+    sectioned = {label for c in job.model if c.keyword == "SOLID SECTION"
+                 for label in deck.elsets.get(c.options.get("ELSET", "").upper(), ())}  # fmt: skip
+    if len(sectioned) < len(deck.elements):
+        raise BodyError(f"{path}: {len(deck.elements) - len(sectioned)} elements have no *SOLID "
+                        "SECTION")  # fmt: skip
+    mesh = meshio.Mesh(
+        deck.points,
+        cells,
+        point_sets={
+            name: np.searchsorted(deck.labels, nodes[np.isin(nodes, deck.labels)])
+            for name, nodes in deck.sets.items()
+        },
+        cell_sets=cell_sets,
+    )
+    damping = damping_of(job)
+    given = {"alpha": alpha, "beta": beta, "eta": eta}
+    of_deck = {"alpha": damping.alpha, "beta": damping.beta, "eta": damping.eta}
+    described = describe_interfaces(interfaces)
+    for entry in described.values():
+        if isinstance(entry["nodes"], list):  # labels of the deck
+            entry["nodes"] = [_index(path, deck, label) + 1 for label in entry["nodes"]]
+        elif isinstance(entry["nodes"], str):
+            entry["nodes"] = entry["nodes"].upper()
+    content = {
+        "name": path.stem, "units": units, "materials": materials, "regions": regions,
+        "interfaces": described, "mass_integration": "reduced",
+        "supports": {f"held_{directions}": {"nodes": [i + 1 for i in nodes],
+                                            "components": list(directions)}
+                     for directions, nodes in _supports(job, deck, cards).items()},
+        "damping": {key: of_deck[key] if value is None else value
+                    for key, value in given.items()},
+    }  # fmt: skip
+    counts = import_description(content, str(path), output, inputs=[path], mesh=mesh)
+    return {**counts, "remarks": [*deck.remarks, *damping.remarks]}
+
+
+def _index(path: Path, deck: Deck, label: int) -> int:
+    at = int(np.searchsorted(deck.labels, label))
+    if at == len(deck.labels) or deck.labels[at] != label:
+        raise BodyError(f"{path}: there is no node {label}")
+    return at

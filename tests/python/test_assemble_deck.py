@@ -1,0 +1,119 @@
+"""CalculiX decks assembled by flexgram: as ccx has them, without its printed digits."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.sparse.linalg import eigsh
+
+from bodies import CALCULIX, box
+from conftest import ROOT, assembled, run
+from flexgram import BodyError, ReducedModel
+from flexgram.importers import parse
+from flexgram.importers.assemble import assemble_deck
+
+sys.path.insert(0, str(ROOT / "scripts"))
+from ccx_reference import deck_of
+
+EYE = [parse("distributing", "eye=NSET:END")]
+
+
+def deck(path: Path, element: str, *, model: str = "", step: str = "", held: str = "") -> Path:
+    """A bent bar; its ends are node sets."""
+    mesh = box(CALCULIX[element], (5, 2, 2), (0.2, 0.04, 0.05))
+    lines = deck_of(element, mesh)
+    for name in ("start", "end"):
+        lines += [f"*NSET, NSET={name.upper()}"]
+        lines += [f"{n + 1}" for n in mesh.point_sets[name].tolist()]
+    # Two sections of one material, labels that are no indices.
+    text = "\n".join(lines).replace("*SOLID SECTION, ELSET=BODY", "*SOLID SECTION,ELSET=BODY")
+    text += f"\n{model}*STEP\n*FREQUENCY\n8\n{held}*END STEP\n{step}"
+    path.write_text(text)
+    return path
+
+
+def shifted(path: Path, by: int) -> None:
+    """All node labels moved: they are no indices then."""
+    out, keyword = [], ""
+    for line in path.read_text().splitlines():
+        if line.startswith("*"):
+            keyword = line.upper().replace(" ", "")
+            out.append(line)
+            continue
+        words = line.split(",")
+        if keyword.startswith("*NODE"):
+            words[0] = str(int(words[0]) + by)
+        elif keyword.startswith("*NSET"):
+            words = [str(int(w) + by) for w in words]
+        elif keyword.startswith("*ELEMENT"):
+            first = not (out[-1].endswith(",") and not out[-1].startswith("*"))
+            words = [w if (first and i == 0) or not w.strip() else f" {int(w) + by}"
+                     for i, w in enumerate(words)]  # fmt: skip
+        out.append(",".join(words))
+    path.write_text("\n".join(out) + "\n")
+
+
+@pytest.mark.parametrize("element", ["C3D4", "C3D10", "C3D15", "C3D20"])
+def test_frequencies_are_those_of_ccx(element: str, tmp_path: Path) -> None:
+    if shutil.which("ccx") is None:
+        pytest.skip("ccx is not installed")
+    path = deck(tmp_path / "bar.inp", element, held="*BOUNDARY\nSTART, 1, 3\n")
+    shifted(path, 1000)
+    subprocess.run(["ccx", "bar"], cwd=tmp_path, check=True, capture_output=True)
+    rows = re.findall(r"^\s+\d+\s+\S+\s+\S+\s+(\S+)\s+\S+\s*$",
+                      (tmp_path / "bar.dat").read_text(), re.MULTILINE)  # fmt: skip
+    theirs = np.array([float(row) for row in rows[:8]])
+    counts = assemble_deck(path, tmp_path / "bar.h5", EYE)
+    assert counts["interfaces"]["eye"]["coupling"] == "distributing"
+    body = assembled(tmp_path / "matrices.h5", tmp_path / "bar.h5")
+    ours = eigsh(body["K"], 8, body["M"], sigma=0, return_eigenvectors=False)
+    ours = np.sqrt(np.sort(ours)) / (2 * np.pi)
+    assert np.abs(ours / theirs - 1).max() < 5.5e-7  # seven digits
+
+
+def test_the_command_line(tmp_path: Path) -> None:
+    path = deck(tmp_path / "bar.inp", "C3D20", model="*DAMPING, ALPHA=7.0\n")
+    text = path.read_text().replace("*SOLID SECTION", "*DAMPING, ALPHA=7.0\n*SOLID SECTION")
+    path.write_text(text.replace("\n*DAMPING, ALPHA=7.0\n*STEP", "\n*STEP"))
+    shifted(path, 500)
+    said = run("import", path, "--assemble", "--rigid", "eye=NSET:end", "--node", "tip=NODES:501",
+               "-o", tmp_path / "bar.h5").out  # fmt: skip
+    assert "damping of the deck (*DAMPING): alpha 7" in said
+    run("reduce", "-body", tmp_path / "bar.h5", "-mor_band_hz", "10,9000", "-mor_tol", 1e-4,
+        "-mor_out", tmp_path / "rom.h5")  # fmt: skip
+    rom = ReducedModel.load(tmp_path / "rom.h5")
+    assert rom.certified_error <= 1e-4 and rom.frame["rigid_modes"] == 6
+    assert rom.inputs[:2] == ["eye.fx", "eye.fy"] and rom.inputs[6:] == [
+        "tip.fx", "tip.fy", "tip.fz"]  # fmt: skip
+    # Without printed digits no floor of them.
+    assert rom.floor.max() < 1e-8
+
+
+@pytest.mark.parametrize(
+    ("element", "change", "expected"),
+    [
+        ("C3D20R", ("", ""), "elements C3D20R are others than flexgram's"),
+        ("C3D8I", ("", ""), "elements C3D8I are others"),
+        ("C3D10", ("*STEP", "*EQUATION\n2\n1,1,1.,2,1,-1.\n*STEP"), r"\*EQUATION is not followed"),
+        ("C3D10", ("210e9, 0.3", "210e9, 0.3, 20.\n200e9, 0.3, 80."), "depends on temperature"),
+        ("C3D10", ("*DENSITY\n7850\n", ""), r"needs elements, \*ELASTIC and \*DENSITY"),
+        ("C3D10", ("8\n*END STEP", "8\n*BOUNDARY\nEND,1,1,0.1\n*END STEP"), "moves nodes by 0.1"),
+        ("C3D10", ("8\n*END STEP", "8\n*BOUNDARY\nNOWHERE,1\n*END STEP"), "expected a node or"),
+        ("C3D10", ("MATERIAL=STEEL", "MATERIAL=GOLD"), "MATERIAL=GOLD: needs elements"),
+    ],
+)  # fmt: skip
+def test_what_is_not_followed(
+    element: str, change: tuple[str, str], expected: str, tmp_path: Path
+) -> None:
+    path = deck(tmp_path / "bar.inp", element)
+    text = path.read_text()
+    assert not change[0] or change[0] in text
+    path.write_text(text.replace(*change) if change[0] else text)
+    with pytest.raises(BodyError, match=expected):
+        assemble_deck(path, tmp_path / "bar.h5", EYE)
