@@ -71,8 +71,13 @@ void tell_elastic_part(const CutStory& cut, const ReducedModel& rom, Observer& o
   const auto& sizes = cut.seen.grid().views.front();
   // Of very many ports at some of the frequencies.
   const std::size_t step = too_many_ports(medium) ? rom.omega.size() / 12 + 1 : 1;
+  const auto excluded = [&](double omega) {
+    return std::any_of(rom.claim->excluded.begin(), rom.claim->excluded.end(),
+                       [&](const auto& e) { return omega >= e[0] && omega <= e[1]; });
+  };
   double worst = 0, at = 0;
   for (std::size_t l = 0; l < rom.omega.size(); l += step) {
+    if (excluded(rom.omega[l])) continue;
     const double reference = cut.request.relative_to == RelativeTo::band
                                  ? sizes.largest
                                  : sizes.size[l] - sizes.bound[l],
