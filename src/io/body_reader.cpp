@@ -149,71 +149,90 @@ Matrix read_symmetric(const Hdf5File& file, const std::string& group, PetscInt n
   return matrix;
 }
 
+void expect_columns(const Hdf5File& file, const std::string& object, std::int64_t ports) {
+  if (ports == 0) fail(file, text("%s has no columns", object.c_str()));
+}
+
+/// Ports stored as a sparse matrix: n × k, or k × n where `transposed`. Put in place: of
+/// thousands of ports they are the largest part of a body.
+Block read_sparse_ports(const Hdf5File& file, const std::string& object, PetscInt n,
+                        RowRange rows, bool transposed, const char* expected) {
+  const std::int64_t columns = sparse_columns(file, object);
+  const std::int64_t row_count = sparse_rows(file, object, n);
+  if ((transposed ? columns : row_count) != n)
+    fail(file, text("%s is %lld × %lld, expected %s with n = %lld", object.c_str(),
+                    ll(row_count), ll(columns), expected, ll(n)));
+  const std::int64_t ports = transposed ? row_count : columns;
+  expect_columns(file, object, ports);
+  // In place: of thousands of ports this is the largest part of a body.
+  Block block(file.comm(), rows, n, static_cast<PetscInt>(ports));
+  agree(file.comm(), [&] {
+    Block::Access access(block);
+    const auto local = access.all();
+    std::fill(local.begin(), local.end(), 0.0);
+    const SparseColumns entries = read_columns(file, object, 0, columns, row_count);
+    for (std::int64_t j = 0; j < columns; ++j)
+      for (std::int64_t k = entries.start[static_cast<std::size_t>(j)];
+           k < entries.start[static_cast<std::size_t>(j) + 1]; ++k) {
+        const std::int64_t i = entries.row[static_cast<std::size_t>(k)];
+        const std::int64_t row = transposed ? j : i, port = transposed ? i : j;
+        if (row >= rows.begin && row < rows.end)
+          local[static_cast<std::size_t>(row - rows.begin + port * rows.size())] +=
+              entries.value[static_cast<std::size_t>(k)];
+      }
+  });
+  return block;
+}
+
+Block read_dense_ports(const Hdf5File& file, const std::string& object, PetscInt n,
+                       RowRange rows, bool transposed, const char* expected) {
+  auto shape = file.shape(object);
+  if (shape.size() == 1) shape.push_back(1);
+  if (shape.size() != 2)
+    fail(file, text("%s must be a matrix, %s; it has %zu dimensions", object.c_str(),
+                    expected, shape.size()));
+  // In the file's row-major order, n is the last dimension exactly if one of the two
+  // reversals (MATLAB's storage, C's transposition) applies.
+  const bool n_last = by_columns(file, object) != transposed;
+  if (shape.size() != 2 || shape[n_last ? 1 : 0] != n) {
+    const bool reversed = by_columns(file, object) && shape.size() == 2;
+    fail(file,
+         text("%s is %lld × %lld, expected %s with n = %lld", object.c_str(),
+              ll(shape[reversed ? 1 : 0]), ll(shape[reversed ? 0 : 1]), expected, ll(n)));
+  }
+  const std::int64_t ports = shape[n_last ? 0 : 1];
+  expect_columns(file, object, ports);
+  std::vector<double> local; // column-major, rows.size() × ports
+  agree(file.comm(), [&] {
+    const bool one_dimension = file.shape(object).size() == 1;
+    local = file.read<double>(object, rows.begin, rows.size(),
+                              n_last && !one_dimension ? 1 : 0);
+    if (!n_last) {
+      std::vector<double> columns(local.size());
+      for (PetscInt i = 0; i < rows.size(); ++i)
+        for (std::int64_t j = 0; j < ports; ++j)
+          columns[static_cast<std::size_t>(i + j * rows.size())] =
+              local[static_cast<std::size_t>(i * ports + j)];
+      local.swap(columns);
+    }
+    for (double value : local)
+      if (!std::isfinite(value))
+        fail(file,
+             text("%s holds %g: every entry must be finite", object.c_str(), value));
+  });
+  Block block(file.comm(), rows, n, static_cast<PetscInt>(ports));
+  std::copy(local.begin(), local.end(), Block::Access(block).all().begin());
+  return block;
+}
+
 /// Dense or sparse n × k (or k × n where `transposed`: C is r × n in the file, n × r
 /// here).
 Block read_ports(const Hdf5File& file, const std::string& object, PetscInt n,
                  RowRange rows, bool transposed) {
   const char* expected = transposed ? "n_out × n" : "n × n_in";
-  std::int64_t ports = 0;
-  std::vector<double> local; // column-major, rows.size() × ports
-  if (file.is_group(object)) {
-    const std::int64_t columns = sparse_columns(file, object);
-    const std::int64_t row_count = sparse_rows(file, object, n);
-    if ((transposed ? columns : row_count) != n)
-      fail(file, text("%s is %lld × %lld, expected %s with n = %lld", object.c_str(),
-                      ll(row_count), ll(columns), expected, ll(n)));
-    ports = transposed ? row_count : columns;
-    agree(file.comm(), [&] {
-      local.assign(static_cast<std::size_t>(rows.size() * ports), 0.0);
-      const SparseColumns entries = read_columns(file, object, 0, columns, row_count);
-      for (std::int64_t j = 0; j < columns; ++j)
-        for (std::int64_t k = entries.start[static_cast<std::size_t>(j)];
-             k < entries.start[static_cast<std::size_t>(j) + 1]; ++k) {
-          const std::int64_t i = entries.row[static_cast<std::size_t>(k)];
-          const std::int64_t row = transposed ? j : i, port = transposed ? i : j;
-          if (row >= rows.begin && row < rows.end)
-            local[static_cast<std::size_t>(row - rows.begin + port * rows.size())] +=
-                entries.value[static_cast<std::size_t>(k)];
-        }
-    });
-  } else {
-    auto shape = file.shape(object);
-    if (shape.size() == 1) shape.push_back(1);
-    if (shape.size() != 2)
-      fail(file, text("%s must be a matrix, %s; it has %zu dimensions", object.c_str(),
-                      expected, shape.size()));
-    // In the file's row-major order, n is the last dimension exactly if one of the two
-    // reversals (MATLAB's storage, C's transposition) applies.
-    const bool n_last = by_columns(file, object) != transposed;
-    if (shape.size() != 2 || shape[n_last ? 1 : 0] != n) {
-      const bool reversed = by_columns(file, object) && shape.size() == 2;
-      fail(file, text("%s is %lld × %lld, expected %s with n = %lld", object.c_str(),
-                      ll(shape[reversed ? 1 : 0]), ll(shape[reversed ? 0 : 1]), expected,
-                      ll(n)));
-    }
-    ports = shape[n_last ? 0 : 1];
-    agree(file.comm(), [&] {
-      const bool one_dimension = file.shape(object).size() == 1;
-      local = file.read<double>(object, rows.begin, rows.size(),
-                                n_last && !one_dimension ? 1 : 0);
-      if (!n_last) {
-        std::vector<double> columns(local.size());
-        for (PetscInt i = 0; i < rows.size(); ++i)
-          for (std::int64_t j = 0; j < ports; ++j)
-            columns[static_cast<std::size_t>(i + j * rows.size())] =
-                local[static_cast<std::size_t>(i * ports + j)];
-        local.swap(columns);
-      }
-      for (double value : local)
-        if (!std::isfinite(value))
-          fail(file,
-               text("%s holds %g: every entry must be finite", object.c_str(), value));
-    });
-  }
-  if (ports == 0) fail(file, text("%s has no columns", object.c_str()));
-  Block block(file.comm(), rows, n, static_cast<PetscInt>(ports));
-  std::copy(local.begin(), local.end(), Block::Access(block).all().begin());
-  return block;
+  return file.is_group(object)
+             ? read_sparse_ports(file, object, n, rows, transposed, expected)
+             : read_dense_ports(file, object, n, rows, transposed, expected);
 }
 
 std::vector<std::string> port_names(const Hdf5File& file, const std::string& object,
