@@ -57,6 +57,7 @@ def bar(tmp_path_factory: pytest.TempPathFactory) -> Free:
     return Free(tmp_path_factory.mktemp("free"))
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_the_elastic_part_is_certified(bar: Free, ranks: int, tmp_path: Path) -> None:
     worst = {}
@@ -155,6 +156,7 @@ def springs(pairs: list[tuple[int, int]], n: int, rng: Any) -> Any:
     return K
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(("parts", "seed"), [(1, 4), (1, 9), (1, 22), (12, 7)])
 def test_rigid_modes_that_are_hard_to_see(parts: int, seed: int) -> None:
     """Loads like gravity, which move nearly nothing but the whole body: the search leaves its mode
