@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import atexit
 import os
+import shutil
 import subprocess
 import sys
+import tempfile
 import zlib
 from collections.abc import Callable
 from pathlib import Path
@@ -20,6 +23,12 @@ import scipy.sparse as sp
 
 from others import SHARED, shared_case
 from referee import System, suspicious
+
+# Each worker has a place of its own for Open MPI's session directories: in a common one, which the
+# last to leave removes, another may be about to make its own.
+SESSIONS = tempfile.mkdtemp(prefix="flexgram-")
+atexit.register(shutil.rmtree, SESSIONS, ignore_errors=True)
+os.environ["OMPI_MCA_orte_tmpdir_base"] = os.environ["PRTE_MCA_prte_tmpdir_base"] = SESSIONS
 
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = ROOT / "build" / "flexgram"
