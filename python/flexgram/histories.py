@@ -89,11 +89,17 @@ class Verdict:
     needed: float  #: [Hz] below which every input has 99.9 % of its energy
     error: float  #: of the motion in the band, root mean square, relative: at most so much
     elastic_error: float | None  #: the same of the elastic motion of a free body; of others None
+    astray: float  #: share of the energy that is none of the loads that the body was reduced for
+    proved: bool  #: the errors are bounds, not estimates
 
     @property
     def words(self) -> list[str]:
         """Sentences."""
-        said = [f"in the band the motion is within {self.error:.1e} of itself, root mean square"]
+        said = [f"in the band the motion is within {self.error:.1e} of itself, root mean square"
+                + ("" if self.proved else " (estimated, not proved)")]  # fmt: skip
+        if self.astray > 1 - ENOUGH:
+            said.append(f"{100 * self.astray:.2g} % of the loads is no combination of those that "
+                        "the body was reduced for, and nothing is claimed of it")  # fmt: skip
         if self.elastic_error is not None:
             said.append(f"its elastic part is within {self.elastic_error:.1e} of itself"
                         + (": -mor_tol_relative_to elastic bounds what joints leave of a free body"
@@ -117,12 +123,25 @@ def _responses(model: ReducedModel, omega: Floats, loads: ComplexArray) -> tuple
     return motion, size
 
 
+def _for_its_loads(model: ReducedModel) -> ReducedModel:
+    """A body that was reduced for few loads, as one that has these for inputs."""
+    if not model.load_names:
+        return model
+    part = object.__new__(ReducedModel)
+    part.__dict__.update(model.__dict__)
+    part.inputs, part.B = model.load_names, model.B @ model.loads
+    if model.outputs == model.inputs:
+        part.outputs, part.C = part.inputs, model.loads.T @ model.C
+    return part
+
+
 def judge(model: ReducedModel, t: ArrayLike, u: ArrayLike) -> Verdict:
     """What the claim says of the response to a load history.
 
     By Parseval, from ‖H − H_r‖ <= ε ‖H‖ at every line of the spectrum in the band; ‖H‖ is at most
     ‖H_r‖/(1 − ε), of that part of H that ε is relative to. At resonances that a claim leaves out
-    nothing is known: lines in them count as outside.
+    nothing is known: lines in them count as outside. A claim for few loads is one of the motion
+    along them, and of what of the history is a combination of them.
 
     Parameters
     ----------
@@ -144,6 +163,7 @@ def judge(model: ReducedModel, t: ArrayLike, u: ArrayLike) -> Verdict:
     hz = np.fft.rfftfreq(len(u), t[1] - t[0])
     weight = np.where((hz == 0) | (2 * np.arange(len(hz)) == len(u)), 1.0, 2.0)  # two-sided
     energy = weight[:, None] * np.abs(U) ** 2
+    spectrum = np.sqrt(weight[:, None]) * np.abs(U) / len(u)
     total = energy.sum(axis=0)
     if not total.any():
         raise BodyError("all loads vanish")
@@ -156,6 +176,12 @@ def judge(model: ReducedModel, t: ArrayLike, u: ArrayLike) -> Verdict:
         inside &= (omega < a) | (omega > b)
     below = share[(omega < model.bands[0, 0] - tiny)].sum(axis=0)
     above = share[~inside & (omega >= model.bands[0, 0] - tiny)].sum(axis=0)
+    astray = 0.0
+    if model.load_names:
+        within = u @ np.linalg.pinv(model.loads).T
+        astray = float(np.sum((u - within @ model.loads.T) ** 2) / np.sum(u**2))
+        U = np.fft.rfft(within, axis=0)
+        model = _for_its_loads(model)
     reached = np.argmax(np.cumsum(share, axis=0) >= ENOUGH - 1e-12, axis=0)
 
     lines = np.flatnonzero(inside & (energy.sum(axis=1) > 1e-20 * total.sum()) & (omega > 0))
@@ -181,7 +207,8 @@ def judge(model: ReducedModel, t: ArrayLike, u: ArrayLike) -> Verdict:
         norm = float(np.sqrt(np.sum(twice * what**2)))
         return float(np.sqrt(np.sum(twice * off**2)) / max(norm, 1e-300))
 
-    return Verdict(hz, np.sqrt(weight[:, None]) * np.abs(U) / len(u), float(below.max()),
+    return Verdict(hz, spectrum, float(below.max()),
                    float(above.max()), names[int(np.argmax(below + above))],
                    float(hz[reached.max()]), relative(motion),
-                   relative(elastic) if free else None)  # fmt: skip
+                   relative(elastic) if free else None, astray,
+                   model.kind != "estimated")  # fmt: skip

@@ -21,17 +21,28 @@ Dense after_rigid(const Dense& a, int rigid, int N) {
   return result;
 }
 
-WeightedSvd weighted_svd(const Dense& F, const Dense& G) {
-  Dense L = G;
-  if (cholesky(L) != 0)
+namespace {
+
+/// L with G = LLᵀ.
+Dense factor_of(Dense G) {
+  if (cholesky(G) != 0)
     throw Error("the inner product is not positive on the medium space");
+  return G;
+}
+
+} // namespace
+
+WeightedSvd weighted_svd(const Dense& F, const Dense& G) {
+  const Dense L = factor_of(G);
   const LeftSvd svd = left_svd(compressed(multiply_transposed(L, F)));
   WeightedSvd result;
   for (double s : svd.values) result.sigma.push_back(s * s);
-  Dense inverse = identity(L.rows);
-  solve_right_transposed(L, inverse); // L⁻ᵀ
-  result.vectors = multiply(inverse, svd.vectors);
+  result.vectors = multiply(inverse_transposed(L), svd.vectors);
   return result;
+}
+
+Dense all_ports(const DenseSystem& system) {
+  return system.outputs_are_inputs ? system.B : beside(system.B, system.C);
 }
 
 Candidate nested(Dense all, int least) {
@@ -66,6 +77,15 @@ Elastic::Elastic(const SecondStage& stage)
       gram(part_of(stage.gram, rigid, count, rigid, count)),
       response(system, stage.medium.tau) {}
 
+Dense Elastic::statics() const {
+  Dense modal = multiply_transposed(response.U(), all_ports(system));
+  for (int j = 0; j < modal.columns; ++j)
+    for (int i = 0; i < modal.rows; ++i) // in modal coordinates K is 1 − τμ
+      modal(i, j) /= std::max(
+          1 - response.tau() * response.mu()[static_cast<std::size_t>(i)], 1e-12);
+  return multiply(response.U(), modal);
+}
+
 Candidate gramian_candidate(const SecondStage& stage,
                             const std::vector<BandWeight>& bands) {
   const DenseResponse response(stage.medium.system, stage.medium.tau);
@@ -99,28 +119,11 @@ Candidate whole_axis_candidate(const SecondStage& stage) {
 
 namespace {
 
-/// K⁻¹ of the ports, of a free body the elastic part of its response to a constant load.
-Dense static_responses(const SecondStage& stage) {
-  const Elastic e(stage);
-  const DenseSystem& all = e.system;
-  Dense modal = multiply_transposed(
-      e.response.U(), all.outputs_are_inputs ? all.B : beside(all.B, all.C));
-  for (int j = 0; j < modal.columns; ++j)
-    for (int i = 0; i < modal.rows; ++i) // in modal coordinates K is 1 − τμ
-      modal(i, j) /= std::max(
-          1 - e.response.tau() * e.response.mu()[static_cast<std::size_t>(i)], 1e-12);
-  return after_rigid(multiply(e.response.U(), modal), e.rigid, e.N);
-}
-
 /// The candidate's vectors after those of the static responses, orthonormal in the inner
 /// product G.
 Candidate after_statics(const Candidate& own, const Dense& statics, const Dense& G) {
-  Dense L = G;
-  if (cholesky(L) != 0)
-    throw Error("the inner product is not positive on the medium space");
-  Dense inverse = identity(L.rows);
-  solve_right_transposed(L, inverse); // L⁻ᵀ
-  const auto span = [L = transpose(L), inverse = std::move(inverse),
+  const Dense L = factor_of(G);
+  const auto span = [L = transpose(L), inverse = inverse_transposed(L),
                      statics](const Dense& vectors) {
     return multiply(inverse, nested_span(multiply(L, beside(statics, vectors))));
   };
@@ -161,8 +164,11 @@ Candidate make_candidate(const std::string& name, const SecondStage& stage) {
   Candidate candidate = stage.medium.system.order() == rigid // nothing elastic in reach
                             ? nested(identity(rigid), rigid)
                             : chosen.make(stage);
-  if (stage.statics && stage.medium.system.order() > rigid)
-    candidate = after_statics(candidate, static_responses(stage), stage.gram);
+  if (stage.statics && stage.medium.system.order() > rigid) {
+    const Elastic e(stage);
+    candidate =
+        after_statics(candidate, after_rigid(e.statics(), e.rigid, e.N), stage.gram);
+  }
   candidate.name = name;
   return candidate;
 }

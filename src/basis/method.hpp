@@ -78,6 +78,7 @@ Demand demand_of(const std::vector<std::string>& names, int order,
 Dense unit_vectors(int N, int first);
 /// Unit vectors of the rigid modes, then the columns of `a`, which has the last rows.
 Dense after_rigid(const Dense& a, int rigid, int N);
+Dense all_ports(const DenseSystem& system); ///< B, and C where that is another
 /// A candidate whose basis of order m is the first m columns of `all`.
 Candidate nested(Dense all, int least = 1);
 /// Orthonormal columns spanning those of A, dropping what adds less than 1e-10 (modified
@@ -94,6 +95,10 @@ WeightedSvd weighted_svd(const Dense& F, const Dense& G);
 /// The medium model without its rigid modes.
 struct Elastic {
   explicit Elastic(const SecondStage& stage);
+  /// K⁻¹ of all ports, count × ports: of a free body the elastic part of its response to
+  /// constant loads.
+  Dense statics() const;
+
   int rigid, N, count; ///< N = rigid + count
   DenseSystem system;
   Dense gram;

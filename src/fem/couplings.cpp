@@ -101,8 +101,7 @@ void add_distributed_loads(const Interface& interface, const DofMap& map,
   require_six_motions(interface, normal);
   Dense l = normal;
   cholesky(l);
-  Dense inverse_factor = identity(6);
-  solve_right_transposed(l, inverse_factor); // L⁻ᵀ
+  const Dense inverse_factor = inverse_transposed(l);
   const Dense inverse = multiply(inverse_factor, transpose(inverse_factor));
   const int first = static_cast<int>(names.size());
   for (std::size_t k = 0; k < interface.nodes.size(); ++k) {

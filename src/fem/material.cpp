@@ -11,8 +11,7 @@ namespace {
 /// Symmetric 6×6 inverse by Cholesky; false if not positive definite.
 bool invert(Dense a, std::array<double, 36>& inverse) {
   if (cholesky(a) != 0) return false;
-  Dense x = identity(6);
-  solve_right_transposed(a, x); // L⁻ᵀ
+  const Dense x = inverse_transposed(a);
   const Dense result = multiply(x, transpose(x));
   for (std::size_t i = 0; i < 36; ++i) inverse[i] = result.data[i];
   return true;

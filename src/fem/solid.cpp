@@ -107,10 +107,8 @@ void condense(int internal, ElementMatrices& element) {
     for (int i = 0; i < n; ++i) ua(i, j) = element.K(i, n + j);
   }
   if (cholesky(aa) != 0) throw Error("the incompatible modes have no stiffness");
-  solve_right_transposed(aa, ua); // K_ua L⁻ᵀ
-  Dense inverse_factor = identity(internal);
-  solve_right_transposed(aa, inverse_factor);                     // L⁻ᵀ
-  const Dense followed = multiply(inverse_factor, transpose(ua)); // K_aa⁻¹ K_au
+  solve_right_transposed(aa, ua);                                         // K_ua L⁻ᵀ
+  const Dense followed = multiply(inverse_transposed(aa), transpose(ua)); // K_aa⁻¹ K_au
   Dense T(all, n);
   for (int j = 0; j < n; ++j) {
     T(j, j) = 1;

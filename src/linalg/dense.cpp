@@ -250,6 +250,12 @@ void solve_right_transposed(const Dense& l, Dense& x) {
   BLAStrsm_("R", "L", "T", "N", &m, &n, &one, l.data.data(), &n, x.data.data(), &m);
 }
 
+Dense inverse_transposed(const Dense& l) {
+  Dense inverse = identity(l.rows);
+  solve_right_transposed(l, inverse);
+  return inverse;
+}
+
 LeftSvd left_svd(const Dense& a) {
   const int rank = std::min(a.rows, a.columns);
   LeftSvd result{std::vector<double>(static_cast<std::size_t>(rank)),

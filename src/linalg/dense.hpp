@@ -85,6 +85,7 @@ Dense compressed(const Dense& a);
 int cholesky(Dense& a);
 /// X ← X L⁻ᵀ, so that X L⁻ᵀ has the columns that Cholesky-QR wants.
 void solve_right_transposed(const Dense& l, Dense& x);
+Dense inverse_transposed(const Dense& l); ///< L⁻ᵀ of a lower triangle
 
 /// Singular values (descending) and left singular vectors, rows × min(rows, columns), by
 /// the SLEPc SVD solver of LAPACK type on one rank's copy.

@@ -99,8 +99,7 @@ Orthonormalised orthonormalise(Block X, const Basis& V, const InnerProduct& prod
     if (cholesky(l) != 0)
       throw Error(
           "orthonormalisation failed: the inner product is not positive on the basis");
-    Dense correction = identity(l.rows);
-    solve_right_transposed(l, correction); // I L⁻ᵀ
+    const Dense correction = inverse_transposed(l);
     X = combine(X, correction);
     WX = combine(WX, correction);
     // The next pass would remove the square of this one: rounding.

@@ -37,7 +37,6 @@ bool MediumBuilder::find_the_modes(double omega, bool mass_is_singular, bool las
 /// Whether a mode that the search left loose, and that was not judged, may be as slow as a
 /// rigid one, by its enclosure in the last level.
 bool MediumBuilder::has_unjudged_slow_modes() const {
-  if (judged_elastic_ < 0) return false;
   const Certificate::Modes modes = medium_.levels.back().certificate->modes();
   int count = 0;
   for (auto k = static_cast<std::size_t>(medium_.rigid); k < modes.largest_mu.size(); ++k)
@@ -51,6 +50,7 @@ void MediumBuilder::begin_again_with_exact_modes(bool mass_is_singular) {
   observer_.fact("slow modes", "one came to light while the space grew: all are found "
                                "again, exactly, and judged");
   exact_modes_ = true;
+  judged_elastic_ = 0;
   medium_.levels.clear();
   image_ = Block();
   blocks_ = 0;

@@ -83,8 +83,7 @@ private:
   bool inertia_is_safe_ = false, cutoff_is_factorised_ = false,
        factors_are_chosen_ = false;
   bool exact_modes_ = false; ///< loose ones hid one that may be rigid
-  int judged_elastic_ = -1; ///< slow modes that were found to be no rigid ones; −1: of a
-                            ///< checkpoint, not known
+  int judged_elastic_ = 0;   ///< slow modes that were found to be no rigid ones
   /// Wide blocks are cut to the directions that matter, as long as that helps.
   bool cut_blocks_ = true, block_was_cut_ = false;
   double worst_before_ = 0;                    ///< error of the level before

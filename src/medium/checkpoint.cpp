@@ -26,6 +26,8 @@ void archive_state(Archive&& a, State& s) {
   a("geometric", s.geometric);
   a("blocks", s.blocks);
   a("inertia_is_safe", s.inertia_is_safe);
+  a("judged_elastic", s.judged_elastic);
+  a("exact_modes", s.exact_modes);
   a("grid", s.grid);
   a("least_eigenvalue", s.least_eigenvalue);
   a("of_rounding", s.of_rounding);

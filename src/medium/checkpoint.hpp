@@ -18,6 +18,9 @@ struct CheckpointState {
   Dense rigid_beyond, rigid_assumed; ///< stiffness of rigid modes (MediumSpace)
   int geometric = 0, blocks = 0;
   bool inertia_is_safe = false;
+  /// Of slow modes: those judged to be no rigid ones; whether all were found exactly.
+  int judged_elastic = 0;
+  bool exact_modes = false;
   std::vector<double> grid; ///< [rad/s]
   double least_eigenvalue = 0, of_rounding = 0;
 };

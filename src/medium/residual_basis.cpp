@@ -70,9 +70,7 @@ Span span_of(MPI_Comm comm, Basis S) {
       symmetrise(l);
       share_from_first(comm, l.data);
       if (cholesky(l) != 0) throw Error("the parts of the residual have no basis");
-      Dense inverse = identity(r);
-      solve_right_transposed(l, inverse);
-      found = combine(found, inverse);
+      found = combine(found, inverse_transposed(l));
     }
     Dense parts(r, q);
     S.for_each([&](Block& piece, int first) {

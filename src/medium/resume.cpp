@@ -66,6 +66,8 @@ bool MediumBuilder::resume() {
   blocks_ = state->blocks;
   factorisations_before_ = medium_.factorisations;
   inertia_is_safe_ = state->inertia_is_safe;
+  judged_elastic_ = state->judged_elastic;
+  exact_modes_ = state->exact_modes;
   grid_ = std::move(state->grid);
   least_eigenvalue_ = state->least_eigenvalue;
   of_rounding_ = state->of_rounding;
@@ -100,6 +102,8 @@ CheckpointState MediumBuilder::state() const {
   state.geometric = geometric_;
   state.blocks = blocks_;
   state.inertia_is_safe = inertia_is_safe_;
+  state.judged_elastic = judged_elastic_;
+  state.exact_modes = exact_modes_;
   state.grid = grid_;
   state.least_eigenvalue = least_eigenvalue_;
   state.of_rounding = of_rounding_;

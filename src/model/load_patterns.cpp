@@ -2,19 +2,15 @@
 
 #include "base/process.hpp"
 #include "base/text.hpp"
+#include "model/port_views.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <random>
 
 namespace flexgram {
 namespace {
-
-/// The kind of a port, by the last part of its name: 'f', 'm' or none.
-char kind_of(const std::string& name) {
-  const auto dot = name.rfind('.');
-  return dot != std::string::npos && name.size() == dot + 3 ? name[dot + 1] : ' ';
-}
 
 /// What makes the mean compliance of each kind of ports the same.
 /// @param compliance  of each port, about.
@@ -25,7 +21,7 @@ std::vector<double> units_of(const std::vector<std::string>& names,
     double sum = 0;
     int count = 0;
     for (std::size_t j = 0; j < names.size(); ++j)
-      if (kind_of(names[j]) == kind_of(names[i])) {
+      if (kind_of_port(names[j]) == kind_of_port(names[i])) {
         sum += compliance[j];
         ++count;
       }
@@ -34,18 +30,13 @@ std::vector<double> units_of(const std::vector<std::string>& names,
   return units;
 }
 
-/// The same numbers on every rank.
-Dense random_columns(int rows, int columns) {
+/// Normally distributed, the same on every rank and in every run.
+Dense random_columns(MPI_Comm comm, int rows, int columns) {
   Dense a(rows, columns);
-  std::uint64_t state = 0x9e3779b97f4a7c15;
-  const auto uniform = [&] { // splitmix64
-    std::uint64_t z = state += 0x9e3779b97f4a7c15;
-    z = (z ^ (z >> 30)) * 0xbf58476d1ce4e5b9;
-    z = (z ^ (z >> 27)) * 0x94d049bb133111eb;
-    return (static_cast<double>((z ^ (z >> 31)) >> 11) + 0.5) / 9007199254740992.0;
-  };
-  for (double& x : a.data) // Box and Muller
-    x = std::sqrt(-2 * std::log(uniform())) * std::cos(2 * M_PI * uniform());
+  std::mt19937_64 engine(1);
+  std::normal_distribution<double> normal;
+  for (double& x : a.data) x = normal(engine);
+  share_from_first(comm, a.data);
   return a;
 }
 
@@ -119,7 +110,7 @@ LeadingPatterns leading_patterns(const SecondOrderModel& body, int count, double
   const int p = static_cast<int>(body.B.columns()),
             k = std::min(p, count + std::max(10, count / 5));
   Compliance G(body, tau, options);
-  const Dense random = random_columns(p, k);
+  const Dense random = random_columns(body.comm, p, k);
   Dense first = G(random);
   G.units = units_of(body.inputs, diagonal_of(random, first));
   const double unit = G.units.front();

@@ -5,15 +5,10 @@
 namespace flexgram {
 namespace {
 
-/// Ports of one kind, by the names' last part: "f" forces, "m" moments.
 std::vector<int> ports_of_kind(const std::vector<std::string>& names, char kind) {
   std::vector<int> found;
-  for (std::size_t i = 0; i < names.size(); ++i) {
-    const auto dot = names[i].rfind('.');
-    if (dot != std::string::npos && names[i].size() == dot + 3 &&
-        names[i][dot + 1] == kind)
-      found.push_back(static_cast<int>(i));
-  }
+  for (std::size_t i = 0; i < names.size(); ++i)
+    if (kind_of_port(names[i]) == kind) found.push_back(static_cast<int>(i));
   return found;
 }
 
@@ -24,6 +19,13 @@ std::vector<int> all_of(std::size_t count) {
 }
 
 } // namespace
+
+char kind_of_port(const std::string& name) {
+  const auto dot = name.rfind('.');
+  if (dot == std::string::npos || name.size() != dot + 3) return ' ';
+  const char kind = name[dot + 1];
+  return kind == 'f' || kind == 'm' ? kind : ' ';
+}
 
 ComplexDense PortView::of(const ComplexDense& H) const {
   ComplexDense part(static_cast<int>(rows.size()), static_cast<int>(columns.size()));

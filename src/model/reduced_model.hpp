@@ -28,8 +28,8 @@ struct ErrorClaim {
 };
 
 /// Loads that a body was reduced for, instead of each input by itself: combinations of its
-/// inputs. What is claimed holds for all loads in their span, and for the motion seen by
-/// them where the outputs are the inputs.
+/// inputs, P. What is claimed is of PᵀHP, the motion along them in answer to any in their
+/// span, relative to all of it; of HP where the outputs are not the inputs.
 struct LoadSpan {
   Dense patterns; ///< n_in × k
   std::vector<std::string> names;

@@ -227,8 +227,9 @@ ReducedModel reduce_body(const Body& body, const Settings& s, Observer& observer
     rom = reduce_for_ports(narrow, s, observer, checkpoint);
     restore_ports(rom, body.model, std::move(*loads));
     observer.fact("claim",
-                  text("for all loads in the span of these %zu; the body keeps its "
-                       "%zu inputs",
+                  text("of the motion along these %zu loads in answer to any in their "
+                       "span, relative to all of them together; the body keeps its %zu "
+                       "inputs",
                        rom.loads->names.size(), rom.model.inputs.size()));
   } else {
     rom = reduce_for_ports(body, s, observer, checkpoint);

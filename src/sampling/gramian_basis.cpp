@@ -153,9 +153,7 @@ Block reorthonormalise(Block V, Mat M, Mat K, double omega_max, const Weight& we
   if (cholesky(g) != 0)
     throw Error("the basis cannot be orthonormalised in " + weight.name +
                 ": take {inner_product} energy");
-  Dense x = identity(g.rows);
-  solve_right_transposed(g, x);
-  return combine(V, x);
+  return combine(V, inverse_transposed(g));
 }
 
 GramianBasis by_method_of_snapshots(const Block& Z, Mat M, Mat K, double omega_max,
@@ -225,11 +223,9 @@ GramianBasis gramian_basis(Block Z, Mat M, Mat K, double omega_max,
     share_from_first(svd.left.comm(), inner_svd.vectors.data);
     basis.sigma = squares(inner_svd.values);
     basis.order = choose_order(spec, all, basis.sigma, available);
-    // V = U L⁻ᵀ (left vectors): solve_right_transposed gives X L⁻ᵀ for X = I.
-    Dense l_inverse_transposed = identity(available);
-    solve_right_transposed(l, l_inverse_transposed);
-    basis.V = combine(svd.left, multiply(l_inverse_transposed,
-                                         first_columns(inner_svd.vectors, basis.order)));
+    basis.V =
+        combine(svd.left, multiply(inverse_transposed(l), // V = U L⁻ᵀ (left vectors)
+                                   first_columns(inner_svd.vectors, basis.order)));
     basis.V = reorthonormalise(std::move(basis.V), M, K, omega_max, weight);
   }
   basis.inner_product = weight.name;

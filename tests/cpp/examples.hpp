@@ -1,5 +1,6 @@
 #pragma once
 
+#include "base/observer.hpp"
 #include "linalg/sparse.hpp"
 #include "linalg/sparse_product.hpp"
 #include "model/second_order_model.hpp"
@@ -12,6 +13,11 @@
 namespace flexgram::examples {
 
 inline MPI_Comm world() { return PETSC_COMM_WORLD; }
+
+inline Observer& silent() {
+  static Observer observer(world(), Observer::Level::silent);
+  return observer;
+}
 
 /// n×n sparse matrix from a function of (row, column); zeros are left out.
 inline Matrix sparse(PetscInt n, const std::function<double(PetscInt, PetscInt)>& entry,

@@ -14,11 +14,6 @@ namespace {
 
 constexpr PetscInt n = 120;
 
-Observer& silent() {
-  static Observer observer(world(), Observer::Level::silent);
-  return observer;
-}
-
 /// D of material damping in the right half only.
 Matrix half_damped() {
   return sparse(

@@ -14,11 +14,6 @@ namespace {
 
 constexpr PetscInt n = 120;
 
-Observer& silent() {
-  static Observer observer(world(), Observer::Level::silent);
-  return observer;
-}
-
 /// A chain of n equal masses and springs between two walls, doubled: every eigenvalue
 /// twice.
 SecondOrderModel twin_chains(PetscInt half) {

@@ -18,11 +18,6 @@ constexpr PetscInt n = 120;
 constexpr double hz = 1 / (2 * std::numbers::pi);
 const Damping light{0.05, 1e-4, 0};
 
-Observer& silent() {
-  static Observer observer(world(), Observer::Level::silent);
-  return observer;
-}
-
 /// The band of the tests, 0.5 to 12.3 rad/s: four modes of the rod.
 struct Job {
   CertifySpec spec{.bands = {{0.5, 12.3}}};

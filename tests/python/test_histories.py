@@ -107,3 +107,29 @@ def test_uneven_times_and_the_command_line(bar: Free, tmp_path: Path) -> None:
     assert "The load history history.csv" in page and "lies above the band" in page
     run("simulate", rom, "--loads", history, "-o", tmp_path / "y.csv")
     assert (tmp_path / "y.csv").read_text().count("\n") == 802
+
+
+def test_a_body_for_few_loads_answers_for_these(bar: Free) -> None:
+    rom = reduce(bar.path, (1, LAST), 1e-3,
+                 options={"mor_tol_of": "whole", "mor_load_patterns": 4})  # fmt: skip
+    P = rom.loads
+    rng = np.random.default_rng(1)
+    lines = {hz: P @ rng.standard_normal(P.shape[1]) for hz in (3.0, 40.5, 97.0)}
+    verdict = judge(rom, *tones(lines))
+    assert verdict.astray < 1e-12 and verdict.proved
+    off = whole = 0.0
+    free = System(bar.K, bar.M, bar.B, alpha=3.0, beta=1e-6)
+    for hz, amplitude in lines.items():
+        omega = 2 * np.pi * hz
+        H, H_r = P.T @ free.transfer(omega), P.T @ rom.transfer(omega)
+        off += np.linalg.norm((H_r - H) @ amplitude) ** 2
+        whole += np.linalg.norm(H @ amplitude) ** 2
+    assert np.sqrt(off / whole) <= verdict.error < 0.1
+
+    other = rng.standard_normal(len(P))  # a load beside them
+    other -= P @ np.linalg.lstsq(P, other, rcond=None)[0]
+    beside = {hz: amplitude + 3 * other * np.linalg.norm(amplitude) / np.linalg.norm(other)
+              for hz, amplitude in lines.items()}  # fmt: skip
+    verdict = judge(rom, *tones(beside))
+    assert verdict.astray == pytest.approx(0.9)
+    assert any("90 % of the loads is no combination" in words for words in verdict.words)

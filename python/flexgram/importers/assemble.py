@@ -21,7 +21,6 @@ from flexgram.importers.ccx import Card, Job, damping_of, frequency_step, read_j
 from flexgram.importers.deck import Deck, read_deck
 from flexgram.importers.fe import Interface
 from flexgram.meshbody import describe_interfaces
-from flexgram.units import UNITS
 
 ELEMENTS = ("C3D4", "C3D10", "C3D15", "C3D20")
 #: Cards of the model that are read here, by ``read_deck`` or ``damping_of``.
@@ -144,8 +143,6 @@ def assemble_deck(
         For a deck that says more of K or M than is followed here.
     """
     check_damping(alpha, beta, eta)
-    if units not in UNITS:
-        raise BodyError(f"--units {units} must be one of {', '.join(UNITS)}")
     job = read_job(path)
     _refuse_others(job)
     deck = read_deck(path)

@@ -10,13 +10,8 @@ namespace flexgram {
 namespace {
 
 /// Statics of a free body under port loads in equilibrium.
-Dense free_statics(const Elastic& e, const Dense& elastic_ports, const Dense& all_ports) {
-  Dense statics = multiply_transposed(e.response.U(), elastic_ports);
-  for (int j = 0; j < statics.columns; ++j)
-    for (int i = 0; i < e.count; ++i) // in modal coordinates K is 1 − τμ
-      statics(i, j) /= std::max(
-          1 - e.response.tau() * e.response.mu()[static_cast<std::size_t>(i)], 1e-12);
-  const Dense resultants = part_of(all_ports, 0, e.rigid, 0, all_ports.columns);
+Dense free_statics(const Elastic& e, const Dense& ports) {
+  const Dense resultants = part_of(ports, 0, e.rigid, 0, ports.columns);
   const SymmetricEigen eigen =
       symmetric_eigen(multiply_transposed(resultants, resultants));
   const double floor = 1e-12 * std::max(eigen.values.back(), 1e-300);
@@ -24,8 +19,7 @@ Dense free_statics(const Elastic& e, const Dense& elastic_ports, const Dense& al
   while (balanced_loads < eigen.vectors.columns &&
          eigen.values[static_cast<std::size_t>(balanced_loads)] <= floor)
     ++balanced_loads;
-  return multiply(multiply(e.response.U(), statics),
-                  first_columns(eigen.vectors, balanced_loads));
+  return multiply(e.statics(), first_columns(eigen.vectors, balanced_loads));
 }
 
 /// N − Z (ZᵀKZ)⁻¹ZᵀK N: the rest of the body follows unit motions N of the interfaces, by
@@ -54,8 +48,7 @@ Dense held_statics(const Dense& K, const Dense& N, const Dense& Z,
 Candidate make(const SecondStage& stage) {
   const Elastic e(stage);
   const DenseSystem& all = stage.medium.system;
-  const Dense all_ports = all.outputs_are_inputs ? all.B : beside(all.B, all.C);
-  const Dense span = nested_span(all_ports);
+  const Dense ports = all_ports(all), span = nested_span(ports);
 
   // Coordinates without motion of the ports.
   const SymmetricEigen eigen = symmetric_eigen(multiply(span, transpose(span)));
@@ -71,14 +64,9 @@ Candidate make(const SecondStage& stage) {
   while (e.rigid == 0 && soft < held &&
          1 - fixed.tau() * fixed.mu()[static_cast<std::size_t>(soft)] < 1e-6)
     ++soft;
-  const Dense constraint = nested_span(
-      e.rigid == 0 ? held_statics(all.K, span, Z, fixed, soft)
-                   : after_rigid(free_statics(e,
-                                              e.system.outputs_are_inputs
-                                                  ? e.system.B
-                                                  : beside(e.system.B, e.system.C),
-                                              all_ports),
-                                 e.rigid, e.N));
+  const Dense constraint =
+      nested_span(e.rigid == 0 ? held_statics(all.K, span, Z, fixed, soft)
+                               : after_rigid(free_statics(e, ports), e.rigid, e.N));
   Candidate c = nested(nested_span(beside(constraint, fixed_interface_modes)),
                        constraint.columns + soft);
   int below = 0;
