@@ -6,7 +6,6 @@ the program ``flexgram`` assembles.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -26,114 +25,14 @@ from flexgram.meshfile import (
     node_set,
     read_mesh,
 )
+from flexgram.reader import Reader, UniqueKeys, short
+from flexgram.sections import section_properties
 from flexgram.selection import in_box, nearest
 from flexgram.units import UNITS
 
 COMPONENTS = {"x": 0, "y": 1, "z": 2, "rx": 3, "ry": 4, "rz": 5}
 ENGINEERING = ("E1", "E2", "E3", "nu12", "nu13", "nu23", "G12", "G13", "G23")
 ISOTROPIC = ("E", "nu", "rho")
-SHAPES = {
-    "circle": ("radius",),
-    "tube": ("radius", "thickness"),
-    "rectangle": ("width", "height"),
-    "general": ("A", "I_y", "I_z", "J", "k_y", "k_z"),
-}
-
-
-class _UniqueKeys(yaml.SafeLoader):
-    """YAML that refuses a key given twice, where PyYAML would drop the first."""
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        keys = [self.construct_object(key, deep=True) for key, _ in node.value]
-        for key in keys:
-            if keys.count(key) > 1:
-                raise BodyError(f"line {node.start_mark.line + 1}: the key {key} is given twice")
-        return super().construct_mapping(node, deep)
-
-
-def _short(value: Any) -> str:
-    text = repr(value)
-    return text if len(text) < 60 else text[:57] + "..."
-
-
-class _Reader:
-    """Typed access to a YAML mapping that names the place of every mistake."""
-
-    def __init__(self, data: Any, where: str, known: tuple[str, ...] | None = None) -> None:
-        if not isinstance(data, dict):
-            raise BodyError(f"{where} must be a mapping, not {_short(data)}")
-        self.data, self.where = data, where
-        if known is not None:
-            for key in data:
-                if key not in known:
-                    raise BodyError(f"{where}: unknown key {key}; there are {', '.join(known)}")
-
-    def get(self, key: str, default: Any = None) -> Any:
-        if key not in self.data and default is None:
-            raise BodyError(f"{self.where}: {key} is missing")
-        return self.data.get(key, default)
-
-    def number(self, key: str, default: float | None = None) -> float:
-        value = self.get(key, default)
-        try:
-            number = float(value)  # YAML reads 210e9 as text
-        except (TypeError, ValueError):
-            raise BodyError(f"{self.where}: {key} = {value!r} must be a number") from None
-        if not math.isfinite(number):
-            raise BodyError(f"{self.where}: {key} = {value!r} must be finite")
-        return number
-
-    def vector(self, key: str, default: Any = None) -> NDArray[np.float64]:
-        value = self.get(key, default)
-        try:
-            vector = np.array([float(x) for x in value])
-        except (TypeError, ValueError):
-            raise BodyError(f"{self.where}: {key} = {value!r} must be three numbers") from None
-        if vector.shape != (3,) or not np.all(np.isfinite(vector)):
-            raise BodyError(f"{self.where}: {key} = {value!r} must be three finite numbers")
-        return vector
-
-    def choice(self, key: str, known: Any, default: str | None = None) -> str:
-        value = self.get(key, default)
-        if value not in known:
-            raise BodyError(f"{self.where}: {key} = {value!r} must be one of {', '.join(known)}")
-        return str(value)
-
-    def children(self, key: str) -> dict[str, Any]:
-        value = self.data.get(key) or {}
-        return _Reader(value, f"{self.where}: {key}").data
-
-
-def section_properties(reader: _Reader, length: float) -> dict[str, float]:
-    """Area, second moments of area, torsion constant and shear factors of a beam section [SI].
-
-    Shear factors after Cowper (1966) for nu = 0.3; torsion of a rectangle by Saint-Venant's
-    series to 1e-5.
-    """
-    shape = reader.choice("shape", SHAPES)
-    value = {key: reader.number(key, 5 / 6 if key.startswith("k_") else None)
-             for key in SHAPES[shape]}  # fmt: skip
-    nu = 0.3
-    if shape == "general":
-        powers = {"A": 2, "I_y": 4, "I_z": 4, "J": 4, "k_y": 0, "k_z": 0}
-        return {key: value[key] * length ** powers[key] for key in powers}
-    size = {key: x * length for key, x in value.items()}
-    if shape == "rectangle":  # width along y, height along z
-        b, h = size["width"], size["height"]
-        a, c = max(b, h), min(b, h)
-        series = sum(math.tanh(n * math.pi * a / (2 * c)) / n**5 for n in range(1, 40, 2))
-        J = a * c**3 / 3 * (1 - 192 * c / (math.pi**5 * a) * series)
-        k = 10 * (1 + nu) / (12 + 11 * nu)
-        return {"A": b * h, "I_y": b * h**3 / 12, "I_z": h * b**3 / 12, "J": J, "k_y": k, "k_z": k}
-    R = size["radius"]
-    r = R - size["thickness"] if shape == "tube" else 0.0
-    if r < 0:
-        raise BodyError(f"{reader.where}: thickness is larger than radius")
-    second = math.pi * (R**4 - r**4) / 4
-    m2 = (r / R) ** 2
-    k = 6 * (1 + nu) * (1 + m2) ** 2 / ((7 + 6 * nu) * (1 + m2) ** 2 + (20 + 12 * nu) * m2)
-    return {"A": math.pi * (R**2 - r**2), "I_y": second, "I_z": second, "J": 2 * second,
-            "k_y": k, "k_z": k}  # fmt: skip
 
 
 def _write_material(file: h5py.File, name: str, data: Any, units: tuple[float, ...]) -> None:
@@ -142,7 +41,7 @@ def _write_material(file: h5py.File, name: str, data: Any, units: tuple[float, .
     where = f"materials: {name}"
     group = file.create_group(f"materials/{check_name(where, str(name))}")
     if isinstance(data, dict) and "E1" in data:
-        reader = _Reader(data, where, (*ENGINEERING, "rho", "axis_1", "axis_2"))
+        reader = Reader(data, where, (*ENGINEERING, "rho", "axis_1", "axis_2"))
         group.attrs["engineering_constants"] = [
             reader.number(key) * (1.0 if key.startswith("nu") else stress) for key in ENGINEERING
         ]
@@ -156,7 +55,7 @@ def _write_material(file: h5py.File, name: str, data: Any, units: tuple[float, .
         second = second / np.linalg.norm(second)
         group.attrs["axes"] = np.concatenate([first, second, np.cross(first, second)])
     else:
-        reader = _Reader(data, where, ISOTROPIC)
+        reader = Reader(data, where, ISOTROPIC)
         group.attrs["E"] = reader.number("E") * stress
         group.attrs["nu"] = reader.number("nu")
     group.attrs["rho"] = reader.number("rho") * density
@@ -172,12 +71,12 @@ def _select_nodes(
     """Nodes by set name, by list of 1-based numbers, or, in the mesh's own units, by a box or as
     the one nearest to a place."""
     if isinstance(choice, dict) and "at" in choice:
-        at = _Reader(choice, where, ("at",)).vector("at")
+        at = Reader(choice, where, ("at",)).vector("at")
         nodes = np.flatnonzero(used)
         nodes = nodes[[nearest(points[nodes], at, where)]]
     elif isinstance(choice, dict):
         with errors_of(f"{where}: box"):
-            box = np.array(_Reader(choice, where, ("box",)).get("box"), dtype=float)
+            box = np.array(Reader(choice, where, ("box",)).get("box"), dtype=float)
         if box.shape != (2, 3) or not np.all(np.isfinite(box)):
             raise BodyError(
                 f"{where}: box must be [[x, y, z] of one corner, [x, y, z] of the other]"
@@ -186,7 +85,7 @@ def _select_nodes(
         nodes = nodes[in_box(points[nodes], box, where)]
     elif isinstance(choice, list):
         if not all(type(number) is int for number in choice):
-            raise BodyError(f"{where}: {_short(choice)} must be node numbers")
+            raise BodyError(f"{where}: {short(choice)} must be node numbers")
         with errors_of(where):
             nodes = np.array(choice, dtype=np.int64) - 1
         if nodes.size and (nodes.min() < 0 or nodes.max() >= len(points)):
@@ -226,7 +125,7 @@ def import_body(description: str | Path, output: str | Path) -> dict[str, Any]:
     """
     path = Path(description)
     try:
-        content = yaml.load(path.read_text(), _UniqueKeys)
+        content = yaml.load(path.read_text(), UniqueKeys)
     except UnicodeDecodeError:
         raise BodyError(f"{path}: not a text file; describe the mesh in YAML") from None
     except OSError as error:
@@ -269,7 +168,7 @@ def import_description(
     mesh : meshio.Mesh, optional
         Instead of the file that the description names.
     """
-    reader = _Reader(
+    reader = Reader(
         content,
         where,
         ("name", "mesh", "units", "materials", "regions", "sections", "interfaces", "supports",
@@ -289,7 +188,7 @@ def import_description(
 
 def _write(
     file: h5py.File,
-    reader: _Reader,
+    reader: Reader,
     mesh: Any,
     cells: dict[str, list[IntArray]],
     units: tuple[float, ...],
@@ -303,7 +202,7 @@ def _write(
     for name, data in reader.children("materials").items():
         _write_material(file, name, data, units)
     for name, data in reader.children("sections").items():
-        section = _Reader(data, f"sections: {name}")
+        section = Reader(data, f"sections: {name}")
         group = file.create_group(f"sections/{check_name(section.where, str(name))}")
         group.attrs.update(section_properties(section, length))
         y_axis = section.vector("y_axis", [0, 1, 0])
@@ -327,7 +226,7 @@ def _write(
             f"parts and node sets of the mesh are {known}"
         )
     for order, (name, data) in enumerate(reader.children("interfaces").items()):
-        entry = _Reader(data, f"interfaces: {name}", ("coupling", "nodes", "position", "weights"))
+        entry = Reader(data, f"interfaces: {name}", ("coupling", "nodes", "position", "weights"))
         nodes = _select_nodes(entry.get("nodes"), entry.where, mesh.points, used, sets)
         group = file.create_group(f"interfaces/{check_name(entry.where, str(name))}")
         group.attrs["coupling"] = entry.choice("coupling", ("rigid", "distributing", "node"))
@@ -353,19 +252,19 @@ def _write(
             with errors_of(f"{entry.where}: weights"):
                 group["weights"] = np.asarray(entry.get("weights"), dtype=np.float64)
     for order, (name, data) in enumerate(reader.children("supports").items()):
-        entry = _Reader(data, f"supports: {name}", ("nodes", "components"))
+        entry = Reader(data, f"supports: {name}", ("nodes", "components"))
         group = file.create_group(f"supports/{check_name(entry.where, str(name))}")
         group["nodes"] = _select_nodes(entry.get("nodes"), entry.where, mesh.points, used, sets)
         held = entry.get("components", ["x", "y", "z"])
         if not isinstance(held, list):
-            raise BodyError(f"{entry.where}: components = {_short(held)} must be a list")
+            raise BodyError(f"{entry.where}: components = {short(held)} must be a list")
         unknown = [c for c in held if c not in COMPONENTS]
         if unknown:
             raise BodyError(f"{entry.where}: component {unknown[0]} must be one of "
                             f"{', '.join(COMPONENTS)}")  # fmt: skip
         group.attrs["components"] = [float(COMPONENTS[c]) for c in held]
         group.attrs["order"] = order
-    damping = _Reader(reader.get("damping", {}) or {}, "damping", ("alpha", "beta", "eta"))
+    damping = Reader(reader.get("damping", {}) or {}, "damping", ("alpha", "beta", "eta"))
     for key in ("alpha", "beta", "eta"):
         file.attrs[key] = damping.number(key, 0.0)
     extent = np.ptp(mesh.points[used], axis=0) * length
@@ -376,7 +275,7 @@ def _write(
 
 def _write_blocks(
     file: h5py.File,
-    reader: _Reader,
+    reader: Reader,
     mesh: Any,
     cells: dict[str, list[IntArray]],
     used: NDArray[np.bool_],
@@ -391,7 +290,7 @@ def _write_blocks(
     first = np.cumsum([0, *(len(block.data) for block in mesh.cells)])
     blocks: list[tuple[str, IntArray]] = []
     for name, data in regions.items():
-        entry = _Reader(data, f"regions: {name}", ("material", "section"))
+        entry = Reader(data, f"regions: {name}", ("material", "section"))
         material = entry.choice("material", reader.children("materials"))
         if str(name) not in cells:
             raise BodyError(f"{entry.where}: the mesh has no such part; it has "

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexgram.basics import BodyError, errors_of, expect_survival
 from flexgram.reduced_file import copy_file, port_names, read_fields
+from flexgram.time_response import linear_response
 
 Floats = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -320,19 +321,11 @@ class ReducedModel:
                             f"{len(times)} times × {self.B.shape[1]} inputs: "
                             f"{', '.join(self.inputs)}")  # fmt: skip
         A, B, _, _ = self.state_space()
-        n, p, h = len(A), B.shape[1], steps[0]
-        # exp of [[A, B, 0], [0, 0, I/h], [0, 0, 0]] h: x⁺ = Φ x + Γ_0 u + Γ_1 (u⁺ - u)
-        generator = np.zeros((n + 2 * p, n + 2 * p))
-        generator[:n, :n], generator[:n, n : n + p] = A * h, B * h
-        generator[n : n + p, n + p :] = np.eye(p)
-        power = scipy.linalg.expm(generator)
-        Phi, G0, G1 = power[:n, :n], power[:n, n : n + p], power[:n, n + p :]
-        x = np.zeros((len(times), n))
         m = self.order
-        x[0, :m] = 0 if q0 is None else q0
-        x[0, m:] = 0 if v0 is None else v0
-        for k in range(len(steps)):
-            x[k + 1] = Phi @ x[k] + G0 @ forces[k] + G1 @ (forces[k + 1] - forces[k])
+        start = np.zeros(2 * m)
+        start[:m] = 0 if q0 is None else q0
+        start[m:] = 0 if v0 is None else v0
+        x = linear_response(A, B, start, forces, steps[0])
         return x[:, :m] @ self.C.T, x[:, :m]
 
     def lift(self, q: ArrayLike) -> Floats:

@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 import scipy.linalg as sl
 import scipy.sparse as sp
+from test_importers import assert_same
 
-from bodies import box, write_body_file
+from bodies import box, small, write_body_file
 from conftest import assembled
 from flexgram import BodyError, reduce
 from flexgram.importers import Interface, import_matrices, read
+from flexgram.importers.interfaces import attach
 
 BDF = pytest.importorskip("pyNastran.bdf.bdf").BDF
 
@@ -164,3 +166,72 @@ def test_an_external_superelement_is_a_reduced_body(body: Any, tmp_path: Path) -
         exact = P @ np.linalg.solve(A, P.T)
         error = np.linalg.norm(rom.transfer(omega) - exact) / np.linalg.norm(exact)
         assert error <= rom.certified_error <= 1e-4
+
+
+def test_nastran_dmig_and_op4(tmp_path: Path) -> None:
+    """Punch and OP4 that pyNastran wrote."""
+    K, M = small()
+    dofs = [(5, 1), (5, 2), (5, 3), (7, 1), (7, 2), (7, 3), (9, 1), (9, 3)]
+    model = BDF(debug=None)
+    for name, matrix in (("KAAX", K), ("MAAX", M)):
+        upper = sp.triu(matrix).tocoo()
+        model.add_dmig(name, 6, 2, 0, 0, 8,
+                       [dofs[j] for j in upper.col], [dofs[i] for i in upper.row],
+                       upper.data.tolist())  # fmt: skip
+    model.write_bdf(str(tmp_path / "part.pch"), write_header=False, enddata=False)
+    deck = tmp_path / "part.bdf"
+    grids = {5: (0, 0, 0), 7: (1, 0, 0), 9: (0, 1, 0), 20: (0.5, 0.5, 0)}
+    deck.write_text(
+        "CEND\nBEGIN BULK\n"
+        + "".join(f"GRID,{g},,{x:.1f},{y:.1f},{z:.1f}\n" for g, (x, y, z) in grids.items())
+        + "RBE2,31,20,123456,5,7\nENDDATA\n"
+    )
+    fe = read(tmp_path / "part.pch", deck=deck)
+    assert_same(fe, K, M)
+    assert list(zip(fe.node, fe.component + 1, strict=True)) == dofs
+    assert [(i.name, i.coupling) for i in fe.interfaces] == [("RBE2-31", "rigid")]
+    with pytest.raises(BodyError, match="RBE2-31 has 2 nodes on a line"):
+        attach(fe, fe.interfaces)
+
+    from pyNastran.op4.op4 import OP4
+
+    OP4().write_op4(str(tmp_path / "part.op4"), {"KAA": (6, K.toarray()), "MAA": (6, M.toarray())},
+                    is_binary=False)  # fmt: skip
+    assert_same(read(tmp_path / "part.op4"), K, M)
+
+
+def test_nastran_weights_components_and_structural_damping(tmp_path: Path) -> None:
+    K = sp.eye(12).tocsr() * 1e6 + sp.diags([np.ones(11), np.ones(11)], [-1, 1])
+    dofs = [(g, c) for g in (1, 2, 3, 4) for c in (1, 2, 3)]
+    model = BDF(debug=None)
+    flip = np.random.default_rng(1).random(23) < 0.5
+    for name, matrix in (("KAAX", K), ("MAAX", sp.eye(12)), ("K4AAX", sp.eye(12))):
+        upper = sp.triu(matrix).tocoo()
+        pairs = [(j, i) if flip[k % 23] else (i, j)
+                 for k, (i, j) in enumerate(zip(upper.row, upper.col, strict=True))]  # fmt: skip
+        model.add_dmig(name, 6, 2, 0, 0, 12, [dofs[j] for _, j in pairs],
+                       [dofs[i] for i, _ in pairs], upper.data.tolist())  # fmt: skip
+    model.write_bdf(str(tmp_path / "p.pch"), write_header=False, enddata=False)
+    grids = "".join(f"GRID,{i + 1},,{x:.1f},{y:.1f},0.0\n"
+                    for i, (x, y) in enumerate([(0, 0), (1, 0), (0, 1), (1, 1)]))  # fmt: skip
+    grids += "GRID,9,,0.5,0.5,0.0\n"
+
+    def deck(rigid: str) -> Path:
+        (tmp_path / "p.bdf").write_text(f"CEND\nBEGIN BULK\n{grids}{rigid}ENDDATA\n")
+        return tmp_path / "p.bdf"
+
+    weighted = deck("RBE3,7,,9,123456,10.0,123,1,1.0\n+,123,2,3,4\n")
+    fe = read(tmp_path / "p.pch", deck=weighted)
+    assert abs(fe.K - K).max() == 0 and "K4AAX" in fe.remarks[0]  # either triangle
+    B = attach(fe, fe.interfaces)["B"]
+    # The centroid of a load of weights 10:1:1:1 is not the middle: a force there has a moment too.
+    weights, x = np.array([10, 1, 1, 1]), np.array([[0, 0], [1, 0], [0, 1], [1, 1]]) - 0.5
+    G = np.zeros((12, 6))
+    for i in range(4):
+        G[3 * i : 3 * i + 3, :3] = np.eye(3)
+        for axis in range(3):
+            G[3 * i : 3 * i + 3, 3 + axis] = np.cross(np.eye(3)[axis], [*x[i], 0])
+    W = np.diag(np.repeat(weights, 3))
+    assert np.allclose(B, W @ G @ np.linalg.inv(G.T @ W @ G))
+    with pytest.raises(BodyError, match="RBE2 8 couples the components 12;"):
+        read(tmp_path / "p.pch", deck=deck("RBE2,8,9,12,1,2\n"))

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import os
+import shutil
 import stat
 import subprocess
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 
-from conftest import ENVIRONMENT, PROGRAM, PYTHON, ROOT, chain, run
+from conftest import ENVIRONMENT, PROGRAM, PYTHON, ROOT, chain, message, run
 from flexgram import BodyError, ReducedModel, write_matrices
 from flexgram.basics import written_aside
 from flexgram.exporters import FORMATS, export
@@ -148,3 +150,81 @@ def test_a_closed_pipe_ends_the_talk_not_the_work(rom: Path, tmp_path: Path) -> 
     command = f"'{PROGRAM}' plot '{out}' -o '{pictures}' | head -1"
     done = subprocess.run(["bash", "-c", command], env=ENVIRONMENT, capture_output=True, text=True)
     assert len(list(pictures.iterdir())) == 5 and not done.stderr
+
+
+@pytest.mark.parametrize("verb", ["reduce", "certify", "sweep", "assemble"])
+def test_only_files_are_replaced_by_the_program(verb: str, tmp_path: Path) -> None:
+    """A device, a pipe and a folder stay what they are; a symlink stays one."""
+    body = tmp_path / "body.h5"
+    write_matrices(body, **chain())
+    out = {"reduce": "-mor_out", "certify": "-mor_medium_out", "sweep": "-mor_sweep_out",
+           "assemble": "-body_out"}[verb]  # fmt: skip
+    pipe, folder = tmp_path / "pipe", tmp_path / "folder"
+    os.mkfifo(pipe)
+    folder.mkdir()
+    for target, what in ((pipe, "a device or pipe"), (folder, "a folder")):
+        result = run(verb, "-body", body, "-mor_band_hz", "0.01,0.3", out, target, expect=1)
+        assert f"it is {what}" in message(result)
+    assert stat.S_ISFIFO(pipe.stat().st_mode) and folder.is_dir()
+    result = run("plan", "-body", pipe, expect=1, timeout=20)  # would wait for ever
+    assert "a device or pipe" in message(result)
+
+
+def test_symlinks_and_many_writers(tmp_path: Path) -> None:
+    """A symlink is followed, not replaced, and runs that write one file do not mix."""
+    body, out, link = tmp_path / "body.h5", tmp_path / "rom.h5", tmp_path / "latest.h5"
+    write_matrices(body, **chain())
+    out.write_bytes(b"old")
+    link.symlink_to("rom.h5")
+    command = [str(PROGRAM), "reduce", "-body", str(body), "-mor_band_hz", "0.01,0.3", "-mor_out",
+               str(link)]  # fmt: skip
+    runs = [subprocess.Popen(command, env=ENVIRONMENT, stdout=subprocess.DEVNULL) for _ in range(6)]
+    assert [r.wait() for r in runs] == [0] * 6
+    assert link.is_symlink() and ReducedModel.load(out).order > 0
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["body.h5", "latest.h5", "rom.h5"]
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_full_disk_leaves_nothing_behind(ranks: int, tmp_path: Path) -> None:
+    """A limit on the size of files, 8 MB, stands for the full disk: V alone needs 10 MB."""
+    n, ports = 16000, 40
+    body, out = tmp_path / "body.h5", tmp_path / "rom.h5"
+    loads = np.random.default_rng(1).standard_normal((n, ports))
+    write_matrices(body, **chain(n, B=loads))
+    result = run("reduce", "-body", body, "-mor_band_hz", "0.01,0.3", "-mor_order", "80",
+                 "-mor_method", "pod", "-mor_samples", "4", "-mor_validate", "0", "-mor_out", out,
+                 ranks=ranks, expect=1, timeout=60, file_limit_kb=8192)  # fmt: skip
+    assert "cannot write" in message(result)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["body.h5"]
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_an_existing_result_survives_a_failed_run(ranks: int, tmp_path: Path) -> None:
+    body, out = tmp_path / "body.h5", tmp_path / "rom.h5"
+    write_matrices(body, **chain())
+    run("reduce", "-body", body, "-mor_band_hz", "0.01,0.3", "-mor_out", out, ranks=ranks)
+    before = out.read_bytes()
+    shutil.copy(body, tmp_path / "bad.h5")
+    with h5py.File(tmp_path / "bad.h5", "a") as file:
+        file["K/data"][0] = np.nan
+    run("reduce", "-body", tmp_path / "bad.h5", "-mor_out", out, ranks=ranks, expect=1)
+    assert out.read_bytes() == before
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_an_unwritable_place(ranks: int, tmp_path: Path) -> None:
+    body = tmp_path / "body.h5"
+    write_matrices(body, **chain())
+    result = run("reduce", "-body", body, "-mor_out", tmp_path / "no" / "rom.h5", ranks=ranks,
+                 expect=1, timeout=60)  # fmt: skip
+    assert "No such file" in message(result)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_an_output_must_not_replace_the_body(ranks: int, tmp_path: Path) -> None:
+    body = tmp_path / "body.h5"
+    write_matrices(body, **chain())
+    before = body.read_bytes()
+    result = run("reduce", "-body", body, "-mor_out", body, ranks=ranks, expect=1)
+    assert "would replace the input" in message(result)
+    assert body.read_bytes() == before

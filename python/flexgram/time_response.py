@@ -1,0 +1,40 @@
+"""Linear systems in time."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+
+
+def linear_response(A: Floats, B: Floats, start: Floats, u: Floats, step: float) -> Floats:
+    """Solution of x' = A x + B u, exact for inputs that are linear between the times.
+
+    Parameters
+    ----------
+    A, B : (n, n), (n, p) arrays
+    start : (n,) array
+        x at the first time.
+    u : (n_t, p) array
+        Inputs at evenly spaced times.
+    step : float
+        Between these [s].
+
+    Returns
+    -------
+    (n_t, n) array
+    """
+    n, p = B.shape
+    # exp of [[A, B, 0], [0, 0, I/h], [0, 0, 0]] h: x⁺ = Φ x + Γ_0 u + Γ_1 (u⁺ - u)
+    generator = np.zeros((n + 2 * p, n + 2 * p))
+    generator[:n, :n], generator[:n, n : n + p] = A * step, B * step
+    generator[n : n + p, n + p :] = np.eye(p)
+    power = scipy.linalg.expm(generator)
+    Phi, G0, G1 = power[:n, :n], power[:n, n : n + p], power[:n, n + p :]
+    x = np.empty((len(u), n))
+    x[0] = start
+    for k in range(len(u) - 1):
+        x[k + 1] = Phi @ x[k] + G0 @ u[k] + G1 @ (u[k + 1] - u[k])
+    return x

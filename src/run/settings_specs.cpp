@@ -1,0 +1,121 @@
+/// The specs that the mathematics takes, made of a user's options.
+
+#include "base/text.hpp"
+#include "basis/method.hpp"
+#include "run/settings.hpp"
+
+namespace flexgram {
+namespace {
+
+std::vector<double> in_rad(const std::vector<double>& frequencies) {
+  std::vector<double> omega;
+  for (double f : frequencies) omega.push_back(f / hz);
+  return omega;
+}
+
+RelativeTo reference_of(const std::string& word) {
+  return word == "band"      ? RelativeTo::band
+         : word == "elastic" ? RelativeTo::elastic
+                             : RelativeTo::pointwise;
+}
+
+Metric metric_of(const std::string& word) {
+  return word == "euclidean" ? Metric::euclidean
+         : word == "energy"  ? Metric::energy
+                             : Metric::mass;
+}
+
+} // namespace
+
+std::vector<std::string> Settings::methods() const {
+  if (method != "two_step") return {method};
+  if (second_stage != "auto") return {second_stage};
+  return automatic_methods(order);
+}
+
+std::vector<Interval> Settings::bands() const {
+  const auto omega = in_rad(band_hz);
+  if (omega.size() == 1) return {{omega[0], omega[0]}};
+  std::vector<Interval> bands;
+  for (std::size_t i = 0; i < omega.size(); i += 2)
+    bands.push_back({omega[i], omega[i + 1]});
+  return bands;
+}
+
+CertifySpec Settings::certify_spec() const {
+  CertifySpec spec;
+  spec.bands = bands();
+  spec.target = medium_target > 0 ? medium_target : flexgram::medium_target(order);
+  spec.cutoff = cutoff;
+  spec.limit = medium_order;
+  spec.relative_to = reference_of(relative_to);
+  spec.by_kind = order.by_kind();
+  const auto shifts = shifts_hz.empty() ? default_shifts(spec.bands) : in_rad(shifts_hz);
+  const Demand asked = demand_of(methods(), order.order, shifts);
+  spec.modes = asked.modes;
+  spec.last_needed = asked.last_needed;
+  return spec;
+}
+
+CheckpointSpec Settings::checkpoint_spec(const std::string& output) const {
+  using When = CheckpointSpec::When;
+  CheckpointSpec spec;
+  spec.path = output + (takes_samples() ? ".samples" : ".checkpoint");
+  spec.when = checkpoint == "yes"  ? When::always
+              : checkpoint == "no" ? When::never
+                                   : When::automatic;
+  spec.restart = restart;
+  return spec;
+}
+
+CutRequest Settings::cut_request() const {
+  CutRequest request;
+  request.name = method;
+  request.methods = methods();
+  request.order = order;
+  request.medium_target = medium_target;
+  if (band_is_given) request.bands = bands();
+  for (std::size_t i = 0; i < weight.size(); i += 2) {
+    request.weight.omega.push_back(weight[i] / hz);
+    request.weight.weight.push_back(weight[i + 1]);
+  }
+  request.metric = metric_of(metric);
+  request.equal_ports = port_scaling == "equal";
+  request.statics = statics == "yes";
+  request.shifts = in_rad(shifts_hz);
+  request.moments = moments;
+  request.frame = frame == "none"      ? Frame::none
+                  : frame == "buckens" ? Frame::buckens
+                  : frame == "tangent" ? Frame::tangent
+                                       : Frame::automatic;
+  request.frame_interface = frame_interface;
+  request.relative_to = reference_of(relative_to);
+  request.inputs = split(inputs, ',');
+  request.outputs = split(outputs, ',');
+  if (!error_hz.empty()) {
+    const int count = static_cast<int>(error_hz[2]);
+    for (int l = 0; l < count; ++l) {
+      const double t = count == 1 ? 0.0 : static_cast<double>(l) / (count - 1);
+      request.error_omega.push_back((error_hz[0] + t * (error_hz[1] - error_hz[0])) / hz);
+    }
+  }
+  return request;
+}
+
+SamplingSpec Settings::sampling_spec() const {
+  SamplingSpec spec;
+  spec.band = bands().front();
+  spec.samples = samples;
+  spec.rule = quadrature == "gauss"             ? QuadratureRule::gauss
+              : quadrature == "clenshaw_curtis" ? QuadratureRule::clenshaw_curtis
+                                                : QuadratureRule::midpoint;
+  spec.logarithmic = spacing == "log";
+  spec.snapshots = svd == "snapshots";
+  spec.metric = metric_of(metric);
+  spec.equal_ports = port_scaling == "equal";
+  spec.order = order;
+  spec.checks = validate;
+  return spec;
+}
+
+} // namespace flexgram
