@@ -2,12 +2,14 @@
 
 #include <fcntl.h>
 #include <sys/stat.h>
+#include <sys/time.h>
+#include <unistd.h>
 
 #include <cerrno>
 #include <chrono>
 #include <cmath>
-#include <csetjmp>
 #include <csignal>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
@@ -38,24 +40,45 @@ std::filesystem::path resolved(const std::string& path) {
   return target;
 }
 
-sigjmp_buf escape;
+char last_words[1024];
+bool speaks = false;
 
-/// Whether a read of HDF5 comes back. The library trusts what a damaged file says of texts
-/// of variable length (they lie in a heap without checksums) and would end the program.
+/// The process's memory is damaged: nothing but to say why and to end.
+void give_up(int) {
+  if (speaks) {
+    [[maybe_unused]] const auto written =
+        ::write(STDERR_FILENO, last_words, std::strlen(last_words));
+  } else {
+    ::sleep(20); // or mpirun would end the rank that speaks
+  }
+  ::_exit(1);
+}
+
+/// Runs a read of HDF5 that trusts what a damaged file says (texts of variable length lie
+/// in a heap without checksums), may write anywhere and may loop for ever. If it does not
+/// come back within ten seconds of work, neither does the program.
 template <class Read>
-bool survives(Read&& read) {
+bool guarded(MPI_Comm comm, const std::string& what, Read&& read) {
+  speaks = comm_rank(comm) == 0;
+  std::snprintf(last_words, sizeof last_words, "flexgram: %s\n", what.c_str());
   struct sigaction guard = {};
-  struct sigaction before = {};
-  guard.sa_handler = [](int) { siglongjmp(escape, 1); };
+  guard.sa_handler = give_up;
   sigemptyset(&guard.sa_mask);
-  sigaction(SIGSEGV, &guard, &before);
-  volatile bool good = false;
-  if (sigsetjmp(escape, 1) == 0) good = read();
-  sigaction(SIGSEGV, &before, nullptr);
+  constexpr int signals[] = {SIGSEGV, SIGBUS, SIGABRT, SIGVTALRM};
+  struct sigaction before[std::size(signals)] = {};
+  for (std::size_t i = 0; i < std::size(signals); ++i)
+    sigaction(signals[i], &guard, &before[i]);
+  itimerval limit = {{0, 0}, {10, 0}};
+  setitimer(ITIMER_VIRTUAL, &limit, nullptr);
+  const bool good = read();
+  limit.it_value.tv_sec = 0;
+  setitimer(ITIMER_VIRTUAL, &limit, nullptr);
+  for (std::size_t i = 0; i < std::size(signals); ++i)
+    sigaction(signals[i], &before[i], nullptr);
   return good;
 }
 
-bool hdf5_is_broken = false; ///< left in the middle of its work
+bool hdf5_is_broken = false; ///< it failed where it does not expect to
 
 /// What killed runs left beside `target` more than a day ago.
 void remove_old_parts(const std::filesystem::path& target) {
@@ -111,7 +134,8 @@ bool is_stored(hid_t dataset, hid_t type, hsize_t count) {
 } // namespace
 
 void expect_the_end_of_hdf5() {
-  if (hdf5_is_broken) std::signal(SIGSEGV, [](int) { ::_exit(1); });
+  if (!hdf5_is_broken) return;
+  for (int signal : {SIGSEGV, SIGABRT}) std::signal(signal, [](int) { ::_exit(1); });
 }
 
 std::string hdf5_version() {
@@ -275,10 +299,12 @@ std::vector<std::string> Hdf5File::texts_attribute(const std::string& object,
     const Id memory(H5Tcopy(H5T_C_S1), H5Tclose);
     H5Tset_size(memory, H5T_VARIABLE);
     H5Tset_cset(memory, H5Tget_cset(type));
-    if (!survives([&] { return H5Aread(id, memory, values.data()) >= 0; })) {
+    const std::string damaged = text("cannot read attribute %s of %s: it is damaged",
+                                     name.c_str(), object.c_str());
+    if (!guarded(comm(), "file " + path() + ": " + damaged,
+                 [&] { return H5Aread(id, memory, values.data()) >= 0; })) {
       hdf5_is_broken = true;
-      state_->fail(text("cannot read attribute %s of %s: it is damaged", name.c_str(),
-                        object.c_str()));
+      state_->fail(damaged);
     }
     for (char* value : values) result.emplace_back(value ? value : "");
     H5Dvlen_reclaim(memory, space, H5P_DEFAULT, values.data());

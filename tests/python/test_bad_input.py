@@ -160,6 +160,23 @@ def test_damaged_bodies(case: str, ranks: int, tmp_path: Path) -> None:
     assert expected in message(result)
 
 
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("size", [0, 2**17, 2**60, 2**63])
+def test_a_damaged_heap_of_texts(size: int, ranks: int, tmp_path: Path) -> None:
+    """HDF5 loops for ever, or writes beyond its memory, where an object of the heap that texts of
+    variable length lie in has a wrong size."""
+    body = tmp_path / "body.h5"
+    names = [f"port {k}" for k in range(chain()["B"].shape[1])]
+    write_matrices(body, **chain(), inputs=names)
+    content = bytearray(body.read_bytes())
+    heap = content.index(b"GCOL")
+    content[heap + 24 : heap + 32] = size.to_bytes(8, "little")  # of its first object
+    body.write_bytes(content)
+    result = run("reduce", "-body", body, "-mor_out", tmp_path / "rom.h5", ranks=ranks, expect=1,
+                 timeout=100)  # fmt: skip
+    assert "names of /B" in message(result)
+
+
 @pytest.mark.parametrize("layout", ["earliest", "v108"])
 def test_a_damaged_attribute_is_not_a_missing_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, layout: str
