@@ -96,6 +96,35 @@ void warn_of_unused_options() {
   FG_CALL(PetscOptionsLeftRestore(nullptr, &count, &names, &values));
 }
 
+/// Open MPI's own handler would wait for ever for the memory that malloc has locked.
+void aborted(int) {
+  constexpr char words[] =
+      "flexgram: aborted: the memory is damaged (by a damaged file?) "
+      "or a library gave up\n";
+  [[maybe_unused]] const auto written = ::write(STDERR_FILENO, words, sizeof words - 1);
+  ::_exit(1);
+}
+
+/// Bytes of damaged files that are no text, as '?'.
+std::string printable(const std::string& message) {
+  std::string clean;
+  for (std::size_t i = 0; i < message.size();) {
+    const auto lead = static_cast<unsigned char>(message[i]);
+    const std::size_t size = lead < 0x80   ? 1
+                             : lead < 0xc2 ? 0
+                             : lead < 0xe0 ? 2
+                             : lead < 0xf0 ? 3
+                             : lead < 0xf5 ? 4
+                                           : 0;
+    bool good = size > 0 && i + size <= message.size();
+    for (std::size_t k = 1; good && k < size; ++k)
+      good = (static_cast<unsigned char>(message[i + k]) & 0xc0) == 0x80;
+    clean += good ? message.substr(i, size) : "?";
+    i += good ? size : 1;
+  }
+  return clean;
+}
+
 } // namespace
 
 int run_session(int argc, char** argv, const std::vector<std::string>& verbs,
@@ -107,6 +136,7 @@ int run_session(int argc, char** argv, const std::vector<std::string>& verbs,
 
   std::signal(SIGXFSZ, SIG_IGN); // a file size limit is an error of write, not a crash
   MPI_Init(&argc, &argv);
+  std::signal(SIGABRT, aborted);
   const int rank = comm_rank(MPI_COMM_WORLD);
   if (wants_help || argc <= 1) {
     const std::string of_verb = argc <= 1                    ? ""
@@ -166,7 +196,7 @@ int run_session(int argc, char** argv, const std::vector<std::string>& verbs,
   if (!message.empty()) {
     const bool together = all_ranks_failed(handshake);
     if (rank == 0 || !together) {
-      std::fprintf(stderr, "flexgram: %s\n", message.c_str());
+      std::fprintf(stderr, "flexgram: %s\n", printable(message).c_str());
       std::fflush(stderr);
     }
     if (!together) MPI_Abort(MPI_COMM_WORLD, 1);

@@ -301,13 +301,14 @@ std::vector<std::string> Hdf5File::texts_attribute(const std::string& object,
     H5Tset_cset(memory, H5Tget_cset(type));
     const std::string damaged = text("cannot read attribute %s of %s: it is damaged",
                                      name.c_str(), object.c_str());
-    if (!guarded(comm(), "file " + path() + ": " + damaged,
-                 [&] { return H5Aread(id, memory, values.data()) >= 0; })) {
+    if (!guarded(comm(), "file " + path() + ": " + damaged, [&] {
+          if (H5Aread(id, memory, values.data()) < 0) return false;
+          for (char* value : values) result.emplace_back(value ? value : "");
+          return H5Dvlen_reclaim(memory, space, H5P_DEFAULT, values.data()) >= 0;
+        })) {
       hdf5_is_broken = true;
       state_->fail(damaged);
     }
-    for (char* value : values) result.emplace_back(value ? value : "");
-    H5Dvlen_reclaim(memory, space, H5P_DEFAULT, values.data());
   } else {
     const std::size_t size = H5Tget_size(type);
     std::vector<char> values(size * count);
