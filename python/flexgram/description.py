@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from flexgram.basics import BodyError, IntArray, check_name, errors_of
 from flexgram.bodyfile import written_whole
 from flexgram.faces import middle_of
+from flexgram.loads import write_loads, write_outputs
 from flexgram.meshfile import (
     ELEMENTS,
     cell_regions,
@@ -116,7 +117,8 @@ def import_body(description: str | Path, output: str | Path) -> dict[str, Any]:
     dict
         ``points`` and ``elements`` (counts), ``interfaces`` (for each name its coupling, number of
         nodes, reference position [m], what that is, and its distance from the middle of the
-        interface in extents of that), ``extent`` (of the body, 3 [m]), ``units``.
+        interface in extents of that), ``loads`` and ``outputs`` (what each is), ``extent`` (of
+        the body, 3 [m]), ``units``.
 
     Raises
     ------
@@ -172,7 +174,7 @@ def import_description(
         content,
         where,
         ("name", "mesh", "units", "materials", "regions", "sections", "interfaces", "supports",
-         "damping", "mass_integration"),
+         "loads", "outputs", "damping", "mass_integration"),
     )  # fmt: skip
     units = UNITS[reader.choice("units", UNITS, "SI")]
     source = Path(where) if mesh is not None else folder / str(reader.get("mesh"))
@@ -264,11 +266,18 @@ def _write(
                             f"{', '.join(COMPONENTS)}")  # fmt: skip
         group.attrs["components"] = [float(COMPONENTS[c]) for c in held]
         group.attrs["order"] = order
+
+    def select(choice: Any, where: str) -> IntArray:
+        return _select_nodes(choice, where, mesh.points, used, sets)
+
+    loads = write_loads(file, reader, np.asarray(mesh.points, dtype=float), blocks, length, select)
+    outputs = write_outputs(file, reader, select)
     damping = Reader(reader.get("damping", {}) or {}, "damping", ("alpha", "beta", "eta"))
     for key in ("alpha", "beta", "eta"):
         file.attrs[key] = damping.number(key, 0.0)
     extent = np.ptp(mesh.points[used], axis=0) * length
     return {"points": int(used.sum()), "elements": elements, "interfaces": interfaces,
+            "loads": loads, "outputs": outputs,
             "extent": extent, "units": reader.get("units", "SI"),
             "kinds": sorted({kind for kind, _ in blocks})}  # fmt: skip
 

@@ -19,6 +19,16 @@ FACES: dict[str, list[tuple[int, ...]]] = {
                    (3, 0, 4, 7)],
     "wedge": [(0, 2, 1), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)],
 }  # fmt: skip
+#: The node between two corners of elements with such nodes.
+MIDDLES: dict[str, dict[frozenset[int], int]] = {
+    "tetra10": {frozenset(e): 4 + k for k, e in enumerate(
+        [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)])},
+    "hexahedron20": {frozenset(e): 8 + k for k, e in enumerate(
+        [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6),
+         (3, 7)])},
+    "wedge15": {frozenset(e): 6 + k for k, e in enumerate(
+        [(0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)])},
+}  # fmt: skip
 LINEAR = {"tetra10": "tetra", "hexahedron20": "hexahedron", "wedge15": "wedge"}
 SHELLS = {"triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}
 
@@ -58,6 +68,38 @@ def outer(faces: IntArray) -> IntArray:
                                 return_counts=True)  # fmt: skip
     alone: IntArray = faces[first[count == 1]]
     return alone
+
+
+def whole_faces(
+    blocks: Sequence[tuple[str, IntArray]], nodes: IntArray, count: int
+) -> list[IntArray]:
+    """Outer faces of solids whose corners are all among some nodes, with the nodes between their
+    corners: (F, 3), (F, 4), (F, 6) and (F, 8) arrays, those that there are.
+
+    Parameters
+    ----------
+    blocks : sequence of (str, int array)
+        Meshio type and indices of nodes.
+    nodes : int array
+    count : int
+        Number of all nodes.
+    """
+    inside = np.zeros(count, dtype=bool)
+    inside[nodes] = True
+    outside = {tuple(sorted(set(face))) for face in outer(faces_of(blocks, inside)).tolist()}
+    found: dict[int, list[IntArray]] = {}
+    for kind, elements in blocks:
+        middles = MIDDLES.get(kind, {})
+        for face in FACES.get(LINEAR.get(kind, kind), []):
+            between = [middles[frozenset(edge)]
+                       for edge in zip(face, (*face[1:], face[0]), strict=True)
+                       if middles]  # fmt: skip
+            near = elements[np.all(inside[elements[:, face]], axis=1)]
+            mine = [row for row in near if tuple(sorted(row[list(face)].tolist())) in outside]
+            if mine:
+                whole = np.array(mine)[:, [*face, *between]]
+                found.setdefault(whole.shape[1], []).append(whole)
+    return [np.vstack(faces) for faces in found.values()]
 
 
 def volume_of(points: Floats, blocks: Sequence[tuple[str, IntArray]]) -> float:

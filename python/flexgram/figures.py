@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,6 @@ from flexgram.histories import Verdict
 from flexgram.reduced import Floats, ReducedModel
 
 HZ = 1 / (2 * np.pi)
-KINDS = ("displacement from force", "rotation from moment")
 FULL, REDUCED, BOUND = "#444444", "#0868ac", "#e08214"
 
 
@@ -40,7 +40,9 @@ def error(model: ReducedModel) -> Figure:
         if len(model.by_kind):
             everywhere += [
                 (f"{kind}, everywhere", value, style, "#7a6a55")
-                for kind, value, style in zip(KINDS, model.by_kind, ("-.", ":"), strict=True)
+                for kind, value, style in zip(
+                    model.kinds, model.by_kind, itertools.cycle(("-.", ":", "--"))
+                )
             ]
         for label, value, style, color in everywhere:
             for i, (first, last) in enumerate(model.bands * HZ):

@@ -66,9 +66,9 @@ class ReducedModel:
         That was asked for; ``met`` tells whether ``certified_error`` is within it.
     whole_error : float
         The same of H as a whole, eq. (17), by itself.
-    by_kind : (2,) array
-        Largest bounds of displacement from force and of rotation from moment; empty if the
-        tolerance was for H as a whole, or none was given.
+    by_kind : (k,) array
+        Largest bounds of each of ``kinds``: displacement from force, rotation from moment and so
+        on; empty if the tolerance was for H as a whole, or none was given.
     loads : (n_in, k) array
         Loads P that the claim is for, each of unit norm: ‖Pᵀ(H − H_r)P‖ <= ε ‖PᵀHP‖ (where the
         outputs are not the inputs: (H − H_r)P); k = 0: each input by itself. ``load_names``.
@@ -101,6 +101,7 @@ class ReducedModel:
         self.bound, self.floor = array("error/bound"), array("error/floor")
         self.kind = str(fields.get("error/kind", "estimated"))
         self.by_kind = array("error/by_kind")
+        self.kinds: list[str] = [str(name) for name in fields.get("error/kinds", [])]
         self.load_names = [str(name) for name in fields.get("loads/names", [])]
         self.loads = array("loads/patterns").reshape(self.B.shape[1], len(self.load_names))
         known = np.concatenate([self.bound if len(self.bound) else self.error, self.by_kind, [0]])

@@ -90,8 +90,7 @@ def _cards(model: ReducedModel) -> str:
     hz = model.bands / (2 * np.pi)
     kinds = ""
     if len(model.by_kind):
-        of = [f"{kind} {value:.1e}"
-              for kind, value in zip(figures.KINDS, model.by_kind, strict=True)]  # fmt: skip
+        of = [f"{kind} {value:.1e}" for kind, value in zip(model.kinds, model.by_kind, strict=True)]
         kinds = f": the largest of all of H {model.whole_error:.1e}, {', '.join(of)}"
     cards = [
         (f"{model.certified_error:.1e}", f"largest relative error over the band, {model.label}"

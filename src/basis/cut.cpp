@@ -289,7 +289,8 @@ ReducedModel Cut::reduced(const Dense& Q, const DenseSystem& small,
   rom.kind = !sup.proved            ? "estimated"
              : sup.excluded.empty() ? "certified"
                                     : "certified outside";
-  if (sup.worst_of.size() == 3) rom.by_kind = {sup.worst_of[1], sup.worst_of[2]};
+  for (std::size_t v = 1; v < sup.worst_of.size(); ++v)
+    rom.by_kind.emplace_back(medium_.views[v].name, sup.worst_of[v]);
   rom.modes = eigenfrequencies(rom.model);
   rom.band[0] = bands_.front().first;
   rom.band[1] = bands_.back().last;

@@ -152,10 +152,10 @@ void tell_error(const CutStory& cut, const ReducedModel& rom, Observer& observer
              "explains, were meant, H would change by %.0e",
              rom.claim->rigid_rounding));
   if (!rom.by_kind.empty()) {
-    observer.fact("by kind",
-                  text("%s at most %.1e, %s at most %.1e (%s)",
-                       medium.views[1].name.c_str(), rom.by_kind[0],
-                       medium.views[2].name.c_str(), rom.by_kind[1], label.c_str()));
+    std::string words;
+    for (const auto& [kind, worst] : rom.by_kind)
+      words += text("%s%s at most %.1e", words.empty() ? "" : ", ", kind.c_str(), worst);
+    observer.fact("by kind", words + " (" + label + ")");
   } else if (port_views(medium.names, true).size() > 1) {
     std::vector<ComplexDense> H, H_r;
     const DenseResponse response(cut.small, medium.tau);

@@ -1,7 +1,7 @@
 #include "fem/assembly.hpp"
 
 #include "base/text.hpp"
-#include "fem/couplings.hpp"
+#include "fem/loads.hpp"
 #include "fem/node_matrix.hpp"
 #include "io/body_io.hpp"
 
@@ -33,8 +33,9 @@ void append_masters(const DofMap& map, const std::int64_t* nodes, int count,
 class ElementAssembler {
 public:
   ElementAssembler(const BodyDescription& body, const DofMap& map, const LocalMesh& mesh,
-                   const Hdf5File& file, AssemblyFacts& facts)
-      : body_(body), map_(map), mesh_(mesh), file_(file), facts_(facts) {}
+                   const Hdf5File& file, FieldLoads& fields, AssemblyFacts& facts)
+      : body_(body), map_(map), mesh_(mesh), file_(file), fields_(fields), facts_(facts) {
+  }
 
   void run(const Masters& masters, NodeMatrix& matrix) {
     std::size_t e = 0;
@@ -78,6 +79,8 @@ private:
       if (++inverted_ == 1) first_inverted_ = describe(elements, k, element.min_detJ);
       return;
     }
+    if (fields_.any())
+      fields_.add_element(nodes, x, dofs_per_node(block.type), element.M);
     const Dense T =
         transformation(nodes, count, dofs_per_node(block.type), masters, master_count);
     const auto reduce = [&](const Dense& a) {
@@ -141,6 +144,7 @@ private:
   const DofMap& map_;
   const LocalMesh& mesh_;
   const Hdf5File& file_;
+  FieldLoads& fields_;
   AssemblyFacts& facts_;
   std::int64_t inverted_ = 0;
   std::string first_inverted_;
@@ -173,6 +177,18 @@ void fill_dof_lists(const DofMap& map, const LocalMesh& mesh, int rank,
       model.component.push_back(c);
       model.position.insert(model.position.end(), x.begin(), x.end());
     }
+  }
+}
+
+/// Further ports behind those that are there.
+void append(Ports more, Block& ports, std::vector<std::string>& names) {
+  ports = concatenate(ports, more.B);
+  for (auto& name : more.names) {
+    if (std::find(names.begin(), names.end(), name) != names.end())
+      throw Error(text("two ports are named %s: interfaces, loads and outputs need names "
+                       "of their own",
+                       name.c_str()));
+    names.push_back(std::move(name));
   }
 }
 
@@ -210,8 +226,10 @@ SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
                      width, masters);
   }
   NodeMatrix matrix(map, masters.start, masters.node);
-  agree(comm,
-        [&] { ElementAssembler(body, map, mesh, file, facts).run(masters, matrix); });
+  FieldLoads fields(comm, body, map, mesh);
+  agree(comm, [&] {
+    ElementAssembler(body, map, mesh, file, fields, facts).run(masters, matrix);
+  });
   masters = {};
   matrix.assemble(comm, model.K, model.M);
   facts.elements = sum_over(comm, facts.elements);
@@ -230,6 +248,11 @@ SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
   model.B = std::move(ports.B);
   model.C = model.B.share();
   model.inputs = model.outputs = std::move(ports.names);
+  model.outputs_are_inputs =
+      body.fields.empty() && body.loads.empty() && body.outputs.empty();
+  append(fields.take(), model.B, model.inputs);
+  append(nodal_ports(comm, body.loads, map, mesh, partition), model.B, model.inputs);
+  append(nodal_ports(comm, body.outputs, map, mesh, partition), model.C, model.outputs);
   fill_dof_lists(map, mesh, rank, model);
   return model;
 }

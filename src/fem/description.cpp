@@ -149,6 +149,49 @@ Interface read_interface(const Hdf5File& file, const std::string& name,
   return interface;
 }
 
+AccelerationField read_field(const Hdf5File& file, const std::string& name,
+                             const std::string& type) {
+  const std::string object = "/loads/" + name;
+  using Type = AccelerationField::Type;
+  AccelerationField field{name, Type::uniform, {}, {}};
+  if (type == "acceleration") return field;
+  field.type = type == "spin" ? Type::spin : Type::angular;
+  field.point = fixed<double, 3>(file, object, "point");
+  if (field.type == Type::spin) field.axis = fixed<double, 3>(file, object, "axis");
+  double length = 0;
+  for (std::size_t i = 0; i < 3; ++i) {
+    length += field.axis[i] * field.axis[i];
+    if (!std::isfinite(field.point[i]) || !std::isfinite(field.axis[i]))
+      throw Error(text("file %s: load %s: point and axis must be finite",
+                       file.path().c_str(), name.c_str()));
+  }
+  if (field.type == Type::spin && !(std::abs(length - 1) < 1e-9))
+    throw Error(text("file %s: load %s: axis must be of unit length", file.path().c_str(),
+                     name.c_str()));
+  return field;
+}
+
+NodalVectors read_vectors(const Hdf5File& file, const std::string& group,
+                          const std::string& name, std::int64_t points) {
+  const std::string object = group + "/" + name;
+  NodalVectors vectors{name,
+                       file.texts_attribute(object, "columns"),
+                       read_nodes(file, object, points),
+                       {}};
+  const auto shape = file.shape(object + "/values");
+  if (shape.size() != 3 || shape[0] != static_cast<std::int64_t>(vectors.nodes.size()) ||
+      shape[1] != static_cast<std::int64_t>(vectors.columns.size()) || shape[2] != 3 ||
+      shape[1] == 0)
+    throw Error(text("file %s: %s/values must be nodes × columns × 3",
+                     file.path().c_str(), object.c_str()));
+  vectors.values = file.read_all<double>(object + "/values");
+  for (double x : vectors.values)
+    if (!std::isfinite(x))
+      throw Error(
+          text("file %s: %s/values holds %g", file.path().c_str(), object.c_str(), x));
+  return vectors;
+}
+
 /// Children of a group in the order of their attribute `order`, if they have one.
 std::vector<std::string> ordered_children(const Hdf5File& file,
                                           const std::string& group) {
@@ -211,6 +254,21 @@ BodyDescription read_description(const Hdf5File& file) {
           text("file %s: /interfaces is empty: a body without ports has nothing to "
                "reduce",
                file.path().c_str()));
+    for (const auto& name : ordered_children(file, "/loads")) {
+      const std::string type = file.text_attribute("/loads/" + name, "type");
+      const std::vector<std::string> known = {"acceleration", "angular_acceleration",
+                                              "spin", "forces"};
+      if (std::find(known.begin(), known.end(), type) == known.end())
+        throw Error(text("file %s: load %s: type %s must be one of %s",
+                         file.path().c_str(), name.c_str(), type.c_str(),
+                         join(known).c_str()));
+      if (type == "forces")
+        body.loads.push_back(read_vectors(file, "/loads", name, body.points));
+      else
+        body.fields.push_back(read_field(file, name, type));
+    }
+    for (const auto& name : ordered_children(file, "/outputs"))
+      body.outputs.push_back(read_vectors(file, "/outputs", name, body.points));
     for (const auto& name : ordered_children(file, "/supports")) {
       const std::string object = "/supports/" + name;
       Support support{name, read_nodes(file, object, body.points), {}};

@@ -32,6 +32,24 @@ struct Support {
   std::vector<int> components; ///< 0-2 translations, 3-5 rotations held at zero
 };
 
+/// A load that is the body's mass in a field of acceleration: uniform (gravity), e × x of
+/// an angular acceleration about a point, or away from an axis through it (spin, for
+/// Ω² = 1 rad²/s²).
+struct AccelerationField {
+  enum class Type { uniform, angular, spin };
+  std::string name;
+  Type type;
+  Vector3 point{}, axis{}; ///< [m]; of unit length
+};
+
+/// Loads, or outputs, given by forces at nodes for a unit of each column.
+struct NodalVectors {
+  std::string name;
+  std::vector<std::string> columns; ///< "p", "tx", "ux": kind and direction
+  std::vector<std::int64_t> nodes;
+  std::vector<double> values; ///< nodes × columns × 3
+};
+
 struct Material {
   SolidMaterial solid;
   BeamMaterial beam; ///< E and G; only for isotropic ones
@@ -46,6 +64,8 @@ struct BodyDescription {
   std::map<std::string, BeamSection> sections;
   std::vector<Interface> interfaces;
   std::vector<Support> supports;
+  std::vector<AccelerationField> fields;
+  std::vector<NodalVectors> loads, outputs;
   MassRule mass_rule = MassRule::full;
   std::vector<std::string> warnings; ///< doubtful values
 };

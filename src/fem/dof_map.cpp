@@ -83,6 +83,9 @@ DofMap number_equations(const Hdf5File& file, const BodyDescription& body,
       for (int c : support.components)
         map.held[static_cast<std::size_t>(node)] |= static_cast<std::uint8_t>(1U << c);
   }
+  for (const auto& load : body.loads) require_used(map, "load", load.name, load.nodes);
+  for (const auto& output : body.outputs)
+    require_used(map, "output", output.name, output.nodes);
   for (const auto& interface : body.interfaces) {
     require_used(map, "interface", interface.name, interface.nodes);
     if (interface.coupling == Coupling::rigid)

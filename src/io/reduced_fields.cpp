@@ -69,7 +69,16 @@ void error(FieldSink& sink, const ReducedModel& rom) {
   }
   sink.value("error/kind", rom.kind);
   if (rom.claim) claim_of(sink, *rom.claim);
-  if (!rom.by_kind.empty()) sink.value("error/by_kind", rom.by_kind);
+  if (!rom.by_kind.empty()) {
+    std::vector<std::string> kinds;
+    std::vector<double> worst;
+    for (const auto& [kind, error] : rom.by_kind) {
+      kinds.push_back(kind);
+      worst.push_back(error);
+    }
+    sink.value("error/kinds", kinds);
+    sink.value("error/by_kind", worst);
+  }
   if (!rom.loads) return;
   matrix(sink, "loads/patterns", rom.loads->patterns);
   sink.value("loads/names", rom.loads->names);

@@ -45,8 +45,15 @@ void MediumBuilder::find_rigid_modes() {
   geometric_ = static_cast<int>(rigid.columns());
   ports_ = copy(loads_);
   // Self-equilibrated loads: no part of the response to them is rigid.
-  if (geometric_ > 0)
+  if (geometric_ > 0) {
     add_product(ports_, -1.0, multiply(fom_.M, rigid), inner(rigid, ports_));
+    // Gravity moves a free body rigidly: what is left of it is rounding.
+    const auto before = column_maxima(loads_), after = column_maxima(ports_);
+    std::vector<double> keep;
+    for (std::size_t j = 0; j < after.size(); ++j)
+      keep.push_back(after[j] > 1e-9 * before[j] ? 1.0 : 0.0);
+    scale_columns(ports_, keep);
+  }
   rigid_modes_ = std::move(rigid);
 }
 

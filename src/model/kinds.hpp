@@ -5,8 +5,8 @@
 
 namespace flexgram {
 
-/// Says the largest relative errors of displacements from forces and of rotations from
-/// moments, and warns if one is much larger than the overall error of eq. (17), which
+/// Says the largest relative errors of displacements from forces, of rotations from moments
+/// and so on, and warns if one is much larger than the overall error of eq. (17), which
 /// adds m/N and rad/(N m): the larger number hides the other.
 void warn_of_kinds(const SecondOrderModel& names, const std::vector<ComplexDense>& H,
                    const std::vector<ComplexDense>& H_r, double overall,

@@ -1,14 +1,40 @@
 #include "model/port_views.hpp"
 
+#include <algorithm>
 #include <numeric>
 
 namespace flexgram {
 namespace {
 
-std::vector<int> ports_of_kind(const std::vector<std::string>& names, char kind) {
-  std::vector<int> found;
-  for (std::size_t i = 0; i < names.size(); ++i)
-    if (kind_of_port(names[i]) == kind) found.push_back(static_cast<int>(i));
+struct Kind {
+  const char *letters, *input, *output; ///< null: there is none
+};
+constexpr Kind kinds[] = {
+    {"f", "force", "displacement"}, {"m", "moment", "rotation"},
+    {"a", "acceleration", nullptr}, {"alpha", "angular acceleration", nullptr},
+    {"spin", "spin", nullptr},      {"p", "pressure", nullptr},
+    {"t", "traction", nullptr},     {"u", nullptr, "displacement"},
+};
+
+const Kind* find_kind(const std::string& letters) {
+  for (const Kind& kind : kinds)
+    if (letters == kind.letters) return &kind;
+  return nullptr;
+}
+
+/// Numbers of the ports of each kind, in the order in which they come.
+std::vector<std::pair<std::string, std::vector<int>>>
+ports_by(const char* Kind::*role, const std::vector<std::string>& names) {
+  std::vector<std::pair<std::string, std::vector<int>>> found;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const Kind* kind = find_kind(kind_of_port(names[i]));
+    if (!kind || !(kind->*role)) continue;
+    auto same = std::find_if(found.begin(), found.end(), [&](const auto& other) {
+      return other.first == kind->*role;
+    });
+    if (same == found.end()) same = found.insert(found.end(), {kind->*role, {}});
+    same->second.push_back(static_cast<int>(i));
+  }
   return found;
 }
 
@@ -20,11 +46,14 @@ std::vector<int> all_of(std::size_t count) {
 
 } // namespace
 
-char kind_of_port(const std::string& name) {
+std::string kind_of_port(const std::string& name) {
   const auto dot = name.rfind('.');
-  if (dot == std::string::npos || name.size() != dot + 3) return ' ';
-  const char kind = name[dot + 1];
-  return kind == 'f' || kind == 'm' ? kind : ' ';
+  if (dot == std::string::npos) return "";
+  const std::string last = name.substr(dot + 1),
+                    letters = last.substr(0, last.find_last_not_of("xyz") + 1);
+  const std::size_t directions = last.size() - letters.size();
+  const bool scalar = letters == "p" || letters == "spin";
+  return find_kind(letters) && directions == (scalar ? 0 : 1) ? letters : "";
 }
 
 ComplexDense PortView::of(const ComplexDense& H) const {
@@ -40,14 +69,11 @@ std::vector<PortView> port_views(const SecondOrderModel& names, bool by_kind) {
   std::vector<PortView> views{
       {"all ports", all_of(names.outputs.size()), all_of(names.inputs.size())}};
   if (!by_kind) return views;
-  const PortView force{"displacement from force", ports_of_kind(names.outputs, 'f'),
-                       ports_of_kind(names.inputs, 'f')},
-      moment{"rotation from moment", ports_of_kind(names.outputs, 'm'),
-             ports_of_kind(names.inputs, 'm')};
-  for (const PortView* view : {&force, &moment})
-    if (view->rows.empty() || view->columns.empty()) return views;
-  views.push_back(force);
-  views.push_back(moment);
+  for (const auto& [output, rows] : ports_by(&Kind::output, names.outputs))
+    for (const auto& [input, columns] : ports_by(&Kind::input, names.inputs))
+      if ((output == "rotation") == (input == "moment"))
+        views.push_back({output + " from " + input, rows, columns});
+  if (views.size() < 3) views.resize(1); // one kind: nothing is hidden
   return views;
 }
 

@@ -12,12 +12,12 @@ struct PortView {
   ComplexDense of(const ComplexDense& H) const;
 };
 
-/// What a port is by the last part of its name: 'f' for a force ("lower.fx"), 'm' for a
-/// moment ("lower.mx"), ' ' where the name does not tell.
-char kind_of_port(const std::string& name);
+/// What a port is, by the last part of its name without the direction: "f" of "lower.fx" is
+/// a force as an input and a displacement as an output; "" where the name does not tell.
+std::string kind_of_port(const std::string& name);
 
-/// The whole of H and, if asked and the names tell forces ("lower.fx") from moments
-/// ("lower.mx"), displacement from force and rotation from moment. Eq. (17) of the paper
+/// The whole of H and, if asked and the names tell kinds of ports apart, each kind of
+/// output from each kind of input (rotations from moments alone). Eq. (17) of the paper
 /// adds m/N and rad/(N m): the larger number hides the other.
 std::vector<PortView> port_views(const SecondOrderModel& names, bool by_kind);
 

@@ -51,9 +51,9 @@ struct ReducedModel {
   /// intervals; or estimated.
   std::string kind = "estimated";
   std::optional<ErrorClaim> claim; ///< none: nothing is known between the frequencies
-  /// Largest bounds of displacements from forces and of rotations from moments; empty:
-  /// not asked for.
-  std::vector<double> by_kind;
+  /// Largest bounds of displacements from forces, of rotations from moments and so on;
+  /// empty: not asked for.
+  std::vector<std::pair<std::string, double>> by_kind;
   std::optional<LoadSpan> loads; ///< none: each input by itself
   std::string second_stage, frame = "none";
   int rigid_modes = 0; ///< of the body; the first basis vectors unless frame is none

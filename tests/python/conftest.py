@@ -210,6 +210,7 @@ def body_system(path: Path) -> System:
             else float(np.ravel(file[name][()])[0]) if name in file else 0.0)  # fmt: skip
         dense = lambda name: (  # noqa: E731
             read_sparse(file, name).toarray() if isinstance(file[name], h5py.Group)
+            else file[name][:].T if "MATLAB_class" in file[name].attrs
             else file[name][:])  # fmt: skip
         return System(
             read_sparse(file, "K"), read_sparse(file, "M"), dense("B"),
@@ -219,6 +220,20 @@ def body_system(path: Path) -> System:
 
 def rom_system(rom: dict[str, Any]) -> System:
     return System(rom["K"], rom["M"], rom["B"], rom["C"], rom["D"], eta=rom["eta"])
+
+
+LETTERS = {"displacement": "fu", "force": "f", "rotation": "m", "moment": "m", "acceleration": "a",
+           "angular acceleration": "alpha", "spin": "spin", "pressure": "p",
+           "traction": "t"}  # fmt: skip
+
+
+def kinds_of(names: list[str], word: str) -> list[int]:
+    """Which of the ports are of a kind."""
+    last = [name.rpartition(".")[2] for name in names]
+    if word in ("pressure", "spin"):
+        return [k for k, n in enumerate(last) if n == LETTERS[word]]
+    letters = "fu" if word == "displacement" else [LETTERS[word]]
+    return [k for k, n in enumerate(last) if n[:-1] in letters and n[-1] in "xyz"]
 
 
 def certified(
@@ -254,14 +269,17 @@ def certified(
         names = [[str(x) for x in file[k].attrs["names"]] for k in "CB"]
     rng = np.random.default_rng(zlib.crc32(repr((ends, options)).encode()))  # every run alike
     at = suspicious(reduced, bands, excluded, rng, count)
-    truth, kinds = [], [0.0] * (2 if "by_kind" in claim else 0)
+    views = [
+        [kinds_of(group, word) for group, word in zip(names, kind.split(" from "), strict=True)]
+        for kind in claim.get("kinds", [])
+    ]
+    truth, kinds = [], [0.0] * len(views)
     for w in np.append(at, claim["at"]):
         H = full.transfer(w)
         away = H - reduced.transfer(w)
         truth.append(float(np.linalg.norm(np.abs(away)) / np.linalg.norm(np.abs(H))))
-        for i, letter in enumerate("fm"[: len(kinds)]):
-            block = np.ix_(*([k for k, n in enumerate(group) if n.split(".")[-1][0] == letter]
-                             for group in names))  # fmt: skip
+        for i, view in enumerate(views):
+            block = np.ix_(*view)
             kinds[i] = max(kinds[i], float(np.linalg.norm(np.abs(away[block]))
                                            / np.linalg.norm(np.abs(H[block]))))  # fmt: skip
     return {

@@ -1,0 +1,156 @@
+#include "fem/loads.hpp"
+
+#include <algorithm>
+
+namespace flexgram {
+namespace {
+
+Vector3 cross(const Vector3& a, const Vector3& b) {
+  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2],
+          a[0] * b[1] - a[1] * b[0]};
+}
+
+Vector3 unit(int axis) {
+  Vector3 e{};
+  e[static_cast<std::size_t>(axis)] = 1;
+  return e;
+}
+
+/// The acceleration at x for a unit of the column's input.
+Vector3 acceleration(const AccelerationField& field, int axis, const Vector3& x) {
+  if (field.type == AccelerationField::Type::uniform) return unit(axis);
+  Vector3 arm;
+  for (std::size_t i = 0; i < 3; ++i) arm[i] = x[i] - field.point[i];
+  if (field.type == AccelerationField::Type::angular) return cross(unit(axis), arm);
+  const Vector3 inward = cross(field.axis, cross(field.axis, arm));
+  return {-inward[0], -inward[1], -inward[2]};
+}
+
+const char* letters_of(AccelerationField::Type type) {
+  return type == AccelerationField::Type::uniform   ? "a"
+         : type == AccelerationField::Type::angular ? "alpha"
+                                                    : "spin";
+}
+
+std::vector<std::string> names_of(const std::vector<AccelerationField>& fields) {
+  std::vector<std::string> names;
+  for (const auto& field : fields) {
+    const std::string stem = field.name + "." + letters_of(field.type);
+    if (field.type == AccelerationField::Type::spin)
+      names.push_back(stem);
+    else
+      for (const char* axis : {"x", "y", "z"}) names.push_back(stem + axis);
+  }
+  return names;
+}
+
+std::vector<std::string> names_of(const std::vector<NodalVectors>& all) {
+  std::vector<std::string> names;
+  for (const auto& vectors : all)
+    for (const auto& column : vectors.columns)
+      names.push_back(vectors.name + "." + column);
+  return names;
+}
+
+} // namespace
+
+NodalSums::NodalSums(MPI_Comm comm, const DofMap& map, const LocalMesh& mesh,
+                     std::vector<std::string> names)
+    : comm_(comm), map_(map), mesh_(mesh), names_(std::move(names)) {
+  for (std::size_t j = 0; j < names_.size(); ++j) {
+    sums_.emplace_back();
+    FG_CALL(VecCreateMPI(comm, map.rows.size(), map.n, sums_.back().out()));
+    FG_CALL(VecSetOption(sums_.back(), VEC_IGNORE_NEGATIVE_INDICES, PETSC_TRUE));
+  }
+}
+
+void NodalSums::add(int column, std::int64_t node, const Vector3& force,
+                    const Vector3& moment) {
+  const int reference = map_.reference[static_cast<std::size_t>(node)];
+  const std::int64_t master = reference < 0 ? node : reference;
+  Vector3 about = moment;
+  if (reference >= 0) {
+    Vector3 arm = mesh_.coordinates[mesh_.place(node)];
+    const Vector3& origin =
+        map_.reference_position[static_cast<std::size_t>(reference - map_.points)];
+    for (std::size_t i = 0; i < 3; ++i) arm[i] -= origin[i];
+    const Vector3 more = cross(arm, force);
+    for (std::size_t i = 0; i < 3; ++i) about[i] += more[i];
+  }
+  PetscInt rows[6];
+  double values[6];
+  for (int c = 0; c < 6; ++c) {
+    rows[c] = map_.equation(master, c); // −1: held, or no such dof
+    values[c] = c < 3 ? force[static_cast<std::size_t>(c)]
+                      : about[static_cast<std::size_t>(c - 3)];
+  }
+  FG_CALL(
+      VecSetValues(sums_[static_cast<std::size_t>(column)], 6, rows, values, ADD_VALUES));
+}
+
+Ports NodalSums::take() {
+  Ports ports{Block(comm_, map_.rows, map_.n, static_cast<PetscInt>(names_.size())),
+              names_};
+  for (std::size_t j = 0; j < sums_.size(); ++j) {
+    FG_CALL(VecAssemblyBegin(sums_[j]));
+    FG_CALL(VecAssemblyEnd(sums_[j]));
+    const double* sum = nullptr;
+    FG_CALL(VecGetArrayRead(sums_[j], &sum));
+    Block::Access out(ports.B);
+    std::copy_n(sum, map_.rows.size(), out.column(static_cast<PetscInt>(j)));
+    FG_CALL(VecRestoreArrayRead(sums_[j], &sum));
+  }
+  return ports;
+}
+
+FieldLoads::FieldLoads(MPI_Comm comm, const BodyDescription& body, const DofMap& map,
+                       const LocalMesh& mesh)
+    : sums_(comm, map, mesh, names_of(body.fields)) {
+  for (const auto& field : body.fields)
+    for (int axis = 0; axis < (field.type == AccelerationField::Type::spin ? 1 : 3);
+         ++axis)
+      columns_.push_back({&field, axis});
+}
+
+void FieldLoads::add_element(const std::int64_t* nodes, const std::vector<Vector3>& x,
+                             int dofs, const Dense& M) {
+  for (std::size_t j = 0; j < columns_.size(); ++j) {
+    const auto& [field, axis] = columns_[j];
+    Dense a(M.rows, 1);
+    for (std::size_t k = 0; k < x.size(); ++k) {
+      const Vector3 there = acceleration(*field, axis, x[k]);
+      const int first = static_cast<int>(k) * dofs;
+      for (int c = 0; c < 3; ++c) a(first + c, 0) = there[static_cast<std::size_t>(c)];
+      if (dofs == 6 && field->type == AccelerationField::Type::angular)
+        a(first + 3 + axis, 0) = 1;
+    }
+    const Dense f = multiply(M, a);
+    for (std::size_t k = 0; k < x.size(); ++k) {
+      const double* at = f.column(0) + static_cast<std::ptrdiff_t>(k) * dofs;
+      const Vector3 moment = dofs == 6 ? Vector3{at[3], at[4], at[5]} : Vector3{};
+      sums_.add(static_cast<int>(j), nodes[k], {at[0], at[1], at[2]}, moment);
+    }
+  }
+}
+
+Ports nodal_ports(MPI_Comm comm, const std::vector<NodalVectors>& all, const DofMap& map,
+                  const LocalMesh& mesh, const Partition& partition) {
+  NodalSums sums(comm, map, mesh, names_of(all));
+  const int rank = comm_rank(comm);
+  int first = 0;
+  for (const auto& vectors : all) {
+    const std::size_t count = vectors.columns.size();
+    for (std::size_t k = 0; k < vectors.nodes.size(); ++k) {
+      const auto node = vectors.nodes[k];
+      if (partition.node_owner[static_cast<std::size_t>(node)] != rank) continue;
+      for (std::size_t j = 0; j < count; ++j) {
+        const auto* at = vectors.values.data() + (k * count + j) * 3;
+        sums.add(first + static_cast<int>(j), node, {at[0], at[1], at[2]});
+      }
+    }
+    first += static_cast<int>(count);
+  }
+  return sums.take();
+}
+
+} // namespace flexgram
