@@ -144,7 +144,8 @@ def _six(model: ReducedModel, shapes: Floats, reference: Floats) -> Floats | Non
 
 
 def interface_motion(model: ReducedModel) -> dict[str, tuple[Floats, Floats]]:
-    """For each interface with six ports its translation and rotation, (3, m) each.
+    """For each interface with six ports its translation and rotation, (3, m) each. Loads, which
+    are inputs alone or loads of the body's spin, are no interfaces.
 
     Raises
     ------
@@ -154,6 +155,8 @@ def interface_motion(model: ReducedModel) -> dict[str, tuple[Floats, Floats]]:
     found: dict[str, dict[str, int]] = {}
     for i, port in enumerate(model.inputs):
         name, _, force = port.rpartition(".")
+        if port not in model.outputs or (name == "frame" and force.startswith("spin")):
+            continue
         found.setdefault(name, {})[force] = i
     result = {}
     for name, ports in found.items():

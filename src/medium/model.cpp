@@ -31,9 +31,8 @@ MediumModel::MediumModel(const Medium& medium, std::size_t level,
     for (int& output : outputs_) output += static_cast<int>(medium.body.inputs.size());
   views = port_views(names, by_kind);
   if (left_out_ >= 6) // fields of acceleration move a free body rigidly
-    std::erase_if(views, [](const PortView& view) {
-      return view.name.ends_with("acceleration");
-    });
+    std::erase_if(
+        views, [](const PortView& view) { return view.name.ends_with("acceleration"); });
   for (const PortView& view : views) {
     Certificate::PortSet block;
     for (int j : view.columns)

@@ -55,7 +55,39 @@ std::array<Matrix, 3> turns(const SecondOrderModel& model) {
   return result;
 }
 
+/// From the mass matrix of the rigid motions about the origin.
+std::array<double, 3> centre_of(const Dense& r) {
+  const double mass = (r(0, 0) + r(1, 1) + r(2, 2)) / 3;
+  std::array<double, 3> centre;
+  for (int a = 0; a < 3; ++a) { // mass c_a = e_b · (e_c × mass c) = −e_c · (e_b × mass c)
+    const int b = (a + 1) % 3, c = (a + 2) % 3;
+    centre[static_cast<std::size_t>(a)] = 0.5 * (r(b, 3 + c) - r(c, 3 + b)) / mass;
+  }
+  return centre;
+}
+
 } // namespace
+
+Block spin_loads(const SecondOrderModel& model) {
+  Basis motions;
+  motions.append(rigid_motions(model, {0, 0, 0}, 1));
+  const Dense r = symmetric_inner(motions, model.M);
+  const Block turning =
+      multiply(model.M, select_columns(rigid_motions(model, centre_of(r), 1), {3, 4, 5}));
+  const std::array<Matrix, 3> turn = turns(model);
+  Block loads(model.comm, model.rows, model.n, 0);
+  for (auto [b, c] : {std::pair{0, 0}, {1, 1}, {2, 2}, {0, 1}, {1, 2}, {2, 0}}) {
+    // (ω × δu)ᵀ M (ω × x), and G is skew
+    const auto part = [&](int x, int y) {
+      return multiply(turn[static_cast<std::size_t>(x)], select_columns(turning, {y}));
+    };
+    Block load = part(b, c);
+    if (b != c) add_product(load, 1.0, part(c, b), identity(1));
+    loads = concatenate(loads, load);
+  }
+  scale_columns(loads, std::vector<double>(6, -1.0));
+  return loads;
+}
 
 FrameIntegrals frame_integrals(const SecondOrderModel& model, const Basis& V) {
   const int m = static_cast<int>(V.columns());
@@ -73,11 +105,7 @@ FrameIntegrals frame_integrals(const SecondOrderModel& model, const Basis& V) {
   result.inertia_second = part_of(gram, 6 + m, 3 * m, 6 + m, 3 * m);
   const Dense& r = result.M_r;
   result.mass = (r(0, 0) + r(1, 1) + r(2, 2)) / 3;
-  for (int a = 0; a < 3; ++a) { // mass c_a = e_b · (e_c × mass c) = −e_c · (e_b × mass c)
-    const int b = (a + 1) % 3, c = (a + 2) % 3;
-    result.centre[static_cast<std::size_t>(a)] =
-        0.5 * (r(b, 3 + c) - r(c, 3 + b)) / result.mass;
-  }
+  result.centre = centre_of(r);
   return result;
 }
 

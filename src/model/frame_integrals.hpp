@@ -33,6 +33,13 @@ struct FrameIntegrals {
 /// @note Collective. Costs as much as a projection on a basis of 4m + 6 vectors.
 FrameIntegrals frame_integrals(const SecondOrderModel& model, const Basis& V);
 
+/// Loads of a body that spins with the angular velocity ω, n×6: what ω_x², ω_y², ω_z²,
+/// ω_xω_y, ω_yω_z, ω_zω_x are multiplied by, about the centre of mass. As outputs they tell
+/// half the change of the moments of inertia by deformation, and all of the products'.
+/// With the neglect of FrameIntegrals: what a multibody code makes of these.
+/// @pre has_coordinates(model). Collective.
+Block spin_loads(const SecondOrderModel& model);
+
 /// Those of the basis V Q, Q: m × k.
 FrameIntegrals project(const FrameIntegrals& integrals, const Dense& Q);
 

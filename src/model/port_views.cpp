@@ -12,7 +12,7 @@ struct Kind {
 constexpr Kind kinds[] = {
     {"f", "force", "displacement"}, {"m", "moment", "rotation"},
     {"a", "acceleration", nullptr}, {"alpha", "angular acceleration", nullptr},
-    {"spin", "spin", nullptr},      {"p", "pressure", nullptr},
+    {"spin", "spin", "inertia"},    {"p", "pressure", nullptr},
     {"t", "traction", nullptr},     {"u", nullptr, "displacement"},
 };
 
@@ -52,8 +52,11 @@ std::string kind_of_port(const std::string& name) {
   const std::string last = name.substr(dot + 1),
                     letters = last.substr(0, last.find_last_not_of("xyz") + 1);
   const std::size_t directions = last.size() - letters.size();
-  const bool scalar = letters == "p" || letters == "spin";
-  return find_kind(letters) && directions == (scalar ? 0 : 1) ? letters : "";
+  const bool fits = letters == "p"      ? directions == 0
+                    : letters == "u"    ? directions <= 1
+                    : letters == "spin" ? directions == 0 || directions == 2
+                                        : directions == 1;
+  return find_kind(letters) && fits ? letters : "";
 }
 
 ComplexDense PortView::of(const ComplexDense& H) const {

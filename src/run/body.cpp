@@ -4,6 +4,8 @@
 #include "base/text.hpp"
 #include "fem/assembly.hpp"
 #include "io/body_io.hpp"
+#include "model/frame_integrals.hpp"
+#include "model/rigid_body_modes.hpp"
 
 #include <unistd.h>
 
@@ -29,6 +31,22 @@ void check_output(MPI_Comm comm, const std::string& path,
   });
 }
 
+namespace {
+
+/// Behind the inputs and behind the outputs.
+void add_spin_loads(SecondOrderModel& model) {
+  if (!has_coordinates(model))
+    throw Error("{spin_loads}: the body has no coordinates of its nodes");
+  const Block loads = spin_loads(model);
+  model.B = concatenate(model.B, loads);
+  model.C = model.outputs_are_inputs ? model.B.share() : concatenate(model.C, loads);
+  for (const char* axes : {"xx", "yy", "zz", "xy", "yz", "zx"})
+    for (auto* names : {&model.inputs, &model.outputs})
+      names->push_back(std::string("frame.spin") + axes);
+}
+
+} // namespace
+
 Body load_body(MPI_Comm comm, const Settings& settings, Observer& observer) {
   if (settings.body.empty()) throw Error("option -body is missing: name a body file");
   Body body;
@@ -53,6 +71,7 @@ Body load_body(MPI_Comm comm, const Settings& settings, Observer& observer) {
 
 void begin_plan(Body& body, const Settings& settings, Observer& observer) {
   select_ports(body.model, split(settings.inputs, ','), split(settings.outputs, ','));
+  if (settings.spin_loads == "yes") add_spin_loads(body.model);
   const SecondOrderModel& model = body.model;
   observer.fact("body", text("%s: n = %lld, %.3g nonzeros in K", model.name.c_str(),
                              static_cast<long long>(model.n),

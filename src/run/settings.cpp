@@ -55,6 +55,13 @@ void Settings::describe(Options& options) {
   options.add("-mor_outputs", outputs,
               "the same for outputs; default: like the inputs where the outputs are "
               "the inputs, else all");
+  options.section("Ports of the body's own motion", all_but_cut);
+  options.add_choice(
+      "-mor_spin_loads", spin_loads, {"no", "yes"},
+      "whether what the spin of a body does to it is among the inputs and outputs: six "
+      "loads frame.spinxx … frame.spinzx for ω_x² … ω_zω_x [rad²/s²], as outputs the "
+      "change of its inertia; for fast or soft rotors in a floating frame, whose "
+      "centrifugal loads are no loads at interfaces");
   options.section("Ports", "reduce");
   options.add("-mor_loads", loads,
               "table of loads to reduce for, instead of each input by itself: CSV, its "

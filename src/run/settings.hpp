@@ -25,7 +25,8 @@ struct Settings {
   std::string order_word = "auto";
   OrderSpec order;
   std::string tolerance_of = "each_kind", port_scaling = "equal", metric = "mass",
-              relative_to = "pointwise", statics = "no", frame = "auto", frame_interface;
+              relative_to = "pointwise", statics = "no", spin_loads = "no",
+              frame = "auto", frame_interface;
   std::vector<double> weight, shifts_hz, error_hz;
   int moments = 2;
   double cutoff = 1.1, medium_target = 0;

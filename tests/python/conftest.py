@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -222,18 +223,17 @@ def rom_system(rom: dict[str, Any]) -> System:
     return System(rom["K"], rom["M"], rom["B"], rom["C"], rom["D"], eta=rom["eta"])
 
 
-LETTERS = {"displacement": "fu", "force": "f", "rotation": "m", "moment": "m", "acceleration": "a",
-           "angular acceleration": "alpha", "spin": "spin", "pressure": "p",
-           "traction": "t"}  # fmt: skip
+#: What ends the names of ports of each kind.
+ENDS = {"displacement": "[fu][xyz]|u", "force": "f[xyz]", "rotation": "m[xyz]",
+        "moment": "m[xyz]", "acceleration": "a[xyz]", "angular acceleration": "alpha[xyz]",
+        "spin": "spin([xyz]{2})?", "inertia": "spin([xyz]{2})?", "pressure": "p",
+        "traction": "t[xyz]"}  # fmt: skip
 
 
 def kinds_of(names: list[str], word: str) -> list[int]:
     """Which of the ports are of a kind."""
-    last = [name.rpartition(".")[2] for name in names]
-    if word in ("pressure", "spin"):
-        return [k for k, n in enumerate(last) if n == LETTERS[word]]
-    letters = "fu" if word == "displacement" else [LETTERS[word]]
-    return [k for k, n in enumerate(last) if n[:-1] in letters and n[-1] in "xyz"]
+    return [k for k, name in enumerate(names)
+            if re.fullmatch(ENDS[word], name.rpartition(".")[2])]  # fmt: skip
 
 
 def certified(
