@@ -116,6 +116,9 @@ def _say_mesh(options: argparse.Namespace, counts: dict[str, Any]) -> None:
                 f"  warning: the reference of {name} is {facts['distance']:.0f} sizes of "
                 "its node set away from its middle: right units?"
             )
+    for kind in ("loads", "outputs"):
+        for name, what in counts[kind].items():
+            say(f"  {kind[:-1]} {name}: {what}")
     if {"tetra"} & set(counts["kinds"]):
         say("  note: linear tetrahedra are too stiff; second-order ones (tetra10) converge faster")
     if max(counts["extent"]) > 15 and counts["units"] == "SI":
