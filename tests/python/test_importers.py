@@ -21,7 +21,7 @@ from flexgram.basics import BodyError
 from flexgram.geometry import Geometry
 from flexgram.importers import check, import_matrices, parse, read
 from flexgram.importers.deck import read_deck
-from flexgram.importers.fe import Interface
+from flexgram.importers.fe import FeMatrices, Interface, rigid_motions
 from flexgram.importers.interfaces import attach
 
 STEEL = "*MATERIAL, NAME=STEEL\n*ELASTIC\n210e9, 0.3\n*DENSITY\n7850.\n"
@@ -316,3 +316,22 @@ def test_abaqus_matrix_input_and_negative_labels(tmp_path: Path) -> None:
     (tmp_path / "job_MASS3.mtx").write_text("1 1 1.0\n")
     with pytest.raises(BodyError, match="name the deck"):
         read(tmp_path / "job_STIF3.mtx")
+
+
+def test_distributing_along_an_edge_with_rotations() -> None:
+    """Nodes on a line that turn (a shell's edge): the reference has all six rigid motions of
+    theirs; of nodes that do not turn the line is refused."""
+    count = 5
+    node, component = np.repeat(np.arange(count), 6), np.tile(np.arange(6), count)
+    points = np.outer(np.arange(count), [0.0, 0.3, 0.1])
+    eye = sp.identity(6 * count, format="csr")
+    fe = FeMatrices("edge", eye, eye, node=node, component=component, labels=np.arange(count),
+                    points=points)  # fmt: skip
+    edge = Interface("edge", "distributing", "NODES:0,1,2,3,4", position=np.array([1.0, 0, 0]))
+    B = attach(fe, [edge])["B"]
+    motions = rigid_motions(points[node] - edge.position, component)
+    assert np.allclose(B.T @ motions, np.eye(6), atol=1e-12)
+    fe.component, fe.node, fe.K = component[component < 3], node[component < 3], eye[:15, :15]
+    fe.M = fe.K
+    with pytest.raises(BodyError, match="has 5 nodes on a line"):
+        attach(fe, [edge])

@@ -271,13 +271,18 @@ def _ports(
             turned += (fe.component[rows] >= 3).tolist()
         return sp.hstack(columns).tocsc(), names, turned
     rows, at = _rows(fe, name, labels)
-    moves = fe.component[rows] < 3
-    rows, at = rows[moves], at[moves]
     weights = np.ones(len(labels)) if interface.weights is None else interface.weights[first]
-    arm = fe.positions(fe.node[rows]) - _reference(fe, interface, labels)
     _require_extent(fe, interface, labels)
+    points = fe.positions(labels)
+    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    if len(points) > 2 and spread[1] > 1e-8 * spread[0]:  # translations tell the six motions
+        moves = fe.component[rows] < 3
+        rows, at = rows[moves], at[moves]
+    arm = fe.positions(fe.node[rows]) - _reference(fe, interface, labels)
     G = rigid_motions(arm, fe.component[rows])
-    W = weights[at][:, None]
+    # On a line, of a shell or of beams, the nodes' rotations count too, as lengths.
+    size = spread[0] / np.sqrt(len(points)) or 1.0
+    W = (weights[at] * np.where(fe.component[rows] < 3, 1.0, size**2))[:, None]
     B = W * G @ np.linalg.inv(G.T @ (W * G))
     r, k = np.indices(B.shape)
     columns_of = sp.csc_matrix((B.ravel(), (rows[r.ravel()], k.ravel())), shape=(fe.n, 6))
