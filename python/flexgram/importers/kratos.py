@@ -91,10 +91,11 @@ def matrices(part: Any) -> FeMatrices:
         size = geometry.LocalSpaceDimension(), geometry.PointsNumber()
         if size in CELLS:
             blocks.setdefault(CELLS[size], []).append([point.Id for point in geometry])
-    info, damping = part.ProcessInfo, {}
-    for name, variable in (("alpha", application.RAYLEIGH_ALPHA),
-                           ("beta", application.RAYLEIGH_BETA)):  # fmt: skip
-        damping[name] = float(info[variable]) if info.Has(variable) else 0.0
+    info = part.ProcessInfo
+    alpha, beta = (
+        float(info[variable]) if info.Has(variable) else 0.0
+        for variable in (application.RAYLEIGH_ALPHA, application.RAYLEIGH_BETA)
+    )
     return FeMatrices(
         source=part.Name, K=K, M=M, node=node,
         component=component,
@@ -103,5 +104,6 @@ def matrices(part: Any) -> FeMatrices:
         sets={sub.Name: np.array([n.Id for n in sub.Nodes], dtype=np.int64)
               for sub in part.SubModelParts},
         blocks=[(kind, np.array(nodes, dtype=np.int64)) for kind, nodes in blocks.items()],
-        thin=not any(kind.startswith(("tetra", "hexa")) for kind in blocks), **damping,
+        thin=not any(kind.startswith(("tetra", "hexa")) for kind in blocks),
+        alpha=alpha, beta=beta,
     )  # fmt: skip
