@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from flexgram.basics import BodyError, IntArray, check_name
+from flexgram.basics import BodyError, IntArray, check_name, errors_of
 from flexgram.faces import whole_faces
 from flexgram.reader import Reader, short
 
@@ -193,12 +193,25 @@ def write_outputs(
     file: h5py.File, reader: Reader, select: Callable[[Any, str], IntArray]
 ) -> dict[str, str]:
     """Write the outputs of a description: mean displacements of nodes, of one set or relative to
-    another, in the axes or along a direction. As ``write_loads``."""
+    another, in the axes or along a direction, and mean stresses. As ``write_loads``."""
     said = {}
     for order, (name, data) in enumerate(reader.children("outputs").items()):
-        entry = Reader(data, f"outputs: {name}", ("nodes", "relative_to", "direction"))
+        entry = Reader(data, f"outputs: {name}", ("type", "nodes", "relative_to", "direction"))
+        kind = entry.choice("type", ("displacement", "stress"), "displacement")
         group = file.create_group(f"outputs/{check_name(entry.where, str(name))}")
         group.attrs["order"] = order
+        if kind == "stress":
+            from flexgram.stress import COMPONENTS, Stresses  # it takes the compiled module
+
+            for key in ("relative_to", "direction"):
+                if key in entry.data:
+                    raise BodyError(f"{entry.where}: stress takes no {key}")
+            chosen = select(entry.get("nodes"), entry.where)
+            with errors_of(entry.where):
+                used, rows = Stresses.of(file).rows(chosen)
+            _write_vectors(group, ["s" + pair for pair in COMPONENTS], used, rows)
+            said[str(name)] = f"mean stress of {len(chosen)} nodes"
+            continue
         weights: dict[int, float] = {}
         for key, sign in (("nodes", 1.0), ("relative_to", -1.0)):
             if key == "nodes" or key in entry.data:

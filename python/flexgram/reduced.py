@@ -139,6 +139,7 @@ class ReducedModel:
         if "plan" in self.log:  # "name<tab>value"
             self.log["plan"] = [tuple(str(line).split("\t", 1)) for line in self.log["plan"]]
         self._save = save
+        self._stress_basis: Floats | None = None
         self.path: Path | None = None  #: where it was read from
 
     @classmethod
@@ -363,6 +364,38 @@ class ReducedModel:
         motion[:, at[moves], self.component[moves]] = self.lift(shapes)[:, moves]
         return labels, self.position[first], motion
 
+    def stress(self, q: ArrayLike | None = None, body: str | Path | None = None) -> Floats:
+        """Stress at the nodes of a body that flexgram assembled, (k, N, 6) [N/m²].
+
+        Of the elements' own strain, averaged at nodes (``flexgram.stress``): xx, yy, zz, xy, yz,
+        zx; NaN at nodes of no deforming solid. Nothing is claimed of it but of ``outputs`` of the
+        type stress; their values are these.
+
+        Parameters
+        ----------
+        q : (k, m) array, optional
+            Generalised coordinates; default: each basis vector.
+        body : str or Path, optional
+            Body file; default: the one that was reduced, if it is there.
+
+        Raises
+        ------
+        BodyError
+            Without that file, or if it holds matrices.
+        """
+        from flexgram.geometry import Geometry, body_of
+        from flexgram.stress import Stresses
+
+        if self._stress_basis is None:
+            path = body_of(self, body)
+            motion = Geometry.load(path).motion(self)
+            self._stress_basis = Stresses.load(path).nodal(motion)
+        if q is None:
+            return self._stress_basis
+        stress: Floats = np.tensordot(np.atleast_2d(np.asarray(q, dtype=float)),
+                                      self._stress_basis, axes=1)  # fmt: skip
+        return stress
+
     def elastic(self) -> ReducedModel:
         """The body in its own frame: without the rigid basis vectors.
 
@@ -402,6 +435,7 @@ class ReducedModel:
         frame["rigid_modes"] = 0
         part.frame = frame
         part.modes = self.modes[keep]
+        part._stress_basis = None
         return part
 
     def plot(self, figure: str = "error", path: str | Path | None = None, **options: Any) -> Any:

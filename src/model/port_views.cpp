@@ -14,6 +14,7 @@ constexpr Kind kinds[] = {
     {"a", "acceleration", nullptr}, {"alpha", "angular acceleration", nullptr},
     {"spin", "spin", "inertia"},    {"p", "pressure", nullptr},
     {"t", "traction", nullptr},     {"u", nullptr, "displacement"},
+    {"s", nullptr, "stress"},
 };
 
 const Kind* find_kind(const std::string& letters) {
@@ -55,6 +56,7 @@ std::string kind_of_port(const std::string& name) {
   const bool fits = letters == "p"      ? directions == 0
                     : letters == "u"    ? directions <= 1
                     : letters == "spin" ? directions == 0 || directions == 2
+                    : letters == "s"    ? directions == 2
                                         : directions == 1;
   return find_kind(letters) && fits ? letters : "";
 }

@@ -4,6 +4,7 @@
 #include "base/parallel.hpp"
 #include "base/process.hpp"
 #include "base/text.hpp"
+#include "fem/shape_functions.hpp"
 #include "io/body_io.hpp"
 #include "io/reduced_fields.hpp"
 #include "io/reduced_io.hpp"
@@ -368,6 +369,35 @@ std::vector<std::map<std::string, std::string>> options() {
   return result;
 }
 
+/// Shape functions at the points of an element's stiffness, or at given ones: points
+/// (q, 3), weights (q), N (q, n) and dN (q, n, 3).
+py::tuple shape_functions(const std::string& element, const py::array_t<double>& at) {
+  const ElementType type = element_type(element);
+  std::vector<ShapePoint> points;
+  if (at.size() == 0)
+    points = stiffness_points(type);
+  else
+    for (py::ssize_t q = 0; q < at.shape(0); ++q)
+      points.push_back(shape_at(type, {at.at(q, 0), at.at(q, 1), at.at(q, 2)}, 0));
+  const py::ssize_t count = static_cast<py::ssize_t>(points.size()),
+                    nodes = node_count(type);
+  py::array_t<double> xi({count, py::ssize_t{3}}), weight(count), N({count, nodes}),
+      dN({count, nodes, py::ssize_t{3}});
+  for (py::ssize_t q = 0; q < count; ++q) {
+    const ShapePoint& p = points[static_cast<std::size_t>(q)];
+    weight.mutable_at(q) = p.weight;
+    for (py::ssize_t a = 0; a < 3; ++a)
+      xi.mutable_at(q, a) = p.xi[static_cast<std::size_t>(a)];
+    for (py::ssize_t i = 0; i < nodes; ++i) {
+      N.mutable_at(q, i) = p.N[static_cast<std::size_t>(i)];
+      for (py::ssize_t a = 0; a < 3; ++a)
+        dN.mutable_at(q, i, a) =
+            p.dN[static_cast<std::size_t>(i)][static_cast<std::size_t>(a)];
+    }
+  }
+  return py::make_tuple(xi, weight, N, dN);
+}
+
 } // namespace
 } // namespace flexgram
 
@@ -375,6 +405,13 @@ PYBIND11_MODULE(_flexgram, module) {
   using namespace flexgram;
   module.def("start", &start);
   module.def("options", &options);
+  module.def("shape_functions", &shape_functions);
+  module.def("isotropic",
+             [](double E, double nu) { return isotropic(E, nu, 1).stiffness; });
+  module.def("orthotropic", [](const std::array<double, 9>& constants,
+                               const std::array<double, 9>& axes) {
+    return orthotropic(constants, axes, 1).stiffness;
+  });
   py::class_<PythonBody>(module, "Body")
       .def(py::init<std::intptr_t, const std::string&>())
       .def("set_petsc", &PythonBody::set_petsc)

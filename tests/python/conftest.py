@@ -226,7 +226,8 @@ def rom_system(rom: dict[str, Any]) -> System:
 #: What ends the names of ports of each kind.
 ENDS = {"displacement": "[fu][xyz]|u", "force": "f[xyz]", "rotation": "m[xyz]",
         "moment": "m[xyz]", "acceleration": "a[xyz]", "angular acceleration": "alpha[xyz]",
-        "spin": "spin([xyz]{2})?", "inertia": "spin([xyz]{2})?", "pressure": "p",
+        "spin": "spin([xyz]{2})?",
+        "inertia": "spin([xyz]{2})?", "pressure": "p", "stress": "s[xyz]{2}",
         "traction": "t[xyz]"}  # fmt: skip
 
 

@@ -1,0 +1,250 @@
+"""Stress of mesh bodies from displacements: by the elements' own strain, averaged at nodes.
+
+The stress is that of the points at which the stiffness is integrated, extrapolated to the corners
+of the element by the polynomial that is linear in each direction (by least squares where there are
+more points), and averaged over the elements around a node; nodes between corners have the mean of
+these. Elements inside a rigid interface carry none and are left out. Order of components: xx, yy,
+zz, xy, yz, zx.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import h5py
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexgram.basics import BodyError, IntArray, errors_of
+from flexgram.faces import LINEAR, MIDDLES
+
+Floats = NDArray[np.float64]
+
+COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "zx")
+#: Places of the corners on the reference element.
+CORNERS = {
+    "tetra": [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)],
+    "hexahedron": [(-1, -1, -1), (1, -1, -1), (1, 1, -1), (-1, 1, -1),
+                   (-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1)],
+    "wedge": [(0, 0, -1), (1, 0, -1), (0, 1, -1), (0, 0, 1), (1, 0, 1), (0, 1, 1)],
+}  # fmt: skip
+#: Elements whose operators are in memory at a time.
+CHUNK = 4096
+
+
+def _polynomials(kind: str, xi: Floats) -> Floats:
+    """Functions (q, k) of the reference coordinates that are linear in each direction."""
+    x, y, z = xi.T
+    one = np.ones(len(xi))
+    if kind == "tetra":
+        return np.column_stack([one, x, y, z])
+    if kind == "wedge":
+        return np.column_stack([one, x, y, z, x * z, y * z])
+    return np.column_stack([one, x, y, z, x * y, y * z, z * x, x * y * z])
+
+
+def extrapolation(kind: str, xi: Floats) -> Floats:
+    """Values at the nodes of an element (n, q) from those at points xi (q, 3)."""
+    corner = LINEAR.get(kind, kind)
+    at = np.array(CORNERS[corner], dtype=float)
+    if len(xi) == 1:
+        corners = np.ones((len(at), 1))
+    else:
+        corners = _polynomials(corner, at) @ np.linalg.pinv(_polynomials(corner, xi))
+    middles = sorted((number, sorted(edge)) for edge, number in MIDDLES.get(kind, {}).items())
+    between = [corners[edge].mean(axis=0) for _, edge in middles]
+    whole: Floats = np.vstack([corners, *between])
+    return whole
+
+
+def _strain(gradients: Floats) -> Floats:
+    """Strains (…, 6, n, 3), engineering shears, of unit displacements of functions with gradients
+    (…, n, 3)."""
+    strain = np.zeros((*gradients.shape[:-2], 6, *gradients.shape[-2:]))
+    x, y, z = (gradients[..., a] for a in range(3))
+    for row, direction, slope in ((0, 0, x), (1, 1, y), (2, 2, z), (3, 0, y), (3, 1, x),
+                                  (4, 1, z), (4, 2, y), (5, 0, z), (5, 2, x)):  # fmt: skip
+        strain[..., row, :, direction] = slope
+    return strain
+
+
+def stress_operator(kind: str, points: Floats, law: Floats) -> tuple[Floats, Floats, Floats]:
+    """Stress at the points of the stiffness for unit displacements of the nodes.
+
+    Parameters
+    ----------
+    kind : str
+        Meshio's name of the element.
+    points : (E, n, 3) array
+        Nodes of each element [m].
+    law : (6, 6) array
+        [N/m²]
+
+    Returns
+    -------
+    stress, strain : (E, q, 6, 3n) arrays
+        Rows and columns as ``COMPONENTS`` and x, y, z of each node.
+    volume : (E, q) array
+        Of each point [m³].
+    """
+    import _flexgram
+
+    xi, weight, _, dN = _flexgram.shape_functions(kind, np.empty((0, 3)))
+    jacobian = np.einsum("qna,enx->eqax", dN, points)
+    size = np.linalg.det(jacobian)
+    gradients = np.einsum("eqxa,qna->eqnx", np.linalg.inv(jacobian), dN)
+    volume = weight * size
+    count = points.shape[1]
+    strain = _strain(gradients).reshape(*size.shape, 6, 3 * count)
+    if kind == "hexahedron":  # with the incompatible modes 1 − ξ², condensed
+        centre = np.einsum("na,enx->eax",
+                           _flexgram.shape_functions(kind, np.zeros((1, 3)))[3][0],
+                           points)  # fmt: skip
+        inverse, at_centre = np.linalg.inv(centre), np.linalg.det(centre)
+        factor = -2 * xi[None] * (at_centre[:, None] / size)[..., None]
+        inner = _strain(np.einsum("eqa,exa->eqax", factor, inverse)).reshape(*size.shape, 6, 9)
+        weighed = np.einsum("eq,eqia,ij->eqja", volume, inner, law)
+        stiffness = np.einsum("eqja,eqjb->eab", weighed, inner)
+        coupling = np.einsum("eqja,eqjb->eab", weighed, strain)
+        strain = strain - inner @ np.linalg.solve(stiffness, coupling)[:, None]
+    return np.einsum("ij,eqjb->eqib", law, strain), strain, volume
+
+
+@dataclass
+class Stresses:
+    """What the stress of a mesh body is made of.
+
+    Attributes
+    ----------
+    points : (N, 3) array
+        [m]
+    blocks : list of (str, (E, n) int array, (6, 6) array)
+        Solids that deform: type, nodes, elastic law.
+    """
+
+    points: Floats
+    blocks: list[tuple[str, IntArray, Floats]]
+
+    @classmethod
+    def load(cls, path: str | Path) -> Stresses:
+        """Of a body file.
+
+        Raises
+        ------
+        BodyError
+            If the body has no mesh of solids.
+        """
+        with errors_of(path), h5py.File(path) as file:
+            return cls.of(file)
+
+    @classmethod
+    def of(cls, file: h5py.File) -> Stresses:
+        """Of an open body file."""
+        import _flexgram
+
+        if "mesh" not in file:
+            raise BodyError("only bodies that flexgram assembles from a mesh have stresses")
+        follows = np.full(len(file["mesh/points"]), -1)
+        for number, item in enumerate(file["interfaces"].values()):
+            if str(item.attrs["coupling"]) == "rigid":
+                follows[item["nodes"][:]] = number
+        blocks = []
+        for group in file["mesh/blocks"].values():
+            kind, nodes = str(group.attrs["type"]), group["connectivity"][:]
+            if kind == "line":
+                continue
+            steel = file["materials"][str(group.attrs["material"])].attrs
+            if "E" in steel:
+                law = _flexgram.isotropic(steel["E"], steel["nu"])
+            else:
+                law = _flexgram.orthotropic(steel["engineering_constants"], steel["axes"])
+            at = follows[nodes]
+            rigid = (at[:, 0] >= 0) & np.all(at == at[:, :1], axis=1)
+            if not rigid.all():
+                blocks.append((kind, nodes[~rigid], np.reshape(law, (6, 6))))
+        if not blocks:
+            raise BodyError("the body has no solids that deform: no stresses")
+        return cls(file["mesh/points"][:], blocks)
+
+    def _counts(self) -> Floats:
+        """Elements around each node."""
+        count = np.zeros(len(self.points))
+        for _, nodes, _ in self.blocks:
+            np.add.at(count, nodes, 1.0)
+        return count
+
+    def nodal(self, displacements: ArrayLike) -> Floats:
+        """Stress at the nodes.
+
+        Parameters
+        ----------
+        displacements : (k, N, 3) array
+            [m]
+
+        Returns
+        -------
+        (k, N, 6) array
+            [N/m²]; NaN at nodes of no deforming solid.
+        """
+        import _flexgram
+
+        u = np.asarray(displacements, dtype=float)
+        stress = np.zeros((*u.shape[:2], 6))
+        for kind, nodes, law in self.blocks:
+            outward = extrapolation(kind, _flexgram.shape_functions(kind, np.empty((0, 3)))[0])
+            for first in range(0, len(nodes), CHUNK):
+                some = nodes[first : first + CHUNK]
+                operator = stress_operator(kind, self.points[some], law)[0]
+                moved = u[:, some].reshape(len(u), len(some), -1)
+                for k, motion in enumerate(moved):
+                    here = np.einsum("nq,eqib,eb->eni", outward, operator, motion, optimize=True)
+                    np.add.at(stress[k], some, here)
+        count = self._counts()
+        stress[:, count > 0] /= count[count > 0, None]
+        stress[:, count == 0] = np.nan
+        return stress
+
+    def rows(self, nodes: IntArray) -> tuple[IntArray, Floats]:
+        """The mean stress of some nodes as a function of displacements.
+
+        Returns
+        -------
+        used : (U,) int array
+            Nodes of the elements around.
+        values : (U, 6, 3) array
+            Each component for unit displacements of each.
+
+        Raises
+        ------
+        BodyError
+            If one of the nodes belongs to no deforming solid.
+        """
+        import _flexgram
+
+        count = self._counts()
+        if np.any(count[nodes] == 0):
+            raise BodyError(f"node {nodes[count[nodes] == 0][0] + 1} belongs to no solid that "
+                            "deforms: it has no stress")  # fmt: skip
+        weight = np.zeros(len(self.points))
+        weight[nodes] = 1 / count[nodes] / len(nodes)
+        values = np.zeros((len(self.points), 6, 3))
+        for kind, all_nodes, law in self.blocks:
+            outward = extrapolation(kind, _flexgram.shape_functions(kind, np.empty((0, 3)))[0])
+            near = all_nodes[np.any(weight[all_nodes] > 0, axis=1)]
+            for first in range(0, len(near), CHUNK):
+                some = near[first : first + CHUNK]
+                operator = stress_operator(kind, self.points[some], law)[0]
+                part = np.einsum("en,nq,eqib->eib", weight[some], outward, operator, optimize=True)
+                np.add.at(values, some, part.reshape(len(some), 6, -1, 3).transpose(0, 2, 1, 3))
+        used = np.flatnonzero(np.any(values != 0, axis=(1, 2)))
+        return used, values[used]
+
+
+def von_mises(stress: ArrayLike) -> Floats:
+    """Equivalent stress of (…, 6) components."""
+    s = np.asarray(stress, dtype=float)
+    xx, yy, zz, xy, yz, zx = (s[..., i] for i in range(6))
+    equivalent: Floats = np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2)
+                                 + 3 * (xy**2 + yz**2 + zx**2))  # fmt: skip
+    return equivalent

@@ -1,0 +1,136 @@
+"""Stress of mesh bodies: patch tests, energy, CalculiX, and what is claimed of it."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.sparse.linalg import spsolve
+from test_importers import write_deck
+from test_mesh_loads import KINDS, ports, sided, write_body
+
+from bodies import CALCULIX
+from conftest import assembled, assert_certified, certified, run
+from flexgram import BodyError, ReducedModel
+from flexgram.stress import COMPONENTS, Stresses, stress_operator, von_mises
+
+LAW = 210e9 / 1.3 * (np.diag([1.0, 1, 1, 0.5, 0.5, 0.5])
+                     + 0.3 / 0.4 * np.outer([1, 1, 1, 0, 0, 0], [1, 1, 1, 0, 0, 0]))  # fmt: skip
+
+
+def field(body: dict[str, Any], vectors: Any) -> Any:
+    return vectors[np.arange(len(vectors)), body["component"]]
+
+
+def at_nodes(a: dict[str, Any], u: Any, count: int) -> Any:
+    """Displacements of rows as (N, 3)."""
+    there = np.zeros((count, 3))
+    there[a["node"], a["component"]] = u
+    return there
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("kind", KINDS)
+def test_uniform_strain_and_energy(kind: str, ranks: int, tmp_path: Path) -> None:
+    """A linear field has one stress everywhere, in recovery and in outputs; and of any field the
+    stress does the work that K says."""
+    mesh = sided(kind)
+    write_body(tmp_path / "body.h5", mesh, loads={},
+               outputs={"spot": {"type": "stress", "nodes": "side"}})  # fmt: skip
+    a = assembled(tmp_path / "matrices.h5", tmp_path / "body.h5", ranks)
+    _, C = ports(tmp_path / "matrices.h5")
+    A = 1e-4 * np.random.default_rng(2).standard_normal((3, 3))
+    e = 0.5 * (A + A.T)
+    expected = LAW @ np.array([e[0, 0], e[1, 1], e[2, 2], 2 * e[0, 1], 2 * e[1, 2], 2 * e[2, 0]])
+    u = field(a, a["position"] @ A.T)
+    stresses = Stresses.load(tmp_path / "body.h5")
+    found = stresses.nodal(at_nodes(a, u, len(mesh.points))[None])[0]
+    assert np.abs(found - expected).max() < 1e-9 * np.abs(expected).max()
+    spot = [C[f"spot.s{pair}"] @ u for pair in COMPONENTS]
+    assert np.allclose(spot, expected, rtol=1e-9)
+    # Any displacements.
+    u = np.random.default_rng(3).standard_normal(len(u))
+    there, energy = at_nodes(a, u, len(mesh.points)), 0.0
+    for element, nodes, law in stresses.blocks:
+        stress, strain, volume = stress_operator(element, mesh.points[nodes], law)
+        moved = there[nodes].reshape(len(nodes), -1)
+        energy += np.einsum("eqib,eb,eqic,ec,eq->", stress, moved, strain, moved, volume,
+                            optimize=True)  # fmt: skip
+    assert energy == pytest.approx(u @ a["K"] @ u, rel=1e-10)
+    # Recovery and outputs are one.
+    whole = stresses.nodal(there[None])[0][mesh.point_sets["side"]].mean(axis=0)
+    assert np.allclose([C[f"spot.s{pair}"] @ u for pair in COMPONENTS], whole, rtol=1e-9)
+
+
+@pytest.mark.skipif(shutil.which("ccx") is None, reason="ccx is not installed")
+@pytest.mark.parametrize("element", ["C3D4", "C3D10", "C3D15", "C3D20"])
+def test_stresses_of_calculix(element: str, tmp_path: Path) -> None:
+    """At the points of integration, under gravity and spin, to the digits that ccx prints."""
+    mesh = sided(CALCULIX[element])
+    extra = ("*BOUNDARY\nSTART, 1, 3\n*STEP\n*STATIC\n*DLOAD\nEALL, GRAV, 9810, 0, 0, 1\n"
+             "*NODE PRINT, NSET=NALL\nU\n*EL PRINT, ELSET=EALL\nS\n*END STEP\n")  # fmt: skip
+    deck = write_deck(tmp_path / "box.inp", element, extra, mesh=mesh)
+    subprocess.run(["ccx", deck.stem], cwd=tmp_path, capture_output=True, check=True)
+    theirs: dict[int, list[list[float]]] = {}
+    for line in deck.with_suffix(".dat").read_text().splitlines():
+        words = line.split()
+        if len(words) == 8 and words[0].isdigit():
+            xx, yy, zz, xy, xz, yz = map(float, words[2:])
+            theirs.setdefault(int(words[0]) - 1, []).append([xx, yy, zz, xy, yz, xz])
+    write_body(tmp_path / "body.h5", mesh, mass_integration="reduced", outputs={},
+               supports={"start": {"nodes": "start"}})  # fmt: skip
+    a = assembled(tmp_path / "matrices.h5", tmp_path / "body.h5")
+    B, _ = ports(tmp_path / "matrices.h5")
+    there = at_nodes(a, spsolve(a["K"].tocsc(), 9810 * B["gravity.az"]), len(mesh.points))
+    kind, nodes, law = Stresses.load(tmp_path / "body.h5").blocks[0]
+    stress = np.einsum("eqib,eb->eqi", stress_operator(kind, mesh.points[nodes], law)[0],
+                       there[nodes].reshape(len(nodes), -1))  # fmt: skip
+    printed = np.array([theirs[e] for e in range(len(nodes))])
+    scale = np.abs(printed).max()
+    for ours, other in zip(stress, printed, strict=True):  # the points in any order
+        apart = np.abs(ours[:, None] - other[None]).max(axis=2)
+        assert apart.min(axis=1).max() < 3e-6 * scale and apart.min(axis=0).max() < 3e-6 * scale
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_stress_is_certified(ranks: int, tmp_path: Path) -> None:
+    mesh = sided("tetra10", counts=(6, 3, 3))
+    spot = int(mesh.point_sets["side"][0]) + 1
+    write_body(tmp_path / "body.h5", mesh, damping={"alpha": 20.0, "beta": 1e-6},
+               loads={"gas": {"type": "pressure", "nodes": "side"}},
+               outputs={"spot": {"type": "stress", "nodes": [spot]}},
+               supports={"start": {"nodes": "start"}})  # fmt: skip
+    result = certified(tmp_path / "body.h5", (100.0, 6000.0), tmp_path, "-mor_tol", "1e-3",
+                       ranks=ranks)  # fmt: skip
+    assert_certified(result, 1e-3)
+    rom = ReducedModel.load(result["path"])
+    assert {"stress from force", "stress from pressure", "displacement from force"} <= set(
+        rom.kinds
+    )
+    # The field of stress at that node is the certified output.
+    q = np.random.default_rng(4).standard_normal((3, rom.order))
+    rows = [rom.outputs.index(f"spot.s{pair}") for pair in COMPONENTS]
+    stress = rom.stress(q, tmp_path / "body.h5")
+    assert np.allclose(stress[:, spot - 1], q @ rom.C[rows].T, rtol=1e-8)
+    assert np.allclose(von_mises([[3.0, 0, 0, 0, 0, 0], [0, 0, 0, 1, 0, 0]]), [3, np.sqrt(3)])
+
+
+def test_where_there_is_no_stress(tmp_path: Path) -> None:
+    """Inside rigid interfaces, and in bodies of matrices."""
+    mesh = sided("tetra")
+    rigid = {"end": {"coupling": "rigid", "nodes": "side"}}
+    whole = {"end": {"coupling": "rigid", "nodes": "all"}}
+    spot = {"spot": {"type": "stress", "nodes": "side"}}
+    write_body(tmp_path / "body.h5", mesh, interfaces=rigid, loads={}, outputs=spot)
+    with pytest.raises(BodyError, match="outputs: spot: the body has no solids that deform"):
+        write_body(tmp_path / "other.h5", mesh, interfaces=whole, loads={}, outputs=spot)
+    with pytest.raises(BodyError, match="stress takes no direction"):
+        write_body(tmp_path / "other.h5", mesh, loads={},
+                   outputs={"spot": {**spot["spot"], "direction": [1, 0, 0]}})  # fmt: skip
+    run("assemble", "-body", tmp_path / "body.h5", "-body_out", tmp_path / "matrices.h5")
+    with pytest.raises(BodyError, match="only bodies that flexgram assembles"):
+        Stresses.load(tmp_path / "matrices.h5")
