@@ -2,8 +2,9 @@
 
 The stress is that of the points at which the stiffness is integrated, extrapolated to the corners
 of the element by the polynomial that is linear in each direction (by least squares where there are
-more points), and averaged over the elements around a node; nodes between corners have the mean of
-these. Elements inside a rigid interface carry none and are left out. Order of components: xx, yy,
+more points; nodes between corners have the mean of these), in hexahedra of 20 nodes to all of them
+by the element's own functions, as CalculiX does, and averaged over the elements around a node.
+Elements inside a rigid interface carry none and are left out. Order of components: xx, yy,
 zz, xy, yz, zx.
 """
 
@@ -46,6 +47,11 @@ def _polynomials(kind: str, xi: Floats) -> Floats:
 
 def extrapolation(kind: str, xi: Floats) -> Floats:
     """Values at the nodes of an element (n, q) from those at points xi (q, 3)."""
+    if kind == "hexahedron20":
+        import _flexgram
+
+        own: Floats = np.linalg.pinv(_flexgram.shape_functions(kind, xi)[2])
+        return own
     corner = LINEAR.get(kind, kind)
     at = np.array(CORNERS[corner], dtype=float)
     if len(xi) == 1:
