@@ -142,6 +142,11 @@ def _export_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--body", type=Path, help="body file with the mesh; default: the one that was reduced"
     )
+    parser.add_argument(
+        "--stress",
+        action="store_true",
+        help="for exudyn and vtu: the stresses of the basis come along (bodies of meshes)",
+    )
     parser.add_argument("-o", "--output", type=Path, required=True, help="file to write")
 
 
@@ -151,7 +156,11 @@ def _export(options: argparse.Namespace) -> None:
 
     if options.dialect and options.to != "sid":
         raise BodyError("--dialect belongs to --to sid")
-    extra: dict[str, Any] = {"body": options.body} if options.to in ("exudyn", "vtu") else {}
+    extra: dict[str, Any] = {}
+    if options.to in ("exudyn", "vtu"):
+        extra = {"body": options.body, "stress": options.stress}
+    elif options.stress:
+        raise BodyError("--stress belongs to --to exudyn and vtu")
     if options.to == "sid":
         extra["dialect"] = options.dialect
     model = ReducedModel.load(options.rom)
@@ -186,6 +195,11 @@ def _simulate_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--body", type=Path, help="body file with the mesh, for --xdmf")
     parser.add_argument("--xdmf", type=Path, help="also the motion of the mesh, for ParaView")
     parser.add_argument(
+        "--stress",
+        action="store_true",
+        help="with --xdmf: stress and von Mises stress too; its extreme is printed",
+    )
+    parser.add_argument(
         "-o", "--output", type=Path, required=True, help=".csv of t and all outputs"
     )
 
@@ -196,8 +210,9 @@ def _simulate(options: argparse.Namespace) -> None:
     from flexgram.expressions import function_of_time
     from flexgram.histories import evenly, read_history
     from flexgram.reduced import ReducedModel
+    from flexgram.stress import largest_stress
 
-    model = ReducedModel.load(options.rom, basis=options.xdmf is not None)
+    model = ReducedModel.load(options.rom, basis=options.xdmf is not None or options.stress)
     if not options.force and options.loads is None:
         raise BodyError("no loads: --force PORT=f(t), or --loads FILE")
     if options.loads is not None:
@@ -227,8 +242,10 @@ def _simulate(options: argparse.Namespace) -> None:
     if options.xdmf is not None:
         from flexgram.exporters.shapes import write_motion
 
-        write_motion(model, options.xdmf, t, q, body=options.body)
+        write_motion(model, options.xdmf, t, q, body=options.body, stress=options.stress)
         say(f"  wrote {options.xdmf}")
+    if options.stress:
+        say(f"  {largest_stress(model, t, q, options.body)}")
 
 
 #: name: what it does, example, its options, the work

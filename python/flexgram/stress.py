@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
@@ -19,6 +20,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexgram.basics import BodyError, IntArray, errors_of
 from flexgram.faces import LINEAR, MIDDLES
+
+if TYPE_CHECKING:
+    from flexgram.reduced import ReducedModel
 
 Floats = NDArray[np.float64]
 
@@ -254,3 +258,18 @@ def von_mises(stress: ArrayLike) -> Floats:
     equivalent: Floats = np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2)
                                  + 3 * (xy**2 + yz**2 + zx**2))  # fmt: skip
     return equivalent
+
+
+def largest_stress(model: ReducedModel, t: Floats, q: Floats, body: str | Path | None) -> str:
+    """Where and when the von Mises stress of a motion is largest, in words; ``t`` (n,) times, ``q``
+    (n, m) coordinates."""
+    from flexgram.geometry import Geometry, body_of
+
+    largest, when, where = -1.0, 0, 0
+    for k, state in enumerate(q):  # one at a time: a field is large
+        field = np.nan_to_num(von_mises(model.stress(state, body)[0]))
+        if field.max() > largest:
+            largest, when, where = float(field.max()), k, int(field.argmax())
+    place = ", ".join(f"{x:.4g}" for x in Geometry.load(body_of(model, body)).points[where])
+    return (f"largest von Mises stress {largest:.4g} N/m² at ({place}) m, node {where + 1}, "
+            f"t = {t[when]:.6g} s")  # fmt: skip

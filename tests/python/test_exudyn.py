@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 import scipy.integrate
@@ -123,3 +124,30 @@ def test_pendulum_under_gravity(tmp_path: Path) -> None:
     arm = found[:, 1:] - PIVOT
     assert np.ptp(exact) > 2.5
     assert np.abs(np.unwrap(np.arctan2(arm[:, 1], arm[:, 0])) - exact).max() < 2e-3
+
+
+@pytest.mark.parametrize("from_file", [False, True])
+def test_stress_sensors(from_file: bool, tmp_path: Path) -> None:
+    """EXUDYN's sensor of stress at a node of the surface is the reduced body's own stress."""
+    body, rom = reduced(tmp_path, SOFT, "0.5,200")
+    model = ReducedModel.load(rom)
+    mbs = exu.SystemContainer().AddSystem()
+    if from_file:
+        export(model, tmp_path / "beam.npz", "exudyn", body=body, stress=True)
+        added = add_body(exu, mbs, tmp_path / "beam.npz")
+    else:
+        added = add_body(exu, mbs, model, stress=True)
+    positions = np.array(mbs.GetObject(added["object"])["referencePositions"]).reshape(-1, 3)
+    node = int(np.argmin(np.linalg.norm(positions - [SIZE[0] / 3, 0, 0], axis=1)))
+    with h5py.File(body) as file:
+        own = int(np.argmin(np.linalg.norm(file["mesh/points"][:] - positions[node], axis=1)))
+    sensors = [mbs.AddSensor(sensor) for sensor in (
+        eii.SensorSuperElement(bodyNumber=added["object"], meshNodeNumber=node, storeInternal=True,
+                               outputVariableType=exu.OutputVariableType.StressLocal),
+        eii.SensorNode(nodeNumber=added["modal_node"], storeInternal=True,
+                       outputVariableType=exu.OutputVariableType.Coordinates))]  # fmt: skip
+    swing(mbs, added["markers"]["start"], added["markers"]["end"], (0.0, -5.0, 0.0), 0.05, 20)
+    stress, q = (mbs.GetSensorStoredData(sensor)[:, 1:] for sensor in sensors)
+    expected = model.elastic().stress(q, body)[:, own][:, [0, 1, 2, 4, 5, 3]]
+    assert np.abs(expected).max() > 0
+    assert np.abs(stress - expected).max() < 1e-8 * np.abs(expected).max()

@@ -7,13 +7,14 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
+import meshio
 import numpy as np
 import pytest
 from scipy.sparse.linalg import spsolve
 from test_importers import write_deck
 from test_mesh_loads import KINDS, ports, sided, write_body
 
-from bodies import CALCULIX
+from bodies import CALCULIX, box
 from conftest import assembled, assert_certified, certified, run
 from flexgram import BodyError, ReducedModel
 from flexgram.stress import COMPONENTS, Stresses, stress_operator, von_mises
@@ -145,3 +146,33 @@ def test_where_there_is_no_stress(tmp_path: Path) -> None:
     run("assemble", "-body", tmp_path / "body.h5", "-body_out", tmp_path / "matrices.h5")
     with pytest.raises(BodyError, match="only bodies that flexgram assembles"):
         Stresses.load(tmp_path / "matrices.h5")
+
+
+def test_stress_over_time(tmp_path: Path) -> None:
+    """The command line: pictures, and where the largest stress is. A bar that is pulled slowly."""
+    mesh = box("hexahedron20", (6, 2, 2), (0.1, 0.02, 0.03), distort=False)
+    write_body(tmp_path / "body.h5", mesh, outputs={}, damping={"alpha": 2e3},
+               materials={"steel": {"E": 210e9, "nu": 0.0, "rho": 7850.0}},
+               loads={"pull": {"type": "traction", "nodes": "end"}},
+               supports={"start": {"nodes": "start"}})  # fmt: skip
+    rom = tmp_path / "rom.h5"
+    run("reduce", "-body", tmp_path / "body.h5", "-mor_band_hz", "0,8000", "-mor_tol", "1e-4", "-mor_statics", "yes",
+        "-mor_out", rom)  # fmt: skip
+    said = run("simulate", rom, "--force", "pull.tx=1e7*(1-exp(-(t/2e-3)**2))", "--time",
+                   "0,0.02,201", "--stress", "--xdmf", tmp_path / "pull.xdmf", "-o",
+                   tmp_path / "y.csv").out  # fmt: skip
+    assert "largest von Mises stress" in said and "node" in said
+    model = ReducedModel.load(rom)
+    q = np.linalg.solve(model.K, model.B[:, model.inputs.index("pull.tx")] * 1e7)
+    field = model.stress(q, tmp_path / "body.h5")[0]
+    expected = np.array([1e7, 0, 0, 0, 0, 0])
+    assert np.abs(field - expected).max() < 2e4 and np.allclose(von_mises(field), 1e7, rtol=2e-3)
+    mesh_over_time = meshio.xdmf.TimeSeriesReader(tmp_path / "pull.xdmf")
+    mesh_over_time.read_points_cells()
+    _, data, _ = mesh_over_time.read_data(mesh_over_time.num_steps - 1)
+    assert np.allclose(data["von_mises"], 1e7, rtol=5e-3)
+    run("export", rom, "--to", "vtu", "--stress", "-o", tmp_path / "shapes.vtu")
+    shapes = meshio.read(tmp_path / "shapes.vtu")
+    assert np.allclose(shapes.point_data["sigma_001"], model.stress()[0])
+    refused = run("export", rom, "--to", "npz", "--stress", "-o", tmp_path / "x.npz", expect=1)
+    assert "--stress belongs to" in refused.err

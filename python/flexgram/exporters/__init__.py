@@ -73,7 +73,8 @@ def export(model: ReducedModel, path: str | Path, format: str, **options: Any) -
     format : str
         One of ``FORMATS``.
     **options
-        ``dialect`` for ``sid``; ``body`` (body file, for the mesh) for ``exudyn`` and ``vtu``.
+        ``dialect`` for ``sid``; ``body`` (body file, for the mesh) and ``stress`` (bool: stresses
+        come along) for ``exudyn`` and ``vtu``.
 
     Raises
     ------

@@ -13,21 +13,28 @@ from typing import Any
 
 import numpy as np
 
-from flexgram.basics import BodyError, written_aside
+from flexgram.basics import BodyError, IntArray, written_aside
 from flexgram.geometry import Geometry, body_of, interface_motion, interface_positions
 from flexgram.reduced import Floats, ReducedModel
 
+STRESS_LOCAL = "OutputVariableType.StressLocal"
 SATELLITES = np.vstack([np.eye(3), -np.eye(3)])
 EPSILON = np.zeros((3, 3, 3))
 for _a, _b, _c in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
     EPSILON[_a, _b, _c], EPSILON[_a, _c, _b] = 1, -1
 
 
+#: EXUDYN's order of stresses, of ours.
+STRESSES = [0, 1, 2, 4, 5, 3]
+
+
 def _surface(
     model: ReducedModel, body: str | Path | None, most: int
-) -> tuple[Floats, Floats, list[list[int]]]:
-    """Surface points (N, 3), their motion (m, N, 3) and triangles; empty without a mesh."""
-    nothing = np.empty((0, 3)), np.empty((model.order, 0, 3)), list[list[int]]()
+) -> tuple[Floats, Floats, list[list[int]], IntArray]:
+    """Surface points (N, 3), their motion (m, N, 3), triangles, and the nodes of the mesh that the
+    points are; empty without a mesh."""
+    nothing = (np.empty((0, 3)), np.empty((model.order, 0, 3)), list[list[int]](),
+               np.empty(0, dtype=np.int64))  # fmt: skip
     try:
         geometry = Geometry.load(body_of(model, body))
     except BodyError:
@@ -39,11 +46,14 @@ def _surface(
     if not 0 < len(used) <= most:
         return nothing
     motion = geometry.motion(model)[:, used]
-    return geometry.points[used], motion, renumbered.reshape(-1, 3).tolist()
+    return geometry.points[used], motion, renumbered.reshape(-1, 3).tolist(), used
 
 
 def ffrf_terms(
-    model: ReducedModel, body: str | Path | None = None, most_nodes: int = 5000
+    model: ReducedModel,
+    body: str | Path | None = None,
+    most_nodes: int = 5000,
+    stress: bool = False,
 ) -> dict[str, Any]:
     """Everything that EXUDYN's ``ObjectFFRFreducedOrder`` takes, by the keys of its NPZ files.
 
@@ -55,11 +65,15 @@ def ffrf_terms(
         Body file, for its surface; default: the one that was reduced, if it is there.
     most_nodes : int
         A surface with more nodes is not drawn.
+    stress : bool
+        Whether the stress of the surface comes along, for pictures and sensors of ``StressLocal``;
+        for bodies that flexgram assembled.
 
     Returns
     -------
     dict
-        EXUDYN's keys, and ``dampingMatrixReduced``, ``interfaceNames``, ``interfaceNodes`` (six
+        EXUDYN's keys (``postProcessingModes`` as ``stressModes``, its matrix alone), and
+        ``dampingMatrixReduced``, ``interfaceNames``, ``interfaceNodes`` (six
         node numbers each), ``interfacePositions``.
     """
     if "M_r" not in model.frame or model.frame["rigid_modes"] != 6:
@@ -71,8 +85,10 @@ def ffrf_terms(
     positions = interface_positions(model)
     elastic = model.elastic()
     n, f = elastic.order, elastic.frame
-    points, moved, triangles = _surface(model, body, most_nodes)
+    points, moved, triangles, surface = _surface(model, body, most_nodes)
     moved = moved[model.frame["rigid_modes"] :]
+    if stress and not len(surface):
+        raise BodyError(f"the stress needs the surface of the body, of {most_nodes} nodes at most")
     extent = float(np.ptp(np.vstack([points, *positions.values()]), axis=0).max()) or 1.0
     names, nodes = [], []
     for name, (translation, rotation) in interface_motion(elastic).items():
@@ -82,12 +98,18 @@ def ffrf_terms(
         points = np.vstack([points, positions[name] + arms])
         turned = np.cross(rotation.T[:, None, :], arms[None])
         moved = np.concatenate([moved, translation.T[:, None, :] + turned], axis=1)
+    stresses = np.zeros((len(points), 6 * n if stress else 0))
+    if stress:
+        of_modes = model.stress(body=body)[model.frame["rigid_modes"] :, surface][..., STRESSES]
+        stresses[: len(surface)] = np.nan_to_num(of_modes).transpose(1, 0, 2).reshape(-1, 6 * n)
     Ct = f["M_er"][:, :3]
     inertia_first = f["inertia_first"]
     return {
         "modeBasis": moved.reshape(n, -1).T.copy(),
         "trigList": np.array(triangles, dtype=int),
-        "postProcessingModes": {},
+        "postProcessingModes": {"matrix": stresses, "outputVariableType": STRESS_LOCAL}
+        if stress else {},
+        "stressModes": stresses,
         "massMatrixReduced": elastic.M, "stiffnessMatrixReduced": elastic.K,
         "dampingMatrixReduced": elastic.D,
         "infoList": np.array([n, len(points), 3, 4, 7, 7 + n]),
@@ -109,9 +131,11 @@ def ffrf_terms(
     }  # fmt: skip
 
 
-def write_npz(model: ReducedModel, path: Path, body: str | Path | None = None) -> None:
-    """NPZ that ``ObjectFFRFreducedOrderInterface.LoadFromFile`` reads."""
-    terms = ffrf_terms(model, body)
+def write_npz(
+    model: ReducedModel, path: Path, body: str | Path | None = None, stress: bool = False
+) -> None:
+    """NPZ that ``ObjectFFRFreducedOrderInterface.LoadFromFile`` reads; as ``ffrf_terms``."""
+    terms = ffrf_terms(model, body, stress=stress)
     with written_aside(path, body) as place, place.open("wb") as file:
         np.savez(file, **terms)
 
@@ -121,7 +145,7 @@ DIRECT = ("mPsiTildePsi", "mPsiTildePsiTilde", "mPhitTPsi", "mPhitTPsiTilde", "m
           "mXRefTildePsiTilde", "modeBasis")  # fmt: skip
 USED = {*DIRECT, "infoList", "stiffnessMatrixReduced", "massMatrixReduced", "dampingMatrixReduced",
         "xRef", "totalMass", "inertiaLocal", "chiU", "trigList", "interfaceNames",
-        "interfaceNodes"}  # fmt: skip
+        "interfaceNodes", "stressModes"}  # fmt: skip
 
 
 def add_body(
@@ -135,6 +159,7 @@ def add_body(
     angular_velocity: Any = (0, 0, 0),
     gravity: Any = (0, 0, 0),
     color: Any = (0.4, 0.6, 0.8, 1.0),
+    stress: bool = False,
 ) -> dict[str, Any]:
     """Add a reduced body to an EXUDYN system, with its projected damping.
 
@@ -148,6 +173,8 @@ def add_body(
         Of the origin of the body's coordinates [m, m/s, rad/s, m/s²].
     rotation : (3, 3) array, optional
         From the body's axes to the inertial ones.
+    stress : bool
+        Whether a ``ReducedModel`` brings its stress (``ffrf_terms``); an NPZ brings what it has.
 
     Returns
     -------
@@ -159,7 +186,7 @@ def add_body(
     from exudyn.rigidBodyUtilities import GetRigidBodyNode
 
     if isinstance(source, ReducedModel):
-        terms = ffrf_terms(source)
+        terms = ffrf_terms(source, stress=stress)
     else:
         with np.load(source) as file:  # what others may have pickled into it stays shut
             terms = {key: file[key] for key in file.files if key in USED}
@@ -180,6 +207,10 @@ def add_body(
         matrix.SetWithDenseMatrix(np.asarray(a), useDenseMatrix=True)
         return matrix
 
+    post = {}
+    if "stressModes" in terms and terms["stressModes"].size:
+        post = {"outputVariableModeBasis": terms["stressModes"],
+                "outputVariableTypeModeBasis": exu.OutputVariableType.StressLocal}  # fmt: skip
     number = mbs.AddObject(
         eii.ObjectFFRFreducedOrder(
             nodeNumbers=[rigid_node, modal_node],
@@ -188,7 +219,7 @@ def add_body(
             dampingMatrixReduced=container(terms["dampingMatrixReduced"]),
             referencePositions=terms["xRef"], mass=float(terms["totalMass"]),
             inertia=terms["inertiaLocal"], centerOfMass=terms["chiU"],
-            **{key: terms[key] for key in DIRECT}, computeFFRFterms=True,
+            **{key: terms[key] for key in DIRECT}, computeFFRFterms=True, **post,
             visualization=eii.VObjectFFRF(triangleMesh=terms["trigList"].tolist(),
                                           color=list(color)),
         )

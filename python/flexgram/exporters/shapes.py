@@ -12,19 +12,25 @@ import numpy as np
 from flexgram.basics import BodyError, written_aside
 from flexgram.geometry import Geometry, body_of
 from flexgram.reduced import ReducedModel
+from flexgram.stress import von_mises
 
 
 def _geometry(model: ReducedModel, body: str | Path | None) -> Geometry:
     return Geometry.load(body_of(model, body))
 
 
-def write_shapes(model: ReducedModel, path: Path, body: str | Path | None = None) -> None:
-    """Every basis vector as a vector field ``phi_001``, … on the body's mesh.
+def write_shapes(
+    model: ReducedModel, path: Path, body: str | Path | None = None, stress: bool = False
+) -> None:
+    """Every basis vector as a vector field ``phi_001``, … on the body's mesh, with its ``stress``
+    ``sigma_001``, … (xx, yy, zz, xy, yz, zx) if asked.
 
     The format is by the suffix, any that meshio writes.
     """
     geometry = _geometry(model, body)
     fields = {f"phi_{j + 1:03d}": field for j, field in enumerate(geometry.motion(model))}
+    if stress:
+        fields |= {f"sigma_{j + 1:03d}": field for j, field in enumerate(model.stress(body=body))}
     mesh = meshio.Mesh(geometry.points, geometry.blocks, point_data=fields)
     try:
         with written_aside(path, body, model.path) as place:
@@ -34,7 +40,12 @@ def write_shapes(model: ReducedModel, path: Path, body: str | Path | None = None
 
 
 def write_motion(
-    model: ReducedModel, path: str | Path, t: Any, q: Any, body: str | Path | None = None
+    model: ReducedModel,
+    path: str | Path,
+    t: Any,
+    q: Any,
+    body: str | Path | None = None,
+    stress: bool = False,
 ) -> None:
     """Deformation over time as XDMF for ParaView.
 
@@ -48,6 +59,8 @@ def write_motion(
         Times [s] and generalised coordinates, as ``simulate`` gives them.
     body : str or Path, optional
         Body file with the mesh; default: the one that was reduced.
+    stress : bool
+        Write ``stress`` (xx, yy, zz, xy, yz, zx) and ``von_mises`` [N/m²] too.
     """
     geometry = _geometry(model, body)
     here = os.getcwd()
@@ -58,6 +71,10 @@ def write_motion(
                 writer.write_points_cells(geometry.points, geometry.blocks)
                 for time, state in zip(t, np.asarray(q), strict=True):
                     field = geometry.motion(model, state)[0]
-                    writer.write_data(float(time), point_data={"u": field})
+                    data = {"u": field}
+                    if stress:
+                        data["stress"] = model.stress(state, body)[0]
+                        data["von_mises"] = von_mises(data["stress"])
+                    writer.write_data(float(time), point_data=data)
         finally:
             os.chdir(here)
