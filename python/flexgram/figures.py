@@ -9,14 +9,18 @@ from typing import Any
 
 import h5py
 import matplotlib
+import matplotlib.cm
+import matplotlib.colors
 import numpy as np
 from matplotlib.figure import Figure  # not pyplot: the caller's backend stays the caller's
+from numpy.typing import ArrayLike
 from scipy.linalg import eigh
 
 from flexgram.basics import BodyError, errors_of, written_aside
 from flexgram.geometry import Geometry, body_of
 from flexgram.histories import Verdict
 from flexgram.reduced import Floats, ReducedModel
+from flexgram.stress import von_mises
 
 HZ = 1 / (2 * np.pi)
 FULL, REDUCED, BOUND = "#444444", "#0868ac", "#e08214"
@@ -168,12 +172,7 @@ def elastic_modes(model: ReducedModel, count: int) -> tuple[Floats, Floats]:
 
 def shapes(model: ReducedModel, body: str | Path | None = None, count: int = 5) -> Figure:
     """The mesh with its interfaces, and the lowest elastic modes of the reduced body."""
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-
-    geometry = Geometry.load(body_of(model, body))
-    triangles = geometry.surface()
-    if not len(triangles):
-        raise BodyError("the body has no solid elements to draw")
+    geometry, triangles = _surface(model, body)
     step = len(triangles) // 20000 + 1  # a picture needs no more
     marked = {name: triangles[np.isin(triangles, nodes).all(axis=1)]
               for name, nodes in geometry.interfaces.items()}  # fmt: skip
@@ -196,18 +195,68 @@ def shapes(model: ReducedModel, body: str | Path | None = None, count: int = 5) 
             points = points + scale * field
             amount = np.linalg.norm(field[triangles].mean(axis=1), axis=1)
             color = matplotlib.colormaps["viridis"](amount / max(amount.max(), 1e-300))
-        axes.add_collection3d(
-            Poly3DCollection(points[triangles], facecolor=color, edgecolor="#00000018", lw=0.2)
-        )
+        _draw(axes, points[triangles], color, center, size)
         if not place:
             axes.computed_zorder = False
             _mark(axes, geometry, marked)
-        for axis, at in zip("xyz", center, strict=True):
-            getattr(axes, f"set_{axis}lim")(at - 0.55 * size, at + 0.55 * size)
-        axes.set_box_aspect((1, 1, 1))
-        axes.set_axis_off()
         title = f"{hz[place - 1]:.5g} Hz" if place else "body and interfaces"
         axes.set_title(title, fontsize=9)
+    return figure
+
+
+def _surface(model: ReducedModel, body: str | Path | None) -> tuple[Geometry, Any]:
+    geometry = Geometry.load(body_of(model, body))
+    triangles = geometry.surface()
+    if not len(triangles):
+        raise BodyError("the body has no solid elements to draw")
+    return geometry, triangles
+
+
+def _draw(axes: Any, corners: Any, color: Any, center: Any, size: float) -> None:
+    """Triangles in a cube of that size, without axes."""
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    axes.add_collection3d(Poly3DCollection(corners, facecolor=color, edgecolor="#00000018", lw=0.2))
+    for axis, at in zip("xyz", center, strict=True):
+        getattr(axes, f"set_{axis}lim")(at - 0.55 * size, at + 0.55 * size)
+    axes.set_box_aspect((1, 1, 1))
+    axes.set_axis_off()
+
+
+def stress(
+    model: ReducedModel, q: ArrayLike, body: str | Path | None = None, magnify: float | None = None
+) -> Figure:
+    """Von Mises stress on the surface of the deformed mesh.
+
+    Parameters
+    ----------
+    model : ReducedModel
+    q : (m,) array
+        Generalised coordinates.
+    body : str or Path, optional
+        Body file; default: the one that was reduced.
+    magnify : float, optional
+        Factor of the deformation; default: a twentieth of the body's size.
+    """
+    geometry, triangles = _surface(model, body)
+    triangles = triangles[:: len(triangles) // 40000 + 1]
+    field = geometry.motion(model, q)[0]
+    used = np.unique(triangles)
+    points = geometry.points[used]
+    size = float(np.ptp(points, axis=0).max())
+    if magnify is None:
+        magnify = 0.05 * size / max(float(np.abs(field[used]).max()), 1e-300)
+    amount = von_mises(model.stress(q, body)[0])[triangles].mean(axis=1)
+    figure = Figure(figsize=(5.2, 4.4), layout="constrained")
+    axes = figure.add_subplot(projection="3d")
+    scale = matplotlib.cm.ScalarMappable(
+        matplotlib.colors.Normalize(0, float(np.nanmax(amount))), "turbo"
+    )
+    color = scale.to_rgba(np.nan_to_num(amount))
+    color[np.isnan(amount)] = (0.8, 0.8, 0.8, 1.0)
+    center = 0.5 * (points.max(axis=0) + points.min(axis=0))
+    _draw(axes, (geometry.points + magnify * field)[triangles], color, center, size)
+    figure.colorbar(scale, ax=axes, shrink=0.7, label="von Mises stress [N/m²]")
     return figure
 
 

@@ -36,6 +36,15 @@ def test_rack(tmp_path: Path) -> None:
     assert (tmp_path / "rack.html").stat().st_size > 50_000
 
 
+def test_rack_stress(tmp_path: Path) -> None:
+    out = example("rack_stress.py", tmp_path)
+    assert number(r"error (\S+) \(certified\)", out) <= 1e-3
+    assert number(r"stress from acceleration: at most (\S+)", out) <= 1e-3
+    # About the weight of all above the strut and the push's moment over its section.
+    assert 1e6 < number(r"largest stress of the strut (\S+) N", out) < 2e7
+    assert (tmp_path / "standing.png").stat().st_size > 20_000
+
+
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="ccx is not installed")
 def test_calculix_part(tmp_path: Path) -> None:
     pytest.importorskip("gmsh")
