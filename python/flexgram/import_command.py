@@ -76,6 +76,22 @@ def import_options(parser: argparse.ArgumentParser) -> None:
             f"--{coupling}", metavar="NAME=WHERE", action=_Named, help=f"interface: {what}"
         )
     parser.add_argument(
+        "--load",
+        metavar="NAME=TYPE[:MORE]",
+        action="append",
+        default=[],
+        help="input beside the interfaces, of a mesh or with --assemble: gravity=acceleration, "
+        "gas=pressure:NSET:piston, wind=traction:WHERE, push=force:WHERE, "
+        "turn=spin:x,y,z,ax,ay,az (point, axis), swing=angular_acceleration:x,y,z",
+    )
+    parser.add_argument(
+        "--measure",
+        metavar="NAME=[stress:]WHERE",
+        action="append",
+        default=[],
+        help="output beside the interfaces, likewise: mean displacement or stress of nodes",
+    )
+    parser.add_argument(
         "--material",
         help="of a mesh without YAML: steel, aluminium, titanium, cast-iron, or "
         "E=210e9,nu=0.3,rho=7850 in its units",
@@ -149,8 +165,24 @@ def _import_mesh(options: argparse.Namespace, named: list[tuple[str, str]]) -> N
         alpha=options.alpha,
         beta=options.beta,
         eta=options.eta,
+        **_further(options),
     )
     _say_mesh(options, counts)
+
+
+def _further(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
+    """Loads and outputs of the command line."""
+    from flexgram.meshbody import describe_load, describe_output
+
+    found: dict[str, dict[str, Any]] = {"loads": {}, "outputs": {}}
+    for key, words, read in (("loads", options.load, describe_load),
+                             ("outputs", options.measure, describe_output)):  # fmt: skip
+        for word in words:
+            name, entry = read(word)
+            if name in found[key]:
+                raise BodyError(f"{key[:-1]} {name} is given twice")
+            found[key][name] = entry
+    return found
 
 
 def import_body_file(options: argparse.Namespace) -> None:
@@ -160,7 +192,7 @@ def import_body_file(options: argparse.Namespace) -> None:
 
         every = ("material", "format", "deck", "mass", "damping", "inputs", "mapping", "run_ccx",
                  "assemble", "step", "strict", "matrices", "units", "alpha", "beta",
-                 "eta")  # fmt: skip
+                 "eta", "load", "measure")  # fmt: skip
         given = [name.replace("_", "-") for name in every if getattr(options, name)]
         given += [coupling for coupling, _ in named]
         if given:
@@ -184,11 +216,14 @@ def import_body_file(options: argparse.Namespace) -> None:
                 raise BodyError(f"--{name.replace('_', '-')} is nothing for --assemble")
         counts = assemble_deck(options.source, options.output, [parse(*pair) for pair in named],
                                units=options.units or "SI", step=options.step, alpha=options.alpha,
-                               beta=options.beta, eta=options.eta)  # fmt: skip
+                               beta=options.beta, eta=options.eta, **_further(options))  # fmt: skip
         _say_mesh(options, counts)
         for remark in counts["remarks"]:
             say(f"  note: {remark}")
         return
+    if options.load or options.measure:
+        raise BodyError("--load and --measure are for bodies that flexgram assembles: a mesh, or "
+                        "a CalculiX deck with --assemble")  # fmt: skip
     interfaces = [parse(*pair) for pair in named]  # before ccx runs for minutes
     check_damping(options.alpha, options.beta, options.eta)
     if options.run_ccx:

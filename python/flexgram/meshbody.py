@@ -11,6 +11,7 @@ from flexgram.description import ISOTROPIC, import_description
 from flexgram.importers import check_damping
 from flexgram.importers.fe import Interface
 from flexgram.importers.interfaces import numbers, parse
+from flexgram.loads import TYPES
 from flexgram.units import UNITS
 
 #: Materials by name [SI]: Young's modulus, Poisson's ratio, density.
@@ -37,6 +38,34 @@ def describe_interfaces(interfaces: Sequence[Interface]) -> dict[str, Any]:
     return described
 
 
+def describe_load(text: str) -> tuple[str, dict[str, Any]]:
+    """Name and entry of a load from the words of a command line, ``NAME=TYPE[:MORE]``: ``MORE`` are
+    nodes, of ``angular_acceleration`` a point, of ``spin`` a point and an axis."""
+    name, equals, rest = text.partition("=")
+    kind, _, more = rest.partition(":")
+    if not equals or kind not in TYPES:
+        raise BodyError(f"--load {text}: expected NAME=TYPE, TYPE one of {', '.join(TYPES)}")
+    entry: dict[str, Any] = {"type": kind}
+    if kind == "angular_acceleration":
+        entry["point"] = numbers(f"--load {text}", more, 3).tolist()
+    elif kind == "spin":
+        six = numbers(f"--load {text} (point and axis)", more, 6).tolist()
+        entry |= {"point": six[:3], "axis": six[3:]}
+    elif kind != "acceleration":
+        entry["nodes"] = _choice(parse("load", f"{name}={more}"))
+    elif more:
+        raise BodyError(f"--load {text}: acceleration takes no nodes: it acts on all")
+    return name, entry
+
+
+def describe_output(text: str) -> tuple[str, dict[str, Any]]:
+    """Name and entry of an output, ``NAME=[stress:]NODES``."""
+    name, _, rest = text.partition("=")
+    stress = rest.startswith("stress:")
+    nodes = _choice(parse("measure", f"{name}={rest.removeprefix('stress:')}"))
+    return name, {"type": "stress" if stress else "displacement", "nodes": nodes}
+
+
 def describe_mesh(
     mesh: Path,
     material: str,
@@ -44,6 +73,8 @@ def describe_mesh(
     *,
     units: str = "SI",
     damping: Mapping[str, float | None] | None = None,
+    loads: Mapping[str, Any] | None = None,
+    outputs: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """The description of a mesh of one material, from the words of a command line.
 
@@ -59,6 +90,8 @@ def describe_mesh(
         Of the mesh.
     damping : mapping, optional
         alpha [1/s], beta [s], eta.
+    loads, outputs : mapping, optional
+        As in a YAML description.
 
     Raises
     ------
@@ -84,7 +117,8 @@ def describe_mesh(
     given = {key: value for key, value in (damping or {}).items() if value is not None}
     return {"name": mesh.stem, "mesh": str(mesh.absolute()), "units": units,
             "materials": {"material": values}, "regions": {"all": {"material": "material"}},
-            "interfaces": described, "damping": given}  # fmt: skip
+            "interfaces": described, "damping": given, "loads": dict(loads or {}),
+            "outputs": dict(outputs or {})}  # fmt: skip
 
 
 def import_mesh(
@@ -97,6 +131,8 @@ def import_mesh(
     alpha: float | None = None,
     beta: float | None = None,
     eta: float | None = None,
+    loads: Mapping[str, Any] | None = None,
+    outputs: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Turn a mesh of one material into a body file, without YAML.
 
@@ -115,6 +151,9 @@ def import_mesh(
         Of the mesh: ``SI``, ``mm-t-s`` or ``mm-kg-s``.
     alpha, beta, eta : float, optional
         Damping.
+    loads, outputs : mapping, optional
+        As in a YAML description: ``{"gravity": {"type": "acceleration"}}``,
+        ``{"fillet": {"type": "stress", "nodes": "fillet"}}``.
 
     Returns
     -------
@@ -130,7 +169,8 @@ def import_mesh(
     named = [_parsed(*item) for item in interfaces.items()] if isinstance(
         interfaces, Mapping) else interfaces  # fmt: skip
     described = describe_mesh(Path(mesh), material, named, units=units,
-                              damping={"alpha": alpha, "beta": beta, "eta": eta})  # fmt: skip
+                              damping={"alpha": alpha, "beta": beta, "eta": eta},
+                              loads=loads, outputs=outputs)  # fmt: skip
     return import_description(described, str(mesh), output)
 
 

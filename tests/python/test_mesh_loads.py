@@ -8,14 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import h5py
+import meshio
 import numpy as np
 import pytest
 from scipy.sparse.linalg import spsolve
 from test_importers import write_deck
 
 from bodies import CALCULIX, box
-from conftest import assembled, assert_certified, certified, run
-from flexgram import BodyError, ReducedModel
+from conftest import assembled, assert_certified, certified, chain, run
+from flexgram import BodyError, ReducedModel, write_matrices
 from flexgram.description import import_description
 
 KINDS = ("tetra", "tetra10", "hexahedron", "hexahedron20", "wedge15")
@@ -228,3 +229,46 @@ def test_names_of_ports_are_their_own(tmp_path: Path) -> None:
     result = run("assemble", "-body", tmp_path / "body.h5", "-body_out", tmp_path / "m.h5",
                  expect=1)  # fmt: skip
     assert "two ports are named end.fx" in result.err
+
+
+def test_loads_of_the_command_line(tmp_path: Path) -> None:
+    """Of a mesh and of a CalculiX deck with labels of its own: the same columns as of YAML."""
+    mesh = sided("tetra10")
+    write_body(tmp_path / "yaml.h5", mesh, mass_integration="reduced", outputs={
+        "side": OUTPUTS["side"], "spot": {"type": "stress", "nodes": "side"}})  # fmt: skip
+    run("assemble", "-body", tmp_path / "yaml.h5", "-body_out", tmp_path / "yaml.m.h5")
+    expected = ports(tmp_path / "yaml.m.h5")
+    point, axis = (",".join(map(str, words)) for words in (POINT, AXIS))
+    words = ["--load", "gravity=acceleration", "--load", f"swing=angular_acceleration:{point}",
+             "--load", f"turn=spin:{point},{axis}", "--load", "skin=pressure:BOX:-1,-1,-1,1,1,1",
+             "--load", "side=pressure:NSET:side", "--load", "wind=traction:NSET:side",
+             "--load", "push=force:NSET:side", "--measure", "side=NSET:side",
+             "--measure", "spot=stress:NSET:side", "--distributing", "end=NSET:end"]  # fmt: skip
+    write_deck(tmp_path / "part.inp", "C3D10", mesh=mesh)
+    meshio.Mesh(mesh.points, mesh.cells).write(tmp_path / "part.vtu")
+    said = run("import", tmp_path / "part.inp", "--assemble", *words, "-o",
+               tmp_path / "deck.h5").out  # fmt: skip
+    assert "load skin: pressure on" in said and "output spot: mean stress of" in said
+    run("assemble", "-body", tmp_path / "deck.h5", "-body_out", tmp_path / "deck.m.h5")
+    for ours, theirs in zip(ports(tmp_path / "deck.m.h5"), expected, strict=True):
+        assert list(ours) == list(theirs)
+        for name in ours:
+            assert np.allclose(ours[name], theirs[name], rtol=1e-9,
+                               atol=1e-9 * np.abs(theirs[name]).max()), name  # fmt: skip
+    box_words = [word.replace("NSET:side", "BOX:-1,0.015,-1,1,1,1").replace(
+        "NSET:end", "BOX:0.09,-1,-1,1,1,1") for word in words]  # fmt: skip
+    said = run("import", tmp_path / "part.vtu", "--material", "steel", *box_words, "-o",
+               tmp_path / "vtu.h5").out  # fmt: skip
+    assert "load gravity: acceleration" in said
+    for wrong, what in ((["--load", "a=weight"], "expected NAME=TYPE"),
+                        (["--load", "a=acceleration:NSET:side"], "takes no nodes"),
+                        (["--load", "a=spin:1,2,3"], "expected 6 finite numbers"),
+                        (["--load", "a=acceleration", "--load", "a=acceleration"], "given twice"),
+                        (["--measure", "a=stress"], "a node set is named with NSET:stress")):  # fmt: skip
+        refused = run("import", tmp_path / "part.inp", "--assemble", "--distributing",
+                      "end=NSET:end", *wrong, "-o", tmp_path / "x.h5", expect=1)  # fmt: skip
+        assert what in refused.err, refused.err
+    write_matrices(tmp_path / "K.h5", **chain())
+    refused = run("import", tmp_path / "K.mat", "--load", "a=acceleration", "-o",
+                  tmp_path / "x.h5", expect=1)  # fmt: skip
+    assert "are for bodies that flexgram assembles" in refused.err

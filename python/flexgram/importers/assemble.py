@@ -7,7 +7,7 @@ Whatever else a deck says of its stiffness or mass is refused by name: ccx knows
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -114,6 +114,8 @@ def assemble_deck(
     alpha: float | None = None,
     beta: float | None = None,
     eta: float | None = None,
+    loads: Mapping[str, Any] | None = None,
+    outputs: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Write a mesh body of a deck, without ccx.
 
@@ -131,6 +133,8 @@ def assemble_deck(
         Whose supports hold the body; default: those of the *FREQUENCY step, else of the first.
     alpha, beta, eta : float, optional
         Damping instead of the deck's.
+    loads, outputs : mapping, optional
+        As in a YAML description; node numbers and sets are those of the deck.
 
     Returns
     -------
@@ -192,14 +196,17 @@ def assemble_deck(
     given = {"alpha": alpha, "beta": beta, "eta": eta}
     of_deck = {"alpha": damping.alpha, "beta": damping.beta, "eta": damping.eta}
     described = describe_interfaces(interfaces)
-    for entry in described.values():
-        if isinstance(entry["nodes"], list):  # labels of the deck
-            entry["nodes"] = [_index(path, deck, label) + 1 for label in entry["nodes"]]
-        elif isinstance(entry["nodes"], str):
-            entry["nodes"] = entry["nodes"].upper()
+    further = {key: {name: dict(entry) for name, entry in (given or {}).items()}
+               for key, given in (("loads", loads), ("outputs", outputs))}  # fmt: skip
+    for entry in (*described.values(), *further["loads"].values(), *further["outputs"].values()):
+        for key in ("nodes", "relative_to"):
+            if isinstance(entry.get(key), list):  # labels of the deck
+                entry[key] = [_index(path, deck, label) + 1 for label in entry[key]]
+            elif isinstance(entry.get(key), str):
+                entry[key] = entry[key].upper()
     content = {
         "name": path.stem, "units": units, "materials": materials, "regions": regions,
-        "interfaces": described, "mass_integration": "reduced",
+        "interfaces": described, "mass_integration": "reduced", **further,
         "supports": {f"held_{directions}": {"nodes": [i + 1 for i in nodes],
                                             "components": list(directions)}
                      for directions, nodes in _supports(job, deck, cards).items()},
