@@ -210,7 +210,7 @@ def _simulate(options: argparse.Namespace) -> None:
     from flexgram.expressions import function_of_time
     from flexgram.histories import evenly, read_history
     from flexgram.reduced import ReducedModel
-    from flexgram.stress import largest_stress
+    from flexgram.stress import largest_stress, words_of
 
     model = ReducedModel.load(options.rom, basis=options.xdmf is not None or options.stress)
     if not options.force and options.loads is None:
@@ -245,7 +245,8 @@ def _simulate(options: argparse.Namespace) -> None:
         write_motion(model, options.xdmf, t, q, body=options.body, stress=options.stress)
         say(f"  wrote {options.xdmf}")
     if options.stress:
-        say(f"  {largest_stress(model, t, q, options.body)}")
+        worst = largest_stress(model, q, options.body)
+        say(f"  {words_of(model, t, worst, options.body)}")
 
 
 #: name: what it does, example, its options, the work

@@ -13,8 +13,10 @@ from matplotlib.figure import Figure
 
 from flexgram import figures
 from flexgram.basics import BodyError, written_aside
-from flexgram.histories import judge, read_history
+from flexgram.geometry import body_of
+from flexgram.histories import evenly, judge, read_history
 from flexgram.reduced import ReducedModel
+from flexgram.stress import Stresses, largest_stress, words_of
 
 STYLE = """
 :root { color-scheme: light; --ink: #1c2733; --soft: #5b6b7a; --line: #d8dee4; --accent: #0868ac; }
@@ -126,6 +128,31 @@ def _when(log: dict[str, Any]) -> str:
     return told
 
 
+def _has_stress(model: ReducedModel, body: str | Path | None) -> bool:
+    try:
+        Stresses.load(body_of(model, body))
+    except BodyError:
+        return False
+    return True
+
+
+def _stress(model: ReducedModel, t: Any, u: Any, body: str | Path | None) -> str:
+    """The worst moment of a load history, from rest."""
+    part = model.elastic()  # rigid motion strains nothing
+    t, u = evenly(t, u)
+    _, q = part.simulate(u, t)
+    worst = largest_stress(part, q, body)
+    words = words_of(part, t, worst, body)
+    claim = (
+        ""
+        if any(".s" in name for name in model.outputs)
+        else (" Nothing is claimed of it: make it an output of the body (type: stress).")
+    )
+    return (f"<p>{words[0].upper()}{words[1:]}, of a body at rest in the beginning.{claim}</p>"
+            + _image(figures.stress(part, q[worst[1]], body), "Von Mises stress at that moment, "
+                     "deformation enlarged.", raster=True))  # fmt: skip
+
+
 def write_report(
     rom: str | Path,
     output: str | Path,
@@ -194,11 +221,17 @@ def write_report(
         "</div>",
     ]  # fmt: skip
     if loads is not None:
-        verdict = judge(model, *read_history(loads, model.inputs))
+        history = read_history(loads, model.inputs)
+        verdict = judge(model, *history)
         parts += [f"<h2>The load history {html.escape(Path(loads).name)}</h2>",
                   "".join(f"<p>{html.escape(words[0].upper() + words[1:])}.</p>"
                           for words in verdict.words),
                   _image(figures.loads(model, verdict), "Amplitudes, and the band.")]  # fmt: skip
+        if _has_stress(model, body):
+            try:
+                parts.append(_stress(model, *history, body))
+            except BodyError as error:
+                left.append(f"stress: {error}")
     picture = draw("shapes", "Surface with the interfaces; lowest elastic modes of the reduced "
                    "body, enlarged.", raster=True, body=body)  # fmt: skip
     if picture:

@@ -260,16 +260,26 @@ def von_mises(stress: ArrayLike) -> Floats:
     return equivalent
 
 
-def largest_stress(model: ReducedModel, t: Floats, q: Floats, body: str | Path | None) -> str:
-    """Where and when the von Mises stress of a motion is largest, in words; ``t`` (n,) times, ``q``
-    (n, m) coordinates."""
-    from flexgram.geometry import Geometry, body_of
-
+def largest_stress(
+    model: ReducedModel, q: Floats, body: str | Path | None = None
+) -> tuple[float, int, int]:
+    """The largest von Mises stress at a node over a motion (n, m): its value, when (a row of q) and
+    where (a node of the mesh)."""
     largest, when, where = -1.0, 0, 0
     for k, state in enumerate(q):  # one at a time: a field is large
         field = np.nan_to_num(von_mises(model.stress(state, body)[0]))
         if field.max() > largest:
             largest, when, where = float(field.max()), k, int(field.argmax())
+    return largest, when, where
+
+
+def words_of(
+    model: ReducedModel, t: Floats, worst: tuple[float, int, int], body: str | Path | None = None
+) -> str:
+    """What ``largest_stress`` found, at times t."""
+    from flexgram.geometry import Geometry, body_of
+
+    largest, when, where = worst
     place = ", ".join(f"{x:.4g}" for x in Geometry.load(body_of(model, body)).points[where])
     return (f"largest von Mises stress {largest:.4g} N/m² at ({place}) m, node {where + 1}, "
             f"t = {t[when]:.6g} s")  # fmt: skip

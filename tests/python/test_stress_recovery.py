@@ -179,5 +179,10 @@ def test_stress_over_time(tmp_path: Path) -> None:
     run("export", rom, "--to", "vtu", "--stress", "-o", tmp_path / "shapes.vtu")
     shapes = meshio.read(tmp_path / "shapes.vtu")
     assert np.allclose(shapes.point_data["sigma_001"], model.stress()[0])
+    history = tmp_path / "pull.csv"
+    history.write_text("t,pull.tx\n0,0\n0.004,2e7\n0.02,2e7\n")
+    run("report", rom, "--loads", history, "-o", tmp_path / "page.html")
+    page = (tmp_path / "page.html").read_text()
+    assert "Largest von Mises stress" in page and "Nothing is claimed of it" in page
     refused = run("export", rom, "--to", "npz", "--stress", "-o", tmp_path / "x.npz", expect=1)
     assert "--stress belongs to" in refused.err
