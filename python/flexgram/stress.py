@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
+import scipy.sparse as sp
 from numpy.typing import ArrayLike, NDArray
 
 from flexgram.basics import BodyError, IntArray, errors_of
@@ -35,7 +36,7 @@ CORNERS = {
     "wedge": [(0, 0, -1), (1, 0, -1), (0, 1, -1), (0, 0, 1), (1, 0, 1), (0, 1, 1)],
 }  # fmt: skip
 #: Elements whose operators are in memory at a time.
-CHUNK = 4096
+CHUNK = 1024
 
 
 def _polynomials(kind: str, xi: Floats) -> Floats:
@@ -200,20 +201,25 @@ class Stresses:
         import _flexgram
 
         u = np.asarray(displacements, dtype=float)
-        stress = np.zeros((*u.shape[:2], 6))
+        stress = np.zeros((len(self.points), 6 * len(u)))
         for kind, nodes, law in self.blocks:
             outward = extrapolation(kind, _flexgram.shape_functions(kind, np.empty((0, 3)))[0])
             for first in range(0, len(nodes), CHUNK):
                 some = nodes[first : first + CHUNK]
                 operator = stress_operator(kind, self.points[some], law)[0]
-                moved = u[:, some].reshape(len(u), len(some), -1)
-                for k, motion in enumerate(moved):
-                    here = np.einsum("nq,eqib,eb->eni", outward, operator, motion, optimize=True)
-                    np.add.at(stress[k], some, here)
+                elements, size = some.shape
+                at_nodes = np.tensordot(operator, outward, axes=(1, 1))  # (E, 6, 3n, n)
+                rows = at_nodes.transpose(0, 3, 1, 2).reshape(elements, 6 * size, 3 * size)
+                moved = u[:, some].transpose(1, 2, 3, 0).reshape(elements, 3 * size, len(u))
+                here = (rows @ moved).reshape(elements * size, -1)
+                used, at = np.unique(some, return_inverse=True)
+                gather = sp.csr_matrix((np.ones(some.size), (at.ravel(), np.arange(some.size))))
+                stress[used] += gather @ here
+        result = stress.reshape(len(self.points), 6, len(u)).transpose(2, 0, 1).copy()
         count = self._counts()
-        stress[:, count > 0] /= count[count > 0, None]
-        stress[:, count == 0] = np.nan
-        return stress
+        result[:, count > 0] /= count[count > 0, None]
+        result[:, count == 0] = np.nan
+        return result
 
     def rows(self, nodes: IntArray) -> tuple[IntArray, Floats]:
         """The mean stress of some nodes as a function of displacements.
