@@ -139,7 +139,7 @@ class ReducedModel:
         if "plan" in self.log:  # "name<tab>value"
             self.log["plan"] = [tuple(str(line).split("\t", 1)) for line in self.log["plan"]]
         self._save = save
-        self._stress_basis: Floats | None = None
+        self._stress_basis: tuple[Any, Floats] | None = None
         self.path: Path | None = None  #: where it was read from
 
     @classmethod
@@ -386,14 +386,21 @@ class ReducedModel:
         from flexgram.geometry import Geometry, body_of
         from flexgram.stress import Stresses
 
-        if self._stress_basis is None:
-            path = body_of(self, body)
+        path = Path(body_of(self, body)).resolve()
+        known = (path, path.stat().st_mtime_ns, path.stat().st_size) if path.exists() else None
+        if self._stress_basis is None or self._stress_basis[0] != known:
             motion = Geometry.load(path).motion(self)
-            self._stress_basis = Stresses.load(path).nodal(motion)
+            self._stress_basis = (known, Stresses.load(path).nodal(motion))
+        basis = self._stress_basis[1]
         if q is None:
-            return self._stress_basis
-        stress: Floats = np.tensordot(np.atleast_2d(np.asarray(q, dtype=float)),
-                                      self._stress_basis, axes=1)  # fmt: skip
+            return basis.copy()
+        states = np.atleast_2d(np.asarray(q))
+        if np.iscomplexobj(states) or states.shape[1] != self.order:
+            raise BodyError(
+                f"stress: q is {' × '.join(map(str, states.shape))} of "
+                f"{states.dtype}, expected real rows of {self.order} coordinates"
+            )
+        stress: Floats = np.tensordot(states.astype(float), basis, axes=1)
         return stress
 
     def elastic(self) -> ReducedModel:

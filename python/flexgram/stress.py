@@ -238,6 +238,7 @@ class Stresses:
         """
         import _flexgram
 
+        nodes = np.unique(nodes)
         count = self._counts()
         if np.any(count[nodes] == 0):
             raise BodyError(f"node {nodes[count[nodes] == 0][0] + 1} belongs to no solid that "

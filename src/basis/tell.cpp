@@ -151,6 +151,9 @@ void tell_error(const CutStory& cut, const ReducedModel& rom, Observer& observer
         text("rigid modes are rigid; if what K holds of them, which its rounding "
              "explains, were meant, H would change by %.0e",
              rom.claim->rigid_rounding));
+  if (!medium.zero_views.empty())
+    observer.skip("errors of " + join(medium.zero_views, ", "),
+                  "H is nothing but rounding there");
   if (!rom.by_kind.empty()) {
     std::string words;
     for (const auto& [kind, worst] : rom.by_kind)

@@ -10,10 +10,6 @@
 namespace flexgram {
 
 std::string hdf5_version();
-/// Before MPI ends, and HDF5 with it: after a damaged file that it would have crashed on,
-/// its clean-up may crash; then the program ends with status 1, its message being out.
-void expect_the_end_of_hdf5();
-
 /// What writing to `path` means: symlinks followed.
 /// @throws Error if it is a folder, a device or a pipe: only files are replaced.
 std::string target_of(const std::string& path);

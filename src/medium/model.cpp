@@ -30,9 +30,7 @@ MediumModel::MediumModel(const Medium& medium, std::size_t level,
   if (!medium.body.outputs_are_inputs)
     for (int& output : outputs_) output += static_cast<int>(medium.body.inputs.size());
   views = port_views(names, by_kind);
-  if (left_out_ >= 6) // fields of acceleration move a free body rigidly
-    std::erase_if(
-        views, [](const PortView& view) { return view.name.ends_with("acceleration"); });
+  drop_zero_views(medium.spec.bands);
   for (const PortView& view : views) {
     Certificate::PortSet block;
     for (int j : view.columns)
@@ -77,6 +75,52 @@ MatrixSeries MediumModel::reference_of(MatrixSeries x) const {
   for (Dense* part : {&x.coefficients, &x.tail})
     for (int j = 0; j < part->columns; ++j) std::fill_n(part->column(j), left_out_, 0.0);
   return x;
+}
+
+/// Whether H of a view (its elastic part, if errors are relative to that) is nothing but
+/// rounding: at frequencies of the bands every entry is 1e-9 or less of the geometric mean
+/// of what its input and its output answer to themselves. So stress from gravity of a
+/// free body, or whatever symmetry forbids.
+bool MediumModel::is_zero(const PortView& view,
+                          const std::vector<Interval>& bands) const {
+  const DenseResponse& response = *level_.response;
+  const Dense& ports = response.modal_inputs();
+  const auto entry = [&](const ComplexDense& x, int output, int input, int from) {
+    std::complex<double> sum = 0;
+    for (int k = from; k < x.rows; ++k) sum += ports(k, output) * x(k, input);
+    return std::abs(sum);
+  };
+  constexpr int samples = 9;
+  for (const Interval& band : bands)
+    for (int l = 0; l < samples; ++l) {
+      const double omega = band.first + (band.last - band.first) * l / (samples - 1);
+      const ComplexDense x = response.modal_response(omega);
+      for (int j : view.columns)
+        for (int i : view.rows) {
+          const int input = inputs_[static_cast<std::size_t>(j)],
+                    output = outputs_[static_cast<std::size_t>(i)];
+          const double own =
+              std::sqrt(entry(x, input, input, 0) * entry(x, output, output, 0));
+          if (std::isfinite(own) && entry(x, output, input, left_out_) > 1e-9 * own)
+            return false;
+        }
+    }
+  return true;
+}
+
+/// With kinds of ports there are few of them. @throws Error if nothing is left.
+void MediumModel::drop_zero_views(const std::vector<Interval>& bands) {
+  if (inputs_.size() * outputs_.size() > 250'000) return;
+  if (is_zero(views.front(), bands))
+    throw Error(left_out_ > 0
+                    ? "{tol_relative_to} elastic: the inputs move the body as a "
+                      "rigid one only, H has no elastic part"
+                    : "H is zero: these inputs move none of these outputs");
+  std::erase_if(views, [&](const PortView& view) {
+    if (&view == &views.front() || !is_zero(view, bands)) return false;
+    zero_views.push_back(view.name);
+    return true;
+  });
 }
 
 double MediumModel::whole_over_elastic(double omega) const {

@@ -91,8 +91,9 @@ public:
 
   std::vector<PortView>
       views; ///< blocks of H that are certified by themselves; the first is all
-  SecondOrderModel names; ///< body and ports, without matrices
-  DenseSystem system;     ///< with inputs and outputs in their units
+  std::vector<std::string> zero_views; ///< those that are nothing but rounding
+  SecondOrderModel names;              ///< body and ports, without matrices
+  DenseSystem system;                  ///< with inputs and outputs in their units
   std::vector<Resonance> resonances;
   std::vector<double> lambda; ///< [rad²/s²] elastic modes below the cutoff, all of them
   int rigid = 0;
@@ -100,6 +101,8 @@ public:
   double tau = 0, kappa = 0;
 
 private:
+  void drop_zero_views(const std::vector<Interval>& bands);
+  bool is_zero(const PortView& view, const std::vector<Interval>& bands) const;
   MatrixSeries transfer(const MatrixSeries& x) const;
   MatrixSeries reference_of(MatrixSeries x) const;
   template <class T>

@@ -74,11 +74,26 @@ std::vector<PortView> port_views(const SecondOrderModel& names, bool by_kind) {
   std::vector<PortView> views{
       {"all ports", all_of(names.outputs.size()), all_of(names.inputs.size())}};
   if (!by_kind) return views;
-  for (const auto& [output, rows] : ports_by(&Kind::output, names.outputs))
-    for (const auto& [input, columns] : ports_by(&Kind::input, names.inputs))
-      if ((output == "rotation") == (input == "moment"))
+  const auto rows_of = ports_by(&Kind::output, names.outputs),
+             columns_of = ports_by(&Kind::input, names.inputs);
+  const auto has = [](const auto& kinds, const char* name) {
+    return std::any_of(kinds.begin(), kinds.end(),
+                       [&](const auto& kind) { return kind.first == name; });
+  };
+  // Displacements from moments are as rotations from forces: with these beside those of
+  // their own kind nothing is hidden.
+  const bool square = has(rows_of, "displacement") && has(rows_of, "rotation") &&
+                      has(columns_of, "force") && has(columns_of, "moment");
+  for (const auto& [output, rows] : rows_of)
+    for (const auto& [input, columns] : columns_of) {
+      const bool crossed = (output == "displacement" && input == "moment") ||
+                           (output == "rotation" && input == "force");
+      if (!square || !crossed)
         views.push_back({output + " from " + input, rows, columns});
-  if (views.size() < 3) views.resize(1); // one kind: nothing is hidden
+    }
+  if (views.size() == 2 && views[1].rows == views[0].rows &&
+      views[1].columns == views[0].columns)
+    views.pop_back(); // one kind: nothing is hidden
   return views;
 }
 

@@ -15,7 +15,7 @@ from scipy.sparse.linalg import spsolve
 from test_importers import write_deck
 
 from bodies import CALCULIX, box
-from conftest import assembled, assert_certified, certified, chain, run
+from conftest import assembled, assert_certified, body_system, certified, chain, run
 from flexgram import BodyError, ReducedModel, write_matrices
 from flexgram.description import import_description
 
@@ -272,3 +272,49 @@ def test_loads_of_the_command_line(tmp_path: Path) -> None:
     refused = run("import", tmp_path / "K.mat", "--load", "a=acceleration", "-o",
                   tmp_path / "x.h5", expect=1)  # fmt: skip
     assert "are for bodies that flexgram assembles" in refused.err
+
+
+def test_kinds_that_are_nothing(tmp_path: Path) -> None:
+    """Gravity strains no free body: that kind is left out by name and spoils no other. And where
+    all of H is zero there is nothing to reduce."""
+    mesh = sided("tetra10")
+    write_body(tmp_path / "body.h5", mesh, damping={"alpha": 20.0},
+               loads={"gravity": {"type": "acceleration"}},
+               outputs={"spot": {"type": "stress", "nodes": "side"},
+                        "gap": {"nodes": "side", "relative_to": "end"}})  # fmt: skip
+    result = certified(tmp_path / "body.h5", (100.0, 9000.0), tmp_path, "-mor_tol", "1e-4")
+    assert_certified(result, 1e-4, sharp=1000)
+    rom = ReducedModel.load(result["path"])
+    assert "stress from acceleration" not in rom.kinds and "stress from force" in rom.kinds
+    assert any("stress from acceleration" in value for name, value in rom.log["plan"]
+               if name == "skipped")  # fmt: skip
+    band = ("-mor_band_hz", "100,9000", "-mor_out", tmp_path / "none.h5")
+    refused = run("reduce", "-body", tmp_path / "body.h5", "-mor_inputs", "gravity", "-mor_outputs",
+                  "gap", *band, expect=1)  # fmt: skip
+    assert "these inputs move none of these outputs" in refused.err
+    refused = run("reduce", "-body", tmp_path / "body.h5", "-mor_inputs", "gravity",
+                  "-mor_tol_relative_to", "elastic", *band, expect=1)  # fmt: skip
+    assert "H has no elastic part" in refused.err
+
+
+def test_every_pair_of_kinds_is_claimed(tmp_path: Path) -> None:
+    """Moments alone on the input: displacements and stresses from them are kinds of their own."""
+    write_body(tmp_path / "body.h5", sided("tetra10"), loads={}, damping={"alpha": 20.0},
+               outputs={"spot": {"type": "stress", "nodes": "side"}},
+               supports={"start": {"nodes": "start"}})  # fmt: skip
+    result = certified(tmp_path / "body.h5", (100.0, 6000.0), tmp_path, "-mor_tol", "1e-3",
+                       "-mor_inputs", "end.mx,end.my,end.mz", "-mor_outputs",
+                       "spot,end.fx,end.fy,end.fz", full=chosen(tmp_path / "body.h5"))  # fmt: skip
+    assert_certified(result, 1e-3)
+    rom = ReducedModel.load(result["path"])
+    assert sorted(rom.kinds) == ["displacement from moment", "stress from moment"]
+
+
+def chosen(path: Path) -> Any:
+    """The body with moments as inputs, stresses and displacements as outputs."""
+    full = body_system(path)
+    B, C = ports(path.with_name(path.stem + ".assembled.h5"))
+    outputs = [name for name in C if name.startswith("spot")] + ["end.fx", "end.fy", "end.fz"]
+    full.B = np.array([B[f"end.m{axis}"] for axis in "xyz"]).T
+    full.C = np.array([C[name] for name in outputs])
+    return full

@@ -186,3 +186,29 @@ def test_stress_over_time(tmp_path: Path) -> None:
     assert "Largest von Mises stress" in page and "Nothing is claimed of it" in page
     refused = run("export", rom, "--to", "npz", "--stress", "-o", tmp_path / "x.npz", expect=1)
     assert "--stress belongs to" in refused.err
+
+
+def test_whose_stress_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The file that is named, as it is now; nodes named twice count once; paths may be relative."""
+    monkeypatch.chdir(tmp_path)
+    mesh = sided("tetra10")
+    given = {"loads": {}, "supports": {"start": {"nodes": "start"}}, "damping": {"alpha": 20.0}}
+    write_body(Path("body.h5"), mesh, outputs={
+        "once": {"type": "stress", "nodes": [3, 5]},
+        "twice": {"type": "stress", "nodes": [3, 5, 3]}}, **given)  # fmt: skip
+    run("reduce", "-body", "body.h5", "-mor_band_hz", "100,3000", "-mor_out", "rom.h5")
+    rom = ReducedModel.load("rom.h5")
+    for pair in COMPONENTS:
+        once, twice = (rom.C[rom.outputs.index(f"{n}.s{pair}")] for n in ("once", "twice"))
+        assert np.allclose(once, twice)
+    run("simulate", "rom.h5", "--force", "end.fx=sin(t)", "--time", "0,0.01,11", "--stress",
+        "--xdmf", "m.xdmf", "-o", "y.csv")  # fmt: skip
+    q = np.ones((1, rom.order))
+    before = rom.stress(q)
+    rom.stress()[:] = 0
+    assert np.array_equal(rom.stress(q), before, equal_nan=True)
+    soft = {"steel": {"E": 105e9, "nu": 0.3, "rho": 7850.0}}
+    write_body(Path("soft.h5"), mesh, outputs={}, materials=soft, **given)
+    assert np.allclose(rom.stress(q, "soft.h5"), 0.5 * before, equal_nan=True)
+    with pytest.raises(BodyError, match="expected real rows"):
+        rom.stress(1j * q)

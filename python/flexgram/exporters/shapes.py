@@ -62,7 +62,8 @@ def write_motion(
     stress : bool
         Write ``stress`` (xx, yy, zz, xy, yz, zx) and ``von_mises`` [N/m²] too.
     """
-    geometry = _geometry(model, body)
+    where = Path(body_of(model, body)).resolve()  # meshio works in another folder
+    geometry = Geometry.load(where)
     here = os.getcwd()
     with written_aside(path, body, model.path) as place:
         os.chdir(place.parent)  # meshio puts the data file where it runs
@@ -73,7 +74,7 @@ def write_motion(
                     field = geometry.motion(model, state)[0]
                     data = {"u": field}
                     if stress:
-                        data["stress"] = model.stress(state, body)[0]
+                        data["stress"] = model.stress(state, where)[0]
                         data["von_mises"] = von_mises(data["stress"])
                     writer.write_data(float(time), point_data=data)
         finally:
