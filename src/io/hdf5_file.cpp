@@ -271,10 +271,15 @@ std::vector<std::int64_t> Hdf5File::shape(const std::string& dataset) const {
 }
 
 bool Hdf5File::has_attribute(const std::string& object, const std::string& name) const {
-  const htri_t there = H5Aexists(state_->object(object), name.c_str());
-  if (there < 0)
-    state_->fail(
-        text("the attributes of %s cannot be read: they are damaged", object.c_str()));
+  const Id owner = state_->object(object);
+  const std::string damaged =
+      text("the attributes of %s cannot be read: they are damaged", object.c_str());
+  htri_t there = -1;
+  guarded(comm(), "file " + path() + ": " + damaged, [&] {
+    there = H5Aexists(owner, name.c_str());
+    return there >= 0;
+  });
+  if (there < 0) state_->fail(damaged);
   return there > 0;
 }
 
