@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
+import re
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, IntArray
 from flexgram.reduced import ComplexArray, Floats, ReducedModel
 
 #: Share of a load's energy that the band is to hold.
@@ -87,15 +89,28 @@ class Verdict:
     above: float  #: the same above the band
     worst_port: str  #: the input with most energy outside the band
     needed: float  #: [Hz] below which every input has 99.9 % of its energy
-    error: float  #: of the motion in the band, root mean square, relative: at most so much
-    elastic_error: float | None  #: the same of the elastic motion of a free body; of others None
+    #: of the motion in the band, root mean square, relative: at most so much; of each kind of
+    #: output if the claim is of each kind
+    errors: dict[str, float]
+    elastic_errors: dict[str, float] | None  #: of the elastic motion of a free body; of others None
     astray: float  #: share of the energy that is none of the loads that the body was reduced for
     proved: bool  #: the errors are bounds, not estimates
 
     @property
+    def error(self) -> float:
+        """The largest of ``errors``."""
+        return max(self.errors.values())
+
+    @property
+    def elastic_error(self) -> float | None:
+        """The largest of ``elastic_errors``."""
+        return None if self.elastic_errors is None else max(self.elastic_errors.values())
+
+    @property
     def words(self) -> list[str]:
         """Sentences."""
-        said = [f"in the band the motion is within {self.error:.1e} of itself, root mean square"
+        each = ", ".join(f"the {what} is within {e:.1e}" for what, e in self.errors.items())
+        said = [f"in the band {each} of itself, root mean square"
                 + ("" if self.proved else " (estimated, not proved)")]  # fmt: skip
         if self.astray > 1 - ENOUGH:
             said.append(f"{100 * self.astray:.2g} % of the loads is no combination of those that "
@@ -114,13 +129,62 @@ class Verdict:
         return said
 
 
-def _responses(model: ReducedModel, omega: Floats, loads: ComplexArray) -> tuple[Floats, Floats]:
-    """‖H_r u‖ and ‖H_r‖_F at each frequency."""
-    motion, size = np.empty(len(omega)), np.empty(len(omega))
-    for i, w in enumerate(omega):
-        H = model.transfer(w)
-        motion[i], size[i] = np.linalg.norm(H @ loads[i]), np.linalg.norm(H)
-    return motion, size
+#: Last parts of the names of ports of each kind, as the program reads them.
+KINDS = {
+    "displacement": "[fu][xyz]|u", "rotation": "m[xyz]", "stress": "s[xyz]{2}",
+    "inertia": "spin([xyz]{2})?", "force": "f[xyz]", "moment": "m[xyz]",
+    "acceleration": "a[xyz]", "angular acceleration": "alpha[xyz]", "spin": "spin([xyz]{2})?",
+    "pressure": "p", "traction": "t[xyz]",
+}  # fmt: skip
+#: Pairs that no claim is made of beside those of their own kinds; the claim of all of H holds.
+CROSSED = {("displacement", "moment"), ("rotation", "force")}
+
+
+def _ports(names: list[str], kind: str) -> IntArray:
+    ends = [name.rpartition(".")[2] for name in names]
+    return np.array([i for i, end in enumerate(ends) if re.fullmatch(KINDS[kind], end)], dtype=int)
+
+
+@dataclass
+class _Block:
+    """A block of H with what is claimed of its error: ε, of it or of all of H."""
+
+    rows: IntArray
+    columns: IntArray
+    epsilon: float
+    of_all: bool = False
+
+
+def _blocks(model: ReducedModel) -> dict[str, list[_Block]]:
+    """What is claimed, by what the outputs are."""
+    all_rows, all_columns = np.arange(len(model.outputs)), np.arange(len(model.inputs))
+    if not len(model.by_kind):
+        return {"motion": [_Block(all_rows, all_columns, model.whole_error)]}
+    claims = {tuple(kind.split(" from ")): float(e)
+              for kind, e in zip(model.kinds, model.by_kind, strict=True)}  # fmt: skip
+    blocks: dict[str, list[_Block]] = {}
+    inputs = [kind for kind in KINDS if len(_ports(model.inputs, kind))
+              and (kind not in ("displacement", "rotation", "stress", "inertia"))]  # fmt: skip
+    known = np.concatenate([_ports(model.inputs, kind) for kind in inputs])
+    for output in dict.fromkeys(output for output, _ in claims):
+        rows = _ports(model.outputs, output)
+        mine = []
+        for kind in inputs:  # what is claimed of no kind is nothing but rounding
+            columns = _ports(model.inputs, kind)
+            if (output, kind) in claims:
+                mine.append(_Block(rows, columns, claims[output, kind]))
+            elif (output, kind) in CROSSED:
+                mine.append(_Block(rows, columns, model.whole_error, True))
+        others = np.setdiff1d(all_columns, known)
+        if len(others):
+            mine.append(_Block(rows, others, model.whole_error, True))
+        blocks[output] = mine
+    return blocks
+
+
+def _size(H: ComplexArray, block: _Block) -> float:
+    """Norm of what the claim of a block is relative to."""
+    return float(np.linalg.norm(H if block.of_all else H[np.ix_(block.rows, block.columns)]))
 
 
 def _for_its_loads(model: ReducedModel) -> ReducedModel:
@@ -138,10 +202,11 @@ def _for_its_loads(model: ReducedModel) -> ReducedModel:
 def judge(model: ReducedModel, t: ArrayLike, u: ArrayLike) -> Verdict:
     """What the claim says of the response to a load history.
 
-    By Parseval, from ‖H − H_r‖ <= ε ‖H‖ at every line of the spectrum in the band; ‖H‖ is at most
-    ‖H_r‖/(1 − ε), of that part of H that ε is relative to. At resonances that a claim leaves out
-    nothing is known: lines in them count as outside. A claim for few loads is one of the motion
-    along them, and of what of the history is a combination of them.
+    For each kind of output if the claim is of each kind. By Parseval, from ‖H − H_r‖ <= ε ‖H‖ at
+    every line of the spectrum in the band; ‖H‖ is at most ‖H_r‖/(1 − ε), of that part of H that ε
+    is relative to. At resonances that a claim leaves out nothing is known: lines in them count as
+    outside. A claim for few loads is one of the motion along them, and of what of the history is a
+    combination of them.
 
     Parameters
     ----------
@@ -186,29 +251,41 @@ def judge(model: ReducedModel, t: ArrayLike, u: ArrayLike) -> Verdict:
 
     lines = np.flatnonzero(inside & (energy.sum(axis=1) > 1e-20 * total.sum()) & (omega > 0))
     w, loads, twice = omega[lines], U[lines], weight[lines]
-    motion, size = _responses(model, w, loads)
-    free = int(model.frame["rigid_modes"]) > 0 and model.frame["kind"] != "none"
-    elastic, elastic_size = motion, size
-    if free:
-        try:
-            elastic, elastic_size = _responses(model.elastic(), w, loads)
-        except BodyError:  # dampers hold it
-            free = False
-    epsilon = model.whole_error
-    known = epsilon < 1
-    reference = {"band": np.full(len(lines), size.max(initial=0)), "elastic": elastic_size}.get(
-        model.relative_to, size
-    )
-    off = epsilon / (1 - epsilon) * reference * np.linalg.norm(loads, axis=1) if known else None
+    elastic = None
+    if int(model.frame["rigid_modes"]) > 0 and model.frame["kind"] != "none":
+        with contextlib.suppress(BodyError):  # dampers hold it
+            elastic = model.elastic()
+    reference = elastic if model.relative_to == "elastic" and elastic is not None else model
+    groups = _blocks(model)
+    most: dict[int, float] = {}  # of each block over the band
+    if model.relative_to == "band":
+        everywhere = [model.transfer(x) for x in np.unique(np.concatenate([model.omega, w]))]
+        most = {id(block): max(_size(H, block) for H in everywhere)
+                for blocks in groups.values() for block in blocks}  # fmt: skip
+    off = {what: np.zeros(len(w)) for what in groups}
+    motion = {what: np.zeros(len(w)) for what in groups}
+    bent = {what: np.zeros(len(w)) for what in groups}
+    for i, x in enumerate(w):
+        H = model.transfer(x)
+        H_e = H if elastic is None else elastic.transfer(x)
+        H_0 = H_e if reference is elastic else H
+        for what, blocks in groups.items():
+            for block in blocks:
+                size = most.get(id(block), 0.0) or _size(H_0, block)
+                share_of = block.epsilon / (1 - block.epsilon) if block.epsilon < 1 else np.inf
+                load = float(np.linalg.norm(loads[i][block.columns]))
+                off[what][i] += share_of * size * load if load > 0 else 0.0
+            rows = blocks[0].rows
+            motion[what][i] = np.linalg.norm(H[rows] @ loads[i])
+            bent[what][i] = np.linalg.norm(H_e[rows] @ loads[i])
 
-    def relative(what: Floats) -> float:
-        if off is None or not len(lines):
-            return float("inf") if len(lines) else 0.0
-        norm = float(np.sqrt(np.sum(twice * what**2)))
-        return float(np.sqrt(np.sum(twice * off**2)) / max(norm, 1e-300))
+    def relative(moved: dict[str, Floats]) -> dict[str, float]:
+        return {what: float(np.sqrt(np.sum(twice * off[what] ** 2))
+                            / max(np.sqrt(np.sum(twice * moved[what] ** 2)), 1e-300))
+                if np.any(off[what]) else 0.0 for what in groups}  # fmt: skip
 
     return Verdict(hz, spectrum, float(below.max()),
                    float(above.max()), names[int(np.argmax(below + above))],
                    float(hz[reached.max()]), relative(motion),
-                   relative(elastic) if free else None, astray,
+                   None if elastic is None else relative(bent), astray,
                    model.kind != "estimated")  # fmt: skip

@@ -76,14 +76,16 @@ std::vector<PortView> port_views(const SecondOrderModel& names, bool by_kind) {
   if (!by_kind) return views;
   const auto rows_of = ports_by(&Kind::output, names.outputs),
              columns_of = ports_by(&Kind::input, names.inputs);
-  const auto has = [](const auto& kinds, const char* name) {
-    return std::any_of(kinds.begin(), kinds.end(),
-                       [&](const auto& kind) { return kind.first == name; });
+  const auto are = [](const auto& kinds, const char* one, const char* other) {
+    return kinds.size() == 2 &&
+           std::all_of(kinds.begin(), kinds.end(), [&](const auto& kind) {
+             return kind.first == one || kind.first == other;
+           });
   };
-  // Displacements from moments are as rotations from forces: with these beside those of
-  // their own kind nothing is hidden.
-  const bool square = has(rows_of, "displacement") && has(rows_of, "rotation") &&
-                      has(columns_of, "force") && has(columns_of, "moment");
+  // Displacements from moments are as rotations from forces: beside those of their own
+  // kind alone nothing is hidden.
+  const bool square =
+      are(rows_of, "displacement", "rotation") && are(columns_of, "force", "moment");
   for (const auto& [output, rows] : rows_of)
     for (const auto& [input, columns] : columns_of) {
       const bool crossed = (output == "displacement" && input == "moment") ||

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 from test_elastic import LAST, Free
+from test_mesh_loads import sided, write_body
 
-from conftest import run
+from conftest import body_system, run
 from flexgram import BodyError, Matrices, ReducedModel, reduce
 from flexgram.histories import evenly, judge, read_history
 from referee import System
@@ -133,3 +134,34 @@ def test_a_body_for_few_loads_answers_for_these(bar: Free) -> None:
     verdict = judge(rom, *tones(beside))
     assert verdict.astray == pytest.approx(0.9)
     assert any("90 % of the loads is no combination" in words for words in verdict.words)
+
+
+@pytest.mark.parametrize("reference", ["pointwise", "band"])
+def test_each_kind_of_output_has_its_error(reference: str, tmp_path: Path) -> None:
+    """Loads and outputs of unlike units: displacements and stresses are judged by their own claims,
+    which in all of H together would say nothing of either."""
+    write_body(tmp_path / "body.h5", sided("tetra10"), damping={"alpha": 20.0, "beta": 1e-6},
+               supports={"start": {"nodes": "start"}},
+               loads={"gas": {"type": "pressure", "nodes": "side"},
+                      "gravity": {"type": "acceleration"}},
+               outputs={"spot": {"type": "stress", "nodes": "side"}})  # fmt: skip
+    rom = reduce(tmp_path / "body.h5", (10, 6000), 1e-3,
+                 options={"mor_tol_relative_to": reference})  # fmt: skip
+    full = body_system(tmp_path / "body.h5")
+    rng = np.random.default_rng(6)
+    scale = np.array([1e6 if name == "gas.p" else 1.0 for name in rom.inputs])
+    t = np.arange(20000) / 20000.0
+    tones = {hz: scale * rng.standard_normal(len(scale)) for hz in (25.0, 400.0, 2750.0, 5900.0)}
+    u = sum(np.outer(np.cos(2 * np.pi * hz * t + hz), a) for hz, a in tones.items())
+    verdict = judge(rom, t, u)
+    assert list(verdict.errors) == ["displacement", "rotation", "stress"]
+    rows = {"displacement": [0, 1, 2], "rotation": [3, 4, 5], "stress": list(range(6, 12))}
+    for what, error in verdict.errors.items():
+        off = whole = 0.0
+        for hz, amplitude in tones.items():
+            H = full.transfer(2 * np.pi * hz)[rows[what]]
+            H_r = rom.transfer(2 * np.pi * hz)[rows[what]]
+            off += np.linalg.norm((H_r - H) @ amplitude) ** 2
+            whole += np.linalg.norm(H @ amplitude) ** 2
+        assert np.sqrt(off / whole) <= error < 0.1, what
+    assert "the stress is within" in verdict.words[0]
