@@ -59,6 +59,10 @@ def _plot(options: argparse.Namespace) -> None:
     if not reduced:
         from flexgram.plots import plot_sweep  # matplotlib is slow to load
 
+        if not options.output.suffix:
+            raise BodyError(
+                f"-o {options.output}: a sweep is one picture: name a .png, .svg or .pdf"
+            )
         plot_sweep(options.source, options.output, options.rom)
         say(f"  wrote {options.output}")
         return

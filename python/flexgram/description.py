@@ -91,6 +91,11 @@ def _select_nodes(
             nodes = np.array(choice, dtype=np.int64) - 1
         if nodes.size and (nodes.min() < 0 or nodes.max() >= len(points)):
             raise BodyError(f"{where}: node numbers run from 1 to {len(points)}")
+        if len(np.unique(nodes)) < len(nodes):
+            raise BodyError(f"{where}: a node is named twice")
+        if not used[nodes].all():
+            raise BodyError(f"{where}: node {nodes[~used[nodes]][0] + 1} belongs to no element of "
+                            "the body")  # fmt: skip
     else:
         try:
             nodes = sets(str(choice))

@@ -136,7 +136,7 @@ def test_stress_sensors(from_file: bool, tmp_path: Path) -> None:
         export(model, tmp_path / "beam.npz", "exudyn", body=body, stress=True)
         added = add_body(exu, mbs, tmp_path / "beam.npz")
     else:
-        added = add_body(exu, mbs, model, stress=True)
+        added = add_body(exu, mbs, rom, stress=True)  # the reduced file itself
     positions = np.array(mbs.GetObject(added["object"])["referencePositions"]).reshape(-1, 3)
     node = int(np.argmin(np.linalg.norm(positions - [SIZE[0] / 3, 0, 0], axis=1)))
     with h5py.File(body) as file:

@@ -11,6 +11,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 
 from flexgram.basics import BodyError, IntArray, written_aside
@@ -168,7 +169,7 @@ def add_body(
     exu, mbs
         The module ``exudyn`` and a ``MainSystem``.
     source : ReducedModel or path
-        Body, or NPZ that ``export`` wrote.
+        Body, its reduced file, or the NPZ that ``export`` wrote.
     position, velocity, angular_velocity, gravity : 3 numbers
         Of the origin of the body's coordinates [m, m/s, rad/s, m/s²].
     rotation : (3, 3) array, optional
@@ -185,6 +186,8 @@ def add_body(
     import exudyn.itemInterface as eii
     from exudyn.rigidBodyUtilities import GetRigidBodyNode
 
+    if not isinstance(source, ReducedModel) and h5py.is_hdf5(source):
+        source = ReducedModel.load(source)
     if isinstance(source, ReducedModel):
         terms = ffrf_terms(source, stress=stress)
     else:
