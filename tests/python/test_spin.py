@@ -59,6 +59,7 @@ def test_spin_loads_are_certified(rotor: Any, ranks: int, tmp_path: Path) -> Non
     assert rom.inputs[12:] == [f"frame.spin{pair}" for pair in PAIRS] == rom.outputs[12:]
     assert {"displacement from spin", "inertia from spin", "inertia from force"} <= set(rom.kinds)
     assert list(interface_motion(rom)) == ["start", "end"]
+    assert any("-mor_tol_relative_to elastic" in words for words in rom.log["warnings"])
 
 
 def test_inertia_grows_as_it_does(rotor: Any) -> None:
