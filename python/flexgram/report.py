@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import html
 import io
+import re
 from pathlib import Path
 from typing import Any
 
@@ -145,7 +146,7 @@ def _stress(model: ReducedModel, t: Any, u: Any, body: str | Path | None) -> str
     words = words_of(part, t, worst, body)
     claim = (
         ""
-        if any(".s" in name for name in model.outputs)
+        if any(re.search(r"\.s[xyz]{2}$", name) for name in model.outputs)
         else (" Nothing is claimed of it: make it an output of the body (type: stress).")
     )
     return (f"<p>{words[0].upper()}{words[1:]}, of a body at rest in the beginning.{claim}</p>"

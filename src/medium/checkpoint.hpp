@@ -1,4 +1,4 @@
-/// What an unfinished `certify` leaves behind, for one that goes on. Called by start.cpp
+/// What an unfinished `certify` leaves behind, for one that goes on. Called by resume.cpp
 /// alone.
 
 #pragma once
