@@ -274,6 +274,7 @@ def test_loads_of_the_command_line(tmp_path: Path) -> None:
     assert "are for bodies that flexgram assembles" in refused.err
 
 
+@pytest.mark.kernels
 def test_kinds_that_are_nothing(tmp_path: Path) -> None:
     """Gravity strains no free body: that kind is left out by name and spoils no other. And where
     all of H is zero there is nothing to reduce."""
@@ -297,6 +298,7 @@ def test_kinds_that_are_nothing(tmp_path: Path) -> None:
     assert "H has no elastic part" in refused.err
 
 
+@pytest.mark.kernels
 def test_every_pair_of_kinds_is_claimed(tmp_path: Path) -> None:
     """Moments alone on the input: displacements and stresses from them are kinds of their own."""
     write_body(tmp_path / "body.h5", sided("tetra10"), loads={}, damping={"alpha": 20.0},

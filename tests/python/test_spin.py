@@ -47,6 +47,7 @@ def loads(body: dict[str, Any]) -> Any:
     return np.array(columns).T
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_spin_loads_are_certified(rotor: Any, ranks: int, tmp_path: Path) -> None:
     mesh, body = rotor

@@ -108,6 +108,7 @@ def test_stresses_of_calculix(element: str, tmp_path: Path) -> None:
     assert off < (5e-5 if element == "C3D20" else 1e-5)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_stress_is_certified(ranks: int, tmp_path: Path) -> None:
     mesh = sided("tetra10", counts=(6, 3, 3))
