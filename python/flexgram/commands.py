@@ -208,6 +208,33 @@ def _simulate_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def _hotspots_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("rom", type=Path, help="reduced file of a mesh of solids")
+    parser.add_argument("--count", type=int, default=5, help="at most so many (%(default)s)")
+    parser.add_argument(
+        "--apart", type=float, help="distance between any two [m]; default: size of the body/20"
+    )
+    parser.add_argument(
+        "--input",
+        action="append",
+        metavar="PORT",
+        help="a load to look at, several times for more; default: all but temperatures",
+    )
+    parser.add_argument("--body", type=Path, help="body file with the mesh")
+
+
+def _hotspots(options: argparse.Namespace) -> None:
+    from flexgram.hot_spots import describe, hot_spots
+    from flexgram.reduced import ReducedModel
+
+    if options.count < 1:
+        raise BodyError(f"--count {options.count} must be 1 or more")
+    model = ReducedModel.load(options.rom)
+    for line in describe(hot_spots(model, options.count, apart=options.apart, body=options.body,
+                                   inputs=options.input)):  # fmt: skip
+        say(line)
+
+
 def _simulate(options: argparse.Namespace) -> None:
     import numpy as np
 
@@ -246,10 +273,10 @@ def _simulate(options: argparse.Namespace) -> None:
     if options.xdmf is not None:
         from flexgram.exporters.shapes import write_motion
 
-        write_motion(model, options.xdmf, t, q, body=options.body, stress=options.stress)
+        write_motion(model, options.xdmf, t, q, options.body, options.stress, u)
         say(f"  wrote {options.xdmf}")
     if options.stress:
-        worst = largest_stress(model, q, options.body)
+        worst = largest_stress(model, q, u, options.body)
         say(f"  {words_of(model, t, worst, options.body)}")
 
 
@@ -299,6 +326,12 @@ COMMANDS: dict[
         "  flexgram export out/rack.rom.h5 --to sid --dialect dlr -o rack.SID_FEM",
         _export_options,
         _export,
+    ),
+    "hotspots": (
+        "where the stress of a reduced body is largest per unit of a load over its band",
+        "flexgram hotspots rom.h5\n  flexgram hotspots rom.h5 --input gas.p --count 3",
+        _hotspots_options,
+        _hotspots,
     ),
     "simulate": (
         "response of a reduced body to forces over time",

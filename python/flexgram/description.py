@@ -34,6 +34,7 @@ from flexgram.units import UNITS
 COMPONENTS = {"x": 0, "y": 1, "z": 2, "rx": 3, "ry": 4, "rz": 5}
 ENGINEERING = ("E1", "E2", "E3", "nu12", "nu13", "nu23", "G12", "G13", "G23")
 ISOTROPIC = ("E", "nu", "rho")
+EXPANSION = "expansion"  #: [1/K], if heat is to strain the body; of three directions if orthotropic
 
 
 def _write_material(file: h5py.File, name: str, data: Any, units: tuple[float, ...]) -> None:
@@ -42,7 +43,7 @@ def _write_material(file: h5py.File, name: str, data: Any, units: tuple[float, .
     where = f"materials: {name}"
     group = file.create_group(f"materials/{check_name(where, str(name))}")
     if isinstance(data, dict) and "E1" in data:
-        reader = Reader(data, where, (*ENGINEERING, "rho", "axis_1", "axis_2"))
+        reader = Reader(data, where, (*ENGINEERING, "rho", "axis_1", "axis_2", EXPANSION))
         group.attrs["engineering_constants"] = [
             reader.number(key) * (1.0 if key.startswith("nu") else stress) for key in ENGINEERING
         ]
@@ -56,10 +57,15 @@ def _write_material(file: h5py.File, name: str, data: Any, units: tuple[float, .
         second = second / np.linalg.norm(second)
         group.attrs["axes"] = np.concatenate([first, second, np.cross(first, second)])
     else:
-        reader = Reader(data, where, ISOTROPIC)
+        reader = Reader(data, where, (*ISOTROPIC, EXPANSION))
         group.attrs["E"] = reader.number("E") * stress
         group.attrs["nu"] = reader.number("nu")
     group.attrs["rho"] = reader.number("rho") * density
+    if EXPANSION in reader.data:
+        several = isinstance(reader.data[EXPANSION], list)
+        if several and "E1" not in reader.data:
+            raise BodyError(f"{where}: expansion is one number where E is")
+        group.attrs[EXPANSION] = reader.vector(EXPANSION) if several else reader.number(EXPANSION)
 
 
 def _select_nodes(
@@ -190,7 +196,7 @@ def import_description(
     with errors_of(source):
         cells = cell_regions(mesh)
     with written_whole(output) as file:
-        return _write(file, reader, mesh, cells, units)
+        return _write(file, reader, mesh, cells, units, folder)
 
 
 def _write(
@@ -199,6 +205,7 @@ def _write(
     mesh: Any,
     cells: dict[str, list[IntArray]],
     units: tuple[float, ...],
+    folder: Path,
 ) -> dict[str, Any]:
     length = units[0]
     file.attrs["name"] = str(reader.get("name", reader.where))
@@ -275,7 +282,8 @@ def _write(
     def select(choice: Any, where: str) -> IntArray:
         return _select_nodes(choice, where, mesh.points, used, sets)
 
-    loads = write_loads(file, reader, np.asarray(mesh.points, dtype=float), blocks, length, select)
+    points = np.asarray(mesh.points, dtype=float)
+    loads = write_loads(file, reader, points, blocks, units, select, folder)
     outputs = write_outputs(file, reader, select)
     damping = Reader(reader.get("damping", {}) or {}, "damping", ("alpha", "beta", "eta"))
     for key in ("alpha", "beta", "eta"):

@@ -224,7 +224,11 @@ def _draw(axes: Any, corners: Any, color: Any, center: Any, size: float) -> None
 
 
 def stress(
-    model: ReducedModel, q: ArrayLike, body: str | Path | None = None, magnify: float | None = None
+    model: ReducedModel,
+    q: ArrayLike,
+    body: str | Path | None = None,
+    magnify: float | None = None,
+    u: ArrayLike | None = None,
 ) -> Figure:
     """Von Mises stress on the surface of the deformed mesh.
 
@@ -237,6 +241,8 @@ def stress(
         Body file; default: the one that was reduced.
     magnify : float, optional
         Factor of the deformation; default: a twentieth of the body's size.
+    u : (n_in,) array, optional
+        Inputs at that moment: needed if one of them is a temperature.
     """
     geometry, triangles = _surface(model, body)
     triangles = triangles[:: len(triangles) // 40000 + 1]
@@ -246,7 +252,7 @@ def stress(
     size = float(np.ptp(points, axis=0).max())
     if magnify is None:
         magnify = 0.05 * size / max(float(np.abs(field[used]).max()), 1e-300)
-    amount = von_mises(model.stress(q, body)[0])[triangles].mean(axis=1)
+    amount = von_mises(model.stress(q, body, u)[0])[triangles].mean(axis=1)
     figure = Figure(figsize=(5.2, 4.4), layout="constrained")
     axes = figure.add_subplot(projection="3d")
     scale = matplotlib.cm.ScalarMappable(

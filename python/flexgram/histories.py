@@ -134,7 +134,7 @@ KINDS = {
     "displacement": "[fu][xyz]|u", "rotation": "m[xyz]", "stress": "s[xyz]{2}",
     "inertia": "spin([xyz]{2})?", "force": "f[xyz]", "moment": "m[xyz]",
     "acceleration": "a[xyz]", "angular acceleration": "alpha[xyz]", "spin": "spin([xyz]{2})?",
-    "pressure": "p", "traction": "t[xyz]",
+    "pressure": "p", "traction": "t[xyz]", "load": "load", "temperature": "T",
 }  # fmt: skip
 #: Pairs that no claim is made of beside those of their own kinds; the claim of all of H holds.
 CROSSED = {("displacement", "moment"), ("rotation", "force")}
@@ -194,8 +194,10 @@ def _for_its_loads(model: ReducedModel) -> ReducedModel:
     part = object.__new__(ReducedModel)
     part.__dict__.update(model.__dict__)
     part.inputs, part.B = model.load_names, model.B @ model.loads
+    part.feedthrough = model.feedthrough @ model.loads
     if model.outputs == model.inputs:
         part.outputs, part.C = part.inputs, model.loads.T @ model.C
+        part.feedthrough = model.loads.T @ part.feedthrough
     return part
 
 
@@ -259,15 +261,15 @@ def judge(model: ReducedModel, t: ArrayLike, u: ArrayLike) -> Verdict:
     groups = _blocks(model)
     most: dict[int, float] = {}  # of each block over the band
     if model.relative_to == "band":
-        everywhere = [model.transfer(x) for x in np.unique(np.concatenate([model.omega, w]))]
+        everywhere = [model.transfer(x, False) for x in np.unique(np.concatenate([model.omega, w]))]
         most = {id(block): max(_size(H, block) for H in everywhere)
                 for blocks in groups.values() for block in blocks}  # fmt: skip
     off = {what: np.zeros(len(w)) for what in groups}
     motion = {what: np.zeros(len(w)) for what in groups}
     bent = {what: np.zeros(len(w)) for what in groups}
     for i, x in enumerate(w):
-        H = model.transfer(x)
-        H_e = H if elastic is None else elastic.transfer(x)
+        H = model.transfer(x, False)
+        H_e = H if elastic is None else elastic.transfer(x, False)
         H_0 = H_e if reference is elastic else H
         for what, blocks in groups.items():
             for block in blocks:
@@ -276,8 +278,9 @@ def judge(model: ReducedModel, t: ArrayLike, u: ArrayLike) -> Verdict:
                 load = float(np.linalg.norm(loads[i][block.columns]))
                 off[what][i] += share_of * size * load if load > 0 else 0.0
             rows = blocks[0].rows
-            motion[what][i] = np.linalg.norm(H[rows] @ loads[i])
-            bent[what][i] = np.linalg.norm(H_e[rows] @ loads[i])
+            direct = model.feedthrough[rows]
+            motion[what][i] = np.linalg.norm((H[rows] + direct) @ loads[i])
+            bent[what][i] = np.linalg.norm((H_e[rows] + direct) @ loads[i])
 
     def relative(moved: dict[str, Floats]) -> dict[str, float]:
         return {what: float(np.sqrt(np.sum(twice * off[what] ** 2))

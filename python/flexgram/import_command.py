@@ -69,6 +69,12 @@ def import_options(parser: argparse.ArgumentParser) -> None:
         help="with --run-ccx or --assemble: which *FREQUENCY step (1, 2, …); default: the last "
         "with PERTURBATION, else the first",
     )
+    parser.add_argument(
+        "--deck-loads",
+        action="store_true",
+        help="make inputs of the loads of a CalculiX deck's steps (*CLOAD, *DLOAD, *DSLOAD; with "
+        "--assemble *TEMPERATURE): 1 is what the deck says",
+    )
     parser.add_argument("--strict", action="store_true",
                         help="refuse files of which something is left out")  # fmt: skip
     for coupling, what in COUPLINGS.items():
@@ -153,7 +159,7 @@ def _import_mesh(options: argparse.Namespace, named: list[tuple[str, str]]) -> N
             "beams), see meshes/rack.yaml"
         )
     for name in ("format", "deck", "mass", "damping", "inputs", "mapping", "run_ccx",
-                 "assemble", "step", "strict", "matrices"):  # fmt: skip
+                 "assemble", "step", "strict", "matrices", "deck_loads"):  # fmt: skip
         if getattr(options, name):
             raise BodyError(f"--{name.replace('_', '-')} is nothing for a mesh")
     counts = import_mesh(
@@ -192,7 +198,7 @@ def import_body_file(options: argparse.Namespace) -> None:
 
         every = ("material", "format", "deck", "mass", "damping", "inputs", "mapping", "run_ccx",
                  "assemble", "step", "strict", "matrices", "units", "alpha", "beta",
-                 "eta", "load", "measure")  # fmt: skip
+                 "eta", "load", "measure", "deck_loads")  # fmt: skip
         given = [name.replace("_", "-") for name in every if getattr(options, name)]
         given += [coupling for coupling, _ in named]
         if given:
@@ -216,7 +222,8 @@ def import_body_file(options: argparse.Namespace) -> None:
                 raise BodyError(f"--{name.replace('_', '-')} is nothing for --assemble")
         counts = assemble_deck(options.source, options.output, [parse(*pair) for pair in named],
                                units=options.units or "SI", step=options.step, alpha=options.alpha,
-                               beta=options.beta, eta=options.eta, **_further(options))  # fmt: skip
+                               beta=options.beta, eta=options.eta,
+                               deck_loads=options.deck_loads, **_further(options))  # fmt: skip
         _say_mesh(options, counts)
         for remark in counts["remarks"]:
             say(f"  note: {remark}")
@@ -238,6 +245,7 @@ def import_body_file(options: argparse.Namespace) -> None:
         mapping=options.mapping,
         run_ccx=options.run_ccx,
         step=options.step,
+        deck_loads=options.deck_loads,
         matrices=_names(options.matrices),
     )
     facts = import_matrices(

@@ -1,4 +1,5 @@
-"""Loads and outputs of a mesh beside its interfaces: gravity, spin, pressure, traction, forces.
+"""Loads and outputs of a mesh beside its interfaces: gravity, spin, pressure, traction, forces,
+temperature.
 
 A load is written to the body file as a field of acceleration, which the assembly weighs with the
 body's mass, or as forces at nodes for a unit of its input, integrated here over faces of elements.
@@ -7,6 +8,7 @@ body's mass, or as forces at nodes for a unit of its input, integrated here over
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import h5py
@@ -20,7 +22,7 @@ from flexgram.reader import Reader, short
 Floats = NDArray[np.float64]
 
 FIELDS = ("acceleration", "angular_acceleration", "spin")
-TYPES = (*FIELDS, "pressure", "traction", "force")
+TYPES = (*FIELDS, "pressure", "traction", "force", "nodal", "temperature")
 AXES = "xyz"
 
 
@@ -118,13 +120,83 @@ def _write_vectors(group: h5py.Group, columns: list[str], nodes: IntArray, value
     group["values"] = values
 
 
+def _table(
+    entry: Reader, columns: int, select: Callable[[Any, str], IntArray], folder: Path
+) -> tuple[IntArray, Floats]:
+    """Nodes, ascending, and so many numbers of each: of a CSV file of node numbers (from 1) and
+    numbers, or an array of such rows. Rows of one node are summed."""
+    given, where = entry.get("table"), f"{entry.where}: table"
+    with errors_of(where):
+        if isinstance(given, str):
+            if not (folder / given).is_file():
+                raise BodyError(f"{where}: {folder / given}: no such file")
+            given = np.loadtxt(folder / given, delimiter=",", ndmin=2)
+        table = np.array(given, dtype=float)
+    if table.ndim != 2 or table.shape[1] != columns + 1 or not len(table):
+        raise BodyError(f"{where}: expected rows of a node number and {columns} "
+                        f"number{'s' if columns > 1 else ''}, comma separated")  # fmt: skip
+    if not np.all(np.isfinite(table)) or np.any(table[:, 0] != np.round(table[:, 0])):
+        raise BodyError(f"{where}: node numbers must be whole, and all numbers finite")
+    labels, at = np.unique(table[:, 0], return_inverse=True)
+    nodes = select([int(label) for label in labels], where)
+    values = np.zeros((len(nodes), columns))
+    np.add.at(values, at, table[:, 1:])
+    return nodes, values
+
+
+def _write_temperature(
+    file: h5py.File,
+    group: h5py.Group,
+    entry: Reader,
+    blocks: Sequence[tuple[str, IntArray]],
+    select: Callable[[Any, str], IntArray],
+    folder: Path,
+) -> str:
+    """A field of temperature as the load of its strain; the field itself for stresses."""
+    from flexgram.stress import Stresses  # it takes the compiled module
+
+    temperature = np.zeros(len(file["mesh/points"]))
+    if ("nodes" in entry.data) == ("table" in entry.data):
+        raise BodyError(f"{entry.where}: temperature needs nodes, or a table of node and "
+                        "temperature")  # fmt: skip
+    if "table" in entry.data:
+        nodes, values = _table(entry, 1, select, folder)
+        temperature[nodes] = values[:, 0]
+    else:
+        temperature[select(entry.get("nodes"), entry.where)] = 1.0
+    for kind, elements in blocks:
+        if kind == "line" and temperature[elements].any():
+            raise BodyError(f"{entry.where}: beams take no temperature")
+    with errors_of(entry.where):
+        forces, _ = Stresses.of(file).heated(temperature)
+    used = np.flatnonzero(np.any(forces != 0, axis=1))
+    if not len(used):
+        raise BodyError(f"{entry.where}: it warms nothing that deforms")
+    _write_vectors(group, ["T"], used, forces[used][:, None, :])
+    warm = np.flatnonzero(temperature)
+    group["temperature/nodes"], group["temperature/values"] = warm, temperature[warm]
+    return f"temperature of {len(warm)} nodes"
+
+
+def temperatures(file: h5py.File) -> dict[str, Floats]:
+    """Fields of temperature of a body file by their inputs, (N,) [K]."""
+    found = {}
+    for name, group in file.get("loads", {}).items():
+        if "temperature" in group:
+            field = np.zeros(len(file["mesh/points"]))
+            field[group["temperature/nodes"][:]] = group["temperature/values"][:]
+            found[f"{name}.T"] = field
+    return found
+
+
 def write_loads(
     file: h5py.File,
     reader: Reader,
     points: Floats,
     blocks: Sequence[tuple[str, IntArray]],
-    length: float,
+    units: Sequence[float],
     select: Callable[[Any, str], IntArray],
+    folder: Path,
 ) -> dict[str, str]:
     """Write the loads of a description to a body file.
 
@@ -134,11 +206,15 @@ def write_loads(
     reader : Reader
         Of the whole description.
     points : (N, 3) array
-        In the mesh's unit, which measures ``length`` metres.
+        In the mesh's unit.
     blocks : sequence of (str, int array)
         Elements of the body: meshio type and nodes.
+    units : sequence of float
+        Of the mesh: length [m], mass [kg], force [N].
     select : callable
         Nodes of a choice, and where it stands.
+    folder : Path
+        Which paths are relative to.
 
     Returns
     -------
@@ -146,15 +222,20 @@ def write_loads(
         For each load what it is.
     """
     said = {}
+    length, _, force = units
     for order, (name, data) in enumerate(reader.children("loads").items()):
-        entry = Reader(data, f"loads: {name}", ("type", "nodes", "point", "axis"))
+        entry = Reader(data, f"loads: {name}", ("type", "nodes", "point", "axis", "table"))
         kind = entry.choice("type", TYPES)
         group = file.create_group(f"loads/{check_name(entry.where, str(name))}")
         group.attrs["order"] = order
         group.attrs["type"] = kind if kind in FIELDS else "forces"
-        for key in ("nodes", "point", "axis"):
-            needs = {"nodes": kind not in FIELDS, "point": kind in FIELDS[1:],
-                     "axis": kind == "spin"}[key]  # fmt: skip
+        for key in ("nodes", "point", "axis", "table"):
+            needs = {
+                "nodes": kind not in (*FIELDS, "nodal"),
+                "point": kind in FIELDS[1:],
+                "axis": kind == "spin",
+                "table": kind in ("nodal", "temperature"),
+            }[key]
             if key in entry.data and not needs:
                 raise BodyError(f"{entry.where}: {kind} takes no {key}")
         if kind in FIELDS:
@@ -166,6 +247,15 @@ def write_loads(
                 if not np.linalg.norm(axis) > 0:
                     raise BodyError(f"{entry.where}: axis = [0, 0, 0] has no direction")
                 group.attrs["axis"] = axis / np.linalg.norm(axis)
+            continue
+        if kind == "nodal":
+            nodes, table = _table(entry, 3, select, folder)
+            _write_vectors(group, ["load"], nodes, force * table[:, None, :])
+            total = ", ".join(f"{x:.4g}" for x in force * table.sum(axis=0))
+            said[str(name)] = f"forces at {len(nodes)} nodes, ({total}) N in all"
+            continue
+        if kind == "temperature":
+            said[str(name)] = _write_temperature(file, group, entry, blocks, select, folder)
             continue
         nodes = select(entry.get("nodes"), entry.where)
         if kind == "force":
@@ -208,8 +298,13 @@ def write_outputs(
                     raise BodyError(f"{entry.where}: stress takes no {key}")
             chosen = select(entry.get("nodes"), entry.where)
             with errors_of(entry.where):
-                used, rows = Stresses.of(file).rows(chosen)
+                stresses = Stresses.of(file)
+                used, rows = stresses.rows(chosen)
             _write_vectors(group, ["s" + pair for pair in COMPONENTS], used, rows)
+            if fields := temperatures(file):
+                held = [stresses.heated(field)[1][chosen].mean(axis=0) for field in fields.values()]
+                group["feedthrough"] = np.array(held).T
+                group["feedthrough"].attrs["inputs"] = list(fields)
             said[str(name)] = f"mean stress of {len(chosen)} nodes"
             continue
         weights: dict[int, float] = {}

@@ -7,19 +7,19 @@ from pathlib import Path
 from typing import Any
 
 from flexgram.basics import BodyError
-from flexgram.description import ISOTROPIC, import_description
+from flexgram.description import EXPANSION, ISOTROPIC, import_description
 from flexgram.importers import check_damping
 from flexgram.importers.fe import Interface
 from flexgram.importers.interfaces import numbers, parse
 from flexgram.loads import TYPES
 from flexgram.units import UNITS
 
-#: Materials by name [SI]: Young's modulus, Poisson's ratio, density.
+#: Materials by name [SI]: Young's modulus, Poisson's ratio, density, expansion.
 MATERIALS = {
-    "steel": (210e9, 0.3, 7850.0),
-    "aluminium": (70e9, 0.33, 2700.0),
-    "titanium": (114e9, 0.34, 4430.0),
-    "cast-iron": (110e9, 0.28, 7200.0),
+    "steel": (210e9, 0.3, 7850.0, 12e-6),
+    "aluminium": (70e9, 0.33, 2700.0, 23e-6),
+    "titanium": (114e9, 0.34, 4430.0, 8.6e-6),
+    "cast-iron": (110e9, 0.28, 7200.0, 10.5e-6),
 }
 
 
@@ -102,17 +102,19 @@ def describe_mesh(
         raise BodyError(f"--units {units} must be one of {', '.join(UNITS)}")
     length, mass, force = UNITS[units]
     if material in MATERIALS:
-        E, nu, rho = MATERIALS[material]
-        values = {"E": E / (force / length**2), "nu": nu, "rho": rho / (mass / length**3)}
+        E, nu, rho, expansion = MATERIALS[material]
+        values = {"E": E / (force / length**2), "nu": nu, "rho": rho / (mass / length**3),
+                  EXPANSION: expansion}  # fmt: skip
     else:
         pairs = [word.partition("=") for word in material.split(",")]
         try:
             values = {name.strip(): float(number) for name, _, number in pairs}
         except ValueError:
             values = {}
-        if set(values) != set(ISOTROPIC):
+        if set(values) - {EXPANSION} != set(ISOTROPIC):
             raise BodyError(f"--material {material}: expected one of {', '.join(MATERIALS)}, or "
-                            "E=210e9,nu=0.3,rho=7850 in the units of the mesh")  # fmt: skip
+                            "E=210e9,nu=0.3,rho=7850 in the units of the mesh, and expansion=12e-6 "
+                            "[1/K] for heat")  # fmt: skip
     described = describe_interfaces(interfaces)
     given = {key: value for key, value in (damping or {}).items() if value is not None}
     return {"name": mesh.stem, "mesh": str(mesh.absolute()), "units": units,

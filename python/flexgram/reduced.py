@@ -31,6 +31,9 @@ class ReducedModel:
         Mass, damping (Rayleigh and other, summed), stiffness; symmetric.
     B, C : (m, n_in), (n_out, m) arrays
         Input and output maps.
+    feedthrough : (n_out, n_in) array
+        What inputs add to outputs without motion: of a temperature the stress that its strain does
+        not make. Part of ``transfer`` and ``simulate``, not of the H that errors are relative to.
     eta : float
         Structural loss factor.
     V : (rows, m) array
@@ -69,6 +72,8 @@ class ReducedModel:
     by_kind : (k,) array
         Largest bounds of each of ``kinds``: displacement from force, rotation from moment and so
         on; empty if the tolerance was for H as a whole, or none was given.
+    kind_tolerances : (k,) array
+        What was asked of each, where kinds have tolerances of their own; else empty.
     loads : (n_in, k) array
         Loads P that the claim is for, each of unit norm: ‖Pᵀ(H − H_r)P‖ <= ε ‖PᵀHP‖ (where the
         outputs are not the inputs: (H − H_r)P); k = 0: each input by itself. ``load_names``.
@@ -97,10 +102,13 @@ class ReducedModel:
         self.eta = float(fields.get("eta", 0.0))
         self.inputs: list[str] = port_names(fields, "B", self.B.shape[1])
         self.outputs: list[str] = port_names(fields, "C", self.C.shape[0])
+        none = np.zeros((self.C.shape[0], self.B.shape[1]))
+        self.feedthrough = np.asarray(fields.get("feedthrough", none), dtype=np.float64)
         self.omega, self.error = array("error/omega"), array("error/relative")
         self.bound, self.floor = array("error/bound"), array("error/floor")
         self.kind = str(fields.get("error/kind", "estimated"))
         self.by_kind = array("error/by_kind")
+        self.kind_tolerances = array("error/kind_tolerances")
         self.kinds: list[str] = [str(name) for name in fields.get("error/kinds", [])]
         self.load_names = [str(name) for name in fields.get("loads/names", [])]
         self.loads = array("loads/patterns").reshape(self.B.shape[1], len(self.load_names))
@@ -139,7 +147,7 @@ class ReducedModel:
         if "plan" in self.log:  # "name<tab>value"
             self.log["plan"] = [tuple(str(line).split("\t", 1)) for line in self.log["plan"]]
         self._save = save
-        self._stress_basis: tuple[Any, Floats] | None = None
+        self._stress_basis: tuple[Any, Floats, dict[str, Floats]] | None = None
         self.path: Path | None = None  #: where it was read from
 
     @classmethod
@@ -176,7 +184,8 @@ class ReducedModel:
     def _expect_shapes(self) -> None:
         """What a file must hold for anything else here to make sense."""
         m, n_in, n_out = len(self.K), len(self.inputs), len(self.outputs)
-        shapes = {"M": (m, m), "D": (m, m), "K": (m, m), "B": (m, n_in), "C": (n_out, m)}
+        shapes = {"M": (m, m), "D": (m, m), "K": (m, m), "B": (m, n_in), "C": (n_out, m),
+                  "feedthrough": (n_out, n_in)}  # fmt: skip
         for name, shape in shapes.items():
             matrix = getattr(self, name)
             if matrix.shape != shape:
@@ -236,13 +245,15 @@ class ReducedModel:
         """For pickle and copy: all numbers; what wrote the file of this one stays behind."""
         return self.__dict__ | {"_save": None, "V": np.array(self.V)}
 
-    def transfer(self, omega: ArrayLike) -> ComplexArray:
-        """Transfer function H_r = C (K (1 + i eta) + i omega D - omega² M)⁻¹ B.
+    def transfer(self, omega: ArrayLike, feedthrough: bool = True) -> ComplexArray:
+        """Transfer function H_r = C (K (1 + i eta) + i omega D - omega² M)⁻¹ B + ``feedthrough``.
 
         Parameters
         ----------
         omega : float or (n,) array
             [rad/s]
+        feedthrough : bool
+            Without it the H that errors are relative to.
 
         Returns
         -------
@@ -254,6 +265,8 @@ class ReducedModel:
             [self.C @ np.linalg.solve(stiffness + 1j * x * self.D - x * x * self.M, self.B)
              for x in w]
         )  # fmt: skip
+        if feedthrough:
+            H = H + self.feedthrough
         return H[0] if np.ndim(omega) == 0 else H
 
     def poles(self) -> ComplexArray:
@@ -284,7 +297,7 @@ class ReducedModel:
         A[m:, m:] = -scipy.linalg.cho_solve(mass, self.D)
         B = np.vstack([np.zeros_like(self.B), scipy.linalg.cho_solve(mass, self.B)])
         C = np.hstack([self.C, np.zeros_like(self.C)])
-        return A, B, C, np.zeros((len(self.C), self.B.shape[1]))
+        return A, B, C, self.feedthrough.copy()
 
     def simulate(
         self,
@@ -328,7 +341,7 @@ class ReducedModel:
         start[:m] = 0 if q0 is None else q0
         start[m:] = 0 if v0 is None else v0
         x = linear_response(A, B, start, forces, steps[0])
-        return x[:, :m] @ self.C.T, x[:, :m]
+        return x[:, :m] @ self.C.T + forces @ self.feedthrough.T, x[:, :m]
 
     def lift(self, q: ArrayLike) -> Floats:
         """Displacements V q of the full body, (…, m) -> (…, rows of V)."""
@@ -364,7 +377,12 @@ class ReducedModel:
         motion[:, at[moves], self.component[moves]] = self.lift(shapes)[:, moves]
         return labels, self.position[first], motion
 
-    def stress(self, q: ArrayLike | None = None, body: str | Path | None = None) -> Floats:
+    def stress(
+        self,
+        q: ArrayLike | None = None,
+        body: str | Path | None = None,
+        u: ArrayLike | None = None,
+    ) -> Floats:
         """Stress at the nodes of a body that flexgram assembled, (k, N, 6) [N/m²].
 
         Of the elements' own strain, averaged at nodes (``flexgram.stress``): xx, yy, zz, xy, yz,
@@ -377,11 +395,13 @@ class ReducedModel:
             Generalised coordinates; default: each basis vector.
         body : str or Path, optional
             Body file; default: the one that was reduced, if it is there.
+        u : (k, n_in) array, optional
+            Inputs at the same moments: needed if one of them is a temperature.
 
         Raises
         ------
         BodyError
-            Without that file, or if it holds matrices.
+            Without that file, or if it holds matrices; without ``u`` where heat strains the body.
         """
         from flexgram.geometry import Geometry, body_of
         from flexgram.stress import Stresses
@@ -390,8 +410,10 @@ class ReducedModel:
         known = (path, path.stat().st_mtime_ns, path.stat().st_size) if path.exists() else None
         if self._stress_basis is None or self._stress_basis[0] != known:
             motion = Geometry.load(path).motion(self)
-            self._stress_basis = (known, Stresses.load(path).nodal(motion))
-        basis = self._stress_basis[1]
+            stresses = Stresses.load(path)
+            held = stresses.of_temperatures(path, self.inputs)
+            self._stress_basis = (known, stresses.nodal(motion), held)
+        _, basis, held = self._stress_basis
         if q is None:
             return basis.copy()
         states = np.atleast_2d(np.asarray(q))
@@ -401,6 +423,16 @@ class ReducedModel:
                 f"{states.dtype}, expected real rows of {self.order} coordinates"
             )
         stress: Floats = np.tensordot(states.astype(float), basis, axes=1)
+        if held:
+            if u is None:
+                raise BodyError(f"stress: {', '.join(held)} strains the body: give the inputs u of "
+                                "these moments")  # fmt: skip
+            loads = np.atleast_2d(np.asarray(u, dtype=float))
+            if loads.shape != (len(states), len(self.inputs)):
+                raise BodyError(f"stress: u is {' × '.join(map(str, loads.shape))}, expected "
+                                f"{len(states)} × {len(self.inputs)} inputs")  # fmt: skip
+            for name, field in held.items():
+                stress += loads[:, self.inputs.index(name), None, None] * field
         return stress
 
     def elastic(self) -> ReducedModel:

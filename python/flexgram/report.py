@@ -94,6 +94,8 @@ def _cards(model: ReducedModel) -> str:
     kinds = ""
     if len(model.by_kind):
         of = [f"{kind} {value:.1e}" for kind, value in zip(model.kinds, model.by_kind, strict=True)]
+        if len(model.kind_tolerances):
+            of = [f"{words} of {t:g}" for words, t in zip(of, model.kind_tolerances, strict=True)]
         kinds = f": the largest of all of H {model.whole_error:.1e}, {', '.join(of)}"
     cards = [
         (f"{model.certified_error:.1e}", f"largest relative error over the band, {model.label}"
@@ -142,16 +144,17 @@ def _stress(model: ReducedModel, t: Any, u: Any, body: str | Path | None) -> str
     part = model.elastic()  # rigid motion strains nothing
     t, u = evenly(t, u)
     _, q = part.simulate(u, t)
-    worst = largest_stress(part, q, body)
+    worst = largest_stress(part, q, u, body)
     words = words_of(part, t, worst, body)
     claim = (
         ""
         if any(re.search(r"\.s[xyz]{2}$", name) for name in model.outputs)
         else (" Nothing is claimed of it: make it an output of the body (type: stress).")
     )
+    picture = figures.stress(part, q[worst[1]], body, u=u[worst[1]])
     return (f"<p>{words[0].upper()}{words[1:]}, of a body at rest in the beginning.{claim}</p>"
-            + _image(figures.stress(part, q[worst[1]], body), "Von Mises stress at that moment, "
-                     "deformation enlarged.", raster=True))  # fmt: skip
+            + _image(picture, "Von Mises stress at that moment, deformation enlarged.",
+                     raster=True))  # fmt: skip
 
 
 def write_report(

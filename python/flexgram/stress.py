@@ -5,14 +5,15 @@ of the element by the polynomial that is linear in each direction (by least squa
 more points; nodes between corners have the mean of these), in hexahedra of 20 nodes to all of them
 by the element's own functions, as CalculiX does, and averaged over the elements around a node.
 Elements inside a rigid interface carry none and are left out. Order of components: xx, yy,
-zz, xy, yz, zx.
+zz, xy, yz, zx. Heat strains by α T: its load are the forces that hold this strain back, and the
+stress is that of the strain without it.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import h5py
 import numpy as np
@@ -80,6 +81,17 @@ def _strain(gradients: Floats) -> Floats:
     return strain
 
 
+def _incompatible(points: Floats, xi: Floats, size: Floats) -> Floats:
+    """Strains (E, q, 6, 9) of the modes 1 − ξ² of hexahedra with 8 nodes."""
+    import _flexgram
+
+    slopes = _flexgram.shape_functions("hexahedron", np.zeros((1, 3)))[3][0]
+    centre = np.einsum("na,enx->eax", slopes, points)
+    inverse, at_centre = np.linalg.inv(centre), np.linalg.det(centre)
+    factor = -2 * xi[None] * (at_centre[:, None] / size)[..., None]
+    return _strain(np.einsum("eqa,exa->eqax", factor, inverse)).reshape(*size.shape, 6, 9)
+
+
 def stress_operator(kind: str, points: Floats, law: Floats) -> tuple[Floats, Floats, Floats]:
     """Stress at the points of the stiffness for unit displacements of the nodes.
 
@@ -109,17 +121,64 @@ def stress_operator(kind: str, points: Floats, law: Floats) -> tuple[Floats, Flo
     count = points.shape[1]
     strain = _strain(gradients).reshape(*size.shape, 6, 3 * count)
     if kind == "hexahedron":  # with the incompatible modes 1 − ξ², condensed
-        centre = np.einsum("na,enx->eax",
-                           _flexgram.shape_functions(kind, np.zeros((1, 3)))[3][0],
-                           points)  # fmt: skip
-        inverse, at_centre = np.linalg.inv(centre), np.linalg.det(centre)
-        factor = -2 * xi[None] * (at_centre[:, None] / size)[..., None]
-        inner = _strain(np.einsum("eqa,exa->eqax", factor, inverse)).reshape(*size.shape, 6, 9)
+        inner = _incompatible(points, xi, size)
         weighed = np.einsum("eq,eqia,ij->eqja", volume, inner, law)
         stiffness = np.einsum("eqja,eqjb->eab", weighed, inner)
         coupling = np.einsum("eqja,eqjb->eab", weighed, strain)
         strain = strain - inner @ np.linalg.solve(stiffness, coupling)[:, None]
     return np.einsum("ij,eqjb->eqib", law, strain), strain, volume
+
+
+def heat_operator(kind: str, points: Floats, law: Floats, strain: Floats) -> tuple[Floats, Floats]:
+    """What a strain without stress, that of heat, does to elements whose nodes are held.
+
+    Parameters
+    ----------
+    kind, points, law
+        As of ``stress_operator``.
+    strain : (E, q, 6) array
+        At the points of the stiffness.
+
+    Returns
+    -------
+    forces : (E, n, 3) array
+        On the nodes [N].
+    stress : (E, q, 6) array
+        [N/m²]
+    """
+    import _flexgram
+
+    _, own, volume = stress_operator(kind, points, law)
+    held = strain @ law.T
+    forces = np.einsum("eq,eqib,eqi->eb", volume, own, held).reshape(points.shape)
+    stress = -held
+    if kind == "hexahedron":  # its inner modes give way
+        xi, weight = _flexgram.shape_functions(kind, np.empty((0, 3)))[:2]
+        inner = _incompatible(points, xi, volume / weight)
+        stiffness = np.einsum("eq,eqia,ij,eqjb->eab", volume, inner, law, inner, optimize=True)
+        push = np.einsum("eq,eqia,eqi->ea", volume, inner, held)
+        give = np.linalg.solve(stiffness, push[..., None])[..., 0]
+        stress = stress + np.einsum("ij,eqja,ea->eqi", law, inner, give)
+    return forces, stress
+
+
+class Solid(NamedTuple):
+    """Elements of one type and material."""
+
+    kind: str  #: meshio's name
+    nodes: IntArray  #: (E, n)
+    law: Floats  #: (6, 6) [N/m²]
+    expansion: Floats | None  #: strain of one kelvin (6,), engineering shears; None: not known
+
+
+def _expansion(material: Any) -> Floats | None:
+    """Strain of one kelvin, of a material of a body file."""
+    if "expansion" not in material:
+        return None
+    along = np.broadcast_to(material["expansion"], 3)
+    axes = np.reshape(material["axes"], (3, 3)) if "axes" in material else np.eye(3)
+    e = axes.T @ np.diag(along) @ axes
+    return np.array([e[0, 0], e[1, 1], e[2, 2], 2 * e[0, 1], 2 * e[1, 2], 2 * e[2, 0]])
 
 
 @dataclass
@@ -130,12 +189,12 @@ class Stresses:
     ----------
     points : (N, 3) array
         [m]
-    blocks : list of (str, (E, n) int array, (6, 6) array)
-        Solids that deform: type, nodes, elastic law.
+    blocks : list of Solid
+        Those that deform.
     """
 
     points: Floats
-    blocks: list[tuple[str, IntArray, Floats]]
+    blocks: list[Solid]
 
     @classmethod
     def load(cls, path: str | Path) -> Stresses:
@@ -173,7 +232,8 @@ class Stresses:
             at = follows[nodes]
             rigid = (at[:, 0] >= 0) & np.all(at == at[:, :1], axis=1)
             if not rigid.all():
-                blocks.append((kind, nodes[~rigid], np.reshape(law, (6, 6))))
+                blocks.append(Solid(kind, nodes[~rigid], np.reshape(law, (6, 6)),
+                                    _expansion(steel)))  # fmt: skip
         if not blocks:
             raise BodyError("the body has no solids that deform: no stresses")
         return cls(file["mesh/points"][:], blocks)
@@ -181,8 +241,8 @@ class Stresses:
     def _counts(self) -> Floats:
         """Elements around each node."""
         count = np.zeros(len(self.points))
-        for _, nodes, _ in self.blocks:
-            np.add.at(count, nodes, 1.0)
+        for solid in self.blocks:
+            np.add.at(count, solid.nodes, 1.0)
         return count
 
     def nodal(self, displacements: ArrayLike) -> Floats:
@@ -202,7 +262,7 @@ class Stresses:
 
         u = np.asarray(displacements, dtype=float)
         stress = np.zeros((len(self.points), 6 * len(u)))
-        for kind, nodes, law in self.blocks:
+        for kind, nodes, law, _ in self.blocks:
             outward = extrapolation(kind, _flexgram.shape_functions(kind, np.empty((0, 3)))[0])
             for first in range(0, len(nodes), CHUNK):
                 some = nodes[first : first + CHUNK]
@@ -215,11 +275,62 @@ class Stresses:
                 used, at = np.unique(some, return_inverse=True)
                 gather = sp.csr_matrix((np.ones(some.size), (at.ravel(), np.arange(some.size))))
                 stress[used] += gather @ here
-        result = stress.reshape(len(self.points), 6, len(u)).transpose(2, 0, 1).copy()
+        return self._averaged(stress.reshape(len(self.points), 6, len(u)).transpose(2, 0, 1))
+
+    def _averaged(self, sums: Floats) -> Floats:
+        """Sums over elements (…, N, 6) as means at nodes."""
         count = self._counts()
-        result[:, count > 0] /= count[count > 0, None]
-        result[:, count == 0] = np.nan
+        result = sums.copy()
+        result[..., count > 0, :] /= count[count > 0, None]
+        result[..., count == 0, :] = np.nan
         return result
+
+    def heated(self, temperature: Floats) -> tuple[Floats, Floats]:
+        """A body that is held at all its nodes, in a field of temperature.
+
+        Parameters
+        ----------
+        temperature : (N,) array
+            Above that of the body without stress [K]; between nodes by the elements' functions.
+
+        Returns
+        -------
+        forces : (N, 3) array
+            That its load is [N].
+        stress : (N, 6) array
+            At the nodes [N/m²], beside that of displacements; NaN as of ``nodal``.
+
+        Raises
+        ------
+        BodyError
+            If the expansion of a material is not known.
+        """
+        import _flexgram
+
+        forces, stress = np.zeros_like(self.points), np.zeros((len(self.points), 6))
+        for kind, nodes, law, expansion in self.blocks:
+            warm = nodes[np.any(temperature[nodes] != 0, axis=1)]
+            if not len(warm):
+                continue
+            if expansion is None:
+                raise BodyError("temperature: a material that it warms has no expansion [1/K]")
+            xi, _, N, _ = _flexgram.shape_functions(kind, np.empty((0, 3)))
+            outward = extrapolation(kind, xi)
+            for first in range(0, len(warm), CHUNK):
+                some = warm[first : first + CHUNK]
+                strain = (temperature[some] @ N.T)[..., None] * expansion
+                force, held = heat_operator(kind, self.points[some], law, strain)
+                np.add.at(forces, some, force)
+                np.add.at(stress, some, np.einsum("nq,eqi->eni", outward, held))
+        return forces, self._averaged(stress)
+
+    def of_temperatures(self, body: str | Path, inputs: list[str]) -> dict[str, Floats]:
+        """Those of the inputs that are temperatures, with the stress that ``heated`` gives."""
+        from flexgram.loads import temperatures
+
+        with errors_of(body), h5py.File(body) as file:
+            fields = temperatures(file)
+        return {name: self.heated(fields[name])[1] for name in inputs if name in fields}
 
     def rows(self, nodes: IntArray) -> tuple[IntArray, Floats]:
         """The mean stress of some nodes as a function of displacements.
@@ -246,7 +357,7 @@ class Stresses:
         weight = np.zeros(len(self.points))
         weight[nodes] = 1 / count[nodes] / len(nodes)
         values = np.zeros((len(self.points), 6, 3))
-        for kind, all_nodes, law in self.blocks:
+        for kind, all_nodes, law, _ in self.blocks:
             outward = extrapolation(kind, _flexgram.shape_functions(kind, np.empty((0, 3)))[0])
             near = all_nodes[np.any(weight[all_nodes] > 0, axis=1)]
             for first in range(0, len(near), CHUNK):
@@ -268,13 +379,13 @@ def von_mises(stress: ArrayLike) -> Floats:
 
 
 def largest_stress(
-    model: ReducedModel, q: Floats, body: str | Path | None = None
+    model: ReducedModel, q: Floats, u: Floats, body: str | Path | None = None
 ) -> tuple[float, int, int]:
-    """The largest von Mises stress at a node over a motion (n, m): its value, when (a row of q) and
-    where (a node of the mesh)."""
+    """The largest von Mises stress at a node over a motion (n, m) under loads (n, n_in): its value,
+    when (a row of q) and where (a node of the mesh)."""
     largest, when, where = -1.0, 0, 0
-    for k, state in enumerate(q):  # one at a time: a field is large
-        field = np.nan_to_num(von_mises(model.stress(state, body)[0]))
+    for k, (state, load) in enumerate(zip(q, u, strict=True)):  # one at a time: a field is large
+        field = np.nan_to_num(von_mises(model.stress(state, body, load)[0]))
         if field.max() > largest:
             largest, when, where = float(field.max()), k, int(field.argmax())
     return largest, when, where

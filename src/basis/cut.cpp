@@ -23,7 +23,7 @@ std::vector<double> default_shifts(const std::vector<Interval>& bands) {
 }
 
 double medium_target(const OrderSpec& order) {
-  return order.tolerance ? 0.02 * *order.tolerance : 1e-8;
+  return order.tolerance ? 0.02 * order.smallest() : 1e-8;
 }
 
 namespace {
@@ -48,6 +48,10 @@ private:
   Dense gram() const;
   Dense tangent(const Dense& Q) const;
   ErrorOverBand::Supremum shared_supremum(ErrorOverBand::Supremum sup) const;
+  double smallest_tolerance() const {
+    return request_.order.tolerance ? request_.order.smallest() : 0.0;
+  }
+  double limit_of(std::size_t view) const;
   ErrorClaim claim_of(const ErrorOverBand::Supremum& sup) const;
   Dense chosen_basis();
   ReducedModel reduced(const Dense& Q, const DenseSystem& small,
@@ -99,13 +103,13 @@ void Cut::check() const {
 
 /// A level as this request looks at it.
 std::shared_ptr<MediumOverBand> Cut::seen(std::size_t level) const {
-  const bool by_kind = request_.order.by_kind();
+  const KindSpec kinds = request_.order.kinds();
   const double enough = std::min(target(), whole_.spec.target);
   return whole_.seen->find_or(
-      {level, ports_, by_kind, request_.relative_to == RelativeTo::elastic, bands_,
+      {level, ports_, kinds, request_.relative_to == RelativeTo::elastic, bands_,
        request_.error_omega, enough},
       [&] {
-        MediumModel model(whole_, level, ports_, by_kind, request_.relative_to, enough);
+        MediumModel model(whole_, level, ports_, kinds, request_.relative_to, enough);
         model.follow_dampers();
         std::vector<double> peaks; // decisions about intervals must not differ
         for (const auto& [omega, half_width] : model.resonances)
@@ -227,6 +231,11 @@ ErrorOverBand::Supremum Cut::shared_supremum(ErrorOverBand::Supremum sup) const 
   return sup;
 }
 
+/// What is asked of a view.
+double Cut::limit_of(std::size_t view) const {
+  return request_.order.smallest() * medium_.views[view].allowed;
+}
+
 ErrorClaim Cut::claim_of(const ErrorOverBand::Supremum& sup) const {
   ErrorClaim claim;
   claim.worst = sup.worst;
@@ -240,8 +249,9 @@ ErrorClaim Cut::claim_of(const ErrorOverBand::Supremum& sup) const {
   for (const Interval& b : bands_) claim.bands.push_back({b.first, b.last});
   for (const Interval& e : sup.excluded) claim.excluded.push_back({e.first, e.last});
   claim.tolerance = request_.order.tolerance;
-  claim.met =
-      !request_.order.tolerance || (sup.proved && sup.worst <= *request_.order.tolerance);
+  claim.met = !request_.order.tolerance || sup.proved;
+  for (std::size_t v = 0; claim.met && claim.tolerance && v < sup.worst_of.size(); ++v)
+    claim.met = sup.worst_of[v] <= limit_of(v);
   return claim;
 }
 
@@ -291,6 +301,9 @@ ReducedModel Cut::reduced(const Dense& Q, const DenseSystem& small,
                                     : "certified outside";
   for (std::size_t v = 1; v < sup.worst_of.size(); ++v)
     rom.by_kind.emplace_back(medium_.views[v].name, sup.worst_of[v]);
+  if (!request_.order.of_kinds.empty())
+    for (std::size_t v = 1; v < sup.worst_of.size(); ++v)
+      rom.kind_tolerances.push_back(limit_of(v));
   rom.modes = eigenfrequencies(rom.model);
   rom.band[0] = bands_.front().first;
   rom.band[1] = bands_.back().last;
@@ -319,18 +332,16 @@ ReducedModel Cut::run() {
   }
   if (medium_.rigid > 0)
     observer_.fact("frame", frame_names[static_cast<std::size_t>(frame_)]);
-  stage_ = std::make_unique<SecondStage>(
-      SecondStage{medium_, weights(), request_.equal_ports, frame_ != Frame::none, gram(),
-                  shifts_, request_.moments, request_.relative_to,
-                  request_.order.tolerance.value_or(0), request_.statics});
+  stage_ = std::make_unique<SecondStage>(SecondStage{
+      medium_, weights(), request_.equal_ports, frame_ != Frame::none, gram(), shifts_,
+      request_.moments, request_.relative_to, smallest_tolerance(), request_.statics});
   const auto names =
       request_.methods.empty() ? automatic_methods(request_.order) : request_.methods;
   choice_ = choose_order(names, *stage_, errors_, request_.order);
   if (!choice_.tried.empty()) observer_.fact("second stage", choice_.tried);
   const Dense Q = chosen_basis();
   const DenseSystem small = medium_.system.project(Q);
-  const auto sup =
-      shared_supremum(errors_.supremum(small, request_.order.tolerance.value_or(0)));
+  const auto sup = shared_supremum(errors_.supremum(small, smallest_tolerance()));
   ReducedModel rom = reduced(Q, small, sup);
   tell({whole_, request_, *seen_, choice_, small, sup}, rom, observer_);
   return rom;

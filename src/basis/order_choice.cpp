@@ -162,7 +162,7 @@ OrderChoice choose_order(const std::vector<std::string>& names, const SecondStag
   OrderChoice choice;
   for (const auto& name : names) choice.candidates.push_back(make_candidate(name, stage));
   if (order.tolerance) {
-    choose_by_tolerance(choice, *order.tolerance, stage, errors);
+    choose_by_tolerance(choice, order.smallest(), stage, errors);
   } else if (order.order > 0) {
     choose_by_order(choice, order.order, stage, errors);
   } else {

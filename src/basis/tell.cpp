@@ -137,7 +137,8 @@ void tell_error(const CutStory& cut, const ReducedModel& rom, Observer& observer
              (medium.has_many_ports() || !too_many_ports(medium))) {
     const auto other =
         ErrorOverBand(cut.seen, to_band ? RelativeTo::pointwise : RelativeTo::band)
-            .supremum(cut.small, cut.request.order.tolerance.value_or(0),
+            .supremum(cut.small,
+                      cut.request.order.tolerance ? cut.request.order.smallest() : 0.0,
                       sup.intervals + 200);
     observer.fact("relative to",
                   text("%s ({tol_relative_to} %s); of %s the error is at most %.1e",
@@ -156,10 +157,13 @@ void tell_error(const CutStory& cut, const ReducedModel& rom, Observer& observer
                   "H is nothing but rounding there");
   if (!rom.by_kind.empty()) {
     std::string words;
-    for (const auto& [kind, worst] : rom.by_kind)
-      words += text("%s%s at most %.1e", words.empty() ? "" : ", ", kind.c_str(), worst);
+    for (std::size_t k = 0; k < rom.by_kind.size(); ++k) {
+      words += text("%s%s at most %.1e", words.empty() ? "" : ", ",
+                    rom.by_kind[k].first.c_str(), rom.by_kind[k].second);
+      if (!rom.kind_tolerances.empty()) words += text(" of %g", rom.kind_tolerances[k]);
+    }
     observer.fact("by kind", words + " (" + label + ")");
-  } else if (port_views(medium.names, true).size() > 1) {
+  } else if (port_views(medium.names, {true, {}, {}}).size() > 1) {
     std::vector<ComplexDense> H, H_r;
     const DenseResponse response(cut.small, medium.tau);
     for (double omega : rom.omega) {

@@ -253,6 +253,7 @@ SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
   append(fields.take(), model.B, model.inputs);
   append(nodal_ports(comm, body.loads, map, mesh, partition), model.B, model.inputs);
   append(nodal_ports(comm, body.outputs, map, mesh, partition), model.C, model.outputs);
+  for (const auto& output : body.outputs) model.feedthrough.append(output.feedthrough);
   fill_dof_lists(map, mesh, rank, model);
   return model;
 }

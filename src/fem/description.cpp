@@ -171,12 +171,36 @@ AccelerationField read_field(const Hdf5File& file, const std::string& name,
   return field;
 }
 
+/// /outputs/NAME/feedthrough, columns × inputs, with the names of these.
+Feedthrough read_feedthrough(const Hdf5File& file, const std::string& object,
+                             const NodalVectors& vectors) {
+  const std::string place = object + "/feedthrough";
+  const auto inputs = file.texts_attribute(place, "inputs");
+  if (file.shape(place) !=
+      std::vector<std::int64_t>{static_cast<std::int64_t>(vectors.columns.size()),
+                                static_cast<std::int64_t>(inputs.size())})
+    throw Error(
+        text("file %s: %s must be columns × inputs", file.path().c_str(), place.c_str()));
+  Feedthrough through;
+  through.values = file.read_all<double>(place);
+  for (double x : through.values)
+    if (!std::isfinite(x))
+      throw Error(text("file %s: %s holds %g", file.path().c_str(), place.c_str(), x));
+  for (const auto& column : vectors.columns)
+    for (const auto& input : inputs) {
+      through.outputs.push_back(vectors.name + "." + column);
+      through.inputs.push_back(input);
+    }
+  return through;
+}
+
 NodalVectors read_vectors(const Hdf5File& file, const std::string& group,
                           const std::string& name, std::int64_t points) {
   const std::string object = group + "/" + name;
   NodalVectors vectors{name,
                        file.texts_attribute(object, "columns"),
                        read_nodes(file, object, points),
+                       {},
                        {}};
   const auto shape = file.shape(object + "/values");
   if (shape.size() != 3 || shape[0] != static_cast<std::int64_t>(vectors.nodes.size()) ||
@@ -189,6 +213,8 @@ NodalVectors read_vectors(const Hdf5File& file, const std::string& group,
     if (!std::isfinite(x))
       throw Error(
           text("file %s: %s/values holds %g", file.path().c_str(), object.c_str(), x));
+  if (file.exists(object + "/feedthrough"))
+    vectors.feedthrough = read_feedthrough(file, object, vectors);
   return vectors;
 }
 

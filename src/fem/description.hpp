@@ -2,6 +2,7 @@
 
 #include "fem/elements.hpp"
 #include "io/hdf5_file.hpp"
+#include "model/second_order_model.hpp"
 
 #include <map>
 
@@ -48,6 +49,7 @@ struct NodalVectors {
   std::vector<std::string> columns; ///< "p", "tx", "ux": kind and direction
   std::vector<std::int64_t> nodes;
   std::vector<double> values; ///< nodes × columns × 3
+  Feedthrough feedthrough;    ///< of outputs: what loads add to them at once
 };
 
 struct Material {

@@ -43,6 +43,10 @@ void system(FieldSink& sink, const SecondOrderModel& model) {
   sink.value("B/names", model.inputs);
   matrix(sink, "C", transpose(local_dense(model.C)));
   sink.value("C/names", model.outputs);
+  const Dense direct = model.feedthrough.between(model.outputs, model.inputs);
+  if (std::any_of(direct.data.begin(), direct.data.end(),
+                  [](double x) { return x != 0; }))
+    matrix(sink, "feedthrough", direct);
 }
 
 void claim_of(FieldSink& sink, const ErrorClaim& claim) {
@@ -78,6 +82,8 @@ void error(FieldSink& sink, const ReducedModel& rom) {
     }
     sink.value("error/kinds", kinds);
     sink.value("error/by_kind", worst);
+    if (!rom.kind_tolerances.empty())
+      sink.value("error/kind_tolerances", rom.kind_tolerances);
   }
   if (!rom.loads) return;
   matrix(sink, "loads/patterns", rom.loads->patterns);

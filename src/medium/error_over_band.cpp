@@ -43,9 +43,14 @@ struct ErrorOverBand::Point {
 ErrorOverBand::ErrorOverBand(MediumOverBand& medium, RelativeTo relative_to)
     : medium_(medium), relative_to_(relative_to) {}
 
-/// What errors are relative to.
+/// What errors are relative to, times what the kind may err: so one tolerance is for all.
 double ErrorOverBand::reference(std::size_t view, double here) {
-  return relative_to_ == RelativeTo::band ? medium_.grid().views[view].largest : here;
+  return allowed(view) *
+         (relative_to_ == RelativeTo::band ? medium_.grid().views[view].largest : here);
+}
+
+double ErrorOverBand::allowed(std::size_t view) const {
+  return medium_.model().views[view].allowed;
 }
 
 /// A certified error: `difference` of the responses, ‖H‖ of the medium model and the bound
@@ -108,7 +113,7 @@ ErrorOverBand::Errors ErrorOverBand::of(const DenseSystem& system) {
     for (std::size_t v = 0; v < views.size(); ++v) {
       const double bound = ratio(v, distance[v], views[v].size[l], views[v].bound[l]);
       errors.worst = std::max(errors.worst, bound);
-      if (v == 0) errors.bound.push_back(bound);
+      if (v == 0) errors.bound.push_back(bound * allowed(v));
     }
     errors.relative.push_back(distance[0] / views.front().size[l]);
   }
@@ -357,6 +362,11 @@ ErrorOverBand::Supremum ErrorOverBand::supremum(const DenseSystem& system, doubl
   // A value at one frequency may come from a looser bound than that of its interval.
   for (std::size_t v = 0; v < views; ++v)
     result.attained_of[v] = std::min(result.attained_of[v], result.worst_of[v]);
+  for (std::size_t v = 0; v < views; ++v) { // the errors themselves
+    result.worst_of[v] *= allowed(v);
+    result.attained_of[v] *= allowed(v);
+  }
+  result.worst = largest(result.worst_of);
   return result;
 }
 

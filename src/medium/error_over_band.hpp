@@ -21,6 +21,10 @@ namespace flexgram {
 /// equally spaced nodes a polynomial G is no farther than w²/8 max‖G″‖ from its chord, so
 /// its norm is at most the larger of its ends and that, at least the chord's distance
 /// from the origin without that (docs/proof.md, section 4).
+///
+/// Tolerances and levels are the smallest of all kinds, and errors are compared with them
+/// after division by what their kind may err (PortView::allowed); those that are returned
+/// are the errors themselves, but for Errors::worst.
 class ErrorOverBand {
 public:
   /// @param medium  which outlives this.
@@ -72,6 +76,7 @@ private:
   struct Look;
   struct Point;
   double reference(std::size_t view, double here);
+  double allowed(std::size_t view) const;
   std::vector<double> negligible(const std::vector<double>& sizes, double level);
   double ratio(std::size_t view, double difference, double size, double bound);
   std::vector<double> distances(std::size_t l, const SmallModel& small, double level);

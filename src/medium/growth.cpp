@@ -64,7 +64,8 @@ void MediumBuilder::judge(MediumLevel& level) {
   for (std::size_t l = 0; l < values.size(); ++l)
     for (std::size_t v = 0; v < views; ++v) {
       const auto& value = values[l];
-      const double known = largest[v] > 0 ? largest[v] : size(value, v);
+      const double known =
+          model.views[v].allowed * (largest[v] > 0 ? largest[v] : size(value, v));
       proved = proved && value.bounds[v].proved;
       const double relative = value.bounds[v].error / known,
                    error = known > 0 && std::isfinite(relative) ? relative : HUGE_VAL;
@@ -226,7 +227,7 @@ void MediumBuilder::prove(int most_columns) {
 void MediumBuilder::look_at(std::size_t level) {
   const bool to_band = spec_.relative_to == RelativeTo::band; // the largest |H| is needed
   seen_ = std::make_unique<MediumOverBand>(
-      MediumModel(medium_, level, find_ports(medium_.body, {}, {}), spec_.by_kind,
+      MediumModel(medium_, level, find_ports(medium_.body, {}, {}), spec_.kinds,
                   spec_.relative_to),
       spec_.bands, to_band ? grid_ : std::vector<double>());
 }

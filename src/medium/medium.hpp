@@ -24,7 +24,7 @@ struct CertifySpec {
   int modes = 0;               ///< so many modes at least are found, and exactly; 0: any
   int limit = 0;               ///< largest order; 0: what memory and the body allow
   RelativeTo relative_to = RelativeTo::pointwise;
-  bool by_kind = false;    ///< displacements from forces and rotations from moments too
+  KindSpec kinds = {};     ///< judged by themselves too
   bool keep_levels = true; ///< all of them, for later cuts; else only the last one
 };
 

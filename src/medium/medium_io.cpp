@@ -15,7 +15,7 @@
 namespace flexgram {
 namespace {
 
-constexpr double version = 4; // of the file's layout
+constexpr double version = 5; // of the file's layout
 
 template <class Archive, class Spec>
 void archive_spec(Archive&& a, Spec& spec) {
@@ -32,7 +32,10 @@ void archive_spec(Archive&& a, Spec& spec) {
   a("order_limit", spec.limit);
   a("relative_to_band", to_band);
   a("relative_to_elastic", to_elastic);
-  a("by_kind", spec.by_kind);
+  a("each_kind", spec.kinds.each);
+  a("kinds", spec.kinds.kinds);
+  a("kinds_allowed", spec.kinds.allowed);
+  a("others_allowed", spec.kinds.others);
   if constexpr (!std::is_const_v<Spec>) {
     spec.relative_to = to_band      ? RelativeTo::band
                        : to_elastic ? RelativeTo::elastic
@@ -53,6 +56,9 @@ void archive_medium(Archive&& a, M& m) {
   a("inputs", body.inputs);
   a("outputs", body.outputs);
   a("remarks", body.remarks);
+  a("feedthrough_outputs", body.feedthrough.outputs);
+  a("feedthrough_inputs", body.feedthrough.inputs);
+  a("feedthrough", body.feedthrough.values);
   a("rigid", m.rigid);
   a("modes", m.modes);
   a("cutoff", m.cutoff);
@@ -128,6 +134,9 @@ void check(const Hdf5File& file, const Medium& m, const DenseSystem& all) {
               m.cutoff > m.reference && m.levels.back().order() == N && m.body.n >= N;
   for (const Interval& band : m.spec.bands)
     good = good && band.first >= 0 && band.first <= band.last;
+  const Feedthrough& direct = m.body.feedthrough;
+  good = good && direct.inputs.size() == direct.values.size() &&
+         direct.outputs.size() == direct.values.size();
   for (double s : m.scale) good = good && s > 0;
   for (const MediumLevel& level : m.levels)
     good = good && m.rigid + m.modes <= level.order() &&

@@ -17,8 +17,8 @@ void refuse_elastic_part() {
 }
 
 MediumModel::MediumModel(const Medium& medium, std::size_t level,
-                         const PortSelection& ports, bool by_kind, RelativeTo relative_to,
-                         double enough)
+                         const PortSelection& ports, const KindSpec& kinds,
+                         RelativeTo relative_to, double enough)
     : names(medium.body.head()), rigid(medium.rigid), cutoff(medium.cutoff),
       tau(medium.tau), kappa(medium.kappa), level_(medium.levels[level]),
       V_(medium.V.share()), scale_(medium.scale), inputs_(ports.inputs),
@@ -29,7 +29,7 @@ MediumModel::MediumModel(const Medium& medium, std::size_t level,
   // Outputs of a body whose outputs are its inputs are among these; others follow them.
   if (!medium.body.outputs_are_inputs)
     for (int& output : outputs_) output += static_cast<int>(medium.body.inputs.size());
-  views = port_views(names, by_kind);
+  views = port_views(names, kinds);
   drop_zero_views(medium.spec.bands);
   for (const PortView& view : views) {
     Certificate::PortSet block;
@@ -220,7 +220,7 @@ std::optional<MatrixSeries> MediumModel::entries(Interval interval, int degree) 
 
 TermGram MediumModel::terms_of_difference(std::size_t view,
                                           const DenseResponse& small) const {
-  const auto& [name, rows, columns] = views[view];
+  const std::vector<int>&rows = views[view].rows, &columns = views[view].columns;
   const Dense B = columns_of(small.modal_inputs(), columns),
               C = columns_of(small.modal_outputs(), rows);
   Dense mixed = multiply(columns_of(modal_outputs_, rows), transpose(C));

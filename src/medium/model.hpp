@@ -32,7 +32,7 @@ public:
   /// @throws Error if errors are to be relative to the elastic part of H and a damping
   /// matrix leaves no such part.
   MediumModel(const Medium& medium, std::size_t level, const PortSelection& ports,
-              bool by_kind, RelativeTo relative_to, double enough = 0);
+              const KindSpec& kinds, RelativeTo relative_to, double enough = 0);
 
   struct Stretch {
     TransferSeries H;

@@ -103,7 +103,7 @@ public:
   struct Sight {
     std::size_t level = 0;
     PortSelection ports;
-    bool by_kind = false;
+    KindSpec kinds;
     bool elastic = false; ///< what errors are relative to
     std::vector<Interval> bands;
     std::vector<double> curve; ///< [rad/s] more frequencies of the grid

@@ -58,6 +58,7 @@ SecondOrderModel DenseSystem::model(const SecondOrderModel& names) const {
   model.B = make_block(B);
   model.C = outputs_are_inputs ? model.B.share() : make_block(C);
   model.outputs_are_inputs = outputs_are_inputs;
+  model.feedthrough = names.feedthrough;
   model.inputs = names.inputs;
   model.outputs = names.outputs;
   return model;

@@ -12,7 +12,7 @@ namespace flexgram {
 void warn_of_kinds(const SecondOrderModel& names, const std::vector<ComplexDense>& H,
                    const std::vector<ComplexDense>& H_r, double overall,
                    Observer& observer) {
-  const auto views = port_views(names, true);
+  const auto views = port_views(names, {true, {}, {}});
   if (views.size() < 3) return;
   double largest = 0;
   std::string words;

@@ -1,5 +1,7 @@
 #include "model/port_views.hpp"
 
+#include "base/text.hpp"
+
 #include <algorithm>
 #include <numeric>
 
@@ -14,7 +16,8 @@ constexpr Kind kinds[] = {
     {"a", "acceleration", nullptr}, {"alpha", "angular acceleration", nullptr},
     {"spin", "spin", "inertia"},    {"p", "pressure", nullptr},
     {"t", "traction", nullptr},     {"u", nullptr, "displacement"},
-    {"s", nullptr, "stress"},
+    {"s", nullptr, "stress"},       {"load", "load", nullptr},
+    {"T", "temperature", nullptr},
 };
 
 const Kind* find_kind(const std::string& letters) {
@@ -39,6 +42,33 @@ ports_by(const char* Kind::*role, const std::vector<std::string>& names) {
   return found;
 }
 
+std::string names_of(const std::vector<PortView>& views) {
+  std::vector<std::string> names;
+  for (std::size_t v = 1; v < views.size(); ++v) names.push_back(views[v].name);
+  return join(names);
+}
+
+/// What each view may err.
+void allow(std::vector<PortView>& views, const KindSpec& spec) {
+  std::vector<bool> met(spec.kinds.size(), false);
+  for (PortView& view : views) {
+    view.allowed = spec.others;
+    const std::string output = view.name.substr(0, view.name.find(" from "));
+    for (const std::string& word : {output, view.name}) // the whole name counts
+      for (std::size_t k = 0; k < spec.kinds.size(); ++k)
+        if (spec.kinds[k] == word) {
+          view.allowed = spec.allowed[k];
+          met[k] = true;
+        }
+  }
+  for (std::size_t k = 0; k < met.size(); ++k)
+    if (!met[k])
+      throw Error(text("{tol_kind}: no ports make %s; there are %s",
+                       spec.kinds[k].c_str(), names_of(views).c_str()));
+  for (const PortView& view : views)
+    views.front().allowed = std::max(views.front().allowed, view.allowed);
+}
+
 std::vector<int> all_of(std::size_t count) {
   std::vector<int> all(count);
   std::iota(all.begin(), all.end(), 0);
@@ -53,7 +83,8 @@ std::string kind_of_port(const std::string& name) {
   const std::string last = name.substr(dot + 1),
                     letters = last.substr(0, last.find_last_not_of("xyz") + 1);
   const std::size_t directions = last.size() - letters.size();
-  const bool fits = letters == "p"      ? directions == 0
+  const bool plain = letters == "p" || letters == "load" || letters == "T";
+  const bool fits = plain               ? directions == 0
                     : letters == "u"    ? directions <= 1
                     : letters == "spin" ? directions == 0 || directions == 2
                     : letters == "s"    ? directions == 2
@@ -70,10 +101,23 @@ ComplexDense PortView::of(const ComplexDense& H) const {
   return part;
 }
 
-std::vector<PortView> port_views(const SecondOrderModel& names, bool by_kind) {
+bool is_known_kind(const std::string& word) {
+  const auto from = word.find(" from ");
+  const std::string output = word.substr(0, from),
+                    input = from == std::string::npos ? "" : word.substr(from + 6);
+  const auto named = [](const char* Kind::*role, const std::string& name) {
+    return std::any_of(std::begin(kinds), std::end(kinds), [&](const Kind& kind) {
+      return kind.*role && name == kind.*role;
+    });
+  };
+  return named(&Kind::output, output) &&
+         (from == std::string::npos || named(&Kind::input, input));
+}
+
+std::vector<PortView> port_views(const SecondOrderModel& names, const KindSpec& spec) {
   std::vector<PortView> views{
       {"all ports", all_of(names.outputs.size()), all_of(names.inputs.size())}};
-  if (!by_kind) return views;
+  if (!spec.each) return views;
   const auto rows_of = ports_by(&Kind::output, names.outputs),
              columns_of = ports_by(&Kind::input, names.inputs);
   const auto are = [](const auto& kinds, const char* one, const char* other) {
@@ -93,9 +137,12 @@ std::vector<PortView> port_views(const SecondOrderModel& names, bool by_kind) {
       if (!square || !crossed)
         views.push_back({output + " from " + input, rows, columns});
     }
+  allow(views, spec);
   if (views.size() == 2 && views[1].rows == views[0].rows &&
-      views[1].columns == views[0].columns)
-    views.pop_back(); // one kind: nothing is hidden
+      views[1].columns == views[0].columns) { // one kind: nothing is hidden
+    views.front().allowed = views.back().allowed;
+    views.pop_back();
+  }
   return views;
 }
 

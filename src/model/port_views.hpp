@@ -1,6 +1,7 @@
 #pragma once
 
 #include "model/second_order_model.hpp"
+#include "model/spec.hpp"
 
 namespace flexgram {
 
@@ -8,6 +9,7 @@ namespace flexgram {
 struct PortView {
   std::string name;
   std::vector<int> rows, columns;
+  double allowed = 1; ///< it may err so many times the smallest tolerance
 
   ComplexDense of(const ComplexDense& H) const;
 };
@@ -18,7 +20,11 @@ std::string kind_of_port(const std::string& name);
 
 /// The whole of H and, if asked and the names tell kinds of ports apart, each kind of
 /// output from each kind of input (rotations from moments alone). Eq. (17) of the paper
-/// adds m/N and rad/(N m): the larger number hides the other.
-std::vector<PortView> port_views(const SecondOrderModel& names, bool by_kind);
+/// adds m/N and rad/(N m): the larger number hides the other. Where kinds have tolerances
+/// of their own, all of H is judged by the largest.
+/// @throws Error if a kind that has one is not there.
+std::vector<PortView> port_views(const SecondOrderModel& names, const KindSpec& kinds);
+/// Whether ports can be of this kind: "stress", "stress from force".
+bool is_known_kind(const std::string& word);
 
 } // namespace flexgram

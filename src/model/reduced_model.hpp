@@ -54,7 +54,8 @@ struct ReducedModel {
   /// Largest bounds of displacements from forces, of rotations from moments and so on;
   /// empty: not asked for.
   std::vector<std::pair<std::string, double>> by_kind;
-  std::optional<LoadSpan> loads; ///< none: each input by itself
+  std::vector<double> kind_tolerances; ///< of each; empty: all the same
+  std::optional<LoadSpan> loads;       ///< none: each input by itself
   std::string second_stage, frame = "none";
   int rigid_modes = 0; ///< of the body; the first basis vectors unless frame is none
   std::optional<FrameIntegrals> integrals;

@@ -9,6 +9,25 @@
 
 namespace flexgram {
 
+Dense Feedthrough::between(const std::vector<std::string>& rows,
+                           const std::vector<std::string>& columns) const {
+  Dense a(static_cast<int>(rows.size()), static_cast<int>(columns.size()));
+  for (std::size_t k = 0; k < values.size(); ++k) {
+    const auto i = std::find(rows.begin(), rows.end(), outputs[k]);
+    const auto j = std::find(columns.begin(), columns.end(), inputs[k]);
+    if (i != rows.end() && j != columns.end())
+      a(static_cast<int>(i - rows.begin()), static_cast<int>(j - columns.begin())) +=
+          values[k];
+  }
+  return a;
+}
+
+void Feedthrough::append(const Feedthrough& more) {
+  outputs.insert(outputs.end(), more.outputs.begin(), more.outputs.end());
+  inputs.insert(inputs.end(), more.inputs.begin(), more.inputs.end());
+  values.insert(values.end(), more.values.begin(), more.values.end());
+}
+
 bool SecondOrderModel::undamped() const {
   return !D && damping.alpha == 0 && damping.beta == 0 && damping.eta == 0;
 }
@@ -46,14 +65,15 @@ SecondOrderModel SecondOrderModel::head() const {
   head.position = position;
   head.remarks = remarks;
   head.rounding = rounding;
+  head.feedthrough = feedthrough;
   return head;
 }
 
 SecondOrderModel SecondOrderModel::share() const {
-  return {name,      comm,    n,         rows,      M.share(),          K.share(),
-          D.share(), damping, B.share(), C.share(), outputs_are_inputs, inputs,
-          outputs,   node,    label,     component, position,           remarks,
-          rounding};
+  return {name,      comm,       n,         rows,      M.share(),          K.share(),
+          D.share(), damping,    B.share(), C.share(), outputs_are_inputs, inputs,
+          outputs,   node,       label,     component, position,           remarks,
+          rounding,  feedthrough};
 }
 
 double SecondOrderModel::entry_rounding() const {
@@ -96,6 +116,7 @@ SecondOrderModel move_to_group(SecondOrderModel model, const Groups& groups) {
   copy.outputs_are_inputs = model.outputs_are_inputs;
   copy.inputs = model.inputs;
   copy.outputs = model.outputs;
+  copy.feedthrough = model.feedthrough;
   const auto move_list = [&](const auto& list, int columns) {
     using Value = typename std::decay_t<decltype(list)>::value_type;
     const auto missing = static_cast<std::int64_t>(list.empty() && model.rows.size() > 0);

@@ -17,6 +17,18 @@ struct Damping {
   double eta = 0;   ///< loss factor
 };
 
+/// What inputs add to outputs at once, with no motion between: y += value·u of the named
+/// ports. Heat adds −C α T to the stress of its strain. H and every claim of its error are
+/// without it: it is the same in every reduced body.
+struct Feedthrough {
+  std::vector<std::string> outputs, inputs;
+  std::vector<double> values; ///< one a pair
+  /// n_out × n_in, of the named ports.
+  Dense between(const std::vector<std::string>& outputs,
+                const std::vector<std::string>& inputs) const;
+  void append(const Feedthrough& more);
+};
+
 /// M q'' + D q' + K (1 + iη) q = B u, y = Cᵀ q: the same type for a full body (sparse,
 /// rows over the ranks of comm) and for a reduced one (dense, whole on every rank, comm =
 /// self).
@@ -41,6 +53,7 @@ struct SecondOrderModel {
   std::vector<double> position;        ///< [m], 3 numbers a row
   std::vector<std::string> remarks;    ///< what reading changed, in words
   double rounding = 0; ///< relative, of K's entries, if they were printed; 0: not known
+  Feedthrough feedthrough;
 
   bool undamped() const;
   /// Damping class in words, for the plan.

@@ -1,5 +1,6 @@
 #include "model/spec.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -9,6 +10,24 @@ const char* word_of(RelativeTo reference) {
   return reference == RelativeTo::band      ? "band"
          : reference == RelativeTo::elastic ? "elastic"
                                             : "pointwise";
+}
+
+double OrderSpec::smallest() const {
+  double least = *tolerance;
+  for (const auto& [kind, own] : of_kinds) least = std::min(least, own);
+  return least;
+}
+
+KindSpec OrderSpec::kinds() const {
+  KindSpec spec;
+  spec.each = tolerance && each_kind;
+  if (!spec.each || of_kinds.empty()) return spec;
+  spec.others = *tolerance / smallest();
+  for (const auto& [kind, own] : of_kinds) {
+    spec.kinds.push_back(kind);
+    spec.allowed.push_back(own / smallest());
+  }
+  return spec;
 }
 
 int order_by_rule(const std::vector<double>& sigma) {

@@ -4,6 +4,7 @@
 #include <numbers>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace flexgram {
@@ -36,13 +37,28 @@ enum class Metric {
   energy     ///< M + K/ω_max²
 };
 
+/// How errors of kinds of ports are judged beside those of all of H.
+struct KindSpec {
+  bool each = false; ///< each kind by itself
+  /// Kinds of outputs, "stress", or with that of their inputs, "stress from force", and how
+  /// many times the smallest tolerance each may err: 1 or more.
+  std::vector<std::string> kinds;
+  std::vector<double> allowed;
+  double others = 1; ///< the same of all others
+  bool operator==(const KindSpec&) const = default;
+};
+
 /// How large the reduced body is to be.
 struct OrderSpec {
   int order = 0;                   ///< 0: by the tolerance or the paper's rule
   std::optional<double> tolerance; ///< relative error; unset: by `order` or the rule
   bool each_kind = true;           ///< it holds for each kind of ports by itself too
+  /// Kinds with a tolerance of their own.
+  std::vector<std::pair<std::string, double>> of_kinds;
 
-  bool by_kind() const { return tolerance && each_kind; }
+  /// The smallest of all. @pre tolerance
+  double smallest() const;
+  KindSpec kinds() const;
 };
 
 /// Where and when what is finished is written, so that a run that was ended goes on.

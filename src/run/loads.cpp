@@ -104,7 +104,7 @@ std::optional<LoadSpan> loads_of(const Body& body, const Settings& s,
   if (s.frame == "tangent")
     throw Error("{frame} tangent follows an interface, and {loads} and {load_patterns} "
                 "reduce for loads instead of interfaces");
-  if (s.order.by_kind())
+  if (s.order.kinds().each)
     observer.skip("errors by kind", "loads are of no kind: the error is of all of H");
   const int p = static_cast<int>(body.model.B.columns());
   if (!s.loads.empty()) {

@@ -94,6 +94,10 @@ void Settings::describe(Options& options) {
       "rad/(N m) so that the larger number hides the other, or also those of "
       "displacements from forces and of rotations from moments by themselves (ports "
       "named x.fx ... x.mz)");
+  options.add(
+      "-mor_tol_kind", tolerances_of_kinds,
+      "tolerances of kinds of their own: stress=1e-2,displacement from force=1e-5; the "
+      "others keep -mor_tol, all of H the largest of them");
   options.add_choice(
       "-mor_tol_relative_to", relative_to, {"pointwise", "band", "elastic"},
       "what errors of H are divided by: |H| at the same frequency (eq. 17; near an "

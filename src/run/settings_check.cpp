@@ -1,7 +1,10 @@
 /// What a user may not ask for: each option refused by its name, before any work.
 
 #include "base/text.hpp"
+#include "model/port_views.hpp"
 #include "run/settings.hpp"
+
+#include <cstdlib>
 
 namespace flexgram {
 namespace {
@@ -93,6 +96,31 @@ void Settings::check_order() {
                  "given without the other: the tolerance chooses the order");
 }
 
+/// Tolerances of kinds.
+void Settings::check_kinds() {
+  for (const std::string& word : split(tolerances_of_kinds, ',')) {
+    const auto equals = word.find('=');
+    const std::string kind = word.substr(0, equals);
+    require_option(equals != std::string::npos && is_known_kind(kind), "-mor_tol_kind",
+                   word,
+                   "KIND=TOLERANCE, KIND such as stress or displacement from force");
+    char* end = nullptr;
+    const double value = std::strtod(word.c_str() + equals + 1, &end);
+    require_option(*end == 0 && value > 0 && value < 1, "-mor_tol_kind", word,
+                   "a tolerance above 0 and below 1");
+    order.of_kinds.emplace_back(kind, value);
+  }
+  if (order.of_kinds.empty()) return;
+  require_option(order_word == "auto" && (order.tolerance || !takes_samples()),
+                 "-mor_tol_kind", tolerances_of_kinds,
+                 "given without -mor_order, and with -mor_method pod beside -mor_tol");
+  require_option(order.each_kind, "-mor_tol_kind", tolerances_of_kinds,
+                 "given with -mor_tol_of each_kind");
+  require_option(loads.empty() && load_patterns == 0, "-mor_tol_kind",
+                 tolerances_of_kinds,
+                 "given without -mor_loads and -mor_load_patterns: loads are of no kind");
+}
+
 void Settings::check() {
   check_band();
   require_option(samples >= 1, "-mor_samples", std::to_string(samples), "1 or more");
@@ -110,6 +138,7 @@ void Settings::check() {
   check_lists();
   check_solver();
   order.each_kind = tolerance_of == "each_kind";
+  check_kinds();
 }
 
 } // namespace flexgram

@@ -49,7 +49,7 @@ CertifySpec Settings::certify_spec() const {
   spec.cutoff = cutoff;
   spec.limit = medium_order;
   spec.relative_to = reference_of(relative_to);
-  spec.by_kind = order.by_kind();
+  spec.kinds = order.kinds();
   const auto shifts = shifts_hz.empty() ? default_shifts(spec.bands) : in_rad(shifts_hz);
   const Demand asked = demand_of(methods(), order.order, shifts);
   spec.modes = asked.modes;

@@ -60,6 +60,7 @@ SecondOrderModel leading_part(const SecondOrderModel& rom, int m) {
   part.B = rows(rom.B);
   part.outputs_are_inputs = rom.outputs_are_inputs;
   part.C = rom.outputs_are_inputs ? part.B.share() : rows(rom.C);
+  part.feedthrough = rom.feedthrough;
   part.inputs = rom.inputs;
   part.outputs = rom.outputs;
   return part;
@@ -69,15 +70,15 @@ SecondOrderModel leading_part(const SecondOrderModel& rom, int m) {
 /// tolerance at every known frequency.
 int order_by_tolerance(const SecondOrderModel& rom, const std::vector<double>& omega,
                        const std::vector<ComplexDense>& H, double tolerance,
-                       bool by_kind) {
-  const auto views = port_views(rom, by_kind);
+                       const KindSpec& kinds) {
+  const auto views = port_views(rom, kinds);
   std::size_t worst = 0; // the frequency that ruled out the last order rules out most
   for (int m = 1; m <= rom.n; ++m) {
     const SecondOrderModel part = leading_part(rom, m);
     const auto fails = [&](std::size_t l) {
       const ComplexDense H_r = dense_transfer(part, omega[l]);
       return std::any_of(views.begin(), views.end(), [&](const PortView& view) {
-        return !(relative_error(view.of(H[l]), view.of(H_r)) <= tolerance);
+        return !(relative_error(view.of(H[l]), view.of(H_r)) <= tolerance * view.allowed);
       });
     };
     if (fails(worst)) continue;
@@ -189,8 +190,8 @@ ReducedModel reduce_pod(const SecondOrderModel& fom, FrequencySolves& solves,
     std::move(H_extra.begin(), H_extra.end(), std::back_inserter(H));
   }
   if (by_tolerance) {
-    int order = order_by_tolerance(rom.model, rom.omega, H, *spec.order.tolerance,
-                                   spec.order.by_kind());
+    int order = order_by_tolerance(rom.model, rom.omega, H, spec.order.smallest(),
+                                   spec.order.kinds());
     MPI_Bcast(&order, 1, MPI_INT, 0, fom.comm); // dense work may differ in the last bit
     rom.model = leading_part(rom.model, order);
     std::vector<int> columns(static_cast<std::size_t>(order));

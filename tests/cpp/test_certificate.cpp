@@ -128,7 +128,8 @@ TEST(Certificate, KnowsTheResidualOfEveryResponseHoweverTheSpaceGrew) {
 /// the growth: the first has modes that are good to an angle of 0.3 only.
 TEST(Certificate, BoundsTheErrorOfEveryLevel) {
   for (const Case& c : cases()) {
-    CertifySpec spec{.bands = {{0.5, 12.3}}};
+    CertifySpec spec;
+    spec.bands = {{0.5, 12.3}};
     spec.target = 1e-9;
     const Medium medium = certify(c.body, c.mass_is_singular, spec, {}, silent());
     EXPECT_TRUE(medium.shortfall.empty()) << c.name << ": " << medium.shortfall;
@@ -139,7 +140,7 @@ TEST(Certificate, BoundsTheErrorOfEveryLevel) {
     FrequencySolves solves(c.body.share(), 0, {}, 1, 0.0, silent());
     const auto H = solves.transfer(omega, "test");
     for (std::size_t k = 0; k < medium.levels.size(); ++k) {
-      const MediumModel model(medium, k, find_ports(medium.body, {}, {}), false,
+      const MediumModel model(medium, k, find_ports(medium.body, {}, {}), {},
                               RelativeTo::pointwise);
       EXPECT_EQ(model.has_many_ports(), std::string(c.name).rfind("many", 0) == 0);
       double largest = 0, largest_bound = 0, floor = 0;

@@ -37,7 +37,7 @@ Medium certified(const SecondOrderModel& fom, Job job) {
   job.spec.last_needed = asked.last_needed;
   if (job.spec.target == CertifySpec().target)
     job.spec.target = medium_target(job.request.order);
-  job.spec.by_kind = job.request.order.by_kind();
+  job.spec.kinds = job.request.order.kinds();
   return certify(fom, false, job.spec, {}, silent());
 }
 

@@ -15,8 +15,8 @@ from flexgram.reduced import ReducedModel
 def arrays(model: ReducedModel) -> dict[str, Any]:
     """All matrices and what is known of the error, by the names of the reduced file."""
     result = {name: getattr(model, name)
-              for name in ("M", "D", "K", "B", "C", "V", "omega", "error", "bound", "sigma",
-                           "modes", "band")}  # fmt: skip
+              for name in ("M", "D", "K", "B", "C", "V", "feedthrough", "omega", "error", "bound",
+                           "sigma", "modes", "band")}  # fmt: skip
     result["eta"] = model.eta
     result["inputs"], result["outputs"] = np.array(model.inputs), np.array(model.outputs)
     result["kind"] = model.kind
@@ -64,4 +64,5 @@ def to_pymor(model: ReducedModel) -> Any:
         raise BodyError("pyMOR is not installed: pip install pymor") from None
     if model.eta:
         raise BodyError("pyMOR's second-order models have no structural damping (eta)")
-    return SecondOrderModel.from_matrices(model.M, model.D, model.K, model.B, model.C)
+    direct = model.feedthrough if model.feedthrough.any() else None
+    return SecondOrderModel.from_matrices(model.M, model.D, model.K, model.B, model.C, D=direct)

@@ -46,6 +46,7 @@ def write_motion(
     q: Any,
     body: str | Path | None = None,
     stress: bool = False,
+    u: Any = None,
 ) -> None:
     """Deformation over time as XDMF for ParaView.
 
@@ -61,6 +62,8 @@ def write_motion(
         Body file with the mesh; default: the one that was reduced.
     stress : bool
         Write ``stress`` (xx, yy, zz, xy, yz, zx) and ``von_mises`` [N/m²] too.
+    u : (n_t, n_in) array, optional
+        Inputs; needed for the stress of a body that a temperature strains.
     """
     where = Path(body_of(model, body)).resolve()  # meshio works in another folder
     geometry = Geometry.load(where)
@@ -70,11 +73,12 @@ def write_motion(
         try:
             with meshio.xdmf.TimeSeriesWriter(place.name) as writer:
                 writer.write_points_cells(geometry.points, geometry.blocks)
-                for time, state in zip(t, np.asarray(q), strict=True):
+                loads = [None] * len(q) if u is None else np.asarray(u)
+                for time, state, load in zip(t, np.asarray(q), loads, strict=True):
                     field = geometry.motion(model, state)[0]
                     data = {"u": field}
                     if stress:
-                        data["stress"] = model.stress(state, where)[0]
+                        data["stress"] = model.stress(state, where, load)[0]
                         data["von_mises"] = von_mises(data["stress"])
                     writer.write_data(float(time), point_data=data)
         finally:

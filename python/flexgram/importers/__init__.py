@@ -66,6 +66,7 @@ def read(
     matrices: Mapping[str, str] | None = None,
     run_ccx: bool = False,
     step: int | None = None,
+    deck_loads: bool = False,
 ) -> FeMatrices:
     """Read the matrices of an FE code.
 
@@ -89,6 +90,8 @@ def read(
     step : int, optional
         With ``run_ccx``: the ``*FREQUENCY`` step, from 1, whose matrices are taken; default: the
         last with ``PERTURBATION``, else the first.
+    deck_loads : bool
+        Make inputs of the loads of a CalculiX deck's steps: forces, pressure, gravity, spin.
 
     Raises
     ------
@@ -116,8 +119,10 @@ def read(
             raise BodyError(f"--matrices {role}=…: {role} must be {what}")
     if step is not None and not run_ccx:
         raise BodyError("--step belongs to --run-ccx")
+    if deck_loads and kind != "calculix":
+        raise BodyError("--deck-loads belongs to CalculiX decks")
     with errors_of(first):
-        return _read(kind, first, other, matrices, run_ccx, step)
+        return _read(kind, first, other, matrices, run_ccx, step, deck_loads)
 
 
 def _read(
@@ -127,6 +132,7 @@ def _read(
     matrices: Mapping[str, str] | None,
     run_ccx: bool,
     step: int | None,
+    deck_loads: bool,
 ) -> FeMatrices:
     """Hand over to the format's own reader."""
     if kind == "calculix":
@@ -136,7 +142,7 @@ def _read(
             with tempfile.TemporaryDirectory(prefix="flexgram-ccx-") as folder:
                 try:
                     job, remarks = ccx.run_ccx(first, Path(folder), step)
-                    fe = calculix.read_calculix(job, own=first)
+                    fe = calculix.read_calculix(job, own=first, loads=deck_loads)
                 except BodyError as error:  # the user knows the deck, not the folder of the run
                     raise BodyError(str(error).replace(folder, str(first.parent))) from error
                 fe.source = str(first)
@@ -144,7 +150,7 @@ def _read(
                     line.replace(folder, str(first.parent)) for line in fe.remarks
                 ]
                 return fe
-        return calculix.read_calculix(first, other["deck"])
+        return calculix.read_calculix(first, other["deck"], loads=deck_loads)
     if run_ccx:
         raise BodyError(f"--run-ccx wants a CalculiX deck, not {first}")
     if kind == "abaqus":
@@ -242,7 +248,8 @@ def import_matrices(
             A = factor * A
         return A.T
 
-    B = turn[:, None] * body["B"] / np.where(body["moment"], length, 1.0)
+    unit = np.where(body["moment"], 1 / length, np.where(body["load"], force, 1.0))
+    B = turn[:, None] * body["B"] * unit
     places: dict[str, Any] = {"node": None, "component": None, "position": None, "ids": None}
     if len(component):
         known = labels if fe.has_coordinates() else np.unique(body["node"])

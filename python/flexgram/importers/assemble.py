@@ -7,6 +7,7 @@ Whatever else a deck says of its stiffness or mass is refused by name: ccx knows
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -19,6 +20,7 @@ from flexgram.description import import_description
 from flexgram.importers import check_damping
 from flexgram.importers.ccx import Card, Job, damping_of, frequency_step, read_job
 from flexgram.importers.deck import Deck, read_deck
+from flexgram.importers.deck_loads import in_steps, loads_of
 from flexgram.importers.fe import Interface
 from flexgram.meshbody import describe_interfaces
 
@@ -58,6 +60,9 @@ def _materials(job: Job) -> dict[str, dict[str, float]]:
             found[name]["E"], found[name]["nu"] = _numbers(job, card, 2)
         elif card.keyword == "DENSITY" and name:
             found[name]["rho"] = _numbers(job, card, 1)[0]
+        elif card.keyword == "EXPANSION" and name:
+            with contextlib.suppress(BodyError):  # a temperature load will miss it
+                found[name]["expansion"] = _numbers(job, card, 1)[0]
     return found
 
 
@@ -116,6 +121,7 @@ def assemble_deck(
     eta: float | None = None,
     loads: Mapping[str, Any] | None = None,
     outputs: Mapping[str, Any] | None = None,
+    deck_loads: bool = False,
 ) -> dict[str, Any]:
     """Write a mesh body of a deck, without ccx.
 
@@ -135,6 +141,8 @@ def assemble_deck(
         Damping instead of the deck's.
     loads, outputs : mapping, optional
         As in a YAML description; node numbers and sets are those of the deck.
+    deck_loads : bool
+        Make inputs of the loads of the deck's steps too (``deck_loads.loads_of``).
 
     Returns
     -------
@@ -161,7 +169,7 @@ def assemble_deck(
     cell_sets: dict[str, list[Any]] = {}
     for index, card in enumerate(c for c in job.model if c.keyword == "SOLID SECTION"):
         name, material = (card.options.get(key, "").upper() for key in ("ELSET", "MATERIAL"))
-        if name not in deck.elsets or set(materials.get(material, ())) != {"E", "nu", "rho"}:
+        if name not in deck.elsets or not {"E", "nu", "rho"} <= set(materials.get(material, ())):
             raise BodyError(f"{path}: *SOLID SECTION, ELSET={name}, MATERIAL={material}: needs "
                             "elements, *ELASTIC and *DENSITY")  # fmt: skip
         regions[f"section{index + 1}"] = {"material": material}
@@ -198,6 +206,19 @@ def assemble_deck(
     described = describe_interfaces(interfaces)
     further = {key: {name: dict(entry) for name, entry in (given or {}).items()}
                for key, given in (("loads", loads), ("outputs", outputs))}  # fmt: skip
+    remarks = [*deck.remarks, *damping.remarks]
+    if deck_loads:
+        of_steps, left = loads_of(job, deck)
+        remarks += left
+        for load in of_steps:
+            if load.name in further["loads"]:
+                raise BodyError(f"load {load.name} is given twice: it is one of the deck's")
+            rows = load.table.copy()
+            rows[:, 0] = np.searchsorted(deck.labels, rows[:, 0]) + 1
+            further["loads"][load.name] = {"type": load.kind, "table": rows}
+    elif words := in_steps(job):
+        remarks.append(f"the loads of the deck are left out ({words}): --deck-loads makes inputs "
+                       "of them")  # fmt: skip
     for entry in (*described.values(), *further["loads"].values(), *further["outputs"].values()):
         for key in ("nodes", "relative_to"):
             if isinstance(entry.get(key), list):  # labels of the deck
@@ -214,7 +235,7 @@ def assemble_deck(
                     for key, value in given.items()},
     }  # fmt: skip
     counts = import_description(content, str(path), output, inputs=[path], mesh=mesh)
-    return {**counts, "remarks": [*deck.remarks, *damping.remarks]}
+    return {**counts, "remarks": remarks}
 
 
 def _index(path: Path, deck: Deck, label: int) -> int:

@@ -15,6 +15,7 @@ from scipy.sparse.linalg import splu
 from flexgram.basics import BodyError, whole_numbers
 from flexgram.importers import ccx
 from flexgram.importers.deck import read_deck
+from flexgram.importers.deck_loads import attach_loads, in_steps
 from flexgram.importers.fe import (
     FeMatrices,
     check_indices,
@@ -39,10 +40,12 @@ def _matrix(path: Path, n: int) -> sp.csr_matrix:
     return symmetric(path, row - 1, column - 1, value, n)
 
 
-def read_calculix(path: Path, deck: Path | None = None, own: Path | None = None) -> FeMatrices:
+def read_calculix(
+    path: Path, deck: Path | None = None, own: Path | None = None, loads: bool = False
+) -> FeMatrices:
     """Read ``job.sti``, ``job.mas``, ``job.dof`` beside each other; ``path`` names any of them or
     the deck ``job.inp``, which gives coordinates, node sets and damping; ``own`` is the user's
-    deck if that one was made of it.
+    deck if that one was made of it; with ``loads`` those of its steps become inputs.
 
     Raises
     ------
@@ -101,7 +104,12 @@ def read_calculix(path: Path, deck: Path | None = None, own: Path | None = None)
         fe.component[turns] += 3
         fe.rigid[name] = reference
     _expand(fe)
-    _take_damping(fe, ccx.damping_of(ccx.read_job(own or deck)))
+    job_of_user = ccx.read_job(own or deck)
+    _take_damping(fe, ccx.damping_of(job_of_user))
+    if loads:
+        attach_loads(fe, job_of_user, model)
+    elif words := in_steps(job_of_user):
+        fe.remarks.append(f"loads of the deck become inputs by --deck-loads ({words})")
     known = np.isin(fe.node, fe.labels)
     if not known.all():
         fe.remarks.append(

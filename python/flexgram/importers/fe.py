@@ -65,6 +65,8 @@ class FeMatrices:
         Elements as meshio type and node labels; for pictures.
     B, C, inputs, outputs
         Ports that came with the matrices (MATLAB, PETSc); usually interfaces are named instead.
+    loads : dict
+        Loads beside the interfaces, (n,) forces by the names of their inputs.
     rigid : dict
         Rigid couplings that the code itself condensed: name -> label of the reference node, which
         has six rows.
@@ -90,6 +92,7 @@ class FeMatrices:
     C: Any = None
     inputs: list[str] | None = None
     outputs: list[str] | None = None
+    loads: dict[str, Floats] = field(default_factory=dict)
     rigid: dict[str, int] = field(default_factory=dict)
     interfaces: list[Interface] = field(default_factory=list)
     alpha: float = 0.0

@@ -92,9 +92,9 @@ def _rows(fe: FeMatrices, name: str, labels: Ints) -> tuple[Ints, Ints]:
 
 def attach(fe: FeMatrices, interfaces: list[Interface]) -> dict[str, Any]:
     """The body with its interfaces: arguments of ``flexgram.write_matrices``, in the deck's units,
-    ``moment`` (which ports are moments), ``new_points`` (label -> position of reference nodes) and
-    ``followers`` (labels of each rigid interface, its reference node first) and ``members`` (labels
-    of every interface).
+    ``moment`` (which ports are moments), ``load`` (which are loads, in the deck's unit of force),
+    ``new_points`` (label -> position of reference nodes), ``followers`` (labels of each rigid
+    interface, its reference node first) and ``members`` (labels of every interface).
 
     Rigid interfaces condense their nodes into reference nodes with six rows each, at the end.
     """
@@ -142,10 +142,17 @@ def attach(fe: FeMatrices, interfaces: list[Interface]) -> dict[str, Any]:
         sets = ", ".join(sorted(fe.sets)[:20]) or "none"
         raise BodyError(f"{fe.source}: no interface is named: --rigid, --distributing or --node "
                         f"name=NSET:SET; node sets are {sets}")  # fmt: skip
+    of_interfaces = len(names)
+    for load, forces in fe.loads.items():
+        column = sp.csc_matrix(forces[:, None])
+        columns.append(T.T @ column if T is not None else column)
+        names.append(load)
+    moments += [False] * len(fe.loads)
+    is_load = np.arange(len(names)) >= of_interfaces
     arguments: dict[str, Any] = {
         "K": condensed(fe.K), "M": condensed(fe.M), "B": sp.hstack(columns).toarray(),
         "D": condensed(fe.D) if fe.D is not None else None, "inputs": names,
-        "moment": np.array(moments), "C": None, "outputs": None, "node": node,
+        "moment": np.array(moments), "load": is_load, "C": None, "outputs": None, "node": node,
         "component": component,
         "new_points": {label: at for label, at in extra.values()},
         "members": {
@@ -156,6 +163,9 @@ def attach(fe: FeMatrices, interfaces: list[Interface]) -> dict[str, Any]:
             for i in interfaces if i.coupling == "rigid"
         },
     }  # fmt: skip
+    if fe.loads and fe.C is None:
+        arguments["C"] = arguments["B"][:, :of_interfaces].T.copy()
+        arguments["outputs"] = names[:of_interfaces]
     if fe.C is not None:
         C = sp.csr_matrix(fe.C)
         arguments["C"] = (C @ T if T is not None else C).toarray()

@@ -1,0 +1,88 @@
+"""Tolerances of kinds of their own (-mor_tol_kind)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from test_mesh_loads import sided, write_body
+
+from conftest import assert_certified, certified, run
+from flexgram import ReducedModel
+
+BAND = (100.0, 6000.0)
+
+
+@pytest.fixture(scope="module")
+def body(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A held bar with pressure, and the stress at a node."""
+    mesh = sided("tetra10", counts=(6, 3, 3))
+    path = tmp_path_factory.mktemp("kinds") / "body.h5"
+    spot = int(mesh.point_sets["side"][0]) + 1
+    write_body(path, mesh, damping={"alpha": 20.0, "beta": 1e-6},
+               loads={"gas": {"type": "pressure", "nodes": "side"}},
+               outputs={"spot": {"type": "stress", "nodes": [spot]}},
+               supports={"start": {"nodes": "start"}})  # fmt: skip
+    return path
+
+
+def limits(rom: ReducedModel) -> dict[str, tuple[float, float]]:
+    """Of each kind what is claimed, and what was asked."""
+    return {kind: (float(e), float(t)) for kind, e, t in
+            zip(rom.kinds, rom.by_kind, rom.kind_tolerances, strict=True)}  # fmt: skip
+
+
+@pytest.mark.kernels
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_each_kind_keeps_its_own(ranks: int, body: Path, tmp_path: Path) -> None:
+    plain = certified(body, BAND, tmp_path, "-mor_tol", "1e-4", ranks=ranks)
+    loose = certified(body, BAND, tmp_path, "-mor_tol", "1e-4", "-mor_tol_kind", "stress=5e-2",
+                      ranks=ranks)  # fmt: skip
+    assert_certified(loose)
+    asked = limits(ReducedModel.load(loose["path"]))
+    assert asked["stress from force"][1] == pytest.approx(5e-2)
+    assert asked["displacement from force"][1] == pytest.approx(1e-4)
+    assert all(claim <= limit * (1 + 1e-12) for claim, limit in asked.values())
+    assert asked["stress from pressure"][0] > 1e-4  # the leave was taken
+    assert loose["met"] and loose["order"] < plain["order"]
+    mixed = certified(body, BAND, tmp_path, "-mor_tol", "1e-2", "-mor_tol_kind",
+                      "displacement from force=1e-5,stress=1e-3", ranks=ranks)  # fmt: skip
+    assert_certified(mixed)
+    asked = limits(ReducedModel.load(mixed["path"]))
+    assert asked["displacement from force"][0] <= 1e-5
+    assert asked["stress from moment"] == (asked["stress from moment"][0], pytest.approx(1e-3))
+    assert asked["displacement from pressure"][1] == pytest.approx(1e-2)
+    assert all(claim <= limit * (1 + 1e-12) for claim, limit in asked.values())
+
+
+def test_a_cut_keeps_it_too(body: Path, tmp_path: Path) -> None:
+    """Out of a medium model that was made for it, or for the tightest of all."""
+    kinds = ("-mor_tol", "1e-3", "-mor_tol_kind", "stress=2e-2")
+    medium, rom = tmp_path / "medium.h5", tmp_path / "rom.h5"
+    straight = certified(body, BAND, tmp_path, *kinds)
+    for given in (kinds, ("-mor_tol", "1e-3")):
+        run("certify", "-body", body, "-mor_band_hz", "100,6000", "-mor_medium_out", medium, *given)
+        run("cut", "-medium", medium, "-mor_out", rom, *kinds)
+        cut = ReducedModel.load(rom)
+        assert cut.met and cut.order == straight["order"]
+        if given == kinds:
+            assert np.allclose(cut.by_kind, straight["by_kind"], rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("-mor_tol_kind", "strain=1e-2"), "KIND=TOLERANCE"),
+        (("-mor_tol_kind", "stress=2"), "a tolerance above 0 and below 1"),
+        (("-mor_tol_kind", "stress"), "KIND=TOLERANCE"),
+        (("-mor_tol_kind", "rotation from spin=1e-2"), "no ports make rotation from spin"),
+        (("-mor_tol_kind", "stress=1e-2", "-mor_tol_of", "whole"), "each_kind"),
+        (("-mor_tol_kind", "stress=1e-2", "-mor_order", "20"), "without -mor_order"),
+        (("-mor_tol_kind", "stress=1e-2", "-mor_method", "pod"), "beside -mor_tol"),
+    ],
+)
+def test_what_is_refused(options: tuple[str, ...], words: str, body: Path, tmp_path: Path) -> None:
+    done = run("reduce", "-body", body, "-mor_band_hz", "100,6000", "-mor_out",
+               tmp_path / "rom.h5", *options, expect=1)  # fmt: skip
+    assert words in done.err + done.out
