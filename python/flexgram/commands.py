@@ -151,6 +151,11 @@ def _export_options(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="for exudyn and vtu: the stresses of the basis come along (bodies of meshes)",
     )
+    parser.add_argument(
+        "--rates",
+        help="for state-space: what its outputs are, of displacement (default), velocity, "
+        "acceleration, comma separated",
+    )
     parser.add_argument("-o", "--output", type=Path, required=True, help="file to write")
 
 
@@ -165,6 +170,10 @@ def _export(options: argparse.Namespace) -> None:
         extra = {"body": options.body, "stress": options.stress}
     elif options.stress:
         raise BodyError("--stress belongs to --to exudyn and vtu")
+    if options.to == "state-space":
+        extra["rates"] = options.rates.split(",") if options.rates else None
+    elif options.rates:
+        raise BodyError("--rates belongs to --to state-space")
     if options.to == "sid":
         extra["dialect"] = options.dialect
     model = ReducedModel.load(options.rom)
@@ -196,6 +205,11 @@ def _simulate_options(parser: argparse.ArgumentParser) -> None:
         "--time", default="0,1,1001", help="first,last,count [s] (default %(default)s)"
     )
     parser.add_argument("--loads", type=Path, help="CSV of a load history, t,port,...: its times")
+    parser.add_argument(
+        "--rates", default="displacement",
+        help="what is written of the outputs: displacement, velocity, acceleration, comma "
+        "separated (default %(default)s)",
+    )  # fmt: skip
     parser.add_argument("--body", type=Path, help="body file with the mesh, for --xdmf")
     parser.add_argument("--xdmf", type=Path, help="also the motion of the mesh, for ParaView")
     parser.add_argument(
@@ -265,11 +279,12 @@ def _simulate(options: argparse.Namespace) -> None:
             u[:, model.inputs.index(port)] += function_of_time(expression, t)
         except BodyError as error:
             raise BodyError(f"--force {port}: {error}") from None
-    y, q = model.simulate(u, t)
-    header = "t," + ",".join(model.outputs)
+    rates = options.rates.split(",")
+    y, q = model.simulate(u, t, rates=rates)
+    header = "t," + ",".join(model.names_of(rates))
     with written_aside(options.output) as place:
         np.savetxt(place, np.column_stack([t, y]), delimiter=",", header=header, comments="")
-    say(f"  wrote {options.output}: {len(t)} times, {len(model.outputs)} outputs")
+    say(f"  wrote {options.output}: {len(t)} times, {y.shape[1]} outputs")
     if options.xdmf is not None:
         from flexgram.exporters.shapes import write_motion
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import html
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +14,13 @@ from numpy.typing import ArrayLike, NDArray
 from flexgram.basics import BodyError, errors_of, expect_survival
 from flexgram.reduced_file import copy_file, port_names, read_fields
 from flexgram.time_response import linear_response
+from flexgram.words import error_of, label_of, table_of
 
 Floats = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+
+#: An output and its derivatives.
+RATES = ("displacement", "velocity", "acceleration")
 
 
 class ReducedModel:
@@ -201,45 +204,15 @@ class ReducedModel:
     @property
     def label(self) -> str:
         """What is claimed of the error, in words."""
-        count = len(self.load_names)
-        few = f", of the motion along {count} load{'s' if count != 1 else ''} in answer to them"
-        return self._label_of_band() + (few if count else "")
-
-    def _label_of_band(self) -> str:
-        if self.kind != "certified outside":
-            return "certified" if self.kind == "certified" else "estimated, not proved"
-        widest = np.max(np.diff(self.excluded, axis=1)[:, 0] / self.excluded[:, 1])
-        count = len(self.excluded)
-        words = (f"certified outside {count} interval{'s' if count != 1 else ''} of relative width "
-                 f"{widest:.0e} at most, around undamped resonances")  # fmt: skip
-        if len(self.excluded_poles):
-            _, frequency, residue = self.excluded_poles.max(axis=0)
-            words += (
-                f", whose frequencies are right to {frequency:.0e} and residues to {residue:.0e}"
-            )
-        return words
+        return label_of(self)
 
     def __repr__(self) -> str:
         return (f"<ReducedModel of order {self.order} by {self.method}, {len(self.inputs)} inputs, "
-                f"{self._error_words()}>")  # fmt: skip
-
-    def _error_words(self) -> str:
-        if not np.isfinite(self.certified_error):
-            return "no bound of the error"
-        return f"error {self.certified_error:.1e} ({self.label})"
+                f"{error_of(self)}>")  # fmt: skip
 
     def _repr_html_(self) -> str:
         """For notebooks: what ``info`` says."""
-        rows = {
-            "order": f"{self.order} of {len(self.V):,}" if len(self.V) else str(self.order),
-            "method": f"{self.method} ({self.second_stage})" if self.second_stage else self.method,
-            "band": ", ".join(f"{a:g} to {b:g} Hz" for a, b in self.bands / (2 * np.pi)),
-            "error": self._error_words(),
-            "inputs": ", ".join(self.inputs),
-        }
-        lines = (f"<tr><th>{key}</th><td style='text-align:left'>{html.escape(value)}</td></tr>"
-                 for key, value in rows.items())  # fmt: skip
-        return f"<table>{''.join(lines)}</table>"
+        return table_of(self)
 
     def __getstate__(self) -> dict[str, Any]:
         """For pickle and copy: all numbers; what wrote the file of this one stays behind."""
@@ -278,17 +251,33 @@ class ReducedModel:
         s = s[np.argsort(np.abs(s))]
         return s
 
-    def state_space(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """A, B, C, D of x' = A x + B u, y = C x with x = [q, q'].
+    def state_space(
+        self, rates: Sequence[str] = ("displacement",)
+    ) -> tuple[Floats, Floats, Floats, Floats]:
+        """A, B, C, D of x' = A x + B u, y = C x + D u with x = [q, q'].
+
+        Parameters
+        ----------
+        rates : sequence of str
+            What y holds of all outputs, one after the other: ``displacement`` (the outputs
+            themselves), ``velocity``, ``acceleration`` (their derivatives). Relative errors at a
+            frequency are those of the outputs.
 
         Raises
         ------
         BodyError
-            With structural damping, which has no real state space.
+            With structural damping, which has no real state space; for rates of outputs with a
+            feedthrough, which would be rates of the inputs.
         """
         if self.eta:
             raise BodyError(f"structural damping (eta = {self.eta:g}) has no real time-domain "
                             "form: give Rayleigh damping instead")  # fmt: skip
+        if not rates or set(rates) - set(RATES):
+            raise BodyError(f"rates are {', '.join(rates) or 'none'}, expected some of "
+                            f"{', '.join(RATES)}")  # fmt: skip
+        if self.feedthrough.any() and set(rates) != {"displacement"}:
+            raise BodyError("outputs with a feedthrough (stress of a temperature) have rates that "
+                            "hang on those of the inputs: leave these ports out")  # fmt: skip
         m = self.order
         mass = scipy.linalg.cho_factor(self.M)
         A = np.zeros((2 * m, 2 * m))
@@ -296,8 +285,18 @@ class ReducedModel:
         A[m:, :m] = -scipy.linalg.cho_solve(mass, self.K)
         A[m:, m:] = -scipy.linalg.cho_solve(mass, self.D)
         B = np.vstack([np.zeros_like(self.B), scipy.linalg.cho_solve(mass, self.B)])
-        C = np.hstack([self.C, np.zeros_like(self.C)])
-        return A, B, C, self.feedthrough.copy()
+        zero = np.zeros_like(self.C)
+        rows = {
+            "displacement": (np.hstack([self.C, zero]), self.feedthrough),
+            "velocity": (np.hstack([zero, self.C]), np.zeros_like(self.feedthrough)),
+            "acceleration": (self.C @ A[m:], self.C @ B[m:]),
+        }
+        return A, B, np.vstack([rows[r][0] for r in rates]), np.vstack([rows[r][1] for r in rates])
+
+    def names_of(self, rates: Sequence[str]) -> list[str]:
+        """Names of outputs and their rates, as ``state_space`` and ``simulate`` order them."""
+        end = {"displacement": "", "velocity": "'", "acceleration": "''"}
+        return [name + end[rate] for rate in rates for name in self.outputs]
 
     def simulate(
         self,
@@ -305,6 +304,7 @@ class ReducedModel:
         t: ArrayLike,
         q0: ArrayLike | None = None,
         v0: ArrayLike | None = None,
+        rates: Sequence[str] = ("displacement",),
     ) -> tuple[Floats, Floats]:
         """Response to forces over time: exact for inputs that are linear between the times.
 
@@ -316,11 +316,13 @@ class ReducedModel:
             Times [s], evenly spaced.
         q0, v0 : (m,) arrays, optional
             Initial coordinates and velocities; default zero.
+        rates : sequence of str
+            As of ``state_space``.
 
         Returns
         -------
         y : (n_t, n_out) array
-            Outputs.
+            Outputs; of several rates one after the other (``names_of``).
         q : (n_t, m) array
             Generalised coordinates; ``lift`` makes displacements of them.
         """
@@ -335,13 +337,13 @@ class ReducedModel:
             raise BodyError(f"simulate: u is {' × '.join(map(str, forces.shape))}, expected "
                             f"{len(times)} times × {self.B.shape[1]} inputs: "
                             f"{', '.join(self.inputs)}")  # fmt: skip
-        A, B, _, _ = self.state_space()
+        A, B, C, D = self.state_space(rates)
         m = self.order
         start = np.zeros(2 * m)
         start[:m] = 0 if q0 is None else q0
         start[m:] = 0 if v0 is None else v0
         x = linear_response(A, B, start, forces, steps[0])
-        return x[:, :m] @ self.C.T + forces @ self.feedthrough.T, x[:, :m]
+        return x @ C.T + forces @ D.T, x[:, :m]
 
     def lift(self, q: ArrayLike) -> Floats:
         """Displacements V q of the full body, (…, m) -> (…, rows of V)."""

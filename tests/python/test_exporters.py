@@ -57,6 +57,32 @@ def test_matlab_numpy_state_space(beam: tuple[Path, Path], tmp_path: Path) -> No
     assert_transfer(H, np.array([C @ np.linalg.solve(1j * w * eye - A, B) + D for w in OMEGA]))
 
 
+def test_rates_of_outputs(beam: tuple[Path, Path], tmp_path: Path) -> None:
+    """Velocities and accelerations: iωH and −ω²H, and in time the derivatives."""
+    model = ReducedModel.load(beam[1])
+    every = ["displacement", "velocity", "acceleration"]
+    export(model, tmp_path / "ss.mat", "state-space", rates=every)
+    data = scipy.io.loadmat(tmp_path / "ss.mat")
+    A, B, C, D = (data[name] for name in "ABCD")
+    names = [str(x[0]) for x in data["outputs"].ravel()]
+    n = len(model.outputs)
+    assert names[::n] == [model.outputs[0] + dots for dots in ("", "'", "''")]
+    eye = np.eye(len(A))
+    for w, H in zip(OMEGA, model.transfer(OMEGA), strict=True):
+        found = C @ np.linalg.solve(1j * w * eye - A, B) + D
+        assert_transfer(np.vstack([H, 1j * w * H, -w * w * H])[None], found[None])
+    t = np.linspace(0, 2e-3, 4001)
+    force = np.outer(np.sin(2000 * t) ** 2, np.ones(len(model.inputs)))
+    y, _ = model.simulate(force, t, rates=every)
+    place, speed, jerk = y[:, :n], y[:, n : 2 * n], y[:, 2 * n :]
+    inner = slice(10, -10)  # of one-sided differences nothing is asked
+    for rate, of in ((speed, place), (jerk, speed)):
+        off = np.abs(np.gradient(of, t, axis=0) - rate)[inner].max()
+        assert off < 1e-4 * np.abs(rate).max()
+    with pytest.raises(BodyError, match="expected some of displacement"):
+        model.state_space(["speed"])
+
+
 def test_pymor(beam: tuple[Path, Path]) -> None:
     pytest.importorskip("pymor")
     from flexgram.exporters.arrays import to_pymor
@@ -65,6 +91,9 @@ def test_pymor(beam: tuple[Path, Path]) -> None:
     theirs = to_pymor(model)
     values = np.array([theirs.transfer_function.eval_tf(1j * w) for w in OMEGA])
     assert_transfer(model.transfer(OMEGA), values)
+    both = to_pymor(model, ["velocity", "displacement"]).transfer_function
+    for w, H in zip(OMEGA, model.transfer(OMEGA), strict=True):
+        assert_transfer(np.vstack([1j * w * H, H])[None], both.eval_tf(1j * w)[None])
 
 
 def test_dmig_is_read_by_pynastran(beam: tuple[Path, Path], tmp_path: Path) -> None:

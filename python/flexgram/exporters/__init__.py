@@ -37,10 +37,10 @@ def _matrices(model: ReducedModel, path: Path, **_: Any) -> None:
     (write_mat if path.suffix == ".mat" else write_npz)(model, path)
 
 
-def _state_space(model: ReducedModel, path: Path, **_: Any) -> None:
+def _state_space(model: ReducedModel, path: Path, **options: Any) -> None:
     from flexgram.exporters.arrays import write_state_space
 
-    write_state_space(model, path)
+    write_state_space(model, path, **options)
 
 
 def _shapes(model: ReducedModel, path: Path, **options: Any) -> None:
@@ -74,7 +74,7 @@ def export(model: ReducedModel, path: str | Path, format: str, **options: Any) -
         One of ``FORMATS``.
     **options
         ``dialect`` for ``sid``; ``body`` (body file, for the mesh) and ``stress`` (bool: stresses
-        come along) for ``exudyn`` and ``vtu``.
+        come along) for ``exudyn`` and ``vtu``; ``rates`` for ``state-space``.
 
     Raises
     ------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -40,9 +41,15 @@ def write_mat(model: ReducedModel, path: Path) -> None:
         scipy.io.savemat(place, values, do_compression=False, oned_as="column", appendmat=False)
 
 
-def write_state_space(model: ReducedModel, path: Path) -> None:
-    """A, B, C, D of x' = A x + B u, y = C x, x = [q, q'], as ``.mat`` or ``.npz``."""
-    values = dict(zip("ABCD", model.state_space(), strict=True))
+def write_state_space(
+    model: ReducedModel, path: Path, rates: Sequence[str] = ("displacement",)
+) -> None:
+    """A, B, C, D of x' = A x + B u, y = C x + D u, x = [q, q'], as ``.mat`` or ``.npz``, with the
+    names of ``inputs`` and ``outputs``; ``rates`` as of ``ReducedModel.state_space``."""
+    values: dict[str, Any] = dict(zip("ABCD", model.state_space(rates), strict=True))
+    kind = object if path.suffix == ".mat" else None  # a cell array
+    values["inputs"] = np.array(model.inputs, dtype=kind)
+    values["outputs"] = np.array(model.names_of(rates), dtype=kind)
     with written_aside(path) as place, place.open("wb") as file:
         if path.suffix == ".mat":
             scipy.io.savemat(file, values)
@@ -50,13 +57,20 @@ def write_state_space(model: ReducedModel, path: Path) -> None:
             np.savez(file, **values)
 
 
-def to_pymor(model: ReducedModel) -> Any:
+def to_pymor(model: ReducedModel, rates: Sequence[str] = ("displacement",)) -> Any:
     """pyMOR's ``SecondOrderModel`` of the reduced body.
+
+    Parameters
+    ----------
+    model : ReducedModel
+    rates : sequence of str
+        Of ``displacement`` and ``velocity``: what its outputs are, one after the other.
 
     Raises
     ------
     BodyError
-        Without pyMOR, or with structural damping, which it has no place for.
+        Without pyMOR, or with structural damping, which it has no place for, as it has none for
+        accelerations.
     """
     try:
         from pymor.models.iosys import SecondOrderModel
@@ -64,5 +78,13 @@ def to_pymor(model: ReducedModel) -> Any:
         raise BodyError("pyMOR is not installed: pip install pymor") from None
     if model.eta:
         raise BodyError("pyMOR's second-order models have no structural damping (eta)")
-    direct = model.feedthrough if model.feedthrough.any() else None
-    return SecondOrderModel.from_matrices(model.M, model.D, model.K, model.B, model.C, D=direct)
+    if not rates or set(rates) - {"displacement", "velocity"}:
+        raise BodyError("outputs of pyMOR's second-order models are displacements and velocities")
+    if model.feedthrough.any() and set(rates) != {"displacement"}:
+        raise BodyError("outputs with a feedthrough have no velocities")
+    zero = np.zeros_like(model.C)
+    place = np.vstack([model.C if rate == "displacement" else zero for rate in rates])
+    speed = np.vstack([model.C if rate == "velocity" else zero for rate in rates])
+    direct = np.vstack([model.feedthrough] * len(rates)) if model.feedthrough.any() else None
+    return SecondOrderModel.from_matrices(model.M, model.D, model.K, model.B, place,
+                                          Cv=speed if speed.any() else None, D=direct)  # fmt: skip
