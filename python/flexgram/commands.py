@@ -166,8 +166,10 @@ def _export(options: argparse.Namespace) -> None:
     if options.dialect and options.to != "sid":
         raise BodyError("--dialect belongs to --to sid")
     extra: dict[str, Any] = {}
+    if options.to in ("exudyn", "vtu", "nastran", "op4", "simscape", "extptfm"):
+        extra["body"] = options.body
     if options.to in ("exudyn", "vtu"):
-        extra = {"body": options.body, "stress": options.stress}
+        extra["stress"] = options.stress
     elif options.stress:
         raise BodyError("--stress belongs to --to exudyn and vtu")
     if options.to == "state-space":

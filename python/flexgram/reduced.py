@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
@@ -13,8 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexgram.basics import BodyError, errors_of, expect_survival
 from flexgram.reduced_file import copy_file, port_names, read_fields
-from flexgram.time_response import linear_response
+from flexgram.response import frequency_response, linear_response
 from flexgram.words import error_of, label_of, table_of
+
+if TYPE_CHECKING:
+    from flexgram.physical import PhysicalForm
 
 Floats = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -232,15 +235,8 @@ class ReducedModel:
         -------
         (n_out, n_in) or (n, n_out, n_in) array
         """
-        w = np.atleast_1d(np.asarray(omega, dtype=float))
-        stiffness = self.K * (1 + 1j * self.eta)
-        H = np.array(
-            [self.C @ np.linalg.solve(stiffness + 1j * x * self.D - x * x * self.M, self.B)
-             for x in w]
-        )  # fmt: skip
-        if feedthrough:
-            H = H + self.feedthrough
-        return H[0] if np.ndim(omega) == 0 else H
+        H = frequency_response(self.K * (1 + 1j * self.eta), self.D, self.M, self.B, self.C, omega)
+        return H + self.feedthrough if feedthrough else H
 
     def poles(self) -> ComplexArray:
         """The 2m poles s [rad/s] of the body without structural damping, by rising ``|s|``."""
@@ -436,6 +432,19 @@ class ReducedModel:
             for name, field in held.items():
                 stress += loads[:, self.inputs.index(name), None, None] * field
         return stress
+
+    def physical(self) -> PhysicalForm:
+        """The same body in the motions of its interfaces and the modes with these held, as
+        superelements are.
+
+        Raises
+        ------
+        BodyError
+            If its coordinates do not hold every motion of its interfaces by itself.
+        """
+        from flexgram.physical import physical_form
+
+        return physical_form(self)
 
     def elastic(self) -> ReducedModel:
         """The body in its own frame: without the rigid basis vectors.

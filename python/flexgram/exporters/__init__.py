@@ -31,6 +31,15 @@ def _dmig(model: ReducedModel, path: Path, **_: Any) -> None:
     write_dmig(model, path)
 
 
+def _superelement(writer: str) -> Callable[..., None]:
+    def write(model: ReducedModel, path: Path, **options: Any) -> None:
+        from flexgram.exporters import superelements
+
+        getattr(superelements, writer)(model, path, **options)
+
+    return write
+
+
 def _matrices(model: ReducedModel, path: Path, **_: Any) -> None:
     from flexgram.exporters.arrays import write_mat, write_npz
 
@@ -54,6 +63,22 @@ FORMATS: dict[str, tuple[str, str, Callable[..., None]]] = {
     "exudyn": ("NPZ for EXUDYN's ObjectFFRFreducedOrder", ".npz", _exudyn),
     "sid": ("standard input data of a flexible body (SID_FEM)", ".SID_FEM", _sid),
     "dmig": ("Nastran DMIG: stiffness, mass, damping, loads", ".pch", _dmig),
+    "nastran": (
+        "Nastran superelement: GRIDs at the interfaces, SPOINTs, KAAX, MAAX, BAAX",
+        ".bdf",
+        _superelement("write_nastran"),
+    ),
+    "op4": (
+        "KAA, MAA, BAA, PA: motions of the interfaces, then modes",
+        ".op4",
+        _superelement("write_op4"),
+    ),
+    "simscape": (
+        "Simscape Multibody, block Reduced Order Flexible Solid",
+        ".mat",
+        _superelement("write_simscape"),
+    ),
+    "extptfm": ("OpenFAST's ExtPtfm (Flex 5 format)", ".dat", _superelement("write_extptfm")),
     "mat": ("MATLAB", ".mat", _matrices),
     "npz": ("NumPy", ".npz", _matrices),
     "state-space": ("A, B, C, D of x' = A x + B u as MATLAB or NumPy file", ".mat", _state_space),
@@ -74,7 +99,8 @@ def export(model: ReducedModel, path: str | Path, format: str, **options: Any) -
         One of ``FORMATS``.
     **options
         ``dialect`` for ``sid``; ``body`` (body file, for the mesh) and ``stress`` (bool: stresses
-        come along) for ``exudyn`` and ``vtu``; ``rates`` for ``state-space``.
+        come along) for ``exudyn`` and ``vtu``; ``body`` for superelements, where interfaces are;
+        ``rates`` for ``state-space``.
 
     Raises
     ------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,7 @@ from flexgram.basics import BodyError, written_aside
 from flexgram.reduced import Floats, ReducedModel
 
 
-def _number(value: float) -> str:
+def number(value: float) -> str:
     """Sixteen characters of a number with D exponent."""
     mantissa, exponent = f"{value:.16E}".split("E")
     exponent = f"{'-' if exponent[0] == '-' else '+'}{abs(int(exponent))}"
@@ -22,16 +23,24 @@ def _number(value: float) -> str:
     return text
 
 
-def _matrix(name: str, a: Floats, symmetric: bool) -> list[str]:
+def matrix_cards(
+    name: str, a: Floats, symmetric: bool, dofs: Sequence[tuple[int, int]] = ()
+) -> list[str]:
+    """DMIG cards of a matrix whose rows (and columns, if symmetric) are dofs: points and their
+    components, 0 of scalar points; default: scalar points from 1."""
     form = 6 if symmetric else 9
+    rows_of = dofs or [(i + 1, 0) for i in range(len(a))]
+    columns_of = rows_of if symmetric else [(j + 1, 0) for j in range(a.shape[1])]
     lines = [f"{'DMIG':<8}{name:<8}{0:>8}{form:>8}{2:>8}{0:>8}{'':8}{'':8}{a.shape[1]:>8}"]
     for j in range(a.shape[1]):
         rows = [i for i in range(j + 1 if symmetric else a.shape[0]) if a[i, j] != 0]
         if not rows:
             continue
-        lines.append(f"{'DMIG*':<8}{name:<16}{j + 1:>16}{0:>16}{'':16}*")
+        point, component = columns_of[j]
+        lines.append(f"{'DMIG*':<8}{name:<16}{point:>16}{component:>16}{'':16}*")
         for i in rows:
-            lines.append(f"{'*':<8}{i + 1:>16}{0:>16}{_number(a[i, j]):>16}")
+            point, component = rows_of[i]
+            lines.append(f"{'*':<8}{point:>16}{component:>16}{number(a[i, j]):>16}")
     return lines
 
 
@@ -51,10 +60,10 @@ def write_dmig(model: ReducedModel, path: Path) -> None:
     D = modes.T @ model.D @ modes
     D[np.abs(D) < 1e-15 * np.abs(D).max(initial=0)] = 0
     lines += [f"{'SPOINT':<8}{1:>8}{'THRU':<8}{model.order:>8}"]
-    lines += _matrix("KRED", np.diag(values), True)
-    lines += _matrix("MRED", np.eye(model.order), True)
+    lines += matrix_cards("KRED", np.diag(values), True)
+    lines += matrix_cards("MRED", np.eye(model.order), True)
     if np.any(D):
-        lines += _matrix("BRED", 0.5 * (D + D.T), True)
-    lines += _matrix("PRED", modes.T @ model.B, False)
+        lines += matrix_cards("BRED", 0.5 * (D + D.T), True)
+    lines += matrix_cards("PRED", modes.T @ model.B, False)
     with written_aside(path) as place:
         place.write_text("\n".join(lines) + "\n")

@@ -1,12 +1,24 @@
-"""Linear systems in time."""
+"""Linear systems in frequency and time."""
 
 from __future__ import annotations
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Floats = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+
+def frequency_response(
+    K: NDArray[np.generic], D: Floats, M: Floats, B: Floats, C: Floats, omega: ArrayLike
+) -> ComplexArray:
+    """C (K + i omega D - omega² M)⁻¹ B, (n_out, n_in), of several frequencies (n, n_out, n_in)."""
+    w = np.atleast_1d(np.asarray(omega, dtype=float))
+    H: ComplexArray = np.array([C @ np.linalg.solve(K + 1j * x * D - x * x * M, B) for x in w],
+                               dtype=np.complex128)  # fmt: skip
+    one: ComplexArray = H[0] if np.ndim(omega) == 0 else H
+    return one
 
 
 def linear_response(A: Floats, B: Floats, start: Floats, u: Floats, step: float) -> Floats:

@@ -1,0 +1,142 @@
+"""Codes whose reduced bodies are superelements: motions of interfaces first, then internal modes.
+
+All of ``flexgram.physical``: the same body in these coordinates.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import scipy.io
+
+from flexgram.basics import BodyError, written_aside
+from flexgram.exporters.dmig import matrix_cards, number
+from flexgram.physical import PhysicalForm, facts, physical_form
+from flexgram.reduced import Floats, ReducedModel
+
+#: Grids of a Nastran file count from here, scalar points from a thousand above them.
+FIRST_GRID = 1
+
+
+def _without_structural_damping(form: PhysicalForm, remedy: str) -> None:
+    if form.eta:
+        raise BodyError(f"structural damping (eta = {form.eta:g}) {remedy}")
+
+
+def _head(form: PhysicalForm, sign: str) -> list[str]:
+    return [f"{sign} flexgram: {key}: {words}" for key, words in facts(form).items()]
+
+
+def write_nastran(model: ReducedModel, path: Path, body: str | Path | None = None) -> None:
+    """A bulk data file: GRIDs at the interfaces, SPOINTs of the modes, KAAX, MAAX, BAAX by DMIG.
+
+    The deck that includes it asks for them in its case control: ``K2GG = KAAX``, ``M2GG = MAAX``,
+    ``B2GG = BAAX``, and connects to the grids. Sixteen columns hold eleven or twelve digits.
+    """
+    form = physical_form(model)
+    _without_structural_damping(form, "goes into Nastran by PARAM,G: reduce without eta")
+    places = form.positions(body)
+    lines = [*_head(form, "$"), "$ case control: K2GG=KAAX, M2GG=MAAX"
+             + (", B2GG=BAAX" if np.any(form.D) else "")]  # fmt: skip
+    dofs: list[tuple[int, int]] = [(0, 0)] * len(form.boundary)
+    for k, (name, moves) in enumerate(form.interfaces.items()):
+        grid = FIRST_GRID + k
+        lines += [f"$ grid {grid}: {name}", f"{'GRID*':<8}{grid:>16}{'':16}" + "".join(
+            f"{number(x).replace('D', 'E'):>16}" for x in places[name][:2]) + "*",
+            f"{'*':<8}{number(places[name][2]).replace('D', 'E'):>16}"]  # fmt: skip
+        for direction, row in moves.items():
+            dofs[row] = (grid, direction + 1)
+    first = FIRST_GRID + 1000
+    modes = form.order - len(form.boundary)
+    dofs += [(first + k, 0) for k in range(modes)]
+    if modes:
+        lines.append(f"{'SPOINT':<8}{first:>8}{'THRU':<8}{first + modes - 1:>8}")
+    for name, a in (("KAAX", form.K), ("MAAX", form.M), ("BAAX", form.D)):
+        if np.any(a):
+            lines += matrix_cards(name, a, True, dofs)
+    with written_aside(path) as place:
+        place.write_text("\n".join(lines) + "\n")
+
+
+def _op4_matrix(name: str, a: Floats, symmetric: bool) -> list[str]:
+    """A dense matrix in the text form of OUTPUT4, three numbers of seventeen digits a line."""
+    rows, columns = a.shape
+    form = 6 if symmetric else 1 if rows == columns else 2
+    lines = [f"{columns:8d}{rows:8d}{form:8d}{2:8d}{name:<8}1P,3E23.16"]
+    for j in range(columns):
+        used = np.flatnonzero(a[:, j])
+        if not len(used):
+            continue
+        first, last = int(used[0]), int(used[-1])
+        values = a[first : last + 1, j]
+        lines.append(f"{j + 1:8d}{first + 1:8d}{len(values):8d}")
+        lines += ["".join(f"{x:23.16E}" for x in values[k : k + 3])
+                  for k in range(0, len(values), 3)]  # fmt: skip
+    lines += [f"{columns + 1:8d}{1:8d}{1:8d}", f"{1.0:23.16E}"]
+    return lines
+
+
+def write_op4(model: ReducedModel, path: Path, body: str | Path | None = None) -> None:
+    """KAA, MAA, BAA and PA (the load of each input) in a text file of OUTPUT4."""
+    form = physical_form(model)
+    _without_structural_damping(form, "has no matrix in this file: reduce without eta")
+    lines = []
+    for name, a, symmetric in (("KAA", form.K, True), ("MAA", form.M, True),
+                               ("BAA", form.D, True), ("PA", form.B, False)):  # fmt: skip
+        lines += _op4_matrix(name, a, symmetric)
+    with written_aside(path) as place:
+        place.write_text("\n".join(lines) + "\n")
+
+
+def write_simscape(model: ReducedModel, path: Path, body: str | Path | None = None) -> None:
+    """What the block Reduced Order Flexible Solid of Simscape Multibody asks for, as a .mat file:
+    ``origins`` (frames × 3), ``quaternions``, ``K``, ``M``, ``D``; six motions of each frame, then
+    the modes."""
+    form = physical_form(model)
+    _without_structural_damping(form, "is none that the block knows: reduce without eta")
+    places = form.positions(body)
+    order: list[int] = []
+    for name, moves in form.interfaces.items():
+        if len(moves) != 6:
+            raise BodyError(f"interface {name} has {len(moves)} ports: a frame has six motions, fx "
+                            "to mz")  # fmt: skip
+        order += [moves[direction] for direction in range(6)]
+    order += range(len(form.boundary), form.order)
+    at = np.ix_(order, order)
+    values: dict[str, Any] = {
+        "origins": np.array([places[name] for name in form.interfaces]),
+        "quaternions": np.tile([1.0, 0, 0, 0], (len(places), 1)),
+        "K": form.K[at], "M": form.M[at], "D": form.D[at],
+        "frames": np.array(list(form.interfaces), dtype=object),
+        "about": np.array([f"{key}: {words}" for key, words in facts(form).items()], dtype=object),
+    }  # fmt: skip
+    with written_aside(path) as place:
+        scipy.io.savemat(place, values, oned_as="column", appendmat=False)
+
+
+def write_extptfm(model: ReducedModel, path: Path, body: str | Path | None = None) -> None:
+    """The superelement of OpenFAST's module ExtPtfm (Flex 5 format): a held body with one
+    interface, at the transition piece; without loads of its own."""
+    form = physical_form(model)
+    _without_structural_damping(form, "is none that OpenFAST knows: reduce without eta")
+    if len(form.interfaces) != 1 or len(form.boundary) != 6:
+        raise BodyError(
+            "ExtPtfm takes a body with one interface of six ports, at the transition piece; this "
+            f"one has {', '.join(form.interfaces)} (-mor_inputs keeps one)"
+        )
+    moves = next(iter(form.interfaces.values()))
+    order = [moves[direction] for direction in range(6)] + list(range(6, form.order))
+    at, n = np.ix_(order, order), form.order
+    lines = ["!Comment: " + "; ".join(f"{key}: {words}" for key, words in facts(form).items()),
+             "!Comment Flex 5 Format", f"!Dimension: {n}", "!Time increment in simulation: 1.0",
+             "!Total simulation time in file: 1.0"]  # fmt: skip
+    for name, a in (("Mass", form.M), ("Stiffness", form.K), ("Damping", form.D)):
+        lines += ["", f"!{name} Matrix", f"!Dimension: {n}"]
+        lines += ["".join(f"{x:25.16e}" for x in row) for row in a[at]]
+    lines += ["", "!Loading and Wave Elevation"]
+    lines += [f"!Dimension: 1 time column - {n} force columns - 1 wave elevation column"]
+    lines += ["".join(f"{x:25.16e}" for x in [t, *[0.0] * (n + 1)]) for t in (0.0, 1.0)]
+    with written_aside(path) as place:
+        place.write_text("\n".join(lines) + "\n")
