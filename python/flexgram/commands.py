@@ -194,6 +194,61 @@ def _info(options: argparse.Namespace) -> None:
         say(f"  {line}")
 
 
+def _couple_options(parser: argparse.ArgumentParser) -> None:
+    from flexgram.couple import PORTS
+
+    where = "PART.INTERFACE=PART.INTERFACE"
+    parser.add_argument(
+        "roms",
+        nargs="+",
+        metavar="[NAME=]ROM",
+        help="reduced files; a part's name is its file's up to the first dot",
+    )
+    parser.add_argument("--join", action="append", default=[], metavar=f"{where}[:x,y,...]",
+                        help=f"tie two interfaces (or one and ground), in all directions of "
+                        f"{', '.join(PORTS)} or some")  # fmt: skip
+    for what, unit in (("spring", "[N/m], [N m/rad]"), ("damper", "[N s/m], [N m s/rad]")):
+        parser.add_argument(f"--{what}", action="append", default=[], metavar=f"{where}:x=1e6,...",
+                            help=f"between them, {unit} by direction")  # fmt: skip
+    parser.add_argument("--turn", action="append", default=[], metavar="PART=RX,RY,RZ",
+                        help="rotation vector of a part in the assembly [degrees]")  # fmt: skip
+    parser.add_argument("--keep", action="append", default=[], metavar="PART.INTERFACE",
+                        help="a joined interface whose ports stay")  # fmt: skip
+    parser.add_argument("-o", "--output", type=Path, required=True, help="reduced file to write")
+
+
+def _couple(options: argparse.Namespace) -> None:
+    import numpy as np
+
+    from flexgram.couple import couple, read_joint
+    from flexgram.importers.interfaces import numbers
+    from flexgram.reduced import ReducedModel
+
+    models: dict[str, ReducedModel] = {}
+    for word in options.roms:
+        name, equals, path = word.partition("=")
+        file = Path(path if equals else word)
+        part = name if equals else file.name.partition(".")[0]
+        if part in models:
+            raise BodyError(f"two parts are named {part}: name one, NAME={file}")
+        models[part] = ReducedModel.load(file, basis=False)
+    joints = [
+        read_joint(f"--{kind}", kind, word)
+        for kind in ("join", "spring", "damper")
+        for word in getattr(options, kind)
+    ]
+    turns = {}
+    for word in options.turn:
+        part, _, vector = word.partition("=")
+        turns[part] = np.deg2rad(numbers(f"--turn {word}", vector, 3))
+    whole = couple(models, joints, turns=turns, keep=options.keep)
+    with written_aside(options.output, *(model.path for model in models.values())) as place:
+        whole.save(place)
+    for name, words in whole.log["plan"]:
+        say(f"  {name:8s} {words}")
+    say(f"  wrote {options.output}: order {whole.order}, {len(whole.inputs)} inputs")
+
+
 def _simulate_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("rom", type=Path, help="reduced file")
     parser.add_argument(
@@ -349,6 +404,12 @@ COMMANDS: dict[
         "flexgram hotspots rom.h5\n  flexgram hotspots rom.h5 --input gas.p --count 3",
         _hotspots_options,
         _hotspots,
+    ),
+    "couple": (
+        "reduced files of several bodies -> one, with joints and springs between them",
+        "flexgram couple crank.rom.h5 rod.rom.h5 --join crank.pin=rod.big:x,y,z,rx,ry -o ab.rom.h5",
+        _couple_options,
+        _couple,
     ),
     "simulate": (
         "response of a reduced body to forces over time",

@@ -140,7 +140,8 @@ KINDS = {
 CROSSED = {("displacement", "moment"), ("rotation", "force")}
 
 
-def _ports(names: list[str], kind: str) -> IntArray:
+def ports_of(names: list[str], kind: str) -> IntArray:
+    """Which ports are of a kind, by their names."""
     ends = [name.rpartition(".")[2] for name in names]
     return np.array([i for i, end in enumerate(ends) if re.fullmatch(KINDS[kind], end)], dtype=int)
 
@@ -163,14 +164,14 @@ def _blocks(model: ReducedModel) -> dict[str, list[_Block]]:
     claims = {tuple(kind.split(" from ")): float(e)
               for kind, e in zip(model.kinds, model.by_kind, strict=True)}  # fmt: skip
     blocks: dict[str, list[_Block]] = {}
-    inputs = [kind for kind in KINDS if len(_ports(model.inputs, kind))
+    inputs = [kind for kind in KINDS if len(ports_of(model.inputs, kind))
               and (kind not in ("displacement", "rotation", "stress", "inertia"))]  # fmt: skip
-    known = np.concatenate([_ports(model.inputs, kind) for kind in inputs])
+    known = np.concatenate([ports_of(model.inputs, kind) for kind in inputs])
     for output in dict.fromkeys(output for output, _ in claims):
-        rows = _ports(model.outputs, output)
+        rows = ports_of(model.outputs, output)
         mine = []
         for kind in inputs:  # what is claimed of no kind is nothing but rounding
-            columns = _ports(model.inputs, kind)
+            columns = ports_of(model.inputs, kind)
             if (output, kind) in claims:
                 mine.append(_Block(rows, columns, claims[output, kind]))
             elif (output, kind) in CROSSED:

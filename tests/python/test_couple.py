@@ -1,0 +1,178 @@
+"""Assemblies of reduced bodies against assemblies of the full ones."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.linalg
+import scipy.sparse as sp
+
+import flexgram
+from bodies import box, write_body_file
+from conftest import body_system, run
+from flexgram import BodyError, ReducedModel
+from flexgram.call import Matrices
+from flexgram.couple import Joint, couple, verdict
+
+BAND = (0.05, 0.6)  # [Hz]
+
+
+def random_body(rng: np.random.Generator, ports: int) -> tuple[Any, ...]:
+    """A held body with n dofs, every port a force in a direction of an interface of its own."""
+    n = int(rng.integers(30, 60))
+    springs = sp.random(n, n, 0.15, random_state=int(rng.integers(1 << 30)))
+    G = springs.toarray() - np.diag(springs.toarray().sum(axis=1))
+    K = G @ G.T + np.diag(rng.uniform(0.5, 3, n))
+    M = np.diag(rng.uniform(0.3, 2, n))
+    B = np.zeros((n, ports))
+    B[rng.choice(n, ports, replace=False), range(ports)] = 1
+    names = [f"{name}.f{axis}" for name in ("a", "b") for axis in "xyz"][:ports]
+    alpha, beta = rng.uniform(0.005, 0.05), rng.uniform(0.001, 0.02)
+    return K, M, B, names, float(alpha), float(beta)
+
+
+def reduced(body: tuple[Any, ...], tol: float) -> ReducedModel:
+    K, M, B, names, alpha, beta = body
+    given = Matrices(sp.csr_matrix(K), sp.csr_matrix(M), B, inputs=names, alpha=alpha, beta=beta)
+    return flexgram.reduce(given, BAND, tol)
+
+
+def full_response(
+    bodies: list[tuple[Any, ...]], joints: list[Joint], keep: list[int], w: float
+) -> Any:
+    """H of the assembly of full bodies: constraints by Lagrange multipliers, springs in K."""
+    K, M, D = (scipy.linalg.block_diag(*parts) for parts in (
+        [b[0] for b in bodies], [b[1] for b in bodies], [b[4] * b[1] + b[5] * b[0] for b in bodies]
+    ))  # fmt: skip
+    B = scipy.linalg.block_diag(*(b[2] for b in bodies))
+    names = [f"p{i}.{name}" for i, b in enumerate(bodies) for name in b[3]]
+    A = (K + 1j * w * D - w * w * M).astype(complex)
+    ties = []
+    for joint in joints:
+        for d in joint.directions or {*joint.stiffness, *joint.damping} or "xyz":
+            g = B[:, names.index(f"{joint.first}.f{d}")].copy()
+            if joint.second != "ground":
+                g -= B[:, names.index(f"{joint.second}.f{d}")]
+            if joint.ties:
+                ties.append(g)
+            else:
+                k = joint.stiffness.get(d, 0) + 1j * w * joint.damping.get(d, 0)
+                A += k * np.outer(g, g)
+    t = len(ties)
+    L = np.array(ties).reshape(t, len(K))
+    whole = np.block([[A, L.T], [L, np.zeros((t, t))]])
+    X = np.linalg.solve(whole, np.vstack([B[:, keep], np.zeros((t, len(keep)))]))[: len(K)]
+    return B[:, keep].T @ X
+
+
+def random_joints(rng: np.random.Generator) -> list[Joint]:
+    axes = [str(a) for a in rng.permutation(list("xyz"))]
+    joints = [Joint("p0.b", "p1.a", axes[: int(rng.integers(1, 4))])]
+    kind = int(rng.integers(4))
+    if kind == 1:
+        joints = [Joint("p0.b", "p1.a", stiffness=dict.fromkeys("xyz", float(rng.uniform(0.5, 9))))]
+    if kind == 2:
+        joints.append(Joint("p1.a", "ground", stiffness={axes[0]: 2.0}, damping={axes[1]: 0.1}))
+    if kind == 3:
+        joints.append(Joint("p0.b", "ground", [axes[2]]) if len(joints[0].directions) < 3
+                      else Joint("p0.b", "p1.a", damping={"x": 0.3}))  # fmt: skip
+        if joints[1].second != "ground":
+            joints = [joints[1]]
+    return joints
+
+
+def test_fifty_pairs_keep_their_bound() -> None:
+    """Bound >= truth at frequencies of the test's own, and where the gain is small it is of use."""
+    rng = np.random.default_rng(7)
+    closed, sharp = 0, []
+    for _ in range(50):
+        bodies = [random_body(rng, 6), random_body(rng, 6)]
+        parts = {f"p{i}": reduced(b, float(10 ** rng.uniform(-6, -2)))
+                 for i, b in enumerate(bodies)}  # fmt: skip
+        joints = random_joints(rng)
+        whole = couple(parts, joints)
+        joined = {"p0.b", "p1.a"}
+        names = [f"p{i}.{name}" for i in range(2) for name in bodies[i][3]]
+        keep = [k for k, name in enumerate(names) if name.rpartition(".")[0] not in joined]
+        assert whole.inputs == [names[k] for k in keep] == whole.outputs
+        w = 2 * np.pi * rng.uniform(*BAND, 15)
+        said = verdict(parts, joints, omega=w)
+        assert said.proved
+        for x, bound in zip(w, said.bound, strict=True):
+            H = full_response(bodies, joints, keep, x)
+            true = np.linalg.norm(H - whole.transfer(x)) / np.linalg.norm(H)
+            assert true <= bound * (1 + 1e-9) + 1e-10
+            closed += bool(np.isfinite(bound))
+            if np.isfinite(bound) and true > 1e-12:
+                sharp.append(bound / true)
+    assert closed > 0.8 * 50 * 15
+    assert np.median(sharp) < 300
+
+
+def test_parts_of_a_beam_are_the_beam(tmp_path: Path) -> None:
+    """Two halves, one of them turned, tied at a rigid face: modes and responses of the whole."""
+    size = (0.3, 0.04, 0.03)
+    half = box("tetra10", (8, 2, 2), size, distort=False)
+    whole = box("tetra10", (16, 2, 2), (0.6, 0.04, 0.03), distort=False)
+    middle = np.flatnonzero(np.abs(whole.points[:, 0] - 0.3) < 1e-9)
+    whole.point_sets["middle"] = middle
+    rigid = {"coupling": "rigid"}
+    write_body_file(tmp_path / "whole.h5", whole, damping=(3, 2e-6, 0), interfaces={
+        "start": {"set": "start", **rigid}, "middle": {"set": "middle", **rigid},
+        "end": {"set": "end", **rigid}})  # fmt: skip
+    write_body_file(tmp_path / "left.h5", half, damping=(3, 2e-6, 0), interfaces={
+        name: {"set": name, **rigid} for name in ("start", "end")})  # fmt: skip
+    # The right half in axes of its own: turned by 90° about z, and somewhere else.
+    R = np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])  # of the assembly's axes to its own
+    half.points = half.points @ R.T + [5.0, 1.0, -2.0]
+    write_body_file(tmp_path / "right.h5", half, damping=(3, 2e-6, 0), interfaces={
+        name: {"set": name, **rigid} for name in ("start", "end")})  # fmt: skip
+    for name in ("left", "right"):
+        run("reduce", "-body", tmp_path / f"{name}.h5", "-mor_band_hz", "50,3000", "-mor_tol",
+            "1e-6", "-mor_out", tmp_path / f"{name}.rom.h5")  # fmt: skip
+    said = run("couple", tmp_path / "left.rom.h5", tmp_path / "right.rom.h5", "--join",
+               "left.end=right.start", "--turn", "right=0,0,90", "-o",
+               tmp_path / "ab.rom.h5").out  # fmt: skip
+    assert "wrote" in said and "by the parts' claims" in said
+    model = ReducedModel.load(tmp_path / "ab.rom.h5")
+    assert model.kind == "estimated" and "not proved" in model.label
+    run("assemble", "-body", tmp_path / "whole.h5", "-body_out", tmp_path / "matrices.h5")
+    full = body_system(tmp_path / "matrices.h5")
+    names = [f"left.start.{f}" for f in ("fx", "fy", "fz", "mx", "my", "mz")]
+    rows = [model.inputs.index(name) for name in names]
+    for hertz in (61.0, 740.0, 1777.0, 2900.0):
+        w = 2 * np.pi * hertz
+        H = full.transfer(w)[:6, :6]
+        off = np.linalg.norm(model.transfer(w)[np.ix_(rows, rows)] - H)
+        assert off < 1e-5 * np.linalg.norm(H)
+    # The far end, seen in the axes of the right half.
+    local = model.transfer(2 * np.pi * 740.0)
+    far = [model.outputs.index(f"right.end.{f}") for f in ("fx", "fy", "fz")]
+    H = full.transfer(2 * np.pi * 740.0)[12:15, :6]
+    turned = R @ H  # the right half's own axes
+    assert np.linalg.norm(local[np.ix_(far, rows)] - turned) < 1e-5 * np.linalg.norm(H)
+
+
+def test_what_is_no_assembly() -> None:
+    rng = np.random.default_rng(3)
+    parts = {f"p{i}": reduced(random_body(rng, 6), 1e-3) for i in range(2)}
+    for joints, words in (
+        ([Joint("p0.c", "p1.a")], "p0.c is no interface; there are p0.a, p0.b, p1.a, p1.b"),
+        ([Joint("q.a", "p1.a")], "there is no such part; there are p0, p1"),
+        ([Joint("p0.a", "p1.a", ["rx"])], "p0.a has no rx"),
+        ([Joint("p0.a", "p1.a", ["u"])], "u must be one of x"),
+        ([Joint("p0.a", "p1.a"), Joint("p0.a", "p1.a", ["x"])], "hold a motion twice"),
+        ([Joint("p0.a", "p1.a"), Joint("p0.b", "p1.b")], "no port is left"),
+    ):
+        with pytest.raises(BodyError, match=words):
+            couple(parts, joints)
+    assert couple(parts, [Joint("p0.a", "p1.a"), Joint("p0.b", "p1.b")], keep=["p0.b"]).inputs == [
+        "p0.b.fx", "p0.b.fy", "p0.b.fz"]  # fmt: skip
+    with pytest.raises(BodyError, match="outside the band"):
+        verdict(parts, [Joint("p0.a", "p1.a")], omega=[2 * np.pi * 5])
+    parts["p1"].relative_to = "band"
+    with pytest.raises(BodyError, match="relative to the band"):
+        couple(parts, [Joint("p0.a", "p1.a")])
