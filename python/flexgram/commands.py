@@ -400,13 +400,13 @@ COMMANDS: dict[
         _export,
     ),
     "hotspots": (
-        "where the stress of a reduced body is largest per unit of a load over its band",
+        "where the stress of a reduced body is largest per unit of a load",
         "flexgram hotspots rom.h5\n  flexgram hotspots rom.h5 --input gas.p --count 3",
         _hotspots_options,
         _hotspots,
     ),
     "couple": (
-        "reduced files of several bodies -> one, with joints and springs between them",
+        "reduced files of several bodies -> one, with joints and springs",
         "flexgram couple crank.rom.h5 rod.rom.h5 --join crank.pin=rod.big:x,y,z,rx,ry -o ab.rom.h5",
         _couple_options,
         _couple,
