@@ -80,6 +80,9 @@ class ReducedModel:
         on; empty if the tolerance was for H as a whole, or none was given.
     kind_tolerances : (k,) array
         What was asked of each, where kinds have tolerances of their own; else empty.
+    field_inputs : list of str
+        Kinds of inputs; ``field_error``: for each the largest error of the whole field that they
+        cause, relative, in the norm of the strain energy (``-mor_field_error``); inf: not proved.
     loads : (n_in, k) array
         Loads P that the claim is for, each of unit norm: ‖Pᵀ(H − H_r)P‖ <= ε ‖PᵀHP‖ (where the
         outputs are not the inputs: (H − H_r)P); k = 0: each input by itself. ``load_names``.
@@ -116,6 +119,8 @@ class ReducedModel:
         self.by_kind = array("error/by_kind")
         self.kind_tolerances = array("error/kind_tolerances")
         self.kinds: list[str] = [str(name) for name in fields.get("error/kinds", [])]
+        self.field_inputs = [str(name) for name in fields.get("error/field_inputs", [])]
+        self.field_error = array("error/field")
         self.load_names = [str(name) for name in fields.get("loads/names", [])]
         self.loads = array("loads/patterns").reshape(self.B.shape[1], len(self.load_names))
         known = np.concatenate([self.bound if len(self.bound) else self.error, self.by_kind, [0]])

@@ -3,6 +3,7 @@
 #include "base/text.hpp"
 #include "basis/order_choice.hpp"
 #include "basis/tell.hpp"
+#include "medium/field_error.hpp"
 #include "model/project.hpp"
 
 #include <algorithm>
@@ -56,6 +57,8 @@ private:
   Dense chosen_basis();
   ReducedModel reduced(const Dense& Q, const DenseSystem& small,
                        const ErrorOverBand::Supremum& sup);
+  void claim_field(const Dense& Q, const DenseSystem& small,
+                   const ErrorOverBand::Supremum& sup, ReducedModel& rom) const;
 
   const Medium& whole_;
   const CutRequest& request_;
@@ -321,6 +324,25 @@ ReducedModel Cut::reduced(const Dense& Q, const DenseSystem& small,
   return rom;
 }
 
+/// Of each kind of inputs.
+void Cut::claim_field(const Dense& Q, const DenseSystem& small,
+                      const ErrorOverBand::Supremum& sup, ReducedModel& rom) const {
+  const FieldError field(*seen_, Q, small);
+  std::vector<std::vector<int>> known;
+  for (const PortView& view : port_views(medium_.names, {true, {}, {}})) {
+    if (std::find(known.begin(), known.end(), view.columns) != known.end()) continue;
+    known.push_back(view.columns);
+    const FieldSupremum found = field.supremum(view.columns, sup.excluded);
+    std::vector<double> shared{found.worst, found.attained, found.at,
+                               found.proved ? 1.0 : 0.0};
+    share_from_first(comm_, shared);
+    const auto from = view.name.find(" from ");
+    rom.field.push_back(
+        {from == std::string::npos ? view.name : view.name.substr(from + 6), shared[0],
+         shared[1], shared[2], shared[3] > 0});
+  }
+}
+
 ReducedModel Cut::run() {
   Stage timer(observer_, "second stage");
   frame_ = request_.frame != Frame::automatic ? request_.frame
@@ -343,6 +365,7 @@ ReducedModel Cut::run() {
   const DenseSystem small = medium_.system.project(Q);
   const auto sup = shared_supremum(errors_.supremum(small, smallest_tolerance()));
   ReducedModel rom = reduced(Q, small, sup);
+  if (request_.field) claim_field(Q, small, sup, rom);
   tell({whole_, request_, *seen_, choice_, small, sup}, rom, observer_);
   return rom;
 }

@@ -172,6 +172,19 @@ void tell_error(const CutStory& cut, const ReducedModel& rom, Observer& observer
     }
     warn_of_kinds(rom.model, H, H_r, sup.worst, observer);
   }
+  if (!rom.field.empty()) {
+    std::string words;
+    for (const FieldClaim& claim : rom.field) {
+      words +=
+          text("%s%s from %s", words.empty() ? "" : ", ",
+               claim.proved ? text("at most %.1e", claim.worst).c_str() : "not known",
+               claim.inputs.c_str());
+      if (claim.proved)
+        words += text(" (reached %.1e at %.5g Hz)", claim.attained, claim.at * hz);
+    }
+    observer.fact("field", words + ", of the square root of its strain energy" +
+                               (rom.field.front().proved ? " (" + label + ")" : ""));
+  }
   if (rom.claim->met) return;
   const std::string zero = at_a_zero(cut);
   observer.warn(text("{tol} %g is not met: the error is %s (%s); %s. This is "

@@ -3,6 +3,7 @@
 #include "linalg/sparse.hpp"
 
 #include <algorithm>
+#include <limits>
 
 namespace flexgram {
 namespace {
@@ -84,6 +85,17 @@ void error(FieldSink& sink, const ReducedModel& rom) {
     sink.value("error/by_kind", worst);
     if (!rom.kind_tolerances.empty())
       sink.value("error/kind_tolerances", rom.kind_tolerances);
+  }
+  if (!rom.field.empty()) {
+    std::vector<std::string> inputs;
+    std::vector<double> worst;
+    for (const FieldClaim& claim : rom.field) {
+      inputs.push_back(claim.inputs);
+      worst.push_back(claim.proved ? claim.worst
+                                   : std::numeric_limits<double>::infinity());
+    }
+    sink.value("error/field_inputs", inputs);
+    sink.value("error/field", worst);
   }
   if (!rom.loads) return;
   matrix(sink, "loads/patterns", rom.loads->patterns);

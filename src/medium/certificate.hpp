@@ -79,6 +79,16 @@ public:
   /// @return a bound for each block that holds everywhere in the interval.
   std::vector<Bound> over(const DenseResponse& response, const ResponseSeries& x,
                           const std::vector<PortSet>& blocks) const;
+  struct FieldBound {
+    double error = 0; ///< ‖X − V x‖_K of the responses to some ports, in their units
+    double floor = 0; ///< of it by rounding
+    bool proved = true;
+  };
+  /// The error of the field itself in the norm of the strain energy. Nothing is proved with
+  /// a damping matrix. @param strain  √(uᵀKu) of each mode.
+  FieldBound field_over(const DenseResponse& response, const ResponseSeries& x,
+                        const std::vector<int>& ports,
+                        const std::vector<double>& strain) const;
   /// Of the residuals' terms, for the inputs and the outputs of a block.
   struct ResidualGrams {
     TermGram of_inputs, of_outputs; ///< the latter empty where they are the former
@@ -163,6 +173,7 @@ private:
   std::array<std::complex<double>, 3> residual_factors(const DenseResponse& response,
                                                        Interval interval) const;
   double lost(const ResponseSeries& x, int port, double factor) const;
+  static std::vector<double> moved(const MatrixSeries& w);
   MatrixSeries residual(const DenseResponse& response, const ResponseSeries& x) const;
   void add_rounding(Bound& bound, const ResponseSeries& x, const PortSet& block) const;
   void add_rounding(Bound& bound, const DenseResponse& response, const ResponseSeries& x,

@@ -224,13 +224,8 @@ double Certificate::error_of(const Inverse& S, const ComplexDense& at_centre,
   return std::min(S.norm * paired, std::abs(S.centre) * known + S.radius * paired);
 }
 
-std::vector<Certificate::Bound>
-Certificate::over(const DenseResponse& response, const ResponseSeries& x,
-                  const std::vector<PortSet>& blocks) const {
-  const Inverse S = inverse(response, x);
-  const MatrixSeries w = residual(response, x);
-  const ComplexDense at_centre = w.centre();
-  // What the columns of W differ from their values at the centre, at most.
+/// What the columns of W differ from their values at the centre, at most.
+std::vector<double> Certificate::moved(const MatrixSeries& w) {
   std::vector<double> moved;
   for (int j = 0; j < w.columns; ++j) {
     double sum = 0, tail = 0;
@@ -246,6 +241,16 @@ Certificate::over(const DenseResponse& response, const ResponseSeries& x,
     // What T does not hold is not orthogonal to it in E⁻¹.
     moved.push_back(sum + std::sqrt(tail) + w.tail(w.rows() - 1, j));
   }
+  return moved;
+}
+
+std::vector<Certificate::Bound>
+Certificate::over(const DenseResponse& response, const ResponseSeries& x,
+                  const std::vector<PortSet>& blocks) const {
+  const Inverse S = inverse(response, x);
+  const MatrixSeries w = residual(response, x);
+  const ComplexDense at_centre = w.centre();
+  const std::vector<double> moved = Certificate::moved(w);
   const auto moved_of = [&](const std::vector<int>& columns) {
     double square = 0;
     for (int j : columns) square += std::pow(moved[static_cast<std::size_t>(j)], 2);
@@ -261,6 +266,51 @@ Certificate::over(const DenseResponse& response, const ResponseSeries& x,
     bounds.push_back(bound);
   }
   return bounds;
+}
+
+/// The error is Z e + Φ f with ê = E_Z^½ e = S⁻¹W and f = −A_Φ⁻¹Jᵀê. From the real part of
+/// êᴴSê = êᴴW, with t = êᴴTê and s = ‖ê‖: s² + (ω_c² − ω²) t <= s‖W‖ + δ s², and the energy
+/// of Z e is s² + ω_c² t.
+Certificate::FieldBound Certificate::field_over(const DenseResponse& response,
+                                                const ResponseSeries& x,
+                                                const std::vector<int>& ports,
+                                                const std::vector<double>& strain) const {
+  FieldBound bound;
+  const Inverse S = inverse(response, x);
+  bound.proved = S.proved && response.is_diagonal() && !x.largest.empty();
+  const double last = x.interval.last, delta = mode_coupling(response, x);
+  if (!bound.proved || !(last * last < sigma_) || !(delta < 1))
+    return {infinity, infinity, false};
+  const MatrixSeries w = residual(response, x);
+  const ComplexDense at_centre = w.centre();
+  const std::vector<double> away = moved(w);
+  double squares = 0, rounded = 0;
+  for (int j : ports) {
+    double square = 0;
+    for (int i = 0; i < at_centre.rows; ++i) square += std::norm(at_centre(i, j));
+    squares += std::pow(std::sqrt(square) + away[static_cast<std::size_t>(j)], 2);
+    for (int i = 0; i < x.envelope.rows; ++i)
+      rounded += std::pow(rounding_weights_[static_cast<std::size_t>(i)] *
+                              x.envelope(i, j) / scale_[static_cast<std::size_t>(j)],
+                          2);
+  }
+  const double g = sigma_ / (sigma_ - last * last), curved = g * (1 - delta) - 1;
+  const double s = curved > 0 ? std::min(S.norm, g / (2 * curved)) : S.norm;
+  const Coefficients outer(response.system(), -sigma_, x.interval);
+  const double largest_c = std::abs(outer.c) + outer.moved_c;
+  double along = 0; // energy of Φ f
+  for (std::size_t j = 0; j < mode_mu_.size(); ++j)
+    along += std::pow(strain[j] * largest_c * mode_G_norm_[j] * x.largest[j], 2);
+  bound.error = (std::sqrt(g * s - curved * s * s) + std::sqrt(along) * S.norm) *
+                std::sqrt(squares) * (1 + 1e-12);
+  // Rounding of the projected K: −A⁻¹ δK x, in these coordinates.
+  double answer = 0;
+  for (std::size_t k = 0; k < strain.size(); ++k)
+    answer += std::pow(strain[k] * rounding_weights_[k] * x.largest[k], 2);
+  bound.floor = 4 * rounding_ * std::sqrt(answer * rounded) *
+                std::hypot(1, response.system().damping.eta +
+                                  last * response.system().damping.beta);
+  return bound;
 }
 
 } // namespace flexgram

@@ -218,6 +218,57 @@ std::optional<MatrixSeries> MediumModel::entries(Interval interval, int degree) 
   return transfer(x->x);
 }
 
+std::vector<double> MediumModel::strain() const {
+  const DenseResponse& response = *level_.response;
+  std::vector<double> root;
+  for (int k = 0; k < response.U().columns; ++k)
+    root.push_back(k < rigid ? 0.0 : std::sqrt(std::max(response.energy(k, 0), 0.0)));
+  return root;
+}
+
+std::optional<MediumModel::Field>
+MediumModel::field(Interval interval, int degree, const std::vector<int>& inputs) const {
+  const DenseResponse& response = *level_.response;
+  const auto x = response_series(response, interval, degree);
+  if (!x) return std::nullopt;
+  const std::vector<double> root = strain();
+  std::vector<int> ports;
+  for (int j : inputs) ports.push_back(inputs_[static_cast<std::size_t>(j)]);
+  const int p = static_cast<int>(ports.size()), all = x->x.columns,
+            parts = x->x.coefficients.columns / all, N = x->x.rows();
+  Field field{{p, Dense(N, p * parts), Dense(N, p)}, 0, 0, true};
+  for (int j = 0; j < p; ++j) {
+    const int port = ports[static_cast<std::size_t>(j)];
+    const double scale = 1 / scale_[static_cast<std::size_t>(port)];
+    for (int k = 0; k < N; ++k) {
+      const double factor = scale * root[static_cast<std::size_t>(k)];
+      for (int part = 0; part < parts; ++part)
+        field.x.coefficients(k, part * p + j) =
+            factor * x->x.coefficients(k, part * all + port);
+      field.x.tail(k, j) = factor * x->x.tail(k, port);
+    }
+  }
+  const Certificate::FieldBound bound =
+      level_.certificate->field_over(response, *x, ports, root);
+  field.error = bound.error;
+  field.floor = bound.floor;
+  field.proved = bound.proved;
+  return field;
+}
+
+Dense MediumModel::strain_coordinates(const Dense& Q) const {
+  const DenseResponse& response = *level_.response;
+  Dense E = response.system().K;
+  for (std::size_t i = 0; i < E.data.size(); ++i)
+    E.data[i] += response.tau() * response.system().M.data[i];
+  Dense coordinates = multiply_transposed(response.U(), multiply(E, Q));
+  const std::vector<double> root = strain();
+  for (int j = 0; j < coordinates.columns; ++j)
+    for (int k = 0; k < coordinates.rows; ++k)
+      coordinates(k, j) *= root[static_cast<std::size_t>(k)];
+  return coordinates;
+}
+
 TermGram MediumModel::terms_of_difference(std::size_t view,
                                           const DenseResponse& small) const {
   const std::vector<int>&rows = views[view].rows, &columns = views[view].columns;

@@ -65,6 +65,20 @@ public:
   /// the small one. @pre has_many_ports()
   TermGram terms_of_difference(std::size_t view, const DenseResponse& small) const;
 
+  /// The field that some inputs cause over an interval, in coordinates whose squares add up
+  /// to twice the strain energy: ‖x‖_F = ‖V U x‖_K. And what is known of the body's.
+  struct Field {
+    MatrixSeries x;   ///< N × inputs
+    double error = 0; ///< ‖X − V U x‖_K at most, anywhere in it
+    double floor = 0; ///< rounding
+    bool proved = true;
+  };
+  /// @return nothing if a pole is too near for an interval of this length.
+  std::optional<Field> field(Interval interval, int degree,
+                             const std::vector<int>& inputs) const;
+  /// Columns of V Q in these coordinates. @param Q  rows: columns of the level.
+  Dense strain_coordinates(const Dense& Q) const;
+
   /// A resonance in an excluded interval.
   struct Pole {
     double omega = 0;     ///< [rad/s] of the small model (of this one, if that has none)
@@ -103,6 +117,7 @@ public:
 private:
   void drop_zero_views(const std::vector<Interval>& bands);
   bool is_zero(const PortView& view, const std::vector<Interval>& bands) const;
+  std::vector<double> strain() const; ///< √(uᵀKu) of each mode, 0 of rigid ones
   MatrixSeries transfer(const MatrixSeries& x) const;
   MatrixSeries reference_of(MatrixSeries x) const;
   template <class T>

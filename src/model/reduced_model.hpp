@@ -27,6 +27,15 @@ struct ErrorClaim {
   bool met = true;                 ///< it is
 };
 
+/// What is claimed of the field that some inputs cause, in the norm of the strain energy.
+struct FieldClaim {
+  std::string inputs;  ///< their kind, or "all ports"
+  double worst = 0;    ///< largest relative error everywhere in the bands
+  double attained = 0; ///< the bound at one frequency
+  double at = 0;       ///< [rad/s] that frequency
+  bool proved = true;
+};
+
 /// Loads that a body was reduced for, instead of each input by itself: combinations of its
 /// inputs, P. What is claimed is of PᵀHP, the motion along them in answer to any in their
 /// span, relative to all of it; of HP where the outputs are not the inputs.
@@ -55,6 +64,7 @@ struct ReducedModel {
   /// empty: not asked for.
   std::vector<std::pair<std::string, double>> by_kind;
   std::vector<double> kind_tolerances; ///< of each; empty: all the same
+  std::vector<FieldClaim> field;       ///< empty: not asked for
   std::optional<LoadSpan> loads;       ///< none: each input by itself
   std::string second_stage, frame = "none";
   int rigid_modes = 0; ///< of the body; the first basis vectors unless frame is none

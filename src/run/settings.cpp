@@ -94,6 +94,11 @@ void Settings::describe(Options& options) {
       "rad/(N m) so that the larger number hides the other, or also those of "
       "displacements from forces and of rotations from moments by themselves (ports "
       "named x.fx ... x.mz)");
+  options.add_choice(
+      "-mor_field_error", field_error, {"no", "yes"},
+      "whether the error of the whole field of displacements is certified too, for each "
+      "kind of inputs: in the norm of the strain energy, relative to that of the field "
+      "(not with a damping matrix)");
   options.add(
       "-mor_tol_kind", tolerances_of_kinds,
       "tolerances of kinds of their own: stress=1e-2,displacement from force=1e-5; the "

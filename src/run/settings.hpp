@@ -24,6 +24,7 @@ struct Settings {
   bool band_is_given = false;
   std::string order_word = "auto";
   OrderSpec order;
+  std::string field_error = "no";
   std::string tolerances_of_kinds; ///< "stress=1e-2,…"
   std::string tolerance_of = "each_kind", port_scaling = "equal", metric = "mass",
               relative_to = "pointwise", statics = "no", spin_loads = "no",

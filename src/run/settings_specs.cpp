@@ -82,6 +82,7 @@ CutRequest Settings::cut_request() const {
   request.metric = metric_of(metric);
   request.equal_ports = port_scaling == "equal";
   request.statics = statics == "yes";
+  request.field = field_error == "yes";
   request.shifts = in_rad(shifts_hz);
   request.moments = moments;
   request.frame = frame == "none"      ? Frame::none
