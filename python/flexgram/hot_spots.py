@@ -76,7 +76,7 @@ def hot_spots(
     body : str or Path, optional
         Body file; default: the one that was reduced.
     inputs : list of str, optional
-        Loads to look at; default: all but temperatures, whose stress hangs on what holds the body.
+        Loads to look at; default: all but temperatures, of which there are none.
     frequencies : int
         Of the curve of the error so many, evenly chosen, beside the resonances.
 
@@ -91,6 +91,11 @@ def hot_spots(
     for name in chosen:
         if name not in model.inputs:
             raise BodyError(f"there is no input {name}; there are {', '.join(model.inputs)}")
+    if any(name.endswith(".T") for name in chosen):
+        raise BodyError("temperatures have no hot spots: their stress is not that of the motion "
+                        "alone, and hangs on what holds the body (rom.stress(q, u=u))")  # fmt: skip
+    if apart is not None and not (np.isfinite(apart) and apart >= 0):
+        raise BodyError(f"apart = {apart} must be a distance")
     columns = [model.inputs.index(name) for name in chosen]
     basis = model.stress(body=body)  # (m, N, 6)
     geometry = Geometry.load(body_of(model, body))

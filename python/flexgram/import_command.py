@@ -88,7 +88,8 @@ def import_options(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="input beside the interfaces, of a mesh or with --assemble: gravity=acceleration, "
         "gas=pressure:NSET:piston, wind=traction:WHERE, push=force:WHERE, "
-        "turn=spin:x,y,z,ax,ay,az (point, axis), swing=angular_acceleration:x,y,z",
+        "turn=spin:x,y,z,ax,ay,az (point, axis), swing=angular_acceleration:x,y,z, "
+        "warm=temperature:WHERE, pull=nodal:table.csv (node, fx, fy, fz)",
     )
     parser.add_argument(
         "--measure",

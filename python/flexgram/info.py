@@ -58,6 +58,10 @@ def _describe(path: Path) -> list[str]:
         f"band {bands} Hz, error at most {model.certified_error:.1e} ({model.label})",
         f"inputs: {', '.join(model.inputs)}",
     ]
+    if len(model.kind_tolerances):
+        lines.insert(2, "by kind: " + ", ".join(
+            f"{kind} {error:.1e} of {asked:g}" for kind, error, asked in
+            zip(model.kinds, model.by_kind, model.kind_tolerances, strict=True)))  # fmt: skip
     if not model.met:
         lines.insert(2, f"NOT within the tolerance {model.tolerance:g} that was asked for")
     if model.outputs != model.inputs:

@@ -51,6 +51,8 @@ def describe_load(text: str) -> tuple[str, dict[str, Any]]:
     elif kind == "spin":
         six = numbers(f"--load {text} (point and axis)", more, 6).tolist()
         entry |= {"point": six[:3], "axis": six[3:]}
+    elif kind == "nodal":
+        entry["table"] = more
     elif kind != "acceleration":
         entry["nodes"] = _choice(parse("load", f"{name}={more}"))
     elif more:

@@ -48,6 +48,8 @@ class Reader:
     def number(self, key: str, default: float | None = None) -> float:
         value = self.get(key, default)
         try:
+            if isinstance(value, bool):
+                raise TypeError
             number = float(value)  # YAML reads 210e9 as text
         except (TypeError, ValueError):
             raise BodyError(f"{self.where}: {key} = {value!r} must be a number") from None

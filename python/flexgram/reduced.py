@@ -72,7 +72,8 @@ class ReducedModel:
         Undamped resonances in ``excluded``: frequency [rad/s], how far at most the body's is from
         it, relative, and how far its residue, relative. Empty with a damping matrix.
     tolerance : float or None
-        That was asked for; ``met`` tells whether ``certified_error`` is within it.
+        That was asked for; ``met`` tells whether the error of H and of each kind is within what was
+        asked of it.
     whole_error : float
         The same of H as a whole, eq. (17), by itself.
     by_kind : (k,) array

@@ -1,6 +1,7 @@
 /// What a user may not ask for: each option refused by its name, before any work.
 
 #include "base/text.hpp"
+#include "basis/method.hpp"
 #include "model/port_views.hpp"
 #include "run/settings.hpp"
 
@@ -108,12 +109,19 @@ void Settings::check_kinds() {
     const double value = std::strtod(word.c_str() + equals + 1, &end);
     require_option(*end == 0 && value > 0 && value < 1, "-mor_tol_kind", word,
                    "a tolerance above 0 and below 1");
+    for (const auto& [known, other] : order.of_kinds)
+      require_option(known != kind, "-mor_tol_kind", tolerances_of_kinds,
+                     "of each kind once");
     order.of_kinds.emplace_back(kind, value);
   }
   if (order.of_kinds.empty()) return;
-  require_option(order_word == "auto" && (order.tolerance || !takes_samples()),
-                 "-mor_tol_kind", tolerances_of_kinds,
-                 "given without -mor_order, and with -mor_method pod beside -mor_tol");
+  bool chooses = order.tolerance.has_value(); // else a default that not all methods have
+  if (!chooses && order_word == "auto" && !takes_samples()) {
+    chooses = true;
+    for (const auto& name : methods()) chooses = chooses && !flexgram::method(name).rule;
+  }
+  require_option(chooses, "-mor_tol_kind", tolerances_of_kinds,
+                 "given beside -mor_tol: no tolerance chooses the order here");
   require_option(order.each_kind, "-mor_tol_kind", tolerances_of_kinds,
                  "given with -mor_tol_of each_kind");
   require_option(loads.empty() && load_patterns == 0, "-mor_tol_kind",

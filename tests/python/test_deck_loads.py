@@ -270,3 +270,130 @@ def test_tables_of_forces(tmp_path: Path) -> None:
         write_body(tmp_path / "no.h5", mesh, loads=HEAT, outputs={})
     with pytest.raises(BodyError, match="needs nodes, or a table"):
         write_body(tmp_path / "no.h5", mesh, loads={"warm": {"type": "temperature"}}, outputs={})
+
+
+@ccx
+def test_rotations_in_millimetres(tmp_path: Path) -> None:
+    """Loads of the deck change nothing of what its interfaces measure, in any units."""
+    mesh = sided("tetra10", counts=(5, 3, 3))
+    text = loaded_deck(tmp_path / "m.inp", "C3D10", mesh, [CARDS["cload.load"]]).read_text()
+    lines, node = text.splitlines(), False
+    for k, line in enumerate(lines):  # the same part in millimetres, tonnes and seconds
+        if line.startswith("*"):
+            node = line.startswith("*NODE, NSET=NALL")
+        elif node:
+            label, *xyz = line.split(",")
+            lines[k] = ", ".join([label, *(f"{1000 * float(x):.12g}" for x in xyz)])
+    text = "\n".join(lines) + "\n"
+    text = text.replace("210e9, 0.3", "210e3, 0.3").replace("7850.", "7.85e-9")
+    (tmp_path / "mm.inp").write_text(text)
+    H = {}
+    for deck, units, more in (("m", "SI", ["--deck-loads"]), ("mm", "mm-t-s", []),
+                              ("mm", "mm-t-s", ["--deck-loads"])):  # fmt: skip
+        body = tmp_path / "body.h5"
+        run("import", tmp_path / f"{deck}.inp", "--run-ccx", "--units", units, *more, "--rigid",
+            "end=NSET:END", "-o", body)  # fmt: skip
+        system = body_system(body)
+        C = system.B.T if system.C is None else system.C
+        H[deck, bool(more)] = C @ spsolve(system.K.tocsc(), system.B)
+    whole = H["m", True]
+    assert whole.shape == (6, 7)
+    for other in (H["mm", True], np.hstack([H["mm", False], whole[:, 6:]])):
+        assert np.allclose(other, whole, rtol=1e-5, atol=1e-7 * np.abs(whole[:3]).max())
+
+
+def test_an_assembled_body_keeps_its_feedthrough(tmp_path: Path) -> None:
+    mesh = sided("tetra10")
+    write_body(tmp_path / "body.h5", mesh, materials=STEEL, loads=HEAT, outputs=SPOT,
+               supports={"start": {"nodes": "start"}}, damping={"beta": 1e-6})  # fmt: skip
+    run("assemble", "-body", tmp_path / "body.h5", "-body_out", tmp_path / "matrices.h5")
+    through = []
+    for name in ("body", "matrices"):
+        run("reduce", "-body", tmp_path / f"{name}.h5", "-mor_band_hz", "100,4000", "-mor_out",
+            tmp_path / "rom.h5")  # fmt: skip
+        through.append(ReducedModel.load(tmp_path / "rom.h5").feedthrough)
+    assert np.abs(through[0]).max() > 1e6 and np.array_equal(*through)
+    with h5py.File(tmp_path / "matrices.h5", "a") as file:
+        direct = file["feedthrough"][:]
+        del file["feedthrough"]
+        file["feedthrough"] = direct[:, :-1]
+    refused = run("reduce", "-body", tmp_path / "matrices.h5", "-mor_band_hz", "100,4000",
+                  "-mor_out", tmp_path / "rom.h5", expect=1)  # fmt: skip
+    assert "/feedthrough must be n_out × n_in" in refused.err
+
+
+@ccx
+def test_temperatures_of_several_cards_and_steps(tmp_path: Path) -> None:
+    """What is in force at the end of each step, as ccx has it."""
+    mesh = sided("tetra10", counts=(5, 3, 3))
+    first = "*TEMPERATURE\nNALL, 70.\n*TEMPERATURE\nEND, 120.\n"
+    second = "*TEMPERATURE\nSTART, 10.\n"
+    deck = loaded_deck(tmp_path / "warm.inp", "C3D10", mesh, [first, second])
+    body = tmp_path / "body.h5"
+    run("import", deck, "--assemble", "--deck-loads", "--distributing", "end=NSET:END", "-o", body)
+    a = assembled(tmp_path / "matrices.h5", body)
+    B, _ = ports(tmp_path / "matrices.h5")
+    subprocess.run(["ccx", deck.stem], cwd=tmp_path, capture_output=True, check=True)
+    theirs = frd(deck.with_suffix(".frd"))["DISP"]
+    labels = np.arange(len(mesh.points)) + 10
+    for k in (0, 1):
+        u = at_nodes(a, spsolve(a["K"].tocsc(), B[f"step{k + 1}_temperature.T"]), len(mesh.points))
+        printed = np.array([theirs[k][label][:3] for label in labels])
+        assert np.abs(u - printed).max() < 5.1e-6 * np.abs(printed).max()
+
+
+def test_more_that_is_left_out(tmp_path: Path) -> None:
+    """What ccx loads twice, or once only, by name; numbers of tables are the deck's; heat without
+    an expansion that is known."""
+    mesh = sided("tetra10")
+    cards = ("*DLOAD\nEALL, CENTRIF, 4.E6, 0., 0., 0., 1., 0., 0.\n"
+             "EALL, CENTRIF, 1.E6, 0., 0., 0., 1., 0., 0.\n*DLOAD\nTWICE, P1, 1.D6\n"
+             "*DLOAD\nEALL, GRAV, 1.D1, 0., 0., 1.\n*TEMPERATURE\nNALL, 30.\n")  # fmt: skip
+    deck = loaded_deck(tmp_path / "part.inp", "C3D10", mesh, [cards])
+    text = deck.read_text().replace("*MATERIAL", "*ELSET, ELSET=TWICE\nSOME, SOME\n*MATERIAL", 1)
+    deck.write_text(text.replace("*EXPANSION\n1.2E-5", "*EXPANSION\n1.2E-5, 20.\n1.3E-5, 90."))
+    body = tmp_path / "body.h5"
+    node = int(mesh.point_sets["end"][2])
+    (tmp_path / "push.csv").write_text(f"{node + 10}, 0, 5, 0\n")
+    said = run("import", deck, "--assemble", "--deck-loads", "--load",
+               f"push=nodal:{tmp_path / 'push.csv'}", "--distributing", "end=NSET:END", "-o",
+               body).out  # fmt: skip
+    for load, words in (("dload", "a second CENTRIF on an element, which ccx ignores"),
+                        ("dload2", "element set TWICE names members twice"),
+                        ("temperature", "a material has no *EXPANSION, or one of")):  # fmt: skip
+        assert f"load step1_{load} is left out: {words}" in said
+    a = assembled(tmp_path / "matrices.h5", body)
+    B, _ = ports(tmp_path / "matrices.h5")
+    assert "step1_dload3.load" in B
+    there = at_nodes(a, B["push.load"], len(mesh.points))
+    assert there[node, 1] == 5 and np.abs(there).sum() == 5
+
+
+@ccx
+def test_loads_on_what_depends_on_others(tmp_path: Path) -> None:
+    """A held body with an equation: gravity on all but the dependent node's share is no load of
+    its rows; a force elsewhere is. Shells have no loads here."""
+    mesh = sided("tetra10")
+    *end, other = (int(n) + 10 for n in mesh.point_sets["end"][:3])
+    deck = loaded_deck(tmp_path / "eq.inp", "C3D10", mesh,
+                       ["*DLOAD\nEALL, GRAV, 9.81, 0., 0., 1.\n",
+                        f"*CLOAD\n{other}, 2, 10.\nSTART, 1, 5.\n"])  # fmt: skip
+    equation = f"*EQUATION\n2\n{end[0]}, 3, 1., {end[1]}, 3, -1.\n*BOUNDARY"
+    deck.write_text(deck.read_text().replace("*BOUNDARY", equation, 1))
+    said = run("import", deck, "--run-ccx", "--deck-loads", "--node", f"tip=NODES:{other}", "-o",
+               tmp_path / "body.h5").out  # fmt: skip
+    assert f"load step1_dload is left out: node {end[0]} has no row of its own in dir" in said
+    system = body_system(tmp_path / "body.h5")
+    assert np.count_nonzero(system.B[:, -1]) == 1 and system.B[:, -1].sum() == 10
+    shell = ("*NODE, NSET=NALL\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n*ELEMENT, TYPE=S4, ELSET=E\n"
+             "1,1,2,3,4\n*MATERIAL, NAME=M\n*ELASTIC\n2.1e11,.3\n*DENSITY\n7850.\n"
+             "*SHELL SECTION, ELSET=E, MATERIAL=M\n.1\n*STEP\n*STATIC\n*CLOAD\n3,3,10.\n"
+             "*END STEP\n")  # fmt: skip
+    (tmp_path / "shell.inp").write_text(shell)
+    said = run("import", tmp_path / "shell.inp", "--run-ccx", "--deck-loads", "--rows", "tip=1",
+               "-o", tmp_path / "shell.h5").out  # fmt: skip
+    assert "the loads of the deck are left out: it has S4 elements beside solids" in said
+    assert "no coordinates are kept" in said
+    refused = run("import", tmp_path / "shell.inp", "--run-ccx", "--node", "tip=NODES:3", "-o",
+                  tmp_path / "shell.h5", expect=1)  # fmt: skip
+    assert "node 3 has several rows in a direction" in refused.err

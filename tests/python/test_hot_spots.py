@@ -45,3 +45,8 @@ def test_hot_spots(tmp_path: Path) -> None:
     assert "nothing is claimed of these numbers" in said
     with pytest.raises(BodyError, match="there is no input gas"):
         hot_spots(rom, inputs=["gas"])
+    with pytest.raises(BodyError, match="must be a distance"):
+        hot_spots(rom, apart=float("nan"))
+    rom.inputs[-1] = "gas.T"
+    with pytest.raises(BodyError, match="temperatures have no hot spots"):
+        hot_spots(rom, inputs=["gas.T"])

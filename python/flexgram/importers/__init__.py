@@ -250,6 +250,11 @@ def import_matrices(
 
     unit = np.where(body["moment"], 1 / length, np.where(body["load"], force, 1.0))
     B = turn[:, None] * body["B"] * unit
+    C = None if body["C"] is None else body["C"] * turn
+    outputs = body["outputs"]
+    if C is None and body["load"].any():  # what interfaces do, not the loads
+        C = B[:, ~body["load"]].T
+        outputs = [n for n, load in zip(body["inputs"], body["load"], strict=True) if not load]
     places: dict[str, Any] = {"node": None, "component": None, "position": None, "ids": None}
     if len(component):
         known = labels if fe.has_coordinates() else np.unique(body["node"])
@@ -268,8 +273,7 @@ def import_matrices(
     write_matrices(
         output, scaled(body["K"], force / length), scaled(body["M"], mass), B,
         D=None if body["D"] is None else scaled(body["D"], mass),
-        C=None if body["C"] is None else body["C"] * turn,
-        inputs=body["inputs"], outputs=body["outputs"],
+        C=C, inputs=body["inputs"], outputs=outputs,
         alpha=fe.alpha if alpha is None else alpha, beta=fe.beta if beta is None else beta,
         eta=fe.eta if eta is None else eta, rounding=rounding, **places, blocks=fe.indexed_blocks(),
         followers=followers, interfaces=members,

@@ -15,7 +15,7 @@ from typing import Any
 import meshio
 import numpy as np
 
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, errors_of
 from flexgram.description import import_description
 from flexgram.importers import check_damping
 from flexgram.importers.ccx import Card, Job, damping_of, frequency_step, read_job
@@ -207,12 +207,21 @@ def assemble_deck(
     further = {key: {name: dict(entry) for name, entry in (given or {}).items()}
                for key, given in (("loads", loads), ("outputs", outputs))}  # fmt: skip
     remarks = [*deck.remarks, *damping.remarks]
+    for name, entry in further["loads"].items():
+        if "table" in entry:
+            entry["table"] = _by_index(path, deck, f"load {name}", entry["table"])
     if deck_loads:
         of_steps, left = loads_of(job, deck)
         remarks += left
         for load in of_steps:
             if load.name in further["loads"]:
                 raise BodyError(f"load {load.name} is given twice: it is one of the deck's")
+            if load.kind == "temperature" and not all(
+                "expansion" in materials[region["material"]] for region in regions.values()
+            ):
+                remarks.append(f"load {load.name} is left out: a material has no *EXPANSION, or "
+                               "one of temperature or direction")  # fmt: skip
+                continue
             rows = load.table.copy()
             rows[:, 0] = np.searchsorted(deck.labels, rows[:, 0]) + 1
             further["loads"][load.name] = {"type": load.kind, "table": rows}
@@ -236,6 +245,18 @@ def assemble_deck(
     }  # fmt: skip
     counts = import_description(content, str(path), output, inputs=[path], mesh=mesh)
     return {**counts, "remarks": remarks}
+
+
+def _by_index(path: Path, deck: Deck, what: str, table: Any) -> Any:
+    """A table whose first column is labels of the deck, with numbers from 1 instead."""
+    with errors_of(f"{path}: {what}"):
+        if isinstance(table, str):
+            if not Path(table).is_file():
+                raise BodyError(f"{table}: no such file")
+            table = np.loadtxt(table, delimiter=",", ndmin=2)
+        rows = np.array(table, dtype=float)
+        rows[:, 0] = [_index(path, deck, int(label)) + 1 for label in rows[:, 0]]
+    return rows
 
 
 def _index(path: Path, deck: Deck, label: int) -> int:

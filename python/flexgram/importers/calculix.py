@@ -169,6 +169,8 @@ def _expand(fe: FeMatrices) -> None:
     several = label[(count > 1) & np.isin(label, fe.labels)]
     if not len(several):
         return
+    if not np.isin(fe.node, fe.labels).all():  # S4, B31: with internal nodes of incompatible modes
+        return
     if not together or len(first) != count.sum():
         fe.remarks.append("nodes of shells or beams have several rows, some of them held: where "
                           "these are is not known, no coordinates are kept")  # fmt: skip

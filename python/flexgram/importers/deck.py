@@ -39,6 +39,7 @@ class Deck:
     elements: dict[int, tuple[str, list[int]]] = field(default_factory=dict)
     elsets: dict[str, list[int]] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
+    repeated: set[str] = field(default_factory=set)  #: sets that name members more than once
 
 
 def keyword_of(line: str) -> tuple[str, dict[str, str]]:
@@ -236,9 +237,13 @@ def read_deck(path: Path) -> Deck:
             blocks.append((name, nodes))  # VTK's order is the deck's
     sets: dict[str, Ints] = {}
     left: list[str] = []
+    repeated: set[str] = set()
     for name in model.sets:
         try:
-            sets[name] = np.unique(np.array(model.resolved(model.sets, name), dtype=np.int64))
+            every = np.array(model.resolved(model.sets, name), dtype=np.int64)
+            sets[name] = np.unique(every)
+            if len(sets[name]) < len(every):
+                repeated.add(name)
         except ValueError as missing:
             left.append(f"node set {name} names {missing}, which is not there")
     elsets: dict[str, list[int]] = {}
@@ -246,6 +251,8 @@ def read_deck(path: Path) -> Deck:
         with contextlib.suppress(ValueError):
             members = model.resolved(model.elsets, name)
             elsets[name] = [e for e in dict.fromkeys(members) if e in connectivity]
+            if len(set(members)) < len(members):
+                repeated.add(name)
     for name, parts in {**{n: [n] for n in model.elsets}, **model.of_elements}.items():
         try:
             members = [e for part in parts for e in model.resolved(model.elsets, part)]
@@ -265,4 +272,5 @@ def read_deck(path: Path) -> Deck:
         connectivity,
         elsets,
         left,
+        repeated,
     )

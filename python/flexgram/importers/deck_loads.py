@@ -1,14 +1,16 @@
 """Loads of a CalculiX deck's steps as inputs: ``*CLOAD``, ``*DLOAD``, ``*DSLOAD``,
 ``*TEMPERATURE``.
 
-Every card is one load, whose input 1 is what the card says: ``step1_cload``, ``step1_dload``,
-``step2_dload2``. Forces of pressure, gravity and spin are integrated as ccx does, at the points of
-the stiffness. Amplitudes are histories of the input and no part of it.
+Every card of forces is one load, whose input 1 is what the card says: ``step1_cload``,
+``step1_dload``, ``step2_dload2``; the temperatures of a step are one. Forces of pressure, gravity
+and spin are integrated by the elements' own functions, those of the body at the points of the
+stiffness, as ccx does (but for C3D8R and C3D20R). Amplitudes are histories of the input.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import re
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -55,6 +57,10 @@ class DeckLoad:
     table: Floats
 
 
+class LeftOut(Exception):
+    """A load that is not followed here, and why."""
+
+
 class _Deck:
     """A deck's elements, materials and fields, as loads need them."""
 
@@ -84,6 +90,10 @@ class _Deck:
                     name = card.options.get("MATERIAL", "").upper()
                     self.density[label] = of_material.get(name, 0.0)
 
+    def initial(self) -> Floats:
+        """Temperatures (N,) of the beginning."""
+        return np.array([self.start.get(label, 0.0) for label in self.deck.labels.tolist()])
+
     def wrong(self, card: Card, row: list[str], why: str) -> BodyError:
         if why.startswith(str(self.job.path)):
             return BodyError(why)
@@ -91,7 +101,8 @@ class _Deck:
 
     def number(self, card: Card, row: list[str], at: int) -> float:
         try:
-            value = float(row[at]) if at < len(row) and row[at] else 0.0
+            word = row[at] if at < len(row) else ""
+            value = float(re.sub("[dD]", "e", word)) if word else 0.0
         except ValueError:
             value = np.nan
         if not np.isfinite(value):
@@ -105,6 +116,8 @@ class _Deck:
             return [int(word)]
         if word.upper() not in sets:
             raise self.wrong(card, [word], f"there is no {what} set {word}")
+        if word.upper() in self.deck.repeated:
+            raise LeftOut(f"{what} set {word} names members twice, which ccx loads twice")
         return [int(label) for label in sets[word.upper()]]
 
     def nodes(self, card: Card, word: str) -> list[int]:
@@ -145,7 +158,7 @@ class _Deck:
         forces = np.zeros_like(self.deck.points)
         for kind, nodes, mine in self.by_kind(labels):
             if kind == "wedge":
-                raise BodyError("C3D6 are not integrated here")
+                raise LeftOut("body loads of C3D6 are not integrated here")
             _, weight, N, dN = _flexgram.shape_functions(kind, np.empty((0, 3)))
             x = self.deck.points[nodes]
             volume = weight * np.linalg.det(np.einsum("qna,enx->eqax", dN, x))
@@ -156,8 +169,9 @@ class _Deck:
         return forces
 
 
-def _distributed(deck: _Deck, card: Card, row: list[str]) -> Floats | None:
-    """Forces of a row of ``*DLOAD``; None: of a kind that is not followed here."""
+def _distributed(deck: _Deck, card: Card, row: list[str], spun: set[int]) -> Floats | None:
+    """Forces of a row of ``*DLOAD``; None: of a kind that is not followed here. ``spun`` gains the
+    elements that a centrifugal load of the step acts on: of several ccx takes the first."""
     kind = row[1].upper()
     value = deck.number(card, row, 2)
     vector = np.array([deck.number(card, row, k) for k in range(3, 9)])
@@ -173,6 +187,9 @@ def _distributed(deck: _Deck, card: Card, row: list[str]) -> Floats | None:
         if not np.any(axis):
             raise deck.wrong(card, row, "spin without an axis")
         axis = axis / np.linalg.norm(axis)
+        if spun & set(elements):
+            raise LeftOut("a second CENTRIF on an element, which ccx ignores")
+        spun |= set(elements)
         return deck.weight(elements, lambda x: value * (
             x - point - ((x - point) @ axis)[..., None] * axis))  # fmt: skip
     if kind[:1] == "P" and kind[1:].isdigit():
@@ -180,7 +197,7 @@ def _distributed(deck: _Deck, card: Card, row: list[str]) -> Floats | None:
     return None
 
 
-def _forces(deck: _Deck, card: Card, left: list[str]) -> Floats:
+def _forces(deck: _Deck, card: Card, left: list[str], spun: set[int]) -> Floats:
     """Forces (N, 3) of a card; what of it is not followed is added to ``left``."""
     forces = np.zeros_like(deck.deck.points)
     for row in card.words():
@@ -188,7 +205,7 @@ def _forces(deck: _Deck, card: Card, left: list[str]) -> Floats:
             raise deck.wrong(card, row, "expected where, what and how much")
         if card.keyword == "DLOAD":
             try:
-                more = _distributed(deck, card, row)
+                more = _distributed(deck, card, row, spun)
             except BodyError as error:
                 raise deck.wrong(card, row, str(error)) from None
             if more is None:
@@ -214,14 +231,13 @@ def _forces(deck: _Deck, card: Card, left: list[str]) -> Floats:
     return forces
 
 
-def _temperature(deck: _Deck, card: Card) -> Floats:
-    """Temperature (N,) above that of the beginning."""
-    above = np.zeros(len(deck.deck.labels))
+def _temperature(deck: _Deck, card: Card, now: Floats) -> None:
+    """The temperatures (N,) after a card."""
+    if card.options.get("OP", "").upper() == "NEW":
+        now[:] = deck.initial()
     for row in card.words():
-        for label in deck.nodes(card, row[0]):
-            at = np.searchsorted(deck.deck.labels, label)
-            above[at] = deck.number(card, row, 1) - deck.start.get(label, 0.0)
-    return above
+        at = np.searchsorted(deck.deck.labels, deck.nodes(card, row[0]))
+        now[at] = deck.number(card, row, 1)
 
 
 def in_steps(job: Job) -> str:
@@ -230,89 +246,134 @@ def in_steps(job: Job) -> str:
     return ", ".join(f"*{word}" for word in words)
 
 
-#: Cards by which nodes depend on others.
-COUPLED = ("EQUATION", "MPC", "RIGID BODY", "TIE", "COUPLING", "KINEMATIC", "DISTRIBUTING",
-           "DISTRIBUTING COUPLING", "TRANSFORM", "NETWORK MPC", "PRE-TENSION SECTION")  # fmt: skip
+def _held(job: Job, deck: Deck) -> set[tuple[int, int]]:
+    """Nodes and directions, from 0, that a *BOUNDARY holds somewhere in the deck."""
+    held = set()
+    for card in (c for cards in (job.model, *job.steps) for c in cards):
+        if card.keyword != "BOUNDARY":
+            continue
+        for row in card.words():
+            try:
+                first = int(row[1])
+                last = int(row[2]) if len(row) > 2 and row[2] else first
+                labels = [int(row[0])] if row[0].isdigit() else deck.sets[row[0].upper()].tolist()
+            except (IndexError, ValueError, KeyError):
+                continue  # ccx has run: it is of another kind
+            held |= {(label, d - 1) for label in labels for d in range(first, last + 1)}
+    return held
 
 
 def attach_loads(fe: FeMatrices, job: Job, deck: Deck) -> None:
     """The loads of the deck as forces on the rows of its matrices, ``fe.loads``. What acts on rows
-    that are not there is carried by the supports.
+    that a *BOUNDARY holds is carried by it.
 
     Raises
     ------
     BodyError
-        As ``loads_of``; and if nodes without rows may depend on others, or the rows are in axes of
-        their own.
+        As ``loads_of``.
     """
     loads, remarks = loads_of(job, deck)
-    coupled = sorted({card.keyword for card in job.model if card.keyword in COUPLED})
-    where = {pair: row for row, pair in enumerate(zip(fe.node.tolist(), fe.component.tolist(),
-                                                      strict=True))}  # fmt: skip
+    turned = any(card.keyword == "TRANSFORM" for card in job.model)
+    held = _held(job, deck) if loads else set()
+    where: dict[tuple[int, int], int] = {}
+    several: set[tuple[int, int]] = set()
+    for row, place in enumerate(zip(fe.node.tolist(), fe.component.tolist(), strict=True)):
+        if place in where:
+            several.add(place)
+        where[place] = row
     for load in loads:
         if load.kind != "nodal":
             remarks.append(f"load {load.name} is left out: a temperature needs --assemble")
             continue
-        forces = np.zeros(fe.n)
-        for label, *force in load.table.tolist():
+        forces, why = np.zeros(fe.n), "the nodes have axes of their own (*TRANSFORM)"
+        good = not turned
+        for label, *force in load.table.tolist() if good else ():
             for direction, value in enumerate(force):
-                row = where.get((int(label), direction))
-                if row is not None and "TRANSFORM" not in coupled:
-                    forces[row] += value
-                elif value and coupled:
-                    raise BodyError(
-                        f"{job.path}: load {load.name} acts on node {int(label)}, which may depend "
-                        f"on others or have axes of its own (*{', *'.join(coupled)})"
-                    )
-        fe.loads[f"{load.name}.load"] = forces
+                place = int(label), direction
+                if place in where and place not in several:
+                    forces[where[place]] += value
+                elif value and place not in held:
+                    good, why = False, (f"node {place[0]} has no row of its own in direction "
+                                        f"{direction + 1}: it depends on others")  # fmt: skip
+        if good:
+            fe.loads[f"{load.name}.load"] = forces
+        else:
+            remarks.append(f"load {load.name} is left out: {why}")
     fe.remarks += remarks
 
 
 def loads_of(job: Job, deck: Deck) -> tuple[list[DeckLoad], list[str]]:
-    """The loads of all steps, and what of them is left out, in words.
+    """The loads of all steps, and what of them is left out, in words. Forces of each card by
+    themselves; temperatures as they are at the end of a step that has such cards.
 
     Raises
     ------
     BodyError
         For cards that cannot be meant.
     """
-    loads: list[DeckLoad] = []
-    remarks: list[str] = []
-    every: _Deck | None = None
     others = sorted({
         kind for card in job.model if card.keyword == "ELEMENT"
         for kind in [card.options.get("TYPE", "").upper()]
         if not kind.startswith((*SOLIDS, *POINTS))
     })  # fmt: skip
+    if others and in_steps(job):
+        return [], [f"the loads of the deck are left out: it has {', '.join(others)} elements "
+                    "beside solids"]  # fmt: skip
+    found = _Loads(job, deck)
     for number, step in enumerate(job.steps, 1):
+        found.step(number, step)
+    return found.loads, found.remarks
+
+
+class _Loads:
+    """The loads of a deck, step by step."""
+
+    def __init__(self, job: Job, deck: Deck) -> None:
+        self.loads: list[DeckLoad] = []
+        self.remarks: list[str] = []
+        self.deck = _Deck(job, deck) if in_steps(job) else None
+        self.now = self.deck.initial() if self.deck else np.empty(0)
+
+    def step(self, number: int, cards: Sequence[Card]) -> None:
         count: dict[str, int] = {}
-        for card in step:
-            if card.keyword not in CARDS:
+        spun: set[int] = set()
+        for card in cards:
+            if card.keyword not in CARDS or self.deck is None:
                 continue
             count[card.keyword] = count.get(card.keyword, 0) + 1
             again = str(count[card.keyword]) if count[card.keyword] > 1 else ""
-            name = f"step{number}_{card.keyword.lower()}{again}"
+            name = f"step{number}_{card.keyword.lower()}"
             special = [key for key in OTHER if key in card.options]
-            if special:
-                remarks.append(f"load {name} is left out: *{card.keyword}, {special[0]}")
-                continue
-            if card.keyword != "CLOAD" and others:
-                remarks.append(f"load {name} is left out: the deck has {', '.join(others)} "
-                               "elements beside solids")  # fmt: skip
-                continue
-            every = every or _Deck(job, deck)
-            left: list[str] = []
-            if card.keyword == "TEMPERATURE":
-                values, kind = _temperature(every, card)[:, None], "temperature"
-            else:
-                values, kind = _forces(every, card, left), "nodal"
-            remarks += [f"load {name}: {what} is left out" for what in dict.fromkeys(left)]
-            used = np.flatnonzero(np.any(values != 0, axis=1))
-            if not len(used):
-                if not left:
-                    remarks.append(f"load {name} vanishes: it is left out")
-                continue
-            loads.append(DeckLoad(name, kind, np.column_stack([deck.labels[used], values[used]])))
-            if "AMPLITUDE" in card.options:
-                remarks.append(f"load {name}: its amplitude is left to the history of the input")
-    return loads, remarks
+            try:
+                if special:
+                    raise LeftOut(f"*{card.keyword}, {special[0]}")
+                if card.keyword == "TEMPERATURE":
+                    _temperature(self.deck, card, self.now)
+                    self._amplitude(name, card, ", which multiplies T in ccx and T - T0 here,")
+                    continue
+                left: list[str] = []
+                forces = _forces(self.deck, card, left, spun)
+                self.remarks += [f"load {name + again}: {what} is left out"
+                                 for what in dict.fromkeys(left)]  # fmt: skip
+                self._add(name + again, "nodal", forces, bool(left))
+                self._amplitude(name + again, card)
+            except LeftOut as reason:
+                self.remarks.append(f"load {name + again} is left out: {reason}")
+        if self.deck is not None and "TEMPERATURE" in count:
+            above = self.now - self.deck.initial()
+            self._add(f"step{number}_temperature", "temperature", above[:, None], False)
+
+    def _amplitude(self, name: str, card: Card, more: str = "") -> None:
+        if "AMPLITUDE" in card.options:
+            self.remarks.append(
+                f"load {name}: its amplitude{more} is left to the history of the input"
+            )
+
+    def _add(self, name: str, kind: str, values: Floats, excused: bool) -> None:
+        assert self.deck is not None
+        used = np.flatnonzero(np.any(values != 0, axis=1))
+        if len(used):
+            labels = self.deck.deck.labels[used]
+            self.loads.append(DeckLoad(name, kind, np.column_stack([labels, values[used]])))
+        elif not excused:
+            self.remarks.append(f"load {name} vanishes: it is left out")

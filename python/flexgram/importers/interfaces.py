@@ -163,9 +163,6 @@ def attach(fe: FeMatrices, interfaces: list[Interface]) -> dict[str, Any]:
             for i in interfaces if i.coupling == "rigid"
         },
     }  # fmt: skip
-    if fe.loads and fe.C is None:
-        arguments["C"] = arguments["B"][:, :of_interfaces].T.copy()
-        arguments["outputs"] = names[:of_interfaces]
     if fe.C is not None:
         C = sp.csr_matrix(fe.C)
         arguments["C"] = (C @ T if T is not None else C).toarray()
@@ -275,6 +272,9 @@ def _ports(
                 raise BodyError(f"interface {name}: node {label} has no row: it is constrained in "
                                 "the FE model, or not part of it")  # fmt: skip
             rows = rows[np.argsort(fe.component[rows])]
+            if len(np.unique(fe.component[rows])) < len(rows):
+                raise BodyError(f"interface {name}: node {label} has several rows in a direction: "
+                                "it is of a shell or beam that the FE code expands")  # fmt: skip
             prefix = name if len(labels) == 1 else f"{name}-{label}"
             columns.append(_unit_columns(rows, fe.n))
             names += [f"{prefix}.{FORCES[c]}" for c in fe.component[rows]]
