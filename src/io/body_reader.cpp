@@ -273,8 +273,7 @@ Feedthrough read_feedthrough(const Hdf5File& file, const SecondOrderModel& model
                       ll(expected[1])));
     const std::vector<double> values = file.read_all<double>("/feedthrough");
     for (std::size_t k = 0; k < values.size(); ++k) {
-      if (!std::isfinite(values[k]))
-        fail(file, text("/feedthrough holds %g", values[k]));
+      if (!std::isfinite(values[k])) fail(file, text("/feedthrough holds %g", values[k]));
       if (values[k] == 0) continue;
       through.outputs.push_back(model.outputs[k / model.inputs.size()]);
       through.inputs.push_back(model.inputs[k % model.inputs.size()]);

@@ -99,7 +99,8 @@ void write_body(const SecondOrderModel& model, const std::string& path) {
     file.set_attribute("/C", "names", model.outputs);
   }
   const Dense direct = model.feedthrough.between(model.outputs, model.inputs);
-  if (std::any_of(direct.data.begin(), direct.data.end(), [](double x) { return x != 0; }))
+  if (std::any_of(direct.data.begin(), direct.data.end(),
+                  [](double x) { return x != 0; }))
     file.write("/feedthrough", {direct.rows, direct.columns}, transpose(direct).data);
   write_dof_map(file, model);
   file.commit();

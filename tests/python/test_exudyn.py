@@ -12,7 +12,7 @@ import scipy.integrate
 
 from bodies import box, write_body_file
 from conftest import assembled, run
-from flexgram import ReducedModel
+from flexgram import BodyError, ReducedModel
 from flexgram.exporters import export
 
 exu = pytest.importorskip("exudyn")
@@ -151,3 +151,31 @@ def test_stress_sensors(from_file: bool, tmp_path: Path) -> None:
     expected = model.elastic().stress(q, body)[:, own][:, [0, 1, 2, 4, 5, 3]]
     assert np.abs(expected).max() > 0
     assert np.abs(stress - expected).max() < 1e-8 * np.abs(expected).max()
+
+
+def test_further_nodes_and_a_bent_beginning(tmp_path: Path) -> None:
+    """Middle nodes come along by name, and the body may be bent when it starts."""
+    body, rom = reduced(tmp_path, SOFT, "0.5,200")
+    model = ReducedModel.load(rom)
+    mbs = exu.SystemContainer().AddSystem()
+    corners = add_body(exu, mbs, model, stress=True)["mesh_nodes"]
+    with h5py.File(body) as file:
+        points = file["mesh/points"][:]
+    left = [k + 1 for k in range(len(points)) if k + 1 not in corners]
+    bent = 1e-3 * np.random.default_rng(2).standard_normal(model.elastic().order)
+    mbs = exu.SystemContainer().AddSystem()
+    added = add_body(exu, mbs, model, stress=True, nodes=[left[7], left[3]], coordinates=bent)
+    assert set(added["mesh_nodes"]) == {*corners, left[3], left[7]}
+    positions = np.array(mbs.GetObject(added["object"])["referencePositions"]).reshape(-1, 3)
+    for node, number in added["mesh_nodes"].items():
+        assert np.allclose(positions[number], points[node - 1])
+    mbs.Assemble()
+    stress = mbs.GetObjectOutputSuperElement(
+        added["object"], exu.OutputVariableType.StressLocal, added["mesh_nodes"][left[7]],
+        exu.ConfigurationType.Initial)  # fmt: skip
+    expected = model.elastic().stress(bent, body)[0, left[7] - 1, [0, 1, 2, 4, 5, 3]]
+    assert np.abs(stress - expected).max() < 1e-8 * np.abs(expected).max()
+    with pytest.raises(BodyError, match="nodes of the mesh run from 1"):
+        add_body(exu, mbs, model, nodes=[10**7])
+    with pytest.raises(BodyError, match="coordinates: 2 numbers"):
+        add_body(exu, mbs, model, coordinates=[0, 0])

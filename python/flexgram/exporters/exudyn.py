@@ -8,6 +8,7 @@ exactly the interface's motion.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -30,10 +31,10 @@ STRESSES = [0, 1, 2, 4, 5, 3]
 
 
 def _surface(
-    model: ReducedModel, body: str | Path | None, most: int
+    model: ReducedModel, body: str | Path | None, most: int, more: IntArray
 ) -> tuple[Floats, Floats, list[list[int]], IntArray]:
     """Surface points (N, 3), their motion (m, N, 3), triangles, and the nodes of the mesh that the
-    points are; empty without a mesh."""
+    points are: those of the surface, then ``more`` of them; empty without a mesh."""
     nothing = (np.empty((0, 3)), np.empty((model.order, 0, 3)), list[list[int]](),
                np.empty(0, dtype=np.int64))  # fmt: skip
     try:
@@ -46,6 +47,9 @@ def _surface(
     used, renumbered = np.unique(triangles, return_inverse=True)
     if not 0 < len(used) <= most:
         return nothing
+    if len(more) and (more.min() < 0 or more.max() >= len(geometry.points)):
+        raise BodyError(f"nodes of the mesh run from 1 to {len(geometry.points)}")
+    used = np.concatenate([used, np.setdiff1d(more, used)])
     motion = geometry.motion(model)[:, used]
     return geometry.points[used], motion, renumbered.reshape(-1, 3).tolist(), used
 
@@ -55,6 +59,7 @@ def ffrf_terms(
     body: str | Path | None = None,
     most_nodes: int = 5000,
     stress: bool = False,
+    nodes: Sequence[int] = (),
 ) -> dict[str, Any]:
     """Everything that EXUDYN's ``ObjectFFRFreducedOrder`` takes, by the keys of its NPZ files.
 
@@ -69,13 +74,17 @@ def ffrf_terms(
     stress : bool
         Whether the stress of the surface comes along, for pictures and sensors of ``StressLocal``;
         for bodies that flexgram assembled.
+    nodes : sequence of int
+        Nodes of the mesh, from 1, that come along beside the corners of its surface: inner and
+        middle ones, of hot spots say.
 
     Returns
     -------
     dict
         EXUDYN's keys (``postProcessingModes`` as ``stressModes``, its matrix alone), and
         ``dampingMatrixReduced``, ``interfaceNames``, ``interfaceNodes`` (six
-        node numbers each), ``interfacePositions``.
+        node numbers each), ``interfacePositions``, ``meshNodes`` (for each point its node of the
+        mesh, from 1; 0: none).
     """
     if "M_r" not in model.frame or model.frame["rigid_modes"] != 6:
         raise BodyError("EXUDYN's floating frame needs a free body with six rigid modes and its "
@@ -86,16 +95,19 @@ def ffrf_terms(
     positions = interface_positions(model)
     elastic = model.elastic()
     n, f = elastic.order, elastic.frame
-    points, moved, triangles, surface = _surface(model, body, most_nodes)
+    further = np.array(sorted({int(node) - 1 for node in nodes}), dtype=np.int64)
+    points, moved, triangles, surface = _surface(model, body, most_nodes, further)
+    if len(further) and not len(surface):
+        raise BodyError(f"nodes want the surface of the body, of {most_nodes} nodes at most")
     moved = moved[model.frame["rigid_modes"] :]
     if stress and not len(surface):
         raise BodyError(f"the stress needs the surface of the body, of {most_nodes} nodes at most")
     extent = float(np.ptp(np.vstack([points, *positions.values()]), axis=0).max()) or 1.0
-    names, nodes = [], []
+    names, satellites = [], []
     for name, (translation, rotation) in interface_motion(elastic).items():
         arms = 0.01 * extent * SATELLITES
         names.append(name)
-        nodes.append(list(range(len(points), len(points) + 6)))
+        satellites.append(list(range(len(points), len(points) + 6)))
         points = np.vstack([points, positions[name] + arms])
         turned = np.cross(rotation.T[:, None, :], arms[None])
         moved = np.concatenate([moved, translation.T[:, None, :] + turned], axis=1)
@@ -126,8 +138,9 @@ def ffrf_terms(
         "mPhitTPsiTilde": -np.einsum("abc,jc->ajb", EPSILON, Ct).reshape(3, 3 * n),
         "mXRefTildePsi": -f["M_er"][:, 3:].T,
         "mXRefTildePsiTilde": np.transpose(inertia_first, (0, 2, 1)).reshape(3, 3 * n),
-        "interfaceNames": np.array(names), "interfaceNodes": np.array(nodes).reshape(-1, 6),
+        "interfaceNames": np.array(names), "interfaceNodes": np.array(satellites).reshape(-1, 6),
         "interfacePositions": np.array([positions[name] for name in names]).reshape(-1, 3),
+        "meshNodes": np.concatenate([surface + 1, np.zeros(len(points) - len(surface), int)]),
         "fileVersion": 1, "type": "ObjectFFRFreducedOrderInterface",
     }  # fmt: skip
 
@@ -146,7 +159,7 @@ DIRECT = ("mPsiTildePsi", "mPsiTildePsiTilde", "mPhitTPsi", "mPhitTPsiTilde", "m
           "mXRefTildePsiTilde", "modeBasis")  # fmt: skip
 USED = {*DIRECT, "infoList", "stiffnessMatrixReduced", "massMatrixReduced", "dampingMatrixReduced",
         "xRef", "totalMass", "inertiaLocal", "chiU", "trigList", "interfaceNames",
-        "interfaceNodes", "stressModes"}  # fmt: skip
+        "interfaceNodes", "stressModes", "meshNodes"}  # fmt: skip
 
 
 def add_body(
@@ -161,6 +174,8 @@ def add_body(
     gravity: Any = (0, 0, 0),
     color: Any = (0.4, 0.6, 0.8, 1.0),
     stress: bool = False,
+    nodes: Sequence[int] = (),
+    coordinates: Any = None,
 ) -> dict[str, Any]:
     """Add a reduced body to an EXUDYN system, with its projected damping.
 
@@ -176,12 +191,18 @@ def add_body(
         From the body's axes to the inertial ones.
     stress : bool
         Whether a ``ReducedModel`` brings its stress (``ffrf_terms``); an NPZ brings what it has.
+    nodes : sequence of int
+        Further nodes of the mesh, from 1, that a ``ReducedModel`` brings (``ffrf_terms``).
+    coordinates : (n,) array, optional
+        Of the deformation in the beginning; default: none.
 
     Returns
     -------
     dict
         ``object``, ``rigid_node``, ``modal_node``; ``markers``: interface -> marker of its rigid
-        motion (position and rotation), for joints, loads and sensors.
+        motion (position and rotation), for joints, loads and sensors; ``mesh_nodes``: node of the
+        mesh, from 1 -> ``meshNodeNumber`` of EXUDYN's sensors and markers. The outputs that a claim
+        is of are ``rom.elastic().C @ q``, q the coordinates of ``modal_node``.
     """
     import exudyn.itemInterface as eii
     from exudyn.rigidBodyUtilities import GetRigidBodyNode
@@ -189,11 +210,16 @@ def add_body(
     if not isinstance(source, ReducedModel) and h5py.is_hdf5(source):
         source = ReducedModel.load(source)
     if isinstance(source, ReducedModel):
-        terms = ffrf_terms(source, stress=stress)
+        terms = ffrf_terms(source, stress=stress, nodes=nodes)
+    elif len(nodes):
+        raise BodyError("an NPZ brings the nodes that it was exported with: give the reduced file")
     else:
         with np.load(source) as file:  # what others may have pickled into it stays shut
             terms = {key: file[key] for key in file.files if key in USED}
     n = int(terms["infoList"][0])
+    start = [0.0] * n if coordinates is None else np.asarray(coordinates, dtype=float).tolist()
+    if len(start) != n:
+        raise BodyError(f"coordinates: {len(start)} numbers, expected {n}")
     turn = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
     node = GetRigidBodyNode(
         nodeType=exu.NodeType.RotationEulerParameters, position=list(position),
@@ -202,7 +228,7 @@ def add_body(
     rigid_node = mbs.AddNode(node)
     modal_node = mbs.AddNode(
         eii.NodeGenericODE2(numberOfODE2Coordinates=n, referenceCoordinates=[0] * n,
-                            initialCoordinates=[0] * n, initialCoordinates_t=[0] * n)
+                            initialCoordinates=start, initialCoordinates_t=[0] * n)
     )  # fmt: skip
 
     def container(a: Any) -> Any:
@@ -240,4 +266,6 @@ def add_body(
         for name, nodes in zip(terms["interfaceNames"], terms["interfaceNodes"], strict=True)
     }  # fmt: skip
     return {"object": number, "rigid_node": rigid_node, "modal_node": modal_node,
-            "markers": markers}  # fmt: skip
+            "markers": markers,
+            "mesh_nodes": {int(node): k for k, node in enumerate(terms.get("meshNodes", ()))
+                           if node}}  # fmt: skip
