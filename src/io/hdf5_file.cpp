@@ -166,7 +166,10 @@ Hdf5File Hdf5File::open(MPI_Comm comm, const std::string& path) {
                        path.c_str()));
   });
   const Id access(H5Pcreate(H5P_FILE_ACCESS), H5Pclose);
-  H5Pset_fapl_mpio(access, comm, MPI_INFO_NULL);
+  if (comm_size(comm) > 1)
+    H5Pset_fapl_mpio(access, comm, MPI_INFO_NULL);
+  else // one rank reads by itself; locks are not known everywhere, nor to MPI-IO
+    H5Pset_file_locking(access, false, true);
   state->file = H5Fopen(path.c_str(), H5F_ACC_RDONLY, access);
   agree(comm, [&] {
     if (state->file < 0)

@@ -19,6 +19,36 @@
 
 namespace flexgram {
 
+namespace {
+
+/// Of each port, inputs first, the first one that is the same: what an interface measures
+/// is what it drives, also where loads or stresses stand beside it. @note Collective.
+std::vector<int> equal_ports(const SecondOrderModel& fom) {
+  const int inputs = static_cast<int>(fom.B.columns());
+  std::vector<int> first(static_cast<std::size_t>(inputs));
+  std::iota(first.begin(), first.end(), 0);
+  if (fom.outputs_are_inputs) return first;
+  const Block::Access B(fom.B), C(fom.C);
+  std::vector<double> differs;
+  for (std::size_t j = 0; j < fom.outputs.size(); ++j) {
+    const auto named = std::find(fom.inputs.begin(), fom.inputs.end(), fom.outputs[j]);
+    const auto i = static_cast<int>(named - fom.inputs.begin());
+    const bool same = i < inputs && std::equal(B.column(i), B.column(i) + fom.rows.size(),
+                                               C.column(static_cast<PetscInt>(j)));
+    first.push_back(i);
+    differs.push_back(same ? 0.0 : 1.0);
+  }
+  MPI_Allreduce(MPI_IN_PLACE, differs.data(), static_cast<int>(differs.size()),
+                MPI_DOUBLE, MPI_MAX, fom.comm);
+  for (std::size_t j = 0; j < differs.size(); ++j) {
+    const std::size_t at = static_cast<std::size_t>(inputs) + j;
+    if (differs[j] > 0) first[at] = static_cast<int>(at);
+  }
+  return first;
+}
+
+} // namespace
+
 MediumBuilder::MediumBuilder(const SecondOrderModel& fom, const CertifySpec& spec,
                              const SolverOptions& solver, Observer& observer,
                              const CheckpointSpec& checkpoint)
@@ -26,6 +56,7 @@ MediumBuilder::MediumBuilder(const SecondOrderModel& fom, const CertifySpec& spe
       options_(counting(solver)), solver_(fom.K, fom.M, nullptr, fom.node, options_) {
   solver_.count_pivots(true);
   loads_ = fom.outputs_are_inputs ? copy(fom.B) : concatenate(fom.B, fom.C);
+  same_as_ = equal_ports(fom);
   medium_.body = fom.head();
   medium_.spec = spec;
   medium_.shortfall = unfinished;
@@ -124,12 +155,25 @@ Block MediumBuilder::start(double omega, bool mass_is_singular) {
           null, null == 1 ? "" : "s"));
     last_null = null;
     if (regular) try {
-        response = solver_.solve(with_company(ports_)).x;
+        // Equal ports are answered once.
+        std::vector<int> alone, place(same_as_.size());
+        for (std::size_t j = 0; j < same_as_.size(); ++j) {
+          const bool first = same_as_[j] == static_cast<int>(j);
+          place[j] = first ? static_cast<int>(alone.size())
+                           : place[static_cast<std::size_t>(same_as_[j])];
+          if (first) alone.push_back(static_cast<int>(j));
+        }
+        response = solver_.solve(with_company(select_columns(ports_, alone))).x;
+        medium_.solved_columns += static_cast<int>(response.columns());
+        if (alone.size() < place.size()) {
+          for (auto j = static_cast<int>(alone.size()); j < response.columns(); ++j)
+            place.push_back(j);
+          response = select_columns(response, place);
+        }
       } catch (const ShiftError&) {
         regular = false;
       }
     if (regular) {
-      medium_.solved_columns += static_cast<int>(response.columns());
       const Block none;
       const Block Z =
           orthonormalise(copy(response), none, {fom_.M, fom_.K, kappa}, 1e-7).vectors;

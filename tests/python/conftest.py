@@ -91,11 +91,16 @@ def run(
     if file_limit_kb is not None:  # for the ranks only: mpirun needs larger files
         program = ["bash", "-c", f'ulimit -f {file_limit_kb}; exec "$@"', "-", *program]
     command = ["mpirun", "-n", str(ranks), *program]
+    # Python would keep what it could write of a compiled module.
     # Open MPI 5 keeps shared memory in files that are larger than a limit.
     by_tcp = (
         {}
         if file_limit_kb is None
-        else {"OMPI_MCA_btl": "self,tcp", "OMPI_MCA_btl_tcp_if_include": "lo"}
+        else {
+            "PYTHONDONTWRITEBYTECODE": "1",
+            "OMPI_MCA_btl": "self,tcp",
+            "OMPI_MCA_btl_tcp_if_include": "lo",
+        }
     )
     process = subprocess.run(
         command, env=ENVIRONMENT | by_tcp, capture_output=True, text=True, timeout=timeout
