@@ -68,9 +68,9 @@ private:
   double start_ = 0; ///< [s]
   SolverOptions options_;
   ShiftedSolver solver_;
-  Block rigid_modes_;   ///< from the geometry, until the space has them
+  Block rigid_modes_;        ///< from the geometry, until the space has them
   std::vector<int> same_as_; ///< of each port the first one that is equal
-  Block loads_, ports_; ///< all ports, scaled; the same, self-equilibrated
+  Block loads_, ports_;      ///< all ports, scaled; the same, self-equilibrated
   MediumSpace::RigidStiffness rigid_stiffness_; ///< of those from the geometry
   int geometric_ = 0, expected_ = 0;
   double threshold_ = 0;
