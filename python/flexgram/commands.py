@@ -153,8 +153,8 @@ def _export_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--rates",
-        help="for state-space: what its outputs are, of displacement (default), velocity, "
-        "acceleration, comma separated",
+        help="for state-space (default displacement) and fmu (default all): what their outputs "
+        "are, of displacement, velocity, acceleration, comma separated",
     )
     parser.add_argument("-o", "--output", type=Path, required=True, help="file to write")
 
@@ -172,10 +172,10 @@ def _export(options: argparse.Namespace) -> None:
         extra["stress"] = options.stress
     elif options.stress:
         raise BodyError("--stress belongs to --to exudyn and vtu")
-    if options.to == "state-space":
+    if options.to in ("state-space", "fmu", "fmu3"):
         extra["rates"] = options.rates.split(",") if options.rates else None
     elif options.rates:
-        raise BodyError("--rates belongs to --to state-space")
+        raise BodyError("--rates belongs to --to state-space and fmu")
     if options.to == "sid":
         extra["dialect"] = options.dialect
     model = ReducedModel.load(options.rom)

@@ -213,10 +213,13 @@ def file_name(text: str) -> str:
 
 def facts(form: PhysicalForm) -> dict[str, Any]:
     """What a reader of an exported file wants to know, as words."""
-    model = form.source
     return {
         "order": f"{len(form.boundary)} motions of {', '.join(form.interfaces)} and "
                  f"{form.order - len(form.boundary)} modes with these held",
-        "error": f"{model.certified_error:.1e} ({model.label})",
-        "units": "m, rad, kg, s, N",
+        **facts_of(form.source),
     }  # fmt: skip
+
+
+def facts_of(model: ReducedModel) -> dict[str, Any]:
+    """Error and units of a body."""
+    return {"error": f"{model.certified_error:.1e} ({model.label})", "units": "m, rad, kg, s, N"}

@@ -9,6 +9,7 @@
 
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstring>
 #include <filesystem>
@@ -69,6 +70,24 @@ Body load_body(MPI_Comm comm, const Settings& settings, Observer& observer) {
   return body;
 }
 
+namespace {
+
+/// How many there are, and what that costs: every block solve has a column for each.
+std::string words_of_ports(const SecondOrderModel& model) {
+  const auto inputs = static_cast<long long>(model.inputs.size()),
+             outputs = static_cast<long long>(model.outputs.size());
+  const std::string count = text("%lld inputs, %lld outputs", inputs, outputs);
+  if (model.outputs_are_inputs) return count + " (the same)";
+  const auto alone = std::count_if(
+      model.outputs.begin(), model.outputs.end(), [&](const std::string& name) {
+        return std::find(model.inputs.begin(), model.inputs.end(), name) ==
+               model.inputs.end();
+      });
+  return count + text(", %lld columns a block solve", inputs + alone);
+}
+
+} // namespace
+
 void begin_plan(Body& body, const Settings& settings, Observer& observer) {
   select_ports(body.model, split(settings.inputs, ','), split(settings.outputs, ','));
   if (settings.spin_loads == "yes") add_spin_loads(body.model);
@@ -76,10 +95,7 @@ void begin_plan(Body& body, const Settings& settings, Observer& observer) {
   observer.fact("body", text("%s: n = %lld, %.3g nonzeros in K", model.name.c_str(),
                              static_cast<long long>(model.n),
                              static_cast<double>(model.nonzeros())));
-  observer.fact("ports", text("%lld inputs, %lld outputs%s",
-                              static_cast<long long>(model.B.columns()),
-                              static_cast<long long>(model.C.columns()),
-                              model.outputs_are_inputs ? " (the same)" : ""));
+  observer.fact("ports", words_of_ports(model));
   observer.fact("damping", model.damping_class());
   for (const auto& remark : model.remarks) observer.fact("symmetry", remark);
   if (model.undamped())

@@ -52,6 +52,15 @@ def _state_space(model: ReducedModel, path: Path, **options: Any) -> None:
     write_state_space(model, path, **options)
 
 
+def _fmu(version: int) -> Callable[..., None]:
+    def write(model: ReducedModel, path: Path, **options: Any) -> None:
+        from flexgram.exporters.fmi import write_fmu
+
+        write_fmu(model, path, version, **options)
+
+    return write
+
+
 def _shapes(model: ReducedModel, path: Path, **options: Any) -> None:
     from flexgram.exporters.shapes import write_shapes
 
@@ -79,6 +88,8 @@ FORMATS: dict[str, tuple[str, str, Callable[..., None]]] = {
         _superelement("write_simscape"),
     ),
     "extptfm": ("OpenFAST's ExtPtfm (Flex 5 format)", ".dat", _superelement("write_extptfm")),
+    "fmu": ("functional mock-up unit, FMI 2.0", ".fmu", _fmu(2)),
+    "fmu3": ("functional mock-up unit, FMI 3.0", ".fmu", _fmu(3)),
     "mat": ("MATLAB", ".mat", _matrices),
     "npz": ("NumPy", ".npz", _matrices),
     "state-space": ("A, B, C, D of x' = A x + B u as MATLAB or NumPy file", ".mat", _state_space),
@@ -100,7 +111,7 @@ def export(model: ReducedModel, path: str | Path, format: str, **options: Any) -
     **options
         ``dialect`` for ``sid``; ``body`` (body file, for the mesh) and ``stress`` (bool: stresses
         come along) for ``exudyn`` and ``vtu``; ``body`` for superelements, where interfaces are;
-        ``rates`` for ``state-space``.
+        ``rates`` for ``state-space`` and ``fmu``.
 
     Raises
     ------

@@ -1,0 +1,271 @@
+"""A functional mock-up unit (FMI 2.0 or 3.0) of a reduced body: source and binary."""
+
+from __future__ import annotations
+
+import platform
+import re
+import shutil
+import subprocess
+import tempfile
+import uuid
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+from xml.sax.saxutils import quoteattr
+
+import numpy as np
+import scipy.linalg
+
+from flexgram.basics import BodyError, written_aside
+from flexgram.physical import facts_of
+from flexgram.reduced import RATES, Floats, ReducedModel
+
+VERSIONS = (2, 3)
+SOURCE = Path(__file__).parent / "model.c"
+#: Platforms by FMI 2.0 and 3.0.
+PLATFORMS = {"x86_64": ("linux64", "x86_64-linux"), "aarch64": ("aarch64-linux", "aarch64-linux")}
+#: SI units of ports by the letters of their kinds: input, output; base units as FMI names them.
+UNITS = {"f": ("N", "m"), "m": ("N.m", "rad"), "a": ("m/s2", None), "alpha": ("rad/s2", None),
+         "p": ("Pa", None), "t": ("Pa", None), "T": ("K", None), "u": (None, "m"),
+         "s": (None, "Pa")}  # fmt: skip
+BASE = {"N": "kg='1' m='1' s='-2'", "N.m": "kg='1' m='2' s='-2'", "m": "m='1'", "rad": "rad='1'",
+        "m/s2": "m='1' s='-2'", "rad/s2": "rad='1' s='-2'", "Pa": "kg='1' m='-1' s='-2'",
+        "K": "K='1'", "m/s": "m='1' s='-1'", "rad/s": "rad='1' s='-1'"}  # fmt: skip
+
+
+def _unit(port: str, output: bool, rate: str = "displacement") -> str | None:
+    letters = re.sub("[xyz]+$", "", port.rpartition(".")[2])
+    unit = UNITS.get(letters, (None, None))[output]
+    if unit is None or rate == "displacement":
+        return unit
+    faster = f"{unit}/s" + ("2" if rate == "acceleration" else "")
+    return faster if faster in BASE else None
+
+
+def _matrices(model: ReducedModel, rates: Sequence[str]) -> dict[str, Floats]:
+    """The state space in coordinates of the size of a velocity: modes times their frequencies,
+    beside the modes' velocities; what damping adds to A and C by itself."""
+    if model.eta:
+        raise BodyError(f"structural damping (eta = {model.eta:g}) has no real time-domain form: "
+                        "give Rayleigh damping instead")  # fmt: skip
+    squares, modes = scipy.linalg.eigh(model.K, model.M)
+    size = np.sqrt(np.maximum(squares, (1e-6 * squares[-1]) if squares[-1] > 0 else 1.0))
+    m = model.order
+    A0, A1 = np.zeros((2 * m, 2 * m)), np.zeros((2 * m, 2 * m))
+    A0[:m, m:] = np.diag(size)
+    A0[m:, :m] = -np.diag(np.where(squares > 1e-13 * abs(squares[-1]), squares, 0.0) / size)
+    A1[m:, m:] = -modes.T @ model.D @ modes
+    B = np.vstack([np.zeros((m, len(model.inputs))), modes.T @ model.B])
+    shapes = model.C @ modes
+    zero = np.zeros_like(shapes)
+    C, C1, D = [], [], []
+    for rate in rates:
+        if rate == "displacement":
+            rows, added = np.hstack([shapes / size, zero]), np.zeros((len(shapes), 2 * m))
+            direct = model.feedthrough
+        elif rate == "velocity":
+            rows, added = np.hstack([zero, shapes]), np.zeros((len(shapes), 2 * m))
+            direct = np.zeros_like(model.feedthrough)
+        else:
+            rows, added, direct = shapes @ A0[m:], shapes @ A1[m:], shapes @ B[m:]
+        C.append(rows)
+        C1.append(added)
+        D.append(direct)
+    return {"A0": A0, "A1": A1, "B": B, "C": np.vstack(C), "C1": np.vstack(C1), "D": np.vstack(D)}
+
+
+def _header(matrices: dict[str, Floats], version: int, token: str) -> str:
+    sizes = {"NX": len(matrices["A0"]), "NU": matrices["B"].shape[1], "NY": len(matrices["C"])}
+    lines = [f"#define FMI {version}", f'#define TOKEN "{token}"']
+    lines += [f"#define {name} {value}" for name, value in sizes.items()]
+    for name, a in matrices.items():
+        numbers = ",\n".join(", ".join(float(x).hex() for x in row) for row in a)
+        lines.append(f"static const double {name}[{a.size}] = {{\n{numbers}}};")
+    return "\n".join(lines) + "\n"
+
+
+class _Description:
+    """modelDescription.xml."""
+
+    def __init__(self, model: ReducedModel, rates: Sequence[str], name: str, token: str) -> None:
+        self.model, self.name, self.token = model, name, token
+        self.inputs = [(port, _unit(port, False)) for port in model.inputs]
+        self.outputs = [(port + dots, _unit(port, True, rate)) for rate in rates
+                        for dots in [{"velocity": ".velocity", "acceleration": ".acceleration"}
+                                     .get(rate, ".motion")] for port in model.outputs]  # fmt: skip
+        self.states = 2 * model.order
+        free = " small motions only: rigid motion is linear too;" if model.frame[
+            "rigid_modes"] else ""  # fmt: skip
+        words = "; ".join(f"{key}: {value}" for key, value in facts_of(model).items())
+        self.about = f"elastic body reduced by flexgram;{free} {words}"
+
+    def _unit_definitions(self, tag: str) -> list[str]:
+        used = sorted({unit for _, unit in (*self.inputs, *self.outputs) if unit})
+        lines = [f"    <Unit name={quoteattr(unit)}><BaseUnit {BASE[unit]}/></Unit>"
+                 for unit in used]  # fmt: skip
+        return [f"  <{tag}>", *lines, f"  </{tag}>"] if lines else []
+
+    def _variables(self) -> list[tuple[str, str, dict[str, str]]]:
+        """Name, causality and further attributes of each, in the order of value references."""
+        result: list[tuple[str, str, dict[str, str]]] = []
+        for name, unit in self.inputs:
+            result.append((name, "input", {"start": "0", "unit": unit or ""}))
+        for name, unit in self.outputs:
+            result.append((name, "output", {"unit": unit or ""}))
+        result += [(f"state[{k + 1}]", "local", {"start": "0"}) for k in range(self.states)]
+        result += [(f"der(state[{k + 1}])", "local", {}) for k in range(self.states)]
+        result.append(("damping_factor", "parameter", {"start": "1", "min": "0"}))
+        return result
+
+    def of_version_2(self) -> str:
+        capabilities = (f'modelIdentifier="{self.name}" canGetAndSetFMUstate="true" '
+                        'canSerializeFMUstate="true"')  # fmt: skip
+        sources = '    <SourceFiles><File name="model.c"/></SourceFiles>'
+        lines = [
+            '<?xml version="1.0" encoding="UTF-8"?>',
+            f'<fmiModelDescription fmiVersion="2.0" modelName="{self.name}" guid="{self.token}" '
+            f'description={quoteattr(self.about)} generationTool="flexgram" '
+            'variableNamingConvention="structured" numberOfEventIndicators="0">',
+            f"  <ModelExchange {capabilities}>", sources, "  </ModelExchange>",
+            f'  <CoSimulation {capabilities} canHandleVariableCommunicationStepSize="true" '
+            'canInterpolateInputs="true">', sources, "  </CoSimulation>",
+            *self._unit_definitions("UnitDefinitions"), "  <ModelVariables>",
+        ]  # fmt: skip
+        first_state = len(self.inputs) + len(self.outputs) + 1
+        for k, (name, causality, more) in enumerate(self._variables()):
+            derivative = k + 1 - first_state - self.states
+            real = {key: value for key, value in more.items() if value}
+            if 0 <= derivative < self.states:
+                real["derivative"] = str(first_state + derivative)
+            kind = {"parameter": 'variability="fixed" initial="exact"',
+                    "input": 'variability="continuous"',
+                    "output": 'variability="continuous" initial="calculated"',
+                    "local": 'variability="continuous" initial="'
+                    + ("exact" if "start" in more else "calculated") + '"'}[causality]  # fmt: skip
+            attributes = " ".join(f"{key}={quoteattr(value)}" for key, value in real.items())
+            lines.append(f'    <ScalarVariable name={quoteattr(name)} valueReference="{k}" '
+                         f'causality="{causality}" {kind}>')  # fmt: skip
+            lines.append(f"      <Real {attributes}/></ScalarVariable>")
+        lines += ["  </ModelVariables>", "  <ModelStructure>"]
+        outputs = range(len(self.inputs) + 1, first_state)
+        derivatives = range(first_state + self.states, first_state + 2 * self.states)
+        for tag, members in (("Outputs", outputs), ("Derivatives", derivatives),
+                             ("InitialUnknowns", [*outputs, *derivatives])):  # fmt: skip
+            lines += [f"    <{tag}>", *(f'      <Unknown index="{k}"/>' for k in members),
+                      f"    </{tag}>"]  # fmt: skip
+        lines += ["  </ModelStructure>", "</fmiModelDescription>"]
+        return "\n".join(lines) + "\n"
+
+    def of_version_3(self) -> str:
+        capabilities = (f'modelIdentifier="{self.name}" canGetAndSetFMUState="true" '
+                        'canSerializeFMUState="true"')  # fmt: skip
+        lines = [
+            '<?xml version="1.0" encoding="UTF-8"?>',
+            f'<fmiModelDescription fmiVersion="3.0" modelName="{self.name}" '
+            f'instantiationToken="{self.token}" description={quoteattr(self.about)} '
+            'generationTool="flexgram" variableNamingConvention="structured">',
+            f"  <ModelExchange {capabilities}/>",
+            f'  <CoSimulation {capabilities} canHandleVariableCommunicationStepSize="true" '
+            'maxOutputDerivativeOrder="0"/>',
+            *self._unit_definitions("UnitDefinitions"), "  <ModelVariables>",
+        ]  # fmt: skip
+        variables = self._variables()
+        first_state = len(self.inputs) + len(self.outputs)
+        for k, (name, causality, more) in enumerate(variables):
+            derivative = k - first_state - self.states
+            real = {key: value for key, value in more.items() if value}
+            if 0 <= derivative < self.states:
+                real["derivative"] = str(first_state + derivative)
+            kind = {"parameter": 'variability="fixed"',
+                    "input": 'variability="continuous"',
+                    "output": 'variability="continuous" initial="calculated"',
+                    "local": 'variability="continuous" initial="'
+                    + ("exact" if "start" in more else "calculated") + '"'}[causality]  # fmt: skip
+            attributes = " ".join(f"{key}={quoteattr(value)}" for key, value in real.items())
+            lines.append(f'    <Float64 name={quoteattr(name)} valueReference="{k}" '
+                         f'causality="{causality}" {kind} {attributes}/>')  # fmt: skip
+        lines.append(f'    <Float64 name="time" valueReference="{len(variables)}" '
+                     'causality="independent" variability="continuous"/>')  # fmt: skip
+        lines += ["  </ModelVariables>", "  <ModelStructure>"]
+        outputs = range(len(self.inputs), first_state)
+        derivatives = range(first_state + self.states, first_state + 2 * self.states)
+        for tag, members in (("Output", outputs), ("ContinuousStateDerivative", derivatives),
+                             ("InitialUnknown", [*outputs, *derivatives])):  # fmt: skip
+            lines += [f'    <{tag} valueReference="{k}"/>' for k in members]
+        lines += ["  </ModelStructure>", "</fmiModelDescription>"]
+        return "\n".join(lines) + "\n"
+
+
+def _compile(folder: Path, library: Path) -> None:
+    compiler = next((c for c in ("cc", "gcc", "clang") if shutil.which(c)), None)
+    if compiler is None:
+        raise BodyError("no C compiler for the binary of the FMU: install one (Debian: apt install "
+                        "gcc)")  # fmt: skip
+    command = [compiler, "-std=c11", "-O2", "-shared", "-fPIC", "-fvisibility=hidden", "-o",
+               str(library), str(folder / "model.c"), "-lm"]  # fmt: skip
+    done = subprocess.run(command, capture_output=True, text=True)
+    if done.returncode:
+        raise BodyError(f"{' '.join(command)} failed: {done.stderr.strip()[:300]}")
+
+
+def write_fmu(
+    model: ReducedModel, path: Path, version: int = 2, rates: Sequence[str] = RATES
+) -> None:
+    """Write an FMU: co-simulation by exact steps and model exchange, source and the binary of this
+    platform.
+
+    Inputs are the ports; outputs ``port.motion``, ``.velocity``, ``.acceleration``; the parameter
+    ``damping_factor`` multiplies the damping. A held or guided body; of a free one small motions.
+
+    Parameters
+    ----------
+    model : ReducedModel
+    path : Path
+    version : int
+        Of FMI: 2 or 3.
+    rates : sequence of str
+        What is an output, of ``displacement``, ``velocity``, ``acceleration``; of outputs with a
+        feedthrough displacements alone.
+
+    Raises
+    ------
+    BodyError
+        With structural damping, or without a C compiler.
+    """
+    if version not in VERSIONS:
+        raise BodyError(f"FMI {version} must be one of {', '.join(map(str, VERSIONS))}")
+    if model.feedthrough.any():
+        rates = ("displacement",)
+    if not rates or set(rates) - set(RATES):
+        raise BodyError(f"rates are {', '.join(rates) or 'none'}, expected some of "
+                        f"{', '.join(RATES)}")  # fmt: skip
+    machine = platform.machine()
+    if machine not in PLATFORMS or platform.system() != "Linux":
+        raise BodyError(
+            f"an FMU's binary is made for {', '.join(PLATFORMS)} on Linux, not {machine}"
+        )
+    name = re.sub(r"\W", "_", path.stem)
+    name = name if re.match("[A-Za-z_]", name) else f"_{name}"
+    token = f"{{{uuid.uuid4()}}}"
+    description = _Description(model, rates, name, token)
+    with tempfile.TemporaryDirectory(prefix="flexgram-fmu-") as work:
+        folder = Path(work)
+        shutil.copyfile(SOURCE, folder / "model.c")
+        (folder / "model_data.h").write_text(_header(_matrices(model, rates), version, token))
+        library = folder / f"{name}.so"
+        _compile(folder, library)
+        xml = description.of_version_2() if version == 2 else description.of_version_3()
+        build = ('<?xml version="1.0" encoding="UTF-8"?>\n<fmiBuildDescription fmiVersion="3.0">\n'
+                 f'  <BuildConfiguration modelIdentifier="{name}">\n    <SourceFileSet '
+                 'language="C11"><SourceFile name="model.c"/></SourceFileSet>\n'
+                 "  </BuildConfiguration>\n</fmiBuildDescription>\n")  # fmt: skip
+        with (
+            written_aside(path) as place,
+            zipfile.ZipFile(place, "w", zipfile.ZIP_DEFLATED) as archive,
+        ):
+            archive.writestr("modelDescription.xml", xml)
+            for source in ("model.c", "model_data.h"):
+                archive.write(folder / source, f"sources/{source}")
+            if version == 3:
+                archive.writestr("sources/buildDescription.xml", build)
+            archive.write(library, f"binaries/{PLATFORMS[machine][version - 2]}/{name}.so")

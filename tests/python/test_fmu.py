@@ -1,0 +1,179 @@
+"""Functional mock-up units, by FMPy: valid, exact in co-simulation, the same system in model
+exchange."""
+
+from __future__ import annotations
+
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from test_superelements import reduced
+
+from conftest import run
+from flexgram import BodyError, ReducedModel
+from flexgram.couple import Joint, couple
+from flexgram.exporters import export
+
+fmpy = pytest.importorskip("fmpy")
+from fmpy.fmi2 import FMU2Model, FMU2Slave  # noqa: E402
+from fmpy.fmi3 import FMU3Model, FMU3Slave  # noqa: E402
+from fmpy.validation import validate_fmu  # noqa: E402
+
+FORMATS = {"fmu": (FMU2Slave, FMU2Model), "fmu3": (FMU3Slave, FMU3Model)}
+
+
+@pytest.fixture(scope="module")
+def model(tmp_path_factory: pytest.TempPathFactory) -> ReducedModel:
+    return reduced(tmp_path_factory.mktemp("fmu"), support=True)
+
+
+class Unit:
+    """An FMU, unpacked and instantiated: co-simulation (0) or model exchange (1)."""
+
+    def __init__(self, path: Path, folder: Path, which: int, **start: float) -> None:
+        self.version = "fmu3" if "fmu3" in path.name else "fmu"
+        fmpy.extract(str(path), str(folder))
+        description = fmpy.read_model_description(str(folder))
+        self.reference = {v.name: v.valueReference for v in description.modelVariables}
+        kind = description.modelExchange if which else description.coSimulation
+        self.fmu = FORMATS[self.version][which](
+            guid=description.guid, instanceName="x", modelIdentifier=kind.modelIdentifier,
+            unzipDirectory=str(folder))  # fmt: skip
+        self.fmu.instantiate()
+        for name, value in start.items():
+            self.set([name], [value])
+        if self.version == "fmu":
+            self.fmu.setupExperiment(startTime=0.0)
+        self.fmu.enterInitializationMode()
+        self.fmu.exitInitializationMode()
+
+    def set(self, names: list[str], values: Any) -> None:
+        where = [self.reference[name] for name in names]
+        put = self.fmu.setReal if self.version == "fmu" else self.fmu.setFloat64
+        put(where, [float(x) for x in values])
+
+    def get(self, names: list[str]) -> Any:
+        where = [self.reference[name] for name in names]
+        return np.array((self.fmu.getReal if self.version == "fmu" else self.fmu.getFloat64)(where))
+
+    def step(self, time: float, h: float) -> None:
+        self.fmu.doStep(currentCommunicationPoint=time, communicationStepSize=h)
+
+
+@pytest.mark.parametrize("version", FORMATS)
+def test_valid_and_exact(version: str, model: ReducedModel, tmp_path: Path) -> None:
+    """Steps of co-simulation against the exact response, for inputs that jump and (FMI 2.0, by
+    their slopes) that rise; the state can be taken back."""
+    path = tmp_path / f"part.{version}.fmu"
+    export(model, path, version)
+    assert validate_fmu(str(path)) == []
+    with zipfile.ZipFile(path) as archive:
+        names = archive.namelist()
+    assert "sources/model.c" in names and any(name.startswith("binaries/") for name in names)
+    h, steps = 1e-4, 80
+    t = h * np.arange(steps + 1)
+    outputs = [f"{port}.{what}" for what in ("motion", "velocity", "acceleration")
+               for port in model.outputs]  # fmt: skip
+    unit = Unit(path, tmp_path / version, 0)
+    u = np.zeros((steps + 1, len(model.inputs)))
+    u[:, 1], u[:, 3] = 100.0, -2.0
+    unit.set(model.inputs, u[0])
+    found = [unit.get(outputs)]
+    for k in range(steps):
+        unit.step(t[k], h)
+        found.append(unit.get(outputs))
+    rates = ["displacement", "velocity", "acceleration"]
+    y, _ = model.simulate(u, t, rates=rates)
+    scale = np.abs(y).max(axis=0) + 1e-300
+    assert (np.abs(np.array(found) - y) / scale).max() < 1e-9
+    kept = unit.fmu.getFMUState()
+    unit.step(t[-1], 3.7 * h)
+    after = unit.get(outputs)
+    unit.fmu.setFMUState(kept)
+    unit.step(t[-1], 3.7 * h)
+    assert np.array_equal(unit.get(outputs), after)
+    if version == "fmu":
+        unit = Unit(path, tmp_path / "again", 0)
+        rise = np.outer(np.minimum(t, 2e-3) * 1e5, np.eye(len(model.inputs))[2])
+        y, _ = model.simulate(rise, t)
+        where = [unit.reference[name] for name in model.inputs]
+        for k in range(steps):
+            unit.set(model.inputs, rise[k])
+            unit.fmu.setRealInputDerivatives(where, [1] * len(where), (rise[k + 1] - rise[k]) / h)
+            unit.step(t[k], h)
+        motion = unit.get(outputs[: len(model.outputs)])
+        assert np.abs(motion - y[-1]).max() < 1e-9 * np.abs(y).max()
+
+
+@pytest.mark.parametrize("version", FORMATS)
+def test_model_exchange_is_the_same_system(
+    version: str, model: ReducedModel, tmp_path: Path
+) -> None:
+    """A, B, C, D column by column: the body's response; without damping it has none."""
+    export(model, tmp_path / f"part.{version}.fmu", version, rates=["displacement"])
+    n, inputs = 2 * model.order, model.inputs
+    states = [f"state[{k + 1}]" for k in range(n)]
+    rates = [f"der({name})" for name in states]
+    outputs = [f"{port}.motion" for port in model.outputs]
+    for factor in (1.0, 0.0):
+        unit = Unit(tmp_path / f"part.{version}.fmu", tmp_path / f"{factor}", 1,
+                    damping_factor=factor)  # fmt: skip
+        columns = []
+        for name in (*states, *inputs):
+            unit.set([*states, *inputs], np.zeros(n + len(inputs)))
+            unit.set([name], [1.0])
+            columns.append(unit.get([*rates, *outputs]))
+        whole = np.array(columns).T
+        A, B, C, D = whole[:n, :n], whole[:n, n:], whole[n:, :n], whole[n:, n:]
+        for w in 2 * np.pi * np.array([30.0, 700.0, 1900.0]):
+            H = C @ np.linalg.solve(1j * w * np.eye(n) - A, B) + D
+            K, M = model.K, model.M
+            expected = model.C @ np.linalg.solve(K + 1j * w * factor * model.D - w * w * M, model.B)
+            assert np.linalg.norm(H - expected) < 1e-10 * np.linalg.norm(expected)
+
+
+def test_two_of_them_behave_as_their_assembly(model: ReducedModel, tmp_path: Path) -> None:
+    """A spring between two units, its force exchanged every small step, against the exact
+    assembly."""
+    export(model, tmp_path / "part.fmu", "fmu", rates=["displacement"])
+    units = [Unit(tmp_path / "part.fmu", tmp_path / name, 0) for name in ("a", "b")]
+    stiffness, port = 3e5, "end.fz"
+    whole = couple({"a": model, "b": model}, [Joint("a.end", "b.end", stiffness={"z": stiffness})],
+                   keep=["a.end", "b.end"])  # fmt: skip
+    h, steps = 2e-7, 10000
+    t = h * np.arange(steps + 1)
+    u = np.zeros((steps + 1, len(whole.inputs)))
+    u[:, whole.inputs.index("a.end.fz")] = 50.0
+    y, _ = whole.simulate(u, t)
+    at = [whole.outputs.index(f"{name}.end.fz") for name in "ab"]
+    motion = np.zeros((steps + 1, 2))
+    for k in range(steps):
+        spring = stiffness * (motion[k, 0] - motion[k, 1])
+        units[0].set([port], [50.0 - spring])
+        units[1].set([port], [spring])
+        for unit in units:
+            unit.step(t[k], h)
+        motion[k + 1] = [unit.get([f"{port}.motion"])[0] for unit in units]
+    assert np.abs(motion[:, 1]).max() > 0.05 * np.abs(motion[:, 0]).max()
+    assert np.abs(motion - y[:, at]).max() < 2e-3 * np.abs(y[:, at]).max()
+
+
+def test_what_makes_no_unit(model: ReducedModel, tmp_path: Path) -> None:
+    assert model.path is not None
+    run("export", model.path, "--to", "fmu", "--rates", "velocity", "-o", tmp_path / "p.fmu")
+    described = fmpy.read_model_description(str(tmp_path / "p.fmu"))
+    assert [v.name for v in described.modelVariables if v.causality == "output"] == [
+        f"{port}.velocity" for port in model.outputs
+    ]
+    assert {v.unit for v in described.modelVariables if v.causality == "output"} == {"m/s", "rad/s"}
+    refused = run("export", model.path, "--to", "fmu", "--rates", "jerk", "-o", tmp_path / "p.fmu",
+                  expect=1)  # fmt: skip
+    assert "rates are jerk" in refused.err
+    model.eta = 0.01
+    try:
+        with pytest.raises(BodyError, match="structural damping"):
+            export(model, tmp_path / "p.fmu", "fmu")
+    finally:
+        model.eta = 0.0
