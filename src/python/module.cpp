@@ -1,15 +1,14 @@
 /// Python module _flexgram: reduction in the caller's process and communicator. The
 /// package flexgram (python/flexgram) is its user; nothing here is documented for others.
 
-#include "base/parallel.hpp"
 #include "base/process.hpp"
 #include "base/text.hpp"
 #include "fem/shape_functions.hpp"
 #include "io/body_io.hpp"
 #include "io/reduced_fields.hpp"
 #include "io/reduced_io.hpp"
-#include "linalg/sparse.hpp"
 #include "medium/medium_io.hpp"
+#include "python/body.hpp"
 #include "run/reduce.hpp"
 
 #include <pybind11/numpy.h>
@@ -22,20 +21,6 @@ namespace py = pybind11;
 
 namespace flexgram {
 namespace {
-
-using Array = py::array_t<double, py::array::c_style | py::array::forcecast>;
-using Rows = py::array_t<std::int64_t, py::array::c_style | py::array::forcecast>;
-
-void start() {
-  PetscBool running = PETSC_FALSE;
-  SlepcInitialized(&running);
-  if (!running && SlepcInitializeNoArguments())
-    throw Error("PETSc or SLEPc did not start; see the message above");
-}
-
-MPI_Comm comm_of(std::intptr_t fortran) {
-  return MPI_Comm_f2c(static_cast<MPI_Fint>(fortran));
-}
 
 /// PETSc's options for the time of one call: only what the call gave, not the program's
 /// own.
@@ -58,108 +43,6 @@ public:
 
 private:
   PetscOptions own_ = nullptr;
-};
-
-Matrix borrowed(std::uintptr_t handle) {
-  const auto mat = reinterpret_cast<Mat>(handle); // petsc4py's Mat.handle
-  FG_CALL(PetscObjectReference(reinterpret_cast<PetscObject>(mat)));
-  return Matrix::adopt(mat);
-}
-
-/// This rank's rows of a tall matrix, row-major from NumPy.
-Block block_of(MPI_Comm comm, RowRange rows, PetscInt n, const Array& values,
-               const char* name) {
-  agree(comm, [&] {
-    if (values.ndim() != 2 || values.shape(0) != rows.size())
-      throw Error(
-          text("%s: this rank has %lld rows of K, so it must give so many rows of %s",
-               name, static_cast<long long>(rows.size()), name));
-  });
-  Block block(comm, rows, n, static_cast<PetscInt>(values.shape(1)));
-  Block::Access access(block);
-  for (PetscInt j = 0; j < block.columns(); ++j)
-    for (PetscInt i = 0; i < rows.size(); ++i) access.column(j)[i] = values.at(i, j);
-  return block;
-}
-
-/// A body as Python hands it over: CSR of this rank's rows, or petsc4py matrices as they
-/// are.
-struct PythonBody {
-  Body body;
-
-  PythonBody(std::intptr_t comm_handle, const std::string& name) {
-    start();
-    body.model.comm = comm_of(comm_handle);
-    body.model.name = name;
-  }
-  void set_petsc(const std::string& which, std::uintptr_t handle) {
-    set(which, borrowed(handle));
-  }
-  void set_csr(const std::string& which, PetscInt first, PetscInt last, PetscInt n,
-               const Rows& start_of, const Rows& column, const Array& value) {
-    LocalRows local;
-    local.start.assign(start_of.data(), start_of.data() + start_of.size());
-    local.column.assign(column.data(), column.data() + column.size());
-    local.value.assign(value.data(), value.data() + value.size());
-    agree(body.model.comm, [&] {
-      for (std::size_t i = 0; i + 1 < local.start.size(); ++i)
-        for (PetscInt k = local.start[i] + 1; k < local.start[i + 1]; ++k)
-          if (local.column[static_cast<std::size_t>(k)] <=
-              local.column[static_cast<std::size_t>(k) - 1])
-            throw Error(text("%s: columns of a row must rise", which.c_str()));
-    });
-    set(which, make_sparse(body.model.comm, {first, last}, n, local));
-  }
-  void set_ports(const Array& B, const std::optional<Array>& C_transposed,
-                 std::vector<std::string> inputs, std::vector<std::string> outputs) {
-    SecondOrderModel& m = body.model;
-    m.B = block_of(m.comm, m.rows, m.n, B, "B");
-    m.outputs_are_inputs = !C_transposed.has_value();
-    m.C = C_transposed ? block_of(m.comm, m.rows, m.n, *C_transposed, "C") : m.B.share();
-    m.inputs = std::move(inputs);
-    m.outputs = std::move(outputs);
-  }
-  void set_damping(double alpha, double beta, double eta) {
-    body.model.damping = {alpha, beta, eta};
-  }
-  void set_dofs(const Rows& node, const Rows& label, const std::optional<Rows>& component,
-                const std::optional<Array>& position) {
-    SecondOrderModel& m = body.model;
-    agree(m.comm, [&] {
-      const auto rows = static_cast<py::ssize_t>(m.rows.size());
-      if (node.size() != rows || label.size() != rows ||
-          (component && component->size() != rows) ||
-          (position && position->size() != 3 * rows))
-        throw Error("node, component and position must fit the rows of this rank");
-    });
-    m.node.assign(node.data(), node.data() + node.size());
-    m.label.assign(label.data(), label.data() + label.size());
-    if (component)
-      m.component.assign(component->data(), component->data() + component->size());
-    if (position)
-      m.position.assign(position->data(), position->data() + position->size());
-  }
-
-private:
-  void set(const std::string& which, Matrix matrix) {
-    SecondOrderModel& m = body.model;
-    take_symmetric_part(matrix, which, m.name, m.remarks);
-    PetscReal norm = 0;
-    FG_CALL(MatNorm(matrix, NORM_FROBENIUS, &norm));
-    if (!std::isfinite(norm)) throw Error(text("%s holds NaN or Inf", which.c_str()));
-    if (which == "K") {
-      FG_CALL(MatGetSize(matrix, &m.n, nullptr));
-      m.rows = owned_rows(matrix);
-      m.K = std::move(matrix);
-      return;
-    }
-    const RowRange rows = owned_rows(matrix);
-    agree(m.comm, [&] {
-      if (rows.begin != m.rows.begin || rows.end != m.rows.end)
-        throw Error(text("%s is not split over the ranks like K", which.c_str()));
-    });
-    (which == "M" ? m.M : m.D) = std::move(matrix);
-  }
 };
 
 /// Fields of a reduced body, by their names in its file.
