@@ -61,13 +61,25 @@ def faces_of(
 
 
 def outer(faces: IntArray) -> IntArray:
-    """Faces that are there once, in the order of their nodes."""
+    """Faces that are there once, in the order of their nodes; without quadrilaterals that two
+    triangles of the same corners cover, where tetrahedra stand on hexahedra."""
     corners = faces.copy()
     corners[faces[:, 3] == faces[:, 0], 3] = -1  # seen from the other side it starts elsewhere
     _, first, count = np.unique(np.sort(corners, axis=1), axis=0, return_index=True,
                                 return_counts=True)  # fmt: skip
     alone: IntArray = faces[first[count == 1]]
-    return alone
+    threes = alone[:, 3] == alone[:, 0]
+    if threes.all() or not threes.any():
+        return alone
+    triangles = {tuple(sorted(alone[k, :3].tolist())): int(k) for k in np.flatnonzero(threes)}
+    covered: list[int] = []
+    for k in np.flatnonzero(~threes):
+        a, b, c, d = alone[k].tolist()
+        for halves in (((a, b, c), (a, c, d)), ((a, b, d), (b, c, d))):
+            found = [triangles.get(tuple(sorted(half)), -1) for half in halves]
+            if min(found) >= 0:
+                covered += [int(k), *found]
+    return np.delete(alone, covered, axis=0)
 
 
 def whole_faces(

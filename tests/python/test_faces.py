@@ -205,3 +205,14 @@ def test_spacing_of_nodes() -> None:
     grid = np.stack(np.meshgrid(*(np.arange(5) * h for h in (1, 2, 3))), axis=-1).reshape(-1, 3)
     assert spacing(grid.astype(float)) == 1
     assert spacing(np.zeros((3, 3))) == 0
+
+
+def test_tetrahedra_on_a_hexahedron() -> None:
+    """Two of them on one of its faces, by either diagonal: that face is inside."""
+    hexahedron = np.arange(8)[None]
+    for base in (((4, 5, 6), (4, 6, 7)), ((4, 5, 7), (5, 6, 7))):
+        tetra = np.array([[*corners, 8] for corners in base])
+        left = outer(faces_of([("hexahedron", hexahedron), ("tetra", tetra)]))
+        sets = {frozenset(face) for face in left.tolist()}
+        assert frozenset({4, 5, 6, 7}) not in sets and not sets & {frozenset(b) for b in base}
+        assert len(sets) == 5 + 4
