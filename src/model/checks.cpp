@@ -112,6 +112,11 @@ void check_ports(const Block& ports, const std::vector<std::string>& names,
     if (!(gram(i, i) > 0))
       throw Error(text("port %s: its column of %s is zero",
                        names[static_cast<std::size_t>(i)].c_str(), map));
+    if (gram(i, i) > 1e120)
+      throw Error(
+          text("port %s: its column of %s is as large as %.0e, which doubles cannot "
+               "square: are its units right?",
+               names[static_cast<std::size_t>(i)].c_str(), map, std::sqrt(gram(i, i))));
     for (int j = 0; j < i; ++j)
       if (gram(i, j) * gram(i, j) >= (1 - 1e-14) * gram(i, i) * gram(j, j))
         observer.warn(

@@ -70,6 +70,8 @@ BODIES: dict[str, tuple[Callable[[], dict[str, Any]], str]] = {
                       M=sp.block_diag([sp.identity(59), sp.csc_matrix((1, 1))]).tocsc()),
         "row 59",
     ),
+    "port of 1e80": (lambda: chain(B=np.eye(60)[:, :2] * [1, 1e80]), "port in2: its column of B is "
+                     "as large as 1e+80"),
     "zero port": (lambda: chain(B=np.eye(60)[:, :2] * [1, 0]), "port in2: its column of B is zero"),
     "negative diagonal damping": (
         lambda: chain(D=with_entries(sp.csc_matrix((60, 60)), r3c3=-2.0)),
