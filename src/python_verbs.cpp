@@ -50,6 +50,7 @@ const std::vector<std::pair<std::string, std::string>>& python_verbs() {
       {"report", "reduced file -> one self-contained HTML page"},
       {"plot", "reduced or sweep file -> figures"},
       {"export", "reduced file -> multibody codes and other tools"},
+      {"frf", "frequency responses between ports: table, Bode plot, universal file"},
       {"couple", "reduced files of several bodies -> one, with joints and springs"},
       {"hotspots", "where the stress of a reduced body is largest per unit of a load"},
       {"simulate", "response of a reduced body to forces over time"},

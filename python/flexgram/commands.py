@@ -249,6 +249,73 @@ def _couple(options: argparse.Namespace) -> None:
     say(f"  wrote {options.output}: order {whole.order}, {len(whole.inputs)} inputs")
 
 
+def _frf_options(parser: argparse.ArgumentParser) -> None:
+    from flexgram.reduced import RATES
+
+    parser.add_argument("rom", type=Path, help="reduced file")
+    parser.add_argument("--pair", action="append", default=[], metavar="OUTPUT=INPUT",
+                        required=True, help="ports, several times for more")  # fmt: skip
+    parser.add_argument("--hz", help="first,last,count; default: 800 over the band")
+    parser.add_argument("--rate", choices=RATES, default=RATES[0],
+                        help="what answers (default %(default)s)")  # fmt: skip
+    parser.add_argument("--measured", type=Path,
+                        help="universal file (58) whose responses are those of the pairs, in their "
+                        "order: at its frequencies, with the FRAC of each")  # fmt: skip
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        required=True,
+        help=".csv, .unv (universal file 58), or a Bode plot: .png, .svg, .pdf",
+    )
+
+
+def _frf(options: argparse.Namespace) -> None:
+    import numpy as np
+
+    from flexgram import frf, words
+    from flexgram.importers.interfaces import numbers
+    from flexgram.reduced import ReducedModel
+
+    model = ReducedModel.load(options.rom, basis=False)
+    pairs = []
+    for word in options.pair:
+        output, equals, port = word.partition("=")
+        if not equals:
+            raise BodyError(f"--pair {word}: expected OUTPUT=INPUT")
+        pairs.append((output, port))
+    measured = frf.read_universal(options.measured) if options.measured else []
+    if measured and len(measured) < len(pairs):
+        raise BodyError(f"{options.measured} has {len(measured)} responses for {len(pairs)} pairs")
+    if options.hz:
+        first, last, count = numbers(f"--hz {options.hz}", options.hz, 3)
+        hertz = np.linspace(first, last, int(count))
+    else:
+        hertz = np.linspace(model.band[0] / (2 * np.pi), model.band[-1] / (2 * np.pi), 800)
+    functions = []
+    for k, pair in enumerate(pairs):
+        at = measured[k].hertz if measured and not options.hz else hertz
+        functions += frf.responses(model, [pair], at, options.rate)
+        if measured and not options.hz:
+            if measured[k].rate != options.rate:
+                raise BodyError(f"{options.measured}: response {k + 1} is a {measured[k].rate}: "
+                                f"--rate {measured[k].rate}")  # fmt: skip
+            likeness = frf.frac(functions[-1].values, measured[k].values)
+            say(f"  {pair[0]} from {pair[1]}: FRAC {likeness:.4f} with the measured one")
+    suffix = options.output.suffix.lower()
+    if suffix == ".csv":
+        if any(not np.array_equal(r.hertz, functions[0].hertz) for r in functions):
+            raise BodyError("the measured responses are at different frequencies: --hz")
+        frf.write_csv(functions, options.output)
+    elif suffix in (".unv", ".uff"):
+        frf.write_universal(functions, options.output, words.error_of(model))
+    else:
+        from flexgram.figures import save
+
+        save(frf.bode(functions, measured[: len(pairs)]), options.output)
+    say(f"  wrote {options.output}: {len(functions)} responses, {words.error_of(model)}")
+
+
 def _simulate_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("rom", type=Path, help="reduced file")
     parser.add_argument(
@@ -404,6 +471,13 @@ COMMANDS: dict[
         "flexgram hotspots rom.h5\n  flexgram hotspots rom.h5 --input gas.p --count 3",
         _hotspots_options,
         _hotspots,
+    ),
+    "frf": (
+        "frequency responses between ports: table, Bode plot, universal file",
+        "flexgram frf rom.h5 --pair upper.fz=lower.fz --rate acceleration -o frf.png\n"
+        "  flexgram frf rom.h5 --pair upper.fz=lower.fz --measured test.unv -o both.png",
+        _frf_options,
+        _frf,
     ),
     "couple": (
         "reduced files of several bodies -> one, with joints and springs",
