@@ -59,7 +59,8 @@ class Verdict:
         worst = self.bound[closed].max() if closed.any() else np.inf
         return (f"the parts' claims bound it at {closed.sum()} of {len(self.omega)} frequencies "
                 f"(by {worst:.1e}); at the others their errors may grow in the assembly (gain up "
-                f"to {self.gain.max():.1g}): reduce the parts to a smaller tolerance")  # fmt: skip
+                f"to {self.gain.max():.1g}): reduce the parts to a smaller tolerance, free ones by "
+                "-mor_tol_relative_to elastic")  # fmt: skip
 
 
 def _errors(model: ReducedModel, H: ComplexArray, kinds: Sequence[str]) -> Floats:
@@ -119,10 +120,10 @@ def verdict(
                              axis=0)):  # fmt: skip
             raise BodyError("a frequency is outside the band that the parts share")
     for name, model in models.items():
-        if model.relative_to != "pointwise":
+        if model.relative_to == "band":
             raise BodyError(
-                f"part {name}: a claim relative to the {model.relative_to} part of H says too "
-                "little: reduce with -mor_tol_relative_to pointwise"
+                f"part {name}: a claim relative to the largest H of the band says too little of "
+                "each frequency: reduce with -mor_tol_relative_to pointwise or elastic"
             )
         if model.load_names:
             raise BodyError(f"part {name} was reduced for few loads: of single ports nothing is "
@@ -143,6 +144,8 @@ class Loop:
 
     def __init__(self, parts: Parts, joints: Sequence[Joint], keep: Sequence[str]) -> None:
         self.parts = parts
+        self.elastic = {name: m.elastic() for name, m in parts.models.items()
+                        if m.relative_to == "elastic" and m.frame["rigid_modes"]}  # fmt: skip
         self.ports = [p for p in parts.inputs if p in parts.outputs]
         rows = [parts.inputs.index(p) for p in self.ports]
         ties = [(d, t[rows], joint) for joint in joints for d, t in tied(parts, joint)]
@@ -174,6 +177,9 @@ class Loop:
             mine = [p.removeprefix(name + ".") for p in self.ports if self.parts.part_of(p) == name]
             own.append(H_i[np.ix_([m.outputs.index(p) for p in mine],
                                   [m.inputs.index(p) for p in mine])])  # fmt: skip
+            e = self.elastic.get(name)
+            if e is not None:  # what the claim is relative to
+                H_i = frequency_response(e.K * (1 + 1j * e.eta), e.D, e.M, e.B, e.C, omega)
             errors.append(_errors(m, H_i, self.kinds[name]))
         H, E = scipy.linalg.block_diag(*own), scipy.linalg.block_diag(*errors)
         if not np.all(np.isfinite(E)):
