@@ -240,6 +240,8 @@ def _couple(options: argparse.Namespace) -> None:
     turns = {}
     for word in options.turn:
         part, _, vector = word.partition("=")
+        if part in turns:
+            raise BodyError(f"--turn {word}: {part} is turned twice")
         turns[part] = np.deg2rad(numbers(f"--turn {word}", vector, 3))
     whole = couple(models, joints, turns=turns, keep=options.keep)
     with written_aside(options.output, *(model.path for model in models.values())) as place:

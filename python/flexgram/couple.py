@@ -36,6 +36,8 @@ def read_joint(option: str, kind: str, text: str) -> Joint:
     values = {}
     for word in words:
         direction, _, number = word.partition("=")
+        if direction in values:
+            raise BodyError(f"{option} {text}: {direction} is given twice")
         try:
             values[direction] = float(number)
         except ValueError:
@@ -107,7 +109,11 @@ def couple(
                             "not have: leave out directions, or reduce the parts with -mor_statics "
                             "yes")  # fmt: skip
         N = turned[len(rows) :].T
-    joined = {name for joint in joints for name in (joint.first, joint.second)} - set(keep)
+    joined = {name for joint in joints for name in (joint.first, joint.second)}
+    for name in keep:
+        if name not in joined:
+            raise BodyError(f"keep {name}: no joint has it")
+    joined -= set(keep)
     inputs = [i for i, p in enumerate(parts.inputs) if p.rpartition(".")[0] not in joined]
     outputs = [i for i, p in enumerate(parts.outputs) if p.rpartition(".")[0] not in joined]
     if not inputs or not outputs:
@@ -127,9 +133,12 @@ def couple(
     }  # fmt: skip
     squares = scipy.linalg.eigh(fields["K"], fields["M"], eigvals_only=True)
     fields["modes/omega"] = np.sqrt(np.maximum(squares, 0))
+    slow = 1e-3 * min(bands[bands > 0].min(initial=np.inf), fields["modes/omega"][-1])
+    fields["frame/rigid_modes"] = int(np.sum(fields["modes/omega"] < slow))
     known = verdict(models, joints, turns=turns, keep=keep, modes=fields["modes/omega"])
     fields |= {"error/omega": known.omega, "error/relative": known.bound,
-               "error/worst": float(known.bound.max(initial=0)),
+               "error/worst": np.inf if set(fields["B/names"]) ^ set(fields["C/names"])
+               else float(known.bound.max(initial=0)),
                "error/relative_to": "pointwise",
                "log/plan": [f"parts\t{', '.join(models)}", f"error\t{known.words}"]}  # fmt: skip
     return ReducedModel(fields, lambda path: _write(fields, Path(path)))

@@ -58,6 +58,10 @@ def _describe(path: Path) -> list[str]:
         f"band {bands} Hz, error at most {model.certified_error:.1e} ({model.label})",
         f"inputs: {', '.join(model.inputs)}",
     ]
+    if len(model.field_error):
+        lines.insert(2, "field, by its strain energy: " + ", ".join(
+            f"{error:.1e} from {inputs}" for inputs, error in
+            zip(model.field_inputs, model.field_error, strict=True)))  # fmt: skip
     if len(model.kind_tolerances):
         lines.insert(2, "by kind: " + ", ".join(
             f"{kind} {error:.1e} of {asked:g}" for kind, error, asked in

@@ -95,6 +95,17 @@ class Parts:
         plain = np.allclose(self.turn[part], np.eye(3))
         return there if plain else whole
 
+    def expect_collocated(self, interface: str) -> None:
+        """What an interface measures is what it drives."""
+        for force in PORTS.values():
+            name = f"{interface}.{force}"
+            if name in self.inputs and name in self.outputs:
+                row, column = self.C[self.outputs.index(name)], self.B[:, self.inputs.index(name)]
+                if np.abs(row - column).max() > 1e-12 * np.abs(row).max():
+                    raise BodyError(
+                        f"{name}: what the output measures is not what the input drives"
+                    )
+
     def port(self, interface: str, direction: str) -> Floats:
         """The combination of inputs (and of the same outputs) that moves an interface in a
         direction of the assembly."""
@@ -111,20 +122,37 @@ class Parts:
 
 def tied(parts: Parts, joint: Joint) -> list[tuple[str, Floats]]:
     """Directions of a joint with the combination of ports that it holds together."""
+    words = f"joint {joint.first} = {joint.second}"
+    if joint.first == joint.second:
+        raise BodyError(f"{words}: an interface with itself")
     first = parts.has(joint.first)
-    second = first if joint.second == GROUND else parts.has(joint.second)
-    own = set(joint.stiffness) | set(joint.damping)
+    parts.expect_collocated(joint.first)
+    second = first
+    if joint.second != GROUND:
+        second = parts.has(joint.second)
+        parts.expect_collocated(joint.second)
+    own = {**joint.stiffness, **joint.damping}
+    for direction, value in (*joint.stiffness.items(), *joint.damping.items()):
+        if direction not in PORTS or (joint.directions and direction not in joint.directions):
+            raise BodyError(f"{words}: {direction} must be one of "
+                            f"{', '.join(joint.directions or PORTS)}")  # fmt: skip
+        if not (np.isfinite(value) and value > 0):
+            raise BodyError(f"{words}: {direction} = {value} must be positive")
+    if own and set(joint.directions) - set(own):
+        raise BodyError(f"{words}: no stiffness or damping in {joint.directions[0]}")
     wanted = list(joint.directions) or [d for d in PORTS if d in own] or [
         d for d in PORTS if d in first and d in second
     ]  # fmt: skip
+    if not wanted:
+        raise BodyError(f"{words}: they have no direction in common ({', '.join(first)} and "
+                        f"{', '.join(second)})")  # fmt: skip
     result = []
     for direction in wanted:
         if direction not in PORTS:
-            raise BodyError(f"joint {joint.first} = {joint.second}: {direction} must be one of "
-                            f"{', '.join(PORTS)}")  # fmt: skip
+            raise BodyError(f"{words}: {direction} must be one of {', '.join(PORTS)}")
         for name, there in ((joint.first, first), (joint.second, second)):
             if direction not in there:
-                raise BodyError(f"joint {joint.first} = {joint.second}: {name} has no {direction}")
+                raise BodyError(f"{words}: {name} has no {direction}")
         sign = parts.port(joint.first, direction)
         if joint.second != GROUND:
             sign = sign - parts.port(joint.second, direction)

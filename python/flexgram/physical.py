@@ -95,7 +95,10 @@ class PhysicalForm:
             for name, group in file.get("interfaces", {}).items():
                 found[name] = np.asarray(group.attrs["position"], dtype=float)
         if not found:
-            geometry = Geometry.load(path)
+            try:
+                geometry = Geometry.load(path)
+            except BodyError as error:
+                raise BodyError(f"where the interfaces are is not known: {error}") from None
             found = {name: place for name, (place, _) in geometry.followers.items()}
             for name, nodes in geometry.interfaces.items():
                 found.setdefault(name, geometry.points[nodes].mean(axis=0))

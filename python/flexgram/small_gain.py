@@ -25,8 +25,9 @@ from flexgram.response import frequency_response
 Floats = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
-#: What is claimed of ports that are inputs and outputs alike, by the letter of their kind.
-COLLOCATED = {"f": "displacement from force", "m": "rotation from moment"}
+#: Kinds of ports that are inputs and outputs alike, by the letter of their names.
+MOTIONS = {"f": "displacement", "m": "rotation"}
+FORCES = {"f": "force", "m": "moment"}
 
 
 @dataclass
@@ -38,7 +39,8 @@ class Verdict:
     omega : (n,) array
         [rad/s]
     bound : (n,) array
-        Of the assembly's error relative to ‖H‖_F; inf where it does not close.
+        Of the assembly's error relative to ‖H‖_F, of the ports that are inputs and outputs alike;
+        inf where it does not close.
     gain : (n,) array
         Small gain: the bound closes below one.
     """
@@ -54,8 +56,10 @@ class Verdict:
         if not self.proved:
             return "not known: a part is not certified"
         if closed.all():
-            return (f"at most {self.bound.max():.1e} at {len(self.omega)} frequencies, by the "
-                    "parts' claims (between them not proved)")  # fmt: skip
+            return (
+                f"at most {self.bound.max():.1e} at {len(self.omega)} frequencies, by the parts' "
+                "claims, of what is input and output alike (between them not proved)"
+            )
         worst = self.bound[closed].max() if closed.any() else np.inf
         return (f"the parts' claims bound it at {closed.sum()} of {len(self.omega)} frequencies "
                 f"(by {worst:.1e}); at the others their errors may grow in the assembly (gain up "
@@ -68,12 +72,13 @@ def _errors(model: ReducedModel, H: ComplexArray, kinds: Sequence[str]) -> Float
     body answers by H: of each claim the part that is those ports'."""
     E = np.full((len(kinds), len(kinds)), _share(model.whole_error) * float(np.linalg.norm(H)))
     claims = dict(zip(model.kinds, model.by_kind, strict=True)) if len(model.by_kind) else {}
-    for k, kind in enumerate(kinds):
-        claim = claims.get(COLLOCATED.get(kind, ""))
-        if claim is not None:
-            output, _, input_ = COLLOCATED[kind].partition(" from ")
-            block = np.ix_(ports_of(model.outputs, output), ports_of(model.inputs, input_))
-            E[k, k] = min(E[k, k], _share(float(claim)) * float(np.linalg.norm(H[block])))
+    for i, one in enumerate(kinds):
+        for j, other in enumerate(kinds):
+            output, input_ = MOTIONS.get(one, ""), FORCES.get(other, "")
+            claim = claims.get(f"{output} from {input_}")
+            if claim is not None:
+                block = np.ix_(ports_of(model.outputs, output), ports_of(model.inputs, input_))
+                E[i, j] = min(E[i, j], _share(float(claim)) * float(np.linalg.norm(H[block])))
     return E
 
 
@@ -184,11 +189,14 @@ class Loop:
         H, E = scipy.linalg.block_diag(*own), scipy.linalg.block_diag(*errors)
         if not np.all(np.isfinite(E)):
             return np.inf, np.inf
-        Z = np.zeros((len(self.ties), len(self.ties)), dtype=complex)
+        # Forces λ of the joints: motion apart G λ = S u where tied, λ = Y (S u - G λ) of springs.
+        G, right = self.S @ H @ self.S.T, self.S.astype(complex)
         for k, (d, joint) in enumerate(self.ties):
             if not joint.ties:
-                Z[k, k] = 1 / (joint.stiffness.get(d, 0.0) + 1j * omega * joint.damping.get(d, 0.0))
-        Q: Any = self.S.T @ np.linalg.solve(self.S @ H @ self.S.T + Z, self.S.astype(complex))
+                Y = joint.stiffness.get(d, 0.0) + 1j * omega * joint.damping.get(d, 0.0)
+                G[k], right[k] = Y * G[k], Y * right[k]
+                G[k, k] += 1
+        Q: Any = self.S.T @ np.linalg.solve(G, right)
         loop = self._sizes(Q) @ E
         gain = float(np.abs(np.linalg.eigvals(loop)).max(initial=0))
         if not gain < 1 or not self.P.shape[1]:

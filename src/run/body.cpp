@@ -72,7 +72,8 @@ Body load_body(MPI_Comm comm, const Settings& settings, Observer& observer) {
 
 namespace {
 
-/// How many there are, and what that costs: every block solve has a column for each.
+/// How many there are; with loads and outputs beside interfaces how many different ones,
+/// each a column of the first block solve.
 std::string words_of_ports(const SecondOrderModel& model) {
   const auto inputs = static_cast<long long>(model.inputs.size()),
              outputs = static_cast<long long>(model.outputs.size());
@@ -83,7 +84,7 @@ std::string words_of_ports(const SecondOrderModel& model) {
         return std::find(model.inputs.begin(), model.inputs.end(), name) ==
                model.inputs.end();
       });
-  return count + text(", %lld columns a block solve", inputs + alone);
+  return count + text(", %lld by their names", inputs + alone);
 }
 
 } // namespace

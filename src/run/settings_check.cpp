@@ -143,6 +143,8 @@ void Settings::check() {
                  "0 (automatic) or more");
   require_option(medium_target >= 0 && medium_target < 1, "-mor_medium_tol",
                  text("%g", medium_target), "0 (automatic) or below 1");
+  require_option(field_error == "no" || !takes_samples(), "-mor_field_error", field_error,
+                 "no with -mor_method pod, whose errors are estimated");
   check_lists();
   check_solver();
   order.each_kind = tolerance_of == "each_kind";

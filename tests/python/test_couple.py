@@ -171,6 +171,12 @@ def test_what_is_no_assembly() -> None:
         ([Joint("q.a", "p1.a")], "there is no such part; there are p0, p1"),
         ([Joint("p0.a", "p1.a", ["rx"])], "p0.a has no rx"),
         ([Joint("p0.a", "p1.a", ["u"])], "u must be one of x"),
+        ([Joint("p0.a", "p0.a")], "an interface with itself"),
+        ([Joint("p0.a", "p1.a", stiffness={"x": 3.0, "Rx": 2.0})], "Rx must be one of x"),
+        ([Joint("p0.a", "p1.a", ["x"], {"x": 3.0, "y": 2.0})], "y must be one of x"),
+        ([Joint("p0.a", "p1.a", ["x", "y"], {"x": 3.0})], "no stiffness or damping in x"),
+        ([Joint("p0.a", "p1.a", stiffness={"x": -3.0})], "x = -3.0 must be positive"),
+        ([Joint("p0.a", "p1.a", damping={"x": float("nan")})], "x = nan must be positive"),
         ([Joint("p0.a", "p1.a"), Joint("p0.a", "p1.a", ["x"])], "hold a motion twice"),
         ([Joint("p0.a", "p1.a"), Joint("p0.b", "p1.b")], "no port is left"),
     ):
@@ -178,8 +184,38 @@ def test_what_is_no_assembly() -> None:
             couple(parts, joints)
     assert couple(parts, [Joint("p0.a", "p1.a"), Joint("p0.b", "p1.b")], keep=["p0.b"]).inputs == [
         "p0.b.fx", "p0.b.fy", "p0.b.fz"]  # fmt: skip
+    with pytest.raises(BodyError, match=r"keep nope\.x: no joint has it"):
+        couple(parts, [Joint("p0.a", "p1.a")], keep=["nope.x"])
     with pytest.raises(BodyError, match="outside the band"):
         verdict(parts, [Joint("p0.a", "p1.a")], omega=[2 * np.pi * 5])
     parts["p1"].relative_to = "band"
     with pytest.raises(BodyError, match="relative to the largest H of the band"):
         couple(parts, [Joint("p0.a", "p1.a")])
+
+
+def test_what_is_claimed_and_what_not() -> None:
+    """Of ports that are inputs or outputs alone nothing is; interfaces measure what they drive; two
+    with nothing in common are not joined; dampers at 0 Hz."""
+    rng = np.random.default_rng(9)
+    K, M, B, names, alpha, beta = random_body(rng, 6)
+    matrices = sp.csr_matrix(K), sp.csr_matrix(M)
+    row = np.zeros((1, len(K)))
+    row[0, 7] = 1.0
+    more = Matrices(*matrices, B, C=np.vstack([B.T, row]), inputs=names, outputs=[*names, "c.ux"],
+                    alpha=alpha, beta=beta)  # fmt: skip
+    other = reduced(random_body(rng, 6), 1e-5)
+    whole = couple({"p0": flexgram.reduce(more, BAND, 1e-5), "p1": other}, [Joint("p0.b", "p1.a")])
+    assert "p0.c.ux" in whole.outputs and not np.isfinite(whole.certified_error)
+    assert "of what is input and output alike" in dict(whole.log["plan"])["error"]
+    turned = Matrices(*matrices, B, C=-B.T, inputs=names, outputs=names, alpha=alpha, beta=beta)
+    with pytest.raises(BodyError, match="is not what the input drives"):
+        couple({"p0": flexgram.reduce(turned, BAND, 1e-3), "p1": other}, [Joint("p0.b", "p1.a")])
+    some = Matrices(*matrices, B[:, :2], inputs=["a.fx", "b.fy"], alpha=alpha, beta=beta)
+    two = flexgram.reduce(some, BAND, 1e-3)
+    with pytest.raises(BodyError, match=r"no direction in common \(x and y\)"):
+        couple({"p0": two, "p1": two}, [Joint("p0.a", "p1.b")])
+    held = Matrices(*matrices, B, inputs=names, alpha=alpha, beta=beta)
+    still = flexgram.reduce(held, (0.0, 0.6), 1e-4)
+    said = verdict({"p0": still, "p1": still}, [Joint("p0.b", "p1.a", damping={"x": 0.3})],
+                   omega=[0.0])  # fmt: skip
+    assert np.isfinite(said.bound[0])

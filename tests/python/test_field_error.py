@@ -104,3 +104,22 @@ def test_with_a_damping_matrix_nothing_is_claimed() -> None:
     rom = flexgram.reduce(given, (0.05, 0.6), 1e-3, options={"mor_field_error": "yes"})
     assert rom.kind == "certified" and np.isinf(rom.field_error).all()
     assert len(flexgram.reduce(given, (0.05, 0.6), 1e-3).field_error) == 0
+
+
+def test_of_which_inputs_it_is(tmp_path: Path) -> None:
+    """With load patterns of these loads; with pod, whose errors are estimated, there is none."""
+    rng = np.random.default_rng(13)
+    K, M, B, names, alpha, beta = random_body(rng, 6)
+    given = Matrices(sp.csr_matrix(K), sp.csr_matrix(M), B, inputs=names, alpha=alpha, beta=beta)
+    options = {"mor_field_error": "yes", "mor_load_patterns": 2}
+    rom = flexgram.reduce(given, (0.05, 0.6), 1e-3, options=options)
+    assert rom.field_inputs == ["these loads"]
+    omega = chosen_omega(rom, rng)
+    along = ReducedModel({"K": rom.K, "M": rom.M, "D": rom.D, "B": rom.B @ rom.loads, "C": rom.C,
+                          "V": rom.V, "error/field_inputs": ["all ports"]}, None)  # fmt: skip
+    truth = largest_errors(along, K, M, B @ rom.loads, (alpha, beta, 0.0), omega)["all ports"]
+    assert truth <= rom.field_error[0] * (1 + 1e-6)
+    rom.save(tmp_path / "rom.h5")
+    assert "field, by its strain energy" in run("info", tmp_path / "rom.h5").out
+    with pytest.raises(flexgram.BodyError, match="no with -mor_method pod"):
+        flexgram.reduce(given, (0.05, 0.6), 1e-3, method="pod", options={"mor_field_error": "yes"})

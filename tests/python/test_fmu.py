@@ -9,10 +9,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+import scipy.linalg
+import scipy.sparse as sp
 from test_superelements import reduced
 
+import flexgram
 from conftest import run
 from flexgram import BodyError, ReducedModel
+from flexgram.call import Matrices
 from flexgram.couple import Joint, couple
 from flexgram.exporters import export
 
@@ -177,3 +181,40 @@ def test_what_makes_no_unit(model: ReducedModel, tmp_path: Path) -> None:
             export(model, tmp_path / "p.fmu", "fmu")
     finally:
         model.eta = 0.0
+
+
+def test_names_soft_mounts_and_feedthrough(tmp_path: Path) -> None:
+    """Any names of ports; a mount far softer than the rest keeps its digits; no two variables of
+    one name; rates of a feedthrough are refused."""
+    rng = np.random.default_rng(5)
+    n = 40
+    K = np.diag(10.0 ** rng.uniform(4, 12, n))
+    K[0, 0] = 0.4
+    turn = np.eye(n)
+    turn[:3, :3] = scipy.linalg.qr(rng.standard_normal((3, 3)))[0]
+    M = np.eye(n)
+    B = turn.T[:, :2] + 0.1 * rng.standard_normal((n, 2))
+    given = Matrices(sp.csr_matrix(K), sp.csr_matrix(M), B, inputs=["101.fx", 'a "b" <c> & é'],
+                     beta=1e-7)  # fmt: skip
+    rom = flexgram.reduce(given, (0.05, 3000.0), order=38)
+    export(rom, tmp_path / "soft.fmu", "fmu", rates=["displacement"])
+    assert validate_fmu(str(tmp_path / "soft.fmu")) == []
+    export(rom, tmp_path / "soft3.fmu", "fmu3")
+    assert validate_fmu(str(tmp_path / "soft3.fmu")) == []
+    unit = Unit(tmp_path / "soft.fmu", tmp_path / "soft", 0)
+    unit.set(rom.inputs, [1.0, 0.0])
+    t = np.linspace(0, 20.0, 41)
+    for k in range(40):
+        unit.step(t[k], 0.5)
+    y, _ = rom.simulate(np.outer(np.ones(41), [1.0, 0.0]), t)
+    motion = unit.get([f"{port}.motion" for port in rom.outputs])
+    assert np.abs(motion - y[-1]).max() < 1e-6 * np.abs(y).max()
+    rom.feedthrough[0, 0] = 1.0
+    with pytest.raises(BodyError, match="displacement alone"):
+        export(rom, tmp_path / "x.fmu", "fmu", rates=["velocity"])
+    export(rom, tmp_path / "x.fmu", "fmu")
+    rom.feedthrough[0, 0] = 0.0
+    rom.inputs = ["a", "a.motion"]
+    rom.outputs = ["a", "b"]
+    with pytest.raises(BodyError, match=r"would be named a\.motion"):
+        export(rom, tmp_path / "x.fmu", "fmu")

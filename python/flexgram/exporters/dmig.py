@@ -56,7 +56,7 @@ def write_dmig(model: ReducedModel, path: Path) -> None:
     lines = [f"$ flexgram: {model.order} generalised coordinates, {error}"]
     lines += [f"$ column {j + 1} of PRED: {name}" for j, name in enumerate(model.inputs)]
     values, modes = scipy.linalg.eigh(model.K, model.M)
-    values[np.abs(values) < 1e-12 * np.abs(values).max(initial=0)] = 0  # rigid
+    values[: model.frame["rigid_modes"]] = 0
     D = modes.T @ model.D @ modes
     D[np.abs(D) < 1e-15 * np.abs(D).max(initial=0)] = 0
     lines += [f"{'SPOINT':<8}{1:>8}{'THRU':<8}{model.order:>8}"]

@@ -48,7 +48,7 @@ def write_nastran(model: ReducedModel, path: Path, body: str | Path | None = Non
             f"{'*':<8}{number(places[name][2]).replace('D', 'E'):>16}"]  # fmt: skip
         for direction, row in moves.items():
             dofs[row] = (grid, direction + 1)
-    first = FIRST_GRID + 1000
+    first = FIRST_GRID + max(1000, len(form.interfaces))
     modes = form.order - len(form.boundary)
     dofs += [(first + k, 0) for k in range(modes)]
     if modes:
@@ -63,6 +63,7 @@ def write_nastran(model: ReducedModel, path: Path, body: str | Path | None = Non
 def _op4_matrix(name: str, a: Floats, symmetric: bool) -> list[str]:
     """A dense matrix in the text form of OUTPUT4, three numbers of seventeen digits a line."""
     rows, columns = a.shape
+    a = np.where(np.abs(a) < 1e-99, 0.0, a)  # exponents have two digits
     form = 6 if symmetric else 1 if rows == columns else 2
     lines = [f"{columns:8d}{rows:8d}{form:8d}{2:8d}{name:<8}1P,3E23.16"]
     for j in range(columns):

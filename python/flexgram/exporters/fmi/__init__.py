@@ -43,20 +43,21 @@ def _unit(port: str, output: bool, rate: str = "displacement") -> str | None:
 
 
 def _matrices(model: ReducedModel, rates: Sequence[str]) -> dict[str, Floats]:
-    """The state space in coordinates of the size of a velocity: modes times their frequencies,
-    beside the modes' velocities; what damping adds to A and C by itself."""
+    """The state space with coordinates that are as large as their velocities, each times its own
+    frequency; what damping adds to A and C by itself."""
     if model.eta:
         raise BodyError(f"structural damping (eta = {model.eta:g}) has no real time-domain form: "
                         "give Rayleigh damping instead")  # fmt: skip
-    squares, modes = scipy.linalg.eigh(model.K, model.M)
-    size = np.sqrt(np.maximum(squares, (1e-6 * squares[-1]) if squares[-1] > 0 else 1.0))
     m = model.order
+    mass = scipy.linalg.cho_factor(model.M)
+    squares = np.diag(model.K) / np.diag(model.M)
+    size = np.sqrt(np.maximum(squares, 1e-12 * squares.max() if squares.max() > 0 else 1.0))
     A0, A1 = np.zeros((2 * m, 2 * m)), np.zeros((2 * m, 2 * m))
     A0[:m, m:] = np.diag(size)
-    A0[m:, :m] = -np.diag(np.where(squares > 1e-13 * abs(squares[-1]), squares, 0.0) / size)
-    A1[m:, m:] = -modes.T @ model.D @ modes
-    B = np.vstack([np.zeros((m, len(model.inputs))), modes.T @ model.B])
-    shapes = model.C @ modes
+    A0[m:, :m] = -scipy.linalg.cho_solve(mass, model.K) / size
+    A1[m:, m:] = -scipy.linalg.cho_solve(mass, model.D)
+    B = np.vstack([np.zeros((m, len(model.inputs))), scipy.linalg.cho_solve(mass, model.B)])
+    shapes = model.C
     zero = np.zeros_like(shapes)
     C, C1, D = [], [], []
     for rate in rates:
@@ -71,7 +72,22 @@ def _matrices(model: ReducedModel, rates: Sequence[str]) -> dict[str, Floats]:
         C.append(rows)
         C1.append(added)
         D.append(direct)
-    return {"A0": A0, "A1": A1, "B": B, "C": np.vstack(C), "C1": np.vstack(C1), "D": np.vstack(D)}
+    found = {"A0": A0, "A1": A1, "B": B, "C": np.vstack(C), "C1": np.vstack(C1), "D": np.vstack(D)}
+    _expect_the_body(model, rates, found)
+    return found
+
+
+def _expect_the_body(
+    model: ReducedModel, rates: Sequence[str], matrices: dict[str, Floats]
+) -> None:
+    """Rounding of stiff beside soft coordinates must not count."""
+    A, C = matrices["A0"] + matrices["A1"], matrices["C"] + matrices["C1"]
+    for w in (1.001 * model.bands[0, 0] or 1e-3 * model.bands[-1, 1], 0.997 * model.bands[-1, 1]):
+        H = C @ np.linalg.solve(1j * w * np.eye(len(A)) - A, matrices["B"]) + matrices["D"]
+        expected = np.vstack([(1j * w) ** RATES.index(rate) * model.transfer(w) for rate in rates])
+        if not np.linalg.norm(H - expected) <= 1e-6 * np.linalg.norm(expected):
+            raise BodyError("the body is too stiff beside what is soft in it for a state space in "
+                            "doubles: a smaller order or band")  # fmt: skip
 
 
 def _header(matrices: dict[str, Floats], version: int, token: str) -> str:
@@ -115,6 +131,10 @@ class _Description:
         result += [(f"state[{k + 1}]", "local", {"start": "0"}) for k in range(self.states)]
         result += [(f"der(state[{k + 1}])", "local", {}) for k in range(self.states)]
         result.append(("damping_factor", "parameter", {"start": "1", "min": "0"}))
+        names = [name for name, *_ in result] + ["time"]
+        if len(set(names)) < len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise BodyError(f"two variables of the FMU would be named {twice}: rename a port")
         return result
 
     def of_version_2(self) -> str:
@@ -125,7 +145,7 @@ class _Description:
             '<?xml version="1.0" encoding="UTF-8"?>',
             f'<fmiModelDescription fmiVersion="2.0" modelName="{self.name}" guid="{self.token}" '
             f'description={quoteattr(self.about)} generationTool="flexgram" '
-            'variableNamingConvention="structured" numberOfEventIndicators="0">',
+            'variableNamingConvention="flat" numberOfEventIndicators="0">',
             f"  <ModelExchange {capabilities}>", sources, "  </ModelExchange>",
             f'  <CoSimulation {capabilities} canHandleVariableCommunicationStepSize="true" '
             'canInterpolateInputs="true">', sources, "  </CoSimulation>",
@@ -163,7 +183,7 @@ class _Description:
             '<?xml version="1.0" encoding="UTF-8"?>',
             f'<fmiModelDescription fmiVersion="3.0" modelName="{self.name}" '
             f'instantiationToken="{self.token}" description={quoteattr(self.about)} '
-            'generationTool="flexgram" variableNamingConvention="structured">',
+            'generationTool="flexgram" variableNamingConvention="flat">',
             f"  <ModelExchange {capabilities}/>",
             f'  <CoSimulation {capabilities} canHandleVariableCommunicationStepSize="true" '
             'maxOutputDerivativeOrder="0"/>',
@@ -209,7 +229,7 @@ def _compile(folder: Path, library: Path) -> None:
 
 
 def write_fmu(
-    model: ReducedModel, path: Path, version: int = 2, rates: Sequence[str] = RATES
+    model: ReducedModel, path: Path, version: int = 2, rates: Sequence[str] | None = None
 ) -> None:
     """Write an FMU: co-simulation by exact steps and model exchange, source and the binary of this
     platform.
@@ -223,19 +243,22 @@ def write_fmu(
     path : Path
     version : int
         Of FMI: 2 or 3.
-    rates : sequence of str
-        What is an output, of ``displacement``, ``velocity``, ``acceleration``; of outputs with a
-        feedthrough displacements alone.
+    rates : sequence of str, optional
+        What is an output, of ``displacement``, ``velocity``, ``acceleration``; default: all, of a
+        body with a feedthrough displacements alone.
 
     Raises
     ------
     BodyError
-        With structural damping, or without a C compiler.
+        With structural damping, or without a C compiler; for rates of a feedthrough.
     """
     if version not in VERSIONS:
         raise BodyError(f"FMI {version} must be one of {', '.join(map(str, VERSIONS))}")
-    if model.feedthrough.any():
-        rates = ("displacement",)
+    through = bool(model.feedthrough.any())
+    rates = rates or (RATES[:1] if through else RATES)
+    if through and set(rates) != {"displacement"}:
+        raise BodyError("outputs with a feedthrough (stress of a temperature) have rates that hang "
+                        "on those of the inputs: displacement alone")  # fmt: skip
     if not rates or set(rates) - set(RATES):
         raise BodyError(f"rates are {', '.join(rates) or 'none'}, expected some of "
                         f"{', '.join(RATES)}")  # fmt: skip

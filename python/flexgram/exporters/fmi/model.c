@@ -125,7 +125,7 @@ static bool prepare(Body *b, double h) {
 }
 
 static int step(Body *b, double h) {
-  if (!(h >= 0)) return FAILED;
+  if (!(h >= 0) || !isfinite(h)) return FAILED;
   if (h == 0) return OK;
   if (!prepare(b, h)) return FAILED;
   double next[NX];
@@ -201,6 +201,7 @@ static int set(Body *b, const uint32_t *which, size_t count, const double *value
   return OK;
 }
 
+#if FMI == 2 /* 3.0 has no slopes of inputs */
 static int set_slopes(Body *b, const uint32_t *which, size_t count, const int32_t *order,
                       const double *value) {
   for (size_t k = 0; k < count; ++k) {
@@ -209,6 +210,8 @@ static int set_slopes(Body *b, const uint32_t *which, size_t count, const int32_
   }
   return OK;
 }
+
+#endif
 
 static int keep(const Body *b, void **kept) {
   if (!*kept) *kept = malloc(sizeof(State));
@@ -431,6 +434,9 @@ NONE(Int64, int64_t)
 NONE(UInt64, uint64_t)
 NONE(Boolean, bool)
 NONE(String, char *)
+#if defined(__GNUC__)
+#pragma GCC diagnostic ignored "-Wunused-parameter"
+#endif
 #define NO(name, ...)                                                                      \
   EXPORT int name(fmi3Instance c, __VA_ARGS__) { return (void)c, FAILED; }
 NO(fmi3GetBinary, const uint32_t *v, size_t n, size_t *s, const uint8_t **x, size_t k)
@@ -518,10 +524,6 @@ EXPORT int fmi3EnterStepMode(fmi3Instance c) { return (void)c, OK; }
 EXPORT int fmi3GetOutputDerivatives(fmi3Instance c, const uint32_t v[], size_t n,
                                     const int32_t order[], double value[], size_t count) {
   return (void)c, (void)v, (void)order, (void)value, (void)count, n ? FAILED : OK;
-}
-EXPORT int fmi3SetInputDerivatives(fmi3Instance c, const uint32_t v[], size_t n,
-                                   const int32_t order[], const double value[], size_t count) {
-  return n == count ? set_slopes(c, v, n, order, value) : FAILED;
 }
 EXPORT int fmi3DoStep(fmi3Instance c, double time, double h, bool no_set, bool *event, bool *end,
                       bool *early, double *last) {
