@@ -149,8 +149,8 @@ void tell_error(const CutStory& cut, const ReducedModel& rom, Observer& observer
   if (medium.rigid > 0)
     observer.fact(
         "rigid rounding",
-        text("rigid modes are rigid; if what K holds of them, which its rounding "
-             "explains, were meant, H would change by %.0e",
+        text("rigid modes are rigid, and no error comes of it; were what K holds of "
+             "them, which its rounding explains, meant, H would change by %.0e",
              rom.claim->rigid_rounding));
   if (!medium.zero_views.empty())
     observer.skip("errors of " + join(medium.zero_views, ", "),

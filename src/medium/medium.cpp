@@ -41,8 +41,10 @@ std::vector<Resonance> Medium::resonances(const MediumLevel& level) const {
 
 void refuse_statics_of_a_free_body(double first) {
   if (first == 0)
-    throw Error("the band starts at 0 Hz, where a free body has no finite response: "
-                "{band_hz} must start above");
+    throw Error(
+        "the band starts at 0 Hz, where a free body has no finite response: "
+        "{band_hz} must start above (slow loads on a body in joints: {statics} yes "
+        "and {tol_relative_to} elastic)");
 }
 
 } // namespace flexgram
