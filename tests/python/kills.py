@@ -18,6 +18,7 @@ import subprocess
 import sys
 import tempfile
 import time
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -64,9 +65,13 @@ def verbs(folder: Path) -> dict[str, tuple[Callable[[int], list[str]], str]]:
         "report": (["report", rom, "-o", out / "r.html"], "r.html"),
         "plot": (["plot", rom, "--figure", "transfer", "-o", out / "p.png"], "p.png"),
         "simulate": (["simulate", rom, *force, "-o", out / "t.csv"], "t.csv"),
-    }
+        "couple": (["couple", f"a={rom}", f"b={rom}", "--join", "a.upper=b.lower", "-o",
+                    out / "c.h5"], "c.h5"),
+        "frf": (["frf", rom, "--pair", "upper.fz=lower.fz", "-o", out / "f.unv"], "f.unv"),
+    }  # fmt: skip
     for name, suffix in (("exudyn", "npz"), ("sid", "SID_FEM"), ("dmig", "pch"), ("mat", "mat"),
-                         ("npz", "npz"), ("vtu", "vtu")):  # fmt: skip
+                         ("npz", "npz"), ("vtu", "vtu"), ("nastran", "bdf"), ("op4", "op4"),
+                         ("simscape", "mat"), ("fmu", "fmu")):  # fmt: skip
         file = f"e.{suffix}"
         serial[f"export {name}"] = (["export", rom, "--to", name, "-o", out / file], file)
     parallel: dict[str, tuple[list[Any], str]] = {
@@ -113,6 +118,9 @@ def complete(path: Path, reference: Path) -> bool:
         return set(ours) == set(theirs) and all(
             np.shape(ours[name]) == np.shape(theirs[name]) for name in ours
         )
+    if path.suffix == ".fmu":
+        with zipfile.ZipFile(path) as ours, zipfile.ZipFile(reference) as theirs:
+            return ours.testzip() is None and len(ours.namelist()) == len(theirs.namelist())
     words, expected = path.read_bytes(), reference.read_bytes()
     close = abs(len(words) - len(expected)) <= 0.02 * len(expected)  # a date, a time
     return close and words[-8:] == expected[-8:]
@@ -146,7 +154,7 @@ def survived(command: list[str], out: Path, reference: Path, after: float) -> st
         try:
             if not complete(out, reference):
                 return "the output is not complete"
-        except (OSError, RuntimeError) as error:
+        except (OSError, RuntimeError, zipfile.BadZipFile) as error:
             return f"the output cannot be read: {error}"
     again = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True)
     if again.returncode != 0 or not complete(out, reference):
