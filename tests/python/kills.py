@@ -112,13 +112,12 @@ def complete(path: Path, reference: Path) -> bool:
     """Whether a file is all there, by that of a run that nobody killed."""
     if path.suffix == ".h5":
         return names_of(path) == names_of(reference)
-    if path.suffix in (".npz", ".mat"):
-        read = np.load if path.suffix == ".npz" else scipy.io.loadmat
-        ours, theirs = read(path), read(reference)
-        return set(ours) == set(theirs) and all(
-            np.shape(ours[name]) == np.shape(theirs[name]) for name in ours
+    if path.suffix == ".mat":
+        mine, whole = scipy.io.loadmat(path), scipy.io.loadmat(reference)
+        return set(mine) == set(whole) and all(
+            np.shape(mine[name]) == np.shape(whole[name]) for name in mine
         )
-    if path.suffix == ".fmu":
+    if path.suffix in (".fmu", ".npz"):
         with zipfile.ZipFile(path) as ours, zipfile.ZipFile(reference) as theirs:
             return ours.testzip() is None and len(ours.namelist()) == len(theirs.namelist())
     words, expected = path.read_bytes(), reference.read_bytes()
