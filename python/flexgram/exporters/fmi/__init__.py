@@ -137,6 +137,32 @@ class _Description:
             raise BodyError(f"two variables of the FMU would be named {twice}: rename a port")
         return result
 
+    def _unknowns(self, first: int) -> tuple[range, range]:
+        """Outputs and derivatives of the states, where the first variable has the number first."""
+        state = first + len(self.inputs) + len(self.outputs)
+        return (range(first + len(self.inputs), state),
+                range(state + self.states, state + 2 * self.states))  # fmt: skip
+
+    def _elements(self, first: int) -> list[tuple[str, str, str, str]]:
+        """Of each variable: name, causality, variability with initial, and the attributes of the
+        real number; a derivative names its state, where the first variable has the number first."""
+        _, derivatives = self._unknowns(first)
+        elements = []
+        for k, (name, causality, more) in enumerate(self._variables(), start=first):
+            real = {key: value for key, value in more.items() if value}
+            if k in derivatives:
+                real["derivative"] = str(k - self.states)
+            known = "exact" if "start" in more else "calculated"
+            initial = {
+                "parameter": 'variability="fixed" initial="exact"',
+                "input": 'variability="continuous"',
+                "output": 'variability="continuous" initial="calculated"',
+                "local": f'variability="continuous" initial="{known}"',
+            }[causality]
+            attributes = " ".join(f"{key}={quoteattr(value)}" for key, value in real.items())
+            elements.append((name, causality, initial, attributes))
+        return elements
+
     def of_version_2(self) -> str:
         capabilities = (f'modelIdentifier="{self.name}" canGetAndSetFMUstate="true" '
                         'canSerializeFMUstate="true"')  # fmt: skip
@@ -151,24 +177,12 @@ class _Description:
             'canInterpolateInputs="true">', sources, "  </CoSimulation>",
             *self._unit_definitions("UnitDefinitions"), "  <ModelVariables>",
         ]  # fmt: skip
-        first_state = len(self.inputs) + len(self.outputs) + 1
-        for k, (name, causality, more) in enumerate(self._variables()):
-            derivative = k + 1 - first_state - self.states
-            real = {key: value for key, value in more.items() if value}
-            if 0 <= derivative < self.states:
-                real["derivative"] = str(first_state + derivative)
-            kind = {"parameter": 'variability="fixed" initial="exact"',
-                    "input": 'variability="continuous"',
-                    "output": 'variability="continuous" initial="calculated"',
-                    "local": 'variability="continuous" initial="'
-                    + ("exact" if "start" in more else "calculated") + '"'}[causality]  # fmt: skip
-            attributes = " ".join(f"{key}={quoteattr(value)}" for key, value in real.items())
+        for k, (name, causality, initial, real) in enumerate(self._elements(first=1)):
             lines.append(f'    <ScalarVariable name={quoteattr(name)} valueReference="{k}" '
-                         f'causality="{causality}" {kind}>')  # fmt: skip
-            lines.append(f"      <Real {attributes}/></ScalarVariable>")
+                         f'causality="{causality}" {initial}>')  # fmt: skip
+            lines.append(f"      <Real {real}/></ScalarVariable>")
         lines += ["  </ModelVariables>", "  <ModelStructure>"]
-        outputs = range(len(self.inputs) + 1, first_state)
-        derivatives = range(first_state + self.states, first_state + 2 * self.states)
+        outputs, derivatives = self._unknowns(first=1)
         for tag, members in (("Outputs", outputs), ("Derivatives", derivatives),
                              ("InitialUnknowns", [*outputs, *derivatives])):  # fmt: skip
             lines += [f"    <{tag}>", *(f'      <Unknown index="{k}"/>' for k in members),
@@ -189,26 +203,14 @@ class _Description:
             'maxOutputDerivativeOrder="0"/>',
             *self._unit_definitions("UnitDefinitions"), "  <ModelVariables>",
         ]  # fmt: skip
-        variables = self._variables()
-        first_state = len(self.inputs) + len(self.outputs)
-        for k, (name, causality, more) in enumerate(variables):
-            derivative = k - first_state - self.states
-            real = {key: value for key, value in more.items() if value}
-            if 0 <= derivative < self.states:
-                real["derivative"] = str(first_state + derivative)
-            kind = {"parameter": 'variability="fixed"',
-                    "input": 'variability="continuous"',
-                    "output": 'variability="continuous" initial="calculated"',
-                    "local": 'variability="continuous" initial="'
-                    + ("exact" if "start" in more else "calculated") + '"'}[causality]  # fmt: skip
-            attributes = " ".join(f"{key}={quoteattr(value)}" for key, value in real.items())
+        elements = self._elements(first=0)
+        for k, (name, causality, initial, real) in enumerate(elements):
             lines.append(f'    <Float64 name={quoteattr(name)} valueReference="{k}" '
-                         f'causality="{causality}" {kind} {attributes}/>')  # fmt: skip
-        lines.append(f'    <Float64 name="time" valueReference="{len(variables)}" '
+                         f'causality="{causality}" {initial} {real}/>')  # fmt: skip
+        lines.append(f'    <Float64 name="time" valueReference="{len(elements)}" '
                      'causality="independent" variability="continuous"/>')  # fmt: skip
         lines += ["  </ModelVariables>", "  <ModelStructure>"]
-        outputs = range(len(self.inputs), first_state)
-        derivatives = range(first_state + self.states, first_state + 2 * self.states)
+        outputs, derivatives = self._unknowns(first=0)
         for tag, members in (("Output", outputs), ("ContinuousStateDerivative", derivatives),
                              ("InitialUnknown", [*outputs, *derivatives])):  # fmt: skip
             lines += [f'    <{tag} valueReference="{k}"/>' for k in members]
