@@ -44,7 +44,7 @@ class Joint:
         return not self.stiffness and not self.damping
 
 
-def _rotation(model: ReducedModel, turn: ArrayLike | None) -> Floats:
+def _rotation(turn: ArrayLike | None) -> Floats:
     """The matrix from the axes of a part to those of the assembly, of a rotation vector [rad]."""
     if turn is None:
         return np.eye(3)
@@ -63,7 +63,7 @@ class Parts:
         for name in turns:
             if name not in models:
                 raise BodyError(f"there is no part {name} to turn; there are {', '.join(models)}")
-        self.turn = {name: _rotation(m, turns.get(name)) for name, m in models.items()}
+        self.turn = {name: _rotation(turns.get(name)) for name in models}
         etas = {m.eta for m in models.values()}
         if len(etas) > 1:
             raise BodyError("the parts have different structural damping (eta): the assembly has "

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import h5py
 import numpy as np
@@ -18,6 +18,9 @@ from numpy.typing import NDArray
 from flexgram.basics import BodyError, IntArray, check_name, errors_of
 from flexgram.faces import whole_faces
 from flexgram.reader import Reader, short
+
+if TYPE_CHECKING:
+    from flexgram.stress import Stresses
 
 Floats = NDArray[np.float64]
 
@@ -285,6 +288,8 @@ def write_outputs(
     """Write the outputs of a description: mean displacements of nodes, of one set or relative to
     another, in the axes or along a direction, and mean stresses. As ``write_loads``."""
     said = {}
+    stresses: Stresses | None = None  # of the body, and those that its temperatures leave
+    heated: dict[str, Floats] = {}
     for order, (name, data) in enumerate(reader.children("outputs").items()):
         entry = Reader(data, f"outputs: {name}", ("type", "nodes", "relative_to", "direction"))
         kind = entry.choice("type", ("displacement", "stress"), "displacement")
@@ -298,13 +303,16 @@ def write_outputs(
                     raise BodyError(f"{entry.where}: stress takes no {key}")
             chosen = select(entry.get("nodes"), entry.where)
             with errors_of(entry.where):
-                stresses = Stresses.of(file)
+                if stresses is None:
+                    stresses = Stresses.of(file)
+                    fields = temperatures(file)
+                    heated = {port: stresses.heated(field)[1] for port, field in fields.items()}
                 used, rows = stresses.rows(chosen)
             _write_vectors(group, ["s" + pair for pair in COMPONENTS], used, rows)
-            if fields := temperatures(file):
-                held = [stresses.heated(field)[1][chosen].mean(axis=0) for field in fields.values()]
+            if heated:
+                held = [stress[chosen].mean(axis=0) for stress in heated.values()]
                 group["feedthrough"] = np.array(held).T
-                group["feedthrough"].attrs["inputs"] = list(fields)
+                group["feedthrough"].attrs["inputs"] = list(heated)
             said[str(name)] = f"mean stress of {len(chosen)} nodes"
             continue
         weights: dict[int, float] = {}
