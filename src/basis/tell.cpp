@@ -186,12 +186,14 @@ void tell_error(const CutStory& cut, const ReducedModel& rom, Observer& observer
                                (rom.field.front().proved ? " (" + label + ")" : ""));
   }
   if (rom.claim->met) return;
-  const std::string zero = at_a_zero(cut);
+  std::string why = at_a_zero(cut);
+  if (why.empty()) why = cut.choice.shortfall;
+  if (why.empty()) why = "the bound over the band was not brought any closer to it";
   observer.warn(text("{tol} %g is not met: the error is %s (%s); %s. This is "
                      "the best body that was found",
                      *cut.request.order.tolerance,
                      bound_words(sup.worst, "at most %.1e").c_str(), label.c_str(),
-                     (zero.empty() ? cut.choice.shortfall : zero).c_str()));
+                     why.c_str()));
 }
 
 } // namespace

@@ -305,12 +305,16 @@ ErrorOverBand::Supremum ErrorOverBand::supremum(const DenseSystem& system, doubl
   std::vector<double>& best = result.attained_of;
   best.assign(views, 0.0);
   result.at_of.assign(views, 0.0);
+  // Gram matrices tell errors of many ports down to the root of rounding, and no closer for
+  // being looked at again: what is `negligible` is left at what it may be at most.
+  const double blurred = medium_.model().has_many_ports() ? 0.1 * level : 0.0;
   const auto priority = [&](const Look& seen) {
     double most_promising = 0;
     for (std::size_t v = 0; v < views; ++v)
-      most_promising = std::max(most_promising, best[v] > 0 ? seen.upper[v] / best[v]
-                                                : seen.upper[v] > 0 ? infinity
-                                                                    : 0.0);
+      if (!(seen.upper[v] <= blurred)) // NaN too
+        most_promising = std::max(most_promising, best[v] > 0 ? seen.upper[v] / best[v]
+                                                  : seen.upper[v] > 0 ? infinity
+                                                                      : 0.0);
     return most_promising;
   };
   std::priority_queue<Open> open;

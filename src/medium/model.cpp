@@ -5,7 +5,8 @@
 namespace flexgram {
 namespace {
 
-/// Entries of H for each mode from which its terms are fewer.
+/// Entries of H for each mode and view from which its terms are fewer: a view takes an
+/// N × N Gram matrix of the terms, all views together H's entries, once.
 constexpr double many = 4;
 
 } // namespace
@@ -48,7 +49,8 @@ MediumModel::MediumModel(const Medium& medium, std::size_t level,
   modal_inputs_ = columns_of(response.modal_inputs(), inputs_, scale_);
   modal_outputs_ = columns_of(response.modal_inputs(), outputs_, scale_);
   const double entries = static_cast<double>(inputs_.size() * outputs_.size());
-  if (response.is_diagonal() && entries > many * response.system().order()) {
+  const double terms = static_cast<double>(views.size()) * response.system().order();
+  if (response.is_diagonal() && entries > many * terms) {
     enough_ = (enough > 0 ? enough : medium.spec.target);
     enough_ /= 1 + enough_; // of ‖H‖, for an error relative to ‖H‖ − error
     for (std::size_t v = 0; v < views.size(); ++v) {
