@@ -1,10 +1,11 @@
 #include "python_verbs.hpp"
 
+#include "base/error.hpp"
+
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
-#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
@@ -73,8 +74,8 @@ int run_python(char** argv) {
   for (char** word = argv + 1; *word; ++word) words.push_back(*word);
   words.push_back(nullptr);
   execvp(python.c_str(), words.data());
-  std::fprintf(stderr, "flexgram: %s belongs to the Python package: %s: %s\n", argv[1],
-               python.c_str(), std::strerror(errno));
+  tell_error(std::string(argv[1]) + " belongs to the Python package: " + python + ": " +
+             std::strerror(errno));
   return 1;
 }
 

@@ -157,17 +157,15 @@ int run_session(int argc, char** argv, const std::vector<std::string>& verbs,
   }
   if (std::find(verbs.begin(), verbs.end(), verb) == verbs.end()) {
     if (rank == 0)
-      std::fprintf(stderr,
-                   "flexgram: unknown verb %s: must be one of %s (did you mean %s?)\n",
-                   verb.c_str(), join(verbs).c_str(), nearest(verb, verbs).c_str());
+      tell_error("unknown verb " + verb + ": must be one of " + join(verbs) +
+                 " (did you mean " + nearest(verb, verbs) + "?)");
     MPI_Finalize();
     return 1;
   }
 
   if (const std::string stray = stray_word(argc, argv); !stray.empty()) {
     if (rank == 0)
-      std::fprintf(stderr, "flexgram: stray word %s: %s\n", stray.c_str(),
-                   instead_of(stray, argc, argv).c_str());
+      tell_error("stray word " + stray + ": " + instead_of(stray, argc, argv));
     MPI_Finalize();
     return 1;
   }
@@ -197,10 +195,7 @@ int run_session(int argc, char** argv, const std::vector<std::string>& verbs,
   }
   if (!message.empty()) {
     const bool together = all_ranks_failed(handshake);
-    if (rank == 0 || !together) {
-      std::fprintf(stderr, "flexgram: %s\n", printable(message).c_str());
-      std::fflush(stderr);
-    }
+    if (rank == 0 || !together) tell_error(printable(message));
     if (!together) MPI_Abort(MPI_COMM_WORLD, 1);
   }
   MPI_Comm_free(&handshake);

@@ -2,6 +2,8 @@
 
 #include "base/text.hpp"
 
+#include <cstdio>
+
 namespace flexgram {
 namespace {
 
@@ -25,6 +27,12 @@ PetscErrorCode remember(MPI_Comm, int, const char* function, const char*,
 }
 
 } // namespace
+
+void tell_error(const std::string& message) {
+  const std::string line = "flexgram: " + message + "\n";
+  std::fwrite(line.data(), 1, line.size(), stderr);
+  std::fflush(stderr);
+}
 
 void install_petsc_error_handler() { PetscPushErrorHandler(remember, nullptr); }
 

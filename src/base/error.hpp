@@ -50,6 +50,10 @@ decltype(auto) with_context(const std::string& context, Work&& work) {
   }
 }
 
+/// "flexgram: message" on stderr, by one write: of a line in pieces (printf of newer C
+/// libraries writes 128 bytes at a time) Open MPI 5's mpirun lost the first now and then.
+void tell_error(const std::string& message);
+
 /// Lets PETSc hand its messages to us instead of printing a stack.
 void install_petsc_error_handler();
 

@@ -1,10 +1,10 @@
 #include "base/parallel.hpp"
 
+#include "base/error.hpp"
 #include "base/text.hpp"
 
 #include <algorithm>
 #include <complex>
-#include <cstdio>
 
 namespace flexgram {
 
@@ -31,9 +31,7 @@ void throw_if_any_failed(MPI_Comm comm, const char* local_message) {
     for (int done = 0; !done;) {
       MPI_Test(&request, &done, MPI_STATUS_IGNORE);
       if (!done && MPI_Wtime() - start > 10) {
-        std::fprintf(stderr, "flexgram: %s (rank %d)\n",
-                     option_names(local_message).c_str(), rank);
-        std::fflush(stderr);
+        tell_error(text("%s (rank %d)", option_names(local_message).c_str(), rank));
         MPI_Abort(comm, 1);
       }
     }
