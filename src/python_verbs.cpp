@@ -52,6 +52,8 @@ const std::vector<std::pair<std::string, std::string>>& python_verbs() {
       {"plot", "reduced or sweep file -> figures"},
       {"export", "reduced file -> multibody codes and other tools"},
       {"frf", "frequency responses between ports: table, Bode plot, universal file"},
+      {"modes", "natural modes of a reduced body, beside measured ones: table, universal "
+                "file, MAC"},
       {"couple", "reduced files of several bodies -> one, with joints and springs"},
       {"hotspots", "where the stress of a reduced body is largest per unit of a load"},
       {"simulate", "response of a reduced body to forces over time"},

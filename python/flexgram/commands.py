@@ -13,9 +13,11 @@ from flexgram.port_commands import (
     couple_options,
     frf_options,
     hotspots_options,
+    modes_options,
     run_couple,
     run_frf,
     run_hotspots,
+    run_modes,
     run_simulate,
     simulate_options,
 )
@@ -116,6 +118,9 @@ def _report_options(parser: argparse.ArgumentParser) -> None:
         help="CSV of a load history, t,port,...: its spectrum against the band, and what the claim "
         "says of the response to it",
     )
+    parser.add_argument(
+        "--measured", type=Path, help="universal file of a test: its modes beside the body's"
+    )
     parser.add_argument("-o", "--output", type=Path, required=True, help=".html file to write")
 
 
@@ -129,6 +134,7 @@ def _report(options: argparse.Namespace) -> None:
         sweep=options.sweep,
         ports=_pairs(options.port),
         loads=options.loads,
+        measured=options.measured,
     ):
         say(f"  left out {line}")
     if options.loads is not None:
@@ -263,6 +269,13 @@ COMMANDS: dict[
         "  flexgram frf rom.h5 --pair upper.fz=lower.fz --measured test.unv -o both.png",
         frf_options,
         run_frf,
+    ),
+    "modes": (
+        "natural modes of a reduced body, beside measured ones: table, universal file, MAC",
+        "flexgram modes rom.h5 -o modes.unv\n"
+        "  flexgram modes rom.h5 --measured test.unv -o mac.png",
+        modes_options,
+        run_modes,
     ),
     "couple": (
         "reduced files of several bodies -> one, with joints and springs",

@@ -9,7 +9,7 @@ directions 1-3 of translations, 4-6 of rotations; their names stand as entities.
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexgram.basics import BodyError, errors_of, written_aside
 from flexgram.reduced import RATES, ReducedModel
+from flexgram.universal import dataset, datasets
 
 Floats = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -121,43 +122,28 @@ def write_universal(functions: Sequence[Response], path: str | Path, about: str 
         even = len(r.hertz) < 2 or bool(np.ptp(steps) <= 1e-9 * abs(steps[0]))
         step = float(steps[0]) if even and len(steps) else 0.0
         entities = [name.rpartition(".")[0][:10] or "NONE" for name in (r.output, r.input)]
-        lines += [f"{-1:6d}", f"{58:6d}", f"{r.output} from {r.input}"[:80], about[:80] or "NONE",
-                  "NONE", "flexgram", "NONE"]  # fmt: skip
-        lines.append(
+        own = [f"{r.output} from {r.input}"[:80], about[:80] or "NONE", "NONE", "flexgram", "NONE"]
+        own.append(
             f"{FRF:5d}{number:10d}{0:5d}{0:10d}"
             + "".join(f" {entity:<10}{node:10d}{direction:4d}" for entity, node, direction in
                       zip(entities, r.nodes, r.directions, strict=True)))  # fmt: skip
-        lines.append(f"{COMPLEX[1]:10d}{len(r.hertz):10d}{int(even):10d}"
+        own.append(f"{COMPLEX[1]:10d}{len(r.hertz):10d}{int(even):10d}"
                      f"{float(r.hertz[0]):13.5E}{step:13.5E}{0.0:13.5E}")  # fmt: skip
         for kind, label, unit in ((FREQUENCY, "Frequency", "Hz"),
                                   (ORDINATES[r.rate], r.rate.capitalize(), "SI"),
                                   (FORCE, "Force", "SI"), (0, "NONE", "NONE")):  # fmt: skip
-            lines.append(f"{kind:10d}{0:5d}{0:5d}{0:5d} {label:<20} {unit:<20}")
+            own.append(f"{kind:10d}{0:5d}{0:5d}{0:5d} {label:<20} {unit:<20}")
         numbers = [(x.real, x.imag) for x in r.values]
         if even:
             flat = [part for pair in numbers for part in pair]
-            lines += ["".join(f"{x:20.11E}" for x in flat[k : k + 4])
+            own += ["".join(f"{x:20.11E}" for x in flat[k : k + 4])
                       for k in range(0, len(flat), 4)]  # fmt: skip
         else:
-            lines += [f"{f:13.5E}{re:20.11E}{im:20.11E}" for f, (re, im) in
+            own += [f"{f:13.5E}{re:20.11E}{im:20.11E}" for f, (re, im) in
                       zip(r.hertz, numbers, strict=True)]  # fmt: skip
-        lines.append(f"{-1:6d}")
+        lines += dataset(58, own)
     with written_aside(path) as place:
         place.write_text("\n".join(lines) + "\n")
-
-
-def _datasets(path: Path) -> Iterator[list[str]]:
-    """Lines of each dataset 58, without its number."""
-    inside: list[str] | None = None
-    for line in path.read_text(errors="replace").splitlines():
-        if line.strip() == "-1" and line[:6].strip() == "-1":
-            if inside and inside[0].strip() == "58":
-                yield inside[1:]
-            elif inside and inside[0].strip().startswith("58b"):
-                raise BodyError("binary universal files (58b) are not read: write text")
-            inside = [] if inside is None else None
-        elif inside is not None:
-            inside.append(line)
 
 
 def read_universal(path: str | Path) -> list[Response]:
@@ -168,12 +154,11 @@ def read_universal(path: str | Path) -> list[Response]:
     BodyError
         If there is none, or one that cannot be read.
     """
-    source = Path(path)
-    if not source.is_file():
-        raise BodyError(f"{path}: no such file")
     found = []
     with errors_of(path):
-        for lines in _datasets(source):
+        for number, lines in datasets(path):
+            if number != 58:
+                continue
             where, shape = lines[5], lines[6]
             if int(where[:5]) != FRF:
                 continue
@@ -197,6 +182,8 @@ def read_universal(path: str | Path) -> list[Response]:
             whole = values[:, 0].astype(complex)
             if parts == 2:
                 whole = whole + 1j * values[:, 1]
+            if not (np.isfinite(hertz).all() and np.isfinite(whole).all()):
+                raise BodyError("a frequency or a response is not finite")
             found.append(Response(
                 f"{where[31:41].strip()}", f"{where[56:66].strip()}", hertz, whole, rate,
                 (int(where[41:51]), int(where[66:76])), (int(where[51:55]), int(where[76:80])),

@@ -1,4 +1,4 @@
-"""The verbs that work on reduced files by their ports: couple, frf, hotspots and
+"""The verbs that work on reduced files by their ports and modes: couple, frf, modes, hotspots,
 simulate."""
 
 from __future__ import annotations
@@ -131,6 +131,59 @@ def run_frf(options: argparse.Namespace) -> None:
 
         save(frf.bode(functions, measured[: len(pairs)]), options.output)
     say(f"  wrote {options.output}: {len(functions)} responses, {words.error_of(model)}")
+
+
+def modes_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("rom", type=Path, help="reduced file")
+    parser.add_argument("--measured", type=Path,
+                        help="universal file (55, and 15 or 2411 for its nodes) of a test: how its "
+                        "modes compare (MAC)")  # fmt: skip
+    parser.add_argument("--hz", type=float, help="up to here; default: the end of the band")
+    parser.add_argument(
+        "--body", type=Path, help="body file with the mesh; default: the one that was reduced"
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        help=".unv (universal file: nodes and shapes), .csv, or with --measured a picture of the "
+        "MAC: .png, .svg, .pdf",
+    )
+
+
+def run_modes(options: argparse.Namespace) -> None:
+    import numpy as np
+
+    from flexgram import mode_shapes as ms
+    from flexgram import words
+    from flexgram.reduced import ReducedModel
+
+    suffix = options.output.suffix.lower() if options.output else ""
+    if options.output and suffix not in (".csv", ".unv", ".uff") and not options.measured:
+        raise BodyError(f"-o {options.output}: .unv or .csv; a picture is of the MAC and needs "
+                        "--measured (of the shapes: flexgram plot --figure shapes)")  # fmt: skip
+    model = ReducedModel.load(options.rom)
+    modes = ms.mode_shapes(model, options.body, options.hz)
+    band = model.band / (2 * np.pi)
+    for k, (f, zeta) in enumerate(zip(modes.hertz, modes.damping, strict=True), 1):
+        beyond = "" if band[0] <= f <= band[-1] else "  outside the band: of the reduced body only"
+        say(f"  {k:4d} {f:12.6g} Hz   damping {100 * zeta:.3g} %{beyond}")
+    found = None
+    if options.measured:
+        found = ms.compare(ms.read_universal(options.measured), modes)
+        for line in found.words():
+            say(f"  {line}")
+    if not options.output:
+        return
+    if suffix == ".csv":
+        ms.write_csv(modes, options.output)
+    elif suffix in (".unv", ".uff"):
+        ms.write_universal(modes, options.output, words.error_of(model))
+    elif found is not None:
+        from flexgram.figures import save
+
+        save(ms.picture(found), options.output)
+    say(f"  wrote {options.output}: {len(modes.hertz)} modes")
 
 
 def hotspots_options(parser: argparse.ArgumentParser) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from flexgram import figures
+from flexgram import figures, mode_shapes
 from flexgram.basics import BodyError, written_aside
 from flexgram.geometry import body_of
 from flexgram.histories import evenly, judge, read_history
@@ -157,6 +157,15 @@ def _stress(model: ReducedModel, t: Any, u: Any, body: str | Path | None) -> str
                      raster=True))  # fmt: skip
 
 
+def _measured(model: ReducedModel, measured: str | Path, body: str | Path | None) -> str:
+    """Modes of a test beside those of the body."""
+    modes = mode_shapes.mode_shapes(model, body)
+    found = mode_shapes.compare(mode_shapes.read_universal(measured), modes)
+    rows = "".join(f"<p>{html.escape(line[0].upper() + line[1:])}.</p>" for line in found.words())
+    return (f"<h2>Measured modes of {html.escape(Path(measured).name)}</h2>{rows}"
+            + _image(mode_shapes.picture(found), "Modal assurance criterion."))  # fmt: skip
+
+
 def write_report(
     rom: str | Path,
     output: str | Path,
@@ -165,6 +174,7 @@ def write_report(
     sweep: str | Path | None = None,
     ports: list[tuple[str, str]] | None = None,
     loads: str | Path | None = None,
+    measured: str | Path | None = None,
 ) -> list[str]:
     """Write the page.
 
@@ -183,6 +193,8 @@ def write_report(
     loads : str or Path, optional
         Load history (``flexgram.histories.read_history``): its spectrum, and what the claim says of
         the response to it.
+    measured : str or Path, optional
+        Universal file of a test: how its modes compare (``flexgram.mode_shapes``).
 
     Returns
     -------
@@ -243,6 +255,7 @@ def write_report(
     parts += ["<h2>Plan: what was done, what was skipped and why</h2>",
               _plan(list(log["plan"])) if "plan" in log else "<p>not stored</p>",
               "<h2>Modes of the reduced body</h2>", _modes(model),
+              "" if measured is None else _measured(model, measured, body),
               "<h2>Time by stage</h2>", draw("stages", "Wall clock."),
               "<details><summary>All options</summary><table>",
               *(f"<tr><th><code>{html.escape(k)}</code></th><td>{html.escape(str(v))}</td></tr>"
@@ -254,6 +267,6 @@ def write_report(
         f'<meta name="viewport" content="width=device-width"><style>{STYLE}</style></head>'
         f"<body>{''.join(parts)}</body></html>\n"
     )
-    with written_aside(output, rom, body, sweep, loads) as place:
+    with written_aside(output, rom, body, sweep, loads, measured) as place:
         place.write_text(page)
     return left

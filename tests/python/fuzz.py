@@ -32,7 +32,7 @@ import scipy.sparse as sp
 
 from bodies import box, write_body_file
 from conftest import ENVIRONMENT, PROGRAM, ROOT
-from flexgram import BodyError, ReducedModel, import_body, write_matrices
+from flexgram import BodyError, ReducedModel, frf, import_body, mode_shapes, write_matrices
 from flexgram.bodyfile import write_sparse
 from flexgram.importers import Interface, import_matrices, read
 from flexgram.info import describe
@@ -198,8 +198,26 @@ def reduced(folder: Path) -> tuple[list[str], Callable[[Path], Any]]:
     return ["rom.h5"], work
 
 
+def universal(folder: Path) -> tuple[list[str], Callable[[Path], Any]]:
+    hertz = np.linspace(10, 100, 12)
+    frf.write_universal([frf.Response("a.fx", "b.fx", hertz, 1 / (hertz + 2j))], folder / "f.unv")
+    shapes = np.arange(24.0).reshape(2, 4, 3)
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
+    modes = mode_shapes.ModeShapes(np.array([10.0, 20]), np.array([0.01, 0.02]), shapes,
+                                   np.arange(1, 5), points)  # fmt: skip
+    mode_shapes.write_universal(modes, folder / "m.unv")
+
+    def work(here: Path) -> None:
+        for r in frf.read_universal(here / "f.unv"):
+            assert np.isfinite(r.values).all()
+        read = mode_shapes.read_universal(here / "m.unv")
+        assert np.isfinite(mode_shapes.compare(read, modes).mac).all()
+
+    return ["f.unv", "m.unv"], work
+
+
 KINDS: tuple[Kind, ...] = (calculix, abaqus, nastran, market, harwell_boeing, matlab, matlab_73,
-                           petsc, yaml, body, mesh_body, medium, reduced)  # fmt: skip
+                           petsc, yaml, body, mesh_body, medium, reduced, universal)  # fmt: skip
 
 
 def mutate(data: bytes, rng: random.Random) -> bytes:

@@ -68,6 +68,7 @@ def verbs(folder: Path) -> dict[str, tuple[Callable[[int], list[str]], str]]:
         "couple": (["couple", f"a={rom}", f"b={rom}", "--join", "a.upper=b.lower", "-o",
                     out / "c.h5"], "c.h5"),
         "frf": (["frf", rom, "--pair", "upper.fz=lower.fz", "-o", out / "f.unv"], "f.unv"),
+        "modes": (["modes", rom, "-o", out / "m.unv"], "m.unv"),
     }  # fmt: skip
     for name, suffix in (("exudyn", "npz"), ("sid", "SID_FEM"), ("dmig", "pch"), ("mat", "mat"),
                          ("npz", "npz"), ("vtu", "vtu"), ("nastran", "bdf"), ("op4", "op4"),
