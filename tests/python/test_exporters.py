@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import shutil
+import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -55,6 +57,41 @@ def test_matlab_numpy_state_space(beam: tuple[Path, Path], tmp_path: Path) -> No
     A, B, C, D = (scipy.io.loadmat(tmp_path / "ss.mat")[name] for name in "ABCD")
     eye = np.eye(len(A))
     assert_transfer(H, np.array([C @ np.linalg.solve(1j * w * eye - A, B) + D for w in OMEGA]))
+
+
+@pytest.mark.skipif(shutil.which("octave-cli") is None, reason="octave is not installed")
+@pytest.mark.parametrize("structural", [False, True])
+def test_script_in_octave(structural: bool, beam: tuple[Path, Path], tmp_path: Path) -> None:
+    """What Octave makes of the script: H of its pair, natural frequencies and a step."""
+    model = ReducedModel.load(beam[1])
+    if structural:
+        model.eta = 0.02
+    export(model, tmp_path / "part_1.m", "octave")
+    done = subprocess.run(
+        ["octave-cli", "--no-gui", "--eval",
+         "quiet = true; part_1; clear H; save('-v6', 'seen.mat')"],
+        cwd=tmp_path, capture_output=True, text=True,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    seen = scipy.io.loadmat(tmp_path / "seen.mat", squeeze_me=True)
+    w = 2 * np.pi * seen["f"]
+    assert w[0] == pytest.approx(model.band[0]) and w[-1] == pytest.approx(model.band[-1])
+    i, j = int(seen["output"]) - 1, int(seen["input"]) - 1
+    middle = np.abs(model.transfer(float(np.mean(model.band))))
+    forces = [k for k, name in enumerate(model.inputs) if ".f" in name]
+    assert j in forces and middle[i, j] == middle[:, forces].max()
+    assert_transfer(model.transfer(w)[:, i, j], seen["h"])
+    elastic = model.modes > 1
+    assert np.allclose(seen["natural"][elastic], model.modes[elastic] / (2 * np.pi), rtol=1e-9)
+    assert ("y" in seen) is not structural
+    if not structural:
+        t = seen["t"]
+        u = np.zeros((len(t), len(model.inputs)))
+        u[:, j] = 1
+        y = model.simulate(u, t)[0]
+        assert np.abs(seen["y"] - y).max() < 1e-9 * np.abs(y).max()
+    with pytest.raises(BodyError, match="MATLAB's scripts are letters"):
+        export(model, tmp_path / "part-1.m", "octave")
 
 
 def test_rates_of_outputs(beam: tuple[Path, Path], tmp_path: Path) -> None:

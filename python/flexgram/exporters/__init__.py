@@ -46,6 +46,12 @@ def _matrices(model: ReducedModel, path: Path, **_: Any) -> None:
     (write_mat if path.suffix == ".mat" else write_npz)(model, path)
 
 
+def _octave(model: ReducedModel, path: Path, **_: Any) -> None:
+    from flexgram.exporters.octave import write_octave
+
+    write_octave(model, path)
+
+
 def _state_space(model: ReducedModel, path: Path, **options: Any) -> None:
     from flexgram.exporters.arrays import write_state_space
 
@@ -91,6 +97,11 @@ FORMATS: dict[str, tuple[str, str, Callable[..., None]]] = {
     "fmu": ("functional mock-up unit, FMI 2.0", ".fmu", _fmu(2)),
     "fmu3": ("functional mock-up unit, FMI 3.0", ".fmu", _fmu(3)),
     "mat": ("MATLAB", ".mat", _matrices),
+    "octave": (
+        "script for MATLAB and Octave with its data: loads the body, draws H, simulates",
+        ".m",
+        _octave,
+    ),
     "npz": ("NumPy", ".npz", _matrices),
     "state-space": ("A, B, C, D of x' = A x + B u as MATLAB or NumPy file", ".mat", _state_space),
     "vtu": ("basis vectors on the mesh for ParaView (any meshio format)", ".vtu", _shapes),

@@ -1,0 +1,103 @@
+"""A script for MATLAB and Octave with its data: loads a reduced body, draws H, simulates a step."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from flexgram import words
+from flexgram.basics import BodyError, written_aside
+from flexgram.exporters.arrays import write_mat
+from flexgram.reduced import ReducedModel
+
+SCRIPT = """% Reduced body by flexgram: {claim}
+% b.M q'' + b.D q' + b.K (1 + i b.eta) q = b.B u,  y = b.C q + b.feedthrough u, in SI units.
+% Set `quiet = true` to be spared the figures.
+here = fileparts(mfilename('fullpath'));
+b = load(fullfile(here, '{data}'));
+output = {output};  % {output_name}
+input = {input};  % {input_name}
+
+% Transfer function over the band
+H = @(w) b.C * ((b.K * (1 + 1i * b.eta) + 1i * w * b.D - w^2 * b.M) \\ b.B) + b.feedthrough;
+f = linspace({first:.9g}, {last:.9g}, 500);
+h = zeros(size(f));
+for k = 1:numel(f)
+  all_ports = H(2 * pi * f(k));
+  h(k) = all_ports(output, input);
+end
+
+% Natural frequencies [Hz]; of a free body the first are rigid
+natural = sqrt(max(sort(real(eig(b.K, b.M))), 0)) / (2 * pi);
+"""
+STEP = """
+% Response to a unit step of the input, exact between the times: x = [q; q']
+m = size(b.M, 1);
+A = [zeros(m), eye(m); -(b.M \\ b.K), -(b.M \\ b.D)];
+G = [zeros(m, 1); b.M \\ b.B(:, input)];
+t = linspace(0, {end:.9g}, 1001)';
+step = expm([A, G; zeros(1, 2 * m + 1)] * (t(2) - t(1)));
+x = zeros(2 * m + 1, numel(t));
+x(end, :) = 1;
+for k = 2:numel(t)
+  x(:, k) = step * x(:, k - 1);
+end
+y = (b.C * x(1:m, :) + b.feedthrough(:, input))';
+"""
+FIGURES = """
+if ~exist('quiet', 'var') || ~quiet
+  figure;
+  semilogy(f, abs(h));
+  xlabel('frequency [Hz]');
+  ylabel('{output_name} from {input_name}');
+  title('{title}');
+  grid on;
+{second}end
+"""
+SECOND = """  figure;
+  plot(t, y(:, output));
+  xlabel('time [s]');
+  ylabel('{output_name} after a step of {input_name}');
+  grid on;
+"""
+
+
+def _strongest(model: ReducedModel) -> tuple[int, int]:
+    """Output and input of the largest entry of H in the middle of the band, from forces if any."""
+    H = np.abs(model.transfer(float(np.mean(model.band))))
+    forces = [name.rpartition(".")[2].startswith("f") for name in model.inputs]
+    if any(forces):
+        H[:, ~np.array(forces)] = 0
+    output, port = np.unravel_index(int(np.argmax(H)), H.shape)
+    return int(output), int(port)
+
+
+def write_octave(model: ReducedModel, path: Path) -> None:
+    """``NAME.m``, and ``NAME.mat`` beside it (``write_mat``).
+
+    Raises
+    ------
+    BodyError
+        If the name is none of a script.
+    """
+    name = path.name.removesuffix(".m")
+    if path.suffix != ".m" or not (name.isascii() and name.isidentifier() and name[0] != "_"):
+        raise BodyError(f"{path}: MATLAB's scripts are letters, digits and _ with .m behind, as "
+                        "rack_reduced.m")  # fmt: skip
+    output, port = _strongest(model)
+    elastic = model.modes[model.modes > 1e-6 * model.modes.max(initial=0)]
+    slowest = float(elastic.min(initial=float(model.band[-1])))
+    values = {
+        "claim": words.error_of(model), "data": f"{name}.mat", "output": output + 1,
+        "input": port + 1, "output_name": model.outputs[output], "input_name": model.inputs[port],
+        "first": model.band[0] / (2 * np.pi), "last": model.band[-1] / (2 * np.pi),
+        "end": 20 * np.pi / slowest, "title": name.replace("_", " "),
+    }  # fmt: skip
+    moves = not model.eta  # structural damping has no real time-domain form
+    second = SECOND.format(**values) if moves else ""
+    text = SCRIPT.format(**values) + (STEP.format(**values) if moves else "")
+    text += FIGURES.format(**values, second=second)
+    write_mat(model, path.with_name(f"{name}.mat"))
+    with written_aside(path) as place:
+        place.write_text(text)
