@@ -42,19 +42,21 @@ class Verdict:
         Of the assembly's error relative to ‖H‖_F, of the ports that are inputs and outputs alike;
         inf where it does not close.
     gain : (n,) array
-        Small gain: the bound closes below one.
+        Small gain: the bound closes below one; inf where nothing is known of a part.
+    unknown : str
+        Why the claims of the parts say nothing; empty: they do.
     """
 
     omega: Floats
     bound: Floats
     gain: Floats
-    proved: bool = True  #: the parts are certified
+    unknown: str = ""
 
     @property
     def words(self) -> str:
         closed = np.isfinite(self.bound)
-        if not self.proved:
-            return "not known: a part is not certified"
+        if self.unknown:
+            return f"not known: {self.unknown}"
         if closed.all():
             return (
                 f"at most {self.bound.max():.1e} at {len(self.omega)} frequencies, by the parts' "
@@ -109,7 +111,7 @@ def verdict(
     Raises
     ------
     BodyError
-        For frequencies outside a part's band, and claims that say nothing of single frequencies.
+        For frequencies outside a part's band.
     """
     parts = Parts(models, turns or {})
     bands = common_bands([m.bands for m in models.values()])
@@ -124,23 +126,28 @@ def verdict(
         if not np.all(np.any([(w >= a * (1 - 1e-12)) & (w <= b * (1 + 1e-12)) for a, b in bands],
                              axis=0)):  # fmt: skip
             raise BodyError("a frequency is outside the band that the parts share")
-    for name, model in models.items():
-        if model.relative_to == "band":
-            raise BodyError(
-                f"part {name}: a claim relative to the largest H of the band says too little of "
-                "each frequency: reduce with -mor_tol_relative_to pointwise or elastic"
-            )
-        if model.load_names:
-            raise BodyError(f"part {name} was reduced for few loads: of single ports nothing is "
-                            "claimed")  # fmt: skip
     loop = Loop(parts, joints, keep)
     bound, gain = np.full(len(w), np.inf), np.full(len(w), np.inf)
+    for name, model in models.items():
+        if why := _silent(name, model):
+            return Verdict(w, bound, gain, why)
     for k, x in enumerate(w):
         if not any(np.any((x >= m.excluded[:, 0]) & (x <= m.excluded[:, 1]))
                    for m in models.values()):  # fmt: skip
             bound[k], gain[k] = loop.at(x)
-    proved = all(model.kind != "estimated" for model in models.values())
-    return Verdict(w, bound, gain, proved)
+    estimated = [name for name, m in models.items() if m.kind == "estimated"]
+    unknown = f"part {estimated[0]} is not certified" if estimated else ""
+    return Verdict(w, bound, gain, unknown)
+
+
+def _silent(name: str, model: ReducedModel) -> str:
+    """Why the claim of a part says nothing of its H at a frequency; empty: it does."""
+    if model.relative_to == "band":
+        return (f"the claim of part {name} is relative to the largest H of the band and says too "
+                "little of each frequency (-mor_tol_relative_to pointwise or elastic)")  # fmt: skip
+    if model.load_names:
+        return f"part {name} was reduced for few loads, of single ports nothing is claimed"
+    return ""
 
 
 class Loop:
