@@ -72,7 +72,8 @@ def verbs(folder: Path) -> dict[str, tuple[Callable[[int], list[str]], str]]:
     }  # fmt: skip
     for name, suffix in (("exudyn", "npz"), ("sid", "SID_FEM"), ("dmig", "pch"), ("mat", "mat"),
                          ("npz", "npz"), ("vtu", "vtu"), ("nastran", "bdf"), ("op4", "op4"),
-                         ("simscape", "mat"), ("octave", "m"), ("fmu", "fmu")):  # fmt: skip
+                         ("abaqus", "inp"), ("simscape", "mat"), ("octave", "m"), ("mbdyn", "fem"),
+                         ("fmu", "fmu")):  # fmt: skip
         file = f"e.{suffix}"
         serial[f"export {name}"] = (["export", rom, "--to", name, "-o", out / file], file)
     parallel: dict[str, tuple[list[Any], str]] = {

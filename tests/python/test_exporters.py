@@ -94,6 +94,46 @@ def test_script_in_octave(structural: bool, beam: tuple[Path, Path], tmp_path: P
         export(model, tmp_path / "part-1.m", "octave")
 
 
+def records(path: Path) -> dict[int, list[str]]:
+    """Words of the records of an MBDyn file; lines that begin with ** are comments."""
+    found: dict[int, list[str]] = {}
+    for line in path.read_text().splitlines():
+        if line.startswith("** RECORD GROUP"):
+            number = int(line[16:].split(",")[0])
+            found[number] = []
+        elif not line.startswith("**"):
+            found[number] += line.split()
+    return found
+
+
+def test_mbdyn_modal_joint(beam: tuple[Path, Path], tmp_path: Path) -> None:
+    """What the file holds, by the manual's records: H of the elastic part, places, inertia."""
+    model = ReducedModel.load(beam[1])
+    export(model, tmp_path / "beam.fem", "mbdyn")
+    read = records(tmp_path / "beam.fem")
+    elastic = model.elastic()
+    m = elastic.order
+    assert read[1][1:] == ["2", str(m), "0", "0", "0"] and read[2] == ["start", "end"]
+    at = {n: np.array(words, dtype=float) for n, words in read.items() if n > 2}
+    for k, place in enumerate(interface_positions(model).values()):
+        assert np.allclose([at[5][k], at[6][k], at[7][k]], place, atol=1e-15)
+    shapes = at[8].reshape(m, 12).T
+    M, K, D = (at[n].reshape(m, m) for n in (9, 10, 13))
+    assert_transfer(elastic.transfer(OMEGA), transfer(M, D, K, shapes.T, shapes))
+    mass, centre, J = at[12][0], at[12][1:4], at[12][4:].reshape(3, 3)
+    about_origin = J + mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
+    assert np.allclose(about_origin, model.frame["M_r"][3:, 3:], rtol=1e-12)
+    assert mass == pytest.approx(model.frame["M_r"][0, 0], rel=1e-12)
+    tangent = tmp_path / "tangent.h5"
+    run("reduce", "-body", beam[0], "-mor_band_hz", "10,2000", "-mor_frame", "tangent", "-mor_out",
+        tangent)  # fmt: skip
+    with pytest.raises(BodyError, match="-mor_frame buckens"):
+        export(ReducedModel.load(tangent), tmp_path / "x.fem", "mbdyn")
+    model.eta = 0.01
+    with pytest.raises(BodyError, match="structural damping"):
+        export(model, tmp_path / "x.fem", "mbdyn")
+
+
 def test_rates_of_outputs(beam: tuple[Path, Path], tmp_path: Path) -> None:
     """Velocities and accelerations: iωH and −ω²H, and in time the derivatives."""
     model = ReducedModel.load(beam[1])

@@ -145,6 +145,50 @@ def test_op4(model: ReducedModel, tmp_path: Path) -> None:
     assert_same_modes(model, K, M, 1e-9)
 
 
+@pytest.mark.parametrize("eta", [0.0, 0.02])
+def test_abaqus_matrices(eta: float, model: ReducedModel, tmp_path: Path) -> None:
+    """By the documented lines: row node, its dof, column node, its dof, value; one triangle."""
+    kept, model.eta = model.eta, eta
+    try:
+        form = model.physical()
+        export(model, tmp_path / "part.inp", "abaqus")
+        lines = (tmp_path / "part.inp").read_text().splitlines()
+        nodes: dict[int, list[float]] = {}
+        matrices: dict[str, dict[tuple[int, ...], float]] = {}
+        key, assembled = "", ""
+        for line in lines:
+            if line.startswith("**"):
+                continue
+            if line.startswith("*"):
+                key = line
+                assembled = line if line.startswith("*MATRIX ASSEMBLE") else assembled
+            elif key.startswith("*NODE"):
+                nodes[int(line.split(",")[0])] = [float(x) for x in line.split(",")[1:]]
+            else:
+                name = key.split("NAME=")[1].split(",")[0]
+                *place, value = line.split(",")
+                matrices.setdefault(name, {})[tuple(int(x) for x in place)] = float(value)
+        of = {}
+        for k, (name, moves) in enumerate(form.interfaces.items()):
+            assert np.allclose(nodes[k + 1], form.positions()[name])
+            of |= {(k + 1, direction + 1): row for direction, row in moves.items()}
+        modes = [node for node in nodes if node > 1000]
+        of |= {(node, 1): len(form.boundary) + k for k, node in enumerate(modes)}
+        found = {}
+        for role in ("STIFFNESS", "MASS", "VISCOUS DAMPING", "STRUCTURAL DAMPING"):
+            a = np.zeros((form.order, form.order))
+            for (n, d, o, e), value in matrices.get(f"FLEXGRAM_{role.replace(' ', '_')}",
+                                                    {}).items():  # fmt: skip
+                a[of[n, d], of[o, e]] = a[of[o, e], of[n, d]] = value
+            assert (f"{role}=FLEXGRAM_{role.replace(' ', '_')}" in assembled) == bool(a.any())
+            found[role] = a
+        assert np.array_equal(found["STRUCTURAL DAMPING"], eta * form.K)
+        K = found["STIFFNESS"] + 1j * found["STRUCTURAL DAMPING"]
+        assert_same_response(model, K, found["MASS"], found["VISCOUS DAMPING"], form, 1e-9)
+    finally:
+        model.eta = kept
+
+
 def test_simscape(model: ReducedModel, tmp_path: Path) -> None:
     """Frames where the interfaces are, six motions of each and then the modes; symmetric, M
     positive, and a free body costs no energy in rigid motion about its own frames."""

@@ -46,6 +46,12 @@ def _matrices(model: ReducedModel, path: Path, **_: Any) -> None:
     (write_mat if path.suffix == ".mat" else write_npz)(model, path)
 
 
+def _mbdyn(model: ReducedModel, path: Path, **options: Any) -> None:
+    from flexgram.exporters.mbdyn import write_mbdyn
+
+    write_mbdyn(model, path, **options)
+
+
 def _octave(model: ReducedModel, path: Path, **_: Any) -> None:
     from flexgram.exporters.octave import write_octave
 
@@ -88,12 +94,18 @@ FORMATS: dict[str, tuple[str, str, Callable[..., None]]] = {
         ".op4",
         _superelement("write_op4"),
     ),
+    "abaqus": (
+        "Abaqus: nodes at the interfaces, *MATRIX INPUT of stiffness, mass and damping",
+        ".inp",
+        _superelement("write_abaqus"),
+    ),
     "simscape": (
         "Simscape Multibody, block Reduced Order Flexible Solid",
         ".mat",
         _superelement("write_simscape"),
     ),
     "extptfm": ("OpenFAST's ExtPtfm (Flex 5 format)", ".dat", _superelement("write_extptfm")),
+    "mbdyn": ("data file of MBDyn's modal joint", ".fem", _mbdyn),
     "fmu": ("functional mock-up unit, FMI 2.0", ".fmu", _fmu(2)),
     "fmu3": ("functional mock-up unit, FMI 3.0", ".fmu", _fmu(3)),
     "mat": ("MATLAB", ".mat", _matrices),

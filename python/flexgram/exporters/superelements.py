@@ -16,7 +16,7 @@ from flexgram.exporters.dmig import matrix_cards, number
 from flexgram.physical import PhysicalForm, facts, physical_form
 from flexgram.reduced import Floats, ReducedModel
 
-#: Grids of a Nastran file count from here, scalar points from a thousand above them.
+#: Grids of a Nastran file and nodes of Abaqus count from here, modes from a thousand above them.
 FIRST_GRID = 1
 
 
@@ -56,6 +56,41 @@ def write_nastran(model: ReducedModel, path: Path, body: str | Path | None = Non
     for name, a in (("KAAX", form.K), ("MAAX", form.M), ("BAAX", form.D)):
         if np.any(a):
             lines += matrix_cards(name, a, True, dofs)
+    with written_aside(path) as place:
+        place.write_text("\n".join(lines) + "\n")
+
+
+def write_abaqus(model: ReducedModel, path: Path, body: str | Path | None = None) -> None:
+    """Keywords to include in an Abaqus model: nodes at the interfaces, a node for each mode (its
+    degree of freedom 1), ``*MATRIX INPUT`` of stiffness, mass, viscous and structural damping."""
+    form = physical_form(model)
+    places = form.positions(body)
+    lines = [*_head(form, "**"), "*NODE, NSET=FLEXGRAM_INTERFACES"]
+    dofs: list[tuple[int, int]] = [(0, 0)] * len(form.boundary)
+    for k, (name, moves) in enumerate(form.interfaces.items()):
+        node = FIRST_GRID + k
+        lines += [f"** node {node}: {name}",
+                  f"{node}, " + ", ".join(f"{x:.16e}" for x in places[name])]  # fmt: skip
+        for direction, row in moves.items():
+            dofs[row] = (node, direction + 1)
+    first = FIRST_GRID + max(1000, len(form.interfaces))
+    modes = form.order - len(form.boundary)
+    if modes:
+        lines.append("*NODE, NSET=FLEXGRAM_MODES")
+        lines += [f"{first + k}, 0., 0., 0." for k in range(modes)]
+    dofs += [(first + k, 1) for k in range(modes)]
+    parts = {"STIFFNESS": form.K, "MASS": form.M, "VISCOUS DAMPING": form.D,
+             "STRUCTURAL DAMPING": form.eta * form.K}  # fmt: skip
+    roles = []
+    for role, a in parts.items():
+        if not np.any(a):
+            continue
+        name = "FLEXGRAM_" + role.replace(" ", "_")
+        roles.append(f"{role}={name}")
+        lines.append(f"*MATRIX INPUT, NAME={name}, TYPE=SYMMETRIC")
+        lines += [f"{dofs[i][0]}, {dofs[i][1]}, {dofs[j][0]}, {dofs[j][1]}, {a[i, j]:.16e}"
+                  for j in range(form.order) for i in range(j + 1) if a[i, j] != 0]  # fmt: skip
+    lines.append(f"*MATRIX ASSEMBLE, {', '.join(roles)}")
     with written_aside(path) as place:
         place.write_text("\n".join(lines) + "\n")
 
