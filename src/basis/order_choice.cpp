@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <limits>
+#include <numbers>
 
 namespace flexgram {
 namespace {
@@ -68,12 +69,11 @@ int ruled_order(const Candidate& candidate, const SecondStage& stage) {
 /// Why no small model meets the tolerance.
 std::string shortfall(double tolerance, const SecondStage& stage, ErrorOverBand& errors,
                       const Candidate& best) {
-  const double floor = errors.largest_floor(), least = errors.least();
-  if (floor > 0.5 * tolerance)
-    return text(
-        "rounding of K alone changes H by up to %.1e of it, at a sharp resonance or "
-        "because the outputs hardly answer the inputs",
-        floor);
+  const double least = errors.least();
+  if (const auto floor = errors.largest_floor(); floor.worst > 0.5 * tolerance)
+    return text("rounding of K alone may change %s by up to %.1e of it at %.5g Hz, at a "
+                "sharp resonance or because these outputs hardly answer these inputs",
+                floor.of.c_str(), floor.worst, floor.omega / (2 * std::numbers::pi));
   if (least > tolerance)
     return text("the medium model of order %d is good to %.1e only (see "
                 "{medium_order}, {cutoff})",

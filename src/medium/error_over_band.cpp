@@ -97,10 +97,14 @@ double ErrorOverBand::least() {
   return least;
 }
 
-double ErrorOverBand::largest_floor() {
-  double most = 0;
-  for (const auto& view : medium_.grid().views)
-    for (double floor : view.floor) most = std::max(most, floor);
+ErrorOverBand::Floor ErrorOverBand::largest_floor() {
+  Floor most;
+  const auto& views = medium_.grid().views;
+  for (std::size_t v = 0; v < views.size(); ++v)
+    for (std::size_t l = 0; l < omega().size(); ++l)
+      if (views[v].floor[l] > most.worst)
+        most = {views[v].floor[l], v == 0 ? "H" : medium_.model().views[v].name,
+                omega()[l]};
   return most;
 }
 

@@ -64,7 +64,12 @@ public:
   const std::vector<double>& omega() const { return medium_.omega(); }
   /// Rounding, relative, of H as a whole, at omega().
   const std::vector<double>& floor() { return medium_.grid().views.front().floor; }
-  double largest_floor(); ///< of all views
+  struct Floor {
+    double worst = 0;
+    std::string of; ///< the kind of ports, or H
+    double omega = 0;
+  };
+  Floor largest_floor(); ///< of all views, at the frequencies of the grid
   /// What no small model can go below: the bound of the medium model itself, on the grid.
   double least();
 
