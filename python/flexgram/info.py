@@ -7,6 +7,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from flexgram import words
 from flexgram.basics import BodyError, errors_of, expect_survival
 from flexgram.reduced import ReducedModel
 
@@ -55,7 +56,7 @@ def _describe(path: Path) -> list[str]:
     lines = [
         f"reduced body of order {model.order} by {model.method}"
         + (f" ({model.second_stage})" if model.second_stage not in ("", model.method) else ""),
-        f"band {bands} Hz, error at most {model.certified_error:.1e} ({model.label})",
+        f"band {bands} Hz, {words.error_of(model)}",
         f"inputs: {', '.join(model.inputs)}",
     ]
     if len(model.field_error):

@@ -12,12 +12,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import scipy.linalg
 import scipy.spatial
 from numpy.typing import ArrayLike, NDArray
 
-from flexgram.basics import BodyError, errors_of, written_aside
+from flexgram.basics import BodyError, errors_of, index_of, written_aside
 from flexgram.geometry import Geometry, body_of
 from flexgram.reduced import ReducedModel
 from flexgram.universal import dataset, datasets
@@ -28,8 +29,12 @@ ComplexArray = NDArray[np.complex128]
 #: Dataset 55: structural model; analyses; three translations; displacement; number types.
 STRUCTURAL, NORMAL, COMPLEX_MODE = 1, 2, 3
 TRANSLATIONS, DISPLACEMENT, REAL, COMPLEX = 2, 8, 2, 5
+#: Three translations, or with rotations.
+VECTORS = (TRANSLATIONS, 3)
 #: Of tests also unknown, velocity, acceleration: in a mode all are alike.
 MOTIONS = (0, DISPLACEMENT, 11, 12)
+#: A MAC below this names no partner.
+ALIKE = 0.3
 #: A node of a test farther from every node of the mesh than this share of its size is another's.
 FAR = 0.05
 
@@ -48,6 +53,9 @@ class ModeShapes:
         Of the nodes; of a mesh that flexgram assembles they count from 1.
     points : (N, 3) array
         [m]; NaN where a file does not say.
+    coupled : float
+        Largest damping between two modes relative to that of a mode; where it is not nearly zero, a
+        damping matrix couples them: frequencies are those without damping, dampings the diagonal.
     """
 
     hertz: Floats
@@ -55,12 +63,19 @@ class ModeShapes:
     shapes: NDArray[Any]
     labels: NDArray[np.int64]
     points: Floats
+    coupled: float = 0.0
 
 
 def mode_shapes(
-    model: ReducedModel, body: str | Path | None = None, last_hz: float | None = None
+    model: ReducedModel,
+    body: str | Path | None = None,
+    last_hz: float | None = None,
+    *,
+    at_nodes: bool = True,
 ) -> ModeShapes:
     """Elastic normal modes of a reduced body, up to the end of its band.
+
+    The claim is of H at the ports: a mode that they hardly drive or show may be missing, or off.
 
     Parameters
     ----------
@@ -70,32 +85,53 @@ def mode_shapes(
         those that have degrees of freedom.
     last_hz : float, optional
         Up to here; beyond the band modes are those of the reduced body only.
+    at_nodes : bool
+        Whether the shapes are wanted; without, there are no nodes.
 
     Raises
     ------
     BodyError
-        For a body without coordinates, or without modes there.
+        For a body without coordinates, whose body file is not there, or without modes.
     """
     last = 2 * np.pi * last_hz if last_hz is not None else float(model.band[-1])
     squares, Q = scipy.linalg.eigh(model.K, model.M)
     omega = np.sqrt(np.maximum(squares, 0))
-    rigid = int(np.sum(omega < 1e-6 * omega.max(initial=0)))
+    rigid = int(model.frame.get("rigid_modes", 0))
     chosen = [k for k in range(rigid, len(omega)) if omega[k] <= last]
     if not chosen:
         first = f"; the first is at {omega[rigid] / (2 * np.pi):.5g} Hz" if rigid < len(Q) else ""
         raise BodyError(f"no elastic mode up to {last / (2 * np.pi):.5g} Hz{first}")
     omega, Q = omega[chosen], Q[:, chosen]
-    damping = np.einsum("ik,ij,jk->k", Q, model.D, Q) / (2 * omega) + 0.5 * model.eta
-    try:
-        geometry = Geometry.load(body_of(model, body))
-    except BodyError:
-        if body is not None:
-            raise
-        labels, points, shapes = model.nodal(Q.T)
+    D = Q.T @ model.D @ Q
+    damping = np.diag(D) / (2 * omega) + 0.5 * model.eta
+    between = np.abs(D - np.diag(np.diag(D))).max(initial=0)
+    coupled = float(between / max(np.abs(np.diag(D)).max(), 1e-300)) if between else 0.0
+    if at_nodes:
+        labels, points, shapes = _at_nodes(model, body, Q.T)
     else:
-        points, shapes = geometry.points, geometry.motion(model, Q.T)
-        labels = geometry.labels + (0 if geometry.labels.min(initial=1) > 0 else 1)
-    return ModeShapes(omega / (2 * np.pi), damping, shapes, labels, points)
+        labels, points, shapes = np.empty(0, int), np.empty((0, 3)), np.empty((len(omega), 0, 3))
+    return ModeShapes(omega / (2 * np.pi), damping, shapes, labels, points, coupled)
+
+
+def _at_nodes(
+    model: ReducedModel, body: str | Path | None, q: Floats
+) -> tuple[NDArray[np.int64], Floats, Floats]:
+    """Labels, places and motion: of the mesh, or of a body without one of the nodes it has."""
+    stored = str(model.log.get("body", ""))
+    if body is None and (not stored or (not Path(stored).suffix and not Path(stored).exists())):
+        return model.nodal(q)  # handed over in memory
+    path = body_of(model, body)
+    with errors_of(path), h5py.File(path) as file:
+        assembled, imported = "mesh" in file, "geometry/blocks" in file
+    if not assembled and not imported:
+        return model.nodal(q)
+    geometry = Geometry.load(path)
+    own, places, _ = model.nodal(q[:1])
+    at, known = index_of(geometry.labels, own)
+    size = float(np.ptp(geometry.points, axis=0).max())
+    if known.any() and np.abs(geometry.points[at[known]] - places[known]).max() > 1e-6 * size:
+        raise BodyError(f"{path} is not the body that was reduced: its nodes are elsewhere")
+    return geometry.labels + int(assembled), geometry.points, geometry.motion(model, q)
 
 
 def write_csv(modes: ModeShapes, path: str | Path) -> None:
@@ -135,11 +171,12 @@ def write_universal(modes: ModeShapes, path: str | Path, about: str = "") -> Non
 
 def _numbers(line: str, width: int = 13) -> list[float]:
     words = (line[k : k + width] for k in range(0, len(line.rstrip()), width))
-    return [float(word.replace("D", "E")) for word in words if word.strip()]
+    return [float(word.upper().replace("D", "E")) for word in words if word.strip()]
 
 
 def _places(number: int, lines: Sequence[str]) -> dict[int, list[float]]:
     """Nodes of a dataset 15, 781 or 2411."""
+    lines = [line for line in lines if line.strip()]
     if number == 15:
         return {int(line[:10]): _numbers(line[40:]) for line in lines}
     return {int(label[:10]): _numbers(point, 25)
@@ -151,6 +188,11 @@ def _mode(lines: Sequence[str]) -> tuple[float, float, dict[int, list[complex]]]
     kinds = [int(lines[5][k : k + 10]) for k in range(0, 60, 10)]
     if kinds[1] not in (NORMAL, COMPLEX_MODE) or kinds[3] not in MOTIONS:
         return None
+    if kinds[2] not in VECTORS:
+        return None  # scalars and tensors
+    if kinds[4] not in (REAL, COMPLEX):
+        raise BodyError(f"a mode of dataset 55 has numbers of type {kinds[4]}: 2 (real) and 5 "
+                        "(complex) are read")  # fmt: skip
     told = _numbers(lines[7])
     if kinds[1] == NORMAL:
         hertz, damping = told[0], told[2] + 0.5 * told[3]
@@ -177,16 +219,19 @@ def read_universal(path: str | Path) -> ModeShapes:
         If there is none, or one that cannot be read.
     """
     places: dict[int, list[float]] = {}
-    found = []
+    found, there = [], set()
     with errors_of(path):
         for number, lines in datasets(path):
+            there.add(number)
             if number in (15, 781, 2411):
                 places |= _places(number, lines)
             elif number == 55:
                 mode = _mode(lines)
                 found += [mode] if mode is not None else []
     if not found:
-        raise BodyError(f"{path}: no mode shape (dataset 55)")
+        numbers = ", ".join(str(number) for number in sorted(there)) or "none"
+        raise BodyError(f"{path}: no mode shape (dataset 55, normal or complex modes of type 2 or "
+                        f"3, translations); its datasets: {numbers}")  # fmt: skip
     rows = {label: k for k, label in enumerate(sorted({x for *_, moved in found for x in moved}))}
     shapes = np.zeros((len(found), len(rows), 3), dtype=complex)
     for k, (_, _, moved) in enumerate(found):
@@ -235,15 +280,20 @@ class Comparison:
 
     def words(self) -> list[str]:
         """A line on the nodes, and one for each measured mode."""
-        by = ("by their labels" if np.isnan(self.farthest)
+        by = ("found by their labels" if np.isnan(self.farthest)
               else f"at most {self.farthest:.3g} m from a node of the mesh")  # fmt: skip
         lines = [f"{self.nodes} nodes of the test, {by}"]
         for k, other in enumerate(self.partner):
             f, own = self.measured.hertz[k], self.modes.hertz[other]
+            if not self.mac[k, other] >= ALIKE:
+                lines.append(f"measured mode {k + 1}, {f:.5g} Hz: no mode is like it (MAC at most "
+                             f"{self.mac[k, other]:.2f}, mode {other + 1})")  # fmt: skip
+                continue
+            away = f" ({100 * (own / f - 1):+.2g} %)" if f > 0 else ""
             lines.append(
                 f"measured mode {k + 1}, {f:.5g} Hz, damping "
-                f"{100 * self.measured.damping[k]:.3g} %: mode {other + 1}, {own:.5g} Hz "
-                f"({100 * (own / f - 1):+.2g} %), damping "
+                f"{100 * self.measured.damping[k]:.3g} %: mode {other + 1}, {own:.5g} Hz{away}, "
+                "damping "
                 f"{100 * self.modes.damping[other]:.3g} %, MAC {self.mac[k, other]:.3f}"
             )
         return lines
@@ -259,7 +309,11 @@ def compare(measured: ModeShapes, modes: ModeShapes) -> Comparison:
     BodyError
         If a node of the test is not one of the mesh.
     """
-    if np.isfinite(measured.points).all():
+    placed = np.isfinite(measured.points).all(axis=1)
+    if placed.any() and not placed.all():
+        label = measured.labels[int(np.argmin(placed))]
+        raise BodyError(f"the file says where nodes of the test are, but not of node {label}")
+    if placed.all():
         far, at = scipy.spatial.cKDTree(modes.points).query(measured.points)
         size = float(np.ptp(modes.points, axis=0).max())
         farthest = float(np.max(far, initial=0.0))

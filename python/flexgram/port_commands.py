@@ -163,11 +163,16 @@ def run_modes(options: argparse.Namespace) -> None:
         raise BodyError(f"-o {options.output}: .unv or .csv; a picture is of the MAC and needs "
                         "--measured (of the shapes: flexgram plot --figure shapes)")  # fmt: skip
     model = ReducedModel.load(options.rom)
-    modes = ms.mode_shapes(model, options.body, options.hz)
+    shapes = bool(options.measured) or suffix in (".unv", ".uff")
+    modes = ms.mode_shapes(model, options.body, options.hz, at_nodes=shapes)
     band = model.band / (2 * np.pi)
     for k, (f, zeta) in enumerate(zip(modes.hertz, modes.damping, strict=True), 1):
         beyond = "" if band[0] <= f <= band[-1] else "  outside the band: of the reduced body only"
         say(f"  {k:4d} {f:12.6g} Hz   damping {100 * zeta:.3g} %{beyond}")
+    say("  the claim is of H at the ports: modes that they hardly drive or show may be missing")
+    if modes.coupled > 1e-6:
+        say("  a damping matrix couples the modes: frequencies are those without damping, dampings "
+            "its diagonal (ReducedModel.poles has both as they are)")  # fmt: skip
     found = None
     if options.measured:
         found = ms.compare(ms.read_universal(options.measured), modes)

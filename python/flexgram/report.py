@@ -248,6 +248,12 @@ def write_report(
                 parts.append(_stress(model, *history, body))
             except BodyError as error:
                 left.append(f"stress: {error}")
+    shown = ""
+    if measured is not None:
+        try:
+            shown = _measured(model, measured, body)
+        except BodyError as error:
+            left.append(f"measured modes: {error}")
     picture = draw("shapes", "Surface with the interfaces; lowest elastic modes of the reduced "
                    "body, enlarged.", raster=True, body=body)  # fmt: skip
     if picture:
@@ -255,7 +261,7 @@ def write_report(
     parts += ["<h2>Plan: what was done, what was skipped and why</h2>",
               _plan(list(log["plan"])) if "plan" in log else "<p>not stored</p>",
               "<h2>Modes of the reduced body</h2>", _modes(model),
-              "" if measured is None else _measured(model, measured, body),
+              shown,
               "<h2>Time by stage</h2>", draw("stages", "Wall clock."),
               "<details><summary>All options</summary><table>",
               *(f"<tr><th><code>{html.escape(k)}</code></th><td>{html.escape(str(v))}</td></tr>"

@@ -128,20 +128,20 @@ def verdict(
             raise BodyError("a frequency is outside the band that the parts share")
     loop = Loop(parts, joints, keep)
     bound, gain = np.full(len(w), np.inf), np.full(len(w), np.inf)
-    for name, model in models.items():
-        if why := _silent(name, model):
-            return Verdict(w, bound, gain, why)
+    unknown = "; ".join(why for name, model in models.items() if (why := _silent(name, model)))
+    if unknown:
+        return Verdict(w, bound, gain, unknown)
     for k, x in enumerate(w):
         if not any(np.any((x >= m.excluded[:, 0]) & (x <= m.excluded[:, 1]))
                    for m in models.values()):  # fmt: skip
             bound[k], gain[k] = loop.at(x)
-    estimated = [name for name, m in models.items() if m.kind == "estimated"]
-    unknown = f"part {estimated[0]} is not certified" if estimated else ""
-    return Verdict(w, bound, gain, unknown)
+    return Verdict(w, bound, gain)
 
 
 def _silent(name: str, model: ReducedModel) -> str:
     """Why the claim of a part says nothing of its H at a frequency; empty: it does."""
+    if model.kind == "estimated":
+        return f"part {name} is not certified"
     if model.relative_to == "band":
         return (f"the claim of part {name} is relative to the largest H of the band and says too "
                 "little of each frequency (-mor_tol_relative_to pointwise or elastic)")  # fmt: skip

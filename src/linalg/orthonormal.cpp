@@ -96,12 +96,16 @@ Orthonormalised orthonormalise(Block X, const Basis& V, const InnerProduct& prod
     symmetrise(l);
     Dense distance = l;
     for (int j = 0; j < l.rows; ++j) distance(j, j) -= 1;
-    if (cholesky(l) != 0)
-      throw Error(
-          "orthonormalisation failed: the inner product is not positive on the basis");
-    const Dense correction = inverse_transposed(l);
+    Dense correction;
+    if (const Dense gram_of_rest = l; cholesky(l) == 0) {
+      correction = inverse_transposed(l);
+    } else { // V spans all but rounding of them: what is left of unit length is new
+      correction = kept_directions(gram_of_rest, 0.1, least);
+      share_from_first(X.comm(), correction.data);
+    }
     X = combine(X, correction);
     WX = combine(WX, correction);
+    if (correction.columns == 0) break;
     // The next pass would remove the square of this one: rounding.
     if (largest_entry(removed) < 1e-8 && largest_entry(distance) < 1e-7) break;
     anew = true;

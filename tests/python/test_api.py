@@ -11,6 +11,7 @@ import h5py
 import numpy as np
 import pytest
 import scipy.linalg
+import scipy.sparse as sp
 
 import flexgram
 from conftest import ENVIRONMENT, PYTHON, ROOT, chain, program, rom_matrices, rom_transfer, run
@@ -246,3 +247,33 @@ def test_ctrl_c_ends_a_call_and_nothing_else(rack: Path) -> None:
     assert [line[0] for line in told] == ["certify", "cut", "pod", "equal", "order"]
     assert all(how == "between the steps of flexgram's work" for _, how in told[:3])
     assert told[3:] == [["equal", "True"], ["order", "True certified"]]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_ports_that_span_the_body(seed: int) -> None:
+    """Where the space is all of the body, what is left of further vectors is rounding."""
+    rng = np.random.default_rng(seed)
+    n, n_in, n_out = (60, 70, 70) if seed % 2 else (105, 88, 80)
+    first = np.r_[np.arange(n - 1), rng.integers(0, n - 1, n // 2)]
+    last = np.minimum(first + np.r_[np.ones(n - 1, int), rng.integers(2, 30, n // 2)], n - 1)
+    k = np.where(first == last, 0.0, 10 ** rng.uniform(4, 7, len(first)))
+    entries = (
+        np.r_[k, k, -k, -k],
+        (np.r_[first, last, first, last], np.r_[first, last, last, first]),
+    )
+    K = sp.coo_matrix(entries, shape=(n, n)).tocsr()
+    M = sp.diags(10 ** rng.uniform(-3, -1, n)).tocsr()
+    B, C = np.zeros((n, n_in)), np.zeros((n_out, n))
+    for columns, scale in ((B.T, 1e3), (C, 1.0)):  # a few entries each
+        for column in columns:
+            at = rng.integers(0, n, rng.integers(1, 6))
+            column[at] = scale * rng.standard_normal(len(at))
+    modes = np.sqrt(np.abs(scipy.linalg.eigh(K.toarray(), M.toarray(), eigvals_only=True)))
+    band = (modes[1] / 4 / np.pi, modes[5] * 1.02 / 2 / np.pi)
+    body = flexgram.Matrices(K=K, M=M, B=B, C=C, alpha=0.01, beta=1e-8)
+    rom = flexgram.reduce(body, band, 1e-2)
+    assert rom.met
+    for w in 2 * np.pi * rng.uniform(*band, 6):
+        A = K.toarray() * (1 + 1j * w * 1e-8) + (0.01j * w - w * w) * M.toarray()
+        H = C @ np.linalg.solve(A, B)
+        assert np.linalg.norm(rom.transfer(w) - H) <= 1.001e-2 * np.linalg.norm(H)

@@ -92,6 +92,31 @@ def test_script_in_octave(structural: bool, beam: tuple[Path, Path], tmp_path: P
         assert np.abs(seen["y"] - y).max() < 1e-9 * np.abs(y).max()
     with pytest.raises(BodyError, match="MATLAB's scripts are letters"):
         export(model, tmp_path / "part-1.m", "octave")
+    export(model, tmp_path / "part_1.m", "octave")  # its own data are replaced
+
+
+def test_script_replaces_nothing_of_others(beam: tuple[Path, Path], tmp_path: Path) -> None:
+    """Neither the reduced file nor data of the same name; names of ports are never part of it."""
+    shutil.copy(beam[1], tmp_path / "rob.mat")
+    model = ReducedModel.load(tmp_path / "rob.mat")
+    before = (tmp_path / "rob.mat").read_bytes()
+    with pytest.raises(BodyError, match="not of such a script"):
+        export(model, tmp_path / "rob.m", "octave")
+    assert (tmp_path / "rob.mat").read_bytes() == before and not (tmp_path / "rob.m").exists()
+    (tmp_path / "own.mat").write_text("precious")
+    with pytest.raises(BodyError, match="not of such a script"):
+        export(model, tmp_path / "own.m", "octave")
+    for word in ("end", "load", "expm", "quiet"):
+        with pytest.raises(BodyError, match="a word of the language"):
+            export(model, tmp_path / f"{word}.m", "octave")
+    model.inputs = [name.replace("start", "it's');system('false') % ") for name in model.inputs]
+    model.outputs = list(model.inputs)
+    export(model, tmp_path / "odd.m", "octave")
+    assert "system" not in (tmp_path / "odd.m").read_text()
+    if shutil.which("octave-cli"):
+        done = subprocess.run(["octave-cli", "--no-gui", "--eval", "quiet = true; odd"],
+                              cwd=tmp_path, capture_output=True, text=True)  # fmt: skip
+        assert done.returncode == 0, done.stderr
 
 
 def records(path: Path) -> dict[int, list[str]]:

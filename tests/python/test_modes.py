@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.linalg
+import scipy.sparse as sp
 from test_superelements import reduced
 
+from bodies import box, write_body_file
 from conftest import assembled, run
-from flexgram import BodyError, ReducedModel
+from flexgram import BodyError, Matrices, ReducedModel, reduce
 from flexgram.mode_shapes import compare, mac, mode_shapes, read_universal, write_universal
 
 pyuff = pytest.importorskip("pyuff")
@@ -169,3 +171,60 @@ def test_what_is_refused(model: ReducedModel, full: dict[str, Any], tmp_path: Pa
     (tmp_path / "broken.unv").write_text("\n".join(cut) + "\n")
     with pytest.raises(BodyError, match=r"broken\.unv"):
         read_universal(tmp_path / "broken.unv")
+
+
+def test_without_a_mesh(model: ReducedModel, tmp_path: Path) -> None:
+    """A table needs no nodes; a damping matrix couples modes; a body that is gone is missed."""
+    n = 40
+    K = sp.diags([np.full(n, 2e6), *2 * [np.full(n - 1, -1e6)]], [0, 1, -1]).tocsr()
+    D = sp.lil_matrix((n, n))
+    D[30, 30] = 50.0
+    body = Matrices(K=K, M=sp.identity(n, format="csr"), B=np.eye(n)[:, [3, 30]], D=D.tocsr(),
+                    inputs=["a.fx", "b.fx"])  # fmt: skip
+    chain = reduce(body, (5, 200), 1e-3)
+    with pytest.raises(BodyError, match="no dof map"):
+        mode_shapes(chain)
+    modes = mode_shapes(chain, at_nodes=False)
+    assert modes.coupled > 0.1 and mode_shapes(model).coupled < 1e-6
+    chain.save(tmp_path / "chain.h5")
+    said = run("modes", tmp_path / "chain.h5").out
+    assert "a damping matrix couples the modes" in said and "at the ports" in said
+    assert model.path is not None
+    body_file = model.path.parent / "beam.h5"
+    body_file.rename(tmp_path / "away.h5")
+    try:
+        with pytest.raises(BodyError, match="--body names it"):
+            mode_shapes(model)  # its nodes would have other labels
+        assert len(mode_shapes(model, tmp_path / "away.h5").labels) > 100
+        other = box("tetra10", (7, 2, 2), (0.3, 0.04, 0.03))
+        write_body_file(tmp_path / "other.h5", other)
+        with pytest.raises(BodyError, match="is not the body that was reduced"):
+            mode_shapes(model, tmp_path / "other.h5")
+    finally:
+        (tmp_path / "away.h5").rename(body_file)
+
+
+def test_files_that_would_be_misread(
+    model: ReducedModel, full: dict[str, Any], tmp_path: Path
+) -> None:
+    measured_file(tmp_path / "t.unv", full, [0, 1], places=True, complex_modes=False)
+    text = (tmp_path / "t.unv").read_text()
+
+    def read(changed: str) -> Any:
+        (tmp_path / "x.unv").write_text(changed)
+        return read_universal(tmp_path / "x.unv")
+
+    assert len(read("\ufeff" + text.replace("\n", "\r\n").replace("e+", "d+")).hertz) == 2
+    with pytest.raises(BodyError, match="ends inside a dataset"):
+        read(text[:-8])
+    kinds = "         1         2         2        12         2         3"
+    assert text.count(kinds) == 2
+    assert len(read(text.replace(kinds, kinds[:20] + "         1" + kinds[30:], 1)).hertz) == 1
+    with pytest.raises(BodyError, match="numbers of type 6"):
+        read(text.replace(kinds, kinds[:40] + "         6" + kinds[50:]))
+    with pytest.raises(BodyError, match="its datasets: 15, 55"):
+        read(text.replace(kinds, kinds[:30] + "         2" + kinds[40:]))  # stress
+    measured = read(text)
+    measured.points[3] = np.nan
+    with pytest.raises(BodyError, match=f"not of node {measured.labels[3]}"):
+        compare(measured, mode_shapes(model))

@@ -52,10 +52,10 @@ def _mbdyn(model: ReducedModel, path: Path, **options: Any) -> None:
     write_mbdyn(model, path, **options)
 
 
-def _octave(model: ReducedModel, path: Path, **_: Any) -> None:
+def _octave(model: ReducedModel, path: Path, **options: Any) -> None:
     from flexgram.exporters.octave import write_octave
 
-    write_octave(model, path)
+    write_octave(model, path, **options)
 
 
 def _state_space(model: ReducedModel, path: Path, **options: Any) -> None:

@@ -32,12 +32,13 @@ def write_npz(model: ReducedModel, path: Path) -> None:
         np.savez(file, **arrays(model))
 
 
-def write_mat(model: ReducedModel, path: Path) -> None:
-    """MATLAB file (version 5) of ``arrays``; names of ports become cell arrays."""
+def write_mat(model: ReducedModel, path: Path, *inputs: str | Path | None) -> None:
+    """MATLAB file (version 5) of ``arrays``; names of ports become cell arrays. It replaces none of
+    ``inputs``."""
     values = arrays(model)
     for name in ("inputs", "outputs"):
         values[name] = np.array(values[name], dtype=object)
-    with written_aside(path) as place:
+    with written_aside(path, *inputs) as place:
         scipy.io.savemat(place, values, do_compression=False, oned_as="column", appendmat=False)
 
 

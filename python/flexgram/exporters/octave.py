@@ -2,22 +2,29 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
+import scipy.io
 
 from flexgram import words
 from flexgram.basics import BodyError, written_aside
 from flexgram.exporters.arrays import write_mat
 from flexgram.reduced import ReducedModel
 
+#: Words that the script does not use, but the language does.
+TAKEN = {"break", "case", "catch", "classdef", "continue", "else", "elseif", "function", "global",
+         "otherwise", "parfor", "persistent", "return", "spmd", "switch", "try", "while", "do",
+         "until", "endif", "endfor", "ans", "quiet"}  # fmt: skip
+
 SCRIPT = """% Reduced body by flexgram: {claim}
 % b.M q'' + b.D q' + b.K (1 + i b.eta) q = b.B u,  y = b.C q + b.feedthrough u, in SI units.
 % Set `quiet = true` to be spared the figures.
 here = fileparts(mfilename('fullpath'));
 b = load(fullfile(here, '{data}'));
-output = {output};  % {output_name}
-input = {input};  % {input_name}
+output = {output};  % its name: b.outputs{{output}}
+input = {input};
 
 % Transfer function over the band
 H = @(w) b.C * ((b.K * (1 + 1i * b.eta) + 1i * w * b.D - w^2 * b.M) \\ b.B) + b.feedthrough;
@@ -50,15 +57,15 @@ if ~exist('quiet', 'var') || ~quiet
   figure;
   semilogy(f, abs(h));
   xlabel('frequency [Hz]');
-  ylabel('{output_name} from {input_name}');
-  title('{title}');
+  ylabel([b.outputs{{output}}, ' from ', b.inputs{{input}}], 'Interpreter', 'none');
+  title('{title}', 'Interpreter', 'none');
   grid on;
 {second}end
 """
 SECOND = """  figure;
   plot(t, y(:, output));
   xlabel('time [s]');
-  ylabel('{output_name} after a step of {input_name}');
+  ylabel([b.outputs{{output}}, ' after a step of ', b.inputs{{input}}], 'Interpreter', 'none');
   grid on;
 """
 
@@ -73,31 +80,44 @@ def _strongest(model: ReducedModel) -> tuple[int, int]:
     return int(output), int(port)
 
 
-def write_octave(model: ReducedModel, path: Path) -> None:
+def _is_ours(path: Path) -> bool:
+    try:
+        names = {name for name, *_ in scipy.io.whosmat(path)}
+    except Exception:  # scipy's many, of what is no MATLAB file
+        return False
+    return {"M", "D", "K", "B", "C", "eta", "sigma"} <= names
+
+
+def write_octave(model: ReducedModel, path: Path, body: str | Path | None = None) -> None:
     """``NAME.m``, and ``NAME.mat`` beside it (``write_mat``).
 
     Raises
     ------
     BodyError
-        If the name is none of a script.
+        If the name is none of a script, or the data file would replace one of others.
     """
     name = path.name.removesuffix(".m")
     if path.suffix != ".m" or not (name.isascii() and name.isidentifier() and name[0] != "_"):
         raise BodyError(f"{path}: MATLAB's scripts are letters, digits and _ with .m behind, as "
                         "rack_reduced.m")  # fmt: skip
+    if name in TAKEN or name in re.findall(r"[a-z]\w*", SCRIPT + STEP + FIGURES + SECOND):
+        raise BodyError(f"{path}: {name} is a word of the language: name it {name}_reduced.m, say")
+    data = path.with_name(f"{name}.mat")
+    if data.exists() and not _is_ours(data):
+        raise BodyError(f"{data} is there, and not of such a script: another name")
     output, port = _strongest(model)
     elastic = model.modes[model.modes > 1e-6 * model.modes.max(initial=0)]
     slowest = float(elastic.min(initial=float(model.band[-1])))
     values = {
         "claim": words.error_of(model), "data": f"{name}.mat", "output": output + 1,
-        "input": port + 1, "output_name": model.outputs[output], "input_name": model.inputs[port],
-        "first": model.band[0] / (2 * np.pi), "last": model.band[-1] / (2 * np.pi),
-        "end": 20 * np.pi / slowest, "title": name.replace("_", " "),
+        "input": port + 1, "first": model.band[0] / (2 * np.pi),
+        "last": model.band[-1] / (2 * np.pi),
+        "end": 20 * np.pi / slowest, "title": name,
     }  # fmt: skip
     moves = not model.eta  # structural damping has no real time-domain form
     second = SECOND.format(**values) if moves else ""
     text = SCRIPT.format(**values) + (STEP.format(**values) if moves else "")
     text += FIGURES.format(**values, second=second)
-    write_mat(model, path.with_name(f"{name}.mat"))
-    with written_aside(path) as place:
+    write_mat(model, data, model.path, body)
+    with written_aside(path, model.path, body) as place:
         place.write_text(text)
