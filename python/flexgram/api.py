@@ -12,7 +12,7 @@ from flexgram.reduced import ReducedModel
 
 def reduce(
     body: str | Path | Matrices,
-    band_hz: Sequence[float] = (10.0, 500.0),
+    band_hz: Sequence[float] | Sequence[tuple[float, float]] = (10.0, 500.0),
     tol: float | None = None,
     *,
     order: int | str | None = None,
@@ -27,8 +27,8 @@ def reduce(
     ----------
     body : str, Path or Matrices
         Body file (matrices or a mesh, see ``flexgram.import_body``), or matrices in memory.
-    band_hz : sequence of float
-        First and last frequency [Hz]; several bands as one sequence of pairs.
+    band_hz : sequence of float, or of pairs
+        First and last frequency [Hz]; several bands as (10, 100, 200, 300) or in pairs.
     tol : float, optional
         Largest relative error of H over the band (eq. 17); the smallest certified order that meets
         it is taken. Without ``tol`` and ``order`` 1e-3, but for methods with an order of their own

@@ -244,7 +244,7 @@ def hand_over(body: str | Path | Matrices, comm: Any, values: dict[str, str]) ->
 
 
 def option_values(
-    band_hz: Sequence[float] | None,
+    band_hz: Sequence[float] | Sequence[tuple[float, float]] | None,
     tol: float | None,
     order: int | str | None,
     method: str,
@@ -258,18 +258,22 @@ def option_values(
     BodyError
         For a key that neither flexgram nor PETSc would look at.
     """
+    ends: list[float] | None = None
     try:
-        band_hz = None if band_hz is None else [float(f) for f in band_hz]
+        if band_hz is not None and not isinstance(band_hz, str):
+            ends = [float(f) for f in np.asarray(band_hz, dtype=float).ravel()]
     except (TypeError, ValueError):
-        raise BodyError(f"band_hz must be first and last frequency, (10, 500), not {band_hz!r}"
-                        ) from None  # fmt: skip
+        pass
+    if band_hz is not None and (not ends or len(ends) % 2 or not np.all(np.isfinite(ends))):
+        raise BodyError(f"band_hz must be first and last frequency, (10, 500), or pairs of them, "
+                        f"not {band_hz!r}")  # fmt: skip
     try:
         tol = None if tol is None else float(tol)
     except (TypeError, ValueError):
         raise BodyError(f"tol must be a number, not {tol!r}") from None
     values = {"-mor_method": method, "-mor_monitor": "summary" if verbose else "silent"}
-    if band_hz is not None:
-        values["-mor_band_hz"] = ",".join(repr(float(f)) for f in band_hz)
+    if ends is not None:
+        values["-mor_band_hz"] = ",".join(repr(f) for f in ends)
     if tol is not None:
         values["-mor_tol"] = repr(float(tol))
     if order is not None:

@@ -59,7 +59,7 @@ class Medium:
         *,
         order: int | str | None = None,
         method: str = "two_step",
-        band_hz: Sequence[float] | None = None,
+        band_hz: Sequence[float] | Sequence[tuple[float, float]] | None = None,
         inputs: Sequence[str] | None = None,
         outputs: Sequence[str] | None = None,
         options: Mapping[str, Any] | None = None,
@@ -113,7 +113,7 @@ class Medium:
 
 def certify(
     body: str | Path | Matrices,
-    band_hz: Sequence[float] = (10.0, 500.0),
+    band_hz: Sequence[float] | Sequence[tuple[float, float]] = (10.0, 500.0),
     tol: float | None = None,
     *,
     order: int | str | None = None,

@@ -277,3 +277,15 @@ def test_ports_that_span_the_body(seed: int) -> None:
         A = K.toarray() * (1 + 1j * w * 1e-8) + (0.01j * w - w * w) * M.toarray()
         H = C @ np.linalg.solve(A, B)
         assert np.linalg.norm(rom.transfer(w) - H) <= 1.001e-2 * np.linalg.norm(H)
+
+
+def test_bands_flat_and_in_pairs() -> None:
+    body = chain()
+    matrices = flexgram.Matrices(K=body["K"], M=body["M"], B=body["B"], alpha=1.0, beta=1e-6)
+    flat = flexgram.reduce(matrices, (10, 60, 90, 150), 1e-3)
+    pairs = flexgram.reduce(matrices, [(10, 60), (90, 150)], 1e-3)
+    assert np.allclose(flat.bands, 2 * np.pi * np.array([[10, 60], [90, 150]]))
+    assert np.array_equal(flat.bands, pairs.bands) and flat.order == pairs.order
+    for wrong in ("10,60", [], [(10, 60), (90,)], [None, 3], 5):
+        with pytest.raises(flexgram.BodyError, match="band_hz must be first and last"):
+            flexgram.reduce(matrices, wrong, 1e-3)  # type: ignore[arg-type]
