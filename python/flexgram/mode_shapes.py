@@ -1,7 +1,7 @@
 """Natural modes of a reduced body on its mesh, and how they compare with measured ones.
 
-Universal files, as text: nodes by dataset 2411 (or 15), real normal modes by dataset 55; of
-measured ones complex modes too.
+Universal files, as text: nodes by dataset 2411 (or 15) in the units of dataset 164 (without: SI),
+real normal modes by dataset 55; of measured ones complex modes too.
 """
 
 from __future__ import annotations
@@ -219,11 +219,15 @@ def read_universal(path: str | Path) -> ModeShapes:
         If there is none, or one that cannot be read.
     """
     places: dict[int, list[float]] = {}
-    found, there = [], set()
+    found, there, length = [], set(), 1.0
     with errors_of(path):
         for number, lines in datasets(path):
             there.add(number)
-            if number in (15, 781, 2411):
+            if number == 164:
+                length = _numbers(lines[1], 25)[0]  # of the file's units in a metre
+                if not (np.isfinite(length) and length > 0):
+                    raise BodyError(f"dataset 164: {length:g} units of length in a metre")
+            elif number in (15, 781, 2411):
                 places |= _places(number, lines)
             elif number == 55:
                 mode = _mode(lines)
@@ -240,7 +244,7 @@ def read_universal(path: str | Path) -> ModeShapes:
     hertz, damping = (np.array([mode[j] for mode in found], dtype=float) for j in (0, 1))
     nowhere = [float("nan")] * 3
     with errors_of(path):
-        points = np.array([places.get(label, nowhere) for label in rows]).reshape(-1, 3)
+        points = np.array([places.get(label, nowhere) for label in rows]).reshape(-1, 3) / length
     if not all(np.isfinite(x).all() for x in (hertz, damping, shapes)) or np.isinf(points).any():
         raise BodyError(f"{path}: a number of a mode or of a node is not finite")
     return ModeShapes(hertz, damping, shapes, np.array(list(rows), dtype=np.int64), points)

@@ -161,7 +161,7 @@ def test_what_is_refused(model: ReducedModel, full: dict[str, Any], tmp_path: Pa
     other.labels = other.labels + 100000
     with pytest.raises(BodyError, match="is no node of the mesh, and the file does not say where"):
         compare(other, modes)
-    (tmp_path / "none.unv").write_text("    -1\n   164\nx\n    -1\n")
+    (tmp_path / "none.unv").write_text("    -1\n   151\nx\n    -1\n")
     with pytest.raises(BodyError, match="no mode shape"):
         read_universal(tmp_path / "none.unv")
     with pytest.raises(BodyError, match="no such file"):
@@ -224,6 +224,11 @@ def test_files_that_would_be_misread(
         read(text.replace(kinds, kinds[:40] + "         6" + kinds[50:]))
     with pytest.raises(BodyError, match="its datasets: 15, 55"):
         read(text.replace(kinds, kinds[:30] + "         2" + kinds[40:]))  # stress
+    units = "    -1\n   164\n         5mm (milli-newton)            2\n"
+    units += f"{1000.0:25.16E}{1000.0:25.16E}{1.0:25.16E}\n{273.15:25.16E}\n    -1\n"
+    assert np.allclose(read(units + text).points, 1e-3 * read(text).points)
+    with pytest.raises(BodyError, match="dataset 164"):
+        read(units.replace("1.0000000000000000E+03", "0.0000000000000000E+00") + text)
     measured = read(text)
     measured.points[3] = np.nan
     with pytest.raises(BodyError, match=f"not of node {measured.labels[3]}"):
