@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import os
 import subprocess
 import sys
@@ -49,6 +50,14 @@ def assembled(matrices: Path, body: Path) -> dict[str, Any]:
             "node": file["nodes/id"][:][file["dofs/node"][:]],
             "component": file["dofs/component"][:],
         }
+
+
+def write_table(path: Path, rows: list[dict[str, Any]]) -> None:
+    """A CSV file of rows with the same keys."""
+    with path.open("w", newline="") as file:
+        writer = csv.DictWriter(file, rows[0].keys())
+        writer.writeheader()
+        writer.writerows(rows)
 
 
 def transfer(path: Path) -> tuple[Any, Any]:

@@ -14,7 +14,6 @@ benchmarks/results/crank.csv and docs/images/crank.png.
 from __future__ import annotations
 
 import argparse
-import csv
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,7 +29,7 @@ import matplotlib.pyplot as plt
 import meshio
 import numpy as np
 import scipy.sparse as sp
-from common import OUT, RESULTS, ROOT, assembled, flexgram
+from common import OUT, RESULTS, ROOT, assembled, flexgram, write_table
 from scipy.sparse.linalg import splu
 
 from flexgram import ReducedModel
@@ -410,10 +409,7 @@ def main() -> None:
     axes[1][0].legend(fontsize=7)
     figure.tight_layout()
     figure.savefig(ROOT / "docs" / "images" / "crank.png", dpi=110)
-    with (RESULTS / "crank.csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, rows[0].keys())
-        writer.writeheader()
-        writer.writerows(rows)
+    write_table(RESULTS / "crank.csv", rows)
     print(f"{mesh.points.size} dofs")
 
 

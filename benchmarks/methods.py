@@ -12,7 +12,6 @@ benchmarks/results/methods.csv and out/bench/methods.png. Long for large ones.
 from __future__ import annotations
 
 import argparse
-import csv
 import re
 import statistics
 from pathlib import Path
@@ -24,7 +23,7 @@ import numpy as np
 
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt
-from common import OUT, RESULTS, flexgram
+from common import OUT, RESULTS, flexgram, write_table
 
 from bodies import box, write_body_file
 from flexgram import ReducedModel
@@ -126,10 +125,7 @@ def main() -> None:
                       f"= {row['units']:6.1f} units  {row['peak_mb']:6.0f} MB, "
                       f"4 bases {4 * row['basis_mb']:.0f} MB  error "
                       f"{row['error']:.1e}  bound {row['bound']:.1e}", flush=True)  # fmt: skip
-    with (RESULTS / "methods.csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, rows[0].keys())
-        writer.writeheader()
-        writer.writerows(rows)
+    write_table(RESULTS / "methods.csv", rows)
     figure, axes = plt.subplots(figsize=(7, 4))
     for method in options.methods:
         mine = [row for row in rows if row["method"] == method]

@@ -11,13 +11,12 @@ Prints Markdown and writes benchmarks/results/orders.csv.
 from __future__ import annotations
 
 import argparse
-import csv
 import sys
 import time
 import warnings
 from typing import Any
 
-from common import OUT, RESULTS, ROOT
+from common import OUT, RESULTS, ROOT, write_table
 
 import flexgram
 from others import SHARED, shared_case, write_case
@@ -63,10 +62,7 @@ def main() -> None:
                          **{f"{t:.0e}": m for t, m in zip(TOLERANCES, orders, strict=True)},
                          "seconds": f"{seconds:.2f}"})  # fmt: skip
     RESULTS.mkdir(exist_ok=True)
-    with (RESULTS / "orders.csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, rows[0].keys())
-        writer.writeheader()
-        writer.writerows(rows)
+    write_table(RESULTS / "orders.csv", rows)
 
 
 if __name__ == "__main__":

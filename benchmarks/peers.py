@@ -13,7 +13,6 @@ Errors are eq. (17) at 200 frequencies of a full sweep. One BLAS thread. Needs p
 from __future__ import annotations
 
 import argparse
-import csv
 import signal
 import time
 from collections.abc import Callable
@@ -24,7 +23,7 @@ import h5py
 import numpy as np
 import scipy.sparse.linalg as spla
 import yaml
-from common import OUT, ROOT, assembled, flexgram, matrices_of, transfer
+from common import OUT, ROOT, assembled, flexgram, matrices_of, transfer, write_table
 
 from flexgram import import_body
 
@@ -145,10 +144,7 @@ def main() -> None:
         signal.alarm(0)
         rows.append({"method": name, "order": m, "seconds": seconds, "error": error, "note": note})
         print(f"{name:40s} m = {m}  {seconds:8.2f} s  error {error:.1e}  {note}", flush=True)
-    with (OUT / "peers.csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, rows[0].keys())
-        writer.writeheader()
-        writer.writerows(rows)
+    write_table(OUT / "peers.csv", rows)
     with h5py.File(OUT / "full.h5") as file:
         print(f"rack clamped: n = {matrices['K'].shape[0]}, {file['omega'].shape[0]} frequencies")
 

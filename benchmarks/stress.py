@@ -8,11 +8,9 @@ benchmarks/results/stress.csv.
 
 from __future__ import annotations
 
-import csv
-
 import h5py
 import numpy as np
-from common import OUT, RESULTS, assembled, flexgram
+from common import OUT, RESULTS, assembled, flexgram, write_table
 from scipy.sparse.linalg import splu
 
 from bodies import box
@@ -91,10 +89,7 @@ def main() -> None:
             row[name] = f"{worst:.1e}"
         rows.append(row)
         print(row, flush=True)
-    with (RESULTS / "stress.csv").open("w", newline="") as file:
-        writer = csv.DictWriter(file, rows[0].keys())
-        writer.writeheader()
-        writer.writerows(rows)
+    write_table(RESULTS / "stress.csv", rows)
     print(f"{len(full['node'])} dofs")
 
 

@@ -258,13 +258,11 @@ def option_values(
     BodyError
         For a key that neither flexgram nor PETSc would look at.
     """
-    ends: list[float] | None = None
     try:
-        if band_hz is not None and not isinstance(band_hz, str):
-            ends = [float(f) for f in np.asarray(band_hz, dtype=float).ravel()]
+        ends = None if band_hz is None else np.asarray(band_hz, dtype=float).ravel()
     except (TypeError, ValueError):
-        pass
-    if band_hz is not None and (not ends or len(ends) % 2 or not np.all(np.isfinite(ends))):
+        ends = np.empty(0)
+    if ends is not None and (not len(ends) or len(ends) % 2 or not np.all(np.isfinite(ends))):
         raise BodyError(f"band_hz must be first and last frequency, (10, 500), or pairs of them, "
                         f"not {band_hz!r}")  # fmt: skip
     try:
@@ -273,7 +271,7 @@ def option_values(
         raise BodyError(f"tol must be a number, not {tol!r}") from None
     values = {"-mor_method": method, "-mor_monitor": "summary" if verbose else "silent"}
     if ends is not None:
-        values["-mor_band_hz"] = ",".join(repr(f) for f in ends)
+        values["-mor_band_hz"] = ",".join(repr(float(f)) for f in ends)
     if tol is not None:
         values["-mor_tol"] = repr(float(tol))
     if order is not None:
