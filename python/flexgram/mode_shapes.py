@@ -33,6 +33,8 @@ TRANSLATIONS, DISPLACEMENT, REAL, COMPLEX = 2, 8, 2, 5
 VECTORS = (TRANSLATIONS, 3)
 #: Of tests also unknown, velocity, acceleration: in a mode all are alike.
 MOTIONS = (0, DISPLACEMENT, 11, 12)
+#: A frequency below this share of the largest is that of a rigid mode: the root of rounding.
+ROUNDING = 5e-8
 #: A MAC below this names no partner.
 ALIKE = 0.3
 #: A node of a test farther from every node of the mesh than this share of its size is another's.
@@ -97,6 +99,8 @@ def mode_shapes(
     squares, Q = scipy.linalg.eigh(model.K, model.M)
     omega = np.sqrt(np.maximum(squares, 0))
     rigid = int(model.frame.get("rigid_modes", 0))
+    if not rigid:  # a basis that mixes them with others (pod): those that are nothing but rounding
+        rigid = int(np.sum(omega < ROUNDING * omega.max(initial=0)))
     chosen = [k for k in range(rigid, len(omega)) if omega[k] <= last]
     if not chosen:
         first = f"; the first is at {omega[rigid] / (2 * np.pi):.5g} Hz" if rigid < len(Q) else ""

@@ -186,6 +186,15 @@ def test_without_a_mesh(model: ReducedModel, tmp_path: Path) -> None:
         mode_shapes(chain)
     modes = mode_shapes(chain, at_nodes=False)
     assert modes.coupled > 0.1 and mode_shapes(model).coupled < 1e-6
+    free = Matrices(K=sp.diags([np.r_[1e6, np.full(n - 2, 2e6), 1e6],
+                                *2 * [np.full(n - 1, -1e6)]], [0, 1, -1]).tocsr(),
+                    M=sp.identity(n, format="csr"), B=np.eye(n)[:, [3]], alpha=1.0,
+                    inputs=["a.fx"])  # fmt: skip
+    mixed = reduce(free, (5, 200), order=12, method="pod", options={"mor_samples": "12"})
+    listed = mode_shapes(mixed, at_nodes=False)
+    exact = 2e3 * np.sin(np.pi * np.arange(1, n) / (2 * n)) / (2 * np.pi)
+    assert listed.hertz[0] == pytest.approx(exact[0], rel=1e-3)  # the rigid mode is none
+    assert np.allclose(listed.damping, 1 / (4 * np.pi * listed.hertz), rtol=1e-2)
     chain.save(tmp_path / "chain.h5")
     said = run("modes", tmp_path / "chain.h5").out
     assert "a damping matrix couples the modes" in said and "at the ports" in said
