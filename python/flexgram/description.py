@@ -284,7 +284,7 @@ def _write(
 
     points = np.asarray(mesh.points, dtype=float)
     loads = write_loads(file, reader, points, blocks, units, select, folder)
-    outputs = write_outputs(file, reader, select)
+    outputs = write_outputs(file, reader, points, blocks, length, select)
     damping = Reader(reader.get("damping", {}) or {}, "damping", ("alpha", "beta", "eta"))
     for key in ("alpha", "beta", "eta"):
         file.attrs[key] = damping.number(key, 0.0)

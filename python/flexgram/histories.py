@@ -132,10 +132,11 @@ class Verdict:
 #: Last parts of the names of ports of each kind, as the program reads them.
 KINDS = {
     "displacement": "[fu][xyz]|u", "rotation": "m[xyz]", "stress": "s[xyz]{2}",
-    "inertia": "spin([xyz]{2})?", "force": "f[xyz]", "moment": "m[xyz]",
+    "inertia": "spin([xyz]{2})?", "reaction": "r[xyz]", "reaction moment": "rm[xyz]", "force": "f[xyz]", "moment": "m[xyz]",
     "acceleration": "a[xyz]", "angular acceleration": "alpha[xyz]", "spin": "spin([xyz]{2})?",
     "pressure": "p", "traction": "t[xyz]", "load": "load", "temperature": "T",
 }  # fmt: skip
+OUTPUT_KINDS = ("displacement", "rotation", "stress", "inertia", "reaction", "reaction moment")
 #: Pairs that no claim is made of beside those of their own kinds; the claim of all of H holds.
 CROSSED = {("displacement", "moment"), ("rotation", "force")}
 
@@ -165,7 +166,7 @@ def _blocks(model: ReducedModel) -> dict[str, list[_Block]]:
               for kind, e in zip(model.kinds, model.by_kind, strict=True)}  # fmt: skip
     blocks: dict[str, list[_Block]] = {}
     inputs = [kind for kind in KINDS if len(ports_of(model.inputs, kind))
-              and (kind not in ("displacement", "rotation", "stress", "inertia"))]  # fmt: skip
+              and (kind not in OUTPUT_KINDS)]  # fmt: skip
     known = np.concatenate([ports_of(model.inputs, kind) for kind in inputs])
     for output in dict.fromkeys(output for output, _ in claims):
         rows = ports_of(model.outputs, output)

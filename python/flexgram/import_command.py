@@ -93,10 +93,11 @@ def import_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--measure",
-        metavar="NAME=[stress:]WHERE",
+        metavar="NAME=[stress:|reaction:]WHERE",
         action="append",
         default=[],
-        help="output beside the interfaces, likewise: mean displacement or stress of nodes",
+        help="output beside the interfaces, likewise: mean displacement or stress of nodes, or the "
+        "force by which supports hold them",
     )
     parser.add_argument(
         "--material",

@@ -26,6 +26,7 @@ Floats = NDArray[np.float64]
 
 FIELDS = ("acceleration", "angular_acceleration", "spin")
 TYPES = (*FIELDS, "pressure", "traction", "force", "nodal", "temperature")
+OUTPUTS = ("displacement", "stress", "reaction")
 AXES = "xyz"
 
 
@@ -282,25 +283,71 @@ def write_loads(
     return said
 
 
+def _write_reaction(
+    file: h5py.File,
+    group: h5py.Group,
+    entry: Reader,
+    points: Floats,
+    blocks: Sequence[tuple[str, IntArray]],
+    length: float,
+    select: Callable[[Any, str], IntArray],
+) -> str:
+    """The force and the moment about a point by which supports hold nodes."""
+    chosen = select(entry.get("nodes"), entry.where)
+    held = np.zeros((len(points), 6), dtype=bool)
+    for support in file.get("supports", {}).values():
+        held[np.ix_(support["nodes"][:], support.attrs["components"].astype(int))] = True
+    turning = np.concatenate(
+        [np.zeros(0, dtype=int), *(nodes.ravel() for kind, nodes in blocks if kind == "line")]
+    )
+    solid = np.setdiff1d(np.arange(len(points)), turning)
+    held[solid, 3:] = False  # they have no rotations
+    nodes = chosen[held[chosen].any(axis=1)]
+    if not len(nodes):
+        raise BodyError(f"{entry.where}: no support holds any of the {len(chosen)} nodes")
+    point = entry.vector("point", points[nodes].mean(axis=0))
+    arms = points[nodes] - point
+    size = np.ptp(points, axis=0).max()
+    axes = [a for a in range(3) if held[nodes, a].any()]
+    for a in range(3):  # u = e_a × d
+        moved = (np.abs(np.cross(np.eye(3)[a], arms)) > 1e-9 * size) & held[nodes, :3]
+        if moved.any() or held[nodes, 3 + a].any():
+            axes.append(3 + a)
+    group.attrs["axes"] = [float(axis) for axis in axes]
+    group.attrs["point"] = length * point
+    group["nodes"] = nodes
+    about = ", ".join(f"{x:.4g}" for x in length * point)
+    return f"reaction at {len(nodes)} held nodes, moments about ({about}) m"
+
+
 def write_outputs(
-    file: h5py.File, reader: Reader, select: Callable[[Any, str], IntArray]
+    file: h5py.File,
+    reader: Reader,
+    points: Floats,
+    blocks: Sequence[tuple[str, IntArray]],
+    length: float,
+    select: Callable[[Any, str], IntArray],
 ) -> dict[str, str]:
     """Write the outputs of a description: mean displacements of nodes, of one set or relative to
-    another, in the axes or along a direction, and mean stresses. As ``write_loads``."""
+    another, in the axes or along a direction, mean stresses, and reactions of supports. As
+    ``write_loads``; ``length`` is the mesh's unit [m]."""
     said = {}
     stresses: Stresses | None = None  # of the body, and those that its temperatures leave
     heated: dict[str, Floats] = {}
     for order, (name, data) in enumerate(reader.children("outputs").items()):
-        entry = Reader(data, f"outputs: {name}", ("type", "nodes", "relative_to", "direction"))
-        kind = entry.choice("type", ("displacement", "stress"), "displacement")
+        entry = Reader(data, f"outputs: {name}",
+                       ("type", "nodes", "relative_to", "direction", "point"))  # fmt: skip
+        kind = entry.choice("type", OUTPUTS, "displacement")
+        foreign = {"displacement": ("point",), "stress": ("relative_to", "direction", "point"),
+                   "reaction": ("relative_to", "direction")}[kind]  # fmt: skip
+        for key in foreign:
+            if key in entry.data:
+                raise BodyError(f"{entry.where}: {kind} takes no {key}")
         group = file.create_group(f"outputs/{check_name(entry.where, str(name))}")
         group.attrs["order"] = order
         if kind == "stress":
             from flexgram.stress import COMPONENTS, Stresses  # it takes the compiled module
 
-            for key in ("relative_to", "direction"):
-                if key in entry.data:
-                    raise BodyError(f"{entry.where}: stress takes no {key}")
             chosen = select(entry.get("nodes"), entry.where)
             with errors_of(entry.where):
                 if stresses is None:
@@ -314,6 +361,9 @@ def write_outputs(
                 group["feedthrough"] = np.array(held).T
                 group["feedthrough"].attrs["inputs"] = list(heated)
             said[str(name)] = f"mean stress of {len(chosen)} nodes"
+            continue
+        if kind == "reaction":
+            said[str(name)] = _write_reaction(file, group, entry, points, blocks, length, select)
             continue
         weights: dict[int, float] = {}
         for key, sign in (("nodes", 1.0), ("relative_to", -1.0)):

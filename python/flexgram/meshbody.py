@@ -11,7 +11,7 @@ from flexgram.description import EXPANSION, ISOTROPIC, import_description
 from flexgram.importers import check_damping
 from flexgram.importers.fe import Interface
 from flexgram.importers.interfaces import numbers, parse
-from flexgram.loads import TYPES
+from flexgram.loads import OUTPUTS, TYPES
 from flexgram.units import UNITS
 
 #: Materials by name [SI]: Young's modulus, Poisson's ratio, density, expansion.
@@ -61,11 +61,12 @@ def describe_load(text: str) -> tuple[str, dict[str, Any]]:
 
 
 def describe_output(text: str) -> tuple[str, dict[str, Any]]:
-    """Name and entry of an output, ``NAME=[stress:]NODES``."""
+    """Name and entry of an output, ``NAME=[stress:|reaction:]NODES``."""
     name, _, rest = text.partition("=")
-    stress = rest.startswith("stress:")
-    nodes = _choice(parse("measure", f"{name}={rest.removeprefix('stress:')}"))
-    return name, {"type": "stress" if stress else "displacement", "nodes": nodes}
+    kind, colon, nodes = rest.partition(":")
+    if not colon or kind not in OUTPUTS:
+        kind, nodes = "displacement", rest
+    return name, {"type": kind, "nodes": _choice(parse("measure", f"{name}={nodes}"))}
 
 
 def describe_mesh(

@@ -278,7 +278,7 @@ class ReducedModel:
             raise BodyError(f"rates are {', '.join(rates) or 'none'}, expected some of "
                             f"{', '.join(RATES)}")  # fmt: skip
         if self.feedthrough.any() and set(rates) != {"displacement"}:
-            raise BodyError("outputs with a feedthrough (stress of a temperature) have rates that "
+            raise BodyError("outputs with a feedthrough (stress of a temperature, reactions) have rates that "
                             "hang on those of the inputs: leave these ports out")  # fmt: skip
         m = self.order
         mass = scipy.linalg.cho_factor(self.M)

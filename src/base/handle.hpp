@@ -2,6 +2,7 @@
 
 #include "base/error.hpp"
 
+#include <petscksp.h>
 #include <petscmat.h>
 #include <slepcbv.h>
 #include <slepcsvd.h>
@@ -12,6 +13,7 @@ namespace detail {
 inline PetscErrorCode destroy(Mat* object) { return MatDestroy(object); }
 inline PetscErrorCode destroy(Vec* object) { return VecDestroy(object); }
 inline PetscErrorCode destroy(IS* object) { return ISDestroy(object); }
+inline PetscErrorCode destroy(KSP* object) { return KSPDestroy(object); }
 inline PetscErrorCode destroy(BV* object) { return BVDestroy(object); }
 inline PetscErrorCode destroy(SVD* object) { return SVDDestroy(object); }
 } // namespace detail

@@ -3,6 +3,7 @@
 #include "base/text.hpp"
 #include "fem/loads.hpp"
 #include "fem/node_matrix.hpp"
+#include "fem/reactions.hpp"
 #include "io/body_io.hpp"
 
 #include <algorithm>
@@ -33,9 +34,10 @@ void append_masters(const DofMap& map, const std::int64_t* nodes, int count,
 class ElementAssembler {
 public:
   ElementAssembler(const BodyDescription& body, const DofMap& map, const LocalMesh& mesh,
-                   const Hdf5File& file, FieldLoads& fields, AssemblyFacts& facts)
-      : body_(body), map_(map), mesh_(mesh), file_(file), fields_(fields), facts_(facts) {
-  }
+                   const Hdf5File& file, FieldLoads& fields, Reactions& reactions,
+                   AssemblyFacts& facts)
+      : body_(body), map_(map), mesh_(mesh), file_(file), fields_(fields),
+        reactions_(reactions), facts_(facts) {}
 
   void run(const Masters& masters, NodeMatrix& matrix) {
     std::size_t e = 0;
@@ -81,6 +83,8 @@ private:
     }
     if (fields_.any())
       fields_.add_element(nodes, x, dofs_per_node(block.type), element.M);
+    if (reactions_.any() && !rigid)
+      reactions_.add_element(nodes, x, dofs_per_node(block.type), element.K, element.M);
     const Dense T =
         transformation(nodes, count, dofs_per_node(block.type), masters, master_count);
     const auto reduce = [&](const Dense& a) {
@@ -145,6 +149,7 @@ private:
   const LocalMesh& mesh_;
   const Hdf5File& file_;
   FieldLoads& fields_;
+  Reactions& reactions_;
   AssemblyFacts& facts_;
   std::int64_t inverted_ = 0;
   std::string first_inverted_;
@@ -226,9 +231,12 @@ SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
                      width, masters);
   }
   NodeMatrix matrix(map, masters.start, masters.node);
-  FieldLoads fields(comm, body, map, mesh);
+  Reactions reactions(comm, body, map, mesh);
+  const HeldForces held = reactions.held_forces();
+  FieldLoads fields(comm, body, map, mesh, held);
   agree(comm, [&] {
-    ElementAssembler(body, map, mesh, file, fields, facts).run(masters, matrix);
+    ElementAssembler(body, map, mesh, file, fields, reactions, facts)
+        .run(masters, matrix);
   });
   masters = {};
   matrix.assemble(comm, model.K, model.M);
@@ -242,18 +250,25 @@ SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
              "a factor of %.0f",
              1 / facts.worst_shape));
 
-  Ports ports = interface_ports(comm, body, map, [&](std::int64_t node) {
-    return mesh.coordinates[mesh.place(node)];
-  });
+  Ports ports = interface_ports(
+      comm, body, map,
+      [&](std::int64_t node) { return mesh.coordinates[mesh.place(node)]; }, held);
   model.B = std::move(ports.B);
   model.C = model.B.share();
   model.inputs = model.outputs = std::move(ports.names);
-  model.outputs_are_inputs =
-      body.fields.empty() && body.loads.empty() && body.outputs.empty();
+  model.outputs_are_inputs = body.fields.empty() && body.loads.empty() &&
+                             body.outputs.empty() && body.reactions.empty();
   append(fields.take(), model.B, model.inputs);
-  append(nodal_ports(comm, body.loads, map, mesh, partition), model.B, model.inputs);
+  append(nodal_ports(comm, body.loads, map, mesh, partition, held), model.B,
+         model.inputs);
   append(nodal_ports(comm, body.outputs, map, mesh, partition), model.C, model.outputs);
   for (const auto& output : body.outputs) model.feedthrough.append(output.feedthrough);
+  if (reactions.any() && (model.damping.beta > 0 || model.damping.eta > 0))
+    observer.fact("reactions",
+                  "of the elastic forces and the mass: damping by beta K and eta "
+                  "adds (i omega beta + i eta) times them");
+  append(reactions.take(model.K, model.M, model.B, model.inputs, model.feedthrough),
+         model.C, model.outputs);
   fill_dof_lists(map, mesh, rank, model);
   return model;
 }

@@ -95,7 +95,8 @@ void require_sound_rigid_set(const Interface& interface, const DofMap& map,
 
 void add_distributed_loads(const Interface& interface, const DofMap& map,
                            const std::function<Vector3(std::int64_t)>& coordinates,
-                           std::vector<std::string>& names, std::vector<Entry>& entries) {
+                           std::vector<std::string>& names, std::vector<Entry>& entries,
+                           const HeldForces& held) {
   const std::vector<Dense> motion = motions(interface, coordinates);
   const Dense normal = normal_matrix(interface, motion);
   require_six_motions(interface, normal);
@@ -104,24 +105,30 @@ void add_distributed_loads(const Interface& interface, const DofMap& map,
   const Dense inverse_factor = inverse_transposed(l);
   const Dense inverse = multiply(inverse_factor, transpose(inverse_factor));
   const int first = static_cast<int>(names.size());
+  for (const char* component : component_names)
+    names.push_back(interface.name + "." + component);
   for (std::size_t k = 0; k < interface.nodes.size(); ++k) {
     const double weight = interface.weights.empty() ? 1.0 : interface.weights[k];
     const Dense load = multiply(motion[k], inverse); // 3 × 6
     for (int c = 0; c < 3; ++c) {
       const PetscInt row = map.equation(interface.nodes[k], c);
-      if (row < 0) continue; // goes straight into a support
-      for (int port = 0; port < 6; ++port)
-        entries.push_back({row, first + port, weight * load(c, port)});
+      for (int port = 0; port < 6; ++port) {
+        const double value = weight * load(c, port);
+        if (row >= 0)
+          entries.push_back({row, first + port, value});
+        else if (held) // goes straight into a support
+          held(names[static_cast<std::size_t>(first + port)], interface.nodes[k], c,
+               value);
+      }
     }
   }
-  for (const char* component : component_names)
-    names.push_back(interface.name + "." + component);
 }
 
 } // namespace
 
 Ports interface_ports(MPI_Comm comm, const BodyDescription& body, const DofMap& map,
-                      const std::function<Vector3(std::int64_t)>& coordinates) {
+                      const std::function<Vector3(std::int64_t)>& coordinates,
+                      const HeldForces& held) {
   Ports ports;
   std::vector<Entry> entries; // all of them on every rank: interfaces are small
   for (std::size_t i = 0; i < body.interfaces.size(); ++i) {
@@ -132,7 +139,8 @@ Ports interface_ports(MPI_Comm comm, const BodyDescription& body, const DofMap& 
     } else if (interface.coupling == Coupling::node)
       add_unit_loads(interface, map, interface.nodes.front(), ports.names, entries);
     else
-      add_distributed_loads(interface, map, coordinates, ports.names, entries);
+      add_distributed_loads(interface, map, coordinates, ports.names, entries,
+                            comm_rank(comm) == 0 ? held : HeldForces());
   }
   ports.B = Block(comm, map.rows, map.n, static_cast<PetscInt>(ports.names.size()));
   Block::Access out(ports.B);

@@ -20,7 +20,12 @@ struct Ports {
   Block B;
   std::vector<std::string> names;
 };
+/// Takes the part of a load that acts straight on a held component of a node.
+using HeldForces = std::function<void(const std::string& input, std::int64_t node,
+                                      int component, double value)>;
+/// @param held  called on rank 0 for all interfaces; may be null.
 Ports interface_ports(MPI_Comm comm, const BodyDescription& body, const DofMap& map,
-                      const std::function<Vector3(std::int64_t)>& coordinates);
+                      const std::function<Vector3(std::int64_t)>& coordinates,
+                      const HeldForces& held);
 
 } // namespace flexgram

@@ -218,6 +218,27 @@ NodalVectors read_vectors(const Hdf5File& file, const std::string& group,
   return vectors;
 }
 
+Reaction read_reaction(const Hdf5File& file, const std::string& name,
+                       std::int64_t points) {
+  const std::string object = "/outputs/" + name;
+  Reaction reaction{name,
+                    read_nodes(file, object, points),
+                    fixed<double, 3>(file, object, "point"),
+                    {}};
+  std::sort(reaction.nodes.begin(), reaction.nodes.end());
+  for (double x : reaction.point)
+    if (!std::isfinite(x))
+      throw Error(text("file %s: output %s: point must be finite", file.path().c_str(),
+                       name.c_str()));
+  for (double axis : file.numbers_attribute(object, "axes")) {
+    if (axis != std::floor(axis) || axis < 0 || axis > 5)
+      throw Error(text("file %s: output %s: axis %g must be 0 to 5", file.path().c_str(),
+                       name.c_str(), axis));
+    reaction.axes.push_back(static_cast<int>(axis));
+  }
+  return reaction;
+}
+
 /// Children of a group in the order of their attribute `order`, if they have one.
 std::vector<std::string> ordered_children(const Hdf5File& file,
                                           const std::string& group) {
@@ -293,8 +314,6 @@ BodyDescription read_description(const Hdf5File& file) {
       else
         body.fields.push_back(read_field(file, name, type));
     }
-    for (const auto& name : ordered_children(file, "/outputs"))
-      body.outputs.push_back(read_vectors(file, "/outputs", name, body.points));
     for (const auto& name : ordered_children(file, "/supports")) {
       const std::string object = "/supports/" + name;
       Support support{name, read_nodes(file, object, body.points), {}};
@@ -305,6 +324,12 @@ BodyDescription read_description(const Hdf5File& file) {
         support.components.push_back(static_cast<int>(c));
       }
       body.supports.push_back(std::move(support));
+    }
+    for (const auto& name : ordered_children(file, "/outputs")) {
+      if (file.has_attribute("/outputs/" + name, "axes"))
+        body.reactions.push_back(read_reaction(file, name, body.points));
+      else
+        body.outputs.push_back(read_vectors(file, "/outputs", name, body.points));
     }
   });
   return body;

@@ -52,6 +52,14 @@ struct NodalVectors {
   Feedthrough feedthrough;    ///< of outputs: what loads add to them at once
 };
 
+/// Forces and moments by which supports hold nodes, summed, as outputs.
+struct Reaction {
+  std::string name;
+  std::vector<std::int64_t> nodes; ///< ascending
+  Vector3 point{};                 ///< of the moments [m]
+  std::vector<int> axes;           ///< 0-2 forces, 3-5 moments
+};
+
 struct Material {
   SolidMaterial solid;
   BeamMaterial beam; ///< E and G; only for isotropic ones
@@ -68,6 +76,7 @@ struct BodyDescription {
   std::vector<Support> supports;
   std::vector<AccelerationField> fields;
   std::vector<NodalVectors> loads, outputs;
+  std::vector<Reaction> reactions;
   MassRule mass_rule = MassRule::full;
   std::vector<std::string> warnings; ///< doubtful values
 };

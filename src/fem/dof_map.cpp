@@ -86,6 +86,8 @@ DofMap number_equations(const Hdf5File& file, const BodyDescription& body,
   for (const auto& load : body.loads) require_used(map, "load", load.name, load.nodes);
   for (const auto& output : body.outputs)
     require_used(map, "output", output.name, output.nodes);
+  for (const auto& reaction : body.reactions)
+    require_used(map, "output", reaction.name, reaction.nodes);
   for (const auto& interface : body.interfaces) {
     require_used(map, "interface", interface.name, interface.nodes);
     if (interface.coupling == Coupling::rigid)

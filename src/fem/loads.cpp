@@ -55,8 +55,9 @@ std::vector<std::string> names_of(const std::vector<NodalVectors>& all) {
 } // namespace
 
 NodalSums::NodalSums(MPI_Comm comm, const DofMap& map, const LocalMesh& mesh,
-                     std::vector<std::string> names)
-    : comm_(comm), map_(map), mesh_(mesh), names_(std::move(names)) {
+                     std::vector<std::string> names, HeldForces held)
+    : comm_(comm), map_(map), mesh_(mesh), names_(std::move(names)),
+      held_(std::move(held)) {
   for (std::size_t j = 0; j < names_.size(); ++j) {
     sums_.emplace_back();
     FG_CALL(VecCreateMPI(comm, map.rows.size(), map.n, sums_.back().out()));
@@ -83,6 +84,9 @@ void NodalSums::add(int column, std::int64_t node, const Vector3& force,
     rows[c] = map_.equation(master, c); // −1: held, or no such dof
     values[c] = c < 3 ? force[static_cast<std::size_t>(c)]
                       : about[static_cast<std::size_t>(c - 3)];
+    const auto i = static_cast<std::size_t>(master);
+    if (held_ && c < map_.dofs[i] && (map_.held[i] >> c & 1))
+      held_(names_[static_cast<std::size_t>(column)], node, c, values[c]);
   }
   FG_CALL(
       VecSetValues(sums_[static_cast<std::size_t>(column)], 6, rows, values, ADD_VALUES));
@@ -104,8 +108,8 @@ Ports NodalSums::take() {
 }
 
 FieldLoads::FieldLoads(MPI_Comm comm, const BodyDescription& body, const DofMap& map,
-                       const LocalMesh& mesh)
-    : sums_(comm, map, mesh, names_of(body.fields)) {
+                       const LocalMesh& mesh, HeldForces held)
+    : sums_(comm, map, mesh, names_of(body.fields), std::move(held)) {
   for (const auto& field : body.fields)
     for (int axis = 0; axis < (field.type == AccelerationField::Type::spin ? 1 : 3);
          ++axis)
@@ -134,8 +138,8 @@ void FieldLoads::add_element(const std::int64_t* nodes, const std::vector<Vector
 }
 
 Ports nodal_ports(MPI_Comm comm, const std::vector<NodalVectors>& all, const DofMap& map,
-                  const LocalMesh& mesh, const Partition& partition) {
-  NodalSums sums(comm, map, mesh, names_of(all));
+                  const LocalMesh& mesh, const Partition& partition, HeldForces held) {
+  NodalSums sums(comm, map, mesh, names_of(all), std::move(held));
   const int rank = comm_rank(comm);
   int first = 0;
   for (const auto& vectors : all) {

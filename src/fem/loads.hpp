@@ -12,7 +12,7 @@ namespace flexgram {
 class NodalSums {
 public:
   NodalSums(MPI_Comm comm, const DofMap& map, const LocalMesh& mesh,
-            std::vector<std::string> names);
+            std::vector<std::string> names, HeldForces held = {});
 
   /// A force at a node, and a moment that only beams and rigid interfaces take. A slave's
   /// goes to its reference.
@@ -26,6 +26,7 @@ private:
   const DofMap& map_;
   const LocalMesh& mesh_;
   std::vector<std::string> names_;
+  HeldForces held_;
   std::vector<Handle<Vec>> sums_;
 };
 
@@ -33,7 +34,7 @@ private:
 class FieldLoads {
 public:
   FieldLoads(MPI_Comm comm, const BodyDescription& body, const DofMap& map,
-             const LocalMesh& mesh);
+             const LocalMesh& mesh, HeldForces held);
   bool any() const { return !columns_.empty(); }
   /// @param M  of the element, `dofs` rows a node.
   void add_element(const std::int64_t* nodes, const std::vector<Vector3>& x, int dofs,
@@ -51,6 +52,7 @@ private:
 
 /// Loads or outputs given by vectors at nodes. Collective.
 Ports nodal_ports(MPI_Comm comm, const std::vector<NodalVectors>& all, const DofMap& map,
-                  const LocalMesh& mesh, const Partition& partition);
+                  const LocalMesh& mesh, const Partition& partition,
+                  HeldForces held = {});
 
 } // namespace flexgram

@@ -12,12 +12,13 @@ struct Kind {
   const char *letters, *input, *output; ///< null: there is none
 };
 constexpr Kind kinds[] = {
-    {"f", "force", "displacement"}, {"m", "moment", "rotation"},
-    {"a", "acceleration", nullptr}, {"alpha", "angular acceleration", nullptr},
-    {"spin", "spin", "inertia"},    {"p", "pressure", nullptr},
-    {"t", "traction", nullptr},     {"u", nullptr, "displacement"},
-    {"s", nullptr, "stress"},       {"load", "load", nullptr},
-    {"T", "temperature", nullptr},
+    {"f", "force", "displacement"},     {"m", "moment", "rotation"},
+    {"a", "acceleration", nullptr},     {"alpha", "angular acceleration", nullptr},
+    {"spin", "spin", "inertia"},        {"p", "pressure", nullptr},
+    {"t", "traction", nullptr},         {"u", nullptr, "displacement"},
+    {"s", nullptr, "stress"},           {"load", "load", nullptr},
+    {"T", "temperature", nullptr},      {"r", nullptr, "reaction"},
+    {"rm", nullptr, "reaction moment"},
 };
 
 const Kind* find_kind(const std::string& letters) {

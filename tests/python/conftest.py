@@ -233,7 +233,8 @@ ENDS = {"displacement": "[fu][xyz]|u", "force": "f[xyz]", "rotation": "m[xyz]",
         "moment": "m[xyz]", "acceleration": "a[xyz]", "angular acceleration": "alpha[xyz]",
         "spin": "spin([xyz]{2})?",
         "inertia": "spin([xyz]{2})?", "pressure": "p", "stress": "s[xyz]{2}",
-        "traction": "t[xyz]", "load": "load", "temperature": "T"}  # fmt: skip
+        "traction": "t[xyz]", "load": "load", "temperature": "T",
+        "reaction": "r[xyz]", "reaction moment": "rm[xyz]"}  # fmt: skip
 
 
 def kinds_of(names: list[str], word: str) -> list[int]:

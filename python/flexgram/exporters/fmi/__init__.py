@@ -27,7 +27,7 @@ PLATFORMS = {"x86_64": ("linux64", "x86_64-linux"), "aarch64": ("aarch64-linux",
 #: SI units of ports by the letters of their kinds: input, output; base units as FMI names them.
 UNITS = {"f": ("N", "m"), "m": ("N.m", "rad"), "a": ("m/s2", None), "alpha": ("rad/s2", None),
          "p": ("Pa", None), "t": ("Pa", None), "T": ("K", None), "u": (None, "m"),
-         "s": (None, "Pa")}  # fmt: skip
+         "s": (None, "Pa"), "r": (None, "N"), "rm": (None, "N.m")}  # fmt: skip
 BASE = {"N": "kg='1' m='1' s='-2'", "N.m": "kg='1' m='2' s='-2'", "m": "m='1'", "rad": "rad='1'",
         "m/s2": "m='1' s='-2'", "rad/s2": "rad='1' s='-2'", "Pa": "kg='1' m='-1' s='-2'",
         "K": "K='1'", "m/s": "m='1' s='-1'", "rad/s": "rad='1' s='-1'"}  # fmt: skip
@@ -259,7 +259,7 @@ def write_fmu(
     through = bool(model.feedthrough.any())
     rates = rates or (RATES[:1] if through else RATES)
     if through and set(rates) != {"displacement"}:
-        raise BodyError("outputs with a feedthrough (stress of a temperature) have rates that hang "
+        raise BodyError("outputs with a feedthrough (stress of a temperature, reactions) have rates that hang "
                         "on those of the inputs: displacement alone")  # fmt: skip
     if not rates or set(rates) - set(RATES):
         raise BodyError(f"rates are {', '.join(rates) or 'none'}, expected some of "
