@@ -132,7 +132,8 @@ class Verdict:
 #: Last parts of the names of ports of each kind, as the program reads them.
 KINDS = {
     "displacement": "[fu][xyz]|u", "rotation": "m[xyz]", "stress": "s[xyz]{2}",
-    "inertia": "spin([xyz]{2})?", "reaction": "r[xyz]", "reaction moment": "rm[xyz]", "force": "f[xyz]", "moment": "m[xyz]",
+    "inertia": "spin([xyz]{2})?", "reaction": "r[xyz]", "reaction moment": "rm[xyz]",
+    "force": "f[xyz]", "moment": "m[xyz]",
     "acceleration": "a[xyz]", "angular acceleration": "alpha[xyz]", "spin": "spin([xyz]{2})?",
     "pressure": "p", "traction": "t[xyz]", "load": "load", "temperature": "T",
 }  # fmt: skip

@@ -253,6 +253,19 @@ class ReducedModel:
         s = s[np.argsort(np.abs(s))]
         return s
 
+    def expect_time_domain(self, rates: Sequence[str]) -> None:
+        """Raise BodyError where there is no real state space with these rates of the outputs."""
+        if self.eta:
+            raise BodyError(f"structural damping (eta = {self.eta:g}) has no real time-domain "
+                            "form: give Rayleigh damping instead")  # fmt: skip
+        if not rates or set(rates) - set(RATES):
+            raise BodyError(f"rates are {', '.join(rates) or 'none'}, expected some of "
+                            f"{', '.join(RATES)}")  # fmt: skip
+        if self.feedthrough.any() and set(rates) != {"displacement"}:
+            raise BodyError("outputs with a feedthrough (stress of a temperature, reactions) have "
+                            "rates that hang on those of the inputs: leave these ports out, or "
+                            "take displacement alone")  # fmt: skip
+
     def state_space(
         self, rates: Sequence[str] = ("displacement",)
     ) -> tuple[Floats, Floats, Floats, Floats]:
@@ -271,15 +284,7 @@ class ReducedModel:
             With structural damping, which has no real state space; for rates of outputs with a
             feedthrough, which would be rates of the inputs.
         """
-        if self.eta:
-            raise BodyError(f"structural damping (eta = {self.eta:g}) has no real time-domain "
-                            "form: give Rayleigh damping instead")  # fmt: skip
-        if not rates or set(rates) - set(RATES):
-            raise BodyError(f"rates are {', '.join(rates) or 'none'}, expected some of "
-                            f"{', '.join(RATES)}")  # fmt: skip
-        if self.feedthrough.any() and set(rates) != {"displacement"}:
-            raise BodyError("outputs with a feedthrough (stress of a temperature, reactions) have rates that "
-                            "hang on those of the inputs: leave these ports out")  # fmt: skip
+        self.expect_time_domain(rates)
         m = self.order
         mass = scipy.linalg.cho_factor(self.M)
         A = np.zeros((2 * m, 2 * m))

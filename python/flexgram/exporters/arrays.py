@@ -77,12 +77,9 @@ def to_pymor(model: ReducedModel, rates: Sequence[str] = ("displacement",)) -> A
         from pymor.models.iosys import SecondOrderModel
     except ImportError:
         raise BodyError("pyMOR is not installed: pip install pymor") from None
-    if model.eta:
-        raise BodyError("pyMOR's second-order models have no structural damping (eta)")
-    if not rates or set(rates) - {"displacement", "velocity"}:
+    model.expect_time_domain(rates)
+    if "acceleration" in rates:
         raise BodyError("outputs of pyMOR's second-order models are displacements and velocities")
-    if model.feedthrough.any() and set(rates) != {"displacement"}:
-        raise BodyError("outputs with a feedthrough have no velocities")
     zero = np.zeros_like(model.C)
     place = np.vstack([model.C if rate == "displacement" else zero for rate in rates])
     speed = np.vstack([model.C if rate == "velocity" else zero for rate in rates])

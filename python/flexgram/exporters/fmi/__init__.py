@@ -45,9 +45,6 @@ def _unit(port: str, output: bool, rate: str = "displacement") -> str | None:
 def _matrices(model: ReducedModel, rates: Sequence[str]) -> dict[str, Floats]:
     """The state space with coordinates that are as large as their velocities, each times its own
     frequency; what damping adds to A and C by itself."""
-    if model.eta:
-        raise BodyError(f"structural damping (eta = {model.eta:g}) has no real time-domain form: "
-                        "give Rayleigh damping instead")  # fmt: skip
     m = model.order
     mass = scipy.linalg.cho_factor(model.M)
     squares = np.diag(model.K) / np.diag(model.M)
@@ -256,14 +253,8 @@ def write_fmu(
     """
     if version not in VERSIONS:
         raise BodyError(f"FMI {version} must be one of {', '.join(map(str, VERSIONS))}")
-    through = bool(model.feedthrough.any())
-    rates = rates or (RATES[:1] if through else RATES)
-    if through and set(rates) != {"displacement"}:
-        raise BodyError("outputs with a feedthrough (stress of a temperature, reactions) have rates that hang "
-                        "on those of the inputs: displacement alone")  # fmt: skip
-    if not rates or set(rates) - set(RATES):
-        raise BodyError(f"rates are {', '.join(rates) or 'none'}, expected some of "
-                        f"{', '.join(RATES)}")  # fmt: skip
+    rates = rates or (RATES[:1] if model.feedthrough.any() else RATES)
+    model.expect_time_domain(rates)
     machine = platform.machine()
     if machine not in PLATFORMS or platform.system() != "Linux":
         raise BodyError(
