@@ -9,6 +9,7 @@
 #include "medium/term_gram.hpp"
 
 #include <functional>
+#include <map>
 #include <span>
 
 namespace flexgram {
@@ -63,6 +64,12 @@ public:
     bool proved = true;
   };
 
+  /// Squares of the singular values of residuals W.
+  struct SquaredValues {
+    double norm = 0;          ///< √Σσ⁴
+    std::vector<double> each; ///< descending; none of many columns
+  };
+
   Certificate() = default;
   /// @param modes  number of modes below the cutoff, the rigid ones included.
   /// @param inertia_is_safe  their number is what the inertia says, whatever its rounding.
@@ -89,18 +96,24 @@ public:
   FieldBound field_over(const DenseResponse& response, const ResponseSeries& x,
                         const std::vector<int>& ports,
                         const std::vector<double>& strain) const;
-  /// Of the residuals' terms, for the inputs and the outputs of a block.
+  /// Of the residuals' terms, for the inputs and the outputs of some blocks.
   struct ResidualGrams {
-    TermGram of_inputs, of_outputs; ///< the latter empty where they are the former
+    std::vector<std::vector<int>> ports; ///< each list of them once
+    std::vector<TermGram> grams;         ///< of each list
+    struct Lists {
+      std::size_t inputs, outputs;
+    };
+    std::vector<Lists> blocks;
   };
-  ResidualGrams residual_grams(const DenseResponse& response, const PortSet& block) const;
+  ResidualGrams residual_grams(const DenseResponse& response,
+                               const std::vector<PortSet>& blocks) const;
   /// Bounds like those of `over` for many ports of a diagonal system, by ‖W_C‖‖W_B‖:
   /// larger by the root of the number of ports where their residuals are independent, at
   /// a price without the ports. Where they are not `enough` (number of the block, error),
   /// W_CᵀW_B at the centre makes them sharper.
   std::vector<Bound>
   of_many(const DenseResponse& response, const ResponseSeries& factors,
-          const std::vector<PortSet>& blocks, const std::vector<ResidualGrams>& grams,
+          const std::vector<PortSet>& blocks, const ResidualGrams& grams,
           const std::function<bool(std::size_t, double)>& enough) const;
   /// Largest sine of the angle between a mode below the cutoff and the space.
   double worst_angle() const;
@@ -167,8 +180,9 @@ private:
     bool proved = true;
   };
   Inverse inverse(const DenseResponse& response, const ResponseSeries& x) const;
+  using Squares = std::map<std::vector<int>, SquaredValues>; ///< of the ports' columns
   double error_of(const Inverse& S, const ComplexDense& at_centre, const PortSet& block,
-                  double in, double out) const;
+                  double in, double out, Squares& known) const;
   double mode_coupling(const DenseResponse& response, const ResponseSeries& x) const;
   std::array<std::complex<double>, 3> residual_factors(const DenseResponse& response,
                                                        Interval interval) const;

@@ -40,14 +40,25 @@ double largest_quotient(std::array<Complex, 2> n, std::array<Complex, 2> d) {
   return std::sqrt(std::max(largest, 0.0)) * (1 + 1e-14);
 }
 
-/// √Σ σ_i(A)² σ_i(B)², singular values in descending order.
-double paired_norm(const ComplexDense& a, const ComplexDense& b) {
-  const auto squares = [](const ComplexDense& w) {
-    auto values = hermitian_eigenvalues(multiply_transposed(w, w, true));
-    std::reverse(values.begin(), values.end());
-    return values;
-  };
-  const auto alpha = squares(a), beta = squares(b);
+/// Columns up to which singular values are worth their price.
+constexpr int few = 64;
+
+/// Squares of the singular values of W, descending; of many columns their norm alone.
+Certificate::SquaredValues squares_of(const ComplexDense& w) {
+  const ComplexDense gram = multiply_transposed(w, w, true);
+  Certificate::SquaredValues squares{frobenius_norm(gram), {}};
+  if (w.columns > few) return squares;
+  squares.each = hermitian_eigenvalues(gram);
+  std::reverse(squares.each.begin(), squares.each.end());
+  return squares;
+}
+
+/// √Σ σ_i(A)² σ_i(B)², from the squares; if those of one are not known, at most that, by
+/// the Cauchy-Schwarz inequality.
+double paired_norm(const Certificate::SquaredValues& a,
+                   const Certificate::SquaredValues& b) {
+  const std::vector<double>&alpha = a.each, &beta = b.each;
+  if (alpha.empty() || beta.empty()) return std::sqrt(a.norm * b.norm) * (1 + 1e-12);
   double sum = 0;
   for (std::size_t i = 0; i < std::min(alpha.size(), beta.size()); ++i)
     sum += std::max(alpha[i], 0.0) * std::max(beta[i], 0.0);
@@ -200,15 +211,22 @@ void Certificate::add_rounding(Bound& bound, const DenseResponse& response,
 /// |…| of the residual's claim for a block whose residuals are W at the centre of an
 /// interval and no farther from that than `in` and `out`, anywhere in it.
 double Certificate::error_of(const Inverse& S, const ComplexDense& at_centre,
-                             const PortSet& block, double in, double out) const {
+                             const PortSet& block, double in, double out,
+                             Squares& known_squares) const {
   const bool same = block.inputs == block.outputs;
   const ComplexDense w_in = columns_of(at_centre, block.inputs);
   const ComplexDense w_out = same ? ComplexDense() : columns_of(at_centre, block.outputs);
   const ComplexDense& w_c = same ? w_in : w_out;
   const double added = frobenius_norm(w_c) * in + frobenius_norm(w_in) * out + in * out;
+  const auto squares = [&](const std::vector<int>& ports, const ComplexDense& w) {
+    const auto known = known_squares.find(ports);
+    if (known != known_squares.end()) return known->second;
+    return known_squares.emplace(ports, squares_of(w)).first->second;
+  };
   const double paired =
-      added + (same ? frobenius_norm(multiply_transposed(w_in, w_in, true))
-                    : paired_norm(w_c, w_in));
+      added +
+      (same ? frobenius_norm(multiply_transposed(w_in, w_in, true))
+            : paired_norm(squares(block.outputs, w_c), squares(block.inputs, w_in)));
   // The Gram matrix is that of the norm or more: no bound of W_CᵀW_B by itself.
   const auto coefficients = [&](const ComplexDense& w_of, double moved_by) {
     double square = 0, widest = 0;
@@ -257,10 +275,11 @@ Certificate::over(const DenseResponse& response, const ResponseSeries& x,
     return std::sqrt(square);
   };
   std::vector<Bound> bounds;
+  Squares squares;
   for (const PortSet& block : blocks) {
     Bound bound;
-    bound.error =
-        error_of(S, at_centre, block, moved_of(block.inputs), moved_of(block.outputs));
+    bound.error = error_of(S, at_centre, block, moved_of(block.inputs),
+                           moved_of(block.outputs), squares);
     bound.proved = S.proved;
     add_rounding(bound, response, x, block);
     bounds.push_back(bound);

@@ -9,8 +9,9 @@
 namespace flexgram {
 
 /// W = P − Σ_i f_i k_i b_iᵀ: terms of the modes, and one that is P.
-Certificate::ResidualGrams Certificate::residual_grams(const DenseResponse& response,
-                                                       const PortSet& block) const {
+Certificate::ResidualGrams
+Certificate::residual_grams(const DenseResponse& response,
+                            const std::vector<PortSet>& blocks) const {
   const auto of = [&](const std::vector<int>& columns) {
     const Dense B = columns_of(response.modal_inputs(), columns, scale_),
                 P = columns_of(ports_, columns, scale_);
@@ -25,14 +26,25 @@ Certificate::ResidualGrams Certificate::residual_grams(const DenseResponse& resp
     constant.summed = P.rows + P.columns;
     return TermGram(TermGram(K_, B), mixed, constant);
   };
-  return {of(block.inputs),
-          block.outputs == block.inputs ? TermGram() : of(block.outputs)};
+  ResidualGrams result;
+  const auto list_of = [&](const std::vector<int>& ports) {
+    const auto known = std::find(result.ports.begin(), result.ports.end(), ports);
+    if (known != result.ports.end())
+      return static_cast<std::size_t>(known - result.ports.begin());
+    result.ports.push_back(ports);
+    result.grams.push_back(of(ports));
+    return result.ports.size() - 1;
+  };
+  for (const PortSet& block : blocks) {
+    const std::size_t inputs = list_of(block.inputs);
+    result.blocks.push_back({inputs, list_of(block.outputs)});
+  }
+  return result;
 }
 
 std::vector<Certificate::Bound>
 Certificate::of_many(const DenseResponse& response, const ResponseSeries& factors,
-                     const std::vector<PortSet>& blocks,
-                     const std::vector<ResidualGrams>& grams,
+                     const std::vector<PortSet>& blocks, const ResidualGrams& grams,
                      const std::function<bool(std::size_t, double)>& enough) const {
   const Dense& B = response.modal_inputs();
   ResponseSeries x{factors.interval, {}, Dense(B.rows, B.columns), factors.largest};
@@ -55,17 +67,21 @@ Certificate::of_many(const DenseResponse& response, const ResponseSeries& factor
       square += std::pow(lost_in_units[static_cast<std::size_t>(j)], 2);
     return std::sqrt(square);
   };
-  const auto norms_of = [&](std::size_t k, const MatrixSeries& series) {
-    const ViewNorms in = term_norms(grams[k].of_inputs, series).norms;
-    const bool same = grams[k].of_outputs.order() == 0;
-    return std::pair{in, same ? in : term_norms(grams[k].of_outputs, series).norms};
+  const auto norms_of = [&](const MatrixSeries& series) { // of each list of ports
+    std::vector<ViewNorms> norms;
+    for (const TermGram& gram : grams.grams)
+      norms.push_back(term_norms(gram, series).norms);
+    return norms;
   };
+  const std::vector<ViewNorms> norms = norms_of(terms);
+  std::vector<double> lost_of_list;
+  for (const auto& ports : grams.ports) lost_of_list.push_back(lost_of(ports));
   std::vector<Bound> bounds;
   bool sharper = false;
   for (std::size_t k = 0; k < blocks.size(); ++k) {
-    const auto [in, out] = norms_of(k, terms);
-    const double lost_in = lost_of(blocks[k].inputs),
-                 lost_out = lost_of(blocks[k].outputs);
+    const auto [inputs, outputs] = grams.blocks[k];
+    const ViewNorms &in = norms[inputs], &out = norms[outputs];
+    const double lost_in = lost_of_list[inputs], lost_out = lost_of_list[outputs];
     double product = 0;
     for (std::size_t i = 0; i < pieces; ++i)
       if (const double here = (in.above[i] + lost_in) * (out.above[i] + lost_out);
@@ -95,16 +111,20 @@ Certificate::of_many(const DenseResponse& response, const ResponseSeries& factor
       for (int i = 0; i + 1 < w.rows(); ++i) square += w.tail(i, j) * w.tail(i, j);
     return std::sqrt(square);
   };
+  Squares squares;
+  const std::vector<ViewNorms> moves = norms_of(moving);
+  std::vector<double> farthest;
+  for (std::size_t list = 0; list < moves.size(); ++list) {
+    double most = 0;
+    for (double above : moves[list].above)
+      if (!(above <= most)) most = above; // NaN too
+    farthest.push_back(most + rounding_of(grams.ports[list]) + lost_of_list[list]);
+  }
   for (std::size_t k = 0; k < blocks.size(); ++k) {
-    const auto [in, out] = norms_of(k, moving);
-    const auto farthest = [&](const ViewNorms& norms, const std::vector<int>& columns) {
-      double most = 0;
-      for (double above : norms.above)
-        if (!(above <= most)) most = above; // NaN too
-      return most + rounding_of(columns) + lost_of(columns);
-    };
-    const double sharp = error_of(S, at_centre, blocks[k], farthest(in, blocks[k].inputs),
-                                  farthest(out, blocks[k].outputs));
+    if (enough(k, bounds[k].error)) continue;
+    const auto [inputs, outputs] = grams.blocks[k];
+    const double sharp =
+        error_of(S, at_centre, blocks[k], farthest[inputs], farthest[outputs], squares);
     if (sharp < bounds[k].error) bounds[k].error = sharp;
   }
   return bounds;

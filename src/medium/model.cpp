@@ -48,17 +48,22 @@ MediumModel::MediumModel(const Medium& medium, std::size_t level,
   system.outputs_are_inputs = ports.same;
   modal_inputs_ = columns_of(response.modal_inputs(), inputs_, scale_);
   modal_outputs_ = columns_of(response.modal_inputs(), outputs_, scale_);
-  const double entries = static_cast<double>(inputs_.size() * outputs_.size());
-  const double terms = static_cast<double>(views.size()) * response.system().order();
-  if (response.is_diagonal() && entries > many * terms) {
+  const double terms = static_cast<double>(views.size()) * response.system().order(),
+               entries = static_cast<double>(inputs_.size() * outputs_.size());
+  std::vector<int> ports_once = inputs_;
+  ports_once.insert(ports_once.end(), outputs_.begin(), outputs_.end());
+  std::sort(ports_once.begin(), ports_once.end());
+  const double distinct = static_cast<double>(
+      std::unique(ports_once.begin(), ports_once.end()) - ports_once.begin());
+  if (response.is_diagonal() && distinct * distinct > many * terms) {
     enough_ = (enough > 0 ? enough : medium.spec.target);
     enough_ /= 1 + enough_; // of ‖H‖, for an error relative to ‖H‖ − error
-    for (std::size_t v = 0; v < views.size(); ++v) {
-      terms_.emplace_back(columns_of(modal_outputs_, views[v].rows),
-                          columns_of(modal_inputs_, views[v].columns));
-      residuals_.push_back(level_.certificate->residual_grams(response, blocks_[v]));
-    }
+    residuals_ = level_.certificate->residual_grams(response, blocks_);
   }
+  if (response.is_diagonal() && entries > many * terms)
+    for (const PortView& view : views)
+      terms_.emplace_back(columns_of(modal_outputs_, view.rows),
+                          columns_of(modal_inputs_, view.columns));
   resonances = medium.resonances(level_);
   lambda.assign(response.lambda().begin() + rigid,
                 response.lambda().begin() + rigid + medium.modes);
@@ -139,33 +144,39 @@ double MediumModel::whole_over_elastic(double omega) const {
   return whole / size();
 }
 
-/// H of the chosen ports, in their units.
-MatrixSeries MediumModel::transfer(const MatrixSeries& x) const {
-  const MatrixSeries all = multiply_transposed(modal_outputs_, x);
-  const int n_out = all.rows(), n_in = static_cast<int>(inputs_.size()),
-            parts = 2 * (all.degree() + 1);
-  MatrixSeries H{n_in, Dense(n_out, n_in * parts), Dense(n_out, n_in)};
+/// Of the response to all ports that to the chosen inputs, in their units.
+MatrixSeries MediumModel::inputs_of(const MatrixSeries& x) const {
+  const int n_in = static_cast<int>(inputs_.size()), parts = 2 * (x.degree() + 1);
+  MatrixSeries chosen{n_in, Dense(x.rows(), n_in * parts), Dense(x.rows(), n_in)};
   for (int j = 0; j < n_in; ++j) {
     const int port = inputs_[static_cast<std::size_t>(j)];
     const double scale = 1 / scale_[static_cast<std::size_t>(port)];
-    for (int i = 0; i < n_out; ++i) {
+    for (int i = 0; i < x.rows(); ++i) {
       for (int part = 0; part < parts; ++part)
-        H.coefficients(i, n_in * part + j) =
-            scale * all.coefficients(i, all.columns * part + port);
-      H.tail(i, j) = scale * all.tail(i, port);
+        chosen.coefficients(i, n_in * part + j) =
+            scale * x.coefficients(i, x.columns * part + port);
+      chosen.tail(i, j) = scale * x.tail(i, port);
     }
   }
-  return H;
+  return chosen;
 }
 
 std::optional<MediumModel::Stretch> MediumModel::over(Interval interval, int degree,
                                                       double hopeless) const {
   const DenseResponse& response = *level_.response;
+  const bool by_terms = !residuals_.grams.empty();
   Stretch result;
-  if (has_many_ports()) {
-    const auto factors = modal_factors(response, interval, degree);
+  std::optional<ResponseSeries> factors, all; // of the modes; to all ports
+  if (by_terms) {
+    factors = modal_factors(response, interval, degree);
     if (!factors) return std::nullopt;
-    bool clear = true; // of rounding
+  }
+  const auto sizes_of = [&](const MatrixSeries& H) {
+    result.size.clear();
+    for (const PortView& view : views) result.size.push_back(view_norms(H, view));
+  };
+  bool clear = has_many_ports(); // of rounding
+  if (has_many_ports()) {
     const MatrixSeries reference = reference_of(factors->x);
     for (const TermGram& terms : terms_) {
       const TermNorms size = term_norms(terms, reference);
@@ -173,30 +184,36 @@ std::optional<MediumModel::Stretch> MediumModel::over(Interval interval, int deg
       clear = clear && size.rounding <= 0.1 * *std::min_element(at.begin(), at.end());
       result.size.push_back(size.norms);
     }
-    if (!clear)
-      if (const auto x = response_series(response, interval, degree)) {
-        const MatrixSeries all = transfer(reference_of(x->x));
-        result.size.clear();
-        for (const PortView& view : views) result.size.push_back(view_norms(all, view));
-      }
-    std::vector<double> least; // ‖H‖
-    for (const ViewNorms& size : result.size)
-      least.push_back(*std::min_element(size.below.begin(), size.below.end()));
-    result.bounds = level_.certificate->of_many(
-        response, *factors, blocks_, residuals_, [&](std::size_t v, double error) {
-          return error <= enough_ * least[v] || error > hopeless * least[v];
-        });
     result.H.factors = factors->x;
+  }
+  if (!clear) {
+    MatrixSeries x;
+    if (by_terms) {
+      auto found = response_series(response, interval, degree, modal_inputs_);
+      if (!found && !has_many_ports()) return std::nullopt;
+      if (found) x = std::move(found->x);
+    } else {
+      all = response_series(response, interval, degree);
+      if (!all) return std::nullopt;
+      x = inputs_of(all->x);
+    }
+    if (x.columns > 0) {
+      MatrixSeries H = multiply_transposed(modal_outputs_, x);
+      sizes_of(left_out_ > 0 ? multiply_transposed(modal_outputs_, reference_of(x)) : H);
+      if (!has_many_ports()) result.H.entries = std::move(H);
+    }
+  }
+  if (!by_terms) {
+    result.bounds = level_.certificate->over(response, *all, blocks_);
     return result;
   }
-  const auto x = response_series(response, interval, degree);
-  if (!x) return std::nullopt;
-  result.bounds = level_.certificate->over(response, *x, blocks_);
-  result.H.entries = transfer(x->x);
-  const MatrixSeries elastic =
-      left_out_ > 0 ? transfer(reference_of(x->x)) : MatrixSeries();
-  for (const PortView& view : views)
-    result.size.push_back(view_norms(left_out_ > 0 ? elastic : result.H.entries, view));
+  std::vector<double> least; // ‖H‖
+  for (const ViewNorms& size : result.size)
+    least.push_back(*std::min_element(size.below.begin(), size.below.end()));
+  result.bounds = level_.certificate->of_many(
+      response, *factors, blocks_, residuals_, [&](std::size_t v, double error) {
+        return error <= enough_ * least[v] || error > hopeless * least[v];
+      });
   return result;
 }
 
@@ -215,9 +232,9 @@ std::optional<TransferSeries> MediumModel::response(Interval interval, int degre
 }
 
 std::optional<MatrixSeries> MediumModel::entries(Interval interval, int degree) const {
-  const auto x = response_series(*level_.response, interval, degree);
+  const auto x = response_series(*level_.response, interval, degree, modal_inputs_);
   if (!x) return std::nullopt;
-  return transfer(x->x);
+  return multiply_transposed(modal_outputs_, x->x);
 }
 
 std::vector<double> MediumModel::strain() const {

@@ -118,7 +118,7 @@ private:
   void drop_zero_views(const std::vector<Interval>& bands);
   bool is_zero(const PortView& view, const std::vector<Interval>& bands) const;
   std::vector<double> strain() const; ///< √(uᵀKu) of each mode, 0 of rigid ones
-  MatrixSeries transfer(const MatrixSeries& x) const;
+  MatrixSeries inputs_of(const MatrixSeries& x) const;
   MatrixSeries reference_of(MatrixSeries x) const;
   template <class T>
   static T known(std::optional<T> value) {
@@ -131,9 +131,10 @@ private:
   std::vector<int> inputs_, outputs_;        ///< among all ports
   std::vector<Certificate::PortSet> blocks_; ///< the views by columns of all ports
   Dense modal_inputs_, modal_outputs_;       ///< N × n_in, n_out, in the body's units
-  /// With many ports, of each view: terms of H, and of its residuals.
+  /// With many inputs and outputs, of each view: terms of H. With many of either: those of
+  /// the residuals.
   std::vector<TermGram> terms_;
-  std::vector<Certificate::ResidualGrams> residuals_;
+  Certificate::ResidualGrams residuals_;
   int left_out_ = 0;  ///< modes that errors are not relative to: rigid ones, or none
   double enough_ = 0; ///< errors of H up to this need no sharper bound, relative
 };

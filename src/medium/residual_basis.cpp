@@ -249,11 +249,15 @@ Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
   // products of residuals.
   const int k = gram.rows;
   const GramFactor norm = gram_factor(gram);
-  Dense squares(k, k);
-  const auto add = [&](const Dense& columns) {
+  const auto add_square = [&](Dense& squares, const Dense& columns) {
+    if (squares.data.empty()) squares = Dense(k, k);
     const Dense W = multiply(norm.F, columns), WWt = multiply(W, transpose(W));
     for (std::size_t i = 0; i < squares.data.size(); ++i) squares.data[i] += WWt.data[i];
   };
+  struct OfBlock {
+    Dense inputs, outputs; ///< the latter empty where they are the former
+  };
+  std::vector<OfBlock> of_blocks(blocks.size());
   const auto scale_of = [&](int port) { return scale[static_cast<std::size_t>(port)]; };
   for (double omega : samples) {
     const ComplexDense x = response.modal_response(omega);
@@ -262,26 +266,29 @@ Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
     const ComplexDense H = response.transfer(counted);
     const ComplexDense R = residual_of(basis.ports, basis.K, basis.D, kappa, omega,
                                        response.system().coefficients(omega), x);
-    for (const Certificate::PortSet& block : blocks) {
+    for (std::size_t b = 0; b < blocks.size(); ++b) {
+      const Certificate::PortSet& block = blocks[b];
       double size = 0; // ‖H‖² of the block
       for (int j : block.inputs)
         for (int i : block.outputs)
           size += std::norm(H(i, j) / (scale_of(i) * scale_of(j)));
       if (!(size > 0)) continue;
-      std::vector<int> ports = block.inputs;
-      if (block.outputs != block.inputs)
-        ports.insert(ports.end(), block.outputs.begin(), block.outputs.end());
-      Dense parts(k, 2 * static_cast<int>(ports.size()));
-      int next = 0;
-      for (int j : ports) {
-        const double unit = 1 / (scale_of(j) * std::pow(size, 0.25));
-        for (int i = 0; i < k; ++i) {
-          parts(i, next) = unit * R(i, j).real();
-          parts(i, next + 1) = unit * R(i, j).imag();
+      const auto parts_of = [&](const std::vector<int>& ports) {
+        Dense parts(k, 2 * static_cast<int>(ports.size()));
+        int next = 0;
+        for (int j : ports) {
+          const double unit = 1 / (scale_of(j) * std::pow(size, 0.25));
+          for (int i = 0; i < k; ++i) {
+            parts(i, next) = unit * R(i, j).real();
+            parts(i, next + 1) = unit * R(i, j).imag();
+          }
+          next += 2;
         }
-        next += 2;
-      }
-      add(parts);
+        return parts;
+      };
+      add_square(of_blocks[b].inputs, parts_of(block.inputs));
+      if (block.outputs != block.inputs)
+        add_square(of_blocks[b].outputs, parts_of(block.outputs));
     }
   }
   const double sigma = cutoff * cutoff;
@@ -293,14 +300,44 @@ Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
                           response.energy(j, sigma);
     for (int i = 0; i < k; ++i) of_modes(i, j) *= factor;
   }
-  add(of_modes);
-  const SymmetricEigen eigen = symmetric_eigen(squares);
-  int dropped = 0;
-  for (double left = 0; dropped < k - 1; ++dropped) {
-    left = std::hypot(left, eigen.values[static_cast<std::size_t>(dropped)]);
-    if (left > target) break; // ‖WᵀW‖_F of what is dropped, at each of the frequencies
+  Dense squares_of_modes;
+  add_square(squares_of_modes, of_modes);
+
+  // What is dropped, P, changes H by W_CᵀPW_B, a block of [wW_B, W_C/w]ᵀP[wW_B, W_C/w]
+  // whatever w is: so the directions of all, or those of the inputs alone, or of the
+  // outputs alone, with a w that leaves nothing of the others.
+  enum class Of { all, inputs, outputs };
+  Dense fewest;
+  for (const Of of : {Of::all, Of::inputs, Of::outputs}) {
+    Dense squares = squares_of_modes;
+    bool differs = of == Of::all;
+    for (const OfBlock& block : of_blocks) {
+      const auto add = [&](const Dense& square, double weight) {
+        for (std::size_t i = 0; i < square.data.size(); ++i)
+          squares.data[i] += weight * square.data[i];
+      };
+      const Dense& others = of == Of::inputs ? block.outputs : block.inputs;
+      double most = 0, weight = 1; // w², of the inputs
+      for (int i = 0; i < others.rows; ++i) most += others(i, i);
+      if (of != Of::all && !block.outputs.data.empty() && most > 0) {
+        differs = true;
+        weight = std::pow(10 * most / target, of == Of::inputs ? 1 : -1);
+      }
+      add(block.inputs, weight);
+      add(block.outputs, 1 / weight);
+    }
+    if (!differs) continue;
+    const SymmetricEigen eigen = symmetric_eigen(squares);
+    int dropped = 0;
+    for (double left = 0; dropped < k - 1; ++dropped) {
+      left = std::hypot(left, eigen.values[static_cast<std::size_t>(dropped)]);
+      if (left > target) break; // ‖WᵀW‖_F of what is dropped, at each of the frequencies
+    }
+    // One side alone costs further blocks where errors are to fall far.
+    if (fewest.data.empty() || 2 * (k - dropped) < fewest.columns)
+      fewest = part_of(eigen.vectors, 0, k, dropped, k - dropped);
   }
-  return multiply(norm.inverse, part_of(eigen.vectors, 0, k, dropped, k - dropped));
+  return multiply(norm.inverse, fewest);
 }
 
 } // namespace flexgram

@@ -112,9 +112,9 @@ double column_norm(const ComplexDense& a, int j) {
   return std::sqrt(sum);
 }
 
-std::optional<ResponseSeries> of_solves(const DenseResponse& response, Interval interval,
-                                        int degree) {
-  const Dense &B = response.modal_inputs(), &D = response.modal_damping();
+std::optional<ResponseSeries> of_solves(const DenseResponse& response, const Dense& B,
+                                        Interval interval, int degree) {
+  const Dense& D = response.modal_damping();
   const int N = B.rows, p = B.columns;
   const double c = interval.centre(), h = interval.half();
   // [A⁻¹, A⁻¹A′h, …] by one factorisation; A″ is diagonal.
@@ -247,10 +247,15 @@ MatrixSeries times_quadratic(const std::array<Complex, 3>& f, const MatrixSeries
 
 std::optional<ResponseSeries> response_series(const DenseResponse& response,
                                               Interval interval, int degree) {
+  return response_series(response, interval, degree, response.modal_inputs());
+}
+
+std::optional<ResponseSeries> response_series(const DenseResponse& response,
+                                              Interval interval, int degree,
+                                              const Dense& B) {
   if (interval.half() == 0) degree = 0;
-  return response.is_diagonal()
-             ? of_modes(response, response.modal_inputs(), interval, degree)
-             : of_solves(response, interval, degree);
+  return response.is_diagonal() ? of_modes(response, B, interval, degree)
+                                : of_solves(response, B, interval, degree);
 }
 
 std::optional<ResponseSeries> modal_factors(const DenseResponse& response,

@@ -48,9 +48,13 @@ struct ResponseSeries {
 /// the tail is what the truncated series leaves of the equation, solved by Neumann's
 /// series.
 /// @param degree  of the polynomial; an interval without length has degree 0.
+/// @param B  loads in modal coordinates, N × p; default: all inputs of the system.
 /// @return nothing if a pole is too near for an interval of this length.
 std::optional<ResponseSeries> response_series(const DenseResponse& response,
                                               Interval interval, int degree);
+std::optional<ResponseSeries> response_series(const DenseResponse& response,
+                                              Interval interval, int degree,
+                                              const Dense& B);
 
 /// The factors 1/a_i of a diagonal system, one column: what response_series multiplies
 /// with the rows of UᵀB.

@@ -27,6 +27,19 @@ Matrix half_damped() {
       1);
 }
 
+/// Differences of neighbours as outputs, beside the rod's few inputs.
+SecondOrderModel rod_with_strains(PetscInt rows, PetscInt count) {
+  SecondOrderModel body = rod(rows, {0.05, 1e-4, 0});
+  const PetscInt step = rows / count;
+  body.C = block(rows, count, [&](PetscInt i, PetscInt j) {
+    return i == step * j ? -1.0 : i == step * j + 1 ? 1.0 : 0.0;
+  });
+  body.outputs_are_inputs = false;
+  body.outputs.clear();
+  for (PetscInt j = 0; j < count; ++j) body.outputs.push_back(std::to_string(j));
+  return body;
+}
+
 struct Case {
   const char* name;
   SecondOrderModel body;
@@ -81,6 +94,7 @@ std::vector<Case> cases() {
     }
     all.push_back({same ? "many ports" : "many ports and outputs", std::move(many)});
   }
+  all.push_back({"outputs by the sixty", rod_with_strains(n, 60)});
   SecondOrderModel floating = rod(n, {0, 1e-4, 0});
   floating.K = sparse(
       n,
@@ -166,6 +180,18 @@ TEST(Certificate, BoundsTheErrorOfEveryLevel) {
       }
     }
   }
+}
+
+/// What sixty outputs leave in their residuals matters as much as the inputs' residuals are
+/// along it: beside two inputs the space grows by some directions, not by another sixty.
+TEST(Certificate, GrowsByTheInputsWhereOutputsAreMany) {
+  CertifySpec spec;
+  spec.bands = {{0.5, 12.3}};
+  spec.target = 5e-6;
+  const Medium medium = certify(rod_with_strains(600, 60), false, spec, {}, silent());
+  EXPECT_TRUE(medium.shortfall.empty());
+  EXPECT_GE(medium.levels.size(), 2u);
+  EXPECT_LE(medium.levels.back().order(), medium.levels.front().order() + 16);
 }
 
 /// Gram matrices know the response of many ports to the root of rounding only: a difference

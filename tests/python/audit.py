@@ -27,6 +27,7 @@ from referee import TWO_PI, System, hard_frequencies, relative_error
 CLASSES = (
     "chain", "graph", "modal", "clustered", "massless", "soft mounts", "free", "elastic part",
     "weak ports", "scaled ports", "other outputs", "two bands", "mode on cutoff", "many ports",
+    "many outputs",
 )  # fmt: skip
 DAMPINGS = ("none", "mass", "stiffness", "both", "structural", "dashpots", "general")
 
@@ -55,7 +56,8 @@ def _springs(n: int, pairs: Any, stiffness: Any, ground: Any) -> Any:
 
 def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
     """A system of the class, lightly to strongly damped, with a band over some of its modes."""
-    n = int(rng.integers(20, 70)) if kind != "many ports" else int(rng.integers(90, 160))
+    many = kind in ("many ports", "many outputs")
+    n = int(rng.integers(90, 160)) if many else int(rng.integers(20, 70))
     scale = 10.0 ** rng.uniform(2, 7)
     mass = 10.0 ** rng.uniform(-2, 2)
     chain = [(i, i + 1) for i in range(n - 1)]
@@ -110,6 +112,14 @@ def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
         if rng.random() < 0.4:
             C = np.zeros((int(rng.integers(20, 40)), n))
             C[range(len(C)), rng.choice(n, len(C), replace=False)] = 1.0
+    if kind == "many outputs":  # or inputs: stresses are differences of neighbours
+        C = np.zeros((int(rng.integers(50, 85)), n))
+        at = rng.choice(n - 1, len(C), replace=False)
+        C[range(len(C)), at] = 1.0
+        C[range(len(C)), at + 1] = -1.0
+        C *= 10.0 ** rng.uniform(-1, 1, (len(C), 1))
+        if rng.random() < 0.3:
+            B, C = C.T, B.T
     eigen = sl.eigvalsh(np.diag(M), K + 1e-3 * scale * np.diag(M / mass), subset_by_index=None)
     shift = 1e-3 * scale / mass
     lam = np.sort(1 / eigen[eigen > 1e-9 * eigen.max()] - shift)
