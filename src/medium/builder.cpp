@@ -12,6 +12,21 @@
 
 namespace flexgram {
 
+/// The response to the inputs alone, if outputs are many more: errors are products of what
+/// is left of both, and the certificate asks for the directions of the outputs that matter.
+Block MediumBuilder::without_many_outputs(Block response) const {
+  const int inputs = static_cast<int>(fom_.B.columns()),
+            ports = static_cast<int>(loads_.columns());
+  int further = 0; // outputs that are no inputs
+  for (int j = inputs; j < ports; ++j)
+    further += same_as_[static_cast<std::size_t>(j)] == j;
+  if (further <= std::max(48, 2 * inputs)) return response;
+  std::vector<int> chosen; // and what keeps the ports company
+  for (int j = 0; j < response.columns(); ++j)
+    if (j < inputs || j >= ports) chosen.push_back(j);
+  return select_columns(response, chosen);
+}
+
 /// The space with all modes below a cutoff near `omega`. @return false if inertia and
 /// search disagree and it is not the last attempt.
 bool MediumBuilder::find_the_modes(double omega, bool mass_is_singular, bool last) {
@@ -19,6 +34,7 @@ bool MediumBuilder::find_the_modes(double omega, bool mass_is_singular, bool las
     Stage stage(observer_, "cutoff");
     Block response = start(omega, mass_is_singular);
     scale_ports(response);
+    response = without_many_outputs(std::move(response));
     space_ = std::make_unique<MediumSpace>(fom_, medium_.kappa, medium_.tau);
     space_->start_with_rigid_modes(rigid_modes_.share(), rigid_stiffness_);
     space_->append(std::move(response), 1e-7);

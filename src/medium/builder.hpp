@@ -35,6 +35,7 @@ private:
   Block start(double omega, bool mass_is_singular);
   Block with_company(const Block& ports) const;
   void scale_ports(Block& response);
+  Block without_many_outputs(Block response) const;
   void unscale_ports();
   double angle_of_modes() const;
   void search_modes();

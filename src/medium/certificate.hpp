@@ -99,7 +99,8 @@ public:
   /// Of the residuals' terms, for the inputs and the outputs of some blocks.
   struct ResidualGrams {
     std::vector<std::vector<int>> ports; ///< each list of them once
-    std::vector<TermGram> grams;         ///< of each list
+    std::vector<TermGram> grams; ///< of each list; none of short ones beside long ones
+    std::vector<int> few;        ///< the ports of the short lists
     struct Lists {
       std::size_t inputs, outputs;
     };
@@ -188,6 +189,9 @@ private:
                                                        Interval interval) const;
   double lost(const ResponseSeries& x, int port, double factor) const;
   static std::vector<double> moved(const MatrixSeries& w);
+  /// @param x  the response to these ports.
+  MatrixSeries held_residual(const DenseResponse& response, const ResponseSeries& x,
+                             const std::vector<int>& ports) const;
   MatrixSeries residual(const DenseResponse& response, const ResponseSeries& x) const;
   void add_rounding(Bound& bound, const ResponseSeries& x, const PortSet& block) const;
   void add_rounding(Bound& bound, const DenseResponse& response, const ResponseSeries& x,

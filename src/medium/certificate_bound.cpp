@@ -7,6 +7,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 namespace flexgram {
 namespace {
@@ -131,15 +132,15 @@ double Certificate::lost(const ResponseSeries& x, int port, double factor) const
   return std::sqrt(sum);
 }
 
-/// W = E^−½ R in the coordinates of T, in the units of the ports.
-MatrixSeries Certificate::residual(const DenseResponse& response,
-                                   const ResponseSeries& x) const {
+/// What T holds of W = E^−½ R, in its coordinates and in the units of the ports.
+MatrixSeries Certificate::held_residual(const DenseResponse& response,
+                                        const ResponseSeries& x,
+                                        const std::vector<int>& ports) const {
   const double omega = x.interval.centre(), h = x.interval.half();
   const Complex i(0, 1);
   const int p = x.x.columns;
-  const auto f = residual_factors(response, x.interval);
-  const double largest = std::abs(f[0]) + std::abs(f[1]) + std::abs(f[2]);
-  MatrixSeries w = multiply_transposed(K_, times_quadratic(f, x.x));
+  MatrixSeries w = multiply_transposed(
+      K_, times_quadratic(residual_factors(response, x.interval), x.x));
   for (double& value : w.coefficients.data) value = -value;
   if (!D_.data.empty()) {
     const MatrixSeries damped =
@@ -149,20 +150,35 @@ MatrixSeries Certificate::residual(const DenseResponse& response,
     for (std::size_t l = 0; l < w.tail.data.size(); ++l)
       w.tail.data[l] += damped.tail.data[l];
   }
-  for (std::size_t l = 0; l < ports_.data.size(); ++l)
-    w.coefficients.data[l] += ports_.data[l];
-  // What T does not hold: a row of its own.
+  for (int j = 0; j < p; ++j) {
+    const double* constant = ports_.column(ports[static_cast<std::size_t>(j)]);
+    for (int l = 0; l < w.rows(); ++l) w.coefficients(l, j) += constant[l];
+  }
+  const auto scale = [&](int j) {
+    return scale_[static_cast<std::size_t>(ports[static_cast<std::size_t>(j)])];
+  };
+  for (int c = 0; c < w.coefficients.columns; ++c)
+    for (int l = 0; l < w.rows(); ++l) w.coefficients(l, c) /= scale(c % p);
+  for (int j = 0; j < p; ++j)
+    for (int l = 0; l < w.rows(); ++l) w.tail(l, j) /= scale(j);
+  return w;
+}
+
+/// W of all ports, with a row of its own for what T does not hold.
+MatrixSeries Certificate::residual(const DenseResponse& response,
+                                   const ResponseSeries& x) const {
+  const int p = x.x.columns;
+  std::vector<int> all(static_cast<std::size_t>(p));
+  std::iota(all.begin(), all.end(), 0);
+  const auto f = residual_factors(response, x.interval);
+  const double largest = std::abs(f[0]) + std::abs(f[1]) + std::abs(f[2]);
+  const MatrixSeries w = held_residual(response, x, all);
   MatrixSeries whole{p, Dense(w.rows() + 1, w.coefficients.columns),
                      Dense(w.rows() + 1, p)};
   set_part(whole.coefficients, 0, 0, w.coefficients);
   set_part(whole.tail, 0, 0, w.tail);
-  for (int j = 0; j < p; ++j) whole.tail(w.rows(), j) = lost(x, j, largest);
-  for (int c = 0; c < whole.coefficients.columns; ++c)
-    for (int l = 0; l < whole.rows(); ++l)
-      whole.coefficients(l, c) /= scale_[static_cast<std::size_t>(c % p)];
   for (int j = 0; j < p; ++j)
-    for (int l = 0; l < whole.rows(); ++l)
-      whole.tail(l, j) /= scale_[static_cast<std::size_t>(j)];
+    whole.tail(w.rows(), j) = lost(x, j, largest) / scale_[static_cast<std::size_t>(j)];
   return whole;
 }
 

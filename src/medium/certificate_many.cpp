@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 namespace flexgram {
 
@@ -32,13 +33,21 @@ Certificate::residual_grams(const DenseResponse& response,
     if (known != result.ports.end())
       return static_cast<std::size_t>(known - result.ports.begin());
     result.ports.push_back(ports);
-    result.grams.push_back(of(ports));
     return result.ports.size() - 1;
   };
+  std::size_t longest = 0;
   for (const PortSet& block : blocks) {
     const std::size_t inputs = list_of(block.inputs);
     result.blocks.push_back({inputs, list_of(block.outputs)});
+    longest = std::max({longest, block.inputs.size(), block.outputs.size()});
   }
+  for (const auto& ports : result.ports) {
+    const bool is_short = 4 * ports.size() <= longest;
+    result.grams.push_back(is_short ? TermGram() : of(ports));
+    if (is_short) result.few.insert(result.few.end(), ports.begin(), ports.end());
+  }
+  std::sort(result.few.begin(), result.few.end());
+  result.few.erase(std::unique(result.few.begin(), result.few.end()), result.few.end());
   return result;
 }
 
@@ -67,15 +76,43 @@ Certificate::of_many(const DenseResponse& response, const ResponseSeries& factor
       square += std::pow(lost_in_units[static_cast<std::size_t>(j)], 2);
     return std::sqrt(square);
   };
-  const auto norms_of = [&](const MatrixSeries& series) { // of each list of ports
-    std::vector<ViewNorms> norms;
-    for (const TermGram& gram : grams.grams)
-      norms.push_back(term_norms(gram, series).norms);
+  // Gram matrices know norms to the root of rounding; where the many are left as they are,
+  // those of the few must be far smaller.
+  MatrixSeries of_few;
+  if (!grams.few.empty()) {
+    const Dense loads = columns_of(B, grams.few);
+    const int degree = factors.x.degree();
+    of_few = held_residual(response,
+                           response_series(response, x.interval, degree, loads).value(),
+                           grams.few);
+  }
+  const auto norms_of = [&](const MatrixSeries& series, const MatrixSeries& few) {
+    std::vector<ViewNorms> norms; // of each list of ports
+    for (std::size_t list = 0; list < grams.ports.size(); ++list) {
+      if (grams.grams[list].order() > 0) {
+        norms.push_back(term_norms(grams.grams[list], series).norms);
+        continue;
+      }
+      PortView view{"", {}, {}};
+      for (int port : grams.ports[list])
+        view.columns.push_back(
+            static_cast<int>(std::lower_bound(grams.few.begin(), grams.few.end(), port) -
+                             grams.few.begin()));
+      view.rows.resize(static_cast<std::size_t>(few.rows()));
+      std::iota(view.rows.begin(), view.rows.end(), 0);
+      norms.push_back(view_norms(few, view));
+    }
     return norms;
   };
-  const std::vector<ViewNorms> norms = norms_of(terms);
+  const std::vector<ViewNorms> norms = norms_of(terms, of_few);
   std::vector<double> lost_of_list;
   for (const auto& ports : grams.ports) lost_of_list.push_back(lost_of(ports));
+  // Beside few ports what the many leave matters as a sum: a further block costs less than
+  // products of their residuals.
+  const auto worth = [&](std::size_t k) {
+    const std::size_t in = blocks[k].inputs.size(), out = blocks[k].outputs.size();
+    return std::max(in, out) <= std::max<std::size_t>(64, 2 * std::min(in, out));
+  };
   std::vector<Bound> bounds;
   bool sharper = false;
   for (std::size_t k = 0; k < blocks.size(); ++k) {
@@ -91,7 +128,7 @@ Certificate::of_many(const DenseResponse& response, const ResponseSeries& factor
     bound.error = S.norm * product;
     bound.proved = S.proved;
     add_rounding(bound, response, x, blocks[k]);
-    sharper = sharper || !enough(k, bound.error);
+    sharper = sharper || (worth(k) && !enough(k, bound.error));
     bounds.push_back(bound);
   }
   if (!sharper) return bounds;
@@ -105,6 +142,8 @@ Certificate::of_many(const DenseResponse& response, const ResponseSeries& factor
   MatrixSeries moving = terms;
   for (int part = 0; part < 2; ++part)
     std::fill_n(moving.coefficients.column(part), moving.rows(), 0.0);
+  for (int part = 0; part < 2 * of_few.columns; ++part)
+    std::fill_n(of_few.coefficients.column(part), of_few.rows(), 0.0);
   const auto rounding_of = [&](const std::vector<int>& columns) {
     double square = 0;
     for (int j : columns)
@@ -112,7 +151,7 @@ Certificate::of_many(const DenseResponse& response, const ResponseSeries& factor
     return std::sqrt(square);
   };
   Squares squares;
-  const std::vector<ViewNorms> moves = norms_of(moving);
+  const std::vector<ViewNorms> moves = norms_of(moving, of_few);
   std::vector<double> farthest;
   for (std::size_t list = 0; list < moves.size(); ++list) {
     double most = 0;
@@ -121,7 +160,7 @@ Certificate::of_many(const DenseResponse& response, const ResponseSeries& factor
     farthest.push_back(most + rounding_of(grams.ports[list]) + lost_of_list[list]);
   }
   for (std::size_t k = 0; k < blocks.size(); ++k) {
-    if (enough(k, bounds[k].error)) continue;
+    if (!worth(k) || enough(k, bounds[k].error)) continue;
     const auto [inputs, outputs] = grams.blocks[k];
     const double sharp =
         error_of(S, at_centre, blocks[k], farthest[inputs], farthest[outputs], squares);

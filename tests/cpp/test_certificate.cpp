@@ -157,7 +157,10 @@ TEST(Certificate, BoundsTheErrorOfEveryLevel) {
     for (std::size_t k = 0; k < medium.levels.size(); ++k) {
       const MediumModel model(medium, k, find_ports(medium.body, {}, {}), {},
                               RelativeTo::pointwise);
-      EXPECT_EQ(model.has_many_ports(), std::string(c.name).rfind("many", 0) == 0);
+      const std::string name = c.name;
+      if (name.rfind("outputs by", 0) != 0) {
+        EXPECT_EQ(model.has_many_ports(), name.rfind("many", 0) == 0);
+      }
       double largest = 0, largest_bound = 0, floor = 0;
       for (std::size_t l = 0; l < omega.size(); ++l) {
         const MediumModel::Stretch value = model.at(omega[l]);
@@ -191,7 +194,7 @@ TEST(Certificate, GrowsByTheInputsWhereOutputsAreMany) {
   const Medium medium = certify(rod_with_strains(600, 60), false, spec, {}, silent());
   EXPECT_TRUE(medium.shortfall.empty());
   EXPECT_GE(medium.levels.size(), 2u);
-  EXPECT_LE(medium.levels.back().order(), medium.levels.front().order() + 16);
+  EXPECT_LE(medium.levels.back().order(), 48); // 140 with the outputs' responses
 }
 
 /// Gram matrices know the response of many ports to the root of rounding only: a difference
