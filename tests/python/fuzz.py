@@ -30,10 +30,11 @@ import numpy as np
 import scipy.io
 import scipy.sparse as sp
 
-from bodies import box, write_body_file
+from bodies import box
 from conftest import ENVIRONMENT, PROGRAM, ROOT
 from flexgram import BodyError, ReducedModel, frf, import_body, mode_shapes, write_matrices
 from flexgram.bodyfile import write_sparse
+from flexgram.description import import_description
 from flexgram.importers import Interface, import_matrices, read
 from flexgram.info import describe
 
@@ -177,8 +178,17 @@ def body(folder: Path) -> tuple[list[str], Callable[[Path], Any]]:
 
 
 def mesh_body(folder: Path) -> tuple[list[str], Callable[[Path], Any]]:
-    ends = {name: {"set": name, "coupling": "rigid"} for name in ("start", "end")}
-    write_body_file(folder / "b.h5", box("tetra", (2, 1, 1)), interfaces=ends)
+    description = {
+        "materials": {"steel": {"E": 210e9, "nu": 0.3, "rho": 7850.0, "expansion": 1.2e-5}},
+        "regions": {"all": {"material": "steel"}},
+        "interfaces": {"end": {"coupling": "rigid", "nodes": "end"}},
+        "supports": {"start": {"nodes": "start"}},
+        "loads": {"warm": {"type": "temperature", "nodes": "start"},
+                  "turn": {"type": "spin", "point": [0, 0, 0], "axis": [0, 0, 1]}},
+        "outputs": {"foot": {"type": "reaction", "nodes": "start"},
+                    "s": {"type": "stress", "nodes": "start"}},
+    }  # fmt: skip
+    import_description(description, "box", folder / "b.h5", mesh=box("tetra", (2, 1, 1)))
     return ["b.h5"], _run("assemble", "-body", "@b.h5", "-body_out", "@out.h5")
 
 
