@@ -91,7 +91,7 @@ def test_valid_and_exact(version: str, model: ReducedModel, tmp_path: Path) -> N
     rates = ["displacement", "velocity", "acceleration"]
     y, _ = model.simulate(u, t, rates=rates)
     scale = np.abs(y).max(axis=0) + 1e-300
-    assert (np.abs(np.array(found) - y) / scale).max() < 1e-9
+    assert (np.abs(np.array(found) - y) / scale).max() < 1e-10
     kept = unit.fmu.getFMUState()
     unit.step(t[-1], 3.7 * h)
     after = unit.get(outputs)
@@ -108,7 +108,7 @@ def test_valid_and_exact(version: str, model: ReducedModel, tmp_path: Path) -> N
             unit.fmu.setRealInputDerivatives(where, [1] * len(where), (rise[k + 1] - rise[k]) / h)
             unit.step(t[k], h)
         motion = unit.get(outputs[: len(model.outputs)])
-        assert np.abs(motion - y[-1]).max() < 1e-9 * np.abs(y).max()
+        assert np.abs(motion - y[-1]).max() < 1e-10 * np.abs(y).max()
 
 
 @pytest.mark.parametrize("version", FORMATS)

@@ -45,10 +45,11 @@ def model(request: Any, tmp_path_factory: pytest.TempPathFactory) -> ReducedMode
 
 
 def assert_same_response(
-    model: ReducedModel, K: Any, M: Any, D: Any, form: PhysicalForm, tolerance: float
-) -> None:
+    model: ReducedModel, K: Any, M: Any, D: Any, form: PhysicalForm, tolerance: float,
+    omega: Any = OMEGA,
+) -> None:  # fmt: skip
     """H of matrices in the order of the form, against the body's."""
-    for w in OMEGA:
+    for w in omega:
         H = form.C @ np.linalg.solve(K + 1j * w * D - w * w * M, form.B) + form.feedthrough
         expected = model.transfer(w)
         assert np.linalg.norm(H - expected) <= tolerance * np.linalg.norm(expected)
@@ -64,7 +65,9 @@ def test_physical_form(model: ReducedModel) -> None:
     form = model.physical()
     assert form.order == model.order
     n = len(form.boundary)
-    assert_same_response(model, form.K, form.M, form.D, form, 1e-10)
+    assert_same_response(model, form.K, form.M, form.D, form, 1e-12, OMEGA[1:])
+    # Rounding of K_bb, of which rigid motion leaves nothing, is 3e-12 of ω²M at 20 Hz.
+    assert_same_response(model, form.K, form.M, form.D, form, 2e-11, OMEGA[:1])
     assert_same_modes(model, form.K, form.M, 1e-9)
     assert np.allclose(form.T.T @ model.K @ form.T, form.K, atol=1e-9 * np.abs(form.K).max())
     # Motions of the interfaces are coordinates; statics exact; modes with interfaces held.
@@ -143,6 +146,39 @@ def test_op4(model: ReducedModel, tmp_path: Path) -> None:
     assert np.allclose(K, form.K, rtol=1e-15, atol=0) and np.allclose(M, form.M, rtol=1e-15, atol=0)
     assert_same_response(model, K, M, D, form, 1e-9)
     assert_same_modes(model, K, M, 1e-9)
+
+
+def test_checks_of_pyyeti(model: ReducedModel, tmp_path: Path) -> None:
+    """pyYeti reads the matrices, drives the interfaces (``cbtf``) as H says, and its model checks
+    (``cbcheck``) find the places, the rigid motions, the mass and the frequencies."""
+    pytest.importorskip("pyyeti.cb")
+    from pyyeti import cb
+    from pyyeti.nastran import n2p, op4
+
+    form = model.physical()
+    export(model, tmp_path / "part.op4", "op4")
+    read = op4.load(str(tmp_path / "part.op4"), into="dct")
+    K, M, D = (np.asarray(read[name][0]) for name in ("kaa", "maa", "baa"))
+    b = np.arange(len(form.boundary))
+    outputs = [model.outputs.index(name) for name in form.boundary]
+    inputs = [model.inputs.index(name) for name in form.boundary]
+    for w in OMEGA:
+        saved: dict[str, Any] = {}
+        forces = np.array([cb.cbtf(M, D, K, a, np.array([w / (2 * np.pi)]), b, saved).frc[:, 0]
+                           for a in -(w**2) * np.eye(len(b))]).T  # fmt: skip
+        H = model.transfer(w)[np.ix_(outputs, inputs)]
+        assert np.linalg.norm(H @ forces - np.eye(len(b))) < 1e-8 * len(b)
+    uset = None
+    for k, place in enumerate(form.positions().values()):
+        uset = n2p.addgrid(uset, k + 1, "b", 0, place, 0)
+    if model.frame["rigid_modes"]:
+        said = tmp_path / "checks.txt"
+        checked = cb.cbcheck(str(said), M, K, b, b[:6], uset, uref=1, n_freefree_modes=12)
+        assert np.allclose(checked.cb_frq, form.frequencies / (2 * np.pi), rtol=1e-7)
+        motions = form.rigid_motions()
+        assert np.abs(checked.rbs[b] - np.linalg.solve(motions[:6].T, motions.T).T).max() < 1e-6
+        mass = np.trace((checked.rbs.T @ checked.m @ checked.rbs)[:3, :3]) / 3
+        assert mass == pytest.approx(model.frame["mass"], rel=1e-6)
 
 
 @pytest.mark.parametrize("eta", [0.0, 0.02])
