@@ -281,9 +281,26 @@ def test_extptfm(model: ReducedModel, tmp_path: Path) -> None:
     form = model.physical()
     export(model, tmp_path / "part.dat", "extptfm")
     read = flex5(tmp_path / "part.dat")
-    assert read["n"] == form.order and read["loads"].shape == (2, form.order + 2)
+    assert read["n"] == form.order and read["loads"].shape == (2, form.order + 1)
     assert np.array_equal(read["stiffness"], form.K)
     assert_same_response(model, read["stiffness"], read["mass"], read["damping"], form, 1e-9)
+
+
+def test_extptfm_by_the_reader_of_others(model: ReducedModel, tmp_path: Path) -> None:
+    """weio, the files of OpenFAST in Python, reads the same matrices."""
+    pytest.importorskip("weio.fast_input_file")
+    from weio.fast_input_file import FASTInputFile
+
+    form = model.physical()
+    if len(form.interfaces) > 1:
+        return
+    export(model, tmp_path / "part.dat", "extptfm")
+    read = FASTInputFile(str(tmp_path / "part.dat"))
+    K, M, D = (np.asarray(read[f"{name}Matrix"], dtype=float)
+               for name in ("Stiffness", "Mass", "Damping"))  # fmt: skip
+    assert read.module == "ExtPtfm" and not np.any(np.asarray(read["Loading"])[:, 1:])
+    assert_same_response(model, K, M, D, form, 1e-9)
+    assert_same_modes(model, K, M, 1e-9)
 
 
 def test_on_the_command_line(model: ReducedModel, tmp_path: Path) -> None:

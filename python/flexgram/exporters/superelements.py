@@ -172,7 +172,8 @@ def write_extptfm(model: ReducedModel, path: Path, body: str | Path | None = Non
         lines += ["", f"!{name} Matrix", f"!Dimension: {n}"]
         lines += ["".join(f"{x:25.16e}" for x in row) for row in a[at]]
     lines += ["", "!Loading and Wave Elevation"]
-    lines += [f"!Dimension: 1 time column - {n} force columns - 1 wave elevation column"]
-    lines += ["".join(f"{x:25.16e}" for x in [t, *[0.0] * (n + 1)]) for t in (0.0, 1.0)]
+    # OpenFAST passes over a column of the wave's elevation; other readers take none.
+    lines += [f"!Dimension: 1 time column - {n} force columns"]
+    lines += ["".join(f"{x:25.16e}" for x in [t, *[0.0] * n]) for t in (0.0, 1.0)]
     with written_aside(path) as place:
         place.write_text("\n".join(lines) + "\n")
