@@ -4,8 +4,25 @@
 #include "base/text.hpp"
 
 #include <algorithm>
+#include <set>
+#include <string>
 
 namespace flexgram {
+namespace {
+
+/// Outputs that are no inputs, by their names.
+PetscInt further_outputs(const SecondOrderModel& fom) {
+  if (fom.outputs_are_inputs) return 0;
+  const std::set<std::string> inputs(fom.inputs.begin(), fom.inputs.end());
+  return static_cast<PetscInt>(
+      std::count_if(fom.outputs.begin(), fom.outputs.end(),
+                    [&](const std::string& name) { return !inputs.count(name); }));
+}
+
+/// Ports from which on their solves are what a run costs.
+constexpr double many_ports = 48;
+
+} // namespace
 
 std::vector<FactorPath> factor_paths(const SecondOrderModel& fom,
                                      const FactorEstimate& estimate) {
@@ -13,7 +30,9 @@ std::vector<FactorPath> factor_paths(const SecondOrderModel& fom,
                now = max_over(fom.comm, resident_memory_mb()),
                entries = 1.15e-6 * estimate.factor_entries / ranks,
                ports = std::max<double>(8, static_cast<double>(fom.B.columns())),
-               bases = 8e-6 * static_cast<double>(fom.n) / ranks * (14 * ports + 6),
+               further = static_cast<double>(further_outputs(fom)),
+               bases = 8e-6 * static_cast<double>(fom.n) / ranks *
+                       (14 * ports + 9 * further + 6),
                triangle = 0.5 * 24e-6 * static_cast<double>(fom.nonzeros()) / ranks,
                rest = now + std::max(bases, triangle);
   const double mumps = estimate.mb_per_rank;
@@ -50,6 +69,13 @@ void choose_factors(ShiftedSolver& solver, const SecondOrderModel& fom,
     if (every && &path != &*taken)
       observer.fact("or", text("%s: %.0f MB on a rank; the run about %.0f MB", path.name,
                                path.factors_mb, path.peak_mb));
+  const double ports = static_cast<double>(fom.B.columns() + further_outputs(fom));
+  if (ports > many_ports)
+    observer.fact("solves",
+                  text("for %.0f ports about %.0f right-hand sides of %.2g flops: "
+                       "as much as %.1f factorisations, dense work beside them",
+                       ports, 3 * ports, 4 * estimate.factor_entries,
+                       12 * ports * estimate.factor_entries / estimate.flops));
   if (taken->single)
     observer.fact("inertia", "by a factorisation in double that keeps no factors");
   if (taken != paths.begin())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -31,6 +32,26 @@ def limits(rom: ReducedModel) -> dict[str, tuple[float, float]]:
     """Of each kind what is claimed, and what was asked."""
     return {kind: (float(e), float(t)) for kind, e, t in
             zip(rom.kinds, rom.by_kind, rom.kind_tolerances, strict=True)}  # fmt: skip
+
+
+def test_the_plan_says_what_many_outputs_cost(tmp_path: Path) -> None:
+    """Before anything is factorised; what a run takes is near it, in solves and in memory."""
+    mesh = sided("tetra10", counts=(10, 4, 4))
+    nodes = {f"s{k}": {"type": "stress", "nodes": [k + 1]} for k in range(0, 300, 6)}
+    body = tmp_path / "body.h5"
+    write_body(body, mesh, damping={"alpha": 20.0}, loads={"g": {"type": "acceleration"}},
+               outputs=nodes, supports={"start": {"nodes": "start"}})  # fmt: skip
+    planned = run("plan", "-body", body, "-mor_band_hz", "100,6000").out
+    count = re.search(r"for 309 ports about (\d+) right-hand sides .* factorisations", planned)
+    megabytes = re.search(r"the run about (\d+) MB", planned)
+    assert count and megabytes
+    done = run("reduce", "-body", body, "-mor_band_hz", "100,6000", "-mor_tol", "1e-2", "-mor_out",
+               tmp_path / "rom.h5").out  # fmt: skip
+    solved = re.search(r"(\d+) solved columns", done)
+    peak = re.search(r"peak (\d+) MB", done)
+    assert solved and peak
+    assert 0.7 < int(solved[1]) / int(count[1]) < 1.5
+    assert 0.7 < int(peak[1]) / int(megabytes[1]) < 1.4
 
 
 @pytest.mark.kernels
