@@ -136,7 +136,8 @@ std::vector<PortView> port_views(const SecondOrderModel& names, const KindSpec& 
       const bool crossed = (output == "displacement" && input == "moment") ||
                            (output == "rotation" && input == "force");
       if (!square || !crossed)
-        views.push_back({output + " from " + input, rows, columns});
+        views.push_back(
+            {text("%s from %s", output.c_str(), input.c_str()), rows, columns});
     }
   allow(views, spec);
   if (views.size() == 2 && views[1].rows == views[0].rows &&
