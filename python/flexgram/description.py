@@ -19,13 +19,14 @@ from numpy.typing import NDArray
 from flexgram.basics import BodyError, IntArray, check_name, errors_of
 from flexgram.bodyfile import written_whole
 from flexgram.faces import middle_of
-from flexgram.loads import write_loads, write_outputs
+from flexgram.loads import BodyMesh, write_loads
 from flexgram.meshfile import (
     ELEMENTS,
     cell_regions,
     node_set,
     read_mesh,
 )
+from flexgram.outputs import write_outputs
 from flexgram.reader import Reader, UniqueKeys, short
 from flexgram.sections import section_properties
 from flexgram.selection import in_box, nearest
@@ -283,8 +284,8 @@ def _write(
         return _select_nodes(choice, where, mesh.points, used, sets)
 
     points = np.asarray(mesh.points, dtype=float)
-    loads = write_loads(file, reader, points, blocks, units, select, folder)
-    outputs = write_outputs(file, reader, points, blocks, length, select)
+    written = BodyMesh(file, points, blocks, length, units[2], select, folder)
+    loads, outputs = write_loads(written, reader), write_outputs(written, reader)
     damping = Reader(reader.get("damping", {}) or {}, "damping", ("alpha", "beta", "eta"))
     for key in ("alpha", "beta", "eta"):
         file.attrs[key] = damping.number(key, 0.0)

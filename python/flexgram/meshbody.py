@@ -11,7 +11,8 @@ from flexgram.description import EXPANSION, ISOTROPIC, import_description
 from flexgram.importers import check_damping
 from flexgram.importers.fe import Interface
 from flexgram.importers.interfaces import numbers, parse
-from flexgram.loads import OUTPUTS, TYPES
+from flexgram.loads import TYPES
+from flexgram.outputs import OUTPUTS
 from flexgram.units import UNITS
 
 #: Materials by name [SI]: Young's modulus, Poisson's ratio, density, expansion.
