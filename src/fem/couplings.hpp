@@ -11,18 +11,19 @@ namespace flexgram {
 /// six motions q (three translations, three small rotations) of the reference. 3 × 6.
 Dense rigid_motion(const Vector3& d);
 
-/// Ports of all interfaces: B (n × ports) and their names.
-/// rigid: unit loads on the six dofs of the reference node. node: unit loads on its dofs.
-/// distributing: B = W G (Gᵀ W G)⁻¹ over the nodes of the set, so that a load at the
-/// reference is spread statically equivalently and the output is the weighted mean motion
-/// (RBE3).
 struct Ports {
-  Block B;
+  Block B; ///< n × ports
   std::vector<std::string> names;
 };
+
 /// Takes the part of a load that acts straight on a held component of a node.
 using HeldForces = std::function<void(const std::string& input, std::int64_t node,
                                       int component, double value)>;
+
+/// Ports of all interfaces. rigid: unit loads on the six dofs of the reference node. node:
+/// unit loads on its dofs. distributing: B = W G (Gᵀ W G)⁻¹ over the nodes of the set, so
+/// that a load at the reference is spread statically equivalently and the output is the
+/// weighted mean motion (RBE3).
 /// @param held  called on rank 0 for all interfaces; may be null.
 Ports interface_ports(MPI_Comm comm, const BodyDescription& body, const DofMap& map,
                       const std::function<Vector3(std::int64_t)>& coordinates,

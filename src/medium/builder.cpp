@@ -20,7 +20,7 @@ Block MediumBuilder::without_many_outputs(Block response) const {
   int further = 0; // outputs that are no inputs
   for (int j = inputs; j < ports; ++j)
     further += same_as_[static_cast<std::size_t>(j)] == j;
-  if (further <= std::max(48, 2 * inputs)) return response;
+  if (further <= std::max(wide_block, 2 * inputs)) return response;
   std::vector<int> chosen; // and what keeps the ports company
   for (int j = 0; j < response.columns(); ++j)
     if (j < inputs || j >= ports) chosen.push_back(j);

@@ -64,6 +64,8 @@ public:
     bool proved = true;
   };
 
+  /// Ports up to which products of residuals are worth their price.
+  static constexpr int few_ports = 64;
   /// Squares of the singular values of residuals W.
   struct SquaredValues {
     double norm = 0;          ///< √Σσ⁴

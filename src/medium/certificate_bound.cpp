@@ -41,14 +41,11 @@ double largest_quotient(std::array<Complex, 2> n, std::array<Complex, 2> d) {
   return std::sqrt(std::max(largest, 0.0)) * (1 + 1e-14);
 }
 
-/// Columns up to which singular values are worth their price.
-constexpr int few = 64;
-
 /// Squares of the singular values of W, descending; of many columns their norm alone.
 Certificate::SquaredValues squares_of(const ComplexDense& w) {
   const ComplexDense gram = multiply_transposed(w, w, true);
   Certificate::SquaredValues squares{frobenius_norm(gram), {}};
-  if (w.columns > few) return squares;
+  if (w.columns > Certificate::few_ports) return squares;
   squares.each = hermitian_eigenvalues(gram);
   std::reverse(squares.each.begin(), squares.each.end());
   return squares;

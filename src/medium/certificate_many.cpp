@@ -111,7 +111,7 @@ Certificate::of_many(const DenseResponse& response, const ResponseSeries& factor
   // products of their residuals.
   const auto worth = [&](std::size_t k) {
     const std::size_t in = blocks[k].inputs.size(), out = blocks[k].outputs.size();
-    return std::max(in, out) <= std::max<std::size_t>(64, 2 * std::min(in, out));
+    return std::max(in, out) <= std::max<std::size_t>(few_ports, 2 * std::min(in, out));
   };
   std::vector<Bound> bounds;
   bool sharper = false;

@@ -2,35 +2,19 @@
 
 #include "base/process.hpp"
 #include "base/text.hpp"
+#include "medium/space.hpp"
 
 #include <algorithm>
-#include <set>
 #include <string>
 
 namespace flexgram {
-namespace {
-
-/// Outputs that are no inputs, by their names.
-PetscInt further_outputs(const SecondOrderModel& fom) {
-  if (fom.outputs_are_inputs) return 0;
-  const std::set<std::string> inputs(fom.inputs.begin(), fom.inputs.end());
-  return static_cast<PetscInt>(
-      std::count_if(fom.outputs.begin(), fom.outputs.end(),
-                    [&](const std::string& name) { return !inputs.count(name); }));
-}
-
-/// Ports from which on their solves are what a run costs.
-constexpr double many_ports = 48;
-
-} // namespace
-
 std::vector<FactorPath> factor_paths(const SecondOrderModel& fom,
                                      const FactorEstimate& estimate) {
   const double ranks = comm_size(fom.comm),
                now = max_over(fom.comm, resident_memory_mb()),
                entries = 1.15e-6 * estimate.factor_entries / ranks,
                ports = std::max<double>(8, static_cast<double>(fom.B.columns())),
-               further = static_cast<double>(further_outputs(fom)),
+               further = static_cast<double>(fom.further_outputs()),
                bases = 8e-6 * static_cast<double>(fom.n) / ranks *
                        (14 * ports + 9 * further + 6),
                triangle = 0.5 * 24e-6 * static_cast<double>(fom.nonzeros()) / ranks,
@@ -69,8 +53,8 @@ void choose_factors(ShiftedSolver& solver, const SecondOrderModel& fom,
     if (every && &path != &*taken)
       observer.fact("or", text("%s: %.0f MB on a rank; the run about %.0f MB", path.name,
                                path.factors_mb, path.peak_mb));
-  const double ports = static_cast<double>(fom.B.columns() + further_outputs(fom));
-  if (ports > many_ports)
+  const double ports = static_cast<double>(fom.B.columns() + fom.further_outputs());
+  if (ports > wide_block)
     observer.fact("solves",
                   text("for %.0f ports about %.0f right-hand sides of %.2g flops: "
                        "as much as %.1f factorisations, dense work beside them",

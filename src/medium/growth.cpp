@@ -189,7 +189,7 @@ void MediumBuilder::prove(int most_columns) {
                                        medium_.cutoff, most_columns);
   level.complete = basis.complete;
   // A wide block brings more than is needed.
-  const bool wide = basis.complete && basis.T.columns() > 48;
+  const bool wide = basis.complete && basis.T.columns() > wide_block;
   ResidualBasis parts;
   if (wide) {
     parts.ports = basis.ports;

@@ -9,7 +9,7 @@
 namespace flexgram {
 namespace {
 
-constexpr int most_columns = 48, most_rounds = 60;
+constexpr int most_columns = wide_block, most_rounds = 60;
 
 /// Which Ritz values are those of `good`, one to one: their vectors were good enough when
 /// they were last checked.

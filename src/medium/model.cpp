@@ -161,51 +161,61 @@ MatrixSeries MediumModel::inputs_of(const MatrixSeries& x) const {
   return chosen;
 }
 
+/// Norms of each view of H = C x, or of its elastic part.
+std::vector<ViewNorms> MediumModel::sizes_by_entries(const MatrixSeries& x,
+                                                     const MatrixSeries& H) const {
+  const MatrixSeries elastic = left_out_ > 0
+                                   ? multiply_transposed(modal_outputs_, reference_of(x))
+                                   : MatrixSeries();
+  std::vector<ViewNorms> sizes;
+  for (const PortView& view : views)
+    sizes.push_back(view_norms(left_out_ > 0 ? elastic : H, view));
+  return sizes;
+}
+
+/// The same from the terms. @param clear  set to whether rounding is far below them.
+std::vector<ViewNorms> MediumModel::sizes_by_terms(const MatrixSeries& factors,
+                                                   bool& clear) const {
+  const MatrixSeries reference = reference_of(factors);
+  std::vector<ViewNorms> sizes;
+  clear = true;
+  for (const TermGram& terms : terms_) {
+    const TermNorms size = term_norms(terms, reference);
+    const auto& at = size.norms.at;
+    clear = clear && size.rounding <= 0.1 * *std::min_element(at.begin(), at.end());
+    sizes.push_back(size.norms);
+  }
+  return sizes;
+}
+
 std::optional<MediumModel::Stretch> MediumModel::over(Interval interval, int degree,
                                                       double hopeless) const {
   const DenseResponse& response = *level_.response;
-  const bool by_terms = !residuals_.grams.empty();
   Stretch result;
-  std::optional<ResponseSeries> factors, all; // of the modes; to all ports
-  if (by_terms) {
-    factors = modal_factors(response, interval, degree);
-    if (!factors) return std::nullopt;
-  }
-  const auto sizes_of = [&](const MatrixSeries& H) {
-    result.size.clear();
-    for (const PortView& view : views) result.size.push_back(view_norms(H, view));
-  };
-  bool clear = has_many_ports(); // of rounding
-  if (has_many_ports()) {
-    const MatrixSeries reference = reference_of(factors->x);
-    for (const TermGram& terms : terms_) {
-      const TermNorms size = term_norms(terms, reference);
-      const auto& at = size.norms.at;
-      clear = clear && size.rounding <= 0.1 * *std::min_element(at.begin(), at.end());
-      result.size.push_back(size.norms);
-    }
-    result.H.factors = factors->x;
-  }
-  if (!clear) {
-    MatrixSeries x;
-    if (by_terms) {
-      auto found = response_series(response, interval, degree, modal_inputs_);
-      if (!found && !has_many_ports()) return std::nullopt;
-      if (found) x = std::move(found->x);
-    } else {
-      all = response_series(response, interval, degree);
-      if (!all) return std::nullopt;
-      x = inputs_of(all->x);
-    }
-    if (x.columns > 0) {
-      MatrixSeries H = multiply_transposed(modal_outputs_, x);
-      sizes_of(left_out_ > 0 ? multiply_transposed(modal_outputs_, reference_of(x)) : H);
-      if (!has_many_ports()) result.H.entries = std::move(H);
-    }
-  }
-  if (!by_terms) {
+  if (residuals_.grams.empty()) {
+    const auto all = response_series(response, interval, degree);
+    if (!all) return std::nullopt;
+    const MatrixSeries x = inputs_of(all->x);
+    result.H.entries = multiply_transposed(modal_outputs_, x);
+    result.size = sizes_by_entries(x, result.H.entries);
     result.bounds = level_.certificate->over(response, *all, blocks_);
     return result;
+  }
+  const auto factors = modal_factors(response, interval, degree);
+  if (!factors) return std::nullopt;
+  bool clear = false;
+  if (has_many_ports()) {
+    result.H.factors = factors->x;
+    result.size = sizes_by_terms(factors->x, clear);
+  }
+  if (!clear) {
+    const auto x = response_series(response, interval, degree, modal_inputs_);
+    if (!x && !has_many_ports()) return std::nullopt;
+    if (x) {
+      MatrixSeries H = multiply_transposed(modal_outputs_, x->x);
+      result.size = sizes_by_entries(x->x, H);
+      if (!has_many_ports()) result.H.entries = std::move(H);
+    }
   }
   std::vector<double> least; // ‖H‖
   for (const ViewNorms& size : result.size)

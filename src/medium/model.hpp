@@ -120,6 +120,9 @@ private:
   std::vector<double> strain() const; ///< √(uᵀKu) of each mode, 0 of rigid ones
   MatrixSeries inputs_of(const MatrixSeries& x) const;
   MatrixSeries reference_of(MatrixSeries x) const;
+  std::vector<ViewNorms> sizes_by_entries(const MatrixSeries& x,
+                                          const MatrixSeries& H) const;
+  std::vector<ViewNorms> sizes_by_terms(const MatrixSeries& factors, bool& clear) const;
   template <class T>
   static T known(std::optional<T> value) {
     if (!value) throw ShiftError("the body is undamped and the frequency is a resonance");

@@ -239,6 +239,55 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
   return basis;
 }
 
+namespace {
+
+/// Σ W Wᵀ of residuals W = E^−½R of a block's ports over the samples.
+struct SquaresOfBlock {
+  Dense inputs, outputs; ///< k × k; the latter empty where they are the former
+};
+
+enum class Side { both, inputs, outputs };
+
+/// What is dropped of W, by a projection P, changes H by W_CᵀPW_B, a block of
+/// [wW_B, W_C/w]ᵀP[wW_B, W_C/w] whatever w is: the sum of squares by which directions of
+/// both sides count alike, or those of one alone, with a w that leaves nothing of the
+/// other. Empty if one side is both.
+Dense weighted_squares(const std::vector<SquaresOfBlock>& blocks, const Dense& of_modes,
+                       Side side, double target) {
+  Dense squares = of_modes;
+  bool differs = side == Side::both;
+  for (const SquaresOfBlock& block : blocks) {
+    const auto add = [&](const Dense& square, double weight) {
+      for (std::size_t i = 0; i < square.data.size(); ++i)
+        squares.data[i] += weight * square.data[i];
+    };
+    const Dense& others = side == Side::inputs ? block.outputs : block.inputs;
+    double most = 0, weight = 1; // w², of the inputs
+    for (int i = 0; i < others.rows; ++i) most += others(i, i);
+    if (side != Side::both && !block.outputs.data.empty() && most > 0) {
+      differs = true;
+      weight = std::pow(10 * most / target, side == Side::inputs ? 1 : -1);
+    }
+    add(block.inputs, weight);
+    add(block.outputs, 1 / weight);
+  }
+  return differs ? squares : Dense();
+}
+
+/// Eigenvectors whose rest is at most the target, in the norm of ‖WᵀW‖_F.
+Dense dominant(const Dense& squares, double target) {
+  const SymmetricEigen eigen = symmetric_eigen(squares);
+  const int k = squares.rows;
+  int dropped = 0;
+  for (double left = 0; dropped < k - 1; ++dropped) {
+    left = std::hypot(left, eigen.values[static_cast<std::size_t>(dropped)]);
+    if (left > target) break;
+  }
+  return part_of(eigen.vectors, 0, k, dropped, k - dropped);
+}
+
+} // namespace
+
 Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
                          const DenseResponse& response,
                          const std::vector<double>& samples,
@@ -254,10 +303,7 @@ Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
     const Dense W = multiply(norm.F, columns), WWt = multiply(W, transpose(W));
     for (std::size_t i = 0; i < squares.data.size(); ++i) squares.data[i] += WWt.data[i];
   };
-  struct OfBlock {
-    Dense inputs, outputs; ///< the latter empty where they are the former
-  };
-  std::vector<OfBlock> of_blocks(blocks.size());
+  std::vector<SquaresOfBlock> of_blocks(blocks.size());
   const auto scale_of = [&](int port) { return scale[static_cast<std::size_t>(port)]; };
   for (double omega : samples) {
     const ComplexDense x = response.modal_response(omega);
@@ -303,39 +349,14 @@ Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
   Dense squares_of_modes;
   add_square(squares_of_modes, of_modes);
 
-  // What is dropped, P, changes H by W_CᵀPW_B, a block of [wW_B, W_C/w]ᵀP[wW_B, W_C/w]
-  // whatever w is: so the directions of all, or those of the inputs alone, or of the
-  // outputs alone, with a w that leaves nothing of the others.
-  enum class Of { all, inputs, outputs };
-  Dense fewest;
-  for (const Of of : {Of::all, Of::inputs, Of::outputs}) {
-    Dense squares = squares_of_modes;
-    bool differs = of == Of::all;
-    for (const OfBlock& block : of_blocks) {
-      const auto add = [&](const Dense& square, double weight) {
-        for (std::size_t i = 0; i < square.data.size(); ++i)
-          squares.data[i] += weight * square.data[i];
-      };
-      const Dense& others = of == Of::inputs ? block.outputs : block.inputs;
-      double most = 0, weight = 1; // w², of the inputs
-      for (int i = 0; i < others.rows; ++i) most += others(i, i);
-      if (of != Of::all && !block.outputs.data.empty() && most > 0) {
-        differs = true;
-        weight = std::pow(10 * most / target, of == Of::inputs ? 1 : -1);
-      }
-      add(block.inputs, weight);
-      add(block.outputs, 1 / weight);
-    }
-    if (!differs) continue;
-    const SymmetricEigen eigen = symmetric_eigen(squares);
-    int dropped = 0;
-    for (double left = 0; dropped < k - 1; ++dropped) {
-      left = std::hypot(left, eigen.values[static_cast<std::size_t>(dropped)]);
-      if (left > target) break; // ‖WᵀW‖_F of what is dropped, at each of the frequencies
-    }
+  Dense fewest =
+      dominant(weighted_squares(of_blocks, squares_of_modes, Side::both, target), target);
+  for (const Side side : {Side::inputs, Side::outputs}) {
+    const Dense squares = weighted_squares(of_blocks, squares_of_modes, side, target);
+    if (squares.data.empty()) continue;
     // One side alone costs further blocks where errors are to fall far.
-    if (fewest.data.empty() || 2 * (k - dropped) < fewest.columns)
-      fewest = part_of(eigen.vectors, 0, k, dropped, k - dropped);
+    Dense fewer = dominant(squares, target);
+    if (2 * fewer.columns < fewest.columns) fewest = std::move(fewer);
   }
   return multiply(norm.inverse, fewest);
 }

@@ -8,6 +8,10 @@
 
 namespace flexgram {
 
+/// Columns from which a block is wide: its solves, more than factorisations, are what a run
+/// costs, so that it is worth work to have fewer.
+inline constexpr int wide_block = 48;
+
 /// A growing space V of the full body, W-orthonormal (W = M, or M + κK where M is
 /// singular), with the Galerkin projections of K and D, and what the residuals of its
 /// responses are made of. The first `rigid()` columns are exact rigid body modes: their

@@ -102,7 +102,7 @@ bool MediumBuilder::has_light_dofs(const SecondOrderModel& fom, double omega) {
 /// blocks of some width cost little more than narrow ones, and hundreds of modes would
 /// take as many Krylov steps.
 Block MediumBuilder::with_company(const Block& ports) const {
-  const int width = std::clamp(expected_ / 10, 8, 48);
+  const int width = std::clamp(expected_ / 10, 8, wide_block);
   const int more = std::min(expected_, width) - static_cast<int>(ports.columns());
   return more > 0 ? concatenate(ports, multiply(fom_.M, random_block(fom_.B, more, 99)))
                   : ports.share();

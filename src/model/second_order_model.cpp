@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <set>
 
 namespace flexgram {
 
@@ -26,6 +27,14 @@ void Feedthrough::append(const Feedthrough& more) {
   outputs.insert(outputs.end(), more.outputs.begin(), more.outputs.end());
   inputs.insert(inputs.end(), more.inputs.begin(), more.inputs.end());
   values.insert(values.end(), more.values.begin(), more.values.end());
+}
+
+PetscInt SecondOrderModel::further_outputs() const {
+  if (outputs_are_inputs) return 0;
+  const std::set<std::string> known(inputs.begin(), inputs.end());
+  return static_cast<PetscInt>(
+      std::count_if(outputs.begin(), outputs.end(),
+                    [&](const std::string& name) { return !known.count(name); }));
 }
 
 bool SecondOrderModel::undamped() const {

@@ -55,6 +55,8 @@ struct SecondOrderModel {
   double rounding = 0; ///< relative, of K's entries, if they were printed; 0: not known
   Feedthrough feedthrough;
 
+  /// How many outputs are no inputs, by their names.
+  PetscInt further_outputs() const;
   bool undamped() const;
   /// Damping class in words, for the plan.
   std::string damping_class() const;

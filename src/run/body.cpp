@@ -79,12 +79,8 @@ std::string words_of_ports(const SecondOrderModel& model) {
              outputs = static_cast<long long>(model.outputs.size());
   const std::string count = text("%lld inputs, %lld outputs", inputs, outputs);
   if (model.outputs_are_inputs) return count + " (the same)";
-  const auto alone = std::count_if(
-      model.outputs.begin(), model.outputs.end(), [&](const std::string& name) {
-        return std::find(model.inputs.begin(), model.inputs.end(), name) ==
-               model.inputs.end();
-      });
-  return count + text(", %lld by their names", inputs + alone);
+  return count + text(", %lld by their names",
+                      inputs + static_cast<long long>(model.further_outputs()));
 }
 
 } // namespace
