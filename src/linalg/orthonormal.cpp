@@ -91,7 +91,7 @@ Orthonormalised orthonormalise(Block X, const Basis& V, const InnerProduct& prod
   for (int pass = 0; keep.columns > 0 && pass < 4; ++pass) {
     if (anew) WX = product.apply(X);
     const Dense removed = remove(X, V, WX);
-    if (V) WX = product.apply(X);
+    if (largest_entry(removed) > 1e-12) WX = product.apply(X); // else W V c is rounding
     Dense l = inner(X, WX);
     symmetrise(l);
     Dense distance = l;

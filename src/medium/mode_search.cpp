@@ -107,7 +107,7 @@ int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expe
     Dense parts;
     Block loads;
     if (krylov) {
-      loads = multiply(space.fom().M, space.V().pieces().back());
+      loads = space.mass_of_newest();
       parts = Dense(newest, static_cast<int>(block.size()));
       for (int j = 0; j < parts.columns; ++j)
         for (int i = 0; i < newest; ++i)

@@ -107,6 +107,7 @@ void MediumSpace::extend_projection(const Block& X, const Block& KX, const Block
 
 void MediumSpace::restore(Block X) {
   if (X.columns() == 0) return;
+  newest_weighted_ = Block();
   Block KX = multiply(fom_.K, X), DX;
   if (fom_.D) DX = multiply(fom_.D, X);
   V_.append(X.share());
@@ -122,6 +123,12 @@ void MediumSpace::project(Block& image, const Dense& coordinates) const {
   scale(image);
 }
 
+Block MediumSpace::mass_of_newest() const {
+  if (product_.kappa != 0 || !newest_weighted_)
+    return multiply(fom_.M, V_.pieces().back());
+  return newest_weighted_.share();
+}
+
 std::vector<double> MediumSpace::append(Block X, double tolerance) {
   Orthonormalised added = orthonormalise(std::move(X), V_, product_, tolerance);
   const int k = static_cast<int>(added.vectors.columns());
@@ -131,6 +138,7 @@ std::vector<double> MediumSpace::append(Block X, double tolerance) {
   if (fom_.D) DX = multiply(fom_.D, added.vectors);
   extend_projection(added.vectors, KX, DX);
   if (!tracks_) {
+    newest_weighted_ = std::move(added.weighted);
     KV_.append(std::move(KX));
     if (fom_.D) DV_.append(std::move(DX));
     return std::move(added.outside);
@@ -166,6 +174,7 @@ std::vector<double> MediumSpace::append(Block X, double tolerance) {
 
 void MediumSpace::track_residual(const Block& ports) {
   tracks_ = true;
+  newest_weighted_ = Block();
   Block PB = copy(ports);
   project(PB, inner(V_, ports));
   residual_.S.append(std::move(PB));
@@ -208,6 +217,7 @@ void MediumSpace::rotate_to_rigid(const Dense& Q, int count, RigidStiffness stif
   };
   for (Basis* basis : {&V_, &KV_, &DV_})
     if (*basis) *basis = combine(*basis, Q);
+  newest_weighted_ = Block();
   K_ = congruence(K_);
   if (!D_.data.empty()) D_ = congruence(D_);
   std::vector<double> rotated; // as if the parts had random signs

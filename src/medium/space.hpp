@@ -32,6 +32,8 @@ public:
   /// Adds what X holds beyond V; returns the W-norms of what each column of X had
   /// outside V.
   std::vector<double> append(Block X, double tolerance);
+  /// M times the vectors that the last call of append has added, or restore.
+  Block mass_of_newest() const;
   /// Adds vectors that are W-orthonormal to each other and to V: those of a space that
   /// was kept. Before track_residual only.
   void restore(Block X);
@@ -92,6 +94,7 @@ private:
   std::vector<double> root_diagonal_, K_diagonal_; ///< this rank's rows
   Block rigid_forces_;                             ///< K Φ of rigid modes, all digits
   Basis V_, KV_, DV_;                              ///< the last two until track_residual
+  Block newest_weighted_;                          ///< W times them, until then
   Residual residual_;
   Dense K_, D_, neglected_, assumed_;
   std::vector<double> g_;
