@@ -1,5 +1,5 @@
 """Assemblies of reduced bodies: joints, springs and dampers between interfaces, and what the parts'
-claims say of the whole (``small_gain``).
+claims say of the whole (``assembly_claim``).
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
+from flexgram.assembly_claim import Verdict, verdict
 from flexgram.basics import BodyError, written_aside
 from flexgram.joints import GROUND, PORTS, Joint, Parts, common_bands, tied
 from flexgram.reduced import ReducedModel
-from flexgram.small_gain import Verdict, verdict
 
 __all__ = ["GROUND", "PORTS", "Joint", "Verdict", "couple", "read_joint", "verdict"]
 
@@ -74,8 +74,8 @@ def couple(
     Returns
     -------
     ReducedModel
-        Ports ``part.port``; without a basis. Its error at some frequencies follows from the parts'
-        claims (``verdict``), between them it is estimated.
+        Ports ``part.port``; without a basis. Certified if the parts are, and if their claims close
+        everywhere in the band (``verdict``).
 
     Raises
     ------
@@ -129,18 +129,22 @@ def couple(
             *(m.feedthrough for m in models.values()))[np.ix_(outputs, inputs)],
         "gramian/sigma": np.empty(0), "error/bands": bands,
         "band": np.array([bands[0, 0], bands[-1, 1]]), "method": "couple",
-        "error/kind": "estimated", "frame/kind": "none",
+        "frame/kind": "none",
     }  # fmt: skip
     squares = scipy.linalg.eigh(fields["K"], fields["M"], eigvals_only=True)
     fields["modes/omega"] = np.sqrt(np.maximum(squares, 0))
     slow = 1e-3 * min(bands[bands > 0].min(initial=np.inf), fields["modes/omega"][-1])
     fields["frame/rigid_modes"] = int(np.sum(fields["modes/omega"] < slow))
     known = verdict(models, joints, turns=turns, keep=keep, modes=fields["modes/omega"])
+    alike = set(fields["B/names"]) == set(fields["C/names"])
+    kind = known.kind if alike else "estimated"
+    worst = known.worst if kind != "estimated" else known.bound.max(initial=0) if alike else np.inf
     fields |= {"error/omega": known.omega, "error/relative": known.bound,
-               "error/worst": np.inf if set(fields["B/names"]) ^ set(fields["C/names"])
-               else float(known.bound.max(initial=0)),
+               "error/bound": known.bound, "error/kind": kind, "error/worst": float(worst),
                "error/relative_to": "pointwise",
                "log/plan": [f"parts\t{', '.join(models)}", f"error\t{known.words}"]}  # fmt: skip
+    if kind == "certified outside":
+        fields["error/excluded"] = known.open
     return ReducedModel(fields, lambda path: _write(fields, Path(path)))
 
 

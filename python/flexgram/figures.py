@@ -55,11 +55,13 @@ def error(model: ReducedModel) -> Figure:
         for i, (first, last) in enumerate(model.excluded * HZ):
             axes.axvspan(first, last, color="#d7301f", lw=1.5,
                          label="excluded" if i == 0 else None)  # fmt: skip
+    if len(model.floor):
         axes.semilogy(hz, np.maximum(model.floor, 1e-17), ":", color=BOUND, lw=1,
                       label="part of it that is rounding")  # fmt: skip
-    style = "-" if len(model.bound) else "."
-    label = "error against the medium model" if len(model.bound) else "error"
-    axes.semilogy(hz, np.maximum(model.error, 1e-17), style, color=REDUCED, lw=1, label=label)
+    if len(model.floor) or not len(model.bound):  # of an assembly the bound alone is known
+        style, label = ("-", "error against the medium model") if len(model.bound) else (
+            ".", "error")  # fmt: skip
+        axes.semilogy(hz, np.maximum(model.error, 1e-17), style, color=REDUCED, lw=1, label=label)
     axes.set(xlabel="frequency [Hz]", ylabel="relative error of H")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncol=2, fontsize=7)
     return figure

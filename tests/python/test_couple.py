@@ -85,9 +85,10 @@ def random_joints(rng: np.random.Generator) -> list[Joint]:
 
 
 def test_fifty_pairs_keep_their_bound() -> None:
-    """Bound >= truth at frequencies of the test's own, and where the gain is small it is of use."""
+    """Bound >= truth at frequencies of the test's own, and of use where the gain is small. The
+    claim for the whole band holds there too and is hardly more than the largest that is seen."""
     rng = np.random.default_rng(7)
-    closed, sharp = 0, []
+    closed, sharp, everywhere, proved = 0, [], [], 0
     for _ in range(50):
         bodies = [random_body(rng, 6), random_body(rng, 6)]
         parts = {f"p{i}": reduced(b, float(10 ** rng.uniform(-6, -2)))
@@ -101,15 +102,24 @@ def test_fifty_pairs_keep_their_bound() -> None:
         w = 2 * np.pi * rng.uniform(*BAND, 15)
         said = verdict(parts, joints, omega=w)
         assert not said.unknown
+        seen = verdict(parts, joints, omega=2 * np.pi * rng.uniform(*BAND, 150)).bound.max()
+        if whole.kind == "certified":
+            proved += 1
+            everywhere.append(whole.certified_error / seen)
+            assert seen <= whole.certified_error * (1 + 1e-9)
+        else:
+            assert whole.kind == "estimated"
         for x, bound in zip(w, said.bound, strict=True):
             H = full_response(bodies, joints, keep, x)
             true = np.linalg.norm(H - whole.transfer(x)) / np.linalg.norm(H)
             assert true <= bound * (1 + 1e-9) + 1e-10
+            assert whole.kind != "certified" or true <= whole.certified_error + 1e-10
             closed += bool(np.isfinite(bound))
             if np.isfinite(bound) and true > 1e-12:
                 sharp.append(bound / true)
     assert closed > 0.8 * 50 * 15
     assert np.median(sharp) < 300
+    assert proved >= 45 and np.median(everywhere) < 1.3
 
 
 @pytest.mark.parametrize("relative_to", ["pointwise", "elastic"])
@@ -140,7 +150,7 @@ def test_parts_of_a_beam_are_the_beam(relative_to: str, tmp_path: Path) -> None:
                tmp_path / "ab.rom.h5").out  # fmt: skip
     assert "wrote" in said and "by the parts' claims" in said
     model = ReducedModel.load(tmp_path / "ab.rom.h5")
-    assert model.kind == "estimated" and "not proved" in model.label
+    assert model.kind == model.label == "certified" and "everywhere in the band" in said
     run("assemble", "-body", tmp_path / "whole.h5", "-body_out", tmp_path / "matrices.h5")
     full = body_system(tmp_path / "matrices.h5")
     names = [f"left.start.{f}" for f in ("fx", "fy", "fz", "mx", "my", "mz")]
@@ -160,7 +170,64 @@ def test_parts_of_a_beam_are_the_beam(relative_to: str, tmp_path: Path) -> None:
     for w, bound in zip(omega, said.bound, strict=True):
         H = turn @ full.transfer(w)[np.ix_(ends, ends)] @ turn.T
         true = np.linalg.norm(model.transfer(w) - H) / np.linalg.norm(H)
-        assert 1e-12 < true <= bound < 0.1
+        assert 1e-12 < true <= bound <= model.certified_error < 0.1
+
+
+def test_without_damping_all_but_the_resonances(tmp_path: Path) -> None:
+    """Nothing is claimed beside poles of the parts and of the assembly; next to these intervals and
+    elsewhere the claim holds. An assembly is a part again."""
+    rng = np.random.default_rng(11)
+    bodies = [(*random_body(rng, 6)[:4], 0.0, 0.0) for _ in range(2)]
+    parts = {f"p{i}": reduced(b, 1e-6) for i, b in enumerate(bodies)}
+    joints = [Joint("p0.b", "p1.a"), Joint("p1.b", "ground", stiffness={"x": 2.0})]
+    whole = couple(parts, joints, keep=["p1.b"])
+    assert whole.kind == "certified outside" and len(whole.excluded) > 2
+    path = tmp_path / "ab.rom.h5"
+    whole.save(str(path))
+    again = ReducedModel.load(path)
+    assert "undamped resonances" in again.label and len(again.excluded) == len(whole.excluded)
+    keep = [0, 1, 2, 9, 10, 11]
+    near = np.concatenate([[a * (1 - 1e-9), b * (1 + 1e-9)] for a, b in whole.excluded])
+    band = 2 * np.pi * np.array(BAND)
+    w = np.concatenate([near[(near > band[0]) & (near < band[1])],
+                        2 * np.pi * rng.uniform(*BAND, 30)])  # fmt: skip
+    checked = 0
+    for x in w:
+        if np.any((whole.excluded[:, 0] <= x) & (x <= whole.excluded[:, 1])):
+            continue
+        H = full_response(bodies, joints, keep, x)
+        assert np.linalg.norm(H - whole.transfer(x)) <= whole.certified_error * np.linalg.norm(H)
+        checked += 1
+    assert checked > 30
+    poles = whole.modes[(whole.modes > band[0]) & (whole.modes < band[1])]
+    assert len(poles) > 1
+    for pole in poles:
+        assert np.any((whole.excluded[:, 0] <= pole) & (pole <= whole.excluded[:, 1]))
+    third = couple({"ab": again, "c": reduced((*random_body(rng, 6)[:4], 0.02, 0.01), 1e-6)},
+                   [Joint("ab.p1.b", "c.a")])  # fmt: skip
+    assert "by the parts' claims" in dict(third.log["plan"])["error"]
+
+
+def test_what_does_not_close_is_estimated() -> None:
+    """Parts to 5e-2 say nothing where the gain is above one, and the share of the band is told."""
+    rng = np.random.default_rng(21)
+    bodies = [random_body(rng, 6) for _ in range(2)]
+    parts = {f"p{i}": reduced(b, 0.3) for i, b in enumerate(bodies)}
+    joints = [Joint("p0.b", "p1.a")]
+    whole = couple(parts, joints)
+    assert whole.kind == "estimated"
+    words = dict(whole.log["plan"])["error"]
+    assert "% of the band" in words and "reduce the parts to a smaller tolerance" in words
+    found = verdict(parts, joints)
+    assert len(found.open) and np.all(np.diff(found.open, axis=1) > 0)
+    for a, b in found.open:
+        inside = verdict(parts, joints, omega=np.linspace(a, b, 9)[1:-1])
+        assert inside.bound.max() > 0.9  # of H
+    rng = np.random.default_rng(5)
+    for x in 2 * np.pi * rng.uniform(*BAND, 200):
+        at = verdict(parts, joints, omega=[x]).bound[0]
+        shut = np.any((found.open[:, 0] <= x) & (x <= found.open[:, 1]))
+        assert shut or at <= found.worst
 
 
 def test_what_is_no_assembly() -> None:

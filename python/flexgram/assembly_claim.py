@@ -1,0 +1,150 @@
+"""What the claims of parts say of their assembly, at frequencies and everywhere in the band."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexgram.basics import BodyError
+from flexgram.gain_over_band import GainOverBand
+from flexgram.joints import Joint, Parts, common_bands
+from flexgram.reduced import ReducedModel
+from flexgram.small_gain import Loop
+
+Floats = NDArray[np.float64]
+
+#: Intervals without a claim are beside resonances if none is wider than this, relative.
+BESIDE = 0.01
+
+
+@dataclass
+class Verdict:
+    """What the parts' claims say of the assembly.
+
+    Attributes
+    ----------
+    omega : (n,) array
+        [rad/s]
+    bound : (n,) array
+        Of the assembly's error relative to ‖H‖_F, of the ports that are inputs and outputs alike;
+        inf where it does not close.
+    gain : (n,) array
+        Small gain: the bound closes below one; inf where nothing is known of a part.
+    worst : float
+        The bound everywhere in ``bands`` but ``open``; inf where frequencies were given.
+    bands, open : (k, 2) arrays
+        [rad/s]
+    sharp : bool
+        There are resonances beside which nothing can be claimed.
+    unknown : str
+        Why the claims of the parts say nothing; empty: they do.
+    """
+
+    omega: Floats
+    bound: Floats
+    gain: Floats
+    worst: float = np.inf
+    bands: Floats = field(default_factory=lambda: np.empty((0, 2)))
+    open: Floats = field(default_factory=lambda: np.empty((0, 2)))
+    sharp: bool = False
+    unknown: str = ""
+
+    @property
+    def kind(self) -> str:
+        """As of a reduced body: ``certified``, ``certified outside``, ``estimated``."""
+        if self.unknown or not np.isfinite(self.worst):
+            return "estimated"
+        if not len(self.open):
+            return "certified"
+        widest = np.max(1 - self.open[:, 0] / np.maximum(self.open[:, 1], 1e-300))
+        return "certified outside" if self.sharp and widest <= BESIDE else "estimated"
+
+    @property
+    def words(self) -> str:
+        if self.unknown:
+            return f"not known: {self.unknown}"
+        of = "by the parts' claims, of what is input and output alike"
+        if self.kind == "certified":
+            return (
+                f"at most {self.worst:.1e} of |H| at each frequency, everywhere in the band, {of}"
+            )
+        if self.kind == "certified outside":
+            return (f"at most {self.worst:.1e} of |H| at each frequency of the band but in "
+                    f"{len(self.open)} intervals beside undamped resonances, {of}")  # fmt: skip
+        wide = np.diff(self.bands, axis=1).sum()
+        share = 1 - np.diff(self.open, axis=1).sum() / wide if wide > 0 else 0.0
+        known = f" (by {self.worst:.1e})" if share > 0 else ""
+        top = self.gain[np.isfinite(self.gain)].max(initial=0)
+        return (f"the parts' claims bound it in {100 * share:.3g} % of the band{known}; elsewhere "
+                f"their errors may grow in the assembly (gain up to {top:.1g}): reduce the parts "
+                "to a smaller tolerance, free ones by -mor_tol_relative_to elastic")  # fmt: skip
+
+
+def verdict(
+    models: Mapping[str, ReducedModel],
+    joints: Sequence[Joint],
+    *,
+    turns: Mapping[str, ArrayLike] | None = None,
+    keep: Sequence[str] = (),
+    omega: ArrayLike | None = None,
+    modes: Floats | None = None,
+) -> Verdict:
+    """What the parts' claims say of the assembly's H: at frequencies, or in the whole band.
+
+    Parameters
+    ----------
+    models, joints, turns, keep
+        As of ``couple``.
+    omega : (n,) array, optional
+        [rad/s]; default: everywhere in the band that the parts share, shown at the frequencies of
+        their curves and the assembly's ``modes`` there.
+
+    Raises
+    ------
+    BodyError
+        For frequencies outside a part's band.
+    """
+    parts = Parts(models, turns or {})
+    bands = common_bands([m.bands for m in models.values()])
+    if omega is None:
+        grid = np.concatenate([*(m.omega for m in models.values()),
+                               np.empty(0) if modes is None else modes])  # fmt: skip
+        w = np.unique(grid)
+        w = w[np.any([(w >= a) & (w <= b) for a, b in bands], axis=0)]
+        w = np.unique(np.concatenate([w[:: max(1, len(w) // 400)], bands.ravel()]))
+    else:
+        w = np.atleast_1d(np.asarray(omega, dtype=float))
+        if not np.all(np.any([(w >= a * (1 - 1e-12)) & (w <= b * (1 + 1e-12)) for a, b in bands],
+                             axis=0)):  # fmt: skip
+            raise BodyError("a frequency is outside the band that the parts share")
+    loop = Loop(parts, joints, keep)
+    found = Verdict(w, np.full(len(w), np.inf), np.full(len(w), np.inf), bands=bands)
+    reasons = [why for name, model in models.items() if (why := _silent(name, model))]
+    if not loop.P.shape[1]:
+        reasons.append("no port that is left is input and output alike")
+    found.unknown = "; ".join(reasons)
+    if found.unknown:
+        return found
+    for k, x in enumerate(w):
+        if not any(np.any((x >= m.excluded[:, 0]) & (x <= m.excluded[:, 1]))
+                   for m in models.values()):  # fmt: skip
+            found.bound[k], found.gain[k] = loop.at(x)
+    if omega is None:
+        proof = GainOverBand(loop).prove(bands)
+        found.worst, found.open, found.sharp = proof.worst, proof.open, proof.sharp
+    return found
+
+
+def _silent(name: str, model: ReducedModel) -> str:
+    """Why the claim of a part says nothing of its H at a frequency; empty: it does."""
+    if model.kind == "estimated":
+        return f"part {name} is not certified"
+    if model.relative_to == "band":
+        return (f"the claim of part {name} is relative to the largest H of the band and says too "
+                "little of each frequency (-mor_tol_relative_to pointwise or elastic)")  # fmt: skip
+    if model.load_names:
+        return f"part {name} was reduced for few loads, of single ports nothing is claimed"
+    return ""

@@ -1,0 +1,378 @@
+"""The small gain of an assembly on whole intervals of the frequency, not at points of them.
+
+In modal coordinates every response is a power series about the middle of an interval, up to a tail
+that Neumann's series bounds; pieces of the interval take the values in their middles and how far
+these move at most. With the dynamic stiffness A(ω) of the parts and the springs between them, ties
+Gᵀq = g and q = N z + L g, where Gᵀ N = 0, Gᵀ L = 1:
+
+    Nᵀ A N z = Nᵀ (f - A L g),  λ = Lᵀ (f - A q).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, Literal
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+from flexgram.reduced import ReducedModel
+from flexgram.small_gain import Chosen, Loop, bound_of, errors_of
+
+Floats = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+
+#: Powers of a series, and how far its interval may reach towards the next pole.
+DEGREE, REACH = 16, 0.5
+#: Pieces of an interval.
+PIECES = 16
+#: No interval is narrower, relative to its frequency.
+NARROWEST = 1e-6
+#: Where the bound begins to close is found to this, relative.
+EDGE = 1e-4
+#: A resonance of a half width below the first, relative, is sharp; so far beside it intervals may
+#: be left out (as ``reduce`` does).
+SHARPEST, ZONE = 1e-6, 1e-4
+#: A bound that is this much larger than in the middle of its piece is not made sharper.
+SHARP = 1.2
+MOST_INTERVALS = 5000
+
+
+class Pieces:
+    """Pieces of [-h, h], and what powers of t do on them."""
+
+    def __init__(self, h: float) -> None:
+        self.h, self.half = h, h / PIECES
+        self.middles = np.linspace(-h + self.half, h - self.half, PIECES)
+        k = np.arange(DEGREE + 3)
+        far = np.abs(self.middles)[:, None]
+        self.powers = self.middles[:, None] ** k
+        self.moved = (far + self.half) ** k - far**k  # |t^k - middle^k| at most
+
+
+@dataclass
+class Series:
+    """A matrix over an interval about ω: Σ coefficients[k] t^k, each entry off by `tail` at most.
+
+    Attributes
+    ----------
+    coefficients : (d + 1, rows, columns) array
+    tail : (rows, columns) array
+    """
+
+    coefficients: ComplexArray
+    tail: Floats
+
+    def between(self, left: Floats, right: Floats) -> Series:
+        return Series(left @ self.coefficients @ right, np.abs(left) @ self.tail @ np.abs(right))
+
+    def times(self, polynomial: ComplexArray, h: float) -> Series:
+        """A polynomial (3, rows', rows) times this."""
+        d, columns = len(self.coefficients), self.coefficients.shape[2]
+        product = np.zeros((d + 2, polynomial.shape[1], columns), dtype=complex)
+        tail = np.zeros((polynomial.shape[1], columns))
+        for k, factor in enumerate(polynomial):
+            product[k : k + d] += factor @ self.coefficients
+            tail += h**k * np.abs(factor) @ self.tail
+        return Series(product, tail)
+
+    def plus(self, polynomial: ComplexArray | Floats) -> Series:
+        """With a polynomial (3, rows, columns) or a constant added to it."""
+        added = self.coefficients.copy()
+        if polynomial.ndim == 2:
+            added[0] += polynomial
+        else:
+            added[:3] += polynomial
+        return Series(added, self.tail)
+
+    def part(self, rows: Chosen, columns: Chosen) -> Series:
+        return Series(self.coefficients[:, rows][:, :, columns], self.tail[rows][:, columns])
+
+    def norms(self, at: Pieces, order: Literal[2, "fro"]) -> tuple[Floats, Floats]:
+        """Norms in the middles of the pieces, and how far they are off in each at most."""
+        d = len(self.coefficients)
+        values = np.tensordot(at.powers[:, :d], self.coefficients, axes=(1, 0))
+        sizes = np.linalg.norm(self.coefficients, axis=(1, 2))
+        return (np.linalg.norm(values, order, axis=(1, 2)),
+                at.moved[:, :d] @ sizes + float(np.linalg.norm(self.tail)))  # fmt: skip
+
+
+def _norm(A: ComplexArray) -> float:
+    """‖A‖ at most, of a matrix or a diagonal."""
+    if A.ndim == 1:
+        return float(np.abs(A).max(initial=0))
+    sizes = np.abs(A)
+    return float(np.sqrt(sizes.sum(axis=0).max(initial=0) * sizes.sum(axis=1).max(initial=0)))
+
+
+class Pencil:
+    """A(ω) = Λ (1 + i eta) + i ω D - ω² of a body in its modal coordinates."""
+
+    def __init__(self, K: Floats, D: Floats, M: Floats, eta: float) -> None:
+        squares, self.modes = scipy.linalg.eigh(K, M)
+        self.omega = np.sqrt(np.maximum(squares, 0))
+        self.K = squares * (1 + 1j * eta)
+        self.D = self.modes.T @ D @ self.modes
+        diagonal = np.diag(self.D)
+        rest = np.abs(self.D - np.diag(diagonal)).max(initial=0)
+        if rest <= 1e-13 * np.abs(diagonal).max(initial=0):
+            self.D = diagonal
+        with np.errstate(divide="ignore", invalid="ignore"):
+            half = np.abs(self.K.imag / self.omega + diagonal) / (2 * self.omega)
+        self.sharp = self.omega[half < SHARPEST]  # rigid modes have none
+        self._at, self._steps = np.nan, (np.empty(0, complex), np.empty(0, complex))
+
+    def steps(self, omega: float) -> tuple[ComplexArray, ComplexArray]:
+        """A⁻¹A' and A⁻¹; of a diagonal the diagonals."""
+        if omega != self._at:
+            if self.D.ndim == 1:
+                A = self.K + 1j * omega * self.D - omega**2
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    self._steps = (1j * self.D - 2 * omega) / A, 1 / A
+            else:
+                one = np.eye(len(self.K))
+                inverse = np.linalg.inv(np.diag(self.K - omega**2) + 1j * omega * self.D)
+                self._steps = inverse @ (1j * self.D - 2 * omega * one), inverse
+            self._at = omega
+        return self._steps
+
+    def reach(self, omega: float, h: float) -> float:
+        """‖A⁻¹(ω) (A(ω + t) - A(ω))‖ at most, |t| <= h."""
+        step, inverse = self.steps(omega)
+        return h * _norm(step) + h * h * _norm(inverse)
+
+    def response(self, omega: float, h: float, loads: ComplexArray) -> Series:
+        """A⁻¹ times loads (3, n, columns), a polynomial of t."""
+        step, inverse = self.steps(omega)
+
+        def apply(matrix: ComplexArray, x: ComplexArray) -> ComplexArray:
+            return matrix[:, None] * x if matrix.ndim == 1 else matrix @ x
+
+        x = np.zeros((DEGREE + 3, *loads.shape[1:]), dtype=complex)
+        for k in range(DEGREE + 3):
+            if k < 3:
+                x[k] += apply(inverse, loads[k])
+            if 0 < k <= DEGREE + 1:
+                x[k] -= apply(step, x[k - 1])
+            if k > 1:
+                x[k] += apply(inverse, x[k - 2])
+        # The last two are what the series leaves of the equation, once A(ω)⁻¹ is applied.
+        left = sum(h**k * np.linalg.norm(x[k], axis=0) for k in (DEGREE + 1, DEGREE + 2))
+        tail = left / (1 - self.reach(omega, h))
+        return Series(x[: DEGREE + 1], np.tile(tail, (loads.shape[1], 1)))
+
+
+def _about(omega: float, coefficients: Sequence[NDArray[Any]]) -> ComplexArray:
+    """Σ coefficients[k] ω^k about another ω."""
+    a, b, c = (np.asarray(x, dtype=complex) for x in coefficients)
+    return np.array([a + omega * b + omega**2 * c, b + 2 * omega * c, c])
+
+
+class PartSeries:
+    """Receptances of a part, what its claim is relative to."""
+
+    def __init__(self, model: ReducedModel) -> None:
+        self.pencil = Pencil(model.K, model.D, model.M, model.eta)
+        self.B, self.C = self.pencil.modes.T @ model.B, model.C @ self.pencil.modes
+
+    def over(self, omega: float, h: float) -> Series:
+        loads = np.zeros((3, *self.B.shape), dtype=complex)
+        loads[0] = self.B
+        one = np.eye(self.B.shape[1])
+        return self.pencil.response(omega, h, loads).between(self.C, one)
+
+
+class LoopSeries:
+    """Q, the factors at both sides of the error, and H of the assembly, over intervals."""
+
+    def __init__(self, loop: Loop) -> None:
+        parts = loop.parts
+        B = parts.B[:, [parts.inputs.index(p) for p in loop.ports]]
+        C = parts.C[[parts.outputs.index(p) for p in loop.ports]]
+        self.S, self.P, self.free = loop.S, loop.P, np.flatnonzero(loop.P.any(axis=1))
+        self.ties = [k for k, (_, joint) in enumerate(loop.ties) if joint.ties]
+        self.springs = [k for k in range(len(loop.ties)) if k not in self.ties]
+        joints = [(d, loop.ties[k][1]) for k in self.springs for d in [loop.ties[k][0]]]
+        self.stiffness = np.array([joint.stiffness.get(d, 0.0) for d, joint in joints])
+        self.damping = np.array([joint.damping.get(d, 0.0) for d, joint in joints])
+        G, b = B @ self.S[self.ties].T, B @ self.S[self.springs].T
+        K = parts.K + (b * self.stiffness) @ b.T
+        D = parts.D + (b * self.damping) @ b.T
+        N = scipy.linalg.null_space(G.T / np.linalg.norm(G.T, axis=1)[:, None]) if self.ties else (
+            np.eye(len(K)))  # fmt: skip
+        self.pencil = Pencil(N.T @ K @ N, N.T @ D @ N, N.T @ parts.M @ N, parts.eta)
+        N, L = N @ self.pencil.modes, np.linalg.pinv(G).T
+        stiffness = (K * (1 + 1j * parts.eta), 1j * D, -parts.M)
+        self.NAL = [N.T @ A @ L for A in stiffness]
+        self.LAL = [L.T @ A @ L for A in stiffness]
+        forces = B[:, self.free]
+        self.NB, self.Nb = N.T @ forces, N.T @ b
+        self.LB, self.Lb, self.bL = L.T @ forces, L.T @ b, b.T @ L
+        self.CN, self.CL = C[self.free] @ N, C[self.free] @ L
+
+    def over(self, omega: float, h: float) -> tuple[Series, Series, Series, Series]:
+        """Q, 1 - H Q (the free ports' rows), 1 - Q H (their columns), and H of the assembly."""
+        p, t, ties, springs = len(self.free), len(self.S), self.ties, self.springs
+        tied, sprung = [p + k for k in ties], [p + k for k in springs]
+        NAL, LAL = _about(omega, self.NAL), _about(omega, self.LAL)
+        Y = _about(omega, (np.diag(self.stiffness), 1j * np.diag(self.damping),
+                           0 * np.diag(self.damping)))  # fmt: skip
+        loads = np.zeros((3, len(self.NB), p + t), dtype=complex)  # forces, then gaps
+        loads[0, :, :p], loads[:, :, tied], loads[:, :, sprung] = self.NB, -NAL, self.Nb @ Y
+        z = self.pencil.response(omega, h, loads)
+        at_ties = np.zeros((3, len(ties), p + t), dtype=complex)
+        at_ties[0, :, :p], at_ties[:, :, tied], at_ties[:, :, sprung] = self.LB, -LAL, self.Lb @ Y
+        of_ties = z.times(-NAL.transpose(0, 2, 1), h).plus(at_ties)
+        stretch = np.zeros((len(springs), p + t))
+        stretch[:, tied], stretch[:, sprung] = self.bL, -np.eye(len(springs))
+        of_springs = z.between(self.Nb.T, np.eye(p + t)).plus(stretch).times(Y, h)
+        coefficients = np.zeros((DEGREE + 3, t, p + t), dtype=complex)
+        tail = np.zeros((t, p + t))
+        for rows, series in ((ties, of_ties), (springs, of_springs)):
+            coefficients[:, rows], tail[rows] = series.coefficients, series.tail
+        forces = Series(coefficients, tail)  # λ
+        S, one = self.S, np.eye(p)
+        Q = forces.part(slice(None), slice(p, None)).between(-S.T, S)
+        right = forces.part(slice(None), slice(0, p)).between(-S.T, one).plus(self.P)
+        moved = np.zeros((p, t))
+        moved[:, ties] = self.CL
+        outputs = z.between(self.CN, np.eye(p + t))
+        left = outputs.part(slice(None), slice(p, None)).plus(moved).between(one, -S)
+        return Q, left.plus(self.P.T), right, outputs.part(slice(None), slice(0, p))
+
+
+@dataclass
+class BandProof:
+    """What the parts' claims say of the assembly everywhere in the band.
+
+    Attributes
+    ----------
+    worst : float
+        Of the error relative to ‖H‖_F at each frequency, everywhere but in ``open``.
+    open : (k, 2) array
+        [rad/s] where nothing follows.
+    sharp : bool
+        The band has resonances, beside which nothing can be claimed.
+    intervals : int
+        How many were looked at.
+    """
+
+    worst: float
+    open: Floats
+    sharp: bool
+    intervals: int
+
+
+class GainOverBand:
+    """The bound of an assembly's error on intervals."""
+
+    def __init__(self, loop: Loop) -> None:
+        self.loop, self.series = loop, LoopSeries(loop)
+        self.parts = {name: PartSeries(loop.elastic.get(name, m))
+                      for name, m in loop.parts.models.items()}  # fmt: skip
+        self.pencils = [self.series.pencil, *(p.pencil for p in self.parts.values())]
+
+    def over(self, omega: float, h: float) -> tuple[Floats, Floats] | None:
+        """The bound on each piece of an interval, and in its middle by itself; nothing if a pole
+        is too near."""
+        if not all(pencil.reach(omega, h) <= REACH for pencil in self.pencils):
+            return None
+        at, loop = Pieces(h), self.loop
+        Q, left, right, H = self.series.over(omega, h)
+        every = slice(None)
+        both = np.array([1.0, 0.0])[:, None]  # anywhere in a piece, and in its middle
+
+        def sizes(series: Series, order: Literal[2, "fro"] = 2) -> Floats:
+            middle, away = series.norms(at, order)
+            return middle + both * away
+
+        def sizes_of(H: Series) -> Callable[[Chosen, Chosen], Floats]:
+            return lambda rows, columns: sizes(H.part(rows, columns), "fro")
+
+        errors = []
+        for name, part in self.parts.items():
+            answer = part.over(omega, h)
+            errors.append(errors_of(loop.parts.models[name], loop.kinds[name], sizes_of(answer)))
+        of_Q = np.array([[sizes(Q.part(r, c)) for c in loop.blocks] for r in loop.blocks])
+        of_left = np.array([sizes(left.part(every, c)) for c in loop.blocks])
+        of_right = np.array([sizes(right.part(r, every)) for r in loop.blocks])
+        middle, away = H.norms(at, "fro")
+        size = middle - both * away
+        bounds = np.empty((2, PIECES))
+        for i, k in np.ndindex(*bounds.shape):
+            E = scipy.linalg.block_diag(*(e[:, :, i, k] for e in errors))
+            bounds[i, k], _ = bound_of(of_Q[:, :, i, k], E, of_left[:, i, k], of_right[:, i, k],
+                                       float(size[i, k]))  # fmt: skip
+        return bounds[0], bounds[1]
+
+    def prove(self, bands: Floats) -> BandProof:
+        """The bound everywhere in bands (k, 2) [rad/s], but where a part claims nothing, and beside
+        sharp resonances where it is larger than in the rest."""
+        excluded = [tuple(e) for m in self.loop.parts.models.values() for e in m.excluded]
+        sharp = np.concatenate([pencil.sharp for pencil in self.pencils])
+        zones = [(w * (1 - ZONE), w * (1 + ZONE)) for w in sharp]
+        poles = np.concatenate([pencil.omega for pencil in self.pencils])
+        marks = np.concatenate([np.ravel(excluded), np.ravel(zones), poles])
+        plain: list[tuple[float, float]] = []
+        beside: list[tuple[float, float]] = []  # sharp resonances
+        for a, b in bands:
+            edges = np.unique([a, b, *marks[(marks > a) & (marks < b)]])
+            for interval in pairwise(edges) if b > a else [(a, b)]:
+                middle = sum(interval) / 2
+                if not any(c <= middle <= d for c, d in excluded):
+                    near = any(c <= middle <= d for c, d in zones)
+                    (beside if near else plain).append(interval)
+        gone = [(max(a, c), min(b, d)) for a, b in bands for c, d in excluded if c < b and d > a]
+        self._count = 0
+        worst = self._cover(plain, gone, 1.0, EDGE)  # an error as large as H is no bound
+        worst = max(worst, self._cover(beside, gone, worst, NARROWEST))
+        inside = any(c < b and d > a for a, b in bands for c, d in [*zones, *excluded])
+        return BandProof(worst, merged(gone), inside, self._count)
+
+    def _cover(
+        self,
+        todo: list[tuple[float, float]],
+        gone: list[tuple[float, float]],
+        cap: float,
+        edge: float,
+    ) -> float:
+        """The largest bound in intervals; where it is not below the cap they are `gone`."""
+        worst, known = 0.0, cap if cap < 1 else 0.0  # the latter in the middles of pieces
+        while todo:
+            a, b = todo.pop()
+            omega, h = 0.5 * (a + b), 0.5 * (b - a)
+            self._count += 1
+            many = self._count >= MOST_INTERVALS
+            found = None if many else self.over(omega, h)
+            final = many or h <= NARROWEST * omega
+            if found is not None:
+                sure, middle = found
+                closed = middle <= cap
+                known = max(known, middle[closed].max(initial=0))
+                mixed = closed.any() and not closed.all() and h > edge * omega
+                rough = closed.all() and sure.max() > max(SHARP * middle.max(), known)
+                if final or not (mixed or rough):
+                    ends = np.linspace(a, b, PIECES + 1)
+                    open_ = ~(sure <= cap)
+                    gone += list(zip(ends[:-1][open_], ends[1:][open_], strict=True))
+                    worst = max(worst, float(sure[~open_].max(initial=0)))
+                    continue
+            if final:
+                gone.append((a, b))
+            else:
+                todo += [(omega, b), (a, omega)]
+        return worst
+
+
+def merged(intervals: Sequence[tuple[float, float]]) -> Floats:
+    """Intervals (k, 2), ascending, those that touch as one."""
+    result: list[list[float]] = []
+    for a, b in sorted(intervals):
+        if result and a <= result[-1][1] * (1 + 1e-12):
+            result[-1][1] = max(result[-1][1], b)
+        else:
+            result.append([a, b])
+    return np.array(result).reshape(-1, 2)
