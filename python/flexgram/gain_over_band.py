@@ -204,6 +204,9 @@ class LoopSeries:
         N = scipy.linalg.null_space(G.T / np.linalg.norm(G.T, axis=1)[:, None]) if self.ties else (
             np.eye(len(K)))  # fmt: skip
         self.pencil = Pencil(N.T @ K @ N, N.T @ D @ N, N.T @ parts.M @ N, parts.eta)
+        # Of the matrices of modes: some roundings of the stiffest part's.
+        self.rounding = 16 * np.finfo(float).eps * float(
+            scipy.linalg.eigh(K, parts.M, eigvals_only=True)[-1])  # fmt: skip
         N, L = N @ self.pencil.modes, np.linalg.pinv(G).T
         stiffness = (K * (1 + 1j * parts.eta), 1j * D, -parts.M)
         self.NAL = [N.T @ A @ L for A in stiffness]
@@ -213,8 +216,9 @@ class LoopSeries:
         self.LB, self.Lb, self.bL = L.T @ forces, L.T @ b, b.T @ L
         self.CN, self.CL = C[self.free] @ N, C[self.free] @ L
 
-    def over(self, omega: float, h: float) -> tuple[Series, Series, Series, Series]:
-        """Q, 1 - H Q (the free ports' rows), 1 - Q H (their columns), and H of the assembly."""
+    def over(self, omega: float, h: float) -> tuple[Series, Series, Series, Series, Series]:
+        """Q, 1 - H Q (the free ports' rows), 1 - Q H (their columns), H of the assembly and its
+        motion in answer to forces, in modal coordinates."""
         p, t, ties, springs = len(self.free), len(self.S), self.ties, self.springs
         tied, sprung = [p + k for k in ties], [p + k for k in springs]
         NAL, LAL = _about(omega, self.NAL), _about(omega, self.LAL)
@@ -241,7 +245,8 @@ class LoopSeries:
         moved[:, ties] = self.CL
         outputs = z.between(self.CN, np.eye(p + t))
         left = outputs.part(slice(None), slice(p, None)).plus(moved).between(one, -S)
-        return Q, left.plus(self.P.T), right, outputs.part(slice(None), slice(0, p))
+        at_forces = slice(None), slice(0, p)
+        return Q, left.plus(self.P.T), right, outputs.part(*at_forces), z.part(*at_forces)
 
 
 @dataclass
@@ -281,7 +286,7 @@ class GainOverBand:
         if not all(pencil.reach(omega, h) <= REACH for pencil in self.pencils):
             return None
         at, loop = Pieces(h), self.loop
-        Q, left, right, H = self.series.over(omega, h)
+        Q, left, right, H, motion = self.series.over(omega, h)
         every = slice(None)
         both = np.array([1.0, 0.0])[:, None]  # anywhere in a piece, and in its middle
 
@@ -301,11 +306,12 @@ class GainOverBand:
         of_right = np.array([sizes(right.part(r, every)) for r in loop.blocks])
         middle, away = H.norms(at, "fro")
         size = middle - both * away
+        rounding = self.series.rounding * sizes(motion, "fro") ** 2
         bounds = np.empty((2, PIECES))
         for i, k in np.ndindex(*bounds.shape):
             E = scipy.linalg.block_diag(*(e[:, :, i, k] for e in errors))
             bounds[i, k], _ = bound_of(of_Q[:, :, i, k], E, of_left[:, i, k], of_right[:, i, k],
-                                       float(size[i, k]))  # fmt: skip
+                                       float(size[i, k]), float(rounding[i, k]))  # fmt: skip
         return bounds[0], bounds[1]
 
     def prove(self, bands: Floats) -> BandProof:

@@ -54,16 +54,18 @@ def _norms_of(H: ComplexArray) -> Callable[[Chosen, Chosen], Floats]:
     return lambda rows, columns: np.asarray(np.linalg.norm(H[rows][:, columns]))
 
 
-def bound_of(Q: Floats, E: Floats, left: Floats, right: Floats, H: float) -> tuple[float, float]:
+def bound_of(
+    Q: Floats, E: Floats, left: Floats, right: Floats, H: float, rounding: float = 0.0
+) -> tuple[float, float]:
     """The bound of the assembly's error relative to ‖H‖_F, and the gain, from norms of blocks: of
-    Q, E, 1 - H Q and 1 - Q H at most, of H at least."""
+    Q, E, 1 - H Q and 1 - Q H at most, of H at least; and the error that rounding adds."""
     loop = Q @ E
     if not np.all(np.isfinite(loop)):
         return np.inf, np.inf
     gain = float(np.abs(np.linalg.eigvals(loop)).max(initial=0))
     if not gain < 1:
         return np.inf, gain
-    away = float(left @ E @ np.linalg.solve(np.eye(len(loop)) - loop, right))
+    away = float(left @ E @ np.linalg.solve(np.eye(len(loop)) - loop, right)) + rounding
     return (away / (H - away) if H > away else np.inf), gain
 
 
