@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexgram.basics import BodyError
-from flexgram.gain_over_band import GainOverBand
+from flexgram.gain_over_band import GainOverBand, merged
 from flexgram.joints import Joint, Parts, common_bands
 from flexgram.reduced import ReducedModel
 from flexgram.small_gain import Loop
@@ -29,14 +29,16 @@ class Verdict:
     omega : (n,) array
         [rad/s]
     bound : (n,) array
-        Of the assembly's error relative to ‖H‖_F, of the ports that are inputs and outputs alike;
-        inf where it does not close.
+        Of the assembly's error relative to ‖H‖_F of all ports; inf where it does not close.
     gain : (n,) array
         Small gain: the bound closes below one; inf where nothing is known of a part.
     worst : float
         The bound everywhere in ``bands`` but ``open``; inf where frequencies were given.
     bands, open : (k, 2) arrays
         [rad/s]
+    by_kind : dict of float
+        The bound everywhere of each kind of outputs from each of inputs, relative to their block of
+        H; inf: not known in all of that.
     sharp : bool
         There are resonances beside which nothing can be claimed.
     unknown : str
@@ -49,6 +51,7 @@ class Verdict:
     worst: float = np.inf
     bands: Floats = field(default_factory=lambda: np.empty((0, 2)))
     open: Floats = field(default_factory=lambda: np.empty((0, 2)))
+    by_kind: dict[str, float] = field(default_factory=dict)
     sharp: bool = False
     unknown: str = ""
 
@@ -66,19 +69,22 @@ class Verdict:
     def words(self) -> str:
         if self.unknown:
             return f"not known: {self.unknown}"
-        of = "by the parts' claims, of what is input and output alike"
+        known = [f"{kind} {worst:.1e}" for kind, worst in self.by_kind.items() if worst < np.inf]
+        unknown = [kind for kind, worst in self.by_kind.items() if worst == np.inf]
+        by_kind = (f"; by kind {', '.join(known)}" if known else "") + (
+            f"; nothing by itself of {', '.join(unknown)}" if unknown else "")  # fmt: skip
         if self.kind == "certified":
-            return (
-                f"at most {self.worst:.1e} of |H| at each frequency, everywhere in the band, {of}"
-            )
+            return (f"at most {self.worst:.1e} of |H| at each frequency, everywhere in the band, "
+                    f"by the parts' claims{by_kind}")  # fmt: skip
         if self.kind == "certified outside":
             return (f"at most {self.worst:.1e} of |H| at each frequency of the band but in "
-                    f"{len(self.open)} intervals beside undamped resonances, {of}")  # fmt: skip
+                    f"{len(self.open)} intervals beside undamped resonances, by the parts' claims"
+                    + by_kind)  # fmt: skip
         wide = np.diff(self.bands, axis=1).sum()
         share = 1 - np.diff(self.open, axis=1).sum() / wide if wide > 0 else 0.0
-        known = f" (by {self.worst:.1e})" if share > 0 else ""
+        by = f" (by {self.worst:.1e})" if share > 0 else ""
         top = self.gain[np.isfinite(self.gain)].max(initial=0)
-        return (f"the parts' claims bound it in {100 * share:.3g} % of the band{known}; elsewhere "
+        return (f"the parts' claims bound it in {100 * share:.3g} % of the band{by}; elsewhere "
                 f"their errors may grow in the assembly (gain up to {top:.1g}): reduce the parts "
                 "to a smaller tolerance, free ones by -mor_tol_relative_to elastic")  # fmt: skip
 
@@ -123,18 +129,25 @@ def verdict(
     loop = Loop(parts, joints, keep)
     found = Verdict(w, np.full(len(w), np.inf), np.full(len(w), np.inf), bands=bands)
     reasons = [why for name, model in models.items() if (why := _silent(name, model))]
-    if not loop.P.shape[1]:
-        reasons.append("no port that is left is input and output alike")
     found.unknown = "; ".join(reasons)
     if found.unknown:
         return found
     for k, x in enumerate(w):
         if not any(np.any((x >= m.excluded[:, 0]) & (x <= m.excluded[:, 1]))
                    for m in models.values()):  # fmt: skip
-            found.bound[k], found.gain[k] = loop.at(x)
+            bounds, found.gain[k] = loop.at(x)
+            found.bound[k] = bounds[0]
     if omega is None:
-        proof = GainOverBand(loop).prove(bands)
+        over_band = GainOverBand(loop)
+        proof = over_band.prove(bands)
         found.worst, found.open, found.sharp = proof.worst, proof.open, proof.sharp
+        if found.kind != "estimated":
+            for k, view in enumerate(loop.views[1:], 1):
+                mine = over_band.prove(bands, k)
+                both = merged([*map(tuple, found.open), *map(tuple, mine.open)])
+                same = len(both) == len(found.open)  # wider beside the same resonances
+                found.by_kind[view.name] = mine.worst if same else np.inf
+                found.open = both if same else found.open
     return found
 
 

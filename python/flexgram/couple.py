@@ -116,6 +116,13 @@ def couple(
     joined -= set(keep)
     inputs = [i for i, p in enumerate(parts.inputs) if p.rpartition(".")[0] not in joined]
     outputs = [i for i, p in enumerate(parts.outputs) if p.rpartition(".")[0] not in joined]
+    direct = scipy.linalg.block_diag(*(m.feedthrough for m in models.values()))
+    for j in np.flatnonzero(direct.any(axis=0)):
+        for i in np.flatnonzero(direct[:, j]):
+            if parts.inputs[j].rpartition(".")[0] in {*joined, *keep} and i in outputs:
+                raise BodyError(f"{parts.outputs[i]} takes a share of {parts.inputs[j]} at once, "
+                                "with no motion between, and a joint's force is no input: leave it "
+                                "out (-mor_outputs)")  # fmt: skip
     if not inputs or not outputs:
         raise BodyError("every interface is joined and no port is left: keep one (--keep)")
     bands = common_bands([m.bands for m in models.values()])
@@ -125,8 +132,7 @@ def couple(
         "B": N.T @ parts.B[:, inputs], "C": parts.C[outputs] @ N,
         "B/names": [parts.inputs[i] for i in inputs],
         "C/names": [parts.outputs[i] for i in outputs],
-        "feedthrough": scipy.linalg.block_diag(
-            *(m.feedthrough for m in models.values()))[np.ix_(outputs, inputs)],
+        "feedthrough": direct[np.ix_(outputs, inputs)],
         "gramian/sigma": np.empty(0), "error/bands": bands,
         "band": np.array([bands[0, 0], bands[-1, 1]]), "method": "couple",
         "frame/kind": "none",
@@ -136,14 +142,18 @@ def couple(
     slow = 1e-3 * min(bands[bands > 0].min(initial=np.inf), fields["modes/omega"][-1])
     fields["frame/rigid_modes"] = int(np.sum(fields["modes/omega"] < slow))
     known = verdict(models, joints, turns=turns, keep=keep, modes=fields["modes/omega"])
-    alike = set(fields["B/names"]) == set(fields["C/names"])
-    kind = known.kind if alike else "estimated"
-    worst = known.worst if kind != "estimated" else known.bound.max(initial=0) if alike else np.inf
+    closed = {name: worst for name, worst in known.by_kind.items() if worst < np.inf}
+    worst = float(known.bound.max(initial=0))
+    if known.kind != "estimated":
+        worst = max([known.worst, *closed.values()])
     fields |= {"error/omega": known.omega, "error/relative": known.bound,
-               "error/bound": known.bound, "error/kind": kind, "error/worst": float(worst),
+               "error/bound": known.bound, "error/kind": known.kind, "error/worst": worst,
+               "error/kinds": list(closed), "error/by_kind": np.array(list(closed.values())),
                "error/relative_to": "pointwise",
                "log/plan": [f"parts\t{', '.join(models)}", f"error\t{known.words}"]}  # fmt: skip
-    if kind == "certified outside":
+    if known.kind != "estimated":
+        fields["error/whole"] = known.worst
+    if known.kind == "certified outside":
         fields["error/excluded"] = known.open
     return ReducedModel(fields, lambda path: _write(fields, Path(path)))
 

@@ -20,7 +20,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from flexgram.reduced import ReducedModel
-from flexgram.small_gain import Chosen, Loop, bound_of, errors_of
+from flexgram.small_gain import FEW, Chosen, Loop, errors_of, growth_of, relative
 
 Floats = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -185,24 +185,36 @@ class PartSeries:
         return self.pencil.response(omega, h, loads).between(self.C, one)
 
 
+@dataclass
+class LoopOverInterval:
+    """Of an assembly over an interval, inputs and outputs as of ``Loop``."""
+
+    Q: Series
+    after: Series  #: 1 - H Q, the rows of the outputs that are left
+    before: Series  #: 1 - Q H, the columns of the inputs that are left
+    H: Series  #: of these
+    motion: Series  #: in modal coordinates, in answer to these inputs
+    dual: Series  #: the same in answer to loads like these outputs
+
+
 class LoopSeries:
-    """Q, the factors at both sides of the error, and H of the assembly, over intervals."""
+    """An assembly over intervals."""
 
     def __init__(self, loop: Loop) -> None:
         parts = loop.parts
-        B = parts.B[:, [parts.inputs.index(p) for p in loop.ports]]
-        C = parts.C[[parts.outputs.index(p) for p in loop.ports]]
-        self.S, self.P, self.free = loop.S, loop.P, np.flatnonzero(loop.P.any(axis=1))
+        self.S_in, self.S_out = loop.S_in, loop.S_out
+        self.free_in, self.free_out = loop.free_in, loop.free_out
         self.ties = [k for k, (_, joint) in enumerate(loop.ties) if joint.ties]
         self.springs = [k for k in range(len(loop.ties)) if k not in self.ties]
-        joints = [(d, loop.ties[k][1]) for k in self.springs for d in [loop.ties[k][0]]]
-        self.stiffness = np.array([joint.stiffness.get(d, 0.0) for d, joint in joints])
-        self.damping = np.array([joint.damping.get(d, 0.0) for d, joint in joints])
-        G, b = B @ self.S[self.ties].T, B @ self.S[self.springs].T
+        springs = [loop.ties[k] for k in self.springs]
+        self.stiffness = np.array([joint.stiffness.get(d, 0.0) for d, joint in springs])
+        self.damping = np.array([joint.damping.get(d, 0.0) for d, joint in springs])
+        G, b = parts.B @ self.S_in[self.ties].T, parts.B @ self.S_in[self.springs].T
         K = parts.K + (b * self.stiffness) @ b.T
         D = parts.D + (b * self.damping) @ b.T
-        N = scipy.linalg.null_space(G.T / np.linalg.norm(G.T, axis=1)[:, None]) if self.ties else (
-            np.eye(len(K)))  # fmt: skip
+        N = np.eye(len(K))
+        if self.ties:
+            N = scipy.linalg.null_space(G.T / np.linalg.norm(G, axis=0)[:, None])
         self.pencil = Pencil(N.T @ K @ N, N.T @ D @ N, N.T @ parts.M @ N, parts.eta)
         # Of the matrices of modes: some roundings of the stiffest part's.
         self.rounding = 16 * np.finfo(float).eps * float(
@@ -211,22 +223,24 @@ class LoopSeries:
         stiffness = (K * (1 + 1j * parts.eta), 1j * D, -parts.M)
         self.NAL = [N.T @ A @ L for A in stiffness]
         self.LAL = [L.T @ A @ L for A in stiffness]
-        forces = B[:, self.free]
+        forces, outputs = parts.B[:, self.free_in], parts.C[self.free_out]
         self.NB, self.Nb = N.T @ forces, N.T @ b
         self.LB, self.Lb, self.bL = L.T @ forces, L.T @ b, b.T @ L
-        self.CN, self.CL = C[self.free] @ N, C[self.free] @ L
+        self.CN, self.CL = outputs @ N, outputs @ L
 
-    def over(self, omega: float, h: float) -> tuple[Series, Series, Series, Series, Series]:
-        """Q, 1 - H Q (the free ports' rows), 1 - Q H (their columns), H of the assembly and its
-        motion in answer to forces, in modal coordinates."""
-        p, t, ties, springs = len(self.free), len(self.S), self.ties, self.springs
+    def over(self, omega: float, h: float) -> LoopOverInterval:
+        p, t, o = len(self.free_in), len(self.S_in), len(self.free_out)
+        ties, springs = self.ties, self.springs
         tied, sprung = [p + k for k in ties], [p + k for k in springs]
         NAL, LAL = _about(omega, self.NAL), _about(omega, self.LAL)
         Y = _about(omega, (np.diag(self.stiffness), 1j * np.diag(self.damping),
                            0 * np.diag(self.damping)))  # fmt: skip
-        loads = np.zeros((3, len(self.NB), p + t), dtype=complex)  # forces, then gaps
+        loads = np.zeros((3, len(self.NB), p + t + o), dtype=complex)  # forces, gaps, outputs
         loads[0, :, :p], loads[:, :, tied], loads[:, :, sprung] = self.NB, -NAL, self.Nb @ Y
-        z = self.pencil.response(omega, h, loads)
+        loads[0, :, p + t :] = self.CN.T
+        answers = self.pencil.response(omega, h, loads)
+        every = slice(None)
+        z = answers.part(every, slice(0, p + t))
         at_ties = np.zeros((3, len(ties), p + t), dtype=complex)
         at_ties[0, :, :p], at_ties[:, :, tied], at_ties[:, :, sprung] = self.LB, -LAL, self.Lb @ Y
         of_ties = z.times(-NAL.transpose(0, 2, 1), h).plus(at_ties)
@@ -238,37 +252,40 @@ class LoopSeries:
         for rows, series in ((ties, of_ties), (springs, of_springs)):
             coefficients[:, rows], tail[rows] = series.coefficients, series.tail
         forces = Series(coefficients, tail)  # λ
-        S, one = self.S, np.eye(p)
-        Q = forces.part(slice(None), slice(p, None)).between(-S.T, S)
-        right = forces.part(slice(None), slice(0, p)).between(-S.T, one).plus(self.P)
-        moved = np.zeros((p, t))
+        moved = np.zeros((o, t))
         moved[:, ties] = self.CL
         outputs = z.between(self.CN, np.eye(p + t))
-        left = outputs.part(slice(None), slice(p, None)).plus(moved).between(one, -S)
-        at_forces = slice(None), slice(0, p)
-        return Q, left.plus(self.P.T), right, outputs.part(*at_forces), z.part(*at_forces)
+        to_gaps, to_forces = slice(p, None), slice(0, p)
+        gaps = outputs.part(every, to_gaps).plus(moved)
+        return LoopOverInterval(
+            Q=forces.part(every, to_gaps).between(-self.S_in.T, self.S_out),
+            after=gaps.between(np.eye(o), -self.S_out).plus(
+                np.eye(self.S_out.shape[1])[self.free_out]),
+            before=forces.part(every, to_forces).between(-self.S_in.T, np.eye(p)).plus(
+                np.eye(self.S_in.shape[1])[:, self.free_in]),
+            H=outputs.part(every, to_forces),
+            motion=z.part(every, to_forces),
+            dual=answers.part(every, slice(p + t, None)),
+        )  # fmt: skip
 
 
 @dataclass
 class BandProof:
-    """What the parts' claims say of the assembly everywhere in the band.
+    """What the parts' claims say of a view of the assembly everywhere in the band.
 
     Attributes
     ----------
     worst : float
-        Of the error relative to ‖H‖_F at each frequency, everywhere but in ``open``.
+        Of the error relative to its ‖H‖_F at each frequency, everywhere but in ``open``.
     open : (k, 2) array
         [rad/s] where nothing follows.
     sharp : bool
         The band has resonances, beside which nothing can be claimed.
-    intervals : int
-        How many were looked at.
     """
 
     worst: float
     open: Floats
     sharp: bool
-    intervals: int
 
 
 class GainOverBand:
@@ -278,45 +295,61 @@ class GainOverBand:
         self.loop, self.series = loop, LoopSeries(loop)
         self.parts = {name: PartSeries(loop.elastic.get(name, m))
                       for name, m in loop.parts.models.items()}  # fmt: skip
+        self._seen: dict[tuple[float, float], Floats | None] = {}  # bounds by interval
+        self._view = 0
         self.pencils = [self.series.pencil, *(p.pencil for p in self.parts.values())]
 
-    def over(self, omega: float, h: float) -> tuple[Floats, Floats] | None:
-        """The bound on each piece of an interval, and in its middle by itself; nothing if a pole
-        is too near."""
+    def over(self, omega: float, h: float) -> Floats | None:
+        """Bounds (2, pieces, views) on each piece of an interval, and in its middle by itself;
+        nothing if a pole is too near."""
         if not all(pencil.reach(omega, h) <= REACH for pencil in self.pencils):
             return None
-        at, loop = Pieces(h), self.loop
-        Q, left, right, H, motion = self.series.over(omega, h)
+        at, loop, found = Pieces(h), self.loop, self.series.over(omega, h)
         every = slice(None)
         both = np.array([1.0, 0.0])[:, None]  # anywhere in a piece, and in its middle
 
-        def sizes(series: Series, order: Literal[2, "fro"] = 2) -> Floats:
+        def sizes(series: Series, order: Literal[2, "fro"] = "fro") -> Floats:
+            if 0 in series.tail.shape:
+                return np.zeros((2, PIECES))
+            if min(series.tail.shape) > FEW:
+                order = "fro"
             middle, away = series.norms(at, order)
             return middle + both * away
 
         def sizes_of(H: Series) -> Callable[[Chosen, Chosen], Floats]:
-            return lambda rows, columns: sizes(H.part(rows, columns), "fro")
+            return lambda rows, columns: sizes(H.part(rows, columns))
 
-        errors = []
-        for name, part in self.parts.items():
-            answer = part.over(omega, h)
-            errors.append(errors_of(loop.parts.models[name], loop.kinds[name], sizes_of(answer)))
-        of_Q = np.array([[sizes(Q.part(r, c)) for c in loop.blocks] for r in loop.blocks])
-        of_left = np.array([sizes(left.part(every, c)) for c in loop.blocks])
-        of_right = np.array([sizes(right.part(r, every)) for r in loop.blocks])
-        middle, away = H.norms(at, "fro")
-        size = middle - both * away
-        rounding = self.series.rounding * sizes(motion, "fro") ** 2
-        bounds = np.empty((2, PIECES))
-        for i, k in np.ndindex(*bounds.shape):
+        errors = [
+            errors_of(loop.parts.models[name], *loop.kinds[name], sizes_of(part.over(omega, h)))
+            for name, part in self.parts.items()
+        ]
+        of_Q = np.array(
+            [[sizes(found.Q.part(r, c), 2) for c in loop.out_blocks] for r in loop.in_blocks]
+        )
+        growths = {}
+        for i, k in np.ndindex(2, PIECES):
             E = scipy.linalg.block_diag(*(e[:, :, i, k] for e in errors))
-            bounds[i, k], _ = bound_of(of_Q[:, :, i, k], E, of_left[:, i, k], of_right[:, i, k],
-                                       float(size[i, k]), float(rounding[i, k]))  # fmt: skip
-        return bounds[0], bounds[1]
+            growths[i, k] = growth_of(of_Q[:, :, i, k], E)[0]
+        bounds = np.full((2, PIECES, len(loop.views)), np.inf)
+        for v, view in enumerate(loop.views):
+            left = np.array([sizes(found.after.part(view.rows, c), 2) for c in loop.out_blocks])
+            right = np.array([sizes(found.before.part(r, view.columns), 2) for r in loop.in_blocks])
+            middle, away = found.H.part(view.rows, view.columns).norms(at, "fro")
+            H = middle - both * away
+            rounding = (
+                self.series.rounding
+                * sizes(found.dual.part(every, view.rows))
+                * sizes(found.motion.part(every, view.columns))
+            )
+            for (i, k), growth in growths.items():
+                if growth is not None:
+                    error = left[:, i, k] @ growth @ right[:, i, k] + rounding[i, k]
+                    bounds[i, k, v] = relative(float(error), float(H[i, k]))
+        return bounds
 
-    def prove(self, bands: Floats) -> BandProof:
-        """The bound everywhere in bands (k, 2) [rad/s], but where a part claims nothing, and beside
-        sharp resonances where it is larger than in the rest."""
+    def prove(self, bands: Floats, view: int = 0) -> BandProof:
+        """The bound of a view everywhere in bands (k, 2) [rad/s], but where a part claims nothing,
+        and beside sharp resonances where it is larger than in the rest."""
         excluded = [tuple(e) for m in self.loop.parts.models.values() for e in m.excluded]
         sharp = np.concatenate([pencil.sharp for pencil in self.pencils])
         zones = [(w * (1 - ZONE), w * (1 + ZONE)) for w in sharp]
@@ -332,11 +365,11 @@ class GainOverBand:
                     near = any(c <= middle <= d for c, d in zones)
                     (beside if near else plain).append(interval)
         gone = [(max(a, c), min(b, d)) for a, b in bands for c, d in excluded if c < b and d > a]
-        self._count = 0
+        self._view = view
         worst = self._cover(plain, gone, 1.0, EDGE)  # an error as large as H is no bound
         worst = max(worst, self._cover(beside, gone, worst, NARROWEST))
         inside = any(c < b and d > a for a, b in bands for c, d in [*zones, *excluded])
-        return BandProof(worst, merged(gone), inside, self._count)
+        return BandProof(worst, merged(gone), inside)
 
     def _cover(
         self,
@@ -350,12 +383,13 @@ class GainOverBand:
         while todo:
             a, b = todo.pop()
             omega, h = 0.5 * (a + b), 0.5 * (b - a)
-            self._count += 1
-            many = self._count >= MOST_INTERVALS
-            found = None if many else self.over(omega, h)
+            many = len(self._seen) >= MOST_INTERVALS
+            if (a, b) not in self._seen and not many:
+                self._seen[a, b] = self.over(omega, h)
+            found = self._seen.get((a, b))
             final = many or h <= NARROWEST * omega
             if found is not None:
-                sure, middle = found
+                sure, middle = found[:, :, self._view]
                 closed = middle <= cap
                 known = max(known, middle[closed].max(initial=0))
                 mixed = closed.any() and not closed.all() and h > edge * omega

@@ -138,6 +138,7 @@ KINDS = {
     "pressure": "p", "traction": "t[xyz]", "load": "load", "temperature": "T",
 }  # fmt: skip
 OUTPUT_KINDS = ("displacement", "rotation", "stress", "inertia", "reaction", "reaction moment")
+INPUT_KINDS = tuple(kind for kind in KINDS if kind not in OUTPUT_KINDS)
 #: Pairs that no claim is made of beside those of their own kinds; the claim of all of H holds.
 CROSSED = {("displacement", "moment"), ("rotation", "force")}
 
@@ -166,8 +167,7 @@ def _blocks(model: ReducedModel) -> dict[str, list[_Block]]:
     claims = {tuple(kind.split(" from ")): float(e)
               for kind, e in zip(model.kinds, model.by_kind, strict=True)}  # fmt: skip
     blocks: dict[str, list[_Block]] = {}
-    inputs = [kind for kind in KINDS if len(ports_of(model.inputs, kind))
-              and (kind not in OUTPUT_KINDS)]  # fmt: skip
+    inputs = [kind for kind in INPUT_KINDS if len(ports_of(model.inputs, kind))]
     known = np.concatenate([ports_of(model.inputs, kind) for kind in inputs])
     for output in dict.fromkeys(output for output, _ in claims):
         rows = ports_of(model.outputs, output)

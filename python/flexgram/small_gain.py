@@ -1,22 +1,22 @@
 """What the claims of parts say of their assembly.
 
-With receptances H = blockdiag(H_i) of the parts' ports, S the signed ports that a joint ties and Z
-its compliance, the assembly answers by H - H Sᵀ (S H Sᵀ + Z)⁻¹ S H. If the parts err by E, it errs
-by exactly Xᵀ E (1 + Q E)⁻¹ X, Q = Sᵀ (S H Sᵀ + Z)⁻¹ S, X = 1 - Q H: a bound follows where the norms
-of Q E stay below one (small gain), part by part and kind by kind.
+With receptances H = blockdiag(H_i) of the parts, signed inputs S and outputs S' of what a joint
+ties and its compliance Z, the assembly answers by H - H Q H, Q = Sᵀ (S' H Sᵀ + Z)⁻¹ S'. If the
+parts err by E, it errs by exactly (1 - H Q) E (1 + Q E)⁻¹ (1 - Q H): a bound follows where the
+norms of Q E stay below one (small gain), part by part and kind by kind.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from flexgram.histories import ports_of
-from flexgram.joints import PORTS, Joint, Parts, tied
+from flexgram.histories import CROSSED, INPUT_KINDS, OUTPUT_KINDS, ports_of
+from flexgram.joints import Joint, Parts, tied
 from flexgram.reduced import ReducedModel
 from flexgram.response import frequency_response
 
@@ -24,49 +24,69 @@ Floats = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 #: Rows or columns of a matrix.
 Chosen = Sequence[int] | NDArray[np.int64] | slice
+#: Up to so many rows or columns spectral norms are worth their price.
+FEW = 12
 
-#: Kinds of ports that are inputs and outputs alike, by the letter of their names.
-MOTIONS = {"f": "displacement", "m": "rotation"}
-FORCES = {"f": "force", "m": "moment"}
+
+@dataclass
+class View:
+    """A block of the assembly's H: all of it, or what one kind of outputs has of one of inputs."""
+
+    name: str
+    rows: list[int]  #: among the outputs that are left
+    columns: list[int]  #: among the inputs that are left
 
 
 def errors_of(
     model: ReducedModel,
-    kinds: Sequence[str],
+    outputs: Sequence[str],
+    inputs: Sequence[str],
     size: Callable[[Chosen, Chosen], Floats],
 ) -> Floats:
-    """‖E‖_F at most, of each block of the ports of two kinds (the outputs', the inputs'), by the
-    sizes of blocks of H: of each claim the part that is those ports'. (kinds, kinds, …)"""
+    """‖E‖_F at most, of each block of a kind of outputs from a kind of inputs, by the sizes of H's
+    blocks: of each claim the part that is those ports'. (outputs, inputs, …)"""
     whole = _share(model.whole_error) * size(slice(None), slice(None))
-    E = np.array([[whole] * len(kinds)] * len(kinds))
-    claims = dict(zip(model.kinds, model.by_kind, strict=True)) if len(model.by_kind) else {}
-    for i, one in enumerate(kinds):
-        for j, other in enumerate(kinds):
-            output, input_ = MOTIONS.get(one, ""), FORCES.get(other, "")
-            claim = claims.get(f"{output} from {input_}")
-            if claim is not None:
+    E = np.array([[whole] * len(inputs)] * len(outputs))
+    if not len(model.by_kind):
+        return E
+    claims = dict(zip(model.kinds, model.by_kind, strict=True))
+    for i, output in enumerate(outputs):
+        for j, input_ in enumerate(inputs):
+            kind = f"{output} from {input_}"
+            if kind in claims:
+                share = _share(float(claims[kind]))
+            elif not output or not input_ or (output, input_) in CROSSED:
+                continue
+            else:  # what is claimed of no kind is nothing but rounding, of H and of H_r
+                share = 2.0
+            if share < np.inf:
                 block = size(ports_of(model.outputs, output), ports_of(model.inputs, input_))
-                E[i, j] = np.minimum(E[i, j], _share(float(claim)) * block)
+                E[i, j] = np.minimum(E[i, j], share * block)
     return E
+
+
+def growth_of(Q: Floats, E: Floats) -> tuple[Floats | None, float]:
+    """The norms of E (1 + Q E)⁻¹, block by block, from those of Q and E at most, and the gain; None
+    if it is not below one."""
+    loop = Q @ E
+    if not np.all(np.isfinite(loop)):
+        return None, np.inf
+    gain = float(np.abs(np.linalg.eigvals(loop)).max(initial=0))
+    return (E @ np.linalg.inv(np.eye(len(loop)) - loop) if gain < 1 else None), gain
+
+
+def relative(error: float, H: float) -> float:
+    """An error relative to ‖H‖, which is H at least before it."""
+    return error / (H - error) if H > error else np.inf
+
+
+def size_of(A: ComplexArray) -> float:
+    """The spectral norm of few rows or columns, of more ‖A‖_F: no less."""
+    return float(np.linalg.norm(A, 2 if min(A.shape) <= FEW else "fro")) if A.size else 0.0
 
 
 def _norms_of(H: ComplexArray) -> Callable[[Chosen, Chosen], Floats]:
     return lambda rows, columns: np.asarray(np.linalg.norm(H[rows][:, columns]))
-
-
-def bound_of(
-    Q: Floats, E: Floats, left: Floats, right: Floats, H: float, rounding: float = 0.0
-) -> tuple[float, float]:
-    """The bound of the assembly's error relative to ‖H‖_F, and the gain, from norms of blocks: of
-    Q, E, 1 - H Q and 1 - Q H at most, of H at least; and the error that rounding adds."""
-    loop = Q @ E
-    if not np.all(np.isfinite(loop)):
-        return np.inf, np.inf
-    gain = float(np.abs(np.linalg.eigvals(loop)).max(initial=0))
-    if not gain < 1:
-        return np.inf, gain
-    away = float(left @ E @ np.linalg.solve(np.eye(len(loop)) - loop, right)) + rounding
-    return (away / (H - away) if H > away else np.inf), gain
 
 
 def _share(claim: float) -> float:
@@ -74,58 +94,87 @@ def _share(claim: float) -> float:
     return claim / (1 - claim) if claim < 1 else np.inf
 
 
+def _by_kind(names: list[str], kinds: Sequence[str]) -> dict[str, list[int]]:
+    """Ports by their kinds, those of none under an empty word."""
+    found = {kind: ports_of(names, kind).tolist() for kind in kinds}
+    rest = sorted(set(range(len(names))) - {k for ports in found.values() for k in ports})
+    return {kind: ports for kind, ports in {**found, "": rest}.items() if ports}
+
+
+def _views(outputs: list[str], inputs: list[str]) -> list[View]:
+    """All of H first, then each kind of outputs from each of inputs."""
+    views = [View("all", list(range(len(outputs))), list(range(len(inputs))))]
+    rows, columns = _by_kind(outputs, OUTPUT_KINDS), _by_kind(inputs, INPUT_KINDS)
+    square = set(rows) == {"displacement", "rotation"} and set(columns) == {"force", "moment"}
+    views += [View(f"{output} from {input_}", rows[output], columns[input_])
+              for output in rows for input_ in columns
+              if output and input_ and not (square and (output, input_) in CROSSED)]  # fmt: skip
+    return views if len(views) > 2 else views[:1]
+
+
 class Loop:
-    """The small gain of an assembly: ports that are inputs and outputs alike, in blocks of one part
-    and one kind."""
+    """The small gain of an assembly, in blocks of one part and one kind of ports."""
 
     def __init__(self, parts: Parts, joints: Sequence[Joint], keep: Sequence[str]) -> None:
         self.parts = parts
         self.elastic = {name: m.elastic() for name, m in parts.models.items()
                         if m.relative_to == "elastic" and m.frame["rigid_modes"]}  # fmt: skip
-        self.ports = [p for p in parts.inputs if p in parts.outputs]
-        rows = [parts.inputs.index(p) for p in self.ports]
-        ties = [(d, t[rows], joint) for joint in joints for d, t in tied(parts, joint)]
-        self.S = np.array([t for _, t, _ in ties]).reshape(len(ties), len(self.ports))
-        self.ties = [(d, joint) for d, _, joint in ties]
+        found = [(d, weights, joint) for joint in joints for d, weights in tied(parts, joint)]
+        self.ties = [(d, joint) for d, _, joint in found]
+        shape = len(found), len(parts.inputs)
+        self.S_in = np.array([weights for _, weights, _ in found]).reshape(shape)
+        self.S_out = np.zeros((len(found), len(parts.outputs)))
+        for j in np.flatnonzero(self.S_in.any(axis=0)):
+            self.S_out[:, parts.outputs.index(parts.inputs[j])] = self.S_in[:, j]
         joined = {name for joint in joints for name in (joint.first, joint.second)} - set(keep)
-        free = [k for k, p in enumerate(self.ports) if p.rpartition(".")[0] not in joined]
-        self.P = np.eye(len(self.ports))[:, free]
-        self.blocks: list[list[int]] = []
-        self.kinds: dict[str, list[str]] = {}
-        for name in parts.models:
-            by_kind: dict[str, list[int]] = {}
-            for k, port in enumerate(self.ports):
-                if parts.part_of(port) == name:
-                    end = port.rpartition(".")[2]
-                    by_kind.setdefault(end[0] if end in PORTS.values() else "", []).append(k)
-            self.blocks += by_kind.values()
-            self.kinds[name] = list(by_kind)
 
-    def at(self, omega: float) -> tuple[float, float]:
-        """The bound of the error relative to ‖H‖, and the gain."""
+        def free(names: list[str]) -> list[int]:
+            return [k for k, name in enumerate(names) if name.rpartition(".")[0] not in joined]
+
+        self.free_in, self.free_out = free(parts.inputs), free(parts.outputs)
+        self.views = _views([parts.outputs[k] for k in self.free_out],
+                            [parts.inputs[k] for k in self.free_in])  # fmt: skip
+        self.kinds: dict[str, tuple[list[str], list[str]]] = {}  # of outputs, of inputs
+        self.in_blocks: list[list[int]] = []
+        self.out_blocks: list[list[int]] = []
+        first_in = first_out = 0
+        for name, m in parts.models.items():
+            outputs, inputs = _by_kind(m.outputs, OUTPUT_KINDS), _by_kind(m.inputs, INPUT_KINDS)
+            self.kinds[name] = list(outputs), list(inputs)
+            self.out_blocks += [[first_out + k for k in ports] for ports in outputs.values()]
+            self.in_blocks += [[first_in + k for k in ports] for ports in inputs.values()]
+            first_in, first_out = first_in + len(m.inputs), first_out + len(m.outputs)
+
+    def at(self, omega: float) -> tuple[Floats, float]:
+        """Bounds of the error relative to ‖H‖ of each of the views, and the gain."""
         own, errors = [], []
         for name, m in self.parts.models.items():
             H_i = frequency_response(m.K * (1 + 1j * m.eta), m.D, m.M, m.B, m.C, omega)
-            mine = [p.removeprefix(name + ".") for p in self.ports if self.parts.part_of(p) == name]
-            own.append(H_i[np.ix_([m.outputs.index(p) for p in mine],
-                                  [m.inputs.index(p) for p in mine])])  # fmt: skip
+            own.append(H_i)
             e = self.elastic.get(name)
             if e is not None:  # what the claim is relative to
                 H_i = frequency_response(e.K * (1 + 1j * e.eta), e.D, e.M, e.B, e.C, omega)
-            errors.append(errors_of(m, self.kinds[name], _norms_of(H_i)))
+            errors.append(errors_of(m, *self.kinds[name], _norms_of(H_i)))
         H, E = scipy.linalg.block_diag(*own), scipy.linalg.block_diag(*errors)
         # Forces λ of the joints: motion apart G λ = S u where tied, λ = Y (S u - G λ) of springs.
-        G, right = self.S @ H @ self.S.T, self.S.astype(complex)
+        G, right = self.S_out @ H @ self.S_in.T, self.S_out.astype(complex)
         for k, (d, joint) in enumerate(self.ties):
             if not joint.ties:
                 Y = joint.stiffness.get(d, 0.0) + 1j * omega * joint.damping.get(d, 0.0)
                 G[k], right[k] = Y * G[k], Y * right[k]
                 G[k, k] += 1
-        Q: Any = self.S.T @ np.linalg.solve(G, right)
-        X, Y = (np.eye(len(H)) - Q @ H) @ self.P, self.P.T @ (np.eye(len(H)) - H @ Q)
-        return bound_of(
-            np.array([[np.linalg.norm(Q[np.ix_(r, c)], 2) for c in self.blocks]
-                      for r in self.blocks]), E,
-            np.array([np.linalg.norm(Y[:, c], 2) for c in self.blocks]),
-            np.array([np.linalg.norm(X[r], 2) for r in self.blocks]),
-            float(np.linalg.norm(self.P.T @ (H - H @ Q @ H) @ self.P)))  # fmt: skip
+        Q = np.asarray(self.S_in.T @ np.linalg.solve(G, right), dtype=np.complex128)
+        after = np.eye(len(H), dtype=complex)[self.free_out] - H[self.free_out] @ Q
+        before = np.eye(H.shape[1], dtype=complex)[:, self.free_in] - Q @ H[:, self.free_in]
+        whole = after @ H[:, self.free_in]
+        of_Q = np.array([[size_of(Q[np.ix_(r, c)]) for c in self.out_blocks]
+                         for r in self.in_blocks])  # fmt: skip
+        growth, gain = growth_of(of_Q, E)
+        bounds = np.full(len(self.views), np.inf)
+        if growth is not None:
+            for k, view in enumerate(self.views):
+                behind = np.array([size_of(after[np.ix_(view.rows, c)]) for c in self.out_blocks])
+                ahead = np.array([size_of(before[np.ix_(r, view.columns)]) for r in self.in_blocks])
+                H_view = float(np.linalg.norm(whole[np.ix_(view.rows, view.columns)]))
+                bounds[k] = relative(float(behind @ growth @ ahead), H_view)
+        return bounds, gain

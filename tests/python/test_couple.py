@@ -9,13 +9,16 @@ import numpy as np
 import pytest
 import scipy.linalg
 import scipy.sparse as sp
+from test_mesh_loads import sided
 
 import flexgram
 from bodies import box, write_body_file
 from conftest import body_system, run
 from flexgram import BodyError, ReducedModel
 from flexgram.call import Matrices
-from flexgram.couple import Joint, couple, verdict
+from flexgram.couple import PORTS, Joint, couple, verdict
+from flexgram.description import import_description
+from flexgram.histories import ports_of
 
 BAND = (0.05, 0.6)  # [Hz]
 
@@ -264,9 +267,62 @@ def test_what_is_no_assembly() -> None:
     assert "was reduced for few loads" in dict(whole.log["plan"])["error"]
 
 
+def test_ports_of_all_kinds_are_claimed(tmp_path: Path) -> None:
+    """Forces, moments, gravity and pressure; motions, turns, displacements and stresses: all of H,
+    and each kind of outputs from each of inputs, against both full bodies tied together."""
+    materials = {"materials": {"steel": {"E": 210e9, "nu": 0.3, "rho": 7850.0}},
+                 "regions": {"all": {"material": "steel"}},
+                 "damping": {"alpha": 30.0, "beta": 1e-6},
+                 "loads": {"gravity": {"type": "acceleration"},
+                           "gas": {"type": "pressure", "nodes": "side"}}}  # fmt: skip
+    mesh = sided("tetra10", counts=(6, 2, 2))
+    one = materials | {
+        "supports": {"foot": {"nodes": "start"}},
+        "interfaces": {"end": {"coupling": "distributing", "nodes": "end"}},
+        "outputs": {"spot": {"type": "stress", "nodes": [40, 41]}},
+    }
+    two = materials | {
+        "interfaces": {"start": {"coupling": "rigid", "nodes": "start"},
+                       "end": {"coupling": "distributing", "nodes": "end"}},
+        "outputs": {"there": {"nodes": [77]}, "spot": {"type": "stress", "nodes": [50]}},
+    }  # fmt: skip
+    parts, systems = {}, []
+    for name, content in (("one", one), ("two", two)):
+        import_description(content, name, tmp_path / f"{name}.h5", mesh=mesh)
+        parts[name] = flexgram.reduce(tmp_path / f"{name}.h5", (100, 4000), 1e-7)
+        systems.append(body_system(tmp_path / f"{name}.h5"))
+    whole = couple(parts, [Joint("one.end", "two.start")])
+    assert whole.kind == "certified", dict(whole.log["plan"])["error"]
+    assert {"stress from moment", "stress from acceleration", "displacement from pressure",
+            "rotation from force", "displacement from force"} <= set(whole.kinds)  # fmt: skip
+    claims = dict(zip(whole.kinds, whole.by_kind, strict=True))
+    K, M, D, B, C = (scipy.linalg.block_diag(*(np.asarray(x) for x in matrices)) for matrices in (
+        [s.K.toarray() for s in systems], [s.M.toarray() for s in systems],
+        [(s.alpha * s.M + s.beta * s.K).toarray() for s in systems],
+        [s.B for s in systems], [s.C for s in systems]))  # fmt: skip
+    inputs = [f"{n}.{p}" for n, m in parts.items() for p in m.inputs]
+    outputs = [f"{n}.{p}" for n, m in parts.items() for p in m.outputs]
+    ties = np.array([B[:, inputs.index(f"one.end.{p}")] - B[:, inputs.index(f"two.start.{p}")]
+                     for p in PORTS.values()])  # fmt: skip
+    rows = [outputs.index(name) for name in whole.outputs]
+    columns = [inputs.index(name) for name in whole.inputs]
+    rng = np.random.default_rng(4)
+    for w in 2 * np.pi * rng.uniform(100, 4000, 10):
+        A = np.block([[K + 1j * w * D - w * w * M, ties.T], [ties, np.zeros((6, 6))]])
+        loads = np.vstack([B[:, columns], np.zeros((6, len(columns)))])
+        H = C[rows] @ np.linalg.solve(A, loads)[: len(K)]
+        E = H - whole.transfer(w)
+        assert np.linalg.norm(E) <= whole.whole_error * np.linalg.norm(H)
+        for kind, claim in claims.items():
+            output, input_ = kind.split(" from ")
+            block = np.ix_(ports_of(whole.outputs, output), ports_of(whole.inputs, input_))
+            assert np.linalg.norm(E[block]) <= claim * np.linalg.norm(H[block]), kind
+    assert max(claims.values()) < 1
+
+
 def test_what_is_claimed_and_what_not() -> None:
-    """Of ports that are inputs or outputs alone nothing is; interfaces measure what they drive; two
-    with nothing in common are not joined; dampers at 0 Hz."""
+    """Of outputs alone too; interfaces measure what they drive, and add nothing at once to outputs;
+    two with nothing in common are not joined; dampers at 0 Hz."""
     rng = np.random.default_rng(9)
     K, M, B, names, alpha, beta = random_body(rng, 6)
     matrices = sp.csr_matrix(K), sp.csr_matrix(M)
@@ -275,9 +331,12 @@ def test_what_is_claimed_and_what_not() -> None:
     more = Matrices(*matrices, B, C=np.vstack([B.T, row]), inputs=names, outputs=[*names, "c.ux"],
                     alpha=alpha, beta=beta)  # fmt: skip
     other = reduced(random_body(rng, 6), 1e-5)
-    whole = couple({"p0": flexgram.reduce(more, BAND, 1e-5), "p1": other}, [Joint("p0.b", "p1.a")])
-    assert "p0.c.ux" in whole.outputs and not np.isfinite(whole.certified_error)
-    assert "of what is input and output alike" in dict(whole.log["plan"])["error"]
+    rod = flexgram.reduce(more, BAND, 1e-5)
+    whole = couple({"p0": rod, "p1": other}, [Joint("p0.b", "p1.a")])
+    assert "p0.c.ux" in whole.outputs and whole.kind == "certified"
+    rod.feedthrough[6, 4] = 1.0
+    with pytest.raises(BodyError, match=r"p0\.c\.ux .* at once, .* leave it out"):
+        couple({"p0": rod, "p1": other}, [Joint("p0.b", "p1.a")])
     turned = Matrices(*matrices, B, C=-B.T, inputs=names, outputs=names, alpha=alpha, beta=beta)
     with pytest.raises(BodyError, match="is not what the input drives"):
         couple({"p0": flexgram.reduce(turned, BAND, 1e-3), "p1": other}, [Joint("p0.b", "p1.a")])
