@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -97,6 +97,7 @@ def verdict(
     keep: Sequence[str] = (),
     omega: ArrayLike | None = None,
     modes: Floats | None = None,
+    tell: Callable[[str], None] | None = None,
 ) -> Verdict:
     """What the parts' claims say of the assembly's H: at frequencies, or in the whole band.
 
@@ -107,6 +108,8 @@ def verdict(
     omega : (n,) array, optional
         [rad/s]; default: everywhere in the band that the parts share, shown at the frequencies of
         their curves and the assembly's ``modes`` there.
+    tell : callable, optional
+        Called every few seconds with how far it is.
 
     Raises
     ------
@@ -138,7 +141,7 @@ def verdict(
             bounds, found.gain[k] = loop.at(x)
             found.bound[k] = bounds[0]
     if omega is None:
-        over_band = GainOverBand(loop)
+        over_band = GainOverBand(loop, tell)
         proof = over_band.prove(bands)
         found.worst, found.open, found.sharp = proof.worst, proof.open, proof.sharp
         if found.kind != "estimated":

@@ -4,7 +4,7 @@ claims say of the whole (``assembly_claim``).
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -57,6 +57,7 @@ def couple(
     *,
     turns: Mapping[str, ArrayLike] | None = None,
     keep: Sequence[str] = (),
+    tell: Callable[[str], None] | None = None,
 ) -> ReducedModel:
     """One reduced body of several.
 
@@ -70,6 +71,8 @@ def couple(
         moved: a joint brings two interfaces together.
     keep : sequence of str
         Joined interfaces, ``part.interface``, whose ports stay ports; others that are joined go.
+    tell : callable, optional
+        Called every few seconds with how far the claim is.
 
     Returns
     -------
@@ -141,7 +144,7 @@ def couple(
     fields["modes/omega"] = np.sqrt(np.maximum(squares, 0))
     slow = 1e-3 * min(bands[bands > 0].min(initial=np.inf), fields["modes/omega"][-1])
     fields["frame/rigid_modes"] = int(np.sum(fields["modes/omega"] < slow))
-    known = verdict(models, joints, turns=turns, keep=keep, modes=fields["modes/omega"])
+    known = verdict(models, joints, turns=turns, keep=keep, modes=fields["modes/omega"], tell=tell)
     closed = {name: worst for name, worst in known.by_kind.items() if worst < np.inf}
     worst = float(known.bound.max(initial=0))
     if known.kind != "estimated":

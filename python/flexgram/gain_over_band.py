@@ -10,6 +10,7 @@ Gᵀq = g and q = N z + L g, where Gᵀ N = 0, Gᵀ L = 1:
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -291,8 +292,10 @@ class BandProof:
 class GainOverBand:
     """The bound of an assembly's error on intervals."""
 
-    def __init__(self, loop: Loop) -> None:
+    def __init__(self, loop: Loop, tell: Callable[[str], None] | None = None) -> None:
+        """``tell`` is called every few seconds with how far it is."""
         self.loop, self.series = loop, LoopSeries(loop)
+        self._tell, self._told = tell, time.monotonic()
         self.parts = {name: PartSeries(loop.elastic.get(name, m))
                       for name, m in loop.parts.models.items()}  # fmt: skip
         self._seen: dict[tuple[float, float], Floats | None] = {}  # bounds by interval
@@ -371,6 +374,13 @@ class GainOverBand:
         inside = any(c < b and d > a for a, b in bands for c, d in [*zones, *excluded])
         return BandProof(worst, merged(gone), inside)
 
+    def _progress(self, todo: Sequence[tuple[float, float]]) -> None:
+        if self._tell is not None and time.monotonic() - self._told > 3:
+            self._told = time.monotonic()
+            left = sum(b - a for a, b in todo) / (2 * np.pi)
+            self._tell(f"{self.loop.views[self._view].name}: {len(self._seen)} intervals, "
+                       f"{left:.4g} Hz left")  # fmt: skip
+
     def _cover(
         self,
         todo: list[tuple[float, float]],
@@ -382,6 +392,7 @@ class GainOverBand:
         worst, known = 0.0, cap if cap < 1 else 0.0  # the latter in the middles of pieces
         while todo:
             a, b = todo.pop()
+            self._progress(todo)
             omega, h = 0.5 * (a + b), 0.5 * (b - a)
             many = len(self._seen) >= MOST_INTERVALS
             if (a, b) not in self._seen and not many:

@@ -58,7 +58,8 @@ def run_couple(options: argparse.Namespace) -> None:
         if part in turns:
             raise BodyError(f"--turn {word}: {part} is turned twice")
         turns[part] = np.deg2rad(numbers(f"--turn {word}", vector, 3))
-    whole = couple(models, joints, turns=turns, keep=options.keep)
+    whole = couple(models, joints, turns=turns, keep=options.keep,
+                   tell=lambda words: say(f"  claim    {words}"))  # fmt: skip
     with written_aside(options.output, *(model.path for model in models.values())) as place:
         whole.save(place)
     for name, words in whole.log["plan"]:
