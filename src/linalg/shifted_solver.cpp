@@ -4,6 +4,7 @@
 #include "base/text.hpp"
 #include "linalg/ordering.hpp"
 #include "linalg/shifted_engine.hpp"
+#include "linalg/sparse.hpp"
 #include "linalg/sparse_product.hpp"
 
 #include <algorithm>
@@ -22,7 +23,36 @@ double infinity_norm(Mat a) {
   return norm;
 }
 
+/// Whether a body of this size is ordered by nested dissection, at least for comparison.
+bool wants_dissection(const SolverOptions& options, PetscInt n) {
+  // A user's own ICNTL(7) is no choice between orderings.
+  const Ordering wish =
+      options.mumps.icntl.count(7) ? Ordering::mumps : options.mumps.ordering;
+  return wish == Ordering::nested_dissection || wish == Ordering::best ||
+         (wish == Ordering::automatic && n >= 10000);
+}
+
+/// By the nodes, or by rows with the same columns where they are not known.
+std::vector<int> dissect(MPI_Comm comm, const Pattern& lower, Mat K, Mat M, Mat D,
+                         const std::vector<std::int64_t>& node_of_row) {
+  const bool missing = node_of_row.empty() && owned_rows(K).size() > 0;
+  if (sum_over(comm, static_cast<std::int64_t>(missing)) > 0)
+    return nested_dissection(comm, lower, indistinguishable_rows({K, M, D}));
+  return nested_dissection(comm, lower, node_of_row);
+}
+
 } // namespace
+
+std::shared_ptr<const std::vector<int>>
+shared_order(Mat K, Mat M, const std::vector<std::int64_t>& node_of_row,
+             const SolverOptions& options) {
+  PetscInt n = 0;
+  FG_CALL(MatGetSize(K, &n, nullptr));
+  if (!wants_dissection(options, n)) return nullptr;
+  return std::make_shared<const std::vector<int>>(
+      dissect(PetscObjectComm(reinterpret_cast<PetscObject>(K)),
+              common_pattern(K, M, nullptr).lower, K, M, nullptr, node_of_row));
+}
 
 SolverOptions counting(SolverOptions options) {
   options.mumps.cntl.try_emplace(3, 1e-13);
@@ -66,17 +96,13 @@ struct ShiftedSolver::State {
   /// The ordering asked for, found with the first analysis.
   std::unique_ptr<Engine> order_and_analyse(bool real, bool narrow,
                                             FactorEstimate& estimate) {
-    // A user's own ICNTL(7) is no choice between orderings.
-    const Ordering wish =
-        options.mumps.icntl.count(7) ? Ordering::mumps : options.mumps.ordering;
-    const bool small = pattern().lower.n < 10000;
     std::unique_ptr<Engine> dissected;
-    if (wish == Ordering::nested_dissection || wish == Ordering::best ||
-        (wish == Ordering::automatic && !small)) {
-      position = nested_dissection(comm, pattern().lower, node_of_row);
+    if (wants_dissection(options, pattern().lower.n)) {
+      position = options.order ? *options.order
+                               : dissect(comm, pattern().lower, K, M, D, node_of_row);
       dissected = analysed(real, narrow, estimate);
       ordering = "nested dissection";
-      if (wish != Ordering::best) return dissected;
+      if (options.mumps.ordering != Ordering::best) return dissected;
     }
     const std::vector<int> by_metis = std::exchange(position, {});
     FactorEstimate own_estimate;
@@ -143,10 +169,7 @@ ShiftedSolver::ShiftedSolver(Mat K, Mat M, Mat D, std::vector<std::int64_t> node
   s.options = options;
   s.single = options.precision == Precision::single_precision;
   FG_CALL(MatGetOwnershipRange(K, &s.rows.begin, &s.rows.end));
-  const auto missing =
-      static_cast<std::int64_t>(node_of_row.empty() && s.rows.size() > 0);
-  s.node_of_row = sum_over(s.comm, missing) > 0 ? indistinguishable_rows({K, M, D})
-                                                : std::move(node_of_row);
+  s.node_of_row = std::move(node_of_row);
   s.norm_K = infinity_norm(K);
   s.norm_M = infinity_norm(M);
   s.norm_D = infinity_norm(D);

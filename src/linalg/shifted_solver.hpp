@@ -22,6 +22,9 @@ struct SolverOptions {
   Precision precision = Precision::automatic; ///< double, unless use() says otherwise
   int refinements = 2;                        ///< at most so many refinement steps
   double backward_error = 1e-13; ///< refine and warn above it; 1e-6 is an error
+  /// By nested dissection, known before: 1-based position of each row, on rank 0. Null:
+  /// each solver finds its own.
+  std::shared_ptr<const std::vector<int>> order;
 };
 
 /// For counting pivots: in double, with a threshold for null pivots.
@@ -32,6 +35,13 @@ struct ShiftCoefficients {
   std::complex<double> k, m, d;
   bool real() const { return k.imag() == 0 && m.imag() == 0 && d.imag() == 0; }
 };
+
+/// The order that solvers with K and M, or with one of them alone, can share; null where
+/// the options ask for none by nested dissection. Arguments as of ShiftedSolver.
+/// Collective.
+std::shared_ptr<const std::vector<int>>
+shared_order(Mat K, Mat M, const std::vector<std::int64_t>& node_of_row,
+             const SolverOptions& options);
 
 /// What MUMPS may assume: K + τM of a supported or free body is positive definite and
 /// needs no search for pivots.

@@ -259,6 +259,7 @@ int count_negative_eigenvalues(Mat a, double floor, SolverOptions options) {
       make_sparse(PetscObjectComm(reinterpret_cast<PetscObject>(a)), rows, n, unit),
       DIFFERENT_NONZERO_PATTERN));
   options.precision = Precision::double_precision;
+  options.mumps.icntl.try_emplace(31, 1); // factors are not kept
   ShiftedSolver solver(scaled, nullptr, nullptr, {}, options);
   solver.count_pivots(true);
   solver.factorise({1.0, 0.0, 0.0});

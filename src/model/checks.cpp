@@ -60,7 +60,8 @@ void check_rows(const SecondOrderModel& model, BodyFacts& facts) {
 }
 
 void check_semidefinite(Mat a, const char* name, const char* consequence,
-                        const SolverOptions& options, BodyFacts& facts) {
+                        const SecondOrderModel& model, SolverOptions options,
+                        BodyFacts& facts) {
   if (is_diagonal(a)) {
     const auto d = diagonal(a);
     const PetscInt first = owned_rows(a).begin;
@@ -76,6 +77,8 @@ void check_semidefinite(Mat a, const char* name, const char* consequence,
     facts.skipped.push_back(text("factorisation of %s: it is diagonal", name));
     return;
   }
+  if (!facts.order) facts.order = shared_order(model.K, model.M, model.node, options);
+  options.order = facts.order;
   const int negative = count_negative_eigenvalues(a, negative_floor, options);
   if (negative > 0)
     throw Error(text(
@@ -139,13 +142,16 @@ BodyFacts check_body(const SecondOrderModel& model, bool assembled, bool stiffne
     facts.skipped.push_back(
         "definiteness of M and D: assembled here, so by construction");
   } else {
-    check_semidefinite(model.M, "M", "a body has no negative mass", options, facts);
+    check_semidefinite(model.M, "M", "a body has no negative mass", model, options,
+                       facts);
     if (model.D)
       check_semidefinite(model.D, "D", "a body does not gain energy from its damping",
-                         options, facts);
+                         model, options, facts);
   }
   if (!stiffness) return facts;
-  ShiftedSolver solver(model.K, model.M, nullptr, model.node, counting(options));
+  SolverOptions ordered = counting(options);
+  ordered.order = facts.order;
+  ShiftedSolver solver(model.K, model.M, nullptr, model.node, ordered);
   solver.count_pivots(true);
   const double scale = eigenvalue_scale(model);
   check_mechanism(solver, scale);

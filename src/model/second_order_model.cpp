@@ -34,7 +34,7 @@ PetscInt SecondOrderModel::further_outputs() const {
   const std::set<std::string> known(inputs.begin(), inputs.end());
   return static_cast<PetscInt>(
       std::count_if(outputs.begin(), outputs.end(),
-                    [&](const std::string& name) { return !known.count(name); }));
+                    [&](const std::string& output) { return !known.count(output); }));
 }
 
 bool SecondOrderModel::undamped() const {

@@ -189,8 +189,10 @@ Medium certify_body(const Body& body, const Settings& s, bool keep, Observer& ob
   observer.print();
   CertifySpec spec = s.certify_spec();
   spec.keep_levels = keep;
+  SolverOptions solver = s.solver;
+  solver.order = facts.order;
   Medium medium =
-      certify(body.model, facts.mass_is_singular, spec, s.solver, observer, checkpoint);
+      certify(body.model, facts.mass_is_singular, spec, solver, observer, checkpoint);
   observer.print();
   if (keep && wants_integrals(body.model, medium.rigid, s, observer)) {
     Stage stage(observer, "frame");

@@ -174,6 +174,29 @@ TEST(Model, ChecksPassASoundBodyAndCountItsRigidModes) {
   EXPECT_EQ(check_body(free, false, true, {}, silent).rigid_modes, 1);
 }
 
+TEST(Model, ChecksHandOnTheOrderThatTheyFound) {
+  Observer silent(world(), Observer::Level::silent);
+  const SecondOrderModel model = rod(400);
+  SolverOptions options;
+  EXPECT_EQ(check_body(model, false, true, options, silent).order, nullptr); // small
+  options.mumps.ordering = Ordering::nested_dissection;
+  const BodyFacts facts = check_body(model, false, true, options, silent);
+  ASSERT_NE(facts.order, nullptr);
+  EXPECT_EQ(facts.order->size(), comm_rank(world()) == 0 ? 400U : 0U);
+  std::vector<int> sorted = *facts.order;
+  std::sort(sorted.begin(), sorted.end());
+  for (std::size_t i = 0; i < sorted.size(); ++i)
+    EXPECT_EQ(sorted[i], static_cast<int>(i) + 1);
+  EXPECT_EQ(check_body(model, true, false, options, silent).order, nullptr); // no need
+
+  options.order = facts.order;
+  ShiftedSolver solver(model.K, model.M, nullptr, {}, options);
+  solver.count_pivots(true);
+  solver.factorise({1.0, -0.5 * (rod_eigenvalue(400, 3) + rod_eigenvalue(400, 4)), 0.0});
+  EXPECT_EQ(solver.negative_pivots(), 3);
+  EXPECT_EQ(solver.ordering(), "nested dissection");
+}
+
 TEST(Model, ALightDofIsNoRigidMode) {
   Observer silent(world(), Observer::Level::silent);
   SecondOrderModel model = rod(40);
