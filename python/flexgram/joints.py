@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexgram.basics import BodyError
 from flexgram.reduced import ReducedModel
+from flexgram.response import expect_collocated
 
 Floats = NDArray[np.float64]
 
@@ -100,11 +101,8 @@ class Parts:
         for force in PORTS.values():
             name = f"{interface}.{force}"
             if name in self.inputs and name in self.outputs:
-                row, column = self.C[self.outputs.index(name)], self.B[:, self.inputs.index(name)]
-                if np.abs(row - column).max() > 1e-12 * np.abs(row).max():
-                    raise BodyError(
-                        f"{name}: what the output measures is not what the input drives"
-                    )
+                expect_collocated(name, self.C[self.outputs.index(name)],
+                                  self.B[:, self.inputs.index(name)])  # fmt: skip
 
     def port(self, interface: str, direction: str) -> Floats:
         """The combination of inputs (and of the same outputs) that moves an interface in a

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexgram.basics import BodyError
 from flexgram.geometry import Geometry, body_of, interface_positions
-from flexgram.response import frequency_response
+from flexgram.response import expect_collocated, frequency_response
 
 if TYPE_CHECKING:
     from flexgram.reduced import ReducedModel
@@ -130,10 +130,8 @@ def _boundary(model: ReducedModel) -> tuple[list[str], Floats, dict[str, dict[in
         name, _, force = port.rpartition(".")
         if force not in DIRECTIONS or port not in model.outputs:
             continue
-        row = model.C[model.outputs.index(port)]
-        column = model.B[:, model.inputs.index(port)]
-        if np.abs(row - column).max() > 1e-12 * np.abs(row).max():
-            raise BodyError(f"{port}: what the output measures is not what the input drives")
+        expect_collocated(port, model.C[model.outputs.index(port)],
+                          model.B[:, model.inputs.index(port)])  # fmt: skip
         interfaces.setdefault(name, {})[DIRECTIONS[force]] = len(names)
         names.append(port)
     if not names:

@@ -6,6 +6,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
+from flexgram.basics import BodyError
+
 Floats = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 
@@ -19,6 +21,12 @@ def frequency_response(
                                dtype=np.complex128)  # fmt: skip
     one: ComplexArray = H[0] if np.ndim(omega) == 0 else H
     return one
+
+
+def expect_collocated(port: str, row: Floats, column: Floats) -> None:
+    """Raise BodyError where a row of C is not the column of B of the same name."""
+    if np.abs(row - column).max() > 1e-12 * np.abs(row).max():
+        raise BodyError(f"{port}: what the output measures is not what the input drives")
 
 
 def linear_response(A: Floats, B: Floats, start: Floats, u: Floats, step: float) -> Floats:
