@@ -151,6 +151,7 @@ def couple(
         worst = max([known.worst, *closed.values()])
     fields |= {"error/omega": known.omega, "error/relative": known.bound,
                "error/bound": known.bound, "error/kind": known.kind, "error/worst": worst,
+               "error/unclaimed": [name for name in known.by_kind if name not in closed],
                "error/kinds": list(closed), "error/by_kind": np.array(list(closed.values())),
                "error/relative_to": "pointwise",
                "log/plan": [f"parts\t{', '.join(models)}", f"error\t{known.words}"]}  # fmt: skip

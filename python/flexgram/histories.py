@@ -149,6 +149,12 @@ def ports_of(names: list[str], kind: str) -> IntArray:
     return np.array([i for i, end in enumerate(ends) if re.fullmatch(KINDS[kind], end)], dtype=int)
 
 
+def is_hidden(model: ReducedModel, output: str, input_: str) -> bool:
+    """Whether the claim of all of H is all that is known of a kind without a claim of its own; of
+    others without one H is nothing but rounding."""
+    return (output, input_) in CROSSED or f"{output} from {input_}" in model.unclaimed
+
+
 @dataclass
 class _Block:
     """A block of H with what is claimed of its error: ε, of it or of all of H."""
@@ -176,7 +182,7 @@ def _blocks(model: ReducedModel) -> dict[str, list[_Block]]:
             columns = ports_of(model.inputs, kind)
             if (output, kind) in claims:
                 mine.append(_Block(rows, columns, claims[output, kind]))
-            elif (output, kind) in CROSSED:
+            elif is_hidden(model, output, kind):
                 mine.append(_Block(rows, columns, model.whole_error, True))
         others = np.setdiff1d(all_columns, known)
         if len(others):
@@ -257,9 +263,9 @@ def judge(model: ReducedModel, t: ArrayLike, u: ArrayLike) -> Verdict:
     lines = np.flatnonzero(inside & (energy.sum(axis=1) > 1e-20 * total.sum()) & (omega > 0))
     w, loads, twice = omega[lines], U[lines], weight[lines]
     elastic = None
-    if int(model.frame["rigid_modes"]) > 0 and model.frame["kind"] != "none":
+    if int(model.frame["rigid_modes"]) > 0:
         with contextlib.suppress(BodyError):  # dampers hold it
-            elastic = model.elastic()
+            elastic = model.without_rigid_modes()
     reference = elastic if model.relative_to == "elastic" and elastic is not None else model
     groups = _blocks(model)
     most: dict[int, float] = {}  # of each block over the band

@@ -86,7 +86,7 @@ def hot_spots(
         If the body has no stresses, or an input is none of its own.
     """
     with contextlib.suppress(BodyError):  # dampers hold it
-        model = model.elastic()  # rigid motion strains nothing
+        model = model.without_rigid_modes()  # rigid motion strains nothing
     chosen = inputs or [name for name in model.inputs if not name.endswith(".T")]
     for name in chosen:
         if name not in model.inputs:

@@ -79,6 +79,9 @@ class ReducedModel:
     by_kind : (k,) array
         Largest bounds of each of ``kinds``: displacement from force, rotation from moment and so
         on; empty if the tolerance was for H as a whole, or none was given.
+    unclaimed : list of str
+        Kinds that nothing is claimed of by themselves (of assemblies). Of others that ``kinds``
+        does not name H is nothing but rounding, if it names any.
     kind_tolerances : (k,) array
         What was asked of each, where kinds have tolerances of their own; else empty.
     field_inputs : list of str
@@ -120,6 +123,7 @@ class ReducedModel:
         self.by_kind = array("error/by_kind")
         self.kind_tolerances = array("error/kind_tolerances")
         self.kinds: list[str] = [str(name) for name in fields.get("error/kinds", [])]
+        self.unclaimed = [str(name) for name in fields.get("error/unclaimed", [])]
         self.field_inputs = [str(name) for name in fields.get("error/field_inputs", [])]
         self.field_error = array("error/field")
         self.load_names = [str(name) for name in fields.get("loads/names", [])]
@@ -458,7 +462,9 @@ class ReducedModel:
         return physical_form(self)
 
     def elastic(self) -> ReducedModel:
-        """The body in its own frame: without the rigid basis vectors.
+        """The body in its own frame: without the rigid basis vectors. In a frame that is not
+        ``buckens`` these are coupled with the others: no elastic part by itself
+        (``without_rigid_modes``).
 
         Damping of the rigid motion by ``alpha M`` is left out.
 
@@ -496,6 +502,35 @@ class ReducedModel:
         frame["rigid_modes"] = 0
         part.frame = frame
         part.modes = self.modes[keep]
+        part._stress_basis = None
+        return part
+
+    def without_rigid_modes(self) -> ReducedModel:
+        """The body without its rigid modes, whatever its frame: the elastic part of H, stress too.
+
+        Raises
+        ------
+        BodyError
+            If dampers mix rigid and elastic modes.
+        """
+        count = self.frame["rigid_modes"]
+        if count == 0:
+            return self
+        _, modes = scipy.linalg.eigh(self.K, self.M)
+        Q = modes[:, count:]
+        D = modes.T @ self.D @ modes
+        own = np.sqrt(np.abs(np.diag(D)))
+        allowed = 1e-6 * np.outer(own, own) + 1e-12 * np.abs(D).max(initial=0)
+        if np.any(np.abs(D)[count:, :count] > allowed[count:, :count]):
+            raise BodyError("dampers act on the rigid motion of the body: its elastic motion is "
+                            "none by itself")  # fmt: skip
+        part = object.__new__(ReducedModel)
+        part.__dict__.update(self.__dict__)
+        part.M, part.D, part.K = (Q.T @ A @ Q for A in (self.M, self.D, self.K))
+        part.B, part.C = Q.T @ self.B, self.C @ Q
+        part.V = self.V @ Q if self.V.ndim == 2 else self.V  # else loaded without
+        part.frame = {"kind": "none", "rigid_modes": 0}
+        part.modes = self.modes[count:]
         part._stress_basis = None
         return part
 

@@ -141,7 +141,7 @@ def _has_stress(model: ReducedModel, body: str | Path | None) -> bool:
 
 def _stress(model: ReducedModel, t: Any, u: Any, body: str | Path | None) -> str:
     """The worst moment of a load history, from rest."""
-    part = model.elastic()  # rigid motion strains nothing
+    part = model.without_rigid_modes()  # rigid motion strains nothing
     t, u = evenly(t, u)
     _, q = part.simulate(u, t)
     worst = largest_stress(part, q, u, body)

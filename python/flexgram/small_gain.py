@@ -15,7 +15,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-from flexgram.histories import CROSSED, INPUT_KINDS, OUTPUT_KINDS, ports_of
+from flexgram.histories import CROSSED, INPUT_KINDS, OUTPUT_KINDS, is_hidden, ports_of
 from flexgram.joints import Joint, Parts, tied
 from flexgram.reduced import ReducedModel
 from flexgram.response import frequency_response
@@ -55,7 +55,7 @@ def errors_of(
             kind = f"{output} from {input_}"
             if kind in claims:
                 share = _share(float(claims[kind]))
-            elif not output or not input_ or (output, input_) in CROSSED:
+            elif not output or not input_ or is_hidden(model, output, input_):
                 continue
             else:  # what is claimed of no kind is nothing but rounding, of H and of H_r
                 share = 2.0
@@ -117,7 +117,7 @@ class Loop:
 
     def __init__(self, parts: Parts, joints: Sequence[Joint], keep: Sequence[str]) -> None:
         self.parts = parts
-        self.elastic = {name: m.elastic() for name, m in parts.models.items()
+        self.elastic = {name: m.without_rigid_modes() for name, m in parts.models.items()
                         if m.relative_to == "elastic" and m.frame["rigid_modes"]}  # fmt: skip
         found = [(d, weights, joint) for joint in joints for d, weights in tied(parts, joint)]
         self.ties = [(d, joint) for d, _, joint in found]

@@ -19,6 +19,7 @@ from flexgram.call import Matrices
 from flexgram.couple import PORTS, Joint, couple, verdict
 from flexgram.description import import_description
 from flexgram.histories import ports_of
+from flexgram.small_gain import errors_of
 
 BAND = (0.05, 0.6)  # [Hz]
 
@@ -209,6 +210,27 @@ def test_without_damping_all_but_the_resonances(tmp_path: Path) -> None:
     third = couple({"ab": again, "c": reduced((*random_body(rng, 6)[:4], 0.02, 0.01), 1e-6)},
                    [Joint("ab.p1.b", "c.a")])  # fmt: skip
     assert "by the parts' claims" in dict(third.log["plan"])["error"]
+
+
+def test_what_is_not_claimed_of_an_assembly_is_not_taken_for_zero() -> None:
+    """A kind whose claim did not close everywhere has no number in the file; to the next assembly
+    it is one that the claim of all of H covers, not one that is nothing but rounding."""
+    rng = np.random.default_rng(9)
+    bodies = [random_body(rng, 6) for _ in range(2)]
+    part = couple({f"p{i}": reduced(b, 1e-5) for i, b in enumerate(bodies)},
+                  [Joint("p0.b", "p1.a")])  # fmt: skip
+    part.outputs[2] = "p0.a.sxx"
+    part.kinds, part.by_kind = ["displacement from force"], np.array([1e-5])
+    size = lambda rows, columns: np.asarray(1.0)  # noqa: E731
+    zero = errors_of(part, ["displacement", "stress"], ["force"], size)
+    assert np.allclose(zero.ravel(), [min(1e-5, part.whole_error), part.whole_error], rtol=1e-4)
+    part.unclaimed = ["stress from force"]
+    known = errors_of(part, ["displacement", "stress"], ["force"], size)
+    assert np.allclose(known, zero, rtol=1e-4)
+    tiny = lambda rows, columns: np.asarray(1.0 if isinstance(rows, slice) else 1e-9)  # noqa: E731
+    assert errors_of(part, ["stress"], ["force"], tiny)[0, 0] > 0.9 * part.whole_error
+    part.unclaimed = []
+    assert errors_of(part, ["stress"], ["force"], tiny)[0, 0] == 2e-9
 
 
 def test_what_does_not_close_is_estimated() -> None:

@@ -13,6 +13,7 @@ import scipy.sparse as sp
 from bodies import box, write_body_file
 from conftest import assembled, message, run
 from flexgram import BodyError, Matrices, ReducedModel, certify, reduce
+from flexgram.couple import Joint, couple
 
 LAST = 100.0
 ALPHA, BETA = 3.0, 1e-6
@@ -137,6 +138,33 @@ def test_statics_are_exact(bar: Free, stage: str, ranks: int, tmp_path: Path) ->
         H = bar.elastic(omega)
         off[statics] = np.linalg.norm(part.transfer(omega) - H) / np.linalg.norm(H)
     assert off["yes"] < 1e-6 and off["yes"] < 0.01 * off["no"]
+
+
+@pytest.mark.parametrize("frame", ["buckens", "tangent", "none"])
+def test_elastic_part_in_any_frame(frame: str, bar: Free) -> None:
+    """Without its rigid modes the reduced body answers like the full one without its own; in a
+    tangent frame the elastic coordinates by themselves are a body that is held there."""
+    rom = reduce(bar.path, (1, LAST), 1e-4, options={"mor_frame": frame,
+                                                     "mor_tol_relative_to": "elastic"})  # fmt: skip
+    part = rom.without_rigid_modes()
+    assert part.order == rom.order - 6 and part.frame["rigid_modes"] == 0
+    for hertz in (1.7, 23.0, 96.0):
+        omega = 2 * np.pi * hertz
+        H = bar.elastic(omega)
+        assert np.linalg.norm(part.transfer(omega) - H) <= rom.certified_error * np.linalg.norm(H)
+    if frame == "tangent":
+        held = rom.elastic().transfer(omega)
+        assert np.linalg.norm(held - H) > 0.1 * np.linalg.norm(H)
+    on_springs = couple({"bar": rom}, [Joint("bar.start", "ground", stiffness={"x": 1e4})],
+                        keep=["bar.start"])  # fmt: skip
+    assert on_springs.kind == "certified"
+    g = bar.B[:, rom.inputs.index("start.fx")]
+    for hertz in (2.3, 17.0, 99.0):
+        omega = 2 * np.pi * hertz
+        A = (1 + 1j * omega * BETA) * bar.K + 1j * omega * ALPHA * bar.M - omega**2 * bar.M
+        H = bar.B.T @ np.linalg.solve(A.toarray() + 1e4 * np.outer(g, g), bar.B)
+        off = np.linalg.norm(on_springs.transfer(omega) - H)
+        assert off <= on_springs.certified_error * np.linalg.norm(H)
 
 
 def test_statics_of_a_held_body(bar: Free) -> None:
