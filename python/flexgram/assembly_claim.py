@@ -20,6 +20,11 @@ Floats = NDArray[np.float64]
 BESIDE = 0.01
 
 
+def _are_narrow(intervals: Floats) -> bool:
+    widths = 1 - intervals[:, 0] / np.maximum(intervals[:, 1], 1e-300)
+    return bool(widths.max(initial=0) <= BESIDE)
+
+
 @dataclass
 class Verdict:
     """What the parts' claims say of the assembly.
@@ -62,8 +67,7 @@ class Verdict:
             return "estimated"
         if not len(self.open):
             return "certified"
-        widest = np.max(1 - self.open[:, 0] / np.maximum(self.open[:, 1], 1e-300))
-        return "certified outside" if self.sharp and widest <= BESIDE else "estimated"
+        return "certified outside" if self.sharp and _are_narrow(self.open) else "estimated"
 
     @property
     def words(self) -> str:
@@ -82,11 +86,13 @@ class Verdict:
                     + by_kind)  # fmt: skip
         wide = np.diff(self.bands, axis=1).sum()
         share = 1 - np.diff(self.open, axis=1).sum() / wide if wide > 0 else 0.0
-        by = f" (by {self.worst:.1e})" if share > 0 else ""
+        by = f" (by {self.worst:.1e})" if np.isfinite(self.worst) else ""
         top = self.gain[np.isfinite(self.gain)].max(initial=0)
-        return (f"the parts' claims bound it in {100 * share:.3g} % of the band{by}; elsewhere "
-                f"their errors may grow in the assembly (gain up to {top:.1g}): reduce the parts "
-                "to a smaller tolerance, free ones by -mor_tol_relative_to elastic")  # fmt: skip
+        why = "H is small beside the parts' errors or the rounding of the stiffest spring"
+        if top > 0.5:
+            why = (f"their errors may grow in the assembly (gain up to {top:.1g}): reduce the parts "
+                   "to a smaller tolerance, free ones by -mor_tol_relative_to elastic")  # fmt: skip
+        return f"the parts' claims bound it in {100 * share:.3g} % of the band{by}; elsewhere {why}"
 
 
 def verdict(
@@ -148,7 +154,7 @@ def verdict(
             for k, view in enumerate(loop.views[1:], 1):
                 mine = over_band.prove(bands, k)
                 both = merged([*map(tuple, found.open), *map(tuple, mine.open)])
-                same = len(both) == len(found.open)  # wider beside the same resonances
+                same = len(both) == len(found.open) and _are_narrow(both)  # the same resonances
                 found.by_kind[view.name] = mine.worst if same else np.inf
                 found.open = both if same else found.open
     return found

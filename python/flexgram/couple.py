@@ -112,7 +112,7 @@ def couple(
                             "not have: leave out directions, or reduce the parts with -mor_statics "
                             "yes")  # fmt: skip
         N = turned[len(rows) :].T
-    joined = {name for joint in joints for name in (joint.first, joint.second)}
+    joined = {name for joint in joints for name in (joint.first, joint.second)} - {GROUND}
     for name in keep:
         if name not in joined:
             raise BodyError(f"keep {name}: no joint has it")

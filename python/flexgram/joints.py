@@ -16,6 +16,8 @@ from flexgram.response import expect_collocated
 Floats = NDArray[np.float64]
 
 GROUND = "ground"
+#: A turn of less is none: rounding of whole ones.
+TURNED = 1e-12
 #: Directions of a joint by the ports that move in them.
 PORTS = {"x": "fx", "y": "fy", "z": "fz", "rx": "mx", "ry": "my", "rz": "mz"}
 
@@ -76,6 +78,10 @@ class Parts:
         )
         self.inputs = [f"{n}.{p}" for n, m in models.items() for p in m.inputs]
         self.outputs = [f"{n}.{p}" for n, m in models.items() for p in m.outputs]
+        for names in (self.inputs, self.outputs):
+            twice = [name for name in names if names.count(name) > 1]
+            if twice:
+                raise BodyError(f"{twice[0]} is a port of two parts: give one another name")
 
     def part_of(self, port: str) -> str:
         for name in sorted(self.models, key=len, reverse=True):
@@ -93,7 +99,7 @@ class Parts:
             raise BodyError(f"{interface} is no interface; there are {', '.join(names)}")
         whole = [d for group in ("x y z", "rx ry rz")
                  for d in group.split() if set(group.split()) <= set(there)]  # fmt: skip
-        plain = np.allclose(self.turn[part], np.eye(3))
+        plain = np.abs(self.turn[part] - np.eye(3)).max() <= TURNED
         return there if plain else whole
 
     def expect_collocated(self, interface: str) -> None:
@@ -112,7 +118,7 @@ class Parts:
         local = R.T @ axis
         weights = np.zeros(len(self.inputs))
         for share, letter in zip(local, "xyz", strict=True):
-            if abs(share) > 1e-15:
+            if abs(share) > TURNED:
                 force = PORTS[("r" if direction[0] == "r" else "") + letter]
                 weights[self.inputs.index(f"{interface}.{force}")] = share
         return weights

@@ -516,7 +516,8 @@ class ReducedModel:
         count = self.frame["rigid_modes"]
         if count == 0:
             return self
-        _, modes = scipy.linalg.eigh(self.K, self.M)
+        squares, modes = scipy.linalg.eigh(self.K, self.M)
+        modes = modes[:, np.argsort(np.abs(squares), kind="stable")]
         Q = modes[:, count:]
         D = modes.T @ self.D @ modes
         own = np.sqrt(np.abs(np.diag(D)))

@@ -16,14 +16,13 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from flexgram.histories import CROSSED, INPUT_KINDS, OUTPUT_KINDS, is_hidden, ports_of
+from flexgram.interval_series import Chosen
 from flexgram.joints import Joint, Parts, tied
 from flexgram.reduced import ReducedModel
 from flexgram.response import frequency_response
 
 Floats = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
-#: Rows or columns of a matrix.
-Chosen = Sequence[int] | NDArray[np.int64] | slice
 #: Up to so many rows or columns spectral norms are worth their price.
 FEW = 12
 
@@ -72,7 +71,11 @@ def growth_of(Q: Floats, E: Floats) -> tuple[Floats | None, float]:
     if not np.all(np.isfinite(loop)):
         return None, np.inf
     gain = float(np.abs(np.linalg.eigvals(loop)).max(initial=0))
-    return (E @ np.linalg.inv(np.eye(len(loop)) - loop) if gain < 1 else None), gain
+    if not gain < 1:
+        return None, gain
+    series = np.linalg.inv(np.eye(len(loop)) - loop)
+    # Of a gain below one, but for rounding, it is the sum of powers, none of them negative.
+    return (E @ series if np.all(np.isfinite(series)) and np.all(series >= 0) else None), gain
 
 
 def relative(error: float, H: float) -> float:

@@ -203,6 +203,14 @@ def test_without_damping_all_but_the_resonances(tmp_path: Path) -> None:
         assert np.linalg.norm(H - whole.transfer(x)) <= whole.certified_error * np.linalg.norm(H)
         checked += 1
     assert checked > 30
+    pole = float(parts["p0"].excluded[3].mean())
+    beside = dict.fromkeys(parts, None)
+    for name, model in parts.items():
+        beside[name] = object.__new__(ReducedModel)
+        beside[name].__dict__.update(model.__dict__)
+        beside[name].bands = np.array([[pole * (1 - 1e-8), pole * (1 + 1e-8)]])
+    nothing = couple(beside, joints, keep=["p1.b"])
+    assert nothing.kind == "estimated" and "0 % of the band" in dict(nothing.log["plan"])["error"]
     poles = whole.modes[(whole.modes > band[0]) & (whole.modes < band[1])]
     assert len(poles) > 1
     for pole in poles:
@@ -276,6 +284,18 @@ def test_what_is_no_assembly() -> None:
             couple(parts, joints)
     assert couple(parts, [Joint("p0.a", "p1.a"), Joint("p0.b", "p1.b")], keep=["p0.b"]).inputs == [
         "p0.b.fx", "p0.b.fy", "p0.b.fz"]  # fmt: skip
+    for turn in ([0, 0, 5e-14], [0, 0, 20 * np.pi]):  # none
+        couple(parts, [Joint("p0.a", "p1.a", ["x"])], turns={"p1": turn})
+    with pytest.raises(BodyError, match=r"q\.r\.fx is a port of two parts"):
+        two = object.__new__(ReducedModel)
+        two.__dict__.update(parts["p1"].__dict__)
+        two.inputs = two.outputs = [name.replace("a.", "") for name in parts["p1"].inputs]
+        one = object.__new__(ReducedModel)
+        one.__dict__.update(parts["p0"].__dict__)
+        one.inputs = one.outputs = [name.replace("a.", "r.") for name in parts["p0"].inputs]
+        couple({"q": one, "q.r": two}, [])
+    with pytest.raises(BodyError, match="keep ground: no joint has it"):
+        couple(parts, [Joint("p0.a", "ground")], keep=["ground"])
     with pytest.raises(BodyError, match=r"keep nope\.x: no joint has it"):
         couple(parts, [Joint("p0.a", "p1.a")], keep=["nope.x"])
     with pytest.raises(BodyError, match="outside the band"):

@@ -1,0 +1,155 @@
+"""Responses in modal coordinates over whole intervals of the frequency.
+
+A response is a power series about the middle of an interval, up to a tail that Neumann's series
+bounds; pieces of the interval take the values in their middles and how far these move at most.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+ComplexArray = NDArray[np.complex128]
+#: Rows or columns of a matrix.
+Chosen = Sequence[int] | NDArray[np.int64] | slice
+
+#: Powers of a series, and pieces of its interval.
+DEGREE, PIECES = 16, 16
+#: A resonance of a half width below this, relative, is sharp.
+SHARPEST = 1e-6
+
+
+class Pieces:
+    """Pieces of [-h, h], and what powers of t do on them."""
+
+    def __init__(self, h: float) -> None:
+        self.h, self.half = h, h / PIECES
+        self.middles = np.linspace(-h + self.half, h - self.half, PIECES)
+        k = np.arange(DEGREE + 3)
+        far = np.abs(self.middles)[:, None]
+        self.powers = self.middles[:, None] ** k
+        self.moved = (far + self.half) ** k - far**k  # |t^k - middle^k| at most
+
+
+@dataclass
+class Series:
+    """A matrix over an interval about ω: Σ coefficients[k] t^k, each entry off by `tail` at most.
+
+    Attributes
+    ----------
+    coefficients : (d + 1, rows, columns) array
+    tail : (rows, columns) array
+    """
+
+    coefficients: ComplexArray
+    tail: Floats
+
+    def between(self, left: Floats, right: Floats) -> Series:
+        return Series(left @ self.coefficients @ right, np.abs(left) @ self.tail @ np.abs(right))
+
+    def times(self, polynomial: ComplexArray, h: float) -> Series:
+        """A polynomial (3, rows', rows) times this."""
+        d, columns = len(self.coefficients), self.coefficients.shape[2]
+        product = np.zeros((d + 2, polynomial.shape[1], columns), dtype=complex)
+        tail = np.zeros((polynomial.shape[1], columns))
+        for k, factor in enumerate(polynomial):
+            product[k : k + d] += factor @ self.coefficients
+            tail += h**k * np.abs(factor) @ self.tail
+        return Series(product, tail)
+
+    def plus(self, polynomial: ComplexArray | Floats) -> Series:
+        """With a polynomial (3, rows, columns) or a constant added to it."""
+        added = self.coefficients.copy()
+        if polynomial.ndim == 2:
+            added[0] += polynomial
+        else:
+            added[:3] += polynomial
+        return Series(added, self.tail)
+
+    def part(self, rows: Chosen, columns: Chosen) -> Series:
+        return Series(self.coefficients[:, rows][:, :, columns], self.tail[rows][:, columns])
+
+    def norms(self, at: Pieces, order: Literal[2, "fro"]) -> tuple[Floats, Floats]:
+        """Norms in the middles of the pieces, and how far they are off in each at most."""
+        d = len(self.coefficients)
+        values = np.tensordot(at.powers[:, :d], self.coefficients, axes=(1, 0))
+        sizes = np.linalg.norm(self.coefficients, axis=(1, 2))
+        return (np.linalg.norm(values, order, axis=(1, 2)),
+                at.moved[:, :d] @ sizes + float(np.linalg.norm(self.tail)))  # fmt: skip
+
+
+def _norm(A: ComplexArray) -> float:
+    """‖A‖ at most, of a matrix or a diagonal."""
+    if A.ndim == 1:
+        return float(np.abs(A).max(initial=0))
+    sizes = np.abs(A)
+    return float(np.sqrt(sizes.sum(axis=0).max(initial=0) * sizes.sum(axis=1).max(initial=0)))
+
+
+class Pencil:
+    """A(ω) = Λ (1 + i eta) + i ω D - ω² of a body in its modal coordinates."""
+
+    def __init__(self, K: Floats, D: Floats, M: Floats, eta: float) -> None:
+        squares, self.modes = scipy.linalg.eigh(K, M)
+        self.omega = np.sqrt(np.maximum(squares, 0))
+        self.K = squares * (1 + 1j * eta)
+        self.D = self.modes.T @ D @ self.modes
+        diagonal = np.diag(self.D)
+        rest = np.abs(self.D - np.diag(diagonal)).max(initial=0)
+        if rest <= 1e-13 * np.abs(diagonal).max(initial=0):
+            self.D = diagonal
+        with np.errstate(divide="ignore", invalid="ignore"):
+            half = np.abs(self.K.imag / self.omega + diagonal) / (2 * self.omega)
+        self.sharp = self.omega[half < SHARPEST]  # rigid modes have none
+        self._at, self._steps = np.nan, (np.empty(0, complex), np.empty(0, complex))
+
+    def steps(self, omega: float) -> tuple[ComplexArray, ComplexArray]:
+        """A⁻¹A' and A⁻¹; of a diagonal the diagonals."""
+        if omega != self._at:
+            if self.D.ndim == 1:
+                A = self.K + 1j * omega * self.D - omega**2
+                with np.errstate(divide="ignore", invalid="ignore"):
+                    self._steps = (1j * self.D - 2 * omega) / A, 1 / A
+            else:
+                one = np.eye(len(self.K))
+                inverse = np.linalg.inv(np.diag(self.K - omega**2) + 1j * omega * self.D)
+                self._steps = inverse @ (1j * self.D - 2 * omega * one), inverse
+            self._at = omega
+        return self._steps
+
+    def reach(self, omega: float, h: float) -> float:
+        """‖A⁻¹(ω) (A(ω + t) - A(ω))‖ at most, |t| <= h."""
+        step, inverse = self.steps(omega)
+        return h * _norm(step) + h * h * _norm(inverse)
+
+    def response(self, omega: float, h: float, loads: ComplexArray) -> Series:
+        """A⁻¹ times loads (3, n, columns), a polynomial of t."""
+        step, inverse = self.steps(omega)
+
+        def apply(matrix: ComplexArray, x: ComplexArray) -> ComplexArray:
+            return matrix[:, None] * x if matrix.ndim == 1 else matrix @ x
+
+        x = np.zeros((DEGREE + 3, *loads.shape[1:]), dtype=complex)
+        for k in range(DEGREE + 3):
+            if k < 3:
+                x[k] += apply(inverse, loads[k])
+            if 0 < k <= DEGREE + 1:
+                x[k] -= apply(step, x[k - 1])
+            if k > 1:
+                x[k] += apply(inverse, x[k - 2])
+        # The last two are what the series leaves of the equation, once A(ω)⁻¹ is applied.
+        left = sum(h**k * np.linalg.norm(x[k], axis=0) for k in (DEGREE + 1, DEGREE + 2))
+        tail = left / (1 - self.reach(omega, h))
+        return Series(x[: DEGREE + 1], np.tile(tail, (loads.shape[1], 1)))
+
+
+def about(omega: float, coefficients: Sequence[NDArray[Any]]) -> ComplexArray:
+    """Σ coefficients[k] ω^k about another ω."""
+    a, b, c = (np.asarray(x, dtype=complex) for x in coefficients)
+    return np.array([a + omega * b + omega**2 * c, b + 2 * omega * c, c])
