@@ -91,7 +91,8 @@ class Verdict:
         why = "H is small beside the parts' errors or the rounding of the stiffest spring"
         if top > 0.5:
             why = (f"their errors may grow in the assembly (gain up to {top:.1g}): reduce the "
-                   "parts to a smaller tolerance, free ones by -mor_tol_relative_to elastic")  # fmt: skip
+                   "parts to a smaller tolerance, free ones by "
+                   "-mor_tol_relative_to elastic")  # fmt: skip
         return f"the parts' claims bound it in {100 * share:.3g} % of the band{by}; elsewhere {why}"
 
 
