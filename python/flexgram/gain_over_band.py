@@ -39,11 +39,11 @@ MOST_INTERVALS = 5000
 
 
 class PartSeries:
-    """Receptances of a part, what its claim is relative to."""
+    """Receptances C A⁻¹ B of a part."""
 
-    def __init__(self, model: ReducedModel) -> None:
+    def __init__(self, model: ReducedModel, B: Floats, C: Floats) -> None:
         self.pencil = Pencil(model.K, model.D, model.M, model.eta)
-        self.B, self.C = self.pencil.modes.T @ model.B, model.C @ self.pencil.modes
+        self.B, self.C = self.pencil.modes.T @ B, C @ self.pencil.modes
 
     def over(self, omega: float, h: float) -> Series:
         loads = np.zeros((3, *self.B.shape), dtype=complex)
@@ -162,8 +162,11 @@ class GainOverBand:
         """``tell`` is called every few seconds with how far it is."""
         self.loop, self.series = loop, LoopSeries(loop)
         self._tell, self._told = tell, time.monotonic()
-        self.parts = {name: PartSeries(loop.elastic.get(name, m))
-                      for name, m in loop.parts.models.items()}  # fmt: skip
+        models = loop.parts.models
+        bent = {name: loop.elastic.get(name, m) for name, m in models.items()}
+        self.parts = {name: PartSeries(m, m.B, m.C) for name, m in bent.items()}
+        self.own = {name: (PartSeries(m, m.C.T, m.C), PartSeries(m, m.B, m.B.T))
+                    for name, m in models.items()}  # fmt: skip
         self._seen: dict[tuple[float, float], Floats | None] = {}  # bounds by interval
         self._view = 0
         self.pencils = [self.series.pencil, *(p.pencil for p in self.parts.values())]
@@ -188,10 +191,19 @@ class GainOverBand:
         def sizes_of(H: Series) -> Callable[[Chosen, Chosen], Floats]:
             return lambda rows, columns: sizes(H.part(rows, columns))
 
-        errors = [
-            errors_of(loop.parts.models[name], *loop.kinds[name], sizes_of(part.over(omega, h)))
-            for name, part in self.parts.items()
-        ]
+        def own_of(name: str) -> Callable[[Chosen, Chosen], Floats]:
+            def root(part: PartSeries, ports: Chosen) -> Floats:  # of the sum of its diagonal
+                if not part.pencil.reach(omega, h) <= REACH:
+                    return np.full((2, PIECES), np.inf)
+                block = part.over(omega, h).part(ports, ports)
+                return np.asarray(np.sqrt(np.sqrt(len(block.tail)) * sizes(block)))
+
+            return lambda rows, columns: (
+                root(self.own[name][0], rows) * root(self.own[name][1], columns))  # fmt: skip
+
+        errors = [errors_of(loop.parts.models[name], *loop.kinds[name],
+                            sizes_of(part.over(omega, h)), own_of(name))
+                  for name, part in self.parts.items()]  # fmt: skip
         of_Q = np.array(
             [[sizes(found.Q.part(r, c), 2) for c in loop.out_blocks] for r in loop.in_blocks]
         )

@@ -25,6 +25,8 @@ Floats = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
 #: Up to so many rows or columns spectral norms are worth their price.
 FEW = 12
+#: Kinds of H below this share of what their ports answer to themselves are left without a claim.
+ZERO = 1e-9
 
 
 @dataclass
@@ -41,9 +43,22 @@ def errors_of(
     outputs: Sequence[str],
     inputs: Sequence[str],
     size: Callable[[Chosen, Chosen], Floats],
+    own: Callable[[Chosen, Chosen], Floats],
 ) -> Floats:
-    """‖E‖_F at most, of each block of a kind of outputs from a kind of inputs, by the sizes of H's
-    blocks: of each claim the part that is those ports'. (outputs, inputs, …)"""
+    """‖E‖_F at most, of each block of a kind of outputs from a kind of inputs.
+
+    Parameters
+    ----------
+    outputs, inputs : sequences of str
+        Kinds.
+    size, own : callables
+        Of rows and columns: ‖H_r‖_F of their block, and the same of the roots of what each row
+        answers to itself times what each column does.
+
+    Returns
+    -------
+    (outputs, inputs, …) array
+    """
     whole = _share(model.whole_error) * size(slice(None), slice(None))
     E = np.array([[whole] * len(inputs)] * len(outputs))
     if not len(model.by_kind):
@@ -56,11 +71,14 @@ def errors_of(
                 share = _share(float(claims[kind]))
             elif not output or not input_ or is_hidden(model, output, input_):
                 continue
-            else:  # what is claimed of no kind is nothing but rounding, of H and of H_r
-                share = 2.0
+            else:
+                share = 1.0
             if share < np.inf:
-                block = size(ports_of(model.outputs, output), ports_of(model.inputs, input_))
-                E[i, j] = np.minimum(E[i, j], share * block)
+                ports = ports_of(model.outputs, output), ports_of(model.inputs, input_)
+                error = share * size(*ports)
+                if kind not in claims:  # nothing but rounding, which `reduce` judges by this
+                    error = error + ZERO * own(*ports)
+                E[i, j] = np.minimum(E[i, j], error)
     return E
 
 
@@ -90,6 +108,15 @@ def size_of(A: ComplexArray) -> float:
 
 def _norms_of(H: ComplexArray) -> Callable[[Chosen, Chosen], Floats]:
     return lambda rows, columns: np.asarray(np.linalg.norm(H[rows][:, columns]))
+
+
+def _own_of(m: ReducedModel, omega: float) -> Callable[[Chosen, Chosen], Floats]:
+    def answer(x: Floats, ports: Chosen) -> float:
+        H = frequency_response(m.K * (1 + 1j * m.eta), m.D, m.M, x, x.T, omega)
+        return float(np.abs(np.diag(H))[ports].sum())
+
+    return lambda rows, columns: np.asarray(
+        np.sqrt(answer(m.C.T, rows) * answer(m.B, columns)))  # fmt: skip
 
 
 def _share(claim: float) -> float:
@@ -157,7 +184,7 @@ class Loop:
             e = self.elastic.get(name)
             if e is not None:  # what the claim is relative to
                 H_i = frequency_response(e.K * (1 + 1j * e.eta), e.D, e.M, e.B, e.C, omega)
-            errors.append(errors_of(m, *self.kinds[name], _norms_of(H_i)))
+            errors.append(errors_of(m, *self.kinds[name], _norms_of(H_i), _own_of(m, omega)))
         H, E = scipy.linalg.block_diag(*own), scipy.linalg.block_diag(*errors)
         # Forces λ of the joints: motion apart G λ = S u where tied, λ = Y (S u - G λ) of springs.
         G, right = self.S_out @ H @ self.S_in.T, self.S_out.astype(complex)

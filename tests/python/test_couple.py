@@ -230,15 +230,16 @@ def test_what_is_not_claimed_of_an_assembly_is_not_taken_for_zero() -> None:
     part.outputs[2] = "p0.a.sxx"
     part.kinds, part.by_kind = ["displacement from force"], np.array([1e-5])
     size = lambda rows, columns: np.asarray(1.0)  # noqa: E731
-    zero = errors_of(part, ["displacement", "stress"], ["force"], size)
+    kinds = ["displacement", "stress"], ["force"]
+    zero = errors_of(part, *kinds, size, size)
     assert np.allclose(zero.ravel(), [min(1e-5, part.whole_error), part.whole_error], rtol=1e-4)
     part.unclaimed = ["stress from force"]
-    known = errors_of(part, ["displacement", "stress"], ["force"], size)
+    known = errors_of(part, *kinds, size, size)
     assert np.allclose(known, zero, rtol=1e-4)
     tiny = lambda rows, columns: np.asarray(1.0 if isinstance(rows, slice) else 1e-9)  # noqa: E731
-    assert errors_of(part, ["stress"], ["force"], tiny)[0, 0] > 0.9 * part.whole_error
+    assert errors_of(part, *kinds, tiny, size)[1, 0] > 0.9 * part.whole_error
     part.unclaimed = []
-    assert errors_of(part, ["stress"], ["force"], tiny)[0, 0] == 2e-9
+    assert errors_of(part, *kinds, tiny, size)[1, 0] == pytest.approx(2e-9)
 
 
 def test_what_does_not_close_is_estimated() -> None:
