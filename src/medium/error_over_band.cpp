@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <queue>
 
 namespace flexgram {
@@ -71,20 +72,32 @@ std::vector<double> ErrorOverBand::negligible(const std::vector<double>& sizes,
   return result;
 }
 
-std::vector<double> ErrorOverBand::distances(std::size_t l, const SmallModel& small,
-                                             double level) {
-  std::vector<double> sizes;
-  for (const auto& view : medium_.grid().views) sizes.push_back(view.size[l]);
-  return small.distances(medium_.at(l), omega()[l], negligible(sizes, level));
+std::vector<std::vector<double>>
+ErrorOverBand::distances(const std::vector<std::size_t>& at, const SmallModel& small,
+                         double level) {
+  std::vector<SmallModel::Sample> samples;
+  for (std::size_t l : at) {
+    std::vector<double> sizes;
+    for (const auto& view : medium_.grid().views) sizes.push_back(view.size[l]);
+    samples.push_back({&medium_.at(l), omega()[l], negligible(sizes, level)});
+  }
+  return small.distances(samples);
 }
 
-/// The largest certified error of all views there.
-double ErrorOverBand::on_grid(std::size_t l, const SmallModel& small, double level) {
+/// Of these frequencies of the grid the one with the largest certified error of all views,
+/// and that error.
+std::pair<std::size_t, double>
+ErrorOverBand::worst_of(const std::vector<std::size_t>& at, const SmallModel& small,
+                        double level) {
   const auto& views = medium_.grid().views;
-  const std::vector<double> distance = distances(l, small, level);
-  double worst = 0;
-  for (std::size_t v = 0; v < views.size(); ++v)
-    worst = std::max(worst, ratio(v, distance[v], views[v].size[l], views[v].bound[l]));
+  const auto distance = distances(at, small, level);
+  std::pair<std::size_t, double> worst{at.front(), 0.0};
+  for (std::size_t k = 0; k < at.size(); ++k)
+    for (std::size_t v = 0; v < views.size(); ++v) {
+      const double here =
+          ratio(v, distance[k][v], views[v].size[at[k]], views[v].bound[at[k]]);
+      if (here > worst.second) worst = {at[k], here};
+    }
   return worst;
 }
 
@@ -112,14 +125,16 @@ ErrorOverBand::Errors ErrorOverBand::of(const DenseSystem& system) {
   const SmallModel small(system, medium_.model());
   const auto& views = medium_.grid().views;
   Errors errors;
-  for (std::size_t l = 0; l < omega().size(); ++l) {
-    const std::vector<double> distance = distances(l, small, 0);
+  std::vector<std::size_t> all(omega().size());
+  std::iota(all.begin(), all.end(), 0u);
+  const auto distance = distances(all, small, 0);
+  for (std::size_t l : all) {
     for (std::size_t v = 0; v < views.size(); ++v) {
-      const double bound = ratio(v, distance[v], views[v].size[l], views[v].bound[l]);
+      const double bound = ratio(v, distance[l][v], views[v].size[l], views[v].bound[l]);
       errors.worst = std::max(errors.worst, bound);
       if (v == 0) errors.bound.push_back(bound * allowed(v));
     }
-    errors.relative.push_back(distance[0] / views.front().size[l]);
+    errors.relative.push_back(distance[l][0] / views.front().size[l]);
   }
   return errors;
 }
@@ -189,20 +204,29 @@ ErrorOverBand::Look ErrorOverBand::look(Node& node, Small small, double level) {
 
 bool ErrorOverBand::meets(const DenseSystem& system, double tolerance) {
   const SmallModel small(system, medium_.model());
-  const auto fails = [&](std::size_t l) {
+  const auto fails = [&](const std::vector<std::size_t>& at) {
     stop_if_interrupted();
-    return !(on_grid(l, small, tolerance) <= tolerance);
+    const auto [l, worst] = worst_of(at, small, tolerance);
+    if (worst <= tolerance) return false;
+    hard_.assign(1, l);
+    return true;
   };
   for (double omega : hard_omega_)
     if (!(point(omega, &small, tolerance).worst() <= tolerance)) return false;
-  if (!hard_.empty() && fails(hard_.front())) return false;
-  // Far apart first: a failure is found early.
-  for (std::size_t step = 16, first = 0; step >= 1; step /= 2, first = step)
-    for (std::size_t l = first; l < omega().size(); l += first == 0 ? step : 2 * step)
-      if (fails(l)) {
-        hard_.assign(1, l);
-        return false;
-      }
+  if (!hard_.empty() && fails(hard_)) return false;
+  // Far apart first: a failure is found early. Gram matrices of many ports are large beside
+  // what they are multiplied with: several frequencies at once cost little more than one.
+  const std::size_t together = medium_.model().has_many_ports() ? omega().size() : 1;
+  for (std::size_t step = 16, first = 0; step >= 1; step /= 2, first = step) {
+    std::vector<std::size_t> at;
+    for (std::size_t l = first; l < omega().size(); l += first == 0 ? step : 2 * step) {
+      at.push_back(l);
+      if (at.size() < together) continue;
+      if (fails(at)) return false;
+      at.clear();
+    }
+    if (!at.empty() && fails(at)) return false;
+  }
   const std::optional<double> worse = exceeds(&small, tolerance); // between them
   if (!worse) return true;
   hard_omega_.insert(hard_omega_.begin(), *worse);

@@ -84,8 +84,10 @@ private:
   double allowed(std::size_t view) const;
   std::vector<double> negligible(const std::vector<double>& sizes, double level);
   double ratio(std::size_t view, double difference, double size, double bound);
-  std::vector<double> distances(std::size_t l, const SmallModel& small, double level);
-  double on_grid(std::size_t l, const SmallModel& small, double level);
+  std::vector<std::vector<double>> distances(const std::vector<std::size_t>& at,
+                                             const SmallModel& small, double level);
+  std::pair<std::size_t, double> worst_of(const std::vector<std::size_t>& at,
+                                          const SmallModel& small, double level);
   Point point(double omega, Small small, double level);
   Look look(Node& node, Small small, double level);
   std::optional<double> exceeds(Small small, double tolerance);

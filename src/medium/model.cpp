@@ -130,15 +130,24 @@ void MediumModel::drop_zero_views(const std::vector<Interval>& bands) {
   });
 }
 
-double MediumModel::whole_over_elastic(double omega) const {
-  const DenseResponse& response = *level_.response;
-  ComplexDense x = response.modal_response(omega);
-  const auto size = [&] {
-    return frobenius_norm(multiply_transposed(modal_outputs_, columns_of(x, inputs_)));
-  };
-  for (std::size_t j = 0; j < inputs_.size(); ++j) // in their units
+/// Modal coordinates of the response to the chosen inputs, in their units.
+ComplexDense MediumModel::input_response(double omega) const {
+  ComplexDense x = columns_of(level_.response->modal_response(omega), inputs_);
+  for (int j = 0; j < x.columns; ++j)
     for (int i = 0; i < x.rows; ++i)
-      x(i, inputs_[j]) /= scale_[static_cast<std::size_t>(inputs_[j])];
+      x(i, j) /= scale_[static_cast<std::size_t>(inputs_[static_cast<std::size_t>(j)])];
+  return x;
+}
+
+ComplexDense MediumModel::transfer(double omega) const {
+  return multiply_transposed(modal_outputs_, input_response(omega));
+}
+
+double MediumModel::whole_over_elastic(double omega) const {
+  ComplexDense x = input_response(omega);
+  const auto size = [&] {
+    return frobenius_norm(multiply_transposed(modal_outputs_, x));
+  };
   const double whole = size();
   for (int j = 0; j < x.columns; ++j) std::fill_n(x.column(j), rigid, 0.0);
   return whole / size();

@@ -51,9 +51,7 @@ public:
   Stretch at(double omega, double hopeless = HUGE_VAL) const {
     return known(over({omega, omega}, 0, hopeless));
   }
-  ComplexDense transfer(double omega) const {
-    return known(entries({omega, omega}, 0)).centre();
-  }
+  ComplexDense transfer(double omega) const;
   /// Whether H has an elastic part: no damping matrix mixes it with rigid motion.
   bool has_elastic_part() const { return level_.response->is_diagonal(); }
   /// ‖H‖ of all ports at a frequency over that of its elastic part. @pre has_elastic_part()
@@ -119,6 +117,7 @@ private:
   bool is_zero(const PortView& view, const std::vector<Interval>& bands) const;
   std::vector<double> strain() const; ///< √(uᵀKu) of each mode, 0 of rigid ones
   MatrixSeries inputs_of(const MatrixSeries& x) const;
+  ComplexDense input_response(double omega) const;
   MatrixSeries reference_of(MatrixSeries x) const;
   std::vector<ViewNorms> sizes_by_entries(const MatrixSeries& x,
                                           const MatrixSeries& H) const;

@@ -12,22 +12,34 @@ SmallModel::SmallModel(const DenseSystem& system, const MediumModel& medium)
     terms_.push_back(medium.terms_of_difference(v, response_));
 }
 
+/// Of the terms of H − H_r. Nothing where a pole of the small model is too near.
+std::optional<MatrixSeries> SmallModel::factors_of_difference(const TransferSeries& H,
+                                                              Interval interval,
+                                                              int degree) const {
+  auto factors = modal_factors(response_, interval, degree);
+  if (!factors) return std::nullopt;
+  for (double& x : factors->x.coefficients.data) x = -x;
+  return stacked(H.factors, factors->x);
+}
+
+/// Whether the rounding of the terms does not count, beside the norm or what is negligible.
+bool SmallModel::is_clear(const TermNorms& difference, double negligible) {
+  const auto& at = difference.norms.at;
+  return difference.rounding <= 0.2 * *std::max_element(at.begin(), at.end()) ||
+         difference.rounding <= negligible;
+}
+
 std::optional<std::vector<ViewNorms>>
 SmallModel::differences(const TransferSeries& H, Interval interval, int degree,
                         const std::vector<double>& negligible) const {
   std::vector<ViewNorms> result;
   if (H.has_many_ports()) {
-    auto factors = modal_factors(response_, interval, degree);
+    const auto factors = factors_of_difference(H, interval, degree);
     if (!factors) return std::nullopt;
-    for (double& x : factors->x.coefficients.data) x = -x;
-    const MatrixSeries all = stacked(H.factors, factors->x);
     bool clear = true;
     for (std::size_t v = 0; v < terms_.size(); ++v) {
-      const TermNorms difference = term_norms(terms_[v], all);
-      const auto& at = difference.norms.at;
-      clear = clear &&
-              (difference.rounding <= 0.2 * *std::max_element(at.begin(), at.end()) ||
-               difference.rounding <= negligible[v]);
+      const TermNorms difference = term_norms(terms_[v], *factors);
+      clear = clear && is_clear(difference, negligible[v]);
       result.push_back(difference.norms);
     }
     if (clear) return result;
@@ -43,28 +55,52 @@ SmallModel::differences(const TransferSeries& H, Interval interval, int degree,
   return result;
 }
 
-std::vector<double> SmallModel::distances(const TransferSeries& H, double omega,
-                                          const std::vector<double>& negligible) const {
+/// ‖H − H_r‖ of each view.
+std::vector<double> SmallModel::between(const ComplexDense& H,
+                                        const ComplexDense& H_r) const {
   std::vector<double> result;
-  if (H.has_many_ports()) {
-    const auto norms = differences(H, {omega, omega}, 0, negligible);
-    for (std::size_t v = 0; v < medium_.views.size(); ++v)
-      result.push_back(norms ? (*norms)[v].above[0]
-                             : std::numeric_limits<double>::infinity());
-    return result;
-  }
-  const ComplexDense H_r = response_.transfer(omega);
-  const double *re = H.entries.real(0), *im = H.entries.imaginary(0);
   for (const PortView& view : medium_.views) {
     double sum = 0;
     for (int j : view.columns)
-      for (int i : view.rows) {
-        const auto at = static_cast<std::size_t>(i) +
-                        static_cast<std::size_t>(j) * static_cast<std::size_t>(H_r.rows);
-        sum += std::norm(std::complex<double>(re[at], im[at]) - H_r.data[at]);
-      }
+      for (int i : view.rows) sum += std::norm(H(i, j) - H_r(i, j));
     result.push_back(std::sqrt(sum));
   }
+  return result;
+}
+
+std::vector<std::vector<double>>
+SmallModel::distances(const std::vector<Sample>& samples) const {
+  std::vector<std::vector<double>> result;
+  if (terms_.empty()) {
+    for (const Sample& sample : samples)
+      result.push_back(
+          between(sample.H->entries.centre(), response_.transfer(sample.omega)));
+    return result;
+  }
+  const double none = std::numeric_limits<double>::infinity();
+  result.assign(samples.size(), std::vector<double>(terms_.size(), none));
+  std::vector<std::size_t> which; // those that are no resonance
+  std::vector<MatrixSeries> factors;
+  for (std::size_t s = 0; s < samples.size(); ++s)
+    if (auto all = factors_of_difference(*samples[s].H,
+                                         {samples[s].omega, samples[s].omega}, 0)) {
+      which.push_back(s);
+      factors.push_back(std::move(*all));
+    }
+  std::vector<char> clear(which.size(), 1);
+  for (std::size_t v = 0; v < terms_.size(); ++v) {
+    const std::vector<TermNorms> norms = term_norms(terms_[v], factors);
+    for (std::size_t k = 0; k < which.size(); ++k) {
+      const std::size_t s = which[k];
+      result[s][v] = norms[k].norms.above[0];
+      if (!is_clear(norms[k], samples[s].negligible[v])) clear[k] = 0;
+    }
+  }
+  for (std::size_t k = 0; k < which.size(); ++k)
+    if (!clear[k]) {
+      const double omega = samples[which[k]].omega;
+      result[which[k]] = between(medium_.transfer(omega), response_.transfer(omega));
+    }
   return result;
 }
 

@@ -23,11 +23,21 @@ public:
   std::optional<std::vector<ViewNorms>>
   differences(const TransferSeries& H, Interval interval, int degree,
               const std::vector<double>& negligible) const;
-  /// The same at a frequency, as one number each.
-  std::vector<double> distances(const TransferSeries& H, double omega,
-                                const std::vector<double>& negligible) const;
+  /// What the medium model shows at a frequency, and what is negligible there.
+  struct Sample {
+    const TransferSeries* H;
+    double omega;
+    std::vector<double> negligible;
+  };
+  /// The same at frequencies, as one number for each view.
+  std::vector<std::vector<double>> distances(const std::vector<Sample>& samples) const;
 
 private:
+  std::vector<double> between(const ComplexDense& H, const ComplexDense& H_r) const;
+  std::optional<MatrixSeries> factors_of_difference(const TransferSeries& H,
+                                                    Interval interval, int degree) const;
+  static bool is_clear(const TermNorms& difference, double negligible);
+
   const MediumModel& medium_;
   DenseResponse response_;
   std::vector<TermGram> terms_; ///< of the difference, for each view; with many ports

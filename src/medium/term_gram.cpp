@@ -23,11 +23,13 @@ TermGram::TermGram(const TermGram& a, const Dense& mixed, const TermGram& b)
   size.insert(size.end(), b.size.begin(), b.size.end());
 }
 
-TermNorms term_norms(const TermGram& gram, const MatrixSeries& f) {
+namespace {
+
+/// @param Q_f  Q times the coefficients of f.
+TermNorms norms_of(const TermGram& gram, const MatrixSeries& f, const Dense& Q_f) {
   const int n = gram.order(), degree = f.degree();
   // G_kl = Re ⟨F_k, F_l⟩ of the coefficients F_k = Σ_i f_ik c_i b_iᵀ.
-  const Dense parts =
-      multiply_transposed(f.coefficients, multiply(gram.Q, f.coefficients));
+  const Dense parts = multiply_transposed(f.coefficients, Q_f);
   Dense G(degree + 1, degree + 1);
   for (int l = 0; l <= degree; ++l)
     for (int k = 0; k <= degree; ++k)
@@ -81,6 +83,33 @@ TermNorms term_norms(const TermGram& gram, const MatrixSeries& f) {
     }
     last = next;
     square_before = square;
+  }
+  return result;
+}
+
+} // namespace
+
+TermNorms term_norms(const TermGram& gram, const MatrixSeries& f) {
+  return norms_of(gram, f, multiply(gram.Q, f.coefficients));
+}
+
+std::vector<TermNorms> term_norms(const TermGram& gram,
+                                  const std::vector<MatrixSeries>& all) {
+  int columns = 0;
+  for (const MatrixSeries& f : all) columns += f.coefficients.columns;
+  Dense together(gram.order(), columns);
+  columns = 0;
+  for (const MatrixSeries& f : all) {
+    set_part(together, 0, columns, f.coefficients);
+    columns += f.coefficients.columns;
+  }
+  const Dense Q_f = multiply(gram.Q, together);
+  std::vector<TermNorms> result;
+  columns = 0;
+  for (const MatrixSeries& f : all) {
+    const int own = f.coefficients.columns;
+    result.push_back(norms_of(gram, f, part_of(Q_f, 0, gram.order(), columns, own)));
+    columns += own;
   }
   return result;
 }

@@ -31,6 +31,9 @@ struct TermNorms {
 /// Norms over an interval of Σ_i f_i(t) c_i b_iᵀ.
 /// @param f  a column: the terms' factors, with their tails.
 TermNorms term_norms(const TermGram& gram, const MatrixSeries& f);
+/// The same of several factors: the Gram matrix is read once.
+std::vector<TermNorms> term_norms(const TermGram& gram,
+                                  const std::vector<MatrixSeries>& all);
 
 /// a above b: the factors of a followed by those of b.
 MatrixSeries stacked(const MatrixSeries& a, const MatrixSeries& b);

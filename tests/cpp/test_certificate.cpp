@@ -247,6 +247,16 @@ TEST(TermNorms, AreThoseOfTheEntries) {
     EXPECT_LE(found.norms.below[i], found.norms.at[i]);
   }
   EXPECT_LT(found.rounding, 1e-5 * expected.at[0]);
+  // Several at once, of different degrees, say the same of each.
+  const auto point = modal_factors(response, {1.1, 1.1}, 0);
+  const auto together = term_norms(TermGram(C, B), {point->x, factors->x, point->x});
+  ASSERT_EQ(together.size(), 3u);
+  const double alone = frobenius_norm(response.transfer(1.1));
+  EXPECT_NEAR(together[0].norms.at[0], alone, 1e-12 * alone);
+  EXPECT_NEAR(together[2].norms.at[0], alone, 1e-12 * alone);
+  for (std::size_t i = 0; i < pieces; ++i)
+    EXPECT_NEAR(together[1].norms.above[i], found.norms.above[i],
+                1e-12 * found.norms.above[i]);
   // A difference of two equal responses: nothing but rounding, which is told.
   MatrixSeries negative = factors->x;
   for (double& f : negative.coefficients.data) f = -f;
