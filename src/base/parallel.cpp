@@ -73,6 +73,16 @@ Groups::Groups(MPI_Comm world_comm, int group_count)
   comm = Communicator(split);
 }
 
+std::vector<RowRange> batches_of(RowRange rows, std::int64_t columns) {
+  constexpr std::int64_t numbers = 1 << 20;
+  const auto most = static_cast<PetscInt>(
+      std::max<std::int64_t>(1, numbers / std::max<std::int64_t>(1, columns)));
+  std::vector<RowRange> batches;
+  for (PetscInt begin = rows.begin; begin < rows.end; begin += batches.back().size())
+    batches.push_back({begin, begin + std::min(most, rows.end - begin)});
+  return batches;
+}
+
 RowRange even_rows(MPI_Comm comm, PetscInt n) {
   PetscInt local = PETSC_DECIDE;
   FG_CALL(PetscSplitOwnership(comm, &local, &n));

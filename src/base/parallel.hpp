@@ -80,6 +80,9 @@ struct RowRange {
   PetscInt size() const { return end - begin; }
 };
 
+/// The rows in batches of a million numbers or less, if a row is no longer.
+std::vector<RowRange> batches_of(RowRange rows, std::int64_t columns);
+
 /// PETSc's own even split of n rows over comm.
 RowRange even_rows(MPI_Comm comm, PetscInt n);
 

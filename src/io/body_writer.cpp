@@ -1,4 +1,5 @@
 #include "io/body_io.hpp"
+#include "io/kept_rows.hpp"
 
 #include "linalg/sparse.hpp"
 
@@ -39,16 +40,6 @@ void write_sparse(Hdf5File& file, const std::string& group, Mat a) {
   file.write_part(group + "/data", total, before, value);
 }
 
-std::vector<double> row_major(const Block& block) {
-  const Block::Access access(block);
-  const PetscInt rows = block.local_rows().size(), columns = block.columns();
-  std::vector<double> result(static_cast<std::size_t>(rows * columns));
-  for (PetscInt j = 0; j < columns; ++j)
-    for (PetscInt i = 0; i < rows; ++i)
-      result[static_cast<std::size_t>(i * columns + j)] = access.column(j)[i];
-  return result;
-}
-
 } // namespace
 
 void write_dof_map(Hdf5File& file, const SecondOrderModel& model) {
@@ -78,7 +69,10 @@ void write_dof_map(Hdf5File& file, const SecondOrderModel& model) {
   file.write_part("/nodes/id", nodes, before, ids);
   file.write_rows("/nodes/position", nodes, 3,
                   {static_cast<PetscInt>(before), static_cast<PetscInt>(before + here)},
-                  positions);
+                  [&](RowRange part, double* to) {
+                    std::copy_n(positions.begin() + 3 * (part.begin - before),
+                                3 * part.size(), to);
+                  });
 }
 
 void write_body(const SecondOrderModel& model, const std::string& path) {
@@ -90,11 +84,11 @@ void write_body(const SecondOrderModel& model, const std::string& path) {
   file.set_attribute("/", "beta", model.damping.beta);
   file.set_attribute("/", "eta", model.damping.eta);
   if (model.rounding > 0) file.set_attribute("/", "rounding", model.rounding);
-  file.write_rows("/B", model.n, model.B.columns(), model.rows, row_major(model.B));
+  write_basis(file, "/B", model.B, model.n, model.rows);
   file.set_attribute("/B", "names", model.inputs);
   if (!model.outputs_are_inputs) {
     // C is n_out × n: column-major rows of Cᵀ are what MATLAB_class announces.
-    file.write_rows("/C", model.n, model.C.columns(), model.rows, row_major(model.C));
+    write_basis(file, "/C", model.C, model.n, model.rows);
     file.set_attribute("/C", "MATLAB_class", std::string("double"));
     file.set_attribute("/C", "names", model.outputs);
   }

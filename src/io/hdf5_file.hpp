@@ -3,6 +3,7 @@
 #include "base/parallel.hpp"
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -62,9 +63,10 @@ public:
   template <class T>
   void write(const std::string& dataset, const std::vector<std::int64_t>& shape,
              const std::vector<T>& values);
-  /// Each rank writes its slab of dimension 0 (row-major) of an n × columns dataset.
+  /// Each rank writes its rows of an n × columns dataset, some megabytes at a time.
+  /// @param fill  called with some of its rows and where they go, row-major.
   void write_rows(const std::string& dataset, std::int64_t n, std::int64_t columns,
-                  RowRange rows, const std::vector<double>& row_major);
+                  RowRange rows, const std::function<void(RowRange, double*)>& fill);
   /// Each rank writes its part of a one-dimensional dataset.
   template <class T>
   void write_part(const std::string& dataset, std::int64_t n, std::int64_t first,

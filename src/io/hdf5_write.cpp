@@ -50,14 +50,22 @@ herr_t write_slab(hid_t id, hid_t type, const std::vector<hsize_t>& start,
 
 void Hdf5File::write_rows(const std::string& dataset, std::int64_t n,
                           std::int64_t columns, RowRange rows,
-                          const std::vector<double>& row_major) {
+                          const std::function<void(RowRange, double*)>& fill) {
   const Id id =
       state_->create_dataset(dataset, H5T_NATIVE_DOUBLE,
                              {static_cast<hsize_t>(n), static_cast<hsize_t>(columns)});
+  const auto width = static_cast<std::size_t>(columns);
+  std::vector<double> values;
   state_->write(dataset, [&] {
-    return write_slab(id, H5T_NATIVE_DOUBLE, {static_cast<hsize_t>(rows.begin), 0},
-                      {static_cast<hsize_t>(rows.size()), static_cast<hsize_t>(columns)},
-                      row_major.data()) >= 0;
+    for (const RowRange& part : batches_of(rows, columns)) {
+      const auto count = static_cast<std::size_t>(part.size());
+      values.resize(count * width);
+      fill(part, values.data());
+      if (write_slab(id, H5T_NATIVE_DOUBLE, {static_cast<hsize_t>(part.begin), 0},
+                     {count, width}, values.data()) < 0)
+        return false;
+    }
+    return true;
   });
 }
 

@@ -4,22 +4,28 @@
 
 #include <algorithm>
 #include <cmath>
+#include <list>
 #include <numeric>
 
 namespace flexgram {
 
 void write_basis(Hdf5File& file, const std::string& name, const Basis& V, PetscInt n,
                  RowRange rows) {
-  const auto columns = static_cast<std::size_t>(V.columns());
-  std::vector<double> values(static_cast<std::size_t>(rows.size()) * columns);
-  V.for_each([&](const Block& piece, int first) {
-    const Block::Access access(piece);
-    for (PetscInt j = 0; j < piece.columns(); ++j)
-      for (PetscInt i = 0; i < rows.size(); ++i)
-        values[static_cast<std::size_t>(i) * columns +
-               static_cast<std::size_t>(first + j)] = access.column(j)[i];
+  std::list<Block::Access> pieces;
+  std::vector<const double*> column;
+  for (const Block& piece : V.pieces()) {
+    const Block::Access& access = pieces.emplace_back(piece);
+    for (PetscInt j = 0; j < piece.columns(); ++j) column.push_back(access.column(j));
+  }
+  file.write_rows(name, n, V.columns(), rows, [&](RowRange part, double* to) {
+    for (const double* from : column) {
+      double* at = to++;
+      for (PetscInt i = part.begin - rows.begin; i < part.end - rows.begin; ++i) {
+        *at = from[i];
+        at += column.size();
+      }
+    }
   });
-  file.write_rows(name, n, V.columns(), rows, values);
 }
 
 Block read_basis(const Hdf5File& file, const std::string& name, PetscInt n,
@@ -34,11 +40,14 @@ Block read_basis(const Hdf5File& file, const std::string& name, PetscInt n,
   });
   Block V(file.comm(), rows, n, static_cast<PetscInt>(columns));
   agree(file.comm(), [&] {
-    const auto values = file.read<double>(name, rows.begin, rows.size());
     Block::Access access(V);
-    for (PetscInt j = 0; j < V.columns(); ++j)
-      for (PetscInt i = 0; i < rows.size(); ++i)
-        access.column(j)[i] = values[static_cast<std::size_t>(i * V.columns() + j)];
+    for (const RowRange& part : batches_of(rows, columns)) {
+      const auto values = file.read<double>(name, part.begin, part.size());
+      for (PetscInt j = 0; j < V.columns(); ++j)
+        for (PetscInt i = 0; i < part.size(); ++i)
+          access.column(j)[part.begin - rows.begin + i] =
+              values[static_cast<std::size_t>(i * V.columns() + j)];
+    }
   });
   return V;
 }

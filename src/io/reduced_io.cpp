@@ -4,6 +4,7 @@
 #include "base/text.hpp"
 #include "io/body_io.hpp"
 #include "io/hdf5_file.hpp"
+#include "io/kept_rows.hpp"
 #include "io/reduced_fields.hpp"
 #include "io/versions.hpp"
 
@@ -80,15 +81,8 @@ void write_reduced(const ReducedModel& rom, const Options& options,
   Hdf5File file = Hdf5File::create(rom.V.comm(), path);
   FileSink sink(file);
   visit_fields(rom, sink);
-  if (rom.V.columns() > 0) { // else cut from a medium model without its basis
-    const Block::Access access(rom.V);
-    const PetscInt rows = rom.V.local_rows().size(), columns = rom.V.columns();
-    std::vector<double> values(static_cast<std::size_t>(rows * columns));
-    for (PetscInt j = 0; j < columns; ++j)
-      for (PetscInt i = 0; i < rows; ++i)
-        values[static_cast<std::size_t>(i * columns + j)] = access.column(j)[i];
-    file.write_rows("/V", rom.V.rows(), columns, rom.V.local_rows(), values);
-  }
+  if (rom.V.columns() > 0) // else cut from a medium model without its basis
+    write_basis(file, "/V", rom.V, rom.V.rows(), rom.V.local_rows());
   write_dof_map(file, fom);
   write_log(file, rom, options, observer);
   file.commit();

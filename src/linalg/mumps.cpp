@@ -201,8 +201,9 @@ void Mumps<Scalar>::factorise(const Pattern& pattern, std::vector<Scalar> values
                explain(status, m.infog(2)).c_str(), estimated, limit));
     throw Error(explain(status, m.infog(2)));
   }
-  m.values = {};
+  std::vector<Scalar>().swap(m.values); // `= {}` would keep its memory
   m.s.irn_loc = m.s.jcn_loc = nullptr;
+  m.s.a_loc = nullptr;
 }
 
 template <class Scalar>

@@ -86,9 +86,9 @@ ErrorOverBand::distances(const std::vector<std::size_t>& at, const SmallModel& s
 
 /// Of these frequencies of the grid the one with the largest certified error of all views,
 /// and that error.
-std::pair<std::size_t, double>
-ErrorOverBand::worst_of(const std::vector<std::size_t>& at, const SmallModel& small,
-                        double level) {
+std::pair<std::size_t, double> ErrorOverBand::worst_of(const std::vector<std::size_t>& at,
+                                                       const SmallModel& small,
+                                                       double level) {
   const auto& views = medium_.grid().views;
   const auto distance = distances(at, small, level);
   std::pair<std::size_t, double> worst{at.front(), 0.0};

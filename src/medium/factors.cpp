@@ -10,6 +10,7 @@
 namespace flexgram {
 std::vector<FactorPath> factor_paths(const SecondOrderModel& fom,
                                      const FactorEstimate& estimate) {
+  give_back_freed_pages(); // of the ordering
   const double ranks = comm_size(fom.comm),
                now = max_over(fom.comm, resident_memory_mb()),
                entries = 1.15e-6 * estimate.factor_entries / ranks,
@@ -17,13 +18,20 @@ std::vector<FactorPath> factor_paths(const SecondOrderModel& fom,
                further = static_cast<double>(fom.further_outputs()),
                bases = 8e-6 * static_cast<double>(fom.n) / ranks *
                        (14 * ports + 9 * further + 6),
-               triangle = 0.5 * 24e-6 * static_cast<double>(fom.nonzeros()) / ranks,
-               rest = now + std::max(bases, triangle);
+               // Of the lower triangle: handed to MUMPS, and its own copy.
+      values = 0.5 * 16e-6 * static_cast<double>(fom.nonzeros()) / ranks,
+               rest = now + std::max(bases, values);
   const double mumps = estimate.mb_per_rank;
-  return {{"double precision", false, false, 8 * entries, rest + 8 * entries, mumps},
-          {"single precision, refined", true, false, 4 * entries, rest + 4 * entries,
-           mumps / 2},
-          {"single precision on disk", true, true, entries, rest + entries, 0}};
+  const auto path = [&](const char* name, bool single, bool on_disk, double bytes,
+                        double own) {
+    const double factors = bytes * entries;
+    // Several ranks: fronts that they share, and what they send.
+    const double beside = std::max(0.0, own - 1.3 * factors);
+    return FactorPath{name, single, on_disk, factors, rest + factors + beside, own};
+  };
+  return {path("double precision", false, false, 8, mumps),
+          path("single precision, refined", true, false, 4, mumps / 2),
+          path("single precision on disk", true, true, 1, 0)};
 }
 
 void choose_factors(ShiftedSolver& solver, const SecondOrderModel& fom,

@@ -19,9 +19,10 @@ struct FactorPath {
 };
 
 /// @param estimate  of the analysis in double precision.
-/// @return estimates: 1.15 times the factors' entries
-/// (fronts), the triangle handed to MUMPS or the bases after it, whichever is more (14
-/// vectors for each input, eight inputs at least, and nine for each output beside them). Single precision has half the factors.
+/// @return estimates: what the process holds now, 1.15 times the factors' entries (fronts),
+/// what MUMPS on several ranks expects beside 1.3 times that, and the values handed to MUMPS
+/// or the bases after it, whichever is more (14 vectors for each input, eight inputs at
+/// least, and nine for each output beside them). Single precision has half the factors.
 /// @note Collective.
 std::vector<FactorPath> factor_paths(const SecondOrderModel& fom,
                                      const FactorEstimate& estimate);

@@ -173,10 +173,10 @@ void MediumBuilder::bound_least_eigenvalue(const DenseResponse& response) {
 /// incomplete one of the same order.
 void MediumBuilder::prove(int most_columns) {
   need_cutoff();
-  if (!space_->tracks_residual()) space_->track_residual(loads_);
   MediumLevel level;
   level.response = ritz_response();
   if (least_eigenvalue_ == 0) bound_least_eigenvalue(*level.response);
+  if (!space_->tracks_residual()) space_->track_residual(loads_);
   // By Weyl a backward error of that size could have moved an eigenvalue of E across zero.
   inertia_is_safe_ =
       inertia_is_safe_ && least_eigenvalue_ > 16 * std::numeric_limits<double>::epsilon();
