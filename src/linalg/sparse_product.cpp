@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
 #include <cstring>
 #include <new>
 #include <optional>
@@ -65,6 +66,60 @@ template <int width>
     for (PetscInt c = 0; c < columns; ++c)
       y[c * static_cast<std::ptrdiff_t>(here.count) + i] = sums[c];
   }
+}
+
+/// A sum of products with twice the digits: hi + lo, by Dekker's product and Knuth's sum
+/// (Ogita, Rump, Oishi, 2005). Factors are split by their bits, which no contraction of
+/// the compiler can undo.
+struct AccurateSum {
+  using Doubles = Lane<widest>::type;
+  typedef std::int64_t Bits __attribute__((vector_size(sizeof(Doubles))));
+
+  [[gnu::always_inline]] void add(double value, const Doubles& x) {
+    const Doubles a = Doubles{} + value, product = a * x,
+                  a_head = reinterpret_cast<Doubles>(reinterpret_cast<Bits>(a) & head),
+                  x_head = reinterpret_cast<Doubles>(reinterpret_cast<Bits>(x) & head),
+                  a_tail = a - a_head, x_tail = x - x_head,
+                  lost =
+                      ((a_head * x_head - product) + a_head * x_tail + a_tail * x_head) +
+                      a_tail * x_tail,
+                  sum = hi + product, of_product = sum - hi;
+    lo += ((hi - (sum - of_product)) + (product - of_product)) + lost;
+    hi = sum;
+    squares += product * product;
+  }
+  static constexpr std::int64_t head = ~std::int64_t{0x7ffffff}; ///< 26 digits
+  Doubles hi{}, lo{}, squares{};
+};
+
+/// The same in columns of eight with twice the digits; adds x_i² Σ_j (a_ij x_j)² to
+/// `spread`.
+FLEXGRAM_FOR_EACH_PROCESSOR
+void accurate_product_of_8(const Rows& here, const double* x, const Rows& away,
+                           const double* halo, double* y, PetscInt columns,
+                           double* spread) {
+  AccurateSum::Doubles spreads{};
+  for (PetscInt i = 0; i < here.count; ++i) {
+    AccurateSum sum;
+    const auto add = [&](const Rows& part, const double* from)
+        __attribute__((always_inline)) {
+      const auto* const lanes = reinterpret_cast<const AccurateSum::Doubles*>(from);
+      for (PetscInt k = part.start[i]; k < part.start[i + 1]; ++k)
+        sum.add(part.value[k], lanes[part.column[k]]);
+    };
+    add(here, x);
+    if (away.count > 0) add(away, halo);
+    const AccurateSum::Doubles mine = reinterpret_cast<const AccurateSum::Doubles*>(x)[i];
+    spreads += mine * mine * sum.squares;
+    const AccurateSum::Doubles total = sum.hi + sum.lo;
+    double sums[widest];
+    std::memcpy(sums, &total, sizeof total);
+    for (PetscInt c = 0; c < columns; ++c)
+      y[c * static_cast<std::ptrdiff_t>(here.count) + i] = sums[c];
+  }
+  double sums[widest];
+  std::memcpy(sums, &spreads, sizeof spreads);
+  for (PetscInt c = 0; c < columns; ++c) spread[c] += sums[c];
 }
 
 FLEXGRAM_FOR_EACH_PROCESSOR
@@ -239,30 +294,8 @@ AccurateProduct multiply_accurately(Mat a, const Block& x) {
       const PetscInt columns = std::min<PetscInt>(widest, x.columns() - j);
       pack<widest>(from.column(j), rows, columns, strip.data());
       local.fetch(widest, strip.data(), from_others.data());
-      for (PetscInt i = 0; i < rows; ++i) {
-        long double product[widest] = {};
-        double squares[widest] = {};
-        const auto add = [&](const Rows& part, const double* values) {
-          if (part.count == 0) return;
-          for (PetscInt k = part.start[i]; k < part.start[i + 1]; ++k) {
-            const double* other =
-                values + static_cast<std::ptrdiff_t>(part.column[k]) * widest;
-            for (PetscInt c = 0; c < columns; ++c) {
-              const long double term = static_cast<long double>(part.value[k]) * other[c];
-              product[c] += term;
-              squares[c] += static_cast<double>(term * term);
-            }
-          }
-        };
-        add(**local.here, strip.data());
-        add(local.rest(), from_others.data());
-        const double* mine = strip.data() + static_cast<std::ptrdiff_t>(i) * widest;
-        for (PetscInt c = 0; c < columns; ++c) {
-          to.column(j + c)[i] = static_cast<double>(product[c]);
-          result.spread[static_cast<std::size_t>(j + c)] +=
-              mine[c] * mine[c] * squares[c];
-        }
-      }
+      accurate_product_of_8(**local.here, strip.data(), local.rest(), from_others.data(),
+                            to.column(j), columns, result.spread.data() + j);
     }
   }
   MPI_Allreduce(MPI_IN_PLACE, result.spread.data(),

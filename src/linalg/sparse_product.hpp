@@ -11,7 +11,7 @@ namespace flexgram {
 /// are.
 Block multiply(Mat a, const Block& x);
 
-/// A X summed in long double and rounded once: forces far below the rounding of A X, as
+/// A X summed with twice the digits and rounded once: forces far below the rounding of A X, as
 /// those of rigid motions, come out with all digits.
 struct AccurateProduct {
   Block product;

@@ -16,7 +16,7 @@ double eigenvalue_scale(const SecondOrderModel& model);
 double rigid_threshold(const SecondOrderModel& model);
 
 /// Which combinations of M-orthonormal vectors K does not resist: a body on soft springs
-/// is not free. φᵀKφ is summed in long double, so it is that of the stored K; it is no
+/// is not free. φᵀKφ is summed with twice the digits, so it is that of the stored K; it is no
 /// stiffness if it is within what rounding of K's entries leaves (16 times ε √Σ(φ_i K_ij
 /// φ_j)², ε that of doubles or of the printed digits of a text file, and 4 ε φᵀdiag(K)φ,
 /// since roundings of an assembly are not independent), or of the size of
