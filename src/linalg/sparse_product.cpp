@@ -14,7 +14,7 @@
 // One binary for every x86-64: the loader picks the version that the processor has.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
 #define FLEXGRAM_FOR_EACH_PROCESSOR                                                      \
-  __attribute__((target_clones("avx512f", "fma", "default")))
+  __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
 #else
 #define FLEXGRAM_FOR_EACH_PROCESSOR
 #endif
@@ -22,7 +22,8 @@
 namespace flexgram {
 namespace {
 
-constexpr int widest = 8; ///< columns of a strip: one cache line
+constexpr int line = 8;    ///< columns that fill a cache line
+constexpr int widest = 12; ///< columns of a strip: two bodies' joints
 
 /// CSR rows of one process's part of a matrix.
 struct Rows {
@@ -31,25 +32,45 @@ struct Rows {
   const PetscScalar* value = nullptr;
 };
 
+/// Sums in some columns side by side.
 template <int width>
-struct Lane {
-  typedef double type __attribute__((vector_size(width * sizeof(double))));
+struct Sums {
+  typedef double Lane __attribute__((vector_size(width * sizeof(double)), aligned(8)));
+  [[gnu::always_inline]] void add(double a, const double* x) {
+    lane += a * *reinterpret_cast<const Lane*>(x);
+  }
+  [[gnu::always_inline]] void add(const Sums& other) { lane += other.lane; }
+  Lane lane{};
+};
+template <>
+struct Sums<12> {
+  [[gnu::always_inline]] void add(double a, const double* x) {
+    first.add(a, x);
+    rest.add(a, x + 8);
+  }
+  [[gnu::always_inline]] void add(const Sums& other) {
+    first.add(other.first);
+    rest.add(other.rest);
+  }
+  Sums<8> first;
+  Sums<4> rest;
 };
 
 /// Two sums: an addition waits for the one before it.
 template <int width>
-[[gnu::always_inline]] inline void add_row(typename Lane<width>::type& sum,
-                                           const Rows& rows, PetscInt i,
-                                           const double* from) {
-  const auto* const x = reinterpret_cast<const typename Lane<width>::type*>(from);
-  typename Lane<width>::type odd{};
+[[gnu::always_inline]] inline void add_row(Sums<width>& sum, const Rows& rows, PetscInt i,
+                                           const double* x) {
+  const auto at = [&](PetscInt k) {
+    return x + width * static_cast<std::ptrdiff_t>(rows.column[k]);
+  };
+  Sums<width> odd;
   PetscInt k = rows.start[i];
   for (; k + 1 < rows.start[i + 1]; k += 2) {
-    sum += rows.value[k] * x[rows.column[k]];
-    odd += rows.value[k + 1] * x[rows.column[k + 1]];
+    sum.add(rows.value[k], at(k));
+    odd.add(rows.value[k + 1], at(k + 1));
   }
-  if (k < rows.start[i + 1]) sum += rows.value[k] * x[rows.column[k]];
-  sum += odd;
+  if (k < rows.start[i + 1]) sum.add(rows.value[k], at(k));
+  sum.add(odd);
 }
 
 /// y ← A_here x + A_away halo, x and halo row by row with `width` columns side by side.
@@ -58,7 +79,7 @@ template <int width>
                                            const Rows& away, const double* halo,
                                            double* y, PetscInt columns) {
   for (PetscInt i = 0; i < here.count; ++i) {
-    typename Lane<width>::type sum{};
+    Sums<width> sum;
     add_row<width>(sum, here, i, x);
     if (away.count > 0) add_row<width>(sum, away, i, halo);
     double sums[static_cast<std::size_t>(width)];
@@ -72,7 +93,7 @@ template <int width>
 /// (Ogita, Rump, Oishi, 2005). Factors are split by their bits, which no contraction of
 /// the compiler can undo.
 struct AccurateSum {
-  using Doubles = Lane<widest>::type;
+  using Doubles = Sums<line>::Lane;
   typedef std::int64_t Bits __attribute__((vector_size(sizeof(Doubles))));
 
   [[gnu::always_inline]] void add(double value, const Doubles& x) {
@@ -112,16 +133,21 @@ void accurate_product_of_8(const Rows& here, const double* x, const Rows& away,
     const AccurateSum::Doubles mine = reinterpret_cast<const AccurateSum::Doubles*>(x)[i];
     spreads += mine * mine * sum.squares;
     const AccurateSum::Doubles total = sum.hi + sum.lo;
-    double sums[widest];
+    double sums[line];
     std::memcpy(sums, &total, sizeof total);
     for (PetscInt c = 0; c < columns; ++c)
       y[c * static_cast<std::ptrdiff_t>(here.count) + i] = sums[c];
   }
-  double sums[widest];
+  double sums[line];
   std::memcpy(sums, &spreads, sizeof spreads);
   for (PetscInt c = 0; c < columns; ++c) spread[c] += sums[c];
 }
 
+FLEXGRAM_FOR_EACH_PROCESSOR
+void product_of_12(const Rows& here, const double* x, const Rows& away,
+                   const double* halo, double* y, PetscInt columns) {
+  product<12>(here, x, away, halo, y, columns);
+}
 FLEXGRAM_FOR_EACH_PROCESSOR
 void product_of_8(const Rows& here, const double* x, const Rows& away, const double* halo,
                   double* y, PetscInt columns) {
@@ -157,7 +183,7 @@ private:
   Rows rows_;
 };
 
-/// Room for rows of `width` columns, each on its own cache line where it fills one.
+/// Room for rows of a strip's columns; those of eight each on a cache line of their own.
 class Strip {
 public:
   explicit Strip(PetscInt rows)
@@ -266,13 +292,18 @@ Block multiply(Mat a, const Block& x) {
   Strip strip(rows), from_others(local.wanted);
   const Block::Access from(x);
   Block::Access to(y);
-  for (PetscInt j = 0; j < x.columns(); j += widest) {
-    const PetscInt columns = std::min<PetscInt>(widest, x.columns() - j);
-    const bool wide = columns > 4;
-    (wide ? pack<8> : pack<4>)(from.column(j), rows, columns, strip.data());
-    local.fetch(wide ? 8 : 4, strip.data(), from_others.data());
-    (wide ? product_of_8 : product_of_4)(**local.here, strip.data(), local.rest(),
-                                         from_others.data(), to.column(j), columns);
+  for (PetscInt j = 0, columns = 0; j < x.columns(); j += columns) {
+    const PetscInt left = x.columns() - j;
+    const int width = left <= 4 ? 4 : left <= 8 || (left > 12 && left <= 16) ? 8 : 12;
+    columns = std::min<PetscInt>(width, left);
+    const auto pack_in = width == 12 ? pack<12> : width == 8 ? pack<8> : pack<4>;
+    const auto product_of = width == 12  ? product_of_12
+                            : width == 8 ? product_of_8
+                                         : product_of_4;
+    pack_in(from.column(j), rows, columns, strip.data());
+    local.fetch(width, strip.data(), from_others.data());
+    product_of(**local.here, strip.data(), local.rest(), from_others.data(), to.column(j),
+               columns);
   }
   return y;
 }
@@ -290,10 +321,10 @@ AccurateProduct multiply_accurately(Mat a, const Block& x) {
   {
     const Block::Access from(x);
     Block::Access to(result.product);
-    for (PetscInt j = 0; j < x.columns(); j += widest) {
-      const PetscInt columns = std::min<PetscInt>(widest, x.columns() - j);
-      pack<widest>(from.column(j), rows, columns, strip.data());
-      local.fetch(widest, strip.data(), from_others.data());
+    for (PetscInt j = 0; j < x.columns(); j += line) {
+      const PetscInt columns = std::min<PetscInt>(line, x.columns() - j);
+      pack<line>(from.column(j), rows, columns, strip.data());
+      local.fetch(line, strip.data(), from_others.data());
       accurate_product_of_8(**local.here, strip.data(), local.rest(), from_others.data(),
                             to.column(j), columns, result.spread.data() + j);
     }

@@ -38,6 +38,68 @@ TEST(Block, ProductsMatchDenseAlgebra) {
   }
 }
 
+TEST(Block, SparseProductsAreTheSameColumnByColumnInAnyCompany) {
+  const PetscInt n = 41;
+  const auto entry = [](PetscInt i, PetscInt j) {
+    return std::sin(static_cast<double>(i + j)) + (i == j ? 3.0 : 0.0);
+  };
+  const auto value = [](PetscInt i, PetscInt j) {
+    return std::cos(0.7 * static_cast<double>(i) + 2.3 * static_cast<double>(j));
+  };
+  const Matrix a = sparse(n, entry, 5);
+  const Dense each = whole(multiply(a, block(n, 26, value)));
+  for (int j = 0; j < each.columns; ++j)
+    for (PetscInt i = 0; i < n; ++i) {
+      double expected = 0;
+      for (PetscInt k = std::max<PetscInt>(0, i - 5); k <= std::min(n - 1, i + 5); ++k)
+        expected += entry(i, k) * value(k, j);
+      ASSERT_NEAR(each(i, j), expected, 1e-14) << i << " " << j;
+    }
+  for (int columns = 1; columns < each.columns; ++columns) {
+    const Dense some = whole(multiply(a, block(n, columns, value)));
+    for (std::size_t i = 0; i < some.data.size(); ++i)
+      ASSERT_EQ(some.data[i], each.data[i]) << columns << " columns";
+  }
+}
+
+TEST(Block, AccurateProductsKeepWhatCancels) {
+  __extension__ typedef __float128 Quad;
+  const PetscInt n = 30;
+  const auto x = [](PetscInt i) { return 1 + 0.3 * std::sin(static_cast<double>(i)); };
+  const auto beside = [](PetscInt i, PetscInt j) {
+    return 1 + 0.1 * std::cos(static_cast<double>(3 * i + j));
+  };
+  const auto entry = [&](PetscInt i, PetscInt j) { // A x is what rounding leaves
+    if (i != j) return beside(i, j);
+    double sum = 0;
+    for (PetscInt k : {i - 1, i + 1})
+      if (k >= 0 && k < n) sum += beside(i, k) * x(k);
+    return -sum / x(i);
+  };
+  const auto value = [&](PetscInt i, PetscInt j) {
+    return x(i) / static_cast<double>(3 + j);
+  };
+  const Matrix a = sparse(n, entry, 1);
+  const AccurateProduct found = multiply_accurately(a, block(n, 9, value));
+  const Dense product = whole(found.product);
+  for (int j = 0; j < product.columns; ++j) {
+    double spread = 0;
+    for (PetscInt i = 0; i < n; ++i) {
+      Quad expected = 0;
+      for (PetscInt k = std::max<PetscInt>(0, i - 1); k <= std::min(n - 1, i + 1); ++k) {
+        const Quad term = static_cast<Quad>(entry(i, k)) * value(k, j);
+        expected += term;
+        spread += std::pow(static_cast<double>(term) * value(i, j), 2);
+      }
+      const auto rounded = static_cast<double>(expected);
+      EXPECT_LT(std::abs(rounded), 1e-15);
+      EXPECT_NEAR(product(i, j), rounded, 1e-15 * std::abs(rounded) + 1e-31);
+    }
+    EXPECT_NEAR(found.spread[static_cast<std::size_t>(j)], std::sqrt(spread),
+                1e-12 * std::sqrt(spread));
+  }
+}
+
 TEST(Block, TsqrGivesOrthonormalColumnsThatReproduceTheBlock) {
   const PetscInt n = 200, k = 12;
   Block q = graded(n, k);
