@@ -200,14 +200,18 @@ def _for_its_loads(model: ReducedModel) -> ReducedModel:
     """A body that was reduced for few loads, as one that has these for inputs."""
     if not model.load_names:
         return model
-    part = object.__new__(ReducedModel)
-    part.__dict__.update(model.__dict__)
-    part.inputs, part.B = model.load_names, model.B @ model.loads
-    part.feedthrough = model.feedthrough @ model.loads
-    if model.outputs == model.inputs:
-        part.outputs, part.C = part.inputs, model.loads.T @ model.C
-        part.feedthrough = model.loads.T @ part.feedthrough
-    return part
+    part = model.replaced(
+        inputs=model.load_names,
+        B=model.B @ model.loads,
+        feedthrough=model.feedthrough @ model.loads,
+    )
+    if model.outputs != model.inputs:
+        return part
+    return part.replaced(
+        outputs=part.inputs,
+        C=model.loads.T @ model.C,
+        feedthrough=model.loads.T @ part.feedthrough,
+    )
 
 
 def judge(model: ReducedModel, t: ArrayLike, u: ArrayLike) -> Verdict:

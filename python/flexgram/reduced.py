@@ -474,36 +474,9 @@ class ReducedModel:
             If dampers hold the body against the ground, or if rigid motion is mixed into the basis
             (``-mor_frame none``, ``pod`` of a free body).
         """
-        count = self.frame["rigid_modes"]
-        if count == 0:
-            return self
-        if self.frame["kind"] == "none":
-            raise BodyError("the basis mixes rigid with elastic motion (-mor_frame none or "
-                            "-mor_method pod): reduce with -mor_method two_step and -mor_frame "
-                            "buckens for a floating frame")  # fmt: skip
-        keep = slice(count, None)
-        drag = float(np.trace(self.D[:count, :count]) / np.trace(self.M[:count, :count]))
-        beyond = self.D[:count] - drag * self.M[:count]  # alpha M damps rigid motion too
-        if np.abs(beyond).max() > 1e-6 * max(np.abs(self.D).max(), 1e-300):
-            raise BodyError("dampers act on the rigid motion of the body; a floating frame keeps "
-                            "only the damping of its deformation: put them into the multibody "
-                            "model instead")  # fmt: skip
-        part = object.__new__(ReducedModel)
-        part.__dict__.update(self.__dict__)
-        part.M, part.D, part.K = (a[keep, keep] for a in (self.M, self.D, self.K))
-        part.B, part.C = self.B[keep], self.C[:, keep]
-        part.V = self.V[:, keep] if self.V.ndim == 2 else self.V  # else loaded without
-        frame = dict(self.frame)
-        if "M_er" in frame:
-            frame["M_er"] = frame["M_er"][keep]
-            frame["gyroscopic"] = frame["gyroscopic"][keep, :, keep]
-            frame["inertia_first"] = frame["inertia_first"][:, :, keep]
-            frame["inertia_second"] = frame["inertia_second"][:, keep, :, keep]
-        frame["rigid_modes"] = 0
-        part.frame = frame
-        part.modes = self.modes[keep]
-        part._stress_basis = None
-        return part
+        from flexgram.elastic_part import in_its_frame
+
+        return in_its_frame(self)
 
     def without_rigid_modes(self) -> ReducedModel:
         """The body without its rigid modes, whatever its frame: the elastic part of H, stress too.
@@ -513,27 +486,16 @@ class ReducedModel:
         BodyError
             If dampers mix rigid and elastic modes.
         """
-        count = self.frame["rigid_modes"]
-        if count == 0:
-            return self
-        squares, modes = scipy.linalg.eigh(self.K, self.M)
-        modes = modes[:, np.argsort(np.abs(squares), kind="stable")]
-        Q = modes[:, count:]
-        D = modes.T @ self.D @ modes
-        own = np.sqrt(np.abs(np.diag(D)))
-        allowed = 1e-6 * np.outer(own, own) + 1e-12 * np.abs(D).max(initial=0)
-        if np.any(np.abs(D)[count:, :count] > allowed[count:, :count]):
-            raise BodyError("dampers act on the rigid motion of the body: its elastic motion is "
-                            "none by itself")  # fmt: skip
-        part = object.__new__(ReducedModel)
-        part.__dict__.update(self.__dict__)
-        part.M, part.D, part.K = (Q.T @ A @ Q for A in (self.M, self.D, self.K))
-        part.B, part.C = Q.T @ self.B, self.C @ Q
-        part.V = self.V @ Q if self.V.ndim == 2 else self.V  # else loaded without
-        part.frame = {"kind": "none", "rigid_modes": 0}
-        part.modes = self.modes[count:]
-        part._stress_basis = None
-        return part
+        from flexgram.elastic_part import without_rigid_modes
+
+        return without_rigid_modes(self)
+
+    def replaced(self, **fields: Any) -> ReducedModel:
+        """A copy with other fields: of fewer vectors, or of other ports."""
+        other = object.__new__(ReducedModel)
+        other.__dict__.update(self.__dict__ | fields)
+        other._stress_basis = None
+        return other
 
     def plot(self, figure: str = "error", path: str | Path | None = None, **options: Any) -> Any:
         """Draw ``error``, ``gramian``, ``transfer``, ``stages`` or ``shapes``.

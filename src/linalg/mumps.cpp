@@ -105,6 +105,19 @@ struct Mumps<Scalar>::Instance {
     s.irn_loc = const_cast<int*>(pattern.row.data());
     s.jcn_loc = const_cast<int*>(pattern.column.data());
   }
+  /// MUMPS' "analysis by blocks".
+  void hand_over_blocks(const PivotOrder& order) {
+    icntl(15) = 1;
+    block_start.clear();
+    for (int start : order.block_start) block_start.push_back(start + 1);
+    block_variables.resize(order.position.size());
+    for (std::size_t i = 0; i < order.position.size(); ++i)
+      block_variables[static_cast<std::size_t>(order.position[i] - 1)] =
+          static_cast<int>(i) + 1;
+    s.nblk = std::max(static_cast<int>(block_start.size()) - 1, 0);
+    s.blkptr = block_start.data();
+    s.blkvar = block_variables.data();
+  }
   bool user_set(int n) const { return options.icntl.count(n) > 0; }
 
   void redistribute(const std::vector<int>& solution_rows,
@@ -119,6 +132,7 @@ struct Mumps<Scalar>::Instance {
   typename Traits::Real pivot_threshold = 0; ///< MUMPS' own CNTL(1)
   double estimated_mb = 0;
   std::vector<Scalar> values; ///< entries of the matrix, while it is factorised
+  std::vector<int> block_start, block_variables; ///< BLKPTR, BLKVAR
 };
 
 template <class Scalar>
@@ -132,14 +146,19 @@ template <class Scalar>
 Mumps<Scalar>& Mumps<Scalar>::operator=(Mumps&&) noexcept = default;
 
 template <class Scalar>
-FactorEstimate Mumps<Scalar>::analyse(const Pattern& pattern,
-                                      std::span<const int> position) {
+FactorEstimate Mumps<Scalar>::analyse(const Pattern& pattern, const PivotOrder& order) {
   auto& m = *instance_;
-  int given = !position.empty();
-  MPI_Bcast(&given, 1, MPI_INT, 0, m.comm);
+  const auto known = [&](bool here) {
+    int there = here;
+    MPI_Bcast(&there, 1, MPI_INT, 0, m.comm);
+    return there != 0;
+  };
+  const bool given = known(!order.position.empty()),
+             blocks = known(!order.block_start.empty()) && !m.user_set(15);
   m.s.n = pattern.n;
   m.hand_over(pattern);
-  if (given) m.s.perm_in = const_cast<int*>(position.data());
+  if (given) m.s.perm_in = const_cast<int*>(order.position.data());
+  if (blocks) m.hand_over_blocks(order);
   if (!m.user_set(7)) m.icntl(7) = given ? 1 : 7;
   // An inertia is only complete if the root front is not handed to ScaLAPACK.
   if (!m.user_set(13)) m.icntl(13) = m.tolerate_null_pivots;
@@ -152,9 +171,9 @@ FactorEstimate Mumps<Scalar>::analyse(const Pattern& pattern,
 }
 
 template <class Scalar>
-std::vector<int> Mumps<Scalar>::position() const {
+PivotOrder Mumps<Scalar>::order() const {
   if (comm_rank(instance_->comm) != 0) return {};
-  return {instance_->s.sym_perm, instance_->s.sym_perm + instance_->s.n};
+  return {{instance_->s.sym_perm, instance_->s.sym_perm + instance_->s.n}, {}};
 }
 
 template <class Scalar>

@@ -41,6 +41,14 @@ struct Pattern {
   std::vector<int> row, column;
 };
 
+/// A pivot order, on rank 0; nothing elsewhere.
+struct PivotOrder {
+  std::vector<int> position; ///< 1-based place of each variable
+  /// Where blocks of variables with the same neighbours begin in the order, 0-based, and
+  /// its end: of these alone the analysis makes its graph. Empty: each variable for itself.
+  std::vector<int> block_start;
+};
+
 /// MUMPS' own estimate after the analysis.
 struct FactorEstimate {
   double flops = 0;          ///< RINFOG(1), elimination
@@ -60,11 +68,10 @@ public:
   Mumps(Mumps&&) noexcept;
   Mumps& operator=(Mumps&&) noexcept;
 
-  /// Orders and analyses, once for a pattern. `position` (n numbers on rank 0, 1-based
-  /// place of each variable in the pivot order) or empty: MUMPS orders. Collective.
-  FactorEstimate analyse(const Pattern& pattern, std::span<const int> position);
-  /// The ordering in use, n numbers on rank 0.
-  std::vector<int> position() const;
+  /// Orders and analyses, once for a pattern. An empty order: MUMPS orders. Collective.
+  FactorEstimate analyse(const Pattern& pattern, const PivotOrder& order);
+  /// The ordering in use.
+  PivotOrder order() const;
 
   /// Numeric factorisation; values in the order of the entries of the analysed pattern,
   /// which is not needed afterwards.

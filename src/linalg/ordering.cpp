@@ -61,6 +61,10 @@ Graph adjacency(int nodes, const std::vector<std::uint64_t>& edges) {
   return graph;
 }
 
+/// Share of the entries of full blocks from which nodes are blocks for the analysis: what
+/// it takes for entries that are not there costs less than what it saves.
+constexpr double nearly_full = 0.8;
+
 void sort_unique(std::vector<std::uint64_t>& keys) {
   std::sort(keys.begin(), keys.end());
   keys.erase(std::unique(keys.begin(), keys.end()), keys.end());
@@ -96,8 +100,8 @@ std::vector<std::int64_t> indistinguishable_rows(const std::vector<Mat>& matrice
   return labels;
 }
 
-std::vector<int> nested_dissection(MPI_Comm comm, const Pattern& lower,
-                                   std::span<const std::int64_t> node_of_row) {
+PivotOrder nested_dissection(MPI_Comm comm, const Pattern& lower,
+                             std::span<const std::int64_t> node_of_row) {
   static Event event("NestedDissection");
   const auto timed = event.timed();
   std::vector<std::int64_t> node = gather_all(comm, node_of_row, MPI_INT64_T);
@@ -124,7 +128,9 @@ std::vector<int> nested_dissection(MPI_Comm comm, const Pattern& lower,
   MPI_Gatherv(edges.data(), count, MPI_UINT64_T, all.data(), counts.data(), starts.data(),
               MPI_UINT64_T, 0, comm);
 
-  std::vector<int> position;
+  const std::int64_t entries =
+      sum_over(comm, static_cast<std::int64_t>(lower.row.size()));
+  PivotOrder result;
   agree(comm, [&] {
     if (rank != 0) return;
     if (comm_size(comm) > 1) sort_unique(all);
@@ -141,17 +147,25 @@ std::vector<int> nested_dissection(MPI_Comm comm, const Pattern& lower,
       throw Error(text("METIS_NodeND failed on a graph of %d nodes", nodes));
     // First position of each node = dofs of all nodes before it.
     std::vector<int> first(weight.size());
-    int position_next = 1;
+    int next = 0;
     for (idx_t step = 0; step < vertices; ++step) {
       const auto number = static_cast<std::size_t>(order[static_cast<std::size_t>(step)]);
-      first[number] = position_next;
-      position_next += static_cast<int>(weight[number]);
+      result.block_start.push_back(next);
+      first[number] = next + 1;
+      next += static_cast<int>(weight[number]);
     }
-    position.resize(node.size());
+    result.block_start.push_back(next);
+    result.position.resize(node.size());
     for (std::size_t row = 0; row < node.size(); ++row)
-      position[row] = first[static_cast<std::size_t>(node[row])]++;
+      result.position[row] = first[static_cast<std::size_t>(node[row])]++;
+    double of_full_blocks = 0;
+    for (const idx_t w : weight) of_full_blocks += 0.5 * w * (w + 1);
+    for (const std::uint64_t key : all)
+      of_full_blocks += static_cast<double>(weight[key >> 32]) * weight[key & 0xffffffff];
+    if (static_cast<double>(entries) < nearly_full * of_full_blocks)
+      result.block_start.clear();
   });
-  return position;
+  return result;
 }
 
 } // namespace flexgram

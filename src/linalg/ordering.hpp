@@ -19,9 +19,9 @@ std::vector<std::int64_t> indistinguishable_rows(const std::vector<Mat>& matrice
 /// together), weighted by the dofs of each node.
 /// @param[in] lower         lower triangle, entries distributed.
 /// @param[in] node_of_row   node number of each local row, any numbers.
-/// @return rank 0: 1-based position of each row in the pivot order, for MUMPS' PERM_IN;
-/// empty elsewhere. Collective on comm; the node graph is gathered on rank 0.
-std::vector<int> nested_dissection(MPI_Comm comm, const Pattern& lower,
-                                   std::span<const std::int64_t> node_of_row);
+/// @return with the nodes as blocks where their rows have nearly the same columns.
+/// Collective on comm; the node graph is gathered on rank 0.
+PivotOrder nested_dissection(MPI_Comm comm, const Pattern& lower,
+                             std::span<const std::int64_t> node_of_row);
 
 } // namespace flexgram

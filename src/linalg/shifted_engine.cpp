@@ -74,10 +74,10 @@ class EngineOf final : public Engine {
 public:
   EngineOf(MPI_Comm comm, const MumpsOptions& options) : mumps_(comm, options) {}
 
-  FactorEstimate analyse(const Pattern& lower, std::span<const int> position) override {
-    return mumps_.analyse(lower, position);
+  FactorEstimate analyse(const Pattern& lower, const PivotOrder& order) override {
+    return mumps_.analyse(lower, order);
   }
-  std::vector<int> position() const override { return mumps_.position(); }
+  PivotOrder order() const override { return mumps_.order(); }
 
   void factorise(const CommonPattern& common, const ShiftCoefficients& c,
                  bool pivoting) override {

@@ -17,8 +17,8 @@ CommonPattern common_pattern(Mat K, Mat M, Mat D);
 class Engine {
 public:
   virtual ~Engine() = default;
-  virtual FactorEstimate analyse(const Pattern& lower, std::span<const int> position) = 0;
-  virtual std::vector<int> position() const = 0;
+  virtual FactorEstimate analyse(const Pattern& lower, const PivotOrder& order) = 0;
+  virtual PivotOrder order() const = 0;
   virtual void factorise(const CommonPattern& common, const ShiftCoefficients& c,
                          bool pivoting) = 0;
   /// re, im: local rows × columns; im is null for real right-hand sides or real

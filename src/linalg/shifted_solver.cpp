@@ -33,8 +33,8 @@ bool wants_dissection(const SolverOptions& options, PetscInt n) {
 }
 
 /// By the nodes, or by rows with the same columns where they are not known.
-std::vector<int> dissect(MPI_Comm comm, const Pattern& lower, Mat K, Mat M, Mat D,
-                         const std::vector<std::int64_t>& node_of_row) {
+PivotOrder dissect(MPI_Comm comm, const Pattern& lower, Mat K, Mat M, Mat D,
+                   const std::vector<std::int64_t>& node_of_row) {
   const bool missing = node_of_row.empty() && owned_rows(K).size() > 0;
   if (sum_over(comm, static_cast<std::int64_t>(missing)) > 0)
     return nested_dissection(comm, lower, indistinguishable_rows({K, M, D}));
@@ -43,13 +43,13 @@ std::vector<int> dissect(MPI_Comm comm, const Pattern& lower, Mat K, Mat M, Mat 
 
 } // namespace
 
-std::shared_ptr<const std::vector<int>>
+std::shared_ptr<const PivotOrder>
 shared_order(Mat K, Mat M, const std::vector<std::int64_t>& node_of_row,
              const SolverOptions& options) {
   PetscInt n = 0;
   FG_CALL(MatGetSize(K, &n, nullptr));
   if (!wants_dissection(options, n)) return nullptr;
-  return std::make_shared<const std::vector<int>>(
+  return std::make_shared<const PivotOrder>(
       dissect(PetscObjectComm(reinterpret_cast<PetscObject>(K)),
               common_pattern(K, M, nullptr).lower, K, M, nullptr, node_of_row));
 }
@@ -74,7 +74,7 @@ struct ShiftedSolver::State {
   }
 
   bool ordered = false;
-  std::vector<int> position;
+  PivotOrder order;
   std::string ordering;
   /// [real][single]
   std::unique_ptr<Engine> engines[2][2];
@@ -89,7 +89,7 @@ struct ShiftedSolver::State {
   std::unique_ptr<Engine> analysed(bool real, bool narrow, FactorEstimate& estimate) {
     auto engine = make_engine(comm, real, narrow, options.mumps);
     engine->count_pivots(count && !narrow);
-    estimate = engine->analyse(pattern().lower, position);
+    estimate = engine->analyse(pattern().lower, order);
     return engine;
   }
 
@@ -98,22 +98,22 @@ struct ShiftedSolver::State {
                                             FactorEstimate& estimate) {
     std::unique_ptr<Engine> dissected;
     if (wants_dissection(options, pattern().lower.n)) {
-      position = options.order ? *options.order
-                               : dissect(comm, pattern().lower, K, M, D, node_of_row);
+      order = options.order ? *options.order
+                            : dissect(comm, pattern().lower, K, M, D, node_of_row);
       dissected = analysed(real, narrow, estimate);
       ordering = "nested dissection";
       if (options.mumps.ordering != Ordering::best) return dissected;
     }
-    const std::vector<int> by_metis = std::exchange(position, {});
+    PivotOrder by_metis = std::exchange(order, {});
     FactorEstimate own_estimate;
     auto own = analysed(real, narrow, own_estimate);
     if (dissected && estimate.flops <= own_estimate.flops) {
-      position = by_metis;
+      order = std::move(by_metis);
       return dissected;
     }
     estimate = own_estimate;
     ordering = "MUMPS' own choice";
-    position = own->position();
+    order = own->order();
     return own;
   }
 
@@ -136,7 +136,7 @@ struct ShiftedSolver::State {
     {
       const auto engine = make_engine(comm, true, false, without_factors);
       engine->count_pivots(true);
-      engine->analyse(pattern().lower, position);
+      engine->analyse(pattern().lower, order);
       engine->factorise(pattern(), coefficients, definiteness != Definiteness::positive);
       negative = engine->negative_pivots();
       null = engine->null_pivots();

@@ -24,7 +24,7 @@ struct SolverOptions {
   double backward_error = 1e-13; ///< refine and warn above it; 1e-6 is an error
   /// By nested dissection, known before: 1-based position of each row, on rank 0. Null:
   /// each solver finds its own.
-  std::shared_ptr<const std::vector<int>> order;
+  std::shared_ptr<const PivotOrder> order;
 };
 
 /// For counting pivots: in double, with a threshold for null pivots.
@@ -39,7 +39,7 @@ struct ShiftCoefficients {
 /// The order that solvers with K and M, or with one of them alone, can share; null where
 /// the options ask for none by nested dissection. Arguments as of ShiftedSolver.
 /// Collective.
-std::shared_ptr<const std::vector<int>>
+std::shared_ptr<const PivotOrder>
 shared_order(Mat K, Mat M, const std::vector<std::int64_t>& node_of_row,
              const SolverOptions& options);
 

@@ -78,7 +78,8 @@ void check_semidefinite(Mat a, const char* name, const char* consequence,
     return;
   }
   if (!facts.order) facts.order = shared_order(model.K, model.M, model.node, options);
-  options.order = facts.order;
+  if (facts.order) // M's directions may be strangers to each other, K's never are
+    options.order = std::make_shared<PivotOrder>(PivotOrder{facts.order->position, {}});
   const int negative = count_negative_eigenvalues(a, negative_floor, options);
   if (negative > 0)
     throw Error(text(

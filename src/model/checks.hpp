@@ -11,7 +11,7 @@ struct BodyFacts {
   bool mass_is_singular = false;    ///< massless rows (more may hide in a consistent M)
   std::vector<std::string> skipped; ///< checks not needed, and why
   /// For the factorisations to come, if checks needed one.
-  std::shared_ptr<const std::vector<int>> order;
+  std::shared_ptr<const PivotOrder> order;
 };
 
 /// Refuses what no method can reduce: rows that are zero in both K and M, negative

@@ -182,8 +182,8 @@ TEST(Model, ChecksHandOnTheOrderThatTheyFound) {
   options.mumps.ordering = Ordering::nested_dissection;
   const BodyFacts facts = check_body(model, false, true, options, silent);
   ASSERT_NE(facts.order, nullptr);
-  EXPECT_EQ(facts.order->size(), comm_rank(world()) == 0 ? 400U : 0U);
-  std::vector<int> sorted = *facts.order;
+  EXPECT_EQ(facts.order->position.size(), comm_rank(world()) == 0 ? 400U : 0U);
+  std::vector<int> sorted = facts.order->position;
   std::sort(sorted.begin(), sorted.end());
   for (std::size_t i = 0; i < sorted.size(); ++i)
     EXPECT_EQ(sorted[i], static_cast<int>(i) + 1);

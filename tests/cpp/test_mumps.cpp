@@ -18,6 +18,7 @@ struct Grid {
   Pattern pattern;
   std::vector<double> values;
   RowRange rows;
+  std::vector<std::int64_t> node; ///< of each row, where there are nodes
 };
 
 double stencil(int i, int j) {
@@ -37,6 +38,24 @@ Grid grid(double shift) {
         g.pattern.column.push_back(j + 1);
         g.values.push_back(i == j ? value - shift : value);
       }
+  return g;
+}
+
+/// Three directions at each node of the grid, which know each other by `coupling`.
+Grid nodal_grid(double coupling) {
+  Grid g;
+  g.pattern.n = 3 * n;
+  g.rows = even_rows(world(), g.pattern.n);
+  for (int i = static_cast<int>(g.rows.begin); i < g.rows.end; ++i) {
+    g.node.push_back(i / 3);
+    for (int j = 0; j <= i; ++j)
+      if (const double value = stencil(i / 3, j / 3) * (i % 3 == j % 3 ? 4 : coupling);
+          value != 0) {
+        g.pattern.row.push_back(i + 1);
+        g.pattern.column.push_back(j + 1);
+        g.values.push_back(value);
+      }
+  }
   return g;
 }
 
@@ -168,32 +187,52 @@ TEST(Mumps, MoreWorkspaceIsTriedUpToTheLimit) {
 }
 
 TEST(Mumps, NestedDissectionIsAPermutationThatKeepsNodesTogether) {
-  // Three dofs a node on the grid's nodes.
-  Pattern p;
-  p.n = 3 * n;
-  const RowRange rows = even_rows(world(), p.n);
-  std::vector<std::int64_t> node;
-  for (int i = static_cast<int>(rows.begin); i < rows.end; ++i) {
-    node.push_back(i / 3);
-    for (int j = 0; j <= i; ++j)
-      if (stencil(i / 3, j / 3) != 0) {
-        p.row.push_back(i + 1);
-        p.column.push_back(j + 1);
-      }
-  }
-  const auto position = nested_dissection(world(), p, node);
+  const Grid g = nodal_grid(1.0);
+  const PivotOrder order = nested_dissection(world(), g.pattern, g.node);
   if (comm_rank(world()) != 0) {
-    EXPECT_TRUE(position.empty());
+    EXPECT_TRUE(order.position.empty());
+    EXPECT_TRUE(order.block_start.empty());
     return;
   }
-  auto sorted = position;
+  auto sorted = order.position;
   std::sort(sorted.begin(), sorted.end());
   std::vector<int> expected(sorted.size());
   std::iota(expected.begin(), expected.end(), 1);
   EXPECT_EQ(sorted, expected);
-  for (std::size_t i = 0; i < position.size(); i += 3) {
-    EXPECT_EQ(position[i + 1], position[i] + 1);
-    EXPECT_EQ(position[i + 2], position[i] + 2);
+  for (std::size_t i = 0; i < order.position.size(); i += 3) {
+    EXPECT_EQ(order.position[i] % 3, 1);
+    EXPECT_EQ(order.position[i + 1], order.position[i] + 1);
+    EXPECT_EQ(order.position[i + 2], order.position[i] + 2);
+  }
+  ASSERT_EQ(order.block_start.size(), static_cast<std::size_t>(n) + 1);
+  for (std::size_t k = 0; k < order.block_start.size(); ++k)
+    EXPECT_EQ(order.block_start[k], 3 * static_cast<int>(k));
+}
+
+TEST(Mumps, DirectionsThatAreStrangersAreNoBlocks) {
+  const Grid g = nodal_grid(0.0); // each direction by itself, as in a mass matrix
+  EXPECT_TRUE(nested_dissection(world(), g.pattern, g.node).block_start.empty());
+}
+
+TEST(Mumps, AnalysisByBlocksIsThatOfTheVariables) {
+  const Grid g = nodal_grid(1.0);
+  const PivotOrder blocks = nested_dissection(world(), g.pattern, g.node);
+  const auto local = static_cast<std::size_t>(g.rows.size());
+  std::vector<double> before;
+  FactorEstimate estimate_before;
+  for (const PivotOrder& order : {PivotOrder{blocks.position, {}}, blocks}) {
+    Mumps<double> mumps(world(), {});
+    const FactorEstimate estimate = mumps.analyse(g.pattern, order);
+    mumps.factorise(g.pattern, g.values);
+    EXPECT_EQ(mumps.negative_pivots(), 0);
+    std::vector<double> x(local, 1.0);
+    mumps.solve(g.rows, x, 1);
+    if (!before.empty() || local == 0) {
+      EXPECT_LE(estimate.factor_entries, 1.05 * estimate_before.factor_entries);
+      for (std::size_t i = 0; i < local; ++i) EXPECT_NEAR(x[i], before[i], 1e-13);
+    }
+    before = x;
+    estimate_before = estimate;
   }
 }
 
