@@ -53,7 +53,7 @@ private:
     return request_.order.tolerance ? request_.order.smallest() : 0.0;
   }
   double limit_of(std::size_t view) const;
-  ErrorClaim claim_of(const ErrorOverBand::Supremum& sup) const;
+  ErrorClaim claim_of(const ErrorOverBand::Supremum& sup, const DenseSystem& small);
   Dense chosen_basis();
   ReducedModel reduced(const Dense& Q, const DenseSystem& small,
                        const ErrorOverBand::Supremum& sup);
@@ -109,8 +109,10 @@ std::shared_ptr<MediumOverBand> Cut::seen(std::size_t level) const {
   const KindSpec kinds = request_.order.kinds();
   const double enough = std::min(target(), whole_.spec.target);
   return whole_.seen->find_or(
-      {level, ports_, kinds, request_.relative_to == RelativeTo::elastic, bands_,
-       request_.error_omega, enough},
+      {level, ports_, kinds,
+       request_.relative_to == RelativeTo::band ? RelativeTo::pointwise
+                                                : request_.relative_to,
+       bands_, request_.error_omega, enough},
       [&] {
         MediumModel model(whole_, level, ports_, kinds, request_.relative_to, enough);
         model.follow_dampers();
@@ -239,7 +241,7 @@ double Cut::limit_of(std::size_t view) const {
   return request_.order.smallest() * medium_.views[view].allowed;
 }
 
-ErrorClaim Cut::claim_of(const ErrorOverBand::Supremum& sup) const {
+ErrorClaim Cut::claim_of(const ErrorOverBand::Supremum& sup, const DenseSystem& small) {
   ErrorClaim claim;
   claim.worst = sup.worst;
   claim.whole = sup.worst_of[0];
@@ -247,14 +249,27 @@ ErrorClaim Cut::claim_of(const ErrorOverBand::Supremum& sup) const {
       std::max_element(sup.worst_of.begin(), sup.worst_of.end()) - sup.worst_of.begin());
   claim.attained = sup.attained_of[view];
   claim.at = sup.at_of[view];
-  claim.rigid_rounding = seen_->grid().assumed;
-  claim.relative_to = word_of(request_.relative_to);
+  claim.rigid_rounding = seen_->grid().rigid_rounding;
+  const auto& data = seen_->grid().data_rounding;
+  if (const auto most = std::max_element(data.begin(), data.end()); most != data.end()) {
+    claim.data_rounding = *most;
+    claim.data_rounding_at =
+        errors_.omega()[static_cast<std::size_t>(most - data.begin())];
+  }
+  claim.relative_to = word_of(resolved(request_.relative_to, whole_));
   for (const Interval& b : bands_) claim.bands.push_back({b.first, b.last});
   for (const Interval& e : sup.excluded) claim.excluded.push_back({e.first, e.last});
   claim.tolerance = request_.order.tolerance;
   claim.met = !request_.order.tolerance || sup.proved;
   for (std::size_t v = 0; claim.met && claim.tolerance && v < sup.worst_of.size(); ++v)
     claim.met = sup.worst_of[v] <= limit_of(v);
+  if (claim.met || !sup.proved) return claim;
+  std::vector<double> ends;
+  for (const Interval& i : errors_.unmet(small, smallest_tolerance()).intervals)
+    ends.insert(ends.end(), {i.first, i.last});
+  share_list(comm_, ends);
+  for (std::size_t i = 0; i + 1 < ends.size(); i += 2)
+    claim.unmet.push_back({ends[i], ends[i + 1]});
   return claim;
 }
 
@@ -292,7 +307,8 @@ ReducedModel Cut::reduced(const Dense& Q, const DenseSystem& small,
   rom.epsilon = std::move(errors.relative);
   rom.bound = std::move(errors.bound);
   rom.floor = errors_.floor();
-  rom.claim = claim_of(sup);
+  if (whole_.printed_rounding > 0) rom.data_rounding = seen_->grid().data_rounding;
+  rom.claim = claim_of(sup, small);
   std::vector<double> poles;
   for (const auto& pole : medium_.poles_within(small, sup.excluded))
     poles.insert(poles.end(), {pole.omega, pole.frequency, pole.residue});

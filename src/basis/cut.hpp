@@ -33,7 +33,7 @@ struct CutRequest {
   int moments = 2;              ///< of krylov, at each shift
   Frame frame = Frame::automatic;
   std::string frame_interface; ///< of tangent; empty: the first with six ports
-  RelativeTo relative_to = RelativeTo::pointwise;
+  RelativeTo relative_to = RelativeTo::both;
   bool field = false; ///< the error of the field in the energy norm is to be known too
   std::vector<double> error_omega;          ///< [rad/s] further frequencies of the curve
   std::vector<std::string> inputs, outputs; ///< ports to keep; empty: all

@@ -71,8 +71,8 @@ std::string shortfall(double tolerance, const SecondStage& stage, ErrorOverBand&
                       const Candidate& best) {
   const double least = errors.least();
   if (const auto floor = errors.largest_floor(); floor.worst > 0.5 * tolerance)
-    return text("rounding of K alone may change %s by up to %.1e of it at %.5g Hz, at a "
-                "sharp resonance or because these outputs hardly answer these inputs",
+    return text("the rounding of doubles may change %s by up to %.1e of it at %.5g Hz, at a "
+                "sharp resonance or because these outputs hardly respond to these inputs",
                 floor.of.c_str(), floor.worst, floor.omega / (2 * std::numbers::pi));
   if (least > tolerance)
     return text("the medium model of order %d is good to %.1e only (see "
@@ -83,43 +83,17 @@ std::string shortfall(double tolerance, const SecondStage& stage, ErrorOverBand&
               best.name.c_str(), best.most);
 }
 
-/// The model that comes closest, at the smallest order that does as well to a tenth.
-void choose_closest(OrderChoice& choice, double tolerance, const SecondStage& stage,
-                    ErrorOverBand& errors) {
-  const MediumModel& medium = stage.medium;
-  double reached = std::numeric_limits<double>::infinity();
-  for (std::size_t c = 0; c < choice.candidates.size(); ++c) {
-    const Candidate& candidate = choice.candidates[c];
-    const double worst =
-        errors.of(medium.system.project(candidate.basis(candidate.most))).worst;
-    if (c > 0 && !(worst < reached)) continue;
-    reached = worst;
-    choice.best = c;
-  }
-  const Candidate& best = choice.candidates[choice.best];
-  choice.order = smallest_order(best, medium, best.most, [&](const DenseSystem& small) {
-    return errors.of(small).worst <= 1.1 * reached;
-  });
-  // Without a bound at any order the largest body is no worse than others.
-  if (choice.order == 0 || reached == std::numeric_limits<double>::infinity())
-    choice.order = best.most;
-  choice.shortfall = shortfall(tolerance, stage, errors, best);
-}
-
-void choose_by_tolerance(OrderChoice& choice, double tolerance, const SecondStage& stage,
-                         ErrorOverBand& errors) {
-  choice.chosen_by = text("{tol} %g", tolerance);
+/// The smallest order of all candidates at which the measure of the error meets the
+/// tolerance; 0 if there is none.
+int smallest_of_all(OrderChoice& choice, double tolerance, const SecondStage& stage,
+                    ErrorOverBand& errors, ErrorOverBand::Measure measure) {
+  choice.tried.clear();
   for (std::size_t c = 0; c < choice.candidates.size(); ++c) {
     const Candidate& candidate = choice.candidates[c];
     // A later candidate must be smaller to win.
-    const int order =
-        errors.least() > tolerance
-            ? 0
-            : smallest_order(candidate, stage.medium,
-                             choice.order > 0 ? choice.order - 1 : candidate.most,
-                             [&](const DenseSystem& small) {
-                               return errors.meets(small, tolerance);
-                             });
+    const int order = smallest_order(
+        candidate, stage.medium, choice.order > 0 ? choice.order - 1 : candidate.most,
+        [&](const DenseSystem& small) { return errors.meets(small, tolerance, measure); });
     if (order > 0) {
       choice.best = c;
       choice.order = order;
@@ -129,7 +103,37 @@ void choose_by_tolerance(OrderChoice& choice, double tolerance, const SecondStag
                          : choice.order > 0 ? "no smaller"
                                             : "none");
   }
-  if (choice.order == 0) choose_closest(choice, tolerance, stage, errors);
+  return choice.order;
+}
+
+/// The largest body of the candidate that comes closest.
+void choose_closest(OrderChoice& choice, const SecondStage& stage,
+                    ErrorOverBand& errors) {
+  double reached = std::numeric_limits<double>::infinity();
+  for (std::size_t c = 0; c < choice.candidates.size(); ++c) {
+    const Candidate& candidate = choice.candidates[c];
+    const double worst =
+        errors.of(stage.medium.system.project(candidate.basis(candidate.most))).worst;
+    if (c > 0 && !(worst < reached)) continue;
+    reached = worst;
+    choice.best = c;
+  }
+  choice.order = choice.candidates[choice.best].most;
+}
+
+void choose_by_tolerance(OrderChoice& choice, double tolerance, const SecondStage& stage,
+                         ErrorOverBand& errors) {
+  using Measure = ErrorOverBand::Measure;
+  choice.chosen_by = text("{tol} %g", tolerance);
+  if (errors.least() <= tolerance &&
+      smallest_of_all(choice, tolerance, stage, errors, Measure::claim) > 0)
+    return;
+  if (smallest_of_all(choice, tolerance, stage, errors, Measure::model_error) > 0)
+    choice.chosen_by += " without rounding and the error of the medium model";
+  else
+    choose_closest(choice, stage, errors);
+  choice.shortfall =
+      shortfall(tolerance, stage, errors, choice.candidates[choice.best]);
 }
 
 void choose_by_order(OrderChoice& choice, int order, const SecondStage& stage,

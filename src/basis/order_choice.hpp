@@ -23,9 +23,11 @@ struct OrderChoice {
   std::string shortfall; ///< why the tolerance is not met; empty: it is, or there is none
 };
 
-/// By the tolerance: the smallest order that any of the named second stages needs, or if
-/// none meets it the smallest that comes about as close as any; by a given order: the
-/// stage with the smallest certified error; else by the paper's rule.
+/// By the tolerance: the smallest order whose certified error meets it, of any of the named
+/// second stages. If none does because of rounding or of the medium model, the smallest order
+/// whose own error (ErrorOverBand::Measure::model_error) meets it: elsewhere in the band the
+/// body is then as good as was asked. By a given order: the stage with the smallest certified
+/// error. Else by the paper's rule.
 /// @throws Error with the reason if the order cannot be had.
 OrderChoice choose_order(const std::vector<std::string>& names, const SecondStage& stage,
                          ErrorOverBand& errors, const OrderSpec& order);

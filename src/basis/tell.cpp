@@ -64,7 +64,8 @@ bool too_many_ports(const MediumModel& medium) {
 }
 
 /// What joints and springs at its ports leave of a free body's motion is elastic, and small
-/// beside the motion as a rigid body that |H| is mostly made of at low frequencies.
+/// beside the motion as a rigid body that |H| is mostly made of at low frequencies: how large
+/// the error is relative to that, where errors are not relative to it anyway.
 void tell_elastic_part(const CutStory& cut, const ReducedModel& rom, Observer& observer) {
   const MediumModel& medium = cut.seen.model();
   if (!medium.has_elastic_part()) return;
@@ -80,7 +81,7 @@ void tell_elastic_part(const CutStory& cut, const ReducedModel& rom, Observer& o
     if (excluded(rom.omega[l])) continue;
     const double reference = cut.request.relative_to == RelativeTo::band
                                  ? sizes.largest
-                                 : sizes.size[l] - sizes.bound[l],
+                                 : sizes.size[l] - sizes.error[l] - sizes.floor[l],
                  error = rom.bound[l] * reference / sizes.size[l] *
                          medium.whole_over_elastic(rom.omega[l]);
     if (error <= worst) continue;
@@ -92,23 +93,44 @@ void tell_elastic_part(const CutStory& cut, const ReducedModel& rom, Observer& o
   worst = shared[0];
   at = shared[1] * hz;
   constexpr double hardly_any = 10; // times the elastic motion
-  if (worst > hardly_any)
-    observer.fact("elastic part",
-                  text("of |H| without rigid motion is smaller than the error "
-                       "(at %.4g Hz); {tol_relative_to} elastic looks at it",
-                       at));
-  else
-    observer.fact(
-        "elastic part",
-        text("of |H| without rigid motion the error is about %.1e at most (at %.4g "
-             "Hz); {tol_relative_to} elastic bounds that",
-             worst, at));
+  const std::string size = worst > hardly_any ? "more than all" : text("%.2g", worst);
+  observer.fact("elastic part",
+                text("relative to |H| without rigid motion: about %s at %.4g Hz (an estimate; "
+                     "{tol_relative_to} both certifies it)",
+                     size.c_str(), at));
   if (worst > 0.05)
     observer.warn(text(
-        "the body is free, and its error is %s of its elastic motion (at %.4g "
-        "Hz): where joints or springs hold it that is what counts. "
-        "{tol_relative_to} elastic bounds it",
+        "the body is free, and its error is %s of its elastic motion at %.4g Hz. Where "
+        "joints or springs hold the body, that motion is what counts. {tol_relative_to} "
+        "both, the default, bounds the error of that too",
         worst > hardly_any ? "more than all" : text("%.0f %%", 100 * worst).c_str(), at));
+}
+
+/// Where the tolerance is met and where not, in words; empty if it is met nowhere.
+std::string unmet_words(const ErrorClaim& claim) {
+  double all = 0, missed = 0;
+  for (const auto& [first, last] : claim.bands) all += last - first;
+  auto intervals = claim.unmet;
+  for (const auto& [first, last] : intervals) missed += last - first;
+  if (intervals.empty() || !(all > 0) || missed > 0.999 * all) return "";
+  std::stable_sort(intervals.begin(), intervals.end(), [](const auto& a, const auto& b) {
+    return a[1] - a[0] > b[1] - b[0];
+  });
+  const double share = 100 * (1 - missed / all);
+  std::string words = text(". It is met in %.4g %% of the band%s, but not",
+                           share > 99.99 ? 99.99 : share, claim.bands.size() > 1 ? "s" : "");
+  constexpr std::size_t most = 3;
+  for (std::size_t i = 0; i < std::min(intervals.size(), most); ++i) {
+    const auto [first, last] = intervals[i];
+    words += text(i == 0 ? " " : ", ");
+    words += last - first > 0.1 * last
+                 ? text("from %.5g to %.5g Hz", first * hz, last * hz)
+                 : text("within %.1g Hz of %.6g Hz", 0.5 * (last - first) * hz,
+                        0.5 * (first + last) * hz);
+  }
+  if (intervals.size() > most)
+    words += text(" and in %zu smaller intervals", intervals.size() - most);
+  return words;
 }
 
 /// The error in words: of H as a whole, by either reference, and of its kinds.
@@ -116,12 +138,15 @@ void tell_error(const CutStory& cut, const ReducedModel& rom, Observer& observer
   const ErrorOverBand::Supremum& sup = cut.sup;
   const MediumModel& medium = cut.seen.model();
   const std::string label = label_of(rom);
-  const bool to_band = cut.request.relative_to == RelativeTo::band,
-             to_elastic = cut.request.relative_to == RelativeTo::elastic;
-  const char* const references[] = {"|H| at each frequency",
-                                    "the largest |H| in the band",
-                                    "|H| without rigid motion at each frequency"};
-  const char* const reference = references[static_cast<int>(cut.request.relative_to)];
+  const bool to_band = cut.request.relative_to == RelativeTo::band;
+  const RelativeTo relative_to = cut.relative_to();
+  const bool of_elastic =
+      relative_to == RelativeTo::elastic || relative_to == RelativeTo::both;
+  const char* const references[] = {
+      "|H| at each frequency", "the largest |H| in the band",
+      "|H| without rigid motion at each frequency",
+      "the smaller of |H| and |H| without rigid motion at each frequency"};
+  const char* const reference = references[static_cast<int>(relative_to)];
   observer.fact("error",
                 text("%s of %s, everywhere in the band%s (%s), reached %.2e at %.5g Hz; "
                      "rounding floor %.0e",
@@ -131,8 +156,8 @@ void tell_error(const CutStory& cut, const ReducedModel& rom, Observer& observer
                      *std::max_element(rom.floor.begin(), rom.floor.end())));
   // Beside undamped resonances |H| has no largest value; of very many ports with a damping
   // matrix it would cost as much as the claim itself.
-  if (to_elastic) {
-    observer.fact("relative to", text("%s ({tol_relative_to} elastic)", reference));
+  if (of_elastic) {
+    observer.fact("relative to", text("%s ({tol_relative_to} %s)", reference, word_of(relative_to)));
   } else if (sup.excluded.empty() &&
              (medium.has_many_ports() || !too_many_ports(medium))) {
     const auto other =
@@ -142,16 +167,21 @@ void tell_error(const CutStory& cut, const ReducedModel& rom, Observer& observer
                       sup.intervals + 200);
     observer.fact("relative to",
                   text("%s ({tol_relative_to} %s); of %s the error is at most %.1e",
-                       reference, word_of(cut.request.relative_to),
+                       reference, word_of(relative_to),
                        references[to_band ? 0 : 1], other.worst));
   }
-  if (!to_elastic && medium.rigid > 0) tell_elastic_part(cut, rom, observer);
+  if (!of_elastic && medium.rigid > 0) tell_elastic_part(cut, rom, observer);
   if (medium.rigid > 0)
-    observer.fact(
-        "rigid rounding",
-        text("rigid modes are rigid, and no error comes of it; were what K holds of "
-             "them, which its rounding explains, meant, H would change by %.0e",
-             rom.claim->rigid_rounding));
+    observer.fact("rigid rounding",
+                  text("the rigid modes count as exactly rigid: what K holds of their stiffness "
+                       "is at the level of its rounding (change of H if it were real: %.0e)",
+                       rom.claim->rigid_rounding));
+  if (!rom.data_rounding.empty())
+    observer.fact("data rounding",
+                  text("K looks printed with %.0f digits; such roundings may change H by %.1e "
+                       "(at %.5g Hz, an estimate). The error above is of the stored K",
+                       -std::log10(cut.whole.printed_rounding / 5),
+                       rom.claim->data_rounding, rom.claim->data_rounding_at * hz));
   if (!medium.zero_views.empty())
     observer.skip("errors of " + join(medium.zero_views, ", "),
                   "H is nothing but rounding there");
@@ -189,11 +219,10 @@ void tell_error(const CutStory& cut, const ReducedModel& rom, Observer& observer
   std::string why = at_a_zero(cut);
   if (why.empty()) why = cut.choice.shortfall;
   if (why.empty()) why = "the bound over the band was not brought any closer to it";
-  observer.warn(text("{tol} %g is not met: the error is %s (%s); %s. This is "
-                     "the best body that was found",
+  observer.warn(text("{tol} %g is not met: the error is %s (%s)%s: %s",
                      *cut.request.order.tolerance,
                      bound_words(sup.worst, "at most %.1e").c_str(), label.c_str(),
-                     why.c_str()));
+                     unmet_words(*rom.claim).c_str(), why.c_str()));
 }
 
 } // namespace

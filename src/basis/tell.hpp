@@ -15,6 +15,8 @@ struct CutStory {
   const OrderChoice& choice;
   const DenseSystem& small;
   const ErrorOverBand::Supremum& sup;
+  /// What errors are relative to: `both` only of a body that has an elastic part.
+  RelativeTo relative_to() const { return resolved(request.relative_to, whole); }
 };
 
 /// Order, error in words, reduced modes: the facts of the plan, and a warning where the

@@ -56,9 +56,12 @@ void claim_of(FieldSink& sink, const ErrorClaim& claim) {
   sink.value("error/attained", claim.attained);
   sink.value("error/at", claim.at);
   sink.value("error/rigid_rounding", claim.rigid_rounding);
+  sink.value("error/data_rounding_worst", claim.data_rounding);
+  sink.value("error/data_rounding_at", claim.data_rounding_at);
   sink.value("error/relative_to", claim.relative_to);
   rows(sink, "error/bands", claim.bands);
   rows(sink, "error/excluded", claim.excluded);
+  rows(sink, "error/unmet", claim.unmet);
   rows(sink, "error/poles", claim.poles);
   if (!claim.tolerance) return;
   sink.value("error/tolerance", *claim.tolerance);
@@ -71,6 +74,8 @@ void error(FieldSink& sink, const ReducedModel& rom) {
   if (!rom.bound.empty()) {
     vector(sink, "error/bound", rom.bound);
     vector(sink, "error/floor", rom.floor);
+    if (!rom.data_rounding.empty())
+      vector(sink, "error/data_rounding", rom.data_rounding);
   }
   sink.value("error/kind", rom.kind);
   if (rom.claim) claim_of(sink, *rom.claim);

@@ -266,7 +266,7 @@ int count_negative_eigenvalues(Mat a, double floor, SolverOptions options) {
   return solver.negative_pivots();
 }
 
-double relative_rounding(Mat a) {
+double printed_digits_rounding(Mat a) {
   constexpr int fewest = 6, most = 15;
   std::array<double, most - fewest + 3> counts{}; // by digits; all; with more digits
   const RowRange rows = owned_rows(a);
@@ -295,7 +295,7 @@ double relative_rounding(Mat a) {
     if (digits > fewest && here > 0.5 * counts.back() && within > 0.95 * counts.back())
       return 5 * std::pow(10.0, -digits);
   }
-  return std::numeric_limits<double>::epsilon();
+  return 0;
 }
 
 } // namespace flexgram

@@ -51,10 +51,10 @@ struct Asymmetry {
 };
 Asymmetry find_asymmetry(Mat a, double tolerance);
 
-/// Relative rounding of the entries: that of doubles, or more if most of them turn out to
-/// have been printed with the same, smaller number of decimal digits. Looks at some
-/// thousand entries a rank. Collective.
-double relative_rounding(Mat a);
+/// Largest relative rounding of the entries if most of them have the same number of decimal
+/// digits, 7 to 15, as printed numbers do; else 0. Looks at some thousand entries a rank.
+/// Collective.
+double printed_digits_rounding(Mat a);
 
 /// α, β with D = αM + βK to `tolerance` in the Frobenius norm, if there are any.
 struct ProportionalFit {

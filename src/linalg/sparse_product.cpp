@@ -114,11 +114,11 @@ struct AccurateSum {
 };
 
 /// The same in columns of eight with twice the digits; adds x_i² Σ_j (a_ij x_j)² to
-/// `spread`.
+/// `spread`, and stores Σ_j (a_ij x_j)² of each row unless `row_squares` is null.
 FLEXGRAM_FOR_EACH_PROCESSOR
 void accurate_product_of_8(const Rows& here, const double* x, const Rows& away,
                            const double* halo, double* y, PetscInt columns,
-                           double* spread) {
+                           double* spread, double* row_squares) {
   AccurateSum::Doubles spreads{};
   for (PetscInt i = 0; i < here.count; ++i) {
     AccurateSum sum;
@@ -137,6 +137,10 @@ void accurate_product_of_8(const Rows& here, const double* x, const Rows& away,
     std::memcpy(sums, &total, sizeof total);
     for (PetscInt c = 0; c < columns; ++c)
       y[c * static_cast<std::ptrdiff_t>(here.count) + i] = sums[c];
+    if (!row_squares) continue;
+    std::memcpy(sums, &sum.squares, sizeof sum.squares);
+    for (PetscInt c = 0; c < columns; ++c)
+      row_squares[c * static_cast<std::ptrdiff_t>(here.count) + i] = sums[c];
   }
   double sums[line];
   std::memcpy(sums, &spreads, sizeof spreads);
@@ -308,26 +312,34 @@ Block multiply(Mat a, const Block& x) {
   return y;
 }
 
-AccurateProduct multiply_accurately(Mat a, const Block& x) {
+AccurateProduct multiply_accurately(Mat a, const Block& x, bool with_row_spread) {
   static Event event("AccurateProduct");
   const auto timed = event.timed();
   const bool shared = is_type(a, MATMPIAIJ);
   if (!shared && !is_type(a, MATSEQAIJ)) throw Error("an accurate product needs AIJ");
   AccurateProduct result{Block(x.comm(), x.local_rows(), x.rows(), x.columns()),
-                         std::vector<double>(static_cast<std::size_t>(x.columns()), 0.0)};
+                         std::vector<double>(static_cast<std::size_t>(x.columns()), 0.0),
+                         Block()};
+  if (with_row_spread)
+    result.row_spread = Block(x.comm(), x.local_rows(), x.rows(), x.columns());
   const LocalProduct local(a, shared);
   const PetscInt rows = x.local_rows().size();
   Strip strip(rows), from_others(local.wanted);
   {
     const Block::Access from(x);
     Block::Access to(result.product);
+    std::optional<Block::Access> of_rows;
+    if (with_row_spread) of_rows.emplace(result.row_spread);
     for (PetscInt j = 0; j < x.columns(); j += line) {
       const PetscInt columns = std::min<PetscInt>(line, x.columns() - j);
       pack<line>(from.column(j), rows, columns, strip.data());
       local.fetch(line, strip.data(), from_others.data());
       accurate_product_of_8(**local.here, strip.data(), local.rest(), from_others.data(),
-                            to.column(j), columns, result.spread.data() + j);
+                            to.column(j), columns, result.spread.data() + j,
+                            of_rows ? of_rows->column(j) : nullptr);
     }
+    if (of_rows)
+      for (double& s : of_rows->all()) s = std::sqrt(s);
   }
   MPI_Allreduce(MPI_IN_PLACE, result.spread.data(),
                 static_cast<int>(result.spread.size()), MPI_DOUBLE, MPI_SUM, x.comm());

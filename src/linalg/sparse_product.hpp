@@ -18,8 +18,10 @@ struct AccurateProduct {
   /// For each column √Σ (x_i a_ij x_j)²: XᵀAX changes by ε times this, if the entries of
   /// A are rounded at random.
   std::vector<double> spread;
+  /// √Σ_j (a_ij x_j)² of each row, if asked for: a row of A X changes by ε times this.
+  Block row_spread;
 };
 /// @param a  AIJ, rows and columns split like the rows of x. Collective.
-AccurateProduct multiply_accurately(Mat a, const Block& x);
+AccurateProduct multiply_accurately(Mat a, const Block& x, bool with_row_spread = false);
 
 } // namespace flexgram

@@ -110,6 +110,7 @@ Medium MediumBuilder::build(bool mass_is_singular) {
   }
   report();
   medium_.loss_of_orthogonality = loss_of_orthogonality(space_->V(), space_->product());
+  medium_.printed_rounding = space_->printed_rounding();
   medium_.V = space_->V().share();
   return std::move(medium_);
 }

@@ -30,7 +30,6 @@ private:
   void end_if_asked(const char* what) const;
   void find_rigid_modes();
   bool find_the_modes(double omega, bool mass_is_singular, bool last);
-  static MediumSpace::RigidStiffness stiffness_of(const RigidSplit& split);
   static bool has_light_dofs(const SecondOrderModel& fom, double omega);
   Block start(double omega, bool mass_is_singular);
   Block with_company(const Block& ports) const;
@@ -72,7 +71,7 @@ private:
   Block rigid_modes_;        ///< from the geometry, until the space has them
   std::vector<int> same_as_; ///< of each port the first one that is equal
   Block loads_, ports_;      ///< all ports, scaled; the same, self-equilibrated
-  MediumSpace::RigidStiffness rigid_stiffness_; ///< of those from the geometry
+  Dense rigid_stiffness_;          ///< that the stored K holds of those from the geometry
   int geometric_ = 0, expected_ = 0;
   double threshold_ = 0;
   std::unique_ptr<MediumSpace> space_;

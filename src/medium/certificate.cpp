@@ -16,7 +16,7 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
                          ResidualBasis basis, const ResidualNorm& norm, int modes,
                          bool inertia_is_safe, double cutoff, std::vector<double> scale)
     : tau_(space.tau()), sigma_(cutoff * cutoff), kappa_(space.kappa()),
-      rounding_(space.rounding()), provable_(basis.complete && inertia_is_safe),
+      rounding_(space.rounding()), data_rounding_(space.data_rounding()), provable_(basis.complete && inertia_is_safe),
       scale_(std::move(scale)) {
   // Coordinates in which the Gram matrix is the identity.
   const GramFactor factor = gram_factor(norm.gram);
@@ -58,9 +58,8 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
 
   if (space.rigid() > 0) {
     rigid_ = transpose(part_of(U, 0, space.rigid(), 0, U.columns));
-    neglected_ = transpose(multiply(space.neglected(), U));
-    assumed_ = multiply(rigid_, space.assumed());
-    for (Dense* a : {&rigid_, &neglected_, &assumed_})
+    rigid_stiffness_ = transpose(multiply(space.rigid_stiffness(), U));
+    for (Dense* a : {&rigid_, &rigid_stiffness_})
       for (double& x : a->data) x = std::abs(x);
   }
   const auto& weights = space.rounding_weights();
@@ -70,7 +69,6 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
       square += std::pow(U(i, j) * weights[static_cast<std::size_t>(i)], 2);
     rounding_weights_.push_back(std::sqrt(square));
   }
-  rigid_weights_.assign(weights.begin(), weights.begin() + space.rigid());
 }
 
 /// What Φ leaves of its own equation in the norm of (K + τM)⁻¹, in which frequencies are
@@ -100,7 +98,7 @@ bool Certificate::fits(int order, int ports, int modes, int rigid, bool damped) 
   };
   const int span = ports_.rows;
   return holds(scale_, ports) && holds(rounding_weights_, order) &&
-         holds(rigid_weights_, rigid) && is(ports_, span, ports) && is(K_, order, span) &&
+         is(ports_, span, ports) && is(K_, order, span) &&
          (!damped || is(D_, order, span)) && holds(coordinates_, span) &&
          holds(dropped_ports_, ports) && holds(dropped_K_, order) &&
          (!damped || holds(dropped_D_, order)) && holds(mode_mu_, modes) &&
@@ -108,8 +106,7 @@ bool Certificate::fits(int order, int ports, int modes, int rigid, bool damped) 
          (!damped || !provable_ ||
           (by_damping_.fits() && modes <= by_damping_.count() &&
            by_damping_.count() <= order)) &&
-         (rigid == 0 || (is(rigid_, order, rigid) && is(neglected_, order, rigid) &&
-                         is(assumed_, order, rigid)));
+         (rigid == 0 || (is(rigid_, order, rigid) && is(rigid_stiffness_, order, rigid)));
 }
 
 double Certificate::worst_angle() const {

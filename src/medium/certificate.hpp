@@ -58,9 +58,11 @@ public:
   struct Bound {
     double error = 0; ///< of ‖H − H_r‖_F, in the unit of H
     double floor = 0; ///< rounding of the model itself, in the unit of H; not in `error`
-    /// How far H would be if what K holds of rigid modes, taken for rounding of doubles,
-    /// were meant; in neither.
-    double assumed = 0;
+    /// Change of H if the stiffness of rigid modes in the stored K were real; in neither.
+    double rigid_rounding = 0;
+    /// Change of H by the rounding of K's entries when they were printed, an estimate; in
+    /// neither: the claim is of the stored K.
+    double data_rounding = 0;
     bool proved = true;
   };
 
@@ -150,10 +152,10 @@ public:
     a("kappa", self.kappa_);
     a("mu_plus", self.mu_plus_);
     a("rounding", self.rounding_);
+    a("data_rounding", self.data_rounding_);
     a("provable", self.provable_);
     a("scale", self.scale_);
     a("rounding_weights", self.rounding_weights_);
-    a("rigid_weights", self.rigid_weights_);
     a("ports", self.ports_);
     a("K", self.K_);
     a("D", self.D_);
@@ -168,8 +170,7 @@ public:
     a("coordinates", self.coordinates_);
     a("added", self.added_);
     a("rigid", self.rigid_);
-    a("neglected", self.neglected_);
-    a("assumed", self.assumed_);
+    a("rigid_stiffness", self.rigid_stiffness_);
   }
   /// Whether the fields are of the sizes that a model of this order has.
   bool fits(int order, int ports, int modes, int rigid, bool damped) const;
@@ -201,10 +202,11 @@ private:
 
   void enclose_modes();
 
-  double tau_ = 0, sigma_ = 0, kappa_ = 0, mu_plus_ = 0, rounding_ = 0;
+  double tau_ = 0, sigma_ = 0, kappa_ = 0, mu_plus_ = 0, rounding_ = 0,
+         data_rounding_ = 0;
   double enlarged_ = 1; ///< (K + τM)⁻¹ of residuals over (K − ω_c²M)⁻¹ at most, its root
   bool provable_ = true; ///< the residual is known whole, and the modes are counted
-  std::vector<double> scale_, rounding_weights_, rigid_weights_;
+  std::vector<double> scale_, rounding_weights_;
   /// In coordinates where the Gram matrix is the identity; the last two transposed.
   Dense ports_, K_, D_;
   std::vector<double> dropped_ports_, dropped_K_, dropped_D_; ///< ‖·‖ in E⁻¹
@@ -213,9 +215,7 @@ private:
   DampingCoupling by_damping_;      ///< with D, and of a body whose claims are proved
   std::vector<double> coordinates_; ///< 1/√γ of the Gram matrix' eigenvalues
   double added_ = 0;                ///< what these hold beyond the norm itself, at most
-  /// Transposed: rigid rows of U; stiffness that was set to zero; that among rigid modes
-  /// taken for rounding.
-  Dense rigid_, neglected_, assumed_;
+  Dense rigid_, rigid_stiffness_; ///< transposed: |rigid rows of U|; |stiffness set to zero|
 };
 
 /// Which combinations of the columns of E⁻¹T the space should grow by: the dominant
@@ -224,13 +224,13 @@ private:
 /// @param gram     TᵀE⁻¹T.
 /// @param samples  [rad/s]
 /// @param scale    of each port.
-/// @param left_out so many first modes, rigid ones, are no part of a block's size.
+/// @param left_out of each block: so many first modes, rigid ones, are no part of its size.
 /// @return k×d, d as small as it can be.
 Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
                          const DenseResponse& response,
                          const std::vector<double>& samples,
                          const std::vector<Certificate::PortSet>& blocks,
                          const std::vector<double>& scale, double kappa, double cutoff,
-                         int modes, int left_out, double target);
+                         int modes, const std::vector<int>& left_out, double target);
 
 } // namespace flexgram

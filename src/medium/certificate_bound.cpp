@@ -196,18 +196,14 @@ void Certificate::add_rounding(Bound& bound, const ResponseSeries& x,
   const double in = rounded(block.inputs, x.envelope, rounding_weights_),
                out = rounded(block.outputs, x.envelope, rounding_weights_);
   bound.floor = 4 * rounding_ * in * out;
-  if (rigid_.columns > 0) { // between rigid and elastic motion, and what K holds of both
+  bound.data_rounding = 4 * data_rounding_ * in * out;
+  if (rigid_.columns > 0) {
     const Dense motion = multiply_transposed(rigid_, x.envelope),
-                force = multiply_transposed(neglected_, x.envelope);
+                force = multiply_transposed(rigid_stiffness_, x.envelope);
     const std::vector<double> one(static_cast<std::size_t>(rigid_.columns), 1.0);
-    bound.floor +=
-        4 * rounding_ *
-            (rounded(block.inputs, motion, rigid_weights_) * out +
-             in * rounded(block.outputs, motion, rigid_weights_)) +
+    bound.rigid_rounding =
         rounded(block.outputs, motion, one) * rounded(block.inputs, force, one) +
         rounded(block.outputs, force, one) * rounded(block.inputs, motion, one);
-    bound.assumed = rounded(block.outputs, motion, one) *
-                    rounded(block.inputs, multiply_transposed(assumed_, x.envelope), one);
   }
 }
 
@@ -218,7 +214,8 @@ void Certificate::add_rounding(Bound& bound, const DenseResponse& response,
   const Damping& damping = response.system().damping;
   const double factor = std::hypot(1, damping.eta + x.interval.last * damping.beta);
   bound.floor *= factor;
-  bound.assumed *= factor;
+  bound.data_rounding *= factor;
+  bound.rigid_rounding *= factor;
 }
 
 /// |…| of the residual's claim for a block whose residuals are W at the centre of an

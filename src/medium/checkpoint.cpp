@@ -21,8 +21,7 @@ void archive_state(Archive&& a, State& s) {
   a("K", s.K);
   a("D", s.D);
   a("ports", s.ports);
-  a("rigid_beyond", s.rigid_beyond);
-  a("rigid_assumed", s.rigid_assumed);
+  a("rigid_stiffness", s.rigid_stiffness);
   a("geometric", s.geometric);
   a("blocks", s.blocks);
   a("inertia_is_safe", s.inertia_is_safe);
@@ -102,8 +101,7 @@ std::optional<CheckpointState> read_checkpoint(const SecondOrderModel& body,
   };
   if (medium.scale.size() != ports ||
       medium.body.outputs_are_inputs != body.outputs_are_inputs ||
-      state.V.columns() < rigid + medium.modes || !square(state.rigid_beyond) ||
-      !square(state.rigid_assumed) ||
+      state.V.columns() < rigid + medium.modes || !square(state.rigid_stiffness) ||
       (!medium.levels.empty() && medium.levels.back().order() > state.V.columns()))
     throw Error(
         text("file %s: its parts do not fit each other: it is damaged", path.c_str()));

@@ -15,7 +15,7 @@ struct CheckpointState {
   Basis V;           ///< W-orthonormal
   Dense K, D, ports; ///< VᵀKV, VᵀDV and Vᵀ[B, C], scaled: what tells bodies apart
   Block image; ///< (K − ω_c²M)⁻¹T of the last level: the next Krylov block; or empty
-  Dense rigid_beyond, rigid_assumed; ///< stiffness of rigid modes (MediumSpace)
+  Dense rigid_stiffness; ///< among rigid modes, as the stored K has it (MediumSpace)
   int geometric = 0, blocks = 0;
   bool inertia_is_safe = false;
   /// Of slow modes: those judged to be no rigid ones; whether all were found exactly.

@@ -19,6 +19,19 @@ constexpr double close = 1.05;
 
 double width_of(const Interval& interval) { return interval.last - interval.first; }
 
+/// Ascending, those that touch as one.
+std::vector<Interval> joined(std::vector<Interval> intervals) {
+  std::sort(intervals.begin(), intervals.end(),
+            [](const Interval& a, const Interval& b) { return a.first < b.first; });
+  std::vector<Interval> result;
+  for (const Interval& i : intervals)
+    if (!result.empty() && i.first <= result.back().last)
+      result.back().last = std::max(result.back().last, i.last);
+    else
+      result.push_back(i);
+  return result;
+}
+
 double largest(const std::vector<double>& values) {
   return *std::max_element(values.begin(), values.end());
 }
@@ -63,6 +76,13 @@ double ErrorOverBand::ratio(std::size_t view, double difference, double size,
   return known > 0 && most < infinity ? most / known : infinity; // NaN too
 }
 
+double ErrorOverBand::measured(Measure measure, std::size_t view, double difference,
+                               double size, double error, double floor) {
+  if (measure == Measure::claim) return ratio(view, difference, size, error + floor);
+  if (!std::isfinite(error)) return ratio(view, difference, size, 0);
+  return difference <= error ? 0.0 : ratio(view, difference, size, error);
+}
+
 /// Differences that do not matter beside errors of `level`.
 std::vector<double> ErrorOverBand::negligible(const std::vector<double>& sizes,
                                               double level) {
@@ -88,14 +108,15 @@ ErrorOverBand::distances(const std::vector<std::size_t>& at, const SmallModel& s
 /// and that error.
 std::pair<std::size_t, double> ErrorOverBand::worst_of(const std::vector<std::size_t>& at,
                                                        const SmallModel& small,
-                                                       double level) {
+                                                       double level, Measure measure) {
   const auto& views = medium_.grid().views;
   const auto distance = distances(at, small, level);
   std::pair<std::size_t, double> worst{at.front(), 0.0};
   for (std::size_t k = 0; k < at.size(); ++k)
     for (std::size_t v = 0; v < views.size(); ++v) {
       const double here =
-          ratio(v, distance[k][v], views[v].size[at[k]], views[v].bound[at[k]]);
+          measured(measure, v, distance[k][v], views[v].size[at[k]],
+                   views[v].error[at[k]], views[v].floor[at[k]]);
       if (here > worst.second) worst = {at[k], here};
     }
   return worst;
@@ -106,8 +127,17 @@ double ErrorOverBand::least() {
   double least = 0;
   for (std::size_t v = 0; v < views.size(); ++v)
     for (std::size_t l = 0; l < omega().size(); ++l)
-      least = std::max(least, ratio(v, 0, views[v].size[l], views[v].bound[l]));
+      least = std::max(least, ratio(v, 0, views[v].size[l],
+                                    views[v].error[l] + views[v].floor[l]));
   return least;
+}
+
+std::vector<double> ErrorOverBand::floor() {
+  const auto& whole = medium_.grid().views.front();
+  std::vector<double> relative;
+  for (std::size_t l = 0; l < whole.size.size(); ++l)
+    relative.push_back(whole.floor[l] / whole.size[l]);
+  return relative;
 }
 
 ErrorOverBand::Floor ErrorOverBand::largest_floor() {
@@ -115,9 +145,8 @@ ErrorOverBand::Floor ErrorOverBand::largest_floor() {
   const auto& views = medium_.grid().views;
   for (std::size_t v = 0; v < views.size(); ++v)
     for (std::size_t l = 0; l < omega().size(); ++l)
-      if (views[v].floor[l] > most.worst)
-        most = {views[v].floor[l], v == 0 ? "H" : medium_.model().views[v].name,
-                omega()[l]};
+      if (const double floor = views[v].floor[l] / views[v].size[l]; floor > most.worst)
+        most = {floor, v == 0 ? "H" : medium_.model().views[v].name, omega()[l]};
   return most;
 }
 
@@ -130,7 +159,8 @@ ErrorOverBand::Errors ErrorOverBand::of(const DenseSystem& system) {
   const auto distance = distances(all, small, 0);
   for (std::size_t l : all) {
     for (std::size_t v = 0; v < views.size(); ++v) {
-      const double bound = ratio(v, distance[l][v], views[v].size[l], views[v].bound[l]);
+      const double bound = ratio(v, distance[l][v], views[v].size[l],
+                                 views[v].error[l] + views[v].floor[l]);
       errors.worst = std::max(errors.worst, bound);
       if (v == 0) errors.bound.push_back(bound * allowed(v));
     }
@@ -140,7 +170,8 @@ ErrorOverBand::Errors ErrorOverBand::of(const DenseSystem& system) {
 }
 
 /// @param level  of errors that matter.
-ErrorOverBand::Point ErrorOverBand::point(double omega, Small small, double level) {
+ErrorOverBand::Point ErrorOverBand::point(double omega, Small small, double level,
+                                          Measure measure) {
   const MediumModel& model = medium_.model();
   Point result{std::vector<double>(model.views.size(), infinity), true};
   const auto medium = model.over({omega, omega}, 0);
@@ -155,15 +186,16 @@ ErrorOverBand::Point ErrorOverBand::point(double omega, Small small, double leve
   for (std::size_t v = 0; v < model.views.size(); ++v) {
     const Certificate::Bound& bound = medium->bounds[v];
     result.certified[v] =
-        ratio(v, small ? (*away)[v].above[0] : 0.0, sizes[v],
-              bound.error +
-                  (small ? bound.floor + solve_floor * medium->size[v].above[0] : 0.0));
+        small ? measured(measure, v, (*away)[v].above[0], sizes[v], bound.error,
+                         bound.floor + solve_floor * medium->size[v].above[0])
+              : ratio(v, 0, sizes[v], bound.error);
     result.proved = result.proved && bound.proved;
   }
   return result;
 }
 
-ErrorOverBand::Look ErrorOverBand::look(Node& node, Small small, double level) {
+ErrorOverBand::Look ErrorOverBand::look(Node& node, Small small, double level,
+                                        Measure measure) {
   const auto& views = medium_.model().views;
   Look look{std::vector<double>(views.size(), infinity), infinity, node.interval.centre(),
             false, true};
@@ -185,14 +217,16 @@ ErrorOverBand::Look ErrorOverBand::look(Node& node, Small small, double level) {
   for (std::size_t v = 0; v < views.size(); ++v) {
     const ViewNorms away = small ? (*differs)[v] : ViewNorms();
     const ViewNorms& size = medium->size[v];
-    const double bound = medium->bound[v] + (small ? medium->floor[v] : 0.0);
+    const double error = medium->error[v];
     look.upper[v] = 0;
     for (std::size_t i = 0; i < pieces; ++i)
-      look.upper[v] =
-          std::max(look.upper[v], ratio(v, away.above[i], size.below[i], bound));
+      look.upper[v] = std::max(look.upper[v],
+                               small ? measured(measure, v, away.above[i], size.below[i],
+                                                error, medium->floor[v])
+                                     : ratio(v, 0, size.below[i], error));
     look.worst = std::max(look.worst, look.upper[v]);
     for (std::size_t i = 0; i <= pieces; ++i) {
-      const double here = ratio(v, away.at[i] + (small ? 0.0 : bound), size.at[i], 0);
+      const double here = ratio(v, away.at[i] + (small ? 0.0 : error), size.at[i], 0);
       if (here <= most) continue;
       most = here;
       look.omega =
@@ -202,17 +236,17 @@ ErrorOverBand::Look ErrorOverBand::look(Node& node, Small small, double level) {
   return look;
 }
 
-bool ErrorOverBand::meets(const DenseSystem& system, double tolerance) {
+bool ErrorOverBand::meets(const DenseSystem& system, double tolerance, Measure measure) {
   const SmallModel small(system, medium_.model());
   const auto fails = [&](const std::vector<std::size_t>& at) {
     stop_if_interrupted();
-    const auto [l, worst] = worst_of(at, small, tolerance);
+    const auto [l, worst] = worst_of(at, small, tolerance, measure);
     if (worst <= tolerance) return false;
     hard_.assign(1, l);
     return true;
   };
   for (double omega : hard_omega_)
-    if (!(point(omega, &small, tolerance).worst() <= tolerance)) return false;
+    if (!(point(omega, &small, tolerance, measure).worst() <= tolerance)) return false;
   if (!hard_.empty() && fails(hard_)) return false;
   // Far apart first: a failure is found early. Gram matrices of many ports are large beside
   // what they are multiplied with: several frequencies at once cost little more than one.
@@ -227,7 +261,7 @@ bool ErrorOverBand::meets(const DenseSystem& system, double tolerance) {
     }
     if (!at.empty() && fails(at)) return false;
   }
-  const std::optional<double> worse = exceeds(&small, tolerance); // between them
+  const std::optional<double> worse = exceeds(&small, tolerance, measure); // between them
   if (!worse) return true;
   hard_omega_.insert(hard_omega_.begin(), *worse);
   if (hard_omega_.size() > 8) hard_omega_.pop_back();
@@ -235,23 +269,24 @@ bool ErrorOverBand::meets(const DenseSystem& system, double tolerance) {
 }
 
 std::optional<double> ErrorOverBand::weak_spot(double tolerance) {
-  return exceeds(nullptr, tolerance);
+  return exceeds(nullptr, tolerance, Measure::claim);
 }
 
-/// A frequency where the certified error of the small model, or of the medium model
-/// itself without rounding, is not proved to be within the tolerance.
-std::optional<double> ErrorOverBand::exceeds(Small small, double tolerance) {
+/// A frequency where the error of the small model, or of the medium model itself without
+/// rounding, is not proved to be within the tolerance.
+std::optional<double> ErrorOverBand::exceeds(Small small, double tolerance,
+                                             Measure measure) {
   std::vector<Node*> open;
   for (const auto& root : medium_.roots()) open.push_back(root.get());
   for (int count = 0; !open.empty(); ++count) {
     stop_if_interrupted();
     Node& node = *open.back();
     open.pop_back();
-    const Look seen = look(node, small, tolerance);
+    const Look seen = look(node, small, tolerance, measure);
     if (seen.worst <= tolerance) continue;
     if (medium_.may_be_excluded(node.interval)) continue;
     if (!medium_.near_pole(node.interval) && seen.known &&
-        !(point(seen.omega, small, tolerance).worst() <= tolerance))
+        !(point(seen.omega, small, tolerance, measure).worst() <= tolerance))
       return seen.omega;
     if (width_of(node.interval) <= narrowest * node.interval.last || count > 20000)
       return node.interval.centre();
@@ -260,6 +295,42 @@ std::optional<double> ErrorOverBand::exceeds(Small small, double tolerance) {
     open.push_back(node.high.get());
   }
   return std::nullopt;
+}
+
+ErrorOverBand::Unmet ErrorOverBand::unmet(const DenseSystem& system, double tolerance) {
+  constexpr double finest = 1e-6; // of the bands
+  constexpr int most = 4000;      // intervals that are looked at
+  const SmallModel small(system, medium_.model());
+  double whole = 0;
+  std::vector<Node*> open;
+  for (const auto& root : medium_.roots()) {
+    whole += width_of(root->interval);
+    open.push_back(root.get());
+  }
+  const auto exceeds_at = [&](double omega) {
+    return !(point(omega, &small, tolerance).worst() <= tolerance);
+  };
+  Unmet result;
+  for (int count = 0; !open.empty(); ++count) {
+    stop_if_interrupted();
+    Node& node = *open.back();
+    open.pop_back();
+    const Interval& here = node.interval;
+    if (look(node, &small, tolerance).worst <= tolerance) continue;
+    if (medium_.may_be_excluded(here)) continue;
+    if (count > most || width_of(here) <= finest * whole ||
+        (exceeds_at(here.first) && exceeds_at(here.centre()) && exceeds_at(here.last))) {
+      result.intervals.push_back(here);
+      continue;
+    }
+    medium_.split(node);
+    open.push_back(node.low.get());
+    open.push_back(node.high.get());
+  }
+  result.intervals = joined(std::move(result.intervals));
+  for (const Interval& i : result.intervals)
+    result.share += whole > 0 ? width_of(i) / whole : 1.0;
+  return result;
 }
 
 /// Beside undamped resonances: what is within the level is settled, what is not is
@@ -288,15 +359,7 @@ void ErrorOverBand::exclude(std::vector<Node*> zones, const SmallModel& small,
       zones.push_back(node.high.get());
     }
   }
-  std::sort(result.excluded.begin(), result.excluded.end(),
-            [](const Interval& a, const Interval& b) { return a.first < b.first; });
-  std::vector<Interval> joined;
-  for (const Interval& e : result.excluded)
-    if (!joined.empty() && e.first <= joined.back().last)
-      joined.back().last = std::max(joined.back().last, e.last);
-    else
-      joined.push_back(e);
-  result.excluded = std::move(joined);
+  result.excluded = joined(std::move(result.excluded));
 }
 
 /// What an interval shows belongs to the result.

@@ -30,6 +30,14 @@ public:
   /// @param medium  which outlives this.
   ErrorOverBand(MediumOverBand& medium, RelativeTo relative_to);
 
+  /// What is compared with a tolerance.
+  enum class Measure {
+    claim, ///< the certified error
+    /// The model's own error, without rounding; nothing where the small model is as close to
+    /// the medium model as that is known to be to the body.
+    model_error
+  };
+
   struct Errors {
     std::vector<double> relative, bound; ///< of H as a whole, at omega()
     double worst = 0;                    ///< largest bound of all views
@@ -53,9 +61,17 @@ public:
   /// elsewhere].
   /// @param most   about so many intervals; fewer make `worst` larger, never wrong.
   Supremum supremum(const DenseSystem& small, double level, int most = 20000);
-  /// True if the certified error is at most `tolerance` everywhere in the bands, but for
-  /// excluded intervals around undamped resonances.
-  bool meets(const DenseSystem& small, double tolerance);
+  /// True if the error is at most `tolerance` everywhere in the bands, but for excluded
+  /// intervals around undamped resonances.
+  bool meets(const DenseSystem& small, double tolerance, Measure measure);
+
+  /// Where the certified error is not known to be within the tolerance, outside excluded
+  /// intervals around undamped resonances.
+  struct Unmet {
+    std::vector<Interval> intervals; ///< [rad/s] ascending
+    double share = 0;                ///< of the bands
+  };
+  Unmet unmet(const DenseSystem& small, double tolerance);
 
   /// A frequency where the medium model itself, without its rounding, is not proved to be
   /// within the tolerance.
@@ -63,7 +79,7 @@ public:
 
   const std::vector<double>& omega() const { return medium_.omega(); }
   /// Rounding, relative, of H as a whole, at omega().
-  const std::vector<double>& floor() { return medium_.grid().views.front().floor; }
+  std::vector<double> floor();
   struct Floor {
     double worst = 0;
     std::string of; ///< the kind of ports, or H
@@ -84,13 +100,16 @@ private:
   double allowed(std::size_t view) const;
   std::vector<double> negligible(const std::vector<double>& sizes, double level);
   double ratio(std::size_t view, double difference, double size, double bound);
+  double measured(Measure measure, std::size_t view, double difference, double size,
+                  double error, double floor);
   std::vector<std::vector<double>> distances(const std::vector<std::size_t>& at,
                                              const SmallModel& small, double level);
   std::pair<std::size_t, double> worst_of(const std::vector<std::size_t>& at,
-                                          const SmallModel& small, double level);
-  Point point(double omega, Small small, double level);
-  Look look(Node& node, Small small, double level);
-  std::optional<double> exceeds(Small small, double tolerance);
+                                          const SmallModel& small, double level,
+                                          Measure measure);
+  Point point(double omega, Small small, double level, Measure measure = Measure::claim);
+  Look look(Node& node, Small small, double level, Measure measure = Measure::claim);
+  std::optional<double> exceeds(Small small, double tolerance, Measure measure);
   static void settle(const Look& seen, Supremum& result);
   void visit(double omega, const SmallModel& small, double level, Supremum& result);
   void exclude(std::vector<Node*> zones, const SmallModel& small, double allowed,

@@ -217,7 +217,7 @@ void MediumBuilder::prove(int most_columns) {
     Dense chosen = directions_to_grow(
         parts, norm.gram, *levels.back().response, samples, seen_->model().blocks(),
         medium_.scale, medium_.kappa, medium_.cutoff, modes,
-        spec_.relative_to == RelativeTo::elastic ? medium_.rigid : 0, 0.3 * spec_.target);
+        seen_->model().left_out(), 0.3 * spec_.target);
     share_list(fom_.comm, chosen.data);
     chosen.columns = static_cast<int>(chosen.data.size()) / std::max(chosen.rows, 1);
     image_ = combine(image_, chosen);
@@ -311,7 +311,10 @@ void MediumBuilder::report() {
     observer_.fact("fall-back",
                    "refinement of single precision stalled: double precision");
   const char* const what =
-      spec_.relative_to == RelativeTo::elastic ? "H without rigid motion" : "H";
+      resolved(spec_.relative_to, medium_) == RelativeTo::elastic ? "H without rigid motion"
+      : resolved(spec_.relative_to, medium_) == RelativeTo::both
+          ? "H and of H without rigid motion"
+          : "H";
   // Without rounding, which the claim of the small model includes.
   observer_.fact(
       "medium error",

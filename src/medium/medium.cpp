@@ -39,6 +39,12 @@ std::vector<Resonance> Medium::resonances(const MediumLevel& level) const {
   return result;
 }
 
+RelativeTo resolved(RelativeTo asked, const Medium& medium) {
+  const bool has_elastic_part =
+      medium.rigid > 0 && medium.levels.back().response->is_diagonal();
+  return asked == RelativeTo::both && !has_elastic_part ? RelativeTo::pointwise : asked;
+}
+
 void refuse_statics_of_a_free_body(double first) {
   if (first == 0)
     throw Error(

@@ -23,7 +23,7 @@ struct CertifySpec {
   double cutoff = 1.1;         ///< ω_c over the end of the last band
   int modes = 0;               ///< so many modes at least are found, and exactly; 0: any
   int limit = 0;               ///< largest order; 0: what memory and the body allow
-  RelativeTo relative_to = RelativeTo::pointwise;
+  RelativeTo relative_to = RelativeTo::both;
   KindSpec kinds = {};     ///< judged by themselves too
   bool keep_levels = true; ///< all of them, for later cuts; else only the last one
 };
@@ -65,6 +65,7 @@ struct Medium {
   std::vector<MediumLevel> levels;
   std::string shortfall; ///< why the target is not reached; empty: it is
   double loss_of_orthogonality = 0;
+  double printed_rounding = 0; ///< of K's entries, relative; 0: they do not look printed
   int factorisations = 0, solved_columns = 0;
   std::optional<FrameIntegrals> integrals; ///< of V
   /// What cuts have evaluated of the levels, for the next one.
@@ -77,6 +78,10 @@ struct Medium {
   /// Undamped frequencies and half widths of the modes below the cutoff.
   std::vector<Resonance> resonances(const MediumLevel& level) const;
 };
+
+/// `both` is `pointwise` for a body without rigid modes, and for one with a damping matrix,
+/// which mixes rigid and elastic motion; else what was asked for.
+RelativeTo resolved(RelativeTo asked, const Medium& medium);
 
 /// @throws Error if the band of a body with rigid modes starts at 0 Hz.
 void refuse_statics_of_a_free_body(double first);

@@ -15,7 +15,7 @@
 namespace flexgram {
 namespace {
 
-constexpr double version = 5; // of the file's layout
+constexpr double version = 6; // of the file's layout
 
 template <class Archive, class Spec>
 void archive_spec(Archive&& a, Spec& spec) {
@@ -23,7 +23,8 @@ void archive_spec(Archive&& a, Spec& spec) {
   for (const Interval& band : spec.bands)
     ends.insert(ends.end(), {band.first, band.last});
   bool to_band = spec.relative_to == RelativeTo::band,
-       to_elastic = spec.relative_to == RelativeTo::elastic;
+       to_elastic = spec.relative_to == RelativeTo::elastic,
+       to_both = spec.relative_to == RelativeTo::both;
   a("bands", ends);
   a("last_needed", spec.last_needed);
   a("target", spec.target);
@@ -32,6 +33,7 @@ void archive_spec(Archive&& a, Spec& spec) {
   a("order_limit", spec.limit);
   a("relative_to_band", to_band);
   a("relative_to_elastic", to_elastic);
+  a("relative_to_both", to_both);
   a("each_kind", spec.kinds.each);
   a("kinds", spec.kinds.kinds);
   a("kinds_allowed", spec.kinds.allowed);
@@ -39,6 +41,7 @@ void archive_spec(Archive&& a, Spec& spec) {
   if constexpr (!std::is_const_v<Spec>) {
     spec.relative_to = to_band      ? RelativeTo::band
                        : to_elastic ? RelativeTo::elastic
+                       : to_both    ? RelativeTo::both
                                     : RelativeTo::pointwise;
     for (std::size_t i = 0; i + 1 < ends.size(); i += 2)
       spec.bands.push_back({ends[i], ends[i + 1]});
@@ -68,6 +71,7 @@ void archive_medium(Archive&& a, M& m) {
   a("scale", m.scale);
   a("shortfall", m.shortfall);
   a("loss_of_orthogonality", m.loss_of_orthogonality);
+  a("printed_rounding", m.printed_rounding);
   a("factorisations", m.factorisations);
   a("solved_columns", m.solved_columns);
 }

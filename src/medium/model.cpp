@@ -23,15 +23,15 @@ MediumModel::MediumModel(const Medium& medium, std::size_t level,
     : names(medium.body.head()), rigid(medium.rigid), cutoff(medium.cutoff),
       tau(medium.tau), kappa(medium.kappa), level_(medium.levels[level]),
       V_(medium.V.share()), scale_(medium.scale), inputs_(ports.inputs),
-      outputs_(ports.outputs),
-      left_out_(relative_to == RelativeTo::elastic ? medium.rigid : 0) {
-  if (left_out_ > 0 && !has_elastic_part()) refuse_elastic_part();
+      outputs_(ports.outputs) {
+  if (relative_to == RelativeTo::elastic && rigid > 0 && !has_elastic_part())
+    refuse_elastic_part();
   select_names(names, ports);
   // Outputs of a body whose outputs are its inputs are among these; others follow them.
   if (!medium.body.outputs_are_inputs)
     for (int& output : outputs_) output += static_cast<int>(medium.body.inputs.size());
   views = port_views(names, kinds);
-  drop_zero_views(medium.spec.bands);
+  choose_references(medium.spec.bands, resolved(relative_to, medium));
   for (const PortView& view : views) {
     Certificate::PortSet block;
     for (int j : view.columns)
@@ -77,24 +77,42 @@ void MediumModel::follow_dampers() {
       resonances.push_back({pole.real(), std::max(pole.imag(), 0.0)});
 }
 
-/// Modal coordinates x of what errors are relative to.
-MatrixSeries MediumModel::reference_of(MatrixSeries x) const {
+std::vector<int> MediumModel::left_out() const {
+  std::vector<int> counts;
+  for (const Reference& reference : reference_) counts.push_back(reference.left_out);
+  return counts;
+}
+
+/// Modal coordinates x without rigid motion.
+MatrixSeries MediumModel::elastic_part(MatrixSeries x) const {
   for (Dense* part : {&x.coefficients, &x.tail})
-    for (int j = 0; j < part->columns; ++j) std::fill_n(part->column(j), left_out_, 0.0);
+    for (int j = 0; j < part->columns; ++j) std::fill_n(part->column(j), rigid, 0.0);
   return x;
 }
 
-/// Whether H of a view (its elastic part, if errors are relative to that) is nothing but
-/// rounding: at frequencies of the bands every entry is 1e-9 or less of the geometric mean
-/// of what its input and its output answer to themselves. So stress from gravity of a
-/// free body, or whatever symmetry forbids.
-bool MediumModel::is_zero(const PortView& view,
-                          const std::vector<Interval>& bands) const {
+/// Of each view the norms of what its errors are relative to.
+/// @param norms_of  (view, whether of the elastic part) of H.
+template <class NormsOf>
+std::vector<ViewNorms> MediumModel::reference_norms(const NormsOf& norms_of) const {
+  std::vector<ViewNorms> norms;
+  for (std::size_t v = 0; v < views.size(); ++v) {
+    const auto [left_out, or_whole] = reference_[v];
+    norms.push_back(norms_of(v, left_out > 0));
+    if (or_whole) norms.back() = smaller_of(norms.back(), norms_of(v, false));
+  }
+  return norms;
+}
+
+/// Whether H of a view, of modes `from` on, is nothing but rounding: at frequencies of the
+/// bands every entry is 1e-9 or less of the geometric mean of what its input and its output
+/// answer to themselves. So stress from gravity of a free body, or whatever symmetry forbids.
+bool MediumModel::is_zero(const PortView& view, const std::vector<Interval>& bands,
+                          int from) const {
   const DenseResponse& response = *level_.response;
   const Dense& ports = response.modal_inputs();
-  const auto entry = [&](const ComplexDense& x, int output, int input, int from) {
+  const auto entry = [&](const ComplexDense& x, int output, int input, int first) {
     std::complex<double> sum = 0;
-    for (int k = from; k < x.rows; ++k) sum += ports(k, output) * x(k, input);
+    for (int k = first; k < x.rows; ++k) sum += ports(k, output) * x(k, input);
     return std::abs(sum);
   };
   constexpr int samples = 9;
@@ -108,26 +126,43 @@ bool MediumModel::is_zero(const PortView& view,
                     output = outputs_[static_cast<std::size_t>(i)];
           const double own =
               std::sqrt(entry(x, input, input, 0) * entry(x, output, output, 0));
-          if (std::isfinite(own) && entry(x, output, input, left_out_) > 1e-9 * own)
+          if (std::isfinite(own) && entry(x, output, input, from) > 1e-9 * own)
             return false;
         }
     }
   return true;
 }
 
-/// With kinds of ports there are few of them. @throws Error if nothing is left.
-void MediumModel::drop_zero_views(const std::vector<Interval>& bands) {
+/// Chooses what errors of each view are relative to, and drops views that are nothing but
+/// rounding. With kinds of ports there are few of them. @throws Error if nothing is left.
+void MediumModel::choose_references(const std::vector<Interval>& bands,
+                                    RelativeTo relative_to) {
+  const bool both = relative_to == RelativeTo::both;
+  const int left_out = both || relative_to == RelativeTo::elastic ? rigid : 0;
+  reference_.assign(views.size(), {left_out, both});
   if (inputs_.size() * outputs_.size() > 250'000) return;
-  if (is_zero(views.front(), bands))
-    throw Error(left_out_ > 0
-                    ? "{tol_relative_to} elastic: the inputs move the body as a "
-                      "rigid one only, H has no elastic part"
-                    : "H is zero: these inputs move none of these outputs");
-  std::erase_if(views, [&](const PortView& view) {
-    if (&view == &views.front() || !is_zero(view, bands)) return false;
-    zero_views.push_back(view.name);
-    return true;
-  });
+  std::vector<PortView> kept;
+  reference_.clear();
+  for (std::size_t v = 0; v < views.size(); ++v) {
+    Reference reference{left_out, both};
+    if (is_zero(views[v], bands, left_out)) {
+      // Of ports that only move the body as a rigid one all of H counts.
+      const bool all_of_it = both && !is_zero(views[v], bands, 0);
+      if (!all_of_it && v == 0)
+        throw Error(left_out > 0 && !both
+                        ? "{tol_relative_to} elastic: the inputs move the body as a "
+                          "rigid one only, H has no elastic part"
+                        : "H is zero: these inputs move none of these outputs");
+      if (!all_of_it) {
+        zero_views.push_back(views[v].name);
+        continue;
+      }
+      reference = {};
+    }
+    kept.push_back(std::move(views[v]));
+    reference_.push_back(reference);
+  }
+  views = std::move(kept);
 }
 
 /// Modal coordinates of the response to the chosen inputs, in their units.
@@ -170,31 +205,29 @@ MatrixSeries MediumModel::inputs_of(const MatrixSeries& x) const {
   return chosen;
 }
 
-/// Norms of each view of H = C x, or of its elastic part.
+/// Norms of what each view's errors are relative to, from H = C x.
 std::vector<ViewNorms> MediumModel::sizes_by_entries(const MatrixSeries& x,
                                                      const MatrixSeries& H) const {
-  const MatrixSeries elastic = left_out_ > 0
-                                   ? multiply_transposed(modal_outputs_, reference_of(x))
-                                   : MatrixSeries();
-  std::vector<ViewNorms> sizes;
-  for (const PortView& view : views)
-    sizes.push_back(view_norms(left_out_ > 0 ? elastic : H, view));
-  return sizes;
+  const bool apart = std::any_of(reference_.begin(), reference_.end(),
+                                 [](const Reference& r) { return r.left_out > 0; });
+  const MatrixSeries elastic =
+      apart ? multiply_transposed(modal_outputs_, elastic_part(x)) : MatrixSeries();
+  return reference_norms([&](std::size_t v, bool of_elastic) {
+    return view_norms(of_elastic ? elastic : H, views[v]);
+  });
 }
 
 /// The same from the terms. @param clear  set to whether rounding is far below them.
 std::vector<ViewNorms> MediumModel::sizes_by_terms(const MatrixSeries& factors,
                                                    bool& clear) const {
-  const MatrixSeries reference = reference_of(factors);
-  std::vector<ViewNorms> sizes;
+  const MatrixSeries elastic = elastic_part(factors);
   clear = true;
-  for (const TermGram& terms : terms_) {
-    const TermNorms size = term_norms(terms, reference);
+  return reference_norms([&](std::size_t v, bool of_elastic) {
+    const TermNorms size = term_norms(terms_[v], of_elastic ? elastic : factors);
     const auto& at = size.norms.at;
     clear = clear && size.rounding <= 0.1 * *std::min_element(at.begin(), at.end());
-    sizes.push_back(size.norms);
-  }
-  return sizes;
+    return size.norms;
+  });
 }
 
 std::optional<MediumModel::Stretch> MediumModel::over(Interval interval, int degree,

@@ -100,6 +100,8 @@ public:
 
   /// The views by columns of all ports.
   const std::vector<Certificate::PortSet>& blocks() const { return blocks_; }
+  /// Of each view so many first modes, rigid ones, are no part of what errors are relative to.
+  std::vector<int> left_out() const;
 
   std::vector<PortView>
       views; ///< blocks of H that are certified by themselves; the first is all
@@ -113,12 +115,14 @@ public:
   double tau = 0, kappa = 0;
 
 private:
-  void drop_zero_views(const std::vector<Interval>& bands);
-  bool is_zero(const PortView& view, const std::vector<Interval>& bands) const;
+  void choose_references(const std::vector<Interval>& bands, RelativeTo relative_to);
+  bool is_zero(const PortView& view, const std::vector<Interval>& bands, int from) const;
   std::vector<double> strain() const; ///< √(uᵀKu) of each mode, 0 of rigid ones
   MatrixSeries inputs_of(const MatrixSeries& x) const;
   ComplexDense input_response(double omega) const;
-  MatrixSeries reference_of(MatrixSeries x) const;
+  MatrixSeries elastic_part(MatrixSeries x) const;
+  template <class NormsOf>
+  std::vector<ViewNorms> reference_norms(const NormsOf& norms_of) const;
   std::vector<ViewNorms> sizes_by_entries(const MatrixSeries& x,
                                           const MatrixSeries& H) const;
   std::vector<ViewNorms> sizes_by_terms(const MatrixSeries& factors, bool& clear) const;
@@ -137,7 +141,13 @@ private:
   /// the residuals.
   std::vector<TermGram> terms_;
   Certificate::ResidualGrams residuals_;
-  int left_out_ = 0;  ///< modes that errors are not relative to: rigid ones, or none
+  /// What errors of a view are relative to: H without `left_out` modes, or the smaller of that
+  /// and H.
+  struct Reference {
+    int left_out = 0;
+    bool or_whole = false;
+  };
+  std::vector<Reference> reference_; ///< of each view
   double enough_ = 0; ///< errors of H up to this need no sharper bound, relative
 };
 

@@ -69,17 +69,20 @@ const MediumOverBand::Grid& MediumOverBand::grid() {
   grid.views.resize(model_.views.size());
   for (double omega : omega_) {
     MediumModel::Stretch value = model_.at(omega);
+    double data_rounding = 0;
     for (std::size_t v = 0; v < grid.views.size(); ++v) {
       View& view = grid.views[v];
       const Certificate::Bound& bound = value.bounds[v];
       const double size = value.size[v].below[0],
                    floor = bound.floor + solve_floor * size;
       view.size.push_back(size);
-      view.bound.push_back(bound.error + floor);
-      view.floor.push_back(floor / size);
-      grid.assumed = std::max(grid.assumed, bound.assumed / size);
-      if (bound.proved) view.largest = std::max(view.largest, size - view.bound.back());
+      view.error.push_back(bound.error);
+      view.floor.push_back(floor);
+      grid.rigid_rounding = std::max(grid.rigid_rounding, bound.rigid_rounding / size);
+      data_rounding = std::max(data_rounding, bound.data_rounding / size);
+      if (bound.proved) view.largest = std::max(view.largest, size - bound.error - floor);
     }
+    grid.data_rounding.push_back(data_rounding);
     grid_H_.push_back(std::move(value.H));
   }
   return grid_.emplace(std::move(grid));
@@ -113,7 +116,7 @@ std::shared_ptr<const MediumOverBand::Stretch> MediumOverBand::over(Node& node) 
     stretch->size.push_back(medium->size[v]);
     const Certificate::Bound& bound = medium->bounds[v];
     const auto& above = stretch->size.back().above;
-    stretch->bound.push_back(bound.error);
+    stretch->error.push_back(bound.error);
     stretch->floor.push_back(bound.floor +
                              solve_floor * *std::max_element(above.begin(), above.end()));
     stretch->proved = stretch->proved && bound.proved;

@@ -27,15 +27,18 @@ public:
   struct View {
     std::vector<double>
         size; ///< ‖H‖, or of its elastic part: what errors are relative to
-    std::vector<double> bound; ///< of the medium model's error, rounding included
-    std::vector<double> floor; ///< rounding
-    double largest = 0;        ///< of size − bound
+    std::vector<double> error; ///< bound of the medium model's error
+    std::vector<double> floor; ///< rounding, to be added to it
+    double largest = 0;        ///< of size − error − floor
   };
   struct Grid {
     std::vector<View> views; ///< those of the model
-    /// What H would change by, relative, if the stiffness of rigid modes that was taken
-    /// for rounding were meant; the largest of all views and frequencies.
-    double assumed = 0;
+    /// Relative change of H if the stiffness of rigid modes in the stored K were real: the
+    /// largest of all views and frequencies.
+    double rigid_rounding = 0;
+    /// Relative change of H by the rounding of K's entries when they were printed, at each
+    /// frequency the largest of all views.
+    std::vector<double> data_rounding;
   };
   const std::vector<double>& omega() const { return omega_; } ///< [rad/s] of the grid
   const Grid& grid();
@@ -44,7 +47,7 @@ public:
 
   /// What the medium model says of an interval; of each view where these are several.
   struct Stretch {
-    std::vector<double> bound, floor; ///< in the unit of H: error, rounding
+    std::vector<double> error, floor; ///< in the unit of H: bound, rounding beside it
     std::vector<ViewNorms> size;
     bool proved = true;
   };
@@ -104,7 +107,7 @@ public:
     std::size_t level = 0;
     PortSelection ports;
     KindSpec kinds;
-    bool elastic = false; ///< what errors are relative to
+    RelativeTo relative_to = RelativeTo::pointwise; ///< also where it is `band`
     std::vector<Interval> bands;
     std::vector<double> curve; ///< [rad/s] more frequencies of the grid
     double enough = 0;         ///< what needs no sharper bound

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 namespace flexgram {
 namespace {
@@ -293,7 +294,7 @@ Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
                          const std::vector<double>& samples,
                          const std::vector<Certificate::PortSet>& blocks,
                          const std::vector<double>& scale, double kappa, double cutoff,
-                         int modes, int left_out, double target) {
+                         int modes, const std::vector<int>& left_out, double target) {
   // F R has the norm of R in E⁻¹; dominant directions are chosen by squares: H differs by
   // products of residuals.
   const int k = gram.rows;
@@ -307,13 +308,20 @@ Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
   const auto scale_of = [&](int port) { return scale[static_cast<std::size_t>(port)]; };
   for (double omega : samples) {
     const ComplexDense x = response.modal_response(omega);
-    ComplexDense counted = x;
-    for (int j = 0; j < x.columns; ++j) std::fill_n(counted.column(j), left_out, 0.0);
-    const ComplexDense H = response.transfer(counted);
+    const auto without = [&](int modes_left_out) {
+      ComplexDense counted = x;
+      for (int j = 0; j < x.columns; ++j)
+        std::fill_n(counted.column(j), modes_left_out, 0.0);
+      return response.transfer(counted);
+    };
+    std::map<int, ComplexDense> H_without;
+    for (int count : left_out)
+      if (!H_without.count(count)) H_without.emplace(count, without(count));
     const ComplexDense R = residual_of(basis.ports, basis.K, basis.D, kappa, omega,
                                        response.system().coefficients(omega), x);
     for (std::size_t b = 0; b < blocks.size(); ++b) {
       const Certificate::PortSet& block = blocks[b];
+      const ComplexDense& H = H_without.at(left_out[b]);
       double size = 0; // ‖H‖² of the block
       for (int j : block.inputs)
         for (int i : block.outputs)

@@ -80,9 +80,8 @@ bool MediumBuilder::resume() {
   std::iota(rest.begin(), rest.end(), rigid);
   const Block V = std::move(state->V).block();
   space_ = std::make_unique<MediumSpace>(fom_, medium_.kappa, medium_.tau);
-  space_->start_with_rigid_modes(
-      select_columns(V, first),
-      {std::move(state->rigid_beyond), std::move(state->rigid_assumed)});
+  space_->start_with_rigid_modes(select_columns(V, first),
+                                 std::move(state->rigid_stiffness));
   space_->restore(select_columns(V, rest));
   expect_same_projection(*state);
   observer_.fact("restart",
@@ -96,9 +95,8 @@ bool MediumBuilder::resume() {
 CheckpointState MediumBuilder::state() const {
   CheckpointState state;
   const int rigid = space_->rigid();
-  state.rigid_beyond =
-      rigid > 0 ? part_of(space_->neglected(), 0, rigid, 0, rigid) : Dense(0, 0);
-  state.rigid_assumed = rigid > 0 ? space_->assumed() : Dense(0, 0);
+  state.rigid_stiffness =
+      rigid > 0 ? part_of(space_->rigid_stiffness(), 0, rigid, 0, rigid) : Dense(0, 0);
   state.geometric = geometric_;
   state.blocks = blocks_;
   state.inertia_is_safe = inertia_is_safe_;

@@ -29,12 +29,10 @@ Dense grown(const Dense& a, const Dense& columns) {
 MediumSpace::MediumSpace(const SecondOrderModel& fom, double kappa, double tau)
     : fom_(fom.share()), product_{fom_.M, fom_.K, kappa}, tau_(tau),
       K_diagonal_(diagonal(fom_.K)),
-      // Roundings of n entries are random: they add up like √n of them, not n. Those of
-      // printed entries repeat with the elements of a regular mesh (measured: up to 6 of
-      // 8).
-      rounding_(std::max(16 * std::numeric_limits<double>::epsilon(),
-                         8 * fom_.entry_rounding()) /
-                std::sqrt(static_cast<double>(fom_.n))) {
+      // Roundings of n entries are random: they add up like √n of them, not n.
+      rounding_(16 * std::numeric_limits<double>::epsilon() /
+                std::sqrt(static_cast<double>(fom_.n))),
+      printed_rounding_(fom_.printed_rounding()) {
   const auto m = diagonal(fom_.M);
   for (std::size_t i = 0; i < m.size(); ++i) {
     const double d = K_diagonal_[i] + tau * m[i];
@@ -50,13 +48,12 @@ void MediumSpace::scale(Block& x) const {
 
 void MediumSpace::unscale(Block& x) const { scale_rows(x, root_diagonal_); }
 
-void MediumSpace::start_with_rigid_modes(Block Phi, RigidStiffness stiffness) {
+void MediumSpace::start_with_rigid_modes(Block Phi, Dense stiffness) {
   const int count = static_cast<int>(Phi.columns());
   if (count == 0) return;
   KV_.append(Block(Phi.comm(), Phi.local_rows(), Phi.rows(), count)); // zero
   K_ = Dense(count, count);
-  neglected_ = std::move(stiffness.beyond);
-  assumed_ = std::move(stiffness.assumed);
+  rigid_stiffness_ = std::move(stiffness);
   if (fom_.D) {
     DV_.append(multiply(fom_.D, Phi));
     D_ = inner(Phi, DV_.pieces().front());
@@ -90,7 +87,8 @@ void MediumSpace::extend_projection(const Block& X, const Block& KX, const Block
   const int k = static_cast<int>(X.columns()), old = columns() - k;
   add_rounding_weights(X);
   Dense columns = inner(V_, KX);
-  if (rigid_ > 0) neglected_ = beside(neglected_, inner(rigid_forces_, X));
+  if (rigid_ > 0)
+    rigid_stiffness_ = beside(rigid_stiffness_, inner(rigid_forces_, X));
   for (int j = 0; j < k; ++j) {
     for (int i = 0; i < rigid_; ++i) columns(i, j) = 0;
     for (int i = 0; i < j; ++i) {
@@ -209,7 +207,7 @@ void MediumSpace::track_residual(const Block& ports) {
   if (fom_.D) residual_.lost_D = residual_.lost_K;
 }
 
-void MediumSpace::rotate_to_rigid(const Dense& Q, int count, RigidStiffness stiffness) {
+void MediumSpace::rotate_to_rigid(const Dense& Q, int count, Dense stiffness) {
   const auto congruence = [&](const Dense& a) {
     Dense result = multiply_transposed(Q, multiply(a, Q));
     symmetrise(result);
@@ -229,9 +227,8 @@ void MediumSpace::rotate_to_rigid(const Dense& Q, int count, RigidStiffness stif
   }
   g_ = std::move(rotated);
   keep_rigid_forces(combine(V_, first_columns(identity(columns()), count)));
-  neglected_ = inner(rigid_forces_, V_);
-  set_part(neglected_, 0, 0, stiffness.beyond);
-  assumed_ = std::move(stiffness.assumed);
+  rigid_stiffness_ = inner(rigid_forces_, V_);
+  set_part(rigid_stiffness_, 0, 0, stiffness);
   rigid_ = count;
   for (int j = 0; j < columns(); ++j)
     for (int i = 0; i < columns(); ++i)

@@ -6,6 +6,8 @@
 #include "linalg/orthonormal.hpp"
 #include "model/second_order_model.hpp"
 
+#include <cmath>
+
 namespace flexgram {
 
 /// Columns from which a block is wide: its solves, more than factorisations, are what a run
@@ -22,13 +24,9 @@ public:
   /// @param tau   [rad²/s²] rows of residuals are scaled by the diagonal of K + τM.
   MediumSpace(const SecondOrderModel& fom, double kappa, double tau);
 
-  /// What K holds of rigid modes, which have none: `beyond` enters the bound, `assumed`
-  /// is within the rounding of doubles and is only told.
-  struct RigidStiffness {
-    Dense beyond, assumed;
-  };
   /// The first columns of V: M-orthonormal, without stiffness.
-  void start_with_rigid_modes(Block Phi, RigidStiffness stiffness);
+  /// @param stiffness  that the stored K holds of them (rigid × rigid), set to zero.
+  void start_with_rigid_modes(Block Phi, Dense stiffness);
   /// Adds what X holds beyond V; returns the W-norms of what each column of X had
   /// outside V.
   std::vector<double> append(Block X, double tolerance);
@@ -39,7 +37,7 @@ public:
   void restore(Block X);
   /// V ← V Q with an orthogonal Q, and its first columns are declared rigid. Before
   /// track_residual only.
-  void rotate_to_rigid(const Dense& Q, int count, RigidStiffness stiffness);
+  void rotate_to_rigid(const Dense& Q, int count, Dense stiffness);
 
   /// From now on the parts of the residuals are kept: with P = I − W V Vᵀ,
   ///   B − A(ω) V x = P B − (a_k − κ a_m) P K V x − iω P D V x = S (C_B − … C_K x − … C_D
@@ -75,11 +73,15 @@ public:
   /// g_i² = v_iᵀ diag(K) v_i. Measured by the asymmetry of what was computed.
   double rounding() const { return rounding_; }
   const std::vector<double>& rounding_weights() const { return g_; }
-  /// Stiffness between rigid modes and the others (rigid × N) that was set to zero: how
-  /// far the rigid modes are from being those of the stored K.
-  const Dense& neglected() const { return neglected_; }
-  /// Stiffness among rigid modes that is taken for rounding (rigid × rigid).
-  const Dense& assumed() const { return assumed_; }
+  /// The same of the exact VᵀKV by the rounding of K's entries when they were printed; 0: they
+  /// do not look printed. Such roundings repeat with the elements of a regular mesh, hence 8
+  /// (up to 6 were measured).
+  double data_rounding() const {
+    return 8 * printed_rounding_ / std::sqrt(static_cast<double>(fom_.n));
+  }
+  double printed_rounding() const { return printed_rounding_; } ///< of K's entries
+  /// Stiffness of rigid modes (rigid × N) that the stored K holds and that was set to zero.
+  const Dense& rigid_stiffness() const { return rigid_stiffness_; }
   bool tracks_residual() const { return tracks_; }
 
 private:
@@ -96,9 +98,9 @@ private:
   Basis V_, KV_, DV_;                              ///< the last two until track_residual
   Block newest_weighted_;                          ///< W times them, until then
   Residual residual_;
-  Dense K_, D_, neglected_, assumed_;
+  Dense K_, D_, rigid_stiffness_;
   std::vector<double> g_;
-  double rounding_;
+  double rounding_, printed_rounding_;
   int rigid_ = 0;
   bool tracks_ = false;
 };

@@ -62,17 +62,11 @@ MediumBuilder::MediumBuilder(const SecondOrderModel& fom, const CertifySpec& spe
   medium_.shortfall = unfinished;
 }
 
-MediumSpace::RigidStiffness MediumBuilder::stiffness_of(const RigidSplit& split) {
-  const Dense none(split.count, split.count);
-  return {split.explained ? none : split.stiffness,
-          split.explained ? split.stiffness : none};
-}
-
 void MediumBuilder::find_rigid_modes() {
   threshold_ = rigid_threshold(fom_);
   RigidSplit split;
   Block rigid = rigid_body_modes(fom_, &split);
-  rigid_stiffness_ = stiffness_of(split);
+  rigid_stiffness_ = std::move(split.stiffness);
   geometric_ = static_cast<int>(rigid.columns());
   ports_ = copy(loads_);
   // Self-equilibrated loads: no part of the response to them is rigid.
@@ -284,14 +278,9 @@ void MediumBuilder::take_out_rigid_modes() {
   set_part(vectors, 0, 0,
            multiply(first_columns(pairs.vectors, candidates), split.rotation));
   set_part(Q, 0, rigid, orthonormal_columns(std::move(vectors)));
-  MediumSpace::RigidStiffness all = stiffness_of(split);
-  for (auto [part, before] : {std::pair{&all.beyond, &rigid_stiffness_.beyond},
-                              std::pair{&all.assumed, &rigid_stiffness_.assumed}}) {
-    Dense whole(rigid + null, rigid + null);
-    if (rigid > 0) set_part(whole, 0, 0, *before);
-    set_part(whole, rigid, rigid, *part);
-    *part = std::move(whole);
-  }
+  Dense all(rigid + null, rigid + null);
+  if (rigid > 0) set_part(all, 0, 0, rigid_stiffness_);
+  set_part(all, rigid, rigid, split.stiffness);
   space_->rotate_to_rigid(Q, rigid + null, std::move(all));
   expected_ -= null;
 }

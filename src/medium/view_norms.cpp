@@ -58,6 +58,17 @@ ViewNorms view_norms(const MatrixSeries& series, const PortView& view) {
   return norms;
 }
 
+ViewNorms smaller_of(const ViewNorms& a, const ViewNorms& b) {
+  ViewNorms smaller;
+  for (std::size_t i = 0; i < smaller.at.size(); ++i)
+    smaller.at[i] = std::min(a.at[i], b.at[i]);
+  for (std::size_t i = 0; i < pieces; ++i) {
+    smaller.above[i] = std::min(a.above[i], b.above[i]);
+    smaller.below[i] = std::min(a.below[i], b.below[i]);
+  }
+  return smaller;
+}
+
 MatrixSeries difference_of(const MatrixSeries& a, MatrixSeries b) {
   for (std::size_t i = 0; i < b.coefficients.data.size(); ++i)
     b.coefficients.data[i] = a.coefficients.data[i] - b.coefficients.data[i];

@@ -26,6 +26,9 @@ struct ViewNorms {
 /// and taken off (docs/proof.md, section 4).
 ViewNorms view_norms(const MatrixSeries& series, const PortView& view);
 
+/// Bounds of the smaller of two norms.
+ViewNorms smaller_of(const ViewNorms& a, const ViewNorms& b);
+
 /// A − B, tails added.
 MatrixSeries difference_of(const MatrixSeries& a, MatrixSeries b);
 

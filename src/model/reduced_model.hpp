@@ -15,14 +15,21 @@ struct ErrorClaim {
   double attained = 0;       ///< the bound at one frequency: `worst` is no less than this
   double at = 0;             ///< [rad/s] that frequency
   double whole = 0;          ///< largest relative error of H as a whole
-  double rigid_rounding = 0; ///< relative change of H if the stored stiffness of rigid
-                             ///< modes, taken for rounding, were meant
+  /// Relative change of H if the stiffness of rigid modes in the stored K, which counts as
+  /// rounding, were real. Not in `worst`: the claim is of a body that is exactly rigid there.
+  double rigid_rounding = 0;
+  /// Largest relative change of H by the rounding of K's entries when they were printed, an
+  /// estimate, and where [rad/s]. Not in `worst`: the claim is of the stored matrices.
+  double data_rounding = 0, data_rounding_at = 0;
   std::string relative_to = "pointwise";
   std::vector<std::array<double, 2>> bands;    ///< [rad/s]
   std::vector<std::array<double, 2>> excluded; ///< [rad/s] where nothing is claimed
   /// Resonances in these: frequency [rad/s], how far the body's is from it at most,
   /// relative, and how far its residue, relative. Empty with a damping matrix.
   std::vector<std::array<double, 3>> poles;
+  /// [rad/s] where the tolerance is not met, outside `excluded`; empty if it is, or where
+  /// nothing is proved.
+  std::vector<std::array<double, 2>> unmet;
   std::optional<double> tolerance; ///< that was asked for
   bool met = true;                 ///< it is
 };
@@ -56,6 +63,7 @@ struct ReducedModel {
   std::vector<double> modes;   ///< [rad/s], undamped eigenfrequencies of the reduced body
   std::vector<double> bound;   ///< proved upper bound of epsilon at omega; empty: none
   std::vector<double> floor;   ///< its part that is rounding
+  std::vector<double> data_rounding; ///< at omega (ErrorClaim); empty: K was not printed
   /// Of the error: certified, everywhere in the bands; certified outside the excluded
   /// intervals; or estimated.
   std::string kind = "estimated";

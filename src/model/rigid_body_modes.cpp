@@ -27,6 +27,49 @@ double rigid_threshold(const SecondOrderModel& model) {
          eigenvalue_scale(model);
 }
 
+namespace {
+
+/// What the rows of K show of its rounding when it moves a vector rigidly.
+struct RowRounding {
+  double relative = 0;        ///< median of |Kφ|_i / √Σ_j(K_ij φ_j)²; 0: nothing is shown
+  bool of_random_sign = true; ///< |φᵀKφ| is no more than a random sum of its terms
+};
+
+/// The median is of bins of a quarter of a decade: it must not depend on the ranks.
+std::vector<RowRounding> rounding_of_rows(const Block& x, const AccurateProduct& image) {
+  constexpr int bins = 81, fewest_rows = 100;
+  constexpr double coarsest = 1e-4, random = 8;
+  const Block::Access vector(x), force(image.product), size(image.row_spread);
+  std::vector<RowRounding> result;
+  for (PetscInt j = 0; j < x.columns(); ++j) {
+    std::vector<double> sums(bins + 2, 0.0); // rows by bin; φᵀKφ; squares of its terms
+    for (PetscInt i = 0; i < x.local_rows().size(); ++i) {
+      const double f = force.column(j)[i], s = size.column(j)[i],
+                   work = vector.column(j)[i] * f;
+      sums[bins] += work;
+      sums[bins + 1] += work * work;
+      if (!(s > 0)) continue;
+      const double decades = std::log10(std::max(std::abs(f) / s, 1e-20)) + 20;
+      ++sums[std::min<std::size_t>(bins - 1, static_cast<std::size_t>(4 * decades))];
+    }
+    MPI_Allreduce(MPI_IN_PLACE, sums.data(), bins + 2, MPI_DOUBLE, MPI_SUM, x.comm());
+    double rows = 0, passed = 0;
+    for (std::size_t bin = 0; bin < bins; ++bin) rows += sums[bin];
+    std::size_t median = 0;
+    while (median + 1 < bins && (passed += sums[median]) < 0.5 * rows) ++median;
+    const double relative =
+        median == 0 ? 0.0 : std::pow(10.0, (static_cast<double>(median) + 0.5) / 4 - 20);
+    RowRounding rounding;
+    rounding.of_random_sign =
+        std::abs(sums[bins]) <= random * std::sqrt(sums[bins + 1]);
+    if (rows >= fewest_rows && relative < coarsest) rounding.relative = relative;
+    result.push_back(rounding);
+  }
+  return result;
+}
+
+} // namespace
+
 RigidSplit split_rigid(const SecondOrderModel& model, const Block& vectors,
                        bool computed) {
   constexpr double epsilon = std::numeric_limits<double>::epsilon();
@@ -45,7 +88,8 @@ RigidSplit split_rigid(const SecondOrderModel& model, const Block& vectors,
   share_from_first(model.comm, eigen.values);
   share_from_first(model.comm, eigen.vectors.data);
   chosen = combine(chosen, eigen.vectors);
-  const AccurateProduct image = multiply_accurately(model.K, chosen);
+  const AccurateProduct image = multiply_accurately(model.K, chosen, true);
+  const std::vector<RowRounding> of_rows = rounding_of_rows(chosen, image);
   const Dense turned = stiffness(chosen, image.product);
   const auto k = diagonal(model.K);
   std::vector<double> sizes(static_cast<std::size_t>(count), 0.0); // φᵀdiag(K)φ
@@ -56,22 +100,18 @@ RigidSplit split_rigid(const SecondOrderModel& model, const Block& vectors,
         sizes[static_cast<std::size_t>(j)] += k[i] * x.column(j)[i] * x.column(j)[i];
   }
   MPI_Allreduce(MPI_IN_PLACE, sizes.data(), count, MPI_DOUBLE, MPI_SUM, model.comm);
-  const double relative = 16 * std::max(epsilon, 0.25 * model.entry_rounding()),
+  const double relative = 16 * std::max(epsilon, 0.25 * model.rounding),
                negative = std::max(0.0, -turned(0, 0));
   std::vector<int> order, rest;
   for (int j = 0; j < count; ++j) {
     const auto at = static_cast<std::size_t>(j);
     const double lambda = turned(j, j);
-    // Roundings of an assembly are not independent: some ε of the diagonal's energy is
-    // left.
-    const double explained =
-                     std::max(16 * epsilon * image.spread[at], 4 * epsilon * sizes[at]),
-                 noise = std::max({relative * image.spread[at], explained, 3 * negative,
-                                   computed ? 16 * epsilon * sizes[at] : 0.0});
-    const double most = std::max(256 * epsilon, 4 * model.rounding) * sizes[at];
-    const bool rigid = lambda <= std::min(noise, most);
-    (rigid ? order : rest).push_back(j);
-    if (rigid && std::abs(lambda) > explained) split.explained = false;
+    const double shown = of_rows[at].of_random_sign ? 24 * of_rows[at].relative : 0.0,
+                 noise = std::max({std::max(relative, shown) * image.spread[at],
+                                   4 * epsilon * sizes[at], 3 * negative,
+                                   computed ? 16 * epsilon * sizes[at] : 0.0}),
+                 most = std::max({256 * epsilon, 4 * model.rounding, shown}) * sizes[at];
+    (lambda <= std::min(noise, most) ? order : rest).push_back(j);
   }
   split.count = static_cast<int>(order.size());
   split.stiffness = Dense(split.count, split.count);

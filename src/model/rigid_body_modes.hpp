@@ -16,18 +16,22 @@ double eigenvalue_scale(const SecondOrderModel& model);
 double rigid_threshold(const SecondOrderModel& model);
 
 /// Which combinations of M-orthonormal vectors K does not resist: a body on soft springs
-/// is not free. φᵀKφ is summed with twice the digits, so it is that of the stored K; it is no
-/// stiffness if it is within what rounding of K's entries leaves (16 times ε √Σ(φ_i K_ij
-/// φ_j)², ε that of doubles or of the printed digits of a text file, and 4 ε φᵀdiag(K)φ,
-/// since roundings of an assembly are not independent), or of the size of
-/// negative ones, and never above 256 ε φᵀdiag(K)φ. Vectors that were computed have some
-/// energy of their own errors: they may have 16 ε φᵀdiag(K)φ.
+/// is not free. φᵀKφ is summed with twice the digits, so it is that of the stored K. It counts
+/// as rounding, not stiffness, if it is at most
+///   - 16 ε √Σ(φ_i K_ij φ_j)² or 4 ε φᵀdiag(K)φ (roundings of an assembly are not independent),
+///     ε that of doubles, or a quarter of SecondOrderModel::rounding if that is larger;
+///   - or 24 ε_r √Σ(φ_i K_ij φ_j)², where ε_r is the median over the rows of
+///     |Kφ|_i / √Σ_j(K_ij φ_j)², and the rows' signs are random (|φᵀKφ| at most eight times
+///     √Σ(φ_i (Kφ)_i)²): entries printed with few digits leave forces of random sign in every
+///     row, soft mounts leave forces in few rows, a soft foundation forces of one sign;
+///   - or three times the size of a negative one;
+/// and never above 256 ε φᵀdiag(K)φ (24 ε_r φᵀdiag(K)φ). Computed vectors have some energy of
+/// their own errors: 16 ε φᵀdiag(K)φ is allowed. None of this depends on units, on the order
+/// of the rows, or on a factor of K.
 struct RigidSplit {
   Dense rotation; ///< orthogonal; the first `count` columns give the rigid vectors
   int count = 0;
   Dense stiffness; ///< ΦᵀKΦ of these
-  /// That is within the rounding of doubles: a truly free body could look like it.
-  bool explained = true;
 };
 /// @param vectors  of more than eight the first are looked at. Collective.
 RigidSplit split_rigid(const SecondOrderModel& model, const Block& vectors,

@@ -85,8 +85,8 @@ SecondOrderModel SecondOrderModel::share() const {
           rounding,  feedthrough};
 }
 
-double SecondOrderModel::entry_rounding() const {
-  return rounding > 0 ? rounding : relative_rounding(K);
+double SecondOrderModel::printed_rounding() const {
+  return rounding > 0 ? rounding : printed_digits_rounding(K);
 }
 
 std::int64_t SecondOrderModel::nonzeros() const {

@@ -66,9 +66,10 @@ struct SecondOrderModel {
   SecondOrderModel share() const;
   /// Everything but the matrices: names, damping, where the rows are.
   SecondOrderModel head() const;
-  /// Relative rounding of K's entries: what is known of it, else what their digits show.
-  /// Collective.
-  double entry_rounding() const;
+  /// Relative rounding of K's entries if they were printed: what is known of it, else what
+  /// their decimal digits show; 0 if they look like any doubles. Not for decisions: a factor
+  /// of K changes its digits. Collective.
+  double printed_rounding() const;
   std::int64_t nonzeros() const;
   /// Memory of the matrices on this rank [MB].
   double memory_mb() const;

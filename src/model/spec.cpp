@@ -9,6 +9,7 @@ namespace flexgram {
 const char* word_of(RelativeTo reference) {
   return reference == RelativeTo::band      ? "band"
          : reference == RelativeTo::elastic ? "elastic"
+         : reference == RelativeTo::both    ? "both"
                                             : "pointwise";
 }
 

@@ -16,6 +16,7 @@ std::vector<double> in_rad(const std::vector<double>& frequencies) {
 RelativeTo reference_of(const std::string& word) {
   return word == "band"      ? RelativeTo::band
          : word == "elastic" ? RelativeTo::elastic
+         : word == "both"    ? RelativeTo::both
                              : RelativeTo::pointwise;
 }
 
