@@ -54,7 +54,7 @@ private:
   }
   double limit_of(std::size_t view) const;
   ErrorClaim claim_of(const ErrorOverBand::Supremum& sup, const DenseSystem& small);
-  Dense chosen_basis();
+  DenseSystem::Modal chosen_model();
   ReducedModel reduced(const Dense& Q, const DenseSystem& small,
                        const ErrorOverBand::Supremum& sup);
   void claim_field(const Dense& Q, const DenseSystem& small,
@@ -275,8 +275,8 @@ ErrorClaim Cut::claim_of(const ErrorOverBand::Supremum& sup, const DenseSystem& 
 
 constexpr const char* frame_names[] = {"auto", "none", "buckens", "tangent"};
 
-/// The basis of the chosen order, the same on every rank.
-Dense Cut::chosen_basis() {
+/// The model of the chosen order in modal coordinates, the same on every rank.
+DenseSystem::Modal Cut::chosen_model() {
   // The last bit of an error may differ between ranks.
   std::vector<double> shared{static_cast<double>(choice_.best),
                              static_cast<double>(choice_.order)};
@@ -285,7 +285,17 @@ Dense Cut::chosen_basis() {
   choice_.order = static_cast<int>(shared[1]);
   Dense Q = choice_.candidates[choice_.best].basis(choice_.order);
   share_from_first(comm_, Q.data);
-  return frame_ == Frame::tangent ? tangent(Q) : Q;
+  DenseSystem::Modal chosen = medium_.system.project_to_modes(Q, medium_.tau);
+  if (frame_ == Frame::tangent) { // K resists rigid motion in no coordinates
+    Dense K = std::move(chosen.system.K);
+    chosen.Q = tangent(chosen.Q);
+    chosen.system = medium_.system.project(chosen.Q);
+    chosen.system.K = std::move(K);
+  }
+  for (Dense* a : {&chosen.Q, &chosen.system.K, &chosen.system.M, &chosen.system.D,
+                   &chosen.system.B, &chosen.system.C})
+    share_from_first(comm_, a->data);
+  return chosen;
 }
 
 /// The reduced body and what is claimed of it.
@@ -334,7 +344,7 @@ ReducedModel Cut::reduced(const Dense& Q, const DenseSystem& small,
   rom.rigid_modes = medium_.rigid;
   if (whole_.integrals) {
     Dense all(whole_.integrals->M_er.rows, Q.columns);
-    set_part(all, 0, 0, Q);
+    set_part(all, 0, 0, medium_.in_V(Q));
     rom.integrals = project(*whole_.integrals, all);
   }
   return rom;
@@ -377,8 +387,9 @@ ReducedModel Cut::run() {
       request_.methods.empty() ? automatic_methods(request_.order) : request_.methods;
   choice_ = choose_order(names, *stage_, errors_, request_.order);
   if (!choice_.tried.empty()) observer_.fact("second stage", choice_.tried);
-  const Dense Q = chosen_basis();
-  const DenseSystem small = medium_.system.project(Q);
+  const DenseSystem::Modal chosen = chosen_model();
+  const Dense& Q = chosen.Q;
+  const DenseSystem& small = chosen.system;
   const auto sup = shared_supremum(errors_.supremum(small, smallest_tolerance()));
   ReducedModel rom = reduced(Q, small, sup);
   if (request_.field) claim_field(Q, small, sup, rom);

@@ -52,6 +52,8 @@ void MediumBuilder::judge(MediumLevel& level) {
       spec_.relative_to == RelativeTo::band
           ? HUGE_VAL
           : 2 * spec_.target * std::sqrt(static_cast<double>(loads_.columns()));
+  // Beside undamped resonances, intervals decide.
+  std::erase_if(grid_, [&](double omega) { return model.is_resonance(omega); });
   for (double omega : grid_) values.push_back(model.at(omega, hopeless));
   const auto size = [&](const MediumModel::Stretch& value, std::size_t v) {
     return value.size[v].below[0] - value.bounds[v].error;
@@ -182,7 +184,8 @@ void MediumBuilder::prove(int most_columns) {
       inertia_is_safe_ && least_eigenvalue_ > 16 * std::numeric_limits<double>::epsilon();
   std::vector<double> samples;
   const std::size_t step = std::max<std::size_t>(1, grid_.size() / 24);
-  for (std::size_t l = 0; l < grid_.size(); l += step) samples.push_back(grid_[l]);
+  for (std::size_t l = 0; l < grid_.size(); l += step)
+    if (!level.response->is_resonance(grid_[l])) samples.push_back(grid_[l]);
 
   const int modes = space_->rigid() + expected_;
   ResidualBasis basis = residual_basis(*space_, *level.response, samples, modes,

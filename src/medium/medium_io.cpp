@@ -102,9 +102,9 @@ DenseSystem leading(const DenseSystem& all, int order) {
   return part;
 }
 
-/// Uᵀ(K + τM)U = I and UᵀMU = diag(μ).
+/// Uᵀ(K + τM)U = I and UᵀMU = diag(1/(λ + τ)).
 void expect_coordinates(const Hdf5File& file, const DenseSystem& system, double tau,
-                        const Dense& U, const std::vector<double>& mu) {
+                        const Dense& U, const std::vector<double>& lambda) {
   Dense E = system.K;
   for (std::size_t i = 0; i < E.data.size(); ++i) E.data[i] += tau * system.M.data[i];
   const Dense one = multiply_transposed(U, multiply(E, U)),
@@ -112,7 +112,7 @@ void expect_coordinates(const Hdf5File& file, const DenseSystem& system, double 
   double worst = 0;
   for (int j = 0; j < U.columns; ++j)
     for (int i = 0; i < U.columns; ++i) {
-      const double mass = i == j ? mu[static_cast<std::size_t>(i)] : 0.0;
+      const double mass = i == j ? 1 / (lambda[static_cast<std::size_t>(i)] + tau) : 0.0;
       worst = std::max({worst, std::abs(one(i, j) - (i == j ? 1 : 0)),
                         tau * std::abs(m(i, j) - mass)});
     }
@@ -181,7 +181,7 @@ void write_levels(Hdf5File& file, const Medium& m) {
     const std::string group = text("/level_%zu", k);
     FieldWriter a(file, group);
     a("U", level.response->U());
-    a("mu", level.response->mu());
+    a("lambda", level.response->lambda());
     a("complete", level.complete);
     a("worst", level.worst);
     a("proved", level.proved);
@@ -218,21 +218,21 @@ void read_levels(const Hdf5File& file, Medium& m) {
     const std::string group = text("/level_%d", k);
     FieldReader a(file, group);
     Dense U;
-    std::vector<double> mu;
+    std::vector<double> lambda;
     a("U", U);
-    a("mu", mu);
+    a("lambda", lambda);
     a("complete", level.complete);
     a("worst", level.worst);
     a("proved", level.proved);
     if (U.rows != U.columns || U.rows < 1 || U.rows > all.K.rows || U.rows > all.B.rows ||
-        mu.size() != static_cast<std::size_t>(U.rows) || U.rows > all.K.columns ||
+        lambda.size() != static_cast<std::size_t>(U.rows) || U.rows > all.K.columns ||
         U.rows > all.M.rows || U.rows > all.M.columns)
       throw Error(
           text("file %s: %s does not fit: it is damaged", path.c_str(), group.c_str()));
     const int order = U.rows;
-    expect_coordinates(file, leading(all, order), m.tau, U, mu);
+    expect_coordinates(file, leading(all, order), m.tau, U, lambda);
     level.response = std::make_shared<DenseResponse>(leading(all, order), m.tau,
-                                                     std::move(U), std::move(mu));
+                                                     std::move(U), std::move(lambda));
     auto certificate = std::make_shared<Certificate>();
     Certificate::archive(FieldReader(file, group + "/certificate"), *certificate);
     level.certificate = std::move(certificate);

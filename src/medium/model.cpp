@@ -41,10 +41,7 @@ MediumModel::MediumModel(const Medium& medium, std::size_t level,
     blocks_.push_back(std::move(block));
   }
   const DenseResponse& response = *level_.response;
-  system = response.system();
-  const Dense all = std::move(system.B);
-  system.B = columns_of(all, inputs_, scale_);
-  system.C = columns_of(all, outputs_, scale_);
+  take_modal_system();
   system.outputs_are_inputs = ports.same;
   modal_inputs_ = columns_of(response.modal_inputs(), inputs_, scale_);
   modal_outputs_ = columns_of(response.modal_inputs(), outputs_, scale_);
@@ -69,6 +66,33 @@ MediumModel::MediumModel(const Medium& medium, std::size_t level,
                 response.lambda().begin() + rigid + medium.modes);
 }
 
+void MediumModel::take_modal_system() {
+  const DenseResponse& response = *level_.response;
+  const int N = response.system().order();
+  system.M = system.K = Dense(N, N);
+  std::vector<double> unit; // of each coordinate
+  for (int j = 0; j < N; ++j) {
+    const auto at = static_cast<std::size_t>(j);
+    const double mu = response.mu()[at];
+    const bool massless = !(mu * tau > 1e-14);
+    unit.push_back(massless ? 1.0 : 1 / std::sqrt(mu));
+    system.M(j, j) = massless ? mu : 1.0;
+    system.K(j, j) = massless ? 1 - tau * mu : response.lambda()[at];
+  }
+  to_V_ = response.U();
+  system.D = response.modal_damping();
+  Dense B = response.modal_inputs();
+  const auto scale_of = [&](int j) { return unit[static_cast<std::size_t>(j)]; };
+  for (int j = 0; j < N; ++j) {
+    for (int i = 0; i < N; ++i) to_V_(i, j) *= scale_of(j);
+    for (int i = 0; i < system.D.rows; ++i) system.D(i, j) *= scale_of(i) * scale_of(j);
+    for (int p = 0; p < B.columns; ++p) B(j, p) *= scale_of(j);
+  }
+  system.damping = response.system().damping;
+  system.B = columns_of(B, inputs_, scale_);
+  system.C = columns_of(B, outputs_, scale_);
+}
+
 void MediumModel::follow_dampers() {
   if (!system.has_extra_damping() || system.order() > 250) return;
   resonances.clear();
@@ -83,24 +107,20 @@ std::vector<int> MediumModel::left_out() const {
   return counts;
 }
 
-/// Modal coordinates x without rigid motion.
-MatrixSeries MediumModel::elastic_part(MatrixSeries x) const {
-  for (Dense* part : {&x.coefficients, &x.tail})
-    for (int j = 0; j < part->columns; ++j) std::fill_n(part->column(j), rigid, 0.0);
-  return x;
-}
-
-/// Of each view the norms of what its errors are relative to.
+/// Of each view the norms of what its errors are relative to, and of H.
 /// @param norms_of  (view, whether of the elastic part) of H.
 template <class NormsOf>
-std::vector<ViewNorms> MediumModel::reference_norms(const NormsOf& norms_of) const {
-  std::vector<ViewNorms> norms;
+void MediumModel::take_sizes(const NormsOf& norms_of, Stretch& result) const {
+  result.size.clear();
+  result.whole.clear();
   for (std::size_t v = 0; v < views.size(); ++v) {
+    const ViewNorms whole = norms_of(v, false);
     const auto [left_out, or_whole] = reference_[v];
-    norms.push_back(norms_of(v, left_out > 0));
-    if (or_whole) norms.back() = smaller_of(norms.back(), norms_of(v, false));
+    result.whole.push_back(whole.at[0]);
+    result.size.push_back(left_out == 0 ? whole
+                          : or_whole    ? smaller_of(norms_of(v, true), whole)
+                                        : norms_of(v, true));
   }
-  return norms;
 }
 
 /// Whether H of a view, of modes `from` on, is nothing but rounding: at frequencies of the
@@ -119,6 +139,7 @@ bool MediumModel::is_zero(const PortView& view, const std::vector<Interval>& ban
   for (const Interval& band : bands)
     for (int l = 0; l < samples; ++l) {
       const double omega = band.first + (band.last - band.first) * l / (samples - 1);
+      if (response.is_resonance(omega)) continue;
       const ComplexDense x = response.modal_response(omega);
       for (int j : view.columns)
         for (int i : view.rows) {
@@ -174,18 +195,14 @@ ComplexDense MediumModel::input_response(double omega) const {
   return x;
 }
 
-ComplexDense MediumModel::transfer(double omega) const {
-  return multiply_transposed(modal_outputs_, input_response(omega));
+ComplexDense MediumModel::transfer(double omega, int from) const {
+  ComplexDense x = input_response(omega);
+  for (int j = 0; j < x.columns; ++j) std::fill_n(x.column(j), from, 0.0);
+  return multiply_transposed(modal_outputs_, x);
 }
 
 double MediumModel::whole_over_elastic(double omega) const {
-  ComplexDense x = input_response(omega);
-  const auto size = [&] {
-    return frobenius_norm(multiply_transposed(modal_outputs_, x));
-  };
-  const double whole = size();
-  for (int j = 0; j < x.columns; ++j) std::fill_n(x.column(j), rigid, 0.0);
-  return whole / size();
+  return frobenius_norm(transfer(omega)) / frobenius_norm(transfer(omega, rigid));
 }
 
 /// Of the response to all ports that to the chosen inputs, in their units.
@@ -205,29 +222,33 @@ MatrixSeries MediumModel::inputs_of(const MatrixSeries& x) const {
   return chosen;
 }
 
-/// Norms of what each view's errors are relative to, from H = C x.
-std::vector<ViewNorms> MediumModel::sizes_by_entries(const MatrixSeries& x,
-                                                     const MatrixSeries& H) const {
+/// The sizes from H = C x.
+void MediumModel::sizes_by_entries(const MatrixSeries& x, const MatrixSeries& H,
+                                   Stretch& result) const {
   const bool apart = std::any_of(reference_.begin(), reference_.end(),
                                  [](const Reference& r) { return r.left_out > 0; });
   const MatrixSeries elastic =
-      apart ? multiply_transposed(modal_outputs_, elastic_part(x)) : MatrixSeries();
-  return reference_norms([&](std::size_t v, bool of_elastic) {
-    return view_norms(of_elastic ? elastic : H, views[v]);
-  });
+      apart ? multiply_transposed(modal_outputs_, from_row(x, rigid)) : MatrixSeries();
+  take_sizes(
+      [&](std::size_t v, bool of_elastic) {
+        return view_norms(of_elastic ? elastic : H, views[v]);
+      },
+      result);
 }
 
-/// The same from the terms. @param clear  set to whether rounding is far below them.
-std::vector<ViewNorms> MediumModel::sizes_by_terms(const MatrixSeries& factors,
-                                                   bool& clear) const {
-  const MatrixSeries elastic = elastic_part(factors);
-  clear = true;
-  return reference_norms([&](std::size_t v, bool of_elastic) {
-    const TermNorms size = term_norms(terms_[v], of_elastic ? elastic : factors);
-    const auto& at = size.norms.at;
-    clear = clear && size.rounding <= 0.1 * *std::min_element(at.begin(), at.end());
-    return size.norms;
-  });
+/// The same from the terms. @return whether rounding is far below them.
+bool MediumModel::sizes_by_terms(const MatrixSeries& factors, Stretch& result) const {
+  const MatrixSeries elastic = from_row(factors, rigid);
+  bool clear = true;
+  take_sizes(
+      [&](std::size_t v, bool of_elastic) {
+        const TermNorms size = term_norms(terms_[v], of_elastic ? elastic : factors);
+        const auto& at = size.norms.at;
+        clear = clear && size.rounding <= 0.1 * *std::min_element(at.begin(), at.end());
+        return size.norms;
+      },
+      result);
+  return clear;
 }
 
 std::optional<MediumModel::Stretch> MediumModel::over(Interval interval, int degree,
@@ -238,8 +259,10 @@ std::optional<MediumModel::Stretch> MediumModel::over(Interval interval, int deg
     const auto all = response_series(response, interval, degree);
     if (!all) return std::nullopt;
     const MatrixSeries x = inputs_of(all->x);
-    result.H.entries = multiply_transposed(modal_outputs_, x);
-    result.size = sizes_by_entries(x, result.H.entries);
+    const MatrixSeries H = multiply_transposed(modal_outputs_, x);
+    sizes_by_entries(x, H, result);
+    result.H.entries =
+        apart() > 0 ? multiply_transposed(modal_outputs_, from_row(x, apart())) : H;
     result.bounds = level_.certificate->over(response, *all, blocks_);
     return result;
   }
@@ -247,16 +270,18 @@ std::optional<MediumModel::Stretch> MediumModel::over(Interval interval, int deg
   if (!factors) return std::nullopt;
   bool clear = false;
   if (has_many_ports()) {
-    result.H.factors = factors->x;
-    result.size = sizes_by_terms(factors->x, clear);
+    result.H.factors = from_row(factors->x, apart());
+    clear = sizes_by_terms(factors->x, result);
   }
   if (!clear) {
     const auto x = response_series(response, interval, degree, modal_inputs_);
     if (!x && !has_many_ports()) return std::nullopt;
     if (x) {
-      MatrixSeries H = multiply_transposed(modal_outputs_, x->x);
-      result.size = sizes_by_entries(x->x, H);
-      if (!has_many_ports()) result.H.entries = std::move(H);
+      const MatrixSeries H = multiply_transposed(modal_outputs_, x->x);
+      sizes_by_entries(x->x, H, result);
+      if (!has_many_ports())
+        result.H.entries =
+            apart() > 0 ? multiply_transposed(modal_outputs_, from_row(x->x, apart())) : H;
     }
   }
   std::vector<double> least; // ‖H‖
@@ -274,19 +299,26 @@ std::optional<TransferSeries> MediumModel::response(Interval interval, int degre
   if (has_many_ports()) {
     auto factors = modal_factors(*level_.response, interval, degree);
     if (!factors) return std::nullopt;
-    H.factors = std::move(factors->x);
+    H.factors = from_row(std::move(factors->x), apart());
   } else {
-    auto all = entries(interval, degree);
+    auto all = entries(interval, degree, apart());
     if (!all) return std::nullopt;
     H.entries = std::move(*all);
   }
   return H;
 }
 
-std::optional<MatrixSeries> MediumModel::entries(Interval interval, int degree) const {
-  const auto x = response_series(*level_.response, interval, degree, modal_inputs_);
+std::optional<MatrixSeries> MediumModel::entries(Interval interval, int degree,
+                                                 int from) const {
+  auto x = response_series(*level_.response, interval, degree, modal_inputs_);
   if (!x) return std::nullopt;
-  return multiply_transposed(modal_outputs_, x->x);
+  return multiply_transposed(modal_outputs_, from_row(std::move(x->x), from));
+}
+
+std::optional<MatrixSeries> MediumModel::factors(Interval interval, int degree) const {
+  auto factors = modal_factors(*level_.response, interval, degree);
+  if (!factors) return std::nullopt;
+  return std::move(factors->x);
 }
 
 std::vector<double> MediumModel::strain() const {
@@ -328,15 +360,11 @@ MediumModel::field(Interval interval, int degree, const std::vector<int>& inputs
 }
 
 Dense MediumModel::strain_coordinates(const Dense& Q) const {
-  const DenseResponse& response = *level_.response;
-  Dense E = response.system().K;
-  for (std::size_t i = 0; i < E.data.size(); ++i)
-    E.data[i] += response.tau() * response.system().M.data[i];
-  Dense coordinates = multiply_transposed(response.U(), multiply(E, Q));
-  const std::vector<double> root = strain();
-  for (int j = 0; j < coordinates.columns; ++j)
-    for (int k = 0; k < coordinates.rows; ++k)
-      coordinates(k, j) *= root[static_cast<std::size_t>(k)];
+  Dense coordinates = Q;
+  for (int k = 0; k < Q.rows; ++k) {
+    const double root = k < rigid ? 0.0 : std::sqrt(std::max(system.K(k, k), 0.0));
+    for (int j = 0; j < Q.columns; ++j) coordinates(k, j) *= root;
+  }
   return coordinates;
 }
 
@@ -354,7 +382,7 @@ TermGram MediumModel::terms_of_difference(std::size_t view,
 Block MediumModel::lift(const Dense& Q) const {
   if (!V_) return Block(names.comm, names.rows, names.n, 0);
   Dense all(static_cast<int>(V_.columns()), Q.columns);
-  set_part(all, 0, 0, Q);
+  set_part(all, 0, 0, in_V(Q));
   return combine(V_, all);
 }
 
@@ -363,8 +391,11 @@ Dense MediumModel::euclidean_gram() const {
     throw Error("{inner_product} euclidean needs the basis of the medium model: certify "
                 "with {medium_basis} yes");
   Dense gram = inner(V_, V_);
+  gram = multiply_transposed(to_V_, multiply(part_of(gram, 0, system.order(), 0,
+                                                     system.order()),
+                                             to_V_));
   symmetrise(gram);
-  return part_of(gram, 0, system.order(), 0, system.order());
+  return gram;
 }
 
 } // namespace flexgram

@@ -12,7 +12,8 @@
 namespace flexgram {
 
 /// A response over an interval: its entries, or, with many ports and without a damping
-/// matrix, the factors of its modes, H = Σ_i f_i c_i b_iᵀ.
+/// matrix, the factors of its modes, H = Σ_i f_i c_i b_iᵀ. Without rigid modes, if H has an
+/// elastic part: small models have the same ones.
 struct TransferSeries {
   MatrixSeries entries; ///< n_out × n_in
   MatrixSeries factors; ///< N × 1
@@ -37,6 +38,7 @@ public:
   struct Stretch {
     TransferSeries H;
     std::vector<ViewNorms> size; ///< of each of the views: of H, or its elastic part
+    std::vector<double> whole;   ///< ‖H‖ of each view at the beginning
     std::vector<Certificate::Bound> bounds; ///< the same, anywhere in it
   };
   /// @param hopeless  with many ports, relative bounds above this need not be sharp.
@@ -45,13 +47,19 @@ public:
                               double hopeless = HUGE_VAL) const;
   /// H of it alone.
   std::optional<TransferSeries> response(Interval interval, int degree) const;
-  /// Its entries, however many.
-  std::optional<MatrixSeries> entries(Interval interval, int degree) const;
+  /// Entries of H, however many. @param from  of modes from this one on.
+  std::optional<MatrixSeries> entries(Interval interval, int degree, int from) const;
+  /// Factors of all modes. @pre has_many_ports()
+  std::optional<MatrixSeries> factors(Interval interval, int degree) const;
+  /// So many first modes are no part of a TransferSeries.
+  int apart() const { return has_elastic_part() ? rigid : 0; }
   /// At one frequency. @throws ShiftError at an undamped resonance.
   Stretch at(double omega, double hopeless = HUGE_VAL) const {
     return known(over({omega, omega}, 0, hopeless));
   }
-  ComplexDense transfer(double omega) const;
+  /// H of modes from this one on.
+  ComplexDense transfer(double omega, int from = 0) const;
+  bool is_resonance(double omega) const { return level_.response->is_resonance(omega); }
   /// Whether H has an elastic part: no damping matrix mixes it with rigid motion.
   bool has_elastic_part() const { return level_.response->is_diagonal(); }
   /// ‖H‖ of all ports at a frequency over that of its elastic part. @pre has_elastic_part()
@@ -74,7 +82,7 @@ public:
   /// @return nothing if a pole is too near for an interval of this length.
   std::optional<Field> field(Interval interval, int degree,
                              const std::vector<int>& inputs) const;
-  /// Columns of V Q in these coordinates. @param Q  rows: columns of the level.
+  /// Columns of Q in these coordinates. @param Q  rows: coordinates of `system`.
   Dense strain_coordinates(const Dense& Q) const;
 
   /// A resonance in an excluded interval.
@@ -92,10 +100,12 @@ public:
                                  const std::vector<Interval>& intervals) const;
   /// Takes the resonances from the poles: strong dampers move the peaks.
   void follow_dampers();
-  /// V Q for Q with as many rows as the level has columns; no columns if the medium model
-  /// is kept without V.
+  /// Coordinates of V from those of `system`.
+  Dense in_V(const Dense& Q) const { return multiply(to_V_, Q); }
+  /// The vectors of the body with coordinates Q in `system`; no columns if the medium model is
+  /// kept without V.
   Block lift(const Dense& Q) const;
-  /// VᵀV of the level's columns.
+  /// VᵀV in the coordinates of `system`.
   Dense euclidean_gram() const;
 
   /// The views by columns of all ports.
@@ -107,7 +117,9 @@ public:
       views; ///< blocks of H that are certified by themselves; the first is all
   std::vector<std::string> zero_views; ///< those that are nothing but rounding
   SecondOrderModel names;              ///< body and ports, without matrices
-  DenseSystem system;                  ///< with inputs and outputs in their units
+  /// In modal coordinates, M-normalised (massless ones (K + τM)-normalised), rigid modes
+  /// first; inputs and outputs in their units. There energies do not cancel.
+  DenseSystem system;
   std::vector<Resonance> resonances;
   std::vector<double> lambda; ///< [rad²/s²] elastic modes below the cutoff, all of them
   int rigid = 0;
@@ -120,19 +132,20 @@ private:
   std::vector<double> strain() const; ///< √(uᵀKu) of each mode, 0 of rigid ones
   MatrixSeries inputs_of(const MatrixSeries& x) const;
   ComplexDense input_response(double omega) const;
-  MatrixSeries elastic_part(MatrixSeries x) const;
   template <class NormsOf>
-  std::vector<ViewNorms> reference_norms(const NormsOf& norms_of) const;
-  std::vector<ViewNorms> sizes_by_entries(const MatrixSeries& x,
-                                          const MatrixSeries& H) const;
-  std::vector<ViewNorms> sizes_by_terms(const MatrixSeries& factors, bool& clear) const;
+  void take_sizes(const NormsOf& norms_of, Stretch& result) const;
+  void sizes_by_entries(const MatrixSeries& x, const MatrixSeries& H,
+                        Stretch& result) const;
+  bool sizes_by_terms(const MatrixSeries& factors, Stretch& result) const;
   template <class T>
   static T known(std::optional<T> value) {
     if (!value) throw ShiftError("the body is undamped and the frequency is a resonance");
     return std::move(*value);
   }
+  void take_modal_system();
   MediumLevel level_;
   Basis V_;
+  Dense to_V_; ///< coordinates of V from those of `system`
   std::vector<double> scale_;
   std::vector<int> inputs_, outputs_;        ///< among all ports
   std::vector<Certificate::PortSet> blocks_; ///< the views by columns of all ports

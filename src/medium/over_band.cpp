@@ -31,6 +31,7 @@ double width_of(const Interval& interval) { return interval.last - interval.firs
 MediumOverBand::MediumOverBand(MediumModel model, const std::vector<Interval>& bands,
                                std::vector<double> grid)
     : model_(std::move(model)), omega_(std::move(grid)) {
+  std::erase_if(omega_, [&](double omega) { return model_.is_resonance(omega); });
   for (const Resonance& r : model_.resonances)
     if (r.sharp())
       sharp_.push_back(
@@ -65,7 +66,7 @@ MediumOverBand::MediumOverBand(MediumModel model, const std::vector<Interval>& b
 
 const MediumOverBand::Grid& MediumOverBand::grid() {
   if (grid_) return *grid_;
-  Grid grid; // a frequency may be a resonance: then there is none
+  Grid grid;
   grid.views.resize(model_.views.size());
   for (double omega : omega_) {
     MediumModel::Stretch value = model_.at(omega);
@@ -78,7 +79,7 @@ const MediumOverBand::Grid& MediumOverBand::grid() {
       view.size.push_back(size);
       view.error.push_back(bound.error);
       view.floor.push_back(floor);
-      grid.rigid_rounding = std::max(grid.rigid_rounding, bound.rigid_rounding / size);
+      grid.rigid_rounding = std::max(grid.rigid_rounding, bound.rigid_rounding / value.whole[v]);
       data_rounding = std::max(data_rounding, bound.data_rounding / size);
       if (bound.proved) view.largest = std::max(view.largest, size - bound.error - floor);
     }

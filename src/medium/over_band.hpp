@@ -33,8 +33,8 @@ public:
   };
   struct Grid {
     std::vector<View> views; ///< those of the model
-    /// Relative change of H if the stiffness of rigid modes in the stored K were real: the
-    /// largest of all views and frequencies.
+    /// Change of H relative to all of H if the stiffness of rigid modes in the stored K were
+    /// real: the largest of all views and frequencies.
     double rigid_rounding = 0;
     /// Relative change of H by the rounding of K's entries when they were printed, at each
     /// frequency the largest of all views.

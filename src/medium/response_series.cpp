@@ -12,19 +12,21 @@ constexpr double epsilon = std::numeric_limits<double>::epsilon();
 /// Series that converge more slowly than this are not worth their products.
 constexpr double slowest = 0.7;
 
-/// The coefficients of A(ω) = a_k K + a_m M + …, ω = centre + half t, where K = 1 − τμ
-/// and M = μ: d_0 + d_1 t + d_2 t², and the size of what was added up in d_0.
+/// The coefficients of A(ω) = a_k K + a_m M + …, ω = centre + half t, of a mode:
+/// d_0 + d_1 t + d_2 t², and how far d_0 may be off by rounding.
 struct Diagonal {
   Complex d0, d1, d2;
-  double summed;
+  double rounding;
 };
 Diagonal diagonal(const DenseResponse& response, Interval interval, int mode) {
   const Damping& damping = response.system().damping;
-  const double mu = response.mu()[static_cast<std::size_t>(mode)],
-               k = 1 - response.tau() * mu, c = interval.centre(), h = interval.half();
-  const Complex p0(k, k * damping.eta), p1(0, damping.beta * k + damping.alpha * mu);
-  return {p0 + c * (p1 - c * mu), h * (p1 - 2 * c * mu), -h * h * mu,
-          std::abs(p0) + c * (std::abs(p1) + c * mu)};
+  const auto at = static_cast<std::size_t>(mode);
+  const double mu = response.mu()[at], lambda = response.lambda()[at],
+               k = std::isfinite(lambda) ? mu * lambda : 1.0, c = interval.centre(),
+               h = interval.half();
+  return {response.diagonal(mode, c),
+          Complex(-2 * c * h * mu, h * (k * damping.beta + mu * damping.alpha)),
+          -h * h * mu, response.rounding_of_diagonal(mode, c)};
 }
 
 void set_coefficient(MatrixSeries& series, int k, const ComplexDense& value) {
@@ -48,7 +50,7 @@ std::optional<ResponseSeries> of_modes(const DenseResponse& response, const Dens
   for (int i = 0; i < N; ++i) {
     const Diagonal d = diagonal(response, interval, i);
     const double size = std::abs(d.d0), first = std::abs(d.d1), second = std::abs(d.d2),
-                 least = size - first - second, rounding = 4 * epsilon * d.summed;
+                 least = size - first - second, rounding = d.rounding;
     if (!(first + second <= slowest * size) || !(least > 2 * rounding))
       return std::nullopt;
     double majorant = 1 / size, sum = majorant, before = 0;
@@ -127,7 +129,7 @@ std::optional<ResponseSeries> of_solves(const DenseResponse& response, const Den
     A(i, i) += d.d0;
     right(i, i) = 1;
     curvature.push_back(d.d2.real());
-    sizes(i, i) = d.summed + std::abs(d.d1) + std::abs(d.d2);
+    sizes(i, i) = std::abs(d.d0) + d.rounding / epsilon + std::abs(d.d1) + std::abs(d.d2);
     if (h == 0) continue;
     for (int j = 0; j < N; ++j) right(j, N + i) = Complex(0, h) * D(j, i);
     right(i, N + i) += d.d1;
@@ -198,6 +200,12 @@ ComplexDense MatrixSeries::centre() const {
   for (std::size_t i = 0; i < f.data.size(); ++i)
     f.data[i] = {real(0)[i], imaginary(0)[i]};
   return f;
+}
+
+MatrixSeries from_row(MatrixSeries F, int first) {
+  for (Dense* part : {&F.coefficients, &F.tail})
+    for (int j = 0; j < part->columns; ++j) std::fill_n(part->column(j), first, 0.0);
+  return F;
 }
 
 MatrixSeries multiply_transposed(const Dense& A, const MatrixSeries& F) {

@@ -27,6 +27,8 @@ struct MatrixSeries {
   ComplexDense centre() const; ///< F_0
 };
 
+/// F with zeros in the rows before `first`.
+MatrixSeries from_row(MatrixSeries F, int first);
 /// AᵀF.
 MatrixSeries multiply_transposed(const Dense& A, const MatrixSeries& F);
 /// (f_0 + f_1 t + f_2 t²) F, of the same degree: what is above goes into the tail.

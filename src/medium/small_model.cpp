@@ -7,9 +7,29 @@
 namespace flexgram {
 
 SmallModel::SmallModel(const DenseSystem& system, const MediumModel& medium)
-    : medium_(medium), response_(system, medium.tau) {
+    : medium_(medium), response_(system, medium.tau),
+      apart_(shares_rigid_modes(system) ? medium.apart() : 0) {
   for (std::size_t v = 0; medium.has_many_ports() && v < medium.views.size(); ++v)
     terms_.push_back(medium.terms_of_difference(v, response_));
+}
+
+/// Whether the rigid modes come first in both, exactly alike.
+bool SmallModel::shares_rigid_modes(const DenseSystem& system) const {
+  const int rigid = medium_.apart();
+  if (response_.free() < rigid) return false;
+  const auto same = [&](const Dense& a, const Dense& b) {
+    return part_of(a, 0, rigid, 0, a.columns).data ==
+           part_of(b, 0, rigid, 0, b.columns).data;
+  };
+  return same(system.B, medium_.system.B) &&
+         (system.outputs_are_inputs || same(system.C, medium_.system.C));
+}
+
+/// H_r of what is not the same in both.
+ComplexDense SmallModel::transfer(double omega) const {
+  ComplexDense x = response_.modal_response(omega);
+  for (int j = 0; j < x.columns; ++j) std::fill_n(x.column(j), apart_, 0.0);
+  return response_.transfer(x);
 }
 
 /// Of the terms of H − H_r. Nothing where a pole of the small model is too near.
@@ -19,7 +39,11 @@ std::optional<MatrixSeries> SmallModel::factors_of_difference(const TransferSeri
   auto factors = modal_factors(response_, interval, degree);
   if (!factors) return std::nullopt;
   for (double& x : factors->x.coefficients.data) x = -x;
-  return stacked(H.factors, factors->x);
+  if (apart_ == medium_.apart())
+    return stacked(H.factors, from_row(std::move(factors->x), apart_));
+  const auto all = medium_.factors(interval, degree);
+  if (!all) return std::nullopt;
+  return stacked(*all, factors->x);
 }
 
 /// Whether the rounding of the terms does not count, beside the norm or what is negligible.
@@ -47,9 +71,11 @@ SmallModel::differences(const TransferSeries& H, Interval interval, int degree,
   }
   const auto series = response_series(response_, interval, degree);
   if (!series) return std::nullopt;
-  const MatrixSeries H_r = multiply_transposed(response_.modal_outputs(), series->x);
+  const MatrixSeries H_r =
+      multiply_transposed(response_.modal_outputs(), from_row(series->x, apart_));
+  const bool known = !H.has_many_ports() && apart_ == medium_.apart();
   const MatrixSeries difference = difference_of(
-      H.has_many_ports() ? medium_.entries(interval, degree).value() : H.entries, H_r);
+      known ? H.entries : medium_.entries(interval, degree, apart_).value(), H_r);
   for (const PortView& view : medium_.views)
     result.push_back(view_norms(difference, view));
   return result;
@@ -73,8 +99,10 @@ SmallModel::distances(const std::vector<Sample>& samples) const {
   std::vector<std::vector<double>> result;
   if (terms_.empty()) {
     for (const Sample& sample : samples)
-      result.push_back(
-          between(sample.H->entries.centre(), response_.transfer(sample.omega)));
+      result.push_back(between(apart_ == medium_.apart()
+                                   ? sample.H->entries.centre()
+                                   : medium_.transfer(sample.omega, apart_),
+                               transfer(sample.omega)));
     return result;
   }
   const double none = std::numeric_limits<double>::infinity();
@@ -99,7 +127,7 @@ SmallModel::distances(const std::vector<Sample>& samples) const {
   for (std::size_t k = 0; k < which.size(); ++k)
     if (!clear[k]) {
       const double omega = samples[which[k]].omega;
-      result[which[k]] = between(medium_.transfer(omega), response_.transfer(omega));
+      result[which[k]] = between(medium_.transfer(omega, apart_), transfer(omega));
     }
   return result;
 }

@@ -33,6 +33,8 @@ public:
   std::vector<std::vector<double>> distances(const std::vector<Sample>& samples) const;
 
 private:
+  bool shares_rigid_modes(const DenseSystem& system) const;
+  ComplexDense transfer(double omega) const;
   std::vector<double> between(const ComplexDense& H, const ComplexDense& H_r) const;
   std::optional<MatrixSeries> factors_of_difference(const TransferSeries& H,
                                                     Interval interval, int degree) const;
@@ -40,6 +42,7 @@ private:
 
   const MediumModel& medium_;
   DenseResponse response_;
+  int apart_ = 0; ///< first modes of both models that are the same and leave no difference
   std::vector<TermGram> terms_; ///< of the difference, for each view; with many ports
 };
 

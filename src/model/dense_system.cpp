@@ -76,41 +76,153 @@ DenseSystem DenseSystem::from(const SecondOrderModel& dense) {
   return system;
 }
 
+namespace {
+
+/// How many first coordinates have no stiffness, no coupling and mass 1.
+int free_coordinates(const DenseSystem& system) {
+  const auto is_free = [&](int i) {
+    for (int j = 0; j < system.order(); ++j) {
+      const double mass = i == j ? 1 : 0;
+      if (system.K(i, j) != 0 || system.K(j, i) != 0 || system.M(i, j) != mass ||
+          system.M(j, i) != mass)
+        return false;
+      if (system.has_extra_damping() && (system.D(i, j) != 0 || system.D(j, i) != 0))
+        return false;
+    }
+    return true;
+  };
+  int count = 0;
+  while (count < system.order() && is_free(count)) ++count;
+  return count;
+}
+
+/// uᵀAu with the digits of long double.
+long double quadratic_form(const Dense& a, const double* u) {
+  long double sum = 0;
+  for (int j = 0; j < a.columns; ++j) {
+    long double column = 0;
+    for (int i = 0; i < a.rows; ++i)
+      column += static_cast<long double>(a(i, j)) * static_cast<long double>(u[i]);
+    sum += column * static_cast<long double>(u[j]);
+  }
+  return sum;
+}
+
+} // namespace
+
 DenseResponse::DenseResponse(DenseSystem system, double tau)
-    : system_(std::move(system)), tau_(tau) {
-  Dense E = system_.K;
-  for (std::size_t i = 0; i < E.data.size(); ++i) E.data[i] += tau * system_.M.data[i];
-  const SymmetricEigen eigen = symmetric_eigen(system_.M, E);
-  const int N = system_.order();
+    : system_(std::move(system)), tau_(tau), free_(free_coordinates(system_)) {
+  const int N = system_.order(), free = free_, count = N - free;
+  const Dense M = part_of(system_.M, free, count, free, count);
+  Dense E = part_of(system_.K, free, count, free, count);
+  for (std::size_t i = 0; i < E.data.size(); ++i) E.data[i] += tau * M.data[i];
   U_ = Dense(N, N);
-  for (int j = 0; j < N; ++j) { // ascending λ is descending μ
-    std::copy_n(eigen.vectors.column(N - 1 - j), N, U_.column(j));
-    mu_.push_back(std::max(eigen.values[static_cast<std::size_t>(N - 1 - j)], 0.0));
+  for (int i = 0; i < free; ++i) U_(i, i) = 1 / std::sqrt(tau);
+  mu_.assign(static_cast<std::size_t>(free), 1 / tau);
+  lambda_.assign(static_cast<std::size_t>(free), 0.0);
+  if (count > 0) {
+    const SymmetricEigen eigen = symmetric_eigen(M, E);
+    for (int j = 0; j < count; ++j) { // ascending λ is descending μ
+      std::copy_n(eigen.vectors.column(count - 1 - j), count,
+                  U_.column(free + j) + free);
+      const double mu =
+          std::max(eigen.values[static_cast<std::size_t>(count - 1 - j)], 0.0);
+      mu_.push_back(mu);
+      lambda_.push_back(mu > 0 ? 1 / mu - tau : std::numeric_limits<double>::infinity());
+    }
+    sharpen(free);
   }
   take_coordinates();
 }
 
+/// λ from Rayleigh quotients, where it matters: resonances lie below ω² = 4τ.
+void DenseResponse::sharpen(int first) {
+  for (int j = first; j < system_.order(); ++j) {
+    const auto at = static_cast<std::size_t>(j);
+    if (!(lambda_[at] < 64 * tau_)) break;
+    const long double lambda = quadratic_form(system_.K, U_.column(j)) /
+                               quadratic_form(system_.M, U_.column(j));
+    lambda_[at] = static_cast<double>(lambda);
+    mu_[at] = static_cast<double>(1 / (lambda + static_cast<long double>(tau_)));
+  }
+}
+
 DenseResponse::DenseResponse(DenseSystem system, double tau, Dense U,
-                             std::vector<double> mu)
-    : system_(std::move(system)), tau_(tau), U_(std::move(U)), mu_(std::move(mu)) {
+                             std::vector<double> lambda)
+    : system_(std::move(system)), tau_(tau), free_(free_coordinates(system_)),
+      U_(std::move(U)), lambda_(std::move(lambda)) {
+  for (double l : lambda_) mu_.push_back(1 / (l + tau_));
   take_coordinates();
 }
 
 void DenseResponse::take_coordinates() {
-  for (double mu : mu_)
-    lambda_.push_back(mu > 0 ? 1 / mu - tau_ : std::numeric_limits<double>::infinity());
   B_ = multiply_transposed(U_, system_.B);
   C_ = system_.outputs_are_inputs ? B_ : multiply_transposed(U_, system_.C);
   D_ = congruence(system_.D, U_);
 }
 
+DenseSystem::Modal DenseSystem::project_to_modes(const Dense& Q, double tau) const {
+  const DenseResponse response(project(Q), tau);
+  const int m = Q.columns, free = response.free();
+  Modal modal{multiply(Q, response.U()), {}};
+  Dense stiffness(m, m), mass(m, m);
+  for (int j = 0; j < m; ++j) {
+    double* q = modal.Q.column(j);
+    if (j < free) {
+      std::copy_n(Q.column(j), Q.rows, q);
+      mass(j, j) = 1;
+      continue;
+    }
+    // Of these numbers as they are: energies in modal coordinates hardly cancel.
+    const long double k = quadratic_form(K, q), mu = quadratic_form(M, q);
+    const bool massless = !(mu * static_cast<long double>(tau) > 1e-14L);
+    const long double unit = massless ? 1 : 1 / std::sqrt(mu);
+    for (int i = 0; i < Q.rows; ++i)
+      q[i] = static_cast<double>(unit * static_cast<long double>(q[i]));
+    stiffness(j, j) = static_cast<double>(massless ? k : k / mu);
+    mass(j, j) = massless ? static_cast<double>(mu) : 1.0;
+  }
+  modal.system = project(modal.Q);
+  modal.system.K = std::move(stiffness);
+  modal.system.M = std::move(mass);
+  return modal;
+}
+
+std::complex<double> DenseResponse::diagonal(int i, double omega, double eta_added) const {
+  const Damping& d = system_.damping;
+  const auto at = static_cast<std::size_t>(i);
+  const bool massless = !std::isfinite(lambda_[at]);
+  const double mu = mu_[at], k = massless ? 1.0 : mu * lambda_[at];
+  // λ − ω² loses digits at a resonance.
+  using Long = long double;
+  const auto difference = static_cast<double>(static_cast<Long>(lambda_[at]) -
+                                              static_cast<Long>(omega) *
+                                                  static_cast<Long>(omega));
+  return {massless ? 1 - omega * omega * mu : mu * difference,
+          k * (d.eta + eta_added) + omega * (k * d.beta + mu * d.alpha)};
+}
+
 std::vector<std::complex<double>> DenseResponse::diagonal(double omega,
                                                           double eta_added) const {
-  ShiftCoefficients c = system_.coefficients(omega);
-  c.k += std::complex<double>(0, eta_added);
-  std::vector<std::complex<double>> a; // a_k K + a_m M = a_k (K + τM) + (a_m − τ a_k) M
-  for (double m : mu_) a.push_back(c.k + (c.m - tau_ * c.k) * m);
+  std::vector<std::complex<double>> a;
+  for (int i = 0; i < system_.order(); ++i) a.push_back(diagonal(i, omega, eta_added));
   return a;
+}
+
+double DenseResponse::rounding_of_diagonal(int i, double omega) const {
+  constexpr double fine = std::numeric_limits<long double>::epsilon(),
+                   epsilon = std::numeric_limits<double>::epsilon();
+  const auto at = static_cast<std::size_t>(i);
+  const double k = std::isfinite(lambda_[at]) ? std::abs(mu_[at] * lambda_[at]) : 1.0;
+  return 4 * epsilon * std::abs(diagonal(i, omega)) +
+         2 * fine * (k + omega * omega * mu_[at]);
+}
+
+bool DenseResponse::is_resonance(double omega) const {
+  if (!is_diagonal()) return false;
+  for (int i = 0; i < system_.order(); ++i)
+    if (!(std::abs(diagonal(i, omega)) > 2 * rounding_of_diagonal(i, omega))) return true;
+  return false;
 }
 
 Dense DenseResponse::companion() const {

@@ -15,8 +15,8 @@ struct ErrorClaim {
   double attained = 0;       ///< the bound at one frequency: `worst` is no less than this
   double at = 0;             ///< [rad/s] that frequency
   double whole = 0;          ///< largest relative error of H as a whole
-  /// Relative change of H if the stiffness of rigid modes in the stored K, which counts as
-  /// rounding, were real. Not in `worst`: the claim is of a body that is exactly rigid there.
+  /// Change of H, relative to all of H, if the stiffness of rigid modes in the stored K, which
+  /// counts as rounding, were real. Not in `worst`: the claim is of a body that is exactly rigid there.
   double rigid_rounding = 0;
   /// Largest relative change of H by the rounding of K's entries when they were printed, an
   /// estimate, and where [rad/s]. Not in `worst`: the claim is of the stored matrices.
