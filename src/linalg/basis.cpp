@@ -10,8 +10,6 @@
 namespace flexgram {
 namespace {
 
-/// Rows taken at a time: those of a block that meets all pieces stay in the cache.
-constexpr PetscInt rows_at_a_time = 2048;
 
 /// Columns of one piece in this rank's rows, and the place of the first in the basis.
 struct Columns {

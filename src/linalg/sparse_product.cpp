@@ -1,6 +1,7 @@
 #include "linalg/sparse_product.hpp"
 
 #include "base/event.hpp"
+#include "linalg/accurate_sum.hpp"
 
 #include <petscsf.h>
 
@@ -11,19 +12,11 @@
 #include <new>
 #include <optional>
 
-// One binary for every x86-64: the loader picks the version that the processor has.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__)
-#define FLEXGRAM_FOR_EACH_PROCESSOR                                                      \
-  __attribute__((target_clones("arch=x86-64-v4", "arch=x86-64-v3", "default")))
-#else
-#define FLEXGRAM_FOR_EACH_PROCESSOR
-#endif
-
 namespace flexgram {
 namespace {
 
-constexpr int line = 8;    ///< columns that fill a cache line
-constexpr int widest = 12; ///< columns of a strip: two bodies' joints
+constexpr int line = AccurateSum::lanes; ///< columns that fill a cache line
+constexpr int widest = 12;               ///< columns of a strip: two bodies' joints
 
 /// CSR rows of one process's part of a matrix.
 struct Rows {
@@ -89,36 +82,13 @@ template <int width>
   }
 }
 
-/// A sum of products with twice the digits: hi + lo, by Dekker's product and Knuth's sum
-/// (Ogita, Rump, Oishi, 2005). Factors are split by their bits, which no contraction of
-/// the compiler can undo.
-struct AccurateSum {
-  using Doubles = Sums<line>::Lane;
-  typedef std::int64_t Bits __attribute__((vector_size(sizeof(Doubles))));
-
-  [[gnu::always_inline]] void add(double value, const Doubles& x) {
-    const Doubles a = Doubles{} + value, product = a * x,
-                  a_head = reinterpret_cast<Doubles>(reinterpret_cast<Bits>(a) & head),
-                  x_head = reinterpret_cast<Doubles>(reinterpret_cast<Bits>(x) & head),
-                  a_tail = a - a_head, x_tail = x - x_head,
-                  lost =
-                      ((a_head * x_head - product) + a_head * x_tail + a_tail * x_head) +
-                      a_tail * x_tail,
-                  sum = hi + product, of_product = sum - hi;
-    lo += ((hi - (sum - of_product)) + (product - of_product)) + lost;
-    hi = sum;
-    squares += product * product;
-  }
-  static constexpr std::int64_t head = ~std::int64_t{0x7ffffff}; ///< 26 digits
-  Doubles hi{}, lo{}, squares{};
-};
-
 /// The same in columns of eight with twice the digits; adds x_i² Σ_j (a_ij x_j)² to
-/// `spread`, and stores Σ_j (a_ij x_j)² of each row unless `row_squares` is null.
+/// `spread`, and stores Σ_j (a_ij x_j)² of each row and what rounding y took off, unless
+/// `row_squares` or `rest` is null.
 FLEXGRAM_FOR_EACH_PROCESSOR
 void accurate_product_of_8(const Rows& here, const double* x, const Rows& away,
                            const double* halo, double* y, PetscInt columns,
-                           double* spread, double* row_squares) {
+                           double* spread, double* row_squares, double* rest) {
   AccurateSum::Doubles spreads{};
   for (PetscInt i = 0; i < here.count; ++i) {
     AccurateSum sum;
@@ -126,7 +96,7 @@ void accurate_product_of_8(const Rows& here, const double* x, const Rows& away,
         __attribute__((always_inline)) {
       const auto* const lanes = reinterpret_cast<const AccurateSum::Doubles*>(from);
       for (PetscInt k = part.start[i]; k < part.start[i + 1]; ++k)
-        sum.add(part.value[k], lanes[part.column[k]]);
+        sum.add(AccurateSum::Doubles{} + part.value[k], lanes[part.column[k]]);
     };
     add(here, x);
     if (away.count > 0) add(away, halo);
@@ -137,10 +107,15 @@ void accurate_product_of_8(const Rows& here, const double* x, const Rows& away,
     std::memcpy(sums, &total, sizeof total);
     for (PetscInt c = 0; c < columns; ++c)
       y[c * static_cast<std::ptrdiff_t>(here.count) + i] = sums[c];
-    if (!row_squares) continue;
-    std::memcpy(sums, &sum.squares, sizeof sum.squares);
-    for (PetscInt c = 0; c < columns; ++c)
-      row_squares[c * static_cast<std::ptrdiff_t>(here.count) + i] = sums[c];
+    const auto store = [&](const AccurateSum::Doubles& lanes, double* to) {
+      if (!to) return;
+      std::memcpy(sums, &lanes, sizeof lanes);
+      for (PetscInt c = 0; c < columns; ++c)
+        to[c * static_cast<std::ptrdiff_t>(here.count) + i] = sums[c];
+    };
+    const AccurateSum::Doubles lost = (sum.hi - total) + sum.lo;
+    store(sum.squares, row_squares);
+    store(lost, rest);
   }
   double sums[line];
   std::memcpy(sums, &spreads, sizeof spreads);
@@ -312,31 +287,36 @@ Block multiply(Mat a, const Block& x) {
   return y;
 }
 
-AccurateProduct multiply_accurately(Mat a, const Block& x, bool with_row_spread) {
+AccurateProduct multiply_accurately(Mat a, const Block& x, AccurateParts with) {
   static Event event("AccurateProduct");
   const auto timed = event.timed();
   const bool shared = is_type(a, MATMPIAIJ);
   if (!shared && !is_type(a, MATSEQAIJ)) throw Error("an accurate product needs AIJ");
   AccurateProduct result{Block(x.comm(), x.local_rows(), x.rows(), x.columns()),
                          std::vector<double>(static_cast<std::size_t>(x.columns()), 0.0),
-                         Block()};
-  if (with_row_spread)
-    result.row_spread = Block(x.comm(), x.local_rows(), x.rows(), x.columns());
+                         Block(), Block()};
+  const auto like_x = [&] {
+    return Block(x.comm(), x.local_rows(), x.rows(), x.columns());
+  };
+  if (with.row_spread) result.row_spread = like_x();
+  if (with.rest) result.rest = like_x();
   const LocalProduct local(a, shared);
   const PetscInt rows = x.local_rows().size();
   Strip strip(rows), from_others(local.wanted);
   {
     const Block::Access from(x);
     Block::Access to(result.product);
-    std::optional<Block::Access> of_rows;
-    if (with_row_spread) of_rows.emplace(result.row_spread);
+    std::optional<Block::Access> of_rows, rest;
+    if (with.row_spread) of_rows.emplace(result.row_spread);
+    if (with.rest) rest.emplace(result.rest);
     for (PetscInt j = 0; j < x.columns(); j += line) {
       const PetscInt columns = std::min<PetscInt>(line, x.columns() - j);
       pack<line>(from.column(j), rows, columns, strip.data());
       local.fetch(line, strip.data(), from_others.data());
       accurate_product_of_8(**local.here, strip.data(), local.rest(), from_others.data(),
                             to.column(j), columns, result.spread.data() + j,
-                            of_rows ? of_rows->column(j) : nullptr);
+                            of_rows ? of_rows->column(j) : nullptr,
+                            rest ? rest->column(j) : nullptr);
     }
     if (of_rows)
       for (double& s : of_rows->all()) s = std::sqrt(s);
@@ -345,6 +325,40 @@ AccurateProduct multiply_accurately(Mat a, const Block& x, bool with_row_spread)
                 static_cast<int>(result.spread.size()), MPI_DOUBLE, MPI_SUM, x.comm());
   for (double& s : result.spread) s = std::sqrt(s);
   return result;
+}
+
+std::vector<double> absolute_product(Mat a, const std::vector<double>& x) {
+  const bool shared = is_type(a, MATMPIAIJ);
+  if (!shared && !is_type(a, MATSEQAIJ)) throw Error("an absolute product needs AIJ");
+  const LocalProduct local(a, shared);
+  const auto rows = static_cast<PetscInt>(x.size());
+  Strip strip(rows), from_others(local.wanted);
+  pack<4>(x.data(), rows, 1, strip.data());
+  local.fetch(4, strip.data(), from_others.data());
+  std::vector<double> result;
+  for (PetscInt i = 0; i < rows; ++i) {
+    double sum = 0;
+    const auto add = [&](const Rows& part, const double* from) {
+      for (PetscInt k = part.start[i]; k < part.start[i + 1]; ++k)
+        sum += std::abs(part.value[k]) *
+               from[4 * static_cast<std::ptrdiff_t>(part.column[k])];
+    };
+    add(**local.here, strip.data());
+    if (local.away) add(local.rest(), from_others.data());
+    result.push_back(sum);
+  }
+  return result;
+}
+
+PetscInt longest_row(Mat a) {
+  const LocalProduct local(a, is_type(a, MATMPIAIJ));
+  const Rows &here = **local.here, &away = local.rest();
+  PetscInt longest = 0;
+  for (PetscInt i = 0; i < here.count; ++i)
+    longest = std::max(longest, here.start[i + 1] - here.start[i] +
+                                    (local.away ? away.start[i + 1] - away.start[i] : 0));
+  return static_cast<PetscInt>(max_over(PetscObjectComm(reinterpret_cast<PetscObject>(a)),
+                                        static_cast<double>(longest)));
 }
 
 } // namespace flexgram

@@ -20,8 +20,17 @@ struct AccurateProduct {
   std::vector<double> spread;
   /// √Σ_j (a_ij x_j)² of each row, if asked for: a row of A X changes by ε times this.
   Block row_spread;
+  Block rest; ///< A X − product, if asked for
+};
+struct AccurateParts {
+  bool row_spread = false, rest = false;
 };
 /// @param a  AIJ, rows and columns split like the rows of x. Collective.
-AccurateProduct multiply_accurately(Mat a, const Block& x, bool with_row_spread = false);
+AccurateProduct multiply_accurately(Mat a, const Block& x, AccurateParts with = {});
+
+/// |A| x: Σ_j |a_ij| x_j of this rank's rows i. @param a  AIJ. Collective.
+std::vector<double> absolute_product(Mat a, const std::vector<double>& x);
+/// Most entries of a row of an AIJ matrix, on any rank. Collective.
+PetscInt longest_row(Mat a);
 
 } // namespace flexgram

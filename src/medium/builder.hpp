@@ -53,6 +53,7 @@ private:
   void prove(int most_columns);
   void look_at(std::size_t level);
   void judge(MediumLevel& level);
+  std::vector<int> vectors_to_sharpen(const MediumLevel& level) const;
   bool holds_everywhere();
   double slow() const { return 1e-5 * medium_.cutoff * medium_.cutoff; }
   bool has_unjudged_slow_modes() const;
@@ -89,6 +90,8 @@ private:
   bool cut_blocks_ = true, block_was_cut_ = false;
   double worst_before_ = 0;                    ///< error of the level before
   double worst_omega_ = 0;                     ///< [rad/s] where the error was largest
+  double floor_ = 0;          ///< largest relative rounding of the level that was judged last
+  int sharpened_vectors_ = 0; ///< of the last level
   int blocks_ = 0, factorisations_before_ = 0; ///< ... of a checkpoint
 };
 

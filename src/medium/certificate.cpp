@@ -13,10 +13,12 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 } // namespace
 
 Certificate::Certificate(const MediumSpace& space, const DenseResponse& response,
-                         ResidualBasis basis, const ResidualNorm& norm, int modes,
-                         bool inertia_is_safe, double cutoff, std::vector<double> scale)
-    : tau_(space.tau()), sigma_(cutoff * cutoff), kappa_(space.kappa()),
-      rounding_(space.rounding()), data_rounding_(space.data_rounding()), provable_(basis.complete && inertia_is_safe),
+                         const ResidualBasis& basis, const ResidualNorm& norm,
+                         ProjectionRounding rounding, int modes, bool inertia_is_safe,
+                         double cutoff, std::vector<double> scale)
+    : rounding_(std::move(rounding)), tau_(space.tau()), sigma_(cutoff * cutoff),
+      kappa_(space.kappa()), data_rounding_(space.data_rounding()),
+      provable_(basis.complete && inertia_is_safe),
       scale_(std::move(scale)) {
   // Coordinates in which the Gram matrix is the identity.
   const GramFactor factor = gram_factor(norm.gram);
@@ -33,9 +35,9 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
     for (double& x : lost) x *= norm.of_rounding;
     return lost;
   };
-  dropped_ports_ = in_norm(std::move(basis.dropped_ports));
-  dropped_K_ = in_norm(std::move(basis.dropped_K));
-  dropped_D_ = in_norm(std::move(basis.dropped_D));
+  dropped_ports_ = in_norm(basis.dropped_ports);
+  dropped_K_ = in_norm(basis.dropped_K);
+  dropped_D_ = in_norm(basis.dropped_D);
 
   const Dense& U = response.U();
   for (int j = 0; j < modes; ++j) {
@@ -98,6 +100,7 @@ bool Certificate::fits(int order, int ports, int modes, int rigid, bool damped) 
   };
   const int span = ports_.rows;
   return holds(scale_, ports) && holds(rounding_weights_, order) &&
+         rounding_.fits(order, ports) &&
          is(ports_, span, ports) && is(K_, order, span) &&
          (!damped || is(D_, order, span)) && holds(coordinates_, span) &&
          holds(dropped_ports_, ports) && holds(dropped_K_, order) &&

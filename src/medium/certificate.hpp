@@ -4,6 +4,7 @@
 #pragma once
 
 #include "medium/coupling.hpp"
+#include "medium/projection_rounding.hpp"
 #include "medium/response_series.hpp"
 #include "medium/space.hpp"
 #include "medium/term_gram.hpp"
@@ -34,6 +35,10 @@ struct ResidualBasis {
 ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
                              const std::vector<double>& samples, int modes, double cutoff,
                              int most);
+
+/// The same parts in the modal coordinates U Q. @param response  with these.
+void turn_residual(ResidualBasis& basis, const Dense& Q, const DenseResponse& response,
+                   double kappa, double cutoff);
 
 /// The norm (K − ω_c²M)⁻¹ on the columns of T, by a solve that need not be exact.
 struct ResidualNorm {
@@ -79,8 +84,9 @@ public:
   /// @param inertia_is_safe  their number is what the inertia says, whatever its rounding.
   /// @param scale  of each port.
   Certificate(const MediumSpace& space, const DenseResponse& response,
-              ResidualBasis basis, const ResidualNorm& norm, int modes,
-              bool inertia_is_safe, double cutoff, std::vector<double> scale);
+              const ResidualBasis& basis, const ResidualNorm& norm,
+              ProjectionRounding rounding,
+              int modes, bool inertia_is_safe, double cutoff, std::vector<double> scale);
 
   /// Columns of ports that are the inputs and the outputs of a block of H.
   struct PortSet {
@@ -137,12 +143,11 @@ public:
   std::vector<double> outside(const DenseResponse& response) const;
   /// Rounding of uᵢᵀKuⱼ between two Ritz vectors.
   double rounding_between(std::size_t i, std::size_t j) const {
-    return 4 * rounding_ * rounding_weights_[i] * rounding_weights_[j] + 1e-15;
+    return rounding_.between(i, j, sigma_);
   }
   /// Rounding of μ_j, relative: of K, and of the dense eigenvalue problem.
-  double rounding_of_mode(std::size_t j) const {
-    return 4 * rounding_ * rounding_weights_[j] * rounding_weights_[j] + 1e-14;
-  }
+  double rounding_of_mode(std::size_t j) const { return rounding_.between(j, j, sigma_); }
+  const ProjectionRounding& rounding() const { return rounding_; }
 
   /// Every field by its name, for a file.
   template <class Archive, class Self>
@@ -151,7 +156,6 @@ public:
     a("sigma", self.sigma_);
     a("kappa", self.kappa_);
     a("mu_plus", self.mu_plus_);
-    a("rounding", self.rounding_);
     a("data_rounding", self.data_rounding_);
     a("provable", self.provable_);
     a("scale", self.scale_);
@@ -167,6 +171,7 @@ public:
     a("mode_G_norm", self.mode_G_norm_);
     a("enlarged", self.enlarged_);
     DampingCoupling::archive(a, self.by_damping_);
+    ProjectionRounding::archive(a, self.rounding_);
     a("coordinates", self.coordinates_);
     a("added", self.added_);
     a("rigid", self.rigid_);
@@ -196,14 +201,15 @@ private:
   MatrixSeries held_residual(const DenseResponse& response, const ResponseSeries& x,
                              const std::vector<int>& ports) const;
   MatrixSeries residual(const DenseResponse& response, const ResponseSeries& x) const;
-  void add_rounding(Bound& bound, const ResponseSeries& x, const PortSet& block) const;
+  ProjectionRounding::Sizes sizes_of(const ResponseSeries& x,
+                                     const std::vector<int>& ports) const;
   void add_rounding(Bound& bound, const DenseResponse& response, const ResponseSeries& x,
                     const PortSet& block) const;
 
   void enclose_modes();
 
-  double tau_ = 0, sigma_ = 0, kappa_ = 0, mu_plus_ = 0, rounding_ = 0,
-         data_rounding_ = 0;
+  ProjectionRounding rounding_;
+  double tau_ = 0, sigma_ = 0, kappa_ = 0, mu_plus_ = 0, data_rounding_ = 0;
   double enlarged_ = 1; ///< (K + τM)⁻¹ of residuals over (K − ω_c²M)⁻¹ at most, its root
   bool provable_ = true; ///< the residual is known whole, and the modes are counted
   std::vector<double> scale_, rounding_weights_;

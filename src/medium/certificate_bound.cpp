@@ -179,43 +179,61 @@ MatrixSeries Certificate::residual(const DenseResponse& response,
   return whole;
 }
 
-/// Rounding of H itself: entries of VᵀKV are wrong by rounding() g_i g_j. Roundings are
-/// random: their squares add up.
-void Certificate::add_rounding(Bound& bound, const ResponseSeries& x,
-                               const PortSet& block) const {
-  const auto rounded = [&](const std::vector<int>& columns, const Dense& sizes,
-                           const std::vector<double>& weights) {
-    double sum = 0;
-    for (int j : columns)
-      for (int i = 0; i < sizes.rows; ++i)
-        sum += std::pow(weights[static_cast<std::size_t>(i)] * sizes(i, j) /
-                            scale_[static_cast<std::size_t>(j)],
-                        2);
-    return std::sqrt(sum);
-  };
-  const double in = rounded(block.inputs, x.envelope, rounding_weights_),
-               out = rounded(block.outputs, x.envelope, rounding_weights_);
-  bound.floor = 4 * rounding_ * in * out;
-  bound.data_rounding = 4 * data_rounding_ * in * out;
-  if (rigid_.columns > 0) {
-    const Dense motion = multiply_transposed(rigid_, x.envelope),
-                force = multiply_transposed(rigid_stiffness_, x.envelope);
-    const std::vector<double> one(static_cast<std::size_t>(rigid_.columns), 1.0);
-    bound.rigid_rounding =
-        rounded(block.outputs, motion, one) * rounded(block.inputs, force, one) +
-        rounded(block.outputs, force, one) * rounded(block.inputs, motion, one);
+/// Of each mode the norm of its coordinate over some ports, in their units, anywhere in the
+/// interval.
+ProjectionRounding::Sizes Certificate::sizes_of(const ResponseSeries& x,
+                                                const std::vector<int>& ports) const {
+  ProjectionRounding::Sizes sizes(static_cast<std::size_t>(x.envelope.rows), 0.0);
+  for (int j : ports) {
+    const double unit = 1 / scale_[static_cast<std::size_t>(j)];
+    for (std::size_t i = 0; i < sizes.size(); ++i) {
+      const double here = unit * x.envelope(static_cast<int>(i), j);
+      sizes[i] += here * here;
+    }
   }
+  for (double& s : sizes) s = std::sqrt(s);
+  return sizes;
 }
 
-/// What a claim has beside the error: rounding, times |a_k|, by which K comes.
+/// Rounding of the projected matrices and ports, and what is told beside the claim.
 void Certificate::add_rounding(Bound& bound, const DenseResponse& response,
                                const ResponseSeries& x, const PortSet& block) const {
-  add_rounding(bound, x, block);
   const Damping& damping = response.system().damping;
-  const double factor = std::hypot(1, damping.eta + x.interval.last * damping.beta);
-  bound.floor *= factor;
-  bound.data_rounding *= factor;
-  bound.rigid_rounding *= factor;
+  const double omega = x.interval.last,
+               a_k = std::hypot(1, damping.eta + omega * damping.beta);
+  const auto in = sizes_of(x, block.inputs),
+             out = block.outputs == block.inputs ? in : sizes_of(x, block.outputs);
+  const auto port_size = [&](const std::vector<int>& ports) {
+    double square = 0;
+    for (int j : ports)
+      square += std::pow(rounding_.port_sizes[static_cast<std::size_t>(j)] /
+                             scale_[static_cast<std::size_t>(j)],
+                         2);
+    return std::sqrt(square);
+  };
+  bound.floor = rounding_.of_response(a_k, omega, out, in);
+  double of_ports_in = 0, of_ports_out = 0, data_in = 0, data_out = 0;
+  for (std::size_t i = 0; i < in.size(); ++i) {
+    of_ports_in += rounding_.ports[i] * in[i];
+    of_ports_out += rounding_.ports[i] * out[i];
+    data_in += std::pow(rounding_weights_[i] * in[i], 2);
+    data_out += std::pow(rounding_weights_[i] * out[i], 2);
+  }
+  bound.floor +=
+      of_ports_in * port_size(block.outputs) + of_ports_out * port_size(block.inputs);
+  bound.data_rounding = 4 * data_rounding_ * a_k * std::sqrt(data_in * data_out);
+  if (rigid_.columns == 0) return;
+  const auto norm = [&](const std::vector<int>& columns, const Dense& rows) {
+    const Dense values = multiply_transposed(rows, x.envelope);
+    double sum = 0;
+    for (int j : columns)
+      for (int i = 0; i < values.rows; ++i)
+        sum += std::pow(values(i, j) / scale_[static_cast<std::size_t>(j)], 2);
+    return std::sqrt(sum);
+  };
+  bound.rigid_rounding =
+      a_k * (norm(block.outputs, rigid_) * norm(block.inputs, rigid_stiffness_) +
+             norm(block.outputs, rigid_stiffness_) * norm(block.inputs, rigid_));
 }
 
 /// |…| of the residual's claim for a block whose residuals are W at the centre of an
@@ -313,15 +331,11 @@ Certificate::FieldBound Certificate::field_over(const DenseResponse& response,
   const MatrixSeries w = residual(response, x);
   const ComplexDense at_centre = w.centre();
   const std::vector<double> away = moved(w);
-  double squares = 0, rounded = 0;
+  double squares = 0;
   for (int j : ports) {
     double square = 0;
     for (int i = 0; i < at_centre.rows; ++i) square += std::norm(at_centre(i, j));
     squares += std::pow(std::sqrt(square) + away[static_cast<std::size_t>(j)], 2);
-    for (int i = 0; i < x.envelope.rows; ++i)
-      rounded += std::pow(rounding_weights_[static_cast<std::size_t>(i)] *
-                              x.envelope(i, j) / scale_[static_cast<std::size_t>(j)],
-                          2);
   }
   const double g = sigma_ / (sigma_ - last * last), curved = g * (1 - delta) - 1;
   const double s = curved > 0 ? std::min(S.norm, g / (2 * curved)) : S.norm;
@@ -332,13 +346,14 @@ Certificate::FieldBound Certificate::field_over(const DenseResponse& response,
     along += std::pow(strain[j] * largest_c * mode_G_norm_[j] * x.largest[j], 2);
   bound.error = (std::sqrt(g * s - curved * s * s) + std::sqrt(along) * S.norm) *
                 std::sqrt(squares) * (1 + 1e-12);
-  // Rounding of the projected K: −A⁻¹ δK x, in these coordinates.
+  // Rounding of the projected matrices: −A⁻¹ E x, in these coordinates.
+  const Damping& damping = response.system().damping;
+  const auto forces = rounding_.of_equations(
+      std::hypot(1, damping.eta + last * damping.beta), last, sizes_of(x, ports));
   double answer = 0;
   for (std::size_t k = 0; k < strain.size(); ++k)
-    answer += std::pow(strain[k] * rounding_weights_[k] * x.largest[k], 2);
-  bound.floor = 4 * rounding_ * std::sqrt(answer * rounded) *
-                std::hypot(1, response.system().damping.eta +
-                                  last * response.system().damping.beta);
+    answer += std::pow(strain[k] * x.largest[k] * forces[k], 2);
+  bound.floor = std::sqrt(answer);
   return bound;
 }
 

@@ -3,6 +3,7 @@
 
 #include "medium/builder.hpp"
 
+#include "base/event.hpp"
 #include "base/process.hpp"
 #include "base/text.hpp"
 #include "linalg/sparse_product.hpp"
@@ -21,7 +22,7 @@ std::shared_ptr<const DenseResponse> MediumBuilder::ritz_response() const {
   system.K = space_->K();
   system.D = space_->D();
   system.damping = fom_.damping;
-  system.B = inner(space_->V(), loads_);
+  system.B = space_->projected_ports(loads_);
   system.C = system.B;
   return std::make_shared<DenseResponse>(std::move(system), medium_.tau);
 }
@@ -63,6 +64,7 @@ void MediumBuilder::judge(MediumLevel& level) {
       for (std::size_t v = 0; v < views; ++v)
         if (value.bounds[v].proved) largest[v] = std::max(largest[v], size(value, v));
   double worst_omega = grid_.empty() ? 0 : grid_.front();
+  floor_ = 0;
   for (std::size_t l = 0; l < values.size(); ++l)
     for (std::size_t v = 0; v < views; ++v) {
       const auto& value = values[l];
@@ -70,16 +72,68 @@ void MediumBuilder::judge(MediumLevel& level) {
           model.views[v].allowed * (largest[v] > 0 ? largest[v] : size(value, v));
       proved = proved && value.bounds[v].proved;
       const double relative = value.bounds[v].error / known,
-                   error = known > 0 && std::isfinite(relative) ? relative : HUGE_VAL;
+                   error = known > 0 && std::isfinite(relative) ? relative : HUGE_VAL,
+                   floor = value.bounds[v].floor / known;
+      if (floor > floor_) floor_ = floor; // not NaN
       if (error > worst) worst_omega = grid_[l];
       worst = std::max(worst, error);
     }
   // Dense work may differ in the last bit from rank to rank; decisions must not.
-  std::vector<double> shared{worst, proved ? 1.0 : 0.0, worst_omega};
+  std::vector<double> shared{worst, proved ? 1.0 : 0.0, worst_omega, floor_};
   share_from_first(fom_.comm, shared);
+  floor_ = shared[3];
   level.worst = shared[0];
   level.proved = shared[1] > 0;
   worst_omega_ = shared[2];
+}
+
+/// Ritz vectors whose energies are to be summed with twice the digits: what plain sums may have
+/// lost of the others changes H by little beside what the level is good to. Few vectors matter
+/// in a stiff body, at its resonances; slender ones lose digits in static responses too.
+std::vector<int> MediumBuilder::vectors_to_sharpen(const MediumLevel& level) const {
+  const double allowed = 0.5 * std::max(spec_.target, std::min(level.worst, 1.0));
+  if (!level.complete || !(floor_ > allowed)) return {};
+  const MediumModel& model = seen_->model();
+  const DenseResponse& response = *level.response;
+  const ProjectionRounding& rounding = level.certificate->rounding();
+  const int N = level.order();
+  std::vector<double> shares(static_cast<std::size_t>(N), 0.0); // roots, of the floor
+  for (double omega : grid_) {
+    const MediumModel::Stretch value = model.at(omega, 0);
+    const ComplexDense x = response.modal_response(omega);
+    const double a_k = std::abs(response.system().coefficients(omega).k);
+    for (std::size_t v = 0; v < model.blocks().size(); ++v) {
+      const auto size = [&](int i, const std::vector<int>& ports) {
+        double square = 0;
+        for (int j : ports)
+          square += std::norm(x(i, j)) / std::pow(medium_.scale[static_cast<std::size_t>(j)], 2);
+        return std::sqrt(square);
+      };
+      const double known = model.views[v].allowed * value.size[v].below[0];
+      for (int i = medium_.rigid; i < N; ++i) {
+        const auto at = static_cast<std::size_t>(i);
+        const double share =
+            rounding.share(at, a_k, omega) *
+            std::max(size(i, model.blocks()[v].inputs), size(i, model.blocks()[v].outputs)) /
+            std::sqrt(known);
+        if (share > shares[at]) shares[at] = share;
+      }
+    }
+  }
+  share_from_first(fom_.comm, shares);
+  std::vector<int> order(static_cast<std::size_t>(N - medium_.rigid));
+  std::iota(order.begin(), order.end(), medium_.rigid);
+  const auto share_of = [&](int i) { return shares[static_cast<std::size_t>(i)]; };
+  std::stable_sort(order.begin(), order.end(),
+                   [&](int i, int j) { return share_of(i) < share_of(j); });
+  double sum = 0;
+  std::size_t left = 0;
+  while (left < order.size() &&
+         sum + share_of(order[left]) <= std::sqrt(0.3 * allowed))
+    sum += share_of(order[left++]);
+  std::vector<int> chosen(order.begin() + static_cast<std::ptrdiff_t>(left), order.end());
+  std::sort(chosen.begin(), chosen.end());
+  return chosen;
 }
 
 /// Whether the bound meets the target between the frequencies of the grid too; if not,
@@ -188,27 +242,40 @@ void MediumBuilder::prove(int most_columns) {
     if (!level.response->is_resonance(grid_[l])) samples.push_back(grid_[l]);
 
   const int modes = space_->rigid() + expected_;
-  ResidualBasis basis = residual_basis(*space_, *level.response, samples, modes,
+  ResidualBasis parts = residual_basis(*space_, *level.response, samples, modes,
                                        medium_.cutoff, most_columns);
-  level.complete = basis.complete;
+  level.complete = parts.complete;
+  const Block T = std::move(parts.T);
   // A wide block brings more than is needed.
-  const bool wide = basis.complete && basis.T.columns() > wide_block;
-  ResidualBasis parts;
-  if (wide) {
-    parts.ports = basis.ports;
-    parts.K = basis.K;
-    parts.D = basis.D;
-  }
-  const ResidualNorm norm = norm_of(*level.response, basis.T);
-  level.certificate = std::make_shared<Certificate>(
-      *space_, *level.response, std::move(basis), norm, modes, inertia_is_safe_,
-      medium_.cutoff, medium_.scale);
+  const bool wide = parts.complete && T.columns() > wide_block;
+  const ResidualNorm norm = norm_of(*level.response, T);
   auto& levels = medium_.levels;
   if (!levels.empty() && levels.back().order() == level.order()) levels.pop_back();
   if (!spec_.keep_levels) levels.clear();
   levels.push_back(std::move(level));
-  look_at(levels.size() - 1);
-  judge(levels.back());
+  const auto take = [&](ProjectionRounding rounding) {
+    MediumLevel& last = levels.back();
+    last.certificate = std::make_shared<Certificate>(
+        *space_, *last.response, parts, norm, std::move(rounding), modes,
+        inertia_is_safe_, medium_.cutoff, medium_.scale);
+    look_at(levels.size() - 1);
+    judge(last);
+  };
+  take(plain_rounding(*space_, *levels.back().response, loads_));
+  if (const auto chosen = vectors_to_sharpen(levels.back()); !chosen.empty()) {
+    static Event event("SharpenEnergies");
+    const auto timed = event.timed();
+    MediumLevel& last = levels.back();
+    SharpResponse sharp =
+        sharpened(*space_, *last.response, last.certificate->rounding(), chosen);
+    last.response = std::move(sharp.response);
+    turn_residual(parts, sharp.turned, *last.response, medium_.kappa, medium_.cutoff);
+    take(std::move(sharp.rounding));
+    observer_.detail(text("  energies of %zu of %d vectors summed with twice the digits: "
+                          "rounding %.1e of H at most on the grid",
+                          chosen.size(), last.order() - medium_.rigid, floor_));
+    sharpened_vectors_ = static_cast<int>(chosen.size());
+  }
   const double worst = levels.back().worst;
   if (block_was_cut_ && worst > 0.5 * worst_before_) cut_blocks_ = false;
   worst_before_ = worst;

@@ -119,7 +119,32 @@ ComplexDense residual_of(const Dense& ports, const Dense& K, const Dense& D, dou
   return r;
 }
 
+/// D u_j = Σ_i E u_i (UᵀDU)_ij/e_i + what VᵀR = 0 leaves.
+void take_damping_apart(ResidualBasis& basis, const DenseResponse& response, double kappa,
+                        double cutoff) {
+  if (!response.system().has_extra_damping()) return;
+  const double sigma = cutoff * cutoff;
+  Dense parts_of_V = response.modal_damping();
+  for (int i = 0; i < parts_of_V.rows; ++i) {
+    const double e = response.energy(i, sigma); // uᵀEu, E = K − ω_c²M
+    for (int j = 0; j < parts_of_V.columns; ++j) parts_of_V(i, j) /= e;
+  }
+  basis.damped_outside = basis.D;
+  const Dense taken = multiply(basis.K, parts_of_V);
+  for (std::size_t i = 0; i < basis.damped_outside.data.size(); ++i)
+    basis.damped_outside.data[i] -= (1 + kappa * sigma) * taken.data[i];
+}
+
 } // namespace
+
+void turn_residual(ResidualBasis& basis, const Dense& Q, const DenseResponse& response,
+                   double kappa, double cutoff) {
+  basis.K = multiply(basis.K, Q);
+  basis.dropped_K = combined(basis.dropped_K, Q);
+  if (!basis.D.data.empty()) basis.D = multiply(basis.D, Q);
+  if (!basis.dropped_D.empty()) basis.dropped_D = combined(basis.dropped_D, Q);
+  take_damping_apart(basis, response, kappa, cutoff);
+}
 
 ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
                              const std::vector<double>& samples, int modes, double cutoff,
@@ -169,18 +194,7 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
     basis.K = multiply(parts.K, response.U());
     if (damped) basis.D = multiply(parts.D, response.U());
   }
-  if (damped) { // D u_j = Σ_i E u_i (UᵀDU)_ij/e_i + what VᵀR = 0 leaves
-    const double sigma = cutoff * cutoff;
-    Dense parts_of_V = response.modal_damping();
-    for (int i = 0; i < N; ++i) {
-      const double e = response.energy(i, sigma); // uᵀEu, E = K − ω_c²M
-      for (int j = 0; j < N; ++j) parts_of_V(i, j) /= e;
-    }
-    basis.damped_outside = basis.D;
-    const Dense taken = multiply(basis.K, parts_of_V);
-    for (std::size_t i = 0; i < basis.damped_outside.data.size(); ++i)
-      basis.damped_outside.data[i] -= (1 + space.kappa() * sigma) * taken.data[i];
-  }
+  take_damping_apart(basis, response, space.kappa(), cutoff);
   if (r == 0) return basis;
   basis.complete = r <= most;
   if (basis.complete) {

@@ -1,5 +1,6 @@
 #include "medium/space.hpp"
 
+#include "linalg/accurate_inner.hpp"
 #include "linalg/sparse.hpp"
 #include "linalg/sparse_product.hpp"
 
@@ -38,6 +39,73 @@ MediumSpace::MediumSpace(const SecondOrderModel& fom, double kappa, double tau)
     const double d = K_diagonal_[i] + tau * m[i];
     root_diagonal_.push_back(d > 0 ? std::sqrt(d) : 1.0);
   }
+  double longest = 0;
+  for (int k = 0; k < 3; ++k)
+    if (Mat a = k == 0 ? fom_.K : k == 1 ? fom_.M : fom_.D) {
+      row_weights_[k] = row_weights(a);
+      longest = std::max(longest, static_cast<double>(longest_row(a)));
+    }
+  // Of a product with a matrix, of a strip of rows, of the strips, and of the ranks.
+  const double rows = static_cast<double>(fom_.rows.size()),
+               strip = static_cast<double>(rows_at_a_time);
+  rounding_of_sums_.unit =
+      0.5 * std::numeric_limits<double>::epsilon() *
+      (longest + max_over(fom_.comm, std::min(rows, strip) + rows / strip) +
+       comm_size(fom_.comm) + 8);
+}
+
+/// R with |x|ᵀ|A||y| <= √(xᵀRx) √(yᵀRy), by the Cauchy-Schwarz inequality: R_i = s_i Σ_j
+/// |a_ij|/s_j for any s > 0. Here s is the root of the diagonal of K + τM, so that units do not
+/// matter.
+std::vector<double> MediumSpace::row_weights(Mat a) const {
+  std::vector<double> inverse;
+  for (double s : root_diagonal_) inverse.push_back(1 / s);
+  std::vector<double> rows = absolute_product(a, inverse);
+  for (std::size_t i = 0; i < rows.size(); ++i) rows[i] *= root_diagonal_[i];
+  return rows;
+}
+
+std::vector<double> MediumSpace::norms_by(const std::vector<double>& rows, const Block& x,
+                                          bool dual) {
+  std::vector<double> squares(static_cast<std::size_t>(x.columns()), 0.0);
+  {
+    const Block::Access access(x);
+    for (PetscInt j = 0; j < x.columns(); ++j)
+      for (std::size_t i = 0; i < rows.size(); ++i) {
+        const double square = access.column(j)[i] * access.column(j)[i];
+        if (square > 0)
+          squares[static_cast<std::size_t>(j)] += dual ? square / rows[i] : square * rows[i];
+      }
+  }
+  MPI_Allreduce(MPI_IN_PLACE, squares.data(), static_cast<int>(squares.size()),
+                MPI_DOUBLE, MPI_SUM, x.comm());
+  for (double& s : squares) s = std::sqrt(s) * (1 + 1e-10);
+  return squares;
+}
+
+std::vector<double> MediumSpace::weights(int matrix, const Block& x) const {
+  if (row_weights_[matrix].empty() && (matrix < 2 || !fom_.D))
+    return std::vector<double>(static_cast<std::size_t>(x.columns()), 0.0);
+  return norms_by(row_weights_[matrix], x, false);
+}
+
+Dense MediumSpace::projected_ports(const Block& ports) const {
+  Dense all = inner(V_, ports);
+  if (rigid_ == 0) return all;
+  const Block rigid = combine(V_, first_columns(identity(columns()), rigid_));
+  const Dense accurate = inner_accurately(rigid, ports, Block()).hi;
+  set_part(all, 0, 0, accurate);
+  return all;
+}
+
+std::vector<double> MediumSpace::dual_weights_of_ports(const Block& f) const {
+  std::vector<double> rows = row_weights_[0];
+  for (std::size_t i = 0; i < rows.size(); ++i) rows[i] += tau_ * row_weights_[1][i];
+  return norms_by(rows, f, true);
+}
+
+std::vector<double> MediumSpace::dual_weights(int matrix, const Block& f) const {
+  return norms_by(row_weights_[matrix], f, true);
 }
 
 void MediumSpace::scale(Block& x) const {
@@ -53,7 +121,9 @@ void MediumSpace::start_with_rigid_modes(Block Phi, Dense stiffness) {
   if (count == 0) return;
   KV_.append(Block(Phi.comm(), Phi.local_rows(), Phi.rows(), count)); // zero
   K_ = Dense(count, count);
+  W_ = identity(count);
   rigid_stiffness_ = std::move(stiffness);
+  take_deviation(Phi);
   if (fom_.D) {
     DV_.append(multiply(fom_.D, Phi));
     D_ = inner(Phi, DV_.pieces().front());
@@ -63,6 +133,17 @@ void MediumSpace::start_with_rigid_modes(Block Phi, Dense stiffness) {
   keep_rigid_forces(Phi);
   V_.append(std::move(Phi));
   rigid_ = count;
+}
+
+void MediumSpace::take_deviation(const Block& Phi) {
+  const AccurateProduct MPhi = multiply_accurately(fom_.M, Phi, {.rest = true});
+  const AccurateDense mass = inner_accurately(Phi, MPhi.product, MPhi.rest);
+  rigid_mass_deviation_ = 0;
+  for (int j = 0; j < mass.hi.columns; ++j)
+    for (int i = 0; i < mass.hi.rows; ++i)
+      rigid_mass_deviation_ =
+          std::max(rigid_mass_deviation_,
+                   std::abs((mass.hi(i, j) - (i == j ? 1 : 0)) + mass.lo(i, j)));
 }
 
 void MediumSpace::keep_rigid_forces(const Block& Phi) {
@@ -81,9 +162,15 @@ void MediumSpace::add_rounding_weights(const Block& X) {
   MPI_Allreduce(MPI_IN_PLACE, squares.data(), static_cast<int>(squares.size()),
                 MPI_DOUBLE, MPI_SUM, X.comm());
   for (double s : squares) g_.push_back(std::sqrt(s));
+  int matrix = 0;
+  for (auto* all : {&rounding_of_sums_.K, &rounding_of_sums_.M, &rounding_of_sums_.D}) {
+    const std::vector<double> more = weights(matrix++, X);
+    all->insert(all->end(), more.begin(), more.end());
+  }
 }
 
-void MediumSpace::extend_projection(const Block& X, const Block& KX, const Block& DX) {
+void MediumSpace::extend_projection(const Block& X, const Block& KX, const Block& WX,
+                                    const Block& DX) {
   const int k = static_cast<int>(X.columns()), old = columns() - k;
   add_rounding_weights(X);
   Dense columns = inner(V_, KX);
@@ -100,6 +187,10 @@ void MediumSpace::extend_projection(const Block& X, const Block& KX, const Block
     }
   }
   K_ = grown(K_, columns);
+  Dense mass = inner(V_, WX);
+  for (int j = 0; j < k; ++j)
+    for (int i = 0; i < rigid_; ++i) mass(i, j) = 0;
+  W_ = grown(W_, mass);
   if (DX) D_ = grown(D_, inner(V_, DX));
 }
 
@@ -109,7 +200,7 @@ void MediumSpace::restore(Block X) {
   Block KX = multiply(fom_.K, X), DX;
   if (fom_.D) DX = multiply(fom_.D, X);
   V_.append(X.share());
-  extend_projection(X, KX, DX);
+  extend_projection(X, KX, product_.apply(X), DX);
   KV_.append(std::move(KX));
   if (fom_.D) DV_.append(std::move(DX));
 }
@@ -134,7 +225,7 @@ std::vector<double> MediumSpace::append(Block X, double tolerance) {
   V_.append(added.vectors.share());
   Block KX = multiply(fom_.K, added.vectors), DX;
   if (fom_.D) DX = multiply(fom_.D, added.vectors);
-  extend_projection(added.vectors, KX, DX);
+  extend_projection(added.vectors, KX, added.weighted, DX);
   if (!tracks_) {
     newest_weighted_ = std::move(added.weighted);
     KV_.append(std::move(KX));
@@ -217,6 +308,7 @@ void MediumSpace::rotate_to_rigid(const Dense& Q, int count, Dense stiffness) {
     if (*basis) *basis = combine(*basis, Q);
   newest_weighted_ = Block();
   K_ = congruence(K_);
+  W_ = congruence(W_);
   if (!D_.data.empty()) D_ = congruence(D_);
   std::vector<double> rotated; // as if the parts had random signs
   for (int j = 0; j < Q.columns; ++j) {
@@ -226,17 +318,31 @@ void MediumSpace::rotate_to_rigid(const Dense& Q, int count, Dense stiffness) {
     rotated.push_back(std::sqrt(square));
   }
   g_ = std::move(rotated);
+  for (auto* all : {&rounding_of_sums_.K, &rounding_of_sums_.M, &rounding_of_sums_.D}) {
+    std::vector<double> turned;
+    for (int j = 0; j < Q.columns; ++j) {
+      double sum = 0;
+      for (int i = 0; i < Q.rows; ++i)
+        sum += std::abs(Q(i, j)) * (*all)[static_cast<std::size_t>(i)];
+      turned.push_back(sum);
+    }
+    *all = std::move(turned);
+  }
   keep_rigid_forces(combine(V_, first_columns(identity(columns()), count)));
   rigid_stiffness_ = inner(rigid_forces_, V_);
   set_part(rigid_stiffness_, 0, 0, stiffness);
   rigid_ = count;
   for (int j = 0; j < columns(); ++j)
     for (int i = 0; i < columns(); ++i)
-      if (i < count || j < count) K_(i, j) = 0;
+      if (i < count || j < count) {
+        K_(i, j) = 0;
+        W_(i, j) = i == j ? 1 : 0;
+      }
+  take_deviation(combine(V_, first_columns(identity(columns()), count)));
 }
 
 Dense MediumSpace::M() const {
-  Dense m = identity(columns());
+  Dense m = W_;
   for (std::size_t i = 0; i < m.data.size(); ++i)
     m.data[i] -= product_.kappa * K_.data[i];
   return m;

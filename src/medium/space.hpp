@@ -39,6 +39,9 @@ public:
   /// track_residual only.
   void rotate_to_rigid(const Dense& Q, int count, Dense stiffness);
 
+  /// VᵀP, of rigid modes with twice the digits.
+  Dense projected_ports(const Block& ports) const;
+
   /// From now on the parts of the residuals are kept: with P = I − W V Vᵀ,
   ///   B − A(ω) V x = P B − (a_k − κ a_m) P K V x − iω P D V x = S (C_B − … C_K x − … C_D
   ///   x).
@@ -66,8 +69,24 @@ public:
   const Basis& V() const { return V_; }
   const InnerProduct& product() const { return product_; }
   const Dense& K() const { return K_; }
-  Dense M() const; ///< I − κ VᵀKV
+  Dense M() const; ///< VᵀWV − κ VᵀKV
   const Dense& D() const { return D_; }
+
+  /// What plain sums may have lost of VᵀKV, VᵀMV and VᵀDV: entry (i, j) is wrong by at most
+  /// `unit` w_i w_j, w the weights of that matrix (docs/proof.md, section 6).
+  struct Rounding {
+    double unit = 0;
+    std::vector<double> K, M, D;
+  };
+  const Rounding& rounding_of_sums() const { return rounding_of_sums_; }
+  /// √(xᵀRx) of each column x for K, M or D (0, 1, 2): |x|ᵀ|A||y| is at most the product of those
+  /// of x and y. And √(fᵀR⁻¹f): |x|ᵀ|f| is at most that of x times this one of f. Collective.
+  std::vector<double> weights(int matrix, const Block& x) const;
+  std::vector<double> dual_weights(int matrix, const Block& f) const;
+  /// The latter for K + τM.
+  std::vector<double> dual_weights_of_ports(const Block& f) const;
+  /// How far ΦᵀMΦ of the rigid modes is from the identity, and what plain sums lost.
+  double rigid_mass_deviation() const { return rigid_mass_deviation_; }
 
   /// Rounding of VᵀKV: entry (i, j) is wrong by about rounding() g_i g_j, with
   /// g_i² = v_iᵀ diag(K) v_i. Measured by the asymmetry of what was computed.
@@ -86,9 +105,14 @@ public:
 
 private:
   void add_rounding_weights(const Block& X);
+  std::vector<double> row_weights(Mat a) const;
+  static std::vector<double> norms_by(const std::vector<double>& rows, const Block& x,
+                                      bool dual);
   void project(Block& image, const Dense& coordinates) const;
-  void extend_projection(const Block& X, const Block& KX, const Block& DX);
+  void extend_projection(const Block& X, const Block& KX, const Block& WX,
+                         const Block& DX);
   void keep_rigid_forces(const Block& Phi);
+  void take_deviation(const Block& Phi);
 
   SecondOrderModel fom_;
   InnerProduct product_;
@@ -98,7 +122,10 @@ private:
   Basis V_, KV_, DV_;                              ///< the last two until track_residual
   Block newest_weighted_;                          ///< W times them, until then
   Residual residual_;
-  Dense K_, D_, rigid_stiffness_;
+  Dense K_, W_, D_, rigid_stiffness_;
+  std::vector<double> row_weights_[3]; ///< R of K, M, D: of this rank's rows
+  Rounding rounding_of_sums_;
+  double rigid_mass_deviation_ = 0;
   std::vector<double> g_;
   double rounding_, printed_rounding_;
   int rigid_ = 0;

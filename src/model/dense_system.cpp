@@ -148,9 +148,9 @@ void DenseResponse::sharpen(int first) {
 }
 
 DenseResponse::DenseResponse(DenseSystem system, double tau, Dense U,
-                             std::vector<double> lambda)
+                             std::vector<double> lambda, Dense D)
     : system_(std::move(system)), tau_(tau), free_(free_coordinates(system_)),
-      U_(std::move(U)), lambda_(std::move(lambda)) {
+      U_(std::move(U)), D_(std::move(D)), lambda_(std::move(lambda)) {
   for (double l : lambda_) mu_.push_back(1 / (l + tau_));
   take_coordinates();
 }
@@ -158,7 +158,7 @@ DenseResponse::DenseResponse(DenseSystem system, double tau, Dense U,
 void DenseResponse::take_coordinates() {
   B_ = multiply_transposed(U_, system_.B);
   C_ = system_.outputs_are_inputs ? B_ : multiply_transposed(U_, system_.C);
-  D_ = congruence(system_.D, U_);
+  if (D_.data.empty()) D_ = congruence(system_.D, U_);
 }
 
 DenseSystem::Modal DenseSystem::project_to_modes(const Dense& Q, double tau) const {

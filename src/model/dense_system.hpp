@@ -49,7 +49,9 @@ public:
   /// @param tau  [rad²/s²], of the size of ω²; K + τM must be positive definite.
   DenseResponse(DenseSystem system, double tau);
   /// With eigenvectors and eigenvalues found before.
-  DenseResponse(DenseSystem system, double tau, Dense U, std::vector<double> lambda);
+  /// @param D  UᵀDU; empty: from the system.
+  DenseResponse(DenseSystem system, double tau, Dense U, std::vector<double> lambda,
+                Dense D = {});
 
   const DenseSystem& system() const { return system_; }
   double tau() const { return tau_; }

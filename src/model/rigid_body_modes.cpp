@@ -88,7 +88,7 @@ RigidSplit split_rigid(const SecondOrderModel& model, const Block& vectors,
   share_from_first(model.comm, eigen.values);
   share_from_first(model.comm, eigen.vectors.data);
   chosen = combine(chosen, eigen.vectors);
-  const AccurateProduct image = multiply_accurately(model.K, chosen, true);
+  const AccurateProduct image = multiply_accurately(model.K, chosen, {.row_spread = true});
   const std::vector<RowRounding> of_rows = rounding_of_rows(chosen, image);
   const Dense turned = stiffness(chosen, image.product);
   const auto k = diagonal(model.K);
