@@ -83,12 +83,12 @@ double ProjectionRounding::of_response(double a_k, double omega, const Sizes& ou
   sum += (a_k + square / tau) * mixed * std::max(all_out * all_in - same, 0.0);
   double rigid_out = 0, rigid_in = 0, M_rigid_out = 0, M_rigid_in = 0;
   for (std::size_t i = 0; i < apart; ++i) {
-    rigid_out += outputs[i];
-    rigid_in += inputs[i];
+    rigid_out += outputs[i] * outputs[i];
+    rigid_in += inputs[i] * inputs[i];
     M_rigid_out += M[i] * outputs[i];
     M_rigid_in += M[i] * inputs[i];
   }
-  return sum + square * (rigid_mass * rigid_out * rigid_in + M_rigid_out * M_in +
+  return sum + square * (rigid_mass * std::sqrt(rigid_out * rigid_in) + M_rigid_out * M_in +
                          M_out * M_rigid_in);
 }
 

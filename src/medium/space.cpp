@@ -138,12 +138,11 @@ void MediumSpace::start_with_rigid_modes(Block Phi, Dense stiffness) {
 void MediumSpace::take_deviation(const Block& Phi) {
   const AccurateProduct MPhi = multiply_accurately(fom_.M, Phi, {.rest = true});
   const AccurateDense mass = inner_accurately(Phi, MPhi.product, MPhi.rest);
-  rigid_mass_deviation_ = 0;
+  double square = 0;
   for (int j = 0; j < mass.hi.columns; ++j)
     for (int i = 0; i < mass.hi.rows; ++i)
-      rigid_mass_deviation_ =
-          std::max(rigid_mass_deviation_,
-                   std::abs((mass.hi(i, j) - (i == j ? 1 : 0)) + mass.lo(i, j)));
+      square += std::pow((mass.hi(i, j) - (i == j ? 1 : 0)) + mass.lo(i, j), 2);
+  rigid_mass_deviation_ = std::sqrt(square);
 }
 
 void MediumSpace::keep_rigid_forces(const Block& Phi) {
