@@ -7,7 +7,10 @@
 
 #include <gtest/gtest.h>
 
+#include <complex>
 #include <functional>
+#include <utility>
+#include <vector>
 
 /// Bodies whose answers are known in closed form, and small helpers.
 namespace flexgram::examples {
@@ -60,6 +63,15 @@ inline Dense whole(Mat a) {
 
 inline Dense whole(const Block& b) { return inner(identity_block(b.rows()), b); }
 
+/// The same of a reduced body, which each rank holds whole.
+inline Dense own(Mat a) { return to_dense(a); }
+inline Dense own(const Block& b) {
+  Dense all(static_cast<int>(b.rows()), static_cast<int>(b.columns()));
+  const Block::Access access(b);
+  std::copy_n(access.column(0), all.data.size(), all.data.begin());
+  return all;
+}
+
 /// Fixed-free rod of n linear elements, E A = ρ A = L = 1, consistent mass. Discrete
 /// eigenvalues: λ_k = 6/h² (1 − cos θ)/(2 + cos θ), θ = (2k − 1)π/(2n).
 inline SecondOrderModel rod(PetscInt n, Damping damping = {}) {
@@ -91,5 +103,81 @@ inline double rod_eigenvalue(PetscInt n, PetscInt k) {
       (2.0 * static_cast<double>(k) - 1) * M_PI / (2.0 * static_cast<double>(n));
   return 6.0 * static_cast<double>(n * n) * (1 - std::cos(theta)) / (2 + std::cos(theta));
 }
+
+/// H(ω) = Cᵀ A(ω)⁻¹ B of a small model, by elimination with partial pivoting in long double:
+/// a referee with eleven bits more than the doubles whose rounding is claimed. Collective.
+class Referee {
+public:
+  explicit Referee(const SecondOrderModel& model)
+      : n_(model.n), damping_(model.damping) {
+    const auto all = [reduced = model.comm == PETSC_COMM_SELF](const auto& a) {
+      return reduced ? own(a) : whole(a);
+    };
+    K_ = all(model.K);
+    M_ = all(model.M);
+    if (model.D) D_ = all(model.D);
+    B_ = all(model.B);
+    C_ = all(model.C);
+  }
+
+  ComplexDense transfer(double omega) const {
+    using Number = std::complex<long double>;
+    const auto n = static_cast<std::size_t>(n_);
+    const auto inputs = static_cast<std::size_t>(B_.columns);
+    const long double w = omega;
+    const Number of_K(1, static_cast<long double>(damping_.eta) + w * damping_.beta),
+        of_M(-w * w, w * damping_.alpha);
+    std::vector<std::vector<Number>> rows(n, std::vector<Number>(n + inputs));
+    for (std::size_t i = 0; i < n; ++i) {
+      for (std::size_t j = 0; j < n; ++j) {
+        const std::size_t at = i + j * n;
+        rows[i][j] = of_K * static_cast<long double>(K_.data[at]) +
+                     of_M * static_cast<long double>(M_.data[at]);
+        if (!D_.data.empty()) rows[i][j] += Number(0, w * D_.data[at]);
+      }
+      for (std::size_t j = 0; j < inputs; ++j) rows[i][n + j] = B_.data[i + j * n];
+    }
+    for (std::size_t k = 0; k < n; ++k) {
+      std::size_t pivot = k;
+      for (std::size_t i = k + 1; i < n; ++i)
+        if (std::norm(rows[i][k]) > std::norm(rows[pivot][k])) pivot = i;
+      std::swap(rows[k], rows[pivot]);
+      for (std::size_t i = k + 1; i < n; ++i) {
+        if (rows[i][k] == Number()) continue;
+        const Number factor = rows[i][k] / rows[k][k];
+        for (std::size_t j = k; j < n + inputs; ++j)
+          if (rows[k][j] != Number()) rows[i][j] -= factor * rows[k][j];
+      }
+    }
+    ComplexDense H(C_.columns, B_.columns);
+    std::vector<Number> x(n);
+    for (int j = 0; j < B_.columns; ++j) {
+      for (std::size_t i = n; i-- > 0;) {
+        x[i] = rows[i][n + static_cast<std::size_t>(j)];
+        for (std::size_t l = i + 1; l < n; ++l)
+          if (rows[i][l] != Number()) x[i] -= rows[i][l] * x[l];
+        x[i] /= rows[i][i];
+      }
+      for (int i = 0; i < C_.columns; ++i) {
+        Number sum = 0;
+        for (std::size_t l = 0; l < n; ++l)
+          sum += static_cast<long double>(C_.data[l + static_cast<std::size_t>(i) * n]) * x[l];
+        H(i, j) = static_cast<std::complex<double>>(sum);
+      }
+    }
+    return H;
+  }
+
+  std::vector<ComplexDense> transfer(const std::vector<double>& omega) const {
+    std::vector<ComplexDense> H;
+    for (double w : omega) H.push_back(transfer(w));
+    return H;
+  }
+
+private:
+  PetscInt n_;
+  Damping damping_;
+  Dense K_, M_, D_, B_, C_;
+};
 
 } // namespace flexgram::examples

@@ -152,8 +152,7 @@ TEST(Certificate, BoundsTheErrorOfEveryLevel) {
     EXPECT_TRUE(medium.levels.back().proved) << c.name;
     std::vector<double> omega;
     for (int l = 0; l < 37; ++l) omega.push_back(0.503 + (12.29 - 0.503) * l / 36);
-    FrequencySolves solves(c.body.share(), 0, {}, 1, 0.0, silent());
-    const auto H = solves.transfer(omega, "test");
+    const auto H = Referee(c.body).transfer(omega);
     for (std::size_t k = 0; k < medium.levels.size(); ++k) {
       const MediumModel model(medium, k, find_ports(medium.body, {}, {}), {},
                               RelativeTo::pointwise);

@@ -45,23 +45,21 @@ ReducedModel reduce(const SecondOrderModel& fom, const Job& job) {
   return cut(certified(fom, job), job.request, silent());
 }
 
-/// Full solves at frequencies that no method knows, against the claim; and at those of the
+/// The referee at frequencies that no method knows, against the claim; and at those of the
 /// curve, against the curve, which is to be sharp.
 void expect_certified(const SecondOrderModel& fom, const ReducedModel& rom, double first,
                       double last) {
-  FrequencySolves solves(fom.share(), 0, {}, 1, 0.0, silent());
+  const Referee full(fom), reduced(rom.model);
   std::vector<double> between;
   for (int l = 0; l < 29; ++l)
     between.push_back(first + (last - first) * (l + 0.37) / 29);
-  const auto exact = solves.transfer(between, "test");
-  for (std::size_t l = 0; l < between.size(); ++l)
-    EXPECT_LE(relative_error(exact[l], dense_transfer(rom.model, between[l])),
-              rom.claim->whole)
-        << "at " << between[l];
-  const auto H = solves.transfer(rom.omega, "test");
-  for (std::size_t l = 0; l < H.size(); ++l) {
+  const auto error = [&](double omega) {
+    return relative_error(full.transfer(omega), reduced.transfer(omega));
+  };
+  for (double omega : between) EXPECT_LE(error(omega), rom.claim->whole) << "at " << omega;
+  for (std::size_t l = 0; l < rom.omega.size(); ++l) {
     if (rom.omega[l] < first || rom.omega[l] > last) continue;
-    const double truth = relative_error(H[l], dense_transfer(rom.model, rom.omega[l]));
+    const double truth = error(rom.omega[l]);
     EXPECT_LE(truth, rom.bound[l]) << "at " << rom.omega[l];
     if (truth > rom.floor[l]) {
       EXPECT_LE(rom.bound[l], 30 * truth) << "at " << rom.omega[l];
@@ -238,7 +236,10 @@ TEST(TwoStep, CutsEqualReductionsWhateverElseTheMediumModelHolds) {
                          other = cut(medium, job.request, silent());
       ASSERT_EQ(one.model.n, other.model.n) << tolerance;
       EXPECT_EQ(one.medium_order, other.medium_order) << tolerance;
-      EXPECT_NEAR(one.claim->worst / other.claim->worst, 1, 1e-5) << tolerance;
+      // A tighter medium model is summed with more digits, so its floor may be lower.
+      const double floor = *std::max_element(one.floor.begin(), one.floor.end());
+      EXPECT_NEAR(one.claim->worst, other.claim->worst, 1e-5 * one.claim->worst + floor)
+          << tolerance;
       for (double omega : {0.7, 3.1, 9.9})
         EXPECT_LT(relative_error(dense_transfer(one.model, omega),
                                  dense_transfer(other.model, omega)),
