@@ -91,8 +91,7 @@ class Verdict:
         why = "H is small beside the parts' errors or the rounding of the stiffest spring"
         if top > 0.5:
             why = (f"their errors may grow in the assembly (gain up to {top:.1g}): reduce the "
-                   "parts to a smaller tolerance, free ones by "
-                   "-mor_tol_relative_to elastic")  # fmt: skip
+                   "parts to a smaller tolerance")
         return f"the parts' claims bound it in {100 * share:.3g} % of the band{by}; elsewhere {why}"
 
 
@@ -167,7 +166,7 @@ def _silent(name: str, model: ReducedModel) -> str:
         return f"part {name} is not certified"
     if model.relative_to == "band":
         return (f"the claim of part {name} is relative to the largest H of the band and says too "
-                "little of each frequency (-mor_tol_relative_to pointwise or elastic)")  # fmt: skip
+                "little of each frequency (-mor_tol_relative_to both)")  # fmt: skip
     if model.load_names:
         return f"part {name} was reduced for few loads, of single ports nothing is claimed"
     return ""

@@ -58,6 +58,9 @@ def error(model: ReducedModel) -> Figure:
     if len(model.floor):
         axes.semilogy(hz, np.maximum(model.floor, 1e-17), ":", color=BOUND, lw=1,
                       label="part of it that is rounding")  # fmt: skip
+    if model.data_rounding.any():
+        axes.semilogy(hz, np.maximum(model.data_rounding, 1e-17), "-.", color="gray", lw=1,
+                      label="what the digits of K may change, beside the error")  # fmt: skip
     if len(model.floor) or not len(model.bound):  # of an assembly the bound alone is known
         style, label = ("-", "error against the medium model") if len(model.bound) else (
             ".", "error")  # fmt: skip

@@ -117,7 +117,7 @@ class Verdict:
                         "the body was reduced for, and nothing is claimed of it")  # fmt: skip
         if self.elastic_error is not None:
             said.append(f"its elastic part is within {self.elastic_error:.1e} of itself"
-                        + (": -mor_tol_relative_to elastic bounds what joints leave of a free body"
+                        + (": -mor_tol_relative_to both bounds what joints leave of a free body"
                            if self.elastic_error > 0.02 else ""))  # fmt: skip
         if self.above > 1 - ENOUGH:
             said.append(f"{100 * self.above:.2g} % of the load at {self.worst_port} lies above the "
@@ -270,7 +270,7 @@ def judge(model: ReducedModel, t: ArrayLike, u: ArrayLike) -> Verdict:
     if int(model.frame["rigid_modes"]) > 0:
         with contextlib.suppress(BodyError):  # dampers hold it
             elastic = model.without_rigid_modes()
-    reference = elastic if model.relative_to == "elastic" and elastic is not None else model
+    by_elastic = model.bounds_elastic_part and elastic is not None
     groups = _blocks(model)
     most: dict[int, float] = {}  # of each block over the band
     if model.relative_to == "band":
@@ -283,10 +283,11 @@ def judge(model: ReducedModel, t: ArrayLike, u: ArrayLike) -> Verdict:
     for i, x in enumerate(w):
         H = model.transfer(x, False)
         H_e = H if elastic is None else elastic.transfer(x, False)
-        H_0 = H_e if reference is elastic else H
         for what, blocks in groups.items():
             for block in blocks:
-                size = most.get(id(block), 0.0) or _size(H_0, block)
+                size = most.get(id(block), 0.0) or _size(H_e if by_elastic else H, block)
+                if model.relative_to == "both":
+                    size = min(size, _size(H, block))
                 share_of = block.epsilon / (1 - block.epsilon) if block.epsilon < 1 else np.inf
                 load = float(np.linalg.norm(loads[i][block.columns]))
                 off[what][i] += share_of * size * load if load > 0 else 0.0

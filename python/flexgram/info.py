@@ -67,8 +67,9 @@ def _describe(path: Path) -> list[str]:
         lines.insert(2, "by kind: " + ", ".join(
             f"{kind} {error:.1e} of {asked:g}" for kind, error, asked in
             zip(model.kinds, model.by_kind, model.kind_tolerances, strict=True)))  # fmt: skip
-    if not model.met:
-        lines.insert(2, f"NOT within the tolerance {model.tolerance:g} that was asked for")
+    for said in (words.data_rounding_of(model), words.shortfall_of(model)):
+        if said:
+            lines.insert(2, said)
     if model.outputs != model.inputs:
         lines.append(f"outputs: {', '.join(model.outputs)}")
     frame = model.frame
@@ -79,6 +80,7 @@ def _describe(path: Path) -> list[str]:
     elastic = model.modes[model.modes > 1e-6 * max(model.modes.max(initial=0), 1e-300)]
     first = ", ".join(f"{w / (2 * np.pi):.5g}" for w in elastic[:6])
     lines.append(f"elastic modes [Hz]: {first}{' …' if len(elastic) > 6 else ''}")
+    lines += words.held_of(model)
     lines.append(f"from {model.log.get('body', 'an unknown body')}")
     return lines
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import h5py
 import numpy as np
@@ -24,6 +24,30 @@ ComplexArray = NDArray[np.complex128]
 
 #: An output and its derivatives.
 RATES = ("displacement", "velocity", "acceleration")
+
+
+class Held(NamedTuple):
+    """A body held at one interface (``ReducedModel.held``)."""
+
+    omega: Floats
+    compliance: float  # nan: no port is free
+    port: str
+
+    @property
+    def frequency_error(self) -> float:
+        """Largest relative error of the frequencies."""
+        return float(np.abs(self.omega[:, 0] / self.omega[:, 1] - 1).max(initial=0))
+
+
+def held_of(fields: dict[str, Any]) -> dict[str, Held]:
+    """What the group /held says."""
+    names = [str(name) for name in fields.get("held/interfaces", [])]
+    omega = np.asarray(fields.get("held/omega", []), dtype=np.float64).reshape(-1, 2)
+    counts = np.asarray(fields.get("held/frequencies", []), dtype=np.int64)
+    parts = np.split(omega, np.cumsum(counts)[:-1]) if len(counts) else []
+    return {name: Held(part, float(error), str(port)) for name, part, error, port in
+            zip(names, parts, fields.get("held/compliance", []), fields.get("held/ports", []),
+                strict=True)}  # fmt: skip
 
 
 class ReducedModel:
@@ -62,10 +86,17 @@ class ReducedModel:
     attained_error : float
         The bound at one frequency ``attained_at`` [rad/s]: ``certified_error`` is no less.
     rigid_rounding : float
-        How much H would change, relative, if the stiffness that K holds of the rigid modes, which
-        is within the rounding of doubles and taken for zero, were meant.
+        How much H would change, relative to |H|, if the stiffness that K holds of the rigid modes,
+        which is within its rounding and taken for zero, were meant. Not part of the error.
+    data_rounding : array
+        How much H may change at ``omega``, relative, by the digits with which the FE code wrote K:
+        an estimate, of the matrices themselves and not of the reduction, so not part of the error.
+        Zero if K was not printed. Empty for ``pod``.
     relative_to : str
-        What errors are divided by: ``pointwise`` (eq. 17), ``band`` or ``elastic``.
+        What errors are divided by at each frequency: ``pointwise`` |H| (eq. 17); ``elastic`` |H|
+        without rigid motion; ``both`` the smaller of these; ``band`` the largest |H| of the band.
+    bounds_elastic_part : bool
+        Whether the error is small beside |H| without rigid motion: ``elastic`` or ``both``.
     bands, excluded : (n, 2) arrays
         [rad/s]
     excluded_poles : (n, 3) array
@@ -74,6 +105,8 @@ class ReducedModel:
     tolerance : float or None
         That was asked for; ``met`` tells whether the error of H and of each kind is within what was
         asked of it.
+    unmet : (n, 2) array
+        Intervals where the tolerance is not met [rad/s].
     whole_error : float
         The same of H as a whole, eq. (17), by itself.
     by_kind : (k,) array
@@ -84,6 +117,11 @@ class ReducedModel:
         does not name H is nothing but rounding, if it names any.
     kind_tolerances : (k,) array
         What was asked of each, where kinds have tolerances of their own; else empty.
+    held : dict of str to Held
+        Of a free body with each interface held in turn, without damping: ``omega`` (k, 2), its
+        frequencies in the bands [rad/s] and those of the medium model that it was cut from;
+        ``compliance``, the largest relative error of what a load at a port moves that port by,
+        statically, and that ``port``.
     field_inputs : list of str
         Kinds of inputs; ``field_error``: for each the largest error of the whole field that they
         cause, relative, in the norm of the strain energy (``-mor_field_error``); inf: not proved.
@@ -126,6 +164,7 @@ class ReducedModel:
         self.unclaimed = [str(name) for name in fields.get("error/unclaimed", [])]
         self.field_inputs = [str(name) for name in fields.get("error/field_inputs", [])]
         self.field_error = array("error/field")
+        self.held = held_of(fields)
         self.load_names = [str(name) for name in fields.get("loads/names", [])]
         self.loads = array("loads/patterns").reshape(self.B.shape[1], len(self.load_names))
         known = np.concatenate([self.bound if len(self.bound) else self.error, self.by_kind, [0]])
@@ -134,11 +173,14 @@ class ReducedModel:
         self.attained_error = float(fields.get("error/attained", known.max()))
         self.attained_at = float(fields.get("error/at", np.nan))
         self.rigid_rounding = float(fields.get("error/rigid_rounding", 0.0))
+        self.data_rounding = array("error/data_rounding")
         self.relative_to = str(fields.get("error/relative_to", "pointwise"))
+        self.bounds_elastic_part = self.relative_to in ("elastic", "both")
         self.excluded = array("error/excluded").reshape(-1, 2)
         self.excluded_poles = array("error/poles").reshape(-1, 3)
         self.tolerance: float | None = fields.get("error/tolerance")
         self.met = bool(fields.get("error/met", True))
+        self.unmet = array("error/unmet").reshape(-1, 2)
         self.sigma, self.modes = array("gramian/sigma"), array("modes/omega")
         self.band = array("band")
         self.bands = array("error/bands").reshape(-1, 2)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from flexgram import figures, mode_shapes
+from flexgram import figures, mode_shapes, words
 from flexgram.basics import BodyError, written_aside
 from flexgram.geometry import body_of
 from flexgram.histories import evenly, judge, read_history
@@ -95,11 +95,12 @@ def _cards(model: ReducedModel) -> str:
     if len(model.by_kind):
         of = [f"{kind} {value:.1e}" for kind, value in zip(model.kinds, model.by_kind, strict=True)]
         if len(model.kind_tolerances):
-            of = [f"{words} of {t:g}" for words, t in zip(of, model.kind_tolerances, strict=True)]
+            of = [f"{said} of {t:g}" for said, t in zip(of, model.kind_tolerances, strict=True)]
         kinds = f": the largest of all of H {model.whole_error:.1e}, {', '.join(of)}"
+    notes = words.shortfall_of(model), words.data_rounding_of(model)
     cards = [
         (f"{model.certified_error:.1e}", f"largest relative error over the band, {model.label}"
-         + kinds + ("" if model.met else f"; NOT within the tolerance {model.tolerance:g}"),
+         + kinds + "".join(f"; {said}" for said in notes if said),
          colour),
         (f"{len(model.V):,} → {model.order}" if len(model.V) else str(model.order),
          "degrees of freedom", ""),
@@ -119,6 +120,12 @@ def _cards(model: ReducedModel) -> str:
     columns = 3 if len(cards) in (3, 5, 6) else 2  # full rows, the first tile makes up for one
     first = ' style="--first: 2"' if len(cards) == 5 else ""
     return f'<div class="cards columns-{columns}"{first}>{tiles}</div>'
+
+
+def _held(model: ReducedModel) -> str:
+    """Frequencies and static compliance with each interface held."""
+    lines = "".join(f"<li>{html.escape(line)}</li>" for line in words.held_of(model))
+    return f"<p>Without damping, against the model it was cut from:</p><ul>{lines}</ul>" if lines else ""
 
 
 def _when(log: dict[str, Any]) -> str:
@@ -260,7 +267,7 @@ def write_report(
         parts += ["<h2>Shapes</h2>", picture]
     parts += ["<h2>Plan: what was done, what was skipped and why</h2>",
               _plan(list(log["plan"])) if "plan" in log else "<p>not stored</p>",
-              "<h2>Modes of the reduced body</h2>", _modes(model),
+              "<h2>Modes of the reduced body</h2>", _modes(model), _held(model),
               shown,
               "<h2>Time by stage</h2>", draw("stages", "Wall clock."),
               "<details><summary>All options</summary><table>",

@@ -148,7 +148,7 @@ class Loop:
     def __init__(self, parts: Parts, joints: Sequence[Joint], keep: Sequence[str]) -> None:
         self.parts = parts
         self.elastic = {name: m.without_rigid_modes() for name, m in parts.models.items()
-                        if m.relative_to == "elastic" and m.frame["rigid_modes"]}  # fmt: skip
+                        if m.bounds_elastic_part and m.frame["rigid_modes"]}  # fmt: skip
         found = [(d, weights, joint) for joint in joints for d, weights in tied(parts, joint)]
         self.ties = [(d, joint) for d, _, joint in found]
         shape = len(found), len(parts.inputs)

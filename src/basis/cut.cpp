@@ -1,6 +1,7 @@
 #include "basis/cut.hpp"
 
 #include "base/text.hpp"
+#include "basis/held.hpp"
 #include "basis/order_choice.hpp"
 #include "basis/tell.hpp"
 #include "medium/field_error.hpp"
@@ -393,6 +394,7 @@ ReducedModel Cut::run() {
   const auto sup = shared_supremum(errors_.supremum(small, smallest_tolerance()));
   ReducedModel rom = reduced(Q, small, sup);
   if (request_.field) claim_field(Q, small, sup, rom);
+  rom.held = held_interfaces(medium_, small, bands_.back().last);
   tell({whole_, request_, *seen_, choice_, small, sup}, rom, observer_);
   return rom;
 }

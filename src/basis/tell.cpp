@@ -1,6 +1,7 @@
 #include "basis/tell.hpp"
 
 #include "base/text.hpp"
+#include "basis/held.hpp"
 #include "model/kinds.hpp"
 #include "model/project.hpp"
 
@@ -238,6 +239,7 @@ void tell(const CutStory& cut, const ReducedModel& rom, Observer& observer) {
            candidate.remark.empty() ? "" : (" (" + candidate.remark + ")").c_str()));
   tell_error(cut, rom, observer);
   observer.fact("reduced modes", describe_modes(rom.modes, medium.rigid));
+  if (!rom.held.empty()) observer.fact("held", held_words(rom.held));
   observer.fact("reduced M, K",
                 text("smallest over largest eigenvalue %.1e, %.1e; V'MV = I to %.0e",
                      relative_smallest_eigenvalue(rom.model.M),

@@ -68,6 +68,26 @@ void claim_of(FieldSink& sink, const ErrorClaim& claim) {
   sink.value("error/met", claim.met ? 1.0 : 0.0);
 }
 
+void held(FieldSink& sink, const std::vector<HeldInterface>& all) {
+  if (all.empty()) return;
+  std::vector<std::string> interfaces, ports;
+  std::vector<double> count, compliance;
+  std::vector<std::array<double, 2>> omega;
+  for (const HeldInterface& h : all) {
+    interfaces.push_back(h.interface);
+    ports.push_back(h.port.empty() ? "none" : h.port);
+    count.push_back(static_cast<double>(h.omega.size()));
+    compliance.push_back(
+        h.compliance.value_or(std::numeric_limits<double>::quiet_NaN()));
+    omega.insert(omega.end(), h.omega.begin(), h.omega.end());
+  }
+  vector(sink, "held/compliance", compliance);
+  rows(sink, "held/omega", omega);
+  sink.value("held/interfaces", interfaces);
+  sink.value("held/ports", ports);
+  sink.value("held/frequencies", count);
+}
+
 void error(FieldSink& sink, const ReducedModel& rom) {
   vector(sink, "error/omega", rom.omega);
   vector(sink, "error/relative", rom.epsilon);
@@ -102,6 +122,7 @@ void error(FieldSink& sink, const ReducedModel& rom) {
     sink.value("error/field_inputs", inputs);
     sink.value("error/field", worst);
   }
+  held(sink, rom.held);
   if (!rom.loads) return;
   matrix(sink, "loads/patterns", rom.loads->patterns);
   sink.value("loads/names", rom.loads->names);

@@ -136,7 +136,7 @@ std::vector<double> ErrorOverBand::floor() {
   const auto& whole = medium_.grid().views.front();
   std::vector<double> relative;
   for (std::size_t l = 0; l < whole.size.size(); ++l)
-    relative.push_back(whole.floor[l] / whole.size[l]);
+    relative.push_back(whole.floor[l] * allowed(0) / reference(0, whole.size[l]));
   return relative;
 }
 
@@ -145,7 +145,9 @@ ErrorOverBand::Floor ErrorOverBand::largest_floor() {
   const auto& views = medium_.grid().views;
   for (std::size_t v = 0; v < views.size(); ++v)
     for (std::size_t l = 0; l < omega().size(); ++l)
-      if (const double floor = views[v].floor[l] / views[v].size[l]; floor > most.worst)
+      if (const double floor =
+              views[v].floor[l] * allowed(v) / reference(v, views[v].size[l]);
+          floor > most.worst)
         most = {floor, v == 0 ? "H" : medium_.model().views[v].name, omega()[l]};
   return most;
 }

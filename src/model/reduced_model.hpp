@@ -51,6 +51,19 @@ struct LoadSpan {
   std::vector<std::string> names;
 };
 
+/// A free body held at one interface, without damping, against the medium model.
+struct HeldInterface {
+  std::string interface;
+  /// [rad/s] of the reduced body and of the medium model; infinite where there is none.
+  std::vector<std::array<double, 2>> omega;
+  /// Largest relative error of the static displacement or rotation of a port in answer to its
+  /// own load, and that port; none: all ports are held.
+  std::optional<double> compliance;
+  std::string port;
+  /// Largest relative error of these frequencies.
+  double frequency_error() const;
+};
+
 /// A reduced body with what is known about it. `model` is dense and the same on every
 /// rank.
 struct ReducedModel {
@@ -73,6 +86,7 @@ struct ReducedModel {
   std::vector<std::pair<std::string, double>> by_kind;
   std::vector<double> kind_tolerances; ///< of each; empty: all the same
   std::vector<FieldClaim> field;       ///< empty: not asked for
+  std::vector<HeldInterface> held;     ///< of a free body
   std::optional<LoadSpan> loads;       ///< none: each input by itself
   std::string second_stage, frame = "none";
   int rigid_modes = 0; ///< of the body; the first basis vectors unless frame is none
