@@ -90,8 +90,10 @@ class Verdict:
         top = self.gain[np.isfinite(self.gain)].max(initial=0)
         why = "H is small beside the parts' errors or the rounding of the stiffest spring"
         if top > 0.5:
-            why = (f"their errors may grow in the assembly (gain up to {top:.1g}): reduce the "
-                   "parts to a smaller tolerance")
+            why = (
+                f"their errors may grow in the assembly (gain up to {top:.1g}): reduce the "
+                "parts to a smaller tolerance"
+            )
         return f"the parts' claims bound it in {100 * share:.3g} % of the band{by}; elsewhere {why}"
 
 

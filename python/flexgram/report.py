@@ -125,7 +125,11 @@ def _cards(model: ReducedModel) -> str:
 def _held(model: ReducedModel) -> str:
     """Frequencies and static compliance with each interface held."""
     lines = "".join(f"<li>{html.escape(line)}</li>" for line in words.held_of(model))
-    return f"<p>Without damping, against the model it was cut from:</p><ul>{lines}</ul>" if lines else ""
+    return (
+        f"<p>Without damping, against the model it was cut from:</p><ul>{lines}</ul>"
+        if lines
+        else ""
+    )
 
 
 def _when(log: dict[str, Any]) -> str:

@@ -75,8 +75,11 @@ def held_of(model: ReducedModel) -> list[str]:
             if held.frequency_error < 0.05:
                 said += f"within {held.frequency_error:.1e}"
             else:
-                said += "of the body come out as " + ", ".join(
-                    f"{own:.5g}" if np.isfinite(own) else "none" for own, _ in hz[:6]) + more
+                said += (
+                    "of the body come out as "
+                    + ", ".join(f"{own:.5g}" if np.isfinite(own) else "none" for own, _ in hz[:6])
+                    + more
+                )
         if np.isfinite(held.compliance):
             said += f", static compliance within {held.compliance:.1e} ({held.port})"
         lines.append(f"held at {name}: {said}")

@@ -29,8 +29,8 @@ interfaces_of(const std::vector<std::string>& inputs) {
 }
 
 struct HeldBody {
-  bool moves = false;             ///< some rigid motion is left
-  std::vector<double> omega;      ///< [rad/s] ascending, up to the last that was asked for
+  bool moves = false;        ///< some rigid motion is left
+  std::vector<double> omega; ///< [rad/s] ascending, up to the last that was asked for
   std::vector<double> compliance; ///< of each port bᵀK⁻¹b; 0 of those that are held
 };
 
@@ -58,10 +58,11 @@ HeldBody held_body(const DenseResponse& response, const std::vector<int>& ports,
   Dense a(N, N);
   for (int i = 0; i < N; ++i) a(i, i) = response.mu()[static_cast<std::size_t>(i)] * tau;
   const Dense MQ = multiply(a, Q), QMQ = multiply_transposed(Q, MQ);
-  const Dense Qt = transpose(Q), left = multiply(MQ, Qt), both = multiply(Q, multiply(QMQ, Qt)),
-              held = multiply(Q, Qt);
+  const Dense Qt = transpose(Q), left = multiply(MQ, Qt),
+              both = multiply(Q, multiply(QMQ, Qt)), held = multiply(Q, Qt);
   for (int j = 0; j < N; ++j)
-    for (int i = 0; i < N; ++i) a(i, j) += both(i, j) - left(i, j) - left(j, i) - held(i, j);
+    for (int i = 0; i < N; ++i)
+      a(i, j) += both(i, j) - left(i, j) - left(j, i) - held(i, j);
   symmetrise(a);
   const SymmetricEigen eigen = symmetric_eigen(std::move(a));
   HeldBody body;
@@ -78,7 +79,8 @@ HeldBody held_body(const DenseResponse& response, const std::vector<int>& ports,
     const double omega = mu > 0 ? std::sqrt(tau * stiffness / mu) : infinity;
     if (omega <= last) body.omega.push_back(omega);
     for (int j = 0; j < B.columns; ++j)
-      body.compliance[static_cast<std::size_t>(j)] += parts(i, j) * parts(i, j) / stiffness;
+      body.compliance[static_cast<std::size_t>(j)] +=
+          parts(i, j) * parts(i, j) / stiffness;
   }
   for (int j : ports) body.compliance[static_cast<std::size_t>(j)] = 0;
   return body;
@@ -103,15 +105,16 @@ std::vector<HeldInterface> held_interfaces(const MediumModel& medium,
     const HeldBody found = held_body(part, ports, 2 * last);
     HeldInterface held{name, {}, std::nullopt, ""};
     for (std::size_t k = 0; k < reference.omega.size(); ++k)
-      held.omega.push_back({k < found.omega.size() ? found.omega[k] : infinity,
-                            reference.omega[k]});
+      held.omega.push_back(
+          {k < found.omega.size() ? found.omega[k] : infinity, reference.omega[k]});
     for (const auto& [other, of_other] : interfaces)
       for (int j : of_other) {
         const double known = reference.compliance[static_cast<std::size_t>(j)];
         if (!(known > 0)) continue;
         const double error =
-            found.moves ? infinity
-                        : std::abs(found.compliance[static_cast<std::size_t>(j)] / known - 1);
+            found.moves
+                ? infinity
+                : std::abs(found.compliance[static_cast<std::size_t>(j)] / known - 1);
         if (held.compliance && *held.compliance >= error) continue;
         held.compliance = error;
         held.port = medium.names.inputs[static_cast<std::size_t>(j)];
@@ -149,7 +152,8 @@ std::string held_words(const std::vector<HeldInterface>& held) {
                                           : " come out as " + join(here, ", ") + more;
     }
     if (h.compliance)
-      words += text(", static compliance within %.1e (%s)", *h.compliance, h.port.c_str());
+      words +=
+          text(", static compliance within %.1e (%s)", *h.compliance, h.port.c_str());
   }
   if (held.size() > most) words += text("; %zu more in the file", held.size() - most);
   return words;

@@ -71,9 +71,10 @@ std::string shortfall(double tolerance, const SecondStage& stage, ErrorOverBand&
                       const Candidate& best) {
   const double least = errors.least();
   if (const auto floor = errors.largest_floor(); floor.worst > 0.5 * tolerance)
-    return text("the rounding of doubles may change %s by up to %.1e of it at %.5g Hz, at a "
-                "sharp resonance or because these outputs hardly respond to these inputs",
-                floor.of.c_str(), floor.worst, floor.omega / (2 * std::numbers::pi));
+    return text(
+        "the rounding of doubles may change %s by up to %.1e of it at %.5g Hz, at a "
+        "sharp resonance or because these outputs hardly respond to these inputs",
+        floor.of.c_str(), floor.worst, floor.omega / (2 * std::numbers::pi));
   if (least > tolerance)
     return text("the medium model of order %d is good to %.1e only (see "
                 "{medium_order}, {cutoff})",
@@ -91,9 +92,11 @@ int smallest_of_all(OrderChoice& choice, double tolerance, const SecondStage& st
   for (std::size_t c = 0; c < choice.candidates.size(); ++c) {
     const Candidate& candidate = choice.candidates[c];
     // A later candidate must be smaller to win.
-    const int order = smallest_order(
-        candidate, stage.medium, choice.order > 0 ? choice.order - 1 : candidate.most,
-        [&](const DenseSystem& small) { return errors.meets(small, tolerance, measure); });
+    const int order = smallest_order(candidate, stage.medium,
+                                     choice.order > 0 ? choice.order - 1 : candidate.most,
+                                     [&](const DenseSystem& small) {
+                                       return errors.meets(small, tolerance, measure);
+                                     });
     if (order > 0) {
       choice.best = c;
       choice.order = order;
@@ -132,8 +135,7 @@ void choose_by_tolerance(OrderChoice& choice, double tolerance, const SecondStag
     choice.chosen_by += " without rounding and the error of the medium model";
   else
     choose_closest(choice, stage, errors);
-  choice.shortfall =
-      shortfall(tolerance, stage, errors, choice.candidates[choice.best]);
+  choice.shortfall = shortfall(tolerance, stage, errors, choice.candidates[choice.best]);
 }
 
 void choose_by_order(OrderChoice& choice, int order, const SecondStage& stage,

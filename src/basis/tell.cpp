@@ -95,10 +95,11 @@ void tell_elastic_part(const CutStory& cut, const ReducedModel& rom, Observer& o
   at = shared[1] * hz;
   constexpr double hardly_any = 10; // times the elastic motion
   const std::string size = worst > hardly_any ? "more than all" : text("%.2g", worst);
-  observer.fact("elastic part",
-                text("relative to |H| without rigid motion: about %s at %.4g Hz (an estimate; "
-                     "{tol_relative_to} both certifies it)",
-                     size.c_str(), at));
+  observer.fact(
+      "elastic part",
+      text("relative to |H| without rigid motion: about %s at %.4g Hz (an estimate; "
+           "{tol_relative_to} both certifies it)",
+           size.c_str(), at));
   if (worst > 0.05)
     observer.warn(text(
         "the body is free, and its error is %s of its elastic motion at %.4g Hz. Where "
@@ -118,8 +119,9 @@ std::string unmet_words(const ErrorClaim& claim) {
     return a[1] - a[0] > b[1] - b[0];
   });
   const double share = 100 * (1 - missed / all);
-  std::string words = text(". It is met in %.4g %% of the band%s, but not",
-                           share > 99.99 ? 99.99 : share, claim.bands.size() > 1 ? "s" : "");
+  std::string words =
+      text(". It is met in %.4g %% of the band%s, but not", share > 99.99 ? 99.99 : share,
+           claim.bands.size() > 1 ? "s" : "");
   constexpr std::size_t most = 3;
   for (std::size_t i = 0; i < std::min(intervals.size(), most); ++i) {
     const auto [first, last] = intervals[i];
@@ -158,7 +160,8 @@ void tell_error(const CutStory& cut, const ReducedModel& rom, Observer& observer
   // Beside undamped resonances |H| has no largest value; of very many ports with a damping
   // matrix it would cost as much as the claim itself.
   if (of_elastic) {
-    observer.fact("relative to", text("%s ({tol_relative_to} %s)", reference, word_of(relative_to)));
+    observer.fact("relative to",
+                  text("%s ({tol_relative_to} %s)", reference, word_of(relative_to)));
   } else if (sup.excluded.empty() &&
              (medium.has_many_ports() || !too_many_ports(medium))) {
     const auto other =
@@ -168,21 +171,23 @@ void tell_error(const CutStory& cut, const ReducedModel& rom, Observer& observer
                       sup.intervals + 200);
     observer.fact("relative to",
                   text("%s ({tol_relative_to} %s); of %s the error is at most %.1e",
-                       reference, word_of(relative_to),
-                       references[to_band ? 0 : 1], other.worst));
+                       reference, word_of(relative_to), references[to_band ? 0 : 1],
+                       other.worst));
   }
   if (!of_elastic && medium.rigid > 0) tell_elastic_part(cut, rom, observer);
   if (medium.rigid > 0)
-    observer.fact("rigid rounding",
-                  text("the rigid modes count as exactly rigid: what K holds of their stiffness "
-                       "is at the level of its rounding (change of H if it were real: %.0e)",
-                       rom.claim->rigid_rounding));
+    observer.fact(
+        "rigid rounding",
+        text("the rigid modes count as exactly rigid: what K holds of their stiffness "
+             "is at the level of its rounding (change of H if it were real: %.0e)",
+             rom.claim->rigid_rounding));
   if (!rom.data_rounding.empty())
-    observer.fact("data rounding",
-                  text("K looks printed with %.0f digits; such roundings may change H by %.1e "
-                       "(at %.5g Hz, an estimate). The error above is of the stored K",
-                       -std::log10(cut.whole.printed_rounding / 5),
-                       rom.claim->data_rounding, rom.claim->data_rounding_at * hz));
+    observer.fact(
+        "data rounding",
+        text("K looks printed with %.0f digits; such roundings may change H by %.1e "
+             "(at %.5g Hz, an estimate). The error above is of the stored K",
+             -std::log10(cut.whole.printed_rounding / 5), rom.claim->data_rounding,
+             rom.claim->data_rounding_at * hz));
   if (!medium.zero_views.empty())
     observer.skip("errors of " + join(medium.zero_views, ", "),
                   "H is nothing but rounding there");

@@ -77,8 +77,7 @@ void held(FieldSink& sink, const std::vector<HeldInterface>& all) {
     interfaces.push_back(h.interface);
     ports.push_back(h.port.empty() ? "none" : h.port);
     count.push_back(static_cast<double>(h.omega.size()));
-    compliance.push_back(
-        h.compliance.value_or(std::numeric_limits<double>::quiet_NaN()));
+    compliance.push_back(h.compliance.value_or(std::numeric_limits<double>::quiet_NaN()));
     omega.insert(omega.end(), h.omega.begin(), h.omega.end());
   }
   vector(sink, "held/compliance", compliance);

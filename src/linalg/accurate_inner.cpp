@@ -49,8 +49,8 @@ AccurateDense inner_accurately(const Block& x, const Block& y, const Block& rest
         sums.push_back(sum + static_cast<long double>(of_rest));
       }
   }
-  MPI_Allreduce(MPI_IN_PLACE, sums.data(), static_cast<int>(sums.size()),
-                MPI_LONG_DOUBLE, MPI_SUM, x.comm());
+  MPI_Allreduce(MPI_IN_PLACE, sums.data(), static_cast<int>(sums.size()), MPI_LONG_DOUBLE,
+                MPI_SUM, x.comm());
   AccurateDense result{Dense(rows, columns), Dense(rows, columns)};
   for (std::size_t i = 0; i < sums.size(); ++i) {
     result.hi.data[i] = static_cast<double>(sums[i]);

@@ -10,7 +10,6 @@
 namespace flexgram {
 namespace {
 
-
 /// Columns of one piece in this rank's rows, and the place of the first in the basis.
 struct Columns {
   double* data;

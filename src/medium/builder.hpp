@@ -72,7 +72,7 @@ private:
   Block rigid_modes_;        ///< from the geometry, until the space has them
   std::vector<int> same_as_; ///< of each port the first one that is equal
   Block loads_, ports_;      ///< all ports, scaled; the same, self-equilibrated
-  Dense rigid_stiffness_;          ///< that the stored K holds of those from the geometry
+  Dense rigid_stiffness_;    ///< that the stored K holds of those from the geometry
   int geometric_ = 0, expected_ = 0;
   double threshold_ = 0;
   std::unique_ptr<MediumSpace> space_;
@@ -88,10 +88,10 @@ private:
   int judged_elastic_ = 0;   ///< slow modes that were found to be no rigid ones
   /// Wide blocks are cut to the directions that matter, as long as that helps.
   bool cut_blocks_ = true, block_was_cut_ = false;
-  double worst_before_ = 0;                    ///< error of the level before
-  double worst_omega_ = 0;                     ///< [rad/s] where the error was largest
-  double floor_ = 0;          ///< largest relative rounding of the level that was judged last
-  int sharpened_vectors_ = 0; ///< of the last level
+  double worst_before_ = 0; ///< error of the level before
+  double worst_omega_ = 0;  ///< [rad/s] where the error was largest
+  double floor_ = 0; ///< largest relative rounding of the level that was judged last
+  int sharpened_vectors_ = 0;                  ///< of the last level
   int blocks_ = 0, factorisations_before_ = 0; ///< ... of a checkpoint
 };
 

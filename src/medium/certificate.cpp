@@ -18,8 +18,7 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
                          double cutoff, std::vector<double> scale)
     : rounding_(std::move(rounding)), tau_(space.tau()), sigma_(cutoff * cutoff),
       kappa_(space.kappa()), data_rounding_(space.data_rounding()),
-      provable_(basis.complete && inertia_is_safe),
-      scale_(std::move(scale)) {
+      provable_(basis.complete && inertia_is_safe), scale_(std::move(scale)) {
   // Coordinates in which the Gram matrix is the identity.
   const GramFactor factor = gram_factor(norm.gram);
   for (double root : factor.roots) coordinates_.push_back(1 / root);
@@ -100,8 +99,7 @@ bool Certificate::fits(int order, int ports, int modes, int rigid, bool damped) 
   };
   const int span = ports_.rows;
   return holds(scale_, ports) && holds(rounding_weights_, order) &&
-         rounding_.fits(order, ports) &&
-         is(ports_, span, ports) && is(K_, order, span) &&
+         rounding_.fits(order, ports) && is(ports_, span, ports) && is(K_, order, span) &&
          (!damped || is(D_, order, span)) && holds(coordinates_, span) &&
          holds(dropped_ports_, ports) && holds(dropped_K_, order) &&
          (!damped || holds(dropped_D_, order)) && holds(mode_mu_, modes) &&

@@ -85,8 +85,8 @@ public:
   /// @param scale  of each port.
   Certificate(const MediumSpace& space, const DenseResponse& response,
               const ResidualBasis& basis, const ResidualNorm& norm,
-              ProjectionRounding rounding,
-              int modes, bool inertia_is_safe, double cutoff, std::vector<double> scale);
+              ProjectionRounding rounding, int modes, bool inertia_is_safe, double cutoff,
+              std::vector<double> scale);
 
   /// Columns of ports that are the inputs and the outputs of a block of H.
   struct PortSet {
@@ -221,7 +221,8 @@ private:
   DampingCoupling by_damping_;      ///< with D, and of a body whose claims are proved
   std::vector<double> coordinates_; ///< 1/√γ of the Gram matrix' eigenvalues
   double added_ = 0;                ///< what these hold beyond the norm itself, at most
-  Dense rigid_, rigid_stiffness_; ///< transposed: |rigid rows of U|; |stiffness set to zero|
+  Dense rigid_,
+      rigid_stiffness_; ///< transposed: |rigid rows of U|; |stiffness set to zero|
 };
 
 /// Which combinations of the columns of E⁻¹T the space should grow by: the dominant

@@ -114,9 +114,8 @@ std::pair<std::size_t, double> ErrorOverBand::worst_of(const std::vector<std::si
   std::pair<std::size_t, double> worst{at.front(), 0.0};
   for (std::size_t k = 0; k < at.size(); ++k)
     for (std::size_t v = 0; v < views.size(); ++v) {
-      const double here =
-          measured(measure, v, distance[k][v], views[v].size[at[k]],
-                   views[v].error[at[k]], views[v].floor[at[k]]);
+      const double here = measured(measure, v, distance[k][v], views[v].size[at[k]],
+                                   views[v].error[at[k]], views[v].floor[at[k]]);
       if (here > worst.second) worst = {at[k], here};
     }
   return worst;
@@ -127,8 +126,8 @@ double ErrorOverBand::least() {
   double least = 0;
   for (std::size_t v = 0; v < views.size(); ++v)
     for (std::size_t l = 0; l < omega().size(); ++l)
-      least = std::max(least, ratio(v, 0, views[v].size[l],
-                                    views[v].error[l] + views[v].floor[l]));
+      least = std::max(
+          least, ratio(v, 0, views[v].size[l], views[v].error[l] + views[v].floor[l]));
   return least;
 }
 
@@ -222,10 +221,10 @@ ErrorOverBand::Look ErrorOverBand::look(Node& node, Small small, double level,
     const double error = medium->error[v];
     look.upper[v] = 0;
     for (std::size_t i = 0; i < pieces; ++i)
-      look.upper[v] = std::max(look.upper[v],
-                               small ? measured(measure, v, away.above[i], size.below[i],
-                                                error, medium->floor[v])
-                                     : ratio(v, 0, size.below[i], error));
+      look.upper[v] =
+          std::max(look.upper[v], small ? measured(measure, v, away.above[i],
+                                                   size.below[i], error, medium->floor[v])
+                                        : ratio(v, 0, size.below[i], error));
     look.worst = std::max(look.worst, look.upper[v]);
     for (std::size_t i = 0; i <= pieces; ++i) {
       const double here = ratio(v, away.at[i] + (small ? 0.0 : error), size.at[i], 0);

@@ -106,16 +106,17 @@ std::vector<int> MediumBuilder::vectors_to_sharpen(const MediumLevel& level) con
       const auto size = [&](int i, const std::vector<int>& ports) {
         double square = 0;
         for (int j : ports)
-          square += std::norm(x(i, j)) / std::pow(medium_.scale[static_cast<std::size_t>(j)], 2);
+          square += std::norm(x(i, j)) /
+                    std::pow(medium_.scale[static_cast<std::size_t>(j)], 2);
         return std::sqrt(square);
       };
       const double known = model.views[v].allowed * value.size[v].below[0];
       for (int i = medium_.rigid; i < N; ++i) {
         const auto at = static_cast<std::size_t>(i);
-        const double share =
-            rounding.share(at, a_k, omega) *
-            std::max(size(i, model.blocks()[v].inputs), size(i, model.blocks()[v].outputs)) /
-            std::sqrt(known);
+        const double share = rounding.share(at, a_k, omega) *
+                             std::max(size(i, model.blocks()[v].inputs),
+                                      size(i, model.blocks()[v].outputs)) /
+                             std::sqrt(known);
         if (share > shares[at]) shares[at] = share;
       }
     }
@@ -128,8 +129,7 @@ std::vector<int> MediumBuilder::vectors_to_sharpen(const MediumLevel& level) con
                    [&](int i, int j) { return share_of(i) < share_of(j); });
   double sum = 0;
   std::size_t left = 0;
-  while (left < order.size() &&
-         sum + share_of(order[left]) <= std::sqrt(0.3 * allowed))
+  while (left < order.size() && sum + share_of(order[left]) <= std::sqrt(0.3 * allowed))
     sum += share_of(order[left++]);
   std::vector<int> chosen(order.begin() + static_cast<std::ptrdiff_t>(left), order.end());
   std::sort(chosen.begin(), chosen.end());
@@ -284,10 +284,10 @@ void MediumBuilder::prove(int most_columns) {
     samples.push_back(worst_omega_);
     for (std::size_t l = grid_.size(); l-- > 0 && grid_.size() - l <= 8;)
       samples.push_back(grid_[l]); // where it was found to be weak
-    Dense chosen = directions_to_grow(
-        parts, norm.gram, *levels.back().response, samples, seen_->model().blocks(),
-        medium_.scale, medium_.kappa, medium_.cutoff, modes,
-        seen_->model().left_out(), 0.3 * spec_.target);
+    Dense chosen = directions_to_grow(parts, norm.gram, *levels.back().response, samples,
+                                      seen_->model().blocks(), medium_.scale,
+                                      medium_.kappa, medium_.cutoff, modes,
+                                      seen_->model().left_out(), 0.3 * spec_.target);
     share_list(fom_.comm, chosen.data);
     chosen.columns = static_cast<int>(chosen.data.size()) / std::max(chosen.rows, 1);
     image_ = combine(image_, chosen);
@@ -380,11 +380,11 @@ void MediumBuilder::report() {
   if (solver_.fell_back())
     observer_.fact("fall-back",
                    "refinement of single precision stalled: double precision");
-  const char* const what =
-      resolved(spec_.relative_to, medium_) == RelativeTo::elastic ? "H without rigid motion"
-      : resolved(spec_.relative_to, medium_) == RelativeTo::both
-          ? "H and of H without rigid motion"
-          : "H";
+  const char* const what = resolved(spec_.relative_to, medium_) == RelativeTo::elastic
+                               ? "H without rigid motion"
+                           : resolved(spec_.relative_to, medium_) == RelativeTo::both
+                               ? "H and of H without rigid motion"
+                               : "H";
   // Without rounding, which the claim of the small model includes.
   observer_.fact(
       "medium error",

@@ -229,15 +229,14 @@ void read_levels(const Hdf5File& file, Medium& m) {
     if (U.rows != U.columns || U.rows < 1 || U.rows > all.K.rows || U.rows > all.B.rows ||
         lambda.size() != static_cast<std::size_t>(U.rows) ||
         (!damping.data.empty() &&
-         (damping.rows != U.rows || damping.columns != U.rows)) || U.rows > all.K.columns ||
-        U.rows > all.M.rows || U.rows > all.M.columns)
+         (damping.rows != U.rows || damping.columns != U.rows)) ||
+        U.rows > all.K.columns || U.rows > all.M.rows || U.rows > all.M.columns)
       throw Error(
           text("file %s: %s does not fit: it is damaged", path.c_str(), group.c_str()));
     const int order = U.rows;
     expect_coordinates(file, leading(all, order), m.tau, U, lambda);
-    level.response = std::make_shared<DenseResponse>(leading(all, order), m.tau,
-                                                     std::move(U), std::move(lambda),
-                                                     std::move(damping));
+    level.response = std::make_shared<DenseResponse>(
+        leading(all, order), m.tau, std::move(U), std::move(lambda), std::move(damping));
     auto certificate = std::make_shared<Certificate>();
     Certificate::archive(FieldReader(file, group + "/certificate"), *certificate);
     level.certificate = std::move(certificate);

@@ -281,7 +281,8 @@ std::optional<MediumModel::Stretch> MediumModel::over(Interval interval, int deg
       sizes_by_entries(x->x, H, result);
       if (!has_many_ports())
         result.H.entries =
-            apart() > 0 ? multiply_transposed(modal_outputs_, from_row(x->x, apart())) : H;
+            apart() > 0 ? multiply_transposed(modal_outputs_, from_row(x->x, apart()))
+                        : H;
     }
   }
   std::vector<double> least; // ‖H‖
@@ -391,9 +392,8 @@ Dense MediumModel::euclidean_gram() const {
     throw Error("{inner_product} euclidean needs the basis of the medium model: certify "
                 "with {medium_basis} yes");
   Dense gram = inner(V_, V_);
-  gram = multiply_transposed(to_V_, multiply(part_of(gram, 0, system.order(), 0,
-                                                     system.order()),
-                                             to_V_));
+  gram = multiply_transposed(
+      to_V_, multiply(part_of(gram, 0, system.order(), 0, system.order()), to_V_));
   symmetrise(gram);
   return gram;
 }

@@ -79,7 +79,8 @@ const MediumOverBand::Grid& MediumOverBand::grid() {
       view.size.push_back(size);
       view.error.push_back(bound.error);
       view.floor.push_back(floor);
-      grid.rigid_rounding = std::max(grid.rigid_rounding, bound.rigid_rounding / value.whole[v]);
+      grid.rigid_rounding =
+          std::max(grid.rigid_rounding, bound.rigid_rounding / value.whole[v]);
       data_rounding = std::max(data_rounding, bound.data_rounding / size);
       if (bound.proved) view.largest = std::max(view.largest, size - bound.error - floor);
     }

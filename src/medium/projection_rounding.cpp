@@ -47,9 +47,9 @@ long double energy(const AccurateDense& a, const double* x) {
   for (int j = 0; j < a.hi.columns; ++j) {
     long double column = 0;
     for (int i = 0; i < a.hi.rows; ++i)
-      column += (static_cast<long double>(a.hi(i, j)) +
-                 static_cast<long double>(a.lo(i, j))) *
-                static_cast<long double>(x[i]);
+      column +=
+          (static_cast<long double>(a.hi(i, j)) + static_cast<long double>(a.lo(i, j))) *
+          static_cast<long double>(x[i]);
     sum += column * static_cast<long double>(x[j]);
   }
   return sum;
@@ -88,8 +88,8 @@ double ProjectionRounding::of_response(double a_k, double omega, const Sizes& ou
     M_rigid_out += M[i] * outputs[i];
     M_rigid_in += M[i] * inputs[i];
   }
-  return sum + square * (rigid_mass * std::sqrt(rigid_out * rigid_in) + M_rigid_out * M_in +
-                         M_out * M_rigid_in);
+  return sum + square * (rigid_mass * std::sqrt(rigid_out * rigid_in) +
+                         M_rigid_out * M_in + M_out * M_rigid_in);
 }
 
 ProjectionRounding::Sizes ProjectionRounding::of_equations(double a_k, double omega,
@@ -173,7 +173,8 @@ SharpResponse sharpened(const MediumSpace& space, const DenseResponse& response,
   SharpResponse result{nullptr, plain, identity(N)};
   ProjectionRounding& rounding = result.rounding;
   /// UᵀAU, its plain sums replaced where accurate ones are known, and the weights with them.
-  const auto projected = [&](int matrix, Mat a, const Dense& sums, std::vector<double>& weights) {
+  const auto projected = [&](int matrix, Mat a, const Dense& sums,
+                             std::vector<double>& weights) {
     AccurateDense all{congruence(sums, U), Dense(N, N)};
     const AccurateProduct AY = multiply_accurately(a, Y, {.rest = true});
     const AccurateDense among = inner_accurately(Y, AY.product, AY.rest);
@@ -188,19 +189,18 @@ SharpResponse sharpened(const MediumSpace& space, const DenseResponse& response,
       for (int i = 0; i < J; ++i) {
         const int row = chosen[static_cast<std::size_t>(i)],
                   column = chosen[static_cast<std::size_t>(j)];
-        const long double value =
-            0.5L * (static_cast<long double>(among.hi(i, j)) +
-                    static_cast<long double>(among.hi(j, i)) +
-                    static_cast<long double>(among.lo(i, j)) +
-                    static_cast<long double>(among.lo(j, i)));
+        const long double value = 0.5L * (static_cast<long double>(among.hi(i, j)) +
+                                          static_cast<long double>(among.hi(j, i)) +
+                                          static_cast<long double>(among.lo(i, j)) +
+                                          static_cast<long double>(among.lo(j, i)));
         all.hi(row, column) = static_cast<double>(value);
         all.lo(row, column) =
             static_cast<double>(value - static_cast<long double>(all.hi(row, column)));
       }
     for (int j = 0; j < J; ++j) {
       const auto at = static_cast<std::size_t>(j);
-      weights[static_cast<std::size_t>(chosen[at])] = std::sqrt(
-          unit * force[at] * force[at] + twice * size[at] * size[at]);
+      weights[static_cast<std::size_t>(chosen[at])] =
+          std::sqrt(unit * force[at] * force[at] + twice * size[at] * size[at]);
     }
     for (int j = 0; j < N; ++j) // rigid modes are apart by definition
       for (int i = 0; i < N; ++i)
@@ -212,7 +212,9 @@ SharpResponse sharpened(const MediumSpace& space, const DenseResponse& response,
   Dense D;
   if (fom.D) D = projected(2, fom.D, space.D(), rounding.D).hi;
 
-  const auto elastic = [&](const Dense& a) { return part_of(a, rigid, count, rigid, count); };
+  const auto elastic = [&](const Dense& a) {
+    return part_of(a, rigid, count, rigid, count);
+  };
   const Dense K_e = elastic(K.hi), M_e = elastic(M.hi);
   Dense E = K_e;
   for (std::size_t i = 0; i < E.data.size(); ++i) E.data[i] += tau * M_e.data[i];
@@ -226,7 +228,8 @@ SharpResponse sharpened(const MediumSpace& space, const DenseResponse& response,
     std::copy_n(eigen.vectors.column(count - 1 - j), count, column + rigid);
     const double mu = eigen.values[static_cast<std::size_t>(count - 1 - j)];
     double value = mu > 0 ? 1 / mu - tau : std::numeric_limits<double>::infinity();
-    if (value < 64 * tau) value = static_cast<double>(energy(K, column) / energy(M, column));
+    if (value < 64 * tau)
+      value = static_cast<double>(energy(K, column) / energy(M, column));
     lambda.push_back(value);
   }
   share_from_first(fom.comm, lambda);
@@ -241,13 +244,13 @@ SharpResponse sharpened(const MediumSpace& space, const DenseResponse& response,
     const auto at = static_cast<std::size_t>(j);
     const double l = lambda[at];
     rounding.lambda[at] =
-        0.51 * epsilon * (std::isfinite(l) ? std::abs(l) * result.response->mu()[at] : 2.0);
+        0.51 * epsilon *
+        (std::isfinite(l) ? std::abs(l) * result.response->mu()[at] : 2.0);
   }
   const std::vector<double> k(lambda.size(), 1.0);
-  rounding.mixed =
-      std::max(beside_diagonal(congruence(K.hi, result.turned), k, rigid),
-               tau * beside_diagonal(congruence(M.hi, result.turned),
-                                     result.response->mu(), rigid));
+  rounding.mixed = std::max(beside_diagonal(congruence(K.hi, result.turned), k, rigid),
+                            tau * beside_diagonal(congruence(M.hi, result.turned),
+                                                  result.response->mu(), rigid));
   return result;
 }
 

@@ -17,11 +17,12 @@ namespace flexgram {
 struct ProjectionRounding {
   std::vector<double> K, M, D; ///< of each mode; K is 0 of rigid ones
   std::vector<double> lambda;  ///< rounding of μ_j λ_j
-  std::vector<double> ports;   ///< of each mode; its ports are wrong by this times port_sizes
+  std::vector<double>
+      ports; ///< of each mode; its ports are wrong by this times port_sizes
   std::vector<double> port_sizes; ///< of each port, scaled
   double mixed = 0;               ///< UᵀKU and τUᵀMU beside their diagonals
   double tau = 1;
-  double rigid_mass = 0;          ///< of ΦᵀMΦ of rigid modes
+  double rigid_mass = 0; ///< of ΦᵀMΦ of rigid modes
   int rigid = 0;
 
   /// Sizes of the coordinates of a response: of each mode the norm over some ports.

@@ -42,7 +42,8 @@ private:
 
   const MediumModel& medium_;
   DenseResponse response_;
-  int apart_ = 0; ///< first modes of both models that are the same and leave no difference
+  int apart_ =
+      0; ///< first modes of both models that are the same and leave no difference
   std::vector<TermGram> terms_; ///< of the difference, for each view; with many ports
 };
 

@@ -74,7 +74,8 @@ std::vector<double> MediumSpace::norms_by(const std::vector<double>& rows, const
       for (std::size_t i = 0; i < rows.size(); ++i) {
         const double square = access.column(j)[i] * access.column(j)[i];
         if (square > 0)
-          squares[static_cast<std::size_t>(j)] += dual ? square / rows[i] : square * rows[i];
+          squares[static_cast<std::size_t>(j)] +=
+              dual ? square / rows[i] : square * rows[i];
       }
   }
   MPI_Allreduce(MPI_IN_PLACE, squares.data(), static_cast<int>(squares.size()),
@@ -84,7 +85,7 @@ std::vector<double> MediumSpace::norms_by(const std::vector<double>& rows, const
 }
 
 std::vector<double> MediumSpace::weights(int matrix, const Block& x) const {
-  if (row_weights_[matrix].empty() && (matrix < 2 || !fom_.D))
+  if (matrix == 2 && !fom_.D)
     return std::vector<double>(static_cast<std::size_t>(x.columns()), 0.0);
   return norms_by(row_weights_[matrix], x, false);
 }
@@ -173,8 +174,7 @@ void MediumSpace::extend_projection(const Block& X, const Block& KX, const Block
   const int k = static_cast<int>(X.columns()), old = columns() - k;
   add_rounding_weights(X);
   Dense columns = inner(V_, KX);
-  if (rigid_ > 0)
-    rigid_stiffness_ = beside(rigid_stiffness_, inner(rigid_forces_, X));
+  if (rigid_ > 0) rigid_stiffness_ = beside(rigid_stiffness_, inner(rigid_forces_, X));
   for (int j = 0; j < k; ++j) {
     for (int i = 0; i < rigid_; ++i) columns(i, j) = 0;
     for (int i = 0; i < j; ++i) {

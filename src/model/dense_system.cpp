@@ -123,8 +123,7 @@ DenseResponse::DenseResponse(DenseSystem system, double tau)
   if (count > 0) {
     const SymmetricEigen eigen = symmetric_eigen(M, E);
     for (int j = 0; j < count; ++j) { // ascending λ is descending μ
-      std::copy_n(eigen.vectors.column(count - 1 - j), count,
-                  U_.column(free + j) + free);
+      std::copy_n(eigen.vectors.column(count - 1 - j), count, U_.column(free + j) + free);
       const double mu =
           std::max(eigen.values[static_cast<std::size_t>(count - 1 - j)], 0.0);
       mu_.push_back(mu);
@@ -140,8 +139,8 @@ void DenseResponse::sharpen(int first) {
   for (int j = first; j < system_.order(); ++j) {
     const auto at = static_cast<std::size_t>(j);
     if (!(lambda_[at] < 64 * tau_)) break;
-    const long double lambda = quadratic_form(system_.K, U_.column(j)) /
-                               quadratic_form(system_.M, U_.column(j));
+    const long double lambda =
+        quadratic_form(system_.K, U_.column(j)) / quadratic_form(system_.M, U_.column(j));
     lambda_[at] = static_cast<double>(lambda);
     mu_[at] = static_cast<double>(1 / (lambda + static_cast<long double>(tau_)));
   }
@@ -188,16 +187,17 @@ DenseSystem::Modal DenseSystem::project_to_modes(const Dense& Q, double tau) con
   return modal;
 }
 
-std::complex<double> DenseResponse::diagonal(int i, double omega, double eta_added) const {
+std::complex<double> DenseResponse::diagonal(int i, double omega,
+                                             double eta_added) const {
   const Damping& d = system_.damping;
   const auto at = static_cast<std::size_t>(i);
   const bool massless = !std::isfinite(lambda_[at]);
   const double mu = mu_[at], k = massless ? 1.0 : mu * lambda_[at];
   // λ − ω² loses digits at a resonance.
   using Long = long double;
-  const auto difference = static_cast<double>(static_cast<Long>(lambda_[at]) -
-                                              static_cast<Long>(omega) *
-                                                  static_cast<Long>(omega));
+  const auto difference =
+      static_cast<double>(static_cast<Long>(lambda_[at]) -
+                          static_cast<Long>(omega) * static_cast<Long>(omega));
   return {massless ? 1 - omega * omega * mu : mu * difference,
           k * (d.eta + eta_added) + omega * (k * d.beta + mu * d.alpha)};
 }

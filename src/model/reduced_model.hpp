@@ -11,10 +11,10 @@ namespace flexgram {
 
 /// What is claimed of the error everywhere in the bands.
 struct ErrorClaim {
-  double worst = 0;          ///< largest relative error, of H and of each kind of ports
-  double attained = 0;       ///< the bound at one frequency: `worst` is no less than this
-  double at = 0;             ///< [rad/s] that frequency
-  double whole = 0;          ///< largest relative error of H as a whole
+  double worst = 0;    ///< largest relative error, of H and of each kind of ports
+  double attained = 0; ///< the bound at one frequency: `worst` is no less than this
+  double at = 0;       ///< [rad/s] that frequency
+  double whole = 0;    ///< largest relative error of H as a whole
   /// Change of H, relative to all of H, if the stiffness of rigid modes in the stored K, which
   /// counts as rounding, were real. Not in `worst`: the claim is of a body that is exactly rigid there.
   double rigid_rounding = 0;

@@ -31,7 +31,7 @@ namespace {
 
 /// What the rows of K show of its rounding when it moves a vector rigidly.
 struct RowRounding {
-  double relative = 0;        ///< median of |Kφ|_i / √Σ_j(K_ij φ_j)²; 0: nothing is shown
+  double relative = 0; ///< median of |Kφ|_i / √Σ_j(K_ij φ_j)²; 0: nothing is shown
   bool of_random_sign = true; ///< |φᵀKφ| is no more than a random sum of its terms
 };
 
@@ -60,8 +60,7 @@ std::vector<RowRounding> rounding_of_rows(const Block& x, const AccurateProduct&
     const double relative =
         median == 0 ? 0.0 : std::pow(10.0, (static_cast<double>(median) + 0.5) / 4 - 20);
     RowRounding rounding;
-    rounding.of_random_sign =
-        std::abs(sums[bins]) <= random * std::sqrt(sums[bins + 1]);
+    rounding.of_random_sign = std::abs(sums[bins]) <= random * std::sqrt(sums[bins + 1]);
     if (rows >= fewest_rows && relative < coarsest) rounding.relative = relative;
     result.push_back(rounding);
   }
@@ -88,7 +87,8 @@ RigidSplit split_rigid(const SecondOrderModel& model, const Block& vectors,
   share_from_first(model.comm, eigen.values);
   share_from_first(model.comm, eigen.vectors.data);
   chosen = combine(chosen, eigen.vectors);
-  const AccurateProduct image = multiply_accurately(model.K, chosen, {.row_spread = true});
+  const AccurateProduct image =
+      multiply_accurately(model.K, chosen, {.row_spread = true});
   const std::vector<RowRounding> of_rows = rounding_of_rows(chosen, image);
   const Dense turned = stiffness(chosen, image.product);
   const auto k = diagonal(model.K);

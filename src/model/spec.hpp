@@ -25,7 +25,7 @@ enum class RelativeTo {
   pointwise, ///< ‖H(ω)‖_F at the same frequency: eq. (17) of the paper
   band,      ///< the largest ‖H‖_F over the band
   elastic,   ///< ‖H(ω)‖_F without the motion as a rigid body, at the same frequency
-  both       ///< the smaller of pointwise and elastic; pointwise where H has no elastic part
+  both ///< the smaller of pointwise and elastic; pointwise where H has no elastic part
 };
 
 /// "pointwise", "band", "elastic", "both".

@@ -116,8 +116,9 @@ bool wants_integrals(const SecondOrderModel& body, int rigid_modes, const Settin
   }
   if (rigid_modes >= 6 && s.spin_loads == "yes" && s.relative_to != "elastic" &&
       s.relative_to != "both")
-    observer.warn("|H| from spin to inertia is mostly rigid rotation: only "
-                  "-mor_tol_relative_to both or elastic bounds what a spin does to the body");
+    observer.warn(
+        "|H| from spin to inertia is mostly rigid rotation: only "
+        "-mor_tol_relative_to both or elastic bounds what a spin does to the body");
   if (rigid_modes >= 6 && s.spin_loads == "no")
     observer.skip("spin loads", "what the body's own spin does to it is no load here: "
                                 "-mor_spin_loads yes for fast or soft rotors");

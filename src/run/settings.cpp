@@ -103,14 +103,19 @@ void Settings::describe(Options& options) {
       "-mor_tol_kind", tolerances_of_kinds,
       "tolerances of kinds of their own: stress=1e-2,displacement from force=1e-5; the "
       "others keep -mor_tol, all of H the largest of them");
-  options.add_choice(
-      "-mor_tol_relative_to", relative_to, {"both", "pointwise", "elastic", "band"},
-      "what errors of H are divided by. pointwise: |H| at the same frequency (eq. 17 of the "
-      "paper; near an antiresonance, where H itself vanishes, the order grows to meet it). "
-      "elastic: |H| at the same frequency without the motion as a rigid body, which is what "
-      "joints and springs at the interfaces of a free body leave. both: the smaller of the "
-      "two; the same as pointwise for a body without rigid modes. band: the largest |H| over "
-      "the band, which forgives antiresonances");
+  options.add_choice("-mor_tol_relative_to", relative_to,
+                     {"both", "pointwise", "elastic", "band"},
+                     "what errors of H are divided by. pointwise: |H| at the same "
+                     "frequency (eq. 17 of the "
+                     "paper; near an antiresonance, where H itself vanishes, the order "
+                     "grows to meet it). "
+                     "elastic: |H| at the same frequency without the motion as a rigid "
+                     "body, which is what "
+                     "joints and springs at the interfaces of a free body leave. both: "
+                     "the smaller of the "
+                     "two; the same as pointwise for a body without rigid modes. band: "
+                     "the largest |H| over "
+                     "the band, which forgives antiresonances");
   options.section("Reduction", "reduce cut");
   options.add_choice("-mor_port_scaling", port_scaling, {"none", "equal"},
                      "weight of the ports in the Gramian: all the same, so that forces "

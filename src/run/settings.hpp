@@ -27,8 +27,8 @@ struct Settings {
   std::string field_error = "no";
   std::string tolerances_of_kinds; ///< "stress=1e-2,…"
   std::string tolerance_of = "each_kind", port_scaling = "equal", metric = "mass",
-              relative_to = "both", statics = "no", spin_loads = "no",
-              frame = "auto", frame_interface;
+              relative_to = "both", statics = "no", spin_loads = "no", frame = "auto",
+              frame_interface;
   std::vector<double> weight, shifts_hz, error_hz;
   int moments = 2;
   double cutoff = 1.1, medium_target = 0;

@@ -108,8 +108,7 @@ inline double rod_eigenvalue(PetscInt n, PetscInt k) {
 /// a referee with eleven bits more than the doubles whose rounding is claimed. Collective.
 class Referee {
 public:
-  explicit Referee(const SecondOrderModel& model)
-      : n_(model.n), damping_(model.damping) {
+  explicit Referee(const SecondOrderModel& model) : n_(model.n), damping_(model.damping) {
     const auto all = [reduced = model.comm == PETSC_COMM_SELF](const auto& a) {
       return reduced ? own(a) : whole(a);
     };
@@ -161,7 +160,8 @@ public:
       for (int i = 0; i < C_.columns; ++i) {
         Number sum = 0;
         for (std::size_t l = 0; l < n; ++l)
-          sum += static_cast<long double>(C_.data[l + static_cast<std::size_t>(i) * n]) * x[l];
+          sum += static_cast<long double>(C_.data[l + static_cast<std::size_t>(i) * n]) *
+                 x[l];
         H(i, j) = static_cast<std::complex<double>>(sum);
       }
     }

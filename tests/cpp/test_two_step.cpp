@@ -56,7 +56,8 @@ void expect_certified(const SecondOrderModel& fom, const ReducedModel& rom, doub
   const auto error = [&](double omega) {
     return relative_error(full.transfer(omega), reduced.transfer(omega));
   };
-  for (double omega : between) EXPECT_LE(error(omega), rom.claim->whole) << "at " << omega;
+  for (double omega : between)
+    EXPECT_LE(error(omega), rom.claim->whole) << "at " << omega;
   for (std::size_t l = 0; l < rom.omega.size(); ++l) {
     if (rom.omega[l] < first || rom.omega[l] > last) continue;
     const double truth = error(rom.omega[l]);
