@@ -1,4 +1,4 @@
-/// Inner products with twice the digits.
+/// Inner products, and products of small matrices, with twice the digits.
 
 #pragma once
 
@@ -15,5 +15,13 @@ struct AccurateDense {
 /// product, 2005): wrong by at most (n u)² |X|ᵀ|Y|, u = 2⁻⁵³, beside the rounding to hi + lo.
 /// @param rest  far smaller than Y, or empty. Collective.
 AccurateDense inner_accurately(const Block& x, const Block& y, const Block& rest);
+
+/// AB, each entry wrong by at most k 2⁻⁶⁰ times the largest entries of that row of A and that
+/// column of B, k = the columns of A: slices of A and B whose products have no rounding (Ozaki,
+/// Ogita, Oishi, Rump: Error-free transformations of matrix multiplication, 2012).
+/// @note Nine plain products.
+AccurateDense multiply_accurately(const Dense& a, const Dense& b);
+/// Uᵀ(hi + lo)U, with that accuracy.
+AccurateDense congruence(const AccurateDense& a, const Dense& U);
 
 } // namespace flexgram

@@ -53,7 +53,10 @@ private:
   void prove(int most_columns);
   void look_at(std::size_t level);
   void judge(MediumLevel& level);
-  std::vector<int> vectors_to_sharpen(const MediumLevel& level) const;
+  double allowed_rounding(const MediumLevel& level) const;
+  bool needs_sharper_sums(const MediumLevel& level) const;
+  std::vector<int> vectors_to_sharpen(const MediumLevel& level,
+                                      const ProjectionRounding& rounding) const;
   bool holds_everywhere();
   double slow() const { return 1e-5 * medium_.cutoff * medium_.cutoff; }
   bool has_unjudged_slow_modes() const;

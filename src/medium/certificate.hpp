@@ -63,6 +63,7 @@ public:
   struct Bound {
     double error = 0; ///< of ‖H − H_r‖_F, in the unit of H
     double floor = 0; ///< rounding of the model itself, in the unit of H; not in `error`
+    double rigid_floor = 0; ///< rounding of the rigid part of H; in neither
     /// Change of H if the stiffness of rigid modes in the stored K were real; in neither.
     double rigid_rounding = 0;
     /// Change of H by the rounding of K's entries when they were printed, an estimate; in

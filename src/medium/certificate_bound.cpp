@@ -203,24 +203,24 @@ void Certificate::add_rounding(Bound& bound, const DenseResponse& response,
                a_k = std::hypot(1, damping.eta + omega * damping.beta);
   const auto in = sizes_of(x, block.inputs),
              out = block.outputs == block.inputs ? in : sizes_of(x, block.outputs);
-  const auto port_size = [&](const std::vector<int>& ports) {
+  /// Of each mode how far its ports are off.
+  const auto off = [&](std::size_t i, const std::vector<int>& ports) {
     double square = 0;
-    for (int j : ports)
-      square += std::pow(rounding_.port_sizes[static_cast<std::size_t>(j)] /
-                             scale_[static_cast<std::size_t>(j)],
-                         2);
+    for (int j : ports) {
+      const double here = rounding_.ports(static_cast<int>(i), j) /
+                          scale_[static_cast<std::size_t>(j)];
+      square += here * here;
+    }
     return std::sqrt(square);
   };
   bound.floor = rounding_.of_response(a_k, omega, out, in);
-  double of_ports_in = 0, of_ports_out = 0, data_in = 0, data_out = 0;
+  bound.rigid_floor = rounding_.of_rigid_modes(omega, out, in);
+  double data_in = 0, data_out = 0;
   for (std::size_t i = 0; i < in.size(); ++i) {
-    of_ports_in += rounding_.ports[i] * in[i];
-    of_ports_out += rounding_.ports[i] * out[i];
+    bound.floor += off(i, block.outputs) * in[i] + off(i, block.inputs) * out[i];
     data_in += std::pow(rounding_weights_[i] * in[i], 2);
     data_out += std::pow(rounding_weights_[i] * out[i], 2);
   }
-  bound.floor +=
-      of_ports_in * port_size(block.outputs) + of_ports_out * port_size(block.inputs);
   bound.data_rounding = 4 * data_rounding_ * a_k * std::sqrt(data_in * data_out);
   if (rigid_.columns == 0) return;
   const auto norm = [&](const std::vector<int>& columns, const Dense& rows) {

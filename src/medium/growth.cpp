@@ -87,15 +87,23 @@ void MediumBuilder::judge(MediumLevel& level) {
   worst_omega_ = shared[2];
 }
 
+/// What rounding may change beside what the level is good to.
+double MediumBuilder::allowed_rounding(const MediumLevel& level) const {
+  return 0.5 * std::max(spec_.target, std::min(level.worst, 1.0));
+}
+
+bool MediumBuilder::needs_sharper_sums(const MediumLevel& level) const {
+  return level.complete && floor_ > allowed_rounding(level);
+}
+
 /// Ritz vectors whose energies are to be summed with twice the digits: what plain sums may have
 /// lost of the others changes H by little beside what the level is good to. Few vectors matter
 /// in a stiff body, at its resonances; slender ones lose digits in static responses too.
-std::vector<int> MediumBuilder::vectors_to_sharpen(const MediumLevel& level) const {
-  const double allowed = 0.5 * std::max(spec_.target, std::min(level.worst, 1.0));
-  if (!level.complete || !(floor_ > allowed)) return {};
+std::vector<int> MediumBuilder::vectors_to_sharpen(const MediumLevel& level,
+                                                   const ProjectionRounding& rounding) const {
+  const double allowed = allowed_rounding(level);
   const MediumModel& model = seen_->model();
   const DenseResponse& response = *level.response;
-  const ProjectionRounding& rounding = level.certificate->rounding();
   const int N = level.order();
   std::vector<double> shares(static_cast<std::size_t>(N), 0.0); // roots, of the floor
   for (double omega : grid_) {
@@ -262,12 +270,13 @@ void MediumBuilder::prove(int most_columns) {
     judge(last);
   };
   take(plain_rounding(*space_, *levels.back().response, loads_));
-  if (const auto chosen = vectors_to_sharpen(levels.back()); !chosen.empty()) {
+  if (needs_sharper_sums(levels.back())) {
     static Event event("SharpenEnergies");
     const auto timed = event.timed();
     MediumLevel& last = levels.back();
-    SharpResponse sharp =
-        sharpened(*space_, *last.response, last.certificate->rounding(), chosen);
+    const ProjectionRounding sums = rounding_of_sums(*space_, *last.response, loads_);
+    const std::vector<int> chosen = vectors_to_sharpen(last, sums);
+    SharpResponse sharp = sharpened(*space_, *last.response, sums, loads_, chosen);
     last.response = std::move(sharp.response);
     turn_residual(parts, sharp.turned, *last.response, medium_.kappa, medium_.cutoff);
     take(std::move(sharp.rounding));

@@ -182,6 +182,7 @@ void write_levels(Hdf5File& file, const Medium& m) {
     FieldWriter a(file, group);
     a("U", level.response->U());
     a("lambda", level.response->lambda());
+    a("inputs", level.response->modal_inputs());
     a("damping", level.response->modal_damping());
     a("complete", level.complete);
     a("worst", level.worst);
@@ -218,16 +219,18 @@ void read_levels(const Hdf5File& file, Medium& m) {
     MediumLevel level;
     const std::string group = text("/level_%d", k);
     FieldReader a(file, group);
-    Dense U, damping;
+    Dense U, inputs, damping;
     std::vector<double> lambda;
     a("U", U);
     a("lambda", lambda);
+    a("inputs", inputs);
     a("damping", damping);
     a("complete", level.complete);
     a("worst", level.worst);
     a("proved", level.proved);
     if (U.rows != U.columns || U.rows < 1 || U.rows > all.K.rows || U.rows > all.B.rows ||
-        lambda.size() != static_cast<std::size_t>(U.rows) ||
+        lambda.size() != static_cast<std::size_t>(U.rows) || inputs.rows != U.rows ||
+        inputs.columns != all.B.columns ||
         (!damping.data.empty() &&
          (damping.rows != U.rows || damping.columns != U.rows)) ||
         U.rows > all.K.columns || U.rows > all.M.rows || U.rows > all.M.columns)
@@ -236,7 +239,7 @@ void read_levels(const Hdf5File& file, Medium& m) {
     const int order = U.rows;
     expect_coordinates(file, leading(all, order), m.tau, U, lambda);
     level.response = std::make_shared<DenseResponse>(
-        leading(all, order), m.tau, std::move(U), std::move(lambda), std::move(damping));
+        leading(all, order), m.tau, std::move(U), std::move(lambda), std::move(inputs), std::move(damping));
     auto certificate = std::make_shared<Certificate>();
     Certificate::archive(FieldReader(file, group + "/certificate"), *certificate);
     level.certificate = std::move(certificate);

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 namespace flexgram {
 namespace {
@@ -55,6 +56,8 @@ RitzPairs ritz_pairs(const MediumSpace& space) {
 
 int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expected,
                double enough, double null, Observer& observer) {
+  // λ = 1/μ − τ is known to the rounding of τ.
+  null = std::max(null, 64 * std::numeric_limits<double>::epsilon() * space.tau());
   std::vector<double> good;
   int solves = 0, before = -1;
   int newest = space.columns() > space.rigid() // vectors of the last block

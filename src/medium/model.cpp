@@ -107,6 +107,20 @@ std::vector<int> MediumModel::left_out() const {
   return counts;
 }
 
+/// Errors relative to the elastic part of H are those of the elastic part of H_r: that of the
+/// rigid part is relative to ‖H‖ (docs/proof.md, section 4).
+void MediumModel::add_rigid_floor(Stretch& stretch) const {
+  for (std::size_t v = 0; v < views.size(); ++v) {
+    const auto& above = stretch.size[v].above;
+    const double rigid_floor = stretch.bounds[v].rigid_floor;
+    if (rigid_floor > 0)
+      stretch.bounds[v].floor += reference_[v].left_out == 0
+                                     ? rigid_floor
+                                     : rigid_floor / stretch.whole[v] *
+                                           *std::max_element(above.begin(), above.end());
+  }
+}
+
 /// Of each view the norms of what its errors are relative to, and of H.
 /// @param norms_of  (view, whether of the elastic part) of H.
 template <class NormsOf>
@@ -116,7 +130,7 @@ void MediumModel::take_sizes(const NormsOf& norms_of, Stretch& result) const {
   for (std::size_t v = 0; v < views.size(); ++v) {
     const ViewNorms whole = norms_of(v, false);
     const auto [left_out, or_whole] = reference_[v];
-    result.whole.push_back(whole.at[0]);
+    result.whole.push_back(*std::min_element(whole.below.begin(), whole.below.end()));
     result.size.push_back(left_out == 0 ? whole
                           : or_whole    ? smaller_of(norms_of(v, true), whole)
                                         : norms_of(v, true));
@@ -264,6 +278,7 @@ std::optional<MediumModel::Stretch> MediumModel::over(Interval interval, int deg
     result.H.entries =
         apart() > 0 ? multiply_transposed(modal_outputs_, from_row(x, apart())) : H;
     result.bounds = level_.certificate->over(response, *all, blocks_);
+    add_rigid_floor(result);
     return result;
   }
   const auto factors = modal_factors(response, interval, degree);
@@ -292,6 +307,7 @@ std::optional<MediumModel::Stretch> MediumModel::over(Interval interval, int deg
       response, *factors, blocks_, residuals_, [&](std::size_t v, double error) {
         return error <= enough_ * least[v] || error > hopeless * least[v];
       });
+  add_rigid_floor(result);
   return result;
 }
 

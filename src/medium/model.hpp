@@ -38,8 +38,10 @@ public:
   struct Stretch {
     TransferSeries H;
     std::vector<ViewNorms> size; ///< of each of the views: of H, or its elastic part
-    std::vector<double> whole;   ///< ‖H‖ of each view at the beginning
-    std::vector<Certificate::Bound> bounds; ///< the same, anywhere in it
+    std::vector<double> whole;   ///< ‖H‖ of each view at least
+    /// The same, anywhere in it; the floor with that of the rigid part, which is as small
+    /// relative to ‖H‖ as it counts beside `size`.
+    std::vector<Certificate::Bound> bounds;
   };
   /// @param hopeless  with many ports, relative bounds above this need not be sharp.
   /// @return nothing if a pole is too near for an interval of this length.
@@ -132,6 +134,7 @@ private:
   std::vector<double> strain() const; ///< √(uᵀKu) of each mode, 0 of rigid ones
   MatrixSeries inputs_of(const MatrixSeries& x) const;
   ComplexDense input_response(double omega) const;
+  void add_rigid_floor(Stretch& stretch) const;
   template <class NormsOf>
   void take_sizes(const NormsOf& norms_of, Stretch& result) const;
   void sizes_by_entries(const MatrixSeries& x, const MatrixSeries& H,

@@ -23,89 +23,122 @@ std::vector<double> turned_weights(const Dense& U, const std::vector<double>& w)
   return result;
 }
 
-Dense congruence(const Dense& a, const Dense& Q) {
-  Dense result = multiply_transposed(Q, multiply(a, Q));
-  symmetrise(result);
-  return result;
+std::vector<double> scaled(std::vector<double> values, double factor) {
+  for (double& v : values) v *= factor;
+  return values;
 }
 
-/// The largest entry beside the diagonal, and on it beside what it should be, with what the
-/// products for it may have lost.
-double beside_diagonal(const Dense& a, const std::vector<double>& diagonal, int first) {
-  double largest = 0;
-  for (int j = first; j < a.columns; ++j)
-    for (int i = first; i < a.rows; ++i)
-      if (i != j) largest = std::max(largest, std::abs(a(i, j)));
-  double size = 0;
-  for (double d : diagonal) size = std::max(size, std::abs(d));
-  return largest + 2 * epsilon * (a.rows + 2) * size;
-}
-
-/// xᵀ(hi + lo)x with the digits of long double.
-long double energy(const AccurateDense& a, const double* x) {
-  long double sum = 0;
-  for (int j = 0; j < a.hi.columns; ++j) {
-    long double column = 0;
-    for (int i = 0; i < a.hi.rows; ++i)
-      column +=
-          (static_cast<long double>(a.hi(i, j)) + static_cast<long double>(a.lo(i, j))) *
-          static_cast<long double>(x[i]);
-    sum += column * static_cast<long double>(x[j]);
-  }
+double scalar(const std::vector<double>& a, const std::vector<double>& b,
+              std::size_t first) {
+  double sum = 0;
+  for (std::size_t i = first; i < a.size(); ++i) sum += a[i] * b[i];
   return sum;
 }
 
+EntryRounding turned(const EntryRounding& rounding, const Dense& Q) {
+  return {turned_weights(Q, rounding.plain), turned_weights(Q, rounding.force),
+          turned_weights(Q, rounding.sharp)};
+}
+
+EntryRounding of_plain_sums(std::vector<double> weights) {
+  const std::vector<double> none(weights.size(), 0.0);
+  return {std::move(weights), none, none};
+}
+
+/// Entries beside the diagonal of an elastic part: the largest, and their norm.
+struct Beside {
+  double largest = 0, norm = 0;
+
+  void take(const Dense& a, double factor, int first) {
+    double square = 0;
+    for (int j = first; j < a.columns; ++j)
+      for (int i = first; i < a.rows; ++i) {
+        if (i == j) continue;
+        largest = std::max(largest, factor * std::abs(a(i, j)));
+        square += a(i, j) * a(i, j);
+      }
+    norm = std::max(norm, factor * std::sqrt(square));
+  }
+  void add(double rounding, int order) {
+    largest += rounding;
+    norm += rounding * order;
+  }
+};
+
 } // namespace
+
+double EntryRounding::form(const std::vector<double>& x, const std::vector<double>& y,
+                           std::size_t first) const {
+  const double plain_x = scalar(plain, x, first), plain_y = scalar(plain, y, first);
+  return plain_x * plain_y + plain_x * scalar(force, y, first) +
+         scalar(force, x, first) * plain_y +
+         scalar(sharp, x, first) * scalar(sharp, y, first);
+}
+
+std::vector<double> EntryRounding::times(const std::vector<double>& x) const {
+  const double of_plain = scalar(plain, x, 0), of_force = scalar(force, x, 0),
+               of_sharp = scalar(sharp, x, 0);
+  std::vector<double> result;
+  for (std::size_t i = 0; i < x.size(); ++i)
+    result.push_back(plain[i] * (of_plain + of_force) + force[i] * of_plain +
+                     sharp[i] * of_sharp);
+  return result;
+}
 
 double ProjectionRounding::of_response(double a_k, double omega, const Sizes& outputs,
                                        const Sizes& inputs) const {
   const double square = omega * omega;
-  const auto product = [&](const std::vector<double>& w, std::size_t first) {
-    double out = 0, in = 0;
-    for (std::size_t i = first; i < w.size(); ++i) {
-      out += w[i] * outputs[i];
-      in += w[i] * inputs[i];
-    }
-    return std::array<double, 2>{out, in};
-  };
   const auto apart = static_cast<std::size_t>(rigid);
-  const auto [K_out, K_in] = product(K, apart);
-  const auto [M_out, M_in] = product(M, apart);
-  const auto [D_out, D_in] = product(D, 0);
-  double sum = a_k * K_out * K_in + square * M_out * M_in + omega * D_out * D_in;
-  double all_out = 0, all_in = 0, same = 0;
-  for (std::size_t i = apart; i < K.size(); ++i) {
+  double sum = a_k * K.form(outputs, inputs, apart) +
+               square * M.form(outputs, inputs, apart) +
+               omega * D.form(outputs, inputs, 0);
+  double all_out = 0, all_in = 0, same = 0, out_square = 0, in_square = 0;
+  for (std::size_t i = apart; i < lambda.size(); ++i) {
     all_out += outputs[i];
     all_in += inputs[i];
     same += outputs[i] * inputs[i];
+    out_square += outputs[i] * outputs[i];
+    in_square += inputs[i] * inputs[i];
     sum += a_k * lambda[i] * outputs[i] * inputs[i];
   }
-  sum += (a_k + square / tau) * mixed * std::max(all_out * all_in - same, 0.0);
-  double rigid_out = 0, rigid_in = 0, M_rigid_out = 0, M_rigid_in = 0;
-  for (std::size_t i = 0; i < apart; ++i) {
-    rigid_out += outputs[i] * outputs[i];
-    rigid_in += inputs[i] * inputs[i];
-    M_rigid_out += M[i] * outputs[i];
-    M_rigid_in += M[i] * inputs[i];
+  sum += (a_k + square / tau) * std::min(mixed * std::max(all_out * all_in - same, 0.0),
+                                         mixed_norm * std::sqrt(out_square * in_square));
+  if (rigid == 0) return sum;
+  // Of rigid with elastic modes.
+  const auto of = [&](const std::vector<double>& w, const Sizes& x, bool is_rigid) {
+    double part = 0;
+    for (std::size_t i = is_rigid ? 0 : apart; i < (is_rigid ? apart : w.size()); ++i)
+      part += w[i] * x[i];
+    return part;
+  };
+  const auto across = [&](const Sizes& x, const Sizes& y) { // rigid x, elastic y
+    return of(M.plain, x, true) * (of(M.plain, y, false) + of(M.force, y, false)) +
+           of(M.force, x, true) * of(M.plain, y, false) +
+           of(M.sharp, x, true) * of(M.sharp, y, false);
+  };
+  return sum + square * (across(outputs, inputs) + across(inputs, outputs));
+}
+
+double ProjectionRounding::of_rigid_modes(double omega, const Sizes& outputs,
+                                          const Sizes& inputs) const {
+  double out = 0, in = 0;
+  for (std::size_t i = 0; i < static_cast<std::size_t>(rigid); ++i) {
+    out += outputs[i] * outputs[i];
+    in += inputs[i] * inputs[i];
   }
-  return sum + square * (rigid_mass * std::sqrt(rigid_out * rigid_in) +
-                         M_rigid_out * M_in + M_out * M_rigid_in);
+  return omega * omega * rigid_mass * std::sqrt(out * in);
 }
 
 ProjectionRounding::Sizes ProjectionRounding::of_equations(double a_k, double omega,
                                                            const Sizes& x) const {
-  double of_K = 0, of_M = 0, of_D = 0, all = 0;
-  for (std::size_t i = 0; i < x.size(); ++i) {
-    of_K += K[i] * x[i];
-    of_M += M[i] * x[i];
-    of_D += D[i] * x[i];
-    all += x[i];
-  }
+  const Sizes of_K = K.times(x), of_M = M.times(x), of_D = D.times(x);
+  double all = 0;
+  for (double each : x) all += each;
   const double square = omega * omega;
   Sizes result;
   for (std::size_t i = 0; i < x.size(); ++i)
-    result.push_back(a_k * (K[i] * of_K + lambda[i] * x[i]) + square * M[i] * of_M +
-                     omega * D[i] * of_D + (a_k + square / tau) * mixed * (all - x[i]));
+    result.push_back(a_k * (of_K[i] + lambda[i] * x[i]) + square * of_M[i] +
+                     omega * of_D[i] + (a_k + square / tau) * mixed * (all - x[i]));
   return result;
 }
 
@@ -113,77 +146,106 @@ bool ProjectionRounding::fits(int order, int ports_count) const {
   const auto holds = [](const std::vector<double>& v, int count) {
     return v.size() == static_cast<std::size_t>(count);
   };
-  return holds(K, order) && holds(M, order) && holds(D, order) && holds(lambda, order) &&
-         holds(ports, order) && holds(port_sizes, ports_count) && rigid >= 0 &&
-         rigid <= order;
+  for (const EntryRounding* of : {&K, &M, &D})
+    if (!holds(of->plain, order) || !holds(of->force, order) || !holds(of->sharp, order))
+      return false;
+  return holds(lambda, order) && ports.rows == order && ports.columns == ports_count &&
+         rigid >= 0 && rigid <= order;
+}
+
+namespace {
+
+/// @param dense  what a plain product of small matrices adds to the rounding of a sum.
+ProjectionRounding rounding_with(const MediumSpace& space, const DenseResponse& response,
+                                 const Block& loads, double dense) {
+  const MediumSpace::Rounding& sums = space.rounding_of_sums();
+  const Dense& U = response.U();
+  const int N = U.columns, rigid = space.rigid();
+  const double unit = sums.unit + dense, root = std::sqrt(unit), kappa = space.kappa();
+  ProjectionRounding result;
+  result.rigid = rigid;
+  result.tau = space.tau();
+  const std::vector<double> k = turned_weights(U, sums.K), m = turned_weights(U, sums.M);
+  std::vector<double> of_K, of_M;
+  const std::vector<double> sizes = space.dual_weights_of_ports(loads);
+  result.ports = Dense(N, static_cast<int>(sizes.size()));
+  for (int j = 0; j < N; ++j) {
+    const auto at = static_cast<std::size_t>(j);
+    const bool apart = j < rigid; // ports of rigid modes: with their mass
+    for (int p = 0; !apart && p < result.ports.columns; ++p)
+      result.ports(j, p) = unit *
+                           std::sqrt(k[at] * k[at] + space.tau() * m[at] * m[at]) *
+                           sizes[static_cast<std::size_t>(p)];
+    of_M.push_back(root * std::sqrt(m[at] * m[at] + 2 * kappa * k[at] * k[at]));
+    of_K.push_back(apart ? 0.0 : root * k[at]);
+    const double lambda = response.lambda()[at];
+    result.lambda.push_back(
+        apart ? 0.0
+              : epsilon * std::abs(std::isfinite(lambda) ? lambda * response.mu()[at]
+                                                         : 1.0));
+  }
+  result.K = of_plain_sums(std::move(of_K));
+  result.M = of_plain_sums(std::move(of_M));
+  result.D = of_plain_sums(scaled(turned_weights(U, sums.D), root));
+  // Of (K + τM)-normalised rigid modes.
+  result.rigid_mass = (space.rigid_mass_deviation() + 3 * epsilon) / space.tau();
+  return result;
+}
+
+} // namespace
+
+ProjectionRounding rounding_of_sums(const MediumSpace& space, const DenseResponse& response,
+                                    const Block& loads) {
+  return rounding_with(space, response, loads, 0);
 }
 
 ProjectionRounding plain_rounding(const MediumSpace& space, const DenseResponse& response,
                                   const Block& loads) {
-  const MediumSpace::Rounding& sums = space.rounding_of_sums();
   const Dense& U = response.U();
-  const int N = U.columns, rigid = space.rigid();
-  const double unit = sums.unit + 2 * epsilon * (N + 2), root = std::sqrt(unit);
-  ProjectionRounding result;
-  result.rigid = rigid;
-  result.tau = space.tau();
-  result.K = turned_weights(U, sums.K);
-  result.M = turned_weights(U, sums.M);
-  result.D = turned_weights(U, sums.D);
-  const double tau = space.tau(), kappa = space.kappa();
-  for (int j = 0; j < N; ++j) {
-    const auto at = static_cast<std::size_t>(j);
-    const double k = result.K[at], m = result.M[at];
-    // Those of rigid modes are summed accurately: their rounding is with that of their mass.
-    result.ports.push_back(j < rigid ? 0.0 : unit * std::sqrt(k * k + tau * m * m));
-    result.M[at] = root * std::sqrt(m * m + 2 * kappa * k * k);
-    result.K[at] = j < rigid ? 0.0 : root * k;
-    result.D[at] *= root;
-    const double lambda = response.lambda()[at];
-    result.lambda.push_back(
-        j < rigid ? 0.0
-                  : epsilon * std::abs(std::isfinite(lambda) ? lambda * response.mu()[at]
-                                                             : 1.0));
-  }
-  const std::vector<double> of_K = space.dual_weights_of_ports(loads);
-  result.port_sizes = of_K;
-  std::vector<double> k(response.mu().size(), 1.0);
-  result.mixed =
-      std::max(beside_diagonal(congruence(space.K(), U), k, rigid),
-               tau * beside_diagonal(congruence(space.M(), U), response.mu(), rigid));
-  // Of (K + τM)-normalised rigid modes.
-  result.rigid_mass = (space.rigid_mass_deviation() + 3 * epsilon) / tau;
+  const double dense = 2 * epsilon * (U.columns + 2);
+  ProjectionRounding result = rounding_with(space, response, loads, dense);
+  const auto turn = [&](const Dense& a) { return multiply_transposed(U, multiply(a, U)); };
+  Beside beside;
+  beside.take(turn(space.K()), 1, space.rigid());
+  beside.take(turn(space.M()), space.tau(), space.rigid());
+  beside.add(dense, U.columns);
+  result.mixed = beside.largest;
+  result.mixed_norm = beside.norm;
   return result;
 }
 
 SharpResponse sharpened(const MediumSpace& space, const DenseResponse& response,
-                        const ProjectionRounding& plain, const std::vector<int>& chosen) {
+                        const ProjectionRounding& sums, const Block& loads,
+                        const std::vector<int>& chosen) {
   const Dense& U = response.U();
   const SecondOrderModel& fom = space.fom();
   const int N = U.columns, rigid = space.rigid(), count = N - rigid,
             J = static_cast<int>(chosen.size());
   const double tau = space.tau(),
-               unit = space.rounding_of_sums().unit + 2 * epsilon * (N + 2),
-               twice = std::pow(epsilon * (static_cast<double>(fom.n) + 1e3), 2);
-  Dense of_chosen(N, J);
-  for (int j = 0; j < J; ++j)
-    std::copy_n(U.column(chosen[static_cast<std::size_t>(j)]), N, of_chosen.column(j));
-  const Block Y = combine(space.V(), of_chosen);
+               // of an entry, with the rounding to a double
+      unit = space.rounding_of_sums().unit + epsilon,
+               twice = epsilon * (static_cast<double>(fom.n) + 1e3);
+  Block Y;
+  if (J > 0) Y = combine(space.V(), columns_of(U, chosen));
 
-  SharpResponse result{nullptr, plain, identity(N)};
+  SharpResponse result{nullptr, sums, identity(N)};
   ProjectionRounding& rounding = result.rounding;
-  /// UᵀAU, its plain sums replaced where accurate ones are known, and the weights with them.
-  const auto projected = [&](int matrix, Mat a, const Dense& sums,
-                             std::vector<double>& weights) {
-    AccurateDense all{congruence(sums, U), Dense(N, N)};
+  /// UᵀAU, its plain sums replaced where accurate ones are known, and its rounding with them.
+  const auto projected = [&](int matrix, Mat a, const Dense& plain, EntryRounding& of) {
+    AccurateDense all = congruence({plain, Dense(N, N)}, U);
+    if (J == 0) return all;
     const AccurateProduct AY = multiply_accurately(a, Y, {.rest = true});
     const AccurateDense among = inner_accurately(Y, AY.product, AY.rest);
-    const Dense with_all = multiply_transposed(U, inner(space.V(), AY.product));
+    const AccurateDense with_all =
+        multiply_accurately(transpose(U), inner(space.V(), AY.product));
     const std::vector<double> force = space.dual_weights(matrix, AY.product),
                               size = space.weights(matrix, Y);
     for (int j = 0; j < J; ++j) {
       const int column = chosen[static_cast<std::size_t>(j)];
-      for (int i = 0; i < N; ++i) all.hi(i, column) = all.hi(column, i) = with_all(i, j);
+      for (int i = 0; i < N; ++i) {
+        all.hi(i, column) = all.hi(column, i) = with_all.hi(i, j);
+        all.lo(i, column) = all.lo(column, i) = with_all.lo(i, j);
+      }
     }
     for (int j = 0; j < J; ++j)
       for (int i = 0; i < J; ++i) {
@@ -198,59 +260,99 @@ SharpResponse sharpened(const MediumSpace& space, const DenseResponse& response,
             static_cast<double>(value - static_cast<long double>(all.hi(row, column)));
       }
     for (int j = 0; j < J; ++j) {
-      const auto at = static_cast<std::size_t>(j);
-      weights[static_cast<std::size_t>(chosen[at])] =
-          std::sqrt(unit * force[at] * force[at] + twice * size[at] * size[at]);
+      const auto at = static_cast<std::size_t>(j),
+                 mode = static_cast<std::size_t>(chosen[at]);
+      of.plain[mode] = 0;
+      of.force[mode] = std::sqrt(unit) * force[at];
+      of.sharp[mode] = twice * size[at];
     }
-    for (int j = 0; j < N; ++j) // rigid modes are apart by definition
-      for (int i = 0; i < N; ++i)
-        if (i < rigid || j < rigid) all.hi(i, j) = all.lo(i, j) = 0;
     return all;
   };
-  const AccurateDense K = projected(0, fom.K, space.K(), rounding.K),
-                      M = projected(1, fom.M, space.M(), rounding.M);
+  AccurateDense K = projected(0, fom.K, space.K(), rounding.K),
+                M = projected(1, fom.M, space.M(), rounding.M);
   Dense D;
   if (fom.D) D = projected(2, fom.D, space.D(), rounding.D).hi;
+  for (AccurateDense* a : {&K, &M}) // rigid modes are apart by definition
+    for (int j = 0; j < N; ++j)
+      for (int i = 0; i < N; ++i)
+        if (i < rigid || j < rigid) a->hi(i, j) = a->lo(i, j) = 0;
 
   const auto elastic = [&](const Dense& a) {
     return part_of(a, rigid, count, rigid, count);
   };
-  const Dense K_e = elastic(K.hi), M_e = elastic(M.hi);
-  Dense E = K_e;
+  const Dense M_e = elastic(M.hi);
+  Dense E = elastic(K.hi);
   for (std::size_t i = 0; i < E.data.size(); ++i) E.data[i] += tau * M_e.data[i];
   SymmetricEigen eigen = symmetric_eigen(M_e, E);
   share_from_first(fom.comm, eigen.values);
   share_from_first(fom.comm, eigen.vectors.data);
-  std::vector<double> lambda(static_cast<std::size_t>(rigid), 0.0);
   for (int j = 0; j < count; ++j) {
     double* column = result.turned.column(rigid + j);
     std::fill_n(column, N, 0.0);
     std::copy_n(eigen.vectors.column(count - 1 - j), count, column + rigid);
-    const double mu = eigen.values[static_cast<std::size_t>(count - 1 - j)];
-    double value = mu > 0 ? 1 / mu - tau : std::numeric_limits<double>::infinity();
-    if (value < 64 * tau)
-      value = static_cast<double>(energy(K, column) / energy(M, column));
-    lambda.push_back(value);
   }
-  share_from_first(fom.comm, lambda);
+  K = congruence(K, result.turned);
+  M = congruence(M, result.turned);
+  const auto diagonal = [](const AccurateDense& a, int j) {
+    return static_cast<long double>(a.hi(j, j)) + static_cast<long double>(a.lo(j, j));
+  };
+  std::vector<double> lambda(static_cast<std::size_t>(rigid), 0.0), scale = lambda;
+  for (double& s : scale) s = 1;
+  for (int j = rigid; j < N; ++j) {
+    const long double k = diagonal(K, j), m = diagonal(M, j);
+    const bool massless = !(static_cast<long double>(tau) * m > 1e-14L * k);
+    lambda.push_back(massless ? std::numeric_limits<double>::infinity()
+                              : static_cast<double>(k / m));
+    // Modes need not have an energy of exactly one: their ports make up for it.
+    scale.push_back(static_cast<double>(
+        1 / std::sqrt(k + static_cast<long double>(tau) * std::max(m, 0.0L))));
+  }
+
+  // Ports, of the chosen vectors by accurate sums.
+  Dense plain = response.system().B;
+  Dense B = multiply_accurately(transpose(U), plain).hi;
+  if (J > 0) {
+    const Dense of_chosen = inner_accurately(Y, loads, Block()).hi;
+    for (int j = 0; j < J; ++j)
+      for (int p = 0; p < B.columns; ++p)
+        B(chosen[static_cast<std::size_t>(j)], p) = of_chosen(j, p);
+    for (int mode : chosen)
+      for (int p = 0; p < B.columns; ++p) rounding.ports(mode, p) = 0;
+  }
+  for (int p = 0; p < B.columns; ++p)
+    for (int j = rigid; j < N; ++j) rounding.ports(j, p) += epsilon * std::abs(B(j, p));
+  B = multiply_accurately(transpose(result.turned), B).hi;
+  for (int p = 0; p < B.columns; ++p)
+    for (int j = 0; j < N; ++j) B(j, p) *= scale[static_cast<std::size_t>(j)];
+
+  for (auto* values : {&lambda, &B.data}) share_from_first(fom.comm, *values);
   result.response = std::make_shared<DenseResponse>(
-      response.system(), tau, multiply(U, result.turned), lambda,
-      D.data.empty() ? Dense() : congruence(D, result.turned));
-  for (auto* weights : {&rounding.K, &rounding.M, &rounding.D})
-    *weights = turned_weights(result.turned, *weights);
-  std::fill_n(rounding.K.begin(), rigid, 0.0);
-  // K y was rounded once before it met the others; λ is rounded to a double.
+      response.system(), tau, multiply(U, result.turned), lambda, std::move(B),
+      D.data.empty() ? Dense() : congruence({D, Dense(N, N)}, result.turned).hi);
+
+  for (EntryRounding* of : {&rounding.K, &rounding.M, &rounding.D})
+    *of = turned(*of, result.turned);
+  Dense sizes = result.turned;
+  for (double& u : sizes.data) u = std::abs(u);
+  rounding.ports = multiply_transposed(sizes, rounding.ports);
+  for (int p = 0; p < rounding.ports.columns; ++p)
+    for (int j = rigid; j < N; ++j)
+      rounding.ports(j, p) +=
+          2 * epsilon * std::abs(result.response->modal_inputs()(j, p));
+  for (auto* of : {&rounding.K.plain, &rounding.K.force, &rounding.K.sharp})
+    std::fill_n(of->begin(), rigid, 0.0);
   for (int j = rigid; j < N; ++j) {
     const auto at = static_cast<std::size_t>(j);
     const double l = lambda[at];
     rounding.lambda[at] =
-        0.51 * epsilon *
-        (std::isfinite(l) ? std::abs(l) * result.response->mu()[at] : 2.0);
+        0.51 * epsilon * (std::isfinite(l) ? std::abs(l) * result.response->mu()[at] : 2.0);
   }
-  const std::vector<double> k(lambda.size(), 1.0);
-  rounding.mixed = std::max(beside_diagonal(congruence(K.hi, result.turned), k, rigid),
-                            tau * beside_diagonal(congruence(M.hi, result.turned),
-                                                  result.response->mu(), rigid));
+  Beside beside;
+  beside.take(K.hi, 1, rigid);
+  beside.take(M.hi, tau, rigid);
+  beside.add(std::ldexp(static_cast<double>(N), -58), N);
+  rounding.mixed = beside.largest;
+  rounding.mixed_norm = beside.norm;
   return result;
 }
 

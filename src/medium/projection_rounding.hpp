@@ -10,48 +10,75 @@
 
 namespace flexgram {
 
+/// Rounding of the entries of UᵀVᵀAVU, A one of K, M and D: entry (i, j) is wrong by at most
+/// p_i p_j + p_i f_j + f_i p_j + s_i s_j.
+struct EntryRounding {
+  std::vector<double> plain; ///< p: of each mode what was summed with the digits of doubles
+  std::vector<double> force; ///< f: and of the others A v, rounded once before it met those
+  std::vector<double> sharp; ///< s: what was summed with twice the digits
+
+  /// Σ |x_i||E_ij||y_j| at most, over modes from `first` on.
+  double form(const std::vector<double>& x, const std::vector<double>& y,
+              std::size_t first) const;
+  /// |E||x|.
+  std::vector<double> times(const std::vector<double>& x) const;
+  double at(std::size_t i, std::size_t j) const {
+    return plain[i] * plain[j] + plain[i] * force[j] + force[i] * plain[j] +
+           sharp[i] * sharp[j];
+  }
+
+  template <class Archive, class Self>
+  static void archive(Archive&& a, const std::string& name, Self& self) {
+    a(("rounding_" + name).c_str(), self.plain);
+    a(("rounding_force_" + name).c_str(), self.force);
+    a(("rounding_sharp_" + name).c_str(), self.sharp);
+  }
+};
+
 /// In the modal coordinates of a level, the exact UᵀVᵀA(ω)VU differs from the diagonal (and D)
 /// that the level computes with by a matrix E(ω) with, for i ≠ j,
-///   |E_ij| <= |a_k| (K_i K_j + mixed) + ω² (M_i M_j + mixed/τ) + ω D_i D_j,
-/// and |E_jj| <= |a_k| (K_j² + rounding of λ_j) + ω² M_j² + ω D_j². H differs by x_Cᵀ E x_B.
+///   |E_ij| <= |a_k| (K_ij + mixed) + ω² (M_ij + mixed/τ) + ω D_ij,
+/// and |E_jj| <= |a_k| (K_jj + rounding of λ_j) + ω² M_jj + ω D_jj. H differs by x_Cᵀ E x_B.
 struct ProjectionRounding {
-  std::vector<double> K, M, D; ///< of each mode; K is 0 of rigid ones
-  std::vector<double> lambda;  ///< rounding of μ_j λ_j
-  std::vector<double>
-      ports; ///< of each mode; its ports are wrong by this times port_sizes
-  std::vector<double> port_sizes; ///< of each port, scaled
-  double mixed = 0;               ///< UᵀKU and τUᵀMU beside their diagonals
+  EntryRounding K, M, D;          ///< K is 0 of rigid modes
+  std::vector<double> lambda;     ///< rounding of μ_j λ_j
+  Dense ports;                    ///< of the coordinates of ports, N × ports
+  double mixed = 0;               ///< UᵀKU and τUᵀMU beside their diagonals, each entry
+  double mixed_norm = 0;          ///< and their Frobenius norm
   double tau = 1;
   double rigid_mass = 0; ///< of ΦᵀMΦ of rigid modes
   int rigid = 0;
 
   /// Sizes of the coordinates of a response: of each mode the norm over some ports.
   using Sizes = std::vector<double>;
-  /// Σ |x_C|ᵀ|E||x_B| at most. @param a_k  its size.
+  /// Σ |x_C|ᵀ|E||x_B| at most, but for the rigid part of H. @param a_k  its size.
   double of_response(double a_k, double omega, const Sizes& outputs,
                      const Sizes& inputs) const;
+  /// The same of rigid modes among themselves, whose mass is summed accurately; not in the former.
+  double of_rigid_modes(double omega, const Sizes& outputs, const Sizes& inputs) const;
   /// |E||x|: what the equations of each mode are off by.
   Sizes of_equations(double a_k, double omega, const Sizes& x) const;
   /// |E_ij| with K and M at any ω up to the root of `square`, for undamped modes.
   double between(std::size_t i, std::size_t j, double square) const {
-    return K[i] * K[j] + square * M[i] * M[j] + (1 + square / tau) * mixed +
+    return K.at(i, j) + square * M.at(i, j) + (1 + square / tau) * mixed +
            (i == j ? lambda[i] : 0.0);
   }
-  /// How much of that a mode is responsible for, as the root of its diagonal part.
+  /// How much of that a mode's plain sums are responsible for, as the root of a diagonal part.
   double share(std::size_t i, double a_k, double omega) const {
-    return std::sqrt(a_k * K[i] * K[i] + omega * omega * M[i] * M[i] +
-                     omega * D[i] * D[i]);
+    return std::sqrt(a_k * K.plain[i] * K.plain[i] +
+                     omega * omega * M.plain[i] * M.plain[i] +
+                     omega * D.plain[i] * D.plain[i]);
   }
 
   template <class Archive, class Self>
   static void archive(Archive&& a, Self& self) {
-    a("rounding_K", self.K);
-    a("rounding_M", self.M);
-    a("rounding_D", self.D);
+    EntryRounding::archive(a, "K", self.K);
+    EntryRounding::archive(a, "M", self.M);
+    EntryRounding::archive(a, "D", self.D);
     a("rounding_lambda", self.lambda);
     a("rounding_ports", self.ports);
-    a("port_sizes", self.port_sizes);
     a("rounding_mixed", self.mixed);
+    a("rounding_mixed_norm", self.mixed_norm);
     a("rounding_tau", self.tau);
     a("rounding_rigid_mass", self.rigid_mass);
     a("rounding_rigid", self.rigid);
@@ -59,10 +86,13 @@ struct ProjectionRounding {
   bool fits(int order, int ports_count) const;
 };
 
-/// Of the plain sums that the space holds.
+/// Of the plain sums that the space holds, and of plain products of small matrices.
 /// @param loads  all ports, scaled.
 ProjectionRounding plain_rounding(const MediumSpace& space, const DenseResponse& response,
                                   const Block& loads);
+/// The same but for products of small matrices, as if they were exact.
+ProjectionRounding rounding_of_sums(const MediumSpace& space, const DenseResponse& response,
+                                    const Block& loads);
 
 /// A response whose energies were summed with twice the digits for some Ritz vectors.
 struct SharpResponse {
@@ -70,10 +100,13 @@ struct SharpResponse {
   ProjectionRounding rounding;
   Dense turned; ///< its U is that of the response before times this
 };
-/// @param chosen  columns of U, elastic, whose energies are summed again: with twice the
-/// digits among themselves, by accurate forces K y, M y, D y with all others.
+/// Products of small matrices with twice the digits, and more:
+/// @param chosen  columns of U, elastic, whose energies and ports are summed again: with twice
+/// the digits among themselves, by accurate forces K y, M y, D y with all others.
+/// @param sums  rounding_of_sums of the response.
 /// @note One accurate product with each matrix for each of them. Collective.
 SharpResponse sharpened(const MediumSpace& space, const DenseResponse& response,
-                        const ProjectionRounding& plain, const std::vector<int>& chosen);
+                        const ProjectionRounding& sums, const Block& loads,
+                        const std::vector<int>& chosen);
 
 } // namespace flexgram

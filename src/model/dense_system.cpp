@@ -131,7 +131,9 @@ DenseResponse::DenseResponse(DenseSystem system, double tau)
     }
     sharpen(free);
   }
-  take_coordinates();
+  B_ = multiply_transposed(U_, system_.B);
+  C_ = system_.outputs_are_inputs ? B_ : multiply_transposed(U_, system_.C);
+  D_ = congruence(system_.D, U_);
 }
 
 /// λ from Rayleigh quotients, where it matters: resonances lie below ω² = 4τ.
@@ -147,16 +149,11 @@ void DenseResponse::sharpen(int first) {
 }
 
 DenseResponse::DenseResponse(DenseSystem system, double tau, Dense U,
-                             std::vector<double> lambda, Dense D)
+                             std::vector<double> lambda, Dense B, Dense D)
     : system_(std::move(system)), tau_(tau), free_(free_coordinates(system_)),
-      U_(std::move(U)), D_(std::move(D)), lambda_(std::move(lambda)) {
+      U_(std::move(U)), B_(std::move(B)), C_(B_), D_(std::move(D)),
+      lambda_(std::move(lambda)) {
   for (double l : lambda_) mu_.push_back(1 / (l + tau_));
-  take_coordinates();
-}
-
-void DenseResponse::take_coordinates() {
-  B_ = multiply_transposed(U_, system_.B);
-  C_ = system_.outputs_are_inputs ? B_ : multiply_transposed(U_, system_.C);
   if (D_.data.empty()) D_ = congruence(system_.D, U_);
 }
 

@@ -48,9 +48,9 @@ class DenseResponse {
 public:
   /// @param tau  [rad²/s²], of the size of ω²; K + τM must be positive definite.
   DenseResponse(DenseSystem system, double tau);
-  /// With eigenvectors and eigenvalues found before.
+  /// With eigenvectors, eigenvalues and UᵀB found before; the outputs are the inputs.
   /// @param D  UᵀDU; empty: from the system.
-  DenseResponse(DenseSystem system, double tau, Dense U, std::vector<double> lambda,
+  DenseResponse(DenseSystem system, double tau, Dense U, std::vector<double> lambda, Dense B,
                 Dense D = {});
 
   const DenseSystem& system() const { return system_; }
@@ -90,7 +90,6 @@ public:
 
 private:
   void sharpen(int first);
-  void take_coordinates();
 
   DenseSystem system_;
   double tau_;

