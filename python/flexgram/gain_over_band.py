@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from flexgram.interval_series import DEGREE, PIECES, Chosen, Pencil, Pieces, Series, about
 from flexgram.reduced import ReducedModel
-from flexgram.small_gain import FEW, Loop, errors_of, growth_of, relative
+from flexgram.small_gain import FEW, Loop, errors_of, growth_of, reference_of, relative
 
 Floats = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -163,8 +163,8 @@ class GainOverBand:
         self.loop, self.series = loop, LoopSeries(loop)
         self._tell, self._told = tell, time.monotonic()
         models = loop.parts.models
-        bent = {name: loop.elastic.get(name, m) for name, m in models.items()}
-        self.parts = {name: PartSeries(m, m.B, m.C) for name, m in bent.items()}
+        self.parts = {name: PartSeries(m, m.B, m.C) for name, m in models.items()}
+        self.elastic = {name: PartSeries(m, m.B, m.C) for name, m in loop.elastic.items()}
         self.own = {name: (PartSeries(m, m.C.T, m.C), PartSeries(m, m.B, m.B.T))
                     for name, m in models.items()}  # fmt: skip
         self._seen: dict[tuple[float, float], Floats | None] = {}  # bounds by interval
@@ -201,9 +201,13 @@ class GainOverBand:
             return lambda rows, columns: (
                 root(self.own[name][0], rows) * root(self.own[name][1], columns))  # fmt: skip
 
-        errors = [errors_of(loop.parts.models[name], *loop.kinds[name],
-                            sizes_of(part.over(omega, h)), own_of(name))
-                  for name, part in self.parts.items()]  # fmt: skip
+        errors = []
+        for name, part in self.parts.items():
+            model, reference = loop.parts.models[name], sizes_of(part.over(omega, h))
+            if name in self.elastic:
+                bent = sizes_of(self.elastic[name].over(omega, h))
+                reference = reference_of(model, reference, bent)
+            errors.append(errors_of(model, *loop.kinds[name], reference, own_of(name)))
         of_Q = np.array(
             [[sizes(found.Q.part(r, c), 2) for c in loop.out_blocks] for r in loop.in_blocks]
         )

@@ -142,6 +142,20 @@ def _views(outputs: list[str], inputs: list[str]) -> list[View]:
     return views if len(views) > 2 else views[:1]
 
 
+def reference_of(model: ReducedModel, whole: Any, elastic: Any) -> Any:
+    """What the claim of a free part is relative to, from the norms of blocks (rows, columns) of H
+    and of its elastic part. The claim says of the rigid part only that doubles hold it."""
+    smallest = max(min([model.whole_error, *model.by_kind]), 1e-12)
+    rigid = 16 * np.finfo(float).eps / smallest
+
+    def size(rows: Any, columns: Any) -> Any:
+        all_of_it = whole(rows, columns)
+        bent = elastic(rows, columns) + rigid * all_of_it
+        return np.minimum(bent, all_of_it) if model.relative_to == "both" else bent
+
+    return size
+
+
 class Loop:
     """The small gain of an assembly, in blocks of one part and one kind of ports."""
 
@@ -181,10 +195,11 @@ class Loop:
         for name, m in self.parts.models.items():
             H_i = frequency_response(m.K * (1 + 1j * m.eta), m.D, m.M, m.B, m.C, omega)
             own.append(H_i)
-            e = self.elastic.get(name)
-            if e is not None:  # what the claim is relative to
-                H_i = frequency_response(e.K * (1 + 1j * e.eta), e.D, e.M, e.B, e.C, omega)
-            errors.append(errors_of(m, *self.kinds[name], _norms_of(H_i), _own_of(m, omega)))
+            sizes, e = _norms_of(H_i), self.elastic.get(name)
+            if e is not None:
+                H_e = frequency_response(e.K * (1 + 1j * e.eta), e.D, e.M, e.B, e.C, omega)
+                sizes = reference_of(m, sizes, _norms_of(H_e))
+            errors.append(errors_of(m, *self.kinds[name], sizes, _own_of(m, omega)))
         H, E = scipy.linalg.block_diag(*own), scipy.linalg.block_diag(*errors)
         # Forces λ of the joints: motion apart G λ = S u where tied, λ = Y (S u - G λ) of springs.
         G, right = self.S_out @ H @ self.S_in.T, self.S_out.astype(complex)

@@ -45,7 +45,8 @@ constexpr int slices = 3; // of 20 digits or more: together all that a double ha
 /// A = Σ slices, each with so few digits that sums of k products of them are exact. Of each
 /// row, or of each column, the digits count from its largest entry.
 std::array<Dense, slices> sliced(Dense a, int k, bool by_rows) {
-  const int digits = (std::numeric_limits<double>::digits - std::ilogb(std::max(k, 1)) - 1) / 2;
+  const int digits =
+      (std::numeric_limits<double>::digits - std::ilogb(std::max(k, 1)) - 1) / 2;
   std::array<Dense, slices> parts;
   std::vector<double> largest(static_cast<std::size_t>(by_rows ? a.rows : a.columns));
   for (Dense& part : parts) {
@@ -55,9 +56,10 @@ std::array<Dense, slices> sliced(Dense a, int k, bool by_rows) {
     };
     for (int j = 0; j < a.columns; ++j)
       for (int i = 0; i < a.rows; ++i) of(i, j) = std::max(of(i, j), std::abs(a(i, j)));
-    for (double& m : largest) // adding it and taking it away again leaves the leading digits
-      m = m > 0 ? std::ldexp(0.75, std::ilogb(m) + 1 + std::numeric_limits<double>::digits -
-                                       digits)
+    for (double& m :
+         largest) // adding it and taking it away again leaves the leading digits
+      m = m > 0 ? std::ldexp(0.75, std::ilogb(m) + 1 +
+                                       std::numeric_limits<double>::digits - digits)
                 : 0.0;
     part = Dense(a.rows, a.columns);
     for (int j = 0; j < a.columns; ++j)

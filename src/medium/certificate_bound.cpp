@@ -207,8 +207,8 @@ void Certificate::add_rounding(Bound& bound, const DenseResponse& response,
   const auto off = [&](std::size_t i, const std::vector<int>& ports) {
     double square = 0;
     for (int j : ports) {
-      const double here = rounding_.ports(static_cast<int>(i), j) /
-                          scale_[static_cast<std::size_t>(j)];
+      const double here =
+          rounding_.ports(static_cast<int>(i), j) / scale_[static_cast<std::size_t>(j)];
       square += here * here;
     }
     return std::sqrt(square);

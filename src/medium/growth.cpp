@@ -99,8 +99,9 @@ bool MediumBuilder::needs_sharper_sums(const MediumLevel& level) const {
 /// Ritz vectors whose energies are to be summed with twice the digits: what plain sums may have
 /// lost of the others changes H by little beside what the level is good to. Few vectors matter
 /// in a stiff body, at its resonances; slender ones lose digits in static responses too.
-std::vector<int> MediumBuilder::vectors_to_sharpen(const MediumLevel& level,
-                                                   const ProjectionRounding& rounding) const {
+std::vector<int>
+MediumBuilder::vectors_to_sharpen(const MediumLevel& level,
+                                  const ProjectionRounding& rounding) const {
   const double allowed = allowed_rounding(level);
   const MediumModel& model = seen_->model();
   const DenseResponse& response = *level.response;

@@ -239,7 +239,8 @@ void read_levels(const Hdf5File& file, Medium& m) {
     const int order = U.rows;
     expect_coordinates(file, leading(all, order), m.tau, U, lambda);
     level.response = std::make_shared<DenseResponse>(
-        leading(all, order), m.tau, std::move(U), std::move(lambda), std::move(inputs), std::move(damping));
+        leading(all, order), m.tau, std::move(U), std::move(lambda), std::move(inputs),
+        std::move(damping));
     auto certificate = std::make_shared<Certificate>();
     Certificate::archive(FieldReader(file, group + "/certificate"), *certificate);
     level.certificate = std::move(certificate);

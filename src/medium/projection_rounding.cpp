@@ -173,16 +173,15 @@ ProjectionRounding rounding_with(const MediumSpace& space, const DenseResponse& 
     const auto at = static_cast<std::size_t>(j);
     const bool apart = j < rigid; // ports of rigid modes: with their mass
     for (int p = 0; !apart && p < result.ports.columns; ++p)
-      result.ports(j, p) = unit *
-                           std::sqrt(k[at] * k[at] + space.tau() * m[at] * m[at]) *
+      result.ports(j, p) = unit * std::sqrt(k[at] * k[at] + space.tau() * m[at] * m[at]) *
                            sizes[static_cast<std::size_t>(p)];
     of_M.push_back(root * std::sqrt(m[at] * m[at] + 2 * kappa * k[at] * k[at]));
     of_K.push_back(apart ? 0.0 : root * k[at]);
     const double lambda = response.lambda()[at];
-    result.lambda.push_back(
-        apart ? 0.0
-              : epsilon * std::abs(std::isfinite(lambda) ? lambda * response.mu()[at]
-                                                         : 1.0));
+    result.lambda.push_back(apart ? 0.0
+                                  : epsilon * std::abs(std::isfinite(lambda)
+                                                           ? lambda * response.mu()[at]
+                                                           : 1.0));
   }
   result.K = of_plain_sums(std::move(of_K));
   result.M = of_plain_sums(std::move(of_M));
@@ -194,8 +193,8 @@ ProjectionRounding rounding_with(const MediumSpace& space, const DenseResponse& 
 
 } // namespace
 
-ProjectionRounding rounding_of_sums(const MediumSpace& space, const DenseResponse& response,
-                                    const Block& loads) {
+ProjectionRounding rounding_of_sums(const MediumSpace& space,
+                                    const DenseResponse& response, const Block& loads) {
   return rounding_with(space, response, loads, 0);
 }
 
@@ -204,7 +203,9 @@ ProjectionRounding plain_rounding(const MediumSpace& space, const DenseResponse&
   const Dense& U = response.U();
   const double dense = 2 * epsilon * (U.columns + 2);
   ProjectionRounding result = rounding_with(space, response, loads, dense);
-  const auto turn = [&](const Dense& a) { return multiply_transposed(U, multiply(a, U)); };
+  const auto turn = [&](const Dense& a) {
+    return multiply_transposed(U, multiply(a, U));
+  };
   Beside beside;
   beside.take(turn(space.K()), 1, space.rigid());
   beside.take(turn(space.M()), space.tau(), space.rigid());
@@ -345,7 +346,8 @@ SharpResponse sharpened(const MediumSpace& space, const DenseResponse& response,
     const auto at = static_cast<std::size_t>(j);
     const double l = lambda[at];
     rounding.lambda[at] =
-        0.51 * epsilon * (std::isfinite(l) ? std::abs(l) * result.response->mu()[at] : 2.0);
+        0.51 * epsilon *
+        (std::isfinite(l) ? std::abs(l) * result.response->mu()[at] : 2.0);
   }
   Beside beside;
   beside.take(K.hi, 1, rigid);

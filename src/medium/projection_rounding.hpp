@@ -13,8 +13,10 @@ namespace flexgram {
 /// Rounding of the entries of UᵀVᵀAVU, A one of K, M and D: entry (i, j) is wrong by at most
 /// p_i p_j + p_i f_j + f_i p_j + s_i s_j.
 struct EntryRounding {
-  std::vector<double> plain; ///< p: of each mode what was summed with the digits of doubles
-  std::vector<double> force; ///< f: and of the others A v, rounded once before it met those
+  std::vector<double>
+      plain; ///< p: of each mode what was summed with the digits of doubles
+  std::vector<double>
+      force; ///< f: and of the others A v, rounded once before it met those
   std::vector<double> sharp; ///< s: what was summed with twice the digits
 
   /// Σ |x_i||E_ij||y_j| at most, over modes from `first` on.
@@ -40,11 +42,11 @@ struct EntryRounding {
 ///   |E_ij| <= |a_k| (K_ij + mixed) + ω² (M_ij + mixed/τ) + ω D_ij,
 /// and |E_jj| <= |a_k| (K_jj + rounding of λ_j) + ω² M_jj + ω D_jj. H differs by x_Cᵀ E x_B.
 struct ProjectionRounding {
-  EntryRounding K, M, D;          ///< K is 0 of rigid modes
-  std::vector<double> lambda;     ///< rounding of μ_j λ_j
-  Dense ports;                    ///< of the coordinates of ports, N × ports
-  double mixed = 0;               ///< UᵀKU and τUᵀMU beside their diagonals, each entry
-  double mixed_norm = 0;          ///< and their Frobenius norm
+  EntryRounding K, M, D;      ///< K is 0 of rigid modes
+  std::vector<double> lambda; ///< rounding of μ_j λ_j
+  Dense ports;                ///< of the coordinates of ports, N × ports
+  double mixed = 0;           ///< UᵀKU and τUᵀMU beside their diagonals, each entry
+  double mixed_norm = 0;      ///< and their Frobenius norm
   double tau = 1;
   double rigid_mass = 0; ///< of ΦᵀMΦ of rigid modes
   int rigid = 0;
@@ -91,8 +93,8 @@ struct ProjectionRounding {
 ProjectionRounding plain_rounding(const MediumSpace& space, const DenseResponse& response,
                                   const Block& loads);
 /// The same but for products of small matrices, as if they were exact.
-ProjectionRounding rounding_of_sums(const MediumSpace& space, const DenseResponse& response,
-                                    const Block& loads);
+ProjectionRounding rounding_of_sums(const MediumSpace& space,
+                                    const DenseResponse& response, const Block& loads);
 
 /// A response whose energies were summed with twice the digits for some Ritz vectors.
 struct SharpResponse {

@@ -50,8 +50,8 @@ public:
   DenseResponse(DenseSystem system, double tau);
   /// With eigenvectors, eigenvalues and UᵀB found before; the outputs are the inputs.
   /// @param D  UᵀDU; empty: from the system.
-  DenseResponse(DenseSystem system, double tau, Dense U, std::vector<double> lambda, Dense B,
-                Dense D = {});
+  DenseResponse(DenseSystem system, double tau, Dense U, std::vector<double> lambda,
+                Dense B, Dense D = {});
 
   const DenseSystem& system() const { return system_; }
   double tau() const { return tau_; }

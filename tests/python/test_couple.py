@@ -182,7 +182,7 @@ def test_without_damping_all_but_the_resonances(tmp_path: Path) -> None:
     elsewhere the claim holds. An assembly is a part again."""
     rng = np.random.default_rng(11)
     bodies = [(*random_body(rng, 6)[:4], 0.0, 0.0) for _ in range(2)]
-    parts = {f"p{i}": reduced(b, 1e-6) for i, b in enumerate(bodies)}
+    parts = {f"p{i}": reduced(b, 1e-8) for i, b in enumerate(bodies)}
     joints = [Joint("p0.b", "p1.a"), Joint("p1.b", "ground", stiffness={"x": 2.0})]
     whole = couple(parts, joints, keep=["p1.b"])
     assert whole.kind == "certified outside" and len(whole.excluded) > 2

@@ -52,7 +52,7 @@ def chosen_omega(rom: ReducedModel, rng: np.random.Generator) -> Any:
 def assert_claimed(rom: ReducedModel, truth: dict[str, float], sharp: float) -> None:
     for kind, claim in zip(rom.field_inputs, rom.field_error, strict=True):
         assert truth[kind] <= claim * (1 + 1e-6), kind
-        assert claim <= sharp * truth[kind] + 1e-10, kind  # rounding is in the claim
+        assert claim <= sharp * truth[kind] + 1e-9, kind  # rounding of plain sums is in the claim
 
 
 @pytest.mark.kernels

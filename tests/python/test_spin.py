@@ -60,7 +60,13 @@ def test_spin_loads_are_certified(rotor: Any, ranks: int, tmp_path: Path) -> Non
     assert rom.inputs[12:] == [f"frame.spin{pair}" for pair in PAIRS] == rom.outputs[12:]
     assert {"displacement from spin", "inertia from spin", "inertia from force"} <= set(rom.kinds)
     assert list(interface_motion(rom)) == ["start", "end"]
-    assert any("-mor_tol_relative_to elastic" in words for words in rom.log["warnings"])
+    assert rom.bounds_elastic_part and "warnings" not in rom.log
+    pointwise = tmp_path / "pointwise.h5"
+    told = run("reduce", "-body", mesh, "-mor_band_hz", BAND, "-mor_tol", "1e-4", "-mor_spin_loads",
+               "yes", "-mor_tol_relative_to", "pointwise", "-mor_out", pointwise)  # fmt: skip
+    assert (
+        "only -mor_tol_relative_to both or elastic bounds what a spin does" in told.out + told.err
+    )
 
 
 def test_inertia_grows_as_it_does(rotor: Any) -> None:
