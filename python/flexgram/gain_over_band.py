@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from flexgram.interval_series import DEGREE, PIECES, Chosen, Pencil, Pieces, Series, about
 from flexgram.reduced import ReducedModel
-from flexgram.small_gain import FEW, Loop, errors_of, growth_of, reference_of, relative
+from flexgram.small_gain import FEW, Loop, Sizes, errors_of, growth_of, reference_of, relative
 
 Floats = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -188,10 +188,10 @@ class GainOverBand:
             middle, away = series.norms(at, order)
             return middle + both * away
 
-        def sizes_of(H: Series) -> Callable[[Chosen, Chosen], Floats]:
+        def sizes_of(H: Series) -> Sizes:
             return lambda rows, columns: sizes(H.part(rows, columns))
 
-        def own_of(name: str) -> Callable[[Chosen, Chosen], Floats]:
+        def own_of(name: str) -> Sizes:
             def root(part: PartSeries, ports: Chosen) -> Floats:  # of the sum of its diagonal
                 if not part.pencil.reach(omega, h) <= REACH:
                     return np.full((2, PIECES), np.inf)

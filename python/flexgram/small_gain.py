@@ -23,6 +23,8 @@ from flexgram.response import frequency_response
 
 Floats = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
+#: Norms of a block of rows and columns.
+Sizes = Callable[[Chosen, Chosen], Floats]
 #: Up to so many rows or columns spectral norms are worth their price.
 FEW = 12
 #: Kinds of H below this share of what their ports answer to themselves are left without a claim.
@@ -106,11 +108,11 @@ def size_of(A: ComplexArray) -> float:
     return float(np.linalg.norm(A, 2 if min(A.shape) <= FEW else "fro")) if A.size else 0.0
 
 
-def _norms_of(H: ComplexArray) -> Callable[[Chosen, Chosen], Floats]:
+def _norms_of(H: ComplexArray) -> Sizes:
     return lambda rows, columns: np.asarray(np.linalg.norm(H[rows][:, columns]))
 
 
-def _own_of(m: ReducedModel, omega: float) -> Callable[[Chosen, Chosen], Floats]:
+def _own_of(m: ReducedModel, omega: float) -> Sizes:
     def answer(x: Floats, ports: Chosen) -> float:
         H = frequency_response(m.K * (1 + 1j * m.eta), m.D, m.M, x, x.T, omega)
         return float(np.abs(np.diag(H))[ports].sum())
@@ -142,13 +144,13 @@ def _views(outputs: list[str], inputs: list[str]) -> list[View]:
     return views if len(views) > 2 else views[:1]
 
 
-def reference_of(model: ReducedModel, whole: Any, elastic: Any) -> Any:
+def reference_of(model: ReducedModel, whole: Sizes, elastic: Sizes) -> Sizes:
     """What the claim of a free part is relative to, from the norms of blocks (rows, columns) of H
     and of its elastic part. The claim says of the rigid part only that doubles hold it."""
     smallest = max(min([model.whole_error, *model.by_kind]), 1e-12)
     rigid = 16 * np.finfo(float).eps / smallest
 
-    def size(rows: Any, columns: Any) -> Any:
+    def size(rows: Chosen, columns: Chosen) -> Floats:
         all_of_it = whole(rows, columns)
         bent = elastic(rows, columns) + rigid * all_of_it
         return np.minimum(bent, all_of_it) if model.relative_to == "both" else bent
