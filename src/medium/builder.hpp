@@ -53,6 +53,7 @@ private:
   void prove(int most_columns);
   void look_at(std::size_t level);
   void judge(MediumLevel& level);
+  std::vector<double> narrow_peaks() const;
   double allowed_rounding(const MediumLevel& level) const;
   bool needs_sharper_sums(const MediumLevel& level) const;
   std::vector<int> vectors_to_sharpen(const MediumLevel& level,

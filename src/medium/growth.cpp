@@ -40,6 +40,18 @@ void MediumBuilder::need_cutoff() {
   }
 }
 
+/// Peaks too narrow for the grid: rounding is largest there, and the error is not.
+std::vector<double> MediumBuilder::narrow_peaks() const {
+  std::vector<double> peaks;
+  for (const auto& [omega, half_width] : seen_->model().resonances)
+    if (half_width > 1e-9 * omega && half_width <= 1e-7 * omega &&
+        std::any_of(spec_.bands.begin(), spec_.bands.end(), [&](const Interval& band) {
+          return band.first <= omega && omega <= band.last;
+        }))
+      peaks.push_back(omega);
+  return peaks;
+}
+
 /// The largest bound of the level that is seen, on the grid.
 void MediumBuilder::judge(MediumLevel& level) {
   const MediumModel& model = seen_->model();
@@ -65,16 +77,19 @@ void MediumBuilder::judge(MediumLevel& level) {
         if (value.bounds[v].proved) largest[v] = std::max(largest[v], size(value, v));
   double worst_omega = grid_.empty() ? 0 : grid_.front();
   floor_ = 0;
+  const std::size_t on_grid = values.size();
+  for (double omega : narrow_peaks()) values.push_back(model.at(omega, hopeless));
   for (std::size_t l = 0; l < values.size(); ++l)
     for (std::size_t v = 0; v < views; ++v) {
       const auto& value = values[l];
       const double known =
           model.views[v].allowed * (largest[v] > 0 ? largest[v] : size(value, v));
-      proved = proved && value.bounds[v].proved;
+      proved = proved && (l >= on_grid || value.bounds[v].proved);
       const double relative = value.bounds[v].error / known,
                    error = known > 0 && std::isfinite(relative) ? relative : HUGE_VAL,
                    floor = value.bounds[v].floor / known;
       if (floor > floor_) floor_ = floor; // not NaN
+      if (l >= on_grid) continue;
       if (error > worst) worst_omega = grid_[l];
       worst = std::max(worst, error);
     }
@@ -107,7 +122,9 @@ MediumBuilder::vectors_to_sharpen(const MediumLevel& level,
   const DenseResponse& response = *level.response;
   const int N = level.order();
   std::vector<double> shares(static_cast<std::size_t>(N), 0.0); // roots, of the floor
-  for (double omega : grid_) {
+  std::vector<double> grid = narrow_peaks();
+  grid.insert(grid.end(), grid_.begin(), grid_.end());
+  for (double omega : grid) {
     const MediumModel::Stretch value = model.at(omega, 0);
     const ComplexDense x = response.modal_response(omega);
     const double a_k = std::abs(response.system().coefficients(omega).k);
