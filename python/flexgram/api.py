@@ -30,9 +30,10 @@ def reduce(
     band_hz : sequence of float, or of pairs
         First and last frequency [Hz]; several bands as (10, 100, 200, 300) or in pairs.
     tol : float, optional
-        Largest relative error of H over the band (eq. 17); the smallest certified order that meets
-        it is taken. Without ``tol`` and ``order`` 1e-3, but for methods with an order of their own
-        (``modal``: the modes in the band) and ``pod`` (the paper's rule).
+        Largest relative error of H over the band (eq. 17), and of its elastic part if the body is
+        free (``mor_tol_relative_to``). The smallest certified order that meets it is taken. Without
+        ``tol`` and ``order`` 1e-3, but for methods with an order of their own (``modal``: the modes
+        in the band) and ``pod`` (the paper's rule).
     order : int or str, optional
         Order of the reduced body instead of a tolerance; ``"rule"``: by the paper's rule.
     method : str

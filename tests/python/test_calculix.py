@@ -265,7 +265,9 @@ def test_printed_digits_are_told_beside_the_claim(tmp_path: Path) -> None:
         return max(float(np.linalg.norm(rom.transfer(w) - H) / np.linalg.norm(H))
                    for w, H in ((w, full.transfer(w)) for w in omega))  # fmt: skip
 
-    assert worst(stored) <= rom.certified_error + 1e-9 < worst(truth)  # doubles, at a resonance
+    # The claim is of a body that is exactly rigid; the stored K is so up to its digits.
+    assert rom.certified_error < worst(stored) <= rom.certified_error + rom.rigid_rounding
+    assert 10 * worst(stored) < worst(truth)
     assert worst(truth) <= rom.data_rounding.max() < 1000 * worst(truth)
     rom.save(tmp_path / "rom.h5")
     assert any("the digits in which the FE code wrote K" in line
