@@ -348,12 +348,15 @@ Certificate::FieldBound Certificate::field_over(const DenseResponse& response,
                 std::sqrt(squares) * (1 + 1e-12);
   // Rounding of the projected matrices: −A⁻¹ E x, in these coordinates.
   const Damping& damping = response.system().damping;
+  const ProjectionRounding::Sizes sizes = sizes_of(x, ports);
   const auto forces = rounding_.of_equations(
-      std::hypot(1, damping.eta + last * damping.beta), last, sizes_of(x, ports));
+      std::hypot(1, damping.eta + last * damping.beta), last, sizes);
   double answer = 0;
   for (std::size_t k = 0; k < strain.size(); ++k)
     answer += std::pow(strain[k] * x.largest[k] * forces[k], 2);
   bound.floor = std::sqrt(answer);
+  for (std::size_t k = 0; k < sizes.size(); ++k)
+    bound.floor += rounding_.strain[k] * sizes[k];
   return bound;
 }
 

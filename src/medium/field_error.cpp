@@ -81,6 +81,7 @@ FieldSupremum FieldError::supremum(const std::vector<int>& inputs,
     bool operator<(const Open& other) const { return seen.upper < other.seen.upper; }
   };
   FieldSupremum result;
+  if (!medium_.model().claims_field()) return {infinity, 0, 0, false};
   std::priority_queue<Open> open;
   int count = 0;
   const auto is_excluded = [&](const Interval& interval) {

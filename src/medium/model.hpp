@@ -81,6 +81,8 @@ public:
     double floor = 0; ///< rounding
     bool proved = true;
   };
+  /// A damping matrix leaves no bound of the field (docs/proof.md, section 4).
+  bool claims_field() const { return level_.response->is_diagonal(); }
   /// @return nothing if a pole is too near for an interval of this length.
   std::optional<Field> field(Interval interval, int degree,
                              const std::vector<int>& inputs) const;

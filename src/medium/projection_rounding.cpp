@@ -149,8 +149,8 @@ bool ProjectionRounding::fits(int order, int ports_count) const {
   for (const EntryRounding* of : {&K, &M, &D})
     if (!holds(of->plain, order) || !holds(of->force, order) || !holds(of->sharp, order))
       return false;
-  return holds(lambda, order) && ports.rows == order && ports.columns == ports_count &&
-         rigid >= 0 && rigid <= order;
+  return holds(lambda, order) && holds(strain, order) && ports.rows == order &&
+         ports.columns == ports_count && rigid >= 0 && rigid <= order;
 }
 
 namespace {
@@ -166,6 +166,10 @@ ProjectionRounding rounding_with(const MediumSpace& space, const DenseResponse& 
   result.rigid = rigid;
   result.tau = space.tau();
   const std::vector<double> k = turned_weights(U, sums.K), m = turned_weights(U, sums.M);
+  const Dense of_rigid = part_of(U, 0, rigid, 0, rigid),
+              stiffness = multiply_transposed(
+                  of_rigid, multiply(part_of(space.rigid_stiffness(), 0, rigid, 0, rigid),
+                                     of_rigid));
   std::vector<double> of_K, of_M;
   const std::vector<double> sizes = space.dual_weights_of_ports(loads);
   result.ports = Dense(N, static_cast<int>(sizes.size()));
@@ -177,6 +181,9 @@ ProjectionRounding rounding_with(const MediumSpace& space, const DenseResponse& 
                            sizes[static_cast<std::size_t>(p)];
     of_M.push_back(root * std::sqrt(m[at] * m[at] + 2 * kappa * k[at] * k[at]));
     of_K.push_back(apart ? 0.0 : root * k[at]);
+    // Rigid modes are columns of V and may be rigid to rounding only; others are combinations.
+    result.strain.push_back(apart ? std::sqrt(std::abs(stiffness(j, j))) + epsilon * k[at]
+                                  : (N + 2) * epsilon * k[at]);
     const double lambda = response.lambda()[at];
     result.lambda.push_back(apart ? 0.0
                                   : epsilon * std::abs(std::isfinite(lambda)
@@ -333,6 +340,7 @@ SharpResponse sharpened(const MediumSpace& space, const DenseResponse& response,
 
   for (EntryRounding* of : {&rounding.K, &rounding.M, &rounding.D})
     *of = turned(*of, result.turned);
+  rounding.strain = turned_weights(result.turned, rounding.strain);
   Dense sizes = result.turned;
   for (double& u : sizes.data) u = std::abs(u);
   rounding.ports = multiply_transposed(sizes, rounding.ports);

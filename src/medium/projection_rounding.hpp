@@ -45,8 +45,11 @@ struct ProjectionRounding {
   EntryRounding K, M, D;      ///< K is 0 of rigid modes
   std::vector<double> lambda; ///< rounding of μ_j λ_j
   Dense ports;                ///< of the coordinates of ports, N × ports
-  double mixed = 0;           ///< UᵀKU and τUᵀMU beside their diagonals, each entry
-  double mixed_norm = 0;      ///< and their Frobenius norm
+  /// ‖δ‖_K at most, δ what is wrong with the displacements V u_j of each mode: their rounding to
+  /// doubles, and of rigid modes all that is not rigid.
+  std::vector<double> strain;
+  double mixed = 0;      ///< UᵀKU and τUᵀMU beside their diagonals, each entry
+  double mixed_norm = 0; ///< and their Frobenius norm
   double tau = 1;
   double rigid_mass = 0; ///< of ΦᵀMΦ of rigid modes
   int rigid = 0;
@@ -79,6 +82,7 @@ struct ProjectionRounding {
     EntryRounding::archive(a, "D", self.D);
     a("rounding_lambda", self.lambda);
     a("rounding_ports", self.ports);
+    a("rounding_strain", self.strain);
     a("rounding_mixed", self.mixed);
     a("rounding_mixed_norm", self.mixed_norm);
     a("rounding_tau", self.tau);

@@ -36,6 +36,7 @@ class System:
     alpha: float = 0.0
     beta: float = 0.0
     eta: float = 0.0
+    rigid: int = 0  #: so many first coordinates are rigid modes, apart from the others
 
     def __post_init__(self) -> None:
         if self.C is None:
@@ -202,20 +203,34 @@ class _LongSparse:
 
 
 def relative_error(
-    full: System, reduced: System, omega: float, elastic: bool = False, exactly: bool = False
+    full: System,
+    reduced: System,
+    omega: float,
+    relative_to: str = "pointwise",
+    exactly: bool = False,
 ) -> float:
-    """‖H − H_r‖_F / ‖H‖_F (eq. 17) in extended precision, perhaps with eighty digits; of a free
-    chain without D perhaps relative to the elastic part of H, what the motion of all masses alike
-    leaves."""
+    """‖H − H_r‖_F / ‖H‖_F (eq. 17) in extended precision, perhaps with eighty digits.
+
+    Of a free chain without D ``elastic``: the same of the elastic part of both, what the motion of
+    all masses alike leaves; and the error of the rigid part relative to ‖H‖_F if that is larger.
+    ``both``: where ‖H‖ is the smaller of the two, relative to that.
+    """
     H = full.exactly(omega) if exactly else full.transfer(omega)
     away = H - (reduced.exactly(omega) if exactly else reduced.transfer(omega))
-    if elastic:
-        mass = np.asarray(full.M).astype(LONG).sum()
-        loads, motion = np.asarray(full.B).sum(axis=0), np.asarray(full.C).sum(axis=1)
-        w = LONG(omega)
-        H = H - np.outer(motion, loads) / (mass * (1j * w * full.alpha - w * w))
-    size = np.sqrt((np.abs(H) ** 2).sum())
-    return float(np.sqrt((np.abs(away) ** 2).sum()) / size) if size > 0 else np.inf
+    norm = lambda A: np.sqrt((np.abs(A) ** 2).sum())  # noqa: E731
+    if relative_to == "pointwise":
+        return float(norm(away) / norm(H)) if norm(H) > 0 else np.inf
+    mass = np.asarray(full.M).astype(LONG).sum()
+    loads, motion = np.asarray(full.B).sum(axis=0), np.asarray(full.C).sum(axis=1)
+    w, i = LONG(omega), np.clongdouble(1j)
+    rigid = np.outer(motion, loads) / (mass * (i * w * full.alpha - w * w))
+    bent = norm(H - rigid)
+    r = reduced.rigid
+    theirs = System(*(a[:r, :r] for a in (reduced.K, reduced.M)), reduced.B[:r],
+                    reduced.C[:, :r], None if reduced.D is None else reduced.D[:r, :r])  # fmt: skip
+    rigid_r = theirs.exactly(omega) if exactly else theirs.transfer(omega)
+    size = bent if relative_to == "elastic" else min(norm(H), bent)
+    return float(max(norm(away - rigid + rigid_r) / size, norm(rigid - rigid_r) / norm(H)))
 
 
 def inside(omega: Any, bands: Any, excluded: Any) -> Any:
