@@ -166,10 +166,6 @@ ProjectionRounding rounding_with(const MediumSpace& space, const DenseResponse& 
   result.rigid = rigid;
   result.tau = space.tau();
   const std::vector<double> k = turned_weights(U, sums.K), m = turned_weights(U, sums.M);
-  const Dense of_rigid = part_of(U, 0, rigid, 0, rigid),
-              stiffness = multiply_transposed(
-                  of_rigid, multiply(part_of(space.rigid_stiffness(), 0, rigid, 0, rigid),
-                                     of_rigid));
   std::vector<double> of_K, of_M;
   const std::vector<double> sizes = space.dual_weights_of_ports(loads);
   result.ports = Dense(N, static_cast<int>(sizes.size()));
@@ -181,9 +177,8 @@ ProjectionRounding rounding_with(const MediumSpace& space, const DenseResponse& 
                            sizes[static_cast<std::size_t>(p)];
     of_M.push_back(root * std::sqrt(m[at] * m[at] + 2 * kappa * k[at] * k[at]));
     of_K.push_back(apart ? 0.0 : root * k[at]);
-    // Rigid modes are columns of V and may be rigid to rounding only; others are combinations.
-    result.strain.push_back(apart ? std::sqrt(std::abs(stiffness(j, j))) + epsilon * k[at]
-                                  : (N + 2) * epsilon * k[at]);
+    // Rigid modes are columns of V, others are combinations.
+    result.strain.push_back((apart ? 1 : N + 2) * epsilon * k[at]);
     const double lambda = response.lambda()[at];
     result.lambda.push_back(apart ? 0.0
                                   : epsilon * std::abs(std::isfinite(lambda)

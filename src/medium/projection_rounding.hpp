@@ -45,8 +45,7 @@ struct ProjectionRounding {
   EntryRounding K, M, D;      ///< K is 0 of rigid modes
   std::vector<double> lambda; ///< rounding of μ_j λ_j
   Dense ports;                ///< of the coordinates of ports, N × ports
-  /// ‖δ‖_K at most, δ what is wrong with the displacements V u_j of each mode: their rounding to
-  /// doubles, and of rigid modes all that is not rigid.
+  /// ‖δ‖_K at most, δ the rounding of the displacements V u_j of each mode to doubles.
   std::vector<double> strain;
   double mixed = 0;      ///< UᵀKU and τUᵀMU beside their diagonals, each entry
   double mixed_norm = 0; ///< and their Frobenius norm
