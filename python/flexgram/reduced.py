@@ -86,17 +86,17 @@ class ReducedModel:
     attained_error : float
         The bound at one frequency ``attained_at`` [rad/s]: ``certified_error`` is no less.
     rigid_rounding : float
-        How much H would change, relative to |H|, if the stiffness that K holds of the rigid modes,
+        How much H would change, relative to ‖H‖, if the stiffness that K holds of the rigid modes,
         which is within its rounding and taken for zero, were meant. Not part of the error.
     data_rounding : array
         How much H may change at ``omega``, relative, by the digits with which the FE code wrote K:
         an estimate, of the matrices themselves and not of the reduction, so not part of the error.
         Zero if K was not printed. Empty for ``pod``.
     relative_to : str
-        What errors are divided by at each frequency: ``pointwise`` |H| (eq. 17); ``elastic`` |H|
-        without rigid motion; ``both`` the smaller of these; ``band`` the largest |H| of the band.
+        What errors are divided by at each frequency: ``pointwise`` ‖H‖ (eq. 17); ``elastic`` ‖H‖
+        without rigid motion; ``both`` the smaller of these; ``band`` the largest ‖H‖ of the band.
     bounds_elastic_part : bool
-        Whether the error is small beside |H| without rigid motion: ``elastic`` or ``both``.
+        Whether the error is small beside ‖H‖ without rigid motion: ``elastic`` or ``both``.
     bands, excluded : (n, 2) arrays
         [rad/s]
     excluded_poles : (n, 3) array

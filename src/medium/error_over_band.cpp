@@ -319,8 +319,11 @@ ErrorOverBand::Unmet ErrorOverBand::unmet(const DenseSystem& system, double tole
     const Interval& here = node.interval;
     if (look(node, &small, tolerance).worst <= tolerance) continue;
     if (medium_.may_be_excluded(here)) continue;
-    if (count > most || width_of(here) <= finest * whole ||
-        (exceeds_at(here.first) && exceeds_at(here.centre()) && exceeds_at(here.last))) {
+    const bool is_small =
+        !medium_.near_pole(here) && // else until it may be excluded
+        (width_of(here) <= finest * whole ||
+         (exceeds_at(here.first) && exceeds_at(here.centre()) && exceeds_at(here.last)));
+    if (count > most || is_small) {
       result.intervals.push_back(here);
       continue;
     }
@@ -451,7 +454,10 @@ ErrorOverBand::Supremum ErrorOverBand::supremum(const DenseSystem& system, doubl
 
   result.worst = largest(result.worst_of);
   const bool nothing_else = zones.size() == medium_.roots().size();
-  exclude(std::move(zones), small, std::max(level, result.worst), result);
+  // Where nothing is claimed elsewhere either, resonances are told apart by the tolerance.
+  const bool is_bounded = std::isfinite(result.worst) || level == 0;
+  exclude(std::move(zones), small, is_bounded ? std::max(level, result.worst) : level,
+          result);
   if (nothing_else && result.worst_of == std::vector<double>(views, 0.0))
     result.worst_of.assign(views, infinity); // all of the band is excluded
   result.worst = largest(result.worst_of);

@@ -102,9 +102,15 @@ void MediumBuilder::judge(MediumLevel& level) {
   worst_omega_ = shared[2];
 }
 
-/// What rounding may change beside what the level is good to.
+/// What rounding may change beside what the level is good to. It is far less where sums with
+/// twice the digits take no time worth naming.
 double MediumBuilder::allowed_rounding(const MediumLevel& level) const {
-  return 0.5 * std::max(spec_.target, std::min(level.worst, 1.0));
+  constexpr double little_work = 5e8, little = 2e-10;
+  const double N = level.order(),
+               work = 10 * static_cast<double>(fom_.nonzeros()) * N + 60 * N * N * N,
+               allowed = 0.5 * std::max(spec_.target, std::min(level.worst, 1.0));
+  return level.serves(spec_.target) && work < little_work ? std::min(allowed, little)
+                                                          : allowed;
 }
 
 bool MediumBuilder::needs_sharper_sums(const MediumLevel& level) const {
