@@ -53,11 +53,14 @@ private:
   void prove(int most_columns);
   void look_at(std::size_t level);
   void judge(MediumLevel& level);
-  std::vector<double> narrow_peaks() const;
+  std::vector<double> beside_grid() const;
   double allowed_rounding(const MediumLevel& level) const;
   bool needs_sharper_sums(const MediumLevel& level) const;
-  std::vector<int> vectors_to_sharpen(const MediumLevel& level,
-                                      const ProjectionRounding& rounding) const;
+  std::vector<int> vectors_to_sharpen(const ProjectionRounding& rounding,
+                                      double share_of_others) const;
+  void certify_level(ProjectionRounding rounding, const ResidualBasis& parts);
+  bool sharpen_sums();
+  void sharpen_between();
   bool holds_everywhere();
   double slow() const { return 1e-5 * medium_.cutoff * medium_.cutoff; }
   bool has_unjudged_slow_modes() const;
@@ -94,6 +97,16 @@ private:
   bool cut_blocks_ = true, block_was_cut_ = false;
   double worst_before_ = 0; ///< error of the level before
   double worst_omega_ = 0;  ///< [rad/s] where the error was largest
+  /// Of the last level: its modal coordinates by plain sums, and what else its certificate is
+  /// made of.
+  struct Plain {
+    std::shared_ptr<const DenseResponse> response;
+    ResidualBasis parts;
+    ResidualNorm norm;
+    int modes = 0; ///< below the cutoff
+  };
+  Plain plain_;
+  std::vector<double> rough_; ///< [rad/s] where rounding was found to be large
   double floor_ = 0; ///< largest relative rounding of the level that was judged last
   int sharpened_vectors_ = 0;                  ///< of the last level
   int blocks_ = 0, factorisations_before_ = 0; ///< ... of a checkpoint

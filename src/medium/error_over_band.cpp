@@ -189,7 +189,8 @@ ErrorOverBand::Point ErrorOverBand::point(double omega, Small small, double leve
     result.certified[v] =
         small ? measured(measure, v, (*away)[v].above[0], sizes[v], bound.error,
                          bound.floor + solve_floor * medium->size[v].above[0])
-              : ratio(v, 0, sizes[v], bound.error);
+              : ratio(v, 0, sizes[v],
+                      bound.error + (measure == Measure::claim ? bound.floor : 0));
     result.proved = result.proved && bound.proved;
   }
   return result;
@@ -218,16 +219,17 @@ ErrorOverBand::Look ErrorOverBand::look(Node& node, Small small, double level,
   for (std::size_t v = 0; v < views.size(); ++v) {
     const ViewNorms away = small ? (*differs)[v] : ViewNorms();
     const ViewNorms& size = medium->size[v];
-    const double error = medium->error[v];
+    const double error = medium->error[v],
+                 of_medium = error + (measure == Measure::claim ? medium->floor[v] : 0);
     look.upper[v] = 0;
     for (std::size_t i = 0; i < pieces; ++i)
       look.upper[v] =
           std::max(look.upper[v], small ? measured(measure, v, away.above[i],
                                                    size.below[i], error, medium->floor[v])
-                                        : ratio(v, 0, size.below[i], error));
+                                        : ratio(v, 0, size.below[i], of_medium));
     look.worst = std::max(look.worst, look.upper[v]);
     for (std::size_t i = 0; i <= pieces; ++i) {
-      const double here = ratio(v, away.at[i] + (small ? 0.0 : error), size.at[i], 0);
+      const double here = ratio(v, away.at[i] + (small ? 0.0 : of_medium), size.at[i], 0);
       if (here <= most) continue;
       most = here;
       look.omega =
@@ -270,11 +272,14 @@ bool ErrorOverBand::meets(const DenseSystem& system, double tolerance, Measure m
 }
 
 std::optional<double> ErrorOverBand::weak_spot(double tolerance) {
+  return exceeds(nullptr, tolerance, Measure::model_error);
+}
+
+std::optional<double> ErrorOverBand::rounding_spot(double tolerance) {
   return exceeds(nullptr, tolerance, Measure::claim);
 }
 
-/// A frequency where the error of the small model, or of the medium model itself without
-/// rounding, is not proved to be within the tolerance.
+/// A frequency where the error of the small model, or of the medium model itself, is not proved to be within the tolerance.
 std::optional<double> ErrorOverBand::exceeds(Small small, double tolerance,
                                              Measure measure) {
   std::vector<Node*> open;

@@ -76,6 +76,8 @@ public:
   /// A frequency where the medium model itself, without its rounding, is not proved to be
   /// within the tolerance.
   std::optional<double> weak_spot(double tolerance);
+  /// The same with its rounding.
+  std::optional<double> rounding_spot(double tolerance);
 
   const std::vector<double>& omega() const { return medium_.omega(); }
   /// Rounding, relative, of H as a whole, at omega().

@@ -40,9 +40,10 @@ void MediumBuilder::need_cutoff() {
   }
 }
 
-/// Peaks too narrow for the grid: rounding is largest there, and the error is not.
-std::vector<double> MediumBuilder::narrow_peaks() const {
-  std::vector<double> peaks;
+/// Where rounding is looked at, and the error is not: at peaks too narrow for the grid, and where
+/// it was found to be large.
+std::vector<double> MediumBuilder::beside_grid() const {
+  std::vector<double> peaks = rough_;
   for (const auto& [omega, half_width] : seen_->model().resonances)
     if (half_width > 1e-9 * omega && half_width <= 1e-7 * omega &&
         std::any_of(spec_.bands.begin(), spec_.bands.end(), [&](const Interval& band) {
@@ -78,7 +79,7 @@ void MediumBuilder::judge(MediumLevel& level) {
   double worst_omega = grid_.empty() ? 0 : grid_.front();
   floor_ = 0;
   const std::size_t on_grid = values.size();
-  for (double omega : narrow_peaks()) values.push_back(model.at(omega, hopeless));
+  for (double omega : beside_grid()) values.push_back(model.at(omega, hopeless));
   for (std::size_t l = 0; l < values.size(); ++l)
     for (std::size_t v = 0; v < views; ++v) {
       const auto& value = values[l];
@@ -109,8 +110,7 @@ double MediumBuilder::allowed_rounding(const MediumLevel& level) const {
   const double N = level.order(),
                work = 10 * static_cast<double>(fom_.nonzeros()) * N + 60 * N * N * N,
                allowed = 0.5 * std::max(spec_.target, std::min(level.worst, 1.0));
-  return level.serves(spec_.target) && work < little_work ? std::min(allowed, little)
-                                                          : allowed;
+  return level.worst < 1 && work < little_work ? std::min(allowed, little) : allowed;
 }
 
 bool MediumBuilder::needs_sharper_sums(const MediumLevel& level) const {
@@ -120,15 +120,15 @@ bool MediumBuilder::needs_sharper_sums(const MediumLevel& level) const {
 /// Ritz vectors whose energies are to be summed with twice the digits: what plain sums may have
 /// lost of the others changes H by little beside what the level is good to. Few vectors matter
 /// in a stiff body, at its resonances; slender ones lose digits in static responses too.
-std::vector<int>
-MediumBuilder::vectors_to_sharpen(const MediumLevel& level,
-                                  const ProjectionRounding& rounding) const {
-  const double allowed = allowed_rounding(level);
+/// @param share_of_others  of what is allowed, that the others may lose among themselves.
+std::vector<int> MediumBuilder::vectors_to_sharpen(const ProjectionRounding& rounding,
+                                                   double share_of_others) const {
+  const double allowed = share_of_others * allowed_rounding(medium_.levels.back());
   const MediumModel& model = seen_->model();
-  const DenseResponse& response = *level.response;
-  const int N = level.order();
+  const DenseResponse& response = *plain_.response;
+  const int N = medium_.levels.back().order();
   std::vector<double> shares(static_cast<std::size_t>(N), 0.0); // roots, of the floor
-  std::vector<double> grid = narrow_peaks();
+  std::vector<double> grid = beside_grid();
   grid.insert(grid.end(), grid_.begin(), grid_.end());
   for (double omega : grid) {
     const MediumModel::Stretch value = model.at(omega, 0);
@@ -257,6 +257,68 @@ void MediumBuilder::bound_least_eigenvalue(const DenseResponse& response) {
   of_rounding_ = shared[1];
 }
 
+/// The certificate of the last level, with what rounding may do to it.
+void MediumBuilder::certify_level(ProjectionRounding rounding,
+                                  const ResidualBasis& parts) {
+  MediumLevel& last = medium_.levels.back();
+  last.certificate = std::make_shared<Certificate>(
+      *space_, *last.response, parts, plain_.norm, std::move(rounding), plain_.modes,
+      inertia_is_safe_, medium_.cutoff, medium_.scale);
+  look_at(medium_.levels.size() - 1);
+  judge(last);
+}
+
+/// The last level again, with twice the digits for the energies of the vectors that need them.
+/// What the others lose meets the forces of these, so more of them may be needed than it seems.
+/// @return whether there are others.
+bool MediumBuilder::sharpen_sums() {
+  static Event event("SharpenEnergies");
+  const auto timed = event.timed();
+  MediumLevel& last = medium_.levels.back();
+  const ProjectionRounding sums = rounding_of_sums(*space_, *plain_.response, loads_);
+  const auto all = static_cast<std::size_t>(last.order() - medium_.rigid);
+  std::size_t before = 0;
+  for (const double share : {1.0, 3e-2, 1e-3}) {
+    const std::vector<int> chosen = vectors_to_sharpen(sums, share);
+    if (chosen.size() == before && share < 1) continue;
+    before = chosen.size();
+    SharpResponse sharp = sharpened(*space_, *plain_.response, sums, loads_, chosen);
+    last.response = std::move(sharp.response);
+    const ResidualBasis& plain = plain_.parts;
+    ResidualBasis parts{Block(),         plain.ports,          plain.K,
+                        plain.D,         plain.damped_outside, plain.dropped_ports,
+                        plain.dropped_K, plain.dropped_D,      plain.complete};
+    turn_residual(parts, sharp.turned, *last.response, medium_.kappa, medium_.cutoff);
+    certify_level(std::move(sharp.rounding), parts);
+    if (before == all || !needs_sharper_sums(last)) break;
+  }
+  observer_.detail(text("  energies of %zu of %zu vectors summed with twice the digits: "
+                        "rounding %.1e of H at most where it was looked at",
+                        before, all, floor_));
+  sharpened_vectors_ = static_cast<int>(before);
+  return before < all;
+}
+
+/// Sharper sums where the grid did not show that they are needed: at zeros of H.
+void MediumBuilder::sharpen_between() {
+  if (!plain_.response) return; // of a checkpoint
+  MediumLevel& last = medium_.levels.back();
+  // Claims have room for more than the grid is held to.
+  const double allowed = std::max(10 * allowed_rounding(last), 5e-11);
+  bool others = true;
+  for (int look = 0; look < 4 && others; ++look) {
+    const auto spot = ErrorOverBand(*seen_, spec_.relative_to).rounding_spot(allowed);
+    std::vector<double> shared{spot.value_or(-1.0)};
+    share_from_first(fom_.comm, shared);
+    if (shared[0] < 0) return;
+    rough_.push_back(shared[0]);
+    judge(last);
+    if (!needs_sharper_sums(last)) return;
+    const double before = floor_;
+    others = sharpen_sums() && floor_ < 0.5 * before;
+  }
+}
+
 /// The bound of the space as it is, with one block solve: a level, in the place of an
 /// incomplete one of the same order.
 void MediumBuilder::prove(int most_columns) {
@@ -280,35 +342,14 @@ void MediumBuilder::prove(int most_columns) {
   const Block T = std::move(parts.T);
   // A wide block brings more than is needed.
   const bool wide = parts.complete && T.columns() > wide_block;
-  const ResidualNorm norm = norm_of(*level.response, T);
+  plain_ = {level.response, std::move(parts), norm_of(*level.response, T), modes};
   auto& levels = medium_.levels;
   if (!levels.empty() && levels.back().order() == level.order()) levels.pop_back();
   if (!spec_.keep_levels) levels.clear();
   levels.push_back(std::move(level));
-  const auto take = [&](ProjectionRounding rounding) {
-    MediumLevel& last = levels.back();
-    last.certificate = std::make_shared<Certificate>(
-        *space_, *last.response, parts, norm, std::move(rounding), modes,
-        inertia_is_safe_, medium_.cutoff, medium_.scale);
-    look_at(levels.size() - 1);
-    judge(last);
-  };
-  take(plain_rounding(*space_, *levels.back().response, loads_));
-  if (needs_sharper_sums(levels.back())) {
-    static Event event("SharpenEnergies");
-    const auto timed = event.timed();
-    MediumLevel& last = levels.back();
-    const ProjectionRounding sums = rounding_of_sums(*space_, *last.response, loads_);
-    const std::vector<int> chosen = vectors_to_sharpen(last, sums);
-    SharpResponse sharp = sharpened(*space_, *last.response, sums, loads_, chosen);
-    last.response = std::move(sharp.response);
-    turn_residual(parts, sharp.turned, *last.response, medium_.kappa, medium_.cutoff);
-    take(std::move(sharp.rounding));
-    observer_.detail(text("  energies of %zu of %d vectors summed with twice the digits: "
-                          "rounding %.1e of H at most on the grid",
-                          chosen.size(), last.order() - medium_.rigid, floor_));
-    sharpened_vectors_ = static_cast<int>(chosen.size());
-  }
+  rough_.clear();
+  certify_level(plain_rounding(*space_, *levels.back().response, loads_), plain_.parts);
+  if (needs_sharper_sums(levels.back())) sharpen_sums();
   const double worst = levels.back().worst;
   if (block_was_cut_ && worst > 0.5 * worst_before_) cut_blocks_ = false;
   worst_before_ = worst;
@@ -317,8 +358,8 @@ void MediumBuilder::prove(int most_columns) {
     samples.push_back(worst_omega_);
     for (std::size_t l = grid_.size(); l-- > 0 && grid_.size() - l <= 8;)
       samples.push_back(grid_[l]); // where it was found to be weak
-    Dense chosen = directions_to_grow(parts, norm.gram, *levels.back().response, samples,
-                                      seen_->model().blocks(), medium_.scale,
+    Dense chosen = directions_to_grow(plain_.parts, plain_.norm.gram, *plain_.response,
+                                      samples, seen_->model().blocks(), medium_.scale,
                                       medium_.kappa, medium_.cutoff, modes,
                                       seen_->model().left_out(), 0.3 * spec_.target);
     share_list(fom_.comm, chosen.data);
@@ -375,6 +416,7 @@ void MediumBuilder::grow() {
     // Modes that are not exact enough for the proof gain from a block; strong dampers do
     // not.
     if (level().serves(target) && holds_everywhere()) {
+      sharpen_between();
       medium_.shortfall.clear();
       return;
     }
