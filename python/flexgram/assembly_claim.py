@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexgram.basics import BodyError
+from flexgram.form_over_band import FormOverBand
 from flexgram.gain_over_band import GainOverBand, merged
 from flexgram.joints import Joint, Parts, common_bands
 from flexgram.reduced import ReducedModel
@@ -138,6 +139,7 @@ def verdict(
                              axis=0)):  # fmt: skip
             raise BodyError("a frequency is outside the band that the parts share")
     loop = Loop(parts, joints, keep)
+    by_form = FormOverBand(loop, tell) if all(m.form is not None for m in models.values()) else None
     found = Verdict(w, np.full(len(w), np.inf), np.full(len(w), np.inf), bands=bands)
     reasons = [why for name, model in models.items() if (why := _silent(name, model))]
     found.unknown = "; ".join(reasons)
@@ -146,10 +148,10 @@ def verdict(
     for k, x in enumerate(w):
         if not any(np.any((x >= m.excluded[:, 0]) & (x <= m.excluded[:, 1]))
                    for m in models.values()):  # fmt: skip
-            bounds, found.gain[k] = loop.at(x)
+            bounds, found.gain[k] = (by_form or loop).at(x)
             found.bound[k] = bounds[0]
     if omega is None:
-        over_band = GainOverBand(loop, tell)
+        over_band = by_form or GainOverBand(loop, tell)
         proof = over_band.prove(bands)
         found.worst, found.open, found.sharp = proof.worst, proof.open, proof.sharp
         if found.kind != "estimated":
@@ -164,6 +166,8 @@ def verdict(
 
 def _silent(name: str, model: ReducedModel) -> str:
     """Why the claim of a part says nothing of its H at a frequency; empty: it does."""
+    if model.form is not None:
+        return ""
     if model.kind == "estimated":
         return f"part {name} is not certified"
     if model.relative_to == "band":

@@ -42,7 +42,8 @@ class PartSeries:
     """Receptances C A⁻¹ B of a part."""
 
     def __init__(self, model: ReducedModel, B: Floats, C: Floats) -> None:
-        self.pencil = Pencil(model.K, model.D, model.M, model.eta)
+        tau = float(model.bands.max()) ** 2 / 4
+        self.pencil = Pencil(model.K, model.D, model.M, model.eta, tau)
         self.B, self.C = self.pencil.modes.T @ B, C @ self.pencil.modes
 
     def over(self, omega: float, h: float) -> Series:
@@ -82,10 +83,12 @@ class LoopSeries:
         N = np.eye(len(K))
         if self.ties:
             N = scipy.linalg.null_space(G.T / np.linalg.norm(G, axis=0)[:, None])
-        self.pencil = Pencil(N.T @ K @ N, N.T @ D @ N, N.T @ parts.M @ N, parts.eta)
-        # Of the matrices of modes: some roundings of the stiffest part's.
-        self.rounding = 16 * np.finfo(float).eps * float(
-            scipy.linalg.eigh(K, parts.M, eigvals_only=True)[-1])  # fmt: skip
+        tau = max(float(m.bands.max()) for m in parts.models.values()) ** 2 / 4
+        self.pencil = Pencil(N.T @ K @ N, N.T @ D @ N, N.T @ parts.M @ N, parts.eta, tau)
+        # Of the matrices of modes: some roundings, of the stiffest spring's where it is stiffer
+        # than the parts.
+        self.rounding = 80 * np.finfo(float).eps * float(
+            scipy.linalg.eigh(K, parts.K + tau * parts.M, eigvals_only=True)[-1])  # fmt: skip
         N, L = N @ self.pencil.modes, np.linalg.pinv(G).T
         stiffness = (K * (1 + 1j * parts.eta), 1j * D, -parts.M)
         self.NAL = [N.T @ A @ L for A in stiffness]

@@ -93,44 +93,61 @@ def _norm(A: ComplexArray) -> float:
 
 
 class Pencil:
-    """A(ω) = Λ (1 + i eta) + i ω D - ω² of a body in its modal coordinates."""
+    """A(ω) = K (1 + i eta) + i ω D - ω² M of a body in modal coordinates, K and M diagonal."""
 
-    def __init__(self, K: Floats, D: Floats, M: Floats, eta: float) -> None:
-        squares, self.modes = scipy.linalg.eigh(K, M)
+    def __init__(self, K: Floats, D: Floats, M: Floats, eta: float, tau: float) -> None:
+        """Modes of (K + τM)-norm one: those of the largest frequencies do not blur the low ones."""
+        mass, self.modes = scipy.linalg.eigh(M, K + tau * M)
+        self._take(1 - tau * mass, self.modes.T @ D @ self.modes, mass, eta)
+
+    @classmethod
+    def of_modes(cls, stiffness: Floats, damping: Floats, mass: Floats, eta: float) -> Pencil:
+        """Of a body that is diagonal."""
+        pencil = cls.__new__(cls)
+        pencil.modes = np.eye(len(mass))
+        pencil._take(stiffness, damping, mass, eta)
+        return pencil
+
+    def _take(self, stiffness: Floats, D: Floats, mass: Floats, eta: float) -> None:
+        heavy = mass > 0
+        squares = np.divide(stiffness, mass, where=heavy, out=np.full(len(mass), np.inf))
         self.omega = np.sqrt(np.maximum(squares, 0))
-        self.K = squares * (1 + 1j * eta)
-        self.D = self.modes.T @ D @ self.modes
-        diagonal = np.diag(self.D)
-        rest = np.abs(self.D - np.diag(diagonal)).max(initial=0)
-        if rest <= 1e-13 * np.abs(diagonal).max(initial=0):
-            self.D = diagonal
+        self.K, self.M, self.D = stiffness * (1 + 1j * eta), mass, D
+        diagonal = D
+        if D.ndim == 2:
+            diagonal = np.diag(D)
+            rest = np.abs(D - np.diag(diagonal)).max(initial=0)
+            if rest <= 1e-13 * np.abs(diagonal).max(initial=0):
+                self.D = diagonal
         with np.errstate(divide="ignore", invalid="ignore"):
-            half = np.abs(self.K.imag / self.omega + diagonal) / (2 * self.omega)
-        self.sharp = self.omega[half < SHARPEST]  # rigid modes have none
-        self._at, self._steps = np.nan, (np.empty(0, complex), np.empty(0, complex))
+            half = np.abs(self.K.imag / self.omega + diagonal) / (2 * self.omega * mass)
+        self.sharp = self.omega[(half < SHARPEST) & np.isfinite(self.omega)]  # no rigid modes
+        self._at, self._steps = np.nan, (np.empty(0, complex),) * 3
 
-    def steps(self, omega: float) -> tuple[ComplexArray, ComplexArray]:
-        """A⁻¹A' and A⁻¹; of a diagonal the diagonals."""
+    def steps(self, omega: float) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
+        """A⁻¹A', A⁻¹ and A⁻¹M; of a diagonal the diagonals."""
         if omega != self._at:
             if self.D.ndim == 1:
-                A = self.K + 1j * omega * self.D - omega**2
                 with np.errstate(divide="ignore", invalid="ignore"):
-                    self._steps = (1j * self.D - 2 * omega) / A, 1 / A
+                    inverse = 1 / (self.K + 1j * omega * self.D - omega**2 * self.M)
+                    self._steps = ((1j * self.D - 2 * omega * self.M) * inverse, inverse,
+                                   self.M * inverse)  # fmt: skip
             else:
-                one = np.eye(len(self.K))
-                inverse = np.linalg.inv(np.diag(self.K - omega**2) + 1j * omega * self.D)
-                self._steps = inverse @ (1j * self.D - 2 * omega * one), inverse
+                inverse = np.linalg.inv(
+                    np.diag(self.K - omega**2 * self.M) + 1j * omega * self.D)  # fmt: skip
+                self._steps = (inverse @ (1j * self.D - 2 * omega * np.diag(self.M)), inverse,
+                               inverse * self.M)  # fmt: skip
             self._at = omega
         return self._steps
 
     def reach(self, omega: float, h: float) -> float:
         """‖A⁻¹(ω) (A(ω + t) - A(ω))‖ at most, |t| <= h."""
-        step, inverse = self.steps(omega)
-        return h * _norm(step) + h * h * _norm(inverse)
+        step, _, curve = self.steps(omega)
+        return h * _norm(step) + h * h * _norm(curve)
 
     def response(self, omega: float, h: float, loads: ComplexArray) -> Series:
         """A⁻¹ times loads (3, n, columns), a polynomial of t."""
-        step, inverse = self.steps(omega)
+        step, inverse, curve = self.steps(omega)
 
         def apply(matrix: ComplexArray, x: ComplexArray) -> ComplexArray:
             return matrix[:, None] * x if matrix.ndim == 1 else matrix @ x
@@ -142,7 +159,7 @@ class Pencil:
             if 0 < k <= DEGREE + 1:
                 x[k] -= apply(step, x[k - 1])
             if k > 1:
-                x[k] += apply(inverse, x[k - 2])
+                x[k] += apply(curve, x[k - 2])
         # The last two are what the series leaves of the equation, once A(ω)⁻¹ is applied.
         left = sum(h**k * np.linalg.norm(x[k], axis=0) for k in (DEGREE + 1, DEGREE + 2))
         tail = left / (1 - self.reach(omega, h))

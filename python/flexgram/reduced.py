@@ -12,6 +12,7 @@ import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
 from flexgram.basics import BodyError, errors_of, expect_survival
+from flexgram.error_form import ErrorForm
 from flexgram.reduced_file import copy_file, port_names, read_fields
 from flexgram.response import frequency_response, linear_response
 from flexgram.words import error_of, label_of, table_of
@@ -164,7 +165,7 @@ class ReducedModel:
         self.unclaimed = [str(name) for name in fields.get("error/unclaimed", [])]
         self.field_inputs = [str(name) for name in fields.get("error/field_inputs", [])]
         self.field_error = array("error/field")
-        self.held = held_of(fields)
+        self.held, self.form = held_of(fields), ErrorForm.of(fields)
         self.load_names = [str(name) for name in fields.get("loads/names", [])]
         self.loads = array("loads/patterns").reshape(self.B.shape[1], len(self.load_names))
         known = np.concatenate([self.bound if len(self.bound) else self.error, self.by_kind, [0]])

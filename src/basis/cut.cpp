@@ -394,6 +394,7 @@ ReducedModel Cut::run() {
   const auto sup = shared_supremum(errors_.supremum(small, smallest_tolerance()));
   ReducedModel rom = reduced(Q, small, sup);
   if (request_.field) claim_field(Q, small, sup, rom);
+  rom.form = seen_->model().error_form();
   rom.held = held_interfaces(medium_, small, bands_.back().last);
   tell({whole_, request_, *seen_, choice_, small, sup}, rom, observer_);
   return rom;

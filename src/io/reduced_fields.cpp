@@ -87,6 +87,29 @@ void held(FieldSink& sink, const std::vector<HeldInterface>& all) {
   sink.value("held/frequencies", count);
 }
 
+void form_of(FieldSink& sink, const ErrorForm& form) {
+  vector(sink, "form/stiffness", form.stiffness);
+  vector(sink, "form/mass", form.mass);
+  matrix(sink, "form/inputs", form.inputs);
+  matrix(sink, "form/outputs", form.outputs);
+  matrix(sink, "form/residual_stiffness", form.residual_stiffness);
+  matrix(sink, "form/residual_inputs", form.residual_inputs);
+  matrix(sink, "form/residual_outputs", form.residual_outputs);
+  vector(sink, "form/lost_stiffness", form.lost_stiffness);
+  vector(sink, "form/lost_inputs", form.lost_inputs);
+  vector(sink, "form/lost_outputs", form.lost_outputs);
+  vector(sink, "form/coupling", form.coupling);
+  vector(sink, "form/rounding_stiffness", form.rounding_stiffness);
+  vector(sink, "form/rounding_mass", form.rounding_mass);
+  matrix(sink, "form/rounding_inputs", form.rounding_inputs);
+  matrix(sink, "form/rounding_outputs", form.rounding_outputs);
+  sink.value("form/alpha", form.damping.alpha);
+  sink.value("form/beta", form.damping.beta);
+  sink.value("form/eta", form.damping.eta);
+  sink.value("form/kappa", form.kappa);
+  sink.value("form/cutoff", form.cutoff);
+}
+
 void error(FieldSink& sink, const ReducedModel& rom) {
   vector(sink, "error/omega", rom.omega);
   vector(sink, "error/relative", rom.epsilon);
@@ -122,6 +145,7 @@ void error(FieldSink& sink, const ReducedModel& rom) {
     sink.value("error/field", worst);
   }
   held(sink, rom.held);
+  if (rom.form) form_of(sink, *rom.form);
   if (!rom.loads) return;
   matrix(sink, "loads/patterns", rom.loads->patterns);
   sink.value("loads/names", rom.loads->names);

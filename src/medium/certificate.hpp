@@ -8,9 +8,11 @@
 #include "medium/response_series.hpp"
 #include "medium/space.hpp"
 #include "medium/term_gram.hpp"
+#include "model/error_form.hpp"
 
 #include <functional>
 #include <map>
+#include <optional>
 #include <span>
 
 namespace flexgram {
@@ -178,6 +180,10 @@ public:
     a("rigid", self.rigid_);
     a("rigid_stiffness", self.rigid_stiffness_);
   }
+  /// What is known of the error beyond its norm, for some of the ports. @pre no damping matrix
+  /// @return nothing if it is not proved.
+  std::optional<ErrorForm> form(const DenseResponse& response,
+                                const PortSet& ports) const;
   /// Whether the fields are of the sizes that a model of this order has.
   bool fits(int order, int ports, int modes, int rigid, bool damped) const;
 

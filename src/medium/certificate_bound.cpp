@@ -236,6 +236,52 @@ void Certificate::add_rounding(Bound& bound, const DenseResponse& response,
              norm(block.outputs, rigid_stiffness_) * norm(block.inputs, rigid_));
 }
 
+std::optional<ErrorForm> Certificate::form(const DenseResponse& response,
+                                           const PortSet& ports) const {
+  if (!provable_) return std::nullopt;
+  ErrorForm form;
+  form.damping = response.system().damping;
+  form.kappa = kappa_;
+  form.cutoff = std::sqrt(sigma_);
+  form.coupling = mode_G_norm_;
+  form.residual_stiffness = transpose(K_);
+  form.lost_stiffness = dropped_K_;
+  form.mass = response.mu();
+  for (std::size_t j = 0; j < form.mass.size(); ++j) {
+    const double lambda = response.lambda()[j];
+    form.stiffness.push_back(std::isfinite(lambda) ? lambda * form.mass[j] : 1.0);
+  }
+  auto sums = rounding_.row_sums();
+  form.rounding_stiffness = std::move(sums[0]);
+  form.rounding_mass = std::move(sums[1]);
+  const auto in_units = [&](const Dense& a, const std::vector<int>& chosen) {
+    Dense some(a.rows, static_cast<int>(chosen.size()));
+    for (int c = 0; c < some.columns; ++c) {
+      const int port = chosen[static_cast<std::size_t>(c)];
+      for (int i = 0; i < a.rows; ++i)
+        some(i, c) = a(i, port) / scale_[static_cast<std::size_t>(port)];
+    }
+    return some;
+  };
+  const auto lost_of = [&](const std::vector<int>& chosen) {
+    std::vector<double> lost;
+    for (int port : chosen) {
+      const auto at = static_cast<std::size_t>(port);
+      lost.push_back(dropped_ports_[at] / scale_[at]);
+    }
+    return lost;
+  };
+  form.inputs = in_units(response.modal_inputs(), ports.inputs);
+  form.outputs = in_units(response.modal_inputs(), ports.outputs);
+  form.residual_inputs = in_units(ports_, ports.inputs);
+  form.residual_outputs = in_units(ports_, ports.outputs);
+  form.lost_inputs = lost_of(ports.inputs);
+  form.lost_outputs = lost_of(ports.outputs);
+  form.rounding_inputs = in_units(rounding_.ports, ports.inputs);
+  form.rounding_outputs = in_units(rounding_.ports, ports.outputs);
+  return form;
+}
+
 /// |…| of the residual's claim for a block whose residuals are W at the centre of an
 /// interval and no farther from that than `in` and `out`, anywhere in it.
 double Certificate::error_of(const Inverse& S, const ComplexDense& at_centre,

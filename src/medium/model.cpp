@@ -311,6 +311,15 @@ std::optional<MediumModel::Stretch> MediumModel::over(Interval interval, int deg
   return result;
 }
 
+std::optional<ErrorForm> MediumModel::error_form() const {
+  constexpr double most = 4e6; // numbers
+  const double N = level_.order(),
+               ports = static_cast<double>(inputs_.size() + outputs_.size());
+  if (!level_.response->is_diagonal() || 4 * N * ports + N * N > most)
+    return std::nullopt;
+  return level_.certificate->form(*level_.response, {inputs_, outputs_});
+}
+
 std::optional<TransferSeries> MediumModel::response(Interval interval, int degree) const {
   TransferSeries H;
   if (has_many_ports()) {

@@ -89,6 +89,10 @@ public:
   /// Columns of Q in these coordinates. @param Q  rows: coordinates of `system`.
   Dense strain_coordinates(const Dense& Q) const;
 
+  /// What is known of the error beyond its norm; nothing with a damping matrix, for what is
+  /// not proved, or where it is too much to keep.
+  std::optional<ErrorForm> error_form() const;
+
   /// A resonance in an excluded interval.
   struct Pole {
     double omega = 0;     ///< [rad/s] of the small model (of this one, if that has none)

@@ -142,6 +142,18 @@ ProjectionRounding::Sizes ProjectionRounding::of_equations(double a_k, double om
   return result;
 }
 
+std::array<std::vector<double>, 2> ProjectionRounding::row_sums() const {
+  const Sizes ones(lambda.size(), 1.0);
+  std::array<std::vector<double>, 2> sums{K.times(ones), M.times(ones)};
+  for (std::size_t i = 0; i < lambda.size(); ++i) {
+    const bool is_rigid = i < static_cast<std::size_t>(rigid);
+    const double beside = is_rigid ? 0.0 : mixed * static_cast<double>(lambda.size());
+    sums[0][i] = is_rigid ? 0.0 : sums[0][i] + lambda[i] + beside;
+    sums[1][i] += beside / tau + (is_rigid ? rigid_mass * rigid : 0.0);
+  }
+  return sums;
+}
+
 bool ProjectionRounding::fits(int order, int ports_count) const {
   const auto holds = [](const std::vector<double>& v, int count) {
     return v.size() == static_cast<std::size_t>(count);

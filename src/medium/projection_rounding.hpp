@@ -6,6 +6,7 @@
 #include "medium/space.hpp"
 #include "model/dense_system.hpp"
 
+#include <array>
 #include <cmath>
 
 namespace flexgram {
@@ -67,6 +68,8 @@ struct ProjectionRounding {
     return K.at(i, j) + square * M.at(i, j) + (1 + square / tau) * mixed +
            (i == j ? lambda[i] : 0.0);
   }
+  /// Σ_j of entries (i, j) of K, and of M.
+  std::array<std::vector<double>, 2> row_sums() const;
   /// How much of that a mode's plain sums are responsible for, as the root of a diagonal part.
   double share(std::size_t i, double a_k, double omega) const {
     return std::sqrt(a_k * K.plain[i] * K.plain[i] +

@@ -171,6 +171,7 @@ void restore_ports(ReducedModel& rom, const SecondOrderModel& body, LoadSpan loa
     rom.model.outputs = rom.model.inputs;
   }
   rom.loads = std::move(loads);
+  rom.form.reset(); // of the loads
   for (FieldClaim& claim : rom.field) claim.inputs = "these loads";
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "model/error_form.hpp"
 #include "model/frame_integrals.hpp"
 #include "model/second_order_model.hpp"
 
@@ -87,6 +88,7 @@ struct ReducedModel {
   std::vector<double> kind_tolerances; ///< of each; empty: all the same
   std::vector<FieldClaim> field;       ///< empty: not asked for
   std::vector<HeldInterface> held;     ///< of a free body
+  std::optional<ErrorForm> form;       ///< none: the claim is all that is known
   std::optional<LoadSpan> loads;       ///< none: each input by itself
   std::string second_stage, frame = "none";
   int rigid_modes = 0; ///< of the body; the first basis vectors unless frame is none
