@@ -8,9 +8,10 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexgram.band_bound import BandBound, merged
 from flexgram.basics import BodyError
 from flexgram.form_over_band import FormOverBand
-from flexgram.gain_over_band import GainOverBand, merged
+from flexgram.gain_over_band import GainOverBand
 from flexgram.joints import Joint, Parts, common_bands
 from flexgram.reduced import ReducedModel
 from flexgram.small_gain import Loop
@@ -36,6 +37,9 @@ class Verdict:
         [rad/s]
     bound : (n,) array
         Of the assembly's error relative to ‖H‖_F of all ports; inf where it does not close.
+    estimate : (n,) array
+        The same error against the assembly of the parts' medium models; nan where a part does not
+        keep the form of its error.
     gain : (n,) array
         Small gain: the bound closes below one; inf where nothing is known of a part.
     worst : float
@@ -54,6 +58,7 @@ class Verdict:
     omega: Floats
     bound: Floats
     gain: Floats
+    estimate: Floats
     worst: float = np.inf
     bands: Floats = field(default_factory=lambda: np.empty((0, 2)))
     open: Floats = field(default_factory=lambda: np.empty((0, 2)))
@@ -139,19 +144,25 @@ def verdict(
                              axis=0)):  # fmt: skip
             raise BodyError("a frequency is outside the band that the parts share")
     loop = Loop(parts, joints, keep)
-    by_form = FormOverBand(loop, tell) if all(m.form is not None for m in models.values()) else None
-    found = Verdict(w, np.full(len(w), np.inf), np.full(len(w), np.inf), bands=bands)
+    unknown = np.full(len(w), np.inf)
+    found = Verdict(w, unknown, unknown.copy(), np.full(len(w), np.nan), bands=bands)
     reasons = [why for name, model in models.items() if (why := _silent(name, model))]
     found.unknown = "; ".join(reasons)
     if found.unknown:
         return found
+    forms = [m.form for m in models.values() if m.form is not None]
+    by_form = FormOverBand(loop, forms, tell) if len(forms) == len(models) else None
     for k, x in enumerate(w):
-        if not any(np.any((x >= m.excluded[:, 0]) & (x <= m.excluded[:, 1]))
-                   for m in models.values()):  # fmt: skip
-            bounds, found.gain[k] = (by_form or loop).at(x)
-            found.bound[k] = bounds[0]
+        if any(np.any((x >= m.excluded[:, 0]) & (x <= m.excluded[:, 1])) for m in models.values()):
+            continue
+        if by_form is not None:
+            bounds, found.gain[k], estimates = by_form.at(x)
+            found.estimate[k] = estimates[0]
+        else:
+            bounds, found.gain[k] = loop.at(x)
+        found.bound[k] = bounds[0]
     if omega is None:
-        over_band = by_form or GainOverBand(loop, tell)
+        over_band: BandBound = by_form or GainOverBand(loop, tell)
         proof = over_band.prove(bands)
         found.worst, found.open, found.sharp = proof.worst, proof.open, proof.sharp
         if found.kind != "estimated":

@@ -149,7 +149,9 @@ def couple(
     worst = float(known.bound.max(initial=0))
     if known.kind != "estimated":
         worst = max([known.worst, *closed.values()])
-    fields |= {"error/omega": known.omega, "error/relative": known.bound,
+    has_estimate = np.isfinite(known.estimate).any()
+    fields |= {"error/omega": known.omega,
+               "error/relative": known.estimate if has_estimate else known.bound,
                "error/bound": known.bound, "error/kind": known.kind, "error/worst": worst,
                "error/unclaimed": [name for name in known.by_kind if name not in closed],
                "error/kinds": list(closed), "error/by_kind": np.array(list(closed.values())),

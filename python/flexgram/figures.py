@@ -61,7 +61,7 @@ def error(model: ReducedModel) -> Figure:
     if model.data_rounding.any():
         axes.semilogy(hz, np.maximum(model.data_rounding, 1e-17), "-.", color="gray", lw=1,
                       label="what the digits of K may change, beside the error")  # fmt: skip
-    if len(model.floor) or not len(model.bound):  # of an assembly the bound alone is known
+    if not np.array_equal(model.error, model.bound):  # of some assemblies the bound alone is known
         style, label = ("-", "error against the medium model") if len(model.bound) else (
             ".", "error")  # fmt: skip
         axes.semilogy(hz, np.maximum(model.error, 1e-17), style, color=REDUCED, lw=1, label=label)

@@ -13,7 +13,6 @@ Derivation: docs/proof.md, section 8.
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -22,10 +21,11 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
+from flexgram.band_bound import BandBound
 from flexgram.error_form import ErrorForm
-from flexgram.gain_over_band import REACH, GainOverBand, LoopSeries
-from flexgram.interval_series import PIECES, Pencil, Pieces, Series, about
-from flexgram.small_gain import Loop, relative
+from flexgram.interval_series import Pencil, Pieces, Series, about
+from flexgram.loop_series import Bodies, LoopOverInterval, LoopSeries
+from flexgram.small_gain import Loop, View
 
 Floats = NDArray[np.float64]
 ComplexArray = NDArray[np.complex128]
@@ -86,9 +86,11 @@ class PartForm:
                                 out=np.zeros_like(off))  # fmt: skip
             beside = np.sqrt(left_out**2 / (1 - delta) + (rounded**2).sum(0)
                              + ((rows + balance)[:, None] * sizes**2).sum(0))  # fmt: skip
-            none = np.zeros((len(w.coefficients), 1, off.shape[1]))
-            result.append(Series(np.concatenate([w.coefficients, none], axis=1),
-                                 np.concatenate([w.tail, beside[None]])))  # fmt: skip
+            # ‖L y‖ <= Σ_j ‖L e_j‖ |y_j|, at most as the norm of a diagonal matrix times y.
+            rows_beside = np.zeros((len(w.coefficients), len(beside), len(beside)))
+            rows_beside[0] = np.diag(np.sqrt(len(beside)) * beside)
+            result.append(Series(np.concatenate([w.coefficients, rows_beside], axis=1),
+                                 np.concatenate([w.tail, 0 * rows_beside[0]])))  # fmt: skip
         return result[0], result[-1]
 
 
@@ -118,11 +120,11 @@ class _Values:
         """With as many rows as columns and the same norms of products from the right."""
         if self.middle.shape[1] <= self.middle.shape[2]:
             return self
-        return _Values(np.linalg.qr(self.middle, mode="r"), self.away)
+        R: ComplexArray = np.asarray(np.linalg.qr(self.middle, mode="r"))
+        return _Values(R, self.away)
 
     def times(self, other: _Values) -> _Values:
-        sizes = [np.linalg.norm(x.middle, 2, axis=(1, 2)) if x.middle.size else np.zeros(PIECES)
-                 for x in (self, other)]  # fmt: skip
+        sizes = [np.linalg.norm(x.middle, axis=(1, 2)) for x in (self, other)]
         away = self.away * (sizes[1] + other.away) + sizes[0] * other.away
         return _Values(self.middle @ other.middle, away)
 
@@ -132,103 +134,120 @@ class _Values:
     def columns(self, chosen: list[int]) -> _Values:
         return _Values(self.middle[:, :, chosen], self.away)
 
-    def norms(self, order: Any, anywhere: bool) -> Floats:
+    def norms(self, order: Any = "fro") -> Floats:
+        """(2, pieces): anywhere in each piece at most, and in its middle."""
         if not self.middle.size:
-            return np.zeros(PIECES)
-        return np.linalg.norm(self.middle, order, axis=(1, 2)) + anywhere * self.away
+            return np.zeros((2, len(self.away)))
+        middle = np.linalg.norm(self.middle, order, axis=(1, 2))
+        return np.array([middle + self.away, middle])
 
 
-class FormOverBand(GainOverBand):
-    """The bound of an assembly's error by the forms of its parts."""
+@dataclass
+class _Residuals:
+    """What the parts leave of their equations, in an assembly."""
 
-    def __init__(self, loop: Loop, tell: Callable[[str], None] | None = None) -> None:
-        super().__init__(loop, tell)
-        models = loop.parts.models
-        self.forms = {name: PartForm(m.form) for name, m in models.items() if m.form is not None}
-        if len(self.forms) != len(models):
-            raise ValueError("a part has no form of its error")
-        medium = copy.copy(loop)
-        medium.parts = copy.copy(loop.parts)
-        forms = [part.form for part in self.forms.values()]
-        medium.parts.K = np.diag(np.concatenate([f.stiffness for f in forms]))
-        medium.parts.M = np.diag(np.concatenate([f.mass for f in forms]))
-        medium.parts.D = np.diag(
-            np.concatenate([f.alpha * f.mass + f.beta * f.stiffness for f in forms]))  # fmt: skip
-        medium.parts.B = scipy.linalg.block_diag(*(f.inputs for f in forms))
-        medium.parts.C = scipy.linalg.block_diag(*(f.outputs.T for f in forms))
-        self.medium = LoopSeries(medium)
-        self.pencils = [self.series.pencil, self.medium.pencil,
-                        *(part.pencil for part in self.forms.values())]  # fmt: skip
-        self.gain = np.inf  #: of the interval that was looked at last
-        self.difference = np.full(len(loop.views), np.inf)
+    loop: _Values  #: W_B Q W_Cᵀ
+    before: _Values  #: W_B (1 - Q H_m)
+    after: _Values  #: W_C (1 - H_m Q)ᵀ
+
+    def error(self, view: View) -> tuple[Floats, Floats]:
+        """Of an assembly at most, and the gain, (2, pieces) each."""
+        gain = self.loop.norms(2)
+        before, after = self.before.columns(view.columns), self.after.columns(view.rows)
+        sizes = np.minimum(before.norms() * after.norms(2), before.norms(2) * after.norms())
+        closed = gain < 1
+        return np.divide(sizes, 1 - gain, where=closed, out=np.full(gain.shape, np.inf)), gain
+
+
+class FormOverBand(BandBound):
+    """The bound by the forms of the parts' errors."""
+
+    def __init__(
+        self, loop: Loop, forms: list[ErrorForm], tell: Callable[[str], None] | None = None
+    ) -> None:
+        """``forms`` in the order of the parts."""
+        self.forms = [PartForm(form) for form in forms]
+        damping = np.concatenate([f.alpha * f.mass + f.beta * f.stiffness for f in forms])
+        medium = Bodies(
+            K=np.diag(np.concatenate([f.stiffness for f in forms])),
+            D=np.diag(damping),
+            M=np.diag(np.concatenate([f.mass for f in forms])),
+            B=scipy.linalg.block_diag(*(f.inputs for f in forms)),
+            C=scipy.linalg.block_diag(*(f.outputs.T for f in forms)),
+            eta=loop.parts.eta,
+        )
+        self.small, self.medium = LoopSeries(loop), LoopSeries(loop, medium)
+        pencils = [self.small.pencil, self.medium.pencil, *(part.pencil for part in self.forms)]
+        super().__init__(loop, pencils, tell)
 
     def over(self, omega: float, h: float) -> Floats | None:
-        if not all(pencil.reach(omega, h) <= REACH for pencil in self.pencils):
+        return found[0] if (found := self._over(omega, h)) is not None else None
+
+    def at(self, omega: float) -> tuple[Floats, float, Floats]:
+        """Of each view the bound and what the reduced assembly differs by from that of the medium
+        models, relative to ‖H‖, and the gain: at a frequency."""
+        found = self._over(omega, 0.0)
+        if found is None:
+            nothing = np.full(len(self.loop.views), np.inf)
+            return nothing, np.inf, np.full(len(nothing), np.nan)
+        return found[0][0, 0], float(found[1][0, 0]), found[2][0, 0]
+
+    def _over(self, omega: float, h: float) -> tuple[Floats, Floats, Floats] | None:
+        """Bounds, gains and the differences of H_m and H_r."""
+        if not self.reaches(omega, h):
             return None
-        at, loop = Pieces(h), self.loop
-        bounds = np.full((2, PIECES, len(loop.views)), np.inf)
-        small, medium = self.series.over(omega, h), self.medium.over(omega, h)
-        residuals = [part.over(omega, h) for part in self.forms.values()]
-        known = [pair for pair in residuals if pair is not None]
-        W_B = W_C = Q = None
-        if len(known) == len(residuals):
-            series = [_side_by_side([pair[side] for pair in known]) for side in (0, 1)]
-            # Ports in the units in which their residuals are alike.
-            units = [np.maximum(np.linalg.norm(s.coefficients[0], axis=0)
-                                + np.linalg.norm(s.tail, axis=0), 1e-300)
-                     for s in series]  # fmt: skip
-            W_B, W_C = (_Values.of(Series(s.coefficients / u, s.tail / u), at).compressed()
-                        for s, u in zip(series, units, strict=True))  # fmt: skip
-            Q = _Values.of(medium.Q.between(np.diag(units[0]), np.diag(units[1])), at)
-            before = _Values.of(medium.before.between(np.diag(units[0]), np.eye(
-                len(loop.free_in))), at)  # fmt: skip
-            after = _Values.of(medium.after.between(np.eye(len(loop.free_out)),
-                                                    np.diag(units[1])), at)  # fmt: skip
-            loop_gain = W_B.times(Q).times(W_C.transposed())
-            right, left = W_B.times(before), W_C.times(after.transposed())
-        every = slice(None)
-        d = max(len(small.H.coefficients), len(medium.H.coefficients))
+        at = Pieces(h)
+        small, medium = self.small.over(omega, h), self.medium.over(omega, h)
+        residuals = self._residuals(omega, h, medium, at)
+        difference = _difference(medium.H, small.H)
+        bounds, differences = np.full((2, 2, at.count, len(self.loop.views)), np.inf)
+        gain = np.full((2, at.count), np.inf)
+        for v, view in enumerate(self.loop.views):
+            H = _Values.of(small.H.part(view.rows, view.columns), at).norms()
+            least = np.array([2 * H[1] - H[0], H[1]])
+            off = _Values.of(difference.part(view.rows, view.columns), at).norms()
+            differences[:, :, v] = np.divide(off, least, where=least > 0,
+                                             out=np.full(off.shape, np.inf))  # fmt: skip
+            if residuals is None:
+                continue
+            error, gain = residuals.error(view)
+            error += off
+            for series, found in ((self.small, small), (self.medium, medium)):
+                dual = _Values.of(found.dual.part(slice(None), view.rows), at)
+                motion = _Values.of(found.motion.part(slice(None), view.columns), at)
+                error += series.rounding * dual.norms() * motion.norms()
+            bounds[:, :, v] = np.divide(error, least - error, where=least > error,
+                                        out=np.full(error.shape, np.inf))  # fmt: skip
+        return bounds, gain, differences
 
-        def padded(series: Series) -> ComplexArray:
-            more = d - len(series.coefficients)
-            return np.pad(series.coefficients, ((0, more), (0, 0), (0, 0)))
+    def _residuals(
+        self, omega: float, h: float, medium: LoopOverInterval, at: Pieces
+    ) -> _Residuals | None:
+        known = [pair for part in self.forms if (pair := part.over(omega, h)) is not None]
+        if len(known) < len(self.forms):
+            return None
+        inputs, outputs = (_side_by_side([pair[side] for pair in known]) for side in (0, 1))
+        # Ports in the units in which their residuals are alike.
+        u_in, u_out = (
+            np.maximum(np.linalg.norm(s.coefficients[0], axis=0) + np.linalg.norm(s.tail, axis=0),
+                       1e-300) for s in (inputs, outputs))  # fmt: skip
+        W_B, W_C = (
+            _Values.of(Series(s.coefficients / u, s.tail / u), at).compressed()
+            for s, u in ((inputs, u_in), (outputs, u_out))
+        )
+        left, right = np.diag(u_in), np.diag(u_out)
+        free_in, free_out = (np.eye(len(x)) for x in (self.loop.free_in, self.loop.free_out))
+        Q = _Values.of(medium.Q.between(left, right), at)
+        before = _Values.of(medium.before.between(left, free_in), at)
+        after = _Values.of(medium.after.between(free_out, right), at)
+        return _Residuals(W_B.times(Q).times(W_C.transposed()), W_B.times(before),
+                          W_C.times(after.transposed()))  # fmt: skip
 
-        away = Series(padded(medium.H) - padded(small.H), medium.H.tail + small.H.tail)
-        for anywhere in (0, 1):  # in the middles of the pieces, and anywhere in them
-            gain = (loop_gain.norms(2, bool(anywhere)) if Q is not None
-                    else np.full(PIECES, np.inf))  # fmt: skip
-            self.gain = float(gain[PIECES // 2]) if not anywhere else self.gain
-            for v, view in enumerate(loop.views):
-                H, off = small.H.part(view.rows, view.columns).norms(at, "fro")
-                middle, moved = away.part(view.rows, view.columns).norms(at, "fro")
-                difference = middle + anywhere * moved
-                rounding = np.zeros(PIECES)
-                for series_, found in ((self.series, small), (self.medium, medium)):
-                    sizes = [
-                        s.norms(at, "fro")
-                        for s in (
-                            found.dual.part(every, view.rows),
-                            found.motion.part(every, view.columns),
-                        )
-                    ]
-                    rounding += series_.rounding * np.prod(
-                        [m + anywhere * o for m, o in sizes], axis=0)  # fmt: skip
-                if not anywhere:
-                    self.difference[v] = difference[PIECES // 2] / H[PIECES // 2]
-                if Q is None:
-                    continue
-                R, L = right.columns(view.columns), left.columns(view.rows)
-                form = np.minimum(
-                    R.norms("fro", bool(anywhere)) * L.norms(2, bool(anywhere)),
-                    R.norms(2, bool(anywhere)) * L.norms("fro", bool(anywhere)),
-                )
-                for i in np.flatnonzero(gain < 1):
-                    error = form[i] / (1 - gain[i]) + difference[i] + rounding[i]
-                    bounds[1 - anywhere, i, v] = relative(error, H[i] - anywhere * off[i])
-        return bounds
 
-    def at(self, omega: float) -> tuple[Floats, float]:
-        """As ``Loop.at``."""
-        bounds = self.over(omega, 0.0)
-        return (np.full(len(self.loop.views), np.inf) if bounds is None
-                else bounds[1, PIECES // 2]), self.gain  # fmt: skip
+def _difference(one: Series, other: Series) -> Series:
+    d = max(len(one.coefficients), len(other.coefficients))
+
+    def padded(x: Series) -> ComplexArray:
+        return np.pad(x.coefficients, ((0, d - len(x.coefficients)), (0, 0), (0, 0)))
+
+    return Series(padded(one) - padded(other), one.tail + other.tail)

@@ -26,11 +26,12 @@ SHARPEST = 1e-6
 
 
 class Pieces:
-    """Pieces of [-h, h], and what powers of t do on them."""
+    """Pieces of [-h, h], one of a point, and what powers of t do on them."""
 
     def __init__(self, h: float) -> None:
-        self.h, self.half = h, h / PIECES
-        self.middles = np.linspace(-h + self.half, h - self.half, PIECES)
+        self.count = PIECES if h else 1
+        self.half = h / self.count
+        self.middles = np.linspace(-h + self.half, h - self.half, self.count)
         k = np.arange(DEGREE + 3)
         far = np.abs(self.middles)[:, None]
         self.powers = self.middles[:, None] ** k
@@ -55,6 +56,8 @@ class Series:
 
     def times(self, polynomial: ComplexArray, h: float) -> Series:
         """A polynomial (3, rows', rows) times this."""
+        if not h:
+            return Series(polynomial[0] @ self.coefficients, np.abs(polynomial[0]) @ self.tail)
         d, columns = len(self.coefficients), self.coefficients.shape[2]
         product = np.zeros((d + 2, polynomial.shape[1], columns), dtype=complex)
         tail = np.zeros((polynomial.shape[1], columns))
@@ -69,7 +72,7 @@ class Series:
         if polynomial.ndim == 2:
             added[0] += polynomial
         else:
-            added[:3] += polynomial
+            added[:3] += polynomial[: len(added)]
         return Series(added, self.tail)
 
     def part(self, rows: Chosen, columns: Chosen) -> Series:
@@ -152,6 +155,8 @@ class Pencil:
         def apply(matrix: ComplexArray, x: ComplexArray) -> ComplexArray:
             return matrix[:, None] * x if matrix.ndim == 1 else matrix @ x
 
+        if not h:
+            return Series(apply(inverse, loads[0])[None], np.zeros(loads.shape[1:]))
         x = np.zeros((DEGREE + 3, *loads.shape[1:]), dtype=complex)
         for k in range(DEGREE + 3):
             if k < 3:
