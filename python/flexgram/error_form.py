@@ -63,7 +63,7 @@ class ErrorForm:
         """From the fields of a reduced body; None if it has no form."""
         if "form/stiffness" not in found:
             return None
-        values = {}
+        values: dict[str, Any] = {}
         for field in fields(cls):
             value = found.get(f"form/{field.name}", np.empty(0))
             is_number = field.name in ("alpha", "beta", "eta", "kappa", "cutoff")

@@ -103,8 +103,8 @@ def _side_by_side(parts: list[Series]) -> Series:
 
 @dataclass
 class _Values:
-    """A matrix in the middles of the pieces (pieces, rows, columns), and how far it is from these
-    anywhere in them at most, in the Frobenius norm."""
+    """A matrix in the middles of the pieces (pieces, rows, columns), and how far each column is
+    from these anywhere in them at most (pieces, columns)."""
 
     middle: ComplexArray
     away: Floats
@@ -113,8 +113,8 @@ class _Values:
     def of(cls, series: Series, at: Pieces) -> _Values:
         d = len(series.coefficients)
         middle = np.tensordot(at.powers[:, :d], series.coefficients, axes=(1, 0))
-        sizes = np.linalg.norm(series.coefficients, axis=(1, 2))
-        return cls(middle, at.moved[:, :d] @ sizes + float(np.linalg.norm(series.tail)))
+        sizes = np.linalg.norm(series.coefficients, axis=1)
+        return cls(middle, at.moved[:, :d] @ sizes + np.linalg.norm(series.tail, axis=0))
 
     def compressed(self) -> _Values:
         """With as many rows as columns and the same norms of products from the right."""
@@ -124,22 +124,25 @@ class _Values:
         return _Values(R, self.away)
 
     def times(self, other: _Values) -> _Values:
-        sizes = [np.linalg.norm(x.middle, axis=(1, 2)) for x in (self, other)]
-        away = self.away * (sizes[1] + other.away) + sizes[0] * other.away
-        return _Values(self.middle @ other.middle, away)
+        size = np.linalg.norm(self.middle, axis=(1, 2))[:, None]
+        away = np.linalg.norm(self.away, axis=1)[:, None]
+        sizes = np.linalg.norm(other.middle, axis=1)
+        return _Values(self.middle @ other.middle, away * (sizes + other.away) + size * other.away)
 
     def transposed(self) -> _Values:
-        return _Values(self.middle.transpose(0, 2, 1), self.away)
+        """Each column as far away as all of them."""
+        away = np.linalg.norm(self.away, axis=1)[:, None]
+        return _Values(self.middle.transpose(0, 2, 1), np.repeat(away, self.middle.shape[1], 1))
 
     def columns(self, chosen: list[int]) -> _Values:
-        return _Values(self.middle[:, :, chosen], self.away)
+        return _Values(self.middle[:, :, chosen], self.away[:, chosen])
 
     def norms(self, order: Any = "fro") -> Floats:
         """(2, pieces): anywhere in each piece at most, and in its middle."""
         if not self.middle.size:
-            return np.zeros((2, len(self.away)))
+            return np.zeros((2, len(self.middle)))
         middle = np.linalg.norm(self.middle, order, axis=(1, 2))
-        return np.array([middle + self.away, middle])
+        return np.array([middle + np.linalg.norm(self.away, axis=1), middle])
 
 
 @dataclass
@@ -239,9 +242,9 @@ class FormOverBand(BandBound):
         free_in, free_out = (np.eye(len(x)) for x in (self.loop.free_in, self.loop.free_out))
         Q = _Values.of(medium.Q.between(left, right), at)
         before = _Values.of(medium.before.between(left, free_in), at)
-        after = _Values.of(medium.after.between(free_out, right), at)
+        after = _Values.of(medium.after.between(free_out, right).transposed(), at)
         return _Residuals(W_B.times(Q).times(W_C.transposed()), W_B.times(before),
-                          W_C.times(after.transposed()))  # fmt: skip
+                          W_C.times(after))  # fmt: skip
 
 
 def _difference(one: Series, other: Series) -> Series:

@@ -75,6 +75,9 @@ class Series:
             added[:3] += polynomial[: len(added)]
         return Series(added, self.tail)
 
+    def transposed(self) -> Series:
+        return Series(self.coefficients.transpose(0, 2, 1), self.tail.T)
+
     def part(self, rows: Chosen, columns: Chosen) -> Series:
         return Series(self.coefficients[:, rows][:, :, columns], self.tail[rows][:, columns])
 
