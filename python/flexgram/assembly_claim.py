@@ -83,6 +83,8 @@ class Verdict:
         unknown = [kind for kind, worst in self.by_kind.items() if worst == np.inf]
         by_kind = (f"; by kind {', '.join(known)}" if known else "") + (
             f"; nothing by itself of {', '.join(unknown)}" if unknown else "")  # fmt: skip
+        seen = self.estimate[np.isfinite(self.estimate)]
+        by_kind = (f" (estimated: {seen.max():.1e})" if len(seen) else "") + by_kind
         if self.kind == "certified":
             return (f"at most {self.worst:.1e} of |H| at each frequency, everywhere in the band, "
                     f"by the parts' claims{by_kind}")  # fmt: skip

@@ -38,60 +38,56 @@ class PartForm:
         self.form = form
         damping = form.alpha * form.mass + form.beta * form.stiffness
         self.pencil = Pencil.of_modes(form.stiffness, damping, form.mass, form.eta)
-        same = np.array_equal(form.inputs, form.outputs)
-        self.sides = [
-            ("inputs", "residual_inputs", "lost_inputs", "rounding_inputs"),
-            ("outputs", "residual_outputs", "lost_outputs", "rounding_outputs"),
-        ]
-        self.sides = self.sides[:1] if same else self.sides
+        same = np.array_equal(form.inputs.modal, form.outputs.modal)
+        self.sides = [form.inputs] if same else [form.inputs, form.outputs]
 
     def over(self, omega: float, h: float) -> tuple[Series, Series] | None:
-        """W_B and W_C with all that is bounded beside them, of S⁻¹ of a norm of one; None where
-        nothing is known."""
+        """W_B and W_C, where the norm of S⁻¹ is one and rounding is among them; None where nothing
+        is known."""
         form, last = self.form, omega + h
         if last > form.cutoff:
             return None
-        f = about(omega, (np.array(1 + 1j * form.eta),
-                          np.array(1j * (form.beta - form.kappa * form.alpha)),
-                          np.array(form.kappa)))  # fmt: skip
-        size_f = float(np.abs(f) @ h ** np.arange(3))
-        a_k = np.hypot(1, form.eta + last * form.beta)
-        c = np.hypot(form.cutoff**2 * a_k, 0) + last * np.hypot(last, form.alpha)
-        _, inverse, _ = self.pencil.steps(omega)
-        largest = np.abs(inverse) / (1 - self.pencil.reach(omega, h))  # 1/|a_k κ + a_m μ|
-        modes = len(form.coupling)
-        delta = float(((c * form.coupling) ** 2 * largest[:modes]).sum())
+        a_k, a_m = np.hypot(1, form.eta + last * form.beta), last * np.hypot(last, form.alpha)
+        answer = np.abs(self.pencil.steps(omega)[1]) / (1 - self.pencil.reach(omega, h))
+        own = (form.cutoff**2 * a_k + a_m) * form.coupling
+        delta = float((own**2 * answer[: len(own)]).sum())
         if not delta < 1:
             return None
+        x, sizes = [], []
+        for ports in self.sides:
+            loads = np.zeros((3, *ports.modal.shape), dtype=complex)
+            loads[0] = ports.modal
+            x.append(self.pencil.response(omega, h, loads))
+            powers = h ** np.arange(len(x[-1].coefficients))
+            sizes.append(np.tensordot(powers, np.abs(x[-1].coefficients), 1) + x[-1].tail)
+        # Rounding F of the modal matrices: of D⁻½ F D⁻½, D the sums of its rows, no more than one
+        # is left (Schur). Rounding of a port meets the other's answer, each at a share of both.
+        sums = a_k * form.rounding_stiffness + last**2 * form.rounding_mass
+        of_ports = np.hstack([ports.rounding for ports in self.sides]).max(axis=1, initial=0)
+        share = of_ports / np.maximum(np.hstack(sizes).max(axis=1, initial=0), 1e-300)
+        factor = about(omega, (np.array(1 + 1j * form.eta),
+                               np.array(1j * (form.beta - form.kappa * form.alpha)),
+                               np.array(form.kappa)))  # fmt: skip
+        size_of_factor = float(np.abs(factor) @ h ** np.arange(3))
         result = []
-        for ports, residual, lost, rounding in self.sides:
-            loads = np.zeros((3, *getattr(form, ports).shape), dtype=complex)
-            loads[0] = getattr(form, ports)
-            x = self.pencil.response(omega, h, loads)
-            sizes = np.tensordot(h ** np.arange(len(x.coefficients)), np.abs(x.coefficients), 1)
-            sizes = sizes + x.tail
-            w = x.times(-f[:, None, None] * form.residual_stiffness, h)
-            w = w.plus(getattr(form, residual))
-            w = Series(w.coefficients / np.sqrt(1 - delta), w.tail / np.sqrt(1 - delta))
-            left_out = np.sqrt(
-                getattr(form, lost) ** 2
-                + ((form.lost_stiffness[:, None] * size_f * sizes) ** 2).sum(0)
-            )
-            # Rounding F of the modal matrices: of D⁻½ F D⁻½, D the sums of its rows, no more
-            # than one is left (Schur). Rounding of ports against responses, both ways.
-            rows = a_k * form.rounding_stiffness + last**2 * form.rounding_mass
-            off = getattr(form, rounding)
-            balance = off.max(axis=1, initial=0) / np.maximum(sizes.max(axis=1, initial=0), 1e-300)
-            rounded = np.divide(off, np.sqrt(balance)[:, None], where=balance[:, None] > 0,
-                                out=np.zeros_like(off))  # fmt: skip
-            beside = np.sqrt(left_out**2 / (1 - delta) + (rounded**2).sum(0)
-                             + ((rows + balance)[:, None] * sizes**2).sum(0))  # fmt: skip
-            # ‖L y‖ <= Σ_j ‖L e_j‖ |y_j|, at most as the norm of a diagonal matrix times y.
-            rows_beside = np.zeros((len(w.coefficients), len(beside), len(beside)))
-            rows_beside[0] = np.diag(np.sqrt(len(beside)) * beside)
-            result.append(Series(np.concatenate([w.coefficients, rows_beside], axis=1),
-                                 np.concatenate([w.tail, 0 * rows_beside[0]])))  # fmt: skip
+        for ports, x_i, size in zip(self.sides, x, sizes, strict=True):
+            w = x_i.times(-factor[:, None, None] * form.residual_stiffness, h)
+            w = w.plus(ports.residual).scaled(1 / np.sqrt(1 - delta))
+            lost = form.lost_stiffness[:, None] * size_of_factor * size
+            squares = (ports.lost**2 + (lost**2).sum(axis=0)) / (1 - delta)
+            squares += ((sums + share)[:, None] * size**2).sum(axis=0)
+            squares += (ports.rounding**2 / np.maximum(share, 1e-300)[:, None]).sum(axis=0)
+            result.append(_with_norms(w, np.sqrt(squares)))
         return result[0], result[-1]
+
+
+def _with_norms(w: Series, beside: Floats) -> Series:
+    """With rows for columns of these norms: Σ_j norm_j |y_j| is at most the norm of a diagonal
+    matrix times y."""
+    rows = np.zeros((len(w.coefficients), len(beside), len(beside)))
+    rows[0] = np.diag(np.sqrt(len(beside)) * beside)
+    return Series(np.concatenate([w.coefficients, rows], axis=1),
+                  np.concatenate([w.tail, 0 * rows[0]]))  # fmt: skip
 
 
 def _side_by_side(parts: list[Series]) -> Series:
@@ -175,8 +171,8 @@ class FormOverBand(BandBound):
             K=np.diag(np.concatenate([f.stiffness for f in forms])),
             D=np.diag(damping),
             M=np.diag(np.concatenate([f.mass for f in forms])),
-            B=scipy.linalg.block_diag(*(f.inputs for f in forms)),
-            C=scipy.linalg.block_diag(*(f.outputs.T for f in forms)),
+            B=scipy.linalg.block_diag(*(f.inputs.modal for f in forms)),
+            C=scipy.linalg.block_diag(*(f.outputs.modal.T for f in forms)),
             eta=loop.parts.eta,
         )
         self.small, self.medium = LoopSeries(loop), LoopSeries(loop, medium)
@@ -235,7 +231,7 @@ class FormOverBand(BandBound):
             np.maximum(np.linalg.norm(s.coefficients[0], axis=0) + np.linalg.norm(s.tail, axis=0),
                        1e-300) for s in (inputs, outputs))  # fmt: skip
         W_B, W_C = (
-            _Values.of(Series(s.coefficients / u, s.tail / u), at).compressed()
+            _Values.of(s.scaled(1 / u), at).compressed()
             for s, u in ((inputs, u_in), (outputs, u_out))
         )
         left, right = np.diag(u_in), np.diag(u_out)

@@ -75,6 +75,10 @@ class Series:
             added[:3] += polynomial[: len(added)]
         return Series(added, self.tail)
 
+    def scaled(self, factor: float | Floats) -> Series:
+        """Each column times its factor, which is positive."""
+        return Series(self.coefficients * factor, self.tail * factor)
+
     def transposed(self) -> Series:
         return Series(self.coefficients.transpose(0, 2, 1), self.tail.T)
 
