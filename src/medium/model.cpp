@@ -312,7 +312,7 @@ std::optional<MediumModel::Stretch> MediumModel::over(Interval interval, int deg
 }
 
 std::optional<ErrorForm> MediumModel::error_form() const {
-  constexpr double most = 4e6; // numbers
+  constexpr double most = 1e6; // numbers
   const double N = level_.order(),
                ports = static_cast<double>(inputs_.size() + outputs_.size());
   if (!level_.response->is_diagonal() || 4 * N * ports + N * N > most)
