@@ -185,6 +185,7 @@ class Verdict:
     words: str = ""
     order: int = 0
     floor: float = 0.0  # largest rounding part of the claim over the largest true error
+    decides: bool = False  # that part is more than half of the claim
 
 
 def examine(case: Case, rng: np.random.Generator) -> Verdict:
@@ -216,8 +217,9 @@ def examine(case: Case, rng: np.random.Generator) -> Verdict:
             worst, verdict.at = truth, omega
     if np.isfinite(verdict.bound):  # else nothing is claimed
         verdict.ratio = worst / verdict.bound
-    if outcome == "not met" and worst > 0:
+    if worst > 0:
         verdict.floor = rom.floor.max() / worst
+        verdict.decides = bool(rom.floor.max() > 0.5 * verdict.bound)
     verdict.sharp = verdict.bound / rom.attained_error
     if np.isfinite(rom.field_error[0]):
         verdict.field = largest_field_error(s, rom, rng) / rom.field_error[0]
@@ -301,6 +303,10 @@ def main() -> int:
         median = np.median(sharp) if sharp else np.nan
         rows.append([name, str(len(verdicts)), *(str(number(word)) for word in outcomes),
                      f"{max(ratios):.3f}", f"{median:.2f}"])  # fmt: skip
+    deciding = [v.floor for verdicts in table.values() for v in verdicts if v.decides]
+    if deciding:  # each is in two rows
+        print(f"rounding is most of the claim of {len(deciding) // 2}: "
+              f"{np.median(deciding):.3g} times the largest true error in the median")  # fmt: skip
     if len(sys.argv) > 3:
         with open(sys.argv[3], "w", newline="") as file:
             csv.writer(file).writerows(rows)
