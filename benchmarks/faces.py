@@ -19,7 +19,7 @@ from common import OUT, RESULTS, assembled, flexgram, matrices_of, transfer
 from methods import SHAPES
 
 from bodies import box, write_body_file
-from flexgram.bodyfile import write_matrices
+from flexgram.body.bodyfile import write_matrices
 
 HZ, ALPHA, BETA = 437.0, 2.0, 1e-6
 

@@ -130,7 +130,7 @@ def in_exudyn(model: ReducedModel) -> tuple[Any, Any, float]:
     import exudyn.itemInterface as eii
 
     from flexgram.exporters.exudyn import add_body
-    from flexgram.geometry import interface_positions
+    from flexgram.model.geometry import interface_positions
 
     def once() -> tuple[Any, Any, float]:
         mbs = exu.SystemContainer().AddSystem()

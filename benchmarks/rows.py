@@ -17,7 +17,7 @@ import numpy as np
 from common import OUT, PROGRAM, RESULTS, write_table
 
 from bodies import box
-from flexgram.description import import_description
+from flexgram.body.description import import_description
 
 
 def write_body(path: Path, count: int) -> None:

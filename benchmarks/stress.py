@@ -15,8 +15,8 @@ from scipy.sparse.linalg import splu
 
 from bodies import box
 from flexgram import ReducedModel
-from flexgram.description import import_description
-from flexgram.stress import Stresses
+from flexgram.body.description import import_description
+from flexgram.body.stress import Stresses
 
 EDGES, COUNTS = (0.5, 0.1, 0.1), (25, 6, 6)
 ALPHA, BETA, HZ = 20.0, 1e-6, (23.0, 611.0, 1873.0)

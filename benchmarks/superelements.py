@@ -19,7 +19,7 @@ import scipy.linalg
 import scipy.sparse as sp
 
 import flexgram
-from flexgram.couple import Joint, couple
+from flexgram.assembly.couple import Joint, couple
 
 GRIDS = (3, 11, 19, 27)
 PORTS = [f"g{grid}.{port}" for grid in GRIDS for port in ("fx", "fy", "fz", "mx", "my", "mz")]

@@ -7,14 +7,14 @@ hands it to multibody codes (see README.md).
 
 from typing import Any
 
-from flexgram.api import reduce
 from flexgram.basics import BodyError
-from flexgram.bodyfile import write_matrices
-from flexgram.call import Matrices
-from flexgram.description import import_body
-from flexgram.medium import Medium, certify
-from flexgram.meshbody import import_mesh
-from flexgram.reduced import ReducedModel
+from flexgram.body.bodyfile import write_matrices
+from flexgram.body.description import import_body
+from flexgram.importers.mesh import import_mesh
+from flexgram.reduced_model import ReducedModel
+from flexgram.reduction.call import Matrices
+from flexgram.reduction.direct import reduce
+from flexgram.reduction.medium import Medium, certify
 
 __version__ = "0.1.0"
 __all__ = [
@@ -27,8 +27,10 @@ def __getattr__(name: str) -> Any:
     """Modules that take time to load come when they are asked for."""
     from importlib import import_module
 
-    if name in ("exporters", "importers", "figures"):
+    if name in ("exporters", "importers"):
         return import_module(f"flexgram.{name}")
+    if name == "figures":
+        return import_module("flexgram.pictures.figures")
     if name == "export":
         return import_module("flexgram.exporters").export
     raise AttributeError(f"module flexgram has no attribute {name}")

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 
 from flexgram.basics import BodyError
-from flexgram.commands import COMMANDS
+from flexgram.cli.commands import COMMANDS
 
 #: Verbs of the compiled program.
 PROGRAM_VERBS = ("reduce", "certify", "cut", "sweep", "plan", "assemble")

@@ -184,7 +184,7 @@ def test_report_and_figures(rack: Path, tmp_path: Path) -> None:
                   "-mor_tol 1e-2"):  # fmt: skip
         assert words in page.text, words
     model = flexgram.ReducedModel.load(rom)
-    hz, _ = flexgram.figures.elastic_modes(model, 5)
+    hz, _ = flexgram.pictures.figures.elastic_modes(model, 5)
     assert np.allclose(hz, model.modes[6:11] / (2 * np.pi), rtol=1e-6)
     assert max(model.whole_error, *model.by_kind) == model.certified_error
     for name in ("error", "gramian", "transfer", "stages", "shapes"):

@@ -14,7 +14,7 @@ import scipy.sparse as sp
 import flexgram
 from conftest import chain, message, run
 from flexgram import ReducedModel, write_matrices
-from flexgram.bodyfile import write_sparse
+from flexgram.body.bodyfile import write_sparse
 
 
 def with_entries(matrix: Any, **entries: float) -> Any:
@@ -185,7 +185,7 @@ def test_a_damaged_attribute_is_not_a_missing_one(
 ) -> None:
     """eta = 0.1 was lost when its header did not parse: the program reads what h5py reads, or
     refuses the file. The layout of HDF5 1.8, which flexgram writes, has checksums."""
-    monkeypatch.setattr("flexgram.bodyfile.LAYOUT", (layout, "v110"))
+    monkeypatch.setattr("flexgram.body.bodyfile.LAYOUT", (layout, "v110"))
     body, damaged, out = (tmp_path / name for name in ("body.h5", "damaged.h5", "rom.h5"))
     write_matrices(body, **chain(eta=0.1))
     data = body.read_bytes()

@@ -26,10 +26,10 @@ from bodies import box, write_body_file
 from conftest import assembled, body_system, read_sparse
 from flexgram import reduce
 from flexgram.basics import BodyError
-from flexgram.bodyfile import write_matrices
+from flexgram.body.bodyfile import write_matrices
 from flexgram.importers import Interface, check, import_matrices, parse, read
 from flexgram.importers.ccx import damping_of, prepare, read_job
-from flexgram.info import describe
+from flexgram.cli.info import describe
 from referee import System
 
 HELD = "*BOUNDARY\nSTART, 1, 3\n"

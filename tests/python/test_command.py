@@ -11,7 +11,7 @@ import pytest
 from conftest import ENVIRONMENT, PROGRAM, PYTHON, ROOT, run
 from flexgram import __version__
 from flexgram.__main__ import PROGRAM_VERBS
-from flexgram.commands import COMMANDS
+from flexgram.cli.commands import COMMANDS
 
 
 def call(*words: str, **arguments: object) -> subprocess.CompletedProcess[str]:

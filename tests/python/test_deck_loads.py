@@ -18,7 +18,7 @@ from test_stress_recovery import at_nodes, field
 from bodies import CALCULIX
 from conftest import assembled, assert_certified, body_system, certified, run
 from flexgram import BodyError, ReducedModel
-from flexgram.stress import COMPONENTS, Stresses
+from flexgram.body.stress import COMPONENTS, Stresses
 
 ALPHA = 1.2e-5
 STEEL = {"steel": {"E": 210e9, "nu": 0.3, "rho": 7850, "expansion": ALPHA}}

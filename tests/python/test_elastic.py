@@ -13,7 +13,7 @@ import scipy.sparse as sp
 from bodies import box, write_body_file
 from conftest import assembled, message, run
 from flexgram import BodyError, Matrices, ReducedModel, certify, reduce
-from flexgram.couple import Joint, couple
+from flexgram.assembly.couple import Joint, couple
 
 LAST = 100.0
 ALPHA, BETA = 3.0, 1e-6

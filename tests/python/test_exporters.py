@@ -18,7 +18,7 @@ from conftest import assembled, run
 from flexgram import BodyError, ReducedModel
 from flexgram.exporters import export
 from flexgram.exporters.sid import DIALECTS, read_sid, taylor_terms
-from flexgram.geometry import Geometry, interface_motion, interface_positions
+from flexgram.model.geometry import Geometry, interface_motion, interface_positions
 
 SIZE = (0.3, 0.04, 0.03)
 OMEGA = 2 * np.pi * np.array([20.0, 180.0, 700.0, 1500.0])

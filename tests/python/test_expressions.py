@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flexgram import BodyError
-from flexgram.expressions import function_of_time
+from flexgram.simulation.expressions import function_of_time
 
 T = np.linspace(0, 1, 11)
 

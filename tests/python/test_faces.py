@@ -9,8 +9,8 @@ import gmsh
 import numpy as np
 import pytest
 
-from flexgram.faces import faces_of, middle_of, outer, volume_of
-from flexgram.units import UNITS, doubt, spacing
+from flexgram.body.faces import faces_of, middle_of, outer, volume_of
+from flexgram.body.units import UNITS, doubt, spacing
 
 KINDS = {4: "tetra", 11: "tetra10"}
 

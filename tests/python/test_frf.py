@@ -10,7 +10,7 @@ from test_superelements import reduced
 
 from conftest import run
 from flexgram import BodyError, ReducedModel
-from flexgram.frf import frac, read_universal, responses, write_universal
+from flexgram.measured.frf import frac, read_universal, responses, write_universal
 
 PAIRS = [("end.fz", "start.fz"), ("end.my", "end.fy")]
 

@@ -13,7 +13,7 @@ from test_mesh_loads import sided, write_body
 
 from conftest import body_system, run
 from flexgram import BodyError, Matrices, ReducedModel, reduce
-from flexgram.histories import evenly, judge, read_history
+from flexgram.simulation.histories import evenly, judge, read_history
 from referee import System
 
 T, COUNT = 2.0, 4000  # half a Hz from line to line, up to 1000 Hz

@@ -18,7 +18,7 @@ import scipy.sparse as sp
 from bodies import CALCULIX, box, small
 from conftest import SHARED, edit, read_sparse, run
 from flexgram.basics import BodyError
-from flexgram.geometry import Geometry
+from flexgram.model.geometry import Geometry
 from flexgram.importers import check, import_matrices, parse, read
 from flexgram.importers.deck import read_deck
 from flexgram.importers.fe import FeMatrices, Interface, rigid_motions

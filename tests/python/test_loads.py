@@ -15,7 +15,7 @@ from bodies import box, write_body_file
 from conftest import assembled, message, rom_matrices, rom_transfer, run
 from flexgram import ReducedModel, certify, reduce
 from flexgram.basics import BodyError
-from flexgram.bodyfile import write_matrices
+from flexgram.body.bodyfile import write_matrices
 from referee import System
 
 LAST = 12000.0

@@ -17,7 +17,7 @@ from test_importers import write_deck
 from bodies import CALCULIX, box
 from conftest import assembled, assert_certified, body_system, certified, chain, run
 from flexgram import BodyError, ReducedModel, write_matrices
-from flexgram.description import import_description
+from flexgram.body.description import import_description
 
 KINDS = ("tetra", "tetra10", "hexahedron", "hexahedron20", "wedge15")
 RHO = 7850.0

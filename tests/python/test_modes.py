@@ -14,7 +14,7 @@ from test_superelements import reduced
 from bodies import box, write_body_file
 from conftest import assembled, run
 from flexgram import BodyError, Matrices, ReducedModel, reduce
-from flexgram.mode_shapes import compare, mac, mode_shapes, read_universal, write_universal
+from flexgram.measured.mode_shapes import compare, mac, mode_shapes, read_universal, write_universal
 
 pyuff = pytest.importorskip("pyuff")
 

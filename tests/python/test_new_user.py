@@ -14,7 +14,7 @@ import flexgram
 from bodies import box
 from conftest import assembled, body_system, message, run
 from flexgram import BodyError
-from flexgram.plots import sweep_figure
+from flexgram.pictures.plots import sweep_figure
 
 
 def test_words_that_are_no_options(tmp_path: Path, rack: Path) -> None:

@@ -27,7 +27,7 @@ from conftest import (
     sweep_transfer,
 )
 from flexgram import BodyError, ReducedModel
-from flexgram.description import import_description
+from flexgram.body.description import import_description
 
 POINT = [0.01, -0.02, 0.005]
 LETTERS = ("rx", "ry", "rz", "rmx", "rmy", "rmz")

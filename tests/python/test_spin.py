@@ -12,7 +12,7 @@ import scipy.sparse as sp
 from bodies import box, write_body_file
 from conftest import assembled, assert_certified, certified, message, run
 from flexgram import BodyError, Matrices, ReducedModel, reduce
-from flexgram.geometry import interface_motion
+from flexgram.model.geometry import interface_motion
 from referee import System
 
 PAIRS = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "xy": (0, 1), "yz": (1, 2), "zx": (2, 0)}

@@ -17,8 +17,8 @@ from test_mesh_loads import KINDS, ports, sided, write_body
 from bodies import CALCULIX, box
 from conftest import assembled, assert_certified, certified, run
 from flexgram import BodyError, ReducedModel
-from flexgram.strain import stress_operator
-from flexgram.stress import COMPONENTS, Stresses, von_mises
+from flexgram.body.strain import stress_operator
+from flexgram.body.stress import COMPONENTS, Stresses, von_mises
 
 LAW = 210e9 / 1.3 * (np.diag([1.0, 1, 1, 0.5, 0.5, 0.5])
                      + 0.3 / 0.4 * np.outer([1, 1, 1, 0, 0, 0], [1, 1, 1, 0, 0, 0]))  # fmt: skip

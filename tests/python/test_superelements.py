@@ -14,7 +14,7 @@ from bodies import box, write_body_file
 from conftest import run
 from flexgram import BodyError, ReducedModel
 from flexgram.exporters import export
-from flexgram.physical import PhysicalForm
+from flexgram.model.physical import PhysicalForm
 
 OMEGA = 2 * np.pi * np.array([20.0, 180.0, 700.0, 1500.0])
 SIZE = (0.3, 0.04, 0.03)

@@ -7,32 +7,32 @@ from pathlib import Path
 from typing import Any
 
 from flexgram.basics import BodyError
-from flexgram.reduced import ReducedModel
+from flexgram.model.reduced import ReducedBody
 
 __all__ = ["FORMATS", "export"]
 
 
-def _exudyn(model: ReducedModel, path: Path, **options: Any) -> None:
+def _exudyn(model: ReducedBody, path: Path, **options: Any) -> None:
     from flexgram.exporters.exudyn import write_npz
 
     write_npz(model, path, **options)
 
 
-def _sid(model: ReducedModel, path: Path, **options: Any) -> None:
+def _sid(model: ReducedBody, path: Path, **options: Any) -> None:
     from flexgram.exporters.sid import write_sid
 
     options.pop("body", None)
     write_sid(model, path, **options)
 
 
-def _dmig(model: ReducedModel, path: Path, **_: Any) -> None:
+def _dmig(model: ReducedBody, path: Path, **_: Any) -> None:
     from flexgram.exporters.dmig import write_dmig
 
     write_dmig(model, path)
 
 
 def _superelement(writer: str) -> Callable[..., None]:
-    def write(model: ReducedModel, path: Path, **options: Any) -> None:
+    def write(model: ReducedBody, path: Path, **options: Any) -> None:
         from flexgram.exporters import superelements
 
         getattr(superelements, writer)(model, path, **options)
@@ -40,32 +40,32 @@ def _superelement(writer: str) -> Callable[..., None]:
     return write
 
 
-def _matrices(model: ReducedModel, path: Path, **_: Any) -> None:
+def _matrices(model: ReducedBody, path: Path, **_: Any) -> None:
     from flexgram.exporters.arrays import write_mat, write_npz
 
     (write_mat if path.suffix == ".mat" else write_npz)(model, path)
 
 
-def _mbdyn(model: ReducedModel, path: Path, **options: Any) -> None:
+def _mbdyn(model: ReducedBody, path: Path, **options: Any) -> None:
     from flexgram.exporters.mbdyn import write_mbdyn
 
     write_mbdyn(model, path, **options)
 
 
-def _octave(model: ReducedModel, path: Path, **options: Any) -> None:
+def _octave(model: ReducedBody, path: Path, **options: Any) -> None:
     from flexgram.exporters.octave import write_octave
 
     write_octave(model, path, **options)
 
 
-def _state_space(model: ReducedModel, path: Path, **options: Any) -> None:
+def _state_space(model: ReducedBody, path: Path, **options: Any) -> None:
     from flexgram.exporters.arrays import write_state_space
 
     write_state_space(model, path, **options)
 
 
 def _fmu(version: int) -> Callable[..., None]:
-    def write(model: ReducedModel, path: Path, **options: Any) -> None:
+    def write(model: ReducedBody, path: Path, **options: Any) -> None:
         from flexgram.exporters.fmi import write_fmu
 
         write_fmu(model, path, version, **options)
@@ -73,7 +73,7 @@ def _fmu(version: int) -> Callable[..., None]:
     return write
 
 
-def _shapes(model: ReducedModel, path: Path, **options: Any) -> None:
+def _shapes(model: ReducedBody, path: Path, **options: Any) -> None:
     from flexgram.exporters.shapes import write_shapes
 
     write_shapes(model, path, **options)
@@ -120,12 +120,12 @@ FORMATS: dict[str, tuple[str, str, Callable[..., None]]] = {
 }
 
 
-def export(model: ReducedModel, path: str | Path, format: str, **options: Any) -> None:
+def export(model: ReducedBody, path: str | Path, format: str, **options: Any) -> None:
     """Write a reduced body for another program.
 
     Parameters
     ----------
-    model : ReducedModel
+    model : ReducedBody
         The body.
     path : str or Path
         File to write.

@@ -10,29 +10,29 @@ import numpy as np
 import scipy.io
 
 from flexgram.basics import BodyError, written_aside
-from flexgram.reduced import ReducedModel
+from flexgram.model.reduced import ReducedBody
 
 
-def arrays(model: ReducedModel) -> dict[str, Any]:
+def arrays(model: ReducedBody) -> dict[str, Any]:
     """All matrices and what is known of the error, by the names of the reduced file."""
     result = {name: getattr(model, name)
               for name in ("M", "D", "K", "B", "C", "V", "feedthrough", "omega", "error", "bound",
                            "sigma", "modes", "band")}  # fmt: skip
     result["eta"] = model.eta
     result["inputs"], result["outputs"] = np.array(model.inputs), np.array(model.outputs)
-    result["kind"] = model.kind
+    result["kind"] = model.claim.kind
     if len(model.position):
         result |= {"node": model.node, "component": model.component, "position": model.position}
     return result | {f"frame_{key}": value for key, value in model.frame.items()}
 
 
-def write_npz(model: ReducedModel, path: Path) -> None:
+def write_npz(model: ReducedBody, path: Path) -> None:
     """NumPy archive of ``arrays``."""
     with written_aside(path) as place, place.open("wb") as file:
         np.savez(file, **arrays(model))
 
 
-def write_mat(model: ReducedModel, path: Path, *inputs: str | Path | None) -> None:
+def write_mat(model: ReducedBody, path: Path, *inputs: str | Path | None) -> None:
     """MATLAB file (version 5) of ``arrays``; names of ports become cell arrays. It replaces none of
     ``inputs``."""
     values = arrays(model)
@@ -43,10 +43,10 @@ def write_mat(model: ReducedModel, path: Path, *inputs: str | Path | None) -> No
 
 
 def write_state_space(
-    model: ReducedModel, path: Path, rates: Sequence[str] = ("displacement",)
+    model: ReducedBody, path: Path, rates: Sequence[str] = ("displacement",)
 ) -> None:
     """A, B, C, D of x' = A x + B u, y = C x + D u, x = [q, q'], as ``.mat`` or ``.npz``, with the
-    names of ``inputs`` and ``outputs``; ``rates`` as of ``ReducedModel.state_space``."""
+    names of ``inputs`` and ``outputs``; ``rates`` as of ``ReducedBody.state_space``."""
     values: dict[str, Any] = dict(zip("ABCD", model.state_space(rates), strict=True))
     kind = object if path.suffix == ".mat" else None  # a cell array
     values["inputs"] = np.array(model.inputs, dtype=kind)
@@ -58,12 +58,12 @@ def write_state_space(
             np.savez(file, **values)
 
 
-def to_pymor(model: ReducedModel, rates: Sequence[str] = ("displacement",)) -> Any:
+def to_pymor(model: ReducedBody, rates: Sequence[str] = ("displacement",)) -> Any:
     """pyMOR's ``SecondOrderModel`` of the reduced body.
 
     Parameters
     ----------
-    model : ReducedModel
+    model : ReducedBody
     rates : sequence of str
         Of ``displacement`` and ``velocity``: what its outputs are, one after the other.
 

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.linalg
 
 from flexgram.basics import BodyError, written_aside
-from flexgram.reduced import Floats, ReducedModel
+from flexgram.model.reduced import Floats, ReducedBody
 
 
 def number(value: float) -> str:
@@ -44,7 +44,7 @@ def matrix_cards(
     return lines
 
 
-def write_dmig(model: ReducedModel, path: Path) -> None:
+def write_dmig(model: ReducedBody, path: Path) -> None:
     """Write the punch file; unit: N, m, kg, s.
 
     The scalar points are the modal coordinates of the reduced body: sixteen columns hold eleven or
@@ -52,7 +52,7 @@ def write_dmig(model: ReducedModel, path: Path) -> None:
     """
     if model.eta:
         raise BodyError("structural damping goes into Nastran by PARAM,G: reduce without eta")
-    error = f"error {model.certified_error:.1e} ({model.label})"
+    error = f"error {model.claim.supremum:.1e} ({model.claim.label})"
     lines = [f"$ flexgram: {model.order} generalised coordinates, {error}"]
     lines += [f"$ column {j + 1} of PRED: {name}" for j, name in enumerate(model.inputs)]
     values, modes = scipy.linalg.eigh(model.K, model.M)

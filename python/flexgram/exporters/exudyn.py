@@ -16,8 +16,8 @@ import h5py
 import numpy as np
 
 from flexgram.basics import BodyError, IntArray, written_aside
-from flexgram.geometry import Geometry, body_of, interface_motion, interface_positions
-from flexgram.reduced import Floats, ReducedModel
+from flexgram.model.geometry import Geometry, body_of, interface_motion, interface_positions
+from flexgram.model.reduced import Floats, ReducedBody
 
 STRESS_LOCAL = "OutputVariableType.StressLocal"
 SATELLITES = np.vstack([np.eye(3), -np.eye(3)])
@@ -31,7 +31,7 @@ STRESSES = [0, 1, 2, 4, 5, 3]
 
 
 def _surface(
-    model: ReducedModel, body: str | Path | None, most: int, more: IntArray
+    model: ReducedBody, body: str | Path | None, most: int, more: IntArray
 ) -> tuple[Floats, Floats, list[list[int]], IntArray]:
     """Surface points (N, 3), their motion (m, N, 3), triangles, and the nodes of the mesh that the
     points are: those of the surface, then ``more`` of them; empty without a mesh."""
@@ -55,7 +55,7 @@ def _surface(
 
 
 def ffrf_terms(
-    model: ReducedModel,
+    model: ReducedBody,
     body: str | Path | None = None,
     most_nodes: int = 5000,
     stress: bool = False,
@@ -65,7 +65,7 @@ def ffrf_terms(
 
     Parameters
     ----------
-    model : ReducedModel
+    model : ReducedBody
         Free body with a floating frame (``-mor_frame buckens`` or ``tangent``).
     body : str or Path, optional
         Body file, for its surface; default: the one that was reduced, if it is there.
@@ -146,7 +146,7 @@ def ffrf_terms(
 
 
 def write_npz(
-    model: ReducedModel, path: Path, body: str | Path | None = None, stress: bool = False
+    model: ReducedBody, path: Path, body: str | Path | None = None, stress: bool = False
 ) -> None:
     """NPZ that ``ObjectFFRFreducedOrderInterface.LoadFromFile`` reads; as ``ffrf_terms``."""
     terms = ffrf_terms(model, body, stress=stress)
@@ -165,7 +165,7 @@ USED = {*DIRECT, "infoList", "stiffnessMatrixReduced", "massMatrixReduced", "dam
 def add_body(
     exu: Any,
     mbs: Any,
-    source: ReducedModel | str | Path,
+    source: ReducedBody | str | Path,
     *,
     position: Any = (0, 0, 0),
     rotation: Any = None,
@@ -183,16 +183,16 @@ def add_body(
     ----------
     exu, mbs
         The module ``exudyn`` and a ``MainSystem``.
-    source : ReducedModel or path
+    source : ReducedBody or path
         Body, its reduced file, or the NPZ that ``export`` wrote.
     position, velocity, angular_velocity, gravity : 3 numbers
         Of the origin of the body's coordinates [m, m/s, rad/s, m/s²].
     rotation : (3, 3) array, optional
         From the body's axes to the inertial ones.
     stress : bool
-        Whether a ``ReducedModel`` brings its stress (``ffrf_terms``); an NPZ brings what it has.
+        Whether a ``ReducedBody`` brings its stress (``ffrf_terms``); an NPZ brings what it has.
     nodes : sequence of int
-        Further nodes of the mesh, from 1, that a ``ReducedModel`` brings (``ffrf_terms``).
+        Further nodes of the mesh, from 1, that a ``ReducedBody`` brings (``ffrf_terms``).
     coordinates : (n,) array, optional
         Of the deformation in the beginning; default: none.
 
@@ -207,9 +207,9 @@ def add_body(
     import exudyn.itemInterface as eii
     from exudyn.rigidBodyUtilities import GetRigidBodyNode
 
-    if not isinstance(source, ReducedModel) and h5py.is_hdf5(source):
-        source = ReducedModel.load(source)
-    if isinstance(source, ReducedModel):
+    if not isinstance(source, ReducedBody) and h5py.is_hdf5(source):
+        source = ReducedBody.load(source)
+    if isinstance(source, ReducedBody):
         terms = ffrf_terms(source, stress=stress, nodes=nodes)
     elif len(nodes):
         raise BodyError("an NPZ brings the nodes that it was exported with: give the reduced file")

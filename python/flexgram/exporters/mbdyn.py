@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexgram import words
 from flexgram.basics import BodyError, written_aside
-from flexgram.geometry import interface_motion, interface_positions
-from flexgram.reduced import ReducedModel
+from flexgram.model import words
+from flexgram.model.geometry import interface_motion, interface_positions
+from flexgram.model.reduced import ReducedBody
 
 
 def _numbers(a: ArrayLike) -> list[str]:
@@ -24,7 +24,7 @@ def _numbers(a: ArrayLike) -> list[str]:
     return ["".join(f"{x:25.16e}" for x in flat[k : k + 6]) for k in range(0, len(flat), 6)]
 
 
-def write_mbdyn(model: ReducedModel, path: Path, body: str | Path | None = None) -> None:
+def write_mbdyn(model: ReducedBody, path: Path, body: str | Path | None = None) -> None:
     """Nodes are the interfaces, by their names, in the axes of the body.
 
     A free body moves with MBDyn's modal node, which carries those axes; a held one is ``clamped``.
@@ -32,7 +32,7 @@ def write_mbdyn(model: ReducedModel, path: Path, body: str | Path | None = None)
 
     Parameters
     ----------
-    model : ReducedModel
+    model : ReducedBody
         Free, in mean axes (``-mor_frame buckens``), or held.
     path : Path
         ``.fem`` file.

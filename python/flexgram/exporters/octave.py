@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import scipy.io
 
-from flexgram import words
 from flexgram.basics import BodyError, written_aside
 from flexgram.exporters.arrays import write_mat
-from flexgram.reduced import ReducedModel
+from flexgram.model import words
+from flexgram.model.reduced import ReducedBody
 
 #: Words that the script does not use, but the language does.
 TAKEN = {"break", "case", "catch", "classdef", "continue", "else", "elseif", "function", "global",
@@ -70,7 +70,7 @@ SECOND = """  figure;
 """
 
 
-def _strongest(model: ReducedModel) -> tuple[int, int]:
+def _strongest(model: ReducedBody) -> tuple[int, int]:
     """Output and input of the largest entry of H in the middle of the band, from forces if any."""
     H = np.abs(model.transfer(float(np.mean(model.band))))
     forces = [name.rpartition(".")[2].startswith("f") for name in model.inputs]
@@ -88,7 +88,7 @@ def _is_ours(path: Path) -> bool:
     return {"M", "D", "K", "B", "C", "eta", "sigma"} <= names
 
 
-def write_octave(model: ReducedModel, path: Path, body: str | Path | None = None) -> None:
+def write_octave(model: ReducedBody, path: Path, body: str | Path | None = None) -> None:
     """``NAME.m``, and ``NAME.mat`` beside it (``write_mat``).
 
     Raises

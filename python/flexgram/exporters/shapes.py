@@ -10,17 +10,17 @@ import meshio
 import numpy as np
 
 from flexgram.basics import BodyError, written_aside
-from flexgram.geometry import Geometry, body_of
-from flexgram.reduced import ReducedModel
-from flexgram.stress import von_mises
+from flexgram.body.stress import von_mises
+from flexgram.model.geometry import Geometry, body_of
+from flexgram.model.reduced import ReducedBody
 
 
-def _geometry(model: ReducedModel, body: str | Path | None) -> Geometry:
+def _geometry(model: ReducedBody, body: str | Path | None) -> Geometry:
     return Geometry.load(body_of(model, body))
 
 
 def write_shapes(
-    model: ReducedModel, path: Path, body: str | Path | None = None, stress: bool = False
+    model: ReducedBody, path: Path, body: str | Path | None = None, stress: bool = False
 ) -> None:
     """Every basis vector as a vector field ``phi_001``, … on the body's mesh, with its ``stress``
     ``sigma_001``, … (xx, yy, zz, xy, yz, zx) if asked.
@@ -40,7 +40,7 @@ def write_shapes(
 
 
 def write_motion(
-    model: ReducedModel,
+    model: ReducedBody,
     path: str | Path,
     t: Any,
     q: Any,
@@ -52,7 +52,7 @@ def write_motion(
 
     Parameters
     ----------
-    model : ReducedModel
+    model : ReducedBody
         The body.
     path : str or Path
         ``.xdmf`` file; its data go beside it.

@@ -25,8 +25,8 @@ from typing import Any
 import numpy as np
 
 from flexgram.basics import BodyError, written_aside
-from flexgram.geometry import interface_motion, interface_positions
-from flexgram.reduced import Floats, ReducedModel
+from flexgram.model.geometry import interface_motion, interface_positions
+from flexgram.model.reduced import Floats, ReducedBody
 
 #: m1 with the mode before the column; Gr, Ge axis-major
 DIALECTS = {
@@ -46,10 +46,10 @@ def _skew(v: Floats) -> Floats:
     return np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
 
 
-def taylor_terms(model: ReducedModel) -> dict[str, Taylor]:
+def taylor_terms(model: ReducedBody) -> dict[str, Taylor]:
     """Every Taylor block of the SID by its name, dialect-free: Gr and Ge as (…, mode, axis).
 
-    The model must have its rigid vectors taken out (``ReducedModel.elastic``).
+    The model must have its rigid vectors taken out (``ReducedBody.elastic``).
     """
     f, n = model.frame, model.order
     mass, centre = float(f["mass"]), np.asarray(f["centre"])
@@ -106,12 +106,12 @@ def _number(value: float) -> str:
     return f"{value:.16E}".replace("E", "D")
 
 
-def write_sid(model: ReducedModel, path: Path, dialect: str = "dlr") -> None:
+def write_sid(model: ReducedBody, path: Path, dialect: str = "dlr") -> None:
     """Write a SID_FEM file with a node for every interface of six ports.
 
     Parameters
     ----------
-    model : ReducedModel
+    model : ReducedBody
         Reduced with a floating frame (``-mor_frame buckens`` or ``tangent``); its rigid vectors are
         left out.
     path : Path

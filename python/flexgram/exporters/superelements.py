@@ -1,6 +1,6 @@
 """Codes whose reduced bodies are superelements: motions of interfaces first, then internal modes.
 
-All of ``flexgram.physical``: the same body in these coordinates.
+All of ``flexgram.model.physical``: the same body in these coordinates.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ import scipy.io
 
 from flexgram.basics import BodyError, written_aside
 from flexgram.exporters.dmig import matrix_cards, number
-from flexgram.physical import PhysicalForm, facts, physical_form
-from flexgram.reduced import Floats, ReducedModel
+from flexgram.model.physical import PhysicalForm, facts, physical_form
+from flexgram.model.reduced import Floats, ReducedBody
 
 #: Grids of a Nastran file and nodes of Abaqus count from here, modes from a thousand above them.
 FIRST_GRID = 1
@@ -29,7 +29,7 @@ def _head(form: PhysicalForm, sign: str) -> list[str]:
     return [f"{sign} flexgram: {key}: {words}" for key, words in facts(form).items()]
 
 
-def write_nastran(model: ReducedModel, path: Path, body: str | Path | None = None) -> None:
+def write_nastran(model: ReducedBody, path: Path, body: str | Path | None = None) -> None:
     """A bulk data file: GRIDs at the interfaces, SPOINTs of the modes, KAAX, MAAX, BAAX by DMIG.
 
     The deck that includes it asks for them in its case control: ``K2GG = KAAX``, ``M2GG = MAAX``,
@@ -60,7 +60,7 @@ def write_nastran(model: ReducedModel, path: Path, body: str | Path | None = Non
         place.write_text("\n".join(lines) + "\n")
 
 
-def write_abaqus(model: ReducedModel, path: Path, body: str | Path | None = None) -> None:
+def write_abaqus(model: ReducedBody, path: Path, body: str | Path | None = None) -> None:
     """Keywords to include in an Abaqus model: nodes at the interfaces, a node for each mode (its
     degree of freedom 1), ``*MATRIX INPUT`` of stiffness, mass, viscous and structural damping."""
     form = physical_form(model)
@@ -114,7 +114,7 @@ def _op4_matrix(name: str, a: Floats, symmetric: bool) -> list[str]:
     return lines
 
 
-def write_op4(model: ReducedModel, path: Path, body: str | Path | None = None) -> None:
+def write_op4(model: ReducedBody, path: Path, body: str | Path | None = None) -> None:
     """KAA, MAA, BAA and PA (the load of each input) in a text file of OUTPUT4."""
     form = physical_form(model)
     _without_structural_damping(form, "has no matrix in this file: reduce without eta")
@@ -126,7 +126,7 @@ def write_op4(model: ReducedModel, path: Path, body: str | Path | None = None) -
         place.write_text("\n".join(lines) + "\n")
 
 
-def write_simscape(model: ReducedModel, path: Path, body: str | Path | None = None) -> None:
+def write_simscape(model: ReducedBody, path: Path, body: str | Path | None = None) -> None:
     """What the block Reduced Order Flexible Solid of Simscape Multibody asks for, as a .mat file:
     ``origins`` (frames × 3), ``quaternions``, ``K``, ``M``, ``D``; six motions of each frame, then
     the modes."""
@@ -152,7 +152,7 @@ def write_simscape(model: ReducedModel, path: Path, body: str | Path | None = No
         scipy.io.savemat(place, values, oned_as="column", appendmat=False)
 
 
-def write_extptfm(model: ReducedModel, path: Path, body: str | Path | None = None) -> None:
+def write_extptfm(model: ReducedBody, path: Path, body: str | Path | None = None) -> None:
     """The superelement of OpenFAST's module ExtPtfm (Flex 5 format): a held body with one
     interface, at the transition piece; without loads of its own."""
     form = physical_form(model)

@@ -16,11 +16,11 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexgram.basics import BodyError, errors_of, index_of
-from flexgram.bodyfile import write_matrices
-from flexgram.faces import volume_of
+from flexgram.body.bodyfile import write_matrices
+from flexgram.body.faces import volume_of
+from flexgram.body.units import UNITS, doubt, spacing
 from flexgram.importers.fe import FeMatrices, Interface, check, printed_rounding
 from flexgram.importers.interfaces import attach, middle, parse, select
-from flexgram.units import UNITS, doubt, spacing
 
 __all__ = ["FORMATS", "FeMatrices", "Interface", "check", "import_matrices", "parse", "read"]
 

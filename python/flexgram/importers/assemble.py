@@ -16,13 +16,13 @@ import meshio
 import numpy as np
 
 from flexgram.basics import BodyError, errors_of
-from flexgram.description import import_description
+from flexgram.body.description import import_description
 from flexgram.importers import check_damping
 from flexgram.importers.ccx import Card, Job, damping_of, frequency_step, read_job
 from flexgram.importers.deck import Deck, read_deck
 from flexgram.importers.deck_loads import in_steps, loads_of
 from flexgram.importers.fe import Interface
-from flexgram.meshbody import describe_interfaces
+from flexgram.importers.mesh import describe_interfaces
 
 ELEMENTS = ("C3D4", "C3D10", "C3D15", "C3D20")
 #: Cards of the model that are read here, by ``read_deck`` or ``damping_of``.

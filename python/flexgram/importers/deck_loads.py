@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexgram.basics import BodyError, IntArray
-from flexgram.face_integrals import areas_at_nodes
-from flexgram.faces import FACES, LINEAR, MIDDLES
+from flexgram.body.face_integrals import areas_at_nodes
+from flexgram.body.faces import FACES, LINEAR, MIDDLES
 from flexgram.importers.ccx import Card, Job
 from flexgram.importers.deck import SOLIDS, Deck
 from flexgram.importers.fe import FeMatrices

@@ -8,9 +8,9 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexgram.basics import BodyError, check_name, index_of
-from flexgram.faces import Middle, middle_of
+from flexgram.body.faces import Middle, middle_of
+from flexgram.body.selection import in_box, nearest
 from flexgram.importers.fe import FeMatrices, Floats, Interface, Ints, rigid_motions
-from flexgram.selection import in_box, nearest
 
 FORCES = ("fx", "fy", "fz", "mx", "my", "mz")
 

@@ -1,4 +1,4 @@
-"""flexgram.dolfinx.body against glue by hand, on some ranks: prints what differs.
+"""flexgram.importers.dolfinx.body against glue by hand, on some ranks: prints what differs.
 
 dolfinx_ports.py DEGREE
 """
@@ -14,7 +14,7 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import flexgram
-import flexgram.dolfinx
+import flexgram.importers.dolfinx
 from flexgram.basics import BodyError
 from flexgram.importers.fe import rigid_motions
 
@@ -35,7 +35,7 @@ ends = [mesh.locate_entities_boundary(domain, 2, lambda p, at=x: np.isclose(p[0]
 facets, which = np.concatenate(ends), np.repeat([3, 7], [len(faces) for faces in ends])
 order = np.argsort(facets)
 tags = mesh.meshtags(domain, 2, facets[order], which[order].astype(np.int32))
-body = flexgram.dolfinx.body(V, k, m, tags, {7: "tip", 3: "root"}, alpha=2.0)
+body = flexgram.importers.dolfinx.body(V, k, m, tags, {7: "tip", 3: "root"}, alpha=2.0)
 assert list(body.inputs) == [f"{name}.{port}" for name in ("tip", "root")
                              for port in ("fx", "fy", "fz", "mx", "my", "mz")]  # fmt: skip
 
@@ -60,10 +60,10 @@ rom = flexgram.reduce(body, band_hz=(10, 1500), tol=1e-4, comm=comm)
 
 # Held at the root: as a body without those rows.
 held = fem.dirichletbc(np.zeros(3), fem.locate_dofs_topological(V, 2, ends[0]), V)
-tip = flexgram.dolfinx.body(V, k, m, tags, {7: "tip"}, supports=[held], alpha=2.0)
+tip = flexgram.importers.dolfinx.body(V, k, m, tags, {7: "tip"}, supports=[held], alpha=2.0)
 clamped = flexgram.reduce(tip, band_hz=(1, 1500), tol=1e-4, comm=comm)
 try:
-    flexgram.dolfinx.body(V, k, m, tags, {5: "none"})
+    flexgram.importers.dolfinx.body(V, k, m, tags, {5: "none"})
     refused = ""
 except BodyError as error:
     refused = str(error)

@@ -17,8 +17,8 @@ import numpy as np
 import scipy.linalg
 
 from flexgram.basics import BodyError, written_aside
-from flexgram.physical import facts_of
-from flexgram.reduced import RATES, Floats, ReducedModel
+from flexgram.model.physical import facts_of
+from flexgram.model.reduced import RATES, Floats, ReducedBody
 
 VERSIONS = (2, 3)
 SOURCE = Path(__file__).parent / "model.c"
@@ -42,7 +42,7 @@ def _unit(port: str, output: bool, rate: str = "displacement") -> str | None:
     return faster if faster in BASE else None
 
 
-def _matrices(model: ReducedModel, rates: Sequence[str]) -> dict[str, Floats]:
+def _matrices(model: ReducedBody, rates: Sequence[str]) -> dict[str, Floats]:
     """The state space with coordinates that are as large as their velocities, each times its own
     frequency; what damping adds to A and C by itself."""
     m = model.order
@@ -74,12 +74,13 @@ def _matrices(model: ReducedModel, rates: Sequence[str]) -> dict[str, Floats]:
     return found
 
 
-def _expect_the_body(
-    model: ReducedModel, rates: Sequence[str], matrices: dict[str, Floats]
-) -> None:
+def _expect_the_body(model: ReducedBody, rates: Sequence[str], matrices: dict[str, Floats]) -> None:
     """Rounding of stiff beside soft coordinates must not count."""
     A, C = matrices["A0"] + matrices["A1"], matrices["C"] + matrices["C1"]
-    for w in (1.001 * model.bands[0, 0] or 1e-3 * model.bands[-1, 1], 0.997 * model.bands[-1, 1]):
+    for w in (
+        1.001 * model.claim.bands[0, 0] or 1e-3 * model.claim.bands[-1, 1],
+        0.997 * model.claim.bands[-1, 1],
+    ):
         H = C @ np.linalg.solve(1j * w * np.eye(len(A)) - A, matrices["B"]) + matrices["D"]
         expected = np.vstack([(1j * w) ** RATES.index(rate) * model.transfer(w) for rate in rates])
         if not np.linalg.norm(H - expected) <= 1e-6 * np.linalg.norm(expected):
@@ -100,7 +101,7 @@ def _header(matrices: dict[str, Floats], version: int, token: str) -> str:
 class _Description:
     """modelDescription.xml."""
 
-    def __init__(self, model: ReducedModel, rates: Sequence[str], name: str, token: str) -> None:
+    def __init__(self, model: ReducedBody, rates: Sequence[str], name: str, token: str) -> None:
         self.model, self.name, self.token = model, name, token
         self.inputs = [(port, _unit(port, False)) for port in model.inputs]
         self.outputs = [(port + dots, _unit(port, True, rate)) for rate in rates
@@ -228,7 +229,7 @@ def _compile(folder: Path, library: Path) -> None:
 
 
 def write_fmu(
-    model: ReducedModel, path: Path, version: int = 2, rates: Sequence[str] | None = None
+    model: ReducedBody, path: Path, version: int = 2, rates: Sequence[str] | None = None
 ) -> None:
     """Write an FMU: co-simulation by exact steps and model exchange, source and the binary of this
     platform.
@@ -238,7 +239,7 @@ def write_fmu(
 
     Parameters
     ----------
-    model : ReducedModel
+    model : ReducedBody
     path : Path
     version : int
         Of FMI: 2 or 3.

@@ -1,0 +1,194 @@
+"""What the claims of parts say of their assembly, at frequencies and everywhere in the band."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexgram.assembly.band_bound import BandBound, merged
+from flexgram.assembly.form_over_band import FormOverBand
+from flexgram.assembly.gain_over_band import GainOverBand
+from flexgram.assembly.joints import Joint, Parts, common_bands
+from flexgram.assembly.small_gain import Loop
+from flexgram.basics import BodyError
+from flexgram.model.reduced import ReducedBody
+
+Floats = NDArray[np.float64]
+
+#: Intervals without a claim are beside resonances if none is wider than this, relative.
+BESIDE = 0.01
+
+
+def _are_narrow(intervals: Floats) -> bool:
+    widths = 1 - intervals[:, 0] / np.maximum(intervals[:, 1], 1e-300)
+    return bool(widths.max(initial=0) <= BESIDE)
+
+
+@dataclass
+class Verdict:
+    """What the parts' claims say of the assembly.
+
+    Attributes
+    ----------
+    omega : (n,) array
+        [rad/s]
+    bound : (n,) array
+        Of the assembly's error relative to ‖H‖_F of all ports; inf where it does not close.
+    estimate : (n,) array
+        The same error against the assembly of the parts' medium models; nan where a part does not
+        keep the form of its error.
+    gain : (n,) array
+        Small gain: the bound closes below one; inf where nothing is known of a part.
+    worst : float
+        The bound everywhere in ``bands`` but ``open``; inf where frequencies were given.
+    bands, open : (k, 2) arrays
+        [rad/s]
+    by_kind : dict of float
+        The bound everywhere of each kind of outputs from each of inputs, relative to their block of
+        H; inf: not known in all of that.
+    sharp : bool
+        There are resonances beside which nothing can be claimed.
+    unknown : str
+        Why the claims of the parts say nothing; empty: they do.
+    """
+
+    omega: Floats
+    bound: Floats
+    gain: Floats
+    estimate: Floats
+    worst: float = np.inf
+    bands: Floats = field(default_factory=lambda: np.empty((0, 2)))
+    open: Floats = field(default_factory=lambda: np.empty((0, 2)))
+    by_kind: dict[str, float] = field(default_factory=dict)
+    sharp: bool = False
+    unknown: str = ""
+
+    @property
+    def kind(self) -> str:
+        """As of a reduced body: ``certified``, ``certified outside``, ``estimated``."""
+        if self.unknown or not np.isfinite(self.worst):
+            return "estimated"
+        if not len(self.open):
+            return "certified"
+        return "certified outside" if self.sharp and _are_narrow(self.open) else "estimated"
+
+    @property
+    def words(self) -> str:
+        if self.unknown:
+            return f"not known: {self.unknown}"
+        known = [f"{kind} {worst:.1e}" for kind, worst in self.by_kind.items() if worst < np.inf]
+        unknown = [kind for kind, worst in self.by_kind.items() if worst == np.inf]
+        by_kind = (f"; by kind {', '.join(known)}" if known else "") + (
+            f"; nothing by itself of {', '.join(unknown)}" if unknown else "")  # fmt: skip
+        seen = self.estimate[np.isfinite(self.estimate)]
+        by_kind = (f" (estimated: {seen.max():.1e})" if len(seen) else "") + by_kind
+        if self.kind == "certified":
+            return (f"at most {self.worst:.1e} of |H| at each frequency, everywhere in the band, "
+                    f"by the parts' claims{by_kind}")  # fmt: skip
+        if self.kind == "certified outside":
+            return (f"at most {self.worst:.1e} of |H| at each frequency of the band but in "
+                    f"{len(self.open)} intervals beside undamped resonances, by the parts' claims"
+                    + by_kind)  # fmt: skip
+        wide = np.diff(self.bands, axis=1).sum()
+        share = 1 - np.diff(self.open, axis=1).sum() / wide if wide > 0 else 0.0
+        by = f" (by {self.worst:.1e})" if np.isfinite(self.worst) else ""
+        top = self.gain[np.isfinite(self.gain)].max(initial=0)
+        why = "H is small beside the parts' errors or the rounding of the stiffest spring"
+        if top > 0.5:
+            why = (
+                f"their errors may grow in the assembly (gain up to {top:.1g}): reduce the "
+                "parts to a smaller tolerance"
+            )
+        return f"the parts' claims bound it in {100 * share:.3g} % of the band{by}; elsewhere {why}"
+
+
+def verdict(
+    models: Mapping[str, ReducedBody],
+    joints: Sequence[Joint],
+    *,
+    turns: Mapping[str, ArrayLike] | None = None,
+    keep: Sequence[str] = (),
+    omega: ArrayLike | None = None,
+    modes: Floats | None = None,
+    tell: Callable[[str], None] | None = None,
+) -> Verdict:
+    """What the parts' claims say of the assembly's H: at frequencies, or in the whole band.
+
+    Parameters
+    ----------
+    models, joints, turns, keep
+        As of ``couple``.
+    omega : (n,) array, optional
+        [rad/s]; default: everywhere in the band that the parts share, shown at the frequencies of
+        their curves and the assembly's ``modes`` there.
+    tell : callable, optional
+        Called every few seconds with how far it is.
+
+    Raises
+    ------
+    BodyError
+        For frequencies outside a part's band.
+    """
+    parts = Parts(models, turns or {})
+    bands = common_bands([m.claim.bands for m in models.values()])
+    if omega is None:
+        grid = np.concatenate([*(m.claim.omega for m in models.values()),
+                               np.empty(0) if modes is None else modes])  # fmt: skip
+        w = np.unique(grid)
+        w = w[np.any([(w >= a) & (w <= b) for a, b in bands], axis=0)]
+        w = np.unique(np.concatenate([w[:: max(1, len(w) // 400)], bands.ravel()]))
+    else:
+        w = np.atleast_1d(np.asarray(omega, dtype=float))
+        if not np.all(np.any([(w >= a * (1 - 1e-12)) & (w <= b * (1 + 1e-12)) for a, b in bands],
+                             axis=0)):  # fmt: skip
+            raise BodyError("a frequency is outside the band that the parts share")
+    loop = Loop(parts, joints, keep)
+    unknown = np.full(len(w), np.inf)
+    found = Verdict(w, unknown, unknown.copy(), np.full(len(w), np.nan), bands=bands)
+    reasons = [why for name, model in models.items() if (why := _silent(name, model))]
+    found.unknown = "; ".join(reasons)
+    if found.unknown:
+        return found
+    forms = [m.claim.form for m in models.values() if m.claim.form is not None]
+    by_form = FormOverBand(loop, forms, tell) if len(forms) == len(models) else None
+    for k, x in enumerate(w):
+        if any(
+            np.any((x >= m.claim.excluded[:, 0]) & (x <= m.claim.excluded[:, 1]))
+            for m in models.values()
+        ):
+            continue
+        if by_form is not None:
+            bounds, found.gain[k], estimates = by_form.at(x)
+            found.estimate[k] = estimates[0]
+        else:
+            bounds, found.gain[k] = loop.at(x)
+        found.bound[k] = bounds[0]
+    if omega is None:
+        over_band: BandBound = by_form or GainOverBand(loop, tell)
+        proof = over_band.prove(bands)
+        found.worst, found.open, found.sharp = proof.worst, proof.open, proof.sharp
+        if found.kind != "estimated":
+            for k, view in enumerate(loop.views[1:], 1):
+                mine = over_band.prove(bands, k)
+                both = merged([*map(tuple, found.open), *map(tuple, mine.open)])
+                same = len(both) == len(found.open) and _are_narrow(both)  # the same resonances
+                found.by_kind[view.name] = mine.worst if same else np.inf
+                found.open = both if same else found.open
+    return found
+
+
+def _silent(name: str, model: ReducedBody) -> str:
+    """Why the claim of a part says nothing of its H at a frequency; empty: it does."""
+    if model.claim.form is not None:
+        return ""
+    if model.claim.kind == "estimated":
+        return f"part {name} is not certified"
+    if model.claim.relative_to == "band":
+        return (f"the claim of part {name} is relative to the largest H of the band and says too "
+                "little of each frequency (-mor_tol_relative_to both)")  # fmt: skip
+    if model.claim.load_names:
+        return f"part {name} was reduced for few loads, of single ports nothing is claimed"
+    return ""

@@ -1,0 +1,183 @@
+"""Assemblies of reduced bodies: joints, springs and dampers between interfaces, and what the parts'
+claims say of the whole (``assembly_claim``).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import scipy.linalg
+from numpy.typing import ArrayLike, NDArray
+
+from flexgram.assembly.claim import Verdict, verdict
+from flexgram.assembly.joints import GROUND, PORTS, Joint, Parts, common_bands, tied
+from flexgram.basics import BodyError, written_aside
+from flexgram.model.reduced import ReducedBody
+
+__all__ = ["GROUND", "PORTS", "Joint", "Verdict", "couple", "read_joint", "verdict"]
+
+Floats = NDArray[np.float64]
+
+
+def read_joint(option: str, kind: str, text: str) -> Joint:
+    """A joint of the command line: ``a.eye=b.pin``, with ``:x,y`` (kind ``join``) or ``:x=1e6``
+    (``spring``, ``damper``)."""
+    ends, _, more = text.partition(":")
+    first, equals, second = (word.strip() for word in ends.partition("="))
+    if not equals or "." not in first or ("." not in second and second != GROUND):
+        raise BodyError(f"{option} {text}: expected PART.INTERFACE=PART.INTERFACE, or =ground")
+    words = [word.strip() for word in more.split(",") if word.strip()]
+    if kind == "join":
+        return Joint(first, second, words)
+    values = {}
+    for word in words:
+        direction, _, number = word.partition("=")
+        if direction in values:
+            raise BodyError(f"{option} {text}: {direction} is given twice")
+        try:
+            values[direction] = float(number)
+        except ValueError:
+            values[direction] = np.nan
+        if not values[direction] > 0 or not np.isfinite(values[direction]):
+            raise BodyError(f"{option} {text}: {word} must be a direction and a positive number")
+    if not values:
+        raise BodyError(f"{option} {text}: expected :x=1e6 and so on, by direction")
+    if kind == "spring":
+        return Joint(first, second, stiffness=values)
+    return Joint(first, second, damping=values)
+
+
+def couple(
+    models: Mapping[str, ReducedBody],
+    joints: Sequence[Joint],
+    *,
+    turns: Mapping[str, ArrayLike] | None = None,
+    keep: Sequence[str] = (),
+    tell: Callable[[str], None] | None = None,
+) -> ReducedBody:
+    """One reduced body of several.
+
+    Parameters
+    ----------
+    models : mapping
+        Parts by name.
+    joints : sequence of Joint
+    turns : mapping, optional
+        Rotation vectors [rad] of parts whose axes are not those of the assembly. Parts need not be
+        moved: a joint brings two interfaces together.
+    keep : sequence of str
+        Joined interfaces, ``part.interface``, whose ports stay ports; others that are joined go.
+    tell : callable, optional
+        Called every few seconds with how far the claim is.
+
+    Returns
+    -------
+    ReducedBody
+        Ports ``part.port``; without a basis. Certified if the parts are, and if their claims close
+        everywhere in the band (``verdict``).
+
+    Raises
+    ------
+    BodyError
+        For joints that hold the same motion twice, that are of no interface, or parts that cannot
+        be put together.
+    """
+    if not models:
+        raise BodyError("couple: no parts")
+    parts = Parts(models, turns or {})
+    K, D = parts.K.copy(), parts.D.copy()
+    rows: list[Floats] = []
+    for joint in joints:
+        if parts.eta and not joint.ties:
+            raise BodyError("springs beside structural damping (eta) would be damped too: give the "
+                            "parts Rayleigh damping instead")  # fmt: skip
+        for direction, weights in tied(parts, joint):
+            moved = parts.B @ weights  # of q: what the outputs of the same ports measure
+            if joint.ties:
+                rows.append(moved)
+                continue
+            K += joint.stiffness.get(direction, 0.0) * np.outer(moved, moved)
+            D += joint.damping.get(direction, 0.0) * np.outer(moved, moved)
+    N = np.eye(len(parts.M))
+    if rows:
+        ties = np.array(rows)
+        ties = ties / np.linalg.norm(ties, axis=1)[:, None]
+        _, values, turned = np.linalg.svd(ties)
+        if len(rows) > len(N) or values[-1] < 1e-9 * values[0]:
+            raise BodyError("the joints hold a motion twice, or one that the parts' coordinates do "
+                            "not have: leave out directions, or reduce the parts with -mor_statics "
+                            "yes")  # fmt: skip
+        N = turned[len(rows) :].T
+    joined = {name for joint in joints for name in (joint.first, joint.second)} - {GROUND}
+    for name in keep:
+        if name not in joined:
+            raise BodyError(f"keep {name}: no joint has it")
+    joined -= set(keep)
+    inputs = [i for i, p in enumerate(parts.inputs) if p.rpartition(".")[0] not in joined]
+    outputs = [i for i, p in enumerate(parts.outputs) if p.rpartition(".")[0] not in joined]
+    direct = scipy.linalg.block_diag(*(m.feedthrough for m in models.values()))
+    for j in np.flatnonzero(direct.any(axis=0)):
+        for i in np.flatnonzero(direct[:, j]):
+            if parts.inputs[j].rpartition(".")[0] in {*joined, *keep} and i in outputs:
+                raise BodyError(f"{parts.outputs[i]} takes a share of {parts.inputs[j]} at once, "
+                                "with no motion between, and a joint's force is no input: leave it "
+                                "out (-mor_outputs)")  # fmt: skip
+    if not inputs or not outputs:
+        raise BodyError("every interface is joined and no port is left: keep one (--keep)")
+    bands = common_bands([m.claim.bands for m in models.values()])
+    fields: dict[str, Any] = {
+        "M": _symmetric(N.T @ parts.M @ N), "D": _symmetric(N.T @ D @ N),
+        "K": _symmetric(N.T @ K @ N), "eta": parts.eta,
+        "B": N.T @ parts.B[:, inputs], "C": parts.C[outputs] @ N,
+        "B/names": [parts.inputs[i] for i in inputs],
+        "C/names": [parts.outputs[i] for i in outputs],
+        "feedthrough": direct[np.ix_(outputs, inputs)],
+        "gramian/sigma": np.empty(0), "error/bands": bands,
+        "band": np.array([bands[0, 0], bands[-1, 1]]), "method": "couple",
+        "frame/kind": "none",
+    }  # fmt: skip
+    squares = scipy.linalg.eigh(fields["K"], fields["M"], eigvals_only=True)
+    fields["modes/omega"] = np.sqrt(np.maximum(squares, 0))
+    slow = 1e-3 * min(bands[bands > 0].min(initial=np.inf), fields["modes/omega"][-1])
+    fields["frame/rigid_modes"] = int(np.sum(fields["modes/omega"] < slow))
+    known = verdict(models, joints, turns=turns, keep=keep, modes=fields["modes/omega"], tell=tell)
+    closed = {name: worst for name, worst in known.by_kind.items() if worst < np.inf}
+    worst = float(known.bound.max(initial=0))
+    if known.kind != "estimated":
+        worst = max([known.worst, *closed.values()])
+    has_estimate = np.isfinite(known.estimate).any()
+    fields |= {"error/omega": known.omega,
+               "error/relative": known.estimate if has_estimate else known.bound,
+               "error/bound": known.bound, "error/kind": known.kind, "error/worst": worst,
+               "error/unclaimed": [name for name in known.by_kind if name not in closed],
+               "error/kinds": list(closed), "error/by_kind": np.array(list(closed.values())),
+               "error/relative_to": "pointwise",
+               "log/plan": [f"parts\t{', '.join(models)}", f"error\t{known.words}"]}  # fmt: skip
+    if known.kind != "estimated":
+        fields["error/whole"] = known.worst
+    if known.kind == "certified outside":
+        fields["error/excluded"] = known.open
+    return ReducedBody(fields, lambda path: _write(fields, Path(path)))
+
+
+def _symmetric(A: Floats) -> Floats:
+    return 0.5 * (A + A.T)
+
+
+def _write(fields: Mapping[str, Any], path: Path) -> None:
+    """A reduced file of these fields."""
+    with written_aside(path) as place, h5py.File(place, "w") as file:
+        for name, value in fields.items():
+            if isinstance(value, np.ndarray) and name != "band":
+                file[name] = value
+        for name, value in fields.items():
+            group, _, key = name.rpartition("/")
+            if name not in file:
+                at = (
+                    file.require_group(group) if group and group not in file else file[group or "/"]
+                )
+                at.attrs[key] = value

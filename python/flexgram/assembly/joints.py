@@ -1,0 +1,175 @@
+"""Joints between interfaces of reduced bodies, and the bodies side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import ArrayLike, NDArray
+
+from flexgram.basics import BodyError
+from flexgram.model.reduced import ReducedBody
+from flexgram.model.response import expect_collocated
+
+Floats = NDArray[np.float64]
+
+GROUND = "ground"
+#: A turn of less is none: rounding of whole ones.
+TURNED = 1e-12
+#: Directions of a joint by the ports that move in them.
+PORTS = {"x": "fx", "y": "fy", "z": "fz", "rx": "mx", "ry": "my", "rz": "mz"}
+
+
+@dataclass
+class Joint:
+    """A connection of two interfaces, or of one with the ground.
+
+    Attributes
+    ----------
+    first, second : str
+        ``part.interface``; the second may be ``ground``.
+    directions : sequence of str
+        Out of ``x y z rx ry rz``, in the axes of the assembly; empty: those that both have.
+    stiffness, damping : dict
+        [N/m], [N m/rad] and [N s/m], [N m s/rad] by direction; both empty: tied.
+    """
+
+    first: str
+    second: str
+    directions: Sequence[str] = ()
+    stiffness: Mapping[str, float] = field(default_factory=dict)
+    damping: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def ties(self) -> bool:
+        return not self.stiffness and not self.damping
+
+
+def _rotation(turn: ArrayLike | None) -> Floats:
+    """The matrix from the axes of a part to those of the assembly, of a rotation vector [rad]."""
+    if turn is None:
+        return np.eye(3)
+    vector = np.asarray(turn, dtype=float)
+    if vector.shape != (3,) or not np.all(np.isfinite(vector)):
+        raise BodyError(f"turn = {turn!r} must be three finite numbers, a rotation vector")
+    across = np.cross(vector, np.eye(3)).T  # x -> v × x
+    return np.asarray(scipy.linalg.expm(across), dtype=float)
+
+
+class Parts:
+    """The parts side by side, and combinations of their ports."""
+
+    def __init__(self, models: Mapping[str, ReducedBody], turns: Mapping[str, ArrayLike]) -> None:
+        self.models = dict(models)
+        for name in turns:
+            if name not in models:
+                raise BodyError(f"there is no part {name} to turn; there are {', '.join(models)}")
+        self.turn = {name: _rotation(turns.get(name)) for name in models}
+        etas = {m.eta for m in models.values()}
+        if len(etas) > 1:
+            raise BodyError("the parts have different structural damping (eta): the assembly has "
+                            "none of its own; give Rayleigh damping instead")  # fmt: skip
+        self.eta = etas.pop()
+        blocks = [(m.M, m.D, m.K, m.B, m.C) for m in models.values()]
+        self.M, self.D, self.K, self.B, self.C = (
+            scipy.linalg.block_diag(*parts) for parts in zip(*blocks, strict=True)
+        )
+        self.inputs = [f"{n}.{p}" for n, m in models.items() for p in m.inputs]
+        self.outputs = [f"{n}.{p}" for n, m in models.items() for p in m.outputs]
+        for names in (self.inputs, self.outputs):
+            twice = [name for name in names if names.count(name) > 1]
+            if twice:
+                raise BodyError(f"{twice[0]} is a port of two parts: give one another name")
+
+    def part_of(self, port: str) -> str:
+        for name in sorted(self.models, key=len, reverse=True):
+            if port.startswith(name + "."):
+                return name
+        raise BodyError(f"{port}: there is no such part; there are {', '.join(self.models)}")
+
+    def has(self, interface: str) -> list[str]:
+        """Directions in which an interface can be tied."""
+        part = self.part_of(interface)
+        there = [d for d, f in PORTS.items() if f"{interface}.{f}" in self.inputs
+                 and f"{interface}.{f}" in self.outputs]  # fmt: skip
+        if not there:
+            names = sorted({p.rpartition(".")[0] for p in self.inputs if p in self.outputs})
+            raise BodyError(f"{interface} is no interface; there are {', '.join(names)}")
+        whole = [d for group in ("x y z", "rx ry rz")
+                 for d in group.split() if set(group.split()) <= set(there)]  # fmt: skip
+        plain = np.abs(self.turn[part] - np.eye(3)).max() <= TURNED
+        return there if plain else whole
+
+    def expect_collocated(self, interface: str) -> None:
+        """What an interface measures is what it drives."""
+        for force in PORTS.values():
+            name = f"{interface}.{force}"
+            if name in self.inputs and name in self.outputs:
+                expect_collocated(name, self.C[self.outputs.index(name)],
+                                  self.B[:, self.inputs.index(name)])  # fmt: skip
+
+    def port(self, interface: str, direction: str) -> Floats:
+        """The combination of inputs (and of the same outputs) that moves an interface in a
+        direction of the assembly."""
+        R = self.turn[self.part_of(interface)]
+        axis = np.eye(3)["xyz".index(direction[-1])]
+        local = R.T @ axis
+        weights = np.zeros(len(self.inputs))
+        for share, letter in zip(local, "xyz", strict=True):
+            if abs(share) > TURNED:
+                force = PORTS[("r" if direction[0] == "r" else "") + letter]
+                weights[self.inputs.index(f"{interface}.{force}")] = share
+        return weights
+
+
+def tied(parts: Parts, joint: Joint) -> list[tuple[str, Floats]]:
+    """Directions of a joint with the combination of ports that it holds together."""
+    words = f"joint {joint.first} = {joint.second}"
+    if joint.first == joint.second:
+        raise BodyError(f"{words}: an interface with itself")
+    first = parts.has(joint.first)
+    parts.expect_collocated(joint.first)
+    second = first
+    if joint.second != GROUND:
+        second = parts.has(joint.second)
+        parts.expect_collocated(joint.second)
+    own = {**joint.stiffness, **joint.damping}
+    for direction, value in (*joint.stiffness.items(), *joint.damping.items()):
+        if direction not in PORTS or (joint.directions and direction not in joint.directions):
+            raise BodyError(f"{words}: {direction} must be one of "
+                            f"{', '.join(joint.directions or PORTS)}")  # fmt: skip
+        if not (np.isfinite(value) and value > 0):
+            raise BodyError(f"{words}: {direction} = {value} must be positive")
+    if own and set(joint.directions) - set(own):
+        raise BodyError(f"{words}: no stiffness or damping in {joint.directions[0]}")
+    wanted = list(joint.directions) or [d for d in PORTS if d in own] or [
+        d for d in PORTS if d in first and d in second
+    ]  # fmt: skip
+    if not wanted:
+        raise BodyError(f"{words}: they have no direction in common ({', '.join(first)} and "
+                        f"{', '.join(second)})")  # fmt: skip
+    result = []
+    for direction in wanted:
+        if direction not in PORTS:
+            raise BodyError(f"{words}: {direction} must be one of {', '.join(PORTS)}")
+        for name, there in ((joint.first, first), (joint.second, second)):
+            if direction not in there:
+                raise BodyError(f"{words}: {name} has no {direction}")
+        sign = parts.port(joint.first, direction)
+        if joint.second != GROUND:
+            sign = sign - parts.port(joint.second, direction)
+        result.append((direction, sign))
+    return result
+
+
+def common_bands(all_bands: Sequence[Floats]) -> Floats:
+    """Where every part is claimed to be good."""
+    common = [tuple(band) for band in all_bands[0]]
+    for bands in all_bands[1:]:
+        common = [(max(a, c), min(b, d)) for a, b in common for c, d in bands
+                  if max(a, c) <= min(b, d)]  # fmt: skip
+    if not common:
+        raise BodyError("the parts' bands have no frequency in common")
+    return np.array(common)

@@ -1,0 +1,170 @@
+"""Loads of a mesh beside its interfaces: gravity, spin, pressure, traction, forces, temperature.
+
+A load is written to the body file as a field of acceleration, which the assembly weighs with the
+body's mass, or as forces at nodes for a unit of its input, integrated here over faces of elements.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from flexgram.basics import BodyError, IntArray, check_name, errors_of
+from flexgram.body.face_integrals import areas_at_nodes
+from flexgram.body.faces import whole_faces
+from flexgram.body.reader import Reader
+
+Floats = NDArray[np.float64]
+
+FIELDS = ("acceleration", "angular_acceleration", "spin")
+TYPES = (*FIELDS, "pressure", "traction", "force", "nodal", "temperature")
+AXES = "xyz"
+
+
+@dataclass(frozen=True)
+class BodyMesh:
+    """A body file that is being written, and the mesh that it is made of.
+
+    Attributes
+    ----------
+    file : h5py.File
+    points : (N, 3) array
+        In the mesh's unit.
+    blocks : sequence of (str, int array)
+        Elements of the body: meshio type and nodes.
+    length, force : float
+        The mesh's units [m], [N].
+    select : callable
+        Nodes of a choice, and where it stands.
+    folder : Path
+        Which paths are relative to.
+    """
+
+    file: h5py.File
+    points: Floats
+    blocks: Sequence[tuple[str, IntArray]]
+    length: float
+    force: float
+    select: Callable[[Any, str], IntArray]
+    folder: Path
+
+
+def write_vectors(group: h5py.Group, columns: list[str], nodes: IntArray, values: Floats) -> None:
+    group.attrs["columns"] = columns
+    group["nodes"] = nodes
+    group["values"] = values
+
+
+def _table(mesh: BodyMesh, entry: Reader, columns: int) -> tuple[IntArray, Floats]:
+    """Nodes, ascending, and so many numbers of each: of a CSV file of node numbers (from 1) and
+    numbers, or an array of such rows. Rows of one node are summed."""
+    given, where = entry.get("table"), f"{entry.where}: table"
+    with errors_of(where):
+        if isinstance(given, str):
+            if not (mesh.folder / given).is_file():
+                raise BodyError(f"{where}: {mesh.folder / given}: no such file")
+            given = np.loadtxt(mesh.folder / given, delimiter=",", ndmin=2)
+        table = np.array(given, dtype=float)
+    if table.ndim != 2 or table.shape[1] != columns + 1 or not len(table):
+        raise BodyError(f"{where}: expected rows of a node number and {columns} "
+                        f"number{'s' if columns > 1 else ''}, comma separated")  # fmt: skip
+    if not np.all(np.isfinite(table)) or np.any(table[:, 0] != np.round(table[:, 0])):
+        raise BodyError(f"{where}: node numbers must be whole, and all numbers finite")
+    labels, at = np.unique(table[:, 0], return_inverse=True)
+    nodes = mesh.select([int(label) for label in labels], where)
+    values = np.zeros((len(nodes), columns))
+    np.add.at(values, at, table[:, 1:])
+    return nodes, values
+
+
+def _write_temperature(mesh: BodyMesh, group: h5py.Group, entry: Reader) -> str:
+    """A field of temperature as the load of its strain; the field itself for stresses."""
+    from flexgram.body.stress import Stresses  # it takes the compiled module
+
+    temperature = np.zeros(len(mesh.points))
+    if ("nodes" in entry.data) == ("table" in entry.data):
+        raise BodyError(f"{entry.where}: temperature needs nodes, or a table of node and "
+                        "temperature")  # fmt: skip
+    if "table" in entry.data:
+        nodes, values = _table(mesh, entry, 1)
+        temperature[nodes] = values[:, 0]
+    else:
+        temperature[mesh.select(entry.get("nodes"), entry.where)] = 1.0
+    for kind, elements in mesh.blocks:
+        if kind == "line" and temperature[elements].any():
+            raise BodyError(f"{entry.where}: beams take no temperature")
+    with errors_of(entry.where):
+        forces, _ = Stresses.of(mesh.file).heated(temperature)
+    used = np.flatnonzero(np.any(forces != 0, axis=1))
+    if not len(used):
+        raise BodyError(f"{entry.where}: it warms nothing that deforms")
+    write_vectors(group, ["T"], used, forces[used][:, None, :])
+    warm = np.flatnonzero(temperature)
+    group["temperature/nodes"], group["temperature/values"] = warm, temperature[warm]
+    return f"temperature of {len(warm)} nodes"
+
+
+def write_loads(mesh: BodyMesh, reader: Reader) -> dict[str, str]:
+    """Write the loads of a description, of which ``reader`` reads the whole; returns for each load
+    what it is."""
+    said = {}
+    for order, (name, data) in enumerate(reader.children("loads").items()):
+        entry = Reader(data, f"loads: {name}", ("type", "nodes", "point", "axis", "table"))
+        kind = entry.choice("type", TYPES)
+        group = mesh.file.create_group(f"loads/{check_name(entry.where, str(name))}")
+        group.attrs["order"] = order
+        group.attrs["type"] = kind if kind in FIELDS else "forces"
+        for key in ("nodes", "point", "axis", "table"):
+            needs = {
+                "nodes": kind not in (*FIELDS, "nodal"),
+                "point": kind in FIELDS[1:],
+                "axis": kind == "spin",
+                "table": kind in ("nodal", "temperature"),
+            }[key]
+            if key in entry.data and not needs:
+                raise BodyError(f"{entry.where}: {kind} takes no {key}")
+        if kind in FIELDS:
+            said[str(name)] = kind
+            if kind != "acceleration":
+                group.attrs["point"] = mesh.length * entry.vector("point")
+            if kind == "spin":
+                axis = entry.vector("axis")
+                if not np.linalg.norm(axis) > 0:
+                    raise BodyError(f"{entry.where}: axis = [0, 0, 0] has no direction")
+                group.attrs["axis"] = axis / np.linalg.norm(axis)
+            continue
+        if kind == "nodal":
+            nodes, table = _table(mesh, entry, 3)
+            write_vectors(group, ["load"], nodes, mesh.force * table[:, None, :])
+            total = ", ".join(f"{x:.4g}" for x in mesh.force * table.sum(axis=0))
+            said[str(name)] = f"forces at {len(nodes)} nodes, ({total}) N in all"
+            continue
+        if kind == "temperature":
+            said[str(name)] = _write_temperature(mesh, group, entry)
+            continue
+        nodes = mesh.select(entry.get("nodes"), entry.where)
+        if kind == "force":
+            values = np.broadcast_to(np.eye(3) / len(nodes), (len(nodes), 3, 3))
+            write_vectors(group, ["f" + axis for axis in AXES], nodes, values)
+            said[str(name)] = f"force, spread over {len(nodes)} nodes"
+            continue
+        faces = whole_faces(mesh.blocks, nodes, len(mesh.points))
+        if not faces:
+            raise BodyError(f"{entry.where}: no face of an element has all its nodes among the "
+                            f"{len(nodes)} chosen")  # fmt: skip
+        vectors, areas = areas_at_nodes(mesh.length * mesh.points, faces)
+        used = np.flatnonzero(areas)
+        if kind == "pressure":
+            write_vectors(group, ["p"], used, -vectors[used][:, None, :])
+        else:
+            write_vectors(group, ["t" + axis for axis in AXES], used,
+                           areas[used][:, None, None] * np.eye(3))  # fmt: skip
+        said[str(name)] = (f"{kind} on {sum(map(len, faces))} faces, "
+                           f"{areas.sum():.4g} m^2")  # fmt: skip
+    return said

@@ -1,0 +1,47 @@
+"""Sections of beams: areas, moments and shear factors of shapes with names."""
+
+from __future__ import annotations
+
+import math
+
+from flexgram.basics import BodyError
+from flexgram.body.reader import Reader
+
+SHAPES = {
+    "circle": ("radius",),
+    "tube": ("radius", "thickness"),
+    "rectangle": ("width", "height"),
+    "general": ("A", "I_y", "I_z", "J", "k_y", "k_z"),
+}
+
+
+def section_properties(reader: Reader, length: float) -> dict[str, float]:
+    """Area, second moments of area, torsion constant and shear factors of a beam section [SI].
+
+    Shear factors after Cowper (1966) for nu = 0.3; torsion of a rectangle by Saint-Venant's
+    series to 1e-5.
+    """
+    shape = reader.choice("shape", SHAPES)
+    value = {key: reader.number(key, 5 / 6 if key.startswith("k_") else None)
+             for key in SHAPES[shape]}  # fmt: skip
+    nu = 0.3
+    if shape == "general":
+        powers = {"A": 2, "I_y": 4, "I_z": 4, "J": 4, "k_y": 0, "k_z": 0}
+        return {key: value[key] * length ** powers[key] for key in powers}
+    size = {key: x * length for key, x in value.items()}
+    if shape == "rectangle":  # width along y, height along z
+        b, h = size["width"], size["height"]
+        a, c = max(b, h), min(b, h)
+        series = sum(math.tanh(n * math.pi * a / (2 * c)) / n**5 for n in range(1, 40, 2))
+        J = a * c**3 / 3 * (1 - 192 * c / (math.pi**5 * a) * series)
+        k = 10 * (1 + nu) / (12 + 11 * nu)
+        return {"A": b * h, "I_y": b * h**3 / 12, "I_z": h * b**3 / 12, "J": J, "k_y": k, "k_z": k}
+    R = size["radius"]
+    r = R - size["thickness"] if shape == "tube" else 0.0
+    if r < 0:
+        raise BodyError(f"{reader.where}: thickness is larger than radius")
+    second = math.pi * (R**4 - r**4) / 4
+    m2 = (r / R) ** 2
+    k = 6 * (1 + nu) * (1 + m2) ** 2 / ((7 + 6 * nu) * (1 + m2) ** 2 + (20 + 12 * nu) * m2)
+    return {"A": math.pi * (R**2 - r**2), "I_y": second, "I_z": second, "J": 2 * second,
+            "k_y": k, "k_z": k}  # fmt: skip

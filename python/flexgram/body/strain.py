@@ -1,0 +1,140 @@
+"""Strain and stress of single elements from displacements of their nodes, and from heat."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexgram.body.faces import LINEAR, MIDDLES
+
+Floats = NDArray[np.float64]
+
+#: Places of the corners on the reference element.
+CORNERS = {
+    "tetra": [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)],
+    "hexahedron": [(-1, -1, -1), (1, -1, -1), (1, 1, -1), (-1, 1, -1),
+                   (-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1)],
+    "wedge": [(0, 0, -1), (1, 0, -1), (0, 1, -1), (0, 0, 1), (1, 0, 1), (0, 1, 1)],
+}  # fmt: skip
+
+
+def _polynomials(kind: str, xi: Floats) -> Floats:
+    """Functions (q, k) of the reference coordinates that are linear in each direction."""
+    x, y, z = xi.T
+    one = np.ones(len(xi))
+    if kind == "tetra":
+        return np.column_stack([one, x, y, z])
+    if kind == "wedge":
+        return np.column_stack([one, x, y, z, x * z, y * z])
+    return np.column_stack([one, x, y, z, x * y, y * z, z * x, x * y * z])
+
+
+def extrapolation(kind: str, xi: Floats) -> Floats:
+    """Values at the nodes of an element (n, q) from those at points xi (q, 3)."""
+    if kind == "hexahedron20":
+        import _flexgram
+
+        own: Floats = np.linalg.pinv(_flexgram.shape_functions(kind, xi)[2])
+        return own
+    corner = LINEAR.get(kind, kind)
+    at = np.array(CORNERS[corner], dtype=float)
+    if len(xi) == 1:
+        corners = np.ones((len(at), 1))
+    else:
+        corners = _polynomials(corner, at) @ np.linalg.pinv(_polynomials(corner, xi))
+    middles = sorted((number, sorted(edge)) for edge, number in MIDDLES.get(kind, {}).items())
+    between = [corners[edge].mean(axis=0) for _, edge in middles]
+    whole: Floats = np.vstack([corners, *between])
+    return whole
+
+
+def _strain(gradients: Floats) -> Floats:
+    """Strains (…, 6, n, 3), engineering shears, of unit displacements of functions with gradients
+    (…, n, 3)."""
+    strain = np.zeros((*gradients.shape[:-2], 6, *gradients.shape[-2:]))
+    x, y, z = (gradients[..., a] for a in range(3))
+    for row, direction, slope in ((0, 0, x), (1, 1, y), (2, 2, z), (3, 0, y), (3, 1, x),
+                                  (4, 1, z), (4, 2, y), (5, 0, z), (5, 2, x)):  # fmt: skip
+        strain[..., row, :, direction] = slope
+    return strain
+
+
+def _incompatible(points: Floats, xi: Floats, size: Floats) -> Floats:
+    """Strains (E, q, 6, 9) of the modes 1 − ξ² of hexahedra with 8 nodes."""
+    import _flexgram
+
+    slopes = _flexgram.shape_functions("hexahedron", np.zeros((1, 3)))[3][0]
+    centre = np.einsum("na,enx->eax", slopes, points)
+    inverse, at_centre = np.linalg.inv(centre), np.linalg.det(centre)
+    factor = -2 * xi[None] * (at_centre[:, None] / size)[..., None]
+    return _strain(np.einsum("eqa,exa->eqax", factor, inverse)).reshape(*size.shape, 6, 9)
+
+
+def stress_operator(kind: str, points: Floats, law: Floats) -> tuple[Floats, Floats, Floats]:
+    """Stress at the points of the stiffness for unit displacements of the nodes.
+
+    Parameters
+    ----------
+    kind : str
+        Meshio's name of the element.
+    points : (E, n, 3) array
+        Nodes of each element [m].
+    law : (6, 6) array
+        [N/m²]
+
+    Returns
+    -------
+    stress, strain : (E, q, 6, 3n) arrays
+        Rows and columns as ``COMPONENTS`` and x, y, z of each node.
+    volume : (E, q) array
+        Of each point [m³].
+    """
+    import _flexgram
+
+    xi, weight, _, dN = _flexgram.shape_functions(kind, np.empty((0, 3)))
+    jacobian = np.einsum("qna,enx->eqax", dN, points)
+    size = np.linalg.det(jacobian)
+    gradients = np.einsum("eqxa,qna->eqnx", np.linalg.inv(jacobian), dN)
+    volume = weight * size
+    count = points.shape[1]
+    strain = _strain(gradients).reshape(*size.shape, 6, 3 * count)
+    if kind == "hexahedron":  # with the incompatible modes 1 − ξ², condensed
+        inner = _incompatible(points, xi, size)
+        weighed = np.einsum("eq,eqia,ij->eqja", volume, inner, law)
+        stiffness = np.einsum("eqja,eqjb->eab", weighed, inner)
+        coupling = np.einsum("eqja,eqjb->eab", weighed, strain)
+        strain = strain - inner @ np.linalg.solve(stiffness, coupling)[:, None]
+    return np.einsum("ij,eqjb->eqib", law, strain), strain, volume
+
+
+def heat_operator(kind: str, points: Floats, law: Floats, strain: Floats) -> tuple[Floats, Floats]:
+    """What a strain without stress, that of heat, does to elements whose nodes are held.
+
+    Parameters
+    ----------
+    kind, points, law
+        As of ``stress_operator``.
+    strain : (E, q, 6) array
+        At the points of the stiffness.
+
+    Returns
+    -------
+    forces : (E, n, 3) array
+        On the nodes [N].
+    stress : (E, q, 6) array
+        [N/m²]
+    """
+    import _flexgram
+
+    _, own, volume = stress_operator(kind, points, law)
+    held = strain @ law.T
+    forces = np.einsum("eq,eqib,eqi->eb", volume, own, held).reshape(points.shape)
+    stress = -held
+    if kind == "hexahedron":  # its inner modes give way
+        xi, weight = _flexgram.shape_functions(kind, np.empty((0, 3)))[:2]
+        inner = _incompatible(points, xi, volume / weight)
+        stiffness = np.einsum("eq,eqia,ij,eqjb->eab", volume, inner, law, inner, optimize=True)
+        push = np.einsum("eq,eqia,eqi->ea", volume, inner, held)
+        give = np.linalg.solve(stiffness, push[..., None])[..., 0]
+        stress = stress + np.einsum("ij,eqja,ea->eqi", law, inner, give)
+    return forces, stress

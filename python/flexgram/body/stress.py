@@ -1,0 +1,255 @@
+"""Stress of mesh bodies from displacements: by the elements' own strain, averaged at nodes.
+
+The stress is that of the points at which the stiffness is integrated, extrapolated to the corners
+of the element by the polynomial that is linear in each direction (by least squares where there are
+more points; nodes between corners have the mean of these), in hexahedra of 20 nodes to all of them
+by the element's own functions, as CalculiX does, and averaged over the elements around a node.
+Elements inside a rigid interface carry none and are left out. Order of components: xx, yy,
+zz, xy, yz, zx. Heat strains by α T: its load are the forces that hold this strain back, and the
+stress is that of the strain without it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import h5py
+import numpy as np
+import scipy.sparse as sp
+from numpy.typing import ArrayLike, NDArray
+
+from flexgram.basics import BodyError, IntArray, errors_of
+from flexgram.body.strain import extrapolation, heat_operator, stress_operator
+
+Floats = NDArray[np.float64]
+
+COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "zx")
+#: Elements whose operators are in memory at a time.
+CHUNK = 1024
+
+
+class Solid(NamedTuple):
+    """Elements of one type and material."""
+
+    kind: str  #: meshio's name
+    nodes: IntArray  #: (E, n)
+    law: Floats  #: (6, 6) [N/m²]
+    expansion: Floats | None  #: strain of one kelvin (6,), engineering shears; None: not known
+
+
+def _expansion(material: Any) -> Floats | None:
+    """Strain of one kelvin, of a material of a body file."""
+    if "expansion" not in material:
+        return None
+    along = np.broadcast_to(material["expansion"], 3)
+    axes = np.reshape(material["axes"], (3, 3)) if "axes" in material else np.eye(3)
+    e = axes.T @ np.diag(along) @ axes
+    return np.array([e[0, 0], e[1, 1], e[2, 2], 2 * e[0, 1], 2 * e[1, 2], 2 * e[2, 0]])
+
+
+@dataclass
+class Stresses:
+    """What the stress of a mesh body is made of.
+
+    Attributes
+    ----------
+    points : (N, 3) array
+        [m]
+    blocks : list of Solid
+        Those that deform.
+    """
+
+    points: Floats
+    blocks: list[Solid]
+
+    @classmethod
+    def load(cls, path: str | Path) -> Stresses:
+        """Of a body file.
+
+        Raises
+        ------
+        BodyError
+            If the body has no mesh of solids.
+        """
+        with errors_of(path), h5py.File(path) as file:
+            return cls.of(file)
+
+    @classmethod
+    def of(cls, file: h5py.File) -> Stresses:
+        """Of an open body file."""
+        import _flexgram
+
+        if "mesh" not in file:
+            raise BodyError("only bodies that flexgram assembles from a mesh have stresses")
+        follows = np.full(len(file["mesh/points"]), -1)
+        for number, item in enumerate(file["interfaces"].values()):
+            if str(item.attrs["coupling"]) == "rigid":
+                follows[item["nodes"][:]] = number
+        blocks = []
+        for group in file["mesh/blocks"].values():
+            kind, nodes = str(group.attrs["type"]), group["connectivity"][:]
+            if kind == "line":
+                continue
+            steel = file["materials"][str(group.attrs["material"])].attrs
+            if "E" in steel:
+                law = _flexgram.isotropic(steel["E"], steel["nu"])
+            else:
+                law = _flexgram.orthotropic(steel["engineering_constants"], steel["axes"])
+            at = follows[nodes]
+            rigid = (at[:, 0] >= 0) & np.all(at == at[:, :1], axis=1)
+            if not rigid.all():
+                blocks.append(Solid(kind, nodes[~rigid], np.reshape(law, (6, 6)),
+                                    _expansion(steel)))  # fmt: skip
+        if not blocks:
+            raise BodyError("the body has no solids that deform: no stresses")
+        return cls(file["mesh/points"][:], blocks)
+
+    def _counts(self) -> Floats:
+        """Elements around each node."""
+        count = np.zeros(len(self.points))
+        for solid in self.blocks:
+            np.add.at(count, solid.nodes, 1.0)
+        return count
+
+    def nodal(self, displacements: ArrayLike) -> Floats:
+        """Stress at the nodes.
+
+        Parameters
+        ----------
+        displacements : (k, N, 3) array
+            [m]
+
+        Returns
+        -------
+        (k, N, 6) array
+            [N/m²]; NaN at nodes of no deforming solid.
+        """
+        import _flexgram
+
+        u = np.asarray(displacements, dtype=float)
+        stress = np.zeros((len(self.points), 6 * len(u)))
+        for kind, nodes, law, _ in self.blocks:
+            outward = extrapolation(kind, _flexgram.shape_functions(kind, np.empty((0, 3)))[0])
+            for first in range(0, len(nodes), CHUNK):
+                some = nodes[first : first + CHUNK]
+                operator = stress_operator(kind, self.points[some], law)[0]
+                elements, size = some.shape
+                at_nodes = np.tensordot(operator, outward, axes=(1, 1))  # (E, 6, 3n, n)
+                rows = at_nodes.transpose(0, 3, 1, 2).reshape(elements, 6 * size, 3 * size)
+                moved = u[:, some].transpose(1, 2, 3, 0).reshape(elements, 3 * size, len(u))
+                here = (rows @ moved).reshape(elements * size, -1)
+                used, at = np.unique(some, return_inverse=True)
+                gather = sp.csr_matrix((np.ones(some.size), (at.ravel(), np.arange(some.size))))
+                stress[used] += gather @ here
+        return self._averaged(stress.reshape(len(self.points), 6, len(u)).transpose(2, 0, 1))
+
+    def _averaged(self, sums: Floats) -> Floats:
+        """Sums over elements (…, N, 6) as means at nodes."""
+        count = self._counts()
+        result = sums.copy()
+        result[..., count > 0, :] /= count[count > 0, None]
+        result[..., count == 0, :] = np.nan
+        return result
+
+    def heated(self, temperature: Floats) -> tuple[Floats, Floats]:
+        """A body that is held at all its nodes, in a field of temperature.
+
+        Parameters
+        ----------
+        temperature : (N,) array
+            Above that of the body without stress [K]; between nodes by the elements' functions.
+
+        Returns
+        -------
+        forces : (N, 3) array
+            That its load is [N].
+        stress : (N, 6) array
+            At the nodes [N/m²], beside that of displacements; NaN as of ``nodal``.
+
+        Raises
+        ------
+        BodyError
+            If the expansion of a material is not known.
+        """
+        import _flexgram
+
+        forces, stress = np.zeros_like(self.points), np.zeros((len(self.points), 6))
+        for kind, nodes, law, expansion in self.blocks:
+            warm = nodes[np.any(temperature[nodes] != 0, axis=1)]
+            if not len(warm):
+                continue
+            if expansion is None:
+                raise BodyError("temperature: a material that it warms has no expansion [1/K]")
+            xi, _, N, _ = _flexgram.shape_functions(kind, np.empty((0, 3)))
+            outward = extrapolation(kind, xi)
+            for first in range(0, len(warm), CHUNK):
+                some = warm[first : first + CHUNK]
+                strain = (temperature[some] @ N.T)[..., None] * expansion
+                force, held = heat_operator(kind, self.points[some], law, strain)
+                np.add.at(forces, some, force)
+                np.add.at(stress, some, np.einsum("nq,eqi->eni", outward, held))
+        return forces, self._averaged(stress)
+
+    def of_temperatures(self, body: str | Path, inputs: list[str]) -> dict[str, Floats]:
+        """Those of the inputs that are temperatures, with the stress that ``heated`` gives."""
+        with errors_of(body), h5py.File(body) as file:
+            fields = temperatures(file)
+        return {name: self.heated(fields[name])[1] for name in inputs if name in fields}
+
+    def rows(self, nodes: IntArray) -> tuple[IntArray, Floats]:
+        """The mean stress of some nodes as a function of displacements.
+
+        Returns
+        -------
+        used : (U,) int array
+            Nodes of the elements around.
+        values : (U, 6, 3) array
+            Each component for unit displacements of each.
+
+        Raises
+        ------
+        BodyError
+            If one of the nodes belongs to no deforming solid.
+        """
+        import _flexgram
+
+        nodes = np.unique(nodes)
+        count = self._counts()
+        if np.any(count[nodes] == 0):
+            raise BodyError(f"node {nodes[count[nodes] == 0][0] + 1} belongs to no solid that "
+                            "deforms: it has no stress")  # fmt: skip
+        weight = np.zeros(len(self.points))
+        weight[nodes] = 1 / count[nodes] / len(nodes)
+        values = np.zeros((len(self.points), 6, 3))
+        for kind, all_nodes, law, _ in self.blocks:
+            outward = extrapolation(kind, _flexgram.shape_functions(kind, np.empty((0, 3)))[0])
+            near = all_nodes[np.any(weight[all_nodes] > 0, axis=1)]
+            for first in range(0, len(near), CHUNK):
+                some = near[first : first + CHUNK]
+                operator = stress_operator(kind, self.points[some], law)[0]
+                part = np.einsum("en,nq,eqib->eib", weight[some], outward, operator, optimize=True)
+                np.add.at(values, some, part.reshape(len(some), 6, -1, 3).transpose(0, 2, 1, 3))
+        used = np.flatnonzero(np.any(values != 0, axis=(1, 2)))
+        return used, values[used]
+
+
+def temperatures(file: h5py.File) -> dict[str, Floats]:
+    """Fields of temperature of a body file by their inputs, (N,) [K]."""
+    found = {}
+    for name, group in file.get("loads", {}).items():
+        if "temperature" in group:
+            field = np.zeros(len(file["mesh/points"]))
+            field[group["temperature/nodes"][:]] = group["temperature/values"][:]
+            found[f"{name}.T"] = field
+    return found
+
+
+def von_mises(stress: ArrayLike) -> Floats:
+    """Equivalent stress of (…, 6) components."""
+    s = np.asarray(stress, dtype=float)
+    xx, yy, zz, xy, yz, zx = (s[..., i] for i in range(6))
+    equivalent: Floats = np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2)
+                                 + 3 * (xy**2 + yz**2 + zx**2))  # fmt: skip
+    return equivalent

@@ -1,0 +1,4 @@
+"""The command line: one module for a group of verbs.
+
+May import: everything.
+"""

@@ -1,0 +1,293 @@
+"""The commands of ``flexgram``: their options and their work."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from flexgram.basics import BodyError, say
+from flexgram.cli.import_command import import_body_file, import_options
+from flexgram.cli.port_commands import (
+    couple_options,
+    frf_options,
+    hotspots_options,
+    modes_options,
+    run_couple,
+    run_frf,
+    run_hotspots,
+    run_modes,
+    run_simulate,
+    simulate_options,
+)
+
+
+def _plot_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("source", type=Path, help="reduced file, or file that flexgram sweep wrote")
+    parser.add_argument("--rom", type=Path, help="with a sweep file: reduced file, for its Gramian")
+    parser.add_argument(
+        "--figure",
+        default="all",
+        help="of a reduced file: error, gramian, "
+        "transfer, stages, shapes or all (then -o names a folder)",
+    )
+    parser.add_argument("--suffix", default="png", help="png, svg or pdf, for --figure all")
+    _picture_options(parser)
+    parser.add_argument("-o", "--output", type=Path, required=True, help=".png, .svg or .pdf")
+
+
+def _picture_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--body", type=Path, help="body file with the mesh; default: the one that was reduced"
+    )
+    parser.add_argument("--sweep", type=Path, help="sweep file of the full body, to compare with")
+    parser.add_argument(
+        "--port",
+        action="append",
+        default=[],
+        metavar="OUTPUT,INPUT",
+        help="transfer function to draw; repeatable; default: the strongest",
+    )
+
+
+def _pairs(words: list[str]) -> list[tuple[str, str]] | None:
+    pairs = [tuple(word.split(",")) for word in words]
+    for word, pair in zip(words, pairs, strict=True):
+        if len(pair) != 2:
+            raise BodyError(f"--port {word}: expected output,input such as upper.fz,upper.fz")
+    return [(pair[0], pair[1]) for pair in pairs] or None
+
+
+def _plot(options: argparse.Namespace) -> None:
+    import h5py
+
+    if not options.source.exists():
+        raise BodyError(f"{options.source}: no such file")
+    reduced = False
+    if h5py.is_hdf5(options.source):
+        with h5py.File(options.source) as file:
+            reduced = "gramian" in file
+    if not reduced:
+        from flexgram.pictures.plots import plot_sweep  # matplotlib is slow to load
+
+        if not options.output.suffix:
+            raise BodyError(
+                f"-o {options.output}: a sweep is one picture: name a .png, .svg or .pdf"
+            )
+        plot_sweep(options.source, options.output, options.rom)
+        say(f"  wrote {options.output}")
+        return
+    from flexgram.pictures import figures
+    from flexgram.reduced_model import ReducedModel
+
+    model = ReducedModel.load(options.source)
+    arguments: dict[str, dict[str, Any]] = {
+        "transfer": {"sweep": options.sweep, "ports": _pairs(options.port)},
+        "shapes": {"body": options.body},
+    }
+    every = options.figure == "all"
+    if not every and options.figure not in figures.FIGURES:
+        raise BodyError(
+            f"--figure {options.figure}: must be one of {', '.join(figures.FIGURES)} or all"
+        )
+    if every and options.output.suffix.lower() in (".png", ".svg", ".pdf"):
+        raise BodyError(
+            f"-o {options.output}: all figures go into a folder; name one by --figure "
+            f"({', '.join(figures.FIGURES)})"
+        )
+    if every:
+        options.output.mkdir(parents=True, exist_ok=True)
+    for name in figures.FIGURES if every else [options.figure]:
+        path = options.output / f"{name}.{options.suffix}" if every else options.output
+        try:
+            figures.save(figures.FIGURES[name](model, **arguments.get(name, {})), path)
+            say(f"  wrote {path}")
+        except BodyError as reason:
+            if not every:
+                raise
+            say(f"  left out {name}: {reason}")
+
+
+def _report_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("rom", type=Path, help="reduced file")
+    _picture_options(parser)
+    parser.add_argument(
+        "--loads",
+        type=Path,
+        help="CSV of a load history, t,port,...: its spectrum against the band, and what the claim "
+        "says of the response to it",
+    )
+    parser.add_argument(
+        "--measured", type=Path, help="universal file of a test: its modes beside the body's"
+    )
+    parser.add_argument("-o", "--output", type=Path, required=True, help=".html file to write")
+
+
+def _report(options: argparse.Namespace) -> None:
+    from flexgram.pictures.report import write_report
+
+    for line in write_report(
+        options.rom,
+        options.output,
+        body=options.body,
+        sweep=options.sweep,
+        ports=_pairs(options.port),
+        loads=options.loads,
+        measured=options.measured,
+    ):
+        say(f"  left out {line}")
+    if options.loads is not None:
+        from flexgram.reduced_model import ReducedModel
+        from flexgram.simulation.histories import judge, read_history
+
+        model = ReducedModel.load(options.rom, basis=False)
+        for words in judge(model, *read_history(options.loads, model.inputs)).words:
+            say(f"  {words}")
+    say(f"  wrote {options.output}")
+
+
+def _export_options(parser: argparse.ArgumentParser) -> None:
+    from flexgram.exporters import FORMATS
+    from flexgram.exporters.sid import DIALECTS
+
+    parser.add_argument("rom", type=Path, help="reduced file")
+    parser.add_argument(
+        "--to",
+        required=True,
+        choices=FORMATS,
+        help="; ".join(f"{name}: {what}" for name, (what, *_) in FORMATS.items()),
+    )
+    parser.add_argument("--dialect", choices=DIALECTS, help="of SID; default dlr")
+    parser.add_argument(
+        "--body", type=Path, help="body file with the mesh; default: the one that was reduced"
+    )
+    parser.add_argument(
+        "--stress",
+        action="store_true",
+        help="for exudyn and vtu: the stresses of the basis come along (bodies of meshes)",
+    )
+    parser.add_argument(
+        "--rates",
+        help="for state-space (default displacement) and fmu (default all): what their outputs "
+        "are, of displacement, velocity, acceleration, comma separated",
+    )
+    parser.add_argument("-o", "--output", type=Path, required=True, help="file to write")
+
+
+def _export(options: argparse.Namespace) -> None:
+    from flexgram.exporters import export
+    from flexgram.reduced_model import ReducedModel
+
+    if options.dialect and options.to != "sid":
+        raise BodyError("--dialect belongs to --to sid")
+    extra: dict[str, Any] = {}
+    if options.to in ("exudyn", "vtu", "nastran", "op4", "simscape", "extptfm"):
+        extra["body"] = options.body
+    if options.to in ("exudyn", "vtu"):
+        extra["stress"] = options.stress
+    elif options.stress:
+        raise BodyError("--stress belongs to --to exudyn and vtu")
+    if options.to in ("state-space", "fmu", "fmu3"):
+        extra["rates"] = options.rates.split(",") if options.rates else None
+    elif options.rates:
+        raise BodyError("--rates belongs to --to state-space and fmu")
+    if options.to == "sid":
+        extra["dialect"] = options.dialect
+    model = ReducedModel.load(options.rom)
+    export(model, options.output, options.to, **extra)
+    say(f"  wrote {options.output}: {model}")
+
+
+def _info_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("file", type=Path, help="body, reduced or sweep file")
+
+
+def _info(options: argparse.Namespace) -> None:
+    from flexgram.cli.info import describe
+
+    for line in describe(options.file):
+        say(f"  {line}")
+
+
+#: name: what it does, example, its options, the work
+COMMANDS: dict[
+    str,
+    tuple[str, str, Callable[[argparse.ArgumentParser], None], Callable[[Any], None]],
+] = {
+    "import": (
+        "mesh description or files of an FE code -> body file",
+        "flexgram import meshes/rack.yaml -o out/rack.h5\n"
+        "  flexgram import part.inp --run-ccx --units mm-t-s --rigid left=NSET:LEFT "
+        "--rigid right=NSET:RIGHT -o part.h5\n"
+        "  flexgram import lever.msh --material steel --units mm-t-s --rigid eye=NSET:eye "
+        "-o lever.h5\n"
+        "  flexgram import job_STIF1.mtx --rigid hub=BOX:0,0,0,1,1,0.01@0.5,0.5,0 "
+        "-o body.h5\n\nWHERE is NSET:SET, NODES:1,2,3, BOX:x0,y0,z0,x1,y1,z1 or AT:x,y,z (the "
+        "nearest node), in the\nunits of the files; @x,y,z behind it places the reference node "
+        "(default: the middle of the faces between\nthe nodes, on the axis where they are a "
+        "cylinder).",
+        import_options,
+        import_body_file,
+    ),
+    "info": (
+        "what a body, reduced or sweep file holds",
+        "flexgram info out/rack.rom.h5",
+        _info_options,
+        _info,
+    ),
+    "report": (
+        "reduced file -> one self-contained HTML page",
+        "flexgram report out/rack.rom.h5 --sweep out/rack.sweep.h5 -o out/rack.html",
+        _report_options,
+        _report,
+    ),
+    "plot": (
+        "reduced or sweep file -> figures",
+        "flexgram plot out/rack.rom.h5 --figure error -o error.svg\n"
+        "  flexgram plot out/rack.rom.h5 -o figures/\n"
+        "  flexgram plot sweep.h5 --rom rack.rom.h5 -o rack.png",
+        _plot_options,
+        _plot,
+    ),
+    "export": (
+        "reduced file -> multibody codes and other tools",
+        "flexgram export out/rack.rom.h5 --to exudyn -o rack.npz\n"
+        "  flexgram export out/rack.rom.h5 --to sid --dialect dlr -o rack.SID_FEM",
+        _export_options,
+        _export,
+    ),
+    "hotspots": (
+        "where the stress of a reduced body is largest per unit of a load",
+        "flexgram hotspots rom.h5\n  flexgram hotspots rom.h5 --input gas.p --count 3",
+        hotspots_options,
+        run_hotspots,
+    ),
+    "frf": (
+        "frequency responses between ports: table, Bode plot, universal file",
+        "flexgram frf rom.h5 --pair upper.fz=lower.fz --rate acceleration -o frf.png\n"
+        "  flexgram frf rom.h5 --pair upper.fz=lower.fz --measured test.unv -o both.png",
+        frf_options,
+        run_frf,
+    ),
+    "modes": (
+        "natural modes of a reduced body, beside measured ones: table, universal file, MAC",
+        "flexgram modes rom.h5 -o modes.unv\n"
+        "  flexgram modes rom.h5 --measured test.unv -o mac.png",
+        modes_options,
+        run_modes,
+    ),
+    "couple": (
+        "reduced files of several bodies -> one, with joints and springs",
+        "flexgram couple crank.rom.h5 rod.rom.h5 --join crank.pin=rod.big:x,y,z,rx,ry -o ab.rom.h5",
+        couple_options,
+        run_couple,
+    ),
+    "simulate": (
+        "response of a reduced body to forces over time",
+        "flexgram simulate out/rack.rom.h5 --force 'upper.fz=-1e4*sin(20*pi*t)' "
+        "--time 0,1,1001 -o rack.csv",
+        simulate_options,
+        run_simulate,
+    ),
+}  # fmt: skip

@@ -1,0 +1,282 @@
+"""``flexgram import``: a mesh, its description, or files of an FE code -> body file."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from flexgram.basics import BodyError, say
+
+COUPLINGS = {
+    "rigid": "all nodes follow a reference node with six dofs (RBE2)",
+    "distributing": "force averaging (RBE3)",
+    "node": "the dofs of the nodes themselves",
+    "rows": "rows of the matrices, numbers from 1: name=1,2,3",
+}
+
+
+#: Endings of files that are meshes and nothing else.
+MESHES = (".msh", ".vtu", ".vtk", ".med", ".xdmf", ".xmf", ".exo", ".e", ".cgns", ".unv", ".h5m",
+          ".ugrid", ".su2", ".mesh", ".meshb", ".vol")  # fmt: skip
+
+
+class _Named(argparse.Action):
+    """Collects --rigid, --distributing, … in the order of the command line."""
+
+    def __call__(self, parser: Any, namespace: Any, value: Any, option: Any = None) -> None:
+        found = getattr(namespace, "interfaces", None) or []
+        namespace.interfaces = [*found, (str(option).lstrip("-"), value)]
+
+
+def import_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "source",
+        type=Path,
+        help="YAML description of a mesh, a mesh (.msh, .vtu, .med, with --material), or a file "
+        "of an FE code: job.inp, job.sti (CalculiX), job_STIF1.mtx (Abaqus), .pch, .op4 "
+        "(Nastran), .full (ANSYS), .mat, .mtx (MatrixMarket), PETSc binary",
+    )
+    parser.add_argument("-o", "--output", type=Path, required=True, help="body file to write")
+    from flexgram.importers import FORMATS  # light: NumPy and SciPy
+
+    parser.add_argument("--format", choices=FORMATS, help="default: by the file's name")
+    parser.add_argument("--deck", type=Path, help="model with nodes and node sets")
+    parser.add_argument("--mass", type=Path, help="mass matrix, where the source holds K only")
+    parser.add_argument("--damping", type=Path, help="damping matrix in a file of its own")
+    parser.add_argument("--inputs", type=Path, help="input matrix B in a file of its own (PETSc)")
+    parser.add_argument(
+        "--matrices",
+        metavar="K=KXX,M=MXX",
+        help="names of the matrices in an OP4, DMIG or MATLAB file, where not the usual ones",
+    )
+    parser.add_argument("--mapping", type=Path, help="ANSYS node map of HBMAT or *EXPORT")
+    parser.add_argument(
+        "--run-ccx",
+        action="store_true",
+        help="run CalculiX on the deck first: its *FREQUENCY step, or one in place of its steps, "
+        "stores the matrices",
+    )
+    parser.add_argument(
+        "--assemble",
+        action="store_true",
+        help="assemble a CalculiX deck here, without ccx and its printed digits: C3D4, C3D10, "
+        "C3D15, C3D20 of isotropic materials",
+    )
+    parser.add_argument(
+        "--step",
+        type=int,
+        help="with --run-ccx or --assemble: which *FREQUENCY step (1, 2, …); default: the last "
+        "with PERTURBATION, else the first",
+    )
+    parser.add_argument(
+        "--deck-loads",
+        action="store_true",
+        help="make inputs of the loads of a CalculiX deck's steps (*CLOAD, *DLOAD, *DSLOAD; with "
+        "--assemble *TEMPERATURE): 1 is what the deck says",
+    )
+    parser.add_argument("--strict", action="store_true",
+                        help="refuse files of which something is left out")  # fmt: skip
+    for coupling, what in COUPLINGS.items():
+        parser.add_argument(
+            f"--{coupling}", metavar="NAME=WHERE", action=_Named, help=f"interface: {what}"
+        )
+    parser.add_argument(
+        "--load",
+        metavar="NAME=TYPE[:MORE]",
+        action="append",
+        default=[],
+        help="input beside the interfaces, of a mesh or with --assemble: gravity=acceleration, "
+        "gas=pressure:NSET:piston, wind=traction:WHERE, push=force:WHERE, "
+        "turn=spin:x,y,z,ax,ay,az (point, axis), swing=angular_acceleration:x,y,z, "
+        "warm=temperature:WHERE, pull=nodal:table.csv (node, fx, fy, fz)",
+    )
+    parser.add_argument(
+        "--measure",
+        metavar="NAME=[stress:|reaction:]WHERE",
+        action="append",
+        default=[],
+        help="output beside the interfaces, likewise: mean displacement or stress of nodes, or the "
+        "force by which supports hold them",
+    )
+    parser.add_argument(
+        "--material",
+        help="of a mesh without YAML: steel, aluminium, titanium, cast-iron, or "
+        "E=210e9,nu=0.3,rho=7850 in its units",
+    )
+    parser.add_argument("--units", help="of the files: SI (default), mm-t-s, mm-kg-s")
+    for name, unit in (("alpha", "[1/s]"), ("beta", "[s]"), ("eta", "loss factor")):
+        parser.add_argument(f"--{name}", type=float, help=f"damping {unit}")
+
+
+def _names(words: str | None) -> dict[str, str] | None:
+    """``K=KXX,M=MXX`` as a mapping."""
+    if words is None:
+        return None
+    pairs = [word.partition("=") for word in words.split(",")]
+    if not all(role.strip() and name.strip() for role, _, name in pairs):
+        raise BodyError(f"--matrices {words}: expected K=NAME,M=NAME")
+    return {role.strip().upper(): name.strip() for role, _, name in pairs}
+
+
+def _lengths(numbers: Any) -> str:
+    return " × ".join(f"{x:.4g}" for x in numbers)
+
+
+def _interface(facts: dict[str, Any]) -> str:
+    """An interface in a line: coupling, nodes, and where its reference is and why there."""
+    at = ", ".join(f"{x:.6g}" for x in facts["position"])
+    why = f": {facts['middle']}" if facts["middle"] else ""
+    return f"{facts['coupling']}, {facts['nodes']} nodes, reference at ({at}) m{why}"
+
+
+def _say_mesh(options: argparse.Namespace, counts: dict[str, Any]) -> None:
+    say(f"  {options.output}: {counts['points']} nodes, {counts['elements']} elements")
+    say(f"  it measures {_lengths(counts['extent'])} m")
+    for name, facts in counts["interfaces"].items():
+        say(f"  interface {name}: {_interface(facts)}")
+        if facts["distance"] > 3 and facts["nodes"] > 1:
+            say(
+                f"  warning: the reference of {name} is {facts['distance']:.0f} sizes of "
+                "its node set away from its middle: right units?"
+            )
+    for kind in ("loads", "outputs"):
+        for name, what in counts[kind].items():
+            say(f"  {kind[:-1]} {name}: {what}")
+    if {"tetra"} & set(counts["kinds"]):
+        say("  note: linear tetrahedra are too stiff; second-order ones (tetra10) converge faster")
+    if max(counts["extent"]) > 15 and counts["units"] == "SI":
+        say("  note: is the mesh in millimetres (units mm-t-s)?")
+
+
+def _import_mesh(options: argparse.Namespace, named: list[tuple[str, str]]) -> None:
+    """A mesh of one material, described on the command line."""
+    from flexgram.importers import parse
+    from flexgram.importers.mesh import import_mesh
+
+    if options.material is None:
+        raise BodyError(
+            f"{options.source} is a mesh: name what it is made of and its interfaces (--material "
+            "steel --rigid eye=NSET:EYE), or describe it in YAML (several materials, supports, "
+            "beams), see meshes/rack.yaml"
+        )
+    for name in ("format", "deck", "mass", "damping", "inputs", "mapping", "run_ccx",
+                 "assemble", "step", "strict", "matrices", "deck_loads"):  # fmt: skip
+        if getattr(options, name):
+            raise BodyError(f"--{name.replace('_', '-')} is nothing for a mesh")
+    counts = import_mesh(
+        options.source,
+        options.output,
+        options.material,
+        [parse(*pair) for pair in named],
+        units=options.units or "SI",
+        alpha=options.alpha,
+        beta=options.beta,
+        eta=options.eta,
+        **_further(options),
+    )
+    _say_mesh(options, counts)
+
+
+def _further(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
+    """Loads and outputs of the command line."""
+    from flexgram.importers.mesh import describe_load, describe_output
+
+    found: dict[str, dict[str, Any]] = {"loads": {}, "outputs": {}}
+    for key, words, read in (("loads", options.load, describe_load),
+                             ("outputs", options.measure, describe_output)):  # fmt: skip
+        for word in words:
+            name, entry = read(word)
+            if name in found[key]:
+                raise BodyError(f"{key[:-1]} {name} is given twice")
+            found[key][name] = entry
+    return found
+
+
+def import_body_file(options: argparse.Namespace) -> None:
+    named = getattr(options, "interfaces", None) or []
+    if options.source.suffix.lower() in (".yaml", ".yml"):
+        from flexgram.body.description import import_body
+
+        every = ("material", "format", "deck", "mass", "damping", "inputs", "mapping", "run_ccx",
+                 "assemble", "step", "strict", "matrices", "units", "alpha", "beta",
+                 "eta", "load", "measure", "deck_loads")  # fmt: skip
+        given = [name.replace("_", "-") for name in every if getattr(options, name)]
+        given += [coupling for coupling, _ in named]
+        if given:
+            raise BodyError(
+                f"--{given[0]}: interfaces, units and damping of a meshed body stand "
+                f"in its YAML file {options.source}, not on the command line"
+            )
+        _say_mesh(options, import_body(options.source, options.output))
+        return
+    if options.material is not None or options.source.suffix.lower() in MESHES:
+        _import_mesh(options, named)
+        return
+    from flexgram.importers import check_damping, import_matrices, parse, read
+
+    if options.assemble:
+        from flexgram.importers.assemble import assemble_deck
+
+        for name in ("format", "deck", "mass", "damping", "inputs", "mapping", "run_ccx", "strict",
+                     "matrices"):  # fmt: skip
+            if getattr(options, name):
+                raise BodyError(f"--{name.replace('_', '-')} is nothing for --assemble")
+        counts = assemble_deck(options.source, options.output, [parse(*pair) for pair in named],
+                               units=options.units or "SI", step=options.step, alpha=options.alpha,
+                               beta=options.beta, eta=options.eta,
+                               deck_loads=options.deck_loads, **_further(options))  # fmt: skip
+        _say_mesh(options, counts)
+        for remark in counts["remarks"]:
+            say(f"  note: {remark}")
+        return
+    if options.load or options.measure:
+        raise BodyError("--load and --measure are for bodies that flexgram assembles: a mesh, or "
+                        "a CalculiX deck with --assemble")  # fmt: skip
+    interfaces = [parse(*pair) for pair in named]  # before ccx runs for minutes
+    check_damping(options.alpha, options.beta, options.eta)
+    if options.run_ccx:
+        say(f"  ccx runs on {options.source}")
+    fe = read(
+        options.source,
+        format=options.format,
+        deck=options.deck,
+        mass=options.mass,
+        damping=options.damping,
+        inputs=options.inputs,
+        mapping=options.mapping,
+        run_ccx=options.run_ccx,
+        step=options.step,
+        deck_loads=options.deck_loads,
+        matrices=_names(options.matrices),
+    )
+    facts = import_matrices(
+        fe,
+        options.output,
+        interfaces,
+        units=options.units or "SI",
+        alpha=options.alpha,
+        beta=options.beta,
+        eta=options.eta,
+        strict=options.strict,
+    )
+    say(f"  {options.output}: n = {facts['rows']}, {facts['nonzeros']:.3g} nonzeros in K as read")
+    if "extent" in facts:
+        say(f"  it measures {_lengths(facts['extent'])} m")
+    if "mass" in facts:
+        at = ", ".join(f"{x:.6g}" for x in facts["centre"])
+        inertia = ", ".join(f"{facts['inertia'][i, i]:.6g}" for i in range(3))
+        say(
+            f"  mass {facts['mass']:.6g} kg of the free rows, centre ({at}) m, inertia about it "
+            f"{inertia} kg m²"
+        )
+        left = f"{facts['free']} of 6 rigid motions are free"
+        say(f"  {left} (relative energy at most {facts['rigid_energy'].max():.0e})")
+    for name, interface in facts["interfaces"].items():
+        say(f"  interface {name}: {_interface(interface)}")
+    say(
+        f"  {len(facts['ports'])} ports: {', '.join(facts['ports'][:12])}"
+        f"{' …' if len(facts['ports']) > 12 else ''}"
+    )
+    for remark in facts["remarks"]:
+        say(f"  note: {remark}")

@@ -1,0 +1,117 @@
+"""What a file of flexgram holds, in a few lines."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from flexgram.basics import BodyError, errors_of, expect_survival
+from flexgram.model import words
+from flexgram.reduced_model import ReducedModel
+
+
+def describe(path: str | Path) -> list[str]:
+    """Lines about a body of matrices, a mesh body, a reduced file or a sweep file.
+
+    Raises
+    ------
+    BodyError
+        If it is none of them.
+    """
+    path = Path(path)
+    if not path.exists():
+        raise BodyError(f"{path}: no such file")
+    if not h5py.is_hdf5(path):
+        raise BodyError(f"{path}: not an HDF5 file")
+    file = Path(path)
+    expect_survival(file, lambda: _describe(file))
+    with errors_of(path):
+        return _describe(file)
+
+
+def _describe(path: Path) -> list[str]:
+    with h5py.File(path) as file:
+        if "mesh" in file:
+            return _mesh(file)
+        if "gramian" not in file and "K" in file:
+            return _matrices(file)
+        if "H" in file and "omega" in file:
+            hz = file["omega"][:] / (2 * np.pi)
+            lines = [
+                f"sweep of {len(hz)} frequencies, {hz[0]:g} to {hz[-1]:g} Hz, "
+                f"{file['H'].shape[1]} outputs, {file['H'].shape[2]} inputs"
+            ]
+            if "error" in file:
+                lines.append(
+                    f"reduced body beside it: error at most {file['error/relative'][:].max():.1e}"
+                )
+            return lines
+        if "gramian" not in file:
+            raise BodyError(f"{path}: neither a body, a reduced nor a sweep file of flexgram")
+    model = ReducedModel.load(path, basis=False)
+    hz = model.claim.bands / (2 * np.pi)
+    bands = ", ".join(f"{first:g} to {last:g}" for first, last in hz)
+    lines = [
+        f"reduced body of order {model.order} by {model.method}"
+        + (f" ({model.second_stage})" if model.second_stage not in ("", model.method) else ""),
+        f"band {bands} Hz, {words.error_of(model)}",
+        f"inputs: {', '.join(model.inputs)}",
+    ]
+    if len(model.claim.field_error):
+        lines.insert(2, "field, by its strain energy: " + ", ".join(
+            f"{error:.1e} from {inputs}" for inputs, error in
+            zip(model.claim.field_inputs, model.claim.field_error, strict=True)))  # fmt: skip
+    if len(model.claim.kind_tolerances):
+        lines.insert(2, "by kind: " + ", ".join(
+            f"{kind} {error:.1e} of {asked:g}" for kind, error, asked in
+            zip(model.claim.kinds, model.claim.by_kind, model.claim.kind_tolerances, strict=True)))  # fmt: skip
+    for said in (words.data_rounding_of(model), words.shortfall_of(model)):
+        if said:
+            lines.insert(2, said)
+    if model.outputs != model.inputs:
+        lines.append(f"outputs: {', '.join(model.outputs)}")
+    frame = model.frame
+    lines.append(
+        f"frame: {frame['kind']}, {frame['rigid_modes']} rigid modes"
+        + (f", mass {float(frame['mass']):.6g} kg" if "mass" in frame else "")
+    )
+    elastic = model.modes[model.modes > 1e-6 * max(model.modes.max(initial=0), 1e-300)]
+    first = ", ".join(f"{w / (2 * np.pi):.5g}" for w in elastic[:6])
+    lines.append(f"elastic modes [Hz]: {first}{' …' if len(elastic) > 6 else ''}")
+    lines += words.held_of(model)
+    lines.append(f"from {model.log.get('body', 'an unknown body')}")
+    return lines
+
+
+def _mesh(file: h5py.File) -> list[str]:
+    blocks = [(str(b.attrs["type"]), len(b["connectivity"])) for b in file["mesh/blocks"].values()]
+    lines = [
+        f"mesh of {len(file['mesh/points'])} points: "
+        + ", ".join(f"{count} {kind}" for kind, count in blocks)
+    ]
+    for name, item in file.get("interfaces", {}).items():
+        lines.append(f"interface {name}: {item.attrs['coupling']}, {len(item['nodes'])} nodes")
+    return lines
+
+
+def _matrices(file: h5py.File) -> list[str]:
+    def shape(name: str) -> str:
+        item = file[name]
+        if isinstance(item, h5py.Group):
+            return f"{int(item.attrs['MATLAB_sparse'])} rows, {len(item['data'])} nonzeros"
+        return " × ".join(str(x) for x in item.shape)
+
+    lines = [f"body of matrices: {', '.join(f'{n}: {shape(n)}' for n in 'KMDBC' if n in file)}"]
+    names = file["B"].attrs.get("names") if "B" in file else None
+    if names is not None:
+        lines.append(f"inputs: {', '.join(str(n) for n in names)}")
+    damping = [
+        f"{n} = {float(file.attrs[n]):g}" for n in ("alpha", "beta", "eta") if file.attrs.get(n)
+    ]
+    if damping:
+        lines.append(f"damping: {', '.join(damping)}")
+    if "nodes/position" in file:
+        lines.append(f"{len(file['nodes/position'])} nodes with coordinates")
+    return lines

@@ -1,0 +1,296 @@
+"""The verbs that work on reduced files by their ports and modes: couple, frf, modes, hotspots,
+simulate."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from flexgram.basics import BodyError, say, written_aside
+
+
+def couple_options(parser: argparse.ArgumentParser) -> None:
+    from flexgram.assembly.couple import PORTS
+
+    where = "PART.INTERFACE=PART.INTERFACE"
+    parser.add_argument(
+        "roms",
+        nargs="+",
+        metavar="[NAME=]ROM",
+        help="reduced files; a part's name is its file's up to the first dot",
+    )
+    parser.add_argument("--join", action="append", default=[], metavar=f"{where}[:x,y,...]",
+                        help=f"tie two interfaces (or one and ground), in all directions of "
+                        f"{', '.join(PORTS)} or some")  # fmt: skip
+    for what, unit in (("spring", "[N/m], [N m/rad]"), ("damper", "[N s/m], [N m s/rad]")):
+        parser.add_argument(f"--{what}", action="append", default=[], metavar=f"{where}:x=1e6,...",
+                            help=f"between them, {unit} by direction")  # fmt: skip
+    parser.add_argument("--turn", action="append", default=[], metavar="PART=RX,RY,RZ",
+                        help="rotation vector of a part in the assembly [degrees]")  # fmt: skip
+    parser.add_argument("--keep", action="append", default=[], metavar="PART.INTERFACE",
+                        help="a joined interface whose ports stay")  # fmt: skip
+    parser.add_argument("-o", "--output", type=Path, required=True, help="reduced file to write")
+
+
+def run_couple(options: argparse.Namespace) -> None:
+    import numpy as np
+
+    from flexgram.assembly.couple import couple, read_joint
+    from flexgram.importers.interfaces import numbers
+    from flexgram.reduced_model import ReducedModel
+
+    models: dict[str, ReducedModel] = {}
+    for word in options.roms:
+        name, equals, path = word.partition("=")
+        file = Path(path if equals else word)
+        part = name if equals else file.name.partition(".")[0]
+        if part in models:
+            raise BodyError(f"two parts are named {part}: name one, NAME={file}")
+        models[part] = ReducedModel.load(file, basis=False)
+    joints = [
+        read_joint(f"--{kind}", kind, word)
+        for kind in ("join", "spring", "damper")
+        for word in getattr(options, kind)
+    ]
+    turns = {}
+    for word in options.turn:
+        part, _, vector = word.partition("=")
+        if part in turns:
+            raise BodyError(f"--turn {word}: {part} is turned twice")
+        turns[part] = np.deg2rad(numbers(f"--turn {word}", vector, 3))
+    whole = couple(models, joints, turns=turns, keep=options.keep,
+                   tell=lambda words: say(f"  claim    {words}"))  # fmt: skip
+    with written_aside(options.output, *(model.path for model in models.values())) as place:
+        whole.save(place)
+    for name, words in whole.log["plan"]:
+        say(f"  {name:8s} {words}")
+    say(f"  wrote {options.output}: order {whole.order}, {len(whole.inputs)} inputs")
+
+
+def frf_options(parser: argparse.ArgumentParser) -> None:
+    from flexgram.model.reduced import RATES
+
+    parser.add_argument("rom", type=Path, help="reduced file")
+    parser.add_argument("--pair", action="append", default=[], metavar="OUTPUT=INPUT",
+                        required=True, help="ports, several times for more")  # fmt: skip
+    parser.add_argument("--hz", help="first,last,count; default: 800 over the band")
+    parser.add_argument("--rate", choices=RATES, default=RATES[0],
+                        help="what answers (default %(default)s)")  # fmt: skip
+    parser.add_argument("--measured", type=Path,
+                        help="universal file (58) whose responses are those of the pairs, in their "
+                        "order: at its frequencies, with the FRAC of each")  # fmt: skip
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        required=True,
+        help=".csv, .unv (universal file 58), or a Bode plot: .png, .svg, .pdf",
+    )
+
+
+def run_frf(options: argparse.Namespace) -> None:
+    import numpy as np
+
+    from flexgram.importers.interfaces import numbers
+    from flexgram.measured import frf
+    from flexgram.model import words
+    from flexgram.reduced_model import ReducedModel
+
+    model = ReducedModel.load(options.rom, basis=False)
+    pairs = []
+    for word in options.pair:
+        output, equals, port = word.partition("=")
+        if not equals:
+            raise BodyError(f"--pair {word}: expected OUTPUT=INPUT")
+        pairs.append((output, port))
+    measured = frf.read_universal(options.measured) if options.measured else []
+    if measured and len(measured) < len(pairs):
+        raise BodyError(f"{options.measured} has {len(measured)} responses for {len(pairs)} pairs")
+    if options.hz:
+        first, last, count = numbers(f"--hz {options.hz}", options.hz, 3)
+        hertz = np.linspace(first, last, int(count))
+    else:
+        hertz = np.linspace(model.band[0] / (2 * np.pi), model.band[-1] / (2 * np.pi), 800)
+    functions = []
+    for k, pair in enumerate(pairs):
+        at = measured[k].hertz if measured and not options.hz else hertz
+        functions += frf.responses(model, [pair], at, options.rate)
+        if measured and not options.hz:
+            if measured[k].rate != options.rate:
+                raise BodyError(f"{options.measured}: response {k + 1} is a {measured[k].rate}: "
+                                f"--rate {measured[k].rate}")  # fmt: skip
+            likeness = frf.frac(functions[-1].values, measured[k].values)
+            say(f"  {pair[0]} from {pair[1]}: FRAC {likeness:.4f} with the measured one")
+    suffix = options.output.suffix.lower()
+    if suffix == ".csv":
+        if any(not np.array_equal(r.hertz, functions[0].hertz) for r in functions):
+            raise BodyError("the measured responses are at different frequencies: --hz")
+        frf.write_csv(functions, options.output)
+    elif suffix in (".unv", ".uff"):
+        frf.write_universal(functions, options.output, words.error_of(model))
+    else:
+        from flexgram.pictures.figures import save
+
+        save(frf.bode(functions, measured[: len(pairs)]), options.output)
+    say(f"  wrote {options.output}: {len(functions)} responses, {words.error_of(model)}")
+
+
+def modes_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("rom", type=Path, help="reduced file")
+    parser.add_argument("--measured", type=Path,
+                        help="universal file (55, and 15 or 2411 for its nodes) of a test: how its "
+                        "modes compare (MAC)")  # fmt: skip
+    parser.add_argument("--hz", type=float, help="up to here; default: the end of the band")
+    parser.add_argument(
+        "--body", type=Path, help="body file with the mesh; default: the one that was reduced"
+    )
+    parser.add_argument(
+        "-o",
+        "--output",
+        type=Path,
+        help=".unv (universal file: nodes and shapes), .csv, or with --measured a picture of the "
+        "MAC: .png, .svg, .pdf",
+    )
+
+
+def run_modes(options: argparse.Namespace) -> None:
+    import numpy as np
+
+    from flexgram.measured import mode_shapes as ms
+    from flexgram.model import words
+    from flexgram.reduced_model import ReducedModel
+
+    suffix = options.output.suffix.lower() if options.output else ""
+    if options.output and suffix not in (".csv", ".unv", ".uff") and not options.measured:
+        raise BodyError(f"-o {options.output}: .unv or .csv; a picture is of the MAC and needs "
+                        "--measured (of the shapes: flexgram plot --figure shapes)")  # fmt: skip
+    model = ReducedModel.load(options.rom)
+    shapes = bool(options.measured) or suffix in (".unv", ".uff")
+    modes = ms.mode_shapes(model, options.body, options.hz, at_nodes=shapes)
+    band = model.band / (2 * np.pi)
+    for k, (f, zeta) in enumerate(zip(modes.hertz, modes.damping, strict=True), 1):
+        beyond = "" if band[0] <= f <= band[-1] else "  outside the band: of the reduced body only"
+        say(f"  {k:4d} {f:12.6g} Hz   damping {100 * zeta:.3g} %{beyond}")
+    say("  the claim is of H at the ports: modes that they hardly drive or show may be missing")
+    if modes.coupled > 1e-6:
+        say("  a damping matrix couples the modes: frequencies are those without damping, dampings "
+            "its diagonal (ReducedModel.poles has both as they are)")  # fmt: skip
+    found = None
+    if options.measured:
+        found = ms.compare(ms.read_universal(options.measured), modes)
+        for line in found.words():
+            say(f"  {line}")
+    if not options.output:
+        return
+    if suffix == ".csv":
+        ms.write_csv(modes, options.output)
+    elif suffix in (".unv", ".uff"):
+        ms.write_universal(modes, options.output, words.error_of(model))
+    elif found is not None:
+        from flexgram.pictures.figures import save
+
+        save(ms.picture(found), options.output)
+    say(f"  wrote {options.output}: {len(modes.hertz)} modes")
+
+
+def hotspots_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("rom", type=Path, help="reduced file of a mesh of solids")
+    parser.add_argument("--count", type=int, default=5, help="at most so many (%(default)s)")
+    parser.add_argument(
+        "--apart", type=float, help="distance between any two [m]; default: size of the body/20"
+    )
+    parser.add_argument(
+        "--input",
+        action="append",
+        metavar="PORT",
+        help="a load to look at, several times for more; default: all but temperatures",
+    )
+    parser.add_argument("--body", type=Path, help="body file with the mesh")
+
+
+def run_hotspots(options: argparse.Namespace) -> None:
+    from flexgram.reduced_model import ReducedModel
+    from flexgram.simulation.hot_spots import describe, hot_spots
+
+    if options.count < 1:
+        raise BodyError(f"--count {options.count} must be 1 or more")
+    model = ReducedModel.load(options.rom)
+    for line in describe(hot_spots(model, options.count, apart=options.apart, body=options.body,
+                                   inputs=options.input)):  # fmt: skip
+        say(line)
+
+
+def simulate_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("rom", type=Path, help="reduced file")
+    parser.add_argument(
+        "--force",
+        action="append",
+        default=[],
+        metavar="PORT=f(t)",
+        help="force or moment [N, N m] as an expression in t: + - * / ** < >, sin, exp, where, ...",
+    )
+    parser.add_argument(
+        "--time", default="0,1,1001", help="first,last,count [s] (default %(default)s)"
+    )
+    parser.add_argument("--loads", type=Path, help="CSV of a load history, t,port,...: its times")
+    parser.add_argument(
+        "--rates", default="displacement",
+        help="what is written of the outputs: displacement, velocity, acceleration, comma "
+        "separated (default %(default)s)",
+    )  # fmt: skip
+    parser.add_argument("--body", type=Path, help="body file with the mesh, for --xdmf")
+    parser.add_argument("--xdmf", type=Path, help="also the motion of the mesh, for ParaView")
+    parser.add_argument(
+        "--stress",
+        action="store_true",
+        help="with --xdmf: stress and von Mises stress too; its extreme is printed",
+    )
+    parser.add_argument(
+        "-o", "--output", type=Path, required=True, help=".csv of t and all outputs"
+    )
+
+
+def run_simulate(options: argparse.Namespace) -> None:
+    import numpy as np
+
+    from flexgram.body.stress import largest_stress, words_of
+    from flexgram.reduced_model import ReducedModel
+    from flexgram.simulation.expressions import function_of_time
+    from flexgram.simulation.histories import evenly, read_history
+
+    model = ReducedModel.load(options.rom, basis=options.xdmf is not None or options.stress)
+    if not options.force and options.loads is None:
+        raise BodyError("no loads: --force PORT=f(t), or --loads FILE")
+    if options.loads is not None:
+        t, u = evenly(*read_history(options.loads, model.inputs))
+    else:
+        try:
+            first, last, count = (float(x) for x in options.time.split(","))
+            t = np.linspace(first, last, int(count))
+        except ValueError:
+            raise BodyError(f"--time {options.time}: expected first,last,count") from None
+        u = np.zeros((len(t), len(model.inputs)))
+    for word in options.force:
+        port, _, expression = word.partition("=")
+        if port not in model.inputs:
+            raise BodyError(
+                f"--force {word}: there is no port {port}; there are {', '.join(model.inputs)}"
+            )
+        try:
+            u[:, model.inputs.index(port)] += function_of_time(expression, t)
+        except BodyError as error:
+            raise BodyError(f"--force {port}: {error}") from None
+    rates = options.rates.split(",")
+    y, q = model.simulate(u, t, rates=rates)
+    header = "t," + ",".join(model.names_of(rates))
+    with written_aside(options.output) as place:
+        np.savetxt(place, np.column_stack([t, y]), delimiter=",", header=header, comments="")
+    say(f"  wrote {options.output}: {len(t)} times, {y.shape[1]} outputs")
+    if options.xdmf is not None:
+        from flexgram.exporters.shapes import write_motion
+
+        write_motion(model, options.xdmf, t, q, options.body, options.stress, u)
+        say(f"  wrote {options.xdmf}")
+    if options.stress:
+        worst = largest_stress(model, q, u, options.body)
+        say(f"  {words_of(model, t, worst, options.body)}")

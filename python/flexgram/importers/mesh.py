@@ -1,0 +1,206 @@
+"""Bodies of a mesh of one material, described in words instead of YAML."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from flexgram.basics import BodyError
+from flexgram.body.description import EXPANSION, ISOTROPIC, import_description
+from flexgram.body.loads import TYPES
+from flexgram.body.outputs import OUTPUTS
+from flexgram.body.units import UNITS
+from flexgram.importers import check_damping
+from flexgram.importers.fe import Interface
+from flexgram.importers.interfaces import numbers, parse
+
+#: Materials by name [SI]: Young's modulus, Poisson's ratio, density, expansion.
+MATERIALS = {
+    "steel": (210e9, 0.3, 7850.0, 12e-6),
+    "aluminium": (70e9, 0.33, 2700.0, 23e-6),
+    "titanium": (114e9, 0.34, 4430.0, 8.6e-6),
+    "cast-iron": (110e9, 0.28, 7200.0, 10.5e-6),
+}
+
+
+def describe_interfaces(interfaces: Sequence[Interface]) -> dict[str, Any]:
+    """Interfaces of a description, from the words of a command line."""
+    described: dict[str, Any] = {}
+    for interface in interfaces:
+        name = interface.name
+        if name in described:
+            raise BodyError(f"interface {name} is given twice")
+        if interface.coupling == "rows" or not isinstance(interface.where, str):
+            raise BodyError(f"--{interface.coupling} {name}: a mesh has nodes, no rows of matrices")
+        described[name] = {"coupling": interface.coupling, "nodes": _choice(interface)}
+        if interface.position is not None:
+            described[name]["position"] = interface.position.tolist()
+    return described
+
+
+def describe_load(text: str) -> tuple[str, dict[str, Any]]:
+    """Name and entry of a load from the words of a command line, ``NAME=TYPE[:MORE]``: ``MORE`` are
+    nodes, of ``angular_acceleration`` a point, of ``spin`` a point and an axis."""
+    name, equals, rest = text.partition("=")
+    kind, _, more = rest.partition(":")
+    if not equals or kind not in TYPES:
+        raise BodyError(f"--load {text}: expected NAME=TYPE, TYPE one of {', '.join(TYPES)}")
+    entry: dict[str, Any] = {"type": kind}
+    if kind == "angular_acceleration":
+        entry["point"] = numbers(f"--load {text}", more, 3).tolist()
+    elif kind == "spin":
+        six = numbers(f"--load {text} (point and axis)", more, 6).tolist()
+        entry |= {"point": six[:3], "axis": six[3:]}
+    elif kind == "nodal":
+        entry["table"] = more
+    elif kind != "acceleration":
+        entry["nodes"] = _choice(parse("load", f"{name}={more}"))
+    elif more:
+        raise BodyError(f"--load {text}: acceleration takes no nodes: it acts on all")
+    return name, entry
+
+
+def describe_output(text: str) -> tuple[str, dict[str, Any]]:
+    """Name and entry of an output, ``NAME=[stress:|reaction:]NODES``."""
+    name, _, rest = text.partition("=")
+    kind, colon, nodes = rest.partition(":")
+    if not colon or kind not in OUTPUTS:
+        kind, nodes = "displacement", rest
+    return name, {"type": kind, "nodes": _choice(parse("measure", f"{name}={nodes}"))}
+
+
+def describe_mesh(
+    mesh: Path,
+    material: str,
+    interfaces: Sequence[Interface],
+    *,
+    units: str = "SI",
+    damping: Mapping[str, float | None] | None = None,
+    loads: Mapping[str, Any] | None = None,
+    outputs: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
+    """The description of a mesh of one material, from the words of a command line.
+
+    Parameters
+    ----------
+    mesh : Path
+        Of any meshio format.
+    material : str
+        One of ``MATERIALS``, or ``E=210e9,nu=0.3,rho=7850`` in the given units.
+    interfaces : sequence of Interface
+        Names, couplings, selectors, references, as ``importers.parse`` reads them.
+    units : str
+        Of the mesh.
+    damping : mapping, optional
+        alpha [1/s], beta [s], eta.
+    loads, outputs : mapping, optional
+        As in a YAML description.
+
+    Raises
+    ------
+    BodyError
+        For words that no mesh can be described by.
+    """
+    if units not in UNITS:
+        raise BodyError(f"--units {units} must be one of {', '.join(UNITS)}")
+    length, mass, force = UNITS[units]
+    if material in MATERIALS:
+        E, nu, rho, expansion = MATERIALS[material]
+        values = {"E": E / (force / length**2), "nu": nu, "rho": rho / (mass / length**3),
+                  EXPANSION: expansion}  # fmt: skip
+    else:
+        pairs = [word.partition("=") for word in material.split(",")]
+        try:
+            values = {name.strip(): float(number) for name, _, number in pairs}
+        except ValueError:
+            values = {}
+        if set(values) - {EXPANSION} != set(ISOTROPIC):
+            raise BodyError(f"--material {material}: expected one of {', '.join(MATERIALS)}, or "
+                            "E=210e9,nu=0.3,rho=7850 in the units of the mesh, and expansion=12e-6 "
+                            "[1/K] for heat")  # fmt: skip
+    described = describe_interfaces(interfaces)
+    given = {key: value for key, value in (damping or {}).items() if value is not None}
+    return {"name": mesh.stem, "mesh": str(mesh.absolute()), "units": units,
+            "materials": {"material": values}, "regions": {"all": {"material": "material"}},
+            "interfaces": described, "damping": given, "loads": dict(loads or {}),
+            "outputs": dict(outputs or {})}  # fmt: skip
+
+
+def import_mesh(
+    mesh: str | Path,
+    output: str | Path,
+    material: str,
+    interfaces: Mapping[str, str] | Sequence[Interface],
+    *,
+    units: str = "SI",
+    alpha: float | None = None,
+    beta: float | None = None,
+    eta: float | None = None,
+    loads: Mapping[str, Any] | None = None,
+    outputs: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
+    """Turn a mesh of one material into a body file, without YAML.
+
+    Parameters
+    ----------
+    mesh : str or Path
+        Of any meshio format.
+    output : str or Path
+        Body file to write.
+    material : str
+        ``steel``, ``aluminium``, ``titanium``, ``cast-iron``, or ``E=210e9,nu=0.3,rho=7850`` in the
+        given units.
+    interfaces : mapping, or sequence of Interface
+        Name -> coupling and nodes, as on the command line: ``{"eye": "rigid NSET:eye"}``.
+    units : str
+        Of the mesh: ``SI``, ``mm-t-s`` or ``mm-kg-s``.
+    alpha, beta, eta : float, optional
+        Damping.
+    loads, outputs : mapping, optional
+        As in a YAML description: ``{"gravity": {"type": "acceleration"}}``,
+        ``{"fillet": {"type": "stress", "nodes": "fillet"}}``.
+
+    Returns
+    -------
+    dict
+        As ``import_body``.
+
+    Raises
+    ------
+    BodyError
+        With the place and what was expected.
+    """
+    check_damping(alpha, beta, eta)
+    named = [_parsed(*item) for item in interfaces.items()] if isinstance(
+        interfaces, Mapping) else interfaces  # fmt: skip
+    described = describe_mesh(Path(mesh), material, named, units=units,
+                              damping={"alpha": alpha, "beta": beta, "eta": eta},
+                              loads=loads, outputs=outputs)  # fmt: skip
+    return import_description(described, str(mesh), output)
+
+
+def _parsed(name: str, words: str) -> Interface:
+    coupling, _, where = str(words).partition(" ")
+    if coupling not in ("rigid", "distributing", "node"):
+        raise BodyError(f"interface {name}: {words!r} must be rigid, distributing or node and "
+                        "its nodes: 'rigid NSET:eye'")  # fmt: skip
+    return parse(coupling, f"{name}={where}")
+
+
+def _choice(interface: Interface) -> Any:
+    """Nodes of a description, from a selector of the command line."""
+    kind, _, words = str(interface.where).partition(":")
+    place = f"{interface.name}={interface.where}"
+    if kind.upper() == "NSET":
+        return words
+    if kind.upper() not in ("NODES", "AT", "BOX"):
+        raise BodyError(f"{place}: a node set is named with NSET:{kind}")
+    if kind.upper() == "NODES":
+        try:
+            return [int(word) for word in words.split(",")]
+        except ValueError:
+            raise BodyError(f"{place}: expected node numbers, not {words!r}") from None
+    if kind.upper() == "AT":
+        return {"at": numbers(place, words, 3).tolist()}
+    return {"box": numbers(place, words, 6).reshape(2, 3).tolist()}

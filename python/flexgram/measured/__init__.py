@@ -1,0 +1,4 @@
+"""Responses and natural modes as tables and universal files, beside measured ones.
+
+May import: basics, model.
+"""

@@ -1,0 +1,185 @@
+"""Mesh of a body file with the motion of its nodes, for pictures and exporters."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import h5py
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from flexgram.basics import BodyError, errors_of, index_of
+from flexgram.body.faces import SHELLS, faces_of, outer
+from flexgram.model.reduced import Floats, ReducedBody
+
+Ints = NDArray[np.int64]
+
+
+@dataclass
+class Geometry:
+    """Nodes and elements of a body.
+
+    Attributes
+    ----------
+    points : (N, 3) array
+        [m]
+    labels : (N,) int array
+        As ``ReducedBody.node`` counts them.
+    blocks : list of (str, int array)
+        Meshio type and indices into ``points``.
+    followers : dict
+        Rigid interface -> (reference position [m], indices of the nodes that follow it).
+    interfaces : dict
+        Name -> indices of its nodes, for marking them.
+    """
+
+    points: Floats
+    labels: Ints
+    blocks: list[tuple[str, Ints]]
+    followers: dict[str, tuple[Floats, Ints]] = field(default_factory=dict)
+    interfaces: dict[str, Ints] = field(default_factory=dict)
+
+    @classmethod
+    def load(cls, path: str | Path) -> Geometry:
+        """Read the mesh of a body file (of a mesh, or imported with a deck).
+
+        Raises
+        ------
+        BodyError
+            If the body has no mesh.
+        """
+        path = Path(path)
+        if not path.exists():
+            raise BodyError(f"{path}: no such file (the body file is needed for its mesh)")
+        with errors_of(path), h5py.File(path) as file:
+            followers: dict[str, tuple[Floats, Ints]] = {}
+            interfaces: dict[str, Ints] = {}
+            if "mesh" in file:
+                group = file["mesh/blocks"]
+                blocks = [(str(g.attrs["type"]), g["connectivity"][:]) for g in group.values()]
+                points = file["mesh/points"][:]
+                for name, item in file["interfaces"].items() if "interfaces" in file else ():
+                    interfaces[name] = item["nodes"][:]
+                    if str(item.attrs["coupling"]) == "rigid":
+                        followers[name] = (np.array(item.attrs["position"]), item["nodes"][:])
+                return cls(points, np.arange(len(points)), blocks, followers, interfaces)
+            if "geometry/blocks" not in file or "nodes/position" not in file:
+                raise BodyError(f"{path}: the body has no mesh (import it with its deck)")
+            blocks = [(str(g.attrs["type"]), g["connectivity"][:])
+                      for g in file["geometry/blocks"].values()]  # fmt: skip
+            points = file["nodes/position"][:]
+            labels = file["nodes/id"][:] if "nodes/id" in file else np.arange(len(points))
+            followers = {
+                name: (points[nodes[0]], nodes[1:])
+                for name, nodes in (
+                    (n, d[:]) for n, d in file.get("geometry/followers", {}).items()
+                )
+            }
+            marked = {name: nodes for name, (_, nodes) in followers.items()}
+            for name, item in file.get("geometry/interfaces", {}).items():
+                marked.setdefault(name, item[:])
+            return cls(points, labels, blocks, followers, marked)
+
+    def motion(self, model: ReducedBody, q: ArrayLike | None = None) -> Floats:
+        """Displacements of all nodes [m], (k, N, 3), in generalised coordinates (k, m).
+
+        Nodes inside a rigid interface follow its reference node; supported nodes rest.
+        """
+        shapes = np.atleast_2d(np.eye(model.order) if q is None else np.asarray(q, dtype=float))
+        labels, _, moved = model.nodal(shapes)
+        motion = np.zeros((len(shapes), len(self.points), 3))
+        at, known = index_of(self.labels, labels)
+        motion[:, at[known]] = moved[:, known]
+        for reference, nodes in self.followers.values():
+            six = _six(model, shapes, reference)
+            if six is not None:
+                arm = self.points[nodes] - reference
+                motion[:, nodes] = six[:, None, :3] + np.cross(six[:, None, 3:], arm[None])
+        return motion
+
+    def surface(self) -> Ints:
+        """Triangles of the outer surface by corner nodes, (T, 3)."""
+        own = outer(faces_of([b for b in self.blocks if b[0] not in SHELLS]))
+        square = own[:, 3] != own[:, 0]
+        return np.vstack([own[:, :3], own[square][:, [0, 2, 3]]])
+
+
+def body_of(model: ReducedBody, body: str | Path | None = None) -> str | Path:
+    """The body file of a reduced body: as named, where it was, or beside the reduced file.
+
+    Raises
+    ------
+    BodyError
+        If it is not known or not there.
+    """
+    stored = str(model.log.get("body", ""))
+    if body is not None:
+        return body
+    if not stored:
+        raise BodyError("the mesh is in the body file: name it (--body)")
+    beside = model.path.parent / Path(stored).name if model.path is not None else None
+    if not Path(stored).exists() and beside is not None and beside.exists():
+        return beside
+    if Path(stored).suffix == "" and not Path(stored).exists():
+        raise BodyError(f"the body {stored} was handed over in memory: it has no mesh to draw")
+    if not Path(stored).exists():
+        raise BodyError(f"{stored}: no such file (the body file holds the mesh: --body names it)")
+    return stored
+
+
+def _six(model: ReducedBody, shapes: Floats, reference: Floats) -> Floats | None:
+    """Translation and rotation (k, 6) of the node with rotations at a place; None without one."""
+    turning = np.flatnonzero(model.component >= 3)
+    if not len(turning):
+        return None
+    distance = np.linalg.norm(model.position[turning] - reference, axis=1)
+    node = model.node[turning[np.argmin(distance)]]
+    if distance.min() > 1e-6 * max(float(np.ptp(model.position, axis=0).max()), 1e-300):
+        return None
+    rows = np.flatnonzero(model.node == node)
+    six = np.zeros((len(shapes), 6))
+    six[:, model.component[rows]] = shapes @ model.V[rows].T
+    return six
+
+
+def interface_motion(model: ReducedBody) -> dict[str, tuple[Floats, Floats]]:
+    """For each interface with six ports its translation and rotation, (3, m) each. Loads, which
+    are inputs alone or loads of the body's spin, are no interfaces.
+
+    Raises
+    ------
+    BodyError
+        If a port belongs to an interface that has not all six.
+    """
+    found: dict[str, dict[str, int]] = {}
+    for i, port in enumerate(model.inputs):
+        name, _, force = port.rpartition(".")
+        if port not in model.outputs or (name == "frame" and force.startswith("spin")):
+            continue
+        found.setdefault(name, {})[force] = i
+    result = {}
+    for name, ports in found.items():
+        if {"fx", "fy", "fz", "mx", "my", "mz"} <= set(ports):
+            result[name] = (model.B[:, [ports[f] for f in ("fx", "fy", "fz")]].T,
+                            model.B[:, [ports[f] for f in ("mx", "my", "mz")]].T)  # fmt: skip
+    lacking = [name for name in found if name not in result]
+    if lacking:
+        raise BodyError(f"the interface {lacking[0]} has the ports "
+                        f"{', '.join(found[lacking[0]])} only; a multibody code needs all six, fx "
+                        "to mz: reduce with them (-mor_inputs)")  # fmt: skip
+    return result
+
+
+def interface_positions(model: ReducedBody) -> dict[str, Floats]:
+    """Reference positions [m] of the interfaces of a free body, from how its rigid modes move
+    them: the translation under the rotation e_a × x is e_a × x_reference."""
+    if "M_er" not in model.frame or model.frame["rigid_modes"] != 6:
+        raise BodyError("the positions of interfaces come from the rigid modes of a free body "
+                        "(-mor_method two_step, -mor_frame buckens)")  # fmt: skip
+    turns = model.frame["M_er"][:6, 3:]  # coordinates of the rotations about the origin
+    result = {}
+    for name, (translation, _) in interface_motion(model).items():
+        W = translation[:, :6] @ turns  # column a: e_a × x
+        result[name] = 0.5 * np.array([W[1, 2] - W[2, 1], W[2, 0] - W[0, 2], W[0, 1] - W[1, 0]])
+    return result

@@ -1,0 +1,229 @@
+"""A reduced body by the motion of its interfaces and internal coordinates, as superelements are.
+
+q = T [u_b; p]: u_b are the displacements and rotations of the interfaces themselves, p the modes of
+the body with all interfaces held. An exact change of basis (Craig and Bampton's form of whatever
+basis the body has): the responses stay what they are, and so does the certified error.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import h5py
+import numpy as np
+import scipy.linalg
+from numpy.typing import ArrayLike, NDArray
+
+from flexgram.basics import BodyError
+from flexgram.model.geometry import Geometry, body_of, interface_positions
+from flexgram.model.response import expect_collocated, frequency_response
+
+if TYPE_CHECKING:
+    from flexgram.model.reduced import ReducedBody
+
+Floats = NDArray[np.float64]
+
+#: A motion of the interfaces that is smaller than this in the basis, relative, is none.
+HELD = 1e-9
+DIRECTIONS = {"fx": 0, "fy": 1, "fz": 2, "mx": 3, "my": 4, "mz": 5}
+
+
+@dataclass
+class PhysicalForm:
+    """M x'' + D x' + K (1 + i eta) x = B u, y = C x + F u with x = [u_b; p].
+
+    Attributes
+    ----------
+    M, D, K : (m, m) arrays
+        K has no part between u_b and p, and is diagonal in p, where M is the identity.
+    eta : float
+    B, C, feedthrough : (m, n_in), (n_out, m), (n_out, n_in) arrays
+        Of all ports, those of the interfaces by their unit vectors.
+    interfaces : dict
+        For each interface which of x moves it, by direction: 0-2 translation, 3-5 rotation.
+    boundary : list of str
+        Ports of u_b, in the order of x.
+    frequencies : (m - n_b,) array
+        Modes with all interfaces held [rad/s].
+    T : (m, m) array
+        q = T x.
+    source : ReducedBody
+    """
+
+    M: Floats
+    D: Floats
+    K: Floats
+    eta: float
+    B: Floats
+    C: Floats
+    feedthrough: Floats
+    interfaces: dict[str, dict[int, int]]
+    boundary: list[str]
+    frequencies: Floats
+    T: Floats
+    source: ReducedBody
+
+    @property
+    def order(self) -> int:
+        return len(self.K)
+
+    def transfer(self, omega: ArrayLike) -> NDArray[np.complex128]:
+        """As ``ReducedBody.transfer``."""
+        K = self.K * (1 + 1j * self.eta)
+        return frequency_response(K, self.D, self.M, self.B, self.C, omega) + self.feedthrough
+
+    def positions(self, body: str | Path | None = None) -> dict[str, Floats]:
+        """Where the interfaces are (3,) [m]: of a free body by its rigid modes, else by its file.
+
+        Raises
+        ------
+        BodyError
+            If nothing tells.
+        """
+        model = self.source
+        if model.frame["rigid_modes"] == 6 and "M_er" in model.frame and all(
+            len(moves) == 6 for moves in self.interfaces.values()
+        ):  # fmt: skip
+            return {name: place for name, place in interface_positions(model).items()
+                    if name in self.interfaces}  # fmt: skip
+        path = body_of(model, body)
+        found: dict[str, Floats] = {}
+        with h5py.File(path) as file:
+            for name, group in file.get("interfaces", {}).items():
+                found[name] = np.asarray(group.attrs["position"], dtype=float)
+        if not found:
+            try:
+                geometry = Geometry.load(path)
+            except BodyError as error:
+                raise BodyError(f"where the interfaces are is not known: {error}") from None
+            found = {name: place for name, (place, _) in geometry.followers.items()}
+            for name, nodes in geometry.interfaces.items():
+                found.setdefault(name, geometry.points[nodes].mean(axis=0))
+        missing = [name for name in self.interfaces if name not in found]
+        if missing:
+            raise BodyError(f"{path} does not tell where interface {missing[0]} is")
+        return {name: found[name] for name in self.interfaces}
+
+    def rigid_motions(self, body: str | Path | None = None) -> Floats:
+        """u_b of the six rigid motions, (n_b, 6): translations, rotations about the origin."""
+        places = self.positions(body)
+        R = np.zeros((len(self.boundary), 6))
+        for name, moves in self.interfaces.items():
+            for direction, row in moves.items():
+                if direction >= 3:
+                    R[row, direction] = 1
+                    continue
+                R[row, direction] = 1
+                for axis in range(3):
+                    R[row, 3 + axis] = np.cross(np.eye(3)[axis], places[name])[direction]
+        return R
+
+
+def _boundary(model: ReducedBody) -> tuple[list[str], Floats, dict[str, dict[int, int]]]:
+    """Ports of interfaces, their rows of C, and whose they are."""
+    names: list[str] = []
+    interfaces: dict[str, dict[int, int]] = {}
+    for port in model.inputs:
+        name, _, force = port.rpartition(".")
+        if force not in DIRECTIONS or port not in model.outputs:
+            continue
+        expect_collocated(port, model.C[model.outputs.index(port)],
+                          model.B[:, model.inputs.index(port)])  # fmt: skip
+        interfaces.setdefault(name, {})[DIRECTIONS[force]] = len(names)
+        names.append(port)
+    if not names:
+        raise BodyError("no port is a force and its displacement (x.fx … x.mz): the body has no "
+                        "interfaces whose motion could be coordinates")  # fmt: skip
+    return names, np.array([model.C[model.outputs.index(name)] for name in names]), interfaces
+
+
+def physical_form(model: ReducedBody) -> PhysicalForm:
+    """The body in the motion of its interfaces and the modes with these held.
+
+    Raises
+    ------
+    BodyError
+        If the body's coordinates do not hold every motion of the interfaces by itself: it is too
+        small for that, or a motion is no part of its basis.
+    """
+    names, C_b, interfaces = _boundary(model)
+    m, n_b = model.order, len(names)
+    scale = max(float(model.claim.bands[-1, 1]), 1e-12)
+    try:
+        L = np.linalg.cholesky(model.M + model.K / scale**2)
+    except np.linalg.LinAlgError:
+        raise BodyError("M + K/omega² is not positive definite") from None
+    C = scipy.linalg.solve_triangular(L, C_b.T, lower=True).T  # of orthonormal coordinates
+    sizes = np.linalg.norm(C, axis=1)
+    if np.any(sizes == 0):
+        raise BodyError(f"{names[int(np.argmin(sizes))]}: the body does not move there")
+    values = np.linalg.svd(C / sizes[:, None], compute_uv=False)
+    rank = int(np.sum(values > HELD * values[0]))
+    if rank < n_b:
+        raise BodyError(
+            f"the {m} coordinates hold {rank} of the {n_b} motions of {', '.join(interfaces)}: "
+            "take the static response to every port into the basis (-mor_statics yes), a smaller "
+            "-mor_tol, or fewer ports (-mor_inputs)"
+        )
+
+    def by_energy(A: Floats) -> Floats:
+        A = scipy.linalg.solve_triangular(L, A, lower=True)
+        both: Floats = scipy.linalg.solve_triangular(L, A.T, lower=True)
+        both = 0.5 * (both + both.T)
+        return both
+
+    K, M = by_energy(model.K), by_energy(model.M)
+    Q, R = np.linalg.qr(C.T, mode="complete")
+    follow, inner = Q[:, :n_b] @ np.linalg.inv(R[:n_b]).T, Q[:, n_b:]
+    K_p, M_p = inner.T @ K @ inner, inner.T @ M @ inner
+    squares, modes = scipy.linalg.eigh(0.5 * (K_p + K_p.T), 0.5 * (M_p + M_p.T))
+    inner = inner @ modes
+    if len(squares) and squares[0] <= 1e-12 * squares[-1]:
+        raise BodyError("the body can move with all its interfaces held: these ports leave a "
+                        "rigid motion free")  # fmt: skip
+    # Static: no force on p. Elastic energy couples u_b and p no more.
+    follow = follow - inner @ ((inner.T @ (K @ follow)) / squares[:, None])
+    X = np.hstack([follow, inner])
+    T = scipy.linalg.solve_triangular(L.T, X, lower=False)
+
+    def turned(A: Floats) -> Floats:
+        B: Floats = X.T @ A @ X
+        B = 0.5 * (B + B.T)
+        return B
+
+    K_x, M_x = turned(K), turned(M)
+    K_x[:n_b, n_b:], K_x[n_b:, :n_b] = 0, 0
+    K_x[n_b:, n_b:], M_x[n_b:, n_b:] = np.diag(squares), np.eye(m - n_b)
+    B_x, C_x = T.T @ model.B, model.C @ T
+    for k, name in enumerate(names):
+        unit = np.eye(m)[k]
+        B_x[:, model.inputs.index(name)] = unit
+        C_x[model.outputs.index(name)] = unit
+    return PhysicalForm(M_x, turned(by_energy(model.D)), K_x, model.eta, B_x, C_x,
+                        model.feedthrough, interfaces, names, np.sqrt(np.maximum(squares, 0)), T,
+                        model)  # fmt: skip
+
+
+def file_name(text: str) -> str:
+    """A name that every code takes."""
+    return re.sub(r"\W", "_", text)
+
+
+def facts(form: PhysicalForm) -> dict[str, Any]:
+    """What a reader of an exported file wants to know, as words."""
+    return {
+        "order": f"{len(form.boundary)} motions of {', '.join(form.interfaces)} and "
+                 f"{form.order - len(form.boundary)} modes with these held",
+        **facts_of(form.source),
+    }  # fmt: skip
+
+
+def facts_of(model: ReducedBody) -> dict[str, Any]:
+    """Error and units of a body."""
+    return {
+        "error": f"{model.claim.supremum:.1e} ({model.claim.label})",
+        "units": "m, rad, kg, s, N",
+    }

@@ -1,0 +1,307 @@
+"""Figures of a reduced body, one function each; ``report`` and ``plot`` put them together."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import matplotlib
+import matplotlib.cm
+import matplotlib.colors
+import numpy as np
+from matplotlib.figure import Figure  # not pyplot: the caller's backend stays the caller's
+from numpy.typing import ArrayLike
+from scipy.linalg import eigh
+
+from flexgram.basics import BodyError, errors_of, written_aside
+from flexgram.body.stress import von_mises
+from flexgram.model.geometry import Geometry, body_of
+from flexgram.model.reduced import Floats, ReducedBody
+from flexgram.simulation.histories import Verdict
+
+HZ = 1 / (2 * np.pi)
+FULL, REDUCED, BOUND = "#444444", "#0868ac", "#e08214"
+
+
+def _axes(width: float = 6.4, height: float = 3.6) -> tuple[Figure, Any]:
+    figure = Figure(figsize=(width, height), layout="constrained")
+    axes = figure.subplots()
+    axes.grid(alpha=0.3)
+    return figure, axes
+
+
+def error(model: ReducedBody) -> Figure:
+    """Relative error (eq. 17) and its certified bound over the band."""
+    figure, axes = _axes(height=4.2)
+    hz = model.claim.omega * HZ
+    if len(model.claim.bound):
+        word = "certified" if model.claim.kind.startswith("certified") else "estimated"
+        axes.semilogy(hz, model.claim.bound, color=BOUND, lw=3.5, alpha=0.6, label=f"{word} bound")
+        everywhere = [("all of H, everywhere", model.claim.whole, "--", BOUND)]
+        if len(model.claim.by_kind):
+            everywhere += [
+                (f"{kind}, everywhere", value, style, "#7a6a55")
+                for kind, value, style in zip(
+                    model.claim.kinds, model.claim.by_kind, itertools.cycle(("-.", ":", "--"))
+                )
+            ]
+        for label, value, style, color in everywhere:
+            for i, (first, last) in enumerate(model.claim.bands * HZ):
+                axes.plot([first, last], 2 * [max(value, 1e-17)], style, color=color, lw=1.2,
+                          label=f"{label}: {value:.1e}" if i == 0 else None)  # fmt: skip
+        for i, (first, last) in enumerate(model.claim.excluded * HZ):
+            axes.axvspan(first, last, color="#d7301f", lw=1.5,
+                         label="excluded" if i == 0 else None)  # fmt: skip
+    if len(model.claim.floor):
+        axes.semilogy(hz, np.maximum(model.claim.floor, 1e-17), ":", color=BOUND, lw=1,
+                      label="part of it that is rounding")  # fmt: skip
+    if model.claim.data_rounding.any():
+        axes.semilogy(hz, np.maximum(model.claim.data_rounding, 1e-17), "-.", color="gray", lw=1,
+                      label="what the digits of K may change, beside the error")  # fmt: skip
+    if not np.array_equal(
+        model.claim.error, model.claim.bound
+    ):  # of some assemblies the bound alone is known
+        style, label = ("-", "error against the medium model") if len(model.claim.bound) else (
+            ".", "error")  # fmt: skip
+        axes.semilogy(
+            hz, np.maximum(model.claim.error, 1e-17), style, color=REDUCED, lw=1, label=label
+        )
+    axes.set(xlabel="frequency [Hz]", ylabel="relative error of H")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncol=2, fontsize=7)
+    return figure
+
+
+def gramian(model: ReducedBody) -> Figure:
+    """Eigenvalues of the position Gramian with the order taken."""
+    if not len(model.sigma):
+        raise BodyError("the reduced file has no Gramian")
+    figure, axes = _axes()
+    sigma = model.sigma[: max(3 * model.order, 40)]
+    axes.semilogy(np.arange(1, len(sigma) + 1), np.maximum(sigma / sigma[0], 1e-32), ".-",
+                  color=REDUCED)  # fmt: skip
+    axes.axvline(model.order, color=BOUND, label=f"order m = {model.order}")
+    axes.axhline(np.sqrt(np.finfo(float).eps), color="gray", lw=0.8, ls=":",
+                 label="the paper's rule, √ε")  # fmt: skip
+    axes.set(xlabel="j", ylabel="σ_j / σ_1")
+    axes.legend()
+    return figure
+
+
+def transfer(
+    model: ReducedBody, sweep: Path | None = None, ports: list[tuple[str, str]] | None = None
+) -> Figure:
+    """Amount of H_r for chosen (output, input) pairs; with a sweep file that of the full body."""
+    full, hz = None, np.linspace(model.band[0] * HZ, model.band[1] * HZ, 800)
+    inputs, outputs = model.inputs, model.outputs
+    if sweep is not None:
+        with errors_of(sweep), h5py.File(sweep) as file:
+            hz, full = file["omega"][:] * HZ, file["H"][..., 0] + 1j * file["H"][..., 1]
+            names = [[str(x) for x in file["H"].attrs[k]] for k in ("inputs", "outputs")]
+        if names != [inputs, outputs]:
+            raise BodyError(f"{sweep}: its ports are not those of the reduced body")
+    H = model.transfer(hz / HZ)
+    if not ports:
+        strongest = np.argsort(-np.abs(np.einsum("kii->ki", H[:, : len(inputs), : len(outputs)]))
+                               .max(axis=0))  # fmt: skip
+        kinds = [next((i for i in strongest if inputs[i].split(".")[-1][0] == k), None)
+                 for k in "fm"]  # fmt: skip
+        chosen = [i for i in kinds if i is not None] or [int(strongest[0])]
+        ports = [(outputs[i], inputs[i]) for i in chosen]
+    figure = Figure(figsize=(6.4, 2.9 * len(ports)), layout="constrained")
+    panels = figure.subplots(len(ports), 1, squeeze=False, sharex=True)
+    for axes, (output, port) in zip(panels.flat, ports, strict=True):
+        if output not in outputs or port not in inputs:
+            raise BodyError(f"no port {output if output not in outputs else port}; there are "
+                            f"{', '.join(inputs)}")  # fmt: skip
+        i, j = outputs.index(output), inputs.index(port)
+        if full is not None:
+            axes.semilogy(hz, np.abs(full[:, i, j]), color=FULL, label="full body")
+        axes.semilogy(hz, np.abs(H[:, i, j]), "--" if full is not None else "-", color=REDUCED,
+                      label=f"reduced, m = {model.order}")  # fmt: skip
+        axes.set(ylabel=f"|H| [{unit_of(output, port)}]", title=f"{output} from {port}")
+        axes.grid(alpha=0.3)
+        axes.legend()
+    panels[-1, 0].set(xlabel="frequency [Hz]")
+    return figure
+
+
+def unit_of(output: str, port: str) -> str:
+    """Unit of an element of H, by how ports are named (``upper.fz``, ``upper.mx``)."""
+    kinds = [name.rpartition(".")[2] for name in (output, port)]
+    if not all(kind in ("fx", "fy", "fz", "mx", "my", "mz") for kind in kinds):
+        return "SI"
+    of_output, of_input = ("rad" if kinds[0][0] == "m" else "m"), kinds[1][0]
+    return f"{of_output}/{'(N m)' if of_input == 'm' else 'N'}"
+
+
+def loads(model: ReducedBody, verdict: Verdict, most: int = 6) -> Figure:
+    """Spectrum of a load history, and the band."""
+    figure, axes = _axes()
+    largest = verdict.spectrum.max(axis=0)
+    for j in np.argsort(-largest)[:most]:
+        if largest[j] > 0:
+            axes.semilogy(verdict.hz, np.maximum(verdict.spectrum[:, j], 1e-9 * largest[j]), lw=1,
+                          label=model.inputs[j])  # fmt: skip
+    for i, (first, last) in enumerate(model.claim.bands * HZ):
+        axes.axvspan(first, last, color=BOUND, alpha=0.15, lw=0, label=None if i else "band")
+    axes.axvline(verdict.needed, color="k", ls=":", lw=1, label="99.9 % of every load is below")
+    right = 1.5 * max(verdict.needed, model.claim.bands.max() * HZ)
+    axes.set(xlabel="frequency [Hz]", ylabel="amplitude [N, N m]",
+             xlim=(0, min(right, verdict.hz[-1])))  # fmt: skip
+    axes.legend(fontsize=7)
+    return figure
+
+
+def stages(model: ReducedBody) -> Figure:
+    """Seconds of each stage."""
+    seconds = {k: float(v) for k, v in dict(model.log.get("seconds", {})).items()}
+    if not seconds:
+        raise BodyError("the reduced file has no times")
+    figure, axes = _axes(height=0.8 + 0.28 * len(seconds))
+    names = sorted(seconds, key=lambda name: seconds[name])
+    axes.barh(names, [seconds[name] for name in names], color=REDUCED)
+    axes.set(xlabel="time [s]")
+    return figure
+
+
+def elastic_modes(model: ReducedBody, count: int) -> tuple[Floats, Floats]:
+    """Frequencies [Hz] and shapes (k, m) of the lowest modes of the reduced body that are not
+    rigid, without damping."""
+    try:
+        squares, shapes = eigh(0.5 * (model.K + model.K.T), 0.5 * (model.M + model.M.T))
+    except np.linalg.LinAlgError:
+        raise BodyError("the reduced M is singular: there are no modes to draw") from None
+    hz = np.sqrt(np.maximum(squares, 0)) * HZ
+    rigid = int(model.frame["rigid_modes"])
+    return hz[rigid:][:count], shapes[:, rigid:][:, :count].T
+
+
+def shapes(model: ReducedBody, body: str | Path | None = None, count: int = 5) -> Figure:
+    """The mesh with its interfaces, and the lowest elastic modes of the reduced body."""
+    geometry, triangles = _surface(model, body)
+    step = len(triangles) // 20000 + 1  # a picture needs no more
+    marked = {name: triangles[np.isin(triangles, nodes).all(axis=1)]
+              for name, nodes in geometry.interfaces.items()}  # fmt: skip
+    triangles = triangles[::step]
+    hz, modes = elastic_modes(model, count)
+    motion = geometry.motion(model, modes) if len(modes) else np.empty((0, 0, 3))
+    size = float(np.ptp(geometry.points, axis=0).max())
+    columns = 3
+    rows = -(-(1 + len(modes)) // columns)
+    figure = Figure(figsize=(3.4 * columns, 3.2 * rows), layout="constrained")
+    used = np.unique(triangles)
+    center = 0.5 * (geometry.points[used].max(axis=0) + geometry.points[used].min(axis=0))
+    for place in range(1 + len(modes)):
+        axes = figure.add_subplot(rows, columns, place + 1, projection="3d")
+        points = geometry.points
+        color: Any = "#9ecae1"
+        if place:
+            field = motion[place - 1]
+            scale = 0.12 * size / max(np.abs(field[used]).max(), 1e-300)
+            points = points + scale * field
+            amount = np.linalg.norm(field[triangles].mean(axis=1), axis=1)
+            color = matplotlib.colormaps["viridis"](amount / max(amount.max(), 1e-300))
+        _draw(axes, points[triangles], color, center, size)
+        if not place:
+            axes.computed_zorder = False
+            _mark(axes, geometry, marked)
+        title = f"{hz[place - 1]:.5g} Hz" if place else "body and interfaces"
+        axes.set_title(title, fontsize=9)
+    return figure
+
+
+def _surface(model: ReducedBody, body: str | Path | None) -> tuple[Geometry, Any]:
+    geometry = Geometry.load(body_of(model, body))
+    triangles = geometry.surface()
+    if not len(triangles):
+        raise BodyError("the body has no solid elements to draw")
+    return geometry, triangles
+
+
+def _draw(axes: Any, corners: Any, color: Any, center: Any, size: float) -> None:
+    """Triangles in a cube of that size, without axes."""
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    axes.add_collection3d(Poly3DCollection(corners, facecolor=color, edgecolor="#00000018", lw=0.2))
+    for axis, at in zip("xyz", center, strict=True):
+        getattr(axes, f"set_{axis}lim")(at - 0.55 * size, at + 0.55 * size)
+    axes.set_box_aspect((1, 1, 1))
+    axes.set_axis_off()
+
+
+def stress(
+    model: ReducedBody,
+    q: ArrayLike,
+    body: str | Path | None = None,
+    magnify: float | None = None,
+    u: ArrayLike | None = None,
+) -> Figure:
+    """Von Mises stress on the surface of the deformed mesh.
+
+    Parameters
+    ----------
+    model : ReducedBody
+    q : (m,) array
+        Generalised coordinates.
+    body : str or Path, optional
+        Body file; default: the one that was reduced.
+    magnify : float, optional
+        Factor of the deformation; default: a twentieth of the body's size.
+    u : (n_in,) array, optional
+        Inputs at that moment: needed if one of them is a temperature.
+    """
+    geometry, triangles = _surface(model, body)
+    triangles = triangles[:: len(triangles) // 40000 + 1]
+    field = geometry.motion(model, q)[0]
+    used = np.unique(triangles)
+    points = geometry.points[used]
+    size = float(np.ptp(points, axis=0).max())
+    if magnify is None:
+        magnify = 0.05 * size / max(float(np.abs(field[used]).max()), 1e-300)
+    amount = von_mises(model.stress(q, body, u)[0])[triangles].mean(axis=1)
+    figure = Figure(figsize=(5.2, 4.4), layout="constrained")
+    axes = figure.add_subplot(projection="3d")
+    scale = matplotlib.cm.ScalarMappable(
+        matplotlib.colors.Normalize(0, float(np.nanmax(amount))), "turbo"
+    )
+    color = scale.to_rgba(np.nan_to_num(amount))
+    color[np.isnan(amount)] = (0.8, 0.8, 0.8, 1.0)
+    center = 0.5 * (points.max(axis=0) + points.min(axis=0))
+    _draw(axes, (geometry.points + magnify * field)[triangles], color, center, size)
+    figure.colorbar(scale, ax=axes, shrink=0.7, label="von Mises stress [N/m²]")
+    return figure
+
+
+def _mark(axes: Any, geometry: Geometry, marked: dict[str, Any]) -> None:
+    """Faces of each interface in a colour, seen through the body, and its nodes."""
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    for k, (name, nodes) in enumerate(geometry.interfaces.items()):
+        color = f"C{1 + k % 9}"
+        faces = marked[name]
+        if len(faces):
+            patches = Poly3DCollection(
+                geometry.points[faces], facecolor=color, alpha=0.6, zorder=10
+            )
+            axes.add_collection3d(patches)
+        size = 1 if len(faces) else 4
+        axes.plot(*geometry.points[nodes].T, ".", ms=size, color=color, label=name, zorder=11)
+    if geometry.interfaces:
+        axes.legend(fontsize=7, loc="upper left", markerscale=4)
+
+
+FIGURES: dict[str, Callable[..., Figure]] = {
+    "error": error, "gramian": gramian, "transfer": transfer, "stages": stages, "shapes": shapes,
+}  # fmt: skip
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure; the suffix chooses the format."""
+    try:
+        with written_aside(path) as place:
+            figure.savefig(place, dpi=150)
+    except ValueError as failure:  # matplotlib does not know the suffix
+        raise BodyError(f"{path}: {failure}") from None

@@ -1,0 +1,296 @@
+"""One self-contained HTML page about a reduced body."""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from flexgram.basics import BodyError, written_aside
+from flexgram.body.stress import Stresses, largest_stress, words_of
+from flexgram.measured import mode_shapes
+from flexgram.model import words
+from flexgram.model.geometry import body_of
+from flexgram.model.reduced import ReducedBody
+from flexgram.pictures import figures
+from flexgram.simulation.histories import evenly, judge, read_history
+
+STYLE = """
+:root { color-scheme: light; --ink: #1c2733; --soft: #5b6b7a; --line: #d8dee4; --accent: #0868ac; }
+body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); margin: 0 auto; max-width: 62rem;
+       padding: 1.5rem; }
+h1 { font-size: 1.7rem; margin: 0 0 .2rem; } h2 { font-size: 1.15rem; margin: 2rem 0 .6rem;
+       border-bottom: 1px solid var(--line); padding-bottom: .2rem; }
+.lead { color: var(--soft); margin: 0 0 1rem; }
+.cards { display: grid; gap: .8rem; }
+.card:first-child { grid-column: span var(--first, 1); }
+@media (min-width: 40rem) { .columns-3 { grid-template-columns: repeat(3, 1fr); }
+       .columns-2 { grid-template-columns: repeat(2, 1fr); } }
+.card { border: 1px solid var(--line); border-radius: .5rem; padding: .7rem; }
+.card b { display: block; font-size: 1.35rem; }
+.card span { color: var(--soft); font-size: .85rem; }
+.good b { color: #1a7f37; } .fair b { color: #b35900; } .poor b { color: #c0392b; }
+table { border-collapse: collapse; } td, th { padding: .15rem .9rem .15rem 0; text-align: left;
+       vertical-align: top; border-bottom: 1px solid #eef1f4; } th { color: var(--soft);
+       font-weight: 500; } td.n { text-align: right; font-variant-numeric: tabular-nums; }
+.skipped td { color: var(--soft); } figure { margin: 0; } img { max-width: 100%; height: auto; }
+.pair { display: grid; gap: 1rem;
+       grid-template-columns: repeat(auto-fit, minmax(24rem, 1fr)); }
+.warning { border-left: 4px solid #d4a72c; background: #fff8e1; padding: .5rem .8rem;
+       margin: .5rem 0; }
+details { margin-top: .6rem; } code { font-size: .85em; }
+"""
+
+
+def _image(figure: Figure, caption: str, raster: bool = False) -> str:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png" if raster else "svg", dpi=110)
+    kind = "png" if raster else "svg+xml"
+    data = base64.b64encode(buffer.getvalue()).decode()
+    text = html.escape(caption)
+    return (f'<figure><img alt="{text}" src="data:image/{kind};base64,{data}">'
+            f"<figcaption class='lead'>{text}</figcaption></figure>")  # fmt: skip
+
+
+def _plan(facts: list[tuple[str, str]]) -> str:
+    rows = []
+    for name, value in facts:
+        kind = ' class="skipped"' if name == "skipped" else ""
+        rows.append(f"<tr{kind}><th>{html.escape(name)}</th><td>{html.escape(value)}</td></tr>")
+    return f"<table>{''.join(rows)}</table>"
+
+
+def _modes(model: ReducedBody, most: int = 40) -> str:
+    poles = model.poles()
+    poles = poles[poles.imag >= 0]
+    rows = []
+    rigid = int(np.sum(model.modes < 1e-6 * max(model.modes.max(initial=0), 1e-300)))
+    for j, omega in enumerate(model.modes[:most]):
+        if j < rigid:
+            rows.append(f"<tr><td class=n>{j + 1}</td><td class=n>0</td><td>rigid</td></tr>")
+            continue
+        near = poles[np.argmin(np.abs(np.abs(poles) - omega))]
+        zeta = -near.real / max(abs(near), 1e-300) + 0.5 * model.eta
+        inside = "" if model.band[0] <= omega <= model.band[1] else "outside the band"
+        rows.append(f"<tr><td class=n>{j + 1}</td><td class=n>{omega / (2 * np.pi):.6g}</td>"
+                    f"<td class=n>{100 * zeta:.3g} %</td><td>{inside}</td></tr>")  # fmt: skip
+    more = (
+        f"<p class=lead>and {len(model.modes) - most} higher</p>" if len(model.modes) > most else ""
+    )
+    return ("<table><tr><th>no.</th><th>frequency [Hz]</th><th>damping ratio</th><th></th></tr>"
+            f"{''.join(rows)}</table>{more}")  # fmt: skip
+
+
+def _cards(model: ReducedBody) -> str:
+    # By the size of the error: a proof of 23 % is no good news.
+    colour = ("poor" if not model.claim.supremum <= 0.1 or not model.claim.met
+              else "good" if model.claim.supremum <= 0.01 and model.claim.kind.startswith("certified")
+              else "fair")  # fmt: skip
+    hz = model.claim.bands / (2 * np.pi)
+    kinds = ""
+    if len(model.claim.by_kind):
+        of = [
+            f"{kind} {value:.1e}"
+            for kind, value in zip(model.claim.kinds, model.claim.by_kind, strict=True)
+        ]
+        if len(model.claim.kind_tolerances):
+            of = [
+                f"{said} of {t:g}" for said, t in zip(of, model.claim.kind_tolerances, strict=True)
+            ]
+        kinds = f": the largest of all of H {model.claim.whole:.1e}, {', '.join(of)}"
+    notes = words.shortfall_of(model), words.data_rounding_of(model)
+    cards = [
+        (f"{model.claim.supremum:.1e}", f"largest relative error over the band, {model.claim.label}"
+         + kinds + "".join(f"; {said}" for said in notes if said),
+         colour),
+        (f"{len(model.V):,} → {model.order}" if len(model.V) else str(model.order),
+         "degrees of freedom", ""),
+        (", ".join(f"{first:g} – {last:g}" for first, last in hz) + " Hz", "band", ""),
+        (f"{len(model.inputs)} / {len(model.outputs)}", "inputs / outputs", ""),
+    ]  # fmt: skip
+    seconds = sum(float(s) for s in dict(model.log.get("seconds", {})).values())
+    if seconds:
+        count = int(model.log.get("factorisations", 0))
+        cards.append((f"{seconds:.2f} s", f"{count} factorisations, "
+                      f"{int(model.log.get('ranks', 1))} rank(s)", ""))  # fmt: skip
+    peak = model.log.get("peak_memory_mb_per_rank")
+    if peak:
+        cards.append((f"{float(peak):.0f} MB", "peak memory on a rank", ""))
+    tiles = "".join(f'<div class="card {kind}"><b>{value}</b><span>{html.escape(what)}</span></div>'
+                    for value, what, kind in cards)  # fmt: skip
+    columns = 3 if len(cards) in (3, 5, 6) else 2  # full rows, the first tile makes up for one
+    first = ' style="--first: 2"' if len(cards) == 5 else ""
+    return f'<div class="cards columns-{columns}"{first}>{tiles}</div>'
+
+
+def _held(model: ReducedBody) -> str:
+    """Frequencies and static compliance with each interface held."""
+    lines = "".join(f"<li>{html.escape(line)}</li>" for line in words.held_of(model))
+    return (
+        f"<p>Without damping, against the model it was cut from:</p><ul>{lines}</ul>"
+        if lines
+        else ""
+    )
+
+
+def _when(log: dict[str, Any]) -> str:
+    """When, where, and with which options the body was reduced."""
+    told = ""
+    if "date" in log:
+        told = html.escape(f", {log['date']} on {log.get('host', '')}")
+    if log.get("given"):
+        told += f"; <code>{html.escape(str(log['given']))}</code>"
+    return told
+
+
+def _has_stress(model: ReducedBody, body: str | Path | None) -> bool:
+    try:
+        Stresses.load(body_of(model, body))
+    except BodyError:
+        return False
+    return True
+
+
+def _stress(model: ReducedBody, t: Any, u: Any, body: str | Path | None) -> str:
+    """The worst moment of a load history, from rest."""
+    part = model.without_rigid_modes()  # rigid motion strains nothing
+    t, u = evenly(t, u)
+    _, q = part.simulate(u, t)
+    worst = largest_stress(part, q, u, body)
+    words = words_of(part, t, worst, body)
+    claim = (
+        ""
+        if any(re.search(r"\.s[xyz]{2}$", name) for name in model.outputs)
+        else (" Nothing is claimed of it: make it an output of the body (type: stress).")
+    )
+    picture = figures.stress(part, q[worst[1]], body, u=u[worst[1]])
+    return (f"<p>{words[0].upper()}{words[1:]}, of a body at rest in the beginning.{claim}</p>"
+            + _image(picture, "Von Mises stress at that moment, deformation enlarged.",
+                     raster=True))  # fmt: skip
+
+
+def _measured(model: ReducedBody, measured: str | Path, body: str | Path | None) -> str:
+    """Modes of a test beside those of the body."""
+    modes = mode_shapes.mode_shapes(model, body)
+    found = mode_shapes.compare(mode_shapes.read_universal(measured), modes)
+    rows = "".join(f"<p>{html.escape(line[0].upper() + line[1:])}.</p>" for line in found.words())
+    return (f"<h2>Measured modes of {html.escape(Path(measured).name)}</h2>{rows}"
+            + _image(mode_shapes.picture(found), "Modal assurance criterion."))  # fmt: skip
+
+
+def write_report(
+    rom: str | Path,
+    output: str | Path,
+    *,
+    body: str | Path | None = None,
+    sweep: str | Path | None = None,
+    ports: list[tuple[str, str]] | None = None,
+    loads: str | Path | None = None,
+    measured: str | Path | None = None,
+) -> list[str]:
+    """Write the page.
+
+    Parameters
+    ----------
+    rom : str or Path
+        Reduced file.
+    output : str or Path
+        ``.html`` file to write; nothing else is needed to show it.
+    body : str or Path, optional
+        Body file, for the picture of the mesh; default: the one that was reduced, if it is there.
+    sweep : str or Path, optional
+        Sweep file of the full body with the same ports, to compare H with.
+    ports : list of (output, input), optional
+        Transfer functions to draw; default: the strongest force and moment.
+    loads : str or Path, optional
+        Load history (``flexgram.simulation.histories.read_history``): its spectrum, and what the claim says of
+        the response to it.
+    measured : str or Path, optional
+        Universal file of a test: how its modes compare (``flexgram.measured.mode_shapes``).
+
+    Returns
+    -------
+    list of str
+        What could not be shown, and why.
+    """
+    model = ReducedBody.load(rom)
+    left: list[str] = []
+
+    def draw(name: str, caption: str, raster: bool = False, **arguments: Any) -> str:
+        try:
+            return _image(figures.FIGURES[name](model, **arguments), caption, raster)
+        except BodyError as reason:
+            left.append(f"{name}: {reason}")
+            return ""
+
+    log = model.log
+    warnings = log.get("warnings", [])
+    warnings = [warnings] if isinstance(warnings, str) else list(warnings)
+    options = dict(log.get("options", {}))
+    versions = ", ".join(f"{k} {v}" for k, v in dict(log.get("versions", {})).items())
+    how = model.method + (
+        f", {model.second_stage}" if model.second_stage not in ("", model.method) else ""
+    )
+    parts = [
+        f"<h1>{html.escape(Path(str(log.get('body', rom))).stem)}, reduced</h1>",
+        f"<p class=lead>{html.escape(str(log.get('body', '')))} by flexgram "
+        f"({html.escape(how)}), "
+        f"in {html.escape(Path(rom).name)}{_when(log)}</p>",
+        _cards(model),
+        *(f'<p class="warning">{html.escape(w)}</p>' for w in warnings),
+        "<h2>Error over the band</h2>",
+        draw("error", "Relative error of the transfer matrix, Frobenius norm, eq. (17) of Fehr, "
+             "Eberhard and Lehner."),
+        '<h2>Order and response</h2><div class="pair">',
+        draw("gramian", "Eigenvalues of the position Gramian over the band, and the order taken."),
+        draw("transfer", "Transfer functions" + (" of the full and the reduced body." if sweep else
+             " of the reduced body (name a sweep file to compare with the full one)."),
+             sweep=None if sweep is None else Path(sweep), ports=ports),
+        "</div>",
+    ]  # fmt: skip
+    if loads is not None:
+        history = read_history(loads, model.inputs)
+        verdict = judge(model, *history)
+        parts += [f"<h2>The load history {html.escape(Path(loads).name)}</h2>",
+                  "".join(f"<p>{html.escape(words[0].upper() + words[1:])}.</p>"
+                          for words in verdict.words),
+                  _image(figures.loads(model, verdict), "Amplitudes, and the band.")]  # fmt: skip
+        if _has_stress(model, body):
+            try:
+                parts.append(_stress(model, *history, body))
+            except BodyError as error:
+                left.append(f"stress: {error}")
+    shown = ""
+    if measured is not None:
+        try:
+            shown = _measured(model, measured, body)
+        except BodyError as error:
+            left.append(f"measured modes: {error}")
+    picture = draw("shapes", "Surface with the interfaces; lowest elastic modes of the reduced "
+                   "body, enlarged.", raster=True, body=body)  # fmt: skip
+    if picture:
+        parts += ["<h2>Shapes</h2>", picture]
+    parts += ["<h2>Plan: what was done, what was skipped and why</h2>",
+              _plan(list(log["plan"])) if "plan" in log else "<p>not stored</p>",
+              "<h2>Modes of the reduced body</h2>", _modes(model), _held(model),
+              shown,
+              "<h2>Time by stage</h2>", draw("stages", "Wall clock."),
+              "<details><summary>All options</summary><table>",
+              *(f"<tr><th><code>{html.escape(k)}</code></th><td>{html.escape(str(v))}</td></tr>"
+                for k, v in options.items()),
+              f"</table></details><p class=lead>{html.escape(versions)}</p>"]  # fmt: skip
+    title = html.escape(Path(rom).name)
+    page = (
+        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
+        f'<meta name="viewport" content="width=device-width"><style>{STYLE}</style></head>'
+        f"<body>{''.join(parts)}</body></html>\n"
+    )
+    with written_aside(output, rom, body, sweep, loads, measured) as place:
+        place.write_text(page)
+    return left

@@ -1,0 +1,71 @@
+"""``flexgram.reduce``: the reduction in this process, on the caller's communicator."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from flexgram.reduced_model import ReducedModel
+from flexgram.reduction.call import (
+    Matrices,
+    communicator,
+    core,
+    hand_over,
+    option_values,
+    warn_if_unmet,
+)
+
+
+def reduce(
+    body: str | Path | Matrices,
+    band_hz: Sequence[float] | Sequence[tuple[float, float]] = (10.0, 500.0),
+    tol: float | None = None,
+    *,
+    order: int | str | None = None,
+    method: str = "two_step",
+    comm: Any = None,
+    options: Mapping[str, Any] | None = None,
+    verbose: bool = False,
+) -> ReducedModel:
+    """Reduce an elastic body over a frequency band, with a proof of the error.
+
+    Parameters
+    ----------
+    body : str, Path or Matrices
+        Body file (matrices or a mesh, see ``flexgram.import_body``), or matrices in memory.
+    band_hz : sequence of float, or of pairs
+        First and last frequency [Hz]; several bands as (10, 100, 200, 300) or in pairs.
+    tol : float, optional
+        Largest relative error of H over the band (eq. 17), and of its elastic part if the body is
+        free (``mor_tol_relative_to``). The smallest certified order that meets it is taken. Without
+        ``tol`` and ``order`` 1e-3, but for methods with an order of their own (``modal``: the modes
+        in the band) and ``pod`` (the paper's rule).
+    order : int or str, optional
+        Order of the reduced body instead of a tolerance; ``"rule"``: by the paper's rule.
+    method : str
+        ``two_step``, ``pod``, ``modal``, ``craig_bampton``, ``krylov``, ``irka``, ``balanced``.
+    comm : mpi4py communicator, optional
+        Default: ``MPI.COMM_WORLD``. Every rank of it must call.
+    options : mapping, optional
+        Any option of the program, with or without ``-``: ``{"mor_frame": "tangent"}``,
+        ``{"mor_load_patterns": 100}`` for hundreds of ports and more.
+    verbose : bool
+        Print the plan and progress as the program does.
+
+    Returns
+    -------
+    ReducedModel
+        Its ``V`` has the rows of this rank. If the tolerance cannot be met, ``met`` is False, the
+        best body found is returned with the error that it is certified to, and a warning says why.
+
+    Raises
+    ------
+    BodyError
+        On every rank, with the message of the program.
+    """
+    values = option_values(band_hz, tol, order, method, options, verbose)
+    world = communicator(comm)
+    given = hand_over(body, world, values)
+    result = core().reduce(world.py2f(), given, values)
+    return warn_if_unmet(ReducedModel(result.fields(), result.save), world)

@@ -1,0 +1,156 @@
+"""``flexgram.certify`` and ``Medium``: one certified medium model, any number of small bodies."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from flexgram.reduced_model import ReducedModel
+from flexgram.reduction.call import (
+    Matrices,
+    communicator,
+    core,
+    hand_over,
+    option_values,
+    warn_if_unmet,
+)
+
+
+class Medium:
+    """A certified medium model: what small bodies are cut from, without the full body.
+
+    Attributes
+    ----------
+    n, order : int
+        Size of the full body, and of the medium model.
+    bands : (k, 2) array
+        Where it is certified [rad/s].
+    target : float
+        Relative error that its own error is below; small bodies want fifty times that at least.
+    reached : bool
+        Whether it is; ``claim`` says so in words.
+    cutoff : float
+        All ``modes`` elastic modes below it are held [rad/s].
+    inputs, outputs : list of str
+        Port names.
+    plan : list of (str, str)
+        What was done and what was skipped to make it; empty after ``load``.
+    """
+
+    def __init__(self, held: Any, comm: Any) -> None:
+        self._held, self._comm = held, comm
+        fields = held.fields()
+        self.n, self.order = int(fields["n"]), int(fields["order"])
+        self.bands = np.asarray(fields["bands"], dtype=float).reshape(-1, 2)
+        self.target, self.reached = float(fields["target"]), bool(fields["reached"])
+        self.claim = str(fields["claim"])
+        self.cutoff, self.modes = float(fields["cutoff"]), int(fields["modes"])
+        self.rigid_modes = int(fields["rigid_modes"])
+        self.inputs: list[str] = list(fields["inputs"])
+        self.outputs: list[str] = list(fields["outputs"])
+        self.body = str(fields["body"])
+        self.has_basis = bool(fields["has_basis"])
+        self.plan: list[tuple[str, str]] = list(fields["plan"])
+
+    def __repr__(self) -> str:
+        words = ", ".join(f"{first:.6g}-{last:.6g}" for first, last in self.bands / (2 * np.pi))
+        return (f"<Medium of order {self.order} of n = {self.n}, {len(self.inputs)} inputs, "
+                f"{self.claim}, over {words} Hz>")  # fmt: skip
+
+    def reduce(
+        self,
+        tol: float | None = None,
+        *,
+        order: int | str | None = None,
+        method: str = "two_step",
+        band_hz: Sequence[float] | Sequence[tuple[float, float]] | None = None,
+        inputs: Sequence[str] | None = None,
+        outputs: Sequence[str] | None = None,
+        options: Mapping[str, Any] | None = None,
+        verbose: bool = False,
+    ) -> ReducedModel:
+        """Cut a small body out of the medium model: dense work, the error proved as ever.
+
+        Parameters
+        ----------
+        tol, order, method, options, verbose
+            As for ``flexgram.reduce`` (every method but ``pod``).
+        band_hz : sequence of float, optional
+            Within what the medium model is certified for; default: its bands.
+        inputs, outputs : sequence of str, optional
+            Ports or interfaces to keep; default all.
+
+        Returns
+        -------
+        ReducedModel
+            Equal to rounding to what ``flexgram.reduce`` gives for the same request.
+
+        Raises
+        ------
+        BodyError
+            If the medium model holds too little for the request, with what to certify.
+        """
+        values = option_values(band_hz, tol, order, method, options, verbose)
+        for name, ports in (("-mor_inputs", inputs), ("-mor_outputs", outputs)):
+            if ports is not None:
+                values[name] = ports if isinstance(ports, str) else ",".join(ports)
+        result = self._held.cut(values)
+        return warn_if_unmet(ReducedModel(result.fields(), result.save), self._comm)
+
+    def save(self, path: str | Path, basis: bool = True) -> None:
+        """Write the file that ``flexgram cut`` and ``load`` read; without the basis it is small,
+        and bodies cut from it have no shapes. Collective."""
+        self._held.save(str(path), basis)
+
+    @classmethod
+    def load(cls, path: str | Path, comm: Any = None) -> Medium:
+        """Read a medium model that ``save`` or ``flexgram certify`` wrote. Collective.
+
+        Raises
+        ------
+        BodyError
+            If the file is none, damaged, or of another version.
+        """
+        world = communicator(comm)
+        return cls(core().load_medium(world.py2f(), str(path)), world)
+
+
+def certify(
+    body: str | Path | Matrices,
+    band_hz: Sequence[float] | Sequence[tuple[float, float]] = (10.0, 500.0),
+    tol: float | None = None,
+    *,
+    order: int | str | None = None,
+    method: str = "two_step",
+    comm: Any = None,
+    options: Mapping[str, Any] | None = None,
+    verbose: bool = False,
+) -> Medium:
+    """The first of two steps: a medium model of the body and the proof of its error.
+
+    Parameters
+    ----------
+    body, band_hz, comm, options, verbose
+        As for ``flexgram.reduce``.
+    tol : float, optional
+        The tightest tolerance that small bodies will be asked for; looser ones cost nothing more.
+    order, method
+        For what ``method`` needs of the medium model: ``modal`` of order m that many modes.
+
+    Returns
+    -------
+    Medium
+        ``medium.reduce(tol=...)`` takes milliseconds.
+
+    Raises
+    ------
+    BodyError
+        On every rank, with the message of the program.
+    """
+    values = option_values(band_hz, tol, order, method, options, verbose)
+    world = communicator(comm)
+    given = hand_over(body, world, values)
+    return Medium(core().certify(world.py2f(), given, values), world)

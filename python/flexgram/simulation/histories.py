@@ -1,0 +1,285 @@
+"""Loads over time: reading them, and what a reduced body's claim over its band says of them."""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexgram.basics import BodyError, IntArray
+from flexgram.model.reduced import ComplexArray, Floats, ReducedBody
+
+#: Share of a load's energy that the band is to hold.
+ENOUGH = 0.999
+
+
+def read_history(path: str | Path, inputs: list[str]) -> tuple[Floats, Floats]:
+    """Times and loads of a CSV file: its first line is ``t`` and names of inputs, each other one a
+    time [s] and the loads [N, N m] then. Inputs that are not named carry nothing.
+
+    Returns
+    -------
+    t : (n,) array
+    u : (n, n_in) array
+
+    Raises
+    ------
+    BodyError
+        For an unknown input, what is no number, or times that do not rise; with the line.
+    """
+    path = Path(path)
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            rows = [(n, row) for n, row in enumerate(csv.reader(file), 1)
+                    if row and not row[0].lstrip().startswith("#")]  # fmt: skip
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise BodyError(f"{path}: {error}") from None
+    if len(rows) < 3:
+        raise BodyError(f"{path}: expected a line 't,port,...' and a line for each time")
+    head = [word.strip() for word in rows[0][1]]
+    for name in head[1:]:
+        if name not in inputs:
+            raise BodyError(f"{path}, line {rows[0][0]}: the body has no input {name!r}; there are "
+                            f"{', '.join(inputs)}")  # fmt: skip
+    if head[0] not in ("t", "time") or len(head) < 2 or len(set(head)) < len(head):
+        raise BodyError(f"{path}, line {rows[0][0]}: expected t and names of inputs, each once")
+    table = np.empty((len(rows) - 1, len(head)))
+    for values, (number, row) in zip(table, rows[1:], strict=True):
+        try:
+            values[:] = np.array([float(word) for word in row]).reshape(len(head))
+        except ValueError:
+            raise BodyError(f"{path}, line {number}: expected {len(head)} numbers") from None
+        if not np.all(np.isfinite(values)):
+            raise BodyError(f"{path}, line {number}: holds NaN or Inf")
+    t = table[:, 0]
+    if not np.all(np.diff(t) > 0):
+        line = rows[2 + int(np.argmin(np.diff(t) > 0))][0]
+        raise BodyError(f"{path}, line {line}: the time does not rise")
+    u = np.zeros((len(t), len(inputs)))
+    u[:, [inputs.index(name) for name in head[1:]]] = table[:, 1:]
+    return t, u
+
+
+def evenly(t: Floats, u: Floats) -> tuple[Floats, Floats]:
+    """The loads at evenly spaced times, linear between those that are there: at their own number of
+    times if these are even but for printed digits, else at their smallest step."""
+    steps = np.diff(t)
+    count = len(t)
+    if np.ptp(steps) > 1e-3 * steps.min():
+        count = int(min(np.ceil(np.ptp(t) / steps.min()), 2**20)) + 1
+    even = np.linspace(t[0], t[-1], count)
+    return even, np.column_stack([np.interp(even, t, column) for column in u.T])
+
+
+@dataclass
+class Verdict:
+    """What the claim of a reduced body says of its response to a load history.
+
+    The history counts as one period: with zeros behind it, it is a single event.
+    """
+
+    hz: Floats  #: (k,) lines of the spectrum
+    spectrum: Floats  #: (k, n_in) amplitudes of the loads there
+    below: float  #: share of the energy below the band, of the input that has most there
+    above: float  #: the same above the band
+    worst_port: str  #: the input with most energy outside the band
+    needed: float  #: [Hz] below which every input has 99.9 % of its energy
+    #: of the motion in the band, root mean square, relative: at most so much; of each kind of
+    #: output if the claim is of each kind
+    errors: dict[str, float]
+    elastic_errors: dict[str, float] | None  #: of the elastic motion of a free body; of others None
+    astray: float  #: share of the energy that is none of the loads that the body was reduced for
+    proved: bool  #: the errors are bounds, not estimates
+
+    @property
+    def error(self) -> float:
+        """The largest of ``errors``."""
+        return max(self.errors.values())
+
+    @property
+    def elastic_error(self) -> float | None:
+        """The largest of ``elastic_errors``."""
+        return None if self.elastic_errors is None else max(self.elastic_errors.values())
+
+    @property
+    def words(self) -> list[str]:
+        """Sentences."""
+        each = ", ".join(f"the {what} is within {e:.1e}" for what, e in self.errors.items())
+        said = [f"in the band {each} of itself, root mean square"
+                + ("" if self.proved else " (estimated, not proved)")]  # fmt: skip
+        if self.astray > 1 - ENOUGH:
+            said.append(f"{100 * self.astray:.2g} % of the loads is no combination of those that "
+                        "the body was reduced for, and nothing is claimed of it")  # fmt: skip
+        if self.elastic_error is not None:
+            said.append(f"its elastic part is within {self.elastic_error:.1e} of itself"
+                        + (": -mor_tol_relative_to both bounds what joints leave of a free body"
+                           if self.elastic_error > 0.02 else ""))  # fmt: skip
+        if self.above > 1 - ENOUGH:
+            said.append(f"{100 * self.above:.2g} % of the load at {self.worst_port} lies above the "
+                        f"band, where nothing is claimed: {100 * ENOUGH:g} % of every load lies "
+                        f"below {self.needed:.4g} Hz, let the band reach there")  # fmt: skip
+        if self.below > 1 - ENOUGH:
+            said.append(f"{100 * self.below:.2g} % lies below the band, constant or slow: let the "
+                        "band begin lower (at 0 for a body that is held)")  # fmt: skip
+        return said
+
+
+@dataclass
+class _Block:
+    """A block of H with what is claimed of its error: ε, of it or of all of H."""
+
+    rows: IntArray
+    columns: IntArray
+    epsilon: float
+    of_all: bool = False
+
+
+def _blocks(model: ReducedBody) -> dict[str, list[_Block]]:
+    """What is claimed, by what the outputs are."""
+    all_rows, all_columns = np.arange(len(model.outputs)), np.arange(len(model.inputs))
+    if not len(model.claim.by_kind):
+        return {"motion": [_Block(all_rows, all_columns, model.claim.whole)]}
+    claims = {tuple(kind.split(" from ")): float(e)
+              for kind, e in zip(model.claim.kinds, model.claim.by_kind, strict=True)}  # fmt: skip
+    blocks: dict[str, list[_Block]] = {}
+    inputs = [kind for kind in INPUT_KINDS if len(ports_of(model.inputs, kind))]
+    known = np.concatenate([ports_of(model.inputs, kind) for kind in inputs])
+    for output in dict.fromkeys(output for output, _ in claims):
+        rows = ports_of(model.outputs, output)
+        mine = []
+        for kind in inputs:  # what is claimed of no kind is nothing but rounding
+            columns = ports_of(model.inputs, kind)
+            if (output, kind) in claims:
+                mine.append(_Block(rows, columns, claims[output, kind]))
+            elif model.claim.is_hidden(output, kind):
+                mine.append(_Block(rows, columns, model.claim.whole, True))
+        others = np.setdiff1d(all_columns, known)
+        if len(others):
+            mine.append(_Block(rows, others, model.claim.whole, True))
+        blocks[output] = mine
+    return blocks
+
+
+def _size(H: ComplexArray, block: _Block) -> float:
+    """Norm of what the claim of a block is relative to."""
+    return float(np.linalg.norm(H if block.of_all else H[np.ix_(block.rows, block.columns)]))
+
+
+def _for_its_loads(model: ReducedBody) -> ReducedBody:
+    """A body that was reduced for few loads, as one that has these for inputs."""
+    if not model.claim.load_names:
+        return model
+    part = model.replaced(
+        inputs=model.claim.load_names,
+        B=model.B @ model.claim.loads,
+        feedthrough=model.feedthrough @ model.claim.loads,
+    )
+    if model.outputs != model.inputs:
+        return part
+    return part.replaced(
+        outputs=part.inputs,
+        C=model.claim.loads.T @ model.C,
+        feedthrough=model.claim.loads.T @ part.feedthrough,
+    )
+
+
+def judge(model: ReducedBody, t: ArrayLike, u: ArrayLike) -> Verdict:
+    """What the claim says of the response to a load history.
+
+    For each kind of output if the claim is of each kind. By Parseval, from ‖H − H_r‖ <= ε ‖H‖ at
+    every line of the spectrum in the band; ‖H‖ is at most ‖H_r‖/(1 − ε), of that part of H that ε
+    is relative to. At resonances that a claim leaves out nothing is known: lines in them count as
+    outside. A claim for few loads is one of the motion along them, and of what of the history is a
+    combination of them.
+
+    Parameters
+    ----------
+    t : (n,) array
+        [s], rising; not uniform: interpolated linearly at the smallest step.
+    u : (n, n_in) array
+        Loads.
+
+    Raises
+    ------
+    BodyError
+        If the loads vanish, or are none for these times and inputs.
+    """
+    t, u = np.asarray(t, dtype=float), np.asarray(u, dtype=float)
+    if u.shape != (len(t), len(model.inputs)) or len(t) < 2:
+        raise BodyError(f"loads are {u.shape}, expected {(len(t), len(model.inputs))}")
+    t, u = evenly(t, u)
+    U = np.fft.rfft(u, axis=0)
+    hz = np.fft.rfftfreq(len(u), t[1] - t[0])
+    weight = np.where((hz == 0) | (2 * np.arange(len(hz)) == len(u)), 1.0, 2.0)  # two-sided
+    energy = weight[:, None] * np.abs(U) ** 2
+    spectrum = np.sqrt(weight[:, None]) * np.abs(U) / len(u)
+    total = energy.sum(axis=0)
+    if not total.any():
+        raise BodyError("all loads vanish")
+    share = energy[:, total > 0] / total[total > 0]
+    names = [name for name, some in zip(model.inputs, total > 0, strict=True) if some]
+    omega = 2 * np.pi * hz
+    tiny = 1e-9 * model.claim.bands[-1, 1]
+    inside = np.any(
+        [(omega >= a - tiny) & (omega <= b + tiny) for a, b in model.claim.bands], axis=0
+    )
+    for a, b in model.claim.excluded:
+        inside &= (omega < a) | (omega > b)
+    below = share[(omega < model.claim.bands[0, 0] - tiny)].sum(axis=0)
+    above = share[~inside & (omega >= model.claim.bands[0, 0] - tiny)].sum(axis=0)
+    astray = 0.0
+    if model.claim.load_names:
+        within = u @ np.linalg.pinv(model.claim.loads).T
+        astray = float(np.sum((u - within @ model.claim.loads.T) ** 2) / np.sum(u**2))
+        U = np.fft.rfft(within, axis=0)
+        model = _for_its_loads(model)
+    reached = np.argmax(np.cumsum(share, axis=0) >= ENOUGH - 1e-12, axis=0)
+
+    lines = np.flatnonzero(inside & (energy.sum(axis=1) > 1e-20 * total.sum()) & (omega > 0))
+    w, loads, twice = omega[lines], U[lines], weight[lines]
+    elastic = None
+    if int(model.frame["rigid_modes"]) > 0:
+        with contextlib.suppress(BodyError):  # dampers hold it
+            elastic = model.without_rigid_modes()
+    by_elastic = model.claim.bounds_elastic_part and elastic is not None
+    groups = _blocks(model)
+    most: dict[int, float] = {}  # of each block over the band
+    if model.claim.relative_to == "band":
+        everywhere = [
+            model.transfer(x, False) for x in np.unique(np.concatenate([model.claim.omega, w]))
+        ]
+        most = {id(block): max(_size(H, block) for H in everywhere)
+                for blocks in groups.values() for block in blocks}  # fmt: skip
+    off = {what: np.zeros(len(w)) for what in groups}
+    motion = {what: np.zeros(len(w)) for what in groups}
+    bent = {what: np.zeros(len(w)) for what in groups}
+    for i, x in enumerate(w):
+        H = model.transfer(x, False)
+        H_e = H if elastic is None else elastic.transfer(x, False)
+        for what, blocks in groups.items():
+            for block in blocks:
+                size = most.get(id(block), 0.0) or _size(H_e if by_elastic else H, block)
+                if model.claim.relative_to == "both":
+                    size = min(size, _size(H, block))
+                share_of = block.epsilon / (1 - block.epsilon) if block.epsilon < 1 else np.inf
+                load = float(np.linalg.norm(loads[i][block.columns]))
+                off[what][i] += share_of * size * load if load > 0 else 0.0
+            rows = blocks[0].rows
+            direct = model.feedthrough[rows]
+            motion[what][i] = np.linalg.norm((H[rows] + direct) @ loads[i])
+            bent[what][i] = np.linalg.norm((H_e[rows] + direct) @ loads[i])
+
+    def relative(moved: dict[str, Floats]) -> dict[str, float]:
+        return {what: float(np.sqrt(np.sum(twice * off[what] ** 2))
+                            / max(np.sqrt(np.sum(twice * moved[what] ** 2)), 1e-300))
+                if np.any(off[what]) else 0.0 for what in groups}  # fmt: skip
+
+    return Verdict(hz, spectrum, float(below.max()),
+                   float(above.max()), names[int(np.argmax(below + above))],
+                   float(hz[reached.max()]), relative(motion),
+                   None if elastic is None else relative(bent), astray,
+                   model.claim.kind != "estimated")  # fmt: skip

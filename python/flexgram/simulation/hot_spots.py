@@ -1,0 +1,152 @@
+"""Where the stress of a body is largest per unit of a load over the band: places for outputs."""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from flexgram.basics import BodyError
+from flexgram.model.geometry import Geometry, body_of
+from flexgram.model.reduced import ReducedBody
+
+Floats = NDArray[np.float64]
+
+#: Rows whose squares add up to the square of the von Mises stress of xx, yy, zz, xy, yz, zx.
+_MISES = np.array([[1, -1, 0, 0, 0, 0], [0, 1, -1, 0, 0, 0], [-1, 0, 1, 0, 0, 0]]) / np.sqrt(2)
+MISES = np.vstack([_MISES, np.sqrt(3) * np.eye(6)[3:]])
+#: Nodes whose stress is in memory at a time.
+CHUNK = 2000
+
+
+@dataclass
+class HotSpot:
+    """A node of large stress.
+
+    Attributes
+    ----------
+    node : int
+        Of the mesh, from 1.
+    place : (3,) array
+        [m]
+    input : str
+        The load under which it stands out most.
+    stress : float
+        Amplitude of its von Mises stress for a unit of that load [N/m²].
+    hertz : float
+        Where in the band.
+    share : float
+        Of the largest under the same load anywhere.
+    """
+
+    node: int
+    place: Floats
+    input: str
+    stress: float
+    hertz: float
+    share: float
+
+
+def hot_spots(
+    model: ReducedBody,
+    count: int = 5,
+    *,
+    apart: float | None = None,
+    body: str | Path | None = None,
+    inputs: list[str] | None = None,
+    frequencies: int = 60,
+) -> list[HotSpot]:
+    """Nodes of the largest von Mises stress per unit of a load over the band.
+
+    Of each load by itself: every one is scaled by its own largest stress. The stress is that of the
+    reduced body, of which nothing is claimed: an output of the type stress at such a node is
+    certified.
+
+    Parameters
+    ----------
+    model : ReducedBody
+        Of a mesh of solids.
+    count : int
+        At most so many.
+    apart : float, optional
+        Distance between any two [m]; default: a twentieth of the body's size.
+    body : str or Path, optional
+        Body file; default: the one that was reduced.
+    inputs : list of str, optional
+        Loads to look at; default: all but temperatures, of which there are none.
+    frequencies : int
+        Of the curve of the error so many, evenly chosen, beside the resonances.
+
+    Raises
+    ------
+    BodyError
+        If the body has no stresses, or an input is none of its own.
+    """
+    with contextlib.suppress(BodyError):  # dampers hold it
+        model = model.without_rigid_modes()  # rigid motion strains nothing
+    chosen = inputs or [name for name in model.inputs if not name.endswith(".T")]
+    for name in chosen:
+        if name not in model.inputs:
+            raise BodyError(f"there is no input {name}; there are {', '.join(model.inputs)}")
+    if any(name.endswith(".T") for name in chosen):
+        raise BodyError("temperatures have no hot spots: their stress is not that of the motion "
+                        "alone, and hangs on what holds the body (rom.stress(q, u=u))")  # fmt: skip
+    if apart is not None and not (np.isfinite(apart) and apart >= 0):
+        raise BodyError(f"apart = {apart} must be a distance")
+    columns = [model.inputs.index(name) for name in chosen]
+    basis = model.stress(body=body)  # (m, N, 6)
+    geometry = Geometry.load(body_of(model, body))
+    curve = model.claim.omega[:: max(1, len(model.claim.omega) // frequencies)]
+    inside = np.any([(model.modes >= a) & (model.modes <= b) for a, b in model.claim.bands], axis=0)
+    if not model.eta and not np.any(model.D):
+        inside &= False  # there is no largest stress at resonances without damping
+    omega = np.unique(np.concatenate([curve, model.modes[inside]]))
+    motion = np.array([
+        np.linalg.solve(model.K * (1 + 1j * model.eta) + 1j * w * model.D - w * w * model.M,
+                        model.B[:, columns]) for w in omega
+    ])  # fmt: skip
+    motion = np.nan_to_num(motion).transpose(1, 0, 2).reshape(model.order, -1)
+    parts = np.hstack([motion.real, motion.imag])
+    nodes = np.flatnonzero(np.isfinite(basis).all(axis=(0, 2)))
+    largest = np.zeros((len(nodes), len(columns)))  # of each node and load, over the band
+    when = np.zeros_like(largest)
+    for first in range(0, len(nodes), CHUNK):
+        some = nodes[first : first + CHUNK]
+        rows = np.einsum("mnc,kc->nkm", basis[:, some], MISES)
+        squares = np.sum((rows @ parts) ** 2, axis=1)  # (n, 2 ω j)
+        amplitude = np.sqrt(squares.reshape(len(some), 2, len(omega), len(columns)).sum(axis=1))
+        largest[first : first + CHUNK] = amplitude.max(axis=1)
+        when[first : first + CHUNK] = omega[amplitude.argmax(axis=1)]
+    scale = largest.max(axis=0)
+    shares = largest / np.where(scale > 0, scale, 1.0)
+    score = shares.max(axis=1)
+    points = geometry.points[nodes]
+    distance = 0.05 * float(np.ptp(points, axis=0).max()) if apart is None else apart
+    found: list[HotSpot] = []
+    left = np.ones(len(nodes), dtype=bool)
+    while len(found) < count and left.any():
+        at = int(np.argmax(np.where(left, score, -1.0)))
+        load = int(np.argmax(shares[at]))
+        found.append(HotSpot(int(nodes[at]) + 1, points[at], chosen[load],
+                             float(largest[at, load]), float(when[at, load] / (2 * np.pi)),
+                             float(shares[at, load])))  # fmt: skip
+        left &= np.linalg.norm(points - points[at], axis=1) > distance
+        left[at] = False
+    return found
+
+
+def describe(spots: list[HotSpot]) -> list[str]:
+    """Lines for a reader: each spot, and the outputs that would certify them."""
+    lines = [
+        f"node {spot.node} at ({', '.join(f'{x:.5g}' for x in spot.place)}) m: "
+        f"{spot.stress:.4g} N/m² per unit of {spot.input}, at {spot.hertz:.5g} Hz "
+        f"({100 * spot.share:.0f} % of its largest)"
+        for spot in spots
+    ]
+    lines += ["", "nothing is claimed of these numbers; as outputs of the body they are certified:",
+              "outputs:"]  # fmt: skip
+    return lines + [f"  spot{k}: {{type: stress, nodes: [{spot.node}]}}"
+                    for k, spot in enumerate(spots, 1)]  # fmt: skip
