@@ -7,14 +7,17 @@ hands it to multibody codes (see README.md).
 
 from typing import Any
 
+from flexgram import moved
 from flexgram.basics import BodyError
 from flexgram.body.bodyfile import write_matrices
 from flexgram.body.description import import_body
+from flexgram.body.matrices import Matrices
 from flexgram.importers.mesh import import_mesh
 from flexgram.reduced_model import ReducedModel
-from flexgram.reduction.call import Matrices
 from flexgram.reduction.direct import reduce
 from flexgram.reduction.medium import Medium, certify
+
+moved.install()
 
 __version__ = "0.1.0"
 __all__ = [

@@ -6,6 +6,7 @@ import html
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from flexgram.basics import BodyError
@@ -40,9 +41,9 @@ class ReducedModel(ReducedBody):
     ) -> Floats:
         """Stress at the nodes of a body that flexgram assembled, (k, N, 6) [N/m²].
 
-        Of the elements' own strain, averaged at nodes (``flexgram.body.stress``): xx, yy, zz, xy, yz,
-        zx; NaN at nodes of no deforming solid. Nothing is claimed of it but of ``outputs`` of the
-        type stress; their values are these.
+        Of the elements' own strain, averaged at nodes (``flexgram.body.stress``): xx, yy, zz, xy,
+        yz, zx; NaN at nodes of no deforming solid. Nothing is claimed of it but of ``outputs`` of
+        the type stress; their values are these.
 
         Parameters
         ----------
@@ -58,7 +59,7 @@ class ReducedModel(ReducedBody):
         BodyError
             Without that file, or if it holds matrices; without ``u`` where heat strains the body.
         """
-        return recovery.stress(self, q, body, u)
+        return recovery.stress_at_nodes(self, q, body, u)
 
     def physical(self) -> PhysicalForm:
         """The same body in the motions of its interfaces and the modes with these held, as
@@ -102,7 +103,7 @@ class ReducedModel(ReducedBody):
         Parameters
         ----------
         figure : str
-            Which one; ``flexgram.pictures.figures`` has their options (``sweep``, ``ports``, ``body``).
+            Which one; ``flexgram.figures`` has their options (``sweep``, ``ports``, ``body``).
         path : str or Path, optional
             Write it there, as ``.png``, ``.svg`` or ``.pdf``.
 

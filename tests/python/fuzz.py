@@ -33,12 +33,11 @@ import scipy.sparse as sp
 from bodies import box
 from conftest import ENVIRONMENT, PROGRAM, ROOT
 from flexgram import BodyError, ReducedModel, import_body, write_matrices
-from flexgram.measured import frf
-from flexgram.measured import mode_shapes
 from flexgram.body.bodyfile import write_sparse
 from flexgram.body.description import import_description
-from flexgram.importers import Interface, import_matrices, read
 from flexgram.cli.info import describe
+from flexgram.importers import Interface, import_matrices, read
+from flexgram.measured import frf, mode_shapes
 
 N = 12  #: rows of the small matrices
 K = sp.diags([2.0, -1, -1], [0, 1, -1], shape=(N, N)).tocsr() * 1e6

@@ -27,9 +27,9 @@ from conftest import assembled, body_system, read_sparse
 from flexgram import reduce
 from flexgram.basics import BodyError
 from flexgram.body.bodyfile import write_matrices
+from flexgram.cli.info import describe
 from flexgram.importers import Interface, check, import_matrices, parse, read
 from flexgram.importers.ccx import damping_of, prepare, read_job
-from flexgram.cli.info import describe
 from referee import System
 
 HELD = "*BOUNDARY\nSTART, 1, 3\n"

@@ -15,11 +15,11 @@ import flexgram
 from bodies import box, write_body_file
 from conftest import body_system, run
 from flexgram import BodyError, ReducedModel
-from flexgram.reduction.call import Matrices
 from flexgram.assembly.couple import PORTS, Joint, couple, verdict
-from flexgram.body.description import import_description
-from flexgram.simulation.histories import ports_of
 from flexgram.assembly.small_gain import errors_of
+from flexgram.body.description import import_description
+from flexgram.body.matrices import Matrices
+from flexgram.simulation.histories import ports_of
 
 BAND = (0.05, 0.6)  # [Hz]
 

@@ -15,7 +15,7 @@ import flexgram
 from bodies import box, write_body_file
 from conftest import body_system, run
 from flexgram import ReducedModel
-from flexgram.reduction.call import Matrices
+from flexgram.body.matrices import Matrices
 
 LETTERS = {"force": "f", "moment": "m"}
 

@@ -16,8 +16,8 @@ from test_superelements import reduced
 import flexgram
 from conftest import run
 from flexgram import BodyError, ReducedModel
-from flexgram.reduction.call import Matrices
 from flexgram.assembly.couple import Joint, couple
+from flexgram.body.matrices import Matrices
 from flexgram.exporters import export
 
 fmpy = pytest.importorskip("fmpy")

@@ -10,8 +10,8 @@ from test_mesh_loads import sided, write_body
 
 from conftest import run
 from flexgram import BodyError, ReducedModel
-from flexgram.simulation.hot_spots import hot_spots
 from flexgram.body.stress import von_mises
+from flexgram.simulation.hot_spots import hot_spots
 
 
 def test_hot_spots(tmp_path: Path) -> None:

@@ -18,11 +18,11 @@ import scipy.sparse as sp
 from bodies import CALCULIX, box, small
 from conftest import SHARED, edit, read_sparse, run
 from flexgram.basics import BodyError
-from flexgram.model.geometry import Geometry
 from flexgram.importers import check, import_matrices, parse, read
 from flexgram.importers.deck import read_deck
 from flexgram.importers.fe import FeMatrices, Interface, rigid_motions
 from flexgram.importers.interfaces import attach
+from flexgram.model.geometry import Geometry
 
 STEEL = "*MATERIAL, NAME=STEEL\n*ELASTIC\n210e9, 0.3\n*DENSITY\n7850.\n"
 FREQUENCY = "*STEP\n*FREQUENCY\n16\n*END STEP\n"

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from flexgram.assembly.interval_series import Chosen
 from flexgram.assembly.joints import Joint, Parts, tied
+from flexgram.model.elastic_part import without_rigid_modes
 from flexgram.model.kinds import CROSSED, INPUT_KINDS, OUTPUT_KINDS, ports_of
 from flexgram.model.reduced import ReducedBody
 from flexgram.model.response import frequency_response
@@ -163,7 +164,7 @@ class Loop:
 
     def __init__(self, parts: Parts, joints: Sequence[Joint], keep: Sequence[str]) -> None:
         self.parts = parts
-        self.elastic = {name: m.without_rigid_modes() for name, m in parts.models.items()
+        self.elastic = {name: without_rigid_modes(m) for name, m in parts.models.items()
                         if m.claim.bounds_elastic_part and m.frame["rigid_modes"]}  # fmt: skip
         found = [(d, weights, joint) for joint in joints for d, weights in tied(parts, joint)]
         self.ties = [(d, joint) for d, _, joint in found]

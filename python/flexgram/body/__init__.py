@@ -1,4 +1,4 @@
-"""Finite-element bodies: files, meshes, descriptions in YAML, loads, outputs and stresses.
+"""Finite-element bodies: files, meshes, descriptions in YAML, loads, outputs, stresses.
 
 May import: basics.
 """

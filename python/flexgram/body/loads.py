@@ -19,6 +19,7 @@ from flexgram.basics import BodyError, IntArray, check_name, errors_of
 from flexgram.body.face_integrals import areas_at_nodes
 from flexgram.body.faces import whole_faces
 from flexgram.body.reader import Reader
+from flexgram.body.stress import Stresses
 
 Floats = NDArray[np.float64]
 
@@ -85,8 +86,6 @@ def _table(mesh: BodyMesh, entry: Reader, columns: int) -> tuple[IntArray, Float
 
 def _write_temperature(mesh: BodyMesh, group: h5py.Group, entry: Reader) -> str:
     """A field of temperature as the load of its strain; the field itself for stresses."""
-    from flexgram.body.stress import Stresses  # it takes the compiled module
-
     temperature = np.zeros(len(mesh.points))
     if ("nodes" in entry.data) == ("table" in entry.data):
         raise BodyError(f"{entry.where}: temperature needs nodes, or a table of node and "

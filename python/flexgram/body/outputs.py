@@ -6,17 +6,13 @@ point, from which the assembly makes its row.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import h5py
 import numpy as np
 
 from flexgram.basics import BodyError, check_name, errors_of
-from flexgram.body.loads import AXES, BodyMesh, Floats, temperatures, write_vectors
+from flexgram.body.loads import AXES, BodyMesh, Floats, write_vectors
 from flexgram.body.reader import Reader, short
-
-if TYPE_CHECKING:
-    from flexgram.body.stress import Stresses
+from flexgram.body.stress import COMPONENTS, Stresses, temperatures
 
 OUTPUTS = ("displacement", "stress", "reaction")
 
@@ -69,8 +65,6 @@ def write_outputs(mesh: BodyMesh, reader: Reader) -> dict[str, str]:
         group = mesh.file.create_group(f"outputs/{check_name(entry.where, str(name))}")
         group.attrs["order"] = order
         if kind == "stress":
-            from flexgram.body.stress import COMPONENTS, Stresses  # it takes the compiled module
-
             chosen = mesh.select(entry.get("nodes"), entry.where)
             with errors_of(entry.where):
                 if stresses is None:

@@ -1,4 +1,4 @@
-"""The command line: one module for a group of verbs.
+"""The command line: a module for each group of verbs.
 
-May import: everything.
+May import: all.
 """

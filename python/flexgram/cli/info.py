@@ -8,7 +8,6 @@ import h5py
 import numpy as np
 
 from flexgram.basics import BodyError, errors_of, expect_survival
-from flexgram.model import words
 from flexgram.reduced_model import ReducedModel
 
 
@@ -51,23 +50,24 @@ def _describe(path: Path) -> list[str]:
         if "gramian" not in file:
             raise BodyError(f"{path}: neither a body, a reduced nor a sweep file of flexgram")
     model = ReducedModel.load(path, basis=False)
-    hz = model.claim.bands / (2 * np.pi)
+    claim = model.claim
+    hz = claim.bands / (2 * np.pi)
     bands = ", ".join(f"{first:g} to {last:g}" for first, last in hz)
     lines = [
         f"reduced body of order {model.order} by {model.method}"
         + (f" ({model.second_stage})" if model.second_stage not in ("", model.method) else ""),
-        f"band {bands} Hz, {words.error_of(model)}",
+        f"band {bands} Hz, {claim.words}",
         f"inputs: {', '.join(model.inputs)}",
     ]
-    if len(model.claim.field_error):
+    if len(claim.field_error):
         lines.insert(2, "field, by its strain energy: " + ", ".join(
             f"{error:.1e} from {inputs}" for inputs, error in
-            zip(model.claim.field_inputs, model.claim.field_error, strict=True)))  # fmt: skip
-    if len(model.claim.kind_tolerances):
+            zip(claim.field_inputs, claim.field_error, strict=True)))  # fmt: skip
+    if len(claim.kind_tolerances):
         lines.insert(2, "by kind: " + ", ".join(
             f"{kind} {error:.1e} of {asked:g}" for kind, error, asked in
-            zip(model.claim.kinds, model.claim.by_kind, model.claim.kind_tolerances, strict=True)))  # fmt: skip
-    for said in (words.data_rounding_of(model), words.shortfall_of(model)):
+            zip(claim.kinds, claim.by_kind, claim.kind_tolerances, strict=True)))  # fmt: skip
+    for said in (claim.words_of_data, claim.shortfall):
         if said:
             lines.insert(2, said)
     if model.outputs != model.inputs:
@@ -80,7 +80,7 @@ def _describe(path: Path) -> list[str]:
     elastic = model.modes[model.modes > 1e-6 * max(model.modes.max(initial=0), 1e-300)]
     first = ", ".join(f"{w / (2 * np.pi):.5g}" for w in elastic[:6])
     lines.append(f"elastic modes [Hz]: {first}{' …' if len(elastic) > 6 else ''}")
-    lines += words.held_of(model)
+    lines += claim.words_of_held
     lines.append(f"from {model.log.get('body', 'an unknown body')}")
     return lines
 

@@ -93,7 +93,6 @@ def run_frf(options: argparse.Namespace) -> None:
 
     from flexgram.importers.interfaces import numbers
     from flexgram.measured import frf
-    from flexgram.model import words
     from flexgram.reduced_model import ReducedModel
 
     model = ReducedModel.load(options.rom, basis=False)
@@ -127,12 +126,12 @@ def run_frf(options: argparse.Namespace) -> None:
             raise BodyError("the measured responses are at different frequencies: --hz")
         frf.write_csv(functions, options.output)
     elif suffix in (".unv", ".uff"):
-        frf.write_universal(functions, options.output, words.error_of(model))
+        frf.write_universal(functions, options.output, model.claim.words)
     else:
         from flexgram.pictures.figures import save
 
         save(frf.bode(functions, measured[: len(pairs)]), options.output)
-    say(f"  wrote {options.output}: {len(functions)} responses, {words.error_of(model)}")
+    say(f"  wrote {options.output}: {len(functions)} responses, {model.claim.words}")
 
 
 def modes_options(parser: argparse.ArgumentParser) -> None:
@@ -157,7 +156,6 @@ def run_modes(options: argparse.Namespace) -> None:
     import numpy as np
 
     from flexgram.measured import mode_shapes as ms
-    from flexgram.model import words
     from flexgram.reduced_model import ReducedModel
 
     suffix = options.output.suffix.lower() if options.output else ""
@@ -185,7 +183,7 @@ def run_modes(options: argparse.Namespace) -> None:
     if suffix == ".csv":
         ms.write_csv(modes, options.output)
     elif suffix in (".unv", ".uff"):
-        ms.write_universal(modes, options.output, words.error_of(model))
+        ms.write_universal(modes, options.output, model.claim.words)
     elif found is not None:
         from flexgram.pictures.figures import save
 
@@ -253,7 +251,7 @@ def simulate_options(parser: argparse.ArgumentParser) -> None:
 def run_simulate(options: argparse.Namespace) -> None:
     import numpy as np
 
-    from flexgram.body.stress import largest_stress, words_of
+    from flexgram.model.recovery import largest_stress, words_of_stress
     from flexgram.reduced_model import ReducedModel
     from flexgram.simulation.expressions import function_of_time
     from flexgram.simulation.histories import evenly, read_history
@@ -293,4 +291,4 @@ def run_simulate(options: argparse.Namespace) -> None:
         say(f"  wrote {options.xdmf}")
     if options.stress:
         worst = largest_stress(model, q, u, options.body)
-        say(f"  {words_of(model, t, worst, options.body)}")
+        say(f"  {words_of_stress(model, t, worst, options.body)}")

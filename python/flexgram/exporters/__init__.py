@@ -1,4 +1,7 @@
-"""Reduced bodies for multibody codes and other tools; ``export`` chooses by name."""
+"""Reduced bodies for multibody codes and other tools; ``export`` chooses by name.
+
+May import: basics, body, model.
+"""
 
 from __future__ import annotations
 

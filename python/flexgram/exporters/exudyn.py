@@ -16,7 +16,9 @@ import h5py
 import numpy as np
 
 from flexgram.basics import BodyError, IntArray, written_aside
+from flexgram.model.elastic_part import in_its_frame
 from flexgram.model.geometry import Geometry, body_of, interface_motion, interface_positions
+from flexgram.model.recovery import stress_at_nodes
 from flexgram.model.reduced import Floats, ReducedBody
 
 STRESS_LOCAL = "OutputVariableType.StressLocal"
@@ -93,7 +95,7 @@ def ffrf_terms(
     if model.eta:
         raise BodyError("EXUDYN has no structural damping (eta): give Rayleigh damping instead")
     positions = interface_positions(model)
-    elastic = model.elastic()
+    elastic = in_its_frame(model)
     n, f = elastic.order, elastic.frame
     further = np.array(sorted({int(node) - 1 for node in nodes}), dtype=np.int64)
     points, moved, triangles, surface = _surface(model, body, most_nodes, further)
@@ -113,7 +115,8 @@ def ffrf_terms(
         moved = np.concatenate([moved, translation.T[:, None, :] + turned], axis=1)
     stresses = np.zeros((len(points), 6 * n if stress else 0))
     if stress:
-        of_modes = model.stress(body=body)[model.frame["rigid_modes"] :, surface][..., STRESSES]
+        rigid = model.frame["rigid_modes"]
+        of_modes = stress_at_nodes(model, body=body)[rigid:, surface][..., STRESSES]
         stresses[: len(surface)] = np.nan_to_num(of_modes).transpose(1, 0, 2).reshape(-1, 6 * n)
     Ct = f["M_er"][:, :3]
     inertia_first = f["inertia_first"]

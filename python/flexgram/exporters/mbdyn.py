@@ -13,8 +13,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexgram.basics import BodyError, written_aside
-from flexgram.model import words
+from flexgram.model.elastic_part import in_its_frame
 from flexgram.model.geometry import interface_motion, interface_positions
+from flexgram.model.physical import physical_form
 from flexgram.model.reduced import ReducedBody
 
 
@@ -51,12 +52,12 @@ def write_mbdyn(model: ReducedBody, path: Path, body: str | Path | None = None) 
         raise BodyError("MBDyn's modal joint couples rigid and elastic motion of nodes with masses "
                         "only, which a reduced body does not have: reduce a free body by "
                         "-mor_frame buckens, in whose mean axes nothing is to couple")  # fmt: skip
-    elastic = model.elastic() if free else model
+    elastic = in_its_frame(model) if free else model
     motion = interface_motion(elastic)
     if not motion:
         raise BodyError("no interface of six ports, fx to mz: MBDyn's nodes would be none")
     names = [name.replace(" ", "_") for name in motion]
-    places = interface_positions(model) if free else model.physical().positions(body)
+    places = interface_positions(model) if free else physical_form(model).positions(body)
     points = np.array([places[name] for name in motion])
     m = elastic.order
     shapes = np.array([np.vstack(motion[name]).T for name in motion])  # (nodes, m, 6)
@@ -64,7 +65,7 @@ def write_mbdyn(model: ReducedBody, path: Path, body: str | Path | None = None) 
     def record(number: int, title: str, lines: list[str]) -> list[str]:
         return [f"** RECORD GROUP {number}, {title}", *lines, "**"]
 
-    lines = [f"** flexgram: {words.error_of(model)}", "**"]
+    lines = [f"** flexgram: {model.claim.words}", "**"]
     lines += record(1, "HEADER", ["**   REVISION,  NODE,  NORMAL, ATTACHMENT, CONSTRAINT, REJECTED",
                                   f"  REV0 {len(names)} {m} 0 0 0"])  # fmt: skip
     lines += record(2, "FINITE ELEMENT NODE LIST", [" ".join(names)])

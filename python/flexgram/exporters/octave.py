@@ -10,7 +10,6 @@ import scipy.io
 
 from flexgram.basics import BodyError, written_aside
 from flexgram.exporters.arrays import write_mat
-from flexgram.model import words
 from flexgram.model.reduced import ReducedBody
 
 #: Words that the script does not use, but the language does.
@@ -109,7 +108,7 @@ def write_octave(model: ReducedBody, path: Path, body: str | Path | None = None)
     elastic = model.modes[model.modes > 1e-6 * model.modes.max(initial=0)]
     slowest = float(elastic.min(initial=float(model.band[-1])))
     values = {
-        "claim": words.error_of(model), "data": f"{name}.mat", "output": output + 1,
+        "claim": model.claim.words, "data": f"{name}.mat", "output": output + 1,
         "input": port + 1, "first": model.band[0] / (2 * np.pi),
         "last": model.band[-1] / (2 * np.pi),
         "end": 20 * np.pi / slowest, "title": name,

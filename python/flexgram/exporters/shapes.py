@@ -12,6 +12,7 @@ import numpy as np
 from flexgram.basics import BodyError, written_aside
 from flexgram.body.stress import von_mises
 from flexgram.model.geometry import Geometry, body_of
+from flexgram.model.recovery import stress_at_nodes
 from flexgram.model.reduced import ReducedBody
 
 
@@ -30,7 +31,8 @@ def write_shapes(
     geometry = _geometry(model, body)
     fields = {f"phi_{j + 1:03d}": field for j, field in enumerate(geometry.motion(model))}
     if stress:
-        fields |= {f"sigma_{j + 1:03d}": field for j, field in enumerate(model.stress(body=body))}
+        stresses = enumerate(stress_at_nodes(model, body=body), 1)
+        fields |= {f"sigma_{j:03d}": field for j, field in stresses}
     mesh = meshio.Mesh(geometry.points, geometry.blocks, point_data=fields)
     try:
         with written_aside(path, body, model.path) as place:
@@ -78,7 +80,7 @@ def write_motion(
                     field = geometry.motion(model, state)[0]
                     data = {"u": field}
                     if stress:
-                        data["stress"] = model.stress(state, where, load)[0]
+                        data["stress"] = stress_at_nodes(model, state, where, load)[0]
                         data["von_mises"] = von_mises(data["stress"])
                     writer.write_data(float(time), point_data=data)
         finally:

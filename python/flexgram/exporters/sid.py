@@ -25,6 +25,7 @@ from typing import Any
 import numpy as np
 
 from flexgram.basics import BodyError, written_aside
+from flexgram.model.elastic_part import in_its_frame
 from flexgram.model.geometry import interface_motion, interface_positions
 from flexgram.model.reduced import Floats, ReducedBody
 
@@ -133,7 +134,7 @@ def write_sid(model: ReducedBody, path: Path, dialect: str = "dlr") -> None:
         raise BodyError("a SID has no structural damping (eta): give Rayleigh damping instead")
     mode_first, gr_axis, ge_axis = DIALECTS[dialect]
     positions = interface_positions(model)
-    body = model.elastic()
+    body = in_its_frame(model)
     n = body.order
     motion = interface_motion(body)
     if dialect == "emb" and np.abs(body.M - np.eye(n)).max() > 1e-8:

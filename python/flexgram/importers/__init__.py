@@ -2,6 +2,8 @@
 
 ``read`` finds the format by the file's name and reads it by the module of that code;
 ``import_matrices`` checks, attaches interfaces, and writes a body of matrices in SI units.
+
+May import: basics, body.
 """
 
 from __future__ import annotations

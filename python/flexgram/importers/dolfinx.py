@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from flexgram.basics import BodyError
+from flexgram.body.matrices import Matrices
 from flexgram.importers.fe import Floats, rigid_motions
-from flexgram.reduction.call import Matrices
 
 PORTS = ("fx", "fy", "fz", "mx", "my", "mz")
 

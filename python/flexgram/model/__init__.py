@@ -1,4 +1,4 @@
-"""The reduced body: its matrices, file, claim in words, responses, geometry, other forms.
+"""The reduced body: matrices, file, claim, response, geometry, stress, other forms of it.
 
 May import: basics, body.
 """

@@ -230,8 +230,8 @@ class Claim:
         worst = float(self.data_rounding.max(initial=0))
         if not worst > 0:
             return ""
-        return (f"the digits in which the FE code wrote K may change H by {worst:.1e} (an estimate, of "
-                "the full body: not part of the error)")  # fmt: skip
+        return (f"the digits in which the FE code wrote K may change H by {worst:.1e} (an "
+                "estimate, of the full body: not part of the error)")  # fmt: skip
 
     @property
     def words_of_held(self) -> list[str]:

@@ -15,7 +15,7 @@ from flexgram.model.reduced import ReducedBody
 Floats = NDArray[np.float64]
 
 
-def stress(
+def stress_at_nodes(
     model: ReducedBody,
     q: ArrayLike | None = None,
     body: str | Path | None = None,
@@ -78,13 +78,13 @@ def largest_stress(
     when (a row of q) and where (a node of the mesh)."""
     largest, when, where = -1.0, 0, 0
     for k, (state, load) in enumerate(zip(q, u, strict=True)):  # one at a time: a field is large
-        field = np.nan_to_num(von_mises(stress(model, state, body, load)[0]))
+        field = np.nan_to_num(von_mises(stress_at_nodes(model, state, body, load)[0]))
         if field.max() > largest:
             largest, when, where = float(field.max()), k, int(field.argmax())
     return largest, when, where
 
 
-def words_of(
+def words_of_stress(
     model: ReducedBody, t: Floats, worst: tuple[float, int, int], body: str | Path | None = None
 ) -> str:
     """What ``largest_stress`` found, at times t."""

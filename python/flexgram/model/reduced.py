@@ -150,8 +150,8 @@ class ReducedBody:
         return int(self.K.shape[0])
 
     def __repr__(self) -> str:
-        return (f"<{type(self).__name__} of order {self.order} by {self.method}, {len(self.inputs)} inputs, "
-                f"{self.claim.words}>")  # fmt: skip
+        return (f"<{type(self).__name__} of order {self.order} by {self.method}, "
+                f"{len(self.inputs)} inputs, {self.claim.words}>")  # fmt: skip
 
     def __getstate__(self) -> dict[str, Any]:
         """For pickle and copy: all numbers; what wrote the file of this one stays behind."""

@@ -19,6 +19,7 @@ from scipy.linalg import eigh
 from flexgram.basics import BodyError, errors_of, written_aside
 from flexgram.body.stress import von_mises
 from flexgram.model.geometry import Geometry, body_of
+from flexgram.model.recovery import stress_at_nodes
 from flexgram.model.reduced import Floats, ReducedBody
 from flexgram.simulation.histories import Verdict
 
@@ -36,39 +37,36 @@ def _axes(width: float = 6.4, height: float = 3.6) -> tuple[Figure, Any]:
 def error(model: ReducedBody) -> Figure:
     """Relative error (eq. 17) and its certified bound over the band."""
     figure, axes = _axes(height=4.2)
-    hz = model.claim.omega * HZ
-    if len(model.claim.bound):
-        word = "certified" if model.claim.kind.startswith("certified") else "estimated"
-        axes.semilogy(hz, model.claim.bound, color=BOUND, lw=3.5, alpha=0.6, label=f"{word} bound")
-        everywhere = [("all of H, everywhere", model.claim.whole, "--", BOUND)]
-        if len(model.claim.by_kind):
+    claim = model.claim
+    hz = claim.omega * HZ
+    if len(claim.bound):
+        word = "certified" if claim.kind.startswith("certified") else "estimated"
+        axes.semilogy(hz, claim.bound, color=BOUND, lw=3.5, alpha=0.6, label=f"{word} bound")
+        everywhere = [("all of H, everywhere", claim.whole, "--", BOUND)]
+        if len(claim.by_kind):
             everywhere += [
                 (f"{kind}, everywhere", value, style, "#7a6a55")
                 for kind, value, style in zip(
-                    model.claim.kinds, model.claim.by_kind, itertools.cycle(("-.", ":", "--"))
+                    claim.kinds, claim.by_kind, itertools.cycle(("-.", ":", "--"))
                 )
             ]
         for label, value, style, color in everywhere:
-            for i, (first, last) in enumerate(model.claim.bands * HZ):
+            for i, (first, last) in enumerate(claim.bands * HZ):
                 axes.plot([first, last], 2 * [max(value, 1e-17)], style, color=color, lw=1.2,
                           label=f"{label}: {value:.1e}" if i == 0 else None)  # fmt: skip
-        for i, (first, last) in enumerate(model.claim.excluded * HZ):
+        for i, (first, last) in enumerate(claim.excluded * HZ):
             axes.axvspan(first, last, color="#d7301f", lw=1.5,
                          label="excluded" if i == 0 else None)  # fmt: skip
-    if len(model.claim.floor):
-        axes.semilogy(hz, np.maximum(model.claim.floor, 1e-17), ":", color=BOUND, lw=1,
+    if len(claim.floor):
+        axes.semilogy(hz, np.maximum(claim.floor, 1e-17), ":", color=BOUND, lw=1,
                       label="part of it that is rounding")  # fmt: skip
-    if model.claim.data_rounding.any():
-        axes.semilogy(hz, np.maximum(model.claim.data_rounding, 1e-17), "-.", color="gray", lw=1,
+    if claim.data_rounding.any():
+        axes.semilogy(hz, np.maximum(claim.data_rounding, 1e-17), "-.", color="gray", lw=1,
                       label="what the digits of K may change, beside the error")  # fmt: skip
-    if not np.array_equal(
-        model.claim.error, model.claim.bound
-    ):  # of some assemblies the bound alone is known
-        style, label = ("-", "error against the medium model") if len(model.claim.bound) else (
+    if not np.array_equal(claim.error, claim.bound):  # of some assemblies the bound alone is known
+        style, label = ("-", "error against the medium model") if len(claim.bound) else (
             ".", "error")  # fmt: skip
-        axes.semilogy(
-            hz, np.maximum(model.claim.error, 1e-17), style, color=REDUCED, lw=1, label=label
-        )
+        axes.semilogy(hz, np.maximum(claim.error, 1e-17), style, color=REDUCED, lw=1, label=label)
     axes.set(xlabel="frequency [Hz]", ylabel="relative error of H")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncol=2, fontsize=7)
     return figure
@@ -261,7 +259,7 @@ def stress(
     size = float(np.ptp(points, axis=0).max())
     if magnify is None:
         magnify = 0.05 * size / max(float(np.abs(field[used]).max()), 1e-300)
-    amount = von_mises(model.stress(q, body, u)[0])[triangles].mean(axis=1)
+    amount = von_mises(stress_at_nodes(model, q, body, u)[0])[triangles].mean(axis=1)
     figure = Figure(figsize=(5.2, 4.4), layout="constrained")
     axes = figure.add_subplot(projection="3d")
     scale = matplotlib.cm.ScalarMappable(

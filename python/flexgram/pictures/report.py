@@ -13,10 +13,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from flexgram.basics import BodyError, written_aside
-from flexgram.body.stress import Stresses, largest_stress, words_of
+from flexgram.body.stress import Stresses
 from flexgram.measured import mode_shapes
-from flexgram.model import words
+from flexgram.model.elastic_part import without_rigid_modes
 from flexgram.model.geometry import body_of
+from flexgram.model.recovery import largest_stress, words_of_stress
 from flexgram.model.reduced import ReducedBody
 from flexgram.pictures import figures
 from flexgram.simulation.histories import evenly, judge, read_history
@@ -88,25 +89,21 @@ def _modes(model: ReducedBody, most: int = 40) -> str:
 
 
 def _cards(model: ReducedBody) -> str:
+    claim = model.claim
     # By the size of the error: a proof of 23 % is no good news.
-    colour = ("poor" if not model.claim.supremum <= 0.1 or not model.claim.met
-              else "good" if model.claim.supremum <= 0.01 and model.claim.kind.startswith("certified")
+    colour = ("poor" if not claim.supremum <= 0.1 or not claim.met
+              else "good" if claim.supremum <= 0.01 and claim.kind.startswith("certified")
               else "fair")  # fmt: skip
-    hz = model.claim.bands / (2 * np.pi)
+    hz = claim.bands / (2 * np.pi)
     kinds = ""
-    if len(model.claim.by_kind):
-        of = [
-            f"{kind} {value:.1e}"
-            for kind, value in zip(model.claim.kinds, model.claim.by_kind, strict=True)
-        ]
-        if len(model.claim.kind_tolerances):
-            of = [
-                f"{said} of {t:g}" for said, t in zip(of, model.claim.kind_tolerances, strict=True)
-            ]
-        kinds = f": the largest of all of H {model.claim.whole:.1e}, {', '.join(of)}"
-    notes = words.shortfall_of(model), words.data_rounding_of(model)
+    if len(claim.by_kind):
+        of = [f"{kind} {value:.1e}" for kind, value in zip(claim.kinds, claim.by_kind, strict=True)]
+        if len(claim.kind_tolerances):
+            of = [f"{said} of {t:g}" for said, t in zip(of, claim.kind_tolerances, strict=True)]
+        kinds = f": the largest of all of H {claim.whole:.1e}, {', '.join(of)}"
+    notes = claim.shortfall, claim.words_of_data
     cards = [
-        (f"{model.claim.supremum:.1e}", f"largest relative error over the band, {model.claim.label}"
+        (f"{claim.supremum:.1e}", f"largest relative error over the band, {claim.label}"
          + kinds + "".join(f"; {said}" for said in notes if said),
          colour),
         (f"{len(model.V):,} → {model.order}" if len(model.V) else str(model.order),
@@ -131,7 +128,7 @@ def _cards(model: ReducedBody) -> str:
 
 def _held(model: ReducedBody) -> str:
     """Frequencies and static compliance with each interface held."""
-    lines = "".join(f"<li>{html.escape(line)}</li>" for line in words.held_of(model))
+    lines = "".join(f"<li>{html.escape(line)}</li>" for line in model.claim.words_of_held)
     return (
         f"<p>Without damping, against the model it was cut from:</p><ul>{lines}</ul>"
         if lines
@@ -159,11 +156,11 @@ def _has_stress(model: ReducedBody, body: str | Path | None) -> bool:
 
 def _stress(model: ReducedBody, t: Any, u: Any, body: str | Path | None) -> str:
     """The worst moment of a load history, from rest."""
-    part = model.without_rigid_modes()  # rigid motion strains nothing
+    part = without_rigid_modes(model)  # rigid motion strains nothing
     t, u = evenly(t, u)
     _, q = part.simulate(u, t)
     worst = largest_stress(part, q, u, body)
-    words = words_of(part, t, worst, body)
+    words = words_of_stress(part, t, worst, body)
     claim = (
         ""
         if any(re.search(r"\.s[xyz]{2}$", name) for name in model.outputs)
@@ -209,8 +206,8 @@ def write_report(
     ports : list of (output, input), optional
         Transfer functions to draw; default: the strongest force and moment.
     loads : str or Path, optional
-        Load history (``flexgram.simulation.histories.read_history``): its spectrum, and what the claim says of
-        the response to it.
+        Load history (``flexgram.simulation.histories.read_history``): its spectrum, and what the
+        claim says of the response to it.
     measured : str or Path, optional
         Universal file of a test: how its modes compare (``flexgram.measured.mode_shapes``).
 

@@ -1,4 +1,4 @@
-"""Calls into the compiled module: `reduce`, `certify` and `Medium`.
+"""Calls into the compiled module: reduce, certify and Medium.
 
-May import: basics, body, model, importers, simulation, measured, pictures.
+May import: basics, body, reduced_model.
 """

@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from flexgram.body.matrices import Matrices
 from flexgram.reduced_model import ReducedModel
 from flexgram.reduction.call import (
-    Matrices,
     communicator,
     core,
     hand_over,

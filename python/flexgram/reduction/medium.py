@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from flexgram.body.matrices import Matrices
 from flexgram.reduced_model import ReducedModel
 from flexgram.reduction.call import (
-    Matrices,
     communicator,
     core,
     hand_over,

@@ -11,6 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexgram.basics import BodyError, IntArray
+from flexgram.model.elastic_part import without_rigid_modes
+from flexgram.model.kinds import INPUT_KINDS, ports_of
 from flexgram.model.reduced import ComplexArray, Floats, ReducedBody
 
 #: Share of a load's energy that the band is to hold.
@@ -244,7 +246,7 @@ def judge(model: ReducedBody, t: ArrayLike, u: ArrayLike) -> Verdict:
     elastic = None
     if int(model.frame["rigid_modes"]) > 0:
         with contextlib.suppress(BodyError):  # dampers hold it
-            elastic = model.without_rigid_modes()
+            elastic = without_rigid_modes(model)
     by_elastic = model.claim.bounds_elastic_part and elastic is not None
     groups = _blocks(model)
     most: dict[int, float] = {}  # of each block over the band

@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexgram.basics import BodyError
+from flexgram.model.elastic_part import without_rigid_modes
 from flexgram.model.geometry import Geometry, body_of
+from flexgram.model.recovery import stress_at_nodes
 from flexgram.model.reduced import ReducedBody
 
 Floats = NDArray[np.float64]
@@ -86,7 +88,7 @@ def hot_spots(
         If the body has no stresses, or an input is none of its own.
     """
     with contextlib.suppress(BodyError):  # dampers hold it
-        model = model.without_rigid_modes()  # rigid motion strains nothing
+        model = without_rigid_modes(model)  # rigid motion strains nothing
     chosen = inputs or [name for name in model.inputs if not name.endswith(".T")]
     for name in chosen:
         if name not in model.inputs:
@@ -97,7 +99,7 @@ def hot_spots(
     if apart is not None and not (np.isfinite(apart) and apart >= 0):
         raise BodyError(f"apart = {apart} must be a distance")
     columns = [model.inputs.index(name) for name in chosen]
-    basis = model.stress(body=body)  # (m, N, 6)
+    basis = stress_at_nodes(model, body=body)  # (m, N, 6)
     geometry = Geometry.load(body_of(model, body))
     curve = model.claim.omega[:: max(1, len(model.claim.omega) // frequencies)]
     inside = np.any([(model.modes >= a) & (model.modes <= b) for a, b in model.claim.bands], axis=0)
