@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +47,7 @@ def reduced(body: tuple[Any, ...], tol: float, band: tuple[float, float] = BAND)
 
 def by_number(model: ReducedModel) -> ReducedModel:
     """The body with no more known of its error than how large it is."""
-    model.form = None
+    model.claim.form = None
     return model
 
 
@@ -295,7 +296,8 @@ def test_without_damping_all_but_the_resonances(tmp_path: Path) -> None:
     for name, model in parts.items():
         beside[name] = object.__new__(ReducedModel)
         beside[name].__dict__.update(model.__dict__)
-        beside[name].bands = np.array([[pole * (1 - 1e-8), pole * (1 + 1e-8)]])
+        around = np.array([[pole * (1 - 1e-8), pole * (1 + 1e-8)]])
+        beside[name].claim = dataclasses.replace(model.claim, bands=around)
     nothing = couple(beside, joints, keep=["p1.b"])
     assert nothing.kind == "estimated" and "0 % of the band" in dict(nothing.log["plan"])["error"]
     poles = whole.modes[(whole.modes > band[0]) & (whole.modes < band[1])]
@@ -315,17 +317,17 @@ def test_what_is_not_claimed_of_an_assembly_is_not_taken_for_zero() -> None:
     part = couple({f"p{i}": reduced(b, 1e-5) for i, b in enumerate(bodies)},
                   [Joint("p0.b", "p1.a")])  # fmt: skip
     part.outputs[2] = "p0.a.sxx"
-    part.kinds, part.by_kind = ["displacement from force"], np.array([1e-5])
+    part.claim.kinds, part.claim.by_kind = ["displacement from force"], np.array([1e-5])
     size = lambda rows, columns: np.asarray(1.0)  # noqa: E731
     kinds = ["displacement", "stress"], ["force"]
     zero = errors_of(part, *kinds, size, size)
     assert np.allclose(zero.ravel(), [min(1e-5, part.whole_error), part.whole_error], rtol=1e-4)
-    part.unclaimed = ["stress from force"]
+    part.claim.unclaimed = ["stress from force"]
     known = errors_of(part, *kinds, size, size)
     assert np.allclose(known, zero, rtol=1e-4)
     tiny = lambda rows, columns: np.asarray(1.0 if isinstance(rows, slice) else 1e-9)  # noqa: E731
     assert errors_of(part, *kinds, tiny, size)[1, 0] > 0.9 * part.whole_error
-    part.unclaimed = []
+    part.claim.unclaimed = []
     assert errors_of(part, *kinds, tiny, size)[1, 0] == pytest.approx(2e-9)
 
 
@@ -388,11 +390,12 @@ def test_what_is_no_assembly() -> None:
         couple(parts, [Joint("p0.a", "p1.a")], keep=["nope.x"])
     with pytest.raises(BodyError, match="outside the band"):
         verdict(parts, [Joint("p0.a", "p1.a")], omega=[2 * np.pi * 5])
-    by_number(parts["p1"]).relative_to = "band"
+    by_number(parts["p1"]).claim.relative_to = "band"
     whole = couple(parts, [Joint("p0.a", "p1.a")])  # without a bound, and it says why
     assert whole.kind == "estimated" and not np.isfinite(whole.certified_error)
     assert "relative to the largest H of the band" in dict(whole.log["plan"])["error"]
-    parts["p1"].relative_to, parts["p1"].load_names = "pointwise", ["few"]
+    claim = parts["p1"].claim
+    claim.relative_to, claim.load_names = "pointwise", ["few"]
     whole = couple(parts, [Joint("p0.a", "p1.a")])
     assert "was reduced for few loads" in dict(whole.log["plan"])["error"]
 
