@@ -7,27 +7,24 @@
 #include <cmath>
 #include <cstring>
 #include <limits>
-#include <optional>
 
 namespace flexgram {
 namespace {
 
 FLEXGRAM_FOR_EACH_PROCESSOR
-void accurate_dot(const double* a, const double* b, std::ptrdiff_t n, double* hi,
-                  double* lo) {
-  AccurateSum sum;
+void add_products(const double* a, const double* b, std::ptrdiff_t n, AccurateSum* sum) {
+  AccurateSum here = *sum;
   std::ptrdiff_t k = 0;
   for (; k + AccurateSum::lanes <= n; k += AccurateSum::lanes)
-    sum.add(*reinterpret_cast<const AccurateSum::Doubles*>(a + k),
-            *reinterpret_cast<const AccurateSum::Doubles*>(b + k));
+    here.add(*reinterpret_cast<const AccurateSum::Doubles*>(a + k),
+             *reinterpret_cast<const AccurateSum::Doubles*>(b + k));
   if (k < n) {
     AccurateSum::Doubles left{}, right{};
     std::memcpy(&left, a + k, sizeof(double) * static_cast<std::size_t>(n - k));
     std::memcpy(&right, b + k, sizeof(double) * static_cast<std::size_t>(n - k));
-    sum.add(left, right);
+    here.add(left, right);
   }
-  std::memcpy(hi, &sum.hi, sizeof sum.hi);
-  std::memcpy(lo, &sum.lo, sizeof sum.lo);
+  *sum = here;
 }
 
 AccurateDense rounded(const std::vector<long double>& values, int rows, int columns) {
@@ -98,29 +95,41 @@ AccurateDense congruence(const AccurateDense& a, const Dense& U) {
   return result;
 }
 
-AccurateDense inner_accurately(const Block& x, const Block& y, const Block& rest) {
+AccurateDense inner_accurately(const Block& x, const Block& y, const Block& rest,
+                               Triangle triangle) {
+  constexpr std::ptrdiff_t together = 2048; // rows, which stay in the cache
   const int rows = static_cast<int>(x.columns()), columns = static_cast<int>(y.columns());
   const std::ptrdiff_t n = x.local_rows().size();
-  std::vector<long double> sums;
+  const bool upper = triangle == Triangle::upper;
+  const auto at = [rows](int i, int j) {
+    return static_cast<std::size_t>(i) +
+           static_cast<std::size_t>(j) * static_cast<std::size_t>(rows);
+  };
+  std::vector<AccurateSum> parts(static_cast<std::size_t>(rows) *
+                                 static_cast<std::size_t>(columns));
   {
     const Block::Access left(x), right(y);
-    std::optional<Block::Access> small;
-    if (rest) small.emplace(rest);
-    for (int j = 0; j < columns; ++j)
-      for (int i = 0; i < rows; ++i) {
-        double hi[AccurateSum::lanes], lo[AccurateSum::lanes];
-        accurate_dot(left.column(i), right.column(j), n, hi, lo);
-        long double sum = 0;
-        for (int l = 0; l < AccurateSum::lanes; ++l)
-          sum += static_cast<long double>(hi[l]) + static_cast<long double>(lo[l]);
-        double of_rest = 0;
-        for (std::ptrdiff_t k = 0; small && k < n; ++k)
-          of_rest += left.column(i)[k] * small->column(j)[k];
-        sums.push_back(sum + static_cast<long double>(of_rest));
-      }
+    for (std::ptrdiff_t first = 0; first < n; first += together)
+      for (int j = 0; j < columns; ++j)
+        for (int i = 0; i < (upper ? j + 1 : rows); ++i)
+          add_products(left.column(i) + first, right.column(j) + first,
+                       std::min(together, n - first), &parts[at(i, j)]);
   }
+  std::vector<long double> sums(parts.size(), 0.0L);
+  for (std::size_t k = 0; k < parts.size(); ++k)
+    for (int l = 0; l < AccurateSum::lanes; ++l)
+      sums[k] += static_cast<long double>(parts[k].hi[l]) +
+                 static_cast<long double>(parts[k].lo[l]);
   MPI_Allreduce(MPI_IN_PLACE, sums.data(), static_cast<int>(sums.size()), MPI_LONG_DOUBLE,
                 MPI_SUM, x.comm());
+  if (rest) {
+    const Dense small = inner(x, rest);
+    for (std::size_t k = 0; k < sums.size(); ++k)
+      sums[k] += static_cast<long double>(small.data[k]);
+  }
+  if (upper)
+    for (int j = 0; j < columns; ++j)
+      for (int i = 0; i < j; ++i) sums[at(j, i)] = sums[at(i, j)];
   return rounded(sums, rows, columns);
 }
 

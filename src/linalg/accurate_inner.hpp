@@ -11,10 +11,14 @@ struct AccurateDense {
   Dense hi, lo;
 };
 
+enum class Triangle { both, upper };
+
 /// Xᵀ(Y + rest), each sum with twice the digits (Ogita, Rump, Oishi: Accurate sum and dot
 /// product, 2005): wrong by at most (n u)² |X|ᵀ|Y|, u = 2⁻⁵³, beside the rounding to hi + lo.
 /// @param rest  far smaller than Y, or empty. Collective.
-AccurateDense inner_accurately(const Block& x, const Block& y, const Block& rest);
+/// @param triangle  upper: of a symmetric result, the other one is its mirror image.
+AccurateDense inner_accurately(const Block& x, const Block& y, const Block& rest,
+                               Triangle triangle = Triangle::both);
 
 /// AB, each entry wrong by at most k 2⁻⁶⁰ times the largest entries of that row of A and that
 /// column of B, k = the columns of A: slices of A and B whose products have no rounding (Ozaki,

@@ -49,16 +49,27 @@ void add_gemm(const char* op, int m, int n, int k, double scale, const double* a
   BLASgemm_(op, "N", &m, &n, &k, &scale, a, &lda, b, &ldb, &one, c, &ldc);
 }
 
-/// Adds this rank's part of the products of pieces of x up to column `last` with y.
+/// This rank's part of the products of pieces of x up to column `last` with y, into columns of
+/// the result. The strips are added with twice the digits.
 void add_inner(Dense& result, const Pieces& x, const Columns& y, int last,
                PetscInt local_rows) {
   const int ld = static_cast<int>(local_rows);
+  Dense strip(result.rows, y.count), lost(result.rows, y.count);
+  double* const sum = result.column(y.first);
   by_rows(local_rows, [&](PetscInt row, int rows) {
+    std::fill(strip.data.begin(), strip.data.end(), 0.0);
     for (const Columns& piece : x)
-      if (piece.first <= last)
-        add_gemm("T", piece.count, y.count, rows, 1.0, piece.data + row, ld, y.data + row,
-                 ld, &result(piece.first, y.first), result.rows);
+      for (int first = 0; piece.first <= last && first < rows; first += rows_in_a_sum)
+        add_gemm("T", piece.count, y.count, std::min(rows_in_a_sum, rows - first), 1.0,
+                 piece.data + row + first, ld, y.data + row + first, ld,
+                 &strip(piece.first, 0), strip.rows);
+    for (std::size_t k = 0; k < strip.data.size(); ++k) { // Knuth
+      const double a = sum[k], b = strip.data[k], both = a + b, of_b = both - a;
+      lost.data[k] += (a - (both - of_b)) + (b - of_b);
+      sum[k] = both;
+    }
   });
+  for (std::size_t k = 0; k < lost.data.size(); ++k) sum[k] += lost.data[k];
 }
 
 Dense summed(MPI_Comm comm, Dense local) {

@@ -45,8 +45,10 @@ private:
 
 Block combine(const Basis& x, const Dense& q); ///< X Q
 /// Rows taken at a time: those of a block that meets all pieces stay in the cache. Sums over
-/// more rows are sums of these, whatever BLAS does within them.
+/// more rows are sums of these with twice the digits; sums over these are sums of sums over
+/// fewer rows, whatever BLAS does within them.
 inline constexpr PetscInt rows_at_a_time = 1024;
+inline constexpr int rows_in_a_sum = 128;
 Dense inner(const Basis& x, const Basis& y); ///< XᵀY, on every rank
 /// XᵀY where it is symmetric, on every rank: half of the products, and exactly symmetric.
 Dense symmetric_inner(const Basis& x, const Basis& y);

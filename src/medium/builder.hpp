@@ -5,6 +5,7 @@
 
 #include "medium/checkpoint.hpp"
 #include "medium/over_band.hpp"
+#include "medium/projection_rounding.hpp"
 #include "medium/space.hpp"
 #include "model/rigid_body_modes.hpp"
 
@@ -56,10 +57,11 @@ private:
   std::vector<double> beside_grid() const;
   double allowed_rounding(const MediumLevel& level) const;
   bool needs_sharper_sums(const MediumLevel& level) const;
-  std::vector<int> vectors_to_sharpen(const ProjectionRounding& rounding,
-                                      double share_of_others) const;
+  SharpSums vectors_to_sharpen(const ProjectionRounding& rounding,
+                               double share_of_others) const;
   void certify_level(ProjectionRounding rounding, const ResidualBasis& parts);
   bool sharpen_sums();
+  void sharpen_if_needed();
   void sharpen_between();
   bool holds_everywhere();
   double slow() const { return 1e-5 * medium_.cutoff * medium_.cutoff; }
@@ -108,7 +110,7 @@ private:
   Plain plain_;
   std::vector<double> rough_; ///< [rad/s] where rounding was found to be large
   double floor_ = 0; ///< largest relative rounding of the level that was judged last
-  int sharpened_vectors_ = 0;                  ///< of the last level
+  int sharpened_sums_ = 0;                     ///< of the last level
   int blocks_ = 0, factorisations_before_ = 0; ///< ... of a checkpoint
 };
 

@@ -19,13 +19,13 @@ constexpr double close = 1.05;
 
 double width_of(const Interval& interval) { return interval.last - interval.first; }
 
-/// Ascending, those that touch as one.
-std::vector<Interval> joined(std::vector<Interval> intervals) {
+/// Ascending; those that touch, or have no more than a gap between them, as one.
+std::vector<Interval> joined(std::vector<Interval> intervals, double gap = 0) {
   std::sort(intervals.begin(), intervals.end(),
             [](const Interval& a, const Interval& b) { return a.first < b.first; });
   std::vector<Interval> result;
   for (const Interval& i : intervals)
-    if (!result.empty() && i.first <= result.back().last)
+    if (!result.empty() && i.first <= result.back().last + gap)
       result.back().last = std::max(result.back().last, i.last);
     else
       result.push_back(i);
@@ -305,13 +305,17 @@ std::optional<double> ErrorOverBand::exceeds(Small small, double tolerance,
 
 ErrorOverBand::Unmet ErrorOverBand::unmet(const DenseSystem& system, double tolerance) {
   constexpr double finest = 1e-6; // of the bands
-  constexpr int most = 4000;      // intervals that are looked at
+  constexpr int most = 20000;     // intervals that are looked at
   const SmallModel small(system, medium_.model());
   double whole = 0;
-  std::vector<Node*> open;
+  const auto narrower = [](const Node* a, const Node* b) {
+    return width_of(a->interval) < width_of(b->interval);
+  };
+  // The widest first: if there are too many, what is left is narrow.
+  std::priority_queue<Node*, std::vector<Node*>, decltype(narrower)> open(narrower);
   for (const auto& root : medium_.roots()) {
     whole += width_of(root->interval);
-    open.push_back(root.get());
+    open.push(root.get());
   }
   const auto exceeds_at = [&](double omega) {
     return !(point(omega, &small, tolerance).worst() <= tolerance);
@@ -319,24 +323,30 @@ ErrorOverBand::Unmet ErrorOverBand::unmet(const DenseSystem& system, double tole
   Unmet result;
   for (int count = 0; !open.empty(); ++count) {
     stop_if_interrupted();
-    Node& node = *open.back();
-    open.pop_back();
+    Node& node = *open.top();
+    open.pop();
     const Interval& here = node.interval;
     if (look(node, &small, tolerance).worst <= tolerance) continue;
     if (medium_.may_be_excluded(here)) continue;
-    const bool is_small =
-        !medium_.near_pole(here) && // else until it may be excluded
-        (width_of(here) <= finest * whole ||
-         (exceeds_at(here.first) && exceeds_at(here.centre()) && exceeds_at(here.last)));
+    // Beside resonances an interval may be too wide to be looked at: what no frequency shows
+    // is no reason to stop.
+    const auto fails = [&] {
+      const int failed = static_cast<int>(exceeds_at(here.first)) +
+                         static_cast<int>(exceeds_at(here.centre())) +
+                         static_cast<int>(exceeds_at(here.last));
+      return failed == 3 || (failed > 0 && width_of(here) <= finest * whole);
+    };
+    const bool is_small = width_of(here) <= narrowest * here.last ||
+                          (!medium_.near_pole(here) && fails()); // else until excluded
     if (count > most || is_small) {
       result.intervals.push_back(here);
       continue;
     }
     medium_.split(node);
-    open.push_back(node.low.get());
-    open.push_back(node.high.get());
+    open.push(node.low.get());
+    open.push(node.high.get());
   }
-  result.intervals = joined(std::move(result.intervals));
+  result.intervals = joined(std::move(result.intervals), finest * whole);
   for (const Interval& i : result.intervals)
     result.share += whole > 0 ? width_of(i) / whole : 1.0;
   return result;

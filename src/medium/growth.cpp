@@ -10,6 +10,7 @@
 #include "medium/error_over_band.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numeric>
@@ -121,13 +122,15 @@ bool MediumBuilder::needs_sharper_sums(const MediumLevel& level) const {
 /// lost of the others changes H by little beside what the level is good to. Few vectors matter
 /// in a stiff body, at its resonances; slender ones lose digits in static responses too.
 /// @param share_of_others  of what is allowed, that the others may lose among themselves.
-std::vector<int> MediumBuilder::vectors_to_sharpen(const ProjectionRounding& rounding,
-                                                   double share_of_others) const {
+SharpSums MediumBuilder::vectors_to_sharpen(const ProjectionRounding& rounding,
+                                            double share_of_others) const {
   const double allowed = share_of_others * allowed_rounding(medium_.levels.back());
   const MediumModel& model = seen_->model();
   const DenseResponse& response = *plain_.response;
   const int N = medium_.levels.back().order();
-  std::vector<double> shares(static_cast<std::size_t>(N), 0.0); // roots, of the floor
+  using Shares = std::vector<double>; // roots, of the floor
+  std::array<Shares, 2> shares{Shares(static_cast<std::size_t>(N), 0.0),
+                               Shares(static_cast<std::size_t>(N), 0.0)};
   std::vector<double> grid = beside_grid();
   grid.insert(grid.end(), grid_.begin(), grid_.end());
   for (double omega : grid) {
@@ -145,27 +148,32 @@ std::vector<int> MediumBuilder::vectors_to_sharpen(const ProjectionRounding& rou
       const double known = model.views[v].allowed * value.size[v].below[0];
       for (int i = medium_.rigid; i < N; ++i) {
         const auto at = static_cast<std::size_t>(i);
-        const double share = rounding.share(at, a_k, omega) *
-                             std::max(size(i, model.blocks()[v].inputs),
+        const double moved = std::max(size(i, model.blocks()[v].inputs),
                                       size(i, model.blocks()[v].outputs)) /
                              std::sqrt(known);
-        if (share > shares[at]) shares[at] = share;
+        const auto of_mode = rounding.shares(at, a_k, omega);
+        for (std::size_t k = 0; k < 2; ++k)
+          if (of_mode[k] * moved > shares[k][at]) shares[k][at] = of_mode[k] * moved;
       }
     }
   }
-  share_from_first(fom_.comm, shares);
-  std::vector<int> order(static_cast<std::size_t>(N - medium_.rigid));
-  std::iota(order.begin(), order.end(), medium_.rigid);
-  const auto share_of = [&](int i) { return shares[static_cast<std::size_t>(i)]; };
-  std::stable_sort(order.begin(), order.end(),
-                   [&](int i, int j) { return share_of(i) < share_of(j); });
-  double sum = 0;
-  std::size_t left = 0;
-  while (left < order.size() && sum + share_of(order[left]) <= std::sqrt(0.3 * allowed))
-    sum += share_of(order[left++]);
-  std::vector<int> chosen(order.begin() + static_cast<std::ptrdiff_t>(left), order.end());
-  std::sort(chosen.begin(), chosen.end());
-  return chosen;
+  const auto chosen = [&](Shares& of, double left_out) {
+    share_from_first(fom_.comm, of);
+    std::vector<int> order(static_cast<std::size_t>(N - medium_.rigid));
+    std::iota(order.begin(), order.end(), medium_.rigid);
+    const auto share_of = [&](int i) { return of[static_cast<std::size_t>(i)]; };
+    std::stable_sort(order.begin(), order.end(),
+                     [&](int i, int j) { return share_of(i) < share_of(j); });
+    double sum = 0;
+    std::size_t left = 0;
+    while (left < order.size() && sum + share_of(order[left]) <= std::sqrt(left_out))
+      sum += share_of(order[left++]);
+    std::vector<int> those(order.begin() + static_cast<std::ptrdiff_t>(left),
+                           order.end());
+    std::sort(those.begin(), those.end());
+    return those;
+  };
+  return {chosen(shares[0], 0.8 * allowed), chosen(shares[1], 0.2 * allowed)};
 }
 
 /// Whether the bound meets the target between the frequencies of the grid too; if not,
@@ -276,12 +284,13 @@ bool MediumBuilder::sharpen_sums() {
   const auto timed = event.timed();
   MediumLevel& last = medium_.levels.back();
   const ProjectionRounding sums = rounding_of_sums(*space_, *plain_.response, loads_);
-  const auto all = static_cast<std::size_t>(last.order() - medium_.rigid);
+  const auto all = 2 * static_cast<std::size_t>(last.order() - medium_.rigid);
   std::size_t before = 0;
   for (const double share : {1.0, 3e-2, 1e-3}) {
-    const std::vector<int> chosen = vectors_to_sharpen(sums, share);
-    if (chosen.size() == before && share < 1) continue;
-    before = chosen.size();
+    const SharpSums chosen = vectors_to_sharpen(sums, share);
+    const std::size_t count = chosen.K.size() + chosen.M.size();
+    if (count == before && share < 1) continue;
+    before = count;
     SharpResponse sharp = sharpened(*space_, *plain_.response, sums, loads_, chosen);
     last.response = std::move(sharp.response);
     const ResidualBasis& plain = plain_.parts;
@@ -292,11 +301,18 @@ bool MediumBuilder::sharpen_sums() {
     certify_level(std::move(sharp.rounding), parts);
     if (before == all || !needs_sharper_sums(last)) break;
   }
-  observer_.detail(text("  energies of %zu of %zu vectors summed with twice the digits: "
-                        "rounding %.1e of H at most where it was looked at",
-                        before, all, floor_));
-  sharpened_vectors_ = static_cast<int>(before);
+  observer_.detail(
+      text("  %zu of %zu energies summed with twice the digits: rounding %.1e of "
+           "H at most where it was looked at",
+           before, all, floor_));
+  sharpened_sums_ = static_cast<int>(before);
   return before < all;
+}
+
+void MediumBuilder::sharpen_if_needed() {
+  if (sharpened_sums_ == 0 && plain_.response &&
+      needs_sharper_sums(medium_.levels.back()))
+    sharpen_sums();
 }
 
 /// Sharper sums where the grid did not show that they are needed: at zeros of H.
@@ -348,9 +364,12 @@ void MediumBuilder::prove(int most_columns) {
   if (!spec_.keep_levels) levels.clear();
   levels.push_back(std::move(level));
   rough_.clear();
+  sharpened_sums_ = 0;
   certify_level(plain_rounding(*space_, *levels.back().response, loads_), plain_.parts);
-  if (needs_sharper_sums(levels.back())) sharpen_sums();
-  const double worst = levels.back().worst;
+  const double worst = levels.back().worst, worst_omega = worst_omega_;
+  // A level that is neither kept nor the last one is needed for growing alone.
+  if (spec_.keep_levels || levels.back().serves(spec_.target)) sharpen_if_needed();
+  worst_omega_ = worst_omega; // what is grown does not hang on which levels are kept
   if (block_was_cut_ && worst > 0.5 * worst_before_) cut_blocks_ = false;
   worst_before_ = worst;
   block_was_cut_ = wide && cut_blocks_ && worst > spec_.target;
@@ -441,6 +460,7 @@ void MediumBuilder::grow() {
     ++blocks_;
   }
   if (!level().complete) prove(space_->columns() * 3);
+  sharpen_if_needed();
 }
 
 void MediumBuilder::report() {

@@ -231,32 +231,36 @@ ProjectionRounding plain_rounding(const MediumSpace& space, const DenseResponse&
 
 SharpResponse sharpened(const MediumSpace& space, const DenseResponse& response,
                         const ProjectionRounding& sums, const Block& loads,
-                        const std::vector<int>& chosen) {
+                        const SharpSums& chosen) {
   const Dense& U = response.U();
   const SecondOrderModel& fom = space.fom();
-  const int N = U.columns, rigid = space.rigid(), count = N - rigid,
-            J = static_cast<int>(chosen.size());
+  const int N = U.columns, rigid = space.rigid(), count = N - rigid;
   const double tau = space.tau(),
                // of an entry, with the rounding to a double
       unit = space.rounding_of_sums().unit + epsilon,
                twice = epsilon * (static_cast<double>(fom.n) + 1e3);
-  Block Y;
-  if (J > 0) Y = combine(space.V(), columns_of(U, chosen));
+  const auto vectors = [&](const std::vector<int>& some) {
+    return some.empty() ? Block() : combine(space.V(), columns_of(U, some));
+  };
+  const Block Y_K = vectors(chosen.K), Y_M = vectors(chosen.M);
 
   SharpResponse result{nullptr, sums, identity(N)};
   ProjectionRounding& rounding = result.rounding;
   /// UᵀAU, its plain sums replaced where accurate ones are known, and its rounding with them.
   const auto projected = [&](int matrix, Mat a, const Dense& plain, EntryRounding& of) {
     AccurateDense all = congruence({plain, Dense(N, N)}, U);
+    const std::vector<int>& modes = matrix == 1 ? chosen.M : chosen.K;
+    const Block& Y = matrix == 1 ? Y_M : Y_K;
+    const int J = static_cast<int>(modes.size());
     if (J == 0) return all;
     const AccurateProduct AY = multiply_accurately(a, Y, {.rest = true});
-    const AccurateDense among = inner_accurately(Y, AY.product, AY.rest);
+    const AccurateDense among = inner_accurately(Y, AY.product, AY.rest, Triangle::upper);
     const AccurateDense with_all =
         multiply_accurately(transpose(U), inner(space.V(), AY.product));
     const std::vector<double> force = space.dual_weights(matrix, AY.product),
                               size = space.weights(matrix, Y);
     for (int j = 0; j < J; ++j) {
-      const int column = chosen[static_cast<std::size_t>(j)];
+      const int column = modes[static_cast<std::size_t>(j)];
       for (int i = 0; i < N; ++i) {
         all.hi(i, column) = all.hi(column, i) = with_all.hi(i, j);
         all.lo(i, column) = all.lo(column, i) = with_all.lo(i, j);
@@ -264,19 +268,14 @@ SharpResponse sharpened(const MediumSpace& space, const DenseResponse& response,
     }
     for (int j = 0; j < J; ++j)
       for (int i = 0; i < J; ++i) {
-        const int row = chosen[static_cast<std::size_t>(i)],
-                  column = chosen[static_cast<std::size_t>(j)];
-        const long double value = 0.5L * (static_cast<long double>(among.hi(i, j)) +
-                                          static_cast<long double>(among.hi(j, i)) +
-                                          static_cast<long double>(among.lo(i, j)) +
-                                          static_cast<long double>(among.lo(j, i)));
-        all.hi(row, column) = static_cast<double>(value);
-        all.lo(row, column) =
-            static_cast<double>(value - static_cast<long double>(all.hi(row, column)));
+        const int row = modes[static_cast<std::size_t>(i)],
+                  column = modes[static_cast<std::size_t>(j)];
+        all.hi(row, column) = among.hi(i, j);
+        all.lo(row, column) = among.lo(i, j);
       }
     for (int j = 0; j < J; ++j) {
       const auto at = static_cast<std::size_t>(j),
-                 mode = static_cast<std::size_t>(chosen[at]);
+                 mode = static_cast<std::size_t>(modes[at]);
       of.plain[mode] = 0;
       of.force[mode] = std::sqrt(unit) * force[at];
       of.sharp[mode] = twice * size[at];
@@ -326,12 +325,12 @@ SharpResponse sharpened(const MediumSpace& space, const DenseResponse& response,
   // Ports, of the chosen vectors by accurate sums.
   Dense plain = response.system().B;
   Dense B = multiply_accurately(transpose(U), plain).hi;
-  if (J > 0) {
-    const Dense of_chosen = inner_accurately(Y, loads, Block()).hi;
-    for (int j = 0; j < J; ++j)
+  if (Y_K) {
+    const Dense of_chosen = inner_accurately(Y_K, loads, Block()).hi;
+    for (std::size_t j = 0; j < chosen.K.size(); ++j)
       for (int p = 0; p < B.columns; ++p)
-        B(chosen[static_cast<std::size_t>(j)], p) = of_chosen(j, p);
-    for (int mode : chosen)
+        B(chosen.K[j], p) = of_chosen(static_cast<int>(j), p);
+    for (int mode : chosen.K)
       for (int p = 0; p < B.columns; ++p) rounding.ports(mode, p) = 0;
   }
   for (int p = 0; p < B.columns; ++p)

@@ -70,11 +70,11 @@ struct ProjectionRounding {
   }
   /// Σ_j of entries (i, j) of K, and of M.
   std::array<std::vector<double>, 2> row_sums() const;
-  /// How much of that a mode's plain sums are responsible for, as the root of a diagonal part.
-  double share(std::size_t i, double a_k, double omega) const {
-    return std::sqrt(a_k * K.plain[i] * K.plain[i] +
-                     omega * omega * M.plain[i] * M.plain[i] +
-                     omega * D.plain[i] * D.plain[i]);
+  /// How much of that a mode's plain sums with K and D, and with M, are responsible for, as roots
+  /// of a diagonal part.
+  std::array<double, 2> shares(std::size_t i, double a_k, double omega) const {
+    return {std::sqrt(a_k * K.plain[i] * K.plain[i] + omega * D.plain[i] * D.plain[i]),
+            omega * M.plain[i]};
   }
 
   template <class Archive, class Self>
@@ -108,13 +108,18 @@ struct SharpResponse {
   ProjectionRounding rounding;
   Dense turned; ///< its U is that of the response before times this
 };
+/// Columns of U, elastic, whose sums with twice the digits are worth their price.
+struct SharpSums {
+  std::vector<int> K; ///< of K, D and the ports
+  std::vector<int> M; ///< fewer: nothing cancels in kinetic energy
+};
 /// Products of small matrices with twice the digits, and more:
-/// @param chosen  columns of U, elastic, whose energies and ports are summed again: with twice
-/// the digits among themselves, by accurate forces K y, M y, D y with all others.
+/// @param chosen  whose energies and ports are summed again: with twice the digits among
+/// themselves, by accurate forces K y, M y, D y with all others.
 /// @param sums  rounding_of_sums of the response.
-/// @note One accurate product with each matrix for each of them. Collective.
+/// @note One accurate product with its matrix for each of them. Collective.
 SharpResponse sharpened(const MediumSpace& space, const DenseResponse& response,
                         const ProjectionRounding& sums, const Block& loads,
-                        const std::vector<int>& chosen);
+                        const SharpSums& chosen);
 
 } // namespace flexgram

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 
 namespace flexgram {
 namespace {
@@ -45,13 +46,12 @@ MediumSpace::MediumSpace(const SecondOrderModel& fom, double kappa, double tau)
       row_weights_[k] = row_weights(a);
       longest = std::max(longest, static_cast<double>(longest_row(a)));
     }
-  // Of a product with a matrix, of a strip of rows, of the strips, and of the ranks.
-  const double rows = static_cast<double>(fom_.rows.size()),
-               strip = static_cast<double>(rows_at_a_time);
+  // Of a product with a matrix, of a sum within a strip, of these sums, and of the ranks.
+  const double rows = max_over(fom_.comm, static_cast<double>(fom_.rows.size()));
   rounding_of_sums_.unit =
       0.5 * std::numeric_limits<double>::epsilon() *
-      (longest + max_over(fom_.comm, std::min(rows, strip) + rows / strip) +
-       comm_size(fom_.comm) + 8);
+      (longest + std::min(rows, static_cast<double>(rows_in_a_sum)) +
+       static_cast<double>(rows_at_a_time / rows_in_a_sum) + comm_size(fom_.comm) + 8);
 }
 
 /// R with |x|ᵀ|A||y| <= √(xᵀRx) √(yᵀRy), by the Cauchy-Schwarz inequality: R_i = s_i Σ_j
@@ -67,16 +67,24 @@ std::vector<double> MediumSpace::row_weights(Mat a) const {
 
 std::vector<double> MediumSpace::norms_by(const std::vector<double>& rows, const Block& x,
                                           bool dual) {
-  std::vector<double> squares(static_cast<std::size_t>(x.columns()), 0.0);
+  constexpr std::size_t lanes = 8;
+  constexpr double tiny = 1e-300; // where a row is empty, so is the force
+  std::vector<double> squares(static_cast<std::size_t>(x.columns()), 0.0), factor(rows);
+  if (dual)
+    for (double& f : factor) f = 1 / std::max(f, tiny);
   {
     const Block::Access access(x);
-    for (PetscInt j = 0; j < x.columns(); ++j)
-      for (std::size_t i = 0; i < rows.size(); ++i) {
-        const double square = access.column(j)[i] * access.column(j)[i];
-        if (square > 0)
-          squares[static_cast<std::size_t>(j)] +=
-              dual ? square / rows[i] : square * rows[i];
-      }
+    const std::size_t whole = rows.size() - rows.size() % lanes;
+    for (PetscInt j = 0; j < x.columns(); ++j) {
+      const double* const column = access.column(j);
+      double sums[lanes] = {};
+      for (std::size_t i = 0; i < whole; i += lanes)
+        for (std::size_t l = 0; l < lanes; ++l)
+          sums[l] += column[i + l] * column[i + l] * factor[i + l];
+      for (std::size_t i = whole; i < rows.size(); ++i)
+        sums[0] += column[i] * column[i] * factor[i];
+      squares[static_cast<std::size_t>(j)] = std::accumulate(sums, sums + lanes, 0.0);
+    }
   }
   MPI_Allreduce(MPI_IN_PLACE, squares.data(), static_cast<int>(squares.size()),
                 MPI_DOUBLE, MPI_SUM, x.comm());

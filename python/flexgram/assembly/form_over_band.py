@@ -58,20 +58,19 @@ class PartForm:
             loads = np.zeros((3, *ports.modal.shape), dtype=complex)
             loads[0] = ports.modal
             x.append(self.pencil.response(omega, h, loads))
-            powers = h ** np.arange(len(x[-1].coefficients))
-            sizes.append(np.tensordot(powers, np.abs(x[-1].coefficients), 1) + x[-1].tail)
+            sizes.append(np.abs(x[-1].coefficients).sum(axis=0) + x[-1].tail)
         # Rounding F of the modal matrices: of D⁻½ F D⁻½, D the sums of its rows, no more than one
         # is left (Schur). Rounding of a port meets the other's answer, each at a share of both.
         sums = a_k * form.rounding_stiffness + last**2 * form.rounding_mass
         of_ports = np.hstack([ports.rounding for ports in self.sides]).max(axis=1, initial=0)
         share = of_ports / np.maximum(np.hstack(sizes).max(axis=1, initial=0), 1e-300)
-        factor = about(omega, (np.array(1 + 1j * form.eta),
+        factor = about(omega, h, (np.array(1 + 1j * form.eta),
                                np.array(1j * (form.beta - form.kappa * form.alpha)),
                                np.array(form.kappa)))  # fmt: skip
-        size_of_factor = float(np.abs(factor) @ h ** np.arange(3))
+        size_of_factor = float(np.abs(factor).sum())
         result = []
         for ports, x_i, size in zip(self.sides, x, sizes, strict=True):
-            w = x_i.times(-factor[:, None, None] * form.residual_stiffness, h)
+            w = x_i.times(-factor[:, None, None] * form.residual_stiffness)
             w = w.plus(ports.residual).scaled(1 / np.sqrt(1 - delta))
             lost = form.lost_stiffness[:, None] * size_of_factor * size
             squares = (ports.lost**2 + (lost**2).sum(axis=0)) / (1 - delta)

@@ -26,12 +26,12 @@ SHARPEST = 1e-6
 
 
 class Pieces:
-    """Pieces of [-h, h], one of a point, and what powers of t do on them."""
+    """Pieces of an interval, one of a point, and what powers of t do on them, |t| <= 1."""
 
     def __init__(self, h: float) -> None:
         self.count = PIECES if h else 1
-        self.half = h / self.count
-        self.middles = np.linspace(-h + self.half, h - self.half, self.count)
+        self.half = 1 / self.count if h else 0.0
+        self.middles = np.linspace(self.half - 1, 1 - self.half, self.count) if h else np.zeros(1)
         k = np.arange(DEGREE + 3)
         far = np.abs(self.middles)[:, None]
         self.powers = self.middles[:, None] ** k
@@ -40,11 +40,12 @@ class Pieces:
 
 @dataclass
 class Series:
-    """A matrix over an interval about ω: Σ coefficients[k] t^k, each entry off by `tail` at most.
+    """A matrix over ω + t h, |t| <= 1: Σ coefficients[k] t^k, each entry off by `tail` at most.
 
     Attributes
     ----------
     coefficients : (d + 1, rows, columns) array
+        One at a point, h = 0.
     tail : (rows, columns) array
     """
 
@@ -54,16 +55,16 @@ class Series:
     def between(self, left: Floats, right: Floats) -> Series:
         return Series(left @ self.coefficients @ right, np.abs(left) @ self.tail @ np.abs(right))
 
-    def times(self, polynomial: ComplexArray, h: float) -> Series:
+    def times(self, polynomial: ComplexArray) -> Series:
         """A polynomial (3, rows', rows) times this."""
-        if not h:
+        if len(self.coefficients) == 1:
             return Series(polynomial[0] @ self.coefficients, np.abs(polynomial[0]) @ self.tail)
         d, columns = len(self.coefficients), self.coefficients.shape[2]
         product = np.zeros((d + 2, polynomial.shape[1], columns), dtype=complex)
         tail = np.zeros((polynomial.shape[1], columns))
         for k, factor in enumerate(polynomial):
             product[k : k + d] += factor @ self.coefficients
-            tail += h**k * np.abs(factor) @ self.tail
+            tail += np.abs(factor) @ self.tail
         return Series(product, tail)
 
     def plus(self, polynomial: ComplexArray | Floats) -> Series:
@@ -151,7 +152,7 @@ class Pencil:
         return self._steps
 
     def reach(self, omega: float, h: float) -> float:
-        """‖A⁻¹(ω) (A(ω + t) - A(ω))‖ at most, |t| <= h."""
+        """‖A⁻¹(ω) (A(ω + t h) - A(ω))‖ at most, |t| <= 1."""
         step, _, curve = self.steps(omega)
         return h * _norm(step) + h * h * _norm(curve)
 
@@ -165,6 +166,7 @@ class Pencil:
         if not h:
             return Series(apply(inverse, loads[0])[None], np.zeros(loads.shape[1:]))
         x = np.zeros((DEGREE + 3, *loads.shape[1:]), dtype=complex)
+        step, curve = h * step, h * h * curve
         for k in range(DEGREE + 3):
             if k < 3:
                 x[k] += apply(inverse, loads[k])
@@ -173,12 +175,12 @@ class Pencil:
             if k > 1:
                 x[k] += apply(curve, x[k - 2])
         # The last two are what the series leaves of the equation, once A(ω)⁻¹ is applied.
-        left = sum(h**k * np.linalg.norm(x[k], axis=0) for k in (DEGREE + 1, DEGREE + 2))
+        left = np.linalg.norm(x[DEGREE + 1], axis=0) + np.linalg.norm(x[DEGREE + 2], axis=0)
         tail = left / (1 - self.reach(omega, h))
         return Series(x[: DEGREE + 1], np.tile(tail, (loads.shape[1], 1)))
 
 
-def about(omega: float, coefficients: Sequence[NDArray[Any]]) -> ComplexArray:
-    """Σ coefficients[k] ω^k about another ω."""
+def about(omega: float, h: float, coefficients: Sequence[NDArray[Any]]) -> ComplexArray:
+    """Σ coefficients[k] (ω + t h)^k as a polynomial of t."""
     a, b, c = (np.asarray(x, dtype=complex) for x in coefficients)
-    return np.array([a + omega * b + omega**2 * c, b + 2 * omega * c, c])
+    return np.array([a + omega * b + omega**2 * c, h * (b + 2 * omega * c), h * h * c])

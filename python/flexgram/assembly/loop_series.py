@@ -97,8 +97,8 @@ class LoopSeries:
         p, t, o = len(self.free_in), len(self.S_in), len(self.free_out)
         ties, springs = self.ties, self.springs
         tied, sprung = [p + k for k in ties], [p + k for k in springs]
-        NAL, LAL = about(omega, self.NAL), about(omega, self.LAL)
-        Y = about(omega, (np.diag(self.stiffness), 1j * np.diag(self.damping),
+        NAL, LAL = about(omega, h, self.NAL), about(omega, h, self.LAL)
+        Y = about(omega, h, (np.diag(self.stiffness), 1j * np.diag(self.damping),
                            0 * np.diag(self.damping)))  # fmt: skip
         loads = np.zeros((3, len(self.NB), p + t + o), dtype=complex)  # forces, gaps, outputs
         loads[0, :, :p], loads[:, :, tied], loads[:, :, sprung] = self.NB, -NAL, self.Nb @ Y
@@ -108,10 +108,10 @@ class LoopSeries:
         z = answers.part(every, slice(0, p + t))
         at_ties = np.zeros((3, len(ties), p + t), dtype=complex)
         at_ties[0, :, :p], at_ties[:, :, tied], at_ties[:, :, sprung] = self.LB, -LAL, self.Lb @ Y
-        of_ties = z.times(-NAL.transpose(0, 2, 1), h).plus(at_ties)
+        of_ties = z.times(-NAL.transpose(0, 2, 1)).plus(at_ties)
         stretch = np.zeros((len(springs), p + t))
         stretch[:, tied], stretch[:, sprung] = self.bL, -np.eye(len(springs))
-        of_springs = z.between(self.Nb.T, np.eye(p + t)).plus(stretch).times(Y, h)
+        of_springs = z.between(self.Nb.T, np.eye(p + t)).plus(stretch).times(Y)
         coefficients = np.zeros((len(of_springs.coefficients), t, p + t), dtype=complex)
         tail = np.zeros((t, p + t))
         for rows, series in ((ties, of_ties), (springs, of_springs)):
