@@ -34,9 +34,9 @@ from scipy.sparse.linalg import splu
 
 from flexgram import ReducedModel
 from flexgram.body.description import import_description
+from flexgram.body.stress import Stresses, von_mises
 from flexgram.exporters.exudyn import add_body
 from flexgram.simulation.hot_spots import hot_spots
-from flexgram.body.stress import Stresses, von_mises
 
 CRANK, ROD = 0.045, 0.150  # radius of the crank, length between the bores [m]
 BORES = {"big": (0.0, 0.020, 0.030), "small": (ROD, 0.010, 0.016)}  # axis, inner, outer
