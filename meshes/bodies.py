@@ -10,7 +10,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-import flexgram.meshfile  # noqa: F401  (teaches Debian's meshio the wedge15)
+import flexgram.body.meshfile  # noqa: F401  (teaches Debian's meshio the wedge15)
 
 Array = NDArray[Any]
 

@@ -17,7 +17,10 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-IntArray = NDArray[np.int64]
+#: Types of arrays.
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+ComplexArray = NDArray[np.complex128]
 
 
 class BodyError(ValueError):
@@ -40,7 +43,7 @@ def errors_of(path: str | Path) -> Iterator[None]:
                         "and of this format?") from error  # fmt: skip
 
 
-def whole_numbers(what: str | Path, values: ArrayLike) -> IntArray:
+def whole_numbers(what: str | Path, values: ArrayLike) -> Ints:
     """Numbers that count or number something, as integers.
 
     Raises
@@ -112,7 +115,7 @@ def check_name(what: str, name: str) -> str:
     return name
 
 
-def index_of(labels: IntArray, wanted: IntArray) -> tuple[IntArray, NDArray[np.bool_]]:
+def index_of(labels: Ints, wanted: Ints) -> tuple[Ints, NDArray[np.bool_]]:
     """Where each wanted label stands in ``labels`` (in any order), and whether it does."""
     if not len(labels):
         return np.zeros(np.shape(wanted), dtype=np.int64), np.zeros(np.shape(wanted), dtype=bool)

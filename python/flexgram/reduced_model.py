@@ -3,35 +3,79 @@
 from __future__ import annotations
 
 import html
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, ComplexArray, Floats
 from flexgram.model import elastic_part, recovery
 from flexgram.model.physical import PhysicalForm, physical_form
-from flexgram.model.reduced import Floats, ReducedBody
+from flexgram.model.reduced import ReducedBody
 
-#: Names of 0.1 for what ``claim`` holds.
-OF_CLAIM = {"certified_error": "supremum", "whole_error": "whole", "attained_error": "attained"}
+#: Parts that hold the names of 0.1 (``rom.M`` is ``rom.system.M``), and names that are others now.
+PARTS = ("system", "claim", "basis", "provenance")
+RENAMED = {"certified_error": "supremum", "whole_error": "whole", "attained_error": "attained"}
 
 
 class ReducedModel(ReducedBody):
     """A reduced elastic body ``M q'' + D q' + K (1 + i eta) q = B u``, ``y = C q``.
 
-    Made by ``flexgram.reduce`` or read by ``ReducedModel.load``. What is claimed of its error is
-    ``claim`` (``flexgram.model.claim.Claim``), whose attributes are its own too.
+    Made by ``flexgram.reduce`` or read by ``ReducedModel.load``. It is made of parts, which
+    ``flexgram.model`` describes: ``system`` (matrices, ports), ``claim`` (what is claimed of the
+    error), ``basis`` (V and its nodes), ``frame``, ``provenance``. Their attributes are its own
+    too: ``rom.K`` is ``rom.system.K``.
     """
 
     def __getattr__(self, name: str) -> Any:
-        """An attribute of ``claim``."""
-        claim = self.__dict__.get("claim")
-        known = OF_CLAIM.get(name, name)
-        if claim is None or known.startswith("_") or not hasattr(claim, known):
-            raise AttributeError(f"{type(self).__name__} has no attribute {name}")
-        return getattr(claim, known)
+        """An attribute of one of its parts."""
+        known = RENAMED.get(name, name)
+        if not known.startswith("_"):
+            for part in (self.__dict__.get(part) for part in PARTS):
+                if hasattr(part, known):
+                    return getattr(part, known)
+        raise AttributeError(f"{type(self).__name__} has no attribute {name}")
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Of a part's attribute: a part with another one."""
+        known = RENAMED.get(name, name)
+        for part in PARTS:
+            if known in getattr(self.__dict__.get(part), "__dataclass_fields__", {}):
+                name, value = part, replace(self.__dict__[part], **{known: value})
+                break
+        super().__setattr__(name, value)
+
+    def transfer(self, omega: ArrayLike, feedthrough: bool = True) -> ComplexArray:
+        """``system.transfer``: H_r at frequencies [rad/s], (n_out, n_in) or (n, n_out, n_in)."""
+        return self.system.transfer(omega, feedthrough)
+
+    def simulate(
+        self,
+        u: Callable[[float], ArrayLike] | ArrayLike,
+        t: ArrayLike,
+        q0: ArrayLike | None = None,
+        v0: ArrayLike | None = None,
+        rates: Sequence[str] = ("displacement",),
+    ) -> tuple[Floats, Floats]:
+        """``system.simulate``: outputs and coordinates at times t [s] under forces u [N, N m]."""
+        return self.system.simulate(u, t, q0, v0, rates)
+
+    def state_space(
+        self, rates: Sequence[str] = ("displacement",)
+    ) -> tuple[Floats, Floats, Floats, Floats]:
+        """``system.state_space``: A, B, C, D of x' = A x + B u, y = C x + D u, x = [q, q']."""
+        return self.system.state_space(rates)
+
+    def poles(self) -> ComplexArray:
+        """``system.poles``: the 2m poles s [rad/s] without structural damping."""
+        return self.system.poles()
+
+    def lift(self, q: ArrayLike) -> Floats:
+        """``basis.lift``: displacements V q of the full body, (…, m) -> (…, rows of V)."""
+        return self.basis.lift(q)
 
     def stress(
         self,
@@ -122,13 +166,14 @@ class ReducedModel(ReducedBody):
 
     def _repr_html_(self) -> str:
         """For notebooks: order, method, band, error and inputs."""
-        rows = {
-            "order": f"{self.order} of {len(self.V):,}" if len(self.V) else str(self.order),
-            "method": f"{self.method} ({self.second_stage})" if self.second_stage else self.method,
+        rows = len(self.basis.V)
+        shown = {
+            "order": f"{self.order} of {rows:,}" if rows else str(self.order),
+            "method": self.provenance.stages,
             "band": ", ".join(f"{a:g} to {b:g} Hz" for a, b in self.claim.bands / (2 * np.pi)),
             "error": self.claim.words,
             "inputs": ", ".join(self.inputs),
         }
         lines = (f"<tr><th>{key}</th><td style='text-align:left'>{html.escape(value)}</td></tr>"
-                 for key, value in rows.items())  # fmt: skip
+                 for key, value in shown.items())  # fmt: skip
         return f"<table>{''.join(lines)}</table>"

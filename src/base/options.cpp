@@ -48,18 +48,19 @@ bool Options::given(const char* name, std::string& value) const {
   return set;
 }
 
-void Options::record(const char* name, std::string value, bool set_by_user,
-                     std::string unit, std::string choices, std::string help) {
+void Options::record(const char* name, const char* type, std::string value,
+                     bool set_by_user, std::string unit, std::string choices,
+                     std::string help) {
   know_option(name);
   options_.push_back({section_, name, std::move(value), std::move(unit),
-                      std::move(choices), std::move(help), verbs_, set_by_user});
+                      std::move(choices), std::move(help), verbs_, type, set_by_user});
 }
 
 void Options::add(const char* name, double& value, const char* unit, const char* help) {
   std::string word;
   const bool set = given(name, word);
   if (set) value = parse_number(name, word);
-  record(name, set ? word : number_text(value), set, unit, "", help);
+  record(name, "number", set ? word : number_text(value), set, unit, "", help);
 }
 
 void Options::add(const char* name, std::optional<double>& value, const char* unit,
@@ -67,7 +68,7 @@ void Options::add(const char* name, std::optional<double>& value, const char* un
   std::string word;
   const bool set = given(name, word);
   if (set) value = parse_number(name, word);
-  record(name, word, set, unit, "", help);
+  record(name, "number", word, set, unit, "", help);
 }
 
 void Options::add(const char* name, int& value, const char* unit, const char* help) {
@@ -79,7 +80,7 @@ void Options::add(const char* name, int& value, const char* unit, const char* he
                    "a whole number");
     value = static_cast<int>(number);
   }
-  record(name, std::to_string(value), set, unit, "", help);
+  record(name, "whole number", std::to_string(value), set, unit, "", help);
 }
 
 void Options::add(const char* name, bool& value, const char* help) {
@@ -93,7 +94,7 @@ void Options::add(const char* name, bool& value, const char* help) {
     else
       require_option(false, name, word, "true or false");
   }
-  record(name, value ? "true" : "false", set, "", "true|false", help);
+  record(name, "flag", value ? "true" : "false", set, "", "true|false", help);
 }
 
 void Options::add(const char* name, std::string& value, const char* help) {
@@ -103,7 +104,7 @@ void Options::add(const char* name, std::string& value, const char* help) {
     require_option(!word.empty(), name, word, "followed by a value");
     value = word;
   }
-  record(name, value, set, "", "", help);
+  record(name, "text", value, set, "", "", help);
 }
 
 void Options::add(const char* name, std::vector<double>& value, const char* unit,
@@ -117,7 +118,7 @@ void Options::add(const char* name, std::vector<double>& value, const char* unit
   }
   std::vector<std::string> words;
   for (double number : value) words.push_back(number_text(number));
-  record(name, set ? word : join(words, ","), set, unit, "", help);
+  record(name, "numbers", set ? word : join(words, ","), set, unit, "", help);
 }
 
 void Options::add_choice(const char* name, std::string& value,
@@ -131,7 +132,7 @@ void Options::add_choice(const char* name, std::string& value,
                        nearest(word, choices).c_str()));
     value = word;
   }
-  record(name, value, set, "", join(choices, "|"), help);
+  record(name, "choice", value, set, "", join(choices, "|"), help);
 }
 
 void Options::add_numbered(const char* prefix, std::map<int, double>& values,
@@ -151,8 +152,8 @@ void Options::add_numbered(const char* prefix, std::map<int, double>& values,
       values[std::stoi(index)] = parse_number(name.c_str(), word);
       words.push_back(index + ":" + word);
     }
-  record((std::string(prefix) + "N").c_str(), join(words, " "), !words.empty(), "", "",
-         help);
+  record((std::string(prefix) + "N").c_str(), "numbered", join(words, " "),
+         !words.empty(), "", "", help);
 }
 
 void Options::reject_unknown() const {

@@ -11,6 +11,8 @@ namespace flexgram {
 struct Option {
   std::string section, name, value, unit, choices, help;
   std::string verbs; ///< that look at it, separated by spaces
+  /// number, whole number, flag, text, choice, numbers; numbered for a family.
+  std::string type;
   bool set_by_user = false;
 };
 
@@ -54,8 +56,8 @@ public:
 
 private:
   bool given(const char* name, std::string& value) const;
-  void record(const char* name, std::string value, bool set_by_user, std::string unit,
-              std::string choices, std::string help);
+  void record(const char* name, const char* type, std::string value, bool set_by_user,
+              std::string unit, std::string choices, std::string help);
 
   Mode mode_;
   std::string section_, verbs_;

@@ -9,12 +9,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
 from flexgram.assembly.interval_series import PIECES, Pencil
 from flexgram.assembly.small_gain import Loop
-
-Floats = NDArray[np.float64]
+from flexgram.basics import Floats
 
 #: How far an interval may reach towards the next pole.
 REACH = 0.5

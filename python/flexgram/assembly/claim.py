@@ -6,17 +6,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flexgram.assembly.band_bound import BandBound, merged
 from flexgram.assembly.form_over_band import FormOverBand
 from flexgram.assembly.gain_over_band import GainOverBand
 from flexgram.assembly.joints import Joint, Parts, common_bands
 from flexgram.assembly.small_gain import Loop
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, Floats
 from flexgram.model.reduced import ReducedBody
-
-Floats = NDArray[np.float64]
 
 #: Intervals without a claim are beside resonances if none is wider than this, relative.
 BESIDE = 0.01

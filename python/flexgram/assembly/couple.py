@@ -11,16 +11,14 @@ from typing import Any
 import h5py
 import numpy as np
 import scipy.linalg
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from flexgram.assembly.claim import Verdict, verdict
 from flexgram.assembly.joints import GROUND, PORTS, Joint, Parts, common_bands, tied
-from flexgram.basics import BodyError, written_aside
+from flexgram.basics import BodyError, Floats, written_aside
 from flexgram.model.reduced import ReducedBody
 
 __all__ = ["GROUND", "PORTS", "Joint", "Verdict", "couple", "read_joint", "verdict"]
-
-Floats = NDArray[np.float64]
 
 
 def read_joint(option: str, kind: str, text: str) -> Joint:
@@ -119,7 +117,7 @@ def couple(
     joined -= set(keep)
     inputs = [i for i, p in enumerate(parts.inputs) if p.rpartition(".")[0] not in joined]
     outputs = [i for i, p in enumerate(parts.outputs) if p.rpartition(".")[0] not in joined]
-    direct = scipy.linalg.block_diag(*(m.feedthrough for m in models.values()))
+    direct = scipy.linalg.block_diag(*(m.system.feedthrough for m in models.values()))
     for j in np.flatnonzero(direct.any(axis=0)):
         for i in np.flatnonzero(direct[:, j]):
             if parts.inputs[j].rpartition(".")[0] in {*joined, *keep} and i in outputs:

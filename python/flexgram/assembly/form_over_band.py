@@ -19,16 +19,13 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
 from flexgram.assembly.band_bound import BandBound
 from flexgram.assembly.interval_series import Pencil, Pieces, Series, about
 from flexgram.assembly.loop_series import Bodies, LoopOverInterval, LoopSeries
 from flexgram.assembly.small_gain import Loop, View
+from flexgram.basics import ComplexArray, Floats
 from flexgram.model.error_form import ErrorForm
-
-Floats = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 
 class PartForm:

@@ -7,7 +7,6 @@ from typing import Literal
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
 from flexgram.assembly.band_bound import REACH, BandBound
 from flexgram.assembly.interval_series import Chosen, Pieces, Series
@@ -21,8 +20,7 @@ from flexgram.assembly.small_gain import (
     reference_of,
     relative,
 )
-
-Floats = NDArray[np.float64]
+from flexgram.basics import Floats
 
 
 class GainOverBand(BandBound):
@@ -31,10 +29,15 @@ class GainOverBand(BandBound):
     def __init__(self, loop: Loop, tell: Callable[[str], None] | None = None) -> None:
         self.series = LoopSeries(loop)
         models = loop.parts.models
-        self.parts = {name: PartSeries(m, m.B, m.C) for name, m in models.items()}
-        self.elastic = {name: PartSeries(m, m.B, m.C) for name, m in loop.elastic.items()}
-        self.own = {name: (PartSeries(m, m.C.T, m.C), PartSeries(m, m.B, m.B.T))
-                    for name, m in models.items()}  # fmt: skip
+        ports = {name: (m.system.B, m.system.C) for name, m in models.items()}
+        self.parts = {name: PartSeries(m, *ports[name]) for name, m in models.items()}
+        self.elastic = {
+            name: PartSeries(m, m.system.B, m.system.C) for name, m in loop.elastic.items()
+        }
+        self.own = {}
+        for name, m in models.items():
+            B, C = ports[name]
+            self.own[name] = PartSeries(m, C.T, C), PartSeries(m, B, B.T)
         pencils = [self.series.pencil, *(p.pencil for p in self.parts.values())]
         super().__init__(loop, pencils, tell)
 

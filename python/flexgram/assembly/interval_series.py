@@ -14,8 +14,8 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from flexgram.basics import ComplexArray, Floats
+
 #: Rows or columns of a matrix.
 Chosen = Sequence[int] | NDArray[np.int64] | slice
 

@@ -7,13 +7,11 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, Floats
 from flexgram.model.reduced import ReducedBody
 from flexgram.model.response import expect_collocated
-
-Floats = NDArray[np.float64]
 
 GROUND = "ground"
 #: A turn of less is none: rounding of whole ones.
@@ -67,12 +65,14 @@ class Parts:
             if name not in models:
                 raise BodyError(f"there is no part {name} to turn; there are {', '.join(models)}")
         self.turn = {name: _rotation(turns.get(name)) for name in models}
-        etas = {m.eta for m in models.values()}
+        etas = {m.system.eta for m in models.values()}
         if len(etas) > 1:
             raise BodyError("the parts have different structural damping (eta): the assembly has "
                             "none of its own; give Rayleigh damping instead")  # fmt: skip
         self.eta = etas.pop()
-        blocks = [(m.M, m.D, m.K, m.B, m.C) for m in models.values()]
+        blocks = [
+            (m.system.M, m.system.D, m.system.K, m.system.B, m.system.C) for m in models.values()
+        ]
         self.M, self.D, self.K, self.B, self.C = (
             scipy.linalg.block_diag(*parts) for parts in zip(*blocks, strict=True)
         )

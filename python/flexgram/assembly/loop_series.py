@@ -12,13 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
 from flexgram.assembly.interval_series import Pencil, Series, about
 from flexgram.assembly.small_gain import Loop
+from flexgram.basics import Floats
 from flexgram.model.reduced import ReducedBody
-
-Floats = NDArray[np.float64]
 
 
 class PartSeries:
@@ -26,7 +24,7 @@ class PartSeries:
 
     def __init__(self, model: ReducedBody, B: Floats, C: Floats) -> None:
         tau = float(model.claim.bands.max()) ** 2 / 4
-        self.pencil = Pencil(model.K, model.D, model.M, model.eta, tau)
+        self.pencil = Pencil(model.system.K, model.system.D, model.system.M, model.system.eta, tau)
         self.B, self.C = self.pencil.modes.T @ B, C @ self.pencil.modes
 
     def over(self, omega: float, h: float) -> Series:

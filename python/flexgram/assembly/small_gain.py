@@ -13,17 +13,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
-from numpy.typing import NDArray
 
 from flexgram.assembly.interval_series import Chosen
 from flexgram.assembly.joints import Joint, Parts, tied
+from flexgram.basics import ComplexArray, Floats
 from flexgram.model.elastic_part import without_rigid_modes
 from flexgram.model.kinds import CROSSED, INPUT_KINDS, OUTPUT_KINDS, ports_of
 from flexgram.model.reduced import ReducedBody
-from flexgram.model.response import frequency_response
 
-Floats = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 #: Norms of a block of rows and columns.
 Sizes = Callable[[Chosen, Chosen], Floats]
 #: Up to so many rows or columns spectral norms are worth their price.
@@ -115,11 +112,11 @@ def _norms_of(H: ComplexArray) -> Sizes:
 
 def _own_of(m: ReducedBody, omega: float) -> Sizes:
     def answer(x: Floats, ports: Chosen) -> float:
-        H = frequency_response(m.K * (1 + 1j * m.eta), m.D, m.M, x, x.T, omega)
+        H = x.T @ np.linalg.solve(m.system.dynamic_stiffness(omega), x)
         return float(np.abs(np.diag(H))[ports].sum())
 
     return lambda rows, columns: np.asarray(
-        np.sqrt(answer(m.C.T, rows) * answer(m.B, columns)))  # fmt: skip
+        np.sqrt(answer(m.system.C.T, rows) * answer(m.system.B, columns)))  # fmt: skip
 
 
 def _share(claim: float) -> float:
@@ -165,7 +162,7 @@ class Loop:
     def __init__(self, parts: Parts, joints: Sequence[Joint], keep: Sequence[str]) -> None:
         self.parts = parts
         self.elastic = {name: without_rigid_modes(m) for name, m in parts.models.items()
-                        if m.claim.bounds_elastic_part and m.frame["rigid_modes"]}  # fmt: skip
+                        if m.claim.bounds_elastic_part and m.frame.rigid_modes}  # fmt: skip
         found = [(d, weights, joint) for joint in joints for d, weights in tied(parts, joint)]
         self.ties = [(d, joint) for d, _, joint in found]
         shape = len(found), len(parts.inputs)
@@ -196,11 +193,11 @@ class Loop:
         """Bounds of the error relative to ‖H‖ of each of the views, and the gain."""
         own, errors = [], []
         for name, m in self.parts.models.items():
-            H_i = frequency_response(m.K * (1 + 1j * m.eta), m.D, m.M, m.B, m.C, omega)
+            H_i = m.system.transfer(omega, feedthrough=False)
             own.append(H_i)
             sizes, e = _norms_of(H_i), self.elastic.get(name)
             if e is not None:
-                H_e = frequency_response(e.K * (1 + 1j * e.eta), e.D, e.M, e.B, e.C, omega)
+                H_e = e.system.transfer(omega, feedthrough=False)
                 sizes = reference_of(m, sizes, _norms_of(H_e))
             errors.append(errors_of(m, *self.kinds[name], sizes, _own_of(m, omega)))
         H, E = scipy.linalg.block_diag(*own), scipy.linalg.block_diag(*errors)

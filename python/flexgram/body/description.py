@@ -16,7 +16,7 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from flexgram.basics import BodyError, IntArray, check_name, errors_of
+from flexgram.basics import BodyError, Ints, check_name, errors_of
 from flexgram.body.bodyfile import written_whole
 from flexgram.body.faces import middle_of
 from flexgram.body.loads import BodyMesh, write_loads
@@ -74,8 +74,8 @@ def _select_nodes(
     where: str,
     points: NDArray[np.float64],
     used: NDArray[np.bool_],
-    sets: Callable[[str], IntArray],
-) -> IntArray:
+    sets: Callable[[str], Ints],
+) -> Ints:
     """Nodes by set name, by list of 1-based numbers, or, in the mesh's own units, by a box or as
     the one nearest to a place."""
     if isinstance(choice, dict) and "at" in choice:
@@ -204,7 +204,7 @@ def _write(
     file: h5py.File,
     reader: Reader,
     mesh: Any,
-    cells: dict[str, list[IntArray]],
+    cells: dict[str, list[Ints]],
     units: tuple[float, ...],
     folder: Path,
 ) -> dict[str, Any]:
@@ -229,7 +229,7 @@ def _write(
     blocks = _write_blocks(file, reader, mesh, cells, used)
     elements = sum(len(nodes) for _, nodes in blocks)
 
-    def sets(name: str) -> IntArray:
+    def sets(name: str) -> Ints:
         return node_set(mesh, cells, name)
 
     interfaces: dict[str, dict[str, Any]] = {}
@@ -280,7 +280,7 @@ def _write(
         group.attrs["components"] = [float(COMPONENTS[c]) for c in held]
         group.attrs["order"] = order
 
-    def select(choice: Any, where: str) -> IntArray:
+    def select(choice: Any, where: str) -> Ints:
         return _select_nodes(choice, where, mesh.points, used, sets)
 
     points = np.asarray(mesh.points, dtype=float)
@@ -300,9 +300,9 @@ def _write_blocks(
     file: h5py.File,
     reader: Reader,
     mesh: Any,
-    cells: dict[str, list[IntArray]],
+    cells: dict[str, list[Ints]],
     used: NDArray[np.bool_],
-) -> list[tuple[str, IntArray]]:
+) -> list[tuple[str, Ints]]:
     """Element blocks by region and cell type; marks the nodes that they use. Returns their types
     and nodes."""
     regions = reader.children("regions")
@@ -311,7 +311,7 @@ def _write_blocks(
                         f"material; the mesh has {', '.join(sorted(cells))}")  # fmt: skip
     taken = [np.zeros(len(block.data), dtype=bool) for block in mesh.cells]
     first = np.cumsum([0, *(len(block.data) for block in mesh.cells)])
-    blocks: list[tuple[str, IntArray]] = []
+    blocks: list[tuple[str, Ints]] = []
     for name, data in regions.items():
         entry = Reader(data, f"regions: {name}", ("material", "section"))
         material = entry.choice("material", reader.children("materials"))

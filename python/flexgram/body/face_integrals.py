@@ -5,11 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
-from flexgram.basics import IntArray
-
-Floats = NDArray[np.float64]
+from flexgram.basics import Floats, Ints
 
 
 def _triangle(xi: Floats, quadratic: bool) -> tuple[Floats, Floats]:
@@ -71,7 +68,7 @@ def _rule(corners: int) -> tuple[Floats, Floats]:
     return np.column_stack([X.ravel(), Y.ravel()]), np.outer(weight, weight).ravel()
 
 
-def areas_at_nodes(points: Floats, faces: Sequence[IntArray]) -> tuple[Floats, Floats]:
+def areas_at_nodes(points: Floats, faces: Sequence[Ints]) -> tuple[Floats, Floats]:
     """Integrals of the shape functions over faces: times the normal, and by themselves.
 
     Parameters

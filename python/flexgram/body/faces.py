@@ -8,9 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from flexgram.basics import IntArray
-
-Floats = NDArray[np.float64]
+from flexgram.basics import Floats, Ints
 
 #: Faces of solids by their corner nodes, in VTK's order, outward.
 FACES: dict[str, list[tuple[int, ...]]] = {
@@ -33,9 +31,7 @@ LINEAR = {"tetra10": "tetra", "hexahedron20": "hexahedron", "wedge15": "wedge"}
 SHELLS = {"triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}
 
 
-def faces_of(
-    blocks: Sequence[tuple[str, IntArray]], inside: NDArray[np.bool_] | None = None
-) -> IntArray:
+def faces_of(blocks: Sequence[tuple[str, Ints]], inside: NDArray[np.bool_] | None = None) -> Ints:
     """Every face of every solid by its four corner nodes, (F, 4); the last one of a triangle is its
     first. Without solids, the shells themselves.
 
@@ -60,14 +56,14 @@ def faces_of(
     return np.vstack(faces)
 
 
-def outer(faces: IntArray) -> IntArray:
+def outer(faces: Ints) -> Ints:
     """Faces that are there once, in the order of their nodes; without quadrilaterals that two
     triangles of the same corners cover, where tetrahedra stand on hexahedra."""
     corners = faces.copy()
     corners[faces[:, 3] == faces[:, 0], 3] = -1  # seen from the other side it starts elsewhere
     _, first, count = np.unique(np.sort(corners, axis=1), axis=0, return_index=True,
                                 return_counts=True)  # fmt: skip
-    alone: IntArray = faces[first[count == 1]]
+    alone: Ints = faces[first[count == 1]]
     threes = alone[:, 3] == alone[:, 0]
     if threes.all() or not threes.any():
         return alone
@@ -82,9 +78,7 @@ def outer(faces: IntArray) -> IntArray:
     return np.delete(alone, covered, axis=0)
 
 
-def whole_faces(
-    blocks: Sequence[tuple[str, IntArray]], nodes: IntArray, count: int
-) -> list[IntArray]:
+def whole_faces(blocks: Sequence[tuple[str, Ints]], nodes: Ints, count: int) -> list[Ints]:
     """Outer faces of solids whose corners are all among some nodes, with the nodes between their
     corners: (F, 3), (F, 4), (F, 6) and (F, 8) arrays, those that there are.
 
@@ -99,7 +93,7 @@ def whole_faces(
     inside = np.zeros(count, dtype=bool)
     inside[nodes] = True
     outside = {tuple(sorted(set(face))) for face in outer(faces_of(blocks, inside)).tolist()}
-    found: dict[int, list[IntArray]] = {}
+    found: dict[int, list[Ints]] = {}
     for kind, elements in blocks:
         middles = MIDDLES.get(kind, {})
         for face in FACES.get(LINEAR.get(kind, kind), []):
@@ -114,7 +108,7 @@ def whole_faces(
     return [np.vstack(faces) for faces in found.values()]
 
 
-def volume_of(points: Floats, blocks: Sequence[tuple[str, IntArray]]) -> float:
+def volume_of(points: Floats, blocks: Sequence[tuple[str, Ints]]) -> float:
     """Volume of the solids, by their corner nodes (divergence theorem); 0 without solids."""
     faces = faces_of([block for block in blocks if block[0] not in SHELLS])
     vectors, centres = _areas(points, faces)
@@ -168,7 +162,7 @@ class Middle:
         return what + (beside if offset > 1e-3 * self.extent else "")
 
 
-def middle_of(points: Floats, blocks: Sequence[tuple[str, IntArray]], nodes: IntArray) -> Middle:
+def middle_of(points: Floats, blocks: Sequence[tuple[str, Ints]], nodes: Ints) -> Middle:
     """The middle of an interface.
 
     Parameters
@@ -207,7 +201,7 @@ def _rounded(place: Floats, extent: float) -> Floats:
     return rounded
 
 
-def _areas(points: Floats, faces: IntArray) -> tuple[Floats, Floats]:
+def _areas(points: Floats, faces: Ints) -> tuple[Floats, Floats]:
     """Area vectors and centres of faces, by their two triangles."""
     a, b, c, d = (points[faces[:, k]] for k in range(4))
     first, second = 0.5 * np.cross(b - a, c - a), 0.5 * np.cross(c - a, d - a)
@@ -218,8 +212,8 @@ def _areas(points: Floats, faces: IntArray) -> tuple[Floats, Floats]:
 
 
 def _cylinder(
-    points: Floats, faces: IntArray, vectors: Floats, area: Floats, centres: Floats
-) -> tuple[Floats, Floats, tuple[float, ...], IntArray] | None:
+    points: Floats, faces: Ints, vectors: Floats, area: Floats, centres: Floats
+) -> tuple[Floats, Floats, tuple[float, ...], Ints] | None:
     """Axis, a point on it, radii and nodes of a cylinder of a third of a turn or more, or of
     several on one axis: a bore with its counterbore and perhaps the shoulder between them.
 
@@ -241,8 +235,8 @@ def _cylinder(
 
 
 def _fit(
-    points: Floats, nodes: IntArray, normals: Floats, area: Floats, centres: Floats
-) -> tuple[Floats, Floats, tuple[float, ...], IntArray] | None:
+    points: Floats, nodes: Ints, normals: Floats, area: Floats, centres: Floats
+) -> tuple[Floats, Floats, tuple[float, ...], Ints] | None:
     from scipy.optimize import least_squares
 
     spread, frame = np.linalg.eigh((normals * area[:, None]).T @ normals / area.sum())
@@ -275,7 +269,7 @@ def _fit(
         if count > 3:
             return None
 
-        def off(y: Floats, group: IntArray = group, count: int = count) -> Floats:
+        def off(y: Floats, group: Ints = group, count: int = count) -> Floats:
             """Each distance beside the mean of those of its radius."""
             far = np.linalg.norm(arms(y), axis=1)
             means = np.bincount(group, far, count) / np.bincount(group, minlength=count)

@@ -13,15 +13,12 @@ from typing import Any
 
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 
-from flexgram.basics import BodyError, IntArray, check_name, errors_of
+from flexgram.basics import BodyError, Floats, Ints, check_name, errors_of
 from flexgram.body.face_integrals import areas_at_nodes
 from flexgram.body.faces import whole_faces
 from flexgram.body.reader import Reader
 from flexgram.body.stress import Stresses
-
-Floats = NDArray[np.float64]
 
 FIELDS = ("acceleration", "angular_acceleration", "spin")
 TYPES = (*FIELDS, "pressure", "traction", "force", "nodal", "temperature")
@@ -49,20 +46,20 @@ class BodyMesh:
 
     file: h5py.File
     points: Floats
-    blocks: Sequence[tuple[str, IntArray]]
+    blocks: Sequence[tuple[str, Ints]]
     length: float
     force: float
-    select: Callable[[Any, str], IntArray]
+    select: Callable[[Any, str], Ints]
     folder: Path
 
 
-def write_vectors(group: h5py.Group, columns: list[str], nodes: IntArray, values: Floats) -> None:
+def write_vectors(group: h5py.Group, columns: list[str], nodes: Ints, values: Floats) -> None:
     group.attrs["columns"] = columns
     group["nodes"] = nodes
     group["values"] = values
 
 
-def _table(mesh: BodyMesh, entry: Reader, columns: int) -> tuple[IntArray, Floats]:
+def _table(mesh: BodyMesh, entry: Reader, columns: int) -> tuple[Ints, Floats]:
     """Nodes, ascending, and so many numbers of each: of a CSV file of node numbers (from 1) and
     numbers, or an array of such rows. Rows of one node are summed."""
     given, where = entry.get("table"), f"{entry.where}: table"

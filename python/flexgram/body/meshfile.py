@@ -8,15 +8,13 @@ from pathlib import Path
 
 import meshio
 import numpy as np
-from numpy.typing import NDArray
 
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, Ints
 
 # Debian's meshio 5.0 reads wedge15 but forgot its dimension.
 meshio._mesh.topological_dimension.setdefault("wedge15", 3)
 
 ELEMENTS = ("tetra", "tetra10", "hexahedron", "hexahedron20", "wedge15", "line")
-IntArray = NDArray[np.int64]
 
 
 def read_mesh(path: Path) -> meshio.Mesh:
@@ -40,17 +38,17 @@ def read_mesh(path: Path) -> meshio.Mesh:
     return mesh
 
 
-def cell_regions(mesh: meshio.Mesh) -> dict[str, list[IntArray]]:
+def cell_regions(mesh: meshio.Mesh) -> dict[str, list[Ints]]:
     """Named sets of cells: for each name the indices of its cells in every block of the mesh.
 
     Names come from gmsh's physical groups (by name, or by number without one), from cell sets
     (Abaqus ELSET and others), or are ``all`` for every solid cell.
     """
-    regions: dict[str, list[IntArray]] = {}
+    regions: dict[str, list[Ints]] = {}
     blocks = len(mesh.cells)
     none = np.empty(0, dtype=np.int64)
 
-    def add(name: str, block: int, cells: IntArray) -> None:
+    def add(name: str, block: int, cells: Ints) -> None:
         if len(cells) > 0:
             parts = regions.setdefault(name, [none] * blocks)
             parts[block] = np.union1d(parts[block], cells)
@@ -72,7 +70,7 @@ def cell_regions(mesh: meshio.Mesh) -> dict[str, list[IntArray]]:
     return regions
 
 
-def node_set(mesh: meshio.Mesh, regions: dict[str, list[IntArray]], name: str) -> IntArray:
+def node_set(mesh: meshio.Mesh, regions: dict[str, list[Ints]], name: str) -> Ints:
     """Nodes of a named point set or of all cells of a region, ascending."""
     if name in mesh.point_sets:
         return np.unique(np.asarray(mesh.point_sets[name], dtype=np.int64))
@@ -80,5 +78,5 @@ def node_set(mesh: meshio.Mesh, regions: dict[str, list[IntArray]], name: str) -
         known = sorted({*regions, *mesh.point_sets} - {"all"})
         raise BodyError(f"there is no node set {name}; the mesh has {', '.join(known) or 'none'}")
     used = [mesh.cells[b].data[cells].ravel() for b, cells in enumerate(regions[name])]
-    nodes: IntArray = np.unique(np.concatenate(used)).astype(np.int64)
+    nodes: Ints = np.unique(np.concatenate(used)).astype(np.int64)
     return nodes

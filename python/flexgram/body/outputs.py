@@ -9,8 +9,8 @@ from __future__ import annotations
 import h5py
 import numpy as np
 
-from flexgram.basics import BodyError, check_name, errors_of
-from flexgram.body.loads import AXES, BodyMesh, Floats, write_vectors
+from flexgram.basics import BodyError, Floats, check_name, errors_of
+from flexgram.body.loads import AXES, BodyMesh, write_vectors
 from flexgram.body.reader import Reader, short
 from flexgram.body.stress import COMPONENTS, Stresses, temperatures
 

@@ -4,14 +4,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from flexgram.basics import BodyError, IntArray
-
-Floats = NDArray[np.float64]
+from flexgram.basics import BodyError, Floats, Ints
 
 
-def in_box(points: Floats, corners: Floats, place: str) -> IntArray:
+def in_box(points: Floats, corners: Floats, place: str) -> Ints:
     """Indices of the points in an axis-parallel box, given by two opposite corners (2 x 3).
 
     Raises

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexgram.basics import Floats
 from flexgram.body.faces import LINEAR, MIDDLES
-
-Floats = NDArray[np.float64]
 
 #: Places of the corners on the reference element.
 CORNERS = {

@@ -18,12 +18,10 @@ from typing import Any, NamedTuple
 import h5py
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from flexgram.basics import BodyError, IntArray, errors_of
+from flexgram.basics import BodyError, Floats, Ints, errors_of
 from flexgram.body.strain import extrapolation, heat_operator, stress_operator
-
-Floats = NDArray[np.float64]
 
 COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "zx")
 #: Elements whose operators are in memory at a time.
@@ -34,7 +32,7 @@ class Solid(NamedTuple):
     """Elements of one type and material."""
 
     kind: str  #: meshio's name
-    nodes: IntArray  #: (E, n)
+    nodes: Ints  #: (E, n)
     law: Floats  #: (6, 6) [N/m²]
     expansion: Floats | None  #: strain of one kelvin (6,), engineering shears; None: not known
 
@@ -198,7 +196,7 @@ class Stresses:
             fields = temperatures(file)
         return {name: self.heated(fields[name])[1] for name in inputs if name in fields}
 
-    def rows(self, nodes: IntArray) -> tuple[IntArray, Floats]:
+    def rows(self, nodes: Ints) -> tuple[Ints, Floats]:
         """The mean stress of some nodes as a function of displacements.
 
         Returns

@@ -54,8 +54,7 @@ def _describe(path: Path) -> list[str]:
     hz = claim.bands / (2 * np.pi)
     bands = ", ".join(f"{first:g} to {last:g}" for first, last in hz)
     lines = [
-        f"reduced body of order {model.order} by {model.method}"
-        + (f" ({model.second_stage})" if model.second_stage not in ("", model.method) else ""),
+        f"reduced body of order {model.order} by {model.provenance.stages}",
         f"band {bands} Hz, {claim.words}",
         f"inputs: {', '.join(model.inputs)}",
     ]
@@ -74,14 +73,14 @@ def _describe(path: Path) -> list[str]:
         lines.append(f"outputs: {', '.join(model.outputs)}")
     frame = model.frame
     lines.append(
-        f"frame: {frame['kind']}, {frame['rigid_modes']} rigid modes"
-        + (f", mass {float(frame['mass']):.6g} kg" if "mass" in frame else "")
+        f"frame: {frame.kind}, {frame.rigid_modes} rigid modes"
+        + (f", mass {frame.integrals.mass:.6g} kg" if frame.integrals else "")
     )
     elastic = model.modes[model.modes > 1e-6 * max(model.modes.max(initial=0), 1e-300)]
     first = ", ".join(f"{w / (2 * np.pi):.5g}" for w in elastic[:6])
     lines.append(f"elastic modes [Hz]: {first}{' …' if len(elastic) > 6 else ''}")
     lines += claim.words_of_held
-    lines.append(f"from {model.log.get('body', 'an unknown body')}")
+    lines.append(f"from {model.provenance.body or 'an unknown body'}")
     return lines
 
 

@@ -62,13 +62,13 @@ def run_couple(options: argparse.Namespace) -> None:
                    tell=lambda words: say(f"  claim    {words}"))  # fmt: skip
     with written_aside(options.output, *(model.path for model in models.values())) as place:
         whole.save(place)
-    for name, words in whole.log["plan"]:
+    for name, words in whole.provenance.plan:
         say(f"  {name:8s} {words}")
     say(f"  wrote {options.output}: order {whole.order}, {len(whole.inputs)} inputs")
 
 
 def frf_options(parser: argparse.ArgumentParser) -> None:
-    from flexgram.model.reduced import RATES
+    from flexgram.model.system import RATES
 
     parser.add_argument("rom", type=Path, help="reduced file")
     parser.add_argument("--pair", action="append", default=[], metavar="OUTPUT=INPUT",
@@ -109,7 +109,9 @@ def run_frf(options: argparse.Namespace) -> None:
         first, last, count = numbers(f"--hz {options.hz}", options.hz, 3)
         hertz = np.linspace(first, last, int(count))
     else:
-        hertz = np.linspace(model.band[0] / (2 * np.pi), model.band[-1] / (2 * np.pi), 800)
+        hertz = np.linspace(
+            model.claim.band[0] / (2 * np.pi), model.claim.band[-1] / (2 * np.pi), 800
+        )
     functions = []
     for k, pair in enumerate(pairs):
         at = measured[k].hertz if measured and not options.hz else hertz
@@ -165,7 +167,7 @@ def run_modes(options: argparse.Namespace) -> None:
     model = ReducedModel.load(options.rom)
     shapes = bool(options.measured) or suffix in (".unv", ".uff")
     modes = ms.mode_shapes(model, options.body, options.hz, at_nodes=shapes)
-    band = model.band / (2 * np.pi)
+    band = model.claim.band / (2 * np.pi)
     for k, (f, zeta) in enumerate(zip(modes.hertz, modes.damping, strict=True), 1):
         beyond = "" if band[0] <= f <= band[-1] else "  outside the band: of the reduced body only"
         say(f"  {k:4d} {f:12.6g} Hz   damping {100 * zeta:.3g} %{beyond}")
@@ -280,7 +282,7 @@ def run_simulate(options: argparse.Namespace) -> None:
             raise BodyError(f"--force {port}: {error}") from None
     rates = options.rates.split(",")
     y, q = model.simulate(u, t, rates=rates)
-    header = "t," + ",".join(model.names_of(rates))
+    header = "t," + ",".join(model.system.names_of(rates))
     with written_aside(options.output) as place:
         np.savetxt(place, np.column_stack([t, y]), delimiter=",", header=header, comments="")
     say(f"  wrote {options.output}: {len(t)} times, {y.shape[1]} outputs")

@@ -15,14 +15,16 @@ from flexgram.model.reduced import ReducedBody
 
 def arrays(model: ReducedBody) -> dict[str, Any]:
     """All matrices and what is known of the error, by the names of the reduced file."""
-    result = {name: getattr(model, name)
-              for name in ("M", "D", "K", "B", "C", "V", "feedthrough", "omega", "error", "bound",
-                           "sigma", "modes", "band")}  # fmt: skip
-    result["eta"] = model.eta
+    system, claim, basis = model.system, model.claim, model.basis
+    matrices = ("M", "D", "K", "B", "C", "feedthrough", "eta")
+    result: dict[str, Any] = {name: getattr(system, name) for name in matrices}
+    result |= {name: getattr(claim, name) for name in ("omega", "error", "bound", "band")}
+    result |= {"V": basis.V, "sigma": model.sigma, "modes": model.modes}
     result["inputs"], result["outputs"] = np.array(model.inputs), np.array(model.outputs)
-    result["kind"] = model.claim.kind
-    if len(model.position):
-        result |= {"node": model.node, "component": model.component, "position": model.position}
+    result["kind"] = claim.kind
+    if len(basis.position):
+        places = {"node": basis.node, "component": basis.component, "position": basis.position}
+        result |= places
     return result | {f"frame_{key}": value for key, value in model.frame.items()}
 
 
@@ -47,10 +49,10 @@ def write_state_space(
 ) -> None:
     """A, B, C, D of x' = A x + B u, y = C x + D u, x = [q, q'], as ``.mat`` or ``.npz``, with the
     names of ``inputs`` and ``outputs``; ``rates`` as of ``ReducedBody.state_space``."""
-    values: dict[str, Any] = dict(zip("ABCD", model.state_space(rates), strict=True))
+    values: dict[str, Any] = dict(zip("ABCD", model.system.state_space(rates), strict=True))
     kind = object if path.suffix == ".mat" else None  # a cell array
     values["inputs"] = np.array(model.inputs, dtype=kind)
-    values["outputs"] = np.array(model.names_of(rates), dtype=kind)
+    values["outputs"] = np.array(model.system.names_of(rates), dtype=kind)
     with written_aside(path) as place, place.open("wb") as file:
         if path.suffix == ".mat":
             scipy.io.savemat(file, values)
@@ -77,12 +79,13 @@ def to_pymor(model: ReducedBody, rates: Sequence[str] = ("displacement",)) -> An
         from pymor.models.iosys import SecondOrderModel
     except ImportError:
         raise BodyError("pyMOR is not installed: pip install pymor") from None
-    model.expect_time_domain(rates)
+    system = model.system
+    system.expect_time_domain(rates)
     if "acceleration" in rates:
         raise BodyError("outputs of pyMOR's second-order models are displacements and velocities")
-    zero = np.zeros_like(model.C)
-    place = np.vstack([model.C if rate == "displacement" else zero for rate in rates])
-    speed = np.vstack([model.C if rate == "velocity" else zero for rate in rates])
-    direct = np.vstack([model.feedthrough] * len(rates)) if model.feedthrough.any() else None
-    return SecondOrderModel.from_matrices(model.M, model.D, model.K, model.B, place,
+    zero = np.zeros_like(system.C)
+    place = np.vstack([system.C if rate == "displacement" else zero for rate in rates])
+    speed = np.vstack([system.C if rate == "velocity" else zero for rate in rates])
+    direct = np.vstack([system.feedthrough] * len(rates)) if system.feedthrough.any() else None
+    return SecondOrderModel.from_matrices(system.M, system.D, system.K, system.B, place,
                                           Cv=speed if speed.any() else None, D=direct)  # fmt: skip

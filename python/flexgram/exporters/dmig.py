@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import scipy.linalg
 
-from flexgram.basics import BodyError, written_aside
-from flexgram.model.reduced import Floats, ReducedBody
+from flexgram.basics import BodyError, Floats, written_aside
+from flexgram.model.reduced import ReducedBody
 
 
 def number(value: float) -> str:
@@ -50,20 +50,20 @@ def write_dmig(model: ReducedBody, path: Path) -> None:
     The scalar points are the modal coordinates of the reduced body: sixteen columns hold eleven or
     twelve digits, and only a diagonal stiffness keeps them all for every mode.
     """
-    if model.eta:
+    if model.system.eta:
         raise BodyError("structural damping goes into Nastran by PARAM,G: reduce without eta")
     error = f"error {model.claim.supremum:.1e} ({model.claim.label})"
     lines = [f"$ flexgram: {model.order} generalised coordinates, {error}"]
     lines += [f"$ column {j + 1} of PRED: {name}" for j, name in enumerate(model.inputs)]
-    values, modes = scipy.linalg.eigh(model.K, model.M)
-    values[: model.frame["rigid_modes"]] = 0
-    D = modes.T @ model.D @ modes
+    values, modes = scipy.linalg.eigh(model.system.K, model.system.M)
+    values[: model.frame.rigid_modes] = 0
+    D = modes.T @ model.system.D @ modes
     D[np.abs(D) < 1e-15 * np.abs(D).max(initial=0)] = 0
     lines += [f"{'SPOINT':<8}{1:>8}{'THRU':<8}{model.order:>8}"]
     lines += matrix_cards("KRED", np.diag(values), True)
     lines += matrix_cards("MRED", np.eye(model.order), True)
     if np.any(D):
         lines += matrix_cards("BRED", 0.5 * (D + D.T), True)
-    lines += matrix_cards("PRED", modes.T @ model.B, False)
+    lines += matrix_cards("PRED", modes.T @ model.system.B, False)
     with written_aside(path) as place:
         place.write_text("\n".join(lines) + "\n")

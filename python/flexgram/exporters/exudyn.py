@@ -15,11 +15,11 @@ from typing import Any
 import h5py
 import numpy as np
 
-from flexgram.basics import BodyError, IntArray, written_aside
+from flexgram.basics import BodyError, Floats, Ints, written_aside
 from flexgram.model.elastic_part import in_its_frame
 from flexgram.model.geometry import Geometry, body_of, interface_motion, interface_positions
 from flexgram.model.recovery import stress_at_nodes
-from flexgram.model.reduced import Floats, ReducedBody
+from flexgram.model.reduced import ReducedBody
 
 STRESS_LOCAL = "OutputVariableType.StressLocal"
 SATELLITES = np.vstack([np.eye(3), -np.eye(3)])
@@ -33,8 +33,8 @@ STRESSES = [0, 1, 2, 4, 5, 3]
 
 
 def _surface(
-    model: ReducedBody, body: str | Path | None, most: int, more: IntArray
-) -> tuple[Floats, Floats, list[list[int]], IntArray]:
+    model: ReducedBody, body: str | Path | None, most: int, more: Ints
+) -> tuple[Floats, Floats, list[list[int]], Ints]:
     """Surface points (N, 3), their motion (m, N, 3), triangles, and the nodes of the mesh that the
     points are: those of the surface, then ``more`` of them; empty without a mesh."""
     nothing = (np.empty((0, 3)), np.empty((model.order, 0, 3)), list[list[int]](),
@@ -88,20 +88,20 @@ def ffrf_terms(
         node numbers each), ``interfacePositions``, ``meshNodes`` (for each point its node of the
         mesh, from 1; 0: none).
     """
-    if "M_r" not in model.frame or model.frame["rigid_modes"] != 6:
+    if not model.frame.integrals or model.frame.rigid_modes != 6:
         raise BodyError("EXUDYN's floating frame needs a free body with six rigid modes and its "
                         "frame integrals: reduce it without supports, with coordinates, by "
                         "-mor_frame buckens or tangent, and fix it by joints there")  # fmt: skip
-    if model.eta:
+    if model.system.eta:
         raise BodyError("EXUDYN has no structural damping (eta): give Rayleigh damping instead")
     positions = interface_positions(model)
     elastic = in_its_frame(model)
-    n, f = elastic.order, elastic.frame
+    n, f = elastic.order, model.frame.integrals.without_first(6)
     further = np.array(sorted({int(node) - 1 for node in nodes}), dtype=np.int64)
     points, moved, triangles, surface = _surface(model, body, most_nodes, further)
     if len(further) and not len(surface):
         raise BodyError(f"nodes want the surface of the body, of {most_nodes} nodes at most")
-    moved = moved[model.frame["rigid_modes"] :]
+    moved = moved[model.frame.rigid_modes :]
     if stress and not len(surface):
         raise BodyError(f"the stress needs the surface of the body, of {most_nodes} nodes at most")
     extent = float(np.ptp(np.vstack([points, *positions.values()]), axis=0).max()) or 1.0
@@ -115,31 +115,31 @@ def ffrf_terms(
         moved = np.concatenate([moved, translation.T[:, None, :] + turned], axis=1)
     stresses = np.zeros((len(points), 6 * n if stress else 0))
     if stress:
-        rigid = model.frame["rigid_modes"]
+        rigid = model.frame.rigid_modes
         of_modes = stress_at_nodes(model, body=body)[rigid:, surface][..., STRESSES]
         stresses[: len(surface)] = np.nan_to_num(of_modes).transpose(1, 0, 2).reshape(-1, 6 * n)
-    Ct = f["M_er"][:, :3]
-    inertia_first = f["inertia_first"]
+    Ct = f.M_er[:, :3]
+    inertia_first = f.inertia_first
     return {
         "modeBasis": moved.reshape(n, -1).T.copy(),
         "trigList": np.array(triangles, dtype=int),
         "postProcessingModes": {"matrix": stresses, "outputVariableType": STRESS_LOCAL}
         if stress else {},
         "stressModes": stresses,
-        "massMatrixReduced": elastic.M, "stiffnessMatrixReduced": elastic.K,
-        "dampingMatrixReduced": elastic.D,
+        "massMatrixReduced": elastic.system.M, "stiffnessMatrixReduced": elastic.system.K,
+        "dampingMatrixReduced": elastic.system.D,
         "infoList": np.array([n, len(points), 3, 4, 7, 7 + n]),
         "rigidBodyNodeType": "NodeType.RotationEulerParameters",
         "xRef": points.ravel(),
-        "inertiaLocal": f["M_r"][3:, 3:], "Mtt": f["M_r"][:3, :3], "totalMass": float(f["mass"]),
-        "chiU": np.asarray(f["centre"]),
-        "chiUtilde": -EPSILON @ np.asarray(f["centre"]),
+        "inertiaLocal": f.M_r[3:, 3:], "Mtt": f.M_r[:3, :3], "totalMass": f.mass,
+        "chiU": f.centre,
+        "chiUtilde": -EPSILON @ f.centre,
         # columns of skew(φ) are −e_a × φ
-        "mPsiTildePsi": -np.transpose(f["gyroscopic"], (2, 1, 0)).reshape(3 * n, n),
-        "mPsiTildePsiTilde": np.transpose(f["inertia_second"], (1, 0, 3, 2)).reshape(3 * n, 3 * n),
+        "mPsiTildePsi": -np.transpose(f.gyroscopic, (2, 1, 0)).reshape(3 * n, n),
+        "mPsiTildePsiTilde": np.transpose(f.inertia_second, (1, 0, 3, 2)).reshape(3 * n, 3 * n),
         "mPhitTPsi": Ct.T.copy(),
         "mPhitTPsiTilde": -np.einsum("abc,jc->ajb", EPSILON, Ct).reshape(3, 3 * n),
-        "mXRefTildePsi": -f["M_er"][:, 3:].T,
+        "mXRefTildePsi": -f.M_er[:, 3:].T,
         "mXRefTildePsiTilde": np.transpose(inertia_first, (0, 2, 1)).reshape(3, 3 * n),
         "interfaceNames": np.array(names), "interfaceNodes": np.array(satellites).reshape(-1, 6),
         "interfacePositions": np.array([positions[name] for name in names]).reshape(-1, 3),

@@ -45,10 +45,11 @@ def write_mbdyn(model: ReducedBody, path: Path, body: str | Path | None = None) 
     BodyError
         For structural damping, other frames, and bodies without interfaces of six ports.
     """
-    if model.eta:
+    if model.system.eta:
         raise BodyError("MBDyn has no structural damping (eta): give Rayleigh damping instead")
-    free = bool(model.frame.get("rigid_modes"))
-    if free and (model.frame["rigid_modes"] != 6 or model.frame.get("kind") != "buckens"):
+    frame = model.frame
+    free = frame.rigid_modes > 0
+    if free and (frame.rigid_modes != 6 or frame.kind != "buckens"):
         raise BodyError("MBDyn's modal joint couples rigid and elastic motion of nodes with masses "
                         "only, which a reduced body does not have: reduce a free body by "
                         "-mor_frame buckens, in whose mean axes nothing is to couple")  # fmt: skip
@@ -76,18 +77,18 @@ def write_mbdyn(model: ReducedBody, path: Path, body: str | Path | None = None) 
         modes.append(f"**    NORMAL MODE SHAPE #  {k + 1}")
         modes += [line for shape in shapes[:, k] for line in _numbers(shape)]
     lines += record(8, "NON-ORTHOGONALIZED MODE SHAPES", modes)
-    lines += record(9, "MODAL MASS MATRIX", _numbers(elastic.M))
-    lines += record(10, "MODAL STIFFNESS MATRIX", _numbers(elastic.K))
-    if free:
-        mass, centre = float(model.frame["mass"]), np.asarray(model.frame["centre"])
-        about_origin = np.asarray(model.frame["M_r"])[3:, 3:]
+    lines += record(9, "MODAL MASS MATRIX", _numbers(elastic.system.M))
+    lines += record(10, "MODAL STIFFNESS MATRIX", _numbers(elastic.system.K))
+    if frame.integrals:
+        mass, centre = frame.integrals.mass, frame.integrals.centre
+        about_origin = frame.integrals.M_r[3:, 3:]
         inertia = about_origin - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
         lines += record(
             12,
             "GLOBAL INERTIA PROPERTIES",
             [*_numbers(mass), *_numbers(centre), *(_numbers(row)[0] for row in inertia)],
         )
-    lines += record(13, "MODAL DAMPING MATRIX", _numbers(elastic.D))
+    lines += record(13, "MODAL DAMPING MATRIX", _numbers(elastic.system.D))
     lines.append("** END OF FILE")
     with written_aside(path) as place:
         place.write_text("\n".join(lines) + "\n")

@@ -71,7 +71,7 @@ SECOND = """  figure;
 
 def _strongest(model: ReducedBody) -> tuple[int, int]:
     """Output and input of the largest entry of H in the middle of the band, from forces if any."""
-    H = np.abs(model.transfer(float(np.mean(model.band))))
+    H = np.abs(model.system.transfer(float(np.mean(model.claim.band))))
     forces = [name.rpartition(".")[2].startswith("f") for name in model.inputs]
     if any(forces):
         H[:, ~np.array(forces)] = 0
@@ -106,14 +106,14 @@ def write_octave(model: ReducedBody, path: Path, body: str | Path | None = None)
         raise BodyError(f"{data} is there, and not of such a script: another name")
     output, port = _strongest(model)
     elastic = model.modes[model.modes > 1e-6 * model.modes.max(initial=0)]
-    slowest = float(elastic.min(initial=float(model.band[-1])))
+    slowest = float(elastic.min(initial=float(model.claim.band[-1])))
     values = {
         "claim": model.claim.words, "data": f"{name}.mat", "output": output + 1,
-        "input": port + 1, "first": model.band[0] / (2 * np.pi),
-        "last": model.band[-1] / (2 * np.pi),
+        "input": port + 1, "first": model.claim.band[0] / (2 * np.pi),
+        "last": model.claim.band[-1] / (2 * np.pi),
         "end": 20 * np.pi / slowest, "title": name,
     }  # fmt: skip
-    moves = not model.eta  # structural damping has no real time-domain form
+    moves = not model.system.eta  # structural damping has no real time-domain form
     second = SECOND.format(**values) if moves else ""
     text = SCRIPT.format(**values) + (STEP.format(**values) if moves else "")
     text += FIGURES.format(**values, second=second)

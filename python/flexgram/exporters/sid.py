@@ -24,10 +24,10 @@ from typing import Any
 
 import numpy as np
 
-from flexgram.basics import BodyError, written_aside
+from flexgram.basics import BodyError, Floats, written_aside
 from flexgram.model.elastic_part import in_its_frame
 from flexgram.model.geometry import interface_motion, interface_positions
-from flexgram.model.reduced import Floats, ReducedBody
+from flexgram.model.reduced import ReducedBody
 
 #: m1 with the mode before the column; Gr, Ge axis-major
 DIALECTS = {
@@ -50,14 +50,15 @@ def _skew(v: Floats) -> Floats:
 def taylor_terms(model: ReducedBody) -> dict[str, Taylor]:
     """Every Taylor block of the SID by its name, dialect-free: Gr and Ge as (…, mode, axis).
 
-    The model must have its rigid vectors taken out (``ReducedBody.elastic``).
+    The model must have its rigid vectors taken out (``ReducedModel.elastic``).
     """
-    f, n = model.frame, model.order
-    mass, centre = float(f["mass"]), np.asarray(f["centre"])
-    Ct, Cr = f["M_er"][:, :3], f["M_er"][:, 3:]
-    C4 = -np.moveaxis(f["inertia_first"], 2, 0)  # (mode, 3, 3): ∫ρ skew(x) skew(φ)
-    S, gyro = f["inertia_second"], f["gyroscopic"]
-    inertia = f["M_r"][3:, 3:]
+    f, n = model.frame.integrals, model.order
+    assert f is not None  # write_sid
+    mass, centre = f.mass, f.centre
+    Ct, Cr = f.M_er[:, :3], f.M_er[:, 3:]
+    C4 = -np.moveaxis(f.inertia_first, 2, 0)  # (mode, 3, 3): ∫ρ skew(x) skew(φ)
+    S, gyro = f.inertia_second, f.gyroscopic
+    inertia = f.M_r[3:, 3:]
     J1 = np.array([[[-(c + c.T)[a, b]] for a, b in INERTIA] for c in C4]).reshape(n, 6, 1)
 
     def pair(X: Any) -> Any:  # (…, 3, 3) -> (…, 6)
@@ -71,13 +72,13 @@ def taylor_terms(model: ReducedBody) -> dict[str, Taylor]:
         "J": (np.array([[inertia[a, b]] for a, b in INERTIA]), J1),
         "Ct": (Ct, None),
         "Cr": (Cr, np.swapaxes(Cr1, 0, 1)),
-        "Me": (model.M, None),
+        "Me": (model.system.M, None),
         "Gr": (np.moveaxis(-2 * C4, 0, 1).reshape(3, 3 * n), None),  # columns (mode, axis)
         "Ge": ((2 * Cr1).reshape(n, 3 * n), None),  # columns (mode, axis)
         "Oe": (pair(C4), np.swapaxes(Oe1, 0, 1)),
         "ksigma": (np.zeros((n, 1)), None),
-        "Ke": (model.K, None),
-        "De": (model.D, None),
+        "Ke": (model.system.K, None),
+        "De": (model.system.D, None),
     }
 
 
@@ -127,21 +128,21 @@ def write_sid(model: ReducedBody, path: Path, dialect: str = "dlr") -> None:
     """
     if dialect not in DIALECTS:
         raise BodyError(f"SID dialect {dialect}: must be one of {', '.join(DIALECTS)}")
-    if "M_r" not in model.frame:
+    if not model.frame.integrals:
         raise BodyError("a SID needs the frame integrals: reduce a free body with coordinates "
                         "(-mor_frame_integrals)")  # fmt: skip
-    if model.eta:
+    if model.system.eta:
         raise BodyError("a SID has no structural damping (eta): give Rayleigh damping instead")
     mode_first, gr_axis, ge_axis = DIALECTS[dialect]
     positions = interface_positions(model)
     body = in_its_frame(model)
     n = body.order
     motion = interface_motion(body)
-    if dialect == "emb" and np.abs(body.M - np.eye(n)).max() > 1e-8:
+    if dialect == "emb" and np.abs(body.system.M - np.eye(n)).max() > 1e-8:
         raise BodyError("EMBSlib takes the mass matrix as unit: reduce with "
                         "-mor_inner_product mass and -mor_frame buckens")  # fmt: skip
     lines = [f"{len(motion)} {n}", "part", "new modal = flexgram", "  refmod",
-             f"    mass = {_number(float(body.frame['mass']))}", f"    nelastq = {n}"]  # fmt: skip
+             f"    mass = {_number(model.frame.integrals.mass)}", f"    nelastq = {n}"]  # fmt: skip
     hz = body.modes / (2 * np.pi)
     lines += [f"    ielastq ( {j + 1}) = coordinate {j + 1}, up to {hz[-1]:.6g} Hz"
               for j in range(n)]  # fmt: skip

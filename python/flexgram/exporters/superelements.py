@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import scipy.io
 
-from flexgram.basics import BodyError, written_aside
+from flexgram.basics import BodyError, Floats, written_aside
 from flexgram.exporters.dmig import matrix_cards, number
 from flexgram.model.physical import PhysicalForm, facts, physical_form
-from flexgram.model.reduced import Floats, ReducedBody
+from flexgram.model.reduced import ReducedBody
 
 #: Grids of a Nastran file and nodes of Abaqus count from here, modes from a thousand above them.
 FIRST_GRID = 1

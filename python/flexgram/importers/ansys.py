@@ -12,8 +12,8 @@ import numpy as np
 import scipy.io
 import scipy.sparse as sp
 
-from flexgram.basics import BodyError, expect_survival, whole_numbers
-from flexgram.importers.fe import FeMatrices, Ints, symmetric
+from flexgram.basics import BodyError, Ints, expect_survival, whole_numbers
+from flexgram.importers.fe import FeMatrices, symmetric
 
 
 def _reader() -> Any:

@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from flexgram.basics import BodyError
-from flexgram.importers.fe import Floats, Ints
+from flexgram.basics import BodyError, Floats, Ints
 
 #: Element types by the beginning of their name: meshio type, number of nodes.
 SOLIDS = {

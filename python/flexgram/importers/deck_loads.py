@@ -15,16 +15,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from flexgram.basics import BodyError, IntArray
+from flexgram.basics import BodyError, Floats, Ints
 from flexgram.body.face_integrals import areas_at_nodes
 from flexgram.body.faces import FACES, LINEAR, MIDDLES
 from flexgram.importers.ccx import Card, Job
 from flexgram.importers.deck import SOLIDS, Deck
 from flexgram.importers.fe import FeMatrices
-
-Floats = NDArray[np.float64]
 
 CARDS = ("CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE")
 #: Options of a card by which it is something else than a force of its values.
@@ -126,7 +123,7 @@ class _Deck:
     def elements(self, card: Card, word: str) -> list[int]:
         return self._members(card, word, self.deck.elsets, self.deck.elements, "element")
 
-    def by_kind(self, labels: list[int]) -> Iterator[tuple[str, IntArray, IntArray]]:
+    def by_kind(self, labels: list[int]) -> Iterator[tuple[str, Ints, Ints]]:
         """Elements by their type: indices of their nodes, and their labels."""
         kinds: dict[str, list[int]] = {}
         for label in labels:

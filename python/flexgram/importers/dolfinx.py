@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, Floats
 from flexgram.body.matrices import Matrices
-from flexgram.importers.fe import Floats, rigid_motions
+from flexgram.importers.fe import rigid_motions
 
 PORTS = ("fx", "fy", "fz", "mx", "my", "mz")
 

@@ -10,12 +10,8 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from numpy.typing import NDArray
 
-from flexgram.basics import BodyError, index_of
-
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from flexgram.basics import BodyError, Floats, Ints, index_of
 
 
 @dataclass

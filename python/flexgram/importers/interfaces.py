@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from flexgram.basics import BodyError, check_name, index_of
+from flexgram.basics import BodyError, Floats, Ints, check_name, index_of
 from flexgram.body.faces import Middle, middle_of
 from flexgram.body.selection import in_box, nearest
-from flexgram.importers.fe import FeMatrices, Floats, Interface, Ints, rigid_motions
+from flexgram.importers.fe import FeMatrices, Interface, rigid_motions
 
 FORCES = ("fx", "fy", "fz", "mx", "my", "mz")
 

@@ -15,14 +15,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from flexgram.basics import BodyError, errors_of, written_aside
+from flexgram.basics import BodyError, ComplexArray, Floats, errors_of, written_aside
 from flexgram.measured.universal import dataset, datasets
-from flexgram.model.reduced import RATES, ReducedBody
-
-Floats = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from flexgram.model.reduced import ReducedBody
+from flexgram.model.system import RATES
 
 #: UFF 58: frequency response function; types of complex and real numbers; what ordinates are.
 FRF, FREQUENCY, FORCE = 4, 18, 13
@@ -89,7 +87,7 @@ def responses(
             if name not in names:
                 raise BodyError(f"there is no port {name}; there are {', '.join(names)}")
     w = 2 * np.pi * f
-    H = np.atleast_3d(model.transfer(w)) * ((1j * w) ** RATES.index(rate))[:, None, None]
+    H = np.atleast_3d(model.system.transfer(w)) * ((1j * w) ** RATES.index(rate))[:, None, None]
     node = {name: k + 1 for k, name in enumerate(dict.fromkeys(
         port.rpartition(".")[0] for port in (*model.inputs, *model.outputs)))}  # fmt: skip
     result = []

@@ -18,13 +18,10 @@ import scipy.linalg
 import scipy.spatial
 from numpy.typing import ArrayLike, NDArray
 
-from flexgram.basics import BodyError, errors_of, index_of, written_aside
+from flexgram.basics import BodyError, Floats, errors_of, index_of, written_aside
 from flexgram.measured.universal import dataset, datasets
 from flexgram.model.geometry import Geometry, body_of
 from flexgram.model.reduced import ReducedBody
-
-Floats = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
 
 #: Dataset 55: structural model; analyses; three translations; displacement; number types.
 STRUCTURAL, NORMAL, COMPLEX_MODE = 1, 2, 3
@@ -95,10 +92,10 @@ def mode_shapes(
     BodyError
         For a body without coordinates, whose body file is not there, or without modes.
     """
-    last = 2 * np.pi * last_hz if last_hz is not None else float(model.band[-1])
-    squares, Q = scipy.linalg.eigh(model.K, model.M)
+    last = 2 * np.pi * last_hz if last_hz is not None else float(model.claim.band[-1])
+    squares, Q = scipy.linalg.eigh(model.system.K, model.system.M)
     omega = np.sqrt(np.maximum(squares, 0))
-    rigid = int(model.frame.get("rigid_modes", 0))
+    rigid = model.frame.rigid_modes
     if not rigid:  # a basis that mixes them with others (pod): those that are nothing but rounding
         rigid = int(np.sum(omega < ROUNDING * omega.max(initial=0)))
     chosen = [k for k in range(rigid, len(omega)) if omega[k] <= last]
@@ -106,8 +103,8 @@ def mode_shapes(
         first = f"; the first is at {omega[rigid] / (2 * np.pi):.5g} Hz" if rigid < len(Q) else ""
         raise BodyError(f"no elastic mode up to {last / (2 * np.pi):.5g} Hz{first}")
     omega, Q = omega[chosen], Q[:, chosen]
-    D = Q.T @ model.D @ Q
-    damping = np.diag(D) / (2 * omega) + 0.5 * model.eta
+    D = Q.T @ model.system.D @ Q
+    damping = np.diag(D) / (2 * omega) + 0.5 * model.system.eta
     between = np.abs(D - np.diag(np.diag(D))).max(initial=0)
     coupled = float(between / max(np.abs(np.diag(D)).max(), 1e-300)) if between else 0.0
     if at_nodes:
@@ -121,16 +118,16 @@ def _at_nodes(
     model: ReducedBody, body: str | Path | None, q: Floats
 ) -> tuple[NDArray[np.int64], Floats, Floats]:
     """Labels, places and motion: of the mesh, or of a body without one of the nodes it has."""
-    stored = str(model.log.get("body", ""))
+    stored = model.provenance.body
     if body is None and (not stored or (not Path(stored).suffix and not Path(stored).exists())):
-        return model.nodal(q)  # handed over in memory
+        return model.basis.nodal(q)  # handed over in memory
     path = body_of(model, body)
     with errors_of(path), h5py.File(path) as file:
         assembled, imported = "mesh" in file, "geometry/blocks" in file
     if not assembled and not imported:
-        return model.nodal(q)
+        return model.basis.nodal(q)
     geometry = Geometry.load(path)
-    own, places, _ = model.nodal(q[:1])
+    own, places, _ = model.basis.nodal(q[:1])
     at, known = index_of(geometry.labels, own)
     size = float(np.ptp(geometry.points, axis=0).max())
     if known.any() and np.abs(geometry.points[at[known]] - places[known]).max() > 1e-6 * size:

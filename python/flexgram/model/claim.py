@@ -6,12 +6,10 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from flexgram.basics import Floats
 from flexgram.model.error_form import ErrorForm
 from flexgram.model.kinds import CROSSED
-
-Floats = NDArray[np.float64]
 
 
 class Held(NamedTuple):
@@ -174,6 +172,11 @@ class Claim:
             loads=array("loads/patterns").reshape(inputs, len(load_names)),
             form=ErrorForm.of(fields),
         )
+
+    @property
+    def band(self) -> Floats:
+        """First and last frequency of ``bands`` [rad/s], (2,)."""
+        return np.array([self.bands[0, 0], self.bands[-1, 1]])
 
     @property
     def bounds_elastic_part(self) -> bool:

@@ -7,13 +7,11 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from flexgram.basics import BodyError, errors_of, index_of
+from flexgram.basics import BodyError, Floats, Ints, errors_of, index_of
 from flexgram.body.faces import SHELLS, faces_of, outer
-from flexgram.model.reduced import Floats, ReducedBody
-
-Ints = NDArray[np.int64]
+from flexgram.model.reduced import ReducedBody
 
 
 @dataclass
@@ -87,7 +85,7 @@ class Geometry:
         Nodes inside a rigid interface follow its reference node; supported nodes rest.
         """
         shapes = np.atleast_2d(np.eye(model.order) if q is None else np.asarray(q, dtype=float))
-        labels, _, moved = model.nodal(shapes)
+        labels, _, moved = model.basis.nodal(shapes)
         motion = np.zeros((len(shapes), len(self.points), 3))
         at, known = index_of(self.labels, labels)
         motion[:, at[known]] = moved[:, known]
@@ -113,7 +111,7 @@ def body_of(model: ReducedBody, body: str | Path | None = None) -> str | Path:
     BodyError
         If it is not known or not there.
     """
-    stored = str(model.log.get("body", ""))
+    stored = model.provenance.body
     if body is not None:
         return body
     if not stored:
@@ -130,16 +128,16 @@ def body_of(model: ReducedBody, body: str | Path | None = None) -> str | Path:
 
 def _six(model: ReducedBody, shapes: Floats, reference: Floats) -> Floats | None:
     """Translation and rotation (k, 6) of the node with rotations at a place; None without one."""
-    turning = np.flatnonzero(model.component >= 3)
+    turning = np.flatnonzero(model.basis.component >= 3)
     if not len(turning):
         return None
-    distance = np.linalg.norm(model.position[turning] - reference, axis=1)
-    node = model.node[turning[np.argmin(distance)]]
-    if distance.min() > 1e-6 * max(float(np.ptp(model.position, axis=0).max()), 1e-300):
+    distance = np.linalg.norm(model.basis.position[turning] - reference, axis=1)
+    node = model.basis.node[turning[np.argmin(distance)]]
+    if distance.min() > 1e-6 * max(float(np.ptp(model.basis.position, axis=0).max()), 1e-300):
         return None
-    rows = np.flatnonzero(model.node == node)
+    rows = np.flatnonzero(model.basis.node == node)
     six = np.zeros((len(shapes), 6))
-    six[:, model.component[rows]] = shapes @ model.V[rows].T
+    six[:, model.basis.component[rows]] = shapes @ model.basis.V[rows].T
     return six
 
 
@@ -158,11 +156,11 @@ def interface_motion(model: ReducedBody) -> dict[str, tuple[Floats, Floats]]:
         if port not in model.outputs or (name == "frame" and force.startswith("spin")):
             continue
         found.setdefault(name, {})[force] = i
-    result = {}
+    result, B = {}, model.system.B
     for name, ports in found.items():
         if {"fx", "fy", "fz", "mx", "my", "mz"} <= set(ports):
-            result[name] = (model.B[:, [ports[f] for f in ("fx", "fy", "fz")]].T,
-                            model.B[:, [ports[f] for f in ("mx", "my", "mz")]].T)  # fmt: skip
+            result[name] = (B[:, [ports[f] for f in ("fx", "fy", "fz")]].T,
+                            B[:, [ports[f] for f in ("mx", "my", "mz")]].T)  # fmt: skip
     lacking = [name for name in found if name not in result]
     if lacking:
         raise BodyError(f"the interface {lacking[0]} has the ports "
@@ -174,10 +172,10 @@ def interface_motion(model: ReducedBody) -> dict[str, tuple[Floats, Floats]]:
 def interface_positions(model: ReducedBody) -> dict[str, Floats]:
     """Reference positions [m] of the interfaces of a free body, from how its rigid modes move
     them: the translation under the rotation e_a × x is e_a × x_reference."""
-    if "M_er" not in model.frame or model.frame["rigid_modes"] != 6:
+    if not model.frame.integrals or model.frame.rigid_modes != 6:
         raise BodyError("the positions of interfaces come from the rigid modes of a free body "
                         "(-mor_method two_step, -mor_frame buckens)")  # fmt: skip
-    turns = model.frame["M_er"][:6, 3:]  # coordinates of the rotations about the origin
+    turns = model.frame.integrals.M_er[:6, 3:]  # coordinates of the rotations about the origin
     result = {}
     for name, (translation, _) in interface_motion(model).items():
         W = translation[:, :6] @ turns  # column a: e_a × x

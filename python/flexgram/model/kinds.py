@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 
-from flexgram.basics import IntArray
+from flexgram.basics import Ints
 
 #: Last parts of the names of ports of each kind, as the program reads them.
 KINDS = {
@@ -22,7 +22,7 @@ INPUT_KINDS = tuple(kind for kind in KINDS if kind not in OUTPUT_KINDS)
 CROSSED = {("displacement", "moment"), ("rotation", "force")}
 
 
-def ports_of(names: list[str], kind: str) -> IntArray:
+def ports_of(names: list[str], kind: str) -> Ints:
     """Which ports are of a kind, by their names."""
     ends = [name.rpartition(".")[2] for name in names]
     return np.array([i for i, end in enumerate(ends) if re.fullmatch(KINDS[kind], end)], dtype=int)

@@ -10,38 +10,32 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import h5py
 import numpy as np
 import scipy.linalg
-from numpy.typing import ArrayLike, NDArray
 
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, Floats
 from flexgram.model.geometry import Geometry, body_of, interface_positions
-from flexgram.model.response import expect_collocated, frequency_response
-
-if TYPE_CHECKING:
-    from flexgram.model.reduced import ReducedBody
-
-Floats = NDArray[np.float64]
+from flexgram.model.reduced import ReducedBody
+from flexgram.model.response import expect_collocated
+from flexgram.model.system import System
 
 #: A motion of the interfaces that is smaller than this in the basis, relative, is none.
 HELD = 1e-9
 DIRECTIONS = {"fx": 0, "fy": 1, "fz": 2, "mx": 3, "my": 4, "mz": 5}
 
 
-@dataclass
-class PhysicalForm:
-    """M x'' + D x' + K (1 + i eta) x = B u, y = C x + F u with x = [u_b; p].
+@dataclass(frozen=True, kw_only=True)
+class PhysicalForm(System):
+    """The system in the coordinates x = [u_b; p].
+
+    K has no part between u_b and p, and is diagonal in p, where M is the identity. Ports of the
+    interfaces are unit vectors of x.
 
     Attributes
     ----------
-    M, D, K : (m, m) arrays
-        K has no part between u_b and p, and is diagonal in p, where M is the identity.
-    eta : float
-    B, C, feedthrough : (m, n_in), (n_out, m), (n_out, n_in) arrays
-        Of all ports, those of the interfaces by their unit vectors.
     interfaces : dict
         For each interface which of x moves it, by direction: 0-2 translation, 3-5 rotation.
     boundary : list of str
@@ -53,27 +47,11 @@ class PhysicalForm:
     source : ReducedBody
     """
 
-    M: Floats
-    D: Floats
-    K: Floats
-    eta: float
-    B: Floats
-    C: Floats
-    feedthrough: Floats
     interfaces: dict[str, dict[int, int]]
     boundary: list[str]
     frequencies: Floats
     T: Floats
     source: ReducedBody
-
-    @property
-    def order(self) -> int:
-        return len(self.K)
-
-    def transfer(self, omega: ArrayLike) -> NDArray[np.complex128]:
-        """As ``ReducedBody.transfer``."""
-        K = self.K * (1 + 1j * self.eta)
-        return frequency_response(K, self.D, self.M, self.B, self.C, omega) + self.feedthrough
 
     def positions(self, body: str | Path | None = None) -> dict[str, Floats]:
         """Where the interfaces are (3,) [m]: of a free body by its rigid modes, else by its file.
@@ -84,7 +62,7 @@ class PhysicalForm:
             If nothing tells.
         """
         model = self.source
-        if model.frame["rigid_modes"] == 6 and "M_er" in model.frame and all(
+        if model.frame.rigid_modes == 6 and model.frame.integrals and all(
             len(moves) == 6 for moves in self.interfaces.values()
         ):  # fmt: skip
             return {name: place for name, place in interface_positions(model).items()
@@ -122,22 +100,22 @@ class PhysicalForm:
         return R
 
 
-def _boundary(model: ReducedBody) -> tuple[list[str], Floats, dict[str, dict[int, int]]]:
+def _boundary(system: System) -> tuple[list[str], Floats, dict[str, dict[int, int]]]:
     """Ports of interfaces, their rows of C, and whose they are."""
     names: list[str] = []
     interfaces: dict[str, dict[int, int]] = {}
-    for port in model.inputs:
+    for port in system.inputs:
         name, _, force = port.rpartition(".")
-        if force not in DIRECTIONS or port not in model.outputs:
+        if force not in DIRECTIONS or port not in system.outputs:
             continue
-        expect_collocated(port, model.C[model.outputs.index(port)],
-                          model.B[:, model.inputs.index(port)])  # fmt: skip
+        expect_collocated(port, system.C[system.outputs.index(port)],
+                          system.B[:, system.inputs.index(port)])  # fmt: skip
         interfaces.setdefault(name, {})[DIRECTIONS[force]] = len(names)
         names.append(port)
     if not names:
         raise BodyError("no port is a force and its displacement (x.fx … x.mz): the body has no "
                         "interfaces whose motion could be coordinates")  # fmt: skip
-    return names, np.array([model.C[model.outputs.index(name)] for name in names]), interfaces
+    return names, np.array([system.C[system.outputs.index(name)] for name in names]), interfaces
 
 
 def physical_form(model: ReducedBody) -> PhysicalForm:
@@ -149,11 +127,12 @@ def physical_form(model: ReducedBody) -> PhysicalForm:
         If the body's coordinates do not hold every motion of the interfaces by itself: it is too
         small for that, or a motion is no part of its basis.
     """
-    names, C_b, interfaces = _boundary(model)
-    m, n_b = model.order, len(names)
+    system = model.system
+    names, C_b, interfaces = _boundary(system)
+    m, n_b = system.order, len(names)
     scale = max(float(model.claim.bands[-1, 1]), 1e-12)
     try:
-        L = np.linalg.cholesky(model.M + model.K / scale**2)
+        L = np.linalg.cholesky(system.M + system.K / scale**2)
     except np.linalg.LinAlgError:
         raise BodyError("M + K/omega² is not positive definite") from None
     C = scipy.linalg.solve_triangular(L, C_b.T, lower=True).T  # of orthonormal coordinates
@@ -175,7 +154,7 @@ def physical_form(model: ReducedBody) -> PhysicalForm:
         both = 0.5 * (both + both.T)
         return both
 
-    K, M = by_energy(model.K), by_energy(model.M)
+    K, M = by_energy(system.K), by_energy(system.M)
     Q, R = np.linalg.qr(C.T, mode="complete")
     follow, inner = Q[:, :n_b] @ np.linalg.inv(R[:n_b]).T, Q[:, n_b:]
     K_p, M_p = inner.T @ K @ inner, inner.T @ M @ inner
@@ -197,14 +176,16 @@ def physical_form(model: ReducedBody) -> PhysicalForm:
     K_x, M_x = turned(K), turned(M)
     K_x[:n_b, n_b:], K_x[n_b:, :n_b] = 0, 0
     K_x[n_b:, n_b:], M_x[n_b:, n_b:] = np.diag(squares), np.eye(m - n_b)
-    B_x, C_x = T.T @ model.B, model.C @ T
-    for k, name in enumerate(names):
-        unit = np.eye(m)[k]
-        B_x[:, model.inputs.index(name)] = unit
-        C_x[model.outputs.index(name)] = unit
-    return PhysicalForm(M_x, turned(by_energy(model.D)), K_x, model.eta, B_x, C_x,
-                        model.feedthrough, interfaces, names, np.sqrt(np.maximum(squares, 0)), T,
-                        model)  # fmt: skip
+    B_x, C_x = T.T @ system.B, system.C @ T
+    for unit, name in zip(np.eye(m), names, strict=False):
+        B_x[:, system.inputs.index(name)] = unit
+        C_x[system.outputs.index(name)] = unit
+    return PhysicalForm(
+        M=M_x, D=turned(by_energy(system.D)), K=K_x, eta=system.eta, B=B_x, C=C_x,
+        inputs=system.inputs, outputs=system.outputs, feedthrough=system.feedthrough,
+        interfaces=interfaces, boundary=names, frequencies=np.sqrt(np.maximum(squares, 0)), T=T,
+        source=model,
+    )  # fmt: skip
 
 
 def file_name(text: str) -> str:

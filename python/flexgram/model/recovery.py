@@ -5,14 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, Floats
 from flexgram.body.stress import Stresses, von_mises
 from flexgram.model.geometry import Geometry, body_of
 from flexgram.model.reduced import ReducedBody
-
-Floats = NDArray[np.float64]
 
 
 def stress_at_nodes(

@@ -6,10 +6,7 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
 
-from flexgram.basics import BodyError
-
-Floats = NDArray[np.float64]
-ComplexArray = NDArray[np.complex128]
+from flexgram.basics import BodyError, ComplexArray, Floats
 
 
 def frequency_response(

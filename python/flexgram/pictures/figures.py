@@ -16,11 +16,11 @@ from matplotlib.figure import Figure  # not pyplot: the caller's backend stays t
 from numpy.typing import ArrayLike
 from scipy.linalg import eigh
 
-from flexgram.basics import BodyError, errors_of, written_aside
+from flexgram.basics import BodyError, Floats, errors_of, written_aside
 from flexgram.body.stress import von_mises
 from flexgram.model.geometry import Geometry, body_of
 from flexgram.model.recovery import stress_at_nodes
-from flexgram.model.reduced import Floats, ReducedBody
+from flexgram.model.reduced import ReducedBody
 from flexgram.simulation.histories import Verdict
 
 HZ = 1 / (2 * np.pi)
@@ -92,7 +92,7 @@ def transfer(
     model: ReducedBody, sweep: Path | None = None, ports: list[tuple[str, str]] | None = None
 ) -> Figure:
     """Amount of H_r for chosen (output, input) pairs; with a sweep file that of the full body."""
-    full, hz = None, np.linspace(model.band[0] * HZ, model.band[1] * HZ, 800)
+    full, hz = None, np.linspace(model.claim.band[0] * HZ, model.claim.band[1] * HZ, 800)
     inputs, outputs = model.inputs, model.outputs
     if sweep is not None:
         with errors_of(sweep), h5py.File(sweep) as file:
@@ -100,7 +100,7 @@ def transfer(
             names = [[str(x) for x in file["H"].attrs[k]] for k in ("inputs", "outputs")]
         if names != [inputs, outputs]:
             raise BodyError(f"{sweep}: its ports are not those of the reduced body")
-    H = model.transfer(hz / HZ)
+    H = model.system.transfer(hz / HZ)
     if not ports:
         strongest = np.argsort(-np.abs(np.einsum("kii->ki", H[:, : len(inputs), : len(outputs)]))
                                .max(axis=0))  # fmt: skip
@@ -155,7 +155,7 @@ def loads(model: ReducedBody, verdict: Verdict, most: int = 6) -> Figure:
 
 def stages(model: ReducedBody) -> Figure:
     """Seconds of each stage."""
-    seconds = {k: float(v) for k, v in dict(model.log.get("seconds", {})).items()}
+    seconds = model.provenance.seconds
     if not seconds:
         raise BodyError("the reduced file has no times")
     figure, axes = _axes(height=0.8 + 0.28 * len(seconds))
@@ -169,11 +169,12 @@ def elastic_modes(model: ReducedBody, count: int) -> tuple[Floats, Floats]:
     """Frequencies [Hz] and shapes (k, m) of the lowest modes of the reduced body that are not
     rigid, without damping."""
     try:
-        squares, shapes = eigh(0.5 * (model.K + model.K.T), 0.5 * (model.M + model.M.T))
+        K, M = model.system.K, model.system.M
+        squares, shapes = eigh(0.5 * (K + K.T), 0.5 * (M + M.T))
     except np.linalg.LinAlgError:
         raise BodyError("the reduced M is singular: there are no modes to draw") from None
     hz = np.sqrt(np.maximum(squares, 0)) * HZ
-    rigid = int(model.frame["rigid_modes"])
+    rigid = model.frame.rigid_modes
     return hz[rigid:][:count], shapes[:, rigid:][:, :count].T
 
 

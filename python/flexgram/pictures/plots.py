@@ -52,7 +52,7 @@ def sweep_figure(sweep: Path, rom: Path | None = None) -> Figure:
         sigma, order = model.sigma, model.order
         sampled = model.claim.omega / (2 * np.pi), model.claim.error
         # Of the body that is named, which the sweep may not have been compared with.
-        H_rom = model.transfer(2 * np.pi * hz)
+        H_rom = model.system.transfer(2 * np.pi * hz)
         size = np.linalg.norm(H, axis=(1, 2))
         error = np.linalg.norm(H - H_rom, axis=(1, 2)) / np.maximum(size, 1e-300)
 

@@ -68,7 +68,7 @@ def _plan(facts: list[tuple[str, str]]) -> str:
 
 
 def _modes(model: ReducedBody, most: int = 40) -> str:
-    poles = model.poles()
+    poles = model.system.poles()
     poles = poles[poles.imag >= 0]
     rows = []
     rigid = int(np.sum(model.modes < 1e-6 * max(model.modes.max(initial=0), 1e-300)))
@@ -77,8 +77,8 @@ def _modes(model: ReducedBody, most: int = 40) -> str:
             rows.append(f"<tr><td class=n>{j + 1}</td><td class=n>0</td><td>rigid</td></tr>")
             continue
         near = poles[np.argmin(np.abs(np.abs(poles) - omega))]
-        zeta = -near.real / max(abs(near), 1e-300) + 0.5 * model.eta
-        inside = "" if model.band[0] <= omega <= model.band[1] else "outside the band"
+        zeta = -near.real / max(abs(near), 1e-300) + 0.5 * model.system.eta
+        inside = "" if model.claim.band[0] <= omega <= model.claim.band[1] else "outside the band"
         rows.append(f"<tr><td class=n>{j + 1}</td><td class=n>{omega / (2 * np.pi):.6g}</td>"
                     f"<td class=n>{100 * zeta:.3g} %</td><td>{inside}</td></tr>")  # fmt: skip
     more = (
@@ -106,17 +106,17 @@ def _cards(model: ReducedBody) -> str:
         (f"{claim.supremum:.1e}", f"largest relative error over the band, {claim.label}"
          + kinds + "".join(f"; {said}" for said in notes if said),
          colour),
-        (f"{len(model.V):,} → {model.order}" if len(model.V) else str(model.order),
+        (f"{len(model.basis.V):,} → {model.order}" if len(model.basis.V) else str(model.order),
          "degrees of freedom", ""),
         (", ".join(f"{first:g} – {last:g}" for first, last in hz) + " Hz", "band", ""),
         (f"{len(model.inputs)} / {len(model.outputs)}", "inputs / outputs", ""),
     ]  # fmt: skip
-    seconds = sum(float(s) for s in dict(model.log.get("seconds", {})).values())
+    log, seconds = model.provenance.log, sum(model.provenance.seconds.values())
     if seconds:
-        count = int(model.log.get("factorisations", 0))
+        count = int(log.get("factorisations", 0))
         cards.append((f"{seconds:.2f} s", f"{count} factorisations, "
-                      f"{int(model.log.get('ranks', 1))} rank(s)", ""))  # fmt: skip
-    peak = model.log.get("peak_memory_mb_per_rank")
+                      f"{int(log.get('ranks', 1))} rank(s)", ""))  # fmt: skip
+    peak = log.get("peak_memory_mb_per_rank")
     if peak:
         cards.append((f"{float(peak):.0f} MB", "peak memory on a rank", ""))
     tiles = "".join(f'<div class="card {kind}"><b>{value}</b><span>{html.escape(what)}</span></div>'
@@ -158,7 +158,7 @@ def _stress(model: ReducedBody, t: Any, u: Any, body: str | Path | None) -> str:
     """The worst moment of a load history, from rest."""
     part = without_rigid_modes(model)  # rigid motion strains nothing
     t, u = evenly(t, u)
-    _, q = part.simulate(u, t)
+    _, q = part.system.simulate(u, t)
     worst = largest_stress(part, q, u, body)
     words = words_of_stress(part, t, worst, body)
     claim = (
@@ -226,21 +226,17 @@ def write_report(
             left.append(f"{name}: {reason}")
             return ""
 
-    log = model.log
-    warnings = log.get("warnings", [])
-    warnings = [warnings] if isinstance(warnings, str) else list(warnings)
+    made = model.provenance
+    log = made.log
     options = dict(log.get("options", {}))
     versions = ", ".join(f"{k} {v}" for k, v in dict(log.get("versions", {})).items())
-    how = model.method + (
-        f", {model.second_stage}" if model.second_stage not in ("", model.method) else ""
-    )
     parts = [
-        f"<h1>{html.escape(Path(str(log.get('body', rom))).stem)}, reduced</h1>",
-        f"<p class=lead>{html.escape(str(log.get('body', '')))} by flexgram "
-        f"({html.escape(how)}), "
+        f"<h1>{html.escape(Path(made.body or rom).stem)}, reduced</h1>",
+        f"<p class=lead>{html.escape(made.body)} by flexgram "
+        f"({html.escape(made.stages)}), "
         f"in {html.escape(Path(rom).name)}{_when(log)}</p>",
         _cards(model),
-        *(f'<p class="warning">{html.escape(w)}</p>' for w in warnings),
+        *(f'<p class="warning">{html.escape(w)}</p>' for w in made.warnings),
         "<h2>Error over the band</h2>",
         draw("error", "Relative error of the transfer matrix, Frobenius norm, eq. (17) of Fehr, "
              "Eberhard and Lehner."),

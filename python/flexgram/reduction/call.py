@@ -246,6 +246,6 @@ def option_values(
 def warn_if_unmet(model: ReducedModel, comm: Any) -> ReducedModel:
     """Warn, once, of a tolerance that is not met."""
     if not model.claim.met and comm.rank == 0:
-        said = [text for text in model.log.get("warnings", []) if text.startswith("-mor_tol ")]
+        said = [text for text in model.provenance.warnings if text.startswith("-mor_tol ")]
         warnings.warn(said[0] if said else "the tolerance is not met", stacklevel=3)
     return model

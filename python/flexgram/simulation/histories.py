@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexgram.basics import BodyError, IntArray
+from flexgram.basics import BodyError, ComplexArray, Floats, Ints
 from flexgram.model.elastic_part import without_rigid_modes
 from flexgram.model.kinds import INPUT_KINDS, ports_of
-from flexgram.model.reduced import ComplexArray, Floats, ReducedBody
+from flexgram.model.reduced import ReducedBody
 
 #: Share of a load's energy that the band is to hold.
 ENOUGH = 0.999
@@ -134,8 +134,8 @@ class Verdict:
 class _Block:
     """A block of H with what is claimed of its error: ε, of it or of all of H."""
 
-    rows: IntArray
-    columns: IntArray
+    rows: Ints
+    columns: Ints
     epsilon: float
     of_all: bool = False
 
@@ -175,18 +175,8 @@ def _for_its_loads(model: ReducedBody) -> ReducedBody:
     """A body that was reduced for few loads, as one that has these for inputs."""
     if not model.claim.load_names:
         return model
-    part = model.replaced(
-        inputs=model.claim.load_names,
-        B=model.B @ model.claim.loads,
-        feedthrough=model.feedthrough @ model.claim.loads,
-    )
-    if model.outputs != model.inputs:
-        return part
-    return part.replaced(
-        outputs=part.inputs,
-        C=model.claim.loads.T @ model.C,
-        feedthrough=model.claim.loads.T @ part.feedthrough,
-    )
+    claim = model.claim
+    return model.with_parts(system=model.system.along(claim.loads, claim.load_names))
 
 
 def judge(model: ReducedBody, t: ArrayLike, u: ArrayLike) -> Verdict:
@@ -244,7 +234,7 @@ def judge(model: ReducedBody, t: ArrayLike, u: ArrayLike) -> Verdict:
     lines = np.flatnonzero(inside & (energy.sum(axis=1) > 1e-20 * total.sum()) & (omega > 0))
     w, loads, twice = omega[lines], U[lines], weight[lines]
     elastic = None
-    if int(model.frame["rigid_modes"]) > 0:
+    if model.frame.rigid_modes > 0:
         with contextlib.suppress(BodyError):  # dampers hold it
             elastic = without_rigid_modes(model)
     by_elastic = model.claim.bounds_elastic_part and elastic is not None
@@ -252,7 +242,8 @@ def judge(model: ReducedBody, t: ArrayLike, u: ArrayLike) -> Verdict:
     most: dict[int, float] = {}  # of each block over the band
     if model.claim.relative_to == "band":
         everywhere = [
-            model.transfer(x, False) for x in np.unique(np.concatenate([model.claim.omega, w]))
+            model.system.transfer(x, False)
+            for x in np.unique(np.concatenate([model.claim.omega, w]))
         ]
         most = {id(block): max(_size(H, block) for H in everywhere)
                 for blocks in groups.values() for block in blocks}  # fmt: skip
@@ -260,8 +251,8 @@ def judge(model: ReducedBody, t: ArrayLike, u: ArrayLike) -> Verdict:
     motion = {what: np.zeros(len(w)) for what in groups}
     bent = {what: np.zeros(len(w)) for what in groups}
     for i, x in enumerate(w):
-        H = model.transfer(x, False)
-        H_e = H if elastic is None else elastic.transfer(x, False)
+        H = model.system.transfer(x, False)
+        H_e = H if elastic is None else elastic.system.transfer(x, False)
         for what, blocks in groups.items():
             for block in blocks:
                 size = most.get(id(block), 0.0) or _size(H_e if by_elastic else H, block)
@@ -271,7 +262,7 @@ def judge(model: ReducedBody, t: ArrayLike, u: ArrayLike) -> Verdict:
                 load = float(np.linalg.norm(loads[i][block.columns]))
                 off[what][i] += share_of * size * load if load > 0 else 0.0
             rows = blocks[0].rows
-            direct = model.feedthrough[rows]
+            direct = model.system.feedthrough[rows]
             motion[what][i] = np.linalg.norm((H[rows] + direct) @ loads[i])
             bent[what][i] = np.linalg.norm((H_e[rows] + direct) @ loads[i])
 

@@ -7,15 +7,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, Floats
 from flexgram.model.elastic_part import without_rigid_modes
 from flexgram.model.geometry import Geometry, body_of
 from flexgram.model.recovery import stress_at_nodes
 from flexgram.model.reduced import ReducedBody
-
-Floats = NDArray[np.float64]
 
 #: Rows whose squares add up to the square of the von Mises stress of xx, yy, zz, xy, yz, zx.
 _MISES = np.array([[1, -1, 0, 0, 0, 0], [0, 1, -1, 0, 0, 0], [-1, 0, 1, 0, 0, 0]]) / np.sqrt(2)
@@ -103,12 +100,12 @@ def hot_spots(
     geometry = Geometry.load(body_of(model, body))
     curve = model.claim.omega[:: max(1, len(model.claim.omega) // frequencies)]
     inside = np.any([(model.modes >= a) & (model.modes <= b) for a, b in model.claim.bands], axis=0)
-    if not model.eta and not np.any(model.D):
+    if not model.system.eta and not np.any(model.system.D):
         inside &= False  # there is no largest stress at resonances without damping
     omega = np.unique(np.concatenate([curve, model.modes[inside]]))
     motion = np.array([
-        np.linalg.solve(model.K * (1 + 1j * model.eta) + 1j * w * model.D - w * w * model.M,
-                        model.B[:, columns]) for w in omega
+        np.linalg.solve(model.system.dynamic_stiffness(w), model.system.B[:, columns])
+        for w in omega
     ])  # fmt: skip
     motion = np.nan_to_num(motion).transpose(1, 0, 2).reshape(model.order, -1)
     parts = np.hstack([motion.real, motion.imag])

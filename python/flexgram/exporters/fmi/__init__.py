@@ -16,9 +16,10 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 import scipy.linalg
 
-from flexgram.basics import BodyError, written_aside
+from flexgram.basics import BodyError, Floats, written_aside
 from flexgram.model.physical import facts_of
-from flexgram.model.reduced import RATES, Floats, ReducedBody
+from flexgram.model.reduced import ReducedBody
+from flexgram.model.system import RATES
 
 VERSIONS = (2, 3)
 SOURCE = Path(__file__).parent / "model.c"
@@ -46,24 +47,24 @@ def _matrices(model: ReducedBody, rates: Sequence[str]) -> dict[str, Floats]:
     """The state space with coordinates that are as large as their velocities, each times its own
     frequency; what damping adds to A and C by itself."""
     m = model.order
-    mass = scipy.linalg.cho_factor(model.M)
-    squares = np.diag(model.K) / np.diag(model.M)
+    mass = scipy.linalg.cho_factor(model.system.M)
+    squares = np.diag(model.system.K) / np.diag(model.system.M)
     size = np.sqrt(np.maximum(squares, 1e-12 * squares.max() if squares.max() > 0 else 1.0))
     A0, A1 = np.zeros((2 * m, 2 * m)), np.zeros((2 * m, 2 * m))
     A0[:m, m:] = np.diag(size)
-    A0[m:, :m] = -scipy.linalg.cho_solve(mass, model.K) / size
-    A1[m:, m:] = -scipy.linalg.cho_solve(mass, model.D)
-    B = np.vstack([np.zeros((m, len(model.inputs))), scipy.linalg.cho_solve(mass, model.B)])
-    shapes = model.C
+    A0[m:, :m] = -scipy.linalg.cho_solve(mass, model.system.K) / size
+    A1[m:, m:] = -scipy.linalg.cho_solve(mass, model.system.D)
+    B = np.vstack([np.zeros((m, len(model.inputs))), scipy.linalg.cho_solve(mass, model.system.B)])
+    shapes = model.system.C
     zero = np.zeros_like(shapes)
     C, C1, D = [], [], []
     for rate in rates:
         if rate == "displacement":
             rows, added = np.hstack([shapes / size, zero]), np.zeros((len(shapes), 2 * m))
-            direct = model.feedthrough
+            direct = model.system.feedthrough
         elif rate == "velocity":
             rows, added = np.hstack([zero, shapes]), np.zeros((len(shapes), 2 * m))
-            direct = np.zeros_like(model.feedthrough)
+            direct = np.zeros_like(model.system.feedthrough)
         else:
             rows, added, direct = shapes @ A0[m:], shapes @ A1[m:], shapes @ B[m:]
         C.append(rows)
@@ -82,7 +83,9 @@ def _expect_the_body(model: ReducedBody, rates: Sequence[str], matrices: dict[st
         0.997 * model.claim.bands[-1, 1],
     ):
         H = C @ np.linalg.solve(1j * w * np.eye(len(A)) - A, matrices["B"]) + matrices["D"]
-        expected = np.vstack([(1j * w) ** RATES.index(rate) * model.transfer(w) for rate in rates])
+        expected = np.vstack(
+            [(1j * w) ** RATES.index(rate) * model.system.transfer(w) for rate in rates]
+        )
         if not np.linalg.norm(H - expected) <= 1e-6 * np.linalg.norm(expected):
             raise BodyError("the body is too stiff beside what is soft in it for a state space in "
                             "doubles: a smaller order or band")  # fmt: skip
@@ -108,8 +111,7 @@ class _Description:
                         for dots in [{"velocity": ".velocity", "acceleration": ".acceleration"}
                                      .get(rate, ".motion")] for port in model.outputs]  # fmt: skip
         self.states = 2 * model.order
-        free = " small motions only: rigid motion is linear too;" if model.frame[
-            "rigid_modes"] else ""  # fmt: skip
+        free = " small motions only: rigid motion is linear too;" if model.frame.rigid_modes else ""
         words = "; ".join(f"{key}: {value}" for key, value in facts_of(model).items())
         self.about = f"elastic body reduced by flexgram;{free} {words}"
 
@@ -254,8 +256,8 @@ def write_fmu(
     """
     if version not in VERSIONS:
         raise BodyError(f"FMI {version} must be one of {', '.join(map(str, VERSIONS))}")
-    rates = rates or (RATES[:1] if model.feedthrough.any() else RATES)
-    model.expect_time_domain(rates)
+    rates = rates or (RATES[:1] if model.system.feedthrough.any() else RATES)
+    model.system.expect_time_domain(rates)
     machine = platform.machine()
     if machine not in PLATFORMS or platform.system() != "Linux":
         raise BodyError(

@@ -1,0 +1,238 @@
+"""The equations of a reduced body, and their answers in frequency and time."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+import scipy.linalg
+from numpy.typing import ArrayLike
+
+from flexgram.basics import BodyError, ComplexArray, Floats
+from flexgram.model.file import port_names
+from flexgram.model.response import frequency_response, linear_response
+
+#: An output and its derivatives.
+RATES = ("displacement", "velocity", "acceleration")
+
+
+@dataclass(frozen=True)
+class System:
+    """``M q'' + D q' + K (1 + i eta) q = B u``, ``y = C q + feedthrough u``. All numbers are SI.
+
+    Attributes
+    ----------
+    M, D, K : (m, m) arrays
+        Mass, damping (Rayleigh and other, summed), stiffness; symmetric.
+    B, C : (m, n_in), (n_out, m) arrays
+        Input and output maps.
+    inputs, outputs : list of str
+        Port names.
+    feedthrough : (n_out, n_in) array
+        What inputs add to outputs without motion: of a temperature the stress that its strain does
+        not make. Part of ``transfer`` and ``simulate``, not of the H that errors are relative to.
+    eta : float
+        Structural loss factor.
+    """
+
+    M: Floats
+    D: Floats
+    K: Floats
+    B: Floats
+    C: Floats
+    inputs: list[str]
+    outputs: list[str]
+    feedthrough: Floats
+    eta: float = 0.0
+
+    @classmethod
+    def of(cls, fields: dict[str, Any]) -> Self:
+        """From the fields of a reduced body.
+
+        Raises
+        ------
+        BodyError
+            If its matrices do not fit each other, or hold NaN or Inf.
+        """
+        M, D, K, B, C = (np.asarray(fields.get(x, []), dtype=np.float64) for x in "MDKBC")
+        none = np.zeros((C.shape[0], B.shape[1]))
+        system = cls(
+            M, D, K, B, C,
+            inputs=port_names(fields, "B", B.shape[1]),
+            outputs=port_names(fields, "C", C.shape[0]),
+            feedthrough=np.asarray(fields.get("feedthrough", none), dtype=np.float64),
+            eta=float(fields.get("eta", 0.0)),
+        )  # fmt: skip
+        system._expect_shapes()
+        return system
+
+    def _expect_shapes(self) -> None:
+        """What anything else here relies on."""
+        m, n_in, n_out = len(self.K), len(self.inputs), len(self.outputs)
+        shapes = {"M": (m, m), "D": (m, m), "K": (m, m), "B": (m, n_in), "C": (n_out, m),
+                  "feedthrough": (n_out, n_in)}  # fmt: skip
+        for name, shape in shapes.items():
+            matrix = getattr(self, name)
+            if matrix.shape != shape:
+                raise BodyError(f"{name} is {matrix.shape}, expected {shape}")
+            if not np.all(np.isfinite(matrix)):
+                raise BodyError(f"{name} holds NaN or Inf")
+
+    @property
+    def order(self) -> int:
+        """Number m of generalised coordinates."""
+        return int(self.K.shape[0])
+
+    def projected(self, Q: Floats) -> Self:
+        """The system in the coordinates p of q = Q p."""
+        return replace(self, M=Q.T @ self.M @ Q, D=Q.T @ self.D @ Q, K=Q.T @ self.K @ Q,
+                       B=Q.T @ self.B, C=self.C @ Q)  # fmt: skip
+
+    def without_first(self, count: int) -> Self:
+        """The system without its first coordinates."""
+        keep = slice(count, None)
+        return replace(self, M=self.M[keep, keep], D=self.D[keep, keep], K=self.K[keep, keep],
+                       B=self.B[keep], C=self.C[:, keep])  # fmt: skip
+
+    def along(self, loads: Floats, names: list[str]) -> Self:
+        """The system with combinations of its inputs, (n_in, k), for inputs; and with the same of
+        its outputs where these are the inputs."""
+        system = replace(self, inputs=names, B=self.B @ loads, feedthrough=self.feedthrough @ loads)
+        if self.outputs != self.inputs:
+            return system
+        return replace(system, outputs=names, C=loads.T @ system.C,
+                       feedthrough=loads.T @ system.feedthrough)  # fmt: skip
+
+    def transfer(self, omega: ArrayLike, feedthrough: bool = True) -> ComplexArray:
+        """Transfer function H_r = C (K (1 + i eta) + i omega D - omega² M)⁻¹ B + ``feedthrough``.
+
+        Parameters
+        ----------
+        omega : float or (n,) array
+            [rad/s]
+        feedthrough : bool
+            Without it the H that errors are relative to.
+
+        Returns
+        -------
+        (n_out, n_in) or (n, n_out, n_in) array
+        """
+        H = frequency_response(self.K * (1 + 1j * self.eta), self.D, self.M, self.B, self.C, omega)
+        return H + self.feedthrough if feedthrough else H
+
+    def dynamic_stiffness(self, omega: float) -> ComplexArray:
+        """K (1 + i eta) + i omega D - omega² M, (m, m)."""
+        Z: ComplexArray = (
+            self.K * (1 + 1j * self.eta) + 1j * omega * self.D - omega * omega * self.M
+        )
+        return Z
+
+    def poles(self) -> ComplexArray:
+        """The 2m poles s [rad/s] of the body without structural damping, by rising ``|s|``."""
+        m = self.order
+        zero, one = np.zeros((m, m)), np.eye(m)
+        s: ComplexArray = scipy.linalg.eigvals(np.block([[zero, one], [-self.K, -self.D]]),
+                                 np.block([[one, zero], [zero, self.M]]))  # fmt: skip
+        s = s[np.argsort(np.abs(s))]
+        return s
+
+    def expect_time_domain(self, rates: Sequence[str]) -> None:
+        """Raise BodyError where there is no real state space with these rates of the outputs."""
+        if self.eta:
+            raise BodyError(f"structural damping (eta = {self.eta:g}) has no real time-domain "
+                            "form: give Rayleigh damping instead")  # fmt: skip
+        if not rates or set(rates) - set(RATES):
+            raise BodyError(f"rates are {', '.join(rates) or 'none'}, expected some of "
+                            f"{', '.join(RATES)}")  # fmt: skip
+        if self.feedthrough.any() and set(rates) != {"displacement"}:
+            raise BodyError("outputs with a feedthrough (stress of a temperature, reactions) have "
+                            "rates that hang on those of the inputs: leave these ports out, or "
+                            "take displacement alone")  # fmt: skip
+
+    def state_space(
+        self, rates: Sequence[str] = ("displacement",)
+    ) -> tuple[Floats, Floats, Floats, Floats]:
+        """A, B, C, D of x' = A x + B u, y = C x + D u with x = [q, q'].
+
+        Parameters
+        ----------
+        rates : sequence of str
+            What y holds of all outputs, one after the other: ``displacement`` (the outputs
+            themselves), ``velocity``, ``acceleration`` (their derivatives). Relative errors at a
+            frequency are those of the outputs.
+
+        Raises
+        ------
+        BodyError
+            With structural damping, which has no real state space; for rates of outputs with a
+            feedthrough, which would be rates of the inputs.
+        """
+        self.expect_time_domain(rates)
+        m = self.order
+        mass = scipy.linalg.cho_factor(self.M)
+        A = np.zeros((2 * m, 2 * m))
+        A[:m, m:] = np.eye(m)
+        A[m:, :m] = -scipy.linalg.cho_solve(mass, self.K)
+        A[m:, m:] = -scipy.linalg.cho_solve(mass, self.D)
+        B = np.vstack([np.zeros_like(self.B), scipy.linalg.cho_solve(mass, self.B)])
+        zero = np.zeros_like(self.C)
+        rows = {
+            "displacement": (np.hstack([self.C, zero]), self.feedthrough),
+            "velocity": (np.hstack([zero, self.C]), np.zeros_like(self.feedthrough)),
+            "acceleration": (self.C @ A[m:], self.C @ B[m:]),
+        }
+        return A, B, np.vstack([rows[r][0] for r in rates]), np.vstack([rows[r][1] for r in rates])
+
+    def names_of(self, rates: Sequence[str]) -> list[str]:
+        """Names of outputs and their rates, as ``state_space`` and ``simulate`` order them."""
+        end = {"displacement": "", "velocity": "'", "acceleration": "''"}
+        return [name + end[rate] for rate in rates for name in self.outputs]
+
+    def simulate(
+        self,
+        u: Callable[[float], ArrayLike] | ArrayLike,
+        t: ArrayLike,
+        q0: ArrayLike | None = None,
+        v0: ArrayLike | None = None,
+        rates: Sequence[str] = ("displacement",),
+    ) -> tuple[Floats, Floats]:
+        """Response to forces over time: exact for inputs that are linear between the times.
+
+        Parameters
+        ----------
+        u : callable or (n_t, n_in) array
+            Forces at the ports [N, N m].
+        t : (n_t,) array
+            Times [s], evenly spaced.
+        q0, v0 : (m,) arrays, optional
+            Initial coordinates and velocities; default zero.
+        rates : sequence of str
+            As of ``state_space``.
+
+        Returns
+        -------
+        y : (n_t, n_out) array
+            Outputs; of several rates one after the other (``names_of``).
+        q : (n_t, m) array
+            Generalised coordinates; ``Basis.lift`` makes displacements of them.
+        """
+        times = np.asarray(t, dtype=float)
+        steps = np.diff(times)
+        if len(steps) == 0 or not np.all(steps > 0) or np.ptp(steps) > 1e-9 * steps[0]:
+            raise BodyError("simulate: t must be two or more evenly spaced, rising times")
+        forces = np.array([np.ravel(u(x)) for x in times] if callable(u) else u, dtype=float)
+        if forces.ndim == 1:
+            forces = forces[:, None]
+        if forces.shape != (len(times), self.B.shape[1]):
+            raise BodyError(f"simulate: u is {' × '.join(map(str, forces.shape))}, expected "
+                            f"{len(times)} times × {self.B.shape[1]} inputs: "
+                            f"{', '.join(self.inputs)}")  # fmt: skip
+        A, B, C, D = self.state_space(rates)
+        m = self.order
+        start = np.zeros(2 * m)
+        start[:m] = 0 if q0 is None else q0
+        start[m:] = 0 if v0 is None else v0
+        x = linear_response(A, B, start, forces, steps[0])
+        return x @ C.T + forces @ D.T, x[:, :m]
