@@ -153,7 +153,7 @@ SharpSums MediumBuilder::vectors_to_sharpen(const ProjectionRounding& rounding,
         return std::sqrt(square);
       };
       const double known = model.views[v].allowed * value.size[v].below[0];
-      for (int i = medium_.rigid; i < N; ++i) {
+      for (int i = 0; i < N; ++i) {
         const auto at = static_cast<std::size_t>(i);
         const double in = size(i, model.blocks()[v].inputs),
                      out = size(i, model.blocks()[v].outputs),
@@ -169,10 +169,10 @@ SharpSums MediumBuilder::vectors_to_sharpen(const ProjectionRounding& rounding,
     }
   }
   /// Modes but for the small shares, whose sum is `left_out` at most.
-  const auto chosen = [&](Shares& of, double left_out) {
+  const auto chosen = [&](Shares& of, int first, double left_out) {
     share_from_first(fom_.comm, of);
-    std::vector<int> order(static_cast<std::size_t>(N - medium_.rigid));
-    std::iota(order.begin(), order.end(), medium_.rigid);
+    std::vector<int> order(static_cast<std::size_t>(N - first));
+    std::iota(order.begin(), order.end(), first);
     const auto share_of = [&](int i) { return of[static_cast<std::size_t>(i)]; };
     std::stable_sort(order.begin(), order.end(),
                      [&](int i, int j) { return share_of(i) < share_of(j); });
@@ -185,9 +185,10 @@ SharpSums MediumBuilder::vectors_to_sharpen(const ProjectionRounding& rounding,
     std::sort(those.begin(), those.end());
     return those;
   };
-  const std::vector<int> by_K = chosen(shares[0], std::sqrt(0.7 * allowed)),
-                         by_ports = chosen(shares[2], 0.1 * allowed);
-  SharpSums result{{}, chosen(shares[1], std::sqrt(0.2 * allowed))};
+  const std::vector<int> by_K =
+                             chosen(shares[0], medium_.rigid, std::sqrt(0.7 * allowed)),
+                         by_ports = chosen(shares[2], medium_.rigid, 0.1 * allowed);
+  SharpSums result{{}, chosen(shares[1], 0, std::sqrt(0.2 * allowed))};
   std::set_union(by_K.begin(), by_K.end(), by_ports.begin(), by_ports.end(),
                  std::back_inserter(result.K));
   return result;
@@ -301,7 +302,7 @@ bool MediumBuilder::sharpen_sums() {
   const auto timed = event.timed();
   MediumLevel& last = medium_.levels.back();
   const ProjectionRounding sums = rounding_of_sums(*space_, *plain_.response, loads_);
-  const auto all = 2 * static_cast<std::size_t>(last.order() - medium_.rigid);
+  const auto all = static_cast<std::size_t>(2 * last.order() - medium_.rigid);
   std::size_t before = 0;
   for (const double share : {1.0, 3e-2, 1e-3}) {
     const SharpSums chosen = vectors_to_sharpen(sums, share);

@@ -276,11 +276,7 @@ SharpResponse sharpened(const MediumSpace& space, const DenseResponse& response,
   const auto vectors = [&](const std::vector<int>& some) {
     return some.empty() ? Block() : combine(space.V(), columns_of(U, some));
   };
-  // Rigid modes with those of M: their accurate forces meet all others.
-  std::vector<int> chosen_M;
-  for (int j = 0; j < rigid && !chosen.M.empty(); ++j) chosen_M.push_back(j);
-  chosen_M.insert(chosen_M.end(), chosen.M.begin(), chosen.M.end());
-  const Block Y_K = vectors(chosen.K), Y_M = vectors(chosen_M);
+  const Block Y_K = vectors(chosen.K), Y_M = vectors(chosen.M);
 
   SharpResponse result{nullptr, sums, identity(N)};
   ProjectionRounding& rounding = result.rounding;
@@ -289,7 +285,7 @@ SharpResponse sharpened(const MediumSpace& space, const DenseResponse& response,
     Congruence product = congruence({plain, Dense(N, N)}, U);
     AccurateDense& all = product.product;
     of.sharp = std::move(product.rounding);
-    const std::vector<int>& modes = matrix == 1 ? chosen_M : chosen.K;
+    const std::vector<int>& modes = matrix == 1 ? chosen.M : chosen.K;
     const Block& Y = matrix == 1 ? Y_M : Y_K;
     const int J = static_cast<int>(modes.size());
     if (J == 0) return all;
