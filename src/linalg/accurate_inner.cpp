@@ -37,13 +37,17 @@ AccurateDense rounded(const std::vector<long double>& values, int rows, int colu
   return result;
 }
 
-constexpr int slices = 3; // of 20 digits or more: together all that a double has
+constexpr std::size_t slices = 4;
+
+/// Binary digits of a slice: sums of k products of these are exact.
+int digits_of_slices(int k) {
+  return (std::numeric_limits<double>::digits - std::ilogb(std::max(k, 1)) - 1) / 2;
+}
 
 /// A = Σ slices, each with so few digits that sums of k products of them are exact. Of each
 /// row, or of each column, the digits count from its largest entry.
 std::array<Dense, slices> sliced(Dense a, int k, bool by_rows) {
-  const int digits =
-      (std::numeric_limits<double>::digits - std::ilogb(std::max(k, 1)) - 1) / 2;
+  const int digits = digits_of_slices(k);
   std::array<Dense, slices> parts;
   std::vector<double> largest(static_cast<std::size_t>(by_rows ? a.rows : a.columns));
   for (Dense& part : parts) {
@@ -71,27 +75,72 @@ std::array<Dense, slices> sliced(Dense a, int k, bool by_rows) {
 
 } // namespace
 
-AccurateDense multiply_accurately(const Dense& a, const Dense& b) {
-  const auto left = sliced(a, a.columns, true), right = sliced(b, a.columns, false);
-  std::vector<long double> sums(static_cast<std::size_t>(a.rows) *
-                                static_cast<std::size_t>(b.columns));
-  for (std::size_t r = slices; r-- > 0;)
-    for (std::size_t s = slices; s-- > 0;) {
-      const Dense product = multiply(left[r], right[s]);
-      for (std::size_t i = 0; i < sums.size(); ++i)
-        sums[i] += static_cast<long double>(product.data[i]);
-    }
-  return rounded(sums, a.rows, b.columns);
+/// Products of slices that are left out, six of them, and digits beyond the last slice are at most
+/// 2^(−4 digits) of the largest each; sums of ten numbers with twice the digits lose 2^−100.
+double product_rounding(int k) {
+  return std::ldexp(8.0 * k, -static_cast<int>(slices) * digits_of_slices(k)) +
+         std::ldexp(1.0 * k, -100);
 }
 
-AccurateDense congruence(const AccurateDense& a, const Dense& U) {
+AccurateDense multiply_accurately(const Dense& a, const Dense& b) {
+  const auto left = sliced(a, a.columns, true), right = sliced(b, a.columns, false);
+  AccurateDense sum{Dense(a.rows, b.columns), Dense(a.rows, b.columns)};
+  for (std::size_t both = slices; both-- > 0;) // the small ones first
+    for (std::size_t r = 0; r <= both; ++r) {
+      const Dense product = multiply(left[r], right[both - r]);
+      for (std::size_t i = 0; i < product.data.size(); ++i) {
+        const double x = sum.hi.data[i], y = product.data[i], hi = x + y, of_y = hi - x;
+        sum.lo.data[i] += (x - (hi - of_y)) + (y - of_y);
+        sum.hi.data[i] = hi;
+      }
+    }
+  for (std::size_t i = 0; i < sum.hi.data.size(); ++i) {
+    const double hi = sum.hi.data[i] + sum.lo.data[i];
+    sum.lo.data[i] -= hi - sum.hi.data[i];
+    sum.hi.data[i] = hi;
+  }
+  return sum;
+}
+
+Congruence congruence(const AccurateDense& a, const Dense& U) {
   const AccurateDense right = multiply_accurately(a.hi, U);
   Dense rest = multiply(a.lo, U);
   for (std::size_t i = 0; i < rest.data.size(); ++i) rest.data[i] += right.lo.data[i];
   const Dense Ut = transpose(U);
-  AccurateDense result = multiply_accurately(Ut, right.hi);
+  Congruence result{multiply_accurately(Ut, right.hi), {}};
   rest = multiply(Ut, rest);
-  for (std::size_t i = 0; i < rest.data.size(); ++i) result.lo.data[i] += rest.data[i];
+  for (std::size_t i = 0; i < rest.data.size(); ++i)
+    result.product.lo.data[i] += rest.data[i];
+
+  // Entry (i, j) is wrong by q (g_i a_j + a_i h_j) at most, with largest entries a of columns of U
+  // and h of AU, and g = |U|ᵀ times the largest of the rows of A.
+  const auto largest = [](const Dense& of) {
+    std::vector<double> result;
+    for (int j = 0; j < of.columns; ++j) {
+      double most = 0;
+      for (int i = 0; i < of.rows; ++i) most = std::max(most, std::abs(of(i, j)));
+      result.push_back(most);
+    }
+    return result;
+  };
+  const std::vector<double> of_U = largest(U), of_AU = largest(right.hi),
+                            of_A = largest(a.hi);
+  double all_U = 0, all_A = 0;
+  std::vector<double> forces;
+  for (int j = 0; j < U.columns; ++j) {
+    const auto at = static_cast<std::size_t>(j);
+    double force = of_AU[at];
+    for (int i = 0; i < U.rows; ++i)
+      force += std::abs(U(i, j)) * of_A[static_cast<std::size_t>(i)];
+    forces.push_back(force);
+    all_U += of_U[at];
+    all_A += force;
+  }
+  // Twice that, as the other triangle is wrong by as much; products of what is in `lo` lose less.
+  const double root = std::sqrt(4 * product_rounding(U.rows)),
+               t = all_U > 0 && all_A > 0 ? std::sqrt(all_A / all_U) : 1;
+  for (std::size_t j = 0; j < forces.size(); ++j)
+    result.rounding.push_back(root * (t * of_U[j] + forces[j] / t));
   return result;
 }
 

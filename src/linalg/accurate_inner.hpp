@@ -20,12 +20,18 @@ enum class Triangle { both, upper };
 AccurateDense inner_accurately(const Block& x, const Block& y, const Block& rest,
                                Triangle triangle = Triangle::both);
 
-/// AB, each entry wrong by at most k 2⁻⁶⁰ times the largest entries of that row of A and that
-/// column of B, k = the columns of A: slices of A and B whose products have no rounding (Ozaki,
-/// Ogita, Oishi, Rump: Error-free transformations of matrix multiplication, 2012).
-/// @note Nine plain products.
+/// AB, entry (i, j) wrong by at most product_rounding(k) times the largest entries of row i of A
+/// and of column j of B, k = the columns of A: slices of A and B whose products have no rounding
+/// (Ozaki, Ogita, Oishi, Rump: Error-free transformations of matrix multiplication, 2012).
+/// @note Ten plain products.
 AccurateDense multiply_accurately(const Dense& a, const Dense& b);
-/// Uᵀ(hi + lo)U, with that accuracy.
-AccurateDense congruence(const AccurateDense& a, const Dense& U);
+double product_rounding(int k);
+
+struct Congruence {
+  AccurateDense product;
+  std::vector<double> rounding; ///< s: entry (i, j) is wrong by at most s_i s_j
+};
+/// Uᵀ(hi + lo)U of a symmetric matrix.
+Congruence congruence(const AccurateDense& a, const Dense& U);
 
 } // namespace flexgram

@@ -56,7 +56,7 @@ Certificate::of_many(const DenseResponse& response, const ResponseSeries& factor
                      const std::vector<PortSet>& blocks, const ResidualGrams& grams,
                      const std::function<bool(std::size_t, double)>& enough) const {
   const Dense& B = response.modal_inputs();
-  ResponseSeries x{factors.interval, {}, Dense(B.rows, B.columns), factors.largest};
+  ResponseSeries x{factors.interval, {}, Dense(B.rows, B.columns), {}, factors.largest};
   for (int j = 0; j < B.columns; ++j)
     for (int i = 0; i < B.rows; ++i)
       x.envelope(i, j) = factors.envelope(i, 0) * std::abs(B(i, j));

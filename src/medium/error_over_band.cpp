@@ -275,8 +275,55 @@ std::optional<double> ErrorOverBand::weak_spot(double tolerance) {
   return exceeds(nullptr, tolerance, Measure::model_error);
 }
 
-std::optional<double> ErrorOverBand::rounding_spot(double tolerance) {
-  return exceeds(nullptr, tolerance, Measure::claim);
+/// Where in an interval the error of the medium model is about largest, by golden sections.
+double ErrorOverBand::worst_between(Interval interval, double tolerance,
+                                    Measure measure) {
+  constexpr double golden = 0.6180339887498949;
+  const auto at = [&](double omega) {
+    return point(omega, nullptr, tolerance, measure).worst();
+  };
+  double low = interval.last - golden * width_of(interval),
+         high = interval.first + golden * width_of(interval), of_low = at(low),
+         of_high = at(high);
+  for (int step = 0; step < 24; ++step)
+    if (of_low > of_high) {
+      interval.last = high;
+      high = low, of_high = of_low;
+      of_low = at(low = interval.last - golden * width_of(interval));
+    } else {
+      interval.first = low;
+      low = high, of_low = of_high;
+      of_high = at(high = interval.first + golden * width_of(interval));
+    }
+  return of_low > of_high ? low : high;
+}
+
+std::vector<double> ErrorOverBand::rounding_spots(double tolerance) {
+  constexpr std::size_t most = 100;
+  std::vector<double> spots;
+  std::vector<Node*> open;
+  for (const auto& root : medium_.roots()) open.push_back(root.get());
+  for (int count = 0; !open.empty() && spots.size() < most && count < 20000; ++count) {
+    stop_if_interrupted();
+    Node& node = *open.back();
+    open.pop_back();
+    const Look seen = look(node, nullptr, tolerance, Measure::claim);
+    if (seen.worst <= tolerance || medium_.may_be_excluded(node.interval)) continue;
+    if (!medium_.near_pole(node.interval) && seen.known &&
+        !(point(seen.omega, nullptr, tolerance, Measure::claim).worst() <= tolerance)) {
+      const double piece = width_of(node.interval) / pieces;
+      spots.push_back(worst_between({std::max(node.interval.first, seen.omega - piece),
+                                     std::min(node.interval.last, seen.omega + piece)},
+                                    tolerance, Measure::claim));
+    } else if (width_of(node.interval) <= narrowest * node.interval.last) {
+      spots.push_back(node.interval.centre());
+    } else {
+      medium_.split(node);
+      open.push_back(node.low.get());
+      open.push_back(node.high.get());
+    }
+  }
+  return spots;
 }
 
 /// A frequency where the error of the small model, or of the medium model itself, is not proved to be within the tolerance.

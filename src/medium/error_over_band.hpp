@@ -76,8 +76,9 @@ public:
   /// A frequency where the medium model itself, without its rounding, is not proved to be
   /// within the tolerance.
   std::optional<double> weak_spot(double tolerance);
-  /// The same with its rounding.
-  std::optional<double> rounding_spot(double tolerance);
+  /// Frequencies where it is not with its rounding, in intervals that lie apart: of each about
+  /// the worst.
+  std::vector<double> rounding_spots(double tolerance);
 
   const std::vector<double>& omega() const { return medium_.omega(); }
   /// Rounding, relative, of H as a whole, at omega().
@@ -112,6 +113,7 @@ private:
   Point point(double omega, Small small, double level, Measure measure = Measure::claim);
   Look look(Node& node, Small small, double level, Measure measure = Measure::claim);
   std::optional<double> exceeds(Small small, double tolerance, Measure measure);
+  double worst_between(Interval interval, double tolerance, Measure measure);
   static void settle(const Look& seen, Supremum& result);
   void visit(double omega, const SmallModel& small, double level, Supremum& result);
   void exclude(std::vector<Node*> zones, const SmallModel& small, double allowed,

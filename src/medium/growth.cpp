@@ -128,9 +128,9 @@ SharpSums MediumBuilder::vectors_to_sharpen(const ProjectionRounding& rounding,
   const MediumModel& model = seen_->model();
   const DenseResponse& response = *plain_.response;
   const int N = medium_.levels.back().order();
-  using Shares = std::vector<double>; // roots, of the floor
-  std::array<Shares, 2> shares{Shares(static_cast<std::size_t>(N), 0.0),
-                               Shares(static_cast<std::size_t>(N), 0.0)};
+  using Shares = std::vector<double>; // of the floor: roots of K's and M's, of the ports'
+  std::array<Shares, 3> shares;
+  shares.fill(Shares(static_cast<std::size_t>(N), 0.0));
   std::vector<double> grid = beside_grid();
   grid.insert(grid.end(), grid_.begin(), grid_.end());
   for (double omega : grid) {
@@ -145,35 +145,53 @@ SharpSums MediumBuilder::vectors_to_sharpen(const ProjectionRounding& rounding,
                     std::pow(medium_.scale[static_cast<std::size_t>(j)], 2);
         return std::sqrt(square);
       };
+      const auto off = [&](int i, const std::vector<int>& ports) {
+        double square = 0;
+        for (int j : ports)
+          square += std::pow(
+              rounding.ports(i, j) / medium_.scale[static_cast<std::size_t>(j)], 2);
+        return std::sqrt(square);
+      };
       const double known = model.views[v].allowed * value.size[v].below[0];
-      for (int i = medium_.rigid; i < N; ++i) {
+      for (int i = 0; i < N; ++i) {
         const auto at = static_cast<std::size_t>(i);
-        const double moved = std::max(size(i, model.blocks()[v].inputs),
-                                      size(i, model.blocks()[v].outputs)) /
-                             std::sqrt(known);
+        const double in = size(i, model.blocks()[v].inputs),
+                     out = size(i, model.blocks()[v].outputs),
+                     moved = std::max(in, out) / std::sqrt(known);
         const auto of_mode = rounding.shares(at, a_k, omega);
-        for (std::size_t k = 0; k < 2; ++k)
-          if (of_mode[k] * moved > shares[k][at]) shares[k][at] = of_mode[k] * moved;
+        const double of_ports = off(i, model.blocks()[v].outputs) * in +
+                                off(i, model.blocks()[v].inputs) * out;
+        const std::array<double, 3> here{of_mode[0] * moved, of_mode[1] * moved,
+                                         of_ports / known};
+        for (std::size_t k = 0; k < 3; ++k)
+          if (here[k] > shares[k][at]) shares[k][at] = here[k];
       }
     }
   }
-  const auto chosen = [&](Shares& of, double left_out) {
+  /// Modes but for the small shares, whose sum is `left_out` at most.
+  const auto chosen = [&](Shares& of, int first, double left_out) {
     share_from_first(fom_.comm, of);
-    std::vector<int> order(static_cast<std::size_t>(N - medium_.rigid));
-    std::iota(order.begin(), order.end(), medium_.rigid);
+    std::vector<int> order(static_cast<std::size_t>(N - first));
+    std::iota(order.begin(), order.end(), first);
     const auto share_of = [&](int i) { return of[static_cast<std::size_t>(i)]; };
     std::stable_sort(order.begin(), order.end(),
                      [&](int i, int j) { return share_of(i) < share_of(j); });
     double sum = 0;
     std::size_t left = 0;
-    while (left < order.size() && sum + share_of(order[left]) <= std::sqrt(left_out))
+    while (left < order.size() && sum + share_of(order[left]) <= left_out)
       sum += share_of(order[left++]);
     std::vector<int> those(order.begin() + static_cast<std::ptrdiff_t>(left),
                            order.end());
     std::sort(those.begin(), those.end());
     return those;
   };
-  return {chosen(shares[0], 0.8 * allowed), chosen(shares[1], 0.2 * allowed)};
+  const std::vector<int> by_K =
+                             chosen(shares[0], medium_.rigid, std::sqrt(0.7 * allowed)),
+                         by_ports = chosen(shares[2], medium_.rigid, 0.1 * allowed);
+  SharpSums result{{}, chosen(shares[1], 0, std::sqrt(0.2 * allowed))};
+  std::set_union(by_K.begin(), by_K.end(), by_ports.begin(), by_ports.end(),
+                 std::back_inserter(result.K));
+  return result;
 }
 
 /// Whether the bound meets the target between the frequencies of the grid too; if not,
@@ -284,7 +302,7 @@ bool MediumBuilder::sharpen_sums() {
   const auto timed = event.timed();
   MediumLevel& last = medium_.levels.back();
   const ProjectionRounding sums = rounding_of_sums(*space_, *plain_.response, loads_);
-  const auto all = 2 * static_cast<std::size_t>(last.order() - medium_.rigid);
+  const auto all = static_cast<std::size_t>(2 * last.order() - medium_.rigid);
   std::size_t before = 0;
   for (const double share : {1.0, 3e-2, 1e-3}) {
     const SharpSums chosen = vectors_to_sharpen(sums, share);
@@ -321,17 +339,16 @@ void MediumBuilder::sharpen_between() {
   MediumLevel& last = medium_.levels.back();
   // Claims have room for more than the grid is held to.
   const double allowed = std::max(10 * allowed_rounding(last), 5e-11);
-  bool others = true;
-  for (int look = 0; look < 4 && others; ++look) {
-    const auto spot = ErrorOverBand(*seen_, spec_.relative_to).rounding_spot(allowed);
-    std::vector<double> shared{spot.value_or(-1.0)};
-    share_from_first(fom_.comm, shared);
-    if (shared[0] < 0) return;
-    rough_.push_back(shared[0]);
+  for (int look = 0; look < 4; ++look) {
+    std::vector<double> spots =
+        ErrorOverBand(*seen_, spec_.relative_to).rounding_spots(allowed);
+    share_list(fom_.comm, spots);
+    if (spots.empty()) return;
+    rough_.insert(rough_.end(), spots.begin(), spots.end());
     judge(last);
     if (!needs_sharper_sums(last)) return;
     const double before = floor_;
-    others = sharpen_sums() && floor_ < 0.5 * before;
+    if (!sharpen_sums() || floor_ > 0.5 * before) return;
   }
 }
 

@@ -45,6 +45,7 @@ MediumModel::MediumModel(const Medium& medium, std::size_t level,
   system.outputs_are_inputs = ports.same;
   modal_inputs_ = columns_of(response.modal_inputs(), inputs_, scale_);
   modal_outputs_ = columns_of(response.modal_inputs(), outputs_, scale_);
+  numbers_ = ModalNumbers::of(response, modal_inputs_, modal_outputs_);
   const double terms = static_cast<double>(views.size()) * response.system().order(),
                entries = static_cast<double>(inputs_.size() * outputs_.size());
   std::vector<int> ports_once = inputs_;
@@ -215,34 +216,54 @@ ComplexDense MediumModel::transfer(double omega, int from) const {
   return multiply_transposed(modal_outputs_, x);
 }
 
+MatrixSeries MediumModel::transfer(const ResponseSeries& x) const {
+  return transfer_series(modal_outputs_, x, 0, &numbers_);
+}
+
+TransferSeries MediumModel::seen(const ResponseSeries& x, const MatrixSeries& H) const {
+  if (apart() == 0) return {H, size_at_centre(H), {}};
+  const auto elastic = [&](double size) {
+    return transfer_series(modal_outputs_, x, apart(), &numbers_, size);
+  };
+  MatrixSeries entries = elastic(0);
+  const double size = std::min(size_at_centre(H), size_at_centre(entries));
+  if (size < size_at_centre(entries)) entries = elastic(size);
+  return {std::move(entries), size, {}};
+}
+
 double MediumModel::whole_over_elastic(double omega) const {
   return frobenius_norm(transfer(omega)) / frobenius_norm(transfer(omega, rigid));
 }
 
 /// Of the response to all ports that to the chosen inputs, in their units.
-MatrixSeries MediumModel::inputs_of(const MatrixSeries& x) const {
+ResponseSeries MediumModel::inputs_of(const ResponseSeries& all) const {
+  const MatrixSeries& x = all.x;
   const int n_in = static_cast<int>(inputs_.size()), parts = 2 * (x.degree() + 1);
-  MatrixSeries chosen{n_in, Dense(x.rows(), n_in * parts), Dense(x.rows(), n_in)};
+  const Dense none(x.rows(), n_in);
+  ResponseSeries chosen{
+      all.interval, {n_in, Dense(x.rows(), n_in * parts), none}, none, none, {}};
   for (int j = 0; j < n_in; ++j) {
     const int port = inputs_[static_cast<std::size_t>(j)];
     const double scale = 1 / scale_[static_cast<std::size_t>(port)];
     for (int i = 0; i < x.rows(); ++i) {
       for (int part = 0; part < parts; ++part)
-        chosen.coefficients(i, n_in * part + j) =
+        chosen.x.coefficients(i, n_in * part + j) =
             scale * x.coefficients(i, x.columns * part + port);
-      chosen.tail(i, j) = scale * x.tail(i, port);
+      chosen.x.tail(i, j) = scale * x.tail(i, port);
+      chosen.envelope(i, j) = scale * all.envelope(i, port);
+      chosen.rounding(i, j) = scale * all.rounding(i, port);
     }
   }
   return chosen;
 }
 
 /// The sizes from H = C x.
-void MediumModel::sizes_by_entries(const MatrixSeries& x, const MatrixSeries& H,
+void MediumModel::sizes_by_entries(const ResponseSeries& x, const MatrixSeries& H,
                                    Stretch& result) const {
   const bool apart = std::any_of(reference_.begin(), reference_.end(),
                                  [](const Reference& r) { return r.left_out > 0; });
   const MatrixSeries elastic =
-      apart ? multiply_transposed(modal_outputs_, from_row(x, rigid)) : MatrixSeries();
+      apart ? transfer_series(modal_outputs_, x, rigid, &numbers_) : MatrixSeries();
   take_sizes(
       [&](std::size_t v, bool of_elastic) {
         return view_norms(of_elastic ? elastic : H, views[v]);
@@ -272,11 +293,10 @@ std::optional<MediumModel::Stretch> MediumModel::over(Interval interval, int deg
   if (residuals_.grams.empty()) {
     const auto all = response_series(response, interval, degree);
     if (!all) return std::nullopt;
-    const MatrixSeries x = inputs_of(all->x);
-    const MatrixSeries H = multiply_transposed(modal_outputs_, x);
+    const ResponseSeries x = inputs_of(*all);
+    const MatrixSeries H = transfer(x);
     sizes_by_entries(x, H, result);
-    result.H.entries =
-        apart() > 0 ? multiply_transposed(modal_outputs_, from_row(x, apart())) : H;
+    result.H = seen(x, H);
     result.bounds = level_.certificate->over(response, *all, blocks_);
     add_rigid_floor(result);
     return result;
@@ -292,12 +312,9 @@ std::optional<MediumModel::Stretch> MediumModel::over(Interval interval, int deg
     const auto x = response_series(response, interval, degree, modal_inputs_);
     if (!x && !has_many_ports()) return std::nullopt;
     if (x) {
-      const MatrixSeries H = multiply_transposed(modal_outputs_, x->x);
-      sizes_by_entries(x->x, H, result);
-      if (!has_many_ports())
-        result.H.entries =
-            apart() > 0 ? multiply_transposed(modal_outputs_, from_row(x->x, apart()))
-                        : H;
+      const MatrixSeries H = transfer(*x);
+      sizes_by_entries(*x, H, result);
+      if (!has_many_ports()) result.H = seen(*x, H);
     }
   }
   std::vector<double> least; // ‖H‖
@@ -327,9 +344,9 @@ std::optional<TransferSeries> MediumModel::response(Interval interval, int degre
     if (!factors) return std::nullopt;
     H.factors = from_row(std::move(factors->x), apart());
   } else {
-    auto all = entries(interval, degree, apart());
-    if (!all) return std::nullopt;
-    H.entries = std::move(*all);
+    const auto x = response_series(*level_.response, interval, degree, modal_inputs_);
+    if (!x) return std::nullopt;
+    H = seen(*x, transfer(*x));
   }
   return H;
 }
@@ -338,7 +355,7 @@ std::optional<MatrixSeries> MediumModel::entries(Interval interval, int degree,
                                                  int from) const {
   auto x = response_series(*level_.response, interval, degree, modal_inputs_);
   if (!x) return std::nullopt;
-  return multiply_transposed(modal_outputs_, from_row(std::move(x->x), from));
+  return transfer_series(modal_outputs_, *x, from, &numbers_);
 }
 
 std::optional<MatrixSeries> MediumModel::factors(Interval interval, int degree) const {

@@ -5,6 +5,7 @@
 
 #include "medium/medium.hpp"
 #include "medium/term_gram.hpp"
+#include "medium/transfer_series.hpp"
 #include "model/port_views.hpp"
 
 #include <cmath>
@@ -16,6 +17,7 @@ namespace flexgram {
 /// elastic part: small models have the same ones.
 struct TransferSeries {
   MatrixSeries entries; ///< n_out × n_in
+  double size = 0;      ///< of all of H at the centre, if there are entries
   MatrixSeries factors; ///< N × 1
   bool has_many_ports() const { return factors.columns > 0; }
 };
@@ -138,12 +140,15 @@ private:
   void choose_references(const std::vector<Interval>& bands, RelativeTo relative_to);
   bool is_zero(const PortView& view, const std::vector<Interval>& bands, int from) const;
   std::vector<double> strain() const; ///< √(uᵀKu) of each mode, 0 of rigid ones
-  MatrixSeries inputs_of(const MatrixSeries& x) const;
+  ResponseSeries inputs_of(const ResponseSeries& x) const;
+  /// H of these inputs; what small models are compared with, without rigid modes.
+  MatrixSeries transfer(const ResponseSeries& x) const;
+  TransferSeries seen(const ResponseSeries& x, const MatrixSeries& H) const;
   ComplexDense input_response(double omega) const;
   void add_rigid_floor(Stretch& stretch) const;
   template <class NormsOf>
   void take_sizes(const NormsOf& norms_of, Stretch& result) const;
-  void sizes_by_entries(const MatrixSeries& x, const MatrixSeries& H,
+  void sizes_by_entries(const ResponseSeries& x, const MatrixSeries& H,
                         Stretch& result) const;
   bool sizes_by_terms(const MatrixSeries& factors, Stretch& result) const;
   template <class T>
@@ -159,6 +164,7 @@ private:
   std::vector<int> inputs_, outputs_;        ///< among all ports
   std::vector<Certificate::PortSet> blocks_; ///< the views by columns of all ports
   Dense modal_inputs_, modal_outputs_;       ///< N × n_in, n_out, in the body's units
+  ModalNumbers numbers_;                     ///< the same system, for more digits
   /// With many inputs and outputs, of each view: terms of H. With many of either: those of
   /// the residuals.
   std::vector<TermGram> terms_;

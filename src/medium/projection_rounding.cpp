@@ -1,6 +1,7 @@
 #include "medium/projection_rounding.hpp"
 
 #include "linalg/accurate_inner.hpp"
+#include "linalg/last_turn.hpp"
 #include "linalg/sparse_product.hpp"
 
 #include <algorithm>
@@ -38,6 +39,39 @@ double scalar(const std::vector<double>& a, const std::vector<double>& b,
 EntryRounding turned(const EntryRounding& rounding, const Dense& Q) {
   return {turned_weights(Q, rounding.plain), turned_weights(Q, rounding.force),
           turned_weights(Q, rounding.sharp)};
+}
+
+std::vector<double> added(std::vector<double> a, const std::vector<double>& b) {
+  for (std::size_t i = 0; i < a.size(); ++i) a[i] += b[i];
+  return a;
+}
+
+void add_to(Dense& a, const Dense& b) {
+  for (std::size_t i = 0; i < a.data.size(); ++i) a.data[i] += b.data[i];
+}
+
+Dense absolute(Dense a) {
+  for (double& x : a.data) x = std::abs(x);
+  return a;
+}
+
+/// s with |A_ij| ε/2 <= s_i s_j: by the diagonal where A is positive semidefinite, as far as one
+/// sees.
+std::vector<double> rounding_to_doubles(const Dense& a) {
+  const auto root = [&](int j) { return std::sqrt(std::max(a(j, j), 0.0)); };
+  bool semidefinite = true;
+  std::vector<double> largest(static_cast<std::size_t>(a.rows), 0.0), result;
+  for (int j = 0; j < a.columns; ++j)
+    for (int i = 0; i < a.rows; ++i) {
+      double& here = largest[static_cast<std::size_t>(i)];
+      here = std::max(here, std::abs(a(i, j)));
+      semidefinite = semidefinite && std::abs(a(i, j)) <= 1.01 * root(i) * root(j);
+    }
+  for (int j = 0; j < a.columns; ++j)
+    result.push_back(
+        std::sqrt(0.52 * epsilon *
+                  (semidefinite ? a(j, j) : largest[static_cast<std::size_t>(j)])));
+  return result;
 }
 
 EntryRounding of_plain_sums(std::vector<double> weights) {
@@ -248,7 +282,9 @@ SharpResponse sharpened(const MediumSpace& space, const DenseResponse& response,
   ProjectionRounding& rounding = result.rounding;
   /// UᵀAU, its plain sums replaced where accurate ones are known, and its rounding with them.
   const auto projected = [&](int matrix, Mat a, const Dense& plain, EntryRounding& of) {
-    AccurateDense all = congruence({plain, Dense(N, N)}, U);
+    Congruence product = congruence({plain, Dense(N, N)}, U);
+    AccurateDense& all = product.product;
+    of.sharp = std::move(product.rounding);
     const std::vector<int>& modes = matrix == 1 ? chosen.M : chosen.K;
     const Block& Y = matrix == 1 ? Y_M : Y_K;
     const int J = static_cast<int>(modes.size());
@@ -278,18 +314,19 @@ SharpResponse sharpened(const MediumSpace& space, const DenseResponse& response,
                  mode = static_cast<std::size_t>(modes[at]);
       of.plain[mode] = 0;
       of.force[mode] = std::sqrt(unit) * force[at];
-      of.sharp[mode] = twice * size[at];
+      of.sharp[mode] += twice * size[at];
     }
     return all;
   };
   AccurateDense K = projected(0, fom.K, space.K(), rounding.K),
-                M = projected(1, fom.M, space.M(), rounding.M);
-  Dense D;
-  if (fom.D) D = projected(2, fom.D, space.D(), rounding.D).hi;
-  for (AccurateDense* a : {&K, &M}) // rigid modes are apart by definition
-    for (int j = 0; j < N; ++j)
-      for (int i = 0; i < N; ++i)
-        if (i < rigid || j < rigid) a->hi(i, j) = a->lo(i, j) = 0;
+                M = projected(1, fom.M, space.M(), rounding.M), D;
+  if (fom.D) D = projected(2, fom.D, space.D(), rounding.D);
+  for (int j = 0; j < N; ++j) // rigid modes are apart by definition
+    for (int i = 0; i < N; ++i) {
+      if (i < rigid || j < rigid) K.hi(i, j) = K.lo(i, j) = 0;
+      if (i < rigid && j < rigid) M.hi(i, j) = M.lo(i, j) = 0;
+    }
+  for (int j = 0; j < rigid; ++j) M.hi(j, j) = 1 / tau;
 
   const auto elastic = [&](const Dense& a) {
     return part_of(a, rigid, count, rigid, count);
@@ -305,55 +342,75 @@ SharpResponse sharpened(const MediumSpace& space, const DenseResponse& response,
     std::fill_n(column, N, 0.0);
     std::copy_n(eigen.vectors.column(count - 1 - j), count, column + rigid);
   }
-  K = congruence(K, result.turned);
-  M = congruence(M, result.turned);
+  for (EntryRounding* of : {&rounding.K, &rounding.M, &rounding.D})
+    *of = turned(*of, result.turned);
+  const auto turn = [&](AccurateDense& a, EntryRounding& of) {
+    Congruence product = congruence(a, result.turned);
+    a = std::move(product.product);
+    of.sharp = added(of.sharp, product.rounding);
+  };
+  turn(K, rounding.K);
+  turn(M, rounding.M);
+  if (fom.D) turn(D, rounding.D);
+  // The first turn is rounded to doubles; the last one is no longer in U, but in what follows.
+  const LastTurn last = last_turn(K.hi, M.hi);
+  const Dense& Z = last.Z;
   const auto diagonal = [](const AccurateDense& a, int j) {
     return static_cast<long double>(a.hi(j, j)) + static_cast<long double>(a.lo(j, j));
   };
-  std::vector<double> lambda(static_cast<std::size_t>(rigid), 0.0), scale = lambda;
-  for (double& s : scale) s = 1;
+  std::vector<double> lambda(static_cast<std::size_t>(rigid), 0.0);
+  std::vector<long double> scale(static_cast<std::size_t>(rigid), 1.0L);
   for (int j = rigid; j < N; ++j) {
     const long double k = diagonal(K, j), m = diagonal(M, j);
     const bool massless = !(static_cast<long double>(tau) * m > 1e-14L * k);
     lambda.push_back(massless ? std::numeric_limits<double>::infinity()
                               : static_cast<double>(k / m));
     // Modes need not have an energy of exactly one: their ports make up for it.
-    scale.push_back(static_cast<double>(
-        1 / std::sqrt(k + static_cast<long double>(tau) * std::max(m, 0.0L))));
+    scale.push_back(1 / std::sqrt(k + static_cast<long double>(tau) * std::max(m, 0.0L)));
   }
 
   // Ports, of the chosen vectors by accurate sums.
-  Dense plain = response.system().B;
-  Dense B = multiply_accurately(transpose(U), plain).hi;
+  AccurateDense ports = multiply_accurately(transpose(U), response.system().B);
   if (Y_K) {
-    const Dense of_chosen = inner_accurately(Y_K, loads, Block()).hi;
+    const AccurateDense of_chosen = inner_accurately(Y_K, loads, Block());
     for (std::size_t j = 0; j < chosen.K.size(); ++j)
-      for (int p = 0; p < B.columns; ++p)
-        B(chosen.K[j], p) = of_chosen(static_cast<int>(j), p);
-    for (int mode : chosen.K)
-      for (int p = 0; p < B.columns; ++p) rounding.ports(mode, p) = 0;
+      for (int p = 0; p < ports.hi.columns; ++p) {
+        ports.hi(chosen.K[j], p) = of_chosen.hi(static_cast<int>(j), p);
+        ports.lo(chosen.K[j], p) = of_chosen.lo(static_cast<int>(j), p);
+        rounding.ports(chosen.K[j], p) = 0;
+      }
   }
+  const Dense turned_back = transpose(result.turned);
+  AccurateDense in_modes = multiply_accurately(turned_back, ports.hi);
+  add_to(in_modes.lo, multiply(turned_back, ports.lo));
+  add_to(in_modes.lo, multiply_transposed(Z, in_modes.hi));
+  if (fom.D) { // (I + Z)ᵀD(I + Z), rounded to doubles
+    add_to(D.hi, multiply(D.hi, Z));
+    add_to(D.hi, multiply_transposed(Z, D.hi));
+    rounding.D.sharp = added(rounding.D.sharp, rounding_to_doubles(D.hi));
+  }
+  Dense B(N, ports.hi.columns);
   for (int p = 0; p < B.columns; ++p)
-    for (int j = rigid; j < N; ++j) rounding.ports(j, p) += epsilon * std::abs(B(j, p));
-  B = multiply_accurately(transpose(result.turned), B).hi;
-  for (int p = 0; p < B.columns; ++p)
-    for (int j = 0; j < N; ++j) B(j, p) *= scale[static_cast<std::size_t>(j)];
+    for (int j = 0; j < N; ++j)
+      B(j, p) = static_cast<double>((static_cast<long double>(in_modes.hi(j, p)) +
+                                     static_cast<long double>(in_modes.lo(j, p))) *
+                                    scale[static_cast<std::size_t>(j)]);
 
   for (auto* values : {&lambda, &B.data}) share_from_first(fom.comm, *values);
-  result.response = std::make_shared<DenseResponse>(
-      response.system(), tau, multiply(U, result.turned), lambda, std::move(B),
-      D.data.empty() ? Dense() : congruence({D, Dense(N, N)}, result.turned).hi);
+  result.response =
+      std::make_shared<DenseResponse>(response.system(), tau, multiply(U, result.turned),
+                                      lambda, std::move(B), std::move(D.hi));
 
-  for (EntryRounding* of : {&rounding.K, &rounding.M, &rounding.D})
-    *of = turned(*of, result.turned);
+  const Dense sizes = absolute(result.turned), by_last = absolute(Z);
   rounding.strain = turned_weights(result.turned, rounding.strain);
-  Dense sizes = result.turned;
-  for (double& u : sizes.data) u = std::abs(u);
+  for (int j = rigid; j < N; ++j) // modes have a strain energy of one at most
+    for (int i = rigid; i < N; ++i)
+      rounding.strain[static_cast<std::size_t>(j)] += by_last(i, j);
   rounding.ports = multiply_transposed(sizes, rounding.ports);
   for (int p = 0; p < rounding.ports.columns; ++p)
     for (int j = rigid; j < N; ++j)
       rounding.ports(j, p) +=
-          2 * epsilon * std::abs(result.response->modal_inputs()(j, p));
+          0.8 * epsilon * std::abs(result.response->modal_inputs()(j, p));
   for (auto* of : {&rounding.K.plain, &rounding.K.force, &rounding.K.sharp})
     std::fill_n(of->begin(), rigid, 0.0);
   for (int j = rigid; j < N; ++j) {
@@ -361,12 +418,19 @@ SharpResponse sharpened(const MediumSpace& space, const DenseResponse& response,
     const double l = lambda[at];
     rounding.lambda[at] =
         0.51 * epsilon *
-        (std::isfinite(l) ? std::abs(l) * result.response->mu()[at] : 2.0);
+            (std::isfinite(l) ? std::abs(l) * result.response->mu()[at] : 2.0) +
+        last.rest_K(j, j);
+    rounding.M.sharp[at] += std::sqrt(last.rest_M(j, j));
   }
+  for (int j = rigid; j < N; ++j) // `mixed` is of elastic modes
+    for (int i = 0; i < rigid; ++i)
+      for (int mode : {i, j}) {
+        double& sharp = rounding.M.sharp[static_cast<std::size_t>(mode)];
+        sharp = std::max(sharp, std::sqrt(last.rest_M(i, j)));
+      }
   Beside beside;
-  beside.take(K.hi, 1, rigid);
-  beside.take(M.hi, tau, rigid);
-  beside.add(std::ldexp(static_cast<double>(N), -58), N);
+  beside.take(last.rest_K, 1, 0);
+  beside.take(last.rest_M, tau, 0);
   rounding.mixed = beside.largest;
   rounding.mixed_norm = beside.norm;
   return result;

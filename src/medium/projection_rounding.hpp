@@ -108,10 +108,10 @@ struct SharpResponse {
   ProjectionRounding rounding;
   Dense turned; ///< its U is that of the response before times this
 };
-/// Columns of U, elastic, whose sums with twice the digits are worth their price.
+/// Columns of U whose sums with twice the digits are worth their price.
 struct SharpSums {
-  std::vector<int> K; ///< of K, D and the ports
-  std::vector<int> M; ///< fewer: nothing cancels in kinetic energy
+  std::vector<int> K; ///< of K, D and the ports; elastic
+  std::vector<int> M; ///< fewer: nothing cancels in kinetic energy; rigid ones too
 };
 /// Products of small matrices with twice the digits, and more:
 /// @param chosen  whose energies and ports are summed again: with twice the digits among

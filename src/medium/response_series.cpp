@@ -16,7 +16,7 @@ constexpr double slowest = 0.7;
 /// d_0 + d_1 t + d_2 t², and how far d_0 may be off by rounding.
 struct Diagonal {
   Complex d0, d1, d2;
-  double rounding;
+  double rounding, cancelled; ///< the second is part of the first: by a difference
 };
 Diagonal diagonal(const DenseResponse& response, Interval interval, int mode) {
   const Damping& damping = response.system().damping;
@@ -26,7 +26,8 @@ Diagonal diagonal(const DenseResponse& response, Interval interval, int mode) {
                h = interval.half();
   return {response.diagonal(mode, c),
           Complex(-2 * c * h * mu, h * (k * damping.beta + mu * damping.alpha)),
-          -h * h * mu, response.rounding_of_diagonal(mode, c)};
+          -h * h * mu, response.rounding_of_diagonal(mode, c),
+          response.rounding_of_difference(mode, c)};
 }
 
 void set_coefficient(MatrixSeries& series, int k, const ComplexDense& value) {
@@ -39,21 +40,25 @@ void set_coefficient(MatrixSeries& series, int k, const ComplexDense& value) {
 }
 
 ResponseSeries empty_series(Interval interval, int N, int p, int degree) {
-  return {interval, {p, Dense(N, 2 * p * (degree + 1)), Dense(N, p)}, Dense(N, p), {}};
+  return {interval,
+          {p, Dense(N, 2 * p * (degree + 1)), Dense(N, p)},
+          Dense(N, p),
+          Dense(N, p),
+          {}};
 }
 
 std::optional<ResponseSeries> of_modes(const DenseResponse& response, const Dense& B,
                                        Interval interval, int degree) {
   const int N = B.rows, p = B.columns;
   ComplexDense factor(N, degree + 1); // of t^k, of each mode
-  std::vector<double> tail, largest;
+  std::vector<double> tail, lost, largest;
   for (int i = 0; i < N; ++i) {
     const Diagonal d = diagonal(response, interval, i);
     const double size = std::abs(d.d0), first = std::abs(d.d1), second = std::abs(d.d2),
                  least = size - first - second, rounding = d.rounding;
     if (!(first + second <= slowest * size) || !(least > 2 * rounding))
       return std::nullopt;
-    double majorant = 1 / size, sum = majorant, before = 0;
+    double majorant = 1 / size, before = 0;
     factor(i, 0) = 1.0 / d.d0;
     for (int k = 1; k <= degree; ++k) {
       Complex next = d.d1 * factor(i, k - 1);
@@ -65,11 +70,12 @@ std::optional<ResponseSeries> of_modes(const DenseResponse& response, const Dens
       factor(i, k) = -next / d.d0;
       before = majorant;
       majorant = next_majorant / size;
-      sum += majorant;
     }
-    const double bound = 1 / least;
-    tail.push_back(std::max(bound - sum, 0.0) + (16 + 4 * degree) * epsilon * bound +
-                   rounding * bound / (least - rounding));
+    const double bound = 1 / least, beside = bound / (least - rounding);
+    lost.push_back((16 + 4 * degree) * epsilon * bound +
+                   (rounding - d.cancelled) * beside);
+    tail.push_back((first * majorant + second * (before + majorant)) / least +
+                   d.cancelled * beside + lost.back());
     largest.push_back(1 / (least - rounding));
   }
   ResponseSeries series = empty_series(interval, N, p, degree);
@@ -85,6 +91,7 @@ std::optional<ResponseSeries> of_modes(const DenseResponse& response, const Dens
   for (int j = 0; j < p; ++j)
     for (int i = 0; i < N; ++i) {
       series.x.tail(i, j) = tail[static_cast<std::size_t>(i)] * std::abs(B(i, j));
+      series.rounding(i, j) = lost[static_cast<std::size_t>(i)] * std::abs(B(i, j));
       series.envelope(i, j) = largest[static_cast<std::size_t>(i)] * std::abs(B(i, j));
     }
   series.largest = std::move(largest);
@@ -186,8 +193,8 @@ std::optional<ResponseSeries> of_solves(const DenseResponse& response, const Den
   const Dense rounding = multiply(inverse_sizes, terms);
   for (int j = 0; j < p; ++j)
     for (int i = 0; i < N; ++i) {
-      series.x.tail(i, j) =
-          left[static_cast<std::size_t>(j)] + 4 * epsilon * N * rounding(i, j);
+      series.rounding(i, j) = 4 * epsilon * N * rounding(i, j);
+      series.x.tail(i, j) = left[static_cast<std::size_t>(j)] + series.rounding(i, j);
       series.envelope(i, j) += series.x.tail(i, j);
     }
   return series;

@@ -38,8 +38,9 @@ MatrixSeries times_quadratic(const std::array<std::complex<double>, 3>& f,
 /// The response X = A⁻¹B of a dense system, in modal coordinates, over an interval.
 struct ResponseSeries {
   Interval interval;
-  MatrixSeries x;              ///< N × p
-  Dense envelope;              ///< N × p: |x_ij| at most, anywhere in the interval
+  MatrixSeries x; ///< N × p
+  Dense envelope; ///< N × p: |x_ij| at most, anywhere in the interval
+  Dense rounding; ///< N × p: the part of x.tail that more digits would lower
   std::vector<double> largest; ///< of a diagonal system: |1/a_i| at most
 };
 

@@ -7,7 +7,7 @@
 namespace flexgram {
 
 SmallModel::SmallModel(const DenseSystem& system, const MediumModel& medium)
-    : medium_(medium), response_(system, medium.tau),
+    : medium_(medium), response_(system, medium.tau), numbers_(ModalNumbers::of(system)),
       apart_(shares_rigid_modes(system) ? medium.apart() : 0) {
   for (std::size_t v = 0; medium.has_many_ports() && v < medium.views.size(); ++v)
     terms_.push_back(medium.terms_of_difference(v, response_));
@@ -71,8 +71,8 @@ SmallModel::differences(const TransferSeries& H, Interval interval, int degree,
   }
   const auto series = response_series(response_, interval, degree);
   if (!series) return std::nullopt;
-  const MatrixSeries H_r =
-      multiply_transposed(response_.modal_outputs(), from_row(series->x, apart_));
+  const MatrixSeries H_r = transfer_series(response_.modal_outputs(), *series, apart_,
+                                           numbers_ ? &*numbers_ : nullptr, H.size);
   const bool known = !H.has_many_ports() && apart_ == medium_.apart();
   const MatrixSeries difference = difference_of(
       known ? H.entries : medium_.entries(interval, degree, apart_).value(), H_r);

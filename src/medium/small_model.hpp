@@ -42,6 +42,7 @@ private:
 
   const MediumModel& medium_;
   DenseResponse response_;
+  std::optional<ModalNumbers> numbers_; ///< for more digits, where they tell
   int apart_ =
       0; ///< first modes of both models that are the same and leave no difference
   std::vector<TermGram> terms_; ///< of the difference, for each view; with many ports

@@ -47,6 +47,9 @@ std::vector<int> equal_ports(const SecondOrderModel& fom) {
   return first;
 }
 
+/// x^−½ as a power of two, which leaves all digits of what it is multiplied with.
+double inverse_root(double x) { return std::exp2(std::round(-0.5 * std::log2(x))); }
+
 } // namespace
 
 MediumBuilder::MediumBuilder(const SecondOrderModel& fom, const CertifySpec& spec,
@@ -197,17 +200,17 @@ Block MediumBuilder::start(double omega, bool mass_is_singular) {
                    modes_wanted));
 }
 
-/// Ports of equal weight: each divided by the norm of its response.
+/// Ports of equal weight: each divided by about the norm of its response.
 void MediumBuilder::scale_ports(Block& response) {
   const InnerProduct product{fom_.M, fom_.K, 1 / (medium_.cutoff * medium_.cutoff)};
   const Dense gram = inner(response, product.apply(response));
   for (int j = 0; j < ports_.columns(); ++j)
-    medium_.scale.push_back(gram(j, j) > 0 ? 1 / std::sqrt(gram(j, j)) : 1.0);
+    medium_.scale.push_back(gram(j, j) > 0 ? inverse_root(gram(j, j)) : 1.0);
   share_from_first(fom_.comm, medium_.scale);
   for (Block* block : {&loads_, &ports_}) scale_columns(*block, medium_.scale);
   std::vector<double> all = medium_.scale;
   for (auto j = static_cast<int>(all.size()); j < gram.rows; ++j)
-    all.push_back(1 / std::sqrt(gram(j, j)));
+    all.push_back(inverse_root(gram(j, j)));
   scale_columns(response, all);
 }
 

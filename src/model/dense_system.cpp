@@ -1,5 +1,7 @@
 #include "model/dense_system.hpp"
 
+#include "linalg/last_turn.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -96,6 +98,13 @@ int free_coordinates(const DenseSystem& system) {
   return count;
 }
 
+bool holds_a_diagonal(const Dense& a) {
+  for (int j = 0; j < a.columns; ++j)
+    for (int i = 0; i < a.rows; ++i)
+      if (i != j && a(i, j) != 0) return false;
+  return true;
+}
+
 /// uᵀAu with the digits of long double.
 long double quadratic_form(const Dense& a, const double* u) {
   long double sum = 0;
@@ -120,7 +129,9 @@ DenseResponse::DenseResponse(DenseSystem system, double tau)
   for (int i = 0; i < free; ++i) U_(i, i) = 1 / std::sqrt(tau);
   mu_.assign(static_cast<std::size_t>(free), 1 / tau);
   lambda_.assign(static_cast<std::size_t>(free), 0.0);
-  if (count > 0) {
+  if (holds_a_diagonal(M) && holds_a_diagonal(E)) {
+    take_diagonals();
+  } else if (count > 0) {
     const SymmetricEigen eigen = symmetric_eigen(M, E);
     for (int j = 0; j < count; ++j) { // ascending λ is descending μ
       std::copy_n(eigen.vectors.column(count - 1 - j), count, U_.column(free + j) + free);
@@ -134,6 +145,24 @@ DenseResponse::DenseResponse(DenseSystem system, double tau)
   B_ = multiply_transposed(U_, system_.B);
   C_ = system_.outputs_are_inputs ? B_ : multiply_transposed(U_, system_.C);
   D_ = congruence(system_.D, U_);
+}
+
+/// Modes of a system whose K and M are diagonal: exact.
+void DenseResponse::take_diagonals() {
+  std::vector<std::pair<double, int>> modes;
+  for (int j = free_; j < system_.order(); ++j) {
+    const double k = system_.K(j, j), m = system_.M(j, j);
+    const bool massless = !(tau_ * m > 1e-14 * k);
+    modes.emplace_back(massless ? std::numeric_limits<double>::infinity() : k / m, j);
+  }
+  std::stable_sort(modes.begin(), modes.end(),
+                   [](const auto& a, const auto& b) { return a.first < b.first; });
+  for (const auto& [lambda, j] : modes) {
+    const double m = std::max(system_.M(j, j), 0.0), energy = system_.K(j, j) + tau_ * m;
+    U_(j, static_cast<int>(lambda_.size())) = 1 / std::sqrt(energy);
+    lambda_.push_back(lambda);
+    mu_.push_back(m / energy);
+  }
 }
 
 /// λ from Rayleigh quotients, where it matters: resonances lie below ω² = 4τ.
@@ -157,6 +186,39 @@ DenseResponse::DenseResponse(DenseSystem system, double tau, Dense U,
   if (D_.data.empty()) D_ = congruence(system_.D, U_);
 }
 
+namespace {
+
+/// QᵀKQ and QᵀMQ of diagonal K and M, summed in long double; nothing if they are not diagonal, or
+/// too large for that.
+std::optional<std::pair<Dense, Dense>> beside_the_diagonals(const DenseSystem& system,
+                                                            const Dense& Q) {
+  constexpr double most = 3e8; // products
+  const double work = static_cast<double>(Q.rows) * Q.columns * Q.columns;
+  if (work > most || !holds_a_diagonal(system.K) || !holds_a_diagonal(system.M))
+    return std::nullopt;
+  const int m = Q.columns;
+  std::pair<Dense, Dense> left{Dense(m, m), Dense(m, m)};
+  for (int j = 0; j < m; ++j)
+    for (int i = 0; i <= j; ++i) {
+      long double k = 0, mass = 0;
+      for (int l = 0; l < Q.rows; ++l) {
+        const long double both =
+            static_cast<long double>(Q(l, i)) * static_cast<long double>(Q(l, j));
+        k += both * static_cast<long double>(system.K(l, l));
+        mass += both * static_cast<long double>(system.M(l, l));
+      }
+      left.first(i, j) = left.first(j, i) = static_cast<double>(k);
+      left.second(i, j) = left.second(j, i) = static_cast<double>(mass);
+    }
+  return left;
+}
+
+void add_to(Dense& a, const Dense& b) {
+  for (std::size_t i = 0; i < a.data.size(); ++i) a.data[i] += b.data[i];
+}
+
+} // namespace
+
 DenseSystem::Modal DenseSystem::project_to_modes(const Dense& Q, double tau) const {
   const DenseResponse response(project(Q), tau);
   const int m = Q.columns, free = response.free();
@@ -179,6 +241,15 @@ DenseSystem::Modal DenseSystem::project_to_modes(const Dense& Q, double tau) con
     mass(j, j) = massless ? static_cast<double>(mu) : 1.0;
   }
   modal.system = project(modal.Q);
+  if (const auto left = beside_the_diagonals(*this, modal.Q)) {
+    const Dense Z = last_turn(left->first, left->second).Z;
+    for (Dense* ports : {&modal.system.B, &modal.system.C})
+      if (!ports->data.empty()) add_to(*ports, multiply_transposed(Z, *ports));
+    if (Dense& D = modal.system.D; !D.data.empty()) {
+      add_to(D, multiply(D, Z));
+      add_to(D, multiply_transposed(Z, D));
+    }
+  }
   modal.system.K = std::move(stiffness);
   modal.system.M = std::move(mass);
   return modal;
@@ -206,13 +277,16 @@ std::vector<std::complex<double>> DenseResponse::diagonal(double omega,
   return a;
 }
 
-double DenseResponse::rounding_of_diagonal(int i, double omega) const {
-  constexpr double fine = std::numeric_limits<long double>::epsilon(),
-                   epsilon = std::numeric_limits<double>::epsilon();
+double DenseResponse::rounding_of_difference(int i, double omega) const {
+  constexpr double fine = std::numeric_limits<long double>::epsilon();
   const auto at = static_cast<std::size_t>(i);
   const double k = std::isfinite(lambda_[at]) ? std::abs(mu_[at] * lambda_[at]) : 1.0;
-  return 4 * epsilon * std::abs(diagonal(i, omega)) +
-         2 * fine * (k + omega * omega * mu_[at]);
+  return 2 * fine * (k + omega * omega * mu_[at]);
+}
+
+double DenseResponse::rounding_of_diagonal(int i, double omega) const {
+  return 4 * std::numeric_limits<double>::epsilon() * std::abs(diagonal(i, omega)) +
+         rounding_of_difference(i, omega);
 }
 
 bool DenseResponse::is_resonance(double omega) const {

@@ -61,6 +61,8 @@ public:
   std::vector<std::complex<double>> diagonal(double omega, double eta_added = 0) const;
   /// How far such a number may be off by rounding.
   double rounding_of_diagonal(int i, double omega) const;
+  /// The part of that which the difference λ − ω² leaves in long double.
+  double rounding_of_difference(int i, double omega) const;
   /// Whether the undamped system has a resonance at ω, as far as doubles can tell.
   bool is_resonance(double omega) const;
   const Dense& modal_inputs() const { return B_; }  ///< UᵀB
@@ -89,6 +91,7 @@ public:
   ComplexDense transfer(double omega) const { return transfer(modal_response(omega)); }
 
 private:
+  void take_diagonals();
   void sharpen(int first);
 
   DenseSystem system_;

@@ -1,0 +1,195 @@
+#include "medium/transfer_series.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace flexgram {
+namespace {
+
+using Long = long double;
+using LongComplex = std::complex<Long>;
+using LongDense = DenseOf<LongComplex>;
+constexpr double epsilon = std::numeric_limits<double>::epsilon();
+/// Rounding of the numbers below beside that of doubles: 2⁻¹¹, with room.
+const double finer =
+    std::numeric_limits<Long>::epsilon() < epsilon / 1024 ? 0x1p-10 : 1.0;
+
+/// PA = LU of a small matrix.
+class LongFactors {
+public:
+  explicit LongFactors(LongDense A) : A_(std::move(A)) {
+    const int n = A_.rows;
+    for (int k = 0; k < n; ++k) {
+      int pivot = k;
+      for (int i = k + 1; i < n; ++i)
+        if (std::norm(A_(i, k)) > std::norm(A_(pivot, k))) pivot = i;
+      pivots_.push_back(pivot);
+      for (int j = 0; j < n && pivot != k; ++j) std::swap(A_(k, j), A_(pivot, j));
+      for (int i = k + 1; i < n; ++i) A_(i, k) /= A_(k, k);
+      for (int j = k + 1; j < n; ++j)
+        for (int i = k + 1; i < n; ++i) A_(i, j) -= A_(i, k) * A_(k, j);
+    }
+  }
+  void solve(LongComplex* x) const {
+    const int n = A_.rows;
+    for (int k = 0; k < n; ++k) std::swap(x[k], x[pivots_[static_cast<std::size_t>(k)]]);
+    for (int k = 0; k < n; ++k)
+      for (int i = k + 1; i < n; ++i) x[i] -= A_(i, k) * x[k];
+    for (int k = n; k-- > 0;) {
+      x[k] /= A_(k, k);
+      for (int i = 0; i < k; ++i) x[i] -= A_(i, k) * x[k];
+    }
+  }
+
+private:
+  LongDense A_;
+  std::vector<int> pivots_;
+};
+
+/// Coefficients of A(ω) = A_0 + A_1 t + A_2 t² beside those of D, ω = c + h t.
+struct LongDiagonals {
+  std::vector<LongComplex> a0, a1;
+  std::vector<Long> a2;
+
+  LongDiagonals(const ModalNumbers& numbers, Interval interval) {
+    const Damping& d = numbers.damping;
+    const Long c = static_cast<Long>(interval.centre()),
+               h = static_cast<Long>(interval.half()), eta = static_cast<Long>(d.eta);
+    for (std::size_t i = 0; i < numbers.k.size(); ++i) {
+      const Long k = numbers.k[i], m = numbers.m[i],
+                 viscous = k * static_cast<Long>(d.beta) + m * static_cast<Long>(d.alpha);
+      a0.emplace_back(k - c * c * m, k * eta + c * viscous);
+      a1.emplace_back(-2 * c * h * m, h * viscous);
+      a2.push_back(-h * h * m);
+    }
+  }
+};
+
+/// X_0, X_1, … of X = A⁻¹B.
+std::vector<LongDense> response_in_long_double(const ModalNumbers& numbers,
+                                               Interval interval, int degree) {
+  const int N = numbers.order(), p = numbers.B.columns;
+  const bool dampers = !numbers.D.data.empty();
+  const LongDiagonals diagonals(numbers, interval);
+  const auto D = [&](int i, int j) { return static_cast<Long>(numbers.D(i, j)); };
+  const auto centre = static_cast<Long>(interval.centre()),
+             half = static_cast<Long>(interval.half());
+  std::optional<LongFactors> factors;
+  if (dampers) {
+    LongDense A(N, N);
+    for (int j = 0; j < N; ++j)
+      for (int i = 0; i < N; ++i) A(i, j) = LongComplex(0, centre * D(i, j));
+    for (int i = 0; i < N; ++i) A(i, i) += diagonals.a0[static_cast<std::size_t>(i)];
+    factors.emplace(std::move(A));
+  }
+  std::vector<LongDense> X;
+  for (int k = 0; k <= degree; ++k) {
+    LongDense next(N, p);
+    for (int j = 0; j < p; ++j) {
+      LongComplex* x = next.column(j);
+      for (int i = 0; i < N; ++i) {
+        const auto at = static_cast<std::size_t>(i);
+        if (k == 0) x[i] = static_cast<Long>(numbers.B(i, j));
+        if (k > 0) x[i] = -diagonals.a1[at] * X.back()(i, j);
+        if (k > 1) x[i] -= diagonals.a2[at] * X[static_cast<std::size_t>(k - 2)](i, j);
+        for (int l = 0; l < N && k > 0 && dampers; ++l)
+          x[i] -= LongComplex(0, half * D(i, l)) * X.back()(l, j);
+        if (!dampers) x[i] /= diagonals.a0[at];
+      }
+      if (dampers) factors->solve(x);
+    }
+    X.push_back(std::move(next));
+  }
+  return X;
+}
+
+Dense absolute(Dense a) {
+  for (double& x : a.data) x = std::abs(x);
+  return a;
+}
+
+double largest_of(const double* values, std::size_t count) {
+  double largest = 0;
+  for (std::size_t i = 0; i < count; ++i)
+    largest = std::max(largest, std::abs(values[i]));
+  return largest;
+}
+
+} // namespace
+
+std::optional<ModalNumbers> ModalNumbers::of(const DenseSystem& system) {
+  ModalNumbers numbers;
+  const int N = system.order();
+  for (int j = 0; j < N; ++j) {
+    for (int i = 0; i < N; ++i)
+      if (i != j && (system.K(i, j) != 0 || system.M(i, j) != 0)) return std::nullopt;
+    numbers.k.push_back(static_cast<Long>(system.K(j, j)));
+    numbers.m.push_back(static_cast<Long>(system.M(j, j)));
+  }
+  if (system.has_extra_damping()) numbers.D = system.D;
+  numbers.damping = system.damping;
+  numbers.B = system.B;
+  numbers.C = system.outputs_are_inputs ? system.B : system.C;
+  return numbers;
+}
+
+ModalNumbers ModalNumbers::of(const DenseResponse& response, Dense B, Dense C) {
+  ModalNumbers numbers;
+  for (std::size_t j = 0; j < response.mu().size(); ++j) {
+    const Long mu = static_cast<Long>(response.mu()[j]);
+    const double lambda = response.lambda()[j];
+    numbers.k.push_back(std::isfinite(lambda) ? mu * static_cast<Long>(lambda) : Long(1));
+    numbers.m.push_back(mu);
+  }
+  if (!response.is_diagonal()) numbers.D = response.modal_damping();
+  numbers.damping = response.system().damping;
+  numbers.B = std::move(B);
+  numbers.C = std::move(C);
+  return numbers;
+}
+
+double size_at_centre(const MatrixSeries& H) {
+  return largest_of(H.coefficients.data.data(), 2 * H.tail.data.size());
+}
+
+MatrixSeries transfer_series(const Dense& C, const ResponseSeries& x, int first,
+                             const ModalNumbers* numbers, double size) {
+  constexpr double clear = 1e-11; // a tail beside H that is not worth more digits
+  constexpr int most = 200, most_with_dampers = 100, most_entries = 64;
+  const MatrixSeries X = from_row(x.x, first);
+  MatrixSeries H = multiply_transposed(C, X);
+  const std::size_t entries = H.tail.data.size();
+  const double tail = largest_of(H.tail.data.data(), entries);
+  if (size == 0) size = size_at_centre(H);
+  if (!numbers || !(tail > clear * size) || finer == 1 || entries > most_entries ||
+      numbers->order() > (numbers->D.data.empty() ? most : most_with_dampers))
+    return H;
+  Dense left = X.tail, rounding = x.rounding, terms = x.envelope;
+  for (Dense* part : {&rounding, &terms})
+    for (int j = 0; j < part->columns; ++j) std::fill_n(part->column(j), first, 0.0);
+  for (std::size_t i = 0; i < left.data.size(); ++i)
+    left.data[i] = std::max(left.data[i] - rounding.data[i], 0.0) +
+                   finer * (rounding.data[i] + 4 * epsilon * C.rows * terms.data[i]);
+  Dense finer_tail = multiply_transposed(absolute(C), left);
+  if (!(largest_of(finer_tail.data.data(), entries) < 0.5 * tail)) return H;
+  const int degree = H.degree();
+  const auto response = response_in_long_double(*numbers, x.interval, degree);
+  for (int k = 0; k <= degree; ++k)
+    for (int j = 0; j < H.columns; ++j)
+      for (int i = 0; i < H.rows(); ++i) {
+        LongComplex sum = 0;
+        for (int l = first; l < numbers->order(); ++l)
+          sum += static_cast<Long>(numbers->C(l, i)) *
+                 response[static_cast<std::size_t>(k)](l, j);
+        const std::complex<double> value(static_cast<double>(sum.real()),
+                                         static_cast<double>(sum.imag()));
+        H.coefficients(i, 2 * H.columns * k + j) = value.real();
+        H.coefficients(i, 2 * H.columns * k + H.columns + j) = value.imag();
+        finer_tail(i, j) += epsilon * std::abs(value);
+      }
+  H.tail = std::move(finer_tail);
+  return H;
+}
+
+} // namespace flexgram
