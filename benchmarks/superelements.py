@@ -43,7 +43,7 @@ def main() -> None:
         used = np.flatnonzero(np.abs(M).sum(axis=0))  # some scalar points are empty
         K, M = (sp.csr_matrix(0.5 * (A + A.T)[np.ix_(used, used)]) for A in (K, M))
         body = flexgram.Matrices(K=K, M=M, B=np.eye(len(used))[:, : len(PORTS)], inputs=PORTS)
-        parts[name] = flexgram.reduce(body, (0.5, LAST), 1e-6, options={"mor_statics": "yes"})
+        parts[name] = flexgram.reduce(body, (0.5, LAST), 1e-6, statics=True)
         print(f"{name}: {parts[name].order} of {len(used)} coordinates, "
               f"{parts[name].certified_error:.1e} ({parts[name].kind})")  # fmt: skip
     joints = [Joint(f"outboard.g{grid}", f"inboard.g{grid}") for grid in GRIDS]

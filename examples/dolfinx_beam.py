@@ -14,7 +14,7 @@ from dolfinx import fem, mesh
 from mpi4py import MPI
 
 import flexgram
-import flexgram.dolfinx
+import flexgram.importers.dolfinx
 
 comm = MPI.COMM_WORLD
 size = np.array([1.0, 0.06, 0.04])
@@ -39,7 +39,7 @@ facets, which = np.concatenate(ends), np.repeat([3, 7], [len(faces) for faces in
 order = np.argsort(facets)
 tags = mesh.meshtags(domain, 2, facets[order], which[order].astype(np.int32))
 
-body = flexgram.dolfinx.body(
+body = flexgram.importers.dolfinx.body(
     V, ufl.inner(stress, strain(v)) * ufl.dx, rho * ufl.inner(u, v) * ufl.dx, tags,
     {3: "start", 7: "end"}, alpha=2.0, beta=1e-6, name="DOLFINx beam",
 )  # fmt: skip

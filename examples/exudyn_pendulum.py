@@ -14,7 +14,7 @@ import numpy as np
 
 import flexgram
 from flexgram.exporters.exudyn import add_body
-from flexgram.geometry import interface_positions
+from flexgram.model.geometry import interface_positions
 
 out = Path(sys.argv[1] if len(sys.argv) > 1 else "out")
 out.mkdir(parents=True, exist_ok=True)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 import flexgram
-from flexgram.report import write_report
+from flexgram.pictures.report import write_report
 
 out = Path(sys.argv[1] if len(sys.argv) > 1 else "out")
 out.mkdir(parents=True, exist_ok=True)

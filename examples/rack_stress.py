@@ -13,13 +13,12 @@ import numpy as np
 
 import flexgram
 from flexgram import figures
-from flexgram.stress import von_mises
+from flexgram.body.stress import von_mises
 
 out = Path(sys.argv[1] if len(sys.argv) > 1 else "out")
 out.mkdir(exist_ok=True)
 flexgram.import_body("meshes/standing_rack.yaml", out / "standing.h5")
-rom = flexgram.reduce(out / "standing.h5", band_hz=(0, 500), tol=1e-3,
-                      options={"mor_statics": "yes"})  # fmt: skip
+rom = flexgram.reduce(out / "standing.h5", band_hz=(0, 500), tol=1e-3, statics=True)
 print(f"order {rom.order}, error {rom.certified_error:.1e} ({rom.label})")
 for kind, error in zip(rom.kinds, rom.by_kind, strict=True):
     print(f"  {kind}: at most {error:.1e}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import html.parser
 import subprocess
 from pathlib import Path
@@ -289,3 +290,36 @@ def test_bands_flat_and_in_pairs() -> None:
     for wrong in ("10,60", [], [(10, 60), (90,)], [None, 3], 5):
         with pytest.raises(flexgram.BodyError, match="band_hz must be first and last"):
             flexgram.reduce(matrices, wrong, 1e-3)  # type: ignore[arg-type]
+
+
+def test_options_as_keywords() -> None:
+    """Typed by the registry; what is none of them is a TypeError with the nearest name."""
+    body = flexgram.Matrices(**chain(40))
+    rom = flexgram.reduce(body, (0.01, 0.2), 1e-3, second_stage="gramian", relative_to="band",
+                          statics=True, error_hz=[0.1, 0.15, 2])  # fmt: skip
+    named = {"mor_second_stage": "gramian", "mor_tol_relative_to": "band", "mor_statics": "yes",
+             "mor_error_hz": "0.1,0.15,2"}  # fmt: skip
+    same = flexgram.reduce(body, (0.01, 0.2), 1e-3, options=named)
+    assert rom.claim.relative_to == "band" and rom.provenance.second_stage == "gramian"
+    assert np.array_equal(rom.system.K, same.system.K)
+    assert np.array_equal(rom.claim.omega, same.claim.omega)
+    medium = flexgram.certify(body, (0.01, 0.2), 1e-4)
+    assert medium.reduce(1e-3, inputs=None, second_stage="gramian").claim.met
+    with pytest.raises(TypeError, match="no option secnd_stage: did you mean second_stage"):
+        flexgram.reduce(body, (0.01, 0.2), 1e-3, secnd_stage="gramian")  # type: ignore[call-arg]
+    with pytest.raises(TypeError, match="no option checkpoint"):
+        flexgram.certify(body, (0.01, 0.2), 1e-3, checkpoint="yes")  # type: ignore[call-arg]
+
+
+def test_a_body_is_made_of_parts(model: flexgram.ReducedModel) -> None:
+    """What users of 0.1 call attributes of the body are those of its parts, also when they are
+    set."""
+    assert model.K is model.system.K and model.V is model.basis.V
+    assert model.certified_error == model.claim.supremum
+    assert dict(model.frame) == {"kind": "none", "rigid_modes": 0} and "M_r" not in model.frame
+    assert model.log["plan"] == model.provenance.plan
+    other = copy.copy(model)
+    other.eta = 0.02
+    assert other.system.eta == 0.02 and model.system.eta == 0
+    with pytest.raises(AttributeError, match="no attribute stiffness"):
+        _ = model.stiffness

@@ -17,6 +17,7 @@ from flexgram.assembly.claim import Verdict, verdict
 from flexgram.assembly.joints import GROUND, PORTS, Joint, Parts, common_bands, tied
 from flexgram.basics import BodyError, Floats, written_aside
 from flexgram.model.reduced import ReducedBody
+from flexgram.reduced_model import ReducedModel
 
 __all__ = ["GROUND", "PORTS", "Joint", "Verdict", "couple", "read_joint", "verdict"]
 
@@ -56,7 +57,7 @@ def couple(
     turns: Mapping[str, ArrayLike] | None = None,
     keep: Sequence[str] = (),
     tell: Callable[[str], None] | None = None,
-) -> ReducedBody:
+) -> ReducedModel:
     """One reduced body of several.
 
     Parameters
@@ -74,7 +75,7 @@ def couple(
 
     Returns
     -------
-    ReducedBody
+    ReducedModel
         Ports ``part.port``; without a basis. Certified if the parts are, and if their claims close
         everywhere in the band (``verdict``).
 
@@ -159,7 +160,7 @@ def couple(
         fields["error/whole"] = known.worst
     if known.kind == "certified outside":
         fields["error/excluded"] = known.open
-    return ReducedBody(fields, lambda path: _write(fields, Path(path)))
+    return ReducedModel(fields, lambda path: _write(fields, Path(path)))
 
 
 def _symmetric(A: Floats) -> Floats:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import os
 import warnings
 from collections.abc import Mapping, Sequence
@@ -14,6 +15,7 @@ import scipy.sparse as sp
 from flexgram.basics import BodyError
 from flexgram.body.matrices import Matrices
 from flexgram.reduced_model import ReducedModel
+from flexgram.reduction.options import NAMES
 
 #: How the names of options start.
 PREFIXES = ("mor_", "log_", "mat_", "vec_", "bv_", "ksp_", "pc_", "eps_", "svd_", "options_",
@@ -206,13 +208,24 @@ def option_values(
     method: str,
     options: Mapping[str, Any] | None,
     verbose: bool,
+    keywords: Mapping[str, Any],
+    known: type,
 ) -> dict[str, str]:
     """The options of one call, as words.
+
+    Parameters
+    ----------
+    keywords : mapping
+        Further keyword arguments of the call.
+    known : type
+        The ``TypedDict`` of those that it has.
 
     Raises
     ------
     BodyError
-        For a key that neither flexgram nor PETSc would look at.
+        For a key of ``options`` that neither flexgram nor PETSc would look at.
+    TypeError
+        For a keyword argument that is no option.
     """
     try:
         ends = None if band_hz is None else np.asarray(band_hz, dtype=float).ravel()
@@ -237,10 +250,24 @@ def option_values(
         if not name.startswith(PREFIXES):
             raise BodyError(f"options: {key} is none of flexgram's (mor_...) or PETSc's "
                             f"({', '.join(PREFIXES[1:])}...)")  # fmt: skip
-        several = isinstance(value, (list, tuple, np.ndarray))
-        word = ",".join(map(str, value)) if several else str(value)
-        values[f"-{name}"] = {True: "yes", False: "no"}[value] if isinstance(value, bool) else word
+        values[f"-{name}"] = _word(value)
+    for key, value in keywords.items():
+        if key not in known.__annotations__:
+            near = difflib.get_close_matches(key, known.__annotations__, 1)
+            hint = f": did you mean {near[0]}?" if near else " (flexgram reduce -help lists them)"
+            raise TypeError(f"there is no option {key}{hint}")
+        if value is not None:
+            values[NAMES[key]] = _word(value)
     return values
+
+
+def _word(value: Any) -> str:
+    """A value as the command line has it."""
+    if isinstance(value, (bool, np.bool_)):
+        return "yes" if value else "no"
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return ",".join(map(str, value))
+    return str(value)
 
 
 def warn_if_unmet(model: ReducedModel, comm: Any) -> ReducedModel:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 from flexgram.body.matrices import Matrices
 from flexgram.reduced_model import ReducedModel
@@ -15,6 +15,7 @@ from flexgram.reduction.call import (
     option_values,
     warn_if_unmet,
 )
+from flexgram.reduction.options import ReduceOptions
 
 
 def reduce(
@@ -27,6 +28,7 @@ def reduce(
     comm: Any = None,
     options: Mapping[str, Any] | None = None,
     verbose: bool = False,
+    **keywords: Unpack[ReduceOptions],
 ) -> ReducedModel:
     """Reduce an elastic body over a frequency band, with a proof of the error.
 
@@ -48,10 +50,14 @@ def reduce(
     comm : mpi4py communicator, optional
         Default: ``MPI.COMM_WORLD``. Every rank of it must call.
     options : mapping, optional
-        Any option of the program, with or without ``-``: ``{"mor_frame": "tangent"}``,
-        ``{"mor_load_patterns": 100}`` for hundreds of ports and more.
+        PETSc's own options, with or without ``-``, and any of the program:
+        ``{"mor_mumps_icntl_14": 50}``.
     verbose : bool
         Print the plan and progress as the program does.
+    **keywords
+        Options of the program by their names without ``-mor_`` (``ReduceOptions``):
+        ``second_stage="optimal"``, ``frame="tangent"``, ``statics=True``,
+        ``relative_to="elastic"``, ``load_patterns=100`` for hundreds of ports and more.
 
     Returns
     -------
@@ -63,8 +69,17 @@ def reduce(
     ------
     BodyError
         On every rank, with the message of the program.
+    TypeError
+        For a keyword that is no option.
+
+    Examples
+    --------
+    >>> import flexgram
+    >>> rom = flexgram.reduce(body, (10, 1000), tol=1e-4, statics=True)
+    >>> rom.claim.met
+    True
     """
-    values = option_values(band_hz, tol, order, method, options, verbose)
+    values = option_values(band_hz, tol, order, method, options, verbose, keywords, ReduceOptions)
     world = communicator(comm)
     given = hand_over(body, world, values)
     result = core().reduce(world.py2f(), given, values)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from flexgram.reduction.call import (
     option_values,
     warn_if_unmet,
 )
+from flexgram.reduction.options import CertifyOptions, CutOptions
 
 
 class Medium:
@@ -67,10 +68,9 @@ class Medium:
         order: int | str | None = None,
         method: str = "two_step",
         band_hz: Sequence[float] | Sequence[tuple[float, float]] | None = None,
-        inputs: Sequence[str] | None = None,
-        outputs: Sequence[str] | None = None,
         options: Mapping[str, Any] | None = None,
         verbose: bool = False,
+        **keywords: Unpack[CutOptions],
     ) -> ReducedModel:
         """Cut a small body out of the medium model: dense work, the error proved as ever.
 
@@ -80,8 +80,9 @@ class Medium:
             As for ``flexgram.reduce`` (every method but ``pod``).
         band_hz : sequence of float, optional
             Within what the medium model is certified for; default: its bands.
-        inputs, outputs : sequence of str, optional
-            Ports or interfaces to keep; default all.
+        **keywords
+            Options of the program by their names without ``-mor_`` (``CutOptions``):
+            ``inputs=["lower"]``, ports or interfaces to keep; ``second_stage="optimal"``.
 
         Returns
         -------
@@ -93,10 +94,7 @@ class Medium:
         BodyError
             If the medium model holds too little for the request, with what to certify.
         """
-        values = option_values(band_hz, tol, order, method, options, verbose)
-        for name, ports in (("-mor_inputs", inputs), ("-mor_outputs", outputs)):
-            if ports is not None:
-                values[name] = ports if isinstance(ports, str) else ",".join(ports)
+        values = option_values(band_hz, tol, order, method, options, verbose, keywords, CutOptions)
         result = self._held.cut(values)
         return warn_if_unmet(ReducedModel(result.fields(), result.save), self._comm)
 
@@ -128,13 +126,14 @@ def certify(
     comm: Any = None,
     options: Mapping[str, Any] | None = None,
     verbose: bool = False,
+    **keywords: Unpack[CertifyOptions],
 ) -> Medium:
     """The first of two steps: a medium model of the body and the proof of its error.
 
     Parameters
     ----------
-    body, band_hz, comm, options, verbose
-        As for ``flexgram.reduce``.
+    body, band_hz, comm, options, verbose, **keywords
+        As for ``flexgram.reduce`` (``CertifyOptions``).
     tol : float, optional
         The tightest tolerance that small bodies will be asked for; looser ones cost nothing more.
     order, method
@@ -150,7 +149,7 @@ def certify(
     BodyError
         On every rank, with the message of the program.
     """
-    values = option_values(band_hz, tol, order, method, options, verbose)
+    values = option_values(band_hz, tol, order, method, options, verbose, keywords, CertifyOptions)
     world = communicator(comm)
     given = hand_over(body, world, values)
     return Medium(core().certify(world.py2f(), given, values), world)
