@@ -75,6 +75,20 @@ std::array<Dense, slices> sliced(Dense a, int k, bool by_rows) {
 
 } // namespace
 
+namespace {
+
+/// With hi the sum rounded to doubles.
+AccurateDense in_order(AccurateDense sum) {
+  for (std::size_t i = 0; i < sum.hi.data.size(); ++i) {
+    const double x = sum.hi.data[i], y = sum.lo.data[i], hi = x + y, of_y = hi - x;
+    sum.lo.data[i] = (x - (hi - of_y)) + (y - of_y);
+    sum.hi.data[i] = hi;
+  }
+  return sum;
+}
+
+} // namespace
+
 /// Products of slices that are left out, six of them, and digits beyond the last slice are at most
 /// 2^(−4 digits) of the largest each; sums of ten numbers with twice the digits lose 2^−100.
 double product_rounding(int k) {
@@ -94,12 +108,7 @@ AccurateDense multiply_accurately(const Dense& a, const Dense& b) {
         sum.hi.data[i] = hi;
       }
     }
-  for (std::size_t i = 0; i < sum.hi.data.size(); ++i) {
-    const double hi = sum.hi.data[i] + sum.lo.data[i];
-    sum.lo.data[i] -= hi - sum.hi.data[i];
-    sum.hi.data[i] = hi;
-  }
-  return sum;
+  return in_order(std::move(sum));
 }
 
 Congruence congruence(const AccurateDense& a, const Dense& U) {
@@ -111,6 +120,7 @@ Congruence congruence(const AccurateDense& a, const Dense& U) {
   rest = multiply(Ut, rest);
   for (std::size_t i = 0; i < rest.data.size(); ++i)
     result.product.lo.data[i] += rest.data[i];
+  result.product = in_order(std::move(result.product));
 
   // Entry (i, j) is wrong by q (g_i a_j + a_i h_j) at most, with largest entries a of columns of U
   // and h of AU, and g = |U|ᵀ times the largest of the rows of A.

@@ -1,4 +1,6 @@
 #include "examples.hpp"
+#include "linalg/accurate_inner.hpp"
+#include "linalg/last_turn.hpp"
 
 #include <random>
 
@@ -98,6 +100,99 @@ TEST(Block, AccurateProductsKeepWhatCancels) {
     EXPECT_NEAR(found.spread[static_cast<std::size_t>(j)], std::sqrt(spread),
                 1e-12 * std::sqrt(spread));
   }
+}
+
+namespace {
+
+__extension__ typedef __float128 Quad;
+
+/// UᵀAU in four times the digits of a float.
+std::vector<Quad> exact_congruence(const Dense& A, const Dense& U) {
+  const int n = A.rows, m = U.columns;
+  std::vector<Quad> AU(static_cast<std::size_t>(n * m)),
+      result(static_cast<std::size_t>(m * m));
+  const auto at = [](int i, int j, int rows) {
+    return static_cast<std::size_t>(i + j * rows);
+  };
+  for (int j = 0; j < m; ++j)
+    for (int i = 0; i < n; ++i)
+      for (int k = 0; k < n; ++k) AU[at(i, j, n)] += static_cast<Quad>(A(i, k)) * U(k, j);
+  for (int j = 0; j < m; ++j)
+    for (int i = 0; i < m; ++i)
+      for (int k = 0; k < n; ++k)
+        result[at(i, j, m)] += static_cast<Quad>(U(k, i)) * AU[at(k, j, n)];
+  return result;
+}
+
+/// A dense spectrum over ten decades in a basis of its own.
+Dense stiff(int n) {
+  std::mt19937_64 random(5);
+  std::uniform_real_distribution<double> even(-1, 1);
+  Dense Q(n, n), K(n, n);
+  for (double& q : Q.data) q = even(random);
+  Q = orthonormal_columns(std::move(Q));
+  for (int j = 0; j < n; ++j)
+    for (int i = 0; i < n; ++i)
+      for (int k = 0; k < n; ++k)
+        K(i, j) += Q(i, k) * std::pow(10, 10.0 * k / n) * Q(j, k);
+  symmetrise(K);
+  return K;
+}
+
+} // namespace
+
+TEST(Block, CongruencesOfSmallMatricesKeepTheirBound) {
+  const int n = 40;
+  const Dense K = stiff(n), U = symmetric_eigen(K).vectors;
+  const Congruence found = congruence({K, Dense(n, n)}, U);
+  const auto expected = exact_congruence(K, U);
+  double worst = 0, largest = 0;
+  for (int j = 0; j < n; ++j)
+    for (int i = 0; i < n; ++i) {
+      const Quad off = static_cast<Quad>(found.product.hi(i, j)) +
+                       found.product.lo(i, j) -
+                       expected[static_cast<std::size_t>(i + j * n)];
+      const double bound = found.rounding[static_cast<std::size_t>(i)] *
+                           found.rounding[static_cast<std::size_t>(j)];
+      worst = std::max(worst, std::abs(static_cast<double>(off)) / bound);
+      largest = std::max(largest, bound);
+    }
+  EXPECT_LE(worst, 1);
+  EXPECT_LT(largest,
+            1e-19 * 1e10); // where a plain product loses 1e-16 of the largest entry
+}
+
+TEST(Block, TheLastTurnLeavesWhatItSays) {
+  const int n = 30;
+  const Dense K = stiff(n), M = identity(n), U = symmetric_eigen(K).vectors;
+  Dense K_U = congruence({K, Dense(n, n)}, U).product.hi,
+        M_U = congruence({M, Dense(n, n)}, U).product.hi;
+  for (Dense* A : {&K_U, &M_U})
+    for (int j = 0; j < n; ++j)
+      for (int i = 0; i < j; ++i) (*A)(j, i) = (*A)(i, j);
+  const LastTurn turn = last_turn(K_U, M_U);
+  double before = 0, after = 0;
+  for (const Dense* A : {&K_U, &M_U}) {
+    const Dense& rest = A == &K_U ? turn.rest_K : turn.rest_M;
+    // (I + Z)ᵀA(I + Z): I + Z itself has no digits for Z in doubles.
+    for (int j = 0; j < n; ++j)
+      for (int i = 0; i < n; ++i) {
+        if (i == j) continue;
+        Quad left = (*A)(i, j);
+        for (int k = 0; k < n; ++k) {
+          left += static_cast<Quad>(turn.Z(k, i)) * (*A)(k, j) +
+                  static_cast<Quad>((*A)(i, k)) * turn.Z(k, j);
+          for (int l = 0; l < n; ++l)
+            left += static_cast<Quad>(turn.Z(k, i)) * (*A)(k, l) * turn.Z(l, j);
+        }
+        const double unit = std::sqrt(std::abs((*A)(i, i) * (*A)(j, j)));
+        EXPECT_LE(std::abs(static_cast<double>(left)), rest(i, j));
+        before = std::max(before, std::abs((*A)(i, j)) / unit);
+        after = std::max(after, rest(i, j) / unit);
+      }
+  }
+  EXPECT_GT(before, 1e-17);
+  EXPECT_LT(after, 1e-6 * before);
 }
 
 TEST(Block, TsqrGivesOrthonormalColumnsThatReproduceTheBlock) {

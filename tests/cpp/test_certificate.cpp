@@ -264,3 +264,52 @@ TEST(TermNorms, AreThoseOfTheEntries) {
       term_norms(TermGram(one, one.Q, one), stacked(factors->x, negative));
   EXPECT_LE(zero.norms.at[0], zero.rounding);
 }
+
+/// One port of many modes has zeros of H: there, doubles lose a share of the terms that is larger
+/// than what is left of them.
+TEST(TermNorms, ResponsesThatNearlyVanishHaveMoreDigits) {
+  __extension__ typedef __float128 Quad;
+  const int N = 40;
+  DenseSystem system;
+  system.K = system.M = Dense(N, N);
+  system.B = Dense(N, 1);
+  for (int j = 0; j < N; ++j) {
+    system.M(j, j) = 1;
+    system.K(j, j) = std::pow(1.0 + j, 2);
+    system.B(j, 0) = 1 / (1.0 + 0.1 * j);
+  }
+  const auto exact = [&](double omega) {
+    Quad sum = 0;
+    for (int j = 0; j < N; ++j)
+      sum += static_cast<Quad>(system.B(j, 0)) * system.B(j, 0) /
+             (static_cast<Quad>(system.K(j, j)) - static_cast<Quad>(omega) * omega);
+    return sum;
+  };
+  double low = 1.2, high = 1.9; // a zero between the first two modes
+  for (int step = 0; step < 60; ++step) {
+    const double middle = 0.5 * (low + high);
+    (exact(middle) < 0 ? low : high) = middle;
+  }
+  const DenseResponse response(system, 1.0);
+  const auto numbers = ModalNumbers::of(system);
+  ASSERT_TRUE(numbers);
+  for (const double half : {0.0, 1e-9, 1e-7}) {
+    const Interval interval{low - half, low + half};
+    const int degree = half > 0 ? 12 : 0;
+    const auto x = response_series(response, interval, degree);
+    ASSERT_TRUE(x);
+    const MatrixSeries plain = transfer_series(response.modal_outputs(), *x, 0, nullptr),
+                       finer =
+                           transfer_series(response.modal_outputs(), *x, 0, &*numbers);
+    EXPECT_LT(finer.tail(0, 0), 0.01 * plain.tail(0, 0));
+    for (const double t : {-1.0, -0.3, 0.0, 0.8, 1.0}) {
+      const double omega = interval.centre() + t * interval.half();
+      double value = 0;
+      for (int k = degree; k >= 0; --k) value = value * t + finer.real(k)[0];
+      const auto expected = static_cast<double>(exact(omega));
+      // ω itself is rounded: by that, H changes by its slope times ε.
+      const double slope = 10 * 2.3e-16 * interval.last;
+      EXPECT_NEAR(value, expected, finer.tail(0, 0) + (half > 0 ? slope : 0.0));
+    }
+  }
+}
