@@ -10,7 +10,7 @@ namespace flexgram {
 /// Stores the resolved options as attributes of /log/options. Collective.
 void write_options(Hdf5File& file, const Options& options);
 
-/// Writes the reduced file (see src/README.md, "Files"), with the dof map of the full
+/// Writes the reduced file (see docs/files.md), with the dof map of the full
 /// body for the rows of V. Collective on rom.V.comm().
 void write_reduced(const ReducedModel& rom, const Options& options,
                    const Observer& observer, const SecondOrderModel& fom,

@@ -1,4 +1,4 @@
-/// The file of a certified medium model (src/README.md, "Files"). Called by run/reduce
+/// The file of a certified medium model (docs/files.md). Called by run/reduce
 /// and the Python module; its parts by checkpoint.cpp.
 
 #pragma once

@@ -1,6 +1,6 @@
 """Writing body files: matrices as they are, or a mesh with materials and interfaces.
 
-The layout is described in ``src/README.md`` under "Files"; both kinds are HDF5 and open in
+The layout is described in ``docs/files.md``; both kinds are HDF5 and open in
 MATLAB and h5py.
 """
 
