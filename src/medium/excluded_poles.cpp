@@ -10,6 +10,7 @@
 namespace flexgram {
 namespace {
 
+constexpr double epsilon = std::numeric_limits<double>::epsilon();
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
 /// The modes of a dense system in an interval: columns of U from `first`, `count` of
@@ -122,7 +123,8 @@ MediumModel::poles_within(const DenseSystem& small,
             std::max(std::abs(std::sqrt(ritz) - pole.omega),
                      std::abs(std::sqrt(least) - pole.omega)) /
                 pole.omega +
-            level_.certificate->rounding_of_mode(k) / (2 * ritz * body.mu[k]);
+            level_.certificate->rounding_of_mode(k) / (2 * ritz * body.mu[k]) +
+            2 * epsilon * (1 + tau / ritz); // 1/μ − τ, and the roots
       }
       poles.push_back(pole);
     }

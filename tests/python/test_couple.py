@@ -139,10 +139,13 @@ def test_random_pairs_keep_their_bound(form: bool, pairs: int) -> None:
 
 
 def beam(rng: np.random.Generator) -> tuple[Any, ...]:
-    """A free beam of Euler and Bernoulli with 40 elements, forces and moments at its ends."""
+    """A free beam of Euler and Bernoulli with 40 elements, forces and moments at its ends. Its K
+    does not resist rigid motion at all, in doubles: few digits, and lengths that are powers of two.
+    """
     f = 10 ** rng.uniform(-0.5, 0.5, 3)
-    h, EI, mass = f[0] / 40, 2e3 * f[1], 5 * f[2]
-    k = EI / h**3 * np.array(
+    h = 2.0 ** np.round(np.log2(f[0] / 40))
+    mass, stiffness = 5 * f[2], float(np.float32(2e3 * f[1] / h**3))
+    k = stiffness * np.array(
         [[12, 6 * h, -12, 6 * h], [6 * h, 4 * h * h, -6 * h, 2 * h * h],
          [-12, -6 * h, 12, -6 * h], [6 * h, 2 * h * h, -6 * h, 4 * h * h]])  # fmt: skip
     m = mass * h / 420 * np.array(

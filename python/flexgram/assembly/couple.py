@@ -88,6 +88,33 @@ def couple(
     if not models:
         raise BodyError("couple: no parts")
     parts = Parts(models, turns or {})
+    K, D, ties = _joined(parts, joints)
+    N = _motions_left(ties, len(K))
+    inputs, outputs = _ports_left(parts, joints, keep)
+    direct = _feedthrough(models, parts, joints, inputs, outputs)
+    bands = common_bands([m.claim.bands for m in models.values()])
+    fields: dict[str, Any] = {
+        "M": _symmetric(N.T @ parts.M @ N), "D": _symmetric(N.T @ D @ N),
+        "K": _symmetric(N.T @ K @ N), "eta": parts.eta,
+        "B": N.T @ parts.B[:, inputs], "C": parts.C[outputs] @ N,
+        "B/names": [parts.inputs[i] for i in inputs],
+        "C/names": [parts.outputs[i] for i in outputs], "feedthrough": direct,
+        "gramian/sigma": np.empty(0), "error/bands": bands,
+        "band": np.array([bands[0, 0], bands[-1, 1]]), "method": "couple",
+        "frame/kind": "none",
+    }  # fmt: skip
+    squares = scipy.linalg.eigh(fields["K"], fields["M"], eigvals_only=True)
+    fields["modes/omega"] = np.sqrt(np.maximum(squares, 0))
+    slow = 1e-3 * min(bands[bands > 0].min(initial=np.inf), fields["modes/omega"][-1])
+    fields["frame/rigid_modes"] = int(np.sum(fields["modes/omega"] < slow))
+    known = verdict(models, joints, turns=turns, keep=keep, modes=fields["modes/omega"], tell=tell)
+    fields |= _claim(known)
+    fields["log/plan"] = [f"parts\t{', '.join(models)}", f"error\t{known.words}"]
+    return ReducedModel(fields, lambda path: _write(fields, Path(path)))
+
+
+def _joined(parts: Parts, joints: Sequence[Joint]) -> tuple[Floats, Floats, list[Floats]]:
+    """K and D of all parts with springs and dampers between them, and the rows of what is tied."""
     K, D = parts.K.copy(), parts.D.copy()
     rows: list[Floats] = []
     for joint in joints:
@@ -101,66 +128,84 @@ def couple(
                 continue
             K += joint.stiffness.get(direction, 0.0) * np.outer(moved, moved)
             D += joint.damping.get(direction, 0.0) * np.outer(moved, moved)
-    N = np.eye(len(parts.M))
-    if rows:
-        ties = np.array(rows)
-        ties = ties / np.linalg.norm(ties, axis=1)[:, None]
-        _, values, turned = np.linalg.svd(ties)
-        if len(rows) > len(N) or values[-1] < 1e-9 * values[0]:
-            raise BodyError("the joints hold a motion twice, or one that the parts' coordinates do "
-                            "not have: leave out directions, or reduce the parts with -mor_statics "
-                            "yes")  # fmt: skip
-        N = turned[len(rows) :].T
-    joined = {name for joint in joints for name in (joint.first, joint.second)} - {GROUND}
+    return K, D, rows
+
+
+def _motions_left(ties: Sequence[Floats], count: int) -> Floats:
+    """A basis (count, m) of the coordinates that ties leave, orthonormal."""
+    if not ties:
+        return np.eye(count)
+    rows = np.array(ties)
+    _, values, turned = np.linalg.svd(rows / np.linalg.norm(rows, axis=1)[:, None])
+    if len(rows) > count or values[-1] < 1e-9 * values[0]:
+        raise BodyError("the joints hold a motion twice, or one that the parts' coordinates do "
+                        "not have: leave out directions, or reduce the parts with -mor_statics "
+                        "yes")  # fmt: skip
+    N: Floats = turned[len(rows) :].T
+    return N
+
+
+def _ends(joints: Sequence[Joint]) -> set[str]:
+    """All interfaces that joints have."""
+    return {name for joint in joints for name in (joint.first, joint.second)} - {GROUND}
+
+
+def _interface(port: str) -> str:
+    return port.rpartition(".")[0]
+
+
+def _ports_left(
+    parts: Parts, joints: Sequence[Joint], keep: Sequence[str]
+) -> tuple[list[int], list[int]]:
+    """Inputs and outputs of interfaces that are not joined, or kept."""
+    joined = _ends(joints)
     for name in keep:
         if name not in joined:
             raise BodyError(f"keep {name}: no joint has it")
-    joined -= set(keep)
-    inputs = [i for i, p in enumerate(parts.inputs) if p.rpartition(".")[0] not in joined]
-    outputs = [i for i, p in enumerate(parts.outputs) if p.rpartition(".")[0] not in joined]
-    direct = scipy.linalg.block_diag(*(m.system.feedthrough for m in models.values()))
-    for j in np.flatnonzero(direct.any(axis=0)):
-        for i in np.flatnonzero(direct[:, j]):
-            if parts.inputs[j].rpartition(".")[0] in {*joined, *keep} and i in outputs:
-                raise BodyError(f"{parts.outputs[i]} takes a share of {parts.inputs[j]} at once, "
-                                "with no motion between, and a joint's force is no input: leave it "
-                                "out (-mor_outputs)")  # fmt: skip
+    gone = joined - set(keep)
+    inputs = [i for i, p in enumerate(parts.inputs) if _interface(p) not in gone]
+    outputs = [i for i, p in enumerate(parts.outputs) if _interface(p) not in gone]
     if not inputs or not outputs:
         raise BodyError("every interface is joined and no port is left: keep one (--keep)")
-    bands = common_bands([m.claim.bands for m in models.values()])
-    fields: dict[str, Any] = {
-        "M": _symmetric(N.T @ parts.M @ N), "D": _symmetric(N.T @ D @ N),
-        "K": _symmetric(N.T @ K @ N), "eta": parts.eta,
-        "B": N.T @ parts.B[:, inputs], "C": parts.C[outputs] @ N,
-        "B/names": [parts.inputs[i] for i in inputs],
-        "C/names": [parts.outputs[i] for i in outputs],
-        "feedthrough": direct[np.ix_(outputs, inputs)],
-        "gramian/sigma": np.empty(0), "error/bands": bands,
-        "band": np.array([bands[0, 0], bands[-1, 1]]), "method": "couple",
-        "frame/kind": "none",
-    }  # fmt: skip
-    squares = scipy.linalg.eigh(fields["K"], fields["M"], eigvals_only=True)
-    fields["modes/omega"] = np.sqrt(np.maximum(squares, 0))
-    slow = 1e-3 * min(bands[bands > 0].min(initial=np.inf), fields["modes/omega"][-1])
-    fields["frame/rigid_modes"] = int(np.sum(fields["modes/omega"] < slow))
-    known = verdict(models, joints, turns=turns, keep=keep, modes=fields["modes/omega"], tell=tell)
+    return inputs, outputs
+
+
+def _feedthrough(
+    models: Mapping[str, ReducedBody],
+    parts: Parts,
+    joints: Sequence[Joint],
+    inputs: list[int],
+    outputs: list[int],
+) -> Floats:
+    """That of the ports that are left; a joint's force may have none."""
+    direct = scipy.linalg.block_diag(*(m.system.feedthrough for m in models.values()))
+    for i, j in np.argwhere(direct):
+        if _interface(parts.inputs[j]) in _ends(joints) and i in outputs:
+            raise BodyError(f"{parts.outputs[i]} takes a share of {parts.inputs[j]} at once, "
+                            "with no motion between, and a joint's force is no input: leave it "
+                            "out (-mor_outputs)")  # fmt: skip
+    left: Floats = direct[np.ix_(outputs, inputs)]
+    return left
+
+
+def _claim(known: Verdict) -> dict[str, Any]:
+    """Fields of ``/error``."""
     closed = {name: worst for name, worst in known.by_kind.items() if worst < np.inf}
     worst = float(known.bound.max(initial=0))
     if known.kind != "estimated":
         worst = max([known.worst, *closed.values()])
     has_estimate = np.isfinite(known.estimate).any()
-    fields |= {"error/omega": known.omega,
-               "error/relative": known.estimate if has_estimate else known.bound,
-               "error/bound": known.bound, "error/kind": known.kind, "error/worst": worst,
-               "error/unclaimed": [name for name in known.by_kind if name not in closed],
-               "error/kinds": list(closed), "error/by_kind": np.array(list(closed.values())),
-               "error/relative_to": "pointwise",
-               "log/plan": [f"parts\t{', '.join(models)}", f"error\t{known.words}"]}  # fmt: skip
+    fields = {"error/omega": known.omega,
+              "error/relative": known.estimate if has_estimate else known.bound,
+              "error/bound": known.bound, "error/kind": known.kind, "error/worst": worst,
+              "error/unclaimed": [name for name in known.by_kind if name not in closed],
+              "error/kinds": list(closed), "error/by_kind": np.array(list(closed.values())),
+              "error/relative_to": "pointwise"}  # fmt: skip
     if known.kind != "estimated":
         fields["error/whole"] = known.worst
     if known.kind == "certified outside":
         fields["error/excluded"] = known.open
-    return ReducedModel(fields, lambda path: _write(fields, Path(path)))
+    return fields
 
 
 def _symmetric(A: Floats) -> Floats:

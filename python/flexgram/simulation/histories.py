@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from flexgram.basics import BodyError, ComplexArray, Floats, Ints
+from flexgram.model.claim import Claim
 from flexgram.model.elastic_part import without_rigid_modes
 from flexgram.model.kinds import INPUT_KINDS, ports_of
 from flexgram.model.reduced import ReducedBody
@@ -203,60 +204,85 @@ def judge(model: ReducedBody, t: ArrayLike, u: ArrayLike) -> Verdict:
     t, u = np.asarray(t, dtype=float), np.asarray(u, dtype=float)
     if u.shape != (len(t), len(model.inputs)) or len(t) < 2:
         raise BodyError(f"loads are {u.shape}, expected {(len(t), len(model.inputs))}")
-    t, u = evenly(t, u)
-    U = np.fft.rfft(u, axis=0)
-    hz = np.fft.rfftfreq(len(u), t[1] - t[0])
-    weight = np.where((hz == 0) | (2 * np.arange(len(hz)) == len(u)), 1.0, 2.0)  # two-sided
-    energy = weight[:, None] * np.abs(U) ** 2
-    spectrum = np.sqrt(weight[:, None]) * np.abs(U) / len(u)
-    total = energy.sum(axis=0)
+    told = lines = _Spectrum(*evenly(t, u))
+    total = lines.energy.sum(axis=0)
     if not total.any():
         raise BodyError("all loads vanish")
-    share = energy[:, total > 0] / total[total > 0]
+    claim = model.claim
+    share = lines.energy[:, total > 0] / total[total > 0]
     names = [name for name, some in zip(model.inputs, total > 0, strict=True) if some]
-    omega = 2 * np.pi * hz
-    tiny = 1e-9 * model.claim.bands[-1, 1]
-    inside = np.any(
-        [(omega >= a - tiny) & (omega <= b + tiny) for a, b in model.claim.bands], axis=0
-    )
-    for a, b in model.claim.excluded:
-        inside &= (omega < a) | (omega > b)
-    below = share[(omega < model.claim.bands[0, 0] - tiny)].sum(axis=0)
-    above = share[~inside & (omega >= model.claim.bands[0, 0] - tiny)].sum(axis=0)
-    astray = 0.0
-    if model.claim.load_names:
-        within = u @ np.linalg.pinv(model.claim.loads).T
-        astray = float(np.sum((u - within @ model.claim.loads.T) ** 2) / np.sum(u**2))
-        U = np.fft.rfft(within, axis=0)
-        model = _for_its_loads(model)
+    inside, below = _in_band(2 * np.pi * lines.hz, claim)
+    share_below = share[below].sum(axis=0)
+    share_above = share[~inside & ~below].sum(axis=0)
     reached = np.argmax(np.cumsum(share, axis=0) >= ENOUGH - 1e-12, axis=0)
-
-    lines = np.flatnonzero(inside & (energy.sum(axis=1) > 1e-20 * total.sum()) & (omega > 0))
-    w, loads, twice = omega[lines], U[lines], weight[lines]
+    chosen = np.flatnonzero(
+        inside & (lines.energy.sum(axis=1) > 1e-20 * total.sum()) & (lines.hz > 0)
+    )
+    astray = 0.0
+    if claim.load_names:
+        within = lines.u @ np.linalg.pinv(claim.loads).T
+        off = np.sum((lines.u - within @ claim.loads.T) ** 2)
+        astray = float(off / np.sum(lines.u**2))
+        lines = _Spectrum(lines.t, within)
+        model = _for_its_loads(model)
     elastic = None
     if model.frame.rigid_modes > 0:
         with contextlib.suppress(BodyError):  # dampers hold it
             elastic = without_rigid_modes(model)
-    by_elastic = model.claim.bounds_elastic_part and elastic is not None
-    groups = _blocks(model)
+    errors, elastic_errors = _errors(model, elastic, lines, chosen)
+    return Verdict(lines.hz, told.amplitude, float(share_below.max()),
+                   float(share_above.max()), names[int(np.argmax(share_below + share_above))],
+                   float(lines.hz[reached.max()]), errors, elastic_errors, astray,
+                   claim.kind != "estimated")  # fmt: skip
+
+
+class _Spectrum:
+    """Loads at evenly spaced times as one period of a Fourier series."""
+
+    def __init__(self, t: Floats, u: Floats) -> None:
+        self.t, self.u = t, u
+        self.U = np.fft.rfft(u, axis=0)
+        self.hz = np.fft.rfftfreq(len(u), t[1] - t[0])
+        lines = np.arange(len(self.hz))
+        #: Two-sided: each line but the first and the last counts twice.
+        self.weight = np.where((self.hz == 0) | (2 * lines == len(u)), 1.0, 2.0)
+        self.energy = self.weight[:, None] * np.abs(self.U) ** 2
+        self.amplitude = np.sqrt(self.weight[:, None]) * np.abs(self.U) / len(u)
+
+
+def _in_band(omega: Floats, claim: Claim) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Which lines the claim holds at, and which lie below the band."""
+    tiny = 1e-9 * claim.band[1]
+    inside = np.any([(omega >= a - tiny) & (omega <= b + tiny) for a, b in claim.bands], axis=0)
+    for a, b in claim.excluded:
+        inside &= (omega < a) | (omega > b)
+    return inside, omega < claim.band[0] - tiny
+
+
+def _errors(
+    model: ReducedBody, elastic: ReducedBody | None, lines: _Spectrum, chosen: Ints
+) -> tuple[dict[str, float], dict[str, float] | None]:
+    """Root mean square errors of the motion at some lines, relative to it, by what the outputs are;
+    and relative to its elastic part, if there is one."""
+    w = 2 * np.pi * lines.hz[chosen]
+    loads, twice = lines.U[chosen], lines.weight[chosen]
+    claim, groups = model.claim, _blocks(model)
     most: dict[int, float] = {}  # of each block over the band
-    if model.claim.relative_to == "band":
+    if claim.relative_to == "band":
         everywhere = [
-            model.system.transfer(x, False)
-            for x in np.unique(np.concatenate([model.claim.omega, w]))
+            model.system.transfer(x, False) for x in np.unique(np.concatenate([claim.omega, w]))
         ]
         most = {id(block): max(_size(H, block) for H in everywhere)
                 for blocks in groups.values() for block in blocks}  # fmt: skip
-    off = {what: np.zeros(len(w)) for what in groups}
-    motion = {what: np.zeros(len(w)) for what in groups}
-    bent = {what: np.zeros(len(w)) for what in groups}
+    off, motion, bent = ({what: np.zeros(len(w)) for what in groups} for _ in range(3))
     for i, x in enumerate(w):
         H = model.system.transfer(x, False)
         H_e = H if elastic is None else elastic.system.transfer(x, False)
         for what, blocks in groups.items():
             for block in blocks:
+                by_elastic = claim.bounds_elastic_part and elastic is not None
                 size = most.get(id(block), 0.0) or _size(H_e if by_elastic else H, block)
-                if model.claim.relative_to == "both":
+                if claim.relative_to == "both":
                     size = min(size, _size(H, block))
                 share_of = block.epsilon / (1 - block.epsilon) if block.epsilon < 1 else np.inf
                 load = float(np.linalg.norm(loads[i][block.columns]))
@@ -271,8 +297,4 @@ def judge(model: ReducedBody, t: ArrayLike, u: ArrayLike) -> Verdict:
                             / max(np.sqrt(np.sum(twice * moved[what] ** 2)), 1e-300))
                 if np.any(off[what]) else 0.0 for what in groups}  # fmt: skip
 
-    return Verdict(hz, spectrum, float(below.max()),
-                   float(above.max()), names[int(np.argmax(below + above))],
-                   float(hz[reached.max()]), relative(motion),
-                   None if elastic is None else relative(bent), astray,
-                   model.claim.kind != "estimated")  # fmt: skip
+    return relative(motion), None if elastic is None else relative(bent)
