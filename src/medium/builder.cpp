@@ -36,7 +36,7 @@ bool MediumBuilder::find_the_modes(double omega, bool mass_is_singular, bool las
     scale_ports(response);
     response = without_many_outputs(std::move(response));
     space_ = std::make_unique<MediumSpace>(fom_, medium_.kappa, medium_.tau);
-    space_->start_with_rigid_modes(rigid_modes_.share(), rigid_stiffness_);
+    space_->start_with_rigid_modes(rigid_modes_.share(), rigid_stiffness_, geometric_);
     space_->append(std::move(response), 1e-7);
   }
   try {

@@ -40,6 +40,7 @@ private:
   double angle_of_modes() const;
   void search_modes();
   void take_out_rigid_modes();
+  void begin_with_null_vectors(const Dense& null, const Dense& elastic);
   bool cutoff_is_in_a_gap() const;
   std::shared_ptr<const DenseResponse> ritz_response() const;
   void need_factors();

@@ -216,8 +216,10 @@ void Certificate::add_rounding(Bound& bound, const DenseResponse& response,
   bound.floor = rounding_.of_response(a_k, omega, out, in);
   bound.rigid_floor = rounding_.of_rigid_modes(omega, out, in);
   double data_in = 0, data_out = 0;
+  const auto rigid = static_cast<std::size_t>(rounding_.rigid);
   for (std::size_t i = 0; i < in.size(); ++i) {
-    bound.floor += off(i, block.outputs) * in[i] + off(i, block.inputs) * out[i];
+    (i < rigid ? bound.rigid_floor : bound.floor) +=
+        off(i, block.outputs) * in[i] + off(i, block.inputs) * out[i];
     data_in += std::pow(rounding_weights_[i] * in[i], 2);
     data_out += std::pow(rounding_weights_[i] * out[i], 2);
   }

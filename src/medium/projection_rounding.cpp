@@ -239,6 +239,33 @@ ProjectionRounding rounding_with(const MediumSpace& space, const DenseResponse& 
   return result;
 }
 
+/// Null vectors φ of K differ from those of the stored numbers by δ, Kδ = Kφ: of an elastic mode
+/// u they hold uᵀKφ/uᵀKu, which shows in their ports and in M.
+void add_null_vectors(ProjectionRounding& rounding, const MediumSpace& space,
+                      const DenseResponse& response) {
+  const int rigid = space.rigid(), N = response.U().columns;
+  if (space.geometric() == rigid) return;
+  const Dense& U = response.U();
+  const Dense forces =
+      multiply_transposed(part_of(U, 0, rigid, 0, rigid),
+                          multiply(space.rigid_stiffness(), U)); // UᵀVᵀKVU of rigid rows
+  const Dense& ports = response.modal_inputs();
+  for (int r = space.geometric(); r < rigid; ++r)
+    for (int j = rigid; j < N; ++j) {
+      const auto at = static_cast<std::size_t>(j);
+      const double lambda = response.lambda()[at], mu = response.mu()[at],
+                   share = std::abs(forces(r, j)) /
+                           (std::isfinite(lambda) ? lambda * mu : 1.0),
+                   in_M = std::sqrt(share * mu);
+      for (int p = 0; p < ports.columns; ++p)
+        rounding.ports(r, p) += share * std::abs(ports(j, p));
+      for (int mode : {r, j}) {
+        double& sharp = rounding.M.sharp[static_cast<std::size_t>(mode)];
+        sharp = std::max(sharp, in_M);
+      }
+    }
+}
+
 } // namespace
 
 ProjectionRounding rounding_of_sums(const MediumSpace& space,
@@ -260,6 +287,7 @@ ProjectionRounding plain_rounding(const MediumSpace& space, const DenseResponse&
   beside.add(dense, U.columns);
   result.mixed = beside.largest;
   result.mixed_norm = beside.norm;
+  add_null_vectors(result, space, response);
   return result;
 }
 
@@ -433,6 +461,7 @@ SharpResponse sharpened(const MediumSpace& space, const DenseResponse& response,
   beside.take(last.rest_M, tau, 0);
   rounding.mixed = beside.largest;
   rounding.mixed_norm = beside.norm;
+  add_null_vectors(rounding, space, *result.response);
   return result;
 }
 

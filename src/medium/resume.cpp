@@ -81,7 +81,7 @@ bool MediumBuilder::resume() {
   const Block V = std::move(state->V).block();
   space_ = std::make_unique<MediumSpace>(fom_, medium_.kappa, medium_.tau);
   space_->start_with_rigid_modes(select_columns(V, first),
-                                 std::move(state->rigid_stiffness));
+                                 std::move(state->rigid_stiffness), state->geometric);
   space_->restore(select_columns(V, rest));
   expect_same_projection(*state);
   observer_.fact("restart",

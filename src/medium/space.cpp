@@ -125,7 +125,7 @@ void MediumSpace::scale(Block& x) const {
 
 void MediumSpace::unscale(Block& x) const { scale_rows(x, root_diagonal_); }
 
-void MediumSpace::start_with_rigid_modes(Block Phi, Dense stiffness) {
+void MediumSpace::start_with_rigid_modes(Block Phi, Dense stiffness, int geometric) {
   const int count = static_cast<int>(Phi.columns());
   if (count == 0) return;
   KV_.append(Block(Phi.comm(), Phi.local_rows(), Phi.rows(), count)); // zero
@@ -142,6 +142,7 @@ void MediumSpace::start_with_rigid_modes(Block Phi, Dense stiffness) {
   keep_rigid_forces(Phi);
   V_.append(std::move(Phi));
   rigid_ = count;
+  geometric_ = geometric;
 }
 
 void MediumSpace::take_deviation(const Block& Phi) {
@@ -303,49 +304,6 @@ void MediumSpace::track_residual(const Block& ports) {
   residual_.lost_B.assign(static_cast<std::size_t>(p), 0.0);
   residual_.lost_K.assign(static_cast<std::size_t>(N), 0.0);
   if (fom_.D) residual_.lost_D = residual_.lost_K;
-}
-
-void MediumSpace::rotate_to_rigid(const Dense& Q, int count, Dense stiffness) {
-  const auto congruence = [&](const Dense& a) {
-    Dense result = multiply_transposed(Q, multiply(a, Q));
-    symmetrise(result);
-    return result;
-  };
-  for (Basis* basis : {&V_, &KV_, &DV_})
-    if (*basis) *basis = combine(*basis, Q);
-  newest_weighted_ = Block();
-  K_ = congruence(K_);
-  W_ = congruence(W_);
-  if (!D_.data.empty()) D_ = congruence(D_);
-  std::vector<double> rotated; // as if the parts had random signs
-  for (int j = 0; j < Q.columns; ++j) {
-    double square = 0;
-    for (int i = 0; i < Q.rows; ++i)
-      square += std::pow(Q(i, j) * g_[static_cast<std::size_t>(i)], 2);
-    rotated.push_back(std::sqrt(square));
-  }
-  g_ = std::move(rotated);
-  for (auto* all : {&rounding_of_sums_.K, &rounding_of_sums_.M, &rounding_of_sums_.D}) {
-    std::vector<double> turned;
-    for (int j = 0; j < Q.columns; ++j) {
-      double sum = 0;
-      for (int i = 0; i < Q.rows; ++i)
-        sum += std::abs(Q(i, j)) * (*all)[static_cast<std::size_t>(i)];
-      turned.push_back(sum);
-    }
-    *all = std::move(turned);
-  }
-  keep_rigid_forces(combine(V_, first_columns(identity(columns()), count)));
-  rigid_stiffness_ = inner(rigid_forces_, V_);
-  set_part(rigid_stiffness_, 0, 0, stiffness);
-  rigid_ = count;
-  for (int j = 0; j < columns(); ++j)
-    for (int i = 0; i < columns(); ++i)
-      if (i < count || j < count) {
-        K_(i, j) = 0;
-        W_(i, j) = i == j ? 1 : 0;
-      }
-  take_deviation(combine(V_, first_columns(identity(columns()), count)));
 }
 
 Dense MediumSpace::M() const {

@@ -26,7 +26,9 @@ public:
 
   /// The first columns of V: M-orthonormal, without stiffness.
   /// @param stiffness  that the stored K holds of them (rigid × rigid), set to zero.
-  void start_with_rigid_modes(Block Phi, Dense stiffness);
+  /// @param geometric  so many first ones are known from geometry; the others are null
+  /// vectors of K, to the rounding of their entries.
+  void start_with_rigid_modes(Block Phi, Dense stiffness, int geometric);
   /// Adds what X holds beyond V; returns the W-norms of what each column of X had
   /// outside V.
   std::vector<double> append(Block X, double tolerance);
@@ -35,9 +37,6 @@ public:
   /// Adds vectors that are W-orthonormal to each other and to V: those of a space that
   /// was kept. Before track_residual only.
   void restore(Block X);
-  /// V ← V Q with an orthogonal Q, and its first columns are declared rigid. Before
-  /// track_residual only.
-  void rotate_to_rigid(const Dense& Q, int count, Dense stiffness);
 
   /// VᵀP, of rigid modes with twice the digits.
   Dense projected_ports(const Block& ports) const;
@@ -101,6 +100,7 @@ public:
   double printed_rounding() const { return printed_rounding_; } ///< of K's entries
   /// Stiffness of rigid modes (rigid × N) that the stored K holds and that was set to zero.
   const Dense& rigid_stiffness() const { return rigid_stiffness_; }
+  int geometric() const { return geometric_; } ///< of the rigid modes, from geometry
   bool tracks_residual() const { return tracks_; }
 
 private:
@@ -128,7 +128,7 @@ private:
   double rigid_mass_deviation_ = 0;
   std::vector<double> g_;
   double rounding_, printed_rounding_;
-  int rigid_ = 0;
+  int rigid_ = 0, geometric_ = 0;
   bool tracks_ = false;
 };
 

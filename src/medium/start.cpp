@@ -268,24 +268,52 @@ void MediumBuilder::take_out_rigid_modes() {
     medium_.solved_columns += candidates;
     pairs = ritz_pairs(*space_);
   }
-  const RigidSplit split = split_rigid(
-      fom_, combine(space_->V(), first_columns(pairs.vectors, candidates)), true);
-  const int null = split.count, rigid = space_->rigid();
+  const Dense slow_ones = first_columns(pairs.vectors, candidates);
+  const RigidSplit split = split_rigid(fom_, combine(space_->V(), slow_ones), true);
+  const int null = split.count;
   observer_.fact("slow modes",
                  text("%d below %.3g Hz: %d of them rigid, by a factorisation of "
                       "K + sM (the body has no coordinates, or soft mounts)",
                       candidates, std::sqrt(slow()) * hz, null));
   judged_elastic_ -= null;
   if (null == 0) return;
-  Dense Q = identity(space_->columns()), vectors = pairs.vectors;
-  set_part(vectors, 0, 0,
-           multiply(first_columns(pairs.vectors, candidates), split.rotation));
-  set_part(Q, 0, rigid, orthonormal_columns(std::move(vectors)));
-  Dense all(rigid + null, rigid + null);
-  if (rigid > 0) set_part(all, 0, 0, rigid_stiffness_);
-  set_part(all, rigid, rigid, split.stiffness);
-  space_->rotate_to_rigid(Q, rigid + null, std::move(all));
+  Dense vectors = pairs.vectors;
+  set_part(vectors, 0, 0, multiply(slow_ones, split.rotation));
+  const Dense all = orthonormal_columns(std::move(vectors));
+  begin_with_null_vectors(first_columns(all, null),
+                          part_of(all, 0, all.rows, null, all.columns - null));
   expected_ -= null;
+}
+
+/// The space again, null vectors of K among its rigid modes: their exact image under K, and the
+/// factor of K + sM, take away what is elastic in them, down to the rounding of their entries.
+/// @param null, elastic  in the coordinates of V.
+void MediumBuilder::begin_with_null_vectors(const Dense& null, const Dense& elastic) {
+  const int before = space_->rigid();
+  Block known;
+  if (before > 0)
+    known = combine(space_->V(), first_columns(identity(space_->columns()), before));
+  const InnerProduct mass{fom_.M, fom_.K, 0};
+  Block rigid = orthonormalise(combine(space_->V(), null), known, mass, 1e-12).vectors;
+  for (int step = 0; step < 2; ++step)
+    add_product(rigid, -1.0,
+                solver_
+                    .solve(multiply_accurately(fom_.K, rigid).product,
+                           ShiftedSolver::Verify::none)
+                    .x,
+                identity(null.columns));
+  Dense of_null = inner(rigid, multiply_accurately(fom_.K, rigid).product);
+  symmetrise(of_null);
+  Dense stiffness(before + null.columns, before + null.columns);
+  if (before > 0)
+    set_part(stiffness, 0, 0, part_of(space_->rigid_stiffness(), 0, before, 0, before));
+  set_part(stiffness, before, before, of_null);
+  Block rest = combine(space_->V(), elastic); // Ritz vectors, which stay as they are
+  add_product(rest, -1.0, rigid, inner(multiply(fom_.M, rigid), rest));
+  space_ = std::make_unique<MediumSpace>(fom_, medium_.kappa, medium_.tau);
+  space_->start_with_rigid_modes(before > 0 ? concatenate(known, rigid) : rigid.share(),
+                                 std::move(stiffness), geometric_);
+  space_->restore(std::move(rest));
 }
 
 /// Who says that the medium model may not be larger.
