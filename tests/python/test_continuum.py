@@ -258,9 +258,8 @@ def test_random_systems(seed: int) -> None:
 @pytest.mark.kernels
 @pytest.mark.parametrize("index", [279, 326, 375, 471, 726])
 def test_zeros_of_free_bodies(index: int) -> None:
-    """Systems of ``scripts/audit 1008 5202`` without coordinates. Their rigid modes held 1e-14 to
-    1e-13 of elastic ones. At zeros of H, where rigid and elastic motion cancel, errors were up to 43
-    times the claim."""
+    """Systems of ``scripts/audit 1008 5202`` without coordinates. Their rigid modes held 1e-13 of
+    elastic ones. At zeros of H, where both cancel, errors were up to 43 times the claim."""
     rng = np.random.default_rng([5202, index])
     kind = CLASSES[index % len(CLASSES)]
     case = random_case(rng, kind, DAMPINGS[(index // len(CLASSES)) % len(DAMPINGS)])
