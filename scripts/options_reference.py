@@ -85,30 +85,53 @@ def type_of(option: dict[str, str]) -> str:
     return f"bool | {literal}" if {"yes", "no"} <= set(words) else literal
 
 
+def verbs_of(option: dict[str, str]) -> tuple[str, ...]:
+    """The calls of Python that take it."""
+    return tuple(verb for verb in CLASSES if verb in option["verbs"].split())
+
+
+def shared_name(verbs: tuple[str, ...]) -> str:
+    """Of the options that several calls share."""
+    return "OptionsOf" + "And".join(verb.capitalize() for verb in verbs)
+
+
+def class_of(
+    name: str, verbs: tuple[str, ...], bases: list[str], options: list[dict[str, str]]
+) -> list[str]:
+    """A class of options, line by line."""
+    calls = ", ".join(f"``{CALLS[verb]}``" for verb in verbs)
+    parts = [f"\nclass {name}({', '.join(bases) or 'TypedDict'}, total=False):\n"
+             f'    """Options of {calls}."""\n']  # fmt: skip
+    for option in options:
+        parts.append(f"    {keyword_of(option['name'])}: {type_of(option)}")
+        says = " ".join(option["help"].split()).replace('"', "'")
+        unit = f" [{option['unit']}]" if option["unit"] else ""
+        default = f" Default {option['default']}." if option["default"] else ""
+        says = says[0].upper() + says[1:] + unit + "." + default
+        parts += textwrap.wrap(f'"""{says}"""', 96, initial_indent="    ",
+                               subsequent_indent="    ", break_long_words=False,
+                               break_on_hyphens=False)  # fmt: skip
+    return parts
+
+
 def keywords() -> str:
     """The module, as Python."""
     taken = [
         o for o in _flexgram.options() if o["type"] != "numbered" and o["name"] not in NOT_HERE
     ]
     parts = [KEYWORDS_HEAD]
+    sets = {verbs_of(o): [] for o in taken}  # by the calls that take them, each option once
+    for option in taken:
+        sets[verbs_of(option)].append(option)
+    sets.pop((), None)
+    for verbs in sorted(sets, key=lambda v: -len(v)):
+        if len(verbs) > 1:
+            parts += class_of(shared_name(verbs), verbs, [], sets[verbs])
     for verb, name in CLASSES.items():
-        parts.append(f'\nclass {name}(TypedDict, total=False):\n'
-                     f'    """Options of ``{CALLS[verb]}``."""\n')  # fmt: skip
-        for option in taken:
-            if verb not in option["verbs"].split():
-                continue
-            parts.append(f"    {keyword_of(option['name'])}: {type_of(option)}")
-            says = " ".join(option["help"].split()).replace('"', "'")
-            unit = f" [{option['unit']}]" if option["unit"] else ""
-            default = f" Default {option['default']}." if option["default"] else ""
-            says = says[0].upper() + says[1:] + unit + "." + default
-            parts += textwrap.wrap(f'"""{says}"""', 96, initial_indent="    ",
-                                   subsequent_indent="    ", break_long_words=False,
-                                   break_on_hyphens=False)  # fmt: skip
+        bases = [shared_name(v) for v in sets if verb in v and len(v) > 1]
+        parts += class_of(name, (verb,), bases, sets.get((verb,), []))
     parts.append("\n\n#: The option of each keyword.\nNAMES = {")
-    known = {
-        keyword_of(o["name"]): o["name"] for o in taken if set(o["verbs"].split()) & set(CLASSES)
-    }
+    known = {keyword_of(o["name"]): o["name"] for o in taken if verbs_of(o)}
     parts += [f'    "{keyword}": "{option}",' for keyword, option in known.items()]
     text = "\n".join([*parts, "}"]) + "\n"
     ruff = [sys.executable, "-m", "ruff", "format", "--stdin-filename", str(KEYWORDS), "-"]

@@ -10,27 +10,14 @@ from pathlib import Path
 from typing import Literal, TypedDict
 
 
-class ReduceOptions(TypedDict, total=False):
-    """Options of ``flexgram.reduce``."""
+class OptionsOfReduceAndCertifyAndCut(TypedDict, total=False):
+    """Options of ``flexgram.reduce``, ``flexgram.certify``, ``Medium.reduce``."""
 
     inputs: str | Path | Sequence[str]
     """Ports to keep, by port (lower.fx) or interface (lower), comma separated."""
     outputs: str | Path | Sequence[str]
     """The same for outputs; default: like the inputs where the outputs are the inputs, else
     all."""
-    spin_loads: bool | Literal["no", "yes"]
-    """Whether what the spin of a body does to it is among the inputs and outputs: six loads
-    frame.spinxx … frame.spinzx for ω_x² … ω_zω_x [rad²/s²], as outputs the change of its
-    inertia; for fast or soft rotors in a floating frame, whose centrifugal loads are no loads
-    at interfaces. Default no."""
-    loads: str | Path | Sequence[str]
-    """Table of loads to reduce for, instead of each input by itself: CSV, its first line names
-    the loads, each other a port and its share of each load. The claim is of the motion along
-    these loads in answer to any in their span, relative to all of them together (each of unit
-    norm); the reduced body keeps all ports."""
-    load_patterns: int
-    """The same for so many leading load patterns of the inputs, those that move them most; for
-    hundreds and thousands of ports. 0: each port by itself. Default 0."""
     tol_of: Literal["each_kind", "whole"]
     """What -mor_tol bounds: the error of H as a whole (eq. 17), which adds m/N and rad/(N m) so
     that the larger number hides the other, or also those of displacements from forces and of
@@ -49,12 +36,6 @@ class ReduceOptions(TypedDict, total=False):
     springs at the interfaces of a free body leave. both: the smaller of the two; the same as
     pointwise for a body without rigid modes. band: the largest |H| over the band, which
     forgives antiresonances. Default both."""
-    port_scaling: Literal["none", "equal"]
-    """Weight of the ports in the Gramian: all the same, so that forces and moments (in N m or N
-    mm) count alike, or as their units have it (the paper). Default equal."""
-    inner_product: Literal["mass", "euclidean", "energy"]
-    """In which the modes are orthonormal: mass (independent of units; M + K/omega_max^2 where M
-    is singular), euclidean (the paper), energy (M + K/omega_max^2). Default mass."""
     second_stage: Literal[
         "auto",
         "balanced",
@@ -74,6 +55,60 @@ class ReduceOptions(TypedDict, total=False):
     gramian). Default auto."""
     shifts_hz: float | Sequence[float]
     """Expansion points of krylov; default: both ends of the band and its middle [Hz]."""
+    medium_tol: float
+    """Certified relative error of the medium model; 0: a fiftieth of -mor_tol, or 1e-8 where
+    the order is given or ruled. Default 0."""
+
+
+class OptionsOfReduceAndCertify(TypedDict, total=False):
+    """Options of ``flexgram.reduce``, ``flexgram.certify``."""
+
+    spin_loads: bool | Literal["no", "yes"]
+    """Whether what the spin of a body does to it is among the inputs and outputs: six loads
+    frame.spinxx … frame.spinzx for ω_x² … ω_zω_x [rad²/s²], as outputs the change of its
+    inertia; for fast or soft rotors in a floating frame, whose centrifugal loads are no loads
+    at interfaces. Default no."""
+    cutoff: float
+    """All modes up to this many times the end of the band are found and counted; more modes,
+    but fewer Krylov blocks. Default 1.1."""
+    medium_order: int
+    """Largest order of the medium model; 0: what memory and the body allow. Default 0."""
+    frame_integrals: bool | Literal["auto", "yes", "no"]
+    """Mass, centre, inertia and the shape integrals that a floating frame of reference needs,
+    into /frame; auto: if the body is free and has coordinates. Default auto."""
+    ordering: Literal["auto", "best", "nested_dissection", "mumps"]
+    """Fill-reducing ordering: METIS nested dissection on the node graph, MUMPS' own choice, or
+    the best (fewer estimated flops) of the two. auto: the best where many frequencies are
+    factorised; elsewhere nested dissection, below 10,000 dofs MUMPS' own. Default auto."""
+    memory_limit_mb: float
+    """Memory that the whole run may take: decides how factors are kept (-mor_precision) and is
+    the limit of each factorisation; 0 means what the node has available [MB per rank]. Default
+    0."""
+    mumps_workspace: int
+    """Workspace above MUMPS' estimate at the first try, ICNTL(14) [%]. Default 30."""
+    mumps_workspace_limit: int
+    """Largest workspace tried when MUMPS asks for more [%]. Default 480."""
+    precision: Literal["auto", "double", "single"]
+    """Arithmetic of the factors; single takes half the memory, is refined to double accuracy,
+    and falls back to double where refinement stalls (it does within 1e-6 of an undamped
+    resonance). auto: double where the run then fits into the memory, else single, else single
+    on disk; with pod and sweep always double. Default auto."""
+    refinements: int
+    """Refinement steps at most, taken while the backward error is above its target. Default
+    2."""
+    backward_error: float
+    """Target for the backward error of each solve. Default 1e-13."""
+
+
+class OptionsOfReduceAndCut(TypedDict, total=False):
+    """Options of ``flexgram.reduce``, ``Medium.reduce``."""
+
+    port_scaling: Literal["none", "equal"]
+    """Weight of the ports in the Gramian: all the same, so that forces and moments (in N m or N
+    mm) count alike, or as their units have it (the paper). Default equal."""
+    inner_product: Literal["mass", "euclidean", "energy"]
+    """In which the modes are orthonormal: mass (independent of units; M + K/omega_max^2 where M
+    is singular), euclidean (the paper), energy (M + K/omega_max^2). Default mass."""
     weight: float | Sequence[float]
     """Weight of the Gramian over the band: f1,w1,f2,w2,... , linear between, zero outside [Hz,
     1]."""
@@ -92,17 +127,21 @@ class ReduceOptions(TypedDict, total=False):
     error_hz: float | Sequence[float]
     """First,last,count: further frequencies at which error and bound are evaluated and stored,
     beside some hundred over the band and on its resonances [Hz]."""
-    cutoff: float
-    """All modes up to this many times the end of the band are found and counted; more modes,
-    but fewer Krylov blocks. Default 1.1."""
-    medium_order: int
-    """Largest order of the medium model; 0: what memory and the body allow. Default 0."""
-    medium_tol: float
-    """Certified relative error of the medium model; 0: a fiftieth of -mor_tol, or 1e-8 where
-    the order is given or ruled. Default 0."""
-    frame_integrals: bool | Literal["auto", "yes", "no"]
-    """Mass, centre, inertia and the shape integrals that a floating frame of reference needs,
-    into /frame; auto: if the body is free and has coordinates. Default auto."""
+
+
+class ReduceOptions(
+    OptionsOfReduceAndCertifyAndCut, OptionsOfReduceAndCertify, OptionsOfReduceAndCut, total=False
+):
+    """Options of ``flexgram.reduce``."""
+
+    loads: str | Path | Sequence[str]
+    """Table of loads to reduce for, instead of each input by itself: CSV, its first line names
+    the loads, each other a port and its share of each load. The claim is of the motion along
+    these loads in answer to any in their span, relative to all of them together (each of unit
+    norm); the reduced body keeps all ports."""
+    load_patterns: int
+    """The same for so many leading load patterns of the inputs, those that move them most; for
+    hundreds and thousands of ports. 0: each port by itself. Default 0."""
     samples: int
     """Frequencies at which the response is sampled. Default 30."""
     quadrature: Literal["midpoint", "gauss", "clenshaw_curtis"]
@@ -121,187 +160,14 @@ class ReduceOptions(TypedDict, total=False):
     """Groups of ranks; each holds the body and factorises its own frequencies (pod, sweep). 0:
     as many as the memory estimate allows (independent factorisations scale better than parallel
     ones). Default 0."""
-    ordering: Literal["auto", "best", "nested_dissection", "mumps"]
-    """Fill-reducing ordering: METIS nested dissection on the node graph, MUMPS' own choice, or
-    the best (fewer estimated flops) of the two. auto: the best where many frequencies are
-    factorised; elsewhere nested dissection, below 10,000 dofs MUMPS' own. Default auto."""
-    memory_limit_mb: float
-    """Memory that the whole run may take: decides how factors are kept (-mor_precision) and is
-    the limit of each factorisation; 0 means what the node has available [MB per rank]. Default
-    0."""
-    mumps_workspace: int
-    """Workspace above MUMPS' estimate at the first try, ICNTL(14) [%]. Default 30."""
-    mumps_workspace_limit: int
-    """Largest workspace tried when MUMPS asks for more [%]. Default 480."""
-    precision: Literal["auto", "double", "single"]
-    """Arithmetic of the factors; single takes half the memory, is refined to double accuracy,
-    and falls back to double where refinement stalls (it does within 1e-6 of an undamped
-    resonance). auto: double where the run then fits into the memory, else single, else single
-    on disk; with pod and sweep always double. Default auto."""
-    refinements: int
-    """Refinement steps at most, taken while the backward error is above its target. Default
-    2."""
-    backward_error: float
-    """Target for the backward error of each solve. Default 1e-13."""
 
 
-class CertifyOptions(TypedDict, total=False):
+class CertifyOptions(OptionsOfReduceAndCertifyAndCut, OptionsOfReduceAndCertify, total=False):
     """Options of ``flexgram.certify``."""
 
-    inputs: str | Path | Sequence[str]
-    """Ports to keep, by port (lower.fx) or interface (lower), comma separated."""
-    outputs: str | Path | Sequence[str]
-    """The same for outputs; default: like the inputs where the outputs are the inputs, else
-    all."""
-    spin_loads: bool | Literal["no", "yes"]
-    """Whether what the spin of a body does to it is among the inputs and outputs: six loads
-    frame.spinxx … frame.spinzx for ω_x² … ω_zω_x [rad²/s²], as outputs the change of its
-    inertia; for fast or soft rotors in a floating frame, whose centrifugal loads are no loads
-    at interfaces. Default no."""
-    tol_of: Literal["each_kind", "whole"]
-    """What -mor_tol bounds: the error of H as a whole (eq. 17), which adds m/N and rad/(N m) so
-    that the larger number hides the other, or also those of displacements from forces and of
-    rotations from moments by themselves (ports named x.fx ... x.mz). Default each_kind."""
-    field_error: bool | Literal["no", "yes"]
-    """Whether the error of the whole field of displacements is certified too, for each kind of
-    inputs: in the norm of the strain energy, relative to that of the field (not with a damping
-    matrix). Default no."""
-    tol_kind: str | Path | Sequence[str]
-    """Tolerances of kinds of their own: stress=1e-2,displacement from force=1e-5; the others
-    keep -mor_tol, all of H the largest of them."""
-    relative_to: Literal["both", "pointwise", "elastic", "band"]
-    """What errors of H are divided by. pointwise: |H| at the same frequency (eq. 17 of the
-    paper; near an antiresonance, where H itself vanishes, the order grows to meet it). elastic:
-    |H| at the same frequency without the motion as a rigid body, which is what joints and
-    springs at the interfaces of a free body leave. both: the smaller of the two; the same as
-    pointwise for a body without rigid modes. band: the largest |H| over the band, which
-    forgives antiresonances. Default both."""
-    second_stage: Literal[
-        "auto",
-        "balanced",
-        "craig_bampton",
-        "gramian",
-        "gramian_modes",
-        "irka",
-        "krylov",
-        "medium",
-        "modal",
-        "optimal",
-        "weighted",
-        "whole_axis",
-    ]
-    """How -mor_method two_step picks the small basis out of the medium space; auto tries
-    gramian and weighted and keeps the smallest body that meets -mor_tol (by the order rule:
-    gramian). Default auto."""
-    shifts_hz: float | Sequence[float]
-    """Expansion points of krylov; default: both ends of the band and its middle [Hz]."""
-    cutoff: float
-    """All modes up to this many times the end of the band are found and counted; more modes,
-    but fewer Krylov blocks. Default 1.1."""
-    medium_order: int
-    """Largest order of the medium model; 0: what memory and the body allow. Default 0."""
-    medium_tol: float
-    """Certified relative error of the medium model; 0: a fiftieth of -mor_tol, or 1e-8 where
-    the order is given or ruled. Default 0."""
-    frame_integrals: bool | Literal["auto", "yes", "no"]
-    """Mass, centre, inertia and the shape integrals that a floating frame of reference needs,
-    into /frame; auto: if the body is free and has coordinates. Default auto."""
-    ordering: Literal["auto", "best", "nested_dissection", "mumps"]
-    """Fill-reducing ordering: METIS nested dissection on the node graph, MUMPS' own choice, or
-    the best (fewer estimated flops) of the two. auto: the best where many frequencies are
-    factorised; elsewhere nested dissection, below 10,000 dofs MUMPS' own. Default auto."""
-    memory_limit_mb: float
-    """Memory that the whole run may take: decides how factors are kept (-mor_precision) and is
-    the limit of each factorisation; 0 means what the node has available [MB per rank]. Default
-    0."""
-    mumps_workspace: int
-    """Workspace above MUMPS' estimate at the first try, ICNTL(14) [%]. Default 30."""
-    mumps_workspace_limit: int
-    """Largest workspace tried when MUMPS asks for more [%]. Default 480."""
-    precision: Literal["auto", "double", "single"]
-    """Arithmetic of the factors; single takes half the memory, is refined to double accuracy,
-    and falls back to double where refinement stalls (it does within 1e-6 of an undamped
-    resonance). auto: double where the run then fits into the memory, else single, else single
-    on disk; with pod and sweep always double. Default auto."""
-    refinements: int
-    """Refinement steps at most, taken while the backward error is above its target. Default
-    2."""
-    backward_error: float
-    """Target for the backward error of each solve. Default 1e-13."""
 
-
-class CutOptions(TypedDict, total=False):
+class CutOptions(OptionsOfReduceAndCertifyAndCut, OptionsOfReduceAndCut, total=False):
     """Options of ``Medium.reduce``."""
-
-    inputs: str | Path | Sequence[str]
-    """Ports to keep, by port (lower.fx) or interface (lower), comma separated."""
-    outputs: str | Path | Sequence[str]
-    """The same for outputs; default: like the inputs where the outputs are the inputs, else
-    all."""
-    tol_of: Literal["each_kind", "whole"]
-    """What -mor_tol bounds: the error of H as a whole (eq. 17), which adds m/N and rad/(N m) so
-    that the larger number hides the other, or also those of displacements from forces and of
-    rotations from moments by themselves (ports named x.fx ... x.mz). Default each_kind."""
-    field_error: bool | Literal["no", "yes"]
-    """Whether the error of the whole field of displacements is certified too, for each kind of
-    inputs: in the norm of the strain energy, relative to that of the field (not with a damping
-    matrix). Default no."""
-    tol_kind: str | Path | Sequence[str]
-    """Tolerances of kinds of their own: stress=1e-2,displacement from force=1e-5; the others
-    keep -mor_tol, all of H the largest of them."""
-    relative_to: Literal["both", "pointwise", "elastic", "band"]
-    """What errors of H are divided by. pointwise: |H| at the same frequency (eq. 17 of the
-    paper; near an antiresonance, where H itself vanishes, the order grows to meet it). elastic:
-    |H| at the same frequency without the motion as a rigid body, which is what joints and
-    springs at the interfaces of a free body leave. both: the smaller of the two; the same as
-    pointwise for a body without rigid modes. band: the largest |H| over the band, which
-    forgives antiresonances. Default both."""
-    port_scaling: Literal["none", "equal"]
-    """Weight of the ports in the Gramian: all the same, so that forces and moments (in N m or N
-    mm) count alike, or as their units have it (the paper). Default equal."""
-    inner_product: Literal["mass", "euclidean", "energy"]
-    """In which the modes are orthonormal: mass (independent of units; M + K/omega_max^2 where M
-    is singular), euclidean (the paper), energy (M + K/omega_max^2). Default mass."""
-    second_stage: Literal[
-        "auto",
-        "balanced",
-        "craig_bampton",
-        "gramian",
-        "gramian_modes",
-        "irka",
-        "krylov",
-        "medium",
-        "modal",
-        "optimal",
-        "weighted",
-        "whole_axis",
-    ]
-    """How -mor_method two_step picks the small basis out of the medium space; auto tries
-    gramian and weighted and keeps the smallest body that meets -mor_tol (by the order rule:
-    gramian). Default auto."""
-    shifts_hz: float | Sequence[float]
-    """Expansion points of krylov; default: both ends of the band and its middle [Hz]."""
-    weight: float | Sequence[float]
-    """Weight of the Gramian over the band: f1,w1,f2,w2,... , linear between, zero outside [Hz,
-    1]."""
-    statics: bool | Literal["no", "yes"]
-    """Whether the small basis begins with the static response to every port (of a free body:
-    with its elastic part), as the medium model has it; then slow loads are answered without
-    error, for as many vectors. Default no."""
-    moments: int
-    """Moments at each expansion point of krylov. Default 2."""
-    frame: Literal["auto", "none", "buckens", "tangent"]
-    """Frame of reference of a free body: buckens: basis vectors orthogonal to the rigid modes,
-    which come first; tangent: at rest at an interface; none: rigid motion mixed into the basis.
-    auto: buckens if the body is free. Default auto."""
-    frame_interface: str | Path | Sequence[str]
-    """Interface that the tangent frame follows; default: the first with six ports."""
-    error_hz: float | Sequence[float]
-    """First,last,count: further frequencies at which error and bound are evaluated and stored,
-    beside some hundred over the band and on its resonances [Hz]."""
-    medium_tol: float
-    """Certified relative error of the medium model; 0: a fiftieth of -mor_tol, or 1e-8 where
-    the order is given or ruled. Default 0."""
 
 
 #: The option of each keyword.
