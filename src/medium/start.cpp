@@ -293,8 +293,7 @@ void MediumBuilder::begin_with_null_vectors(const Dense& null, const Dense& elas
   Block known;
   if (before > 0)
     known = combine(space_->V(), first_columns(identity(space_->columns()), before));
-  const InnerProduct mass{fom_.M, fom_.K, 0};
-  Block rigid = orthonormalise(combine(space_->V(), null), known, mass, 1e-12).vectors;
+  Block rigid = combine(space_->V(), null);
   for (int step = 0; step < 2; ++step)
     add_product(rigid, -1.0,
                 solver_
@@ -302,6 +301,8 @@ void MediumBuilder::begin_with_null_vectors(const Dense& null, const Dense& elas
                            ShiftedSolver::Verify::none)
                     .x,
                 identity(null.columns));
+  // Vectors that the stored K resists a little have become shorter.
+  rigid = orthonormalise(std::move(rigid), known, {fom_.M, fom_.K, 0}, 1e-12).vectors;
   Dense of_null = inner(rigid, multiply_accurately(fom_.K, rigid).product);
   symmetrise(of_null);
   Dense stiffness(before + null.columns, before + null.columns);
