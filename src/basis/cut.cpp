@@ -175,8 +175,7 @@ Dense Cut::gram() const {
   const double stiffness =
       request_.metric == Metric::energy && last > 0 ? 1 / (last * last) : medium_.kappa;
   Dense g = medium_.system.M;
-  for (std::size_t i = 0; i < g.data.size(); ++i)
-    g.data[i] += stiffness * medium_.system.K.data[i];
+  add_to(g, medium_.system.K, stiffness);
   return g;
 }
 

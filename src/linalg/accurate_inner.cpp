@@ -114,12 +114,11 @@ AccurateDense multiply_accurately(const Dense& a, const Dense& b) {
 Congruence congruence(const AccurateDense& a, const Dense& U) {
   const AccurateDense right = multiply_accurately(a.hi, U);
   Dense rest = multiply(a.lo, U);
-  for (std::size_t i = 0; i < rest.data.size(); ++i) rest.data[i] += right.lo.data[i];
+  add_to(rest, right.lo);
   const Dense Ut = transpose(U);
   Congruence result{multiply_accurately(Ut, right.hi), {}};
   rest = multiply(Ut, rest);
-  for (std::size_t i = 0; i < rest.data.size(); ++i)
-    result.product.lo.data[i] += rest.data[i];
+  add_to(result.product.lo, rest);
   result.product = in_order(std::move(result.product));
 
   // Entry (i, j) is wrong by q (g_i a_j + a_i h_j) at most, with largest entries a of columns of U

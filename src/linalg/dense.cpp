@@ -125,6 +125,15 @@ Dense columns_of(const Dense& a, const std::vector<int>& columns,
   return part;
 }
 
+Dense absolute(Dense a) {
+  for (double& x : a.data) x = std::abs(x);
+  return a;
+}
+
+void add_to(Dense& a, const Dense& b, double factor) {
+  for (std::size_t i = 0; i < a.data.size(); ++i) a.data[i] += factor * b.data[i];
+}
+
 double frobenius_norm(const Dense& a) {
   double sum = 0;
   for (double x : a.data) sum += x * x;

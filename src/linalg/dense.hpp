@@ -47,6 +47,8 @@ ComplexDense columns_of(const ComplexDense& a, const std::vector<int>& columns);
 /// The same, column j of A divided by divisors[j].
 Dense columns_of(const Dense& a, const std::vector<int>& columns,
                  const std::vector<double>& divisors);
+Dense absolute(Dense a);                                  ///< |A_ij|
+void add_to(Dense& a, const Dense& b, double factor = 1); ///< A ← A + factor B
 double frobenius_norm(const Dense& a);
 double frobenius_norm(const ComplexDense& a);
 /// Replaces A by (A + Aᵀ)/2.

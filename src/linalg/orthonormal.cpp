@@ -119,8 +119,7 @@ double loss_of_orthogonality(const Basis& V, const InnerProduct& product) {
   Dense gram = symmetric_inner(V, product.M);
   if (product.kappa != 0) {
     const Dense stiff = symmetric_inner(V, product.K);
-    for (std::size_t i = 0; i < gram.data.size(); ++i)
-      gram.data[i] += product.kappa * stiff.data[i];
+    add_to(gram, stiff, product.kappa);
   }
   for (int j = 0; j < gram.rows; ++j) gram(j, j) -= 1;
   return largest_entry(gram);

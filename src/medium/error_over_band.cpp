@@ -6,53 +6,13 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
-#include <queue>
 
 namespace flexgram {
 namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
-/// Relative length of intervals that are not halved any more.
-constexpr double narrowest = 1e-10;
-/// How close the supremum is to come to an attained value.
-constexpr double close = 1.05;
-
-double width_of(const Interval& interval) { return interval.last - interval.first; }
-
-/// Ascending; those that touch, or have no more than a gap between them, as one.
-std::vector<Interval> joined(std::vector<Interval> intervals, double gap = 0) {
-  std::sort(intervals.begin(), intervals.end(),
-            [](const Interval& a, const Interval& b) { return a.first < b.first; });
-  std::vector<Interval> result;
-  for (const Interval& i : intervals)
-    if (!result.empty() && i.first <= result.back().last + gap)
-      result.back().last = std::max(result.back().last, i.last);
-    else
-      result.push_back(i);
-  return result;
-}
-
-double largest(const std::vector<double>& values) {
-  return *std::max_element(values.begin(), values.end());
-}
 
 } // namespace
-
-/// What a small model's error may be on an interval.
-struct ErrorOverBand::Look {
-  std::vector<double> upper; ///< of each view
-  double worst = infinity;
-  double omega = 0;   ///< where the error seems largest
-  bool known = false; ///< no pole is too near for a bound
-  bool proved = true;
-};
-
-/// The certified errors at one frequency.
-struct ErrorOverBand::Point {
-  std::vector<double> certified; ///< of each view
-  bool proved = true;
-  double worst() const { return largest(certified); }
-};
 
 ErrorOverBand::ErrorOverBand(MediumOverBand& medium, RelativeTo relative_to)
     : medium_(medium), relative_to_(relative_to) {}
@@ -233,7 +193,7 @@ ErrorOverBand::Look ErrorOverBand::look(Node& node, Small small, double level,
       if (here <= most) continue;
       most = here;
       look.omega =
-          node.interval.first + width_of(node.interval) * static_cast<double>(i) / pieces;
+          node.interval.first + node.interval.width() * static_cast<double>(i) / pieces;
     }
   }
   return look;
@@ -282,53 +242,28 @@ double ErrorOverBand::worst_between(Interval interval, double tolerance,
   const auto at = [&](double omega) {
     return point(omega, nullptr, tolerance, measure).worst();
   };
-  double low = interval.last - golden * width_of(interval),
-         high = interval.first + golden * width_of(interval), of_low = at(low),
+  double low = interval.last - golden * interval.width(),
+         high = interval.first + golden * interval.width(), of_low = at(low),
          of_high = at(high);
   for (int step = 0; step < 24; ++step)
     if (of_low > of_high) {
       interval.last = high;
       high = low, of_high = of_low;
-      of_low = at(low = interval.last - golden * width_of(interval));
+      of_low = at(low = interval.last - golden * interval.width());
     } else {
       interval.first = low;
       low = high, of_low = of_high;
-      of_high = at(high = interval.first + golden * width_of(interval));
+      of_high = at(high = interval.first + golden * interval.width());
     }
   return of_low > of_high ? low : high;
 }
 
-std::vector<double> ErrorOverBand::rounding_spots(double tolerance) {
-  constexpr std::size_t most = 100;
-  std::vector<double> spots;
-  std::vector<Node*> open;
-  for (const auto& root : medium_.roots()) open.push_back(root.get());
-  for (int count = 0; !open.empty() && spots.size() < most && count < 20000; ++count) {
-    stop_if_interrupted();
-    Node& node = *open.back();
-    open.pop_back();
-    const Look seen = look(node, nullptr, tolerance, Measure::claim);
-    if (seen.worst <= tolerance || medium_.may_be_excluded(node.interval)) continue;
-    if (!medium_.near_pole(node.interval) && seen.known &&
-        !(point(seen.omega, nullptr, tolerance, Measure::claim).worst() <= tolerance)) {
-      const double piece = width_of(node.interval) / pieces;
-      spots.push_back(worst_between({std::max(node.interval.first, seen.omega - piece),
-                                     std::min(node.interval.last, seen.omega + piece)},
-                                    tolerance, Measure::claim));
-    } else if (width_of(node.interval) <= narrowest * node.interval.last) {
-      spots.push_back(node.interval.centre());
-    } else {
-      medium_.split(node);
-      open.push_back(node.low.get());
-      open.push_back(node.high.get());
-    }
-  }
-  return spots;
-}
-
-/// A frequency where the error of the small model, or of the medium model itself, is not proved to be within the tolerance.
-std::optional<double> ErrorOverBand::exceeds(Small small, double tolerance,
-                                             Measure measure) {
+/// Calls visit(ω, node) where the error of the small model, or of the medium model itself, is not
+/// proved to be within the tolerance; in intervals that lie apart, while it returns true.
+template <class Visit>
+void ErrorOverBand::where_it_fails(Small small, double tolerance, Measure measure,
+                                   const Visit& visit) {
+  constexpr int most = 20000; // intervals; what is open then counts as it is
   std::vector<Node*> open;
   for (const auto& root : medium_.roots()) open.push_back(root.get());
   for (int count = 0; !open.empty(); ++count) {
@@ -336,202 +271,43 @@ std::optional<double> ErrorOverBand::exceeds(Small small, double tolerance,
     Node& node = *open.back();
     open.pop_back();
     const Look seen = look(node, small, tolerance, measure);
-    if (seen.worst <= tolerance) continue;
-    if (medium_.may_be_excluded(node.interval)) continue;
-    if (!medium_.near_pole(node.interval) && seen.known &&
-        !(point(seen.omega, small, tolerance, measure).worst() <= tolerance))
-      return seen.omega;
-    if (width_of(node.interval) <= narrowest * node.interval.last || count > 20000)
-      return node.interval.centre();
+    if (seen.worst <= tolerance || medium_.may_be_excluded(node.interval)) continue;
+    const bool shown =
+        !medium_.near_pole(node.interval) && seen.known &&
+        !(point(seen.omega, small, tolerance, measure).worst() <= tolerance);
+    if (shown || node.is_shortest() || count > most) {
+      if (!visit(shown ? seen.omega : node.interval.centre(), node)) return;
+      continue;
+    }
     medium_.split(node);
     open.push_back(node.low.get());
     open.push_back(node.high.get());
   }
-  return std::nullopt;
 }
 
-ErrorOverBand::Unmet ErrorOverBand::unmet(const DenseSystem& system, double tolerance) {
-  constexpr double finest = 1e-6; // of the bands
-  constexpr int most = 20000;     // intervals that are looked at
-  const SmallModel small(system, medium_.model());
-  double whole = 0;
-  const auto narrower = [](const Node* a, const Node* b) {
-    return width_of(a->interval) < width_of(b->interval);
-  };
-  // The widest first: if there are too many, what is left is narrow.
-  std::priority_queue<Node*, std::vector<Node*>, decltype(narrower)> open(narrower);
-  for (const auto& root : medium_.roots()) {
-    whole += width_of(root->interval);
-    open.push(root.get());
-  }
-  const auto exceeds_at = [&](double omega) {
-    return !(point(omega, &small, tolerance).worst() <= tolerance);
-  };
-  Unmet result;
-  for (int count = 0; !open.empty(); ++count) {
-    stop_if_interrupted();
-    Node& node = *open.top();
-    open.pop();
-    const Interval& here = node.interval;
-    if (look(node, &small, tolerance).worst <= tolerance) continue;
-    if (medium_.may_be_excluded(here)) continue;
-    // Beside resonances an interval may be too wide to be looked at: what no frequency shows
-    // is no reason to stop.
-    const auto fails = [&] {
-      const int failed = static_cast<int>(exceeds_at(here.first)) +
-                         static_cast<int>(exceeds_at(here.centre())) +
-                         static_cast<int>(exceeds_at(here.last));
-      return failed == 3 || (failed > 0 && width_of(here) <= finest * whole);
-    };
-    const bool is_small = width_of(here) <= narrowest * here.last ||
-                          (!medium_.near_pole(here) && fails()); // else until excluded
-    if (count > most || is_small) {
-      result.intervals.push_back(here);
-      continue;
-    }
-    medium_.split(node);
-    open.push(node.low.get());
-    open.push(node.high.get());
-  }
-  result.intervals = joined(std::move(result.intervals), finest * whole);
-  for (const Interval& i : result.intervals)
-    result.share += whole > 0 ? width_of(i) / whole : 1.0;
-  return result;
+std::vector<double> ErrorOverBand::rounding_spots(double tolerance) {
+  constexpr std::size_t most = 100;
+  std::vector<double> spots;
+  where_it_fails(nullptr, tolerance, Measure::claim, [&](double omega, const Node& node) {
+    const double piece = node.interval.width() / pieces;
+    spots.push_back(node.is_shortest()
+                        ? omega
+                        : worst_between({std::max(node.interval.first, omega - piece),
+                                         std::min(node.interval.last, omega + piece)},
+                                        tolerance, Measure::claim));
+    return spots.size() < most;
+  });
+  return spots;
 }
 
-/// Beside undamped resonances: what is within the level is settled, what is not is
-/// excluded as soon as it may be.
-void ErrorOverBand::exclude(std::vector<Node*> zones, const SmallModel& small,
-                            double allowed, Supremum& result) {
-  while (!zones.empty()) {
-    stop_if_interrupted();
-    Node& node = *zones.back();
-    zones.pop_back();
-    ++result.intervals;
-    const Look seen = look(node, &small, allowed);
-    if (seen.worst <= allowed) {
-      settle(seen, result);
-      bool higher = false; // than what is attained: beside the resonance, maybe
-      for (std::size_t v = 0; seen.known && v < seen.upper.size(); ++v)
-        higher |= seen.upper[v] > 1.1 * result.attained_of[v];
-      if (higher)
-        for (double omega : {node.interval.first, node.interval.last})
-          visit(omega, small, allowed, result);
-    } else if (medium_.may_be_excluded(node.interval)) {
-      result.excluded.push_back(node.interval);
-    } else {
-      medium_.split(node);
-      zones.push_back(node.low.get());
-      zones.push_back(node.high.get());
-    }
-  }
-  result.excluded = joined(std::move(result.excluded));
-}
-
-/// What an interval shows belongs to the result.
-void ErrorOverBand::settle(const Look& seen, Supremum& result) {
-  for (std::size_t v = 0; v < result.worst_of.size(); ++v)
-    result.worst_of[v] = std::max(result.worst_of[v], seen.upper[v]);
-  result.proved = result.proved && seen.proved;
-}
-
-/// The certified error at a frequency, a lower bound of the supremum.
-void ErrorOverBand::visit(double omega, const SmallModel& small, double level,
-                          Supremum& result) {
-  const Point here = point(omega, &small, level);
-  result.proved = result.proved && here.proved;
-  for (std::size_t v = 0; v < result.attained_of.size(); ++v) {
-    if (here.certified[v] <= result.attained_of[v]) continue;
-    result.attained_of[v] = here.certified[v];
-    result.at_of[v] = omega;
-  }
-}
-
-ErrorOverBand::Supremum ErrorOverBand::supremum(const DenseSystem& system, double level,
-                                                int most) {
-  const SmallModel small(system, medium_.model());
-  struct Open {
-    Node* node;
-    Look seen;
-    double priority;
-    bool operator<(const Open& other) const { return priority < other.priority; }
-  };
-  const std::size_t views = medium_.model().views.size();
-  Supremum result;
-  result.worst_of.assign(views, 0.0);
-  std::vector<double>& best = result.attained_of;
-  best.assign(views, 0.0);
-  result.at_of.assign(views, 0.0);
-  // Gram matrices tell errors of many ports down to the root of rounding, and no closer for
-  // being looked at again: what is `negligible` is left at what it may be at most.
-  const double blurred = medium_.model().has_many_ports() ? 0.1 * level : 0.0;
-  const auto priority = [&](const Look& seen) {
-    double most_promising = 0;
-    for (std::size_t v = 0; v < views; ++v)
-      if (!(seen.upper[v] <= blurred)) // NaN too
-        most_promising = std::max(most_promising, best[v] > 0 ? seen.upper[v] / best[v]
-                                                  : seen.upper[v] > 0 ? infinity
-                                                                      : 0.0);
-    return most_promising;
-  };
-  std::priority_queue<Open> open;
-  std::vector<Node*> zones;
-  const auto enter = [&](Node& node) {
-    ++result.intervals;
-    const double matters = std::max(level, *std::min_element(best.begin(), best.end()));
-    Look seen = look(node, &small, matters);
-    bool higher = false;
-    if (seen.known)
-      for (std::size_t v = 0; v < views; ++v) higher |= seen.upper[v] > best[v];
-    if (higher) visit(seen.omega, small, matters, result);
-    const double now = priority(seen);
-    open.push({&node, std::move(seen), now});
-  };
-  for (const auto& root : medium_.roots())
-    if (medium_.near_pole(root->interval))
-      zones.push_back(root.get());
-    else
-      enter(*root);
-  while (!open.empty()) {
-    stop_if_interrupted();
-    const Open top = open.top();
-    open.pop();
-    // `best` may have risen since; an infinite error at one frequency ends the search.
-    const double now = priority(top.seen);
-    const bool unbounded =
-        std::any_of(best.begin(), best.end(), [](double b) { return b == infinity; });
-    // What may be within the level is to be known to be.
-    bool open_question = false;
-    for (std::size_t v = 0; v < views; ++v)
-      open_question |= best[v] <= level && top.seen.upper[v] > level;
-    if ((now <= close && !open_question) || unbounded || result.intervals > most ||
-        width_of(top.node->interval) <= narrowest * top.node->interval.last) {
-      settle(top.seen, result);
-      continue;
-    }
-    medium_.split(*top.node);
-    enter(*top.node->low);
-    enter(*top.node->high);
-  }
-
-  result.worst = largest(result.worst_of);
-  const bool nothing_else = zones.size() == medium_.roots().size();
-  // Where nothing is claimed elsewhere either, resonances are told apart by the tolerance.
-  const bool is_bounded = std::isfinite(result.worst) || level == 0;
-  exclude(std::move(zones), small, is_bounded ? std::max(level, result.worst) : level,
-          result);
-  if (nothing_else && result.worst_of == std::vector<double>(views, 0.0))
-    result.worst_of.assign(views, infinity); // all of the band is excluded
-  result.worst = largest(result.worst_of);
-  // A value at one frequency may come from a looser bound than that of its interval.
-  for (std::size_t v = 0; v < views; ++v)
-    result.attained_of[v] = std::min(result.attained_of[v], result.worst_of[v]);
-  for (std::size_t v = 0; v < views; ++v) { // the errors themselves
-    result.worst_of[v] *= allowed(v);
-    result.attained_of[v] *= allowed(v);
-  }
-  result.worst = largest(result.worst_of);
-  return result;
+std::optional<double> ErrorOverBand::exceeds(Small small, double tolerance,
+                                             Measure measure) {
+  std::optional<double> found;
+  where_it_fails(small, tolerance, measure, [&](double omega, const Node&) {
+    found = omega;
+    return false;
+  });
+  return found;
 }
 
 } // namespace flexgram

@@ -1,5 +1,5 @@
 /// The certified error of small models everywhere in the bands, by branch and bound
-/// (docs/proof.md, section 4, "Together"). Called by basis/cut and order_choice, and by
+/// (docs/proof.md, section 4, "Together"); error_supremum.cpp finds it. Called by basis/cut and order_choice, and by
 /// growth.cpp for the medium model itself.
 
 #pragma once
@@ -7,6 +7,8 @@
 #include "medium/over_band.hpp"
 #include "medium/small_model.hpp"
 
+#include <algorithm>
+#include <limits>
 #include <optional>
 
 namespace flexgram {
@@ -97,8 +99,20 @@ private:
   /// What is compared with the medium model; null: the medium model itself, without
   /// rounding.
   using Small = const SmallModel*;
-  struct Look;
-  struct Point;
+  /// What a small model's error may be on an interval.
+  struct Look {
+    std::vector<double> upper; ///< of each view
+    double worst = std::numeric_limits<double>::infinity();
+    double omega = 0;   ///< where the error seems largest
+    bool known = false; ///< no pole is too near for a bound
+    bool proved = true;
+  };
+  /// The certified errors at one frequency.
+  struct Point {
+    std::vector<double> certified; ///< of each view
+    bool proved = true;
+    double worst() const { return *std::max_element(certified.begin(), certified.end()); }
+  };
   double reference(std::size_t view, double here);
   double allowed(std::size_t view) const;
   std::vector<double> negligible(const std::vector<double>& sizes, double level);
@@ -112,6 +126,9 @@ private:
                                           Measure measure);
   Point point(double omega, Small small, double level, Measure measure = Measure::claim);
   Look look(Node& node, Small small, double level, Measure measure = Measure::claim);
+  template <class Visit>
+  void where_it_fails(Small small, double tolerance, Measure measure, const Visit& visit);
+  /// A frequency where the error is not proved to be within the tolerance.
   std::optional<double> exceeds(Small small, double tolerance, Measure measure);
   double worst_between(Interval interval, double tolerance, Measure measure);
   static void settle(const Look& seen, Supremum& result);

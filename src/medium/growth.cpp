@@ -234,8 +234,7 @@ ResidualNorm MediumBuilder::norm_of(const DenseResponse& response, const Block& 
   add_product(rest, medium_.cutoff * medium_.cutoff, multiply(fom_.M, image_), one);
   norm.gram = inner(T, image_);
   const Dense correction = inner(image_, rest);
-  for (std::size_t i = 0; i < norm.gram.data.size(); ++i)
-    norm.gram.data[i] += correction.data[i];
+  add_to(norm.gram, correction);
   symmetrise(norm.gram);
   space_->scale(rest);
   const Dense left = inner(rest, rest);
@@ -247,8 +246,7 @@ ResidualNorm MediumBuilder::norm_of(const DenseResponse& response, const Block& 
   // What rounding left of the modes in T, where E⁻¹ is negative, is taken out again.
   const Dense along = along_modes(response, T);
   const Dense negative = multiply_transposed(along, along);
-  for (std::size_t i = 0; i < norm.gram.data.size(); ++i)
-    norm.gram.data[i] += negative.data[i];
+  add_to(norm.gram, negative);
   share_from_first(fom_.comm, norm.gram.data);
   return norm;
 }

@@ -106,7 +106,7 @@ DenseSystem leading(const DenseSystem& all, int order) {
 void expect_coordinates(const Hdf5File& file, const DenseSystem& system, double tau,
                         const Dense& U, const std::vector<double>& lambda) {
   Dense E = system.K;
-  for (std::size_t i = 0; i < E.data.size(); ++i) E.data[i] += tau * system.M.data[i];
+  add_to(E, system.M, tau);
   const Dense one = multiply_transposed(U, multiply(E, U)),
               m = multiply_transposed(U, multiply(system.M, U));
   double worst = 0;

@@ -35,7 +35,7 @@ RitzPairs ritz_pairs(const MediumSpace& space) {
   const Dense M_all = space.M();
   const Dense M = part_of(M_all, rigid, count, rigid, count);
   Dense E = part_of(space.K(), rigid, count, rigid, count);
-  for (std::size_t i = 0; i < E.data.size(); ++i) E.data[i] += space.tau() * M.data[i];
+  add_to(E, M, space.tau());
   // M u = μ (K + τM) u: the small λ = 1/μ − τ get all the digits.
   const SymmetricEigen eigen = symmetric_eigen(M, E);
   RitzPairs pairs;

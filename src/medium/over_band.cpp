@@ -24,8 +24,6 @@ std::size_t sights_at_once(std::size_t entries) {
   return std::clamp<std::size_t>(most_kept / each, 1, most_sights);
 }
 
-double width_of(const Interval& interval) { return interval.last - interval.first; }
-
 } // namespace
 
 MediumOverBand::MediumOverBand(MediumModel model, const std::vector<Interval>& bands,
@@ -43,7 +41,7 @@ MediumOverBand::MediumOverBand(MediumModel model, const std::vector<Interval>& b
     roots_.back()->interval = interval;
   };
   for (const Interval& band : bands) {
-    if (width_of(band) == 0) {
+    if (band.width() == 0) {
       add(band);
       continue;
     }
@@ -56,7 +54,7 @@ MediumOverBand::MediumOverBand(MediumModel model, const std::vector<Interval>& b
     for (std::size_t i = 0; i + 1 < ends.size(); ++i) {
       const double first = ends[i], last = ends[i + 1], whole = last - first;
       const int count =
-          1 + static_cast<int>((first_intervals - 1) * whole / width_of(band));
+          1 + static_cast<int>((first_intervals - 1) * whole / band.width());
       for (int l = 0; l < count; ++l)
         add({first + whole * l / count,
              l + 1 == count ? last : first + whole * (l + 1) / count});
@@ -99,7 +97,7 @@ MediumOverBand::provable_over(const Interval& interval) const {
     return std::all_of(stretch.bounds.begin(), stretch.bounds.end(),
                        [](const Certificate::Bound& bound) { return bound.proved; });
   };
-  if (!medium || proved(*medium) || width_of(interval) == 0) return medium;
+  if (!medium || proved(*medium) || interval.width() == 0) return medium;
   const double centre = interval.centre();
   const auto there = model_.over({centre, centre}, 0);
   if (there && proved(*there)) return std::nullopt;
@@ -168,8 +166,7 @@ bool MediumOverBand::may_be_excluded(const Interval& interval) const {
   return std::any_of(sharp_.begin(), sharp_.end(), [&](const Sharp& s) {
     const double distance =
         std::max({interval.first - s.pole, s.pole - interval.last, 0.0});
-    return s.holds(interval) &&
-           width_of(interval) <= std::max(0.25 * distance, s.nearest);
+    return s.holds(interval) && interval.width() <= std::max(0.25 * distance, s.nearest);
   });
 }
 

@@ -57,6 +57,8 @@ public:
     bool seen = false; ///< `stretch` is known
     std::shared_ptr<const Stretch> stretch;
     std::shared_ptr<const TransferSeries> H; ///< only as long as there is room
+    /// Intervals of this length are not halved any more.
+    bool is_shortest() const { return interval.width() <= 1e-10 * interval.last; }
   };
   /// Intervals that make up the bands.
   const std::vector<std::unique_ptr<Node>>& roots() const { return roots_; }

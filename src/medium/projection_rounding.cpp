@@ -46,15 +46,6 @@ std::vector<double> added(std::vector<double> a, const std::vector<double>& b) {
   return a;
 }
 
-void add_to(Dense& a, const Dense& b) {
-  for (std::size_t i = 0; i < a.data.size(); ++i) a.data[i] += b.data[i];
-}
-
-Dense absolute(Dense a) {
-  for (double& x : a.data) x = std::abs(x);
-  return a;
-}
-
 /// s with |A_ij| ε/2 <= s_i s_j: by the diagonal where A is positive semidefinite, as far as one
 /// sees.
 std::vector<double> rounding_to_doubles(const Dense& a) {
@@ -361,7 +352,7 @@ SharpResponse sharpened(const MediumSpace& space, const DenseResponse& response,
   };
   const Dense M_e = elastic(M.hi);
   Dense E = elastic(K.hi);
-  for (std::size_t i = 0; i < E.data.size(); ++i) E.data[i] += tau * M_e.data[i];
+  add_to(E, M_e, tau);
   SymmetricEigen eigen = symmetric_eigen(M_e, E);
   share_from_first(fom.comm, eigen.values);
   share_from_first(fom.comm, eigen.vectors.data);

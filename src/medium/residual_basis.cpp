@@ -273,8 +273,7 @@ Dense weighted_squares(const std::vector<SquaresOfBlock>& blocks, const Dense& o
   bool differs = side == Side::both;
   for (const SquaresOfBlock& block : blocks) {
     const auto add = [&](const Dense& square, double weight) {
-      for (std::size_t i = 0; i < square.data.size(); ++i)
-        squares.data[i] += weight * square.data[i];
+      if (!square.data.empty()) add_to(squares, square, weight);
     };
     const Dense& others = side == Side::inputs ? block.outputs : block.inputs;
     double most = 0, weight = 1; // w², of the inputs
@@ -316,7 +315,7 @@ Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
   const auto add_square = [&](Dense& squares, const Dense& columns) {
     if (squares.data.empty()) squares = Dense(k, k);
     const Dense W = multiply(norm.F, columns), WWt = multiply(W, transpose(W));
-    for (std::size_t i = 0; i < squares.data.size(); ++i) squares.data[i] += WWt.data[i];
+    add_to(squares, WWt);
   };
   std::vector<SquaresOfBlock> of_blocks(blocks.size());
   const auto scale_of = [&](int port) { return scale[static_cast<std::size_t>(port)]; };

@@ -104,11 +104,6 @@ std::vector<LongDense> response_in_long_double(const ModalNumbers& numbers,
   return X;
 }
 
-Dense absolute(Dense a) {
-  for (double& x : a.data) x = std::abs(x);
-  return a;
-}
-
 double largest_of(const double* values, std::size_t count) {
   double largest = 0;
   for (std::size_t i = 0; i < count; ++i)

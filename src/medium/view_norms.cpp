@@ -72,7 +72,7 @@ ViewNorms smaller_of(const ViewNorms& a, const ViewNorms& b) {
 MatrixSeries difference_of(const MatrixSeries& a, MatrixSeries b) {
   for (std::size_t i = 0; i < b.coefficients.data.size(); ++i)
     b.coefficients.data[i] = a.coefficients.data[i] - b.coefficients.data[i];
-  for (std::size_t i = 0; i < b.tail.data.size(); ++i) b.tail.data[i] += a.tail.data[i];
+  add_to(b.tail, a.tail);
   return b;
 }
 

@@ -124,7 +124,7 @@ DenseResponse::DenseResponse(DenseSystem system, double tau)
   const int N = system_.order(), free = free_, count = N - free;
   const Dense M = part_of(system_.M, free, count, free, count);
   Dense E = part_of(system_.K, free, count, free, count);
-  for (std::size_t i = 0; i < E.data.size(); ++i) E.data[i] += tau * M.data[i];
+  add_to(E, M, tau);
   U_ = Dense(N, N);
   for (int i = 0; i < free; ++i) U_(i, i) = 1 / std::sqrt(tau);
   mu_.assign(static_cast<std::size_t>(free), 1 / tau);
@@ -211,10 +211,6 @@ std::optional<std::pair<Dense, Dense>> beside_the_diagonals(const DenseSystem& s
       left.second(i, j) = left.second(j, i) = static_cast<double>(mass);
     }
   return left;
-}
-
-void add_to(Dense& a, const Dense& b) {
-  for (std::size_t i = 0; i < a.data.size(); ++i) a.data[i] += b.data[i];
 }
 
 } // namespace

@@ -17,6 +17,7 @@ struct Interval {
   double first = 0, last = 0;
   double centre() const { return 0.5 * (first + last); }
   double half() const { return 0.5 * (last - first); }
+  double width() const { return last - first; }
   bool operator==(const Interval&) const = default;
 };
 

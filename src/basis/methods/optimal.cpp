@@ -90,8 +90,7 @@ BandError::BandError(const SecondStage& stage, std::vector<double> omega)
 Dense BandError::coordinates(const Dense& basis) const {
   // U is (K + τM)-orthonormal: its inverse is Uᵀ(K + τM).
   Dense E = e_.system.K;
-  for (std::size_t i = 0; i < E.data.size(); ++i)
-    E.data[i] += medium_.tau * e_.system.M.data[i];
+  add_to(E, e_.system.M, medium_.tau);
   const Dense elastic =
       part_of(basis, e_.rigid, e_.count, e_.rigid, basis.columns - e_.rigid);
   return orthonormal_columns(multiply_transposed(e_.response.U(), multiply(E, elastic)));
