@@ -1,5 +1,5 @@
 /// The bound of a Galerkin model's error over an interval of ω (docs/proof.md, sections 2
-/// to 4). Made by growth.cpp, asked by MediumModel.
+/// to 4). Made by level_certifier.cpp, asked by MediumModel.
 
 #pragma once
 
@@ -44,7 +44,7 @@ void turn_residual(ResidualBasis& basis, const Dense& Q, const DenseResponse& re
 
 /// The norm (K − ω_c²M)⁻¹ on the columns of T, by a solve that need not be exact.
 struct ResidualNorm {
-  Dense gram;             ///< TᵀE⁻¹T at least, without the modes below ω_c
+  Dense gram;             ///< no less than TᵀE⁻¹T, without the modes below ω_c
   double added = 0;       ///< at most so much more than that, on its diagonal
   double of_rounding = 0; ///< ‖E^−½ r‖/‖r‖ of a vector r of roundings, rows scaled
 };

@@ -203,15 +203,8 @@ void Certificate::add_rounding(Bound& bound, const DenseResponse& response,
                a_k = std::hypot(1, damping.eta + omega * damping.beta);
   const auto in = sizes_of(x, block.inputs),
              out = block.outputs == block.inputs ? in : sizes_of(x, block.outputs);
-  /// Of each mode how far its ports are off.
   const auto off = [&](std::size_t i, const std::vector<int>& ports) {
-    double square = 0;
-    for (int j : ports) {
-      const double here =
-          rounding_.ports(static_cast<int>(i), j) / scale_[static_cast<std::size_t>(j)];
-      square += here * here;
-    }
-    return std::sqrt(square);
+    return rounding_.of_ports(i, ports, scale_);
   };
   bound.floor = rounding_.of_response(a_k, omega, out, in);
   bound.rigid_floor = rounding_.of_rigid_modes(omega, out, in);

@@ -3,33 +3,73 @@
 
 #include "medium/checkpoint.hpp"
 
+#include "base/process.hpp"
 #include "base/text.hpp"
 #include "io/archive.hpp"
 #include "io/body_io.hpp"
 #include "io/kept_rows.hpp"
 #include "medium/medium_io.hpp"
+#include "medium/mode_search.hpp"
+#include "medium/port_loads.hpp"
 
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <numeric>
 
 namespace flexgram {
 namespace {
 
-template <class Archive, class State>
-void archive_state(Archive&& a, State& s) {
-  a("K", s.K);
-  a("D", s.D);
-  a("ports", s.ports);
-  a("rigid_stiffness", s.rigid_stiffness);
-  a("geometric", s.geometric);
-  a("blocks", s.blocks);
-  a("inertia_is_safe", s.inertia_is_safe);
-  a("judged_elastic", s.judged_elastic);
-  a("exact_modes", s.exact_modes);
-  a("grid", s.grid);
-  a("least_eigenvalue", s.least_eigenvalue);
-  a("of_rounding", s.of_rounding);
+/// The fields of a checkpoint beside the levels of the medium model.
+struct Stored {
+  Basis V;           ///< W-orthonormal
+  Dense K, D, ports; ///< VᵀKV, VᵀDV and Vᵀ[B, C], scaled: what tells bodies apart
+  Block image;
+  Dense rigid_stiffness; ///< among rigid modes, as the stored K has it (MediumSpace)
+  int geometric = 0, blocks = 0;
+  bool inertia_is_safe = false;
+  int judged_elastic = 0;
+  bool exact_modes = false;
+  std::vector<double> grid; ///< [rad/s]
+  double least_eigenvalue = 0, of_rounding = 0;
+
+  template <class Archive, class Self>
+  static void archive(Archive&& a, Self& s) {
+    a("K", s.K);
+    a("D", s.D);
+    a("ports", s.ports);
+    a("rigid_stiffness", s.rigid_stiffness);
+    a("geometric", s.geometric);
+    a("blocks", s.blocks);
+    a("inertia_is_safe", s.inertia_is_safe);
+    a("judged_elastic", s.judged_elastic);
+    a("exact_modes", s.exact_modes);
+    a("grid", s.grid);
+    a("least_eigenvalue", s.least_eigenvalue);
+    a("of_rounding", s.of_rounding);
+  }
+};
+
+Stored stored(const CertifyState& state) {
+  const MediumSpace& space = *state.modal.space;
+  const int rigid = space.rigid();
+  Stored s;
+  s.rigid_stiffness =
+      rigid > 0 ? part_of(space.rigid_stiffness(), 0, rigid, 0, rigid) : Dense(0, 0);
+  s.geometric = space.geometric();
+  s.blocks = state.growth.blocks;
+  s.inertia_is_safe = state.modal.inertia_is_safe;
+  s.judged_elastic = state.modal.judged_elastic;
+  s.exact_modes = state.modal.exact;
+  s.grid = state.growth.grid;
+  s.least_eigenvalue = state.growth.bounds.least_eigenvalue;
+  s.of_rounding = state.growth.bounds.of_rounding;
+  s.K = space.K();
+  s.D = space.D();
+  s.ports = inner(space.V(), state.modal.loads);
+  s.V = space.V().share();
+  if (state.growth.image) s.image = state.growth.image.share();
+  return s;
 }
 
 void expect_same_job(const Hdf5File& file, const Medium& there, const CertifySpec& spec) {
@@ -61,38 +101,38 @@ void expect_same_job(const Hdf5File& file, const Medium& there, const CertifySpe
                 spec.modes, spec.last_needed));
 }
 
-} // namespace
-
-void write_checkpoint(const Medium& medium, const CheckpointState& state,
-                      const SecondOrderModel& body, const std::string& path) {
+void write(const CertifyState& state, const SecondOrderModel& body,
+           const std::string& path) {
+  const Stored s = stored(state);
   Hdf5File file = Hdf5File::create(body.comm, path);
-  write_levels(file, medium);
-  archive_state(FieldWriter(file, "/checkpoint"), state);
+  write_levels(file, state.medium);
+  Stored::archive(FieldWriter(file, "/checkpoint"), s);
   write_identity(file, body);
-  write_basis(file, "/V", state.V, body.n, body.rows);
-  if (state.image) write_basis(file, "/image", state.image, body.n, body.rows);
+  write_basis(file, "/V", s.V, body.n, body.rows);
+  if (s.image) write_basis(file, "/image", s.image, body.n, body.rows);
   write_dof_map(file, body);
   file.commit();
 }
 
-std::optional<CheckpointState> read_checkpoint(const SecondOrderModel& body,
-                                               const CertifySpec& spec,
-                                               const std::string& path, Medium& medium) {
+/// Rows as this run has them: a body assembled on another number of ranks has them in another
+/// order. @return nothing if there is no such file.
+/// @param medium  becomes what it was, without V.
+std::optional<Stored> read(const SecondOrderModel& body, const CertifySpec& spec,
+                           const std::string& path, Medium& medium) {
   std::error_code ignored;
   const bool here = std::filesystem::is_regular_file(path, ignored);
   if (sum_over(body.comm, static_cast<std::int64_t>(here)) < comm_size(body.comm))
     return std::nullopt;
   const Hdf5File file = Hdf5File::open(body.comm, path);
-  CheckpointState state;
-  medium = Medium();
+  Stored s;
   agree(body.comm, [&] {
     read_levels(file, medium);
-    archive_state(FieldReader(file, "/checkpoint"), state);
+    Stored::archive(FieldReader(file, "/checkpoint"), s);
     expect_same_job(file, medium, spec);
   });
   expect_identity(file, body);
-  state.V.append(read_rows(file, "/V", body));
-  if (file.exists("/image")) state.image = read_rows(file, "/image", body);
+  s.V.append(read_rows(file, "/V", body));
+  if (file.exists("/image")) s.image = read_rows(file, "/image", body);
   const int rigid = medium.rigid;
   const auto ports =
       body.inputs.size() + (body.outputs_are_inputs ? 0 : body.outputs.size());
@@ -101,11 +141,141 @@ std::optional<CheckpointState> read_checkpoint(const SecondOrderModel& body,
   };
   if (medium.scale.size() != ports ||
       medium.body.outputs_are_inputs != body.outputs_are_inputs ||
-      state.V.columns() < rigid + medium.modes || !square(state.rigid_stiffness) ||
-      (!medium.levels.empty() && medium.levels.back().order() > state.V.columns()))
+      s.V.columns() < rigid + medium.modes || !square(s.rigid_stiffness) ||
+      (!medium.levels.empty() && medium.levels.back().order() > s.V.columns()))
     throw Error(
         text("file %s: its parts do not fit each other: it is damaged", path.c_str()));
+  return s;
+}
+
+/// Whether V is of this body: what it makes of K, D and the ports now against what it
+/// made of them then, up to rounding of each entry; norms alone would not see a load that
+/// moved to another node.
+void expect_same_projection(const ModalSpace& modal, const Stored& there, MPI_Comm comm,
+                            const std::string& path) {
+  const MediumSpace& space = *modal.space;
+  const auto& g = space.rounding_weights();
+  double worst = loss_of_orthogonality(space.V(), space.product()) / 1e-9;
+  const auto compare = [&](const Dense& here, const Dense& kept, auto&& allowed) {
+    if (here.rows != kept.rows || here.columns != kept.columns) worst = HUGE_VAL;
+    for (int j = 0; j < here.columns && worst < HUGE_VAL; ++j)
+      for (int i = 0; i < here.rows; ++i)
+        worst = std::max(worst, std::abs(here(i, j) - kept(i, j)) / allowed(i, j));
+  };
+  const double rounding = 1e3 * space.rounding(), sigma = modal.cutoff * modal.cutoff;
+  compare(space.K(), there.K, [&](int i, int j) {
+    return rounding * g[static_cast<std::size_t>(i)] * g[static_cast<std::size_t>(j)] +
+           1e-12 * sigma;
+  });
+  const double size_D = frobenius_norm(there.D);
+  compare(space.D(), there.D, [&](int, int) { return 1e-9 * size_D + 1e-300; });
+  const Dense ports = inner(space.V(), modal.loads);
+  const double size = frobenius_norm(ports);
+  compare(ports, there.ports, [&](int, int) { return 1e-9 * size + 1e-300; });
+  int below = 0;
+  for (double l : ritz_pairs(space).lambda) below += l < sigma;
+  if (!(max_over(comm, worst) <= 1) || below != modal.elastic)
+    throw Error(text("{restart}: the checkpoint %s is of another body, or damaged: what "
+                     "its basis makes of K, D and the ports differs; remove it to start "
+                     "afresh",
+                     path.c_str()));
+}
+
+ModalSpace modal_space(const CertifyRun& run, const Medium& medium, Stored& s) {
+  ModalSpace modal;
+  modal.cutoff = medium.cutoff;
+  modal.scale = medium.scale;
+  modal.elastic = medium.modes;
+  modal.exact = s.exact_modes;
+  modal.judged_elastic = s.judged_elastic;
+  modal.inertia_is_safe = s.inertia_is_safe;
+  modal.loads = port_loads(run.fom).all;
+  scale_columns(modal.loads, modal.scale);
+  const int rigid = medium.rigid, all = static_cast<int>(s.V.columns());
+  std::vector<int> first(static_cast<std::size_t>(rigid)),
+      rest(static_cast<std::size_t>(all - rigid));
+  std::iota(first.begin(), first.end(), 0);
+  std::iota(rest.begin(), rest.end(), rigid);
+  const Block V = std::move(s.V).block();
+  modal.space = std::make_unique<MediumSpace>(run.fom, medium.kappa, medium.tau);
+  modal.space->start_with_rigid_modes(select_columns(V, first),
+                                      std::move(s.rigid_stiffness), s.geometric);
+  modal.space->restore(select_columns(V, rest));
+  return modal;
+}
+
+} // namespace
+
+Checkpoints::Checkpoints(const SecondOrderModel& fom, const CheckpointSpec& spec,
+                         Observer& observer)
+    : fom_(fom), spec_(spec), observer_(observer), start_(now()) {}
+
+bool Checkpoints::is_asked_to_end() const {
+  return max_over(fom_.comm, asked_to_end() ? 1.0 : 0.0) > 0;
+}
+
+std::optional<CertifyState> Checkpoints::resume(const CertifyRun& run) const {
+  if (!spec_.restart || spec_.path.empty()) return std::nullopt;
+  Stage stage(observer_, "restart");
+  CertifyState state;
+  Medium& medium = state.medium;
+  auto s = read(fom_, run.spec, spec_.path, medium);
+  if (!s) {
+    observer_.fact("restart", text("there is no checkpoint %s: from the beginning",
+                                   spec_.path.c_str()));
+    return std::nullopt;
+  }
+  *spec_.used = true;
+  medium.body = fom_.head();
+  medium.spec = run.spec;
+  medium.shortfall = unfinished;
+  run.factors.count_from(medium.factorisations, medium.solved_columns);
+  state.growth = {std::move(s->grid),
+                  std::move(s->image),
+                  s->blocks,
+                  {s->least_eigenvalue, s->of_rounding}};
+  state.modal = modal_space(run, medium, *s);
+  expect_same_projection(state.modal, *s, fom_.comm, spec_.path);
+  observer_.fact("restart",
+                 text("from %s: %d rigid and %d elastic modes below %.4g Hz, order %d, "
+                      "%zu levels certified",
+                      spec_.path.c_str(), medium.rigid, medium.modes, medium.cutoff * hz,
+                      state.modal.space->columns(), medium.levels.size()));
   return state;
+}
+
+void Checkpoints::save(const CertifyRun& run, CertifyState& state,
+                       const char* what) const {
+  if (spec_.path.empty()) return;
+  state.medium.factorisations = run.factors.factorisations();
+  state.medium.solved_columns = run.factors.solved_columns();
+  using When = CheckpointSpec::When;
+  const bool end = is_asked_to_end();
+  const bool late = max_over(fom_.comm, now() - start_) > 20;
+  bool saved = false;
+  if (spec_.when == When::always || (spec_.when == When::automatic && (late || end))) {
+    Stage stage(observer_, "checkpoint");
+    try {
+      write(state, fom_, spec_.path);
+      saved = *spec_.used = true;
+      observer_.detail(text("  checkpoint after %s: %s", what, spec_.path.c_str()));
+    } catch (const Error& error) { // on all ranks
+      if (spec_.when == When::always) throw;
+      observer_.warn(text("no checkpoint: %s", error.what()));
+    }
+  }
+  if (end)
+    throw Interrupted(
+        saved ? text("ended by SIGTERM after %s; {restart} goes on from %s", what,
+                     spec_.path.c_str())
+              : text("ended by SIGTERM after %s, without a checkpoint", what));
+}
+
+void Checkpoints::end_if_asked(const char* what) const {
+  if (!spec_.path.empty() && is_asked_to_end())
+    throw Interrupted(text("ended by SIGTERM before %s was done: there was nothing to "
+                           "keep yet",
+                           what));
 }
 
 } // namespace flexgram

@@ -1,42 +1,38 @@
-/// What an unfinished `certify` leaves behind, for one that goes on. Called by resume.cpp
-/// alone.
+/// What an unfinished `certify` leaves behind, for one that goes on.
 
 #pragma once
 
-#include "linalg/basis.hpp"
-#include "medium/medium.hpp"
-
-#include <optional>
+#include "medium/growth.hpp"
 
 namespace flexgram {
 
-/// What `certify` has finished beside the levels of the medium model: the space.
-struct CheckpointState {
-  Basis V;           ///< W-orthonormal
-  Dense K, D, ports; ///< VᵀKV, VᵀDV and Vᵀ[B, C], scaled: what tells bodies apart
-  Block image; ///< (K − ω_c²M)⁻¹T of the last level: the next Krylov block; or empty
-  Dense rigid_stiffness; ///< among rigid modes, as the stored K has it (MediumSpace)
-  int geometric = 0, blocks = 0;
-  bool inertia_is_safe = false;
-  /// Of slow modes: those judged to be no rigid ones; whether all were found exactly.
-  int judged_elastic = 0;
-  bool exact_modes = false;
-  std::vector<double> grid; ///< [rad/s]
-  double least_eigenvalue = 0, of_rounding = 0;
+/// The shortfall of a medium model that is still growing: what a checkpoint says of itself.
+inline constexpr const char* unfinished = "unfinished";
+
+/// Writes and reads the checkpoints of one run, and ends it if it is asked to.
+class Checkpoints {
+public:
+  /// @param spec  kept by reference.
+  Checkpoints(const SecondOrderModel& fom, const CheckpointSpec& spec,
+              Observer& observer);
+
+  /// Writes a checkpoint if it is time for one. @param what  is done, in words.
+  /// @throws Interrupted after that if SIGTERM asked to end. Collective.
+  void save(const CertifyRun& run, CertifyState& state, const char* what) const;
+  /// Where nothing could be saved. @throws Interrupted if SIGTERM asked to end. Collective.
+  void end_if_asked(const char* what) const;
+  /// What a checkpoint holds. @return nothing if there is none, or if it is not wanted.
+  /// @throws Error naming the difference if it is of another body, band, ports or version.
+  /// Collective.
+  std::optional<CertifyState> resume(const CertifyRun& run) const;
+
+private:
+  bool is_asked_to_end() const;
+
+  const SecondOrderModel& fom_;
+  const CheckpointSpec& spec_;
+  Observer& observer_;
+  double start_; ///< [s]
 };
-
-/// Writes the medium model so far and the state beside the output, whole or not at all.
-/// Collective.
-void write_checkpoint(const Medium& medium, const CheckpointState& state,
-                      const SecondOrderModel& body, const std::string& path);
-
-/// Both, rows as this run has them: a body assembled on another number of ranks has them
-/// in another order. @return nothing if there is no such file.
-/// @param medium  becomes what it was, without V.
-/// @throws Error naming the difference if it is of another body, band, ports or version.
-/// Collective.
-std::optional<CheckpointState> read_checkpoint(const SecondOrderModel& body,
-                                               const CertifySpec& spec,
-                                               const std::string& path, Medium& medium);
 
 } // namespace flexgram

@@ -1,6 +1,7 @@
 /// The certified error of small models everywhere in the bands, by branch and bound
-/// (docs/proof.md, section 4, "Together"); error_supremum.cpp finds it. Called by basis/cut and order_choice, and by
-/// growth.cpp for the medium model itself.
+/// (docs/proof.md, section 4, "Together"); error_supremum.cpp finds it. Called by basis/cut and
+/// order_choice, and by
+/// level_judge.cpp for the medium model itself.
 
 #pragma once
 

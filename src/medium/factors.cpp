@@ -84,4 +84,32 @@ void choose_factors(ShiftedSolver& solver, const SecondOrderModel& fom,
                        taken->peak_mb, limit));
 }
 
+RealFactors::RealFactors(const SecondOrderModel& fom, const SolverOptions& options,
+                         Observer& observer)
+    : fom_(fom), observer_(observer), options_(counting(options)),
+      solver_(fom.K, fom.M, nullptr, fom.node, options_) {
+  solver_.count_pivots(true);
+}
+
+void RealFactors::hold(double s) {
+  if (holds(s)) return;
+  if (!chosen_) choose_factors(solver_, fom_, options_, observer_, false);
+  chosen_ = true;
+  shift_.reset(); // until it is there
+  solver_.factorise({1.0, s, 0.0});
+  solver_.forget_pattern();
+  shift_ = s;
+}
+
+Block RealFactors::solve(const Block& b, ShiftedSolver::Verify verify) {
+  Block x = solver_.solve(b, verify).x;
+  solved_columns_ += static_cast<int>(b.columns());
+  return x;
+}
+
+void RealFactors::count_from(int factorisations, int solved_columns) {
+  factorisations_before_ = factorisations;
+  solved_columns_ = solved_columns;
+}
+
 } // namespace flexgram

@@ -1,11 +1,14 @@
 /// Which factors of K − ω_c²M a body gets: in double precision, in single, or in single on
-/// disk, by the memory that the run will take. Called by start.cpp and by the verb plan.
+/// disk, by the memory that the run will take; and the factors that `certify` has at hand.
+/// Called by the steps of `certify` and by the verb plan.
 
 #pragma once
 
 #include "base/observer.hpp"
 #include "linalg/shifted_solver.hpp"
 #include "model/second_order_model.hpp"
+
+#include <optional>
 
 namespace flexgram {
 
@@ -34,5 +37,37 @@ std::vector<FactorPath> factor_paths(const SecondOrderModel& fom,
 /// @note Collective.
 void choose_factors(ShiftedSolver& solver, const SecondOrderModel& fom,
                     const SolverOptions& options, Observer& observer, bool every);
+
+/// The factors of K + sM, with its inertia, for one shift s at a time.
+class RealFactors {
+public:
+  RealFactors(const SecondOrderModel& fom, const SolverOptions& options,
+              Observer& observer);
+
+  bool holds(double s) const { return shift_ == s; }
+  /// K + sM, if it is not what is at hand. The first time the arithmetic is chosen.
+  /// Collective.
+  void hold(double s);
+  /// (K + sM)⁻¹ b. @throws ShiftError if K + sM must be taken as singular. Collective.
+  Block solve(const Block& b, ShiftedSolver::Verify verify = ShiftedSolver::Verify::all);
+  /// Eigenvalues of K + sM below zero, and those that are zero.
+  int negative() const { return solver_.negative_pivots(); }
+  int null() const { return solver_.null_pivots(); }
+
+  /// What was done, with what a run had done whose checkpoint goes on.
+  int factorisations() const { return factorisations_before_ + solver_.factorisations(); }
+  int solved_columns() const { return solved_columns_; }
+  void count_from(int factorisations, int solved_columns);
+  bool fell_back() const { return solver_.fell_back(); }
+
+private:
+  const SecondOrderModel& fom_;
+  Observer& observer_;
+  SolverOptions options_;
+  ShiftedSolver solver_;
+  std::optional<double> shift_;
+  bool chosen_ = false; ///< the arithmetic
+  int factorisations_before_ = 0, solved_columns_ = 0;
+};
 
 } // namespace flexgram

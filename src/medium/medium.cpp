@@ -1,4 +1,4 @@
-/// What a certified medium model says of itself. See medium.hpp; it is made in growth.cpp.
+/// What a certified medium model says of itself. See medium.hpp; it is made by certify.cpp.
 
 #include "medium/medium.hpp"
 

@@ -54,7 +54,7 @@ RitzPairs ritz_pairs(const MediumSpace& space) {
   return pairs;
 }
 
-int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expected,
+int find_modes(MediumSpace& space, RealFactors& factors, double sigma, int expected,
                double enough, double null, Observer& observer) {
   // λ = 1/μ − τ is known to the rounding of τ.
   null = std::max(null, 64 * std::numeric_limits<double>::epsilon() * space.tau());
@@ -140,7 +140,7 @@ int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expe
     // is only worth its products where angles must become tiny.
     const int columns = space.columns();
     const std::vector<double> outside = space.append(
-        factor.solve(loads, ShiftedSolver::Verify::none).x, enough < 0.1 ? 1e-7 : 1e-5);
+        factors.solve(loads, ShiftedSolver::Verify::none), enough < 0.1 ? 1e-7 : 1e-5);
     newest = space.columns() - columns;
     solves += static_cast<int>(loads.columns());
     double worst = 0;

@@ -1,10 +1,11 @@
 /// All modes below the cutoff by block Rayleigh-Ritz with the shift-inverted operator
 /// (the residual as in subspace iteration; Parlett 1998, chapter 14). Called by
-/// start.cpp.
+/// modal_space.cpp, null_vectors.cpp.
 
 #pragma once
 
 #include "base/observer.hpp"
+#include "medium/factors.hpp"
 #include "medium/space.hpp"
 
 namespace flexgram {
@@ -34,7 +35,7 @@ class MiscountError : public Error {
 /// @note Collective.
 /// @pre the last block of the space is S applied to something, such as the response to
 /// loads at σ.
-int find_modes(MediumSpace& space, ShiftedSolver& factor, double sigma, int expected,
+int find_modes(MediumSpace& space, RealFactors& factors, double sigma, int expected,
                double enough, double null, Observer& observer);
 
 /// Eigenvalues of (K, M) in the space without its rigid modes, ascending, and the Ritz

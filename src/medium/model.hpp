@@ -1,5 +1,5 @@
 /// A level of a medium model seen by some ports: what small models are measured against.
-/// Made by basis/cut and growth.cpp.
+/// Made by basis/cut and level_judge.cpp.
 
 #pragma once
 

@@ -1,6 +1,6 @@
 /// A medium model's response everywhere in the bands and the bounds of its error: what
 /// small models are compared with. Kept in the Medium from one cut to the next. Made by
-/// basis/cut and growth.cpp, read by ErrorOverBand.
+/// basis/cut and level_judge.cpp, read by ErrorOverBand.
 
 #pragma once
 

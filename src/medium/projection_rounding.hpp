@@ -1,5 +1,6 @@
 /// What rounding does to the projected matrices of a medium model, and so to its H
-/// (docs/proof.md, section 6). Made by growth.cpp, kept by the certificate.
+/// (docs/proof.md, section 6). Of plain sums; sharp_response has that of
+/// accurate ones. Made by level_certifier.cpp, kept by the certificate.
 
 #pragma once
 
@@ -10,6 +11,9 @@
 #include <cmath>
 
 namespace flexgram {
+
+/// Σ_k |U_kj| w_k.
+std::vector<double> turned_weights(const Dense& U, const std::vector<double>& w);
 
 /// Rounding of the entries of UᵀVᵀAVU, A one of K, M and D: entry (i, j) is wrong by at most
 /// p_i p_j + p_i f_j + f_i p_j + s_i s_j.
@@ -25,6 +29,10 @@ struct EntryRounding {
               std::size_t first) const;
   /// |E||x|.
   std::vector<double> times(const std::vector<double>& x) const;
+  /// The same in other coordinates: of QᵀAQ.
+  EntryRounding turned(const Dense& Q) const {
+    return {turned_weights(Q, plain), turned_weights(Q, force), turned_weights(Q, sharp)};
+  }
   double at(std::size_t i, std::size_t j) const {
     return plain[i] * plain[j] + plain[i] * force[j] + force[i] * plain[j] +
            sharp[i] * sharp[j];
@@ -92,6 +100,14 @@ struct ProjectionRounding {
     a("rounding_rigid", self.rigid);
   }
   bool fits(int order, int ports_count) const;
+
+  /// How far the coordinates of some ports in mode i are off, in the ports' units.
+  /// @param scale  of each port.
+  double of_ports(std::size_t i, const std::vector<int>& some,
+                  const std::vector<double>& scale) const;
+  /// Takes `mixed` and its norm from what stands beside the diagonals, and what may be added to
+  /// each entry. @param first  modes before are left out.
+  void take_mixed(const Dense& of_K, const Dense& of_M, int first, double added = 0);
 };
 
 /// Of the plain sums that the space holds, and of plain products of small matrices.
@@ -102,24 +118,10 @@ ProjectionRounding plain_rounding(const MediumSpace& space, const DenseResponse&
 ProjectionRounding rounding_of_sums(const MediumSpace& space,
                                     const DenseResponse& response, const Block& loads);
 
-/// A response whose energies were summed with twice the digits for some Ritz vectors.
-struct SharpResponse {
-  std::shared_ptr<const DenseResponse> response;
-  ProjectionRounding rounding;
-  Dense turned; ///< its U is that of the response before times this
-};
-/// Columns of U whose sums with twice the digits are worth their price.
-struct SharpSums {
-  std::vector<int> K; ///< of K, D and the ports; elastic
-  std::vector<int> M; ///< fewer: nothing cancels in kinetic energy; rigid ones too
-};
-/// Products of small matrices with twice the digits, and more:
-/// @param chosen  whose energies and ports are summed again: with twice the digits among
-/// themselves, by accurate forces K y, M y, D y with all others.
-/// @param sums  rounding_of_sums of the response.
-/// @note One accurate product with its matrix for each of them. Collective.
-SharpResponse sharpened(const MediumSpace& space, const DenseResponse& response,
-                        const ProjectionRounding& sums, const Block& loads,
-                        const SharpSums& chosen);
+/// Adds what null vectors φ of K among the rigid modes have left: they differ from those of the
+/// stored numbers by δ, Kδ = Kφ: of an elastic mode u they hold uᵀKφ/uᵀKu, which shows in their
+/// ports and in M.
+void add_null_vectors(ProjectionRounding& rounding, const MediumSpace& space,
+                      const DenseResponse& response);
 
 } // namespace flexgram

@@ -1,5 +1,5 @@
 /// A basis T of what residuals are made of, R(ω) = T(…) + what was dropped
-/// (docs/proof.md, section 3, "W"). Declared in certificate.hpp, called by growth.cpp.
+/// (docs/proof.md, section 3, "W"). Declared in certificate.hpp, called by level_certifier.cpp.
 
 #include "base/event.hpp"
 #include "medium/certificate.hpp"

@@ -1,5 +1,5 @@
 /// The medium space V and what residuals on it are made of (docs/proof.md, section 2).
-/// Owned by MediumBuilder; read by mode_search, residual_basis and certificate.
+/// Owned by ModalSpace; read by mode_search, residual_basis and certificate.
 
 #pragma once
 

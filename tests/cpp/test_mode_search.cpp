@@ -61,12 +61,11 @@ TEST(Orthonormal, NewVectorsAreOrthonormalAndDependentOnesAreDropped) {
 TEST(ModeSearch, FindsAllModesBelowTheCutoffAlsoThoseThatNoPortMoves) {
   const SecondOrderModel fom = twin_chains(40);
   const double sigma = 0.3; // λ_k = 2 − 2 cos(kπ/41): seven below, each twice
-  ShiftedSolver factor(fom.K, fom.M, nullptr, {}, {});
-  factor.count_pivots(true);
-  factor.factorise({1.0, -sigma, 0.0});
-  EXPECT_EQ(factor.negative_pivots(), 14);
+  RealFactors factor(fom, {}, silent());
+  factor.hold(-sigma);
+  EXPECT_EQ(factor.negative(), 14);
   MediumSpace space(fom, 0, 0.01);
-  space.append(factor.solve(fom.B).x, 1e-8); // excites one chain only
+  space.append(factor.solve(fom.B), 1e-8); // excites one chain only
   find_modes(space, factor, sigma, 14, 1e-6, 1e-13, silent());
   const RitzPairs pairs = ritz_pairs(space);
   for (int k = 0; k < 14; ++k)
@@ -77,10 +76,9 @@ TEST(ModeSearch, FindsAllModesBelowTheCutoffAlsoThoseThatNoPortMoves) {
 
 TEST(ModeSearch, RefusesWhatContradictsTheInertia) {
   const SecondOrderModel fom = rod(n, {0.05, 1e-4, 0});
-  ShiftedSolver factor(fom.K, fom.M, nullptr, {}, {});
-  factor.count_pivots(true);
-  factor.factorise({1.0, -100.0, 0.0}); // 1.57², 4.71², 7.86²: three
+  RealFactors factor(fom, {}, silent());
+  factor.hold(-100.0); // 1.57², 4.71², 7.86²: three
   MediumSpace space(fom, 0, 10);
-  space.append(factor.solve(fom.B).x, 1e-8);
+  space.append(factor.solve(fom.B), 1e-8);
   EXPECT_THROW(find_modes(space, factor, 100, 2, 0.1, 1e-9, silent()), Error);
 }

@@ -1,0 +1,147 @@
+/// `certify` from end to end: the modes, the growth, and once more where loose modes hid one
+/// that may be rigid.
+
+#include "base/text.hpp"
+#include "linalg/orthonormal.hpp"
+#include "medium/checkpoint.hpp"
+#include "model/band_grid.hpp"
+#include "model/rigid_body_modes.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace flexgram {
+
+namespace {
+
+/// The medium model without levels, and the frequencies that show the bands.
+CertifyState begin(const CertifyRun& run, double omega, bool mass_is_singular,
+                   bool exact) {
+  CertifyState state;
+  state.modal = find_modal_space(run, omega, mass_is_singular, exact);
+  const ModalSpace& modal = state.modal;
+  Medium& medium = state.medium;
+  medium.body = run.fom.head();
+  medium.spec = run.spec;
+  medium.shortfall = unfinished;
+  medium.reference = run.reference;
+  medium.tau = run.tau;
+  medium.kappa = modal.space->kappa();
+  medium.cutoff = modal.cutoff;
+  medium.scale = modal.scale;
+  medium.rigid = modal.rigid();
+  medium.modes = modal.elastic;
+  const auto peaks = medium.resonances({ritz_response(run, modal), nullptr});
+  state.growth.grid = band_grid(run.spec.bands, 120, peaks);
+  share_list(run.fom.comm, state.growth.grid);
+  return state;
+}
+
+/// Whether a mode that the search left loose, and that was not judged, may be as slow as a
+/// rigid one, by its enclosure in the last level.
+bool has_unjudged_slow_modes(const CertifyRun& run, const CertifyState& state) {
+  const ModalSpace& modal = state.modal;
+  const auto enclosed = state.medium.levels.back().certificate->modes();
+  int count = 0;
+  for (auto k = static_cast<std::size_t>(modal.rigid()); k < enclosed.largest_mu.size();
+       ++k)
+    count += 1 / enclosed.largest_mu[k] - run.tau <= modal.slow();
+  std::vector<double> shared{static_cast<double>(count)};
+  share_from_first(run.fom.comm, shared);
+  return shared[0] > modal.judged_elastic;
+}
+
+/// What the user reads of a medium model.
+void report(const CertifyRun& run, const CertifyState& state) {
+  const Medium& medium = state.medium;
+  const MediumLevel& level = medium.levels.back();
+  const double target = run.spec.target;
+  const bool reached = medium.shortfall.empty();
+  Observer& observer = run.observer;
+  observer.fact(
+      "medium model",
+      text("order %d, %d factorisations (real), %d solved columns, %d Krylov blocks at "
+           "ω_c² after the ports'",
+           state.modal.space->columns(), medium.factorisations, medium.solved_columns,
+           state.growth.blocks));
+  if (run.factors.fell_back())
+    observer.fact("fall-back",
+                  "refinement of single precision stalled: double precision");
+  const RelativeTo relative_to = resolved(run.spec.relative_to, medium);
+  const char* const what = relative_to == RelativeTo::elastic ? "H without rigid motion"
+                           : relative_to == RelativeTo::both
+                               ? "H and of H without rigid motion"
+                               : "H";
+  // Without rounding, which the claim of the small model includes.
+  observer.fact(
+      "medium error",
+      reached
+          ? text("at most %.0e of %s everywhere in the band%s%s (%.1e at the frequencies "
+                 "it grew by)",
+                 target, what,
+                 medium.has_sharp_resonances() ? " but beside undamped resonances" : "",
+                 level.proved ? "" : ", estimated", level.worst)
+          : text("%.1e of %s at the frequencies it grew by, target %.0e not reached: %s",
+                 level.worst, what, target, medium.shortfall.c_str()));
+  observer.skip("complex factorisations", "real shifts span the band");
+  if (reached)
+    observer.skip("further Krylov blocks", "the bound does not ask for them");
+  else
+    observer.warn(text("the medium model is good to %.1e only, not to %.0e: %s",
+                       level.worst, target, medium.shortfall.c_str()));
+  if (!level.proved)
+    observer.warn(
+        run.fom.D
+            ? "the damping is so strong and local (q δ >= 1) that the error is "
+              "estimated, not proved; a higher {cutoff} helps"
+            : "the modes below the cutoff are not known well enough for a proof: the "
+              "error is estimated; a higher {medium_order} helps");
+}
+
+/// [rad/s] the certificate must hold up to here. @note Collective.
+double reference_of(const SecondOrderModel& fom, const CertifySpec& spec) {
+  const double last = std::max(spec.bands.back().last, spec.last_needed);
+  return last > 0 ? last : std::sqrt(1e-9 * eigenvalue_scale(fom)); // statics
+}
+
+} // namespace
+
+Medium certify(const SecondOrderModel& body, bool mass_is_singular,
+               const CertifySpec& spec, const SolverOptions& solver, Observer& observer,
+               const CheckpointSpec& checkpoint) {
+  const Checkpoints checkpoints(body, checkpoint, observer);
+  RealFactors factors(body, solver, observer);
+  const double reference = reference_of(body, spec);
+  const CertifyRun run{body,
+                       spec,
+                       observer,
+                       factors,
+                       checkpoints,
+                       reference,
+                       0.25 * reference * reference};
+  std::optional<CertifyState> state = checkpoints.resume(run);
+  if (!state) {
+    state = begin(run, spec.cutoff * reference, mass_is_singular, false);
+    checkpoints.save(run, *state, "the modes");
+  }
+  grow(run, *state);
+  if (!state->modal.exact && has_unjudged_slow_modes(run, *state)) {
+    observer.fact("slow modes", "one came to light while the space grew: all are found "
+                                "again, exactly, and judged");
+    const double cutoff = state->modal.cutoff;
+    state.reset(); // its memory
+    state = begin(run, cutoff, mass_is_singular, true);
+    grow(run, *state);
+  }
+  Medium& medium = state->medium;
+  const MediumSpace& space = *state->modal.space;
+  medium.factorisations = factors.factorisations();
+  medium.solved_columns = factors.solved_columns();
+  report(run, *state);
+  medium.loss_of_orthogonality = loss_of_orthogonality(space.V(), space.product());
+  medium.printed_rounding = space.printed_rounding();
+  medium.V = space.V().share();
+  return std::move(medium);
+}
+
+} // namespace flexgram

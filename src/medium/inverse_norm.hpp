@@ -1,0 +1,39 @@
+/// Norms in E⁻¹, E = K − ω_c²M, by the factors of E (docs/proof.md, section 3, "W"). Called by
+/// level_certifier.cpp.
+
+#pragma once
+
+#include "medium/modal_space.hpp"
+
+namespace flexgram {
+
+/// What random vectors tell of E⁻¹.
+struct InverseBounds {
+  double least_eigenvalue =
+      0;                  ///< |λ| of E, rows and columns scaled, at least; 0: unknown
+  double of_rounding = 0; ///< norm in E⁻¹ of a random vector of norm 1, rows scaled
+};
+
+/// A lower bound of the least |λ| of E, rows and columns scaled by the diagonal of K + τM:
+/// ‖E⁻¹g‖ >= |gᵀv|/|λ| for its eigenvector v, and for entries of g spread evenly over
+/// (−1, 1) |gᵀv| < t has a probability of √2 t at most (Ball 1986). Eight vectors, t = 1/10:
+/// wrong once in six millions. And how large a random vector is in E⁻¹ once its part along
+/// the modes below the cutoff is taken out, where E is positive.
+/// @pre the factors of E are at hand. @note Collective.
+InverseBounds inverse_bounds(const CertifyRun& run, const ModalSpace& modal,
+                             const DenseResponse& response);
+
+/// The norm on the columns of T and, from the same solve, the next Krylov block.
+struct NormAndImage {
+  ResidualNorm norm;
+  Block image; ///< E⁻¹T, by a solve that need not be exact
+};
+
+/// A matrix no less than TᵀE⁻¹T, from one block solve X ≈ E⁻¹T: with F = T − E X it is TᵀX + XᵀF + FᵀE⁻¹F,
+/// and the last term is at most ‖F‖²/min |λ(E)| in size.
+/// @pre the factors of E are at hand. @note Collective.
+NormAndImage inverse_norm(const CertifyRun& run, const ModalSpace& modal,
+                          const DenseResponse& response, const InverseBounds& bounds,
+                          const Block& T);
+
+} // namespace flexgram

@@ -1,0 +1,54 @@
+/// How good a level of a growing medium model is. Used by growth.cpp and level_certifier.cpp.
+
+#pragma once
+
+#include "medium/over_band.hpp"
+
+namespace flexgram {
+
+/// Looks at a level by all ports, at the frequencies of a grid, which gains those where the level
+/// was found to be weak, and between them.
+class LevelJudge {
+public:
+  /// @param grid  [rad/s] kept by reference.
+  LevelJudge(const SecondOrderModel& fom, const Medium& medium,
+             std::vector<double>& grid);
+
+  /// Takes a level with its certificate and writes into it how good it is: the largest bound
+  /// on the grid. Collective.
+  void judge(std::size_t number, MediumLevel& level);
+  /// The same level at more frequencies.
+  void judge_again(MediumLevel& level);
+
+  /// The level that was taken last.
+  const MediumModel& model() const { return seen_->model(); }
+  double worst_omega() const { return worst_omega_; } ///< [rad/s] its largest bound
+  /// Its largest relative rounding where it was looked at, which the bound leaves out.
+  double floor() const { return floor_; }
+  /// What rounding may change beside what a level is good to. It is far less where sums with
+  /// twice the digits take no time worth naming.
+  double allowed_rounding(const MediumLevel& level) const;
+
+  /// A frequency of the bands where the bound of the level does not meet the target, if there is
+  /// one. Collective.
+  std::optional<double> weak_spot() const;
+  /// Frequencies of the bands where its rounding is more than what is allowed. Collective.
+  std::vector<double> rounding_spots(double allowed) const;
+  /// Rounding is looked at there too, the error is not.
+  void look_at_rounding(const std::vector<double>& spots);
+  void forget_rounding_spots() { spots_.clear(); }
+  /// All frequencies where rounding is looked at [rad/s].
+  std::vector<double> rounding_grid() const;
+
+private:
+  std::vector<double> beside_grid() const;
+
+  const SecondOrderModel& fom_;
+  const Medium& medium_;
+  std::vector<double>& grid_;
+  std::vector<double> spots_; ///< [rad/s] where rounding was found to be large
+  std::unique_ptr<MediumOverBand> seen_;
+  double worst_omega_ = 0, floor_ = 0;
+};
+
+} // namespace flexgram
