@@ -8,7 +8,7 @@ import shutil
 import sys
 from pathlib import Path
 
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, expect_kept
 from flexgram.cli.commands import COMMANDS
 
 #: Verbs of the compiled program.
@@ -39,9 +39,8 @@ def keep_inputs(options: argparse.Namespace) -> None:
     """Refuse an output that is one of the inputs of the same command."""
     files = {name: value for name, value in vars(options).items() if isinstance(value, Path)}
     for out in [files.pop(name) for name in ("output", "xdmf") if name in files]:
-        for given in files.values():
-            if out.is_file() and given.exists() and out.samefile(given):
-                raise BodyError(f"{out} would replace the input {given}")
+        if out.is_file():
+            expect_kept(out, *files.values())
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -124,12 +124,28 @@ def index_of(labels: Ints, wanted: Ints) -> tuple[Ints, NDArray[np.bool_]]:
     return at, labels[at] == wanted
 
 
+def expect_kept(output: str | Path, *inputs: str | Path | None) -> None:
+    """Refuse to write over what the output is made from.
+
+    Raises
+    ------
+    BodyError
+        If ``output`` is there, and is one of ``inputs``.
+    """
+    for given in inputs:
+        if given is not None and Path(output).exists() and Path(given).exists():
+            if Path(output).samefile(given):
+                raise BodyError(f"{output} would replace the input {given}")
+
+
 @contextmanager
 def written_aside(path: str | Path, *inputs: str | Path | None) -> Iterator[Path]:
     """A place to write ``path``: what is written there appears under its name when all is done.
 
     The place has the final name, in a folder of its own beside the target, so a format of several
-    files (XDMF) works; a failure leaves what was there before. Symlinks are followed.
+    files (XDMF) works; a failure leaves what was there before. Symlinks are followed. A file that
+    comes with the target replaces one that is there only if its name is the target's with more
+    behind it: ``rack.xdmf.h5`` beside ``rack.xdmf``, but not ``rack.h5``.
 
     Parameters
     ----------
@@ -142,17 +158,14 @@ def written_aside(path: str | Path, *inputs: str | Path | None) -> Iterator[Path
     ------
     BodyError
         If ``path``, or a file that comes with it, is one of ``inputs``, a folder, a device or a
-        pipe.
+        pipe; if a file that comes with it would replace one that may be another's.
     """
     target = Path(os.path.realpath(path))
 
     def expect_free(place: Path) -> None:
         if place.exists() and not place.is_file():
             raise BodyError(f"cannot write {place}: it is no file")
-        for given in inputs:
-            if given is not None and Path(given).exists() and place.exists():
-                if place.samefile(given):
-                    raise BodyError(f"{place} would replace the input {given}")
+        expect_kept(place, *inputs)
 
     expect_free(target)
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -164,8 +177,12 @@ def written_aside(path: str | Path, *inputs: str | Path | None) -> Iterator[Path
     try:
         yield folder / target.name
         others = [file for file in folder.iterdir() if file.name != target.name]
-        for file in others:  # such as the .h5 beside an .xdmf
-            expect_free(target.parent / file.name)
+        for file in others:
+            place = target.parent / file.name
+            expect_free(place)
+            if place.exists() and not file.name.startswith(f"{target.name}."):
+                raise BodyError(f"{path} comes with a file {file.name}, and there is one that may "
+                                "be another's: take another name")  # fmt: skip
         for file in (*others, folder / target.name):  # the one that names the others last
             file.replace(target.parent / file.name)
     finally:

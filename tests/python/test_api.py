@@ -220,7 +220,7 @@ def test_commands(rack: Path, tmp_path: Path, capsys: Any) -> None:
                  "--xdmf", str(tmp_path / "m.xdmf")]) == 0  # fmt: skip
     table = np.genfromtxt(csv, delimiter=",", names=True)
     assert len(table) == 101 and len(table.dtype.names) == 13
-    assert np.abs(table["upperfz"]).max() > 0 and (tmp_path / "m.h5").exists()
+    assert np.abs(table["upperfz"]).max() > 0 and (tmp_path / "m.xdmf.h5").exists()
     for to, name in (("exudyn", "a.npz"), ("sid", "a.SID_FEM"), ("dmig", "a.pch"), ("mat", "a.mat"),
                      ("npz", "b.npz"), ("state-space", "c.mat"), ("vtu", "a.vtu")):  # fmt: skip
         assert main(["export", str(rom), "--to", to, "-o", str(tmp_path / name)]) == 0

@@ -35,3 +35,19 @@ def test_values(text: str, expected: object) -> None:
 def test_what_is_no_function_of_time(text: str) -> None:
     with pytest.raises(BodyError):
         function_of_time(text, T)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["interp(t, [1, 0.5, 0], [0, 1, 0])", "interp(t, [0, 1, 0.5], [0, 1, 2])",
+     "interp(t, [0, 0, 1], [0, 1, 2])"],
+)  # fmt: skip
+def test_times_of_a_table_must_rise(text: str) -> None:
+    """NumPy gives zeros for the first of these, in silence."""
+    with pytest.raises(BodyError, match="must rise"):
+        function_of_time(text, T)
+
+
+def test_a_table_has_a_value_for_each_time() -> None:
+    with pytest.raises(BodyError, match="a value for each time"):
+        function_of_time("interp(t, [0, 1], [0, 1, 2])", T)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import stat
 import subprocess
@@ -10,12 +11,14 @@ from pathlib import Path
 from typing import Any
 
 import h5py
+import meshio
 import numpy as np
 import pytest
 
 from conftest import ENVIRONMENT, PROGRAM, PYTHON, ROOT, chain, message, run
 from flexgram import BodyError, ReducedModel, write_matrices
 from flexgram.basics import written_aside
+from flexgram.body.meshfile import data_files
 from flexgram.exporters import FORMATS, export
 
 
@@ -91,21 +94,46 @@ def test_only_files_are_replaced(rom: Path, tmp_path: Path) -> None:
         export(model, rom, "npz")
 
 
-def test_the_companion_of_a_file_replaces_no_input(rom: Path, tmp_path: Path) -> None:
-    """XDMF writes an .h5 beside it: of the name of the reduced file here."""
+def test_the_companion_of_a_file_replaces_nothing(rom: Path, tmp_path: Path) -> None:
+    """XDMF's data were in an .h5 of the name of the reduced file here."""
     own = tmp_path / "motion.h5"
     own.write_bytes(rom.read_bytes())
     model = ReducedModel.load(own)
     body = rom.with_name("rack.h5")
-    with pytest.raises(BodyError, match="would replace the input"):
-        export(model, tmp_path / "motion.xdmf", "vtu", body=body)
-    done = subprocess.run(
-        [str(PYTHON), "-m", "flexgram", "simulate", str(own), "--force", "upper.fz=1", "--time",
-         "0,1,3", "--body", str(body), "--xdmf", str(tmp_path / "motion.xdmf"), "-o",
-         str(tmp_path / "motion.csv")], env=ENVIRONMENT, capture_output=True, text=True,
-    )  # fmt: skip
-    assert done.returncode == 1 and "would replace the input" in done.stderr
+    export(model, tmp_path / "motion.xdmf", "vtu", body=body)
+    assert data_files(tmp_path / "motion.xdmf") == [tmp_path / "motion.xdmf.h5"]
+    command = [str(PYTHON), "-m", "flexgram", "simulate", str(own), "--force", "upper.fz=1",
+               "--time", "0,1,3", "--body", str(body), "--xdmf", str(tmp_path / "motion.xdmf"),
+               "-o", str(tmp_path / "motion.csv")]  # fmt: skip
+    done = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    text = (tmp_path / "motion.xdmf").read_text()  # meshio reads no hexahedra of 20 nodes in XDMF
+    named = re.findall(r"motion\.xdmf\.h5:/(data\d+)", text)
+    with h5py.File(tmp_path / "motion.xdmf.h5") as file:
+        assert sorted(named) == sorted(file) and len(named) == 2 + 3
     assert own.read_bytes() == rom.read_bytes()
+    assert sorted(p.name for p in tmp_path.iterdir()) == [
+        "motion.csv", "motion.h5", "motion.xdmf", "motion.xdmf.h5"]  # fmt: skip
+
+    other = tmp_path / "motion.xdmf.h5"  # even here there may be what is another's
+    other.write_bytes(rom.read_bytes())
+    done = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True)
+    assert done.returncode == 1 and "holds no data of motion.xdmf" in done.stderr
+    with pytest.raises(BodyError, match=r"holds no data of motion\.xdmf"):
+        export(model, tmp_path / "motion.xdmf", "vtu", body=body)
+    assert other.read_bytes() == rom.read_bytes()
+
+
+def test_a_body_does_not_replace_the_data_of_its_mesh(tmp_path: Path) -> None:
+    """The numbers of lever.xdmf are in lever.h5."""
+    block = meshio.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]], [("tetra", [[0, 1, 2, 3]])])
+    meshio.write(tmp_path / "lever.xdmf", block)
+    data = (tmp_path / "lever.h5").read_bytes()
+    command = [str(PYTHON), "-m", "flexgram", "import", str(tmp_path / "lever.xdmf"), "--material",
+               "steel", "--rigid", "a=NODES:1,2,3", "-o", str(tmp_path / "lever.h5")]  # fmt: skip
+    done = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True)
+    assert done.returncode == 1 and "would replace the input" in done.stderr, done.stderr
+    assert (tmp_path / "lever.h5").read_bytes() == data
 
 
 def test_several_files_or_none(tmp_path: Path) -> None:
@@ -119,6 +147,10 @@ def test_several_files_or_none(tmp_path: Path) -> None:
         place.write_text("whole")
         place.with_suffix(".h5").write_text("whole")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["motion.h5", "motion.xdmf"]
+    with pytest.raises(BodyError, match="may be another's"), written_aside(out) as place:
+        place.write_text("again")
+        place.with_suffix(".h5").write_text("again")
+    assert out.read_text() == out.with_suffix(".h5").read_text() == "whole"
     assert stat.S_IMODE(out.stat().st_mode) & 0o444 == 0o444
 
 

@@ -16,13 +16,14 @@ import numpy as np
 import yaml
 from numpy.typing import NDArray
 
-from flexgram.basics import BodyError, Ints, check_name, errors_of
+from flexgram.basics import BodyError, Ints, check_name, errors_of, expect_kept
 from flexgram.body.bodyfile import written_whole
 from flexgram.body.faces import middle_of
 from flexgram.body.loads import BodyMesh, write_loads
 from flexgram.body.meshfile import (
     ELEMENTS,
     cell_regions,
+    data_files,
     node_set,
     read_mesh,
 )
@@ -190,9 +191,7 @@ def import_description(
     )  # fmt: skip
     units = UNITS[reader.choice("units", UNITS, "SI")]
     source = Path(where) if mesh is not None else folder / str(reader.get("mesh"))
-    for given in (*inputs, source):
-        if Path(output).exists() and given.exists() and Path(output).samefile(given):
-            raise BodyError(f"{output} would replace the input {given}")
+    expect_kept(output, *inputs, source, *data_files(source))
     mesh = mesh if mesh is not None else read_mesh(source)
     with errors_of(source):
         cells = cell_regions(mesh)

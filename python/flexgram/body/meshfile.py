@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import re
 from pathlib import Path
 
 import meshio
@@ -36,6 +37,14 @@ def read_mesh(path: Path) -> meshio.Mesh:
     if mesh.points.shape[1] == 2:
         mesh.points = np.column_stack([mesh.points, np.zeros(len(mesh.points))])
     return mesh
+
+
+def data_files(path: Path) -> list[Path]:
+    """Files beside an XDMF mesh in which its numbers are, those of ``rack.h5:/data0``."""
+    if path.suffix not in (".xdmf", ".xmf") or not path.exists():
+        return []
+    named = re.findall(r"(?:^|>)\s*([^\s<>:]+):/", path.read_text(errors="replace"), re.MULTILINE)
+    return [path.parent / name for name in sorted(set(named))]
 
 
 def cell_regions(mesh: meshio.Mesh) -> dict[str, list[Ints]]:

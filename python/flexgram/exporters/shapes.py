@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import os
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import h5py
 import meshio
 import numpy as np
 
@@ -18,6 +22,32 @@ from flexgram.model.reduced import ReducedBody
 
 def _geometry(model: ReducedBody, body: str | Path | None) -> Geometry:
     return Geometry.load(body_of(model, body))
+
+
+@contextmanager
+def _with_data_of_its_own(place: Path) -> Iterator[Path]:
+    """A name under which meshio writes XDMF so that its data are in ``rack.xdmf.h5``, not in
+    ``rack.h5``, which may be the body. Other formats are one file."""
+    if place.suffix not in (".xdmf", ".xmf"):
+        yield place
+        return
+    name = place.with_name(place.name + place.suffix)
+    yield name
+    name.rename(place)
+
+
+def _expect_such_data(path: Path) -> None:
+    """Refuse to replace a ``rack.xdmf.h5`` that holds anything else than XDMF's data."""
+    data = path.with_name(path.name + ".h5")
+    if path.suffix not in (".xdmf", ".xmf") or not data.exists():
+        return
+    try:
+        with h5py.File(data) as file:
+            theirs = [name for name in file if not re.fullmatch(r"data\d+", name)]
+    except OSError:
+        theirs = ["no HDF5"]
+    if theirs:
+        raise BodyError(f"{data} is there, and holds no data of {path.name}: another name")
 
 
 def write_shapes(
@@ -35,8 +65,10 @@ def write_shapes(
         fields |= {f"sigma_{j:03d}": field for j, field in stresses}
     mesh = meshio.Mesh(geometry.points, geometry.blocks, point_data=fields)
     try:
+        _expect_such_data(Path(path))
         with written_aside(path, body, model.path) as place:
-            meshio.write(place, mesh)
+            with _with_data_of_its_own(place) as name:
+                meshio.write(name, mesh)
     except (meshio.WriteError, KeyError) as error:
         raise BodyError(f"{path}: meshio cannot write it ({error})") from error
 
@@ -57,7 +89,7 @@ def write_motion(
     model : ReducedBody
         The body.
     path : str or Path
-        ``.xdmf`` file; its data go beside it.
+        ``.xdmf`` file; its data go beside it, into ``NAME.xdmf.h5``.
     t, q : (n_t,), (n_t, m) arrays
         Times [s] and generalised coordinates, as ``simulate`` gives them.
     body : str or Path, optional
@@ -70,10 +102,11 @@ def write_motion(
     where = Path(body_of(model, body)).resolve()  # meshio works in another folder
     geometry = Geometry.load(where)
     here = os.getcwd()
-    with written_aside(path, body, model.path) as place:
-        os.chdir(place.parent)  # meshio puts the data file where it runs
+    _expect_such_data(Path(path))
+    with written_aside(path, body, model.path) as place, _with_data_of_its_own(place) as name:
+        os.chdir(name.parent)  # meshio puts the data file where it runs
         try:
-            with meshio.xdmf.TimeSeriesWriter(place.name) as writer:
+            with meshio.xdmf.TimeSeriesWriter(name.name) as writer:
                 writer.write_points_cells(geometry.points, geometry.blocks)
                 loads = [None] * len(q) if u is None else np.asarray(u)
                 for time, state, load in zip(t, np.asarray(q), loads, strict=True):

@@ -11,14 +11,30 @@ import numpy as np
 
 from flexgram.basics import BodyError
 
+
+def interp(t: Any, times: Any, values: Any) -> Any:
+    """A table over time, linear between its points, as ``numpy.interp``.
+
+    Raises
+    ------
+    BodyError
+        If the times do not rise, where NumPy gives wrong numbers without a word.
+    """
+    if np.shape(times) != np.shape(values) or np.ndim(times) != 1 or not np.size(times):
+        raise BodyError("interp(t, times, values): a value for each time, please")
+    if not np.all(np.diff(times) > 0):
+        raise BodyError("interp(t, times, values): the times must rise")
+    return np.interp(t, times, values)
+
+
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     name: getattr(np, name)
     for name in (
         "sin", "cos", "tan", "arcsin", "arccos", "arctan", "arctan2", "sinh", "cosh", "tanh",
         "exp", "log", "log10", "sqrt", "abs", "sign", "floor", "heaviside", "minimum", "maximum",
-        "where", "interp", "sinc",
+        "where", "sinc",
     )
-}  # fmt: skip
+} | {"interp": interp}  # fmt: skip
 NUMBERS = {"pi": np.pi, "e": np.e}
 OPERATORS: dict[type, Callable[..., Any]] = {
     ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: np.true_divide,
