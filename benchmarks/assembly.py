@@ -25,8 +25,18 @@ ENDS = {name: {"set": name, "coupling": "rigid"} for name in ("start", "end")}
 
 def measure(body: Path, ranks: int, folder: Path) -> dict[str, float]:
     """One run: seconds of the stages, of the factorisation and its solve, and peak memory [MB]."""
-    out = flexgram("sweep", "-body", body, "-mor_sweep_hz", "100", "-mor_sweep_out",
-                   folder / "sweep.h5", "-mor_monitor", "detail", ranks=ranks)  # fmt: skip
+    out = flexgram(
+        "sweep",
+        "-body",
+        body,
+        "-mor_sweep_hz",
+        "100",
+        "-mor_sweep_out",
+        folder / "sweep.h5",
+        "-mor_monitor",
+        "detail",
+        ranks=ranks,
+    )
 
     def number(pattern: str) -> float:
         found = re.search(pattern, out)

@@ -99,12 +99,15 @@ def rod(path: Path, size: float) -> tuple[meshio.Mesh, dict[str, Pin]]:
     mesh.cells = [block for block in mesh.cells if block.type == "tetra10"]
     mesh.cell_data = {}
     x, y, z = mesh.points.T
-    bore = {name: np.abs(np.hypot(x - at, y) - inner) < 1e-6
-            for name, (at, inner, _) in BORES.items()}  # fmt: skip
+    bore = {
+        name: np.abs(np.hypot(x - at, y) - inner) < 1e-6 for name, (at, inner, _) in BORES.items()
+    }
     ends = {"front": bore["big"] & (z > 0), "back": bore["big"] & (z < 0), "small": bore["small"]}
     mesh.point_sets = {name: np.flatnonzero(inside) for name, inside in ends.items()}
-    return mesh, {name: pin_of(mesh.points, nodes, ROD if name == "small" else 0.0)
-                  for name, nodes in mesh.point_sets.items()}  # fmt: skip
+    return mesh, {
+        name: pin_of(mesh.points, nodes, ROD if name == "small" else 0.0)
+        for name, nodes in mesh.point_sets.items()
+    }
 
 
 class Drive:
@@ -126,42 +129,54 @@ class Drive:
         mbs = exu.SystemContainer().AddSystem()
         # at bottom dead centre the rod lies along x, behind the crank's pin
         pin = np.array([-CRANK, 0.0, 0.0])
-        markers, record = add(mbs, pin, [0.0, -CRANK * self.spin, 0.0],
-                              [0.0, 0.0, CRANK * self.spin / ROD])  # fmt: skip
-        still = mbs.AddMarker(eii.MarkerNodeCoordinate(
-            nodeNumber=mbs.AddNode(eii.NodePointGround()), coordinate=0))  # fmt: skip
-        turning = mbs.AddNode(eii.NodeRigidBodyRxyz(
-            referenceCoordinates=[0, 0, 0, 0, 0, np.pi],
-            initialVelocities=[0, 0, 0, 0, 0, self.spin]))  # fmt: skip
-        crank = mbs.AddObject(eii.ObjectRigidBody(
-            mass=2, inertia=[1e-3, 1e-3, 1e-3, 0, 0, 0], nodeNumber=turning))  # fmt: skip
+        markers, record = add(
+            mbs, pin, [0.0, -CRANK * self.spin, 0.0], [0.0, 0.0, CRANK * self.spin / ROD]
+        )
+        still = mbs.AddMarker(
+            eii.MarkerNodeCoordinate(nodeNumber=mbs.AddNode(eii.NodePointGround()), coordinate=0)
+        )
+        turning = mbs.AddNode(
+            eii.NodeRigidBodyRxyz(
+                referenceCoordinates=[0, 0, 0, 0, 0, np.pi],
+                initialVelocities=[0, 0, 0, 0, 0, self.spin],
+            )
+        )
+        crank = mbs.AddObject(
+            eii.ObjectRigidBody(mass=2, inertia=[1e-3, 1e-3, 1e-3, 0, 0, 0], nodeNumber=turning)
+        )
         for k in range(5):
             hold = mbs.AddMarker(eii.MarkerNodeCoordinate(nodeNumber=turning, coordinate=k))
             mbs.AddObject(eii.CoordinateConstraint(markerNumbers=[still, hold]))
         turn = mbs.AddMarker(eii.MarkerNodeCoordinate(nodeNumber=turning, coordinate=5))
-        mbs.AddObject(eii.CoordinateConstraint(
-            markerNumbers=[still, turn],
-            offsetUserFunction=lambda mbs, t, item, offset: self.spin * t,
-            offsetUserFunction_t=lambda mbs, t, item, offset: self.spin))  # fmt: skip
+        mbs.AddObject(
+            eii.CoordinateConstraint(
+                markerNumbers=[still, turn],
+                offsetUserFunction=lambda mbs, t, item, offset: self.spin * t,
+                offsetUserFunction_t=lambda mbs, t, item, offset: self.spin,
+            )
+        )
         for name, axes in (("front", [1, 1, 1]), ("back", [1, 1, 0])):
             place = [CRANK, 0, self.pins[name].middle[2]]
             web = mbs.AddMarker(eii.MarkerBodyRigid(bodyNumber=crank, localPosition=place))
-            mbs.AddObject(eii.SphericalJoint(markerNumbers=[web, markers[name]],
-                                             constrainedAxes=axes))  # fmt: skip
+            mbs.AddObject(
+                eii.SphericalJoint(markerNumbers=[web, markers[name]], constrainedAxes=axes)
+            )
         guide = mbs.AddNode(eii.NodePoint(referenceCoordinates=[pin[0] + ROD, 0, 0]))
         piston = mbs.AddObject(eii.MassPoint(mass=PISTON, nodeNumber=guide))
         for k in (1, 2):
             hold = mbs.AddMarker(eii.MarkerNodeCoordinate(nodeNumber=guide, coordinate=k))
             mbs.AddObject(eii.CoordinateConstraint(markerNumbers=[still, hold]))
         head = mbs.AddMarker(eii.MarkerBodyPosition(bodyNumber=piston))
-        mbs.AddObject(eii.SphericalJoint(markerNumbers=[head, markers["small"]],
-                                         constrainedAxes=[1, 1, 0]))  # fmt: skip
+        mbs.AddObject(
+            eii.SphericalJoint(markerNumbers=[head, markers["small"]], constrainedAxes=[1, 1, 0])
+        )
         mbs.AddLoad(
             eii.LoadForceVector(
-                markerNumber=head, loadVector=[0, 0, 0],
+                markerNumber=head,
+                loadVector=[0, 0, 0],
                 loadVectorUserFunction=lambda mbs, t, load: [gas(np.pi + self.spin * t), 0, 0],
             )
-        )  # fmt: skip
+        )
         heavy = mbs.AddMarker(eii.MarkerBodyMass(bodyNumber=piston))
         mbs.AddLoad(eii.LoadMassProportional(markerNumber=heavy, loadVector=GRAVITY))
         mbs.Assemble()
@@ -242,8 +257,15 @@ class FullRod:
                 means[3 * pin.nodes + axis, 3 * k + axis] = pin.weights
         answers = solve(means)
         first = {name: 3 * k for k, name in enumerate(self.pins)}
-        held = [first["front"], first["front"] + 1, first["front"] + 2, first["back"],
-                first["back"] + 1, first["small"] + 1, first["small"]]  # fmt: skip
+        held = [
+            first["front"],
+            first["front"] + 1,
+            first["front"] + 2,
+            first["back"],
+            first["back"] + 1,
+            first["small"] + 1,
+            first["small"],
+        ]
         G = np.hstack([means[:, held].T, np.zeros((7, 1))])
         G[6, n] = -1.0  # the piston follows the small bore
         chosen = np.eye(9)[:, held]
@@ -303,11 +325,19 @@ def in_reduced(drive: Drive, rom: ReducedModel) -> tuple[Any, Any, float]:
     """Angles, elastic coordinates (k, m), seconds."""
 
     def add(mbs: Any, position: Any, velocity: Any, angular_velocity: Any) -> Any:
-        added = add_body(exu, mbs, rom, position=position, velocity=velocity,
-                         angular_velocity=angular_velocity, gravity=GRAVITY)  # fmt: skip
+        added = add_body(
+            exu,
+            mbs,
+            rom,
+            position=position,
+            velocity=velocity,
+            angular_velocity=angular_velocity,
+            gravity=GRAVITY,
+        )
         node = added["modal_node"]
         return added["markers"], lambda mbs: mbs.GetNodeOutput(
-            node, exu.OutputVariableType.Coordinates)  # fmt: skip
+            node, exu.OutputVariableType.Coordinates
+        )
 
     return drive.run(add)
 
@@ -327,12 +357,16 @@ def prepare(size: float) -> tuple[Path, meshio.Mesh, dict[str, Pin], list[int]]:
         "materials": {"steel": STEEL},
         "regions": {"all": {"material": "steel"}},
         "interfaces": {
-            name: {"coupling": "distributing", "nodes": name, "position": pin.middle.tolist(),
-                   "weights": pin.weights.tolist()}
+            name: {
+                "coupling": "distributing",
+                "nodes": name,
+                "position": pin.middle.tolist(),
+                "weights": pin.weights.tolist(),
+            }
             for name, pin in pins.items()
         },
         "damping": {"beta": BETA},
-    }  # fmt: skip
+    }
     import_description(description, "rod", body, mesh=mesh)
     flexgram("reduce", "-body", body, *BAND, "-mor_tol", "1e-3", "-mor_out", path)
     spots = [spot.node for spot in hot_spots(ReducedModel.load(path), 3)]
@@ -368,16 +402,27 @@ def main() -> None:
             ("modal", ("-mor_method", "modal", "-mor_order", "{m}")),
             ("two_step, 1e-4, statics and spin", ("-mor_tol", "1e-4", *STATICS)),
         ):
-            flexgram("reduce", "-body", body, *BAND, "-mor_out", path,
-                     *(word.format(m=order) for word in options))  # fmt: skip
+            flexgram(
+                "reduce",
+                "-body",
+                body,
+                *BAND,
+                "-mor_out",
+                path,
+                *(word.format(m=order) for word in options),
+            )
             rom = ReducedModel.load(path)
             order = rom.order
             there, q, quick = in_reduced(drive, rom)
             assert np.allclose(there, angles)
             found = von_mises_at(spots, rom, q)[last]
             error = np.abs(found - truth)
-            line: dict[str, Any] = {"rpm": int(rpm), "method": title, "order": rom.order,
-                                    "claim": f"{rom.certified_error:.1e}"}  # fmt: skip
+            line: dict[str, Any] = {
+                "rpm": int(rpm),
+                "method": title,
+                "order": rom.order,
+                "claim": f"{rom.certified_error:.1e}",
+            }
             for k, node in enumerate(spots):
                 line[f"node_{node}"] = f"{error[:, k].max() / truth[:, k].max():.1e}"
             line |= {"seconds": f"{quick:.1f}", "full_seconds": f"{seconds:.1f}"}
@@ -395,10 +440,12 @@ def main() -> None:
         rows.append(line)
         print(line, flush=True)
         for k, node in enumerate(spots):
-            axes[0][column].plot(degrees, 1e-6 * truth[:, k], lw=1.2, color=f"C{k}",
-                                 label=f"node {node}, full")  # fmt: skip
-            axes[0][column].plot(degrees, 1e-6 * found[:, k], "--", lw=2.4, color=f"C{k}",
-                                 alpha=0.5, label="reduced")  # fmt: skip
+            axes[0][column].plot(
+                degrees, 1e-6 * truth[:, k], lw=1.2, color=f"C{k}", label=f"node {node}, full"
+            )
+            axes[0][column].plot(
+                degrees, 1e-6 * found[:, k], "--", lw=2.4, color=f"C{k}", alpha=0.5, label="reduced"
+            )
         axes[0][column].set(title=f"{rpm:g} rpm, 3 of {len(mesh.points)} nodes")
         axes[1][column].set(xlabel="crank past bottom dead centre [°]")
     axes[0][0].set(ylabel="von Mises stress [MPa]")

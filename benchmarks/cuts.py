@@ -26,8 +26,9 @@ def main() -> None:
     counts, size = SHAPES["block"][0][100], SHAPES["block"][1]
     body = OUT / "block100.h5"
     OUT.mkdir(parents=True, exist_ok=True)
-    write_body_file(body, box("tetra10", counts, size, distort=False), interfaces=ENDS,
-                    damping=(2.0, 1e-6, 0.0))  # fmt: skip
+    write_body_file(
+        body, box("tetra10", counts, size, distort=False), interfaces=ENDS, damping=(2.0, 1e-6, 0.0)
+    )
     begin = time.perf_counter()
     medium = flexgram.certify(body, band_hz=(10, 1000), tol=1e-8)
     rows = [["certify, tol 1e-8", medium.order, f"{time.perf_counter() - begin:.2f}"]]

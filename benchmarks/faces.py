@@ -46,8 +46,19 @@ def main() -> None:
     table = []
     for count in counts:
         begin = time.perf_counter()
-        said = flexgram("reduce", "-body", path, "-mor_band_hz", "10,1000", "-mor_tol", "1e-3",
-                        "-mor_load_patterns", count, "-mor_out", OUT / "faces.rom.h5")  # fmt: skip
+        said = flexgram(
+            "reduce",
+            "-body",
+            path,
+            "-mor_band_hz",
+            "10,1000",
+            "-mor_tol",
+            "1e-3",
+            "-mor_load_patterns",
+            count,
+            "-mor_out",
+            OUT / "faces.rom.h5",
+        )
         seconds = time.perf_counter() - begin
         M, D, K, B_r = matrices_of(OUT / "faces.rom.h5")
         with h5py.File(OUT / "faces.rom.h5") as file:
@@ -55,19 +66,35 @@ def main() -> None:
         loads = P @ np.random.default_rng(2).standard_normal((count, 12))
         sweep = OUT / "faces_loads.h5"
         write_matrices(sweep, body["K"], body["M"], B @ loads, C=(B @ P).T, alpha=ALPHA, beta=BETA)
-        flexgram("sweep", "-body", sweep, "-mor_sweep_hz", f"{HZ},{HZ},1",
-                 "-mor_sweep_out", OUT / "faces.sweep.h5")  # fmt: skip
+        flexgram(
+            "sweep",
+            "-body",
+            sweep,
+            "-mor_sweep_hz",
+            f"{HZ},{HZ},1",
+            "-mor_sweep_out",
+            OUT / "faces.sweep.h5",
+        )
         H = transfer(OUT / "faces.sweep.h5")[1][0]
         H_r = (B_r @ P).T @ np.linalg.solve(K + 1j * omega * D - omega**2 * M, B_r @ loads)
         error = np.linalg.norm(H_r - H) / np.linalg.norm(H)
         peak = re.search(r"peak (\d+) MB", said)
         assert peak
-        table.append([n, len(rows), count, len(K), f"{claim:.1e}", f"{error:.1e}", f"{seconds:.0f}",
-                      peak[1]])  # fmt: skip
+        table.append(
+            [n, len(rows), count, len(K), f"{claim:.1e}", f"{error:.1e}", f"{seconds:.0f}", peak[1]]
+        )
         print(*table[-1], sep="  ", flush=True)
     with (RESULTS / "faces.csv").open("w", newline="") as file:
-        head = ["dofs", "ports", "patterns", "order", "certified", f"random loads at {HZ:g} Hz",
-                "seconds", "MB"]  # fmt: skip
+        head = [
+            "dofs",
+            "ports",
+            "patterns",
+            "order",
+            "certified",
+            f"random loads at {HZ:g} Hz",
+            "seconds",
+            "MB",
+        ]
         csv.writer(file).writerows([head, *table])
 
 

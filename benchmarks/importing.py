@@ -46,12 +46,16 @@ def write_job(thousand: int) -> tuple[int, int]:
     (OUT / "job.dof").write_text("".join(f"{n}.{c}\n" for n, c in dofs))
     with (OUT / "job.inp").open("w") as deck:
         deck.write("*NODE\n")
-        np.savetxt(deck, np.column_stack([np.arange(len(mesh.points)) + 1, mesh.points]),
-                   fmt="%d, %.12g, %.12g, %.12g")  # fmt: skip
+        np.savetxt(
+            deck,
+            np.column_stack([np.arange(len(mesh.points)) + 1, mesh.points]),
+            fmt="%d, %.12g, %.12g, %.12g",
+        )
         deck.write("*ELEMENT, TYPE=C3D10, ELSET=EALL\n")
         cells = mesh.cells[0].data + 1
-        np.savetxt(deck, np.column_stack([np.arange(len(cells)) + 1, cells]), fmt="%d",
-                   delimiter=", ")  # fmt: skip
+        np.savetxt(
+            deck, np.column_stack([np.arange(len(cells)) + 1, cells]), fmt="%d", delimiter=", "
+        )
         for name, nodes in mesh.point_sets.items():
             deck.write(f"*NSET, NSET={name.upper()}\n" + "".join(f"{n + 1},\n" for n in nodes))
     return full["K"].shape[0], lines
@@ -69,21 +73,37 @@ def main() -> None:
         "import sys; from flexgram.__main__ import main; main(sys.argv[1:]); "
         "print([x for x in open('/proc/self/status') if 'VmHWM' in x][0].split()[1])"
     )
-    command = [sys.executable, "-c", code, "import", str(OUT / "job.sti"), "--rigid",
-               "start=NSET:START", "-o", str(OUT / "imported.h5")]  # fmt: skip
+    command = [
+        sys.executable,
+        "-c",
+        code,
+        "import",
+        str(OUT / "job.sti"),
+        "--rigid",
+        "start=NSET:START",
+        "-o",
+        str(OUT / "imported.h5"),
+    ]
     seconds, peak = [], 0.0
     for _ in range(options.runs):
         start = time.perf_counter()
-        done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True,
-                              env={**os.environ, "OPENBLAS_NUM_THREADS": "1"})  # fmt: skip
+        done = subprocess.run(
+            command,
+            check=True,
+            stdout=subprocess.PIPE,
+            text=True,
+            env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
+        )
         seconds.append(time.perf_counter() - start)
         peak = float(done.stdout.split()[-1]) / 1e3
     median = statistics.median(seconds)
     text = sum((OUT / f"job.{s}").stat().st_size for s in ("sti", "mas")) / 1e6
     stored = 12e-6 * 2 * lines  # both triangles, 8 bytes a value and 4 a column
     times = f"{peak / stored:.1f} times K and M in memory"
-    print(f"n = {n}, {lines:.3g} lines, {text:.0f} MB of text: {median:.1f} s, "
-          f"{lines / median:.3g} nonzeros/s, peak {peak:.0f} MB = {times}")  # fmt: skip
+    print(
+        f"n = {n}, {lines:.3g} lines, {text:.0f} MB of text: {median:.1f} s, "
+        f"{lines / median:.3g} nonzeros/s, peak {peak:.0f} MB = {times}"
+    )
 
 
 if __name__ == "__main__":

@@ -48,8 +48,18 @@ def unit(body: Path, ranks: int, runs: int) -> tuple[float, float]:
     and the peak memory of such a run [MB]."""
     seconds, peak_mb = [], 0.0
     for _ in range(runs):
-        out = flexgram("sweep", "-body", body, "-mor_sweep_hz", "100", "-mor_sweep_out",
-                       OUT / "unit.h5", "-mor_monitor", "detail", ranks=ranks)  # fmt: skip
+        out = flexgram(
+            "sweep",
+            "-body",
+            body,
+            "-mor_sweep_hz",
+            "100",
+            "-mor_sweep_out",
+            OUT / "unit.h5",
+            "-mor_monitor",
+            "detail",
+            ranks=ranks,
+        )
         found = re.search(r"factor ([\d.]+) s, solve ([\d.]+) s", out)
         peak = re.search(r"peak (\d+) MB", out)
         assert found and peak, out
@@ -61,8 +71,16 @@ def unit(body: Path, ranks: int, runs: int) -> tuple[float, float]:
 def full_response(body: Path, band: str, ranks: int, checks: int) -> tuple[Any, Any]:
     """Frequencies [rad/s] that no method sees, and the full body's H there."""
     first, last = (float(word) for word in band.split(","))
-    flexgram("sweep", "-body", body, "-mor_sweep_hz", f"{first * 1.03},{last * 0.997},{checks}",
-             "-mor_sweep_out", OUT / "sweep.h5", ranks=ranks)  # fmt: skip
+    flexgram(
+        "sweep",
+        "-body",
+        body,
+        "-mor_sweep_hz",
+        f"{first * 1.03},{last * 0.997},{checks}",
+        "-mor_sweep_out",
+        OUT / "sweep.h5",
+        ranks=ranks,
+    )
     with h5py.File(OUT / "sweep.h5") as file:
         return file["omega"][:], file["H"][:] @ [1, 1j]
 
@@ -73,8 +91,17 @@ def measure(
     """Median seconds without reading and assembling, peak memory, order, bound, true error."""
     rom, seconds = OUT / "rom.h5", []
     for _ in range(runs):
-        flexgram("reduce", "-body", body, "-mor_band_hz", band, "-mor_out", rom,
-                 *METHODS[method], ranks=ranks)  # fmt: skip
+        flexgram(
+            "reduce",
+            "-body",
+            body,
+            "-mor_band_hz",
+            band,
+            "-mor_out",
+            rom,
+            *METHODS[method],
+            ranks=ranks,
+        )
         with h5py.File(rom) as file:
             stages = dict(file["log/seconds"].attrs)
             peak = float(file["log"].attrs["peak_memory_mb_per_rank"])
@@ -87,9 +114,15 @@ def measure(
     omega, H = reference
     lost = ReducedModel.load(rom, basis=False).transfer(omega) - H
     error = float((np.linalg.norm(lost, axis=(1, 2)) / np.linalg.norm(H, axis=(1, 2))).max())
-    return {"method": method, "order": order, "seconds": statistics.median(seconds),
-            "peak_mb": peak, "basis_mb": 8e-6 * n * medium / ranks, "error": error,
-            "bound": bound}  # fmt: skip
+    return {
+        "method": method,
+        "order": order,
+        "seconds": statistics.median(seconds),
+        "peak_mb": peak,
+        "basis_mb": 8e-6 * n * medium / ranks,
+        "error": error,
+        "bound": bound,
+    }
 
 
 def main() -> None:
@@ -110,8 +143,10 @@ def main() -> None:
             write_body_file(undamped, mesh, interfaces=ENDS)
             real, real_mb = unit(undamped, options.ranks, options.runs)
             complex_, complex_mb = unit(damped, options.ranks, options.runs)
-            print(f"{shape} {size}k: unit real {real:.2f} s, {real_mb:.0f} MB; complex "
-                  f"{complex_:.2f} s, {complex_mb:.0f} MB")  # fmt: skip
+            print(
+                f"{shape} {size}k: unit real {real:.2f} s, {real_mb:.0f} MB; complex "
+                f"{complex_:.2f} s, {complex_mb:.0f} MB"
+            )
             band = "10,1000" if shape == "block" else "10,200"
             reference = full_response(damped, band, options.ranks, options.checks)
             for method in options.methods:
@@ -125,10 +160,13 @@ def main() -> None:
                 row = {"shape": shape, "thousand_dofs": size, **unit_of, **row}
                 row["units"] = row["seconds"] / real
                 rows.append(row)
-                print(f"  {method:14s} m = {row['order']:3d}  {row['seconds']:8.2f} s "
-                      f"= {row['units']:6.1f} units  {row['peak_mb']:6.0f} MB, "
-                      f"4 bases {4 * row['basis_mb']:.0f} MB  error "
-                      f"{row['error']:.1e}  bound {row['bound']:.1e}", flush=True)  # fmt: skip
+                print(
+                    f"  {method:14s} m = {row['order']:3d}  {row['seconds']:8.2f} s "
+                    f"= {row['units']:6.1f} units  {row['peak_mb']:6.0f} MB, "
+                    f"4 bases {4 * row['basis_mb']:.0f} MB  error "
+                    f"{row['error']:.1e}  bound {row['bound']:.1e}",
+                    flush=True,
+                )
     write_table(RESULTS / "methods.csv", rows)
     figure, axes = plt.subplots(figsize=(7, 4))
     for method in options.methods:

@@ -23,9 +23,18 @@ from others import SHARED, shared_case, write_case
 
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 METHODS = (
-    "auto", "optimal", "gramian", "weighted", "gramian_modes", "krylov", "irka", "balanced",
-    "whole_axis", "craig_bampton", "modal",
-)  # fmt: skip
+    "auto",
+    "optimal",
+    "gramian",
+    "weighted",
+    "gramian_modes",
+    "krylov",
+    "irka",
+    "balanced",
+    "whole_axis",
+    "craig_bampton",
+    "modal",
+)
 OTHERS = ("crank", "ansys_hexbeam", "hb_bcsst06")
 
 
@@ -52,15 +61,21 @@ def main() -> None:
         for method in options.methods:
             start, orders = time.perf_counter(), []
             for tolerance in TOLERANCES:
-                rom = medium.reduce(tol=tolerance, options={"mor_second_stage": method,
-                                                            "mor_moments": 4})  # fmt: skip
+                rom = medium.reduce(
+                    tol=tolerance, options={"mor_second_stage": method, "mor_moments": 4}
+                )
                 met = rom.met and rom.kind == "certified"
                 orders.append(str(rom.order) if met else "-")
             seconds = time.perf_counter() - start
             print(f"| {name} | {method} | {' | '.join(orders)} | {seconds:.1f} |", flush=True)
-            rows.append({"body": name, "method": method,
-                         **{f"{t:.0e}": m for t, m in zip(TOLERANCES, orders, strict=True)},
-                         "seconds": f"{seconds:.2f}"})  # fmt: skip
+            rows.append(
+                {
+                    "body": name,
+                    "method": method,
+                    **{f"{t:.0e}": m for t, m in zip(TOLERANCES, orders, strict=True)},
+                    "seconds": f"{seconds:.2f}",
+                }
+            )
     RESULTS.mkdir(exist_ok=True)
     write_table(RESULTS / "orders.csv", rows)
 

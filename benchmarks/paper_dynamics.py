@@ -55,8 +55,9 @@ def dense(a: Any) -> Any:
 
 def sparse(a: Any) -> Any:
     csr = a.tocsr()
-    matrix = PETSc.Mat().createAIJ(csr.shape, csr=(csr.indptr, csr.indices, csr.data),
-                                   comm=PETSc.COMM_SELF)  # fmt: skip
+    matrix = PETSc.Mat().createAIJ(
+        csr.shape, csr=(csr.indptr, csr.indices, csr.data), comm=PETSc.COMM_SELF
+    )
     matrix.setOption(PETSc.Mat.Option.SYMMETRIC, True)
     return matrix
 
@@ -75,8 +76,17 @@ def integrate(
         K.multAdd(u, F, F)
         F.axpy(-force(t), load)
 
-    def jacobian(ts: Any, t: float, u: Any, v: Any, a: Any, sv: float, sa: float, A: Any, P: Any,
-                 ) -> None:  # fmt: skip
+    def jacobian(
+        ts: Any,
+        t: float,
+        u: Any,
+        v: Any,
+        a: Any,
+        sv: float,
+        sa: float,
+        A: Any,
+        P: Any,
+    ) -> None:
         A.zeroEntries()
         for factor, matrix in ((1.0, K), (sv, D), (sa, M)):  # patterns differ
             A.axpy(factor, matrix)
@@ -117,8 +127,10 @@ def integrate(
 
 def reduced_dynamics(model: ReducedModel) -> tuple[Any, Any, float]:
     port = model.inputs.index("upper.fz")
-    load, output = (PETSc.Vec().createWithArray(a.copy(), comm=PETSc.COMM_SELF)
-                    for a in (model.B[:, port], model.C[port]))  # fmt: skip
+    load, output = (
+        PETSc.Vec().createWithArray(a.copy(), comm=PETSc.COMM_SELF)
+        for a in (model.B[:, port], model.C[port])
+    )
     matrices = [dense(a) for a in (model.M, model.D, model.K)]
     runs = [integrate(*matrices, load, output, "petsc") for _ in range(5)]
     return *runs[0][:2], statistics.median(r[2] for r in runs)
@@ -138,18 +150,23 @@ def in_exudyn(model: ReducedModel) -> tuple[Any, Any, float]:
         ground = mbs.AddObject(eii.ObjectGround())
         at = interface_positions(model)["lower"].tolist()
         wall = mbs.AddMarker(eii.MarkerBodyRigid(bodyNumber=ground, localPosition=at))
-        mbs.AddObject(eii.GenericJoint(markerNumbers=[wall, markers["lower"]],
-                                       constrainedAxes=[1] * 6))  # fmt: skip
+        mbs.AddObject(
+            eii.GenericJoint(markerNumbers=[wall, markers["lower"]], constrainedAxes=[1] * 6)
+        )
         mbs.AddLoad(
             eii.LoadForceVector(
-                markerNumber=markers["upper"], loadVector=[0, 0, 1],
+                markerNumber=markers["upper"],
+                loadVector=[0, 0, 1],
                 loadVectorUserFunction=lambda mbs, t, load: [0, 0, float(force(t))],
             )
-        )  # fmt: skip
+        )
         sensor = mbs.AddSensor(
-            eii.SensorMarker(markerNumber=markers["upper"], storeInternal=True,
-                             outputVariableType=exu.OutputVariableType.Position)
-        )  # fmt: skip
+            eii.SensorMarker(
+                markerNumber=markers["upper"],
+                storeInternal=True,
+                outputVariableType=exu.OutputVariableType.Position,
+            )
+        )
         mbs.Assemble()
         settings = exu.SimulationSettings()
         settings.timeIntegration.numberOfSteps = round(END / STEP)
@@ -180,8 +197,10 @@ def main() -> None:
     M, K = sparse(full["M"]), sparse(full["K"])
     D = sparse(ALPHA * full["M"] + BETA * full["K"])
     t, reference, full_seconds = integrate(M, D, K, load, load.copy(), "mumps")
-    print(f"full model, n = {len(column)}: largest |u_z| {np.abs(reference).max():.3e} m, "
-          f"{full_seconds:.2f} s for {len(t) - 1} steps")  # fmt: skip
+    print(
+        f"full model, n = {len(column)}: largest |u_z| {np.abs(reference).max():.3e} m, "
+        f"{full_seconds:.2f} s for {len(t) - 1} steps"
+    )
 
     rows: list[tuple[Any, ...]] = []
     curves = {"full model": (t, reference)}
@@ -212,13 +231,17 @@ def main() -> None:
         rows.append(line)
     unit = rows[0][2]
     print("error: largest difference from the full model, relative to its largest displacement")
-    print(f"{'body':10s} {'m':>3s} {'time':>7s} {'paper':>7s} {'error':>9s} {'simulate':>9s}"
-          f" {'EXUDYN s':>9s} {'error':>9s}")  # fmt: skip
+    print(
+        f"{'body':10s} {'m':>3s} {'time':>7s} {'paper':>7s} {'error':>9s} {'simulate':>9s}"
+        f" {'EXUDYN s':>9s} {'error':>9s}"
+    )
     for name, m, seconds, paper, error_ts, error_exact, *more in rows:
         known = f"{paper:7.2f}" if paper else "      -"
         tail = f" {more[0]:9.2f} {more[1]:9.1e}" if more else ""
-        print(f"{name:10s} {m:3d} {seconds / unit:7.2f} {known} {error_ts:9.1e} {error_exact:9.1e}"
-              + tail)  # fmt: skip
+        print(
+            f"{name:10s} {m:3d} {seconds / unit:7.2f} {known} {error_ts:9.1e} {error_exact:9.1e}"
+            + tail
+        )
     print(f"{'FEM':10s} {len(column):3d} {full_seconds / unit:7.1f}   161.3")
 
     figure, axes = plt.subplots(2, 1, figsize=(7, 6), sharex=True)

@@ -35,8 +35,17 @@ def reduce(name: str, *options: Any) -> Path:
 def errors(rom: Path, frequencies: int) -> tuple[Any, Any]:
     """Frequencies [Hz] and true relative error, eq. (17), by full solves."""
     sweep = OUT / "sweep.h5"
-    flexgram("sweep", "-body", BODY, "-rom", rom, "-mor_sweep_hz", f"5,600,{frequencies}",
-             "-mor_sweep_out", sweep)  # fmt: skip
+    flexgram(
+        "sweep",
+        "-body",
+        BODY,
+        "-rom",
+        rom,
+        "-mor_sweep_hz",
+        f"5,600,{frequencies}",
+        "-mor_sweep_out",
+        sweep,
+    )
     with h5py.File(sweep) as file:
         return file["omega"][:] / (2 * np.pi), file["error/relative"][:]
 
@@ -86,8 +95,15 @@ def main() -> None:
 
     bands = {}
     for first, last in BANDS:
-        rom = reduce(f"band_{first}_{last}", "-mor_band_hz", f"{first},{last}", "-mor_order", order,
-                     "-mor_second_stage", "gramian")  # fmt: skip
+        rom = reduce(
+            f"band_{first}_{last}",
+            "-mor_band_hz",
+            f"{first},{last}",
+            "-mor_order",
+            order,
+            "-mor_second_stage",
+            "gramian",
+        )
         bands[f"{first}-{last} Hz"] = errors(rom, count)
     draw("figure6", "frequency [Hz]", "relative error", bands)
     print(f"figures 4 to 6 are in {OUT}")

@@ -46,8 +46,9 @@ def clamped_rack() -> Path:
 def by_flexgram(body: Path, order: int, method: str) -> Callable[[], Reduced]:
     def reduce() -> Reduced:
         rom = OUT / "peer.rom.h5"
-        flexgram("reduce", "-body", body, "-mor_order", order, "-mor_method", method,
-            "-mor_out", rom)  # fmt: skip
+        flexgram(
+            "reduce", "-body", body, "-mor_order", order, "-mor_method", method, "-mor_out", rom
+        )
         return matrices_of(rom)
 
     return reduce
@@ -97,10 +98,12 @@ def largest_error(rom: Any, omega: Any, H: Any) -> float:
     M, D, K, B = rom[:4]
     C = rom[4] if len(rom) > 4 else B.T
     return max(
-        float(np.linalg.norm(h - C @ np.linalg.solve(K + 1j * w * D - w**2 * M, B))
-              / np.linalg.norm(h))
+        float(
+            np.linalg.norm(h - C @ np.linalg.solve(K + 1j * w * D - w**2 * M, B))
+            / np.linalg.norm(h)
+        )
         for w, h in zip(omega, H, strict=True)
-    )  # fmt: skip
+    )
 
 
 def main() -> None:

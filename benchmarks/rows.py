@@ -28,14 +28,17 @@ def write_body(path: Path, count: int) -> None:
     description = {
         "materials": {"steel": {"E": 210e9, "nu": 0.3, "rho": 7850.0}},
         "regions": {"all": {"material": "steel"}},
-        "interfaces": {name: {"coupling": "distributing", "nodes": name}
-                       for name in ("end", "side")},
+        "interfaces": {
+            name: {"coupling": "distributing", "nodes": name} for name in ("end", "side")
+        },
         "supports": {"start": {"nodes": "start"}},
         "damping": {"alpha": 20.0},
-        "loads": {"gravity": {"type": "acceleration"},
-                  "gas": {"type": "pressure", "nodes": "side"}},
+        "loads": {
+            "gravity": {"type": "acceleration"},
+            "gas": {"type": "pressure", "nodes": "side"},
+        },
         "outputs": {f"s{node}": {"type": "stress", "nodes": [node]} for node in nodes.tolist()},
-    }  # fmt: skip
+    }
     import_description(description, "bar", path, mesh=mesh)
 
 
@@ -53,8 +56,18 @@ def main() -> None:
         for tolerance in (1e-2, 1e-4):
             for name, program in programs.items():
                 begin = time.perf_counter()
-                command = [program, "reduce", "-body", body, "-mor_band_hz", "100,10000",
-                           "-mor_tol", str(tolerance), "-mor_out", OUT / "rows.rom.h5"]  # fmt: skip
+                command = [
+                    program,
+                    "reduce",
+                    "-body",
+                    body,
+                    "-mor_band_hz",
+                    "100,10000",
+                    "-mor_tol",
+                    str(tolerance),
+                    "-mor_out",
+                    OUT / "rows.rom.h5",
+                ]
                 said = subprocess.run(command, capture_output=True, text=True, check=True).stdout
                 seconds = time.perf_counter() - begin
                 outputs = int(re.search(r"(\d+) outputs", said)[1])
@@ -62,9 +75,16 @@ def main() -> None:
                 order = int(re.search(r"m = (\d+) of", said)[1])
                 print(name, outputs, tolerance, medium, order, f"{seconds:.2f} s", flush=True)
                 if name == "this":
-                    rows.append({"inputs": 16, "outputs": outputs, "tolerance": f"{tolerance:.0e}",
-                                 "medium order": medium, "order": order,
-                                 "seconds": f"{seconds:.2f}"})  # fmt: skip
+                    rows.append(
+                        {
+                            "inputs": 16,
+                            "outputs": outputs,
+                            "tolerance": f"{tolerance:.0e}",
+                            "medium order": medium,
+                            "order": order,
+                            "seconds": f"{seconds:.2f}",
+                        }
+                    )
     write_table(RESULTS / "rows.csv", rows)
 
 

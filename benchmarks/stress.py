@@ -35,10 +35,12 @@ def main() -> None:
         "interfaces": {"end": {"coupling": "distributing", "nodes": "end"}},
         "supports": {"start": {"nodes": "start"}},
         "damping": {"alpha": ALPHA, "beta": BETA},
-        "loads": {"gravity": {"type": "acceleration"},
-                  "pull": {"type": "traction", "nodes": "end"},
-                  "patch": {"type": "pressure", "nodes": "patch"}},
-    }  # fmt: skip
+        "loads": {
+            "gravity": {"type": "acceleration"},
+            "pull": {"type": "traction", "nodes": "end"},
+            "patch": {"type": "pressure", "nodes": "patch"},
+        },
+    }
     import_description(description, "bar", body, mesh=mesh)
     full = assembled(OUT / "stress_matrices.h5", body)
     with h5py.File(OUT / "stress_matrices.h5") as file:
@@ -71,18 +73,30 @@ def main() -> None:
         ("craig_bampton", ("-mor_order", "{m}", "-mor_method", "craig_bampton")),
         ("modal", ("-mor_order", "{m}", "-mor_method", "modal")),
     ):
-        flexgram("reduce", "-body", body, "-mor_band_hz", "10,2000", "-mor_out", rom_file,
-                 *(word.format(m=order) for word in options))  # fmt: skip
+        flexgram(
+            "reduce",
+            "-body",
+            body,
+            "-mor_band_hz",
+            "10,2000",
+            "-mor_out",
+            rom_file,
+            *(word.format(m=order) for word in options),
+        )
         rom = ReducedModel.load(rom_file)
         order = order or rom.order
-        row: dict[str, object] = {"method": title, "order": rom.order,
-                                  "claim": f"{rom.certified_error:.1e}"}  # fmt: skip
+        row: dict[str, object] = {
+            "method": title,
+            "order": rom.order,
+            "claim": f"{rom.certified_error:.1e}",
+        }
         for name, port in LOADS.items():
             worst = 0.0
             for hertz in HZ:
                 w = 2 * np.pi * hertz
-                q = np.linalg.solve(rom.K + 1j * w * rom.D - w * w * rom.M,
-                                    rom.B[:, rom.inputs.index(port)])  # fmt: skip
+                q = np.linalg.solve(
+                    rom.K + 1j * w * rom.D - w * w * rom.M, rom.B[:, rom.inputs.index(port)]
+                )
                 field = rom.stress(q.real, body)[0] + 1j * rom.stress(q.imag, body)[0]
                 truth = reference[hertz, name]
                 worst = max(worst, float(np.abs(field - truth).max() / np.abs(truth).max()))

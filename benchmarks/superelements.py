@@ -44,8 +44,10 @@ def main() -> None:
         K, M = (sp.csr_matrix(0.5 * (A + A.T)[np.ix_(used, used)]) for A in (K, M))
         body = flexgram.Matrices(K=K, M=M, B=np.eye(len(used))[:, : len(PORTS)], inputs=PORTS)
         parts[name] = flexgram.reduce(body, (0.5, LAST), 1e-6, statics=True)
-        print(f"{name}: {parts[name].order} of {len(used)} coordinates, "
-              f"{parts[name].certified_error:.1e} ({parts[name].kind})")  # fmt: skip
+        print(
+            f"{name}: {parts[name].order} of {len(used)} coordinates, "
+            f"{parts[name].certified_error:.1e} ({parts[name].kind})"
+        )
     joints = [Joint(f"outboard.g{grid}", f"inboard.g{grid}") for grid in GRIDS]
     whole = couple(parts, joints, keep=["outboard.g3"])
     ours = whole.modes[whole.modes > 1] / (2 * np.pi)

@@ -33,16 +33,24 @@ def strain(w):
 
 
 stress = 2 * mu * strain(u) + lame * ufl.tr(strain(u)) * ufl.Identity(3)
-ends = [mesh.locate_entities_boundary(domain, 2, lambda p, at=x: np.isclose(p[0], at))
-        for x in (0.0, size[0])]  # fmt: skip
+ends = [
+    mesh.locate_entities_boundary(domain, 2, lambda p, at=x: np.isclose(p[0], at))
+    for x in (0.0, size[0])
+]
 facets, which = np.concatenate(ends), np.repeat([3, 7], [len(faces) for faces in ends])
 order = np.argsort(facets)
 tags = mesh.meshtags(domain, 2, facets[order], which[order].astype(np.int32))
 
 body = flexgram.importers.dolfinx.body(
-    V, ufl.inner(stress, strain(v)) * ufl.dx, rho * ufl.inner(u, v) * ufl.dx, tags,
-    {3: "start", 7: "end"}, alpha=2.0, beta=1e-6, name="DOLFINx beam",
-)  # fmt: skip
+    V,
+    ufl.inner(stress, strain(v)) * ufl.dx,
+    rho * ufl.inner(u, v) * ufl.dx,
+    tags,
+    {3: "start", 7: "end"},
+    alpha=2.0,
+    beta=1e-6,
+    name="DOLFINx beam",
+)
 rom = flexgram.reduce(body, band_hz=(10, 1000), tol=1e-4, comm=comm)
 
 if comm.rank == 0:

@@ -28,12 +28,16 @@ ground = mbs.AddObject(eii.ObjectGround())
 at = interface_positions(rom)["lower"].tolist()
 wall = mbs.AddMarker(eii.MarkerBodyRigid(bodyNumber=ground, localPosition=at))
 hinge = [1, 1, 1, 1, 0, 1]  # free to turn about y
-mbs.AddObject(eii.GenericJoint(markerNumbers=[wall, body["markers"]["lower"]],
-                               constrainedAxes=hinge))  # fmt: skip
+mbs.AddObject(
+    eii.GenericJoint(markerNumbers=[wall, body["markers"]["lower"]], constrainedAxes=hinge)
+)
 sensor = mbs.AddSensor(
-    eii.SensorMarker(markerNumber=body["markers"]["upper"], storeInternal=True,
-                     outputVariableType=exu.OutputVariableType.Position)
-)  # fmt: skip
+    eii.SensorMarker(
+        markerNumber=body["markers"]["upper"],
+        storeInternal=True,
+        outputVariableType=exu.OutputVariableType.Position,
+    )
+)
 mbs.Assemble()
 settings = exu.SimulationSettings()
 settings.timeIntegration.endTime, settings.timeIntegration.numberOfSteps = 0.8, 800

@@ -17,10 +17,22 @@ Array = NDArray[Any]
 #: Corner-to-corner edges that carry a middle node, in VTK's order.
 EDGES = {
     "tetra10": [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)],
-    "hexahedron20": [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4),
-                     (0, 4), (1, 5), (2, 6), (3, 7)],
+    "hexahedron20": [
+        (0, 1),
+        (1, 2),
+        (2, 3),
+        (3, 0),
+        (4, 5),
+        (5, 6),
+        (6, 7),
+        (7, 4),
+        (0, 4),
+        (1, 5),
+        (2, 6),
+        (3, 7),
+    ],
     "wedge15": [(0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)],
-}  # fmt: skip
+}
 
 #: CalculiX element, and the meshio type that flexgram assembles for it.
 CALCULIX = {
@@ -55,15 +67,31 @@ def box(
     for i, j, k in product(*map(range, counts)):
         c = number[i : i + 2, j : j + 2, k : k + 2]
         hexes.append(
-            [c[0, 0, 0], c[1, 0, 0], c[1, 1, 0], c[0, 1, 0],
-             c[0, 0, 1], c[1, 0, 1], c[1, 1, 1], c[0, 1, 1]]
-        )  # fmt: skip
+            [
+                c[0, 0, 0],
+                c[1, 0, 0],
+                c[1, 1, 0],
+                c[0, 1, 0],
+                c[0, 0, 1],
+                c[1, 0, 1],
+                c[1, 1, 1],
+                c[0, 1, 1],
+            ]
+        )
     cells = np.array(hexes)
     if kind.startswith("wedge"):  # two prisms with axis z
         cells = np.vstack([cells[:, [0, 1, 2, 4, 5, 6]], cells[:, [0, 2, 3, 4, 6, 7]]])
     elif kind.startswith("tetra"):  # six around the main diagonal (Kuhn): conforming everywhere
-        corner = {(0, 0, 0): 0, (1, 0, 0): 1, (1, 1, 0): 2, (0, 1, 0): 3,
-                  (0, 0, 1): 4, (1, 0, 1): 5, (1, 1, 1): 6, (0, 1, 1): 7}  # fmt: skip
+        corner = {
+            (0, 0, 0): 0,
+            (1, 0, 0): 1,
+            (1, 1, 0): 2,
+            (0, 1, 0): 3,
+            (0, 0, 1): 4,
+            (1, 0, 1): 5,
+            (1, 1, 1): 6,
+            (0, 1, 1): 7,
+        }
         tets = []
         for path in permutations(range(3)):
             place, chain = [0, 0, 0], [0]

@@ -37,8 +37,14 @@ def deck_of(element: str, mesh: meshio.Mesh) -> list[str]:
         words = [str(i + 1), *(str(n + 1) for n in nodes)]
         lines = [words[k : k + 14] for k in range(0, len(words), 14)]
         deck += [", ".join(line) + ("," if line is not lines[-1] else "") for line in lines]
-    deck += ["*MATERIAL, NAME=STEEL", "*ELASTIC", "210e9, 0.3", "*DENSITY", "7850",
-             "*SOLID SECTION, ELSET=BODY, MATERIAL=STEEL"]  # fmt: skip
+    deck += [
+        "*MATERIAL, NAME=STEEL",
+        "*ELASTIC",
+        "210e9, 0.3",
+        "*DENSITY",
+        "7850",
+        "*SOLID SECTION, ELSET=BODY, MATERIAL=STEEL",
+    ]
     return deck
 
 
@@ -65,8 +71,10 @@ def one_element(element: str) -> dict[str, Any]:
     nodes of its incompatible modes (9, 10, 11) as dofs with mass."""
     mesh = box(CALCULIX[element], (1, 1, 1), (0.02, 0.01, 0.015), distort=False)
     with tempfile.TemporaryDirectory() as folder:
-        run_ccx([*deck_of(element, mesh), "*STEP", "*FREQUENCY, SOLVER=MATRIXSTORAGE", "*END STEP"],
-                folder)  # fmt: skip
+        run_ccx(
+            [*deck_of(element, mesh), "*STEP", "*FREQUENCY, SOLVER=MATRIXSTORAGE", "*END STEP"],
+            folder,
+        )
         dofs = Path(folder, "box.dof").read_text().split()
         assert dofs == [f"{node}.{c}" for node in range(1, 12) for c in (1, 2, 3)]
         columns = {

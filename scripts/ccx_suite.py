@@ -62,8 +62,14 @@ def with_masses(deck: Path, folder: Path) -> Path:
 def frequencies(deck: Path) -> np.ndarray | str:
     """[Hz, negative below zero] that ccx prints, else why it prints none."""
     try:
-        done = subprocess.run(["ccx", deck.stem], cwd=deck.parent, capture_output=True, text=True,
-                              errors="replace", timeout=SECONDS)  # fmt: skip
+        done = subprocess.run(
+            ["ccx", deck.stem],
+            cwd=deck.parent,
+            capture_output=True,
+            text=True,
+            errors="replace",
+            timeout=SECONDS,
+        )
     except subprocess.TimeoutExpired:
         return "ccx is too slow"
     said = done.stdout.splitlines()
@@ -73,10 +79,15 @@ def frequencies(deck: Path) -> np.ndarray | str:
     printed = data.read_text(errors="replace") if data.exists() else ""
     table = printed.rpartition("E I G E N V A L U E   O U T P U T")[2]
     number = r"([-+.\dE]+)"
-    rows = re.findall(rf"^\s+\d+\s+{number}\s+{number}\s+{number}\s+{number}\s*$",
-                      table, re.MULTILINE)  # fmt: skip
-    hz = np.array([float(hz) if float(value) > 0 else -float(imaginary) / (2 * np.pi)
-                   for value, _, hz, imaginary in rows])  # fmt: skip
+    rows = re.findall(
+        rf"^\s+\d+\s+{number}\s+{number}\s+{number}\s+{number}\s*$", table, re.MULTILINE
+    )
+    hz = np.array(
+        [
+            float(hz) if float(value) > 0 else -float(imaginary) / (2 * np.pi)
+            for value, _, hz, imaginary in rows
+        ]
+    )
     if len(rows) and np.any(hz):
         return hz
     return "zeros: no masses, or fewer modes than that" if len(rows) else why
@@ -92,7 +103,9 @@ def reference(deck: Path, folder: Path) -> np.ndarray | str:
         if number is not None:
             own = next(
                 "".join(f"{line}\n" for line in card.lines)
-                for card in job.step_of(number) if card.keyword == "FREQUENCY")  # fmt: skip
+                for card in job.step_of(number)
+                if card.keyword == "FREQUENCY"
+            )
     except BodyError:
         head, storage, tail = deck.read_text(errors="replace"), "", ""
     found: np.ndarray | str = ""

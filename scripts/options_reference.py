@@ -42,14 +42,30 @@ from typing import Literal, TypedDict
 
 #: The calls have arguments of their own for these, or no use: files and printing.
 NOT_HERE = {
-    "-body", "-medium", "-rom", "-body_out", "-mor_out", "-mor_medium_out", "-mor_medium_basis",
-    "-mor_band_hz", "-mor_tol", "-mor_order", "-mor_method", "-mor_monitor", "-mor_checkpoint",
+    "-body",
+    "-medium",
+    "-rom",
+    "-body_out",
+    "-mor_out",
+    "-mor_medium_out",
+    "-mor_medium_basis",
+    "-mor_band_hz",
+    "-mor_tol",
+    "-mor_order",
+    "-mor_method",
+    "-mor_monitor",
+    "-mor_checkpoint",
     "-mor_restart",
-}  # fmt: skip
+}
 #: Keywords that are not the option without ``-mor_``.
 SHORTER = {"-mor_tol_relative_to": "relative_to"}
-TYPES = {"number": "float", "whole number": "int", "flag": "bool",
-         "text": "str | Path | Sequence[str]", "numbers": "float | Sequence[float]"}  # fmt: skip
+TYPES = {
+    "number": "float",
+    "whole number": "int",
+    "flag": "bool",
+    "text": "str | Path | Sequence[str]",
+    "numbers": "float | Sequence[float]",
+}
 CLASSES = {"reduce": "ReduceOptions", "certify": "CertifyOptions", "cut": "CutOptions"}
 CALLS = {"reduce": "flexgram.reduce", "certify": "flexgram.certify", "cut": "Medium.reduce"}
 
@@ -100,17 +116,24 @@ def class_of(
 ) -> list[str]:
     """A class of options, line by line."""
     calls = ", ".join(f"``{CALLS[verb]}``" for verb in verbs)
-    parts = [f"\nclass {name}({', '.join(bases) or 'TypedDict'}, total=False):\n"
-             f'    """Options of {calls}."""\n']  # fmt: skip
+    parts = [
+        f"\nclass {name}({', '.join(bases) or 'TypedDict'}, total=False):\n"
+        f'    """Options of {calls}."""\n'
+    ]
     for option in options:
         parts.append(f"    {keyword_of(option['name'])}: {type_of(option)}")
         says = " ".join(option["help"].split()).replace('"', "'")
         unit = f" [{option['unit']}]" if option["unit"] else ""
         default = f" Default {option['default']}." if option["default"] else ""
         says = says[0].upper() + says[1:] + unit + "." + default
-        parts += textwrap.wrap(f'"""{says}"""', 96, initial_indent="    ",
-                               subsequent_indent="    ", break_long_words=False,
-                               break_on_hyphens=False)  # fmt: skip
+        parts += textwrap.wrap(
+            f'"""{says}"""',
+            96,
+            initial_indent="    ",
+            subsequent_indent="    ",
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
     return parts
 
 

@@ -23,8 +23,9 @@ FACES = [(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (
 def surface(cells: np.ndarray) -> np.ndarray:
     """Faces that only one element has."""
     faces = cells[:, FACES].reshape(-1, 4)
-    _, index, count = np.unique(np.sort(faces, axis=1), axis=0, return_index=True,
-                                return_counts=True)  # fmt: skip
+    _, index, count = np.unique(
+        np.sort(faces, axis=1), axis=0, return_index=True, return_counts=True
+    )
     return faces[index[count == 1]]
 
 

@@ -21,9 +21,20 @@ moved.install()
 
 __version__ = "0.1.0"
 __all__ = [
-    "BodyError", "Matrices", "Medium", "ReducedModel", "certify", "export", "exporters", "figures",
-    "import_body", "import_mesh", "importers", "reduce", "write_matrices",
-]  # fmt: skip
+    "BodyError",
+    "Matrices",
+    "Medium",
+    "ReducedModel",
+    "certify",
+    "export",
+    "exporters",
+    "figures",
+    "import_body",
+    "import_mesh",
+    "importers",
+    "reduce",
+    "write_matrices",
+]
 
 
 def __getattr__(name: str) -> Any:

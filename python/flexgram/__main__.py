@@ -67,9 +67,12 @@ def main(arguments: list[str] | None = None) -> int:
     work = {}
     for name, (what, example, describe, run) in COMMANDS.items():
         command = commands.add_parser(
-            name, help=what, description=what, epilog=f"example:\n  {example}",
+            name,
+            help=what,
+            description=what,
+            epilog=f"example:\n  {example}",
             formatter_class=argparse.RawDescriptionHelpFormatter,
-        )  # fmt: skip
+        )
         describe(command)
         work[name] = run
     options = parser.parse_args(arguments)

@@ -36,11 +36,20 @@ def errors_of(path: str | Path) -> Iterator[None]:
         if str(path) in str(error):
             raise
         raise BodyError(f"{path}: {error}") from error
-    except (ValueError, LookupError, TypeError, ArithmeticError, AttributeError, MemoryError,
-            RuntimeError) as error:  # fmt: skip
+    except (
+        ValueError,
+        LookupError,
+        TypeError,
+        ArithmeticError,
+        AttributeError,
+        MemoryError,
+        RuntimeError,
+    ) as error:
         words = " ".join(str(error).split())[:200]
-        raise BodyError(f"{path}: cannot be read ({type(error).__name__}: {words}); is it complete "
-                        "and of this format?") from error  # fmt: skip
+        raise BodyError(
+            f"{path}: cannot be read ({type(error).__name__}: {words}); is it complete "
+            "and of this format?"
+        ) from error
 
 
 def whole_numbers(what: str | Path, values: ArrayLike) -> Ints:
@@ -76,8 +85,10 @@ def stored(what: str | Path, dataset: h5py.Dataset) -> NDArray[np.generic]:
     elif here:
         here = dataset.id.get_storage_size() >= dataset.size * dataset.dtype.itemsize
     if not here:
-        raise BodyError(f"{what}: {dataset.name} declares {dataset.size} numbers, which are not "
-                        "all in this file")  # fmt: skip
+        raise BodyError(
+            f"{what}: {dataset.name} declares {dataset.size} numbers, which are not "
+            "all in this file"
+        )
     values: NDArray[np.generic] = dataset[()]
     return values
 
@@ -103,8 +114,11 @@ def expect_survival(path: str | Path, work: Callable[[], object]) -> None:
             os._exit(0)
     status = os.waitpid(child, 0)[1]
     if os.WIFSIGNALED(status) and os.WTERMSIG(status) in (
-        signal.SIGSEGV, signal.SIGBUS, signal.SIGABRT, signal.SIGFPE,
-    ):  # fmt: skip
+        signal.SIGSEGV,
+        signal.SIGBUS,
+        signal.SIGABRT,
+        signal.SIGFPE,
+    ):
         raise BodyError(f"{path}: damaged: its reader crashes")
 
 
@@ -181,8 +195,10 @@ def written_aside(path: str | Path, *inputs: str | Path | None) -> Iterator[Path
             place = target.parent / file.name
             expect_free(place)
             if place.exists() and not file.name.startswith(f"{target.name}."):
-                raise BodyError(f"{path} comes with a file {file.name}, and there is one that may "
-                                "be another's: take another name")  # fmt: skip
+                raise BodyError(
+                    f"{path} comes with a file {file.name}, and there is one that may "
+                    "be another's: take another name"
+                )
         for file in (*others, folder / target.name):  # the one that names the others last
             file.replace(target.parent / file.name)
     finally:

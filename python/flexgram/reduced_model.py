@@ -174,6 +174,8 @@ class ReducedModel(ReducedBody):
             "error": self.claim.words,
             "inputs": ", ".join(self.inputs),
         }
-        lines = (f"<tr><th>{key}</th><td style='text-align:left'>{html.escape(value)}</td></tr>"
-                 for key, value in shown.items())  # fmt: skip
+        lines = (
+            f"<tr><th>{key}</th><td style='text-align:left'>{html.escape(value)}</td></tr>"
+            for key, value in shown.items()
+        )
         return f"<table>{''.join(lines)}</table>"

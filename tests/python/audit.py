@@ -26,10 +26,23 @@ from flexgram.basics import BodyError
 from referee import LONG, TWO_PI, System, hard_frequencies, relative_error
 
 CLASSES = (
-    "chain", "graph", "modal", "clustered", "massless", "soft mounts", "free", "elastic part",
-    "weak ports", "scaled ports", "other outputs", "two bands", "mode on cutoff", "many ports",
-    "many outputs", "printed",
-)  # fmt: skip
+    "chain",
+    "graph",
+    "modal",
+    "clustered",
+    "massless",
+    "soft mounts",
+    "free",
+    "elastic part",
+    "weak ports",
+    "scaled ports",
+    "other outputs",
+    "two bands",
+    "mode on cutoff",
+    "many ports",
+    "many outputs",
+    "printed",
+)
 DAMPINGS = ("none", "mass", "stiffness", "both", "structural", "dashpots", "general")
 
 
@@ -194,22 +207,33 @@ def examine(case: Case, rng: np.random.Generator) -> Verdict:
     """Reduce, and let the referee look for an error above the certified one."""
     s = case.system
     matrices = flexgram.Matrices(
-        K=sp.csr_matrix(s.K), M=sp.csr_matrix(s.M), D=None if s.D is None else sp.csr_matrix(s.D),
-        B=s.B, C=None if s.C is s.B.T or np.array_equal(s.C, s.B.T) else s.C,
-        alpha=s.alpha, beta=s.beta, eta=s.eta)  # fmt: skip
+        K=sp.csr_matrix(s.K),
+        M=sp.csr_matrix(s.M),
+        D=None if s.D is None else sp.csr_matrix(s.D),
+        B=s.B,
+        C=None if s.C is s.B.T or np.array_equal(s.C, s.B.T) else s.C,
+        alpha=s.alpha,
+        beta=s.beta,
+        eta=s.eta,
+    )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         try:
-            rom = flexgram.reduce(matrices, case.bands_hz, case.tolerance,
-                                  options={"mor_field_error": "yes", **case.options})  # fmt: skip
+            rom = flexgram.reduce(
+                matrices,
+                case.bands_hz,
+                case.tolerance,
+                options={"mor_field_error": "yes", **case.options},
+            )
         except BodyError as error:
             return Verdict("refused", words=str(error))
     outcome = rom.kind if rom.met else "not met"
     verdict = Verdict(outcome, bound=rom.certified_error, order=rom.order)
     if rom.kind == "estimated":
         return verdict
-    reduced = System(rom.K, rom.M, rom.B, rom.C, rom.D, eta=rom.eta,
-                     rigid=int(rom.frame["rigid_modes"]))  # fmt: skip
+    reduced = System(
+        rom.K, rom.M, rom.B, rom.C, rom.D, eta=rom.eta, rigid=int(rom.frame["rigid_modes"])
+    )
     worst, reference = 0.0, rom.relative_to if rom.bounds_elastic_part else "pointwise"
     for omega in hard_frequencies(s, reduced, rom.bands, rom.excluded, rng):
         truth = relative_error(s, reduced, omega, reference)
@@ -255,8 +279,10 @@ def largest_field_error(s: System, rom: flexgram.ReducedModel, rng: np.random.Ge
     """Of the whole field, in the norm of the strain energy."""
     values, vectors = sl.eigh(np.asarray(s.K))
     strain = np.sqrt(np.maximum(values, 0))[:, None] * vectors.T  # to find where to look
-    rows = [System(s.K, s.M, s.B, strain, None, s.alpha, s.beta, s.eta),
-            System(rom.K, rom.M, rom.B, strain @ rom.V, rom.D, eta=rom.eta)]  # fmt: skip
+    rows = [
+        System(s.K, s.M, s.B, strain, None, s.alpha, s.beta, s.eta),
+        System(rom.K, rom.M, rom.B, strain @ rom.V, rom.D, eta=rom.eta),
+    ]
     full = System(s.K, s.M, s.B, np.eye(len(s.K)), None, s.alpha, s.beta, s.eta)
     V, r = np.array(rom.V), int(rom.frame["rigid_modes"])
     V[:, :r] = V[:, :r].mean(axis=0)  # rigid modes count as exactly rigid
@@ -296,47 +322,79 @@ def main() -> int:
         table["damping: " + damping].append(verdict)
         if verdict.field > 1 + 1e-6:
             broken += 1
-            print(f"BROKEN FIELD {index} {kind}, {damping}, tol {case.tolerance:.1e}: "
-                  f"true/certified {verdict.field:.3g}, m = {verdict.order}",
-                  flush=True)  # fmt: skip
+            print(
+                f"BROKEN FIELD {index} {kind}, {damping}, tol {case.tolerance:.1e}: "
+                f"true/certified {verdict.field:.3g}, m = {verdict.order}",
+                flush=True,
+            )
         if verdict.ratio > 1:
             broken += 1
-            print(f"BROKEN {index} {kind}, {damping}, tol {case.tolerance:.1e}: true/certified "
-                  f"{verdict.ratio:.3g}, certified {verdict.bound:.2e}, at {verdict.at!r} rad/s "
-                  f"of {case.bands_hz}, m = {verdict.order}", flush=True)  # fmt: skip
+            print(
+                f"BROKEN {index} {kind}, {damping}, tol {case.tolerance:.1e}: true/certified "
+                f"{verdict.ratio:.3g}, certified {verdict.bound:.2e}, at {verdict.at!r} rad/s "
+                f"of {case.bands_hz}, m = {verdict.order}",
+                flush=True,
+            )
         damped += damping != "none"
         if verdict.outcome == "not met" and damping != "none":
             missed += 1
             rightly += verdict.true > case.tolerance
-            print(f"not met {index} {kind}, {damping}, tol {case.tolerance:.1e}: certified "
-                  f"{verdict.bound:.2e}, true {verdict.true:.2e}, floor/true "
-                  f"{verdict.floor:.3g}, m = {verdict.order}", flush=True)  # fmt: skip
+            print(
+                f"not met {index} {kind}, {damping}, tol {case.tolerance:.1e}: certified "
+                f"{verdict.bound:.2e}, true {verdict.true:.2e}, floor/true "
+                f"{verdict.floor:.3g}, m = {verdict.order}",
+                flush=True,
+            )
         if verdict.outcome == "refused":
             print(f"refused {index} {kind}, {damping}: {verdict.words}", flush=True)
     print(f"{count} systems, seed {seed}, {time.time() - start:.0f} s")
-    print(f"{'class':22} {'systems':>8} {'certified':>10} {'outside':>8} {'estimated':>10} "
-          f"{'not met':>8} {'refused':>8} {'true/bound':>17} {'bound/attained':>15} "
-          f"{'field':>7}")  # fmt: skip
-    rows = [["class", "systems", "certified", "outside intervals", "estimated", "not met",
-             "refused", "largest true / certified", "certified / attained, median"]]  # fmt: skip
+    print(
+        f"{'class':22} {'systems':>8} {'certified':>10} {'outside':>8} {'estimated':>10} "
+        f"{'not met':>8} {'refused':>8} {'true/bound':>17} {'bound/attained':>15} "
+        f"{'field':>7}"
+    )
+    rows = [
+        [
+            "class",
+            "systems",
+            "certified",
+            "outside intervals",
+            "estimated",
+            "not met",
+            "refused",
+            "largest true / certified",
+            "certified / attained, median",
+        ]
+    ]
     for name, verdicts in table.items():
         number = lambda word: sum(v.outcome == word for v in verdicts)  # noqa: E731, B023
         ratios = [v.ratio for v in verdicts]
         sharp = [v.sharp for v in verdicts if 0 < v.sharp < np.inf]
-        print(f"{name:22} {len(verdicts):8} {number('certified'):10} "
-              f"{number('certified outside'):8} {number('estimated'):10} {number('not met'):8} "
-              f"{number('refused'):8} {max(ratios):17.3f} "
-              f"{np.median(sharp) if sharp else np.nan:15.3f} "
-              f"{max(v.field for v in verdicts):7.3f}")  # fmt: skip
+        print(
+            f"{name:22} {len(verdicts):8} {number('certified'):10} "
+            f"{number('certified outside'):8} {number('estimated'):10} {number('not met'):8} "
+            f"{number('refused'):8} {max(ratios):17.3f} "
+            f"{np.median(sharp) if sharp else np.nan:15.3f} "
+            f"{max(v.field for v in verdicts):7.3f}"
+        )
         outcomes = ("certified", "certified outside", "estimated", "not met", "refused")
         median = np.median(sharp) if sharp else np.nan
-        rows.append([name, str(len(verdicts)), *(str(number(word)) for word in outcomes),
-                     f"{max(ratios):.3f}", f"{median:.2f}"])  # fmt: skip
+        rows.append(
+            [
+                name,
+                str(len(verdicts)),
+                *(str(number(word)) for word in outcomes),
+                f"{max(ratios):.3f}",
+                f"{median:.2f}",
+            ]
+        )
     print(f"not met: {missed} of {damped} with damping, {rightly} of these rightly")
     deciding = [v.floor for verdicts in table.values() for v in verdicts if v.decides]
     if deciding:  # each is in two rows
-        print(f"rounding is most of the claim of {len(deciding) // 2}: "
-              f"{np.median(deciding):.3g} times the largest true error in the median")  # fmt: skip
+        print(
+            f"rounding is most of the claim of {len(deciding) // 2}: "
+            f"{np.median(deciding):.3g} times the largest true error in the median"
+        )
     if len(sys.argv) > 3:
         with open(sys.argv[3], "w", newline="") as file:
             csv.writer(file).writerows(rows)

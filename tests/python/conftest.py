@@ -52,15 +52,30 @@ ENVIRONMENT = {
 
 #: Modules and tests of more than some seconds: ``-m "not slow"`` leaves them out.
 SLOW = {
-    "test_certified", "test_continuum", "test_stress", "test_restart", "test_exudyn", "test_rack",
-    "test_shared_bodies", "test_examples", "test_a_cut_equals_the_reduction",
-    "test_a_damaged_file_is_refused", "test_doubtful_units_and_thin_rigid_sets",
-    "test_optimal_beats_the_gramian", "test_optimal_on_the_rack", "test_report_and_figures",
-    "test_other_formulations_converge_to_each_other", "test_a_full_disk_leaves_nothing_behind",
-    "test_file_like_the_program", "test_free_body_with_frame", "test_messages",
-    "test_a_damaged_attribute_is_not_a_missing_one", "test_fuzz", "test_soak",
+    "test_certified",
+    "test_continuum",
+    "test_stress",
+    "test_restart",
+    "test_exudyn",
+    "test_rack",
+    "test_shared_bodies",
+    "test_examples",
+    "test_a_cut_equals_the_reduction",
+    "test_a_damaged_file_is_refused",
+    "test_doubtful_units_and_thin_rigid_sets",
+    "test_optimal_beats_the_gramian",
+    "test_optimal_on_the_rack",
+    "test_report_and_figures",
+    "test_other_formulations_converge_to_each_other",
+    "test_a_full_disk_leaves_nothing_behind",
+    "test_file_like_the_program",
+    "test_free_body_with_frame",
+    "test_messages",
+    "test_a_damaged_attribute_is_not_a_missing_one",
+    "test_fuzz",
+    "test_soak",
     "test_printed_digits_are_in_the_floor",
-}  # fmt: skip
+}
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -212,16 +227,29 @@ def body_system(path: Path) -> System:
         path = matrices
     with h5py.File(path) as file:
         value = lambda name: (  # noqa: E731
-            float(np.ravel(file.attrs[name])[0]) if name in file.attrs
-            else float(np.ravel(file[name][()])[0]) if name in file else 0.0)  # fmt: skip
+            float(np.ravel(file.attrs[name])[0])
+            if name in file.attrs
+            else float(np.ravel(file[name][()])[0])
+            if name in file
+            else 0.0
+        )
         dense = lambda name: (  # noqa: E731
-            read_sparse(file, name).toarray() if isinstance(file[name], h5py.Group)
-            else file[name][:].T if "MATLAB_class" in file[name].attrs
-            else file[name][:])  # fmt: skip
+            read_sparse(file, name).toarray()
+            if isinstance(file[name], h5py.Group)
+            else file[name][:].T
+            if "MATLAB_class" in file[name].attrs
+            else file[name][:]
+        )
         return System(
-            read_sparse(file, "K"), read_sparse(file, "M"), dense("B"),
-            dense("C") if "C" in file else None, read_sparse(file, "D") if "D" in file else None,
-            value("alpha"), value("beta"), value("eta"))  # fmt: skip
+            read_sparse(file, "K"),
+            read_sparse(file, "M"),
+            dense("B"),
+            dense("C") if "C" in file else None,
+            read_sparse(file, "D") if "D" in file else None,
+            value("alpha"),
+            value("beta"),
+            value("eta"),
+        )
 
 
 def rom_system(rom: dict[str, Any]) -> System:
@@ -229,18 +257,28 @@ def rom_system(rom: dict[str, Any]) -> System:
 
 
 #: What ends the names of ports of each kind.
-ENDS = {"displacement": "[fu][xyz]|u", "force": "f[xyz]", "rotation": "m[xyz]",
-        "moment": "m[xyz]", "acceleration": "a[xyz]", "angular acceleration": "alpha[xyz]",
-        "spin": "spin([xyz]{2})?",
-        "inertia": "spin([xyz]{2})?", "pressure": "p", "stress": "s[xyz]{2}",
-        "traction": "t[xyz]", "load": "load", "temperature": "T",
-        "reaction": "r[xyz]", "reaction moment": "rm[xyz]"}  # fmt: skip
+ENDS = {
+    "displacement": "[fu][xyz]|u",
+    "force": "f[xyz]",
+    "rotation": "m[xyz]",
+    "moment": "m[xyz]",
+    "acceleration": "a[xyz]",
+    "angular acceleration": "alpha[xyz]",
+    "spin": "spin([xyz]{2})?",
+    "inertia": "spin([xyz]{2})?",
+    "pressure": "p",
+    "stress": "s[xyz]{2}",
+    "traction": "t[xyz]",
+    "load": "load",
+    "temperature": "T",
+    "reaction": "r[xyz]",
+    "reaction moment": "rm[xyz]",
+}
 
 
 def kinds_of(names: list[str], word: str) -> list[int]:
     """Which of the ports are of a kind."""
-    return [k for k, name in enumerate(names)
-            if re.fullmatch(ENDS[word], name.rpartition(".")[2])]  # fmt: skip
+    return [k for k, name in enumerate(names) if re.fullmatch(ENDS[word], name.rpartition(".")[2])]
 
 
 def certified(
@@ -261,8 +299,18 @@ def certified(
     """
     rom = folder / "certified.rom.h5"
     ends = ",".join(repr(float(f)) for f in band)
-    run("reduce", "-body", body, "-mor_band_hz", ends, "-mor_out", rom, *options, ranks=ranks,
-        expect=expect)  # fmt: skip
+    run(
+        "reduce",
+        "-body",
+        body,
+        "-mor_band_hz",
+        ends,
+        "-mor_out",
+        rom,
+        *options,
+        ranks=ranks,
+        expect=expect,
+    )
     full = full or body_system(body)
     data = rom_matrices(rom)
     reduced = rom_system(data)
@@ -291,17 +339,33 @@ def certified(
         truth.append(float(np.linalg.norm(np.abs(away)) / np.linalg.norm(np.abs(H))))
         for i, view in enumerate(views):
             block = np.ix_(*view)
-            kinds[i] = max(kinds[i], float(np.linalg.norm(np.abs(away[block]))
-                                           / np.linalg.norm(np.abs(H[block]))))  # fmt: skip
+            kinds[i] = max(
+                kinds[i],
+                float(np.linalg.norm(np.abs(away[block])) / np.linalg.norm(np.abs(H[block]))),
+            )
     return {
-        "kinds": kinds, "by_kind": list(claim.get("by_kind", [])), "full": full, "at": at,
-        "truth": np.array(truth), "worst": float(claim["worst"]), "whole": float(claim["whole"]),
-        "attained": float(claim["attained"]), "kind": claim["kind"], "met": claim.get("met"),
-        "rigid_rounding": float(claim["rigid_rounding"]), "floor": floor.max(),
-        "order": data["K"].shape[0], "factorisations": factorisations,
-        "stage": stage, "rom": data, "path": rom, "omega": omega, "bound": bound,
-        "excluded": excluded, "bands": bands,
-    }  # fmt: skip
+        "kinds": kinds,
+        "by_kind": list(claim.get("by_kind", [])),
+        "full": full,
+        "at": at,
+        "truth": np.array(truth),
+        "worst": float(claim["worst"]),
+        "whole": float(claim["whole"]),
+        "attained": float(claim["attained"]),
+        "kind": claim["kind"],
+        "met": claim.get("met"),
+        "rigid_rounding": float(claim["rigid_rounding"]),
+        "floor": floor.max(),
+        "order": data["K"].shape[0],
+        "factorisations": factorisations,
+        "stage": stage,
+        "rom": data,
+        "path": rom,
+        "omega": omega,
+        "bound": bound,
+        "excluded": excluded,
+        "bands": bands,
+    }
 
 
 def assert_certified(
@@ -315,8 +379,10 @@ def assert_certified(
     assert worst <= result["whole"] + result["rigid_rounding"], (worst, result["whole"])
     if worst > 2 * (result["floor"] + result["rigid_rounding"]):
         assert result["whole"] <= sharp * worst
-    assert all(t <= b + result["rigid_rounding"]
-               for t, b in zip(result["kinds"], result["by_kind"], strict=True))  # fmt: skip
+    assert all(
+        t <= b + result["rigid_rounding"]
+        for t, b in zip(result["kinds"], result["by_kind"], strict=True)
+    )
     if tolerance is not None:
         assert result["worst"] <= tolerance and result["met"]
         assert all(bound <= tolerance for bound in result["by_kind"])

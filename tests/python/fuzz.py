@@ -42,8 +42,21 @@ from flexgram.measured import frf, mode_shapes
 N = 12  #: rows of the small matrices
 K = sp.diags([2.0, -1, -1], [0, 1, -1], shape=(N, N)).tocsr() * 1e6
 M = sp.eye(N).tocsr()
-WORDS = (b"nan", b"inf", b"-1", b"99999999999999999999", b"1.5", b"1e300", b",", b"\0", b"abc",
-         b"0", b"*", b"\xff", b"../x")  # fmt: skip
+WORDS = (
+    b"nan",
+    b"inf",
+    b"-1",
+    b"99999999999999999999",
+    b"1.5",
+    b"1e300",
+    b",",
+    b"\0",
+    b"abc",
+    b"0",
+    b"*",
+    b"\xff",
+    b"../x",
+)
 
 #: Makes the files of a kind in a folder; gives the ones to mutate, and what reads them.
 Kind = Callable[[Path], tuple[list[str], Callable[[Path], Any]]]
@@ -76,8 +89,10 @@ def calculix(folder: Path) -> tuple[list[str], Callable[[Path], Any]]:
 
 def abaqus(folder: Path) -> tuple[list[str], Callable[[Path], Any]]:
     for name, matrix in (("job_STIF1.mtx", K), ("job_MASS1.mtx", M)):
-        lines = [f"{i // 3 + 1},{i % 3 + 1},{j // 3 + 1},{j % 3 + 1},{x:.12e}\n"
-                 for i, j, x in _upper(matrix)]  # fmt: skip
+        lines = [
+            f"{i // 3 + 1},{i % 3 + 1},{j // 3 + 1},{j % 3 + 1},{x:.12e}\n"
+            for i, j, x in _upper(matrix)
+        ]
         (folder / name).write_text("".join(lines))
     return ["job_STIF1.mtx", "job_MASS1.mtx"], _imported("job_STIF1.mtx")
 
@@ -88,8 +103,11 @@ def nastran(folder: Path) -> tuple[list[str], Callable[[Path], Any]]:
         lines.append(f"DMIG    {name:8s}0       6       2       0")
         for j in range(N):
             lines.append(f"DMIG*   {name:<8s}        {j // 3 + 1:16d}{j % 3 + 1:16d}")
-            lines += [f"*       {i // 3 + 1:16d}{i % 3 + 1:16d}{x:16.9E}"
-                      for k, i, x in _upper(matrix) if k == j]  # fmt: skip
+            lines += [
+                f"*       {i // 3 + 1:16d}{i % 3 + 1:16d}{x:16.9E}"
+                for k, i, x in _upper(matrix)
+                if k == j
+            ]
     (folder / "job.pch").write_text("\n".join(lines) + "\n")
     return ["job.pch"], _imported("job.pch")
 
@@ -107,9 +125,15 @@ def harwell_boeing(folder: Path) -> tuple[list[str], Callable[[Path], Any]]:
 
 
 def matlab(folder: Path) -> tuple[list[str], Callable[[Path], Any]]:
-    values = {"K": K, "M": M, "B": np.eye(N)[:, :2], "node": np.arange(N) // 3 + 1,
-              "component": np.arange(N) % 3, "position": np.arange(12.0).reshape(4, 3),
-              "eta": 0.1}  # fmt: skip
+    values = {
+        "K": K,
+        "M": M,
+        "B": np.eye(N)[:, :2],
+        "node": np.arange(N) // 3 + 1,
+        "component": np.arange(N) % 3,
+        "position": np.arange(12.0).reshape(4, 3),
+        "eta": 0.1,
+    }
     scipy.io.savemat(folder / "b.mat", values)
     return ["b.mat"], _imported("b.mat")
 
@@ -157,8 +181,9 @@ def _run(*arguments: str) -> Callable[[Path], Any]:
 
     def work(folder: Path) -> None:
         words = [word.replace("@", f"{folder}/") for word in arguments]
-        done = subprocess.run([str(PROGRAM), *words], env=ENVIRONMENT, capture_output=True,
-                              text=True, timeout=60)  # fmt: skip
+        done = subprocess.run(
+            [str(PROGRAM), *words], env=ENVIRONMENT, capture_output=True, text=True, timeout=60
+        )
         said = [line for line in done.stderr.splitlines() if line.startswith("flexgram: ")]
         if done.returncode == 1 and said:
             raise BodyError(said[0])
@@ -172,9 +197,17 @@ BAND = ("-mor_band_hz", "10,100")
 
 
 def body(folder: Path) -> tuple[list[str], Callable[[Path], Any]]:
-    write_matrices(folder / "b.h5", K, M, np.eye(N)[:, :2], eta=0.02, inputs=["a", "b"],
-                   node=np.arange(N) // 3, component=np.arange(N) % 3,
-                   position=np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]]))  # fmt: skip
+    write_matrices(
+        folder / "b.h5",
+        K,
+        M,
+        np.eye(N)[:, :2],
+        eta=0.02,
+        inputs=["a", "b"],
+        node=np.arange(N) // 3,
+        component=np.arange(N) % 3,
+        position=np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]]),
+    )
     return ["b.h5"], _run("reduce", "-body", "@b.h5", *BAND, "-mor_out", "@rom.h5")
 
 
@@ -184,11 +217,15 @@ def mesh_body(folder: Path) -> tuple[list[str], Callable[[Path], Any]]:
         "regions": {"all": {"material": "steel"}},
         "interfaces": {"end": {"coupling": "rigid", "nodes": "end"}},
         "supports": {"start": {"nodes": "start"}},
-        "loads": {"warm": {"type": "temperature", "nodes": "start"},
-                  "turn": {"type": "spin", "point": [0, 0, 0], "axis": [0, 0, 1]}},
-        "outputs": {"foot": {"type": "reaction", "nodes": "start"},
-                    "s": {"type": "stress", "nodes": "start"}},
-    }  # fmt: skip
+        "loads": {
+            "warm": {"type": "temperature", "nodes": "start"},
+            "turn": {"type": "spin", "point": [0, 0, 0], "axis": [0, 0, 1]},
+        },
+        "outputs": {
+            "foot": {"type": "reaction", "nodes": "start"},
+            "s": {"type": "stress", "nodes": "start"},
+        },
+    }
     import_description(description, "box", folder / "b.h5", mesh=box("tetra", (2, 1, 1)))
     return ["b.h5"], _run("assemble", "-body", "@b.h5", "-body_out", "@out.h5")
 
@@ -214,8 +251,9 @@ def universal(folder: Path) -> tuple[list[str], Callable[[Path], Any]]:
     frf.write_universal([frf.Response("a.fx", "b.fx", hertz, 1 / (hertz + 2j))], folder / "f.unv")
     shapes = np.arange(24.0).reshape(2, 4, 3)
     points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]])
-    modes = mode_shapes.ModeShapes(np.array([10.0, 20]), np.array([0.01, 0.02]), shapes,
-                                   np.arange(1, 5), points)  # fmt: skip
+    modes = mode_shapes.ModeShapes(
+        np.array([10.0, 20]), np.array([0.01, 0.02]), shapes, np.arange(1, 5), points
+    )
     mode_shapes.write_universal(modes, folder / "m.unv")
 
     def work(here: Path) -> None:
@@ -227,8 +265,22 @@ def universal(folder: Path) -> tuple[list[str], Callable[[Path], Any]]:
     return ["f.unv", "m.unv"], work
 
 
-KINDS: tuple[Kind, ...] = (calculix, abaqus, nastran, market, harwell_boeing, matlab, matlab_73,
-                           petsc, yaml, body, mesh_body, medium, reduced, universal)  # fmt: skip
+KINDS: tuple[Kind, ...] = (
+    calculix,
+    abaqus,
+    nastran,
+    market,
+    harwell_boeing,
+    matlab,
+    matlab_73,
+    petsc,
+    yaml,
+    body,
+    mesh_body,
+    medium,
+    reduced,
+    universal,
+)
 
 
 def mutate(data: bytes, rng: random.Random) -> bytes:
@@ -325,8 +377,11 @@ def main() -> int:
             continue
         found, first = fuzz(kind, options.count, options.seed, options.place)
         failed += found["crashed"]
-        print(f"{kind.__name__:16s} {options.count:6d} {found['read']:6d} {found['refused']:8d} "
-              f"{found['crashed']:8d}", flush=True)  # fmt: skip
+        print(
+            f"{kind.__name__:16s} {options.count:6d} {found['read']:6d} {found['refused']:8d} "
+            f"{found['crashed']:8d}",
+            flush=True,
+        )
         if first:
             print(first)
     return 1 if failed else 0

@@ -45,9 +45,18 @@ def prepare(folder: Path) -> None:
         ["assemble", "-body", folder / "rack.h5", "-body_out", folder / "matrices.h5"],
         ["certify", "-body", folder / "rack.h5", "-mor_medium_out", folder / "medium.h5"],
         ["cut", "-medium", folder / "medium.h5", "-mor_out", folder / "rom.h5"],
-        ["sweep", "-body", folder / "rack.h5", "-rom", folder / "rom.h5", "-mor_sweep_hz",
-         "10,500,20", "-mor_sweep_out", folder / "sweep.h5"],
-    ):  # fmt: skip
+        [
+            "sweep",
+            "-body",
+            folder / "rack.h5",
+            "-rom",
+            folder / "rom.h5",
+            "-mor_sweep_hz",
+            "10,500,20",
+            "-mor_sweep_out",
+            folder / "sweep.h5",
+        ],
+    ):
         subprocess.run(flexgram(*words), check=True, env=ENVIRONMENT, capture_output=True)
     file = h5py.File(folder / "matrices.h5")
     matrices = {name: read_sparse(file, name) for name in ("K", "M")}
@@ -65,27 +74,64 @@ def verbs(folder: Path) -> dict[str, tuple[Callable[[int], list[str]], str]]:
         "report": (["report", rom, "-o", out / "r.html"], "r.html"),
         "plot": (["plot", rom, "--figure", "transfer", "-o", out / "p.png"], "p.png"),
         "simulate": (["simulate", rom, *force, "-o", out / "t.csv"], "t.csv"),
-        "couple": (["couple", f"a={rom}", f"b={rom}", "--join", "a.upper=b.lower", "-o",
-                    out / "c.h5"], "c.h5"),
+        "couple": (
+            ["couple", f"a={rom}", f"b={rom}", "--join", "a.upper=b.lower", "-o", out / "c.h5"],
+            "c.h5",
+        ),
         "frf": (["frf", rom, "--pair", "upper.fz=lower.fz", "-o", out / "f.unv"], "f.unv"),
         "modes": (["modes", rom, "-o", out / "m.unv"], "m.unv"),
-    }  # fmt: skip
-    for name, suffix in (("exudyn", "npz"), ("sid", "SID_FEM"), ("dmig", "pch"), ("mat", "mat"),
-                         ("npz", "npz"), ("vtu", "vtu"), ("nastran", "bdf"), ("op4", "op4"),
-                         ("abaqus", "inp"), ("simscape", "mat"), ("octave", "m"), ("mbdyn", "fem"),
-                         ("fmu", "fmu")):  # fmt: skip
+    }
+    for name, suffix in (
+        ("exudyn", "npz"),
+        ("sid", "SID_FEM"),
+        ("dmig", "pch"),
+        ("mat", "mat"),
+        ("npz", "npz"),
+        ("vtu", "vtu"),
+        ("nastran", "bdf"),
+        ("op4", "op4"),
+        ("abaqus", "inp"),
+        ("simscape", "mat"),
+        ("octave", "m"),
+        ("mbdyn", "fem"),
+        ("fmu", "fmu"),
+    ):
         file = f"e.{suffix}"
         serial[f"export {name}"] = (["export", rom, "--to", name, "-o", out / file], file)
     parallel: dict[str, tuple[list[Any], str]] = {
         "reduce": (["reduce", "-body", body, "-mor_out", out / "r.h5"], "r.h5"),
-        "reduce (pod)": (["reduce", "-body", body, "-mor_method", "pod", "-mor_samples", 4,
-                          "-mor_out", out / "r.h5"], "r.h5"),
+        "reduce (pod)": (
+            [
+                "reduce",
+                "-body",
+                body,
+                "-mor_method",
+                "pod",
+                "-mor_samples",
+                4,
+                "-mor_out",
+                out / "r.h5",
+            ],
+            "r.h5",
+        ),
         "certify": (["certify", "-body", body, "-mor_medium_out", out / "m.h5"], "m.h5"),
         "cut": (["cut", "-medium", folder / "medium.h5", "-mor_out", out / "r.h5"], "r.h5"),
-        "sweep": (["sweep", "-body", body, "-rom", rom, "-mor_sweep_hz", "10,500,20",
-                   "-mor_sweep_out", out / "s.h5"], "s.h5"),
+        "sweep": (
+            [
+                "sweep",
+                "-body",
+                body,
+                "-rom",
+                rom,
+                "-mor_sweep_hz",
+                "10,500,20",
+                "-mor_sweep_out",
+                out / "s.h5",
+            ],
+            "s.h5",
+        ),
         "assemble": (["assemble", "-body", body, "-body_out", out / "b.h5"], "b.h5"),
-    }  # fmt: skip
+    }
     commands: dict[str, tuple[Callable[[int], list[str]], str]] = {}
     for name, (words, file) in {**serial, **parallel}.items():
         many = name in parallel
@@ -129,8 +175,13 @@ def complete(path: Path, reference: Path) -> bool:
 
 def kill(command: list[str], after: float) -> None:
     """Run, and end the whole process group after some seconds."""
-    process = subprocess.Popen(command, env=ENVIRONMENT, stdout=subprocess.DEVNULL,
-                               stderr=subprocess.DEVNULL, start_new_session=True)  # fmt: skip
+    process = subprocess.Popen(
+        command,
+        env=ENVIRONMENT,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
     try:
         process.wait(timeout=after)
     except subprocess.TimeoutExpired:

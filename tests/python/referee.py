@@ -64,8 +64,12 @@ class System:
         factors = [k, m, i * w][: len(self._double)]
         A = sum(complex(f) * a for f, a in zip(factors, self._double, strict=True))
         if self._sparse:
-            lu = splu(A.tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.01,
-                      options={"SymmetricMode": True})  # fmt: skip
+            lu = splu(
+                A.tocsc(),
+                permc_spec="MMD_AT_PLUS_A",
+                diag_pivot_thresh=0.01,
+                options={"SymmetricMode": True},
+            )
             solve: Callable[[Any], Any] = lambda r: lu.solve(r)  # noqa: E731
         else:
             pivots = sl.lu_factor(A, check_finite=False)
@@ -89,8 +93,11 @@ class System:
         the digits make up."""
         with mpmath.workdps(80):
             w, i = mpmath.mpf(omega), mpmath.mpc(0, 1)
-            factors = [1 + i * (mpmath.mpf(self.eta) + w * self.beta), i * w * self.alpha - w * w,
-                       i * w]  # fmt: skip
+            factors = [
+                1 + i * (mpmath.mpf(self.eta) + w * self.beta),
+                i * w * self.alpha - w * w,
+                i * w,
+            ]
             parts = [sp.csr_matrix(a) for a in self._double]
             pattern = sum(abs(a) for a in parts)
             order = reverse_cuthill_mckee(sp.csr_matrix(pattern), symmetric_mode=True)
@@ -122,11 +129,26 @@ class System:
                     left = rows[k].get(n + j, mpmath.mpf(0))
                     left -= sum((v * X[c, j] for c, v in rows[k].items() if k < c < n), 0)
                     X[k, j] = left / rows[k][k]
-            H = [[sum((mpmath.mpf(float(c)) * x for c, x in zip(row, X[:, j], strict=True) if c), 0)
-                  for j in range(B.shape[1])] for row in C]  # fmt: skip
-            return np.array([[LONG(mpmath.nstr(mpmath.re(h), 25))
-                              + np.clongdouble(1j) * LONG(mpmath.nstr(mpmath.im(h), 25))
-                              for h in row] for row in H])  # fmt: skip
+            H = [
+                [
+                    sum(
+                        (mpmath.mpf(float(c)) * x for c, x in zip(row, X[:, j], strict=True) if c),
+                        0,
+                    )
+                    for j in range(B.shape[1])
+                ]
+                for row in C
+            ]
+            return np.array(
+                [
+                    [
+                        LONG(mpmath.nstr(mpmath.re(h), 25))
+                        + np.clongdouble(1j) * LONG(mpmath.nstr(mpmath.im(h), 25))
+                        for h in row
+                    ]
+                    for row in H
+                ]
+            )
 
     def quickly(self, omega: Any) -> Any:
         """H at many frequencies in double, (n, n_out, n_in), by partial fractions: to find where
@@ -226,8 +248,12 @@ def relative_error(
     rigid = np.outer(motion, loads) / (mass * (i * w * full.alpha - w * w))
     bent = norm(H - rigid)
     r = reduced.rigid
-    theirs = System(*(a[:r, :r] for a in (reduced.K, reduced.M)), reduced.B[:r],
-                    reduced.C[:, :r], None if reduced.D is None else reduced.D[:r, :r])  # fmt: skip
+    theirs = System(
+        *(a[:r, :r] for a in (reduced.K, reduced.M)),
+        reduced.B[:r],
+        reduced.C[:, :r],
+        None if reduced.D is None else reduced.D[:r, :r],
+    )
     rigid_r = theirs.exactly(omega) if exactly else theirs.transfer(omega)
     size = bent if relative_to == "elastic" else min(norm(H), bent)
     return float(max(norm(away - rigid + rigid_r) / size, norm(rigid - rigid_r) / norm(H)))

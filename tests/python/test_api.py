@@ -72,12 +72,23 @@ def test_damper_to_ground_has_no_floating_frame(tmp_path: Path) -> None:
     node, at = np.unique(full["node"], return_inverse=True)
     places = np.zeros((len(node), 3))
     places[at] = full["position"]
-    for name, D, alpha in (("damper", sp.coo_matrix(([40.0], ([9], [9])), shape=(n, n)), 0.0),
-                           ("rayleigh", None, 5.0)):  # fmt: skip
+    for name, D, alpha in (
+        ("damper", sp.coo_matrix(([40.0], ([9], [9])), shape=(n, n)), 0.0),
+        ("rayleigh", None, 5.0),
+    ):
         body, rom = tmp_path / f"{name}.h5", tmp_path / f"{name}.rom.h5"
-        flexgram.write_matrices(body, full["K"], full["M"], full["B"], D=D, alpha=alpha, node=at,
-                                component=full["component"], position=places,
-                                inputs=[str(x) for x in full["names"]])  # fmt: skip
+        flexgram.write_matrices(
+            body,
+            full["K"],
+            full["M"],
+            full["B"],
+            D=D,
+            alpha=alpha,
+            node=at,
+            component=full["component"],
+            position=places,
+            inputs=[str(x) for x in full["names"]],
+        )
         run("reduce", "-body", body, "-mor_band_hz", "10,9000", "-mor_tol", "1e-2", "-mor_out", rom)
         model = flexgram.ReducedModel.load(rom)
         if name == "damper":
@@ -85,8 +96,17 @@ def test_damper_to_ground_has_no_floating_frame(tmp_path: Path) -> None:
                 export(model, tmp_path / "x.npz", "exudyn")
         else:
             export(model, tmp_path / "x.npz", "exudyn")
-    run("reduce", "-body", tmp_path / "rayleigh.h5", "-mor_inputs", "end.fx,end.fz", "-mor_tol",
-        "1e-2", "-mor_out", tmp_path / "few.h5")  # fmt: skip
+    run(
+        "reduce",
+        "-body",
+        tmp_path / "rayleigh.h5",
+        "-mor_inputs",
+        "end.fx,end.fz",
+        "-mor_tol",
+        "1e-2",
+        "-mor_out",
+        tmp_path / "few.h5",
+    )
     with pytest.raises(flexgram.BodyError, match="end has the ports fx, fz only"):
         export(flexgram.ReducedModel.load(tmp_path / "few.h5"), tmp_path / "x.npz", "exudyn")
 
@@ -96,8 +116,17 @@ def model(tmp_path_factory: pytest.TempPathFactory) -> flexgram.ReducedModel:
     folder = tmp_path_factory.mktemp("chain")
     body = chain(alpha=0.05)
     flexgram.write_matrices(folder / "chain.h5", **body)
-    run("reduce", "-body", folder / "chain.h5", "-mor_band_hz", "0.001,0.2", "-mor_tol", "1e-8",
-        "-mor_out", folder / "rom.h5")  # fmt: skip
+    run(
+        "reduce",
+        "-body",
+        folder / "chain.h5",
+        "-mor_band_hz",
+        "0.001,0.2",
+        "-mor_tol",
+        "1e-8",
+        "-mor_out",
+        folder / "rom.h5",
+    )
     return flexgram.ReducedModel.load(folder / "rom.h5")
 
 
@@ -113,8 +142,15 @@ def test_simulate_is_exact_for_linear_inputs(model: flexgram.ReducedModel) -> No
 
     q0 = np.linspace(0, 1, model.order)
     y, q = model.simulate(u, t, q0=q0)
-    truth = solve_ivp(lambda x, s: A @ s + B @ u(x), (0, 40), np.r_[q0, 0 * q0], t_eval=t,
-                      rtol=1e-10, atol=1e-12, max_step=0.1).y  # fmt: skip
+    truth = solve_ivp(
+        lambda x, s: A @ s + B @ u(x),
+        (0, 40),
+        np.r_[q0, 0 * q0],
+        t_eval=t,
+        rtol=1e-10,
+        atol=1e-12,
+        max_step=0.1,
+    ).y
     assert np.abs(y - truth.T @ C.T).max() < 1e-7 * np.abs(y).max()
     assert np.allclose(model.lift(q), q @ model.V.T)
     with pytest.raises(flexgram.BodyError, match="evenly spaced"):
@@ -147,8 +183,18 @@ def test_command_line_under_mpirun(tmp_path: Path) -> None:
     """One rank works, the others do not disturb it; a failure is the run's."""
     body = tmp_path / "rack.h5"
     for description, status in (("rack.yaml", 0), ("none.yaml", 1)):
-        command = ["mpirun", "-n", "2", str(PYTHON), "-m", "flexgram", "import",
-                   str(ROOT / "meshes" / description), "-o", str(body)]  # fmt: skip
+        command = [
+            "mpirun",
+            "-n",
+            "2",
+            str(PYTHON),
+            "-m",
+            "flexgram",
+            "import",
+            str(ROOT / "meshes" / description),
+            "-o",
+            str(body),
+        ]
         done = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True, timeout=60)
         assert done.returncode == status, done.stderr
         assert (done.stdout + done.stderr).count("rack.h5: " if status == 0 else "none.yaml: ") == 1
@@ -181,8 +227,7 @@ def test_report_and_figures(rack: Path, tmp_path: Path) -> None:
     page.feed((tmp_path / "r.html").read_text())
     assert page.images == 5
     assert 'class="card good"' in (tmp_path / "r.html").read_text()
-    for words in ("12 / 12", "skipped", "buckens", "Modes of the reduced body",
-                  "-mor_tol 1e-2"):  # fmt: skip
+    for words in ("12 / 12", "skipped", "buckens", "Modes of the reduced body", "-mor_tol 1e-2"):
         assert words in page.text, words
     model = flexgram.ReducedModel.load(rom)
     hz, _ = flexgram.pictures.figures.elastic_modes(model, 5)
@@ -195,8 +240,18 @@ def test_report_and_figures(rack: Path, tmp_path: Path) -> None:
             assert path.stat().st_size > 1000
     assert main(["plot", str(rom), "-o", str(tmp_path / "all"), "--suffix", "svg"]) == 0
     assert len(list((tmp_path / "all").iterdir())) == 5
-    shown = ["plot", str(rom), "--figure", "transfer", "--port", "upper.fz,lower.fz",
-             "--sweep", str(sweep), "-o", str(tmp_path / "t.png")]  # fmt: skip
+    shown = [
+        "plot",
+        str(rom),
+        "--figure",
+        "transfer",
+        "--port",
+        "upper.fz,lower.fz",
+        "--sweep",
+        str(sweep),
+        "-o",
+        str(tmp_path / "t.png"),
+    ]
     assert main(shown) == 0
 
 
@@ -216,13 +271,34 @@ def test_commands(rack: Path, tmp_path: Path, capsys: Any) -> None:
     assert "interface lower: rigid" in capsys.readouterr().out
     csv = tmp_path / "out.csv"
     force = ["--force", "upper.fz=-1e4*sin(20*pi*t)", "--force", "upper.fx=10*t"]
-    assert main(["simulate", str(rom), *force, "--time", "0,0.1,101", "-o", str(csv),
-                 "--xdmf", str(tmp_path / "m.xdmf")]) == 0  # fmt: skip
+    assert (
+        main(
+            [
+                "simulate",
+                str(rom),
+                *force,
+                "--time",
+                "0,0.1,101",
+                "-o",
+                str(csv),
+                "--xdmf",
+                str(tmp_path / "m.xdmf"),
+            ]
+        )
+        == 0
+    )
     table = np.genfromtxt(csv, delimiter=",", names=True)
     assert len(table) == 101 and len(table.dtype.names) == 13
     assert np.abs(table["upperfz"]).max() > 0 and (tmp_path / "m.xdmf.h5").exists()
-    for to, name in (("exudyn", "a.npz"), ("sid", "a.SID_FEM"), ("dmig", "a.pch"), ("mat", "a.mat"),
-                     ("npz", "b.npz"), ("state-space", "c.mat"), ("vtu", "a.vtu")):  # fmt: skip
+    for to, name in (
+        ("exudyn", "a.npz"),
+        ("sid", "a.SID_FEM"),
+        ("dmig", "a.pch"),
+        ("mat", "a.mat"),
+        ("npz", "b.npz"),
+        ("state-space", "c.mat"),
+        ("vtu", "a.vtu"),
+    ):
         assert main(["export", str(rom), "--to", to, "-o", str(tmp_path / name)]) == 0
         assert (tmp_path / name).stat().st_size > 1000
     capsys.readouterr()
@@ -295,10 +371,21 @@ def test_bands_flat_and_in_pairs() -> None:
 def test_options_as_keywords() -> None:
     """Typed by the registry; what is none of them is a TypeError with the nearest name."""
     body = flexgram.Matrices(**chain(40))
-    rom = flexgram.reduce(body, (0.01, 0.2), 1e-3, second_stage="gramian", relative_to="band",
-                          statics=True, error_hz=[0.1, 0.15, 2])  # fmt: skip
-    named = {"mor_second_stage": "gramian", "mor_tol_relative_to": "band", "mor_statics": "yes",
-             "mor_error_hz": "0.1,0.15,2"}  # fmt: skip
+    rom = flexgram.reduce(
+        body,
+        (0.01, 0.2),
+        1e-3,
+        second_stage="gramian",
+        relative_to="band",
+        statics=True,
+        error_hz=[0.1, 0.15, 2],
+    )
+    named = {
+        "mor_second_stage": "gramian",
+        "mor_tol_relative_to": "band",
+        "mor_statics": "yes",
+        "mor_error_hz": "0.1,0.15,2",
+    }
     same = flexgram.reduce(body, (0.01, 0.2), 1e-3, options=named)
     assert rom.claim.relative_to == "band" and rom.provenance.second_stage == "gramian"
     assert np.array_equal(rom.system.K, same.system.K)

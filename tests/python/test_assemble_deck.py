@@ -53,8 +53,10 @@ def shifted(path: Path, by: int) -> None:
             words = [str(int(w) + by) for w in words]
         elif keyword.startswith("*ELEMENT"):
             first = not (out[-1].endswith(",") and not out[-1].startswith("*"))
-            words = [w if (first and i == 0) or not w.strip() else f" {int(w) + by}"
-                     for i, w in enumerate(words)]  # fmt: skip
+            words = [
+                w if (first and i == 0) or not w.strip() else f" {int(w) + by}"
+                for i, w in enumerate(words)
+            ]
         out.append(",".join(words))
     path.write_text("\n".join(out) + "\n")
 
@@ -66,8 +68,9 @@ def test_frequencies_are_those_of_ccx(element: str, tmp_path: Path) -> None:
     path = deck(tmp_path / "bar.inp", element, held="*BOUNDARY\nSTART, 1, 3\n")
     shifted(path, 1000)
     subprocess.run(["ccx", "bar"], cwd=tmp_path, check=True, capture_output=True)
-    rows = re.findall(r"^\s+\d+\s+\S+\s+\S+\s+(\S+)\s+\S+\s*$",
-                      (tmp_path / "bar.dat").read_text(), re.MULTILINE)  # fmt: skip
+    rows = re.findall(
+        r"^\s+\d+\s+\S+\s+\S+\s+(\S+)\s+\S+\s*$", (tmp_path / "bar.dat").read_text(), re.MULTILINE
+    )
     theirs = np.array([float(row) for row in rows[:8]])
     counts = assemble_deck(path, tmp_path / "bar.h5", EYE)
     assert counts["interfaces"]["eye"]["coupling"] == "distributing"
@@ -82,15 +85,36 @@ def test_the_command_line(tmp_path: Path) -> None:
     text = path.read_text().replace("*SOLID SECTION", "*DAMPING, ALPHA=7.0\n*SOLID SECTION")
     path.write_text(text.replace("\n*DAMPING, ALPHA=7.0\n*STEP", "\n*STEP"))
     shifted(path, 500)
-    said = run("import", path, "--assemble", "--rigid", "eye=NSET:end", "--node", "tip=NODES:501",
-               "-o", tmp_path / "bar.h5").out  # fmt: skip
+    said = run(
+        "import",
+        path,
+        "--assemble",
+        "--rigid",
+        "eye=NSET:end",
+        "--node",
+        "tip=NODES:501",
+        "-o",
+        tmp_path / "bar.h5",
+    ).out
     assert "damping of the deck (*DAMPING): alpha 7" in said
-    run("reduce", "-body", tmp_path / "bar.h5", "-mor_band_hz", "10,9000", "-mor_tol", 1e-4,
-        "-mor_out", tmp_path / "rom.h5")  # fmt: skip
+    run(
+        "reduce",
+        "-body",
+        tmp_path / "bar.h5",
+        "-mor_band_hz",
+        "10,9000",
+        "-mor_tol",
+        1e-4,
+        "-mor_out",
+        tmp_path / "rom.h5",
+    )
     rom = ReducedModel.load(tmp_path / "rom.h5")
     assert rom.certified_error <= 1e-4 and rom.frame["rigid_modes"] == 6
     assert rom.inputs[:2] == ["eye.fx", "eye.fy"] and rom.inputs[6:] == [
-        "tip.fx", "tip.fy", "tip.fz"]  # fmt: skip
+        "tip.fx",
+        "tip.fy",
+        "tip.fz",
+    ]
     assert not rom.data_rounding.any()  # nothing was printed
     assert rom.floor.max() < 1e-6  # of plain sums, which are enough here
 
@@ -107,7 +131,7 @@ def test_the_command_line(tmp_path: Path) -> None:
         ("C3D10", ("8\n*END STEP", "8\n*BOUNDARY\nNOWHERE,1\n*END STEP"), "expected a node or"),
         ("C3D10", ("MATERIAL=STEEL", "MATERIAL=GOLD"), "MATERIAL=GOLD: needs elements"),
     ],
-)  # fmt: skip
+)
 def test_what_is_not_followed(
     element: str, change: tuple[str, str], expected: str, tmp_path: Path
 ) -> None:

@@ -52,17 +52,30 @@ def test_couplings_mean_the_same_on_a_mesh_and_on_its_matrices(tmp_path: Path) -
     write_body_file(tmp_path / "bare.h5", mesh, interfaces=bare)
     full = assembled(tmp_path / "full.h5", tmp_path / "bare.h5")
     fe = FeMatrices(
-        "full", full["K"].tocsr(), full["M"].tocsr(), node=full["node"],
-        component=full["component"], labels=np.arange(len(mesh.points)), points=mesh.points,
-    )  # fmt: skip
-    places = [Interface(name, data["coupling"], mesh.point_sets[name])
-              for name, data in ENDS.items()]  # fmt: skip
+        "full",
+        full["K"].tocsr(),
+        full["M"].tocsr(),
+        node=full["node"],
+        component=full["component"],
+        labels=np.arange(len(mesh.points)),
+        points=mesh.points,
+    )
+    places = [
+        Interface(name, data["coupling"], mesh.point_sets[name]) for name, data in ENDS.items()
+    ]
     import_matrices(fe, tmp_path / "matrices.h5", places)
     H = []
     for name in ("mesh", "matrices"):
         out = tmp_path / f"{name}.sweep.h5"
-        run("sweep", "-body", tmp_path / f"{name}.h5", "-mor_sweep_hz", "50,4000,5",
-            "-mor_sweep_out", out)  # fmt: skip
+        run(
+            "sweep",
+            "-body",
+            tmp_path / f"{name}.h5",
+            "-mor_sweep_hz",
+            "50,4000,5",
+            "-mor_sweep_out",
+            out,
+        )
         with h5py.File(out) as file:
             assert [str(x) for x in file["H"].attrs["inputs"]][6] == "end.fx"
         H.append(sweep_transfer(out)[1])
@@ -81,15 +94,16 @@ def test_couplings_are_what_they_claim(ranks: int, tmp_path: Path) -> None:
     point = [-0.01, 0.02, 0.0]
     interfaces = {**ENDS, "start": {**ENDS["start"], "position": point}}
     write_body_file(tmp_path / "body.h5", mesh, interfaces=interfaces)
-    write_body_file(tmp_path / "free.h5", mesh,
-                    interfaces={"end": ENDS["end"]})  # fmt: skip
+    write_body_file(tmp_path / "free.h5", mesh, interfaces={"end": ENDS["end"]})
     coupled = by_node(assembled(tmp_path / "c.h5", tmp_path / "body.h5", ranks))
     free = by_node(assembled(tmp_path / "f.h5", tmp_path / "free.h5", ranks))
     # T: all dofs of the free body from those of the coupled one.
     slaves = set(mesh.point_sets["start"].tolist())
     T = np.zeros((free["K"].shape[0], coupled["K"].shape[0]))
-    place = {(n, c): i for i, (n, c) in enumerate(zip(coupled["node"], coupled["component"],
-                                                        strict=True))}  # fmt: skip
+    place = {
+        (n, c): i
+        for i, (n, c) in enumerate(zip(coupled["node"], coupled["component"], strict=True))
+    }
     reference = len(mesh.points)
     for row, (n, c) in enumerate(zip(free["node"], free["component"], strict=True)):
         if n in slaves:
@@ -122,10 +136,12 @@ def test_free_bodies_have_six_rigid_modes_and_the_right_mass(ranks: int, tmp_pat
     write_body_file(tmp_path / "body.h5", mesh, interfaces=ENDS)
     body = assembled(tmp_path / "m.h5", tmp_path / "body.h5", ranks)
     center = body["position"].mean(axis=0)
-    R = np.array([
-        motion(x - center)[c] if c < 3 else np.eye(6)[c]
-        for x, c in zip(body["position"], body["component"], strict=True)
-    ])  # fmt: skip
+    R = np.array(
+        [
+            motion(x - center)[c] if c < 3 else np.eye(6)[c]
+            for x, c in zip(body["position"], body["component"], strict=True)
+        ]
+    )
     stiffness = abs(body["K"]).max()
     assert np.abs(body["K"] @ R).max() < 1e-13 * stiffness
     volume = 0.1 * 0.02 * 0.03
@@ -137,8 +153,16 @@ def test_free_bodies_have_six_rigid_modes_and_the_right_mass(ranks: int, tmp_pat
     squares = eigsh(body["K"], 8, body["M"], sigma=-1e6, return_eigenvectors=False)
     squares = np.sort(squares)
     assert np.abs(squares[:6]).max() < 1e-9 * squares[6]
-    run_out = run("reduce", "-body", tmp_path / "body.h5", "-mor_samples", 3, "-mor_out",
-                  tmp_path / "rom.h5", ranks=ranks).out  # fmt: skip
+    run_out = run(
+        "reduce",
+        "-body",
+        tmp_path / "body.h5",
+        "-mor_samples",
+        3,
+        "-mor_out",
+        tmp_path / "rom.h5",
+        ranks=ranks,
+    ).out
     assert "rigid modes    6" in run_out and f"mass {7850 * volume:.6g} kg" in run_out
 
 
@@ -222,8 +246,15 @@ def test_inverted_elements_are_named(ranks: int, tmp_path: Path) -> None:
     mesh = box("tetra10")
     mesh.cells[0].data[17, [0, 1]] = mesh.cells[0].data[17, [1, 0]]
     write_body_file(tmp_path / "body.h5", mesh, interfaces=ENDS)
-    result = run("reduce", "-body", tmp_path / "body.h5", "-mor_out", tmp_path / "r.h5",
-                 ranks=ranks, expect=1)  # fmt: skip
+    result = run(
+        "reduce",
+        "-body",
+        tmp_path / "body.h5",
+        "-mor_out",
+        tmp_path / "r.h5",
+        ranks=ranks,
+        expect=1,
+    )
     assert "element 17 (tetra10, material steel) is inverted" in message(result)
     assert not (tmp_path / "r.h5").exists()
 
@@ -245,8 +276,15 @@ def test_impossible_descriptions(
     change: dict[str, Any], expected: str, ranks: int, tmp_path: Path
 ) -> None:
     write_body_file(tmp_path / "body.h5", box("tetra"), **{"interfaces": ENDS, **change})
-    result = run("reduce", "-body", tmp_path / "body.h5", "-mor_out", tmp_path / "r.h5",
-                 ranks=ranks, expect=1)  # fmt: skip
+    result = run(
+        "reduce",
+        "-body",
+        tmp_path / "body.h5",
+        "-mor_out",
+        tmp_path / "r.h5",
+        ranks=ranks,
+        expect=1,
+    )
     assert expected in message(result)
 
 
@@ -346,8 +384,16 @@ def test_descriptions_that_cannot_be_read(
     assert not list(tmp_path.glob("box.h5*"))
 
 
-LEVER = ["--units", "mm-t-s", "--alpha", "2", "--rigid", "near=BOX:-1,-1,-1,1e-6,99,99",
-         "--distributing", "far=NSET:far@100,10,15"]  # fmt: skip
+LEVER = [
+    "--units",
+    "mm-t-s",
+    "--alpha",
+    "2",
+    "--rigid",
+    "near=BOX:-1,-1,-1,1e-6,99,99",
+    "--distributing",
+    "far=NSET:far@100,10,15",
+]
 
 
 def test_a_mesh_with_its_material_on_the_command_line(tmp_path: Path) -> None:
@@ -393,5 +439,16 @@ def test_a_mesh_with_its_material_on_the_command_line(tmp_path: Path) -> None:
     big = meshio.read(mesh)
     big.points *= 0.2
     meshio.write(large, big)
-    assert "in millimetres" in run("import", large, "--material", "steel", "--rigid",
-                                   "near=BOX:-1,-1,-1,1e-6,99,99", "-o", by_words).out  # fmt: skip
+    assert (
+        "in millimetres"
+        in run(
+            "import",
+            large,
+            "--material",
+            "steel",
+            "--rigid",
+            "near=BOX:-1,-1,-1,1e-6,99,99",
+            "-o",
+            by_words,
+        ).out
+    )

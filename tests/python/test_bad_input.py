@@ -66,18 +66,22 @@ BODIES: dict[str, tuple[Callable[[], dict[str, Any]], str]] = {
     ),
     "mechanism": (mechanism, "K and M share 1 null vector"),
     "zero rows": (
-        lambda: chain(K=with_entries(sp.block_diag([K[:59, :59], 0]).tocsc(), r58c58=1.0),
-                      M=sp.block_diag([sp.identity(59), sp.csc_matrix((1, 1))]).tocsc()),
+        lambda: chain(
+            K=with_entries(sp.block_diag([K[:59, :59], 0]).tocsc(), r58c58=1.0),
+            M=sp.block_diag([sp.identity(59), sp.csc_matrix((1, 1))]).tocsc(),
+        ),
         "row 59",
     ),
-    "port of 1e80": (lambda: chain(B=np.eye(60)[:, :2] * [1, 1e80]), "port in2: its column of B is "
-                     "as large as 1e+80"),
+    "port of 1e80": (
+        lambda: chain(B=np.eye(60)[:, :2] * [1, 1e80]),
+        "port in2: its column of B is as large as 1e+80",
+    ),
     "zero port": (lambda: chain(B=np.eye(60)[:, :2] * [1, 0]), "port in2: its column of B is zero"),
     "negative diagonal damping": (
         lambda: chain(D=with_entries(sp.csc_matrix((60, 60)), r3c3=-2.0)),
         "D(3, 3) = -2 is negative",
     ),
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
@@ -157,8 +161,9 @@ def test_damaged_bodies(case: str, ranks: int, tmp_path: Path) -> None:
     write_matrices(body, **chain())
     with h5py.File(body, "r+") as file:
         damage(file)
-    result = run("reduce", "-body", body, "-mor_out", tmp_path / "rom.h5", ranks=ranks, expect=1,
-                 timeout=60)  # fmt: skip
+    result = run(
+        "reduce", "-body", body, "-mor_out", tmp_path / "rom.h5", ranks=ranks, expect=1, timeout=60
+    )
     assert expected in message(result)
 
 
@@ -174,8 +179,9 @@ def test_a_damaged_heap_of_texts(size: int, ranks: int, tmp_path: Path) -> None:
     heap = content.index(b"GCOL")
     content[heap + 24 : heap + 32] = size.to_bytes(8, "little")  # of its first object
     body.write_bytes(content)
-    result = run("reduce", "-body", body, "-mor_out", tmp_path / "rom.h5", ranks=ranks, expect=1,
-                 timeout=100)  # fmt: skip
+    result = run(
+        "reduce", "-body", body, "-mor_out", tmp_path / "rom.h5", ranks=ranks, expect=1, timeout=100
+    )
     assert "names of /B" in message(result)
 
 
@@ -194,8 +200,19 @@ def test_a_damaged_attribute_is_not_a_missing_one(
         changed = bytearray(data)
         changed[at + offset] ^= 0xFF
         damaged.write_bytes(changed)
-        result = run("reduce", "-body", damaged, "-mor_band_hz", "0.01,0.3", "-mor_order", "4",
-                     "-mor_out", out, expect=None, timeout=60)  # fmt: skip
+        result = run(
+            "reduce",
+            "-body",
+            damaged,
+            "-mor_band_hz",
+            "0.01,0.3",
+            "-mor_order",
+            "4",
+            "-mor_out",
+            out,
+            expect=None,
+            timeout=60,
+        )
         assert result.status in (0, 1)
         if result.status == 0:
             read += 1
@@ -239,8 +256,19 @@ def test_bad_options(case: str, ranks: int, tmp_path: Path) -> None:
     options, expected = OPTIONS[case]
     body, out = tmp_path / "body.h5", tmp_path / "rom.h5"
     write_matrices(body, **chain())
-    result = run("reduce", "-body", body, "-mor_band_hz", "0.01,0.3", "-mor_out", out, *options,
-                 ranks=ranks, expect=1, timeout=60)  # fmt: skip
+    result = run(
+        "reduce",
+        "-body",
+        body,
+        "-mor_band_hz",
+        "0.01,0.3",
+        "-mor_out",
+        out,
+        *options,
+        ranks=ranks,
+        expect=1,
+        timeout=60,
+    )
     assert expected in message(result)
     assert not out.exists()
 
@@ -325,9 +353,20 @@ def test_a_resonance_in_one_group_ends_the_other(tmp_path: Path) -> None:
     unit = sp.identity(60).tocsc()
     write_matrices(body, **chain(K=unit, M=unit, alpha=0.0))
     resonance = 1 / (2 * np.pi)
-    result = run("sweep", "-body", body, "-mor_groups", 2, "-mor_sweep_hz",
-                 f"{resonance!r},{2 * resonance!r},2", "-mor_sweep_out", tmp_path / "s.h5",
-                 ranks=2, expect=1, timeout=60)  # fmt: skip
+    result = run(
+        "sweep",
+        "-body",
+        body,
+        "-mor_groups",
+        2,
+        "-mor_sweep_hz",
+        f"{resonance!r},{2 * resonance!r},2",
+        "-mor_sweep_out",
+        tmp_path / "s.h5",
+        ranks=2,
+        expect=1,
+        timeout=60,
+    )
     assert "frequency 1 of 2" in message(result) and "singular" in message(result)
     assert not (tmp_path / "s.h5").exists()
 
@@ -337,8 +376,17 @@ def test_a_rom_of_other_ports_is_refused(tmp_path: Path) -> None:
     write_matrices(body, **chain())
     band = ("-mor_band_hz", "0.01,0.3")
     run("reduce", "-body", body, *band, "-mor_inputs", "in1", "-mor_out", out)
-    sweep = ("sweep", "-body", body, "-rom", out, "-mor_sweep_hz", "0.02,0.2,3", "-mor_sweep_out",
-             tmp_path / "s.h5")  # fmt: skip
+    sweep = (
+        "sweep",
+        "-body",
+        body,
+        "-rom",
+        out,
+        "-mor_sweep_hz",
+        "0.02,0.2,3",
+        "-mor_sweep_out",
+        tmp_path / "s.h5",
+    )
     assert "1 inputs, 1 outputs" in run(*sweep, "-mor_inputs", "in1").out
     run(*sweep)  # without a choice the rom's ports count
     with h5py.File(tmp_path / "s.h5") as file:
@@ -350,8 +398,17 @@ def test_a_rom_of_other_ports_is_refused(tmp_path: Path) -> None:
 def test_misspelt_options_of_petsc_are_named(tmp_path: Path) -> None:
     body = tmp_path / "body.h5"
     write_matrices(body, **chain())
-    result = run("reduce", "-body", body, "-mor_band_hz", "0.01,0.3", "-mor_out",
-                 tmp_path / "rom.h5", "-log_vieww", "x.h5")  # fmt: skip
+    result = run(
+        "reduce",
+        "-body",
+        body,
+        "-mor_band_hz",
+        "0.01,0.3",
+        "-mor_out",
+        tmp_path / "rom.h5",
+        "-log_vieww",
+        "x.h5",
+    )
     assert "option -log_vieww was not used" in result.out
 
 
@@ -360,16 +417,35 @@ def test_an_undamped_free_body_at_zero_frequency(ranks: int, tmp_path: Path) -> 
     free = with_entries(K, r0c0=1.0)
     body = tmp_path / "body.h5"
     write_matrices(body, **chain(K=free, alpha=0.0))
-    result = run("sweep", "-body", body, "-mor_sweep_hz", "0", "-mor_sweep_out",
-                 tmp_path / "sweep.h5", ranks=ranks, expect=1, timeout=60)  # fmt: skip
+    result = run(
+        "sweep",
+        "-body",
+        body,
+        "-mor_sweep_hz",
+        "0",
+        "-mor_sweep_out",
+        tmp_path / "sweep.h5",
+        ranks=ranks,
+        expect=1,
+        timeout=60,
+    )
     assert "no finite response" in message(result) and "0 Hz" in message(result)
     assert not (tmp_path / "sweep.h5").exists()
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_too_little_memory(rack: Path, tmp_path: Path, ranks: int) -> None:
-    result = run("reduce", "-body", rack, "-mor_memory_limit_mb", 3, "-mor_out",
-                 tmp_path / "rom.h5", ranks=ranks, expect=1)  # fmt: skip
+    result = run(
+        "reduce",
+        "-body",
+        rack,
+        "-mor_memory_limit_mb",
+        3,
+        "-mor_out",
+        tmp_path / "rom.h5",
+        ranks=ranks,
+        expect=1,
+    )
     assert "needs" in message(result) and "3 MB may be used" in message(result)
 
 

@@ -39,8 +39,9 @@ MODES = "*FREQUENCY\n16\n*END STEP\n"
 
 @ccx
 def test_preload_of_a_perturbation_step_is_part_of_the_body(tmp_path: Path) -> None:
-    deck = write_deck(tmp_path / "loaded.inp", "C3D20R",
-                      HELD + PRELOAD + "*STEP, PERTURBATION\n" + MODES)  # fmt: skip
+    deck = write_deck(
+        tmp_path / "loaded.inp", "C3D20R", HELD + PRELOAD + "*STEP, PERTURBATION\n" + MODES
+    )
     fe = read(deck, run_ccx=True)
     assert_digits(frequencies(fe.K, fe.M), ccx_frequencies(deck)[:16])
     assert any("step 2" in line and "*STATIC, *CLOAD" in line for line in fe.remarks)
@@ -51,8 +52,11 @@ def test_preload_of_a_perturbation_step_is_part_of_the_body(tmp_path: Path) -> N
 
 @ccx
 def test_another_frequency_step_is_named_and_can_be_asked_for(tmp_path: Path) -> None:
-    deck = write_deck(tmp_path / "both.inp", "C3D20R", HELD + FREQUENCY + PRELOAD
-                      + "*STEP, PERTURBATION\n" + MODES)  # fmt: skip
+    deck = write_deck(
+        tmp_path / "both.inp",
+        "C3D20R",
+        HELD + FREQUENCY + PRELOAD + "*STEP, PERTURBATION\n" + MODES,
+    )
     loaded, plain = read(deck, run_ccx=True), read(deck, run_ccx=True, step=1)
     free = read(write_deck(tmp_path / "free.inp", "C3D20R", HELD + FREQUENCY), run_ccx=True)
     assert np.allclose(frequencies(plain.K, plain.M), frequencies(free.K, free.M), rtol=1e-9)
@@ -81,8 +85,9 @@ def test_what_is_left_out_is_named_and_strict_refuses(tmp_path: Path) -> None:
 def test_local_axes_of_supports(tmp_path: Path) -> None:
     """*TRANSFORM: a roller along an oblique line; the matrices are in global axes all the same."""
     oblique = "*TRANSFORM, NSET=START\n1, 1, 0, -1, 1, 0\n*BOUNDARY\nSTART, 1, 1\nSTART, 3, 3\n"
-    deck = write_deck(tmp_path / "oblique.inp", "C3D10", oblique + "*BOUNDARY\nEND, 1, 3\n"
-                      + FREQUENCY)  # fmt: skip
+    deck = write_deck(
+        tmp_path / "oblique.inp", "C3D10", oblique + "*BOUNDARY\nEND, 1, 3\n" + FREQUENCY
+    )
     fe = read(deck, run_ccx=True)
     assert_digits(frequencies(fe.K, fe.M), ccx_frequencies(deck)[:16])
 
@@ -104,8 +109,10 @@ def test_damping_of_the_deck(tmp_path: Path) -> None:
     def damping(extra: str, deck: str = "part.inp") -> Any:
         return damping_of(read_job(write_deck(tmp_path / deck, "C3D10", extra)))
 
-    modal = damping(FREQUENCY + "*STEP\n*MODAL DYNAMIC\n1e-4, 1.\n*MODAL DAMPING, RAYLEIGH\n"
-                    ",, 20., 3e-6\n*END STEP\n")  # fmt: skip
+    modal = damping(
+        FREQUENCY + "*STEP\n*MODAL DYNAMIC\n1e-4, 1.\n*MODAL DAMPING, RAYLEIGH\n"
+        ",, 20., 3e-6\n*END STEP\n"
+    )
     assert (modal.alpha, modal.beta, modal.eta) == (20.0, 3e-6, 0.0)
     material = damping("*MATERIAL, NAME=STEEL2\n*DAMPING, ALPHA=5., BETA=1e-5\n" + FREQUENCY)
     assert material.alpha == 0 and "differs" in material.remarks[0]  # STEEL has none
@@ -123,9 +130,11 @@ def test_damping_of_the_deck(tmp_path: Path) -> None:
 def test_dashpots_act_along_their_line(tmp_path: Path) -> None:
     job = ccx_job(tmp_path)  # rows of the nodes 1 and 2
     deck = job.with_suffix(".inp")
-    deck.write_text("*NODE\n1, 0, 0, 0\n2, 0, 3, 4\n3, 1, 0, 0\n"
-                    "*ELEMENT, TYPE=DASHPOTA, ELSET=ED\n1, 1, 2\n2, 1, 3\n"
-                    "*DASHPOT, ELSET=ED\n\n50.\n*BOUNDARY\n3, 1, 3\n")  # fmt: skip
+    deck.write_text(
+        "*NODE\n1, 0, 0, 0\n2, 0, 3, 4\n3, 1, 0, 0\n"
+        "*ELEMENT, TYPE=DASHPOTA, ELSET=ED\n1, 1, 2\n2, 1, 3\n"
+        "*DASHPOT, ELSET=ED\n\n50.\n*BOUNDARY\n3, 1, 3\n"
+    )
     fe = read(job)
     e = np.array([0, 0.6, 0.8])
     expected = 50 * np.block([[np.outer(e, e), -np.outer(e, e)], [-np.outer(e, e), np.outer(e, e)]])
@@ -154,8 +163,11 @@ def test_includes_nested_quoted_and_in_long_folders(tmp_path: Path) -> None:
 
 
 def test_a_cyclic_sector_is_no_body(tmp_path: Path) -> None:
-    deck = write_deck(tmp_path / "sector.inp", "C3D10",
-                      "*CYCLIC SYMMETRY MODEL, N=8, TIE=T\n0,0,0,0,0,1\n" + FREQUENCY)  # fmt: skip
+    deck = write_deck(
+        tmp_path / "sector.inp",
+        "C3D10",
+        "*CYCLIC SYMMETRY MODEL, N=8, TIE=T\n0,0,0,0,0,1\n" + FREQUENCY,
+    )
     with pytest.raises(BodyError, match="one sector of a cyclic body"):
         prepare(read_job(deck))
 
@@ -172,8 +184,13 @@ def test_rotations_in_the_dof_file(tmp_path: Path) -> None:
 def test_thousands_of_ports_have_names(tmp_path: Path) -> None:
     n = 5000
     names = [f"port_{i}.fx" for i in range(n)]
-    write_matrices(tmp_path / "many.h5", sp.identity(n).tocsr(), sp.identity(n).tocsr(),
-                   np.eye(n), inputs=names)  # fmt: skip
+    write_matrices(
+        tmp_path / "many.h5",
+        sp.identity(n).tocsr(),
+        sp.identity(n).tocsr(),
+        np.eye(n),
+        inputs=names,
+    )
     with h5py.File(tmp_path / "many.h5") as file:
         assert list(file["B"].attrs["names"]) == names
 
@@ -219,8 +236,10 @@ def test_shells_are_the_solids_that_ccx_makes_of_them(
 
 @ccx
 def test_held_shells_say_that_places_are_not_known(tmp_path: Path) -> None:
-    held = read(shell_plate(tmp_path / "held.inp", "S8R", "*BOUNDARY\nLEFT, 1, 3\n" + FREQUENCY),
-                run_ccx=True)  # fmt: skip
+    held = read(
+        shell_plate(tmp_path / "held.inp", "S8R", "*BOUNDARY\nLEFT, 1, 3\n" + FREQUENCY),
+        run_ccx=True,
+    )
     assert any("import it free" in line or "some of them held" in line for line in held.remarks)
     assert not held.has_coordinates()
 
@@ -229,24 +248,36 @@ def test_printed_digits_are_told_beside_the_claim(tmp_path: Path) -> None:
     """A slender bar: its lowest frequencies lose digits when K is printed with fourteen. The claim
     is of the K that is stored; what its digits change of the meant K is told beside it."""
     body = tmp_path / "bar.h5"
-    write_body_file(body, box("hexahedron20", (60, 1, 1), (1.0, 0.004, 0.004), distort=False),
-                    interfaces={"start": {"set": "start", "coupling": "distributing"}})  # fmt: skip
+    write_body_file(
+        body,
+        box("hexahedron20", (60, 1, 1), (1.0, 0.004, 0.004), distort=False),
+        interfaces={"start": {"set": "start", "coupling": "distributing"}},
+    )
     exact = assembled(tmp_path / "exact.h5", body)
     node, component = np.unique(exact["node"], return_inverse=True)[1] + 1, exact["component"]
     job = tmp_path / "job.inp"
     points = {n: x for n, x in zip(node, exact["position"], strict=True)}
     job.write_text("*NODE\n" + "".join(f"{n}, {x[0]}, {x[1]}, {x[2]}\n" for n, x in points.items()))
     job.with_suffix(".dof").write_text(
-        "".join(f"{n}.{c + 1}\n" for n, c in zip(node, component, strict=True)))  # fmt: skip
+        "".join(f"{n}.{c + 1}\n" for n, c in zip(node, component, strict=True))
+    )
     for name, suffix in (("K", ".sti"), ("M", ".mas")):
         upper = sp.triu(exact[name]).tocoo()
-        job.with_suffix(suffix).write_text("".join(
-            f"{i + 1} {j + 1} {x:.13e}\n"
-            for i, j, x in zip(upper.row, upper.col, upper.data, strict=True)))  # fmt: skip
+        job.with_suffix(suffix).write_text(
+            "".join(
+                f"{i + 1} {j + 1} {x:.13e}\n"
+                for i, j, x in zip(upper.row, upper.col, upper.data, strict=True)
+            )
+        )
     ends = [node[np.argmin(exact["position"][:, 0])], node[np.argmax(exact["position"][:, 0])]]
     fe = read(job)
-    facts = import_matrices(fe, tmp_path / "printed.h5", [Interface("tip", "node", np.array(ends))],
-                            alpha=2.0, beta=1e-6)  # fmt: skip
+    facts = import_matrices(
+        fe,
+        tmp_path / "printed.h5",
+        [Interface("tip", "node", np.array(ends))],
+        alpha=2.0,
+        beta=1e-6,
+    )
     assert any("printed with 14 digits" in line for line in facts["remarks"])
     rows = [int(np.flatnonzero((node == n) & (component == c))[0]) for n in ends for c in range(3)]
     B = np.zeros((len(node), 6))
@@ -262,13 +293,16 @@ def test_printed_digits_are_told_beside_the_claim(tmp_path: Path) -> None:
     omega = 2 * np.pi * np.linspace(18.01, 23.99, 23)
 
     def worst(full: System) -> float:
-        return max(float(np.linalg.norm(rom.transfer(w) - H) / np.linalg.norm(H))
-                   for w, H in ((w, full.transfer(w)) for w in omega))  # fmt: skip
+        return max(
+            float(np.linalg.norm(rom.transfer(w) - H) / np.linalg.norm(H))
+            for w, H in ((w, full.transfer(w)) for w in omega)
+        )
 
     # The claim is of a body that is exactly rigid; the stored K is so up to its digits.
     assert rom.certified_error < worst(stored) <= rom.certified_error + rom.rigid_rounding
     assert 10 * worst(stored) < worst(truth)
     assert worst(truth) <= rom.data_rounding.max() < 1000 * worst(truth)
     rom.save(tmp_path / "rom.h5")
-    assert any("the digits in which the FE code wrote K" in line
-               for line in describe(tmp_path / "rom.h5"))  # fmt: skip
+    assert any(
+        "the digits in which the FE code wrote K" in line for line in describe(tmp_path / "rom.h5")
+    )

@@ -15,11 +15,22 @@ from others import write_case
 
 Loader = Callable[[str], dict[str, Any]]
 CASES = (
-    "amfe_pleuel", "ansys_hexbeam", "ccx_beamf4", "crank", "exudyn_blockC3D10",
-    "exudyn_blockC3D20R", "exudyn_blockC3D4", "exudyn_netgenBrick", "exudyn_netgenHinge",
-    "exudyn_rotorDiscTest", "hb_bcsst06", "hb_bcsst07", "hb_bcsst08", "hb_bcsst22",
+    "amfe_pleuel",
+    "ansys_hexbeam",
+    "ccx_beamf4",
+    "crank",
+    "exudyn_blockC3D10",
+    "exudyn_blockC3D20R",
+    "exudyn_blockC3D4",
+    "exudyn_netgenBrick",
+    "exudyn_netgenHinge",
+    "exudyn_rotorDiscTest",
+    "hb_bcsst06",
+    "hb_bcsst07",
+    "hb_bcsst08",
+    "hb_bcsst22",
     "nlevp_shaft",
-)  # fmt: skip
+)
 METHODS = ("krylov", "modal", "craig_bampton", "irka", "balanced")
 
 
@@ -36,8 +47,9 @@ def test_bodies_of_others(load_case: Loader, tmp_path: Path, name: str) -> None:
     loose = (
         name == "nlevp_shaft"
     )  # rounding of its K is 3e-2 of H at a resonance of damping ratio 1e-7
-    medium = certified(body, band, tmp_path, "-mor_second_stage", "medium",
-                       "-mor_medium_tol", "1e-3", ranks=2)  # fmt: skip
+    medium = certified(
+        body, band, tmp_path, "-mor_second_stage", "medium", "-mor_medium_tol", "1e-3", ranks=2
+    )
     assert_certified(medium)
     # One more where slow modes may be rigid: these bodies come without coordinates.
     assert medium["factorisations"] in (1, 3)
@@ -47,8 +59,9 @@ def test_bodies_of_others(load_case: Loader, tmp_path: Path, name: str) -> None:
     assert_certified(small, tolerance, sharp=1.3)
     assert small["order"] <= 27
     for method in METHODS:
-        assert_certified(certified(body, band, tmp_path, "-mor_method", method, "-mor_order",
-                                   "rule", full=full))  # fmt: skip
+        assert_certified(
+            certified(body, band, tmp_path, "-mor_method", method, "-mor_order", "rule", full=full)
+        )
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
@@ -58,8 +71,18 @@ def test_rack(rack: Path, tmp_path: Path, ranks: int) -> None:
     for reference, first, last in (("pointwise", 28, 52), ("both", 30, 54)):
         orders = []
         for tolerance in (1e-2, 1e-4, 1e-6, 1e-8):
-            result = certified(rack, band, tmp_path, "-mor_tol", tolerance, "-mor_tol_relative_to",
-                               reference, ranks=ranks, full=full, count=6)  # fmt: skip
+            result = certified(
+                rack,
+                band,
+                tmp_path,
+                "-mor_tol",
+                tolerance,
+                "-mor_tol_relative_to",
+                reference,
+                ranks=ranks,
+                full=full,
+                count=6,
+            )
             full = result["full"]
             assert_certified(result, tolerance)
             assert result["factorisations"] == 1
@@ -67,8 +90,7 @@ def test_rack(rack: Path, tmp_path: Path, ranks: int) -> None:
         assert orders == sorted(orders) and orders[0] <= first and orders[-1] <= last
     for method in METHODS if ranks == 1 else ():
         asked = ("-mor_method", method, "-mor_order", "rule")
-        result = certified(rack, band, tmp_path, *asked, full=full,
-                           count=6)  # fmt: skip
+        result = certified(rack, band, tmp_path, *asked, full=full, count=6)
         assert_certified(result)
 
 
@@ -77,11 +99,29 @@ def test_rule_at_the_papers_order_is_not_worse_than_its_samples(rack: Path, tmp_
     rule = certified(rack, band, tmp_path, "-mor_order", "rule", count=8)
     assert 25 <= rule["order"] <= 35
     samples = tmp_path / "pod.h5"
-    run("reduce", "-body", rack, "-mor_method", "pod", "-mor_order", rule["order"], "-mor_out",
-        samples)  # fmt: skip
+    run(
+        "reduce",
+        "-body",
+        rack,
+        "-mor_method",
+        "pod",
+        "-mor_order",
+        rule["order"],
+        "-mor_out",
+        samples,
+    )
     sweep = tmp_path / "sweep.h5"
-    run("sweep", "-body", rack, "-rom", samples, "-mor_sweep_hz", "10.3,499.8,200",
-        "-mor_sweep_out", sweep)  # fmt: skip
+    run(
+        "sweep",
+        "-body",
+        rack,
+        "-rom",
+        samples,
+        "-mor_sweep_hz",
+        "10.3,499.8,200",
+        "-mor_sweep_out",
+        sweep,
+    )
     with h5py.File(sweep) as file:
         assert rule["truth"].max() <= 1.1 * file["error/relative"][:].max()
 
@@ -92,8 +132,25 @@ def test_sigma_equals_that_of_many_samples(rack: Path, tmp_path: Path, ranks: in
     band = ("-mor_band_hz", "300,330")
     two, pod = tmp_path / "two.h5", tmp_path / "pod.h5"
     run("reduce", "-body", rack, *band, "-mor_medium_tol", "1e-12", "-mor_out", two, ranks=ranks)
-    run("reduce", "-body", rack, *band, "-mor_method", "pod", "-mor_samples", 80, "-mor_quadrature",
-        "gauss", "-mor_validate", 0, "-mor_order", 20, "-mor_out", pod, ranks=ranks)  # fmt: skip
+    run(
+        "reduce",
+        "-body",
+        rack,
+        *band,
+        "-mor_method",
+        "pod",
+        "-mor_samples",
+        80,
+        "-mor_quadrature",
+        "gauss",
+        "-mor_validate",
+        0,
+        "-mor_order",
+        20,
+        "-mor_out",
+        pod,
+        ranks=ranks,
+    )
     sigma, reference = rom_matrices(two)["sigma"], rom_matrices(pod)["sigma"]
     count = int(np.sum(reference > 1e-8 * reference[0]))
     assert count > 15
@@ -119,8 +176,9 @@ def test_ranks_do_not_matter(rack: Path, tmp_path: Path) -> None:
 def test_frames_change_the_basis_and_not_the_transfer_function(
     rack: Path, tmp_path: Path, frame: str
 ) -> None:
-    result = certified(rack, (10.0, 500.0), tmp_path, "-mor_frame", frame, "-mor_order", 30,
-                       count=4)  # fmt: skip
+    result = certified(
+        rack, (10.0, 500.0), tmp_path, "-mor_frame", frame, "-mor_order", 30, count=4
+    )
     assert_certified(result)
     rom = result["rom"]
     with h5py.File(result["path"]) as file:
@@ -147,8 +205,19 @@ def test_several_bands_and_weights(rack: Path, tmp_path: Path) -> None:
     assert not np.any((hz > 50.1) & (hz < 479.9))
     errors = []
     for weight in ("10,1,500,1", "10,1,100,1,500,1e-6"):
-        run("reduce", "-body", rack, "-mor_second_stage", "gramian", "-mor_weight", weight,
-            "-mor_order", 24, "-mor_out", tmp_path / "rom.h5")  # fmt: skip
+        run(
+            "reduce",
+            "-body",
+            rack,
+            "-mor_second_stage",
+            "gramian",
+            "-mor_weight",
+            weight,
+            "-mor_order",
+            24,
+            "-mor_out",
+            tmp_path / "rom.h5",
+        )
         with h5py.File(tmp_path / "rom.h5") as file:
             low = file["error/omega"][:] < 2 * np.pi * 100
             errors.append(file["error/relative"][:][low].max())

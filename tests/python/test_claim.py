@@ -52,8 +52,9 @@ def assert_same_verdict(
 ) -> None:
     claims = {}
     for name, (K, M, B, D) in bodies.items():
-        rom = reduce(Matrices(K=sp.csr_matrix(K), M=sp.csr_matrix(M), B=B, D=D, **damping), band,
-                     tol)  # fmt: skip
+        rom = reduce(
+            Matrices(K=sp.csr_matrix(K), M=sp.csr_matrix(M), B=B, D=D, **damping), band, tol
+        )
         assert rom.met, (name, rom.certified_error)
         claims[name] = rom.order, rom.certified_error
     order, claim = claims["as it is"]
@@ -66,8 +67,12 @@ def assert_same_verdict(
 def test_the_verdict_does_not_hang_on_how_numbers_look(digits: int, tmp_path: Path) -> None:
     """A bracket whose K was printed: the claim was that of its digits, unless K was scaled."""
     mesh = box("hexahedron20", (4, 2, 2), (0.2, 0.05, 0.04), distort=False)
-    write_body_file(tmp_path / "beam.h5", mesh, supports={"start": [0, 1, 2]},
-                    interfaces={"end": {"set": "end", "coupling": "distributing"}})  # fmt: skip
+    write_body_file(
+        tmp_path / "beam.h5",
+        mesh,
+        supports={"start": [0, 1, 2]},
+        interfaces={"end": {"set": "end", "coupling": "distributing"}},
+    )
     body = assembled(tmp_path / "matrices.h5", tmp_path / "beam.h5")
     K, M = printed(body["K"], digits), printed(body["M"], digits)
     assert_same_verdict(same_body(K, M, body["B"]), (50, 9000), 1e-6, alpha=5.0, beta=1e-8)
@@ -75,9 +80,12 @@ def test_the_verdict_does_not_hang_on_how_numbers_look(digits: int, tmp_path: Pa
 
 @pytest.mark.parametrize(
     ("name", "band", "tol"),
-    [("hb_bcsst07", (5.0, 60.0), 1e-6), ("exudyn_rotorDiscTest", (10.0, 1500.0), 1e-6),
-     ("ansys_hexbeam", (10.0, 1000.0), 1e-6)],
-)  # fmt: skip
+    [
+        ("hb_bcsst07", (5.0, 60.0), 1e-6),
+        ("exudyn_rotorDiscTest", (10.0, 1500.0), 1e-6),
+        ("ansys_hexbeam", (10.0, 1000.0), 1e-6),
+    ],
+)
 def test_bodies_of_others_whatever_their_units(
     load_case: Callable[[str], Body], name: str, band: tuple[float, float], tol: float
 ) -> None:
@@ -99,25 +107,33 @@ def test_round_numbers_are_exact() -> None:
     rng = np.random.default_rng(5)
     for digits in (6, 7, 8, 9):
         springs = np.array([float(f"{x:.{digits - 1}e}") for x in 10 ** rng.uniform(4, 7, 60)])
-        K = sp.diags([np.r_[springs[:-1] + springs[1:], springs[-1]], -springs[1:], -springs[1:]],
-                     [0, 1, -1]).tocsr()  # fmt: skip
+        K = sp.diags(
+            [np.r_[springs[:-1] + springs[1:], springs[-1]], -springs[1:], -springs[1:]], [0, 1, -1]
+        ).tocsr()
         B = np.zeros((60, 2))
         B[[20, 59], [0, 1]] = 1
         omega = np.sqrt(sl.eigvalsh(K.toarray()))
-        rom = reduce(Matrices(K=K, M=sp.identity(60, format="csr"), B=B, alpha=1e-3 * omega[0]),
-                     (0.1 * omega[0] / TWO_PI, 0.5 * (omega[4] + omega[5]) / TWO_PI),
-                     1e-8)  # fmt: skip
+        rom = reduce(
+            Matrices(K=K, M=sp.identity(60, format="csr"), B=B, alpha=1e-3 * omega[0]),
+            (0.1 * omega[0] / TWO_PI, 0.5 * (omega[4] + omega[5]) / TWO_PI),
+            1e-8,
+        )
         assert rom.met, digits
 
 
 def test_a_tighter_tolerance_gives_no_worse_body(tmp_path: Path) -> None:
     """Of ten printed digits (a DMIG): 1e-6 once gave order 11 where 1e-4 gave 31."""
     mesh = box("hexahedron", (20, 2, 2), (0.8, 0.02, 0.02))
-    write_body_file(tmp_path / "beam.h5", mesh, supports={"start": [0, 1, 2]},
-                    interfaces={"end": {"set": "end", "coupling": "rigid"}})  # fmt: skip
+    write_body_file(
+        tmp_path / "beam.h5",
+        mesh,
+        supports={"start": [0, 1, 2]},
+        interfaces={"end": {"set": "end", "coupling": "rigid"}},
+    )
     body = assembled(tmp_path / "matrices.h5", tmp_path / "beam.h5")
-    given = Matrices(K=printed(body["K"], 10), M=printed(body["M"], 10), B=body["B"], alpha=2.0,
-                     beta=1e-6)  # fmt: skip
+    given = Matrices(
+        K=printed(body["K"], 10), M=printed(body["M"], 10), B=body["B"], alpha=2.0, beta=1e-6
+    )
     roms = [reduce(given, (5, 2000), tol) for tol in (1e-2, 1e-4, 1e-6, 1e-8)]
     assert all(rom.met for rom in roms)
     orders = [rom.order for rom in roms]
@@ -174,8 +190,9 @@ def held_modes(body: Body, rows: Any, count: int) -> Any:
     """[rad/s] of the body with its motion Bᵀu of some ports held: B spans what may not move."""
     K, M, B = body["K"].toarray(), body["M"].toarray(), body["B"][:, rows]
     free = sl.null_space(B.T)
-    values = sl.eigh(free.T @ K @ free, free.T @ M @ free, eigvals_only=True,
-                     subset_by_index=[0, count - 1])  # fmt: skip
+    values = sl.eigh(
+        free.T @ K @ free, free.T @ M @ free, eigvals_only=True, subset_by_index=[0, count - 1]
+    )
     return np.sqrt(values)
 
 
@@ -183,13 +200,15 @@ def test_a_free_body_held_at_each_interface(tmp_path: Path) -> None:
     """Frequencies and compliance when an interface is held, against the full matrices; too small a
     body shows how wrong it is."""
     mesh = box("hexahedron20", (8, 1, 1), (0.4, 0.02, 0.015), distort=False)
-    write_body_file(tmp_path / "beam.h5", mesh, damping=(5.0, 1e-7, 0.0),
-                    interfaces={n: {"set": n, "coupling": "distributing"}
-                                for n in ("start", "end")})  # fmt: skip
+    write_body_file(
+        tmp_path / "beam.h5",
+        mesh,
+        damping=(5.0, 1e-7, 0.0),
+        interfaces={n: {"set": n, "coupling": "distributing"} for n in ("start", "end")},
+    )
     body = assembled(tmp_path / "matrices.h5", tmp_path / "beam.h5")
     good = reduce(tmp_path / "beam.h5", (10, 3000), 1e-4)
-    poor = reduce(tmp_path / "beam.h5", (10, 3000), 1e-2,
-                  options={"mor_tol_relative_to": "band"})  # fmt: skip
+    poor = reduce(tmp_path / "beam.h5", (10, 3000), 1e-2, options={"mor_tol_relative_to": "band"})
     assert list(good.held) == list(poor.held) == ["start", "end"]
     for at, name in enumerate(good.held):
         truth = held_modes(body, slice(6 * at, 6 * at + 6), 3)
@@ -218,8 +237,13 @@ def first_part(tmp_path_factory: pytest.TempPathFactory) -> Path:
     if not shutil.which("ccx"):
         pytest.skip("ccx is not installed")
     folder = tmp_path_factory.mktemp("part")
-    subprocess.run([PYTHON, ROOT / "examples" / "calculix_part.py", folder], env=ENVIRONMENT,
-                   check=True, capture_output=True, timeout=600)  # fmt: skip
+    subprocess.run(
+        [PYTHON, ROOT / "examples" / "calculix_part.py", folder],
+        env=ENVIRONMENT,
+        check=True,
+        capture_output=True,
+        timeout=600,
+    )
     return folder / "part.h5"
 
 
@@ -235,8 +259,7 @@ def test_the_first_part_of_a_new_user(first_part: Path, band: tuple[float, float
         for tol in (1e-3, 1e-4, 1e-6):
             with warnings.catch_warnings():
                 warnings.simplefilter("error")  # no false alarm
-                rom = reduce(first_part, band, tol,
-                             options={"mor_tol_relative_to": relative_to})  # fmt: skip
+                rom = reduce(first_part, band, tol, options={"mor_tol_relative_to": relative_to})
             assert rom.met and rom.certified_error <= tol
             low = np.searchsorted(rom.omega, TWO_PI * 9.9)
             assert rom.floor[low] < 1e-9

@@ -45,8 +45,15 @@ def test_python_verbs_of_the_program(tmp_path: Path, way: str) -> None:
     environment = ENVIRONMENT | {"PATH": f"{link.parent}:{os.environ['PATH']}"}
     body = tmp_path / "rack.h5"
     (tmp_path / "yaml.py").write_text("raise SystemExit('not this one')")
-    done = call(name, "import", str(ROOT / "meshes" / "rack.yaml"), "-o", str(body),
-                cwd=tmp_path, env=environment)  # fmt: skip
+    done = call(
+        name,
+        "import",
+        str(ROOT / "meshes" / "rack.yaml"),
+        "-o",
+        str(body),
+        cwd=tmp_path,
+        env=environment,
+    )
     assert done.returncode == 0 and body.exists(), done.stderr
     wrong = call(name, "info", "nothing.h5", cwd=tmp_path, env=environment)
     assert wrong.returncode == 1

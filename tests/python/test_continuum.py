@@ -39,9 +39,14 @@ def chain(n: int, ports: str = "transfer") -> tuple[Any, Any, Any, Any]:
 
 
 def judge(
-    folder: Path, matrices: Any, bands: Any, *options: Any, ranks: int = 1, expect: int = 0,
+    folder: Path,
+    matrices: Any,
+    bands: Any,
+    *options: Any,
+    ranks: int = 1,
+    expect: int = 0,
     **damping: Any,
-) -> dict[str, Any]:  # fmt: skip
+) -> dict[str, Any]:
     """Reduce, and let the referee look for an error above the claim; bands in rad/s."""
     K, M, B, C = matrices
     D = damping.pop("D", None)
@@ -50,8 +55,18 @@ def judge(
     write_matrices(folder / "body.h5", K, M, B, **ports, **extra, **damping)
     hz = ",".join(repr(float(w) / TWO_PI) for w in np.ravel(bands))
     rom = folder / "rom.h5"
-    run("reduce", "-body", folder / "body.h5", "-mor_band_hz", hz, "-mor_out", rom, *options,
-        ranks=ranks, expect=expect)  # fmt: skip
+    run(
+        "reduce",
+        "-body",
+        folder / "body.h5",
+        "-mor_band_hz",
+        hz,
+        "-mor_out",
+        rom,
+        *options,
+        ranks=ranks,
+        expect=expect,
+    )
     data = rom_matrices(rom)
     full, reduced = System(K, M, B, C, D, **damping), rom_system(data)
     with h5py.File(rom) as file:
@@ -64,9 +79,13 @@ def judge(
     assert claim["kind"] in ("certified", "certified outside")
     assert truth <= claim["whole"], (truth, claim["whole"])
     return {
-        **claim, "truth": truth, "excluded": excluded, "order": len(data["K"]), "rom": data,
+        **claim,
+        "truth": truth,
+        "excluded": excluded,
+        "order": len(data["K"]),
+        "rom": data,
         "poles": poles,
-    }  # fmt: skip
+    }
 
 
 def chain_modes(n: int) -> Any:
@@ -83,8 +102,9 @@ def test_antiresonances(tmp_path: Path, n: int, modes: int, zeta: float, ranks: 
     """Force at one end, displacement at the other: true errors were a hundred times the claim."""
     omega = chain_modes(n)
     bands = [[0.1 * omega[0], 0.5 * (omega[modes - 1] + omega[modes])]]
-    found = judge(tmp_path, chain(n), bands, "-mor_tol", "1e-2", beta=2 * zeta / omega[0],
-                  ranks=ranks)  # fmt: skip
+    found = judge(
+        tmp_path, chain(n), bands, "-mor_tol", "1e-2", beta=2 * zeta / omega[0], ranks=ranks
+    )
     assert found["met"] and found["whole"] <= 1e-2
     assert found["whole"] <= 1.2 * found["truth"]  # and the referee found where it is reached
 
@@ -93,8 +113,9 @@ def test_antiresonances(tmp_path: Path, n: int, modes: int, zeta: float, ranks: 
 def test_poles_of_the_small_model(tmp_path: Path) -> None:
     omega = chain_modes(60)
     bands = [[0.1 * omega[0], 0.5 * (omega[9] + omega[10])]]
-    light = judge(tmp_path, chain(60), bands, "-mor_tol", "1e-6", alpha=2e-5 * omega[4],
-                  beta=2e-5 / omega[4])  # fmt: skip
+    light = judge(
+        tmp_path, chain(60), bands, "-mor_tol", "1e-6", alpha=2e-5 * omega[4], beta=2e-5 / omega[4]
+    )
     assert light["met"]
     sharp = judge(tmp_path, chain(60, "three"), bands, "-mor_tol", "1e-2")
     assert sharp["met"] and sharp["kind"] == "certified outside"
@@ -142,8 +163,9 @@ def test_a_single_dashpot_leaves_modes_undamped(tmp_path: Path) -> None:
     both = np.vstack([B, B])
     D = sp.csc_matrix(([40.0], ([29], [29])), shape=(60, 60))
     omega = chain_modes(30)
-    found = judge(tmp_path, (K, M, both, None), [[0.2 * omega[0], 1.1 * omega[4]]], "-mor_tol",
-                  "1e-2", D=D)  # fmt: skip
+    found = judge(
+        tmp_path, (K, M, both, None), [[0.2 * omega[0], 1.1 * omega[4]]], "-mor_tol", "1e-2", D=D
+    )
     assert found["kind"] == "certified outside" and found["met"]
     undamped = np.sqrt(1.1) * omega
     for first, last in found["excluded"]:
@@ -160,9 +182,19 @@ def test_zeros_of_one_undamped_port(tmp_path: Path) -> None:
     assert not found["met"] and found["whole"] > 1e-4
     damped = judge(tmp_path, chain(40, "one"), bands, "-mor_tol", "1e-4", alpha=1e-3 * omega[0])
     forgiving = tmp_path / "band.h5"
-    run("reduce", "-body", tmp_path / "body.h5", "-mor_band_hz",
-        ",".join(repr(w / TWO_PI) for w in bands[0]), "-mor_tol", "1e-4", "-mor_tol_relative_to",
-        "band", "-mor_out", forgiving)  # fmt: skip
+    run(
+        "reduce",
+        "-body",
+        tmp_path / "body.h5",
+        "-mor_band_hz",
+        ",".join(repr(w / TWO_PI) for w in bands[0]),
+        "-mor_tol",
+        "1e-4",
+        "-mor_tol_relative_to",
+        "band",
+        "-mor_out",
+        forgiving,
+    )
     with h5py.File(forgiving) as file:
         assert file["error"].attrs["relative_to"] == "band"
         assert file["error"].attrs["met"] and len(file["K"]) <= damped["order"]
@@ -196,11 +228,27 @@ def test_soft_mounts_with_coordinates_are_elastic(tmp_path: Path, mount_hz: floa
     B = np.zeros((3 * n, 2))
     B[2, 0] = B[-1, 1] = 1
     body, rom = tmp_path / "body.h5", tmp_path / "rom.h5"
-    write_matrices(body, sp.csc_matrix(K), sp.csc_matrix(M), B, alpha=0.1,
-                   node=np.repeat(np.arange(n), 3), component=np.tile([0, 1, 2], n),
-                   position=np.repeat(grid, 3, axis=0))  # fmt: skip
-    run("reduce", "-body", body, "-mor_band_hz", f"{0.2 * mount_hz},2000", "-mor_tol", "1e-4",
-        "-mor_out", rom)  # fmt: skip
+    write_matrices(
+        body,
+        sp.csc_matrix(K),
+        sp.csc_matrix(M),
+        B,
+        alpha=0.1,
+        node=np.repeat(np.arange(n), 3),
+        component=np.tile([0, 1, 2], n),
+        position=np.repeat(grid, 3, axis=0),
+    )
+    run(
+        "reduce",
+        "-body",
+        body,
+        "-mor_band_hz",
+        f"{0.2 * mount_hz},2000",
+        "-mor_tol",
+        "1e-4",
+        "-mor_out",
+        rom,
+    )
     data = rom_matrices(rom)
     with h5py.File(rom) as file:
         assert file["frame"].attrs["rigid_modes"] == 0
@@ -233,8 +281,17 @@ def test_the_symmetric_part_is_what_is_reduced(tmp_path: Path) -> None:
     lopsided = (M + 4e-11 * (skew - skew.T)).tocsc()
     write_matrices(tmp_path / "body.h5", K, lopsided, B, alpha=2e-5 * omega[0])
     band = f"{0.1 * omega[0] / TWO_PI!r},{0.5 * (omega[9] + omega[10]) / TWO_PI!r}"
-    result = run("reduce", "-body", tmp_path / "body.h5", "-mor_band_hz", band, "-mor_tol", "1e-4",
-                 "-mor_out", tmp_path / "rom.h5")  # fmt: skip
+    result = run(
+        "reduce",
+        "-body",
+        tmp_path / "body.h5",
+        "-mor_band_hz",
+        band,
+        "-mor_tol",
+        "1e-4",
+        "-mor_out",
+        tmp_path / "rom.h5",
+    )
     assert "/M is replaced by its symmetric part; the skew part is " in result.out
     data = rom_matrices(tmp_path / "rom.h5")
     with h5py.File(tmp_path / "rom.h5") as file:
@@ -247,8 +304,13 @@ def test_the_symmetric_part_is_what_is_reduced(tmp_path: Path) -> None:
 @pytest.mark.parametrize("seed", [11])
 def test_random_systems(seed: int) -> None:
     """A hundred and some of ``scripts/audit``; more were run by hand (README)."""
-    result = subprocess.run([ROOT / "scripts" / "audit", "168", str(seed)], env=ENVIRONMENT,
-                            capture_output=True, text=True, timeout=1200)  # fmt: skip
+    result = subprocess.run(
+        [ROOT / "scripts" / "audit", "168", str(seed)],
+        env=ENVIRONMENT,
+        capture_output=True,
+        text=True,
+        timeout=1200,
+    )
     assert result.returncode == 0, result.stdout + result.stderr
     assert "0 broken of 168" in result.stdout
     refused = [line for line in result.stdout.splitlines() if line.startswith("refused")]
@@ -277,8 +339,15 @@ def test_null_vectors_are_exact(tmp_path: Path, ranks: int) -> None:
     K = K.tolil()
     K[0, 0] = 1e6
     omega = chain_modes(n)
-    judge(tmp_path, (K.tocsc(), M, B, None), [[0.3 * omega[1], 1.1 * omega[5]]], "-mor_tol",
-          "1e-8", alpha=1e-4 * omega[1], ranks=ranks)  # fmt: skip
+    judge(
+        tmp_path,
+        (K.tocsc(), M, B, None),
+        [[0.3 * omega[1], 1.1 * omega[5]]],
+        "-mor_tol",
+        "1e-8",
+        alpha=1e-4 * omega[1],
+        ranks=ranks,
+    )
     with h5py.File(tmp_path / "rom.h5") as file:
         assert file["frame"].attrs["rigid_modes"] == 1
         motion = np.abs(file["V"][:, 0])

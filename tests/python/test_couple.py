@@ -55,9 +55,14 @@ def full_response(
     bodies: list[tuple[Any, ...]], joints: list[Joint], keep: list[int], w: float
 ) -> Any:
     """H of the assembly of full bodies: constraints by Lagrange multipliers, springs in K."""
-    K, M, D = (scipy.linalg.block_diag(*parts) for parts in (
-        [b[0] for b in bodies], [b[1] for b in bodies], [b[4] * b[1] + b[5] * b[0] for b in bodies]
-    ))  # fmt: skip
+    K, M, D = (
+        scipy.linalg.block_diag(*parts)
+        for parts in (
+            [b[0] for b in bodies],
+            [b[1] for b in bodies],
+            [b[4] * b[1] + b[5] * b[0] for b in bodies],
+        )
+    )
     B = scipy.linalg.block_diag(*(b[2] for b in bodies))
     names = [f"p{i}.{name}" for i, b in enumerate(bodies) for name in b[3]]
     A = (K + 1j * w * D - w * w * M).astype(complex)
@@ -88,8 +93,11 @@ def random_joints(rng: np.random.Generator) -> list[Joint]:
     if kind == 2:
         joints.append(Joint("p1.a", "ground", stiffness={axes[0]: 2.0}, damping={axes[1]: 0.1}))
     if kind == 3:
-        joints.append(Joint("p0.b", "ground", [axes[2]]) if len(joints[0].directions) < 3
-                      else Joint("p0.b", "p1.a", damping={"x": 0.3}))  # fmt: skip
+        joints.append(
+            Joint("p0.b", "ground", [axes[2]])
+            if len(joints[0].directions) < 3
+            else Joint("p0.b", "p1.a", damping={"x": 0.3})
+        )
         if joints[1].second != "ground":
             joints = [joints[1]]
     return joints
@@ -104,8 +112,9 @@ def test_random_pairs_keep_their_bound(form: bool, pairs: int) -> None:
     closed, sharp, everywhere, proved = 0, [], [], 0
     for _ in range(pairs):
         bodies = [random_body(rng, 6), random_body(rng, 6)]
-        parts = {f"p{i}": reduced(b, float(10 ** rng.uniform(-6, -2)))
-                 for i, b in enumerate(bodies)}  # fmt: skip
+        parts = {
+            f"p{i}": reduced(b, float(10 ** rng.uniform(-6, -2))) for i, b in enumerate(bodies)
+        }
         if not form:
             parts = {name: by_number(part) for name, part in parts.items()}
         joints = random_joints(rng)
@@ -146,11 +155,26 @@ def beam(rng: np.random.Generator) -> tuple[Any, ...]:
     h = 2.0 ** np.round(np.log2(f[0] / 40))
     mass, stiffness = 5 * f[2], float(np.float32(2e3 * f[1] / h**3))
     k = stiffness * np.array(
-        [[12, 6 * h, -12, 6 * h], [6 * h, 4 * h * h, -6 * h, 2 * h * h],
-         [-12, -6 * h, 12, -6 * h], [6 * h, 2 * h * h, -6 * h, 4 * h * h]])  # fmt: skip
-    m = mass * h / 420 * np.array(
-        [[156, 22 * h, 54, -13 * h], [22 * h, 4 * h * h, 13 * h, -3 * h * h],
-         [54, 13 * h, 156, -22 * h], [-13 * h, -3 * h * h, -22 * h, 4 * h * h]])  # fmt: skip
+        [
+            [12, 6 * h, -12, 6 * h],
+            [6 * h, 4 * h * h, -6 * h, 2 * h * h],
+            [-12, -6 * h, 12, -6 * h],
+            [6 * h, 2 * h * h, -6 * h, 4 * h * h],
+        ]
+    )
+    m = (
+        mass
+        * h
+        / 420
+        * np.array(
+            [
+                [156, 22 * h, 54, -13 * h],
+                [22 * h, 4 * h * h, 13 * h, -3 * h * h],
+                [54, 13 * h, 156, -22 * h],
+                [-13 * h, -3 * h * h, -22 * h, 4 * h * h],
+            ]
+        )
+    )
     K, M = np.zeros((2, 82, 82))
     for i in range(0, 80, 2):
         K[i : i + 4, i : i + 4] += k
@@ -174,8 +198,10 @@ def exactly(A: Any, B: Any) -> Any:
 def long_response(parts: list[tuple[Any, ...]], spring: dict[str, float], w: float) -> Any:
     """H of two beams in long doubles, joined from b to a: the parts K, D, M, B."""
     x = np.clongdouble(w)
-    A = [K + 1j * x * D - x * x * M for K, D, M, _ in (
-        [np.asarray(a, dtype=np.longdouble) for a in part] for part in parts)]  # fmt: skip
+    A = [
+        K + 1j * x * D - x * x * M
+        for K, D, M, _ in ([np.asarray(a, dtype=np.longdouble) for a in part] for part in parts)
+    ]
     n = len(A[0])
     whole = np.zeros((n + len(A[1]),) * 2, dtype=np.clongdouble)
     whole[:n, :n], whole[n:, n:] = A
@@ -228,23 +254,57 @@ def test_parts_of_a_beam_are_the_beam(relative_to: str, tmp_path: Path) -> None:
     middle = np.flatnonzero(np.abs(whole.points[:, 0] - 0.3) < 1e-9)
     whole.point_sets["middle"] = middle
     rigid = {"coupling": "rigid"}
-    write_body_file(tmp_path / "whole.h5", whole, damping=(3, 2e-6, 0), interfaces={
-        "start": {"set": "start", **rigid}, "middle": {"set": "middle", **rigid},
-        "end": {"set": "end", **rigid}})  # fmt: skip
-    write_body_file(tmp_path / "left.h5", half, damping=(3, 2e-6, 0), interfaces={
-        name: {"set": name, **rigid} for name in ("start", "end")})  # fmt: skip
+    write_body_file(
+        tmp_path / "whole.h5",
+        whole,
+        damping=(3, 2e-6, 0),
+        interfaces={
+            "start": {"set": "start", **rigid},
+            "middle": {"set": "middle", **rigid},
+            "end": {"set": "end", **rigid},
+        },
+    )
+    write_body_file(
+        tmp_path / "left.h5",
+        half,
+        damping=(3, 2e-6, 0),
+        interfaces={name: {"set": name, **rigid} for name in ("start", "end")},
+    )
     # The right half in axes of its own: turned by 90° about z, and somewhere else.
     R = np.array([[0.0, 1, 0], [-1, 0, 0], [0, 0, 1]])  # of the assembly's axes to its own
     half.points = half.points @ R.T + [5.0, 1.0, -2.0]
-    write_body_file(tmp_path / "right.h5", half, damping=(3, 2e-6, 0), interfaces={
-        name: {"set": name, **rigid} for name in ("start", "end")})  # fmt: skip
+    write_body_file(
+        tmp_path / "right.h5",
+        half,
+        damping=(3, 2e-6, 0),
+        interfaces={name: {"set": name, **rigid} for name in ("start", "end")},
+    )
     for name in ("left", "right"):
-        run("reduce", "-body", tmp_path / f"{name}.h5", "-mor_band_hz", "50,3000", "-mor_tol",
-            "1e-6", "-mor_tol_relative_to", relative_to, "-mor_out",
-            tmp_path / f"{name}.rom.h5", ranks=2 if name == "right" else 1)  # fmt: skip
-    said = run("couple", tmp_path / "left.rom.h5", tmp_path / "right.rom.h5", "--join",
-               "left.end=right.start", "--turn", "right=0,0,90", "-o",
-               tmp_path / "ab.rom.h5").out  # fmt: skip
+        run(
+            "reduce",
+            "-body",
+            tmp_path / f"{name}.h5",
+            "-mor_band_hz",
+            "50,3000",
+            "-mor_tol",
+            "1e-6",
+            "-mor_tol_relative_to",
+            relative_to,
+            "-mor_out",
+            tmp_path / f"{name}.rom.h5",
+            ranks=2 if name == "right" else 1,
+        )
+    said = run(
+        "couple",
+        tmp_path / "left.rom.h5",
+        tmp_path / "right.rom.h5",
+        "--join",
+        "left.end=right.start",
+        "--turn",
+        "right=0,0,90",
+        "-o",
+        tmp_path / "ab.rom.h5",
+    ).out
     assert "wrote" in said and "by the parts' claims" in said
     model = ReducedModel.load(tmp_path / "ab.rom.h5")
     assert model.kind == model.label == "certified" and "everywhere in the band" in said
@@ -262,8 +322,9 @@ def test_parts_of_a_beam_are_the_beam(relative_to: str, tmp_path: Path) -> None:
     turn = scipy.linalg.block_diag(np.eye(6), R, R)
     # (not at 61 Hz, where the whole beam's K in doubles is right to no more than 1e-10)
     omega = 2 * np.pi * np.array([361.0, 740.0, 1777.0, 2900.0])
-    said = verdict(parts, [Joint("left.end", "right.start")], omega=omega,
-                   turns={"right": [0, 0, np.pi / 2]})  # fmt: skip
+    said = verdict(
+        parts, [Joint("left.end", "right.start")], omega=omega, turns={"right": [0, 0, np.pi / 2]}
+    )
     ends = [*range(6), *range(12, 18)]
     for w, bound in zip(omega, said.bound, strict=True):
         H = turn @ full.transfer(w)[np.ix_(ends, ends)] @ turn.T
@@ -287,8 +348,9 @@ def test_without_damping_all_but_the_resonances(tmp_path: Path) -> None:
     keep = [0, 1, 2, 9, 10, 11]
     near = np.concatenate([[a * (1 - 1e-9), b * (1 + 1e-9)] for a, b in whole.excluded])
     band = 2 * np.pi * np.array(BAND)
-    w = np.concatenate([near[(near > band[0]) & (near < band[1])],
-                        2 * np.pi * rng.uniform(*BAND, 30)])  # fmt: skip
+    w = np.concatenate(
+        [near[(near > band[0]) & (near < band[1])], 2 * np.pi * rng.uniform(*BAND, 30)]
+    )
     checked = 0
     for x in w:
         if np.any((whole.excluded[:, 0] <= x) & (x <= whole.excluded[:, 1])):
@@ -310,8 +372,10 @@ def test_without_damping_all_but_the_resonances(tmp_path: Path) -> None:
     assert len(poles) > 1
     for pole in poles:
         assert np.any((whole.excluded[:, 0] <= pole) & (pole <= whole.excluded[:, 1]))
-    third = couple({"ab": again, "c": reduced((*random_body(rng, 6)[:4], 0.02, 0.01), 1e-6)},
-                   [Joint("ab.p1.b", "c.a")])  # fmt: skip
+    third = couple(
+        {"ab": again, "c": reduced((*random_body(rng, 6)[:4], 0.02, 0.01), 1e-6)},
+        [Joint("ab.p1.b", "c.a")],
+    )
     assert "by the parts' claims" in dict(third.log["plan"])["error"]
 
 
@@ -320,8 +384,9 @@ def test_what_is_not_claimed_of_an_assembly_is_not_taken_for_zero() -> None:
     it is one that the claim of all of H covers, not one that is nothing but rounding."""
     rng = np.random.default_rng(9)
     bodies = [random_body(rng, 6) for _ in range(2)]
-    part = couple({f"p{i}": reduced(b, 1e-5) for i, b in enumerate(bodies)},
-                  [Joint("p0.b", "p1.a")])  # fmt: skip
+    part = couple(
+        {f"p{i}": reduced(b, 1e-5) for i, b in enumerate(bodies)}, [Joint("p0.b", "p1.a")]
+    )
     part.outputs[2] = "p0.a.sxx"
     part.claim.kinds, part.claim.by_kind = ["displacement from force"], np.array([1e-5])
     size = lambda rows, columns: np.asarray(1.0)  # noqa: E731
@@ -379,7 +444,10 @@ def test_what_is_no_assembly() -> None:
         with pytest.raises(BodyError, match=words):
             couple(parts, joints)
     assert couple(parts, [Joint("p0.a", "p1.a"), Joint("p0.b", "p1.b")], keep=["p0.b"]).inputs == [
-        "p0.b.fx", "p0.b.fy", "p0.b.fz"]  # fmt: skip
+        "p0.b.fx",
+        "p0.b.fy",
+        "p0.b.fz",
+    ]
     for turn in ([0, 0, 5e-14], [0, 0, 20 * np.pi]):  # none
         couple(parts, [Joint("p0.a", "p1.a", ["x"])], turns={"p1": turn})
     with pytest.raises(BodyError, match=r"q\.r\.fx is a port of two parts"):
@@ -409,11 +477,15 @@ def test_what_is_no_assembly() -> None:
 def test_ports_of_all_kinds_are_claimed(tmp_path: Path) -> None:
     """Forces, moments, gravity and pressure; motions, turns, displacements and stresses: all of H,
     and each kind of outputs from each of inputs, against both full bodies tied together."""
-    materials = {"materials": {"steel": {"E": 210e9, "nu": 0.3, "rho": 7850.0}},
-                 "regions": {"all": {"material": "steel"}},
-                 "damping": {"alpha": 30.0, "beta": 1e-6},
-                 "loads": {"gravity": {"type": "acceleration"},
-                           "gas": {"type": "pressure", "nodes": "side"}}}  # fmt: skip
+    materials = {
+        "materials": {"steel": {"E": 210e9, "nu": 0.3, "rho": 7850.0}},
+        "regions": {"all": {"material": "steel"}},
+        "damping": {"alpha": 30.0, "beta": 1e-6},
+        "loads": {
+            "gravity": {"type": "acceleration"},
+            "gas": {"type": "pressure", "nodes": "side"},
+        },
+    }
     mesh = sided("tetra10", counts=(6, 2, 2))
     one = materials | {
         "supports": {"foot": {"nodes": "start"}},
@@ -421,10 +493,12 @@ def test_ports_of_all_kinds_are_claimed(tmp_path: Path) -> None:
         "outputs": {"spot": {"type": "stress", "nodes": [40, 41]}},
     }
     two = materials | {
-        "interfaces": {"start": {"coupling": "rigid", "nodes": "start"},
-                       "end": {"coupling": "distributing", "nodes": "end"}},
+        "interfaces": {
+            "start": {"coupling": "rigid", "nodes": "start"},
+            "end": {"coupling": "distributing", "nodes": "end"},
+        },
         "outputs": {"there": {"nodes": [77]}, "spot": {"type": "stress", "nodes": [50]}},
-    }  # fmt: skip
+    }
     parts, systems = {}, []
     for name, content in (("one", one), ("two", two)):
         import_description(content, name, tmp_path / f"{name}.h5", mesh=mesh)
@@ -432,17 +506,32 @@ def test_ports_of_all_kinds_are_claimed(tmp_path: Path) -> None:
         systems.append(body_system(tmp_path / f"{name}.h5"))
     whole = couple(parts, [Joint("one.end", "two.start")])
     assert whole.kind == "certified", dict(whole.log["plan"])["error"]
-    assert {"stress from moment", "stress from acceleration", "displacement from pressure",
-            "rotation from force", "displacement from force"} <= set(whole.kinds)  # fmt: skip
+    assert {
+        "stress from moment",
+        "stress from acceleration",
+        "displacement from pressure",
+        "rotation from force",
+        "displacement from force",
+    } <= set(whole.kinds)
     claims = dict(zip(whole.kinds, whole.by_kind, strict=True))
-    K, M, D, B, C = (scipy.linalg.block_diag(*(np.asarray(x) for x in matrices)) for matrices in (
-        [s.K.toarray() for s in systems], [s.M.toarray() for s in systems],
-        [(s.alpha * s.M + s.beta * s.K).toarray() for s in systems],
-        [s.B for s in systems], [s.C for s in systems]))  # fmt: skip
+    K, M, D, B, C = (
+        scipy.linalg.block_diag(*(np.asarray(x) for x in matrices))
+        for matrices in (
+            [s.K.toarray() for s in systems],
+            [s.M.toarray() for s in systems],
+            [(s.alpha * s.M + s.beta * s.K).toarray() for s in systems],
+            [s.B for s in systems],
+            [s.C for s in systems],
+        )
+    )
     inputs = [f"{n}.{p}" for n, m in parts.items() for p in m.inputs]
     outputs = [f"{n}.{p}" for n, m in parts.items() for p in m.outputs]
-    ties = np.array([B[:, inputs.index(f"one.end.{p}")] - B[:, inputs.index(f"two.start.{p}")]
-                     for p in PORTS.values()])  # fmt: skip
+    ties = np.array(
+        [
+            B[:, inputs.index(f"one.end.{p}")] - B[:, inputs.index(f"two.start.{p}")]
+            for p in PORTS.values()
+        ]
+    )
     rows = [outputs.index(name) for name in whole.outputs]
     columns = [inputs.index(name) for name in whole.inputs]
     # In long doubles: doubles lose more than is claimed.
@@ -452,8 +541,9 @@ def test_ports_of_all_kinds_are_claimed(tmp_path: Path) -> None:
     rng = np.random.default_rng(4)
     for w in 2 * np.pi * rng.uniform(100, 4000, 4):
         x = np.clongdouble(w)
-        A = np.block([[K + 1j * x * D - x * x * M, stiff * ties.T],
-                      [stiff * ties, np.zeros((6, 6))]])  # fmt: skip
+        A = np.block(
+            [[K + 1j * x * D - x * x * M, stiff * ties.T], [stiff * ties, np.zeros((6, 6))]]
+        )
         H = (C[rows] @ exactly(A, loads)[: len(K)]).astype(complex)
         E = H - whole.transfer(w)
         assert np.linalg.norm(E) <= whole.whole_error * np.linalg.norm(H)
@@ -472,8 +562,15 @@ def test_what_is_claimed_and_what_not() -> None:
     matrices = sp.csr_matrix(K), sp.csr_matrix(M)
     row = np.zeros((1, len(K)))
     row[0, 7] = 1.0
-    more = Matrices(*matrices, B, C=np.vstack([B.T, row]), inputs=names, outputs=[*names, "c.ux"],
-                    alpha=alpha, beta=beta)  # fmt: skip
+    more = Matrices(
+        *matrices,
+        B,
+        C=np.vstack([B.T, row]),
+        inputs=names,
+        outputs=[*names, "c.ux"],
+        alpha=alpha,
+        beta=beta,
+    )
     other = reduced(random_body(rng, 6), 1e-5)
     rod = flexgram.reduce(more, BAND, 1e-5)
     whole = couple({"p0": rod, "p1": other}, [Joint("p0.b", "p1.a")])
@@ -490,6 +587,7 @@ def test_what_is_claimed_and_what_not() -> None:
         couple({"p0": two, "p1": two}, [Joint("p0.a", "p1.b")])
     held = Matrices(*matrices, B, inputs=names, alpha=alpha, beta=beta)
     still = flexgram.reduce(held, (0.0, 0.6), 1e-4)
-    said = verdict({"p0": still, "p1": still}, [Joint("p0.b", "p1.a", damping={"x": 0.3})],
-                   omega=[0.0])  # fmt: skip
+    said = verdict(
+        {"p0": still, "p1": still}, [Joint("p0.b", "p1.a", damping={"x": 0.3})], omega=[0.0]
+    )
     assert np.isfinite(said.bound[0])

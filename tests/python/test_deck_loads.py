@@ -65,9 +65,20 @@ def test_quadratic_elements_bend_without_stress(tmp_path: Path) -> None:
 def test_heat_along_the_axes_of_a_material(tmp_path: Path) -> None:
     """An orthotropic body grows along its own axes."""
     axes = np.array([[0.6, 0.8, 0], [-0.8, 0.6, 0], [0, 0, 1.0]])
-    wood = {"E1": 11e9, "E2": 0.9e9, "E3": 0.5e9, "nu12": 0.37, "nu13": 0.42, "nu23": 0.47,
-            "G12": 0.75e9, "G13": 0.72e9, "G23": 0.39e9, "rho": 450, "axis_1": [0.6, 0.8, 0],
-            "expansion": [4e-6, 3e-5, 5e-5]}  # fmt: skip
+    wood = {
+        "E1": 11e9,
+        "E2": 0.9e9,
+        "E3": 0.5e9,
+        "nu12": 0.37,
+        "nu13": 0.42,
+        "nu23": 0.47,
+        "G12": 0.75e9,
+        "G13": 0.72e9,
+        "G23": 0.39e9,
+        "rho": 450,
+        "axis_1": [0.6, 0.8, 0],
+        "expansion": [4e-6, 3e-5, 5e-5],
+    }
     mesh = sided("hexahedron")
     write_body(tmp_path / "body.h5", mesh, materials={"steel": wood}, loads=HEAT, outputs=SPOT)
     a = assembled(tmp_path / "matrices.h5", tmp_path / "body.h5")
@@ -83,11 +94,25 @@ def test_stress_of_heat_is_certified(ranks: int, tmp_path: Path) -> None:
     """A held body: claims of the stress of its strain, and the stress itself in time and field."""
     mesh = sided("hexahedron", counts=(6, 3, 3))
     spot = int(mesh.point_sets["side"][0]) + 1
-    write_body(tmp_path / "body.h5", mesh, materials=STEEL, loads=HEAT,
-               damping={"alpha": 20.0, "beta": 1e-6}, supports={"start": {"nodes": "start"}},
-               outputs={"spot": {"type": "stress", "nodes": [spot]}})  # fmt: skip
-    result = certified(tmp_path / "body.h5", (100.0, 6000.0), tmp_path, "-mor_tol", "1e-4",
-                       "-mor_statics", "yes", ranks=ranks)  # fmt: skip
+    write_body(
+        tmp_path / "body.h5",
+        mesh,
+        materials=STEEL,
+        loads=HEAT,
+        damping={"alpha": 20.0, "beta": 1e-6},
+        supports={"start": {"nodes": "start"}},
+        outputs={"spot": {"type": "stress", "nodes": [spot]}},
+    )
+    result = certified(
+        tmp_path / "body.h5",
+        (100.0, 6000.0),
+        tmp_path,
+        "-mor_tol",
+        "1e-4",
+        "-mor_statics",
+        "yes",
+        ranks=ranks,
+    )
     assert_certified(result, 1e-4)
     rom = ReducedModel.load(result["path"])
     assert {"stress from force", "stress from temperature"} <= set(rom.kinds)
@@ -98,8 +123,10 @@ def test_stress_of_heat_is_certified(ranks: int, tmp_path: Path) -> None:
     B, _ = ports(tmp_path / "matrices.h5")
     stresses = Stresses.load(tmp_path / "body.h5")
     u = spsolve(a["K"].tocsc(), B["warm.T"])
-    whole = (stresses.nodal(at_nodes(a, u, len(mesh.points))[None])[0]
-             + stresses.heated(np.ones(len(mesh.points)))[1])  # fmt: skip
+    whole = (
+        stresses.nodal(at_nodes(a, u, len(mesh.points))[None])[0]
+        + stresses.heated(np.ones(len(mesh.points)))[1]
+    )
     found = rom.transfer(0.0)[rows, -1].real
     assert np.abs(found - whole[spot - 1]).max() < 2e-4 * np.abs(whole[spot - 1]).max()
     # The field, and the time response.
@@ -112,8 +139,17 @@ def test_stress_of_heat_is_certified(ranks: int, tmp_path: Path) -> None:
     with pytest.raises(BodyError, match=r"warm\.T strains the body"):
         rom.stress(q[-1], tmp_path / "body.h5")
     # A sweep of the full body holds the same.
-    run("sweep", "-body", str(tmp_path / "body.h5"), "-rom", str(result["path"]),
-        "-mor_sweep_hz", "700", "-mor_sweep_out", str(tmp_path / "sweep.h5"))  # fmt: skip
+    run(
+        "sweep",
+        "-body",
+        str(tmp_path / "body.h5"),
+        "-rom",
+        str(result["path"]),
+        "-mor_sweep_hz",
+        "700",
+        "-mor_sweep_out",
+        str(tmp_path / "sweep.h5"),
+    )
     with h5py.File(tmp_path / "sweep.h5") as file:
         H, H_r = (file[name][0] @ [1, 1j] for name in ("H", "H_rom"))
     assert np.allclose(H_r, rom.transfer(1400 * np.pi), rtol=1e-9)
@@ -154,10 +190,14 @@ def loaded_deck(path: Path, element: str, mesh: Any, steps: list[str]) -> Path:
     extra = "*AMPLITUDE, NAME=RISE\n0., 1., 1., 1.\n*ELSET, ELSET=SOME\n5, 6\n*MATERIAL"
     text = deck.read_text().replace("*MATERIAL", extra)
     text = text.replace("*SOLID SECTION", "*EXPANSION\n1.2E-5\n*SOLID SECTION")
-    text += ("*INITIAL CONDITIONS, TYPE=TEMPERATURE\nNALL, 20.\n*SURFACE, NAME=SKIN\n1, S2\n"
-             "7, S3\n*BOUNDARY\nSTART, 1, 3\n")  # fmt: skip
-    warm = "".join(f"{i + 10}, {20 + 500 * x[0] - 800 * x[1] + 200 * x[2]:.15g}\n"
-                   for i, x in enumerate(mesh.points))  # fmt: skip
+    text += (
+        "*INITIAL CONDITIONS, TYPE=TEMPERATURE\nNALL, 20.\n*SURFACE, NAME=SKIN\n1, S2\n"
+        "7, S3\n*BOUNDARY\nSTART, 1, 3\n"
+    )
+    warm = "".join(
+        f"{i + 10}, {20 + 500 * x[0] - 800 * x[1] + 200 * x[2]:.15g}\n"
+        for i, x in enumerate(mesh.points)
+    )
     first = int(mesh.point_sets["end"][0]) + 10
     deck.write_text(
         text + "".join(STEP.format(cards.format(first=first, temperatures=warm)) for cards in steps)
@@ -173,8 +213,16 @@ def test_loads_of_a_deck_are_those_of_calculix(element: str, tmp_path: Path) -> 
     mesh = sided(CALCULIX[element], counts=(5, 3, 3))
     whole = loaded_deck(tmp_path / "whole.inp", element, mesh, ["".join(CARDS.values())])
     body = tmp_path / "body.h5"
-    done = run("import", str(whole), "--assemble", "--deck-loads", "--distributing",
-               "end=NSET:END", "-o", str(body))  # fmt: skip
+    done = run(
+        "import",
+        str(whole),
+        "--assemble",
+        "--deck-loads",
+        "--distributing",
+        "end=NSET:END",
+        "-o",
+        str(body),
+    )
     assert "load step1_dsload: its amplitude is left to the history of the input" in done.out
     a = assembled(tmp_path / "matrices.h5", body)
     B, _ = ports(tmp_path / "matrices.h5")
@@ -203,8 +251,9 @@ def test_loads_of_a_deck_on_its_matrices(tmp_path: Path) -> None:
     found = {}
     for how in ("--run-ccx", "--assemble"):
         body = tmp_path / f"{how[2:]}.h5"
-        done = run("import", str(deck), how, "--deck-loads", "--rigid", "end=NSET:END", "-o",
-                   str(body))  # fmt: skip
+        done = run(
+            "import", str(deck), how, "--deck-loads", "--rigid", "end=NSET:END", "-o", str(body)
+        )
         if how == "--run-ccx":
             assert "load step1_temperature is left out: a temperature needs --assemble" in done.out
         else:
@@ -223,19 +272,31 @@ def test_loads_of_a_deck_on_its_matrices(tmp_path: Path) -> None:
 
 def test_what_of_a_deck_is_left_out(tmp_path: Path) -> None:
     mesh = sided("tetra10")
-    cards = ["*CLOAD, LOAD CASE=2\nEND, 1, 3.\n*DLOAD\nEALL, NEWTON\n*CLOAD\nEND, 4, 1.\n",
-             "*DLOAD\nEALL, P9, 1.\n"]  # fmt: skip
+    cards = [
+        "*CLOAD, LOAD CASE=2\nEND, 1, 3.\n*DLOAD\nEALL, NEWTON\n*CLOAD\nEND, 4, 1.\n",
+        "*DLOAD\nEALL, P9, 1.\n",
+    ]
     deck = loaded_deck(tmp_path / "part.inp", "C3D10", mesh, cards[:1])
-    arguments = ["import", str(deck), "--assemble", "--distributing", "end=NSET:END", "-o",
-                 str(tmp_path / "body.h5")]  # fmt: skip
+    arguments = [
+        "import",
+        str(deck),
+        "--assemble",
+        "--distributing",
+        "end=NSET:END",
+        "-o",
+        str(tmp_path / "body.h5"),
+    ]
     done = run(*arguments, "--deck-loads", expect=1)
     assert "expected where, what and how much" in done.err
-    deck = loaded_deck(tmp_path / "part.inp", "C3D10", mesh,
-                       [cards[0].replace("NEWTON", "NEWTON, 1.")])  # fmt: skip
+    deck = loaded_deck(
+        tmp_path / "part.inp", "C3D10", mesh, [cards[0].replace("NEWTON", "NEWTON, 1.")]
+    )
     done = run(*arguments, "--deck-loads")
-    for words in ("load step1_cload is left out: *CLOAD, LOAD CASE",
-                  "load step1_dload: NEWTON of *DLOAD is left out",
-                  "load step1_cload2: direction 4 of *CLOAD END is left out"):  # fmt: skip
+    for words in (
+        "load step1_cload is left out: *CLOAD, LOAD CASE",
+        "load step1_dload: NEWTON of *DLOAD is left out",
+        "load step1_cload2: direction 4 of *CLOAD END is left out",
+    ):
         assert words in done.out
     assert (
         "the loads of the deck are left out (*CLOAD, *DLOAD): --deck-loads" in run(*arguments).out
@@ -258,10 +319,12 @@ def test_tables_of_forces(tmp_path: Path) -> None:
     assert there[node] == pytest.approx([1, 2.5, -1]) and there[0] == pytest.approx([0, 0, 7])
     assert np.abs(there).sum() == pytest.approx(11.5)
     wrong_tables: list[tuple[Any, str]] = [
-        ("none.csv", "no such file"), ([[1.5, 0, 0, 1]], "whole"),
-        ([[1, 0, 1]], "a node number and 3 numbers"), ([[10**6, 0, 0, 1]], "run from 1 to"),
+        ("none.csv", "no such file"),
+        ([[1.5, 0, 0, 1]], "whole"),
+        ([[1, 0, 1]], "a node number and 3 numbers"),
+        ([[10**6, 0, 0, 1]], "run from 1 to"),
         (None, "table is missing"),
-    ]  # fmt: skip
+    ]
     for table, words in wrong_tables:
         wrong = {"type": "nodal"} if table is None else {"type": "nodal", "table": table}
         with pytest.raises(BodyError, match=words):
@@ -288,11 +351,24 @@ def test_rotations_in_millimetres(tmp_path: Path) -> None:
     text = text.replace("210e9, 0.3", "210e3, 0.3").replace("7850.", "7.85e-9")
     (tmp_path / "mm.inp").write_text(text)
     H = {}
-    for deck, units, more in (("m", "SI", ["--deck-loads"]), ("mm", "mm-t-s", []),
-                              ("mm", "mm-t-s", ["--deck-loads"])):  # fmt: skip
+    for deck, units, more in (
+        ("m", "SI", ["--deck-loads"]),
+        ("mm", "mm-t-s", []),
+        ("mm", "mm-t-s", ["--deck-loads"]),
+    ):
         body = tmp_path / "body.h5"
-        run("import", tmp_path / f"{deck}.inp", "--run-ccx", "--units", units, *more, "--rigid",
-            "end=NSET:END", "-o", body)  # fmt: skip
+        run(
+            "import",
+            tmp_path / f"{deck}.inp",
+            "--run-ccx",
+            "--units",
+            units,
+            *more,
+            "--rigid",
+            "end=NSET:END",
+            "-o",
+            body,
+        )
         system = body_system(body)
         C = system.B.T if system.C is None else system.C
         H[deck, bool(more)] = C @ spsolve(system.K.tocsc(), system.B)
@@ -304,21 +380,43 @@ def test_rotations_in_millimetres(tmp_path: Path) -> None:
 
 def test_an_assembled_body_keeps_its_feedthrough(tmp_path: Path) -> None:
     mesh = sided("tetra10")
-    write_body(tmp_path / "body.h5", mesh, materials=STEEL, loads=HEAT, outputs=SPOT,
-               supports={"start": {"nodes": "start"}}, damping={"beta": 1e-6})  # fmt: skip
+    write_body(
+        tmp_path / "body.h5",
+        mesh,
+        materials=STEEL,
+        loads=HEAT,
+        outputs=SPOT,
+        supports={"start": {"nodes": "start"}},
+        damping={"beta": 1e-6},
+    )
     run("assemble", "-body", tmp_path / "body.h5", "-body_out", tmp_path / "matrices.h5")
     through = []
     for name in ("body", "matrices"):
-        run("reduce", "-body", tmp_path / f"{name}.h5", "-mor_band_hz", "100,4000", "-mor_out",
-            tmp_path / "rom.h5")  # fmt: skip
+        run(
+            "reduce",
+            "-body",
+            tmp_path / f"{name}.h5",
+            "-mor_band_hz",
+            "100,4000",
+            "-mor_out",
+            tmp_path / "rom.h5",
+        )
         through.append(ReducedModel.load(tmp_path / "rom.h5").feedthrough)
     assert np.abs(through[0]).max() > 1e6 and np.array_equal(*through)
     with h5py.File(tmp_path / "matrices.h5", "a") as file:
         direct = file["feedthrough"][:]
         del file["feedthrough"]
         file["feedthrough"] = direct[:, :-1]
-    refused = run("reduce", "-body", tmp_path / "matrices.h5", "-mor_band_hz", "100,4000",
-                  "-mor_out", tmp_path / "rom.h5", expect=1)  # fmt: skip
+    refused = run(
+        "reduce",
+        "-body",
+        tmp_path / "matrices.h5",
+        "-mor_band_hz",
+        "100,4000",
+        "-mor_out",
+        tmp_path / "rom.h5",
+        expect=1,
+    )
     assert "/feedthrough must be n_out × n_in" in refused.err
 
 
@@ -346,21 +444,34 @@ def test_more_that_is_left_out(tmp_path: Path) -> None:
     """What ccx loads twice, or once only, by name; numbers of tables are the deck's; heat without
     an expansion that is known."""
     mesh = sided("tetra10")
-    cards = ("*DLOAD\nEALL, CENTRIF, 4.E6, 0., 0., 0., 1., 0., 0.\n"
-             "EALL, CENTRIF, 1.E6, 0., 0., 0., 1., 0., 0.\n*DLOAD\nTWICE, P1, 1.D6\n"
-             "*DLOAD\nEALL, GRAV, 1.D1, 0., 0., 1.\n*TEMPERATURE\nNALL, 30.\n")  # fmt: skip
+    cards = (
+        "*DLOAD\nEALL, CENTRIF, 4.E6, 0., 0., 0., 1., 0., 0.\n"
+        "EALL, CENTRIF, 1.E6, 0., 0., 0., 1., 0., 0.\n*DLOAD\nTWICE, P1, 1.D6\n"
+        "*DLOAD\nEALL, GRAV, 1.D1, 0., 0., 1.\n*TEMPERATURE\nNALL, 30.\n"
+    )
     deck = loaded_deck(tmp_path / "part.inp", "C3D10", mesh, [cards])
     text = deck.read_text().replace("*MATERIAL", "*ELSET, ELSET=TWICE\nSOME, SOME\n*MATERIAL", 1)
     deck.write_text(text.replace("*EXPANSION\n1.2E-5", "*EXPANSION\n1.2E-5, 20.\n1.3E-5, 90."))
     body = tmp_path / "body.h5"
     node = int(mesh.point_sets["end"][2])
     (tmp_path / "push.csv").write_text(f"{node + 10}, 0, 5, 0\n")
-    said = run("import", deck, "--assemble", "--deck-loads", "--load",
-               f"push=nodal:{tmp_path / 'push.csv'}", "--distributing", "end=NSET:END", "-o",
-               body).out  # fmt: skip
-    for load, words in (("dload", "a second CENTRIF on an element, which ccx ignores"),
-                        ("dload2", "element set TWICE names members twice"),
-                        ("temperature", "a material has no *EXPANSION, or one of")):  # fmt: skip
+    said = run(
+        "import",
+        deck,
+        "--assemble",
+        "--deck-loads",
+        "--load",
+        f"push=nodal:{tmp_path / 'push.csv'}",
+        "--distributing",
+        "end=NSET:END",
+        "-o",
+        body,
+    ).out
+    for load, words in (
+        ("dload", "a second CENTRIF on an element, which ccx ignores"),
+        ("dload2", "element set TWICE names members twice"),
+        ("temperature", "a material has no *EXPANSION, or one of"),
+    ):
         assert f"load step1_{load} is left out: {words}" in said
     a = assembled(tmp_path / "matrices.h5", body)
     B, _ = ports(tmp_path / "matrices.h5")
@@ -375,25 +486,54 @@ def test_loads_on_what_depends_on_others(tmp_path: Path) -> None:
     its rows; a force elsewhere is. Shells have no loads here."""
     mesh = sided("tetra10")
     *end, other = (int(n) + 10 for n in mesh.point_sets["end"][:3])
-    deck = loaded_deck(tmp_path / "eq.inp", "C3D10", mesh,
-                       ["*DLOAD\nEALL, GRAV, 9.81, 0., 0., 1.\n",
-                        f"*CLOAD\n{other}, 2, 10.\nSTART, 1, 5.\n"])  # fmt: skip
+    deck = loaded_deck(
+        tmp_path / "eq.inp",
+        "C3D10",
+        mesh,
+        ["*DLOAD\nEALL, GRAV, 9.81, 0., 0., 1.\n", f"*CLOAD\n{other}, 2, 10.\nSTART, 1, 5.\n"],
+    )
     equation = f"*EQUATION\n2\n{end[0]}, 3, 1., {end[1]}, 3, -1.\n*BOUNDARY"
     deck.write_text(deck.read_text().replace("*BOUNDARY", equation, 1))
-    said = run("import", deck, "--run-ccx", "--deck-loads", "--node", f"tip=NODES:{other}", "-o",
-               tmp_path / "body.h5").out  # fmt: skip
+    said = run(
+        "import",
+        deck,
+        "--run-ccx",
+        "--deck-loads",
+        "--node",
+        f"tip=NODES:{other}",
+        "-o",
+        tmp_path / "body.h5",
+    ).out
     assert f"load step1_dload is left out: node {end[0]} has no row of its own in dir" in said
     system = body_system(tmp_path / "body.h5")
     assert np.count_nonzero(system.B[:, -1]) == 1 and system.B[:, -1].sum() == 10
-    shell = ("*NODE, NSET=NALL\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n*ELEMENT, TYPE=S4, ELSET=E\n"
-             "1,1,2,3,4\n*MATERIAL, NAME=M\n*ELASTIC\n2.1e11,.3\n*DENSITY\n7850.\n"
-             "*SHELL SECTION, ELSET=E, MATERIAL=M\n.1\n*STEP\n*STATIC\n*CLOAD\n3,3,10.\n"
-             "*END STEP\n")  # fmt: skip
+    shell = (
+        "*NODE, NSET=NALL\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n*ELEMENT, TYPE=S4, ELSET=E\n"
+        "1,1,2,3,4\n*MATERIAL, NAME=M\n*ELASTIC\n2.1e11,.3\n*DENSITY\n7850.\n"
+        "*SHELL SECTION, ELSET=E, MATERIAL=M\n.1\n*STEP\n*STATIC\n*CLOAD\n3,3,10.\n"
+        "*END STEP\n"
+    )
     (tmp_path / "shell.inp").write_text(shell)
-    said = run("import", tmp_path / "shell.inp", "--run-ccx", "--deck-loads", "--rows", "tip=1",
-               "-o", tmp_path / "shell.h5").out  # fmt: skip
+    said = run(
+        "import",
+        tmp_path / "shell.inp",
+        "--run-ccx",
+        "--deck-loads",
+        "--rows",
+        "tip=1",
+        "-o",
+        tmp_path / "shell.h5",
+    ).out
     assert "the loads of the deck are left out: it has S4 elements beside solids" in said
     assert "no coordinates are kept" in said
-    refused = run("import", tmp_path / "shell.inp", "--run-ccx", "--node", "tip=NODES:3", "-o",
-                  tmp_path / "shell.h5", expect=1)  # fmt: skip
+    refused = run(
+        "import",
+        tmp_path / "shell.inp",
+        "--run-ccx",
+        "--node",
+        "tip=NODES:3",
+        "-o",
+        tmp_path / "shell.h5",
+        expect=1,
+    )
     assert "node 3 has several rows in a direction" in refused.err

@@ -25,8 +25,12 @@ class Free:
     def __init__(self, folder: Path) -> None:
         self.path = folder / "bar.h5"
         ends = {name: {"set": name, "coupling": "distributing"} for name in ("start", "end")}
-        write_body_file(self.path, box("hexahedron20", (10, 2, 2), (1.0, 0.1, 0.08)),
-                        interfaces=ends, damping=(ALPHA, BETA, 0))  # fmt: skip
+        write_body_file(
+            self.path,
+            box("hexahedron20", (10, 2, 2), (1.0, 0.1, 0.08)),
+            interfaces=ends,
+            damping=(ALPHA, BETA, 0),
+        )
         body = assembled(folder / "matrices.h5", self.path)
         self.K, self.M, self.B = body["K"].tocsr(), body["M"].tocsr(), body["B"]
         self.eigenvalues, modes = sl.eigh(self.K.toarray(), self.M.toarray())
@@ -64,9 +68,22 @@ def test_the_elastic_part_is_certified(bar: Free, ranks: int, tmp_path: Path) ->
     worst = {}
     for reference in ("pointwise", "elastic"):
         out = tmp_path / f"{reference}.h5"
-        said = run("reduce", "-body", bar.path, "-mor_band_hz", f"1,{LAST}", "-mor_tol", 2e-2,
-                   "-mor_tol_of", "whole", "-mor_tol_relative_to", reference,
-                   "-mor_out", out, ranks=ranks)  # fmt: skip
+        said = run(
+            "reduce",
+            "-body",
+            bar.path,
+            "-mor_band_hz",
+            f"1,{LAST}",
+            "-mor_tol",
+            2e-2,
+            "-mor_tol_of",
+            "whole",
+            "-mor_tol_relative_to",
+            reference,
+            "-mor_out",
+            out,
+            ranks=ranks,
+        )
         rom = ReducedModel.load(out)
         worst[reference] = bar.worst(rom)
         assert rom.relative_to == reference and rom.kind == "certified"
@@ -80,8 +97,9 @@ def test_the_elastic_part_is_certified(bar: Free, ranks: int, tmp_path: Path) ->
 
 
 def test_a_medium_model_and_its_cuts(bar: Free, tmp_path: Path) -> None:
-    medium = certify(bar.path, band_hz=(1, LAST), tol=1e-5,
-                     options={"mor_tol_relative_to": "elastic"})  # fmt: skip
+    medium = certify(
+        bar.path, band_hz=(1, LAST), tol=1e-5, options={"mor_tol_relative_to": "elastic"}
+    )
     medium.save(tmp_path / "medium.h5")
     elastic = {"mor_tol_relative_to": "elastic", "mor_tol_of": "whole"}
     for stage in ("weighted", "optimal"):
@@ -115,8 +133,10 @@ def test_where_there_is_no_elastic_part_by_itself(bar: Free, tmp_path: Path) -> 
     assert "did you mean elastic?" in message(wrong)
     # A held body has no rigid motion: both are the same.
     held = Matrices(K=bar.K + 1e6 * bar.M, M=bar.M, B=bar.B, alpha=ALPHA)
-    both = [reduce(held, (1, LAST), 1e-3, options={"mor_tol_relative_to": reference})
-            for reference in ("pointwise", "elastic")]  # fmt: skip
+    both = [
+        reduce(held, (1, LAST), 1e-3, options={"mor_tol_relative_to": reference})
+        for reference in ("pointwise", "elastic")
+    ]
     assert both[0].order == both[1].order
     assert both[0].certified_error == pytest.approx(both[1].certified_error, rel=1e-6)
 
@@ -128,10 +148,24 @@ def test_statics_are_exact(bar: Free, stage: str, ranks: int, tmp_path: Path) ->
     off = {}
     for statics in ("no", "yes"):
         out = tmp_path / f"{statics}.h5"
-        run("reduce", "-body", bar.path, "-mor_band_hz", f"30,{LAST}", "-mor_tol", 1e-2,
-            "-mor_statics", statics, "-mor_second_stage", stage, "-mor_medium_tol", 1e-9,
-            "-mor_out", out,
-            ranks=ranks)  # fmt: skip
+        run(
+            "reduce",
+            "-body",
+            bar.path,
+            "-mor_band_hz",
+            f"30,{LAST}",
+            "-mor_tol",
+            1e-2,
+            "-mor_statics",
+            statics,
+            "-mor_second_stage",
+            stage,
+            "-mor_medium_tol",
+            1e-9,
+            "-mor_out",
+            out,
+            ranks=ranks,
+        )
         rom = ReducedModel.load(out)
         assert rom.certified_error <= 1e-2
         part, omega = rom.elastic(), 2 * np.pi * 0.01
@@ -144,8 +178,9 @@ def test_statics_are_exact(bar: Free, stage: str, ranks: int, tmp_path: Path) ->
 def test_elastic_part_in_any_frame(frame: str, bar: Free) -> None:
     """Without its rigid modes the reduced body answers like the full one without its own; in a
     tangent frame the elastic coordinates by themselves are a body that is held there."""
-    rom = reduce(bar.path, (1, LAST), 1e-4, options={"mor_frame": frame,
-                                                     "mor_tol_relative_to": "elastic"})  # fmt: skip
+    rom = reduce(
+        bar.path, (1, LAST), 1e-4, options={"mor_frame": frame, "mor_tol_relative_to": "elastic"}
+    )
     part = rom.without_rigid_modes()
     assert part.order == rom.order - 6 and part.frame["rigid_modes"] == 0
     for hertz in (1.7, 23.0, 96.0):
@@ -155,8 +190,9 @@ def test_elastic_part_in_any_frame(frame: str, bar: Free) -> None:
     if frame == "tangent":
         held = rom.elastic().transfer(omega)
         assert np.linalg.norm(held - H) > 0.1 * np.linalg.norm(H)
-    on_springs = couple({"bar": rom}, [Joint("bar.start", "ground", stiffness={"x": 1e4})],
-                        keep=["bar.start"])  # fmt: skip
+    on_springs = couple(
+        {"bar": rom}, [Joint("bar.start", "ground", stiffness={"x": 1e4})], keep=["bar.start"]
+    )
     assert on_springs.kind == "certified"
     g = bar.B[:, rom.inputs.index("start.fx")]
     for hertz in (2.3, 17.0, 99.0):
@@ -169,8 +205,9 @@ def test_elastic_part_in_any_frame(frame: str, bar: Free) -> None:
 
 def test_statics_of_a_held_body(bar: Free) -> None:
     # Springs to the ground.
-    held = Matrices(K=bar.K + 1e6 * sp.identity(bar.K.shape[0], format="csr"), M=bar.M, B=bar.B,
-                    alpha=ALPHA)  # fmt: skip
+    held = Matrices(
+        K=bar.K + 1e6 * sp.identity(bar.K.shape[0], format="csr"), M=bar.M, B=bar.B, alpha=ALPHA
+    )
     rom = reduce(held, (50, LAST), 1e-2, options={"mor_statics": "yes", "mor_medium_tol": 1e-9})
     exact = bar.B.T @ sp.linalg.spsolve(held.K.tocsc(), bar.B)
     assert np.linalg.norm(rom.transfer(0.0) - exact) <= 1e-6 * np.linalg.norm(exact)
@@ -193,9 +230,12 @@ def test_rigid_modes_that_are_hard_to_see(parts: int, seed: int) -> None:
     n = 60 if parts == 1 else 240
     size = n // parts
     pairs = [(i, i + 1) for i in range(n - 1) if (i + 1) % size]
-    pairs += [(a, b) for p in range(parts)
-              for a, b in rng.integers(p * size, (p + 1) * size, (3 * size // 2, 2))
-              if a != b]  # fmt: skip
+    pairs += [
+        (a, b)
+        for p in range(parts)
+        for a, b in rng.integers(p * size, (p + 1) * size, (3 * size // 2, 2))
+        if a != b
+    ]
     K, m = springs(pairs, n, rng), rng.integers(1, 5, n).astype(float)
     B = np.zeros((n, 3 if parts == 1 else 12))
     if parts == 1:

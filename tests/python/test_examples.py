@@ -18,8 +18,9 @@ def example(name: str, *arguments: object, ranks: int = 1) -> str:
     command = [str(PYTHON), str(ROOT / "examples" / name), *map(str, arguments)]
     if ranks > 1:
         command = ["mpirun", "-n", str(ranks), *command]
-    done = subprocess.run(command, cwd=ROOT, env=ENVIRONMENT, capture_output=True, text=True,
-                          timeout=300)  # fmt: skip
+    done = subprocess.run(
+        command, cwd=ROOT, env=ENVIRONMENT, capture_output=True, text=True, timeout=300
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout
 
@@ -107,7 +108,9 @@ def test_exudyn_pendulum(tmp_path: Path) -> None:
 
     mass, lever, inertia = 178.278, 0.45, 89.5985 - 178.278 * 0.3**2  # about the hinge line
     end = solve_ivp(
-        lambda t, s: [s[1], mass * 9.81 * lever * np.cos(s[0]) / inertia], (0, 0.8), [0, 0],
+        lambda t, s: [s[1], mass * 9.81 * lever * np.cos(s[0]) / inertia],
+        (0, 0.8),
+        [0, 0],
         rtol=1e-9,
-    ).y[0, -1]  # fmt: skip
+    ).y[0, -1]
     assert number(r"turned by (\S+) degrees", out) == pytest.approx(np.degrees(end), abs=1.0)

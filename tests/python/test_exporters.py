@@ -68,10 +68,16 @@ def test_script_in_octave(structural: bool, beam: tuple[Path, Path], tmp_path: P
         model.eta = 0.02
     export(model, tmp_path / "part_1.m", "octave")
     done = subprocess.run(
-        ["octave-cli", "--no-gui", "--eval",
-         "quiet = true; part_1; clear H; save('-v6', 'seen.mat')"],
-        cwd=tmp_path, capture_output=True, text=True,
-    )  # fmt: skip
+        [
+            "octave-cli",
+            "--no-gui",
+            "--eval",
+            "quiet = true; part_1; clear H; save('-v6', 'seen.mat')",
+        ],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+    )
     assert done.returncode == 0, done.stderr
     seen = scipy.io.loadmat(tmp_path / "seen.mat", squeeze_me=True)
     w = 2 * np.pi * seen["f"]
@@ -114,8 +120,12 @@ def test_script_replaces_nothing_of_others(beam: tuple[Path, Path], tmp_path: Pa
     export(model, tmp_path / "odd.m", "octave")
     assert "system" not in (tmp_path / "odd.m").read_text()
     if shutil.which("octave-cli"):
-        done = subprocess.run(["octave-cli", "--no-gui", "--eval", "quiet = true; odd"],
-                              cwd=tmp_path, capture_output=True, text=True)  # fmt: skip
+        done = subprocess.run(
+            ["octave-cli", "--no-gui", "--eval", "quiet = true; odd"],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+        )
         assert done.returncode == 0, done.stderr
 
 
@@ -150,8 +160,17 @@ def test_mbdyn_modal_joint(beam: tuple[Path, Path], tmp_path: Path) -> None:
     assert np.allclose(about_origin, model.frame["M_r"][3:, 3:], rtol=1e-12)
     assert mass == pytest.approx(model.frame["M_r"][0, 0], rel=1e-12)
     tangent = tmp_path / "tangent.h5"
-    run("reduce", "-body", beam[0], "-mor_band_hz", "10,2000", "-mor_frame", "tangent", "-mor_out",
-        tangent)  # fmt: skip
+    run(
+        "reduce",
+        "-body",
+        beam[0],
+        "-mor_band_hz",
+        "10,2000",
+        "-mor_frame",
+        "tangent",
+        "-mor_out",
+        tangent,
+    )
     with pytest.raises(BodyError, match="-mor_frame buckens"):
         export(ReducedModel.load(tangent), tmp_path / "x.fem", "mbdyn")
     model.eta = 0.01
@@ -267,8 +286,9 @@ def test_interfaces_and_followers(beam: tuple[Path, Path]) -> None:
     motion = geometry.motion(model, q)[0]
     assert np.allclose(motion, [1, 0, 0], atol=1e-9)
     triangles = geometry.surface()
-    normal = np.cross(*(geometry.points[triangles[:, k]] - geometry.points[triangles[:, 0]]
-                        for k in (1, 2)))  # fmt: skip
+    normal = np.cross(
+        *(geometry.points[triangles[:, k]] - geometry.points[triangles[:, 0]] for k in (1, 2))
+    )
     volume = np.sum(geometry.points[triangles[:, 0]] * normal) / 6  # closed and outward
     with h5py.File(rom) as file:
         assert volume == pytest.approx(file["frame"].attrs["mass"] / 7850, rel=0.02)
@@ -295,8 +315,11 @@ def test_sid_identities_and_round_trip(
     C4 = -sid["Gr"][0].reshape(3, n, 3).transpose(1, 0, 2) / 2
     assert np.allclose(
         sid["Oe"][0],
-        [[c[0, 0], c[1, 1], c[2, 2], c[0, 1] + c[1, 0], c[1, 2] + c[2, 1], c[0, 2] + c[2, 0]]
-         for c in C4])  # fmt: skip
+        [
+            [c[0, 0], c[1, 1], c[2, 2], c[0, 1] + c[1, 0], c[1, 2] + c[2, 1], c[0, 2] + c[2, 0]]
+            for c in C4
+        ],
+    )
     full = -(C4 + C4.transpose(0, 2, 1))
     places = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
     assert np.allclose(J1[:, :, 0], [[c[p] for p in places] for c in full])
@@ -364,9 +387,20 @@ def test_exudyn_terms_against_its_own(beam: tuple[Path, Path], tmp_path: Path) -
     fem.surface, fem.postProcessingModes = [], {}
     theirs = ObjectFFRFreducedOrderInterface(fem, roundMassMatrix=0, roundStiffnessMatrix=0)
     expected = theirs.GetDictionary()
-    for key in ("massMatrixReduced", "stiffnessMatrixReduced", "inertiaLocal", "Mtt", "chiU",
-                "chiUtilde", "mPsiTildePsi", "mPsiTildePsiTilde", "mPhitTPsi", "mPhitTPsiTilde",
-                "mXRefTildePsi", "mXRefTildePsiTilde"):  # fmt: skip
+    for key in (
+        "massMatrixReduced",
+        "stiffnessMatrixReduced",
+        "inertiaLocal",
+        "Mtt",
+        "chiU",
+        "chiUtilde",
+        "mPsiTildePsi",
+        "mPsiTildePsiTilde",
+        "mPhitTPsi",
+        "mPhitTPsiTilde",
+        "mXRefTildePsi",
+        "mXRefTildePsiTilde",
+    ):
         value = np.asarray(expected[key])
         scale = max(np.abs(value).max(), 1e-3)
         assert np.shape(getattr(loaded, key)) == value.shape, key
@@ -377,8 +411,13 @@ def test_what_cannot_be_exported(tmp_path: Path) -> None:
     mesh = box("tetra10", (4, 1, 1), SIZE)
     for name, eta, support in (("held", 0.0, {"start": [0, 1, 2]}), ("lossy", 0.01, {})):
         body, rom = tmp_path / f"{name}.h5", tmp_path / f"{name}.rom.h5"
-        write_body_file(body, mesh, interfaces={"end": {"coupling": "rigid", "set": "end"}},
-                        supports=support, damping=(0, 0, eta))  # fmt: skip
+        write_body_file(
+            body,
+            mesh,
+            interfaces={"end": {"coupling": "rigid", "set": "end"}},
+            supports=support,
+            damping=(0, 0, eta),
+        )
         run("reduce", "-body", body, "-mor_tol", "1e-3", "-mor_out", rom)
     held, lossy = (ReducedModel.load(tmp_path / f"{x}.rom.h5") for x in ("held", "lossy"))
     for model, format, expected in (

@@ -28,10 +28,25 @@ def test_values(text: str, expected: object) -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["__import__('os').system('true')", "t.__class__", "lambda: 0", "[x for x in t]", "open('f')",
-     "9**9**9", "1/t", "sin(t", "'a'", "sin(t, out=t)", "t if t else t", "", "load('x')",
-     "maximum(0, 2*t, t)", "sin(t, t)", "where(t)"],
-)  # fmt: skip
+    [
+        "__import__('os').system('true')",
+        "t.__class__",
+        "lambda: 0",
+        "[x for x in t]",
+        "open('f')",
+        "9**9**9",
+        "1/t",
+        "sin(t",
+        "'a'",
+        "sin(t, out=t)",
+        "t if t else t",
+        "",
+        "load('x')",
+        "maximum(0, 2*t, t)",
+        "sin(t, t)",
+        "where(t)",
+    ],
+)
 def test_what_is_no_function_of_time(text: str) -> None:
     with pytest.raises(BodyError):
         function_of_time(text, T)
@@ -39,9 +54,12 @@ def test_what_is_no_function_of_time(text: str) -> None:
 
 @pytest.mark.parametrize(
     "text",
-    ["interp(t, [1, 0.5, 0], [0, 1, 0])", "interp(t, [0, 1, 0.5], [0, 1, 2])",
-     "interp(t, [0, 0, 1], [0, 1, 2])"],
-)  # fmt: skip
+    [
+        "interp(t, [1, 0.5, 0], [0, 1, 0])",
+        "interp(t, [0, 1, 0.5], [0, 1, 2])",
+        "interp(t, [0, 0, 1], [0, 1, 2])",
+    ],
+)
 def test_times_of_a_table_must_rise(text: str) -> None:
     """NumPy gives zeros for the first of these, in silence."""
     with pytest.raises(BodyError, match="must rise"):

@@ -92,11 +92,12 @@ def test_large_rotation_against_exudyns_full_model(tmp_path: Path) -> None:
         marker.append(
             mbs.AddMarker(
                 eii.MarkerSuperElementPosition(
-                    bodyNumber=objects["oFFRF"], meshNodeNumbers=nodes.tolist(),
+                    bodyNumber=objects["oFFRF"],
+                    meshNodeNumbers=nodes.tolist(),
                     weightingFactors=[1 / len(nodes)] * len(nodes),
                 )
             )
-        )  # fmt: skip
+        )
     theirs = swing(mbs, *marker, force, 0.4)
 
     arm = theirs[:, 1:] - PIVOT
@@ -118,9 +119,13 @@ def test_pendulum_under_gravity(tmp_path: Path) -> None:
     a, b, _ = SIZE
     reach, inertia = a / 2, (a**2 + b**2) / 12 + (a / 2) ** 2  # per mass, about the pivot
     exact = scipy.integrate.solve_ivp(
-        lambda t, s: [s[1], -9.81 * reach * np.cos(s[0]) / inertia], (0, 0.6), [0, 0],
-        t_eval=found[:, 0], rtol=1e-10, atol=1e-12,
-    ).y[0]  # fmt: skip
+        lambda t, s: [s[1], -9.81 * reach * np.cos(s[0]) / inertia],
+        (0, 0.6),
+        [0, 0],
+        t_eval=found[:, 0],
+        rtol=1e-10,
+        atol=1e-12,
+    ).y[0]
     arm = found[:, 1:] - PIVOT
     assert np.ptp(exact) > 2.5
     assert np.abs(np.unwrap(np.arctan2(arm[:, 1], arm[:, 0])) - exact).max() < 2e-3
@@ -141,11 +146,22 @@ def test_stress_sensors(from_file: bool, tmp_path: Path) -> None:
     node = int(np.argmin(np.linalg.norm(positions - [SIZE[0] / 3, 0, 0], axis=1)))
     with h5py.File(body) as file:
         own = int(np.argmin(np.linalg.norm(file["mesh/points"][:] - positions[node], axis=1)))
-    sensors = [mbs.AddSensor(sensor) for sensor in (
-        eii.SensorSuperElement(bodyNumber=added["object"], meshNodeNumber=node, storeInternal=True,
-                               outputVariableType=exu.OutputVariableType.StressLocal),
-        eii.SensorNode(nodeNumber=added["modal_node"], storeInternal=True,
-                       outputVariableType=exu.OutputVariableType.Coordinates))]  # fmt: skip
+    sensors = [
+        mbs.AddSensor(sensor)
+        for sensor in (
+            eii.SensorSuperElement(
+                bodyNumber=added["object"],
+                meshNodeNumber=node,
+                storeInternal=True,
+                outputVariableType=exu.OutputVariableType.StressLocal,
+            ),
+            eii.SensorNode(
+                nodeNumber=added["modal_node"],
+                storeInternal=True,
+                outputVariableType=exu.OutputVariableType.Coordinates,
+            ),
+        )
+    ]
     swing(mbs, added["markers"]["start"], added["markers"]["end"], (0.0, -5.0, 0.0), 0.05, 20)
     stress, q = (mbs.GetSensorStoredData(sensor)[:, 1:] for sensor in sensors)
     expected = model.elastic().stress(q, body)[:, own][:, [0, 1, 2, 4, 5, 3]]
@@ -171,8 +187,11 @@ def test_further_nodes_and_a_bent_beginning(tmp_path: Path) -> None:
         assert np.allclose(positions[number], points[node - 1])
     mbs.Assemble()
     stress = mbs.GetObjectOutputSuperElement(
-        added["object"], exu.OutputVariableType.StressLocal, added["mesh_nodes"][left[7]],
-        exu.ConfigurationType.Initial)  # fmt: skip
+        added["object"],
+        exu.OutputVariableType.StressLocal,
+        added["mesh_nodes"][left[7]],
+        exu.ConfigurationType.Initial,
+    )
     expected = model.elastic().stress(bent, body)[0, left[7] - 1, [0, 1, 2, 4, 5, 3]]
     assert np.abs(stress - expected).max() < 1e-8 * np.abs(expected).max()
     with pytest.raises(BodyError, match="nodes of the mesh run from 1"):

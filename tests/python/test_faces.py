@@ -172,18 +172,29 @@ def test_the_outer_surface_has_no_faces_inside() -> None:
 def test_faces_of_solids_close(kind: str) -> None:
     """The vector areas of a closed surface vanish, whatever the element."""
     corners = {
-        "hexahedron": [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0],
-                       [0, 0, 1], [1, 0, 1.2], [1.1, 1, 1], [0, 1, 1]],
+        "hexahedron": [
+            [0, 0, 0],
+            [1, 0, 0],
+            [1, 1, 0],
+            [0, 1, 0],
+            [0, 0, 1],
+            [1, 0, 1.2],
+            [1.1, 1, 1],
+            [0, 1, 1],
+        ],
         "wedge": [[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [0, 1.3, 1]],
-    }[kind]  # fmt: skip
+    }[kind]
     points = np.array(corners)
     faces = outer(faces_of([(kind, np.arange(len(points))[None])]))
     a, b, c, d = (points[faces[:, k]] for k in range(4))
     assert np.abs(0.5 * np.cross(c - a, d - b).sum(axis=0)).max() < 1e-12
 
 
-STEEL = {"SI": (5170.0, 7850.0, 0.3), "mm-t-s": (5.17e6, 7.85e-9, 300.0),
-         "mm-kg-s": (5.17e6, 7.85e-6, 300.0)}  # fmt: skip
+STEEL = {
+    "SI": (5170.0, 7850.0, 0.3),
+    "mm-t-s": (5.17e6, 7.85e-9, 300.0),
+    "mm-kg-s": (5.17e6, 7.85e-6, 300.0),
+}
 
 
 @pytest.mark.parametrize("given", UNITS)

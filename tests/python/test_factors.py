@@ -40,10 +40,19 @@ def paths(plan: str) -> dict[str, float]:
 def test_single_precision_is_certified_like_double(rack: Path, tmp_path: Path, ranks: int) -> None:
     """Against full solves at frequencies that the program was not given."""
     results = {
-        precision: certified(rack, (10.0, 500.0), tmp_path, "-mor_tol", 1e-4, "-mor_precision",
-                             precision, ranks=ranks, count=6)
+        precision: certified(
+            rack,
+            (10.0, 500.0),
+            tmp_path,
+            "-mor_tol",
+            1e-4,
+            "-mor_precision",
+            precision,
+            ranks=ranks,
+            count=6,
+        )
         for precision in ("double", "single")
-    }  # fmt: skip
+    }
     for result in results.values():
         assert_certified(result, 1e-4)
     assert results["single"]["order"] == results["double"]["order"]
@@ -55,16 +64,28 @@ def test_memory_decides(block: Path, tmp_path: Path) -> None:
     job = ["-body", block, "-mor_band_hz", f"{BAND[0]},{BAND[1]}"]
     plan = run("plan", *job).out
     estimates = paths(plan)
-    assert list(estimates) == ["double precision", "single precision, refined",
-                               "single precision on disk"]  # fmt: skip
+    assert list(estimates) == [
+        "double precision",
+        "single precision, refined",
+        "single precision on disk",
+    ]
     double, single, disk = estimates.values()
     assert double > single > disk
     H = {}
-    for name, limit in zip(estimates, (2 * double, 0.5 * (double + single),
-                                       0.5 * (single + disk)), strict=True):  # fmt: skip
+    for name, limit in zip(
+        estimates, (2 * double, 0.5 * (double + single), 0.5 * (single + disk)), strict=True
+    ):
         out = tmp_path / "rom.h5"
-        told = run("reduce", *job, "-mor_tol", 1e-4, "-mor_out", out, "-mor_memory_limit_mb",
-                   f"{limit:.0f}")  # fmt: skip
+        told = run(
+            "reduce",
+            *job,
+            "-mor_tol",
+            1e-4,
+            "-mor_out",
+            out,
+            "-mor_memory_limit_mb",
+            f"{limit:.0f}",
+        )
         estimate = paths(told.out)[name]
         with h5py.File(out) as file:
             peak = float(file["log"].attrs["peak_memory_mb_per_rank"])
@@ -85,8 +106,19 @@ def test_single_precision_may_not_be_enough(tmp_path: Path) -> None:
     mesh = box("tetra10", (40, 4, 1), (4, 0.4, 0.004), distort=False)
     write_body_file(path, mesh, interfaces=ENDS, damping=(2.0, 1e-6, 0))
     out = tmp_path / "rom.h5"
-    told = run("reduce", "-body", path, "-mor_band_hz", "0.5,20", "-mor_precision", "single",
-               "-mor_tol", 1e-3, "-mor_out", out).out  # fmt: skip
+    told = run(
+        "reduce",
+        "-body",
+        path,
+        "-mor_band_hz",
+        "0.5,20",
+        "-mor_precision",
+        "single",
+        "-mor_tol",
+        1e-3,
+        "-mor_out",
+        out,
+    ).out
     assert re.search("fall-back +refinement of single precision stalled", told)
     with h5py.File(out) as file:
         assert file["error"].attrs["kind"] == "certified" and file["error"].attrs["met"] == 1
@@ -101,8 +133,11 @@ def test_modes_that_the_only_port_cannot_move(tmp_path: Path) -> None:
     omega = 2 * np.sin((2 * np.arange(1, 61) - 1) * np.pi / 242)
     last = 0.5 * (omega[9] + omega[10])
     cutoff = 1.1 * last
-    rom = flexgram.reduce(flexgram.Matrices(K=K, M=M, B=B, alpha=0.01),
-                          (0.5 * omega[0] / 2 / np.pi, last / 2 / np.pi), 1e-6)  # fmt: skip
+    rom = flexgram.reduce(
+        flexgram.Matrices(K=K, M=M, B=B, alpha=0.01),
+        (0.5 * omega[0] / 2 / np.pi, last / 2 / np.pi),
+        1e-6,
+    )
     assert rom.kind == "certified" and rom.met and rom.log["factorisations"] == 1
     told = dict(rom.log["plan"])["modes"]
     assert told.startswith(f"{2 * np.sum(omega < cutoff)} elastic"), told

@@ -33,8 +33,11 @@ def largest_errors(
         away = X - rom.V @ q
         energy, lost = (np.einsum("ij,ij->j", Y.conj(), K @ Y).real for Y in (X, away))
         for kind in worst:
-            mine = [j for j, port in enumerate(rom.inputs) if kind == "all ports"
-                    or port.rpartition(".")[2][0] == LETTERS[kind]]  # fmt: skip
+            mine = [
+                j
+                for j, port in enumerate(rom.inputs)
+                if kind == "all ports" or port.rpartition(".")[2][0] == LETTERS[kind]
+            ]
             worst[kind] = max(worst[kind], float(np.sqrt(lost[mine].sum() / energy[mine].sum())))
     return worst
 
@@ -44,8 +47,11 @@ def chosen_omega(rom: ReducedModel, rng: np.random.Generator) -> Any:
     first, last = rom.bands[0, 0], rom.bands[-1, 1]
     beside = rom.modes[(rom.modes > first) & (rom.modes < last / 1.001)] * 1.0003
     w = np.concatenate([rng.uniform(first, last, 12), beside, [first, last]])
-    out = np.any([(w >= a) & (w <= b) for a, b in rom.excluded], axis=0) if len(
-        rom.excluded) else np.zeros(len(w), dtype=bool)  # fmt: skip
+    out = (
+        np.any([(w >= a) & (w <= b) for a, b in rom.excluded], axis=0)
+        if len(rom.excluded)
+        else np.zeros(len(w), dtype=bool)
+    )
     return w[~out]
 
 
@@ -64,17 +70,38 @@ def test_field_of_a_beam(
 ) -> None:
     mesh = box("tetra10", (8, 2, 2), (0.3, 0.04, 0.03))
     names = ("end",) if support else ("start", "end")
-    write_body_file(tmp_path / "beam.h5", mesh, damping=damping,
-                    interfaces={n: {"coupling": "rigid", "set": n} for n in names},
-                    supports={"start": [0, 1, 2]} if support else None)  # fmt: skip
-    out = run("reduce", "-body", tmp_path / "beam.h5", "-mor_band_hz", "10,4000", "-mor_tol",
-              "1e-4", "-mor_field_error", "yes", "-mor_out", tmp_path / "rom.h5",
-              ranks=ranks).out  # fmt: skip
+    write_body_file(
+        tmp_path / "beam.h5",
+        mesh,
+        damping=damping,
+        interfaces={n: {"coupling": "rigid", "set": n} for n in names},
+        supports={"start": [0, 1, 2]} if support else None,
+    )
+    out = run(
+        "reduce",
+        "-body",
+        tmp_path / "beam.h5",
+        "-mor_band_hz",
+        "10,4000",
+        "-mor_tol",
+        "1e-4",
+        "-mor_field_error",
+        "yes",
+        "-mor_out",
+        tmp_path / "rom.h5",
+        ranks=ranks,
+    ).out
     assert "of the square root of its strain energy" in out
     rom = ReducedModel.load(tmp_path / "rom.h5")
     assert rom.field_inputs == ["all ports", "force", "moment"]
-    run("assemble", "-body", tmp_path / "beam.h5", "-body_out", tmp_path / "matrices.h5",
-        ranks=ranks)  # fmt: skip
+    run(
+        "assemble",
+        "-body",
+        tmp_path / "beam.h5",
+        "-body_out",
+        tmp_path / "matrices.h5",
+        ranks=ranks,
+    )
     full = body_system(tmp_path / "matrices.h5")
     omega = chosen_omega(rom, np.random.default_rng(5))
     truth = largest_errors(rom, full.K, full.M, full.B, damping, omega)
@@ -86,10 +113,12 @@ def test_random_bodies() -> None:
     for _ in range(25):
         K, M, B, names, alpha, beta = random_body(rng, 6)
         M[rng.choice(len(M), 3, replace=False)] = 0  # massless dofs
-        given = Matrices(sp.csr_matrix(K), sp.csr_matrix(M), B, inputs=names, alpha=alpha,
-                         beta=beta)  # fmt: skip
-        rom = flexgram.reduce(given, (0.05, 0.6), float(10 ** rng.uniform(-5, -1)),
-                              options={"mor_field_error": "yes"})  # fmt: skip
+        given = Matrices(
+            sp.csr_matrix(K), sp.csr_matrix(M), B, inputs=names, alpha=alpha, beta=beta
+        )
+        rom = flexgram.reduce(
+            given, (0.05, 0.6), float(10 ** rng.uniform(-5, -1)), options={"mor_field_error": "yes"}
+        )
         truth = largest_errors(rom, K, M, B, (alpha, beta, 0.0), chosen_omega(rom, rng))
         assert_claimed(rom, truth, 10)
 
@@ -99,8 +128,9 @@ def test_with_a_damping_matrix_nothing_is_claimed() -> None:
     K, M, B, names, alpha, _ = random_body(rng, 6)
     D = np.zeros_like(K)
     D[3, 3] = 0.2
-    given = Matrices(sp.csr_matrix(K), sp.csr_matrix(M), B, D=sp.csr_matrix(D), inputs=names,
-                     alpha=alpha)  # fmt: skip
+    given = Matrices(
+        sp.csr_matrix(K), sp.csr_matrix(M), B, D=sp.csr_matrix(D), inputs=names, alpha=alpha
+    )
     rom = flexgram.reduce(given, (0.05, 0.6), 1e-3, options={"mor_field_error": "yes"})
     assert rom.kind == "certified" and np.isinf(rom.field_error).all()
     assert len(flexgram.reduce(given, (0.05, 0.6), 1e-3).field_error) == 0
@@ -115,8 +145,18 @@ def test_of_which_inputs_it_is(tmp_path: Path) -> None:
     rom = flexgram.reduce(given, (0.05, 0.6), 1e-3, options=options)
     assert rom.field_inputs == ["these loads"]
     omega = chosen_omega(rom, rng)
-    along = ReducedModel({"K": rom.K, "M": rom.M, "D": rom.D, "B": rom.B @ rom.loads, "C": rom.C,
-                          "V": rom.V, "error/field_inputs": ["all ports"]}, None)  # fmt: skip
+    along = ReducedModel(
+        {
+            "K": rom.K,
+            "M": rom.M,
+            "D": rom.D,
+            "B": rom.B @ rom.loads,
+            "C": rom.C,
+            "V": rom.V,
+            "error/field_inputs": ["all ports"],
+        },
+        None,
+    )
     truth = largest_errors(along, K, M, B @ rom.loads, (alpha, beta, 0.0), omega)["all ports"]
     assert truth <= rom.field_error[0] * (1 + 1e-6)
     rom.save(tmp_path / "rom.h5")

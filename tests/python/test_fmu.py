@@ -43,8 +43,11 @@ class Unit:
         self.reference = {v.name: v.valueReference for v in description.modelVariables}
         kind = description.modelExchange if which else description.coSimulation
         self.fmu = FORMATS[self.version][which](
-            guid=description.guid, instanceName="x", modelIdentifier=kind.modelIdentifier,
-            unzipDirectory=str(folder))  # fmt: skip
+            guid=description.guid,
+            instanceName="x",
+            modelIdentifier=kind.modelIdentifier,
+            unzipDirectory=str(folder),
+        )
         self.fmu.instantiate()
         for name, value in start.items():
             self.set([name], [value])
@@ -78,8 +81,11 @@ def test_valid_and_exact(version: str, model: ReducedModel, tmp_path: Path) -> N
     assert "sources/model.c" in names and any(name.startswith("binaries/") for name in names)
     h, steps = 1e-4, 80
     t = h * np.arange(steps + 1)
-    outputs = [f"{port}.{what}" for what in ("motion", "velocity", "acceleration")
-               for port in model.outputs]  # fmt: skip
+    outputs = [
+        f"{port}.{what}"
+        for what in ("motion", "velocity", "acceleration")
+        for port in model.outputs
+    ]
     unit = Unit(path, tmp_path / version, 0)
     u = np.zeros((steps + 1, len(model.inputs)))
     u[:, 1], u[:, 3] = 100.0, -2.0
@@ -122,8 +128,9 @@ def test_model_exchange_is_the_same_system(
     rates = [f"der({name})" for name in states]
     outputs = [f"{port}.motion" for port in model.outputs]
     for factor in (1.0, 0.0):
-        unit = Unit(tmp_path / f"part.{version}.fmu", tmp_path / f"{factor}", 1,
-                    damping_factor=factor)  # fmt: skip
+        unit = Unit(
+            tmp_path / f"part.{version}.fmu", tmp_path / f"{factor}", 1, damping_factor=factor
+        )
         columns = []
         for name in (*states, *inputs):
             unit.set([*states, *inputs], np.zeros(n + len(inputs)))
@@ -144,8 +151,11 @@ def test_two_of_them_behave_as_their_assembly(model: ReducedModel, tmp_path: Pat
     export(model, tmp_path / "part.fmu", "fmu", rates=["displacement"])
     units = [Unit(tmp_path / "part.fmu", tmp_path / name, 0) for name in ("a", "b")]
     stiffness, port = 3e5, "end.fz"
-    whole = couple({"a": model, "b": model}, [Joint("a.end", "b.end", stiffness={"z": stiffness})],
-                   keep=["a.end", "b.end"])  # fmt: skip
+    whole = couple(
+        {"a": model, "b": model},
+        [Joint("a.end", "b.end", stiffness={"z": stiffness})],
+        keep=["a.end", "b.end"],
+    )
     h, steps = 2e-7, 10000
     t = h * np.arange(steps + 1)
     u = np.zeros((steps + 1, len(whole.inputs)))
@@ -172,8 +182,9 @@ def test_what_makes_no_unit(model: ReducedModel, tmp_path: Path) -> None:
         f"{port}.velocity" for port in model.outputs
     ]
     assert {v.unit for v in described.modelVariables if v.causality == "output"} == {"m/s", "rad/s"}
-    refused = run("export", model.path, "--to", "fmu", "--rates", "jerk", "-o", tmp_path / "p.fmu",
-                  expect=1)  # fmt: skip
+    refused = run(
+        "export", model.path, "--to", "fmu", "--rates", "jerk", "-o", tmp_path / "p.fmu", expect=1
+    )
     assert "rates are jerk" in refused.err
     model.eta = 0.01
     try:
@@ -194,8 +205,9 @@ def test_names_soft_mounts_and_feedthrough(tmp_path: Path) -> None:
     turn[:3, :3] = scipy.linalg.qr(rng.standard_normal((3, 3)))[0]
     M = np.eye(n)
     B = turn.T[:, :2] + 0.1 * rng.standard_normal((n, 2))
-    given = Matrices(sp.csr_matrix(K), sp.csr_matrix(M), B, inputs=["101.fx", 'a "b" <c> & é'],
-                     beta=1e-7)  # fmt: skip
+    given = Matrices(
+        sp.csr_matrix(K), sp.csr_matrix(M), B, inputs=["101.fx", 'a "b" <c> & é'], beta=1e-7
+    )
     rom = flexgram.reduce(given, (0.05, 3000.0), order=38)
     export(rom, tmp_path / "soft.fmu", "fmu", rates=["displacement"])
     assert validate_fmu(str(tmp_path / "soft.fmu")) == []

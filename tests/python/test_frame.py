@@ -22,8 +22,19 @@ def reduced(tmp_path: Path, coupling: str, ranks: int, *options: str) -> tuple[P
     body, rom = tmp_path / "body.h5", tmp_path / "rom.h5"
     interfaces = {name: {"coupling": coupling, "set": name} for name in ("start", "end")}
     write_body_file(body, mesh, interfaces=interfaces, damping=(2, 1e-6, 0))
-    run("reduce", "-body", body, "-mor_band_hz", "10,3000", "-mor_tol", "1e-3", "-mor_out", rom,
-        *options, ranks=ranks)  # fmt: skip
+    run(
+        "reduce",
+        "-body",
+        body,
+        "-mor_band_hz",
+        "10,3000",
+        "-mor_tol",
+        "1e-3",
+        "-mor_out",
+        rom,
+        *options,
+        ranks=ranks,
+    )
     return body, rom
 
 

@@ -52,42 +52,87 @@ def test_measured_by_others(double: bool, model: ReducedModel, tmp_path: Path) -
     truth = responses(model, [PAIRS[0]], hertz)[0].values
     noisy = truth * (1 + 0.02 * (rng.standard_normal(200) + 1j * rng.standard_normal(200)))
     data = pyuff.prepare_58(
-        binary=0, func_type=4, rsp_node=1, rsp_dir=3, ref_dir=3, ref_node=2, data=noisy, x=hertz,
-        id1="test", rsp_ent_name="a", ref_ent_name="b", abscissa_spacing=1,
-        ordinate_spec_data_type=8, orddenom_spec_data_type=13, abscissa_spec_data_type=18,
-        ord_data_type=6 if double else 5, return_full_dict=True)  # fmt: skip
+        binary=0,
+        func_type=4,
+        rsp_node=1,
+        rsp_dir=3,
+        ref_dir=3,
+        ref_node=2,
+        data=noisy,
+        x=hertz,
+        id1="test",
+        rsp_ent_name="a",
+        ref_ent_name="b",
+        abscissa_spacing=1,
+        ordinate_spec_data_type=8,
+        orddenom_spec_data_type=13,
+        abscissa_spec_data_type=18,
+        ord_data_type=6 if double else 5,
+        return_full_dict=True,
+    )
     texts = ("id", "lab", "name")
-    data = {key: ("NONE" if any(t in key for t in texts) and "load" not in key else 0)
-            if value is None else value for key, value in data.items()}  # fmt: skip
+    data = {
+        key: ("NONE" if any(t in key for t in texts) and "load" not in key else 0)
+        if value is None
+        else value
+        for key, value in data.items()
+    }
     pyuff.UFF(str(tmp_path / "test.unv")).write_sets([data], "add")
     read = read_universal(tmp_path / "test.unv")[0]
     assert np.allclose(read.values, noisy, rtol=1e-9 if double else 1e-4)
     assert np.allclose(read.hertz, hertz, rtol=1e-4)
     assert model.path is not None
-    said = run("frf", model.path, "--pair", "=".join(PAIRS[0]), "--measured",
-               tmp_path / "test.unv", "-o", tmp_path / "both.png").out  # fmt: skip
+    said = run(
+        "frf",
+        model.path,
+        "--pair",
+        "=".join(PAIRS[0]),
+        "--measured",
+        tmp_path / "test.unv",
+        "-o",
+        tmp_path / "both.png",
+    ).out
     likeness = float(said.partition("FRAC")[2].split()[0])
     assert 0.99 < likeness < 1 and likeness == pytest.approx(frac(truth, noisy), abs=2e-3)
     assert (tmp_path / "both.png").stat().st_size > 5000
-    refused = run("frf", model.path, "--pair", "=".join(PAIRS[0]), "--rate", "velocity",
-                  "--measured", tmp_path / "test.unv", "-o", tmp_path / "x.png",
-                  expect=1)  # fmt: skip
+    refused = run(
+        "frf",
+        model.path,
+        "--pair",
+        "=".join(PAIRS[0]),
+        "--rate",
+        "velocity",
+        "--measured",
+        tmp_path / "test.unv",
+        "-o",
+        tmp_path / "x.png",
+        expect=1,
+    )
     assert "response 1 is a displacement: --rate displacement" in refused.err
 
 
 def test_tables_and_what_is_refused(model: ReducedModel, tmp_path: Path) -> None:
     assert model.path is not None
-    run("frf", model.path, "--pair", "end.fz=start.fz", "--hz", "50,500,10", "-o",
-        tmp_path / "r.csv")  # fmt: skip
+    run(
+        "frf",
+        model.path,
+        "--pair",
+        "end.fz=start.fz",
+        "--hz",
+        "50,500,10",
+        "-o",
+        tmp_path / "r.csv",
+    )
     table = np.loadtxt(tmp_path / "r.csv", delimiter=",", skiprows=1)
     H = model.transfer(2 * np.pi * table[:, 0])
     i, j = model.outputs.index("end.fz"), model.inputs.index("start.fz")
     assert np.allclose(table[:, 1] + 1j * table[:, 2], H[:, i, j], rtol=1e-12)
-    for words, what in ((["--pair", "end.fz"], "expected OUTPUT=INPUT"),
-                        (["--pair", "end.fz=top.fz"], "there is no port top.fz"),
-                        (["--pair", "end.fz=end.fz", "--hz", "1,2"], "expected 3 finite numbers"),
-                        (["--pair", "end.fz=end.fz", "--measured", tmp_path / "r.csv"],
-                         "no frequency response")):  # fmt: skip
+    for words, what in (
+        (["--pair", "end.fz"], "expected OUTPUT=INPUT"),
+        (["--pair", "end.fz=top.fz"], "there is no port top.fz"),
+        (["--pair", "end.fz=end.fz", "--hz", "1,2"], "expected 3 finite numbers"),
+        (["--pair", "end.fz=end.fz", "--measured", tmp_path / "r.csv"], "no frequency response"),
+    ):
         assert what in run("frf", model.path, *words, "-o", tmp_path / "x.csv", expect=1).err
     with pytest.raises(BodyError, match="finite and not negative"):
         responses(model, [PAIRS[0]], [-1.0])

@@ -40,9 +40,24 @@ def closed_form(body: dict[str, Any], first: float, last: float) -> Any:
 def test_against_matrix_logarithm(tmp_path: Path, band: tuple[float, float], ranks: int) -> None:
     body = chain(40, alpha=0.05)
     write_matrices(tmp_path / "body.h5", **body)
-    run("reduce", "-body", tmp_path / "body.h5", "-mor_band_hz", f"{band[0]},{band[1]}",
-        "-mor_inner_product", "euclidean", "-mor_port_scaling", "none", "-mor_second_stage",
-        "gramian", "-mor_order", "rule", "-mor_out", tmp_path / "rom.h5", ranks=ranks)  # fmt: skip
+    run(
+        "reduce",
+        "-body",
+        tmp_path / "body.h5",
+        "-mor_band_hz",
+        f"{band[0]},{band[1]}",
+        "-mor_inner_product",
+        "euclidean",
+        "-mor_port_scaling",
+        "none",
+        "-mor_second_stage",
+        "gramian",
+        "-mor_order",
+        "rule",
+        "-mor_out",
+        tmp_path / "rom.h5",
+        ranks=ranks,
+    )
     with h5py.File(tmp_path / "rom.h5") as file:
         ours, V = file["gramian/sigma"][:], file["V"][:]
     P = closed_form(body, *(2 * np.pi * f for f in band))
@@ -54,6 +69,7 @@ def test_against_matrix_logarithm(tmp_path: Path, band: tuple[float, float], ran
     assert np.allclose(ours[:count], theirs[large], rtol=1e-6)
     # and the dominant subspace
     leading = int(np.sum(theirs > 1e-3 * theirs[0]))
-    angle = np.linalg.norm(vectors[:, :leading] - V @ np.linalg.lstsq(V, vectors[:, :leading],
-                                                                      rcond=None)[0])  # fmt: skip
+    angle = np.linalg.norm(
+        vectors[:, :leading] - V @ np.linalg.lstsq(V, vectors[:, :leading], rcond=None)[0]
+    )
     assert angle < 1e-6

@@ -33,8 +33,9 @@ def tones(lines: dict[float, Any]) -> tuple[Any, Any]:
 
 @pytest.mark.parametrize("reference", ["pointwise", "band", "elastic"])
 def test_the_error_in_time_is_within_the_verdict(bar: Free, reference: str) -> None:
-    rom = reduce(bar.path, (1, LAST), 2e-2,
-                 options={"mor_tol_of": "whole", "mor_tol_relative_to": reference})  # fmt: skip
+    rom = reduce(
+        bar.path, (1, LAST), 2e-2, options={"mor_tol_of": "whole", "mor_tol_relative_to": reference}
+    )
     rng = np.random.default_rng(0)
     lines = {hz: rng.standard_normal(12) for hz in (1.5, 7.0, 23.5, 61.0, 98.5)}
     verdict = judge(rom, *tones(lines))
@@ -57,8 +58,13 @@ def test_the_error_in_time_is_within_the_verdict(bar: Free, reference: str) -> N
 
 
 def test_what_lies_outside_the_band() -> None:
-    body = Matrices(K=sp.diags([1e4, 9e4]).tocsr(), M=sp.identity(2, format="csr"), B=np.eye(2),
-                    alpha=0.5, inputs=["a", "b"])  # fmt: skip
+    body = Matrices(
+        K=sp.diags([1e4, 9e4]).tocsr(),
+        M=sp.identity(2, format="csr"),
+        B=np.eye(2),
+        alpha=0.5,
+        inputs=["a", "b"],
+    )
     rom = reduce(body, (10, 60), 1e-6)
     verdict = judge(rom, *tones({20.0: [1.0, 3.0], 80.0: [0.0, 1.0]}))
     assert verdict.above == pytest.approx(0.1) and verdict.worst_port == "b"
@@ -83,7 +89,7 @@ def test_what_lies_outside_the_band() -> None:
         ("t,a\n0,1\n1,nan\n", "line 3: holds NaN or Inf"),
         ("t,a\n0,1\n# no\n1,1\n1,2\n", "line 5: the time does not rise"),
     ],
-)  # fmt: skip
+)
 def test_histories_that_are_none(text: str, expected: str, tmp_path: Path) -> None:
     path = tmp_path / "history.csv"
     path.write_text(text)
@@ -100,8 +106,9 @@ def test_uneven_times_and_the_command_line(bar: Free, tmp_path: Path) -> None:
     history = tmp_path / "history.csv"
     times = np.linspace(0, 1, 801)
     force = np.sin(2 * np.pi * 30 * times) + 0.5 * np.sin(2 * np.pi * 150 * times)
-    history.write_text(f"t,{port}\n" + "".join(
-        f"{a:.5g},{b:.6g}\n" for a, b in zip(times, force, strict=True)))  # fmt: skip
+    history.write_text(
+        f"t,{port}\n" + "".join(f"{a:.5g},{b:.6g}\n" for a, b in zip(times, force, strict=True))
+    )
     said = run("report", rom, "--loads", history, "-o", tmp_path / "bar.html").out
     assert "lies above the band" in said and "wrote" in said
     page = (tmp_path / "bar.html").read_text()
@@ -111,8 +118,7 @@ def test_uneven_times_and_the_command_line(bar: Free, tmp_path: Path) -> None:
 
 
 def test_a_body_for_few_loads_answers_for_these(bar: Free) -> None:
-    rom = reduce(bar.path, (1, LAST), 1e-3,
-                 options={"mor_tol_of": "whole", "mor_load_patterns": 4})  # fmt: skip
+    rom = reduce(bar.path, (1, LAST), 1e-3, options={"mor_tol_of": "whole", "mor_load_patterns": 4})
     P = rom.loads
     rng = np.random.default_rng(1)
     lines = {hz: P @ rng.standard_normal(P.shape[1]) for hz in (3.0, 40.5, 97.0)}
@@ -129,8 +135,10 @@ def test_a_body_for_few_loads_answers_for_these(bar: Free) -> None:
 
     other = rng.standard_normal(len(P))  # a load beside them
     other -= P @ np.linalg.lstsq(P, other, rcond=None)[0]
-    beside = {hz: amplitude + 3 * other * np.linalg.norm(amplitude) / np.linalg.norm(other)
-              for hz, amplitude in lines.items()}  # fmt: skip
+    beside = {
+        hz: amplitude + 3 * other * np.linalg.norm(amplitude) / np.linalg.norm(other)
+        for hz, amplitude in lines.items()
+    }
     verdict = judge(rom, *tones(beside))
     assert verdict.astray == pytest.approx(0.9)
     assert any("90 % of the loads is no combination" in words for words in verdict.words)
@@ -140,13 +148,15 @@ def test_a_body_for_few_loads_answers_for_these(bar: Free) -> None:
 def test_each_kind_of_output_has_its_error(reference: str, tmp_path: Path) -> None:
     """Loads and outputs of unlike units: displacements and stresses are judged by their own claims,
     which in all of H together would say nothing of either."""
-    write_body(tmp_path / "body.h5", sided("tetra10"), damping={"alpha": 20.0, "beta": 1e-6},
-               supports={"start": {"nodes": "start"}},
-               loads={"gas": {"type": "pressure", "nodes": "side"},
-                      "gravity": {"type": "acceleration"}},
-               outputs={"spot": {"type": "stress", "nodes": "side"}})  # fmt: skip
-    rom = reduce(tmp_path / "body.h5", (10, 6000), 1e-3,
-                 options={"mor_tol_relative_to": reference})  # fmt: skip
+    write_body(
+        tmp_path / "body.h5",
+        sided("tetra10"),
+        damping={"alpha": 20.0, "beta": 1e-6},
+        supports={"start": {"nodes": "start"}},
+        loads={"gas": {"type": "pressure", "nodes": "side"}, "gravity": {"type": "acceleration"}},
+        outputs={"spot": {"type": "stress", "nodes": "side"}},
+    )
+    rom = reduce(tmp_path / "body.h5", (10, 6000), 1e-3, options={"mor_tol_relative_to": reference})
     full = body_system(tmp_path / "body.h5")
     rng = np.random.default_rng(6)
     scale = np.array([1e6 if name == "gas.p" else 1.0 for name in rom.inputs])

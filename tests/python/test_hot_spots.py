@@ -19,11 +19,17 @@ def test_hot_spots(tmp_path: Path) -> None:
     field is largest at the spot's own frequency, and spots keep their distance."""
     mesh = sided("tetra10", counts=(8, 3, 3))
     body, rom_file = tmp_path / "body.h5", tmp_path / "rom.h5"
-    write_body(body, mesh, damping={"beta": 1e-6}, outputs={},
-               loads={"gas": {"type": "pressure", "nodes": "side"}},
-               supports={"start": {"nodes": "start"}})  # fmt: skip
-    run("reduce", "-body", body, "-mor_band_hz", "10,4000", "-mor_tol", "1e-3", "-mor_out",
-        rom_file)  # fmt: skip
+    write_body(
+        body,
+        mesh,
+        damping={"beta": 1e-6},
+        outputs={},
+        loads={"gas": {"type": "pressure", "nodes": "side"}},
+        supports={"start": {"nodes": "start"}},
+    )
+    run(
+        "reduce", "-body", body, "-mor_band_hz", "10,4000", "-mor_tol", "1e-3", "-mor_out", rom_file
+    )
     rom = ReducedModel.load(rom_file)
     spots = hot_spots(rom, 4, apart=0.02)
     assert 1 < len(spots) <= 4 and spots[0].share == pytest.approx(1)

@@ -64,13 +64,17 @@ def write_deck(
     """A distorted box, or a mesh, as a CalculiX deck with the node sets START and END."""
     mesh = mesh or box(CALCULIX[kind], (4, 2, 2))
     lines = ["*NODE, NSET=NALL"]
-    lines += [f"{i + 10}, " + ", ".join(f"{x * scale:.12g}" for x in point)
-              for i, point in enumerate(mesh.points)]  # fmt: skip
+    lines += [
+        f"{i + 10}, " + ", ".join(f"{x * scale:.12g}" for x in point)
+        for i, point in enumerate(mesh.points)
+    ]
     lines.append(f"*ELEMENT, TYPE={kind}, ELSET=EALL")
     for e, nodes in enumerate(mesh.cells[0].data, 1):
         words = [str(e), *(str(n + 10) for n in nodes)]
-        lines += [", ".join(words[i : i + 12]) + ("," if i + 12 < len(words) else "")
-                  for i in range(0, len(words), 12)]  # fmt: skip
+        lines += [
+            ", ".join(words[i : i + 12]) + ("," if i + 12 < len(words) else "")
+            for i in range(0, len(words), 12)
+        ]
     for name, nodes in mesh.point_sets.items():
         lines += [f"*NSET, NSET={name.upper()}", *(f"{n + 10}," for n in nodes)]
     lines.append(STEEL + "*SOLID SECTION, ELSET=EALL, MATERIAL=STEEL")
@@ -119,11 +123,24 @@ def test_calculix_rigid_body_keeps_its_interface(tmp_path: Path) -> None:
     H = []
     for name in ("theirs", "ours"):
         out = tmp_path / f"{name}.sweep.h5"
-        run("sweep", "-body", tmp_path / f"{name}.h5", "-mor_sweep_hz", "50,4000,7",
-            "-mor_sweep_out", out)  # fmt: skip
+        run(
+            "sweep",
+            "-body",
+            tmp_path / f"{name}.h5",
+            "-mor_sweep_hz",
+            "50,4000,7",
+            "-mor_sweep_out",
+            out,
+        )
         with h5py.File(out) as file:
             assert [n.split(".")[1] for n in file["H"].attrs["inputs"]] == [
-                "fx", "fy", "fz", "mx", "my", "mz"]  # fmt: skip
+                "fx",
+                "fy",
+                "fz",
+                "mx",
+                "my",
+                "mz",
+            ]
             H.append(file["H"][..., 0])
     assert np.abs(H[0] - H[1]).max() < 1e-6 * np.abs(H[0]).max()
 
@@ -138,9 +155,23 @@ def test_command_line_to_reduced_body(tmp_path: Path, ranks: int) -> None:
     text = deck.read_text().replace("210e9", "210e3").replace("7850.", "7.85e-9")
     deck.write_text(text)
     body, rom = tmp_path / "part.h5", tmp_path / "part.rom.h5"
-    status = main(["import", str(deck), "--run-ccx", "--units", "mm-t-s", "--rigid",
-                   "left=NSET:START", "--distributing", "right=NSET:END", "--alpha", "10",
-                   "-o", str(body)])  # fmt: skip
+    status = main(
+        [
+            "import",
+            str(deck),
+            "--run-ccx",
+            "--units",
+            "mm-t-s",
+            "--rigid",
+            "left=NSET:START",
+            "--distributing",
+            "right=NSET:END",
+            "--alpha",
+            "10",
+            "-o",
+            str(body),
+        ]
+    )
     assert status == 0
     in_metres = read(write_deck(tmp_path / "metre.inp", "C3D10"), run_ccx=True)
     couplings = [parse("rigid", "left=NSET:START"), parse("distributing", "right=NSET:END")]
@@ -153,10 +184,21 @@ def test_command_line_to_reduced_body(tmp_path: Path, ranks: int) -> None:
         assert np.allclose(a["nodes/position"][:], b["nodes/position"][:])
     shown = Geometry.load(body).interfaces
     assert {name: len(nodes) for name, nodes in shown.items()} == {
-        "left": len(in_metres.sets["START"]), "right": len(in_metres.sets["END"])
-    }  # fmt: skip
-    result = run("reduce", "-body", body, "-mor_band_hz", "100,6000", "-mor_tol", "1e-4",
-                 "-mor_out", rom, ranks=ranks)  # fmt: skip
+        "left": len(in_metres.sets["START"]),
+        "right": len(in_metres.sets["END"]),
+    }
+    result = run(
+        "reduce",
+        "-body",
+        body,
+        "-mor_band_hz",
+        "100,6000",
+        "-mor_tol",
+        "1e-4",
+        "-mor_out",
+        rom,
+        ranks=ranks,
+    )
     assert "certified" in result.out and "6, from the geometry" in result.out
 
 
@@ -225,10 +267,12 @@ def test_matrixmarket_harwell_boeing_matlab_petsc(tmp_path: Path) -> None:
     assert_same(again, K, M)
     PETSc = pytest.importorskip("petsc4py.PETSc")
     for name, matrix in (("K", K), ("M", M)):
-        mat = PETSc.Mat().createAIJ(matrix.shape, csr=(matrix.indptr, matrix.indices, matrix.data),
-                                    comm=PETSc.COMM_SELF)  # fmt: skip
-        viewer = PETSc.Viewer().createBinary(str(tmp_path / f"{name}.petsc"), "w",
-                                             comm=PETSc.COMM_SELF)  # fmt: skip
+        mat = PETSc.Mat().createAIJ(
+            matrix.shape, csr=(matrix.indptr, matrix.indices, matrix.data), comm=PETSc.COMM_SELF
+        )
+        viewer = PETSc.Viewer().createBinary(
+            str(tmp_path / f"{name}.petsc"), "w", comm=PETSc.COMM_SELF
+        )
         viewer(mat)
         viewer.destroy()
     fe = read(tmp_path / "K.petsc", mass=tmp_path / "M.petsc")
@@ -250,9 +294,12 @@ def write_rsa(path: Path, matrix: Any) -> None:
     value = [line.replace("E", "D") for line in cards(lower.data, "%22.14E", 3)]
     n, entries = matrix.shape[0], lower.nnz
     sizes = [len(start) + len(row) + len(value), len(start), len(row), len(value), 0]
-    head = ["title".ljust(72) + "KEY", "".join(f"{s:14d}" for s in sizes),
-            "RSA".ljust(14) + "".join(f"{s:14d}" for s in (n, n, entries, 0)),
-            "(10I8)".ljust(16) + "(10I8)".ljust(16) + "(1P,3D22.14)".ljust(20)]  # fmt: skip
+    head = [
+        "title".ljust(72) + "KEY",
+        "".join(f"{s:14d}" for s in sizes),
+        "RSA".ljust(14) + "".join(f"{s:14d}" for s in (n, n, entries, 0)),
+        "(10I8)".ljust(16) + "(10I8)".ljust(16) + "(1P,3D22.14)".ljust(20),
+    ]
     path.write_text("\n".join([*head, *start, *row, *value]) + "\n")
 
 
@@ -277,9 +324,13 @@ def test_deck_sets_and_lines(tmp_path: Path) -> None:
     )
     deck = read_deck(tmp_path / "x.inp")
     assert {name: nodes.tolist() for name, nodes in deck.sets.items()} == {
-        "ALL": [1, 2, 3, 4], "LEFT": [1], "RIGHT": [2, 4], "BOTH": [1, 2, 4], "E": [1, 2, 3, 4],
+        "ALL": [1, 2, 3, 4],
+        "LEFT": [1],
+        "RIGHT": [2, 4],
+        "BOTH": [1, 2, 4],
+        "E": [1, 2, 3, 4],
         "OFE": [1, 2, 3, 4],
-    }  # fmt: skip
+    }
     assert deck.points[1].tolist() == [1, 0, 0] and "LOST names NO" in deck.remarks[0]
     assert deck.blocks[0][1].tolist() == [[1, 2, 3, 4]]
 
@@ -303,8 +354,10 @@ def test_abaqus_matrix_input_and_negative_labels(tmp_path: Path) -> None:
     dofs = [(-1, 1), *((n, d) for n in (4, 6) for d in (1, 2, 3)), (8, 2)]
     for name, matrix in (("STIF", K), ("MASS", M)):
         lower = sp.tril(matrix).tocoo()
-        lines = [f"{dofs[i][0]},{dofs[i][1]}, {dofs[j][0]},{dofs[j][1]}, {v:.15e}\n"
-                 for i, j, v in zip(lower.row, lower.col, lower.data, strict=True)]  # fmt: skip
+        lines = [
+            f"{dofs[i][0]},{dofs[i][1]}, {dofs[j][0]},{dofs[j][1]}, {v:.15e}\n"
+            for i, j, v in zip(lower.row, lower.col, lower.data, strict=True)
+        ]
         (tmp_path / f"job_{name}2.mtx").write_text("".join(lines))
     fe = read(tmp_path / "job_MASS2.mtx")
     assert_same(fe, K, M)
@@ -325,8 +378,9 @@ def test_distributing_along_an_edge_with_rotations() -> None:
     node, component = np.repeat(np.arange(count), 6), np.tile(np.arange(6), count)
     points = np.outer(np.arange(count), [0.0, 0.3, 0.1])
     eye = sp.identity(6 * count, format="csr")
-    fe = FeMatrices("edge", eye, eye, node=node, component=component, labels=np.arange(count),
-                    points=points)  # fmt: skip
+    fe = FeMatrices(
+        "edge", eye, eye, node=node, component=component, labels=np.arange(count), points=points
+    )
     edge = Interface("edge", "distributing", "NODES:0,1,2,3,4", position=np.array([1.0, 0, 0]))
     B = attach(fe, [edge])["B"]
     motions = rigid_motions(points[node] - edge.position, component)

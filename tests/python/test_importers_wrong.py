@@ -138,8 +138,10 @@ def test_sizes_that_no_file_holds(tmp_path: Path) -> None:
     """A header of 8 KB asked for all memory; one without sizes was read for ever."""
     path = tmp_path / "k.mtx"
     start = "%%MatrixMarket matrix coordinate real symmetric\n"
-    for text, expected in ((start + f"{10**9} {10**9} {10**9}\n1 1 1\n", "is not in"),
-                           (start[:30], "only comments")):  # fmt: skip
+    for text, expected in (
+        (start + f"{10**9} {10**9} {10**9}\n1 1 1\n", "is not in"),
+        (start[:30], "only comments"),
+    ):
         path.write_text(text)
         with pytest.raises(BodyError, match=expected):
             read(path, mass=path)
@@ -152,17 +154,21 @@ def test_sizes_that_no_file_holds(tmp_path: Path) -> None:
         ("nodes: lower_plate", "nodes: {box: [[0, 0, 0], [1, .nan, 1]]}", "box must be"),
         ("nodes: lower_plate", "nodes: {box: 3}", "box"),
         ("  lower:", "  a/b:", "is no name"),
-        ("{E: 210.0e9, nu: 0.3, rho: 7850}",
-         "{E1: 1, E2: 1, E3: 1, nu12: 0, nu13: 0, nu23: 0, G12: 1, G13: 1, G23: 1, rho: 1, "
-         "axis_1: [0, 0, 0]}", "no direction"),
+        (
+            "{E: 210.0e9, nu: 0.3, rho: 7850}",
+            "{E1: 1, E2: 1, E3: 1, nu12: 0, nu13: 0, nu23: 0, G12: 1, G13: 1, G23: 1, rho: 1, "
+            "axis_1: [0, 0, 0]}",
+            "no direction",
+        ),
         ("damping:", "supports: {base: {nodes: lower_plate, components: x}}\ndamping:", "a list"),
     ],
-)  # fmt: skip
+)
 def test_descriptions_that_are_none(tmp_path: Path, old: str, new: str, expected: str) -> None:
     text = (ROOT / "meshes" / "rack.yaml").read_text()
     assert old in text
-    (tmp_path / "body.yaml").write_text(text.replace(old, new, 1).replace(
-        "mesh: rack.msh", f"mesh: {ROOT / 'meshes' / 'rack.msh'}"))  # fmt: skip
+    (tmp_path / "body.yaml").write_text(
+        text.replace(old, new, 1).replace("mesh: rack.msh", f"mesh: {ROOT / 'meshes' / 'rack.msh'}")
+    )
     with pytest.raises(BodyError, match=expected):
         import_body(tmp_path / "body.yaml", tmp_path / "b.h5")
     assert not (tmp_path / "b.h5").exists()
@@ -179,8 +185,14 @@ def test_wrong_containers(tmp_path: Path) -> None:
     with pytest.raises(BodyError, match="need 48 bytes, it has 40"):
         read(tmp_path / "K.petsc", mass=tmp_path / "M.petsc")
     K, M = small()
-    body = {"K": K, "M": M, "B": np.eye(8)[:, :1], "node": np.repeat([1, 2, 3], 3)[:8],
-            "component": np.tile([1, 2, 3], 3)[:8], "position": np.eye(3)}  # fmt: skip
+    body = {
+        "K": K,
+        "M": M,
+        "B": np.eye(8)[:, :1],
+        "node": np.repeat([1, 2, 3], 3)[:8],
+        "component": np.tile([1, 2, 3], 3)[:8],
+        "position": np.eye(3),
+    }
     for change, expected in (
         ({}, "component must be 0, 1, 2"),
         ({"component": np.tile([0, 1, 2], 3)[:8], "position": np.eye(3)[:, :2]}, "nodes × 3"),
@@ -202,12 +214,21 @@ def test_wrong_containers(tmp_path: Path) -> None:
 def test_a_dof_map_of_another_body(tmp_path: Path) -> None:
     """Permuted nodes: translations stay free, rotations do not."""
     mesh = box("tetra", (3, 2, 2))
-    write_body_file(tmp_path / "mesh.h5", mesh,
-                    interfaces={"start": {"set": "start", "coupling": "distributing"}})  # fmt: skip
+    write_body_file(
+        tmp_path / "mesh.h5",
+        mesh,
+        interfaces={"start": {"set": "start", "coupling": "distributing"}},
+    )
     full = assembled(tmp_path / "full.h5", tmp_path / "mesh.h5")
-    fe = FeMatrices("x", full["K"].tocsr(), full["M"].tocsr(), node=full["node"],
-                    component=full["component"], labels=np.arange(len(mesh.points)),
-                    points=mesh.points)  # fmt: skip
+    fe = FeMatrices(
+        "x",
+        full["K"].tocsr(),
+        full["M"].tocsr(),
+        node=full["node"],
+        component=full["component"],
+        labels=np.arange(len(mesh.points)),
+        points=mesh.points,
+    )
     assert check(fe)["free"] == 6
     fe.points = mesh.points[::-1]
     with pytest.raises(BodyError, match="do not belong to these matrices"):
@@ -248,8 +269,9 @@ def job(tmp_path: Path) -> Path:
 def test_wrong_calculix_files(job: Path, what: str, expected: str | None) -> None:
     sti, mas, dof = (job / f"job.{suffix}" for suffix in ("sti", "mas", "dof"))
     if what == "lower triangle":
-        edit(sti, lambda t: "".join(
-            "{1} {0} {2}\n".format(*line.split()) for line in t.splitlines()))  # fmt: skip
+        edit(
+            sti, lambda t: "".join("{1} {0} {2}\n".format(*line.split()) for line in t.splitlines())
+        )
     elif what == "truncated line":
         edit(sti, lambda t: t[:-9])
     elif what == "truncated file":
@@ -269,8 +291,14 @@ def test_wrong_calculix_files(job: Path, what: str, expected: str | None) -> Non
     elif what == "unequal triangles":
         edit(sti, lambda t: t + "2 1 5.0\n")
     elif what == "nan":
-        edit(sti, lambda t: t.replace("3.0000000000000e+06", "nan", 1)
-             if "3.0000000000000e+06" in t else t.replace(t.split()[2], "nan", 1))  # fmt: skip
+        edit(
+            sti,
+            lambda t: (
+                t.replace("3.0000000000000e+06", "nan", 1)
+                if "3.0000000000000e+06" in t
+                else t.replace(t.split()[2], "nan", 1)
+            ),
+        )
     if expected is None:
         fe = read(sti)
         check(fe)

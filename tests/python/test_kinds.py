@@ -21,17 +21,23 @@ def body(tmp_path_factory: pytest.TempPathFactory) -> Path:
     mesh = sided("tetra10", counts=(6, 3, 3))
     path = tmp_path_factory.mktemp("kinds") / "body.h5"
     spot = int(mesh.point_sets["side"][0]) + 1
-    write_body(path, mesh, damping={"alpha": 20.0, "beta": 1e-6},
-               loads={"gas": {"type": "pressure", "nodes": "side"}},
-               outputs={"spot": {"type": "stress", "nodes": [spot]}},
-               supports={"start": {"nodes": "start"}})  # fmt: skip
+    write_body(
+        path,
+        mesh,
+        damping={"alpha": 20.0, "beta": 1e-6},
+        loads={"gas": {"type": "pressure", "nodes": "side"}},
+        outputs={"spot": {"type": "stress", "nodes": [spot]}},
+        supports={"start": {"nodes": "start"}},
+    )
     return path
 
 
 def limits(rom: ReducedModel) -> dict[str, tuple[float, float]]:
     """Of each kind what is claimed, and what was asked."""
-    return {kind: (float(e), float(t)) for kind, e, t in
-            zip(rom.kinds, rom.by_kind, rom.kind_tolerances, strict=True)}  # fmt: skip
+    return {
+        kind: (float(e), float(t))
+        for kind, e, t in zip(rom.kinds, rom.by_kind, rom.kind_tolerances, strict=True)
+    }
 
 
 def test_the_plan_says_what_many_outputs_cost(tmp_path: Path) -> None:
@@ -39,14 +45,29 @@ def test_the_plan_says_what_many_outputs_cost(tmp_path: Path) -> None:
     mesh = sided("tetra10", counts=(10, 4, 4))
     nodes = {f"s{k}": {"type": "stress", "nodes": [k + 1]} for k in range(0, 300, 6)}
     body = tmp_path / "body.h5"
-    write_body(body, mesh, damping={"alpha": 20.0}, loads={"g": {"type": "acceleration"}},
-               outputs=nodes, supports={"start": {"nodes": "start"}})  # fmt: skip
+    write_body(
+        body,
+        mesh,
+        damping={"alpha": 20.0},
+        loads={"g": {"type": "acceleration"}},
+        outputs=nodes,
+        supports={"start": {"nodes": "start"}},
+    )
     planned = run("plan", "-body", body, "-mor_band_hz", "100,6000").out
     count = re.search(r"for 309 ports about (\d+) right-hand sides .* factorisations", planned)
     megabytes = re.search(r"the run about (\d+) MB", planned)
     assert count and megabytes
-    done = run("reduce", "-body", body, "-mor_band_hz", "100,6000", "-mor_tol", "1e-2", "-mor_out",
-               tmp_path / "rom.h5").out  # fmt: skip
+    done = run(
+        "reduce",
+        "-body",
+        body,
+        "-mor_band_hz",
+        "100,6000",
+        "-mor_tol",
+        "1e-2",
+        "-mor_out",
+        tmp_path / "rom.h5",
+    ).out
     solved = re.search(r"(\d+) solved columns", done)
     peak = re.search(r"peak (\d+) MB", done)
     assert solved and peak
@@ -58,8 +79,9 @@ def test_the_plan_says_what_many_outputs_cost(tmp_path: Path) -> None:
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_each_kind_keeps_its_own(ranks: int, body: Path, tmp_path: Path) -> None:
     plain = certified(body, BAND, tmp_path, "-mor_tol", "1e-4", ranks=ranks)
-    loose = certified(body, BAND, tmp_path, "-mor_tol", "1e-4", "-mor_tol_kind", "stress=5e-2",
-                      ranks=ranks)  # fmt: skip
+    loose = certified(
+        body, BAND, tmp_path, "-mor_tol", "1e-4", "-mor_tol_kind", "stress=5e-2", ranks=ranks
+    )
     assert_certified(loose)
     asked = limits(ReducedModel.load(loose["path"]))
     assert asked["stress from force"][1] == pytest.approx(5e-2)
@@ -67,8 +89,16 @@ def test_each_kind_keeps_its_own(ranks: int, body: Path, tmp_path: Path) -> None
     assert all(claim <= limit * (1 + 1e-12) for claim, limit in asked.values())
     assert asked["stress from pressure"][0] > 1e-4  # the leave was taken
     assert loose["met"] and loose["order"] < plain["order"]
-    mixed = certified(body, BAND, tmp_path, "-mor_tol", "1e-2", "-mor_tol_kind",
-                      "displacement from force=1e-5,stress=1e-3", ranks=ranks)  # fmt: skip
+    mixed = certified(
+        body,
+        BAND,
+        tmp_path,
+        "-mor_tol",
+        "1e-2",
+        "-mor_tol_kind",
+        "displacement from force=1e-5,stress=1e-3",
+        ranks=ranks,
+    )
     assert_certified(mixed)
     asked = limits(ReducedModel.load(mixed["path"]))
     assert asked["displacement from force"][0] <= 1e-5
@@ -106,6 +136,15 @@ def test_a_cut_keeps_it_too(body: Path, tmp_path: Path) -> None:
     ],
 )
 def test_what_is_refused(options: tuple[str, ...], words: str, body: Path, tmp_path: Path) -> None:
-    done = run("reduce", "-body", body, "-mor_band_hz", "100,6000", "-mor_out",
-               tmp_path / "rom.h5", *options, expect=1)  # fmt: skip
+    done = run(
+        "reduce",
+        "-body",
+        body,
+        "-mor_band_hz",
+        "100,6000",
+        "-mor_out",
+        tmp_path / "rom.h5",
+        *options,
+        expect=1,
+    )
     assert words in done.err + done.out

@@ -29,12 +29,21 @@ def plate() -> Any:
     part = model.CreateModelPart("plate", 2)
     part.ProcessInfo[kratos.DOMAIN_SIZE] = 3
     part.ProcessInfo[application.RAYLEIGH_ALPHA] = 2.0
-    for variable in (kratos.DISPLACEMENT, kratos.ROTATION, kratos.REACTION,
-                     kratos.REACTION_MOMENT, kratos.VOLUME_ACCELERATION):  # fmt: skip
+    for variable in (
+        kratos.DISPLACEMENT,
+        kratos.ROTATION,
+        kratos.REACTION,
+        kratos.REACTION_MOMENT,
+        kratos.VOLUME_ACCELERATION,
+    ):
         part.AddNodalSolutionStepVariable(variable)
     steel = part.CreateNewProperties(1)
-    for variable, value in ((kratos.YOUNG_MODULUS, E), (kratos.POISSON_RATIO, NU),
-                            (kratos.DENSITY, RHO), (kratos.THICKNESS, THICKNESS)):  # fmt: skip
+    for variable, value in (
+        (kratos.YOUNG_MODULUS, E),
+        (kratos.POISSON_RATIO, NU),
+        (kratos.DENSITY, RHO),
+        (kratos.THICKNESS, THICKNESS),
+    ):
         steel[variable] = value
     steel[kratos.CONSTITUTIVE_LAW] = application.ReissnerMindlinShellElasticConstitutiveLaw()
     across, along = COUNTS[0] + 1, COUNTS[1] + 1
@@ -47,8 +56,9 @@ def plate() -> Any:
         part.CreateNewElement("ShellThickElement3D4N", number + 1, nodes, steel)
     for kind, reaction in (("DISPLACEMENT", "REACTION"), ("ROTATION", "REACTION_MOMENT")):
         for axis in "XYZ":
-            kratos.VariableUtils().AddDof(getattr(kratos, f"{kind}_{axis}"),
-                                          getattr(kratos, f"{reaction}_{axis}"), part)  # fmt: skip
+            kratos.VariableUtils().AddDof(
+                getattr(kratos, f"{kind}_{axis}"), getattr(kratos, f"{reaction}_{axis}"), part
+            )
     for name, x in (("left", 0.0), ("right", LENGTH)):
         end = part.CreateSubModelPart(name)
         end.AddNodes([node.Id for node in part.Nodes if abs(node.X0 - x) < 1e-9])
@@ -71,9 +81,11 @@ def test_a_plate_is_a_plate(plate: Any) -> None:
     held = matrices(part)
     assert held.K.shape[0] == free.K.shape[0] - 3 * 2 * sum(COUNTS)
     stiffness = E * THICKNESS**3 / 12 / (1 - NU**2)
-    exact = sorted(np.pi / 2 * np.sqrt(stiffness / RHO / THICKNESS)
-                   * ((m / LENGTH) ** 2 + (n / WIDTH) ** 2)
-                   for m in range(1, 6) for n in range(1, 6))  # fmt: skip
+    exact = sorted(
+        np.pi / 2 * np.sqrt(stiffness / RHO / THICKNESS) * ((m / LENGTH) ** 2 + (n / WIDTH) ** 2)
+        for m in range(1, 6)
+        for n in range(1, 6)
+    )
     assert np.allclose(frequencies(held.K, held.M)[:2], exact[:2], rtol=0.01)
 
 
@@ -92,9 +104,16 @@ def test_from_shells_to_a_claim(plate: Any, coupling: str, tmp_path: Path) -> No
 
 def test_what_is_not_in_the_matrices(plate: Any) -> None:
     model, part = plate
-    part.CreateNewMasterSlaveConstraint("LinearMasterSlaveConstraint", 1, part.Nodes[1],
-                                        kratos.DISPLACEMENT_X, part.Nodes[2],
-                                        kratos.DISPLACEMENT_X, 1.0, 0.0)  # fmt: skip
+    part.CreateNewMasterSlaveConstraint(
+        "LinearMasterSlaveConstraint",
+        1,
+        part.Nodes[1],
+        kratos.DISPLACEMENT_X,
+        part.Nodes[2],
+        kratos.DISPLACEMENT_X,
+        1.0,
+        0.0,
+    )
     with pytest.raises(BodyError, match="multi-point constraints are not in Kratos' matrices"):
         matrices(part)
     with pytest.raises(BodyError, match="no displacement"):

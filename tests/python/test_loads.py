@@ -26,8 +26,11 @@ def faces(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, System, list[
     """A bar with a port in each translation of each node of its two ends."""
     folder = tmp_path_factory.mktemp("faces")
     mesh = folder / "mesh.h5"
-    write_body_file(mesh, box("hexahedron20", (8, 3, 3), (0.16, 0.06, 0.06)),
-                    interfaces={"start": {"set": "start", "coupling": "distributing"}})  # fmt: skip
+    write_body_file(
+        mesh,
+        box("hexahedron20", (8, 3, 3), (0.16, 0.06, 0.06)),
+        interfaces={"start": {"set": "start", "coupling": "distributing"}},
+    )
     body = assembled(folder / "matrices.h5", mesh)
     x = body["position"][:, 0]
     rows = np.flatnonzero((x < x.min() + 1e-9) | (x > x.max() - 1e-9))
@@ -59,8 +62,20 @@ def certified_for(rom: dict[str, Any], truth: System, P: Any) -> tuple[float, fl
 def test_leading_patterns_are_certified(faces: Any, ranks: int, tmp_path: Path) -> None:
     body, truth, names = faces
     out = tmp_path / "rom.h5"
-    said = run("reduce", "-body", body, "-mor_band_hz", f"10,{LAST}", "-mor_load_patterns", 40,
-               "-mor_tol", 1e-4, "-mor_out", out, ranks=ranks).out  # fmt: skip
+    said = run(
+        "reduce",
+        "-body",
+        body,
+        "-mor_band_hz",
+        f"10,{LAST}",
+        "-mor_load_patterns",
+        40,
+        "-mor_tol",
+        1e-4,
+        "-mor_out",
+        out,
+        ranks=ranks,
+    ).out
     assert f"the leading 40 patterns of {len(names)} inputs" in said
     rom = rom_matrices(out)
     with h5py.File(out) as file:
@@ -73,8 +88,9 @@ def test_leading_patterns_are_certified(faces: Any, ranks: int, tmp_path: Path) 
     # Nearly the largest: no space of so many loads holds more of the static response. Of eight
     # random starts the worst held 0.990 of the first ten and 0.978 of all together.
     tau = (2 * np.pi * LAST) ** 2
-    full = np.linalg.eigvalsh(truth.B.T @ np.linalg.solve(
-        (truth.K + tau * truth.M).toarray(), truth.B))[::-1]  # fmt: skip
+    full = np.linalg.eigvalsh(
+        truth.B.T @ np.linalg.solve((truth.K + tau * truth.M).toarray(), truth.B)
+    )[::-1]
     Q = np.linalg.qr(P)[0]
     G = truth.B.T @ np.linalg.solve((truth.K + tau * truth.M).toarray(), truth.B @ Q)
     held = np.linalg.eigvalsh(Q.T @ G)[::-1]
@@ -89,9 +105,13 @@ def test_loads_of_a_table(faces: Any, tmp_path: Path) -> None:
     P = np.zeros((len(names), 3))
     P[:60] = rng.standard_normal((60, 3))
     table = tmp_path / "loads.csv"
-    table.write_text("port, push, twist, shake\n" + "".join(
-        f"{name}, {row[0]:.17g}, {row[1]:.17g}, {row[2]:.17g}\n"
-        for name, row in zip(names[:60], P * [1e-9, 1.0, 1e160], strict=False)))  # fmt: skip
+    table.write_text(
+        "port, push, twist, shake\n"
+        + "".join(
+            f"{name}, {row[0]:.17g}, {row[1]:.17g}, {row[2]:.17g}\n"
+            for name, row in zip(names[:60], P * [1e-9, 1.0, 1e160], strict=False)
+        )
+    )
     rom = reduce(body, band_hz=(10, LAST), tol=1e-6, options={"mor_loads": str(table)})
     P /= np.linalg.norm(P, axis=0)  # none counts less for the unit that it is written in
     assert rom.load_names == ["push", "twist", "shake"] and np.allclose(rom.loads, P, rtol=1e-14)
@@ -121,7 +141,7 @@ def test_loads_of_a_table(faces: Any, tmp_path: Path) -> None:
         ("port,a,b\n{0},1,0\n", "load 'b' is zero"),
         ("", "is empty"),
     ],
-)  # fmt: skip
+)
 def test_tables_that_are_none(faces: Any, table: str, expected: str, tmp_path: Path) -> None:
     body, _, names = faces
     path = tmp_path / "loads.csv"
@@ -134,12 +154,24 @@ def test_options_that_contradict(faces: Any, tmp_path: Path) -> None:
     body = faces[0]
     both = run("reduce", "-body", body, "-mor_loads", "a.csv", "-mor_load_patterns", 3, expect=1)
     assert "exclude each other" in message(both)
-    tangent = run("reduce", "-body", body, "-mor_load_patterns", 3, "-mor_frame", "tangent",
-                  expect=1)  # fmt: skip
+    tangent = run(
+        "reduce", "-body", body, "-mor_load_patterns", 3, "-mor_frame", "tangent", expect=1
+    )
     assert "-mor_frame tangent follows an interface" in message(tangent)
     # Loads at some of the inputs.
-    some = run("reduce", "-body", body, "-mor_band_hz", f"10,{LAST}", "-mor_load_patterns", 4,
-               "-mor_inputs", ",".join(faces[2][:9]), "-mor_out", tmp_path / "some.h5")  # fmt: skip
+    some = run(
+        "reduce",
+        "-body",
+        body,
+        "-mor_band_hz",
+        f"10,{LAST}",
+        "-mor_load_patterns",
+        4,
+        "-mor_inputs",
+        ",".join(faces[2][:9]),
+        "-mor_out",
+        tmp_path / "some.h5",
+    )
     assert "the leading 4 patterns of 9 inputs" in some.out
     assert ReducedModel.load(tmp_path / "some.h5").inputs == faces[2][:9]
     few = run("reduce", "-body", body, "-mor_load_patterns", -1, expect=1)

@@ -37,8 +37,11 @@ def write_op4(path: Path, matrices: dict[str, Any], binary: bool = False) -> Pat
                 end = struct.pack("<3i", a.shape[1] + 1, 1, 2) + struct.pack("<d", 1.0)
                 file.write(record(end))
         return path
-    OP4().write_op4(str(path), {name: (6 if a.shape[0] == a.shape[1] else 2, a)
-                                for name, a in matrices.items()}, is_binary=binary)  # fmt: skip
+    OP4().write_op4(
+        str(path),
+        {name: (6 if a.shape[0] == a.shape[1] else 2, a) for name, a in matrices.items()},
+        is_binary=binary,
+    )
     return path
 
 
@@ -95,9 +98,12 @@ def test_names_that_tell_nothing(tmp_path: Path) -> None:
 def test_abaqus_names_without_an_underscore(tmp_path: Path) -> None:
     K, M = (sp.triu(a).tocoo() for a in small())
     for name, a in (("discSTIF1", K), ("discMASS1", M)):
-        (tmp_path / f"{name}.mtx").write_text("".join(
-            f"{i // 3 + 1},{i % 3 + 1},{j // 3 + 1},{j % 3 + 1},{x:.16e}\n"
-            for i, j, x in zip(a.row, a.col, a.data, strict=True)))  # fmt: skip
+        (tmp_path / f"{name}.mtx").write_text(
+            "".join(
+                f"{i // 3 + 1},{i % 3 + 1},{j // 3 + 1},{j % 3 + 1},{x:.16e}\n"
+                for i, j, x in zip(a.row, a.col, a.data, strict=True)
+            )
+        )
     for name in ("discSTIF1", "discMASS1"):
         assert_same(read(tmp_path / f"{name}.mtx"), *small())
 

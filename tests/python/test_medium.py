@@ -27,8 +27,9 @@ def body(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, float, float]:
     K, M, B, _ = chain(80, "three")
     omega = chain_modes(80)
     names = ["a.fx", "a.mx", "b.fx"]
-    write_matrices(folder / "body.h5", K, M, B, alpha=2e-2 * omega[0], beta=1e-4 / omega[9],
-                   inputs=names)  # fmt: skip
+    write_matrices(
+        folder / "body.h5", K, M, B, alpha=2e-2 * omega[0], beta=1e-4 / omega[9], inputs=names
+    )
     return folder / "body.h5", 0.2 * omega[0] / (2 * np.pi), omega[8] / (2 * np.pi)
 
 
@@ -36,8 +37,17 @@ def body(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, float, float]:
 def medium(body: tuple[Path, float, float]) -> Path:
     path, first, last = body
     out = path.parent / "medium.h5"
-    run("certify", "-body", path, "-mor_band_hz", f"{first!r},{last!r}", "-mor_tol", "1e-8",
-        "-mor_medium_out", out)  # fmt: skip
+    run(
+        "certify",
+        "-body",
+        path,
+        "-mor_band_hz",
+        f"{first!r},{last!r}",
+        "-mor_tol",
+        "1e-8",
+        "-mor_medium_out",
+        out,
+    )
     return out
 
 
@@ -49,8 +59,9 @@ def distance(a: Path | Any, b: Path | Any, band: tuple[float, float]) -> float:
             systems.append(rom_system(rom_matrices(rom)))
         else:
             systems.append(System(rom.K, rom.M, rom.B, rom.C, rom.D, eta=rom.eta))
-    return max(relative_error(systems[0], systems[1], w)
-               for w in 2 * np.pi * np.linspace(*band, 37))  # fmt: skip
+    return max(
+        relative_error(systems[0], systems[1], w) for w in 2 * np.pi * np.linspace(*band, 37)
+    )
 
 
 REQUESTS: dict[str, list[str]] = {
@@ -76,8 +87,16 @@ def test_a_cut_equals_the_reduction(
 ) -> None:
     path, *band = body
     asked = REQUESTS[name]
-    run("reduce", "-body", path, "-mor_band_hz", f"{band[0]!r},{band[1]!r}", *asked, "-mor_out",
-        tmp_path / "a.h5")  # fmt: skip
+    run(
+        "reduce",
+        "-body",
+        path,
+        "-mor_band_hz",
+        f"{band[0]!r},{band[1]!r}",
+        *asked,
+        "-mor_out",
+        tmp_path / "a.h5",
+    )
     run("cut", "-medium", medium, *asked, "-mor_out", tmp_path / "b.h5", ranks=ranks)
     with h5py.File(tmp_path / "a.h5") as a, h5py.File(tmp_path / "b.h5") as b:
         assert a["K"].shape == b["K"].shape
@@ -95,8 +114,21 @@ def test_ports_and_bands_may_be_fewer(
     path, first, last = body
     part = f"{1.5 * first!r},{0.6 * last!r}"
     out = tmp_path / "fewer.h5"
-    run("cut", "-medium", medium, "-mor_tol", "1e-5", "-mor_band_hz", part, "-mor_inputs",
-        "a.fx,b.fx", "-mor_outputs", "a.mx", "-mor_out", out)  # fmt: skip
+    run(
+        "cut",
+        "-medium",
+        medium,
+        "-mor_tol",
+        "1e-5",
+        "-mor_band_hz",
+        part,
+        "-mor_inputs",
+        "a.fx,b.fx",
+        "-mor_outputs",
+        "a.mx",
+        "-mor_out",
+        out,
+    )
     with h5py.File(out) as file:
         assert list(file["B"].attrs["names"]) == ["a.fx", "b.fx"]
         assert list(file["C"].attrs["names"]) == ["a.mx"]
@@ -122,12 +154,14 @@ def test_messages(tmp_path: Path, body: tuple[Path, float, float], medium: Path)
     assert "no medium model" in refused("-medium", path)
     assert "no such" in refused("-medium", tmp_path / "none.h5").lower()
     assert "-mor_band_hz" in refused("-medium", medium, "-mor_band_hz", f"{first},{2 * last}")
-    assert "-mor_shifts_hz" in refused("-medium", medium, "-mor_method", "krylov",
-                                       "-mor_shifts_hz", f"{3 * last}")  # fmt: skip
+    assert "-mor_shifts_hz" in refused(
+        "-medium", medium, "-mor_method", "krylov", "-mor_shifts_hz", f"{3 * last}"
+    )
     assert "-mor_cutoff" in refused("-medium", medium, "-mor_method", "modal", "-mor_order", "40")
     assert "pod" in refused("-medium", medium, "-mor_method", "pod")
     assert "replace the input" in message(
-        run("cut", "-medium", medium, "-mor_out", medium, expect=1))  # fmt: skip
+        run("cut", "-medium", medium, "-mor_out", medium, expect=1)
+    )
     tight = run("cut", "-medium", medium, "-mor_tol", "1e-12", "-mor_out", out, expect=2)
     assert "is not met" in tight.out
     assert not list(tmp_path.glob("*.part"))
@@ -147,34 +181,75 @@ def test_a_damaged_file_is_refused(tmp_path: Path, medium: Path) -> None:
             whole = file[name][()]
             del file[name]
             file[name] = whole[:-1] if len(whole) > 1 else np.zeros(3)
-        result = run("cut", "-medium", copy, "-mor_tol", "1e-3", "-mor_out", tmp_path / "r.h5",
-                     expect=1)  # fmt: skip
+        result = run(
+            "cut", "-medium", copy, "-mor_tol", "1e-3", "-mor_out", tmp_path / "r.h5", expect=1
+        )
         assert "damaged" in message(result), name
 
 
 def test_without_the_basis(tmp_path: Path, body: tuple[Path, float, float]) -> None:
     path, *band = body
     small = tmp_path / "small.h5"
-    run("certify", "-body", path, "-mor_band_hz", f"{band[0]!r},{band[1]!r}", "-mor_tol", "1e-6",
-        "-mor_medium_out", small, "-mor_medium_basis", "no")  # fmt: skip
+    run(
+        "certify",
+        "-body",
+        path,
+        "-mor_band_hz",
+        f"{band[0]!r},{band[1]!r}",
+        "-mor_tol",
+        "1e-6",
+        "-mor_medium_out",
+        small,
+        "-mor_medium_basis",
+        "no",
+    )
     run("cut", "-medium", small, "-mor_tol", "1e-4", "-mor_out", tmp_path / "rom.h5", ranks=2)
     with h5py.File(tmp_path / "rom.h5") as file:
         assert "V" not in file
     rom = flexgram.ReducedModel.load(tmp_path / "rom.h5")
     assert rom.met and rom.V.size == 0
     assert "-mor_medium_basis" in message(
-        run("cut", "-medium", small, "-mor_inner_product", "euclidean", "-mor_out",
-            tmp_path / "x.h5", expect=1))  # fmt: skip
+        run(
+            "cut",
+            "-medium",
+            small,
+            "-mor_inner_product",
+            "euclidean",
+            "-mor_out",
+            tmp_path / "x.h5",
+            expect=1,
+        )
+    )
 
 
 def test_free_body_with_frame(tmp_path: Path, rack: Path) -> None:
     """The integrals of a floating frame and the dofs come through the medium file."""
     band = (10.0, 300.0)
-    run("reduce", "-body", rack, "-mor_band_hz", "10,300", "-mor_tol", "1e-3", "-mor_out",
-        tmp_path / "a.h5", "-mor_medium_out", tmp_path / "m.h5")  # fmt: skip
+    run(
+        "reduce",
+        "-body",
+        rack,
+        "-mor_band_hz",
+        "10,300",
+        "-mor_tol",
+        "1e-3",
+        "-mor_out",
+        tmp_path / "a.h5",
+        "-mor_medium_out",
+        tmp_path / "m.h5",
+    )
     run("cut", "-medium", tmp_path / "m.h5", "-mor_tol", "1e-3", "-mor_out", tmp_path / "b.h5")
-    run("reduce", "-body", rack, "-mor_band_hz", "10,300", "-mor_tol", "1e-3", "-mor_out",
-        tmp_path / "c.h5")  # fmt: skip
+    run(
+        "reduce",
+        "-body",
+        rack,
+        "-mor_band_hz",
+        "10,300",
+        "-mor_tol",
+        "1e-3",
+        "-mor_out",
+        tmp_path / "c.h5",
+    )
     assert distance(tmp_path / "a.h5", tmp_path / "b.h5", band) < SAME
     assert distance(tmp_path / "c.h5", tmp_path / "b.h5", band) < SAME
     with h5py.File(tmp_path / "c.h5") as c, h5py.File(tmp_path / "b.h5") as b:
@@ -182,8 +257,9 @@ def test_free_body_with_frame(tmp_path: Path, rack: Path) -> None:
         for name in ("M_er", "gyroscopic", "inertia_first", "inertia_second"):
             size = np.abs(c["frame"][name][:]).max()
             # Up to the signs of the basis vectors.
-            assert np.allclose(np.abs(c["frame"][name][:]), np.abs(b["frame"][name][:]),
-                               atol=1e-6 * size), name  # fmt: skip
+            assert np.allclose(
+                np.abs(c["frame"][name][:]), np.abs(b["frame"][name][:]), atol=1e-6 * size
+            ), name
         for name in ("dofs/node", "dofs/component", "nodes/position"):
             assert np.array_equal(c[name][:], b[name][:])
 
@@ -244,8 +320,14 @@ def test_optimal_beats_the_gramian(kind: str) -> None:
     band = 0.5 * omega[0] / (2 * np.pi), omega[8] / (2 * np.pi)
     held = flexgram.certify(body, band_hz=band, tol=1e-9)
     dense = [np.asarray(a.todense()) for a in (body.K, body.M)]
-    full = System(*dense, body.B, body.C, None if body.D is None else body.D.toarray(),
-                  alpha=body.alpha, beta=body.beta)  # fmt: skip
+    full = System(
+        *dense,
+        body.B,
+        body.C,
+        None if body.D is None else body.D.toarray(),
+        alpha=body.alpha,
+        beta=body.beta,
+    )
     for m in (13, 16):
         errors = {}
         for stage in ("gramian", "optimal"):
@@ -262,8 +344,20 @@ def test_optimal_beats_the_gramian(kind: str) -> None:
 def test_optimal_on_the_rack(tmp_path: Path, rack: Path, ranks: int) -> None:
     """Thirty states: the Gramian's basis is certified to 7e-3."""
     out = tmp_path / "rom.h5"
-    run("reduce", "-body", rack, "-mor_band_hz", "10,500", "-mor_order", "30", "-mor_second_stage",
-        "optimal", "-mor_out", out, ranks=ranks)  # fmt: skip
+    run(
+        "reduce",
+        "-body",
+        rack,
+        "-mor_band_hz",
+        "10,500",
+        "-mor_order",
+        "30",
+        "-mor_second_stage",
+        "optimal",
+        "-mor_out",
+        out,
+        ranks=ranks,
+    )
     with h5py.File(out) as file:
         assert file["error"].attrs["worst"] < 8e-4
         assert file["error"].attrs["kind"] == "certified"
@@ -278,6 +372,7 @@ def test_orders_that_a_method_has(tmp_path: Path, rack: Path) -> None:
     run(*job, "-mor_band_hz", "10,500", "-mor_method", "whole_axis")
     with h5py.File(out) as file:
         assert file["K"].shape[0] > 30 and file["error"].attrs["worst"] < 0.5
-    said = message(run(*job, "-mor_band_hz", "100", "-mor_method", "irka", "-mor_order", "80",
-                       expect=1))  # fmt: skip
+    said = message(
+        run(*job, "-mor_band_hz", "100", "-mor_method", "irka", "-mor_order", "80", expect=1)
+    )
     assert "irka has orders from 7 to" in said

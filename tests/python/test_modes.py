@@ -23,8 +23,14 @@ LAST = 9000
 
 @pytest.fixture(scope="module")
 def model(tmp_path_factory: pytest.TempPathFactory) -> ReducedModel:
-    return reduced(tmp_path_factory.mktemp("modes"), "-mor_band_hz", f"10,{LAST}", "-mor_tol",
-                   "1e-5", coupling="distributing")  # fmt: skip
+    return reduced(
+        tmp_path_factory.mktemp("modes"),
+        "-mor_band_hz",
+        f"10,{LAST}",
+        "-mor_tol",
+        "1e-5",
+        coupling="distributing",
+    )
 
 
 @pytest.fixture(scope="module")
@@ -35,8 +41,11 @@ def full(model: ReducedModel, tmp_path_factory: pytest.TempPathFactory) -> dict[
     rows = np.lexsort((a["component"], a["node"]))
     K, M = (a[name].toarray()[rows][:, rows] for name in "KM")
     squares, shapes = scipy.linalg.eigh(K, M, subset_by_index=(6, 20))
-    return {"hertz": np.sqrt(squares) / (2 * np.pi), "points": a["position"][rows][::3],
-            "shapes": shapes.T.reshape(len(squares), -1, 3)}  # fmt: skip
+    return {
+        "hertz": np.sqrt(squares) / (2 * np.pi),
+        "points": a["position"][rows][::3],
+        "shapes": shapes.T.reshape(len(squares), -1, 3),
+    }
 
 
 def test_shapes_are_those_of_the_full_body(model: ReducedModel, full: dict[str, Any]) -> None:
@@ -63,8 +72,9 @@ def test_universal_file(model: ReducedModel, tmp_path: Path) -> None:
     assert sets[0]["units_code"] == 1 and sets[0]["length"] == 1
     nodes = np.column_stack([sets[1][axis] for axis in "xyz"])
     assert np.array_equal(nodes, modes.points)
-    assert np.array_equal(sets[1]["grid_global" if "grid_global" in sets[1] else "node_nums"],
-                          modes.labels)  # fmt: skip
+    assert np.array_equal(
+        sets[1]["grid_global" if "grid_global" in sets[1] else "node_nums"], modes.labels
+    )
     for k, one in enumerate(sets[2:]):
         shape = np.column_stack([one[f"r{j}"] for j in (1, 2, 3)])
         assert np.allclose(shape, modes.shapes[k], rtol=1e-5, atol=1e-9)
@@ -86,23 +96,48 @@ def measured_file(
     file = pyuff.UFF(str(path))
     if places:
         x, y, z = full["points"][nodes].T + 1e-4 * rng.standard_normal((3, 10))
-        file.write_sets([{"type": 15, "node_nums": nodes + 1, "def_cs": [0] * 10,
-                          "disp_cs": [0] * 10, "color": [1] * 10, "x": x, "y": y, "z": z}],
-                        "add")  # fmt: skip
+        file.write_sets(
+            [
+                {
+                    "type": 15,
+                    "node_nums": nodes + 1,
+                    "def_cs": [0] * 10,
+                    "disp_cs": [0] * 10,
+                    "color": [1] * 10,
+                    "x": x,
+                    "y": y,
+                    "z": z,
+                }
+            ],
+            "add",
+        )
     for number, k in enumerate(order, 1):
         shape = full["shapes"][k][nodes].copy()
         shape += 0.02 * np.abs(shape).max() * rng.standard_normal(shape.shape)
         shape[:, 0] = 0  # not measured
         w = 2 * np.pi * full["hertz"][k] * 1.01
-        one: dict[str, Any] = {"type": 55, "data_ch": 2, "spec_data_type": 12, "load_case": 0,
-                               "node_nums": nodes + 1, "mode_n": number}  # fmt: skip
+        one: dict[str, Any] = {
+            "type": 55,
+            "data_ch": 2,
+            "spec_data_type": 12,
+            "load_case": 0,
+            "node_nums": nodes + 1,
+            "mode_n": number,
+        }
         if complex_modes:
             turn = np.exp(0.7j)
-            one |= {"analysis_type": 3, "eig": w * (-0.01 + 1j),
-                    **{f"r{j + 1}": turn * shape[:, j] for j in range(3)}}  # fmt: skip
+            one |= {
+                "analysis_type": 3,
+                "eig": w * (-0.01 + 1j),
+                **{f"r{j + 1}": turn * shape[:, j] for j in range(3)},
+            }
         else:
-            one |= {"analysis_type": 2, "freq": w / (2 * np.pi), "modal_damp_vis": 0.01,
-                    **{f"r{j + 1}": shape[:, j] for j in range(3)}}  # fmt: skip
+            one |= {
+                "analysis_type": 2,
+                "freq": w / (2 * np.pi),
+                "modal_damp_vis": 0.01,
+                **{f"r{j + 1}": shape[:, j] for j in range(3)},
+            }
         file.write_sets([one], "add")
     return nodes
 
@@ -114,8 +149,9 @@ def test_measured_modes(
 ) -> None:
     """Modes in another order, of some directions, with noise: each finds its partner."""
     order = [2, 0, 3, 1]
-    nodes = measured_file(tmp_path / "t.unv", full, order, places=places,
-                          complex_modes=complex_modes)  # fmt: skip
+    nodes = measured_file(
+        tmp_path / "t.unv", full, order, places=places, complex_modes=complex_modes
+    )
     measured = read_universal(tmp_path / "t.unv")
     assert np.array_equal(measured.labels, nodes + 1)
     assert np.allclose(measured.damping, 0.01, rtol=1e-3)
@@ -179,17 +215,27 @@ def test_without_a_mesh(model: ReducedModel, tmp_path: Path) -> None:
     K = sp.diags([np.full(n, 2e6), *2 * [np.full(n - 1, -1e6)]], [0, 1, -1]).tocsr()
     D = sp.lil_matrix((n, n))
     D[30, 30] = 50.0
-    body = Matrices(K=K, M=sp.identity(n, format="csr"), B=np.eye(n)[:, [3, 30]], D=D.tocsr(),
-                    inputs=["a.fx", "b.fx"])  # fmt: skip
+    body = Matrices(
+        K=K,
+        M=sp.identity(n, format="csr"),
+        B=np.eye(n)[:, [3, 30]],
+        D=D.tocsr(),
+        inputs=["a.fx", "b.fx"],
+    )
     chain = reduce(body, (5, 200), 1e-3)
     with pytest.raises(BodyError, match="no dof map"):
         mode_shapes(chain)
     modes = mode_shapes(chain, at_nodes=False)
     assert modes.coupled > 0.1 and mode_shapes(model).coupled < 1e-6
-    free = Matrices(K=sp.diags([np.r_[1e6, np.full(n - 2, 2e6), 1e6],
-                                *2 * [np.full(n - 1, -1e6)]], [0, 1, -1]).tocsr(),
-                    M=sp.identity(n, format="csr"), B=np.eye(n)[:, [3]], alpha=1.0,
-                    inputs=["a.fx"])  # fmt: skip
+    free = Matrices(
+        K=sp.diags(
+            [np.r_[1e6, np.full(n - 2, 2e6), 1e6], *2 * [np.full(n - 1, -1e6)]], [0, 1, -1]
+        ).tocsr(),
+        M=sp.identity(n, format="csr"),
+        B=np.eye(n)[:, [3]],
+        alpha=1.0,
+        inputs=["a.fx"],
+    )
     mixed = reduce(free, (5, 200), order=12, method="pod", options={"mor_samples": "12"})
     listed = mode_shapes(mixed, at_nodes=False)
     exact = 2e3 * np.sin(np.pi * np.arange(1, n) / (2 * n)) / (2 * np.pi)

@@ -43,8 +43,17 @@ def punched(path: Path, dofs: list[tuple[int, int]], **matrices: Any) -> Path:
     model = BDF(debug=None)
     for name, matrix in matrices.items():
         upper = sp.triu(sp.csr_matrix(matrix)).tocoo()
-        model.add_dmig(name, 6, 2, 0, 0, len(dofs), [dofs[j] for j in upper.col],
-                       [dofs[i] for i in upper.row], upper.data.tolist())  # fmt: skip
+        model.add_dmig(
+            name,
+            6,
+            2,
+            0,
+            0,
+            len(dofs),
+            [dofs[j] for j in upper.col],
+            [dofs[i] for i in upper.row],
+            upper.data.tolist(),
+        )
     model.write_bdf(str(path), write_header=False, enddata=False)
     return path
 
@@ -53,8 +62,11 @@ def punched(path: Path, dofs: list[tuple[int, int]], **matrices: Any) -> Path:
 def body(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     folder = tmp_path_factory.mktemp("solid")
     mesh = folder / "mesh.h5"
-    write_body_file(mesh, box("hexahedron", (3, 2, 2), (0.3, 0.2, 0.1)),
-                    interfaces={"start": {"set": "start", "coupling": "distributing"}})  # fmt: skip
+    write_body_file(
+        mesh,
+        box("hexahedron", (3, 2, 2), (0.3, 0.2, 0.1)),
+        interfaces={"start": {"set": "start", "coupling": "distributing"}},
+    )
     return assembled(folder / "matrices.h5", mesh)
 
 
@@ -69,8 +81,7 @@ def bulk(body: dict[str, Any], cd: dict[int, int], extra: str, systems: str = ""
 
 @pytest.mark.parametrize("control", [True, False])
 def test_unrelated_cards_do_not_matter(body: Any, control: bool, tmp_path: Path) -> None:
-    dofs = [(int(n) + 1, int(c) + 1)
-            for n, c in zip(body["node"], body["component"], strict=True)]  # fmt: skip
+    dofs = [(int(n) + 1, int(c) + 1) for n, c in zip(body["node"], body["component"], strict=True)]
     path = punched(tmp_path / "part.pch", dofs, KAAX=body["K"], MAAX=body["M"])
     text = bulk(body, {}, UNRELATED)
     deck = tmp_path / "part.bdf"
@@ -96,7 +107,8 @@ def test_displacement_coordinate_systems(body: Any, tmp_path: Path) -> None:
         f"*,{origin[2]:.12f},{(origin + R[2])[0]:.12f},{(origin + R[2])[1]:.12f},"
         f"{(origin + R[2])[2]:.12f}\n*,{(origin + R[0])[0]:.12f},{(origin + R[0])[1]:.12f},"
         f"{(origin + R[0])[2]:.12f}\n"
-        for number, kind in ((5, "R"), (6, "C"), (7, "S")))  # fmt: skip
+        for number, kind in ((5, "R"), (6, "C"), (7, "S"))
+    )
     blocks, dofs = [], []
     order = np.lexsort((body["component"], body["node"]))
     for label in labels:
@@ -125,8 +137,12 @@ def test_displacement_coordinate_systems(body: Any, tmp_path: Path) -> None:
         assert np.abs(getattr(fe, name).toarray() - exact).max() < 1e-8 * np.abs(exact).max()
     assert any("displacement coordinate systems (CD)" in line for line in fe.remarks)
     keep = [i for i, (label, c) in enumerate(dofs) if not (label - 1 in cd and c == 2)]
-    cut = punched(tmp_path / "cut.pch", [dofs[i] for i in keep], KAAX=K[np.ix_(keep, keep)],
-                  MAAX=M[np.ix_(keep, keep)])  # fmt: skip
+    cut = punched(
+        tmp_path / "cut.pch",
+        [dofs[i] for i in keep],
+        KAAX=K[np.ix_(keep, keep)],
+        MAAX=M[np.ix_(keep, keep)],
+    )
     with pytest.raises(BodyError, match="only 2 of three components in the matrices"):
         read(cut, deck=deck)
 
@@ -136,8 +152,11 @@ def test_an_external_superelement_is_a_reduced_body(body: Any, tmp_path: Path) -
     K, M = body["K"].toarray(), body["M"].toarray()
     at = body["position"]
     corner = [int(body["node"][np.argmin(at @ d)]) for d in ([1, 1, 1], [-1, -1, -1])]
-    boundary = [int(np.flatnonzero((body["node"] == n) & (body["component"] == c))[0])
-                for n in corner for c in range(3)]  # fmt: skip
+    boundary = [
+        int(np.flatnonzero((body["node"] == n) & (body["component"] == c))[0])
+        for n in corner
+        for c in range(3)
+    ]
     inner = np.setdiff1d(np.arange(len(K)), boundary)
     static = -np.linalg.solve(K[np.ix_(inner, inner)], K[np.ix_(inner, boundary)])
     modes = sl.eigh(K[np.ix_(inner, inner)], M[np.ix_(inner, inner)])[1]
@@ -175,9 +194,17 @@ def test_nastran_dmig_and_op4(tmp_path: Path) -> None:
     model = BDF(debug=None)
     for name, matrix in (("KAAX", K), ("MAAX", M)):
         upper = sp.triu(matrix).tocoo()
-        model.add_dmig(name, 6, 2, 0, 0, 8,
-                       [dofs[j] for j in upper.col], [dofs[i] for i in upper.row],
-                       upper.data.tolist())  # fmt: skip
+        model.add_dmig(
+            name,
+            6,
+            2,
+            0,
+            0,
+            8,
+            [dofs[j] for j in upper.col],
+            [dofs[i] for i in upper.row],
+            upper.data.tolist(),
+        )
     model.write_bdf(str(tmp_path / "part.pch"), write_header=False, enddata=False)
     deck = tmp_path / "part.bdf"
     grids = {5: (0, 0, 0), 7: (1, 0, 0), 9: (0, 1, 0), 20: (0.5, 0.5, 0)}
@@ -195,8 +222,11 @@ def test_nastran_dmig_and_op4(tmp_path: Path) -> None:
 
     from pyNastran.op4.op4 import OP4
 
-    OP4().write_op4(str(tmp_path / "part.op4"), {"KAA": (6, K.toarray()), "MAA": (6, M.toarray())},
-                    is_binary=False)  # fmt: skip
+    OP4().write_op4(
+        str(tmp_path / "part.op4"),
+        {"KAA": (6, K.toarray()), "MAA": (6, M.toarray())},
+        is_binary=False,
+    )
     assert_same(read(tmp_path / "part.op4"), K, M)
 
 
@@ -207,13 +237,26 @@ def test_nastran_weights_components_and_structural_damping(tmp_path: Path) -> No
     flip = np.random.default_rng(1).random(23) < 0.5
     for name, matrix in (("KAAX", K), ("MAAX", sp.eye(12)), ("K4AAX", sp.eye(12))):
         upper = sp.triu(matrix).tocoo()
-        pairs = [(j, i) if flip[k % 23] else (i, j)
-                 for k, (i, j) in enumerate(zip(upper.row, upper.col, strict=True))]  # fmt: skip
-        model.add_dmig(name, 6, 2, 0, 0, 12, [dofs[j] for _, j in pairs],
-                       [dofs[i] for i, _ in pairs], upper.data.tolist())  # fmt: skip
+        pairs = [
+            (j, i) if flip[k % 23] else (i, j)
+            for k, (i, j) in enumerate(zip(upper.row, upper.col, strict=True))
+        ]
+        model.add_dmig(
+            name,
+            6,
+            2,
+            0,
+            0,
+            12,
+            [dofs[j] for _, j in pairs],
+            [dofs[i] for i, _ in pairs],
+            upper.data.tolist(),
+        )
     model.write_bdf(str(tmp_path / "p.pch"), write_header=False, enddata=False)
-    grids = "".join(f"GRID,{i + 1},,{x:.1f},{y:.1f},0.0\n"
-                    for i, (x, y) in enumerate([(0, 0), (1, 0), (0, 1), (1, 1)]))  # fmt: skip
+    grids = "".join(
+        f"GRID,{i + 1},,{x:.1f},{y:.1f},0.0\n"
+        for i, (x, y) in enumerate([(0, 0), (1, 0), (0, 1), (1, 1)])
+    )
     grids += "GRID,9,,0.5,0.5,0.0\n"
 
     def deck(rigid: str) -> Path:

@@ -38,10 +38,19 @@ def test_coordinates_that_do_not_fit(rack: Path, tmp_path: Path, wrong: str) -> 
     with h5py.File(tmp_path / "m.h5") as file:
         places = file["nodes/position"][:][file["dofs/node"][:]]
         node = file["dofs/node"][:].astype(int)
-    changed = {"swapped": places[:, [0, 2, 1]], "reversed": places[::-1],
-               "flat": places * [1, 0, 0]}.get(wrong, places)  # fmt: skip
-    arguments = {"K": parts["K"], "M": parts["M"], "B": parts["B"], "alpha": 2.0, "node": node,
-                 "component": parts["component"]}  # fmt: skip
+    changed = {
+        "swapped": places[:, [0, 2, 1]],
+        "reversed": places[::-1],
+        "flat": places * [1, 0, 0],
+    }.get(wrong, places)
+    arguments = {
+        "K": parts["K"],
+        "M": parts["M"],
+        "B": parts["B"],
+        "alpha": 2.0,
+        "node": node,
+        "component": parts["component"],
+    }
     right = flexgram.reduce(flexgram.Matrices(**arguments, position=places), tol=1e-2)
     assert right.frame["mass"] == pytest.approx(178.28, rel=1e-3)
     if wrong == "components":  # a component for all nodes after the other, on rows node by node
@@ -79,8 +88,10 @@ def test_reached_beside_undamped_resonances(tmp_path: Path, rack: Path) -> None:
     error = np.linalg.norm(H - H_r) / np.linalg.norm(H)
     assert error == pytest.approx(rom.attained_error, rel=0.05)
     ends = [w for pair in rom.excluded for w in pair if rom.band[0] < w < rom.band[1]]
-    at_ends = [np.linalg.norm(system.transfer(w) - rom.transfer(w))
-               / np.linalg.norm(system.transfer(w)) for w in ends]  # fmt: skip
+    at_ends = [
+        np.linalg.norm(system.transfer(w) - rom.transfer(w)) / np.linalg.norm(system.transfer(w))
+        for w in ends
+    ]
     assert max(at_ends) <= rom.certified_error
     assert rom.attained_error >= 0.5 * max(at_ends)
 
@@ -133,8 +144,7 @@ def test_a_sweep_beside_another_body(rack: Path, tmp_path: Path) -> None:
     good, rough, sweep = (tmp_path / name for name in ("good.h5", "rough.h5", "s.h5"))
     for out, tol in ((good, "1e-6"), (rough, "1e-1")):
         run("reduce", "-body", rack, "-mor_band_hz", "10,300", "-mor_tol", tol, "-mor_out", out)
-    run("sweep", "-body", rack, "-rom", rough, "-mor_sweep_hz", "10,300,9",
-        "-mor_sweep_out", sweep)  # fmt: skip
+    run("sweep", "-body", rack, "-rom", rough, "-mor_sweep_hz", "10,300,9", "-mor_sweep_out", sweep)
     shown = [sweep_figure(sweep, rom).axes[1].lines[0].get_ydata() for rom in (good, rough)]
     with h5py.File(sweep) as file:
         assert np.allclose(shown[1], file["error/relative"][:], rtol=1e-6)

@@ -26,20 +26,43 @@ from flexgram.exporters import FORMATS, export
 def rom(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A free body with places, so that every format has what it needs."""
     folder = tmp_path_factory.mktemp("outputs")
-    subprocess.run([str(PYTHON), "-m", "flexgram", "import", str(ROOT / "meshes" / "rack.yaml"),
-                    "-o", str(folder / "rack.h5")], check=True, env=ENVIRONMENT,
-                   capture_output=True)  # fmt: skip
-    run("reduce", "-body", folder / "rack.h5", "-mor_band_hz", "10,100", "-mor_tol", "1e-2",
-        "-mor_out", folder / "rack.rom.h5")  # fmt: skip
+    subprocess.run(
+        [
+            str(PYTHON),
+            "-m",
+            "flexgram",
+            "import",
+            str(ROOT / "meshes" / "rack.yaml"),
+            "-o",
+            str(folder / "rack.h5"),
+        ],
+        check=True,
+        env=ENVIRONMENT,
+        capture_output=True,
+    )
+    run(
+        "reduce",
+        "-body",
+        folder / "rack.h5",
+        "-mor_band_hz",
+        "10,100",
+        "-mor_tol",
+        "1e-2",
+        "-mor_out",
+        folder / "rack.rom.h5",
+    )
     return folder / "rack.rom.h5"
 
 
 def limited(*words: Any, blocks: int = 8) -> subprocess.CompletedProcess[str]:
     """The command line where no file may grow beyond some kilobytes."""
     command = f'ulimit -f {blocks}; exec "$@"'
-    return subprocess.run(["bash", "-c", command, "-", str(PYTHON), "-m", "flexgram",
-                           *map(str, words)], env=ENVIRONMENT, capture_output=True,
-                          text=True)  # fmt: skip
+    return subprocess.run(
+        ["bash", "-c", command, "-", str(PYTHON), "-m", "flexgram", *map(str, words)],
+        env=ENVIRONMENT,
+        capture_output=True,
+        text=True,
+    )
 
 
 @pytest.mark.parametrize("format", [*FORMATS, "report", "simulate", "plot"])
@@ -60,20 +83,26 @@ def test_a_full_disk_leaves_what_was_there(format: str, rom: Path, tmp_path: Pat
 
 @pytest.mark.parametrize(
     "words",
-    [["export", "{rom}", "--to", "npz", "-o", "{rom}"],
-     ["report", "{rom}", "-o", "{rom}"],
-     ["report", "{rom}", "--body", "{body}", "-o", "{body}"],
-     ["plot", "{rom}", "--figure", "error", "-o", "{rom}"],
-     ["simulate", "{rom}", "--force", "upper.fz=1", "-o", "{rom}"],
-     ["import", "{yaml}", "-o", "{yaml}"]],
-)  # fmt: skip
+    [
+        ["export", "{rom}", "--to", "npz", "-o", "{rom}"],
+        ["report", "{rom}", "-o", "{rom}"],
+        ["report", "{rom}", "--body", "{body}", "-o", "{body}"],
+        ["plot", "{rom}", "--figure", "error", "-o", "{rom}"],
+        ["simulate", "{rom}", "--force", "upper.fz=1", "-o", "{rom}"],
+        ["import", "{yaml}", "-o", "{yaml}"],
+    ],
+)
 def test_no_command_replaces_its_input(words: list[str], rom: Path, tmp_path: Path) -> None:
     yaml = tmp_path / "body.yaml"
     yaml.write_text((ROOT / "meshes" / "rack.yaml").read_text())
     places = {"rom": rom, "body": rom.with_name("rack.h5"), "yaml": yaml}
     before = {path: path.read_bytes() for path in places.values()}
-    done = subprocess.run([str(PYTHON), "-m", "flexgram", *(w.format(**places) for w in words)],
-                          env=ENVIRONMENT, capture_output=True, text=True)  # fmt: skip
+    done = subprocess.run(
+        [str(PYTHON), "-m", "flexgram", *(w.format(**places) for w in words)],
+        env=ENVIRONMENT,
+        capture_output=True,
+        text=True,
+    )
     assert done.returncode == 1 and "would replace the input" in done.stderr, done.stderr
     assert {path: path.read_bytes() for path in places.values()} == before
 
@@ -102,9 +131,23 @@ def test_the_companion_of_a_file_replaces_nothing(rom: Path, tmp_path: Path) -> 
     body = rom.with_name("rack.h5")
     export(model, tmp_path / "motion.xdmf", "vtu", body=body)
     assert data_files(tmp_path / "motion.xdmf") == [tmp_path / "motion.xdmf.h5"]
-    command = [str(PYTHON), "-m", "flexgram", "simulate", str(own), "--force", "upper.fz=1",
-               "--time", "0,1,3", "--body", str(body), "--xdmf", str(tmp_path / "motion.xdmf"),
-               "-o", str(tmp_path / "motion.csv")]  # fmt: skip
+    command = [
+        str(PYTHON),
+        "-m",
+        "flexgram",
+        "simulate",
+        str(own),
+        "--force",
+        "upper.fz=1",
+        "--time",
+        "0,1,3",
+        "--body",
+        str(body),
+        "--xdmf",
+        str(tmp_path / "motion.xdmf"),
+        "-o",
+        str(tmp_path / "motion.csv"),
+    ]
     done = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     text = (tmp_path / "motion.xdmf").read_text()  # meshio reads no hexahedra of 20 nodes in XDMF
@@ -113,7 +156,11 @@ def test_the_companion_of_a_file_replaces_nothing(rom: Path, tmp_path: Path) -> 
         assert sorted(named) == sorted(file) and len(named) == 2 + 3
     assert own.read_bytes() == rom.read_bytes()
     assert sorted(p.name for p in tmp_path.iterdir()) == [
-        "motion.csv", "motion.h5", "motion.xdmf", "motion.xdmf.h5"]  # fmt: skip
+        "motion.csv",
+        "motion.h5",
+        "motion.xdmf",
+        "motion.xdmf.h5",
+    ]
 
     other = tmp_path / "motion.xdmf.h5"  # even here there may be what is another's
     other.write_bytes(rom.read_bytes())
@@ -129,8 +176,19 @@ def test_a_body_does_not_replace_the_data_of_its_mesh(tmp_path: Path) -> None:
     block = meshio.Mesh([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1.0]], [("tetra", [[0, 1, 2, 3]])])
     meshio.write(tmp_path / "lever.xdmf", block)
     data = (tmp_path / "lever.h5").read_bytes()
-    command = [str(PYTHON), "-m", "flexgram", "import", str(tmp_path / "lever.xdmf"), "--material",
-               "steel", "--rigid", "a=NODES:1,2,3", "-o", str(tmp_path / "lever.h5")]  # fmt: skip
+    command = [
+        str(PYTHON),
+        "-m",
+        "flexgram",
+        "import",
+        str(tmp_path / "lever.xdmf"),
+        "--material",
+        "steel",
+        "--rigid",
+        "a=NODES:1,2,3",
+        "-o",
+        str(tmp_path / "lever.h5"),
+    ]
     done = subprocess.run(command, env=ENVIRONMENT, capture_output=True, text=True)
     assert done.returncode == 1 and "would replace the input" in done.stderr, done.stderr
     assert (tmp_path / "lever.h5").read_bytes() == data
@@ -162,9 +220,13 @@ def test_a_limit_of_the_address_space_never_hangs(rom: Path, tmp_path: Path, thr
     for megabytes in range(200, 1000, 50):
         command = f'ulimit -v {1024 * megabytes}; exec "$@"'
         words = [PROGRAM, "reduce", "-body", body, "-mor_band_hz", "10,100", "-mor_out", out]
-        done = subprocess.run(["bash", "-c", command, "-", *map(str, words)], text=True,
-                              env=ENVIRONMENT | {"OPENBLAS_NUM_THREADS": str(threads)},
-                              capture_output=True, timeout=60)  # fmt: skip
+        done = subprocess.run(
+            ["bash", "-c", command, "-", *map(str, words)],
+            text=True,
+            env=ENVIRONMENT | {"OPENBLAS_NUM_THREADS": str(threads)},
+            capture_output=True,
+            timeout=60,
+        )
         seen.add(done.returncode)
         assert done.returncode in (0, 1, 2), (megabytes, done.stderr)
         if done.returncode == 1:
@@ -190,8 +252,12 @@ def test_only_files_are_replaced_by_the_program(verb: str, tmp_path: Path) -> No
     """A device, a pipe and a folder stay what they are; a symlink stays one."""
     body = tmp_path / "body.h5"
     write_matrices(body, **chain())
-    out = {"reduce": "-mor_out", "certify": "-mor_medium_out", "sweep": "-mor_sweep_out",
-           "assemble": "-body_out"}[verb]  # fmt: skip
+    out = {
+        "reduce": "-mor_out",
+        "certify": "-mor_medium_out",
+        "sweep": "-mor_sweep_out",
+        "assemble": "-body_out",
+    }[verb]
     pipe, folder = tmp_path / "pipe", tmp_path / "folder"
     os.mkfifo(pipe)
     folder.mkdir()
@@ -209,8 +275,16 @@ def test_symlinks_and_many_writers(tmp_path: Path) -> None:
     write_matrices(body, **chain())
     out.write_bytes(b"old")
     link.symlink_to("rom.h5")
-    command = [str(PROGRAM), "reduce", "-body", str(body), "-mor_band_hz", "0.01,0.3", "-mor_out",
-               str(link)]  # fmt: skip
+    command = [
+        str(PROGRAM),
+        "reduce",
+        "-body",
+        str(body),
+        "-mor_band_hz",
+        "0.01,0.3",
+        "-mor_out",
+        str(link),
+    ]
     runs = [subprocess.Popen(command, env=ENVIRONMENT, stdout=subprocess.DEVNULL) for _ in range(6)]
     assert [r.wait() for r in runs] == [0] * 6
     assert link.is_symlink() and ReducedModel.load(out).order > 0
@@ -224,9 +298,27 @@ def test_a_full_disk_leaves_nothing_behind(ranks: int, tmp_path: Path) -> None:
     body, out = tmp_path / "body.h5", tmp_path / "rom.h5"
     loads = np.random.default_rng(1).standard_normal((n, ports))
     write_matrices(body, **chain(n, B=loads))
-    result = run("reduce", "-body", body, "-mor_band_hz", "0.01,0.3", "-mor_order", "80",
-                 "-mor_method", "pod", "-mor_samples", "4", "-mor_validate", "0", "-mor_out", out,
-                 ranks=ranks, expect=1, timeout=60, file_limit_kb=8192)  # fmt: skip
+    result = run(
+        "reduce",
+        "-body",
+        body,
+        "-mor_band_hz",
+        "0.01,0.3",
+        "-mor_order",
+        "80",
+        "-mor_method",
+        "pod",
+        "-mor_samples",
+        "4",
+        "-mor_validate",
+        "0",
+        "-mor_out",
+        out,
+        ranks=ranks,
+        expect=1,
+        timeout=60,
+        file_limit_kb=8192,
+    )
     assert "cannot write" in message(result)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["body.h5"]
 
@@ -248,8 +340,16 @@ def test_an_existing_result_survives_a_failed_run(ranks: int, tmp_path: Path) ->
 def test_an_unwritable_place(ranks: int, tmp_path: Path) -> None:
     body = tmp_path / "body.h5"
     write_matrices(body, **chain())
-    result = run("reduce", "-body", body, "-mor_out", tmp_path / "no" / "rom.h5", ranks=ranks,
-                 expect=1, timeout=60)  # fmt: skip
+    result = run(
+        "reduce",
+        "-body",
+        body,
+        "-mor_out",
+        tmp_path / "no" / "rom.h5",
+        ranks=ranks,
+        expect=1,
+        timeout=60,
+    )
     assert "No such file" in message(result)
 
 

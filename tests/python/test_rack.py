@@ -58,8 +58,18 @@ def test_order_rule_and_error(
     run("reduce", "-body", rack, *BAND, "-mor_order", 60, "-mor_out", sixty, ranks=ranks)
     for path, tolerance in ((roms[ranks, 1], 1e-2), (sixty, 1e-6)):
         out = tmp_path / "sweep.h5"
-        run("sweep", "-body", rack, "-rom", path, "-mor_sweep_hz", "10,500,200",
-            "-mor_sweep_out", out, ranks=ranks)  # fmt: skip
+        run(
+            "sweep",
+            "-body",
+            rack,
+            "-rom",
+            path,
+            "-mor_sweep_hz",
+            "10,500,200",
+            "-mor_sweep_out",
+            out,
+            ranks=ranks,
+        )
         with h5py.File(out) as file:
             assert file["error/relative"].shape == (200,)
             assert file["error/relative"][:].max() < tolerance
@@ -116,8 +126,9 @@ def test_options_file_and_log_view(rack: Path, tmp_path: Path) -> None:
         "-mor_method pod\n-mor_samples 5\n-mor_validate 0\n# comment\n-mor_monitor detail\n"
     )
     out = tmp_path / "rom.h5"
-    result = run("reduce", "-body", rack, "-options_file", options, "-mor_out", out, "-log_view",
-                 ranks=2)  # fmt: skip
+    result = run(
+        "reduce", "-body", rack, "-options_file", options, "-mor_out", out, "-log_view", ranks=2
+    )
     assert "sample 1/" in result.out and "Summary of Stages" in result.out
     with h5py.File(out) as file:
         assert file["log/options"].attrs["-mor_samples"] == "5"

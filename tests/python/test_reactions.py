@@ -36,20 +36,27 @@ STEEL = {"E": 210e9, "nu": 0.3, "rho": RHO, "expansion": 12e-6}
 
 def write_body(path: Path, mesh: Any, **changes: Any) -> dict[str, Any]:
     content = {
-        "materials": {"steel": STEEL}, "regions": {"all": {"material": "steel"}},
+        "materials": {"steel": STEEL},
+        "regions": {"all": {"material": "steel"}},
         "interfaces": {"end": {"coupling": "distributing", "nodes": "end"}},
-        "loads": {"gravity": {"type": "acceleration"}, "turn": {"type": "spin", "point": POINT,
-                                                                "axis": [1, 2, -1]},
-                  "skin": {"type": "pressure", "nodes": "all"},
-                  "warm": {"type": "temperature", "nodes": "side"}},
-    }  # fmt: skip
+        "loads": {
+            "gravity": {"type": "acceleration"},
+            "turn": {"type": "spin", "point": POINT, "axis": [1, 2, -1]},
+            "skin": {"type": "pressure", "nodes": "all"},
+            "warm": {"type": "temperature", "nodes": "side"},
+        },
+    }
     return import_description(content | changes, "box", path, mesh=mesh)
 
 
 def full_answer(
-    free: dict[str, Any], held: Any, summed: Any, omega: float, alpha: float = 0.0,
+    free: dict[str, Any],
+    held: Any,
+    summed: Any,
+    omega: float,
+    alpha: float = 0.0,
     point: Any = POINT,
-) -> Any:  # fmt: skip
+) -> Any:
     """Resultants (6, inputs) of the forces at ``summed`` dofs of the body without supports whose
     dofs ``held`` rest: by their own rows of its matrices, reactions' definition."""
     A = (free["K"] - omega**2 * free["M"]).tocsr() + 1j * omega * alpha * free["M"].tocsr()
@@ -71,8 +78,16 @@ def full_answer(
 
 def answers(path: Path, folder: Path, ranks: int) -> tuple[Any, Any, list[str]]:
     """H with the feedthrough at some frequencies [rad/s], and the outputs' names."""
-    run("sweep", "-body", path, "-mor_sweep_hz", "20,9000,3", "-mor_sweep_out",
-        folder / "sweep.h5", ranks=ranks)  # fmt: skip
+    run(
+        "sweep",
+        "-body",
+        path,
+        "-mor_sweep_hz",
+        "20,9000,3",
+        "-mor_sweep_out",
+        folder / "sweep.h5",
+        ranks=ranks,
+    )
     with h5py.File(folder / "sweep.h5") as file:
         outputs = [str(x) for x in file["H"].attrs["outputs"]]
     return *sweep_transfer(folder / "sweep.h5"), outputs
@@ -86,14 +101,20 @@ def test_equal_the_rows_of_the_held_dofs(kind: str, ranks: int, tmp_path: Path) 
     mesh = sided(kind)
     y = sided(kind, distort=False).points
     mesh.point_sets["rail"] = np.flatnonzero(
-        (y[:, 1] > y[:, 1].max() - 1e-9) & (y[:, 0] > 0.06) & (y[:, 0] < 0.09))  # fmt: skip
+        (y[:, 1] > y[:, 1].max() - 1e-9) & (y[:, 0] > 0.06) & (y[:, 0] < 0.09)
+    )
     alpha = 40.0
     write_body(tmp_path / "free.h5", mesh)
     facts = write_body(
-        tmp_path / "held.h5", mesh, damping={"alpha": alpha},
+        tmp_path / "held.h5",
+        mesh,
+        damping={"alpha": alpha},
         supports={"clamp": {"nodes": "start"}, "rail": {"nodes": "rail", "components": ["y"]}},
-        outputs={"foot": {"type": "reaction", "nodes": "start", "point": POINT},
-                 "rail": {"type": "reaction", "nodes": "rail", "point": POINT}})  # fmt: skip
+        outputs={
+            "foot": {"type": "reaction", "nodes": "start", "point": POINT},
+            "rail": {"type": "reaction", "nodes": "rail", "point": POINT},
+        },
+    )
     assert "held nodes" in facts["outputs"]["foot"]
     free = assembled(tmp_path / "free.h5.matrices", tmp_path / "free.h5")
     start = np.isin(free["node"], mesh.point_sets["start"])
@@ -114,8 +135,12 @@ def test_of_beams_and_beside_rigid_and_distributing_interfaces(tmp_path: Path) -
     that spreads its forces over held nodes too."""
     points = np.column_stack([np.linspace(0, 1, 9), 0.1 * np.linspace(0, 1, 9) ** 2, np.zeros(9)])
     lines = np.column_stack([np.arange(8), np.arange(1, 9)])
-    beam = meshio.Mesh(points, [("line", lines)], cell_sets={"all": [np.arange(8)]},
-                       point_sets={"tip": np.array([8]), "root": np.array([0])})  # fmt: skip
+    beam = meshio.Mesh(
+        points,
+        [("line", lines)],
+        cell_sets={"all": [np.arange(8)]},
+        point_sets={"tip": np.array([8]), "root": np.array([0])},
+    )
     changes: dict[str, Any] = {
         "sections": {"strut": {"shape": "circle", "radius": 0.01}},
         "regions": {"all": {"material": "steel", "section": "strut"}},
@@ -129,18 +154,23 @@ def test_of_beams_and_beside_rigid_and_distributing_interfaces(tmp_path: Path) -
     write_body(tmp_path / "clamped.h5", beam, **changes, supports=support, outputs=outputs)
     block = sided("tetra10", counts=(2, 2, 2))
     near: dict[str, Any] = {
-        "interfaces": {"end": {"coupling": "rigid", "nodes": "end"},
-                       "start": {"coupling": "distributing", "nodes": "start"}},
+        "interfaces": {
+            "end": {"coupling": "rigid", "nodes": "end"},
+            "start": {"coupling": "distributing", "nodes": "start"},
+        },
         "loads": {"gravity": {"type": "acceleration"}},
-    }  # fmt: skip
+    }
     corner = np.flatnonzero((block.points[:, 0] < 1e-9) & (block.points[:, 1] < 0.011))
     block.point_sets["corner"] = corner
     foot = {"foot": {"type": "reaction", "nodes": "corner", "point": POINT}}
     write_body(tmp_path / "block.h5", block, **near)
-    write_body(tmp_path / "foot.h5", block, **near, supports={"corner": {"nodes": "corner"}},
-               outputs=foot)  # fmt: skip
-    for free_body, held_body, mesh, where in (("beam", "clamped", beam, "root"),
-                                              ("block", "foot", block, "corner")):  # fmt: skip
+    write_body(
+        tmp_path / "foot.h5", block, **near, supports={"corner": {"nodes": "corner"}}, outputs=foot
+    )
+    for free_body, held_body, mesh, where in (
+        ("beam", "clamped", beam, "root"),
+        ("block", "foot", block, "corner"),
+    ):
         free = assembled(tmp_path / f"{free_body}.matrices", tmp_path / f"{free_body}.h5")
         held = np.isin(free["node"], mesh.point_sets[where])
         omega, H, outputs_ = answers(tmp_path / f"{held_body}.h5", tmp_path, 1)
@@ -158,11 +188,17 @@ def test_balance_of_forces_and_certified_reactions(tmp_path: Path) -> None:
     mesh = sided("tetra10", counts=(8, 2, 2))
     body = tmp_path / "body.h5"
     foot = {"type": "reaction", "nodes": "start", "point": [0, 0, 0]}
-    write_body(body, mesh, supports={"clamp": {"nodes": "start"}}, damping={"alpha": 20.0},
-               outputs={"foot": foot})  # fmt: skip
+    write_body(
+        body,
+        mesh,
+        supports={"clamp": {"nodes": "start"}},
+        damping={"alpha": 20.0},
+        outputs={"foot": foot},
+    )
     full = body_system(body)
-    result = certified(body, (50.0, 4000.0), tmp_path, "-mor_tol", 1e-4, "-mor_statics", "yes",
-                       full=full)  # fmt: skip
+    result = certified(
+        body, (50.0, 4000.0), tmp_path, "-mor_tol", 1e-4, "-mor_statics", "yes", full=full
+    )
     assert_certified(result, 1e-4)
     model = ReducedModel.load(result["path"])
     assert {"reaction from force", "reaction moment from acceleration"} <= set(model.kinds)
@@ -196,12 +232,13 @@ def test_forces_of_calculix(element: str, tmp_path: Path) -> None:
     middle = np.flatnonzero((np.abs(plain[:, 0] - 0.05) < 0.013) & (plain[:, 2] < 1e-9))
     tip = int(mesh.point_sets["end"][0])
     extra = (
-        "*NSET, NSET=MIDDLE\n" + "\n".join(f"{i + 10}," for i in middle)
+        "*NSET, NSET=MIDDLE\n"
+        + "\n".join(f"{i + 10}," for i in middle)
         + "\n*BOUNDARY\nSTART, 1, 3\nMIDDLE, 3, 3\n*STEP\n*STATIC\n*CLOAD\n"
         + f"{tip + 10}, 2, 300\n{tip + 10}, 3, -700\n"
         + "*NODE PRINT, NSET=START, TOTALS=ONLY\nRF\n*NODE PRINT, NSET=MIDDLE, TOTALS=ONLY\nRF\n"
         + "*END STEP\n"
-    )  # fmt: skip
+    )
     deck = write_deck(tmp_path / "box.inp", element, extra, mesh=mesh)
     subprocess.run(["ccx", deck.stem], cwd=tmp_path, capture_output=True, check=True)
     printed = {}
@@ -209,11 +246,33 @@ def test_forces_of_calculix(element: str, tmp_path: Path) -> None:
     for k, line in enumerate(lines):
         if "total force" in line:
             printed[line.split("set ")[1].split()[0]] = np.array(lines[k + 2].split(), dtype=float)
-    run("import", deck, "--assemble", "--deck-loads", "--node", f"tip=NODES:{tip + 10}",
-        "--measure", "foot=reaction:NSET:START", "--measure", "middle=reaction:NSET:MIDDLE",
-        "-o", tmp_path / "body.h5")  # fmt: skip
-    run("reduce", "-body", tmp_path / "body.h5", "-mor_band_hz", "10,3000", "-mor_tol", 1e-6,
-        "-mor_statics", "yes", "-mor_out", tmp_path / "rom.h5")  # fmt: skip
+    run(
+        "import",
+        deck,
+        "--assemble",
+        "--deck-loads",
+        "--node",
+        f"tip=NODES:{tip + 10}",
+        "--measure",
+        "foot=reaction:NSET:START",
+        "--measure",
+        "middle=reaction:NSET:MIDDLE",
+        "-o",
+        tmp_path / "body.h5",
+    )
+    run(
+        "reduce",
+        "-body",
+        tmp_path / "body.h5",
+        "-mor_band_hz",
+        "10,3000",
+        "-mor_tol",
+        1e-6,
+        "-mor_statics",
+        "yes",
+        "-mor_out",
+        tmp_path / "rom.h5",
+    )
     model = ReducedModel.load(tmp_path / "rom.h5")
     load = model.transfer(0.0)[:, model.inputs.index("step1_cload.load")].real
     largest = max(np.abs(values).max() for values in printed.values())
@@ -229,16 +288,26 @@ def test_wrong_reactions(tmp_path: Path) -> None:
     mesh = sided("tetra")
     for changes, words in (
         ({"outputs": {"foot": {"type": "reaction", "nodes": "start"}}}, "no support holds any"),
-        ({"supports": {"s": {"nodes": "start"}},
-          "outputs": {"foot": {"type": "reaction", "nodes": "start", "direction": [1, 0, 0]}}},
-         "reaction takes no direction"),
-        ({"outputs": {"foot": {"nodes": "start", "point": [1, 0, 0]}}},
-         "displacement takes no point"),
-    ):  # fmt: skip
+        (
+            {
+                "supports": {"s": {"nodes": "start"}},
+                "outputs": {"foot": {"type": "reaction", "nodes": "start", "direction": [1, 0, 0]}},
+            },
+            "reaction takes no direction",
+        ),
+        (
+            {"outputs": {"foot": {"nodes": "start", "point": [1, 0, 0]}}},
+            "displacement takes no point",
+        ),
+    ):
         with pytest.raises(BodyError, match=words):
             write_body(tmp_path / "body.h5", mesh, **changes)
-    write_body(tmp_path / "body.h5", mesh, supports={"s": {"nodes": "start"}},
-               outputs={"foot": {"type": "reaction", "nodes": "start"}})  # fmt: skip
+    write_body(
+        tmp_path / "body.h5",
+        mesh,
+        supports={"s": {"nodes": "start"}},
+        outputs={"foot": {"type": "reaction", "nodes": "start"}},
+    )
     with h5py.File(tmp_path / "body.h5", "r+") as file:
         file["outputs/foot"].attrs["axes"] = [0.0, 7.0]
     failed = run("plan", "-body", tmp_path / "body.h5", "-mor_band_hz", "10,100", expect=1)

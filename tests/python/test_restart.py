@@ -45,8 +45,9 @@ def left_by(out: Path, method: str) -> Path:
 
 def start(*arguments: Any, ranks: int) -> subprocess.Popen[str]:
     command = ["mpirun", "-n", str(ranks), str(PROGRAM), *map(str, arguments)]
-    return subprocess.Popen(command, env=ENVIRONMENT, text=True, stdout=subprocess.PIPE,
-                            stderr=subprocess.STDOUT)  # fmt: skip
+    return subprocess.Popen(
+        command, env=ENVIRONMENT, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT
+    )
 
 
 def strike(process: subprocess.Popen[str], how: int, after: float) -> None:
@@ -81,8 +82,11 @@ def test_killed_at_random_moments(
     tmp_path: Path, rack: Path, method: str, ranks: int, then: int
 ) -> None:
     job = ["-body", rack, *BAND, "-mor_out"]
-    options = ["-mor_tol", "1e-8"] if method == "two_step" else ["-mor_method", "pod",
-               "-mor_samples", "12", "-mor_validate", "4", "-mor_order", "24"]  # fmt: skip
+    options = (
+        ["-mor_tol", "1e-8"]
+        if method == "two_step"
+        else ["-mor_method", "pod", "-mor_samples", "12", "-mor_validate", "4", "-mor_order", "24"]
+    )
     begin = time.time()
     whole = tmp_path / "whole.h5"
     run("reduce", *job, whole, *options, ranks=then)
@@ -92,8 +96,11 @@ def test_killed_at_random_moments(
     for trial in range(int(os.environ.get("FLEXGRAM_KILLS", "3"))):
         out = tmp_path / f"killed_{trial}.h5"
         state = left_by(out, method)
-        strike(start("reduce", *job, out, *options, "-mor_checkpoint", "yes", ranks=ranks),
-               signal.SIGKILL, float(rng.uniform(0.2, 1.1)) * length)  # fmt: skip
+        strike(
+            start("reduce", *job, out, *options, "-mor_checkpoint", "yes", ranks=ranks),
+            signal.SIGKILL,
+            float(rng.uniform(0.2, 1.1)) * length,
+        )
         kept += state.exists()
         result = run("reduce", *job, out, *options, "-mor_restart", ranks=then)
         assert ("restart" in result.out) or method == "pod"
@@ -109,8 +116,11 @@ def test_sigterm_leaves_a_checkpoint(tmp_path: Path, rack: Path, method: str, ra
     """The signal of a batch system's time limit, to the ranks: exit status 3 and a way on."""
     out = tmp_path / "rom.h5"
     job = ["reduce", "-body", rack, *BAND, "-mor_out", out]
-    job += ["-mor_tol", "1e-8"] if method == "two_step" else ["-mor_method", "pod",
-            "-mor_samples", "20", "-mor_order", "24"]  # fmt: skip
+    job += (
+        ["-mor_tol", "1e-8"]
+        if method == "two_step"
+        else ["-mor_method", "pod", "-mor_samples", "20", "-mor_order", "24"]
+    )
     begin = time.time()
     run(*job, ranks=ranks)
     length = time.time() - begin
@@ -145,8 +155,17 @@ def test_another_job_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     omega = chain_modes(60)
     first, last = 0.3 * omega[0] / 2 / np.pi, omega[7] / 2 / np.pi
     band = f"{first!r},{last!r}"
-    job = ["certify", "-body", body, "-mor_band_hz", band, "-mor_tol", "1e-6", "-mor_medium_out",
-           out]  # fmt: skip
+    job = [
+        "certify",
+        "-body",
+        body,
+        "-mor_band_hz",
+        band,
+        "-mor_tol",
+        "1e-6",
+        "-mor_medium_out",
+        out,
+    ]
     # The run removes its checkpoint when it is done; a second name keeps the last one.
     state, kept = Path(f"{out}.checkpoint"), tmp_path / "kept"
     process = start(*job, "-mor_checkpoint", "yes", ranks=1)
@@ -186,6 +205,15 @@ def test_another_job_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 
 
 def test_restart_without_a_checkpoint_begins(tmp_path: Path, rack: Path) -> None:
-    result = run("reduce", "-body", rack, *BAND, "-mor_tol", "1e-2", "-mor_restart", "-mor_out",
-                 tmp_path / "rom.h5")  # fmt: skip
+    result = run(
+        "reduce",
+        "-body",
+        rack,
+        *BAND,
+        "-mor_tol",
+        "1e-2",
+        "-mor_restart",
+        "-mor_out",
+        tmp_path / "rom.h5",
+    )
     assert "from the beginning" in result.out and (tmp_path / "rom.h5").exists()

@@ -61,8 +61,11 @@ def test_rooms_import_what_they_say() -> None:
         if not room:
             continue
         may = allowed(room)
-        wrong += [f"{module} imports {other}" for other in imports_of(path)
-                  if may is not None and room_of(other) not in may]  # fmt: skip
+        wrong += [
+            f"{module} imports {other}"
+            for other in imports_of(path)
+            if may is not None and room_of(other) not in may
+        ]
     assert not wrong
 
 

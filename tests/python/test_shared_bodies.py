@@ -82,11 +82,31 @@ def test_connecting_rod_from_a_foreign_mesh(
 @pytest.mark.parametrize("ranks", [1, 2])
 def test_connecting_rod_is_reduced(pleuel: Path, tmp_path: Path, ranks: int) -> None:
     body, out = make(pleuel, PLEUEL), tmp_path / "rom.h5"
-    run("reduce", "-body", body, "-mor_band_hz", "100,12000", "-mor_tol", "1e-4", "-mor_out", out,
-        ranks=ranks)  # fmt: skip
+    run(
+        "reduce",
+        "-body",
+        body,
+        "-mor_band_hz",
+        "100,12000",
+        "-mor_tol",
+        "1e-4",
+        "-mor_out",
+        out,
+        ranks=ranks,
+    )
     sweep = tmp_path / "sweep.h5"
-    run("sweep", "-body", body, "-rom", out, "-mor_sweep_hz", "150,11900,60", "-mor_sweep_out",
-        sweep, ranks=ranks)  # fmt: skip
+    run(
+        "sweep",
+        "-body",
+        body,
+        "-rom",
+        out,
+        "-mor_sweep_hz",
+        "150,11900,60",
+        "-mor_sweep_out",
+        sweep,
+        ranks=ranks,
+    )
     with h5py.File(sweep) as file:
         assert file["error/relative"][:].max() < 1e-3
     with h5py.File(out) as file:
@@ -97,8 +117,16 @@ def sweep_at(body: Path, hz: Any, folder: Path, ranks: int) -> Any:
     H = []
     for f in hz:
         out = folder / "point.h5"
-        run("sweep", "-body", body, "-mor_sweep_hz", repr(float(f)), "-mor_sweep_out", out,
-            ranks=ranks)  # fmt: skip
+        run(
+            "sweep",
+            "-body",
+            body,
+            "-mor_sweep_hz",
+            repr(float(f)),
+            "-mor_sweep_out",
+            out,
+            ranks=ranks,
+        )
         H.append(sweep_transfer(out)[1][0])
     return np.array(H)
 
@@ -128,12 +156,36 @@ def test_pod_has_the_reference_singular_values(load_case: Loader, tmp_path: Path
     step = np.sqrt(fsnap[1] / fsnap[0])  # the midpoint rule's band starts half a step earlier
     band = f"{float(fsnap[0] / step)!r},{float(fsnap[-1] * step)!r}"
     body, out = tmp_path / "body.h5", tmp_path / "rom.h5"
-    write_matrices(body, case["K"], case["M"], case["B"], C=case["C"],
-                   alpha=case["ref"]["alpha"], beta=case["ref"]["beta"])  # fmt: skip
-    run("reduce", "-body", body, "-mor_method", "pod", "-mor_band_hz", band, "-mor_samples",
+    write_matrices(
+        body,
+        case["K"],
+        case["M"],
+        case["B"],
+        C=case["C"],
+        alpha=case["ref"]["alpha"],
+        beta=case["ref"]["beta"],
+    )
+    run(
+        "reduce",
+        "-body",
+        body,
+        "-mor_method",
+        "pod",
+        "-mor_band_hz",
+        band,
+        "-mor_samples",
         len(fsnap),
-        "-mor_spacing", "log", "-mor_inner_product", "euclidean", "-mor_port_scaling", "none",
-        "-mor_order", 20, "-mor_out", out)  # fmt: skip
+        "-mor_spacing",
+        "log",
+        "-mor_inner_product",
+        "euclidean",
+        "-mor_port_scaling",
+        "none",
+        "-mor_order",
+        20,
+        "-mor_out",
+        out,
+    )
     with h5py.File(out) as file:
         sigma, omega = file["gramian/sigma"][:], file["error/omega"][:]
     assert np.all([np.abs(omega / (2 * np.pi) / f - 1).min() < 1e-9 for f in fsnap])
@@ -176,8 +228,18 @@ def test_singular_mass_is_reduced(load_case: Loader, tmp_path: Path, name: str) 
     body, out = tmp_path / "body.h5", tmp_path / "rom.h5"
     write_matrices(body, case["K"], case["M"], B, alpha=5.0, beta=1e-7)
     top = float(np.asarray(case["ref"]["freq_Hz"]).max()) if "freq_Hz" in case["ref"] else 5000.0
-    run("reduce", "-body", body, "-mor_band_hz", f"{top / 50},{top / 2}", "-mor_tol", "1e-5",
-        "-mor_out", out, ranks=2)  # fmt: skip
+    run(
+        "reduce",
+        "-body",
+        body,
+        "-mor_band_hz",
+        f"{top / 50},{top / 2}",
+        "-mor_tol",
+        "1e-5",
+        "-mor_out",
+        out,
+        ranks=2,
+    )
     with h5py.File(out) as file:
         assert file["error/relative"][:].max() <= 1e-5
         assert np.linalg.eigvalsh(file["M"][:]).min() > 0

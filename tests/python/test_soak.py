@@ -28,8 +28,18 @@ def test_tiny_bodies_on_more_ranks_than_rows(tmp_path: Path, ranks: int) -> None
         B[-1] = 1
         body, out = tmp_path / "b.h5", tmp_path / "r.h5"
         write_matrices(body, K * 1e6, sp.eye(n).tocsr(), B, alpha=3.0)
-        run("reduce", "-body", body, "-mor_band_hz", "10,500", "-mor_tol", "1e-9",
-            "-mor_out", out, ranks=ranks)  # fmt: skip
+        run(
+            "reduce",
+            "-body",
+            body,
+            "-mor_band_hz",
+            "10,500",
+            "-mor_tol",
+            "1e-9",
+            "-mor_out",
+            out,
+            ranks=ranks,
+        )
         rom = rom_matrices(out)
         for omega in (100.0, 1234.5):
             A = 1e6 * K.toarray() + (3j * omega - omega**2) * np.eye(n)
@@ -46,7 +56,11 @@ def test_tiny_bodies_on_more_ranks_than_rows(tmp_path: Path, ranks: int) -> None
 @pytest.mark.parametrize("verb", ["reduce", "certify", "import (mesh)", "export npz", "report"])
 def test_kills(verb: str) -> None:
     script = Path(__file__).with_name("kills.py")
-    done = subprocess.run([str(PYTHON), str(script), "3", "5", "--verb", verb], env=ENVIRONMENT,
-                          capture_output=True, text=True)  # fmt: skip
+    done = subprocess.run(
+        [str(PYTHON), str(script), "3", "5", "--verb", verb],
+        env=ENVIRONMENT,
+        capture_output=True,
+        text=True,
+    )
     assert done.returncode == 0, done.stdout + done.stderr
     assert done.stdout.splitlines()[-1].split()[-2:] == ["3", "3"]

@@ -24,9 +24,12 @@ def rotor(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any
     """A free box, one end spread over a reference."""
     folder = tmp_path_factory.mktemp("spin")
     mesh = box("tetra10", (6, 3, 3))
-    write_body_file(folder / "mesh.h5", mesh, damping=(20.0, 1e-6, 0.0),
-                    interfaces={end: {"set": end, "coupling": "distributing"}
-                                for end in ("start", "end")})  # fmt: skip
+    write_body_file(
+        folder / "mesh.h5",
+        mesh,
+        damping=(20.0, 1e-6, 0.0),
+        interfaces={end: {"set": end, "coupling": "distributing"} for end in ("start", "end")},
+    )
     return folder / "mesh.h5", assembled(folder / "matrices.h5", folder / "mesh.h5")
 
 
@@ -54,8 +57,9 @@ def test_spin_loads_are_certified(rotor: Any, ranks: int, tmp_path: Path) -> Non
     B = np.hstack([body["B"], loads(body)])
     full = System(body["K"], body["M"], B, alpha=20.0, beta=1e-6)
     band = f"{BAND[0]},{BAND[1]}"
-    result = certified(mesh, BAND, tmp_path, "-mor_tol", "1e-4", "-mor_spin_loads", "yes",
-                       ranks=ranks, full=full)  # fmt: skip
+    result = certified(
+        mesh, BAND, tmp_path, "-mor_tol", "1e-4", "-mor_spin_loads", "yes", ranks=ranks, full=full
+    )
     assert_certified(result, 1e-4)
     rom = ReducedModel.load(result["path"])
     assert rom.inputs[12:] == [f"frame.spin{pair}" for pair in PAIRS] == rom.outputs[12:]
@@ -63,8 +67,21 @@ def test_spin_loads_are_certified(rotor: Any, ranks: int, tmp_path: Path) -> Non
     assert list(interface_motion(rom)) == ["start", "end"]
     assert rom.bounds_elastic_part and "warnings" not in rom.log
     pointwise = tmp_path / "pointwise.h5"
-    told = run("reduce", "-body", mesh, "-mor_band_hz", band, "-mor_tol", "1e-4", "-mor_spin_loads",
-               "yes", "-mor_tol_relative_to", "pointwise", "-mor_out", pointwise)  # fmt: skip
+    told = run(
+        "reduce",
+        "-body",
+        mesh,
+        "-mor_band_hz",
+        band,
+        "-mor_tol",
+        "1e-4",
+        "-mor_spin_loads",
+        "yes",
+        "-mor_tol_relative_to",
+        "pointwise",
+        "-mor_out",
+        pointwise,
+    )
     assert (
         "only -mor_tol_relative_to both or elastic bounds what a spin does" in told.out + told.err
     )
@@ -104,9 +121,18 @@ def test_where_spin_loads_cannot_be(tmp_path: Path, rotor: Any) -> None:
     )
     with pytest.raises(BodyError, match="mor_spin_loads: the body has no coordinates"):
         reduce(body, (1, 10), 1e-3, options={"mor_spin_loads": "yes"})
-    said = run("reduce", "-body", rotor[0], "-mor_band_hz", "100,3000", "-mor_out",
-               tmp_path / "rom.h5")  # fmt: skip
+    said = run(
+        "reduce", "-body", rotor[0], "-mor_band_hz", "100,3000", "-mor_out", tmp_path / "rom.h5"
+    )
     assert "-mor_spin_loads yes" in said.out
-    result = run("reduce", "-body", rotor[0], "-mor_spin_loads", "perhaps", "-mor_out",
-                 tmp_path / "rom.h5", expect=1)  # fmt: skip
+    result = run(
+        "reduce",
+        "-body",
+        rotor[0],
+        "-mor_spin_loads",
+        "perhaps",
+        "-mor_out",
+        tmp_path / "rom.h5",
+        expect=1,
+    )
     assert "-mor_spin_loads" in message(result)

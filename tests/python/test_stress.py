@@ -72,8 +72,17 @@ def test_krylov_shift_a_hair_beside_an_eigenvalue(beam: dict[str, Any], tmp_path
     hz = modes(K, M)[1] * (1 + 1e-10) / TWO_PI
     write_matrices(tmp_path / "body.h5", K, M, B, alpha=50.0)
     for shifts in (f"{hz!r},5000", "2000,2000.0000001,5000"):  # and shifts that nearly coincide
-        assert_certified(certified(tmp_path / "body.h5", (100.0, 6000.0), tmp_path, "-mor_method",
-                                   "krylov", "-mor_shifts_hz", shifts))  # fmt: skip
+        assert_certified(
+            certified(
+                tmp_path / "body.h5",
+                (100.0, 6000.0),
+                tmp_path,
+                "-mor_method",
+                "krylov",
+                "-mor_shifts_hz",
+                shifts,
+            )
+        )
 
 
 @pytest.mark.kernels
@@ -115,8 +124,9 @@ def test_moments_in_newton_millimetres(beam: dict[str, Any], tmp_path: Path) -> 
     for factor in (1.0, 1e-3):
         scaled = B * np.where(np.arange(6) < 3, 1.0, factor)
         write_matrices(tmp_path / "body.h5", K, M, scaled, alpha=20.0)
-        result = certified(tmp_path / "body.h5", (100.0, 6000.0), tmp_path, "-mor_second_stage",
-                           "gramian")  # fmt: skip
+        result = certified(
+            tmp_path / "body.h5", (100.0, 6000.0), tmp_path, "-mor_second_stage", "gramian"
+        )
         assert_certified(result)
         spaces.append(result["rom"]["V"])
     assert spaces[0].shape == spaces[1].shape
@@ -135,9 +145,18 @@ def test_stiffness_contrast(beam: dict[str, Any], tmp_path: Path) -> None:
     write_matrices(tmp_path / "body.h5", K, M, B, alpha=1e-3)
     first = modes(K, M)[0] / TWO_PI
     band = (0.1 * first, 5 * first)
-    result = run("reduce", "-body", tmp_path / "body.h5", "-mor_band_hz",
-                 f"{band[0]!r},{band[1]!r}", "-mor_tol", "1e-4", "-mor_out", tmp_path / "rom.h5",
-                 expect=None)  # fmt: skip
+    result = run(
+        "reduce",
+        "-body",
+        tmp_path / "body.h5",
+        "-mor_band_hz",
+        f"{band[0]!r},{band[1]!r}",
+        "-mor_tol",
+        "1e-4",
+        "-mor_out",
+        tmp_path / "rom.h5",
+        expect=None,
+    )
     result = certified(tmp_path / "body.h5", band, tmp_path, "-mor_tol", 1e-4, expect=result.status)
     assert_certified(result)
     assert result["met"] or result["floor"] > 5e-5
@@ -163,8 +182,15 @@ def test_dashpot_and_general_damping(beam: dict[str, Any], tmp_path: Path, ranks
     general = (2e-8 * half @ K @ half).tocsc()
     for D in (dashpot, general):
         write_matrices(tmp_path / "body.h5", K, M, B, D=D)
-        result = certified(tmp_path / "body.h5", (100.0, 6000.0), tmp_path, "-mor_tol", 1e-4,
-                           count=120, ranks=ranks)  # fmt: skip
+        result = certified(
+            tmp_path / "body.h5",
+            (100.0, 6000.0),
+            tmp_path,
+            "-mor_tol",
+            1e-4,
+            count=120,
+            ranks=ranks,
+        )
         assert_certified(result, 1e-4)
         assert result["factorisations"] == 1
 
@@ -179,8 +205,19 @@ def test_a_dashpot_of_any_strength(beam: dict[str, Any], tmp_path: Path) -> None
     write_matrices(body, K, M, B, D=D)
     result = certified(body, (100.0, 6000.0), tmp_path, "-mor_order", 25)
     assert_certified(result)
-    run("reduce", "-body", body, "-mor_band_hz", "100,6000", "-mor_order", 12, "-mor_medium_order",
-        24, "-mor_out", tmp_path / "rom.h5")  # fmt: skip
+    run(
+        "reduce",
+        "-body",
+        body,
+        "-mor_band_hz",
+        "100,6000",
+        "-mor_order",
+        12,
+        "-mor_medium_order",
+        24,
+        "-mor_out",
+        tmp_path / "rom.h5",
+    )
     with h5py.File(tmp_path / "rom.h5") as file:
         assert file["error"].attrs["kind"] == "estimated"
 
@@ -189,8 +226,12 @@ def test_a_dashpot_of_any_strength(beam: dict[str, Any], tmp_path: Path) -> None
 def test_free_body_from_a_hundredth_of_a_hertz(tmp_path: Path) -> None:
     """Rigid modes from the geometry: low frequencies stay accurate. What rounding left of their
     stiffness in the stored K is 2 % of H at 0.01 Hz: not an error of this body, but told."""
-    write_body_file(tmp_path / "mesh.h5", box("tetra10", (5, 2, 2), (0.2, 0.02, 0.03)),
-                    interfaces=ENDS, damping=(1e-3, 1e-7, 0))  # fmt: skip
+    write_body_file(
+        tmp_path / "mesh.h5",
+        box("tetra10", (5, 2, 2), (0.2, 0.02, 0.03)),
+        interfaces=ENDS,
+        damping=(1e-3, 1e-7, 0),
+    )
     result = certified(tmp_path / "mesh.h5", (0.01, 6000.0), tmp_path, "-mor_tol", 1e-6)
     assert_certified(result, 1e-6)
     with h5py.File(result["path"]) as file:
@@ -214,8 +255,9 @@ def test_constraint_modes_on_very_soft_mounts(beam: dict[str, Any], tmp_path: Pa
     """All statics are the same suspension mode to ten digits: constraint modes are not."""
     K = beam["K"] + sp.diags(np.where(beam["B"].any(axis=1), 0.05, 0.0))
     matrices = (K.tocsc(), beam["M"], beam["B"])
-    check(tmp_path, matrices, (1000.0, 6000.0), 1e-4, "-mor_second_stage", "craig_bampton",
-          alpha=5.0)  # fmt: skip
+    check(
+        tmp_path, matrices, (1000.0, 6000.0), 1e-4, "-mor_second_stage", "craig_bampton", alpha=5.0
+    )
 
 
 def test_band_without_a_mode_and_band_with_many(beam: dict[str, Any], tmp_path: Path) -> None:
@@ -243,8 +285,18 @@ def test_medium_order_limit_is_named(beam: dict[str, Any], tmp_path: Path) -> No
     body = tmp_path / "body.h5"
     write_matrices(body, *clamped(beam), alpha=20.0)
     limit = ("-mor_tol", "1e-7", "-mor_medium_order")
-    result = run("reduce", "-body", body, "-mor_band_hz", "100,6000", *limit, 3, "-mor_out",
-                 tmp_path / "rom.h5", expect=1)  # fmt: skip
+    result = run(
+        "reduce",
+        "-body",
+        body,
+        "-mor_band_hz",
+        "100,6000",
+        *limit,
+        3,
+        "-mor_out",
+        tmp_path / "rom.h5",
+        expect=1,
+    )
     assert "modes lie below the cutoff" in message(result)
     assert not (tmp_path / "rom.h5").exists()
     found = certified(body, (100.0, 6000.0), tmp_path, *limit, 20, expect=2)

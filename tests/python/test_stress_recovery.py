@@ -20,8 +20,14 @@ from flexgram import BodyError, ReducedModel
 from flexgram.body.strain import stress_operator
 from flexgram.body.stress import COMPONENTS, Stresses, von_mises
 
-LAW = 210e9 / 1.3 * (np.diag([1.0, 1, 1, 0.5, 0.5, 0.5])
-                     + 0.3 / 0.4 * np.outer([1, 1, 1, 0, 0, 0], [1, 1, 1, 0, 0, 0]))  # fmt: skip
+LAW = (
+    210e9
+    / 1.3
+    * (
+        np.diag([1.0, 1, 1, 0.5, 0.5, 0.5])
+        + 0.3 / 0.4 * np.outer([1, 1, 1, 0, 0, 0], [1, 1, 1, 0, 0, 0])
+    )
+)
 
 
 def field(body: dict[str, Any], vectors: Any) -> Any:
@@ -41,8 +47,9 @@ def test_uniform_strain_and_energy(kind: str, ranks: int, tmp_path: Path) -> Non
     """A linear field has one stress everywhere, in recovery and in outputs; and of any field the
     stress does the work that K says."""
     mesh = sided(kind)
-    write_body(tmp_path / "body.h5", mesh, loads={},
-               outputs={"spot": {"type": "stress", "nodes": "side"}})  # fmt: skip
+    write_body(
+        tmp_path / "body.h5", mesh, loads={}, outputs={"spot": {"type": "stress", "nodes": "side"}}
+    )
     a = assembled(tmp_path / "matrices.h5", tmp_path / "body.h5", ranks)
     _, C = ports(tmp_path / "matrices.h5")
     A = 1e-4 * np.random.default_rng(2).standard_normal((3, 3))
@@ -60,8 +67,9 @@ def test_uniform_strain_and_energy(kind: str, ranks: int, tmp_path: Path) -> Non
     for element, nodes, law, _ in stresses.blocks:
         stress, strain, volume = stress_operator(element, mesh.points[nodes], law)
         moved = there[nodes].reshape(len(nodes), -1)
-        energy += np.einsum("eqib,eb,eqic,ec,eq->", stress, moved, strain, moved, volume,
-                            optimize=True)  # fmt: skip
+        energy += np.einsum(
+            "eqib,eb,eqic,ec,eq->", stress, moved, strain, moved, volume, optimize=True
+        )
     assert energy == pytest.approx(u @ a["K"] @ u, rel=1e-10)
     # Recovery and outputs are one.
     whole = stresses.nodal(there[None])[0][mesh.point_sets["side"]].mean(axis=0)
@@ -74,8 +82,10 @@ def test_stresses_of_calculix(element: str, tmp_path: Path) -> None:
     """At the points of integration and at nodes, under gravity, to the digits that ccx prints:
     seven, and six at nodes, where those of C3D20 come of coefficients that it has to five."""
     mesh = sided(CALCULIX[element])
-    extra = ("*BOUNDARY\nSTART, 1, 3\n*STEP\n*STATIC\n*DLOAD\nEALL, GRAV, 9810, 0, 0, 1\n"
-             "*EL PRINT, ELSET=EALL\nS\n*EL FILE\nS\n*END STEP\n")  # fmt: skip
+    extra = (
+        "*BOUNDARY\nSTART, 1, 3\n*STEP\n*STATIC\n*DLOAD\nEALL, GRAV, 9810, 0, 0, 1\n"
+        "*EL PRINT, ELSET=EALL\nS\n*EL FILE\nS\n*END STEP\n"
+    )
     deck = write_deck(tmp_path / "box.inp", element, extra, mesh=mesh)
     subprocess.run(["ccx", deck.stem], cwd=tmp_path, capture_output=True, check=True)
     theirs: dict[int, list[list[float]]] = {}
@@ -84,14 +94,22 @@ def test_stresses_of_calculix(element: str, tmp_path: Path) -> None:
         if len(words) == 8 and words[0].isdigit():
             xx, yy, zz, xy, xz, yz = map(float, words[2:])
             theirs.setdefault(int(words[0]) - 1, []).append([xx, yy, zz, xy, yz, xz])
-    write_body(tmp_path / "body.h5", mesh, mass_integration="reduced", outputs={},
-               supports={"start": {"nodes": "start"}})  # fmt: skip
+    write_body(
+        tmp_path / "body.h5",
+        mesh,
+        mass_integration="reduced",
+        outputs={},
+        supports={"start": {"nodes": "start"}},
+    )
     a = assembled(tmp_path / "matrices.h5", tmp_path / "body.h5")
     B, _ = ports(tmp_path / "matrices.h5")
     there = at_nodes(a, spsolve(a["K"].tocsc(), 9810 * B["gravity.az"]), len(mesh.points))
     kind, nodes, law, _ = Stresses.load(tmp_path / "body.h5").blocks[0]
-    stress = np.einsum("eqib,eb->eqi", stress_operator(kind, mesh.points[nodes], law)[0],
-                       there[nodes].reshape(len(nodes), -1))  # fmt: skip
+    stress = np.einsum(
+        "eqib,eb->eqi",
+        stress_operator(kind, mesh.points[nodes], law)[0],
+        there[nodes].reshape(len(nodes), -1),
+    )
     printed = np.array([theirs[e] for e in range(len(nodes))])
     scale = np.abs(printed).max()
     for ours, other in zip(stress, printed, strict=True):  # the points in any order
@@ -114,12 +132,17 @@ def test_stresses_of_calculix(element: str, tmp_path: Path) -> None:
 def test_stress_is_certified(ranks: int, tmp_path: Path) -> None:
     mesh = sided("tetra10", counts=(6, 3, 3))
     spot = int(mesh.point_sets["side"][0]) + 1
-    write_body(tmp_path / "body.h5", mesh, damping={"alpha": 20.0, "beta": 1e-6},
-               loads={"gas": {"type": "pressure", "nodes": "side"}},
-               outputs={"spot": {"type": "stress", "nodes": [spot]}},
-               supports={"start": {"nodes": "start"}})  # fmt: skip
-    result = certified(tmp_path / "body.h5", (100.0, 6000.0), tmp_path, "-mor_tol", "1e-3",
-                       ranks=ranks)  # fmt: skip
+    write_body(
+        tmp_path / "body.h5",
+        mesh,
+        damping={"alpha": 20.0, "beta": 1e-6},
+        loads={"gas": {"type": "pressure", "nodes": "side"}},
+        outputs={"spot": {"type": "stress", "nodes": [spot]}},
+        supports={"start": {"nodes": "start"}},
+    )
+    result = certified(
+        tmp_path / "body.h5", (100.0, 6000.0), tmp_path, "-mor_tol", "1e-3", ranks=ranks
+    )
     assert_certified(result, 1e-3)
     rom = ReducedModel.load(result["path"])
     assert {"stress from force", "stress from pressure", "displacement from force"} <= set(
@@ -143,8 +166,12 @@ def test_where_there_is_no_stress(tmp_path: Path) -> None:
     with pytest.raises(BodyError, match="outputs: spot: the body has no solids that deform"):
         write_body(tmp_path / "other.h5", mesh, interfaces=whole, loads={}, outputs=spot)
     with pytest.raises(BodyError, match="stress takes no direction"):
-        write_body(tmp_path / "other.h5", mesh, loads={},
-                   outputs={"spot": {**spot["spot"], "direction": [1, 0, 0]}})  # fmt: skip
+        write_body(
+            tmp_path / "other.h5",
+            mesh,
+            loads={},
+            outputs={"spot": {**spot["spot"], "direction": [1, 0, 0]}},
+        )
     run("assemble", "-body", tmp_path / "body.h5", "-body_out", tmp_path / "matrices.h5")
     with pytest.raises(BodyError, match="only bodies that flexgram assembles"):
         Stresses.load(tmp_path / "matrices.h5")
@@ -153,24 +180,59 @@ def test_where_there_is_no_stress(tmp_path: Path) -> None:
 def test_stress_over_time(tmp_path: Path) -> None:
     """The command line: pictures, and where the largest stress is. A bar that is pulled slowly."""
     mesh = box("hexahedron20", (6, 2, 2), (0.1, 0.02, 0.03), distort=False)
-    write_body(tmp_path / "body.h5", mesh, outputs={}, damping={"alpha": 2e3},
-               materials={"steel": {"E": 210e9, "nu": 0.0, "rho": 7850.0}},
-               loads={"pull": {"type": "traction", "nodes": "end"}},
-               supports={"start": {"nodes": "start"}})  # fmt: skip
+    write_body(
+        tmp_path / "body.h5",
+        mesh,
+        outputs={},
+        damping={"alpha": 2e3},
+        materials={"steel": {"E": 210e9, "nu": 0.0, "rho": 7850.0}},
+        loads={"pull": {"type": "traction", "nodes": "end"}},
+        supports={"start": {"nodes": "start"}},
+    )
     rom = tmp_path / "rom.h5"
-    run("reduce", "-body", tmp_path / "body.h5", "-mor_band_hz", "0,8000", "-mor_tol", "1e-4",
-        "-mor_statics", "yes", "-mor_out", rom)  # fmt: skip
-    said = run("simulate", rom, "--force", "pull.tx=1e7*(1-exp(-(t/2e-3)**2))", "--time",
-                   "0,0.02,201", "--stress", "--xdmf", tmp_path / "pull.xdmf", "-o",
-                   tmp_path / "y.csv").out  # fmt: skip
+    run(
+        "reduce",
+        "-body",
+        tmp_path / "body.h5",
+        "-mor_band_hz",
+        "0,8000",
+        "-mor_tol",
+        "1e-4",
+        "-mor_statics",
+        "yes",
+        "-mor_out",
+        rom,
+    )
+    said = run(
+        "simulate",
+        rom,
+        "--force",
+        "pull.tx=1e7*(1-exp(-(t/2e-3)**2))",
+        "--time",
+        "0,0.02,201",
+        "--stress",
+        "--xdmf",
+        tmp_path / "pull.xdmf",
+        "-o",
+        tmp_path / "y.csv",
+    ).out
     assert "largest von Mises stress" in said and "node" in said
     model = ReducedModel.load(rom)
     q = np.linalg.solve(model.K, model.B[:, model.inputs.index("pull.tx")] * 1e7)
     field = model.stress(q, tmp_path / "body.h5")[0]
     expected = np.array([1e7, 0, 0, 0, 0, 0])
     assert np.abs(field - expected).max() < 2e4 and np.allclose(von_mises(field), 1e7, rtol=2e-3)
-    run("reduce", "-body", tmp_path / "body.h5", "-mor_band_hz", "0,8000", "-mor_tol", "1e-4",
-        "-mor_out", tmp_path / "no.h5")  # fmt: skip
+    run(
+        "reduce",
+        "-body",
+        tmp_path / "body.h5",
+        "-mor_band_hz",
+        "0,8000",
+        "-mor_tol",
+        "1e-4",
+        "-mor_out",
+        tmp_path / "no.h5",
+    )
     without = ReducedModel.load(tmp_path / "no.h5")
     q = np.linalg.solve(without.K, without.B[:, without.inputs.index("pull.tx")] * 1e7)
     assert np.abs(without.stress(q)[0] - expected).max() > 5e6  # why the statics are there
@@ -199,12 +261,27 @@ def test_whose_stress_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     write_body(Path("body.h5"), mesh, outputs=spot, **given)
     for wrong, what in (([3, 5, 3], "a node is named twice"), ([10**6], "node numbers run from")):
         with pytest.raises(BodyError, match=what):
-            write_body(Path("wrong.h5"), mesh,
-                       outputs={"spot": {"type": "stress", "nodes": wrong}}, **given)  # fmt: skip
+            write_body(
+                Path("wrong.h5"),
+                mesh,
+                outputs={"spot": {"type": "stress", "nodes": wrong}},
+                **given,
+            )
     run("reduce", "-body", "body.h5", "-mor_band_hz", "100,3000", "-mor_out", "rom.h5")
     rom = ReducedModel.load("rom.h5")
-    run("simulate", "rom.h5", "--force", "end.fx=sin(t)", "--time", "0,0.01,11", "--stress",
-        "--xdmf", "m.xdmf", "-o", "y.csv")  # fmt: skip
+    run(
+        "simulate",
+        "rom.h5",
+        "--force",
+        "end.fx=sin(t)",
+        "--time",
+        "0,0.01,11",
+        "--stress",
+        "--xdmf",
+        "m.xdmf",
+        "-o",
+        "y.csv",
+    )
     q = np.ones((1, rom.order))
     before = rom.stress(q)
     rom.stress()[:] = 0

@@ -28,10 +28,23 @@ def reduced(
     mesh = box("tetra10", (8, 2, 2), SIZE)
     names = ("end",) if support else ("start", "end")
     interfaces = {name: {"coupling": coupling, "set": name} for name in names}
-    write_body_file(body, mesh, interfaces=interfaces, damping=(3, 2e-6, 0),
-                    supports={"start": [0, 1, 2]} if support else None)  # fmt: skip
-    run("reduce", "-body", body, "-mor_band_hz", "10,2000", "-mor_out", rom,
-        *(options or ("-mor_tol", "1e-5")))  # fmt: skip
+    write_body_file(
+        body,
+        mesh,
+        interfaces=interfaces,
+        damping=(3, 2e-6, 0),
+        supports={"start": [0, 1, 2]} if support else None,
+    )
+    run(
+        "reduce",
+        "-body",
+        body,
+        "-mor_band_hz",
+        "10,2000",
+        "-mor_out",
+        rom,
+        *(options or ("-mor_tol", "1e-5")),
+    )
     return ReducedModel.load(rom)
 
 
@@ -45,9 +58,14 @@ def model(request: Any, tmp_path_factory: pytest.TempPathFactory) -> ReducedMode
 
 
 def assert_same_response(
-    model: ReducedModel, K: Any, M: Any, D: Any, form: PhysicalForm, tolerance: float,
+    model: ReducedModel,
+    K: Any,
+    M: Any,
+    D: Any,
+    form: PhysicalForm,
+    tolerance: float,
     omega: Any = OMEGA,
-) -> None:  # fmt: skip
+) -> None:
     """H of matrices in the order of the form, against the body's."""
     for w in omega:
         H = form.C @ np.linalg.solve(K + 1j * w * D - w * w * M, form.B) + form.feedthrough
@@ -112,8 +130,9 @@ def test_nastran_superelement(model: ReducedModel, tmp_path: Path) -> None:
     places = form.positions()
     assert len(bulk.nodes) == len(places)
     of: dict[tuple[int, int], int] = {}
-    for (name, moves), (label, grid) in zip(form.interfaces.items(), bulk.nodes.items(),
-                                            strict=True):  # fmt: skip
+    for (name, moves), (label, grid) in zip(
+        form.interfaces.items(), bulk.nodes.items(), strict=True
+    ):
         assert np.allclose(grid.xyz, places[name], rtol=1e-10, atol=1e-12)
         of |= {(label, direction + 1): row for direction, row in moves.items()}
     points = sorted(bulk.spoints)
@@ -140,8 +159,10 @@ def test_op4(model: ReducedModel, tmp_path: Path) -> None:
     form = model.physical()
     export(model, tmp_path / "part.op4", "op4")
     read = OP4().read_op4(str(tmp_path / "part.op4"))
-    K, M, D, P = (np.asarray(read[name].data if hasattr(read[name], "data") else read[name][1])
-                  for name in ("KAA", "MAA", "BAA", "PA"))  # fmt: skip
+    K, M, D, P = (
+        np.asarray(read[name].data if hasattr(read[name], "data") else read[name][1])
+        for name in ("KAA", "MAA", "BAA", "PA")
+    )
     assert np.array_equal(P, form.B)
     assert np.allclose(K, form.K, rtol=1e-15, atol=0) and np.allclose(M, form.M, rtol=1e-15, atol=0)
     assert_same_response(model, K, M, D, form, 1e-9)
@@ -164,8 +185,12 @@ def test_checks_of_pyyeti(model: ReducedModel, tmp_path: Path) -> None:
     inputs = [model.inputs.index(name) for name in form.boundary]
     for w in OMEGA:
         saved: dict[str, Any] = {}
-        forces = np.array([cb.cbtf(M, D, K, a, np.array([w / (2 * np.pi)]), b, saved).frc[:, 0]
-                           for a in -(w**2) * np.eye(len(b))]).T  # fmt: skip
+        forces = np.array(
+            [
+                cb.cbtf(M, D, K, a, np.array([w / (2 * np.pi)]), b, saved).frc[:, 0]
+                for a in -(w**2) * np.eye(len(b))
+            ]
+        ).T
         H = model.transfer(w)[np.ix_(outputs, inputs)]
         assert np.linalg.norm(H @ forces - np.eye(len(b))) < 1e-8 * len(b)
     uset = None
@@ -213,8 +238,9 @@ def test_abaqus_matrices(eta: float, model: ReducedModel, tmp_path: Path) -> Non
         found = {}
         for role in ("STIFFNESS", "MASS", "VISCOUS DAMPING", "STRUCTURAL DAMPING"):
             a = np.zeros((form.order, form.order))
-            for (n, d, o, e), value in matrices.get(f"FLEXGRAM_{role.replace(' ', '_')}",
-                                                    {}).items():  # fmt: skip
+            for (n, d, o, e), value in matrices.get(
+                f"FLEXGRAM_{role.replace(' ', '_')}", {}
+            ).items():
                 a[of[n, d], of[o, e]] = a[of[o, e], of[n, d]] = value
             assert (f"{role}=FLEXGRAM_{role.replace(' ', '_')}" in assembled) == bool(a.any())
             found[role] = a
@@ -263,13 +289,15 @@ def flex5(path: Path) -> dict[str, Any]:
         for name in ("mass", "stiffness", "damping"):
             if key.startswith(f"!{name} matrix"):
                 assert next(lines).startswith("!")
-                found[name] = np.array([[float(x) for x in next(lines).split()]
-                                        for _ in range(found["n"])])  # fmt: skip
+                found[name] = np.array(
+                    [[float(x) for x in next(lines).split()] for _ in range(found["n"])]
+                )
         if key.startswith("!loading and wave elevation"):
             assert next(lines).startswith("!")
             steps = round(found["T"] / found["dt"]) + 1
-            found["loads"] = np.array([[float(x) for x in next(lines).split()]
-                                       for _ in range(steps)])  # fmt: skip
+            found["loads"] = np.array(
+                [[float(x) for x in next(lines).split()] for _ in range(steps)]
+            )
     return found
 
 
@@ -296,8 +324,9 @@ def test_extptfm_by_the_reader_of_others(model: ReducedModel, tmp_path: Path) ->
         return
     export(model, tmp_path / "part.dat", "extptfm")
     read = FASTInputFile(str(tmp_path / "part.dat"))
-    K, M, D = (np.asarray(read[f"{name}Matrix"], dtype=float)
-               for name in ("Stiffness", "Mass", "Damping"))  # fmt: skip
+    K, M, D = (
+        np.asarray(read[f"{name}Matrix"], dtype=float) for name in ("Stiffness", "Mass", "Damping")
+    )
     assert read.module == "ExtPtfm" and not np.any(np.asarray(read["Loading"])[:, 1:])
     assert_same_response(model, K, M, D, form, 1e-9)
     assert_same_modes(model, K, M, 1e-9)

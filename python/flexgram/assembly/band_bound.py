@@ -49,8 +49,9 @@ class BandProof:
 class BandBound(ABC):
     """A bound of an assembly's error on intervals."""
 
-    def __init__(self, loop: Loop, pencils: list[Pencil], tell: Callable[[str], None] | None
-                 ) -> None:  # fmt: skip
+    def __init__(
+        self, loop: Loop, pencils: list[Pencil], tell: Callable[[str], None] | None
+    ) -> None:
         """``tell`` is called every few seconds with how far it is. Series about the middle of an
         interval reach as far as its pencils let them."""
         self.loop, self.pencils = loop, pencils
@@ -97,8 +98,10 @@ class BandBound(ABC):
         if self._tell is not None and time.monotonic() - self._told > 3:
             self._told = time.monotonic()
             left = sum(b - a for a, b in todo) / (2 * np.pi)
-            self._tell(f"{self.loop.views[self._view].name}: {len(self._seen)} intervals, "
-                       f"{left:.4g} Hz left")  # fmt: skip
+            self._tell(
+                f"{self.loop.views[self._view].name}: {len(self._seen)} intervals, "
+                f"{left:.4g} Hz left"
+            )
 
     def _cover(
         self,

@@ -80,16 +80,21 @@ class Verdict:
         known = [f"{kind} {worst:.1e}" for kind, worst in self.by_kind.items() if worst < np.inf]
         unknown = [kind for kind, worst in self.by_kind.items() if worst == np.inf]
         by_kind = (f"; by kind {', '.join(known)}" if known else "") + (
-            f"; nothing by itself of {', '.join(unknown)}" if unknown else "")  # fmt: skip
+            f"; nothing by itself of {', '.join(unknown)}" if unknown else ""
+        )
         seen = self.estimate[np.isfinite(self.estimate)]
         by_kind = (f" (estimated: {seen.max():.1e})" if len(seen) else "") + by_kind
         if self.kind == "certified":
-            return (f"at most {self.worst:.1e} of |H| at each frequency, everywhere in the band, "
-                    f"by the parts' claims{by_kind}")  # fmt: skip
+            return (
+                f"at most {self.worst:.1e} of |H| at each frequency, everywhere in the band, "
+                f"by the parts' claims{by_kind}"
+            )
         if self.kind == "certified outside":
-            return (f"at most {self.worst:.1e} of |H| at each frequency of the band but in "
-                    f"{len(self.open)} intervals beside undamped resonances, by the parts' claims"
-                    + by_kind)  # fmt: skip
+            return (
+                f"at most {self.worst:.1e} of |H| at each frequency of the band but in "
+                f"{len(self.open)} intervals beside undamped resonances, by the parts' claims"
+                + by_kind
+            )
         wide = np.diff(self.bands, axis=1).sum()
         share = 1 - np.diff(self.open, axis=1).sum() / wide if wide > 0 else 0.0
         by = f" (by {self.worst:.1e})" if np.isfinite(self.worst) else ""
@@ -133,15 +138,17 @@ def verdict(
     parts = Parts(models, turns or {})
     bands = common_bands([m.claim.bands for m in models.values()])
     if omega is None:
-        grid = np.concatenate([*(m.claim.omega for m in models.values()),
-                               np.empty(0) if modes is None else modes])  # fmt: skip
+        grid = np.concatenate(
+            [*(m.claim.omega for m in models.values()), np.empty(0) if modes is None else modes]
+        )
         w = np.unique(grid)
         w = w[np.any([(w >= a) & (w <= b) for a, b in bands], axis=0)]
         w = np.unique(np.concatenate([w[:: max(1, len(w) // 400)], bands.ravel()]))
     else:
         w = np.atleast_1d(np.asarray(omega, dtype=float))
-        if not np.all(np.any([(w >= a * (1 - 1e-12)) & (w <= b * (1 + 1e-12)) for a, b in bands],
-                             axis=0)):  # fmt: skip
+        if not np.all(
+            np.any([(w >= a * (1 - 1e-12)) & (w <= b * (1 + 1e-12)) for a, b in bands], axis=0)
+        ):
             raise BodyError("a frequency is outside the band that the parts share")
     loop = Loop(parts, joints, keep)
     unknown = np.full(len(w), np.inf)
@@ -185,8 +192,10 @@ def _silent(name: str, model: ReducedBody) -> str:
     if model.claim.kind == "estimated":
         return f"part {name} is not certified"
     if model.claim.relative_to == "band":
-        return (f"the claim of part {name} is relative to the largest H of the band and says too "
-                "little of each frequency (-mor_tol_relative_to both)")  # fmt: skip
+        return (
+            f"the claim of part {name} is relative to the largest H of the band and says too "
+            "little of each frequency (-mor_tol_relative_to both)"
+        )
     if model.claim.load_names:
         return f"part {name} was reduced for few loads, of single ports nothing is claimed"
     return ""

@@ -94,15 +94,21 @@ def couple(
     direct = _feedthrough(models, parts, joints, inputs, outputs)
     bands = common_bands([m.claim.bands for m in models.values()])
     fields: dict[str, Any] = {
-        "M": _symmetric(N.T @ parts.M @ N), "D": _symmetric(N.T @ D @ N),
-        "K": _symmetric(N.T @ K @ N), "eta": parts.eta,
-        "B": N.T @ parts.B[:, inputs], "C": parts.C[outputs] @ N,
+        "M": _symmetric(N.T @ parts.M @ N),
+        "D": _symmetric(N.T @ D @ N),
+        "K": _symmetric(N.T @ K @ N),
+        "eta": parts.eta,
+        "B": N.T @ parts.B[:, inputs],
+        "C": parts.C[outputs] @ N,
         "B/names": [parts.inputs[i] for i in inputs],
-        "C/names": [parts.outputs[i] for i in outputs], "feedthrough": direct,
-        "gramian/sigma": np.empty(0), "error/bands": bands,
-        "band": np.array([bands[0, 0], bands[-1, 1]]), "method": "couple",
+        "C/names": [parts.outputs[i] for i in outputs],
+        "feedthrough": direct,
+        "gramian/sigma": np.empty(0),
+        "error/bands": bands,
+        "band": np.array([bands[0, 0], bands[-1, 1]]),
+        "method": "couple",
         "frame/kind": "none",
-    }  # fmt: skip
+    }
     squares = scipy.linalg.eigh(fields["K"], fields["M"], eigvals_only=True)
     fields["modes/omega"] = np.sqrt(np.maximum(squares, 0))
     slow = 1e-3 * min(bands[bands > 0].min(initial=np.inf), fields["modes/omega"][-1])
@@ -119,8 +125,10 @@ def _joined(parts: Parts, joints: Sequence[Joint]) -> tuple[Floats, Floats, list
     rows: list[Floats] = []
     for joint in joints:
         if parts.eta and not joint.ties:
-            raise BodyError("springs beside structural damping (eta) would be damped too: give the "
-                            "parts Rayleigh damping instead")  # fmt: skip
+            raise BodyError(
+                "springs beside structural damping (eta) would be damped too: give the "
+                "parts Rayleigh damping instead"
+            )
         for direction, weights in tied(parts, joint):
             moved = parts.B @ weights  # of q: what the outputs of the same ports measure
             if joint.ties:
@@ -138,9 +146,11 @@ def _motions_left(ties: Sequence[Floats], count: int) -> Floats:
     rows = np.array(ties)
     _, values, turned = np.linalg.svd(rows / np.linalg.norm(rows, axis=1)[:, None])
     if len(rows) > count or values[-1] < 1e-9 * values[0]:
-        raise BodyError("the joints hold a motion twice, or one that the parts' coordinates do "
-                        "not have: leave out directions, or reduce the parts with -mor_statics "
-                        "yes")  # fmt: skip
+        raise BodyError(
+            "the joints hold a motion twice, or one that the parts' coordinates do "
+            "not have: leave out directions, or reduce the parts with -mor_statics "
+            "yes"
+        )
     N: Floats = turned[len(rows) :].T
     return N
 
@@ -181,9 +191,11 @@ def _feedthrough(
     direct = scipy.linalg.block_diag(*(m.system.feedthrough for m in models.values()))
     for i, j in np.argwhere(direct):
         if _interface(parts.inputs[j]) in _ends(joints) and i in outputs:
-            raise BodyError(f"{parts.outputs[i]} takes a share of {parts.inputs[j]} at once, "
-                            "with no motion between, and a joint's force is no input: leave it "
-                            "out (-mor_outputs)")  # fmt: skip
+            raise BodyError(
+                f"{parts.outputs[i]} takes a share of {parts.inputs[j]} at once, "
+                "with no motion between, and a joint's force is no input: leave it "
+                "out (-mor_outputs)"
+            )
     left: Floats = direct[np.ix_(outputs, inputs)]
     return left
 
@@ -195,12 +207,17 @@ def _claim(known: Verdict) -> dict[str, Any]:
     if known.kind != "estimated":
         worst = max([known.worst, *closed.values()])
     has_estimate = np.isfinite(known.estimate).any()
-    fields = {"error/omega": known.omega,
-              "error/relative": known.estimate if has_estimate else known.bound,
-              "error/bound": known.bound, "error/kind": known.kind, "error/worst": worst,
-              "error/unclaimed": [name for name in known.by_kind if name not in closed],
-              "error/kinds": list(closed), "error/by_kind": np.array(list(closed.values())),
-              "error/relative_to": "pointwise"}  # fmt: skip
+    fields = {
+        "error/omega": known.omega,
+        "error/relative": known.estimate if has_estimate else known.bound,
+        "error/bound": known.bound,
+        "error/kind": known.kind,
+        "error/worst": worst,
+        "error/unclaimed": [name for name in known.by_kind if name not in closed],
+        "error/kinds": list(closed),
+        "error/by_kind": np.array(list(closed.values())),
+        "error/relative_to": "pointwise",
+    }
     if known.kind != "estimated":
         fields["error/whole"] = known.worst
     if known.kind == "certified outside":

@@ -61,9 +61,15 @@ class PartForm:
         sums = a_k * form.rounding_stiffness + last**2 * form.rounding_mass
         of_ports = np.hstack([ports.rounding for ports in self.sides]).max(axis=1, initial=0)
         share = of_ports / np.maximum(np.hstack(sizes).max(axis=1, initial=0), 1e-300)
-        factor = about(omega, h, (np.array(1 + 1j * form.eta),
-                               np.array(1j * (form.beta - form.kappa * form.alpha)),
-                               np.array(form.kappa)))  # fmt: skip
+        factor = about(
+            omega,
+            h,
+            (
+                np.array(1 + 1j * form.eta),
+                np.array(1j * (form.beta - form.kappa * form.alpha)),
+                np.array(form.kappa),
+            ),
+        )
         size_of_factor = float(np.abs(factor).sum())
         result = []
         for ports, x_i, size in zip(self.sides, x, sizes, strict=True):
@@ -82,15 +88,18 @@ def _with_norms(w: Series, beside: Floats) -> Series:
     matrix times y."""
     rows = np.zeros((len(w.coefficients), len(beside), len(beside)))
     rows[0] = np.diag(np.sqrt(len(beside)) * beside)
-    return Series(np.concatenate([w.coefficients, rows], axis=1),
-                  np.concatenate([w.tail, 0 * rows[0]]))  # fmt: skip
+    return Series(
+        np.concatenate([w.coefficients, rows], axis=1), np.concatenate([w.tail, 0 * rows[0]])
+    )
 
 
 def _side_by_side(parts: list[Series]) -> Series:
     """A block for each part."""
     blocks = [[s.coefficients[k] for s in parts] for k in range(len(parts[0].coefficients))]
-    return Series(np.array([scipy.linalg.block_diag(*b) for b in blocks]),
-                  scipy.linalg.block_diag(*(s.tail for s in parts)))  # fmt: skip
+    return Series(
+        np.array([scipy.linalg.block_diag(*b) for b in blocks]),
+        scipy.linalg.block_diag(*(s.tail for s in parts)),
+    )
 
 
 @dataclass
@@ -201,8 +210,9 @@ class FormOverBand(BandBound):
             H = _Values.of(small.H.part(view.rows, view.columns), at).norms()
             least = np.array([2 * H[1] - H[0], H[1]])
             off = _Values.of(difference.part(view.rows, view.columns), at).norms()
-            differences[:, :, v] = np.divide(off, least, where=least > 0,
-                                             out=np.full(off.shape, np.inf))  # fmt: skip
+            differences[:, :, v] = np.divide(
+                off, least, where=least > 0, out=np.full(off.shape, np.inf)
+            )
             if residuals is None:
                 continue
             error, gain = residuals.error(view)
@@ -211,8 +221,9 @@ class FormOverBand(BandBound):
                 dual = _Values.of(found.dual.part(slice(None), view.rows), at)
                 motion = _Values.of(found.motion.part(slice(None), view.columns), at)
                 error += series.rounding * dual.norms() * motion.norms()
-            bounds[:, :, v] = np.divide(error, least - error, where=least > error,
-                                        out=np.full(error.shape, np.inf))  # fmt: skip
+            bounds[:, :, v] = np.divide(
+                error, least - error, where=least > error, out=np.full(error.shape, np.inf)
+            )
         return bounds, gain, differences
 
     def _residuals(
@@ -224,8 +235,11 @@ class FormOverBand(BandBound):
         inputs, outputs = (_side_by_side([pair[side] for pair in known]) for side in (0, 1))
         # Ports in the units in which their residuals are alike.
         u_in, u_out = (
-            np.maximum(np.linalg.norm(s.coefficients[0], axis=0) + np.linalg.norm(s.tail, axis=0),
-                       1e-300) for s in (inputs, outputs))  # fmt: skip
+            np.maximum(
+                np.linalg.norm(s.coefficients[0], axis=0) + np.linalg.norm(s.tail, axis=0), 1e-300
+            )
+            for s in (inputs, outputs)
+        )
         W_B, W_C = (
             _Values.of(s.scaled(1 / u), at).compressed()
             for s, u in ((inputs, u_in), (outputs, u_out))
@@ -235,8 +249,7 @@ class FormOverBand(BandBound):
         Q = _Values.of(medium.Q.between(left, right), at)
         before = _Values.of(medium.before.between(left, free_in), at)
         after = _Values.of(medium.after.between(free_out, right).transposed(), at)
-        return _Residuals(W_B.times(Q).times(W_C.transposed()), W_B.times(before),
-                          W_C.times(after))  # fmt: skip
+        return _Residuals(W_B.times(Q).times(W_C.transposed()), W_B.times(before), W_C.times(after))
 
 
 def _difference(one: Series, other: Series) -> Series:

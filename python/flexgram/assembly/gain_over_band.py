@@ -67,7 +67,8 @@ class GainOverBand(BandBound):
                 return np.asarray(np.sqrt(np.sqrt(len(block.tail)) * sizes(block)))
 
             return lambda rows, columns: (
-                root(self.own[name][0], rows) * root(self.own[name][1], columns))  # fmt: skip
+                root(self.own[name][0], rows) * root(self.own[name][1], columns)
+            )
 
         errors = []
         for name, part in self.parts.items():

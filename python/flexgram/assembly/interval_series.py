@@ -91,8 +91,10 @@ class Series:
         d = len(self.coefficients)
         values = np.tensordot(at.powers[:, :d], self.coefficients, axes=(1, 0))
         sizes = np.linalg.norm(self.coefficients, axis=(1, 2))
-        return (np.linalg.norm(values, order, axis=(1, 2)),
-                at.moved[:, :d] @ sizes + float(np.linalg.norm(self.tail)))  # fmt: skip
+        return (
+            np.linalg.norm(values, order, axis=(1, 2)),
+            at.moved[:, :d] @ sizes + float(np.linalg.norm(self.tail)),
+        )
 
 
 def _norm(A: ComplexArray) -> float:
@@ -141,13 +143,18 @@ class Pencil:
             if self.D.ndim == 1:
                 with np.errstate(divide="ignore", invalid="ignore"):
                     inverse = 1 / (self.K + 1j * omega * self.D - omega**2 * self.M)
-                    self._steps = ((1j * self.D - 2 * omega * self.M) * inverse, inverse,
-                                   self.M * inverse)  # fmt: skip
+                    self._steps = (
+                        (1j * self.D - 2 * omega * self.M) * inverse,
+                        inverse,
+                        self.M * inverse,
+                    )
             else:
-                inverse = np.linalg.inv(
-                    np.diag(self.K - omega**2 * self.M) + 1j * omega * self.D)  # fmt: skip
-                self._steps = (inverse @ (1j * self.D - 2 * omega * np.diag(self.M)), inverse,
-                               inverse * self.M)  # fmt: skip
+                inverse = np.linalg.inv(np.diag(self.K - omega**2 * self.M) + 1j * omega * self.D)
+                self._steps = (
+                    inverse @ (1j * self.D - 2 * omega * np.diag(self.M)),
+                    inverse,
+                    inverse * self.M,
+                )
             self._at = omega
         return self._steps
 

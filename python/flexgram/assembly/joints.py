@@ -67,8 +67,10 @@ class Parts:
         self.turn = {name: _rotation(turns.get(name)) for name in models}
         etas = {m.system.eta for m in models.values()}
         if len(etas) > 1:
-            raise BodyError("the parts have different structural damping (eta): the assembly has "
-                            "none of its own; give Rayleigh damping instead")  # fmt: skip
+            raise BodyError(
+                "the parts have different structural damping (eta): the assembly has "
+                "none of its own; give Rayleigh damping instead"
+            )
         self.eta = etas.pop()
         blocks = [
             (m.system.M, m.system.D, m.system.K, m.system.B, m.system.C) for m in models.values()
@@ -92,13 +94,20 @@ class Parts:
     def has(self, interface: str) -> list[str]:
         """Directions in which an interface can be tied."""
         part = self.part_of(interface)
-        there = [d for d, f in PORTS.items() if f"{interface}.{f}" in self.inputs
-                 and f"{interface}.{f}" in self.outputs]  # fmt: skip
+        there = [
+            d
+            for d, f in PORTS.items()
+            if f"{interface}.{f}" in self.inputs and f"{interface}.{f}" in self.outputs
+        ]
         if not there:
             names = sorted({p.rpartition(".")[0] for p in self.inputs if p in self.outputs})
             raise BodyError(f"{interface} is no interface; there are {', '.join(names)}")
-        whole = [d for group in ("x y z", "rx ry rz")
-                 for d in group.split() if set(group.split()) <= set(there)]  # fmt: skip
+        whole = [
+            d
+            for group in ("x y z", "rx ry rz")
+            for d in group.split()
+            if set(group.split()) <= set(there)
+        ]
         plain = np.abs(self.turn[part] - np.eye(3)).max() <= TURNED
         return there if plain else whole
 
@@ -107,8 +116,9 @@ class Parts:
         for force in PORTS.values():
             name = f"{interface}.{force}"
             if name in self.inputs and name in self.outputs:
-                expect_collocated(name, self.C[self.outputs.index(name)],
-                                  self.B[:, self.inputs.index(name)])  # fmt: skip
+                expect_collocated(
+                    name, self.C[self.outputs.index(name)], self.B[:, self.inputs.index(name)]
+                )
 
     def port(self, interface: str, direction: str) -> Floats:
         """The combination of inputs (and of the same outputs) that moves an interface in a
@@ -138,18 +148,23 @@ def tied(parts: Parts, joint: Joint) -> list[tuple[str, Floats]]:
     own = {**joint.stiffness, **joint.damping}
     for direction, value in (*joint.stiffness.items(), *joint.damping.items()):
         if direction not in PORTS or (joint.directions and direction not in joint.directions):
-            raise BodyError(f"{words}: {direction} must be one of "
-                            f"{', '.join(joint.directions or PORTS)}")  # fmt: skip
+            raise BodyError(
+                f"{words}: {direction} must be one of {', '.join(joint.directions or PORTS)}"
+            )
         if not (np.isfinite(value) and value > 0):
             raise BodyError(f"{words}: {direction} = {value} must be positive")
     if own and set(joint.directions) - set(own):
         raise BodyError(f"{words}: no stiffness or damping in {joint.directions[0]}")
-    wanted = list(joint.directions) or [d for d in PORTS if d in own] or [
-        d for d in PORTS if d in first and d in second
-    ]  # fmt: skip
+    wanted = (
+        list(joint.directions)
+        or [d for d in PORTS if d in own]
+        or [d for d in PORTS if d in first and d in second]
+    )
     if not wanted:
-        raise BodyError(f"{words}: they have no direction in common ({', '.join(first)} and "
-                        f"{', '.join(second)})")  # fmt: skip
+        raise BodyError(
+            f"{words}: they have no direction in common ({', '.join(first)} and "
+            f"{', '.join(second)})"
+        )
     result = []
     for direction in wanted:
         if direction not in PORTS:
@@ -168,8 +183,9 @@ def common_bands(all_bands: Sequence[Floats]) -> Floats:
     """Where every part is claimed to be good."""
     common = [tuple(band) for band in all_bands[0]]
     for bands in all_bands[1:]:
-        common = [(max(a, c), min(b, d)) for a, b in common for c, d in bands
-                  if max(a, c) <= min(b, d)]  # fmt: skip
+        common = [
+            (max(a, c), min(b, d)) for a, b in common for c, d in bands if max(a, c) <= min(b, d)
+        ]
     if not common:
         raise BodyError("the parts' bands have no frequency in common")
     return np.array(common)

@@ -80,8 +80,11 @@ class LoopSeries:
         self.pencil = Pencil(N.T @ K @ N, N.T @ D @ N, N.T @ parts.M @ N, parts.eta, tau)
         # Of the matrices of modes: some roundings, of the stiffest spring's where it is stiffer
         # than the parts.
-        self.rounding = 80 * np.finfo(float).eps * float(
-            scipy.linalg.eigh(K, parts.K + tau * parts.M, eigvals_only=True)[-1])  # fmt: skip
+        self.rounding = (
+            80
+            * np.finfo(float).eps
+            * float(scipy.linalg.eigh(K, parts.K + tau * parts.M, eigvals_only=True)[-1])
+        )
         N, L = N @ self.pencil.modes, np.linalg.pinv(G).T
         stiffness = (K * (1 + 1j * parts.eta), 1j * D, -parts.M)
         self.NAL = [N.T @ A @ L for A in stiffness]
@@ -96,8 +99,11 @@ class LoopSeries:
         ties, springs = self.ties, self.springs
         tied, sprung = [p + k for k in ties], [p + k for k in springs]
         NAL, LAL = about(omega, h, self.NAL), about(omega, h, self.LAL)
-        Y = about(omega, h, (np.diag(self.stiffness), 1j * np.diag(self.damping),
-                           0 * np.diag(self.damping)))  # fmt: skip
+        Y = about(
+            omega,
+            h,
+            (np.diag(self.stiffness), 1j * np.diag(self.damping), 0 * np.diag(self.damping)),
+        )
         loads = np.zeros((3, len(self.NB), p + t + o), dtype=complex)  # forces, gaps, outputs
         loads[0, :, :p], loads[:, :, tied], loads[:, :, sprung] = self.NB, -NAL, self.Nb @ Y
         loads[0, :, p + t :] = self.CN.T
@@ -123,10 +129,12 @@ class LoopSeries:
         return LoopOverInterval(
             Q=forces.part(every, to_gaps).between(-self.S_in.T, self.S_out),
             after=gaps.between(np.eye(o), -self.S_out).plus(
-                np.eye(self.S_out.shape[1])[self.free_out]),
-            before=forces.part(every, to_forces).between(-self.S_in.T, np.eye(p)).plus(
-                np.eye(self.S_in.shape[1])[:, self.free_in]),
+                np.eye(self.S_out.shape[1])[self.free_out]
+            ),
+            before=forces.part(every, to_forces)
+            .between(-self.S_in.T, np.eye(p))
+            .plus(np.eye(self.S_in.shape[1])[:, self.free_in]),
             H=outputs.part(every, to_forces),
             motion=z.part(every, to_forces),
             dual=answers.part(every, slice(p + t, None)),
-        )  # fmt: skip
+        )

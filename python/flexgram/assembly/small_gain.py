@@ -116,7 +116,8 @@ def _own_of(m: ReducedBody, omega: float) -> Sizes:
         return float(np.abs(np.diag(H))[ports].sum())
 
     return lambda rows, columns: np.asarray(
-        np.sqrt(answer(m.system.C.T, rows) * answer(m.system.B, columns)))  # fmt: skip
+        np.sqrt(answer(m.system.C.T, rows) * answer(m.system.B, columns))
+    )
 
 
 def _share(claim: float) -> float:
@@ -136,9 +137,12 @@ def _views(outputs: list[str], inputs: list[str]) -> list[View]:
     views = [View("all", list(range(len(outputs))), list(range(len(inputs))))]
     rows, columns = _by_kind(outputs, OUTPUT_KINDS), _by_kind(inputs, INPUT_KINDS)
     square = set(rows) == {"displacement", "rotation"} and set(columns) == {"force", "moment"}
-    views += [View(f"{output} from {input_}", rows[output], columns[input_])
-              for output in rows for input_ in columns
-              if output and input_ and not (square and (output, input_) in CROSSED)]  # fmt: skip
+    views += [
+        View(f"{output} from {input_}", rows[output], columns[input_])
+        for output in rows
+        for input_ in columns
+        if output and input_ and not (square and (output, input_) in CROSSED)
+    ]
     return views if len(views) > 2 else views[:1]
 
 
@@ -161,8 +165,11 @@ class Loop:
 
     def __init__(self, parts: Parts, joints: Sequence[Joint], keep: Sequence[str]) -> None:
         self.parts = parts
-        self.elastic = {name: without_rigid_modes(m) for name, m in parts.models.items()
-                        if m.claim.bounds_elastic_part and m.frame.rigid_modes}  # fmt: skip
+        self.elastic = {
+            name: without_rigid_modes(m)
+            for name, m in parts.models.items()
+            if m.claim.bounds_elastic_part and m.frame.rigid_modes
+        }
         found = [(d, weights, joint) for joint in joints for d, weights in tied(parts, joint)]
         self.ties = [(d, joint) for d, _, joint in found]
         shape = len(found), len(parts.inputs)
@@ -176,8 +183,9 @@ class Loop:
             return [k for k, name in enumerate(names) if name.rpartition(".")[0] not in joined]
 
         self.free_in, self.free_out = free(parts.inputs), free(parts.outputs)
-        self.views = _views([parts.outputs[k] for k in self.free_out],
-                            [parts.inputs[k] for k in self.free_in])  # fmt: skip
+        self.views = _views(
+            [parts.outputs[k] for k in self.free_out], [parts.inputs[k] for k in self.free_in]
+        )
         self.kinds: dict[str, tuple[list[str], list[str]]] = {}  # of outputs, of inputs
         self.in_blocks: list[list[int]] = []
         self.out_blocks: list[list[int]] = []
@@ -212,8 +220,9 @@ class Loop:
         after = np.eye(len(H), dtype=complex)[self.free_out] - H[self.free_out] @ Q
         before = np.eye(H.shape[1], dtype=complex)[:, self.free_in] - Q @ H[:, self.free_in]
         whole = after @ H[:, self.free_in]
-        of_Q = np.array([[size_of(Q[np.ix_(r, c)]) for c in self.out_blocks]
-                         for r in self.in_blocks])  # fmt: skip
+        of_Q = np.array(
+            [[size_of(Q[np.ix_(r, c)]) for c in self.out_blocks] for r in self.in_blocks]
+        )
         growth, gain = growth_of(of_Q, E)
         bounds = np.full(len(self.views), np.inf)
         if growth is not None:

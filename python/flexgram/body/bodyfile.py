@@ -116,8 +116,13 @@ def write_matrices(
     """
     n = K.shape[0]
     ports = {"inputs": (inputs, np.shape(B)[-1]), "outputs": (outputs, C is None or np.shape(C)[0])}
-    expected = {"K": (K, (n, n)), "M": (M, (n, n)), "D": (D, (n, n)), "B": (B, (n, None)),
-                "C": (C, (None, n))}  # fmt: skip
+    expected = {
+        "K": (K, (n, n)),
+        "M": (M, (n, n)),
+        "D": (D, (n, n)),
+        "B": (B, (n, None)),
+        "C": (C, (None, n)),
+    }
     for name, (value, shape) in expected.items():
         if value is None:
             continue

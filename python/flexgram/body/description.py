@@ -102,8 +102,9 @@ def _select_nodes(
         if len(np.unique(nodes)) < len(nodes):
             raise BodyError(f"{where}: a node is named twice")
         if not used[nodes].all():
-            raise BodyError(f"{where}: node {nodes[~used[nodes]][0] + 1} belongs to no element of "
-                            "the body")  # fmt: skip
+            raise BodyError(
+                f"{where}: node {nodes[~used[nodes]][0] + 1} belongs to no element of the body"
+            )
     else:
         try:
             nodes = sets(str(choice))
@@ -186,9 +187,21 @@ def import_description(
     reader = Reader(
         content,
         where,
-        ("name", "mesh", "units", "materials", "regions", "sections", "interfaces", "supports",
-         "loads", "outputs", "damping", "mass_integration"),
-    )  # fmt: skip
+        (
+            "name",
+            "mesh",
+            "units",
+            "materials",
+            "regions",
+            "sections",
+            "interfaces",
+            "supports",
+            "loads",
+            "outputs",
+            "damping",
+            "mass_integration",
+        ),
+    )
     units = UNITS[reader.choice("units", UNITS, "SI")]
     source = Path(where) if mesh is not None else folder / str(reader.get("mesh"))
     expect_kept(output, *inputs, source, *data_files(source))
@@ -259,8 +272,9 @@ def _write(
         if group.attrs["coupling"] == "rigid":
             twice = [node for node in nodes.tolist() if node in follows]
             if twice:
-                raise BodyError(f"interfaces {follows[twice[0]]} and {name} share node "
-                                f"{twice[0] + 1}")  # fmt: skip
+                raise BodyError(
+                    f"interfaces {follows[twice[0]]} and {name} share node {twice[0] + 1}"
+                )
             follows.update(dict.fromkeys(nodes.tolist(), str(name)))
         if "weights" in entry.data:
             with errors_of(f"{entry.where}: weights"):
@@ -274,8 +288,9 @@ def _write(
             raise BodyError(f"{entry.where}: components = {short(held)} must be a list")
         unknown = [c for c in held if c not in COMPONENTS]
         if unknown:
-            raise BodyError(f"{entry.where}: component {unknown[0]} must be one of "
-                            f"{', '.join(COMPONENTS)}")  # fmt: skip
+            raise BodyError(
+                f"{entry.where}: component {unknown[0]} must be one of {', '.join(COMPONENTS)}"
+            )
         group.attrs["components"] = [float(COMPONENTS[c]) for c in held]
         group.attrs["order"] = order
 
@@ -289,10 +304,16 @@ def _write(
     for key in ("alpha", "beta", "eta"):
         file.attrs[key] = damping.number(key, 0.0)
     extent = np.ptp(mesh.points[used], axis=0) * length
-    return {"points": int(used.sum()), "elements": elements, "interfaces": interfaces,
-            "loads": loads, "outputs": outputs,
-            "extent": extent, "units": reader.get("units", "SI"),
-            "kinds": sorted({kind for kind, _ in blocks})}  # fmt: skip
+    return {
+        "points": int(used.sum()),
+        "elements": elements,
+        "interfaces": interfaces,
+        "loads": loads,
+        "outputs": outputs,
+        "extent": extent,
+        "units": reader.get("units", "SI"),
+        "kinds": sorted({kind for kind, _ in blocks}),
+    }
 
 
 def _write_blocks(
@@ -306,8 +327,10 @@ def _write_blocks(
     and nodes."""
     regions = reader.children("regions")
     if not regions:
-        raise BodyError(f"{reader.where}: regions is missing: name a part of the mesh and its "
-                        f"material; the mesh has {', '.join(sorted(cells))}")  # fmt: skip
+        raise BodyError(
+            f"{reader.where}: regions is missing: name a part of the mesh and its "
+            f"material; the mesh has {', '.join(sorted(cells))}"
+        )
     taken = [np.zeros(len(block.data), dtype=bool) for block in mesh.cells]
     first = np.cumsum([0, *(len(block.data) for block in mesh.cells)])
     blocks: list[tuple[str, Ints]] = []
@@ -315,8 +338,9 @@ def _write_blocks(
         entry = Reader(data, f"regions: {name}", ("material", "section"))
         material = entry.choice("material", reader.children("materials"))
         if str(name) not in cells:
-            raise BodyError(f"{entry.where}: the mesh has no such part; it has "
-                            f"{', '.join(sorted(cells))}")  # fmt: skip
+            raise BodyError(
+                f"{entry.where}: the mesh has no such part; it has {', '.join(sorted(cells))}"
+            )
         solid = False
         for block, chosen in enumerate(cells[str(name)]):
             kind = mesh.cells[block].type
@@ -338,7 +362,9 @@ def _write_blocks(
             blocks.append((kind, nodes))
         if not solid:
             kinds = {mesh.cells[b].type for b, c in enumerate(cells[str(name)]) if len(c)}
-            raise BodyError(f"{entry.where}: no elements that flexgram knows; it has "
-                            f"{', '.join(sorted(kinds))}, known are {', '.join(ELEMENTS)} (line "
-                            "with a section)")  # fmt: skip
+            raise BodyError(
+                f"{entry.where}: no elements that flexgram knows; it has "
+                f"{', '.join(sorted(kinds))}, known are {', '.join(ELEMENTS)} (line "
+                "with a section)"
+            )
     return blocks

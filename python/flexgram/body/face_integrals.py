@@ -43,13 +43,16 @@ def _quadrilateral(xi: Floats, quadratic: bool) -> tuple[Floats, Floats]:
         more = []
         for p, q in middles:
             if p == 0:
-                more.append((0.5 * (1 - x**2) * (1 + q * y), -x * (1 + q * y),
-                             0.5 * (1 - x**2) * q))  # fmt: skip
+                more.append(
+                    (0.5 * (1 - x**2) * (1 + q * y), -x * (1 + q * y), 0.5 * (1 - x**2) * q)
+                )
             else:
-                more.append((0.5 * (1 + p * x) * (1 - y**2), 0.5 * p * (1 - y**2),
-                             -(1 + p * x) * y))  # fmt: skip
-        N, dx, dy = (np.hstack([whole, *(part[k] for part in more)])
-                     for k, whole in enumerate((N, dx, dy)))  # fmt: skip
+                more.append(
+                    (0.5 * (1 + p * x) * (1 - y**2), 0.5 * p * (1 - y**2), -(1 + p * x) * y)
+                )
+        N, dx, dy = (
+            np.hstack([whole, *(part[k] for part in more)]) for k, whole in enumerate((N, dx, dy))
+        )
     return N, np.stack([dx, dy], axis=2)
 
 
@@ -58,8 +61,10 @@ def _rule(corners: int) -> tuple[Floats, Floats]:
     5 in each direction (square)."""
     if corners == 3:
         points, weights = [], []
-        for a, w in ((0.445948490915964886318, 0.5 * 0.223381589678011465699),
-                     (0.091576213509770743460, 0.5 * 0.109951743655321867638)):  # fmt: skip
+        for a, w in (
+            (0.445948490915964886318, 0.5 * 0.223381589678011465699),
+            (0.091576213509770743460, 0.5 * 0.109951743655321867638),
+        ):
             points += [(a, a), (1 - 2 * a, a), (a, 1 - 2 * a)]
             weights += 3 * [w]
         return np.array(points), np.array(weights)

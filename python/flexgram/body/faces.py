@@ -13,20 +13,47 @@ from flexgram.basics import Floats, Ints
 #: Faces of solids by their corner nodes, in VTK's order, outward.
 FACES: dict[str, list[tuple[int, ...]]] = {
     "tetra": [(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)],
-    "hexahedron": [(0, 3, 2, 1), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6),
-                   (3, 0, 4, 7)],
+    "hexahedron": [
+        (0, 3, 2, 1),
+        (4, 5, 6, 7),
+        (0, 1, 5, 4),
+        (1, 2, 6, 5),
+        (2, 3, 7, 6),
+        (3, 0, 4, 7),
+    ],
     "wedge": [(0, 2, 1), (3, 4, 5), (0, 1, 4, 3), (1, 2, 5, 4), (2, 0, 3, 5)],
-}  # fmt: skip
+}
 #: The node between two corners of elements with such nodes.
 MIDDLES: dict[str, dict[frozenset[int], int]] = {
-    "tetra10": {frozenset(e): 4 + k for k, e in enumerate(
-        [(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)])},
-    "hexahedron20": {frozenset(e): 8 + k for k, e in enumerate(
-        [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6),
-         (3, 7)])},
-    "wedge15": {frozenset(e): 6 + k for k, e in enumerate(
-        [(0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)])},
-}  # fmt: skip
+    "tetra10": {
+        frozenset(e): 4 + k for k, e in enumerate([(0, 1), (1, 2), (0, 2), (0, 3), (1, 3), (2, 3)])
+    },
+    "hexahedron20": {
+        frozenset(e): 8 + k
+        for k, e in enumerate(
+            [
+                (0, 1),
+                (1, 2),
+                (2, 3),
+                (3, 0),
+                (4, 5),
+                (5, 6),
+                (6, 7),
+                (7, 4),
+                (0, 4),
+                (1, 5),
+                (2, 6),
+                (3, 7),
+            ]
+        )
+    },
+    "wedge15": {
+        frozenset(e): 6 + k
+        for k, e in enumerate(
+            [(0, 1), (1, 2), (2, 0), (3, 4), (4, 5), (5, 3), (0, 3), (1, 4), (2, 5)]
+        )
+    },
+}
 LINEAR = {"tetra10": "tetra", "hexahedron20": "hexahedron", "wedge15": "wedge"}
 SHELLS = {"triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}
 
@@ -42,8 +69,9 @@ def faces_of(blocks: Sequence[tuple[str, Ints]], inside: NDArray[np.bool_] | Non
     inside : bool array, optional
         Nodes; only faces whose corners all belong to them are returned.
     """
-    corners = [(nodes, face) for kind, nodes in blocks
-               for face in FACES.get(LINEAR.get(kind, kind), [])]  # fmt: skip
+    corners = [
+        (nodes, face) for kind, nodes in blocks for face in FACES.get(LINEAR.get(kind, kind), [])
+    ]
     if not corners:
         corners = [(nodes, tuple(range(SHELLS[kind]))) for kind, nodes in blocks if kind in SHELLS]
     faces = [np.empty((0, 4), dtype=np.int64)]
@@ -61,8 +89,9 @@ def outer(faces: Ints) -> Ints:
     triangles of the same corners cover, where tetrahedra stand on hexahedra."""
     corners = faces.copy()
     corners[faces[:, 3] == faces[:, 0], 3] = -1  # seen from the other side it starts elsewhere
-    _, first, count = np.unique(np.sort(corners, axis=1), axis=0, return_index=True,
-                                return_counts=True)  # fmt: skip
+    _, first, count = np.unique(
+        np.sort(corners, axis=1), axis=0, return_index=True, return_counts=True
+    )
     alone: Ints = faces[first[count == 1]]
     threes = alone[:, 3] == alone[:, 0]
     if threes.all() or not threes.any():
@@ -97,9 +126,11 @@ def whole_faces(blocks: Sequence[tuple[str, Ints]], nodes: Ints, count: int) -> 
     for kind, elements in blocks:
         middles = MIDDLES.get(kind, {})
         for face in FACES.get(LINEAR.get(kind, kind), []):
-            between = [middles[frozenset(edge)]
-                       for edge in zip(face, (*face[1:], face[0]), strict=True)
-                       if middles]  # fmt: skip
+            between = [
+                middles[frozenset(edge)]
+                for edge in zip(face, (*face[1:], face[0]), strict=True)
+                if middles
+            ]
             near = elements[np.all(inside[elements[:, face]], axis=1)]
             mine = [row for row in near if tuple(sorted(row[list(face)].tolist())) in outside]
             if mine:

@@ -70,8 +70,10 @@ def _table(mesh: BodyMesh, entry: Reader, columns: int) -> tuple[Ints, Floats]:
             given = np.loadtxt(mesh.folder / given, delimiter=",", ndmin=2)
         table = np.array(given, dtype=float)
     if table.ndim != 2 or table.shape[1] != columns + 1 or not len(table):
-        raise BodyError(f"{where}: expected rows of a node number and {columns} "
-                        f"number{'s' if columns > 1 else ''}, comma separated")  # fmt: skip
+        raise BodyError(
+            f"{where}: expected rows of a node number and {columns} "
+            f"number{'s' if columns > 1 else ''}, comma separated"
+        )
     if not np.all(np.isfinite(table)) or np.any(table[:, 0] != np.round(table[:, 0])):
         raise BodyError(f"{where}: node numbers must be whole, and all numbers finite")
     labels, at = np.unique(table[:, 0], return_inverse=True)
@@ -85,8 +87,9 @@ def _write_temperature(mesh: BodyMesh, group: h5py.Group, entry: Reader) -> str:
     """A field of temperature as the load of its strain; the field itself for stresses."""
     temperature = np.zeros(len(mesh.points))
     if ("nodes" in entry.data) == ("table" in entry.data):
-        raise BodyError(f"{entry.where}: temperature needs nodes, or a table of node and "
-                        "temperature")  # fmt: skip
+        raise BodyError(
+            f"{entry.where}: temperature needs nodes, or a table of node and temperature"
+        )
     if "table" in entry.data:
         nodes, values = _table(mesh, entry, 1)
         temperature[nodes] = values[:, 0]
@@ -152,15 +155,17 @@ def write_loads(mesh: BodyMesh, reader: Reader) -> dict[str, str]:
             continue
         faces = whole_faces(mesh.blocks, nodes, len(mesh.points))
         if not faces:
-            raise BodyError(f"{entry.where}: no face of an element has all its nodes among the "
-                            f"{len(nodes)} chosen")  # fmt: skip
+            raise BodyError(
+                f"{entry.where}: no face of an element has all its nodes among the "
+                f"{len(nodes)} chosen"
+            )
         vectors, areas = areas_at_nodes(mesh.length * mesh.points, faces)
         used = np.flatnonzero(areas)
         if kind == "pressure":
             write_vectors(group, ["p"], used, -vectors[used][:, None, :])
         else:
-            write_vectors(group, ["t" + axis for axis in AXES], used,
-                           areas[used][:, None, None] * np.eye(3))  # fmt: skip
-        said[str(name)] = (f"{kind} on {sum(map(len, faces))} faces, "
-                           f"{areas.sum():.4g} m^2")  # fmt: skip
+            write_vectors(
+                group, ["t" + axis for axis in AXES], used, areas[used][:, None, None] * np.eye(3)
+            )
+        said[str(name)] = f"{kind} on {sum(map(len, faces))} faces, {areas.sum():.4g} m^2"
     return said

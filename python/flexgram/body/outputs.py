@@ -54,11 +54,15 @@ def write_outputs(mesh: BodyMesh, reader: Reader) -> dict[str, str]:
     stresses: Stresses | None = None  # of the body, and those that its temperatures leave
     heated: dict[str, Floats] = {}
     for order, (name, data) in enumerate(reader.children("outputs").items()):
-        entry = Reader(data, f"outputs: {name}",
-                       ("type", "nodes", "relative_to", "direction", "point"))  # fmt: skip
+        entry = Reader(
+            data, f"outputs: {name}", ("type", "nodes", "relative_to", "direction", "point")
+        )
         kind = entry.choice("type", OUTPUTS, "displacement")
-        foreign = {"displacement": ("point",), "stress": ("relative_to", "direction", "point"),
-                   "reaction": ("relative_to", "direction")}[kind]  # fmt: skip
+        foreign = {
+            "displacement": ("point",),
+            "stress": ("relative_to", "direction", "point"),
+            "reaction": ("relative_to", "direction"),
+        }[kind]
         for key in foreign:
             if key in entry.data:
                 raise BodyError(f"{entry.where}: {kind} takes no {key}")

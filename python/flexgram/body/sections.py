@@ -22,8 +22,9 @@ def section_properties(reader: Reader, length: float) -> dict[str, float]:
     series to 1e-5.
     """
     shape = reader.choice("shape", SHAPES)
-    value = {key: reader.number(key, 5 / 6 if key.startswith("k_") else None)
-             for key in SHAPES[shape]}  # fmt: skip
+    value = {
+        key: reader.number(key, 5 / 6 if key.startswith("k_") else None) for key in SHAPES[shape]
+    }
     nu = 0.3
     if shape == "general":
         powers = {"A": 2, "I_y": 4, "I_z": 4, "J": 4, "k_y": 0, "k_z": 0}
@@ -43,5 +44,11 @@ def section_properties(reader: Reader, length: float) -> dict[str, float]:
     second = math.pi * (R**4 - r**4) / 4
     m2 = (r / R) ** 2
     k = 6 * (1 + nu) * (1 + m2) ** 2 / ((7 + 6 * nu) * (1 + m2) ** 2 + (20 + 12 * nu) * m2)
-    return {"A": math.pi * (R**2 - r**2), "I_y": second, "I_z": second, "J": 2 * second,
-            "k_y": k, "k_z": k}  # fmt: skip
+    return {
+        "A": math.pi * (R**2 - r**2),
+        "I_y": second,
+        "I_z": second,
+        "J": 2 * second,
+        "k_y": k,
+        "k_z": k,
+    }

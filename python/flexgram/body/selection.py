@@ -19,9 +19,11 @@ def in_box(points: Floats, corners: Floats, place: str) -> Ints:
     inside = np.all((points >= corners.min(0)) & (points <= corners.max(0)), axis=1)
     if not inside.any():
         low, high = points.min(0), points.max(0)
-        raise BodyError(f"{place}: no node in the box; the body spans "
-                        f"({low[0]:.6g}, {low[1]:.6g}, {low[2]:.6g}) to "
-                        f"({high[0]:.6g}, {high[1]:.6g}, {high[2]:.6g})")  # fmt: skip
+        raise BodyError(
+            f"{place}: no node in the box; the body spans "
+            f"({low[0]:.6g}, {low[1]:.6g}, {low[2]:.6g}) to "
+            f"({high[0]:.6g}, {high[1]:.6g}, {high[2]:.6g})"
+        )
     return np.flatnonzero(inside)
 
 
@@ -36,6 +38,8 @@ def nearest(points: Floats, at: Floats, place: str) -> int:
     distance = np.linalg.norm(points - at, axis=1)
     extent = np.linalg.norm(np.ptp(points, axis=0))
     if distance.min() > 0.1 * extent:
-        raise BodyError(f"{place}: the nearest node is {distance.min():.6g} away, the body "
-                        f"measures {extent:.6g}: are these its units?")  # fmt: skip
+        raise BodyError(
+            f"{place}: the nearest node is {distance.min():.6g} away, the body "
+            f"measures {extent:.6g}: are these its units?"
+        )
     return int(np.argmin(distance))

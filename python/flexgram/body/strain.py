@@ -10,10 +10,18 @@ from flexgram.body.faces import LINEAR, MIDDLES
 #: Places of the corners on the reference element.
 CORNERS = {
     "tetra": [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)],
-    "hexahedron": [(-1, -1, -1), (1, -1, -1), (1, 1, -1), (-1, 1, -1),
-                   (-1, -1, 1), (1, -1, 1), (1, 1, 1), (-1, 1, 1)],
+    "hexahedron": [
+        (-1, -1, -1),
+        (1, -1, -1),
+        (1, 1, -1),
+        (-1, 1, -1),
+        (-1, -1, 1),
+        (1, -1, 1),
+        (1, 1, 1),
+        (-1, 1, 1),
+    ],
     "wedge": [(0, 0, -1), (1, 0, -1), (0, 1, -1), (0, 0, 1), (1, 0, 1), (0, 1, 1)],
-}  # fmt: skip
+}
 
 
 def _polynomials(kind: str, xi: Floats) -> Floats:
@@ -51,8 +59,17 @@ def _strain(gradients: Floats) -> Floats:
     (…, n, 3)."""
     strain = np.zeros((*gradients.shape[:-2], 6, *gradients.shape[-2:]))
     x, y, z = (gradients[..., a] for a in range(3))
-    for row, direction, slope in ((0, 0, x), (1, 1, y), (2, 2, z), (3, 0, y), (3, 1, x),
-                                  (4, 1, z), (4, 2, y), (5, 0, z), (5, 2, x)):  # fmt: skip
+    for row, direction, slope in (
+        (0, 0, x),
+        (1, 1, y),
+        (2, 2, z),
+        (3, 0, y),
+        (3, 1, x),
+        (4, 1, z),
+        (4, 2, y),
+        (5, 0, z),
+        (5, 2, x),
+    ):
         strain[..., row, :, direction] = slope
     return strain
 

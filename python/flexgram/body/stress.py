@@ -98,8 +98,9 @@ class Stresses:
             at = follows[nodes]
             rigid = (at[:, 0] >= 0) & np.all(at == at[:, :1], axis=1)
             if not rigid.all():
-                blocks.append(Solid(kind, nodes[~rigid], np.reshape(law, (6, 6)),
-                                    _expansion(steel)))  # fmt: skip
+                blocks.append(
+                    Solid(kind, nodes[~rigid], np.reshape(law, (6, 6)), _expansion(steel))
+                )
         if not blocks:
             raise BodyError("the body has no solids that deform: no stresses")
         return cls(file["mesh/points"][:], blocks)
@@ -216,8 +217,10 @@ class Stresses:
         nodes = np.unique(nodes)
         count = self._counts()
         if np.any(count[nodes] == 0):
-            raise BodyError(f"node {nodes[count[nodes] == 0][0] + 1} belongs to no solid that "
-                            "deforms: it has no stress")  # fmt: skip
+            raise BodyError(
+                f"node {nodes[count[nodes] == 0][0] + 1} belongs to no solid that "
+                "deforms: it has no stress"
+            )
         weight = np.zeros(len(self.points))
         weight[nodes] = 1 / count[nodes] / len(nodes)
         values = np.zeros((len(self.points), 6, 3))
@@ -248,6 +251,7 @@ def von_mises(stress: ArrayLike) -> Floats:
     """Equivalent stress of (…, 6) components."""
     s = np.asarray(stress, dtype=float)
     xx, yy, zz, xy, yz, zx = (s[..., i] for i in range(6))
-    equivalent: Floats = np.sqrt(0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2)
-                                 + 3 * (xy**2 + yz**2 + zx**2))  # fmt: skip
+    equivalent: Floats = np.sqrt(
+        0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3 * (xy**2 + yz**2 + zx**2)
+    )
     return equivalent

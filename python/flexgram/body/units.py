@@ -44,9 +44,11 @@ def doubt(system: str, speed: float, density: float, extent: float) -> str | Non
     length, mass, _ = UNITS[system]
     fits = [name for name in UNITS if plausible(name, speed, density, extent)]
     hint = f"are the files in {' or '.join(fits)} (--units)?" if fits else "are the units right?"
-    return (f"in {system} the speed of sound is about {speed * length:.2g} m/s, the density about "
-            f"{density * mass / length**3:.2g} kg/m³ and the part measures {extent * length:.3g} m:"
-            f" {hint}")  # fmt: skip
+    return (
+        f"in {system} the speed of sound is about {speed * length:.2g} m/s, the density about "
+        f"{density * mass / length**3:.2g} kg/m³ and the part measures {extent * length:.3g} m:"
+        f" {hint}"
+    )
 
 
 def spacing(points: NDArray[np.float64]) -> float:

@@ -290,4 +290,4 @@ COMMANDS: dict[
         simulate_options,
         run_simulate,
     ),
-}  # fmt: skip
+}

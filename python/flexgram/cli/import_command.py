@@ -17,8 +17,24 @@ COUPLINGS = {
 
 
 #: Endings of files that are meshes and nothing else.
-MESHES = (".msh", ".vtu", ".vtk", ".med", ".xdmf", ".xmf", ".exo", ".e", ".cgns", ".unv", ".h5m",
-          ".ugrid", ".su2", ".mesh", ".meshb", ".vol")  # fmt: skip
+MESHES = (
+    ".msh",
+    ".vtu",
+    ".vtk",
+    ".med",
+    ".xdmf",
+    ".xmf",
+    ".exo",
+    ".e",
+    ".cgns",
+    ".unv",
+    ".h5m",
+    ".ugrid",
+    ".su2",
+    ".mesh",
+    ".meshb",
+    ".vol",
+)
 
 
 class _Named(argparse.Action):
@@ -75,8 +91,9 @@ def import_options(parser: argparse.ArgumentParser) -> None:
         help="make inputs of the loads of a CalculiX deck's steps (*CLOAD, *DLOAD, *DSLOAD; with "
         "--assemble *TEMPERATURE): 1 is what the deck says",
     )
-    parser.add_argument("--strict", action="store_true",
-                        help="refuse files of which something is left out")  # fmt: skip
+    parser.add_argument(
+        "--strict", action="store_true", help="refuse files of which something is left out"
+    )
     for coupling, what in COUPLINGS.items():
         parser.add_argument(
             f"--{coupling}", metavar="NAME=WHERE", action=_Named, help=f"interface: {what}"
@@ -160,8 +177,20 @@ def _import_mesh(options: argparse.Namespace, named: list[tuple[str, str]]) -> N
             "steel --rigid eye=NSET:EYE), or describe it in YAML (several materials, supports, "
             "beams), see meshes/rack.yaml"
         )
-    for name in ("format", "deck", "mass", "damping", "inputs", "mapping", "run_ccx",
-                 "assemble", "step", "strict", "matrices", "deck_loads"):  # fmt: skip
+    for name in (
+        "format",
+        "deck",
+        "mass",
+        "damping",
+        "inputs",
+        "mapping",
+        "run_ccx",
+        "assemble",
+        "step",
+        "strict",
+        "matrices",
+        "deck_loads",
+    ):
         if getattr(options, name):
             raise BodyError(f"--{name.replace('_', '-')} is nothing for a mesh")
     counts = import_mesh(
@@ -183,8 +212,10 @@ def _further(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
     from flexgram.importers.mesh import describe_load, describe_output
 
     found: dict[str, dict[str, Any]] = {"loads": {}, "outputs": {}}
-    for key, words, read in (("loads", options.load, describe_load),
-                             ("outputs", options.measure, describe_output)):  # fmt: skip
+    for key, words, read in (
+        ("loads", options.load, describe_load),
+        ("outputs", options.measure, describe_output),
+    ):
         for word in words:
             name, entry = read(word)
             if name in found[key]:
@@ -198,9 +229,27 @@ def import_body_file(options: argparse.Namespace) -> None:
     if options.source.suffix.lower() in (".yaml", ".yml"):
         from flexgram.body.description import import_body
 
-        every = ("material", "format", "deck", "mass", "damping", "inputs", "mapping", "run_ccx",
-                 "assemble", "step", "strict", "matrices", "units", "alpha", "beta",
-                 "eta", "load", "measure", "deck_loads")  # fmt: skip
+        every = (
+            "material",
+            "format",
+            "deck",
+            "mass",
+            "damping",
+            "inputs",
+            "mapping",
+            "run_ccx",
+            "assemble",
+            "step",
+            "strict",
+            "matrices",
+            "units",
+            "alpha",
+            "beta",
+            "eta",
+            "load",
+            "measure",
+            "deck_loads",
+        )
         given = [name.replace("_", "-") for name in every if getattr(options, name)]
         given += [coupling for coupling, _ in named]
         if given:
@@ -218,21 +267,40 @@ def import_body_file(options: argparse.Namespace) -> None:
     if options.assemble:
         from flexgram.importers.assemble import assemble_deck
 
-        for name in ("format", "deck", "mass", "damping", "inputs", "mapping", "run_ccx", "strict",
-                     "matrices"):  # fmt: skip
+        for name in (
+            "format",
+            "deck",
+            "mass",
+            "damping",
+            "inputs",
+            "mapping",
+            "run_ccx",
+            "strict",
+            "matrices",
+        ):
             if getattr(options, name):
                 raise BodyError(f"--{name.replace('_', '-')} is nothing for --assemble")
-        counts = assemble_deck(options.source, options.output, [parse(*pair) for pair in named],
-                               units=options.units or "SI", step=options.step, alpha=options.alpha,
-                               beta=options.beta, eta=options.eta,
-                               deck_loads=options.deck_loads, **_further(options))  # fmt: skip
+        counts = assemble_deck(
+            options.source,
+            options.output,
+            [parse(*pair) for pair in named],
+            units=options.units or "SI",
+            step=options.step,
+            alpha=options.alpha,
+            beta=options.beta,
+            eta=options.eta,
+            deck_loads=options.deck_loads,
+            **_further(options),
+        )
         _say_mesh(options, counts)
         for remark in counts["remarks"]:
             say(f"  note: {remark}")
         return
     if options.load or options.measure:
-        raise BodyError("--load and --measure are for bodies that flexgram assembles: a mesh, or "
-                        "a CalculiX deck with --assemble")  # fmt: skip
+        raise BodyError(
+            "--load and --measure are for bodies that flexgram assembles: a mesh, or "
+            "a CalculiX deck with --assemble"
+        )
     interfaces = [parse(*pair) for pair in named]  # before ccx runs for minutes
     check_damping(options.alpha, options.beta, options.eta)
     if options.run_ccx:

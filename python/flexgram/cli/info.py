@@ -59,13 +59,25 @@ def _describe(path: Path) -> list[str]:
         f"inputs: {', '.join(model.inputs)}",
     ]
     if len(claim.field_error):
-        lines.insert(2, "field, by its strain energy: " + ", ".join(
-            f"{error:.1e} from {inputs}" for inputs, error in
-            zip(claim.field_inputs, claim.field_error, strict=True)))  # fmt: skip
+        lines.insert(
+            2,
+            "field, by its strain energy: "
+            + ", ".join(
+                f"{error:.1e} from {inputs}"
+                for inputs, error in zip(claim.field_inputs, claim.field_error, strict=True)
+            ),
+        )
     if len(claim.kind_tolerances):
-        lines.insert(2, "by kind: " + ", ".join(
-            f"{kind} {error:.1e} of {asked:g}" for kind, error, asked in
-            zip(claim.kinds, claim.by_kind, claim.kind_tolerances, strict=True)))  # fmt: skip
+        lines.insert(
+            2,
+            "by kind: "
+            + ", ".join(
+                f"{kind} {error:.1e} of {asked:g}"
+                for kind, error, asked in zip(
+                    claim.kinds, claim.by_kind, claim.kind_tolerances, strict=True
+                )
+            ),
+        )
     for said in (claim.words_of_data, claim.shortfall):
         if said:
             lines.insert(2, said)

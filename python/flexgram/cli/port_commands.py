@@ -19,16 +19,36 @@ def couple_options(parser: argparse.ArgumentParser) -> None:
         metavar="[NAME=]ROM",
         help="reduced files; a part's name is its file's up to the first dot",
     )
-    parser.add_argument("--join", action="append", default=[], metavar=f"{where}[:x,y,...]",
-                        help=f"tie two interfaces (or one and ground), in all directions of "
-                        f"{', '.join(PORTS)} or some")  # fmt: skip
+    parser.add_argument(
+        "--join",
+        action="append",
+        default=[],
+        metavar=f"{where}[:x,y,...]",
+        help=f"tie two interfaces (or one and ground), in all directions of "
+        f"{', '.join(PORTS)} or some",
+    )
     for what, unit in (("spring", "[N/m], [N m/rad]"), ("damper", "[N s/m], [N m s/rad]")):
-        parser.add_argument(f"--{what}", action="append", default=[], metavar=f"{where}:x=1e6,...",
-                            help=f"between them, {unit} by direction")  # fmt: skip
-    parser.add_argument("--turn", action="append", default=[], metavar="PART=RX,RY,RZ",
-                        help="rotation vector of a part in the assembly [degrees]")  # fmt: skip
-    parser.add_argument("--keep", action="append", default=[], metavar="PART.INTERFACE",
-                        help="a joined interface whose ports stay")  # fmt: skip
+        parser.add_argument(
+            f"--{what}",
+            action="append",
+            default=[],
+            metavar=f"{where}:x=1e6,...",
+            help=f"between them, {unit} by direction",
+        )
+    parser.add_argument(
+        "--turn",
+        action="append",
+        default=[],
+        metavar="PART=RX,RY,RZ",
+        help="rotation vector of a part in the assembly [degrees]",
+    )
+    parser.add_argument(
+        "--keep",
+        action="append",
+        default=[],
+        metavar="PART.INTERFACE",
+        help="a joined interface whose ports stay",
+    )
     parser.add_argument("-o", "--output", type=Path, required=True, help="reduced file to write")
 
 
@@ -58,8 +78,13 @@ def run_couple(options: argparse.Namespace) -> None:
         if part in turns:
             raise BodyError(f"--turn {word}: {part} is turned twice")
         turns[part] = np.deg2rad(numbers(f"--turn {word}", vector, 3))
-    whole = couple(models, joints, turns=turns, keep=options.keep,
-                   tell=lambda words: say(f"  claim    {words}"))  # fmt: skip
+    whole = couple(
+        models,
+        joints,
+        turns=turns,
+        keep=options.keep,
+        tell=lambda words: say(f"  claim    {words}"),
+    )
     with written_aside(options.output, *(model.path for model in models.values())) as place:
         whole.save(place)
     for name, words in whole.provenance.plan:
@@ -71,14 +96,24 @@ def frf_options(parser: argparse.ArgumentParser) -> None:
     from flexgram.model.system import RATES
 
     parser.add_argument("rom", type=Path, help="reduced file")
-    parser.add_argument("--pair", action="append", default=[], metavar="OUTPUT=INPUT",
-                        required=True, help="ports, several times for more")  # fmt: skip
+    parser.add_argument(
+        "--pair",
+        action="append",
+        default=[],
+        metavar="OUTPUT=INPUT",
+        required=True,
+        help="ports, several times for more",
+    )
     parser.add_argument("--hz", help="first,last,count; default: 800 over the band")
-    parser.add_argument("--rate", choices=RATES, default=RATES[0],
-                        help="what answers (default %(default)s)")  # fmt: skip
-    parser.add_argument("--measured", type=Path,
-                        help="universal file (58) whose responses are those of the pairs, in their "
-                        "order: at its frequencies, with the FRAC of each")  # fmt: skip
+    parser.add_argument(
+        "--rate", choices=RATES, default=RATES[0], help="what answers (default %(default)s)"
+    )
+    parser.add_argument(
+        "--measured",
+        type=Path,
+        help="universal file (58) whose responses are those of the pairs, in their "
+        "order: at its frequencies, with the FRAC of each",
+    )
     parser.add_argument(
         "-o",
         "--output",
@@ -118,8 +153,10 @@ def run_frf(options: argparse.Namespace) -> None:
         functions += frf.responses(model, [pair], at, options.rate)
         if measured and not options.hz:
             if measured[k].rate != options.rate:
-                raise BodyError(f"{options.measured}: response {k + 1} is a {measured[k].rate}: "
-                                f"--rate {measured[k].rate}")  # fmt: skip
+                raise BodyError(
+                    f"{options.measured}: response {k + 1} is a {measured[k].rate}: "
+                    f"--rate {measured[k].rate}"
+                )
             likeness = frf.frac(functions[-1].values, measured[k].values)
             say(f"  {pair[0]} from {pair[1]}: FRAC {likeness:.4f} with the measured one")
     suffix = options.output.suffix.lower()
@@ -138,9 +175,12 @@ def run_frf(options: argparse.Namespace) -> None:
 
 def modes_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("rom", type=Path, help="reduced file")
-    parser.add_argument("--measured", type=Path,
-                        help="universal file (55, and 15 or 2411 for its nodes) of a test: how its "
-                        "modes compare (MAC)")  # fmt: skip
+    parser.add_argument(
+        "--measured",
+        type=Path,
+        help="universal file (55, and 15 or 2411 for its nodes) of a test: how its "
+        "modes compare (MAC)",
+    )
     parser.add_argument("--hz", type=float, help="up to here; default: the end of the band")
     parser.add_argument(
         "--body", type=Path, help="body file with the mesh; default: the one that was reduced"
@@ -162,8 +202,10 @@ def run_modes(options: argparse.Namespace) -> None:
 
     suffix = options.output.suffix.lower() if options.output else ""
     if options.output and suffix not in (".csv", ".unv", ".uff") and not options.measured:
-        raise BodyError(f"-o {options.output}: .unv or .csv; a picture is of the MAC and needs "
-                        "--measured (of the shapes: flexgram plot --figure shapes)")  # fmt: skip
+        raise BodyError(
+            f"-o {options.output}: .unv or .csv; a picture is of the MAC and needs "
+            "--measured (of the shapes: flexgram plot --figure shapes)"
+        )
     model = ReducedModel.load(options.rom)
     shapes = bool(options.measured) or suffix in (".unv", ".uff")
     modes = ms.mode_shapes(model, options.body, options.hz, at_nodes=shapes)
@@ -173,8 +215,10 @@ def run_modes(options: argparse.Namespace) -> None:
         say(f"  {k:4d} {f:12.6g} Hz   damping {100 * zeta:.3g} %{beyond}")
     say("  the claim is of H at the ports: modes that they hardly drive or show may be missing")
     if modes.coupled > 1e-6:
-        say("  a damping matrix couples the modes: frequencies are those without damping, dampings "
-            "its diagonal (ReducedModel.poles has both as they are)")  # fmt: skip
+        say(
+            "  a damping matrix couples the modes: frequencies are those without damping, dampings "
+            "its diagonal (ReducedModel.poles has both as they are)"
+        )
     found = None
     if options.measured:
         found = ms.compare(ms.read_universal(options.measured), modes)
@@ -215,8 +259,11 @@ def run_hotspots(options: argparse.Namespace) -> None:
     if options.count < 1:
         raise BodyError(f"--count {options.count} must be 1 or more")
     model = ReducedModel.load(options.rom)
-    for line in describe(hot_spots(model, options.count, apart=options.apart, body=options.body,
-                                   inputs=options.input)):  # fmt: skip
+    for line in describe(
+        hot_spots(
+            model, options.count, apart=options.apart, body=options.body, inputs=options.input
+        )
+    ):
         say(line)
 
 
@@ -234,10 +281,11 @@ def simulate_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument("--loads", type=Path, help="CSV of a load history, t,port,...: its times")
     parser.add_argument(
-        "--rates", default="displacement",
+        "--rates",
+        default="displacement",
         help="what is written of the outputs: displacement, velocity, acceleration, comma "
         "separated (default %(default)s)",
-    )  # fmt: skip
+    )
     parser.add_argument("--body", type=Path, help="body file with the mesh, for --xdmf")
     parser.add_argument("--xdmf", type=Path, help="also the motion of the mesh, for ParaView")
     parser.add_argument(

@@ -87,5 +87,6 @@ def to_pymor(model: ReducedBody, rates: Sequence[str] = ("displacement",)) -> An
     place = np.vstack([system.C if rate == "displacement" else zero for rate in rates])
     speed = np.vstack([system.C if rate == "velocity" else zero for rate in rates])
     direct = np.vstack([system.feedthrough] * len(rates)) if system.feedthrough.any() else None
-    return SecondOrderModel.from_matrices(system.M, system.D, system.K, system.B, place,
-                                          Cv=speed if speed.any() else None, D=direct)  # fmt: skip
+    return SecondOrderModel.from_matrices(
+        system.M, system.D, system.K, system.B, place, Cv=speed if speed.any() else None, D=direct
+    )

@@ -37,8 +37,12 @@ def _surface(
 ) -> tuple[Floats, Floats, list[list[int]], Ints]:
     """Surface points (N, 3), their motion (m, N, 3), triangles, and the nodes of the mesh that the
     points are: those of the surface, then ``more`` of them; empty without a mesh."""
-    nothing = (np.empty((0, 3)), np.empty((model.order, 0, 3)), list[list[int]](),
-               np.empty(0, dtype=np.int64))  # fmt: skip
+    nothing = (
+        np.empty((0, 3)),
+        np.empty((model.order, 0, 3)),
+        list[list[int]](),
+        np.empty(0, dtype=np.int64),
+    )
     try:
         geometry = Geometry.load(body_of(model, body))
     except BodyError:
@@ -89,9 +93,11 @@ def ffrf_terms(
         mesh, from 1; 0: none).
     """
     if not model.frame.integrals or model.frame.rigid_modes != 6:
-        raise BodyError("EXUDYN's floating frame needs a free body with six rigid modes and its "
-                        "frame integrals: reduce it without supports, with coordinates, by "
-                        "-mor_frame buckens or tangent, and fix it by joints there")  # fmt: skip
+        raise BodyError(
+            "EXUDYN's floating frame needs a free body with six rigid modes and its "
+            "frame integrals: reduce it without supports, with coordinates, by "
+            "-mor_frame buckens or tangent, and fix it by joints there"
+        )
     if model.system.eta:
         raise BodyError("EXUDYN has no structural damping (eta): give Rayleigh damping instead")
     positions = interface_positions(model)
@@ -124,14 +130,18 @@ def ffrf_terms(
         "modeBasis": moved.reshape(n, -1).T.copy(),
         "trigList": np.array(triangles, dtype=int),
         "postProcessingModes": {"matrix": stresses, "outputVariableType": STRESS_LOCAL}
-        if stress else {},
+        if stress
+        else {},
         "stressModes": stresses,
-        "massMatrixReduced": elastic.system.M, "stiffnessMatrixReduced": elastic.system.K,
+        "massMatrixReduced": elastic.system.M,
+        "stiffnessMatrixReduced": elastic.system.K,
         "dampingMatrixReduced": elastic.system.D,
         "infoList": np.array([n, len(points), 3, 4, 7, 7 + n]),
         "rigidBodyNodeType": "NodeType.RotationEulerParameters",
         "xRef": points.ravel(),
-        "inertiaLocal": f.M_r[3:, 3:], "Mtt": f.M_r[:3, :3], "totalMass": f.mass,
+        "inertiaLocal": f.M_r[3:, 3:],
+        "Mtt": f.M_r[:3, :3],
+        "totalMass": f.mass,
         "chiU": f.centre,
         "chiUtilde": -EPSILON @ f.centre,
         # columns of skew(φ) are −e_a × φ
@@ -141,11 +151,13 @@ def ffrf_terms(
         "mPhitTPsiTilde": -np.einsum("abc,jc->ajb", EPSILON, Ct).reshape(3, 3 * n),
         "mXRefTildePsi": -f.M_er[:, 3:].T,
         "mXRefTildePsiTilde": np.transpose(inertia_first, (0, 2, 1)).reshape(3, 3 * n),
-        "interfaceNames": np.array(names), "interfaceNodes": np.array(satellites).reshape(-1, 6),
+        "interfaceNames": np.array(names),
+        "interfaceNodes": np.array(satellites).reshape(-1, 6),
         "interfacePositions": np.array([positions[name] for name in names]).reshape(-1, 3),
         "meshNodes": np.concatenate([surface + 1, np.zeros(len(points) - len(surface), int)]),
-        "fileVersion": 1, "type": "ObjectFFRFreducedOrderInterface",
-    }  # fmt: skip
+        "fileVersion": 1,
+        "type": "ObjectFFRFreducedOrderInterface",
+    }
 
 
 def write_npz(
@@ -158,11 +170,31 @@ def write_npz(
 
 
 #: What ``add_body`` passes on as it is, and all that it reads of a file.
-DIRECT = ("mPsiTildePsi", "mPsiTildePsiTilde", "mPhitTPsi", "mPhitTPsiTilde", "mXRefTildePsi",
-          "mXRefTildePsiTilde", "modeBasis")  # fmt: skip
-USED = {*DIRECT, "infoList", "stiffnessMatrixReduced", "massMatrixReduced", "dampingMatrixReduced",
-        "xRef", "totalMass", "inertiaLocal", "chiU", "trigList", "interfaceNames",
-        "interfaceNodes", "stressModes", "meshNodes"}  # fmt: skip
+DIRECT = (
+    "mPsiTildePsi",
+    "mPsiTildePsiTilde",
+    "mPhitTPsi",
+    "mPhitTPsiTilde",
+    "mXRefTildePsi",
+    "mXRefTildePsiTilde",
+    "modeBasis",
+)
+USED = {
+    *DIRECT,
+    "infoList",
+    "stiffnessMatrixReduced",
+    "massMatrixReduced",
+    "dampingMatrixReduced",
+    "xRef",
+    "totalMass",
+    "inertiaLocal",
+    "chiU",
+    "trigList",
+    "interfaceNames",
+    "interfaceNodes",
+    "stressModes",
+    "meshNodes",
+}
 
 
 def add_body(
@@ -225,14 +257,21 @@ def add_body(
         raise BodyError(f"coordinates: {len(start)} numbers, expected {n}")
     turn = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
     node = GetRigidBodyNode(
-        nodeType=exu.NodeType.RotationEulerParameters, position=list(position),
-        velocity=list(velocity), rotationMatrix=turn, angularVelocity=list(angular_velocity),
-    )  # fmt: skip
+        nodeType=exu.NodeType.RotationEulerParameters,
+        position=list(position),
+        velocity=list(velocity),
+        rotationMatrix=turn,
+        angularVelocity=list(angular_velocity),
+    )
     rigid_node = mbs.AddNode(node)
     modal_node = mbs.AddNode(
-        eii.NodeGenericODE2(numberOfODE2Coordinates=n, referenceCoordinates=[0] * n,
-                            initialCoordinates=start, initialCoordinates_t=[0] * n)
-    )  # fmt: skip
+        eii.NodeGenericODE2(
+            numberOfODE2Coordinates=n,
+            referenceCoordinates=[0] * n,
+            initialCoordinates=start,
+            initialCoordinates_t=[0] * n,
+        )
+    )
 
     def container(a: Any) -> Any:
         matrix = exu.MatrixContainer()
@@ -241,34 +280,45 @@ def add_body(
 
     post = {}
     if "stressModes" in terms and terms["stressModes"].size:
-        post = {"outputVariableModeBasis": terms["stressModes"],
-                "outputVariableTypeModeBasis": exu.OutputVariableType.StressLocal}  # fmt: skip
+        post = {
+            "outputVariableModeBasis": terms["stressModes"],
+            "outputVariableTypeModeBasis": exu.OutputVariableType.StressLocal,
+        }
     number = mbs.AddObject(
         eii.ObjectFFRFreducedOrder(
             nodeNumbers=[rigid_node, modal_node],
             stiffnessMatrixReduced=container(terms["stiffnessMatrixReduced"]),
             massMatrixReduced=container(terms["massMatrixReduced"]),
             dampingMatrixReduced=container(terms["dampingMatrixReduced"]),
-            referencePositions=terms["xRef"], mass=float(terms["totalMass"]),
-            inertia=terms["inertiaLocal"], centerOfMass=terms["chiU"],
-            **{key: terms[key] for key in DIRECT}, computeFFRFterms=True, **post,
-            visualization=eii.VObjectFFRF(triangleMesh=terms["trigList"].tolist(),
-                                          color=list(color)),
+            referencePositions=terms["xRef"],
+            mass=float(terms["totalMass"]),
+            inertia=terms["inertiaLocal"],
+            centerOfMass=terms["chiU"],
+            **{key: terms[key] for key in DIRECT},
+            computeFFRFterms=True,
+            **post,
+            visualization=eii.VObjectFFRF(
+                triangleMesh=terms["trigList"].tolist(), color=list(color)
+            ),
         )
-    )  # fmt: skip
+    )
     if np.any(np.asarray(gravity)):
         marker = mbs.AddMarker(eii.MarkerBodyMass(bodyNumber=number))
         mbs.AddLoad(eii.LoadMassProportional(markerNumber=marker, loadVector=list(gravity)))
     markers = {
         str(name): mbs.AddMarker(
             eii.MarkerSuperElementRigid(
-                bodyNumber=number, meshNodeNumbers=[int(i) for i in nodes],
+                bodyNumber=number,
+                meshNodeNumbers=[int(i) for i in nodes],
                 weightingFactors=[1 / 6] * 6,
             )
         )
         for name, nodes in zip(terms["interfaceNames"], terms["interfaceNodes"], strict=True)
-    }  # fmt: skip
-    return {"object": number, "rigid_node": rigid_node, "modal_node": modal_node,
-            "markers": markers,
-            "mesh_nodes": {int(node): k for k, node in enumerate(terms.get("meshNodes", ()))
-                           if node}}  # fmt: skip
+    }
+    return {
+        "object": number,
+        "rigid_node": rigid_node,
+        "modal_node": modal_node,
+        "markers": markers,
+        "mesh_nodes": {int(node): k for k, node in enumerate(terms.get("meshNodes", ())) if node},
+    }

@@ -50,9 +50,11 @@ def write_mbdyn(model: ReducedBody, path: Path, body: str | Path | None = None) 
     frame = model.frame
     free = frame.rigid_modes > 0
     if free and (frame.rigid_modes != 6 or frame.kind != "buckens"):
-        raise BodyError("MBDyn's modal joint couples rigid and elastic motion of nodes with masses "
-                        "only, which a reduced body does not have: reduce a free body by "
-                        "-mor_frame buckens, in whose mean axes nothing is to couple")  # fmt: skip
+        raise BodyError(
+            "MBDyn's modal joint couples rigid and elastic motion of nodes with masses "
+            "only, which a reduced body does not have: reduce a free body by "
+            "-mor_frame buckens, in whose mean axes nothing is to couple"
+        )
     elastic = in_its_frame(model) if free else model
     motion = interface_motion(elastic)
     if not motion:
@@ -67,8 +69,14 @@ def write_mbdyn(model: ReducedBody, path: Path, body: str | Path | None = None) 
         return [f"** RECORD GROUP {number}, {title}", *lines, "**"]
 
     lines = [f"** flexgram: {model.claim.words}", "**"]
-    lines += record(1, "HEADER", ["**   REVISION,  NODE,  NORMAL, ATTACHMENT, CONSTRAINT, REJECTED",
-                                  f"  REV0 {len(names)} {m} 0 0 0"])  # fmt: skip
+    lines += record(
+        1,
+        "HEADER",
+        [
+            "**   REVISION,  NODE,  NORMAL, ATTACHMENT, CONSTRAINT, REJECTED",
+            f"  REV0 {len(names)} {m} 0 0 0",
+        ],
+    )
     lines += record(2, "FINITE ELEMENT NODE LIST", [" ".join(names)])
     for number, axis in ((5, "X"), (6, "Y"), (7, "Z")):
         lines += record(number, f"NODAL {axis} COORDINATES", _numbers(points[:, number - 5]))

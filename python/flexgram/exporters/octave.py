@@ -13,9 +13,31 @@ from flexgram.exporters.arrays import write_mat
 from flexgram.model.reduced import ReducedBody
 
 #: Words that the script does not use, but the language does.
-TAKEN = {"break", "case", "catch", "classdef", "continue", "else", "elseif", "function", "global",
-         "otherwise", "parfor", "persistent", "return", "spmd", "switch", "try", "while", "do",
-         "until", "endif", "endfor", "ans", "quiet"}  # fmt: skip
+TAKEN = {
+    "break",
+    "case",
+    "catch",
+    "classdef",
+    "continue",
+    "else",
+    "elseif",
+    "function",
+    "global",
+    "otherwise",
+    "parfor",
+    "persistent",
+    "return",
+    "spmd",
+    "switch",
+    "try",
+    "while",
+    "do",
+    "until",
+    "endif",
+    "endfor",
+    "ans",
+    "quiet",
+}
 
 SCRIPT = """% Reduced body by flexgram: {claim}
 % b.M q'' + b.D q' + b.K (1 + i b.eta) q = b.B u,  y = b.C q + b.feedthrough u, in SI units.
@@ -97,8 +119,9 @@ def write_octave(model: ReducedBody, path: Path, body: str | Path | None = None)
     """
     name = path.name.removesuffix(".m")
     if path.suffix != ".m" or not (name.isascii() and name.isidentifier() and name[0] != "_"):
-        raise BodyError(f"{path}: MATLAB's scripts are letters, digits and _ with .m behind, as "
-                        "rack_reduced.m")  # fmt: skip
+        raise BodyError(
+            f"{path}: MATLAB's scripts are letters, digits and _ with .m behind, as rack_reduced.m"
+        )
     if name in TAKEN or name in re.findall(r"[a-z]\w*", SCRIPT + STEP + FIGURES + SECOND):
         raise BodyError(f"{path}: {name} is a word of the language: name it {name}_reduced.m, say")
     data = path.with_name(f"{name}.mat")
@@ -108,11 +131,15 @@ def write_octave(model: ReducedBody, path: Path, body: str | Path | None = None)
     elastic = model.modes[model.modes > 1e-6 * model.modes.max(initial=0)]
     slowest = float(elastic.min(initial=float(model.claim.band[-1])))
     values = {
-        "claim": model.claim.words, "data": f"{name}.mat", "output": output + 1,
-        "input": port + 1, "first": model.claim.band[0] / (2 * np.pi),
+        "claim": model.claim.words,
+        "data": f"{name}.mat",
+        "output": output + 1,
+        "input": port + 1,
+        "first": model.claim.band[0] / (2 * np.pi),
         "last": model.claim.band[-1] / (2 * np.pi),
-        "end": 20 * np.pi / slowest, "title": name,
-    }  # fmt: skip
+        "end": 20 * np.pi / slowest,
+        "title": name,
+    }
     moves = not model.system.eta  # structural damping has no real time-domain form
     second = SECOND.format(**values) if moves else ""
     text = SCRIPT.format(**values) + (STEP.format(**values) if moves else "")

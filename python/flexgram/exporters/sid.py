@@ -92,9 +92,15 @@ def _block(name: str, term: Taylor, nq: int, mode_first: bool, indent: str = "  
     m0, m1 = term
     zero = not np.any(m0) and (m1 is None or not np.any(m1))
     order = 0 if m1 is None else 1
-    lines = [f"{indent}{name}", f"{indent}  order = {order}", f"{indent}  nrow = {m0.shape[0]}",
-             f"{indent}  ncol = {m0.shape[1]}", f"{indent}  nq = {nq}", f"{indent}  nqn = 0",
-             f"{indent}  structure = {0 if zero else 3}"]  # fmt: skip
+    lines = [
+        f"{indent}{name}",
+        f"{indent}  order = {order}",
+        f"{indent}  nrow = {m0.shape[0]}",
+        f"{indent}  ncol = {m0.shape[1]}",
+        f"{indent}  nq = {nq}",
+        f"{indent}  nqn = 0",
+        f"{indent}  structure = {0 if zero else 3}",
+    ]
     for r, c in np.argwhere(m0):
         lines.append(f"{indent}  m0( {r + 1}, {c + 1}) = {_number(m0[r, c])}")
     if m1 is not None:
@@ -129,8 +135,10 @@ def write_sid(model: ReducedBody, path: Path, dialect: str = "dlr") -> None:
     if dialect not in DIALECTS:
         raise BodyError(f"SID dialect {dialect}: must be one of {', '.join(DIALECTS)}")
     if not model.frame.integrals:
-        raise BodyError("a SID needs the frame integrals: reduce a free body with coordinates "
-                        "(-mor_frame_integrals)")  # fmt: skip
+        raise BodyError(
+            "a SID needs the frame integrals: reduce a free body with coordinates "
+            "(-mor_frame_integrals)"
+        )
     if model.system.eta:
         raise BodyError("a SID has no structural damping (eta): give Rayleigh damping instead")
     mode_first, gr_axis, ge_axis = DIALECTS[dialect]
@@ -139,23 +147,40 @@ def write_sid(model: ReducedBody, path: Path, dialect: str = "dlr") -> None:
     n = body.order
     motion = interface_motion(body)
     if dialect == "emb" and np.abs(body.system.M - np.eye(n)).max() > 1e-8:
-        raise BodyError("EMBSlib takes the mass matrix as unit: reduce with "
-                        "-mor_inner_product mass and -mor_frame buckens")  # fmt: skip
-    lines = [f"{len(motion)} {n}", "part", "new modal = flexgram", "  refmod",
-             f"    mass = {_number(model.frame.integrals.mass)}", f"    nelastq = {n}"]  # fmt: skip
+        raise BodyError(
+            "EMBSlib takes the mass matrix as unit: reduce with "
+            "-mor_inner_product mass and -mor_frame buckens"
+        )
+    lines = [
+        f"{len(motion)} {n}",
+        "part",
+        "new modal = flexgram",
+        "  refmod",
+        f"    mass = {_number(model.frame.integrals.mass)}",
+        f"    nelastq = {n}",
+    ]
     hz = body.modes / (2 * np.pi)
-    lines += [f"    ielastq ( {j + 1}) = coordinate {j + 1}, up to {hz[-1]:.6g} Hz"
-              for j in range(n)]  # fmt: skip
+    lines += [
+        f"    ielastq ( {j + 1}) = coordinate {j + 1}, up to {hz[-1]:.6g} Hz" for j in range(n)
+    ]
     lines += ["  end refmod", "  frame"]
     for number, (name, (phi, psi)) in enumerate(motion.items(), 1):
         rotation = np.array([_skew(psi[:, q]) for q in range(n)])
-        lines += [f"    new node = {number}", "      rframe = body ref",
-                  *_block("origin", (positions[name][:, None], phi.T[:, :, None].copy()), n,
-                          mode_first, "      "),
-                  *_block("phi", (phi, None), n, mode_first, "      "),
-                  *_block("psi", (psi, None), n, mode_first, "      "),
-                  *_block("AP", (np.eye(3), rotation), n, mode_first, "      "),
-                  "    end node"]  # fmt: skip
+        lines += [
+            f"    new node = {number}",
+            "      rframe = body ref",
+            *_block(
+                "origin",
+                (positions[name][:, None], phi.T[:, :, None].copy()),
+                n,
+                mode_first,
+                "      ",
+            ),
+            *_block("phi", (phi, None), n, mode_first, "      "),
+            *_block("psi", (psi, None), n, mode_first, "      "),
+            *_block("AP", (np.eye(3), rotation), n, mode_first, "      "),
+            "    end node",
+        ]
     lines.append("  end frame")
     for name, (m0, m1) in taylor_terms(body).items():
         if (name == "Gr" and gr_axis) or (name == "Ge" and ge_axis):

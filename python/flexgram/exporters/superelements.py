@@ -38,14 +38,20 @@ def write_nastran(model: ReducedBody, path: Path, body: str | Path | None = None
     form = physical_form(model)
     _without_structural_damping(form, "goes into Nastran by PARAM,G: reduce without eta")
     places = form.positions(body)
-    lines = [*_head(form, "$"), "$ case control: K2GG=KAAX, M2GG=MAAX"
-             + (", B2GG=BAAX" if np.any(form.D) else "")]  # fmt: skip
+    lines = [
+        *_head(form, "$"),
+        "$ case control: K2GG=KAAX, M2GG=MAAX" + (", B2GG=BAAX" if np.any(form.D) else ""),
+    ]
     dofs: list[tuple[int, int]] = [(0, 0)] * len(form.boundary)
     for k, (name, moves) in enumerate(form.interfaces.items()):
         grid = FIRST_GRID + k
-        lines += [f"$ grid {grid}: {name}", f"{'GRID*':<8}{grid:>16}{'':16}" + "".join(
-            f"{number(x).replace('D', 'E'):>16}" for x in places[name][:2]) + "*",
-            f"{'*':<8}{number(places[name][2]).replace('D', 'E'):>16}"]  # fmt: skip
+        lines += [
+            f"$ grid {grid}: {name}",
+            f"{'GRID*':<8}{grid:>16}{'':16}"
+            + "".join(f"{number(x).replace('D', 'E'):>16}" for x in places[name][:2])
+            + "*",
+            f"{'*':<8}{number(places[name][2]).replace('D', 'E'):>16}",
+        ]
         for direction, row in moves.items():
             dofs[row] = (grid, direction + 1)
     first = FIRST_GRID + max(1000, len(form.interfaces))
@@ -69,8 +75,10 @@ def write_abaqus(model: ReducedBody, path: Path, body: str | Path | None = None)
     dofs: list[tuple[int, int]] = [(0, 0)] * len(form.boundary)
     for k, (name, moves) in enumerate(form.interfaces.items()):
         node = FIRST_GRID + k
-        lines += [f"** node {node}: {name}",
-                  f"{node}, " + ", ".join(f"{x:.16e}" for x in places[name])]  # fmt: skip
+        lines += [
+            f"** node {node}: {name}",
+            f"{node}, " + ", ".join(f"{x:.16e}" for x in places[name]),
+        ]
         for direction, row in moves.items():
             dofs[row] = (node, direction + 1)
     first = FIRST_GRID + max(1000, len(form.interfaces))
@@ -79,8 +87,12 @@ def write_abaqus(model: ReducedBody, path: Path, body: str | Path | None = None)
         lines.append("*NODE, NSET=FLEXGRAM_MODES")
         lines += [f"{first + k}, 0., 0., 0." for k in range(modes)]
     dofs += [(first + k, 1) for k in range(modes)]
-    parts = {"STIFFNESS": form.K, "MASS": form.M, "VISCOUS DAMPING": form.D,
-             "STRUCTURAL DAMPING": form.eta * form.K}  # fmt: skip
+    parts = {
+        "STIFFNESS": form.K,
+        "MASS": form.M,
+        "VISCOUS DAMPING": form.D,
+        "STRUCTURAL DAMPING": form.eta * form.K,
+    }
     roles = []
     for role, a in parts.items():
         if not np.any(a):
@@ -88,8 +100,12 @@ def write_abaqus(model: ReducedBody, path: Path, body: str | Path | None = None)
         name = "FLEXGRAM_" + role.replace(" ", "_")
         roles.append(f"{role}={name}")
         lines.append(f"*MATRIX INPUT, NAME={name}, TYPE=SYMMETRIC")
-        lines += [f"{dofs[i][0]}, {dofs[i][1]}, {dofs[j][0]}, {dofs[j][1]}, {a[i, j]:.16e}"
-                  for j in range(form.order) for i in range(j + 1) if a[i, j] != 0]  # fmt: skip
+        lines += [
+            f"{dofs[i][0]}, {dofs[i][1]}, {dofs[j][0]}, {dofs[j][1]}, {a[i, j]:.16e}"
+            for j in range(form.order)
+            for i in range(j + 1)
+            if a[i, j] != 0
+        ]
     lines.append(f"*MATRIX ASSEMBLE, {', '.join(roles)}")
     with written_aside(path) as place:
         place.write_text("\n".join(lines) + "\n")
@@ -108,8 +124,9 @@ def _op4_matrix(name: str, a: Floats, symmetric: bool) -> list[str]:
         first, last = int(used[0]), int(used[-1])
         values = a[first : last + 1, j]
         lines.append(f"{j + 1:8d}{first + 1:8d}{len(values):8d}")
-        lines += ["".join(f"{x:23.16E}" for x in values[k : k + 3])
-                  for k in range(0, len(values), 3)]  # fmt: skip
+        lines += [
+            "".join(f"{x:23.16E}" for x in values[k : k + 3]) for k in range(0, len(values), 3)
+        ]
     lines += [f"{columns + 1:8d}{1:8d}{1:8d}", f"{1.0:23.16E}"]
     return lines
 
@@ -119,8 +136,12 @@ def write_op4(model: ReducedBody, path: Path, body: str | Path | None = None) ->
     form = physical_form(model)
     _without_structural_damping(form, "has no matrix in this file: reduce without eta")
     lines = []
-    for name, a, symmetric in (("KAA", form.K, True), ("MAA", form.M, True),
-                               ("BAA", form.D, True), ("PA", form.B, False)):  # fmt: skip
+    for name, a, symmetric in (
+        ("KAA", form.K, True),
+        ("MAA", form.M, True),
+        ("BAA", form.D, True),
+        ("PA", form.B, False),
+    ):
         lines += _op4_matrix(name, a, symmetric)
     with written_aside(path) as place:
         place.write_text("\n".join(lines) + "\n")
@@ -136,18 +157,21 @@ def write_simscape(model: ReducedBody, path: Path, body: str | Path | None = Non
     order: list[int] = []
     for name, moves in form.interfaces.items():
         if len(moves) != 6:
-            raise BodyError(f"interface {name} has {len(moves)} ports: a frame has six motions, fx "
-                            "to mz")  # fmt: skip
+            raise BodyError(
+                f"interface {name} has {len(moves)} ports: a frame has six motions, fx to mz"
+            )
         order += [moves[direction] for direction in range(6)]
     order += range(len(form.boundary), form.order)
     at = np.ix_(order, order)
     values: dict[str, Any] = {
         "origins": np.array([places[name] for name in form.interfaces]),
         "quaternions": np.tile([1.0, 0, 0, 0], (len(places), 1)),
-        "K": form.K[at], "M": form.M[at], "D": form.D[at],
+        "K": form.K[at],
+        "M": form.M[at],
+        "D": form.D[at],
         "frames": np.array(list(form.interfaces), dtype=object),
         "about": np.array([f"{key}: {words}" for key, words in facts(form).items()], dtype=object),
-    }  # fmt: skip
+    }
     with written_aside(path) as place:
         scipy.io.savemat(place, values, oned_as="column", appendmat=False)
 
@@ -165,9 +189,13 @@ def write_extptfm(model: ReducedBody, path: Path, body: str | Path | None = None
     moves = next(iter(form.interfaces.values()))
     order = [moves[direction] for direction in range(6)] + list(range(6, form.order))
     at, n = np.ix_(order, order), form.order
-    lines = ["!Comment: " + "; ".join(f"{key}: {words}" for key, words in facts(form).items()),
-             "!Comment Flex 5 Format", f"!Dimension: {n}", "!Time increment in simulation: 1.0",
-             "!Total simulation time in file: 1.0"]  # fmt: skip
+    lines = [
+        "!Comment: " + "; ".join(f"{key}: {words}" for key, words in facts(form).items()),
+        "!Comment Flex 5 Format",
+        f"!Dimension: {n}",
+        "!Time increment in simulation: 1.0",
+        "!Total simulation time in file: 1.0",
+    ]
     for name, a in (("Mass", form.M), ("Stiffness", form.K), ("Damping", form.D)):
         lines += ["", f"!{name} Matrix", f"!Dimension: {n}"]
         lines += ["".join(f"{x:25.16e}" for x in row) for row in a[at]]

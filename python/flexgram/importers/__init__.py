@@ -28,10 +28,14 @@ __all__ = ["FORMATS", "FeMatrices", "Interface", "check", "import_matrices", "pa
 
 #: Further files that each format takes.
 ACCEPTED = {
-    "calculix": ("deck",), "abaqus": ("deck",), "nastran": ("deck",), "ansys": ("deck",),
-    "pair": ("deck", "mass", "damping", "mapping"), "matlab": (),
+    "calculix": ("deck",),
+    "abaqus": ("deck",),
+    "nastran": ("deck",),
+    "ansys": ("deck",),
+    "pair": ("deck", "mass", "damping", "mapping"),
+    "matlab": (),
     "petsc": ("mass", "damping", "inputs"),
-}  # fmt: skip
+}
 FORMATS = ("calculix", "abaqus", "nastran", "ansys", "pair", "matlab", "petsc")
 
 
@@ -46,13 +50,26 @@ def guess_format(path: Path) -> str:
         if re.search(r"(STIF|MASS)\d+\.mtx$", path.name, re.IGNORECASE):
             return "abaqus"
         return "pair"
-    known = {".pch": "nastran", ".dmig": "nastran", ".op4": "nastran", ".bdf": "nastran",
-             ".full": "ansys", ".mat": "matlab", ".mmf": "pair", ".hb": "pair", ".rsa": "pair",
-             ".matrix": "pair", ".txt": "pair", ".csv": "pair", ".petsc": "petsc",
-             ".bin": "petsc"}  # fmt: skip
+    known = {
+        ".pch": "nastran",
+        ".dmig": "nastran",
+        ".op4": "nastran",
+        ".bdf": "nastran",
+        ".full": "ansys",
+        ".mat": "matlab",
+        ".mmf": "pair",
+        ".hb": "pair",
+        ".rsa": "pair",
+        ".matrix": "pair",
+        ".txt": "pair",
+        ".csv": "pair",
+        ".petsc": "petsc",
+        ".bin": "petsc",
+    }
     if suffix not in known:
-        raise BodyError(f"{path}: the format is not told by the name; --format is one of "
-                        f"{', '.join(FORMATS)}")  # fmt: skip
+        raise BodyError(
+            f"{path}: the format is not told by the name; --format is one of {', '.join(FORMATS)}"
+        )
     return known[suffix]
 
 
@@ -102,9 +119,16 @@ def read(
     """
     first = Path(path)
     kind = format or guess_format(first)
-    other = {name: Path(p) if p is not None else None
-             for name, p in (("deck", deck), ("mass", mass), ("damping", damping),
-                             ("inputs", inputs), ("mapping", mapping))}  # fmt: skip
+    other = {
+        name: Path(p) if p is not None else None
+        for name, p in (
+            ("deck", deck),
+            ("mass", mass),
+            ("damping", damping),
+            ("inputs", inputs),
+            ("mapping", mapping),
+        )
+    }
     if kind not in FORMATS:
         raise BodyError(f"--format {kind} must be one of {', '.join(FORMATS)}")
     for name, given in other.items():
@@ -273,13 +297,23 @@ def import_matrices(
                 for which in ("followers", "members")
             )
     write_matrices(
-        output, scaled(body["K"], force / length), scaled(body["M"], mass), B,
+        output,
+        scaled(body["K"], force / length),
+        scaled(body["M"], mass),
+        B,
         D=None if body["D"] is None else scaled(body["D"], mass),
-        C=C, inputs=body["inputs"], outputs=outputs,
-        alpha=fe.alpha if alpha is None else alpha, beta=fe.beta if beta is None else beta,
-        eta=fe.eta if eta is None else eta, rounding=rounding, **places, blocks=fe.indexed_blocks(),
-        followers=followers, interfaces=members,
-    )  # fmt: skip
+        C=C,
+        inputs=body["inputs"],
+        outputs=outputs,
+        alpha=fe.alpha if alpha is None else alpha,
+        beta=fe.beta if beta is None else beta,
+        eta=fe.eta if eta is None else eta,
+        rounding=rounding,
+        **places,
+        blocks=fe.indexed_blocks(),
+        followers=followers,
+        interfaces=members,
+    )
     if rounding:
         fe.remarks.append(_digits(fe, rounding))
     if doubts := _doubt(fe, facts.get("mass", 0.0), units):
@@ -307,9 +341,11 @@ def _digits(fe: FeMatrices, rounding: float) -> str:
     largest = float(np.median(k[rows] / m[rows])) if rows.any() else 0.0
     lost = 8 * rounding / np.sqrt(fe.n) * largest  # of λ
     digits = round(1 - np.log10(2 * rounding))
-    return (f"K is printed with {digits} digits: frequencies below about "
-            f"{np.sqrt(lost / 2e-4) / (2 * np.pi):.2g} Hz are known to less than 1e-4 "
-            "(the rounding floor of a result tells)")  # fmt: skip
+    return (
+        f"K is printed with {digits} digits: frequencies below about "
+        f"{np.sqrt(lost / 2e-4) / (2 * np.pi):.2g} Hz are known to less than 1e-4 "
+        "(the rounding floor of a result tells)"
+    )
 
 
 def _doubt(fe: FeMatrices, mass: float, units: str) -> str | None:
@@ -342,8 +378,12 @@ def _references(
     became: dict[str, dict[str, Any]] = {}
     for name, nodes in followers.items():
         at = points[np.flatnonzero(labels == nodes[0])[0]]
-        became[name] = {"coupling": "rigid", "nodes": len(nodes) - 1, "position": at * length,
-                        "middle": ""}  # fmt: skip
+        became[name] = {
+            "coupling": "rigid",
+            "nodes": len(nodes) - 1,
+            "position": at * length,
+            "middle": "",
+        }
     for interface in interfaces:
         name = interface.name
         if interface.coupling not in ("rigid", "distributing"):
@@ -352,11 +392,14 @@ def _references(
         its_middle = middle(fe, chosen)
         at = its_middle.position if interface.position is None else interface.position
         became[name] = {
-            "coupling": interface.coupling, "nodes": len(np.unique(chosen)),
+            "coupling": interface.coupling,
+            "nodes": len(np.unique(chosen)),
             "position": at * length,
             "middle": "" if interface.position is not None else its_middle.said(length),
-        }  # fmt: skip
+        }
         if its_middle.extent > 0 and its_middle.away(at) > 3:
-            fe.remarks.append(f"the reference of {name} is {its_middle.away(at):.0f} sizes of its "
-                              "node set away from its middle: right units?")  # fmt: skip
+            fe.remarks.append(
+                f"the reference of {name} is {its_middle.away(at):.0f} sizes of its "
+                "node set away from its middle: right units?"
+            )
     return became

@@ -34,8 +34,11 @@ def read_abaqus(path: Path, deck: Path | None = None) -> FeMatrices:
     FORMAT=MATRIX INPUT carries its own dof map; FORMAT=COORDINATE counts equations, which are
     taken as three to a node in the order of the deck's labels, so it needs the deck.
     """
-    stiffness = path if re.search(r"STIF\d+\.mtx$", path.name, re.IGNORECASE) else _partner(
-        path, "MASS", "STIF")  # fmt: skip
+    stiffness = (
+        path
+        if re.search(r"STIF\d+\.mtx$", path.name, re.IGNORECASE)
+        else _partner(path, "MASS", "STIF")
+    )
     mass = _partner(stiffness, "STIF", "MASS")
     job = stiffness.with_name(
         re.sub(r"_?STIF\d+\.mtx$", ".inp", stiffness.name, flags=re.IGNORECASE)
@@ -57,10 +60,12 @@ def read_abaqus(path: Path, deck: Path | None = None) -> FeMatrices:
         component = code % 8 - 1
         node = (code - component - 1) // 8
         if component.min() < 0 or component.max() > 5:
-            raise BodyError(f"{stiffness}: dof {component.max() + 1} is no displacement or "
-                            "rotation (1 to 6)")  # fmt: skip
-        fe = FeMatrices(str(stiffness), build(stiffness), build(mass), node=node,
-                        component=component)  # fmt: skip
+            raise BodyError(
+                f"{stiffness}: dof {component.max() + 1} is no displacement or rotation (1 to 6)"
+            )
+        fe = FeMatrices(
+            str(stiffness), build(stiffness), build(mass), node=node, component=component
+        )
     else:
         tables = {file: read_triplets(file) for file in (stiffness, mass)}
         whole = {f: whole_numbers(f, t[:, :2]) for f, t in tables.items()}

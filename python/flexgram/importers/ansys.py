@@ -39,8 +39,10 @@ def read_full(path: Path, deck: Path | None = None) -> FeMatrices:
         with contextlib.redirect_stdout(io.StringIO()):
             dofs, k, m = reader.read_binary(str(path)).load_km(sort=True, as_sparse=True)
     except Exception as error:
-        raise BodyError(f"{path}: ansys-mapdl-reader cannot read it ({error}); is it a .full file "
-                        "of a modal or harmonic analysis?") from error  # fmt: skip
+        raise BodyError(
+            f"{path}: ansys-mapdl-reader cannot read it ({error}); is it a .full file "
+            "of a modal or harmonic analysis?"
+        ) from error
     if m is None or m.nnz == 0:
         raise BodyError(f"{path}: holds no mass matrix: write it by a modal analysis")
     n = k.shape[0]
@@ -118,8 +120,10 @@ def read_harwell_boeing(path: Path) -> sp.coo_matrix:
     except (ValueError, IndexError):
         raise BodyError(f"{path}, lines 1 to 4: no Harwell-Boeing header") from None
     if max(rows, columns) > max(entries, 10**7) or entries > path.stat().st_size:
-        raise BodyError(f"{path}: a matrix of {rows} × {columns} with {entries} entries is not in "
-                        f"{path.stat().st_size} bytes")  # fmt: skip
+        raise BodyError(
+            f"{path}: a matrix of {rows} × {columns} with {entries} entries is not in "
+            f"{path.stat().st_size} bytes"
+        )
     if kind[0] != "R" or kind[2] != "A" or kind[1] not in "SU":
         raise BodyError(f"{path}: type {kind}; flexgram takes real assembled matrices (RSA, RUA)")
     first = 5 if len(cards) > 3 and cards[3] > 0 else 4
@@ -145,15 +149,23 @@ def _read_market(path: Path) -> sp.coo_matrix:
             raise BodyError(f"{path}: truncated: only comments are there")
     rows, columns, entries, *_ = scipy.io.mminfo(str(path))
     if max(rows, columns) > max(entries, 10**7) or entries > path.stat().st_size:
-        raise BodyError(f"{path}: a matrix of {rows} × {columns} with {entries} entries is not in "
-                        f"{path.stat().st_size} bytes")  # fmt: skip
+        raise BodyError(
+            f"{path}: a matrix of {rows} × {columns} with {entries} entries is not in "
+            f"{path.stat().st_size} bytes"
+        )
     return sp.coo_matrix(scipy.io.mmread(str(path)))
 
 
 def _read_text(path: Path) -> sp.coo_matrix:
     """Triplets (row, column, value; numbers from 1, or from 0 if one is) or a whole matrix."""
-    first = next((line for line in path.read_text(errors="replace").splitlines()
-                  if line.strip() and not line.lstrip().startswith(("#", "%"))), "")  # fmt: skip
+    first = next(
+        (
+            line
+            for line in path.read_text(errors="replace").splitlines()
+            if line.strip() and not line.lstrip().startswith(("#", "%"))
+        ),
+        "",
+    )
     comma = "," if "," in first else None
     try:
         values = np.loadtxt(path, delimiter=comma, comments=["#", "%"], ndmin=2)
@@ -162,14 +174,18 @@ def _read_text(path: Path) -> sp.coo_matrix:
     if values.shape[0] == values.shape[1]:
         return sp.coo_matrix(values)
     if values.shape[1] != 3:
-        raise BodyError(f"{path}: {values.shape[0]} × {values.shape[1]} numbers, expected a square "
-                        "matrix, or row, column and value on each line")  # fmt: skip
+        raise BodyError(
+            f"{path}: {values.shape[0]} × {values.shape[1]} numbers, expected a square "
+            "matrix, or row, column and value on each line"
+        )
     pairs = whole_numbers(path, values[:, :2])
     pairs = pairs - (0 if pairs.min() == 0 else 1)
     n = int(pairs.max()) + 1
     if pairs.min() < 0 or n > len(values):
-        raise BodyError(f"{path}: numbers of rows and columns from {pairs.min()} to {n}: "
-                        f"{len(values)} entries cannot fill that")  # fmt: skip
+        raise BodyError(
+            f"{path}: numbers of rows and columns from {pairs.min()} to {n}: "
+            f"{len(values)} entries cannot fill that"
+        )
     return sp.coo_matrix((values[:, 2], (pairs[:, 0], pairs[:, 1])), shape=(n, n))
 
 
@@ -194,16 +210,24 @@ def _node_map(path: Path | None, n: int) -> tuple[Ints, Ints]:
         try:
             rows[int(words[0]) - 1] = (int(words[1]), directions[words[2].upper()])
         except (IndexError, KeyError, ValueError):
-            raise BodyError(f"{path}, line {number}: {line.strip()[:60]!r}, expected equation, "
-                            "node, UX … ROTZ") from None  # fmt: skip
+            raise BodyError(
+                f"{path}, line {number}: {line.strip()[:60]!r}, expected equation, node, UX … ROTZ"
+            ) from None
     if sorted(rows) != list(range(n)):
         raise BodyError(f"{path}: maps {len(rows)} equations, the matrices have {n}")
-    return (np.array([rows[i][0] for i in range(n)], dtype=np.int64),
-            np.array([rows[i][1] for i in range(n)], dtype=np.int64))  # fmt: skip
+    return (
+        np.array([rows[i][0] for i in range(n)], dtype=np.int64),
+        np.array([rows[i][1] for i in range(n)], dtype=np.int64),
+    )
 
 
-def read_pair(stiffness: Path, mass: Path, damping: Path | None = None, mapping: Path | None = None,
-              deck: Path | None = None) -> FeMatrices:  # fmt: skip
+def read_pair(
+    stiffness: Path,
+    mass: Path,
+    damping: Path | None = None,
+    mapping: Path | None = None,
+    deck: Path | None = None,
+) -> FeMatrices:
     """Read K and M (and D) from two files, one triangle or both.
 
     Harwell-Boeing, MatrixMarket, or text: ``.txt`` and ``.csv`` have row, column and value on

@@ -26,12 +26,35 @@ from flexgram.importers.mesh import describe_interfaces
 
 ELEMENTS = ("C3D4", "C3D10", "C3D15", "C3D20")
 #: Cards of the model that are read here, by ``read_deck`` or ``damping_of``.
-READ = {"NODE", "ELEMENT", "NSET", "ELSET", "MATERIAL", "ELASTIC", "DENSITY", "SOLID SECTION",
-        "BOUNDARY", "DAMPING", "MODAL DAMPING"}  # fmt: skip
+READ = {
+    "NODE",
+    "ELEMENT",
+    "NSET",
+    "ELSET",
+    "MATERIAL",
+    "ELASTIC",
+    "DENSITY",
+    "SOLID SECTION",
+    "BOUNDARY",
+    "DAMPING",
+    "MODAL DAMPING",
+}
 #: Cards that are nothing to K and M of the unloaded body.
-PASSED = {"HEADING", "SURFACE", "AMPLITUDE", "EXPANSION", "CONDUCTIVITY", "SPECIFIC HEAT",
-          "PHYSICAL CONSTANTS", "TIME POINTS", "INITIAL CONDITIONS", "PLASTIC", "CYCLIC HARDENING",
-          "CREEP", "USER OUTPUT"}  # fmt: skip
+PASSED = {
+    "HEADING",
+    "SURFACE",
+    "AMPLITUDE",
+    "EXPANSION",
+    "CONDUCTIVITY",
+    "SPECIFIC HEAT",
+    "PHYSICAL CONSTANTS",
+    "TIME POINTS",
+    "INITIAL CONDITIONS",
+    "PLASTIC",
+    "CYCLIC HARDENING",
+    "CREEP",
+    "USER OUTPUT",
+}
 
 
 def _numbers(job: Job, card: Card, count: int) -> list[float]:
@@ -70,12 +93,15 @@ def _refuse_others(job: Job) -> None:
     """Cards of the model that say something of K or M which is not read here."""
     for card in job.model:
         if card.keyword not in READ | PASSED:
-            raise BodyError(f"{job.path}: *{card.keyword} is not followed by --assemble: take "
-                            "--run-ccx")  # fmt: skip
+            raise BodyError(
+                f"{job.path}: *{card.keyword} is not followed by --assemble: take --run-ccx"
+            )
         kind = card.options.get("TYPE", "").upper()
         if card.keyword == "ELEMENT" and kind not in ELEMENTS:
-            raise BodyError(f"{job.path}: elements {kind} are others than flexgram's, which has "
-                            f"{', '.join(ELEMENTS)} of CalculiX: take --run-ccx")  # fmt: skip
+            raise BodyError(
+                f"{job.path}: elements {kind} are others than flexgram's, which has "
+                f"{', '.join(ELEMENTS)} of CalculiX: take --run-ccx"
+            )
         if card.keyword == "SOLID SECTION" and "ORIENTATION" in card.options:
             raise BodyError(f"{job.path}: *SOLID SECTION with an ORIENTATION: take --run-ccx")
 
@@ -93,11 +119,15 @@ def _supports(job: Job, deck: Deck, step: Sequence[Card]) -> dict[str, list[int]
                     [int(words[0])] if words[0].isdigit() else deck.sets[words[0].upper()]
                 )
             except (IndexError, ValueError, KeyError):
-                raise BodyError(f"{job.path}: *BOUNDARY {', '.join(words)!r}: expected a node or "
-                                "node set, and directions") from None  # fmt: skip
+                raise BodyError(
+                    f"{job.path}: *BOUNDARY {', '.join(words)!r}: expected a node or "
+                    "node set, and directions"
+                ) from None
             if value:
-                raise BodyError(f"{job.path}: *BOUNDARY moves nodes by {value:g}: a preload, which "
-                                "--run-ccx takes into account")  # fmt: skip
+                raise BodyError(
+                    f"{job.path}: *BOUNDARY moves nodes by {value:g}: a preload, which "
+                    "--run-ccx takes into account"
+                )
             for label in labels:
                 for direction in range(first, min(last, 3) + 1):
                     held.setdefault(int(label), set()).add("xyz"[direction - 1])
@@ -161,8 +191,9 @@ def assemble_deck(
     number = frequency_step(job, step)
     cards = job.step_of(number or 1) if job.steps else []
     if number and number > 1 and "PERTURBATION" in cards[0].options:
-        raise BodyError(f"{path}: step {number} is preloaded (PERTURBATION), which --run-ccx takes "
-                        "into account")  # fmt: skip
+        raise BodyError(
+            f"{path}: step {number} is preloaded (PERTURBATION), which --run-ccx takes into account"
+        )
     materials = _materials(job)
     regions: dict[str, dict[str, str]] = {}
     cells: list[tuple[str, Any]] = []
@@ -170,8 +201,10 @@ def assemble_deck(
     for index, card in enumerate(c for c in job.model if c.keyword == "SOLID SECTION"):
         name, material = (card.options.get(key, "").upper() for key in ("ELSET", "MATERIAL"))
         if name not in deck.elsets or not {"E", "nu", "rho"} <= set(materials.get(material, ())):
-            raise BodyError(f"{path}: *SOLID SECTION, ELSET={name}, MATERIAL={material}: needs "
-                            "elements, *ELASTIC and *DENSITY")  # fmt: skip
+            raise BodyError(
+                f"{path}: *SOLID SECTION, ELSET={name}, MATERIAL={material}: needs "
+                "elements, *ELASTIC and *DENSITY"
+            )
         regions[f"section{index + 1}"] = {"material": material}
         by_kind: dict[str, list[list[int]]] = {}
         for label in deck.elsets[name]:
@@ -186,11 +219,16 @@ def assemble_deck(
             for region, parts in cell_sets.items():
                 mine = region == f"section{index + 1}"
                 parts.append(whole if mine else np.empty(0, dtype=np.int64))
-    sectioned = {label for c in job.model if c.keyword == "SOLID SECTION"
-                 for label in deck.elsets.get(c.options.get("ELSET", "").upper(), ())}  # fmt: skip
+    sectioned = {
+        label
+        for c in job.model
+        if c.keyword == "SOLID SECTION"
+        for label in deck.elsets.get(c.options.get("ELSET", "").upper(), ())
+    }
     if len(sectioned) < len(deck.elements):
-        raise BodyError(f"{path}: {len(deck.elements) - len(sectioned)} elements have no *SOLID "
-                        "SECTION")  # fmt: skip
+        raise BodyError(
+            f"{path}: {len(deck.elements) - len(sectioned)} elements have no *SOLID SECTION"
+        )
     mesh = meshio.Mesh(
         deck.points,
         cells,
@@ -204,8 +242,10 @@ def assemble_deck(
     given = {"alpha": alpha, "beta": beta, "eta": eta}
     of_deck = {"alpha": damping.alpha, "beta": damping.beta, "eta": damping.eta}
     described = describe_interfaces(interfaces)
-    further = {key: {name: dict(entry) for name, entry in (given or {}).items()}
-               for key, given in (("loads", loads), ("outputs", outputs))}  # fmt: skip
+    further = {
+        key: {name: dict(entry) for name, entry in (given or {}).items()}
+        for key, given in (("loads", loads), ("outputs", outputs))
+    }
     remarks = [*deck.remarks, *damping.remarks]
     for name, entry in further["loads"].items():
         if "table" in entry:
@@ -219,15 +259,18 @@ def assemble_deck(
             if load.kind == "temperature" and not all(
                 "expansion" in materials[region["material"]] for region in regions.values()
             ):
-                remarks.append(f"load {load.name} is left out: a material has no *EXPANSION, or "
-                               "one of temperature or direction")  # fmt: skip
+                remarks.append(
+                    f"load {load.name} is left out: a material has no *EXPANSION, or "
+                    "one of temperature or direction"
+                )
                 continue
             rows = load.table.copy()
             rows[:, 0] = np.searchsorted(deck.labels, rows[:, 0]) + 1
             further["loads"][load.name] = {"type": load.kind, "table": rows}
     elif words := in_steps(job):
-        remarks.append(f"the loads of the deck are left out ({words}): --deck-loads makes inputs "
-                       "of them")  # fmt: skip
+        remarks.append(
+            f"the loads of the deck are left out ({words}): --deck-loads makes inputs of them"
+        )
     for entry in (*described.values(), *further["loads"].values(), *further["outputs"].values()):
         for key in ("nodes", "relative_to"):
             if isinstance(entry.get(key), list):  # labels of the deck
@@ -235,14 +278,19 @@ def assemble_deck(
             elif isinstance(entry.get(key), str):
                 entry[key] = entry[key].upper()
     content = {
-        "name": path.stem, "units": units, "materials": materials, "regions": regions,
-        "interfaces": described, "mass_integration": "reduced", **further,
-        "supports": {f"held_{directions}": {"nodes": [i + 1 for i in nodes],
-                                            "components": list(directions)}
-                     for directions, nodes in _supports(job, deck, cards).items()},
-        "damping": {key: of_deck[key] if value is None else value
-                    for key, value in given.items()},
-    }  # fmt: skip
+        "name": path.stem,
+        "units": units,
+        "materials": materials,
+        "regions": regions,
+        "interfaces": described,
+        "mass_integration": "reduced",
+        **further,
+        "supports": {
+            f"held_{directions}": {"nodes": [i + 1 for i in nodes], "components": list(directions)}
+            for directions, nodes in _supports(job, deck, cards).items()
+        },
+        "damping": {key: of_deck[key] if value is None else value for key, value in given.items()},
+    }
     counts = import_description(content, str(path), output, inputs=[path], mesh=mesh)
     return {**counts, "remarks": remarks}
 

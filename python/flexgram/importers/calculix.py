@@ -35,8 +35,10 @@ def _matrix(path: Path, n: int) -> sp.csr_matrix:
     seen = np.zeros(n, dtype=bool)
     seen[row - 1] = True
     if not seen.all():
-        raise BodyError(f"{path}: row {int(np.argmin(seen)) + 1} of {n} has no entry: the file is "
-                        "truncated or belongs to another .dof file")  # fmt: skip
+        raise BodyError(
+            f"{path}: row {int(np.argmin(seen)) + 1} of {n} has no entry: the file is "
+            "truncated or belongs to another .dof file"
+        )
     return symmetric(path, row - 1, column - 1, value, n)
 
 
@@ -58,8 +60,10 @@ def read_calculix(
     for suffix, file in files.items():
         if not file.exists():
             what = {".sti": "K", ".mas": "M", ".dof": "the dof map"}[suffix]
-            raise BodyError(f"{file} ({what}) is missing; ccx writes it in a step *FREQUENCY, "
-                            "SOLVER=MATRIXSTORAGE (--run-ccx does all of it)")  # fmt: skip
+            raise BodyError(
+                f"{file} ({what}) is missing; ccx writes it in a step *FREQUENCY, "
+                "SOLVER=MATRIXSTORAGE (--run-ccx does all of it)"
+            )
     node, component = [], []
     for number, line in enumerate(files[".dof"].read_text(errors="replace").splitlines(), 1):
         label, dot, direction = line.strip().partition(".")
@@ -67,8 +71,10 @@ def read_calculix(
         if not dot or not label.lstrip("-").isdigit() or direction not in tuple("123456"):
             if not line.strip():
                 continue
-            raise BodyError(f"{files['.dof']}, line {number}: {line.strip()[:40]!r}, expected "
-                            "node.direction with direction 1 to 6")  # fmt: skip
+            raise BodyError(
+                f"{files['.dof']}, line {number}: {line.strip()[:40]!r}, expected "
+                "node.direction with direction 1 to 6"
+            )
         node.append(int(label))
         component.append(int(direction) - 1)
     n = len(node)
@@ -89,16 +95,19 @@ def read_calculix(
     # ccx numbers a rotation node that the deck does not name by itself: a label of its own with
     # three rows, in the order of the rigid bodies.
     unnamed = [name for name, (_, rotation) in model.rigid.items() if rotation is None]
-    strangers = [n for n in np.unique(fe.node[~np.isin(fe.node, fe.labels)])
-                 if np.sum(fe.node == n) == 3]  # fmt: skip
+    strangers = [
+        n for n in np.unique(fe.node[~np.isin(fe.node, fe.labels)]) if np.sum(fe.node == n) == 3
+    ]
     made = dict(zip(unnamed, strangers, strict=False)) if len(strangers) == len(unnamed) else {}
     for name, (reference, named) in model.rigid.items():
         # The rotation node's "translations" are the rotations of the reference node.
         rotation = named if named is not None else made.get(name)
         turns = fe.node == rotation
         if rotation is None or rotation == reference or not turns.any():
-            fe.remarks.append(f"*RIGID BODY {name}: its rotation rows are not known (give it a ROT "
-                              "NODE); its reference node has translations only")  # fmt: skip
+            fe.remarks.append(
+                f"*RIGID BODY {name}: its rotation rows are not known (give it a ROT "
+                "NODE); its reference node has translations only"
+            )
             continue
         fe.node[turns] = reference
         fe.component[turns] += 3
@@ -146,8 +155,10 @@ def _take_damping(fe: FeMatrices, damping: ccx.Damping) -> None:
                 rows += own.tolist()
                 shares += [sign * line[direction] / length] * len(own)
         if not whole:
-            fe.remarks.append(f"the dashpot between nodes {first} and {second} is left out: they "
-                              "are in one place, or depend on other nodes")  # fmt: skip
+            fe.remarks.append(
+                f"the dashpot between nodes {first} and {second} is left out: they "
+                "are in one place, or depend on other nodes"
+            )
             continue
         D[np.ix_(rows, rows)] += constant * np.outer(shares, shares)
         taken += 1
@@ -164,7 +175,8 @@ def _expand(fe: FeMatrices) -> None:
     """
     first = np.flatnonzero(fe.component == 0)
     together = (len(fe.node) == 3 * len(first)) and np.array_equal(
-        fe.component, np.tile(np.arange(3), len(first)))  # fmt: skip
+        fe.component, np.tile(np.arange(3), len(first))
+    )
     label, count = np.unique(fe.node[first], return_counts=True)
     several = label[(count > 1) & np.isin(label, fe.labels)]
     if not len(several):
@@ -172,8 +184,10 @@ def _expand(fe: FeMatrices) -> None:
     if not np.isin(fe.node, fe.labels).all():  # S4, B31: with internal nodes of incompatible modes
         return
     if not together or len(first) != count.sum():
-        fe.remarks.append("nodes of shells or beams have several rows, some of them held: where "
-                          "these are is not known, no coordinates are kept")  # fmt: skip
+        fe.remarks.append(
+            "nodes of shells or beams have several rows, some of them held: where "
+            "these are is not known, no coordinates are kept"
+        )
         fe.points = np.empty((0, 3))
         return
     # Nodes of the rows, three rows each; unknown places of the expanded ones about the label's.
@@ -208,8 +222,10 @@ def _expand(fe: FeMatrices) -> None:
     energy = np.einsum("ij,ij->j", motion, fe.K @ motion)
     scale = np.einsum("ij,i,ij->j", motion, fe.K.diagonal(), motion)
     if not np.all(np.abs(energy) <= 1e-9 * scale):
-        fe.remarks.append("nodes of shells or beams are expanded, and the body is held: where they "
-                          "are is not known, no coordinates are kept (import it free)")  # fmt: skip
+        fe.remarks.append(
+            "nodes of shells or beams are expanded, and the body is held: where they "
+            "are is not known, no coordinates are kept (import it free)"
+        )
         fe.points = np.empty((0, 3))
         return
     fresh = np.arange(expanded.sum()) + max(fe.labels.max(), fe.node.max()) + 1
@@ -219,7 +235,10 @@ def _expand(fe: FeMatrices) -> None:
     fe.labels = np.concatenate([fe.labels, fresh])
     fe.points = np.vstack([fe.points, points[expanded]])
     for name, members in fe.sets.items():
-        fe.sets[name] = np.concatenate([members[~np.isin(members, several)],
-                                        fresh[np.isin(old, members)]])  # fmt: skip
-    fe.remarks.append(f"{len(several)} nodes of shells or beams are {expanded.sum()} of the solids "
-                      "that ccx makes of them; sets hold these")  # fmt: skip
+        fe.sets[name] = np.concatenate(
+            [members[~np.isin(members, several)], fresh[np.isin(old, members)]]
+        )
+    fe.remarks.append(
+        f"{len(several)} nodes of shells or beams are {expanded.sum()} of the solids "
+        "that ccx makes of them; sets hold these"
+    )

@@ -20,11 +20,28 @@ from flexgram.importers.deck import keyword_of, raw_lines
 STORAGE = "*FREQUENCY, SOLVER=MATRIXSTORAGE"
 
 #: Cards of a step that are forces or histories: no part of a linear body.
-LOADS = ("CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE", "CFLUX", "DFLUX", "FILM", "RADIATE",
-         "BASE MOTION", "GREEN")  # fmt: skip
+LOADS = (
+    "CLOAD",
+    "DLOAD",
+    "DSLOAD",
+    "TEMPERATURE",
+    "CFLUX",
+    "DFLUX",
+    "FILM",
+    "RADIATE",
+    "BASE MOTION",
+    "GREEN",
+)
 #: Procedures that are named where they are left out.
-FURTHER = ("FREQUENCY", "MODAL DYNAMIC", "STEADY STATE DYNAMICS", "COMPLEX FREQUENCY", "BUCKLE",
-           "STATIC", "DYNAMIC")  # fmt: skip
+FURTHER = (
+    "FREQUENCY",
+    "MODAL DYNAMIC",
+    "STEADY STATE DYNAMICS",
+    "COMPLEX FREQUENCY",
+    "BUCKLE",
+    "STATIC",
+    "DYNAMIC",
+)
 #: What K and M of the model do not mean, whatever the step.
 FOREIGN = {
     "CYCLIC SYMMETRY MODEL": "the deck is one sector of a cyclic body, which is no body by itself: "
@@ -109,12 +126,18 @@ def frequency_step(job: Job, asked: int | None = None) -> int | None:
     BodyError
         If the step asked for is none.
     """
-    found = [number for number, cards in enumerate(job.steps, 1)
-             if any(card.keyword == "FREQUENCY" for card in cards)]  # fmt: skip
+    found = [
+        number
+        for number, cards in enumerate(job.steps, 1)
+        if any(card.keyword == "FREQUENCY" for card in cards)
+    ]
     if asked is not None:
         if asked not in found:
-            there = f"its *FREQUENCY steps are {', '.join(map(str, found))}" if found else \
-                "it has no *FREQUENCY step"  # fmt: skip
+            there = (
+                f"its *FREQUENCY steps are {', '.join(map(str, found))}"
+                if found
+                else "it has no *FREQUENCY step"
+            )
             raise BodyError(f"{job.path}: step {asked} gives no matrices: {there}")
         return asked
     loaded = [n for n in found if "PERTURBATION" in job.step_of(n)[0].options]
@@ -128,8 +151,9 @@ def _text(cards: list[Card]) -> str:
 def _stored(step: list[Card]) -> list[Card]:
     """The step with its matrices stored instead of its modes found."""
     kept = [card for card in step if card.keyword not in ("SELECT CYCLIC SYMMETRY MODES",)]
-    return [Card("FREQUENCY", {}, [STORAGE]) if card.keyword == "FREQUENCY" else card
-            for card in kept]  # fmt: skip
+    return [
+        Card("FREQUENCY", {}, [STORAGE]) if card.keyword == "FREQUENCY" else card for card in kept
+    ]
 
 
 def _and(words: list[str]) -> str:
@@ -150,13 +174,15 @@ def prepare(job: Job, asked: int | None = None) -> tuple[str, list[str]]:
         For a deck whose matrices are not those of a body.
     """
     for card in job.model:
-        if card.keyword in FOREIGN and not (card.keyword == "RESTART" and "READ" not in
-                                            card.options):  # fmt: skip
+        if card.keyword in FOREIGN and not (
+            card.keyword == "RESTART" and "READ" not in card.options
+        ):
             raise BodyError(f"{job.path}: {FOREIGN[card.keyword]}")
     words = [card.keyword for step in job.steps for card in step]
     heat = [word for word in words if word in NOT_MECHANICAL]
-    if heat and not any(word in (*FURTHER, "VISCO", "COUPLED TEMPERATURE-DISPLACEMENT")
-                        for word in words):  # fmt: skip
+    if heat and not any(
+        word in (*FURTHER, "VISCO", "COUPLED TEMPERATURE-DISPLACEMENT") for word in words
+    ):
         raise BodyError(f"{job.path}: *{heat[0]}: no masses and stiffnesses of a mechanical body")
     number = frequency_step(job, asked)
     remarks: list[str] = []
@@ -165,13 +191,27 @@ def prepare(job: Job, asked: int | None = None) -> tuple[str, list[str]]:
         held = [card for card in first if card.keyword == "BOUNDARY"]
         text = _text(job.model) + "*STEP\n" + STORAGE + "\n" + _text(held) + "*END STEP\n"
         if job.steps:
-            what = [card.keyword for step in job.steps for card in step
-                    if card.keyword in (*LOADS, "STATIC", "VISCO", "BUCKLE", "DYNAMIC",
-                                        "MODAL DYNAMIC", "STEADY STATE DYNAMICS",
-                                        "COUPLED TEMPERATURE-DISPLACEMENT")]  # fmt: skip
+            what = [
+                card.keyword
+                for step in job.steps
+                for card in step
+                if card.keyword
+                in (
+                    *LOADS,
+                    "STATIC",
+                    "VISCO",
+                    "BUCKLE",
+                    "DYNAMIC",
+                    "MODAL DYNAMIC",
+                    "STEADY STATE DYNAMICS",
+                    "COUPLED TEMPERATURE-DISPLACEMENT",
+                )
+            ]
             left = f"; left out: {_and(what)}" if what else ""
-            remarks.append("the deck has no *FREQUENCY step: K and M of the unloaded body with the "
-                           f"supports of step 1{left}")  # fmt: skip
+            remarks.append(
+                "the deck has no *FREQUENCY step: K and M of the unloaded body with the "
+                f"supports of step 1{left}"
+            )
     else:
         step = job.step_of(number)
         kept = [card for earlier in job.steps[: number - 1] for card in earlier]
@@ -179,15 +219,22 @@ def prepare(job: Job, asked: int | None = None) -> tuple[str, list[str]]:
         preloaded = "PERTURBATION" in step[0].options
         if preloaded:
             by = [c.keyword for c in kept if c.keyword in (*LOADS, "STATIC", "BOUNDARY", "VISCO")]
-            remarks.append(f"K and M of step {number}, *STEP, PERTURBATION: preloaded by the steps "
-                           f"before it ({_and(by)})")  # fmt: skip
+            remarks.append(
+                f"K and M of step {number}, *STEP, PERTURBATION: preloaded by the steps "
+                f"before it ({_and(by)})"
+            )
         elif number > 1:
-            remarks.append(f"K and M of step {number}, without preload: what steps 1 to "
-                           f"{number - 1} load is left out (no PERTURBATION)")  # fmt: skip
+            remarks.append(
+                f"K and M of step {number}, without preload: what steps 1 to "
+                f"{number - 1} load is left out (no PERTURBATION)"
+            )
         others = [n for n in range(1, len(job.steps) + 1) if n > number]
         further = [c.keyword for n in others for c in job.step_of(n) if c.keyword in FURTHER]
-        more = [n for n in range(1, len(job.steps) + 1) if n != number
-                and any(c.keyword == "FREQUENCY" for c in job.step_of(n))]  # fmt: skip
+        more = [
+            n
+            for n in range(1, len(job.steps) + 1)
+            if n != number and any(c.keyword == "FREQUENCY" for c in job.step_of(n))
+        ]
         if more:
             remarks.append(
                 f"step {number} is taken; --step {more[0]} takes another *FREQUENCY step"
@@ -227,8 +274,9 @@ def run_ccx(deck: Path, folder: Path, step: int | None = None) -> tuple[Path, li
     job.write_text(text)
     for suffix in (".sti", ".mas", ".dof"):  # never take an old result for a new one
         job.with_suffix(suffix).unlink(missing_ok=True)
-    done = subprocess.run([program, job.stem], cwd=folder, capture_output=True, text=True,
-                          errors="replace")  # fmt: skip
+    done = subprocess.run(
+        [program, job.stem], cwd=folder, capture_output=True, text=True, errors="replace"
+    )
     missing = [s for s in (".sti", ".mas", ".dof") if not job.with_suffix(s).exists()]
     said = done.stdout.splitlines()
     errors = [i for i, line in enumerate(said) if "*ERROR" in line]
@@ -264,19 +312,22 @@ def _rayleigh(job: Job, damping: Damping) -> None:
     found: set[tuple[float, float, float]] = set()
     for card in modal:
         if "RAYLEIGH" not in card.options:
-            damping.remarks.append("*MODAL DAMPING by ratios is left out: give --alpha, --beta or "
-                                   "--eta")  # fmt: skip
+            damping.remarks.append(
+                "*MODAL DAMPING by ratios is left out: give --alpha, --beta or --eta"
+            )
             continue
         found |= {(_number(words, 2), _number(words, 3), 0.0) for words in card.words()}
     materials = sum(card.keyword == "MATERIAL" for card in job.model)
     of_materials = [
         tuple(float(card.options.get(name) or 0) for name in ("ALPHA", "BETA", "STRUCTURAL"))
-        for card in job.model if card.keyword == "DAMPING"
-    ]  # fmt: skip
+        for card in job.model
+        if card.keyword == "DAMPING"
+    ]
     if not found and of_materials:
         if len(set(of_materials)) > 1 or len(of_materials) < materials:
-            damping.remarks.append("*DAMPING of the materials differs: it is left out (--alpha, "
-                                   "--beta, --eta)")  # fmt: skip
+            damping.remarks.append(
+                "*DAMPING of the materials differs: it is left out (--alpha, --beta, --eta)"
+            )
         else:
             found = {(a, b, c) for a, b, c in of_materials}
     if len(found) > 1:
@@ -324,9 +375,12 @@ def damping_of(job: Job) -> Damping:
         if damping.dashpots:
             damping.held = [
                 (words[0].upper(), int(words[1]), int(_number(words, 2) or words[1]))
-                for step in [job.model, *job.steps] for card in step if card.keyword == "BOUNDARY"
-                for words in card.words() if len(words) > 1
-            ]  # fmt: skip
+                for step in [job.model, *job.steps]
+                for card in step
+                if card.keyword == "BOUNDARY"
+                for words in card.words()
+                if len(words) > 1
+            ]
     except ValueError as error:
         raise BodyError(f"{job.path}: damping cards: {error}") from None
     return damping

@@ -27,10 +27,12 @@ def _sparse(path: Path, name: str, value: Any) -> sp.csr_matrix:
         raise BodyError(f"{path}: {name} is complex; flexgram takes K (1 + i eta) as K with eta")
     entries = sp.coo_matrix(value)
     if entries.shape[0] != entries.shape[1]:
-        raise BodyError(f"{path}: {name} is {entries.shape[0]} × {entries.shape[1]}, expected "
-                        "square")  # fmt: skip
-    return symmetric(f"{path}, {name}", entries.row, entries.col, entries.data.astype(float),
-                     entries.shape[0])  # fmt: skip
+        raise BodyError(
+            f"{path}: {name} is {entries.shape[0]} × {entries.shape[1]}, expected square"
+        )
+    return symmetric(
+        f"{path}, {name}", entries.row, entries.col, entries.data.astype(float), entries.shape[0]
+    )
 
 
 def checked(what: str, parts: tuple[Any, Any, Any], shape: tuple[int, int], kind: Any) -> Any:
@@ -47,11 +49,14 @@ def checked(what: str, parts: tuple[Any, Any, Any], shape: tuple[int, int], kind
     if len(start) != major + 1 or start[0] != 0 or np.any(np.diff(start) < 0):
         raise BodyError(f"{what}: the starts of its rows or columns do not rise from 0")
     if start[-1] != len(value) or len(index) != len(value):
-        raise BodyError(f"{what}: {len(value)} values and {len(index)} indices for the "
-                        f"{start[-1]} entries that it declares")  # fmt: skip
+        raise BodyError(
+            f"{what}: {len(value)} values and {len(index)} indices for the "
+            f"{start[-1]} entries that it declares"
+        )
     if len(index) and (index.min() < 0 or index.max() >= minor):
-        raise BodyError(f"{what}: indices from {index.min()} to {index.max()}, expected 0 to "
-                        f"{minor - 1}")  # fmt: skip
+        raise BodyError(
+            f"{what}: indices from {index.min()} to {index.max()}, expected 0 to {minor - 1}"
+        )
     return kind((np.asarray(value, dtype=float), index, start), shape=shape)
 
 
@@ -66,8 +71,9 @@ def _sparse_of_hdf5(what: str, group: h5py.Group) -> sp.csc_matrix:
     start = stored(what, group["jc"])
     rows = int(whole_numbers(what, group.attrs["MATLAB_sparse"]))
     if "ir" not in group:  # MATLAB leaves data and ir out of an empty matrix
-        return checked(what, (np.empty(0), np.empty(0), start), (rows, len(start) - 1),
-                       sp.csc_matrix)  # fmt: skip
+        return checked(
+            what, (np.empty(0), np.empty(0), start), (rows, len(start) - 1), sp.csc_matrix
+        )
     if group["data"].dtype.kind != "f":
         raise BodyError(f"{what} is complex or not of doubles")
     parts = (stored(what, group["data"]), stored(what, group["ir"]), start)
@@ -115,12 +121,16 @@ def read_matlab(path: Path, matrices: Mapping[str, str] | None = None) -> FeMatr
     values |= named
     for name in ("K", "M"):
         if name not in values:
-            raise BodyError(f"{path}: {name} is missing; there are {there} (--matrices "
-                            "K=Kmat,M=Mmat names them)")  # fmt: skip
+            raise BodyError(
+                f"{path}: {name} is missing; there are {there} (--matrices "
+                "K=Kmat,M=Mmat names them)"
+            )
     square = np.shape(values["C"]) == np.shape(values["K"]) if "C" in values else False
     if square and "C" not in asked and np.shape(values["K"])[0] > 1:
-        raise BodyError(f"{path}: C is as large as K: damping (--matrices D=C), or an output for "
-                        "each row (--matrices C=C)?")  # fmt: skip
+        raise BodyError(
+            f"{path}: C is as large as K: damping (--matrices D=C), or an output for "
+            "each row (--matrices C=C)?"
+        )
 
     def number(name: str) -> float:
         if name not in values:
@@ -135,10 +145,16 @@ def read_matlab(path: Path, matrices: Mapping[str, str] | None = None) -> FeMatr
         return _sparse_ports(f"{path}: {name}", value) if sp.issparse(value) else value
 
     fe = FeMatrices(
-        str(path), _sparse(path, "K", values["K"]), _sparse(path, "M", values["M"]),
-        _sparse(path, "D", values["D"]) if "D" in values else None, B=dense("B"), C=dense("C"),
-        alpha=number("alpha"), beta=number("beta"), eta=number("eta"),
-    )  # fmt: skip
+        str(path),
+        _sparse(path, "K", values["K"]),
+        _sparse(path, "M", values["M"]),
+        _sparse(path, "D", values["D"]) if "D" in values else None,
+        B=dense("B"),
+        C=dense("C"),
+        alpha=number("alpha"),
+        beta=number("beta"),
+        eta=number("eta"),
+    )
     if {"node", "component", "position"} <= set(values):
         fe.node = whole_numbers(f"{path}: node", np.ravel(values["node"]))
         fe.component = whole_numbers(f"{path}: component", np.ravel(values["component"]))
@@ -151,8 +167,10 @@ def read_matlab(path: Path, matrices: Mapping[str, str] | None = None) -> FeMatr
         if not np.all(np.isfinite(fe.points)):
             raise BodyError(f"{path}: position holds NaN or Inf")
         if fe.component.min() < 0 or fe.component.max() > 5 or 0 not in fe.component:
-            raise BodyError(f"{path}: component must be 0, 1, 2 (translations) or 3, 4, 5 "
-                            "(rotations); node counts from 1")  # fmt: skip
+            raise BodyError(
+                f"{path}: component must be 0, 1, 2 (translations) or 3, 4, 5 "
+                "(rotations); node counts from 1"
+            )
     return fe
 
 
@@ -163,15 +181,19 @@ def _petsc_matrix(path: Path) -> sp.csr_matrix:
     with path.open("rb") as file:
         head = np.fromfile(file, dtype=">i4", count=4)
         if len(head) < 4 or head[0] != PETSC_MATRIX:
-            raise BodyError(f"{path}: no PETSc binary Mat with 32-bit indices (MatView to a binary "
-                            "viewer writes one)")  # fmt: skip
+            raise BodyError(
+                f"{path}: no PETSc binary Mat with 32-bit indices (MatView to a binary "
+                "viewer writes one)"
+            )
         _, rows, columns, count = (int(x) for x in head)
         if count < 0:
             raise BodyError(f"{path}: a dense Mat; flexgram takes sparse ones (AIJ)")
         needed = 16 + 4 * rows + 12 * count
         if rows < 0 or columns < 0 or path.stat().st_size < needed:
-            raise BodyError(f"{path}: truncated: {rows} rows with {count} entries need {needed} "
-                            f"bytes, it has {path.stat().st_size}")  # fmt: skip
+            raise BodyError(
+                f"{path}: truncated: {rows} rows with {count} entries need {needed} "
+                f"bytes, it has {path.stat().st_size}"
+            )
         lengths = np.fromfile(file, dtype=">i4", count=rows)
         index = np.fromfile(file, dtype=">i4", count=count)
         value = np.fromfile(file, dtype=">f8", count=count)
@@ -186,8 +208,12 @@ def _petsc_matrix(path: Path) -> sp.csr_matrix:
     return checked(str(path), (value, index, start), (rows, columns), sp.csr_matrix)
 
 
-def read_petsc(stiffness: Path, mass: Path, inputs: Path | None = None, damping: Path | None = None,
-               ) -> FeMatrices:  # fmt: skip
+def read_petsc(
+    stiffness: Path,
+    mass: Path,
+    inputs: Path | None = None,
+    damping: Path | None = None,
+) -> FeMatrices:
     """Read K, M (and B, D) from files of one PETSc Mat each."""
     K, M = (_sparse(p, "Mat", _petsc_matrix(p)) for p in (stiffness, mass))
     D = _sparse(damping, "Mat", _petsc_matrix(damping)) if damping else None

@@ -136,13 +136,15 @@ class _Model:
         if keyword in UNKNOWN_NODES or (
             keyword == "NODE" and ("SYSTEM" in options or "INPUT" in options)
         ):
-            raise ValueError("writes nodes in a way that is not read here; write them one by one, "
-                             "Cartesian")  # fmt: skip
+            raise ValueError(
+                "writes nodes in a way that is not read here; write them one by one, Cartesian"
+            )
         if keyword == "INSTANCE":
             self.instances += 1
             if self.instances > 1:
-                raise ValueError("is a second instance; write a flat input file (without parts and "
-                                 "assemblies)")  # fmt: skip
+                raise ValueError(
+                    "is a second instance; write a flat input file (without parts and assemblies)"
+                )
         self.transformed = self.transformed or keyword == "TRANSFORM"
         if keyword == "RIGID BODY" and "REF NODE" in options:
             name = options.get("NSET", options.get("ELSET", f"RIGID{len(self.rigid) + 1}")).upper()
@@ -165,8 +167,9 @@ class _Model:
             xyz = [float(re.sub("[dD]", "e", word)) if word else 0.0 for word in words[1:4]]
             place = (*xyz, *[0.0] * (3 - len(xyz)))
             if self.points.setdefault(label, place) != place:
-                raise ValueError("gives a node that is there already another place; write a flat "
-                                 "input file")  # fmt: skip
+                raise ValueError(
+                    "gives a node that is there already another place; write a flat input file"
+                )
             if "NSET" in options:
                 self.sets.setdefault(options["NSET"].upper(), []).append(label)
         elif keyword == "INSTANCE" and any(float(word) for word in words if word):

@@ -76,8 +76,10 @@ class _Deck:
                 of_material[material] = self.number(card, next(card.words(), []), 0)
             elif card.keyword == "SURFACE" and card.options.get("TYPE", "").upper() != "NODE":
                 self.surfaces[name] = [(row[0], row[1]) for row in card.words() if len(row) > 1]
-            elif (card.keyword == "INITIAL CONDITIONS"
-                  and card.options.get("TYPE", "").upper() == "TEMPERATURE"):  # fmt: skip
+            elif (
+                card.keyword == "INITIAL CONDITIONS"
+                and card.options.get("TYPE", "").upper() == "TEMPERATURE"
+            ):
                 for row in card.words():
                     for label in self.nodes(card, row[0]):
                         self.start[label] = self.number(card, row, 1)
@@ -161,8 +163,9 @@ class _Deck:
             volume = weight * np.linalg.det(np.einsum("qna,enx->eqax", dN, x))
             density = np.array([self.density.get(label, 0.0) for label in mine.tolist()])
             pull = field(np.einsum("qn,enx->eqx", N, x))
-            np.add.at(forces, nodes,
-                      np.einsum("eq,qn,eqx->enx", volume * density[:, None], N, pull))  # fmt: skip
+            np.add.at(
+                forces, nodes, np.einsum("eq,qn,eqx->enx", volume * density[:, None], N, pull)
+            )
         return forces
 
 
@@ -187,8 +190,9 @@ def _distributed(deck: _Deck, card: Card, row: list[str], spun: set[int]) -> Flo
         if spun & set(elements):
             raise LeftOut("a second CENTRIF on an element, which ccx ignores")
         spun |= set(elements)
-        return deck.weight(elements, lambda x: value * (
-            x - point - ((x - point) @ axis)[..., None] * axis))  # fmt: skip
+        return deck.weight(
+            elements, lambda x: value * (x - point - ((x - point) @ axis)[..., None] * axis)
+        )
     if kind[:1] == "P" and kind[1:].isdigit():
         return deck.pressure(elements, int(kind[1:]), value)
     return None
@@ -216,8 +220,9 @@ def _forces(deck: _Deck, card: Card, left: list[str], spun: set[int]) -> Floats:
             for where, side in deck.surfaces[row[0].upper()]:
                 if not (side[:1].upper() == "S" and side[1:].isdigit()):
                     raise deck.wrong(card, row, f"{side} of surface {row[0]} is no face")
-                forces += deck.pressure(deck.elements(card, where), int(side[1:]),
-                                        deck.number(card, row, 2))  # fmt: skip
+                forces += deck.pressure(
+                    deck.elements(card, where), int(side[1:]), deck.number(card, row, 2)
+                )
         else:
             direction = deck.number(card, row, 1)
             if direction not in (1, 2, 3):
@@ -290,8 +295,13 @@ def attach_loads(fe: FeMatrices, job: Job, deck: Deck) -> None:
                 if place in where and place not in several:
                     forces[where[place]] += value
                 elif value and place not in held:
-                    good, why = False, (f"node {place[0]} has no row of its own in direction "
-                                        f"{direction + 1}: it depends on others")  # fmt: skip
+                    good, why = (
+                        False,
+                        (
+                            f"node {place[0]} has no row of its own in direction "
+                            f"{direction + 1}: it depends on others"
+                        ),
+                    )
         if good:
             fe.loads[f"{load.name}.load"] = forces
         else:
@@ -308,14 +318,19 @@ def loads_of(job: Job, deck: Deck) -> tuple[list[DeckLoad], list[str]]:
     BodyError
         For cards that cannot be meant.
     """
-    others = sorted({
-        kind for card in job.model if card.keyword == "ELEMENT"
-        for kind in [card.options.get("TYPE", "").upper()]
-        if not kind.startswith((*SOLIDS, *POINTS))
-    })  # fmt: skip
+    others = sorted(
+        {
+            kind
+            for card in job.model
+            if card.keyword == "ELEMENT"
+            for kind in [card.options.get("TYPE", "").upper()]
+            if not kind.startswith((*SOLIDS, *POINTS))
+        }
+    )
     if others and in_steps(job):
-        return [], [f"the loads of the deck are left out: it has {', '.join(others)} elements "
-                    "beside solids"]  # fmt: skip
+        return [], [
+            f"the loads of the deck are left out: it has {', '.join(others)} elements beside solids"
+        ]
     found = _Loads(job, deck)
     for number, step in enumerate(job.steps, 1):
         found.step(number, step)
@@ -350,8 +365,9 @@ class _Loads:
                     continue
                 left: list[str] = []
                 forces = _forces(self.deck, card, left, spun)
-                self.remarks += [f"load {name + again}: {what} is left out"
-                                 for what in dict.fromkeys(left)]  # fmt: skip
+                self.remarks += [
+                    f"load {name + again}: {what} is left out" for what in dict.fromkeys(left)
+                ]
                 self._add(name + again, "nodal", forces, bool(left))
                 self._amplitude(name + again, card)
             except LeftOut as reason:

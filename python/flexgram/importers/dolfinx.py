@@ -121,8 +121,12 @@ def body(
         if not area > 0:
             raise BodyError(f"dolfinx.body: no facets have the tag {tag} ({interface})")
         # ∫ x ds is what the loads along x, y and z do against a motion that is x, y, z there.
-        middle = np.array([comm.allreduce(float(points[:, i] @ loads[component == 0, 0]))
-                           for i in range(3)]) / area  # fmt: skip
+        middle = (
+            np.array(
+                [comm.allreduce(float(points[:, i] @ loads[component == 0, 0])) for i in range(3)]
+            )
+            / area
+        )
         about = np.zeros((6, 6))  # motions about the middle by those about the origin
         about[:3, :3] = about[3:, 3:] = np.eye(3)
         about[:3, 3:] = -np.array([np.cross(e, middle) for e in np.eye(3)]).T
@@ -133,7 +137,15 @@ def body(
     B = np.hstack(ports)
     B[held - 3 * first] = 0
     return Matrices(
-        _assembled(stiffness, held, 1.0), _assembled(mass, held, 0.0), B, alpha=alpha, beta=beta,
-        eta=eta, inputs=names, node=np.repeat(first + np.arange(blocks), 3), component=component,
-        position=position, name=name,
-    )  # fmt: skip
+        _assembled(stiffness, held, 1.0),
+        _assembled(mass, held, 0.0),
+        B,
+        alpha=alpha,
+        beta=beta,
+        eta=eta,
+        inputs=names,
+        node=np.repeat(first + np.arange(blocks), 3),
+        component=component,
+        position=position,
+        name=name,
+    )

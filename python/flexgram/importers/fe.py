@@ -124,8 +124,10 @@ class FeMatrices:
         at, known = index_of(self.labels, np.asarray(labels))
         missing = np.asarray(labels)[~known]
         if len(missing):
-            raise BodyError(f"{self.source}: node {missing[0]} has no coordinates in the deck"
-                            f" ({len(np.unique(missing))} such nodes)")  # fmt: skip
+            raise BodyError(
+                f"{self.source}: node {missing[0]} has no coordinates in the deck"
+                f" ({len(np.unique(missing))} such nodes)"
+            )
         return self.points[at]
 
 
@@ -139,8 +141,10 @@ def folded(path: Path | str, row: Any, column: Any, value: Any, n: int) -> sp.cs
     other = np.flatnonzero(np.abs(value - kept[inverse]) > 1e-12 * np.abs(value).max(initial=0))
     if len(other):
         k = int(other[0])
-        raise BodyError(f"{path}: rows {low[k] + 1} and {high[k] + 1} are coupled by "
-                        f"{value[k]:.6g} and by {kept[inverse[k]]:.6g}: not symmetric")  # fmt: skip
+        raise BodyError(
+            f"{path}: rows {low[k] + 1} and {high[k] + 1} are coupled by "
+            f"{value[k]:.6g} and by {kept[inverse[k]]:.6g}: not symmetric"
+        )
     return symmetric(path, code // n, code % n, kept, n)
 
 
@@ -181,8 +185,12 @@ def printed_rounding(values: Floats) -> float:
     """Relative rounding of numbers that were printed with 7 to 15 digits, half a unit of the last
     one; 0 for doubles, and for numbers that are short by nature."""
     sample = values[values != 0][:: max(1, np.count_nonzero(values) // 2000)]
-    needed = np.array([next((d for d in range(6, 16) if float(f"{x:.{d - 1}e}") == x), 16)
-                       for x in sample.tolist()])  # fmt: skip
+    needed = np.array(
+        [
+            next((d for d in range(6, 16) if float(f"{x:.{d - 1}e}") == x), 16)
+            for x in sample.tolist()
+        ]
+    )
     if not len(needed):
         return 0.0
     # Columns of a width have room for a digit less where there is a sign.
@@ -234,8 +242,10 @@ def read_triplets(path: Path, columns: int = 3) -> Floats:
                 good = False
             if not good:
                 last = "" if line.endswith("\n") else " (the last line: is the file truncated?)"
-                raise BodyError(f"{path}, line {number}: {line.strip()[:60]!r}, expected {columns} "
-                                f"numbers{last}")  # fmt: skip
+                raise BodyError(
+                    f"{path}, line {number}: {line.strip()[:60]!r}, expected {columns} "
+                    f"numbers{last}"
+                )
     if values.size == 0:
         raise BodyError(f"{path}: empty")
     return values.reshape(-1, columns)
@@ -274,8 +284,10 @@ def check(fe: FeMatrices) -> dict[str, Any]:
     k, m = fe.K.diagonal(), fe.M.diagonal()
     empty = np.flatnonzero((k == 0) & (m == 0))
     if len(empty):
-        raise BodyError(f"{where}: row {empty[0] + 1} has neither stiffness nor mass"
-                        f" ({len(empty)} such rows); is the file truncated?")  # fmt: skip
+        raise BodyError(
+            f"{where}: row {empty[0] + 1} has neither stiffness nor mass"
+            f" ({len(empty)} such rows); is the file truncated?"
+        )
     both = (k > 0) & (m > 0)
     if not both.any():
         raise BodyError(f"{where}: no row has positive stiffness and mass on the diagonal")
@@ -312,14 +324,17 @@ def _rigid_facts(where: str, fe: FeMatrices) -> dict[str, Any]:
     mass6 = 0.5 * (mass6 + mass6.T)
     masses = np.diag(mass6)[:3]
     if facts["free"] == 6 and np.ptp(masses) > 1e-6 * masses.max():
-        raise BodyError(f"{where}: the mass differs with the direction, {masses[0]:.6g}, "
-                        f"{masses[1]:.6g}, {masses[2]:.6g}: the dof map does not belong to "
-                        "these matrices")  # fmt: skip
+        raise BodyError(
+            f"{where}: the mass differs with the direction, {masses[0]:.6g}, "
+            f"{masses[1]:.6g}, {masses[2]:.6g}: the dof map does not belong to "
+            "these matrices"
+        )
     mass = float(masses.mean())
     if not 0 < mass < np.inf:
         raise BodyError(f"{where}: the mass is {mass:.6g}")
-    centre = np.array([mass6[1, 5] - mass6[2, 4], mass6[2, 3] - mass6[0, 5],
-                       mass6[0, 4] - mass6[1, 3]]) / (2 * mass)  # fmt: skip
+    centre = np.array(
+        [mass6[1, 5] - mass6[2, 4], mass6[2, 3] - mass6[0, 5], mass6[0, 4] - mass6[1, 3]]
+    ) / (2 * mass)
     inertia = mass6[3:, 3:] - mass * (centre @ centre * np.eye(3) - np.outer(centre, centre))
     facts |= {"mass": mass, "centre": centre, "inertia": inertia}
     return facts

@@ -19,9 +19,11 @@ def parse(coupling: str, text: str) -> Interface:
     """``name=SELECTOR[@x,y,z]`` of the command line."""
     name, equals, rest = text.partition("=")
     if not equals or not name or not rest:
-        raise BodyError(f"--{coupling} {text}: expected name=NSET:SET, name=NODES:1,2,3, "
-                        "name=BOX:x0,y0,z0,x1,y1,z1 or name=AT:x,y,z, and @x,y,z for the "
-                        "reference")  # fmt: skip
+        raise BodyError(
+            f"--{coupling} {text}: expected name=NSET:SET, name=NODES:1,2,3, "
+            "name=BOX:x0,y0,z0,x1,y1,z1 or name=AT:x,y,z, and @x,y,z for the "
+            "reference"
+        )
     check_name(f"--{coupling} {text}", name)
     where, at, position = rest.partition("@")
     return Interface(name, coupling, where, numbers(text, position, 3) if at else None)
@@ -105,8 +107,10 @@ def attach(fe: FeMatrices, interfaces: list[Interface]) -> dict[str, Any]:
         seen.add(interface.name)
     for name, value, axis in (("B", fe.B, 0), ("C", fe.C, 1)):
         if value is not None and (np.ndim(value) != 2 or np.shape(value)[axis] != fe.n):
-            raise BodyError(f"{fe.source}: {name} is {' × '.join(map(str, np.shape(value)))}, "
-                            f"expected {fe.n} {'rows' if axis == 0 else 'columns'}")  # fmt: skip
+            raise BodyError(
+                f"{fe.source}: {name} is {' × '.join(map(str, np.shape(value)))}, "
+                f"expected {fe.n} {'rows' if axis == 0 else 'columns'}"
+            )
         if value is not None and not np.all(np.isfinite(value)):
             raise BodyError(f"{fe.source}: {name} holds NaN or Inf")
     T, node, component, extra = _condense(fe, [i for i in interfaces if i.coupling == "rigid"])
@@ -140,8 +144,10 @@ def attach(fe: FeMatrices, interfaces: list[Interface]) -> dict[str, Any]:
         names += ports
     if not columns:
         sets = ", ".join(sorted(fe.sets)[:20]) or "none"
-        raise BodyError(f"{fe.source}: no interface is named: --rigid, --distributing or --node "
-                        f"name=NSET:SET; node sets are {sets}")  # fmt: skip
+        raise BodyError(
+            f"{fe.source}: no interface is named: --rigid, --distributing or --node "
+            f"name=NSET:SET; node sets are {sets}"
+        )
     of_interfaces = len(names)
     for load, forces in fe.loads.items():
         column = sp.csc_matrix(forces[:, None])
@@ -150,19 +156,25 @@ def attach(fe: FeMatrices, interfaces: list[Interface]) -> dict[str, Any]:
     moments += [False] * len(fe.loads)
     is_load = np.arange(len(names)) >= of_interfaces
     arguments: dict[str, Any] = {
-        "K": condensed(fe.K), "M": condensed(fe.M), "B": sp.hstack(columns).toarray(),
-        "D": condensed(fe.D) if fe.D is not None else None, "inputs": names,
-        "moment": np.array(moments), "load": is_load, "C": None, "outputs": None, "node": node,
+        "K": condensed(fe.K),
+        "M": condensed(fe.M),
+        "B": sp.hstack(columns).toarray(),
+        "D": condensed(fe.D) if fe.D is not None else None,
+        "inputs": names,
+        "moment": np.array(moments),
+        "load": is_load,
+        "C": None,
+        "outputs": None,
+        "node": node,
         "component": component,
         "new_points": {label: at for label, at in extra.values()},
-        "members": {
-            i.name: np.unique(select(fe, i)) for i in interfaces if i.coupling != "rows"
-        },
+        "members": {i.name: np.unique(select(fe, i)) for i in interfaces if i.coupling != "rows"},
         "followers": {
             i.name: np.concatenate([[extra[i.name][0]], np.unique(select(fe, i))])
-            for i in interfaces if i.coupling == "rigid"
+            for i in interfaces
+            if i.coupling == "rigid"
         },
-    }  # fmt: skip
+    }
     if fe.C is not None:
         C = sp.csr_matrix(fe.C)
         arguments["C"] = (C @ T if T is not None else C).toarray()
@@ -178,8 +190,10 @@ def _require_extent(fe: FeMatrices, interface: Interface, labels: Ints) -> None:
     spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
     if len(points) < 3 or spread[1] < 1e-8 * spread[0]:
         what = "is one node" if len(points) == 1 else f"has {len(points)} nodes on a line"
-        raise BodyError(f"interface {interface.name} {what} and cannot carry moments; take more "
-                        "nodes, or --node")  # fmt: skip
+        raise BodyError(
+            f"interface {interface.name} {what} and cannot carry moments; take more "
+            "nodes, or --node"
+        )
 
 
 def middle(fe: FeMatrices, labels: Ints) -> Middle:
@@ -209,8 +223,10 @@ def _condense(
         rows, _ = _rows(fe, interface.name, labels)
         if np.any(owner[rows] >= 0):
             other = rigid[owner[rows].max()].name
-            raise BodyError(f"interfaces {other} and {interface.name} share node "
-                            f"{fe.node[rows[owner[rows] >= 0][0]]}")  # fmt: skip
+            raise BodyError(
+                f"interfaces {other} and {interface.name} share node "
+                f"{fe.node[rows[owner[rows] >= 0][0]]}"
+            )
         owner[rows] = number
         reference = _reference(fe, interface, labels)
         extra[interface.name] = (next_label + number, reference)
@@ -269,12 +285,16 @@ def _ports(
         for label in labels:
             rows = np.flatnonzero(fe.node == label)
             if not len(rows):
-                raise BodyError(f"interface {name}: node {label} has no row: it is constrained in "
-                                "the FE model, or not part of it")  # fmt: skip
+                raise BodyError(
+                    f"interface {name}: node {label} has no row: it is constrained in "
+                    "the FE model, or not part of it"
+                )
             rows = rows[np.argsort(fe.component[rows])]
             if len(np.unique(fe.component[rows])) < len(rows):
-                raise BodyError(f"interface {name}: node {label} has several rows in a direction: "
-                                "it is of a shell or beam that the FE code expands")  # fmt: skip
+                raise BodyError(
+                    f"interface {name}: node {label} has several rows in a direction: "
+                    "it is of a shell or beam that the FE code expands"
+                )
             prefix = name if len(labels) == 1 else f"{name}-{label}"
             columns.append(_unit_columns(rows, fe.n))
             names += [f"{prefix}.{FORCES[c]}" for c in fe.component[rows]]

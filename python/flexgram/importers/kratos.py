@@ -17,14 +17,21 @@ from flexgram.importers.fe import FeMatrices, symmetric
 #: Values of Kratos' BUILD_LEVEL for its eigenvalue scheme.
 MASS, STIFFNESS = 1, 2
 #: Meshio's names by the dimension of an element and its number of nodes, where orders agree.
-CELLS = {(1, 2): "line", (2, 3): "triangle", (2, 4): "quad", (3, 4): "tetra", (3, 10): "tetra10",
-         (3, 8): "hexahedron"}  # fmt: skip
+CELLS = {
+    (1, 2): "line",
+    (2, 3): "triangle",
+    (2, 4): "quad",
+    (3, 4): "tetra",
+    (3, 10): "tetra10",
+    (3, 8): "hexahedron",
+}
 
 
 def _unknowns(kratos: Any) -> list[Any]:
     """Variables of the components 0-5."""
-    return [getattr(kratos, f"{kind}_{axis}") for kind in ("DISPLACEMENT", "ROTATION")
-            for axis in "XYZ"]  # fmt: skip
+    return [
+        getattr(kratos, f"{kind}_{axis}") for kind in ("DISPLACEMENT", "ROTATION") for axis in "XYZ"
+    ]
 
 
 def _assembled(part: Any, kratos: Any, application: Any) -> list[sp.csr_matrix]:
@@ -44,8 +51,7 @@ def _assembled(part: Any, kratos: Any, application: Any) -> list[sp.csr_matrix]:
         kratos.SparseSpace().SetToZeroMatrix(matrix)
         builder.Build(scheme, part, matrix, load)
         entries = sp.coo_matrix(to_csr(matrix), copy=True)  # the matrix is used again
-        found.append(symmetric(part.Name, entries.row, entries.col, entries.data,
-                               entries.shape[0]))  # fmt: skip
+        found.append(symmetric(part.Name, entries.row, entries.col, entries.data, entries.shape[0]))
     return found
 
 
@@ -72,11 +78,17 @@ def matrices(part: Any) -> FeMatrices:
     import KratosMultiphysics.StructuralMechanicsApplication as application
 
     if part.NumberOfMasterSlaveConstraints():
-        raise BodyError(f"{part.Name}: multi-point constraints are not in Kratos' matrices: couple "
-                        "the nodes here (--rigid, --distributing)")  # fmt: skip
+        raise BodyError(
+            f"{part.Name}: multi-point constraints are not in Kratos' matrices: couple "
+            "the nodes here (--rigid, --distributing)"
+        )
     unknowns = _unknowns(kratos)
-    own = [(node, component) for node in part.Nodes for component, unknown in enumerate(unknowns)
-           if node.HasDofFor(unknown) and not node.IsFixed(unknown)]  # fmt: skip
+    own = [
+        (node, component)
+        for node in part.Nodes
+        for component, unknown in enumerate(unknowns)
+        if node.HasDofFor(unknown) and not node.IsFixed(unknown)
+    ]
     if not own:
         raise BodyError(f"{part.Name}: no displacement of its nodes is an unknown")
     K, M = _assembled(part, kratos, application)
@@ -97,13 +109,19 @@ def matrices(part: Any) -> FeMatrices:
         for variable in (application.RAYLEIGH_ALPHA, application.RAYLEIGH_BETA)
     )
     return FeMatrices(
-        source=part.Name, K=K, M=M, node=node,
+        source=part.Name,
+        K=K,
+        M=M,
+        node=node,
         component=component,
         labels=np.array([n.Id for n in part.Nodes], dtype=np.int64),
         points=np.array([[n.X0, n.Y0, n.Z0] for n in part.Nodes]),
-        sets={sub.Name: np.array([n.Id for n in sub.Nodes], dtype=np.int64)
-              for sub in part.SubModelParts},
+        sets={
+            sub.Name: np.array([n.Id for n in sub.Nodes], dtype=np.int64)
+            for sub in part.SubModelParts
+        },
         blocks=[(kind, np.array(nodes, dtype=np.int64)) for kind, nodes in blocks.items()],
         thin=not any(kind.startswith(("tetra", "hexa")) for kind in blocks),
-        alpha=alpha, beta=beta,
-    )  # fmt: skip
+        alpha=alpha,
+        beta=beta,
+    )

@@ -107,8 +107,12 @@ def describe_mesh(
     length, mass, force = UNITS[units]
     if material in MATERIALS:
         E, nu, rho, expansion = MATERIALS[material]
-        values = {"E": E / (force / length**2), "nu": nu, "rho": rho / (mass / length**3),
-                  EXPANSION: expansion}  # fmt: skip
+        values = {
+            "E": E / (force / length**2),
+            "nu": nu,
+            "rho": rho / (mass / length**3),
+            EXPANSION: expansion,
+        }
     else:
         pairs = [word.partition("=") for word in material.split(",")]
         try:
@@ -116,15 +120,24 @@ def describe_mesh(
         except ValueError:
             values = {}
         if set(values) - {EXPANSION} != set(ISOTROPIC):
-            raise BodyError(f"--material {material}: expected one of {', '.join(MATERIALS)}, or "
-                            "E=210e9,nu=0.3,rho=7850 in the units of the mesh, and expansion=12e-6 "
-                            "[1/K] for heat")  # fmt: skip
+            raise BodyError(
+                f"--material {material}: expected one of {', '.join(MATERIALS)}, or "
+                "E=210e9,nu=0.3,rho=7850 in the units of the mesh, and expansion=12e-6 "
+                "[1/K] for heat"
+            )
     described = describe_interfaces(interfaces)
     given = {key: value for key, value in (damping or {}).items() if value is not None}
-    return {"name": mesh.stem, "mesh": str(mesh.absolute()), "units": units,
-            "materials": {"material": values}, "regions": {"all": {"material": "material"}},
-            "interfaces": described, "damping": given, "loads": dict(loads or {}),
-            "outputs": dict(outputs or {})}  # fmt: skip
+    return {
+        "name": mesh.stem,
+        "mesh": str(mesh.absolute()),
+        "units": units,
+        "materials": {"material": values},
+        "regions": {"all": {"material": "material"}},
+        "interfaces": described,
+        "damping": given,
+        "loads": dict(loads or {}),
+        "outputs": dict(outputs or {}),
+    }
 
 
 def import_mesh(
@@ -172,19 +185,30 @@ def import_mesh(
         With the place and what was expected.
     """
     check_damping(alpha, beta, eta)
-    named = [_parsed(*item) for item in interfaces.items()] if isinstance(
-        interfaces, Mapping) else interfaces  # fmt: skip
-    described = describe_mesh(Path(mesh), material, named, units=units,
-                              damping={"alpha": alpha, "beta": beta, "eta": eta},
-                              loads=loads, outputs=outputs)  # fmt: skip
+    named = (
+        [_parsed(*item) for item in interfaces.items()]
+        if isinstance(interfaces, Mapping)
+        else interfaces
+    )
+    described = describe_mesh(
+        Path(mesh),
+        material,
+        named,
+        units=units,
+        damping={"alpha": alpha, "beta": beta, "eta": eta},
+        loads=loads,
+        outputs=outputs,
+    )
     return import_description(described, str(mesh), output)
 
 
 def _parsed(name: str, words: str) -> Interface:
     coupling, _, where = str(words).partition(" ")
     if coupling not in ("rigid", "distributing", "node"):
-        raise BodyError(f"interface {name}: {words!r} must be rigid, distributing or node and "
-                        "its nodes: 'rigid NSET:eye'")  # fmt: skip
+        raise BodyError(
+            f"interface {name}: {words!r} must be rigid, distributing or node and "
+            "its nodes: 'rigid NSET:eye'"
+        )
     return parse(coupling, f"{name}={where}")
 
 

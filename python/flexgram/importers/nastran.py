@@ -21,10 +21,17 @@ from flexgram.basics import BodyError
 from flexgram.importers.fe import FeMatrices, Interface, folded, symmetric
 
 #: Our (VTK) order of nodes where Nastran's has the vertical edges before the top ones.
-REORDER = {"hexahedron20": [*range(12), *range(16, 20), *range(12, 16)],
-           "wedge15": [*range(9), *range(12, 15), *range(9, 12)]}  # fmt: skip
-SOLIDS = {"CTETRA4": "tetra", "CTETRA10": "tetra10", "CHEXA8": "hexahedron",
-          "CHEXA20": "hexahedron20", "CPENTA15": "wedge15"}  # fmt: skip
+REORDER = {
+    "hexahedron20": [*range(12), *range(16, 20), *range(12, 16)],
+    "wedge15": [*range(9), *range(12, 15), *range(9, 12)],
+}
+SOLIDS = {
+    "CTETRA4": "tetra",
+    "CTETRA10": "tetra10",
+    "CHEXA8": "hexahedron",
+    "CHEXA20": "hexahedron20",
+    "CPENTA15": "wedge15",
+}
 
 
 def _pynastran() -> Any:
@@ -36,8 +43,22 @@ def _pynastran() -> Any:
 
 
 #: What of a deck is read; what else is in it may be as it likes.
-CARDS = ("GRID", "GRDSET", "SPOINT", "CORD1R", "CORD1C", "CORD1S", "CORD2R", "CORD2C", "CORD2S",
-         "CTETRA", "CHEXA", "CPENTA", "RBE2", "RBE3")  # fmt: skip
+CARDS = (
+    "GRID",
+    "GRDSET",
+    "SPOINT",
+    "CORD1R",
+    "CORD1C",
+    "CORD1S",
+    "CORD2R",
+    "CORD2C",
+    "CORD2S",
+    "CTETRA",
+    "CHEXA",
+    "CPENTA",
+    "RBE2",
+    "RBE3",
+)
 
 
 def _bulk_data(path: Path, punch: bool | None) -> Any:
@@ -57,15 +78,19 @@ def _bulk_data(path: Path, punch: bool | None) -> Any:
             model.read_bdf(str(path), punch=punch, xref=False, validate=False)
     except (Exception, SystemExit) as error:
         reason = str(error).strip().splitlines()
-        raise BodyError(f"{path}: pyNastran cannot read it ({reason[0] if reason else error}); is "
-                        "the file complete?") from error  # fmt: skip
+        raise BodyError(
+            f"{path}: pyNastran cannot read it ({reason[0] if reason else error}); is "
+            "the file complete?"
+        ) from error
     return model
 
 
 #: The matrices of a role, in the order in which they are looked for: of the analysis set first.
-ROLES = {"K": ("KAA", "KXX", "KHH", "KLL", "KFF", "KGG", "KJJ"),
-         "M": ("MAA", "MXX", "MHH", "MLL", "MFF", "MGG", "MJJ"),
-         "D": ("BAA", "BXX", "BHH", "BLL", "BFF", "BGG", "BJJ")}  # fmt: skip
+ROLES = {
+    "K": ("KAA", "KXX", "KHH", "KLL", "KFF", "KGG", "KJJ"),
+    "M": ("MAA", "MXX", "MHH", "MLL", "MFF", "MGG", "MJJ"),
+    "D": ("BAA", "BXX", "BHH", "BLL", "BFF", "BGG", "BJJ"),
+}
 
 
 def _role(names: list[str], role: str, path: Path, asked: Mapping[str, str]) -> str | None:
@@ -84,8 +109,10 @@ def _role(names: list[str], role: str, path: Path, asked: Mapping[str, str]) -> 
     letter = "B" if role == "D" else role
     found = [n for n in names if n.upper().startswith(letter) and not n.upper().startswith("K4")]
     if len(found) > 1 and role != "D":
-        raise BodyError(f"{path}: several matrices could be {role}: {', '.join(found)} "
-                        "(--matrices K=KXX,M=MXX names them)")  # fmt: skip
+        raise BodyError(
+            f"{path}: several matrices could be {role}: {', '.join(found)} "
+            "(--matrices K=KXX,M=MXX names them)"
+        )
     if role != "D" and not found:
         raise BodyError(f"{path}: no matrix is {role}; {there}")
     return found[0] if len(found) == 1 else None
@@ -100,8 +127,10 @@ def _left_out(fe: FeMatrices, names: list[str], taken: list[str | None]) -> None
     if rest:
         fe.remarks.append(f"other matrices of the file are not needed: {', '.join(rest)}")
     if any(str(name).upper() in ("KXX", "MXX") for name in taken):
-        fe.remarks.append("KXX is a reduced body (EXTSEOUT): rows of boundary dofs and modal "
-                          "coordinates; name the former by --rows")  # fmt: skip
+        fe.remarks.append(
+            "KXX is a reduced body (EXTSEOUT): rows of boundary dofs and modal "
+            "coordinates; name the former by --rows"
+        )
 
 
 def _dmig(path: Path, asked: Mapping[str, str]) -> FeMatrices:
@@ -121,8 +150,10 @@ def _dmig(path: Path, asked: Mapping[str, str]) -> FeMatrices:
             raise BodyError(f"{path}: DMIG {name} is complex; structural damping is --eta")
         row, column = np.array(card.GCi), np.array(card.GCj)
         entries[letter] = (row, column, np.array(card.Real, dtype=float))
-    codes = {letter: [8 * e[:, 0].astype(np.int64) + e[:, 1].astype(np.int64) for e in data[:2]]
-             for letter, data in entries.items()}  # fmt: skip
+    codes = {
+        letter: [8 * e[:, 0].astype(np.int64) + e[:, 1].astype(np.int64) for e in data[:2]]
+        for letter, data in entries.items()
+    }
     dofs = np.unique(np.concatenate([c for pair in codes.values() for c in pair]))
     matrices = {}
     for letter, (row, column) in codes.items():
@@ -135,9 +166,11 @@ def _dmig(path: Path, asked: Mapping[str, str]) -> FeMatrices:
     _left_out(fe, names, list(roles.values()))
     fe.node, fe.component = node, np.maximum(component, 0)
     if scalar.any():
-        fe.remarks.append(f"{scalar.sum()} scalar points are modal coordinates or the like, "
-                          "without a place in space: no coordinates are kept; interfaces are named "
-                          f"by the {len(np.unique(node[~scalar]))} grids (NODES:...)")  # fmt: skip
+        fe.remarks.append(
+            f"{scalar.sum()} scalar points are modal coordinates or the like, "
+            "without a place in space: no coordinates are kept; interfaces are named "
+            f"by the {len(np.unique(node[~scalar]))} grids (NODES:...)"
+        )
     return fe
 
 
@@ -152,8 +185,9 @@ def _op4(path: Path, asked: Mapping[str, str]) -> FeMatrices:
             warnings.simplefilter("ignore")
             matrices = read_op4(str(path), debug=None)
     except (Exception, SystemExit) as error:
-        raise BodyError(f"{path}: pyNastran cannot read it ({error}); is the file complete?"
-                        ) from error  # fmt: skip
+        raise BodyError(
+            f"{path}: pyNastran cannot read it ({error}); is the file complete?"
+        ) from error
     names = list(matrices)
     roles = {role: _role(names, role, path, asked) for role in ROLES}
     found = {}
@@ -162,16 +196,21 @@ def _op4(path: Path, asked: Mapping[str, str]) -> FeMatrices:
             continue
         data = sp.coo_matrix(matrices[name].data)
         if data.shape[0] != data.shape[1] or np.iscomplexobj(data.data):
-            raise BodyError(f"{path}: {name} is {data.shape[0]} × {data.shape[1]}"
-                            f"{' and complex' if np.iscomplexobj(data.data) else ''}; {role} is "
-                            "square and real (--matrices K=KXX,M=MXX names them)")  # fmt: skip
-        found[role] = symmetric(f"{path}, {name}", data.row, data.col,
-                                data.data.astype(float), data.shape[0])  # fmt: skip
+            raise BodyError(
+                f"{path}: {name} is {data.shape[0]} × {data.shape[1]}"
+                f"{' and complex' if np.iscomplexobj(data.data) else ''}; {role} is "
+                "square and real (--matrices K=KXX,M=MXX names them)"
+            )
+        found[role] = symmetric(
+            f"{path}, {name}", data.row, data.col, data.data.astype(float), data.shape[0]
+        )
     sizes = {matrix.shape[0] for matrix in found.values()}
     if len(sizes) > 1:
         words = ", ".join(f"{roles[r]} {m.shape[0]}" for r, m in found.items())
-        raise BodyError(f"{path}: matrices of different sets: {words} rows (--matrices K=KXX,M=MXX "
-                        "names others)")  # fmt: skip
+        raise BodyError(
+            f"{path}: matrices of different sets: {words} rows (--matrices K=KXX,M=MXX "
+            "names others)"
+        )
     fe = FeMatrices(str(path), found["K"], found["M"], found.get("D"))
     _left_out(fe, names, list(roles.values()))
     return fe
@@ -203,24 +242,32 @@ def _to_basic(fe: FeMatrices, model: Any, deck: Path) -> None:
             if len(own) == 0:
                 continue
             if len(own) != 3:
-                raise BodyError(f"{deck}: grid {label} has a displacement coordinate system (CD) "
-                                f"and only {len(own)} of three components in the matrices: they "
-                                "cannot be turned into the basic one")  # fmt: skip
+                raise BodyError(
+                    f"{deck}: grid {label} has a displacement coordinate system (CD) "
+                    f"and only {len(own)} of three components in the matrices: they "
+                    "cannot be turned into the basic one"
+                )
             own = own[np.argsort(fe.component[own])]
             rows += np.repeat(own, 3).tolist()  # basic = axesᵀ local
             columns += np.tile(own, 3).tolist()
             values += axes.T.ravel().tolist()
     same = np.flatnonzero(plain)
-    Q = sp.csr_matrix((np.concatenate([values, np.ones(len(same))]),
-                       (np.concatenate([rows, same]), np.concatenate([columns, same]))),
-                      shape=(fe.n, fe.n))  # fmt: skip
+    Q = sp.csr_matrix(
+        (
+            np.concatenate([values, np.ones(len(same))]),
+            (np.concatenate([rows, same]), np.concatenate([columns, same])),
+        ),
+        shape=(fe.n, fe.n),
+    )
     fe.K, fe.M = (sp.csr_matrix(Q @ A @ Q.T) for A in (fe.K, fe.M))
     fe.K, fe.M = (0.5 * (A + A.T) for A in (fe.K, fe.M))
     if fe.D is not None:
         fe.D = sp.csr_matrix(Q @ fe.D @ Q.T)
         fe.D = 0.5 * (fe.D + fe.D.T)
-    fe.remarks.append(f"{len(turned)} grids have displacement coordinate systems (CD): their rows "
-                      "are turned into the basic one")  # fmt: skip
+    fe.remarks.append(
+        f"{len(turned)} grids have displacement coordinate systems (CD): their rows "
+        "are turned into the basic one"
+    )
 
 
 def read_nastran(
@@ -240,12 +287,22 @@ def read_nastran(
     model = _bulk_data(deck, None)
     try:
         with contextlib.redirect_stdout(io.StringIO()):
-            others = ("elements", "properties", "masses", "materials", "loads", "constraints",
-                      "aero", "sets", "optimization")  # fmt: skip
+            others = (
+                "elements",
+                "properties",
+                "masses",
+                "materials",
+                "loads",
+                "constraints",
+                "aero",
+                "sets",
+                "optimization",
+            )
             model.cross_reference(**{f"xref_{what}": False for what in others})
     except (Exception, SystemExit) as error:
-        raise BodyError(f"{deck}: its grids cannot be placed ({str(error).strip().splitlines()[0]})"
-                        ) from error  # fmt: skip
+        raise BodyError(
+            f"{deck}: its grids cannot be placed ({str(error).strip().splitlines()[0]})"
+        ) from error
     fe.labels = np.array(sorted(model.nodes), dtype=np.int64)
     fe.points = np.array([model.nodes[int(n)].get_position() for n in fe.labels])
     if not len(fe.node):
@@ -256,8 +313,10 @@ def read_nastran(
             fe.remarks.append(f"OP4 has no dof map: {per_node} dofs a grid, by rising number")
         else:
             fe.points = np.empty((0, 3))
-            fe.remarks.append(f"OP4 has no dof map, and {fe.n} rows are not 3 or 6 for each of "
-                              f"{len(fe.labels)} grids: no coordinates")  # fmt: skip
+            fe.remarks.append(
+                f"OP4 has no dof map, and {fe.n} rows are not 3 or 6 for each of "
+                f"{len(fe.labels)} grids: no coordinates"
+            )
     _to_basic(fe, model, deck)
     if not np.isin(fe.node, fe.labels).all():  # scalar points
         fe.points = np.empty((0, 3))
@@ -291,9 +350,11 @@ def read_nastran(
             or (turning and len(components) > 1)
             or (turning and components != ({"123456"} if coupling == "rigid" else {"123"}))
         ):
-            raise BodyError(f"{deck}: {element.type} {number} couples the components "
-                            f"{', '.join(sorted(components))}; only all of each node's (RBE2) or "
-                            "its translations 123 (RBE3) are supported")  # fmt: skip
+            raise BodyError(
+                f"{deck}: {element.type} {number} couples the components "
+                f"{', '.join(sorted(components))}; only all of each node's (RBE2) or "
+                "its translations 123 (RBE3) are supported"
+            )
         name = f"{element.type}-{number}"
         fe.sets[name] = labels
         if set(labels.tolist()) <= present and reference not in present:

@@ -88,16 +88,26 @@ def responses(
                 raise BodyError(f"there is no port {name}; there are {', '.join(names)}")
     w = 2 * np.pi * f
     H = np.atleast_3d(model.system.transfer(w)) * ((1j * w) ** RATES.index(rate))[:, None, None]
-    node = {name: k + 1 for k, name in enumerate(dict.fromkeys(
-        port.rpartition(".")[0] for port in (*model.inputs, *model.outputs)))}  # fmt: skip
+    node = {
+        name: k + 1
+        for k, name in enumerate(
+            dict.fromkeys(port.rpartition(".")[0] for port in (*model.inputs, *model.outputs))
+        )
+    }
     result = []
     for output, port in pairs:
         ends = [name.rpartition(".") for name in (output, port)]
-        result.append(Response(
-            output, port, f, H[:, model.outputs.index(output), model.inputs.index(port)], rate,
-            (node[ends[0][0]], node[ends[1][0]]),
-            (DIRECTIONS.get(ends[0][2], 0), DIRECTIONS.get(ends[1][2], 0)),
-        ))  # fmt: skip
+        result.append(
+            Response(
+                output,
+                port,
+                f,
+                H[:, model.outputs.index(output), model.inputs.index(port)],
+                rate,
+                (node[ends[0][0]], node[ends[1][0]]),
+                (DIRECTIONS.get(ends[0][2], 0), DIRECTIONS.get(ends[1][2], 0)),
+            )
+        )
     return result
 
 
@@ -105,8 +115,12 @@ def write_csv(functions: Sequence[Response], path: str | Path) -> None:
     """Frequencies [Hz] and real and imaginary part of each."""
     with written_aside(path) as place, place.open("w", newline="") as file:
         table = csv.writer(file)
-        table.writerow(["Hz", *(f"{part} {r.output} from {r.input}" for r in functions
-                                for part in ("Re", "Im"))])  # fmt: skip
+        table.writerow(
+            [
+                "Hz",
+                *(f"{part} {r.output} from {r.input}" for r in functions for part in ("Re", "Im")),
+            ]
+        )
         for k, f in enumerate(functions[0].hertz):
             parts = [part for r in functions for part in (r.values[k].real, r.values[k].imag)]
             table.writerow([repr(float(x)) for x in (f, *parts)])
@@ -123,22 +137,31 @@ def write_universal(functions: Sequence[Response], path: str | Path, about: str 
         own = [f"{r.output} from {r.input}"[:80], about[:80] or "NONE", "NONE", "flexgram", "NONE"]
         own.append(
             f"{FRF:5d}{number:10d}{0:5d}{0:10d}"
-            + "".join(f" {entity:<10}{node:10d}{direction:4d}" for entity, node, direction in
-                      zip(entities, r.nodes, r.directions, strict=True)))  # fmt: skip
-        own.append(f"{COMPLEX[1]:10d}{len(r.hertz):10d}{int(even):10d}"
-                     f"{float(r.hertz[0]):13.5E}{step:13.5E}{0.0:13.5E}")  # fmt: skip
-        for kind, label, unit in ((FREQUENCY, "Frequency", "Hz"),
-                                  (ORDINATES[r.rate], r.rate.capitalize(), "SI"),
-                                  (FORCE, "Force", "SI"), (0, "NONE", "NONE")):  # fmt: skip
+            + "".join(
+                f" {entity:<10}{node:10d}{direction:4d}"
+                for entity, node, direction in zip(entities, r.nodes, r.directions, strict=True)
+            )
+        )
+        own.append(
+            f"{COMPLEX[1]:10d}{len(r.hertz):10d}{int(even):10d}"
+            f"{float(r.hertz[0]):13.5E}{step:13.5E}{0.0:13.5E}"
+        )
+        for kind, label, unit in (
+            (FREQUENCY, "Frequency", "Hz"),
+            (ORDINATES[r.rate], r.rate.capitalize(), "SI"),
+            (FORCE, "Force", "SI"),
+            (0, "NONE", "NONE"),
+        ):
             own.append(f"{kind:10d}{0:5d}{0:5d}{0:5d} {label:<20} {unit:<20}")
         numbers = [(x.real, x.imag) for x in r.values]
         if even:
             flat = [part for pair in numbers for part in pair]
-            own += ["".join(f"{x:20.11E}" for x in flat[k : k + 4])
-                      for k in range(0, len(flat), 4)]  # fmt: skip
+            own += ["".join(f"{x:20.11E}" for x in flat[k : k + 4]) for k in range(0, len(flat), 4)]
         else:
-            own += [f"{f:13.5E}{re:20.11E}{im:20.11E}" for f, (re, im) in
-                      zip(r.hertz, numbers, strict=True)]  # fmt: skip
+            own += [
+                f"{f:13.5E}{re:20.11E}{im:20.11E}"
+                for f, (re, im) in zip(r.hertz, numbers, strict=True)
+            ]
         lines += dataset(58, own)
     with written_aside(path) as place:
         place.write_text("\n".join(lines) + "\n")
@@ -163,8 +186,9 @@ def read_universal(path: str | Path) -> list[Response]:
             kind, count, even = (int(shape[k : k + 10]) for k in (0, 10, 20))
             first, step = (float(shape[k : k + 13]) for k in (30, 43))
             numerator = int(lines[8][:10])
-            rate = next((name for name, code in ORDINATES.items() if code == numerator),
-                        "displacement")  # fmt: skip
+            rate = next(
+                (name for name, code in ORDINATES.items() if code == numerator), "displacement"
+            )
             width = 20 if kind in DOUBLE else 13
             parts = 2 if kind in COMPLEX else 1
             numbers: list[float] = []
@@ -182,10 +206,17 @@ def read_universal(path: str | Path) -> list[Response]:
                 whole = whole + 1j * values[:, 1]
             if not (np.isfinite(hertz).all() and np.isfinite(whole).all()):
                 raise BodyError("a frequency or a response is not finite")
-            found.append(Response(
-                f"{where[31:41].strip()}", f"{where[56:66].strip()}", hertz, whole, rate,
-                (int(where[41:51]), int(where[66:76])), (int(where[51:55]), int(where[76:80])),
-            ))  # fmt: skip
+            found.append(
+                Response(
+                    f"{where[31:41].strip()}",
+                    f"{where[56:66].strip()}",
+                    hertz,
+                    whole,
+                    rate,
+                    (int(where[41:51]), int(where[66:76])),
+                    (int(where[51:55]), int(where[76:80])),
+                )
+            )
     if not found:
         raise BodyError(f"{path}: no frequency response (dataset 58, function type 4)")
     return found
@@ -204,8 +235,9 @@ def bode(functions: Sequence[Response], measured: Sequence[Response] = ()) -> An
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(6.8, 3.6 * len(functions)), layout="constrained")
-    panels = figure.subplots(2 * len(functions), 1, sharex=True, squeeze=False,
-                             height_ratios=[3, 1] * len(functions))[:, 0]  # fmt: skip
+    panels = figure.subplots(
+        2 * len(functions), 1, sharex=True, squeeze=False, height_ratios=[3, 1] * len(functions)
+    )[:, 0]
     for k, r in enumerate(functions):
         sets = [(r, "C3", "reduced")]
         if k < len(measured):

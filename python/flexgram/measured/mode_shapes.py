@@ -146,23 +146,38 @@ def write_csv(modes: ModeShapes, path: str | Path) -> None:
 
 def write_universal(modes: ModeShapes, path: str | Path, about: str = "") -> None:
     """Dataset 164 (SI), 2411 (nodes), and 55 of each mode, five digits after the point."""
-    lines = dataset(164, [f"{1:10d}{'SI: Meter (newton)':<20}{2:10d}",
-                          f"{1.0:25.16E}{1.0:25.16E}{1.0:25.16E}".replace("E", "D"),
-                          f"{273.15:25.16E}".replace("E", "D")])  # fmt: skip
-    lines += dataset(2411, [
-        line for label, point in zip(modes.labels, modes.points, strict=True)
-        for line in (f"{label:10d}{1:10d}{1:10d}{11:10d}",
-                     "".join(f"{x:25.16E}" for x in point).replace("E", "D"))
-    ])  # fmt: skip
+    lines = dataset(
+        164,
+        [
+            f"{1:10d}{'SI: Meter (newton)':<20}{2:10d}",
+            f"{1.0:25.16E}{1.0:25.16E}{1.0:25.16E}".replace("E", "D"),
+            f"{273.15:25.16E}".replace("E", "D"),
+        ],
+    )
+    lines += dataset(
+        2411,
+        [
+            line
+            for label, point in zip(modes.labels, modes.points, strict=True)
+            for line in (
+                f"{label:10d}{1:10d}{1:10d}{11:10d}",
+                "".join(f"{x:25.16E}" for x in point).replace("E", "D"),
+            )
+        ],
+    )
     for k, (f, zeta, shape) in enumerate(
         zip(modes.hertz, modes.damping, modes.shapes, strict=True), 1
     ):
-        own = [about[:80] or "NONE", "flexgram", "NONE", f"mode {k}",
-               f"{'Mode':<10}{k:10d}{'Frequency':<10}{f:13.5E}",
-               "".join(f"{x:10d}" for x in (STRUCTURAL, NORMAL, TRANSLATIONS, DISPLACEMENT,
-                                            REAL, 3)),
-               "".join(f"{x:10d}" for x in (2, 4, 1, k)),
-               "".join(f"{x:13.5E}" for x in (f, 1.0, zeta, 0.0))]  # fmt: skip
+        own = [
+            about[:80] or "NONE",
+            "flexgram",
+            "NONE",
+            f"mode {k}",
+            f"{'Mode':<10}{k:10d}{'Frequency':<10}{f:13.5E}",
+            "".join(f"{x:10d}" for x in (STRUCTURAL, NORMAL, TRANSLATIONS, DISPLACEMENT, REAL, 3)),
+            "".join(f"{x:10d}" for x in (2, 4, 1, k)),
+            "".join(f"{x:13.5E}" for x in (f, 1.0, zeta, 0.0)),
+        ]
         for label, moved in zip(modes.labels, shape, strict=True):
             own += [f"{label:10d}", "".join(f"{x:13.5E}" for x in moved)]
         lines += dataset(55, own)
@@ -180,8 +195,10 @@ def _places(number: int, lines: Sequence[str]) -> dict[int, list[float]]:
     lines = [line for line in lines if line.strip()]
     if number == 15:
         return {int(line[:10]): _numbers(line[40:]) for line in lines}
-    return {int(label[:10]): _numbers(point, 25)
-            for label, point in zip(lines[::2], lines[1::2], strict=True)}  # fmt: skip
+    return {
+        int(label[:10]): _numbers(point, 25)
+        for label, point in zip(lines[::2], lines[1::2], strict=True)
+    }
 
 
 def _mode(lines: Sequence[str]) -> tuple[float, float, dict[int, list[complex]]] | None:
@@ -192,8 +209,10 @@ def _mode(lines: Sequence[str]) -> tuple[float, float, dict[int, list[complex]]]
     if kinds[2] not in VECTORS:
         return None  # scalars and tensors
     if kinds[4] not in (REAL, COMPLEX):
-        raise BodyError(f"a mode of dataset 55 has numbers of type {kinds[4]}: 2 (real) and 5 "
-                        "(complex) are read")  # fmt: skip
+        raise BodyError(
+            f"a mode of dataset 55 has numbers of type {kinds[4]}: 2 (real) and 5 "
+            "(complex) are read"
+        )
     told = _numbers(lines[7])
     if kinds[1] == NORMAL:
         hertz, damping = told[0], told[2] + 0.5 * told[3]
@@ -235,8 +254,10 @@ def read_universal(path: str | Path) -> ModeShapes:
                 found += [mode] if mode is not None else []
     if not found:
         numbers = ", ".join(str(number) for number in sorted(there)) or "none"
-        raise BodyError(f"{path}: no mode shape (dataset 55, normal or complex modes of type 2 or "
-                        f"3, translations); its datasets: {numbers}")  # fmt: skip
+        raise BodyError(
+            f"{path}: no mode shape (dataset 55, normal or complex modes of type 2 or "
+            f"3, translations); its datasets: {numbers}"
+        )
     rows = {label: k for k, label in enumerate(sorted({x for *_, moved in found for x in moved}))}
     shapes = np.zeros((len(found), len(rows), 3), dtype=complex)
     for k, (_, _, moved) in enumerate(found):
@@ -285,14 +306,19 @@ class Comparison:
 
     def words(self) -> list[str]:
         """A line on the nodes, and one for each measured mode."""
-        by = ("found by their labels" if np.isnan(self.farthest)
-              else f"at most {self.farthest:.3g} m from a node of the mesh")  # fmt: skip
+        by = (
+            "found by their labels"
+            if np.isnan(self.farthest)
+            else f"at most {self.farthest:.3g} m from a node of the mesh"
+        )
         lines = [f"{self.nodes} nodes of the test, {by}"]
         for k, other in enumerate(self.partner):
             f, own = self.measured.hertz[k], self.modes.hertz[other]
             if not self.mac[k, other] >= ALIKE:
-                lines.append(f"measured mode {k + 1}, {f:.5g} Hz: no mode is like it (MAC at most "
-                             f"{self.mac[k, other]:.2f}, mode {other + 1})")  # fmt: skip
+                lines.append(
+                    f"measured mode {k + 1}, {f:.5g} Hz: no mode is like it (MAC at most "
+                    f"{self.mac[k, other]:.2f}, mode {other + 1})"
+                )
                 continue
             away = f" ({100 * (own / f - 1):+.2g} %)" if f > 0 else ""
             lines.append(
@@ -332,8 +358,10 @@ def compare(measured: ModeShapes, modes: ModeShapes) -> Comparison:
         row = {int(label): k for k, label in enumerate(modes.labels)}
         missing = [int(label) for label in measured.labels if int(label) not in row]
         if missing:
-            raise BodyError(f"node {missing[0]} of the test is no node of the mesh, and the file "
-                            "does not say where it is (dataset 15 or 2411)")  # fmt: skip
+            raise BodyError(
+                f"node {missing[0]} of the test is no node of the mesh, and the file "
+                "does not say where it is (dataset 15 or 2411)"
+            )
         at, farthest = np.array([row[int(label)] for label in measured.labels]), float("nan")
     x = measured.shapes.reshape(len(measured.shapes), -1)
     y = modes.shapes[:, at].reshape(len(modes.shapes), -1)
@@ -341,8 +369,9 @@ def compare(measured: ModeShapes, modes: ModeShapes) -> Comparison:
     if not used.any():
         raise BodyError("the measured modes are zero")
     likeness = mac(x[:, used], y[:, used])
-    return Comparison(likeness, likeness.argmax(axis=1), len(measured.labels), farthest, measured,
-                      modes)  # fmt: skip
+    return Comparison(
+        likeness, likeness.argmax(axis=1), len(measured.labels), farthest, measured, modes
+    )
 
 
 def picture(comparison: Comparison) -> Any:
@@ -357,8 +386,15 @@ def picture(comparison: Comparison) -> Any:
         for j in range(n):
             value = comparison.mac[i, j]
             if value >= 0.05:
-                axes.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=7,
-                          color="white" if value > 0.6 else "black")  # fmt: skip
+                axes.text(
+                    j,
+                    i,
+                    f"{value:.2f}",
+                    ha="center",
+                    va="center",
+                    fontsize=7,
+                    color="white" if value > 0.6 else "black",
+                )
     axes.set_xticks(range(n), [f"{f:.4g}" for f in comparison.modes.hertz], rotation=90)
     axes.set_yticks(range(k), [f"{f:.4g}" for f in comparison.measured.hertz])
     axes.set(xlabel="modes of the reduced body [Hz]", ylabel="measured [Hz]")

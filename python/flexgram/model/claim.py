@@ -31,9 +31,16 @@ def held_of(fields: dict[str, Any]) -> dict[str, Held]:
     omega = np.asarray(fields.get("held/omega", []), dtype=np.float64).reshape(-1, 2)
     counts = np.asarray(fields.get("held/frequencies", []), dtype=np.int64)
     parts = np.split(omega, np.cumsum(counts)[:-1]) if len(counts) else []
-    return {name: Held(part, float(error), str(port)) for name, part, error, port in
-            zip(names, parts, fields.get("held/compliance", []), fields.get("held/ports", []),
-                strict=True)}  # fmt: skip
+    return {
+        name: Held(part, float(error), str(port))
+        for name, part, error, port in zip(
+            names,
+            parts,
+            fields.get("held/compliance", []),
+            fields.get("held/ports", []),
+            strict=True,
+        )
+    }
 
 
 @dataclass
@@ -195,8 +202,10 @@ class Claim:
             return "certified" if self.kind == "certified" else "estimated, not proved"
         widest = np.max(np.diff(self.excluded, axis=1)[:, 0] / self.excluded[:, 1])
         count = len(self.excluded)
-        words = (f"certified outside {count} interval{'s' if count != 1 else ''} of relative width "
-                 f"{widest:.0e} at most, around undamped resonances")  # fmt: skip
+        words = (
+            f"certified outside {count} interval{'s' if count != 1 else ''} of relative width "
+            f"{widest:.0e} at most, around undamped resonances"
+        )
         if len(self.excluded_poles):
             _, frequency, residue = self.excluded_poles.max(axis=0)
             words += (
@@ -222,8 +231,10 @@ class Claim:
         if not len(hz) or np.diff(hz, axis=1).sum() > 0.999 * bands:
             return said
         widest = hz[np.argsort(hz[:, 0] - hz[:, 1], kind="stable")][:3]
-        places = [f"from {a:.5g} to {b:.5g} Hz" if b - a > 0.1 * b else f"near {(a + b) / 2:.6g} Hz"
-                  for a, b in widest]  # fmt: skip
+        places = [
+            f"from {a:.5g} to {b:.5g} Hz" if b - a > 0.1 * b else f"near {(a + b) / 2:.6g} Hz"
+            for a, b in widest
+        ]
         more = f" and in {len(hz) - 3} smaller intervals" if len(hz) > 3 else ""
         return f"{said}: {', '.join(places)}{more}; elsewhere it is"
 
@@ -233,8 +244,10 @@ class Claim:
         worst = float(self.data_rounding.max(initial=0))
         if not worst > 0:
             return ""
-        return (f"the digits in which the FE code wrote K may change H by {worst:.1e} (an "
-                "estimate, of the full body: not part of the error)")  # fmt: skip
+        return (
+            f"the digits in which the FE code wrote K may change H by {worst:.1e} (an "
+            "estimate, of the full body: not part of the error)"
+        )
 
     @property
     def words_of_held(self) -> list[str]:

@@ -22,15 +22,19 @@ def in_its_frame(rom: Body) -> Body:
     if count == 0:
         return rom
     if rom.frame.kind == "none":
-        raise BodyError("the basis mixes rigid with elastic motion (-mor_frame none or "
-                        "-mor_method pod): reduce with -mor_method two_step and -mor_frame "
-                        "buckens for a floating frame")  # fmt: skip
+        raise BodyError(
+            "the basis mixes rigid with elastic motion (-mor_frame none or "
+            "-mor_method pod): reduce with -mor_method two_step and -mor_frame "
+            "buckens for a floating frame"
+        )
     drag = float(np.trace(system.D[:count, :count]) / np.trace(system.M[:count, :count]))
     beyond = system.D[:count] - drag * system.M[:count]  # alpha M damps rigid motion too
     if np.abs(beyond).max() > 1e-6 * max(np.abs(system.D).max(), 1e-300):
-        raise BodyError("dampers act on the rigid motion of the body; a floating frame keeps "
-                        "only the damping of its deformation: put them into the multibody "
-                        "model instead")  # fmt: skip
+        raise BodyError(
+            "dampers act on the rigid motion of the body; a floating frame keeps "
+            "only the damping of its deformation: put them into the multibody "
+            "model instead"
+        )
     return rom.with_parts(
         system=system.without_first(count),
         basis=rom.basis.without_first(count),
@@ -50,8 +54,9 @@ def without_rigid_modes(rom: Body) -> Body:
     own = np.sqrt(np.abs(np.diag(D)))
     allowed = 1e-6 * np.outer(own, own) + 1e-12 * np.abs(D).max(initial=0)
     if np.any(np.abs(D)[count:, :count] > allowed[count:, :count]):
-        raise BodyError("dampers act on the rigid motion of the body: its elastic motion is "
-                        "none by itself")  # fmt: skip
+        raise BodyError(
+            "dampers act on the rigid motion of the body: its elastic motion is none by itself"
+        )
     Q = modes[:, count:]
     return rom.with_parts(
         system=system.projected(Q),

@@ -77,11 +77,17 @@ class Frame(Mapping[str, Any]):
         """From the fields of a reduced body."""
         integrals = None
         if "frame/M_r" in stored:
-            arrays = {f.name: np.asarray(stored[f"frame/{f.name}"], dtype=np.float64)
-                      for f in fields(FrameIntegrals) if f.name != "mass"}  # fmt: skip
+            arrays = {
+                f.name: np.asarray(stored[f"frame/{f.name}"], dtype=np.float64)
+                for f in fields(FrameIntegrals)
+                if f.name != "mass"
+            }
             integrals = FrameIntegrals(mass=float(stored["frame/mass"]), **arrays)
-        return cls(str(stored.get("frame/kind", "none")),
-                   int(stored.get("frame/rigid_modes", 0)), integrals)  # fmt: skip
+        return cls(
+            str(stored.get("frame/kind", "none")),
+            int(stored.get("frame/rigid_modes", 0)),
+            integrals,
+        )
 
     def without_rigid_modes(self) -> Self:
         """The frame of the body without its first, rigid coordinates."""

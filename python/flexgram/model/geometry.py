@@ -64,8 +64,10 @@ class Geometry:
                 return cls(points, np.arange(len(points)), blocks, followers, interfaces)
             if "geometry/blocks" not in file or "nodes/position" not in file:
                 raise BodyError(f"{path}: the body has no mesh (import it with its deck)")
-            blocks = [(str(g.attrs["type"]), g["connectivity"][:])
-                      for g in file["geometry/blocks"].values()]  # fmt: skip
+            blocks = [
+                (str(g.attrs["type"]), g["connectivity"][:])
+                for g in file["geometry/blocks"].values()
+            ]
             points = file["nodes/position"][:]
             labels = file["nodes/id"][:] if "nodes/id" in file else np.arange(len(points))
             followers = {
@@ -159,13 +161,17 @@ def interface_motion(model: ReducedBody) -> dict[str, tuple[Floats, Floats]]:
     result, B = {}, model.system.B
     for name, ports in found.items():
         if {"fx", "fy", "fz", "mx", "my", "mz"} <= set(ports):
-            result[name] = (B[:, [ports[f] for f in ("fx", "fy", "fz")]].T,
-                            B[:, [ports[f] for f in ("mx", "my", "mz")]].T)  # fmt: skip
+            result[name] = (
+                B[:, [ports[f] for f in ("fx", "fy", "fz")]].T,
+                B[:, [ports[f] for f in ("mx", "my", "mz")]].T,
+            )
     lacking = [name for name in found if name not in result]
     if lacking:
-        raise BodyError(f"the interface {lacking[0]} has the ports "
-                        f"{', '.join(found[lacking[0]])} only; a multibody code needs all six, fx "
-                        "to mz: reduce with them (-mor_inputs)")  # fmt: skip
+        raise BodyError(
+            f"the interface {lacking[0]} has the ports "
+            f"{', '.join(found[lacking[0]])} only; a multibody code needs all six, fx "
+            "to mz: reduce with them (-mor_inputs)"
+        )
     return result
 
 
@@ -173,8 +179,10 @@ def interface_positions(model: ReducedBody) -> dict[str, Floats]:
     """Reference positions [m] of the interfaces of a free body, from how its rigid modes move
     them: the translation under the rotation e_a × x is e_a × x_reference."""
     if not model.frame.integrals or model.frame.rigid_modes != 6:
-        raise BodyError("the positions of interfaces come from the rigid modes of a free body "
-                        "(-mor_method two_step, -mor_frame buckens)")  # fmt: skip
+        raise BodyError(
+            "the positions of interfaces come from the rigid modes of a free body "
+            "(-mor_method two_step, -mor_frame buckens)"
+        )
     turns = model.frame.integrals.M_er[:6, 3:]  # coordinates of the rotations about the origin
     result = {}
     for name, (translation, _) in interface_motion(model).items():

@@ -62,11 +62,16 @@ class PhysicalForm(System):
             If nothing tells.
         """
         model = self.source
-        if model.frame.rigid_modes == 6 and model.frame.integrals and all(
-            len(moves) == 6 for moves in self.interfaces.values()
-        ):  # fmt: skip
-            return {name: place for name, place in interface_positions(model).items()
-                    if name in self.interfaces}  # fmt: skip
+        if (
+            model.frame.rigid_modes == 6
+            and model.frame.integrals
+            and all(len(moves) == 6 for moves in self.interfaces.values())
+        ):
+            return {
+                name: place
+                for name, place in interface_positions(model).items()
+                if name in self.interfaces
+            }
         path = body_of(model, body)
         found: dict[str, Floats] = {}
         with h5py.File(path) as file:
@@ -108,13 +113,16 @@ def _boundary(system: System) -> tuple[list[str], Floats, dict[str, dict[int, in
         name, _, force = port.rpartition(".")
         if force not in DIRECTIONS or port not in system.outputs:
             continue
-        expect_collocated(port, system.C[system.outputs.index(port)],
-                          system.B[:, system.inputs.index(port)])  # fmt: skip
+        expect_collocated(
+            port, system.C[system.outputs.index(port)], system.B[:, system.inputs.index(port)]
+        )
         interfaces.setdefault(name, {})[DIRECTIONS[force]] = len(names)
         names.append(port)
     if not names:
-        raise BodyError("no port is a force and its displacement (x.fx … x.mz): the body has no "
-                        "interfaces whose motion could be coordinates")  # fmt: skip
+        raise BodyError(
+            "no port is a force and its displacement (x.fx … x.mz): the body has no "
+            "interfaces whose motion could be coordinates"
+        )
     return names, np.array([system.C[system.outputs.index(name)] for name in names]), interfaces
 
 
@@ -161,8 +169,9 @@ def physical_form(model: ReducedBody) -> PhysicalForm:
     squares, modes = scipy.linalg.eigh(0.5 * (K_p + K_p.T), 0.5 * (M_p + M_p.T))
     inner = inner @ modes
     if len(squares) and squares[0] <= 1e-12 * squares[-1]:
-        raise BodyError("the body can move with all its interfaces held: these ports leave a "
-                        "rigid motion free")  # fmt: skip
+        raise BodyError(
+            "the body can move with all its interfaces held: these ports leave a rigid motion free"
+        )
     # Static: no force on p. Elastic energy couples u_b and p no more.
     follow = follow - inner @ ((inner.T @ (K @ follow)) / squares[:, None])
     X = np.hstack([follow, inner])
@@ -181,11 +190,21 @@ def physical_form(model: ReducedBody) -> PhysicalForm:
         B_x[:, system.inputs.index(name)] = unit
         C_x[system.outputs.index(name)] = unit
     return PhysicalForm(
-        M=M_x, D=turned(by_energy(system.D)), K=K_x, eta=system.eta, B=B_x, C=C_x,
-        inputs=system.inputs, outputs=system.outputs, feedthrough=system.feedthrough,
-        interfaces=interfaces, boundary=names, frequencies=np.sqrt(np.maximum(squares, 0)), T=T,
+        M=M_x,
+        D=turned(by_energy(system.D)),
+        K=K_x,
+        eta=system.eta,
+        B=B_x,
+        C=C_x,
+        inputs=system.inputs,
+        outputs=system.outputs,
+        feedthrough=system.feedthrough,
+        interfaces=interfaces,
+        boundary=names,
+        frequencies=np.sqrt(np.maximum(squares, 0)),
+        T=T,
         source=model,
-    )  # fmt: skip
+    )
 
 
 def file_name(text: str) -> str:
@@ -197,9 +216,9 @@ def facts(form: PhysicalForm) -> dict[str, Any]:
     """What a reader of an exported file wants to know, as words."""
     return {
         "order": f"{len(form.boundary)} motions of {', '.join(form.interfaces)} and "
-                 f"{form.order - len(form.boundary)} modes with these held",
+        f"{form.order - len(form.boundary)} modes with these held",
         **facts_of(form.source),
-    }  # fmt: skip
+    }
 
 
 def facts_of(model: ReducedBody) -> dict[str, Any]:

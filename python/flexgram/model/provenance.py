@@ -37,8 +37,11 @@ class Provenance:
     @classmethod
     def of(cls, fields: dict[str, Any]) -> Self:
         """From the fields of a reduced body."""
-        log = {name.removeprefix("log/"): value
-               for name, value in fields.items() if name.startswith("log/")}  # fmt: skip
+        log = {
+            name.removeprefix("log/"): value
+            for name, value in fields.items()
+            if name.startswith("log/")
+        }
         lines = (str(line).partition("\t") for line in log.get("plan", []))
         log["plan"] = [(name, words) for name, _, words in lines]
         return cls(

@@ -58,12 +58,15 @@ def stress_at_nodes(
     stress: Floats = np.tensordot(states.astype(float), basis, axes=1)
     if held:
         if u is None:
-            raise BodyError(f"stress: {', '.join(held)} strains the body: give the inputs u of "
-                            "these moments")  # fmt: skip
+            raise BodyError(
+                f"stress: {', '.join(held)} strains the body: give the inputs u of these moments"
+            )
         loads = np.atleast_2d(np.asarray(u, dtype=float))
         if loads.shape != (len(states), len(model.inputs)):
-            raise BodyError(f"stress: u is {' × '.join(map(str, loads.shape))}, expected "
-                            f"{len(states)} × {len(model.inputs)} inputs")  # fmt: skip
+            raise BodyError(
+                f"stress: u is {' × '.join(map(str, loads.shape))}, expected "
+                f"{len(states)} × {len(model.inputs)} inputs"
+            )
         for name, field in held.items():
             stress += loads[:, model.inputs.index(name), None, None] * field
     return stress
@@ -88,5 +91,7 @@ def words_of_stress(
     """What ``largest_stress`` found, at times t."""
     largest, when, where = worst
     place = ", ".join(f"{x:.4g}" for x in Geometry.load(body_of(model, body)).points[where])
-    return (f"largest von Mises stress {largest:.4g} N/m² at ({place}) m, node {where + 1}, "
-            f"t = {t[when]:.6g} s")  # fmt: skip
+    return (
+        f"largest von Mises stress {largest:.4g} N/m² at ({place}) m, node {where + 1}, "
+        f"t = {t[when]:.6g} s"
+    )

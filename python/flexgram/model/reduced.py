@@ -101,8 +101,10 @@ class ReducedBody:
         return self.system.outputs
 
     def __repr__(self) -> str:
-        return (f"<{type(self).__name__} of order {self.order} by {self.provenance.method}, "
-                f"{len(self.inputs)} inputs, {self.claim.words}>")  # fmt: skip
+        return (
+            f"<{type(self).__name__} of order {self.order} by {self.provenance.method}, "
+            f"{len(self.inputs)} inputs, {self.claim.words}>"
+        )
 
     def __getstate__(self) -> dict[str, Any]:
         """For pickle and copy: all numbers; what wrote the file of this one stays behind."""
@@ -119,6 +121,8 @@ class ReducedBody:
     def save(self, path: str | Path) -> None:
         """Write the reduced file; collective on the communicator of ``reduce``."""
         if self._save is None:
-            raise BodyError("a copied or unpickled body has no file of its own: export it "
-                            "(flexgram.export), or save the original")  # fmt: skip
+            raise BodyError(
+                "a copied or unpickled body has no file of its own: export it "
+                "(flexgram.export), or save the original"
+            )
         self._save(str(path))

@@ -14,8 +14,9 @@ def frequency_response(
 ) -> ComplexArray:
     """C (K + i omega D - omega² M)⁻¹ B, (n_out, n_in), of several frequencies (n, n_out, n_in)."""
     w = np.atleast_1d(np.asarray(omega, dtype=float))
-    H: ComplexArray = np.array([C @ np.linalg.solve(K + 1j * x * D - x * x * M, B) for x in w],
-                               dtype=np.complex128)  # fmt: skip
+    H: ComplexArray = np.array(
+        [C @ np.linalg.solve(K + 1j * x * D - x * x * M, B) for x in w], dtype=np.complex128
+    )
     one: ComplexArray = H[0] if np.ndim(omega) == 0 else H
     return one
 

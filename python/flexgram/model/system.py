@@ -59,20 +59,30 @@ class System:
         M, D, K, B, C = (np.asarray(fields.get(x, []), dtype=np.float64) for x in "MDKBC")
         none = np.zeros((C.shape[0], B.shape[1]))
         system = cls(
-            M, D, K, B, C,
+            M,
+            D,
+            K,
+            B,
+            C,
             inputs=port_names(fields, "B", B.shape[1]),
             outputs=port_names(fields, "C", C.shape[0]),
             feedthrough=np.asarray(fields.get("feedthrough", none), dtype=np.float64),
             eta=float(fields.get("eta", 0.0)),
-        )  # fmt: skip
+        )
         system._expect_shapes()
         return system
 
     def _expect_shapes(self) -> None:
         """What anything else here relies on."""
         m, n_in, n_out = len(self.K), len(self.inputs), len(self.outputs)
-        shapes = {"M": (m, m), "D": (m, m), "K": (m, m), "B": (m, n_in), "C": (n_out, m),
-                  "feedthrough": (n_out, n_in)}  # fmt: skip
+        shapes = {
+            "M": (m, m),
+            "D": (m, m),
+            "K": (m, m),
+            "B": (m, n_in),
+            "C": (n_out, m),
+            "feedthrough": (n_out, n_in),
+        }
         for name, shape in shapes.items():
             matrix = getattr(self, name)
             if matrix.shape != shape:
@@ -87,14 +97,26 @@ class System:
 
     def projected(self, Q: Floats) -> Self:
         """The system in the coordinates p of q = Q p."""
-        return replace(self, M=Q.T @ self.M @ Q, D=Q.T @ self.D @ Q, K=Q.T @ self.K @ Q,
-                       B=Q.T @ self.B, C=self.C @ Q)  # fmt: skip
+        return replace(
+            self,
+            M=Q.T @ self.M @ Q,
+            D=Q.T @ self.D @ Q,
+            K=Q.T @ self.K @ Q,
+            B=Q.T @ self.B,
+            C=self.C @ Q,
+        )
 
     def without_first(self, count: int) -> Self:
         """The system without its first coordinates."""
         keep = slice(count, None)
-        return replace(self, M=self.M[keep, keep], D=self.D[keep, keep], K=self.K[keep, keep],
-                       B=self.B[keep], C=self.C[:, keep])  # fmt: skip
+        return replace(
+            self,
+            M=self.M[keep, keep],
+            D=self.D[keep, keep],
+            K=self.K[keep, keep],
+            B=self.B[keep],
+            C=self.C[:, keep],
+        )
 
     def along(self, loads: Floats, names: list[str]) -> Self:
         """The system with combinations of its inputs, (n_in, k), for inputs; and with the same of
@@ -102,8 +124,9 @@ class System:
         system = replace(self, inputs=names, B=self.B @ loads, feedthrough=self.feedthrough @ loads)
         if self.outputs != self.inputs:
             return system
-        return replace(system, outputs=names, C=loads.T @ system.C,
-                       feedthrough=loads.T @ system.feedthrough)  # fmt: skip
+        return replace(
+            system, outputs=names, C=loads.T @ system.C, feedthrough=loads.T @ system.feedthrough
+        )
 
     def transfer(self, omega: ArrayLike, feedthrough: bool = True) -> ComplexArray:
         """Transfer function H_r = C (K (1 + i eta) + i omega D - omega² M)⁻¹ B + ``feedthrough``.
@@ -133,23 +156,29 @@ class System:
         """The 2m poles s [rad/s] of the body without structural damping, by rising ``|s|``."""
         m = self.order
         zero, one = np.zeros((m, m)), np.eye(m)
-        s: ComplexArray = scipy.linalg.eigvals(np.block([[zero, one], [-self.K, -self.D]]),
-                                 np.block([[one, zero], [zero, self.M]]))  # fmt: skip
+        s: ComplexArray = scipy.linalg.eigvals(
+            np.block([[zero, one], [-self.K, -self.D]]), np.block([[one, zero], [zero, self.M]])
+        )
         s = s[np.argsort(np.abs(s))]
         return s
 
     def expect_time_domain(self, rates: Sequence[str]) -> None:
         """Raise BodyError where there is no real state space with these rates of the outputs."""
         if self.eta:
-            raise BodyError(f"structural damping (eta = {self.eta:g}) has no real time-domain "
-                            "form: give Rayleigh damping instead")  # fmt: skip
+            raise BodyError(
+                f"structural damping (eta = {self.eta:g}) has no real time-domain "
+                "form: give Rayleigh damping instead"
+            )
         if not rates or set(rates) - set(RATES):
-            raise BodyError(f"rates are {', '.join(rates) or 'none'}, expected some of "
-                            f"{', '.join(RATES)}")  # fmt: skip
+            raise BodyError(
+                f"rates are {', '.join(rates) or 'none'}, expected some of {', '.join(RATES)}"
+            )
         if self.feedthrough.any() and set(rates) != {"displacement"}:
-            raise BodyError("outputs with a feedthrough (stress of a temperature, reactions) have "
-                            "rates that hang on those of the inputs: leave these ports out, or "
-                            "take displacement alone")  # fmt: skip
+            raise BodyError(
+                "outputs with a feedthrough (stress of a temperature, reactions) have "
+                "rates that hang on those of the inputs: leave these ports out, or "
+                "take displacement alone"
+            )
 
     def state_space(
         self, rates: Sequence[str] = ("displacement",)
@@ -226,9 +255,11 @@ class System:
         if forces.ndim == 1:
             forces = forces[:, None]
         if forces.shape != (len(times), self.B.shape[1]):
-            raise BodyError(f"simulate: u is {' × '.join(map(str, forces.shape))}, expected "
-                            f"{len(times)} times × {self.B.shape[1]} inputs: "
-                            f"{', '.join(self.inputs)}")  # fmt: skip
+            raise BodyError(
+                f"simulate: u is {' × '.join(map(str, forces.shape))}, expected "
+                f"{len(times)} times × {self.B.shape[1]} inputs: "
+                f"{', '.join(self.inputs)}"
+            )
         A, B, C, D = self.state_space(rates)
         m = self.order
         start = np.zeros(2 * m)

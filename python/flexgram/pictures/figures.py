@@ -52,20 +52,38 @@ def error(model: ReducedBody) -> Figure:
             ]
         for label, value, style, color in everywhere:
             for i, (first, last) in enumerate(claim.bands * HZ):
-                axes.plot([first, last], 2 * [max(value, 1e-17)], style, color=color, lw=1.2,
-                          label=f"{label}: {value:.1e}" if i == 0 else None)  # fmt: skip
+                axes.plot(
+                    [first, last],
+                    2 * [max(value, 1e-17)],
+                    style,
+                    color=color,
+                    lw=1.2,
+                    label=f"{label}: {value:.1e}" if i == 0 else None,
+                )
         for i, (first, last) in enumerate(claim.excluded * HZ):
-            axes.axvspan(first, last, color="#d7301f", lw=1.5,
-                         label="excluded" if i == 0 else None)  # fmt: skip
+            axes.axvspan(first, last, color="#d7301f", lw=1.5, label="excluded" if i == 0 else None)
     if len(claim.floor):
-        axes.semilogy(hz, np.maximum(claim.floor, 1e-17), ":", color=BOUND, lw=1,
-                      label="part of it that is rounding")  # fmt: skip
+        axes.semilogy(
+            hz,
+            np.maximum(claim.floor, 1e-17),
+            ":",
+            color=BOUND,
+            lw=1,
+            label="part of it that is rounding",
+        )
     if claim.data_rounding.any():
-        axes.semilogy(hz, np.maximum(claim.data_rounding, 1e-17), "-.", color="gray", lw=1,
-                      label="what the digits of K may change, beside the error")  # fmt: skip
+        axes.semilogy(
+            hz,
+            np.maximum(claim.data_rounding, 1e-17),
+            "-.",
+            color="gray",
+            lw=1,
+            label="what the digits of K may change, beside the error",
+        )
     if not np.array_equal(claim.error, claim.bound):  # of some assemblies the bound alone is known
-        style, label = ("-", "error against the medium model") if len(claim.bound) else (
-            ".", "error")  # fmt: skip
+        style, label = (
+            ("-", "error against the medium model") if len(claim.bound) else (".", "error")
+        )
         axes.semilogy(hz, np.maximum(claim.error, 1e-17), style, color=REDUCED, lw=1, label=label)
     axes.set(xlabel="frequency [Hz]", ylabel="relative error of H")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncol=2, fontsize=7)
@@ -78,11 +96,13 @@ def gramian(model: ReducedBody) -> Figure:
         raise BodyError("the reduced file has no Gramian")
     figure, axes = _axes()
     sigma = model.sigma[: max(3 * model.order, 40)]
-    axes.semilogy(np.arange(1, len(sigma) + 1), np.maximum(sigma / sigma[0], 1e-32), ".-",
-                  color=REDUCED)  # fmt: skip
+    axes.semilogy(
+        np.arange(1, len(sigma) + 1), np.maximum(sigma / sigma[0], 1e-32), ".-", color=REDUCED
+    )
     axes.axvline(model.order, color=BOUND, label=f"order m = {model.order}")
-    axes.axhline(np.sqrt(np.finfo(float).eps), color="gray", lw=0.8, ls=":",
-                 label="the paper's rule, √ε")  # fmt: skip
+    axes.axhline(
+        np.sqrt(np.finfo(float).eps), color="gray", lw=0.8, ls=":", label="the paper's rule, √ε"
+    )
     axes.set(xlabel="j", ylabel="σ_j / σ_1")
     axes.legend()
     return figure
@@ -102,23 +122,32 @@ def transfer(
             raise BodyError(f"{sweep}: its ports are not those of the reduced body")
     H = model.system.transfer(hz / HZ)
     if not ports:
-        strongest = np.argsort(-np.abs(np.einsum("kii->ki", H[:, : len(inputs), : len(outputs)]))
-                               .max(axis=0))  # fmt: skip
-        kinds = [next((i for i in strongest if inputs[i].split(".")[-1][0] == k), None)
-                 for k in "fm"]  # fmt: skip
+        strongest = np.argsort(
+            -np.abs(np.einsum("kii->ki", H[:, : len(inputs), : len(outputs)])).max(axis=0)
+        )
+        kinds = [
+            next((i for i in strongest if inputs[i].split(".")[-1][0] == k), None) for k in "fm"
+        ]
         chosen = [i for i in kinds if i is not None] or [int(strongest[0])]
         ports = [(outputs[i], inputs[i]) for i in chosen]
     figure = Figure(figsize=(6.4, 2.9 * len(ports)), layout="constrained")
     panels = figure.subplots(len(ports), 1, squeeze=False, sharex=True)
     for axes, (output, port) in zip(panels.flat, ports, strict=True):
         if output not in outputs or port not in inputs:
-            raise BodyError(f"no port {output if output not in outputs else port}; there are "
-                            f"{', '.join(inputs)}")  # fmt: skip
+            raise BodyError(
+                f"no port {output if output not in outputs else port}; there are "
+                f"{', '.join(inputs)}"
+            )
         i, j = outputs.index(output), inputs.index(port)
         if full is not None:
             axes.semilogy(hz, np.abs(full[:, i, j]), color=FULL, label="full body")
-        axes.semilogy(hz, np.abs(H[:, i, j]), "--" if full is not None else "-", color=REDUCED,
-                      label=f"reduced, m = {model.order}")  # fmt: skip
+        axes.semilogy(
+            hz,
+            np.abs(H[:, i, j]),
+            "--" if full is not None else "-",
+            color=REDUCED,
+            label=f"reduced, m = {model.order}",
+        )
         axes.set(ylabel=f"|H| [{unit_of(output, port)}]", title=f"{output} from {port}")
         axes.grid(alpha=0.3)
         axes.legend()
@@ -141,14 +170,19 @@ def loads(model: ReducedBody, verdict: Verdict, most: int = 6) -> Figure:
     largest = verdict.spectrum.max(axis=0)
     for j in np.argsort(-largest)[:most]:
         if largest[j] > 0:
-            axes.semilogy(verdict.hz, np.maximum(verdict.spectrum[:, j], 1e-9 * largest[j]), lw=1,
-                          label=model.inputs[j])  # fmt: skip
+            axes.semilogy(
+                verdict.hz,
+                np.maximum(verdict.spectrum[:, j], 1e-9 * largest[j]),
+                lw=1,
+                label=model.inputs[j],
+            )
     for i, (first, last) in enumerate(model.claim.bands * HZ):
         axes.axvspan(first, last, color=BOUND, alpha=0.15, lw=0, label=None if i else "band")
     axes.axvline(verdict.needed, color="k", ls=":", lw=1, label="99.9 % of every load is below")
     right = 1.5 * max(verdict.needed, model.claim.bands.max() * HZ)
-    axes.set(xlabel="frequency [Hz]", ylabel="amplitude [N, N m]",
-             xlim=(0, min(right, verdict.hz[-1])))  # fmt: skip
+    axes.set(
+        xlabel="frequency [Hz]", ylabel="amplitude [N, N m]", xlim=(0, min(right, verdict.hz[-1]))
+    )
     axes.legend(fontsize=7)
     return figure
 
@@ -182,8 +216,10 @@ def shapes(model: ReducedBody, body: str | Path | None = None, count: int = 5) -
     """The mesh with its interfaces, and the lowest elastic modes of the reduced body."""
     geometry, triangles = _surface(model, body)
     step = len(triangles) // 20000 + 1  # a picture needs no more
-    marked = {name: triangles[np.isin(triangles, nodes).all(axis=1)]
-              for name, nodes in geometry.interfaces.items()}  # fmt: skip
+    marked = {
+        name: triangles[np.isin(triangles, nodes).all(axis=1)]
+        for name, nodes in geometry.interfaces.items()
+    }
     triangles = triangles[::step]
     hz, modes = elastic_modes(model, count)
     motion = geometry.motion(model, modes) if len(modes) else np.empty((0, 0, 3))
@@ -293,8 +329,12 @@ def _mark(axes: Any, geometry: Geometry, marked: dict[str, Any]) -> None:
 
 
 FIGURES: dict[str, Callable[..., Figure]] = {
-    "error": error, "gramian": gramian, "transfer": transfer, "stages": stages, "shapes": shapes,
-}  # fmt: skip
+    "error": error,
+    "gramian": gramian,
+    "transfer": transfer,
+    "stages": stages,
+    "shapes": shapes,
+}
 
 
 def save(figure: Figure, path: Path) -> None:

@@ -55,8 +55,10 @@ def _image(figure: Figure, caption: str, raster: bool = False) -> str:
     kind = "png" if raster else "svg+xml"
     data = base64.b64encode(buffer.getvalue()).decode()
     text = html.escape(caption)
-    return (f'<figure><img alt="{text}" src="data:image/{kind};base64,{data}">'
-            f"<figcaption class='lead'>{text}</figcaption></figure>")  # fmt: skip
+    return (
+        f'<figure><img alt="{text}" src="data:image/{kind};base64,{data}">'
+        f"<figcaption class='lead'>{text}</figcaption></figure>"
+    )
 
 
 def _plan(facts: list[tuple[str, str]]) -> str:
@@ -79,21 +81,29 @@ def _modes(model: ReducedBody, most: int = 40) -> str:
         near = poles[np.argmin(np.abs(np.abs(poles) - omega))]
         zeta = -near.real / max(abs(near), 1e-300) + 0.5 * model.system.eta
         inside = "" if model.claim.band[0] <= omega <= model.claim.band[1] else "outside the band"
-        rows.append(f"<tr><td class=n>{j + 1}</td><td class=n>{omega / (2 * np.pi):.6g}</td>"
-                    f"<td class=n>{100 * zeta:.3g} %</td><td>{inside}</td></tr>")  # fmt: skip
+        rows.append(
+            f"<tr><td class=n>{j + 1}</td><td class=n>{omega / (2 * np.pi):.6g}</td>"
+            f"<td class=n>{100 * zeta:.3g} %</td><td>{inside}</td></tr>"
+        )
     more = (
         f"<p class=lead>and {len(model.modes) - most} higher</p>" if len(model.modes) > most else ""
     )
-    return ("<table><tr><th>no.</th><th>frequency [Hz]</th><th>damping ratio</th><th></th></tr>"
-            f"{''.join(rows)}</table>{more}")  # fmt: skip
+    return (
+        "<table><tr><th>no.</th><th>frequency [Hz]</th><th>damping ratio</th><th></th></tr>"
+        f"{''.join(rows)}</table>{more}"
+    )
 
 
 def _cards(model: ReducedBody) -> str:
     claim = model.claim
     # By the size of the error: a proof of 23 % is no good news.
-    colour = ("poor" if not claim.supremum <= 0.1 or not claim.met
-              else "good" if claim.supremum <= 0.01 and claim.kind.startswith("certified")
-              else "fair")  # fmt: skip
+    colour = (
+        "poor"
+        if not claim.supremum <= 0.1 or not claim.met
+        else "good"
+        if claim.supremum <= 0.01 and claim.kind.startswith("certified")
+        else "fair"
+    )
     hz = claim.bands / (2 * np.pi)
     kinds = ""
     if len(claim.by_kind):
@@ -103,24 +113,34 @@ def _cards(model: ReducedBody) -> str:
         kinds = f": the largest of all of H {claim.whole:.1e}, {', '.join(of)}"
     notes = claim.shortfall, claim.words_of_data
     cards = [
-        (f"{claim.supremum:.1e}", f"largest relative error over the band, {claim.label}"
-         + kinds + "".join(f"; {said}" for said in notes if said),
-         colour),
-        (f"{len(model.basis.V):,} → {model.order}" if len(model.basis.V) else str(model.order),
-         "degrees of freedom", ""),
+        (
+            f"{claim.supremum:.1e}",
+            f"largest relative error over the band, {claim.label}"
+            + kinds
+            + "".join(f"; {said}" for said in notes if said),
+            colour,
+        ),
+        (
+            f"{len(model.basis.V):,} → {model.order}" if len(model.basis.V) else str(model.order),
+            "degrees of freedom",
+            "",
+        ),
         (", ".join(f"{first:g} – {last:g}" for first, last in hz) + " Hz", "band", ""),
         (f"{len(model.inputs)} / {len(model.outputs)}", "inputs / outputs", ""),
-    ]  # fmt: skip
+    ]
     log, seconds = model.provenance.log, sum(model.provenance.seconds.values())
     if seconds:
         count = int(log.get("factorisations", 0))
-        cards.append((f"{seconds:.2f} s", f"{count} factorisations, "
-                      f"{int(log.get('ranks', 1))} rank(s)", ""))  # fmt: skip
+        cards.append(
+            (f"{seconds:.2f} s", f"{count} factorisations, {int(log.get('ranks', 1))} rank(s)", "")
+        )
     peak = log.get("peak_memory_mb_per_rank")
     if peak:
         cards.append((f"{float(peak):.0f} MB", "peak memory on a rank", ""))
-    tiles = "".join(f'<div class="card {kind}"><b>{value}</b><span>{html.escape(what)}</span></div>'
-                    for value, what, kind in cards)  # fmt: skip
+    tiles = "".join(
+        f'<div class="card {kind}"><b>{value}</b><span>{html.escape(what)}</span></div>'
+        for value, what, kind in cards
+    )
     columns = 3 if len(cards) in (3, 5, 6) else 2  # full rows, the first tile makes up for one
     first = ' style="--first: 2"' if len(cards) == 5 else ""
     return f'<div class="cards columns-{columns}"{first}>{tiles}</div>'
@@ -167,9 +187,10 @@ def _stress(model: ReducedBody, t: Any, u: Any, body: str | Path | None) -> str:
         else (" Nothing is claimed of it: make it an output of the body (type: stress).")
     )
     picture = figures.stress(part, q[worst[1]], body, u=u[worst[1]])
-    return (f"<p>{words[0].upper()}{words[1:]}, of a body at rest in the beginning.{claim}</p>"
-            + _image(picture, "Von Mises stress at that moment, deformation enlarged.",
-                     raster=True))  # fmt: skip
+    return (
+        f"<p>{words[0].upper()}{words[1:]}, of a body at rest in the beginning.{claim}</p>"
+        + _image(picture, "Von Mises stress at that moment, deformation enlarged.", raster=True)
+    )
 
 
 def _measured(model: ReducedBody, measured: str | Path, body: str | Path | None) -> str:
@@ -177,8 +198,9 @@ def _measured(model: ReducedBody, measured: str | Path, body: str | Path | None)
     modes = mode_shapes.mode_shapes(model, body)
     found = mode_shapes.compare(mode_shapes.read_universal(measured), modes)
     rows = "".join(f"<p>{html.escape(line[0].upper() + line[1:])}.</p>" for line in found.words())
-    return (f"<h2>Measured modes of {html.escape(Path(measured).name)}</h2>{rows}"
-            + _image(mode_shapes.picture(found), "Modal assurance criterion."))  # fmt: skip
+    return f"<h2>Measured modes of {html.escape(Path(measured).name)}</h2>{rows}" + _image(
+        mode_shapes.picture(found), "Modal assurance criterion."
+    )
 
 
 def write_report(
@@ -238,22 +260,36 @@ def write_report(
         _cards(model),
         *(f'<p class="warning">{html.escape(w)}</p>' for w in made.warnings),
         "<h2>Error over the band</h2>",
-        draw("error", "Relative error of the transfer matrix, Frobenius norm, eq. (17) of Fehr, "
-             "Eberhard and Lehner."),
+        draw(
+            "error",
+            "Relative error of the transfer matrix, Frobenius norm, eq. (17) of Fehr, "
+            "Eberhard and Lehner.",
+        ),
         '<h2>Order and response</h2><div class="pair">',
         draw("gramian", "Eigenvalues of the position Gramian over the band, and the order taken."),
-        draw("transfer", "Transfer functions" + (" of the full and the reduced body." if sweep else
-             " of the reduced body (name a sweep file to compare with the full one)."),
-             sweep=None if sweep is None else Path(sweep), ports=ports),
+        draw(
+            "transfer",
+            "Transfer functions"
+            + (
+                " of the full and the reduced body."
+                if sweep
+                else " of the reduced body (name a sweep file to compare with the full one)."
+            ),
+            sweep=None if sweep is None else Path(sweep),
+            ports=ports,
+        ),
         "</div>",
-    ]  # fmt: skip
+    ]
     if loads is not None:
         history = read_history(loads, model.inputs)
         verdict = judge(model, *history)
-        parts += [f"<h2>The load history {html.escape(Path(loads).name)}</h2>",
-                  "".join(f"<p>{html.escape(words[0].upper() + words[1:])}.</p>"
-                          for words in verdict.words),
-                  _image(figures.loads(model, verdict), "Amplitudes, and the band.")]  # fmt: skip
+        parts += [
+            f"<h2>The load history {html.escape(Path(loads).name)}</h2>",
+            "".join(
+                f"<p>{html.escape(words[0].upper() + words[1:])}.</p>" for words in verdict.words
+            ),
+            _image(figures.loads(model, verdict), "Amplitudes, and the band."),
+        ]
         if _has_stress(model, body):
             try:
                 parts.append(_stress(model, *history, body))
@@ -265,19 +301,30 @@ def write_report(
             shown = _measured(model, measured, body)
         except BodyError as error:
             left.append(f"measured modes: {error}")
-    picture = draw("shapes", "Surface with the interfaces; lowest elastic modes of the reduced "
-                   "body, enlarged.", raster=True, body=body)  # fmt: skip
+    picture = draw(
+        "shapes",
+        "Surface with the interfaces; lowest elastic modes of the reduced body, enlarged.",
+        raster=True,
+        body=body,
+    )
     if picture:
         parts += ["<h2>Shapes</h2>", picture]
-    parts += ["<h2>Plan: what was done, what was skipped and why</h2>",
-              _plan(list(log["plan"])) if "plan" in log else "<p>not stored</p>",
-              "<h2>Modes of the reduced body</h2>", _modes(model), _held(model),
-              shown,
-              "<h2>Time by stage</h2>", draw("stages", "Wall clock."),
-              "<details><summary>All options</summary><table>",
-              *(f"<tr><th><code>{html.escape(k)}</code></th><td>{html.escape(str(v))}</td></tr>"
-                for k, v in options.items()),
-              f"</table></details><p class=lead>{html.escape(versions)}</p>"]  # fmt: skip
+    parts += [
+        "<h2>Plan: what was done, what was skipped and why</h2>",
+        _plan(list(log["plan"])) if "plan" in log else "<p>not stored</p>",
+        "<h2>Modes of the reduced body</h2>",
+        _modes(model),
+        _held(model),
+        shown,
+        "<h2>Time by stage</h2>",
+        draw("stages", "Wall clock."),
+        "<details><summary>All options</summary><table>",
+        *(
+            f"<tr><th><code>{html.escape(k)}</code></th><td>{html.escape(str(v))}</td></tr>"
+            for k, v in options.items()
+        ),
+        f"</table></details><p class=lead>{html.escape(versions)}</p>",
+    ]
     title = html.escape(Path(rom).name)
     page = (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title>'

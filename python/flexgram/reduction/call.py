@@ -18,8 +18,20 @@ from flexgram.reduced_model import ReducedModel
 from flexgram.reduction.options import NAMES
 
 #: How the names of options start.
-PREFIXES = ("mor_", "log_", "mat_", "vec_", "bv_", "ksp_", "pc_", "eps_", "svd_", "options_",
-            "info", "malloc")  # fmt: skip
+PREFIXES = (
+    "mor_",
+    "log_",
+    "mat_",
+    "vec_",
+    "bv_",
+    "ksp_",
+    "pc_",
+    "eps_",
+    "svd_",
+    "options_",
+    "info",
+    "malloc",
+)
 
 
 def core() -> Any:
@@ -98,8 +110,9 @@ def _dense(name: str, value: Any, rows: int, axis: int) -> Any:
     if block.ndim == 1:
         block = np.expand_dims(block, 1 - axis)
     if block.ndim != 2 or block.shape[axis] != rows:
-        raise BodyError(f"{name} has shape {np.shape(value)}, but there are {rows} rows of K "
-                        "that go with it")  # fmt: skip
+        raise BodyError(
+            f"{name} has shape {np.shape(value)}, but there are {rows} rows of K that go with it"
+        )
     if not np.all(np.isfinite(block)):
         raise BodyError(f"{name} holds NaN or Inf")
     return block
@@ -185,8 +198,12 @@ def _matrices_over(matrices: Matrices, comm: Any) -> Any:
     body.set_damping(matrices.alpha, matrices.beta, matrices.eta)
     if matrices.node is not None:
         labels = np.unique(np.concatenate(comm.allgather(np.unique(parts["node"]))))
-        body.set_dofs(np.searchsorted(labels, parts["node"]), parts["node"], parts["component"],
-                      parts["position"])  # fmt: skip
+        body.set_dofs(
+            np.searchsorted(labels, parts["node"]),
+            parts["node"],
+            parts["component"],
+            parts["position"],
+        )
     return body
 
 
@@ -195,8 +212,10 @@ def hand_over(body: str | Path | Matrices, comm: Any, values: dict[str, str]) ->
     if isinstance(body, Matrices):
         return _matrices_over(body, comm)
     if not isinstance(body, (str, os.PathLike)):
-        raise BodyError("a body is the name of a file or flexgram.Matrices(K, M, B, ...), not "
-                        f"{type(body).__name__}")  # fmt: skip
+        raise BodyError(
+            "a body is the name of a file or flexgram.Matrices(K, M, B, ...), not "
+            f"{type(body).__name__}"
+        )
     values["-body"] = os.fspath(body)
     return None
 
@@ -232,8 +251,10 @@ def option_values(
     except (TypeError, ValueError):
         ends = np.empty(0)
     if ends is not None and (not len(ends) or len(ends) % 2 or not np.all(np.isfinite(ends))):
-        raise BodyError(f"band_hz must be first and last frequency, (10, 500), or pairs of them, "
-                        f"not {band_hz!r}")  # fmt: skip
+        raise BodyError(
+            f"band_hz must be first and last frequency, (10, 500), or pairs of them, "
+            f"not {band_hz!r}"
+        )
     try:
         tol = None if tol is None else float(tol)
     except (TypeError, ValueError):
@@ -248,8 +269,10 @@ def option_values(
     for key, value in (options or {}).items():
         name = key.lstrip("-")
         if not name.startswith(PREFIXES):
-            raise BodyError(f"options: {key} is none of flexgram's (mor_...) or PETSc's "
-                            f"({', '.join(PREFIXES[1:])}...)")  # fmt: skip
+            raise BodyError(
+                f"options: {key} is none of flexgram's (mor_...) or PETSc's "
+                f"({', '.join(PREFIXES[1:])}...)"
+            )
         values[f"-{name}"] = _word(value)
     for key, value in keywords.items():
         if key not in known.__annotations__:

@@ -58,8 +58,10 @@ class Medium:
 
     def __repr__(self) -> str:
         words = ", ".join(f"{first:.6g}-{last:.6g}" for first, last in self.bands / (2 * np.pi))
-        return (f"<Medium of order {self.order} of n = {self.n}, {len(self.inputs)} inputs, "
-                f"{self.claim}, over {words} Hz>")  # fmt: skip
+        return (
+            f"<Medium of order {self.order} of n = {self.n}, {len(self.inputs)} inputs, "
+            f"{self.claim}, over {words} Hz>"
+        )
 
     def reduce(
         self,

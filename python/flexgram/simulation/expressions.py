@@ -30,18 +30,47 @@ def interp(t: Any, times: Any, values: Any) -> Any:
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     name: getattr(np, name)
     for name in (
-        "sin", "cos", "tan", "arcsin", "arccos", "arctan", "arctan2", "sinh", "cosh", "tanh",
-        "exp", "log", "log10", "sqrt", "abs", "sign", "floor", "heaviside", "minimum", "maximum",
-        "where", "sinc",
+        "sin",
+        "cos",
+        "tan",
+        "arcsin",
+        "arccos",
+        "arctan",
+        "arctan2",
+        "sinh",
+        "cosh",
+        "tanh",
+        "exp",
+        "log",
+        "log10",
+        "sqrt",
+        "abs",
+        "sign",
+        "floor",
+        "heaviside",
+        "minimum",
+        "maximum",
+        "where",
+        "sinc",
     )
-} | {"interp": interp}  # fmt: skip
+} | {"interp": interp}
 NUMBERS = {"pi": np.pi, "e": np.e}
 OPERATORS: dict[type, Callable[..., Any]] = {
-    ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: np.true_divide,
-    ast.Mod: np.mod, ast.Pow: np.power, ast.USub: operator.neg, ast.UAdd: operator.pos,
-    ast.Lt: np.less, ast.LtE: np.less_equal, ast.Gt: np.greater, ast.GtE: np.greater_equal,
-    ast.BitAnd: np.logical_and, ast.BitOr: np.logical_or,
-}  # fmt: skip
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: np.true_divide,
+    ast.Mod: np.mod,
+    ast.Pow: np.power,
+    ast.USub: operator.neg,
+    ast.UAdd: operator.pos,
+    ast.Lt: np.less,
+    ast.LtE: np.less_equal,
+    ast.Gt: np.greater,
+    ast.GtE: np.greater_equal,
+    ast.BitAnd: np.logical_and,
+    ast.BitOr: np.logical_or,
+}
 
 
 def function_of_time(text: str, t: Any) -> Any:
@@ -88,8 +117,10 @@ def function_of_time(text: str, t: Any) -> Any:
             if work is not None and len(node.args) == takes:  # NumPy would write into one more
                 return work(*(value(argument) for argument in node.args))
         word = ast.get_source_segment(text, node) or text
-        raise BodyError(f"{word!r} is not understood: an expression in t has numbers, pi, "
-                        f"+ - * / % ** < > & | and {', '.join(FUNCTIONS)}")  # fmt: skip
+        raise BodyError(
+            f"{word!r} is not understood: an expression in t has numbers, pi, "
+            f"+ - * / % ** < > & | and {', '.join(FUNCTIONS)}"
+        )
 
     try:
         with np.errstate(all="ignore"):

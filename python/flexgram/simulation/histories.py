@@ -37,8 +37,11 @@ def read_history(path: str | Path, inputs: list[str]) -> tuple[Floats, Floats]:
     path = Path(path)
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = [(n, row) for n, row in enumerate(csv.reader(file), 1)
-                    if row and not row[0].lstrip().startswith("#")]  # fmt: skip
+            rows = [
+                (n, row)
+                for n, row in enumerate(csv.reader(file), 1)
+                if row and not row[0].lstrip().startswith("#")
+            ]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise BodyError(f"{path}: {error}") from None
     if len(rows) < 3:
@@ -46,8 +49,10 @@ def read_history(path: str | Path, inputs: list[str]) -> tuple[Floats, Floats]:
     head = [word.strip() for word in rows[0][1]]
     for name in head[1:]:
         if name not in inputs:
-            raise BodyError(f"{path}, line {rows[0][0]}: the body has no input {name!r}; there are "
-                            f"{', '.join(inputs)}")  # fmt: skip
+            raise BodyError(
+                f"{path}, line {rows[0][0]}: the body has no input {name!r}; there are "
+                f"{', '.join(inputs)}"
+            )
     if head[0] not in ("t", "time") or len(head) < 2 or len(set(head)) < len(head):
         raise BodyError(f"{path}, line {rows[0][0]}: expected t and names of inputs, each once")
     table = np.empty((len(rows) - 1, len(head)))
@@ -112,22 +117,35 @@ class Verdict:
     def words(self) -> list[str]:
         """Sentences."""
         each = ", ".join(f"the {what} is within {e:.1e}" for what, e in self.errors.items())
-        said = [f"in the band {each} of itself, root mean square"
-                + ("" if self.proved else " (estimated, not proved)")]  # fmt: skip
+        said = [
+            f"in the band {each} of itself, root mean square"
+            + ("" if self.proved else " (estimated, not proved)")
+        ]
         if self.astray > 1 - ENOUGH:
-            said.append(f"{100 * self.astray:.2g} % of the loads is no combination of those that "
-                        "the body was reduced for, and nothing is claimed of it")  # fmt: skip
+            said.append(
+                f"{100 * self.astray:.2g} % of the loads is no combination of those that "
+                "the body was reduced for, and nothing is claimed of it"
+            )
         if self.elastic_error is not None:
-            said.append(f"its elastic part is within {self.elastic_error:.1e} of itself"
-                        + (": -mor_tol_relative_to both bounds what joints leave of a free body"
-                           if self.elastic_error > 0.02 else ""))  # fmt: skip
+            said.append(
+                f"its elastic part is within {self.elastic_error:.1e} of itself"
+                + (
+                    ": -mor_tol_relative_to both bounds what joints leave of a free body"
+                    if self.elastic_error > 0.02
+                    else ""
+                )
+            )
         if self.above > 1 - ENOUGH:
-            said.append(f"{100 * self.above:.2g} % of the load at {self.worst_port} lies above the "
-                        f"band, where nothing is claimed: {100 * ENOUGH:g} % of every load lies "
-                        f"below {self.needed:.4g} Hz, let the band reach there")  # fmt: skip
+            said.append(
+                f"{100 * self.above:.2g} % of the load at {self.worst_port} lies above the "
+                f"band, where nothing is claimed: {100 * ENOUGH:g} % of every load lies "
+                f"below {self.needed:.4g} Hz, let the band reach there"
+            )
         if self.below > 1 - ENOUGH:
-            said.append(f"{100 * self.below:.2g} % lies below the band, constant or slow: let the "
-                        "band begin lower (at 0 for a body that is held)")  # fmt: skip
+            said.append(
+                f"{100 * self.below:.2g} % lies below the band, constant or slow: let the "
+                "band begin lower (at 0 for a body that is held)"
+            )
         return said
 
 
@@ -146,8 +164,10 @@ def _blocks(model: ReducedBody) -> dict[str, list[_Block]]:
     all_rows, all_columns = np.arange(len(model.outputs)), np.arange(len(model.inputs))
     if not len(model.claim.by_kind):
         return {"motion": [_Block(all_rows, all_columns, model.claim.whole)]}
-    claims = {tuple(kind.split(" from ")): float(e)
-              for kind, e in zip(model.claim.kinds, model.claim.by_kind, strict=True)}  # fmt: skip
+    claims = {
+        tuple(kind.split(" from ")): float(e)
+        for kind, e in zip(model.claim.kinds, model.claim.by_kind, strict=True)
+    }
     blocks: dict[str, list[_Block]] = {}
     inputs = [kind for kind in INPUT_KINDS if len(ports_of(model.inputs, kind))]
     known = np.concatenate([ports_of(model.inputs, kind) for kind in inputs])
@@ -230,10 +250,18 @@ def judge(model: ReducedBody, t: ArrayLike, u: ArrayLike) -> Verdict:
         with contextlib.suppress(BodyError):  # dampers hold it
             elastic = without_rigid_modes(model)
     errors, elastic_errors = _errors(model, elastic, lines, chosen)
-    return Verdict(lines.hz, told.amplitude, float(share_below.max()),
-                   float(share_above.max()), names[int(np.argmax(share_below + share_above))],
-                   float(lines.hz[reached.max()]), errors, elastic_errors, astray,
-                   claim.kind != "estimated")  # fmt: skip
+    return Verdict(
+        lines.hz,
+        told.amplitude,
+        float(share_below.max()),
+        float(share_above.max()),
+        names[int(np.argmax(share_below + share_above))],
+        float(lines.hz[reached.max()]),
+        errors,
+        elastic_errors,
+        astray,
+        claim.kind != "estimated",
+    )
 
 
 class _Spectrum:
@@ -272,8 +300,11 @@ def _errors(
         everywhere = [
             model.system.transfer(x, False) for x in np.unique(np.concatenate([claim.omega, w]))
         ]
-        most = {id(block): max(_size(H, block) for H in everywhere)
-                for blocks in groups.values() for block in blocks}  # fmt: skip
+        most = {
+            id(block): max(_size(H, block) for H in everywhere)
+            for blocks in groups.values()
+            for block in blocks
+        }
     off, motion, bent = ({what: np.zeros(len(w)) for what in groups} for _ in range(3))
     for i, x in enumerate(w):
         H = model.system.transfer(x, False)
@@ -293,8 +324,14 @@ def _errors(
             bent[what][i] = np.linalg.norm((H_e[rows] + direct) @ loads[i])
 
     def relative(moved: dict[str, Floats]) -> dict[str, float]:
-        return {what: float(np.sqrt(np.sum(twice * off[what] ** 2))
-                            / max(np.sqrt(np.sum(twice * moved[what] ** 2)), 1e-300))
-                if np.any(off[what]) else 0.0 for what in groups}  # fmt: skip
+        return {
+            what: float(
+                np.sqrt(np.sum(twice * off[what] ** 2))
+                / max(np.sqrt(np.sum(twice * moved[what] ** 2)), 1e-300)
+            )
+            if np.any(off[what])
+            else 0.0
+            for what in groups
+        }
 
     return relative(motion), None if elastic is None else relative(bent)

@@ -91,8 +91,10 @@ def hot_spots(
         if name not in model.inputs:
             raise BodyError(f"there is no input {name}; there are {', '.join(model.inputs)}")
     if any(name.endswith(".T") for name in chosen):
-        raise BodyError("temperatures have no hot spots: their stress is not that of the motion "
-                        "alone, and hangs on what holds the body (rom.stress(q, u=u))")  # fmt: skip
+        raise BodyError(
+            "temperatures have no hot spots: their stress is not that of the motion "
+            "alone, and hangs on what holds the body (rom.stress(q, u=u))"
+        )
     if apart is not None and not (np.isfinite(apart) and apart >= 0):
         raise BodyError(f"apart = {apart} must be a distance")
     columns = [model.inputs.index(name) for name in chosen]
@@ -103,10 +105,12 @@ def hot_spots(
     if not model.system.eta and not np.any(model.system.D):
         inside &= False  # there is no largest stress at resonances without damping
     omega = np.unique(np.concatenate([curve, model.modes[inside]]))
-    motion = np.array([
-        np.linalg.solve(model.system.dynamic_stiffness(w), model.system.B[:, columns])
-        for w in omega
-    ])  # fmt: skip
+    motion = np.array(
+        [
+            np.linalg.solve(model.system.dynamic_stiffness(w), model.system.B[:, columns])
+            for w in omega
+        ]
+    )
     motion = np.nan_to_num(motion).transpose(1, 0, 2).reshape(model.order, -1)
     parts = np.hstack([motion.real, motion.imag])
     nodes = np.flatnonzero(np.isfinite(basis).all(axis=(0, 2)))
@@ -129,9 +133,16 @@ def hot_spots(
     while len(found) < count and left.any():
         at = int(np.argmax(np.where(left, score, -1.0)))
         load = int(np.argmax(shares[at]))
-        found.append(HotSpot(int(nodes[at]) + 1, points[at], chosen[load],
-                             float(largest[at, load]), float(when[at, load] / (2 * np.pi)),
-                             float(shares[at, load])))  # fmt: skip
+        found.append(
+            HotSpot(
+                int(nodes[at]) + 1,
+                points[at],
+                chosen[load],
+                float(largest[at, load]),
+                float(when[at, load] / (2 * np.pi)),
+                float(shares[at, load]),
+            )
+        )
         left &= np.linalg.norm(points - points[at], axis=1) > distance
         left[at] = False
     return found
@@ -145,7 +156,11 @@ def describe(spots: list[HotSpot]) -> list[str]:
         f"({100 * spot.share:.0f} % of its largest)"
         for spot in spots
     ]
-    lines += ["", "nothing is claimed of these numbers; as outputs of the body they are certified:",
-              "outputs:"]  # fmt: skip
-    return lines + [f"  spot{k}: {{type: stress, nodes: [{spot.node}]}}"
-                    for k, spot in enumerate(spots, 1)]  # fmt: skip
+    lines += [
+        "",
+        "nothing is claimed of these numbers; as outputs of the body they are certified:",
+        "outputs:",
+    ]
+    return lines + [
+        f"  spot{k}: {{type: stress, nodes: [{spot.node}]}}" for k, spot in enumerate(spots, 1)
+    ]

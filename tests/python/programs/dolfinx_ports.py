@@ -30,14 +30,17 @@ u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
 sym = lambda w: ufl.sym(ufl.grad(w))  # noqa: E731
 k = (2 * 8e10 * ufl.inner(sym(u), sym(v)) + 1e11 * ufl.div(u) * ufl.div(v)) * ufl.dx
 m = 7850.0 * ufl.inner(u, v) * ufl.dx
-ends = [mesh.locate_entities_boundary(domain, 2, lambda p, at=x: np.isclose(p[0], at))
-        for x in (0.0, 1.0)]  # fmt: skip
+ends = [
+    mesh.locate_entities_boundary(domain, 2, lambda p, at=x: np.isclose(p[0], at))
+    for x in (0.0, 1.0)
+]
 facets, which = np.concatenate(ends), np.repeat([3, 7], [len(faces) for faces in ends])
 order = np.argsort(facets)
 tags = mesh.meshtags(domain, 2, facets[order], which[order].astype(np.int32))
 body = flexgram.importers.dolfinx.body(V, k, m, tags, {7: "tip", 3: "root"}, alpha=2.0)
-assert list(body.inputs) == [f"{name}.{port}" for name in ("tip", "root")
-                             for port in ("fx", "fy", "fz", "mx", "my", "mz")]  # fmt: skip
+assert list(body.inputs) == [
+    f"{name}.{port}" for name in ("tip", "root") for port in ("fx", "fy", "fz", "mx", "my", "mz")
+]
 
 # Forces: a uniform traction. Moments: resultants about the middle, by rigid motions.
 ds = ufl.Measure("ds", domain=domain, subdomain_data=tags)
@@ -46,8 +49,9 @@ for first, tag in ((0, 7), (6, 3)):
     for axis in range(3):
         load = np.zeros(3)
         load[axis] = 1 / (size[1] * size[2])
-        vector = assemble_vector(fem.form(
-            ufl.inner(fem.Constant(domain, PETSc.ScalarType(load)), v) * ds(tag)))  # fmt: skip
+        vector = assemble_vector(
+            fem.form(ufl.inner(fem.Constant(domain, PETSc.ScalarType(load)), v) * ds(tag))
+        )
         vector.ghostUpdate(PETSc.InsertMode.ADD, PETSc.ScatterMode.REVERSE)
         mine = np.abs(body.B[:, first + axis] - vector.array_r).max(initial=0)
         worst = max(worst, comm.allreduce(mine, op=MPI.MAX))

@@ -21,9 +21,12 @@ for call in range(count):
     rom = flexgram.reduce(body, band_hz=(1, 500), tol=1e-4)
     small = medium.reduce(tol=1e-3)
     orders.add((rom.order, small.order))
-    for wrong in (lambda: flexgram.reduce(bad), lambda: flexgram.reduce(body, tol=-1),
-                  lambda: medium.reduce(band_hz=(1, 900)),
-                  lambda: flexgram.reduce("nothing.h5")):  # fmt: skip
+    for wrong in (
+        lambda: flexgram.reduce(bad),
+        lambda: flexgram.reduce(body, tol=-1),
+        lambda: medium.reduce(band_hz=(1, 900)),
+        lambda: flexgram.reduce("nothing.h5"),
+    ):
         try:
             wrong()
         except flexgram.BodyError:

@@ -26,12 +26,31 @@ SOURCE = Path(__file__).parent / "model.c"
 #: Platforms by FMI 2.0 and 3.0.
 PLATFORMS = {"x86_64": ("linux64", "x86_64-linux"), "aarch64": ("aarch64-linux", "aarch64-linux")}
 #: SI units of ports by the letters of their kinds: input, output; base units as FMI names them.
-UNITS = {"f": ("N", "m"), "m": ("N.m", "rad"), "a": ("m/s2", None), "alpha": ("rad/s2", None),
-         "p": ("Pa", None), "t": ("Pa", None), "T": ("K", None), "u": (None, "m"),
-         "s": (None, "Pa"), "r": (None, "N"), "rm": (None, "N.m")}  # fmt: skip
-BASE = {"N": "kg='1' m='1' s='-2'", "N.m": "kg='1' m='2' s='-2'", "m": "m='1'", "rad": "rad='1'",
-        "m/s2": "m='1' s='-2'", "rad/s2": "rad='1' s='-2'", "Pa": "kg='1' m='-1' s='-2'",
-        "K": "K='1'", "m/s": "m='1' s='-1'", "rad/s": "rad='1' s='-1'"}  # fmt: skip
+UNITS = {
+    "f": ("N", "m"),
+    "m": ("N.m", "rad"),
+    "a": ("m/s2", None),
+    "alpha": ("rad/s2", None),
+    "p": ("Pa", None),
+    "t": ("Pa", None),
+    "T": ("K", None),
+    "u": (None, "m"),
+    "s": (None, "Pa"),
+    "r": (None, "N"),
+    "rm": (None, "N.m"),
+}
+BASE = {
+    "N": "kg='1' m='1' s='-2'",
+    "N.m": "kg='1' m='2' s='-2'",
+    "m": "m='1'",
+    "rad": "rad='1'",
+    "m/s2": "m='1' s='-2'",
+    "rad/s2": "rad='1' s='-2'",
+    "Pa": "kg='1' m='-1' s='-2'",
+    "K": "K='1'",
+    "m/s": "m='1' s='-1'",
+    "rad/s": "rad='1' s='-1'",
+}
 
 
 def _unit(port: str, output: bool, rate: str = "displacement") -> str | None:
@@ -87,8 +106,10 @@ def _expect_the_body(model: ReducedBody, rates: Sequence[str], matrices: dict[st
             [(1j * w) ** RATES.index(rate) * model.system.transfer(w) for rate in rates]
         )
         if not np.linalg.norm(H - expected) <= 1e-6 * np.linalg.norm(expected):
-            raise BodyError("the body is too stiff beside what is soft in it for a state space in "
-                            "doubles: a smaller order or band")  # fmt: skip
+            raise BodyError(
+                "the body is too stiff beside what is soft in it for a state space in "
+                "doubles: a smaller order or band"
+            )
 
 
 def _header(matrices: dict[str, Floats], version: int, token: str) -> str:
@@ -107,9 +128,14 @@ class _Description:
     def __init__(self, model: ReducedBody, rates: Sequence[str], name: str, token: str) -> None:
         self.model, self.name, self.token = model, name, token
         self.inputs = [(port, _unit(port, False)) for port in model.inputs]
-        self.outputs = [(port + dots, _unit(port, True, rate)) for rate in rates
-                        for dots in [{"velocity": ".velocity", "acceleration": ".acceleration"}
-                                     .get(rate, ".motion")] for port in model.outputs]  # fmt: skip
+        self.outputs = [
+            (port + dots, _unit(port, True, rate))
+            for rate in rates
+            for dots in [
+                {"velocity": ".velocity", "acceleration": ".acceleration"}.get(rate, ".motion")
+            ]
+            for port in model.outputs
+        ]
         self.states = 2 * model.order
         free = " small motions only: rigid motion is linear too;" if model.frame.rigid_modes else ""
         words = "; ".join(f"{key}: {value}" for key, value in facts_of(model).items())
@@ -117,8 +143,9 @@ class _Description:
 
     def _unit_definitions(self, tag: str) -> list[str]:
         used = sorted({unit for _, unit in (*self.inputs, *self.outputs) if unit})
-        lines = [f"    <Unit name={quoteattr(unit)}><BaseUnit {BASE[unit]}/></Unit>"
-                 for unit in used]  # fmt: skip
+        lines = [
+            f"    <Unit name={quoteattr(unit)}><BaseUnit {BASE[unit]}/></Unit>" for unit in used
+        ]
         return [f"  <{tag}>", *lines, f"  </{tag}>"] if lines else []
 
     def _variables(self) -> list[tuple[str, str, dict[str, str]]]:
@@ -140,8 +167,10 @@ class _Description:
     def _unknowns(self, first: int) -> tuple[range, range]:
         """Outputs and derivatives of the states, where the first variable has the number first."""
         state = first + len(self.inputs) + len(self.outputs)
-        return (range(first + len(self.inputs), state),
-                range(state + self.states, state + 2 * self.states))  # fmt: skip
+        return (
+            range(first + len(self.inputs), state),
+            range(state + self.states, state + 2 * self.states),
+        )
 
     def _elements(self, first: int) -> list[tuple[str, str, str, str]]:
         """Of each variable: name, causality, variability with initial, and the attributes of the
@@ -164,35 +193,50 @@ class _Description:
         return elements
 
     def of_version_2(self) -> str:
-        capabilities = (f'modelIdentifier="{self.name}" canGetAndSetFMUstate="true" '
-                        'canSerializeFMUstate="true"')  # fmt: skip
+        capabilities = (
+            f'modelIdentifier="{self.name}" canGetAndSetFMUstate="true" canSerializeFMUstate="true"'
+        )
         sources = '    <SourceFiles><File name="model.c"/></SourceFiles>'
         lines = [
             '<?xml version="1.0" encoding="UTF-8"?>',
             f'<fmiModelDescription fmiVersion="2.0" modelName="{self.name}" guid="{self.token}" '
             f'description={quoteattr(self.about)} generationTool="flexgram" '
             'variableNamingConvention="flat" numberOfEventIndicators="0">',
-            f"  <ModelExchange {capabilities}>", sources, "  </ModelExchange>",
+            f"  <ModelExchange {capabilities}>",
+            sources,
+            "  </ModelExchange>",
             f'  <CoSimulation {capabilities} canHandleVariableCommunicationStepSize="true" '
-            'canInterpolateInputs="true">', sources, "  </CoSimulation>",
-            *self._unit_definitions("UnitDefinitions"), "  <ModelVariables>",
-        ]  # fmt: skip
+            'canInterpolateInputs="true">',
+            sources,
+            "  </CoSimulation>",
+            *self._unit_definitions("UnitDefinitions"),
+            "  <ModelVariables>",
+        ]
         for k, (name, causality, initial, real) in enumerate(self._elements(first=1)):
-            lines.append(f'    <ScalarVariable name={quoteattr(name)} valueReference="{k}" '
-                         f'causality="{causality}" {initial}>')  # fmt: skip
+            lines.append(
+                f'    <ScalarVariable name={quoteattr(name)} valueReference="{k}" '
+                f'causality="{causality}" {initial}>'
+            )
             lines.append(f"      <Real {real}/></ScalarVariable>")
         lines += ["  </ModelVariables>", "  <ModelStructure>"]
         outputs, derivatives = self._unknowns(first=1)
-        for tag, members in (("Outputs", outputs), ("Derivatives", derivatives),
-                             ("InitialUnknowns", [*outputs, *derivatives])):  # fmt: skip
-            lines += [f"    <{tag}>", *(f'      <Unknown index="{k}"/>' for k in members),
-                      f"    </{tag}>"]  # fmt: skip
+        for tag, members in (
+            ("Outputs", outputs),
+            ("Derivatives", derivatives),
+            ("InitialUnknowns", [*outputs, *derivatives]),
+        ):
+            lines += [
+                f"    <{tag}>",
+                *(f'      <Unknown index="{k}"/>' for k in members),
+                f"    </{tag}>",
+            ]
         lines += ["  </ModelStructure>", "</fmiModelDescription>"]
         return "\n".join(lines) + "\n"
 
     def of_version_3(self) -> str:
-        capabilities = (f'modelIdentifier="{self.name}" canGetAndSetFMUState="true" '
-                        'canSerializeFMUState="true"')  # fmt: skip
+        capabilities = (
+            f'modelIdentifier="{self.name}" canGetAndSetFMUState="true" canSerializeFMUState="true"'
+        )
         lines = [
             '<?xml version="1.0" encoding="UTF-8"?>',
             f'<fmiModelDescription fmiVersion="3.0" modelName="{self.name}" '
@@ -201,18 +245,26 @@ class _Description:
             f"  <ModelExchange {capabilities}/>",
             f'  <CoSimulation {capabilities} canHandleVariableCommunicationStepSize="true" '
             'maxOutputDerivativeOrder="0"/>',
-            *self._unit_definitions("UnitDefinitions"), "  <ModelVariables>",
-        ]  # fmt: skip
+            *self._unit_definitions("UnitDefinitions"),
+            "  <ModelVariables>",
+        ]
         elements = self._elements(first=0)
         for k, (name, causality, initial, real) in enumerate(elements):
-            lines.append(f'    <Float64 name={quoteattr(name)} valueReference="{k}" '
-                         f'causality="{causality}" {initial} {real}/>')  # fmt: skip
-        lines.append(f'    <Float64 name="time" valueReference="{len(elements)}" '
-                     'causality="independent" variability="continuous"/>')  # fmt: skip
+            lines.append(
+                f'    <Float64 name={quoteattr(name)} valueReference="{k}" '
+                f'causality="{causality}" {initial} {real}/>'
+            )
+        lines.append(
+            f'    <Float64 name="time" valueReference="{len(elements)}" '
+            'causality="independent" variability="continuous"/>'
+        )
         lines += ["  </ModelVariables>", "  <ModelStructure>"]
         outputs, derivatives = self._unknowns(first=0)
-        for tag, members in (("Output", outputs), ("ContinuousStateDerivative", derivatives),
-                             ("InitialUnknown", [*outputs, *derivatives])):  # fmt: skip
+        for tag, members in (
+            ("Output", outputs),
+            ("ContinuousStateDerivative", derivatives),
+            ("InitialUnknown", [*outputs, *derivatives]),
+        ):
             lines += [f'    <{tag} valueReference="{k}"/>' for k in members]
         lines += ["  </ModelStructure>", "</fmiModelDescription>"]
         return "\n".join(lines) + "\n"
@@ -221,10 +273,21 @@ class _Description:
 def _compile(folder: Path, library: Path) -> None:
     compiler = next((c for c in ("cc", "gcc", "clang") if shutil.which(c)), None)
     if compiler is None:
-        raise BodyError("no C compiler for the binary of the FMU: install one (Debian: apt install "
-                        "gcc)")  # fmt: skip
-    command = [compiler, "-std=c11", "-O2", "-shared", "-fPIC", "-fvisibility=hidden", "-o",
-               str(library), str(folder / "model.c"), "-lm"]  # fmt: skip
+        raise BodyError(
+            "no C compiler for the binary of the FMU: install one (Debian: apt install gcc)"
+        )
+    command = [
+        compiler,
+        "-std=c11",
+        "-O2",
+        "-shared",
+        "-fPIC",
+        "-fvisibility=hidden",
+        "-o",
+        str(library),
+        str(folder / "model.c"),
+        "-lm",
+    ]
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode:
         raise BodyError(f"{' '.join(command)} failed: {done.stderr.strip()[:300]}")
@@ -274,10 +337,12 @@ def write_fmu(
         library = folder / f"{name}.so"
         _compile(folder, library)
         xml = description.of_version_2() if version == 2 else description.of_version_3()
-        build = ('<?xml version="1.0" encoding="UTF-8"?>\n<fmiBuildDescription fmiVersion="3.0">\n'
-                 f'  <BuildConfiguration modelIdentifier="{name}">\n    <SourceFileSet '
-                 'language="C11"><SourceFile name="model.c"/></SourceFileSet>\n'
-                 "  </BuildConfiguration>\n</fmiBuildDescription>\n")  # fmt: skip
+        build = (
+            '<?xml version="1.0" encoding="UTF-8"?>\n<fmiBuildDescription fmiVersion="3.0">\n'
+            f'  <BuildConfiguration modelIdentifier="{name}">\n    <SourceFileSet '
+            'language="C11"><SourceFile name="model.c"/></SourceFileSet>\n'
+            "  </BuildConfiguration>\n</fmiBuildDescription>\n"
+        )
         with (
             written_aside(path) as place,
             zipfile.ZipFile(place, "w", zipfile.ZIP_DEFLATED) as archive,
