@@ -8,7 +8,7 @@ hands it to multibody codes (see README.md).
 from typing import Any
 
 from flexgram import moved
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, ReductionWarning
 from flexgram.body.bodyfile import write_matrices
 from flexgram.body.description import import_body
 from flexgram.body.matrices import Matrices
@@ -25,6 +25,7 @@ __all__ = [
     "Matrices",
     "Medium",
     "ReducedModel",
+    "ReductionWarning",
     "certify",
     "export",
     "exporters",

@@ -27,6 +27,10 @@ class BodyError(ValueError):
     """A body, file or argument that cannot be used; the message says what to change."""
 
 
+class ReductionWarning(UserWarning):
+    """A result that may not be what its user needs; the message says why, and what to change."""
+
+
 @contextmanager
 def errors_of(path: str | Path) -> Iterator[None]:
     """What a damaged file makes readers say, as one error that names the file."""

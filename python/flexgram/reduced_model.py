@@ -165,7 +165,7 @@ class ReducedModel(ReducedBody):
         return drawn
 
     def _repr_html_(self) -> str:
-        """For notebooks: order, method, band, error and inputs."""
+        """For notebooks: order, method, band, error, inputs and warnings."""
         rows = len(self.basis.V)
         shown = {
             "order": f"{self.order} of {rows:,}" if rows else str(self.order),
@@ -174,8 +174,9 @@ class ReducedModel(ReducedBody):
             "error": self.claim.words,
             "inputs": ", ".join(self.inputs),
         }
+        told = [*shown.items(), *(("warning", text) for text in self.provenance.warnings)]
         lines = (
             f"<tr><th>{key}</th><td style='text-align:left'>{html.escape(value)}</td></tr>"
-            for key, value in shown.items()
+            for key, value in told
         )
         return f"<table>{''.join(lines)}</table>"

@@ -171,6 +171,7 @@ struct PythonMedium {
   Medium medium;
   std::map<std::string, std::string> options; ///< that made it
   std::vector<std::pair<std::string, std::string>> plan;
+  std::vector<std::string> warnings;
 
   void save(const std::string& path, bool basis) const {
     const CallOptions guard({});
@@ -204,6 +205,7 @@ struct PythonMedium {
     f["body"] = medium.body.name;
     f["has_basis"] = static_cast<bool>(medium.V);
     f["plan"] = plan;
+    f["warnings"] = warnings;
     return f;
   }
 };
@@ -223,6 +225,7 @@ certify_call(std::intptr_t comm_handle, PythonBody* given,
   for (const Option& option : call.options.all())
     result->options[option.name] = option.value;
   result->plan = call.observer->facts();
+  result->warnings = call.observer->warnings();
   return result;
 }
 

@@ -116,6 +116,13 @@ def couple(
     known = verdict(models, joints, turns=turns, keep=keep, modes=fields["modes/omega"], tell=tell)
     fields |= _claim(known)
     fields["log/plan"] = [f"parts\t{', '.join(models)}", f"error\t{known.words}"]
+    fields["log/body"] = " with ".join(
+        model.provenance.body or name for name, model in models.items()
+    )
+    if said := [
+        f"{name}: {w}" for name, model in models.items() for w in model.provenance.warnings
+    ]:
+        fields["log/warnings"] = said
     return ReducedModel(fields, lambda path: _write(fields, Path(path)))
 
 

@@ -93,6 +93,7 @@ def _describe(path: Path) -> list[str]:
     lines.append(f"elastic modes [Hz]: {first}{' …' if len(elastic) > 6 else ''}")
     lines += claim.words_of_held
     lines.append(f"from {model.provenance.body or 'an unknown body'}")
+    lines += [f"warning: {text}" for text in model.provenance.warnings]
     return lines
 
 

@@ -191,6 +191,18 @@ class Claim:
         return self.relative_to in ("elastic", "both")
 
     @property
+    def words_of_reference(self) -> str:
+        """What errors are relative to, in words."""
+        whole = "the norm of H (eq. 17 of Fehr, Eberhard and Lehner)"
+        elastic = "the norm of H without rigid motion"
+        return {
+            "pointwise": f"relative to {whole}",
+            "elastic": f"relative to {elastic}",
+            "both": f"relative to {whole} or to {elastic}, whichever is smaller",
+            "band": "relative to the largest norm of H in the band",
+        }[self.relative_to]
+
+    @property
     def label(self) -> str:
         """What is claimed of the error, in words."""
         count = len(self.load_names)

@@ -222,8 +222,11 @@ def facts(form: PhysicalForm) -> dict[str, Any]:
 
 
 def facts_of(model: ReducedBody) -> dict[str, Any]:
-    """Error and units of a body."""
-    return {
+    """Error, units and warnings of a body."""
+    facts = {
         "error": f"{model.claim.supremum:.1e} ({model.claim.label})",
         "units": "m, rad, kg, s, N",
     }
+    if model.provenance.warnings:
+        facts["warnings"] = " ".join(model.provenance.warnings)
+    return facts

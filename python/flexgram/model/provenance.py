@@ -19,6 +19,7 @@ class Provenance:
     plan : list of (str, str)
         What was done and what was skipped.
     warnings : list of str
+        What the program warned of when it made the body.
     seconds : dict
         Time by stage [s].
     log : dict

@@ -101,9 +101,11 @@ class ReducedBody:
         return self.system.outputs
 
     def __repr__(self) -> str:
+        count = len(self.provenance.warnings)
+        more = f", {count} warning{'s' if count > 1 else ''}" if count else ""
         return (
             f"<{type(self).__name__} of order {self.order} by {self.provenance.method}, "
-            f"{len(self.inputs)} inputs, {self.claim.words}>"
+            f"{len(self.inputs)} inputs, {self.claim.words}{more}>"
         )
 
     def __getstate__(self) -> dict[str, Any]:

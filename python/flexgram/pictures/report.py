@@ -262,8 +262,8 @@ def write_report(
         "<h2>Error over the band</h2>",
         draw(
             "error",
-            "Relative error of the transfer matrix, Frobenius norm, eq. (17) of Fehr, "
-            "Eberhard and Lehner.",
+            "Error of the transfer matrix in the Frobenius norm, "
+            f"{model.claim.words_of_reference}.",
         ),
         '<h2>Order and response</h2><div class="pair">',
         draw("gramian", "Eigenvalues of the position Gramian over the band, and the order taken."),

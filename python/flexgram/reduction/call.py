@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, ReductionWarning
 from flexgram.body.matrices import Matrices
 from flexgram.reduced_model import ReducedModel
 from flexgram.reduction.options import NAMES
@@ -293,9 +293,13 @@ def _word(value: Any) -> str:
     return str(value)
 
 
-def warn_if_unmet(model: ReducedModel, comm: Any) -> ReducedModel:
-    """Warn, once, of a tolerance that is not met."""
-    if not model.claim.met and comm.rank == 0:
-        said = [text for text in model.provenance.warnings if text.startswith("-mor_tol ")]
-        warnings.warn(said[0] if said else "the tolerance is not met", stacklevel=3)
-    return model
+def pass_warnings_on(said: Sequence[str], comm: Any) -> None:
+    """What the program warned of, as warnings of Python that point at the user's call."""
+    if comm.rank == 0:
+        for text in said:
+            warnings.warn(text, ReductionWarning, stacklevel=3)
+
+
+def reduced(result: Any) -> ReducedModel:
+    """The reduced body that the compiled module made."""
+    return ReducedModel(result.fields(), result.save)

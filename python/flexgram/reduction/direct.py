@@ -13,7 +13,8 @@ from flexgram.reduction.call import (
     core,
     hand_over,
     option_values,
-    warn_if_unmet,
+    pass_warnings_on,
+    reduced,
 )
 from flexgram.reduction.options import ReduceOptions
 
@@ -65,6 +66,11 @@ def reduce(
         Its ``V`` has the rows of this rank. If the tolerance cannot be met, ``met`` is False, the
         best body found is returned with the error that it is certified to, and a warning says why.
 
+    Warns
+    -----
+    ReductionWarning
+        Of all that ``provenance.warnings`` holds, on the first rank.
+
     Raises
     ------
     BodyError
@@ -83,4 +89,6 @@ def reduce(
     world = communicator(comm)
     given = hand_over(body, world, values)
     result = core().reduce(world.py2f(), given, values)
-    return warn_if_unmet(ReducedModel(result.fields(), result.save), world)
+    model = reduced(result)
+    pass_warnings_on(model.provenance.warnings, world)
+    return model

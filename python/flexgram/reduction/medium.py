@@ -15,7 +15,8 @@ from flexgram.reduction.call import (
     core,
     hand_over,
     option_values,
-    warn_if_unmet,
+    pass_warnings_on,
+    reduced,
 )
 from flexgram.reduction.options import CertifyOptions, CutOptions
 
@@ -39,6 +40,8 @@ class Medium:
         Port names.
     plan : list of (str, str)
         What was done and what was skipped to make it; empty after ``load``.
+    warnings : list of str
+        What was warned of; empty after ``load``.
     """
 
     def __init__(self, held: Any, comm: Any) -> None:
@@ -55,6 +58,7 @@ class Medium:
         self.body = str(fields["body"])
         self.has_basis = bool(fields["has_basis"])
         self.plan: list[tuple[str, str]] = list(fields["plan"])
+        self.warnings: list[str] = list(fields["warnings"])
 
     def __repr__(self) -> str:
         words = ", ".join(f"{first:.6g}-{last:.6g}" for first, last in self.bands / (2 * np.pi))
@@ -98,7 +102,9 @@ class Medium:
         """
         values = option_values(band_hz, tol, order, method, options, verbose, keywords, CutOptions)
         result = self._held.cut(values)
-        return warn_if_unmet(ReducedModel(result.fields(), result.save), self._comm)
+        model = reduced(result)
+        pass_warnings_on(model.provenance.warnings, self._comm)
+        return model
 
     def save(self, path: str | Path, basis: bool = True) -> None:
         """Write the file that ``flexgram cut`` and ``load`` read; without the basis it is small,
@@ -150,8 +156,15 @@ def certify(
     ------
     BodyError
         On every rank, with the message of the program.
+
+    Warns
+    -----
+    ReductionWarning
+        Of all that ``warnings`` holds, on the first rank.
     """
     values = option_values(band_hz, tol, order, method, options, verbose, keywords, CertifyOptions)
     world = communicator(comm)
     given = hand_over(body, world, values)
-    return Medium(core().certify(world.py2f(), given, values), world)
+    medium = Medium(core().certify(world.py2f(), given, values), world)
+    pass_warnings_on(medium.warnings, world)
+    return medium
