@@ -3,6 +3,8 @@
 /// which it takes while the program is loaded. So this runs before the libraries start,
 /// on system calls alone.
 
+#include "base/index.hpp"
+
 #include <sched.h>
 #include <sys/resource.h>
 #include <unistd.h>
@@ -51,7 +53,7 @@ __attribute__((no_sanitize("address", "undefined"))) void check(int, char**,
                     "starting with %lu BLAS thread%s takes %lu MB%s\n",
                     given, threads, threads == 1 ? "" : "s", needed,
                     threads == 1 ? "" : "; OPENBLAS_NUM_THREADS=1 needs less");
-  if (write(STDERR_FILENO, words, static_cast<std::size_t>(length)) < 0) _exit(2);
+  if (write(STDERR_FILENO, words, flexgram::as_size(length)) < 0) _exit(2);
   _exit(1);
 }
 

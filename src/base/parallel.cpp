@@ -1,6 +1,7 @@
 #include "base/parallel.hpp"
 
 #include "base/error.hpp"
+#include "base/index.hpp"
 #include "base/text.hpp"
 
 #include <algorithm>
@@ -42,7 +43,7 @@ void throw_if_any_failed(MPI_Comm comm, const char* local_message) {
   std::string message = local_message ? local_message : "";
   int length = static_cast<int>(message.size());
   MPI_Bcast(&length, 1, MPI_INT, first, comm);
-  message.resize(static_cast<std::size_t>(length));
+  message.resize(as_size(length));
   MPI_Bcast(message.data(), length, MPI_CHAR, first, comm);
   throw Error(message);
 }
@@ -50,7 +51,7 @@ void throw_if_any_failed(MPI_Comm comm, const char* local_message) {
 void share_text(MPI_Comm comm, std::string& value) {
   int length = static_cast<int>(value.size());
   MPI_Bcast(&length, 1, MPI_INT, 0, comm);
-  value.resize(static_cast<std::size_t>(length));
+  value.resize(as_size(length));
   MPI_Bcast(value.data(), length, MPI_CHAR, 0, comm);
 }
 
@@ -92,7 +93,7 @@ RowRange even_rows(MPI_Comm comm, PetscInt n) {
 }
 
 std::vector<PetscInt> row_starts(MPI_Comm comm, RowRange mine) {
-  std::vector<PetscInt> starts(static_cast<std::size_t>(comm_size(comm)) + 1, 0);
+  std::vector<PetscInt> starts(as_size(comm_size(comm)) + 1, 0);
   MPI_Allgather(&mine.end, 1, MPIU_INT, starts.data() + 1, 1, MPIU_INT, comm);
   return starts;
 }
@@ -117,12 +118,12 @@ std::vector<T> exchange_rows(MPI_Comm comm, RowRange offered, std::span<const T>
   const int size = comm_size(comm);
   const Offer mine{offered.begin, offered.end,  columns,
                    first_column,  wanted.begin, wanted.end};
-  std::vector<Offer> all(static_cast<std::size_t>(size));
+  std::vector<Offer> all(as_size(size));
   MPI_Allgather(&mine, 6, MPIU_INT, all.data(), 6, MPIU_INT, comm);
 
   // One message a pair of ranks: point to point, so that counts stay below MPI's int.
-  std::vector<std::vector<T>> outbox(static_cast<std::size_t>(size));
-  std::vector<std::vector<T>> inbox(static_cast<std::size_t>(size));
+  std::vector<std::vector<T>> outbox(as_size(size));
+  std::vector<std::vector<T>> inbox(as_size(size));
   std::vector<MPI_Request> requests;
   const auto post = [&](auto&& call) {
     requests.emplace_back();
@@ -131,14 +132,14 @@ std::vector<T> exchange_rows(MPI_Comm comm, RowRange offered, std::span<const T>
   MPI_Datatype element;
   MPI_Type_contiguous(sizeof(T), MPI_BYTE, &element);
   MPI_Type_commit(&element);
-  requests.reserve(2 * static_cast<std::size_t>(size));
+  requests.reserve(2 * as_size(size));
   for (int rank = 0; rank < size; ++rank) {
-    const Offer& other = all[static_cast<std::size_t>(rank)];
+    const Offer& other = all[as_size(rank)];
     const RowRange in =
         common_rows(other.begin, other.end, mine.wanted_begin, mine.wanted_end);
     if (in.size() > 0 && other.columns > 0) {
-      auto& buffer = inbox[static_cast<std::size_t>(rank)];
-      buffer.resize(static_cast<std::size_t>(in.size() * other.columns));
+      auto& buffer = inbox[as_size(rank)];
+      buffer.resize(as_size(in.size() * other.columns));
       post([&](MPI_Request* request) {
         MPI_Irecv(buffer.data(), static_cast<int>(buffer.size()), element, rank, 0, comm,
                   request);
@@ -147,8 +148,8 @@ std::vector<T> exchange_rows(MPI_Comm comm, RowRange offered, std::span<const T>
     const RowRange out =
         common_rows(mine.begin, mine.end, other.wanted_begin, other.wanted_end);
     if (out.size() > 0 && columns > 0) {
-      auto& buffer = outbox[static_cast<std::size_t>(rank)];
-      buffer.reserve(static_cast<std::size_t>(out.size() * columns));
+      auto& buffer = outbox[as_size(rank)];
+      buffer.reserve(as_size(out.size() * columns));
       for (PetscInt column = 0; column < columns; ++column) {
         const T* first =
             values.data() + column * offered.size() + (out.begin - mine.begin);
@@ -163,10 +164,10 @@ std::vector<T> exchange_rows(MPI_Comm comm, RowRange offered, std::span<const T>
   MPI_Waitall(static_cast<int>(requests.size()), requests.data(), MPI_STATUSES_IGNORE);
   MPI_Type_free(&element);
 
-  std::vector<T> result(static_cast<std::size_t>(wanted.size() * total_columns));
+  std::vector<T> result(as_size(wanted.size() * total_columns));
   for (int rank = 0; rank < size; ++rank) {
-    const Offer& other = all[static_cast<std::size_t>(rank)];
-    const auto& buffer = inbox[static_cast<std::size_t>(rank)];
+    const Offer& other = all[as_size(rank)];
+    const auto& buffer = inbox[as_size(rank)];
     if (buffer.empty()) continue;
     const RowRange in = common_rows(other.begin, other.end, wanted.begin, wanted.end);
     for (PetscInt column = 0; column < other.columns; ++column)

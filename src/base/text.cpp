@@ -1,5 +1,7 @@
 #include "base/text.hpp"
 
+#include "base/index.hpp"
+
 #include <algorithm>
 #include <cstdarg>
 #include <cstdio>
@@ -14,7 +16,7 @@ std::string text(const char* format, ...) {
   va_copy(again, arguments);
   const int length = std::vsnprintf(nullptr, 0, format, arguments);
   va_end(arguments);
-  std::string result(static_cast<std::size_t>(std::max(length, 0)), '\0');
+  std::string result(as_size(std::max(length, 0)), '\0');
   std::vsnprintf(result.data(), result.size() + 1, format, again);
   va_end(again);
   return result;

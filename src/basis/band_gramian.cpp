@@ -1,5 +1,6 @@
 #include "basis/band_gramian.hpp"
 
+#include "base/index.hpp"
 #include "base/process.hpp"
 
 #include <algorithm>
@@ -59,7 +60,7 @@ Dense factors_of_modes(const DenseResponse& response, const Quadrature& nodes,
       const double root = std::sqrt(nodes.weight[first + l] / std::numbers::pi);
       const auto a = response.diagonal(nodes.omega[first + l], eta_added);
       for (int i = 0; i < N; ++i) {
-        const Complex value = root / a[static_cast<std::size_t>(i)];
+        const Complex value = root / a[as_size(i)];
         next(i, 2 * static_cast<int>(l)) = value.real();
         next(i, 2 * static_cast<int>(l) + 1) = value.imag();
       }
@@ -87,7 +88,7 @@ std::vector<Dense> by_modes(const DenseResponse& response, const Quadrature& nod
 
 std::vector<Dense> by_solves(const DenseResponse& response, const Quadrature& nodes) {
   const int N = response.system().order(), ports = response.system().B.columns;
-  std::vector<Dense> factors(static_cast<std::size_t>(ports), Dense(N, 0));
+  std::vector<Dense> factors(as_size(ports), Dense(N, 0));
   for (std::size_t l = 0; l < nodes.omega.size(); ++l) {
     stop_if_interrupted();
     const double root = std::sqrt(nodes.weight[l] / std::numbers::pi);
@@ -98,7 +99,7 @@ std::vector<Dense> by_solves(const DenseResponse& response, const Quadrature& no
         next(i, 0) = root * x(i, p).real();
         next(i, 1) = root * x(i, p).imag();
       }
-      Dense& factor = factors[static_cast<std::size_t>(p)];
+      Dense& factor = factors[as_size(p)];
       factor = beside(factor, next);
       if (factor.columns > 4 * N) factor = compressed(factor);
     }
@@ -115,7 +116,7 @@ Dense factor_of(const DenseResponse& response, const Quadrature& nodes, double e
     double square = 0;
     for (int j = 0; j < part.columns; ++j)
       for (int i = 0; i < part.rows; ++i)
-        square += mu[static_cast<std::size_t>(i)] * part(i, j) * part(i, j);
+        square += mu[as_size(i)] * part(i, j) * part(i, j);
     if (equal_ports && square > 0)
       for (double& x : part.data) x /= std::sqrt(square);
     const Dense rows = compressed(part);
@@ -136,7 +137,7 @@ Dense factor_by_squares(const DenseResponse& response, const Quadrature& nodes,
   for (int p = 0; p < B.columns && equal_ports; ++p) {
     double square = 0;
     for (int i = 0; i < B.rows; ++i)
-      square += response.mu()[static_cast<std::size_t>(i)] * P(i, i) * B(i, p) * B(i, p);
+      square += response.mu()[as_size(i)] * P(i, i) * B(i, p) * B(i, p);
     for (int i = 0; i < B.rows && square > 0; ++i) B(i, p) /= std::sqrt(square);
   }
   const Dense loads = multiply(B, transpose(B));
@@ -146,14 +147,12 @@ Dense factor_by_squares(const DenseResponse& response, const Quadrature& nodes,
   std::vector<double> root;
   for (int i = 0; i < P.rows; ++i) root.push_back(P(i, i) > 0 ? std::sqrt(P(i, i)) : 1.0);
   for (int j = 0; j < P.columns; ++j)
-    for (int i = 0; i < P.rows; ++i)
-      P(i, j) /= root[static_cast<std::size_t>(i)] * root[static_cast<std::size_t>(j)];
+    for (int i = 0; i < P.rows; ++i) P(i, j) /= root[as_size(i)] * root[as_size(j)];
   SymmetricEigen eigen = symmetric_eigen(std::move(P));
   for (int j = 0; j < eigen.vectors.columns; ++j)
     for (int i = 0; i < eigen.vectors.rows; ++i)
       eigen.vectors(i, j) *=
-          root[static_cast<std::size_t>(i)] *
-          std::sqrt(std::max(eigen.values[static_cast<std::size_t>(j)], 0.0));
+          root[as_size(i)] * std::sqrt(std::max(eigen.values[as_size(j)], 0.0));
   return multiply(response.U(), eigen.vectors);
 }
 
@@ -163,7 +162,7 @@ double BandWeight::at(double w) const {
   if (omega.size() < 2 || w < omega.front() || w > omega.back())
     return omega.size() == 1 ? weight[0] : 0.0;
   const auto above = std::upper_bound(omega.begin(), omega.end(), w) - omega.begin();
-  const auto right = static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(
+  const auto right = as_size(std::clamp<std::ptrdiff_t>(
       above, 1, static_cast<std::ptrdiff_t>(omega.size()) - 1));
   if (omega[right] == omega[right - 1]) return weight[right];
   const double t = (w - omega[right - 1]) / (omega[right] - omega[right - 1]);

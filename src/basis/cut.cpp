@@ -1,5 +1,6 @@
 #include "basis/cut.hpp"
 
+#include "base/index.hpp"
 #include "base/text.hpp"
 #include "basis/held.hpp"
 #include "basis/order_choice.hpp"
@@ -204,7 +205,7 @@ Dense Cut::tangent(const Dense& Q) const {
   const Dense motion = multiply_transposed(medium_.system.B, Q); // n_in × m
   ComplexDense rigid(6, 6), elastic(6, m - 6);
   for (int i = 0; i < 6; ++i) {
-    const int port = ports[static_cast<std::size_t>(i)];
+    const int port = ports[as_size(i)];
     for (int j = 0; j < 6; ++j) rigid(i, j) = motion(port, j);
     for (int j = 6; j < m; ++j) elastic(i, j - 6) = motion(port, j);
   }
@@ -245,16 +246,15 @@ ErrorClaim Cut::claim_of(const ErrorOverBand::Supremum& sup, const DenseSystem& 
   ErrorClaim claim;
   claim.worst = sup.worst;
   claim.whole = sup.worst_of[0];
-  const auto view = static_cast<std::size_t>(
-      std::max_element(sup.worst_of.begin(), sup.worst_of.end()) - sup.worst_of.begin());
+  const auto view = as_size(std::max_element(sup.worst_of.begin(), sup.worst_of.end()) -
+                            sup.worst_of.begin());
   claim.attained = sup.attained_of[view];
   claim.at = sup.at_of[view];
   claim.rigid_rounding = seen_->grid().rigid_rounding;
   const auto& data = seen_->grid().data_rounding;
   if (const auto most = std::max_element(data.begin(), data.end()); most != data.end()) {
     claim.data_rounding = *most;
-    claim.data_rounding_at =
-        errors_.omega()[static_cast<std::size_t>(most - data.begin())];
+    claim.data_rounding_at = errors_.omega()[as_size(most - data.begin())];
   }
   claim.relative_to = word_of(resolved(request_.relative_to, whole_));
   for (const Interval& b : bands_) claim.bands.push_back({b.first, b.last});
@@ -339,8 +339,8 @@ ReducedModel Cut::reduced(const Dense& Q, const DenseSystem& small,
   rom.factorisations = whole_.factorisations;
   rom.medium_order = medium_.system.order();
   const bool apart = medium_.rigid > 0 && choice_.candidates[choice_.best].rigid_first;
-  rom.frame = frame_names[static_cast<std::size_t>(
-      frame_ == Frame::none && apart ? Frame::buckens : frame_)];
+  rom.frame =
+      frame_names[as_size(frame_ == Frame::none && apart ? Frame::buckens : frame_)];
   rom.rigid_modes = medium_.rigid;
   if (whole_.integrals) {
     Dense all(whole_.integrals->M_er.rows, Q.columns);
@@ -378,8 +378,7 @@ ReducedModel Cut::run() {
     observer_.skip("frame", "the body has no rigid modes");
     frame_ = Frame::none;
   }
-  if (medium_.rigid > 0)
-    observer_.fact("frame", frame_names[static_cast<std::size_t>(frame_)]);
+  if (medium_.rigid > 0) observer_.fact("frame", frame_names[as_size(frame_)]);
   stage_ = std::make_unique<SecondStage>(SecondStage{
       medium_, weights(), request_.equal_ports, frame_ != Frame::none, gram(), shifts_,
       request_.moments, request_.relative_to, smallest_tolerance(), request_.statics});

@@ -1,5 +1,6 @@
 #include "basis/held.hpp"
 
+#include "base/index.hpp"
 #include "base/text.hpp"
 #include "model/port_views.hpp"
 
@@ -51,12 +52,12 @@ HeldBody held_body(const DenseResponse& response, const std::vector<int>& ports,
   const LeftSvd svd = left_svd(loads);
   int rank = 0;
   while (rank < static_cast<int>(svd.values.size()) &&
-         svd.values[static_cast<std::size_t>(rank)] > no_motion * svd.values.front())
+         svd.values[as_size(rank)] > no_motion * svd.values.front())
     ++rank;
   const Dense Q = first_columns(svd.vectors, rank);
   // P diag(μ) P − QQᵀ: the held directions have the eigenvalue −1, all others none below 0.
   Dense a(N, N);
-  for (int i = 0; i < N; ++i) a(i, i) = response.mu()[static_cast<std::size_t>(i)] * tau;
+  for (int i = 0; i < N; ++i) a(i, i) = response.mu()[as_size(i)] * tau;
   const Dense MQ = multiply(a, Q), QMQ = multiply_transposed(Q, MQ);
   const Dense Qt = transpose(Q), left = multiply(MQ, Qt),
               both = multiply(Q, multiply(QMQ, Qt)), held = multiply(Q, Qt);
@@ -67,9 +68,9 @@ HeldBody held_body(const DenseResponse& response, const std::vector<int>& ports,
   const SymmetricEigen eigen = symmetric_eigen(std::move(a));
   HeldBody body;
   const Dense parts = multiply_transposed(eigen.vectors, B);
-  body.compliance.assign(static_cast<std::size_t>(B.columns), 0.0);
+  body.compliance.assign(as_size(B.columns), 0.0);
   for (int i = N; i-- > 0;) {
-    const double mu = eigen.values[static_cast<std::size_t>(i)]; // τ times
+    const double mu = eigen.values[as_size(i)]; // τ times
     if (mu < -0.5) break;
     const double stiffness = 1 - mu;
     if (!(stiffness > 1e-9)) {
@@ -79,10 +80,9 @@ HeldBody held_body(const DenseResponse& response, const std::vector<int>& ports,
     const double omega = mu > 0 ? std::sqrt(tau * stiffness / mu) : infinity;
     if (omega <= last) body.omega.push_back(omega);
     for (int j = 0; j < B.columns; ++j)
-      body.compliance[static_cast<std::size_t>(j)] +=
-          parts(i, j) * parts(i, j) / stiffness;
+      body.compliance[as_size(j)] += parts(i, j) * parts(i, j) / stiffness;
   }
-  for (int j : ports) body.compliance[static_cast<std::size_t>(j)] = 0;
+  for (int j : ports) body.compliance[as_size(j)] = 0;
   return body;
 }
 
@@ -109,15 +109,13 @@ std::vector<HeldInterface> held_interfaces(const MediumModel& medium,
           {k < found.omega.size() ? found.omega[k] : infinity, reference.omega[k]});
     for (const auto& [other, of_other] : interfaces)
       for (int j : of_other) {
-        const double known = reference.compliance[static_cast<std::size_t>(j)];
+        const double known = reference.compliance[as_size(j)];
         if (!(known > 0)) continue;
         const double error =
-            found.moves
-                ? infinity
-                : std::abs(found.compliance[static_cast<std::size_t>(j)] / known - 1);
+            found.moves ? infinity : std::abs(found.compliance[as_size(j)] / known - 1);
         if (held.compliance && *held.compliance >= error) continue;
         held.compliance = error;
-        held.port = medium.names.inputs[static_cast<std::size_t>(j)];
+        held.port = medium.names.inputs[as_size(j)];
       }
     all.push_back(std::move(held));
   }

@@ -1,5 +1,6 @@
 #include "basis/method.hpp"
 
+#include "base/index.hpp"
 #include "base/text.hpp"
 
 #include <algorithm>
@@ -81,8 +82,7 @@ Dense Elastic::statics() const {
   Dense modal = multiply_transposed(response.U(), all_ports(system));
   for (int j = 0; j < modal.columns; ++j)
     for (int i = 0; i < modal.rows; ++i) // in modal coordinates K is 1 − τμ
-      modal(i, j) /= std::max(
-          1 - response.tau() * response.mu()[static_cast<std::size_t>(i)], 1e-12);
+      modal(i, j) /= std::max(1 - response.tau() * response.mu()[as_size(i)], 1e-12);
   return multiply(response.U(), modal);
 }
 

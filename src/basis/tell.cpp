@@ -1,5 +1,6 @@
 #include "basis/tell.hpp"
 
+#include "base/index.hpp"
 #include "base/text.hpp"
 #include "basis/held.hpp"
 #include "model/kinds.hpp"
@@ -46,7 +47,7 @@ std::string at_a_zero(const CutStory& cut) {
   const MediumModel& medium = cut.seen.model();
   if (cut.request.relative_to == RelativeTo::band || sup.worst < 1) return "";
   const auto worst = std::max_element(sup.attained_of.begin(), sup.attained_of.end());
-  const auto view = static_cast<std::size_t>(worst - sup.attained_of.begin());
+  const auto view = as_size(worst - sup.attained_of.begin());
   const double omega = sup.at_of[view];
   if (!(*worst > 0) || !(omega > 0)) return "";
   const auto& sizes = cut.seen.grid().views[view].size;

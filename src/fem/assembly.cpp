@@ -1,5 +1,6 @@
 #include "fem/assembly.hpp"
 
+#include "base/index.hpp"
 #include "base/text.hpp"
 #include "fem/loads.hpp"
 #include "fem/node_matrix.hpp"
@@ -21,7 +22,7 @@ void append_masters(const DofMap& map, const std::int64_t* nodes, int count,
                     Masters& masters) {
   const std::size_t first = masters.node.size();
   for (int a = 0; a < count; ++a) {
-    const int reference = map.reference[static_cast<std::size_t>(nodes[a])];
+    const int reference = map.reference[as_size(nodes[a])];
     const std::int64_t master = reference < 0 ? nodes[a] : reference;
     const auto begin = masters.node.begin() + static_cast<long>(first);
     if (std::find(begin, masters.node.end(), master) == masters.node.end())
@@ -42,7 +43,7 @@ public:
   void run(const Masters& masters, NodeMatrix& matrix) {
     std::size_t e = 0;
     for (const auto& elements : mesh_.elements) {
-      const auto width = static_cast<std::size_t>(node_count(elements.block->type));
+      const auto width = as_size(node_count(elements.block->type));
       for (std::size_t k = 0; k < elements.number.size(); ++k, ++e)
         add(elements, k, elements.connectivity.data() + k * width,
             masters.node.data() + masters.start[e],
@@ -100,27 +101,26 @@ private:
   /// Element dofs from the dofs of the masters; empty where they are the same.
   Dense transformation(const std::int64_t* nodes, int count, int dofs,
                        const std::int64_t* masters, std::size_t master_count) const {
-    bool same = master_count == static_cast<std::size_t>(count);
+    bool same = master_count == as_size(count);
     std::vector<int> offset(master_count + 1, 0);
     for (std::size_t a = 0; a < master_count; ++a) {
-      const int width = map_.dofs[static_cast<std::size_t>(masters[a])];
+      const int width = map_.dofs[as_size(masters[a])];
       offset[a + 1] = offset[a] + width;
       same = same && masters[a] == nodes[a] && width == dofs;
     }
     if (same) return {};
     Dense T(count * dofs, offset.back());
     for (int a = 0; a < count; ++a) {
-      const int reference = map_.reference[static_cast<std::size_t>(nodes[a])];
+      const int reference = map_.reference[as_size(nodes[a])];
       const std::int64_t master = reference < 0 ? nodes[a] : reference;
-      const int column = offset[static_cast<std::size_t>(
-          std::find(masters, masters + master_count, master) - masters)];
+      const int column =
+          offset[as_size(std::find(masters, masters + master_count, master) - masters)];
       if (reference < 0) {
         for (int c = 0; c < dofs; ++c) T(a * dofs + c, column + c) = 1;
         continue;
       }
       Vector3 d = mesh_.coordinates[mesh_.place(nodes[a])];
-      const Vector3& origin =
-          map_.reference_position[static_cast<std::size_t>(reference - map_.points)];
+      const Vector3& origin = map_.reference_position[as_size(reference - map_.points)];
       for (std::size_t axis = 0; axis < 3; ++axis) d[axis] -= origin[axis];
       const Dense G = rigid_motion(d);
       for (int c = 0; c < 3; ++c)
@@ -172,10 +172,9 @@ void fill_dof_lists(const DofMap& map, const LocalMesh& mesh, int rank,
   for (std::size_t i = 0; i < map.dofs.size(); ++i) {
     if (map.owner[i] != rank || map.first[i] < 0) continue;
     const auto node = static_cast<std::int64_t>(i);
-    const Vector3& x =
-        node < map.points
-            ? mesh.coordinates[mesh.place(node)]
-            : map.reference_position[i - static_cast<std::size_t>(map.points)];
+    const Vector3& x = node < map.points
+                           ? mesh.coordinates[mesh.place(node)]
+                           : map.reference_position[i - as_size(map.points)];
     for (int c = 0; c < map.dofs[i]; ++c) {
       if (map.equation(node, c) < 0) continue;
       model.node.push_back(node);
@@ -226,9 +225,8 @@ SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
   for (const auto& elements : mesh.elements) {
     const int width = node_count(elements.block->type);
     for (std::size_t k = 0; k < elements.number.size(); ++k)
-      append_masters(map,
-                     elements.connectivity.data() + k * static_cast<std::size_t>(width),
-                     width, masters);
+      append_masters(map, elements.connectivity.data() + k * as_size(width), width,
+                     masters);
   }
   NodeMatrix matrix(map, masters.start, masters.node);
   Reactions reactions(comm, body, map, mesh);

@@ -1,6 +1,7 @@
 #include "fem/elements.hpp"
 
 #include "base/error.hpp"
+#include "base/index.hpp"
 
 #include <cmath>
 
@@ -101,8 +102,7 @@ ElementMatrices beam_matrices(const Vector3& first, const Vector3& second,
   for (int block = 0; block < 4; ++block)
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j)
-        R(3 * block + i, 3 * block + j) =
-            axes[static_cast<std::size_t>(i)][static_cast<std::size_t>(j)];
+        R(3 * block + i, 3 * block + j) = axes[as_size(i)][as_size(j)];
   result.K = multiply_transposed(R, multiply(K, R));
   result.M = multiply_transposed(R, multiply(M, R));
   symmetrise(result.K);

@@ -1,5 +1,6 @@
 #include "fem/couplings.hpp"
 
+#include "base/index.hpp"
 #include "base/text.hpp"
 
 #include <algorithm>
@@ -32,7 +33,7 @@ struct Entry {
 
 void add_unit_loads(const Interface& interface, const DofMap& map, std::int64_t node,
                     std::vector<std::string>& names, std::vector<Entry>& entries) {
-  for (int c = 0; c < map.dofs[static_cast<std::size_t>(node)]; ++c) {
+  for (int c = 0; c < map.dofs[as_size(node)]; ++c) {
     const PetscInt row = map.equation(node, c);
     if (row < 0)
       throw Error(
@@ -88,7 +89,7 @@ void require_six_motions(const Interface& interface, const Dense& normal) {
 void require_sound_rigid_set(const Interface& interface, const DofMap& map,
                              const std::function<Vector3(std::int64_t)>& coordinates) {
   for (auto node : interface.nodes)
-    if (map.dofs[static_cast<std::size_t>(node)] == 6) return;
+    if (map.dofs[as_size(node)] == 6) return;
   require_six_motions(interface,
                       normal_matrix(interface, motions(interface, coordinates)));
 }
@@ -117,8 +118,7 @@ void add_distributed_loads(const Interface& interface, const DofMap& map,
         if (row >= 0)
           entries.push_back({row, first + port, value});
         else if (held) // goes straight into a support
-          held(names[static_cast<std::size_t>(first + port)], interface.nodes[k], c,
-               value);
+          held(names[as_size(first + port)], interface.nodes[k], c, value);
       }
     }
   }

@@ -1,5 +1,6 @@
 #include "fem/dof_map.hpp"
 
+#include "base/index.hpp"
 #include "base/text.hpp"
 
 #include <bit>
@@ -11,13 +12,13 @@ long long ll(std::int64_t value) { return static_cast<long long>(value); }
 
 /// Marks the nodes of beams with six dofs; every other used node has three.
 void mark_dofs(const Hdf5File& file, const BodyDescription& body, DofMap& map) {
-  for (std::size_t node = 0; node < static_cast<std::size_t>(body.points); ++node)
+  for (std::size_t node = 0; node < as_size(body.points); ++node)
     if (map.owner[node] >= 0) map.dofs[node] = 3;
   agree(file.comm(), [&] {
     for (const auto& block : body.blocks) {
       if (block.type != ElementType::beam2) continue;
       for (auto node : file.read_all<std::int64_t>(block.path + "/connectivity"))
-        map.dofs[static_cast<std::size_t>(node)] = 6;
+        map.dofs[as_size(node)] = 6;
     }
   });
 }
@@ -25,7 +26,7 @@ void mark_dofs(const Hdf5File& file, const BodyDescription& body, DofMap& map) {
 void require_used(const DofMap& map, const char* kind, const std::string& name,
                   const std::vector<std::int64_t>& nodes) {
   for (auto node : nodes)
-    if (map.dofs[static_cast<std::size_t>(node)] == 0)
+    if (map.dofs[as_size(node)] == 0)
       throw Error(text("%s %s: node %lld (0-based) belongs to no element", kind,
                        name.c_str(), ll(node)));
 }
@@ -35,15 +36,15 @@ void add_rigid_interface(const Interface& interface, DofMap& map) {
   map.dofs.push_back(6);
   map.held.push_back(0);
   map.reference.push_back(-1);
-  map.owner.push_back(map.owner[static_cast<std::size_t>(interface.nodes.front())]);
+  map.owner.push_back(map.owner[as_size(interface.nodes.front())]);
   map.reference_position.push_back(interface.position);
   map.reference_of_interface.push_back(reference);
   for (auto node : interface.nodes) {
-    auto& master = map.reference[static_cast<std::size_t>(node)];
+    auto& master = map.reference[as_size(node)];
     if (master >= 0)
       throw Error(text("interface %s: node %lld already follows another rigid interface",
                        interface.name.c_str(), ll(node) + 1));
-    if (map.held[static_cast<std::size_t>(node)])
+    if (map.held[as_size(node)])
       throw Error(
           text("interface %s: node %lld (0-based) is also held by a support; a rigid "
                "interface cannot be",
@@ -55,14 +56,14 @@ void add_rigid_interface(const Interface& interface, DofMap& map) {
 } // namespace
 
 PetscInt DofMap::equation(std::int64_t node, int c) const {
-  const auto i = static_cast<std::size_t>(node);
+  const auto i = as_size(node);
   if (c >= dofs[i] || reference[i] >= 0 || (held[i] >> c & 1) || first[i] < 0) return -1;
   const unsigned before = held[i] & ((1U << c) - 1);
   return first[i] + c - std::popcount(before);
 }
 
 int DofMap::equations(std::int64_t node) const {
-  const auto i = static_cast<std::size_t>(node);
+  const auto i = as_size(node);
   if (reference[i] >= 0) return 0;
   return dofs[i] - std::popcount(static_cast<unsigned>(held[i]) & ((1U << dofs[i]) - 1));
 }
@@ -71,7 +72,7 @@ DofMap number_equations(const Hdf5File& file, const BodyDescription& body,
                         const Partition& partition) {
   DofMap map;
   map.points = body.points;
-  const auto count = static_cast<std::size_t>(body.points);
+  const auto count = as_size(body.points);
   map.owner = partition.node_owner;
   map.dofs.assign(count, 0);
   map.held.assign(count, 0);
@@ -81,7 +82,7 @@ DofMap number_equations(const Hdf5File& file, const BodyDescription& body,
     require_used(map, "support", support.name, support.nodes);
     for (auto node : support.nodes)
       for (int c : support.components)
-        map.held[static_cast<std::size_t>(node)] |= static_cast<std::uint8_t>(1U << c);
+        map.held[as_size(node)] |= static_cast<std::uint8_t>(1U << c);
   }
   for (const auto& load : body.loads) require_used(map, "load", load.name, load.nodes);
   for (const auto& output : body.outputs)
@@ -98,27 +99,25 @@ DofMap number_equations(const Hdf5File& file, const BodyDescription& body,
   for (const auto& interface : body.interfaces)
     if (interface.coupling != Coupling::rigid)
       for (auto node : interface.nodes)
-        if (map.reference[static_cast<std::size_t>(node)] >= 0)
+        if (map.reference[as_size(node)] >= 0)
           throw Error(text("interface %s: node %lld (0-based) follows a rigid interface",
                            interface.name.c_str(), ll(node)));
 
   const int size = comm_size(file.comm()), rank = comm_rank(file.comm());
-  std::vector<PetscInt> next(static_cast<std::size_t>(size) + 1, 0);
+  std::vector<PetscInt> next(as_size(size) + 1, 0);
   for (std::size_t i = 0; i < map.dofs.size(); ++i)
     if (map.owner[i] >= 0)
-      next[static_cast<std::size_t>(map.owner[i]) + 1] +=
-          map.equations(static_cast<std::int64_t>(i));
+      next[as_size(map.owner[i]) + 1] += map.equations(static_cast<std::int64_t>(i));
   for (std::size_t r = 1; r < next.size(); ++r) next[r] += next[r - 1];
   map.n = next.back();
-  map.rows = {next[static_cast<std::size_t>(rank)],
-              next[static_cast<std::size_t>(rank) + 1]};
+  map.rows = {next[as_size(rank)], next[as_size(rank) + 1]};
   if (map.n == 0) throw Error("every dof is held: nothing is left to move");
   map.first.assign(map.dofs.size(), -1);
   for (std::size_t i = 0; i < map.dofs.size(); ++i) {
     if (map.owner[i] < 0) continue;
     const int equations = map.equations(static_cast<std::int64_t>(i));
     if (equations == 0) continue;
-    PetscInt& start = next[static_cast<std::size_t>(map.owner[i])];
+    PetscInt& start = next[as_size(map.owner[i])];
     map.first[i] = start;
     start += equations;
   }

@@ -1,5 +1,7 @@
 #include "fem/loads.hpp"
 
+#include "base/index.hpp"
+
 #include <algorithm>
 
 namespace flexgram {
@@ -12,7 +14,7 @@ Vector3 cross(const Vector3& a, const Vector3& b) {
 
 Vector3 unit(int axis) {
   Vector3 e{};
-  e[static_cast<std::size_t>(axis)] = 1;
+  e[as_size(axis)] = 1;
   return e;
 }
 
@@ -67,13 +69,12 @@ NodalSums::NodalSums(MPI_Comm comm, const DofMap& map, const LocalMesh& mesh,
 
 void NodalSums::add(int column, std::int64_t node, const Vector3& force,
                     const Vector3& moment) {
-  const int reference = map_.reference[static_cast<std::size_t>(node)];
+  const int reference = map_.reference[as_size(node)];
   const std::int64_t master = reference < 0 ? node : reference;
   Vector3 about = moment;
   if (reference >= 0) {
     Vector3 arm = mesh_.coordinates[mesh_.place(node)];
-    const Vector3& origin =
-        map_.reference_position[static_cast<std::size_t>(reference - map_.points)];
+    const Vector3& origin = map_.reference_position[as_size(reference - map_.points)];
     for (std::size_t i = 0; i < 3; ++i) arm[i] -= origin[i];
     const Vector3 more = cross(arm, force);
     for (std::size_t i = 0; i < 3; ++i) about[i] += more[i];
@@ -82,14 +83,12 @@ void NodalSums::add(int column, std::int64_t node, const Vector3& force,
   double values[6];
   for (int c = 0; c < 6; ++c) {
     rows[c] = map_.equation(master, c); // −1: held, or no such dof
-    values[c] = c < 3 ? force[static_cast<std::size_t>(c)]
-                      : about[static_cast<std::size_t>(c - 3)];
-    const auto i = static_cast<std::size_t>(master);
+    values[c] = c < 3 ? force[as_size(c)] : about[as_size(c - 3)];
+    const auto i = as_size(master);
     if (held_ && c < map_.dofs[i] && (map_.held[i] >> c & 1))
-      held_(names_[static_cast<std::size_t>(column)], node, c, values[c]);
+      held_(names_[as_size(column)], node, c, values[c]);
   }
-  FG_CALL(
-      VecSetValues(sums_[static_cast<std::size_t>(column)], 6, rows, values, ADD_VALUES));
+  FG_CALL(VecSetValues(sums_[as_size(column)], 6, rows, values, ADD_VALUES));
 }
 
 Ports NodalSums::take() {
@@ -124,7 +123,7 @@ void FieldLoads::add_element(const std::int64_t* nodes, const std::vector<Vector
     for (std::size_t k = 0; k < x.size(); ++k) {
       const Vector3 there = acceleration(*field, axis, x[k]);
       const int first = static_cast<int>(k) * dofs;
-      for (int c = 0; c < 3; ++c) a(first + c, 0) = there[static_cast<std::size_t>(c)];
+      for (int c = 0; c < 3; ++c) a(first + c, 0) = there[as_size(c)];
       if (dofs == 6 && field->type == AccelerationField::Type::angular)
         a(first + 3 + axis, 0) = 1;
     }
@@ -146,7 +145,7 @@ Ports nodal_ports(MPI_Comm comm, const std::vector<NodalVectors>& all, const Dof
     const std::size_t count = vectors.columns.size();
     for (std::size_t k = 0; k < vectors.nodes.size(); ++k) {
       const auto node = vectors.nodes[k];
-      if (partition.node_owner[static_cast<std::size_t>(node)] != rank) continue;
+      if (partition.node_owner[as_size(node)] != rank) continue;
       for (std::size_t j = 0; j < count; ++j) {
         const auto* at = vectors.values.data() + (k * count + j) * 3;
         sums.add(first + static_cast<int>(j), node, {at[0], at[1], at[2]});

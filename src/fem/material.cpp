@@ -1,6 +1,7 @@
 #include "fem/elements.hpp"
 
 #include "base/error.hpp"
+#include "base/index.hpp"
 #include "base/text.hpp"
 
 #include <cmath>
@@ -22,7 +23,7 @@ bool invert(Dense a, std::array<double, 36>& inverse) {
 Dense strain_rotation(const std::array<double, 9>& R) {
   // Order xx, yy, zz, xy, yz, zx: pairs of axes.
   constexpr int pair[6][2] = {{0, 0}, {1, 1}, {2, 2}, {0, 1}, {1, 2}, {2, 0}};
-  const auto r = [&](int i, int j) { return R[static_cast<std::size_t>(3 * i + j)]; };
+  const auto r = [&](int i, int j) { return R[as_size(3 * i + j)]; };
   Dense T(6, 6);
   for (int a = 0; a < 6; ++a)
     for (int b = 0; b < 6; ++b) {
@@ -62,8 +63,7 @@ SolidMaterial orthotropic(const std::array<double, 9>& constants,
     for (int j = 0; j < 3; ++j) {
       double dot = 0;
       for (int k = 0; k < 3; ++k)
-        dot += axes[static_cast<std::size_t>(3 * i + k)] *
-               axes[static_cast<std::size_t>(3 * j + k)];
+        dot += axes[as_size(3 * i + k)] * axes[as_size(3 * j + k)];
       if (std::abs(dot - (i == j)) > 1e-9)
         throw Error("orthotropic material: the axes must be orthonormal rows");
     }

@@ -1,5 +1,6 @@
 #include "fem/mesh.hpp"
 
+#include "base/index.hpp"
 #include "base/text.hpp"
 
 #include <algorithm>
@@ -13,8 +14,7 @@ constexpr std::int64_t chunk = 1 << 16; // elements or points read at a time
 } // namespace
 
 std::size_t LocalMesh::place(std::int64_t node) const {
-  return static_cast<std::size_t>(std::lower_bound(nodes.begin(), nodes.end(), node) -
-                                  nodes.begin());
+  return as_size(std::lower_bound(nodes.begin(), nodes.end(), node) - nodes.begin());
 }
 
 LocalMesh read_local_mesh(const Hdf5File& file, const BodyDescription& body,
@@ -25,17 +25,15 @@ LocalMesh read_local_mesh(const Hdf5File& file, const BodyDescription& body,
     mesh.nodes = std::move(extra);
     for (std::size_t b = 0; b < body.blocks.size(); ++b) {
       const MeshBlock& block = body.blocks[b];
-      const auto width = static_cast<std::size_t>(node_count(block.type));
+      const auto width = as_size(node_count(block.type));
       LocalElements mine{&block, {}, {}};
       for (std::int64_t first = 0; first < block.elements; first += chunk) {
         const std::int64_t count = std::min(chunk, block.elements - first);
         const auto nodes =
             file.read<std::int64_t>(block.path + "/connectivity", first, count);
         for (std::int64_t e = 0; e < count; ++e) {
-          if (partition.element_owner[b][static_cast<std::size_t>(first + e)] != rank)
-            continue;
-          const auto begin =
-              nodes.begin() + static_cast<long>(static_cast<std::size_t>(e) * width);
+          if (partition.element_owner[b][as_size(first + e)] != rank) continue;
+          const auto begin = nodes.begin() + static_cast<long>(as_size(e) * width);
           mine.number.push_back(first + e);
           mine.connectivity.insert(mine.connectivity.end(), begin,
                                    begin + static_cast<long>(width));
@@ -55,8 +53,7 @@ LocalMesh read_local_mesh(const Hdf5File& file, const BodyDescription& body,
       const auto points = file.read<double>("/mesh/points", first, count);
       for (; next < mesh.nodes.size() && mesh.nodes[next] < first + count; ++next)
         for (std::size_t a = 0; a < 3; ++a) {
-          const double x =
-              points[static_cast<std::size_t>(3 * (mesh.nodes[next] - first)) + a];
+          const double x = points[as_size(3 * (mesh.nodes[next] - first)) + a];
           if (!std::isfinite(x))
             throw Error(text("file %s: /mesh/points(%lld, %zu) = %g must be finite",
                              file.path().c_str(),

@@ -1,5 +1,6 @@
 #include "fem/node_matrix.hpp"
 
+#include "base/index.hpp"
 #include "linalg/sparse.hpp"
 
 #include <algorithm>
@@ -20,14 +21,14 @@ NodeMatrix::NodeMatrix(const DofMap& map, const std::vector<std::size_t>& start,
   std::vector<std::size_t> bucket(nodes_.size() + 1, 0);
   for (std::size_t e = 0; e + 1 < start.size(); ++e)
     for (std::size_t k = start[e]; k < start[e + 1]; ++k)
-      bucket[static_cast<std::size_t>(number[k]) + 1] += start[e + 1] - start[e];
+      bucket[as_size(number[k]) + 1] += start[e + 1] - start[e];
   std::partial_sum(bucket.begin(), bucket.end(), bucket.begin());
   std::vector<int> all(bucket.back());
   std::vector<std::size_t> next(bucket.begin(), bucket.end() - 1);
   for (std::size_t e = 0; e + 1 < start.size(); ++e)
     for (std::size_t k = start[e]; k < start[e + 1]; ++k)
       for (std::size_t l = start[e]; l < start[e + 1]; ++l)
-        all[next[static_cast<std::size_t>(number[k])]++] = number[l];
+        all[next[as_size(number[k])]++] = number[l];
 
   start_.push_back(0);
   value_start_.push_back(0);
@@ -40,21 +41,19 @@ NodeMatrix::NodeMatrix(const DofMap& map, const std::vector<std::size_t>& start,
     for (auto b = first; b != last; ++b) {
       neighbour_.push_back(*b);
       column_start_.push_back(columns);
-      columns += map_.equations(nodes_[static_cast<std::size_t>(*b)]);
+      columns += map_.equations(nodes_[as_size(*b)]);
     }
     start_.push_back(neighbour_.size());
     row_length_.push_back(columns);
     value_start_.push_back(value_start_.back() +
-                           static_cast<std::size_t>(columns) *
-                               static_cast<std::size_t>(map_.equations(nodes_[a])));
+                           as_size(columns) * as_size(map_.equations(nodes_[a])));
   }
   k_.assign(value_start_.back(), 0.0);
   m_.assign(value_start_.back(), 0.0);
 }
 
 std::size_t NodeMatrix::local(std::int64_t node) const {
-  return static_cast<std::size_t>(std::lower_bound(nodes_.begin(), nodes_.end(), node) -
-                                  nodes_.begin());
+  return as_size(std::lower_bound(nodes_.begin(), nodes_.end(), node) - nodes_.begin());
 }
 
 void NodeMatrix::add(const std::int64_t* nodes, std::size_t count, const Dense& K,
@@ -70,8 +69,8 @@ void NodeMatrix::add(const std::int64_t* nodes, std::size_t count, const Dense& 
     Member& member = members[a];
     member.local = local(nodes[a]);
     member.first_dof = dof;
-    member.dofs = map_.dofs[static_cast<std::size_t>(nodes[a])];
-    const PetscInt first = map_.first[static_cast<std::size_t>(nodes[a])];
+    member.dofs = map_.dofs[as_size(nodes[a])];
+    const PetscInt first = map_.first[as_size(nodes[a])];
     for (int c = 0; c < member.dofs; ++c) {
       const PetscInt equation = map_.equation(nodes[a], c);
       member.place[c] = equation < 0 ? -1 : static_cast<int>(equation - first);
@@ -83,17 +82,15 @@ void NodeMatrix::add(const std::int64_t* nodes, std::size_t count, const Dense& 
     const auto end = neighbour_.begin() + static_cast<long>(start_[row.local + 1]);
     for (const Member& column : members) {
       const auto found = std::lower_bound(begin, end, static_cast<int>(column.local));
-      const int first_column =
-          column_start_[static_cast<std::size_t>(found - neighbour_.begin())];
+      const int first_column = column_start_[as_size(found - neighbour_.begin())];
       for (int r = 0; r < row.dofs; ++r) {
         if (row.place[r] < 0) continue;
         const std::size_t offset =
             value_start_[row.local] +
-            static_cast<std::size_t>(row.place[r] * row_length_[row.local] +
-                                     first_column);
+            as_size(row.place[r] * row_length_[row.local] + first_column);
         for (int c = 0; c < column.dofs; ++c) {
           if (column.place[c] < 0) continue;
-          const auto slot = offset + static_cast<std::size_t>(column.place[c]);
+          const auto slot = offset + as_size(column.place[c]);
           if (!K.data.empty()) k_[slot] += K(row.first_dof + r, column.first_dof + c);
           m_[slot] += M(row.first_dof + r, column.first_dof + c);
         }
@@ -110,12 +107,12 @@ void NodeMatrix::assemble(MPI_Comm comm, Matrix& K, Matrix& M) {
   for (std::size_t a = 0; a < nodes_.size(); ++a)
     for (int r = 0; r < map_.equations(nodes_[a]); ++r) {
       for (std::size_t k = start_[a]; k < start_[a + 1]; ++k) {
-        const std::int64_t b = nodes_[static_cast<std::size_t>(neighbour_[k])];
+        const std::int64_t b = nodes_[as_size(neighbour_[k])];
         for (int c = 0; c < map_.equations(b); ++c)
-          local.column.push_back(map_.first[static_cast<std::size_t>(b)] + c);
+          local.column.push_back(map_.first[as_size(b)] + c);
       }
       local.start.push_back(static_cast<PetscInt>(local.column.size()));
-      row.push_back(map_.first[static_cast<std::size_t>(nodes_[a])] + r);
+      row.push_back(map_.first[as_size(nodes_[a])] + r);
     }
   if (comm_size(comm) == 1) { // the rows are whole and in order
     local.value = std::move(k_);
@@ -127,8 +124,7 @@ void NodeMatrix::assemble(MPI_Comm comm, Matrix& K, Matrix& M) {
   std::vector<PetscInt> rows;
   rows.reserve(local.column.size());
   for (std::size_t i = 0; i < row.size(); ++i)
-    rows.insert(rows.end(), static_cast<std::size_t>(local.start[i + 1] - local.start[i]),
-                row[i]);
+    rows.insert(rows.end(), as_size(local.start[i + 1] - local.start[i]), row[i]);
   Matrix
       sum; // holds PETSc's maps of the entries, larger than the matrix: freed at the end
   FG_CALL(MatCreate(comm, sum.out()));

@@ -1,3 +1,4 @@
+#include "base/index.hpp"
 #include "base/text.hpp"
 #include "fem/mesh.hpp"
 
@@ -19,11 +20,10 @@ WholeMesh read_whole_mesh(const Hdf5File& file, const BodyDescription& body) {
     const auto nodes = file.read_all<std::int64_t>(block.path + "/connectivity");
     for (std::size_t k = 0; k < nodes.size(); ++k)
       if (nodes[k] < 0 || nodes[k] >= body.points)
-        throw Error(
-            text("file %s: element %zu of %s has node %lld, the mesh has %lld points",
-                 file.path().c_str(),
-                 k / static_cast<std::size_t>(node_count(block.type)), block.path.c_str(),
-                 static_cast<long long>(nodes[k]), static_cast<long long>(body.points)));
+        throw Error(text(
+            "file %s: element %zu of %s has node %lld, the mesh has %lld points",
+            file.path().c_str(), k / as_size(node_count(block.type)), block.path.c_str(),
+            static_cast<long long>(nodes[k]), static_cast<long long>(body.points)));
     mesh.node.insert(mesh.node.end(), nodes.begin(), nodes.end());
     for (std::int64_t e = 0; e < block.elements; ++e)
       mesh.start.push_back(mesh.start.back() + node_count(block.type));
@@ -38,8 +38,8 @@ Partition partition_mesh(const Hdf5File& file, const BodyDescription& body) {
   const int size = comm_size(comm), rank = comm_rank(comm);
   std::int64_t elements = 0;
   for (const auto& block : body.blocks) elements += block.elements;
-  std::vector<int> node_part(static_cast<std::size_t>(body.points), -1);
-  std::vector<int> element_part(static_cast<std::size_t>(elements), 0);
+  std::vector<int> node_part(as_size(body.points), -1);
+  std::vector<int> element_part(as_size(elements), 0);
   agree(comm, [&] {
     if (rank != 0) return;
     WholeMesh mesh = read_whole_mesh(file, body);
@@ -57,8 +57,7 @@ Partition partition_mesh(const Hdf5File& file, const BodyDescription& body) {
     }
     std::copy(parts.begin(), parts.end(), element_part.begin());
     for (idx_t node : mesh.node)
-      node_part[static_cast<std::size_t>(node)] =
-          static_cast<int>(nodes[static_cast<std::size_t>(node)]);
+      node_part[as_size(node)] = static_cast<int>(nodes[as_size(node)]);
   });
   MPI_Bcast(node_part.data(), static_cast<int>(node_part.size()), MPI_INT, 0, comm);
   MPI_Bcast(element_part.data(), static_cast<int>(element_part.size()), MPI_INT, 0, comm);

@@ -1,5 +1,6 @@
 #include "fem/reactions.hpp"
 
+#include "base/index.hpp"
 #include "base/text.hpp"
 #include "linalg/sparse_product.hpp"
 
@@ -44,17 +45,16 @@ Block solve_mass(Mat M, const Block& X, const std::vector<std::string>& names) {
     if (reason < 0)
       throw Error(text("output %s: conjugate gradients for the support's share of the "
                        "mass did not converge (PETSc reason %d)",
-                       names[static_cast<std::size_t>(j)].c_str(),
-                       static_cast<int>(reason)));
+                       names[as_size(j)].c_str(), static_cast<int>(reason)));
   }
   return psi;
 }
 
 /// Euclidean norms of the columns, on every rank.
 std::vector<double> column_norms(const Block& x) {
-  std::vector<double> norms(static_cast<std::size_t>(x.columns()));
+  std::vector<double> norms(as_size(x.columns()));
   for (PetscInt j = 0; j < x.columns(); ++j)
-    FG_CALL(BVNormColumn(x.bv(), j, NORM_2, &norms[static_cast<std::size_t>(j)]));
+    FG_CALL(BVNormColumn(x.bv(), j, NORM_2, &norms[as_size(j)]));
   return norms;
 }
 
@@ -72,7 +72,7 @@ Reactions::Reactions(MPI_Comm comm, const BodyDescription& body, const DofMap& m
 double Reactions::motion(const Column& column, std::int64_t node, int c,
                          const Vector3& x) const {
   const Reaction& reaction = *column.reaction;
-  if (!(map_.held[static_cast<std::size_t>(node)] >> c & 1) ||
+  if (!(map_.held[as_size(node)] >> c & 1) ||
       !std::binary_search(reaction.nodes.begin(), reaction.nodes.end(), node))
     return 0;
   if (c >= 3 || column.axis < 3) return c == column.axis ? 1 : 0;
@@ -84,7 +84,7 @@ double Reactions::motion(const Column& column, std::int64_t node, int c,
 void Reactions::add_element(const std::int64_t* nodes, const std::vector<Vector3>& x,
                             int dofs, const Dense& K, const Dense& M) {
   const bool held = std::any_of(nodes, nodes + x.size(), [&](std::int64_t node) {
-    return map_.held[static_cast<std::size_t>(node)] != 0;
+    return map_.held[as_size(node)] != 0;
   });
   if (!held) return;
   for (std::size_t j = 0; j < columns_.size(); ++j) {
@@ -132,12 +132,12 @@ Ports Reactions::take(Mat K, Mat M, const Block& B,
   const Dense works = inner(psi, B);
   const auto lengths = column_norms(psi), forces = column_norms(B);
   for (int i = 0; i < static_cast<int>(inputs.size()); ++i) {
-    auto held = held_[inputs[static_cast<std::size_t>(i)]];
+    auto held = held_[inputs[as_size(i)]];
     held.resize(columns_.size());
     FG_CALL(MPI_Allreduce(MPI_IN_PLACE, held.data(), static_cast<int>(held.size()),
                           MPI_DOUBLE, MPI_SUM, comm_));
     for (int j = 0; j < works.rows; ++j) {
-      const auto a = static_cast<std::size_t>(j), b = static_cast<std::size_t>(i);
+      const auto a = as_size(j), b = as_size(i);
       const double work =
           std::abs(works(j, i)) > 1e-12 * lengths[a] * forces[b] ? works(j, i) : 0.0;
       if (work + held[a] == 0) continue;

@@ -1,5 +1,7 @@
 #include "fem/shape_functions.hpp"
 
+#include "base/index.hpp"
+
 #include <cmath>
 
 namespace flexgram {
@@ -204,7 +206,7 @@ const std::vector<ShapePoint>& cached(ElementType type, bool mass) {
                              points_of(static_cast<ElementType>(t), m));
     return all;
   }();
-  return tables[static_cast<std::size_t>(type)][mass];
+  return tables[as_size(type)][mass];
 }
 
 } // namespace

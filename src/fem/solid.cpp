@@ -1,6 +1,7 @@
 #include "fem/elements.hpp"
 
 #include "base/error.hpp"
+#include "base/index.hpp"
 #include "base/text.hpp"
 #include "fem/shape_functions.hpp"
 
@@ -19,9 +20,7 @@ constexpr TypeFacts facts[] = {{"tetra", 4, 3},      {"tetra10", 10, 3},
                                {"hexahedron", 8, 3}, {"hexahedron20", 20, 3},
                                {"wedge15", 15, 3},   {"line", 2, 6}};
 
-const TypeFacts& facts_of(ElementType type) {
-  return facts[static_cast<std::size_t>(type)];
-}
+const TypeFacts& facts_of(ElementType type) { return facts[as_size(type)]; }
 
 using Jacobian = std::array<Vector3, 3>; // J[a][b] = ∂x_b / ∂ξ_a
 
@@ -74,7 +73,7 @@ std::array<double, 6> strain(std::size_t c, const Vector3& g) {
 void add_stiffness(Dense& K, const std::vector<Vector3>& gradients,
                    const std::array<double, 36>& C, double w) {
   const int n = 3 * static_cast<int>(gradients.size());
-  std::vector<std::array<double, 6>> B(static_cast<std::size_t>(n)), CB(B.size());
+  std::vector<std::array<double, 6>> B(as_size(n)), CB(B.size());
   for (std::size_t i = 0; i < B.size(); ++i) {
     B[i] = strain(i % 3, gradients[i / 3]);
     for (std::size_t r = 0; r < 6; ++r) {
@@ -86,8 +85,7 @@ void add_stiffness(Dense& K, const std::vector<Vector3>& gradients,
   for (int j = 0; j < n; ++j)
     for (int i = 0; i <= j; ++i) {
       double sum = 0;
-      for (std::size_t r = 0; r < 6; ++r)
-        sum += B[static_cast<std::size_t>(i)][r] * CB[static_cast<std::size_t>(j)][r];
+      for (std::size_t r = 0; r < 6; ++r) sum += B[as_size(i)][r] * CB[as_size(j)][r];
       K(i, j) += sum;
     }
 }
@@ -136,8 +134,7 @@ Dense scalar_mass(const std::vector<ShapePoint>& points,
     if (incompatible)
       for (double xi : p.xi) N.push_back(1 - xi * xi);
     for (int j = 0; j < n; ++j)
-      for (int i = 0; i < n; ++i)
-        mass(i, j) += w * N[static_cast<std::size_t>(i)] * N[static_cast<std::size_t>(j)];
+      for (int i = 0; i < n; ++i) mass(i, j) += w * N[as_size(i)] * N[as_size(j)];
   }
   return mass;
 }

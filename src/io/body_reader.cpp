@@ -1,5 +1,6 @@
 #include "io/body_io.hpp"
 
+#include "base/index.hpp"
 #include "base/text.hpp"
 #include "io/matlab_hdf5.hpp"
 #include "linalg/sparse.hpp"
@@ -51,13 +52,13 @@ Block read_sparse_ports(const Hdf5File& file, const std::string& object, PetscIn
     std::fill(local.begin(), local.end(), 0.0);
     const SparseColumns entries = read_columns(file, object, 0, columns, row_count);
     for (std::int64_t j = 0; j < columns; ++j)
-      for (std::int64_t k = entries.start[static_cast<std::size_t>(j)];
-           k < entries.start[static_cast<std::size_t>(j) + 1]; ++k) {
-        const std::int64_t i = entries.row[static_cast<std::size_t>(k)];
+      for (std::int64_t k = entries.start[as_size(j)]; k < entries.start[as_size(j) + 1];
+           ++k) {
+        const std::int64_t i = entries.row[as_size(k)];
         const std::int64_t row = transposed ? j : i, port = transposed ? i : j;
         if (row >= rows.begin && row < rows.end)
-          local[static_cast<std::size_t>(row - rows.begin + port * rows.size())] +=
-              entries.value[static_cast<std::size_t>(k)];
+          local[as_size(row - rows.begin + port * rows.size())] +=
+              entries.value[as_size(k)];
       }
   });
   return block;
@@ -90,8 +91,7 @@ Block read_dense_ports(const Hdf5File& file, const std::string& object, PetscInt
       std::vector<double> columns(local.size());
       for (PetscInt i = 0; i < rows.size(); ++i)
         for (std::int64_t j = 0; j < ports; ++j)
-          columns[static_cast<std::size_t>(i + j * rows.size())] =
-              local[static_cast<std::size_t>(i * ports + j)];
+          columns[as_size(i + j * rows.size())] = local[as_size(i * ports + j)];
       local.swap(columns);
     }
     for (double value : local)
@@ -160,7 +160,7 @@ void read_dof_map(const Hdf5File& file, SecondOrderModel& model) {
         if (node < 0 || node >= static_cast<std::int64_t>(ids.size()))
           fail(file, text("/dofs/node holds %lld, /nodes/id has %zu nodes (0-based)",
                           ll(node), ids.size()));
-        model.label.push_back(ids[static_cast<std::size_t>(node)]);
+        model.label.push_back(ids[as_size(node)]);
       }
     }
     if (!file.exists("/nodes/position")) return;
@@ -175,8 +175,7 @@ void read_dof_map(const Hdf5File& file, SecondOrderModel& model) {
         fail(file, text("/dofs/node holds %lld, /nodes/position has %lld nodes (0-based)",
                         ll(node), ll(nodes)));
       for (std::int64_t axis = 0; axis < 3; ++axis) {
-        const double x = all[static_cast<std::size_t>(reversed ? axis * nodes + node
-                                                               : 3 * node + axis)];
+        const double x = all[as_size(reversed ? axis * nodes + node : 3 * node + axis)];
         if (!std::isfinite(x))
           fail(file, text("/nodes/position of node %lld holds %g", ll(node), x));
         model.position.push_back(x);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "base/index.hpp"
 #include "base/text.hpp"
 #include "io/hdf5_file.hpp"
 
@@ -66,7 +67,7 @@ inline Id text_type() {
 
 inline std::vector<hsize_t> dims_of(hid_t space) {
   const int rank = H5Sget_simple_extent_ndims(space);
-  std::vector<hsize_t> dims(static_cast<std::size_t>(std::max(rank, 0)));
+  std::vector<hsize_t> dims(as_size(std::max(rank, 0)));
   H5Sget_simple_extent_dims(space, dims.data(), nullptr);
   return dims;
 }

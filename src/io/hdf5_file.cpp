@@ -1,3 +1,4 @@
+#include "base/index.hpp"
 #include "io/hdf5_detail.hpp"
 
 #include <fcntl.h>
@@ -291,7 +292,7 @@ std::vector<std::string> Hdf5File::texts_attribute(const std::string& object,
   const Id owner = state_->object(object);
   const Id id = state_->attribute(owner, object, name);
   const Id type(H5Aget_type(id), H5Tclose), space(H5Aget_space(id), H5Sclose);
-  const auto count = static_cast<std::size_t>(H5Sget_simple_extent_npoints(space));
+  const auto count = as_size(H5Sget_simple_extent_npoints(space));
   std::vector<std::string> result;
   if (H5Tget_class(type) != H5T_STRING)
     state_->fail(text("attribute %s of %s must be text", name.c_str(), object.c_str()));
@@ -331,8 +332,7 @@ std::vector<double> Hdf5File::numbers_attribute(const std::string& object,
   const Id owner = state_->object(object);
   const Id id = state_->attribute(owner, object, name);
   const Id space(H5Aget_space(id), H5Sclose);
-  std::vector<double> values(
-      static_cast<std::size_t>(H5Sget_simple_extent_npoints(space)));
+  std::vector<double> values(as_size(H5Sget_simple_extent_npoints(space)));
   if (H5Aread(id, H5T_NATIVE_DOUBLE, values.data()) < 0)
     state_->fail(
         text("attribute %s of %s must be a number", name.c_str(), object.c_str()));
@@ -364,8 +364,8 @@ std::vector<T> Hdf5File::read(const std::string& dataset, std::int64_t first,
                       dataset.c_str(), static_cast<unsigned long long>(declared)));
   std::vector<hsize_t> start(dims.size(), 0);
   if (!dims.empty()) {
-    start[static_cast<std::size_t>(dim)] = static_cast<hsize_t>(first);
-    dims[static_cast<std::size_t>(dim)] = static_cast<hsize_t>(count);
+    start[as_size(dim)] = static_cast<hsize_t>(first);
+    dims[as_size(dim)] = static_cast<hsize_t>(count);
   }
   std::size_t total = 1;
   for (auto length : dims) total *= length;

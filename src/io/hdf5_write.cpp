@@ -1,3 +1,4 @@
+#include "base/index.hpp"
 #include "io/hdf5_detail.hpp"
 
 namespace flexgram {
@@ -54,11 +55,11 @@ void Hdf5File::write_rows(const std::string& dataset, std::int64_t n,
   const Id id =
       state_->create_dataset(dataset, H5T_NATIVE_DOUBLE,
                              {static_cast<hsize_t>(n), static_cast<hsize_t>(columns)});
-  const auto width = static_cast<std::size_t>(columns);
+  const auto width = as_size(columns);
   std::vector<double> values;
   state_->write(dataset, [&] {
     for (const RowRange& part : batches_of(rows, columns)) {
-      const auto count = static_cast<std::size_t>(part.size());
+      const auto count = as_size(part.size());
       values.resize(count * width);
       fill(part, values.data());
       if (write_slab(id, H5T_NATIVE_DOUBLE, {static_cast<hsize_t>(part.begin), 0},

@@ -1,5 +1,6 @@
 #include "io/kept_rows.hpp"
 
+#include "base/index.hpp"
 #include "base/text.hpp"
 
 #include <algorithm>
@@ -46,7 +47,7 @@ Block read_basis(const Hdf5File& file, const std::string& name, PetscInt n,
       for (PetscInt j = 0; j < V.columns(); ++j)
         for (PetscInt i = 0; i < part.size(); ++i)
           access.column(j)[part.begin - rows.begin + i] =
-              values[static_cast<std::size_t>(i * V.columns() + j)];
+              values[as_size(i * V.columns() + j)];
     }
   });
   return V;
@@ -114,23 +115,22 @@ namespace {
 
 /// For each of this rank's rows its row in the file.
 std::vector<PetscInt> rows_in(const Hdf5File& file, const SecondOrderModel& body) {
-  const auto begin = static_cast<std::size_t>(body.rows.begin),
-             count = static_cast<std::size_t>(body.rows.size());
+  const auto begin = as_size(body.rows.begin), count = as_size(body.rows.size());
   std::vector<PetscInt> rows(count);
   std::iota(rows.begin(), rows.end(), body.rows.begin);
   if (!file.exists("/dofs/node") || body.component.size() != count) return rows;
   const auto node = file.read_all<std::int64_t>("/dofs/node"),
              component = file.read_all<std::int64_t>("/dofs/component"),
              ids = file.read_all<std::int64_t>("/nodes/id");
-  const auto n = static_cast<std::size_t>(body.n);
+  const auto n = as_size(body.n);
   const auto damaged = [&] {
     throw Error(text("file %s: /dofs does not fit: it is damaged", file.path().c_str()));
   };
   if (node.size() != n || component.size() != n) damaged();
   using Key = std::pair<std::int64_t, std::int64_t>;
   const auto there = [&](std::size_t row) -> Key {
-    if (node[row] < 0 || static_cast<std::size_t>(node[row]) >= ids.size()) damaged();
-    return {ids[static_cast<std::size_t>(node[row])], component[row]};
+    if (node[row] < 0 || as_size(node[row]) >= ids.size()) damaged();
+    return {ids[as_size(node[row])], component[row]};
   };
   const auto here = [&](std::size_t i) -> Key {
     return {body.label.empty() ? body.node[i] : body.label[i], body.component[i]};
@@ -190,8 +190,8 @@ Block read_rows(const Hdf5File& file, const std::string& name,
       const auto values = file.read<double>(name, first, last - first);
       for (; next < wanted.size() && wanted[next].first < last; ++next)
         for (PetscInt j = 0; j < V.columns(); ++j)
-          access.column(j)[wanted[next].second] = values[static_cast<std::size_t>(
-              (wanted[next].first - first) * columns + j)];
+          access.column(j)[wanted[next].second] =
+              values[as_size((wanted[next].first - first) * columns + j)];
     }
   });
   return V;

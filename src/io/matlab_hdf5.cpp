@@ -1,5 +1,6 @@
 #include "io/matlab_hdf5.hpp"
 
+#include "base/index.hpp"
 #include "base/text.hpp"
 
 #include <algorithm>
@@ -81,7 +82,7 @@ SparseColumns read_columns(const Hdf5File& file, const std::string& group,
   }
   for (std::size_t j = 0; j + 1 < columns.start.size(); ++j)
     for (std::int64_t k = columns.start[j]; k < columns.start[j + 1]; ++k) {
-      const auto i = static_cast<std::size_t>(k);
+      const auto i = as_size(k);
       if (columns.row[i] < 0 || columns.row[i] >= rows)
         fail(file, text("%s/ir holds row %lld, the matrix has %lld rows (0-based)",
                         group.c_str(), ll(columns.row[i]), ll(rows)));
@@ -98,8 +99,8 @@ LocalRows to_rows(const Hdf5File& file, const std::string& group,
   LocalRows local;
   std::vector<std::size_t> order;
   for (std::size_t j = 0; j + 1 < columns.start.size(); ++j) {
-    order.resize(static_cast<std::size_t>(columns.start[j + 1] - columns.start[j]));
-    std::iota(order.begin(), order.end(), static_cast<std::size_t>(columns.start[j]));
+    order.resize(as_size(columns.start[j + 1] - columns.start[j]));
+    std::iota(order.begin(), order.end(), as_size(columns.start[j]));
     if (!std::is_sorted(order.begin(), order.end(),
                         [&](auto a, auto b) { return columns.row[a] < columns.row[b]; }))
       std::sort(order.begin(), order.end(),

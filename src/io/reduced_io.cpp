@@ -1,5 +1,6 @@
 #include "io/reduced_io.hpp"
 
+#include "base/index.hpp"
 #include "base/process.hpp"
 #include "base/text.hpp"
 #include "io/body_io.hpp"
@@ -128,9 +129,8 @@ SecondOrderModel read_reduced(MPI_Comm comm, const std::string& path) {
     model.C = make_block(transpose(C));
     model.outputs_are_inputs = false;
     const auto names = [&](const char* name, int count) {
-      return file.has_attribute(name, "names")
-                 ? file.texts_attribute(name, "names")
-                 : std::vector<std::string>(static_cast<std::size_t>(count));
+      return file.has_attribute(name, "names") ? file.texts_attribute(name, "names")
+                                               : std::vector<std::string>(as_size(count));
     };
     model.inputs = names("/B", B.columns);
     model.outputs = names("/C", C.rows);

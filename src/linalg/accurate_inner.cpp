@@ -1,5 +1,6 @@
 #include "linalg/accurate_inner.hpp"
 
+#include "base/index.hpp"
 #include "linalg/accurate_sum.hpp"
 
 #include <algorithm>
@@ -20,8 +21,8 @@ void add_products(const double* a, const double* b, std::ptrdiff_t n, AccurateSu
              *reinterpret_cast<const AccurateSum::Doubles*>(b + k));
   if (k < n) {
     AccurateSum::Doubles left{}, right{};
-    std::memcpy(&left, a + k, sizeof(double) * static_cast<std::size_t>(n - k));
-    std::memcpy(&right, b + k, sizeof(double) * static_cast<std::size_t>(n - k));
+    std::memcpy(&left, a + k, sizeof(double) * as_size(n - k));
+    std::memcpy(&right, b + k, sizeof(double) * as_size(n - k));
     here.add(left, right);
   }
   *sum = here;
@@ -49,11 +50,11 @@ int digits_of_slices(int k) {
 std::array<Dense, slices> sliced(Dense a, int k, bool by_rows) {
   const int digits = digits_of_slices(k);
   std::array<Dense, slices> parts;
-  std::vector<double> largest(static_cast<std::size_t>(by_rows ? a.rows : a.columns));
+  std::vector<double> largest(as_size(by_rows ? a.rows : a.columns));
   for (Dense& part : parts) {
     std::fill(largest.begin(), largest.end(), 0.0);
     const auto of = [&](int i, int j) -> double& {
-      return largest[static_cast<std::size_t>(by_rows ? i : j)];
+      return largest[as_size(by_rows ? i : j)];
     };
     for (int j = 0; j < a.columns; ++j)
       for (int i = 0; i < a.rows; ++i) of(i, j) = std::max(of(i, j), std::abs(a(i, j)));
@@ -124,23 +125,22 @@ Congruence congruence(const AccurateDense& a, const Dense& U) {
   // Entry (i, j) is wrong by q (g_i a_j + a_i h_j) at most, with largest entries a of columns of U
   // and h of AU, and g = |U|ᵀ times the largest of the rows of A.
   const auto largest = [](const Dense& of) {
-    std::vector<double> result;
+    std::vector<double> sizes;
     for (int j = 0; j < of.columns; ++j) {
       double most = 0;
       for (int i = 0; i < of.rows; ++i) most = std::max(most, std::abs(of(i, j)));
-      result.push_back(most);
+      sizes.push_back(most);
     }
-    return result;
+    return sizes;
   };
   const std::vector<double> of_U = largest(U), of_AU = largest(right.hi),
                             of_A = largest(a.hi);
   double all_U = 0, all_A = 0;
   std::vector<double> forces;
   for (int j = 0; j < U.columns; ++j) {
-    const auto at = static_cast<std::size_t>(j);
+    const auto at = as_size(j);
     double force = of_AU[at];
-    for (int i = 0; i < U.rows; ++i)
-      force += std::abs(U(i, j)) * of_A[static_cast<std::size_t>(i)];
+    for (int i = 0; i < U.rows; ++i) force += std::abs(U(i, j)) * of_A[as_size(i)];
     forces.push_back(force);
     all_U += of_U[at];
     all_A += force;
@@ -160,11 +160,9 @@ AccurateDense inner_accurately(const Block& x, const Block& y, const Block& rest
   const std::ptrdiff_t n = x.local_rows().size();
   const bool upper = triangle == Triangle::upper;
   const auto at = [rows](int i, int j) {
-    return static_cast<std::size_t>(i) +
-           static_cast<std::size_t>(j) * static_cast<std::size_t>(rows);
+    return as_size(i) + as_size(j) * as_size(rows);
   };
-  std::vector<AccurateSum> parts(static_cast<std::size_t>(rows) *
-                                 static_cast<std::size_t>(columns));
+  std::vector<AccurateSum> parts(as_size(rows) * as_size(columns));
   {
     const Block::Access left(x), right(y);
     for (std::ptrdiff_t first = 0; first < n; first += together)

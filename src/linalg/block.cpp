@@ -1,5 +1,6 @@
 #include "linalg/block.hpp"
 
+#include "base/index.hpp"
 #include "base/text.hpp"
 
 #include <algorithm>
@@ -50,7 +51,7 @@ void share_from_first(MPI_Comm comm, std::vector<double>& values) {
 void share_list(MPI_Comm comm, std::vector<double>& values) {
   auto count = static_cast<std::int64_t>(values.size());
   MPI_Bcast(&count, 1, MPI_INT64_T, 0, comm);
-  values.resize(static_cast<std::size_t>(count));
+  values.resize(as_size(count));
   share_from_first(comm, values);
 }
 
@@ -105,7 +106,7 @@ void scale_columns(Block& x, std::span<const double> weights) {
   Block::Access access(x);
   for (PetscInt j = 0; j < x.columns(); ++j)
     for (PetscInt i = 0; i < x.local_rows().size(); ++i)
-      access.column(j)[i] *= weights[static_cast<std::size_t>(j)];
+      access.column(j)[i] *= weights[as_size(j)];
 }
 
 Block random_block(const Block& layout, PetscInt columns, unsigned seed) {
@@ -143,14 +144,13 @@ Block copy(const Block& x) {
 }
 
 std::vector<double> column_maxima(const Block& x) {
-  std::vector<double> local(static_cast<std::size_t>(x.columns())), all(local);
+  std::vector<double> local(as_size(x.columns())), all(local);
   const Block::Access access(x);
   for (PetscInt j = 0; j < x.columns(); ++j)
     for (PetscInt i = 0; i < x.local_rows().size(); ++i) {
       const double size = std::abs(access.column(j)[i]); // a NaN must not get lost
-      local[static_cast<std::size_t>(j)] =
-          std::isnan(size) ? std::numeric_limits<double>::infinity()
-                           : std::max(local[static_cast<std::size_t>(j)], size);
+      local[as_size(j)] = std::isnan(size) ? std::numeric_limits<double>::infinity()
+                                           : std::max(local[as_size(j)], size);
     }
   MPI_Allreduce(local.data(), all.data(), static_cast<int>(all.size()), MPI_DOUBLE,
                 MPI_MAX, x.comm());
@@ -237,7 +237,7 @@ BlockSvd left_svd(Block z, double relative_floor) {
   });
   MPI_Bcast(&kept, 1, MPI_INT, 0, comm);
   MPI_Bcast(&count, 1, MPI_INT, 0, comm);
-  result.values.resize(static_cast<std::size_t>(count));
+  result.values.resize(as_size(count));
   share_from_first(comm, result.values);
   const std::vector<double> mine_again =
       exchange_rows<double>(comm, everything, left, kept, 0, z.local_rows(), kept);

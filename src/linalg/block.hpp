@@ -1,6 +1,7 @@
 #pragma once
 
 #include "base/handle.hpp"
+#include "base/index.hpp"
 #include "base/parallel.hpp"
 #include "linalg/dense.hpp"
 
@@ -35,9 +36,7 @@ public:
     const double* column(PetscInt j) const {
       return data_ + static_cast<std::ptrdiff_t>(j) * ld_;
     }
-    std::span<double> all() {
-      return {data_, static_cast<std::size_t>(ld_) * static_cast<std::size_t>(columns_)};
-    }
+    std::span<double> all() { return {data_, as_size(ld_) * as_size(columns_)}; }
 
   private:
     BV bv_;

@@ -1,6 +1,7 @@
 #include "linalg/dense.hpp"
 
 #include "base/handle.hpp"
+#include "base/index.hpp"
 #include "base/text.hpp"
 
 #include <petscblaslapack.h>
@@ -101,7 +102,7 @@ template <class T>
 DenseOf<T> chosen(const DenseOf<T>& a, const std::vector<int>& columns) {
   DenseOf<T> part(a.rows, static_cast<int>(columns.size()));
   for (int j = 0; j < part.columns; ++j)
-    std::copy_n(a.column(columns[static_cast<std::size_t>(j)]), a.rows, part.column(j));
+    std::copy_n(a.column(columns[as_size(j)]), a.rows, part.column(j));
   return part;
 }
 
@@ -120,8 +121,7 @@ Dense columns_of(const Dense& a, const std::vector<int>& columns,
   Dense part = chosen(a, columns);
   for (int j = 0; j < part.columns; ++j)
     for (int i = 0; i < part.rows; ++i)
-      part(i, j) /=
-          divisors[static_cast<std::size_t>(columns[static_cast<std::size_t>(j)])];
+      part(i, j) /= divisors[as_size(columns[as_size(j)])];
   return part;
 }
 
@@ -154,7 +154,7 @@ void symmetrise(Dense& a) {
 SymmetricEigen symmetric_eigen(Dense a) {
   SymmetricEigen result;
   const int n = a.rows;
-  result.values.resize(static_cast<std::size_t>(n));
+  result.values.resize(as_size(n));
   if (n == 0) return result;
   int lwork = -1, liwork = -1, iwork_size = 0, info = 0;
   double work_size = 0;
@@ -162,8 +162,8 @@ SymmetricEigen symmetric_eigen(Dense a) {
           &iwork_size, &liwork, &info);
   lwork = static_cast<int>(work_size);
   liwork = iwork_size;
-  std::vector<double> work(static_cast<std::size_t>(lwork));
-  std::vector<int> iwork(static_cast<std::size_t>(liwork));
+  std::vector<double> work(as_size(lwork));
+  std::vector<int> iwork(as_size(liwork));
   dsyevd_("V", "L", &n, a.data.data(), &n, result.values.data(), work.data(), &lwork,
           iwork.data(), &liwork, &info);
   if (info) throw Error(text("LAPACK dsyevd returned %d", info));
@@ -177,7 +177,7 @@ GramFactor gram_factor(const Dense& a) {
   const int k = a.rows;
   if (k > 0) factor.added = 1e-15 * k * std::max(eigen.values.back(), 0.0);
   for (int i = 0; i < k; ++i) {
-    const double value = eigen.values[static_cast<std::size_t>(i)],
+    const double value = eigen.values[as_size(i)],
                  root = std::sqrt(std::max(value, 0.0) + std::max(factor.added, 1e-300));
     factor.roots.push_back(root);
     for (int j = 0; j < k; ++j) {
@@ -191,7 +191,7 @@ GramFactor gram_factor(const Dense& a) {
 SymmetricEigen symmetric_eigen(Dense a, Dense b) {
   SymmetricEigen result;
   const int n = a.rows, type = 1;
-  result.values.resize(static_cast<std::size_t>(n));
+  result.values.resize(as_size(n));
   if (n == 0) return result;
   int lwork = -1, liwork = -1, iwork_size = 0, info = 0;
   double work_size = 0;
@@ -199,8 +199,8 @@ SymmetricEigen symmetric_eigen(Dense a, Dense b) {
           &work_size, &lwork, &iwork_size, &liwork, &info);
   lwork = static_cast<int>(work_size);
   liwork = iwork_size;
-  std::vector<double> work(static_cast<std::size_t>(lwork));
-  std::vector<int> iwork(static_cast<std::size_t>(liwork));
+  std::vector<double> work(as_size(lwork));
+  std::vector<int> iwork(as_size(liwork));
   dsygvd_(&type, "V", "L", &n, a.data.data(), &n, b.data.data(), &n, result.values.data(),
           work.data(), &lwork, iwork.data(), &liwork, &info);
   if (info > n) throw Error("generalised eigenproblem: B is not positive definite");
@@ -212,8 +212,7 @@ SymmetricEigen symmetric_eigen(Dense a, Dense b) {
 Dense orthonormal_columns(Dense a) {
   if (a.data.empty()) return a;
   const int lwork = 64 * a.columns;
-  std::vector<double> tau(static_cast<std::size_t>(a.columns)),
-      work(static_cast<std::size_t>(lwork));
+  std::vector<double> tau(as_size(a.columns)), work(as_size(lwork));
   int info = 0;
   dgeqrf_(&a.rows, &a.columns, a.data.data(), &a.rows, tau.data(), work.data(), &lwork,
           &info);
@@ -229,9 +228,7 @@ Dense compressed(const Dense& a) {
   Dense t = transpose(a);
   // Blocked whatever the size: LAPACK's geqrf goes column by column below 128 columns.
   const int block = std::clamp(t.columns, 1, 32);
-  std::vector<double> factors(static_cast<std::size_t>(block) *
-                              static_cast<std::size_t>(t.columns)),
-      work(factors.size());
+  std::vector<double> factors(as_size(block) * as_size(t.columns)), work(factors.size());
   int info = 0;
   dgeqrt_(&t.rows, &t.columns, &block, t.data.data(), &t.rows, factors.data(), &block,
           work.data(), &info);
@@ -267,8 +264,7 @@ Dense inverse_transposed(const Dense& l) {
 
 LeftSvd left_svd(const Dense& a) {
   const int rank = std::min(a.rows, a.columns);
-  LeftSvd result{std::vector<double>(static_cast<std::size_t>(rank)),
-                 Dense(a.rows, rank)};
+  LeftSvd result{std::vector<double>(as_size(rank)), Dense(a.rows, rank)};
   if (rank == 0) return result;
   Matrix matrix, left_vector_source;
   FG_CALL(MatCreateSeqDense(PETSC_COMM_SELF, a.rows, a.columns,
@@ -288,18 +284,16 @@ LeftSvd left_svd(const Dense& a) {
     Handle<Vec> u;
     FG_CALL(VecCreateSeqWithArray(PETSC_COMM_SELF, 1, a.rows, result.vectors.column(j),
                                   u.out()));
-    FG_CALL(SVDGetSingularTriplet(svd, j, &result.values[static_cast<std::size_t>(j)], u,
-                                  nullptr));
+    FG_CALL(SVDGetSingularTriplet(svd, j, &result.values[as_size(j)], u, nullptr));
   }
   return result;
 }
 
 std::vector<double> hermitian_eigenvalues(ComplexDense a) {
   const int n = a.rows, lwork = std::max(1, 32 * n);
-  std::vector<double> values(static_cast<std::size_t>(n)),
-      rwork(static_cast<std::size_t>(std::max(1, 3 * n)));
+  std::vector<double> values(as_size(n)), rwork(as_size(std::max(1, 3 * n)));
   if (n == 0) return values;
-  std::vector<std::complex<double>> work(static_cast<std::size_t>(lwork));
+  std::vector<std::complex<double>> work(as_size(lwork));
   int info = 0;
   zheev_("N", "L", &n, a.data.data(), &n, values.data(), work.data(), &lwork,
          rwork.data(), &info);
@@ -357,8 +351,7 @@ ComplexDense multiply_transposed(const ComplexDense& a, const ComplexDense& b,
 
 std::vector<std::complex<double>> general_eigenvalues(Dense a) {
   const int n = a.rows, one = 1, lwork = std::max(1, 32 * n);
-  std::vector<double> re(static_cast<std::size_t>(n)), im(re),
-      work(static_cast<std::size_t>(lwork));
+  std::vector<double> re(as_size(n)), im(re), work(as_size(lwork));
   std::vector<std::complex<double>> values;
   if (n == 0) return values;
   int info = 0;
@@ -372,7 +365,7 @@ std::vector<std::complex<double>> general_eigenvalues(Dense a) {
 ComplexDense solve(ComplexDense a, ComplexDense b) {
   const int n = a.rows, nrhs = b.columns;
   if (n == 0 || nrhs == 0) return b;
-  std::vector<int> pivots(static_cast<std::size_t>(n));
+  std::vector<int> pivots(as_size(n));
   int info = 0;
   zgesv_(&n, &nrhs, a.data.data(), &n, pivots.data(), b.data.data(), &n, &info);
   if (info > 0) throw ShiftError("the reduced matrix K + iωD − ω²M is singular");

@@ -1,5 +1,7 @@
 #pragma once
 
+#include "base/index.hpp"
+
 #include <complex>
 #include <cstddef>
 #include <vector>
@@ -12,8 +14,7 @@ struct DenseOf {
   DenseOf() = default;
   DenseOf(int row_count, int column_count)
       : rows(row_count), columns(column_count),
-        data(static_cast<std::size_t>(row_count) *
-             static_cast<std::size_t>(column_count)) {}
+        data(as_size(row_count) * as_size(column_count)) {}
   T& operator()(int i, int j) { return data[index(i, j)]; }
   const T& operator()(int i, int j) const { return data[index(i, j)]; }
   T* column(int j) { return data.data() + index(0, j); }
@@ -24,8 +25,7 @@ struct DenseOf {
 
 private:
   std::size_t index(int i, int j) const {
-    return static_cast<std::size_t>(i) +
-           static_cast<std::size_t>(j) * static_cast<std::size_t>(rows);
+    return as_size(i) + as_size(j) * as_size(rows);
   }
 };
 using Dense = DenseOf<double>;

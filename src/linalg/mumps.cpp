@@ -1,6 +1,7 @@
 #include "linalg/mumps.hpp"
 
 #include "base/event.hpp"
+#include "base/index.hpp"
 #include "base/process.hpp"
 #include "base/text.hpp"
 
@@ -112,8 +113,7 @@ struct Mumps<Scalar>::Instance {
     for (int start : order.block_start) block_start.push_back(start + 1);
     block_variables.resize(order.position.size());
     for (std::size_t i = 0; i < order.position.size(); ++i)
-      block_variables[static_cast<std::size_t>(order.position[i] - 1)] =
-          static_cast<int>(i) + 1;
+      block_variables[as_size(order.position[i] - 1)] = static_cast<int>(i) + 1;
     s.nblk = std::max(static_cast<int>(block_start.size()) - 1, 0);
     s.blkptr = block_start.data();
     s.blkvar = block_variables.data();
@@ -248,28 +248,26 @@ void Mumps<Scalar>::Instance::redistribute(const std::vector<int>& solution_rows
   const int held = static_cast<int>(solution_rows.size()), ld = std::max(held, 1);
   const auto place = [&](PetscInt row, const Scalar* source, int stride) {
     for (int j = 0; j < columns; ++j)
-      x[static_cast<std::size_t>(row - rows.begin + j * rows.size())] =
+      x[as_size(row - rows.begin + j * rows.size())] =
           source[static_cast<std::ptrdiff_t>(j) * stride];
   };
   const int size = comm_size(comm);
   if (size == 1) {
     for (int i = 0; i < held; ++i)
-      place(solution_rows[static_cast<std::size_t>(i)] - 1, solution.data() + i, ld);
+      place(solution_rows[as_size(i)] - 1, solution.data() + i, ld);
     return;
   }
   const auto starts = row_starts(comm, rows);
-  std::vector<std::vector<int>> indices(static_cast<std::size_t>(size));
-  std::vector<std::vector<Scalar>> packed(static_cast<std::size_t>(size));
+  std::vector<std::vector<int>> indices(as_size(size));
+  std::vector<std::vector<Scalar>> packed(as_size(size));
   for (int i = 0; i < held; ++i) {
-    const int row = solution_rows[static_cast<std::size_t>(i)] - 1;
-    const auto to = static_cast<std::size_t>(owner_of(starts, row));
+    const int row = solution_rows[as_size(i)] - 1;
+    const auto to = as_size(owner_of(starts, row));
     indices[to].push_back(row);
     for (int j = 0; j < columns; ++j)
-      packed[to].push_back(
-          solution[static_cast<std::size_t>(i) +
-                   static_cast<std::size_t>(j) * static_cast<std::size_t>(ld)]);
+      packed[to].push_back(solution[as_size(i) + as_size(j) * as_size(ld)]);
   }
-  std::vector<int> send(static_cast<std::size_t>(size)), receive(send);
+  std::vector<int> send(as_size(size)), receive(send);
   for (std::size_t r = 0; r < send.size(); ++r)
     send[r] = static_cast<int>(indices[r].size());
   MPI_Alltoall(send.data(), 1, MPI_INT, receive.data(), 1, MPI_INT, comm);
@@ -280,11 +278,10 @@ void Mumps<Scalar>::Instance::redistribute(const std::vector<int>& solution_rows
   MPI_Type_contiguous(static_cast<int>(sizeof(Scalar)) * columns, MPI_BYTE, &block);
   MPI_Type_commit(&block);
   for (int r = 0; r < size; ++r) {
-    const auto k = static_cast<std::size_t>(r);
+    const auto k = as_size(r);
     if (receive[k] > 0) {
-      in_indices[k].resize(static_cast<std::size_t>(receive[k]));
-      in_values[k].resize(static_cast<std::size_t>(receive[k]) *
-                          static_cast<std::size_t>(columns));
+      in_indices[k].resize(as_size(receive[k]));
+      in_values[k].resize(as_size(receive[k]) * as_size(columns));
       requests.resize(requests.size() + 2);
       MPI_Irecv(in_indices[k].data(), receive[k], MPI_INT, r, 1, comm,
                 &requests[requests.size() - 2]);
@@ -301,8 +298,7 @@ void Mumps<Scalar>::Instance::redistribute(const std::vector<int>& solution_rows
   MPI_Type_free(&block);
   for (std::size_t r = 0; r < in_indices.size(); ++r)
     for (std::size_t i = 0; i < in_indices[r].size(); ++i)
-      place(in_indices[r][i], in_values[r].data() + i * static_cast<std::size_t>(columns),
-            1);
+      place(in_indices[r][i], in_values[r].data() + i * as_size(columns), 1);
 }
 
 template <class Scalar>
@@ -310,16 +306,15 @@ void Mumps<Scalar>::Instance::solve_distributed(RowRange rows, std::span<Scalar>
                                                 int columns) {
   const int held = s.info[22]; // INFO(23): rows of the solution that live here
   const int ld = std::max(held, 1);
-  std::vector<Scalar> values_held(static_cast<std::size_t>(ld) *
-                                  static_cast<std::size_t>(columns));
-  std::vector<int> rows_held(static_cast<std::size_t>(ld));
+  std::vector<Scalar> values_held(as_size(ld) * as_size(columns));
+  std::vector<int> rows_held(as_size(ld));
   icntl(21) = 1;
   s.nrhs = columns;
   s.lsol_loc = ld;
   s.sol_loc = reinterpret_cast<Value*>(values_held.data());
   s.isol_loc = rows_held.data();
   if (run(3) < 0) throw Error("solve: " + explain(infog(1), infog(2)));
-  rows_held.resize(static_cast<std::size_t>(held));
+  rows_held.resize(as_size(held));
   redistribute(rows_held, values_held, rows, x, columns);
 }
 
@@ -335,7 +330,7 @@ void Mumps<Scalar>::solve(RowRange rows, std::span<Scalar> x, int columns) {
     if (m.run(3) < 0) throw Error("solve: " + explain(m.infog(1), m.infog(2)));
     return;
   }
-  std::vector<int> row_numbers(static_cast<std::size_t>(rows.size()));
+  std::vector<int> row_numbers(as_size(rows.size()));
   for (std::size_t i = 0; i < row_numbers.size(); ++i)
     row_numbers[i] = static_cast<int>(rows.begin + static_cast<PetscInt>(i)) + 1;
   m.icntl(20) = 10; // dense, distributed

@@ -1,6 +1,7 @@
 #include "linalg/ordering.hpp"
 
 #include "base/event.hpp"
+#include "base/index.hpp"
 #include "base/text.hpp"
 
 #include <metis.h>
@@ -16,10 +17,10 @@ template <class T>
 std::vector<T> gather_all(MPI_Comm comm, std::span<const T> mine, MPI_Datatype type) {
   const int size = comm_size(comm);
   const int count = static_cast<int>(mine.size());
-  std::vector<int> counts(static_cast<std::size_t>(size)), starts(counts.size() + 1, 0);
+  std::vector<int> counts(as_size(size)), starts(counts.size() + 1, 0);
   MPI_Allgather(&count, 1, MPI_INT, counts.data(), 1, MPI_INT, comm);
   std::partial_sum(counts.begin(), counts.end(), starts.begin() + 1);
-  std::vector<T> all(static_cast<std::size_t>(starts.back()));
+  std::vector<T> all(as_size(starts.back()));
   MPI_Allgatherv(mine.data(), count, type, all.data(), counts.data(), starts.data(), type,
                  comm);
   return all;
@@ -40,10 +41,9 @@ struct Graph {
 /// Symmetric adjacency from keys (a << 32 | b), a ≠ b, sorted and unique.
 Graph adjacency(int nodes, const std::vector<std::uint64_t>& edges) {
   Graph graph;
-  graph.start.assign(static_cast<std::size_t>(nodes) + 1, 0);
+  graph.start.assign(as_size(nodes) + 1, 0);
   const auto ends = [](std::uint64_t key) {
-    return std::pair{static_cast<std::size_t>(key >> 32),
-                     static_cast<std::size_t>(key & 0xffffffffU)};
+    return std::pair{as_size(key >> 32), as_size(key & 0xffffffffU)};
   };
   for (auto key : edges) {
     const auto [a, b] = ends(key);
@@ -55,8 +55,8 @@ Graph adjacency(int nodes, const std::vector<std::uint64_t>& edges) {
   std::vector<idx_t> next(graph.start.begin(), graph.start.end() - 1);
   for (auto key : edges) {
     const auto [a, b] = ends(key);
-    graph.neighbour[static_cast<std::size_t>(next[a]++)] = static_cast<idx_t>(b);
-    graph.neighbour[static_cast<std::size_t>(next[b]++)] = static_cast<idx_t>(a);
+    graph.neighbour[as_size(next[a]++)] = static_cast<idx_t>(b);
+    graph.neighbour[as_size(next[b]++)] = static_cast<idx_t>(a);
   }
   return graph;
 }
@@ -110,9 +110,8 @@ PivotOrder nested_dissection(MPI_Comm comm, const Pattern& lower,
   std::vector<std::uint64_t> edges;
   std::uint64_t last = 0;
   for (std::size_t k = 0; k < lower.row.size(); ++k) {
-    auto a = static_cast<std::uint64_t>(node[static_cast<std::size_t>(lower.row[k] - 1)]);
-    auto b =
-        static_cast<std::uint64_t>(node[static_cast<std::size_t>(lower.column[k] - 1)]);
+    auto a = static_cast<std::uint64_t>(node[as_size(lower.row[k] - 1)]);
+    auto b = static_cast<std::uint64_t>(node[as_size(lower.column[k] - 1)]);
     if (a == b) continue;
     const std::uint64_t key = std::min(a, b) << 32 | std::max(a, b);
     if (key != last) edges.push_back(last = key);
@@ -120,11 +119,10 @@ PivotOrder nested_dissection(MPI_Comm comm, const Pattern& lower,
   sort_unique(edges);
 
   const int rank = comm_rank(comm), count = static_cast<int>(edges.size());
-  std::vector<int> counts(static_cast<std::size_t>(comm_size(comm))),
-      starts(counts.size() + 1);
+  std::vector<int> counts(as_size(comm_size(comm))), starts(counts.size() + 1);
   MPI_Gather(&count, 1, MPI_INT, counts.data(), 1, MPI_INT, 0, comm);
   std::partial_sum(counts.begin(), counts.end(), starts.begin() + 1);
-  std::vector<std::uint64_t> all(rank == 0 ? static_cast<std::size_t>(starts.back()) : 0);
+  std::vector<std::uint64_t> all(rank == 0 ? as_size(starts.back()) : 0);
   MPI_Gatherv(edges.data(), count, MPI_UINT64_T, all.data(), counts.data(), starts.data(),
               MPI_UINT64_T, 0, comm);
 
@@ -135,8 +133,8 @@ PivotOrder nested_dissection(MPI_Comm comm, const Pattern& lower,
     if (rank != 0) return;
     if (comm_size(comm) > 1) sort_unique(all);
     Graph graph = adjacency(nodes, all);
-    std::vector<idx_t> weight(static_cast<std::size_t>(nodes), 0);
-    for (auto number : node) ++weight[static_cast<std::size_t>(number)];
+    std::vector<idx_t> weight(as_size(nodes), 0);
+    for (auto number : node) ++weight[as_size(number)];
     std::vector<idx_t> order(weight.size()), place(weight.size());
     idx_t vertices = nodes;
     idx_t options[METIS_NOPTIONS];
@@ -149,7 +147,7 @@ PivotOrder nested_dissection(MPI_Comm comm, const Pattern& lower,
     std::vector<int> first(weight.size());
     int next = 0;
     for (idx_t step = 0; step < vertices; ++step) {
-      const auto number = static_cast<std::size_t>(order[static_cast<std::size_t>(step)]);
+      const auto number = as_size(order[as_size(step)]);
       result.block_start.push_back(next);
       first[number] = next + 1;
       next += static_cast<int>(weight[number]);
@@ -157,7 +155,7 @@ PivotOrder nested_dissection(MPI_Comm comm, const Pattern& lower,
     result.block_start.push_back(next);
     result.position.resize(node.size());
     for (std::size_t row = 0; row < node.size(); ++row)
-      result.position[row] = first[static_cast<std::size_t>(node[row])]++;
+      result.position[row] = first[as_size(node[row])]++;
     double of_full_blocks = 0;
     for (const idx_t w : weight) of_full_blocks += 0.5 * w * (w + 1);
     for (const std::uint64_t key : all)

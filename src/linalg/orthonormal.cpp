@@ -1,6 +1,7 @@
 #include "linalg/orthonormal.hpp"
 
 #include "base/event.hpp"
+#include "base/index.hpp"
 #include "linalg/sparse_product.hpp"
 
 #include <algorithm>
@@ -30,9 +31,8 @@ Dense kept_directions(const Dense& gram, double floor, double& least) {
   const SymmetricEigen eigen = symmetric_eigen(gram);
   Dense keep(gram.rows, 0);
   least = 1;
-  for (int j = gram.rows - 1; j >= 0 && eigen.values[static_cast<std::size_t>(j)] > floor;
-       --j) {
-    least = eigen.values[static_cast<std::size_t>(j)];
+  for (int j = gram.rows - 1; j >= 0 && eigen.values[as_size(j)] > floor; --j) {
+    least = eigen.values[as_size(j)];
     Dense direction = part_of(eigen.vectors, 0, gram.rows, j, 1);
     for (double& x : direction.data) x /= std::sqrt(least);
     keep = beside(keep, direction);
@@ -72,16 +72,14 @@ Orthonormalised orthonormalise(Block X, const Basis& V, const InnerProduct& prod
   }
   for (int j = 0; j < gram.rows; ++j)
     for (int i = 0; i < gram.rows; ++i)
-      gram(i, j) *=
-          inverse[static_cast<std::size_t>(i)] * inverse[static_cast<std::size_t>(j)];
+      gram(i, j) *= inverse[as_size(i)] * inverse[as_size(j)];
 
   // Small eigenvalues of a Gram matrix are known to 1e-16 of the largest only.
   const double epsilon = std::numeric_limits<double>::epsilon();
   double least = 1;
   Dense keep = kept_directions(gram, std::max(tolerance * tolerance, 8 * epsilon), least);
   for (int j = 0; j < keep.columns; ++j)
-    for (int i = 0; i < keep.rows; ++i)
-      keep(i, j) *= inverse[static_cast<std::size_t>(i)];
+    for (int i = 0; i < keep.rows; ++i) keep(i, j) *= inverse[as_size(i)];
   share_from_first(X.comm(), keep.data);
   X = combine(X, keep);
   WX = combine(WX, keep);

@@ -1,6 +1,7 @@
 #include "linalg/shifted_engine.hpp"
 
 #include "base/event.hpp"
+#include "base/index.hpp"
 
 #include <algorithm>
 #include <type_traits>
@@ -15,7 +16,7 @@ CommonPattern common_pattern(Mat K, Mat M, Mat D) {
   FG_CALL(MatGetSize(K, &n, nullptr));
   FG_CALL(MatGetOwnershipRange(K, &begin, &end));
   common.lower.n = static_cast<int>(n);
-  std::vector<int> place(static_cast<std::size_t>(n), -1);
+  std::vector<int> place(as_size(n), -1);
   std::vector<PetscInt> columns;
   Mat const matrices[] = {K, M, D};
   std::size_t lower = 0; // of K: M and D rarely have more
@@ -23,7 +24,7 @@ CommonPattern common_pattern(Mat K, Mat M, Mat D) {
     PetscInt count = 0;
     const PetscInt* list = nullptr;
     FG_CALL(MatGetRow(K, row, &count, &list, nullptr));
-    lower += static_cast<std::size_t>(std::upper_bound(list, list + count, row) - list);
+    lower += as_size(std::upper_bound(list, list + count, row) - list);
     FG_CALL(MatRestoreRow(K, row, &count, &list, nullptr));
   }
   for (auto* list : {&common.lower.row, &common.lower.column}) list->reserve(lower);
@@ -34,7 +35,7 @@ CommonPattern common_pattern(Mat K, Mat M, Mat D) {
     const std::size_t first = common.lower.row.size();
     columns.clear();
     const auto slot = [&](PetscInt column) {
-      int& position = place[static_cast<std::size_t>(column)];
+      int& position = place[as_size(column)];
       if (position < 0) {
         position = static_cast<int>(columns.size());
         columns.push_back(column);
@@ -44,7 +45,7 @@ CommonPattern common_pattern(Mat K, Mat M, Mat D) {
         common.m.push_back(0);
         if (D) common.d.push_back(0);
       }
-      return first + static_cast<std::size_t>(position);
+      return first + as_size(position);
     };
     slot(row); // MUMPS wants the diagonal, zero or not
     for (int i = 0; i < 3; ++i) {
@@ -59,7 +60,7 @@ CommonPattern common_pattern(Mat K, Mat M, Mat D) {
       }
       FG_CALL(MatRestoreRow(matrices[i], row, &count, &list, &entries));
     }
-    for (PetscInt column : columns) place[static_cast<std::size_t>(column)] = -1;
+    for (PetscInt column : columns) place[as_size(column)] = -1;
   }
   return common;
 }
@@ -91,8 +92,7 @@ public:
 
   void solve(RowRange rows, const double* re, const double* im, double* x_re,
              double* x_im, int columns) override {
-    const std::size_t count =
-        static_cast<std::size_t>(rows.size()) * static_cast<std::size_t>(columns);
+    const std::size_t count = as_size(rows.size()) * as_size(columns);
     if constexpr (std::is_same_v<Scalar, double>) {
       std::copy_n(re, count, x_re);
       mumps_.solve(rows, {x_re, count}, columns);

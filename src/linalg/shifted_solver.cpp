@@ -1,5 +1,6 @@
 #include "linalg/shifted_solver.hpp"
 
+#include "base/index.hpp"
 #include "base/process.hpp"
 #include "base/text.hpp"
 #include "linalg/ordering.hpp"
@@ -263,13 +264,12 @@ double ShiftedSolver::State::residual(const Block& b, const Block& x, Block& r) 
 }
 
 void ShiftedSolver::State::require_regular(const Block& b, const Block& x) const {
-  const auto p = static_cast<std::size_t>(b.columns());
+  const auto p = as_size(b.columns());
   std::vector<double> sums(4 * p, 0.0); // Re xᴴb, Im xᴴb, xᴴx, bᴴb by column
   {
     const Block::Access rhs(b), solution(x);
     for (std::size_t j = 0; j < p; ++j)
-      for (std::size_t part = 0; part < static_cast<std::size_t>(x.columns()) / p;
-           ++part) {
+      for (std::size_t part = 0; part < as_size(x.columns()) / p; ++part) {
         const double* b_j = rhs.column(static_cast<PetscInt>(j));
         const double* x_j = solution.column(static_cast<PetscInt>(j + part * p));
         for (PetscInt i = 0; i < rows.size(); ++i) {

@@ -2,6 +2,7 @@
 
 #include "base/text.hpp"
 
+#include "base/index.hpp"
 #include "linalg/shifted_solver.hpp"
 
 #include <algorithm>
@@ -105,8 +106,7 @@ LocalRows local_rows(Mat a) {
 LocalRows nonzeros(const LocalRows& rows) {
   LocalRows kept;
   for (std::size_t i = 0; i + 1 < rows.start.size(); ++i) {
-    for (auto k = static_cast<std::size_t>(rows.start[i]);
-         k < static_cast<std::size_t>(rows.start[i + 1]); ++k)
+    for (auto k = as_size(rows.start[i]); k < as_size(rows.start[i + 1]); ++k)
       if (rows.value[k] != 0) {
         kept.column.push_back(rows.column[k]);
         kept.value.push_back(rows.value[k]);
@@ -281,7 +281,7 @@ double printed_digits_rounding(Mat a) {
       while (digits <= most &&
              std::stod(text("%.*e", digits - 1, values[k])) != values[k])
         ++digits;
-      ++counts[static_cast<std::size_t>(digits - fewest)];
+      ++counts[as_size(digits - fewest)];
       ++counts.back();
     }
     FG_CALL(MatRestoreRow(a, i, &count, nullptr, &values));
@@ -290,7 +290,7 @@ double printed_digits_rounding(Mat a) {
                 MPI_SUM, PetscObjectComm(reinterpret_cast<PetscObject>(a)));
   double within = 0;
   for (int digits = fewest; digits <= most; ++digits) {
-    const double here = counts[static_cast<std::size_t>(digits - fewest)];
+    const double here = counts[as_size(digits - fewest)];
     within += here; // of numbers with d random digits one in ten ends in a zero
     if (digits > fewest && here > 0.5 * counts.back() && within > 0.95 * counts.back())
       return 5 * std::pow(10.0, -digits);

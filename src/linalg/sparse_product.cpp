@@ -1,6 +1,7 @@
 #include "linalg/sparse_product.hpp"
 
 #include "base/event.hpp"
+#include "base/index.hpp"
 #include "linalg/accurate_sum.hpp"
 
 #include <petscsf.h>
@@ -75,7 +76,7 @@ template <int width>
     Sums<width> sum;
     add_row<width>(sum, here, i, x);
     if (away.count > 0) add_row<width>(sum, away, i, halo);
-    double sums[static_cast<std::size_t>(width)];
+    double sums[as_size(width)];
     std::memcpy(sums, &sum, sizeof sum);
     for (PetscInt c = 0; c < columns; ++c)
       y[c * static_cast<std::ptrdiff_t>(here.count) + i] = sums[c];
@@ -167,8 +168,7 @@ class Strip {
 public:
   explicit Strip(PetscInt rows)
       : data_(static_cast<double*>(::operator new[](
-            sizeof(double) * widest * static_cast<std::size_t>(rows) + 64,
-            std::align_val_t(64)))) {}
+            sizeof(double) * widest * as_size(rows) + 64, std::align_val_t(64)))) {}
   ~Strip() { ::operator delete[](data_, std::align_val_t(64)); }
   Strip(const Strip&) = delete;
   Strip& operator=(const Strip&) = delete;
@@ -293,8 +293,8 @@ AccurateProduct multiply_accurately(Mat a, const Block& x, AccurateParts with) {
   const bool shared = is_type(a, MATMPIAIJ);
   if (!shared && !is_type(a, MATSEQAIJ)) throw Error("an accurate product needs AIJ");
   AccurateProduct result{Block(x.comm(), x.local_rows(), x.rows(), x.columns()),
-                         std::vector<double>(static_cast<std::size_t>(x.columns()), 0.0),
-                         Block(), Block()};
+                         std::vector<double>(as_size(x.columns()), 0.0), Block(),
+                         Block()};
   const auto like_x = [&] {
     return Block(x.comm(), x.local_rows(), x.rows(), x.columns());
   };

@@ -1,5 +1,7 @@
 #include "medium/certificate.hpp"
 
+#include "base/index.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -40,7 +42,7 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
 
   const Dense& U = response.U();
   for (int j = 0; j < modes; ++j) {
-    const auto at = static_cast<std::size_t>(j);
+    const auto at = as_size(j);
     double square = 0;
     for (int i = 0; i < K.rows; ++i) square += K(i, j) * K(i, j);
     const double mu = response.mu()[at], e = response.energy(j, sigma_);
@@ -67,7 +69,7 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
   for (int j = 0; j < U.columns; ++j) {
     double square = 0;
     for (int i = space.rigid(); i < U.rows; ++i)
-      square += std::pow(U(i, j) * weights[static_cast<std::size_t>(i)], 2);
+      square += std::pow(U(i, j) * weights[as_size(i)], 2);
     rounding_weights_.push_back(std::sqrt(square));
   }
 }
@@ -95,7 +97,7 @@ bool Certificate::fits(int order, int ports, int modes, int rigid, bool damped) 
     return a.rows == rows && a.columns == columns;
   };
   const auto holds = [](const std::vector<double>& v, int count) {
-    return v.size() == static_cast<std::size_t>(count);
+    return v.size() == as_size(count);
   };
   const int span = ports_.rows;
   return holds(scale_, ports) && holds(rounding_weights_, order) &&
@@ -136,12 +138,12 @@ std::vector<double> Certificate::outside(const DenseResponse& response) const {
   const Dense held = multiply_transposed(K_, x);
   std::vector<double> norms;
   for (int j = 0; j < x.columns; ++j) {
-    const auto at = static_cast<std::size_t>(j);
+    const auto at = as_size(j);
     double square = 0, lost = dropped_ports_[at];
     for (int i = 0; i < ports_.rows; ++i)
       square += std::pow(ports_(i, j) - factor * held(i, j), 2);
     for (int l = 0; l < x.rows; ++l)
-      lost += factor * std::abs(x(l, j)) * dropped_K_[static_cast<std::size_t>(l)];
+      lost += factor * std::abs(x(l, j)) * dropped_K_[as_size(l)];
     const double norm = std::sqrt(square) + lost;
     norms.push_back(norm > 0 ? enlarged_ * norm / scale_[at] : 0.0);
   }

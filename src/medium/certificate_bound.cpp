@@ -1,6 +1,7 @@
 /// The bound itself, over an interval of ω (docs/proof.md, sections 3 and 4). Declared in
 /// certificate.hpp.
 
+#include "base/index.hpp"
 #include "medium/certificate.hpp"
 
 #include <algorithm>
@@ -119,9 +120,9 @@ std::array<Complex, 3> Certificate::residual_factors(const DenseResponse& respon
 /// ‖E^−½ ·‖ of what T does not hold of a port's residual, at most.
 /// @param factor  |a_k − κ a_m| at most.
 double Certificate::lost(const ResponseSeries& x, int port, double factor) const {
-  double sum = std::pow(dropped_ports_[static_cast<std::size_t>(port)], 2);
+  double sum = std::pow(dropped_ports_[as_size(port)], 2);
   for (int l = 0; l < x.envelope.rows; ++l) {
-    const auto at = static_cast<std::size_t>(l);
+    const auto at = as_size(l);
     sum += std::pow(x.envelope(l, port) * factor * dropped_K_[at], 2);
     if (!dropped_D_.empty())
       sum += std::pow(x.envelope(l, port) * x.interval.last * dropped_D_[at], 2);
@@ -148,12 +149,10 @@ MatrixSeries Certificate::held_residual(const DenseResponse& response,
       w.tail.data[l] += damped.tail.data[l];
   }
   for (int j = 0; j < p; ++j) {
-    const double* constant = ports_.column(ports[static_cast<std::size_t>(j)]);
+    const double* constant = ports_.column(ports[as_size(j)]);
     for (int l = 0; l < w.rows(); ++l) w.coefficients(l, j) += constant[l];
   }
-  const auto scale = [&](int j) {
-    return scale_[static_cast<std::size_t>(ports[static_cast<std::size_t>(j)])];
-  };
+  const auto scale = [&](int j) { return scale_[as_size(ports[as_size(j)])]; };
   for (int c = 0; c < w.coefficients.columns; ++c)
     for (int l = 0; l < w.rows(); ++l) w.coefficients(l, c) /= scale(c % p);
   for (int j = 0; j < p; ++j)
@@ -165,7 +164,7 @@ MatrixSeries Certificate::held_residual(const DenseResponse& response,
 MatrixSeries Certificate::residual(const DenseResponse& response,
                                    const ResponseSeries& x) const {
   const int p = x.x.columns;
-  std::vector<int> all(static_cast<std::size_t>(p));
+  std::vector<int> all(as_size(p));
   std::iota(all.begin(), all.end(), 0);
   const auto f = residual_factors(response, x.interval);
   const double largest = std::abs(f[0]) + std::abs(f[1]) + std::abs(f[2]);
@@ -175,7 +174,7 @@ MatrixSeries Certificate::residual(const DenseResponse& response,
   set_part(whole.coefficients, 0, 0, w.coefficients);
   set_part(whole.tail, 0, 0, w.tail);
   for (int j = 0; j < p; ++j)
-    whole.tail(w.rows(), j) = lost(x, j, largest) / scale_[static_cast<std::size_t>(j)];
+    whole.tail(w.rows(), j) = lost(x, j, largest) / scale_[as_size(j)];
   return whole;
 }
 
@@ -183,9 +182,9 @@ MatrixSeries Certificate::residual(const DenseResponse& response,
 /// interval.
 ProjectionRounding::Sizes Certificate::sizes_of(const ResponseSeries& x,
                                                 const std::vector<int>& ports) const {
-  ProjectionRounding::Sizes sizes(static_cast<std::size_t>(x.envelope.rows), 0.0);
+  ProjectionRounding::Sizes sizes(as_size(x.envelope.rows), 0.0);
   for (int j : ports) {
-    const double unit = 1 / scale_[static_cast<std::size_t>(j)];
+    const double unit = 1 / scale_[as_size(j)];
     for (std::size_t i = 0; i < sizes.size(); ++i) {
       const double here = unit * x.envelope(static_cast<int>(i), j);
       sizes[i] += here * here;
@@ -209,7 +208,7 @@ void Certificate::add_rounding(Bound& bound, const DenseResponse& response,
   bound.floor = rounding_.of_response(a_k, omega, out, in);
   bound.rigid_floor = rounding_.of_rigid_modes(omega, out, in);
   double data_in = 0, data_out = 0;
-  const auto rigid = static_cast<std::size_t>(rounding_.rigid);
+  const auto rigid = as_size(rounding_.rigid);
   for (std::size_t i = 0; i < in.size(); ++i) {
     (i < rigid ? bound.rigid_floor : bound.floor) +=
         off(i, block.outputs) * in[i] + off(i, block.inputs) * out[i];
@@ -223,7 +222,7 @@ void Certificate::add_rounding(Bound& bound, const DenseResponse& response,
     double sum = 0;
     for (int j : columns)
       for (int i = 0; i < values.rows; ++i)
-        sum += std::pow(values(i, j) / scale_[static_cast<std::size_t>(j)], 2);
+        sum += std::pow(values(i, j) / scale_[as_size(j)], 2);
     return std::sqrt(sum);
   };
   bound.rigid_rounding =
@@ -252,16 +251,15 @@ std::optional<ErrorForm> Certificate::form(const DenseResponse& response,
   const auto in_units = [&](const Dense& a, const std::vector<int>& chosen) {
     Dense some(a.rows, static_cast<int>(chosen.size()));
     for (int c = 0; c < some.columns; ++c) {
-      const int port = chosen[static_cast<std::size_t>(c)];
-      for (int i = 0; i < a.rows; ++i)
-        some(i, c) = a(i, port) / scale_[static_cast<std::size_t>(port)];
+      const int port = chosen[as_size(c)];
+      for (int i = 0; i < a.rows; ++i) some(i, c) = a(i, port) / scale_[as_size(port)];
     }
     return some;
   };
   const auto lost_of = [&](const std::vector<int>& chosen) {
     std::vector<double> lost;
     for (int port : chosen) {
-      const auto at = static_cast<std::size_t>(port);
+      const auto at = as_size(port);
       lost.push_back(dropped_ports_[at] / scale_[at]);
     }
     return lost;
@@ -317,10 +315,9 @@ std::vector<double> Certificate::moved(const MatrixSeries& w) {
   for (int j = 0; j < w.columns; ++j) {
     double sum = 0, tail = 0;
     for (int k = 1; k <= w.degree(); ++k) {
-      const std::size_t first =
-          static_cast<std::size_t>(j) * static_cast<std::size_t>(w.rows());
+      const std::size_t first = as_size(j) * as_size(w.rows());
       double square = 0;
-      for (std::size_t i = first; i < first + static_cast<std::size_t>(w.rows()); ++i)
+      for (std::size_t i = first; i < first + as_size(w.rows()); ++i)
         square += w.real(k)[i] * w.real(k)[i] + w.imaginary(k)[i] * w.imaginary(k)[i];
       sum += std::sqrt(square);
     }
@@ -340,7 +337,7 @@ Certificate::over(const DenseResponse& response, const ResponseSeries& x,
   const std::vector<double> moved = Certificate::moved(w);
   const auto moved_of = [&](const std::vector<int>& columns) {
     double square = 0;
-    for (int j : columns) square += std::pow(moved[static_cast<std::size_t>(j)], 2);
+    for (int j : columns) square += std::pow(moved[as_size(j)], 2);
     return std::sqrt(square);
   };
   std::vector<Bound> bounds;
@@ -376,7 +373,7 @@ Certificate::FieldBound Certificate::field_over(const DenseResponse& response,
   for (int j : ports) {
     double square = 0;
     for (int i = 0; i < at_centre.rows; ++i) square += std::norm(at_centre(i, j));
-    squares += std::pow(std::sqrt(square) + away[static_cast<std::size_t>(j)], 2);
+    squares += std::pow(std::sqrt(square) + away[as_size(j)], 2);
   }
   const double g = sigma_ / (sigma_ - last * last), curved = g * (1 - delta) - 1;
   const double s = curved > 0 ? std::min(S.norm, g / (2 * curved)) : S.norm;

@@ -1,6 +1,7 @@
 /// The bound for many ports, by Gram matrices of the residuals' terms (docs/proof.md,
 /// section 4, "Many ports"). Declared in certificate.hpp.
 
+#include "base/index.hpp"
 #include "medium/certificate.hpp"
 
 #include <algorithm>
@@ -30,8 +31,7 @@ Certificate::residual_grams(const DenseResponse& response,
   ResidualGrams result;
   const auto list_of = [&](const std::vector<int>& ports) {
     const auto known = std::find(result.ports.begin(), result.ports.end(), ports);
-    if (known != result.ports.end())
-      return static_cast<std::size_t>(known - result.ports.begin());
+    if (known != result.ports.end()) return as_size(known - result.ports.begin());
     result.ports.push_back(ports);
     return result.ports.size() - 1;
   };
@@ -69,11 +69,10 @@ Certificate::of_many(const DenseResponse& response, const ResponseSeries& factor
   const MatrixSeries terms = stacked(g, constant);
   std::vector<double> lost_in_units;
   for (int j = 0; j < B.columns; ++j)
-    lost_in_units.push_back(lost(x, j, largest) / scale_[static_cast<std::size_t>(j)]);
+    lost_in_units.push_back(lost(x, j, largest) / scale_[as_size(j)]);
   const auto lost_of = [&](const std::vector<int>& columns) {
     double square = 0;
-    for (int j : columns)
-      square += std::pow(lost_in_units[static_cast<std::size_t>(j)], 2);
+    for (int j : columns) square += std::pow(lost_in_units[as_size(j)], 2);
     return std::sqrt(square);
   };
   // Gram matrices know norms to the root of rounding; where the many are left as they are,
@@ -98,7 +97,7 @@ Certificate::of_many(const DenseResponse& response, const ResponseSeries& factor
         view.columns.push_back(
             static_cast<int>(std::lower_bound(grams.few.begin(), grams.few.end(), port) -
                              grams.few.begin()));
-      view.rows.resize(static_cast<std::size_t>(few.rows()));
+      view.rows.resize(as_size(few.rows()));
       std::iota(view.rows.begin(), view.rows.end(), 0);
       norms.push_back(view_norms(few, view));
     }

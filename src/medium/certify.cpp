@@ -1,6 +1,7 @@
 /// `certify` from end to end: the modes, the growth, and once more where loose modes hid one
 /// that may be rigid.
 
+#include "base/index.hpp"
 #include "base/text.hpp"
 #include "linalg/orthonormal.hpp"
 #include "medium/checkpoint.hpp"
@@ -43,8 +44,7 @@ bool has_unjudged_slow_modes(const CertifyRun& run, const CertifyState& state) {
   const ModalSpace& modal = state.modal;
   const auto enclosed = state.medium.levels.back().certificate->modes();
   int count = 0;
-  for (auto k = static_cast<std::size_t>(modal.rigid()); k < enclosed.largest_mu.size();
-       ++k)
+  for (auto k = as_size(modal.rigid()); k < enclosed.largest_mu.size(); ++k)
     count += 1 / enclosed.largest_mu[k] - run.tau <= modal.slow();
   std::vector<double> shared{static_cast<double>(count)};
   share_from_first(run.fom.comm, shared);

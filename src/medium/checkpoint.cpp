@@ -3,6 +3,7 @@
 
 #include "medium/checkpoint.hpp"
 
+#include "base/index.hpp"
 #include "base/process.hpp"
 #include "base/text.hpp"
 #include "io/archive.hpp"
@@ -164,8 +165,7 @@ void expect_same_projection(const ModalSpace& modal, const Stored& there, MPI_Co
   };
   const double rounding = 1e3 * space.rounding(), sigma = modal.cutoff * modal.cutoff;
   compare(space.K(), there.K, [&](int i, int j) {
-    return rounding * g[static_cast<std::size_t>(i)] * g[static_cast<std::size_t>(j)] +
-           1e-12 * sigma;
+    return rounding * g[as_size(i)] * g[as_size(j)] + 1e-12 * sigma;
   });
   const double size_D = frobenius_norm(there.D);
   compare(space.D(), there.D, [&](int, int) { return 1e-9 * size_D + 1e-300; });
@@ -192,8 +192,7 @@ ModalSpace modal_space(const CertifyRun& run, const Medium& medium, Stored& s) {
   modal.loads = port_loads(run.fom).all;
   scale_columns(modal.loads, modal.scale);
   const int rigid = medium.rigid, all = static_cast<int>(s.V.columns());
-  std::vector<int> first(static_cast<std::size_t>(rigid)),
-      rest(static_cast<std::size_t>(all - rigid));
+  std::vector<int> first(as_size(rigid)), rest(as_size(all - rigid));
   std::iota(first.begin(), first.end(), 0);
   std::iota(rest.begin(), rest.end(), rigid);
   const Block V = std::move(s.V).block();

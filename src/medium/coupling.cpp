@@ -1,5 +1,7 @@
 #include "medium/coupling.hpp"
 
+#include "base/index.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -68,7 +70,7 @@ void DampingCoupling::couple(const DenseResponse& response, const Residual& resi
   mu_.assign(response.mu().begin(), response.mu().begin() + count);
   dropped_G_ = dropped_F_ = 0;
   for (int j = 0; j < count; ++j) {
-    const auto at = static_cast<std::size_t>(j);
+    const auto at = as_size(j);
     const double factor = residual_factor(mu_[at], tau_, kappa) / energy(j);
     for (int i = 0; i < inside; ++i)
       F_(i, j) = damping(count + i, j) / std::sqrt(energy(count + i));
@@ -78,7 +80,7 @@ void DampingCoupling::couple(const DenseResponse& response, const Residual& resi
     }
     double lost = residual.dropped_D[at];
     for (int i = 0; i < N; ++i)
-      lost += (1 + kappa * sigma_) * residual.dropped_K[static_cast<std::size_t>(i)] *
+      lost += (1 + kappa * sigma_) * residual.dropped_K[as_size(i)] *
               std::abs(damping(i, j) / energy(i));
     dropped_G_ = std::hypot(dropped_G_, factor * residual.dropped_K[at]);
     dropped_F_ = std::hypot(dropped_F_, lost);
@@ -90,7 +92,7 @@ ComplexDense DampingCoupling::A(const ShiftCoefficients& c, double omega) const 
   for (std::size_t i = 0; i < A.data.size(); ++i)
     A.data[i] = Complex(0, omega) * D_.data[i];
   for (int j = 0; j < A.columns; ++j) {
-    const double mu = mu_[static_cast<std::size_t>(j)];
+    const double mu = mu_[as_size(j)];
     A(j, j) += c.k * (1 - tau_ * mu) + c.m * mu;
   }
   return A;
@@ -127,10 +129,9 @@ double DampingCoupling::over(const DenseSystem& system, Interval interval) const
   } catch (const ShiftError&) {
     return infinity;
   }
-  const auto columns = static_cast<std::size_t>(j.rows);
+  const auto columns = as_size(j.rows);
   ComplexDense product(count(), j.rows), inverse(count(), count());
-  const auto split =
-      static_cast<std::ptrdiff_t>(columns * static_cast<std::size_t>(count()));
+  const auto split = static_cast<std::ptrdiff_t>(columns * as_size(count()));
   std::copy(Y.data.begin(), Y.data.begin() + split, product.data.begin());
   std::copy(Y.data.begin() + split, Y.data.end(), inverse.data.begin());
   const double size = frobenius_norm(inverse), away = size * moved;
@@ -144,8 +145,8 @@ double DampingCoupling::over(const DenseSystem& system, Interval interval) const
 }
 
 bool DampingCoupling::fits() const {
-  return D_.rows == count() && mu_.size() == static_cast<std::size_t>(count()) &&
-         G_.columns == count() && F_.columns == count() && G_.rows == F_.rows;
+  return D_.rows == count() && mu_.size() == as_size(count()) && G_.columns == count() &&
+         F_.columns == count() && G_.rows == F_.rows;
 }
 
 } // namespace flexgram

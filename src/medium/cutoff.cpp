@@ -1,5 +1,6 @@
 #include "medium/cutoff.hpp"
 
+#include "base/index.hpp"
 #include "base/text.hpp"
 #include "linalg/orthonormal.hpp"
 #include "linalg/sparse.hpp"
@@ -39,9 +40,9 @@ Block response_to_ports(const CertifyRun& run, const PortLoads& ports,
                         const Block& balanced, int modes) {
   std::vector<int> alone, place(ports.same_as.size());
   for (int j = 0; j < ports.count(); ++j) {
-    const auto at = static_cast<std::size_t>(j);
+    const auto at = as_size(j);
     place[at] = ports.is_first(j) ? static_cast<int>(alone.size())
-                                  : place[static_cast<std::size_t>(ports.same_as[at])];
+                                  : place[as_size(ports.same_as[at])];
     if (ports.is_first(j)) alone.push_back(j);
   }
   Block response =

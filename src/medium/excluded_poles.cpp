@@ -1,6 +1,7 @@
 /// Bounds of frequency and residue where a resonance is excluded (Kato 1949, Davis and
 /// Kahan 1970; docs/proof.md, section 4). A member of MediumModel, called by basis/cut.
 
+#include "base/index.hpp"
 #include "medium/model.hpp"
 
 #include <algorithm>
@@ -55,7 +56,7 @@ MediumModel::poles_within(const DenseSystem& small,
   const auto size_of = [&](const std::vector<int>& ports) {
     double square = 0;
     for (int port : ports) {
-      const auto at = static_cast<std::size_t>(port);
+      const auto at = as_size(port);
       const double* x = level_.response->modal_inputs().column(port);
       for (int l = 0; l < level_.response->modal_inputs().rows; ++l)
         square += std::pow(x[l] / scale_[at], 2);
@@ -68,16 +69,15 @@ MediumModel::poles_within(const DenseSystem& small,
                      static_cast<int>(inputs_.size()));
   for (int j = 0; j < modal_inputs.columns; ++j)
     for (int l = 0; l < modal_inputs.rows; ++l) {
-      const int port = inputs_[static_cast<std::size_t>(j)];
-      modal_inputs(l, j) = level_.response->modal_inputs()(l, port) /
-                           scale_[static_cast<std::size_t>(port)];
+      const int port = inputs_[as_size(j)];
+      modal_inputs(l, j) =
+          level_.response->modal_inputs()(l, port) / scale_[as_size(port)];
     }
 
   for (const Interval& interval : intervals) {
     const Cluster here = modes_within(*level_.response, interval),
                   there = modes_within(reduced, interval);
-    const auto first = static_cast<std::size_t>(here.first),
-               end = first + static_cast<std::size_t>(here.count);
+    const auto first = as_size(here.first), end = first + as_size(here.count);
     if (here.count == 0 || end > body.mu.size()) continue;
     // The sine of the angle between the modes' span and the body's (Davis and Kahan).
     double square = 0;
@@ -117,8 +117,7 @@ MediumModel::poles_within(const DenseSystem& small,
       const double ritz = 1 / body.mu[k] - tau, least = 1 / body.largest_mu[k] - tau;
       Pole pole{std::sqrt(ritz), infinity, relative};
       if (there.count == here.count && least > 0) {
-        pole.omega = std::sqrt(
-            reduced.lambda()[k - first + static_cast<std::size_t>(there.first)]);
+        pole.omega = std::sqrt(reduced.lambda()[k - first + as_size(there.first)]);
         pole.frequency =
             std::max(std::abs(std::sqrt(ritz) - pole.omega),
                      std::abs(std::sqrt(least) - pole.omega)) /

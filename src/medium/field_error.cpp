@@ -1,5 +1,6 @@
 #include "medium/field_error.hpp"
 
+#include "base/index.hpp"
 #include "base/process.hpp"
 
 #include <algorithm>
@@ -23,19 +24,17 @@ MatrixSeries columns_of(const MatrixSeries& all, const std::vector<int>& chosen)
   MatrixSeries some{p, Dense(all.rows(), parts / all.columns * p), Dense(all.rows(), p)};
   for (int part = 0; part < parts / all.columns; ++part)
     for (int j = 0; j < p; ++j)
-      std::copy_n(all.coefficients.column(part * all.columns +
-                                          chosen[static_cast<std::size_t>(j)]),
+      std::copy_n(all.coefficients.column(part * all.columns + chosen[as_size(j)]),
                   all.rows(), some.coefficients.column(part * p + j));
   for (int j = 0; j < p; ++j)
-    std::copy_n(all.tail.column(chosen[static_cast<std::size_t>(j)]), all.rows(),
-                some.tail.column(j));
+    std::copy_n(all.tail.column(chosen[as_size(j)]), all.rows(), some.tail.column(j));
   return some;
 }
 
 /// All of it.
 PortView whole(const MatrixSeries& series) {
-  PortView view{"", std::vector<int>(static_cast<std::size_t>(series.rows())),
-                std::vector<int>(static_cast<std::size_t>(series.columns))};
+  PortView view{"", std::vector<int>(as_size(series.rows())),
+                std::vector<int>(as_size(series.columns))};
   std::iota(view.rows.begin(), view.rows.end(), 0);
   std::iota(view.columns.begin(), view.columns.end(), 0);
   return view;

@@ -1,6 +1,7 @@
 #include "medium/level_certifier.hpp"
 
 #include "base/event.hpp"
+#include "base/index.hpp"
 #include "base/text.hpp"
 
 #include <algorithm>
@@ -64,7 +65,7 @@ bool LevelCertifier::sharpen() {
   const auto timed = event.timed();
   const MediumSpace& space = *modal_.space;
   const ProjectionRounding sums = rounding_of_sums(space, *parts_.response, modal_.loads);
-  const auto all = static_cast<std::size_t>(2 * last().order() - modal_.rigid());
+  const auto all = as_size(2 * last().order() - modal_.rigid());
   std::size_t before = 0;
   for (const double share : {1.0, 3e-2, 1e-3}) {
     const SharpSums chosen = sums_to_sharpen(

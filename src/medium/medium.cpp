@@ -2,6 +2,7 @@
 
 #include "medium/medium.hpp"
 
+#include "base/index.hpp"
 #include "base/text.hpp"
 
 #include <algorithm>
@@ -29,11 +30,10 @@ std::vector<Resonance> Medium::resonances(const MediumLevel& level) const {
   const DenseResponse& response = *level.response;
   std::vector<Resonance> result;
   for (int j = rigid; j < rigid + modes; ++j) {
-    const double l = std::max(response.lambda()[static_cast<std::size_t>(j)], 0.0),
-                 omega = std::sqrt(l);
+    const double l = std::max(response.lambda()[as_size(j)], 0.0), omega = std::sqrt(l);
     double d = body.damping.alpha + body.damping.beta * l + body.damping.eta * omega;
     if (!response.is_diagonal())
-      d += response.modal_damping()(j, j) / response.mu()[static_cast<std::size_t>(j)];
+      d += response.modal_damping()(j, j) / response.mu()[as_size(j)];
     result.push_back({omega, 0.5 * d});
   }
   return result;

@@ -3,6 +3,7 @@
 
 #include "medium/medium_io.hpp"
 
+#include "base/index.hpp"
 #include "base/text.hpp"
 #include "io/archive.hpp"
 #include "io/body_io.hpp"
@@ -112,7 +113,7 @@ void expect_coordinates(const Hdf5File& file, const DenseSystem& system, double 
   double worst = 0;
   for (int j = 0; j < U.columns; ++j)
     for (int i = 0; i < U.columns; ++i) {
-      const double mass = i == j ? 1 / (lambda[static_cast<std::size_t>(i)] + tau) : 0.0;
+      const double mass = i == j ? 1 / (lambda[as_size(i)] + tau) : 0.0;
       worst = std::max({worst, std::abs(one(i, j) - (i == j ? 1 : 0)),
                         tau * std::abs(m(i, j) - mass)});
     }
@@ -131,11 +132,11 @@ void check(const Hdf5File& file, const Medium& m, const DenseSystem& all) {
   const auto square = [&](const Dense& a) { return a.rows == N && a.columns == N; };
   bool good = N > 0 && ports > 0 && square(all.K) && square(all.M) &&
               (all.D.data.empty() || square(all.D)) && all.B.rows == N &&
-              all.B.columns == ports &&
-              m.scale.size() == static_cast<std::size_t>(all.B.columns) && m.rigid >= 0 &&
-              m.modes >= 0 && m.rigid + m.modes <= N && !m.spec.bands.empty() &&
-              !m.levels.empty() && m.tau > 0 && m.reference > 0 &&
-              m.cutoff > m.reference && m.levels.back().order() == N && m.body.n >= N;
+              all.B.columns == ports && m.scale.size() == as_size(all.B.columns) &&
+              m.rigid >= 0 && m.modes >= 0 && m.rigid + m.modes <= N &&
+              !m.spec.bands.empty() && !m.levels.empty() && m.tau > 0 &&
+              m.reference > 0 && m.cutoff > m.reference && m.levels.back().order() == N &&
+              m.body.n >= N;
   for (const Interval& band : m.spec.bands)
     good = good && band.first >= 0 && band.first <= band.last;
   const Feedthrough& direct = m.body.feedthrough;
@@ -229,7 +230,7 @@ void read_levels(const Hdf5File& file, Medium& m) {
     a("worst", level.worst);
     a("proved", level.proved);
     if (U.rows != U.columns || U.rows < 1 || U.rows > all.K.rows || U.rows > all.B.rows ||
-        lambda.size() != static_cast<std::size_t>(U.rows) || inputs.rows != U.rows ||
+        lambda.size() != as_size(U.rows) || inputs.rows != U.rows ||
         inputs.columns != all.B.columns ||
         (!damping.data.empty() &&
          (damping.rows != U.rows || damping.columns != U.rows)) ||

@@ -1,5 +1,6 @@
 #include "medium/mode_search.hpp"
 
+#include "base/index.hpp"
 #include "base/text.hpp"
 #include "linalg/sparse_product.hpp"
 
@@ -16,7 +17,7 @@ constexpr int most_columns = wide_block, most_rounds = 60;
 /// they were last checked.
 std::vector<bool> known(const std::vector<double>& lambda, int count,
                         const std::vector<double>& good, double tau) {
-  const auto n = static_cast<std::size_t>(count);
+  const auto n = as_size(count);
   std::vector<bool> result(n, false), taken(good.size(), false);
   for (std::size_t j = 0; j < n; ++j)
     for (std::size_t g = 0; g < good.size(); ++g)
@@ -41,7 +42,7 @@ RitzPairs ritz_pairs(const MediumSpace& space) {
   RitzPairs pairs;
   pairs.vectors = Dense(N, count);
   for (int j = 0; j < count; ++j) {
-    const double mu = eigen.values[static_cast<std::size_t>(count - 1 - j)];
+    const double mu = eigen.values[as_size(count - 1 - j)];
     const double* u = eigen.vectors.column(count - 1 - j);
     pairs.lambda.push_back(mu > 0 ? 1 / mu - space.tau() : HUGE_VAL);
     double square = 0; // V is W-orthonormal
@@ -91,8 +92,8 @@ int find_modes(MediumSpace& space, RealFactors& factors, double sigma, int expec
     std::vector<int> block;
     good.clear();
     for (int j = 0; j < below; ++j)
-      if (is_good[static_cast<std::size_t>(j)])
-        good.push_back(pairs.lambda[static_cast<std::size_t>(j)]);
+      if (is_good[as_size(j)])
+        good.push_back(pairs.lambda[as_size(j)]);
       else
         block.push_back(j);
     if (block.empty() && missing == 0) return solves;
@@ -114,8 +115,7 @@ int find_modes(MediumSpace& space, RealFactors& factors, double sigma, int expec
       parts = Dense(newest, static_cast<int>(block.size()));
       for (int j = 0; j < parts.columns; ++j)
         for (int i = 0; i < newest; ++i)
-          parts(i, j) = pairs.vectors(space.columns() - newest + i,
-                                      block[static_cast<std::size_t>(j)]);
+          parts(i, j) = pairs.vectors(space.columns() - newest + i, block[as_size(j)]);
     } else {
       if (static_cast<int>(block.size()) > most_columns) block.resize(most_columns);
       const auto checked = static_cast<int>(block.size());
@@ -145,12 +145,10 @@ int find_modes(MediumSpace& space, RealFactors& factors, double sigma, int expec
     solves += static_cast<int>(loads.columns());
     double worst = 0;
     for (int j = 0; j < parts.columns; ++j) {
-      const double lambda =
-          pairs.lambda[static_cast<std::size_t>(block[static_cast<std::size_t>(j)])];
+      const double lambda = pairs.lambda[as_size(block[as_size(j)])];
       double angle = 0;
       for (int i = 0; i < parts.rows; ++i)
-        angle += std::abs(lambda - sigma) * std::abs(parts(i, j)) *
-                 outside[static_cast<std::size_t>(i)];
+        angle += std::abs(lambda - sigma) * std::abs(parts(i, j)) * outside[as_size(i)];
       worst = std::max(worst, angle);
       if (angle <= enough) good.push_back(lambda);
     }

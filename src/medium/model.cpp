@@ -1,5 +1,7 @@
 #include "medium/model.hpp"
 
+#include "base/index.hpp"
+
 #include <algorithm>
 
 namespace flexgram {
@@ -34,10 +36,8 @@ MediumModel::MediumModel(const Medium& medium, std::size_t level,
   choose_references(medium.spec.bands, resolved(relative_to, medium));
   for (const PortView& view : views) {
     Certificate::PortSet block;
-    for (int j : view.columns)
-      block.inputs.push_back(inputs_[static_cast<std::size_t>(j)]);
-    for (int i : view.rows)
-      block.outputs.push_back(outputs_[static_cast<std::size_t>(i)]);
+    for (int j : view.columns) block.inputs.push_back(inputs_[as_size(j)]);
+    for (int i : view.rows) block.outputs.push_back(outputs_[as_size(i)]);
     blocks_.push_back(std::move(block));
   }
   const DenseResponse& response = *level_.response;
@@ -73,7 +73,7 @@ void MediumModel::take_modal_system() {
   system.M = system.K = Dense(N, N);
   std::vector<double> unit; // of each coordinate
   for (int j = 0; j < N; ++j) {
-    const auto at = static_cast<std::size_t>(j);
+    const auto at = as_size(j);
     const double mu = response.mu()[at];
     const bool massless = !(mu * tau > 1e-14);
     unit.push_back(massless ? 1.0 : 1 / std::sqrt(mu));
@@ -83,7 +83,7 @@ void MediumModel::take_modal_system() {
   to_V_ = response.U();
   system.D = response.modal_damping();
   Dense B = response.modal_inputs();
-  const auto scale_of = [&](int j) { return unit[static_cast<std::size_t>(j)]; };
+  const auto scale_of = [&](int j) { return unit[as_size(j)]; };
   for (int j = 0; j < N; ++j) {
     for (int i = 0; i < N; ++i) to_V_(i, j) *= scale_of(j);
     for (int i = 0; i < system.D.rows; ++i) system.D(i, j) *= scale_of(i) * scale_of(j);
@@ -158,8 +158,7 @@ bool MediumModel::is_zero(const PortView& view, const std::vector<Interval>& ban
       const ComplexDense x = response.modal_response(omega);
       for (int j : view.columns)
         for (int i : view.rows) {
-          const int input = inputs_[static_cast<std::size_t>(j)],
-                    output = outputs_[static_cast<std::size_t>(i)];
+          const int input = inputs_[as_size(j)], output = outputs_[as_size(i)];
           const double own =
               std::sqrt(entry(x, input, input, 0) * entry(x, output, output, 0));
           if (std::isfinite(own) && entry(x, output, input, from) > 1e-9 * own)
@@ -205,8 +204,7 @@ void MediumModel::choose_references(const std::vector<Interval>& bands,
 ComplexDense MediumModel::input_response(double omega) const {
   ComplexDense x = columns_of(level_.response->modal_response(omega), inputs_);
   for (int j = 0; j < x.columns; ++j)
-    for (int i = 0; i < x.rows; ++i)
-      x(i, j) /= scale_[static_cast<std::size_t>(inputs_[static_cast<std::size_t>(j)])];
+    for (int i = 0; i < x.rows; ++i) x(i, j) /= scale_[as_size(inputs_[as_size(j)])];
   return x;
 }
 
@@ -243,8 +241,8 @@ ResponseSeries MediumModel::inputs_of(const ResponseSeries& all) const {
   ResponseSeries chosen{
       all.interval, {n_in, Dense(x.rows(), n_in * parts), none}, none, none, {}};
   for (int j = 0; j < n_in; ++j) {
-    const int port = inputs_[static_cast<std::size_t>(j)];
-    const double scale = 1 / scale_[static_cast<std::size_t>(port)];
+    const int port = inputs_[as_size(j)];
+    const double scale = 1 / scale_[as_size(port)];
     for (int i = 0; i < x.rows(); ++i) {
       for (int part = 0; part < parts; ++part)
         chosen.x.coefficients(i, n_in * part + j) =
@@ -379,15 +377,15 @@ MediumModel::field(Interval interval, int degree, const std::vector<int>& inputs
   if (!x) return std::nullopt;
   const std::vector<double> root = strain();
   std::vector<int> ports;
-  for (int j : inputs) ports.push_back(inputs_[static_cast<std::size_t>(j)]);
+  for (int j : inputs) ports.push_back(inputs_[as_size(j)]);
   const int p = static_cast<int>(ports.size()), all = x->x.columns,
             parts = x->x.coefficients.columns / all, N = x->x.rows();
   Field field{{p, Dense(N, p * parts), Dense(N, p)}, 0, 0, true};
   for (int j = 0; j < p; ++j) {
-    const int port = ports[static_cast<std::size_t>(j)];
-    const double scale = 1 / scale_[static_cast<std::size_t>(port)];
+    const int port = ports[as_size(j)];
+    const double scale = 1 / scale_[as_size(port)];
     for (int k = 0; k < N; ++k) {
-      const double factor = scale * root[static_cast<std::size_t>(k)];
+      const double factor = scale * root[as_size(k)];
       for (int part = 0; part < parts; ++part)
         field.x.coefficients(k, part * p + j) =
             factor * x->x.coefficients(k, part * all + port);

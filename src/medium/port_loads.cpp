@@ -1,5 +1,6 @@
 #include "medium/port_loads.hpp"
 
+#include "base/index.hpp"
 #include "linalg/sparse_product.hpp"
 #include "medium/space.hpp"
 
@@ -13,7 +14,7 @@ namespace {
 /// What an interface measures is what it drives, also where loads or stresses stand beside it.
 std::vector<int> equal_ports(const SecondOrderModel& fom) {
   const int inputs = static_cast<int>(fom.B.columns());
-  std::vector<int> first(static_cast<std::size_t>(inputs));
+  std::vector<int> first(as_size(inputs));
   std::iota(first.begin(), first.end(), 0);
   if (fom.outputs_are_inputs) return first;
   const Block::Access B(fom.B), C(fom.C);
@@ -29,7 +30,7 @@ std::vector<int> equal_ports(const SecondOrderModel& fom) {
   MPI_Allreduce(MPI_IN_PLACE, differs.data(), static_cast<int>(differs.size()),
                 MPI_DOUBLE, MPI_MAX, fom.comm);
   for (std::size_t j = 0; j < differs.size(); ++j) {
-    const std::size_t at = static_cast<std::size_t>(inputs) + j;
+    const std::size_t at = as_size(inputs) + j;
     if (differs[j] > 0) first[at] = static_cast<int>(at);
   }
   return first;

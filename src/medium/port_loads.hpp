@@ -2,6 +2,7 @@
 
 #pragma once
 
+#include "base/index.hpp"
 #include "model/second_order_model.hpp"
 
 #include <vector>
@@ -15,7 +16,7 @@ struct PortLoads {
   std::vector<int> same_as; ///< of each port the first one that is equal
 
   int count() const { return static_cast<int>(same_as.size()); }
-  bool is_first(int j) const { return same_as[static_cast<std::size_t>(j)] == j; }
+  bool is_first(int j) const { return same_as[as_size(j)] == j; }
 };
 
 /// @note Collective.

@@ -1,5 +1,7 @@
 #include "medium/projection_rounding.hpp"
 
+#include "base/index.hpp"
+
 #include <algorithm>
 #include <limits>
 
@@ -31,8 +33,7 @@ std::vector<double> turned_weights(const Dense& U, const std::vector<double>& w)
   std::vector<double> result;
   for (int j = 0; j < U.columns; ++j) {
     double sum = 0;
-    for (int k = 0; k < U.rows; ++k)
-      sum += std::abs(U(k, j)) * w[static_cast<std::size_t>(k)];
+    for (int k = 0; k < U.rows; ++k) sum += std::abs(U(k, j)) * w[as_size(k)];
     result.push_back(sum);
   }
   return result;
@@ -59,7 +60,7 @@ std::vector<double> EntryRounding::times(const std::vector<double>& x) const {
 double ProjectionRounding::of_response(double a_k, double omega, const Sizes& outputs,
                                        const Sizes& inputs) const {
   const double square = omega * omega;
-  const auto apart = static_cast<std::size_t>(rigid);
+  const auto apart = as_size(rigid);
   double sum = a_k * K.form(outputs, inputs, apart) +
                square * M.form(outputs, inputs, apart) +
                omega * D.form(outputs, inputs, 0);
@@ -93,7 +94,7 @@ double ProjectionRounding::of_response(double a_k, double omega, const Sizes& ou
 double ProjectionRounding::of_rigid_modes(double omega, const Sizes& outputs,
                                           const Sizes& inputs) const {
   double out = 0, in = 0;
-  for (std::size_t i = 0; i < static_cast<std::size_t>(rigid); ++i) {
+  for (std::size_t i = 0; i < as_size(rigid); ++i) {
     out += outputs[i] * outputs[i];
     in += inputs[i] * inputs[i];
   }
@@ -117,7 +118,7 @@ std::array<std::vector<double>, 2> ProjectionRounding::row_sums() const {
   const Sizes ones(lambda.size(), 1.0);
   std::array<std::vector<double>, 2> sums{K.times(ones), M.times(ones)};
   for (std::size_t i = 0; i < lambda.size(); ++i) {
-    const bool is_rigid = i < static_cast<std::size_t>(rigid);
+    const bool is_rigid = i < as_size(rigid);
     const double beside = is_rigid ? 0.0 : mixed * static_cast<double>(lambda.size());
     sums[0][i] = is_rigid ? 0.0 : sums[0][i] + lambda[i] + beside;
     sums[1][i] += beside / tau + (is_rigid ? rigid_mass * rigid : 0.0);
@@ -127,7 +128,7 @@ std::array<std::vector<double>, 2> ProjectionRounding::row_sums() const {
 
 bool ProjectionRounding::fits(int order, int ports_count) const {
   const auto holds = [](const std::vector<double>& v, int count) {
-    return v.size() == static_cast<std::size_t>(count);
+    return v.size() == as_size(count);
   };
   for (const EntryRounding* of : {&K, &M, &D})
     if (!holds(of->plain, order) || !holds(of->force, order) || !holds(of->sharp, order))
@@ -140,8 +141,7 @@ double ProjectionRounding::of_ports(std::size_t i, const std::vector<int>& some,
                                     const std::vector<double>& scale) const {
   double square = 0;
   for (int j : some) {
-    const double here =
-        ports(static_cast<int>(i), j) / scale[static_cast<std::size_t>(j)];
+    const double here = ports(static_cast<int>(i), j) / scale[as_size(j)];
     square += here * here;
   }
   return std::sqrt(square);
@@ -183,11 +183,11 @@ ProjectionRounding rounding_with(const MediumSpace& space, const DenseResponse& 
   const std::vector<double> sizes = space.dual_weights_of_ports(loads);
   result.ports = Dense(N, static_cast<int>(sizes.size()));
   for (int j = 0; j < N; ++j) {
-    const auto at = static_cast<std::size_t>(j);
+    const auto at = as_size(j);
     const bool apart = j < rigid; // ports of rigid modes: with their mass
     for (int p = 0; !apart && p < result.ports.columns; ++p)
       result.ports(j, p) = unit * std::sqrt(k[at] * k[at] + space.tau() * m[at] * m[at]) *
-                           sizes[static_cast<std::size_t>(p)];
+                           sizes[as_size(p)];
     of_M.push_back(root * std::sqrt(m[at] * m[at] + 2 * kappa * k[at] * k[at]));
     of_K.push_back(apart ? 0.0 : root * k[at]);
     // Rigid modes are columns of V, others are combinations.
@@ -219,7 +219,7 @@ void add_null_vectors(ProjectionRounding& rounding, const MediumSpace& space,
   const Dense& ports = response.modal_inputs();
   for (int r = space.geometric(); r < rigid; ++r)
     for (int j = rigid; j < N; ++j) {
-      const auto at = static_cast<std::size_t>(j);
+      const auto at = as_size(j);
       const double lambda = response.lambda()[at], mu = response.mu()[at],
                    share = std::abs(forces(r, j)) /
                            (std::isfinite(lambda) ? lambda * mu : 1.0),
@@ -227,7 +227,7 @@ void add_null_vectors(ProjectionRounding& rounding, const MediumSpace& space,
       for (int p = 0; p < ports.columns; ++p)
         rounding.ports(r, p) += share * std::abs(ports(j, p));
       for (int mode : {r, j}) {
-        double& sharp = rounding.M.sharp[static_cast<std::size_t>(mode)];
+        double& sharp = rounding.M.sharp[as_size(mode)];
         sharp = std::max(sharp, in_M);
       }
     }

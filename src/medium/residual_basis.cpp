@@ -2,6 +2,7 @@
 /// (docs/proof.md, section 3, "W"). Declared in certificate.hpp, called by level_certifier.cpp.
 
 #include "base/event.hpp"
+#include "base/index.hpp"
 #include "medium/certificate.hpp"
 
 #include <algorithm>
@@ -36,7 +37,7 @@ Span span_of(MPI_Comm comm, Basis S) {
       span.dropped.push_back(std::sqrt(std::max(gram(j, j), 0.0)));
     if (pass == 0) size = span.dropped;
     const auto relative = [&](int j) {
-      const auto at = static_cast<std::size_t>(j);
+      const auto at = as_size(j);
       return size[at] > 0 ? span.dropped[at] / size[at] : 0.0;
     };
     double left = 0;
@@ -44,8 +45,7 @@ Span span_of(MPI_Comm comm, Basis S) {
     if (left < 1e-8) break;
     for (int j = 0; j < q; ++j)
       for (int i = 0; i < q; ++i) {
-        const double d =
-            size[static_cast<std::size_t>(i)] * size[static_cast<std::size_t>(j)];
+        const double d = size[as_size(i)] * size[as_size(j)];
         gram(i, j) = d > 0 ? gram(i, j) / d : 0.0;
       }
     SymmetricEigen eigen = symmetric_eigen(gram);
@@ -53,16 +53,15 @@ Span span_of(MPI_Comm comm, Basis S) {
     share_from_first(comm, eigen.vectors.data);
     const double least = 1e-15 * q * (pass == 0 ? eigen.values.back() : 1.0);
     int r = 0;
-    while (r < q && eigen.values[static_cast<std::size_t>(q - 1 - r)] > least) ++r;
+    while (r < q && eigen.values[as_size(q - 1 - r)] > least) ++r;
     if (r == 0) break;
     Dense combination(q, r);
     for (int j = 0; j < r; ++j)
       for (int i = 0; i < q; ++i) {
-        const double d = size[static_cast<std::size_t>(i)];
-        combination(i, j) =
-            d > 0 ? eigen.vectors(i, q - 1 - j) /
-                        (d * std::sqrt(eigen.values[static_cast<std::size_t>(q - 1 - j)]))
-                  : 0.0;
+        const double d = size[as_size(i)];
+        combination(i, j) = d > 0 ? eigen.vectors(i, q - 1 - j) /
+                                        (d * std::sqrt(eigen.values[as_size(q - 1 - j)]))
+                                  : 0.0;
       }
     Block found = combine(S, combination);
     for (int twice = 0; twice < 2; ++twice) { // orthonormal to working accuracy
@@ -96,8 +95,7 @@ std::vector<double> combined(const std::vector<double>& norms, const Dense& a) {
   std::vector<double> result;
   for (int j = 0; j < a.columns; ++j) {
     double sum = 0;
-    for (int i = 0; i < a.rows; ++i)
-      sum += std::pow(norms[static_cast<std::size_t>(i)] * a(i, j), 2);
+    for (int i = 0; i < a.rows; ++i) sum += std::pow(norms[as_size(i)] * a(i, j), 2);
     result.push_back(std::sqrt(sum));
   }
   return result;
@@ -155,8 +153,8 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
   const int p = response.system().B.columns, N = response.system().order();
   const SecondOrderModel& fom = space.fom();
   ResidualBasis basis;
-  basis.dropped_ports.assign(static_cast<std::size_t>(p), 0.0);
-  basis.dropped_K.assign(static_cast<std::size_t>(N), 0.0);
+  basis.dropped_ports.assign(as_size(p), 0.0);
+  basis.dropped_K.assign(as_size(N), 0.0);
   if (damped) basis.dropped_D = basis.dropped_K;
   if (space.residual().S) {
     // All that S spans stays: what is small in these residuals may not be in later ones.
@@ -225,7 +223,7 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
   // part.
   Dense of_modes = first_columns(basis.K, modes);
   for (int j = 0; j < modes; ++j) {
-    const double lambda = response.lambda()[static_cast<std::size_t>(j)];
+    const double lambda = response.lambda()[as_size(j)];
     for (int i = 0; i < r; ++i)
       of_modes(i, j) *=
           largest * (cutoff * cutoff + space.tau()) / (cutoff * cutoff - lambda);
@@ -294,7 +292,7 @@ Dense dominant(const Dense& squares, double target) {
   const int k = squares.rows;
   int dropped = 0;
   for (double left = 0; dropped < k - 1; ++dropped) {
-    left = std::hypot(left, eigen.values[static_cast<std::size_t>(dropped)]);
+    left = std::hypot(left, eigen.values[as_size(dropped)]);
     if (left > target) break;
   }
   return part_of(eigen.vectors, 0, k, dropped, k - dropped);
@@ -318,7 +316,7 @@ Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
     add_to(squares, WWt);
   };
   std::vector<SquaresOfBlock> of_blocks(blocks.size());
-  const auto scale_of = [&](int port) { return scale[static_cast<std::size_t>(port)]; };
+  const auto scale_of = [&](int port) { return scale[as_size(port)]; };
   for (double omega : samples) {
     const ComplexDense x = response.modal_response(omega);
     const auto without = [&](int modes_left_out) {
@@ -361,10 +359,10 @@ Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
   const double sigma = cutoff * cutoff;
   Dense of_modes = first_columns(basis.K, modes); // (ω_c² + τ) G of the certificate
   for (int j = 0; j < modes; ++j) {
-    const double factor = (sigma + response.tau()) *
-                          residual_factor(response.mu()[static_cast<std::size_t>(j)],
-                                          response.tau(), kappa) /
-                          response.energy(j, sigma);
+    const double factor =
+        (sigma + response.tau()) *
+        residual_factor(response.mu()[as_size(j)], response.tau(), kappa) /
+        response.energy(j, sigma);
     for (int i = 0; i < k; ++i) of_modes(i, j) *= factor;
   }
   Dense squares_of_modes;

@@ -1,5 +1,7 @@
 #include "medium/response_series.hpp"
 
+#include "base/index.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -20,7 +22,7 @@ struct Diagonal {
 };
 Diagonal diagonal(const DenseResponse& response, Interval interval, int mode) {
   const Damping& damping = response.system().damping;
-  const auto at = static_cast<std::size_t>(mode);
+  const auto at = as_size(mode);
   const double mu = response.mu()[at], lambda = response.lambda()[at],
                k = std::isfinite(lambda) ? mu * lambda : 1.0, c = interval.centre(),
                h = interval.half();
@@ -90,9 +92,9 @@ std::optional<ResponseSeries> of_modes(const DenseResponse& response, const Dens
     }
   for (int j = 0; j < p; ++j)
     for (int i = 0; i < N; ++i) {
-      series.x.tail(i, j) = tail[static_cast<std::size_t>(i)] * std::abs(B(i, j));
-      series.rounding(i, j) = lost[static_cast<std::size_t>(i)] * std::abs(B(i, j));
-      series.envelope(i, j) = largest[static_cast<std::size_t>(i)] * std::abs(B(i, j));
+      series.x.tail(i, j) = tail[as_size(i)] * std::abs(B(i, j));
+      series.rounding(i, j) = lost[as_size(i)] * std::abs(B(i, j));
+      series.envelope(i, j) = largest[as_size(i)] * std::abs(B(i, j));
     }
   series.largest = std::move(largest);
   return series;
@@ -100,14 +102,14 @@ std::optional<ResponseSeries> of_modes(const DenseResponse& response, const Dens
 
 /// An upper bound of the spectral norm: √(‖A‖₁‖A‖∞).
 double norm_bound(const ComplexDense& a) {
-  std::vector<double> rows(static_cast<std::size_t>(a.rows), 0.0);
+  std::vector<double> rows(as_size(a.rows), 0.0);
   double one = 0;
   for (int j = 0; j < a.columns; ++j) {
     double column = 0;
     for (int i = 0; i < a.rows; ++i) {
       const double size = std::abs(a(i, j));
       column += size;
-      rows[static_cast<std::size_t>(i)] += size;
+      rows[as_size(i)] += size;
     }
     one = std::max(one, column);
   }
@@ -154,8 +156,7 @@ std::optional<ResponseSeries> of_solves(const DenseResponse& response, const Den
   std::copy_n(solved.data.begin() + static_cast<std::ptrdiff_t>(inverse.data.size()),
               slope.data.size(), slope.data.begin());
   for (int j = 0; j < bend.columns; ++j)
-    for (int i = 0; i < N; ++i)
-      bend(i, j) = inverse(i, j) * curvature[static_cast<std::size_t>(j)];
+    for (int i = 0; i < N; ++i) bend(i, j) = inverse(i, j) * curvature[as_size(j)];
   const double away = norm_bound(slope) + norm_bound(bend);
   if (!(away <= slowest)) return std::nullopt;
 
@@ -163,7 +164,7 @@ std::optional<ResponseSeries> of_solves(const DenseResponse& response, const Den
   ComplexDense last(N, p), before; // X_k, X_(k−1)
   for (std::size_t i = 0; i < B.data.size(); ++i) last.data[i] = B.data[i];
   last = multiply(inverse, last);
-  std::vector<double> left(static_cast<std::size_t>(p), 0.0);
+  std::vector<double> left(as_size(p), 0.0);
   for (int k = 0; k <= degree; ++k) {
     set_coefficient(series.x, k, last);
     for (std::size_t i = 0; i < last.data.size(); ++i)
@@ -181,8 +182,7 @@ std::optional<ResponseSeries> of_solves(const DenseResponse& response, const Den
   if (h > 0) { // `last` is X_(degree + 1): what the series leaves, by Neumann's series
     const ComplexDense beyond = multiply(bend, before);
     for (int j = 0; j < p; ++j)
-      left[static_cast<std::size_t>(j)] +=
-          (column_norm(last, j) + column_norm(beyond, j)) / (1 - away);
+      left[as_size(j)] += (column_norm(last, j) + column_norm(beyond, j)) / (1 - away);
   }
   // Rounding, entry by entry: |A⁻¹| times that of the equations' terms.
   Dense terms = multiply(sizes, series.envelope), inverse_sizes(N, N);
@@ -194,7 +194,7 @@ std::optional<ResponseSeries> of_solves(const DenseResponse& response, const Den
   for (int j = 0; j < p; ++j)
     for (int i = 0; i < N; ++i) {
       series.rounding(i, j) = 4 * epsilon * N * rounding(i, j);
-      series.x.tail(i, j) = left[static_cast<std::size_t>(j)] + series.rounding(i, j);
+      series.x.tail(i, j) = left[as_size(j)] + series.rounding(i, j);
       series.envelope(i, j) += series.x.tail(i, j);
     }
   return series;
@@ -234,16 +234,14 @@ MatrixSeries multiply_transposed(const Dense& A, const MatrixSeries& F) {
 
 MatrixSeries times_quadratic(const std::array<Complex, 3>& f, const MatrixSeries& F) {
   MatrixSeries product{F.columns, Dense(F.rows(), F.coefficients.columns), F.tail};
-  const std::size_t count =
-      static_cast<std::size_t>(F.rows()) * static_cast<std::size_t>(F.columns);
+  const std::size_t count = as_size(F.rows()) * as_size(F.columns);
   const double size = std::abs(f[0]) + std::abs(f[1]) + std::abs(f[2]);
   for (double& t : product.tail.data) t *= size;
   const int degree = F.degree();
   for (int k = 0; k <= degree + 2; ++k)
     for (int l = std::max(0, k - degree); l <= std::min(k, 2); ++l) {
       const double *re = F.real(k - l), *im = F.imaginary(k - l);
-      const double a = f[static_cast<std::size_t>(l)].real(),
-                   b = f[static_cast<std::size_t>(l)].imag();
+      const double a = f[as_size(l)].real(), b = f[as_size(l)].imag();
       if (a == 0 && b == 0) continue;
       if (k > degree) {
         for (std::size_t i = 0; i < count; ++i)

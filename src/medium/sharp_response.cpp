@@ -1,5 +1,6 @@
 #include "medium/sharp_response.hpp"
 
+#include "base/index.hpp"
 #include "linalg/accurate_inner.hpp"
 #include "linalg/last_turn.hpp"
 #include "linalg/sparse_product.hpp"
@@ -18,17 +19,16 @@ constexpr double epsilon = std::numeric_limits<double>::epsilon();
 std::vector<double> rounding_to_doubles(const Dense& a) {
   const auto root = [&](int j) { return std::sqrt(std::max(a(j, j), 0.0)); };
   bool semidefinite = true;
-  std::vector<double> largest(static_cast<std::size_t>(a.rows), 0.0), result;
+  std::vector<double> largest(as_size(a.rows), 0.0), result;
   for (int j = 0; j < a.columns; ++j)
     for (int i = 0; i < a.rows; ++i) {
-      double& here = largest[static_cast<std::size_t>(i)];
+      double& here = largest[as_size(i)];
       here = std::max(here, std::abs(a(i, j)));
       semidefinite = semidefinite && std::abs(a(i, j)) <= 1.01 * root(i) * root(j);
     }
   for (int j = 0; j < a.columns; ++j)
     result.push_back(
-        std::sqrt(0.52 * epsilon *
-                  (semidefinite ? a(j, j) : largest[static_cast<std::size_t>(j)])));
+        std::sqrt(0.52 * epsilon * (semidefinite ? a(j, j) : largest[as_size(j)])));
   return result;
 }
 
@@ -98,7 +98,7 @@ AccurateDense Sharpener::project(Which which, Mat a, const Dense& plain, const B
   const std::vector<double> force = space_.dual_weights(which, AY.product),
                             size = space_.weights(which, Y);
   for (int j = 0; j < J; ++j) {
-    const int column = modes[static_cast<std::size_t>(j)];
+    const int column = modes[as_size(j)];
     for (int i = 0; i < N_; ++i) {
       all.hi(i, column) = all.hi(column, i) = with_all.hi(i, j);
       all.lo(i, column) = all.lo(column, i) = with_all.lo(i, j);
@@ -106,14 +106,12 @@ AccurateDense Sharpener::project(Which which, Mat a, const Dense& plain, const B
   }
   for (int j = 0; j < J; ++j)
     for (int i = 0; i < J; ++i) {
-      const int row = modes[static_cast<std::size_t>(i)],
-                column = modes[static_cast<std::size_t>(j)];
+      const int row = modes[as_size(i)], column = modes[as_size(j)];
       all.hi(row, column) = among.hi(i, j);
       all.lo(row, column) = among.lo(i, j);
     }
   for (int j = 0; j < J; ++j) {
-    const auto at = static_cast<std::size_t>(j),
-               mode = static_cast<std::size_t>(modes[at]);
+    const auto at = as_size(j), mode = as_size(modes[at]);
     of.plain[mode] = 0;
     of.force[mode] = std::sqrt(unit) * force[at];
     of.sharp[mode] += twice * size[at];
@@ -192,8 +190,8 @@ void Sharpener::make_response(const Dense& Z, const AccurateDense& ports) {
   const auto diagonal = [](const AccurateDense& a, int j) {
     return static_cast<long double>(a.hi(j, j)) + static_cast<long double>(a.lo(j, j));
   };
-  std::vector<double> lambda(static_cast<std::size_t>(rigid_), 0.0);
-  std::vector<long double> scale(static_cast<std::size_t>(rigid_), 1.0L);
+  std::vector<double> lambda(as_size(rigid_), 0.0);
+  std::vector<long double> scale(as_size(rigid_), 1.0L);
   for (int j = rigid_; j < N_; ++j) {
     const long double k = diagonal(K_, j), m = diagonal(M_, j);
     const bool massless = !(tau * m > 1e-14L * k);
@@ -210,7 +208,7 @@ void Sharpener::make_response(const Dense& Z, const AccurateDense& ports) {
     for (int j = 0; j < N_; ++j)
       B(j, p) = static_cast<double>((static_cast<long double>(in_modes.hi(j, p)) +
                                      static_cast<long double>(in_modes.lo(j, p))) *
-                                    scale[static_cast<std::size_t>(j)]);
+                                    scale[as_size(j)]);
   if (fom.D) { // (I + Z)ᵀD(I + Z), rounded to doubles
     add_to(D_.hi, multiply(D_.hi, Z));
     add_to(D_.hi, multiply_transposed(Z, D_.hi));
@@ -230,8 +228,7 @@ void Sharpener::finish_rounding(const LastTurn& last) {
   const Dense by_last = absolute(last.Z);
   rounding.strain = turned_weights(result_.turned, rounding.strain);
   for (int j = rigid_; j < N_; ++j) // modes have a strain energy of one at most
-    for (int i = rigid_; i < N_; ++i)
-      rounding.strain[static_cast<std::size_t>(j)] += by_last(i, j);
+    for (int i = rigid_; i < N_; ++i) rounding.strain[as_size(j)] += by_last(i, j);
   rounding.ports = multiply_transposed(absolute(result_.turned), rounding.ports);
   for (int p = 0; p < rounding.ports.columns; ++p)
     for (int j = rigid_; j < N_; ++j)
@@ -239,7 +236,7 @@ void Sharpener::finish_rounding(const LastTurn& last) {
   for (auto* of : {&rounding.K.plain, &rounding.K.force, &rounding.K.sharp})
     std::fill_n(of->begin(), rigid_, 0.0);
   for (int j = rigid_; j < N_; ++j) {
-    const auto at = static_cast<std::size_t>(j);
+    const auto at = as_size(j);
     const double l = response.lambda()[at];
     rounding.lambda[at] =
         0.51 * epsilon * (std::isfinite(l) ? std::abs(l) * response.mu()[at] : 2.0) +
@@ -249,7 +246,7 @@ void Sharpener::finish_rounding(const LastTurn& last) {
   for (int j = rigid_; j < N_; ++j) // `mixed` is of elastic modes
     for (int i = 0; i < rigid_; ++i)
       for (int mode : {i, j}) {
-        double& sharp = rounding.M.sharp[static_cast<std::size_t>(mode)];
+        double& sharp = rounding.M.sharp[as_size(mode)];
         sharp = std::max(sharp, std::sqrt(last.rest_M(i, j)));
       }
   rounding.take_mixed(last.rest_K, last.rest_M, 0);

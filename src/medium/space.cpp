@@ -1,5 +1,6 @@
 #include "medium/space.hpp"
 
+#include "base/index.hpp"
 #include "linalg/accurate_inner.hpp"
 #include "linalg/sparse.hpp"
 #include "linalg/sparse_product.hpp"
@@ -69,7 +70,7 @@ std::vector<double> MediumSpace::norms_by(const std::vector<double>& rows, const
                                           bool dual) {
   constexpr std::size_t lanes = 8;
   constexpr double tiny = 1e-300; // where a row is empty, so is the force
-  std::vector<double> squares(static_cast<std::size_t>(x.columns()), 0.0), factor(rows);
+  std::vector<double> squares(as_size(x.columns()), 0.0), factor(rows);
   if (dual)
     for (double& f : factor) f = 1 / std::max(f, tiny);
   {
@@ -83,7 +84,7 @@ std::vector<double> MediumSpace::norms_by(const std::vector<double>& rows, const
           sums[l] += column[i + l] * column[i + l] * factor[i + l];
       for (std::size_t i = whole; i < rows.size(); ++i)
         sums[0] += column[i] * column[i] * factor[i];
-      squares[static_cast<std::size_t>(j)] = std::accumulate(sums, sums + lanes, 0.0);
+      squares[as_size(j)] = std::accumulate(sums, sums + lanes, 0.0);
     }
   }
   MPI_Allreduce(MPI_IN_PLACE, squares.data(), static_cast<int>(squares.size()),
@@ -93,8 +94,7 @@ std::vector<double> MediumSpace::norms_by(const std::vector<double>& rows, const
 }
 
 std::vector<double> MediumSpace::weights(int matrix, const Block& x) const {
-  if (matrix == 2 && !fom_.D)
-    return std::vector<double>(static_cast<std::size_t>(x.columns()), 0.0);
+  if (matrix == 2 && !fom_.D) return std::vector<double>(as_size(x.columns()), 0.0);
   return norms_by(row_weights_[matrix], x, false);
 }
 
@@ -160,13 +160,12 @@ void MediumSpace::keep_rigid_forces(const Block& Phi) {
 }
 
 void MediumSpace::add_rounding_weights(const Block& X) {
-  std::vector<double> squares(static_cast<std::size_t>(X.columns()), 0.0);
+  std::vector<double> squares(as_size(X.columns()), 0.0);
   {
     const Block::Access x(X);
     for (PetscInt j = 0; j < X.columns(); ++j)
       for (std::size_t i = 0; i < K_diagonal_.size(); ++i)
-        squares[static_cast<std::size_t>(j)] +=
-            K_diagonal_[i] * x.column(j)[i] * x.column(j)[i];
+        squares[as_size(j)] += K_diagonal_[i] * x.column(j)[i] * x.column(j)[i];
   }
   MPI_Allreduce(MPI_IN_PLACE, squares.data(), static_cast<int>(squares.size()),
                 MPI_DOUBLE, MPI_SUM, X.comm());
@@ -187,8 +186,7 @@ void MediumSpace::extend_projection(const Block& X, const Block& KX, const Block
   for (int j = 0; j < k; ++j) {
     for (int i = 0; i < rigid_; ++i) columns(i, j) = 0;
     for (int i = 0; i < j; ++i) {
-      const double weight =
-          g_[static_cast<std::size_t>(old + i)] * g_[static_cast<std::size_t>(old + j)];
+      const double weight = g_[as_size(old + i)] * g_[as_size(old + j)];
       if (weight > 0)
         rounding_ = std::max(
             rounding_, std::abs(columns(old + i, j) - columns(old + j, i)) / weight);
@@ -261,7 +259,7 @@ std::vector<double> MediumSpace::append(Block X, double tolerance) {
     for (int j = 0; j < more; ++j) wide(first + j, a.columns + j) = 1;
     return wide;
   };
-  residual_.lost_K.resize(residual_.lost_K.size() + static_cast<std::size_t>(k), 0.0);
+  residual_.lost_K.resize(residual_.lost_K.size() + as_size(k), 0.0);
   if (fom_.D) residual_.lost_D.resize(residual_.lost_K.size(), 0.0);
   residual_.B = widened(residual_.B, 0, 0);
   residual_.K = widened(residual_.K, k, width);
@@ -284,9 +282,9 @@ void MediumSpace::track_residual(const Block& ports) {
     images = Basis();
   };
   KV_.for_each([&](Block& piece, int first) { // K moves rigid modes by rounding only
-    std::vector<double> keep(static_cast<std::size_t>(piece.columns()), 1.0);
+    std::vector<double> keep(as_size(piece.columns()), 1.0);
     for (int j = first; j < std::min(rigid_, first + static_cast<int>(keep.size())); ++j)
-      keep[static_cast<std::size_t>(j - first)] = 0;
+      keep[as_size(j - first)] = 0;
     if (first < rigid_) scale_columns(piece, keep);
   });
   take_over(KV_, K_);
@@ -301,8 +299,8 @@ void MediumSpace::track_residual(const Block& ports) {
   residual_.B = unit(0, p);
   residual_.K = unit(p, N);
   if (fom_.D) residual_.D = unit(p + N, N);
-  residual_.lost_B.assign(static_cast<std::size_t>(p), 0.0);
-  residual_.lost_K.assign(static_cast<std::size_t>(N), 0.0);
+  residual_.lost_B.assign(as_size(p), 0.0);
+  residual_.lost_K.assign(as_size(N), 0.0);
   if (fom_.D) residual_.lost_D = residual_.lost_K;
 }
 

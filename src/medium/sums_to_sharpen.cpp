@@ -1,5 +1,6 @@
 /// Which sums of a level are worth twice the digits (declared in sharp_response.hpp).
 
+#include "base/index.hpp"
 #include "medium/sharp_response.hpp"
 
 #include <algorithm>
@@ -20,22 +21,21 @@ Shares shares_of_rounding(const MediumModel& model, const DenseResponse& respons
                           const std::vector<double>& grid) {
   const int N = response.system().order();
   Shares shares;
-  shares.fill(std::vector<double>(static_cast<std::size_t>(N), 0.0));
+  shares.fill(std::vector<double>(as_size(N), 0.0));
   for (double omega : grid) {
     const MediumModel::Stretch value = model.at(omega, 0);
     const ComplexDense x = response.modal_response(omega);
     const double a_k = std::abs(response.system().coefficients(omega).k);
     const auto size = [&](int i, const std::vector<int>& ports) {
       double square = 0;
-      for (int j : ports)
-        square += std::norm(x(i, j)) / std::pow(scale[static_cast<std::size_t>(j)], 2);
+      for (int j : ports) square += std::norm(x(i, j)) / std::pow(scale[as_size(j)], 2);
       return std::sqrt(square);
     };
     for (std::size_t v = 0; v < model.blocks().size(); ++v) {
       const auto& [inputs, outputs] = model.blocks()[v];
       const double known = model.views[v].allowed * value.size[v].below[0];
       for (int i = 0; i < N; ++i) {
-        const auto at = static_cast<std::size_t>(i);
+        const auto at = as_size(i);
         const double in = size(i, inputs), out = size(i, outputs),
                      moved = std::max(in, out) / std::sqrt(known);
         const auto of_mode = rounding.shares(at, a_k, omega);
@@ -54,9 +54,9 @@ Shares shares_of_rounding(const MediumModel& model, const DenseResponse& respons
 /// Modes from `first` on but for those of small shares, whose sum is `left_out` at most.
 std::vector<int> all_but_small(const std::vector<double>& shares, int first,
                                double left_out) {
-  std::vector<int> order(shares.size() - static_cast<std::size_t>(first));
+  std::vector<int> order(shares.size() - as_size(first));
   std::iota(order.begin(), order.end(), first);
-  const auto share_of = [&](int i) { return shares[static_cast<std::size_t>(i)]; };
+  const auto share_of = [&](int i) { return shares[as_size(i)]; };
   std::stable_sort(order.begin(), order.end(),
                    [&](int i, int j) { return share_of(i) < share_of(j); });
   double sum = 0;

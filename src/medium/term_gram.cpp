@@ -1,5 +1,7 @@
 #include "medium/term_gram.hpp"
 
+#include "base/index.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -42,13 +44,11 @@ TermNorms norms_of(const TermGram& gram, const MatrixSeries& f, const Dense& Q_f
   for (int k = 0; k <= degree; ++k) {
     double sum = 0;
     for (int i = 0; i < n; ++i)
-      sum += std::hypot(f.real(k)[i], f.imaginary(k)[i]) *
-             gram.size[static_cast<std::size_t>(i)];
+      sum += std::hypot(f.real(k)[i], f.imaginary(k)[i]) * gram.size[as_size(i)];
     sizes += sum;
     bend += k * (k - 1) * std::sqrt(std::max(G(k, k), 0.0) + gamma * sum * sum);
   }
-  for (int i = 0; i < n; ++i)
-    tail += f.tail(i, 0) * gram.size[static_cast<std::size_t>(i)];
+  for (int i = 0; i < n; ++i) tail += f.tail(i, 0) * gram.size[as_size(i)];
   const double lost = gamma * sizes * sizes;
 
   TermNorms result;
@@ -58,17 +58,16 @@ TermNorms norms_of(const TermGram& gram, const MatrixSeries& f, const Dense& Q_f
   const auto product = [&](const std::vector<double>& s, const std::vector<double>& t) {
     double sum = 0;
     for (int l = 0; l <= degree; ++l)
-      for (int k = 0; k <= degree; ++k)
-        sum += s[static_cast<std::size_t>(k)] * G(k, l) * t[static_cast<std::size_t>(l)];
+      for (int k = 0; k <= degree; ++k) sum += s[as_size(k)] * G(k, l) * t[as_size(l)];
     return sum;
   };
-  std::vector<double> last, next(static_cast<std::size_t>(degree) + 1);
+  std::vector<double> last, next(as_size(degree) + 1);
   double square_before = 0;
   for (int node = 0; node <= pieces; ++node) {
     const double t = -1 + node * width;
     next[0] = 1;
     for (std::size_t k = 1; k < next.size(); ++k) next[k] = next[k - 1] * t;
-    const auto at = static_cast<std::size_t>(node);
+    const auto at = as_size(node);
     const double square = std::max(product(next, next), 0.0);
     norms.at[at] = std::sqrt(square);
     if (node > 0) { // of the chord from `last` to `next`

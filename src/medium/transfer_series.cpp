@@ -1,5 +1,7 @@
 #include "medium/transfer_series.hpp"
 
+#include "base/index.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -33,7 +35,7 @@ public:
   }
   void solve(LongComplex* x) const {
     const int n = A_.rows;
-    for (int k = 0; k < n; ++k) std::swap(x[k], x[pivots_[static_cast<std::size_t>(k)]]);
+    for (int k = 0; k < n; ++k) std::swap(x[k], x[pivots_[as_size(k)]]);
     for (int k = 0; k < n; ++k)
       for (int i = k + 1; i < n; ++i) x[i] -= A_(i, k) * x[k];
     for (int k = n; k-- > 0;) {
@@ -80,7 +82,7 @@ std::vector<LongDense> response_in_long_double(const ModalNumbers& numbers,
     LongDense A(N, N);
     for (int j = 0; j < N; ++j)
       for (int i = 0; i < N; ++i) A(i, j) = LongComplex(0, centre * D(i, j));
-    for (int i = 0; i < N; ++i) A(i, i) += diagonals.a0[static_cast<std::size_t>(i)];
+    for (int i = 0; i < N; ++i) A(i, i) += diagonals.a0[as_size(i)];
     factors.emplace(std::move(A));
   }
   std::vector<LongDense> X;
@@ -89,10 +91,10 @@ std::vector<LongDense> response_in_long_double(const ModalNumbers& numbers,
     for (int j = 0; j < p; ++j) {
       LongComplex* x = next.column(j);
       for (int i = 0; i < N; ++i) {
-        const auto at = static_cast<std::size_t>(i);
+        const auto at = as_size(i);
         if (k == 0) x[i] = static_cast<Long>(numbers.B(i, j));
         if (k > 0) x[i] = -diagonals.a1[at] * X.back()(i, j);
-        if (k > 1) x[i] -= diagonals.a2[at] * X[static_cast<std::size_t>(k - 2)](i, j);
+        if (k > 1) x[i] -= diagonals.a2[at] * X[as_size(k - 2)](i, j);
         for (int l = 0; l < N && k > 0 && dampers; ++l)
           x[i] -= LongComplex(0, half * D(i, l)) * X.back()(l, j);
         if (!dampers) x[i] /= diagonals.a0[at];
@@ -175,8 +177,7 @@ MatrixSeries transfer_series(const Dense& C, const ResponseSeries& x, int first,
       for (int i = 0; i < H.rows(); ++i) {
         LongComplex sum = 0;
         for (int l = first; l < numbers->order(); ++l)
-          sum += static_cast<Long>(numbers->C(l, i)) *
-                 response[static_cast<std::size_t>(k)](l, j);
+          sum += static_cast<Long>(numbers->C(l, i)) * response[as_size(k)](l, j);
         const std::complex<double> value(static_cast<double>(sum.real()),
                                          static_cast<double>(sum.imag()));
         H.coefficients(i, 2 * H.columns * k + j) = value.real();

@@ -1,5 +1,7 @@
 #include "medium/view_norms.hpp"
 
+#include "base/index.hpp"
+
 #include <algorithm>
 #include <cmath>
 
@@ -15,8 +17,7 @@ ViewNorms view_norms(const MatrixSeries& series, const PortView& view) {
     double square = 0;
     for (int j : view.columns)
       for (int i : view.rows) {
-        const auto at = static_cast<std::size_t>(i) +
-                        static_cast<std::size_t>(j) * static_cast<std::size_t>(rows);
+        const auto at = as_size(i) + as_size(j) * as_size(rows);
         parts.push_back(re[at]);
         parts.push_back(im[at]);
         square += re[at] * re[at] + im[at] * im[at];
@@ -33,7 +34,7 @@ ViewNorms view_norms(const MatrixSeries& series, const PortView& view) {
     const double t = -1 + node * width;
     std::fill(next.begin(), next.end(), 0.0);
     for (int k = degree_here; k >= 0; --k) {
-      const double* part = parts.data() + static_cast<std::size_t>(k) * count;
+      const double* part = parts.data() + as_size(k) * count;
       for (std::size_t i = 0; i < count; ++i) next[i] = next[i] * t + part[i];
     }
     double square = 0, along = 0, across = 0; // of the chord from `last` to `next`
@@ -43,7 +44,7 @@ ViewNorms view_norms(const MatrixSeries& series, const PortView& view) {
       along -= last[i] * step;
       across += step * step;
     }
-    const auto at = static_cast<std::size_t>(node);
+    const auto at = as_size(node);
     norms.at[at] = std::sqrt(square);
     if (node > 0) {
       const double a = norms.at[at - 1], b = norms.at[at];

@@ -1,5 +1,6 @@
 #include "model/checks.hpp"
 
+#include "base/index.hpp"
 #include "base/text.hpp"
 #include "linalg/sparse.hpp"
 #include "model/rigid_body_modes.hpp"
@@ -114,20 +115,19 @@ void check_ports(const Block& ports, const std::vector<std::string>& names,
   const Dense gram = inner(ports, ports);
   for (int i = 0; i < gram.rows; ++i) {
     if (!(gram(i, i) > 0))
-      throw Error(text("port %s: its column of %s is zero",
-                       names[static_cast<std::size_t>(i)].c_str(), map));
+      throw Error(
+          text("port %s: its column of %s is zero", names[as_size(i)].c_str(), map));
     if (gram(i, i) > 1e120)
       throw Error(
           text("port %s: its column of %s is as large as %.0e, which doubles cannot "
                "square: are its units right?",
-               names[static_cast<std::size_t>(i)].c_str(), map, std::sqrt(gram(i, i))));
+               names[as_size(i)].c_str(), map, std::sqrt(gram(i, i))));
     for (int j = 0; j < i; ++j)
       if (gram(i, j) * gram(i, j) >= (1 - 1e-14) * gram(i, i) * gram(j, j))
         observer.warn(
             text("ports %s and %s load the body in the same way: one of the two "
                  "columns of %s is redundant",
-                 names[static_cast<std::size_t>(j)].c_str(),
-                 names[static_cast<std::size_t>(i)].c_str(), map));
+                 names[as_size(j)].c_str(), names[as_size(i)].c_str(), map));
   }
 }
 

@@ -1,5 +1,6 @@
 #include "model/dense_system.hpp"
 
+#include "base/index.hpp"
 #include "linalg/last_turn.hpp"
 
 #include <algorithm>
@@ -127,16 +128,15 @@ DenseResponse::DenseResponse(DenseSystem system, double tau)
   add_to(E, M, tau);
   U_ = Dense(N, N);
   for (int i = 0; i < free; ++i) U_(i, i) = 1 / std::sqrt(tau);
-  mu_.assign(static_cast<std::size_t>(free), 1 / tau);
-  lambda_.assign(static_cast<std::size_t>(free), 0.0);
+  mu_.assign(as_size(free), 1 / tau);
+  lambda_.assign(as_size(free), 0.0);
   if (holds_a_diagonal(M) && holds_a_diagonal(E)) {
     take_diagonals();
   } else if (count > 0) {
     const SymmetricEigen eigen = symmetric_eigen(M, E);
     for (int j = 0; j < count; ++j) { // ascending λ is descending μ
       std::copy_n(eigen.vectors.column(count - 1 - j), count, U_.column(free + j) + free);
-      const double mu =
-          std::max(eigen.values[static_cast<std::size_t>(count - 1 - j)], 0.0);
+      const double mu = std::max(eigen.values[as_size(count - 1 - j)], 0.0);
       mu_.push_back(mu);
       lambda_.push_back(mu > 0 ? 1 / mu - tau : std::numeric_limits<double>::infinity());
     }
@@ -168,7 +168,7 @@ void DenseResponse::take_diagonals() {
 /// λ from Rayleigh quotients, where it matters: resonances lie below ω² = 4τ.
 void DenseResponse::sharpen(int first) {
   for (int j = first; j < system_.order(); ++j) {
-    const auto at = static_cast<std::size_t>(j);
+    const auto at = as_size(j);
     if (!(lambda_[at] < 64 * tau_)) break;
     const long double lambda =
         quadratic_form(system_.K, U_.column(j)) / quadratic_form(system_.M, U_.column(j));
@@ -241,9 +241,9 @@ DenseSystem::Modal DenseSystem::project_to_modes(const Dense& Q, double tau) con
     const Dense Z = last_turn(left->first, left->second).Z;
     for (Dense* ports : {&modal.system.B, &modal.system.C})
       if (!ports->data.empty()) add_to(*ports, multiply_transposed(Z, *ports));
-    if (Dense& D = modal.system.D; !D.data.empty()) {
-      add_to(D, multiply(D, Z));
-      add_to(D, multiply_transposed(Z, D));
+    if (Dense& turned = modal.system.D; !turned.data.empty()) {
+      add_to(turned, multiply(turned, Z));
+      add_to(turned, multiply_transposed(Z, turned));
     }
   }
   modal.system.K = std::move(stiffness);
@@ -254,7 +254,7 @@ DenseSystem::Modal DenseSystem::project_to_modes(const Dense& Q, double tau) con
 std::complex<double> DenseResponse::diagonal(int i, double omega,
                                              double eta_added) const {
   const Damping& d = system_.damping;
-  const auto at = static_cast<std::size_t>(i);
+  const auto at = as_size(i);
   const bool massless = !std::isfinite(lambda_[at]);
   const double mu = mu_[at], k = massless ? 1.0 : mu * lambda_[at];
   // λ − ω² loses digits at a resonance.
@@ -275,7 +275,7 @@ std::vector<std::complex<double>> DenseResponse::diagonal(double omega,
 
 double DenseResponse::rounding_of_difference(int i, double omega) const {
   constexpr double fine = std::numeric_limits<long double>::epsilon();
-  const auto at = static_cast<std::size_t>(i);
+  const auto at = as_size(i);
   const double k = std::isfinite(lambda_[at]) ? std::abs(mu_[at] * lambda_[at]) : 1.0;
   return 2 * fine * (k + omega * omega * mu_[at]);
 }
@@ -300,12 +300,12 @@ Dense DenseResponse::companion() const {
   Dense damping = D_;
   if (damping.data.empty()) damping = Dense(N, N);
   for (int i = 0; i < N; ++i) {
-    const double m = mu_[static_cast<std::size_t>(i)];
+    const double m = mu_[as_size(i)];
     damping(i, i) += system_.damping.alpha * m + system_.damping.beta * (1 - tau_ * m);
   }
   Dense companion(2 * N, 2 * N);
   for (int i = 0; i < N; ++i) {
-    const double m = mu_[static_cast<std::size_t>(i)], k = std::max(1 - tau_ * m, 1e-12);
+    const double m = mu_[as_size(i)], k = std::max(1 - tau_ * m, 1e-12);
     for (int j = 0; j < N; ++j) companion(i, j) = -damping(i, j) / k;
     companion(i, N + i) = -m / k;
     companion(N + i, i) = 1;
@@ -321,16 +321,16 @@ ComplexDense DenseResponse::modal_response(double omega) const {
   for (std::size_t i = 0; i < x.data.size(); ++i) x.data[i] = B_.data[i];
   if (is_diagonal()) {
     for (int i = 0; i < N; ++i) {
-      if (a[static_cast<std::size_t>(i)] == 0.0)
+      if (a[as_size(i)] == 0.0)
         throw ShiftError("the body is undamped and the frequency is a resonance");
-      const auto inverse = 1.0 / a[static_cast<std::size_t>(i)];
+      const auto inverse = 1.0 / a[as_size(i)];
       for (int j = 0; j < x.columns; ++j) x(i, j) *= inverse;
     }
     return x;
   }
   ComplexDense A(N, N);
   for (std::size_t i = 0; i < A.data.size(); ++i) A.data[i] = c.d * D_.data[i];
-  for (int i = 0; i < N; ++i) A(i, i) += a[static_cast<std::size_t>(i)];
+  for (int i = 0; i < N; ++i) A(i, i) += a[as_size(i)];
   return solve(std::move(A), std::move(x));
 }
 

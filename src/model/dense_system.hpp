@@ -1,5 +1,6 @@
 #pragma once
 
+#include "base/index.hpp"
 #include "model/second_order_model.hpp"
 
 #include <cmath>
@@ -81,7 +82,7 @@ public:
   const std::vector<double>& mu() const { return mu_; } ///< UᵀMU
   /// uᵀ(K − σM)u of column j of U.
   double energy(int j, double sigma) const {
-    const auto at = static_cast<std::size_t>(j);
+    const auto at = as_size(j);
     return std::isfinite(lambda_[at]) ? mu_[at] * (lambda_[at] - sigma) : 1.0;
   }
 

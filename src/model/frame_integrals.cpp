@@ -1,5 +1,6 @@
 #include "model/frame_integrals.hpp"
 
+#include "base/index.hpp"
 #include "linalg/sparse.hpp"
 #include "linalg/sparse_product.hpp"
 #include "model/rigid_body_modes.hpp"
@@ -50,7 +51,7 @@ std::array<Matrix, 3> turns(const SecondOrderModel& model) {
   for (int axis = 0; axis < 3; ++axis) {
     const Matrix turn = nodal_turn(model.comm, dofs, 6 * nodes, axis);
     FG_CALL(MatPtAP(turn, scatter, MAT_INITIAL_MATRIX, PETSC_DEFAULT,
-                    result[static_cast<std::size_t>(axis)].out()));
+                    result[as_size(axis)].out()));
   }
   return result;
 }
@@ -61,7 +62,7 @@ std::array<double, 3> centre_of(const Dense& r) {
   std::array<double, 3> centre;
   for (int a = 0; a < 3; ++a) { // mass c_a = e_b · (e_c × mass c) = −e_c · (e_b × mass c)
     const int b = (a + 1) % 3, c = (a + 2) % 3;
-    centre[static_cast<std::size_t>(a)] = 0.5 * (r(b, 3 + c) - r(c, 3 + b)) / mass;
+    centre[as_size(a)] = 0.5 * (r(b, 3 + c) - r(c, 3 + b)) / mass;
   }
   return centre;
 }
@@ -79,7 +80,7 @@ Block spin_loads(const SecondOrderModel& model) {
   for (auto [b, c] : {std::pair{0, 0}, {1, 1}, {2, 2}, {0, 1}, {1, 2}, {2, 0}}) {
     // (ω × δu)ᵀ M (ω × x), and G is skew
     const auto part = [&](int x, int y) {
-      return multiply(turn[static_cast<std::size_t>(x)], select_columns(turning, {y}));
+      return multiply(turn[as_size(x)], select_columns(turning, {y}));
     };
     Block load = part(b, c);
     if (b != c) add_product(load, 1.0, part(c, b), identity(1));

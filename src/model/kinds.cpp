@@ -1,5 +1,6 @@
 #include "model/kinds.hpp"
 
+#include "base/index.hpp"
 #include "base/text.hpp"
 #include "model/port_views.hpp"
 #include "model/project.hpp"
@@ -31,7 +32,7 @@ void warn_of_kinds(const SecondOrderModel& names, const std::vector<ComplexDense
 }
 
 std::string describe_modes(const std::vector<double>& modes, int rigid) {
-  const auto count = static_cast<std::size_t>(rigid);
+  const auto count = as_size(rigid);
   if (modes.empty()) return "not known, the reduced M is singular";
   std::string words;
   if (count > 0 && count <= modes.size())

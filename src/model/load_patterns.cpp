@@ -1,5 +1,6 @@
 #include "model/load_patterns.hpp"
 
+#include "base/index.hpp"
 #include "base/process.hpp"
 #include "base/text.hpp"
 #include "model/port_views.hpp"
@@ -45,7 +46,7 @@ Dense random_columns(MPI_Comm comm, int rows, int columns) {
 class Compliance {
 public:
   Compliance(const SecondOrderModel& body, double tau, const SolverOptions& options)
-      : units(static_cast<std::size_t>(body.B.columns()), 1.0), body_(body),
+      : units(as_size(body.B.columns()), 1.0), body_(body),
         solver_(body.K, body.M, nullptr, body.node, options) {
     solver_.factorise({1.0, tau, 0.0}, Definiteness::positive);
   }
@@ -70,7 +71,7 @@ public:
   /// U A
   void in_units(Dense& a) const {
     for (int j = 0; j < a.columns; ++j)
-      for (int i = 0; i < a.rows; ++i) a(i, j) *= units[static_cast<std::size_t>(i)];
+      for (int i = 0; i < a.rows; ++i) a(i, j) *= units[as_size(i)];
   }
 
   std::vector<double> units;
@@ -131,7 +132,7 @@ LeadingPatterns leading_patterns(const SecondOrderModel& body, int count, double
   share_from_first(body.comm, eigen.values);
   share_from_first(body.comm, eigen.vectors.data);
   const auto value = [&](int i) { // from the largest
-    return eigen.values[static_cast<std::size_t>(k - 1 - i)];
+    return eigen.values[as_size(k - 1 - i)];
   };
 
   int kept = 0;

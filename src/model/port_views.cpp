@@ -1,5 +1,6 @@
 #include "model/port_views.hpp"
 
+#include "base/index.hpp"
 #include "base/text.hpp"
 
 #include <algorithm>
@@ -97,8 +98,7 @@ ComplexDense PortView::of(const ComplexDense& H) const {
   ComplexDense part(static_cast<int>(rows.size()), static_cast<int>(columns.size()));
   for (int j = 0; j < part.columns; ++j)
     for (int i = 0; i < part.rows; ++i)
-      part(i, j) =
-          H(rows[static_cast<std::size_t>(i)], columns[static_cast<std::size_t>(j)]);
+      part(i, j) = H(rows[as_size(i)], columns[as_size(j)]);
   return part;
 }
 

@@ -1,5 +1,6 @@
 #include "model/rigid_body_modes.hpp"
 
+#include "base/index.hpp"
 #include "base/text.hpp"
 #include "linalg/orthonormal.hpp"
 #include "linalg/sparse.hpp"
@@ -92,19 +93,19 @@ RigidSplit split_rigid(const SecondOrderModel& model, const Block& vectors,
   const std::vector<RowRounding> of_rows = rounding_of_rows(chosen, image);
   const Dense turned = stiffness(chosen, image.product);
   const auto k = diagonal(model.K);
-  std::vector<double> sizes(static_cast<std::size_t>(count), 0.0); // φᵀdiag(K)φ
+  std::vector<double> sizes(as_size(count), 0.0); // φᵀdiag(K)φ
   {
     const Block::Access x(chosen);
     for (int j = 0; j < count; ++j)
       for (std::size_t i = 0; i < k.size(); ++i)
-        sizes[static_cast<std::size_t>(j)] += k[i] * x.column(j)[i] * x.column(j)[i];
+        sizes[as_size(j)] += k[i] * x.column(j)[i] * x.column(j)[i];
   }
   MPI_Allreduce(MPI_IN_PLACE, sizes.data(), count, MPI_DOUBLE, MPI_SUM, model.comm);
   const double relative = 16 * std::max(epsilon, 0.25 * model.rounding),
                negative = std::max(0.0, -turned(0, 0));
   std::vector<int> order, rest;
   for (int j = 0; j < count; ++j) {
-    const auto at = static_cast<std::size_t>(j);
+    const auto at = as_size(j);
     const double lambda = turned(j, j);
     const double shown = of_rows[at].of_random_sign ? 24 * of_rows[at].relative : 0.0,
                  noise = std::max({std::max(relative, shown) * image.spread[at],
@@ -117,12 +118,11 @@ RigidSplit split_rigid(const SecondOrderModel& model, const Block& vectors,
   split.stiffness = Dense(split.count, split.count);
   for (int j = 0; j < split.count; ++j)
     for (int i = 0; i < split.count; ++i)
-      split.stiffness(i, j) =
-          turned(order[static_cast<std::size_t>(i)], order[static_cast<std::size_t>(j)]);
+      split.stiffness(i, j) = turned(order[as_size(i)], order[as_size(j)]);
   order.insert(order.end(), rest.begin(), rest.end());
   for (int j = 0; j < count; ++j)
     set_part(split.rotation, 0, j,
-             part_of(eigen.vectors, 0, count, order[static_cast<std::size_t>(j)], 1));
+             part_of(eigen.vectors, 0, count, order[as_size(j)], 1));
   return split;
 }
 
@@ -138,7 +138,7 @@ Block rigid_part(const SecondOrderModel& model, const Block& vectors, bool compu
 
 /// The mean position of the rows, and the mean distance from it.
 double mean_radius(const SecondOrderModel& model, std::array<double, 3>& centre) {
-  const auto rows = static_cast<std::size_t>(model.rows.size());
+  const auto rows = as_size(model.rows.size());
   std::array<double, 4> sums{}; // Σx, Σy, Σz, number of rows
   for (std::size_t i = 0; i < rows; ++i)
     for (std::size_t c = 0; c < 3; ++c) sums[c] += model.position[3 * i + c];
@@ -157,7 +157,7 @@ double mean_radius(const SecondOrderModel& model, std::array<double, 3>& centre)
 
 Block rigid_motions(const SecondOrderModel& model, const std::array<double, 3>& centre,
                     double radius) {
-  const auto rows = static_cast<std::size_t>(model.rows.size());
+  const auto rows = as_size(model.rows.size());
   Block motions(model.comm, model.rows, model.n, 6);
   Block::Access access(motions);
   for (std::size_t i = 0; i < rows; ++i) {
@@ -170,7 +170,7 @@ Block rigid_motions(const SecondOrderModel& model, const std::array<double, 3>& 
       if (axis == component) continue;
       const PetscInt other = 3 - axis - component;
       const double sign = (axis + 1) % 3 == component ? -1 : 1;
-      const auto o = static_cast<std::size_t>(other);
+      const auto o = as_size(other);
       access.column(3 + axis)[row] =
           sign * (model.position[3 * i + o] - centre[o]) / radius;
     }

@@ -1,5 +1,6 @@
 #include "model/second_order_model.hpp"
 
+#include "base/index.hpp"
 #include "base/text.hpp"
 #include "linalg/sparse.hpp"
 
@@ -165,14 +166,14 @@ std::vector<int> ports_named(const std::vector<std::string>& ports,
     if (std::find(found.begin(), found.begin() + static_cast<long>(i), found[i]) !=
         found.begin() + static_cast<long>(i))
       throw Error(text("option %s: port %s is named twice", option,
-                       ports[static_cast<std::size_t>(found[i])].c_str()));
+                       ports[as_size(found[i])].c_str()));
   return found;
 }
 
 std::vector<std::string> pick(const std::vector<std::string>& names,
                               const std::vector<int>& indices) {
   std::vector<std::string> picked;
-  for (int i : indices) picked.push_back(names[static_cast<std::size_t>(i)]);
+  for (int i : indices) picked.push_back(names[as_size(i)]);
   return picked;
 }
 

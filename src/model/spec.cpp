@@ -1,5 +1,7 @@
 #include "model/spec.hpp"
 
+#include "base/index.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -35,7 +37,7 @@ int order_by_rule(const std::vector<double>& sigma) {
   const double threshold = std::sqrt(std::numeric_limits<double>::epsilon());
   int order = 1;
   while (order < static_cast<int>(sigma.size()) &&
-         sigma[static_cast<std::size_t>(order)] >= threshold * sigma.front())
+         sigma[as_size(order)] >= threshold * sigma.front())
     ++order;
   return order;
 }

@@ -1,5 +1,6 @@
 #include "python/body.hpp"
 
+#include "base/index.hpp"
 #include "base/parallel.hpp"
 #include "base/text.hpp"
 #include "io/body_io.hpp"
@@ -68,8 +69,7 @@ void PythonBody::set_csr(const std::string& which, PetscInt first, PetscInt last
   agree(body.model.comm, [&] {
     for (std::size_t i = 0; i + 1 < local.start.size(); ++i)
       for (PetscInt k = local.start[i] + 1; k < local.start[i + 1]; ++k)
-        if (local.column[static_cast<std::size_t>(k)] <=
-            local.column[static_cast<std::size_t>(k) - 1])
+        if (local.column[as_size(k)] <= local.column[as_size(k) - 1])
           throw Error(text("%s: columns of a row must rise", which.c_str()));
   });
   set(which, make_sparse(body.model.comm, {first, last}, n, local));

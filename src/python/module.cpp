@@ -1,6 +1,7 @@
 /// Python module _flexgram: reduction in the caller's process and communicator. The
 /// package flexgram (python/flexgram) is its user; nothing here is documented for others.
 
+#include "base/index.hpp"
 #include "base/process.hpp"
 #include "base/text.hpp"
 #include "fem/shape_functions.hpp"
@@ -271,15 +272,13 @@ py::tuple shape_functions(const std::string& element, const py::array_t<double>&
   py::array_t<double> xi({count, py::ssize_t{3}}), weight(count), N({count, nodes}),
       dN({count, nodes, py::ssize_t{3}});
   for (py::ssize_t q = 0; q < count; ++q) {
-    const ShapePoint& p = points[static_cast<std::size_t>(q)];
+    const ShapePoint& p = points[as_size(q)];
     weight.mutable_at(q) = p.weight;
-    for (py::ssize_t a = 0; a < 3; ++a)
-      xi.mutable_at(q, a) = p.xi[static_cast<std::size_t>(a)];
+    for (py::ssize_t a = 0; a < 3; ++a) xi.mutable_at(q, a) = p.xi[as_size(a)];
     for (py::ssize_t i = 0; i < nodes; ++i) {
-      N.mutable_at(q, i) = p.N[static_cast<std::size_t>(i)];
+      N.mutable_at(q, i) = p.N[as_size(i)];
       for (py::ssize_t a = 0; a < 3; ++a)
-        dN.mutable_at(q, i, a) =
-            p.dN[static_cast<std::size_t>(i)][static_cast<std::size_t>(a)];
+        dN.mutable_at(q, i, a) = p.dN[as_size(i)][as_size(a)];
     }
   }
   return py::make_tuple(xi, weight, N, dN);

@@ -1,5 +1,6 @@
 #include "run/loads.hpp"
 
+#include "base/index.hpp"
 #include "base/text.hpp"
 #include "model/load_patterns.hpp"
 
@@ -62,9 +63,8 @@ LoadSpan read_loads(const std::string& path, const std::vector<std::string>& por
     }
     const auto port = row_of.find(cells[0]);
     if (port == row_of.end()) refuse("the body has no input '" + cells[0] + "'");
-    if (seen[static_cast<std::size_t>(port->second)])
-      refuse("'" + cells[0] + "' is there twice");
-    seen[static_cast<std::size_t>(port->second)] = true;
+    if (seen[as_size(port->second)]) refuse("'" + cells[0] + "' is there twice");
+    seen[as_size(port->second)] = true;
     if (cells.size() != loads.names.size() + 1)
       refuse(text("%zu numbers, expected %zu", cells.size() - 1, loads.names.size()));
     for (std::size_t j = 0; j < loads.names.size(); ++j) {
@@ -86,8 +86,8 @@ LoadSpan read_loads(const std::string& path, const std::vector<std::string>& por
     for (int i = 0; i < loads.patterns.rows; ++i)
       largest = std::max(largest, std::abs(column[i]));
     if (largest == 0)
-      throw Error("-mor_loads " + path + ": load '" +
-                  loads.names[static_cast<std::size_t>(j)] + "' is zero");
+      throw Error("-mor_loads " + path + ": load '" + loads.names[as_size(j)] +
+                  "' is zero");
     for (int i = 0; i < loads.patterns.rows; ++i)
       square += std::pow(column[i] / largest, 2);
     for (int i = 0; i < loads.patterns.rows; ++i)

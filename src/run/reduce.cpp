@@ -1,5 +1,6 @@
 #include "run/reduce.hpp"
 
+#include "base/index.hpp"
 #include "base/process.hpp"
 #include "base/text.hpp"
 #include "io/reduced_io.hpp"
@@ -42,12 +43,12 @@ void describe_samples(const FrequencySolves& solves, const Body& body, const Set
                      s.quadrature.c_str(), s.spacing.c_str(),
                      std::min(spec.checks, static_cast<int>(samples) - 1)));
   plan_solves(solves, samples, observer);
-  observer.fact("samples",
-                text("%zu columns, %.0f MB on a rank%s",
-                     samples * static_cast<std::size_t>(body.model.B.columns()) *
-                         (body.model.undamped() ? 1 : 2),
-                     samples_mb(body.model, samples),
-                     solves.groups().count > 1 ? ", twice that while they move" : ""));
+  observer.fact(
+      "samples",
+      text("%zu columns, %.0f MB on a rank%s",
+           samples * as_size(body.model.B.columns()) * (body.model.undamped() ? 1 : 2),
+           samples_mb(body.model, samples),
+           solves.groups().count > 1 ? ", twice that while they move" : ""));
 }
 
 ReducedModel reduce_by_samples(const Body& body, const Settings& s, Observer& observer,

@@ -1,5 +1,6 @@
 #include "run/sweep.hpp"
 
+#include "base/index.hpp"
 #include "base/text.hpp"
 #include "io/reduced_io.hpp"
 #include "model/project.hpp"
@@ -106,9 +107,9 @@ void sweep(MPI_Comm comm, const Settings& s, const Options& options, Observer& o
       epsilon.push_back(relative_error(H[l], H_rom.back()));
     }
     const auto worst = std::max_element(epsilon.begin(), epsilon.end());
-    observer.fact(
-        "error", text("at most %.2e of %zu frequencies, at %.4g Hz", *worst, omega.size(),
-                      omega[static_cast<std::size_t>(worst - epsilon.begin())] * hz));
+    observer.fact("error",
+                  text("at most %.2e of %zu frequencies, at %.4g Hz", *worst,
+                       omega.size(), omega[as_size(worst - epsilon.begin())] * hz));
   }
   observer.fact("solves", text("%d factorisations, backward error at most %.0e",
                                solves.factorisations(), solves.worst_backward_error()));

@@ -1,5 +1,6 @@
 #include "sampling/frequency_solves.hpp"
 
+#include "base/index.hpp"
 #include "base/process.hpp"
 #include "base/text.hpp"
 #include "io/body_io.hpp"
@@ -140,8 +141,8 @@ FrequencySolves::FrequencySolves(FrequencySolves&&) noexcept = default;
 
 std::vector<std::size_t> FrequencySolves::mine(std::size_t count) const {
   std::vector<std::size_t> list;
-  for (auto l = static_cast<std::size_t>(state_->groups->mine); l < count;
-       l += static_cast<std::size_t>(state_->groups->count))
+  for (auto l = as_size(state_->groups->mine); l < count;
+       l += as_size(state_->groups->count))
     list.push_back(l);
   return list;
 }

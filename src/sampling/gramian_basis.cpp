@@ -1,5 +1,6 @@
 #include "sampling/gramian_basis.hpp"
 
+#include "base/index.hpp"
 #include "base/text.hpp"
 #include "linalg/sparse_product.hpp"
 
@@ -45,9 +46,8 @@ Snapshots sample_band(FrequencySolves& solves, const Quadrature& nodes) {
   for (PetscInt round = 0; round < count_of(0); ++round) {
     const PetscInt offered = round < count_of(groups.mine) ? each : 0;
     const Block::Access from(mine);
-    const std::span<const double> sample(
-        from.column(each * (offered > 0 ? round : 0)),
-        static_cast<std::size_t>(offered * model.rows.size()));
+    const std::span<const double> sample(from.column(each * (offered > 0 ? round : 0)),
+                                         as_size(offered * model.rows.size()));
     const std::vector<double> rows = exchange_rows<double>(
         groups.world, model.rows, sample, offered, each * groups.mine,
         solves.world_rows(), each * groups.count);
@@ -61,8 +61,8 @@ Snapshots sample_band(FrequencySolves& solves, const Quadrature& nodes) {
 }
 
 void scale_ports(Block& Z, Mat M, PetscInt ports) {
-  std::vector<double> squares(static_cast<std::size_t>(ports), 0.0);
-  std::vector<int> part(static_cast<std::size_t>(ports));
+  std::vector<double> squares(as_size(ports), 0.0);
+  std::vector<int> part(as_size(ports));
   for (PetscInt first = 0; first < Z.columns();
        first += ports) { // little memory at a time
     for (std::size_t p = 0; p < part.size(); ++p)
@@ -72,13 +72,13 @@ void scale_ports(Block& Z, Mat M, PetscInt ports) {
     const Block::Access a(x), b(Mx);
     for (PetscInt p = 0; p < ports; ++p)
       for (PetscInt i = 0; i < Z.local_rows().size(); ++i)
-        squares[static_cast<std::size_t>(p)] += a.column(p)[i] * b.column(p)[i];
+        squares[as_size(p)] += a.column(p)[i] * b.column(p)[i];
   }
   MPI_Allreduce(MPI_IN_PLACE, squares.data(), static_cast<int>(ports), MPI_DOUBLE,
                 MPI_SUM, Z.comm());
   std::vector<double> inverse;
   for (PetscInt j = 0; j < Z.columns(); ++j) {
-    const double square = squares[static_cast<std::size_t>(j % ports)];
+    const double square = squares[as_size(j % ports)];
     inverse.push_back(square > 0 ? 1 / std::sqrt(square) : 1.0);
   }
   scale_columns(Z, inverse);
@@ -106,8 +106,7 @@ double relative_definiteness(Dense g) {
   for (int i = 0; i < g.rows; ++i)
     scale.push_back(g(i, i) > 0 ? 1 / std::sqrt(g(i, i)) : 0.0);
   for (int j = 0; j < g.columns; ++j)
-    for (int i = 0; i < g.rows; ++i)
-      g(i, j) *= scale[static_cast<std::size_t>(i)] * scale[static_cast<std::size_t>(j)];
+    for (int i = 0; i < g.rows; ++i) g(i, j) *= scale[as_size(i)] * scale[as_size(j)];
   return symmetric_eigen(std::move(g)).values.front();
 }
 
@@ -175,8 +174,7 @@ GramianBasis by_method_of_snapshots(const Block& Z, Mat M, Mat K, double omega_m
   Dense q(columns, basis.order);
   for (int j = 0; j < basis.order; ++j)
     for (int i = 0; i < columns; ++i)
-      q(i, j) = eigen.vectors(i, columns - 1 - j) /
-                std::sqrt(basis.sigma[static_cast<std::size_t>(j)]);
+      q(i, j) = eigen.vectors(i, columns - 1 - j) / std::sqrt(basis.sigma[as_size(j)]);
   basis.V = combine(Z, q);
   if (!weight.euclidean)
     basis.V = reorthonormalise(std::move(basis.V), M, K, omega_max, weight);
@@ -206,8 +204,8 @@ GramianBasis gramian_basis(Block Z, Mat M, Mat K, double omega_max,
   if (weight.euclidean) {
     basis.sigma = squares(svd.values);
     basis.order = choose_order(spec, all, basis.sigma, available);
-    std::vector<int> first(static_cast<std::size_t>(basis.order));
-    for (int j = 0; j < basis.order; ++j) first[static_cast<std::size_t>(j)] = j;
+    std::vector<int> first(as_size(basis.order));
+    for (int j = 0; j < basis.order; ++j) first[as_size(j)] = j;
     basis.V = select_columns(svd.left, first);
   } else {
     // Z = U S Wᵀ; with UᵀWU = L Lᵀ the singular values in W are those of Lᵀ S.
@@ -216,8 +214,7 @@ GramianBasis gramian_basis(Block Z, Mat M, Mat K, double omega_max,
       throw Error("the inner product " + weight.name + " is not positive on the samples");
     Dense weighted = transpose(l);
     for (int j = 0; j < available; ++j)
-      for (int i = 0; i < available; ++i)
-        weighted(i, j) *= svd.values[static_cast<std::size_t>(j)];
+      for (int i = 0; i < available; ++i) weighted(i, j) *= svd.values[as_size(j)];
     LeftSvd inner_svd = left_svd(weighted);
     share_from_first(svd.left.comm(), inner_svd.values);
     share_from_first(svd.left.comm(), inner_svd.vectors.data);

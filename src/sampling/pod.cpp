@@ -1,5 +1,6 @@
 #include "sampling/pod.hpp"
 
+#include "base/index.hpp"
 #include "base/text.hpp"
 #include "model/kinds.hpp"
 #include "model/port_views.hpp"
@@ -128,7 +129,7 @@ void sort_by_frequency(ReducedModel& rom) {
 void tell_order(const ReducedModel& rom, PetscInt n, const OrderSpec& asked,
                 Observer& observer) {
   const bool by_tolerance = asked.tolerance && asked.order == 0;
-  const auto order = static_cast<std::size_t>(rom.model.n);
+  const auto order = as_size(rom.model.n);
   const bool met = order < rom.sigma.size();
   observer.fact("order",
                 text("m = %zu of n = %lld, by %s", order, static_cast<long long>(n),
@@ -194,7 +195,7 @@ ReducedModel reduce_pod(const SecondOrderModel& fom, FrequencySolves& solves,
                                    spec.order.kinds());
     MPI_Bcast(&order, 1, MPI_INT, 0, fom.comm); // dense work may differ in the last bit
     rom.model = leading_part(rom.model, order);
-    std::vector<int> columns(static_cast<std::size_t>(order));
+    std::vector<int> columns(as_size(order));
     std::iota(columns.begin(), columns.end(), 0);
     basis.V = select_columns(basis.V, columns);
   }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "base/index.hpp"
 #include "base/observer.hpp"
 #include "linalg/sparse.hpp"
 #include "linalg/sparse_product.hpp"
@@ -121,8 +122,8 @@ public:
 
   ComplexDense transfer(double omega) const {
     using Number = std::complex<long double>;
-    const auto n = static_cast<std::size_t>(n_);
-    const auto inputs = static_cast<std::size_t>(B_.columns);
+    const auto n = as_size(n_);
+    const auto inputs = as_size(B_.columns);
     const long double w = omega;
     const Number of_K(1, static_cast<long double>(damping_.eta) + w * damping_.beta),
         of_M(-w * w, w * damping_.alpha);
@@ -152,7 +153,7 @@ public:
     std::vector<Number> x(n);
     for (int j = 0; j < B_.columns; ++j) {
       for (std::size_t i = n; i-- > 0;) {
-        x[i] = rows[i][n + static_cast<std::size_t>(j)];
+        x[i] = rows[i][n + as_size(j)];
         for (std::size_t l = i + 1; l < n; ++l)
           if (rows[i][l] != Number()) x[i] -= rows[i][l] * x[l];
         x[i] /= rows[i][i];
@@ -160,8 +161,7 @@ public:
       for (int i = 0; i < C_.columns; ++i) {
         Number sum = 0;
         for (std::size_t l = 0; l < n; ++l)
-          sum += static_cast<long double>(C_.data[l + static_cast<std::size_t>(i) * n]) *
-                 x[l];
+          sum += static_cast<long double>(C_.data[l + as_size(i) * n]) * x[l];
         H(i, j) = static_cast<std::complex<double>>(sum);
       }
     }

@@ -1,3 +1,4 @@
+#include "base/index.hpp"
 #include "basis/band_gramian.hpp"
 #include "examples.hpp"
 
@@ -42,9 +43,7 @@ TEST(BandGramian, EqualsTheClosedFormOfAModalSystem) {
         double loads = 0;
         for (int p = 0; p < B.columns; ++p) loads += B(j, p) * B(k, p);
         exact(j, k) += weight / std::numbers::pi * loads *
-                       (1.0 / (a[static_cast<std::size_t>(j)] *
-                               std::conj(a[static_cast<std::size_t>(k)])))
-                           .real();
+                       (1.0 / (a[as_size(j)] * std::conj(a[as_size(k)]))).real();
       }
   }
   exact = multiply(multiply(response.U(), exact), transpose(response.U()));
@@ -67,12 +66,10 @@ TEST(BandGramian, OverTheWholeAxisSolvesTheLyapunovEquation) {
   const Dense& B = modes.modal_inputs();
   for (int j = 0; j < m; ++j)
     for (int k = 0; k < m; ++k) {
-      const double l_j = modes.lambda()[static_cast<std::size_t>(j)],
-                   l_k = modes.lambda()[static_cast<std::size_t>(k)],
+      const double l_j = modes.lambda()[as_size(j)], l_k = modes.lambda()[as_size(k)],
                    d_j = damping.alpha + damping.beta * l_j,
                    d_k = damping.alpha + damping.beta * l_k,
-                   mu = std::sqrt(modes.mu()[static_cast<std::size_t>(j)] *
-                                  modes.mu()[static_cast<std::size_t>(k)]);
+                   mu = std::sqrt(modes.mu()[as_size(j)] * modes.mu()[as_size(k)]);
       double loads = 0;
       for (int p = 0; p < B.columns; ++p) loads += B(j, p) * B(k, p) / mu;
       // ∫_0^∞ h_j h_k dt of two impulse responses.
@@ -82,8 +79,7 @@ TEST(BandGramian, OverTheWholeAxisSolvesTheLyapunovEquation) {
   // U is normalised in K + τM: modal coordinates in M are U/√μ.
   Dense phi = modes.U();
   for (int j = 0; j < m; ++j)
-    for (int i = 0; i < m; ++i)
-      phi(i, j) /= std::sqrt(modes.mu()[static_cast<std::size_t>(j)]);
+    for (int i = 0; i < m; ++i) phi(i, j) /= std::sqrt(modes.mu()[as_size(j)]);
   exact = multiply(multiply(phi, exact), transpose(phi));
   for (std::size_t i = 0; i < P.data.size(); ++i)
     EXPECT_NEAR(P.data[i], exact.data[i], 1e-9 * frobenius_norm(exact));

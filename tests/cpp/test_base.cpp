@@ -1,3 +1,4 @@
+#include "base/index.hpp"
 #include "base/options.hpp"
 #include "base/text.hpp"
 #include "examples.hpp"
@@ -118,7 +119,7 @@ TEST(Base, ExchangeRowsMovesEveryRowHome) {
   const auto result = exchange_rows<double>(world(), mine, values, 2, 0, wanted, 2);
   for (int column = 0; column < 2; ++column)
     for (PetscInt i = 0; i < wanted.size(); ++i)
-      EXPECT_EQ(result[static_cast<std::size_t>(i + column * wanted.size())],
+      EXPECT_EQ(result[as_size(i + column * wanted.size())],
                 100 * column + static_cast<double>(wanted.begin + i));
 }
 

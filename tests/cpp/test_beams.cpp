@@ -1,4 +1,5 @@
 #include "base/error.hpp"
+#include "base/index.hpp"
 #include "fem/elements.hpp"
 
 #include <gtest/gtest.h>
@@ -75,8 +76,8 @@ TEST(Elements, BeamFrequenciesConvergeToTimoshenkoTheory) {
     Dense k(n, n), m(n, n);
     for (int i = 0; i < n; ++i)
       for (int j = 0; j < n; ++j) {
-        k(i, j) = K(kept[static_cast<std::size_t>(i)], kept[static_cast<std::size_t>(j)]);
-        m(i, j) = M(kept[static_cast<std::size_t>(i)], kept[static_cast<std::size_t>(j)]);
+        k(i, j) = K(kept[as_size(i)], kept[as_size(j)]);
+        m(i, j) = M(kept[as_size(i)], kept[as_size(j)]);
       }
     const auto values = symmetric_eigen(k, m).values;
     double worst = 0;
@@ -84,8 +85,7 @@ TEST(Elements, BeamFrequenciesConvergeToTimoshenkoTheory) {
       const double w = mode * M_PI / L, a = rI * rA / kGA,
                    b = rA + rI * w * w + EI * rA * w * w / kGA, c = EI * w * w * w * w;
       const double exact = 2 * c / (b + std::sqrt(b * b - 4 * a * c)); // smaller ω²
-      worst = std::max(worst,
-                       std::abs(values[static_cast<std::size_t>(mode - 1)] / exact - 1));
+      worst = std::max(worst, std::abs(values[as_size(mode - 1)] / exact - 1));
     }
     error.push_back(worst);
   }

@@ -1,3 +1,4 @@
+#include "base/index.hpp"
 #include "examples.hpp"
 #include "linalg/accurate_inner.hpp"
 #include "linalg/last_turn.hpp"
@@ -97,8 +98,7 @@ TEST(Block, AccurateProductsKeepWhatCancels) {
       EXPECT_LT(std::abs(rounded), 1e-15);
       EXPECT_NEAR(product(i, j), rounded, 1e-15 * std::abs(rounded) + 1e-31);
     }
-    EXPECT_NEAR(found.spread[static_cast<std::size_t>(j)], std::sqrt(spread),
-                1e-12 * std::sqrt(spread));
+    EXPECT_NEAR(found.spread[as_size(j)], std::sqrt(spread), 1e-12 * std::sqrt(spread));
   }
 }
 
@@ -109,11 +109,8 @@ __extension__ typedef __float128 Quad;
 /// UᵀAU in four times the digits of a float.
 std::vector<Quad> exact_congruence(const Dense& A, const Dense& U) {
   const int n = A.rows, m = U.columns;
-  std::vector<Quad> AU(static_cast<std::size_t>(n * m)),
-      result(static_cast<std::size_t>(m * m));
-  const auto at = [](int i, int j, int rows) {
-    return static_cast<std::size_t>(i + j * rows);
-  };
+  std::vector<Quad> AU(as_size(n * m)), result(as_size(m * m));
+  const auto at = [](int i, int j, int rows) { return as_size(i + j * rows); };
   for (int j = 0; j < m; ++j)
     for (int i = 0; i < n; ++i)
       for (int k = 0; k < n; ++k) AU[at(i, j, n)] += static_cast<Quad>(A(i, k)) * U(k, j);
@@ -150,10 +147,8 @@ TEST(Block, CongruencesOfSmallMatricesKeepTheirBound) {
   for (int j = 0; j < n; ++j)
     for (int i = 0; i < n; ++i) {
       const Quad off = static_cast<Quad>(found.product.hi(i, j)) +
-                       found.product.lo(i, j) -
-                       expected[static_cast<std::size_t>(i + j * n)];
-      const double bound = found.rounding[static_cast<std::size_t>(i)] *
-                           found.rounding[static_cast<std::size_t>(j)];
+                       found.product.lo(i, j) - expected[as_size(i + j * n)];
+      const double bound = found.rounding[as_size(i)] * found.rounding[as_size(j)];
       worst = std::max(worst, std::abs(static_cast<double>(off)) / bound);
       largest = std::max(largest, bound);
     }
@@ -217,7 +212,7 @@ TEST(Block, SvdOfTallAndOfWideBlocksFindsTheSameValues) {
       EXPECT_NEAR(svd.values[j], reference.values[j], 1e-14 * reference.values[0]);
     EXPECT_LT(distance_from_identity(inner(svd.left, svd.left)), 1e-12);
     for (PetscInt j = 0; j < svd.left.columns(); ++j)
-      EXPECT_GT(svd.values[static_cast<std::size_t>(j)], 1e-13 * svd.values[0]);
+      EXPECT_GT(svd.values[as_size(j)], 1e-13 * svd.values[0]);
   }
 }
 

@@ -1,4 +1,5 @@
 #include "base/error.hpp"
+#include "base/index.hpp"
 #include "fem/shape_functions.hpp"
 
 #include <gtest/gtest.h>
@@ -60,9 +61,7 @@ std::vector<Vector3> reference_nodes(ElementType type) {
   for (auto [a, b] : r.edges) {
     Vector3 m{};
     for (std::size_t i = 0; i < 3; ++i)
-      m[i] = (r.corners[static_cast<std::size_t>(a)][i] +
-              r.corners[static_cast<std::size_t>(b)][i]) /
-             2;
+      m[i] = (r.corners[as_size(a)][i] + r.corners[as_size(b)][i]) / 2;
     nodes.push_back(m);
   }
   return nodes;
@@ -82,9 +81,7 @@ std::vector<Vector3> distorted(ElementType type) {
   for (auto [a, b] : r.edges) {
     Vector3 m{};
     for (std::size_t i = 0; i < 3; ++i)
-      m[i] = (nodes[static_cast<std::size_t>(a)][i] +
-              nodes[static_cast<std::size_t>(b)][i]) /
-             2;
+      m[i] = (nodes[as_size(a)][i] + nodes[as_size(b)][i]) / 2;
     nodes.push_back(m);
   }
   return nodes;
@@ -103,8 +100,7 @@ double energy(const Dense& A, const std::vector<double>& u,
               const std::vector<double>& v) {
   double sum = 0;
   for (int j = 0; j < A.columns; ++j)
-    for (int i = 0; i < A.rows; ++i)
-      sum += u[static_cast<std::size_t>(i)] * A(i, j) * v[static_cast<std::size_t>(j)];
+    for (int i = 0; i < A.rows; ++i) sum += u[as_size(i)] * A(i, j) * v[as_size(j)];
   return sum;
 }
 
@@ -194,7 +190,7 @@ TEST(Elements, SixRigidMotionsCostNoEnergy) {
           << element_name(type);
     }
     for (std::size_t c = 0; c < 3; ++c) {
-      std::vector<double> u(static_cast<std::size_t>(K.rows), 0.0);
+      std::vector<double> u(as_size(K.rows), 0.0);
       for (std::size_t i = c; i < u.size(); i += 3) u[i] = 1;
       EXPECT_LT(std::abs(energy(K, u, u)), 1e-13 * scale * K.rows) << element_name(type);
     }
@@ -253,7 +249,7 @@ TEST(Elements, ConsistentMassIsExactForRigidAndLinearMotion) {
     const auto nodes = distorted(type);
     const auto element =
         solid_matrices(type, nodes, isotropic(E, nu, rho), MassRule::full);
-    std::vector<double> u(static_cast<std::size_t>(element.M.rows), 0.0);
+    std::vector<double> u(as_size(element.M.rows), 0.0);
     for (std::size_t i = 0; i < u.size(); i += 3) u[i] = 1;
     EXPECT_NEAR(energy(element.M, u, u), element.mass, 1e-13 * element.mass);
     const auto eigen = symmetric_eigen(element.M);

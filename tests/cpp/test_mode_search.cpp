@@ -1,3 +1,4 @@
+#include "base/index.hpp"
 #include "base/observer.hpp"
 #include "examples.hpp"
 #include "linalg/orthonormal.hpp"
@@ -69,7 +70,7 @@ TEST(ModeSearch, FindsAllModesBelowTheCutoffAlsoThoseThatNoPortMoves) {
   find_modes(space, factor, sigma, 14, 1e-6, 1e-13, silent());
   const RitzPairs pairs = ritz_pairs(space);
   for (int k = 0; k < 14; ++k)
-    EXPECT_NEAR(pairs.lambda[static_cast<std::size_t>(k)],
+    EXPECT_NEAR(pairs.lambda[as_size(k)],
                 2 - 2 * std::cos((k / 2 + 1) * std::numbers::pi / 41), 1e-9);
   EXPECT_GT(pairs.lambda[14], sigma);
 }

@@ -1,3 +1,4 @@
+#include "base/index.hpp"
 #include "base/observer.hpp"
 #include "base/text.hpp"
 #include "examples.hpp"
@@ -54,7 +55,7 @@ TEST(Model, DiscreteEigenvaluesOfTheRodAreTheClosedForm) {
   const auto eigen = symmetric_eigen(whole(model.K), whole(model.M));
   for (PetscInt k = 1; k <= n; ++k)
     // Rounding of K moves each eigenvalue by about ε λ_max.
-    EXPECT_NEAR(eigen.values[static_cast<std::size_t>(k - 1)], rod_eigenvalue(n, k),
+    EXPECT_NEAR(eigen.values[as_size(k - 1)], rod_eigenvalue(n, k),
                 1e-14 * rod_eigenvalue(n, n));
 }
 

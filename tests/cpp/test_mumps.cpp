@@ -1,3 +1,4 @@
+#include "base/index.hpp"
 #include "base/text.hpp"
 #include "examples.hpp"
 #include "linalg/ordering.hpp"
@@ -86,19 +87,18 @@ double residual(Scalar factor) {
   std::vector<Scalar> values;
   for (double v : g.values) values.push_back(factor * Scalar(static_cast<float>(v)));
   mumps.factorise(g.pattern, values);
-  const auto local = static_cast<std::size_t>(g.rows.size());
+  const auto local = as_size(g.rows.size());
   std::vector<Scalar> x(2 * local);
   for (int j = 0; j < 2; ++j)
     if (j >= g.rows.begin && j < g.rows.end)
-      x[static_cast<std::size_t>(j - g.rows.begin) +
-        static_cast<std::size_t>(j) * local] = 1;
+      x[as_size(j - g.rows.begin) + as_size(j) * local] = 1;
   mumps.solve(g.rows, x, 2);
   // Gather x and multiply by the stencil.
   std::vector<std::complex<double>> all(2 * n);
   for (int j = 0; j < 2; ++j)
     for (std::size_t i = 0; i < local; ++i)
-      all[static_cast<std::size_t>(g.rows.begin) + i + static_cast<std::size_t>(j * n)] =
-          std::complex<double>(x[i + static_cast<std::size_t>(j) * local]);
+      all[as_size(g.rows.begin) + i + as_size(j * n)] =
+          std::complex<double>(x[i + as_size(j) * local]);
   MPI_Allreduce(MPI_IN_PLACE, all.data(), 4 * n, MPI_DOUBLE, MPI_SUM, world());
   double worst = 0;
   for (int j = 0; j < 2; ++j)
@@ -106,7 +106,7 @@ double residual(Scalar factor) {
       std::complex<double> r = i == j ? -1.0 : 0.0;
       for (int k = 0; k < n; ++k)
         r += std::complex<double>(factor) * (stencil(i, k) - (i == k ? 0.25 : 0.0)) *
-             all[static_cast<std::size_t>(k + j * n)];
+             all[as_size(k + j * n)];
       worst = std::max(worst, std::abs(r));
     }
   return worst;
@@ -204,7 +204,7 @@ TEST(Mumps, NestedDissectionIsAPermutationThatKeepsNodesTogether) {
     EXPECT_EQ(order.position[i + 1], order.position[i] + 1);
     EXPECT_EQ(order.position[i + 2], order.position[i] + 2);
   }
-  ASSERT_EQ(order.block_start.size(), static_cast<std::size_t>(n) + 1);
+  ASSERT_EQ(order.block_start.size(), as_size(n) + 1);
   for (std::size_t k = 0; k < order.block_start.size(); ++k)
     EXPECT_EQ(order.block_start[k], 3 * static_cast<int>(k));
 }
@@ -217,7 +217,7 @@ TEST(Mumps, DirectionsThatAreStrangersAreNoBlocks) {
 TEST(Mumps, AnalysisByBlocksIsThatOfTheVariables) {
   const Grid g = nodal_grid(1.0);
   const PivotOrder blocks = nested_dissection(world(), g.pattern, g.node);
-  const auto local = static_cast<std::size_t>(g.rows.size());
+  const auto local = as_size(g.rows.size());
   std::vector<double> before;
   FactorEstimate estimate_before;
   for (const PivotOrder& order : {PivotOrder{blocks.position, {}}, blocks}) {
@@ -244,7 +244,7 @@ TEST(Mumps, AnalysisServesManyFactorisations) {
     std::vector<double> values = g.values;
     for (double& v : values) v *= scale;
     mumps.factorise(g.pattern, values);
-    const auto local = static_cast<std::size_t>(g.rows.size());
+    const auto local = as_size(g.rows.size());
     std::vector<double> x(local, scale);
     mumps.solve(g.rows, x, 1); // A x = scale · 1, the same x each time
     double sum = std::accumulate(x.begin(), x.end(), 0.0);

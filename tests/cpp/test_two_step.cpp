@@ -1,3 +1,4 @@
+#include "base/index.hpp"
 #include "base/observer.hpp"
 #include "basis/cut.hpp"
 #include "basis/method.hpp"
@@ -156,8 +157,7 @@ TEST(TwoStep, ModalHoldsTheModesOfTheBandAndKrylovInterpolates) {
   const ReducedModel modal = reduce(fom, modes);
   ASSERT_EQ(modal.modes.size(), 4u);
   for (PetscInt k = 1; k <= 4; ++k)
-    EXPECT_NEAR(modal.modes[static_cast<std::size_t>(k - 1)],
-                std::sqrt(rod_eigenvalue(n, k)), 1e-9);
+    EXPECT_NEAR(modal.modes[as_size(k - 1)], std::sqrt(rod_eigenvalue(n, k)), 1e-9);
   modes.request.order.order = 20; // more than lie below the usual cutoff: it is raised
   EXPECT_NEAR(reduce(fom, modes).modes[19], std::sqrt(rod_eigenvalue(n, 20)), 1e-6);
 

@@ -2,6 +2,7 @@
 
 #include "basis/method.hpp"
 
+#include "base/index.hpp"
 #include "base/text.hpp"
 
 #include <algorithm>
@@ -17,7 +18,7 @@ Dense free_statics(const Elastic& e, const Dense& ports) {
   const double floor = 1e-12 * std::max(eigen.values.back(), 1e-300);
   int balanced_loads = 0;
   while (balanced_loads < eigen.vectors.columns &&
-         eigen.values[static_cast<std::size_t>(balanced_loads)] <= floor)
+         eigen.values[as_size(balanced_loads)] <= floor)
     ++balanced_loads;
   return multiply(e.statics(), first_columns(eigen.vectors, balanced_loads));
 }
@@ -34,7 +35,7 @@ Dense held_statics(const Dense& K, const Dense& N, const Dense& Z,
   Dense force = multiply_transposed(modes, multiply(K, N));
   for (int j = 0; j < force.columns; ++j)
     for (int i = 0; i < force.rows; ++i) // in modal coordinates K is 1 − τμ
-      force(i, j) /= 1 - held.tau() * held.mu()[static_cast<std::size_t>(soft + i)];
+      force(i, j) /= 1 - held.tau() * held.mu()[as_size(soft + i)];
   const Dense follows = multiply(modes, force);
   Dense statics = N;
   for (std::size_t i = 0; i < statics.data.size(); ++i)
@@ -53,7 +54,7 @@ Candidate make(const SecondStage& stage) {
   // Coordinates without motion of the ports.
   const SymmetricEigen eigen = symmetric_eigen(multiply(span, transpose(span)));
   int held = 0; // projector onto the ports' span: eigenvalues 0 and 1
-  while (held < e.N && eigen.values[static_cast<std::size_t>(held)] < 0.5) ++held;
+  while (held < e.N && eigen.values[as_size(held)] < 0.5) ++held;
   const Dense Z = first_columns(eigen.vectors, held);
   const DenseResponse fixed(all.project(Z), stage.medium.tau);
   const Dense fixed_interface_modes = multiply(Z, fixed.U());
@@ -62,7 +63,7 @@ Candidate make(const SecondStage& stage) {
   // which of them is counted as soft does not change the span.
   int soft = 0;
   while (e.rigid == 0 && soft < held &&
-         1 - fixed.tau() * fixed.mu()[static_cast<std::size_t>(soft)] < 1e-6)
+         1 - fixed.tau() * fixed.mu()[as_size(soft)] < 1e-6)
     ++soft;
   const Dense constraint =
       nested_span(e.rigid == 0 ? held_statics(all.K, span, Z, fixed, soft)

@@ -1,6 +1,7 @@
 /// irka: interpolation at the mirror images of the small body's own poles (Gugercin,
 /// Antoulas, Beattie 2008; Wyatt 2012 for second order), one-sided.
 
+#include "base/index.hpp"
 #include "basis/method.hpp"
 
 #include <algorithm>
@@ -31,13 +32,12 @@ Dense irka_basis(const Elastic& e, Dense basis) {
     previous = modes.lambda();
     Dense next(e.count, m);
     for (int i = 0; i < m; ++i) {
-      const double l = std::max(modes.lambda()[static_cast<std::size_t>(i)], 0.0);
+      const double l = std::max(modes.lambda()[as_size(i)], 0.0);
       const double omega = std::sqrt(l);
       double d = full.damping.alpha + full.damping.beta * l + full.damping.eta * omega;
       if (full.has_extra_damping()) {
         const Dense u = part_of(modes.U(), 0, m, i, 1);
-        d += multiply_transposed(u, multiply(small.D, u))(0, 0) /
-             modes.mu()[static_cast<std::size_t>(i)];
+        d += multiply_transposed(u, multiply(small.D, u))(0, 0) / modes.mu()[as_size(i)];
       }
       const Complex s(0.5 * d, std::sqrt(std::max(l - 0.25 * d * d, 0.0)));
       // The extra damping of the full system by its diagonal: the point of interpolation
@@ -48,8 +48,7 @@ Dense irka_basis(const Elastic& e, Dense basis) {
       for (int k = 0; k < e.count; ++k) {
         Complex load = 0;
         for (int p = 0; p < B.columns; ++p) load += B(k, p) * modes.modal_inputs()(i, p);
-        const double m_k = mu[static_cast<std::size_t>(k)],
-                     k_k = 1 - e.response.tau() * m_k;
+        const double m_k = mu[as_size(k)], k_k = 1 - e.response.tau() * m_k;
         const Complex a = s * s * m_k +
                           s * (full.damping.alpha * m_k + full.damping.beta * k_k) +
                           k_k * Complex(1, full.damping.eta);
@@ -59,7 +58,7 @@ Dense irka_basis(const Elastic& e, Dense basis) {
       const Complex turn = std::exp(Complex(0, -0.5 * std::arg(square)));
       double size = 0;
       for (int k = 0; k < e.count; ++k) {
-        vector(k, 0) = (v[static_cast<std::size_t>(k)] * turn).real();
+        vector(k, 0) = (v[as_size(k)] * turn).real();
         size += vector(k, 0) * vector(k, 0);
       }
       for (double& x : vector.data) x /= size > 0 ? std::sqrt(size) : 1;

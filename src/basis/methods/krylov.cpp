@@ -3,6 +3,7 @@
 
 #include "basis/method.hpp"
 
+#include "base/index.hpp"
 #include "base/text.hpp"
 
 #include <algorithm>
@@ -23,7 +24,7 @@ Candidate make(const SecondStage& stage) {
     for (double omega : stage.shifts) {
       Dense block = response.modal_inputs();
       for (int i = 0; i < block.rows; ++i) {
-        const double mu = response.mu()[static_cast<std::size_t>(i)];
+        const double mu = response.mu()[as_size(i)];
         const double a = 1 - (response.tau() + omega * omega) * mu;
         const double factor = std::pow(mu / a, j) / a;
         for (int p = 0; p < block.columns; ++p) block(i, p) *= factor;

@@ -8,6 +8,7 @@
 /// so an evaluation is some products of the size of V times the responses. A local
 /// minimum, not proved to be the global one; its error is certified like any other.
 
+#include "base/index.hpp"
 #include "basis/method.hpp"
 #include "linalg/lbfgs.hpp"
 
@@ -169,8 +170,7 @@ void add_products(Dense& G, const Responses& R, const std::vector<ComplexDense>&
     const Dense rr = multiply(re, f_re), ii = multiply(im, f_im), ri = multiply(re, f_im),
                 ir = multiply(im, f_re);
     for (std::size_t i = 0; i < rr.data.size(); ++i) {
-      const std::size_t at =
-          static_cast<std::size_t>(to) * static_cast<std::size_t>(N) + i;
+      const std::size_t at = as_size(to) * as_size(N) + i;
       RF.re.data[at] = rr.data[i] - ii.data[i];
       RF.im.data[at] = ri.data[i] + ir.data[i];
     }
