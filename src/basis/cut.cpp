@@ -5,6 +5,7 @@
 #include "basis/held.hpp"
 #include "basis/order_choice.hpp"
 #include "basis/tell.hpp"
+#include "linalg/decompositions.hpp"
 #include "medium/field_error.hpp"
 #include "model/project.hpp"
 

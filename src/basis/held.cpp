@@ -2,6 +2,7 @@
 
 #include "base/index.hpp"
 #include "base/text.hpp"
+#include "linalg/decompositions.hpp"
 #include "model/port_views.hpp"
 
 #include <algorithm>

@@ -2,6 +2,7 @@
 
 #include "base/index.hpp"
 #include "base/text.hpp"
+#include "linalg/decompositions.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -3,6 +3,7 @@
 #include "base/error.hpp"
 #include "base/index.hpp"
 #include "base/text.hpp"
+#include "linalg/decompositions.hpp"
 
 #include <cmath>
 

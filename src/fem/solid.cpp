@@ -4,6 +4,7 @@
 #include "base/index.hpp"
 #include "base/text.hpp"
 #include "fem/shape_functions.hpp"
+#include "linalg/decompositions.hpp"
 
 #include <algorithm>
 #include <cmath>

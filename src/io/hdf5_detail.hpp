@@ -9,7 +9,7 @@
 
 #include <cstdio>
 
-/// What hdf5_file.cpp and hdf5_write.cpp share; nobody else includes it.
+/// What hdf5_file.cpp, hdf5_read.cpp and hdf5_write.cpp share; nobody else includes it.
 namespace flexgram {
 namespace detail {
 

@@ -11,9 +11,6 @@
 namespace flexgram {
 
 std::string hdf5_version();
-/// What writing to `path` means: symlinks followed.
-/// @throws Error if it is a folder, a device or a pipe: only files are replaced.
-std::string target_of(const std::string& path);
 
 /// An HDF5 file opened by all ranks of a communicator. The only place that knows HDF5.
 /// Reads are independent: each rank takes its own slab. Every failure throws an Error

@@ -3,6 +3,7 @@
 #include "base/handle.hpp"
 #include "base/index.hpp"
 #include "base/parallel.hpp"
+#include "linalg/decompositions.hpp"
 #include "linalg/dense.hpp"
 
 namespace flexgram {

@@ -2,6 +2,7 @@
 
 #include "base/event.hpp"
 #include "base/index.hpp"
+#include "linalg/decompositions.hpp"
 #include "linalg/sparse_product.hpp"
 
 #include <algorithm>

@@ -6,7 +6,6 @@
 #include "linalg/ordering.hpp"
 #include "linalg/shifted_engine.hpp"
 #include "linalg/sparse.hpp"
-#include "linalg/sparse_product.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -17,12 +16,6 @@
 namespace flexgram {
 
 namespace {
-
-double infinity_norm(Mat a) {
-  PetscReal norm = 0;
-  if (a) FG_CALL(MatNorm(a, NORM_INFINITY, &norm));
-  return norm;
-}
 
 /// Whether a body of this size is ordered by nested dissection, at least for comparison.
 bool wants_dissection(const SolverOptions& options, PetscInt n) {
@@ -61,16 +54,13 @@ SolverOptions counting(SolverOptions options) {
 }
 
 struct ShiftedSolver::State {
-  MPI_Comm comm;
-  Mat K, M, D;
+  ShiftedMatrix A;
   SolverOptions options;
   std::vector<std::int64_t> node_of_row;
   std::optional<CommonPattern> common; ///< while factorisations may come
-  RowRange rows;
-  double norm_K, norm_M, norm_D;
 
   const CommonPattern& pattern() {
-    if (!common) common = common_pattern(K, M, D);
+    if (!common) common = common_pattern(A.K, A.M, A.D);
     return *common;
   }
 
@@ -81,14 +71,13 @@ struct ShiftedSolver::State {
   std::unique_ptr<Engine> engines[2][2];
   FactorEstimate estimates[2][2];
   Engine* current = nullptr;
-  ShiftCoefficients coefficients{};
   Definiteness definiteness{};
   bool single = false, fell_back = false, count = false;
   int negative = 0, null = 0; ///< pivots of the last factorisation that counted them
   int factorisations = 0;
 
   std::unique_ptr<Engine> analysed(bool real, bool narrow, FactorEstimate& estimate) {
-    auto engine = make_engine(comm, real, narrow, options.mumps);
+    auto engine = make_engine(A.comm, real, narrow, options.mumps);
     engine->count_pivots(count && !narrow);
     estimate = engine->analyse(pattern().lower, order);
     return engine;
@@ -99,8 +88,9 @@ struct ShiftedSolver::State {
                                             FactorEstimate& estimate) {
     std::unique_ptr<Engine> dissected;
     if (wants_dissection(options, pattern().lower.n)) {
-      order = options.order ? *options.order
-                            : dissect(comm, pattern().lower, K, M, D, node_of_row);
+      order = options.order
+                  ? *options.order
+                  : dissect(A.comm, pattern().lower, A.K, A.M, A.D, node_of_row);
       dissected = analysed(real, narrow, estimate);
       ordering = "nested dissection";
       if (options.mumps.ordering != Ordering::best) return dissected;
@@ -135,45 +125,24 @@ struct ShiftedSolver::State {
     without_factors.icntl.erase(22);
     give_back_freed_pages();
     {
-      const auto engine = make_engine(comm, true, false, without_factors);
+      const auto engine = make_engine(A.comm, true, false, without_factors);
       engine->count_pivots(true);
       engine->analyse(pattern().lower, order);
-      engine->factorise(pattern(), coefficients, definiteness != Definiteness::positive);
+      engine->factorise(pattern(), A.coefficients,
+                        definiteness != Definiteness::positive);
       negative = engine->negative_pivots();
       null = engine->null_pivots();
       ++factorisations;
     }
     give_back_freed_pages();
   }
-
-  double norm_of_A() const { ///< upper bound of ‖A‖∞
-    return std::abs(coefficients.k) * norm_K + std::abs(coefficients.m) * norm_M +
-           std::abs(coefficients.d) * norm_D;
-  }
-
-  /// @throws ShiftError if a Rayleigh quotient xᴴAx/xᴴx = xᴴb/xᴴx of the solution, an
-  /// estimate of A's smallest eigenvalue, lies below the rounding of A.
-  void require_regular(const Block& b, const Block& x) const;
-
-  /// R ← B − A X on [Re, Im] columns (Re only if A is real); returns the backward error.
-  double residual(const Block& b, const Block& x, Block& r) const;
 };
 
 ShiftedSolver::ShiftedSolver(Mat K, Mat M, Mat D, std::vector<std::int64_t> node_of_row,
                              const SolverOptions& options)
-    : state_(std::make_unique<State>()) {
-  State& s = *state_;
-  s.comm = PetscObjectComm(reinterpret_cast<PetscObject>(K));
-  s.K = K;
-  s.M = M;
-  s.D = D;
-  s.options = options;
-  s.single = options.precision == Precision::single_precision;
-  FG_CALL(MatGetOwnershipRange(K, &s.rows.begin, &s.rows.end));
-  s.node_of_row = std::move(node_of_row);
-  s.norm_K = infinity_norm(K);
-  s.norm_M = infinity_norm(M);
-  s.norm_D = infinity_norm(D);
+    : state_(std::make_unique<State>(ShiftedMatrix(K, M, D), options,
+                                     std::move(node_of_row))) {
+  state_->single = options.precision == Precision::single_precision;
 }
 
 ShiftedSolver::~ShiftedSolver() = default;
@@ -198,7 +167,7 @@ void ShiftedSolver::factorise(const ShiftCoefficients& coefficients,
                               Definiteness definiteness) {
   stop_if_interrupted();
   State& s = *state_;
-  s.coefficients = coefficients;
+  s.A.coefficients = coefficients;
   s.definiteness = definiteness;
   const bool real = coefficients.real(),
              definite = real && definiteness == Definiteness::positive,
@@ -219,123 +188,45 @@ void ShiftedSolver::factorise(const ShiftCoefficients& coefficients,
   }
 }
 
-double ShiftedSolver::State::residual(const Block& b, const Block& x, Block& r) const {
-  const PetscInt p = b.columns(), local = rows.size();
-  const bool real = coefficients.real();
-  r = Block(comm, rows, x.rows(), x.columns());
-  Block::Access out(r);
-  {
-    const Block::Access in(b);
-    std::copy_n(in.column(0), local * p, out.column(0));
-    if (!real) std::fill_n(out.column(p), local * p, 0.0);
-  }
-  const auto subtract = [&](Mat matrix, std::complex<double> c) {
-    if (!matrix || c == 0.0) return;
-    const Block product = multiply(matrix, x);
-    const Block::Access y(product);
-    for (PetscInt j = 0; j < p; ++j) {
-      const double* re = y.column(j);
-      const double* im = real ? nullptr : y.column(p + j);
-      double* r_re = out.column(j);
-      double* r_im = real ? nullptr : out.column(p + j);
-      for (PetscInt i = 0; i < local; ++i) {
-        r_re[i] -= c.real() * re[i] - (real ? 0.0 : c.imag() * im[i]);
-        if (!real) r_im[i] -= c.real() * im[i] + c.imag() * re[i];
-      }
-    }
-  };
-  subtract(K, coefficients.k);
-  subtract(M, coefficients.m);
-  subtract(D, coefficients.d);
-
-  const double norm_A = norm_of_A();
-  const auto r_max = column_maxima(r), x_max = column_maxima(x), b_max = column_maxima(b);
-  double worst = 0;
-  for (std::size_t j = 0; j < b_max.size(); ++j) {
-    const auto both = [&](const std::vector<double>& maxima) {
-      return real ? maxima[j] : std::hypot(maxima[j], maxima[j + b_max.size()]);
-    };
-    const double scale = norm_A * both(x_max) + b_max[j];
-    const double error = scale > 0 ? both(r_max) / scale : 0.0;
-    worst = std::isfinite(error) ? std::max(worst, error)
-                                 : std::numeric_limits<double>::infinity();
-  }
-  return worst;
-}
-
-void ShiftedSolver::State::require_regular(const Block& b, const Block& x) const {
-  const auto p = as_size(b.columns());
-  std::vector<double> sums(4 * p, 0.0); // Re xᴴb, Im xᴴb, xᴴx, bᴴb by column
-  {
-    const Block::Access rhs(b), solution(x);
-    for (std::size_t j = 0; j < p; ++j)
-      for (std::size_t part = 0; part < as_size(x.columns()) / p; ++part) {
-        const double* b_j = rhs.column(static_cast<PetscInt>(j));
-        const double* x_j = solution.column(static_cast<PetscInt>(j + part * p));
-        for (PetscInt i = 0; i < rows.size(); ++i) {
-          sums[4 * j + part] += x_j[i] * b_j[i];
-          sums[4 * j + 2] += x_j[i] * x_j[i];
-          if (part == 0) sums[4 * j + 3] += b_j[i] * b_j[i];
-        }
-      }
-  }
-  MPI_Allreduce(MPI_IN_PLACE, sums.data(), static_cast<int>(sums.size()), MPI_DOUBLE,
-                MPI_SUM, comm);
-  const double rounding = std::numeric_limits<double>::epsilon() * norm_of_A();
-  for (std::size_t j = 0; j < p; ++j) {
-    if (sums[4 * j + 2] == 0) continue;
-    const double quotient = std::hypot(sums[4 * j], sums[4 * j + 1]) / sums[4 * j + 2];
-    // xᴴb vanishes at an antiresonance of a drive point, too; ‖b‖/‖x‖ bounds σ_min from
-    // above.
-    const double bound = std::sqrt(sums[4 * j + 3] / sums[4 * j + 2]);
-    const double root_n = std::sqrt(static_cast<double>(x.rows()));
-    if (!(quotient > rounding) && !(bound > root_n * rounding))
-      throw ShiftError(
-          text("the shifted matrix is singular to working accuracy (an eigenvalue "
-               "near %.1e beside a norm of %.1e): the frequency is a resonance of "
-               "an undamped body, or too close to zero for a free one",
-               quotient, norm_of_A()));
-  }
-}
-
 ShiftedSolver::Solution ShiftedSolver::solve(const Block& b, Verify verify) {
   stop_if_interrupted();
   State& s = *state_;
-  const bool real = s.coefficients.real();
+  const bool real = s.A.coefficients.real();
   const PetscInt p = b.columns();
-  Solution solution{Block(s.comm, s.rows, b.rows(), real ? p : 2 * p), 0.0, 0};
+  Solution solution{Block(s.A.comm, s.A.rows, b.rows(), real ? p : 2 * p), 0.0, 0};
   {
     const Block::Access in(b);
     Block::Access out(solution.x);
-    s.current->solve(s.rows, in.column(0), nullptr, out.column(0),
+    s.current->solve(s.A.rows, in.column(0), nullptr, out.column(0),
                      real ? nullptr : out.column(p), static_cast<int>(p));
   }
-  s.require_regular(b, solution.x);
+  s.A.require_regular(b, solution.x);
   if (verify == Verify::none && real && !s.single) return solution;
   Block r;
   if (verify == Verify::first_column && real && p > 1) {
     const double sample =
-        s.residual(select_columns(b, {0}), select_columns(solution.x, {0}), r);
+        s.A.residual(select_columns(b, {0}), select_columns(solution.x, {0}), r);
     if (sample <= s.options.backward_error) {
       solution.backward_error = sample;
       return solution;
     }
   }
-  solution.backward_error = s.residual(b, solution.x, r);
+  solution.backward_error = s.A.residual(b, solution.x, r);
   const int limit =
       s.single ? std::max(s.options.refinements, 12) : s.options.refinements;
   while (solution.backward_error > s.options.backward_error &&
          solution.refinements < limit) {
-    Block step(s.comm, s.rows, b.rows(), solution.x.columns());
+    Block step(s.A.comm, s.A.rows, b.rows(), solution.x.columns());
     {
       const Block::Access in(r);
       Block::Access out(step);
-      s.current->solve(s.rows, in.column(0), real ? nullptr : in.column(p), out.column(0),
-                       real ? nullptr : out.column(p), static_cast<int>(p));
+      s.current->solve(s.A.rows, in.column(0), real ? nullptr : in.column(p),
+                       out.column(0), real ? nullptr : out.column(p),
+                       static_cast<int>(p));
       const Block::Access x(solution.x);
       for (std::size_t i = 0; i < out.all().size(); ++i) out.all()[i] += x.column(0)[i];
     }
-    const double error = s.residual(b, step, r);
+    const double error = s.A.residual(b, step, r);
     ++solution.refinements;
     const bool better = error < 0.5 * solution.backward_error;
     if (error < solution.backward_error) {
@@ -366,7 +257,7 @@ void ShiftedSolver::fall_back() {
   for (auto& of_kind : s.engines) of_kind[true].reset();
   s.single = false;
   s.fell_back = true;
-  factorise(s.coefficients, s.definiteness);
+  factorise(s.A.coefficients, s.definiteness);
 }
 
 bool ShiftedSolver::fell_back() const { return state_->fell_back; }

@@ -2,6 +2,7 @@
 
 #include "linalg/block.hpp"
 #include "linalg/mumps.hpp"
+#include "linalg/shifted_matrix.hpp"
 
 #include <petscmat.h>
 
@@ -29,12 +30,6 @@ struct SolverOptions {
 
 /// For counting pivots: in double, with a threshold for null pivots.
 SolverOptions counting(SolverOptions options);
-
-/// A = k K + m M + d D. Real where all three are real.
-struct ShiftCoefficients {
-  std::complex<double> k, m, d;
-  bool real() const { return k.imag() == 0 && m.imag() == 0 && d.imag() == 0; }
-};
 
 /// The order that solvers with K and M, or with one of them alone, can share; null where
 /// the options ask for none by nested dissection. Arguments as of ShiftedSolver.

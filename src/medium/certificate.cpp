@@ -1,6 +1,7 @@
 #include "medium/certificate.hpp"
 
 #include "base/index.hpp"
+#include "linalg/decompositions.hpp"
 
 #include <algorithm>
 #include <cmath>

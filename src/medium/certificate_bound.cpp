@@ -2,6 +2,7 @@
 /// certificate.hpp.
 
 #include "base/index.hpp"
+#include "linalg/decompositions.hpp"
 #include "medium/certificate.hpp"
 
 #include <algorithm>

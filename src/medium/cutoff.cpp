@@ -2,6 +2,7 @@
 
 #include "base/index.hpp"
 #include "base/text.hpp"
+#include "linalg/decompositions.hpp"
 #include "linalg/orthonormal.hpp"
 #include "linalg/sparse.hpp"
 #include "linalg/sparse_product.hpp"

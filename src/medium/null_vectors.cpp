@@ -1,6 +1,7 @@
 #include "medium/null_vectors.hpp"
 
 #include "base/text.hpp"
+#include "linalg/decompositions.hpp"
 #include "linalg/sparse_product.hpp"
 #include "medium/mode_search.hpp"
 #include "model/rigid_body_modes.hpp"

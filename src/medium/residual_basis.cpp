@@ -3,6 +3,7 @@
 
 #include "base/event.hpp"
 #include "base/index.hpp"
+#include "linalg/decompositions.hpp"
 #include "medium/certificate.hpp"
 
 #include <algorithm>

@@ -2,6 +2,7 @@
 
 #include "base/index.hpp"
 #include "linalg/accurate_inner.hpp"
+#include "linalg/decompositions.hpp"
 #include "linalg/last_turn.hpp"
 #include "linalg/sparse_product.hpp"
 

@@ -1,6 +1,7 @@
 #include "medium/transfer_series.hpp"
 
 #include "base/index.hpp"
+#include "linalg/decompositions.hpp"
 
 #include <algorithm>
 #include <cmath>

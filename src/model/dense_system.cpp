@@ -1,6 +1,7 @@
 #include "model/dense_system.hpp"
 
 #include "base/index.hpp"
+#include "linalg/decompositions.hpp"
 #include "linalg/last_turn.hpp"
 
 #include <algorithm>

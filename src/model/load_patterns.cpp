@@ -3,6 +3,7 @@
 #include "base/index.hpp"
 #include "base/process.hpp"
 #include "base/text.hpp"
+#include "linalg/decompositions.hpp"
 #include "model/port_views.hpp"
 
 #include <algorithm>

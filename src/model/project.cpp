@@ -1,5 +1,6 @@
 #include "model/project.hpp"
 
+#include "linalg/decompositions.hpp"
 #include "linalg/sparse_product.hpp"
 #include "model/dense_system.hpp"
 

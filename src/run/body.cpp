@@ -4,6 +4,7 @@
 #include "base/text.hpp"
 #include "fem/assembly.hpp"
 #include "io/body_io.hpp"
+#include "io/part_file.hpp"
 #include "model/frame_integrals.hpp"
 #include "model/rigid_body_modes.hpp"
 

@@ -1,6 +1,7 @@
 #include "base/index.hpp"
 #include "examples.hpp"
 #include "linalg/accurate_inner.hpp"
+#include "linalg/decompositions.hpp"
 #include "linalg/last_turn.hpp"
 
 #include <random>

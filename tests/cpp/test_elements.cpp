@@ -1,6 +1,7 @@
 #include "base/error.hpp"
 #include "base/index.hpp"
 #include "fem/shape_functions.hpp"
+#include "linalg/decompositions.hpp"
 
 #include <gtest/gtest.h>
 

@@ -3,6 +3,7 @@
 #include "base/text.hpp"
 #include "examples.hpp"
 #include "io/body_io.hpp"
+#include "linalg/decompositions.hpp"
 #include "model/checks.hpp"
 
 #include <algorithm>

@@ -7,6 +7,7 @@
 /// axis in the mass inner product. Only where C ≠ Bᵀ it is something of its own.
 
 #include "basis/method.hpp"
+#include "linalg/decompositions.hpp"
 
 #include <algorithm>
 

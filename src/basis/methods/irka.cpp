@@ -3,6 +3,7 @@
 
 #include "base/index.hpp"
 #include "basis/method.hpp"
+#include "linalg/decompositions.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -2,6 +2,7 @@
 /// which the paper compares (Fehr, Eberhard, Lehner, section 3).
 
 #include "basis/method.hpp"
+#include "linalg/decompositions.hpp"
 
 #include <algorithm>
 

@@ -10,6 +10,7 @@
 
 #include "base/index.hpp"
 #include "basis/method.hpp"
+#include "linalg/decompositions.hpp"
 #include "linalg/lbfgs.hpp"
 
 #include <algorithm>
