@@ -56,7 +56,7 @@ private:
     return request_.order.tolerance ? request_.order.smallest() : 0.0;
   }
   double limit_of(std::size_t view) const;
-  ErrorClaim claim_of(const ErrorOverBand::Supremum& sup, const DenseSystem& small);
+  BandClaim claim_of(const ErrorOverBand::Supremum& sup, const DenseSystem& small);
   DenseSystem::Modal chosen_model();
   ReducedModel reduced(const Dense& Q, const DenseSystem& small,
                        const ErrorOverBand::Supremum& sup);
@@ -75,7 +75,7 @@ private:
   std::unique_ptr<SecondStage> stage_;
   ErrorOverBand errors_;
   OrderChoice choice_;
-  Frame frame_ = Frame::none;
+  FrameKind frame_ = FrameKind::none;
 };
 
 Cut::Cut(const Medium& medium, const CutRequest& request, Observer& observer)
@@ -243,8 +243,8 @@ double Cut::limit_of(std::size_t view) const {
   return request_.order.smallest() * medium_.views[view].allowed;
 }
 
-ErrorClaim Cut::claim_of(const ErrorOverBand::Supremum& sup, const DenseSystem& small) {
-  ErrorClaim claim;
+BandClaim Cut::claim_of(const ErrorOverBand::Supremum& sup, const DenseSystem& small) {
+  BandClaim claim;
   claim.worst = sup.worst;
   claim.whole = sup.worst_of[0];
   const auto view = as_size(std::max_element(sup.worst_of.begin(), sup.worst_of.end()) -
@@ -287,7 +287,7 @@ DenseSystem::Modal Cut::chosen_model() {
   Dense Q = choice_.candidates[choice_.best].basis(choice_.order);
   share_from_first(comm_, Q.data);
   DenseSystem::Modal chosen = medium_.system.project_to_modes(Q, medium_.tau);
-  if (frame_ == Frame::tangent) { // K resists rigid motion in no coordinates
+  if (frame_ == FrameKind::tangent) { // K resists rigid motion in no coordinates
     Dense K = std::move(chosen.system.K);
     chosen.Q = tangent(chosen.Q);
     chosen.system = medium_.system.project(chosen.Q);
@@ -303,10 +303,10 @@ DenseSystem::Modal Cut::chosen_model() {
 ReducedModel Cut::reduced(const Dense& Q, const DenseSystem& small,
                           const ErrorOverBand::Supremum& sup) {
   ReducedModel rom;
-  rom.model = small.model(medium_.names);
+  rom.system = small.model(medium_.names);
   rom.V = medium_.lift(Q);
-  rom.method = request_.name;
-  rom.second_stage = choice_.candidates[choice_.best].name;
+  rom.provenance.method = request_.name;
+  rom.provenance.second_stage = choice_.candidates[choice_.best].name;
   // The paper's indicator: the Gramian over the band, whatever the basis is made of.
   const auto paper = std::find_if(choice_.candidates.begin(), choice_.candidates.end(),
                                   [](const Candidate& c) { return c.name == "gramian"; });
@@ -314,39 +314,40 @@ ReducedModel Cut::reduced(const Dense& Q, const DenseSystem& small,
                   ? paper->sigma
                   : make_candidate("gramian", *stage_).sigma;
   ErrorOverBand::Errors errors = errors_.of(small);
-  rom.omega = errors_.omega();
-  rom.epsilon = std::move(errors.relative);
-  rom.bound = std::move(errors.bound);
-  rom.floor = errors_.floor();
-  if (whole_.printed_rounding > 0) rom.data_rounding = seen_->grid().data_rounding;
-  rom.claim = claim_of(sup, small);
+  rom.claim.curve.omega = errors_.omega();
+  rom.claim.curve.error = std::move(errors.relative);
+  rom.claim.curve.bound = std::move(errors.bound);
+  rom.claim.curve.floor = errors_.floor();
+  if (whole_.printed_rounding > 0)
+    rom.claim.curve.data_rounding = seen_->grid().data_rounding;
+  rom.claim.supremum = claim_of(sup, small);
   std::vector<double> poles;
   for (const auto& pole : medium_.poles_within(small, sup.excluded))
     poles.insert(poles.end(), {pole.omega, pole.frequency, pole.residue});
   share_list(comm_, poles);
   for (std::size_t i = 0; i + 2 < poles.size(); i += 3)
-    rom.claim->poles.push_back({poles[i], poles[i + 1], poles[i + 2]});
-  rom.kind = !sup.proved            ? "estimated"
-             : sup.excluded.empty() ? "certified"
-                                    : "certified outside";
+    rom.claim.supremum->poles.push_back({poles[i], poles[i + 1], poles[i + 2]});
+  rom.claim.kind = !sup.proved            ? "estimated"
+                   : sup.excluded.empty() ? "certified"
+                                          : "certified outside";
   for (std::size_t v = 1; v < sup.worst_of.size(); ++v)
-    rom.by_kind.emplace_back(medium_.views[v].name, sup.worst_of[v]);
+    rom.claim.by_kind.emplace_back(medium_.views[v].name, sup.worst_of[v]);
   if (!request_.order.of_kinds.empty())
     for (std::size_t v = 1; v < sup.worst_of.size(); ++v)
-      rom.kind_tolerances.push_back(limit_of(v));
-  rom.modes = eigenfrequencies(rom.model);
-  rom.band[0] = bands_.front().first;
-  rom.band[1] = bands_.back().last;
-  rom.factorisations = whole_.factorisations;
-  rom.medium_order = medium_.system.order();
+      rom.claim.kind_tolerances.push_back(limit_of(v));
+  rom.modes = eigenfrequencies(rom.system);
+  rom.claim.band[0] = bands_.front().first;
+  rom.claim.band[1] = bands_.back().last;
+  rom.provenance.factorisations = whole_.factorisations;
+  rom.provenance.medium_order = medium_.system.order();
   const bool apart = medium_.rigid > 0 && choice_.candidates[choice_.best].rigid_first;
-  rom.frame =
-      frame_names[as_size(frame_ == Frame::none && apart ? Frame::buckens : frame_)];
-  rom.rigid_modes = medium_.rigid;
+  rom.frame.kind = frame_names[as_size(
+      frame_ == FrameKind::none && apart ? FrameKind::buckens : frame_)];
+  rom.frame.rigid_modes = medium_.rigid;
   if (whole_.integrals) {
     Dense all(whole_.integrals->M_er.rows, Q.columns);
     set_part(all, 0, 0, medium_.in_V(Q));
-    rom.integrals = project(*whole_.integrals, all);
+    rom.frame.integrals = project(*whole_.integrals, all);
   }
   return rom;
 }
@@ -364,7 +365,7 @@ void Cut::claim_field(const Dense& Q, const DenseSystem& small,
                                found.proved ? 1.0 : 0.0};
     share_from_first(comm_, shared);
     const auto from = view.name.find(" from ");
-    rom.field.push_back(
+    rom.claim.fields.push_back(
         {from == std::string::npos ? view.name : view.name.substr(from + 6), shared[0],
          shared[1], shared[2], shared[3] > 0});
   }
@@ -372,17 +373,18 @@ void Cut::claim_field(const Dense& Q, const DenseSystem& small,
 
 ReducedModel Cut::run() {
   Stage timer(observer_, "second stage");
-  frame_ = request_.frame != Frame::automatic ? request_.frame
-           : medium_.rigid > 0                ? Frame::buckens
-                                              : Frame::none;
-  if (medium_.rigid == 0 && frame_ != Frame::none) {
+  frame_ = request_.frame != FrameKind::automatic ? request_.frame
+           : medium_.rigid > 0                    ? FrameKind::buckens
+                                                  : FrameKind::none;
+  if (medium_.rigid == 0 && frame_ != FrameKind::none) {
     observer_.skip("frame", "the body has no rigid modes");
-    frame_ = Frame::none;
+    frame_ = FrameKind::none;
   }
   if (medium_.rigid > 0) observer_.fact("frame", frame_names[as_size(frame_)]);
-  stage_ = std::make_unique<SecondStage>(SecondStage{
-      medium_, weights(), request_.equal_ports, frame_ != Frame::none, gram(), shifts_,
-      request_.moments, request_.relative_to, smallest_tolerance(), request_.statics});
+  stage_ = std::make_unique<SecondStage>(
+      SecondStage{medium_, weights(), request_.equal_ports, frame_ != FrameKind::none,
+                  gram(), shifts_, request_.moments, request_.relative_to,
+                  smallest_tolerance(), request_.statics});
   const auto names =
       request_.methods.empty() ? automatic_methods(request_.order) : request_.methods;
   choice_ = choose_order(names, *stage_, errors_, request_.order);
@@ -393,8 +395,8 @@ ReducedModel Cut::run() {
   const auto sup = shared_supremum(errors_.supremum(small, smallest_tolerance()));
   ReducedModel rom = reduced(Q, small, sup);
   if (request_.field) claim_field(Q, small, sup, rom);
-  rom.form = seen_->model().error_form();
-  rom.held = held_interfaces(medium_, small, bands_.back().last);
+  rom.claim.form = seen_->model().error_form();
+  rom.claim.held = held_interfaces(medium_, small, bands_.back().last);
   tell({whole_, request_, *seen_, choice_, small, sup}, rom, observer_);
   return rom;
 }

@@ -11,7 +11,7 @@
 namespace flexgram {
 
 /// Frame of reference of a free body's basis.
-enum class Frame {
+enum class FrameKind {
   automatic, ///< buckens if the body is free
   none,      ///< rigid motion mixed into the basis
   buckens,   ///< basis vectors orthogonal to the rigid modes, which come first
@@ -31,7 +31,7 @@ struct CutRequest {
   bool statics = false;         ///< the static response to every port is in the basis
   std::vector<double> shifts;   ///< [rad/s] of krylov; empty: ends and middle of the band
   int moments = 2;              ///< of krylov, at each shift
-  Frame frame = Frame::automatic;
+  FrameKind frame = FrameKind::automatic;
   std::string frame_interface; ///< of tangent; empty: the first with six ports
   RelativeTo relative_to = RelativeTo::both;
   bool field = false; ///< the error of the field in the energy norm is to be known too

@@ -14,8 +14,8 @@ namespace {
 
 /// What is claimed, as it is printed.
 std::string label_of(const ReducedModel& rom) {
-  if (rom.kind == "estimated") return "estimated, not proved";
-  const auto& excluded = rom.claim->excluded;
+  if (rom.claim.kind == "estimated") return "estimated, not proved";
+  const auto& excluded = rom.claim.supremum->excluded;
   if (excluded.empty()) return "certified";
   double widest = 0;
   for (const auto& [first, last] : excluded)
@@ -25,11 +25,11 @@ std::string label_of(const ReducedModel& rom) {
            "undamped resonances",
            excluded.size(), excluded.size() == 1 ? "" : "s", widest);
   double frequency = 0, residue = 0;
-  for (const auto& pole : rom.claim->poles) {
+  for (const auto& pole : rom.claim.supremum->poles) {
     frequency = std::max(frequency, pole[1]);
     residue = std::max(residue, pole[2]);
   }
-  if (!rom.claim->poles.empty())
+  if (!rom.claim.supremum->poles.empty())
     words += text(", whose frequencies are right to %.0e and residues to %.0e", frequency,
                   residue);
   return words;
@@ -73,21 +73,23 @@ void tell_elastic_part(const CutStory& cut, const ReducedModel& rom, Observer& o
   if (!medium.has_elastic_part()) return;
   const auto& sizes = cut.seen.grid().views.front();
   // Of very many ports at some of the frequencies.
-  const std::size_t step = too_many_ports(medium) ? rom.omega.size() / 12 + 1 : 1;
+  const std::size_t step =
+      too_many_ports(medium) ? rom.claim.curve.omega.size() / 12 + 1 : 1;
   const auto excluded = [&](double omega) {
-    return std::any_of(rom.claim->excluded.begin(), rom.claim->excluded.end(),
+    return std::any_of(rom.claim.supremum->excluded.begin(),
+                       rom.claim.supremum->excluded.end(),
                        [&](const auto& e) { return omega >= e[0] && omega <= e[1]; });
   };
   double worst = 0, at = 0;
-  for (std::size_t l = 0; l < rom.omega.size(); l += step) {
-    if (excluded(rom.omega[l])) continue;
+  for (std::size_t l = 0; l < rom.claim.curve.omega.size(); l += step) {
+    if (excluded(rom.claim.curve.omega[l])) continue;
     const double reference = cut.request.relative_to == RelativeTo::band
                                  ? sizes.largest
                                  : sizes.size[l] - sizes.error[l] - sizes.floor[l],
-                 error = rom.bound[l] * reference / sizes.size[l] *
-                         medium.whole_over_elastic(rom.omega[l]);
+                 error = rom.claim.curve.bound[l] * reference / sizes.size[l] *
+                         medium.whole_over_elastic(rom.claim.curve.omega[l]);
     if (error <= worst) continue;
-    at = rom.omega[l];
+    at = rom.claim.curve.omega[l];
     worst = std::isnan(error) ? HUGE_VAL : error;
   }
   std::vector<double> shared{worst, at};
@@ -110,7 +112,7 @@ void tell_elastic_part(const CutStory& cut, const ReducedModel& rom, Observer& o
 }
 
 /// Where the tolerance is met and where not, in words; empty if it is met nowhere.
-std::string unmet_words(const ErrorClaim& claim) {
+std::string unmet_words(const BandClaim& claim) {
   double all = 0, missed = 0;
   for (const auto& [first, last] : claim.bands) all += last - first;
   auto intervals = claim.unmet;
@@ -155,9 +157,10 @@ void tell_error(const CutStory& cut, const ReducedModel& rom, Observer& observer
                 text("%s of %s, everywhere in the band%s (%s), reached %.2e at %.5g Hz; "
                      "rounding floor %.0e",
                      bound_words(sup.worst_of[0], "at most %.2e").c_str(), reference,
-                     rom.claim->bands.size() > 1 ? "s" : "", label.c_str(),
+                     rom.claim.supremum->bands.size() > 1 ? "s" : "", label.c_str(),
                      sup.attained_of[0], sup.at_of[0] * hz,
-                     *std::max_element(rom.floor.begin(), rom.floor.end())));
+                     *std::max_element(rom.claim.curve.floor.begin(),
+                                       rom.claim.curve.floor.end())));
   // Beside undamped resonances |H| has no largest value; of very many ports with a damping
   // matrix it would cost as much as the claim itself.
   if (of_elastic) {
@@ -181,37 +184,39 @@ void tell_error(const CutStory& cut, const ReducedModel& rom, Observer& observer
         "rigid rounding",
         text("the rigid modes count as exactly rigid: what K holds of their stiffness "
              "is at the level of its rounding (change of H if it were real: %.0e)",
-             rom.claim->rigid_rounding));
-  if (!rom.data_rounding.empty())
+             rom.claim.supremum->rigid_rounding));
+  if (!rom.claim.curve.data_rounding.empty())
     observer.fact(
         "data rounding",
         text("K looks printed with %.0f digits; such roundings may change H by %.1e "
              "(at %.5g Hz, an estimate). The error above is of the stored K",
-             -std::log10(cut.whole.printed_rounding / 5), rom.claim->data_rounding,
-             rom.claim->data_rounding_at * hz));
+             -std::log10(cut.whole.printed_rounding / 5),
+             rom.claim.supremum->data_rounding,
+             rom.claim.supremum->data_rounding_at * hz));
   if (!medium.zero_views.empty())
     observer.skip("errors of " + join(medium.zero_views, ", "),
                   "H is nothing but rounding there");
-  if (!rom.by_kind.empty()) {
+  if (!rom.claim.by_kind.empty()) {
     std::string words;
-    for (std::size_t k = 0; k < rom.by_kind.size(); ++k) {
+    for (std::size_t k = 0; k < rom.claim.by_kind.size(); ++k) {
       words += text("%s%s at most %.1e", words.empty() ? "" : ", ",
-                    rom.by_kind[k].first.c_str(), rom.by_kind[k].second);
-      if (!rom.kind_tolerances.empty()) words += text(" of %g", rom.kind_tolerances[k]);
+                    rom.claim.by_kind[k].name.c_str(), rom.claim.by_kind[k].worst);
+      if (!rom.claim.kind_tolerances.empty())
+        words += text(" of %g", rom.claim.kind_tolerances[k]);
     }
     observer.fact("by kind", words + " (" + label + ")");
   } else if (port_views(medium.names, {true, {}, {}}).size() > 1) {
     std::vector<ComplexDense> H, H_r;
     const DenseResponse response(cut.small, medium.tau);
-    for (double omega : rom.omega) {
+    for (double omega : rom.claim.curve.omega) {
       H.push_back(medium.transfer(omega));
       H_r.push_back(response.transfer(omega));
     }
-    warn_of_kinds(rom.model, H, H_r, sup.worst, observer);
+    warn_of_kinds(rom.system, H, H_r, sup.worst, observer);
   }
-  if (!rom.field.empty()) {
+  if (!rom.claim.fields.empty()) {
     std::string words;
-    for (const FieldClaim& claim : rom.field) {
+    for (const FieldClaim& claim : rom.claim.fields) {
       words +=
           text("%s%s from %s", words.empty() ? "" : ", ",
                claim.proved ? text("at most %.1e", claim.worst).c_str() : "not known",
@@ -219,17 +224,18 @@ void tell_error(const CutStory& cut, const ReducedModel& rom, Observer& observer
       if (claim.proved)
         words += text(" (reached %.1e at %.5g Hz)", claim.attained, claim.at * hz);
     }
-    observer.fact("field", words + ", of the square root of its strain energy" +
-                               (rom.field.front().proved ? " (" + label + ")" : ""));
+    observer.fact("field",
+                  words + ", of the square root of its strain energy" +
+                      (rom.claim.fields.front().proved ? " (" + label + ")" : ""));
   }
-  if (rom.claim->met) return;
+  if (rom.claim.supremum->met) return;
   std::string why = at_a_zero(cut);
   if (why.empty()) why = cut.choice.shortfall;
   if (why.empty()) why = "the bound over the band was not brought any closer to it";
   observer.warn(text("{tol} %g is not met: the error is %s (%s)%s: %s",
                      *cut.request.order.tolerance,
                      bound_words(sup.worst, "at most %.1e").c_str(), label.c_str(),
-                     unmet_words(*rom.claim).c_str(), why.c_str()));
+                     unmet_words(*rom.claim.supremum).c_str(), why.c_str()));
 }
 
 } // namespace
@@ -245,11 +251,11 @@ void tell(const CutStory& cut, const ReducedModel& rom, Observer& observer) {
            candidate.remark.empty() ? "" : (" (" + candidate.remark + ")").c_str()));
   tell_error(cut, rom, observer);
   observer.fact("reduced modes", describe_modes(rom.modes, medium.rigid));
-  if (!rom.held.empty()) observer.fact("held", held_words(rom.held));
+  if (!rom.claim.held.empty()) observer.fact("held", held_words(rom.claim.held));
   observer.fact("reduced M, K",
                 text("smallest over largest eigenvalue %.1e, %.1e; V'MV = I to %.0e",
-                     relative_smallest_eigenvalue(rom.model.M),
-                     relative_smallest_eigenvalue(rom.model.K),
+                     relative_smallest_eigenvalue(rom.system.M),
+                     relative_smallest_eigenvalue(rom.system.K),
                      cut.whole.loss_of_orthogonality));
   observer.print();
 }

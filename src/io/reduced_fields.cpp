@@ -50,7 +50,7 @@ void system(FieldSink& sink, const SecondOrderModel& model) {
     matrix(sink, "feedthrough", direct);
 }
 
-void claim_of(FieldSink& sink, const ErrorClaim& claim) {
+void supremum_of(FieldSink& sink, const BandClaim& claim) {
   sink.value("error/worst", claim.worst);
   sink.value("error/whole", claim.whole);
   sink.value("error/attained", claim.attained);
@@ -110,53 +110,52 @@ void form_of(FieldSink& sink, const ErrorForm& form) {
   sink.value("form/cutoff", form.cutoff);
 }
 
-void error(FieldSink& sink, const ReducedModel& rom) {
-  vector(sink, "error/omega", rom.omega);
-  vector(sink, "error/relative", rom.epsilon);
-  if (!rom.bound.empty()) {
-    vector(sink, "error/bound", rom.bound);
-    vector(sink, "error/floor", rom.floor);
-    if (!rom.data_rounding.empty())
-      vector(sink, "error/data_rounding", rom.data_rounding);
+void claim_of(FieldSink& sink, const Claim& claim) {
+  vector(sink, "error/omega", claim.curve.omega);
+  vector(sink, "error/relative", claim.curve.error);
+  if (!claim.curve.bound.empty()) {
+    vector(sink, "error/bound", claim.curve.bound);
+    vector(sink, "error/floor", claim.curve.floor);
+    if (!claim.curve.data_rounding.empty())
+      vector(sink, "error/data_rounding", claim.curve.data_rounding);
   }
-  sink.value("error/kind", rom.kind);
-  if (rom.claim) claim_of(sink, *rom.claim);
-  if (!rom.by_kind.empty()) {
+  sink.value("error/kind", claim.kind);
+  if (claim.supremum) supremum_of(sink, *claim.supremum);
+  if (!claim.by_kind.empty()) {
     std::vector<std::string> kinds;
     std::vector<double> worst;
-    for (const auto& [kind, error] : rom.by_kind) {
+    for (const auto& [kind, error] : claim.by_kind) {
       kinds.push_back(kind);
       worst.push_back(error);
     }
     sink.value("error/kinds", kinds);
     sink.value("error/by_kind", worst);
-    if (!rom.kind_tolerances.empty())
-      sink.value("error/kind_tolerances", rom.kind_tolerances);
+    if (!claim.kind_tolerances.empty())
+      sink.value("error/kind_tolerances", claim.kind_tolerances);
   }
-  if (!rom.field.empty()) {
+  if (!claim.fields.empty()) {
     std::vector<std::string> inputs;
     std::vector<double> worst;
-    for (const FieldClaim& claim : rom.field) {
-      inputs.push_back(claim.inputs);
-      worst.push_back(claim.proved ? claim.worst
+    for (const FieldClaim& field : claim.fields) {
+      inputs.push_back(field.inputs);
+      worst.push_back(field.proved ? field.worst
                                    : std::numeric_limits<double>::infinity());
     }
     sink.value("error/field_inputs", inputs);
     sink.value("error/field", worst);
   }
-  held(sink, rom.held);
-  if (rom.form) form_of(sink, *rom.form);
-  if (!rom.loads) return;
-  matrix(sink, "loads/patterns", rom.loads->patterns);
-  sink.value("loads/names", rom.loads->names);
+  held(sink, claim.held);
+  if (claim.form) form_of(sink, *claim.form);
+  if (!claim.loads) return;
+  matrix(sink, "loads/patterns", claim.loads->patterns);
+  sink.value("loads/names", claim.loads->names);
 }
 
-void frame(FieldSink& sink, const ReducedModel& rom) {
-  sink.value("frame/kind", rom.frame);
-  sink.value("frame/rigid_modes", static_cast<double>(rom.rigid_modes));
-  if (!rom.integrals) return;
-  const FrameIntegrals& i = *rom.integrals;
-  const std::int64_t m = rom.model.n;
+void frame_of(FieldSink& sink, const Frame& frame, std::int64_t m) {
+  sink.value("frame/kind", frame.kind);
+  sink.value("frame/rigid_modes", static_cast<double>(frame.rigid_modes));
+  if (!frame.integrals) return;
+  const FrameIntegrals& i = *frame.integrals;
   // Blocks of m columns stand side by side; in the file the block index is between.
   const auto blocks = [&](const char* name, const Dense& a) {
     sink.array(name, {a.rows, a.columns / m, m}, row_major(a));
@@ -170,28 +169,29 @@ void frame(FieldSink& sink, const ReducedModel& rom) {
   sink.array("frame/inertia_second", {3, m, 3, m}, row_major(i.inertia_second));
 }
 
-void log(FieldSink& sink, const ReducedModel& rom) {
-  sink.value("log/body", rom.model.name);
-  sink.value("log/factorisations", static_cast<double>(rom.factorisations));
+void log(FieldSink& sink, const Provenance& made, const std::string& body) {
+  sink.value("log/body", body);
+  sink.value("log/factorisations", static_cast<double>(made.factorisations));
   std::vector<std::string> plan;
-  for (const auto& [name, value] : rom.plan) plan.push_back(name + "\t" + value);
+  for (const auto& [name, value] : made.plan) plan.push_back(name + "\t" + value);
   if (!plan.empty()) sink.value("log/plan", plan);
-  if (rom.medium_order > 0)
-    sink.value("log/medium_order", static_cast<double>(rom.medium_order));
+  if (made.medium_order > 0)
+    sink.value("log/medium_order", static_cast<double>(made.medium_order));
 }
 
 } // namespace
 
 void visit_fields(const ReducedModel& rom, FieldSink& sink) {
-  sink.value("method", rom.method);
-  if (!rom.second_stage.empty()) sink.value("second_stage", rom.second_stage);
-  sink.value("band", std::vector<double>{rom.band[0], rom.band[1]});
-  system(sink, rom.model);
+  sink.value("method", rom.provenance.method);
+  if (!rom.provenance.second_stage.empty())
+    sink.value("second_stage", rom.provenance.second_stage);
+  sink.value("band", std::vector<double>{rom.claim.band[0], rom.claim.band[1]});
+  system(sink, rom.system);
   vector(sink, "gramian/sigma", rom.sigma);
-  error(sink, rom);
+  claim_of(sink, rom.claim);
   vector(sink, "modes/omega", rom.modes);
-  frame(sink, rom);
-  log(sink, rom);
+  frame_of(sink, rom.frame, rom.system.n);
+  log(sink, rom.provenance, rom.system.name);
 }
 
 } // namespace flexgram

@@ -166,15 +166,15 @@ SecondOrderModel with_patterns(const SecondOrderModel& body, const LoadSpan& loa
 }
 
 void restore_ports(ReducedModel& rom, const SecondOrderModel& body, LoadSpan loads) {
-  rom.model.B = make_block(inner(rom.V, body.B));
-  rom.model.inputs = body.inputs;
+  rom.system.B = make_block(inner(rom.V, body.B));
+  rom.system.inputs = body.inputs;
   if (body.outputs_are_inputs) {
-    rom.model.C = rom.model.B.share();
-    rom.model.outputs = rom.model.inputs;
+    rom.system.C = rom.system.B.share();
+    rom.system.outputs = rom.system.inputs;
   }
-  rom.loads = std::move(loads);
-  rom.form.reset(); // of the loads
-  for (FieldClaim& claim : rom.field) claim.inputs = "these loads";
+  rom.claim.loads = std::move(loads);
+  rom.claim.form.reset(); // of the loads
+  for (FieldClaim& claim : rom.claim.fields) claim.inputs = "these loads";
 }
 
 } // namespace flexgram

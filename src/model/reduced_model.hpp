@@ -11,7 +11,7 @@
 namespace flexgram {
 
 /// What is claimed of the error everywhere in the bands.
-struct ErrorClaim {
+struct BandClaim {
   double worst = 0;    ///< largest relative error, of H and of each kind of ports
   double attained = 0; ///< the bound at one frequency: `worst` is no less than this
   double at = 0;       ///< [rad/s] that frequency
@@ -65,39 +65,62 @@ struct HeldInterface {
   double frequency_error() const;
 };
 
-/// A reduced body with what is known about it. `model` is dense and the same on every
-/// rank.
-struct ReducedModel {
-  SecondOrderModel model;
-  Block V; ///< n × m, rows over the ranks of the world
-  std::string method;
-  std::vector<double> sigma;   ///< eigenvalues of the position Gramian, descending
-  std::vector<double> omega;   ///< [rad/s], where the error is known
-  std::vector<double> epsilon; ///< eq. (17) of the paper at omega
-  std::vector<double> modes;   ///< [rad/s], undamped eigenfrequencies of the reduced body
-  std::vector<double> bound;   ///< proved upper bound of epsilon at omega; empty: none
-  std::vector<double> floor;   ///< its part that is rounding
-  std::vector<double> data_rounding; ///< at omega (ErrorClaim); empty: K was not printed
-  /// Of the error: certified, everywhere in the bands; certified outside the excluded
-  /// intervals; or estimated.
+/// The error at frequencies.
+struct ErrorCurve {
+  std::vector<double> omega;         ///< [rad/s]
+  std::vector<double> error;         ///< relative there, eq. (17) of the paper
+  std::vector<double> bound;         ///< proved upper bound of it; empty: none
+  std::vector<double> floor;         ///< its part that is rounding
+  std::vector<double> data_rounding; ///< (BandClaim); empty: K was not printed
+};
+
+/// The error of one kind: of displacements from forces, of rotations from moments and so on.
+struct KindClaim {
+  std::string name;
+  double worst = 0; ///< largest bound in the bands
+};
+
+/// What is claimed of a reduced body's error.
+struct Claim {
+  /// Certified, everywhere in the bands; certified outside the excluded intervals; or
+  /// estimated.
   std::string kind = "estimated";
-  std::optional<ErrorClaim> claim; ///< none: nothing is known between the frequencies
-  /// Largest bounds of displacements from forces, of rotations from moments and so on;
-  /// empty: not asked for.
-  std::vector<std::pair<std::string, double>> by_kind;
+  double band[2] = {0, 0}; ///< [rad/s]
+  ErrorCurve curve;
+  std::optional<BandClaim> supremum;   ///< none: nothing is known between the frequencies
+  std::vector<KindClaim> by_kind;      ///< empty: not asked for
   std::vector<double> kind_tolerances; ///< of each; empty: all the same
-  std::vector<FieldClaim> field;       ///< empty: not asked for
+  std::vector<FieldClaim> fields;      ///< empty: not asked for
   std::vector<HeldInterface> held;     ///< of a free body
   std::optional<ErrorForm> form;       ///< none: the claim is all that is known
   std::optional<LoadSpan> loads;       ///< none: each input by itself
-  std::string second_stage, frame = "none";
-  int rigid_modes = 0; ///< of the body; the first basis vectors unless frame is none
+};
+
+/// The frame of reference of a reduced body.
+struct Frame {
+  std::string kind = "none";
+  int rigid_modes = 0; ///< of the body; the first basis vectors unless the kind is none
   std::optional<FrameIntegrals> integrals;
-  double band[2] = {0, 0}; ///< [rad/s]
+};
+
+/// How a reduced body was made.
+struct Provenance {
+  std::string method, second_stage;
   int factorisations = 0;
   /// What was done and what was skipped, as printed: name and value.
   std::vector<std::pair<std::string, std::string>> plan;
   int medium_order = 0; ///< of the model that it was cut from; 0: none
+};
+
+/// A reduced body, of the parts that its file has groups for and Python attributes.
+struct ReducedModel {
+  SecondOrderModel system; ///< dense and the same on every rank
+  Block V;                 ///< the basis, n × m, rows over the ranks of the world
+  Claim claim;
+  Frame frame;
+  Provenance provenance;
+  std::vector<double> sigma; ///< eigenvalues of the position Gramian, descending
+  std::vector<double> modes; ///< [rad/s], undamped eigenfrequencies of the reduced body
 };
 
 } // namespace flexgram

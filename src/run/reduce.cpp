@@ -133,12 +133,12 @@ void tell_integrals(const FrameIntegrals& i, Observer& observer) {
 
 void add_frame_integrals(ReducedModel& rom, const Body& body, const Settings& s,
                          Observer& observer) {
-  if (!rom.integrals) {
-    if (!wants_integrals(body.model, rom.rigid_modes, s, observer)) return;
+  if (!rom.frame.integrals) {
+    if (!wants_integrals(body.model, rom.frame.rigid_modes, s, observer)) return;
     Stage stage(observer, "frame");
-    rom.integrals = frame_integrals(body.model, rom.V);
+    rom.frame.integrals = frame_integrals(body.model, rom.V);
   }
-  tell_integrals(*rom.integrals, observer);
+  tell_integrals(*rom.frame.integrals, observer);
 }
 
 void warn_of_default_band(const Options& options, Observer& observer) {
@@ -175,7 +175,7 @@ bool write_result(const ReducedModel& rom, const SecondOrderModel& body,
   }
   print_summary(observer, body.comm);
   observer.say("  wrote          " + s.out);
-  return !rom.claim || rom.claim->met;
+  return !rom.claim.supremum || rom.claim.supremum->met;
 }
 
 } // namespace
@@ -208,7 +208,7 @@ ReducedModel cut_medium(const Medium& medium, const Settings& s, Observer& obser
   if (s.takes_samples())
     throw Error("-mor_method pod samples the body itself: flexgram reduce does it");
   ReducedModel rom = cut(medium, s.cut_request(), observer);
-  rom.plan = observer.facts();
+  rom.provenance.plan = observer.facts();
   return rom;
 }
 
@@ -241,12 +241,12 @@ ReducedModel reduce_body(const Body& body, const Settings& s, Observer& observer
                   text("of the motion along these %zu loads in answer to any in their "
                        "span, relative to all of them together; the body keeps its %zu "
                        "inputs",
-                       rom.loads->names.size(), rom.model.inputs.size()));
+                       rom.claim.loads->names.size(), rom.system.inputs.size()));
   } else {
     rom = reduce_for_ports(body, s, observer, checkpoint);
   }
   observer.print();
-  rom.plan = observer.facts();
+  rom.provenance.plan = observer.facts();
   return rom;
 }
 
@@ -294,9 +294,9 @@ bool reduce(MPI_Comm comm, Settings& s, const Options& options, Observer& observ
   observer.say("  wrote          " + s.medium_out);
   s.choose_tolerance(observer);
   ReducedModel rom = cut_medium(medium, s, observer);
-  if (rom.integrals) tell_integrals(*rom.integrals, observer);
+  if (rom.frame.integrals) tell_integrals(*rom.frame.integrals, observer);
   observer.print();
-  rom.plan = observer.facts();
+  rom.provenance.plan = observer.facts();
   return write_result(rom, medium.body, s, options, observer);
 }
 
@@ -334,10 +334,10 @@ bool cut(MPI_Comm comm, Settings& s, const Options& options, Observer& observer)
   tell_medium(medium, observer);
   observer.print();
   ReducedModel rom = cut_medium(medium, s, observer);
-  if (rom.integrals) tell_integrals(*rom.integrals, observer);
+  if (rom.frame.integrals) tell_integrals(*rom.frame.integrals, observer);
   if (!medium.V) observer.skip("V", "the medium model is kept without its basis");
   observer.print();
-  rom.plan = observer.facts();
+  rom.provenance.plan = observer.facts();
   return write_result(rom, medium.body, s, options, observer);
 }
 

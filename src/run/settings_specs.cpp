@@ -86,10 +86,10 @@ CutRequest Settings::cut_request() const {
   request.field = field_error == "yes";
   request.shifts = in_rad(shifts_hz);
   request.moments = moments;
-  request.frame = frame == "none"      ? Frame::none
-                  : frame == "buckens" ? Frame::buckens
-                  : frame == "tangent" ? Frame::tangent
-                                       : Frame::automatic;
+  request.frame = frame == "none"      ? FrameKind::none
+                  : frame == "buckens" ? FrameKind::buckens
+                  : frame == "tangent" ? FrameKind::tangent
+                                       : FrameKind::automatic;
   request.frame_interface = frame_interface;
   request.relative_to = reference_of(relative_to);
   request.inputs = split(inputs, ',');

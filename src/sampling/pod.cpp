@@ -104,22 +104,25 @@ struct Judged {
 
 Judged judge(ReducedModel& rom, const std::vector<ComplexDense>& H, std::size_t samples) {
   for (std::size_t l = 0; l < H.size(); ++l)
-    rom.epsilon.push_back(relative_error(H[l], dense_transfer(rom.model, rom.omega[l])));
+    rom.claim.curve.error.push_back(
+        relative_error(H[l], dense_transfer(rom.system, rom.claim.curve.omega[l])));
   Judged judged;
-  const auto first_check = rom.epsilon.begin() + static_cast<long>(samples);
-  judged.checks = rom.epsilon.end() - first_check;
-  judged.at_samples = *std::max_element(rom.epsilon.begin(), first_check);
-  judged.between = judged.checks > 0 ? *std::max_element(first_check, rom.epsilon.end())
-                                     : judged.at_samples;
+  const auto first_check = rom.claim.curve.error.begin() + static_cast<long>(samples);
+  judged.checks = rom.claim.curve.error.end() - first_check;
+  judged.at_samples = *std::max_element(rom.claim.curve.error.begin(), first_check);
+  judged.between = judged.checks > 0
+                       ? *std::max_element(first_check, rom.claim.curve.error.end())
+                       : judged.at_samples;
   return judged;
 }
 
 void sort_by_frequency(ReducedModel& rom) {
-  std::vector<std::size_t> by_frequency(rom.omega.size());
+  std::vector<std::size_t> by_frequency(rom.claim.curve.omega.size());
   std::iota(by_frequency.begin(), by_frequency.end(), 0);
-  std::sort(by_frequency.begin(), by_frequency.end(),
-            [&](auto a, auto b) { return rom.omega[a] < rom.omega[b]; });
-  for (std::vector<double>* values : {&rom.omega, &rom.epsilon}) {
+  std::sort(by_frequency.begin(), by_frequency.end(), [&](auto a, auto b) {
+    return rom.claim.curve.omega[a] < rom.claim.curve.omega[b];
+  });
+  for (std::vector<double>* values : {&rom.claim.curve.omega, &rom.claim.curve.error}) {
     std::vector<double> sorted;
     for (auto l : by_frequency) sorted.push_back((*values)[l]);
     *values = std::move(sorted);
@@ -129,7 +132,7 @@ void sort_by_frequency(ReducedModel& rom) {
 void tell_order(const ReducedModel& rom, PetscInt n, const OrderSpec& asked,
                 Observer& observer) {
   const bool by_tolerance = asked.tolerance && asked.order == 0;
-  const auto order = as_size(rom.model.n);
+  const auto order = as_size(rom.system.n);
   const bool met = order < rom.sigma.size();
   observer.fact("order",
                 text("m = %zu of n = %lld, by %s", order, static_cast<long long>(n),
@@ -179,49 +182,52 @@ ReducedModel reduce_pod(const SecondOrderModel& fom, FrequencySolves& solves,
   ReducedModel rom;
   {
     Stage stage(observer, "project");
-    rom.model = project(fom, basis.V);
+    rom.system = project(fom, basis.V);
   }
-  rom.omega = samples.omega;
+  rom.claim.curve.omega = samples.omega;
   std::vector<ComplexDense> H = std::move(samples.H);
   {
     Stage stage(observer, "error");
     const auto extra = check_frequencies(samples.omega, spec.checks, first, last);
     auto H_extra = solves.transfer(extra, "check");
-    rom.omega.insert(rom.omega.end(), extra.begin(), extra.end());
+    rom.claim.curve.omega.insert(rom.claim.curve.omega.end(), extra.begin(), extra.end());
     std::move(H_extra.begin(), H_extra.end(), std::back_inserter(H));
   }
   if (by_tolerance) {
-    int order = order_by_tolerance(rom.model, rom.omega, H, spec.order.smallest(),
-                                   spec.order.kinds());
+    int order = order_by_tolerance(rom.system, rom.claim.curve.omega, H,
+                                   spec.order.smallest(), spec.order.kinds());
     MPI_Bcast(&order, 1, MPI_INT, 0, fom.comm); // dense work may differ in the last bit
-    rom.model = leading_part(rom.model, order);
+    rom.system = leading_part(rom.system, order);
     std::vector<int> columns(as_size(order));
     std::iota(columns.begin(), columns.end(), 0);
     basis.V = select_columns(basis.V, columns);
   }
   const Judged judged = judge(rom, H, samples.omega.size());
   std::vector<ComplexDense> H_r;
-  for (double omega : rom.omega) H_r.push_back(dense_transfer(rom.model, omega));
+  for (double omega : rom.claim.curve.omega)
+    H_r.push_back(dense_transfer(rom.system, omega));
   sort_by_frequency(rom);
-  rom.method = "pod";
+  rom.provenance.method = "pod";
   rom.V = std::move(basis.V);
   rom.sigma = basis.sigma;
-  rom.modes = eigenfrequencies(rom.model);
-  rom.band[0] = first;
-  rom.band[1] = last;
-  rom.factorisations = solves.factorisations();
-  rom.rigid_modes = rigid_modes;
+  rom.modes = eigenfrequencies(rom.system);
+  rom.claim.band[0] = first;
+  rom.claim.band[1] = last;
+  rom.provenance.factorisations = solves.factorisations();
+  rom.frame.rigid_modes = rigid_modes;
 
   observer.fact("inner product", basis.inner_product);
   tell_order(rom, fom.n, spec.order, observer);
   tell_error(judged, samples.omega.size(), observer);
-  warn_of_kinds(rom.model, H, H_r, std::max(judged.at_samples, judged.between), observer);
+  warn_of_kinds(rom.system, H, H_r, std::max(judged.at_samples, judged.between),
+                observer);
   observer.fact("modes", describe_modes(rom.modes, rigid_modes));
   observer.fact("reduced M, K", text("smallest over largest eigenvalue %.1e, %.1e",
-                                     relative_smallest_eigenvalue(rom.model.M),
-                                     relative_smallest_eigenvalue(rom.model.K)));
-  observer.fact("solves", text("%d factorisations, backward error at most %.0e",
-                               rom.factorisations, solves.worst_backward_error()));
+                                     relative_smallest_eigenvalue(rom.system.M),
+                                     relative_smallest_eigenvalue(rom.system.K)));
+  observer.fact("solves",
+                text("%d factorisations, backward error at most %.0e",
+                     rom.provenance.factorisations, solves.worst_backward_error()));
   observer.print();
   return rom;
 }

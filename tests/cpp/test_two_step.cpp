@@ -50,7 +50,7 @@ ReducedModel reduce(const SecondOrderModel& fom, const Job& job) {
 /// curve, against the curve, which is to be sharp.
 void expect_certified(const SecondOrderModel& fom, const ReducedModel& rom, double first,
                       double last) {
-  const Referee full(fom), reduced(rom.model);
+  const Referee full(fom), reduced(rom.system);
   std::vector<double> between;
   for (int l = 0; l < 29; ++l)
     between.push_back(first + (last - first) * (l + 0.37) / 29);
@@ -58,13 +58,14 @@ void expect_certified(const SecondOrderModel& fom, const ReducedModel& rom, doub
     return relative_error(full.transfer(omega), reduced.transfer(omega));
   };
   for (double omega : between)
-    EXPECT_LE(error(omega), rom.claim->whole) << "at " << omega;
-  for (std::size_t l = 0; l < rom.omega.size(); ++l) {
-    if (rom.omega[l] < first || rom.omega[l] > last) continue;
-    const double truth = error(rom.omega[l]);
-    EXPECT_LE(truth, rom.bound[l]) << "at " << rom.omega[l];
-    if (truth > rom.floor[l]) {
-      EXPECT_LE(rom.bound[l], 30 * truth) << "at " << rom.omega[l];
+    EXPECT_LE(error(omega), rom.claim.supremum->whole) << "at " << omega;
+  for (std::size_t l = 0; l < rom.claim.curve.omega.size(); ++l) {
+    if (rom.claim.curve.omega[l] < first || rom.claim.curve.omega[l] > last) continue;
+    const double truth = error(rom.claim.curve.omega[l]);
+    EXPECT_LE(truth, rom.claim.curve.bound[l]) << "at " << rom.claim.curve.omega[l];
+    if (truth > rom.claim.curve.floor[l]) {
+      EXPECT_LE(rom.claim.curve.bound[l], 30 * truth)
+          << "at " << rom.claim.curve.omega[l];
     }
   }
 }
@@ -82,17 +83,19 @@ TEST(TwoStep, CertifiesEveryKindOfDamping) {
       // Undamped: nothing is claimed beside the four resonances, and the intervals say
       // so.
       const bool undamped = damping.alpha + damping.beta + damping.eta == 0;
-      EXPECT_EQ(rom.kind, undamped ? "certified outside" : "certified");
-      EXPECT_EQ(rom.claim->excluded.size(), undamped ? 4u : 0u);
-      for (std::size_t k = 0; k < rom.claim->excluded.size(); ++k) {
-        const auto [from, to] = rom.claim->excluded[k];
+      EXPECT_EQ(rom.claim.kind, undamped ? "certified outside" : "certified");
+      EXPECT_EQ(rom.claim.supremum->excluded.size(), undamped ? 4u : 0u);
+      for (std::size_t k = 0; k < rom.claim.supremum->excluded.size(); ++k) {
+        const auto [from, to] = rom.claim.supremum->excluded[k];
         const double pole = std::sqrt(rod_eigenvalue(n, static_cast<PetscInt>(k + 1)));
         EXPECT_TRUE(from < pole && pole < to && to - from < 2.1e-4 * pole) << k;
       }
-      EXPECT_EQ(rom.factorisations, 1);
-      EXPECT_TRUE(rom.claim->met);
-      EXPECT_LE(rom.claim->worst, tolerance);
-      EXPECT_LE(*std::max_element(rom.bound.begin(), rom.bound.end()), rom.claim->worst);
+      EXPECT_EQ(rom.provenance.factorisations, 1);
+      EXPECT_TRUE(rom.claim.supremum->met);
+      EXPECT_LE(rom.claim.supremum->worst, tolerance);
+      EXPECT_LE(
+          *std::max_element(rom.claim.curve.bound.begin(), rom.claim.curve.bound.end()),
+          rom.claim.supremum->worst);
       expect_certified(fom, rom, 0.5, 12.3);
     }
   }
@@ -117,8 +120,8 @@ TEST(TwoStep, CertifiesDashpotsAndGeneralDamping) {
                   },
                   1);
     const ReducedModel rom = reduce(fom, to_tolerance(1e-5));
-    EXPECT_EQ(rom.kind, "certified");
-    EXPECT_EQ(rom.factorisations, 1);
+    EXPECT_EQ(rom.claim.kind, "certified");
+    EXPECT_EQ(rom.provenance.factorisations, 1);
     expect_certified(fom, rom, 0.5, 12.3);
   }
 }
@@ -145,7 +148,7 @@ TEST(TwoStep, EveryMethodIsCertified) {
     Job job;
     job.request.methods = {name};
     const ReducedModel rom = reduce(fom, job);
-    EXPECT_EQ(rom.kind, "certified") << name;
+    EXPECT_EQ(rom.claim.kind, "certified") << name;
     expect_certified(fom, rom, 0.5, 12.3);
   }
 }
@@ -170,7 +173,7 @@ TEST(TwoStep, ModalHoldsTheModesOfTheBandAndKrylovInterpolates) {
   const std::vector<double> at{2, 6};
   const auto H = solves.transfer(at, "test");
   for (std::size_t l = 0; l < 2; ++l)
-    EXPECT_LT(relative_error(H[l], dense_transfer(krylov.model, at[l])), 1e-7);
+    EXPECT_LT(relative_error(H[l], dense_transfer(krylov.system, at[l])), 1e-7);
 }
 
 TEST(TwoStep, TheOrderFoundIsMinimalForItsBasis) {
@@ -178,11 +181,11 @@ TEST(TwoStep, TheOrderFoundIsMinimalForItsBasis) {
   for (const char* stage : {"gramian", "weighted"}) {
     Job job = to_tolerance(1e-4);
     job.request.methods = {stage};
-    const int m = static_cast<int>(reduce(fom, job).model.n);
+    const int m = static_cast<int>(reduce(fom, job).system.n);
     job.request.order.tolerance.reset();
     job.request.order.order = m - 1;
     const auto less = reduce(fom, job);
-    EXPECT_GT(less.claim->worst, 1e-4);
+    EXPECT_GT(less.claim.supremum->worst, 1e-4);
   }
 }
 
@@ -191,15 +194,15 @@ TEST(TwoStep, GivesTheBestBodyWhereAToleranceCannotBeMet) {
   Job job = to_tolerance(1e-4);
   job.request.methods = {"modal"};
   const ReducedModel modal = reduce(fom, job);
-  EXPECT_EQ(modal.kind, "certified");
-  EXPECT_FALSE(modal.claim->met);
-  EXPECT_GT(modal.claim->worst, 1e-4);
+  EXPECT_EQ(modal.claim.kind, "certified");
+  EXPECT_FALSE(modal.claim.supremum->met);
+  EXPECT_GT(modal.claim.supremum->worst, 1e-4);
   expect_certified(fom, modal, 0.5, 12.3);
   job = to_tolerance(1e-9);
   job.spec.limit = 9; // the modes below the cutoff alone fill it
   const ReducedModel limited = reduce(fom, job);
-  EXPECT_FALSE(limited.claim->met);
-  EXPECT_GE(limited.claim->worst, limited.claim->attained);
+  EXPECT_FALSE(limited.claim.supremum->met);
+  EXPECT_GE(limited.claim.supremum->worst, limited.claim.supremum->attained);
   expect_certified(fom, limited, 0.5, 12.3);
 }
 
@@ -235,17 +238,19 @@ TEST(TwoStep, CutsEqualReductionsWhateverElseTheMediumModelHolds) {
       const Job job = to_tolerance(tolerance);
       const ReducedModel one = reduce(fom, job),
                          other = cut(medium, job.request, silent());
-      ASSERT_EQ(one.model.n, other.model.n) << tolerance;
-      EXPECT_EQ(one.medium_order, other.medium_order) << tolerance;
+      ASSERT_EQ(one.system.n, other.system.n) << tolerance;
+      EXPECT_EQ(one.provenance.medium_order, other.provenance.medium_order) << tolerance;
       // The levels that end a growth are summed with more digits than those on the way.
-      const double floor =
-          std::max(*std::max_element(one.floor.begin(), one.floor.end()),
-                   *std::max_element(other.floor.begin(), other.floor.end()));
-      EXPECT_NEAR(one.claim->worst, other.claim->worst, 1e-5 * one.claim->worst + floor)
+      const double floor = std::max(
+          *std::max_element(one.claim.curve.floor.begin(), one.claim.curve.floor.end()),
+          *std::max_element(other.claim.curve.floor.begin(),
+                            other.claim.curve.floor.end()));
+      EXPECT_NEAR(one.claim.supremum->worst, other.claim.supremum->worst,
+                  1e-5 * one.claim.supremum->worst + floor)
           << tolerance;
       for (double omega : {0.7, 3.1, 9.9})
-        EXPECT_LT(relative_error(dense_transfer(one.model, omega),
-                                 dense_transfer(other.model, omega)),
+        EXPECT_LT(relative_error(dense_transfer(one.system, omega),
+                                 dense_transfer(other.system, omega)),
                   1e-10)
             << tolerance;
     }
@@ -279,5 +284,5 @@ TEST(TwoStep, CutsSayWhatTheMediumModelLacks) {
   EXPECT_NE(message(request).find("nowhere"), std::string::npos);
   request = {};
   request.order.tolerance = 1e-11; // more than was certified: unmet, and said
-  EXPECT_FALSE(cut(medium, request, silent()).claim->met);
+  EXPECT_FALSE(cut(medium, request, silent()).claim.supremum->met);
 }
