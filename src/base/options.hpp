@@ -1,8 +1,10 @@
 #pragma once
 
+#include <algorithm>
 #include <map>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 namespace flexgram {
@@ -44,6 +46,20 @@ public:
            const char* help);
   void add_choice(const char* name, std::string& value,
                   const std::vector<std::string>& choices, const char* help);
+  /// A choice whose words stand for values: an enumeration, or yes and no.
+  template <class T>
+  void add_word(const char* name, T& value,
+                const std::vector<std::pair<const char*, T>>& words, const char* help) {
+    std::vector<std::string> choices;
+    for (const auto& [word, meaning] : words) choices.emplace_back(word);
+    const auto known = std::find_if(words.begin(), words.end(),
+                                    [&](const auto& w) { return w.second == value; });
+    std::string word = known->first;
+    add_choice(name, word, choices, help);
+    value = std::find_if(words.begin(), words.end(), [&](const auto& w) {
+              return word == w.first;
+            })->second;
+  }
   /// A family such as -mor_mumps_icntl_N: every N that the user gave, with its value.
   void add_numbered(const char* prefix, std::map<int, double>& values, const char* help);
 

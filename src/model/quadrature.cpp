@@ -80,4 +80,16 @@ Quadrature band_quadrature(double first, double last, int count, QuadratureRule 
   return q;
 }
 
+const char* word_of(QuadratureRule rule) {
+  switch (rule) {
+  case QuadratureRule::midpoint:
+    return "midpoint";
+  case QuadratureRule::gauss:
+    return "gauss";
+  case QuadratureRule::clenshaw_curtis:
+    break;
+  }
+  return "clenshaw_curtis";
+}
+
 } // namespace flexgram

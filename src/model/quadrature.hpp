@@ -10,6 +10,9 @@ enum class QuadratureRule {
   clenshaw_curtis ///< nested in its doubling, with both ends
 };
 
+/// "midpoint", "gauss", "clenshaw_curtis".
+const char* word_of(QuadratureRule rule);
+
 /// Nodes and weights with ∫ f dω ≈ Σ w_l f(ω_l) over [first, last].
 struct Quadrature {
   std::vector<double> omega;  ///< [rad/s], ascending

@@ -119,12 +119,12 @@ struct Reduction {
 /// Settings of one call, read from its options.
 struct Call {
   Call(MPI_Comm comm, const std::map<std::string, std::string>& values) : guard(values) {
-    settings.monitor = "silent";
+    settings.monitor = Observer::Level::silent;
     settings.describe(options);
     options.reject_unknown();
     observer = std::make_unique<Observer>(comm, settings.prepare(comm));
     settings.check();
-    if (settings.restart || settings.checkpoint != "auto")
+    if (settings.restart || settings.checkpoint != CheckpointSpec::When::automatic)
       throw Error("{checkpoint} and {restart} are for the program: in Python keep the "
                   "Medium that certify returns");
     if (comm_size(comm) == 1) interrupt.emplace();

@@ -88,7 +88,7 @@ std::string words_of_ports(const SecondOrderModel& model) {
 
 void begin_plan(Body& body, const Settings& settings, Observer& observer) {
   select_ports(body.model, split(settings.inputs, ','), split(settings.outputs, ','));
-  if (settings.spin_loads == "yes") add_spin_loads(body.model);
+  if (settings.spin_loads) add_spin_loads(body.model);
   const SecondOrderModel& model = body.model;
   observer.fact("body", text("%s: n = %lld, %.3g nonzeros in K", model.name.c_str(),
                              static_cast<long long>(model.n),

@@ -101,7 +101,7 @@ LoadSpan read_loads(const std::string& path, const std::vector<std::string>& por
 std::optional<LoadSpan> loads_of(const Body& body, const Settings& s,
                                  Observer& observer) {
   if (s.loads.empty() && s.load_patterns == 0) return std::nullopt;
-  if (s.frame == "tangent")
+  if (s.frame == FrameKind::tangent)
     throw Error("{frame} tangent follows an interface, and {loads} and {load_patterns} "
                 "reduce for loads instead of interfaces");
   if (s.order.kinds().each)

@@ -40,7 +40,7 @@ void describe_samples(const FrequencySolves& solves, const Body& body, const Set
                 text("%s: %zu samples over %g-%g Hz (%s, %s), %d checks between "
                      "them and at the ends",
                      s.method.c_str(), samples, spec.band.first * hz, spec.band.last * hz,
-                     s.quadrature.c_str(), s.spacing.c_str(),
+                     word_of(s.quadrature), s.logarithmic ? "log" : "linear",
                      std::min(spec.checks, static_cast<int>(samples) - 1)));
   plan_solves(solves, samples, observer);
   observer.fact(
@@ -92,15 +92,15 @@ void describe_two_step(const Body& body, const Settings& s, Observer& observer) 
 bool wants_integrals(const SecondOrderModel& body, int rigid_modes, const Settings& s,
                      Observer& observer) {
   const bool possible = has_coordinates(body);
-  if (s.frame_integrals == "no" || !possible) {
-    if (s.frame_integrals == "yes")
+  if (s.frame_integrals == Wish::no || !possible) {
+    if (s.frame_integrals == Wish::yes)
       throw Error(
           "-mor_frame_integrals yes: the body has no coordinates (/dofs, /nodes)");
     observer.skip("frame integrals",
                   possible ? "-mor_frame_integrals no" : "the body has no coordinates");
     return false;
   }
-  if (s.frame_integrals == "auto" && rigid_modes < 6) {
+  if (s.frame_integrals == Wish::automatic && rigid_modes < 6) {
     observer.skip("frame integrals", "the body cannot move freely");
     return false;
   }
@@ -111,16 +111,16 @@ bool wants_integrals(const SecondOrderModel& body, int rigid_modes, const Settin
         "nodes as a rigid body are not among them; look at the order of the "
         "positions, their axes and components",
         rigid_modes);
-    if (s.frame_integrals == "yes") throw Error("-mor_frame_integrals yes: " + words);
+    if (s.frame_integrals == Wish::yes) throw Error("-mor_frame_integrals yes: " + words);
     observer.warn(words + ". No frame integrals, and shapes are not to be trusted");
     return false;
   }
-  if (rigid_modes >= 6 && s.spin_loads == "yes" && s.relative_to != "elastic" &&
-      s.relative_to != "both")
+  if (rigid_modes >= 6 && s.spin_loads && s.relative_to != RelativeTo::elastic &&
+      s.relative_to != RelativeTo::both)
     observer.warn(
         "|H| from spin to inertia is mostly rigid rotation: only "
         "-mor_tol_relative_to both or elastic bounds what a spin does to the body");
-  if (rigid_modes >= 6 && s.spin_loads == "no")
+  if (rigid_modes >= 6 && !s.spin_loads)
     observer.skip("spin loads", "what the body's own spin does to it is no load here: "
                                 "-mor_spin_loads yes for fast or soft rotors");
   return true;
@@ -264,7 +264,7 @@ void write_medium_file(const Medium& medium, const Settings& s, const Options& o
   Stage stage(observer, "write");
   std::map<std::string, std::string> values;
   for (const Option& option : options.all()) values[option.name] = option.value;
-  write_medium(medium, s.medium_basis == "yes", values, observer.facts(), path);
+  write_medium(medium, s.medium_basis, values, observer.facts(), path);
 }
 
 bool reduce(MPI_Comm comm, Settings& s, const Options& options, Observer& observer) {

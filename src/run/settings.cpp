@@ -29,6 +29,33 @@ const char* const all_but_cut = "reduce certify sweep assemble plan";
 } // namespace
 
 void Settings::describe(Options& options) {
+  describe_files(options);
+  describe_ports(options);
+  describe_accuracy(options);
+  describe_method(options);
+  describe_second_stage(options);
+  describe_medium(options);
+  describe_samples(options);
+  describe_restart(options);
+  options.section("Sweep", "sweep");
+  options.add("-mor_sweep_hz", sweep_hz, "Hz",
+              "first,last,count frequencies, or a single one");
+  options.section("Parallel", "reduce sweep plan");
+  options.add(
+      "-mor_groups", groups, "",
+      "groups of ranks; each holds the body and factorises its own frequencies (pod, "
+      "sweep). 0: as many as the memory estimate allows (independent factorisations "
+      "scale better than parallel ones)");
+  describe_solver(options);
+  options.section("Output", all_verbs);
+  options.add_word("-mor_monitor", monitor,
+                   {{"silent", Observer::Level::silent},
+                    {"summary", Observer::Level::summary},
+                    {"detail", Observer::Level::detail}},
+                   "what is printed; detail adds a line for each factorisation");
+}
+
+void Settings::describe_files(Options& options) {
   options.section("Files", all_but_cut);
   options.add("-body", body, "body file: matrices or a mesh");
   options.section("Files", "cut");
@@ -40,15 +67,18 @@ void Settings::describe(Options& options) {
       "-mor_medium_out", medium_out,
       "certified medium model to write, for cut; default medium.h5 (certify), none "
       "(reduce)");
-  options.add_choice("-mor_medium_basis", medium_basis, {"yes", "no"},
-                     "whether the medium file holds the basis V (n × N), without which "
-                     "reduced files have no /V: no shapes, no flexible bodies in a "
-                     "multibody code with pictures");
+  options.add_word("-mor_medium_basis", medium_basis, {{"yes", true}, {"no", false}},
+                   "whether the medium file holds the basis V (n × N), without which "
+                   "reduced files have no /V: no shapes, no flexible bodies in a "
+                   "multibody code with pictures");
   options.section("Files", "sweep");
   options.add("-rom", rom, "reduced file to compare with the body");
   options.add("-mor_sweep_out", sweep_out, "file to write, with H over the frequencies");
   options.section("Files", "assemble");
   options.add("-body_out", body_out, "body of matrices to write");
+}
+
+void Settings::describe_ports(Options& options) {
   options.section("Ports", all_verbs);
   options.add("-mor_inputs", inputs,
               "ports to keep, by port (lower.fx) or interface (lower), comma separated");
@@ -56,8 +86,8 @@ void Settings::describe(Options& options) {
               "the same for outputs; default: like the inputs where the outputs are "
               "the inputs, else all");
   options.section("Ports of the body's own motion", all_but_cut);
-  options.add_choice(
-      "-mor_spin_loads", spin_loads, {"no", "yes"},
+  options.add_word(
+      "-mor_spin_loads", spin_loads, {{"no", false}, {"yes", true}},
       "whether what the spin of a body does to it is among the inputs and outputs: six "
       "loads frame.spinxx … frame.spinzx for ω_x² … ω_zω_x [rad²/s²], as outputs the "
       "change of its inertia; for fast or soft rotors in a floating frame, whose "
@@ -72,6 +102,9 @@ void Settings::describe(Options& options) {
   options.add("-mor_load_patterns", load_patterns, "",
               "the same for so many leading load patterns of the inputs, those that move "
               "them most; for hundreds and thousands of ports. 0: each port by itself");
+}
+
+void Settings::describe_accuracy(Options& options) {
   options.section("Reduction", "reduce certify cut plan");
   options.add("-mor_band_hz", band_hz, "Hz",
               "frequency band, first,last; or one frequency; or several bands, "
@@ -88,14 +121,14 @@ void Settings::describe(Options& options) {
       "smallest order whose relative error over the band is below this: the certified "
       "error, or with -mor_method pod the one at the samples and the check frequencies. "
       "Default without -mor_order: 1e-3, but for methods with an order of their own");
-  options.add_choice(
-      "-mor_tol_of", tolerance_of, {"each_kind", "whole"},
+  options.add_word(
+      "-mor_tol_of", order.each_kind, {{"each_kind", true}, {"whole", false}},
       "what -mor_tol bounds: the error of H as a whole (eq. 17), which adds m/N and "
       "rad/(N m) so that the larger number hides the other, or also those of "
       "displacements from forces and of rotations from moments by themselves (ports "
       "named x.fx ... x.mz)");
-  options.add_choice(
-      "-mor_field_error", field_error, {"no", "yes"},
+  options.add_word(
+      "-mor_field_error", field_error, {{"no", false}, {"yes", true}},
       "whether the error of the whole field of displacements is certified too, for each "
       "kind of inputs: in the norm of the strain energy, relative to that of the field "
       "(not with a damping matrix)");
@@ -103,26 +136,35 @@ void Settings::describe(Options& options) {
       "-mor_tol_kind", tolerances_of_kinds,
       "tolerances of kinds of their own: stress=1e-2,displacement from force=1e-5; the "
       "others keep -mor_tol, all of H the largest of them");
-  options.add_choice("-mor_tol_relative_to", relative_to,
-                     {"both", "pointwise", "elastic", "band"},
-                     "what errors of H are divided by. pointwise: |H| at the same "
-                     "frequency (eq. 17 of the "
-                     "paper; near an antiresonance, where H itself vanishes, the order "
-                     "grows to meet it). "
-                     "elastic: |H| at the same frequency without the motion as a rigid "
-                     "body, which is what "
-                     "joints and springs at the interfaces of a free body leave. both: "
-                     "the smaller of the "
-                     "two; the same as pointwise for a body without rigid modes. band: "
-                     "the largest |H| over "
-                     "the band, which forgives antiresonances");
+  options.add_word("-mor_tol_relative_to", relative_to,
+                   {{"both", RelativeTo::both},
+                    {"pointwise", RelativeTo::pointwise},
+                    {"elastic", RelativeTo::elastic},
+                    {"band", RelativeTo::band}},
+                   "what errors of H are divided by. pointwise: |H| at the same "
+                   "frequency (eq. 17 of the "
+                   "paper; near an antiresonance, where H itself vanishes, the order "
+                   "grows to meet it). "
+                   "elastic: |H| at the same frequency without the motion as a rigid "
+                   "body, which is what "
+                   "joints and springs at the interfaces of a free body leave. both: "
+                   "the smaller of the "
+                   "two; the same as pointwise for a body without rigid modes. band: "
+                   "the largest |H| over "
+                   "the band, which forgives antiresonances");
+}
+
+void Settings::describe_method(Options& options) {
   options.section("Reduction", "reduce cut");
-  options.add_choice("-mor_port_scaling", port_scaling, {"none", "equal"},
-                     "weight of the ports in the Gramian: all the same, so that forces "
-                     "and moments (in N m or N mm) count alike, or as their units have "
-                     "it (the paper)");
-  options.add_choice(
-      "-mor_inner_product", metric, {"mass", "euclidean", "energy"},
+  options.add_word("-mor_port_scaling", equal_ports, {{"none", false}, {"equal", true}},
+                   "weight of the ports in the Gramian: all the same, so that forces "
+                   "and moments (in N m or N mm) count alike, or as their units have "
+                   "it (the paper)");
+  options.add_word(
+      "-mor_inner_product", metric,
+      {{"mass", Metric::mass},
+       {"euclidean", Metric::euclidean},
+       {"energy", Metric::energy}},
       "in which the modes are orthonormal: mass (independent of units; M + "
       "K/omega_max^2 where M is singular), euclidean (the paper), energy (M + "
       "K/omega_max^2)");
@@ -148,18 +190,25 @@ void Settings::describe(Options& options) {
   options.add(
       "-mor_shifts_hz", shifts_hz, "Hz",
       "expansion points of krylov; default: both ends of the band and its middle");
+}
+
+void Settings::describe_second_stage(Options& options) {
   options.section("Second stage (every method but pod)", "reduce cut");
   options.add("-mor_weight", weight, "Hz, 1",
               "weight of the Gramian over the band: f1,w1,f2,w2,... , linear between, "
               "zero outside");
-  options.add_choice(
-      "-mor_statics", statics, {"no", "yes"},
+  options.add_word(
+      "-mor_statics", statics, {{"no", false}, {"yes", true}},
       "whether the small basis begins with the static response to every port (of a free "
       "body: with its elastic part), as the medium model has it; then slow loads are "
       "answered without error, for as many vectors");
   options.add("-mor_moments", moments, "", "moments at each expansion point of krylov");
-  options.add_choice(
-      "-mor_frame", frame, {"auto", "none", "buckens", "tangent"},
+  options.add_word(
+      "-mor_frame", frame,
+      {{"auto", FrameKind::automatic},
+       {"none", FrameKind::none},
+       {"buckens", FrameKind::buckens},
+       {"tangent", FrameKind::tangent}},
       "frame of reference of a free body: buckens: basis vectors orthogonal to "
       "the rigid modes, which come first; tangent: at rest at an interface; none: "
       "rigid motion mixed into the basis. auto: buckens if the body is free");
@@ -170,6 +219,9 @@ void Settings::describe(Options& options) {
       "-mor_error_hz", error_hz, "Hz",
       "first,last,count: further frequencies at which error and bound are evaluated and "
       "stored, beside some hundred over the band and on its resonances");
+}
+
+void Settings::describe_medium(Options& options) {
   options.section("Medium model (every method but pod)", "reduce certify plan");
   options.add(
       "-mor_cutoff", cutoff, "",
@@ -183,21 +235,27 @@ void Settings::describe(Options& options) {
       "certified relative error of the medium model; 0: a fiftieth of -mor_tol, or 1e-8 "
       "where the order is given or ruled");
   options.section("Medium model (every method but pod)", "reduce certify");
-  options.add_choice(
-      "-mor_frame_integrals", frame_integrals, {"auto", "yes", "no"},
+  options.add_word(
+      "-mor_frame_integrals", frame_integrals,
+      {{"auto", Wish::automatic}, {"yes", Wish::yes}, {"no", Wish::no}},
       "mass, centre, inertia and the shape integrals that a floating frame of "
       "reference needs, into /frame; auto: if the body is free and has "
       "coordinates");
+}
+
+void Settings::describe_samples(Options& options) {
   options.section("Samples (-mor_method pod)", "reduce plan");
   options.add("-mor_samples", samples, "",
               "frequencies at which the response is sampled");
-  options.add_choice("-mor_quadrature", quadrature,
-                     {"midpoint", "gauss", "clenshaw_curtis"},
-                     "rule for the integral of the Gramian over the band");
-  options.add_choice("-mor_spacing", spacing, {"linear", "log"},
-                     "nodes of the rule in the frequency or in its logarithm");
-  options.add_choice(
-      "-mor_svd", svd, {"tsqr", "snapshots"},
+  options.add_word("-mor_quadrature", quadrature,
+                   {{"midpoint", QuadratureRule::midpoint},
+                    {"gauss", QuadratureRule::gauss},
+                    {"clenshaw_curtis", QuadratureRule::clenshaw_curtis}},
+                   "rule for the integral of the Gramian over the band");
+  options.add_word("-mor_spacing", logarithmic, {{"linear", false}, {"log", true}},
+                   "nodes of the rule in the frequency or in its logarithm");
+  options.add_word(
+      "-mor_svd", snapshots, {{"tsqr", false}, {"snapshots", true}},
       "tsqr: singular values of the samples by a QR factorisation, to working "
       "accuracy. snapshots: Sirovich's method, eigenvalues of Z'Z; faster, but "
       "squares the condition: directions with sigma_j/sigma_1 below about 1e-16 "
@@ -205,9 +263,14 @@ void Settings::describe(Options& options) {
   options.add("-mor_validate", validate, "",
               "frequencies between the samples at which the error is checked by full "
               "solves, beside the two ends of the band; 0 checks none");
+}
+
+void Settings::describe_restart(Options& options) {
+  using When = CheckpointSpec::When;
   options.section("Going on after an end", "reduce certify");
-  options.add_choice(
-      "-mor_checkpoint", checkpoint, {"auto", "yes", "no"},
+  options.add_word(
+      "-mor_checkpoint", checkpoint,
+      {{"auto", When::automatic}, {"yes", When::always}, {"no", When::never}},
       "whether what is finished is written beside the output, to OUTPUT.checkpoint (with "
       "pod to the folder OUTPUT.samples): after the modes, after each level of the "
       "medium model, after each "
@@ -218,26 +281,17 @@ void Settings::describe(Options& options) {
   options.add("-mor_restart", restart,
               "go on from the checkpoint, on any number of ranks; from the beginning if "
               "there is none. One of another body, band, ports or version is refused");
-  options.section("Sweep", "sweep");
-  options.add("-mor_sweep_hz", sweep_hz, "Hz",
-              "first,last,count frequencies, or a single one");
-  options.section("Parallel", "reduce sweep plan");
-  options.add(
-      "-mor_groups", groups, "",
-      "groups of ranks; each holds the body and factorises its own frequencies (pod, "
-      "sweep). 0: as many as the memory estimate allows (independent factorisations "
-      "scale better than parallel ones)");
-  describe_solver(options);
-  options.section("Output", all_verbs);
-  options.add_choice("-mor_monitor", monitor, {"silent", "summary", "detail"},
-                     "what is printed; detail adds a line for each factorisation");
 }
 
 void Settings::describe_solver(Options& options) {
   MumpsOptions& mumps = solver.mumps;
   options.section("Factorisation", all_but_cut);
-  options.add_choice(
-      "-mor_ordering", ordering, {"auto", "best", "nested_dissection", "mumps"},
+  options.add_word(
+      "-mor_ordering", mumps.ordering,
+      {{"auto", Ordering::automatic},
+       {"best", Ordering::best},
+       {"nested_dissection", Ordering::nested_dissection},
+       {"mumps", Ordering::mumps}},
       "fill-reducing ordering: METIS nested dissection on the node graph, MUMPS' own "
       "choice, or the best (fewer estimated flops) of the two. auto: the best where many "
       "frequencies are factorised; elsewhere nested dissection, below 10,000 dofs MUMPS' "
@@ -252,8 +306,11 @@ void Settings::describe_solver(Options& options) {
               "largest workspace tried when MUMPS asks for more");
   options.add_numbered("-mor_mumps_icntl_", mumps.icntl, "sets ICNTL(N) of MUMPS");
   options.add_numbered("-mor_mumps_cntl_", mumps.cntl, "sets CNTL(N) of MUMPS");
-  options.add_choice(
-      "-mor_precision", precision, {"auto", "double", "single"},
+  options.add_word(
+      "-mor_precision", solver.precision,
+      {{"auto", Precision::automatic},
+       {"double", Precision::double_precision},
+       {"single", Precision::single_precision}},
       "arithmetic of the factors; single takes half the memory, is refined to double "
       "accuracy, and falls back to double where refinement stalls (it does within 1e-6 "
       "of an undamped resonance). auto: double where the run then fits into the memory, "
@@ -277,20 +334,11 @@ void Settings::choose_tolerance(Observer& observer) {
 
 Observer::Level Settings::prepare(MPI_Comm comm) {
   check_solver();
-  solver.precision = precision == "single"   ? Precision::single_precision
-                     : precision == "double" ? Precision::double_precision
-                                             : Precision::automatic;
-  solver.mumps.ordering = ordering == "best"                ? Ordering::best
-                          : ordering == "nested_dissection" ? Ordering::nested_dissection
-                          : ordering == "mumps"             ? Ordering::mumps
-                                                            : Ordering::automatic;
   auto& limit = solver.mumps.memory_limit_mb;
   if (limit == 0) limit = available_memory_mb(comm);
   keep_freed_pages();
   set_blas_threads(node_share(comm).cores_per_rank);
-  return monitor == "silent"   ? Observer::Level::silent
-         : monitor == "detail" ? Observer::Level::detail
-                               : Observer::Level::summary;
+  return monitor;
 }
 
 } // namespace flexgram

@@ -10,35 +10,41 @@
 
 namespace flexgram {
 
+/// What is done by itself where it makes sense.
+enum class Wish { automatic, yes, no };
+
 /// Everything that a user can set, over all verbs: each field one option, in the user's
 /// units. What the mathematics asks is made of it here, once.
 struct Settings {
   std::string body, rom, body_out, out = "rom.h5", sweep_out = "sweep.h5", medium,
-                                   medium_out, monitor = "summary";
-  std::string medium_basis = "yes";
+                                   medium_out;
+  Observer::Level monitor = Observer::Level::summary;
+  bool medium_basis = true;
   std::string method = "two_step", second_stage = "auto";
   std::string inputs, outputs, loads;
   int load_patterns = 0; ///< 0: each port by itself
-  std::string frame_integrals = "auto";
+  Wish frame_integrals = Wish::automatic;
   std::vector<double> band_hz{10, 500}, sweep_hz{10, 500, 200};
   bool band_is_given = false;
   std::string order_word = "auto";
   OrderSpec order;
-  std::string field_error = "no";
+  bool field_error = false;
   std::string tolerances_of_kinds; ///< "stress=1e-2,…"
-  std::string tolerance_of = "each_kind", port_scaling = "equal", metric = "mass",
-              relative_to = "both", statics = "no", spin_loads = "no", frame = "auto",
-              frame_interface;
+  bool equal_ports = true, statics = false, spin_loads = false;
+  Metric metric = Metric::mass;
+  RelativeTo relative_to = RelativeTo::both;
+  FrameKind frame = FrameKind::automatic;
+  std::string frame_interface;
   std::vector<double> weight, shifts_hz, error_hz;
   int moments = 2;
   double cutoff = 1.1, medium_target = 0;
   int medium_order = 0;
   int samples = 30, validate = 8;
-  std::string quadrature = "midpoint", spacing = "linear", svd = "tsqr";
+  QuadratureRule quadrature = QuadratureRule::midpoint;
+  bool logarithmic = false, snapshots = false;
   int groups = 0;
-  std::string ordering = "auto", precision = "auto";
   SolverOptions solver;
-  std::string checkpoint = "auto";
+  CheckpointSpec::When checkpoint = CheckpointSpec::When::automatic;
   bool restart = false;
 
   /// Registers every field, and so reads it from PETSc's option database.
@@ -64,6 +70,14 @@ struct Settings {
   SamplingSpec sampling_spec() const;
 
 private:
+  void describe_files(Options& options);
+  void describe_ports(Options& options);
+  void describe_accuracy(Options& options);
+  void describe_method(Options& options);
+  void describe_second_stage(Options& options);
+  void describe_medium(Options& options);
+  void describe_samples(Options& options);
+  void describe_restart(Options& options);
   void describe_solver(Options& options);
   void check_solver() const;
   void check_band() const;

@@ -43,7 +43,7 @@ void Settings::check_solver() const {
                  text("%g", solver.backward_error), "above 0");
   require_option(load_patterns >= 0, "-mor_load_patterns", std::to_string(load_patterns),
                  "0 (each port by itself) or more");
-  if (takes_samples() && relative_to == "elastic")
+  if (takes_samples() && relative_to == RelativeTo::elastic)
     throw Error(
         "{method} pod knows no elastic part of H: {tol_relative_to} elastic is of the "
         "others");
@@ -66,7 +66,7 @@ void Settings::check_band() const {
     require_option(band_hz.size() <= 2, "-mor_band_hz",
                    text("with %zu bands", band_hz.size() / 2),
                    "one band with -mor_method pod");
-  if (takes_samples() && spacing == "log" && band_hz.front() <= 0)
+  if (takes_samples() && logarithmic && band_hz.front() <= 0)
     throw Error("-mor_spacing log: the band must start above zero");
 }
 
@@ -143,11 +143,10 @@ void Settings::check() {
                  "0 (automatic) or more");
   require_option(medium_target >= 0 && medium_target < 1, "-mor_medium_tol",
                  text("%g", medium_target), "0 (automatic) or below 1");
-  require_option(field_error == "no" || !takes_samples(), "-mor_field_error", field_error,
+  require_option(!field_error || !takes_samples(), "-mor_field_error", "yes",
                  "no with -mor_method pod, whose errors are estimated");
   check_lists();
   check_solver();
-  order.each_kind = tolerance_of == "each_kind";
   check_kinds();
 }
 

@@ -13,19 +13,6 @@ std::vector<double> in_rad(const std::vector<double>& frequencies) {
   return omega;
 }
 
-RelativeTo reference_of(const std::string& word) {
-  return word == "band"      ? RelativeTo::band
-         : word == "elastic" ? RelativeTo::elastic
-         : word == "both"    ? RelativeTo::both
-                             : RelativeTo::pointwise;
-}
-
-Metric metric_of(const std::string& word) {
-  return word == "euclidean" ? Metric::euclidean
-         : word == "energy"  ? Metric::energy
-                             : Metric::mass;
-}
-
 } // namespace
 
 std::vector<std::string> Settings::methods() const {
@@ -49,7 +36,7 @@ CertifySpec Settings::certify_spec() const {
   spec.target = medium_target > 0 ? medium_target : flexgram::medium_target(order);
   spec.cutoff = cutoff;
   spec.limit = medium_order;
-  spec.relative_to = reference_of(relative_to);
+  spec.relative_to = relative_to;
   spec.kinds = order.kinds();
   const auto shifts = shifts_hz.empty() ? default_shifts(spec.bands) : in_rad(shifts_hz);
   const Demand asked = demand_of(methods(), order.order, shifts);
@@ -59,12 +46,9 @@ CertifySpec Settings::certify_spec() const {
 }
 
 CheckpointSpec Settings::checkpoint_spec(const std::string& output) const {
-  using When = CheckpointSpec::When;
   CheckpointSpec spec;
   spec.path = output + (takes_samples() ? ".samples" : ".checkpoint");
-  spec.when = checkpoint == "yes"  ? When::always
-              : checkpoint == "no" ? When::never
-                                   : When::automatic;
+  spec.when = checkpoint;
   spec.restart = restart;
   return spec;
 }
@@ -80,18 +64,15 @@ CutRequest Settings::cut_request() const {
     request.weight.omega.push_back(weight[i] / hz);
     request.weight.weight.push_back(weight[i + 1]);
   }
-  request.metric = metric_of(metric);
-  request.equal_ports = port_scaling == "equal";
-  request.statics = statics == "yes";
-  request.field = field_error == "yes";
+  request.metric = metric;
+  request.equal_ports = equal_ports;
+  request.statics = statics;
+  request.field = field_error;
   request.shifts = in_rad(shifts_hz);
   request.moments = moments;
-  request.frame = frame == "none"      ? FrameKind::none
-                  : frame == "buckens" ? FrameKind::buckens
-                  : frame == "tangent" ? FrameKind::tangent
-                                       : FrameKind::automatic;
+  request.frame = frame;
   request.frame_interface = frame_interface;
-  request.relative_to = reference_of(relative_to);
+  request.relative_to = relative_to;
   request.inputs = split(inputs, ',');
   request.outputs = split(outputs, ',');
   if (!error_hz.empty()) {
@@ -108,13 +89,11 @@ SamplingSpec Settings::sampling_spec() const {
   SamplingSpec spec;
   spec.band = bands().front();
   spec.samples = samples;
-  spec.rule = quadrature == "gauss"             ? QuadratureRule::gauss
-              : quadrature == "clenshaw_curtis" ? QuadratureRule::clenshaw_curtis
-                                                : QuadratureRule::midpoint;
-  spec.logarithmic = spacing == "log";
-  spec.snapshots = svd == "snapshots";
-  spec.metric = metric_of(metric);
-  spec.equal_ports = port_scaling == "equal";
+  spec.rule = quadrature;
+  spec.logarithmic = logarithmic;
+  spec.snapshots = snapshots;
+  spec.metric = metric;
+  spec.equal_ports = equal_ports;
   spec.order = order;
   spec.checks = validate;
   return spec;
