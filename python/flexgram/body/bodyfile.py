@@ -114,16 +114,38 @@ def write_matrices(
     BodyError
         For shapes that do not fit, complex entries, or names that do not fit the ports.
     """
-    n = K.shape[0]
-    ports = {"inputs": (inputs, np.shape(B)[-1]), "outputs": (outputs, C is None or np.shape(C)[0])}
-    expected = {
-        "K": (K, (n, n)),
-        "M": (M, (n, n)),
-        "D": (D, (n, n)),
-        "B": (B, (n, None)),
-        "C": (C, (None, n)),
-    }
-    for name, (value, shape) in expected.items():
+    maps = {"K": K, "M": M, "D": D, "B": B, "C": C}
+    _expect_shapes(maps)
+    if outputs is not None and C is None:
+        raise BodyError("outputs are named but C is not given (the outputs are the inputs)")
+    _expect_names("inputs", inputs, np.shape(B)[-1])
+    _expect_names("outputs", outputs, C is None or np.shape(C)[0])
+    damping = {"alpha": alpha, "beta": beta, "eta": eta}
+    for name, number in damping.items():
+        if not (np.isfinite(number) and number >= 0):
+            raise BodyError(f"{name} = {number}: damping must be finite and not negative")
+    with written_whole(path) as file:
+        for name in "KMD":
+            if maps[name] is not None:
+                write_sparse(file, name, maps[name])
+        _write_ports(file, {"B": (B, inputs), "C": (C, outputs)})
+        for name, number in damping.items():
+            file.attrs[name] = float(number)
+        if rounding:
+            file.attrs["rounding"] = float(rounding)
+        for name, value in (("dofs/node", node), ("dofs/component", component), ("nodes/id", ids)):
+            if value is not None:
+                file[name] = np.asarray(value, dtype=np.int64)
+        if position is not None:
+            file["nodes/position"] = np.asarray(position, dtype=np.float64)
+        _write_geometry(file, blocks, followers or {}, interfaces or {})
+
+
+def _expect_shapes(maps: Mapping[str, Any]) -> None:
+    n = maps["K"].shape[0]
+    square = dict.fromkeys("KMD", (n, n))
+    for name, shape in {**square, "B": (n, None), "C": (None, n)}.items():
+        value = maps[name]
         if value is None:
             continue
         actual = np.shape(value)
@@ -132,50 +154,41 @@ def write_matrices(
             raise BodyError(f"{name} has shape {actual}, expected {wanted}")
         if np.iscomplexobj(value):
             raise BodyError(f"{name} is complex; K (1 + i eta) is K with eta=...")
-    if outputs is not None and C is None:
-        raise BodyError("outputs are named but C is not given (the outputs are the inputs)")
-    for key, (names, count) in ports.items():
-        if names is not None and len(names) != count:
-            raise BodyError(f"{key}: {len(names)} names for {count} ports")
-        if names is not None and len(set(names)) != len(names):
-            raise BodyError(f"{key}: a name is given twice")
-    damping = {"alpha": alpha, "beta": beta, "eta": eta}
-    for name, number in damping.items():
-        if not (np.isfinite(number) and number >= 0):
-            raise BodyError(f"{name} = {number}: damping must be finite and not negative")
-    with written_whole(path) as file:
-        write_sparse(file, "K", K)
-        write_sparse(file, "M", M)
-        if D is not None:
-            write_sparse(file, "D", D)
-        for name, value in (("B", B), ("C", C)):
-            if value is None:
-                continue
-            if sp.issparse(value):
-                write_sparse(file, name, value)
-            else:
-                file[name] = np.atleast_2d(np.asarray(value, dtype=np.float64))
-        if inputs is not None:
-            file["B"].attrs["names"] = list(inputs)
-        if outputs is not None and C is not None:
-            file["C"].attrs["names"] = list(outputs)
-        for name, number in damping.items():
-            file.attrs[name] = float(number)
-        if rounding:
-            file.attrs["rounding"] = float(rounding)
-        if node is not None:
-            file["dofs/node"] = np.asarray(node, dtype=np.int64)
-        if component is not None:
-            file["dofs/component"] = np.asarray(component, dtype=np.int64)
-        if position is not None:
-            file["nodes/position"] = np.asarray(position, dtype=np.float64)
-        if ids is not None:
-            file["nodes/id"] = np.asarray(ids, dtype=np.int64)
-        for i, (kind, connectivity) in enumerate(blocks):
-            group = file.create_group(f"geometry/blocks/{i:04d}")
-            group.attrs["type"] = kind
-            group["connectivity"] = np.asarray(connectivity, dtype=np.int64)
-        for name, nodes in (followers or {}).items():
-            file[f"geometry/followers/{name}"] = np.asarray(nodes, dtype=np.int64)
-        for name, nodes in (interfaces or {}).items():
-            file[f"geometry/interfaces/{name}"] = np.asarray(nodes, dtype=np.int64)
+
+
+def _expect_names(what: str, names: Sequence[str] | None, count: int) -> None:
+    if names is None:
+        return
+    if len(names) != count:
+        raise BodyError(f"{what}: {len(names)} names for {count} ports")
+    if len(set(names)) != len(names):
+        raise BodyError(f"{what}: a name is given twice")
+
+
+def _write_ports(file: h5py.File, maps: Mapping[str, tuple[Any, Sequence[str] | None]]) -> None:
+    """B and C, dense or sparse, with the names of their ports."""
+    for name, (value, names) in maps.items():
+        if value is None:
+            continue
+        if sp.issparse(value):
+            write_sparse(file, name, value)
+        else:
+            file[name] = np.atleast_2d(np.asarray(value, dtype=np.float64))
+        if names is not None:
+            file[name].attrs["names"] = list(names)
+
+
+def _write_geometry(
+    file: h5py.File,
+    blocks: Sequence[tuple[str, Any]],
+    followers: Mapping[str, Any],
+    interfaces: Mapping[str, Any],
+) -> None:
+    """What pictures need: elements, and the nodes of interfaces."""
+    for i, (kind, connectivity) in enumerate(blocks):
+        group = file.create_group(f"geometry/blocks/{i:04d}")
+        group.attrs["type"] = kind
+        group["connectivity"] = np.asarray(connectivity, dtype=np.int64)
+    for role, members in (("followers", followers), ("interfaces", interfaces)):
+        for name, nodes in members.items():
+            file[f"geometry/{role}/{name}"] = np.asarray(nodes, dtype=np.int64)

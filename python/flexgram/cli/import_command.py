@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +36,15 @@ MESHES = (
     ".meshb",
     ".vol",
 )
+
+
+#: Options of files of matrices, of decks, and of any body, which YAML has in itself.
+OF_FILES = (
+    *("format", "deck", "mass", "damping", "inputs", "mapping"),
+    *("run_ccx", "strict", "matrices"),
+)
+OF_DECKS = ("assemble", "step", "deck_loads")
+OF_BODIES = ("units", "alpha", "beta", "eta", "load", "measure")
 
 
 class _Named(argparse.Action):
@@ -166,6 +176,27 @@ def _say_mesh(options: argparse.Namespace, counts: dict[str, Any]) -> None:
         say("  note: is the mesh in millimetres (units mm-t-s)?")
 
 
+def _refuse(options: argparse.Namespace, names: Sequence[str], why: str) -> None:
+    """Refuse options that mean nothing here; ``why`` stands behind the option's name."""
+    for name in names:
+        if getattr(options, name):
+            raise BodyError(f"--{name.replace('_', '-')}{why}")
+
+
+def _import_description(options: argparse.Namespace, named: list[tuple[str, str]]) -> None:
+    """A YAML description."""
+    from flexgram.body.description import import_body
+
+    why = (
+        ": interfaces, units and damping of a meshed body stand in its YAML file "
+        f"{options.source}, not on the command line"
+    )
+    _refuse(options, ("material", *OF_FILES, *OF_DECKS, *OF_BODIES), why)
+    for coupling, _ in named:
+        raise BodyError(f"--{coupling}{why}")
+    _say_mesh(options, import_body(options.source, options.output))
+
+
 def _import_mesh(options: argparse.Namespace, named: list[tuple[str, str]]) -> None:
     """A mesh of one material, described on the command line."""
     from flexgram.importers import parse
@@ -177,125 +208,42 @@ def _import_mesh(options: argparse.Namespace, named: list[tuple[str, str]]) -> N
             "steel --rigid eye=NSET:EYE), or describe it in YAML (several materials, supports, "
             "beams), see meshes/rack.yaml"
         )
-    for name in (
-        "format",
-        "deck",
-        "mass",
-        "damping",
-        "inputs",
-        "mapping",
-        "run_ccx",
-        "assemble",
-        "step",
-        "strict",
-        "matrices",
-        "deck_loads",
-    ):
-        if getattr(options, name):
-            raise BodyError(f"--{name.replace('_', '-')} is nothing for a mesh")
+    _refuse(options, (*OF_FILES, *OF_DECKS), " is nothing for a mesh")
     counts = import_mesh(
         options.source,
         options.output,
         options.material,
         [parse(*pair) for pair in named],
-        units=options.units or "SI",
-        alpha=options.alpha,
-        beta=options.beta,
-        eta=options.eta,
+        **_of_body(options),
         **_further(options),
     )
     _say_mesh(options, counts)
 
 
-def _further(options: argparse.Namespace) -> dict[str, dict[str, Any]]:
-    """Loads and outputs of the command line."""
-    from flexgram.importers.mesh import describe_load, describe_output
+def _import_deck(options: argparse.Namespace, named: list[tuple[str, str]]) -> None:
+    """A CalculiX deck, assembled here."""
+    from flexgram.importers import parse
+    from flexgram.importers.assemble import assemble_deck
 
-    found: dict[str, dict[str, Any]] = {"loads": {}, "outputs": {}}
-    for key, words, read in (
-        ("loads", options.load, describe_load),
-        ("outputs", options.measure, describe_output),
-    ):
-        for word in words:
-            name, entry = read(word)
-            if name in found[key]:
-                raise BodyError(f"{key[:-1]} {name} is given twice")
-            found[key][name] = entry
-    return found
+    _refuse(options, OF_FILES, " is nothing for --assemble")
+    counts = assemble_deck(
+        options.source,
+        options.output,
+        [parse(*pair) for pair in named],
+        step=options.step,
+        deck_loads=options.deck_loads,
+        **_of_body(options),
+        **_further(options),
+    )
+    _say_mesh(options, counts)
+    for remark in counts["remarks"]:
+        say(f"  note: {remark}")
 
 
-def import_body_file(options: argparse.Namespace) -> None:
-    named = getattr(options, "interfaces", None) or []
-    if options.source.suffix.lower() in (".yaml", ".yml"):
-        from flexgram.body.description import import_body
-
-        every = (
-            "material",
-            "format",
-            "deck",
-            "mass",
-            "damping",
-            "inputs",
-            "mapping",
-            "run_ccx",
-            "assemble",
-            "step",
-            "strict",
-            "matrices",
-            "units",
-            "alpha",
-            "beta",
-            "eta",
-            "load",
-            "measure",
-            "deck_loads",
-        )
-        given = [name.replace("_", "-") for name in every if getattr(options, name)]
-        given += [coupling for coupling, _ in named]
-        if given:
-            raise BodyError(
-                f"--{given[0]}: interfaces, units and damping of a meshed body stand "
-                f"in its YAML file {options.source}, not on the command line"
-            )
-        _say_mesh(options, import_body(options.source, options.output))
-        return
-    if options.material is not None or options.source.suffix.lower() in MESHES:
-        _import_mesh(options, named)
-        return
+def _import_files(options: argparse.Namespace, named: list[tuple[str, str]]) -> None:
+    """Matrices of an FE code."""
     from flexgram.importers import check_damping, import_matrices, parse, read
 
-    if options.assemble:
-        from flexgram.importers.assemble import assemble_deck
-
-        for name in (
-            "format",
-            "deck",
-            "mass",
-            "damping",
-            "inputs",
-            "mapping",
-            "run_ccx",
-            "strict",
-            "matrices",
-        ):
-            if getattr(options, name):
-                raise BodyError(f"--{name.replace('_', '-')} is nothing for --assemble")
-        counts = assemble_deck(
-            options.source,
-            options.output,
-            [parse(*pair) for pair in named],
-            units=options.units or "SI",
-            step=options.step,
-            alpha=options.alpha,
-            beta=options.beta,
-            eta=options.eta,
-            deck_loads=options.deck_loads,
-            **_further(options),
-        )
-        _say_mesh(options, counts)
-        for remark in counts["remarks"]:
-            say(f"  note: {remark}")
-        return
     if options.load or options.measure:
         raise BodyError(
             "--load and --measure are for bodies that flexgram assembles: a mesh, or "
@@ -319,15 +267,35 @@ def import_body_file(options: argparse.Namespace) -> None:
         matrices=_names(options.matrices),
     )
     facts = import_matrices(
-        fe,
-        options.output,
-        interfaces,
-        units=options.units or "SI",
-        alpha=options.alpha,
-        beta=options.beta,
-        eta=options.eta,
-        strict=options.strict,
+        fe, options.output, interfaces, strict=options.strict, **_of_body(options)
     )
+    _say_matrices(options, facts)
+
+
+def _of_body(options: argparse.Namespace) -> dict[str, Any]:
+    """Units and damping."""
+    given = {name: getattr(options, name) for name in ("alpha", "beta", "eta")}
+    return {"units": options.units or "SI", **given}
+
+
+def _further(options: argparse.Namespace) -> dict[str, Any]:
+    """Loads and outputs of the command line."""
+    from flexgram.importers.mesh import describe_load, describe_output
+
+    found: dict[str, dict[str, Any]] = {"loads": {}, "outputs": {}}
+    for key, words, read in (
+        ("loads", options.load, describe_load),
+        ("outputs", options.measure, describe_output),
+    ):
+        for word in words:
+            name, entry = read(word)
+            if name in found[key]:
+                raise BodyError(f"{key[:-1]} {name} is given twice")
+            found[key][name] = entry
+    return found
+
+
+def _say_matrices(options: argparse.Namespace, facts: dict[str, Any]) -> None:
     say(f"  {options.output}: n = {facts['rows']}, {facts['nonzeros']:.3g} nonzeros in K as read")
     if "extent" in facts:
         say(f"  it measures {_lengths(facts['extent'])} m")
@@ -348,3 +316,17 @@ def import_body_file(options: argparse.Namespace) -> None:
     )
     for remark in facts["remarks"]:
         say(f"  note: {remark}")
+
+
+def import_body_file(options: argparse.Namespace) -> None:
+    """The verb: by the source and the options, one of four ways."""
+    named = getattr(options, "interfaces", None) or []
+    ending = options.source.suffix.lower()
+    if ending in (".yaml", ".yml"):
+        _import_description(options, named)
+    elif options.material is not None or ending in MESHES:
+        _import_mesh(options, named)
+    elif options.assemble:
+        _import_deck(options, named)
+    else:
+        _import_files(options, named)

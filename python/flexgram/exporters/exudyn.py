@@ -240,30 +240,14 @@ def add_body(
         is of are ``rom.elastic().C @ q``, q the coordinates of ``modal_node``.
     """
     import exudyn.itemInterface as eii
-    from exudyn.rigidBodyUtilities import GetRigidBodyNode
 
-    if not isinstance(source, ReducedBody) and h5py.is_hdf5(source):
-        source = ReducedBody.load(source)
-    if isinstance(source, ReducedBody):
-        terms = ffrf_terms(source, stress=stress, nodes=nodes)
-    elif len(nodes):
-        raise BodyError("an NPZ brings the nodes that it was exported with: give the reduced file")
-    else:
-        with np.load(source) as file:  # what others may have pickled into it stays shut
-            terms = {key: file[key] for key in file.files if key in USED}
+    terms = _terms_of(source, stress, nodes)
     n = int(terms["infoList"][0])
     start = [0.0] * n if coordinates is None else np.asarray(coordinates, dtype=float).tolist()
     if len(start) != n:
         raise BodyError(f"coordinates: {len(start)} numbers, expected {n}")
-    turn = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
-    node = GetRigidBodyNode(
-        nodeType=exu.NodeType.RotationEulerParameters,
-        position=list(position),
-        velocity=list(velocity),
-        rotationMatrix=turn,
-        angularVelocity=list(angular_velocity),
-    )
-    rigid_node = mbs.AddNode(node)
+    motion = {"position": position, "velocity": velocity, "angularVelocity": angular_velocity}
+    rigid_node = _rigid_node(exu, mbs, motion, rotation)
     modal_node = mbs.AddNode(
         eii.NodeGenericODE2(
             numberOfODE2Coordinates=n,
@@ -272,36 +256,7 @@ def add_body(
             initialCoordinates_t=[0] * n,
         )
     )
-
-    def container(a: Any) -> Any:
-        matrix = exu.MatrixContainer()
-        matrix.SetWithDenseMatrix(np.asarray(a), useDenseMatrix=True)
-        return matrix
-
-    post = {}
-    if "stressModes" in terms and terms["stressModes"].size:
-        post = {
-            "outputVariableModeBasis": terms["stressModes"],
-            "outputVariableTypeModeBasis": exu.OutputVariableType.StressLocal,
-        }
-    number = mbs.AddObject(
-        eii.ObjectFFRFreducedOrder(
-            nodeNumbers=[rigid_node, modal_node],
-            stiffnessMatrixReduced=container(terms["stiffnessMatrixReduced"]),
-            massMatrixReduced=container(terms["massMatrixReduced"]),
-            dampingMatrixReduced=container(terms["dampingMatrixReduced"]),
-            referencePositions=terms["xRef"],
-            mass=float(terms["totalMass"]),
-            inertia=terms["inertiaLocal"],
-            centerOfMass=terms["chiU"],
-            **{key: terms[key] for key in DIRECT},
-            computeFFRFterms=True,
-            **post,
-            visualization=eii.VObjectFFRF(
-                triangleMesh=terms["trigList"].tolist(), color=list(color)
-            ),
-        )
-    )
+    number = _flexible_object(exu, mbs, terms, [rigid_node, modal_node], color)
     if np.any(np.asarray(gravity)):
         marker = mbs.AddMarker(eii.MarkerBodyMass(bodyNumber=number))
         mbs.AddLoad(eii.LoadMassProportional(markerNumber=marker, loadVector=list(gravity)))
@@ -322,3 +277,65 @@ def add_body(
         "markers": markers,
         "mesh_nodes": {int(node): k for k, node in enumerate(terms.get("meshNodes", ())) if node},
     }
+
+
+def _terms_of(
+    source: ReducedBody | str | Path, stress: bool, nodes: Sequence[int]
+) -> dict[str, Any]:
+    """``ffrf_terms`` of a body or a reduced file, or what an NPZ holds of them."""
+    if not isinstance(source, ReducedBody) and h5py.is_hdf5(source):
+        source = ReducedBody.load(source)
+    if isinstance(source, ReducedBody):
+        return ffrf_terms(source, stress=stress, nodes=nodes)
+    if len(nodes):
+        raise BodyError("an NPZ brings the nodes that it was exported with: give the reduced file")
+    with np.load(source) as file:  # what others may have pickled into it stays shut
+        return {key: file[key] for key in file.files if key in USED}
+
+
+def _rigid_node(exu: Any, mbs: Any, motion: dict[str, Any], rotation: Any) -> Any:
+    from exudyn.rigidBodyUtilities import GetRigidBodyNode
+
+    turn = np.eye(3) if rotation is None else np.asarray(rotation, dtype=float)
+    node = GetRigidBodyNode(
+        nodeType=exu.NodeType.RotationEulerParameters,
+        rotationMatrix=turn,
+        **{key: list(value) for key, value in motion.items()},
+    )
+    return mbs.AddNode(node)
+
+
+def _flexible_object(
+    exu: Any, mbs: Any, terms: dict[str, Any], node_numbers: list[int], color: Any
+) -> Any:
+    import exudyn.itemInterface as eii
+
+    def container(a: Any) -> Any:
+        matrix = exu.MatrixContainer()
+        matrix.SetWithDenseMatrix(np.asarray(a), useDenseMatrix=True)
+        return matrix
+
+    post = {}
+    if "stressModes" in terms and terms["stressModes"].size:
+        post = {
+            "outputVariableModeBasis": terms["stressModes"],
+            "outputVariableTypeModeBasis": exu.OutputVariableType.StressLocal,
+        }
+    return mbs.AddObject(
+        eii.ObjectFFRFreducedOrder(
+            nodeNumbers=node_numbers,
+            stiffnessMatrixReduced=container(terms["stiffnessMatrixReduced"]),
+            massMatrixReduced=container(terms["massMatrixReduced"]),
+            dampingMatrixReduced=container(terms["dampingMatrixReduced"]),
+            referencePositions=terms["xRef"],
+            mass=float(terms["totalMass"]),
+            inertia=terms["inertiaLocal"],
+            centerOfMass=terms["chiU"],
+            **{key: terms[key] for key in DIRECT},
+            computeFFRFterms=True,
+            **post,
+            visualization=eii.VObjectFFRF(
+                triangleMesh=terms["trigList"].tolist(), color=list(color)
+            ),
+        )
+    )

@@ -259,60 +259,17 @@ def import_matrices(
     rounding = printed_rounding(fe.K.data)  # before anything is added or scaled
     body = attach(fe, every)
     new = body.pop("new_points")
-    followers: dict[str, Any] = {}
-    members: dict[str, Any] = {}
     labels = np.concatenate([fe.labels, np.array(list(new), dtype=np.int64)])
     points = np.vstack([fe.points, *new.values()]) if new else fe.points
-    component = body["component"]
-    turn = np.where(component >= 3, length, 1.0) if len(component) else np.ones(body["K"].shape[0])
-
-    def scaled(A: Any, factor: float) -> Any:
-        """In SI; by columns, as the file has it (the transpose of a symmetric matrix is itself)."""
-        if np.any(turn != 1):
-            A = sp.diags(turn) @ A @ sp.diags(turn)
-        if factor != 1:
-            A = factor * A
-        return A.T
-
-    unit = np.where(body["moment"], 1 / length, np.where(body["load"], force, 1.0))
-    B = turn[:, None] * body["B"] * unit
-    C = None if body["C"] is None else body["C"] * turn
-    outputs = body["outputs"]
-    if C is None and body["load"].any():  # what interfaces do, not the loads
-        C = B[:, ~body["load"]].T
-        outputs = [n for n, load in zip(body["inputs"], body["load"], strict=True) if not load]
-    places: dict[str, Any] = {"node": None, "component": None, "position": None, "ids": None}
-    if len(component):
-        known = labels if fe.has_coordinates() else np.unique(body["node"])
-        places |= {"component": component, "ids": known}
-        places["node"] = index_of(known, body["node"])[0]
-        if fe.has_coordinates():
-            places["position"] = points * length
-            for name, label in fe.rigid.items():  # coupled by the FE code itself
-                inside = fe.sets.get(name, np.empty(0, dtype=np.int64))
-                inside = inside[index_of(known, inside)[1] & ~np.isin(inside, body["node"])]
-                body["followers"][name] = np.concatenate([[label], inside])
-            followers, members = (
-                {name: index_of(known, nodes)[0] for name, nodes in body[which].items()}
-                for which in ("followers", "members")
-            )
     write_matrices(
         output,
-        scaled(body["K"], force / length),
-        scaled(body["M"], mass),
-        B,
-        D=None if body["D"] is None else scaled(body["D"], mass),
-        C=C,
-        inputs=body["inputs"],
-        outputs=outputs,
+        **_in_SI(body, length, mass, force),
         alpha=fe.alpha if alpha is None else alpha,
         beta=fe.beta if beta is None else beta,
         eta=fe.eta if eta is None else eta,
         rounding=rounding,
-        **places,
+        **_places(fe, body, labels, points * length),
         blocks=fe.indexed_blocks(),
-        followers=followers,
-        interfaces=members,
     )
     if rounding:
         fe.remarks.append(_digits(fe, rounding))
@@ -331,6 +288,63 @@ def import_matrices(
         "ports": body["inputs"],
         "remarks": fe.remarks,
     }
+
+
+def _in_SI(body: Mapping[str, Any], length: float, mass: float, force: float) -> dict[str, Any]:
+    """K, M, D, B and C in SI units, with the names of their ports.
+
+    Matrices come by columns, as the file has them: the transpose of a symmetric one is itself.
+    """
+    component = body["component"]
+    turn = np.where(component >= 3, length, 1.0) if len(component) else np.ones(body["K"].shape[0])
+
+    def scaled(A: Any, factor: float) -> Any:
+        if np.any(turn != 1):
+            A = sp.diags(turn) @ A @ sp.diags(turn)
+        if factor != 1:
+            A = factor * A
+        return A.T
+
+    unit = np.where(body["moment"], 1 / length, np.where(body["load"], force, 1.0))
+    B = turn[:, None] * body["B"] * unit
+    C = None if body["C"] is None else body["C"] * turn
+    outputs = body["outputs"]
+    if C is None and body["load"].any():  # what interfaces do, not the loads
+        C = B[:, ~body["load"]].T
+        outputs = [n for n, load in zip(body["inputs"], body["load"], strict=True) if not load]
+    return {
+        "K": scaled(body["K"], force / length),
+        "M": scaled(body["M"], mass),
+        "B": B,
+        "D": None if body["D"] is None else scaled(body["D"], mass),
+        "C": C,
+        "inputs": body["inputs"],
+        "outputs": outputs,
+    }
+
+
+def _places(fe: FeMatrices, body: Mapping[str, Any], labels: Any, points: Any) -> dict[str, Any]:
+    """Nodes and components of the rows, where nodes are [m], and which belong to interfaces."""
+    component = body["component"]
+    if not len(component):
+        return {}
+    known = labels if fe.has_coordinates() else np.unique(body["node"])
+    places: dict[str, Any] = {
+        "component": component,
+        "ids": known,
+        "node": index_of(known, body["node"])[0],
+    }
+    if not fe.has_coordinates():
+        return places
+    for name, label in fe.rigid.items():  # coupled by the FE code itself
+        inside = fe.sets.get(name, np.empty(0, dtype=np.int64))
+        inside = inside[index_of(known, inside)[1] & ~np.isin(inside, body["node"])]
+        body["followers"][name] = np.concatenate([[label], inside])
+    followers, members = (
+        {name: index_of(known, nodes)[0] for name, nodes in body[which].items()}
+        for which in ("followers", "members")
+    )
+    return {**places, "position": points, "followers": followers, "interfaces": members}
 
 
 def _digits(fe: FeMatrices, rounding: float) -> str:

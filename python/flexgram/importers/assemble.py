@@ -195,40 +195,75 @@ def assemble_deck(
             f"{path}: step {number} is preloaded (PERTURBATION), which --run-ccx takes into account"
         )
     materials = _materials(job)
-    regions: dict[str, dict[str, str]] = {}
+    mesh, material_of = _mesh(job, deck, materials)
+    damping = damping_of(job)
+    remarks = [*deck.remarks, *damping.remarks]
+    described = describe_interfaces(interfaces)
+    loads = {name: dict(entry) for name, entry in (loads or {}).items()}
+    outputs = {name: dict(entry) for name, entry in (outputs or {}).items()}
+    for name, entry in loads.items():
+        if "table" in entry:
+            entry["table"] = _by_index(path, deck, f"load {name}", entry["table"])
+    if deck_loads:
+        remarks += _add_loads_of_steps(job, deck, materials, material_of, loads)
+    elif words := in_steps(job):
+        remarks.append(
+            f"the loads of the deck are left out ({words}): --deck-loads makes inputs of them"
+        )
+    for entry in (*described.values(), *loads.values(), *outputs.values()):
+        _number_nodes(path, deck, entry)
+    given = {"alpha": alpha, "beta": beta, "eta": eta}
+    content = {
+        "name": path.stem,
+        "units": units,
+        "materials": materials,
+        "regions": {region: {"material": name} for region, name in material_of.items()},
+        "interfaces": described,
+        "mass_integration": "reduced",
+        "loads": loads,
+        "outputs": outputs,
+        "supports": {
+            f"held_{directions}": {"nodes": [i + 1 for i in nodes], "components": list(directions)}
+            for directions, nodes in _supports(job, deck, cards).items()
+        },
+        "damping": {
+            key: getattr(damping, key) if value is None else value for key, value in given.items()
+        },
+    }
+    counts = import_description(content, str(path), output, inputs=[path], mesh=mesh)
+    return {**counts, "remarks": remarks}
+
+
+def _mesh(
+    job: Job, deck: Deck, materials: Mapping[str, Mapping[str, float]]
+) -> tuple[meshio.Mesh, dict[str, str]]:
+    """The mesh with a region for each *SOLID SECTION, and the material of each region."""
+    material_of: dict[str, str] = {}
     cells: list[tuple[str, Any]] = []
-    cell_sets: dict[str, list[Any]] = {}
-    for index, card in enumerate(c for c in job.model if c.keyword == "SOLID SECTION"):
+    region_of: list[str] = []  # of each of cells
+    sectioned: set[int] = set()
+    for card in (c for c in job.model if c.keyword == "SOLID SECTION"):
         name, material = (card.options.get(key, "").upper() for key in ("ELSET", "MATERIAL"))
         if name not in deck.elsets or not {"E", "nu", "rho"} <= set(materials.get(material, ())):
             raise BodyError(
-                f"{path}: *SOLID SECTION, ELSET={name}, MATERIAL={material}: needs "
+                f"{job.path}: *SOLID SECTION, ELSET={name}, MATERIAL={material}: needs "
                 "elements, *ELASTIC and *DENSITY"
             )
-        regions[f"section{index + 1}"] = {"material": material}
+        region = f"section{len(material_of) + 1}"
+        material_of[region] = material
+        sectioned.update(deck.elsets[name])
         by_kind: dict[str, list[list[int]]] = {}
         for label in deck.elsets[name]:
             kind, nodes = deck.elements[label]
             by_kind.setdefault(kind, []).append(nodes)
         for kind, lists in by_kind.items():
-            table = np.searchsorted(deck.labels, np.array(lists, dtype=np.int64))
-            cells.append((kind, table))
-            whole = np.arange(len(table))
-            for region in regions:
-                cell_sets.setdefault(region, [np.empty(0, dtype=np.int64)] * (len(cells) - 1))
-            for region, parts in cell_sets.items():
-                mine = region == f"section{index + 1}"
-                parts.append(whole if mine else np.empty(0, dtype=np.int64))
-    sectioned = {
-        label
-        for c in job.model
-        if c.keyword == "SOLID SECTION"
-        for label in deck.elsets.get(c.options.get("ELSET", "").upper(), ())
-    }
+            cells.append((kind, np.searchsorted(deck.labels, np.array(lists, dtype=np.int64))))
+            region_of.append(region)
     if len(sectioned) < len(deck.elements):
         raise BodyError(
-            f"{path}: {len(deck.elements) - len(sectioned)} elements have no *SOLID SECTION"
+            f"{job.path}: {len(deck.elements) - len(sectioned)} elements have no *SOLID SECTION"
         )
+    none = np.empty(0, dtype=np.int64)
     mesh = meshio.Mesh(
         deck.points,
         cells,
@@ -236,63 +271,49 @@ def assemble_deck(
             name: np.searchsorted(deck.labels, nodes[np.isin(nodes, deck.labels)])
             for name, nodes in deck.sets.items()
         },
-        cell_sets=cell_sets,
-    )
-    damping = damping_of(job)
-    given = {"alpha": alpha, "beta": beta, "eta": eta}
-    of_deck = {"alpha": damping.alpha, "beta": damping.beta, "eta": damping.eta}
-    described = describe_interfaces(interfaces)
-    further = {
-        key: {name: dict(entry) for name, entry in (given or {}).items()}
-        for key, given in (("loads", loads), ("outputs", outputs))
-    }
-    remarks = [*deck.remarks, *damping.remarks]
-    for name, entry in further["loads"].items():
-        if "table" in entry:
-            entry["table"] = _by_index(path, deck, f"load {name}", entry["table"])
-    if deck_loads:
-        of_steps, left = loads_of(job, deck)
-        remarks += left
-        for load in of_steps:
-            if load.name in further["loads"]:
-                raise BodyError(f"load {load.name} is given twice: it is one of the deck's")
-            if load.kind == "temperature" and not all(
-                "expansion" in materials[region["material"]] for region in regions.values()
-            ):
-                remarks.append(
-                    f"load {load.name} is left out: a material has no *EXPANSION, or "
-                    "one of temperature or direction"
-                )
-                continue
-            rows = load.table.copy()
-            rows[:, 0] = np.searchsorted(deck.labels, rows[:, 0]) + 1
-            further["loads"][load.name] = {"type": load.kind, "table": rows}
-    elif words := in_steps(job):
-        remarks.append(
-            f"the loads of the deck are left out ({words}): --deck-loads makes inputs of them"
-        )
-    for entry in (*described.values(), *further["loads"].values(), *further["outputs"].values()):
-        for key in ("nodes", "relative_to"):
-            if isinstance(entry.get(key), list):  # labels of the deck
-                entry[key] = [_index(path, deck, label) + 1 for label in entry[key]]
-            elif isinstance(entry.get(key), str):
-                entry[key] = entry[key].upper()
-    content = {
-        "name": path.stem,
-        "units": units,
-        "materials": materials,
-        "regions": regions,
-        "interfaces": described,
-        "mass_integration": "reduced",
-        **further,
-        "supports": {
-            f"held_{directions}": {"nodes": [i + 1 for i in nodes], "components": list(directions)}
-            for directions, nodes in _supports(job, deck, cards).items()
+        cell_sets={
+            region: [
+                np.arange(len(table)) if owner == region else none
+                for (_, table), owner in zip(cells, region_of, strict=True)
+            ]
+            for region in material_of
         },
-        "damping": {key: of_deck[key] if value is None else value for key, value in given.items()},
-    }
-    counts = import_description(content, str(path), output, inputs=[path], mesh=mesh)
-    return {**counts, "remarks": remarks}
+    )
+    return mesh, material_of
+
+
+def _add_loads_of_steps(
+    job: Job,
+    deck: Deck,
+    materials: Mapping[str, Mapping[str, float]],
+    material_of: Mapping[str, str],
+    loads: dict[str, dict[str, Any]],
+) -> list[str]:
+    """Add the loads of the deck's steps to ``loads``; returns what is to be said of them."""
+    of_steps, remarks = loads_of(job, deck)
+    expands = all("expansion" in materials[name] for name in material_of.values())
+    for load in of_steps:
+        if load.name in loads:
+            raise BodyError(f"load {load.name} is given twice: it is one of the deck's")
+        if load.kind == "temperature" and not expands:
+            remarks.append(
+                f"load {load.name} is left out: a material has no *EXPANSION, or "
+                "one of temperature or direction"
+            )
+            continue
+        rows = load.table.copy()
+        rows[:, 0] = np.searchsorted(deck.labels, rows[:, 0]) + 1
+        loads[load.name] = {"type": load.kind, "table": rows}
+    return remarks
+
+
+def _number_nodes(path: Path, deck: Deck, entry: dict[str, Any]) -> None:
+    """Put numbers from 1 for the deck's labels, and sets in the deck's capitals."""
+    for key in ("nodes", "relative_to"):
+        if isinstance(entry.get(key), list):
+            entry[key] = [_index(path, deck, label) + 1 for label in entry[key]]
+        elif isinstance(entry.get(key), str):
+            entry[key] = entry[key].upper()
 
 
 def _by_index(path: Path, deck: Deck, what: str, table: Any) -> Any:

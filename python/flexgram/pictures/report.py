@@ -193,14 +193,119 @@ def _stress(model: ReducedBody, t: Any, u: Any, body: str | Path | None) -> str:
     )
 
 
-def _measured(model: ReducedBody, measured: str | Path, body: str | Path | None) -> str:
-    """Modes of a test beside those of the body."""
-    modes = mode_shapes.mode_shapes(model, body)
-    found = mode_shapes.compare(mode_shapes.read_universal(measured), modes)
-    rows = "".join(f"<p>{html.escape(line[0].upper() + line[1:])}.</p>" for line in found.words())
-    return f"<h2>Measured modes of {html.escape(Path(measured).name)}</h2>{rows}" + _image(
-        mode_shapes.picture(found), "Modal assurance criterion."
-    )
+class _Page:
+    """The parts of the page of one body; ``left``: what could not be shown, and why."""
+
+    def __init__(self, model: ReducedBody, body: str | Path | None) -> None:
+        self.model, self.body = model, body
+        self.made = model.provenance
+        self.left: list[str] = []
+
+    def draw(self, name: str, caption: str, raster: bool = False, **arguments: Any) -> str:
+        """A figure of ``pictures.figures``; empty if it cannot be drawn."""
+        try:
+            return _image(figures.FIGURES[name](self.model, **arguments), caption, raster)
+        except BodyError as reason:
+            self.left.append(f"{name}: {reason}")
+            return ""
+
+    def head(self, rom: Path) -> list[str]:
+        """Name, numbers, warnings."""
+        made = self.made
+        return [
+            f"<h1>{html.escape(Path(made.body or rom).stem)}, reduced</h1>",
+            f"<p class=lead>{html.escape(made.body)} by flexgram ({html.escape(made.stages)}), "
+            f"in {html.escape(rom.name)}{_when(made.log)}</p>",
+            _cards(self.model),
+            *(f'<p class="warning">{html.escape(w)}</p>' for w in made.warnings),
+        ]
+
+    def response(self, sweep: Path | None, ports: list[tuple[str, str]] | None) -> list[str]:
+        """The error, the order, and H."""
+        error = (
+            "Error of the transfer matrix in the Frobenius norm, "
+            f"{self.model.claim.words_of_reference}."
+        )
+        gramian = "Eigenvalues of the position Gramian over the band, and the order taken."
+        whose = (
+            " of the full and the reduced body."
+            if sweep
+            else " of the reduced body (name a sweep file to compare with the full one)."
+        )
+        return [
+            "<h2>Error over the band</h2>",
+            self.draw("error", error),
+            '<h2>Order and response</h2><div class="pair">',
+            self.draw("gramian", gramian),
+            self.draw("transfer", "Transfer functions" + whose, sweep=sweep, ports=ports),
+            "</div>",
+        ]
+
+    def history(self, loads: str | Path) -> list[str]:
+        """A load history: its spectrum, what the claim says of the answer, the largest stress."""
+        history = read_history(loads, self.model.inputs)
+        verdict = judge(self.model, *history)
+        parts = [
+            f"<h2>The load history {html.escape(Path(loads).name)}</h2>",
+            "".join(
+                f"<p>{html.escape(words[0].upper() + words[1:])}.</p>" for words in verdict.words
+            ),
+            _image(figures.loads(self.model, verdict), "Amplitudes, and the band."),
+        ]
+        if _has_stress(self.model, self.body):
+            try:
+                parts.append(_stress(self.model, *history, self.body))
+            except BodyError as error:
+                self.left.append(f"stress: {error}")
+        return parts
+
+    def shapes(self) -> list[str]:
+        """The mesh and the lowest modes."""
+        caption = "Surface with the interfaces; lowest elastic modes of the reduced body, enlarged."
+        picture = self.draw("shapes", caption, raster=True, body=self.body)
+        return ["<h2>Shapes</h2>", picture] if picture else []
+
+    def plan_and_modes(self) -> list[str]:
+        """What was done; the modes, free and held."""
+        plan = _plan(self.made.plan) if self.made.plan else "<p>not stored</p>"
+        return [
+            "<h2>Plan: what was done, what was skipped and why</h2>",
+            plan,
+            "<h2>Modes of the reduced body</h2>",
+            _modes(self.model),
+            _held(self.model),
+        ]
+
+    def measured(self, file: str | Path) -> list[str]:
+        """Modes of a test beside those of the body."""
+        try:
+            modes = mode_shapes.mode_shapes(self.model, self.body)
+            found = mode_shapes.compare(mode_shapes.read_universal(file), modes)
+        except BodyError as error:
+            self.left.append(f"measured modes: {error}")
+            return []
+        rows = (f"<p>{html.escape(line[0].upper() + line[1:])}.</p>" for line in found.words())
+        return [
+            f"<h2>Measured modes of {html.escape(Path(file).name)}</h2>",
+            *rows,
+            _image(mode_shapes.picture(found), "Modal assurance criterion."),
+        ]
+
+    def times(self) -> list[str]:
+        """Time by stage, options, versions."""
+        options = dict(self.made.log.get("options", {}))
+        versions = dict(self.made.log.get("versions", {}))
+        rows = (
+            f"<tr><th><code>{html.escape(k)}</code></th><td>{html.escape(str(v))}</td></tr>"
+            for k, v in options.items()
+        )
+        told = html.escape(", ".join(f"{k} {v}" for k, v in versions.items()))
+        return [
+            "<h2>Time by stage</h2>",
+            self.draw("stages", "Wall clock."),
+            f"<details><summary>All options</summary><table>{''.join(rows)}",
+            f"</table></details><p class=lead>{told}</p>",
+        ]
 
 
 def write_report(
@@ -238,99 +343,22 @@ def write_report(
     list of str
         What could not be shown, and why.
     """
-    model = ReducedBody.load(rom)
-    left: list[str] = []
-
-    def draw(name: str, caption: str, raster: bool = False, **arguments: Any) -> str:
-        try:
-            return _image(figures.FIGURES[name](model, **arguments), caption, raster)
-        except BodyError as reason:
-            left.append(f"{name}: {reason}")
-            return ""
-
-    made = model.provenance
-    log = made.log
-    options = dict(log.get("options", {}))
-    versions = ", ".join(f"{k} {v}" for k, v in dict(log.get("versions", {})).items())
+    page = _Page(ReducedBody.load(rom), body)
     parts = [
-        f"<h1>{html.escape(Path(made.body or rom).stem)}, reduced</h1>",
-        f"<p class=lead>{html.escape(made.body)} by flexgram "
-        f"({html.escape(made.stages)}), "
-        f"in {html.escape(Path(rom).name)}{_when(log)}</p>",
-        _cards(model),
-        *(f'<p class="warning">{html.escape(w)}</p>' for w in made.warnings),
-        "<h2>Error over the band</h2>",
-        draw(
-            "error",
-            "Error of the transfer matrix in the Frobenius norm, "
-            f"{model.claim.words_of_reference}.",
-        ),
-        '<h2>Order and response</h2><div class="pair">',
-        draw("gramian", "Eigenvalues of the position Gramian over the band, and the order taken."),
-        draw(
-            "transfer",
-            "Transfer functions"
-            + (
-                " of the full and the reduced body."
-                if sweep
-                else " of the reduced body (name a sweep file to compare with the full one)."
-            ),
-            sweep=None if sweep is None else Path(sweep),
-            ports=ports,
-        ),
-        "</div>",
-    ]
-    if loads is not None:
-        history = read_history(loads, model.inputs)
-        verdict = judge(model, *history)
-        parts += [
-            f"<h2>The load history {html.escape(Path(loads).name)}</h2>",
-            "".join(
-                f"<p>{html.escape(words[0].upper() + words[1:])}.</p>" for words in verdict.words
-            ),
-            _image(figures.loads(model, verdict), "Amplitudes, and the band."),
-        ]
-        if _has_stress(model, body):
-            try:
-                parts.append(_stress(model, *history, body))
-            except BodyError as error:
-                left.append(f"stress: {error}")
-    shown = ""
-    if measured is not None:
-        try:
-            shown = _measured(model, measured, body)
-        except BodyError as error:
-            left.append(f"measured modes: {error}")
-    picture = draw(
-        "shapes",
-        "Surface with the interfaces; lowest elastic modes of the reduced body, enlarged.",
-        raster=True,
-        body=body,
-    )
-    if picture:
-        parts += ["<h2>Shapes</h2>", picture]
-    parts += [
-        "<h2>Plan: what was done, what was skipped and why</h2>",
-        _plan(list(log["plan"])) if "plan" in log else "<p>not stored</p>",
-        "<h2>Modes of the reduced body</h2>",
-        _modes(model),
-        _held(model),
-        shown,
-        "<h2>Time by stage</h2>",
-        draw("stages", "Wall clock."),
-        "<details><summary>All options</summary><table>",
-        *(
-            f"<tr><th><code>{html.escape(k)}</code></th><td>{html.escape(str(v))}</td></tr>"
-            for k, v in options.items()
-        ),
-        f"</table></details><p class=lead>{html.escape(versions)}</p>",
+        *page.head(Path(rom)),
+        *page.response(None if sweep is None else Path(sweep), ports),
+        *(page.history(loads) if loads is not None else ()),
+        *page.shapes(),
+        *page.plan_and_modes(),
+        *(page.measured(measured) if measured is not None else ()),
+        *page.times(),
     ]
     title = html.escape(Path(rom).name)
-    page = (
+    text = (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{title}</title>'
         f'<meta name="viewport" content="width=device-width"><style>{STYLE}</style></head>'
         f"<body>{''.join(parts)}</body></html>\n"
     )
     with written_aside(output, rom, body, sweep, loads, measured) as place:
-        place.write_text(page)
-    return left
+        place.write_text(text)
+    return page.left

@@ -1,0 +1,278 @@
+"""Writing a mesh body file: materials, sections, element blocks, interfaces, supports, loads.
+
+``MeshBody`` is given a description that is read already (``body.description``) and its mesh.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from flexgram.basics import BodyError, Ints, check_name, errors_of
+from flexgram.body.faces import middle_of
+from flexgram.body.loads import BodyMesh, write_loads
+from flexgram.body.meshfile import ELEMENTS, node_set
+from flexgram.body.outputs import write_outputs
+from flexgram.body.reader import Reader, short
+from flexgram.body.sections import section_properties
+from flexgram.body.selection import in_box, nearest
+
+COMPONENTS = {"x": 0, "y": 1, "z": 2, "rx": 3, "ry": 4, "rz": 5}
+ENGINEERING = ("E1", "E2", "E3", "nu12", "nu13", "nu23", "G12", "G13", "G23")
+ISOTROPIC = ("E", "nu", "rho")
+EXPANSION = "expansion"  #: [1/K], if heat is to strain the body; of three directions if orthotropic
+
+
+def _write_material(file: h5py.File, name: str, data: Any, units: tuple[float, ...]) -> None:
+    length, mass, force = units
+    stress, density = force / length**2, mass / length**3
+    where = f"materials: {name}"
+    group = file.create_group(f"materials/{check_name(where, str(name))}")
+    if isinstance(data, dict) and "E1" in data:
+        reader = Reader(data, where, (*ENGINEERING, "rho", "axis_1", "axis_2", EXPANSION))
+        group.attrs["engineering_constants"] = [
+            reader.number(key) * (1.0 if key.startswith("nu") else stress) for key in ENGINEERING
+        ]
+        first, second = reader.vector("axis_1", [1, 0, 0]), reader.vector("axis_2", [0, 1, 0])
+        if not np.linalg.norm(first) > 0:
+            raise BodyError(f"{where}: axis_1 = [0, 0, 0] has no direction")
+        first = first / np.linalg.norm(first)
+        second = second - first * (first @ second)
+        if np.linalg.norm(second) < 1e-9:
+            raise BodyError(f"{where}: axis_1 and axis_2 are parallel")
+        second = second / np.linalg.norm(second)
+        group.attrs["axes"] = np.concatenate([first, second, np.cross(first, second)])
+    else:
+        reader = Reader(data, where, (*ISOTROPIC, EXPANSION))
+        group.attrs["E"] = reader.number("E") * stress
+        group.attrs["nu"] = reader.number("nu")
+    group.attrs["rho"] = reader.number("rho") * density
+    if EXPANSION in reader.data:
+        several = isinstance(reader.data[EXPANSION], list)
+        if several and "E1" not in reader.data:
+            raise BodyError(f"{where}: expansion is one number where E is")
+        group.attrs[EXPANSION] = reader.vector(EXPANSION) if several else reader.number(EXPANSION)
+
+
+class MeshBody:
+    """A mesh body, written part by part.
+
+    Parameters
+    ----------
+    file : h5py.File
+        Open for writing.
+    reader : Reader
+        The description.
+    mesh : meshio.Mesh
+    cells : dict
+        For each part of the mesh the chosen cells of each of its blocks.
+    units : tuple of float
+        Length [m], mass [kg] and force [N] of the mesh's units.
+    folder : Path
+        Which paths in the description are relative to.
+    """
+
+    def __init__(
+        self,
+        file: h5py.File,
+        reader: Reader,
+        mesh: Any,
+        cells: dict[str, list[Ints]],
+        units: tuple[float, ...],
+        folder: Path,
+    ) -> None:
+        self.file, self.reader, self.mesh, self.cells = file, reader, mesh, cells
+        self.units, self.folder = units, folder
+        self.length = units[0]
+        self.points = np.asarray(mesh.points, dtype=float)
+        self.used = np.zeros(len(self.points), dtype=bool)  # by an element of the body
+        self.blocks: list[tuple[str, Ints]] = []
+
+    def write(self) -> dict[str, Any]:
+        """Write all of it; returns the counts of ``import_body``."""
+        file, reader = self.file, self.reader
+        file.attrs["name"] = str(reader.get("name", reader.where))
+        file["mesh/points"] = self.points * self.length
+        file["mesh"].attrs["mass_integration"] = reader.choice(
+            "mass_integration", ("full", "reduced"), "full"
+        )
+        for name, data in reader.children("materials").items():
+            _write_material(file, name, data, self.units)
+        self._write_sections()
+        self._write_blocks()
+        interfaces = self._write_interfaces()
+        self._write_supports()
+        written = BodyMesh(
+            file, self.points, self.blocks, self.length, self.units[2], self.select, self.folder
+        )
+        loads, outputs = write_loads(written, reader), write_outputs(written, reader)
+        damping = Reader(reader.get("damping", {}) or {}, "damping", ("alpha", "beta", "eta"))
+        for key in ("alpha", "beta", "eta"):
+            file.attrs[key] = damping.number(key, 0.0)
+        return {
+            "points": int(self.used.sum()),
+            "elements": sum(len(nodes) for _, nodes in self.blocks),
+            "interfaces": interfaces,
+            "loads": loads,
+            "outputs": outputs,
+            "extent": np.ptp(self.points[self.used], axis=0) * self.length,
+            "units": reader.get("units", "SI"),
+            "kinds": sorted({kind for kind, _ in self.blocks}),
+        }
+
+    def select(self, choice: Any, where: str) -> Ints:
+        """Nodes by set name, by list of 1-based numbers, or, in the mesh's own units, by a box or
+        as the one nearest to a place."""
+        if isinstance(choice, dict) and "at" in choice:
+            at = Reader(choice, where, ("at",)).vector("at")
+            nodes = np.flatnonzero(self.used)
+            nodes = nodes[[nearest(self.points[nodes], at, where)]]
+        elif isinstance(choice, dict):
+            with errors_of(f"{where}: box"):
+                box = np.array(Reader(choice, where, ("box",)).get("box"), dtype=float)
+            if box.shape != (2, 3) or not np.all(np.isfinite(box)):
+                raise BodyError(
+                    f"{where}: box must be [[x, y, z] of one corner, [x, y, z] of the other]"
+                )
+            nodes = np.flatnonzero(self.used)
+            nodes = nodes[in_box(self.points[nodes], box, where)]
+        elif isinstance(choice, list):
+            if not all(type(number) is int for number in choice):
+                raise BodyError(f"{where}: {short(choice)} must be node numbers")
+            with errors_of(where):
+                nodes = np.array(choice, dtype=np.int64) - 1
+            if nodes.size and (nodes.min() < 0 or nodes.max() >= len(self.points)):
+                raise BodyError(f"{where}: node numbers run from 1 to {len(self.points)}")
+            if len(np.unique(nodes)) < len(nodes):
+                raise BodyError(f"{where}: a node is named twice")
+            if not self.used[nodes].all():
+                alone = nodes[~self.used[nodes]][0] + 1
+                raise BodyError(f"{where}: node {alone} belongs to no element of the body")
+        else:
+            try:
+                nodes = node_set(self.mesh, self.cells, str(choice))
+            except BodyError as error:
+                raise BodyError(f"{where}: {error}") from None
+            nodes = nodes[self.used[nodes]]
+        if len(nodes) == 0:
+            raise BodyError(f"{where}: no nodes of the body are selected")
+        return np.asarray(nodes, dtype=np.int64)
+
+    def _write_sections(self) -> None:
+        for name, data in self.reader.children("sections").items():
+            section = Reader(data, f"sections: {name}")
+            group = self.file.create_group(f"sections/{check_name(section.where, str(name))}")
+            group.attrs.update(section_properties(section, self.length))
+            y_axis = section.vector("y_axis", [0, 1, 0])
+            if not np.linalg.norm(y_axis) > 0:
+                raise BodyError(f"{section.where}: y_axis = [0, 0, 0] has no direction")
+            group.attrs["y_axis"] = y_axis
+
+    def _write_interfaces(self) -> dict[str, dict[str, Any]]:
+        """Write them; returns what is told of each."""
+        interfaces: dict[str, dict[str, Any]] = {}
+        follows: dict[int, str] = {}  # node -> rigid interface
+        if not self.reader.children("interfaces"):
+            known = ", ".join(sorted({*self.cells, *self.mesh.point_sets} - {"all"})) or "none"
+            raise BodyError(
+                f"{self.reader.where}: no interface is named, and a body without one has nothing "
+                f"to reduce; parts and node sets of the mesh are {known}"
+            )
+        for order, (name, data) in enumerate(self.reader.children("interfaces").items()):
+            entry = Reader(
+                data, f"interfaces: {name}", ("coupling", "nodes", "position", "weights")
+            )
+            nodes = self.select(entry.get("nodes"), entry.where)
+            group = self.file.create_group(f"interfaces/{check_name(entry.where, str(name))}")
+            group.attrs["coupling"] = entry.choice("coupling", ("rigid", "distributing", "node"))
+            middle = middle_of(self.points, self.blocks, nodes)
+            position = entry.vector("position", middle.position)
+            group.attrs["position"] = self.length * position
+            interfaces[str(name)] = {
+                "coupling": str(entry.get("coupling")),
+                "nodes": len(nodes),
+                "position": (self.length * position).tolist(),
+                "middle": middle.said(self.length) if "position" not in entry.data else "",
+                "distance": middle.away(position),
+            }
+            group.attrs["order"] = order
+            group["nodes"] = nodes
+            if group.attrs["coupling"] == "rigid":
+                twice = [node for node in nodes.tolist() if node in follows]
+                if twice:
+                    raise BodyError(
+                        f"interfaces {follows[twice[0]]} and {name} share node {twice[0] + 1}"
+                    )
+                follows.update(dict.fromkeys(nodes.tolist(), str(name)))
+            if "weights" in entry.data:
+                with errors_of(f"{entry.where}: weights"):
+                    group["weights"] = np.asarray(entry.get("weights"), dtype=np.float64)
+        return interfaces
+
+    def _write_supports(self) -> None:
+        for order, (name, data) in enumerate(self.reader.children("supports").items()):
+            entry = Reader(data, f"supports: {name}", ("nodes", "components"))
+            group = self.file.create_group(f"supports/{check_name(entry.where, str(name))}")
+            group["nodes"] = self.select(entry.get("nodes"), entry.where)
+            held = entry.get("components", ["x", "y", "z"])
+            if not isinstance(held, list):
+                raise BodyError(f"{entry.where}: components = {short(held)} must be a list")
+            unknown = [c for c in held if c not in COMPONENTS]
+            if unknown:
+                raise BodyError(
+                    f"{entry.where}: component {unknown[0]} must be one of {', '.join(COMPONENTS)}"
+                )
+            group.attrs["components"] = [float(COMPONENTS[c]) for c in held]
+            group.attrs["order"] = order
+
+    def _write_blocks(self) -> None:
+        """Element blocks by region and cell type; marks the nodes that they use."""
+        regions = self.reader.children("regions")
+        if not regions:
+            raise BodyError(
+                f"{self.reader.where}: regions is missing: name a part of the mesh and its "
+                f"material; the mesh has {', '.join(sorted(self.cells))}"
+            )
+        taken = [np.zeros(len(block.data), dtype=bool) for block in self.mesh.cells]
+        first = np.cumsum([0, *(len(block.data) for block in self.mesh.cells)])
+        known = ", ".join(sorted(self.cells))
+        for name, data in regions.items():
+            entry = Reader(data, f"regions: {name}", ("material", "section"))
+            material = entry.choice("material", self.reader.children("materials"))
+            if str(name) not in self.cells:
+                raise BodyError(f"{entry.where}: the mesh has no such part; it has {known}")
+            solid = False
+            for block, chosen in enumerate(self.cells[str(name)]):
+                kind = self.mesh.cells[block].type
+                if len(chosen) == 0 or kind not in ELEMENTS:
+                    continue
+                if kind == "line" and "section" not in data:
+                    continue
+                if taken[block][chosen].any():
+                    raise BodyError(
+                        f"{entry.where}: some of its elements belong to another region too"
+                    )
+                taken[block][chosen] = solid = True
+                nodes = np.asarray(self.mesh.cells[block].data[chosen], dtype=np.int64)
+                self.used[nodes.ravel()] = True
+                group = self.file.create_group(f"mesh/blocks/{len(self.blocks):04d}")
+                group.attrs["type"], group.attrs["material"] = kind, material
+                if kind == "line":
+                    group.attrs["section"] = entry.choice(
+                        "section", self.reader.children("sections")
+                    )
+                group["connectivity"] = nodes
+                group["ids"] = first[block] + chosen + 1  # 1-based, in the order of the mesh file
+                self.blocks.append((kind, nodes))
+            if not solid:
+                kinds = {
+                    self.mesh.cells[b].type for b, c in enumerate(self.cells[str(name)]) if len(c)
+                }
+                raise BodyError(
+                    f"{entry.where}: no elements that flexgram knows; it has "
+                    f"{', '.join(sorted(kinds))}, known are {', '.join(ELEMENTS)} (line "
+                    "with a section)"
+                )
