@@ -49,7 +49,14 @@ class ReducedModel(ReducedBody):
         super().__setattr__(name, value)
 
     def transfer(self, omega: ArrayLike, feedthrough: bool = True) -> ComplexArray:
-        """``system.transfer``: H_r at frequencies [rad/s], (n_out, n_in) or (n, n_out, n_in)."""
+        """``system.transfer``: H_r at frequencies [rad/s], (n_out, n_in) or (n, n_out, n_in).
+
+        Examples
+        --------
+        >>> rom = flexgram.ReducedModel.load("rack.rom.h5")
+        >>> rom.transfer(2 * np.pi * np.array([50.0, 100.0])).shape
+        (2, 12, 12)
+        """
         return self.system.transfer(omega, feedthrough)
 
     def simulate(
@@ -60,21 +67,54 @@ class ReducedModel(ReducedBody):
         v0: ArrayLike | None = None,
         rates: Sequence[str] = ("displacement",),
     ) -> tuple[Floats, Floats]:
-        """``system.simulate``: outputs and coordinates at times t [s] under forces u [N, N m]."""
+        """``system.simulate``: outputs and coordinates at times t [s] under forces u [N, N m].
+
+        Examples
+        --------
+        >>> rom = flexgram.ReducedModel.load("standing.rom.h5")
+        >>> t = np.linspace(0, 0.1, 201)
+        >>> push = np.zeros(len(rom.inputs))
+        >>> push[rom.inputs.index("upper.fx")] = 100.0
+        >>> y, q = rom.simulate(lambda time: push, t)
+        >>> y.shape == (201, len(rom.outputs))
+        True
+        """
         return self.system.simulate(u, t, q0, v0, rates)
 
     def state_space(
         self, rates: Sequence[str] = ("displacement",)
     ) -> tuple[Floats, Floats, Floats, Floats]:
-        """``system.state_space``: A, B, C, D of x' = A x + B u, y = C x + D u, x = [q, q']."""
+        """``system.state_space``: A, B, C, D of x' = A x + B u, y = C x + D u, x = [q, q'].
+
+        Examples
+        --------
+        >>> A, B, C, D = flexgram.ReducedModel.load("rack.rom.h5").state_space()
+        >>> A.shape[0] == 2 * flexgram.ReducedModel.load("rack.rom.h5").order
+        True
+        """
         return self.system.state_space(rates)
 
     def poles(self) -> ComplexArray:
-        """``system.poles``: the 2m poles s [rad/s] without structural damping."""
+        """``system.poles``: the 2m poles s [rad/s] without structural damping.
+
+        Examples
+        --------
+        >>> s = flexgram.ReducedModel.load("rack.rom.h5").poles()
+        >>> first = s[s.imag > 1].imag.min() / (2 * np.pi)
+        >>> print(f"{first:.1f} Hz")
+        105.5 Hz
+        """
         return self.system.poles()
 
     def lift(self, q: ArrayLike) -> Floats:
-        """``basis.lift``: displacements V q of the full body, (…, m) -> (…, rows of V)."""
+        """``basis.lift``: displacements V q of the full body, (…, m) -> (…, rows of V).
+
+        Examples
+        --------
+        >>> rom = flexgram.ReducedModel.load("rack.rom.h5")
+        >>> rom.lift(np.eye(rom.order)[6]).shape == (len(rom.basis.V),)
+        True
+        """
         return self.basis.lift(q)
 
     def stress(
@@ -102,6 +142,12 @@ class ReducedModel(ReducedBody):
         ------
         BodyError
             Without that file, or if it holds matrices; without ``u`` where heat strains the body.
+
+        Examples
+        --------
+        >>> rom = flexgram.ReducedModel.load("standing.rom.h5")
+        >>> rom.stress().shape[::2] == (rom.order, 6)
+        True
         """
         return recovery.stress_at_nodes(self, q, body, u)
 
@@ -113,6 +159,12 @@ class ReducedModel(ReducedBody):
         ------
         BodyError
             If its coordinates do not hold every motion of its interfaces by itself.
+
+        Examples
+        --------
+        >>> form = flexgram.ReducedModel.load("rack.rom.h5").physical()
+        >>> form.boundary[:3], form.K.shape == form.M.shape
+        (['lower.fx', 'lower.fy', 'lower.fz'], True)
         """
         return physical_form(self)
 
@@ -128,6 +180,12 @@ class ReducedModel(ReducedBody):
         BodyError
             If dampers hold the body against the ground, or if rigid motion is mixed into the basis
             (``-mor_frame none``, ``pod`` of a free body).
+
+        Examples
+        --------
+        >>> rom = flexgram.ReducedModel.load("rack.rom.h5")
+        >>> rom.order - rom.elastic().order  # six rigid modes
+        6
         """
         return elastic_part.in_its_frame(self)
 
@@ -138,6 +196,13 @@ class ReducedModel(ReducedBody):
         ------
         BodyError
             If dampers mix rigid and elastic modes.
+
+        Examples
+        --------
+        >>> rom = flexgram.ReducedModel.load("rack.rom.h5")
+        >>> part = rom.without_rigid_modes()
+        >>> bool(part.modes.min() > 2 * np.pi * 100)  # [rad/s]
+        True
         """
         return elastic_part.without_rigid_modes(self)
 
@@ -154,6 +219,11 @@ class ReducedModel(ReducedBody):
         Returns
         -------
         matplotlib.figure.Figure
+
+        Examples
+        --------
+        >>> rom = flexgram.ReducedModel.load("rack.rom.h5")
+        >>> figure = rom.plot("transfer", "transfer.png", ports=[("upper.fz", "upper.fz")])
         """
         from flexgram.pictures import figures  # matplotlib is slow to load
 

@@ -26,7 +26,7 @@ def _are_narrow(intervals: Floats) -> bool:
 
 
 @dataclass
-class Verdict:
+class AssemblyBound:
     """What the parts' claims say of the assembly.
 
     Attributes
@@ -108,6 +108,10 @@ class Verdict:
         return f"the parts' claims bound it in {100 * share:.3g} % of the band{by}; elsewhere {why}"
 
 
+#: Its name in 0.1.
+Verdict = AssemblyBound
+
+
 def verdict(
     models: Mapping[str, ReducedBody],
     joints: Sequence[Joint],
@@ -117,7 +121,7 @@ def verdict(
     omega: ArrayLike | None = None,
     modes: Floats | None = None,
     tell: Callable[[str], None] | None = None,
-) -> Verdict:
+) -> AssemblyBound:
     """What the parts' claims say of the assembly's H: at frequencies, or in the whole band.
 
     Parameters
@@ -134,6 +138,14 @@ def verdict(
     ------
     BodyError
         For frequencies outside a part's band.
+
+    Examples
+    --------
+    >>> from flexgram.assembly.joints import Joint
+    >>> rack = flexgram.ReducedModel.load("rack.rom.h5")
+    >>> said = verdict({"a": rack, "b": rack}, [Joint("a.upper", "b.lower")], omega=[300.0])
+    >>> bool(said.bound[0] < 0.1)
+    True
     """
     parts = Parts(models, turns or {})
     bands = common_bands([m.claim.bands for m in models.values()])
@@ -152,7 +164,7 @@ def verdict(
             raise BodyError("a frequency is outside the band that the parts share")
     loop = Loop(parts, joints, keep)
     unknown = np.full(len(w), np.inf)
-    found = Verdict(w, unknown, unknown.copy(), np.full(len(w), np.nan), bands=bands)
+    found = AssemblyBound(w, unknown, unknown.copy(), np.full(len(w), np.nan), bands=bands)
     reasons = [why for name, model in models.items() if (why := _silent(name, model))]
     found.unknown = "; ".join(reasons)
     if found.unknown:

@@ -13,13 +13,13 @@ import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike
 
-from flexgram.assembly.claim import Verdict, verdict
+from flexgram.assembly.claim import AssemblyBound, verdict
 from flexgram.assembly.joints import GROUND, PORTS, Joint, Parts, common_bands, tied
 from flexgram.basics import BodyError, Floats, written_aside
 from flexgram.model.reduced import ReducedBody
 from flexgram.reduced_model import ReducedModel
 
-__all__ = ["GROUND", "PORTS", "Joint", "Verdict", "couple", "read_joint", "verdict"]
+__all__ = ["GROUND", "PORTS", "AssemblyBound", "Joint", "couple", "read_joint", "verdict"]
 
 
 def read_joint(option: str, kind: str, text: str) -> Joint:
@@ -84,6 +84,14 @@ def couple(
     BodyError
         For joints that hold the same motion twice, that are of no interface, or parts that cannot
         be put together.
+
+    Examples
+    --------
+    >>> from flexgram.assembly.joints import Joint
+    >>> rack = flexgram.ReducedModel.load("rack.rom.h5")
+    >>> tower = couple({"a": rack, "b": rack}, [Joint("a.upper", "b.lower")])
+    >>> tower.order == 2 * rack.order - 6, tower.inputs[0]
+    (True, 'a.lower.fx')
     """
     if not models:
         raise BodyError("couple: no parts")
@@ -207,7 +215,7 @@ def _feedthrough(
     return left
 
 
-def _claim(known: Verdict) -> dict[str, Any]:
+def _claim(known: AssemblyBound) -> dict[str, Any]:
     """Fields of ``/error``."""
     closed = {name: worst for name, worst in known.by_kind.items() if worst < np.inf}
     worst = float(known.bound.max(initial=0))

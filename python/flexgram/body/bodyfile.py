@@ -113,6 +113,14 @@ def write_matrices(
     ------
     BodyError
         For shapes that do not fit, complex entries, or names that do not fit the ports.
+
+    Examples
+    --------
+    >>> import scipy.sparse as sp
+    >>> K = 1e6 * sp.diags([2.0, -1.0, -1.0], [0, 1, -1], shape=(50, 50))
+    >>> flexgram.write_matrices("chain.h5", K, sp.eye(50), np.eye(50)[:, -1:], alpha=1.0)
+    >>> flexgram.reduce("chain.h5", (1, 50), tol=1e-6).claim.met
+    True
     """
     maps = {"K": K, "M": M, "D": D, "B": B, "C": C}
     _expect_shapes(maps)

@@ -43,6 +43,12 @@ def import_body(description: str | Path, output: str | Path) -> dict[str, Any]:
     ------
     BodyError
         With the place in the description and what was expected.
+
+    Examples
+    --------
+    >>> counts = flexgram.import_body("rack.yaml", "imported.h5")
+    >>> counts["elements"], sorted(counts["interfaces"])
+    (266, ['lower', 'upper'])
     """
     path = Path(description)
     try:
@@ -88,6 +94,17 @@ def import_description(
         Files that the output must not replace, beside the mesh.
     mesh : meshio.Mesh, optional
         Instead of the file that the description names.
+
+    Examples
+    --------
+    >>> content = {
+    ...     "mesh": "rack.msh",
+    ...     "materials": {"alloy": {"E": 70e9, "nu": 0.33, "rho": 2700}},
+    ...     "regions": {"all": {"material": "alloy"}},
+    ...     "interfaces": {"upper": {"coupling": "rigid", "nodes": "upper_plate"}},
+    ... }
+    >>> import_description(content, "the example", "alloy.h5")["elements"]
+    266
     """
     reader = Reader(
         content,

@@ -36,7 +36,14 @@ def _polynomials(kind: str, xi: Floats) -> Floats:
 
 
 def extrapolation(kind: str, xi: Floats) -> Floats:
-    """Values at the nodes of an element (n, q) from those at points xi (q, 3)."""
+    """Values at the nodes of an element (n, q) from those at points xi (q, 3).
+
+    Examples
+    --------
+    >>> corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    >>> extrapolation("tetra", np.full((1, 3), 0.25)) @ np.array([7.0])
+    array([7., 7., 7., 7.])
+    """
     if kind == "hexahedron20":
         import _flexgram
 
@@ -103,6 +110,15 @@ def stress_operator(kind: str, points: Floats, law: Floats) -> tuple[Floats, Flo
         Rows and columns as ``COMPONENTS`` and x, y, z of each node.
     volume : (E, q) array
         Of each point [m³].
+
+    Examples
+    --------
+    >>> corners = np.array([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]])
+    >>> law = np.diag([2.0, 2, 2, 1, 1, 1])
+    >>> B, *_ = stress_operator("tetra", corners, law)
+    >>> stretch = corners * [0.1, 0, 0]  # u_x = 0.1 x
+    >>> np.round(B.reshape(-1, 6, 12)[0] @ stretch.ravel(), 3)
+    array([0.2, 0. , 0. , 0. , 0. , 0. ])
     """
     import _flexgram
 
@@ -138,6 +154,14 @@ def heat_operator(kind: str, points: Floats, law: Floats, strain: Floats) -> tup
         On the nodes [N].
     stress : (E, q, 6) array
         [N/m²]
+
+    Examples
+    --------
+    >>> corners = np.array([[[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]])
+    >>> warm = np.full((1, 1, 6), 1e-5) * [1, 1, 1, 0, 0, 0]
+    >>> forces, stress = heat_operator("tetra", corners, 2e11 * np.eye(6), warm)
+    >>> bool(np.allclose(forces.sum(axis=1), 0, atol=1e-6))  # it pushes nothing as a whole
+    True
     """
     import _flexgram
 

@@ -248,7 +248,13 @@ def temperatures(file: h5py.File) -> dict[str, Floats]:
 
 
 def von_mises(stress: ArrayLike) -> Floats:
-    """Equivalent stress of (…, 6) components."""
+    """Equivalent stress of (…, 6) components.
+
+    Examples
+    --------
+    >>> von_mises([[100.0, 0, 0, 0, 0, 0], [0, 0, 0, 100.0, 0, 0]]).round(2)
+    array([100.  , 173.21])
+    """
     s = np.asarray(stress, dtype=float)
     xx, yy, zz, xy, yz, zx = (s[..., i] for i in range(6))
     equivalent: Floats = np.sqrt(

@@ -143,6 +143,12 @@ def export(model: ReducedBody, path: str | Path, format: str, **options: Any) ->
     ------
     BodyError
         If the body lacks what the format needs, with the remedy.
+
+    Examples
+    --------
+    >>> rom = flexgram.ReducedModel.load("rack.rom.h5")
+    >>> flexgram.export(rom, "rack.SID_FEM", "sid")
+    >>> flexgram.export(rom, "rack.mat", "mat")
     """
     if format not in FORMATS:
         raise BodyError(f"export to {format}: must be one of {', '.join(FORMATS)}")

@@ -14,7 +14,14 @@ from flexgram.model.reduced import ReducedBody
 
 
 def arrays(model: ReducedBody) -> dict[str, Any]:
-    """All matrices and what is known of the error, by the names of the reduced file."""
+    """All matrices and what is known of the error, by the names of the reduced file.
+
+    Examples
+    --------
+    >>> rom = flexgram.ReducedModel.load("rack.rom.h5")
+    >>> arrays(rom)["K"].shape == (rom.order, rom.order)
+    True
+    """
     system, claim, basis = model.system, model.claim, model.basis
     matrices = ("M", "D", "K", "B", "C", "feedthrough", "eta")
     result: dict[str, Any] = {name: getattr(system, name) for name in matrices}
@@ -29,14 +36,26 @@ def arrays(model: ReducedBody) -> dict[str, Any]:
 
 
 def write_npz(model: ReducedBody, path: Path) -> None:
-    """NumPy archive of ``arrays``."""
+    """NumPy archive of ``arrays``.
+
+    Examples
+    --------
+    >>> write_npz(flexgram.ReducedModel.load("rack.rom.h5"), Path("rack.npz"))
+    >>> "K" in np.load("rack.npz")
+    True
+    """
     with written_aside(path) as place, place.open("wb") as file:
         np.savez(file, **arrays(model))
 
 
 def write_mat(model: ReducedBody, path: Path, *inputs: str | Path | None) -> None:
     """MATLAB file (version 5) of ``arrays``; names of ports become cell arrays. It replaces none of
-    ``inputs``."""
+    ``inputs``.
+
+    Examples
+    --------
+    >>> write_mat(flexgram.ReducedModel.load("rack.rom.h5"), Path("arrays.mat"))
+    """
     values = arrays(model)
     for name in ("inputs", "outputs"):
         values[name] = np.array(values[name], dtype=object)
@@ -48,7 +67,15 @@ def write_state_space(
     model: ReducedBody, path: Path, rates: Sequence[str] = ("displacement",)
 ) -> None:
     """A, B, C, D of x' = A x + B u, y = C x + D u, x = [q, q'], as ``.mat`` or ``.npz``, with the
-    names of ``inputs`` and ``outputs``; ``rates`` as of ``ReducedBody.state_space``."""
+    names of ``inputs`` and ``outputs``; ``rates`` as of ``ReducedBody.state_space``.
+
+    Examples
+    --------
+    >>> rom = flexgram.ReducedModel.load("rack.rom.h5")
+    >>> write_state_space(rom, Path("rack_ss.npz"), rates=("displacement", "velocity"))
+    >>> np.load("rack_ss.npz")["C"].shape == (2 * len(rom.outputs), 2 * rom.order)
+    True
+    """
     values: dict[str, Any] = dict(zip("ABCD", model.system.state_space(rates), strict=True))
     kind = object if path.suffix == ".mat" else None  # a cell array
     values["inputs"] = np.array(model.inputs, dtype=kind)
@@ -74,6 +101,11 @@ def to_pymor(model: ReducedBody, rates: Sequence[str] = ("displacement",)) -> An
     BodyError
         Without pyMOR, or with structural damping, which it has no place for, as it has none for
         accelerations.
+
+    Examples
+    --------
+    >>> to_pymor(flexgram.ReducedModel.load("rack.rom.h5")).dim_input
+    12
     """
     try:
         from pymor.models.iosys import SecondOrderModel

@@ -13,7 +13,13 @@ from flexgram.model.reduced import ReducedBody
 
 
 def number(value: float) -> str:
-    """Sixteen characters of a number with D exponent."""
+    """Sixteen characters of a number with D exponent.
+
+    Examples
+    --------
+    >>> number(-0.1)
+    '-1.0000000000D-1'
+    """
     mantissa, exponent = f"{value:.16E}".split("E")
     exponent = f"{'-' if exponent[0] == '-' else '+'}{abs(int(exponent))}"
     for digits in range(16, 5, -1):  # as many digits as fit
@@ -27,7 +33,14 @@ def matrix_cards(
     name: str, a: Floats, symmetric: bool, dofs: Sequence[tuple[int, int]] = ()
 ) -> list[str]:
     """DMIG cards of a matrix whose rows (and columns, if symmetric) are dofs: points and their
-    components, 0 of scalar points; default: scalar points from 1."""
+    components, 0 of scalar points; default: scalar points from 1.
+
+    Examples
+    --------
+    >>> cards = matrix_cards("KRED", np.array([[2.0, 0], [0, 3.0]]), symmetric=True)
+    >>> cards[0].split()
+    ['DMIG', 'KRED', '0', '6', '2', '0', '2']
+    """
     form = 6 if symmetric else 9
     rows_of = dofs or [(i + 1, 0) for i in range(len(a))]
     columns_of = rows_of if symmetric else [(j + 1, 0) for j in range(a.shape[1])]
@@ -49,6 +62,10 @@ def write_dmig(model: ReducedBody, path: Path) -> None:
 
     The scalar points are the modal coordinates of the reduced body: sixteen columns hold eleven or
     twelve digits, and only a diagonal stiffness keeps them all for every mode.
+
+    Examples
+    --------
+    >>> write_dmig(flexgram.ReducedModel.load("rack.rom.h5"), Path("rack.pch"))
     """
     if model.system.eta:
         raise BodyError("structural damping goes into Nastran by PARAM,G: reduce without eta")

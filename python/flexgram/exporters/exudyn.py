@@ -91,6 +91,12 @@ def ffrf_terms(
         ``dampingMatrixReduced``, ``interfaceNames``, ``interfaceNodes`` (six
         node numbers each), ``interfacePositions``, ``meshNodes`` (for each point its node of the
         mesh, from 1; 0: none).
+
+    Examples
+    --------
+    >>> terms = ffrf_terms(flexgram.ReducedModel.load("rack.rom.h5"))
+    >>> terms["interfaceNames"].tolist()
+    ['lower', 'upper']
     """
     if not model.frame.integrals or model.frame.rigid_modes != 6:
         raise BodyError(
@@ -238,6 +244,15 @@ def add_body(
         motion (position and rotation), for joints, loads and sensors; ``mesh_nodes``: node of the
         mesh, from 1 -> ``meshNodeNumber`` of EXUDYN's sensors and markers. The outputs that a claim
         is of are ``rom.elastic().C @ q``, q the coordinates of ``modal_node``.
+
+    Examples
+    --------
+    >>> import exudyn
+    >>> container = exudyn.SystemContainer()
+    >>> mbs = container.AddSystem()
+    >>> rack = add_body(exudyn, mbs, "rack.rom.h5", gravity=(0, 0, -9.81))
+    >>> sorted(rack["markers"])
+    ['lower', 'upper']
     """
     import exudyn.itemInterface as eii
 

@@ -57,6 +57,10 @@ def write_shapes(
     ``sigma_001``, … (xx, yy, zz, xy, yz, zx) if asked.
 
     The format is by the suffix, any that meshio writes.
+
+    Examples
+    --------
+    >>> write_shapes(flexgram.ReducedModel.load("rack.rom.h5"), Path("rack.vtu"))
     """
     geometry = _geometry(model, body)
     fields = {f"phi_{j + 1:03d}": field for j, field in enumerate(geometry.motion(model))}
@@ -98,6 +102,13 @@ def write_motion(
         Write ``stress`` (xx, yy, zz, xy, yz, zx) and ``von_mises`` [N/m²] too.
     u : (n_t, n_in) array, optional
         Inputs; needed for the stress of a body that a temperature strains.
+
+    Examples
+    --------
+    >>> rom = flexgram.ReducedModel.load("standing.rom.h5")
+    >>> t = np.linspace(0, 0.1, 11)
+    >>> _, q = rom.simulate(np.ones((11, len(rom.inputs))), t)
+    >>> write_motion(rom, "standing.xdmf", t, q)
     """
     where = Path(body_of(model, body)).resolve()  # meshio works in another folder
     geometry = Geometry.load(where)

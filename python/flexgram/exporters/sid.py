@@ -51,6 +51,12 @@ def taylor_terms(model: ReducedBody) -> dict[str, Taylor]:
     """Every Taylor block of the SID by its name, dialect-free: Gr and Ge as (…, mode, axis).
 
     The model must have its rigid vectors taken out (``ReducedModel.elastic``).
+
+    Examples
+    --------
+    >>> rom = flexgram.ReducedModel.load("rack.rom.h5")
+    >>> [part.shape for part in taylor_terms(rom)["mdCM"]] == [(3, 1), (rom.order, 3, 1)]
+    True
     """
     f, n = model.frame.integrals, model.order
     assert f is not None  # write_sid
@@ -131,6 +137,10 @@ def write_sid(model: ReducedBody, path: Path, dialect: str = "dlr") -> None:
     ------
     BodyError
         If the body cannot move, has no integrals, or has structural damping.
+
+    Examples
+    --------
+    >>> write_sid(flexgram.ReducedModel.load("rack.rom.h5"), Path("lower.SID_FEM"))
     """
     if dialect not in DIALECTS:
         raise BodyError(f"SID dialect {dialect}: must be one of {', '.join(DIALECTS)}")
@@ -204,6 +214,12 @@ def read_sid(path: str | Path, dialect: str = "dlr") -> dict[str, Any]:
     ------
     BodyError
         Naming the line that is not understood.
+
+    Examples
+    --------
+    >>> write_sid(flexgram.ReducedModel.load("rack.rom.h5"), Path("read.SID_FEM"))
+    >>> float(read_sid("read.SID_FEM")["mass"]) > 178
+    True
     """
     if dialect not in DIALECTS:
         raise BodyError(f"SID dialect {dialect}: must be one of {', '.join(DIALECTS)}")

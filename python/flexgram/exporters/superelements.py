@@ -34,6 +34,10 @@ def write_nastran(model: ReducedBody, path: Path, body: str | Path | None = None
 
     The deck that includes it asks for them in its case control: ``K2GG = KAAX``, ``M2GG = MAAX``,
     ``B2GG = BAAX``, and connects to the grids. Sixteen columns hold eleven or twelve digits.
+
+    Examples
+    --------
+    >>> write_nastran(flexgram.ReducedModel.load("rack.rom.h5"), Path("rack.bdf"))
     """
     form = physical_form(model)
     _without_structural_damping(form, "goes into Nastran by PARAM,G: reduce without eta")
@@ -68,7 +72,12 @@ def write_nastran(model: ReducedBody, path: Path, body: str | Path | None = None
 
 def write_abaqus(model: ReducedBody, path: Path, body: str | Path | None = None) -> None:
     """Keywords to include in an Abaqus model: nodes at the interfaces, a node for each mode (its
-    degree of freedom 1), ``*MATRIX INPUT`` of stiffness, mass, viscous and structural damping."""
+    degree of freedom 1), ``*MATRIX INPUT`` of stiffness, mass, viscous and structural damping.
+
+    Examples
+    --------
+    >>> write_abaqus(flexgram.ReducedModel.load("rack.rom.h5"), Path("rack.inp"))
+    """
     form = physical_form(model)
     places = form.positions(body)
     lines = [*_head(form, "**"), "*NODE, NSET=FLEXGRAM_INTERFACES"]
@@ -132,7 +141,12 @@ def _op4_matrix(name: str, a: Floats, symmetric: bool) -> list[str]:
 
 
 def write_op4(model: ReducedBody, path: Path, body: str | Path | None = None) -> None:
-    """KAA, MAA, BAA and PA (the load of each input) in a text file of OUTPUT4."""
+    """KAA, MAA, BAA and PA (the load of each input) in a text file of OUTPUT4.
+
+    Examples
+    --------
+    >>> write_op4(flexgram.ReducedModel.load("rack.rom.h5"), Path("rack.op4"))
+    """
     form = physical_form(model)
     _without_structural_damping(form, "has no matrix in this file: reduce without eta")
     lines = []
@@ -150,7 +164,12 @@ def write_op4(model: ReducedBody, path: Path, body: str | Path | None = None) ->
 def write_simscape(model: ReducedBody, path: Path, body: str | Path | None = None) -> None:
     """What the block Reduced Order Flexible Solid of Simscape Multibody asks for, as a .mat file:
     ``origins`` (frames × 3), ``quaternions``, ``K``, ``M``, ``D``; six motions of each frame, then
-    the modes."""
+    the modes.
+
+    Examples
+    --------
+    >>> write_simscape(flexgram.ReducedModel.load("rack.rom.h5"), Path("simscape.mat"))
+    """
     form = physical_form(model)
     _without_structural_damping(form, "is none that the block knows: reduce without eta")
     places = form.positions(body)
@@ -178,7 +197,13 @@ def write_simscape(model: ReducedBody, path: Path, body: str | Path | None = Non
 
 def write_extptfm(model: ReducedBody, path: Path, body: str | Path | None = None) -> None:
     """The superelement of OpenFAST's module ExtPtfm (Flex 5 format): a held body with one
-    interface, at the transition piece; without loads of its own."""
+    interface, at the transition piece; without loads of its own.
+
+    Examples
+    --------
+    >>> held = flexgram.reduce("standing.h5", (5, 300), tol=1e-2, inputs="upper", outputs="upper")
+    >>> write_extptfm(held, Path("tower.dat"))
+    """
     form = physical_form(model)
     _without_structural_damping(form, "is none that OpenFAST knows: reduce without eta")
     if len(form.interfaces) != 1 or len(form.boundary) != 6:

@@ -116,6 +116,14 @@ def read(
     ------
     BodyError
         Naming file, line and remedy.
+
+    Examples
+    --------
+    >>> import scipy.io, scipy.sparse as sp
+    >>> K = 1e6 * sp.diags([2.0, -1.0, -1.0], [0, 1, -1], shape=(50, 50)).tocsc()
+    >>> scipy.io.savemat("chain.mat", {"K": K, "M": sp.eye(50, format="csc")})
+    >>> flexgram.importers.read("chain.mat").n
+    50
     """
     first = Path(path)
     kind = format or guess_format(first)
@@ -243,6 +251,18 @@ def import_matrices(
         What ``check`` found, in SI; ``extent`` (3 [m]); ``rows``, ``ports``, ``remarks``, and
         ``interfaces``: for each rigid or distributing one its ``coupling``, ``nodes`` (how many),
         ``position`` [m] of its reference, and ``middle``: what that is.
+
+    Examples
+    --------
+    >>> import scipy.io, scipy.sparse as sp
+    >>> K = 1e6 * sp.diags([2.0, -1.0, -1.0], [0, 1, -1], shape=(50, 50)).tocsc()
+    >>> scipy.io.savemat("bar.mat", {"K": K, "M": sp.eye(50, format="csc")})
+    >>> tip = flexgram.importers.parse("rows", "tip=50")
+    >>> facts = flexgram.importers.import_matrices(
+    ...     flexgram.importers.read("bar.mat"), "bar.h5", [tip], alpha=1.0
+    ... )
+    >>> facts["rows"], facts["ports"]
+    (50, ['tip.50'])
     """
     if units not in UNITS:
         raise BodyError(f"--units {units} must be one of {', '.join(UNITS)}")

@@ -100,6 +100,22 @@ def body(
     ------
     BodyError
         For another kind of space, complex scalars, or a tag without facets. On all ranks.
+
+    Examples
+    --------
+    >>> import ufl
+    >>> from dolfinx import fem, mesh
+    >>> from mpi4py import MPI
+    >>> box = mesh.create_unit_cube(MPI.COMM_SELF, 2, 2, 2)
+    >>> make = getattr(fem, "VectorFunctionSpace", None)
+    >>> V = make(box, ("CG", 1)) if make else fem.functionspace(box, ("Lagrange", 1, (3,)))
+    >>> u, v = ufl.TrialFunction(V), ufl.TestFunction(V)
+    >>> k = 1e9 * ufl.inner(ufl.sym(ufl.grad(u)), ufl.sym(ufl.grad(v))) * ufl.dx
+    >>> top = mesh.locate_entities_boundary(box, 2, lambda x: np.isclose(x[2], 1.0))
+    >>> tags = mesh.meshtags(box, 2, np.sort(top), np.full(len(top), 5, dtype=np.int32))
+    >>> given = body(V, k, 1e3 * ufl.inner(u, v) * ufl.dx, tags, {5: "top"})
+    >>> given.inputs[0]
+    'top.fx'
     """
     import ufl
     from petsc4py import PETSc

@@ -16,7 +16,14 @@ FORCES = ("fx", "fy", "fz", "mx", "my", "mz")
 
 
 def parse(coupling: str, text: str) -> Interface:
-    """``name=SELECTOR[@x,y,z]`` of the command line."""
+    """``name=SELECTOR[@x,y,z]`` of the command line.
+
+    Examples
+    --------
+    >>> eye = flexgram.importers.parse("rigid", "eye=NSET:EYE@0,0,12.5")
+    >>> eye.name, eye.where, eye.position.tolist()
+    ('eye', 'NSET:EYE', [0.0, 0.0, 12.5])
+    """
     name, equals, rest = text.partition("=")
     if not equals or not name or not rest:
         raise BodyError(

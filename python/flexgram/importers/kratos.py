@@ -73,6 +73,16 @@ def matrices(part: Any) -> FeMatrices:
     ------
     BodyError
         For multi-point constraints, which Kratos keeps beside its matrices, or without dofs.
+
+    Examples
+    --------
+    >>> import KratosMultiphysics as km
+    >>> from KratosMultiphysics import StructuralMechanicsApplication
+    >>> part = km.Model().CreateModelPart("empty")
+    >>> matrices(part)
+    Traceback (most recent call last):
+        ...
+    flexgram.basics.BodyError: ...
     """
     import KratosMultiphysics as kratos
     import KratosMultiphysics.StructuralMechanicsApplication as application

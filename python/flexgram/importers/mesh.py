@@ -184,6 +184,13 @@ def import_mesh(
     ------
     BodyError
         With the place and what was expected.
+
+    Examples
+    --------
+    >>> ends = {"lower": "rigid NSET:lower_plate", "upper": "rigid NSET:upper_plate"}
+    >>> counts = flexgram.import_mesh("rack.msh", "steel.h5", "steel", ends, alpha=2.4)
+    >>> counts["points"]
+    2768
     """
     check_damping(alpha, beta, eta)
     named = (

@@ -76,6 +76,13 @@ def responses(
     ------
     BodyError
         For ports that are none, and rates.
+
+    Examples
+    --------
+    >>> rom = flexgram.ReducedModel.load("rack.rom.h5")
+    >>> drive = responses(rom, [("upper.fz", "upper.fz")], np.linspace(20, 400, 50))[0]
+    >>> drive.values.shape
+    (50,)
     """
     if rate not in RATES:
         raise BodyError(f"rate = {rate!r} must be one of {', '.join(RATES)}")
@@ -112,7 +119,13 @@ def responses(
 
 
 def write_csv(functions: Sequence[Response], path: str | Path) -> None:
-    """Frequencies [Hz] and real and imaginary part of each."""
+    """Frequencies [Hz] and real and imaginary part of each.
+
+    Examples
+    --------
+    >>> rom = flexgram.ReducedModel.load("rack.rom.h5")
+    >>> write_csv(responses(rom, [("upper.fz", "lower.fz")], [50.0, 100.0]), "frf.csv")
+    """
     with written_aside(path) as place, place.open("w", newline="") as file:
         table = csv.writer(file)
         table.writerow(
@@ -127,7 +140,13 @@ def write_csv(functions: Sequence[Response], path: str | Path) -> None:
 
 
 def write_universal(functions: Sequence[Response], path: str | Path, about: str = "") -> None:
-    """Dataset 58 of each, complex doubles."""
+    """Dataset 58 of each, complex doubles.
+
+    Examples
+    --------
+    >>> rom = flexgram.ReducedModel.load("rack.rom.h5")
+    >>> write_universal(responses(rom, [("upper.fz", "lower.fz")], [50.0, 100.0]), "frf.unv")
+    """
     lines: list[str] = []
     for number, r in enumerate(functions, 1):
         steps = np.diff(r.hertz)
@@ -174,6 +193,14 @@ def read_universal(path: str | Path) -> list[Response]:
     ------
     BodyError
         If there is none, or one that cannot be read.
+
+    Examples
+    --------
+    >>> rom = flexgram.ReducedModel.load("rack.rom.h5")
+    >>> made = responses(rom, [("upper.fz", "lower.fz")], [50.0, 100.0])
+    >>> write_universal(made, "read.unv")
+    >>> bool(np.allclose(read_universal("read.unv")[0].values, made[0].values))
+    True
     """
     found = []
     with errors_of(path):
@@ -224,14 +251,28 @@ def read_universal(path: str | Path) -> list[Response]:
 
 def frac(a: ArrayLike, b: ArrayLike) -> float:
     """Frequency response assurance criterion of two responses at the same frequencies: 1 if they
-    differ by a factor only."""
+    differ by a factor only.
+
+    Examples
+    --------
+    >>> round(frac([1.0, 2j], [2.0, 4j]), 12)  # alike but for the size
+    1.0
+    """
     x, y = np.asarray(a, dtype=complex), np.asarray(b, dtype=complex)
     size = float(np.real(np.vdot(x, x)) * np.real(np.vdot(y, y)))
     return float(np.abs(np.vdot(x, y)) ** 2 / size) if size > 0 else 0.0
 
 
 def bode(functions: Sequence[Response], measured: Sequence[Response] = ()) -> Any:
-    """Amount and phase of each over the frequency; ``measured`` beside them, one for each."""
+    """Amount and phase of each over the frequency; ``measured`` beside them, one for each.
+
+    Examples
+    --------
+    >>> rom = flexgram.ReducedModel.load("rack.rom.h5")
+    >>> figure = bode(responses(rom, [("upper.fz", "upper.fz")], np.linspace(20, 400, 50)))
+    >>> len(figure.axes)
+    2
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(6.8, 3.6 * len(functions)), layout="constrained")

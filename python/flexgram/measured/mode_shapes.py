@@ -91,6 +91,12 @@ def mode_shapes(
     ------
     BodyError
         For a body without coordinates, whose body file is not there, or without modes.
+
+    Examples
+    --------
+    >>> modes = mode_shapes(flexgram.ReducedModel.load("rack.rom.h5"))
+    >>> print(f"{modes.hertz[0]:.1f} Hz")
+    105.5 Hz
     """
     last = 2 * np.pi * last_hz if last_hz is not None else float(model.claim.band[-1])
     squares, Q = scipy.linalg.eigh(model.system.K, model.system.M)
@@ -136,7 +142,12 @@ def _at_nodes(
 
 
 def write_csv(modes: ModeShapes, path: str | Path) -> None:
-    """Frequencies [Hz] and damping ratios."""
+    """Frequencies [Hz] and damping ratios.
+
+    Examples
+    --------
+    >>> write_csv(mode_shapes(flexgram.ReducedModel.load("rack.rom.h5")), "modes.csv")
+    """
     with written_aside(path) as place, place.open("w", newline="") as file:
         table = csv.writer(file)
         table.writerow(["mode", "Hz", "damping ratio"])
@@ -145,7 +156,12 @@ def write_csv(modes: ModeShapes, path: str | Path) -> None:
 
 
 def write_universal(modes: ModeShapes, path: str | Path, about: str = "") -> None:
-    """Dataset 164 (SI), 2411 (nodes), and 55 of each mode, five digits after the point."""
+    """Dataset 164 (SI), 2411 (nodes), and 55 of each mode, five digits after the point.
+
+    Examples
+    --------
+    >>> write_universal(mode_shapes(flexgram.ReducedModel.load("rack.rom.h5")), "modes.unv")
+    """
     lines = dataset(
         164,
         [
@@ -237,6 +253,13 @@ def read_universal(path: str | Path) -> ModeShapes:
     ------
     BodyError
         If there is none, or one that cannot be read.
+
+    Examples
+    --------
+    >>> modes = mode_shapes(flexgram.ReducedModel.load("rack.rom.h5"))
+    >>> write_universal(modes, "test.unv")
+    >>> bool(np.allclose(read_universal("test.unv").hertz, modes.hertz, rtol=1e-5))
+    True
     """
     places: dict[int, list[float]] = {}
     found, there, length = [], set(), 1.0
@@ -273,7 +296,14 @@ def read_universal(path: str | Path) -> ModeShapes:
 
 
 def mac(a: ArrayLike, b: ArrayLike) -> Floats:
-    """Modal assurance criterion (Allemang and Brown 1982) of shapes (k, n) and (l, n): (k, l)."""
+    """Modal assurance criterion (Allemang and Brown 1982) of shapes (k, n) and (l, n): (k, l).
+
+    Examples
+    --------
+    >>> mac([[1.0, 0.0], [1.0, 1.0]], [[2.0, 0.0]]).round(2)
+    array([[1. ],
+           [0.5]])
+    """
     x, y = (np.asarray(shapes, dtype=complex) for shapes in (a, b))
     sizes = np.outer(np.sum(np.abs(x) ** 2, axis=1), np.sum(np.abs(y) ** 2, axis=1))
     likeness: Floats = np.abs(x.conj() @ y.T) ** 2 / np.where(sizes > 0, sizes, 1.0)
@@ -339,6 +369,13 @@ def compare(measured: ModeShapes, modes: ModeShapes) -> Comparison:
     ------
     BodyError
         If a node of the test is not one of the mesh.
+
+    Examples
+    --------
+    >>> modes = mode_shapes(flexgram.ReducedModel.load("rack.rom.h5"))
+    >>> found = compare(modes, modes)
+    >>> found.partner[:3]
+    array([0, 1, 2])
     """
     placed = np.isfinite(measured.points).all(axis=1)
     if placed.any() and not placed.all():
@@ -375,7 +412,13 @@ def compare(measured: ModeShapes, modes: ModeShapes) -> Comparison:
 
 
 def picture(comparison: Comparison) -> Any:
-    """The matrix of the MAC, with its numbers where there are few."""
+    """The matrix of the MAC, with its numbers where there are few.
+
+    Examples
+    --------
+    >>> modes = mode_shapes(flexgram.ReducedModel.load("rack.rom.h5"))
+    >>> figure = picture(compare(modes, modes))
+    """
     from matplotlib.figure import Figure
 
     k, n = comparison.mac.shape

@@ -134,6 +134,12 @@ def physical_form(model: ReducedBody) -> PhysicalForm:
     BodyError
         If the body's coordinates do not hold every motion of the interfaces by itself: it is too
         small for that, or a motion is no part of its basis.
+
+    Examples
+    --------
+    >>> form = physical_form(flexgram.ReducedModel.load("rack.rom.h5"))
+    >>> len(form.boundary) + len(form.frequencies) == len(form.K)
+    True
     """
     system = model.system
     names, C_b, interfaces = _boundary(system)

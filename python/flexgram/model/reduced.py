@@ -72,6 +72,11 @@ class ReducedBody:
         ------
         BodyError
             If the file is missing or no reduced file.
+
+        Examples
+        --------
+        >>> flexgram.ReducedModel.load("rack.rom.h5").frame.kind
+        'buckens'
         """
         source = Path(path)
         if not source.exists():
@@ -114,14 +119,29 @@ class ReducedBody:
         return self.__dict__ | {"_save": None, "basis": own}
 
     def with_parts(self, **parts: Any) -> Self:
-        """A copy with other parts: of fewer vectors, or of other ports."""
+        """A copy with other parts: of fewer vectors, or of other ports.
+
+        Examples
+        --------
+        >>> from dataclasses import replace
+        >>> rom = flexgram.ReducedModel.load("rack.rom.h5")
+        >>> soft = rom.with_parts(system=replace(rom.system, K=0.9 * rom.system.K))
+        >>> bool(soft.system.K[-1, -1] < rom.system.K[-1, -1])
+        True
+        """
         other = object.__new__(type(self))
         other.__dict__.update(self.__dict__ | parts)
         other.recovered = None
         return other
 
     def save(self, path: str | Path) -> None:
-        """Write the reduced file; collective on the communicator of ``reduce``."""
+        """Write the reduced file; collective on the communicator of ``reduce``.
+
+        Examples
+        --------
+        >>> rom = flexgram.reduce("rack.h5", (10, 500), tol=1e-2)
+        >>> rom.save("loose.rom.h5")
+        """
         if self._save is None:
             raise BodyError(
                 "a copied or unpickled body has no file of its own: export it "

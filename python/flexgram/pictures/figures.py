@@ -21,7 +21,7 @@ from flexgram.body.stress import von_mises
 from flexgram.model.geometry import Geometry, body_of
 from flexgram.model.recovery import stress_at_nodes
 from flexgram.model.reduced import ReducedBody
-from flexgram.simulation.histories import Verdict
+from flexgram.simulation.histories import HistoryAssessment
 
 HZ = 1 / (2 * np.pi)
 FULL, REDUCED, BOUND = "#444444", "#0868ac", "#e08214"
@@ -35,7 +35,12 @@ def _axes(width: float = 6.4, height: float = 3.6) -> tuple[Figure, Any]:
 
 
 def error(model: ReducedBody) -> Figure:
-    """Relative error (eq. 17) and its certified bound over the band."""
+    """Relative error (eq. 17) and its certified bound over the band.
+
+    Examples
+    --------
+    >>> save(error(flexgram.ReducedModel.load("rack.rom.h5")), Path("error.png"))
+    """
     figure, axes = _axes(height=4.2)
     claim = model.claim
     hz = claim.omega * HZ
@@ -91,7 +96,12 @@ def error(model: ReducedBody) -> Figure:
 
 
 def gramian(model: ReducedBody) -> Figure:
-    """Eigenvalues of the position Gramian with the order taken."""
+    """Eigenvalues of the position Gramian with the order taken.
+
+    Examples
+    --------
+    >>> figure = gramian(flexgram.ReducedModel.load("rack.rom.h5"))
+    """
     if not len(model.sigma):
         raise BodyError("the reduced file has no Gramian")
     figure, axes = _axes()
@@ -111,7 +121,13 @@ def gramian(model: ReducedBody) -> Figure:
 def transfer(
     model: ReducedBody, sweep: Path | None = None, ports: list[tuple[str, str]] | None = None
 ) -> Figure:
-    """Amount of H_r for chosen (output, input) pairs; with a sweep file that of the full body."""
+    """Amount of H_r for chosen (output, input) pairs; with a sweep file that of the full body.
+
+    Examples
+    --------
+    >>> rom = flexgram.ReducedModel.load("rack.rom.h5")
+    >>> figure = transfer(rom, ports=[("upper.fz", "upper.fz"), ("upper.fx", "lower.fx")])
+    """
     full, hz = None, np.linspace(model.claim.band[0] * HZ, model.claim.band[1] * HZ, 800)
     inputs, outputs = model.inputs, model.outputs
     if sweep is not None:
@@ -156,7 +172,13 @@ def transfer(
 
 
 def unit_of(output: str, port: str) -> str:
-    """Unit of an element of H, by how ports are named (``upper.fz``, ``upper.mx``)."""
+    """Unit of an element of H, by how ports are named (``upper.fz``, ``upper.mx``).
+
+    Examples
+    --------
+    >>> unit_of("upper.fz", "upper.fz"), unit_of("upper.mx", "upper.mx")
+    ('m/N', 'rad/(N m)')
+    """
     kinds = [name.rpartition(".")[2] for name in (output, port)]
     if not all(kind in ("fx", "fy", "fz", "mx", "my", "mz") for kind in kinds):
         return "SI"
@@ -164,8 +186,15 @@ def unit_of(output: str, port: str) -> str:
     return f"{of_output}/{'(N m)' if of_input == 'm' else 'N'}"
 
 
-def loads(model: ReducedBody, verdict: Verdict, most: int = 6) -> Figure:
-    """Spectrum of a load history, and the band."""
+def loads(model: ReducedBody, verdict: HistoryAssessment, most: int = 6) -> Figure:
+    """Spectrum of a load history, and the band.
+
+    Examples
+    --------
+    >>> from flexgram.simulation.histories import judge, read_history
+    >>> rom = flexgram.ReducedModel.load("standing.rom.h5")
+    >>> figure = loads(rom, judge(rom, *read_history("loads.csv", rom.inputs)))
+    """
     figure, axes = _axes()
     largest = verdict.spectrum.max(axis=0)
     for j in np.argsort(-largest)[:most]:
@@ -188,7 +217,12 @@ def loads(model: ReducedBody, verdict: Verdict, most: int = 6) -> Figure:
 
 
 def stages(model: ReducedBody) -> Figure:
-    """Seconds of each stage."""
+    """Seconds of each stage.
+
+    Examples
+    --------
+    >>> figure = stages(flexgram.ReducedModel.load("rack.rom.h5"))
+    """
     seconds = model.provenance.seconds
     if not seconds:
         raise BodyError("the reduced file has no times")
@@ -201,7 +235,14 @@ def stages(model: ReducedBody) -> Figure:
 
 def elastic_modes(model: ReducedBody, count: int) -> tuple[Floats, Floats]:
     """Frequencies [Hz] and shapes (k, m) of the lowest modes of the reduced body that are not
-    rigid, without damping."""
+    rigid, without damping.
+
+    Examples
+    --------
+    >>> hertz, shapes = elastic_modes(flexgram.ReducedModel.load("rack.rom.h5"), 3)
+    >>> hertz.round(1)
+    array([105.5, 176.6, 189. ])
+    """
     try:
         K, M = model.system.K, model.system.M
         squares, shapes = eigh(0.5 * (K + K.T), 0.5 * (M + M.T))
@@ -213,7 +254,12 @@ def elastic_modes(model: ReducedBody, count: int) -> tuple[Floats, Floats]:
 
 
 def shapes(model: ReducedBody, body: str | Path | None = None, count: int = 5) -> Figure:
-    """The mesh with its interfaces, and the lowest elastic modes of the reduced body."""
+    """The mesh with its interfaces, and the lowest elastic modes of the reduced body.
+
+    Examples
+    --------
+    >>> figure = shapes(flexgram.ReducedModel.load("rack.rom.h5"), count=2)
+    """
     geometry, triangles = _surface(model, body)
     step = len(triangles) // 20000 + 1  # a picture needs no more
     marked = {
@@ -287,6 +333,11 @@ def stress(
         Factor of the deformation; default: a twentieth of the body's size.
     u : (n_in,) array, optional
         Inputs at that moment: needed if one of them is a temperature.
+
+    Examples
+    --------
+    >>> rom = flexgram.ReducedModel.load("standing.rom.h5")
+    >>> figure = stress(rom, np.eye(rom.order)[0])
     """
     geometry, triangles = _surface(model, body)
     triangles = triangles[:: len(triangles) // 40000 + 1]
@@ -338,7 +389,13 @@ FIGURES: dict[str, Callable[..., Figure]] = {
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure; the suffix chooses the format."""
+    """Write a figure; the suffix chooses the format.
+
+    Examples
+    --------
+    >>> rom = flexgram.ReducedModel.load("rack.rom.h5")
+    >>> save(gramian(rom), Path("gramian.svg"))
+    """
     try:
         with written_aside(path) as place:
             figure.savefig(place, dpi=150)

@@ -342,6 +342,11 @@ def write_report(
     -------
     list of str
         What could not be shown, and why.
+
+    Examples
+    --------
+    >>> write_report("rack.rom.h5", "rack.html")  # what could not be shown
+    []
     """
     page = _Page(ReducedBody.load(rom), body)
     parts = [

@@ -80,8 +80,7 @@ def reduce(
 
     Examples
     --------
-    >>> import flexgram
-    >>> rom = flexgram.reduce(body, (10, 1000), tol=1e-4, statics=True)
+    >>> rom = flexgram.reduce("rack.h5", (10, 500), tol=1e-4, statics=True)
     >>> rom.claim.met
     True
     """

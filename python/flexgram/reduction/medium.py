@@ -99,6 +99,15 @@ class Medium:
         ------
         BodyError
             If the medium model holds too little for the request, with what to certify.
+
+        Examples
+        --------
+        >>> medium = flexgram.certify("rack.h5", (10, 500), tol=1e-3)
+        >>> upper = medium.reduce(1e-2, inputs=["upper"])
+        >>> upper.inputs
+        ['upper.fx', 'upper.fy', 'upper.fz', 'upper.mx', 'upper.my', 'upper.mz']
+        >>> upper.claim.supremum <= 1e-2
+        True
         """
         values = option_values(band_hz, tol, order, method, options, verbose, keywords, CutOptions)
         result = self._held.cut(values)
@@ -108,7 +117,15 @@ class Medium:
 
     def save(self, path: str | Path, basis: bool = True) -> None:
         """Write the file that ``flexgram cut`` and ``load`` read; without the basis it is small,
-        and bodies cut from it have no shapes. Collective."""
+        and bodies cut from it have no shapes. Collective.
+
+        Examples
+        --------
+        >>> medium = flexgram.certify("rack.h5", (10, 500), tol=1e-3)
+        >>> medium.save("small.medium.h5", basis=False)
+        >>> flexgram.Medium.load("small.medium.h5").reduce(1e-2).basis.V.size
+        0
+        """
         self._held.save(str(path), basis)
 
     @classmethod
@@ -119,6 +136,12 @@ class Medium:
         ------
         BodyError
             If the file is none, damaged, or of another version.
+
+        Examples
+        --------
+        >>> flexgram.certify("rack.h5", (10, 500), tol=1e-3).save("rack.medium.h5")
+        >>> flexgram.Medium.load("rack.medium.h5").inputs[:2]
+        ['lower.fx', 'lower.fy']
         """
         world = communicator(comm)
         return cls(core().load_medium(world.py2f(), str(path)), world)
@@ -161,6 +184,15 @@ def certify(
     -----
     ReductionWarning
         Of all that ``warnings`` holds, on the first rank.
+
+    Examples
+    --------
+    >>> medium = flexgram.certify("rack.h5", (10, 500), tol=1e-4)
+    >>> medium.reached
+    True
+    >>> loose, tight = (medium.reduce(tol) for tol in (1e-2, 1e-4))
+    >>> loose.order < tight.order < medium.order
+    True
     """
     values = option_values(band_hz, tol, order, method, options, verbose, keywords, CertifyOptions)
     world = communicator(comm)

@@ -33,6 +33,13 @@ def read_history(path: str | Path, inputs: list[str]) -> tuple[Floats, Floats]:
     ------
     BodyError
         For an unknown input, what is no number, or times that do not rise; with the line.
+
+    Examples
+    --------
+    >>> rom = flexgram.ReducedModel.load("standing.rom.h5")
+    >>> t, u = read_history("loads.csv", rom.inputs)
+    >>> u.shape == (len(t), len(rom.inputs))
+    True
     """
     path = Path(path)
     try:
@@ -74,7 +81,16 @@ def read_history(path: str | Path, inputs: list[str]) -> tuple[Floats, Floats]:
 
 def evenly(t: Floats, u: Floats) -> tuple[Floats, Floats]:
     """The loads at evenly spaced times, linear between those that are there: at their own number of
-    times if these are even but for printed digits, else at their smallest step."""
+    times if these are even but for printed digits, else at their smallest step.
+
+    Examples
+    --------
+    >>> t, u = evenly(np.array([0.0, 1.0, 3.0]), np.array([[0.0], [1.0], [0.0]]))
+    >>> t
+    array([0., 1., 2., 3.])
+    >>> u[:, 0]
+    array([0. , 1. , 0.5, 0. ])
+    """
     steps = np.diff(t)
     count = len(t)
     if np.ptp(steps) > 1e-3 * steps.min():
@@ -84,7 +100,7 @@ def evenly(t: Floats, u: Floats) -> tuple[Floats, Floats]:
 
 
 @dataclass
-class Verdict:
+class HistoryAssessment:
     """What the claim of a reduced body says of its response to a load history.
 
     The history counts as one period: with zeros behind it, it is a single event.
@@ -149,6 +165,10 @@ class Verdict:
         return said
 
 
+#: Its name in 0.1.
+Verdict = HistoryAssessment
+
+
 @dataclass
 class _Block:
     """A block of H with what is claimed of its error: ε, of it or of all of H."""
@@ -200,7 +220,7 @@ def _for_its_loads(model: ReducedBody) -> ReducedBody:
     return model.with_parts(system=model.system.along(claim.loads, claim.load_names))
 
 
-def judge(model: ReducedBody, t: ArrayLike, u: ArrayLike) -> Verdict:
+def judge(model: ReducedBody, t: ArrayLike, u: ArrayLike) -> HistoryAssessment:
     """What the claim says of the response to a load history.
 
     For each kind of output if the claim is of each kind. By Parseval, from ‖H − H_r‖ <= ε ‖H‖ at
@@ -220,6 +240,13 @@ def judge(model: ReducedBody, t: ArrayLike, u: ArrayLike) -> Verdict:
     ------
     BodyError
         If the loads vanish, or are none for these times and inputs.
+
+    Examples
+    --------
+    >>> rom = flexgram.ReducedModel.load("standing.rom.h5")
+    >>> said = judge(rom, *read_history("loads.csv", rom.inputs))
+    >>> max(said.errors.values()) < 0.1
+    True
     """
     t, u = np.asarray(t, dtype=float), np.asarray(u, dtype=float)
     if u.shape != (len(t), len(model.inputs)) or len(t) < 2:
@@ -250,7 +277,7 @@ def judge(model: ReducedBody, t: ArrayLike, u: ArrayLike) -> Verdict:
         with contextlib.suppress(BodyError):  # dampers hold it
             elastic = without_rigid_modes(model)
     errors, elastic_errors = _errors(model, elastic, lines, chosen)
-    return Verdict(
+    return HistoryAssessment(
         lines.hz,
         told.amplitude,
         float(share_below.max()),

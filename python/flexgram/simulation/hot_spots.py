@@ -83,6 +83,13 @@ def hot_spots(
     ------
     BodyError
         If the body has no stresses, or an input is none of its own.
+
+    Examples
+    --------
+    >>> rom = flexgram.ReducedModel.load("standing.rom.h5")
+    >>> spots = hot_spots(rom, 2, inputs=["upper.fx"], frequencies=5)
+    >>> [spot.input for spot in spots]
+    ['upper.fx', 'upper.fx']
     """
     with contextlib.suppress(BodyError):  # dampers hold it
         model = without_rigid_modes(model)  # rigid motion strains nothing

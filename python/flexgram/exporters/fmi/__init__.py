@@ -316,6 +316,10 @@ def write_fmu(
     ------
     BodyError
         With structural damping, or without a C compiler; for rates of a feedthrough.
+
+    Examples
+    --------
+    >>> write_fmu(flexgram.ReducedModel.load("standing.rom.h5"), Path("standing.fmu"), version=3)
     """
     if version not in VERSIONS:
         raise BodyError(f"FMI {version} must be one of {', '.join(map(str, VERSIONS))}")
