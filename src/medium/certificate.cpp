@@ -19,51 +19,51 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
                          const ResidualBasis& basis, const ResidualNorm& norm,
                          ProjectionRounding rounding, int modes, bool inertia_is_safe,
                          double cutoff, std::vector<double> scale)
-    : rounding_(std::move(rounding)), tau_(space.tau()), sigma_(cutoff * cutoff),
-      kappa_(space.kappa()), data_rounding_(space.data_rounding()),
-      provable_(basis.complete && inertia_is_safe), scale_(std::move(scale)) {
+    : rounding_(std::move(rounding)), data_rounding_(space.data_rounding()),
+      provable_(basis.complete && inertia_is_safe),
+      scale_(std::move(scale)), shifts_{space.tau(), cutoff * cutoff, space.kappa()} {
   // Coordinates in which the Gram matrix is the identity.
   const GramFactor factor = gram_factor(norm.gram);
-  for (double root : factor.roots) coordinates_.push_back(1 / root);
-  added_ = norm.added + factor.added;
+  for (double root : factor.roots) gram_.each.push_back(1 / root);
+  gram_.added = norm.added + factor.added;
   const auto turned = [&](const Dense& a) {
     return a.rows == 0 ? Dense(0, a.columns) : multiply(factor.F, a);
   };
-  ports_ = turned(basis.ports);
+  parts_.ports = turned(basis.ports);
   const Dense K = turned(basis.K);
-  K_ = transpose(K);
-  if (response.system().has_extra_damping()) D_ = transpose(turned(basis.D));
+  parts_.K = transpose(K);
+  if (response.system().has_extra_damping()) parts_.D = transpose(turned(basis.D));
   const auto in_norm = [&](std::vector<double> lost) {
     for (double& x : lost) x *= norm.of_rounding;
     return lost;
   };
-  dropped_ports_ = in_norm(basis.dropped_ports);
-  dropped_K_ = in_norm(basis.dropped_K);
-  dropped_D_ = in_norm(basis.dropped_D);
+  parts_.dropped_ports = in_norm(basis.dropped_ports);
+  parts_.dropped_K = in_norm(basis.dropped_K);
+  parts_.dropped_D = in_norm(basis.dropped_D);
 
   const Dense& U = response.U();
   for (int j = 0; j < modes; ++j) {
     const auto at = as_size(j);
     double square = 0;
     for (int i = 0; i < K.rows; ++i) square += K(i, j) * K(i, j);
-    const double mu = response.mu()[at], e = response.energy(j, sigma_);
-    mode_mu_.push_back(mu);
-    mode_G_norm_.push_back(std::abs(residual_factor(mu, tau_, kappa_) / e) *
-                           (std::sqrt(square) + dropped_K_[at]));
+    const double mu = response.mu()[at], e = response.energy(j, shifts_.sigma);
+    ritz_.mu.push_back(mu);
+    ritz_.G_norm.push_back(std::abs(residual_factor(mu, shifts_.tau, shifts_.kappa) / e) *
+                           (std::sqrt(square) + parts_.dropped_K[at]));
     provable_ = provable_ && e < 0;
   }
   for (int i = modes; i < U.columns; ++i)
-    provable_ = provable_ && response.energy(i, sigma_) > 0;
+    provable_ = provable_ && response.energy(i, shifts_.sigma) > 0;
   enclose_modes();
   if (response.system().has_extra_damping() && provable_)
     by_damping_ = DampingCoupling(
-        response, {K, turned(basis.damped_outside), dropped_K_, dropped_D_}, modes,
-        sigma_, kappa_);
+        response, {K, turned(basis.damped_outside), parts_.dropped_K, parts_.dropped_D},
+        modes, shifts_.sigma, shifts_.kappa);
 
   if (space.rigid() > 0) {
-    rigid_ = transpose(part_of(U, 0, space.rigid(), 0, U.columns));
-    rigid_stiffness_ = transpose(multiply(space.rigid_stiffness(), U));
-    for (Dense* a : {&rigid_, &rigid_stiffness_})
+    rigid_.rows = transpose(part_of(U, 0, space.rigid(), 0, U.columns));
+    rigid_.stiffness = transpose(multiply(space.rigid_stiffness(), U));
+    for (Dense* a : {&rigid_.rows, &rigid_.stiffness})
       for (double& x : a->data) x = std::abs(x);
   }
   const auto& weights = space.rounding_weights();
@@ -80,16 +80,17 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
 /// θ = (ω_c² + τ)² Σ‖G_j‖², so ‖r‖² in the one norm is ‖r‖²/(1 − θ) in the other at most.
 void Certificate::enclose_modes() {
   double theta = 0;
-  for (double g : mode_G_norm_) theta += std::pow((sigma_ + tau_) * g, 2);
-  enlarged_ = theta < 1 ? 1 / std::sqrt(1 - theta) : infinity;
-  const double mu_c = 1 / (sigma_ + tau_);
-  mu_plus_ = mu_c;
-  for (std::size_t j = 0; j < mode_mu_.size(); ++j) {
-    const double mu = mode_mu_[j],
-                 g = mode_G_norm_[j] * std::abs(1 - (sigma_ + tau_) * mu);
-    mode_residual_.push_back(g > 0 ? g * enlarged_ : 0.0);
-    mu_plus_ += mu > mu_c ? mode_residual_.back() * mode_residual_.back() / (mu - mu_c)
-                          : infinity;
+  for (double g : ritz_.G_norm) theta += std::pow((shifts_.sigma + shifts_.tau) * g, 2);
+  shifts_.enlarged = theta < 1 ? 1 / std::sqrt(1 - theta) : infinity;
+  const double mu_c = 1 / (shifts_.sigma + shifts_.tau);
+  shifts_.mu_plus = mu_c;
+  for (std::size_t j = 0; j < ritz_.mu.size(); ++j) {
+    const double mu = ritz_.mu[j],
+                 g = ritz_.G_norm[j] * std::abs(1 - (shifts_.sigma + shifts_.tau) * mu);
+    ritz_.residual.push_back(g > 0 ? g * shifts_.enlarged : 0.0);
+    shifts_.mu_plus += mu > mu_c
+                           ? ritz_.residual.back() * ritz_.residual.back() / (mu - mu_c)
+                           : infinity;
   }
 }
 
@@ -100,53 +101,57 @@ bool Certificate::fits(int order, int ports, int modes, int rigid, bool damped) 
   const auto holds = [](const std::vector<double>& v, int count) {
     return v.size() == as_size(count);
   };
-  const int span = ports_.rows;
+  const int span = parts_.ports.rows;
   return holds(scale_, ports) && holds(rounding_weights_, order) &&
-         rounding_.fits(order, ports) && is(ports_, span, ports) && is(K_, order, span) &&
-         (!damped || is(D_, order, span)) && holds(coordinates_, span) &&
-         holds(dropped_ports_, ports) && holds(dropped_K_, order) &&
-         (!damped || holds(dropped_D_, order)) && holds(mode_mu_, modes) &&
-         holds(mode_residual_, modes) && holds(mode_G_norm_, modes) &&
+         rounding_.fits(order, ports) && is(parts_.ports, span, ports) &&
+         is(parts_.K, order, span) && (!damped || is(parts_.D, order, span)) &&
+         holds(gram_.each, span) && holds(parts_.dropped_ports, ports) &&
+         holds(parts_.dropped_K, order) && (!damped || holds(parts_.dropped_D, order)) &&
+         holds(ritz_.mu, modes) && holds(ritz_.residual, modes) &&
+         holds(ritz_.G_norm, modes) &&
          (!damped || !provable_ ||
           (by_damping_.fits() && modes <= by_damping_.count() &&
            by_damping_.count() <= order)) &&
-         (rigid == 0 || (is(rigid_, order, rigid) && is(rigid_stiffness_, order, rigid)));
+         (rigid == 0 ||
+          (is(rigid_.rows, order, rigid) && is(rigid_.stiffness, order, rigid)));
 }
 
 double Certificate::worst_angle() const {
   double worst = 0;
-  for (std::size_t j = 0; j < mode_mu_.size(); ++j)
-    worst = std::max(worst, mode_residual_[j] / std::max(mode_mu_[j] - mu_plus_, 1e-300));
+  for (std::size_t j = 0; j < ritz_.mu.size(); ++j)
+    worst = std::max(worst,
+                     ritz_.residual[j] / std::max(ritz_.mu[j] - shifts_.mu_plus, 1e-300));
   return worst;
 }
 
 /// For x > μ₊ the eigenvalues of T above x are, by Haynsworth's formula, at most as many
 /// as the positive ones of diag(μ_j − x) + GᵀG/(x − μ₊), and GᵀG <= N diag(‖G_j‖²).
 Certificate::Modes Certificate::modes() const {
-  Modes modes{mode_mu_, {}, mode_residual_, mu_plus_};
-  const auto count = static_cast<double>(mode_mu_.size());
-  for (std::size_t j = 0; j < mode_mu_.size(); ++j)
+  Modes modes{ritz_.mu, {}, ritz_.residual, shifts_.mu_plus};
+  const auto count = static_cast<double>(ritz_.mu.size());
+  for (std::size_t j = 0; j < ritz_.mu.size(); ++j)
     modes.largest_mu.push_back(
-        std::max(mu_plus_, mode_mu_[j] + count * mode_residual_[j] * mode_residual_[j] /
-                                             std::max(mode_mu_[j] - mu_plus_, 1e-300)));
+        std::max(shifts_.mu_plus,
+                 ritz_.mu[j] + count * ritz_.residual[j] * ritz_.residual[j] /
+                                   std::max(ritz_.mu[j] - shifts_.mu_plus, 1e-300)));
   std::sort(modes.largest_mu.begin(), modes.largest_mu.end(), std::greater<>());
   return modes;
 }
 
 std::vector<double> Certificate::outside(const DenseResponse& response) const {
-  const double factor = 1 - kappa_ * tau_; // a_k = 1, a_m = τ
+  const double factor = 1 - shifts_.kappa * shifts_.tau; // a_k = 1, a_m = τ
   const Dense& x = response.modal_inputs();
-  const Dense held = multiply_transposed(K_, x);
+  const Dense held = multiply_transposed(parts_.K, x);
   std::vector<double> norms;
   for (int j = 0; j < x.columns; ++j) {
     const auto at = as_size(j);
-    double square = 0, lost = dropped_ports_[at];
-    for (int i = 0; i < ports_.rows; ++i)
-      square += std::pow(ports_(i, j) - factor * held(i, j), 2);
+    double square = 0, lost = parts_.dropped_ports[at];
+    for (int i = 0; i < parts_.ports.rows; ++i)
+      square += std::pow(parts_.ports(i, j) - factor * held(i, j), 2);
     for (int l = 0; l < x.rows; ++l)
-      lost += factor * std::abs(x(l, j)) * dropped_K_[as_size(l)];
+      lost += factor * std::abs(x(l, j)) * parts_.dropped_K[as_size(l)];
     const double norm = std::sqrt(square) + lost;
-    norms.push_back(norm > 0 ? enlarged_ * norm / scale_[at] : 0.0);
+    norms.push_back(norm > 0 ? shifts_.enlarged * norm / scale_[at] : 0.0);
   }
   return norms;
 }

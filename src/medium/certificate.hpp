@@ -146,39 +146,41 @@ public:
   std::vector<double> outside(const DenseResponse& response) const;
   /// Rounding of uᵢᵀKuⱼ between two Ritz vectors.
   double rounding_between(std::size_t i, std::size_t j) const {
-    return rounding_.between(i, j, sigma_);
+    return rounding_.between(i, j, shifts_.sigma);
   }
   /// Rounding of μ_j, relative: of K, and of the dense eigenvalue problem.
-  double rounding_of_mode(std::size_t j) const { return rounding_.between(j, j, sigma_); }
+  double rounding_of_mode(std::size_t j) const {
+    return rounding_.between(j, j, shifts_.sigma);
+  }
   const ProjectionRounding& rounding() const { return rounding_; }
 
   /// Every field by its name, for a file.
   template <class Archive, class Self>
   static void archive(Archive&& a, Self& self) {
-    a("tau", self.tau_);
-    a("sigma", self.sigma_);
-    a("kappa", self.kappa_);
-    a("mu_plus", self.mu_plus_);
+    a("tau", self.shifts_.tau);
+    a("sigma", self.shifts_.sigma);
+    a("kappa", self.shifts_.kappa);
+    a("mu_plus", self.shifts_.mu_plus);
     a("data_rounding", self.data_rounding_);
     a("provable", self.provable_);
     a("scale", self.scale_);
     a("rounding_weights", self.rounding_weights_);
-    a("ports", self.ports_);
-    a("K", self.K_);
-    a("D", self.D_);
-    a("dropped_ports", self.dropped_ports_);
-    a("dropped_K", self.dropped_K_);
-    a("dropped_D", self.dropped_D_);
-    a("mode_mu", self.mode_mu_);
-    a("mode_residual", self.mode_residual_);
-    a("mode_G_norm", self.mode_G_norm_);
-    a("enlarged", self.enlarged_);
+    a("ports", self.parts_.ports);
+    a("K", self.parts_.K);
+    a("D", self.parts_.D);
+    a("dropped_ports", self.parts_.dropped_ports);
+    a("dropped_K", self.parts_.dropped_K);
+    a("dropped_D", self.parts_.dropped_D);
+    a("mode_mu", self.ritz_.mu);
+    a("mode_residual", self.ritz_.residual);
+    a("mode_G_norm", self.ritz_.G_norm);
+    a("enlarged", self.shifts_.enlarged);
     DampingCoupling::archive(a, self.by_damping_);
     ProjectionRounding::archive(a, self.rounding_);
-    a("coordinates", self.coordinates_);
-    a("added", self.added_);
-    a("rigid", self.rigid_);
-    a("rigid_stiffness", self.rigid_stiffness_);
+    a("coordinates", self.gram_.each);
+    a("added", self.gram_.added);
+    a("rigid", self.rigid_.rows);
+    a("rigid_stiffness", self.rigid_.stiffness);
   }
   /// What is known of the error beyond its norm, for some of the ports. @pre no damping matrix
   /// @return nothing if it is not proved.
@@ -216,20 +218,31 @@ private:
   void enclose_modes();
 
   ProjectionRounding rounding_;
-  double tau_ = 0, sigma_ = 0, kappa_ = 0, mu_plus_ = 0, data_rounding_ = 0;
-  double enlarged_ = 1; ///< (K + τM)⁻¹ of residuals over (K − ω_c²M)⁻¹ at most, its root
+  double data_rounding_ = 0;
   bool provable_ = true; ///< the residual is known whole, and the modes are counted
   std::vector<double> scale_, rounding_weights_;
-  /// In coordinates where the Gram matrix is the identity; the last two transposed.
-  Dense ports_, K_, D_;
-  std::vector<double> dropped_ports_, dropped_K_, dropped_D_; ///< ‖·‖ in E⁻¹
-  /// Of Φ: μ_j, ‖(K + τM)^−½(Mu − μ(K + τM)u)‖ at most, ‖G_j‖.
-  std::vector<double> mode_mu_, mode_residual_, mode_G_norm_;
-  DampingCoupling by_damping_;      ///< with D, and of a body whose claims are proved
-  std::vector<double> coordinates_; ///< 1/√γ of the Gram matrix' eigenvalues
-  double added_ = 0;                ///< what these hold beyond the norm itself, at most
-  Dense rigid_,
-      rigid_stiffness_; ///< transposed: |rigid rows of U|; |stiffness set to zero|
+  DampingCoupling by_damping_; ///< with D, and of a body whose claims are proved
+  /// What K and M are combined by.
+  struct Shifts {
+    double tau = 0, sigma = 0, kappa = 0, mu_plus = 0;
+    double enlarged = 1; ///< (K + τM)⁻¹ of residuals over (K − ω_c²M)⁻¹ at most, its root
+  } shifts_;
+  /// Parts of the residuals, in coordinates where the Gram matrix is the identity.
+  struct ResidualParts {
+    Dense ports, K, D;                                       ///< the last two transposed
+    std::vector<double> dropped_ports, dropped_K, dropped_D; ///< ‖·‖ in E⁻¹
+  } parts_;
+  /// Φ: μ_j, ‖(K + τM)^−½(Mu − μ(K + τM)u)‖ at most, ‖G_j‖.
+  struct RitzVectors {
+    std::vector<double> mu, residual, G_norm;
+  } ritz_;
+  struct GramCoordinates {
+    std::vector<double> each; ///< 1/√γ of the Gram matrix' eigenvalues
+    double added = 0;         ///< what these hold beyond the norm itself, at most
+  } gram_;
+  struct RigidRows {
+    Dense rows, stiffness; ///< transposed: |rigid rows of U|; |stiffness set to zero|
+  } rigid_;
 };
 
 /// Which combinations of the columns of E⁻¹T the space should grow by: the dominant

@@ -72,11 +72,11 @@ double Certificate::mode_coupling(const DenseResponse& response,
                                   const ResponseSeries& x) const {
   if (!provable_) return infinity;
   if (!response.is_diagonal()) return by_damping_.over(response.system(), x.interval);
-  const Coefficients outer(response.system(), -sigma_, x.interval);
+  const Coefficients outer(response.system(), -shifts_.sigma, x.interval);
   const double largest_c = std::abs(outer.c) + outer.moved_c;
   double sum = 0;
-  for (std::size_t j = 0; j < mode_mu_.size(); ++j)
-    sum += std::pow(largest_c * mode_G_norm_[j], 2) * x.largest[j];
+  for (std::size_t j = 0; j < ritz_.mu.size(); ++j)
+    sum += std::pow(largest_c * ritz_.G_norm[j], 2) * x.largest[j];
   return sum;
 }
 
@@ -84,10 +84,10 @@ Certificate::Inverse Certificate::inverse(const DenseResponse& response,
                                           const ResponseSeries& x) const {
   Inverse result;
   double q = 1, radius = 1; // Re (a_k + c μ) >= 1 + (ω_c² − ω²) μ, whatever the damping
-  if (!(x.interval.last * x.interval.last <= sigma_))
+  if (!(x.interval.last * x.interval.last <= shifts_.sigma))
     return {0, infinity, infinity, false};
   if (response.is_diagonal()) {
-    const Coefficients k(response.system(), -sigma_, x.interval);
+    const Coefficients k(response.system(), -shifts_.sigma, x.interval);
     const std::array<Complex, 2> denominator{k.a, k.c};
     q = std::min(q, largest_quotient({1.0, 0.0}, denominator));
     result.centre = 0.5 / k.a; // of 1/a_k and 0, for μ = 0 and ∞
@@ -114,19 +114,20 @@ std::array<Complex, 3> Certificate::residual_factors(const DenseResponse& respon
   const double omega = interval.centre(), h = interval.half();
   const Complex i(0, 1);
   return {1.0 + i * (d.eta + omega * d.beta) -
-              kappa_ * (i * omega * d.alpha - omega * omega),
-          h * (i * d.beta - kappa_ * (i * d.alpha - 2 * omega)), kappa_ * h * h};
+              shifts_.kappa * (i * omega * d.alpha - omega * omega),
+          h * (i * d.beta - shifts_.kappa * (i * d.alpha - 2 * omega)),
+          shifts_.kappa * h * h};
 }
 
 /// ‖E^−½ ·‖ of what T does not hold of a port's residual, at most.
 /// @param factor  |a_k − κ a_m| at most.
 double Certificate::lost(const ResponseSeries& x, int port, double factor) const {
-  double sum = std::pow(dropped_ports_[as_size(port)], 2);
+  double sum = std::pow(parts_.dropped_ports[as_size(port)], 2);
   for (int l = 0; l < x.envelope.rows; ++l) {
     const auto at = as_size(l);
-    sum += std::pow(x.envelope(l, port) * factor * dropped_K_[at], 2);
-    if (!dropped_D_.empty())
-      sum += std::pow(x.envelope(l, port) * x.interval.last * dropped_D_[at], 2);
+    sum += std::pow(x.envelope(l, port) * factor * parts_.dropped_K[at], 2);
+    if (!parts_.dropped_D.empty())
+      sum += std::pow(x.envelope(l, port) * x.interval.last * parts_.dropped_D[at], 2);
   }
   return std::sqrt(sum);
 }
@@ -139,18 +140,18 @@ MatrixSeries Certificate::held_residual(const DenseResponse& response,
   const Complex i(0, 1);
   const int p = x.x.columns;
   MatrixSeries w = multiply_transposed(
-      K_, times_quadratic(residual_factors(response, x.interval), x.x));
+      parts_.K, times_quadratic(residual_factors(response, x.interval), x.x));
   for (double& value : w.coefficients.data) value = -value;
-  if (!D_.data.empty()) {
+  if (!parts_.D.data.empty()) {
     const MatrixSeries damped =
-        multiply_transposed(D_, times_quadratic({i * omega, i * h, 0.0}, x.x));
+        multiply_transposed(parts_.D, times_quadratic({i * omega, i * h, 0.0}, x.x));
     for (std::size_t l = 0; l < w.coefficients.data.size(); ++l)
       w.coefficients.data[l] -= damped.coefficients.data[l];
     for (std::size_t l = 0; l < w.tail.data.size(); ++l)
       w.tail.data[l] += damped.tail.data[l];
   }
   for (int j = 0; j < p; ++j) {
-    const double* constant = ports_.column(ports[as_size(j)]);
+    const double* constant = parts_.ports.column(ports[as_size(j)]);
     for (int l = 0; l < w.rows(); ++l) w.coefficients(l, j) += constant[l];
   }
   const auto scale = [&](int j) { return scale_[as_size(ports[as_size(j)])]; };
@@ -217,7 +218,7 @@ void Certificate::add_rounding(Bound& bound, const DenseResponse& response,
     data_out += std::pow(rounding_weights_[i] * out[i], 2);
   }
   bound.data_rounding = 4 * data_rounding_ * a_k * std::sqrt(data_in * data_out);
-  if (rigid_.columns == 0) return;
+  if (rigid_.rows.columns == 0) return;
   const auto norm = [&](const std::vector<int>& columns, const Dense& rows) {
     const Dense values = multiply_transposed(rows, x.envelope);
     double sum = 0;
@@ -227,8 +228,8 @@ void Certificate::add_rounding(Bound& bound, const DenseResponse& response,
     return std::sqrt(sum);
   };
   bound.rigid_rounding =
-      a_k * (norm(block.outputs, rigid_) * norm(block.inputs, rigid_stiffness_) +
-             norm(block.outputs, rigid_stiffness_) * norm(block.inputs, rigid_));
+      a_k * (norm(block.outputs, rigid_.rows) * norm(block.inputs, rigid_.stiffness) +
+             norm(block.outputs, rigid_.stiffness) * norm(block.inputs, rigid_.rows));
 }
 
 std::optional<ErrorForm> Certificate::form(const DenseResponse& response,
@@ -236,11 +237,11 @@ std::optional<ErrorForm> Certificate::form(const DenseResponse& response,
   if (!provable_) return std::nullopt;
   ErrorForm form;
   form.damping = response.system().damping;
-  form.kappa = kappa_;
-  form.cutoff = std::sqrt(sigma_);
-  form.coupling = mode_G_norm_;
-  form.residual_stiffness = transpose(K_);
-  form.lost_stiffness = dropped_K_;
+  form.kappa = shifts_.kappa;
+  form.cutoff = std::sqrt(shifts_.sigma);
+  form.coupling = ritz_.G_norm;
+  form.residual_stiffness = transpose(parts_.K);
+  form.lost_stiffness = parts_.dropped_K;
   form.mass = response.mu();
   for (std::size_t j = 0; j < form.mass.size(); ++j) {
     const double lambda = response.lambda()[j];
@@ -261,14 +262,14 @@ std::optional<ErrorForm> Certificate::form(const DenseResponse& response,
     std::vector<double> lost;
     for (int port : chosen) {
       const auto at = as_size(port);
-      lost.push_back(dropped_ports_[at] / scale_[at]);
+      lost.push_back(parts_.dropped_ports[at] / scale_[at]);
     }
     return lost;
   };
   form.inputs = in_units(response.modal_inputs(), ports.inputs);
   form.outputs = in_units(response.modal_inputs(), ports.outputs);
-  form.residual_inputs = in_units(ports_, ports.inputs);
-  form.residual_outputs = in_units(ports_, ports.outputs);
+  form.residual_inputs = in_units(parts_.ports, ports.inputs);
+  form.residual_outputs = in_units(parts_.ports, ports.outputs);
   form.lost_inputs = lost_of(ports.inputs);
   form.lost_outputs = lost_of(ports.outputs);
   form.rounding_inputs = in_units(rounding_.ports, ports.inputs);
@@ -298,15 +299,15 @@ double Certificate::error_of(const Inverse& S, const ComplexDense& at_centre,
   // The Gram matrix is that of the norm or more: no bound of W_CᵀW_B by itself.
   const auto coefficients = [&](const ComplexDense& w_of, double moved_by) {
     double square = 0, widest = 0;
-    for (std::size_t i = 0; i < coordinates_.size(); ++i) {
-      widest = std::max(widest, coordinates_[i]);
+    for (std::size_t i = 0; i < gram_.each.size(); ++i) {
+      widest = std::max(widest, gram_.each[i]);
       for (int j = 0; j < w_of.columns; ++j)
-        square += std::norm(coordinates_[i] * w_of(static_cast<int>(i), j));
+        square += std::norm(gram_.each[i] * w_of(static_cast<int>(i), j));
     }
     return std::sqrt(square) + widest * moved_by;
   };
   const double known = added + frobenius_norm(multiply_transposed(w_c, w_in)) +
-                       added_ * coefficients(w_c, out) * coefficients(w_in, in);
+                       gram_.added * coefficients(w_c, out) * coefficients(w_in, in);
   return std::min(S.norm * paired, std::abs(S.centre) * known + S.radius * paired);
 }
 
@@ -365,7 +366,7 @@ Certificate::FieldBound Certificate::field_over(const DenseResponse& response,
   const Inverse S = inverse(response, x);
   bound.proved = S.proved && response.is_diagonal() && !x.largest.empty();
   const double last = x.interval.last, delta = mode_coupling(response, x);
-  if (!bound.proved || !(last * last < sigma_) || !(delta < 1))
+  if (!bound.proved || !(last * last < shifts_.sigma) || !(delta < 1))
     return {infinity, infinity, false};
   const MatrixSeries w = residual(response, x);
   const ComplexDense at_centre = w.centre();
@@ -376,13 +377,14 @@ Certificate::FieldBound Certificate::field_over(const DenseResponse& response,
     for (int i = 0; i < at_centre.rows; ++i) square += std::norm(at_centre(i, j));
     squares += std::pow(std::sqrt(square) + away[as_size(j)], 2);
   }
-  const double g = sigma_ / (sigma_ - last * last), curved = g * (1 - delta) - 1;
+  const double g = shifts_.sigma / (shifts_.sigma - last * last),
+               curved = g * (1 - delta) - 1;
   const double s = curved > 0 ? std::min(S.norm, g / (2 * curved)) : S.norm;
-  const Coefficients outer(response.system(), -sigma_, x.interval);
+  const Coefficients outer(response.system(), -shifts_.sigma, x.interval);
   const double largest_c = std::abs(outer.c) + outer.moved_c;
   double along = 0; // energy of Φ f
-  for (std::size_t j = 0; j < mode_mu_.size(); ++j)
-    along += std::pow(strain[j] * largest_c * mode_G_norm_[j] * x.largest[j], 2);
+  for (std::size_t j = 0; j < ritz_.mu.size(); ++j)
+    along += std::pow(strain[j] * largest_c * ritz_.G_norm[j] * x.largest[j], 2);
   bound.error = (std::sqrt(g * s - curved * s * s) + std::sqrt(along) * S.norm) *
                 std::sqrt(squares) * (1 + 1e-12);
   // Rounding of the projected matrices: −A⁻¹ E x, in these coordinates.

@@ -16,8 +16,8 @@ Certificate::residual_grams(const DenseResponse& response,
                             const std::vector<PortSet>& blocks) const {
   const auto of = [&](const std::vector<int>& columns) {
     const Dense B = columns_of(response.modal_inputs(), columns, scale_),
-                P = columns_of(ports_, columns, scale_);
-    const Dense forces = multiply(K_, P); // N × columns
+                P = columns_of(parts_.ports, columns, scale_);
+    const Dense forces = multiply(parts_.K, P); // N × columns
     Dense mixed(B.rows, 1);
     for (int j = 0; j < B.columns; ++j)
       for (int i = 0; i < B.rows; ++i) mixed(i, 0) += forces(i, j) * B(i, j);
@@ -26,7 +26,7 @@ Certificate::residual_grams(const DenseResponse& response,
     constant.size = {frobenius_norm(P)};
     constant.Q(0, 0) = constant.size[0] * constant.size[0];
     constant.summed = P.rows + P.columns;
-    return TermGram(TermGram(K_, B), mixed, constant);
+    return TermGram(TermGram(parts_.K, B), mixed, constant);
   };
   ResidualGrams result;
   const auto list_of = [&](const std::vector<int>& ports) {

@@ -59,19 +59,19 @@ MediumModel::poles_within(const DenseSystem& small,
       const auto at = as_size(port);
       const double* x = level_.response->modal_inputs().column(port);
       for (int l = 0; l < level_.response->modal_inputs().rows; ++l)
-        square += std::pow(x[l] / scale_[at], 2);
+        square += std::pow(x[l] / ports_.scale[at], 2);
       square += std::pow(outside[at], 2);
     }
     return std::sqrt(square);
   };
-  const double in = size_of(inputs_), out = size_of(outputs_);
+  const double in = size_of(ports_.inputs), out = size_of(ports_.outputs);
   Dense modal_inputs(level_.response->modal_inputs().rows,
-                     static_cast<int>(inputs_.size()));
+                     static_cast<int>(ports_.inputs.size()));
   for (int j = 0; j < modal_inputs.columns; ++j)
     for (int l = 0; l < modal_inputs.rows; ++l) {
-      const int port = inputs_[as_size(j)];
+      const int port = ports_.inputs[as_size(j)];
       modal_inputs(l, j) =
-          level_.response->modal_inputs()(l, port) / scale_[as_size(port)];
+          level_.response->modal_inputs()(l, port) / ports_.scale[as_size(port)];
     }
 
   for (const Interval& interval : intervals) {
@@ -103,7 +103,7 @@ MediumModel::poles_within(const DenseSystem& small,
         gap > 0 ? std::hypot(std::sqrt(square) / gap, std::sqrt(mixed)) : infinity;
 
     const Dense b = rows_within(modal_inputs, here),
-                c = rows_within(modal_outputs_, here);
+                c = rows_within(ports_.modal_outputs, here);
     const Dense residue = multiply_transposed(c, b),
                 residue_r =
                     multiply_transposed(rows_within(reduced.modal_outputs(), there),

@@ -24,44 +24,47 @@ MediumModel::MediumModel(const Medium& medium, std::size_t level,
                          RelativeTo relative_to, double enough)
     : names(medium.body.head()), rigid(medium.rigid), cutoff(medium.cutoff),
       tau(medium.tau), kappa(medium.kappa), level_(medium.levels[level]),
-      V_(medium.V.share()), scale_(medium.scale), inputs_(ports.inputs),
-      outputs_(ports.outputs) {
+      V_(medium.V.share()), ports_{medium.scale, ports.inputs, ports.outputs,
+                                   {},           {},           {}} {
   if (relative_to == RelativeTo::elastic && rigid > 0 && !has_elastic_part())
     refuse_elastic_part();
   select_names(names, ports);
   // Outputs of a body whose outputs are its inputs are among these; others follow them.
   if (!medium.body.outputs_are_inputs)
-    for (int& output : outputs_) output += static_cast<int>(medium.body.inputs.size());
+    for (int& output : ports_.outputs)
+      output += static_cast<int>(medium.body.inputs.size());
   views = port_views(names, kinds);
   choose_references(medium.spec.bands, resolved(relative_to, medium));
   for (const PortView& view : views) {
     Certificate::PortSet block;
-    for (int j : view.columns) block.inputs.push_back(inputs_[as_size(j)]);
-    for (int i : view.rows) block.outputs.push_back(outputs_[as_size(i)]);
-    blocks_.push_back(std::move(block));
+    for (int j : view.columns) block.inputs.push_back(ports_.inputs[as_size(j)]);
+    for (int i : view.rows) block.outputs.push_back(ports_.outputs[as_size(i)]);
+    ports_.blocks.push_back(std::move(block));
   }
   const DenseResponse& response = *level_.response;
   take_modal_system();
   system.outputs_are_inputs = ports.same;
-  modal_inputs_ = columns_of(response.modal_inputs(), inputs_, scale_);
-  modal_outputs_ = columns_of(response.modal_inputs(), outputs_, scale_);
-  numbers_ = ModalNumbers::of(response, modal_inputs_, modal_outputs_);
+  ports_.modal_inputs = columns_of(response.modal_inputs(), ports_.inputs, ports_.scale);
+  ports_.modal_outputs =
+      columns_of(response.modal_inputs(), ports_.outputs, ports_.scale);
+  numbers_ = ModalNumbers::of(response, ports_.modal_inputs, ports_.modal_outputs);
   const double terms = static_cast<double>(views.size()) * response.system().order(),
-               entries = static_cast<double>(inputs_.size() * outputs_.size());
-  std::vector<int> ports_once = inputs_;
-  ports_once.insert(ports_once.end(), outputs_.begin(), outputs_.end());
+               entries =
+                   static_cast<double>(ports_.inputs.size() * ports_.outputs.size());
+  std::vector<int> ports_once = ports_.inputs;
+  ports_once.insert(ports_once.end(), ports_.outputs.begin(), ports_.outputs.end());
   std::sort(ports_once.begin(), ports_once.end());
   const double distinct = static_cast<double>(
       std::unique(ports_once.begin(), ports_once.end()) - ports_once.begin());
   if (response.is_diagonal() && distinct * distinct > many * terms) {
-    enough_ = (enough > 0 ? enough : medium.spec.target);
-    enough_ /= 1 + enough_; // of ‖H‖, for an error relative to ‖H‖ − error
-    residuals_ = level_.certificate->residual_grams(response, blocks_);
+    many_.enough = (enough > 0 ? enough : medium.spec.target);
+    many_.enough /= 1 + many_.enough; // of ‖H‖, for an error relative to ‖H‖ − error
+    many_.residuals = level_.certificate->residual_grams(response, ports_.blocks);
   }
   if (response.is_diagonal() && entries > many * terms)
     for (const PortView& view : views)
-      terms_.emplace_back(columns_of(modal_outputs_, view.rows),
-                          columns_of(modal_inputs_, view.columns));
+      many_.terms.emplace_back(columns_of(ports_.modal_outputs, view.rows),
+                               columns_of(ports_.modal_inputs, view.columns));
   resonances = medium.resonances(level_);
   lambda.assign(response.lambda().begin() + rigid,
                 response.lambda().begin() + rigid + medium.modes);
@@ -90,8 +93,8 @@ void MediumModel::take_modal_system() {
     for (int p = 0; p < B.columns; ++p) B(j, p) *= scale_of(j);
   }
   system.damping = response.system().damping;
-  system.B = columns_of(B, inputs_, scale_);
-  system.C = columns_of(B, outputs_, scale_);
+  system.B = columns_of(B, ports_.inputs, ports_.scale);
+  system.C = columns_of(B, ports_.outputs, ports_.scale);
 }
 
 void MediumModel::follow_dampers() {
@@ -158,7 +161,8 @@ bool MediumModel::is_zero(const PortView& view, const std::vector<Interval>& ban
       const ComplexDense x = response.modal_response(omega);
       for (int j : view.columns)
         for (int i : view.rows) {
-          const int input = inputs_[as_size(j)], output = outputs_[as_size(i)];
+          const int input = ports_.inputs[as_size(j)],
+                    output = ports_.outputs[as_size(i)];
           const double own =
               std::sqrt(entry(x, input, input, 0) * entry(x, output, output, 0));
           if (std::isfinite(own) && entry(x, output, input, from) > 1e-9 * own)
@@ -175,7 +179,7 @@ void MediumModel::choose_references(const std::vector<Interval>& bands,
   const bool both = relative_to == RelativeTo::both;
   const int left_out = both || relative_to == RelativeTo::elastic ? rigid : 0;
   reference_.assign(views.size(), {left_out, both});
-  if (inputs_.size() * outputs_.size() > 250'000) return;
+  if (ports_.inputs.size() * ports_.outputs.size() > 250'000) return;
   std::vector<PortView> kept;
   reference_.clear();
   for (std::size_t v = 0; v < views.size(); ++v) {
@@ -202,26 +206,27 @@ void MediumModel::choose_references(const std::vector<Interval>& bands,
 
 /// Modal coordinates of the response to the chosen inputs, in their units.
 ComplexDense MediumModel::input_response(double omega) const {
-  ComplexDense x = columns_of(level_.response->modal_response(omega), inputs_);
+  ComplexDense x = columns_of(level_.response->modal_response(omega), ports_.inputs);
   for (int j = 0; j < x.columns; ++j)
-    for (int i = 0; i < x.rows; ++i) x(i, j) /= scale_[as_size(inputs_[as_size(j)])];
+    for (int i = 0; i < x.rows; ++i)
+      x(i, j) /= ports_.scale[as_size(ports_.inputs[as_size(j)])];
   return x;
 }
 
 ComplexDense MediumModel::transfer(double omega, int from) const {
   ComplexDense x = input_response(omega);
   for (int j = 0; j < x.columns; ++j) std::fill_n(x.column(j), from, 0.0);
-  return multiply_transposed(modal_outputs_, x);
+  return multiply_transposed(ports_.modal_outputs, x);
 }
 
 MatrixSeries MediumModel::transfer(const ResponseSeries& x) const {
-  return transfer_series(modal_outputs_, x, 0, &numbers_);
+  return transfer_series(ports_.modal_outputs, x, 0, &numbers_);
 }
 
 TransferSeries MediumModel::seen(const ResponseSeries& x, const MatrixSeries& H) const {
   if (apart() == 0) return {H, size_at_centre(H), {}};
   const auto elastic = [&](double size) {
-    return transfer_series(modal_outputs_, x, apart(), &numbers_, size);
+    return transfer_series(ports_.modal_outputs, x, apart(), &numbers_, size);
   };
   MatrixSeries entries = elastic(0);
   const double size = std::min(size_at_centre(H), size_at_centre(entries));
@@ -236,13 +241,13 @@ double MediumModel::whole_over_elastic(double omega) const {
 /// Of the response to all ports that to the chosen inputs, in their units.
 ResponseSeries MediumModel::inputs_of(const ResponseSeries& all) const {
   const MatrixSeries& x = all.x;
-  const int n_in = static_cast<int>(inputs_.size()), parts = 2 * (x.degree() + 1);
+  const int n_in = static_cast<int>(ports_.inputs.size()), parts = 2 * (x.degree() + 1);
   const Dense none(x.rows(), n_in);
   ResponseSeries chosen{
       all.interval, {n_in, Dense(x.rows(), n_in * parts), none}, none, none, {}};
   for (int j = 0; j < n_in; ++j) {
-    const int port = inputs_[as_size(j)];
-    const double scale = 1 / scale_[as_size(port)];
+    const int port = ports_.inputs[as_size(j)];
+    const double scale = 1 / ports_.scale[as_size(port)];
     for (int i = 0; i < x.rows(); ++i) {
       for (int part = 0; part < parts; ++part)
         chosen.x.coefficients(i, n_in * part + j) =
@@ -261,7 +266,7 @@ void MediumModel::sizes_by_entries(const ResponseSeries& x, const MatrixSeries& 
   const bool apart = std::any_of(reference_.begin(), reference_.end(),
                                  [](const Reference& r) { return r.left_out > 0; });
   const MatrixSeries elastic =
-      apart ? transfer_series(modal_outputs_, x, rigid, &numbers_) : MatrixSeries();
+      apart ? transfer_series(ports_.modal_outputs, x, rigid, &numbers_) : MatrixSeries();
   take_sizes(
       [&](std::size_t v, bool of_elastic) {
         return view_norms(of_elastic ? elastic : H, views[v]);
@@ -275,7 +280,7 @@ bool MediumModel::sizes_by_terms(const MatrixSeries& factors, Stretch& result) c
   bool clear = true;
   take_sizes(
       [&](std::size_t v, bool of_elastic) {
-        const TermNorms size = term_norms(terms_[v], of_elastic ? elastic : factors);
+        const TermNorms size = term_norms(many_.terms[v], of_elastic ? elastic : factors);
         const auto& at = size.norms.at;
         clear = clear && size.rounding <= 0.1 * *std::min_element(at.begin(), at.end());
         return size.norms;
@@ -288,14 +293,14 @@ std::optional<MediumModel::Stretch> MediumModel::over(Interval interval, int deg
                                                       double hopeless) const {
   const DenseResponse& response = *level_.response;
   Stretch result;
-  if (residuals_.grams.empty()) {
+  if (many_.residuals.grams.empty()) {
     const auto all = response_series(response, interval, degree);
     if (!all) return std::nullopt;
     const ResponseSeries x = inputs_of(*all);
     const MatrixSeries H = transfer(x);
     sizes_by_entries(x, H, result);
     result.H = seen(x, H);
-    result.bounds = level_.certificate->over(response, *all, blocks_);
+    result.bounds = level_.certificate->over(response, *all, ports_.blocks);
     add_rigid_floor(result);
     return result;
   }
@@ -307,7 +312,7 @@ std::optional<MediumModel::Stretch> MediumModel::over(Interval interval, int deg
     clear = sizes_by_terms(factors->x, result);
   }
   if (!clear) {
-    const auto x = response_series(response, interval, degree, modal_inputs_);
+    const auto x = response_series(response, interval, degree, ports_.modal_inputs);
     if (!x && !has_many_ports()) return std::nullopt;
     if (x) {
       const MatrixSeries H = transfer(*x);
@@ -319,8 +324,9 @@ std::optional<MediumModel::Stretch> MediumModel::over(Interval interval, int deg
   for (const ViewNorms& size : result.size)
     least.push_back(*std::min_element(size.below.begin(), size.below.end()));
   result.bounds = level_.certificate->of_many(
-      response, *factors, blocks_, residuals_, [&](std::size_t v, double error) {
-        return error <= enough_ * least[v] || error > hopeless * least[v];
+      response, *factors, ports_.blocks, many_.residuals,
+      [&](std::size_t v, double error) {
+        return error <= many_.enough * least[v] || error > hopeless * least[v];
       });
   add_rigid_floor(result);
   return result;
@@ -329,10 +335,10 @@ std::optional<MediumModel::Stretch> MediumModel::over(Interval interval, int deg
 std::optional<ErrorForm> MediumModel::error_form() const {
   constexpr double most = 1e6; // numbers
   const double N = level_.order(),
-               ports = static_cast<double>(inputs_.size() + outputs_.size());
+               ports = static_cast<double>(ports_.inputs.size() + ports_.outputs.size());
   if (!level_.response->is_diagonal() || 4 * N * ports + N * N > most)
     return std::nullopt;
-  return level_.certificate->form(*level_.response, {inputs_, outputs_});
+  return level_.certificate->form(*level_.response, {ports_.inputs, ports_.outputs});
 }
 
 std::optional<TransferSeries> MediumModel::response(Interval interval, int degree) const {
@@ -342,7 +348,8 @@ std::optional<TransferSeries> MediumModel::response(Interval interval, int degre
     if (!factors) return std::nullopt;
     H.factors = from_row(std::move(factors->x), apart());
   } else {
-    const auto x = response_series(*level_.response, interval, degree, modal_inputs_);
+    const auto x =
+        response_series(*level_.response, interval, degree, ports_.modal_inputs);
     if (!x) return std::nullopt;
     H = seen(*x, transfer(*x));
   }
@@ -351,9 +358,9 @@ std::optional<TransferSeries> MediumModel::response(Interval interval, int degre
 
 std::optional<MatrixSeries> MediumModel::entries(Interval interval, int degree,
                                                  int from) const {
-  auto x = response_series(*level_.response, interval, degree, modal_inputs_);
+  auto x = response_series(*level_.response, interval, degree, ports_.modal_inputs);
   if (!x) return std::nullopt;
-  return transfer_series(modal_outputs_, *x, from, &numbers_);
+  return transfer_series(ports_.modal_outputs, *x, from, &numbers_);
 }
 
 std::optional<MatrixSeries> MediumModel::factors(Interval interval, int degree) const {
@@ -377,13 +384,13 @@ MediumModel::field(Interval interval, int degree, const std::vector<int>& inputs
   if (!x) return std::nullopt;
   const std::vector<double> root = strain();
   std::vector<int> ports;
-  for (int j : inputs) ports.push_back(inputs_[as_size(j)]);
+  for (int j : inputs) ports.push_back(ports_.inputs[as_size(j)]);
   const int p = static_cast<int>(ports.size()), all = x->x.columns,
             parts = x->x.coefficients.columns / all, N = x->x.rows();
   Field field{{p, Dense(N, p * parts), Dense(N, p)}, 0, 0, true};
   for (int j = 0; j < p; ++j) {
     const int port = ports[as_size(j)];
-    const double scale = 1 / scale_[as_size(port)];
+    const double scale = 1 / ports_.scale[as_size(port)];
     for (int k = 0; k < N; ++k) {
       const double factor = scale * root[as_size(k)];
       for (int part = 0; part < parts; ++part)
@@ -414,10 +421,10 @@ TermGram MediumModel::terms_of_difference(std::size_t view,
   const std::vector<int>&rows = views[view].rows, &columns = views[view].columns;
   const Dense B = columns_of(small.modal_inputs(), columns),
               C = columns_of(small.modal_outputs(), rows);
-  Dense mixed = multiply(columns_of(modal_outputs_, rows), transpose(C));
-  const Dense of_B = multiply(columns_of(modal_inputs_, columns), transpose(B));
+  Dense mixed = multiply(columns_of(ports_.modal_outputs, rows), transpose(C));
+  const Dense of_B = multiply(columns_of(ports_.modal_inputs, columns), transpose(B));
   for (std::size_t i = 0; i < mixed.data.size(); ++i) mixed.data[i] *= of_B.data[i];
-  return {terms_[view], mixed, TermGram(C, B)};
+  return {many_.terms[view], mixed, TermGram(C, B)};
 }
 
 Block MediumModel::lift(const Dense& Q) const {

@@ -70,7 +70,7 @@ public:
   double whole_over_elastic(double omega) const;
 
   /// Whether norms come from the terms of H, (N + m)² products each, not from its entries.
-  bool has_many_ports() const { return !terms_.empty(); }
+  bool has_many_ports() const { return !many_.terms.empty(); }
   /// Terms of H − H_r for a view of a small model: those of the medium model, then those of
   /// the small one. @pre has_many_ports()
   TermGram terms_of_difference(std::size_t view, const DenseResponse& small) const;
@@ -119,7 +119,7 @@ public:
   Dense euclidean_gram() const;
 
   /// The views by columns of all ports.
-  const std::vector<Certificate::PortSet>& blocks() const { return blocks_; }
+  const std::vector<Certificate::PortSet>& blocks() const { return ports_.blocks; }
   /// Of each view so many first modes, rigid ones, are no part of what errors are relative to.
   std::vector<int> left_out() const;
 
@@ -159,16 +159,23 @@ private:
   void take_modal_system();
   MediumLevel level_;
   Basis V_;
-  Dense to_V_; ///< coordinates of V from those of `system`
-  std::vector<double> scale_;
-  std::vector<int> inputs_, outputs_;        ///< among all ports
-  std::vector<Certificate::PortSet> blocks_; ///< the views by columns of all ports
-  Dense modal_inputs_, modal_outputs_;       ///< N × n_in, n_out, in the body's units
-  ModalNumbers numbers_;                     ///< the same system, for more digits
-  /// With many inputs and outputs, of each view: terms of H. With many of either: those of
-  /// the residuals.
-  std::vector<TermGram> terms_;
-  Certificate::ResidualGrams residuals_;
+  Dense to_V_;           ///< coordinates of V from those of `system`
+  ModalNumbers numbers_; ///< the same system, for more digits
+  /// The ports that are seen, among all.
+  struct Ports {
+    std::vector<double> scale; ///< of all
+    std::vector<int> inputs, outputs;
+    std::vector<Certificate::PortSet> blocks; ///< the views by columns of all ports
+    Dense modal_inputs, modal_outputs;        ///< N × n_in, n_out, in the body's units
+  } ports_;
+  /// Where ports are many.
+  struct ManyPorts {
+    /// With many inputs and outputs, of each view: terms of H. With many of either: those
+    /// of the residuals.
+    std::vector<TermGram> terms;
+    Certificate::ResidualGrams residuals;
+    double enough = 0; ///< errors of H up to this need no sharper bound, relative
+  } many_;
   /// What errors of a view are relative to: H without `left_out` modes, or the smaller of that
   /// and H.
   struct Reference {
@@ -176,7 +183,6 @@ private:
     bool or_whole = false;
   };
   std::vector<Reference> reference_; ///< of each view
-  double enough_ = 0; ///< errors of H up to this need no sharper bound, relative
 };
 
 } // namespace flexgram

@@ -30,21 +30,21 @@ Dense grown(const Dense& a, const Dense& columns) {
 } // namespace
 
 MediumSpace::MediumSpace(const SecondOrderModel& fom, double kappa, double tau)
-    : fom_(fom.share()), product_{fom_.M, fom_.K, kappa}, tau_(tau),
-      K_diagonal_(diagonal(fom_.K)),
-      // Roundings of n entries are random: they add up like √n of them, not n.
-      rounding_(16 * std::numeric_limits<double>::epsilon() /
-                std::sqrt(static_cast<double>(fom_.n))),
-      printed_rounding_(fom_.printed_rounding()) {
+    : fom_(fom.share()), product_{fom_.M, fom_.K, kappa}, tau_(tau) {
+  rows_.K_diagonal = diagonal(fom_.K);
+  // Roundings of n entries are random: they add up like √n of them, not n.
+  entries_.unit = 16 * std::numeric_limits<double>::epsilon() /
+                  std::sqrt(static_cast<double>(fom_.n));
+  entries_.printed = fom_.printed_rounding();
   const auto m = diagonal(fom_.M);
   for (std::size_t i = 0; i < m.size(); ++i) {
-    const double d = K_diagonal_[i] + tau * m[i];
-    root_diagonal_.push_back(d > 0 ? std::sqrt(d) : 1.0);
+    const double d = rows_.K_diagonal[i] + tau * m[i];
+    rows_.root_diagonal.push_back(d > 0 ? std::sqrt(d) : 1.0);
   }
   double longest = 0;
   for (int k = 0; k < 3; ++k)
     if (Mat a = k == 0 ? fom_.K : k == 1 ? fom_.M : fom_.D) {
-      row_weights_[k] = row_weights(a);
+      rows_.weights[k] = row_weights(a);
       longest = std::max(longest, static_cast<double>(longest_row(a)));
     }
   // Of a product with a matrix, of a sum within a strip, of these sums, and of the ranks.
@@ -60,9 +60,9 @@ MediumSpace::MediumSpace(const SecondOrderModel& fom, double kappa, double tau)
 /// matter.
 std::vector<double> MediumSpace::row_weights(Mat a) const {
   std::vector<double> inverse;
-  for (double s : root_diagonal_) inverse.push_back(1 / s);
+  for (double s : rows_.root_diagonal) inverse.push_back(1 / s);
   std::vector<double> rows = absolute_product(a, inverse);
-  for (std::size_t i = 0; i < rows.size(); ++i) rows[i] *= root_diagonal_[i];
+  for (std::size_t i = 0; i < rows.size(); ++i) rows[i] *= rows_.root_diagonal[i];
   return rows;
 }
 
@@ -95,54 +95,54 @@ std::vector<double> MediumSpace::norms_by(const std::vector<double>& rows, const
 
 std::vector<double> MediumSpace::weights(int matrix, const Block& x) const {
   if (matrix == 2 && !fom_.D) return std::vector<double>(as_size(x.columns()), 0.0);
-  return norms_by(row_weights_[matrix], x, false);
+  return norms_by(rows_.weights[matrix], x, false);
 }
 
 Dense MediumSpace::projected_ports(const Block& ports) const {
   Dense all = inner(V_, ports);
-  if (rigid_ == 0) return all;
-  const Block rigid = combine(V_, first_columns(identity(columns()), rigid_));
+  if (rigid_.count == 0) return all;
+  const Block rigid = combine(V_, first_columns(identity(columns()), rigid_.count));
   const Dense accurate = inner_accurately(rigid, ports, Block()).hi;
   set_part(all, 0, 0, accurate);
   return all;
 }
 
 std::vector<double> MediumSpace::dual_weights_of_ports(const Block& f) const {
-  std::vector<double> rows = row_weights_[0];
-  for (std::size_t i = 0; i < rows.size(); ++i) rows[i] += tau_ * row_weights_[1][i];
+  std::vector<double> rows = rows_.weights[0];
+  for (std::size_t i = 0; i < rows.size(); ++i) rows[i] += tau_ * rows_.weights[1][i];
   return norms_by(rows, f, true);
 }
 
 std::vector<double> MediumSpace::dual_weights(int matrix, const Block& f) const {
-  return norms_by(row_weights_[matrix], f, true);
+  return norms_by(rows_.weights[matrix], f, true);
 }
 
 void MediumSpace::scale(Block& x) const {
   std::vector<double> inverse;
-  for (double d : root_diagonal_) inverse.push_back(1 / d);
+  for (double d : rows_.root_diagonal) inverse.push_back(1 / d);
   scale_rows(x, inverse);
 }
 
-void MediumSpace::unscale(Block& x) const { scale_rows(x, root_diagonal_); }
+void MediumSpace::unscale(Block& x) const { scale_rows(x, rows_.root_diagonal); }
 
 void MediumSpace::start_with_rigid_modes(Block Phi, Dense stiffness, int geometric) {
   const int count = static_cast<int>(Phi.columns());
   if (count == 0) return;
-  KV_.append(Block(Phi.comm(), Phi.local_rows(), Phi.rows(), count)); // zero
-  K_ = Dense(count, count);
-  W_ = identity(count);
-  rigid_stiffness_ = std::move(stiffness);
+  images_.KV.append(Block(Phi.comm(), Phi.local_rows(), Phi.rows(), count)); // zero
+  projected_.K = Dense(count, count);
+  projected_.W = identity(count);
+  rigid_.stiffness = std::move(stiffness);
   take_deviation(Phi);
   if (fom_.D) {
-    DV_.append(multiply(fom_.D, Phi));
-    D_ = inner(Phi, DV_.pieces().front());
-    symmetrise(D_);
+    images_.DV.append(multiply(fom_.D, Phi));
+    projected_.D = inner(Phi, images_.DV.pieces().front());
+    symmetrise(projected_.D);
   }
   add_rounding_weights(Phi);
   keep_rigid_forces(Phi);
   V_.append(std::move(Phi));
-  rigid_ = count;
-  geometric_ = geometric;
+  rigid_.count = count;
+  rigid_.geometric = geometric;
 }
 
 void MediumSpace::take_deviation(const Block& Phi) {
@@ -152,11 +152,11 @@ void MediumSpace::take_deviation(const Block& Phi) {
   for (int j = 0; j < mass.hi.columns; ++j)
     for (int i = 0; i < mass.hi.rows; ++i)
       square += std::pow((mass.hi(i, j) - (i == j ? 1 : 0)) + mass.lo(i, j), 2);
-  rigid_mass_deviation_ = std::sqrt(square);
+  rigid_.mass_deviation = std::sqrt(square);
 }
 
 void MediumSpace::keep_rigid_forces(const Block& Phi) {
-  rigid_forces_ = multiply_accurately(fom_.K, Phi).product;
+  rigid_.forces = multiply_accurately(fom_.K, Phi).product;
 }
 
 void MediumSpace::add_rounding_weights(const Block& X) {
@@ -164,12 +164,12 @@ void MediumSpace::add_rounding_weights(const Block& X) {
   {
     const Block::Access x(X);
     for (PetscInt j = 0; j < X.columns(); ++j)
-      for (std::size_t i = 0; i < K_diagonal_.size(); ++i)
-        squares[as_size(j)] += K_diagonal_[i] * x.column(j)[i] * x.column(j)[i];
+      for (std::size_t i = 0; i < rows_.K_diagonal.size(); ++i)
+        squares[as_size(j)] += rows_.K_diagonal[i] * x.column(j)[i] * x.column(j)[i];
   }
   MPI_Allreduce(MPI_IN_PLACE, squares.data(), static_cast<int>(squares.size()),
                 MPI_DOUBLE, MPI_SUM, X.comm());
-  for (double s : squares) g_.push_back(std::sqrt(s));
+  for (double s : squares) entries_.weights.push_back(std::sqrt(s));
   int matrix = 0;
   for (auto* all : {&rounding_of_sums_.K, &rounding_of_sums_.M, &rounding_of_sums_.D}) {
     const std::vector<double> more = weights(matrix++, X);
@@ -182,33 +182,35 @@ void MediumSpace::extend_projection(const Block& X, const Block& KX, const Block
   const int k = static_cast<int>(X.columns()), old = columns() - k;
   add_rounding_weights(X);
   Dense columns = inner(V_, KX);
-  if (rigid_ > 0) rigid_stiffness_ = beside(rigid_stiffness_, inner(rigid_forces_, X));
+  if (rigid_.count > 0)
+    rigid_.stiffness = beside(rigid_.stiffness, inner(rigid_.forces, X));
   for (int j = 0; j < k; ++j) {
-    for (int i = 0; i < rigid_; ++i) columns(i, j) = 0;
+    for (int i = 0; i < rigid_.count; ++i) columns(i, j) = 0;
     for (int i = 0; i < j; ++i) {
-      const double weight = g_[as_size(old + i)] * g_[as_size(old + j)];
+      const double weight =
+          entries_.weights[as_size(old + i)] * entries_.weights[as_size(old + j)];
       if (weight > 0)
-        rounding_ = std::max(
-            rounding_, std::abs(columns(old + i, j) - columns(old + j, i)) / weight);
+        entries_.unit = std::max(
+            entries_.unit, std::abs(columns(old + i, j) - columns(old + j, i)) / weight);
     }
   }
-  K_ = grown(K_, columns);
+  projected_.K = grown(projected_.K, columns);
   Dense mass = inner(V_, WX);
   for (int j = 0; j < k; ++j)
-    for (int i = 0; i < rigid_; ++i) mass(i, j) = 0;
-  W_ = grown(W_, mass);
-  if (DX) D_ = grown(D_, inner(V_, DX));
+    for (int i = 0; i < rigid_.count; ++i) mass(i, j) = 0;
+  projected_.W = grown(projected_.W, mass);
+  if (DX) projected_.D = grown(projected_.D, inner(V_, DX));
 }
 
 void MediumSpace::restore(Block X) {
   if (X.columns() == 0) return;
-  newest_weighted_ = Block();
+  images_.newest_weighted = Block();
   Block KX = multiply(fom_.K, X), DX;
   if (fom_.D) DX = multiply(fom_.D, X);
   V_.append(X.share());
   extend_projection(X, KX, product_.apply(X), DX);
-  KV_.append(std::move(KX));
-  if (fom_.D) DV_.append(std::move(DX));
+  images_.KV.append(std::move(KX));
+  if (fom_.D) images_.DV.append(std::move(DX));
 }
 
 /// Y ← Y − W V c for c = VᵀY, rows scaled: what is residual of it.
@@ -219,9 +221,9 @@ void MediumSpace::project(Block& image, const Dense& coordinates) const {
 }
 
 Block MediumSpace::mass_of_newest() const {
-  if (product_.kappa != 0 || !newest_weighted_)
+  if (product_.kappa != 0 || !images_.newest_weighted)
     return multiply(fom_.M, V_.pieces().back());
-  return newest_weighted_.share();
+  return images_.newest_weighted.share();
 }
 
 std::vector<double> MediumSpace::append(Block X, double tolerance) {
@@ -233,9 +235,9 @@ std::vector<double> MediumSpace::append(Block X, double tolerance) {
   if (fom_.D) DX = multiply(fom_.D, added.vectors);
   extend_projection(added.vectors, KX, added.weighted, DX);
   if (!tracks_) {
-    newest_weighted_ = std::move(added.weighted);
-    KV_.append(std::move(KX));
-    if (fom_.D) DV_.append(std::move(DX));
+    images_.newest_weighted = std::move(added.weighted);
+    images_.KV.append(std::move(KX));
+    if (fom_.D) images_.DV.append(std::move(DX));
     return std::move(added.outside);
   }
 
@@ -250,8 +252,8 @@ std::vector<double> MediumSpace::append(Block X, double tolerance) {
     project(image, part_of(projected, 0, columns(), old, k));
     residual_.S.append(std::move(image));
   };
-  join(std::move(KX), K_);
-  if (fom_.D) join(std::move(DX), D_);
+  join(std::move(KX), projected_.K);
+  if (fom_.D) join(std::move(DX), projected_.D);
   const int total = static_cast<int>(residual_.S.columns());
   const auto widened = [&](const Dense& a, int more, int first) {
     Dense wide(total, a.columns + more);
@@ -269,7 +271,7 @@ std::vector<double> MediumSpace::append(Block X, double tolerance) {
 
 void MediumSpace::track_residual(const Block& ports) {
   tracks_ = true;
-  newest_weighted_ = Block();
+  images_.newest_weighted = Block();
   Block PB = copy(ports);
   project(PB, inner(V_, ports));
   residual_.S.append(std::move(PB));
@@ -281,14 +283,16 @@ void MediumSpace::track_residual(const Block& ports) {
     });
     images = Basis();
   };
-  KV_.for_each([&](Block& piece, int first) { // K moves rigid modes by rounding only
-    std::vector<double> keep(as_size(piece.columns()), 1.0);
-    for (int j = first; j < std::min(rigid_, first + static_cast<int>(keep.size())); ++j)
-      keep[as_size(j - first)] = 0;
-    if (first < rigid_) scale_columns(piece, keep);
-  });
-  take_over(KV_, K_);
-  if (fom_.D) take_over(DV_, D_);
+  images_.KV.for_each(
+      [&](Block& piece, int first) { // K moves rigid modes by rounding only
+        std::vector<double> keep(as_size(piece.columns()), 1.0);
+        for (int j = first;
+             j < std::min(rigid_.count, first + static_cast<int>(keep.size())); ++j)
+          keep[as_size(j - first)] = 0;
+        if (first < rigid_.count) scale_columns(piece, keep);
+      });
+  take_over(images_.KV, projected_.K);
+  if (fom_.D) take_over(images_.DV, projected_.D);
   const int p = static_cast<int>(ports.columns()), N = columns(),
             total = static_cast<int>(residual_.S.columns());
   const auto unit = [&](int first, int count) {
@@ -305,9 +309,9 @@ void MediumSpace::track_residual(const Block& ports) {
 }
 
 Dense MediumSpace::M() const {
-  Dense m = W_;
+  Dense m = projected_.W;
   for (std::size_t i = 0; i < m.data.size(); ++i)
-    m.data[i] -= product_.kappa * K_.data[i];
+    m.data[i] -= product_.kappa * projected_.K.data[i];
   return m;
 }
 

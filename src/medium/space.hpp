@@ -64,12 +64,12 @@ public:
   double kappa() const { return product_.kappa; }
   double tau() const { return tau_; }
   int columns() const { return static_cast<int>(V_.columns()); }
-  int rigid() const { return rigid_; }
+  int rigid() const { return rigid_.count; }
   const Basis& V() const { return V_; }
   const InnerProduct& product() const { return product_; }
-  const Dense& K() const { return K_; }
+  const Dense& K() const { return projected_.K; }
   Dense M() const; ///< VᵀWV − κ VᵀKV
-  const Dense& D() const { return D_; }
+  const Dense& D() const { return projected_.D; }
 
   /// What plain sums may have lost of VᵀKV, VᵀMV and VᵀDV: entry (i, j) is wrong by at most
   /// `unit` w_i w_j, w the weights of that matrix (docs/proof.md, section 6).
@@ -85,22 +85,22 @@ public:
   /// The latter for K + τM.
   std::vector<double> dual_weights_of_ports(const Block& f) const;
   /// How far ΦᵀMΦ of the rigid modes is from the identity, and what plain sums lost.
-  double rigid_mass_deviation() const { return rigid_mass_deviation_; }
+  double rigid_mass_deviation() const { return rigid_.mass_deviation; }
 
   /// Rounding of VᵀKV: entry (i, j) is wrong by about rounding() g_i g_j, with
   /// g_i² = v_iᵀ diag(K) v_i. Measured by the asymmetry of what was computed.
-  double rounding() const { return rounding_; }
-  const std::vector<double>& rounding_weights() const { return g_; }
+  double rounding() const { return entries_.unit; }
+  const std::vector<double>& rounding_weights() const { return entries_.weights; }
   /// The same of the exact VᵀKV by the rounding of K's entries when they were printed; 0: they
   /// do not look printed. Such roundings repeat with the elements of a regular mesh, hence 8
   /// (up to 6 were measured).
   double data_rounding() const {
-    return 8 * printed_rounding_ / std::sqrt(static_cast<double>(fom_.n));
+    return 8 * entries_.printed / std::sqrt(static_cast<double>(fom_.n));
   }
-  double printed_rounding() const { return printed_rounding_; } ///< of K's entries
+  double printed_rounding() const { return entries_.printed; } ///< of K's entries
   /// Stiffness of rigid modes (rigid × N) that the stored K holds and that was set to zero.
-  const Dense& rigid_stiffness() const { return rigid_stiffness_; }
-  int geometric() const { return geometric_; } ///< of the rigid modes, from geometry
+  const Dense& rigid_stiffness() const { return rigid_.stiffness; }
+  int geometric() const { return rigid_.geometric; } ///< of the rigid modes
   bool tracks_residual() const { return tracks_; }
 
 private:
@@ -117,19 +117,34 @@ private:
   SecondOrderModel fom_;
   InnerProduct product_;
   double tau_;
-  std::vector<double> root_diagonal_, K_diagonal_; ///< this rank's rows
-  Block rigid_forces_;                             ///< K Φ of rigid modes, all digits
-  Basis V_, KV_, DV_;                              ///< the last two until track_residual
-  Block newest_weighted_;                          ///< W times them, until then
-  Residual residual_;
-  Dense K_, W_, D_, rigid_stiffness_;
-  std::vector<double> row_weights_[3]; ///< R of K, M, D: of this rank's rows
-  Rounding rounding_of_sums_;
-  double rigid_mass_deviation_ = 0;
-  std::vector<double> g_;
-  double rounding_, printed_rounding_;
-  int rigid_ = 0, geometric_ = 0;
+  Basis V_;
   bool tracks_ = false;
+  Residual residual_;
+  Rounding rounding_of_sums_;
+  /// Of this rank's rows.
+  struct Rows {
+    std::vector<double> root_diagonal, K_diagonal;
+    std::vector<double> weights[3]; ///< R of K, M, D
+  } rows_;
+  /// Until track_residual.
+  struct Images {
+    Basis KV, DV;
+    Block newest_weighted; ///< W times the newest of V
+  } images_;
+  struct Projections {
+    Dense K, W, D;
+  } projected_;
+  struct RigidModes {
+    int count = 0, geometric = 0;
+    Block forces; ///< K Φ, all digits
+    Dense stiffness;
+    double mass_deviation = 0;
+  } rigid_;
+  /// Of the entries of K.
+  struct EntryRounding {
+    std::vector<double> weights; ///< g
+    double unit = 0, printed = 0;
+  } entries_;
 };
 
 } // namespace flexgram
