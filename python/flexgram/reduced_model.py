@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from flexgram.basics import BodyError, ComplexArray, Floats
+from flexgram.basics import BodyError, ComplexArray, Floats, ReductionWarning
 from flexgram.model import elastic_part, recovery
 from flexgram.model.physical import PhysicalForm, physical_form
 from flexgram.model.reduced import ReducedBody
@@ -22,7 +23,8 @@ RENAMED = {"certified_error": "supremum", "whole_error": "whole", "attained_erro
 
 
 class ReducedModel(ReducedBody):
-    """A reduced elastic body ``M q'' + D q' + K (1 + i eta) q = B u``, ``y = C q``.
+    """A reduced elastic body ``M q'' + D q' + K (1 + i eta) q = B u``, ``y = C q`` (reactions and
+    stress from a temperature have further terms, see ``System``).
 
     Made by ``flexgram.reduce`` or read by ``ReducedModel.load``. It is made of parts, which
     ``flexgram.model`` describes: ``system`` (matrices, ports), ``claim`` (what is claimed of the
@@ -33,11 +35,24 @@ class ReducedModel(ReducedBody):
     def __getattr__(self, name: str) -> Any:
         """An attribute of one of its parts."""
         known = RENAMED.get(name, name)
+        if known == "C":
+            self._warn_of_outputs()
         if not known.startswith("_"):
             for part in (self.__dict__.get(part) for part in PARTS):
                 if hasattr(part, known):
                     return getattr(part, known)
         raise AttributeError(f"{type(self).__name__} has no attribute {name}")
+
+    def _warn_of_outputs(self) -> None:
+        system = self.system
+        rows = np.flatnonzero(system.feedthrough.any(axis=1) | (system.output_beta != 0))
+        if len(rows):
+            warnings.warn(
+                f"C q alone is not {system.outputs[rows[0]]} (nor {len(rows) - 1} other outputs): "
+                "add feedthrough u and output_beta C q', as transfer, simulate and state_space do",
+                ReductionWarning,
+                stacklevel=3,
+            )
 
     def __setattr__(self, name: str, value: Any) -> None:
         """Of a part's attribute: a part with another one."""

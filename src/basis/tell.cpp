@@ -211,6 +211,7 @@ void tell_error(const CutStory& cut, const ReducedModel& rom, Observer& observer
     for (double omega : rom.claim.curve.omega) {
       H.push_back(medium.transfer(omega));
       H_r.push_back(response.transfer(omega));
+      for (auto* list : {&H, &H_r}) medium.outputs().complete(list->back(), omega);
     }
     warn_of_kinds(rom.system, H, H_r, sup.worst, observer);
   }

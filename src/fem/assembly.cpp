@@ -261,12 +261,21 @@ SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
          model.inputs);
   append(nodal_ports(comm, body.outputs, map, mesh, partition), model.C, model.outputs);
   for (const auto& output : body.outputs) model.feedthrough.append(output.feedthrough);
-  if (reactions.any() && (model.damping.beta > 0 || model.damping.eta > 0))
-    observer.fact("reactions",
-                  "of the elastic forces and the mass: damping by beta K and eta "
-                  "adds (i omega beta + i eta) times them");
-  append(reactions.take(model.K, model.M, model.B, model.inputs, model.feedthrough),
-         model.C, model.outputs);
+  Ports forces =
+      reactions.take(model.K, model.M, model.B, model.inputs, model.feedthrough);
+  for (const std::string& name : forces.names) {
+    model.output_damping.outputs.push_back(name);
+    model.output_damping.beta.push_back(model.damping.beta);
+    model.output_damping.eta.push_back(model.damping.eta);
+  }
+  if (reactions.any())
+    observer.fact(
+        "reactions",
+        model.damping.beta > 0 || model.damping.eta > 0
+            ? "(1 + iωβ + iη) C q + F u: the damped stiffness, and a share of the "
+              "loads at once (/feedthrough)"
+            : "C q + F u with a share F of the loads at once (/feedthrough)");
+  append(std::move(forces), model.C, model.outputs);
   fill_dof_lists(map, mesh, rank, model);
   return model;
 }

@@ -12,9 +12,9 @@ namespace flexgram {
 /// M_ff ψ = −M_fs w, which dies off a few elements from the support. Then
 ///   wᵀ(K_sf + s²M_sf) u + ψᵀ(K_ff + s²M_ff) u = (K_fs w + K_ff ψ)ᵀ u,  and
 ///   ψᵀ(K_ff + s²M_ff) u = ψᵀf_f:
-/// the reaction is the output (K_fs w + K_ff ψ)ᵀ u with −ψᵀf_f − wᵀf_s at once, exactly,
-/// with damping by αM too. Damping by βK and η adds (iωβ + iη) times that output, which is
-/// left out.
+/// the reaction is (K_fs w + K_ff ψ)ᵀ u with −ψᵀf_f − wᵀf_s at once, exactly, with damping
+/// by αM too. With βK and η the first term is (1 + iωβ + iη) times that (`OutputDamping`).
+/// Both terms are large where ψ reaches far; neither is a force by itself.
 class Reactions {
 public:
   Reactions(MPI_Comm comm, const BodyDescription& body, const DofMap& map,

@@ -3,6 +3,7 @@
 #include "base/index.hpp"
 #include "base/text.hpp"
 #include "io/matlab_hdf5.hpp"
+#include "io/output_form.hpp"
 #include "linalg/sparse.hpp"
 
 #include <algorithm>
@@ -260,28 +261,6 @@ void classify_damping(SecondOrderModel& model) {
   model.D.reset();
 }
 
-/// /feedthrough, n_out × n_in.
-Feedthrough read_feedthrough(const Hdf5File& file, const SecondOrderModel& model) {
-  Feedthrough through;
-  agree(file.comm(), [&] {
-    const std::vector<std::int64_t> expected{
-        static_cast<std::int64_t>(model.outputs.size()),
-        static_cast<std::int64_t>(model.inputs.size())};
-    if (file.shape("/feedthrough") != expected)
-      fail(file, text("/feedthrough must be n_out × n_in, %lld × %lld", ll(expected[0]),
-                      ll(expected[1])));
-    const std::vector<double> values = file.read_all<double>("/feedthrough");
-    for (std::size_t k = 0; k < values.size(); ++k) {
-      if (!std::isfinite(values[k])) fail(file, text("/feedthrough holds %g", values[k]));
-      if (values[k] == 0) continue;
-      through.outputs.push_back(model.outputs[k / model.inputs.size()]);
-      through.inputs.push_back(model.inputs[k % model.inputs.size()]);
-      through.values.push_back(values[k]);
-    }
-  });
-  return through;
-}
-
 SecondOrderModel read_body(const Hdf5File& file) {
   SecondOrderModel model;
   model.name = file.path();
@@ -313,7 +292,7 @@ SecondOrderModel read_body(const Hdf5File& file) {
     model.C = read_ports(file, "/C", model.n, model.rows, true);
     model.outputs = port_names(file, "/C", model.C.columns(), "out");
   }
-  if (file.exists("/feedthrough")) model.feedthrough = read_feedthrough(file, model);
+  agree(file.comm(), [&] { read_output_form(file, model); });
   read_dof_map(file, model);
   return model;
 }

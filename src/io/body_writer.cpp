@@ -1,5 +1,6 @@
 #include "io/body_io.hpp"
 #include "io/kept_rows.hpp"
+#include "io/output_form.hpp"
 
 #include "linalg/sparse.hpp"
 
@@ -92,10 +93,7 @@ void write_body(const SecondOrderModel& model, const std::string& path) {
     file.set_attribute("/C", "MATLAB_class", std::string("double"));
     file.set_attribute("/C", "names", model.outputs);
   }
-  const Dense direct = model.feedthrough.between(model.outputs, model.inputs);
-  if (std::any_of(direct.data.begin(), direct.data.end(),
-                  [](double x) { return x != 0; }))
-    file.write("/feedthrough", {direct.rows, direct.columns}, transpose(direct).data);
+  write_output_form(file, model);
   write_dof_map(file, model);
   file.commit();
 }

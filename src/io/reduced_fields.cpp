@@ -44,10 +44,11 @@ void system(FieldSink& sink, const SecondOrderModel& model) {
   sink.value("B/names", model.inputs);
   matrix(sink, "C", transpose(local_dense(model.C)));
   sink.value("C/names", model.outputs);
-  const Dense direct = model.feedthrough.between(model.outputs, model.inputs);
-  if (std::any_of(direct.data.begin(), direct.data.end(),
-                  [](double x) { return x != 0; }))
-    matrix(sink, "feedthrough", direct);
+  const OutputForm form = model.output_form();
+  if (form.has_direct()) matrix(sink, "feedthrough", form.direct());
+  if (!form.has_factors()) return;
+  vector(sink, "output_beta", form.beta());
+  vector(sink, "output_eta", form.eta());
 }
 
 void supremum_of(FieldSink& sink, const BandClaim& claim) {

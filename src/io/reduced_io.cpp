@@ -6,6 +6,7 @@
 #include "io/body_io.hpp"
 #include "io/hdf5_file.hpp"
 #include "io/kept_rows.hpp"
+#include "io/output_form.hpp"
 #include "io/reduced_fields.hpp"
 #include "io/versions.hpp"
 
@@ -134,6 +135,7 @@ SecondOrderModel read_reduced(MPI_Comm comm, const std::string& path) {
     };
     model.inputs = names("/B", B.columns);
     model.outputs = names("/C", C.rows);
+    read_output_form(file, model);
   });
   model.damping = read_damping(file);
   return model;

@@ -63,6 +63,9 @@ void archive_medium(Archive&& a, M& m) {
   a("feedthrough_outputs", body.feedthrough.outputs);
   a("feedthrough_inputs", body.feedthrough.inputs);
   a("feedthrough", body.feedthrough.values);
+  a("damped_outputs", body.output_damping.outputs);
+  a("damped_outputs_beta", body.output_damping.beta);
+  a("damped_outputs_eta", body.output_damping.eta);
   a("rigid", m.rigid);
   a("modes", m.modes);
   a("cutoff", m.cutoff);
@@ -142,6 +145,9 @@ void check(const Hdf5File& file, const Medium& m, const DenseSystem& all) {
   const Feedthrough& direct = m.body.feedthrough;
   good = good && direct.inputs.size() == direct.values.size() &&
          direct.outputs.size() == direct.values.size();
+  const OutputDamping& damped = m.body.output_damping;
+  good = good && damped.beta.size() == damped.outputs.size() &&
+         damped.eta.size() == damped.outputs.size();
   for (double s : m.scale) good = good && s > 0;
   for (const MediumLevel& level : m.levels)
     good = good && m.rigid + m.modes <= level.order() &&

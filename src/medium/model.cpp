@@ -24,8 +24,8 @@ MediumModel::MediumModel(const Medium& medium, std::size_t level,
                          RelativeTo relative_to, double enough)
     : names(medium.body.head()), rigid(medium.rigid), cutoff(medium.cutoff),
       tau(medium.tau), kappa(medium.kappa), level_(medium.levels[level]),
-      V_(medium.V.share()), ports_{medium.scale, ports.inputs, ports.outputs,
-                                   {},           {},           {}} {
+      V_(medium.V.share()),
+      ports_{medium.scale, ports.inputs, ports.outputs, {}, {}, {}, {}} {
   if (relative_to == RelativeTo::elastic && rigid > 0 && !has_elastic_part())
     refuse_elastic_part();
   select_names(names, ports);
@@ -33,6 +33,7 @@ MediumModel::MediumModel(const Medium& medium, std::size_t level,
   if (!medium.body.outputs_are_inputs)
     for (int& output : ports_.outputs)
       output += static_cast<int>(medium.body.inputs.size());
+  ports_.form = claimed_outputs(names);
   views = port_views(names, kinds);
   choose_references(medium.spec.bands, resolved(relative_to, medium));
   for (const PortView& view : views) {
@@ -61,7 +62,7 @@ MediumModel::MediumModel(const Medium& medium, std::size_t level,
     many_.enough /= 1 + many_.enough; // of ‖H‖, for an error relative to ‖H‖ − error
     many_.residuals = level_.certificate->residual_grams(response, ports_.blocks);
   }
-  if (response.is_diagonal() && entries > many * terms)
+  if (response.is_diagonal() && entries > many * terms && ports_.form.is_plain())
     for (const PortView& view : views)
       many_.terms.emplace_back(columns_of(ports_.modal_outputs, view.rows),
                                columns_of(ports_.modal_inputs, view.columns));
@@ -125,6 +126,24 @@ void MediumModel::add_rigid_floor(Stretch& stretch) const {
   }
 }
 
+std::vector<double> MediumModel::factors_of_views(Interval interval) const {
+  std::vector<double> factors(views.size(), 1.0);
+  for (std::size_t v = 0; v < views.size(); ++v)
+    for (int i : views[v].rows)
+      factors[v] = std::max(factors[v], std::abs(ports_.form.factor(i, interval.last)));
+  return factors;
+}
+
+void MediumModel::scale_bounds(const std::vector<double>& factors,
+                               Stretch& stretch) const {
+  for (std::size_t v = 0; v < views.size(); ++v) {
+    Certificate::Bound& bound = stretch.bounds[v];
+    for (double* value : {&bound.error, &bound.floor, &bound.rigid_floor,
+                          &bound.rigid_rounding, &bound.data_rounding})
+      *value *= factors[v];
+  }
+}
+
 /// Of each view the norms of what its errors are relative to, and of H.
 /// @param norms_of  (view, whether of the elastic part) of H.
 template <class NormsOf>
@@ -151,8 +170,9 @@ bool MediumModel::is_zero(const PortView& view, const std::vector<Interval>& ban
   const auto entry = [&](const ComplexDense& x, int output, int input, int first) {
     std::complex<double> sum = 0;
     for (int k = first; k < x.rows; ++k) sum += ports(k, output) * x(k, input);
-    return std::abs(sum);
+    return sum;
   };
+  const OutputForm& form = ports_.form;
   constexpr int samples = 9;
   for (const Interval& band : bands)
     for (int l = 0; l < samples; ++l) {
@@ -163,10 +183,13 @@ bool MediumModel::is_zero(const PortView& view, const std::vector<Interval>& ban
         for (int i : view.rows) {
           const int input = ports_.inputs[as_size(j)],
                     output = ports_.outputs[as_size(i)];
-          const double own =
-              std::sqrt(entry(x, input, input, 0) * entry(x, output, output, 0));
-          if (std::isfinite(own) && entry(x, output, input, from) > 1e-9 * own)
-            return false;
+          const double own = std::sqrt(std::abs(entry(x, input, input, 0)) *
+                                       std::abs(entry(x, output, output, 0)));
+          std::complex<double> H = form.factor(i, omega) * entry(x, output, input, from);
+          if (form.has_direct())
+            H += form.direct()(i, j) * ports_.scale[as_size(output)] *
+                 ports_.scale[as_size(input)];
+          if (std::isfinite(own) && std::abs(H) > 1e-9 * own) return false;
         }
     }
   return true;
@@ -220,22 +243,30 @@ ComplexDense MediumModel::transfer(double omega, int from) const {
 }
 
 MatrixSeries MediumModel::transfer(const ResponseSeries& x) const {
-  return transfer_series(ports_.modal_outputs, x, 0, &numbers_);
+  MatrixSeries H = transfer_series(ports_.modal_outputs, x, 0, &numbers_);
+  if (!ports_.form.has_direct()) return H;
+  const double left = size_at_centre(complete(x, H)); // of what both terms cancel
+  if (left < size_at_centre(H))
+    H = transfer_series(ports_.modal_outputs, x, 0, &numbers_, left);
+  return H;
 }
 
 TransferSeries MediumModel::seen(const ResponseSeries& x, const MatrixSeries& H) const {
-  if (apart() == 0) return {H, size_at_centre(H), {}};
+  if (apart() == 0) return {H, size_at_centre(complete(x, H)), {}};
   const auto elastic = [&](double size) {
     return transfer_series(ports_.modal_outputs, x, apart(), &numbers_, size);
   };
   MatrixSeries entries = elastic(0);
-  const double size = std::min(size_at_centre(H), size_at_centre(entries));
+  const double size =
+      std::min(size_at_centre(complete(x, H)), size_at_centre(complete(x, entries)));
   if (size < size_at_centre(entries)) entries = elastic(size);
   return {std::move(entries), size, {}};
 }
 
 double MediumModel::whole_over_elastic(double omega) const {
-  return frobenius_norm(transfer(omega)) / frobenius_norm(transfer(omega, rigid));
+  ComplexDense whole = transfer(omega), elastic = transfer(omega, rigid);
+  for (ComplexDense* H : {&whole, &elastic}) ports_.form.complete(*H, omega);
+  return frobenius_norm(whole) / frobenius_norm(elastic);
 }
 
 /// Of the response to all ports that to the chosen inputs, in their units.
@@ -260,16 +291,18 @@ ResponseSeries MediumModel::inputs_of(const ResponseSeries& all) const {
   return chosen;
 }
 
-/// The sizes from H = C x.
+/// The sizes from H = CᵀX and what outputs hold beside it.
 void MediumModel::sizes_by_entries(const ResponseSeries& x, const MatrixSeries& H,
                                    Stretch& result) const {
   const bool apart = std::any_of(reference_.begin(), reference_.end(),
                                  [](const Reference& r) { return r.left_out > 0; });
-  const MatrixSeries elastic =
-      apart ? transfer_series(ports_.modal_outputs, x, rigid, &numbers_) : MatrixSeries();
+  const MatrixSeries whole = complete(x, H),
+                     elastic = apart ? complete(x, transfer_series(ports_.modal_outputs,
+                                                                   x, rigid, &numbers_))
+                                     : MatrixSeries();
   take_sizes(
       [&](std::size_t v, bool of_elastic) {
-        return view_norms(of_elastic ? elastic : H, views[v]);
+        return view_norms(of_elastic ? elastic : whole, views[v]);
       },
       result);
 }
@@ -301,6 +334,7 @@ std::optional<MediumModel::Stretch> MediumModel::over(Interval interval, int deg
     sizes_by_entries(x, H, result);
     result.H = seen(x, H);
     result.bounds = level_.certificate->over(response, *all, ports_.blocks);
+    scale_bounds(factors_of_views(interval), result);
     add_rigid_floor(result);
     return result;
   }
@@ -323,11 +357,14 @@ std::optional<MediumModel::Stretch> MediumModel::over(Interval interval, int deg
   std::vector<double> least; // ‖H‖
   for (const ViewNorms& size : result.size)
     least.push_back(*std::min_element(size.below.begin(), size.below.end()));
+  const std::vector<double> larger = factors_of_views(interval);
   result.bounds = level_.certificate->of_many(
       response, *factors, ports_.blocks, many_.residuals,
       [&](std::size_t v, double error) {
+        error *= larger[v];
         return error <= many_.enough * least[v] || error > hopeless * least[v];
       });
+  scale_bounds(larger, result);
   add_rigid_floor(result);
   return result;
 }

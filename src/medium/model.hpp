@@ -12,7 +12,7 @@
 
 namespace flexgram {
 
-/// A response over an interval: its entries, or, with many ports and without a damping
+/// CᵀX over an interval: its entries, or, with many ports and without a damping
 /// matrix, the factors of its modes, H = Σ_i f_i c_i b_iᵀ. Without rigid modes, if H has an
 /// elastic part: small models have the same ones.
 struct TransferSeries {
@@ -61,8 +61,10 @@ public:
   Stretch at(double omega, double hopeless = HUGE_VAL) const {
     return known(over({omega, omega}, 0, hopeless));
   }
-  /// H of modes from this one on.
+  /// CᵀX of modes from this one on; `outputs` makes H of it.
   ComplexDense transfer(double omega, int from = 0) const;
+  /// What H holds beside CᵀX. H_r holds the same.
+  const OutputForm& outputs() const { return ports_.form; }
   bool is_resonance(double omega) const { return level_.response->is_resonance(omega); }
   /// Whether H has an elastic part: no damping matrix mixes it with rigid motion.
   bool has_elastic_part() const { return level_.response->is_diagonal(); }
@@ -141,9 +143,15 @@ private:
   bool is_zero(const PortView& view, const std::vector<Interval>& bands, int from) const;
   std::vector<double> strain() const; ///< √(uᵀKu) of each mode, 0 of rigid ones
   ResponseSeries inputs_of(const ResponseSeries& x) const;
-  /// H of these inputs; what small models are compared with, without rigid modes.
+  /// CᵀX of these inputs; what small models are compared with, without rigid modes.
   MatrixSeries transfer(const ResponseSeries& x) const;
   TransferSeries seen(const ResponseSeries& x, const MatrixSeries& H) const;
+  MatrixSeries complete(const ResponseSeries& x, const MatrixSeries& H) const {
+    return complete_outputs(ports_.form, x.interval, H);
+  }
+  /// Of each view the largest factor of its outputs over the interval.
+  std::vector<double> factors_of_views(Interval interval) const;
+  void scale_bounds(const std::vector<double>& factors, Stretch& stretch) const;
   ComplexDense input_response(double omega) const;
   void add_rigid_floor(Stretch& stretch) const;
   template <class NormsOf>
@@ -167,6 +175,7 @@ private:
     std::vector<int> inputs, outputs;
     std::vector<Certificate::PortSet> blocks; ///< the views by columns of all ports
     Dense modal_inputs, modal_outputs;        ///< N × n_in, n_out, in the body's units
+    OutputForm form;
   } ports_;
   /// Where ports are many.
   struct ManyPorts {

@@ -74,21 +74,26 @@ SmallModel::differences(const TransferSeries& H, Interval interval, int degree,
   const MatrixSeries H_r = transfer_series(response_.modal_outputs(), *series, apart_,
                                            numbers_ ? &*numbers_ : nullptr, H.size);
   const bool known = !H.has_many_ports() && apart_ == medium_.apart();
-  const MatrixSeries difference = difference_of(
-      known ? H.entries : medium_.entries(interval, degree, apart_).value(), H_r);
+  const MatrixSeries difference = scale_outputs(
+      medium_.outputs(), interval,
+      difference_of(known ? H.entries : medium_.entries(interval, degree, apart_).value(),
+                    H_r));
   for (const PortView& view : medium_.views)
     result.push_back(view_norms(difference, view));
   return result;
 }
 
-/// ‖H − H_r‖ of each view.
-std::vector<double> SmallModel::between(const ComplexDense& H,
-                                        const ComplexDense& H_r) const {
+/// ‖H − H_r‖ of each view, from CᵀX of both.
+std::vector<double> SmallModel::between(const ComplexDense& H, const ComplexDense& H_r,
+                                        double omega) const {
+  ComplexDense difference = H;
+  for (std::size_t k = 0; k < H.data.size(); ++k) difference.data[k] -= H_r.data[k];
+  medium_.outputs().scale(difference, omega);
   std::vector<double> result;
   for (const PortView& view : medium_.views) {
     double sum = 0;
     for (int j : view.columns)
-      for (int i : view.rows) sum += std::norm(H(i, j) - H_r(i, j));
+      for (int i : view.rows) sum += std::norm(difference(i, j));
     result.push_back(std::sqrt(sum));
   }
   return result;
@@ -102,7 +107,7 @@ SmallModel::distances(const std::vector<Sample>& samples) const {
       result.push_back(between(apart_ == medium_.apart()
                                    ? sample.H->entries.centre()
                                    : medium_.transfer(sample.omega, apart_),
-                               transfer(sample.omega)));
+                               transfer(sample.omega), sample.omega));
     return result;
   }
   const double none = std::numeric_limits<double>::infinity();
@@ -127,7 +132,7 @@ SmallModel::distances(const std::vector<Sample>& samples) const {
   for (std::size_t k = 0; k < which.size(); ++k)
     if (!clear[k]) {
       const double omega = samples[which[k]].omega;
-      result[which[k]] = between(medium_.transfer(omega, apart_), transfer(omega));
+      result[which[k]] = between(medium_.transfer(omega, apart_), transfer(omega), omega);
     }
   return result;
 }

@@ -35,7 +35,8 @@ public:
 private:
   bool shares_rigid_modes(const DenseSystem& system) const;
   ComplexDense transfer(double omega) const;
-  std::vector<double> between(const ComplexDense& H, const ComplexDense& H_r) const;
+  std::vector<double> between(const ComplexDense& H, const ComplexDense& H_r,
+                              double omega) const;
   std::optional<MatrixSeries> factors_of_difference(const TransferSeries& H,
                                                     Interval interval, int degree) const;
   static bool is_clear(const TermNorms& difference, double negligible);

@@ -189,4 +189,42 @@ MatrixSeries transfer_series(const Dense& C, const ResponseSeries& x, int first,
   return H;
 }
 
+MatrixSeries scale_outputs(const OutputForm& form, Interval interval, MatrixSeries H) {
+  if (!form.has_factors()) return H;
+  const int degree = H.degree(), n_in = H.columns;
+  for (int i = 0; i < H.rows(); ++i) {
+    const std::complex<double> f0 = form.factor(i, interval.centre()),
+                               f1 = form.slope(i) * interval.half();
+    if (f0 == 1.0 && f1 == 0.0) continue;
+    for (int j = 0; j < n_in; ++j) {
+      const auto at = [&](int k) {
+        return std::complex<double>(H.coefficients(i, 2 * n_in * k + j),
+                                    H.coefficients(i, 2 * n_in * k + n_in + j));
+      };
+      double& tail = H.tail(i, j);
+      tail = tail * (std::abs(f0) + std::abs(f1)) + std::abs(f1) * std::abs(at(degree));
+      for (int k = degree; k >= 0; --k) {
+        const std::complex<double> value =
+            f0 * at(k) + (k > 0 ? f1 * at(k - 1) : std::complex<double>());
+        H.coefficients(i, 2 * n_in * k + j) = value.real();
+        H.coefficients(i, 2 * n_in * k + n_in + j) = value.imag();
+        tail += 4 * epsilon * std::abs(value);
+      }
+    }
+  }
+  return H;
+}
+
+MatrixSeries complete_outputs(const OutputForm& form, Interval interval, MatrixSeries H) {
+  H = scale_outputs(form, interval, std::move(H));
+  if (!form.has_direct()) return H;
+  for (int j = 0; j < H.columns; ++j)
+    for (int i = 0; i < H.rows(); ++i) {
+      double& value = H.coefficients(i, j);
+      value += form.direct()(i, j);
+      H.tail(i, j) += epsilon * std::abs(value);
+    }
+  return H;
+}
+
 } // namespace flexgram

@@ -27,6 +27,11 @@ struct ModalNumbers {
 MatrixSeries transfer_series(const Dense& C, const ResponseSeries& x, int first,
                              const ModalNumbers* numbers, double size = 0);
 
+/// Rows of CᵀX, or of differences of it, times the factors of their outputs.
+MatrixSeries scale_outputs(const OutputForm& form, Interval interval, MatrixSeries H);
+/// H from CᵀX: factors of outputs, and what inputs add to them at once.
+MatrixSeries complete_outputs(const OutputForm& form, Interval interval, MatrixSeries H);
+
 /// The largest entry at the centre of the interval, real or imaginary part.
 double size_at_centre(const MatrixSeries& H);
 

@@ -63,6 +63,7 @@ SecondOrderModel DenseSystem::model(const SecondOrderModel& names) const {
   model.C = outputs_are_inputs ? model.B.share() : make_block(C);
   model.outputs_are_inputs = outputs_are_inputs;
   model.feedthrough = names.feedthrough;
+  model.output_damping = names.output_damping;
   model.inputs = names.inputs;
   model.outputs = names.outputs;
   return model;

@@ -161,13 +161,25 @@ SecondOrderModel with_patterns(const SecondOrderModel& body, const LoadSpan& loa
   if (body.outputs_are_inputs) {
     narrow.C = narrow.B.share();
     narrow.outputs = narrow.inputs;
+    return narrow;
   }
+  const Dense direct =
+      multiply(body.feedthrough.between(body.outputs, body.inputs), loads.patterns);
+  narrow.feedthrough = {};
+  for (int j = 0; j < direct.columns; ++j)
+    for (int i = 0; i < direct.rows; ++i) {
+      if (direct(i, j) == 0) continue;
+      narrow.feedthrough.outputs.push_back(body.outputs[as_size(i)]);
+      narrow.feedthrough.inputs.push_back(narrow.inputs[as_size(j)]);
+      narrow.feedthrough.values.push_back(direct(i, j));
+    }
   return narrow;
 }
 
 void restore_ports(ReducedModel& rom, const SecondOrderModel& body, LoadSpan loads) {
   rom.system.B = make_block(inner(rom.V, body.B));
   rom.system.inputs = body.inputs;
+  rom.system.feedthrough = body.feedthrough;
   if (body.outputs_are_inputs) {
     rom.system.C = rom.system.B.share();
     rom.system.outputs = rom.system.inputs;

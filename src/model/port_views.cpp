@@ -79,6 +79,13 @@ std::vector<int> all_of(std::size_t count) {
 
 } // namespace
 
+OutputForm claimed_outputs(const SecondOrderModel& names) {
+  OutputForm form = names.output_form();
+  for (std::size_t i = 0; i < names.outputs.size(); ++i)
+    if (kind_of_port(names.outputs[i]) == "s") form.leave_out_direct(static_cast<int>(i));
+  return form;
+}
+
 std::string kind_of_port(const std::string& name) {
   const auto dot = name.rfind('.');
   if (dot == std::string::npos) return "";

@@ -18,6 +18,11 @@ struct PortView {
 /// a force as an input and a displacement as an output; "" where the name does not tell.
 std::string kind_of_port(const std::string& name);
 
+/// H as claims know it: stress is that of the whole strain, without what a temperature adds to
+/// it at once. Where a body is free to grow both cancel, and an error relative to nothing is
+/// none.
+OutputForm claimed_outputs(const SecondOrderModel& names);
+
 /// The whole of H and, if asked and the names tell kinds of ports apart, each kind of
 /// output from each kind of input (rotations from moments alone). Eq. (17) of the paper
 /// adds m/N and rad/(N m): the larger number hides the other. Where kinds have tolerances

@@ -31,6 +31,41 @@ void Feedthrough::append(const Feedthrough& more) {
   values.insert(values.end(), more.values.begin(), more.values.end());
 }
 
+OutputForm::OutputForm(const OutputDamping& damping, const Feedthrough& direct,
+                       const std::vector<std::string>& outputs,
+                       const std::vector<std::string>& inputs) {
+  for (std::size_t k = 0; k < damping.outputs.size(); ++k) {
+    if (damping.beta[k] == 0 && damping.eta[k] == 0) continue;
+    const auto at = std::find(outputs.begin(), outputs.end(), damping.outputs[k]);
+    if (at == outputs.end()) continue;
+    beta_.resize(outputs.size());
+    eta_.resize(outputs.size());
+    const auto i = static_cast<std::size_t>(at - outputs.begin());
+    beta_[i] = damping.beta[k];
+    eta_[i] = damping.eta[k];
+  }
+  direct_ = direct.between(outputs, inputs);
+  if (frobenius_norm(direct_) == 0) direct_ = Dense();
+}
+
+void OutputForm::leave_out_direct(int output) {
+  if (!has_direct()) return;
+  for (int j = 0; j < direct_.columns; ++j) direct_(output, j) = 0;
+  if (frobenius_norm(direct_) == 0) direct_ = Dense();
+}
+
+void OutputForm::scale(ComplexDense& H, double omega) const {
+  if (!has_factors()) return;
+  for (int j = 0; j < H.columns; ++j)
+    for (int i = 0; i < H.rows; ++i) H(i, j) *= factor(i, omega);
+}
+
+void OutputForm::complete(ComplexDense& H, double omega) const {
+  scale(H, omega);
+  if (!has_direct()) return;
+  for (std::size_t k = 0; k < H.data.size(); ++k) H.data[k] += direct_.data[k];
+}
+
 PetscInt SecondOrderModel::further_outputs() const {
   if (outputs_are_inputs) return 0;
   const std::set<std::string> known(inputs.begin(), inputs.end());
@@ -77,14 +112,32 @@ SecondOrderModel SecondOrderModel::head() const {
   head.remarks = remarks;
   head.rounding = rounding;
   head.feedthrough = feedthrough;
+  head.output_damping = output_damping;
   return head;
 }
 
 SecondOrderModel SecondOrderModel::share() const {
-  return {name,      comm,       n,         rows,      M.share(),          K.share(),
-          D.share(), damping,    B.share(), C.share(), outputs_are_inputs, inputs,
-          outputs,   node,       label,     component, position,           remarks,
-          rounding,  feedthrough};
+  return {name,
+          comm,
+          n,
+          rows,
+          M.share(),
+          K.share(),
+          D.share(),
+          damping,
+          B.share(),
+          C.share(),
+          outputs_are_inputs,
+          inputs,
+          outputs,
+          node,
+          label,
+          component,
+          position,
+          remarks,
+          rounding,
+          feedthrough,
+          output_damping};
 }
 
 double SecondOrderModel::printed_rounding() const {
@@ -128,6 +181,7 @@ SecondOrderModel move_to_group(SecondOrderModel model, const Groups& groups) {
   copy.inputs = model.inputs;
   copy.outputs = model.outputs;
   copy.feedthrough = model.feedthrough;
+  copy.output_damping = model.output_damping;
   const auto move_list = [&](const auto& list, int columns) {
     using Value = typename std::decay_t<decltype(list)>::value_type;
     const auto missing = static_cast<std::int64_t>(list.empty() && model.rows.size() > 0);
@@ -232,16 +286,18 @@ ComplexDense dense_transfer(const SecondOrderModel& model, double omega) {
   for (int j = 0; j < p; ++j)
     for (int i = 0; i < r; ++i)
       for (int k = 0; k < m; ++k) h(i, j) += out.column(i)[k] * x(k, j);
+  model.output_form().complete(h, omega);
   return h;
 }
 
-ComplexDense output_of(const Block& C, const Block& x, PetscInt inputs) {
-  const Dense parts = inner(C, x);
-  const int p = static_cast<int>(inputs);
+ComplexDense transfer_of(const SecondOrderModel& model, const Block& x, double omega) {
+  const Dense parts = inner(model.C, x);
+  const int p = static_cast<int>(model.B.columns());
   ComplexDense h(parts.rows, p);
   for (int j = 0; j < p; ++j)
     for (int i = 0; i < parts.rows; ++i)
       h(i, j) = {parts(i, j), parts.columns > p ? parts(i, j + p) : 0.0};
+  model.output_form().complete(h, omega);
   return h;
 }
 

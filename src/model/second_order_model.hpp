@@ -18,8 +18,7 @@ struct Damping {
 };
 
 /// What inputs add to outputs at once, with no motion between: y += value·u of the named
-/// ports. Heat adds −C α T to the stress of its strain. H and every claim of its error are
-/// without it: it is the same in every reduced body.
+/// ports. Heat adds −C α T to the stress of its strain. The same in every reduced body.
 struct Feedthrough {
   std::vector<std::string> outputs, inputs;
   std::vector<double> values; ///< one a pair
@@ -29,9 +28,53 @@ struct Feedthrough {
   void append(const Feedthrough& more);
 };
 
-/// M q'' + D q' + K (1 + iη) q = B u, y = Cᵀ q: the same type for a full body (sparse,
-/// rows over the ranks of comm) and for a reduced one (dense, whole on every rank, comm =
-/// self).
+/// Outputs that are forces of the damped stiffness, as reactions are: their row of H is
+/// (1 + iη + iωβ) Cᵀ A⁻¹B, with factors of their own.
+struct OutputDamping {
+  std::vector<std::string> outputs;
+  std::vector<double> beta, eta; ///< [s], [1]; one an output
+};
+
+/// How H of some outputs and inputs follows from the response to the inputs:
+///   H = diag(1 + iη + iωβ) Cᵀ A⁻¹B + F.
+class OutputForm {
+public:
+  OutputForm() = default;
+  OutputForm(const OutputDamping& damping, const Feedthrough& direct,
+             const std::vector<std::string>& outputs,
+             const std::vector<std::string>& inputs);
+  /// Whether H is CᵀA⁻¹B.
+  bool is_plain() const { return !has_factors() && direct_.data.empty(); }
+  bool has_factors() const { return !beta_.empty(); }
+  bool has_direct() const { return !direct_.data.empty(); }
+  std::complex<double> factor(int output, double omega) const {
+    const auto at = static_cast<std::size_t>(output);
+    return has_factors() ? std::complex<double>(1, eta_[at] + omega * beta_[at]) : 1.0;
+  }
+  /// Its derivative by ω.
+  std::complex<double> slope(int output) const {
+    return has_factors()
+               ? std::complex<double>(0, beta_[static_cast<std::size_t>(output)])
+               : 0.0;
+  }
+  /// Factors alone: differences of H from those of CᵀA⁻¹B.
+  void scale(ComplexDense& H, double omega) const;
+  /// H from CᵀA⁻¹B.
+  void complete(ComplexDense& H, double omega) const;
+  /// Without F of an output.
+  void leave_out_direct(int output);
+  const Dense& direct() const { return direct_; } ///< F, n_out × n_in; empty: zero
+  const std::vector<double>& beta() const { return beta_; }
+  const std::vector<double>& eta() const { return eta_; }
+
+private:
+  std::vector<double> beta_, eta_; ///< of each output; empty: none has a factor
+  Dense direct_;
+};
+
+/// M q'' + D q' + K (1 + iη) q = B u, y = Cᵀ q and what `output_form` adds: the same type for
+/// a full body (sparse, rows over the ranks of comm) and for a reduced one (dense, whole on
+/// every rank, comm = self).
 ///
 /// M [kg], D [N·s/m], K [N/m]: n×n, real symmetric; B: n×n_in; C: n×n_out (the paper's
 /// C_e).
@@ -54,7 +97,11 @@ struct SecondOrderModel {
   std::vector<std::string> remarks;    ///< what reading changed, in words
   double rounding = 0; ///< relative, of K's entries, if they were printed; 0: not known
   Feedthrough feedthrough;
+  OutputDamping output_damping;
 
+  OutputForm output_form() const {
+    return {output_damping, feedthrough, outputs, inputs};
+  }
   /// How many outputs are no inputs, by their names.
   PetscInt further_outputs() const;
   bool undamped() const;
@@ -97,11 +144,11 @@ void select_names(SecondOrderModel& model, const PortSelection& ports);
 void select_ports(SecondOrderModel& model, const std::vector<std::string>& inputs,
                   const std::vector<std::string>& outputs);
 
-/// H(ω) = Cᵀ A(ω)⁻¹ B of a dense (reduced) model, n_out × n_in.
+/// H(ω) of a dense (reduced) model, n_out × n_in.
 ComplexDense dense_transfer(const SecondOrderModel& model, double omega);
 
-/// Cᵀ X from X = [Re X, Im X] or a real X.
-ComplexDense output_of(const Block& C, const Block& x, PetscInt inputs);
+/// H(ω) from the response X = A⁻¹B, as [Re X, Im X] or a real X. Collective.
+ComplexDense transfer_of(const SecondOrderModel& model, const Block& x, double omega);
 
 /// A dense matrix held whole by this rank, and back.
 Matrix make_dense(const Dense& a);

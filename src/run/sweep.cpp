@@ -49,14 +49,13 @@ void write_sweep(MPI_Comm comm, const Settings& s, const std::vector<double>& om
                  const Options& options) {
   Hdf5File file = Hdf5File::create(comm, s.sweep_out);
   file.write("/omega", {static_cast<std::int64_t>(omega.size())}, omega);
-  const Dense direct = model.feedthrough.between(model.outputs, model.inputs);
   const auto write_transfer = [&](const char* name,
                                   const std::vector<ComplexDense>& list) {
     std::vector<double> values;
     for (const auto& h : list)
       for (int i = 0; i < h.rows; ++i)
         for (int j = 0; j < h.columns; ++j) {
-          values.push_back(h(i, j).real() + direct(i, j));
+          values.push_back(h(i, j).real());
           values.push_back(h(i, j).imag());
         }
     file.write(name,

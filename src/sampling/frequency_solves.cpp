@@ -247,7 +247,7 @@ std::vector<ComplexDense> FrequencySolves::transfer(const std::vector<double>& o
                                                     const char* what) {
   std::vector<ComplexDense> h(omega.size());
   for_each(omega, what, [&](std::size_t l, const Block& x) {
-    h[l] = output_of(model().C, x, model().B.columns());
+    h[l] = transfer_of(model(), x, omega[l]);
   });
   return share_transfer(std::move(h));
 }

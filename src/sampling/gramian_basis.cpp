@@ -26,7 +26,7 @@ Snapshots sample_band(FrequencySolves& solves, const Quadrature& nodes) {
   Block mine(groups.comm, model.rows, model.n, each * count_of(groups.mine));
   PetscInt next = 0;
   solves.for_each(nodes.omega, "sample", [&](std::size_t l, const Block& x) {
-    h[l] = output_of(model.C, x, model.B.columns());
+    h[l] = transfer_of(model, x, nodes.omega[l]);
     const double scale = std::sqrt(nodes.weight[l] / std::numbers::pi);
     const Block::Access from(x);
     Block::Access to(mine);

@@ -62,6 +62,7 @@ SecondOrderModel leading_part(const SecondOrderModel& rom, int m) {
   part.outputs_are_inputs = rom.outputs_are_inputs;
   part.C = rom.outputs_are_inputs ? part.B.share() : rows(rom.C);
   part.feedthrough = rom.feedthrough;
+  part.output_damping = rom.output_damping;
   part.inputs = rom.inputs;
   part.outputs = rom.outputs;
   return part;

@@ -151,6 +151,7 @@ def rom_matrices(path: Path) -> dict[str, Any]:
         data = {key: file[key][:] for key in ("M", "D", "K", "B", "C", "V")}
         data["sigma"] = file["gramian/sigma"][:]
         data["eta"] = file.attrs["eta"]
+        data["outputs"] = output_terms(file)
         data["modes"] = file["modes/omega"][:]
     return data
 
@@ -249,11 +250,24 @@ def body_system(path: Path) -> System:
             value("alpha"),
             value("beta"),
             value("eta"),
+            **output_terms(file),
         )
 
 
+def output_terms(file: h5py.File) -> dict[str, Any]:
+    """What outputs of a body or a reduced body hold beside C q, in the H of claims: stress without
+    what a temperature adds to it at once."""
+    terms = {name: file[name][:] for name in ("output_beta", "output_eta") if name in file}
+    if "feedthrough" in file:
+        terms["direct"] = file["feedthrough"][:]
+        names = [str(x) for x in file["C"].attrs["names"]]
+        terms["direct"][kinds_of(names, "stress")] = 0
+    return terms
+
+
 def rom_system(rom: dict[str, Any]) -> System:
-    return System(rom["K"], rom["M"], rom["B"], rom["C"], rom["D"], eta=rom["eta"])
+    parts = (rom[x] for x in "KMBCD")
+    return System(*parts, eta=rom["eta"], **rom["outputs"])
 
 
 #: What ends the names of ports of each kind.

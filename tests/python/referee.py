@@ -37,6 +37,9 @@ class System:
     beta: float = 0.0
     eta: float = 0.0
     rigid: int = 0  #: so many first coordinates are rigid modes, apart from the others
+    direct: Any = 0.0  #: what inputs add to outputs at once
+    output_beta: Any = 0.0  #: of outputs that are forces of the damped stiffness
+    output_eta: Any = 0.0
 
     def __post_init__(self) -> None:
         if self.C is None:
@@ -54,8 +57,14 @@ class System:
     def transfer(self, omega: float) -> Any:
         """H(omega), (n_out, n_in), as accurate as long double residuals make it; kept."""
         if omega not in self._known:
-            self._known[omega] = self._transfer(omega)
+            self._known[omega] = self._outputs(self._transfer(omega), omega)
         return self._known[omega]
+
+    def _outputs(self, H: Any, omega: float) -> Any:
+        """H from C A⁻¹ B."""
+        beta, eta = (np.asarray(x, dtype=LONG) for x in (self.output_beta, self.output_eta))
+        factors = 1 + np.clongdouble(1j) * (eta + LONG(omega) * beta)
+        return factors[..., None] * H + np.asarray(self.direct, dtype=LONG)
 
     def _transfer(self, omega: float) -> Any:
         w, i = LONG(omega), np.clongdouble(1j)
@@ -139,7 +148,7 @@ class System:
                 ]
                 for row in C
             ]
-            return np.array(
+            rounded = np.array(
                 [
                     [
                         LONG(mpmath.nstr(mpmath.re(h), 25))
@@ -149,6 +158,7 @@ class System:
                     for row in H
                 ]
             )
+        return self._outputs(rounded, omega)
 
     def quickly(self, omega: Any) -> Any:
         """H at many frequencies in double, (n, n_out, n_in), by partial fractions: to find where

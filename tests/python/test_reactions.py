@@ -26,7 +26,7 @@ from conftest import (
     run,
     sweep_transfer,
 )
-from flexgram import BodyError, ReducedModel
+from flexgram import BodyError, ReducedModel, ReductionWarning
 from flexgram.body.description import import_description
 
 POINT = [0.01, -0.02, 0.005]
@@ -54,12 +54,14 @@ def full_answer(
     held: Any,
     summed: Any,
     omega: float,
-    alpha: float = 0.0,
+    damping: dict[str, float] | None = None,
     point: Any = POINT,
 ) -> Any:
     """Resultants (6, inputs) of the forces at ``summed`` dofs of the body without supports whose
-    dofs ``held`` rest: by their own rows of its matrices, reactions' definition."""
-    A = (free["K"] - omega**2 * free["M"]).tocsr() + 1j * omega * alpha * free["M"].tocsr()
+    dofs ``held`` rest: by their own rows of its damped matrices, reactions' definition."""
+    d = {"alpha": 0.0, "beta": 0.0, "eta": 0.0} | (damping or {})
+    stiffness = 1 + 1j * (d["eta"] + omega * d["beta"])
+    A = (stiffness * free["K"] + (1j * omega * d["alpha"] - omega**2) * free["M"]).tocsr()
     B = free["B"]
     moves = np.flatnonzero(~held)
     u = np.zeros(B.shape, dtype=complex)
@@ -94,21 +96,29 @@ def answers(path: Path, folder: Path, ranks: int) -> tuple[Any, Any, list[str]]:
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
-@pytest.mark.parametrize("kind", ["tetra10", "hexahedron", "wedge15"])
-def test_equal_the_rows_of_the_held_dofs(kind: str, ranks: int, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("kind", "damping"),
+    [
+        ("tetra10", {"alpha": 40.0, "beta": 2e-6}),
+        ("hexahedron", {"beta": 2e-5, "eta": 0.01}),
+        ("wedge15", {"alpha": 40.0}),
+    ],
+)
+def test_equal_the_rows_of_the_held_dofs(
+    kind: str, damping: dict[str, float], ranks: int, tmp_path: Path
+) -> None:
     """Of a support in all directions and one that slides, with loads that act on held nodes too,
-    above the first resonances, with damping by the mass."""
+    above the first resonances, with every kind of damping."""
     mesh = sided(kind)
     y = sided(kind, distort=False).points
     mesh.point_sets["rail"] = np.flatnonzero(
         (y[:, 1] > y[:, 1].max() - 1e-9) & (y[:, 0] > 0.06) & (y[:, 0] < 0.09)
     )
-    alpha = 40.0
     write_body(tmp_path / "free.h5", mesh)
     facts = write_body(
         tmp_path / "held.h5",
         mesh,
-        damping={"alpha": alpha},
+        damping=damping,
         supports={"clamp": {"nodes": "start"}, "rail": {"nodes": "rail", "components": ["y"]}},
         outputs={
             "foot": {"type": "reaction", "nodes": "start", "point": POINT},
@@ -123,8 +133,8 @@ def test_equal_the_rows_of_the_held_dofs(kind: str, ranks: int, tmp_path: Path) 
     names = [f"foot.{x}" for x in LETTERS] + ["rail.ry", "rail.rmx", "rail.rmz"]
     assert outputs[6:] == names
     for w, ours in zip(omega, H, strict=True):
-        of_foot = full_answer(free, start | rail, start, w, alpha)
-        of_rail = full_answer(free, start | rail, rail, w, alpha)[[1, 3, 5]]
+        of_foot = full_answer(free, start | rail, start, w, damping)
+        of_rail = full_answer(free, start | rail, rail, w, damping)[[1, 3, 5]]
         expected = np.vstack([of_foot, of_rail])
         scale = np.abs(expected).max(axis=0)
         assert np.all(np.abs(ours[6:] - expected) < 1e-8 * scale), w
@@ -220,6 +230,69 @@ def test_balance_of_forces_and_certified_reactions(tmp_path: Path) -> None:
     assert np.ptp(weights) < 1e-8 * abs(weights[0])
     with pytest.raises(BodyError, match="reactions"):
         model.state_space(["velocity"])
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("damping", [{"beta": 2e-6}, {"alpha": 30.0, "eta": 0.02}])
+def test_damped_reactions_err_by_no_more_than_the_claim(
+    damping: dict[str, float], ranks: int, tmp_path: Path
+) -> None:
+    """The force by which the support holds the damped body, at resonances and between them, of
+    forces, a temperature and gravity: each kind within its claim, relative to the force itself."""
+    mesh = sided("tetra10", counts=(8, 2, 2))
+    body = tmp_path / "held.h5"
+    loads = {
+        "gravity": {"type": "acceleration"},
+        "warm": {"type": "temperature", "nodes": "side"},
+    }
+    write_body(tmp_path / "free.h5", mesh, loads=loads)
+    write_body(
+        body,
+        mesh,
+        loads=loads,
+        damping=damping,
+        supports={"clamp": {"nodes": "start"}},
+        outputs={"foot": {"type": "reaction", "nodes": "start", "point": POINT}},
+    )
+    rom = tmp_path / "rom.h5"
+    options = ["-mor_band_hz", "200,12000", "-mor_tol", 1e-3, "-mor_out", rom]
+    run("reduce", "-body", body, *options, ranks=ranks)
+    model = ReducedModel.load(rom)
+    assert model.claim.kind == "certified"
+    claims = dict(zip(model.claim.kinds, model.claim.by_kind, strict=True))
+    assert max(claims.values()) <= 1e-3
+    free = assembled(tmp_path / "free.matrices", tmp_path / "free.h5")
+    held = np.isin(free["node"], mesh.point_sets["start"])
+    rows = [model.outputs.index(f"foot.{x}") for x in LETTERS]
+    columns = {
+        "force": [f"end.f{x}" for x in "xyz"],
+        "acceleration": [f"gravity.a{x}" for x in "xyz"],
+        "temperature": ["warm.T"],
+    }
+    modes = model.modes[(model.modes > 2 * np.pi * 200) & (model.modes < 2 * np.pi * 12000)]
+    assert len(modes) > 2
+    seen = set()
+    for w in np.concatenate([modes, 0.5 * (modes[1:] + modes[:-1]), 2 * np.pi * np.array([201.0])]):
+        expected, ours = full_answer(free, held, held, w, damping), model.transfer(w)[rows]
+        for what, some in (("reaction", slice(0, 3)), ("reaction moment", slice(3, 6))):
+            for load, names in columns.items():
+                kind = f"{what} from {load}"
+                if kind not in claims:
+                    continue
+                seen.add(kind)
+                of = [model.inputs.index(name) for name in names]
+                truth = expected[some][:, of]
+                error = np.linalg.norm(ours[some][:, of] - truth) / np.linalg.norm(truth)
+                assert error <= claims[kind] + 1e-8, (kind, w)
+    assert {"reaction from force", "reaction from temperature"} <= seen
+    if "eta" in damping:
+        return
+    A, B, C, D = model.state_space()
+    w = float(modes[0])
+    H = C @ np.linalg.solve(1j * w * np.eye(len(A)) - A, B) + D
+    assert np.abs(H - model.transfer(w)).max() < 1e-9 * np.abs(H).max()
+    with pytest.warns(ReductionWarning, match="C q alone is not foot.rx"):
+        assert model.C.shape == (len(model.outputs), model.order)
 
 
 @pytest.mark.skipif(not shutil.which("ccx"), reason="ccx is not installed")

@@ -111,6 +111,8 @@ def couple(
         "B/names": [parts.inputs[i] for i in inputs],
         "C/names": [parts.outputs[i] for i in outputs],
         "feedthrough": direct,
+        "output_beta": np.concatenate([m.system.output_beta for m in models.values()])[outputs],
+        "output_eta": np.concatenate([m.system.output_eta for m in models.values()])[outputs],
         "gramian/sigma": np.empty(0),
         "error/bands": bands,
         "band": np.array([bands[0, 0], bands[-1, 1]]),

@@ -206,21 +206,24 @@ class FormOverBand(BandBound):
         difference = _difference(medium.H, small.H)
         bounds, differences = np.full((2, 2, at.count, len(self.loop.views)), np.inf)
         gain = np.full((2, at.count), np.inf)
+        H_small = self.loop.outputs.over(small.H, omega, h)
+        larger = self.loop.outputs.largest(omega + h)
         for v, view in enumerate(self.loop.views):
-            H = _Values.of(small.H.part(view.rows, view.columns), at).norms()
+            H = _Values.of(H_small.part(view.rows, view.columns), at).norms()
             least = np.array([2 * H[1] - H[0], H[1]])
-            off = _Values.of(difference.part(view.rows, view.columns), at).norms()
+            factor = larger[view.rows].max(initial=1)
+            off = factor * _Values.of(difference.part(view.rows, view.columns), at).norms()
             differences[:, :, v] = np.divide(
                 off, least, where=least > 0, out=np.full(off.shape, np.inf)
             )
             if residuals is None:
                 continue
             error, gain = residuals.error(view)
-            error += off
+            error = factor * error + off
             for series, found in ((self.small, small), (self.medium, medium)):
                 dual = _Values.of(found.dual.part(slice(None), view.rows), at)
                 motion = _Values.of(found.motion.part(slice(None), view.columns), at)
-                error += series.rounding * dual.norms() * motion.norms()
+                error += factor * series.rounding * dual.norms() * motion.norms()
             bounds[:, :, v] = np.divide(
                 error, least - error, where=least > error, out=np.full(error.shape, np.inf)
             )

@@ -9,7 +9,7 @@ import numpy as np
 import scipy.linalg
 
 from flexgram.assembly.band_bound import REACH, BandBound
-from flexgram.assembly.interval_series import Chosen, Pieces, Series
+from flexgram.assembly.interval_series import Chosen, OutputTerms, Pieces, Series
 from flexgram.assembly.loop_series import LoopSeries, PartSeries
 from flexgram.assembly.small_gain import (
     FEW,
@@ -72,9 +72,11 @@ class GainOverBand(BandBound):
 
         errors = []
         for name, part in self.parts.items():
-            model, reference = loop.parts.models[name], sizes_of(part.over(omega, h))
+            model = loop.parts.models[name]
+            terms = OutputTerms.of([model.system])
+            reference = sizes_of(terms.over(part.over(omega, h), omega, h))
             if name in self.elastic:
-                bent = sizes_of(self.elastic[name].over(omega, h))
+                bent = sizes_of(terms.over(self.elastic[name].over(omega, h), omega, h))
                 reference = reference_of(model, reference, bent)
             errors.append(errors_of(model, *loop.kinds[name], reference, own_of(name)))
         of_Q = np.array(
@@ -85,10 +87,11 @@ class GainOverBand(BandBound):
             E = scipy.linalg.block_diag(*(e[:, :, i, k] for e in errors))
             growths[i, k] = growth_of(of_Q[:, :, i, k], E)[0]
         bounds = np.full((2, at.count, len(loop.views)), np.inf)
+        H_free, larger = loop.outputs.over(found.H, omega, h), loop.outputs.largest(omega + h)
         for v, view in enumerate(loop.views):
             left = np.array([sizes(found.after.part(view.rows, c), 2) for c in loop.out_blocks])
             right = np.array([sizes(found.before.part(r, view.columns), 2) for r in loop.in_blocks])
-            middle, away = found.H.part(view.rows, view.columns).norms(at, "fro")
+            middle, away = H_free.part(view.rows, view.columns).norms(at, "fro")
             H = middle - both * away
             rounding = (
                 self.series.rounding
@@ -98,5 +101,6 @@ class GainOverBand(BandBound):
             for (i, k), growth in growths.items():
                 if growth is not None:
                     error = left[:, i, k] @ growth @ right[:, i, k] + rounding[i, k]
+                    error *= larger[view.rows].max(initial=1)
                     bounds[i, k, v] = relative(float(error), float(H[i, k]))
         return bounds

@@ -6,7 +6,7 @@ bounds; pieces of the interval take the values in their middles and how far thes
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -15,6 +15,7 @@ import scipy.linalg
 from numpy.typing import NDArray
 
 from flexgram.basics import ComplexArray, Floats
+from flexgram.model.system import System
 
 #: Rows or columns of a matrix.
 Chosen = Sequence[int] | NDArray[np.int64] | slice
@@ -95,6 +96,49 @@ class Series:
             np.linalg.norm(values, order, axis=(1, 2)),
             at.moved[:, :d] @ sizes + float(np.linalg.norm(self.tail)),
         )
+
+
+@dataclass
+class OutputTerms:
+    """What outputs hold beside C q: H = diag(1 + i eta + i ω beta) C A⁻¹ B + direct."""
+
+    beta: Floats
+    eta: Floats
+    direct: Floats
+
+    @classmethod
+    def of(cls, systems: Iterable[System]) -> OutputTerms:
+        """Of systems side by side."""
+        all_of_them = list(systems)
+        return cls(
+            np.concatenate([s.output_beta for s in all_of_them]),
+            np.concatenate([s.output_eta for s in all_of_them]),
+            scipy.linalg.block_diag(*(s.claimed_feedthrough for s in all_of_them)),
+        )
+
+    def part(self, rows: list[int], columns: list[int]) -> OutputTerms:
+        return OutputTerms(self.beta[rows], self.eta[rows], self.direct[np.ix_(rows, columns)])
+
+    @property
+    def are_plain(self) -> bool:
+        return not (self.beta.any() or self.eta.any() or self.direct.any())
+
+    def largest(self, last: float) -> Floats:
+        """The sizes of the factors up to a frequency."""
+        sizes: Floats = np.hypot(1, self.eta + last * self.beta)
+        return sizes
+
+    def at(self, H: ComplexArray, omega: float) -> ComplexArray:
+        """H from C A⁻¹ B at a frequency."""
+        whole: ComplexArray = (1 + 1j * (self.eta + omega * self.beta))[:, None] * H + self.direct
+        return whole
+
+    def over(self, H: Series, omega: float, h: float) -> Series:
+        """The same over an interval."""
+        if self.are_plain:
+            return H
+        factors = np.diag(1 + 1j * self.eta), 1j * np.diag(self.beta), 0 * np.diag(self.beta)
+        return H.times(about(omega, h, factors)).plus(self.direct)
 
 
 def _norm(A: ComplexArray) -> float:

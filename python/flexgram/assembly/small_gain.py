@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 
-from flexgram.assembly.interval_series import Chosen
+from flexgram.assembly.interval_series import Chosen, OutputTerms
 from flexgram.assembly.joints import Joint, Parts, tied
 from flexgram.basics import ComplexArray, Floats
 from flexgram.model.elastic_part import without_rigid_modes
@@ -183,6 +183,9 @@ class Loop:
             return [k for k, name in enumerate(names) if name.rpartition(".")[0] not in joined]
 
         self.free_in, self.free_out = free(parts.inputs), free(parts.outputs)
+        self.outputs = OutputTerms.of(m.system for m in parts.models.values()).part(
+            self.free_out, self.free_in
+        )
         self.views = _views(
             [parts.outputs[k] for k in self.free_out], [parts.inputs[k] for k in self.free_in]
         )
@@ -201,12 +204,10 @@ class Loop:
         """Bounds of the error relative to ‖H‖ of each of the views, and the gain."""
         own, errors = [], []
         for name, m in self.parts.models.items():
-            H_i = m.system.transfer(omega, feedthrough=False)
-            own.append(H_i)
-            sizes, e = _norms_of(H_i), self.elastic.get(name)
+            own.append(m.system.receptance(omega))
+            sizes, e = _norms_of(m.system.claimed(omega)), self.elastic.get(name)
             if e is not None:
-                H_e = e.system.transfer(omega, feedthrough=False)
-                sizes = reference_of(m, sizes, _norms_of(H_e))
+                sizes = reference_of(m, sizes, _norms_of(e.system.claimed(omega)))
             errors.append(errors_of(m, *self.kinds[name], sizes, _own_of(m, omega)))
         H, E = scipy.linalg.block_diag(*own), scipy.linalg.block_diag(*errors)
         # Forces λ of the joints: motion apart G λ = S u where tied, λ = Y (S u - G λ) of springs.
@@ -219,7 +220,8 @@ class Loop:
         Q = np.asarray(self.S_in.T @ np.linalg.solve(G, right), dtype=np.complex128)
         after = np.eye(len(H), dtype=complex)[self.free_out] - H[self.free_out] @ Q
         before = np.eye(H.shape[1], dtype=complex)[:, self.free_in] - Q @ H[:, self.free_in]
-        whole = after @ H[:, self.free_in]
+        whole = self.outputs.at(after @ H[:, self.free_in], omega)
+        larger = self.outputs.largest(omega)
         of_Q = np.array(
             [[size_of(Q[np.ix_(r, c)]) for c in self.out_blocks] for r in self.in_blocks]
         )
@@ -230,5 +232,6 @@ class Loop:
                 behind = np.array([size_of(after[np.ix_(view.rows, c)]) for c in self.out_blocks])
                 ahead = np.array([size_of(before[np.ix_(r, view.columns)]) for r in self.in_blocks])
                 H_view = float(np.linalg.norm(whole[np.ix_(view.rows, view.columns)]))
-                bounds[k] = relative(float(behind @ growth @ ahead), H_view)
+                error = larger[view.rows].max(initial=1) * float(behind @ growth @ ahead)
+                bounds[k] = relative(error, H_view)
         return bounds, gain

@@ -23,7 +23,7 @@ def arrays(model: ReducedBody) -> dict[str, Any]:
     True
     """
     system, claim, basis = model.system, model.claim, model.basis
-    matrices = ("M", "D", "K", "B", "C", "feedthrough", "eta")
+    matrices = ("M", "D", "K", "B", "C", "C_rate", "feedthrough", "eta", "output_eta")
     result: dict[str, Any] = {name: getattr(system, name) for name in matrices}
     result |= {name: getattr(claim, name) for name in ("omega", "error", "bound", "band")}
     result |= {"V": basis.V, "sigma": model.sigma, "modes": model.modes}
@@ -117,7 +117,7 @@ def to_pymor(model: ReducedBody, rates: Sequence[str] = ("displacement",)) -> An
         raise BodyError("outputs of pyMOR's second-order models are displacements and velocities")
     zero = np.zeros_like(system.C)
     place = np.vstack([system.C if rate == "displacement" else zero for rate in rates])
-    speed = np.vstack([system.C if rate == "velocity" else zero for rate in rates])
+    speed = np.vstack([system.C if rate == "velocity" else system.C_rate for rate in rates])
     direct = np.vstack([system.feedthrough] * len(rates)) if system.feedthrough.any() else None
     return SecondOrderModel.from_matrices(
         system.M, system.D, system.K, system.B, place, Cv=speed if speed.any() else None, D=direct

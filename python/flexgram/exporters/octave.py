@@ -40,7 +40,8 @@ TAKEN = {
 }
 
 SCRIPT = """% Reduced body by flexgram: {claim}
-% b.M q'' + b.D q' + b.K (1 + i b.eta) q = b.B u,  y = b.C q + b.feedthrough u, in SI units.
+% b.M q'' + b.D q' + b.K (1 + i b.eta) q = b.B u, in SI units;
+% y = b.C q + b.C_rate q' + b.feedthrough u, with structural damping also i b.output_eta .* (b.C q).
 % Set `quiet = true` to be spared the figures.
 here = fileparts(mfilename('fullpath'));
 b = load(fullfile(here, '{data}'));
@@ -48,7 +49,8 @@ output = {output};  % its name: b.outputs{{output}}
 input = {input};
 
 % Transfer function over the band
-H = @(w) b.C * ((b.K * (1 + 1i * b.eta) + 1i * w * b.D - w^2 * b.M) \\ b.B) + b.feedthrough;
+C = @(w) b.C + 1i * w * b.C_rate + 1i * diag(b.output_eta) * b.C;
+H = @(w) C(w) * ((b.K * (1 + 1i * b.eta) + 1i * w * b.D - w^2 * b.M) \\ b.B) + b.feedthrough;
 f = linspace({first:.9g}, {last:.9g}, 500);
 h = zeros(size(f));
 for k = 1:numel(f)
@@ -71,7 +73,7 @@ x(end, :) = 1;
 for k = 2:numel(t)
   x(:, k) = step * x(:, k - 1);
 end
-y = (b.C * x(1:m, :) + b.feedthrough(:, input))';
+y = (b.C * x(1:m, :) + b.C_rate * x(m + 1:2 * m, :) + b.feedthrough(:, input))';
 """
 FIGURES = """
 if ~exist('quiet', 'var') || ~quiet

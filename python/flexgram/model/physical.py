@@ -205,6 +205,8 @@ def physical_form(model: ReducedBody) -> PhysicalForm:
         inputs=system.inputs,
         outputs=system.outputs,
         feedthrough=system.feedthrough,
+        output_beta=system.output_beta,
+        output_eta=system.output_eta,
         interfaces=interfaces,
         boundary=names,
         frequencies=np.sqrt(np.maximum(squares, 0)),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from flexgram.basics import BodyError, ComplexArray, Floats
 from flexgram.model.file import port_names
+from flexgram.model.kinds import ports_of
 from flexgram.model.response import frequency_response, linear_response
 
 #: An output and its derivatives.
@@ -20,7 +21,11 @@ RATES = ("displacement", "velocity", "acceleration")
 
 @dataclass(frozen=True)
 class System:
-    """``M q'' + D q' + K (1 + i eta) q = B u``, ``y = C q + feedthrough u``. All numbers are SI.
+    """``M q'' + D q' + K (1 + i eta) q = B u``. All numbers are SI.
+
+    Outputs are ``y = C q + output_beta C q' + feedthrough u``, with structural damping in addition
+    ``i output_eta C q``. ``C q`` alone is the whole output only where the other terms are zero: not
+    for reactions, nor for stress from a temperature.
 
     Attributes
     ----------
@@ -32,9 +37,12 @@ class System:
         Port names.
     feedthrough : (n_out, n_in) array
         What inputs add to outputs without motion: of a temperature the stress that its strain does
-        not make. Part of ``transfer`` and ``simulate``, not of the H that errors are relative to.
+        not make, of reactions often the largest part. Part of every response and of H.
     eta : float
         Structural loss factor.
+    output_beta, output_eta : (n_out,) arrays
+        Stiffness-proportional damping [s] and loss factor of outputs that are forces of the
+        stiffness (reactions); zero for all others.
     """
 
     M: Floats
@@ -46,6 +54,13 @@ class System:
     outputs: list[str]
     feedthrough: Floats
     eta: float = 0.0
+    output_beta: Floats = field(default_factory=lambda: np.empty(0))
+    output_eta: Floats = field(default_factory=lambda: np.empty(0))
+
+    def __post_init__(self) -> None:
+        for name in ("output_beta", "output_eta"):
+            if not getattr(self, name).size:
+                object.__setattr__(self, name, np.zeros(len(self.C)))
 
     @classmethod
     def of(cls, fields: dict[str, Any]) -> Self:
@@ -68,6 +83,8 @@ class System:
             outputs=port_names(fields, "C", C.shape[0]),
             feedthrough=np.asarray(fields.get("feedthrough", none), dtype=np.float64),
             eta=float(fields.get("eta", 0.0)),
+            output_beta=np.asarray(fields.get("output_beta", []), dtype=np.float64),
+            output_eta=np.asarray(fields.get("output_eta", []), dtype=np.float64),
         )
         system._expect_shapes()
         return system
@@ -82,6 +99,8 @@ class System:
             "B": (m, n_in),
             "C": (n_out, m),
             "feedthrough": (n_out, n_in),
+            "output_beta": (n_out,),
+            "output_eta": (n_out,),
         }
         for name, shape in shapes.items():
             matrix = getattr(self, name)
@@ -129,21 +148,54 @@ class System:
         )
 
     def transfer(self, omega: ArrayLike, feedthrough: bool = True) -> ComplexArray:
-        """Transfer function H_r = C (K (1 + i eta) + i omega D - omega² M)⁻¹ B + ``feedthrough``.
+        """Transfer function H_r = F C (K (1 + i eta) + i omega D - omega² M)⁻¹ B + ``feedthrough``,
+        F = diag(1 + i ``output_eta`` + i omega ``output_beta``).
 
         Parameters
         ----------
         omega : float or (n,) array
             [rad/s]
         feedthrough : bool
-            Without it the H that errors are relative to.
+            False leaves the last term out.
 
         Returns
         -------
         (n_out, n_in) or (n, n_out, n_in) array
         """
-        H = frequency_response(self.K * (1 + 1j * self.eta), self.D, self.M, self.B, self.C, omega)
+        H = self.receptance(omega)
+        if self.has_damped_outputs:
+            H = H * self.output_factors(omega)[..., None]
         return H + self.feedthrough if feedthrough else H
+
+    def claimed(self, omega: ArrayLike) -> ComplexArray:
+        """The H that claims are relative to: of stress that of the whole strain, without what a
+        temperature adds to it at once (where a body is free to grow both cancel)."""
+        H: ComplexArray = self.transfer(omega, feedthrough=False) + self.claimed_feedthrough
+        return H
+
+    @property
+    def claimed_feedthrough(self) -> Floats:
+        """``feedthrough`` with zeros in the rows of stress."""
+        direct = self.feedthrough.copy()
+        direct[ports_of(self.outputs, "stress")] = 0
+        return direct
+
+    def receptance(self, omega: ArrayLike) -> ComplexArray:
+        """C (K (1 + i eta) + i omega D - omega² M)⁻¹ B: H without what outputs hold beside C q."""
+        stiffness = self.K * (1 + 1j * self.eta)
+        H: ComplexArray = frequency_response(stiffness, self.D, self.M, self.B, self.C, omega)
+        return H
+
+    @property
+    def has_damped_outputs(self) -> bool:
+        """Whether an output is a force of the damped stiffness."""
+        return bool(self.output_beta.any() or self.output_eta.any())
+
+    def output_factors(self, omega: ArrayLike) -> ComplexArray:
+        """1 + i output_eta + i omega output_beta, (n_out,) or (n, n_out)."""
+        w = np.asarray(omega, dtype=float)[..., None]
+        factors: ComplexArray = 1 + 1j * (self.output_eta + w * self.output_beta)
+        return factors
 
     def dynamic_stiffness(self, omega: float) -> ComplexArray:
         """K (1 + i eta) + i omega D - omega² M, (m, m)."""
@@ -173,11 +225,12 @@ class System:
             raise BodyError(
                 f"rates are {', '.join(rates) or 'none'}, expected some of {', '.join(RATES)}"
             )
-        if self.feedthrough.any() and set(rates) != {"displacement"}:
+        direct = self.feedthrough.any(axis=1) | (self.output_beta != 0)
+        if direct.any() and set(rates) != {"displacement"}:
             raise BodyError(
-                "outputs with a feedthrough (stress of a temperature, reactions) have "
-                "rates that hang on those of the inputs: leave these ports out, or "
-                "take displacement alone"
+                f"output {self.outputs[int(np.argmax(direct))]} depends on inputs or velocities "
+                "directly (stress of a temperature, reactions), so its rates depend on rates of "
+                "the inputs: leave it out, or ask for displacement alone"
             )
 
     def state_space(
@@ -208,11 +261,17 @@ class System:
         B = np.vstack([np.zeros_like(self.B), scipy.linalg.cho_solve(mass, self.B)])
         zero = np.zeros_like(self.C)
         rows = {
-            "displacement": (np.hstack([self.C, zero]), self.feedthrough),
+            "displacement": (np.hstack([self.C, self.C_rate]), self.feedthrough),
             "velocity": (np.hstack([zero, self.C]), np.zeros_like(self.feedthrough)),
             "acceleration": (self.C @ A[m:], self.C @ B[m:]),
         }
         return A, B, np.vstack([rows[r][0] for r in rates]), np.vstack([rows[r][1] for r in rates])
+
+    @property
+    def C_rate(self) -> Floats:
+        """What outputs take of the velocities: diag(``output_beta``) C, (n_out, m)."""
+        rows: Floats = self.output_beta[:, None] * self.C
+        return rows
 
     def names_of(self, rates: Sequence[str]) -> list[str]:
         """Names of outputs and their rates, as ``state_space`` and ``simulate`` order them."""

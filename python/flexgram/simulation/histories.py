@@ -324,18 +324,17 @@ def _errors(
     claim, groups = model.claim, _blocks(model)
     most: dict[int, float] = {}  # of each block over the band
     if claim.relative_to == "band":
-        everywhere = [
-            model.system.transfer(x, False) for x in np.unique(np.concatenate([claim.omega, w]))
-        ]
+        everywhere = [model.system.claimed(x) for x in np.unique(np.concatenate([claim.omega, w]))]
         most = {
             id(block): max(_size(H, block) for H in everywhere)
             for blocks in groups.values()
             for block in blocks
         }
+    unclaimed = model.system.feedthrough - model.system.claimed_feedthrough
     off, motion, bent = ({what: np.zeros(len(w)) for what in groups} for _ in range(3))
     for i, x in enumerate(w):
-        H = model.system.transfer(x, False)
-        H_e = H if elastic is None else elastic.system.transfer(x, False)
+        H = model.system.claimed(x)
+        H_e = H if elastic is None else elastic.system.claimed(x)
         for what, blocks in groups.items():
             for block in blocks:
                 by_elastic = claim.bounds_elastic_part and elastic is not None
@@ -346,9 +345,9 @@ def _errors(
                 load = float(np.linalg.norm(loads[i][block.columns]))
                 off[what][i] += share_of * size * load if load > 0 else 0.0
             rows = blocks[0].rows
-            direct = model.system.feedthrough[rows]
-            motion[what][i] = np.linalg.norm((H[rows] + direct) @ loads[i])
-            bent[what][i] = np.linalg.norm((H_e[rows] + direct) @ loads[i])
+            heat = unclaimed[rows]
+            motion[what][i] = np.linalg.norm((H[rows] + heat) @ loads[i])
+            bent[what][i] = np.linalg.norm((H_e[rows] + heat) @ loads[i])
 
     def relative(moved: dict[str, Floats]) -> dict[str, float]:
         return {

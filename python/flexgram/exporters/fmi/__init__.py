@@ -79,7 +79,7 @@ def _matrices(model: ReducedBody, rates: Sequence[str]) -> dict[str, Floats]:
     C, C1, D = [], [], []
     for rate in rates:
         if rate == "displacement":
-            rows, added = np.hstack([shapes / size, zero]), np.zeros((len(shapes), 2 * m))
+            rows, added = np.hstack([shapes / size, zero]), np.hstack([zero, model.system.C_rate])
             direct = model.system.feedthrough
         elif rate == "velocity":
             rows, added = np.hstack([zero, shapes]), np.zeros((len(shapes), 2 * m))

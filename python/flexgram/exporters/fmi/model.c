@@ -55,7 +55,7 @@ static void rates(const Body *b, double *dx) {
   }
 }
 
-/* Rows of C and D are of displacements; those of accelerations hang on A. */
+/* C1 holds what damping adds: of accelerations by A, of reactions by their own damping. */
 static double output(const Body *b, int i) {
   double sum = 0;
   for (int j = 0; j < NX; ++j) sum += (C[i * NX + j] + b->s.damping * C1[i * NX + j]) * b->s.x[j];
