@@ -6,6 +6,7 @@ import argparse
 import os
 import shutil
 import sys
+import warnings
 from pathlib import Path
 
 from flexgram.basics import BodyError, expect_kept
@@ -77,8 +78,10 @@ def main(arguments: list[str] | None = None) -> int:
         work[name] = run
     options = parser.parse_args(arguments)
     try:
-        keep_inputs(options)
-        work[options.command](options)
+        with warnings.catch_warnings():
+            warnings.showwarning = lambda text, *_, **__: print(f"warning: {text}", file=sys.stderr)
+            keep_inputs(options)
+            work[options.command](options)
     except (BodyError, OSError) as error:
         print(f"flexgram: {error}", file=sys.stderr)
         return 1

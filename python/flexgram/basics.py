@@ -9,7 +9,8 @@ import signal
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+import unicodedata
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -127,10 +128,31 @@ def expect_survival(path: str | Path, work: Callable[[], object]) -> None:
 
 
 def check_name(what: str, name: str) -> str:
-    """The name of an interface: it becomes part of lists and of paths in the file."""
-    if not name or name != name.strip() or any(c in name for c in "/,\n\t") or name in (".", ".."):
+    """The name of an interface or a port: it becomes part of lists, of paths in the file, of XML
+    and of what is printed.
+
+    Raises
+    ------
+    BodyError
+        For an empty or blank name, one with ``/``, commas, spaces at its ends, and characters that
+        no text shows (controls, lone surrogates, noncharacters).
+    """
+    hidden = [c for c in name if unicodedata.category(c) in ("Cc", "Cf", "Cs", "Cn", "Co")]
+    if hidden:
+        raise BodyError(f"{what}: {name!r} is no name: it holds {hidden[0]!r}, which no text shows")
+    if not name or name != name.strip() or any(c in name for c in "/,") or name in (".", ".."):
         raise BodyError(f"{what}: {name!r} is no name: without / and commas, please")
     return name
+
+
+def shown(text: str) -> str:
+    """A text of a file as a terminal may print it: characters that no text shows are escaped."""
+    return "".join(
+        c.encode("unicode_escape").decode()
+        if unicodedata.category(c) in ("Cc", "Cf", "Cs", "Cn", "Co")
+        else c
+        for c in text
+    )
 
 
 def index_of(labels: Ints, wanted: Ints) -> tuple[Ints, NDArray[np.bool_]]:
@@ -157,13 +179,14 @@ def expect_kept(output: str | Path, *inputs: str | Path | None) -> None:
 
 
 @contextmanager
-def written_aside(path: str | Path, *inputs: str | Path | None) -> Iterator[Path]:
+def written_aside(
+    path: str | Path, *inputs: str | Path | None, companions: Sequence[str] = ()
+) -> Iterator[Path]:
     """A place to write ``path``: what is written there appears under its name when all is done.
 
     The place has the final name, in a folder of its own beside the target, so a format of several
     files (XDMF) works; a failure leaves what was there before. Symlinks are followed. A file that
-    comes with the target replaces one that is there only if its name is the target's with more
-    behind it: ``rack.xdmf.h5`` beside ``rack.xdmf``, but not ``rack.h5``.
+    comes with the target replaces one that is there only if it is among ``companions``.
 
     Parameters
     ----------
@@ -171,12 +194,16 @@ def written_aside(path: str | Path, *inputs: str | Path | None) -> Iterator[Path
         File to write. Its folder is made.
     inputs : str or Path
         What it is made from, and must not replace.
+    companions : sequence of str
+        Names of files that belong to the target, of which the caller knows that one that is there
+        may be replaced: ``rack.xdmf.h5`` beside ``rack.xdmf``.
 
     Raises
     ------
     BodyError
         If ``path``, or a file that comes with it, is one of ``inputs``, a folder, a device or a
-        pipe; if a file that comes with it would replace one that may be another's.
+        pipe; if a file that comes with it would replace one that may be another's; if no file of
+        this name was written (a writer that adds an ending of its own).
     """
     target = Path(os.path.realpath(path))
 
@@ -195,10 +222,13 @@ def written_aside(path: str | Path, *inputs: str | Path | None) -> Iterator[Path
     try:
         yield folder / target.name
         others = [file for file in folder.iterdir() if file.name != target.name]
+        if not (folder / target.name).exists():
+            made = ", ".join(sorted(file.name for file in others)) or "nothing"
+            raise BodyError(f"{path}: this format would write {made}: give that name")
         for file in others:
             place = target.parent / file.name
             expect_free(place)
-            if place.exists() and not file.name.startswith(f"{target.name}."):
+            if place.exists() and file.name not in companions:
                 raise BodyError(
                     f"{path} comes with a file {file.name}, and there is one that may "
                     "be another's: take another name"
@@ -210,8 +240,9 @@ def written_aside(path: str | Path, *inputs: str | Path | None) -> Iterator[Path
 
 
 def say(line: str) -> None:
-    """Print; where nobody listens any more (``| head``) the work goes on."""
+    """Print, with what no terminal should get escaped; where nobody listens any more (``| head``)
+    the work goes on."""
     try:
-        print(line, flush=True)
+        print("\n".join(shown(part) for part in line.split("\n")), flush=True)
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

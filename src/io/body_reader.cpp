@@ -123,6 +123,12 @@ std::vector<std::string> port_names(const Hdf5File& file, const std::string& obj
     if (static_cast<PetscInt>(names.size()) != count)
       fail(file, text("%s has %lld ports and %zu names", object.c_str(), ll(count),
                       names.size()));
+    for (const std::string& name : names)
+      if (name.find_first_not_of(' ') == std::string::npos ||
+          std::any_of(name.begin(), name.end(),
+                      [](unsigned char c) { return c < 0x20 || c == 0x7f; }))
+        fail(file, text("%s: a port's name is empty or holds control characters",
+                        object.c_str()));
     auto sorted = names;
     std::sort(sorted.begin(), sorted.end());
     const auto twice = std::adjacent_find(sorted.begin(), sorted.end());

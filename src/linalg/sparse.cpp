@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
 #include <string>
 
@@ -276,10 +277,10 @@ double printed_digits_rounding(Mat a) {
     const PetscScalar* values = nullptr;
     FG_CALL(MatGetRow(a, i, &count, nullptr, &values));
     for (PetscInt k = 0; k < std::min<PetscInt>(count, 10); ++k) {
-      if (values[k] == 0) continue;
+      if (!(std::abs(values[k]) >= std::numeric_limits<double>::min())) continue;
       int digits = fewest;
-      while (digits <= most &&
-             std::stod(text("%.*e", digits - 1, values[k])) != values[k])
+      while (digits <= most && std::strtod(text("%.*e", digits - 1, values[k]).c_str(),
+                                           nullptr) != values[k])
         ++digits;
       ++counts[as_size(digits - fewest)];
       ++counts.back();

@@ -64,8 +64,10 @@ std::vector<double> mass_shares(const SecondOrderModel& fom, const Block& respon
   auto eigen = symmetric_eigen(m);
   share_from_first(fom.comm, eigen.values);
   if (eigen.values.empty())
-    throw Error("the ports move nothing, or so little that doubles cannot square it: "
-                "are the units of B and C right?");
+    throw Error(
+        "nothing of the response is elastic: rigid interfaces hold the whole body, "
+        "which then moves as a rigid one and needs no reduction, or the ports move "
+        "so little that doubles cannot square it (are the units of B and C right?)");
   return eigen.values;
 }
 

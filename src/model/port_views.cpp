@@ -65,8 +65,10 @@ void allow(std::vector<PortView>& views, const KindSpec& spec) {
   }
   for (std::size_t k = 0; k < met.size(); ++k)
     if (!met[k])
-      throw Error(text("{tol_kind}: no ports make %s; there are %s",
-                       spec.kinds[k].c_str(), names_of(views).c_str()));
+      throw Error(
+          text("{tol_kind}: no ports make %s; there are %s", spec.kinds[k].c_str(),
+               views.size() > 1 ? names_of(views).c_str()
+                                : "none: the ports' names tell no kinds (x.fx … x.mz)"));
   for (const PortView& view : views)
     views.front().allowed = std::max(views.front().allowed, view.allowed);
 }
@@ -122,6 +124,28 @@ bool is_known_kind(const std::string& word) {
          (from == std::string::npos || named(&Kind::input, input));
 }
 
+bool names_ports(const std::string& word) {
+  const std::string output = word.substr(0, word.find(" from "));
+  const auto dot = output.rfind('.');
+  return dot != std::string::npos && dot > 0 && dot + 1 < output.size();
+}
+
+namespace {
+
+/// Outputs by a name, or by the part of it before ".*".
+std::vector<int> outputs_named(const std::vector<std::string>& outputs,
+                               const std::string& word) {
+  const bool all = word.size() > 2 && word.compare(word.size() - 2, 2, ".*") == 0;
+  const std::string stem = all ? word.substr(0, word.size() - 1) : word;
+  std::vector<int> rows;
+  for (std::size_t i = 0; i < outputs.size(); ++i)
+    if (all ? outputs[i].rfind(stem, 0) == 0 : outputs[i] == stem)
+      rows.push_back(static_cast<int>(i));
+  return rows;
+}
+
+} // namespace
+
 std::vector<PortView> port_views(const SecondOrderModel& names, const KindSpec& spec) {
   std::vector<PortView> views{
       {"all ports", all_of(names.outputs.size()), all_of(names.inputs.size())}};
@@ -146,6 +170,20 @@ std::vector<PortView> port_views(const SecondOrderModel& names, const KindSpec& 
         views.push_back(
             {text("%s from %s", output.c_str(), input.c_str()), rows, columns});
     }
+  for (const std::string& word : spec.kinds) { // a port may be a kind of its own
+    if (is_known_kind(word) || !names_ports(word)) continue;
+    const auto from = word.find(" from ");
+    const std::string output = word.substr(0, from),
+                      asked = from == std::string::npos ? "" : word.substr(from + 6);
+    const std::vector<int> rows = outputs_named(names.outputs, output);
+    if (rows.empty())
+      throw Error(text("{tol_kind}: there is no output %s, did you mean %s?",
+                       output.c_str(), nearest(output, names.outputs).c_str()));
+    for (const auto& [input, columns] : columns_of)
+      if (asked.empty() || asked == input)
+        views.push_back(
+            {text("%s from %s", output.c_str(), input.c_str()), rows, columns});
+  }
   allow(views, spec);
   if (views.size() == 2 && views[1].rows == views[0].rows &&
       views[1].columns == views[0].columns) { // one kind: nothing is hidden

@@ -31,5 +31,8 @@ OutputForm claimed_outputs(const SecondOrderModel& names);
 std::vector<PortView> port_views(const SecondOrderModel& names, const KindSpec& kinds);
 /// Whether ports can be of this kind: "stress", "stress from force".
 bool is_known_kind(const std::string& word);
+/// Whether a word is outputs by their names instead: foot.ry, or foot.* for all of foot; one or
+/// both with the kind of their inputs behind, "foot.ry from force".
+bool names_ports(const std::string& word);
 
 } // namespace flexgram

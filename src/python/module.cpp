@@ -257,16 +257,8 @@ std::vector<std::map<std::string, std::string>> options() {
   return result;
 }
 
-/// Shape functions at the points of an element's stiffness, or at given ones: points
-/// (q, 3), weights (q), N (q, n) and dN (q, n, 3).
-py::tuple shape_functions(const std::string& element, const py::array_t<double>& at) {
-  const ElementType type = element_type(element);
-  std::vector<ShapePoint> points;
-  if (at.size() == 0)
-    points = stiffness_points(type);
-  else
-    for (py::ssize_t q = 0; q < at.shape(0); ++q)
-      points.push_back(shape_at(type, {at.at(q, 0), at.at(q, 1), at.at(q, 2)}, 0));
+/// Points (q, 3), weights (q), N (q, n) and dN (q, n, 3).
+py::tuple shape_arrays(ElementType type, const std::vector<ShapePoint>& points) {
   const py::ssize_t count = static_cast<py::ssize_t>(points.size()),
                     nodes = node_count(type);
   py::array_t<double> xi({count, py::ssize_t{3}}), weight(count), N({count, nodes}),
@@ -284,6 +276,16 @@ py::tuple shape_functions(const std::string& element, const py::array_t<double>&
   return py::make_tuple(xi, weight, N, dN);
 }
 
+/// Shape functions at the points of an element's stiffness, or at given ones.
+py::tuple shape_functions(const std::string& element, const py::array_t<double>& at) {
+  const ElementType type = element_type(element);
+  if (at.size() == 0) return shape_arrays(type, stiffness_points(type));
+  std::vector<ShapePoint> points;
+  for (py::ssize_t q = 0; q < at.shape(0); ++q)
+    points.push_back(shape_at(type, {at.at(q, 0), at.at(q, 1), at.at(q, 2)}, 0));
+  return shape_arrays(type, points);
+}
+
 } // namespace
 } // namespace flexgram
 
@@ -292,6 +294,10 @@ PYBIND11_MODULE(_flexgram, module) {
   module.def("start", &start);
   module.def("options", &options);
   module.def("shape_functions", &shape_functions);
+  module.def("mass_points", [](const std::string& element) {
+    const ElementType type = element_type(element);
+    return shape_arrays(type, mass_points(type));
+  });
   module.def("isotropic",
              [](double E, double nu) { return isotropic(E, nu, 1).stiffness; });
   module.def("orthotropic", [](const std::array<double, 9>& constants,

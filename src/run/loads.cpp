@@ -5,8 +5,8 @@
 #include "model/load_patterns.hpp"
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <map>
@@ -69,11 +69,9 @@ LoadSpan read_loads(const std::string& path, const std::vector<std::string>& por
       refuse(text("%zu numbers, expected %zu", cells.size() - 1, loads.names.size()));
     for (std::size_t j = 0; j < loads.names.size(); ++j) {
       const std::string& cell = cells[j + 1];
-      double value = 0;
-      const auto [end, error] =
-          std::from_chars(cell.data(), cell.data() + cell.size(), value);
-      if (error != std::errc() || end != cell.data() + cell.size() ||
-          !std::isfinite(value))
+      char* end = nullptr;
+      const double value = std::strtod(cell.c_str(), &end); // a sign, and what underflows
+      if (cell.empty() || end != cell.c_str() + cell.size() || !std::isfinite(value))
         refuse("'" + cell + "' is no number");
       loads.patterns(port->second, static_cast<int>(j)) = value;
     }

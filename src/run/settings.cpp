@@ -134,8 +134,10 @@ void Settings::describe_accuracy(Options& options) {
       "(not with a damping matrix)");
   options.add(
       "-mor_tol_kind", tolerances_of_kinds,
-      "tolerances of kinds of their own: stress=1e-2,displacement from force=1e-5; the "
-      "others keep -mor_tol, all of H the largest of them");
+      "tolerances of kinds of their own: stress=1e-2,displacement from force=1e-5, or of "
+      "outputs by name, foot.ry=1e-3 or foot.*=1e-3; the others keep -mor_tol, all of H "
+      "the largest of them. An error of a kind is relative to the Frobenius norm of its "
+      "block of H, so small rows beside large ones need a name of their own");
   options.add_word("-mor_tol_relative_to", relative_to,
                    {{"both", RelativeTo::both},
                     {"pointwise", RelativeTo::pointwise},

@@ -102,9 +102,11 @@ void Settings::check_kinds() {
   for (const std::string& word : split(tolerances_of_kinds, ',')) {
     const auto equals = word.find('=');
     const std::string kind = word.substr(0, equals);
-    require_option(equals != std::string::npos && is_known_kind(kind), "-mor_tol_kind",
-                   word,
-                   "KIND=TOLERANCE, KIND such as stress or displacement from force");
+    require_option(
+        equals != std::string::npos && (is_known_kind(kind) || names_ports(kind)),
+        "-mor_tol_kind", word,
+        "KIND=TOLERANCE, KIND such as stress or displacement from force, or outputs "
+        "by name such as foot.ry or foot.*");
     char* end = nullptr;
     const double value = std::strtod(word.c_str() + equals + 1, &end);
     require_option(*end == 0 && value > 0 && value < 1, "-mor_tol_kind", word,

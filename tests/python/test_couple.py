@@ -438,7 +438,7 @@ def test_what_is_no_assembly() -> None:
         ([Joint("p0.a", "p1.a", ["x", "y"], {"x": 3.0})], "no stiffness or damping in x"),
         ([Joint("p0.a", "p1.a", stiffness={"x": -3.0})], "x = -3.0 must be positive"),
         ([Joint("p0.a", "p1.a", damping={"x": float("nan")})], "x = nan must be positive"),
-        ([Joint("p0.a", "p1.a"), Joint("p0.a", "p1.a", ["x"])], "hold a motion twice"),
+        ([Joint("p0.a", "p1.a"), Joint("p0.a", "p1.a", ["x"])], "hold the same motion"),
         ([Joint("p0.a", "p1.a"), Joint("p0.b", "p1.b")], "no port is left"),
     ):
         with pytest.raises(BodyError, match=words):

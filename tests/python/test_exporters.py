@@ -103,13 +103,13 @@ def test_script_in_octave(structural: bool, beam: tuple[Path, Path], tmp_path: P
 
 def test_script_replaces_nothing_of_others(beam: tuple[Path, Path], tmp_path: Path) -> None:
     """Neither the reduced file nor data of the same name; names of ports are never part of it."""
-    shutil.copy(beam[1], tmp_path / "rob.mat")
-    model = ReducedModel.load(tmp_path / "rob.mat")
-    before = (tmp_path / "rob.mat").read_bytes()
+    shutil.copy(beam[1], tmp_path / "rob.m.mat")
+    model = ReducedModel.load(tmp_path / "rob.m.mat")
+    before = (tmp_path / "rob.m.mat").read_bytes()
     with pytest.raises(BodyError, match="not of such a script"):
         export(model, tmp_path / "rob.m", "octave")
-    assert (tmp_path / "rob.mat").read_bytes() == before and not (tmp_path / "rob.m").exists()
-    (tmp_path / "own.mat").write_text("precious")
+    assert (tmp_path / "rob.m.mat").read_bytes() == before and not (tmp_path / "rob.m").exists()
+    (tmp_path / "own.m.mat").write_text("precious")
     with pytest.raises(BodyError, match="not of such a script"):
         export(model, tmp_path / "own.m", "octave")
     for word in ("end", "load", "expm", "quiet"):

@@ -124,7 +124,7 @@ def test_a_mesh_in_python(tmp_path: Path) -> None:
     assert "no interface is named" in refused(interfaces={})
     assert "NSET:near" in refused(interfaces={"near": "rigid near"})
     assert "must be rigid, distributing or node" in refused(interfaces={"a": "NSET:near"})
-    assert "share node" in refused(interfaces=ends | {"twice": ends["near"]})
+    assert "on the same nodes" in refused(interfaces=ends | {"twice": ends["near"]})
     assert "expected one of steel" in refused(material="wood")
     with pytest.raises(BodyError, match="import_mesh"):
         flexgram.import_body(tmp_path / "box.vtu", tmp_path / "b.h5")

@@ -119,7 +119,7 @@ def test_only_files_are_replaced(rom: Path, tmp_path: Path) -> None:
     link.symlink_to("real.npz")
     export(model, link, "npz")
     assert link.is_symlink() and np.load(tmp_path / "real.npz")["K"].shape == model.K.shape
-    with pytest.raises(BodyError, match="reduced file itself"):
+    with pytest.raises(BodyError, match=r"writes \.npz|would replace"):
         export(model, rom, "npz")
 
 

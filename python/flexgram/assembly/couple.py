@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from flexgram.assembly.claim import AssemblyBound, verdict
 from flexgram.assembly.joints import GROUND, PORTS, Joint, Parts, common_bands, tied
 from flexgram.basics import BodyError, Floats, written_aside
+from flexgram.model.modes import natural_modes
 from flexgram.model.reduced import ReducedBody
 from flexgram.reduced_model import ReducedModel
 
@@ -119,8 +120,8 @@ def couple(
         "method": "couple",
         "frame/kind": "none",
     }
-    squares = scipy.linalg.eigh(fields["K"], fields["M"], eigvals_only=True)
-    fields["modes/omega"] = np.sqrt(np.maximum(squares, 0))
+    squares = natural_modes(fields["K"], fields["M"])[0]
+    fields["modes/omega"] = np.sqrt(np.maximum(squares[np.isfinite(squares)], 0))
     slow = 1e-3 * min(bands[bands > 0].min(initial=np.inf), fields["modes/omega"][-1])
     fields["frame/rigid_modes"] = int(np.sum(fields["modes/omega"] < slow))
     known = verdict(models, joints, turns=turns, keep=keep, modes=fields["modes/omega"], tell=tell)
@@ -162,11 +163,17 @@ def _motions_left(ties: Sequence[Floats], count: int) -> Floats:
         return np.eye(count)
     rows = np.array(ties)
     _, values, turned = np.linalg.svd(rows / np.linalg.norm(rows, axis=1)[:, None])
-    if len(rows) > count or values[-1] < 1e-9 * values[0]:
+    held = int((values > 1e-9 * values[0]).sum())
+    if len(rows) > count:
         raise BodyError(
-            "the joints hold a motion twice, or one that the parts' coordinates do "
-            "not have: leave out directions, or reduce the parts with -mor_statics "
-            "yes"
+            f"the joints hold {len(rows)} motions, and the parts have {count} coordinates: reduce "
+            "them to larger orders"
+        )
+    if held < len(rows):
+        raise BodyError(
+            f"the joints hold {len(rows)} motions, of which the parts' coordinates tell {held} "
+            "apart: two joints hold the same motion (leave out directions), or the parts are too "
+            "small to move in all of them (reduce them with -mor_statics yes)"
         )
     N: Floats = turned[len(rows) :].T
     return N

@@ -100,8 +100,18 @@ class Parts:
             if f"{interface}.{f}" in self.inputs and f"{interface}.{f}" in self.outputs
         ]
         if not there:
-            names = sorted({p.rpartition(".")[0] for p in self.inputs if p in self.outputs})
-            raise BodyError(f"{interface} is no interface; there are {', '.join(names)}")
+            both = [p for p in self.inputs if p in self.outputs]
+            ends = set(PORTS.values())
+            names = sorted({p.rpartition(".")[0] for p in both if p.rpartition(".")[2] in ends})
+            known = f"there are {', '.join(names)}" if names else "the parts have none"
+            own = [p for p in both if p.rpartition(".")[0] == interface]
+            if own:
+                raise BodyError(
+                    f"{interface} has ports without directions ({', '.join(own[:3])}: rows of "
+                    "matrices), and a joint needs fx … mz: name their directions at the import, "
+                    f"--rows NAME=fx:25,fy:26; {known}"
+                )
+            raise BodyError(f"{interface} is no interface; {known}")
         whole = [
             d
             for group in ("x y z", "rx ry rz")

@@ -15,7 +15,7 @@ import h5py
 import numpy as np
 import scipy.sparse as sp
 
-from flexgram.basics import BodyError, written_aside
+from flexgram.basics import BodyError, check_name, written_aside
 
 #: HDF5 1.8 to 1.10: thousands of port names do not fit into an attribute of older layouts.
 LAYOUT = ("v108", "v110")
@@ -171,6 +171,8 @@ def _expect_names(what: str, names: Sequence[str] | None, count: int) -> None:
         raise BodyError(f"{what}: {len(names)} names for {count} ports")
     if len(set(names)) != len(names):
         raise BodyError(f"{what}: a name is given twice")
+    for name in names:
+        check_name(what, str(name))
 
 
 def _write_ports(file: h5py.File, maps: Mapping[str, tuple[Any, Sequence[str] | None]]) -> None:

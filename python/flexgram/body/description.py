@@ -6,6 +6,7 @@ the program ``flexgram`` assembles.
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from typing import Any
 import meshio
 import yaml
 
-from flexgram.basics import BodyError, errors_of, expect_kept
+from flexgram.basics import BodyError, ReductionWarning, errors_of, expect_kept
 from flexgram.body.bodyfile import written_whole
 from flexgram.body.mesh_body import MeshBody
 from flexgram.body.meshfile import cell_regions, data_files, read_mesh
@@ -37,7 +38,8 @@ def import_body(description: str | Path, output: str | Path) -> dict[str, Any]:
         ``points`` and ``elements`` (counts), ``interfaces`` (for each name its coupling, number of
         nodes, reference position [m], what that is, and its distance from the middle of the
         interface in extents of that), ``loads`` and ``outputs`` (what each is), ``extent`` (of
-        the body, 3 [m]), ``units``.
+        the body, 3 [m]), ``units``, ``summary`` (lines: mass, centre and inertia, free motions,
+        materials, damping), ``warnings`` (Python's ``ReductionWarning`` too).
 
     Raises
     ------
@@ -122,6 +124,8 @@ def import_description(
             "outputs",
             "damping",
             "mass_integration",
+            "merge",
+            "repeated_elements",
         ),
     )
     units = UNITS[reader.choice("units", UNITS, "SI")]
@@ -131,4 +135,7 @@ def import_description(
     with errors_of(source):
         cells = cell_regions(mesh)
     with written_whole(output) as file:
-        return MeshBody(file, reader, mesh, cells, units, folder).write()
+        facts = MeshBody(file, reader, mesh, cells, units, folder).write()
+    for doubt in facts["warnings"]:
+        warnings.warn(f"{output}: {doubt}", ReductionWarning, stacklevel=2)
+    return facts

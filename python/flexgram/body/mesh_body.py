@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import copy
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,15 @@ from flexgram.body.outputs import write_outputs
 from flexgram.body.reader import Reader, short
 from flexgram.body.sections import section_properties
 from flexgram.body.selection import in_box, nearest
+from flexgram.body.whole import (
+    Block,
+    Parts,
+    doubts_of_parts,
+    doubts_of_units,
+    expect_no_repeats,
+    merged_nodes,
+    summary,
+)
 
 COMPONENTS = {"x": 0, "y": 1, "z": 2, "rx": 3, "ry": 4, "rz": 5}
 ENGINEERING = ("E1", "E2", "E3", "nu12", "nu13", "nu23", "G12", "G13", "G23")
@@ -90,6 +100,7 @@ class MeshBody:
         self.points = np.asarray(mesh.points, dtype=float)
         self.used = np.zeros(len(self.points), dtype=bool)  # by an element of the body
         self.blocks: list[tuple[str, Ints]] = []
+        self.ids: list[Ints] = []  # of their elements: the FE code's numbers, else from 1 on
 
     def write(self) -> dict[str, Any]:
         """Write all of it; returns the counts of ``import_body``."""
@@ -102,9 +113,10 @@ class MeshBody:
         for name, data in reader.children("materials").items():
             _write_material(file, name, data, self.units)
         self._write_sections()
+        self._merge_nodes()
         self._write_blocks()
         interfaces = self._write_interfaces()
-        self._write_supports()
+        held = self._write_supports()
         written = BodyMesh(
             file, self.points, self.blocks, self.length, self.units[2], self.select, self.folder
         )
@@ -112,15 +124,52 @@ class MeshBody:
         damping = Reader(reader.get("damping", {}) or {}, "damping", ("alpha", "beta", "eta"))
         for key in ("alpha", "beta", "eta"):
             file.attrs[key] = damping.number(key, 0.0)
+        extent = np.ptp(self.points[self.used], axis=0) * self.length
         return {
             "points": int(self.used.sum()),
             "elements": sum(len(nodes) for _, nodes in self.blocks),
             "interfaces": interfaces,
             "loads": loads,
             "outputs": outputs,
-            "extent": np.ptp(self.points[self.used], axis=0) * self.length,
+            "extent": extent,
             "units": reader.get("units", "SI"),
             "kinds": sorted({kind for kind, _ in self.blocks}),
+            "summary": summary(file),
+            "warnings": [
+                *doubts_of_units(file, reader.get("units", "SI"), extent),
+                *self._doubts_of_parts(held),
+            ],
+        }
+
+    def _doubts_of_parts(self, held: list[Ints]) -> list[str]:
+        nodes = {name: group["nodes"][:] for name, group in self.file["interfaces"].items()}
+        supported = np.concatenate(held) if held else np.empty(0, dtype=np.int64)
+        parts = Parts.of(len(self.points), self._elements(), nodes.values())
+        return doubts_of_parts(self.points, parts, nodes, supported)
+
+    def _merge_nodes(self) -> None:
+        """Nodes no farther apart than ``merge`` become one, where the description asks for it."""
+        if "merge" not in self.reader.data:
+            return
+        tolerance = self.reader.number("merge")
+        if not tolerance > 0:
+            raise BodyError(f"{self.reader.where}: merge = {tolerance:g} must be positive")
+        self.mesh = copy.deepcopy(self.mesh)
+        used = np.zeros(len(self.points), dtype=bool)
+        for block in self.mesh.cells:
+            used[block.data.ravel()] = True
+        place = merged_nodes(self.points, used, tolerance)
+        for block in self.mesh.cells:
+            block.data = place[block.data]
+            again = (np.diff(np.sort(block.data, axis=1), axis=1) == 0).any(axis=1)
+            if again.any():
+                raise BodyError(
+                    f"{self.reader.where}: merge = {tolerance:g} is larger than a {block.type} "
+                    f"(number {int(np.argmax(again)) + 1} of its kind): its own nodes would merge"
+                )
+        self.mesh.point_sets = {
+            name: np.unique(place[np.asarray(nodes, dtype=np.int64)])
+            for name, nodes in self.mesh.point_sets.items()
         }
 
     def select(self, choice: Any, where: str) -> Ints:
@@ -203,8 +252,16 @@ class MeshBody:
             if group.attrs["coupling"] == "rigid":
                 twice = [node for node in nodes.tolist() if node in follows]
                 if twice:
+                    other = follows[twice[0]]
+                    same = len(twice) == len(nodes)
                     raise BodyError(
-                        f"interfaces {follows[twice[0]]} and {name} share node {twice[0] + 1}"
+                        f"interfaces {other} and {name} "
+                        + (
+                            f"are on the same nodes, {short(entry.get('nodes'))}"
+                            if same
+                            else f"share node {twice[0] + 1} ({len(twice)} such nodes)"
+                        )
+                        + ": a node can follow one rigid interface"
                     )
                 follows.update(dict.fromkeys(nodes.tolist(), str(name)))
             if "weights" in entry.data:
@@ -212,7 +269,9 @@ class MeshBody:
                     group["weights"] = np.asarray(entry.get("weights"), dtype=np.float64)
         return interfaces
 
-    def _write_supports(self) -> None:
+    def _write_supports(self) -> list[Ints]:
+        """Write them; returns the nodes of each."""
+        supports: list[Ints] = []
         for order, (name, data) in enumerate(self.reader.children("supports").items()):
             entry = Reader(data, f"supports: {name}", ("nodes", "components"))
             group = self.file.create_group(f"supports/{check_name(entry.where, str(name))}")
@@ -227,6 +286,8 @@ class MeshBody:
                 )
             group.attrs["components"] = [float(COMPONENTS[c]) for c in held]
             group.attrs["order"] = order
+            supports.append(group["nodes"][:])
+        return supports
 
     def _write_blocks(self) -> None:
         """Element blocks by region and cell type; marks the nodes that they use."""
@@ -237,13 +298,22 @@ class MeshBody:
                 f"material; the mesh has {', '.join(sorted(self.cells))}"
             )
         taken = [np.zeros(len(block.data), dtype=bool) for block in self.mesh.cells]
-        first = np.cumsum([0, *(len(block.data) for block in self.mesh.cells)])
+        labels = self.mesh.cell_data.get("label")  # of an FE code, if it has numbers of its own
+        if labels is None:
+            ends = np.cumsum([len(block.data) for block in self.mesh.cells])
+            labels = [
+                np.arange(end - len(block.data), end) + 1
+                for end, block in zip(ends, self.mesh.cells, strict=True)
+            ]
         known = ", ".join(sorted(self.cells))
         for name, data in regions.items():
             entry = Reader(data, f"regions: {name}", ("material", "section"))
             material = entry.choice("material", self.reader.children("materials"))
             if str(name) not in self.cells:
-                raise BodyError(f"{entry.where}: the mesh has no such part; it has {known}")
+                only = ", ".join(sorted({block.type for block in self.mesh.cells})) or "nothing"
+                solid = "all" in self.cells
+                has = f"it has {known}" if solid else f"it has no solids, only {only}"
+                raise BodyError(f"{entry.where}: the mesh has no such part; {has}")
             solid = False
             for block, chosen in enumerate(self.cells[str(name)]):
                 kind = self.mesh.cells[block].type
@@ -265,8 +335,9 @@ class MeshBody:
                         "section", self.reader.children("sections")
                     )
                 group["connectivity"] = nodes
-                group["ids"] = first[block] + chosen + 1  # 1-based, in the order of the mesh file
+                group["ids"] = np.asarray(labels[block][chosen], dtype=np.int64)
                 self.blocks.append((kind, nodes))
+                self.ids.append(group["ids"][:])
             if not solid:
                 kinds = {
                     self.mesh.cells[b].type for b, c in enumerate(self.cells[str(name)]) if len(c)
@@ -276,3 +347,8 @@ class MeshBody:
                     f"{', '.join(sorted(kinds))}, known are {', '.join(ELEMENTS)} (line "
                     "with a section)"
                 )
+        if self.reader.choice("repeated_elements", ("refuse", "keep"), "refuse") == "refuse":
+            expect_no_repeats(self._elements())
+
+    def _elements(self) -> list[Block]:
+        return [Block(*block, ids) for block, ids in zip(self.blocks, self.ids, strict=True)]

@@ -18,15 +18,43 @@ meshio._mesh.topological_dimension.setdefault("wedge15", 3)
 ELEMENTS = ("tetra", "tetra10", "hexahedron", "hexahedron20", "wedge15", "line")
 
 
+CAD = (
+    "a geometry, no mesh: make one with gmsh, for instance gmsh {} -3 -order 2 -clmax SIZE -o "
+    "part.msh, with physical groups for interfaces"
+)
+#: What to do with files that are no mesh that meshio reads, by their endings.
+REMEDIES = {
+    ending: CAD.format(f"part{ending}")
+    for ending in (".step", ".stp", ".iges", ".igs", ".brep", ".stl", ".geo")
+} | {
+    ".unv": "universal files of meshes are not read: gmsh part.unv -save -o part.msh converts them",
+    ".cdb": "ANSYS archives are not read: import the matrices (file.full), or save the mesh in "
+    "another format",
+    ".rmed": "results of Code_Aster: give its mesh, .med",
+}
+
+
 def read_mesh(path: Path) -> meshio.Mesh:
     """Read a mesh, with meshio's many errors as one."""
     if not path.exists():
         raise BodyError(f"mesh {path}: no such file")
+    if remedy := REMEDIES.get(path.suffix.lower()):
+        raise BodyError(f"mesh {path}: {remedy}")
+    said = io.StringIO()
     try:
-        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
             mesh = meshio.read(path)
     except (Exception, SystemExit) as error:
-        raise BodyError(f"mesh {path}: meshio cannot read it ({error})") from error
+        words = " ".join((said.getvalue().strip() or str(error)).split())[-200:]
+        raise BodyError(
+            f"mesh {path}: meshio cannot read it ({words or type(error).__name__})"
+            + (
+                "; a deck of solids is read by --assemble or --run-ccx; of gmsh's own .inp save "
+                "the volumes alone (physical groups), or save .msh"
+                if path.suffix.lower() == ".inp"
+                else ""
+            )
+        ) from error
     if mesh.points.ndim != 2 or mesh.points.shape[1] not in (2, 3):
         raise BodyError(f"mesh {path}: its points have no two or three coordinates each")
     if not np.all(np.isfinite(mesh.points)):
@@ -62,7 +90,11 @@ def cell_regions(mesh: meshio.Mesh) -> dict[str, list[Ints]]:
             parts = regions.setdefault(name, [none] * blocks)
             parts[block] = np.union1d(parts[block], cells)
 
-    names = {(int(tag), int(dim)): name for name, (tag, dim) in mesh.field_data.items()}
+    names = {  # other formats keep results here
+        (int(group[0]), int(group[1])): name
+        for name, group in mesh.field_data.items()
+        if np.shape(group) == (2,) and np.issubdtype(np.asarray(group).dtype, np.integer)
+    }
     for block, tags in enumerate(mesh.cell_data.get("gmsh:physical", [])):
         for tag in np.unique(tags):
             name = names.get((int(tag), mesh.cells[block].dim), str(int(tag)))

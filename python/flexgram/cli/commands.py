@@ -172,6 +172,12 @@ def _export_options(parser: argparse.ArgumentParser) -> None:
         help="for state-space (default displacement) and fmu (default all): what their outputs "
         "are, of displacement, velocity, acceleration, comma separated",
     )
+    parser.add_argument(
+        "--damping",
+        choices=("modal", "rayleigh"),
+        help="of a body with a loss factor (eta), which exists in frequency only: viscous damping "
+        "in its place, eta/2 of each mode, or alpha and beta fitted to it; the error is printed",
+    )
     parser.add_argument("-o", "--output", type=Path, required=True, help="file to write")
 
 
@@ -195,8 +201,13 @@ def _export(options: argparse.Namespace) -> None:
     if options.to == "sid":
         extra["dialect"] = options.dialect
     model = ReducedModel.load(options.rom)
-    export(model, options.output, options.to, **extra)
-    say(f"  wrote {options.output}: {model}")
+    if options.damping:
+        from flexgram.model.equivalent_damping import with_viscous_damping
+
+        model, error = with_viscous_damping(model, options.damping)
+        say(f"  {options.damping} damping in the place of eta changes H by at most {error:.1e}")
+    target = export(model, options.output, options.to, **extra)
+    say(f"  wrote {target}: {model}")
 
 
 def _info_options(parser: argparse.ArgumentParser) -> None:

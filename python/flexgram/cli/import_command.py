@@ -13,7 +13,8 @@ COUPLINGS = {
     "rigid": "all nodes follow a reference node with six dofs (RBE2)",
     "distributing": "force averaging (RBE3)",
     "node": "the dofs of the nodes themselves",
-    "rows": "rows of the matrices, numbers from 1: name=1,2,3",
+    "rows": "rows of the matrices, numbers from 1: name=1,2,3, or with their directions "
+    "name=fx:25,fy:26, by which couple joins them",
 }
 
 
@@ -28,7 +29,6 @@ MESHES = (
     ".exo",
     ".e",
     ".cgns",
-    ".unv",
     ".h5m",
     ".ugrid",
     ".su2",
@@ -38,13 +38,20 @@ MESHES = (
 )
 
 
+#: Endings of files that could be taken for meshes; ``meshfile.REMEDIES`` says what to do.
+NO_MESHES = (
+    *(".step", ".stp", ".iges", ".igs", ".brep", ".stl", ".geo"),
+    *(".unv", ".cdb", ".rmed"),
+)
+
 #: Options of files of matrices, of decks, and of any body, which YAML has in itself.
 OF_FILES = (
     *("format", "deck", "mass", "damping", "inputs", "mapping"),
     *("run_ccx", "strict", "matrices"),
 )
 OF_DECKS = ("assemble", "step", "deck_loads")
-OF_BODIES = ("units", "alpha", "beta", "eta", "load", "measure")
+OF_MESHES = ("merge", "keep_repeated")
+OF_BODIES = ("units", "alpha", "beta", "eta", "zeta", "load", "measure")
 
 
 class _Named(argparse.Action):
@@ -131,9 +138,47 @@ def import_options(parser: argparse.ArgumentParser) -> None:
         help="of a mesh without YAML: steel, aluminium, titanium, cast-iron, or "
         "E=210e9,nu=0.3,rho=7850 in its units",
     )
+    parser.add_argument(
+        "--merge",
+        type=float,
+        metavar="TOL",
+        help="of a mesh or with --assemble: nodes no farther apart than TOL (its units) are one",
+    )
+    parser.add_argument(
+        "--keep-repeated",
+        action="store_true",
+        help="likewise: elements that have the same nodes count each; default: they are refused",
+    )
     parser.add_argument("--units", help="of the files: SI (default), mm-t-s, mm-kg-s")
+    parser.add_argument(
+        "--zeta",
+        metavar="RATIO,HZ,HZ",
+        help="damping ratio at two frequencies, as alpha and beta: 1%%,50,2000 (less between "
+        "them, more outside)",
+    )
     for name, unit in (("alpha", "[1/s]"), ("beta", "[s]"), ("eta", "loss factor")):
         parser.add_argument(f"--{name}", type=float, help=f"damping {unit}")
+
+
+def rayleigh(words: str) -> tuple[float, float]:
+    """alpha [1/s] and beta [s] of a damping ratio at two frequencies: zeta = alpha/(2 ω) + beta ω/2
+    at both.
+
+    Examples
+    --------
+    >>> alpha, beta = rayleigh("1%,50,2000")
+    >>> print(f"{alpha:.4f} {beta:.4e}")
+    6.1299 1.5528e-06
+    """
+    from flexgram.importers.interfaces import numbers
+
+    ratio, _, rest = words.partition(",")
+    share = 0.01 if ratio.endswith("%") else 1.0
+    zeta = share * float(numbers(f"--zeta {words}", ratio.rstrip("%"), 1)[0])
+    first, last = sorted(2 * 3.141592653589793 * numbers(f"--zeta {words}", rest, 2))
+    if not (0 < zeta < 1 and 0 < first < last):
+        raise BodyError(f"--zeta {words}: expected a ratio below 1 and two frequencies [Hz]")
+    return 2 * zeta * first * last / (first + last), 2 * zeta / (first + last)
 
 
 def _names(words: str | None) -> dict[str, str] | None:
@@ -167,6 +212,8 @@ def _say_mesh(options: argparse.Namespace, counts: dict[str, Any]) -> None:
                 f"  warning: the reference of {name} is {facts['distance']:.0f} sizes of "
                 "its node set away from its middle: right units?"
             )
+    for line in counts["summary"]:
+        say(f"  {line}")
     for kind in ("loads", "outputs"):
         for name, what in counts[kind].items():
             say(f"  {kind[:-1]} {name}: {what}")
@@ -191,7 +238,7 @@ def _import_description(options: argparse.Namespace, named: list[tuple[str, str]
         ": interfaces, units and damping of a meshed body stand in its YAML file "
         f"{options.source}, not on the command line"
     )
-    _refuse(options, ("material", *OF_FILES, *OF_DECKS, *OF_BODIES), why)
+    _refuse(options, ("material", *OF_FILES, *OF_DECKS, *OF_MESHES, *OF_BODIES), why)
     for coupling, _ in named:
         raise BodyError(f"--{coupling}{why}")
     _say_mesh(options, import_body(options.source, options.output))
@@ -216,6 +263,7 @@ def _import_mesh(options: argparse.Namespace, named: list[tuple[str, str]]) -> N
         [parse(*pair) for pair in named],
         **_of_body(options),
         **_further(options),
+        **_of_mesh(options),
     )
     _say_mesh(options, counts)
 
@@ -234,6 +282,7 @@ def _import_deck(options: argparse.Namespace, named: list[tuple[str, str]]) -> N
         deck_loads=options.deck_loads,
         **_of_body(options),
         **_further(options),
+        **_of_mesh(options),
     )
     _say_mesh(options, counts)
     for remark in counts["remarks"]:
@@ -244,6 +293,7 @@ def _import_files(options: argparse.Namespace, named: list[tuple[str, str]]) -> 
     """Matrices of an FE code."""
     from flexgram.importers import check_damping, import_matrices, parse, read
 
+    _refuse(options, OF_MESHES, " is for bodies that flexgram assembles")
     if options.load or options.measure:
         raise BodyError(
             "--load and --measure are for bodies that flexgram assembles: a mesh, or "
@@ -270,12 +320,22 @@ def _import_files(options: argparse.Namespace, named: list[tuple[str, str]]) -> 
         fe, options.output, interfaces, strict=options.strict, **_of_body(options)
     )
     _say_matrices(options, facts)
+    _say_damping(facts)
 
 
 def _of_body(options: argparse.Namespace) -> dict[str, Any]:
     """Units and damping."""
     given = {name: getattr(options, name) for name in ("alpha", "beta", "eta")}
+    if options.zeta is not None:
+        if given["alpha"] is not None or given["beta"] is not None:
+            raise BodyError("--zeta gives alpha and beta: leave --alpha and --beta out")
+        given["alpha"], given["beta"] = rayleigh(options.zeta)
     return {"units": options.units or "SI", **given}
+
+
+def _of_mesh(options: argparse.Namespace) -> dict[str, Any]:
+    """What is to be done with its nodes and elements."""
+    return {"merge": options.merge, "keep_repeated": options.keep_repeated}
 
 
 def _further(options: argparse.Namespace) -> dict[str, Any]:
@@ -293,6 +353,13 @@ def _further(options: argparse.Namespace) -> dict[str, Any]:
                 raise BodyError(f"{key[:-1]} {name} is given twice")
             found[key][name] = entry
     return found
+
+
+def _say_damping(facts: dict[str, Any]) -> None:
+    from flexgram.body.whole import damping_lines
+
+    for line in damping_lines(facts["damping"]):
+        say(f"  {line}")
 
 
 def _say_matrices(options: argparse.Namespace, facts: dict[str, Any]) -> None:
@@ -322,6 +389,10 @@ def import_body_file(options: argparse.Namespace) -> None:
     """The verb: by the source and the options, one of four ways."""
     named = getattr(options, "interfaces", None) or []
     ending = options.source.suffix.lower()
+    if ending in NO_MESHES:
+        from flexgram.body.meshfile import REMEDIES
+
+        raise BodyError(f"{options.source}: {REMEDIES[ending]}")
     if ending in (".yaml", ".yml"):
         _import_description(options, named)
     elif options.material is not None or ending in MESHES:

@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 
 from flexgram.basics import BodyError, errors_of, expect_survival
+from flexgram.body.whole import summary
 from flexgram.reduced_model import ReducedModel
 
 
@@ -88,7 +89,9 @@ def _describe(path: Path) -> list[str]:
         f"frame: {frame.kind}, {frame.rigid_modes} rigid modes"
         + (f", mass {frame.integrals.mass:.6g} kg" if frame.integrals else "")
     )
-    elastic = model.modes[model.modes > 1e-6 * max(model.modes.max(initial=0), 1e-300)]
+    # Directions without mass have frequencies that are nothing but rounding.
+    modes = model.modes[model.modes < 1e7 * model.claim.band[-1]]
+    elastic = modes[modes > 1e-6 * max(modes.max(initial=0), 1e-300)]
     first = ", ".join(f"{w / (2 * np.pi):.5g}" for w in elastic[:6])
     lines.append(f"elastic modes [Hz]: {first}{' …' if len(elastic) > 6 else ''}")
     lines += claim.words_of_held
@@ -105,7 +108,11 @@ def _mesh(file: h5py.File) -> list[str]:
     ]
     for name, item in file.get("interfaces", {}).items():
         lines.append(f"interface {name}: {item.attrs['coupling']}, {len(item['nodes'])} nodes")
-    return lines
+    for kind in ("loads", "outputs", "supports"):
+        names = list(file.get(kind, {}))
+        if names:
+            lines.append(f"{kind}: {', '.join(names)}")
+    return lines + summary(file)
 
 
 def _matrices(file: h5py.File) -> list[str]:

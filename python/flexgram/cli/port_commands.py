@@ -6,7 +6,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from flexgram.basics import BodyError, say, written_aside
+from flexgram.basics import BodyError, check_name, say, written_aside
 
 
 def couple_options(parser: argparse.ArgumentParser) -> None:
@@ -63,7 +63,9 @@ def run_couple(options: argparse.Namespace) -> None:
     for word in options.roms:
         name, equals, path = word.partition("=")
         file = Path(path if equals else word)
-        part = name if equals else file.name.partition(".")[0]
+        part = check_name(f"part {word}", name if equals else file.name.partition(".")[0])
+        if "." in part:
+            raise BodyError(f"part {part}: without a point, which parts its ports' names")
         if part in models:
             raise BodyError(f"two parts are named {part}: name one, NAME={file}")
         models[part] = ReducedModel.load(file, basis=False)
@@ -142,7 +144,7 @@ def run_frf(options: argparse.Namespace) -> None:
         raise BodyError(f"{options.measured} has {len(measured)} responses for {len(pairs)} pairs")
     if options.hz:
         first, last, count = numbers(f"--hz {options.hz}", options.hz, 3)
-        hertz = np.linspace(first, last, int(count))
+        hertz = np.linspace(first, last, count_of(f"--hz {options.hz}", count))
     else:
         hertz = np.linspace(
             model.claim.band[0] / (2 * np.pi), model.claim.band[-1] / (2 * np.pi), 800
@@ -298,13 +300,20 @@ def simulate_options(parser: argparse.ArgumentParser) -> None:
     )
 
 
+def count_of(option: str, count: float) -> int:
+    """A number of points of an option first,last,count."""
+    if not (count >= 1 and count == int(count)):
+        raise BodyError(f"{option}: the count {count:g} must be a whole number from 1")
+    return int(count)
+
+
 def run_simulate(options: argparse.Namespace) -> None:
     import numpy as np
 
     from flexgram.model.recovery import largest_stress, words_of_stress
     from flexgram.reduced_model import ReducedModel
-    from flexgram.simulation.expressions import function_of_time
-    from flexgram.simulation.histories import evenly, read_history
+    from flexgram.simulation.expressions import between_times, function_of_time
+    from flexgram.simulation.histories import evenly, judge, read_history
 
     model = ReducedModel.load(options.rom, basis=options.xdmf is not None or options.stress)
     if not options.force and options.loads is None:
@@ -314,7 +323,7 @@ def run_simulate(options: argparse.Namespace) -> None:
     else:
         try:
             first, last, count = (float(x) for x in options.time.split(","))
-            t = np.linspace(first, last, int(count))
+            t = np.linspace(first, last, count_of(f"--time {options.time}", count))
         except ValueError:
             raise BodyError(f"--time {options.time}: expected first,last,count") from None
         u = np.zeros((len(t), len(model.inputs)))
@@ -326,6 +335,8 @@ def run_simulate(options: argparse.Namespace) -> None:
             )
         try:
             u[:, model.inputs.index(port)] += function_of_time(expression, t)
+            if words := between_times(expression, t):
+                say(f"  warning: --force {port}: {words}")
         except BodyError as error:
             raise BodyError(f"--force {port}: {error}") from None
     rates = options.rates.split(",")
@@ -334,6 +345,9 @@ def run_simulate(options: argparse.Namespace) -> None:
     with written_aside(options.output) as place:
         np.savetxt(place, np.column_stack([t, y]), delimiter=",", header=header, comments="")
     say(f"  wrote {options.output}: {len(t)} times, {y.shape[1]} outputs")
+    if u.any():
+        for words in judge(model, t, u).words_of_outside:
+            say(f"  note: {words}")
     if options.xdmf is not None:
         from flexgram.exporters.shapes import write_motion
 

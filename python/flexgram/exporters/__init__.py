@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, expect_kept
 from flexgram.model.reduced import ReducedBody
 
 __all__ = ["FORMATS", "export"]
@@ -43,10 +43,16 @@ def _superelement(writer: str) -> Callable[..., None]:
     return write
 
 
-def _matrices(model: ReducedBody, path: Path, **_: Any) -> None:
-    from flexgram.exporters.arrays import write_mat, write_npz
+def _mat(model: ReducedBody, path: Path, **_: Any) -> None:
+    from flexgram.exporters.arrays import write_mat
 
-    (write_mat if path.suffix == ".mat" else write_npz)(model, path)
+    write_mat(model, path)
+
+
+def _npz(model: ReducedBody, path: Path, **_: Any) -> None:
+    from flexgram.exporters.arrays import write_npz
+
+    write_npz(model, path)
 
 
 def _mbdyn(model: ReducedBody, path: Path, **options: Any) -> None:
@@ -111,19 +117,23 @@ FORMATS: dict[str, tuple[str, str, Callable[..., None]]] = {
     "mbdyn": ("data file of MBDyn's modal joint", ".fem", _mbdyn),
     "fmu": ("functional mock-up unit, FMI 2.0", ".fmu", _fmu(2)),
     "fmu3": ("functional mock-up unit, FMI 3.0", ".fmu", _fmu(3)),
-    "mat": ("MATLAB", ".mat", _matrices),
+    "mat": ("MATLAB", ".mat", _mat),
     "octave": (
         "script for MATLAB and Octave with its data: loads the body, draws H, simulates",
         ".m",
         _octave,
     ),
-    "npz": ("NumPy", ".npz", _matrices),
+    "npz": ("NumPy", ".npz", _npz),
     "state-space": ("A, B, C, D of x' = A x + B u as MATLAB or NumPy file", ".mat", _state_space),
     "vtu": ("basis vectors on the mesh for ParaView (any meshio format)", ".vtu", _shapes),
 }
 
 
-def export(model: ReducedBody, path: str | Path, format: str, **options: Any) -> None:
+#: Endings of formats that have several; none: any that meshio writes.
+ENDINGS: dict[str, tuple[str, ...]] = {"state-space": (".mat", ".npz"), "vtu": ()}
+
+
+def export(model: ReducedBody, path: str | Path, format: str, **options: Any) -> Path:
     """Write a reduced body for another program.
 
     Parameters
@@ -139,6 +149,11 @@ def export(model: ReducedBody, path: str | Path, format: str, **options: Any) ->
         come along) for ``exudyn`` and ``vtu``; ``body`` for superelements, where interfaces are;
         ``rates`` for ``state-space`` and ``fmu``.
 
+    Returns
+    -------
+    Path
+        The file: ``path``, with the format's ending if it has none.
+
     Raises
     ------
     BodyError
@@ -147,11 +162,35 @@ def export(model: ReducedBody, path: str | Path, format: str, **options: Any) ->
     Examples
     --------
     >>> rom = flexgram.ReducedModel.load("rack.rom.h5")
-    >>> flexgram.export(rom, "rack.SID_FEM", "sid")
-    >>> flexgram.export(rom, "rack.mat", "mat")
+    >>> flexgram.export(rom, "rack.SID_FEM", "sid").name
+    'rack.SID_FEM'
+    >>> flexgram.export(rom, "rack", "mat").name
+    'rack.mat'
     """
     if format not in FORMATS:
         raise BodyError(f"export to {format}: must be one of {', '.join(FORMATS)}")
-    if model.path is not None and Path(path).exists() and Path(path).samefile(model.path):
-        raise BodyError(f"{path} would replace the reduced file itself")
-    FORMATS[format][2](model, Path(path), **{k: v for k, v in options.items() if v is not None})
+    target = target_of(path, format)
+    if model.path is not None:
+        body = model.provenance.body
+        beside = [model.path.parent / body, Path(body)] if body else []
+        expect_kept(target, model.path, options.get("body"), *beside)
+    FORMATS[format][2](model, target, **{k: v for k, v in options.items() if v is not None})
+    return target
+
+
+def target_of(path: str | Path, format: str) -> Path:
+    """The file that an export writes: with the format's ending, if ``path`` has none.
+
+    Raises
+    ------
+    BodyError
+        If ``path`` has the ending of another format.
+    """
+    target, own = Path(path), FORMATS[format][1]
+    if not target.suffix and not target.exists():
+        return target.with_name(target.name + own)
+    ending, known = target.suffix.lower(), ENDINGS.get(format, (own,))
+    others = {suffix for _, suffix, _ in FORMATS.values()} | {".h5", ".txt"}
+    if known and ending not in {k.lower() for k in known} and ending in {o.lower() for o in others}:
+        raise BodyError(f"{path}: --to {format} writes {' or '.join(known)}")
+    return target

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-import scipy.linalg
 
 from flexgram.basics import BodyError, Floats, written_aside
+from flexgram.model.modes import natural_modes
 from flexgram.model.reduced import ReducedBody
 
 
@@ -72,7 +72,12 @@ def write_dmig(model: ReducedBody, path: Path) -> None:
     error = f"error {model.claim.supremum:.1e} ({model.claim.label})"
     lines = [f"$ flexgram: {model.order} generalised coordinates, {error}"]
     lines += [f"$ column {j + 1} of PRED: {name}" for j, name in enumerate(model.inputs)]
-    values, modes = scipy.linalg.eigh(model.system.K, model.system.M)
+    values, modes = natural_modes(model.system.K, model.system.M)
+    if not np.all(np.isfinite(values)):
+        raise BodyError(
+            f"{int(np.isinf(values).sum())} of the coordinates have no mass, and modal ones need "
+            "it: condense them before the reduction, or export op4 or nastran"
+        )
     values[: model.frame.rigid_modes] = 0
     D = modes.T @ model.system.D @ modes
     D[np.abs(D) < 1e-15 * np.abs(D).max(initial=0)] = 0

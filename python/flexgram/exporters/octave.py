@@ -49,8 +49,8 @@ output = {output};  % its name: b.outputs{{output}}
 input = {input};
 
 % Transfer function over the band
-C = @(w) b.C + 1i * w * b.C_rate + 1i * diag(b.output_eta) * b.C;
-H = @(w) C(w) * ((b.K * (1 + 1i * b.eta) + 1i * w * b.D - w^2 * b.M) \\ b.B) + b.feedthrough;
+H = @(w) (b.C + 1i * w * b.C_rate + 1i * diag(b.output_eta) * b.C) * ...
+  ((b.K * (1 + 1i * b.eta) + 1i * w * b.D - w^2 * b.M) \\ b.B) + b.feedthrough;
 f = linspace({first:.9g}, {last:.9g}, 500);
 h = zeros(size(f));
 for k = 1:numel(f)
@@ -76,7 +76,10 @@ end
 y = (b.C * x(1:m, :) + b.C_rate * x(m + 1:2 * m, :) + b.feedthrough(:, input))';
 """
 FIGURES = """
-if ~exist('quiet', 'var') || ~quiet
+without_display = exist('OCTAVE_VERSION', 'builtin') && isempty(available_graphics_toolkits());
+if without_display
+  disp('no figures: this Octave has no display');
+elseif ~exist('quiet', 'var') || ~quiet
   figure;
   semilogy(f, abs(h));
   xlabel('frequency [Hz]');
@@ -112,7 +115,7 @@ def _is_ours(path: Path) -> bool:
 
 
 def write_octave(model: ReducedBody, path: Path, body: str | Path | None = None) -> None:
-    """``NAME.m``, and ``NAME.mat`` beside it (``write_mat``).
+    """``NAME.m``, and ``NAME.m.mat`` with its data beside it (``write_mat``).
 
     Raises
     ------
@@ -126,7 +129,7 @@ def write_octave(model: ReducedBody, path: Path, body: str | Path | None = None)
         )
     if name in TAKEN or name in re.findall(r"[a-z]\w*", SCRIPT + STEP + FIGURES + SECOND):
         raise BodyError(f"{path}: {name} is a word of the language: name it {name}_reduced.m, say")
-    data = path.with_name(f"{name}.mat")
+    data = path.with_name(f"{name}.m.mat")
     if data.exists() and not _is_ours(data):
         raise BodyError(f"{data} is there, and not of such a script: another name")
     output, port = _strongest(model)
@@ -134,7 +137,7 @@ def write_octave(model: ReducedBody, path: Path, body: str | Path | None = None)
     slowest = float(elastic.min(initial=float(model.claim.band[-1])))
     values = {
         "claim": model.claim.words,
-        "data": f"{name}.mat",
+        "data": data.name,
         "output": output + 1,
         "input": port + 1,
         "first": model.claim.band[0] / (2 * np.pi),

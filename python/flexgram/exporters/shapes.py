@@ -28,18 +28,27 @@ def _geometry(model: ReducedBody, body: str | Path | None) -> Geometry:
 def _with_data_of_its_own(place: Path) -> Iterator[Path]:
     """A name under which meshio writes XDMF so that its data are in ``rack.xdmf.h5``, not in
     ``rack.h5``, which may be the body. Other formats are one file."""
-    if place.suffix not in (".xdmf", ".xmf"):
+    if not _is_xdmf(place):
         yield place
         return
-    name = place.with_name(place.name + place.suffix)
+    name = place.with_name(f"{place.name}.xdmf")
     yield name
     name.rename(place)
+
+
+def _is_xdmf(path: Path) -> bool:
+    return path.suffix.lower() in (".xdmf", ".xmf")
+
+
+def _companions(path: Path) -> list[str]:
+    """XDMF's data, which ``_expect_such_data`` has looked at."""
+    return [f"{path.name}.h5"] if _is_xdmf(path) else []
 
 
 def _expect_such_data(path: Path) -> None:
     """Refuse to replace a ``rack.xdmf.h5`` that holds anything else than XDMF's data."""
     data = path.with_name(path.name + ".h5")
-    if path.suffix not in (".xdmf", ".xmf") or not data.exists():
+    if not _is_xdmf(path) or not data.exists():
         return
     try:
         with h5py.File(data) as file:
@@ -70,11 +79,13 @@ def write_shapes(
     mesh = meshio.Mesh(geometry.points, geometry.blocks, point_data=fields)
     try:
         _expect_such_data(Path(path))
-        with written_aside(path, body, model.path) as place:
+        with written_aside(path, body, model.path, companions=_companions(path)) as place:
             with _with_data_of_its_own(place) as name:
                 meshio.write(name, mesh)
-    except (meshio.WriteError, KeyError) as error:
-        raise BodyError(f"{path}: meshio cannot write it ({error})") from error
+    except (meshio.WriteError, meshio.ReadError, KeyError, TypeError, ImportError) as error:
+        raise BodyError(
+            f"{path}: meshio cannot write it ({error}); .vtu and .xdmf it can"
+        ) from error
 
 
 def write_motion(
@@ -110,11 +121,16 @@ def write_motion(
     >>> _, q = rom.simulate(np.ones((11, len(rom.inputs))), t)
     >>> write_motion(rom, "standing.xdmf", t, q)
     """
+    if not _is_xdmf(Path(path)):
+        raise BodyError(f"{path}: a motion is written as XDMF: name it {Path(path).stem}.xdmf")
     where = Path(body_of(model, body)).resolve()  # meshio works in another folder
     geometry = Geometry.load(where)
     here = os.getcwd()
     _expect_such_data(Path(path))
-    with written_aside(path, body, model.path) as place, _with_data_of_its_own(place) as name:
+    with (
+        written_aside(path, body, model.path, companions=_companions(Path(path))) as place,
+        _with_data_of_its_own(place) as name,
+    ):
         os.chdir(name.parent)  # meshio puts the data file where it runs
         try:
             with meshio.xdmf.TimeSeriesWriter(name.name) as writer:

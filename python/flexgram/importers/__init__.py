@@ -281,15 +281,20 @@ def import_matrices(
     new = body.pop("new_points")
     labels = np.concatenate([fe.labels, np.array(list(new), dtype=np.int64)])
     points = np.vstack([fe.points, *new.values()]) if new else fe.points
+    damping = {
+        "alpha": fe.alpha if alpha is None else alpha,
+        "beta": fe.beta if beta is None else beta,
+        "eta": fe.eta if eta is None else eta,
+    }
     write_matrices(
         output,
         **_in_SI(body, length, mass, force),
-        alpha=fe.alpha if alpha is None else alpha,
-        beta=fe.beta if beta is None else beta,
-        eta=fe.eta if eta is None else eta,
+        alpha=damping["alpha"],
+        beta=damping["beta"],
+        eta=damping["eta"],
         rounding=rounding,
         **_places(fe, body, labels, points * length),
-        blocks=fe.indexed_blocks(),
+        blocks=fe.indexed_blocks() if fe.has_coordinates() else [],
     )
     if rounding:
         fe.remarks.append(_digits(fe, rounding))
@@ -303,6 +308,7 @@ def import_matrices(
     became = _references(fe, every, body["followers"], labels, points, length)
     return {
         **facts,
+        "damping": damping,
         "interfaces": became,
         "rows": body["K"].shape[0],
         "ports": body["inputs"],

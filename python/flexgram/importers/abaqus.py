@@ -95,8 +95,8 @@ def read_abaqus(path: Path, deck: Path | None = None) -> FeMatrices:
         fe.remarks.append("equations are taken as three to a node in the order of the labels")
     if np.any(fe.node < 0):
         fe.remarks.append(
-            f"{int(np.sum(fe.node < 0))} rows belong to internal nodes (negative labels): no "
-            "coordinates are kept"
+            f"{int(np.sum(fe.node < 0))} rows belong to internal nodes (negative labels): "
+            "interfaces are found by the places of the others, and no coordinates are kept"
         )
     if model is not None:
         fe.remarks += model.remarks
@@ -104,6 +104,5 @@ def read_abaqus(path: Path, deck: Path | None = None) -> FeMatrices:
         fe.remarks.append("no deck: no coordinates, no node sets (--deck names it)")
     else:
         fe.labels, fe.sets, fe.blocks = model.labels, model.sets, model.blocks
-        if not np.any(fe.node < 0):
-            fe.points = model.points
+        fe.points = model.points
     return fe

@@ -22,7 +22,7 @@ from flexgram.importers.ccx import Card, Job, damping_of, frequency_step, read_j
 from flexgram.importers.deck import Deck, read_deck
 from flexgram.importers.deck_loads import in_steps, loads_of
 from flexgram.importers.fe import Interface
-from flexgram.importers.mesh import describe_interfaces
+from flexgram.importers.mesh import describe_interfaces, further_keys
 
 ELEMENTS = ("C3D4", "C3D10", "C3D15", "C3D20")
 #: Cards of the model that are read here, by ``read_deck`` or ``damping_of``.
@@ -152,6 +152,8 @@ def assemble_deck(
     loads: Mapping[str, Any] | None = None,
     outputs: Mapping[str, Any] | None = None,
     deck_loads: bool = False,
+    merge: float | None = None,
+    keep_repeated: bool = False,
 ) -> dict[str, Any]:
     """Write a mesh body of a deck, without ccx.
 
@@ -173,6 +175,8 @@ def assemble_deck(
         As in a YAML description; node numbers and sets are those of the deck.
     deck_loads : bool
         Make inputs of the loads of the deck's steps too (``deck_loads.loads_of``).
+    merge, keep_repeated
+        As of ``import_mesh``.
 
     Returns
     -------
@@ -195,9 +199,13 @@ def assemble_deck(
             f"{path}: step {number} is preloaded (PERTURBATION), which --run-ccx takes into account"
         )
     materials = _materials(job)
-    mesh, material_of = _mesh(job, deck, materials)
+    mesh, material_of, overlapping = _mesh(job, deck, materials)
     damping = damping_of(job)
     remarks = [*deck.remarks, *damping.remarks]
+    if overlapping:
+        remarks.append(
+            f"{overlapping} elements are in several *SOLID SECTIONs: the last one counts, as in ccx"
+        )
     described = describe_interfaces(interfaces)
     loads = {name: dict(entry) for name, entry in (loads or {}).items()}
     outputs = {name: dict(entry) for name, entry in (outputs or {}).items()}
@@ -230,18 +238,19 @@ def assemble_deck(
             key: getattr(damping, key) if value is None else value for key, value in given.items()
         },
     }
+    content |= further_keys(merge, keep_repeated)
     counts = import_description(content, str(path), output, inputs=[path], mesh=mesh)
     return {**counts, "remarks": remarks}
 
 
 def _mesh(
     job: Job, deck: Deck, materials: Mapping[str, Mapping[str, float]]
-) -> tuple[meshio.Mesh, dict[str, str]]:
-    """The mesh with a region for each *SOLID SECTION, and the material of each region."""
+) -> tuple[meshio.Mesh, dict[str, str], int]:
+    """The mesh with a region for each *SOLID SECTION, the material of each region, and how many
+    elements are in several sections, of which the last one counts."""
     material_of: dict[str, str] = {}
-    cells: list[tuple[str, Any]] = []
-    region_of: list[str] = []  # of each of cells
-    sectioned: set[int] = set()
+    region_of: dict[int, str] = {}  # of each element
+    given = 0
     for card in (c for c in job.model if c.keyword == "SOLID SECTION"):
         name, material = (card.options.get(key, "").upper() for key in ("ELSET", "MATERIAL"))
         if name not in deck.elsets or not {"E", "nu", "rho"} <= set(materials.get(material, ())):
@@ -251,19 +260,21 @@ def _mesh(
             )
         region = f"section{len(material_of) + 1}"
         material_of[region] = material
-        sectioned.update(deck.elsets[name])
-        by_kind: dict[str, list[list[int]]] = {}
-        for label in deck.elsets[name]:
-            kind, nodes = deck.elements[label]
-            by_kind.setdefault(kind, []).append(nodes)
-        for kind, lists in by_kind.items():
-            cells.append((kind, np.searchsorted(deck.labels, np.array(lists, dtype=np.int64))))
-            region_of.append(region)
-    if len(sectioned) < len(deck.elements):
+        region_of |= dict.fromkeys(deck.elsets[name], region)
+        given += len(set(deck.elsets[name]))
+    if len(region_of) < len(deck.elements):
         raise BodyError(
-            f"{job.path}: {len(deck.elements) - len(sectioned)} elements have no *SOLID SECTION"
+            f"{job.path}: {len(deck.elements) - len(region_of)} elements have no *SOLID SECTION"
         )
+    groups: dict[tuple[str, str], list[int]] = {}  # labels by region and kind
+    for label, region in region_of.items():
+        groups.setdefault((region, deck.elements[label][0]), []).append(label)
+    cells = [
+        (kind, np.searchsorted(deck.labels, np.array([deck.elements[e][1] for e in labels])))
+        for (_, kind), labels in groups.items()
+    ]
     none = np.empty(0, dtype=np.int64)
+    used = {region for region, _ in groups}
     mesh = meshio.Mesh(
         deck.points,
         cells,
@@ -273,13 +284,15 @@ def _mesh(
         },
         cell_sets={
             region: [
-                np.arange(len(table)) if owner == region else none
-                for (_, table), owner in zip(cells, region_of, strict=True)
+                np.arange(len(labels)) if owner == region else none
+                for (owner, _), labels in groups.items()
             ]
-            for region in material_of
+            for region in used
         },
+        cell_data={"label": [np.array(labels) for labels in groups.values()]},
     )
-    return mesh, material_of
+    kept = {region: material for region, material in material_of.items() if region in used}
+    return mesh, kept, given - len(region_of)
 
 
 def _add_loads_of_steps(

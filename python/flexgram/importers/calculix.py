@@ -12,11 +12,12 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from flexgram.basics import BodyError, whole_numbers
+from flexgram.basics import BodyError, index_of, whole_numbers
 from flexgram.importers import ccx
 from flexgram.importers.deck import read_deck
 from flexgram.importers.deck_loads import attach_loads, in_steps
 from flexgram.importers.fe import (
+    REDUCED,
     FeMatrices,
     check_indices,
     read_triplets,
@@ -79,7 +80,10 @@ def read_calculix(
         component.append(int(direction) - 1)
     n = len(node)
     if n == 0:
-        raise BodyError(f"{files['.dof']}: empty")
+        raise BodyError(
+            f"{files['.dof']}: empty: the deck has no free mechanical dof (every node is held, or "
+            "its elements are of heat or flow alone)"
+        )
     K = _matrix(files[".sti"], n)
     M = _matrix(files[".mas"], n)
     fe = FeMatrices(
@@ -109,6 +113,12 @@ def read_calculix(
                 "NODE); its reference node has translations only"
             )
             continue
+        if turns.sum() != 3:
+            missing = [n for c, n in enumerate("xyz") if not np.any(fe.component[turns] == c)]
+            fe.remarks.append(
+                f"*RIGID BODY {name}: it has no free rotation about {', '.join(missing)} (nodes "
+                "on a line, or it is held): no moment about that is a port"
+            )
         fe.node[turns] = reference
         fe.component[turns] += 3
         fe.rigid[name] = reference
@@ -123,10 +133,29 @@ def read_calculix(
     if not known.all():
         fe.remarks.append(
             f"{len(np.unique(fe.node[~known]))} nodes are not in the deck (expanded shells or "
-            "beams, internal nodes of C3D8I): no coordinates are kept"
+            "beams, internal nodes of C3D8I): interfaces are found by the places of the others, "
+            "and no coordinates are kept"
         )
-        fe.points = np.empty((0, 3))
+    elements = (card for card in job_of_user.model if card.keyword == "ELEMENT")
+    fe.types = {card.options.get("TYPE", "").upper() for card in elements}
+    fe.remarks += doubts_of_elements(fe.types)
     return fe
+
+
+def doubts_of_elements(types: set[str]) -> list[str]:
+    """What element types of a deck are known to get wrong in ccx."""
+    found = []
+    if reduced := sorted(types & REDUCED):
+        found.append(
+            f"{', '.join(reduced)}: ccx computes these with one integration point and a hourglass "
+            "stiffness, and bends them wrong by factors: take C3D8I, C3D20R or C3D10, S4 or S8R, "
+            "B31 or B32"
+        )
+    if "C3D8" in types:
+        found.append("C3D8 is too stiff in bending: C3D8I, C3D20R and C3D10 converge faster")
+    if types & {"C3D4", "C3D6"}:
+        found.append("linear tetrahedra and wedges are too stiff: C3D10 and C3D15 converge faster")
+    return found
 
 
 def _take_damping(fe: FeMatrices, damping: ccx.Damping) -> None:
@@ -181,8 +210,6 @@ def _expand(fe: FeMatrices) -> None:
     several = label[(count > 1) & np.isin(label, fe.labels)]
     if not len(several):
         return
-    if not np.isin(fe.node, fe.labels).all():  # S4, B31: with internal nodes of incompatible modes
-        return
     if not together or len(first) != count.sum():
         fe.remarks.append(
             "nodes of shells or beams have several rows, some of them held: where "
@@ -191,8 +218,9 @@ def _expand(fe: FeMatrices) -> None:
         fe.points = np.empty((0, 3))
         return
     # Nodes of the rows, three rows each; unknown places of the expanded ones about the label's.
-    of_label = np.searchsorted(fe.labels, fe.node[first])
-    base = fe.points[of_label]
+    # Internal nodes (S4, B31: incompatible modes) do not take part in rigid motion.
+    at, inside = index_of(fe.labels, fe.node[first])
+    base = np.where(inside[:, None], fe.points[at], 0.0)
     expanded = np.isin(fe.node[first], several)
     order = np.argsort(fe.node[first], kind="stable")
     last = np.zeros(len(first), dtype=bool)  # the last copy of each label makes the mean right
@@ -219,6 +247,7 @@ def _expand(fe: FeMatrices) -> None:
     offset = place @ splu(A.tocsc()).solve(b)
     points = base + offset.reshape(-1, 3)
     motion = rigid_motions(np.repeat(points, 3, axis=0), fe.component)
+    motion[~np.repeat(inside, 3)] = 0
     energy = np.einsum("ij,ij->j", motion, fe.K @ motion)
     scale = np.einsum("ij,i,ij->j", motion, fe.K.diagonal(), motion)
     if not np.all(np.abs(energy) <= 1e-9 * scale):
@@ -232,6 +261,7 @@ def _expand(fe: FeMatrices) -> None:
     old = fe.node[first][expanded]
     fe.node[np.repeat(expanded, 3)] = np.repeat(fresh, 3)
     fe.thin = True
+    fe.copies = {int(label): fresh[old == label] for label in several}
     fe.labels = np.concatenate([fe.labels, fresh])
     fe.points = np.vstack([fe.points, points[expanded]])
     for name, members in fe.sets.items():

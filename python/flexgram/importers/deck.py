@@ -177,7 +177,9 @@ class _Model:
         elif keyword == "ELEMENT" and self.count:
             self.pending += [int(word) for word in words]
             if len(self.pending) > self.count:
-                self.connectivity[self.pending[0]] = self.kind, self.pending[1 : self.count + 1]
+                element = self.kind, self.pending[1 : self.count + 1]
+                if self.connectivity.setdefault(self.pending[0], element) != element:
+                    raise ValueError(f"defines element {self.pending[0]} a second time")
                 if "ELSET" in options:
                     self.elsets.setdefault(options["ELSET"].upper(), []).append(self.pending[0])
                 self.pending = []
@@ -222,7 +224,7 @@ def read_deck(path: Path) -> Deck:
             model.data(keyword, options, words)
         except (ValueError, KeyError) as error:
             reason = str(error)
-            known = reason.startswith(("gives", "moves", "writes", "is a"))
+            known = reason.startswith(("gives", "moves", "writes", "is a", "defines"))
             what = reason if known else f"does not belong under *{keyword}"
             raise BodyError(f"{file}, line {number}: {line[:60]!r} {what}") from None
     labels, points, connectivity = (

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from numpy.typing import NDArray
 
 from flexgram.basics import BodyError, Floats, Ints, index_of
 
@@ -28,6 +29,10 @@ class Interface:
     where: str | Ints  #: a selector such as ``NSET:TOP``, or labels (rows)
     position: Floats | None = None  #: of the reference node; default: the middle of the nodes
     weights: Floats | None = None  #: of the nodes of a distributing interface; default: equal
+
+
+#: Element types with one integration point, and ccx's hourglass stiffness against its zero modes.
+REDUCED = {"C3D8R", "S4R", "B31R", "CPS4R", "CPE4R", "CAX4R"}
 
 
 def rigid_motions(points: Floats, component: Ints) -> Floats:
@@ -95,6 +100,9 @@ class FeMatrices:
     beta: float = 0.0
     eta: float = 0.0
     thin: bool = False  #: of shells or beams: distances of nodes tell no volume
+    #: nodes that the code expands to several: label -> labels of these
+    copies: dict[int, Ints] = field(default_factory=dict)
+    types: set[str] = field(default_factory=set)  #: element types of the deck, as it names them
     remarks: list[str] = field(default_factory=list)
     _indexed: list[tuple[str, Ints]] | None = field(default=None, repr=False)
 
@@ -102,14 +110,22 @@ class FeMatrices:
     def n(self) -> int:
         return int(self.K.shape[0])
 
+    def placed(self) -> NDArray[np.bool_]:
+        """Which rows belong to a node with coordinates (n,): not those of internal nodes (C3D8I) or
+        scalar points, which no rigid motion moves."""
+        if len(self.node) != self.n or not len(self.points):
+            return np.zeros(self.n, dtype=bool)
+        return index_of(self.labels, self.node)[1]
+
     def has_coordinates(self) -> bool:
-        return len(self.node) == self.n and len(self.points) > 0
+        """Whether every row has a place."""
+        return bool(self.placed().all()) and len(self.points) > 0
 
     def indexed_blocks(self) -> list[tuple[str, Ints]]:
         """Elements by indices into ``points``, where all their nodes are known."""
         if self._indexed is None:
             self._indexed = []
-            for kind, connectivity in self.blocks if self.has_coordinates() else ():
+            for kind, connectivity in self.blocks if self.placed().any() else ():
                 at, known = index_of(self.labels, connectivity)
                 if known.all():
                     self._indexed.append((kind, at))
@@ -297,7 +313,7 @@ def check(fe: FeMatrices) -> dict[str, Any]:
             f"{np.median(k[both] / m[both]):.1e} 1/s²): are K and M swapped?"
         )
     facts: dict[str, Any] = {"n": fe.n, "nonzeros": int(fe.K.nnz)}
-    if not fe.has_coordinates():
+    if not fe.placed().any():
         return facts
     with np.errstate(all="ignore"):  # what overflows is refused below
         return facts | _rigid_facts(where, fe)
@@ -305,20 +321,27 @@ def check(fe: FeMatrices) -> dict[str, Any]:
 
 def _rigid_facts(where: str, fe: FeMatrices) -> dict[str, Any]:
     facts: dict[str, Any] = {}
-    k = fe.K.diagonal()
-    motions = rigid_motions(fe.positions(fe.node), fe.component)
+    k, placed = fe.K.diagonal(), fe.placed()
+    motions = np.zeros((fe.n, 6))
+    motions[placed] = rigid_motions(fe.positions(fe.node[placed]), fe.component[placed])
     energy = np.abs(np.sum(motions * (fe.K @ motions), axis=0))
     weight = np.sum(motions**2 * np.abs(k)[:, None], axis=0)
     facts["rigid_energy"] = energy / np.where(weight > 0, weight, 1)
     if not np.all(np.isfinite(facts["rigid_energy"])):
         raise BodyError(f"{where}: numbers so large that products overflow")
-    free = facts["rigid_energy"] < 1e-10
+    free = (facts["rigid_energy"] < 1e-10) & (weight > 0)  # a motion that no row shows is held
     facts["free"] = int(free.sum())
     if free[:3].all() and not free.all():
+        hourglass = sorted(fe.types & REDUCED)
+        cause = (
+            f"the hourglass stiffness of {', '.join(hourglass)} in ccx strains rigid rotations of "
+            "distorted elements: take C3D8I or C3D20R (of shells S8R or S4)"
+            if hourglass
+            else "the dof map or the coordinates do not belong to these matrices"
+        )
         raise BodyError(
             f"{where}: K lets all translations free but resists rotation (relative energy "
-            f"{facts['rigid_energy'].max():.1e}): the dof map or the coordinates do not belong to "
-            "these matrices"
+            f"{facts['rigid_energy'].max():.1e}): {cause}"
         )
     mass6 = motions.T @ (fe.M @ motions)
     mass6 = 0.5 * (mass6 + mass6.T)
@@ -329,6 +352,10 @@ def _rigid_facts(where: str, fe: FeMatrices) -> dict[str, Any]:
             f"{masses[1]:.6g}, {masses[2]:.6g}: the dof map does not belong to "
             "these matrices"
         )
+    if np.ptp(masses) > 1e-6 * masses.max():  # of a held body, or one whose mass is directed
+        words = ", ".join(f"{m:.6g}" for m in masses)
+        fe.remarks.append(f"the mass of the free rows is {words} in x, y, z")
+        return facts
     mass = float(masses.mean())
     if not 0 < mass < np.inf:
         raise BodyError(f"{where}: the mass is {mass:.6g}")

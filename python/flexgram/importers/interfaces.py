@@ -62,7 +62,9 @@ def select(fe: FeMatrices, interface: Interface) -> Ints:
         return known[words.upper()]
     if kind == "NODES":
         try:
-            return np.array([int(word) for word in words.split(",")], dtype=np.int64)
+            chosen = [int(word) for word in words.split(",")]
+            some = [fe.copies.get(label, np.array([label], dtype=np.int64)) for label in chosen]
+            return np.concatenate(some).astype(np.int64)
         except (ValueError, OverflowError):
             raise BodyError(f"{place}: expected node numbers, not {words!r}") from None
     if kind in ("BOX", "AT"):
@@ -91,6 +93,12 @@ def _rows(fe: FeMatrices, name: str, labels: Ints) -> tuple[Ints, Ints]:
     np.add.at(count, (at[moves], fe.component[rows][moves]), 1)
     if not np.all(count == 1):
         node, c = np.argwhere(count != 1)[0]
+        if count[node, c] > 1:
+            raise BodyError(
+                f"interface {name}: node {labels[node]} has {count[node, c]} rows for its "
+                f"{'xyz'[c]} translation: ccx expands nodes of shells and beams, and where these "
+                "rows lie is known of free bodies only: import it without its supports"
+            )
         raise BodyError(
             f"interface {name}: node {labels[node]} has no free {'xyz'[c]} translation: it is "
             "constrained in the FE model (or not part of it); take the support or coupling out "
@@ -275,16 +283,28 @@ def _ports(
         return _unit_columns(rows, n), [f"{name}.{force}" for force in FORCES], six
     if interface.coupling == "rows":
         words = str(interface.where).removeprefix("ROWS:")
+        named = [word.rpartition(":")[::2] for word in words.split(",")]
         try:
-            rows = np.array([int(word) - 1 for word in words.split(",")])
+            rows = np.array([int(number) - 1 for _, number in named])
         except ValueError:
-            raise BodyError(f"--rows {name}={words}: expected row numbers from 1") from None
+            raise BodyError(
+                f"--rows {name}={words}: expected row numbers from 1, or directions and rows, "
+                "fx:25,fy:26"
+            ) from None
+        directions = [direction for direction, _ in named]
+        if any(directions) and (
+            not set(directions) <= set(FORCES) or len(set(directions)) < len(directions)
+        ):
+            raise BodyError(f"--rows {name}={words}: directions are {', '.join(FORCES)}, each once")
         if len(np.unique(rows)) < len(rows):
             raise BodyError(f"--rows {name}={words}: a row is named twice")
         if rows.min() < 0 or rows.max() >= fe.n:
             raise BodyError(f"--rows {name}={words}: the matrices have rows 1 to {fe.n}")
         turns = fe.component[rows] >= 3 if len(fe.component) else np.zeros(len(rows), dtype=bool)
-        return _unit_columns(rows, fe.n), [f"{name}.{row + 1}" for row in rows], turns.tolist()
+        if any(directions):
+            turns = np.array([direction.startswith("m") for direction in directions])
+        ports = [f"{name}.{d or row + 1}" for d, row in zip(directions, rows, strict=True)]
+        return _unit_columns(rows, fe.n), ports, turns.tolist()
     chosen = select(fe, interface)
     labels, first = np.unique(chosen, return_index=True)
     if interface.coupling == "node":

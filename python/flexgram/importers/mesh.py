@@ -153,6 +153,8 @@ def import_mesh(
     eta: float | None = None,
     loads: Mapping[str, Any] | None = None,
     outputs: Mapping[str, Any] | None = None,
+    merge: float | None = None,
+    keep_repeated: bool = False,
 ) -> dict[str, Any]:
     """Turn a mesh of one material into a body file, without YAML.
 
@@ -174,6 +176,10 @@ def import_mesh(
     loads, outputs : mapping, optional
         As in a YAML description: ``{"gravity": {"type": "acceleration"}}``,
         ``{"fillet": {"type": "stress", "nodes": "fillet"}}``.
+    merge : float, optional
+        Nodes no farther apart than this, in units of the mesh, become one.
+    keep_repeated : bool
+        Elements with the same nodes count each, instead of being refused.
 
     Returns
     -------
@@ -207,7 +213,14 @@ def import_mesh(
         loads=loads,
         outputs=outputs,
     )
+    described |= further_keys(merge, keep_repeated)
     return import_description(described, str(mesh), output)
+
+
+def further_keys(merge: float | None, keep_repeated: bool) -> dict[str, Any]:
+    """Of a description, from the command line."""
+    keys: dict[str, Any] = {} if merge is None else {"merge": merge}
+    return keys | ({"repeated_elements": "keep"} if keep_repeated else {})
 
 
 def _parsed(name: str, words: str) -> Interface:

@@ -9,8 +9,9 @@ from __future__ import annotations
 import contextlib
 import io
 import re
+import tempfile
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -61,21 +62,50 @@ CARDS = (
 )
 
 
+def _cards_of(text: str, cards: Sequence[str]) -> str:
+    """The cards of these names with their continuations, from BEGIN BULK on if there is one: what
+    else a deck or a punch file holds may be as it likes."""
+    lines = text.splitlines()
+    starts = [k for k, line in enumerate(lines) if re.match(r"\s*BEGIN\b", line, re.I)]
+    kept, wanted = [], False
+    for line in lines[starts[0] + 1 if starts else 0 :]:
+        plain = line.split("$", 1)[0].rstrip()
+        if not plain:
+            continue
+        first = re.split(r"[,\s*]", plain.lstrip(), maxsplit=1)[0].upper()
+        goes_on = plain[0] in "+*," or (plain[0] == " " and plain[:8].strip() == "")
+        if not goes_on:
+            wanted = first in cards
+        if wanted:
+            kept.append(plain)
+    return "\n".join(kept) + "\n"
+
+
 def _bulk_data(path: Path, punch: bool | None) -> Any:
-    """A parsed file; pyNastran's many errors as one. punch None: a deck, from its BEGIN BULK on
-    or, without one, all of it."""
+    """A parsed file; pyNastran's many errors as one. punch: its DMIG; None: the ``CARDS`` of a
+    deck."""
     if not path.exists():
         raise BodyError(f"{path}: no such file")
     if b"\0" in path.open("rb").read(4096):
         raise BodyError(f"{path}: binary, expected bulk data as text")
     model = _pynastran()(debug=None)
-    if punch is None:
-        punch = not re.search(rb"^\s*BEGIN\s*,?\s*BULK", path.read_bytes(), re.M | re.I)
-        model.enable_cards(CARDS)
+    cards = ("DMIG",) if punch else CARDS
+    model.enable_cards(cards)
+    text = path.read_text(errors="replace")
     try:
-        with contextlib.redirect_stdout(io.StringIO()), warnings.catch_warnings():
+        with (
+            contextlib.redirect_stdout(io.StringIO()),
+            warnings.catch_warnings(),
+            tempfile.TemporaryDirectory() as folder,
+        ):
             warnings.simplefilter("ignore")
-            model.read_bdf(str(path), punch=punch, xref=False, validate=False)
+            if re.search(r"^\s*INCLUDE\b", text, re.M | re.I):  # read as it is
+                begins = re.search(r"^\s*BEGIN\s*,?\s*BULK", text, re.M | re.I)
+                model.read_bdf(str(path), punch=not begins, xref=False, validate=False)
+            else:
+                wanted = Path(folder) / "wanted.bdf"
+                wanted.write_text(_cards_of(text, cards))
+                model.read_bdf(str(wanted), punch=True, xref=False, validate=False)
     except (Exception, SystemExit) as error:
         reason = str(error).strip().splitlines()
         raise BodyError(
@@ -168,8 +198,8 @@ def _dmig(path: Path, asked: Mapping[str, str]) -> FeMatrices:
     if scalar.any():
         fe.remarks.append(
             f"{scalar.sum()} scalar points are modal coordinates or the like, "
-            "without a place in space: no coordinates are kept; interfaces are named "
-            f"by the {len(np.unique(node[~scalar]))} grids (NODES:...)"
+            "without a place in space: no coordinates are kept; interfaces are found "
+            f"among the {len(np.unique(node[~scalar]))} grids"
         )
     return fe
 
@@ -188,8 +218,18 @@ def _op4(path: Path, asked: Mapping[str, str]) -> FeMatrices:
         raise BodyError(
             f"{path}: pyNastran cannot read it ({error}); is the file complete?"
         ) from error
-    names = list(matrices)
+    # A matrix that Nastran does not have is one zero.
+    empty = {
+        name
+        for name, matrix in matrices.items()
+        if matrix.data.shape == (1, 1) and not sp.coo_matrix(matrix.data).nnz
+    }
+    names = [name for name in matrices if name not in empty]
     roles = {role: _role(names, role, path, asked) for role in ROLES}
+    if roles["D"] and "D" not in asked and roles["K"]:
+        shape = matrices[roles["K"]].data.shape
+        if matrices[roles["D"]].data.shape != shape:  # guessed, and of another set
+            roles["D"] = None
     found = {}
     for role, name in roles.items():
         if name is None:
@@ -318,8 +358,6 @@ def read_nastran(
                 f"{len(fe.labels)} grids: no coordinates"
             )
     _to_basic(fe, model, deck)
-    if not np.isin(fe.node, fe.labels).all():  # scalar points
-        fe.points = np.empty((0, 3))
     by_kind: dict[str, list[list[int]]] = {}
     for element in model.elements.values():
         nodes = [int(n) for n in element.nodes if n]

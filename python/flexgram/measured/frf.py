@@ -19,6 +19,7 @@ from numpy.typing import ArrayLike
 
 from flexgram.basics import BodyError, ComplexArray, Floats, errors_of, written_aside
 from flexgram.measured.universal import dataset, datasets
+from flexgram.model.kinds import unit_of
 from flexgram.model.reduced import ReducedBody
 from flexgram.model.system import RATES
 
@@ -263,6 +264,13 @@ def frac(a: ArrayLike, b: ArrayLike) -> float:
     return float(np.abs(np.vdot(x, y)) ** 2 / size) if size > 0 else 0.0
 
 
+def _axis(r: Response) -> str:
+    """What a response is and its unit, per unit of the input."""
+    above, below = unit_of(r.output, True, r.rate), unit_of(r.input, False)
+    what = r.rate if unit_of(r.output, True) in ("m", "rad") else r.output.rpartition(".")[2]
+    return f"|{what}| [{above}/({below})]" if above and below else f"|{what}| [SI]"
+
+
 def bode(functions: Sequence[Response], measured: Sequence[Response] = ()) -> Any:
     """Amount and phase of each over the frequency; ``measured`` beside them, one for each.
 
@@ -286,7 +294,7 @@ def bode(functions: Sequence[Response], measured: Sequence[Response] = ()) -> An
         for one, color, label in sets:
             panels[2 * k].semilogy(one.hertz, np.abs(one.values), color=color, label=label)
             panels[2 * k + 1].plot(one.hertz, np.angle(one.values, deg=True), color=color)
-        panels[2 * k].set(title=f"{r.output} from {r.input}", ylabel=f"|{r.rate}| [SI]")
+        panels[2 * k].set(title=f"{r.output} from {r.input}", ylabel=_axis(r))
         panels[2 * k + 1].set(ylabel="phase [°]", ylim=(-190, 190), yticks=(-180, 0, 180))
         for axes in panels[2 * k : 2 * k + 2]:
             axes.grid(alpha=0.3)

@@ -14,13 +14,13 @@ from typing import Any
 
 import h5py
 import numpy as np
-import scipy.linalg
 import scipy.spatial
 from numpy.typing import ArrayLike, NDArray
 
 from flexgram.basics import BodyError, Floats, errors_of, index_of, written_aside
 from flexgram.measured.universal import dataset, datasets
 from flexgram.model.geometry import Geometry, body_of
+from flexgram.model.modes import natural_modes
 from flexgram.model.reduced import ReducedBody
 
 #: Dataset 55: structural model; analyses; three translations; displacement; number types.
@@ -99,7 +99,7 @@ def mode_shapes(
     105.5 Hz
     """
     last = 2 * np.pi * last_hz if last_hz is not None else float(model.claim.band[-1])
-    squares, Q = scipy.linalg.eigh(model.system.K, model.system.M)
+    squares, Q = natural_modes(model.system.K, model.system.M)
     omega = np.sqrt(np.maximum(squares, 0))
     rigid = model.frame.rigid_modes
     if not rigid:  # a basis that mixes them with others (pod): those that are nothing but rounding

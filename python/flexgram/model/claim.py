@@ -191,6 +191,16 @@ class Claim:
         return self.relative_to in ("elastic", "both")
 
     @property
+    def short_reference(self) -> str:
+        """The same for an axis."""
+        return {
+            "pointwise": "‖H‖",
+            "elastic": "‖H‖ without rigid motion",
+            "both": "the smaller of ‖H‖ and its elastic part",
+            "band": "the largest ‖H‖ of the band",
+        }[self.relative_to]
+
+    @property
     def words_of_reference(self) -> str:
         """What errors are relative to, in words."""
         whole = "the norm of H (eq. 17 of Fehr, Eberhard and Lehner)"

@@ -7,10 +7,10 @@ from __future__ import annotations
 from typing import TypeVar
 
 import numpy as np
-import scipy.linalg
 
 from flexgram.basics import BodyError
 from flexgram.model.frame import Frame
+from flexgram.model.modes import natural_modes
 from flexgram.model.reduced import ReducedBody
 
 Body = TypeVar("Body", bound=ReducedBody)
@@ -48,7 +48,7 @@ def without_rigid_modes(rom: Body) -> Body:
     count, system = rom.frame.rigid_modes, rom.system
     if count == 0:
         return rom
-    squares, modes = scipy.linalg.eigh(system.K, system.M)
+    squares, modes = natural_modes(system.K, system.M)
     modes = modes[:, np.argsort(np.abs(squares), kind="stable")]
     D = modes.T @ system.D @ modes
     own = np.sqrt(np.abs(np.diag(D)))

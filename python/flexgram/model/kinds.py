@@ -33,6 +33,42 @@ CROSSED = {("displacement", "moment"), ("rotation", "force")}
 
 
 def ports_of(names: list[str], kind: str) -> Ints:
-    """Which ports are of a kind, by their names."""
+    """Which ports are of a kind, by their names; a kind may be such a name, or ``foot.*``."""
+    if kind not in KINDS:
+        stem = kind.removesuffix("*")
+        same = [n == kind or (stem != kind and n.startswith(stem)) for n in names]
+        return np.flatnonzero(same).astype(int)
     ends = [name.rpartition(".")[2] for name in names]
     return np.array([i for i, end in enumerate(ends) if re.fullmatch(KINDS[kind], end)], dtype=int)
+
+
+#: Units of inputs and outputs by what ends their names.
+UNITS = {
+    "f": ("N", "m"),
+    "m": ("N.m", "rad"),
+    "a": ("m/s2", None),
+    "alpha": ("rad/s2", None),
+    "p": ("Pa", None),
+    "t": ("Pa", None),
+    "T": ("K", None),
+    "u": (None, "m"),
+    "s": (None, "Pa"),
+    "r": (None, "N"),
+    "rm": (None, "N.m"),
+}
+
+
+def unit_of(port: str, output: bool, rate: str = "displacement") -> str | None:
+    """The SI unit of a port as an input or an output, or of an output's rate; None where its name
+    does not tell.
+
+    Examples
+    --------
+    >>> unit_of("eye.mx", output=False), unit_of("eye.mx", output=True, rate="velocity")
+    ('N.m', 'rad/s')
+    """
+    letters = re.sub("[xyz]+$", "", port.rpartition(".")[2])
+    unit = UNITS.get(letters, (None, None))[output]
+    if unit is None or rate == "displacement":
+        return unit
+    return f"{unit}/s" + ("2" if rate == "acceleration" else "") if unit in ("m", "rad") else None

@@ -13,10 +13,18 @@ from numpy.typing import ArrayLike
 from flexgram.basics import BodyError, ComplexArray, Floats
 from flexgram.model.file import port_names
 from flexgram.model.kinds import ports_of
+from flexgram.model.modes import massless
 from flexgram.model.response import frequency_response, linear_response
 
 #: An output and its derivatives.
 RATES = ("displacement", "velocity", "acceleration")
+
+
+def expect_frequencies(omega: ArrayLike) -> None:
+    """Raise BodyError for what is no frequency [rad/s]: NaN, infinite, complex."""
+    values = np.asarray(omega)
+    if values.dtype.kind not in "iuf" or not np.all(np.isfinite(values)):
+        raise BodyError(f"omega = {omega!r}: frequencies are finite real numbers [rad/s]")
 
 
 @dataclass(frozen=True)
@@ -182,6 +190,7 @@ class System:
 
     def receptance(self, omega: ArrayLike) -> ComplexArray:
         """C (K (1 + i eta) + i omega D - omega² M)⁻¹ B: H without what outputs hold beside C q."""
+        expect_frequencies(omega)
         stiffness = self.K * (1 + 1j * self.eta)
         H: ComplexArray = frequency_response(stiffness, self.D, self.M, self.B, self.C, omega)
         return H
@@ -220,6 +229,12 @@ class System:
             raise BodyError(
                 f"structural damping (eta = {self.eta:g}) has no real time-domain "
                 "form: give Rayleigh damping instead"
+            )
+        if light := massless(self.K, self.M):
+            raise BodyError(
+                f"{light} of the {self.order} coordinates have no mass (scalar points, rotations "
+                "without inertia), so that there is no state space: condense them before the "
+                "reduction (Nastran OMIT, Guyan), or give them mass"
             )
         if not rates or set(rates) - set(RATES):
             raise BodyError(
@@ -306,11 +321,16 @@ class System:
         q : (n_t, m) array
             Generalised coordinates; ``Basis.lift`` makes displacements of them.
         """
+        if np.iscomplexobj(t):
+            raise BodyError("simulate: t holds complex numbers")
         times = np.asarray(t, dtype=float)
         steps = np.diff(times)
         if len(steps) == 0 or not np.all(steps > 0) or np.ptp(steps) > 1e-9 * steps[0]:
             raise BodyError("simulate: t must be two or more evenly spaced, rising times")
-        forces = np.array([np.ravel(u(x)) for x in times] if callable(u) else u, dtype=float)
+        given = np.asarray([np.ravel(u(x)) for x in times] if callable(u) else u)
+        if given.dtype.kind == "c" or not np.all(np.isfinite(given.astype(float))):
+            raise BodyError("simulate: u holds NaN, infinite or complex numbers")
+        forces = given.astype(float)
         if forces.ndim == 1:
             forces = forces[:, None]
         if forces.shape != (len(times), self.B.shape[1]):

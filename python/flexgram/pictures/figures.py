@@ -90,7 +90,7 @@ def error(model: ReducedBody) -> Figure:
             ("-", "error against the medium model") if len(claim.bound) else (".", "error")
         )
         axes.semilogy(hz, np.maximum(claim.error, 1e-17), style, color=REDUCED, lw=1, label=label)
-    axes.set(xlabel="frequency [Hz]", ylabel="relative error of H")
+    axes.set(xlabel="frequency [Hz]", ylabel=f"error of H, relative to {claim.short_reference}")
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncol=2, fontsize=7)
     return figure
 

@@ -364,6 +364,8 @@ def write_report(
         f'<meta name="viewport" content="width=device-width"><style>{STYLE}</style></head>'
         f"<body>{''.join(parts)}</body></html>\n"
     )
+    if Path(output).suffix.lower() not in (".html", ".htm"):
+        raise BodyError(f"{output}: a report is a page: name it {Path(output).stem}.html")
     with written_aside(output, rom, body, sweep, loads, measured) as place:
         place.write_text(text)
     return page.left

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from flexgram.basics import BodyError, ReductionWarning
+from flexgram.basics import BodyError, ReductionWarning, check_name
 from flexgram.body.matrices import Matrices
 from flexgram.reduced_model import ReducedModel
 from flexgram.reduction.options import NAMES
@@ -85,7 +85,7 @@ def _rows_of(matrices: Matrices, comm: Any) -> tuple[int, int]:
 def _one_matrix(name: str, matrix: Any, rows: tuple[int, int], n: int, comm: Any) -> Any:
     """Rows of a SciPy matrix as CSR, or a petsc4py matrix in a format that is taken."""
     if sp.issparse(matrix):
-        if np.iscomplexobj(matrix.data):
+        if matrix.dtype.kind == "c":
             raise BodyError(f"{name} is complex; K (1 + i eta) is K with eta=...")
         if matrix.shape != (n, n):
             raise BodyError(f"{name} is {matrix.shape}, expected {(n, n)}: square, and like K")
@@ -124,7 +124,7 @@ def _port_names(what: str, given: Sequence[str] | None, count: int, prefix: str)
         raise BodyError(f"{what}: {len(names)} names for {count} ports")
     if twice := {name for name in names if names.count(name) > 1}:
         raise BodyError(f"{what}: two ports are named {sorted(twice)[0]}")
-    return names
+    return [check_name(what, name) for name in names]
 
 
 def _own_rows(matrices: Matrices, comm: Any) -> dict[str, Any]:

@@ -27,8 +27,10 @@ class OptionsOfReduceAndCertifyAndCut(TypedDict, total=False):
     inputs: in the norm of the strain energy, relative to that of the field (not with a damping
     matrix). Default no."""
     tol_kind: str | Path | Sequence[str]
-    """Tolerances of kinds of their own: stress=1e-2,displacement from force=1e-5; the others
-    keep -mor_tol, all of H the largest of them."""
+    """Tolerances of kinds of their own: stress=1e-2,displacement from force=1e-5, or of outputs
+    by name, foot.ry=1e-3 or foot.*=1e-3; the others keep -mor_tol, all of H the largest of
+    them. An error of a kind is relative to the Frobenius norm of its block of H, so small rows
+    beside large ones need a name of their own."""
     relative_to: Literal["both", "pointwise", "elastic", "band"]
     """What errors of H are divided by. pointwise: |H| at the same frequency (eq. 17 of the
     paper; near an antiresonance, where H itself vanishes, the order grows to meet it). elastic:

@@ -132,3 +132,31 @@ def function_of_time(text: str, t: Any) -> Any:
         at = t[int(np.argmin(np.isfinite(result)))]
         raise BodyError(f"{text}: not finite at t = {at:g}")
     return result
+
+
+def between_times(text: str, t: Any) -> str | None:
+    """What is lost between evenly spaced times, to which the response takes a force as linear.
+
+    Examples
+    --------
+    >>> between_times("sin(2*pi*20000*t)", np.linspace(0, 0.01, 201))
+    'it moves between the times by 1.0 of its largest value: take more times'
+    >>> between_times("1e4*(t < 0.1)*sin(20*pi*t)", np.linspace(0, 0.2, 401)) is None
+    True
+    """
+    t = np.asarray(t, dtype=float)
+    if len(t) < 2:
+        return None
+    ends = function_of_time(text, t)
+    away, largest = 0.0, float(np.abs(ends).max())
+    for share in (0.25, 0.5, 0.75):
+        inside = function_of_time(text, t[:-1] + share * np.diff(t))
+        off = np.abs(inside - (1 - share) * ends[:-1] - share * ends[1:])
+        jumps = np.abs(np.diff(ends))  # a step is as sharp as the times are
+        away = max(away, float(np.where(off > jumps, off, 0).max()))
+        largest = max(largest, float(np.abs(inside).max()))
+    if away <= 0.1 * largest:
+        return None
+    return (
+        f"it moves between the times by {away / largest:.1f} of its largest value: take more times"
+    )

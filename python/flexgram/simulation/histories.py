@@ -151,6 +151,12 @@ class HistoryAssessment:
                     else ""
                 )
             )
+        return said + self.words_of_outside
+
+    @property
+    def words_of_outside(self) -> list[str]:
+        """Sentences on loads outside the band."""
+        said = []
         if self.above > 1 - ENOUGH:
             said.append(
                 f"{100 * self.above:.2g} % of the load at {self.worst_port} lies above the "

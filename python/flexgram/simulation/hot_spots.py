@@ -11,6 +11,7 @@ import numpy as np
 from flexgram.basics import BodyError, Floats
 from flexgram.model.elastic_part import without_rigid_modes
 from flexgram.model.geometry import Geometry, body_of
+from flexgram.model.kinds import unit_of
 from flexgram.model.recovery import stress_at_nodes
 from flexgram.model.reduced import ReducedBody
 
@@ -159,7 +160,8 @@ def describe(spots: list[HotSpot]) -> list[str]:
     """Lines for a reader: each spot, and the outputs that would certify them."""
     lines = [
         f"node {spot.node} at ({', '.join(f'{x:.5g}' for x in spot.place)}) m: "
-        f"{spot.stress:.4g} N/m² per unit of {spot.input}, at {spot.hertz:.5g} Hz "
+        f"{spot.stress:.4g} N/m² per {unit_of(spot.input, False) or 'unit'} of {spot.input}, "
+        f"at {spot.hertz:.5g} Hz "
         f"({100 * spot.share:.0f} % of its largest)"
         for spot in spots
     ]

@@ -17,6 +17,7 @@ import numpy as np
 import scipy.linalg
 
 from flexgram.basics import BodyError, Floats, written_aside
+from flexgram.model.kinds import unit_of
 from flexgram.model.physical import facts_of
 from flexgram.model.reduced import ReducedBody
 from flexgram.model.system import RATES
@@ -25,20 +26,7 @@ VERSIONS = (2, 3)
 SOURCE = Path(__file__).parent / "model.c"
 #: Platforms by FMI 2.0 and 3.0.
 PLATFORMS = {"x86_64": ("linux64", "x86_64-linux"), "aarch64": ("aarch64-linux", "aarch64-linux")}
-#: SI units of ports by the letters of their kinds: input, output; base units as FMI names them.
-UNITS = {
-    "f": ("N", "m"),
-    "m": ("N.m", "rad"),
-    "a": ("m/s2", None),
-    "alpha": ("rad/s2", None),
-    "p": ("Pa", None),
-    "t": ("Pa", None),
-    "T": ("K", None),
-    "u": (None, "m"),
-    "s": (None, "Pa"),
-    "r": (None, "N"),
-    "rm": (None, "N.m"),
-}
+#: Base units of the units of ports, as FMI names them.
 BASE = {
     "N": "kg='1' m='1' s='-2'",
     "N.m": "kg='1' m='2' s='-2'",
@@ -51,15 +39,6 @@ BASE = {
     "m/s": "m='1' s='-1'",
     "rad/s": "rad='1' s='-1'",
 }
-
-
-def _unit(port: str, output: bool, rate: str = "displacement") -> str | None:
-    letters = re.sub("[xyz]+$", "", port.rpartition(".")[2])
-    unit = UNITS.get(letters, (None, None))[output]
-    if unit is None or rate == "displacement":
-        return unit
-    faster = f"{unit}/s" + ("2" if rate == "acceleration" else "")
-    return faster if faster in BASE else None
 
 
 def _matrices(model: ReducedBody, rates: Sequence[str]) -> dict[str, Floats]:
@@ -127,9 +106,9 @@ class _Description:
 
     def __init__(self, model: ReducedBody, rates: Sequence[str], name: str, token: str) -> None:
         self.model, self.name, self.token = model, name, token
-        self.inputs = [(port, _unit(port, False)) for port in model.inputs]
+        self.inputs = [(port, unit_of(port, False)) for port in model.inputs]
         self.outputs = [
-            (port + dots, _unit(port, True, rate))
+            (port + dots, unit_of(port, True, rate))
             for rate in rates
             for dots in [
                 {"velocity": ".velocity", "acceleration": ".acceleration"}.get(rate, ".motion")

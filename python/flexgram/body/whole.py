@@ -1,0 +1,269 @@
+"""A mesh body as a whole: repeated elements, parts that nothing joins, mass, free motions, units.
+
+Nothing here changes the body, but for ``merged_nodes``, which is asked for.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from flexgram.basics import BodyError, Floats, Ints
+from flexgram.body.units import UNITS, doubt
+
+#: Nodes this close, relative to the size of the body, are meant to be one.
+NEAR = 1e-6
+
+
+@dataclass
+class Block:
+    """Elements of one type and material: nodes (n, k) 0-based, and their numbers in the mesh."""
+
+    kind: str
+    nodes: Ints
+    ids: Ints
+
+
+def expect_no_repeats(blocks: Sequence[Block]) -> None:
+    """Refuse elements that use the same nodes as another one: stiffness and mass would count twice.
+
+    Raises
+    ------
+    BodyError
+        With the numbers of the first pair and how many there are.
+    """
+    by_size: dict[int, list[tuple[Ints, Ints]]] = {}
+    for block in blocks:
+        by_size.setdefault(block.nodes.shape[1], []).append((block.nodes, block.ids))
+    for some in by_size.values():
+        nodes = np.sort(np.vstack([n for n, _ in some]), axis=1)
+        ids = np.concatenate([i for _, i in some])
+        order = np.lexsort(nodes.T[::-1])
+        same = (np.diff(nodes[order], axis=0) == 0).all(axis=1)
+        if not same.any():
+            continue
+        k = int(np.argmax(same))
+        first, second = sorted((int(ids[order[k]]), int(ids[order[k + 1]])))
+        raise BodyError(
+            f"elements {first} and {second} have the same nodes, and their stiffness and mass "
+            f"would count twice ({int(same.sum())} such pairs; gmsh's format MSH 2.2 repeats "
+            "elements of two physical groups: save as MSH 4.1). If they are meant to be two: "
+            "--keep-repeated, in YAML repeated_elements: keep"
+        )
+
+
+def merged_nodes(points: Floats, used: NDArray[np.bool_], tolerance: float) -> Ints:
+    """For each node (N,) the number of the node that takes its place: of nodes no farther apart
+    than ``tolerance``, in a chain, the first."""
+    chosen = np.flatnonzero(used)
+    pairs = cKDTree(points[chosen]).query_pairs(tolerance, output_type="ndarray")
+    labels = _components(len(chosen), [pairs])
+    first = np.full(labels.max(initial=-1) + 1, len(points), dtype=np.int64)
+    np.minimum.at(first, labels, chosen)
+    place = np.arange(len(points), dtype=np.int64)
+    place[chosen] = first[labels]
+    return place
+
+
+def _components(count: int, edges: Iterable[Ints]) -> Ints:
+    """Which part each of ``count`` nodes belongs to, by edges (n, 2)."""
+    some = [e for e in edges if len(e)]
+    both = np.vstack(some) if some else np.empty((0, 2), dtype=np.int64)
+    graph = coo_matrix((np.ones(len(both), dtype=np.int8), both.T), shape=(count, count))
+    labels: Ints = connected_components(graph, directed=False)[1].astype(np.int64)
+    return labels
+
+
+def _chain(nodes: Ints) -> Ints:
+    """Edges that join all nodes of each row."""
+    return np.column_stack([nodes[:, :-1].ravel(), nodes[:, 1:].ravel()])
+
+
+@dataclass
+class Parts:
+    """Connected components of the elements and of what interfaces join, largest first."""
+
+    label: Ints  #: of each node, -1 of nodes without an element
+    nodes: list[int] = field(default_factory=list)  #: how many each has
+
+    @classmethod
+    def of(cls, count: int, blocks: Sequence[Block], joined: Iterable[Ints]) -> Parts:
+        """Of ``count`` nodes; ``joined``: nodes that an interface moves together."""
+        edges = [_chain(block.nodes) for block in blocks]
+        edges += [_chain(nodes[None, :]) for nodes in joined if len(nodes) > 1]
+        label = _components(count, edges)
+        used = np.zeros(count, dtype=bool)
+        for block in blocks:
+            used[block.nodes.ravel()] = True
+        numbers, inverse, sizes = np.unique(label[used], return_inverse=True, return_counts=True)
+        rank = np.argsort(np.argsort(-sizes, kind="stable"))
+        whole = np.full(count, -1, dtype=np.int64)
+        whole[used] = rank[inverse]
+        return cls(whole, np.sort(sizes)[::-1].tolist() if len(numbers) else [])
+
+    def gap(self, points: Floats) -> tuple[float, int, int]:
+        """The least distance of a node of the first part from one of another part, and both nodes
+        (1-based)."""
+        first, rest = np.flatnonzero(self.label == 0), np.flatnonzero(self.label > 0)
+        distance, at = cKDTree(points[first]).query(points[rest])
+        k = int(np.argmin(distance))
+        return float(distance[k]), int(first[at[k]]) + 1, int(rest[k]) + 1
+
+
+def doubts_of_parts(
+    points: Floats, parts: Parts, interfaces: dict[str, Ints], supported: Ints
+) -> list[str]:
+    """Warnings of a body that is several: how many parts, where they nearly touch, and interfaces
+    that hang on different ones. ``points`` in the mesh's own units."""
+    if len(parts.nodes) < 2:
+        return []
+    sizes = ", ".join(str(n) for n in parts.nodes[:5]) + (" …" if len(parts.nodes) > 5 else "")
+    words = f"the mesh has {len(parts.nodes)} parts that nothing joins ({sizes} nodes)"
+    distance, one, other = parts.gap(points)
+    extent = float(np.ptp(points[parts.label >= 0], axis=0).max())
+    if distance <= NEAR * extent:
+        words += (
+            f"; nodes {one} and {other} lie in the same place: are they meant to be one? "
+            f"--merge {max(distance, NEAR * extent):.0e} (YAML merge: …, in the mesh's units) "
+            "merges such nodes"
+        )
+    else:
+        words += f"; the next are nodes {one} and {other}, {distance:.3g} apart (in its units)"
+    found = [words]
+    where = {name: sorted(set(parts.label[nodes].tolist())) for name, nodes in interfaces.items()}
+    several = {tuple(on) for on in where.values()}
+    if len(several) > 1:
+        names = "; ".join(
+            f"{name} on part {', '.join(str(p + 1) for p in on)}" for name, on in where.items()
+        )
+        found.append(f"forces do not pass between interfaces of different parts: {names}")
+    loose = set(range(len(parts.nodes))) - {p for on in where.values() for p in on}
+    loose -= set(parts.label[supported].tolist())
+    if loose:
+        found.append(
+            f"{len(loose)} of the parts have neither an interface nor a support: nothing holds "
+            "or moves them"
+        )
+    return found
+
+
+@dataclass
+class MassFacts:
+    """Mass [kg], centre of mass [m] and inertia about it [kg m²], (3,) and (3, 3)."""
+
+    mass: float
+    centre: Floats
+    inertia: Floats
+
+
+def mass_facts(file: h5py.File) -> MassFacts:
+    """Of a mesh body's elements, supports and interfaces apart: integrals over each by the points
+    of its mass matrix, beams along their axes."""
+    import _flexgram
+
+    points = file["mesh/points"][:]
+    mass, first, second = 0.0, np.zeros(3), np.zeros((3, 3))
+    for block in file["mesh/blocks"].values():
+        density = float(file["materials"][str(block.attrs["material"])].attrs["rho"])
+        kind, every = str(block.attrs["type"]), block["connectivity"][:]
+        if kind == "line":
+            density *= float(file["sections"][str(block.attrs["section"])].attrs["A"])
+            at, weight = np.array([-1, 1]) / np.sqrt(3), np.ones(2)
+            N = np.column_stack([1 - at, 1 + at]) / 2
+        else:
+            _, weight, N, dN = _flexgram.mass_points(kind)
+        for start in range(0, len(every), 20_000):
+            x = points[every[start : start + 20_000]]
+            if kind == "line":
+                size = 0.5 * np.linalg.norm(x[:, 1] - x[:, 0], axis=1)[:, None]
+            else:
+                size = np.abs(np.linalg.det(np.einsum("qka,ekb->eqab", dN, x)))
+            w = density * size * weight
+            place = np.einsum("qk,ekb->eqb", N, x)
+            mass += float(w.sum())
+            first += np.einsum("eq,eqb->b", w, place)
+            second += np.einsum("eq,eqa,eqb->ab", w, place, place, optimize=True)
+    centre = first / mass if mass > 0 else first
+    about = second - mass * np.outer(centre, centre)
+    return MassFacts(mass, centre, np.trace(about) * np.eye(3) - about)
+
+
+def free_motions(points: Floats, held: Sequence[tuple[Ints, list[int]]]) -> int:
+    """How many of six rigid motions supports leave: nodes and the components that each holds."""
+    centre = points.mean(axis=0) if len(points) else np.zeros(3)
+    size = max(float(np.ptp(points, axis=0).max(initial=0)), 1e-300)
+    rows = []
+    for nodes, components in held:
+        arms = (points[nodes] - centre) / size
+        for component in components:
+            row = np.zeros((len(nodes), 6))
+            row[:, component] = 1
+            if component < 3:
+                for axis in range(3):
+                    row[:, 3 + axis] = np.cross(np.eye(3)[axis], arms)[:, component]
+            rows.append(row)
+    if not rows:
+        return 6
+    values = np.linalg.svd(np.vstack(rows), compute_uv=False)
+    return 6 - int((values > 1e-9 * values[0]).sum())
+
+
+def doubts_of_units(file: h5py.File, system: str, extent: Floats) -> list[str]:
+    """What speaks against the units in which the mesh and its materials were given."""
+    length, mass, _ = UNITS[system]
+    found = []
+    for name, material in file.get("materials", {}).items():
+        a = material.attrs
+        E, rho = float(np.ravel(a.get("E", a.get("engineering_constants", 0)))[0]), float(a["rho"])
+        if not (E > 0 and rho > 0):
+            continue
+        speed = np.sqrt(E / rho) / length
+        said = doubt(system, speed, rho / (mass / length**3), float(np.max(extent)) / length)
+        if said:
+            found.append(f"material {name}: {said}")
+    return found
+
+
+def summary(file: h5py.File) -> list[str]:
+    """What to check in a mesh body, in lines: mass, free motions, materials, damping, all in SI."""
+    facts = mass_facts(file)
+    at = ", ".join(f"{x:.6g}" for x in facts.centre)
+    inertia = ", ".join(f"{x:.6g}" for x in np.diag(facts.inertia))
+    points = file["mesh/points"][:]
+    held = [
+        (group["nodes"][:], [int(c) for c in np.ravel(group.attrs["components"])])
+        for group in file.get("supports", {}).values()
+    ]
+    lines = [
+        f"mass {facts.mass:.6g} kg, centre ({at}) m, inertia about it {inertia} kg m²",
+        f"{free_motions(points, held)} of 6 rigid motions are free",
+    ]
+    for name, material in file.get("materials", {}).items():
+        a = material.attrs
+        if "E" in a:
+            words = f"E = {float(a['E']):.4g} Pa, nu = {float(a['nu']):g}"
+        else:
+            E = ", ".join(f"{x:.4g}" for x in np.ravel(a["engineering_constants"])[:3])
+            words = f"orthotropic, E = {E} Pa"
+        lines.append(f"material {name}: {words}, rho = {float(a['rho']):.4g} kg/m³")
+    return lines + damping_lines({k: float(file.attrs.get(k, 0)) for k in ("alpha", "beta", "eta")})
+
+
+def damping_lines(damping: Mapping[str, float]) -> list[str]:
+    """Damping in words, and what a loss factor rules out."""
+    units = {"alpha": " 1/s", "beta": " s", "eta": ""}
+    given = [f"{name} = {value:g}{units[name]}" for name, value in damping.items() if value]
+    lines = [f"damping: {', '.join(given)}" if given else "damping: none"]
+    if damping.get("eta"):
+        lines.append(
+            "note: a loss factor (eta) exists in frequency only: simulate, state-space, fmu, "
+            "exudyn, sid, simscape and other formats in time need alpha and beta instead (--zeta)"
+        )
+    return lines

@@ -1,0 +1,52 @@
+"""Natural modes of small systems whose mass matrix may be singular."""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.linalg
+
+from flexgram.basics import Floats
+
+#: A mode of λ is without mass where τ/(λ + τ) is below this: rounding of M is larger.
+MASSLESS = 1e-13
+
+
+def is_regular(M: Floats) -> bool:
+    """Whether every direction has mass that rounding does not blur."""
+    largest = float(np.abs(M).max(initial=0))
+    if not largest > 0 or np.any(np.diag(M) <= 0):
+        return len(M) == 0
+    scale = 1 / np.sqrt(np.diag(M))
+    return float(np.linalg.eigvalsh(scale[:, None] * M * scale)[0]) > MASSLESS * len(M)
+
+
+def natural_modes(K: Floats, M: Floats) -> tuple[Floats, Floats]:
+    """Squares λ [rad²/s²] of the natural frequencies, ascending, and the modes (m, m).
+
+    M may be singular, exactly or to rounding (scalar points, rotations without inertia): directions
+    without mass come last, with λ infinite and a mode of unit stiffness; then the modes are those
+    of M v = μ (K + τM) v, λ = 1/μ - τ. All others have unit mass.
+
+    Parameters
+    ----------
+    K, M : (m, m) arrays
+        Symmetric, positive semidefinite, without a common null vector.
+    """
+    K, M = 0.5 * (K + K.T), 0.5 * (M + M.T)
+    if is_regular(M):
+        squares, modes = scipy.linalg.eigh(K, M)
+        return squares, modes
+    k, m = np.diag(K), np.diag(M)
+    both = (k > 0) & (m > 1e-14 * m.max(initial=0))
+    tau = float(np.median(k[both] / m[both])) if both.any() else 1.0
+    mass, modes = scipy.linalg.eigh(M, K + tau * M)
+    mass, modes = mass[::-1], modes[:, ::-1]
+    light = mass * tau < MASSLESS
+    size = np.where(light, 1.0, np.sqrt(np.where(light, 1.0, mass)))
+    squares = np.where(light, np.inf, 1 / np.where(light, 1.0, mass) - tau)
+    return squares, modes / size
+
+
+def massless(K: Floats, M: Floats) -> int:
+    """How many directions have no mass, to rounding."""
+    return 0 if is_regular(M) else int(np.isinf(natural_modes(K, M)[0]).sum())
