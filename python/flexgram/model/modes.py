@@ -9,6 +9,8 @@ from flexgram.basics import Floats
 
 #: A mode of λ is without mass where τ/(λ + τ) is below this: rounding of M is larger.
 MASSLESS = 1e-13
+#: Above this times τ the largest λ blurs the low ones where the pencil (K, M) is solved as it is.
+LIGHT = 1e8
 
 
 def is_regular(M: Floats) -> bool:
@@ -24,8 +26,9 @@ def natural_modes(K: Floats, M: Floats) -> tuple[Floats, Floats]:
     """Squares λ [rad²/s²] of the natural frequencies, ascending, and the modes (m, m).
 
     M may be singular, exactly or to rounding (scalar points, rotations without inertia): directions
-    without mass come last, with λ infinite and a mode of unit stiffness; then the modes are those
-    of M v = μ (K + τM) v, λ = 1/μ - τ. All others have unit mass.
+    without mass come last, with λ infinite and a mode of unit stiffness; all others have unit
+    mass. There, and where a mass is very small, the modes are those of M v = μ (K + τM) v,
+    λ = 1/μ - τ, in which large λ do not blur small ones.
 
     Parameters
     ----------
@@ -33,12 +36,13 @@ def natural_modes(K: Floats, M: Floats) -> tuple[Floats, Floats]:
         Symmetric, positive semidefinite, without a common null vector.
     """
     K, M = 0.5 * (K + K.T), 0.5 * (M + M.T)
-    if is_regular(M):
-        squares, modes = scipy.linalg.eigh(K, M)
-        return squares, modes
     k, m = np.diag(K), np.diag(M)
     both = (k > 0) & (m > 1e-14 * m.max(initial=0))
     tau = float(np.median(k[both] / m[both])) if both.any() else 1.0
+    if is_regular(M):
+        squares, modes = scipy.linalg.eigh(K, M)
+        if not len(squares) or squares[-1] < LIGHT * tau:
+            return squares, modes
     mass, modes = scipy.linalg.eigh(M, K + tau * M)
     mass, modes = mass[::-1], modes[:, ::-1]
     light = mass * tau < MASSLESS
