@@ -82,6 +82,7 @@ void choose_factors(ShiftedSolver& solver, const SecondOrderModel& fom,
   if (!fits && !taken->out_of_core)
     observer.warn(text("the run may take %.0f MB on a rank, %.0f MB may be used",
                        taken->peak_mb, limit));
+  observer.print(); // before the first factorisation, which may take long
 }
 
 RealFactors::RealFactors(const SecondOrderModel& fom, const SolverOptions& options,

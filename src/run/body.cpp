@@ -25,12 +25,62 @@ void check_output(MPI_Comm comm, const std::string& path,
     const fs::path folder = fs::path(target_of(path)).parent_path();
     if (access(folder.empty() ? "." : folder.c_str(), W_OK) != 0)
       throw Error(text("cannot write %s: %s", path.c_str(), std::strerror(errno)));
-    for (const auto& input : inputs) {
+    std::vector<std::string> all = inputs;
+    int count = 0;
+    char** words = nullptr;
+    FG_CALL(PetscGetArgs(&count, &words));
+    for (int k = 1; k + 1 < count; ++k)
+      if (std::string(words[k]) == "-options_file") all.emplace_back(words[k + 1]);
+    for (const auto& input : all) {
       std::error_code ignored;
-      if (fs::equivalent(path, input, ignored))
+      if (!input.empty() && fs::equivalent(path, input, ignored))
         throw Error(text("%s would replace the input %s", path.c_str(), input.c_str()));
     }
   });
+}
+
+void check_default_output(MPI_Comm comm, const std::string& path, const Options& options,
+                          const std::string& option, const std::string& mark) {
+  const auto& all = options.all();
+  const auto known = std::find_if(all.begin(), all.end(),
+                                  [&](const auto& one) { return one.name == option; });
+  if (known != all.end() && known->set_by_user) return;
+  double is_other = 0;
+  agree(comm, [&] {
+    if (comm_rank(comm) != 0 || !std::filesystem::exists(path)) return;
+    try {
+      const Hdf5File file = Hdf5File::open(PETSC_COMM_SELF, path);
+      is_other = mark.find('/') == std::string::npos ? !file.has_attribute("/", mark)
+                                                     : !file.exists(mark);
+    } catch (const Error&) {
+      is_other = 1; // no HDF5
+    }
+    if (is_other > 0)
+      throw Error(text("%s is there and holds something else: name the output, %s",
+                       path.c_str(), option.c_str()));
+  });
+}
+
+bool is_same_file(const std::string& one, const std::string& other) {
+  namespace fs = std::filesystem;
+  std::error_code ignored;
+  return one == other || fs::equivalent(one, other, ignored) ||
+         fs::weakly_canonical(one, ignored) == fs::weakly_canonical(other, ignored);
+}
+
+std::optional<std::filesystem::file_time_type> written_at(const std::string& path) {
+  std::error_code failed;
+  const auto time = std::filesystem::last_write_time(path, failed);
+  return failed ? std::nullopt : std::optional(time);
+}
+
+void warn_of_another_run(const std::string& path,
+                         std::optional<std::filesystem::file_time_type> before,
+                         Observer& observer) {
+  if (written_at(path) != before)
+    observer.warn(text("%s was written by another run while this one worked, and is "
+                       "replaced: give each run an output of its own",
+                       path.c_str()));
 }
 
 namespace {
@@ -67,6 +117,9 @@ Body load_body(MPI_Comm comm, const Settings& settings, Observer& observer) {
     Stage stage(observer, "read");
     body.model = read_body(file);
   }
+  std::vector<std::string> passed_over;
+  agree(comm, [&] { passed_over = not_read(file); });
+  for (const std::string& words : passed_over) observer.warn(words);
   begin_plan(body, settings, observer);
   return body;
 }

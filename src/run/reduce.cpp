@@ -168,7 +168,9 @@ void remove(const CheckpointSpec& checkpoint, MPI_Comm comm) {
 }
 
 bool write_result(const ReducedModel& rom, const SecondOrderModel& body,
-                  const Settings& s, const Options& options, Observer& observer) {
+                  const Settings& s, const Options& options, Observer& observer,
+                  std::optional<std::filesystem::file_time_type> before) {
+  warn_of_another_run(s.out, before, observer);
   {
     Stage stage(observer, "write");
     write_reduced(rom, options, observer, body, s.out);
@@ -273,17 +275,19 @@ bool reduce(MPI_Comm comm, Settings& s, const Options& options, Observer& observ
   const CheckpointSpec checkpoint = s.checkpoint_spec(s.out);
   let_sigterm_ask();
   warn_of_default_band(options, observer);
-  check_output(comm, s.out, {s.body});
+  check_output(comm, s.out, {s.body, s.loads});
+  check_default_output(comm, s.out, options, "-mor_out", "/gramian");
+  const auto before = written_at(s.out);
   if (s.medium_out.empty()) {
     const Body body = load_body(comm, s, observer);
     const ReducedModel rom = reduce_body(body, s, observer, checkpoint);
-    const bool met = write_result(rom, body.model, s, options, observer);
+    const bool met = write_result(rom, body.model, s, options, observer, before);
     remove(checkpoint, comm);
     return met;
   }
   if (s.takes_samples())
     throw Error("-mor_method pod has no medium model: -mor_medium_out is for the others");
-  if (s.medium_out == s.out)
+  if (is_same_file(s.medium_out, s.out))
     throw Error("-mor_medium_out and -mor_out name the same file, " + s.out);
   check_output(comm, s.medium_out, {s.body});
   const Body body = load_body(comm, s, observer);
@@ -297,7 +301,7 @@ bool reduce(MPI_Comm comm, Settings& s, const Options& options, Observer& observ
   if (rom.frame.integrals) tell_integrals(*rom.frame.integrals, observer);
   observer.print();
   rom.provenance.plan = observer.facts();
-  return write_result(rom, medium.body, s, options, observer);
+  return write_result(rom, medium.body, s, options, observer, before);
 }
 
 void certify(MPI_Comm comm, Settings& s, const Options& options, Observer& observer) {
@@ -307,6 +311,8 @@ void certify(MPI_Comm comm, Settings& s, const Options& options, Observer& obser
     throw Error("-mor_method pod has no medium model to certify: flexgram reduce");
   const std::string out = s.medium_out.empty() ? "medium.h5" : s.medium_out;
   check_output(comm, out, {s.body});
+  check_default_output(comm, out, options, "-mor_medium_out", "levels");
+  const auto before = written_at(out);
   const CheckpointSpec checkpoint = s.checkpoint_spec(out);
   let_sigterm_ask();
   const Body body = load_body(comm, s, observer);
@@ -314,6 +320,7 @@ void certify(MPI_Comm comm, Settings& s, const Options& options, Observer& obser
   const Medium medium = certify_body(body, s, true, observer, checkpoint);
   if (medium.integrals) tell_integrals(*medium.integrals, observer);
   observer.print();
+  warn_of_another_run(out, before, observer);
   write_medium_file(medium, s, options, observer, out);
   remove(checkpoint, comm);
   print_summary(observer, comm);
@@ -326,6 +333,8 @@ bool cut(MPI_Comm comm, Settings& s, const Options& options, Observer& observer)
   if (s.medium.empty())
     throw Error("option -medium is missing: name a file of flexgram certify");
   check_output(comm, s.out, {s.medium});
+  check_default_output(comm, s.out, options, "-mor_out", "/gramian");
+  const auto before = written_at(s.out);
   Medium medium;
   {
     Stage stage(observer, "read");
@@ -338,7 +347,7 @@ bool cut(MPI_Comm comm, Settings& s, const Options& options, Observer& observer)
   if (!medium.V) observer.skip("V", "the medium model is kept without its basis");
   observer.print();
   rom.provenance.plan = observer.facts();
-  return write_result(rom, medium.body, s, options, observer);
+  return write_result(rom, medium.body, s, options, observer, before);
 }
 
 void plan_only(MPI_Comm comm, Settings& s, Observer& observer) {

@@ -79,6 +79,7 @@ void write_sweep(MPI_Comm comm, const Settings& s, const std::vector<double>& om
 void sweep(MPI_Comm comm, const Settings& s, const Options& options, Observer& observer) {
   const std::vector<double> omega = sweep_omega(s.sweep_hz);
   check_output(comm, s.sweep_out, {s.body, s.rom});
+  check_default_output(comm, s.sweep_out, options, "-mor_sweep_out", "/omega");
   Body body = load_body(comm, s, observer);
   SecondOrderModel rom;
   if (!s.rom.empty()) {

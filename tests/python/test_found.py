@@ -21,7 +21,7 @@ from test_mesh_loads import sided
 
 import flexgram
 from bodies import box
-from conftest import body_system, message, run
+from conftest import PROGRAM, body_system, message, run
 from flexgram import BodyError, ReducedModel
 from flexgram.assembly.couple import Joint, couple
 from flexgram.body.description import import_description
@@ -493,3 +493,69 @@ def test_an_output_may_be_a_kind_of_its_own(ranks: int, tmp_path: Path) -> None:
         judge(model, t, np.outer(np.sin(2 * np.pi * 1000 * t), np.eye(len(model.inputs))[0]))
     failed = run("reduce", "-body", body, *options, "-mor_tol_kind", "foot.rq=1e-4", expect=1)
     assert "there is no output foot.rq" in message(failed)
+
+
+# -- outputs of the program
+
+
+def test_a_default_name_replaces_nothing_of_others(held: Path, tmp_path: Path) -> None:
+    body, band = held / "box.h5", ("-mor_band_hz", "100,4000")
+    for verb, name in (("reduce", "rom.h5"), ("certify", "medium.h5"), ("sweep", "sweep.h5")):
+        more = ("-mor_sweep_hz", "100,200,2") if verb == "sweep" else band
+        shutil.copy(body, tmp_path / name)
+        before = (tmp_path / name).read_bytes()
+        failed = subprocess.run(
+            [PROGRAM, verb, "-body", body, *more], cwd=tmp_path, capture_output=True, text=True
+        )
+        assert failed.returncode == 1 and "name the output" in failed.stderr
+        assert (tmp_path / name).read_bytes() == before
+        (tmp_path / name).unlink()
+        for _ in range(2):  # of its own kind it may be replaced
+            subprocess.run([PROGRAM, verb, "-body", body, *more], cwd=tmp_path, check=True)
+
+
+def test_inputs_of_the_program_are_kept(held: Path, tmp_path: Path) -> None:
+    body, band = held / "box.h5", ("-mor_band_hz", "100,4000")
+    loads = tmp_path / "loads.csv"
+    loads.write_text("port,one\nend.fx,+1\nend.fy,1e-330\n")
+    options = tmp_path / "options.txt"
+    options.write_text("-mor_tol 1e-2\n")
+    for more in (
+        ("-mor_loads", loads, "-mor_out", loads),
+        ("-options_file", options, "-mor_out", options),
+    ):
+        failed = run("reduce", "-body", body, *band, *more, expect=1)
+        assert "would replace the input" in message(failed)
+    run("reduce", "-body", body, *band, "-mor_loads", loads, "-mor_out", tmp_path / "r.h5")
+    both = ("-mor_out", tmp_path / "o.h5", "-mor_medium_out", f"{tmp_path}/./o.h5")
+    assert "the same file" in message(run("reduce", "-body", body, *band, *both, expect=1))
+
+
+def test_a_second_run_with_the_same_output_is_told(held: Path, tmp_path: Path) -> None:
+    out = tmp_path / "o.h5"
+    band = ("-mor_band_hz", "100,8000", "-mor_tol", "1e-9")
+    process = subprocess.Popen(
+        [PROGRAM, "reduce", "-body", held / "box.h5", *band, "-mor_out", out],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    for line in process.stdout:
+        if line.split()[:1] == ["factors"]:  # told before the first factorisation
+            shutil.copy(held / "box.rom.h5", out)
+            break
+    said = "".join(process.communicate())
+    assert process.returncode == 0 and "written by another run" in said
+
+
+def test_what_a_body_file_holds_beside_is_named(held: Path, tmp_path: Path) -> None:
+    from flexgram import write_matrices
+
+    body = tmp_path / "b.h5"
+    K = sp.csr_matrix(np.diag([2.0, 3.0]))
+    write_matrices(body, K, sp.identity(2, format="csr"), np.eye(2))
+    with h5py.File(body, "r+") as file:
+        file["Damping"] = np.eye(2)
+    done = run("plan", "-body", body, "-mor_band_hz", "0.01,0.1")
+    assert "/Damping of" in done.out + done.err and "is not read" in done.out + done.err
