@@ -12,6 +12,7 @@
 
 #include <functional>
 #include <map>
+#include <numeric>
 #include <optional>
 #include <span>
 
@@ -105,7 +106,8 @@ public:
     bool proved = true;
   };
   /// The error of the field itself in the norm of the strain energy. Nothing is proved with
-  /// a damping matrix. @param strain  √(uᵀKu) of each mode.
+  /// a damping matrix. @param x  the response to these ports. @param strain  √(uᵀKu) of each
+  /// mode.
   FieldBound field_over(const DenseResponse& response, const ResponseSeries& x,
                         const std::vector<int>& ports,
                         const std::vector<double>& strain) const;
@@ -204,14 +206,28 @@ private:
   double mode_coupling(const DenseResponse& response, const ResponseSeries& x) const;
   std::array<std::complex<double>, 3> residual_factors(const DenseResponse& response,
                                                        Interval interval) const;
-  double lost(const ResponseSeries& x, int port, double factor) const;
+  double lost(const ResponseSeries& x, int column, int port, double factor) const;
+  double lost(const ResponseSeries& x, int port, double factor) const {
+    return lost(x, port, port, factor); // of the response to all
+  }
   static std::vector<double> moved(const MatrixSeries& w);
   /// @param x  the response to these ports.
   MatrixSeries held_residual(const DenseResponse& response, const ResponseSeries& x,
                              const std::vector<int>& ports) const;
-  MatrixSeries residual(const DenseResponse& response, const ResponseSeries& x) const;
+  MatrixSeries residual(const DenseResponse& response, const ResponseSeries& x,
+                        const std::vector<int>& ports) const;
+  MatrixSeries residual(const DenseResponse& response, const ResponseSeries& x) const {
+    std::vector<int> all(as_size(x.x.columns));
+    std::iota(all.begin(), all.end(), 0);
+    return residual(response, x, all);
+  }
   ProjectionRounding::Sizes sizes_of(const ResponseSeries& x,
-                                     const std::vector<int>& ports) const;
+                                     const std::vector<int>& ports,
+                                     const std::vector<int>& columns) const;
+  ProjectionRounding::Sizes sizes_of(const ResponseSeries& x,
+                                     const std::vector<int>& ports) const {
+    return sizes_of(x, ports, ports); // the response to all
+  }
   void add_rounding(Bound& bound, const DenseResponse& response, const ResponseSeries& x,
                     const PortSet& block) const;
 

@@ -120,14 +120,15 @@ std::array<Complex, 3> Certificate::residual_factors(const DenseResponse& respon
 }
 
 /// ‖E^−½ ·‖ of what T does not hold of a port's residual, at most.
-/// @param factor  |a_k − κ a_m| at most.
-double Certificate::lost(const ResponseSeries& x, int port, double factor) const {
+/// @param column  of x, the response to the port. @param factor  |a_k − κ a_m| at most.
+double Certificate::lost(const ResponseSeries& x, int column, int port,
+                         double factor) const {
   double sum = std::pow(parts_.dropped_ports[as_size(port)], 2);
   for (int l = 0; l < x.envelope.rows; ++l) {
     const auto at = as_size(l);
-    sum += std::pow(x.envelope(l, port) * factor * parts_.dropped_K[at], 2);
+    sum += std::pow(x.envelope(l, column) * factor * parts_.dropped_K[at], 2);
     if (!parts_.dropped_D.empty())
-      sum += std::pow(x.envelope(l, port) * x.interval.last * parts_.dropped_D[at], 2);
+      sum += std::pow(x.envelope(l, column) * x.interval.last * parts_.dropped_D[at], 2);
   }
   return std::sqrt(sum);
 }
@@ -162,33 +163,34 @@ MatrixSeries Certificate::held_residual(const DenseResponse& response,
   return w;
 }
 
-/// W of all ports, with a row of its own for what T does not hold.
-MatrixSeries Certificate::residual(const DenseResponse& response,
-                                   const ResponseSeries& x) const {
+/// W of these ports, to which x is the response, with a row of its own for what T does not
+/// hold.
+MatrixSeries Certificate::residual(const DenseResponse& response, const ResponseSeries& x,
+                                   const std::vector<int>& ports) const {
   const int p = x.x.columns;
-  std::vector<int> all(as_size(p));
-  std::iota(all.begin(), all.end(), 0);
   const auto f = residual_factors(response, x.interval);
   const double largest = std::abs(f[0]) + std::abs(f[1]) + std::abs(f[2]);
-  const MatrixSeries w = held_residual(response, x, all);
+  const MatrixSeries w = held_residual(response, x, ports);
   MatrixSeries whole{p, Dense(w.rows() + 1, w.coefficients.columns),
                      Dense(w.rows() + 1, p)};
   set_part(whole.coefficients, 0, 0, w.coefficients);
   set_part(whole.tail, 0, 0, w.tail);
   for (int j = 0; j < p; ++j)
-    whole.tail(w.rows(), j) = lost(x, j, largest) / scale_[as_size(j)];
+    whole.tail(w.rows(), j) =
+        lost(x, j, ports[as_size(j)], largest) / scale_[as_size(ports[as_size(j)])];
   return whole;
 }
 
 /// Of each mode the norm of its coordinate over some ports, in their units, anywhere in the
-/// interval.
+/// interval. @param columns  of x, the responses to the ports.
 ProjectionRounding::Sizes Certificate::sizes_of(const ResponseSeries& x,
-                                                const std::vector<int>& ports) const {
+                                                const std::vector<int>& ports,
+                                                const std::vector<int>& columns) const {
   ProjectionRounding::Sizes sizes(as_size(x.envelope.rows), 0.0);
-  for (int j : ports) {
-    const double unit = 1 / scale_[as_size(j)];
+  for (std::size_t k = 0; k < ports.size(); ++k) {
+    const double unit = 1 / scale_[as_size(ports[k])];
     for (std::size_t i = 0; i < sizes.size(); ++i) {
-      const double here = unit * x.envelope(static_cast<int>(i), j);
+      const double here = unit * x.envelope(static_cast<int>(i), columns[k]);
       sizes[i] += here * here;
     }
   }
@@ -368,11 +370,13 @@ Certificate::FieldBound Certificate::field_over(const DenseResponse& response,
   const double last = x.interval.last, delta = mode_coupling(response, x);
   if (!bound.proved || !(last * last < shifts_.sigma) || !(delta < 1))
     return {infinity, infinity, false};
-  const MatrixSeries w = residual(response, x);
+  const MatrixSeries w = residual(response, x, ports);
   const ComplexDense at_centre = w.centre();
   const std::vector<double> away = moved(w);
+  std::vector<int> columns(ports.size());
+  std::iota(columns.begin(), columns.end(), 0);
   double squares = 0;
-  for (int j : ports) {
+  for (int j : columns) {
     double square = 0;
     for (int i = 0; i < at_centre.rows; ++i) square += std::norm(at_centre(i, j));
     squares += std::pow(std::sqrt(square) + away[as_size(j)], 2);
@@ -389,7 +393,7 @@ Certificate::FieldBound Certificate::field_over(const DenseResponse& response,
                 std::sqrt(squares) * (1 + 1e-12);
   // Rounding of the projected matrices: −A⁻¹ E x, in these coordinates.
   const Damping& damping = response.system().damping;
-  const ProjectionRounding::Sizes sizes = sizes_of(x, ports);
+  const ProjectionRounding::Sizes sizes = sizes_of(x, ports, columns);
   const auto forces = rounding_.of_equations(
       std::hypot(1, damping.eta + last * damping.beta), last, sizes);
   double answer = 0;

@@ -417,11 +417,12 @@ std::vector<double> MediumModel::strain() const {
 std::optional<MediumModel::Field>
 MediumModel::field(Interval interval, int degree, const std::vector<int>& inputs) const {
   const DenseResponse& response = *level_.response;
-  const auto x = response_series(response, interval, degree);
-  if (!x) return std::nullopt;
-  const std::vector<double> root = strain();
   std::vector<int> ports;
   for (int j : inputs) ports.push_back(ports_.inputs[as_size(j)]);
+  const auto x = response_series(response, interval, degree,
+                                 columns_of(response.modal_inputs(), ports));
+  if (!x) return std::nullopt;
+  const std::vector<double> root = strain();
   const int p = static_cast<int>(ports.size()), all = x->x.columns,
             parts = x->x.coefficients.columns / all, N = x->x.rows();
   Field field{{p, Dense(N, p * parts), Dense(N, p)}, 0, 0, true};
@@ -432,8 +433,8 @@ MediumModel::field(Interval interval, int degree, const std::vector<int>& inputs
       const double factor = scale * root[as_size(k)];
       for (int part = 0; part < parts; ++part)
         field.x.coefficients(k, part * p + j) =
-            factor * x->x.coefficients(k, part * all + port);
-      field.x.tail(k, j) = factor * x->x.tail(k, port);
+            factor * x->x.coefficients(k, part * all + j);
+      field.x.tail(k, j) = factor * x->x.tail(k, j);
     }
   }
   const Certificate::FieldBound bound =

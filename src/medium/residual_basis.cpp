@@ -311,11 +311,10 @@ Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
   // products of residuals.
   const int k = gram.rows;
   const GramFactor norm = gram_factor(gram);
-  const auto add_square = [&](Dense& squares, const Dense& columns) {
-    if (squares.data.empty()) squares = Dense(k, k);
-    const Dense W = multiply(norm.F, columns), WWt = multiply(W, transpose(W));
-    add_to(squares, WWt);
+  const auto turned = [&](const Dense& a) {
+    return a.data.empty() ? Dense() : multiply(norm.F, a);
   };
+  const Dense F_ports = turned(basis.ports), F_K = turned(basis.K), F_D = turned(basis.D);
   std::vector<SquaresOfBlock> of_blocks(blocks.size());
   const auto scale_of = [&](int port) { return scale[as_size(port)]; };
   for (double omega : samples) {
@@ -329,8 +328,29 @@ Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
     std::map<int, ComplexDense> H_without;
     for (int count : left_out)
       if (!H_without.count(count)) H_without.emplace(count, without(count));
-    const ComplexDense R = residual_of(basis.ports, basis.K, basis.D, kappa, omega,
+    const ComplexDense W = residual_of(F_ports, F_K, F_D, kappa, omega,
                                        response.system().coefficients(omega), x);
+    // W Wᵀ of each list of ports once: with many outputs it is what this costs.
+    std::map<std::vector<int>, Dense> squares;
+    const auto add_square = [&](Dense& sum, const std::vector<int>& ports,
+                                double weight) {
+      auto known = squares.find(ports);
+      if (known == squares.end()) {
+        Dense parts(k, 2 * static_cast<int>(ports.size()));
+        int next = 0;
+        for (int j : ports) {
+          const double unit = 1 / scale_of(j);
+          for (int i = 0; i < k; ++i) {
+            parts(i, next) = unit * W(i, j).real();
+            parts(i, next + 1) = unit * W(i, j).imag();
+          }
+          next += 2;
+        }
+        known = squares.emplace(ports, multiply(parts, transpose(parts))).first;
+      }
+      if (sum.data.empty()) sum = Dense(k, k);
+      add_to(sum, known->second, weight);
+    };
     for (std::size_t b = 0; b < blocks.size(); ++b) {
       const Certificate::PortSet& block = blocks[b];
       const ComplexDense& H = H_without.at(left_out[b]);
@@ -339,22 +359,9 @@ Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
         for (int i : block.outputs)
           size += std::norm(H(i, j) / (scale_of(i) * scale_of(j)));
       if (!(size > 0)) continue;
-      const auto parts_of = [&](const std::vector<int>& ports) {
-        Dense parts(k, 2 * static_cast<int>(ports.size()));
-        int next = 0;
-        for (int j : ports) {
-          const double unit = 1 / (scale_of(j) * std::pow(size, 0.25));
-          for (int i = 0; i < k; ++i) {
-            parts(i, next) = unit * R(i, j).real();
-            parts(i, next + 1) = unit * R(i, j).imag();
-          }
-          next += 2;
-        }
-        return parts;
-      };
-      add_square(of_blocks[b].inputs, parts_of(block.inputs));
+      add_square(of_blocks[b].inputs, block.inputs, 1 / std::sqrt(size));
       if (block.outputs != block.inputs)
-        add_square(of_blocks[b].outputs, parts_of(block.outputs));
+        add_square(of_blocks[b].outputs, block.outputs, 1 / std::sqrt(size));
     }
   }
   const double sigma = cutoff * cutoff;
@@ -366,8 +373,8 @@ Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
         response.energy(j, sigma);
     for (int i = 0; i < k; ++i) of_modes(i, j) *= factor;
   }
-  Dense squares_of_modes;
-  add_square(squares_of_modes, of_modes);
+  const Dense W_of_modes = multiply(norm.F, of_modes),
+              squares_of_modes = multiply(W_of_modes, transpose(W_of_modes));
 
   Dense fewest =
       dominant(weighted_squares(of_blocks, squares_of_modes, Side::both, target), target);
