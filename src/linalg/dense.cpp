@@ -50,6 +50,17 @@ Dense transpose(const Dense& a) {
 Dense multiply(const Dense& a, const Dense& b) { return gemm("N", "N", a, b); }
 Dense multiply_transposed(const Dense& a, const Dense& b) { return gemm("T", "N", a, b); }
 
+Dense outer_square(const Dense& a) {
+  Dense c(a.rows, a.rows);
+  if (a.data.empty()) return c;
+  const double one = 1, zero = 0;
+  BLASsyrk_("U", "N", &a.rows, &a.columns, &one, a.data.data(), &a.rows, &zero,
+            c.data.data(), &c.rows);
+  for (int j = 0; j < c.columns; ++j)
+    for (int i = 0; i < j; ++i) c(j, i) = c(i, j);
+  return c;
+}
+
 Dense part_of(const Dense& a, int r0, int rows, int c0, int columns) {
   Dense part(rows, columns);
   for (int j = 0; j < columns; ++j)

@@ -35,6 +35,7 @@ Dense identity(int order);
 Dense transpose(const Dense& a);
 Dense multiply(const Dense& a, const Dense& b);            ///< A B
 Dense multiply_transposed(const Dense& a, const Dense& b); ///< Aᵀ B
+Dense outer_square(const Dense& a); ///< A Aᵀ, at half the price of a product
 /// Rows [r0, r0 + rows) and columns [c0, c0 + columns) of A.
 Dense part_of(const Dense& a, int r0, int rows, int c0, int columns);
 /// Copies `part` into A from row r0, column c0 on.

@@ -260,6 +260,54 @@ struct SquaresOfBlock {
   Dense inputs, outputs; ///< k × k; the latter empty where they are the former
 };
 
+/// The different lists of ports of some blocks, and the groups of ports that no list
+/// divides: W Wᵀ of a list is the sum of those of its groups. With many outputs it is what
+/// growth costs.
+struct PortLists {
+  std::vector<std::vector<int>> lists;
+  std::map<std::vector<std::size_t>, std::vector<int>> groups; ///< by their lists
+
+  explicit PortLists(const std::vector<Certificate::PortSet>& blocks) {
+    for (const auto& block : blocks)
+      for (const auto& ports : {block.inputs, block.outputs})
+        if (std::find(lists.begin(), lists.end(), ports) == lists.end())
+          lists.push_back(ports);
+    std::map<int, std::vector<std::size_t>> of_port;
+    for (std::size_t l = 0; l < lists.size(); ++l)
+      for (int port : lists[l]) of_port[port].push_back(l);
+    for (const auto& [port, in] : of_port) groups[in].push_back(port);
+  }
+  std::size_t number(const std::vector<int>& ports) const {
+    return static_cast<std::size_t>(std::find(lists.begin(), lists.end(), ports) -
+                                    lists.begin());
+  }
+};
+
+/// W Wᵀ, real and imaginary parts, of each list. @param scale  of each port.
+std::vector<Dense> squares_of_lists(const PortLists& lists, const ComplexDense& W,
+                                    const std::vector<double>& scale) {
+  std::vector<Dense> squares(lists.lists.size(), Dense(W.rows, W.rows));
+  for (const auto& [in, ports] : lists.groups) {
+    Dense parts(W.rows, 2 * static_cast<int>(ports.size()));
+    int used = 0;
+    for (int port : ports) {
+      const std::complex<double>* w = W.column(port);
+      const double unit = 1 / scale[as_size(port)];
+      for (const bool real : {true, false}) {
+        double largest = 0, *to = parts.column(used);
+        for (int i = 0; i < W.rows; ++i) {
+          to[i] = unit * (real ? w[i].real() : w[i].imag());
+          largest = std::max(largest, std::abs(to[i]));
+        }
+        if (largest > 0) ++used; // of an undamped body nothing is imaginary
+      }
+    }
+    const Dense square = outer_square(first_columns(parts, used));
+    for (std::size_t l : in) add_to(squares[l], square);
+  }
+  return squares;
+}
+
 enum class Side { both, inputs, outputs };
 
 /// What is dropped of W, by a projection P, changes H by W_CᵀPW_B, a block of
@@ -316,6 +364,7 @@ Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
   };
   const Dense F_ports = turned(basis.ports), F_K = turned(basis.K), F_D = turned(basis.D);
   std::vector<SquaresOfBlock> of_blocks(blocks.size());
+  const PortLists lists(blocks);
   const auto scale_of = [&](int port) { return scale[as_size(port)]; };
   for (double omega : samples) {
     const ComplexDense x = response.modal_response(omega);
@@ -330,26 +379,11 @@ Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
       if (!H_without.count(count)) H_without.emplace(count, without(count));
     const ComplexDense W = residual_of(F_ports, F_K, F_D, kappa, omega,
                                        response.system().coefficients(omega), x);
-    // W Wᵀ of each list of ports once: with many outputs it is what this costs.
-    std::map<std::vector<int>, Dense> squares;
+    const std::vector<Dense> squares = squares_of_lists(lists, W, scale);
     const auto add_square = [&](Dense& sum, const std::vector<int>& ports,
                                 double weight) {
-      auto known = squares.find(ports);
-      if (known == squares.end()) {
-        Dense parts(k, 2 * static_cast<int>(ports.size()));
-        int next = 0;
-        for (int j : ports) {
-          const double unit = 1 / scale_of(j);
-          for (int i = 0; i < k; ++i) {
-            parts(i, next) = unit * W(i, j).real();
-            parts(i, next + 1) = unit * W(i, j).imag();
-          }
-          next += 2;
-        }
-        known = squares.emplace(ports, multiply(parts, transpose(parts))).first;
-      }
       if (sum.data.empty()) sum = Dense(k, k);
-      add_to(sum, known->second, weight);
+      add_to(sum, squares[lists.number(ports)], weight);
     };
     for (std::size_t b = 0; b < blocks.size(); ++b) {
       const Certificate::PortSet& block = blocks[b];
