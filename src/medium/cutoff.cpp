@@ -56,18 +56,16 @@ Block response_to_ports(const CertifyRun& run, const PortLoads& ports,
 
 /// zᵀMz = 1/(1 + λ/ω_c²) of the Ritz vectors in the span of a response, ascending.
 std::vector<double> mass_shares(const SecondOrderModel& fom, const Block& response,
-                                double kappa) {
+                                double kappa, bool is_rigid) {
   const Block Z =
       orthonormalise(copy(response), Block(), {fom.M, fom.K, kappa}, 1e-7).vectors;
   Dense m = inner(Z, multiply(fom.M, Z));
   symmetrise(m);
   auto eigen = symmetric_eigen(m);
   share_from_first(fom.comm, eigen.values);
-  if (eigen.values.empty())
-    throw Error(
-        "nothing of the response is elastic: rigid interfaces hold the whole body, "
-        "which then moves as a rigid one and needs no reduction, or the ports move "
-        "so little that doubles cannot square it (are the units of B and C right?)");
+  if (eigen.values.empty() && !is_rigid)
+    throw Error("the ports move nothing, or so little that doubles cannot square it: "
+                "are the units of B and C right?");
   return eigen.values;
 }
 
@@ -100,12 +98,17 @@ Cutoff choose_cutoff(const CertifyRun& run, const PortLoads& ports, const Block&
     if (null == 0) try {
         const double kappa = 1 / (omega * omega);
         Block response = response_to_ports(run, ports, balanced, below - rigid);
-        const std::vector<double> shares = mass_shares(run.fom, response, kappa);
+        // A body that rigid interfaces hold as a whole has rigid modes and nothing else.
+        const bool is_rigid = run.fom.n == rigid;
+        const std::vector<double> shares =
+            mass_shares(run.fom, response, kappa, is_rigid);
         // λ = ω_c² to many digits: the shift hits a mode.
         if (std::all_of(shares.begin(), shares.end(),
                         [](double m) { return std::abs(2 * m - 1) > 1e-7; })) {
-          mass_is_singular = mass_is_singular || has_light_dofs(run.fom, omega) ||
-                             shares.front() * 1e3 * eigenvalue_scale(run.fom) * kappa < 1;
+          mass_is_singular =
+              mass_is_singular || has_light_dofs(run.fom, omega) ||
+              (!shares.empty() &&
+               shares.front() * 1e3 * eigenvalue_scale(run.fom) * kappa < 1);
           run.observer.fact("inner product",
                             mass_is_singular ? "M + K/ω_c² (M is singular)" : "M");
           return {omega, below, mass_is_singular ? kappa : 0, std::move(response)};

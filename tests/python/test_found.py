@@ -559,3 +559,55 @@ def test_what_a_body_file_holds_beside_is_named(held: Path, tmp_path: Path) -> N
         file["Damping"] = np.eye(2)
     done = run("plan", "-body", body, "-mor_band_hz", "0.01,0.1")
     assert "/Damping of" in done.out + done.err and "is not read" in done.out + done.err
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_body_that_is_rigid_as_a_whole(ranks: int, tmp_path: Path) -> None:
+    """A rigid interface that holds every node: six modes, and H of the rigid body's mass."""
+    mesh = box("hexahedron", (2, 2, 2))
+    mesh.point_sets["all"] = np.arange(len(mesh.points))
+    ends = {"interfaces": {"a": {"coupling": "rigid", "nodes": "all", "position": [0, 0, 0]}}}
+    free = {key: value for key, value in MESH.items() if key != "supports"}
+    import_description(free | ends, "box", tmp_path / "b.h5", mesh=mesh)
+    rom = tmp_path / "rom.h5"
+    run(
+        *("reduce", "-body", tmp_path / "b.h5", "-mor_band_hz", "10,500", "-mor_out", rom),
+        ranks=ranks,
+    )
+    model = ReducedModel.load(rom)
+    assert model.order == 6 and model.claim.kind == "certified" and model.claim.whole < 1e-9
+    with h5py.File(rom) as file:
+        mass = file["frame/M_r"][:]
+    w = 2 * np.pi * 100.0
+    assert np.allclose(model.transfer(w) @ mass, -np.eye(6) / w**2, atol=1e-9 / w**2)
+
+
+def test_rows_with_directions_join(tmp_path: Path) -> None:
+    """Interfaces named by rows join where their directions are given; without, the message says
+    how."""
+    import scipy.io
+
+    n = 12
+    K = 1e4 * (2 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1))
+    scipy.io.savemat(tmp_path / "a.mat", {"K": sp.csc_matrix(K), "M": sp.eye(n, format="csc")})
+    for name, rows in (("named", "fx:12"), ("bare", "12")):
+        first = rows.replace("12", "1")
+        run(
+            *("import", tmp_path / "a.mat", "-o", tmp_path / f"{name}.h5", "--alpha", "0.5"),
+            *("--rows", f"left={first}", "--rows", f"right={rows}"),
+        )
+        run(
+            *("reduce", "-body", tmp_path / f"{name}.h5", "-mor_band_hz", "1,20", "-mor_tol", 1e-6),
+            *("-mor_out", tmp_path / f"{name}.rom.h5"),
+        )
+    both = (f"x={tmp_path}/named.rom.h5", f"y={tmp_path}/named.rom.h5")
+    run("couple", *both, "--join", "x.right=y.left:x", "-o", tmp_path / "w.h5")
+    whole = ReducedModel.load(tmp_path / "w.h5")
+    T = np.delete(np.eye(2 * n), n, axis=1)
+    T[n, n - 1] = 1
+    square = np.linalg.eigvals(np.linalg.solve(T.T @ T, T.T @ scipy.linalg.block_diag(K, K) @ T))
+    expected = np.sort(np.sqrt(square.real))[:4]
+    assert np.allclose(whole.modes[:4], expected, rtol=1e-6)
+    bare = (f"x={tmp_path}/bare.rom.h5", f"y={tmp_path}/bare.rom.h5")
+    failed = run("couple", *bare, "--join", "x.right=y.left", "-o", tmp_path / "v.h5", expect=1)
+    assert "ports without directions" in message(failed) and "fx:25" in message(failed)
