@@ -8,6 +8,7 @@ import shutil
 import sys
 import warnings
 from pathlib import Path
+from typing import NoReturn
 
 from flexgram.basics import BodyError, expect_kept
 from flexgram.cli.commands import COMMANDS
@@ -44,6 +45,15 @@ def keep_inputs(options: argparse.Namespace) -> None:
             expect_kept(out, *files.values())
 
 
+class Parser(argparse.ArgumentParser):
+    """Ends with status 1 for a wrong command line, as the program does: its 2 says that a
+    tolerance is not met."""
+
+    def error(self, message: str) -> NoReturn:
+        self.print_usage(sys.stderr)
+        self.exit(1, f"flexgram: {message}\n")
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run one command; errors of its input are one line on standard error and exit status 1.
 
@@ -58,7 +68,7 @@ def main(arguments: list[str] | None = None) -> int:
             return 1
     if mpi_rank() > 0:
         return 0
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="flexgram",
         description="From FE codes to body files, and from reduced bodies to multibody codes and "
         "pictures. The reduction itself: flexgram.reduce in Python, or the verbs of the program: "
@@ -76,7 +86,7 @@ def main(arguments: list[str] | None = None) -> int:
         )
         describe(command)
         work[name] = run
-    options = parser.parse_args(arguments)
+    options = parser.parse_args(["--help" if word == "-help" else word for word in words])
     try:
         with warnings.catch_warnings():
             warnings.showwarning = lambda text, *_, **__: print(f"warning: {text}", file=sys.stderr)

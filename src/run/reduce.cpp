@@ -274,7 +274,7 @@ bool reduce(MPI_Comm comm, Settings& s, const Options& options, Observer& observ
   if (s.medium_out.empty()) s.choose_tolerance(observer); // else it serves later cuts too
   const CheckpointSpec checkpoint = s.checkpoint_spec(s.out);
   let_sigterm_ask();
-  warn_of_default_band(options, observer);
+  if (!s.body.empty()) warn_of_default_band(options, observer);
   check_output(comm, s.out, {s.body, s.loads});
   check_default_output(comm, s.out, options, "-mor_out", "/gramian");
   const auto before = written_at(s.out);
@@ -306,7 +306,7 @@ bool reduce(MPI_Comm comm, Settings& s, const Options& options, Observer& observ
 
 void certify(MPI_Comm comm, Settings& s, const Options& options, Observer& observer) {
   s.check();
-  warn_of_default_band(options, observer);
+  if (!s.body.empty()) warn_of_default_band(options, observer);
   if (s.takes_samples())
     throw Error("-mor_method pod has no medium model to certify: flexgram reduce");
   const std::string out = s.medium_out.empty() ? "medium.h5" : s.medium_out;

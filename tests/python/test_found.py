@@ -611,3 +611,14 @@ def test_rows_with_directions_join(tmp_path: Path) -> None:
     bare = (f"x={tmp_path}/bare.rom.h5", f"y={tmp_path}/bare.rom.h5")
     failed = run("couple", *bare, "--join", "x.right=y.left", "-o", tmp_path / "v.h5", expect=1)
     assert "ports without directions" in message(failed) and "fx:25" in message(failed)
+
+
+@pytest.mark.parametrize("verb", ["import", "info", "report", "export", "couple", "simulate"])
+def test_help_and_status_of_the_verbs_of_python(verb: str) -> None:
+    """As those of the program: -help, and 1 for a wrong command line (2 is a missed tolerance)."""
+    said = run(verb, "-help").out
+    assert said.startswith(f"usage: flexgram {verb}") and said == run(verb, "--help").out
+    wrong = run(verb, "--no-such-option", expect=1)
+    assert f"usage: flexgram {verb}" in wrong.err
+    bare = run("reduce", expect=1)
+    assert "option -body is missing" in message(bare) and "warning" not in bare.out + bare.err
