@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexgram.basics import BodyError, ComplexArray, Floats, ReductionWarning
+from flexgram.body.stress import principal
 from flexgram.model import elastic_part, recovery
 from flexgram.model.physical import PhysicalForm, physical_form
 from flexgram.model.reduced import ReducedBody
@@ -131,6 +132,22 @@ class ReducedModel(ReducedBody):
         True
         """
         return self.basis.lift(q)
+
+    def principal(
+        self,
+        q: ArrayLike | None = None,
+        body: str | Path | None = None,
+        u: ArrayLike | None = None,
+    ) -> Floats:
+        """Principal stresses at the nodes, (k, N, 3) [N/m²], descending; as ``stress``.
+
+        Examples
+        --------
+        >>> rom = flexgram.ReducedModel.load("standing.rom.h5")
+        >>> rom.principal().shape[::2] == (rom.order, 3)
+        True
+        """
+        return principal(self.stress(q, body, u))
 
     def stress(
         self,

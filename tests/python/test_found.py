@@ -622,3 +622,40 @@ def test_help_and_status_of_the_verbs_of_python(verb: str) -> None:
     assert f"usage: flexgram {verb}" in wrong.err
     bare = run("reduce", expect=1)
     assert "option -body is missing" in message(bare) and "warning" not in bare.out + bare.err
+
+
+def test_effective_masses_and_principal_stresses(tmp_path: Path) -> None:
+    """Of all modes of a clamped bar they add up to its moving mass, and those of a bar along x to
+    8/((2k - 1)² π²) of it; principal stresses are the tensor's eigenvalues."""
+    from flexgram.body.stress import principal, signed_von_mises, von_mises
+
+    mesh = box("hexahedron20", (10, 2, 2), distort=False)
+    loads = {"gravity": {"type": "acceleration"}}
+    body = tmp_path / "b.h5"
+    import_description(MESH | {"loads": loads}, "bar", body, mesh=mesh)
+    rom = tmp_path / "rom.h5"
+    run(
+        *("reduce", "-body", body, "-mor_band_hz", "100,60000", "-mor_tol", 1e-3),
+        *("-mor_out", rom),
+    )
+    out = tmp_path / "modes.csv"
+    said = run("modes", rom, "-o", out).out
+    assert "effective mass of these modes in x, y, z" in said
+    table = np.genfromtxt(out, delimiter=",", names=True)
+    columns = [name for name in table.dtype.names if name.startswith("effective")]
+    masses = np.array([table[name] for name in columns]).T
+    with h5py.File(body) as file:
+        from flexgram.body.whole import mass_facts
+
+        mass = mass_facts(file).mass
+    assert np.all(masses.sum(axis=0) < 1.0001 * mass) and masses[:, 0].sum() > 0.8 * mass
+    first = masses[:, 0].max()
+    assert first == pytest.approx(8 / np.pi**2 * mass, rel=0.02)
+    rng = np.random.default_rng(1)
+    s = rng.normal(size=(7, 6))
+    for six, values in zip(s, principal(s), strict=True):
+        xx, yy, zz, xy, yz, zx = six
+        tensor = np.array([[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]])
+        assert np.allclose(np.sort(np.linalg.eigvals(tensor).real), values[::-1])
+    assert np.allclose(np.abs(signed_von_mises(s)), von_mises(s))
+    assert np.isnan(principal(np.full(6, np.nan))).all()

@@ -261,3 +261,34 @@ def von_mises(stress: ArrayLike) -> Floats:
         0.5 * ((xx - yy) ** 2 + (yy - zz) ** 2 + (zz - xx) ** 2) + 3 * (xy**2 + yz**2 + zx**2)
     )
     return equivalent
+
+
+def principal(stress: ArrayLike) -> Floats:
+    """Principal stresses (…, 3), descending, of (…, 6) components xx, yy, zz, xy, yz, zx; NaN where
+    these are.
+
+    Examples
+    --------
+    >>> principal([0, 0, 0, 100.0, 0, 0]).round(9) + 0.0
+    array([ 100.,    0., -100.])
+    """
+    s = np.asarray(stress, dtype=float)
+    tensor = s[..., [[0, 3, 5], [3, 1, 4], [5, 4, 2]]]
+    known = np.isfinite(s).all(axis=-1)
+    values: Floats = np.full((*s.shape[:-1], 3), np.nan)
+    values[known] = np.linalg.eigvalsh(tensor[known])[..., ::-1]
+    return values
+
+
+def signed_von_mises(stress: ArrayLike) -> Floats:
+    """Equivalent stress of (…, 6) components with the sign of the principal stress that is largest
+    in size: negative where pressure dominates. What fatigue counts.
+
+    Examples
+    --------
+    >>> signed_von_mises([[100.0, 0, 0, 0, 0, 0], [-100.0, 0, 0, 0, 0, 0]])
+    array([ 100., -100.])
+    """
+    values = principal(stress)
+    dominant = np.where(np.abs(values[..., 0]) >= np.abs(values[..., 2]), 1.0, -1.0)
+    return dominant * von_mises(stress)

@@ -214,7 +214,14 @@ def run_modes(options: argparse.Namespace) -> None:
     band = model.claim.band / (2 * np.pi)
     for k, (f, zeta) in enumerate(zip(modes.hertz, modes.damping, strict=True), 1):
         beyond = "" if band[0] <= f <= band[-1] else "  outside the band: of the reduced body only"
-        say(f"  {k:4d} {f:12.6g} Hz   damping {100 * zeta:.3g} %{beyond}")
+        masses = ""
+        if modes.effective_mass is not None:
+            own = " ".join(f"{x:10.4g}" for x in modes.effective_mass[k - 1])
+            masses = f"   effective mass {own} kg"
+        say(f"  {k:4d} {f:12.6g} Hz   damping {100 * zeta:.3g} %{masses}{beyond}")
+    if modes.effective_mass is not None:
+        total = " ".join(f"{x:.4g}" for x in modes.effective_mass.sum(axis=0))
+        say(f"  effective mass of these modes in x, y, z: {total} kg")
     say("  the claim is of H at the ports: modes that they hardly drive or show may be missing")
     if modes.coupled > 1e-6:
         say(

@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from flexgram.basics import BodyError, Floats, errors_of, index_of, written_aside
 from flexgram.measured.universal import dataset, datasets
 from flexgram.model.geometry import Geometry, body_of
+from flexgram.model.kinds import ports_of
 from flexgram.model.modes import natural_modes
 from flexgram.model.reduced import ReducedBody
 
@@ -55,6 +56,9 @@ class ModeShapes:
     coupled : float
         Largest damping between two modes relative to that of a mode; where it is not nearly zero, a
         damping matrix couples them: frequencies are those without damping, dampings the diagonal.
+    effective_mass : (k, 3) array, optional
+        [kg] in x, y, z, by the body's inputs of acceleration (``type: acceleration``); their sums
+        over all modes of a held body are its mass, less what its supports hold. None without.
     """
 
     hertz: Floats
@@ -63,6 +67,20 @@ class ModeShapes:
     labels: NDArray[np.int64]
     points: Floats
     coupled: float = 0.0
+    effective_mass: Floats | None = None
+
+
+def effective_masses(model: ReducedBody, Q: Floats) -> Floats | None:
+    """Effective masses (k, 3) of modes Q (m, k) of unit mass: squares of their participation
+    factors φᵀM r, which are φᵀB of inputs of acceleration in x, y, z. None without such inputs."""
+    inputs = model.system.inputs
+    columns = {
+        name[-1]: k for k, name in enumerate(inputs) if k in ports_of(inputs, "acceleration")
+    }
+    if set(columns) != set("xyz"):
+        return None
+    factors = Q.T @ model.system.B[:, [columns[axis] for axis in "xyz"]]
+    return np.asarray(factors**2)
 
 
 def mode_shapes(
@@ -117,7 +135,8 @@ def mode_shapes(
         labels, points, shapes = _at_nodes(model, body, Q.T)
     else:
         labels, points, shapes = np.empty(0, int), np.empty((0, 3)), np.empty((len(omega), 0, 3))
-    return ModeShapes(omega / (2 * np.pi), damping, shapes, labels, points, coupled)
+    masses = effective_masses(model, Q)
+    return ModeShapes(omega / (2 * np.pi), damping, shapes, labels, points, coupled, masses)
 
 
 def _at_nodes(
@@ -150,9 +169,12 @@ def write_csv(modes: ModeShapes, path: str | Path) -> None:
     """
     with written_aside(path) as place, place.open("w", newline="") as file:
         table = csv.writer(file)
-        table.writerow(["mode", "Hz", "damping ratio"])
-        for k, (f, zeta) in enumerate(zip(modes.hertz, modes.damping, strict=True), 1):
-            table.writerow([k, repr(float(f)), repr(float(zeta))])
+        masses = modes.effective_mass
+        more = [] if masses is None else [f"effective mass {axis} [kg]" for axis in "xyz"]
+        table.writerow(["mode", "Hz", "damping ratio", *more])
+        for k, (f, zeta) in enumerate(zip(modes.hertz, modes.damping, strict=True)):
+            own = [] if masses is None else [repr(float(x)) for x in masses[k]]
+            table.writerow([k + 1, repr(float(f)), repr(float(zeta)), *own])
 
 
 def write_universal(modes: ModeShapes, path: str | Path, about: str = "") -> None:
