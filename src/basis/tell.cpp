@@ -140,7 +140,8 @@ std::string unmet_words(const BandClaim& claim) {
 }
 
 /// The error in words: of H as a whole, by either reference, and of its kinds.
-void tell_error(const CutStory& cut, const ReducedModel& rom, Observer& observer) {
+/// The claim, and what it is relative to.
+void tell_supremum(const CutStory& cut, const ReducedModel& rom, Observer& observer) {
   const ErrorOverBand::Supremum& sup = cut.sup;
   const MediumModel& medium = cut.seen.model();
   const std::string label = label_of(rom);
@@ -179,7 +180,11 @@ void tell_error(const CutStory& cut, const ReducedModel& rom, Observer& observer
                        other.worst));
   }
   if (!of_elastic && medium.rigid > 0) tell_elastic_part(cut, rom, observer);
-  if (medium.rigid > 0)
+}
+
+/// What rounding of the data may change, beside the claim.
+void tell_rounding(const CutStory& cut, const ReducedModel& rom, Observer& observer) {
+  if (cut.seen.model().rigid > 0)
     observer.fact(
         "rigid rounding",
         text("the rigid modes count as exactly rigid: what K holds of their stiffness "
@@ -193,6 +198,10 @@ void tell_error(const CutStory& cut, const ReducedModel& rom, Observer& observer
              -std::log10(cut.whole.printed_rounding / 5),
              rom.claim.supremum->data_rounding,
              rom.claim.supremum->data_rounding_at * hz));
+}
+
+void tell_kinds(const CutStory& cut, const ReducedModel& rom, Observer& observer) {
+  const MediumModel& medium = cut.seen.model();
   if (!medium.zero_views.empty())
     observer.skip("errors of " + join(medium.zero_views, ", "),
                   "H is nothing but rounding there");
@@ -204,7 +213,7 @@ void tell_error(const CutStory& cut, const ReducedModel& rom, Observer& observer
       if (!rom.claim.kind_tolerances.empty())
         words += text(" of %g", rom.claim.kind_tolerances[k]);
     }
-    observer.fact("by kind", words + " (" + label + ")");
+    observer.fact("by kind", words + " (" + label_of(rom) + ")");
   } else if (port_views(medium.names, {true, {}, {}}).size() > 1) {
     std::vector<ComplexDense> H, H_r;
     const DenseResponse response(cut.small, medium.tau);
@@ -213,30 +222,41 @@ void tell_error(const CutStory& cut, const ReducedModel& rom, Observer& observer
       H_r.push_back(response.transfer(omega));
       for (auto* list : {&H, &H_r}) medium.outputs().complete(list->back(), omega);
     }
-    warn_of_kinds(rom.system, H, H_r, sup.worst, observer);
+    warn_of_kinds(rom.system, H, H_r, cut.sup.worst, observer);
   }
-  if (!rom.claim.fields.empty()) {
-    std::string words;
-    for (const FieldClaim& claim : rom.claim.fields) {
-      words +=
-          text("%s%s from %s", words.empty() ? "" : ", ",
-               claim.proved ? text("at most %.1e", claim.worst).c_str() : "not known",
-               claim.inputs.c_str());
-      if (claim.proved)
-        words += text(" (reached %.1e at %.5g Hz)", claim.attained, claim.at * hz);
-    }
-    observer.fact("field",
-                  words + ", of the square root of its strain energy" +
-                      (rom.claim.fields.front().proved ? " (" + label + ")" : ""));
+}
+
+void tell_fields(const ReducedModel& rom, Observer& observer) {
+  if (rom.claim.fields.empty()) return;
+  std::string words;
+  for (const FieldClaim& claim : rom.claim.fields) {
+    words += text("%s%s from %s", words.empty() ? "" : ", ",
+                  claim.proved ? text("at most %.1e", claim.worst).c_str() : "not known",
+                  claim.inputs.c_str());
+    if (claim.proved)
+      words += text(" (reached %.1e at %.5g Hz)", claim.attained, claim.at * hz);
   }
-  if (rom.claim.supremum->met) return;
+  observer.fact("field",
+                words + ", of the square root of its strain energy" +
+                    (rom.claim.fields.front().proved ? " (" + label_of(rom) + ")" : ""));
+}
+
+void warn_of_unmet(const CutStory& cut, const ReducedModel& rom, Observer& observer) {
   std::string why = at_a_zero(cut);
   if (why.empty()) why = cut.choice.shortfall;
   if (why.empty()) why = "the bound over the band was not brought any closer to it";
-  observer.warn(text("{tol} %g is not met: the error is %s (%s)%s: %s",
-                     *cut.request.order.tolerance,
-                     bound_words(sup.worst, "at most %.1e").c_str(), label.c_str(),
-                     unmet_words(*rom.claim.supremum).c_str(), why.c_str()));
+  observer.warn(text(
+      "{tol} %g is not met: the error is %s (%s)%s: %s", *cut.request.order.tolerance,
+      bound_words(cut.sup.worst, "at most %.1e").c_str(), label_of(rom).c_str(),
+      unmet_words(*rom.claim.supremum).c_str(), why.c_str()));
+}
+
+void tell_error(const CutStory& cut, const ReducedModel& rom, Observer& observer) {
+  tell_supremum(cut, rom, observer);
+  tell_rounding(cut, rom, observer);
+  tell_kinds(cut, rom, observer);
+  tell_fields(rom, observer);
+  if (!rom.claim.supremum->met) warn_of_unmet(cut, rom, observer);
 }
 
 } // namespace

@@ -22,10 +22,13 @@ void refuse_elastic_part() {
 MediumModel::MediumModel(const Medium& medium, std::size_t level,
                          const PortSelection& ports, const KindSpec& kinds,
                          RelativeTo relative_to, double enough)
-    : names(medium.body.head()), rigid(medium.rigid), cutoff(medium.cutoff),
-      tau(medium.tau), kappa(medium.kappa), level_(medium.levels[level]),
-      V_(medium.V.share()),
+    : level_(medium.levels[level]), V_(medium.V.share()),
       ports_{medium.scale, ports.inputs, ports.outputs, {}, {}, {}, {}} {
+  names = medium.body.head();
+  rigid = medium.rigid;
+  cutoff = medium.cutoff;
+  tau = medium.tau;
+  kappa = medium.kappa;
   if (relative_to == RelativeTo::elastic && rigid > 0 && !has_elastic_part())
     refuse_elastic_part();
   select_names(names, ports);

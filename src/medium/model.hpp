@@ -25,10 +25,26 @@ struct TransferSeries {
 /// @throws Error: of a free body with a damping matrix.
 [[noreturn]] void refuse_elastic_part();
 
+/// What a level shows of itself to some ports, in numbers.
+struct SeenSystem {
+  std::vector<PortView>
+      views; ///< blocks of H that are certified by themselves; the first is all
+  std::vector<std::string> zero_views; ///< those that are nothing but rounding
+  SecondOrderModel names;              ///< body and ports, without matrices
+  /// In modal coordinates, M-normalised (massless ones (K + τM)-normalised), rigid modes
+  /// first; inputs and outputs in their units. There energies do not cancel.
+  DenseSystem system;
+  std::vector<Resonance> resonances;
+  std::vector<double> lambda; ///< [rad²/s²] elastic modes below the cutoff, all of them
+  int rigid = 0;
+  double cutoff = 0; ///< ω_c [rad/s]
+  double tau = 0, kappa = 0;
+};
+
 /// A level of a medium model seen by some of its ports: a Galerkin model of some ten
 /// times the final order, and the proof of its error. What small models are measured
 /// against.
-class MediumModel {
+class MediumModel : public SeenSystem {
 public:
   /// @param enough  with many ports, relative errors of H up to this need no sharper bound;
   /// 0: the medium model's target.
@@ -124,19 +140,6 @@ public:
   const std::vector<Certificate::PortSet>& blocks() const { return ports_.blocks; }
   /// Of each view so many first modes, rigid ones, are no part of what errors are relative to.
   std::vector<int> left_out() const;
-
-  std::vector<PortView>
-      views; ///< blocks of H that are certified by themselves; the first is all
-  std::vector<std::string> zero_views; ///< those that are nothing but rounding
-  SecondOrderModel names;              ///< body and ports, without matrices
-  /// In modal coordinates, M-normalised (massless ones (K + τM)-normalised), rigid modes
-  /// first; inputs and outputs in their units. There energies do not cancel.
-  DenseSystem system;
-  std::vector<Resonance> resonances;
-  std::vector<double> lambda; ///< [rad²/s²] elastic modes below the cutoff, all of them
-  int rigid = 0;
-  double cutoff = 0; ///< ω_c [rad/s]
-  double tau = 0, kappa = 0;
 
 private:
   void choose_references(const std::vector<Interval>& bands, RelativeTo relative_to);
