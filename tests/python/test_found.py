@@ -659,3 +659,16 @@ def test_effective_masses_and_principal_stresses(tmp_path: Path) -> None:
         assert np.allclose(np.sort(np.linalg.eigvals(tensor).real), values[::-1])
     assert np.allclose(np.abs(signed_von_mises(s)), von_mises(s))
     assert np.isnan(principal(np.full(6, np.nan))).all()
+
+
+def test_what_a_deck_includes_is_no_output(tmp_path: Path) -> None:
+    part = write_deck(tmp_path / "part.inp", "C3D10")
+    before = part.read_bytes()
+    (tmp_path / "top.inp").write_text("*INCLUDE, INPUT=part.inp\n" + FREQUENCY)
+    table = tmp_path / "table.csv"
+    table.write_text("10, 1, 0, 0\n")
+    common = ("import", tmp_path / "top.inp", "--assemble", "--rigid", "end=NSET:END")
+    for more, out in (((), part), (("--load", f"pull=nodal:{table}"), table)):
+        failed = run(*common, *more, "-o", out, expect=1)
+        assert "would replace the input" in message(failed)
+    assert part.read_bytes() == before

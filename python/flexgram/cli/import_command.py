@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from flexgram.basics import BodyError, say
+from flexgram.basics import BodyError, expect_kept, say
 
 COUPLINGS = {
     "rigid": "all nodes follow a reference node with six dofs (RBE2)",
@@ -385,10 +385,21 @@ def _say_matrices(options: argparse.Namespace, facts: dict[str, Any]) -> None:
         say(f"  note: {remark}")
 
 
+def _inputs(options: argparse.Namespace) -> list[Path]:
+    """Files that are read beside those that options name: includes of decks, tables of loads."""
+    from flexgram.importers.deck import files_of
+
+    decks = [p for p in (options.source, options.deck) if p and p.suffix.lower() == ".inp"]
+    tables = [w.split(":", 1)[1] for w in options.load if w.partition("=")[2].startswith("nodal:")]
+    return [file for deck in decks for file in files_of(deck)] + [Path(t) for t in tables]
+
+
 def import_body_file(options: argparse.Namespace) -> None:
     """The verb: by the source and the options, one of four ways."""
     named = getattr(options, "interfaces", None) or []
     ending = options.source.suffix.lower()
+    if options.output.exists():
+        expect_kept(options.output, *_inputs(options))
     if ending in NO_MESHES:
         from flexgram.body.meshfile import REMEDIES
 

@@ -97,6 +97,14 @@ def raw_lines(path: Path, folder: Path | None = None, depth: int = 0) -> Iterato
         yield from raw_lines(included(line, path, folder), folder, depth + 1)
 
 
+def files_of(path: Path) -> list[Path]:
+    """A deck and all that it includes: what an output must not replace."""
+    try:
+        return sorted({file for file, _, _ in raw_lines(path)})
+    except BodyError:  # said where it is read
+        return [path]
+
+
 def _lines(path: Path) -> Iterator[Line]:
     """Lines that say something: no comments; keyword lines that end in a comma joined with the
     next."""
