@@ -35,7 +35,9 @@ const char* const status_help =
     "Exit status: 0; 1 for errors, with one message; 2 if -mor_tol is not met: the best "
     "body\n"
     "found is written all the same, with the error that it is certified to; 3 if SIGTERM "
-    "ended\nit, with a checkpoint (-mor_restart).\n\n"
+    "ended\nit, with a checkpoint (-mor_restart); mpirun kills its ranks instead, so "
+    "give them "
+    "the\nlimit: mpirun -n 8 timeout --preserve-status 3400 flexgram ...\n\n"
     "Runs under mpirun; takes -options_file, -log_view and every PETSc option.\n"
     "Options [default]:\n";
 
