@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexgram.basics import BodyError, ComplexArray, Floats, ReductionWarning
-from flexgram.body.stress import principal
 from flexgram.model import elastic_part, recovery
 from flexgram.model.physical import PhysicalForm, physical_form
 from flexgram.model.reduced import ReducedBody
@@ -147,7 +146,7 @@ class ReducedModel(ReducedBody):
         >>> rom.principal().shape[::2] == (rom.order, 3)
         True
         """
-        return principal(self.stress(q, body, u))
+        return recovery.principal_stress_at_nodes(self, q, body, u)
 
     def stress(
         self,

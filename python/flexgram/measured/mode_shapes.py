@@ -70,7 +70,7 @@ class ModeShapes:
     effective_mass: Floats | None = None
 
 
-def effective_masses(model: ReducedBody, Q: Floats) -> Floats | None:
+def _effective_masses(model: ReducedBody, Q: Floats) -> Floats | None:
     """Effective masses (k, 3) of modes Q (m, k) of unit mass: squares of their participation
     factors φᵀM r, which are φᵀB of inputs of acceleration in x, y, z. None without such inputs."""
     inputs = model.system.inputs
@@ -135,7 +135,7 @@ def mode_shapes(
         labels, points, shapes = _at_nodes(model, body, Q.T)
     else:
         labels, points, shapes = np.empty(0, int), np.empty((0, 3)), np.empty((len(omega), 0, 3))
-    masses = effective_masses(model, Q)
+    masses = _effective_masses(model, Q)
     return ModeShapes(omega / (2 * np.pi), damping, shapes, labels, points, coupled, masses)
 
 

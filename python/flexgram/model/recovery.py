@@ -8,9 +8,26 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexgram.basics import BodyError, Floats
-from flexgram.body.stress import Stresses, von_mises
+from flexgram.body.stress import Stresses, principal, von_mises
 from flexgram.model.geometry import Geometry, body_of
 from flexgram.model.reduced import ReducedBody
+
+
+def principal_stress_at_nodes(
+    model: ReducedBody,
+    q: ArrayLike | None = None,
+    body: str | Path | None = None,
+    u: ArrayLike | None = None,
+) -> Floats:
+    """Principal stresses at the nodes, (k, N, 3) [N/m²], descending; as ``stress_at_nodes``.
+
+    Examples
+    --------
+    >>> rom = flexgram.ReducedModel.load("standing.rom.h5")
+    >>> principal_stress_at_nodes(rom).shape[::2] == (rom.order, 3)
+    True
+    """
+    return principal(stress_at_nodes(model, q, body, u))
 
 
 def stress_at_nodes(
