@@ -17,9 +17,9 @@ bool holds_mesh(const Hdf5File& file);
 /// file.comm().
 SecondOrderModel read_body(const Hdf5File& file);
 
-/// What of the file's root is not read, each in words with the names that are: a misspelt
-/// /Damping must not pass for a body without. Rank-local.
-std::vector<std::string> not_read(const Hdf5File& file);
+/// What of the file's root is not read, in words with the names that are: a misspelt
+/// /Damping must not pass for a body without. Empty if all is read. Rank-local.
+std::string not_read(const Hdf5File& file);
 
 /// Replaces `matrix` (called `name`) by its symmetric part, which is what is reduced and
 /// certified; matrices that are symmetric stay as they are.

@@ -267,7 +267,7 @@ void classify_damping(SecondOrderModel& model) {
   model.D.reset();
 }
 
-std::vector<std::string> not_read(const Hdf5File& file) {
+std::string not_read(const Hdf5File& file) {
   static const std::vector<std::string> of_matrices{
       "K",     "M",           "D",           "B",          "C",     "dofs",
       "nodes", "feedthrough", "output_beta", "output_eta", "alpha", "beta",
@@ -275,14 +275,14 @@ std::vector<std::string> not_read(const Hdf5File& file) {
       of_meshes{"mesh",    "materials", "sections", "interfaces", "supports", "loads",
                 "outputs", "fields",    "alpha",    "beta",       "eta"};
   const auto& known = file.exists("/mesh") ? of_meshes : of_matrices;
-  std::vector<std::string> words;
-  for (const std::string& name : file.children("/")) {
-    if (std::find(known.begin(), known.end(), name) != known.end()) continue;
-    if (!name.empty() && name.front() == '#') continue; // MATLAB's own
-    words.push_back(text("/%s of %s is not read: a body has %s", name.c_str(),
-                         file.path().c_str(), join(known).c_str()));
-  }
-  return words;
+  std::vector<std::string> others;
+  for (const std::string& name : file.children("/"))
+    if (std::find(known.begin(), known.end(), name) == known.end() && !name.empty() &&
+        name.front() != '#') // MATLAB's own
+      others.push_back("/" + name);
+  if (others.empty()) return "";
+  return text("%s of %s is not read: a body has %s", join(others).c_str(),
+              file.path().c_str(), join(known).c_str());
 }
 
 SecondOrderModel read_body(const Hdf5File& file) {

@@ -55,6 +55,12 @@ void read_output_form(const Hdf5File& file, SecondOrderModel& model) {
       text("one number for each of %lld outputs", static_cast<long long>(n_out));
   auto beta = read(file, "/output_beta", {n_out}, each.c_str()),
        eta = read(file, "/output_eta", {n_out}, each.c_str());
+  for (const auto& [name, values] :
+       {std::pair{"/output_beta", &beta}, {"/output_eta", &eta}})
+    for (double x : *values)
+      if (x < 0) // bounds take the factor at the end of an interval for its largest
+        throw Error(text("file %s: %s holds %g, a negative damping", file.path().c_str(),
+                         name, x));
   if (beta.empty() && eta.empty()) return;
   beta.resize(model.outputs.size());
   eta.resize(model.outputs.size());

@@ -10,7 +10,8 @@ namespace flexgram {
 
 void write_output_form(Hdf5File& file, const SecondOrderModel& model);
 
-/// @pre the model's ports are known. @throws Error for wrong shapes, NaN and Inf. Rank-local.
+/// @pre the model's ports are known. @throws Error for wrong shapes, NaN, Inf and
+/// negative damping. Rank-local.
 void read_output_form(const Hdf5File& file, SecondOrderModel& model);
 
 } // namespace flexgram

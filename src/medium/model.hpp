@@ -149,8 +149,13 @@ private:
   /// CᵀX of these inputs; what small models are compared with, without rigid modes.
   MatrixSeries transfer(const ResponseSeries& x) const;
   TransferSeries seen(const ResponseSeries& x, const MatrixSeries& H) const;
+  /// H from CᵀX, itself where nothing is added.
   MatrixSeries complete(const ResponseSeries& x, const MatrixSeries& H) const {
     return complete_outputs(ports_.form, x.interval, H);
+  }
+  /// The largest entry of that at the centre of the interval.
+  double size_of_outputs(const ResponseSeries& x, const MatrixSeries& H) const {
+    return size_at_centre(ports_.form.is_plain() ? H : complete(x, H));
   }
   /// Of each view the largest factor of its outputs over the interval.
   std::vector<double> factors_of_views(Interval interval) const;

@@ -117,9 +117,9 @@ Body load_body(MPI_Comm comm, const Settings& settings, Observer& observer) {
     Stage stage(observer, "read");
     body.model = read_body(file);
   }
-  std::vector<std::string> passed_over;
+  std::string passed_over;
   agree(comm, [&] { passed_over = not_read(file); });
-  for (const std::string& words : passed_over) observer.warn(words);
+  if (!passed_over.empty()) observer.warn(passed_over);
   begin_plan(body, settings, observer);
   return body;
 }

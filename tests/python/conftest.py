@@ -400,3 +400,44 @@ def assert_certified(
     if tolerance is not None:
         assert result["worst"] <= tolerance and result["met"]
         assert all(bound <= tolerance for bound in result["by_kind"])
+
+
+#: Description of a clamped box of ``bodies.box``.
+CLAMPED = {
+    "materials": {"steel": {"E": 210e9, "nu": 0.3, "rho": 7850.0}},
+    "regions": {"all": {"material": "steel"}},
+    "interfaces": {"end": {"coupling": "rigid", "nodes": "end"}},
+    "supports": {"clamp": {"nodes": "start"}},
+}
+
+
+@pytest.fixture(scope="session")
+def held(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A clamped box beside its reduced body."""
+    from bodies import box
+    from flexgram.body.description import import_description
+
+    folder = tmp_path_factory.mktemp("held")
+    mesh = box("hexahedron", (4, 2, 2))
+    import_description(CLAMPED | {"damping": {"eta": 0.01}}, "box", folder / "box.h5", mesh=mesh)
+    run(
+        *("reduce", "-body", folder / "box.h5", "-mor_band_hz", "100,8000"),
+        *("-mor_tol", 1e-4, "-mor_out", folder / "box.rom.h5"),
+    )
+    return folder
+
+
+@pytest.fixture(scope="session")
+def viscous(held: Path) -> Path:
+    """The same with Rayleigh damping, reduced."""
+    from bodies import box
+    from flexgram.body.description import import_description
+
+    mesh = box("hexahedron", (4, 2, 2))
+    damping = {"damping": {"alpha": 20.0}}
+    import_description(CLAMPED | damping, "box", held / "alpha.h5", mesh=mesh)
+    run(
+        *("reduce", "-body", held / "alpha.h5", "-mor_band_hz", "100,8000"),
+        *("-mor_tol", 1e-4, "-mor_out", held / "alpha.rom.h5"),
+    )
+    return held / "alpha.rom.h5"

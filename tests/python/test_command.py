@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from conftest import ENVIRONMENT, PROGRAM, PYTHON, ROOT, run
+from conftest import ENVIRONMENT, PROGRAM, PYTHON, ROOT, message, run
 from flexgram import __version__
 from flexgram.__main__ import PROGRAM_VERBS
 from flexgram.cli.commands import COMMANDS
@@ -76,3 +76,14 @@ def test_the_program_without_python_says_so() -> None:
 
 def test_one_version() -> None:
     assert run("--version").out.splitlines()[0].split() == ["flexgram", __version__]
+
+
+@pytest.mark.parametrize("verb", ["import", "info", "report", "export", "couple", "simulate"])
+def test_help_and_status_of_the_verbs_of_python(verb: str) -> None:
+    """As those of the program: -help, and 1 for a wrong command line (2 is a missed tolerance)."""
+    said = run(verb, "-help").out
+    assert said.startswith(f"usage: flexgram {verb}") and said == run(verb, "--help").out
+    wrong = run(verb, "--no-such-option", expect=1)
+    assert f"usage: flexgram {verb}" in wrong.err
+    bare = run("reduce", expect=1)
+    assert "option -body is missing" in message(bare) and "warning" not in bare.out + bare.err

@@ -22,12 +22,15 @@ from conftest import (
     assert_certified,
     body_system,
     certified,
+    chain,
     message,
     run,
     sweep_transfer,
 )
-from flexgram import BodyError, ReducedModel, ReductionWarning
+from flexgram import BodyError, ReducedModel, ReductionWarning, reduce, write_matrices
 from flexgram.body.description import import_description
+from flexgram.body.matrices import Matrices
+from flexgram.model.system import System
 
 POINT = [0.01, -0.02, 0.005]
 LETTERS = ("rx", "ry", "rz", "rmx", "rmy", "rmz")
@@ -385,3 +388,19 @@ def test_wrong_reactions(tmp_path: Path) -> None:
         file["outputs/foot"].attrs["axes"] = [0.0, 7.0]
     failed = run("plan", "-body", tmp_path / "body.h5", "-mor_band_hz", "10,100", expect=1)
     assert "output foot: axis 7 must be 0 to 5" in message(failed)
+
+
+def test_a_negative_damping_of_outputs_is_refused(tmp_path: Path) -> None:
+    """Bounds take its factor to rise with the frequency."""
+    write_matrices(tmp_path / "b.h5", **chain(20))
+    with h5py.File(tmp_path / "b.h5", "r+") as file:
+        file["output_beta"] = np.array([0.0, -1e-6])
+    failed = run("plan", "-body", tmp_path / "b.h5", "-mor_band_hz", "0.01,0.1", expect=1)
+    assert "/output_beta holds -1e-06, a negative damping" in message(failed)
+    model = reduce(Matrices(**chain(20)), (0.01, 0.1), 1e-2)
+    with pytest.raises(BodyError, match="negative damping"):
+        System.of(fields_of(model) | {"output_eta": np.array([-0.1, 0.0])})
+
+
+def fields_of(model: ReducedModel) -> dict[str, Any]:
+    return {name: getattr(model.system, name) for name in "MDKBC"}

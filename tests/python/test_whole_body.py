@@ -57,6 +57,17 @@ def test_a_repeated_element_is_refused_by_number(kind: str, tmp_path: Path) -> N
         assert mass_facts(twice).mass > 1.01 * mass_facts(once).mass
 
 
+def test_a_field_of_the_mesh_is_no_number_of_its_elements(tmp_path: Path) -> None:
+    """Only numbers that an importer has set count: a mesh may hold a field of any name."""
+    mesh = box("hexahedron", (4, 2, 2))
+    mesh.cell_data = {"label": [np.full(len(mesh.cells[0].data), 0.5)]}
+    import_description(describe(), "box", tmp_path / "b.h5", mesh=mesh)
+    with h5py.File(tmp_path / "b.h5") as file:
+        assert file["mesh/blocks/0000/ids"][:].tolist() == list(
+            range(1, len(mesh.cells[0].data) + 1)
+        )
+
+
 def test_an_element_of_two_groups_of_an_old_format(tmp_path: Path) -> None:
     """gmsh writes it twice in MSH 2.2; the message says so."""
     mesh = repeated("tetra10")

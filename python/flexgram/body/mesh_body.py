@@ -15,7 +15,7 @@ import numpy as np
 from flexgram.basics import BodyError, Ints, check_name, errors_of
 from flexgram.body.faces import middle_of
 from flexgram.body.loads import BodyMesh, write_loads
-from flexgram.body.meshfile import ELEMENTS, node_set
+from flexgram.body.meshfile import ELEMENTS, LABELS, node_set
 from flexgram.body.outputs import write_outputs
 from flexgram.body.reader import Reader, short
 from flexgram.body.sections import section_properties
@@ -298,7 +298,7 @@ class MeshBody:
                 f"material; the mesh has {', '.join(sorted(self.cells))}"
             )
         taken = [np.zeros(len(block.data), dtype=bool) for block in self.mesh.cells]
-        labels = self.mesh.cell_data.get("label")  # of an FE code, if it has numbers of its own
+        labels = self.mesh.cell_data.get(LABELS)  # of an FE code, if it has numbers of its own
         if labels is None:
             ends = np.cumsum([len(block.data) for block in self.mesh.cells])
             labels = [

@@ -15,6 +15,8 @@ from flexgram.basics import BodyError, Ints
 # Debian's meshio 5.0 reads wedge15 but forgot its dimension.
 meshio._mesh.topological_dimension.setdefault("wedge15", 3)
 
+#: Cell data of a mesh that we made: the FE code's numbers of its elements.
+LABELS = "flexgram:label"
 ELEMENTS = ("tetra", "tetra10", "hexahedron", "hexahedron20", "wedge15", "line")
 
 

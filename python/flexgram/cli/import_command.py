@@ -38,12 +38,6 @@ MESHES = (
 )
 
 
-#: Endings of files that could be taken for meshes; ``meshfile.REMEDIES`` says what to do.
-NO_MESHES = (
-    *(".step", ".stp", ".iges", ".igs", ".brep", ".stl", ".geo"),
-    *(".unv", ".cdb", ".rmed"),
-)
-
 #: Options of files of matrices, of decks, and of any body, which YAML has in itself.
 OF_FILES = (
     *("format", "deck", "mass", "damping", "inputs", "mapping"),
@@ -400,9 +394,9 @@ def import_body_file(options: argparse.Namespace) -> None:
     ending = options.source.suffix.lower()
     if options.output.exists():
         expect_kept(options.output, *_inputs(options))
-    if ending in NO_MESHES:
-        from flexgram.body.meshfile import REMEDIES
+    from flexgram.body.meshfile import REMEDIES
 
+    if ending in REMEDIES:
         raise BodyError(f"{options.source}: {REMEDIES[ending]}")
     if ending in (".yaml", ".yml"):
         _import_description(options, named)

@@ -17,6 +17,7 @@ import numpy as np
 
 from flexgram.basics import BodyError, errors_of
 from flexgram.body.description import import_description
+from flexgram.body.meshfile import LABELS
 from flexgram.importers import check_damping
 from flexgram.importers.ccx import Card, Job, damping_of, frequency_step, read_job
 from flexgram.importers.deck import Deck, read_deck
@@ -289,7 +290,7 @@ def _mesh(
             ]
             for region in used
         },
-        cell_data={"label": [np.array(labels) for labels in groups.values()]},
+        cell_data={LABELS: [np.array(labels) for labels in groups.values()]},
     )
     kept = {region: material for region, material in material_of.items() if region in used}
     return mesh, kept, given - len(region_of)

@@ -116,6 +116,9 @@ class System:
                 raise BodyError(f"{name} is {matrix.shape}, expected {shape}")
             if not np.all(np.isfinite(matrix)):
                 raise BodyError(f"{name} holds NaN or Inf")
+        for name in ("output_beta", "output_eta"):
+            if np.any(getattr(self, name) < 0):
+                raise BodyError(f"{name} holds a negative damping")
 
     @property
     def order(self) -> int:
