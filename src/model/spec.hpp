@@ -71,6 +71,7 @@ struct CheckpointSpec {
     never ///< not even when SIGTERM asks to end
   };
   std::string path; ///< empty: nowhere
+  bool is_folder = false; ///< of `pod`: a file for each frequency
   When when = When::automatic;
   bool restart = false; ///< go on from it, if it is there
   /// Whether it was written or gone on from; shared by copies.

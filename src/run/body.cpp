@@ -39,25 +39,45 @@ void check_output(MPI_Comm comm, const std::string& path,
   });
 }
 
+namespace {
+
+/// Whether there is a file that holds something else than `mark`. On one rank.
+bool holds_something_else(const std::string& path, const std::string& mark) {
+  if (!std::filesystem::exists(path)) return false;
+  try {
+    const Hdf5File file = Hdf5File::open(PETSC_COMM_SELF, path);
+    const bool is_attribute = mark.find('/') == std::string::npos;
+    return !(is_attribute ? file.has_attribute("/", mark) : file.exists(mark));
+  } catch (const Error&) {
+    return true; // no HDF5
+  }
+}
+
+} // namespace
+
 void check_default_output(MPI_Comm comm, const std::string& path, const Options& options,
                           const std::string& option, const std::string& mark) {
   const auto& all = options.all();
   const auto known = std::find_if(all.begin(), all.end(),
                                   [&](const auto& one) { return one.name == option; });
   if (known != all.end() && known->set_by_user) return;
-  double is_other = 0;
   agree(comm, [&] {
-    if (comm_rank(comm) != 0 || !std::filesystem::exists(path)) return;
-    try {
-      const Hdf5File file = Hdf5File::open(PETSC_COMM_SELF, path);
-      is_other = mark.find('/') == std::string::npos ? !file.has_attribute("/", mark)
-                                                     : !file.exists(mark);
-    } catch (const Error&) {
-      is_other = 1; // no HDF5
-    }
-    if (is_other > 0)
+    if (comm_rank(comm) == 0 && holds_something_else(path, mark))
       throw Error(text("%s is there and holds something else: name the output, %s",
                        path.c_str(), option.c_str()));
+  });
+}
+
+void check_checkpoint(MPI_Comm comm, const CheckpointSpec& spec) {
+  if (spec.when == CheckpointSpec::When::never && !spec.restart) return;
+  agree(comm, [&] {
+    namespace fs = std::filesystem;
+    if (comm_rank(comm) != 0 || !fs::exists(spec.path)) return;
+    if (spec.is_folder ? !fs::is_directory(spec.path)
+                       : holds_something_else(spec.path, "/checkpoint"))
+      throw Error(text("%s is there and is no checkpoint of flexgram: move it, name "
+                       "another output, or set {checkpoint} no",
+                       spec.path.c_str()));
   });
 }
 

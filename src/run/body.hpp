@@ -37,6 +37,8 @@ void check_output(MPI_Comm comm, const std::string& path,
 /// @param mark    an object or, without a slash, an attribute of the root of such files.
 void check_default_output(MPI_Comm comm, const std::string& path, const Options& options,
                           const std::string& option, const std::string& mark);
+/// Refuses to write the checkpoint over a file that is none, before any work.
+void check_checkpoint(MPI_Comm comm, const CheckpointSpec& spec);
 /// Whether two names are of one file, there or not.
 bool is_same_file(const std::string& one, const std::string& other);
 

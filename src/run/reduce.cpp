@@ -277,6 +277,7 @@ bool reduce(MPI_Comm comm, Settings& s, const Options& options, Observer& observ
   if (!s.body.empty()) warn_of_default_band(options, observer);
   check_output(comm, s.out, {s.body, s.loads});
   check_default_output(comm, s.out, options, "-mor_out", "/gramian");
+  check_checkpoint(comm, checkpoint);
   const auto before = written_at(s.out);
   if (s.medium_out.empty()) {
     const Body body = load_body(comm, s, observer);
@@ -314,6 +315,7 @@ void certify(MPI_Comm comm, Settings& s, const Options& options, Observer& obser
   check_default_output(comm, out, options, "-mor_medium_out", "levels");
   const auto before = written_at(out);
   const CheckpointSpec checkpoint = s.checkpoint_spec(out);
+  check_checkpoint(comm, checkpoint);
   let_sigterm_ask();
   const Body body = load_body(comm, s, observer);
   observer.print();

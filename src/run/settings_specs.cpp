@@ -47,7 +47,8 @@ CertifySpec Settings::certify_spec() const {
 
 CheckpointSpec Settings::checkpoint_spec(const std::string& output) const {
   CheckpointSpec spec;
-  spec.path = output + (takes_samples() ? ".samples" : ".checkpoint");
+  spec.is_folder = takes_samples();
+  spec.path = output + (spec.is_folder ? ".samples" : ".checkpoint");
   spec.when = checkpoint;
   spec.restart = restart;
   return spec;

@@ -93,6 +93,25 @@ def test_a_default_name_replaces_nothing_of_others(held: Path, tmp_path: Path) -
             subprocess.run([PROGRAM, verb, "-body", body, *more], cwd=tmp_path, check=True)
 
 
+def test_a_checkpoint_replaces_only_a_checkpoint(held: Path, tmp_path: Path) -> None:
+    """A file of another kind under the checkpoint's name is kept, and told before any work."""
+    out = tmp_path / "r.h5"
+    reduce = ("reduce", "-body", held / "box.h5", "-mor_band_hz", "100,4000", "-mor_out", out)
+    text, body = b"a letter", (held / "box.h5").read_bytes()
+    for ending, more in (("checkpoint", ()), ("samples", ("-mor_method", "pod"))):
+        other = Path(f"{out}.{ending}")
+        for content in (text, body):
+            other.write_bytes(content)
+            for mode in (("-mor_checkpoint", "yes"), (), ("-mor_restart", "yes")):
+                failed = run(*reduce, *more, *mode, expect=1)
+                assert "is there and is no checkpoint" in message(failed)
+                assert other.read_bytes() == content and not out.exists()
+        run(*reduce, *more, "-mor_checkpoint", "no")
+        assert other.read_bytes() == body
+        out.unlink()
+        other.unlink()
+
+
 def test_inputs_of_the_program_are_kept(held: Path, tmp_path: Path) -> None:
     body, band = held / "box.h5", ("-mor_band_hz", "100,4000")
     loads = tmp_path / "loads.csv"
