@@ -70,7 +70,7 @@ struct CheckpointSpec {
     always,
     never ///< not even when SIGTERM asks to end
   };
-  std::string path; ///< empty: nowhere
+  std::string path;       ///< empty: nowhere
   bool is_folder = false; ///< of `pod`: a file for each frequency
   When when = When::automatic;
   bool restart = false; ///< go on from it, if it is there
