@@ -31,6 +31,10 @@ void append_masters(const DofMap& map, const std::int64_t* nodes, int count,
   masters.start.push_back(masters.node.size());
 }
 
+/// Widths over thickness: bending is smaller than stretching by its square, and
+/// rounding is a share of the latter.
+constexpr double thin = 1e4, thinnest = 1e6;
+
 /// Assembles the elements of one rank.
 class ElementAssembler {
 public:
@@ -78,10 +82,22 @@ private:
     facts_.mass += element.mass;
     facts_.rigid_elements += rigid;
     facts_.worst_shape = std::min(facts_.worst_shape, element.shape_ratio);
+    facts_.aspect = std::max(facts_.aspect, element.aspect);
     if (element.min_detJ <= 0) {
-      if (++inverted_ == 1) first_inverted_ = describe(elements, k, element.min_detJ);
+      if (++inverted_ == 1)
+        first_inverted_ =
+            name(elements, k) + text(" is inverted or flat: its Jacobian determinant is "
+                                     "%.3g",
+                                     element.min_detJ);
       return;
     }
+    if (element.aspect > thinnest)
+      throw Error(
+          name(elements, k) +
+          text(" is some %.0e times wider than thick, more than the digits of its "
+               "stiffness allow: are all coordinates in one unit? Beams and shells "
+               "are made for thin parts",
+               element.aspect));
     if (fields_.any())
       fields_.add_element(nodes, x, dofs_per_node(block.type), element.M);
     if (reactions_.any() && !rigid)
@@ -130,7 +146,7 @@ private:
     return T;
   }
 
-  std::string describe(const LocalElements& elements, std::size_t k, double det) const {
+  std::string name(const LocalElements& elements, std::size_t k) const {
     const MeshBlock& block = *elements.block;
     const std::string ids = block.path + "/ids";
     const std::int64_t number = elements.number[k];
@@ -138,10 +154,8 @@ private:
         file_.exists(ids)
             ? static_cast<long long>(file_.read<std::int64_t>(ids, number, 1).front())
             : static_cast<long long>(number);
-    return text(
-        "file %s: element %lld (%s, material %s) is inverted or flat: its Jacobian "
-        "determinant is %.3g",
-        file_.path().c_str(), id, element_name(block.type), block.material.c_str(), det);
+    return text("file %s: element %lld (%s, material %s)", file_.path().c_str(), id,
+                element_name(block.type), block.material.c_str());
   }
 
   const BodyDescription& body_;
@@ -242,6 +256,11 @@ SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
   facts.rigid_elements = sum_over(comm, facts.rigid_elements);
   facts.mass = sum_over(comm, facts.mass);
   facts.worst_shape = -max_over(comm, -facts.worst_shape);
+  facts.aspect = max_over(comm, facts.aspect);
+  if (facts.aspect > thin)
+    observer.warn(text("mesh quality: the thinnest element is some %.0e times wider than "
+                       "thick: rounding of its stiffness outweighs what bends it",
+                       facts.aspect));
   if (facts.worst_shape < 0.01)
     observer.warn(
         text("mesh quality: in the worst element the Jacobian determinant varies by "

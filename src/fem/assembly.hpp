@@ -12,6 +12,7 @@ struct AssemblyFacts {
   double mass = 0;                 ///< [kg]
   std::int64_t rigid_elements = 0; ///< inside one rigid interface: mass only
   double worst_shape = 1; ///< smallest ratio of Jacobian determinants in an element
+  double aspect = 1;      ///< of the thinnest element (ElementMatrices)
 };
 
 /// Reads the mesh of a body file, partitions it, assembles K and M in parallel, couples

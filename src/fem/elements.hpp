@@ -51,6 +51,7 @@ struct ElementMatrices {
   double mass = 0;        ///< [kg]
   double min_detJ = 0;    ///< smallest Jacobian determinant met; ≤ 0: inverted
   double shape_ratio = 1; ///< smallest over largest determinant, 1 for a perfect shape
+  double aspect = 1; ///< ‖J‖‖J⁻¹‖/3 at most, 1 for a cube; about width over thickness
 };
 
 int node_count(ElementType type);

@@ -50,6 +50,13 @@ Jacobian inverse(const Jacobian& J, double det) {
   return inv;
 }
 
+double norm(const Jacobian& J) {
+  double square = 0;
+  for (const Vector3& row : J)
+    for (double x : row) square += x * x;
+  return std::sqrt(square);
+}
+
 /// ∂N/∂x from ∂N/∂ξ.
 Vector3 to_global(const Jacobian& inv, const Vector3& d) {
   Vector3 g{};
@@ -202,6 +209,7 @@ ElementMatrices solid_matrices(ElementType type, const std::vector<Vector3>& nod
     const Jacobian J = jacobian(p, nodes);
     const double det_p = determinant(J);
     const Jacobian inv = inverse(J, det_p);
+    result.aspect = std::max(result.aspect, norm(J) * norm(inv) / 3);
     std::vector<Vector3> gradients;
     for (const auto& d : p.dN) gradients.push_back(to_global(inv, d));
     if (incompatible)

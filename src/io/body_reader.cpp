@@ -254,7 +254,12 @@ Damping read_damping(const Hdf5File& file) {
 
 void classify_damping(SecondOrderModel& model) {
   if (!model.D) return;
-  PetscReal size = 0;
+  PetscReal largest = 0, size = 0; // of row sums: squares may overflow
+  FG_CALL(MatNorm(model.D, NORM_INFINITY, &largest));
+  if (!(largest < 1e120))
+    throw Error(text("D has entries of %.0e, which doubles cannot square: are its units "
+                     "right?",
+                     largest));
   FG_CALL(MatNorm(model.D, NORM_FROBENIUS, &size));
   if (size == 0) {
     model.D.reset();

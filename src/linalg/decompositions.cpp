@@ -84,7 +84,8 @@ SymmetricEigen symmetric_eigen(Dense a, Dense b) {
   std::vector<int> iwork(as_size(liwork));
   dsygvd_(&type, "V", "L", &n, a.data.data(), &n, b.data.data(), &n, result.values.data(),
           work.data(), &lwork, iwork.data(), &liwork, &info);
-  if (info > n) throw Error("generalised eigenproblem: B is not positive definite");
+  if (info > n)
+    throw IndefiniteError("generalised eigenproblem: B is not positive definite");
   if (info) throw Error(text("LAPACK dsygvd returned %d", info));
   result.vectors = std::move(a);
   return result;

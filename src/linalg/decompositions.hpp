@@ -2,6 +2,7 @@
 
 #pragma once
 
+#include "base/error.hpp"
 #include "linalg/dense.hpp"
 
 namespace flexgram {
@@ -22,8 +23,13 @@ struct GramFactor {
 };
 GramFactor gram_factor(const Dense& a);
 
+/// B is not positive definite.
+class IndefiniteError : public Error {
+  using Error::Error;
+};
+
 /// Generalised problem A x = λ B x, B positive definite (LAPACK sygvd); Xᵀ B X = I.
-/// @throws Error if B is not positive definite.
+/// @throws IndefiniteError if B is not positive definite.
 SymmetricEigen symmetric_eigen(Dense a, Dense b);
 
 /// Orthonormal basis of nested column spans: the first j columns of the result span those

@@ -105,22 +105,18 @@ public:
     double floor = 0; ///< of it by rounding
     bool proved = true;
   };
+  /// What the residuals of few ports are made of, in coordinates of their own where T has
+  /// more rows than these parts span. Norms stay what they are; the rounding of the change
+  /// counts as dropped.
+  struct FewResiduals;
+  FewResiduals residuals_of(const std::vector<int>& ports) const;
   /// The error of the field itself in the norm of the strain energy. Nothing is proved with
-  /// a damping matrix. @param x  the response to these ports. @param strain  √(uᵀKu) of each
-  /// mode.
+  /// a damping matrix. @param x  the response to the few ports. @param strain  √(uᵀKu) of
+  /// each mode.
   FieldBound field_over(const DenseResponse& response, const ResponseSeries& x,
-                        const std::vector<int>& ports,
-                        const std::vector<double>& strain) const;
+                        const FewResiduals& few, const std::vector<double>& strain) const;
   /// Of the residuals' terms, for the inputs and the outputs of some blocks.
-  struct ResidualGrams {
-    std::vector<std::vector<int>> ports; ///< each list of them once
-    std::vector<TermGram> grams; ///< of each list; none of short ones beside long ones
-    std::vector<int> few;        ///< the ports of the short lists
-    struct Lists {
-      std::size_t inputs, outputs;
-    };
-    std::vector<Lists> blocks;
-  };
+  struct ResidualGrams;
   ResidualGrams residual_grams(const DenseResponse& response,
                                const std::vector<PortSet>& blocks) const;
   /// Bounds like those of `over` for many ports of a diagonal system, by ‖W_C‖‖W_B‖:
@@ -206,30 +202,39 @@ private:
   double mode_coupling(const DenseResponse& response, const ResponseSeries& x) const;
   std::array<std::complex<double>, 3> residual_factors(const DenseResponse& response,
                                                        Interval interval) const;
-  double lost(const ResponseSeries& x, int column, int port, double factor) const;
-  double lost(const ResponseSeries& x, int port, double factor) const {
-    return lost(x, port, port, factor); // of the response to all
-  }
+  struct ResidualParts;
   static std::vector<double> moved(const MatrixSeries& w);
+  /// Of some ports: the parts of their residuals, and their columns there.
+  struct Chosen {
+    const ResidualParts& parts;
+    std::vector<int> columns, ports;
+  };
+  Chosen chosen(const std::vector<int>& ports) const { return {parts_, ports, ports}; }
+  static Chosen chosen(const FewResiduals& few);
+  double lost(const ResponseSeries& x, int column, const Chosen& of, std::size_t k,
+              double factor) const;
   /// @param x  the response to these ports.
   MatrixSeries held_residual(const DenseResponse& response, const ResponseSeries& x,
-                             const std::vector<int>& ports) const;
+                             const Chosen& of) const;
   MatrixSeries residual(const DenseResponse& response, const ResponseSeries& x,
-                        const std::vector<int>& ports) const;
-  MatrixSeries residual(const DenseResponse& response, const ResponseSeries& x) const {
-    std::vector<int> all(as_size(x.x.columns));
-    std::iota(all.begin(), all.end(), 0);
-    return residual(response, x, all);
-  }
+                        const Chosen& of) const;
   ProjectionRounding::Sizes sizes_of(const ResponseSeries& x,
                                      const std::vector<int>& ports,
                                      const std::vector<int>& columns) const;
-  ProjectionRounding::Sizes sizes_of(const ResponseSeries& x,
-                                     const std::vector<int>& ports) const {
-    return sizes_of(x, ports, ports); // the response to all
-  }
-  void add_rounding(Bound& bound, const DenseResponse& response, const ResponseSeries& x,
-                    const PortSet& block) const;
+  /// Of some ports: what the rounding of their responses is made of.
+  struct RoundingSizes {
+    ProjectionRounding::Sizes x, ports; ///< of each mode: its coordinate, its ports' own
+    double rigid = 0, stiffness = 0;    ///< of the rigid rows
+  };
+  std::vector<double> off(const std::vector<int>& ports) const;
+  RoundingSizes rounding_sizes(const ResponseSeries& x,
+                               const std::vector<int>& ports) const;
+  RoundingSizes rounding_sizes(const ResponseSeries& factors, const ResidualGrams& grams,
+                               std::size_t list) const;
+  double lost(const ResponseSeries& factors, const ResidualGrams& grams, std::size_t list,
+              double factor) const;
+  void add_rounding(Bound& bound, const DenseResponse& response, double omega,
+                    const RoundingSizes& in, const RoundingSizes& out) const;
 
   void enclose_modes();
 
@@ -247,7 +252,8 @@ private:
   struct ResidualParts {
     Dense ports, K, D;                                       ///< the last two transposed
     std::vector<double> dropped_ports, dropped_K, dropped_D; ///< ‖·‖ in E⁻¹
-  } parts_;
+  };
+  ResidualParts parts_;
   /// Φ: μ_j, ‖(K + τM)^−½(Mu − μ(K + τM)u)‖ at most, ‖G_j‖.
   struct RitzVectors {
     std::vector<double> mu, residual, G_norm;
@@ -259,6 +265,27 @@ private:
   struct RigidRows {
     Dense rows, stiffness; ///< transposed: |rigid rows of U|; |stiffness set to zero|
   } rigid_;
+};
+
+struct Certificate::FewResiduals {
+  std::vector<int> ports;
+  ResidualParts parts; ///< whose ports are these alone
+};
+
+struct Certificate::ResidualGrams {
+  std::vector<std::vector<int>> ports; ///< each list of them once
+  std::vector<TermGram> grams; ///< of each list; none of short ones beside long ones
+  FewResiduals few;            ///< the ports of the short lists
+  struct Sums {                ///< over a list, in the units of the ports
+    Dense B;                   ///< |b_i|ᵀ|b_j| of the modes' rows of B
+    std::vector<double> off;   ///< rounding of the ports, of each mode
+    double dropped = 0;        ///< squares of what T does not hold of the ports
+  };
+  std::vector<Sums> sums; ///< of each list
+  struct Lists {
+    std::size_t inputs, outputs;
+  };
+  std::vector<Lists> blocks;
 };
 
 /// Which combinations of the columns of E⁻¹T the space should grow by: the dominant

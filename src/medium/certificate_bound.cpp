@@ -120,42 +120,88 @@ std::array<Complex, 3> Certificate::residual_factors(const DenseResponse& respon
 }
 
 /// ‖E^−½ ·‖ of what T does not hold of a port's residual, at most.
-/// @param column  of x, the response to the port. @param factor  |a_k − κ a_m| at most.
-double Certificate::lost(const ResponseSeries& x, int column, int port,
-                         double factor) const {
-  double sum = std::pow(parts_.dropped_ports[as_size(port)], 2);
+/// In the unit of the port. @param column  of x, the response to the k-th of the ports.
+/// @param factor  |a_k − κ a_m| at most.
+double Certificate::lost(const ResponseSeries& x, int column, const Chosen& of,
+                         std::size_t k, double factor) const {
+  const ResidualParts& parts = of.parts;
+  double sum = std::pow(parts.dropped_ports[as_size(of.columns[k])], 2);
   for (int l = 0; l < x.envelope.rows; ++l) {
     const auto at = as_size(l);
-    sum += std::pow(x.envelope(l, column) * factor * parts_.dropped_K[at], 2);
-    if (!parts_.dropped_D.empty())
-      sum += std::pow(x.envelope(l, column) * x.interval.last * parts_.dropped_D[at], 2);
+    sum += std::pow(x.envelope(l, column) * factor * parts.dropped_K[at], 2);
+    if (!parts.dropped_D.empty())
+      sum += std::pow(x.envelope(l, column) * x.interval.last * parts.dropped_D[at], 2);
   }
-  return std::sqrt(sum);
+  return std::sqrt(sum) / scale_[as_size(of.ports[k])];
+}
+
+Certificate::FewResiduals Certificate::residuals_of(const std::vector<int>& ports) const {
+  FewResiduals few{ports, {}};
+  ResidualParts& parts = few.parts;
+  parts = {columns_of(parts_.ports, ports),
+           parts_.K,
+           parts_.D,
+           {},
+           parts_.dropped_K,
+           parts_.dropped_D};
+  for (int port : ports)
+    parts.dropped_ports.push_back(parts_.dropped_ports[as_size(port)]);
+  const int rows = parts.ports.rows, N = parts.K.rows, damped = parts.D.rows,
+            all = N + damped + static_cast<int>(ports.size());
+  if (rows < 2 * all) return few;
+  Dense vectors(all, rows);
+  set_part(vectors, 0, 0, parts.K);
+  set_part(vectors, N, 0, parts.D);
+  set_part(vectors, N + damped, 0, transpose(parts.ports));
+  // Householder's QR turns each vector by no more than this.
+  const double turned = std::numeric_limits<double>::epsilon() * 2 * rows * all;
+  const auto enlarge = [&](std::vector<double>& dropped, int first) {
+    for (std::size_t k = 0; k < dropped.size(); ++k) {
+      double square = 0;
+      for (int i = 0; i < rows; ++i)
+        square += std::pow(vectors(first + static_cast<int>(k), i), 2);
+      dropped[k] += turned * std::sqrt(square);
+    }
+  };
+  enlarge(parts.dropped_K, 0);
+  enlarge(parts.dropped_D, N);
+  enlarge(parts.dropped_ports, N + damped);
+  const Dense own = compressed(vectors);
+  parts.K = part_of(own, 0, N, 0, all);
+  parts.D = part_of(own, N, damped, 0, all);
+  parts.ports = transpose(part_of(own, N + damped, all - N - damped, 0, all));
+  return few;
+}
+
+Certificate::Chosen Certificate::chosen(const FewResiduals& few) {
+  Chosen of{few.parts, std::vector<int>(few.ports.size()), few.ports};
+  std::iota(of.columns.begin(), of.columns.end(), 0);
+  return of;
 }
 
 /// What T holds of W = E^−½ R, in its coordinates and in the units of the ports.
 MatrixSeries Certificate::held_residual(const DenseResponse& response,
-                                        const ResponseSeries& x,
-                                        const std::vector<int>& ports) const {
+                                        const ResponseSeries& x, const Chosen& of) const {
+  const auto& [parts, columns, ports] = of;
   const double omega = x.interval.centre(), h = x.interval.half();
   const Complex i(0, 1);
   const int p = x.x.columns;
   MatrixSeries w = multiply_transposed(
-      parts_.K, times_quadratic(residual_factors(response, x.interval), x.x));
+      parts.K, times_quadratic(residual_factors(response, x.interval), x.x));
   for (double& value : w.coefficients.data) value = -value;
-  if (!parts_.D.data.empty()) {
+  if (!parts.D.data.empty()) {
     const MatrixSeries damped =
-        multiply_transposed(parts_.D, times_quadratic({i * omega, i * h, 0.0}, x.x));
+        multiply_transposed(parts.D, times_quadratic({i * omega, i * h, 0.0}, x.x));
     for (std::size_t l = 0; l < w.coefficients.data.size(); ++l)
       w.coefficients.data[l] -= damped.coefficients.data[l];
     for (std::size_t l = 0; l < w.tail.data.size(); ++l)
       w.tail.data[l] += damped.tail.data[l];
   }
   for (int j = 0; j < p; ++j) {
-    const double* constant = parts_.ports.column(ports[as_size(j)]);
+    const double* constant = parts.ports.column(columns[as_size(j)]);
     for (int l = 0; l < w.rows(); ++l) w.coefficients(l, j) += constant[l];
   }
-  const auto scale = [&](int j) { return scale_[as_size(ports[as_size(j)])]; };
+  const auto scale = [&](int j) { return scale_[as_size(of.ports[as_size(j)])]; };
   for (int c = 0; c < w.coefficients.columns; ++c)
     for (int l = 0; l < w.rows(); ++l) w.coefficients(l, c) /= scale(c % p);
   for (int j = 0; j < p; ++j)
@@ -166,18 +212,17 @@ MatrixSeries Certificate::held_residual(const DenseResponse& response,
 /// W of these ports, to which x is the response, with a row of its own for what T does not
 /// hold.
 MatrixSeries Certificate::residual(const DenseResponse& response, const ResponseSeries& x,
-                                   const std::vector<int>& ports) const {
+                                   const Chosen& of) const {
   const int p = x.x.columns;
   const auto f = residual_factors(response, x.interval);
   const double largest = std::abs(f[0]) + std::abs(f[1]) + std::abs(f[2]);
-  const MatrixSeries w = held_residual(response, x, ports);
+  const MatrixSeries w = held_residual(response, x, of);
   MatrixSeries whole{p, Dense(w.rows() + 1, w.coefficients.columns),
                      Dense(w.rows() + 1, p)};
   set_part(whole.coefficients, 0, 0, w.coefficients);
   set_part(whole.tail, 0, 0, w.tail);
   for (int j = 0; j < p; ++j)
-    whole.tail(w.rows(), j) =
-        lost(x, j, ports[as_size(j)], largest) / scale_[as_size(ports[as_size(j)])];
+    whole.tail(w.rows(), j) = lost(x, j, of, as_size(j), largest);
   return whole;
 }
 
@@ -198,40 +243,49 @@ ProjectionRounding::Sizes Certificate::sizes_of(const ResponseSeries& x,
   return sizes;
 }
 
-/// Rounding of the projected matrices and ports, and what is told beside the claim.
-void Certificate::add_rounding(Bound& bound, const DenseResponse& response,
-                               const ResponseSeries& x, const PortSet& block) const {
-  const Damping& damping = response.system().damping;
-  const double omega = x.interval.last,
-               a_k = std::hypot(1, damping.eta + omega * damping.beta);
-  const auto in = sizes_of(x, block.inputs),
-             out = block.outputs == block.inputs ? in : sizes_of(x, block.outputs);
-  const auto off = [&](std::size_t i, const std::vector<int>& ports) {
-    return rounding_.of_ports(i, ports, scale_);
-  };
-  bound.floor = rounding_.of_response(a_k, omega, out, in);
-  bound.rigid_floor = rounding_.of_rigid_modes(omega, out, in);
-  double data_in = 0, data_out = 0;
-  const auto rigid = as_size(rounding_.rigid);
-  for (std::size_t i = 0; i < in.size(); ++i) {
-    (i < rigid ? bound.rigid_floor : bound.floor) +=
-        off(i, block.outputs) * in[i] + off(i, block.inputs) * out[i];
-    data_in += std::pow(rounding_weights_[i] * in[i], 2);
-    data_out += std::pow(rounding_weights_[i] * out[i], 2);
-  }
-  bound.data_rounding = 4 * data_rounding_ * a_k * std::sqrt(data_in * data_out);
-  if (rigid_.rows.columns == 0) return;
-  const auto norm = [&](const std::vector<int>& columns, const Dense& rows) {
+/// Of each mode the rounding of its rows of some ports, in their units.
+std::vector<double> Certificate::off(const std::vector<int>& ports) const {
+  std::vector<double> off;
+  for (int i = 0; i < rounding_.ports.rows; ++i)
+    off.push_back(rounding_.of_ports(as_size(i), ports, scale_));
+  return off;
+}
+
+/// @param x  the response to all ports.
+Certificate::RoundingSizes
+Certificate::rounding_sizes(const ResponseSeries& x,
+                            const std::vector<int>& ports) const {
+  const auto norm = [&](const Dense& rows) {
+    if (rows.columns == 0) return 0.0;
     const Dense values = multiply_transposed(rows, x.envelope);
     double sum = 0;
-    for (int j : columns)
+    for (int j : ports)
       for (int i = 0; i < values.rows; ++i)
         sum += std::pow(values(i, j) / scale_[as_size(j)], 2);
     return std::sqrt(sum);
   };
-  bound.rigid_rounding =
-      a_k * (norm(block.outputs, rigid_.rows) * norm(block.inputs, rigid_.stiffness) +
-             norm(block.outputs, rigid_.stiffness) * norm(block.inputs, rigid_.rows));
+  return {sizes_of(x, ports, ports), off(ports), norm(rigid_.rows),
+          norm(rigid_.stiffness)};
+}
+
+/// Rounding of the projected matrices and ports, and what is told beside the claim.
+/// @param omega  the interval's last.
+void Certificate::add_rounding(Bound& bound, const DenseResponse& response, double omega,
+                               const RoundingSizes& in, const RoundingSizes& out) const {
+  const Damping& damping = response.system().damping;
+  const double a_k = std::hypot(1, damping.eta + omega * damping.beta);
+  bound.floor = rounding_.of_response(a_k, omega, out.x, in.x);
+  bound.rigid_floor = rounding_.of_rigid_modes(omega, out.x, in.x);
+  double data_in = 0, data_out = 0;
+  const auto rigid = as_size(rounding_.rigid);
+  for (std::size_t i = 0; i < in.x.size(); ++i) {
+    (i < rigid ? bound.rigid_floor : bound.floor) +=
+        out.ports[i] * in.x[i] + in.ports[i] * out.x[i];
+    data_in += std::pow(rounding_weights_[i] * in.x[i], 2);
+    data_out += std::pow(rounding_weights_[i] * out.x[i], 2);
+  }
+  bound.data_rounding = 4 * data_rounding_ * a_k * std::sqrt(data_in * data_out);
+  bound.rigid_rounding = a_k * (out.rigid * in.stiffness + out.stiffness * in.rigid);
 }
 
 std::optional<ErrorForm> Certificate::form(const DenseResponse& response,
@@ -336,7 +390,9 @@ std::vector<Certificate::Bound>
 Certificate::over(const DenseResponse& response, const ResponseSeries& x,
                   const std::vector<PortSet>& blocks) const {
   const Inverse S = inverse(response, x);
-  const MatrixSeries w = residual(response, x);
+  std::vector<int> all(as_size(x.x.columns));
+  std::iota(all.begin(), all.end(), 0);
+  const MatrixSeries w = residual(response, x, chosen(all));
   const ComplexDense at_centre = w.centre();
   const std::vector<double> moved = Certificate::moved(w);
   const auto moved_of = [&](const std::vector<int>& columns) {
@@ -351,7 +407,9 @@ Certificate::over(const DenseResponse& response, const ResponseSeries& x,
     bound.error = error_of(S, at_centre, block, moved_of(block.inputs),
                            moved_of(block.outputs), squares);
     bound.proved = S.proved;
-    add_rounding(bound, response, x, block);
+    const RoundingSizes in = rounding_sizes(x, block.inputs);
+    add_rounding(bound, response, x.interval.last, in,
+                 block.outputs == block.inputs ? in : rounding_sizes(x, block.outputs));
     bounds.push_back(bound);
   }
   return bounds;
@@ -362,7 +420,7 @@ Certificate::over(const DenseResponse& response, const ResponseSeries& x,
 /// of Z e is s² + ω_c² t.
 Certificate::FieldBound Certificate::field_over(const DenseResponse& response,
                                                 const ResponseSeries& x,
-                                                const std::vector<int>& ports,
+                                                const FewResiduals& few,
                                                 const std::vector<double>& strain) const {
   FieldBound bound;
   const Inverse S = inverse(response, x);
@@ -370,11 +428,11 @@ Certificate::FieldBound Certificate::field_over(const DenseResponse& response,
   const double last = x.interval.last, delta = mode_coupling(response, x);
   if (!bound.proved || !(last * last < shifts_.sigma) || !(delta < 1))
     return {infinity, infinity, false};
-  const MatrixSeries w = residual(response, x, ports);
+  const Chosen of = chosen(few);
+  const std::vector<int>&ports = of.ports, &columns = of.columns;
+  const MatrixSeries w = residual(response, x, of);
   const ComplexDense at_centre = w.centre();
   const std::vector<double> away = moved(w);
-  std::vector<int> columns(ports.size());
-  std::iota(columns.begin(), columns.end(), 0);
   double squares = 0;
   for (int j : columns) {
     double square = 0;

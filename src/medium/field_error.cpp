@@ -47,10 +47,10 @@ FieldError::FieldError(MediumOverBand& medium, const Dense& Q, const DenseSystem
       lifted_(transpose(multiply(medium.model().strain_coordinates(Q), small_.U()))) {}
 
 /// What the error may be on an interval, and about what it is in the middle.
-FieldError::Look FieldError::look(Interval interval,
-                                  const std::vector<int>& inputs) const {
+FieldError::Look FieldError::look(Interval interval, const std::vector<int>& inputs,
+                                  const MediumModel::FieldLoads& loads) const {
   const int degree = interval.half() > 0 ? series_degree : 0;
-  const auto field = medium_.model().field(interval, degree, inputs);
+  const auto field = medium_.model().field(interval, degree, loads);
   const auto small = response_series(small_, interval, degree);
   if (!field || !small) return {infinity, infinity, false};
   const MatrixSeries away =
@@ -68,10 +68,6 @@ FieldError::Look FieldError::look(Interval interval,
   return {upper, ratio(differs.at[pieces / 2], size.at[pieces / 2]), field->proved};
 }
 
-double FieldError::certified_at(double omega, const std::vector<int>& inputs) const {
-  return look({omega, omega}, inputs).upper;
-}
-
 FieldSupremum FieldError::supremum(const std::vector<int>& inputs,
                                    const std::vector<Interval>& excluded) const {
   struct Open {
@@ -81,6 +77,7 @@ FieldSupremum FieldError::supremum(const std::vector<int>& inputs,
   };
   FieldSupremum result;
   if (!medium_.model().claims_field()) return {infinity, 0, 0, false};
+  const MediumModel::FieldLoads loads = medium_.model().field_loads(inputs);
   std::priority_queue<Open> open;
   int count = 0;
   const auto is_excluded = [&](const Interval& interval) {
@@ -91,10 +88,10 @@ FieldSupremum FieldError::supremum(const std::vector<int>& inputs,
   const auto enter = [&](const Interval& interval) {
     if (is_excluded(interval)) return;
     ++count;
-    const Look seen = look(interval, inputs);
+    const Look seen = look(interval, inputs, loads);
     const bool higher = seen.at_centre > result.attained && std::isfinite(seen.upper);
     if (const double omega = interval.centre(); higher && !is_excluded({omega, omega})) {
-      const double here = certified_at(omega, inputs);
+      const double here = look({omega, omega}, inputs, loads).upper;
       if (here > result.attained && std::isfinite(here)) {
         result.attained = here;
         result.at = omega;

@@ -34,8 +34,8 @@ private:
     double upper, at_centre;
     bool proved;
   };
-  Look look(Interval interval, const std::vector<int>& inputs) const;
-  double certified_at(double omega, const std::vector<int>& inputs) const;
+  Look look(Interval interval, const std::vector<int>& inputs,
+            const MediumModel::FieldLoads& loads) const;
 
   MediumOverBand& medium_;
   DenseResponse small_;

@@ -12,6 +12,20 @@
 namespace flexgram {
 namespace {
 
+constexpr const char* semidefinite = "it must be positive semidefinite (a buckled state, "
+                                     "or K and M swapped?)";
+
+/// Of M u = μ (K + τM) u.
+/// @throws Error where K is so indefinite that K + τM is.
+SymmetricEigen modes_of_basis(const Dense& M, const Dense& E, double tau) {
+  try {
+    return symmetric_eigen(M, E);
+  } catch (const IndefiniteError&) {
+    throw Error(text("K has an eigenvalue below %.3g rad²/s² (of the pencil K, M): %s",
+                     -tau, semidefinite));
+  }
+}
+
 constexpr int most_columns = wide_block, most_rounds = 60;
 
 /// Which Ritz values are those of `good`, one to one: their vectors were good enough when
@@ -39,7 +53,7 @@ RitzPairs ritz_pairs(const MediumSpace& space) {
   Dense E = part_of(space.K(), rigid, count, rigid, count);
   add_to(E, M, space.tau());
   // M u = μ (K + τM) u: the small λ = 1/μ − τ get all the digits.
-  const SymmetricEigen eigen = symmetric_eigen(M, E);
+  const SymmetricEigen eigen = modes_of_basis(M, E, space.tau());
   RitzPairs pairs;
   pairs.vectors = Dense(N, count);
   for (int j = 0; j < count; ++j) {
@@ -82,11 +96,10 @@ int find_modes(MediumSpace& space, RealFactors& factors, double sigma, int expec
       const auto negative =
           std::lower_bound(pairs.lambda.begin(), pairs.lambda.end(), -null) -
           pairs.lambda.begin();
-      throw Error(text(
-          "K has %ld negative eigenvalue%s at least (%.3g rad²/s² of the pencil K, "
-          "M): it must be positive semidefinite (a buckled state, or K and M "
-          "swapped?)",
-          static_cast<long>(negative), negative == 1 ? "" : "s", pairs.lambda.front()));
+      throw Error(text("K has %ld negative eigenvalue%s at least (%.3g rad²/s² of the "
+                       "pencil K, M): %s",
+                       static_cast<long>(negative), negative == 1 ? "" : "s",
+                       pairs.lambda.front(), semidefinite));
     }
     const int missing = expected - below;
     const std::vector<bool> is_good = known(pairs.lambda, below, good, space.tau());

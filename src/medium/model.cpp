@@ -258,15 +258,20 @@ std::vector<double> MediumModel::strain() const {
   return root;
 }
 
-std::optional<MediumModel::Field>
-MediumModel::field(Interval interval, int degree, const std::vector<int>& inputs) const {
-  const DenseResponse& response = *level_.response;
+MediumModel::FieldLoads MediumModel::field_loads(const std::vector<int>& inputs) const {
   std::vector<int> ports;
   for (int j : inputs) ports.push_back(ports_.inputs[as_size(j)]);
+  return {level_.certificate->residuals_of(ports), strain()};
+}
+
+std::optional<MediumModel::Field> MediumModel::field(Interval interval, int degree,
+                                                     const FieldLoads& of) const {
+  const DenseResponse& response = *level_.response;
+  const std::vector<int>& ports = of.residuals.ports;
   const auto x = response_series(response, interval, degree,
                                  columns_of(response.modal_inputs(), ports));
   if (!x) return std::nullopt;
-  const std::vector<double> root = strain();
+  const std::vector<double>& root = of.strain;
   const int p = static_cast<int>(ports.size()), all = x->x.columns,
             parts = x->x.coefficients.columns / all, N = x->x.rows();
   Field field{{p, Dense(N, p * parts), Dense(N, p)}, 0, 0, true};
@@ -282,7 +287,7 @@ MediumModel::field(Interval interval, int degree, const std::vector<int>& inputs
     }
   }
   const Certificate::FieldBound bound =
-      level_.certificate->field_over(response, *x, ports, root);
+      level_.certificate->field_over(response, *x, of.residuals, root);
   field.error = bound.error;
   field.floor = bound.floor;
   field.proved = bound.proved;

@@ -103,9 +103,14 @@ public:
   };
   /// A damping matrix leaves no bound of the field (docs/proof.md, section 4).
   bool claims_field() const { return level_.response->is_diagonal(); }
+  /// Of some inputs, made once for many intervals.
+  struct FieldLoads {
+    Certificate::FewResiduals residuals;
+    std::vector<double> strain; ///< √(uᵀKu) of each mode
+  };
+  FieldLoads field_loads(const std::vector<int>& inputs) const;
   /// @return nothing if a pole is too near for an interval of this length.
-  std::optional<Field> field(Interval interval, int degree,
-                             const std::vector<int>& inputs) const;
+  std::optional<Field> field(Interval interval, int degree, const FieldLoads& of) const;
   /// Columns of Q in these coordinates. @param Q  rows: coordinates of `system`.
   Dense strain_coordinates(const Dense& Q) const;
 

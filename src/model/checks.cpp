@@ -31,10 +31,38 @@ std::vector<double> row_maxima(Mat a) {
   return maxima;
 }
 
+/// Doubles cannot square what is larger.
+constexpr double largest_entry = 1e120;
+
+void check_size(const char* name, const std::vector<double>& row_maxima,
+                const SecondOrderModel& model) {
+  agree(model.comm, [&] {
+    for (std::size_t i = 0; i < row_maxima.size(); ++i)
+      if (row_maxima[i] > largest_entry)
+        throw Error(text("%s has an entry of %.0e in row %ld, which doubles cannot "
+                         "square: are its units right?",
+                         name, row_maxima[i],
+                         static_cast<long>(model.rows.begin) + static_cast<long>(i)));
+  });
+}
+
+void check_damping(const Damping& damping) {
+  const auto check = [](const char* name, double value, const char* unit) {
+    if (value > 1e30)
+      throw Error(text("%s = %g%s is no damping of a body: are its units right?", name,
+                       value, unit));
+  };
+  check("alpha", damping.alpha, " 1/s");
+  check("beta", damping.beta, " s");
+  check("eta", damping.eta, "");
+}
+
 /// K and M diagonals and rows: cheap, and they name the row.
 void check_rows(const SecondOrderModel& model, BodyFacts& facts) {
   const auto k_rows = row_maxima(model.K), m_rows = row_maxima(model.M);
   const auto k_diagonal = diagonal(model.K), m_diagonal = diagonal(model.M);
+  check_size("K", k_rows, model);
+  check_size("M", m_rows, model);
   std::int64_t massless = 0;
   agree(model.comm, [&] {
     for (std::size_t i = 0; i < k_rows.size(); ++i) {
@@ -136,6 +164,7 @@ void check_ports(const Block& ports, const std::vector<std::string>& names,
 BodyFacts check_body(const SecondOrderModel& model, bool assembled, bool stiffness,
                      const SolverOptions& options, Observer& observer) {
   BodyFacts facts;
+  check_damping(model.damping);
   check_ports(model.B, model.inputs, "B", observer);
   if (!model.outputs_are_inputs) check_ports(model.C, model.outputs, "C", observer);
   check_rows(model, facts);

@@ -19,7 +19,9 @@ constexpr Kind kinds[] = {
     {"t", "traction", nullptr},         {"u", nullptr, "displacement"},
     {"s", nullptr, "stress"},           {"load", "load", nullptr},
     {"T", "temperature", nullptr},      {"r", nullptr, "reaction"},
-    {"rm", nullptr, "reaction moment"},
+    {"rm", nullptr, "reaction moment"}, {"e", nullptr, "strain"},
+    {"e0", nullptr, "strain"},          {"e45", nullptr, "strain"},
+    {"e90", nullptr, "strain"},
 };
 
 const Kind* find_kind(const std::string& letters) {
@@ -93,8 +95,10 @@ std::string kind_of_port(const std::string& name) {
   if (dot == std::string::npos) return "";
   const std::string last = name.substr(dot + 1),
                     letters = last.substr(0, last.find_last_not_of("xyz") + 1);
+  if (letters.empty()) return "";
   const std::size_t directions = last.size() - letters.size();
-  const bool plain = letters == "p" || letters == "load" || letters == "T";
+  const bool plain = letters == "p" || letters == "load" || letters == "T" ||
+                     letters.front() == 'e'; // strains by their angle
   const bool fits = plain               ? directions == 0
                     : letters == "u"    ? directions <= 1
                     : letters == "spin" ? directions == 0 || directions == 2

@@ -107,8 +107,8 @@ void PythonBody::set_dofs(const Rows& node, const Rows& label,
 void PythonBody::set(const std::string& which, Matrix matrix) {
   SecondOrderModel& m = body.model;
   take_symmetric_part(matrix, which, m.name, m.remarks);
-  PetscReal norm = 0;
-  FG_CALL(MatNorm(matrix, NORM_FROBENIUS, &norm));
+  PetscReal norm = 0; // of row sums: squares of entries that are finite may overflow
+  FG_CALL(MatNorm(matrix, NORM_INFINITY, &norm));
   if (!std::isfinite(norm)) throw Error(text("%s holds NaN or Inf", which.c_str()));
   if (which == "K") {
     FG_CALL(MatGetSize(matrix, &m.n, nullptr));

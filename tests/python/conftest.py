@@ -282,6 +282,7 @@ ENDS = {
     "inertia": "spin([xyz]{2})?",
     "pressure": "p",
     "stress": "s[xyz]{2}",
+    "strain": "e(0|45|90)?",
     "traction": "t[xyz]",
     "load": "load",
     "temperature": "T",

@@ -60,6 +60,15 @@ BODIES: dict[str, tuple[Callable[[], dict[str, Any]], str]] = {
     "M with a negative eigenvalue": (lambda: chain(M=negative_mass()), "M has"),
     "negative diagonal of M": (lambda: chain(M=with_entries(M, r4c4=-1.0)), "M(4, 4) = -1"),
     "negative K": (lambda: chain(K=with_entries(K, r4c4=-5.0)), "K(4, 4) = -5"),
+    "very indefinite K": (
+        lambda: chain(K=K - 0.9 * sp.identity(60)),
+        "it must be positive semidefinite (a buckled state, or K and M swapped?)",
+    ),
+    "huge K": (lambda: chain(K=1e300 * K), "K has an entry of 2e+300 in row 0"),
+    "huge D": (lambda: chain(D=1e300 * sp.identity(60)), "D has entries of 1e+300, which doubles cannot square"),
+    "huge alpha": (lambda: chain(alpha=1e300), "alpha = 1e+300 1/s is no damping of a body"),
+    "huge beta": (lambda: chain(beta=1e300), "beta = 1e+300 s is no damping of a body"),
+    "huge eta": (lambda: chain(eta=1e300), "eta = 1e+300 is no damping of a body"),
     "indefinite K": (
         lambda: chain(K=with_entries(K, r4c5=-9.0, r5c4=-9.0)),
         "K has 1 negative eigenvalue",

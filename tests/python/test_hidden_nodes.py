@@ -18,6 +18,7 @@ from conftest import CLAMPED, body_system, message, run
 from flexgram import BodyError, ReducedModel
 from flexgram.body.description import import_description
 from flexgram.body.matrices import Matrices
+from flexgram.importers import read
 from flexgram.importers.nastran import _cards_of
 
 
@@ -136,11 +137,34 @@ def test_meshes_of_results_and_of_surfaces(tmp_path: Path) -> None:
     mesh.field_data = {"med:nom": [[], []], "steps": np.array([1.0, 2.0, 3.0])}
     import_description(CLAMPED, "box", tmp_path / "b.h5", mesh=mesh)
     flat = meshio.Mesh(np.eye(3), [("triangle", np.array([[0, 1, 2]]))])
-    with pytest.raises(BodyError, match="no solids, only triangle"):
+    with pytest.raises(BodyError, match="no known solids, only triangle"):
         import_description(CLAMPED, "flat", tmp_path / "b.h5", mesh=flat)
+    wedge = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 0, 1], [0, 1, 1.0]])
+    linear = meshio.Mesh(wedge, [("wedge", np.arange(6)[None, :])])
+    with pytest.raises(BodyError, match=r"no known solids, only wedge: mesh it with .*wedge15"):
+        import_description(CLAMPED, "linear", tmp_path / "b.h5", mesh=linear)
     (tmp_path / "part.step").write_text("ISO-10303-21;")
     failed = run("import", tmp_path / "part.step", "-o", tmp_path / "b.h5", expect=1)
     assert "gmsh part.step -3 -order 2" in message(failed)
+
+
+@ccx
+def test_the_mechanical_half_of_a_thermal_step(tmp_path: Path) -> None:
+    """K and M are those of the deck without its step, and the step is named as left out."""
+    held = "*BOUNDARY\nSTART, 1, 3\n"
+    plain = read(write_deck(tmp_path / "plain.inp", "C3D4", held), run_ccx=True)
+    for word in ("COUPLED", "UNCOUPLED"):
+        step = f"*STEP\n*{word} TEMPERATURE-DISPLACEMENT\n{held}*CLOAD\n20, 1, 3.\n*END STEP\n"
+        initial = "*INITIAL CONDITIONS, TYPE=TEMPERATURE\nNALL, 20.\n"
+        deck = write_deck(tmp_path / f"{word}.inp", "C3D4", initial + step)
+        heat = "*CONDUCTIVITY\n50.\n*SPECIFIC HEAT\n500.\n*EXPANSION\n1e-5\n*DENSITY"
+        deck.write_text(deck.read_text().replace("*DENSITY", heat))
+        fe = read(deck, run_ccx=True)
+        assert abs(fe.K - plain.K).max() == 0 and abs(fe.M - plain.M).max() == 0
+        assert any(f"*{word} TEMPERATURE-DISPLACEMENT" in remark for remark in fe.remarks)
+    deck = write_deck(tmp_path / "heat.inp", "C3D4", "*STEP\n*HEAT TRANSFER\n*END STEP\n")
+    with pytest.raises(BodyError, match="HEAT TRANSFER: no masses and stiffnesses"):
+        read(deck, run_ccx=True)
 
 
 def test_a_mass_that_one_direction_carries(tmp_path: Path) -> None:

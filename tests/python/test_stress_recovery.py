@@ -64,7 +64,7 @@ def test_uniform_strain_and_energy(kind: str, ranks: int, tmp_path: Path) -> Non
     # Any displacements.
     u = np.random.default_rng(3).standard_normal(len(u))
     there, energy = at_nodes(a, u, len(mesh.points)), 0.0
-    for element, nodes, law, _ in stresses.blocks:
+    for element, nodes, law, *_ in stresses.blocks:
         stress, strain, volume = stress_operator(element, mesh.points[nodes], law)
         moved = there[nodes].reshape(len(nodes), -1)
         energy += np.einsum(
@@ -104,7 +104,7 @@ def test_stresses_of_calculix(element: str, tmp_path: Path) -> None:
     a = assembled(tmp_path / "matrices.h5", tmp_path / "body.h5")
     B, _ = ports(tmp_path / "matrices.h5")
     there = at_nodes(a, spsolve(a["K"].tocsc(), 9810 * B["gravity.az"]), len(mesh.points))
-    kind, nodes, law, _ = Stresses.load(tmp_path / "body.h5").blocks[0]
+    kind, nodes, law, *_ = Stresses.load(tmp_path / "body.h5").blocks[0]
     stress = np.einsum(
         "eqib,eb->eqi",
         stress_operator(kind, mesh.points[nodes], law)[0],

@@ -128,6 +128,18 @@ def test_halves_that_share_no_node(ranks: int, tmp_path: Path) -> None:
         import_description(describe(merge=1.0), "box", tmp_path / "b.h5", mesh=two_halves(0.0))
 
 
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_elements_that_are_too_thin(ranks: int, tmp_path: Path) -> None:
+    """What bends them is smaller than the rounding of what stretches them: told, then refused."""
+    for thickness, expect in ((1e-6, None), (1e-8, 1)):
+        mesh = box("hexahedron", (4, 2, 1), (0.4, 0.2, thickness), distort=False)
+        import_description(describe(), "thin", tmp_path / "thin.h5", mesh=mesh)
+        out = ("-body_out", tmp_path / "thin.m.h5")
+        done = run("assemble", "-body", tmp_path / "thin.h5", *out, ranks=ranks, expect=expect)
+        assert "times wider than thick" in done.out + done.err
+        assert expect is None or "are all coordinates in one unit?" in message(done)
+
+
 def test_a_gap_and_a_part_that_nothing_holds(tmp_path: Path) -> None:
     mesh = two_halves(1e-3)
     content = describe(interfaces={"start": {"coupling": "rigid", "nodes": "start"}})

@@ -311,8 +311,10 @@ class MeshBody:
             material = entry.choice("material", self.reader.children("materials"))
             if str(name) not in self.cells:
                 only = ", ".join(sorted({block.type for block in self.mesh.cells})) or "nothing"
-                solid = "all" in self.cells
-                has = f"it has {known}" if solid else f"it has no solids, only {only}"
+                has = f"it has {known}"
+                if "all" not in self.cells:
+                    solids = ", ".join(ELEMENTS[:-1])
+                    has = f"it has no known solids, only {only}: mesh it with {solids}"
                 raise BodyError(f"{entry.where}: the mesh has no such part; {has}")
             solid = False
             for block, chosen in enumerate(self.cells[str(name)]):

@@ -1,4 +1,4 @@
-"""Outputs of a mesh beside its interfaces: mean displacements and stresses, reactions.
+"""Outputs of a mesh beside its interfaces: mean displacements, stresses, strain gauges, reactions.
 
 Written to the body file as weights of nodes' displacements; of a reaction its nodes, axes and
 point, from which the assembly makes its row.
@@ -6,15 +6,24 @@ point, from which the assembly makes its row.
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import h5py
 import numpy as np
 
-from flexgram.basics import BodyError, Floats, check_name, errors_of
+from flexgram.basics import BodyError, Floats, Ints, check_name, errors_of
 from flexgram.body.loads import AXES, BodyMesh, write_vectors
 from flexgram.body.reader import Reader, short
 from flexgram.body.stress import COMPONENTS, Stresses, temperatures
 
-OUTPUTS = ("displacement", "stress", "reaction")
+OUTPUTS = ("displacement", "stress", "gauge", "reaction")
+#: What only some of them take.
+TAKEN = {
+    "displacement": ("nodes", "relative_to", "direction"),
+    "stress": ("nodes", "elements", "integration_point"),
+    "gauge": ("nodes", "direction", "normal"),
+    "reaction": ("nodes", "point"),
+}
 
 
 def _write_reaction(mesh: BodyMesh, group: h5py.Group, entry: Reader) -> str:
@@ -46,62 +55,131 @@ def _write_reaction(mesh: BodyMesh, group: h5py.Group, entry: Reader) -> str:
     return f"reaction at {len(nodes)} held nodes, moments about ({about}) m"
 
 
+class _Stresses:
+    """Those of a body that is being written, and what its temperatures leave of them; made once,
+    where the first output needs them."""
+
+    def __init__(self, file: h5py.File) -> None:
+        self.file = file
+
+    @cached_property
+    def of_body(self) -> Stresses:
+        return Stresses.of(self.file)
+
+    @cached_property
+    def fields(self) -> dict[str, Floats]:
+        return temperatures(self.file)
+
+    @cached_property
+    def heated(self) -> dict[str, Floats]:
+        return {port: self.of_body.heated(field)[1] for port, field in self.fields.items()}
+
+
+def _write_stress(mesh: BodyMesh, group: h5py.Group, entry: Reader, known: _Stresses) -> str:
+    """The mean stress of nodes, or at integration points of elements."""
+    if ("nodes" in entry.data) == ("elements" in entry.data):
+        raise BodyError(f"{entry.where}: name nodes or elements")
+    if "elements" not in entry.data:
+        if "integration_point" in entry.data:
+            raise BodyError(f"{entry.where}: nodes have no integration_point, elements have")
+        chosen = mesh.select(entry.get("nodes"), entry.where)
+        with errors_of(entry.where):
+            used, rows = known.of_body.rows(chosen)
+            held = {name: field[chosen].mean(axis=0) for name, field in known.heated.items()}
+        said = f"mean stress of {len(chosen)} nodes"
+    else:
+        ids = _whole(entry, "elements", entry.get("elements"))
+        point = None
+        if "integration_point" in entry.data:
+            point = int(_whole(entry, "integration_point", [entry.get("integration_point")])[0])
+        with errors_of(entry.where):
+            used, rows, held = known.of_body.element_rows(ids, point, known.fields)
+        where = "at all integration points" if point is None else f"at integration point {point}"
+        said = f"mean stress {where} of {len(ids)} element{'s' * (len(ids) != 1)}"
+    write_vectors(group, ["s" + pair for pair in COMPONENTS], used, rows)
+    if held:
+        group["feedthrough"] = np.array(list(held.values())).T
+        group["feedthrough"].attrs["inputs"] = list(held)
+    return said
+
+
+def _whole(entry: Reader, key: str, given: object) -> Ints:
+    numbers = np.atleast_1d(np.asarray(given))
+    if numbers.ndim != 1 or not len(numbers) or numbers.dtype.kind != "i":
+        raise BodyError(f"{entry.where}: {key} = {short(given)}: expected whole numbers")
+    return np.unique(numbers).astype(np.int64)
+
+
+def _write_gauge(mesh: BodyMesh, group: h5py.Group, entry: Reader, known: _Stresses) -> str:
+    """The mean strain of nodes along a direction; with the normal of the surface a rosette: along
+    the direction in the surface, at 45 and at 90 degrees, counterclockwise seen from outside."""
+
+    def unit(key: str, vector: Floats) -> Floats:
+        size = float(np.linalg.norm(vector))
+        if not size > 1e-6:
+            raise BodyError(f"{entry.where}: {key} has no length")
+        found: Floats = vector / size
+        return found
+
+    chosen = mesh.select(entry.get("nodes"), entry.where)
+    along = unit("direction", entry.vector("direction"))
+    directions, columns = [along], ["e"]
+    if "normal" in entry.data:
+        normal = unit("normal", entry.vector("normal"))
+        along = unit("direction in the surface", along - normal * (normal @ along))
+        across = np.cross(normal, along)
+        directions = [along, (along + across) / np.sqrt(2), across]
+        columns = ["e0", "e45", "e90"]
+    with errors_of(entry.where):
+        used, rows = known.of_body.rows(chosen, strain=True)
+    x, y, z = np.array(directions).T
+    of_strain = np.array([x * x, y * y, z * z, x * y, y * z, z * x])  # engineering shears
+    write_vectors(group, columns, used, np.einsum("ck,uca->uka", of_strain, rows))
+    return f"strain {'gauge' if len(columns) == 1 else 'rosette'} at {len(chosen)} nodes"
+
+
+def _write_displacement(mesh: BodyMesh, group: h5py.Group, entry: Reader) -> str:
+    """The mean of nodes, or relative to that of others, in the axes or along a direction."""
+    weights: dict[int, float] = {}
+    for key, sign in (("nodes", 1.0), ("relative_to", -1.0)):
+        if key == "nodes" or key in entry.data:
+            chosen = mesh.select(entry.get(key), f"{entry.where}: {key}")
+            for node in chosen.tolist():
+                weights[node] = weights.get(node, 0.0) + sign / len(chosen)
+    if not any(weights.values()):
+        raise BodyError(f"{entry.where}: nodes and relative_to are the same")
+    directions, columns = np.eye(3), ["u" + axis for axis in AXES]
+    if "direction" in entry.data:
+        direction = entry.vector("direction")
+        if not np.linalg.norm(direction) > 0:
+            raise BodyError(f"{entry.where}: direction = {short(direction.tolist())} is none")
+        directions, columns = (direction / np.linalg.norm(direction))[None, :], ["u"]
+    nodes = np.array(sorted(weights), dtype=np.int64)
+    values = np.array([weights[node] for node in nodes.tolist()])
+    write_vectors(group, columns, nodes, values[:, None, None] * directions)
+    return f"mean displacement of {len(nodes)} nodes"
+
+
 def write_outputs(mesh: BodyMesh, reader: Reader) -> dict[str, str]:
-    """Write the outputs of a description: mean displacements of nodes, of one set or relative to
-    another, in the axes or along a direction, mean stresses, and reactions of supports. As
-    ``write_loads``."""
+    """Write the outputs of a description: mean displacements of nodes, stresses, strain gauges, and
+    reactions of supports. As ``write_loads``."""
     said = {}
-    stresses: Stresses | None = None  # of the body, and those that its temperatures leave
-    heated: dict[str, Floats] = {}
+    stresses = _Stresses(mesh.file)
+    every = tuple(dict.fromkeys(key for keys in TAKEN.values() for key in keys))
     for order, (name, data) in enumerate(reader.children("outputs").items()):
-        entry = Reader(
-            data, f"outputs: {name}", ("type", "nodes", "relative_to", "direction", "point")
-        )
+        entry = Reader(data, f"outputs: {name}", ("type", *every))
         kind = entry.choice("type", OUTPUTS, "displacement")
-        foreign = {
-            "displacement": ("point",),
-            "stress": ("relative_to", "direction", "point"),
-            "reaction": ("relative_to", "direction"),
-        }[kind]
-        for key in foreign:
-            if key in entry.data:
+        for key in every:
+            if key in entry.data and key not in TAKEN[kind]:
                 raise BodyError(f"{entry.where}: {kind} takes no {key}")
         group = mesh.file.create_group(f"outputs/{check_name(entry.where, str(name))}")
         group.attrs["order"] = order
         if kind == "stress":
-            chosen = mesh.select(entry.get("nodes"), entry.where)
-            with errors_of(entry.where):
-                if stresses is None:
-                    stresses = Stresses.of(mesh.file)
-                    fields = temperatures(mesh.file)
-                    heated = {port: stresses.heated(field)[1] for port, field in fields.items()}
-                used, rows = stresses.rows(chosen)
-            write_vectors(group, ["s" + pair for pair in COMPONENTS], used, rows)
-            if heated:
-                held = [stress[chosen].mean(axis=0) for stress in heated.values()]
-                group["feedthrough"] = np.array(held).T
-                group["feedthrough"].attrs["inputs"] = list(heated)
-            said[str(name)] = f"mean stress of {len(chosen)} nodes"
-            continue
-        if kind == "reaction":
+            said[str(name)] = _write_stress(mesh, group, entry, stresses)
+        elif kind == "gauge":
+            said[str(name)] = _write_gauge(mesh, group, entry, stresses)
+        elif kind == "reaction":
             said[str(name)] = _write_reaction(mesh, group, entry)
-            continue
-        weights: dict[int, float] = {}
-        for key, sign in (("nodes", 1.0), ("relative_to", -1.0)):
-            if key == "nodes" or key in entry.data:
-                chosen = mesh.select(entry.get(key), f"{entry.where}: {key}")
-                for node in chosen.tolist():
-                    weights[node] = weights.get(node, 0.0) + sign / len(chosen)
-        if not any(weights.values()):
-            raise BodyError(f"{entry.where}: nodes and relative_to are the same")
-        directions, columns = np.eye(3), ["u" + axis for axis in AXES]
-        if "direction" in entry.data:
-            direction = entry.vector("direction")
-            if not np.linalg.norm(direction) > 0:
-                raise BodyError(f"{entry.where}: direction = {short(direction.tolist())} is none")
-            directions, columns = (direction / np.linalg.norm(direction))[None, :], ["u"]
-        nodes = np.array(sorted(weights), dtype=np.int64)
-        values = np.array([weights[node] for node in nodes.tolist()])
-        write_vectors(group, columns, nodes, values[:, None, None] * directions)
-        said[str(name)] = f"mean displacement of {len(nodes)} nodes"
+        else:
+            said[str(name)] = _write_displacement(mesh, group, entry)
     return said

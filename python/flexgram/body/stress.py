@@ -11,6 +11,7 @@ stress is that of the strain without it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -35,6 +36,7 @@ class Solid(NamedTuple):
     nodes: Ints  #: (E, n)
     law: Floats  #: (6, 6) [N/m²]
     expansion: Floats | None  #: strain of one kelvin (6,), engineering shears; None: not known
+    ids: Ints  #: (E,) the elements' numbers
 
 
 def _expansion(material: Any) -> Floats | None:
@@ -98,9 +100,9 @@ class Stresses:
             at = follows[nodes]
             rigid = (at[:, 0] >= 0) & np.all(at == at[:, :1], axis=1)
             if not rigid.all():
-                blocks.append(
-                    Solid(kind, nodes[~rigid], np.reshape(law, (6, 6)), _expansion(steel))
-                )
+                ids = group["ids"][:] if "ids" in group else np.arange(len(nodes)) + 1
+                law = np.reshape(law, (6, 6))
+                blocks.append(Solid(kind, nodes[~rigid], law, _expansion(steel), ids[~rigid]))
         if not blocks:
             raise BodyError("the body has no solids that deform: no stresses")
         return cls(file["mesh/points"][:], blocks)
@@ -129,7 +131,7 @@ class Stresses:
 
         u = np.asarray(displacements, dtype=float)
         stress = np.zeros((len(self.points), 6 * len(u)))
-        for kind, nodes, law, _ in self.blocks:
+        for kind, nodes, law, *_ in self.blocks:
             outward = extrapolation(kind, _flexgram.shape_functions(kind, np.empty((0, 3)))[0])
             for first in range(0, len(nodes), CHUNK):
                 some = nodes[first : first + CHUNK]
@@ -175,7 +177,7 @@ class Stresses:
         import _flexgram
 
         forces, stress = np.zeros_like(self.points), np.zeros((len(self.points), 6))
-        for kind, nodes, law, expansion in self.blocks:
+        for kind, nodes, law, expansion, _ in self.blocks:
             warm = nodes[np.any(temperature[nodes] != 0, axis=1)]
             if not len(warm):
                 continue
@@ -197,8 +199,9 @@ class Stresses:
             fields = temperatures(file)
         return {name: self.heated(fields[name])[1] for name in inputs if name in fields}
 
-    def rows(self, nodes: Ints) -> tuple[Ints, Floats]:
-        """The mean stress of some nodes as a function of displacements.
+    def rows(self, nodes: Ints, *, strain: bool = False) -> tuple[Ints, Floats]:
+        """The mean stress of some nodes as a function of displacements, or their mean strain with
+        engineering shears.
 
         Returns
         -------
@@ -224,16 +227,73 @@ class Stresses:
         weight = np.zeros(len(self.points))
         weight[nodes] = 1 / count[nodes] / len(nodes)
         values = np.zeros((len(self.points), 6, 3))
-        for kind, all_nodes, law, _ in self.blocks:
+        for kind, all_nodes, law, *_ in self.blocks:
             outward = extrapolation(kind, _flexgram.shape_functions(kind, np.empty((0, 3)))[0])
             near = all_nodes[np.any(weight[all_nodes] > 0, axis=1)]
             for first in range(0, len(near), CHUNK):
                 some = near[first : first + CHUNK]
-                operator = stress_operator(kind, self.points[some], law)[0]
+                operator = stress_operator(kind, self.points[some], law)[int(strain)]
                 part = np.einsum("en,nq,eqib->eib", weight[some], outward, operator, optimize=True)
                 np.add.at(values, some, part.reshape(len(some), 6, -1, 3).transpose(0, 2, 1, 3))
         used = np.flatnonzero(np.any(values != 0, axis=(1, 2)))
         return used, values[used]
+
+    def element_rows(
+        self, ids: Ints, point: int | None = None, fields: Mapping[str, Floats] | None = None
+    ) -> tuple[Ints, Floats, dict[str, Floats]]:
+        """The stress at an integration point of each of some elements, their mean by volume, as a
+        function of displacements.
+
+        Parameters
+        ----------
+        ids : int array
+            The elements' numbers.
+        point : int, optional
+            Of the stiffness, from 1; default: all of them.
+        fields : mapping, optional
+            Fields of temperature (N,) [K] by their inputs.
+
+        Returns
+        -------
+        used : (U,) int array
+            Nodes of the elements.
+        values : (U, 6, 3) array
+            Each component for unit displacements of each.
+        held : dict
+            The stress (6,) that each field adds at once.
+
+        Raises
+        ------
+        BodyError
+            If there is no such element that deforms, or no such point.
+        """
+        import _flexgram
+
+        values, volume = np.zeros((len(self.points), 6, 3)), 0.0
+        held = {name: np.zeros(6) for name in fields or {}}
+        missing = np.setdiff1d(ids, np.concatenate([solid.ids for solid in self.blocks]))
+        if len(missing):
+            raise BodyError(f"there is no element {missing[0]} that deforms")
+        for kind, nodes, law, expansion, here in self.blocks:
+            some = nodes[np.isin(here, ids)]
+            if not len(some):
+                continue
+            N = _flexgram.shape_functions(kind, np.empty((0, 3)))[2]
+            if point is not None and not 1 <= point <= len(N):
+                raise BodyError(f"elements {kind} have the integration points 1 to {len(N)}")
+            chosen = slice(None) if point is None else slice(point - 1, point)
+            stress, _, size = (a[:, chosen] for a in stress_operator(kind, self.points[some], law))
+            part = np.einsum("eq,eqib->eib", size, stress).reshape(len(some), 6, -1, 3)
+            np.add.at(values, some, part.transpose(0, 2, 1, 3))
+            volume += float(size.sum())
+            for name, field in (fields or {}).items():
+                if expansion is None:
+                    raise BodyError("a material that a temperature warms has no expansion [1/K]")
+                strain = (field[some] @ N.T)[..., None] * expansion
+                warm = heat_operator(kind, self.points[some], law, strain)[1][:, chosen]
+                held[name] += np.einsum("eq,eqi->i", size, warm)
+        used = np.flatnonzero(np.any(values != 0, axis=(1, 2)))
+        return used, values[used] / volume, {name: s / volume for name, s in held.items()}
 
 
 def temperatures(file: h5py.File) -> dict[str, Floats]:

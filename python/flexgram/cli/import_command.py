@@ -121,11 +121,14 @@ def import_options(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument(
         "--measure",
-        metavar="NAME=[stress:|reaction:]WHERE",
+        metavar="NAME=[KIND:]WHERE",
         action="append",
         default=[],
-        help="output beside the interfaces, likewise: mean displacement or stress of nodes, or the "
-        "force by which supports hold them",
+        help="output beside the interfaces, likewise and of a CalculiX deck's matrices: mean "
+        "displacement of nodes; stress:WHERE or stress:ELEMENTS:5,6[@POINT], a point of the "
+        "integration; gauge:x,y,z:WHERE, the strain along a direction, a rosette with the normal "
+        "of the surface, gauge:x,y,z/nx,ny,nz:WHERE; reaction:WHERE, the force by which supports "
+        "hold nodes (not of matrices)",
     )
     parser.add_argument(
         "--material",
@@ -288,10 +291,10 @@ def _import_files(options: argparse.Namespace, named: list[tuple[str, str]]) -> 
     from flexgram.importers import check_damping, import_matrices, parse, read
 
     _refuse(options, OF_MESHES, " is for bodies that flexgram assembles")
-    if options.load or options.measure:
+    if options.load:
         raise BodyError(
-            "--load and --measure are for bodies that flexgram assembles: a mesh, or "
-            "a CalculiX deck with --assemble"
+            "--load is for bodies that flexgram assembles: a mesh, or a CalculiX deck with "
+            "--assemble (--deck-loads takes those of the deck's steps)"
         )
     interfaces = [parse(*pair) for pair in named]  # before ccx runs for minutes
     check_damping(options.alpha, options.beta, options.eta)
@@ -311,7 +314,12 @@ def _import_files(options: argparse.Namespace, named: list[tuple[str, str]]) -> 
         matrices=_names(options.matrices),
     )
     facts = import_matrices(
-        fe, options.output, interfaces, strict=options.strict, **_of_body(options)
+        fe,
+        options.output,
+        interfaces,
+        strict=options.strict,
+        outputs=_further(options)["outputs"],
+        **_of_body(options),
     )
     _say_matrices(options, facts)
     _say_damping(facts)

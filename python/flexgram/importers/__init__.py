@@ -226,6 +226,7 @@ def import_matrices(
     beta: float | None = None,
     eta: float | None = None,
     strict: bool = False,
+    outputs: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Check the matrices, attach interfaces, and write a body file in SI units.
 
@@ -244,6 +245,9 @@ def import_matrices(
         Rayleigh coefficients [1/s], [s] and loss factor; default: those of the files.
     strict : bool
         Refuse files of which something is left out, by name.
+    outputs : mapping, optional
+        Displacements, stresses and strain gauges of a CalculiX deck, as in a YAML description
+        (``deck_outputs``).
 
     Returns
     -------
@@ -276,6 +280,8 @@ def import_matrices(
     for name, label in fe.rigid.items():
         if name not in named:
             every.append(Interface(name, "node", np.array([label])))
+    if outputs:
+        fe.measured = _measured(fe, outputs, units)
     rounding = printed_rounding(fe.K.data)  # before anything is added or scaled
     body = attach(fe, every)
     new = body.pop("new_points")
@@ -316,6 +322,19 @@ def import_matrices(
     }
 
 
+def _measured(fe: FeMatrices, outputs: Mapping[str, Any], units: str) -> dict[str, Any]:
+    """Rows of C by the names of their outputs."""
+    if fe.deck is None or fe.deck.suffix.lower() != ".inp":
+        raise BodyError(
+            "--measure needs the elements and materials of a CalculiX deck: import job.inp or "
+            "job.sti beside it"
+        )
+    from flexgram.importers.deck_outputs import deck_outputs
+
+    names, rows = deck_outputs(fe, fe.deck, outputs, units)
+    return dict(zip(names, rows, strict=True))
+
+
 def _in_SI(body: Mapping[str, Any], length: float, mass: float, force: float) -> dict[str, Any]:
     """K, M, D, B and C in SI units, with the names of their ports.
 
@@ -338,6 +357,11 @@ def _in_SI(body: Mapping[str, Any], length: float, mass: float, force: float) ->
     if C is None and body["load"].any():  # what interfaces do, not the loads
         C = B[:, ~body["load"]].T
         outputs = [n for n, load in zip(body["inputs"], body["load"], strict=True) if not load]
+    if body["measured"]:
+        if C is None:
+            C, outputs = B.T, body["inputs"]
+        C = np.vstack([C, np.array(list(body["measured"].values())) * turn])
+        outputs = [*outputs, *body["measured"]]
     return {
         "K": scaled(body["K"], force / length),
         "M": scaled(body["M"], mass),

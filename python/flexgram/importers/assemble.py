@@ -73,7 +73,7 @@ def _numbers(job: Job, card: Card, count: int) -> list[float]:
     return values
 
 
-def _materials(job: Job) -> dict[str, dict[str, float]]:
+def materials_of(job: Job) -> dict[str, dict[str, float]]:
     found: dict[str, dict[str, float]] = {}
     name = ""
     for card in job.model:
@@ -107,7 +107,7 @@ def _refuse_others(job: Job) -> None:
             raise BodyError(f"{job.path}: *SOLID SECTION with an ORIENTATION: take --run-ccx")
 
 
-def _supports(job: Job, deck: Deck, step: Sequence[Card]) -> dict[str, list[int]]:
+def supports_of(job: Job, deck: Deck, step: Sequence[Card]) -> dict[str, list[int]]:
     """Nodes that are held, from 0, by the directions in which they are."""
     held: dict[int, set[str]] = {}
     for card in (card for card in (*job.model, *step) if card.keyword == "BOUNDARY"):
@@ -199,8 +199,8 @@ def assemble_deck(
         raise BodyError(
             f"{path}: step {number} is preloaded (PERTURBATION), which --run-ccx takes into account"
         )
-    materials = _materials(job)
-    mesh, material_of, overlapping = _mesh(job, deck, materials)
+    materials = materials_of(job)
+    mesh, material_of, overlapping = mesh_of(job, deck, materials)
     damping = damping_of(job)
     remarks = [*deck.remarks, *damping.remarks]
     if overlapping:
@@ -220,7 +220,7 @@ def assemble_deck(
             f"the loads of the deck are left out ({words}): --deck-loads makes inputs of them"
         )
     for entry in (*described.values(), *loads.values(), *outputs.values()):
-        _number_nodes(path, deck, entry)
+        number_nodes(path, deck, entry)
     given = {"alpha": alpha, "beta": beta, "eta": eta}
     content = {
         "name": path.stem,
@@ -233,7 +233,7 @@ def assemble_deck(
         "outputs": outputs,
         "supports": {
             f"held_{directions}": {"nodes": [i + 1 for i in nodes], "components": list(directions)}
-            for directions, nodes in _supports(job, deck, cards).items()
+            for directions, nodes in supports_of(job, deck, cards).items()
         },
         "damping": {
             key: getattr(damping, key) if value is None else value for key, value in given.items()
@@ -244,7 +244,7 @@ def assemble_deck(
     return {**counts, "remarks": remarks}
 
 
-def _mesh(
+def mesh_of(
     job: Job, deck: Deck, materials: Mapping[str, Mapping[str, float]]
 ) -> tuple[meshio.Mesh, dict[str, str], int]:
     """The mesh with a region for each *SOLID SECTION, the material of each region, and how many
@@ -321,7 +321,7 @@ def _add_loads_of_steps(
     return remarks
 
 
-def _number_nodes(path: Path, deck: Deck, entry: dict[str, Any]) -> None:
+def number_nodes(path: Path, deck: Deck, entry: dict[str, Any]) -> None:
     """Put numbers from 1 for the deck's labels, and sets in the deck's capitals."""
     for key in ("nodes", "relative_to"):
         if isinstance(entry.get(key), list):

@@ -136,6 +136,7 @@ def read_calculix(
             "beams, internal nodes of C3D8I): interfaces are found by the places of the others, "
             "and no coordinates are kept"
         )
+    fe.deck = own or deck
     elements = (card for card in job_of_user.model if card.keyword == "ELEMENT")
     fe.types = {card.options.get("TYPE", "").upper() for card in elements}
     fe.remarks += doubts_of_elements(fe.types)

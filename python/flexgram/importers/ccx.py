@@ -49,6 +49,8 @@ FOREIGN = {
     "SUBMODEL": "a submodel hangs on results of another run",
     "RESTART": "the deck starts from another run (*RESTART)",
 }
+#: Procedures of heat that have a mechanical half.
+HEATED = ("COUPLED TEMPERATURE-DISPLACEMENT", "UNCOUPLED TEMPERATURE-DISPLACEMENT")
 #: Procedures without masses and stiffnesses of a body.
 NOT_MECHANICAL = ("HEAT TRANSFER", "ELECTROMAGNETICS", "CFD", "CRACK PROPAGATION")
 
@@ -180,9 +182,7 @@ def prepare(job: Job, asked: int | None = None) -> tuple[str, list[str]]:
             raise BodyError(f"{job.path}: {FOREIGN[card.keyword]}")
     words = [card.keyword for step in job.steps for card in step]
     heat = [word for word in words if word in NOT_MECHANICAL]
-    if heat and not any(
-        word in (*FURTHER, "VISCO", "COUPLED TEMPERATURE-DISPLACEMENT") for word in words
-    ):
+    if heat and not any(word in (*FURTHER, "VISCO", *HEATED) for word in words):
         raise BodyError(f"{job.path}: *{heat[0]}: no masses and stiffnesses of a mechanical body")
     number = frequency_step(job, asked)
     remarks: list[str] = []
@@ -204,7 +204,7 @@ def prepare(job: Job, asked: int | None = None) -> tuple[str, list[str]]:
                     "DYNAMIC",
                     "MODAL DYNAMIC",
                     "STEADY STATE DYNAMICS",
-                    "COUPLED TEMPERATURE-DISPLACEMENT",
+                    *HEATED,
                 )
             ]
             left = f"; left out: {_and(what)}" if what else ""

@@ -68,6 +68,8 @@ class FeMatrices:
         Ports that came with the matrices (MATLAB, PETSc); usually interfaces are named instead.
     loads : dict
         Loads beside the interfaces, (n,) forces by the names of their inputs.
+    measured : dict
+        Outputs beside the interfaces, (n,) weights of displacements in SI units by their names.
     rigid : dict
         Rigid couplings that the code itself condensed: name -> label of the reference node, which
         has six rows.
@@ -94,6 +96,7 @@ class FeMatrices:
     inputs: list[str] | None = None
     outputs: list[str] | None = None
     loads: dict[str, Floats] = field(default_factory=dict)
+    measured: dict[str, Floats] = field(default_factory=dict)
     rigid: dict[str, int] = field(default_factory=dict)
     interfaces: list[Interface] = field(default_factory=list)
     alpha: float = 0.0
@@ -102,6 +105,7 @@ class FeMatrices:
     thin: bool = False  #: of shells or beams: distances of nodes tell no volume
     #: nodes that the code expands to several: label -> labels of these
     copies: dict[int, Ints] = field(default_factory=dict)
+    deck: Path | None = None  #: of CalculiX
     types: set[str] = field(default_factory=set)  #: element types of the deck, as it names them
     remarks: list[str] = field(default_factory=list)
     _indexed: list[tuple[str, Ints]] | None = field(default=None, repr=False)

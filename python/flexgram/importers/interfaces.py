@@ -180,6 +180,7 @@ def attach(fe: FeMatrices, interfaces: list[Interface]) -> dict[str, Any]:
         "load": is_load,
         "C": None,
         "outputs": None,
+        "measured": {name: row @ T if T is not None else row for name, row in fe.measured.items()},
         "node": node,
         "component": component,
         "new_points": {label: at for label, at in extra.values()},

@@ -63,12 +63,30 @@ def describe_load(text: str) -> tuple[str, dict[str, Any]]:
 
 
 def describe_output(text: str) -> tuple[str, dict[str, Any]]:
-    """Name and entry of an output, ``NAME=[stress:|reaction:]NODES``."""
+    """Name and entry of an output, ``NAME=[stress:|gauge:|reaction:]NODES``; a gauge has its
+    direction before the nodes, a rosette also the normal of the surface, and a stress may be of
+    ``ELEMENTS:1,2``, at one integration point of ``ELEMENTS:1,2@POINT``."""
     name, _, rest = text.partition("=")
     kind, colon, nodes = rest.partition(":")
     if not colon or kind not in OUTPUTS:
         kind, nodes = "displacement", rest
-    return name, {"type": kind, "nodes": _choice(parse("measure", f"{name}={nodes}"))}
+    entry: dict[str, Any] = {"type": kind}
+    if kind == "gauge":
+        directions, _, nodes = nodes.partition(":")
+        for key, words in zip(("direction", "normal"), directions.split("/"), strict=False):
+            entry[key] = numbers(f"--measure {text} ({key})", words, 3).tolist()
+    if kind == "stress" and nodes.upper().startswith("ELEMENTS:"):
+        elements, at, point = nodes.partition(":")[2].partition("@")
+        for key, words in (("elements", elements), ("integration_point", point if at else "")):
+            if words or key == "elements":
+                try:
+                    entry[key] = [int(word) for word in words.split(",")]
+                except ValueError:
+                    raise BodyError(f"--measure {text}: expected numbers of elements") from None
+        if at:
+            entry["integration_point"] = entry["integration_point"][0]
+        return name, entry
+    return name, {**entry, "nodes": _choice(parse("measure", f"{name}={nodes}"))}
 
 
 def describe_mesh(

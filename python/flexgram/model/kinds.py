@@ -13,6 +13,7 @@ KINDS = {
     "displacement": "[fu][xyz]|u",
     "rotation": "m[xyz]",
     "stress": "s[xyz]{2}",
+    "strain": "e(0|45|90)?",
     "inertia": "spin([xyz]{2})?",
     "reaction": "r[xyz]",
     "reaction moment": "rm[xyz]",
@@ -26,7 +27,10 @@ KINDS = {
     "load": "load",
     "temperature": "T",
 }
-OUTPUT_KINDS = ("displacement", "rotation", "stress", "inertia", "reaction", "reaction moment")
+OUTPUT_KINDS = (
+    *("displacement", "rotation", "stress", "strain"),
+    *("inertia", "reaction", "reaction moment"),
+)
 INPUT_KINDS = tuple(kind for kind in KINDS if kind not in OUTPUT_KINDS)
 #: Pairs that no claim is made of beside those of their own kinds; the claim of all of H holds.
 CROSSED = {("displacement", "moment"), ("rotation", "force")}
