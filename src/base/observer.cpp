@@ -62,7 +62,10 @@ Stage::Stage(Observer& observer, const char* name)
 
 Stage::~Stage() {
   PetscLogStagePop();
-  observer_.add_seconds(name_, now() - start_);
+  const double seconds = now() - start_;
+  observer_.add_seconds(name_, seconds);
+  if (seconds > 2)
+    observer_.say(text("  %-14s done after %.1f s", name_.c_str(), seconds));
 }
 
 Progress::Progress(const Observer& observer, std::string what, int total)

@@ -46,7 +46,8 @@ private:
   std::vector<std::pair<std::string, double>> stages_;
 };
 
-/// A stage of the data flow: a PETSc log stage (-log_view is the profile) and a clock.
+/// A stage of the data flow: a PETSc log stage (-log_view is the profile) and a clock. One
+/// of more than two seconds says when it is done.
 class Stage {
 public:
   Stage(Observer& observer, const char* name);

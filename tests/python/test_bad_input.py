@@ -65,7 +65,10 @@ BODIES: dict[str, tuple[Callable[[], dict[str, Any]], str]] = {
         "it must be positive semidefinite (a buckled state, or K and M swapped?)",
     ),
     "huge K": (lambda: chain(K=1e300 * K), "K has an entry of 2e+300 in row 0"),
-    "huge D": (lambda: chain(D=1e300 * sp.identity(60)), "D has entries of 1e+300, which doubles cannot square"),
+    "huge D": (
+        lambda: chain(D=1e300 * sp.identity(60)),
+        "D has entries of 1e+300, which doubles cannot square",
+    ),
     "huge alpha": (lambda: chain(alpha=1e300), "alpha = 1e+300 1/s is no damping of a body"),
     "huge beta": (lambda: chain(beta=1e300), "beta = 1e+300 s is no damping of a body"),
     "huge eta": (lambda: chain(eta=1e300), "eta = 1e+300 is no damping of a body"),

@@ -18,7 +18,8 @@ from bodies import CALCULIX, box
 from conftest import assembled, assert_certified, certified, run
 from flexgram import BodyError, ReducedModel
 from flexgram.body.strain import stress_operator
-from flexgram.body.stress import COMPONENTS, Stresses, von_mises
+from flexgram.body.stress import COMPONENTS, Stresses, signed_von_mises, von_mises
+from flexgram.model.recovery import stress_peaks
 
 LAW = (
     210e9
@@ -216,8 +217,19 @@ def test_stress_over_time(tmp_path: Path) -> None:
         "-o",
         tmp_path / "y.csv",
     ).out
-    assert "largest von Mises stress" in said and "node" in said
+    assert "largest von Mises stress" in said and "node" in said and "dominant principal" in said
     model = ReducedModel.load(rom)
+    q = np.random.default_rng(8).standard_normal((5, model.order))
+    u = np.zeros((5, len(model.inputs)))
+    peaks = stress_peaks(model, q, u, tmp_path / "body.h5")
+    signed = signed_von_mises(model.stress(q, tmp_path / "body.h5"))
+    for peak, of, value in (
+        (peaks.von_mises, np.abs(signed), np.nanmax(np.abs(signed))),
+        (peaks.tension, signed, np.nanmax(signed)),
+        (peaks.pressure, signed, np.nanmin(signed)),
+    ):
+        assert peak.value == pytest.approx(value, rel=1e-12)
+        assert of[peak.when, peak.where] == pytest.approx(value, rel=1e-12)
     q = np.linalg.solve(model.K, model.B[:, model.inputs.index("pull.tx")] * 1e7)
     field = model.stress(q, tmp_path / "body.h5")[0]
     expected = np.array([1e7, 0, 0, 0, 0, 0])

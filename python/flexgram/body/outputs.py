@@ -107,7 +107,8 @@ def _whole(entry: Reader, key: str, given: object) -> Ints:
     numbers = np.atleast_1d(np.asarray(given))
     if numbers.ndim != 1 or not len(numbers) or numbers.dtype.kind != "i":
         raise BodyError(f"{entry.where}: {key} = {short(given)}: expected whole numbers")
-    return np.unique(numbers).astype(np.int64)
+    whole: Ints = np.unique(numbers).astype(np.int64)
+    return whole
 
 
 def _write_gauge(mesh: BodyMesh, group: h5py.Group, entry: Reader, known: _Stresses) -> str:

@@ -317,7 +317,7 @@ def count_of(option: str, count: float) -> int:
 def run_simulate(options: argparse.Namespace) -> None:
     import numpy as np
 
-    from flexgram.model.recovery import largest_stress, words_of_stress
+    from flexgram.model.recovery import stress_peaks, words_of_stress
     from flexgram.reduced_model import ReducedModel
     from flexgram.simulation.expressions import between_times, function_of_time
     from flexgram.simulation.histories import evenly, judge, read_history
@@ -361,5 +361,5 @@ def run_simulate(options: argparse.Namespace) -> None:
         write_motion(model, options.xdmf, t, q, options.body, options.stress, u)
         say(f"  wrote {options.xdmf}")
     if options.stress:
-        worst = largest_stress(model, q, u, options.body)
-        say(f"  {words_of_stress(model, t, worst, options.body)}")
+        peaks = stress_peaks(model, q, u, options.body)
+        say(f"  {words_of_stress(model, t, peaks, options.body)}")

@@ -21,10 +21,19 @@ from flexgram.basics import BodyError, errors_of, index_of
 from flexgram.body.bodyfile import write_matrices
 from flexgram.body.faces import volume_of
 from flexgram.body.units import UNITS, doubt, spacing
-from flexgram.importers.fe import FeMatrices, Interface, check, printed_rounding
+from flexgram.importers.fe import FeMatrices, Interface, check, check_damping, printed_rounding
 from flexgram.importers.interfaces import attach, middle, parse, select
 
-__all__ = ["FORMATS", "FeMatrices", "Interface", "check", "import_matrices", "parse", "read"]
+__all__ = [
+    "FORMATS",
+    "FeMatrices",
+    "Interface",
+    "check",
+    "check_damping",
+    "import_matrices",
+    "parse",
+    "read",
+]
 
 #: Further files that each format takes.
 ACCEPTED = {
@@ -207,13 +216,6 @@ def _read(
     if kind == "petsc":
         return containers.read_petsc(first, other["mass"], other["inputs"], other["damping"])
     return ansys.read_pair(first, other["mass"], other["damping"], other["mapping"], other["deck"])
-
-
-def check_damping(alpha: float | None, beta: float | None, eta: float | None) -> None:
-    """Refuse what no damping can be."""
-    for name, value in (("alpha", alpha), ("beta", beta), ("eta", eta)):
-        if value is not None and not (np.isfinite(value) and value >= 0):
-            raise BodyError(f"--{name} {value}: damping must be finite and not negative")
 
 
 def import_matrices(

@@ -18,11 +18,10 @@ import numpy as np
 from flexgram.basics import BodyError, errors_of
 from flexgram.body.description import import_description
 from flexgram.body.meshfile import LABELS
-from flexgram.importers import check_damping
 from flexgram.importers.ccx import Card, Job, damping_of, frequency_step, read_job
 from flexgram.importers.deck import Deck, read_deck
 from flexgram.importers.deck_loads import in_steps, loads_of
-from flexgram.importers.fe import Interface
+from flexgram.importers.fe import Interface, check_damping
 from flexgram.importers.mesh import describe_interfaces, further_keys
 
 ELEMENTS = ("C3D4", "C3D10", "C3D15", "C3D20")

@@ -47,6 +47,13 @@ def rigid_motions(points: Floats, component: Ints) -> Floats:
     return motions
 
 
+def check_damping(alpha: float | None, beta: float | None, eta: float | None) -> None:
+    """Refuse what no damping can be."""
+    for name, value in (("alpha", alpha), ("beta", beta), ("eta", eta)):
+        if value is not None and not (np.isfinite(value) and value >= 0):
+            raise BodyError(f"--{name} {value}: damping must be finite and not negative")
+
+
 @dataclass
 class FeMatrices:
     """Matrices of an FE code in its own units, both triangles stored.

@@ -12,8 +12,7 @@ from flexgram.body.loads import TYPES
 from flexgram.body.mesh_body import EXPANSION, ISOTROPIC
 from flexgram.body.outputs import OUTPUTS
 from flexgram.body.units import UNITS
-from flexgram.importers import check_damping
-from flexgram.importers.fe import Interface
+from flexgram.importers.fe import Interface, check_damping
 from flexgram.importers.interfaces import numbers, parse
 
 #: Materials by name [SI]: Young's modulus, Poisson's ratio, density, expansion.

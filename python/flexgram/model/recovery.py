@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexgram.basics import BodyError, Floats
-from flexgram.body.stress import Stresses, principal, von_mises
+from flexgram.body.stress import Stresses, principal, signed_von_mises
 from flexgram.model.geometry import Geometry, body_of
 from flexgram.model.reduced import ReducedBody
 
@@ -89,26 +90,59 @@ def stress_at_nodes(
     return stress
 
 
-def largest_stress(
+class Peak(NamedTuple):
+    """An extreme stress at a node over a motion."""
+
+    value: float  #: [N/m²]
+    when: int  #: the row of the motion
+    where: int  #: the node of the mesh, from 0
+
+
+class StressPeaks(NamedTuple):
+    """Extremes of the stress at all nodes over a motion: of the von Mises stress, and the largest
+    and the least with the sign of the principal stress that dominates."""
+
+    von_mises: Peak
+    tension: Peak
+    pressure: Peak
+
+
+def stress_peaks(
     model: ReducedBody, q: Floats, u: Floats, body: str | Path | None = None
-) -> tuple[float, int, int]:
-    """The largest von Mises stress at a node over a motion (n, m) under loads (n, n_in): its value,
-    when (a row of q) and where (a node of the mesh)."""
-    largest, when, where = -1.0, 0, 0
+) -> StressPeaks:
+    """Extremes of the stress over a motion (n, m) under loads (n, n_in); as ``stress_at_nodes``.
+
+    Examples
+    --------
+    >>> rom = flexgram.ReducedModel.load("standing.rom.h5")
+    >>> q = np.outer([0.0, 1.0, -2.0], np.ones(rom.order))
+    >>> peaks = stress_peaks(rom, q, np.zeros((3, len(rom.inputs))))
+    >>> peaks.von_mises.when, peaks.von_mises.value >= peaks.tension.value > 0
+    (2, True)
+    """
+    found = [Peak(-np.inf, 0, 0)] * 3
     for k, (state, load) in enumerate(zip(q, u, strict=True)):  # one at a time: a field is large
-        field = np.nan_to_num(von_mises(stress_at_nodes(model, state, body, load)[0]))
-        if field.max() > largest:
-            largest, when, where = float(field.max()), k, int(field.argmax())
-    return largest, when, where
+        field = np.nan_to_num(signed_von_mises(stress_at_nodes(model, state, body, load)[0]))
+        for i, sized in enumerate((np.abs(field), field, -field)):
+            at = int(sized.argmax())
+            if sized[at] > found[i].value:
+                found[i] = Peak(float(sized[at]), k, at)
+    return StressPeaks(found[0], found[1], found[2]._replace(value=-found[2].value))
 
 
 def words_of_stress(
-    model: ReducedBody, t: Floats, worst: tuple[float, int, int], body: str | Path | None = None
+    model: ReducedBody, t: Floats, peaks: StressPeaks, body: str | Path | None = None
 ) -> str:
-    """What ``largest_stress`` found, at times t."""
-    largest, when, where = worst
-    place = ", ".join(f"{x:.4g}" for x in Geometry.load(body_of(model, body)).points[where])
+    """What ``stress_peaks`` found, at times t."""
+    points = Geometry.load(body_of(model, body)).points
+
+    def said(peak: Peak) -> str:
+        place = ", ".join(f"{x:.4g}" for x in points[peak.where])
+        return (
+            f"{peak.value:.4g} N/m² at ({place}) m, node {peak.where + 1}, t = {t[peak.when]:.6g} s"
+        )
+
     return (
-        f"largest von Mises stress {largest:.4g} N/m² at ({place}) m, node {where + 1}, "
-        f"t = {t[when]:.6g} s"
+        f"largest von Mises stress {said(peaks.von_mises)}; with the sign of the dominant "
+        f"principal stress from {said(peaks.pressure)} to {said(peaks.tension)}"
     )

@@ -17,7 +17,7 @@ from flexgram.body.stress import Stresses
 from flexgram.measured import mode_shapes
 from flexgram.model.elastic_part import without_rigid_modes
 from flexgram.model.geometry import body_of
-from flexgram.model.recovery import largest_stress, words_of_stress
+from flexgram.model.recovery import stress_peaks, words_of_stress
 from flexgram.model.reduced import ReducedBody
 from flexgram.pictures import figures
 from flexgram.simulation.histories import evenly, judge, read_history
@@ -179,14 +179,15 @@ def _stress(model: ReducedBody, t: Any, u: Any, body: str | Path | None) -> str:
     part = without_rigid_modes(model)  # rigid motion strains nothing
     t, u = evenly(t, u)
     _, q = part.system.simulate(u, t)
-    worst = largest_stress(part, q, u, body)
-    words = words_of_stress(part, t, worst, body)
+    peaks = stress_peaks(part, q, u, body)
+    words = words_of_stress(part, t, peaks, body)
+    worst = peaks.von_mises.when
     claim = (
         ""
         if any(re.search(r"\.s[xyz]{2}$", name) for name in model.outputs)
         else (" Nothing is claimed of it: make it an output of the body (type: stress).")
     )
-    picture = figures.stress(part, q[worst[1]], body, u=u[worst[1]])
+    picture = figures.stress(part, q[worst], body, u=u[worst])
     return (
         f"<p>{words[0].upper()}{words[1:]}, of a body at rest in the beginning.{claim}</p>"
         + _image(picture, "Von Mises stress at that moment, deformation enlarged.", raster=True)
