@@ -30,6 +30,8 @@ from flexgram.body.bodyfile import write_matrices
 from flexgram.cli.info import describe
 from flexgram.importers import Interface, check, import_matrices, parse, read
 from flexgram.importers.ccx import damping_of, prepare, read_job
+from flexgram.importers.ccx import run_ccx as ccx_run
+from flexgram.importers.interfaces import attach
 from referee import System
 
 HELD = "*BOUNDARY\nSTART, 1, 3\n"
@@ -235,12 +237,42 @@ def test_shells_are_the_solids_that_ccx_makes_of_them(
 
 
 @ccx
-def test_held_shells_say_that_places_are_not_known(tmp_path: Path) -> None:
-    held = read(
-        shell_plate(tmp_path / "held.inp", "S8R", "*BOUNDARY\nLEFT, 1, 3\n" + FREQUENCY),
-        run_ccx=True,
+@pytest.mark.parametrize(("shell", "solid"), [("S8", "C3D20"), ("S8R", "C3D20R")])
+def test_held_shells_have_the_places_of_free_ones(tmp_path: Path, shell: str, solid: str) -> None:
+    """A clamped plate is the solid that ccx makes of it, with a rigid edge too, which needs places
+    (in its plane ccx clamps shells softer than solids: the eighth frequency, by up to 0.5 %).
+    One whose edge turns keeps them where nothing is held."""
+    mesh = box(CALCULIX[solid], (8, 4, 1), (0.8, 0.4, 0.01), distort=False)
+    brick = write_deck(
+        tmp_path / "solid.inp", solid, "*BOUNDARY\nSTART, 1, 3\n" + FREQUENCY, mesh=mesh
     )
-    assert any("import it free" in line or "some of them held" in line for line in held.remarks)
+    edge, found = "edge=BOX:0.79,-1,-1,0.81,1,1", []
+    for deck, middle in (
+        (shell_plate(tmp_path / "shell.inp", shell, "*BOUNDARY\nLEFT, 1, 6\n" + FREQUENCY), 0.0),
+        (brick, 0.005),
+    ):
+        fe = read(deck, run_ccx=True)
+        import_matrices(fe, tmp_path / "body.h5", [parse("rigid", f"{edge}@0.8,0.2,{middle}")])
+        with h5py.File(tmp_path / "body.h5") as file:
+            K, M = read_sparse(file, "K"), read_sparse(file, "M")
+        found.append(frequencies(K, M)[:8])
+        assert fe.has_coordinates()
+    alike = np.isclose(*found, rtol=1e-6)
+    assert alike[:7].all() and np.allclose(*found, rtol=5e-3)
+    turning = shell_plate(tmp_path / "turn.inp", shell, "*BOUNDARY\nLEFT, 1, 3\n" + FREQUENCY)
+    fe = read(turning, run_ccx=True)
+    assert any("partly held nodes" in line for line in fe.remarks)
+    points = fe.positions(np.unique(fe.node))
+    assert np.allclose(np.ptp(points, axis=0), [0.8, 0.4, 0.01], rtol=1e-9)
+    attach(fe, [parse("node", "corner=AT:0.8,0.4,0.005"), parse("distributing", edge)])
+
+
+@ccx
+def test_held_shells_without_a_run_say_that_places_are_not_known(tmp_path: Path) -> None:
+    deck = shell_plate(tmp_path / "held.inp", "S8R", "*BOUNDARY\nLEFT, 1, 3\n" + FREQUENCY)
+    job, _ = ccx_run(deck, tmp_path / "run")
+    held = read(job)
+    assert any("--run-ccx" in line for line in held.remarks)
     assert not held.has_coordinates()
 
 

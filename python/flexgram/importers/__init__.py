@@ -186,6 +186,10 @@ def _read(
                 try:
                     job, remarks = ccx.run_ccx(first, Path(folder), step)
                     fe = calculix.read_calculix(job, own=first, loads=deck_loads)
+                    if fe.hides_places:
+                        own, _ = ccx.run_ccx(first, Path(folder) / "free", free=True)
+                        free = calculix.read_calculix(own, own=first)
+                        fe = calculix.read_calculix(job, own=first, loads=deck_loads, free=free)
                 except BodyError as error:  # the user knows the deck, not the folder of the run
                     raise BodyError(str(error).replace(folder, str(first.parent))) from error
                 fe.source = str(first)

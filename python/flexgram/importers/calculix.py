@@ -6,13 +6,14 @@ The step is ``*FREQUENCY, SOLVER=MATRIXSTORAGE``; ``ccx`` makes one of a deck's 
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
-from flexgram.basics import BodyError, index_of, whole_numbers
+from flexgram.basics import BodyError, Floats, Ints, index_of, whole_numbers
 from flexgram.importers import ccx
 from flexgram.importers.deck import read_deck
 from flexgram.importers.deck_loads import attach_loads, in_steps
@@ -44,11 +45,16 @@ def _matrix(path: Path, n: int) -> sp.csr_matrix:
 
 
 def read_calculix(
-    path: Path, deck: Path | None = None, own: Path | None = None, loads: bool = False
+    path: Path,
+    deck: Path | None = None,
+    own: Path | None = None,
+    loads: bool = False,
+    free: FeMatrices | None = None,
 ) -> FeMatrices:
     """Read ``job.sti``, ``job.mas``, ``job.dof`` beside each other; ``path`` names any of them or
     the deck ``job.inp``, which gives coordinates, node sets and damping; ``own`` is the user's
-    deck if that one was made of it; with ``loads`` those of its steps become inputs.
+    deck if that one was made of it; with ``loads`` those of its steps become inputs; ``free`` are
+    the matrices of the body without its supports, which know where expanded nodes are.
 
     Raises
     ------
@@ -122,7 +128,7 @@ def read_calculix(
         fe.node[turns] = reference
         fe.component[turns] += 3
         fe.rigid[name] = reference
-    _expand(fe)
+    _expand(fe, free)
     job_of_user = ccx.read_job(own or deck)
     _take_damping(fe, ccx.damping_of(job_of_user))
     if loads:
@@ -197,12 +203,16 @@ def _take_damping(fe: FeMatrices, damping: ccx.Damping) -> None:
         fe.remarks.append(f"{taken} dashpot{'s' if taken > 1 else ''} of the deck in D")
 
 
-def _expand(fe: FeMatrices) -> None:
+def _expand(fe: FeMatrices, free: FeMatrices | None = None) -> None:
     """Nodes of shells and beams, which ccx expands to solids: a label has the rows of two, three or
     more nodes, and nobody says where these are. In a free body rigid rotations cost no energy: of
     all places whose mean is that of the label, the expanded nodes are at those where they do not.
-    Each gets a label of its own, and is in the sets that the label is in.
+    A held body has the places of the free one. Each node gets a label of its own, and is in the
+    sets that the label is in.
     """
+    if free is not None and free.copies:
+        _take_places(fe, free)
+        return
     first = np.flatnonzero(fe.component == 0)
     together = (len(fe.node) == 3 * len(first)) and np.array_equal(
         fe.component, np.tile(np.arange(3), len(first))
@@ -214,9 +224,9 @@ def _expand(fe: FeMatrices) -> None:
     if not together or len(first) != count.sum():
         fe.remarks.append(
             "nodes of shells or beams have several rows, some of them held: where "
-            "these are is not known, no coordinates are kept"
+            "these are is not known, no coordinates are kept (--run-ccx finds them)"
         )
-        fe.points = np.empty((0, 3))
+        fe.points, fe.hides_places = np.empty((0, 3)), True
         return
     # Nodes of the rows, three rows each; unknown places of the expanded ones about the label's.
     # Internal nodes (S4, B31: incompatible modes) do not take part in rigid motion.
@@ -227,17 +237,17 @@ def _expand(fe: FeMatrices) -> None:
     last = np.zeros(len(first), dtype=bool)  # the last copy of each label makes the mean right
     ends = np.flatnonzero(np.diff(np.append(fe.node[first][order], -1)))
     last[order[ends]] = True
-    free = np.flatnonzero(expanded & ~last)
+    loose = np.flatnonzero(expanded & ~last)
     unknown = np.full(len(first), -1)
-    unknown[free] = np.arange(len(free))
-    copies = [(unknown[i], i, 1.0) for i in free]
+    unknown[loose] = np.arange(len(loose))
+    copies = [(unknown[i], i, 1.0) for i in loose]
     tail = dict(zip(fe.node[first][expanded & last], np.flatnonzero(expanded & last), strict=True))
-    copies += [(unknown[i], tail[fe.node[first[i]]], -1.0) for i in free]
+    copies += [(unknown[i], tail[fe.node[first[i]]], -1.0) for i in loose]
     column, node, sign = (np.array(part) for part in zip(*copies, strict=True))
-    place = sp.csr_matrix((sign, (node, column)), shape=(len(first), len(free)))
+    place = sp.csr_matrix((sign, (node, column)), shape=(len(first), len(loose)))
     place = sp.kron(place, sp.identity(3), format="csr")  # places of all nodes by the unknown ones
-    A = sp.csr_matrix((3 * len(free), 3 * len(free)))
-    b = np.zeros(3 * len(free))
+    A = sp.csr_matrix((3 * len(loose), 3 * len(loose)))
+    b = np.zeros(3 * len(loose))
     for axis in np.eye(3):
         turn = np.array([np.cross(axis, e) for e in np.eye(3)]).T  # x -> axis × x
         turned = sp.kron(sp.identity(len(first)), turn, format="csr")
@@ -254,22 +264,63 @@ def _expand(fe: FeMatrices) -> None:
     if not np.all(np.abs(energy) <= 1e-9 * scale):
         fe.remarks.append(
             "nodes of shells or beams are expanded, and the body is held: where they "
-            "are is not known, no coordinates are kept (import it free)"
+            "are is not known, no coordinates are kept (import it free, or by --run-ccx)"
         )
-        fe.points = np.empty((0, 3))
+        fe.points, fe.hides_places = np.empty((0, 3)), True
         return
-    fresh = np.arange(expanded.sum()) + max(fe.labels.max(), fe.node.max()) + 1
     old = fe.node[first][expanded]
-    fe.node[np.repeat(expanded, 3)] = np.repeat(fresh, 3)
+    triples = np.flatnonzero(np.repeat(expanded, 3)).reshape(-1, 3)
+    _name_copies(fe, old, list(triples), points[expanded])
+
+
+def _name_copies(fe: FeMatrices, old: Ints, rows: Sequence[Ints], points: Floats) -> None:
+    """Labels of their own for expanded nodes: ``old`` is what the deck calls each, ``rows`` are its
+    rows, ``points`` its places."""
+    fresh = np.arange(len(old)) + max(fe.labels.max(), fe.node.max()) + 1
+    for label, own in zip(fresh, rows, strict=True):
+        fe.node[own] = label
+    several = np.unique(old)
     fe.thin = True
     fe.copies = {int(label): fresh[old == label] for label in several}
     fe.labels = np.concatenate([fe.labels, fresh])
-    fe.points = np.vstack([fe.points, points[expanded]])
+    fe.points = np.vstack([fe.points, points])
     for name, members in fe.sets.items():
         fe.sets[name] = np.concatenate(
             [members[~np.isin(members, several)], fresh[np.isin(old, members)]]
         )
     fe.remarks.append(
-        f"{len(several)} nodes of shells or beams are {expanded.sum()} of the solids "
+        f"{len(several)} nodes of shells or beams are {len(old)} of the solids "
         "that ccx makes of them; sets hold these"
     )
+
+
+def _take_places(fe: FeMatrices, free: FeMatrices) -> None:
+    """Places of a held body's expanded nodes: those of the free body, whose copies of a label come
+    in the same order. Of a label that supports touch it is not known which copies are left: its
+    rows are at the place of the label itself."""
+    at = dict(zip(free.labels.tolist(), free.points, strict=True))
+    own = dict(zip(fe.labels.tolist(), fe.points, strict=True))
+    by_label: dict[int, list[list[int]]] = {}
+    for row, (label, component) in enumerate(zip(fe.node.tolist(), fe.component, strict=True)):
+        if label in free.copies:
+            groups = by_label.setdefault(label, [])
+            if not groups or component <= fe.component[groups[-1][-1]]:
+                groups.append([])
+            groups[-1].append(row)
+    old, rows, points, touched = [], [], [], 0
+    for label, groups in by_label.items():
+        copies = free.copies[label]
+        whole = len(groups) == len(copies) and all(len(group) == 3 for group in groups)
+        touched += not whole
+        for k, group in enumerate(groups):
+            old.append(label)
+            rows.append(np.array(group))
+            points.append(at[int(copies[k])] if whole else own[label])
+    if not old:
+        return
+    _name_copies(fe, np.array(old, dtype=np.int64), rows, np.array(points))
+    if touched:
+        fe.remarks.append(
+            f"rows of {touched} partly held nodes of shells or beams are at the place of the node "
+            "itself, not of its copy"
+        )

@@ -246,7 +246,15 @@ def prepare(job: Job, asked: int | None = None) -> tuple[str, list[str]]:
     return text, remarks
 
 
-def run_ccx(deck: Path, folder: Path, step: int | None = None) -> tuple[Path, list[str]]:
+def without_supports(job: Job) -> str:
+    """The text of a deck whose matrices are those of the free body."""
+    free = [card for card in job.model if card.keyword != "BOUNDARY"]
+    return _text(free) + "*STEP\n" + STORAGE + "\n*END STEP\n"
+
+
+def run_ccx(
+    deck: Path, folder: Path, step: int | None = None, *, free: bool = False
+) -> tuple[Path, list[str]]:
     """Run ccx on a deck so that it stores its matrices.
 
     Parameters
@@ -255,6 +263,8 @@ def run_ccx(deck: Path, folder: Path, step: int | None = None) -> tuple[Path, li
         The deck, and where to run.
     step : int, optional
         Which *FREQUENCY step, from 1; default: ``frequency_step``.
+    free : bool
+        Of the unloaded body without its supports.
 
     Returns
     -------
@@ -268,7 +278,8 @@ def run_ccx(deck: Path, folder: Path, step: int | None = None) -> tuple[Path, li
         raise BodyError("ccx is not installed (Debian: apt install calculix-ccx)")
     if not deck.exists():
         raise BodyError(f"{deck}: no such file")
-    text, remarks = prepare(read_job(deck), step)
+    job_of_user = read_job(deck)
+    text, remarks = (without_supports(job_of_user), []) if free else prepare(job_of_user, step)
     folder.mkdir(parents=True, exist_ok=True)
     job = folder / deck.name
     job.write_text(text)

@@ -112,6 +112,7 @@ class FeMatrices:
     thin: bool = False  #: of shells or beams: distances of nodes tell no volume
     #: nodes that the code expands to several: label -> labels of these
     copies: dict[int, Ints] = field(default_factory=dict)
+    hides_places: bool = False  #: such nodes are somewhere, but the held body does not say where
     deck: Path | None = None  #: of CalculiX
     types: set[str] = field(default_factory=set)  #: element types of the deck, as it names them
     remarks: list[str] = field(default_factory=list)

@@ -97,7 +97,7 @@ def _rows(fe: FeMatrices, name: str, labels: Ints) -> tuple[Ints, Ints]:
             raise BodyError(
                 f"interface {name}: node {labels[node]} has {count[node, c]} rows for its "
                 f"{'xyz'[c]} translation: ccx expands nodes of shells and beams, and where these "
-                "rows lie is known of free bodies only: import it without its supports"
+                "rows lie is known of free bodies, or by --run-ccx"
             )
         raise BodyError(
             f"interface {name}: node {labels[node]} has no free {'xyz'[c]} translation: it is "
