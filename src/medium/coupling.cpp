@@ -13,7 +13,7 @@ namespace {
 using Complex = std::complex<double>;
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
-/// ‖J A⁻¹ Jᵀ‖_F, and A⁻¹Jᵀ and A⁻¹ if they are asked for.
+/// A⁻¹Jᵀ, and A⁻¹ if it is asked for.
 /// @throws ShiftError if A is singular.
 ComplexDense solved(ComplexDense A, const ComplexDense& J, bool with_inverse) {
   const int count = J.columns;
@@ -23,6 +23,21 @@ ComplexDense solved(ComplexDense A, const ComplexDense& J, bool with_inverse) {
     if (with_inverse) right(i, J.rows + i) = 1;
   }
   return solve(std::move(A), std::move(right));
+}
+
+/// What C = J A⁻¹ Jᵀ takes from the Hermitian part of S₀ − C, which is 1 without it: the
+/// largest eigenvalue of Re C, the Hermitian part of a symmetric C, or ‖C‖_F, which is more
+/// and cheaper.
+double taken_by(const ComplexDense& C) {
+  constexpr double little = 0.1; // 1/(1 − δ) hardly changes
+  const double norm = frobenius_norm(C);
+  if (!(norm > little) || !std::isfinite(norm)) return norm;
+  Dense real(C.rows, C.columns);
+  for (int j = 0; j < C.columns; ++j)
+    for (int i = 0; i < C.rows; ++i) real(i, j) = 0.5 * (C(i, j).real() + C(j, i).real());
+  const double rounding = 1e-14 * C.rows * norm;
+  const double largest = symmetric_eigen(std::move(real)).values.back() + rounding;
+  return std::min(norm, std::max(largest, 0.0));
 }
 
 } // namespace
@@ -111,7 +126,7 @@ double DampingCoupling::at(const DenseSystem& system, double omega) const {
   const ShiftCoefficients c = system.coefficients(omega);
   const ComplexDense j = J(c.m + sigma_ * c.k, omega);
   try {
-    return frobenius_norm(multiply(j, solved(A(c, omega), j, false)));
+    return taken_by(multiply(j, solved(A(c, omega), j, false)));
   } catch (const ShiftError&) {
     return infinity;
   }
@@ -141,7 +156,7 @@ double DampingCoupling::over(const DenseSystem& system, Interval interval) const
   const double y = frobenius_norm(product), farther = 1 / (1 - away),
                moved_J = outer.moved_c * frobenius_norm(G_) + h * frobenius_norm(F_) +
                          largest_c * dropped_G_ + interval.last * dropped_F_;
-  return frobenius_norm(multiply(j, product)) +
+  return taken_by(multiply(j, product)) +
          farther * (moved * y * y + 2 * moved_J * y + moved_J * moved_J * size);
 }
 

@@ -39,7 +39,8 @@ public:
   DampingCoupling(const DenseResponse& response, const Residual& residual, int modes,
                   double sigma, double kappa);
 
-  /// δ: ‖J A_Φ⁻¹ Jᵀ‖ at most over an interval; infinite where A_Φ may be singular.
+  /// δ over an interval: what C = J A_Φ⁻¹ Jᵀ takes at most from the Hermitian part of S,
+  /// the largest eigenvalue of that of C, or ‖C‖; infinite where A_Φ may be singular.
   double over(const DenseSystem& system, Interval interval) const;
 
   template <class Archive, class Self>
