@@ -8,6 +8,7 @@
 #include "io/body_io.hpp"
 
 #include <algorithm>
+#include <optional>
 
 namespace flexgram {
 namespace {
@@ -108,10 +109,10 @@ private:
       return a.data.empty() ? Dense() : multiply_transposed(T, multiply(a, T));
     };
     if (T.data.empty())
-      matrix.add(masters, master_count, element.K, element.M);
+      matrix.add(masters, master_count, element.K, element.M, material.loss);
     else
       matrix.add(masters, master_count, rigid ? Dense() : reduce(element.K),
-                 reduce(element.M));
+                 reduce(element.M), material.loss);
   }
 
   /// Element dofs from the dofs of the masters; empty where they are the same.
@@ -198,6 +199,17 @@ void fill_dof_lists(const DofMap& map, const LocalMesh& mesh, int rank,
   }
 }
 
+/// The loss factor of all materials of the elements, or nothing where they differ.
+std::optional<double> common_loss(const BodyDescription& body) {
+  std::optional<double> common;
+  for (const MeshBlock& block : body.blocks) {
+    const double loss = body.materials.at(block.material).loss;
+    if (common && *common != loss) return std::nullopt;
+    common = loss;
+  }
+  return common.value_or(0);
+}
+
 /// Further ports behind those that are there.
 void append(Ports more, Block& ports, std::vector<std::string>& names) {
   ports = concatenate(ports, more.B);
@@ -242,7 +254,9 @@ SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
       append_masters(map, elements.connectivity.data() + k * as_size(width), width,
                      masters);
   }
-  NodeMatrix matrix(map, masters.start, masters.node);
+  const std::optional<double> loss = common_loss(body);
+  NodeMatrix matrix(map, masters.start, masters.node, !loss);
+  model.damping.eta += loss.value_or(0);
   Reactions reactions(comm, body, map, mesh);
   const HeldForces held = reactions.held_forces();
   FieldLoads fields(comm, body, map, mesh, held);
@@ -251,7 +265,15 @@ SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
         .run(masters, matrix);
   });
   masters = {};
-  matrix.assemble(comm, model.K, model.M);
+  matrix.assemble(comm, model.K, model.M, model.D);
+  if (!loss) {
+    model.damping.law = Damping::Law::structural;
+    if (reactions.any())
+      throw Error(
+          "reactions of a body whose materials have loss factors of their own are "
+          "not known yet: leave the outputs of type reaction out, or give the "
+          "materials one loss factor");
+  }
   facts.elements = sum_over(comm, facts.elements);
   facts.rigid_elements = sum_over(comm, facts.rigid_elements);
   facts.mass = sum_over(comm, facts.mass);

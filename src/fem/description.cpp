@@ -43,6 +43,10 @@ Material read_material(const Hdf5File& file, const std::string& name,
   if (!(density > 0) || !std::isfinite(density))
     throw Error(text("material %s: rho = %g must be positive", name.c_str(), density));
   Material material;
+  if (file.has_attribute(object, "loss_factor")) material.loss = number("loss_factor");
+  if (!(material.loss >= 0) || !std::isfinite(material.loss))
+    throw Error(text("material %s: loss_factor = %g must be finite and not negative",
+                     name.c_str(), material.loss));
   try {
     if (file.has_attribute(object, "E")) {
       const double E = number("E"), nu = number("nu");

@@ -64,6 +64,7 @@ struct Material {
   SolidMaterial solid;
   BeamMaterial beam; ///< E and G; only for isotropic ones
   bool isotropic = true;
+  double loss = 0; ///< factor η_k of its stiffness: K_k (1 + iη_k)
 };
 
 /// A body given by its mesh: what to assemble, without the mesh itself.

@@ -9,7 +9,7 @@
 namespace flexgram {
 
 NodeMatrix::NodeMatrix(const DofMap& map, const std::vector<std::size_t>& start,
-                       const std::vector<std::int64_t>& element_nodes)
+                       const std::vector<std::int64_t>& element_nodes, bool with_losses)
     : map_(map), nodes_(element_nodes) {
   std::sort(nodes_.begin(), nodes_.end());
   nodes_.erase(std::unique(nodes_.begin(), nodes_.end()), nodes_.end());
@@ -50,6 +50,7 @@ NodeMatrix::NodeMatrix(const DofMap& map, const std::vector<std::size_t>& start,
   }
   k_.assign(value_start_.back(), 0.0);
   m_.assign(value_start_.back(), 0.0);
+  if (with_losses) s_.assign(value_start_.back(), 0.0);
 }
 
 std::size_t NodeMatrix::local(std::int64_t node) const {
@@ -57,7 +58,8 @@ std::size_t NodeMatrix::local(std::int64_t node) const {
 }
 
 void NodeMatrix::add(const std::int64_t* nodes, std::size_t count, const Dense& K,
-                     const Dense& M) {
+                     const Dense& M, double loss) {
+  const bool loses = loss > 0 && !s_.empty() && !K.data.empty();
   struct Member {
     std::size_t local;
     int first_dof, dofs;
@@ -92,6 +94,7 @@ void NodeMatrix::add(const std::int64_t* nodes, std::size_t count, const Dense& 
           if (column.place[c] < 0) continue;
           const auto slot = offset + as_size(column.place[c]);
           if (!K.data.empty()) k_[slot] += K(row.first_dof + r, column.first_dof + c);
+          if (loses) s_[slot] += loss * K(row.first_dof + r, column.first_dof + c);
           m_[slot] += M(row.first_dof + r, column.first_dof + c);
         }
       }
@@ -99,7 +102,8 @@ void NodeMatrix::add(const std::int64_t* nodes, std::size_t count, const Dense& 
   }
 }
 
-void NodeMatrix::assemble(MPI_Comm comm, Matrix& K, Matrix& M) {
+void NodeMatrix::assemble(MPI_Comm comm, Matrix& K, Matrix& M, Matrix& S) {
+  const bool with_losses = max_over(comm, s_.empty() ? 0.0 : 1.0) > 0;
   LocalRows
       local; // columns ascend: nodes and their equations are numbered in the same order
   std::vector<PetscInt> row;
@@ -117,6 +121,10 @@ void NodeMatrix::assemble(MPI_Comm comm, Matrix& K, Matrix& M) {
   if (comm_size(comm) == 1) { // the rows are whole and in order
     local.value = std::move(k_);
     K = make_sparse(comm, map_.rows, map_.n, local);
+    if (with_losses) {
+      local.value = std::move(s_);
+      S = make_sparse(comm, map_.rows, map_.n, nonzeros(local));
+    }
     local.value = std::move(m_);
     M = make_sparse(comm, map_.rows, map_.n, nonzeros(local));
     return;
@@ -135,9 +143,13 @@ void NodeMatrix::assemble(MPI_Comm comm, Matrix& K, Matrix& M) {
   rows = local.column = {};
   FG_CALL(MatSetValuesCOO(sum, m_.data(), INSERT_VALUES));
   M = make_sparse(comm, map_.rows, map_.n, nonzeros(local_rows(sum)));
+  if (with_losses) {
+    FG_CALL(MatSetValuesCOO(sum, s_.data(), INSERT_VALUES));
+    S = make_sparse(comm, map_.rows, map_.n, nonzeros(local_rows(sum)));
+  }
   FG_CALL(MatSetValuesCOO(sum, k_.data(), INSERT_VALUES));
   FG_CALL(MatDuplicate(sum, MAT_COPY_VALUES, K.out()));
-  k_ = m_ = {};
+  k_ = m_ = s_ = {};
   FG_CALL(MatSetOption(K, MAT_SYMMETRIC, PETSC_TRUE));
 }
 

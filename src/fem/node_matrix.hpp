@@ -13,15 +13,17 @@ class NodeMatrix {
 public:
   /// @param[in] element_nodes  for each element its master nodes (global numbers, no
   ///                           repeats), element e has nodes start[e] … start[e+1] − 1.
+  /// @param with_losses        a third matrix S = Σ η_e K_e too.
   NodeMatrix(const DofMap& map, const std::vector<std::size_t>& start,
-             const std::vector<std::int64_t>& element_nodes);
+             const std::vector<std::int64_t>& element_nodes, bool with_losses);
 
   /// Adds dense matrices over the dofs of `nodes` (dofs[node] rows a node, in order);
-  /// dofs without an equation are dropped. K may be empty.
-  void add(const std::int64_t* nodes, std::size_t count, const Dense& K, const Dense& M);
+  /// dofs without an equation are dropped. K may be empty. @param loss  η_e.
+  void add(const std::int64_t* nodes, std::size_t count, const Dense& K, const Dense& M,
+           double loss);
 
-  /// Collective on comm; frees this rank's copy.
-  void assemble(MPI_Comm comm, Matrix& K, Matrix& M);
+  /// Collective on comm; frees this rank's copy. @param S  untouched without losses.
+  void assemble(MPI_Comm comm, Matrix& K, Matrix& M, Matrix& S);
 
 private:
   std::size_t local(std::int64_t node) const;
@@ -33,7 +35,7 @@ private:
   std::vector<int> column_start_;   ///< first column of the neighbour in a's rows
   std::vector<int> row_length_;     ///< columns in each row of node a
   std::vector<std::size_t> value_start_; ///< first value of node a
-  std::vector<double> k_, m_;
+  std::vector<double> k_, m_, s_;
 };
 
 } // namespace flexgram

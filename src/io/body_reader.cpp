@@ -214,6 +214,7 @@ void take_symmetric_part(Matrix& matrix, const std::string& name,
   const char which = name.back();
   const char* kind = which == 'K'   ? "circulatory forces"
                      : which == 'D' ? "gyroscopic forces"
+                     : which == 'S' ? "no loss factors give one"
                                     : "no mass matrix has one";
   throw Error(
       text("%s: %s is not symmetric: (%lld, %lld) = %.17g but (%lld, %lld) = %.17g; its "
@@ -253,30 +254,37 @@ Damping read_damping(const Hdf5File& file) {
 }
 
 void classify_damping(SecondOrderModel& model) {
-  if (!model.D) return;
+  const bool structural = model.damping.law == Damping::Law::structural;
+  const auto leave_out = [&] {
+    model.D.reset();
+    model.damping.law = Damping::Law::viscous;
+  };
+  if (!model.D) return leave_out();
   PetscReal largest = 0, size = 0; // of row sums: squares may overflow
   FG_CALL(MatNorm(model.D, NORM_INFINITY, &largest));
   if (!(largest < 1e120))
-    throw Error(text("D has entries of %.0e, which doubles cannot square: are its units "
+    throw Error(text("%s has entries of %.0e, which doubles cannot square: are its units "
                      "right?",
-                     largest));
+                     structural ? "S" : "D", largest));
   FG_CALL(MatNorm(model.D, NORM_FROBENIUS, &size));
-  if (size == 0) {
-    model.D.reset();
-    return;
-  }
+  if (size == 0) return leave_out();
   const ProportionalFit fit = fit_proportional(model.D, model.M, model.K, 1e-12);
   if (!fit.proportional || fit.alpha < 0 || fit.beta < 0) return;
-  model.damping.alpha += fit.alpha;
-  model.damping.beta += fit.beta;
-  model.D.reset();
+  if (structural && fit.alpha > 0) return; // of M: no loss factor
+  if (structural) {
+    model.damping.eta += fit.beta;
+  } else {
+    model.damping.alpha += fit.alpha;
+    model.damping.beta += fit.beta;
+  }
+  leave_out();
 }
 
 std::string not_read(const Hdf5File& file) {
   static const std::vector<std::string> of_matrices{
-      "K",     "M",           "D",           "B",          "C",     "dofs",
-      "nodes", "feedthrough", "output_beta", "output_eta", "alpha", "beta",
-      "eta",   "rounding",    "geometry",    "interfaces"},
+      "K",    "M",     "D",           "S",           "B",          "C",
+      "dofs", "nodes", "feedthrough", "output_beta", "output_eta", "alpha",
+      "beta", "eta",   "rounding",    "geometry",    "interfaces"},
       of_meshes{"mesh",    "materials", "sections", "interfaces", "supports", "loads",
                 "outputs", "fields",    "alpha",    "beta",       "eta"};
   const auto& known = file.exists("/mesh") ? of_meshes : of_matrices;
@@ -299,9 +307,15 @@ SecondOrderModel read_body(const Hdf5File& file) {
   model.rows = even_rows(model.comm, model.n);
   model.K = read_symmetric(file, "/K", model.n, model.rows, model.remarks);
   model.M = read_symmetric(file, "/M", model.n, model.rows, model.remarks);
-  if (file.exists("/D"))
-    model.D = read_symmetric(file, "/D", model.n, model.rows, model.remarks);
   model.damping = read_damping(file);
+  for (const char* name : {"/D", "/S"}) {
+    if (!file.exists(name)) continue;
+    if (model.D)
+      fail(file, "/D and /S are both there: a body has a damping matrix or structural "
+                 "damping by material (alpha, beta and eta go with either)");
+    model.D = read_symmetric(file, name, model.n, model.rows, model.remarks);
+    if (std::string(name) == "/S") model.damping.law = Damping::Law::structural;
+  }
   agree(file.comm(), [&] {
     if (file.has_attribute("/", "rounding"))
       model.rounding = file.number_attribute("/", "rounding");

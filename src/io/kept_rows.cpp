@@ -74,7 +74,7 @@ std::vector<std::pair<std::string, double>> identity_of(const SecondOrderModel& 
           {"beta", body.damping.beta},        {"eta", body.damping.eta},
           {"norm of K", norm(body.K)},        {"norm of M", norm(body.M)},
           {"norm of D", norm(body.D)},        {"norm of B", size(body.B)},
-          {"norm of C", size(body.C)}};
+          {"norm of C", size(body.C)},        {"law of D", body.damping.of_D(2)}};
 }
 
 } // namespace

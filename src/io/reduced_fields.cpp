@@ -36,9 +36,19 @@ void rows(FieldSink& sink, const std::string& name,
 
 void system(FieldSink& sink, const SecondOrderModel& model) {
   const int m = static_cast<int>(model.n);
-  matrix(sink, "M", to_dense(model.M));
-  matrix(sink, "K", to_dense(model.K));
-  matrix(sink, "D", model.D ? to_dense(model.D) : Dense(m, m));
+  const Dense M = to_dense(model.M), K = to_dense(model.K);
+  Dense D = model.D ? to_dense(model.D) : Dense(m, m); // all that is viscous
+  matrix(sink, "M", M);
+  matrix(sink, "K", K);
+  if (model.damping.law == Damping::Law::structural) {
+    matrix(sink, "S", D);
+    D = Dense(m, m);
+    add_to(D, M, model.damping.alpha);
+    add_to(D, K, model.damping.beta);
+    sink.value("alpha", model.damping.alpha);
+    sink.value("beta", model.damping.beta);
+  }
+  matrix(sink, "D", D);
   sink.value("eta", model.damping.eta);
   matrix(sink, "B", local_dense(model.B));
   sink.value("B/names", model.inputs);

@@ -125,7 +125,13 @@ SecondOrderModel read_reduced(MPI_Comm comm, const std::string& path) {
     model.rows = {0, model.n};
     model.K = make_dense(K);
     model.M = make_dense(M);
-    if (frobenius_norm(D) > 0) model.D = make_dense(D);
+    if (file.exists("/S")) { // then alpha and beta are what D is made of
+      const Dense S = read("/S");
+      expect("/S", S, m, m);
+      model.D = make_dense(S);
+    } else if (frobenius_norm(D) > 0) {
+      model.D = make_dense(D);
+    }
     model.B = make_block(B);
     model.C = make_block(transpose(C));
     model.outputs_are_inputs = false;
@@ -138,6 +144,7 @@ SecondOrderModel read_reduced(MPI_Comm comm, const std::string& path) {
     read_output_form(file, model);
   });
   model.damping = read_damping(file);
+  if (file.exists("/S")) model.damping.law = Damping::Law::structural;
   return model;
 }
 

@@ -212,7 +212,7 @@ private:
   Chosen chosen(const std::vector<int>& ports) const { return {parts_, ports, ports}; }
   static Chosen chosen(const FewResiduals& few);
   double lost(const ResponseSeries& x, int column, const Chosen& of, std::size_t k,
-              double factor) const;
+              double factor, double of_D) const;
   /// @param x  the response to these ports.
   MatrixSeries held_residual(const DenseResponse& response, const ResponseSeries& x,
                              const Chosen& of) const;

@@ -121,16 +121,16 @@ std::array<Complex, 3> Certificate::residual_factors(const DenseResponse& respon
 
 /// ‖E^−½ ·‖ of what T does not hold of a port's residual, at most.
 /// In the unit of the port. @param column  of x, the response to the k-th of the ports.
-/// @param factor  |a_k − κ a_m| at most.
+/// @param factor, of_D  |a_k − κ a_m| and |a_d| at most.
 double Certificate::lost(const ResponseSeries& x, int column, const Chosen& of,
-                         std::size_t k, double factor) const {
+                         std::size_t k, double factor, double of_D) const {
   const ResidualParts& parts = of.parts;
   double sum = std::pow(parts.dropped_ports[as_size(of.columns[k])], 2);
   for (int l = 0; l < x.envelope.rows; ++l) {
     const auto at = as_size(l);
     sum += std::pow(x.envelope(l, column) * factor * parts.dropped_K[at], 2);
     if (!parts.dropped_D.empty())
-      sum += std::pow(x.envelope(l, column) * x.interval.last * parts.dropped_D[at], 2);
+      sum += std::pow(x.envelope(l, column) * of_D * parts.dropped_D[at], 2);
   }
   return std::sqrt(sum) / scale_[as_size(of.ports[k])];
 }
@@ -190,8 +190,10 @@ MatrixSeries Certificate::held_residual(const DenseResponse& response,
       parts.K, times_quadratic(residual_factors(response, x.interval), x.x));
   for (double& value : w.coefficients.data) value = -value;
   if (!parts.D.data.empty()) {
-    const MatrixSeries damped =
-        multiply_transposed(parts.D, times_quadratic({i * omega, i * h, 0.0}, x.x));
+    const Damping& law = response.system().damping;
+    const MatrixSeries damped = multiply_transposed(
+        parts.D,
+        times_quadratic({i * law.of_D(omega), i * h * law.slope_of_D(), 0.0}, x.x));
     for (std::size_t l = 0; l < w.coefficients.data.size(); ++l)
       w.coefficients.data[l] -= damped.coefficients.data[l];
     for (std::size_t l = 0; l < w.tail.data.size(); ++l)
@@ -215,14 +217,15 @@ MatrixSeries Certificate::residual(const DenseResponse& response, const Response
                                    const Chosen& of) const {
   const int p = x.x.columns;
   const auto f = residual_factors(response, x.interval);
-  const double largest = std::abs(f[0]) + std::abs(f[1]) + std::abs(f[2]);
+  const double largest = std::abs(f[0]) + std::abs(f[1]) + std::abs(f[2]),
+               of_D = response.system().damping.of_D(x.interval.last);
   const MatrixSeries w = held_residual(response, x, of);
   MatrixSeries whole{p, Dense(w.rows() + 1, w.coefficients.columns),
                      Dense(w.rows() + 1, p)};
   set_part(whole.coefficients, 0, 0, w.coefficients);
   set_part(whole.tail, 0, 0, w.tail);
   for (int j = 0; j < p; ++j)
-    whole.tail(w.rows(), j) = lost(x, j, of, as_size(j), largest);
+    whole.tail(w.rows(), j) = lost(x, j, of, as_size(j), largest, of_D);
   return whole;
 }
 
@@ -274,7 +277,7 @@ void Certificate::add_rounding(Bound& bound, const DenseResponse& response, doub
                                const RoundingSizes& in, const RoundingSizes& out) const {
   const Damping& damping = response.system().damping;
   const double a_k = std::hypot(1, damping.eta + omega * damping.beta);
-  bound.floor = rounding_.of_response(a_k, omega, out.x, in.x);
+  bound.floor = rounding_.of_response(a_k, damping.of_D(omega), omega, out.x, in.x);
   bound.rigid_floor = rounding_.of_rigid_modes(omega, out.x, in.x);
   double data_in = 0, data_out = 0;
   const auto rigid = as_size(rounding_.rigid);

@@ -120,10 +120,8 @@ double Certificate::lost(const ResponseSeries& factors, const ResidualGrams& gra
   double square = sums.dropped;
   for (int l = 0; l < factors.envelope.rows; ++l) {
     const auto at = as_size(l);
-    double dropped = std::pow(factor * parts.dropped_K[at], 2);
-    if (!parts.dropped_D.empty())
-      dropped += std::pow(factors.interval.last * parts.dropped_D[at], 2);
-    square += std::pow(factors.envelope(l, 0), 2) * sums.B(l, l) * dropped;
+    square += std::pow(factors.envelope(l, 0), 2) * sums.B(l, l) *
+              std::pow(factor * parts.dropped_K[at], 2);
   }
   return std::sqrt(square);
 }

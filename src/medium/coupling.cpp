@@ -103,10 +103,9 @@ void DampingCoupling::couple(const DenseResponse& response, const Residual& resi
   }
 }
 
-ComplexDense DampingCoupling::A(const ShiftCoefficients& c, double omega) const {
+ComplexDense DampingCoupling::A(const ShiftCoefficients& c) const {
   ComplexDense A(D_.rows, D_.columns);
-  for (std::size_t i = 0; i < A.data.size(); ++i)
-    A.data[i] = Complex(0, omega) * D_.data[i];
+  for (std::size_t i = 0; i < A.data.size(); ++i) A.data[i] = c.d * D_.data[i];
   for (int j = 0; j < A.columns; ++j) {
     const double mu = mu_[as_size(j)];
     A(j, j) += c.k * (1 - tau_ * mu) + c.m * mu;
@@ -114,34 +113,36 @@ ComplexDense DampingCoupling::A(const ShiftCoefficients& c, double omega) const 
   return A;
 }
 
-ComplexDense DampingCoupling::J(Complex c, double omega) const {
+ComplexDense DampingCoupling::J(Complex c, Complex d) const {
   ComplexDense J(G_.rows, G_.columns);
   for (std::size_t i = 0; i < J.data.size(); ++i)
-    J.data[i] = c * G_.data[i] + Complex(0, omega) * F_.data[i];
+    J.data[i] = c * G_.data[i] + d * F_.data[i];
   return J;
 }
 
 /// δ at a frequency, without what was dropped.
 double DampingCoupling::at(const DenseSystem& system, double omega) const {
   const ShiftCoefficients c = system.coefficients(omega);
-  const ComplexDense j = J(c.m + sigma_ * c.k, omega);
+  const ComplexDense j = J(c.m + sigma_ * c.k, c.d);
   try {
-    return taken_by(multiply(j, solved(A(c, omega), j, false)));
+    return taken_by(multiply(j, solved(A(c), j, false)));
   } catch (const ShiftError&) {
     return infinity;
   }
 }
 
 double DampingCoupling::over(const DenseSystem& system, Interval interval) const {
-  const double omega = interval.centre(), h = interval.half();
+  const Damping& law = system.damping;
+  const ShiftCoefficients at_centre = system.coefficients(interval.centre());
+  const double h = interval.half() * law.slope_of_D();
   const Coefficients outer(system, -sigma_, interval), inner(system, tau_, interval);
   double moved = h * frobenius_norm(D_), farthest = 0; // of A_Φ
   for (double mu : mu_) farthest = std::max(farthest, inner.moved_a + inner.moved_c * mu);
   moved += farthest;
-  const ComplexDense j = J(outer.c, omega);
+  const ComplexDense j = J(outer.c, at_centre.d);
   ComplexDense Y;
   try {
-    Y = solved(A(system.coefficients(omega), omega), j, true);
+    Y = solved(A(at_centre), j, true);
   } catch (const ShiftError&) {
     return infinity;
   }
@@ -155,7 +156,7 @@ double DampingCoupling::over(const DenseSystem& system, Interval interval) const
   const double largest_c = std::abs(outer.c) + outer.moved_c;
   const double y = frobenius_norm(product), farther = 1 / (1 - away),
                moved_J = outer.moved_c * frobenius_norm(G_) + h * frobenius_norm(F_) +
-                         largest_c * dropped_G_ + interval.last * dropped_F_;
+                         largest_c * dropped_G_ + law.of_D(interval.last) * dropped_F_;
   return taken_by(multiply(j, product)) +
          farther * (moved * y * y + 2 * moved_J * y + moved_J * moved_J * size);
 }

@@ -22,7 +22,7 @@ struct Coefficients {
   double moved_a, moved_c;
 };
 
-/// J = c G + iω F of Ritz vectors Φ, the first columns of U, in the norm of E⁻¹, E = K −
+/// J = c G + iω F (iF of a structural D) of Ritz vectors Φ, the first columns of U, in the norm of E⁻¹, E = K −
 /// ω_c²M, and A_Φ = ΦᵀA(ω)Φ.
 class DampingCoupling {
 public:
@@ -62,8 +62,8 @@ private:
   void couple(const DenseResponse& response, const Residual& residual, int count,
               double kappa);
   double at(const DenseSystem& system, double omega) const;
-  ComplexDense A(const ShiftCoefficients& c, double omega) const;
-  ComplexDense J(std::complex<double> c, double omega) const;
+  ComplexDense A(const ShiftCoefficients& c) const;
+  ComplexDense J(std::complex<double> c, std::complex<double> d) const;
 
   Dense G_, F_, D_; ///< rows of G and F: the rest of U, then directions of residuals
   std::vector<double> mu_;

@@ -33,7 +33,8 @@ std::vector<Resonance> Medium::resonances(const MediumLevel& level) const {
     const double l = std::max(response.lambda()[as_size(j)], 0.0), omega = std::sqrt(l);
     double d = body.damping.alpha + body.damping.beta * l + body.damping.eta * omega;
     if (!response.is_diagonal())
-      d += response.modal_damping()(j, j) / response.mu()[as_size(j)];
+      d += response.modal_damping()(j, j) / response.mu()[as_size(j)] *
+           (body.damping.law == Damping::Law::viscous ? 1 : 1 / std::max(omega, 1e-300));
     result.push_back({omega, 0.5 * d});
   }
   return result;

@@ -56,6 +56,12 @@ void archive_medium(Archive&& a, M& m) {
   a("alpha", body.damping.alpha);
   a("beta", body.damping.beta);
   a("eta", body.damping.eta);
+  const std::string structural = "structural";
+  std::string law = body.damping.law == Damping::Law::structural ? structural : "";
+  a("law_of_D", law);
+  if constexpr (!std::is_const_v<M>)
+    body.damping.law =
+        law == structural ? Damping::Law::structural : Damping::Law::viscous;
   a("outputs_are_inputs", body.outputs_are_inputs);
   a("inputs", body.inputs);
   a("outputs", body.outputs);

@@ -57,13 +57,12 @@ std::vector<double> EntryRounding::times(const std::vector<double>& x) const {
   return result;
 }
 
-double ProjectionRounding::of_response(double a_k, double omega, const Sizes& outputs,
-                                       const Sizes& inputs) const {
+double ProjectionRounding::of_response(double a_k, double a_d, double omega,
+                                       const Sizes& outputs, const Sizes& inputs) const {
   const double square = omega * omega;
   const auto apart = as_size(rigid);
   double sum = a_k * K.form(outputs, inputs, apart) +
-               square * M.form(outputs, inputs, apart) +
-               omega * D.form(outputs, inputs, 0);
+               square * M.form(outputs, inputs, apart) + a_d * D.form(outputs, inputs, 0);
   double all_out = 0, all_in = 0, same = 0, out_square = 0, in_square = 0;
   for (std::size_t i = apart; i < lambda.size(); ++i) {
     all_out += outputs[i];
@@ -103,14 +102,14 @@ double ProjectionRounding::of_rigid_modes(double omega, const Sizes& outputs,
 
 ProjectionRounding::Sizes ProjectionRounding::of_equations(double a_k, double omega,
                                                            const Sizes& x) const {
-  const Sizes of_K = K.times(x), of_M = M.times(x), of_D = D.times(x);
+  const Sizes of_K = K.times(x), of_M = M.times(x); // the field has no claim with D
   double all = 0;
   for (double each : x) all += each;
   const double square = omega * omega;
   Sizes result;
   for (std::size_t i = 0; i < x.size(); ++i)
     result.push_back(a_k * (of_K[i] + lambda[i] * x[i]) + square * of_M[i] +
-                     omega * of_D[i] + (a_k + square / tau) * mixed * (all - x[i]));
+                     (a_k + square / tau) * mixed * (all - x[i]));
   return result;
 }
 

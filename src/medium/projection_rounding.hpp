@@ -65,7 +65,7 @@ struct ProjectionRounding {
   /// Sizes of the coordinates of a response: of each mode the norm over some ports.
   using Sizes = std::vector<double>;
   /// Σ |x_C|ᵀ|E||x_B| at most, but for the rigid part of H. @param a_k  its size.
-  double of_response(double a_k, double omega, const Sizes& outputs,
+  double of_response(double a_k, double a_d, double omega, const Sizes& outputs,
                      const Sizes& inputs) const;
   /// The same of rigid modes among themselves, whose mass is summed accurately; not in the former.
   double of_rigid_modes(double omega, const Sizes& outputs, const Sizes& inputs) const;

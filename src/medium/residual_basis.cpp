@@ -102,18 +102,16 @@ std::vector<double> combined(const std::vector<double>& norms, const Dense& a) {
   return result;
 }
 
-/// ports − (a_k − κ a_m) K x − iω D x
+/// ports − (a_k − κ a_m) K x − a_d D x
 ComplexDense residual_of(const Dense& ports, const Dense& K, const Dense& D, double kappa,
-                         double omega, const ShiftCoefficients& c,
-                         const ComplexDense& x) {
+                         const ShiftCoefficients& c, const ComplexDense& x) {
   ComplexDense r = multiply(K, x);
   const Complex factor = -(c.k - kappa * c.m);
   for (std::size_t i = 0; i < r.data.size(); ++i)
     r.data[i] = ports.data[i] + factor * r.data[i];
   if (!D.data.empty()) {
     const ComplexDense d = multiply(D, x);
-    for (std::size_t i = 0; i < r.data.size(); ++i)
-      r.data[i] -= Complex(0, omega) * d.data[i];
+    for (std::size_t i = 0; i < r.data.size(); ++i) r.data[i] -= c.d * d.data[i];
   }
   return r;
 }
@@ -210,7 +208,7 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
     const ComplexDense x = response.modal_response(omega);
     const double size = std::sqrt(frobenius_norm(response.transfer(x)));
     const ComplexDense residual =
-        residual_of(basis.ports, basis.K, basis.D, space.kappa(), omega,
+        residual_of(basis.ports, basis.K, basis.D, space.kappa(),
                     response.system().coefficients(omega), x);
     for (int j = 0; j < p; ++j, next += 2)
       for (int i = 0; i < r && size > 0; ++i) {
@@ -377,8 +375,8 @@ Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
     std::map<int, ComplexDense> H_without;
     for (int count : left_out)
       if (!H_without.count(count)) H_without.emplace(count, without(count));
-    const ComplexDense W = residual_of(F_ports, F_K, F_D, kappa, omega,
-                                       response.system().coefficients(omega), x);
+    const ComplexDense W =
+        residual_of(F_ports, F_K, F_D, kappa, response.system().coefficients(omega), x);
     const std::vector<Dense> squares = squares_of_lists(lists, W, scale);
     const auto add_square = [&](Dense& sum, const std::vector<int>& ports,
                                 double weight) {

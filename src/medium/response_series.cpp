@@ -129,11 +129,13 @@ std::optional<ResponseSeries> of_solves(const DenseResponse& response, const Den
   const Dense& D = response.modal_damping();
   const int N = B.rows, p = B.columns;
   const double c = interval.centre(), h = interval.half();
+  const Damping& law = response.system().damping;
   // [A⁻¹, A⁻¹A′h, …] by one factorisation; A″ is diagonal.
   ComplexDense A(N, N), right(N, h > 0 ? 2 * N : N);
   std::vector<double> curvature;
   Dense sizes(N, N); // of the entries of A anywhere in the interval
-  for (std::size_t i = 0; i < A.data.size(); ++i) A.data[i] = Complex(0, c) * D.data[i];
+  for (std::size_t i = 0; i < A.data.size(); ++i)
+    A.data[i] = Complex(0, law.of_D(c)) * D.data[i];
   for (int i = 0; i < N; ++i) {
     const Diagonal d = diagonal(response, interval, i);
     A(i, i) += d.d0;
@@ -141,11 +143,12 @@ std::optional<ResponseSeries> of_solves(const DenseResponse& response, const Den
     curvature.push_back(d.d2.real());
     sizes(i, i) = std::abs(d.d0) + d.rounding / epsilon + std::abs(d.d1) + std::abs(d.d2);
     if (h == 0) continue;
-    for (int j = 0; j < N; ++j) right(j, N + i) = Complex(0, h) * D(j, i);
+    for (int j = 0; j < N; ++j)
+      right(j, N + i) = Complex(0, h * law.slope_of_D()) * D(j, i);
     right(i, N + i) += d.d1;
   }
   for (std::size_t i = 0; i < sizes.data.size(); ++i)
-    sizes.data[i] += (c + h) * std::abs(D.data[i]);
+    sizes.data[i] += law.of_D(c + h) * std::abs(D.data[i]);
   ComplexDense solved;
   try {
     solved = solve(std::move(A), std::move(right));

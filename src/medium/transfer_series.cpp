@@ -76,8 +76,9 @@ std::vector<LongDense> response_in_long_double(const ModalNumbers& numbers,
   const bool dampers = !numbers.D.data.empty();
   const LongDiagonals diagonals(numbers, interval);
   const auto D = [&](int i, int j) { return static_cast<Long>(numbers.D(i, j)); };
-  const auto centre = static_cast<Long>(interval.centre()),
-             half = static_cast<Long>(interval.half());
+  const Damping& law = numbers.damping;
+  const auto centre = static_cast<Long>(law.of_D(interval.centre())),
+             half = static_cast<Long>(interval.half() * law.slope_of_D());
   std::optional<LongFactors> factors;
   if (dampers) {
     LongDense A(N, N);

@@ -175,8 +175,9 @@ BodyFacts check_body(const SecondOrderModel& model, bool assembled, bool stiffne
     check_semidefinite(model.M, "M", "a body has no negative mass", model, options,
                        facts);
     if (model.D)
-      check_semidefinite(model.D, "D", "a body does not gain energy from its damping",
-                         model, options, facts);
+      check_semidefinite(model.D, model.damping.law == Damping::Law::viscous ? "D" : "S",
+                         "a body does not gain energy from its damping", model, options,
+                         facts);
   }
   if (!stiffness) return facts;
   SolverOptions ordered = counting(options);

@@ -30,7 +30,7 @@ Dense dense_of(const Block& block) {
 ShiftCoefficients DenseSystem::coefficients(double omega) const {
   const std::complex<double> i(0, 1);
   return {1.0 + i * (damping.eta + omega * damping.beta),
-          i * omega * damping.alpha - omega * omega, i * omega};
+          i * omega * damping.alpha - omega * omega, i * damping.of_D(omega)};
 }
 
 DenseSystem DenseSystem::project(const Dense& Q) const {
@@ -51,14 +51,19 @@ SecondOrderModel DenseSystem::model(const SecondOrderModel& names) const {
   model.comm = PETSC_COMM_SELF;
   model.n = order();
   model.rows = {0, model.n};
-  Dense sum(order(), order());
-  for (std::size_t i = 0; i < sum.data.size(); ++i)
-    sum.data[i] = damping.alpha * M.data[i] + damping.beta * K.data[i] +
-                  (has_extra_damping() ? D.data[i] : 0.0);
   model.K = make_dense(K);
   model.M = make_dense(M);
-  if (frobenius_norm(sum) > 0) model.D = make_dense(sum);
-  model.damping.eta = damping.eta;
+  if (has_extra_damping() && damping.law == Damping::Law::structural) {
+    model.D = make_dense(D);
+    model.damping = damping;
+  } else {
+    Dense sum(order(), order());
+    for (std::size_t i = 0; i < sum.data.size(); ++i)
+      sum.data[i] = damping.alpha * M.data[i] + damping.beta * K.data[i] +
+                    (has_extra_damping() ? D.data[i] : 0.0);
+    if (frobenius_norm(sum) > 0) model.D = make_dense(sum);
+    model.damping.eta = damping.eta;
+  }
   model.B = make_block(B);
   model.C = outputs_are_inputs ? model.B.share() : make_block(C);
   model.outputs_are_inputs = outputs_are_inputs;
@@ -350,6 +355,19 @@ std::vector<std::complex<double>> poles(const DenseResponse& response, double et
       const double d = system.damping.alpha + system.damping.beta * l;
       const std::complex<double> eta(1, system.damping.eta + eta_added);
       const std::complex<double> root = std::sqrt(-d * d + 4.0 * std::max(l, 0.0) * eta);
+      for (const double sign : {1.0, -1.0}) found.push_back(0.5 * (i * d + sign * root));
+    }
+    return found;
+  }
+  if (system.damping.law == Damping::Law::structural) { // of each mode by its own part
+    for (int j = 0; j < system.order(); ++j) {
+      const double l = response.lambda()[as_size(j)], mu = response.mu()[as_size(j)];
+      if (!std::isfinite(l) || !(mu > 0)) continue;
+      const double d = system.damping.alpha + system.damping.beta * l,
+                   lost = response.modal_damping()(j, j) / mu;
+      const std::complex<double> stiffness(std::max(l, 0.0),
+                                           l * (system.damping.eta + eta_added) + lost);
+      const std::complex<double> root = std::sqrt(-d * d + 4.0 * stiffness);
       for (const double sign : {1.0, -1.0}) found.push_back(0.5 * (i * d + sign * root));
     }
     return found;

@@ -10,7 +10,7 @@
 namespace flexgram {
 
 /// A small second-order system with its damping kept apart: M q'' + (αM + βK + D) q' +
-/// K(1 + iη) q = B u, y = Cᵀq. M, K, D: N×N (D empty: none), B: N×n_in, C: N×n_out.
+/// K(1 + iη) q = B u (or iD q, `damping.law`), y = Cᵀq. M, K, D: N×N (D empty: none), B: N×n_in, C: N×n_out.
 struct DenseSystem {
   Dense M, K, D, B, C;
   Damping damping;
@@ -27,7 +27,8 @@ struct DenseSystem {
   /// @param tau  [rad²/s²] as for DenseResponse.
   struct Modal;
   Modal project_to_modes(const Dense& Q, double tau) const;
-  /// As a model, with the damping summed into D (structural damping stays a factor).
+  /// As a model, with viscous damping summed into D; beside a structural D it stays factors,
+  /// as η does.
   SecondOrderModel model(const SecondOrderModel& names) const;
   static DenseSystem from(const SecondOrderModel& dense);
 };
@@ -102,7 +103,8 @@ private:
   std::vector<double> mu_, lambda_;
 };
 
-/// The poles of the system in the upper half of the ω plane [rad/s].
+/// The poles of the system in the upper half of the ω plane [rad/s]; with a structural D by
+/// first order.
 std::vector<std::complex<double>> poles(const DenseResponse& response,
                                         double eta_added = 0);
 

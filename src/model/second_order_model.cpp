@@ -85,14 +85,17 @@ std::string SecondOrderModel::damping_class() const {
     parts.push_back(
         text("proportional (α = %g 1/s, β = %g s)", damping.alpha, damping.beta));
   if (damping.eta != 0) parts.push_back(text("structural (η = %g)", damping.eta));
-  if (D) parts.push_back("general D");
+  if (D)
+    parts.push_back(damping.law == Damping::Law::viscous
+                        ? "general D"
+                        : "structural by material (S, the imaginary part of K)");
   return join(parts, " + ");
 }
 
 ShiftCoefficients SecondOrderModel::coefficients(double omega) const {
   return {{1.0, damping.eta + omega * damping.beta},
           {-omega * omega, omega * damping.alpha},
-          D ? std::complex<double>{0.0, omega} : 0.0};
+          D ? std::complex<double>{0.0, damping.of_D(omega)} : 0.0};
 }
 
 SecondOrderModel SecondOrderModel::head() const {

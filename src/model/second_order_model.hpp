@@ -10,11 +10,18 @@
 namespace flexgram {
 
 /// Damping D_total = αM + βK + D, and structural damping K(1 + iη). Every part may be
-/// zero.
+/// zero. D may also be structural: the imaginary part Σ η_k K_k of the stiffness of
+/// materials with loss factors η_k.
 struct Damping {
-  double alpha = 0; ///< [1/s]
-  double beta = 0;  ///< [s]
-  double eta = 0;   ///< loss factor
+  double alpha = 0;                                          ///< [1/s]
+  double beta = 0;                                           ///< [s]
+  double eta = 0;                                            ///< loss factor
+  enum class Law { viscous, structural } law = Law::viscous; ///< of D, [N·s/m] or [N/m]
+
+  /// What D is multiplied by beside i: iωD or iD.
+  double of_D(double omega) const { return law == Law::viscous ? omega : 1; }
+  /// Its derivative by ω.
+  double slope_of_D() const { return law == Law::viscous ? 1 : 0; }
 };
 
 /// What inputs add to outputs at once, with no motion between: y += value·u of the named
@@ -72,7 +79,7 @@ private:
   Dense direct_;
 };
 
-/// M q'' + D q' + K (1 + iη) q = B u, y = Cᵀ q and what `output_form` adds: the same type for
+/// M q'' + D q' + K (1 + iη) q = B u (or iD q of a structural D), y = Cᵀ q and what `output_form` adds: the same type for
 /// a full body (sparse, rows over the ranks of comm) and for a reduced one (dense, whole on
 /// every rank, comm = self).
 ///
@@ -83,7 +90,7 @@ struct SecondOrderModel {
   MPI_Comm comm = MPI_COMM_NULL;
   PetscInt n = 0;
   RowRange rows;
-  Matrix M, K, D; ///< D: what αM + βK do not cover; may be null
+  Matrix M, K, D; ///< D: what αM + βK or ηK do not cover (`damping.law`); may be null
   Damping damping;
   Block B, C; ///< C shares B where the outputs are the inputs
   bool outputs_are_inputs = true;
@@ -107,7 +114,8 @@ struct SecondOrderModel {
   bool undamped() const;
   /// Damping class in words, for the plan.
   std::string damping_class() const;
-  /// A(ω) = K(1+iη) + iω(αM + βK + D) − ω²M as coefficients of K, M, D.
+  /// A(ω) = K(1+iη) + iω(αM + βK + D) − ω²M, or with iD for iωD, as coefficients of K, M,
+  /// D.
   ShiftCoefficients coefficients(double omega) const;
   /// A second handle on the same matrices.
   SecondOrderModel share() const;

@@ -1,6 +1,8 @@
 """Random systems against extended precision: does any true error exceed the certified one?
 
-    audit.py [count] [seed] [csv]   count systems; a table by class and by damping
+    audit.py [count] [seed] [csv] [--materials]   count systems; a table by class and by damping
+
+``--materials``: with loss factors by material instead of the seven other kinds of damping.
 
 Each system is reduced in this process, with its tolerance and nothing else; the referee chooses
 frequencies against the result (``referee.py``).
@@ -44,6 +46,8 @@ CLASSES = (
     "printed",
 )
 DAMPINGS = ("none", "mass", "stiffness", "both", "structural", "dashpots", "general")
+#: S = Σ η_k K_k of random positive semidefinite parts of K, by --materials.
+MATERIALS = "materials"
 
 
 @dataclass
@@ -149,7 +153,7 @@ def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
         first = np.sqrt(lam[0]) * 0.2
     if kind == "elastic part":
         first = np.sqrt(lam[0]) * 10.0 ** rng.uniform(-3, 0)
-        damping = damping if damping not in ("dashpots", "general") else "both"
+        damping = damping if damping not in ("dashpots", "general", MATERIALS) else "both"
     zeta = 10.0 ** rng.uniform(-6, -1.5)
     reference = np.sqrt(lam[0] * lam[modes - 1]) ** 0.5
     extra: dict[str, Any] = {}
@@ -168,6 +172,9 @@ def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
         F = rng.standard_normal((n, n)) / np.sqrt(n)
         D = 2 * zeta * reference * mass * (F @ F.T)
         D = 0.5 * (D + D.T)
+    if damping == MATERIALS:
+        D = _losses(rng, K, min(100 * zeta, 1.0))
+        extra["structural"] = True
     bands = [first / TWO_PI, top / TWO_PI]
     options: dict[str, Any] = {}
     if kind == "elastic part":
@@ -184,6 +191,17 @@ def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
         digits = int(rng.choice([6, 10, 14]))
         K, M = (np.vectorize(lambda x: float(f"{x:.{digits - 1}e}"))(a) for a in (K, M))
     return Case(kind, damping, System(K, np.diag(M), B, C, D, **extra), bands, tolerance, options)
+
+
+def _losses(rng: np.random.Generator, K: Any, largest: float) -> Any:
+    """Rᵀ diag(η) R with RᵀR = K: parts of K with loss factors over three decades."""
+    values, vectors = sl.eigh(K)
+    R = np.sqrt(np.maximum(values, 0))[:, None] * vectors.T
+    turn = sl.qr(rng.standard_normal(K.shape))[0]
+    R = turn @ R
+    eta = largest * 10.0 ** rng.uniform(-3, 0, len(K))
+    S = R.T @ (eta[:, None] * R)
+    return 0.5 * (S + S.T)
 
 
 @dataclass
@@ -209,7 +227,8 @@ def examine(case: Case, rng: np.random.Generator) -> Verdict:
     matrices = flexgram.Matrices(
         K=sp.csr_matrix(s.K),
         M=sp.csr_matrix(s.M),
-        D=None if s.D is None else sp.csr_matrix(s.D),
+        D=None if s.D is None or s.structural else sp.csr_matrix(s.D),
+        S=sp.csr_matrix(s.D) if s.structural else None,
         B=s.B,
         C=None if s.C is s.B.T or np.array_equal(s.C, s.B.T) else s.C,
         alpha=s.alpha,
@@ -232,7 +251,10 @@ def examine(case: Case, rng: np.random.Generator) -> Verdict:
     if rom.kind == "estimated":
         return verdict
     reduced = System(
-        rom.K, rom.M, rom.B, rom.C, rom.D, eta=rom.eta, rigid=int(rom.frame["rigid_modes"])
+        *(rom.K, rom.M, rom.B, rom.C, rom.system.S if s.structural else rom.D),
+        eta=rom.eta,
+        rigid=int(rom.frame["rigid_modes"]),
+        structural=s.structural,
     )
     worst, reference = 0.0, rom.relative_to if rom.bounds_elastic_part else "pointwise"
     for omega in hard_frequencies(s, reduced, rom.bands, rom.excluded, rng):
@@ -305,8 +327,10 @@ def largest_field_error(s: System, rom: flexgram.ReducedModel, rng: np.random.Ge
 
 def main() -> int:
     """Print the table; exit status 1 if any error exceeds its certificate."""
-    count = int(sys.argv[1]) if len(sys.argv) > 1 else 200
-    seed = int(sys.argv[2]) if len(sys.argv) > 2 else 1
+    words = [word for word in sys.argv[1:] if word != "--materials"]
+    dampings = (MATERIALS,) if len(words) < len(sys.argv) - 1 else DAMPINGS
+    count = int(words[0]) if words else 200
+    seed = int(words[1]) if len(words) > 1 else 1
     table: dict[Any, list[Verdict]] = collections.defaultdict(list)
     broken, start = 0, time.time()
     damped = missed = rightly = 0  # systems with damping, not met, whose true error is above
@@ -314,7 +338,7 @@ def main() -> int:
         rng = np.random.default_rng([seed, index])
         kind, damping = (
             CLASSES[index % len(CLASSES)],
-            DAMPINGS[(index // len(CLASSES)) % len(DAMPINGS)],
+            dampings[(index // len(CLASSES)) % len(dampings)],
         )
         case = random_case(rng, kind, damping)
         verdict = examine(case, rng)
@@ -395,8 +419,8 @@ def main() -> int:
             f"rounding is most of the claim of {len(deciding) // 2}: "
             f"{np.median(deciding):.3g} times the largest true error in the median"
         )
-    if len(sys.argv) > 3:
-        with open(sys.argv[3], "w", newline="") as file:
+    if len(words) > 2:
+        with open(words[2], "w", newline="") as file:
             csv.writer(file).writerows(rows)
     print(f"{broken} broken of {count}")
     return 1 if broken else 0

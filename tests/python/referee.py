@@ -40,6 +40,7 @@ class System:
     direct: Any = 0.0  #: what inputs add to outputs at once
     output_beta: Any = 0.0  #: of outputs that are forces of the damped stiffness
     output_eta: Any = 0.0
+    structural: bool = False  #: D is the imaginary part of the stiffness: iD for iωD
 
     def __post_init__(self) -> None:
         if self.C is None:
@@ -70,7 +71,7 @@ class System:
         w, i = LONG(omega), np.clongdouble(1j)
         k = 1 + i * (LONG(self.eta) + w * LONG(self.beta))
         m = i * w * LONG(self.alpha) - w * w
-        factors = [k, m, i * w][: len(self._double)]
+        factors = [k, m, i * (1 if self.structural else w)][: len(self._double)]
         A = sum(complex(f) * a for f, a in zip(factors, self._double, strict=True))
         if self._sparse:
             lu = splu(
@@ -105,7 +106,7 @@ class System:
             factors = [
                 1 + i * (mpmath.mpf(self.eta) + w * self.beta),
                 i * w * self.alpha - w * w,
-                i * w,
+                i if self.structural else i * w,
             ]
             parts = [sp.csr_matrix(a) for a in self._double]
             pattern = sum(abs(a) for a in parts)
@@ -169,6 +170,9 @@ class System:
             b, c = phi.T @ self.B, np.asarray(self.C) @ phi
             k = (1 - scale * lam) * (1 + 1j * (self.eta + w * self.beta))
             a = k + lam * (1j * w * self.alpha - w * w)
+        elif self.structural:  # without alpha, beta and eta
+            b, c, mu, shift = self._lossy_modes()
+            a = 1 - (shift + w * w) * mu
         else:
             c, g, b, shift = self._first_order()
             a = 1 + (1j * w - shift) * g
@@ -176,6 +180,17 @@ class System:
         with np.errstate(all="ignore"):
             H = (1 / np.where(a == 0, 1e-30, a)) @ residues
         return np.nan_to_num(H.reshape(len(w), len(c), b.shape[1]), nan=1e30)
+
+    def _lossy_modes(self) -> tuple[Any, Any, Any, float]:
+        """M v = μ (K + iS + τM) v with vᵀ(…)v = 1, and the ports in these vectors."""
+        if not hasattr(self, "_lossy"):
+            K, M, S = self._double
+            shift = 1e-3 * float(np.trace(K) / max(np.trace(M), 1e-300))
+            E = K + 1j * S + shift * M
+            mu, V = sl.eig(M, E)
+            V = V / np.sqrt(np.einsum("ij,ij->j", V, E @ V))
+            self._lossy = V.T @ np.asarray(self.B), np.asarray(self.C) @ V, mu, shift
+        return self._lossy
 
     def _first_order(self) -> tuple[Any, Any, Any, float]:
         if not hasattr(self, "_pencil"):
@@ -211,9 +226,8 @@ class System:
         lam = np.maximum(1 / np.maximum(mu, 1e-300) - scale, 0)
         width = self.alpha + self.beta * lam + self.eta * np.sqrt(lam)
         if self.D is not None:
-            width = width + np.einsum("ij,ij->j", phi, self._double[2] @ phi) / np.maximum(
-                mu, 1e-300
-            )
+            own = np.einsum("ij,ij->j", phi, self._double[2] @ phi) / np.maximum(mu, 1e-300)
+            width = width + (own / np.sqrt(np.maximum(lam, 1e-300)) if self.structural else own)
         return np.sqrt(lam), 0.5 * width
 
 

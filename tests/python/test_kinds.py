@@ -124,7 +124,7 @@ def test_a_cut_keeps_it_too(body: Path, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("-mor_tol_kind", "strain=1e-2"), "KIND=TOLERANCE"),
+        (("-mor_tol_kind", "torque=1e-2"), "KIND=TOLERANCE"),
         (("-mor_tol_kind", "stress=2"), "a tolerance above 0 and below 1"),
         (("-mor_tol_kind", "stress"), "KIND=TOLERANCE"),
         (("-mor_tol_kind", "rotation from spin=1e-2"), "no ports make rotation from spin"),

@@ -353,7 +353,7 @@ def test_loads_of_the_command_line(tmp_path: Path) -> None:
     refused = run(
         "import", tmp_path / "K.mat", "--load", "a=acceleration", "-o", tmp_path / "x.h5", expect=1
     )
-    assert "are for bodies that flexgram assembles" in refused.err
+    assert "is for bodies that flexgram assembles" in refused.err
 
 
 @pytest.mark.kernels

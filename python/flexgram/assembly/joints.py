@@ -71,6 +71,11 @@ class Parts:
                 "the parts have different structural damping (eta): the assembly has "
                 "none of its own; give Rayleigh damping instead"
             )
+        if any(m.system.S.any() for m in models.values()):
+            raise BodyError(
+                "a part has materials with loss factors of their own (S): assemblies have none; "
+                "give it an equivalent viscous damping (flexgram.model.equivalent_damping)"
+            )
         self.eta = etas.pop()
         blocks = [
             (m.system.M, m.system.D, m.system.K, m.system.B, m.system.C) for m in models.values()

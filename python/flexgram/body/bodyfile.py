@@ -62,6 +62,7 @@ def write_matrices(
     alpha: float = 0.0,
     beta: float = 0.0,
     eta: float = 0.0,
+    S: Any = None,
     rounding: float = 0.0,
     inputs: Sequence[str] | None = None,
     outputs: Sequence[str] | None = None,
@@ -73,7 +74,7 @@ def write_matrices(
     followers: Mapping[str, Any] | None = None,
     interfaces: Mapping[str, Any] | None = None,
 ) -> None:
-    """Write a body of matrices: M q'' + (D + alpha M + beta K) q' + (1 + i eta) K q = B u.
+    """Write a body of matrices: M q'' + (D + alpha M + beta K) q' + ((1 + i eta) K + i S) q = B u.
 
     Parameters
     ----------
@@ -89,6 +90,8 @@ def write_matrices(
         Output map; without it the outputs are the inputs, ``B.T``.
     alpha, beta, eta : float
         Rayleigh coefficients [1/s], [s] and structural loss factor.
+    S : sparse, n x n, optional
+        Structural damping, Σ η_k K_k of materials with loss factors η_k [N/m]; instead of D.
     rounding : float
         Relative rounding of the entries of K, if it was printed with few digits; it enters
         the floor of what is claimed. 0: by the digits of the entries.
@@ -122,8 +125,10 @@ def write_matrices(
     >>> flexgram.reduce("chain.h5", (1, 50), tol=1e-6).claim.met
     True
     """
-    maps = {"K": K, "M": M, "D": D, "B": B, "C": C}
+    maps = {"K": K, "M": M, "D": D, "S": S, "B": B, "C": C}
     _expect_shapes(maps)
+    if D is not None and S is not None:
+        raise BodyError("D and S: a body has a damping matrix or structural damping by material")
     if outputs is not None and C is None:
         raise BodyError("outputs are named but C is not given (the outputs are the inputs)")
     _expect_names("inputs", inputs, np.shape(B)[-1])
@@ -133,7 +138,7 @@ def write_matrices(
         if not (np.isfinite(number) and number >= 0):
             raise BodyError(f"{name} = {number}: damping must be finite and not negative")
     with written_whole(path) as file:
-        for name in "KMD":
+        for name in "KMDS":
             if maps[name] is not None:
                 write_sparse(file, name, maps[name])
         _write_ports(file, {"B": (B, inputs), "C": (C, outputs)})
@@ -151,7 +156,7 @@ def write_matrices(
 
 def _expect_shapes(maps: Mapping[str, Any]) -> None:
     n = maps["K"].shape[0]
-    square = dict.fromkeys("KMD", (n, n))
+    square = dict.fromkeys("KMDS", (n, n))
     for name, shape in {**square, "B": (n, None), "C": (None, n)}.items():
         value = maps[name]
         if value is None:

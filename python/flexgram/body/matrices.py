@@ -23,6 +23,8 @@ class Matrices:
         Outputs, default ``B.T``; with petsc4py the columns of the rows that this rank owns.
     alpha, beta, eta : float
         Rayleigh coefficients [1/s], [s], structural loss factor.
+    S : SciPy sparse or petsc4py Mat, n x n, optional
+        Structural damping, Σ η_k K_k of materials with loss factors η_k [N/m]; instead of D.
     inputs, outputs : sequence of str, optional
         Port names.
     node, component : int arrays, n, optional
@@ -48,3 +50,4 @@ class Matrices:
     component: Any = None
     position: Any = None
     name: str = "matrices"
+    S: Any = None

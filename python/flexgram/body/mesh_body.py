@@ -33,6 +33,7 @@ from flexgram.body.whole import (
 COMPONENTS = {"x": 0, "y": 1, "z": 2, "rx": 3, "ry": 4, "rz": 5}
 ENGINEERING = ("E1", "E2", "E3", "nu12", "nu13", "nu23", "G12", "G13", "G23")
 ISOTROPIC = ("E", "nu", "rho")
+LOSS = "loss_factor"  #: of its stiffness, beside the body's own eta
 EXPANSION = "expansion"  #: [1/K], if heat is to strain the body; of three directions if orthotropic
 
 
@@ -42,7 +43,7 @@ def _write_material(file: h5py.File, name: str, data: Any, units: tuple[float, .
     where = f"materials: {name}"
     group = file.create_group(f"materials/{check_name(where, str(name))}")
     if isinstance(data, dict) and "E1" in data:
-        reader = Reader(data, where, (*ENGINEERING, "rho", "axis_1", "axis_2", EXPANSION))
+        reader = Reader(data, where, (*ENGINEERING, "rho", "axis_1", "axis_2", EXPANSION, LOSS))
         group.attrs["engineering_constants"] = [
             reader.number(key) * (1.0 if key.startswith("nu") else stress) for key in ENGINEERING
         ]
@@ -56,10 +57,15 @@ def _write_material(file: h5py.File, name: str, data: Any, units: tuple[float, .
         second = second / np.linalg.norm(second)
         group.attrs["axes"] = np.concatenate([first, second, np.cross(first, second)])
     else:
-        reader = Reader(data, where, (*ISOTROPIC, EXPANSION))
+        reader = Reader(data, where, (*ISOTROPIC, EXPANSION, LOSS))
         group.attrs["E"] = reader.number("E") * stress
         group.attrs["nu"] = reader.number("nu")
     group.attrs["rho"] = reader.number("rho") * density
+    if LOSS in reader.data:
+        loss = reader.number(LOSS)
+        if not 0 <= loss < 10:
+            raise BodyError(f"{where}: loss_factor = {loss:g} must be from 0 to 10")
+        group.attrs[LOSS] = loss
     if EXPANSION in reader.data:
         several = isinstance(reader.data[EXPANSION], list)
         if several and "E1" not in reader.data:

@@ -252,6 +252,8 @@ def summary(file: h5py.File) -> list[str]:
         else:
             E = ", ".join(f"{x:.4g}" for x in np.ravel(a["engineering_constants"])[:3])
             words = f"orthotropic, E = {E} Pa"
+        if a.get("loss_factor"):
+            words += f", loss factor {float(a['loss_factor']):g}"
         lines.append(f"material {name}: {words}, rho = {float(a['rho']):.4g} kg/m³")
     return lines + damping_lines({k: float(file.attrs.get(k, 0)) for k in ("alpha", "beta", "eta")})
 

@@ -122,7 +122,7 @@ def _matrices(file: h5py.File) -> list[str]:
             return f"{int(item.attrs['MATLAB_sparse'])} rows, {len(item['data'])} nonzeros"
         return " × ".join(str(x) for x in item.shape)
 
-    lines = [f"body of matrices: {', '.join(f'{n}: {shape(n)}' for n in 'KMDBC' if n in file)}"]
+    lines = [f"body of matrices: {', '.join(f'{n}: {shape(n)}' for n in 'KMDSBC' if n in file)}"]
     names = file["B"].attrs.get("names") if "B" in file else None
     if names is not None:
         lines.append(f"inputs: {', '.join(str(n) for n in names)}")

@@ -23,7 +23,7 @@ def arrays(model: ReducedBody) -> dict[str, Any]:
     True
     """
     system, claim, basis = model.system, model.claim, model.basis
-    matrices = ("M", "D", "K", "B", "C", "C_rate", "feedthrough", "eta", "output_eta")
+    matrices = ("M", "D", "K", "S", "B", "C", "C_rate", "feedthrough", "eta", "output_eta")
     result: dict[str, Any] = {name: getattr(system, name) for name in matrices}
     result |= {name: getattr(claim, name) for name in ("omega", "error", "bound", "band")}
     result |= {"V": basis.V, "sigma": model.sigma, "modes": model.modes}

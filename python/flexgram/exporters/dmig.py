@@ -67,7 +67,7 @@ def write_dmig(model: ReducedBody, path: Path) -> None:
     --------
     >>> write_dmig(flexgram.ReducedModel.load("rack.rom.h5"), Path("rack.pch"))
     """
-    if model.system.eta:
+    if model.system.loss:
         raise BodyError("structural damping goes into Nastran by PARAM,G: reduce without eta")
     error = f"error {model.claim.supremum:.1e} ({model.claim.label})"
     lines = [f"$ flexgram: {model.order} generalised coordinates, {error}"]

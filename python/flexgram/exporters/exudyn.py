@@ -104,7 +104,7 @@ def ffrf_terms(
             "frame integrals: reduce it without supports, with coordinates, by "
             "-mor_frame buckens or tangent, and fix it by joints there"
         )
-    if model.system.eta:
+    if model.system.loss:
         raise BodyError("EXUDYN has no structural damping (eta): give Rayleigh damping instead")
     positions = interface_positions(model)
     elastic = in_its_frame(model)

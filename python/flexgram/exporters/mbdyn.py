@@ -45,7 +45,7 @@ def write_mbdyn(model: ReducedBody, path: Path, body: str | Path | None = None) 
     BodyError
         For structural damping, other frames, and bodies without interfaces of six ports.
     """
-    if model.system.eta:
+    if model.system.loss:
         raise BodyError("MBDyn has no structural damping (eta): give Rayleigh damping instead")
     frame = model.frame
     free = frame.rigid_modes > 0

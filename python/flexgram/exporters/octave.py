@@ -40,7 +40,7 @@ TAKEN = {
 }
 
 SCRIPT = """% Reduced body by flexgram: {claim}
-% b.M q'' + b.D q' + b.K (1 + i b.eta) q = b.B u, in SI units;
+% b.M q'' + b.D q' + (b.K (1 + i b.eta) + i b.S) q = b.B u, in SI units;
 % y = b.C q + b.C_rate q' + b.feedthrough u, with structural damping also i b.output_eta .* (b.C q).
 % Set `quiet = true` to be spared the figures.
 here = fileparts(mfilename('fullpath'));
@@ -50,7 +50,7 @@ input = {input};
 
 % Transfer function over the band
 H = @(w) (b.C + 1i * w * b.C_rate + 1i * diag(b.output_eta) * b.C) * ...
-  ((b.K * (1 + 1i * b.eta) + 1i * w * b.D - w^2 * b.M) \\ b.B) + b.feedthrough;
+  ((b.K * (1 + 1i * b.eta) + 1i * b.S + 1i * w * b.D - w^2 * b.M) \\ b.B) + b.feedthrough;
 f = linspace({first:.9g}, {last:.9g}, 500);
 h = zeros(size(f));
 for k = 1:numel(f)
@@ -111,7 +111,7 @@ def _is_ours(path: Path) -> bool:
         names = {name for name, *_ in scipy.io.whosmat(path)}
     except Exception:  # scipy's many, of what is no MATLAB file
         return False
-    return {"M", "D", "K", "B", "C", "eta", "sigma"} <= names
+    return {"M", "D", "K", "S", "B", "C", "eta", "sigma"} <= names
 
 
 def write_octave(model: ReducedBody, path: Path, body: str | Path | None = None) -> None:
@@ -145,7 +145,7 @@ def write_octave(model: ReducedBody, path: Path, body: str | Path | None = None)
         "end": 20 * np.pi / slowest,
         "title": name,
     }
-    moves = not model.system.eta  # structural damping has no real time-domain form
+    moves = not model.system.loss  # structural damping has no real time-domain form
     second = SECOND.format(**values) if moves else ""
     text = SCRIPT.format(**values) + (STEP.format(**values) if moves else "")
     text += FIGURES.format(**values, second=second)

@@ -149,7 +149,7 @@ def write_sid(model: ReducedBody, path: Path, dialect: str = "dlr") -> None:
             "a SID needs the frame integrals: reduce a free body with coordinates "
             "(-mor_frame_integrals)"
         )
-    if model.system.eta:
+    if model.system.loss:
         raise BodyError("a SID has no structural damping (eta): give Rayleigh damping instead")
     mode_first, gr_axis, ge_axis = DIALECTS[dialect]
     positions = interface_positions(model)

@@ -21,8 +21,8 @@ FIRST_GRID = 1
 
 
 def _without_structural_damping(form: PhysicalForm, remedy: str) -> None:
-    if form.eta:
-        raise BodyError(f"structural damping (eta = {form.eta:g}) {remedy}")
+    if form.loss:
+        raise BodyError(f"structural damping ({form.loss}) {remedy}")
 
 
 def _head(form: PhysicalForm, sign: str) -> list[str]:
@@ -100,7 +100,7 @@ def write_abaqus(model: ReducedBody, path: Path, body: str | Path | None = None)
         "STIFFNESS": form.K,
         "MASS": form.M,
         "VISCOUS DAMPING": form.D,
-        "STRUCTURAL DAMPING": form.eta * form.K,
+        "STRUCTURAL DAMPING": form.eta * form.K + form.S,
     }
     roles = []
     for role, a in parts.items():

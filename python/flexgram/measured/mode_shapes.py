@@ -128,7 +128,8 @@ def mode_shapes(
         raise BodyError(f"no elastic mode up to {last / (2 * np.pi):.5g} Hz{first}")
     omega, Q = omega[chosen], Q[:, chosen]
     D = Q.T @ model.system.D @ Q
-    damping = np.diag(D) / (2 * omega) + 0.5 * model.system.eta
+    lost = np.diag(Q.T @ model.system.S @ Q) / omega**2
+    damping = np.diag(D) / (2 * omega) + 0.5 * (model.system.eta + lost)
     between = np.abs(D - np.diag(np.diag(D))).max(initial=0)
     coupled = float(between / max(np.abs(np.diag(D)).max(), 1e-300)) if between else 0.0
     if at_nodes:

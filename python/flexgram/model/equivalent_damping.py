@@ -17,11 +17,11 @@ KINDS = ("modal", "rayleigh")
 
 
 def with_viscous_damping(model: Body, kind: str = "modal") -> tuple[Body, float]:
-    """The body with viscous damping in the place of its loss factor eta.
+    """The body with viscous damping in the place of its loss factors: eta, and those of materials.
 
-    ``modal``: every elastic mode gets the damping ratio eta/2, so that H agrees at resonances:
-    D + M Φ diag(eta ω) Φᵀ M. ``rayleigh``: D + alpha M + beta K, fitted to eta/2 at the modes in
-    the band; it damps rigid motion too.
+    ``modal``: every elastic mode φ gets the damping ratio η/2 with its own η = eta + φᵀSφ/(φᵀKφ),
+    so that H agrees at resonances: D + M Φ diag(η ω) Φᵀ M. ``rayleigh``: D + alpha M + beta K,
+    fitted to η/2 at the modes in the band; it damps rigid motion too.
 
     Parameters
     ----------
@@ -51,36 +51,43 @@ def with_viscous_damping(model: Body, kind: str = "modal") -> tuple[Body, float]
     system = model.system
     if kind not in KINDS:
         raise BodyError(f"damping {kind}: must be one of {', '.join(KINDS)}")
-    if not system.eta:
+    if not system.loss:
         raise BodyError(f"damping {kind}: the body has no loss factor that it could replace")
     squares, modes = natural_modes(system.K, system.M)
     heavy = np.isfinite(squares)
     omega = np.sqrt(np.maximum(np.where(heavy, squares, 0), 0))
     omega[: model.frame.rigid_modes] = 0
     omega[omega < 1e-6 * omega.max(initial=0)] = 0
+    moves = omega > 0
+    own = np.full(len(omega), system.eta)  # of each mode
+    own[moves] += np.diag(modes.T @ system.S @ modes)[moves] / omega[moves] ** 2
     if kind == "modal":
         shapes = system.M @ modes
-        D = shapes @ np.diag(system.eta * omega) @ shapes.T
+        D = shapes @ np.diag(own * omega) @ shapes.T
     else:
         first, last = model.claim.bands.min(), model.claim.bands.max()
-        inside = omega[(omega >= first) & (omega <= last)]
-        at = inside if len(inside) > 1 else np.array([max(first, 0.1 * last), last])
+        inside = moves & (omega >= first) & (omega <= last)
+        at, wanted = omega[inside], own[inside]
+        if len(at) < 2:
+            at = np.array([max(first, 0.1 * last), last])
+            wanted = np.full(2, own[moves].mean() if moves.any() else system.eta)
         rows = np.column_stack([0.5 / at, 0.5 * at])
-        alpha, beta = nnls(rows, np.full(len(at), 0.5 * system.eta))[0]
+        alpha, beta = nnls(rows, 0.5 * wanted)[0]
         D = alpha * system.M + beta * system.K
     if system.output_eta.any():
         raise BodyError(
             "reactions hold the loss factor too, and have no such equivalent: leave them out "
             "(-mor_outputs)"
         )
-    viscous = replace(system, D=system.D + 0.5 * (D + D.T), eta=0.0)
+    none = np.zeros_like(system.S)
+    viscous = replace(system, D=system.D + 0.5 * (D + D.T), eta=0.0, S=none)
     band = np.unique(np.concatenate([model.claim.omega, omega[omega > 0]]))
     band = band[(band >= model.claim.bands.min()) & (band <= model.claim.bands.max()) & (band > 0)]
     H, other = system.transfer(band), viscous.transfer(band)
     sizes = np.linalg.norm(H, axis=(1, 2))
     error = float((np.linalg.norm(other - H, axis=(1, 2)) / sizes).max(initial=0))
     words = (
-        f"the loss factor {system.eta:g} is replaced by {kind} viscous damping, which changes H by "
+        f"the loss factor ({system.loss}) is replaced by {kind} viscous damping; it changes H by "
         f"{error:.1e} at most at {len(band)} frequencies of the band; the claim is of the body "
         "with the loss factor"
     )

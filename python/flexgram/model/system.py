@@ -29,7 +29,7 @@ def expect_frequencies(omega: ArrayLike) -> None:
 
 @dataclass(frozen=True)
 class System:
-    """``M q'' + D q' + K (1 + i eta) q = B u``. All numbers are SI.
+    """``M q'' + D q' + (K (1 + i eta) + i S) q = B u``. All numbers are SI.
 
     Outputs are ``y = C q + output_beta C q' + feedthrough u``, with structural damping in addition
     ``i output_eta C q``. ``C q`` alone is the whole output only where the other terms are zero: not
@@ -48,6 +48,9 @@ class System:
         not make, of reactions often the largest part. Part of every response and of H.
     eta : float
         Structural loss factor.
+    S : (m, m) array
+        Structural damping of materials with loss factors of their own, the imaginary part of the
+        stiffness [N/m]; zero where there are none.
     output_beta, output_eta : (n_out,) arrays
         Stiffness-proportional damping [s] and loss factor of outputs that are forces of the
         stiffness (reactions); zero for all others.
@@ -64,8 +67,11 @@ class System:
     eta: float = 0.0
     output_beta: Floats = field(default_factory=lambda: np.empty(0))
     output_eta: Floats = field(default_factory=lambda: np.empty(0))
+    S: Floats = field(default_factory=lambda: np.empty(0))
 
     def __post_init__(self) -> None:
+        if not self.S.size:
+            object.__setattr__(self, "S", np.zeros_like(self.K))
         for name in ("output_beta", "output_eta"):
             if not getattr(self, name).size:
                 object.__setattr__(self, name, np.zeros(len(self.C)))
@@ -93,6 +99,7 @@ class System:
             eta=float(fields.get("eta", 0.0)),
             output_beta=np.asarray(fields.get("output_beta", []), dtype=np.float64),
             output_eta=np.asarray(fields.get("output_eta", []), dtype=np.float64),
+            S=np.asarray(fields.get("S", []), dtype=np.float64),
         )
         system._expect_shapes()
         return system
@@ -104,6 +111,7 @@ class System:
             "M": (m, m),
             "D": (m, m),
             "K": (m, m),
+            "S": (m, m),
             "B": (m, n_in),
             "C": (n_out, m),
             "feedthrough": (n_out, n_in),
@@ -132,6 +140,7 @@ class System:
             M=Q.T @ self.M @ Q,
             D=Q.T @ self.D @ Q,
             K=Q.T @ self.K @ Q,
+            S=Q.T @ self.S @ Q,
             B=Q.T @ self.B,
             C=self.C @ Q,
         )
@@ -144,6 +153,7 @@ class System:
             M=self.M[keep, keep],
             D=self.D[keep, keep],
             K=self.K[keep, keep],
+            S=self.S[keep, keep],
             B=self.B[keep],
             C=self.C[:, keep],
         )
@@ -159,7 +169,8 @@ class System:
         )
 
     def transfer(self, omega: ArrayLike, feedthrough: bool = True) -> ComplexArray:
-        """Transfer function H_r = F C (K (1 + i eta) + i omega D - omega² M)⁻¹ B + ``feedthrough``,
+        """Transfer function H_r = F C (K (1 + i eta) + i S + i omega D - omega² M)⁻¹ B +
+        ``feedthrough``,
         F = diag(1 + i ``output_eta`` + i omega ``output_beta``).
 
         Parameters
@@ -191,10 +202,22 @@ class System:
         direct[ports_of(self.outputs, "stress")] = 0
         return direct
 
+    @property
+    def loss(self) -> str:
+        """What has no time domain, in words: a loss factor, or those of materials; else empty."""
+        return f"eta = {self.eta:g}" if self.eta else "S, by material" if self.S.any() else ""
+
+    @property
+    def complex_stiffness(self) -> ComplexArray:
+        """K (1 + i eta) + i S, (m, m)."""
+        stiffness: ComplexArray = self.K * (1 + 1j * self.eta)
+        return stiffness + 1j * self.S if self.S.any() else stiffness
+
     def receptance(self, omega: ArrayLike) -> ComplexArray:
-        """C (K (1 + i eta) + i omega D - omega² M)⁻¹ B: H without what outputs hold beside C q."""
+        """C (``complex_stiffness`` + i omega D - omega² M)⁻¹ B: H without what outputs hold beside
+        C q."""
         expect_frequencies(omega)
-        stiffness = self.K * (1 + 1j * self.eta)
+        stiffness = self.complex_stiffness
         H: ComplexArray = frequency_response(stiffness, self.D, self.M, self.B, self.C, omega)
         return H
 
@@ -210,10 +233,8 @@ class System:
         return factors
 
     def dynamic_stiffness(self, omega: float) -> ComplexArray:
-        """K (1 + i eta) + i omega D - omega² M, (m, m)."""
-        Z: ComplexArray = (
-            self.K * (1 + 1j * self.eta) + 1j * omega * self.D - omega * omega * self.M
-        )
+        """``complex_stiffness`` + i omega D - omega² M, (m, m)."""
+        Z: ComplexArray = self.complex_stiffness + 1j * omega * self.D - omega * omega * self.M
         return Z
 
     def poles(self) -> ComplexArray:
@@ -228,9 +249,9 @@ class System:
 
     def expect_time_domain(self, rates: Sequence[str]) -> None:
         """Raise BodyError where there is no real state space with these rates of the outputs."""
-        if self.eta:
+        if self.loss:
             raise BodyError(
-                f"structural damping (eta = {self.eta:g}) has no real time-domain "
+                f"structural damping ({self.loss}) has no real time-domain "
                 "form: give Rayleigh damping instead"
             )
         if light := massless(self.K, self.M):

@@ -17,6 +17,7 @@ from flexgram.body.stress import Stresses
 from flexgram.measured import mode_shapes
 from flexgram.model.elastic_part import without_rigid_modes
 from flexgram.model.geometry import body_of
+from flexgram.model.modes import natural_modes
 from flexgram.model.recovery import stress_peaks, words_of_stress
 from flexgram.model.reduced import ReducedBody
 from flexgram.pictures import figures
@@ -72,6 +73,11 @@ def _plan(facts: list[tuple[str, str]]) -> str:
 def _modes(model: ReducedBody, most: int = 40) -> str:
     poles = model.system.poles()
     poles = poles[poles.imag >= 0]
+    lost = np.zeros(len(model.modes))
+    if model.system.S.any():
+        squares, shapes = natural_modes(model.system.K, model.system.M)
+        own = np.diag(shapes.T @ model.system.S @ shapes)
+        lost[: len(own)] = own[: len(lost)] / np.maximum(squares, 1e-300)[: len(lost)]
     rows = []
     rigid = int(np.sum(model.modes < 1e-6 * max(model.modes.max(initial=0), 1e-300)))
     for j, omega in enumerate(model.modes[:most]):
@@ -79,7 +85,7 @@ def _modes(model: ReducedBody, most: int = 40) -> str:
             rows.append(f"<tr><td class=n>{j + 1}</td><td class=n>0</td><td>rigid</td></tr>")
             continue
         near = poles[np.argmin(np.abs(np.abs(poles) - omega))]
-        zeta = -near.real / max(abs(near), 1e-300) + 0.5 * model.system.eta
+        zeta = -near.real / max(abs(near), 1e-300) + 0.5 * (model.system.eta + lost[j])
         inside = "" if model.claim.band[0] <= omega <= model.claim.band[1] else "outside the band"
         rows.append(
             f"<tr><td class=n>{j + 1}</td><td class=n>{omega / (2 * np.pi):.6g}</td>"

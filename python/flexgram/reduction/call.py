@@ -118,6 +118,10 @@ def _dense(name: str, value: Any, rows: int, axis: int) -> Any:
     return block
 
 
+#: What is handed over of ``Matrices`` by rows.
+MATRICES = ("K", "M", "D", "S")
+
+
 def _port_names(what: str, given: Sequence[str] | None, count: int, prefix: str) -> list[str]:
     names = [str(name) for name in given or (f"{prefix}{i + 1}" for i in range(count))]
     if len(names) != count:
@@ -132,7 +136,9 @@ def _own_rows(matrices: Matrices, comm: Any) -> dict[str, Any]:
     for name in ("K", "M", "B"):
         if getattr(matrices, name) is None:
             raise BodyError(f"{name} is missing")
-    for name in ("K", "M", "D"):
+    if matrices.D is not None and matrices.S is not None:
+        raise BodyError("D and S: a body has a damping matrix or structural damping by material")
+    for name in MATRICES:
         matrix = getattr(matrices, name)
         if not (matrix is None or sp.issparse(matrix) or hasattr(matrix, "handle")):
             kind = type(matrix).__name__
@@ -144,7 +150,7 @@ def _own_rows(matrices: Matrices, comm: Any) -> dict[str, Any]:
     first, last = _rows_of(matrices, comm)
     n = int(matrices.K.shape[0] if sp.issparse(matrices.K) else matrices.K.getSize()[0])
     parts: dict[str, Any] = {"rows": (first, last)}
-    for name in ("K", "M", "D"):
+    for name in MATRICES:
         matrix = getattr(matrices, name)
         if matrix is not None:
             parts[name] = _one_matrix(name, matrix, (first, last), n, comm)
@@ -186,7 +192,7 @@ def _places(matrices: Matrices, mine: slice, rows: int) -> dict[str, Any]:
 def _matrices_over(matrices: Matrices, comm: Any) -> Any:
     parts = _agree(comm, lambda: _own_rows(matrices, comm))
     body = core().Body(comm.py2f(), matrices.name)
-    for name in ("K", "M", "D"):
+    for name in MATRICES:
         if isinstance(parts.get(name), tuple):
             body.set_csr(name, *parts[name])
         elif name in parts:

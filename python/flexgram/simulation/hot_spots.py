@@ -110,7 +110,7 @@ def hot_spots(
     geometry = Geometry.load(body_of(model, body))
     curve = model.claim.omega[:: max(1, len(model.claim.omega) // frequencies)]
     inside = np.any([(model.modes >= a) & (model.modes <= b) for a, b in model.claim.bands], axis=0)
-    if not model.system.eta and not np.any(model.system.D):
+    if not model.system.loss and not np.any(model.system.D):
         inside &= False  # there is no largest stress at resonances without damping
     omega = np.unique(np.concatenate([curve, model.modes[inside]]))
     motion = np.array(

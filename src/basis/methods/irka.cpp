@@ -38,7 +38,8 @@ Dense irka_basis(const Elastic& e, Dense basis) {
       double d = full.damping.alpha + full.damping.beta * l + full.damping.eta * omega;
       if (full.has_extra_damping()) {
         const Dense u = part_of(modes.U(), 0, m, i, 1);
-        d += multiply_transposed(u, multiply(small.D, u))(0, 0) / modes.mu()[as_size(i)];
+        d += multiply_transposed(u, multiply(small.D, u))(0, 0) / modes.mu()[as_size(i)] *
+             full.damping.of_D(omega) / std::max(omega, 1e-300);
       }
       const Complex s(0.5 * d, std::sqrt(std::max(l - 0.25 * d * d, 0.0)));
       // The extra damping of the full system by its diagonal: the point of interpolation

@@ -147,8 +147,8 @@ Responses BandError::residual(const Dense& V, const Responses& x,
         r.re(i, at) = loads(i, j) - a.real() * re(i, at) + a.imag() * im(i, at);
         r.im(i, at) = -a.real() * im(i, at) - a.imag() * re(i, at);
         if (D_.data.empty()) continue;
-        r.re(i, at) += omega_[l] * D_im(i, at);
-        r.im(i, at) -= omega_[l] * D_re(i, at);
+        r.re(i, at) += c.d.imag() * D_im(i, at);
+        r.im(i, at) -= c.d.imag() * D_re(i, at);
       }
     }
   }
