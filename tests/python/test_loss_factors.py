@@ -8,8 +8,10 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+import scipy.io
 import scipy.linalg as sl
 import scipy.sparse as sp
+from test_nastran import punched
 
 import flexgram
 from bodies import box
@@ -151,6 +153,38 @@ def test_in_memory_from_a_medium_and_without_rigid_motion(tmp_path: Path) -> Non
             assert np.linalg.norm(H[..., 0] + 1j * H[..., 1] - exact) < 1e-8 * np.linalg.norm(exact)
             error = np.linalg.norm(H_r[..., 0] + 1j * H_r[..., 1] - exact)
             assert error <= loaded.certified_error * np.linalg.norm(exact)
+
+
+@pytest.mark.parametrize("kind", ["op4", "pch", "mat"])
+def test_structural_damping_of_files(kind: str, tmp_path: Path) -> None:
+    """K4AA of Nastran and a named matrix of MATLAB, if they are asked for; in mm-t-s."""
+    n = 12
+    K = 1e3 * sp.diags([2.0, -1.0, -1.0], [0, 1, -1], shape=(n, n)).tocsc()
+    M = sp.identity(n, format="csc")
+    S = sp.diags(np.linspace(1.0, 50.0, n)).tocsc()
+    file = tmp_path / f"part.{kind}"
+    if kind == "op4":
+        op4 = pytest.importorskip("pyNastran.op4.op4")
+        matrices = {"KAA": (6, K.toarray()), "MAA": (6, M.toarray()), "K4AA": (6, S.toarray())}
+        op4.OP4().write_op4(str(file), matrices, is_binary=False)
+    elif kind == "pch":
+        dofs = [(1 + i // 3, 1 + i % 3) for i in range(n)]
+        punched(file, dofs, KAAX=K, MAAX=M, K4AAX=S)
+    else:
+        scipy.io.savemat(file, {"K": K, "M": M, "loss": S})
+    name = {"op4": "K4AA", "pch": "K4AAX", "mat": "loss"}[kind]
+    body = tmp_path / "body.h5"
+    common = ("import", file, "--rows", "tip=12", "--units", "mm-t-s", "-o", body)
+    said = run(*common).out
+    assert kind == "mat" or f"{name} is left out: --matrices S={name}" in said
+    run(*common, "--matrices", f"S={name}")
+    full = {"K": 1e3 * K, "M": 1e3 * M, "S": 1e3 * S, "B": np.eye(n)[:, -1:]}  # N/mm and t
+    out = tmp_path / "rom.h5"
+    run("reduce", "-body", body, "-mor_band_hz", "0.5,4", "-mor_tol", "1e-6", "-mor_out", out)
+    rom = ReducedModel.load(out)
+    for hertz in (0.5, 1.7, 3.9):
+        H, omega = response(full, 2 * np.pi * hertz), 2 * np.pi * hertz
+        assert np.linalg.norm(rom.transfer(omega) - H) <= rom.certified_error * np.linalg.norm(H)
 
 
 def test_there_is_no_time_domain(tmp_path: Path) -> None:

@@ -112,7 +112,7 @@ def read(
         Further files of formats that keep each matrix in its own.
     matrices : mapping, optional
         Names of the matrices in the file, where these are not the usual ones: ``{"K": "KXX"}``;
-        of Nastran K, M, D, of MATLAB B and C too.
+        of Nastran K, M, D, S (structural damping), of MATLAB B and C too.
     run_ccx : bool
         ``path`` is a CalculiX deck without results: run ccx on it first.
     step : int, optional
@@ -155,7 +155,7 @@ def read(
             raise BodyError(f"{given}: no such file (--{name})")
     if kind in ("pair", "petsc") and other["mass"] is None:
         raise BodyError(f"{first} holds one matrix: name the mass matrix too (--mass)")
-    allowed = {"nastran": "KMD", "matlab": "KMDBC"}.get(kind, "")
+    allowed = {"nastran": "KMDS", "matlab": "KMDSBC"}.get(kind, "")
     for role in matrices or {}:
         if role not in allowed or len(role) != 1:
             what = f"one of {', '.join(allowed)}" if allowed else "nothing of the format " + kind
@@ -373,6 +373,7 @@ def _in_SI(body: Mapping[str, Any], length: float, mass: float, force: float) ->
         "M": scaled(body["M"], mass),
         "B": B,
         "D": None if body["D"] is None else scaled(body["D"], mass),
+        "S": None if body["S"] is None else scaled(body["S"], force / length),
         "C": C,
         "inputs": body["inputs"],
         "outputs": outputs,

@@ -98,7 +98,8 @@ def read_matlab(path: Path, matrices: Mapping[str, str] | None = None) -> FeMatr
     ``component``, ``position``) from a MATLAB file of any version.
 
     ``node`` is the row (from 1) of ``position`` (nodes x 3) for each row of the matrices,
-    ``component`` its direction, 0 to 5. ``matrices`` maps K, M, D, B, C to other names.
+    ``component`` its direction, 0 to 5. ``matrices`` maps K, M, D, B, C to other names,
+    and S (structural damping) to its own: not every S is that.
     """
     if not path.exists():
         raise BodyError(f"{path}: no such file")
@@ -149,6 +150,7 @@ def read_matlab(path: Path, matrices: Mapping[str, str] | None = None) -> FeMatr
         _sparse(path, "K", values["K"]),
         _sparse(path, "M", values["M"]),
         _sparse(path, "D", values["D"]) if "D" in values else None,
+        S=_sparse(path, "S", values["S"]) if "S" in asked else None,
         B=dense("B"),
         C=dense("C"),
         alpha=number("alpha"),

@@ -60,8 +60,8 @@ class FeMatrices:
 
     Attributes
     ----------
-    K, M, D : csr_matrix, n x n
-        Stiffness, mass, and damping if the code wrote one.
+    K, M, D, S : csr_matrix, n x n
+        Stiffness, mass, and damping or structural damping if the code wrote one.
     node, component : int arrays, n
         For each row the label of its node and 0-2 for a translation, 3-5 for a rotation; empty
         where the files do not say.
@@ -103,6 +103,7 @@ class FeMatrices:
     inputs: list[str] | None = None
     outputs: list[str] | None = None
     loads: dict[str, Floats] = field(default_factory=dict)
+    S: sp.csr_matrix | None = None
     measured: dict[str, Floats] = field(default_factory=dict)
     rigid: dict[str, int] = field(default_factory=dict)
     interfaces: list[Interface] = field(default_factory=list)

@@ -175,6 +175,7 @@ def attach(fe: FeMatrices, interfaces: list[Interface]) -> dict[str, Any]:
         "M": condensed(fe.M),
         "B": sp.hstack(columns).toarray(),
         "D": condensed(fe.D) if fe.D is not None else None,
+        "S": condensed(fe.S) if fe.S is not None else None,
         "inputs": names,
         "moment": np.array(moments),
         "load": is_load,

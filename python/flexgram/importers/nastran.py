@@ -120,6 +120,7 @@ ROLES = {
     "K": ("KAA", "KXX", "KHH", "KLL", "KFF", "KGG", "KJJ"),
     "M": ("MAA", "MXX", "MHH", "MLL", "MFF", "MGG", "MJJ"),
     "D": ("BAA", "BXX", "BHH", "BLL", "BFF", "BGG", "BJJ"),
+    "S": (),  # K4AA and so on, if they are asked for
 }
 
 
@@ -132,6 +133,8 @@ def _role(names: list[str], role: str, path: Path, asked: Mapping[str, str]) -> 
             if name.upper() == asked[role].upper():
                 return name
         raise BodyError(f"{path}: no matrix {asked[role]}; {there}")
+    if role == "S":
+        return None
     for usual in ROLES[role]:
         for name in names:
             if name.upper() == usual:
@@ -150,9 +153,12 @@ def _role(names: list[str], role: str, path: Path, asked: Mapping[str, str]) -> 
 
 def _left_out(fe: FeMatrices, names: list[str], taken: list[str | None]) -> None:
     """Name what is not read."""
-    lossy = [name for name in names if name.upper().startswith("K4")]
+    lossy = [n for n in names if n.upper().startswith("K4") and n not in taken]
     if lossy:
-        fe.remarks.append(f"structural damping {', '.join(lossy)} is left out: give --eta")
+        fe.remarks.append(
+            f"structural damping {', '.join(lossy)} is left out: --matrices S={lossy[0]} takes it, "
+            "or give --eta"
+        )
     rest = [name for name in names if name not in taken and name not in lossy]
     if rest:
         fe.remarks.append(f"other matrices of the file are not needed: {', '.join(rest)}")
@@ -192,7 +198,7 @@ def _dmig(path: Path, asked: Mapping[str, str]) -> FeMatrices:
         matrices[letter] = make(f"{path}, {letter}", *at, entries[letter][2], len(dofs))
     node, component = dofs // 8, dofs % 8 - 1
     scalar = component < 0
-    fe = FeMatrices(str(path), matrices["K"], matrices["M"], matrices.get("D"))
+    fe = FeMatrices(str(path), matrices["K"], matrices["M"], matrices.get("D"), S=matrices.get("S"))
     _left_out(fe, names, list(roles.values()))
     fe.node, fe.component = node, np.maximum(component, 0)
     if scalar.any():
@@ -251,7 +257,7 @@ def _op4(path: Path, asked: Mapping[str, str]) -> FeMatrices:
             f"{path}: matrices of different sets: {words} rows (--matrices K=KXX,M=MXX "
             "names others)"
         )
-    fe = FeMatrices(str(path), found["K"], found["M"], found.get("D"))
+    fe = FeMatrices(str(path), found["K"], found["M"], found.get("D"), S=found.get("S"))
     _left_out(fe, names, list(roles.values()))
     return fe
 
@@ -301,9 +307,10 @@ def _to_basic(fe: FeMatrices, model: Any, deck: Path) -> None:
     )
     fe.K, fe.M = (sp.csr_matrix(Q @ A @ Q.T) for A in (fe.K, fe.M))
     fe.K, fe.M = (0.5 * (A + A.T) for A in (fe.K, fe.M))
-    if fe.D is not None:
-        fe.D = sp.csr_matrix(Q @ fe.D @ Q.T)
-        fe.D = 0.5 * (fe.D + fe.D.T)
+    for name in ("D", "S"):
+        if (matrix := getattr(fe, name)) is not None:
+            turned = sp.csr_matrix(Q @ matrix @ Q.T)
+            setattr(fe, name, 0.5 * (turned + turned.T))
     fe.remarks.append(
         f"{len(turned)} grids have displacement coordinate systems (CD): their rows "
         "are turned into the basic one"
