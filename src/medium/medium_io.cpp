@@ -16,7 +16,12 @@
 namespace flexgram {
 namespace {
 
-constexpr double version = 6; // of the file's layout
+constexpr double version = 6;            // of the file's layout
+constexpr double structural_version = 7; // with a D that older readers take for viscous
+
+double version_of(const Damping& damping) {
+  return damping.law == Damping::Law::structural ? structural_version : version;
+}
 
 template <class Archive, class Spec>
 void archive_spec(Archive&& a, Spec& spec) {
@@ -176,7 +181,7 @@ void check(const Hdf5File& file, const Medium& m, const DenseSystem& all) {
 } // namespace
 
 void write_levels(Hdf5File& file, const Medium& m) {
-  file.set_attribute("/", "flexgram_medium", version);
+  file.set_attribute("/", "flexgram_medium", version_of(m.body.damping));
   file.set_attribute("/", "flexgram", std::string(FLEXGRAM_VERSION));
   file.set_attribute("/", "n", static_cast<double>(m.body.n));
   archive_medium(FieldWriter(file, "/"), m);
@@ -209,7 +214,8 @@ void read_levels(const Hdf5File& file, Medium& m) {
   if (!file.has_attribute("/", "flexgram_medium"))
     throw Error(
         text("file %s is no medium model: flexgram certify makes one", path.c_str()));
-  if (file.number_attribute("/", "flexgram_medium") != version ||
+  const double layout = file.number_attribute("/", "flexgram_medium");
+  if ((layout != version && layout != structural_version) ||
       file.text_attribute("/", "flexgram") != FLEXGRAM_VERSION)
     throw Error(text("file %s was written by another version of flexgram", path.c_str()));
   const double n = file.number_attribute("/", "n");
@@ -217,6 +223,9 @@ void read_levels(const Hdf5File& file, Medium& m) {
   m.body.comm = file.comm();
   m.body.n = static_cast<PetscInt>(n);
   archive_medium(FieldReader(file, "/"), m);
+  if (layout != version_of(m.body.damping))
+    throw Error(text("file %s: it does not say what its damping matrix is: it is damaged",
+                     path.c_str()));
   archive_spec(FieldReader(file, "/spec"), m.spec);
   int levels = 0;
   FieldReader(file, "/")("levels", levels);

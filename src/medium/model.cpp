@@ -15,8 +15,8 @@ constexpr double many = 4;
 
 void refuse_elastic_part() {
   throw Error(
-      "{tol_relative_to} elastic: a damping matrix mixes elastic and rigid motion, "
-      "so H has no elastic part by itself");
+      "{tol_relative_to} elastic: with a damping matrix, or loss factors by material, H "
+      "has no elastic part by itself that a claim could be relative to");
 }
 
 MediumModel::MediumModel(const Medium& medium, std::size_t level,

@@ -240,6 +240,41 @@ def test_imported_outputs_beside_a_rigid_interface(tmp_path: Path) -> None:
 
 
 @ccx
+def test_displacements_need_rows_alone(tmp_path: Path) -> None:
+    """Of shells, whose nodes ccx expands; of materials that are not read; of supports in another
+    step: a mean displacement is weights of rows."""
+    from test_calculix import shell_plate
+
+    plate = shell_plate(tmp_path / "plate.inp", "S8R", "*BOUNDARY\nLEFT, 1, 6\n" + FREQUENCY)
+    common = ("--node", "edge=AT:0.8,0,0", "-o", tmp_path / "body.h5")
+    run("import", plate, "--run-ccx", *common, "--measure", "u=AT:0.8,0.2,0")
+    a = body_system(tmp_path / "body.h5")
+    rows = np.asarray(a.C)[-3:]
+    assert np.allclose(rows.sum(axis=1), 1) and (np.abs(rows) > 0).sum() >= 6
+    solid = write_deck(
+        tmp_path / "two.inp",
+        "C3D10",
+        "*STEP\n*STATIC\n*BOUNDARY\nSTART, 1, 3\n*END STEP\n*STEP, PERTURBATION\n*FREQUENCY\n5\n"
+        "*END STEP\n",
+    )
+    common = ("--node", "end=NSET:END", "-o", tmp_path / "body.h5")
+    run("import", solid, "--run-ccx", *common, "--measure", "s=stress:NODES:10")
+    (tmp_path / "turned.inp").write_text(
+        solid.read_text().replace(
+            "*STEP\n*STATIC",
+            "*TRANSFORM, NSET=START\n0.8, 0.6, 0., -0.6, 0.8, 0.\n*STEP\n*STATIC",
+            1,
+        )
+    )
+    failed = run(
+        *("import", tmp_path / "turned.inp", "--run-ccx", *common),
+        *("--measure", "s=stress:NODES:10"),
+        expect=1,
+    )
+    assert "*TRANSFORM" in message(failed)
+
+
+@ccx
 def test_what_has_no_imported_outputs(tmp_path: Path) -> None:
     deck = write_deck(tmp_path / "box.inp", "C3D20R", FREQUENCY)
     common = ("--node", "end=NSET:END", "-o", tmp_path / "body.h5")

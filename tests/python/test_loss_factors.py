@@ -187,6 +187,40 @@ def test_structural_damping_of_files(kind: str, tmp_path: Path) -> None:
         assert np.linalg.norm(rom.transfer(omega) - H) <= rom.certified_error * np.linalg.norm(H)
 
 
+def test_the_physical_form_and_abaqus_hold_it(tmp_path: Path) -> None:
+    """Interface motions first: the same H, and in Abaqus' file the same S."""
+    body = mounted(tmp_path / "body.h5", 0.001, 0.2)
+    out = tmp_path / "rom.h5"
+    run("reduce", "-body", body, "-mor_band_hz", "5,800", "-mor_tol", "1e-4", "-mor_out", out)
+    rom = ReducedModel.load(out)
+    form = rom.physical()
+    for omega in (300.0, 2000.0, 4400.0):
+        H, other = rom.transfer(omega), form.transfer(omega)
+        assert np.linalg.norm(other - H) < 1e-8 * np.linalg.norm(H)
+    export(rom, tmp_path / "part.inp", "abaqus")
+    assert "STRUCTURAL DAMPING=" in (tmp_path / "part.inp").read_text()
+    for kind in ("nastran", "dmig", "mbdyn"):
+        with pytest.raises(BodyError, match=r"by material.*--damping modal"):
+            export(rom, tmp_path / f"b.{kind}", kind)
+
+
+def test_losses_of_rigid_motion_are_no_elastic_part(tmp_path: Path) -> None:
+    """A free body's S that acts on rigid motion: its elastic part is refused, as with dashpots."""
+    n = 12
+    K = sp.diags([-1.0, 2.0, -1.0], [-1, 0, 1], shape=(n, n)).tolil()
+    K[0, 0] = K[-1, -1] = 1.0
+    S = 0.02 * K.copy()
+    S[3, 3] += 0.5
+    B = np.eye(n)[:, [0, n - 1]]
+    rom = flexgram.reduce(
+        Matrices(K.tocsr(), sp.identity(n, format="csr"), B, S=S.tocsr()), (0.05, 0.2), 1e-3
+    )
+    assert rom.frame.rigid_modes == 1
+    for part in (rom.elastic, rom.without_rigid_modes):
+        with pytest.raises(BodyError, match="rigid motion"):
+            part()
+
+
 def test_there_is_no_time_domain(tmp_path: Path) -> None:
     """Formats in time refuse S by name; an equivalent viscous damping, mode by mode, tells the
     error that it makes."""

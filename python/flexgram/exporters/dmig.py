@@ -68,7 +68,10 @@ def write_dmig(model: ReducedBody, path: Path) -> None:
     >>> write_dmig(flexgram.ReducedModel.load("rack.rom.h5"), Path("rack.pch"))
     """
     if model.system.loss:
-        raise BodyError("structural damping goes into Nastran by PARAM,G: reduce without eta")
+        raise BodyError(
+            f"structural damping ({model.system.loss}) has no matrix in this file: "
+            "export it with --damping modal or rayleigh (eta alone goes into Nastran by PARAM,G)"
+        )
     error = f"error {model.claim.supremum:.1e} ({model.claim.label})"
     lines = [f"$ flexgram: {model.order} generalised coordinates, {error}"]
     lines += [f"$ column {j + 1} of PRED: {name}" for j, name in enumerate(model.inputs)]

@@ -105,7 +105,10 @@ def ffrf_terms(
             "-mor_frame buckens or tangent, and fix it by joints there"
         )
     if model.system.loss:
-        raise BodyError("EXUDYN has no structural damping (eta): give Rayleigh damping instead")
+        raise BodyError(
+            f"EXUDYN has no structural damping ({model.system.loss}): give Rayleigh damping, or "
+            "export with --damping modal or rayleigh"
+        )
     positions = interface_positions(model)
     elastic = in_its_frame(model)
     n, f = elastic.order, model.frame.integrals.without_first(6)

@@ -46,7 +46,10 @@ def write_mbdyn(model: ReducedBody, path: Path, body: str | Path | None = None) 
         For structural damping, other frames, and bodies without interfaces of six ports.
     """
     if model.system.loss:
-        raise BodyError("MBDyn has no structural damping (eta): give Rayleigh damping instead")
+        raise BodyError(
+            f"MBDyn has no structural damping ({model.system.loss}): give Rayleigh damping, or "
+            "export with --damping modal or rayleigh"
+        )
     frame = model.frame
     free = frame.rigid_modes > 0
     if free and (frame.rigid_modes != 6 or frame.kind != "buckens"):

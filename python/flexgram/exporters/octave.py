@@ -111,7 +111,7 @@ def _is_ours(path: Path) -> bool:
         names = {name for name, *_ in scipy.io.whosmat(path)}
     except Exception:  # scipy's many, of what is no MATLAB file
         return False
-    return {"M", "D", "K", "S", "B", "C", "eta", "sigma"} <= names
+    return {"M", "D", "K", "B", "C", "eta", "sigma"} <= names
 
 
 def write_octave(model: ReducedBody, path: Path, body: str | Path | None = None) -> None:

@@ -150,7 +150,10 @@ def write_sid(model: ReducedBody, path: Path, dialect: str = "dlr") -> None:
             "(-mor_frame_integrals)"
         )
     if model.system.loss:
-        raise BodyError("a SID has no structural damping (eta): give Rayleigh damping instead")
+        raise BodyError(
+            f"a SID has no structural damping ({model.system.loss}): give Rayleigh damping, or "
+            "export with --damping modal or rayleigh"
+        )
     mode_first, gr_axis, ge_axis = DIALECTS[dialect]
     positions = interface_positions(model)
     body = in_its_frame(model)

@@ -22,7 +22,9 @@ FIRST_GRID = 1
 
 def _without_structural_damping(form: PhysicalForm, remedy: str) -> None:
     if form.loss:
-        raise BodyError(f"structural damping ({form.loss}) {remedy}")
+        raise BodyError(
+            f"structural damping ({form.loss}) {remedy}: export it with --damping modal or rayleigh"
+        )
 
 
 def _head(form: PhysicalForm, sign: str) -> list[str]:
@@ -40,7 +42,9 @@ def write_nastran(model: ReducedBody, path: Path, body: str | Path | None = None
     >>> write_nastran(flexgram.ReducedModel.load("rack.rom.h5"), Path("rack.bdf"))
     """
     form = physical_form(model)
-    _without_structural_damping(form, "goes into Nastran by PARAM,G: reduce without eta")
+    _without_structural_damping(
+        form, "has no matrix in this file (eta alone goes into Nastran by PARAM,G)"
+    )
     places = form.positions(body)
     lines = [
         *_head(form, "$"),
@@ -148,7 +152,7 @@ def write_op4(model: ReducedBody, path: Path, body: str | Path | None = None) ->
     >>> write_op4(flexgram.ReducedModel.load("rack.rom.h5"), Path("rack.op4"))
     """
     form = physical_form(model)
-    _without_structural_damping(form, "has no matrix in this file: reduce without eta")
+    _without_structural_damping(form, "has no matrix in this file")
     lines = []
     for name, a, symmetric in (
         ("KAA", form.K, True),
@@ -171,7 +175,7 @@ def write_simscape(model: ReducedBody, path: Path, body: str | Path | None = Non
     >>> write_simscape(flexgram.ReducedModel.load("rack.rom.h5"), Path("simscape.mat"))
     """
     form = physical_form(model)
-    _without_structural_damping(form, "is none that the block knows: reduce without eta")
+    _without_structural_damping(form, "is none that the block knows")
     places = form.positions(body)
     order: list[int] = []
     for name, moves in form.interfaces.items():
@@ -205,7 +209,7 @@ def write_extptfm(model: ReducedBody, path: Path, body: str | Path | None = None
     >>> write_extptfm(held, Path("tower.dat"))
     """
     form = physical_form(model)
-    _without_structural_damping(form, "is none that OpenFAST knows: reduce without eta")
+    _without_structural_damping(form, "is none that OpenFAST knows")
     if len(form.interfaces) != 1 or len(form.boundary) != 6:
         raise BodyError(
             "ExtPtfm takes a body with one interface of six ports, at the transition piece; this "

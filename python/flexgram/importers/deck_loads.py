@@ -248,7 +248,7 @@ def in_steps(job: Job) -> str:
     return ", ".join(f"*{word}" for word in words)
 
 
-def _held(job: Job, deck: Deck) -> set[tuple[int, int]]:
+def held_of(job: Job, deck: Deck) -> set[tuple[int, int]]:
     """Nodes and directions, from 0, that a *BOUNDARY holds somewhere in the deck."""
     held = set()
     for card in (c for cards in (job.model, *job.steps) for c in cards):
@@ -276,7 +276,7 @@ def attach_loads(fe: FeMatrices, job: Job, deck: Deck) -> None:
     """
     loads, remarks = loads_of(job, deck)
     turned = any(card.keyword == "TRANSFORM" for card in job.model)
-    held = _held(job, deck) if loads else set()
+    held = held_of(job, deck) if loads else set()
     where: dict[tuple[int, int], int] = {}
     several: set[tuple[int, int]] = set()
     for row, place in enumerate(zip(fe.node.tolist(), fe.component.tolist(), strict=True)):

@@ -29,7 +29,9 @@ def in_its_frame(rom: Body) -> Body:
         )
     drag = float(np.trace(system.D[:count, :count]) / np.trace(system.M[:count, :count]))
     beyond = system.D[:count] - drag * system.M[:count]  # alpha M damps rigid motion too
-    if np.abs(beyond).max() > 1e-6 * max(np.abs(system.D).max(), 1e-300):
+    size = max(np.abs(system.D).max(), 1e-300)
+    lost, largest = np.abs(system.S[:count]).max(), np.abs(system.S).max()
+    if np.abs(beyond).max() > 1e-6 * size or lost > 1e-6 * max(largest, 1e-300):
         raise BodyError(
             "dampers act on the rigid motion of the body; a floating frame keeps "
             "only the damping of its deformation: put them into the multibody "
@@ -50,13 +52,14 @@ def without_rigid_modes(rom: Body) -> Body:
         return rom
     squares, modes = natural_modes(system.K, system.M)
     modes = modes[:, np.argsort(np.abs(squares), kind="stable")]
-    D = modes.T @ system.D @ modes
-    own = np.sqrt(np.abs(np.diag(D)))
-    allowed = 1e-6 * np.outer(own, own) + 1e-12 * np.abs(D).max(initial=0)
-    if np.any(np.abs(D)[count:, :count] > allowed[count:, :count]):
-        raise BodyError(
-            "dampers act on the rigid motion of the body: its elastic motion is none by itself"
-        )
+    for damping in (system.D, system.S):
+        D = modes.T @ damping @ modes
+        own = np.sqrt(np.abs(np.diag(D)))
+        allowed = 1e-6 * np.outer(own, own) + 1e-12 * np.abs(D).max(initial=0)
+        if np.any(np.abs(D)[count:, :count] > allowed[count:, :count]):
+            raise BodyError(
+                "dampers act on the rigid motion of the body: its elastic motion is none by itself"
+            )
     Q = modes[:, count:]
     return rom.with_parts(
         system=system.projected(Q),

@@ -200,7 +200,7 @@ def physical_form(model: ReducedBody) -> PhysicalForm:
         D=turned(by_energy(system.D)),
         K=K_x,
         eta=system.eta,
-        S=turned(system.S),
+        S=turned(by_energy(system.S)),
         B=B_x,
         C=C_x,
         inputs=system.inputs,
