@@ -178,6 +178,9 @@ def test_effective_masses_and_principal_stresses(tmp_path: Path) -> None:
     assert np.all(masses.sum(axis=0) < 1.0001 * mass) and masses[:, 0].sum() > 0.8 * mass
     first = masses[:, 0].max()
     assert first == pytest.approx(8 / np.pi**2 * mass, rel=0.02)
+    run("report", rom, "-o", tmp_path / "report.html")
+    page = (tmp_path / "report.html").read_text()
+    assert "effective masses" in page and f"<td class=n>{first:.4g}</td>" in page
     rng = np.random.default_rng(1)
     s = rng.normal(size=(7, 6))
     for six, values in zip(s, principal(s), strict=True):

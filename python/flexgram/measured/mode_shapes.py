@@ -70,9 +70,17 @@ class ModeShapes:
     effective_mass: Floats | None = None
 
 
-def _effective_masses(model: ReducedBody, Q: Floats) -> Floats | None:
+def effective_masses(model: ReducedBody, Q: Floats) -> Floats | None:
     """Effective masses (k, 3) of modes Q (m, k) of unit mass: squares of their participation
-    factors φᵀM r, which are φᵀB of inputs of acceleration in x, y, z. None without such inputs."""
+    factors φᵀM r, which are φᵀB of inputs of acceleration in x, y, z. None without such inputs.
+
+    Examples
+    --------
+    >>> rom = flexgram.ReducedModel.load("standing.rom.h5")
+    >>> Q = flexgram.model.modes.natural_modes(rom.K, rom.M)[1]
+    >>> effective_masses(rom, Q).shape == (rom.order, 3)
+    True
+    """
     inputs = model.system.inputs
     columns = {
         name[-1]: k for k, name in enumerate(inputs) if k in ports_of(inputs, "acceleration")
@@ -136,7 +144,7 @@ def mode_shapes(
         labels, points, shapes = _at_nodes(model, body, Q.T)
     else:
         labels, points, shapes = np.empty(0, int), np.empty((0, 3)), np.empty((len(omega), 0, 3))
-    masses = _effective_masses(model, Q)
+    masses = effective_masses(model, Q)
     return ModeShapes(omega / (2 * np.pi), damping, shapes, labels, points, coupled, masses)
 
 

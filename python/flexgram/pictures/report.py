@@ -73,11 +73,9 @@ def _plan(facts: list[tuple[str, str]]) -> str:
 def _modes(model: ReducedBody, most: int = 40) -> str:
     poles = model.system.poles()
     poles = poles[poles.imag >= 0]
-    lost = np.zeros(len(model.modes))
-    if model.system.S.any():
-        squares, shapes = natural_modes(model.system.K, model.system.M)
-        own = np.diag(shapes.T @ model.system.S @ shapes)
-        lost[: len(own)] = own[: len(lost)] / np.maximum(squares, 1e-300)[: len(lost)]
+    squares, shapes = natural_modes(model.system.K, model.system.M)
+    lost = np.diag(shapes.T @ model.system.S @ shapes) / np.maximum(np.abs(squares), 1e-300)
+    masses = mode_shapes.effective_masses(model, shapes)
     rows = []
     rigid = int(np.sum(model.modes < 1e-6 * max(model.modes.max(initial=0), 1e-300)))
     for j, omega in enumerate(model.modes[:most]):
@@ -89,15 +87,27 @@ def _modes(model: ReducedBody, most: int = 40) -> str:
         inside = "" if model.claim.band[0] <= omega <= model.claim.band[1] else "outside the band"
         rows.append(
             f"<tr><td class=n>{j + 1}</td><td class=n>{omega / (2 * np.pi):.6g}</td>"
-            f"<td class=n>{100 * zeta:.3g} %</td><td>{inside}</td></tr>"
+            f"<td class=n>{100 * zeta:.3g} %</td>{_numbers(masses, j)}<td>{inside}</td></tr>"
         )
     more = (
         f"<p class=lead>and {len(model.modes) - most} higher</p>" if len(model.modes) > most else ""
     )
-    return (
-        "<table><tr><th>no.</th><th>frequency [Hz]</th><th>damping ratio</th><th></th></tr>"
-        f"{''.join(rows)}</table>{more}"
+    of_masses = "" if masses is None else "".join(f"<th>m<sub>{a}</sub> [kg]</th>" for a in "xyz")
+    said = (
+        "<p class=lead>m: effective masses, the squares of the participation factors of modes of "
+        "unit mass.</p>"
+        if of_masses
+        else ""
     )
+    return (
+        f"<table><tr><th>no.</th><th>frequency [Hz]</th><th>damping ratio</th>{of_masses}"
+        f"<th></th></tr>{''.join(rows)}</table>{more}{said}"
+    )
+
+
+def _numbers(rows: Any, j: int) -> str:
+    """Cells of a row of numbers, if there are some."""
+    return "" if rows is None else "".join(f"<td class=n>{x:.4g}</td>" for x in rows[j])
 
 
 def _cards(model: ReducedBody) -> str:
