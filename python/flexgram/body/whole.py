@@ -255,17 +255,21 @@ def summary(file: h5py.File) -> list[str]:
         if a.get("loss_factor"):
             words += f", loss factor {float(a['loss_factor']):g}"
         lines.append(f"material {name}: {words}, rho = {float(a['rho']):.4g} kg/m³")
-    return lines + damping_lines({k: float(file.attrs.get(k, 0)) for k in ("alpha", "beta", "eta")})
+    by_material = any(m.attrs.get("loss_factor") for m in file.get("materials", {}).values())
+    given = {k: float(file.attrs.get(k, 0)) for k in ("alpha", "beta", "eta")}
+    return lines + damping_lines(given, by_material)
 
 
-def damping_lines(damping: Mapping[str, float]) -> list[str]:
+def damping_lines(damping: Mapping[str, float], by_material: bool = False) -> list[str]:
     """Damping in words, and what a loss factor rules out."""
     units = {"alpha": " 1/s", "beta": " s", "eta": ""}
     given = [f"{name} = {value:g}{units[name]}" for name, value in damping.items() if value]
+    given += ["loss factors of materials"] * by_material
     lines = [f"damping: {', '.join(given)}" if given else "damping: none"]
-    if damping.get("eta"):
+    if damping.get("eta") or by_material:
         lines.append(
-            "note: a loss factor (eta) exists in frequency only: simulate, state-space, fmu, "
-            "exudyn, sid, simscape and other formats in time need alpha and beta instead (--zeta)"
+            "note: a loss factor exists in frequency only: simulate, state-space, fmu, exudyn, "
+            "sid, simscape and other formats in time need alpha and beta instead (--zeta), or "
+            "export --damping modal"
         )
     return lines
