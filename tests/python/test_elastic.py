@@ -127,7 +127,7 @@ def test_where_there_is_no_elastic_part_by_itself(bar: Free, tmp_path: Path) -> 
     D = sp.lil_matrix(bar.K.shape)
     D[5, 5] = 2.0
     damped = Matrices(K=bar.K, M=bar.M, B=bar.B, D=D.tocsr())
-    with pytest.raises(BodyError, match="a damping matrix mixes elastic and rigid motion"):
+    with pytest.raises(BodyError, match="H has no elastic part by itself"):
         reduce(damped, (1, LAST), 1e-2, options={"mor_tol_relative_to": "elastic"})
     wrong = run("reduce", "-body", bar.path, "-mor_tol_relative_to", "elastc", expect=1)
     assert "did you mean elastic?" in message(wrong)
