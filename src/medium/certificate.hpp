@@ -59,7 +59,7 @@ struct ResidualNorm {
 /// definite: its inertia says so, however inexact Φ is. S = a_k + c T + iωD̃ − J A_Φ⁻¹ Jᵀ
 /// is the Schur complement of Φ (c = a_m + ω_c² a_k, T = E^−½ME^−½ >= 0, J what M and D
 /// couple Φ to the rest by); so ‖S⁻¹‖ <= q/(1 − qδ), q = max |1/(a_k + c μ)| over μ >= 0,
-/// δ = ‖J A_Φ⁻¹ Jᵀ‖, and with any disc |z − z₀| <= ρ that holds these 1/(a_k + c μ)
+/// δ = ‖J A_Φ⁻¹ Jᵀ‖ (with D that of its Hermitian part), and with any disc |z − z₀| <= ρ that holds these 1/(a_k + c μ)
 ///   ‖H − H_r‖_F <= |z₀| ‖W_CᵀW_B‖_F + (ρ + q²δ/(1 − qδ)) s,  s² = Σ σ_i(W_C)² σ_i(W_B)².
 class Certificate {
 public:

@@ -22,8 +22,8 @@ struct Coefficients {
   double moved_a, moved_c;
 };
 
-/// J = c G + iω F (iF of a structural D) of Ritz vectors Φ, the first columns of U, in the norm of E⁻¹, E = K −
-/// ω_c²M, and A_Φ = ΦᵀA(ω)Φ.
+/// J = c G + iω F (iF of a structural D) of Ritz vectors Φ, the first columns of U, in the
+/// norm of E⁻¹, E = K − ω_c²M, and A_Φ = ΦᵀA(ω)Φ.
 class DampingCoupling {
 public:
   /// What residuals hold, in coordinates where E⁻¹ is the identity.

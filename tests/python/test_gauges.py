@@ -20,6 +20,7 @@ from conftest import assembled, assert_certified, body_system, certified, messag
 from flexgram import BodyError, ReducedModel
 from flexgram.body.stress import COMPONENTS
 from flexgram.importers import import_matrices, parse, read
+from flexgram.importers.mesh import describe_output
 
 
 def strained(seed: int) -> tuple[Any, Any]:
@@ -142,6 +143,14 @@ def test_wrong_gauges(tmp_path: Path) -> None:
     ):
         with pytest.raises(BodyError, match=said):
             write_body(tmp_path / "body.h5", mesh, loads={}, outputs={"x": entry})
+
+
+@pytest.mark.parametrize(
+    "words", ["x=stress:ELEMENTS:5@", "x=stress:ELEMENTS:5@1,2", "x=stress:ELEMENTS:a"]
+)
+def test_wrong_elements_of_the_command_line(words: str) -> None:
+    with pytest.raises(BodyError, match="expected numbers of elements and one point"):
+        describe_output(words)
 
 
 def results_at_nodes(frd: Path, what: str) -> dict[int, list[float]]:

@@ -6,7 +6,9 @@ point, from which the assembly makes its row.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cached_property
+from typing import Any
 
 import h5py
 import numpy as np
@@ -115,9 +117,9 @@ def _write_gauge(mesh: BodyMesh, group: h5py.Group, entry: Reader, known: _Stres
     """The mean strain of nodes along a direction; with the normal of the surface a rosette: along
     the direction in the surface, at 45 and at 90 degrees, counterclockwise seen from outside."""
 
-    def unit(key: str, vector: Floats) -> Floats:
+    def unit(key: str, vector: Floats, least: float = 0.0) -> Floats:
         size = float(np.linalg.norm(vector))
-        if not size > 1e-6:
+        if not size > least:
             raise BodyError(f"{entry.where}: {key} has no length")
         found: Floats = vector / size
         return found
@@ -127,7 +129,7 @@ def _write_gauge(mesh: BodyMesh, group: h5py.Group, entry: Reader, known: _Stres
     directions, columns = [along], ["e"]
     if "normal" in entry.data:
         normal = unit("normal", entry.vector("normal"))
-        along = unit("direction in the surface", along - normal * (normal @ along))
+        along = unit("direction in the surface", along - normal * (normal @ along), 1e-6)
         across = np.cross(normal, along)
         directions = [along, (along + across) / np.sqrt(2), across]
         columns = ["e0", "e45", "e90"]
@@ -139,12 +141,16 @@ def _write_gauge(mesh: BodyMesh, group: h5py.Group, entry: Reader, known: _Stres
     return f"strain {'gauge' if len(columns) == 1 else 'rosette'} at {len(chosen)} nodes"
 
 
-def _write_displacement(mesh: BodyMesh, group: h5py.Group, entry: Reader) -> str:
-    """The mean of nodes, or relative to that of others, in the axes or along a direction."""
+def mean_displacement(
+    entry: Reader, select: Callable[[Any, str], Ints]
+) -> tuple[list[str], Ints, Floats]:
+    """The mean of nodes, or relative to that of others, in the axes or along a direction: names of
+    columns, nodes, and their weights (nodes, columns, 3). ``select``: nodes of a choice, and where
+    it stands."""
     weights: dict[int, float] = {}
     for key, sign in (("nodes", 1.0), ("relative_to", -1.0)):
         if key == "nodes" or key in entry.data:
-            chosen = mesh.select(entry.get(key), f"{entry.where}: {key}")
+            chosen = select(entry.get(key), f"{entry.where}: {key}")
             for node in chosen.tolist():
                 weights[node] = weights.get(node, 0.0) + sign / len(chosen)
     if not any(weights.values()):
@@ -157,8 +163,7 @@ def _write_displacement(mesh: BodyMesh, group: h5py.Group, entry: Reader) -> str
         directions, columns = (direction / np.linalg.norm(direction))[None, :], ["u"]
     nodes = np.array(sorted(weights), dtype=np.int64)
     values = np.array([weights[node] for node in nodes.tolist()])
-    write_vectors(group, columns, nodes, values[:, None, None] * directions)
-    return f"mean displacement of {len(nodes)} nodes"
+    return columns, nodes, values[:, None, None] * directions
 
 
 def write_outputs(mesh: BodyMesh, reader: Reader) -> dict[str, str]:
@@ -182,5 +187,7 @@ def write_outputs(mesh: BodyMesh, reader: Reader) -> dict[str, str]:
         elif kind == "reaction":
             said[str(name)] = _write_reaction(mesh, group, entry)
         else:
-            said[str(name)] = _write_displacement(mesh, group, entry)
+            columns, nodes, values = mean_displacement(entry, mesh.select)
+            write_vectors(group, columns, nodes, values)
+            said[str(name)] = f"mean displacement of {len(nodes)} nodes"
     return said

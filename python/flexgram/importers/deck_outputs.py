@@ -12,14 +12,17 @@ from typing import Any
 import h5py
 import numpy as np
 
-from flexgram.basics import BodyError, Floats
+from flexgram.basics import BodyError, Floats, Ints
 from flexgram.body.description import import_description
-from flexgram.body.selection import in_box, nearest
+from flexgram.body.outputs import TAKEN, mean_displacement
+from flexgram.body.reader import Reader
+from flexgram.body.selection import nearest
 from flexgram.importers.assemble import ELEMENTS, materials_of, mesh_of, number_nodes
 from flexgram.importers.ccx import Job, read_job
 from flexgram.importers.deck import Deck, read_deck
 from flexgram.importers.deck_loads import held_of
-from flexgram.importers.fe import FeMatrices
+from flexgram.importers.fe import FeMatrices, Interface
+from flexgram.importers.interfaces import select
 
 #: Elements whose strain is that of ours.
 STRAINED = (*ELEMENTS, "C3D8I")
@@ -87,41 +90,27 @@ def deck_outputs(
 Vectors = dict[str, tuple[list[str], Any, Floats]]  #: columns, node labels, (U, columns, 3)
 
 
-def _labels(fe: FeMatrices, name: str, where: Any) -> list[int]:
-    """Nodes of a choice, as a YAML description has it."""
-    place = f"--measure {name}"
-    if isinstance(where, dict):
-        points = fe.points
-        if not len(points):
-            raise BodyError(f"{place}: the nodes have no coordinates")
-        if "at" in where:
-            return [int(fe.labels[nearest(points, np.array(where["at"], dtype=float), place)])]
-        corners = np.array(where["box"], dtype=float).reshape(2, 3)
-        return [int(label) for label in fe.labels[in_box(points, corners, place)]]
-    if isinstance(where, str):
-        if where.upper() not in fe.sets:
-            known = ", ".join(sorted(fe.sets)) or "none"
-            raise BodyError(f"{place}: there is no node set {where}; there are {known}")
-        return [int(label) for label in fe.sets[where.upper()]]
-    return [int(label) for label in where]
-
-
 def _displacement(fe: FeMatrices, name: str, entry: Mapping[str, Any]) -> Any:
-    """Weights of a mean displacement; nodes that ccx expands count as the mean of these."""
-    weights: dict[int, float] = {}
-    for key, sign in (("nodes", 1.0), ("relative_to", -1.0)):
-        chosen = _labels(fe, name, entry[key]) if key in entry else []
-        for label in chosen:
-            copies = fe.copies.get(label, np.array([label]))
-            for copy in copies.tolist():
-                share = sign / len(chosen) / len(copies)
-                weights[int(copy)] = weights.get(int(copy), 0.0) + share
-    directions, columns = np.eye(3), ["ux", "uy", "uz"]
-    if "direction" in entry:
-        along = np.array(entry["direction"], dtype=float)
-        directions, columns = (along / np.linalg.norm(along))[None, :], ["u"]
-    values = np.array(list(weights.values()))
-    return columns, np.array(list(weights)), values[:, None, None] * directions
+    """Weights of a mean displacement. A node that ccx expands counts as the mean of its copies."""
+
+    def chosen(where: Any, place: str) -> Ints:
+        if isinstance(where, Mapping) and "at" in where and len(fe.points):
+            # Of all nodes: one that is expanded lies between its copies.
+            return fe.labels[[nearest(fe.points, np.array(where["at"], dtype=float), place)]]
+        if isinstance(where, Mapping):
+            kind, values = next(iter(where.items()))
+            where = f"{kind.upper()}:" + ",".join(str(x) for x in np.ravel(values))
+        elif isinstance(where, str):
+            where = f"NSET:{where}"
+        return select(fe, Interface(place, "node", where))
+
+    reader = Reader(dict(entry), f"--measure {name}", ("type", *TAKEN["displacement"]))
+    columns, nodes, values = mean_displacement(reader, chosen)
+    copies = [fe.copies.get(label, np.array([label])) for label in nodes.tolist()]
+    shares = [
+        np.repeat(v[None] / len(c), len(c), axis=0) for v, c in zip(values, copies, strict=True)
+    ]
+    return columns, np.concatenate(copies), np.concatenate(shares)
 
 
 def _vectors(job: Job, deck: Deck, outputs: Mapping[str, Any], units: str) -> Vectors:

@@ -76,14 +76,14 @@ def describe_output(text: str) -> tuple[str, dict[str, Any]]:
             entry[key] = numbers(f"--measure {text} ({key})", words, 3).tolist()
     if kind == "stress" and nodes.upper().startswith("ELEMENTS:"):
         elements, at, point = nodes.partition(":")[2].partition("@")
-        for key, words in (("elements", elements), ("integration_point", point if at else "")):
-            if words or key == "elements":
-                try:
-                    entry[key] = [int(word) for word in words.split(",")]
-                except ValueError:
-                    raise BodyError(f"--measure {text}: expected numbers of elements") from None
-        if at:
-            entry["integration_point"] = entry["integration_point"][0]
+        try:
+            entry["elements"] = [int(word) for word in elements.split(",")]
+            if at:
+                entry["integration_point"] = int(point)
+        except ValueError:
+            raise BodyError(
+                f"--measure {text}: expected numbers of elements and one point: ELEMENTS:5,6@2"
+            ) from None
         return name, entry
     return name, {**entry, "nodes": _choice(parse("measure", f"{name}={nodes}"))}
 

@@ -1,0 +1,161 @@
+/// Residuals W of ports over an interval of ω: what T holds of them, what it does not
+/// (docs/proof.md, sections 3 and 4). Declared in certificate.hpp.
+
+#include "base/index.hpp"
+#include "linalg/decompositions.hpp"
+#include "medium/certificate.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+#include <numeric>
+
+namespace flexgram {
+
+using Complex = std::complex<double>;
+
+/// a_k − κ a_m as a polynomial in t.
+std::array<Complex, 3> Certificate::residual_factors(const DenseResponse& response,
+                                                     Interval interval) const {
+  const Damping& d = response.system().damping;
+  const double omega = interval.centre(), h = interval.half();
+  const Complex i(0, 1);
+  return {1.0 + i * (d.eta + omega * d.beta) -
+              shifts_.kappa * (i * omega * d.alpha - omega * omega),
+          h * (i * d.beta - shifts_.kappa * (i * d.alpha - 2 * omega)),
+          shifts_.kappa * h * h};
+}
+
+/// ‖E^−½ ·‖ of what T does not hold of a port's residual, at most.
+/// In the unit of the port. @param column  of x, the response to the k-th of the ports.
+/// @param factor, of_D  |a_k − κ a_m| and |a_d| at most.
+double Certificate::lost(const ResponseSeries& x, int column, const Chosen& of,
+                         std::size_t k, double factor, double of_D) const {
+  const ResidualParts& parts = of.parts;
+  double sum = std::pow(parts.dropped_ports[as_size(of.columns[k])], 2);
+  for (int l = 0; l < x.envelope.rows; ++l) {
+    const auto at = as_size(l);
+    sum += std::pow(x.envelope(l, column) * factor * parts.dropped_K[at], 2);
+    if (!parts.dropped_D.empty())
+      sum += std::pow(x.envelope(l, column) * of_D * parts.dropped_D[at], 2);
+  }
+  return std::sqrt(sum) / scale_[as_size(of.ports[k])];
+}
+
+Certificate::FewResiduals Certificate::residuals_of(const std::vector<int>& ports) const {
+  FewResiduals few{ports, {}};
+  ResidualParts& parts = few.parts;
+  parts = {columns_of(parts_.ports, ports),
+           parts_.K,
+           parts_.D,
+           {},
+           parts_.dropped_K,
+           parts_.dropped_D};
+  for (int port : ports)
+    parts.dropped_ports.push_back(parts_.dropped_ports[as_size(port)]);
+  const int rows = parts.ports.rows, N = parts.K.rows, damped = parts.D.rows,
+            all = N + damped + static_cast<int>(ports.size());
+  if (rows < 2 * all) return few;
+  Dense vectors(all, rows);
+  set_part(vectors, 0, 0, parts.K);
+  set_part(vectors, N, 0, parts.D);
+  set_part(vectors, N + damped, 0, transpose(parts.ports));
+  // Householder's QR turns each vector by no more than 2ε · rows · all of its length, all of
+  // them perhaps alike: `lost` adds squares.
+  const double turned =
+      2 * std::numeric_limits<double>::epsilon() * rows * std::pow(all, 1.5);
+  const auto enlarge = [&](std::vector<double>& dropped, int first) {
+    for (std::size_t k = 0; k < dropped.size(); ++k) {
+      double square = 0;
+      for (int i = 0; i < rows; ++i)
+        square += std::pow(vectors(first + static_cast<int>(k), i), 2);
+      dropped[k] += turned * std::sqrt(square);
+    }
+  };
+  enlarge(parts.dropped_K, 0);
+  enlarge(parts.dropped_D, N);
+  enlarge(parts.dropped_ports, N + damped);
+  const Dense own = compressed(vectors);
+  parts.K = part_of(own, 0, N, 0, all);
+  parts.D = part_of(own, N, damped, 0, all);
+  parts.ports = transpose(part_of(own, N + damped, all - N - damped, 0, all));
+  return few;
+}
+
+Certificate::Chosen Certificate::chosen(const FewResiduals& few) {
+  Chosen of{few.parts, std::vector<int>(few.ports.size()), few.ports};
+  std::iota(of.columns.begin(), of.columns.end(), 0);
+  return of;
+}
+
+/// What T holds of W = E^−½ R, in its coordinates and in the units of the ports.
+MatrixSeries Certificate::held_residual(const DenseResponse& response,
+                                        const ResponseSeries& x, const Chosen& of) const {
+  const auto& [parts, columns, ports] = of;
+  const double omega = x.interval.centre(), h = x.interval.half();
+  const Complex i(0, 1);
+  const int p = x.x.columns;
+  MatrixSeries w = multiply_transposed(
+      parts.K, times_quadratic(residual_factors(response, x.interval), x.x));
+  for (double& value : w.coefficients.data) value = -value;
+  if (!parts.D.data.empty()) {
+    const Damping& law = response.system().damping;
+    const MatrixSeries damped = multiply_transposed(
+        parts.D,
+        times_quadratic({i * law.of_D(omega), i * h * law.slope_of_D(), 0.0}, x.x));
+    for (std::size_t l = 0; l < w.coefficients.data.size(); ++l)
+      w.coefficients.data[l] -= damped.coefficients.data[l];
+    for (std::size_t l = 0; l < w.tail.data.size(); ++l)
+      w.tail.data[l] += damped.tail.data[l];
+  }
+  for (int j = 0; j < p; ++j) {
+    const double* constant = parts.ports.column(columns[as_size(j)]);
+    for (int l = 0; l < w.rows(); ++l) w.coefficients(l, j) += constant[l];
+  }
+  const auto scale = [&](int j) { return scale_[as_size(of.ports[as_size(j)])]; };
+  for (int c = 0; c < w.coefficients.columns; ++c)
+    for (int l = 0; l < w.rows(); ++l) w.coefficients(l, c) /= scale(c % p);
+  for (int j = 0; j < p; ++j)
+    for (int l = 0; l < w.rows(); ++l) w.tail(l, j) /= scale(j);
+  return w;
+}
+
+/// W of these ports, to which x is the response, with a row of its own for what T does not
+/// hold.
+MatrixSeries Certificate::residual(const DenseResponse& response, const ResponseSeries& x,
+                                   const Chosen& of) const {
+  const int p = x.x.columns;
+  const auto f = residual_factors(response, x.interval);
+  const double largest = std::abs(f[0]) + std::abs(f[1]) + std::abs(f[2]),
+               of_D = response.system().damping.of_D(x.interval.last);
+  const MatrixSeries w = held_residual(response, x, of);
+  MatrixSeries whole{p, Dense(w.rows() + 1, w.coefficients.columns),
+                     Dense(w.rows() + 1, p)};
+  set_part(whole.coefficients, 0, 0, w.coefficients);
+  set_part(whole.tail, 0, 0, w.tail);
+  for (int j = 0; j < p; ++j)
+    whole.tail(w.rows(), j) = lost(x, j, of, as_size(j), largest, of_D);
+  return whole;
+}
+
+/// What the columns of W differ from their values at the centre, at most.
+std::vector<double> Certificate::moved(const MatrixSeries& w) {
+  std::vector<double> moved;
+  for (int j = 0; j < w.columns; ++j) {
+    double sum = 0, tail = 0;
+    for (int k = 1; k <= w.degree(); ++k) {
+      const std::size_t first = as_size(j) * as_size(w.rows());
+      double square = 0;
+      for (std::size_t i = first; i < first + as_size(w.rows()); ++i)
+        square += w.real(k)[i] * w.real(k)[i] + w.imaginary(k)[i] * w.imaginary(k)[i];
+      sum += std::sqrt(square);
+    }
+    for (int i = 0; i + 1 < w.rows(); ++i) tail += w.tail(i, j) * w.tail(i, j);
+    // What T does not hold is not orthogonal to it in E⁻¹.
+    moved.push_back(sum + std::sqrt(tail) + w.tail(w.rows() - 1, j));
+  }
+  return moved;
+}
+
+} // namespace flexgram
