@@ -61,7 +61,7 @@ def main() -> None:
                     "dofs": re.search(r"n = (\d+)", said)[1],
                     "medium order": re.search(r"medium model +order (\d+)", said)[1],
                     "order": re.search(r"m = (\d+) of", said)[1],
-                    "claim": re.search(r"error +at most (\S+)", said)[1],
+                    "claim": re.search(r"\n  error +at most (\S+)", said)[1],
                 }
         base = statistics.median(seconds["eta"])
         for kind in kinds:
