@@ -192,4 +192,17 @@ ComplexDense multiply_transposed(const ComplexDense& a, const ComplexDense& b,
   return zgemm(conjugate ? "C" : "T", a, b);
 }
 
+Dense bordered(const Dense& a, const Dense& columns) {
+  const int old = columns.rows - columns.columns;
+  Dense result(columns.rows, columns.rows);
+  if (old > 0) set_part(result, 0, 0, a);
+  set_part(result, 0, old, columns);
+  for (int j = old; j < result.columns; ++j)
+    for (int i = 0; i < old; ++i) result(j, i) = result(i, j);
+  Dense corner = part_of(result, old, columns.columns, old, columns.columns);
+  symmetrise(corner);
+  set_part(result, old, old, corner);
+  return result;
+}
+
 } // namespace flexgram

@@ -54,6 +54,8 @@ double frobenius_norm(const Dense& a);
 double frobenius_norm(const ComplexDense& a);
 /// Replaces A by (A + Aᵀ)/2.
 void symmetrise(Dense& a);
+/// [A, c; cᵀ, d] from the new columns [c; d].
+Dense bordered(const Dense& a, const Dense& columns);
 
 ComplexDense multiply(const Dense& a, const ComplexDense& b);            ///< A B
 ComplexDense multiply_transposed(const Dense& a, const ComplexDense& b); ///< Aᵀ B

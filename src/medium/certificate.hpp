@@ -5,8 +5,8 @@
 
 #include "medium/coupling.hpp"
 #include "medium/projection_rounding.hpp"
+#include "medium/residual_basis.hpp"
 #include "medium/response_series.hpp"
-#include "medium/space.hpp"
 #include "medium/term_gram.hpp"
 #include "model/error_form.hpp"
 
@@ -17,38 +17,6 @@
 #include <span>
 
 namespace flexgram {
-
-/// A basis T of what residuals are made of, and the parts of the residual in its
-/// coordinates: R(ω) = T (ports − (a_k − κ a_m) K U x − iω D U x) + what was dropped.
-struct ResidualBasis {
-  Block T;
-  Dense ports, K, D;    ///< k×p, k×N, k×N, the last two in the modal coordinates U
-  Dense damped_outside; ///< k×N: what DU has beyond E V, E = K − ω_c²M; empty without D
-  std::vector<double> dropped_ports, dropped_K,
-      dropped_D;        ///< of each column, rows scaled
-  bool complete = true; ///< false: cut at the largest directions, so nothing is proved
-};
-
-/// @param samples      [rad/s] where residuals are looked at, if not all directions are
-/// kept.
-/// @param modes        number of modes below ω_c, rigid ones included: the first columns
-/// of U.
-/// @param most         at most so many columns.
-/// @note Replaces the space's own residual parts by an orthonormal basis of their span.
-ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
-                             const std::vector<double>& samples, int modes, double cutoff,
-                             int most);
-
-/// The same parts in the modal coordinates U Q. @param response  with these.
-void turn_residual(ResidualBasis& basis, const Dense& Q, const DenseResponse& response,
-                   double kappa, double cutoff);
-
-/// The norm (K − ω_c²M)⁻¹ on the columns of T, by a solve that need not be exact.
-struct ResidualNorm {
-  Dense gram;             ///< no less than TᵀE⁻¹T, without the modes below ω_c
-  double added = 0;       ///< at most so much more than that, on its diagonal
-  double of_rounding = 0; ///< ‖E^−½ r‖/‖r‖ of a vector r of roundings, rows scaled
-};
 
 /// The error of the Galerkin model on a space V, bounded over intervals of ω. The proof,
 /// with its assumptions: docs/proof.md; the names here are those of its section 3.
@@ -287,20 +255,5 @@ struct Certificate::ResidualGrams {
   };
   std::vector<Lists> blocks;
 };
-
-/// Which combinations of the columns of E⁻¹T the space should grow by: the dominant
-/// directions of the residuals, in E⁻¹, of ports and of modes. Those that are left out
-/// change H by about `target` at most, relative to each block at each of the frequencies.
-/// @param gram     TᵀE⁻¹T.
-/// @param samples  [rad/s]
-/// @param scale    of each port.
-/// @param left_out of each block: so many first modes, rigid ones, are no part of its size.
-/// @return k×d, d as small as it can be.
-Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
-                         const DenseResponse& response,
-                         const std::vector<double>& samples,
-                         const std::vector<Certificate::PortSet>& blocks,
-                         const std::vector<double>& scale, double kappa, double cutoff,
-                         int modes, const std::vector<int>& left_out, double target);
 
 } // namespace flexgram

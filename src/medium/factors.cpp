@@ -66,8 +66,8 @@ void choose_factors(ShiftedSolver& solver, const SecondOrderModel& fom,
     observer.fact("solves",
                   text("for %.0f ports about %.0f right-hand sides of %.2g flops: "
                        "as much as %.1f factorisations, dense work beside them",
-                       ports, 3 * ports, 4 * estimate.factor_entries,
-                       12 * ports * estimate.factor_entries / estimate.flops));
+                       ports, 2 * ports, 4 * estimate.factor_entries,
+                       8 * ports * estimate.factor_entries / estimate.flops));
   if (taken->single)
     observer.fact("inertia", "by a factorisation in double that keeps no factors");
   if (taken != paths.begin())

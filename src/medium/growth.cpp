@@ -3,6 +3,7 @@
 #include "base/process.hpp"
 #include "base/text.hpp"
 #include "medium/checkpoint.hpp"
+#include "medium/growth_directions.hpp"
 #include "medium/level_certifier.hpp"
 
 #include <algorithm>
@@ -19,12 +20,14 @@ public:
   /// Of the block that a level leaves, the part to grow by.
   Block operator()(const CertifyRun& run, const ModalSpace& modal,
                    const std::vector<double>& grid, const LevelCertifier::Parts& of,
-                   const MediumModel& level, Block image) {
+                   const MediumModel& level, const Basis& images) {
     if (was_cut_ && of.worst > 0.5 * worst_before_) helps_ = false;
     worst_before_ = of.worst;
-    was_cut_ = helps_ && of.residuals.complete && image && image.columns() > wide_block &&
+    const int columns = static_cast<int>(images.columns());
+    was_cut_ = helps_ && of.residuals.complete && columns > wide_block &&
                of.worst > run.spec.target;
-    if (!was_cut_) return image;
+    if (columns == 0) return Block();
+    if (!was_cut_) return combine(images, identity(columns));
     std::vector<double> samples = of.samples;
     samples.push_back(of.worst_omega);
     for (std::size_t l = grid.size(); l-- > 0 && grid.size() - l <= 8;)
@@ -35,7 +38,7 @@ public:
                                       0.3 * run.spec.target);
     share_list(run.fom.comm, chosen.data);
     chosen.columns = static_cast<int>(chosen.data.size()) / std::max(chosen.rows, 1);
-    return combine(image, chosen);
+    return combine(images, chosen);
   }
 
 private:
@@ -78,9 +81,9 @@ void grow(const CertifyRun& run, CertifyState& state) {
   Stall stall;
   const auto prove = [&](int most) {
     growth.image = Block();
-    Block image = certifier.prove(growth.bounds, growth.grid, most);
-    growth.image =
-        cut(run, modal, growth.grid, certifier.parts(), judge.model(), std::move(image));
+    certifier.prove(growth.bounds, growth.grid, most);
+    growth.image = cut(run, modal, growth.grid, certifier.parts(), judge.model(),
+                       certifier.images());
   };
   for (std::size_t k = 0; k < levels.size();
        ++k) { // of a checkpoint, by what is asked now

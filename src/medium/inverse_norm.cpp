@@ -10,16 +10,27 @@ namespace flexgram {
 namespace {
 
 /// (−uᵀEu)^−½ uᵀg of the modes u below the cutoff, for each column g: the sum of their
-/// squares is what gᵀE⁻¹g has less for them.
-Dense along_modes(const ModalSpace& modal, const DenseResponse& response,
-                  const Block& g) {
-  const Dense U = first_columns(response.U(), modal.modes());
-  Dense along = multiply_transposed(U, inner(modal.space->V(), g));
+/// squares is what gᵀE⁻¹g has less for them. @param along  uᵀg.
+Dense by_root_of_energy(const ModalSpace& modal, const DenseResponse& response,
+                        Dense along) {
   for (int j = 0; j < along.rows; ++j) {
     const double e = -response.energy(j, modal.cutoff * modal.cutoff);
     for (int i = 0; i < along.columns; ++i) along(j, i) /= std::sqrt(std::max(e, 1e-300));
   }
   return along;
+}
+
+double sum_of_squares(const Block& x) {
+  const PetscInt rows = x.local_rows().size();
+  double sum = 0;
+  {
+    const Block::Access access(x);
+    for (PetscInt j = 0; j < x.columns(); ++j)
+      for (PetscInt i = 0; i < rows; ++i)
+        sum += access.column(j)[i] * access.column(j)[i];
+  }
+  MPI_Allreduce(MPI_IN_PLACE, &sum, 1, MPI_DOUBLE, MPI_SUM, x.comm());
+  return sum;
 }
 
 } // namespace
@@ -33,7 +44,9 @@ InverseBounds inverse_bounds(const CertifyRun& run, const ModalSpace& modal,
   space.unscale(g);
   Block x = run.factors.solve(g);
   Dense energy = inner(g, x);
-  const Dense along = along_modes(modal, response, g);
+  const Dense U = first_columns(response.U(), modal.modes());
+  const Dense along =
+      by_root_of_energy(modal, response, multiply_transposed(U, inner(space.V(), g)));
   for (int i = 0; i < vectors; ++i)
     for (int j = 0; j < along.rows; ++j) energy(i, i) += along(j, i) * along(j, i);
   space.unscale(x);
@@ -51,34 +64,67 @@ InverseBounds inverse_bounds(const CertifyRun& run, const ModalSpace& modal,
   return {shared[0], shared[1]};
 }
 
-NormAndImage inverse_norm(const CertifyRun& run, const ModalSpace& modal,
-                          const DenseResponse& response, const InverseBounds& bounds,
-                          const Block& T) {
-  NormAndImage result;
-  ResidualNorm& norm = result.norm;
+void ResidualImages::extend(const CertifyRun& run, const ModalSpace& modal,
+                            const Basis& T) {
+  const MediumSpace& space = *modal.space;
+  Basis before; // columns of T that have images
+  T.for_each([&](const Block& piece, int first) {
+    if (first >= X_.columns()) {
+      const int k = static_cast<int>(piece.columns());
+      const Dense one = identity(k);
+      Block added = copy(piece);
+      space.unscale(added);
+      Block X = run.factors.solve(added, ShiftedSolver::Verify::first_column);
+      Block rest = copy(added); // F
+      add_product(rest, -1.0, multiply(run.fom.K, X), one);
+      add_product(rest, modal.cutoff * modal.cutoff, multiply(run.fom.M, X), one);
+      Dense corner = inner(added, X);
+      add_to(corner, inner(X, rest));
+      symmetrise(corner);
+      Dense columns(first + k, k);
+      set_part(columns, first, 0, corner);
+      if (first > 0) {
+        Block dual = copy(X);
+        space.unscale(dual); // T is scaled
+        Dense beside = inner(before, dual);
+        add_to(beside, inner(X_, rest));
+        set_part(columns, 0, 0, beside);
+      }
+      gram_ = bordered(gram_, columns);
+      space.scale(rest);
+      missed_ += sum_of_squares(rest);
+      X_.append(std::move(X));
+    }
+    before.append(piece.share());
+  });
+}
+
+void ResidualImages::turn(const Dense& Q) {
+  if (!X_) return;
+  X_ = Basis(combine(X_, Q));
+  gram_ = multiply_transposed(Q, multiply(gram_, Q));
+  symmetrise(gram_);
+}
+
+ResidualNorm ResidualImages::norm(const CertifyRun& run, const ModalSpace& modal,
+                                  const DenseResponse& response,
+                                  const InverseBounds& bounds, const Basis& T) const {
+  ResidualNorm norm;
   norm.of_rounding = bounds.of_rounding;
-  if (T.columns() == 0) return result;
-  result.image = run.factors.solve(T, ShiftedSolver::Verify::first_column);
-  const Block& X = result.image;
-  const Dense one = identity(static_cast<int>(T.columns()));
-  Block rest = copy(T); // F
-  add_product(rest, -1.0, multiply(run.fom.K, X), one);
-  add_product(rest, modal.cutoff * modal.cutoff, multiply(run.fom.M, X), one);
-  norm.gram = inner(T, X);
-  add_to(norm.gram, inner(X, rest));
-  symmetrise(norm.gram);
-  modal.space->scale(rest);
-  const Dense left = inner(rest, rest);
-  double trace = 0;
-  for (int i = 0; i < left.rows; ++i) trace += left(i, i);
-  const double most = trace / bounds.least_eigenvalue; // of ± FᵀE⁻¹F, which has any sign
-  for (int i = 0; i < left.rows; ++i) norm.gram(i, i) += most;
+  if (!X_) return norm;
+  norm.gram = gram_;
+  const double most =
+      missed_ / bounds.least_eigenvalue; // of ± FᵀE⁻¹F, which has any sign
+  for (int i = 0; i < norm.gram.rows; ++i) norm.gram(i, i) += most;
   norm.added = 2 * most;
-  // What rounding left of the modes in T, where E⁻¹ is negative, is taken out again.
-  const Dense along = along_modes(modal, response, T);
+  // What rounding left of the modes in residuals, and what T holds of them, where E⁻¹ is
+  // negative, is taken out again.
+  Block modes = combine(modal.space->V(), first_columns(response.U(), modal.modes()));
+  modal.space->unscale(modes); // T is scaled
+  const Dense along = by_root_of_energy(modal, response, inner(modes, T));
   add_to(norm.gram, multiply_transposed(along, along));
   share_from_first(run.fom.comm, norm.gram.data);
-  return result;
+  return norm;
 }
 
 } // namespace flexgram

@@ -23,17 +23,29 @@ struct InverseBounds {
 InverseBounds inverse_bounds(const CertifyRun& run, const ModalSpace& modal,
                              const DenseResponse& response);
 
-/// The norm on the columns of T and, from the same solve, the next Krylov block.
-struct NormAndImage {
-  ResidualNorm norm;
-  Block image; ///< E⁻¹T, by a solve that need not be exact
-};
+/// E⁻¹ on what residuals are made of: X ≈ E⁻¹T by solves that need not be exact, and TᵀE⁻¹T. Both
+/// grow with T. The images X are the next Krylov block.
+///
+/// With F = T − E X, TᵀE⁻¹T is TᵀX + XᵀF + FᵀE⁻¹F, and the last term is at most ‖F‖²/min |λ(E)| in
+/// size.
+class ResidualImages {
+public:
+  /// Solves for the columns beyond those that are known.
+  /// @param T  rows scaled like those of the space's residual parts.
+  /// @pre the factors of E are at hand. @note Collective.
+  void extend(const CertifyRun& run, const ModalSpace& modal, const Basis& T);
+  /// Those of T Q. @param Q  with orthonormal columns.
+  void turn(const Dense& Q);
+  /// @param T  that of all columns. @note Collective.
+  ResidualNorm norm(const CertifyRun& run, const ModalSpace& modal,
+                    const DenseResponse& response, const InverseBounds& bounds,
+                    const Basis& T) const;
+  const Basis& images() const { return X_; }
 
-/// A matrix no less than TᵀE⁻¹T, from one block solve X ≈ E⁻¹T: with F = T − E X it is TᵀX + XᵀF + FᵀE⁻¹F,
-/// and the last term is at most ‖F‖²/min |λ(E)| in size.
-/// @pre the factors of E are at hand. @note Collective.
-NormAndImage inverse_norm(const CertifyRun& run, const ModalSpace& modal,
-                          const DenseResponse& response, const InverseBounds& bounds,
-                          const Block& T);
+private:
+  Basis X_;
+  Dense gram_;        ///< TᵀX + XᵀF
+  double missed_ = 0; ///< ‖F‖_F², rows scaled, at least
+};
 
 } // namespace flexgram

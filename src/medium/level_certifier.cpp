@@ -18,8 +18,8 @@ void LevelCertifier::certify(ProjectionRounding rounding,
   judge_.judge(medium_.levels.size() - 1, last());
 }
 
-Block LevelCertifier::prove(InverseBounds& bounds, const std::vector<double>& grid,
-                            int most) {
+void LevelCertifier::prove(InverseBounds& bounds, const std::vector<double>& grid,
+                           int most) {
   hold_cutoff(run_, modal_);
   MediumSpace& space = *modal_.space;
   MediumLevel level;
@@ -36,13 +36,28 @@ Block LevelCertifier::prove(InverseBounds& bounds, const std::vector<double>& gr
   for (std::size_t l = 0; l < grid.size(); l += step)
     if (!level.response->is_resonance(grid[l])) samples.push_back(grid[l]);
 
+  if (!parts_.residuals.complete) images_ = ResidualImages(); // of directions alone
+  orthonormalise_residual(space);
+  const std::optional<Dense> fewer = directions_of_residual(space);
+  const int columns = fewer ? fewer->columns : space.residual().orthonormal;
+  if (columns <= most)
+    images_.extend(run_, modal_, space.residual().S);
+  else
+    images_ = ResidualImages();
+  if (fewer) {
+    images_.turn(*fewer);
+    turn_residual_parts(space, *fewer);
+  }
   ResidualBasis residuals = residual_basis(space, *level.response, samples,
                                            modal_.modes(), modal_.cutoff, most);
   level.complete = residuals.complete;
-  const Block T = std::move(residuals.T); // kept no longer than this
-  NormAndImage of_T = inverse_norm(run_, modal_, *level.response, bounds, T);
-  parts_ = {level.response, std::move(residuals), std::move(of_T.norm),
-            std::move(samples)};
+  Basis T = space.residual().S.share();
+  if (!level.complete) {
+    T = Basis(combine(T, residuals.cut));
+    images_.extend(run_, modal_, T);
+  }
+  ResidualNorm norm = images_.norm(run_, modal_, *level.response, bounds, T);
+  parts_ = {level.response, std::move(residuals), std::move(norm), std::move(samples)};
   auto& levels = medium_.levels;
   if (!levels.empty() && levels.back().order() == level.order()) levels.pop_back();
   if (!run_.spec.keep_levels) levels.clear();
@@ -54,7 +69,6 @@ Block LevelCertifier::prove(InverseBounds& bounds, const std::vector<double>& gr
   parts_.worst_omega = judge_.worst_omega();
   // A level that is neither kept nor the last one is needed for growing alone.
   if (run_.spec.keep_levels || last().serves(run_.spec.target)) sharpen_if_needed();
-  return std::move(of_T.image);
 }
 
 /// The last level again, with twice the digits for the energies of the vectors that need them.
@@ -75,10 +89,7 @@ bool LevelCertifier::sharpen() {
     before = chosen.count();
     SharpResponse sharp = sharpened(space, *parts_.response, sums, modal_.loads, chosen);
     last().response = std::move(sharp.response);
-    const ResidualBasis& plain = parts_.residuals;
-    ResidualBasis residuals{Block(),         plain.ports,          plain.K,
-                            plain.D,         plain.damped_outside, plain.dropped_ports,
-                            plain.dropped_K, plain.dropped_D,      plain.complete};
+    ResidualBasis residuals = parts_.residuals;
     turn_residual(residuals, sharp.turned, *last().response, space.kappa(),
                   modal_.cutoff);
     certify(std::move(sharp.rounding), residuals);

@@ -29,10 +29,12 @@ public:
   /// of the same order.
   /// @param bounds  of E⁻¹; made if they are unknown.
   /// @param most    at most so many columns for what residuals are made of.
-  /// @return (K − ω_c²M)⁻¹T: the next Krylov block. Collective.
-  Block prove(InverseBounds& bounds, const std::vector<double>& grid, int most);
+  /// @note Collective.
+  void prove(InverseBounds& bounds, const std::vector<double>& grid, int most);
   /// Of the level that was made last.
   const Parts& parts() const { return parts_; }
+  /// (K − ω_c²M)⁻¹T of it: the next Krylov block.
+  const Basis& images() const { return images_.images(); }
 
   /// Sharper sums for the last level, if the grid shows that it needs them. Collective.
   void sharpen_if_needed();
@@ -52,6 +54,7 @@ private:
   Medium& medium_;
   LevelJudge& judge_;
   Parts parts_;
+  ResidualImages images_;
   bool is_sharp_ = false; ///< the last level
 };
 

@@ -1,34 +1,86 @@
-/// A basis T of what residuals are made of, R(ω) = T(…) + what was dropped
-/// (docs/proof.md, section 3, "W"). Declared in certificate.hpp, called by level_certifier.cpp.
+#include "medium/residual_basis.hpp"
 
 #include "base/event.hpp"
 #include "base/index.hpp"
 #include "linalg/decompositions.hpp"
-#include "medium/certificate.hpp"
 
 #include <algorithm>
 #include <cmath>
-#include <map>
 
 namespace flexgram {
 namespace {
 
 using Complex = std::complex<double>;
 
-/// T orthonormal with S = T coordinates + what was dropped, and the norm of that in each
-/// column. S becomes the latter.
+/// Columns S beside orthonormal ones T: S = T inside + more outside + what was dropped.
 struct Span {
-  Block T;
-  Dense coordinates; ///< r×q
+  Basis T;               ///< and what S has more
+  Dense inside, outside; ///< ·×q
   std::vector<double> dropped;
+  int held = 0; ///< columns of the former T
+
+  /// The coordinates of (T S) a in the longer T.
+  Dense coordinates(const Dense& a) const {
+    if (a.data.empty()) return Dense();
+    const Dense of_S = part_of(a, held, a.rows - held, 0, a.columns);
+    Dense result(held + outside.rows, a.columns), top = multiply(inside, of_S);
+    add_to(top, part_of(a, 0, held, 0, a.columns));
+    set_part(result, 0, 0, top);
+    set_part(result, held, 0, multiply(outside, of_S));
+    return result;
+  }
 };
 
-/// Directions of the columns of S, each column by its size: eigenvectors of SᵀS, which
-/// show half the digits. If they leave more than that of a column, the rest is looked at
-/// once more; rounding of the solves that made V is about 1e-9 and not worth directions.
-Span span_of(MPI_Comm comm, Basis S) {
+/// How large a column of S is where it counts: 1e-8 of this changes no part (T S) a by more than
+/// 1e-8 of its norm. @param gram  of S without T.
+std::vector<double> sizes_of(const Span& span, const Dense& gram,
+                             const std::vector<const Dense*>& parts) {
+  const int q = gram.rows;
+  std::vector<double> size;
+  for (int j = 0; j < q; ++j) size.push_back(HUGE_VAL);
+  for (const Dense* a : parts) {
+    if (a->data.empty()) continue;
+    const Dense of_S = part_of(*a, span.held, q, 0, a->columns),
+                outside = multiply(gram, of_S);
+    Dense inside = multiply(span.inside, of_S);
+    add_to(inside, part_of(*a, 0, span.held, 0, a->columns));
+    for (int i = 0; i < a->columns; ++i) {
+      double square = 0;
+      for (int k = 0; k < span.held; ++k) square += inside(k, i) * inside(k, i);
+      for (int k = 0; k < q; ++k) square += of_S(k, i) * outside(k, i);
+      for (int j = 0; j < q; ++j)
+        if (of_S(j, i) != 0)
+          size[as_size(j)] = std::min(size[as_size(j)], std::sqrt(std::max(square, 0.0)) /
+                                                            std::abs(of_S(j, i)));
+    }
+  }
+  for (int j = 0; j < q; ++j) { // no smaller than rounding allows
+    double square = gram(j, j);
+    for (int k = 0; k < span.held; ++k) square += span.inside(k, j) * span.inside(k, j);
+    const double norm = std::sqrt(std::max(square, 0.0));
+    size[as_size(j)] = std::clamp(size[as_size(j)], 1e-7 * norm, norm);
+  }
+  return size;
+}
+
+/// Directions of the columns of S that T does not hold, each column by its size: eigenvectors of
+/// SᵀS, which show half the digits. If they leave more than that of a column, the rest is looked
+/// at once more; rounding of the solves that made V is about 1e-9 and not worth directions.
+/// @param T  orthonormal. @param S  is overwritten.
+Span span_of(MPI_Comm comm, Basis T, Basis S, const std::vector<const Dense*>& parts) {
   const int q = static_cast<int>(S.columns());
-  Span span{Block(), Dense(0, q), {}};
+  Span span;
+  span.held = static_cast<int>(T.columns());
+  span.inside = Dense(span.held, q);
+  span.outside = Dense(0, q);
+  for (int twice = 0; twice < 2 && T; ++twice)
+    S.for_each([&](Block& piece, int first) {
+      const Dense c = inner(T, piece);
+      add_product(piece, -1.0, T, c);
+      for (int j = 0; j < c.columns; ++j)
+        for (int i = 0; i < c.rows; ++i) span.inside(i, first + j) += c(i, j);
+    });
+  span.T = std::move(T);
   std::vector<double> size;
   for (int pass = 0; pass < 3; ++pass) {
     Dense gram = symmetric_inner(S, S);
@@ -36,7 +88,7 @@ Span span_of(MPI_Comm comm, Basis S) {
     span.dropped.clear();
     for (int j = 0; j < q; ++j)
       span.dropped.push_back(std::sqrt(std::max(gram(j, j), 0.0)));
-    if (pass == 0) size = span.dropped;
+    if (pass == 0) size = sizes_of(span, gram, parts);
     const auto relative = [&](int j) {
       const auto at = as_size(j);
       return size[at] > 0 ? span.dropped[at] / size[at] : 0.0;
@@ -52,7 +104,8 @@ Span span_of(MPI_Comm comm, Basis S) {
     SymmetricEigen eigen = symmetric_eigen(gram);
     share_from_first(comm, eigen.values);
     share_from_first(comm, eigen.vectors.data);
-    const double least = 1e-15 * q * (pass == 0 ? eigen.values.back() : 1.0);
+    const double least =
+        1e-15 * q * std::max(pass == 0 ? eigen.values.back() : 1.0, 1e-2);
     int r = 0;
     while (r < q && eigen.values[as_size(q - 1 - r)] > least) ++r;
     if (r == 0) break;
@@ -73,20 +126,19 @@ Span span_of(MPI_Comm comm, Basis S) {
       if (cholesky(l) != 0) throw Error("the parts of the residual have no basis");
       found = combine(found, inverse_transposed(l));
     }
-    Dense parts(r, q);
+    Dense more(r, q);
     S.for_each([&](Block& piece, int first) {
       const Dense c = inner(found, piece);
-      set_part(parts, 0, first, c);
+      set_part(more, 0, first, c);
       add_product(piece, -1.0, found, c);
     });
-    const int before = span.coordinates.rows;
+    const int before = span.outside.rows;
     Dense all(before + r, q);
-    set_part(all, 0, 0, span.coordinates);
-    set_part(all, before, 0, parts);
-    span.coordinates = std::move(all);
-    span.T = span.T ? concatenate(span.T, found) : found.share();
+    set_part(all, 0, 0, span.outside);
+    set_part(all, before, 0, more);
+    span.outside = std::move(all);
+    span.T.append(std::move(found));
   }
-  if (!span.T) span.T = combine(S, Dense(q, 0));
   return span;
 }
 
@@ -100,20 +152,6 @@ std::vector<double> combined(const std::vector<double>& norms, const Dense& a) {
     result.push_back(std::sqrt(sum));
   }
   return result;
-}
-
-/// ports − (a_k − κ a_m) K x − a_d D x
-ComplexDense residual_of(const Dense& ports, const Dense& K, const Dense& D, double kappa,
-                         const ShiftCoefficients& c, const ComplexDense& x) {
-  ComplexDense r = multiply(K, x);
-  const Complex factor = -(c.k - kappa * c.m);
-  for (std::size_t i = 0; i < r.data.size(); ++i)
-    r.data[i] = ports.data[i] + factor * r.data[i];
-  if (!D.data.empty()) {
-    const ComplexDense d = multiply(D, x);
-    for (std::size_t i = 0; i < r.data.size(); ++i) r.data[i] -= c.d * d.data[i];
-  }
-  return r;
 }
 
 /// D u_j = Σ_i E u_i (UᵀDU)_ij/e_i + what VᵀR = 0 leaves.
@@ -134,6 +172,19 @@ void take_damping_apart(ResidualBasis& basis, const DenseResponse& response, dou
 
 } // namespace
 
+ComplexDense residual_of(const Dense& ports, const Dense& K, const Dense& D, double kappa,
+                         const ShiftCoefficients& c, const ComplexDense& x) {
+  ComplexDense r = multiply(K, x);
+  const Complex factor = -(c.k - kappa * c.m);
+  for (std::size_t i = 0; i < r.data.size(); ++i)
+    r.data[i] = ports.data[i] + factor * r.data[i];
+  if (!D.data.empty()) {
+    const ComplexDense d = multiply(D, x);
+    for (std::size_t i = 0; i < r.data.size(); ++i) r.data[i] -= c.d * d.data[i];
+  }
+  return r;
+}
+
 void turn_residual(ResidualBasis& basis, const Dense& Q, const DenseResponse& response,
                    double kappa, double cutoff) {
   basis.K = multiply(basis.K, Q);
@@ -143,62 +194,126 @@ void turn_residual(ResidualBasis& basis, const Dense& Q, const DenseResponse& re
   take_damping_apart(basis, response, kappa, cutoff);
 }
 
-ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
-                             const std::vector<double>& samples, int modes, double cutoff,
-                             int most) {
+namespace {
+
+/// √(before² + added²) of each column: what was lost before is still missing.
+std::vector<double> lost_too(const std::vector<double>& before,
+                             const std::vector<double>& added) {
+  std::vector<double> result;
+  for (std::size_t j = 0; j < before.size(); ++j)
+    result.push_back(std::hypot(before[j], added[j]));
+  return result;
+}
+
+/// [a b …], each column of norm 1. Columns of zeros are left out.
+Dense of_norm_one(const std::vector<const Dense*>& parts, int rows) {
+  std::vector<double> entries;
+  int columns = 0;
+  for (const Dense* a : parts)
+    for (int j = 0; j < a->columns; ++j) {
+      double square = 0;
+      for (int i = 0; i < rows; ++i) square += (*a)(i, j) * (*a)(i, j);
+      if (!(square > 0)) continue;
+      for (int i = 0; i < rows; ++i) entries.push_back((*a)(i, j) / std::sqrt(square));
+      ++columns;
+    }
+  Dense all(rows, columns);
+  all.data = std::move(entries);
+  return all;
+}
+
+/// Norms of the columns of a without Q Qᵀa.
+std::vector<double> norms_outside(const Dense& Q, const Dense& a) {
+  Dense rest = multiply(Q, multiply_transposed(Q, a));
+  for (std::size_t i = 0; i < rest.data.size(); ++i)
+    rest.data[i] = a.data[i] - rest.data[i];
+  std::vector<double> norms;
+  for (int j = 0; j < a.columns; ++j) {
+    double square = 0;
+    for (int i = 0; i < a.rows; ++i) square += rest(i, j) * rest(i, j);
+    norms.push_back(std::sqrt(square));
+  }
+  return norms;
+}
+
+} // namespace
+
+void orthonormalise_residual(MediumSpace& space) {
   static Event event("ResidualBasis");
   const auto timed = event.timed();
+  const MediumSpace::Residual& parts = space.residual();
+  if (parts.orthonormal == parts.S.columns()) return;
+  Basis T, S;
+  parts.S.for_each([&](const Block& piece, int first) {
+    (first < parts.orthonormal ? T : S).append(piece.share());
+  });
+  // All that S spans stays: what is small in these residuals may not be in later ones.
+  Span span = span_of(space.fom().comm, std::move(T), std::move(S),
+                      {&parts.B, &parts.K, &parts.D});
+  const auto lost = [&](const std::vector<double>& before, const Dense& a) {
+    if (a.data.empty()) return before;
+    const Dense of_S = part_of(a, span.held, a.rows - span.held, 0, a.columns);
+    return lost_too(before, combined(span.dropped, of_S));
+  };
+  MediumSpace::Residual smaller{Basis(),
+                                static_cast<int>(span.T.columns()),
+                                span.coordinates(parts.B),
+                                span.coordinates(parts.K),
+                                span.coordinates(parts.D),
+                                lost(parts.lost_B, parts.B),
+                                lost(parts.lost_K, parts.K),
+                                lost(parts.lost_D, parts.D)};
+  smaller.S = std::move(span.T);
+  space.compress_residual(std::move(smaller));
+}
+
+std::optional<Dense> directions_of_residual(const MediumSpace& space) {
+  const MediumSpace::Residual& parts = space.residual();
+  const int r = parts.orthonormal;
+  const auto pays = [&](int rank) { return 4 * rank <= 3 * r; };
+  if (r == 0 || !pays(parts.B.columns)) return std::nullopt; // ports are seldom alike
+  LeftSvd svd = left_svd(compressed(of_norm_one({&parts.B, &parts.K, &parts.D}, r)));
+  share_from_first(space.fom().comm, svd.values);
+  share_from_first(space.fom().comm, svd.vectors.data);
+  int rank = 0;
+  while (rank < svd.vectors.columns && svd.values[as_size(rank)] > 1e-9) ++rank;
+  if (!pays(rank)) return std::nullopt;
+  return first_columns(svd.vectors, rank);
+}
+
+void turn_residual_parts(MediumSpace& space, const Dense& Q) {
+  const MediumSpace::Residual& parts = space.residual();
+  const auto turned = [&](const Dense& a) {
+    return a.data.empty() ? Dense() : multiply_transposed(Q, a);
+  };
+  const auto lost = [&](const std::vector<double>& before, const Dense& a) {
+    return a.data.empty() ? before : lost_too(before, norms_outside(Q, a));
+  };
+  space.compress_residual({combine(parts.S, Q), Q.columns, turned(parts.B),
+                           turned(parts.K), turned(parts.D), lost(parts.lost_B, parts.B),
+                           lost(parts.lost_K, parts.K), lost(parts.lost_D, parts.D)});
+}
+
+ResidualBasis residual_basis(const MediumSpace& space, const DenseResponse& response,
+                             const std::vector<double>& samples, int modes, double cutoff,
+                             int most) {
   const bool damped = response.system().has_extra_damping();
   const int p = response.system().B.columns, N = response.system().order();
-  const SecondOrderModel& fom = space.fom();
-  ResidualBasis basis;
-  basis.dropped_ports.assign(as_size(p), 0.0);
-  basis.dropped_K.assign(as_size(N), 0.0);
-  if (damped) basis.dropped_D = basis.dropped_K;
-  if (space.residual().S) {
-    // All that S spans stays: what is small in these residuals may not be in later ones.
-    const MediumSpace::Residual& parts = space.residual();
-    Span span = span_of(fom.comm, parts.S.share());
-    const auto in_range = [&](const Dense& a) {
-      return a.data.empty() ? Dense() : multiply(span.coordinates, a);
-    };
-    // What was lost before is still missing.
-    const auto lost = [&](std::vector<double> before, const Dense& a) {
-      const std::vector<double> added = combined(span.dropped, a);
-      for (std::size_t j = 0; j < added.size(); ++j)
-        before[j] = std::hypot(before[j], added[j]);
-      return before;
-    };
-    std::vector<double> lost_B = lost(parts.lost_B, parts.B),
-                        lost_K = lost(parts.lost_K, parts.K), lost_D;
-    if (damped) lost_D = lost(parts.lost_D, parts.D);
-    basis.dropped_ports = lost_B;
-    basis.dropped_K = combined(lost_K, response.U());
-    if (damped) basis.dropped_D = combined(lost_D, response.U());
-    space.compress_residual({span.T.share(), in_range(parts.B), in_range(parts.K),
-                             in_range(parts.D), std::move(lost_B), std::move(lost_K),
-                             std::move(lost_D)});
-  }
   const MediumSpace::Residual& parts = space.residual();
-  const int r = static_cast<int>(parts.S.columns());
-  if (r == 0) {
-    basis.T = Block(fom.comm, fom.rows, fom.n, 0);
-    basis.ports = Dense(0, p);
-    basis.K = Dense(0, N);
-    if (damped) basis.D = Dense(0, N);
-  } else {
-    basis.ports = parts.B;
-    basis.K = multiply(parts.K, response.U());
-    if (damped) basis.D = multiply(parts.D, response.U());
-  }
+  const int r = parts.orthonormal;
+  ResidualBasis basis;
+  basis.dropped_ports = parts.lost_B;
+  basis.dropped_K = combined(parts.lost_K, response.U());
+  if (damped) basis.dropped_D = combined(parts.lost_D, response.U());
+  const auto turned = [&](const Dense& a) {
+    return r > 0 ? multiply(a, response.U()) : Dense(0, N);
+  };
+  basis.ports = r > 0 ? parts.B : Dense(0, p);
+  basis.K = turned(parts.K);
+  if (damped) basis.D = turned(parts.D);
   take_damping_apart(basis, response, space.kappa(), cutoff);
-  if (r == 0) return basis;
   basis.complete = r <= most;
-  if (basis.complete) {
-    basis.T = combine(parts.S, identity(r));
-    space.unscale(basis.T);
-    return basis;
-  }
+  if (basis.complete) return basis;
 
   // What the residuals are made of over the band, each frequency relative to its
   // response: enough for a Krylov block, not for a proof.
@@ -236,8 +351,8 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
     all = beside(all, scaled);
   }
   LeftSvd svd = left_svd(compressed(all));
-  share_from_first(fom.comm, svd.values);
-  share_from_first(fom.comm, svd.vectors.data);
+  share_from_first(space.fom().comm, svd.values);
+  share_from_first(space.fom().comm, svd.vectors.data);
   const Dense u = first_columns(svd.vectors, std::min(most, svd.vectors.columns));
   const auto turn = [&](Dense& a) {
     if (!a.data.empty()) a = multiply_transposed(u, a);
@@ -246,178 +361,8 @@ ResidualBasis residual_basis(MediumSpace& space, const DenseResponse& response,
   turn(basis.K);
   turn(basis.D);
   turn(basis.damped_outside);
-  basis.T = combine(parts.S, u);
-  space.unscale(basis.T);
+  basis.cut = u;
   return basis;
-}
-
-namespace {
-
-/// Σ W Wᵀ of residuals W = E^−½R of a block's ports over the samples.
-struct SquaresOfBlock {
-  Dense inputs, outputs; ///< k × k; the latter empty where they are the former
-};
-
-/// The different lists of ports of some blocks, and the groups of ports that no list
-/// divides: W Wᵀ of a list is the sum of those of its groups. With many outputs it is what
-/// growth costs.
-struct PortLists {
-  std::vector<std::vector<int>> lists;
-  std::map<std::vector<std::size_t>, std::vector<int>> groups; ///< by their lists
-
-  explicit PortLists(const std::vector<Certificate::PortSet>& blocks) {
-    for (const auto& block : blocks)
-      for (const auto& ports : {block.inputs, block.outputs})
-        if (std::find(lists.begin(), lists.end(), ports) == lists.end())
-          lists.push_back(ports);
-    std::map<int, std::vector<std::size_t>> of_port;
-    for (std::size_t l = 0; l < lists.size(); ++l)
-      for (int port : lists[l]) of_port[port].push_back(l);
-    for (const auto& [port, in] : of_port) groups[in].push_back(port);
-  }
-  std::size_t number(const std::vector<int>& ports) const {
-    return static_cast<std::size_t>(std::find(lists.begin(), lists.end(), ports) -
-                                    lists.begin());
-  }
-};
-
-/// W Wᵀ, real and imaginary parts, of each list. @param scale  of each port.
-std::vector<Dense> squares_of_lists(const PortLists& lists, const ComplexDense& W,
-                                    const std::vector<double>& scale) {
-  std::vector<Dense> squares(lists.lists.size(), Dense(W.rows, W.rows));
-  for (const auto& [in, ports] : lists.groups) {
-    Dense parts(W.rows, 2 * static_cast<int>(ports.size()));
-    int used = 0;
-    for (int port : ports) {
-      const std::complex<double>* w = W.column(port);
-      const double unit = 1 / scale[as_size(port)];
-      for (const bool real : {true, false}) {
-        double largest = 0, *to = parts.column(used);
-        for (int i = 0; i < W.rows; ++i) {
-          to[i] = unit * (real ? w[i].real() : w[i].imag());
-          largest = std::max(largest, std::abs(to[i]));
-        }
-        if (largest > 0) ++used; // of an undamped body nothing is imaginary
-      }
-    }
-    const Dense square = outer_square(first_columns(parts, used));
-    for (std::size_t l : in) add_to(squares[l], square);
-  }
-  return squares;
-}
-
-enum class Side { both, inputs, outputs };
-
-/// What is dropped of W, by a projection P, changes H by W_CᵀPW_B, a block of
-/// [wW_B, W_C/w]ᵀP[wW_B, W_C/w] whatever w is: the sum of squares by which directions of
-/// both sides count alike, or those of one alone, with a w that leaves nothing of the
-/// other. Empty if one side is both.
-Dense weighted_squares(const std::vector<SquaresOfBlock>& blocks, const Dense& of_modes,
-                       Side side, double target) {
-  Dense squares = of_modes;
-  bool differs = side == Side::both;
-  for (const SquaresOfBlock& block : blocks) {
-    const auto add = [&](const Dense& square, double weight) {
-      if (!square.data.empty()) add_to(squares, square, weight);
-    };
-    const Dense& others = side == Side::inputs ? block.outputs : block.inputs;
-    double most = 0, weight = 1; // w², of the inputs
-    for (int i = 0; i < others.rows; ++i) most += others(i, i);
-    if (side != Side::both && !block.outputs.data.empty() && most > 0) {
-      differs = true;
-      weight = std::pow(10 * most / target, side == Side::inputs ? 1 : -1);
-    }
-    add(block.inputs, weight);
-    add(block.outputs, 1 / weight);
-  }
-  return differs ? squares : Dense();
-}
-
-/// Eigenvectors whose rest is at most the target, in the norm of ‖WᵀW‖_F.
-Dense dominant(const Dense& squares, double target) {
-  const SymmetricEigen eigen = symmetric_eigen(squares);
-  const int k = squares.rows;
-  int dropped = 0;
-  for (double left = 0; dropped < k - 1; ++dropped) {
-    left = std::hypot(left, eigen.values[as_size(dropped)]);
-    if (left > target) break;
-  }
-  return part_of(eigen.vectors, 0, k, dropped, k - dropped);
-}
-
-} // namespace
-
-Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
-                         const DenseResponse& response,
-                         const std::vector<double>& samples,
-                         const std::vector<Certificate::PortSet>& blocks,
-                         const std::vector<double>& scale, double kappa, double cutoff,
-                         int modes, const std::vector<int>& left_out, double target) {
-  // F R has the norm of R in E⁻¹; dominant directions are chosen by squares: H differs by
-  // products of residuals.
-  const int k = gram.rows;
-  const GramFactor norm = gram_factor(gram);
-  const auto turned = [&](const Dense& a) {
-    return a.data.empty() ? Dense() : multiply(norm.F, a);
-  };
-  const Dense F_ports = turned(basis.ports), F_K = turned(basis.K), F_D = turned(basis.D);
-  std::vector<SquaresOfBlock> of_blocks(blocks.size());
-  const PortLists lists(blocks);
-  const auto scale_of = [&](int port) { return scale[as_size(port)]; };
-  for (double omega : samples) {
-    const ComplexDense x = response.modal_response(omega);
-    const auto without = [&](int modes_left_out) {
-      ComplexDense counted = x;
-      for (int j = 0; j < x.columns; ++j)
-        std::fill_n(counted.column(j), modes_left_out, 0.0);
-      return response.transfer(counted);
-    };
-    std::map<int, ComplexDense> H_without;
-    for (int count : left_out)
-      if (!H_without.count(count)) H_without.emplace(count, without(count));
-    const ComplexDense W =
-        residual_of(F_ports, F_K, F_D, kappa, response.system().coefficients(omega), x);
-    const std::vector<Dense> squares = squares_of_lists(lists, W, scale);
-    const auto add_square = [&](Dense& sum, const std::vector<int>& ports,
-                                double weight) {
-      if (sum.data.empty()) sum = Dense(k, k);
-      add_to(sum, squares[lists.number(ports)], weight);
-    };
-    for (std::size_t b = 0; b < blocks.size(); ++b) {
-      const Certificate::PortSet& block = blocks[b];
-      const ComplexDense& H = H_without.at(left_out[b]);
-      double size = 0; // ‖H‖² of the block
-      for (int j : block.inputs)
-        for (int i : block.outputs)
-          size += std::norm(H(i, j) / (scale_of(i) * scale_of(j)));
-      if (!(size > 0)) continue;
-      add_square(of_blocks[b].inputs, block.inputs, 1 / std::sqrt(size));
-      if (block.outputs != block.inputs)
-        add_square(of_blocks[b].outputs, block.outputs, 1 / std::sqrt(size));
-    }
-  }
-  const double sigma = cutoff * cutoff;
-  Dense of_modes = first_columns(basis.K, modes); // (ω_c² + τ) G of the certificate
-  for (int j = 0; j < modes; ++j) {
-    const double factor =
-        (sigma + response.tau()) *
-        residual_factor(response.mu()[as_size(j)], response.tau(), kappa) /
-        response.energy(j, sigma);
-    for (int i = 0; i < k; ++i) of_modes(i, j) *= factor;
-  }
-  const Dense W_of_modes = multiply(norm.F, of_modes),
-              squares_of_modes = multiply(W_of_modes, transpose(W_of_modes));
-
-  Dense fewest =
-      dominant(weighted_squares(of_blocks, squares_of_modes, Side::both, target), target);
-  for (const Side side : {Side::inputs, Side::outputs}) {
-    const Dense squares = weighted_squares(of_blocks, squares_of_modes, side, target);
-    if (squares.data.empty()) continue;
-    // One side alone costs further blocks where errors are to fall far.
-    Dense fewer = dominant(squares, target);
-    if (2 * fewer.columns < fewest.columns) fewest = std::move(fewer);
-  }
-  return multiply(norm.inverse, fewest);
 }
 
 } // namespace flexgram

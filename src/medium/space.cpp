@@ -11,23 +11,6 @@
 #include <numeric>
 
 namespace flexgram {
-namespace {
-
-/// [A, c; cᵀ, d] from the new columns [c; d].
-Dense grown(const Dense& a, const Dense& columns) {
-  const int old = columns.rows - columns.columns;
-  Dense result(columns.rows, columns.rows);
-  if (old > 0) set_part(result, 0, 0, a);
-  set_part(result, 0, old, columns);
-  for (int j = old; j < result.columns; ++j)
-    for (int i = 0; i < old; ++i) result(j, i) = result(i, j);
-  Dense corner = part_of(result, old, columns.columns, old, columns.columns);
-  symmetrise(corner);
-  set_part(result, old, old, corner);
-  return result;
-}
-
-} // namespace
 
 MediumSpace::MediumSpace(const SecondOrderModel& fom, double kappa, double tau)
     : fom_(fom.share()), product_{fom_.M, fom_.K, kappa}, tau_(tau) {
@@ -194,12 +177,12 @@ void MediumSpace::extend_projection(const Block& X, const Block& KX, const Block
             entries_.unit, std::abs(columns(old + i, j) - columns(old + j, i)) / weight);
     }
   }
-  projected_.K = grown(projected_.K, columns);
+  projected_.K = bordered(projected_.K, columns);
   Dense mass = inner(V_, WX);
   for (int j = 0; j < k; ++j)
     for (int i = 0; i < rigid_.count; ++i) mass(i, j) = 0;
-  projected_.W = grown(projected_.W, mass);
-  if (DX) projected_.D = grown(projected_.D, inner(V_, DX));
+  projected_.W = bordered(projected_.W, mass);
+  if (DX) projected_.D = bordered(projected_.D, inner(V_, DX));
 }
 
 void MediumSpace::restore(Block X) {
@@ -241,13 +224,14 @@ std::vector<double> MediumSpace::append(Block X, double tolerance) {
     return std::move(added.outside);
   }
 
-  // S loses what the new vectors take out of it; their own parts join.
+  // With P' = P − W X Xᵀ the parts that S holds lose a combination of W X, which joins S with
+  // the parts of X.
   const int old = columns() - k, width = static_cast<int>(residual_.S.columns());
-  Block dual = copy(added.vectors), weighted = copy(added.weighted);
+  Block dual = copy(added.vectors);
   unscale(dual); // S is scaled: Xᵀ(unscaled S) = (D^½X)ᵀS
-  scale(weighted);
-  residual_.S.for_each(
-      [&](Block& piece, int) { add_product(piece, -1.0, weighted, inner(dual, piece)); });
+  const Dense taken = inner(dual, residual_.S);
+  scale(added.weighted);
+  residual_.S.append(std::move(added.weighted));
   const auto join = [&](Block image, const Dense& projected) {
     project(image, part_of(projected, 0, columns(), old, k));
     residual_.S.append(std::move(image));
@@ -256,16 +240,18 @@ std::vector<double> MediumSpace::append(Block X, double tolerance) {
   if (fom_.D) join(std::move(DX), projected_.D);
   const int total = static_cast<int>(residual_.S.columns());
   const auto widened = [&](const Dense& a, int more, int first) {
-    Dense wide(total, a.columns + more);
+    Dense wide(total, a.columns + more), of_WX = multiply(taken, a);
+    for (double& v : of_WX.data) v = -v;
     set_part(wide, 0, 0, a);
+    set_part(wide, width, 0, of_WX);
     for (int j = 0; j < more; ++j) wide(first + j, a.columns + j) = 1;
     return wide;
   };
   residual_.lost_K.resize(residual_.lost_K.size() + as_size(k), 0.0);
   if (fom_.D) residual_.lost_D.resize(residual_.lost_K.size(), 0.0);
   residual_.B = widened(residual_.B, 0, 0);
-  residual_.K = widened(residual_.K, k, width);
-  if (fom_.D) residual_.D = widened(residual_.D, k, width + k);
+  residual_.K = widened(residual_.K, k, width + k);
+  if (fom_.D) residual_.D = widened(residual_.D, k, width + 2 * k);
   return std::move(added.outside);
 }
 

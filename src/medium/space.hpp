@@ -50,6 +50,7 @@ public:
   /// coordinates of P B, P K V and P D V in them.
   struct Residual {
     Basis S;
+    int orthonormal = 0; ///< so many first columns of S are
     Dense B, K, D;
     /// Norms of what each of these columns lost when S was replaced by a smaller basis.
     std::vector<double> lost_B, lost_K, lost_D;
