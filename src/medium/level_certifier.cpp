@@ -38,16 +38,19 @@ void LevelCertifier::prove(InverseBounds& bounds, const std::vector<double>& gri
 
   if (!parts_.residuals.complete) images_ = ResidualImages(); // of directions alone
   orthonormalise_residual(space);
-  const std::optional<Dense> fewer = directions_of_residual(space);
-  const int columns = fewer ? fewer->columns : space.residual().orthonormal;
-  if (columns <= most)
-    images_.extend(run_, modal_, space.residual().S);
-  else
-    images_ = ResidualImages();
-  if (fewer) {
+  const int solved = static_cast<int>(images_.images().columns());
+  if (const auto fewer = directions_of_residual(space, solved)) {
+    if (fewer->columns < space.residual().orthonormal - solved)
+      images_ = ResidualImages();
+    else
+      images_.extend(run_, modal_, space.residual().S);
     images_.turn(*fewer);
     turn_residual_parts(space, *fewer);
   }
+  if (space.residual().orthonormal <= most)
+    images_.extend(run_, modal_, space.residual().S);
+  else
+    images_ = ResidualImages();
   ResidualBasis residuals = residual_basis(space, *level.response, samples,
                                            modal_.modes(), modal_.cutoff, most);
   level.complete = residuals.complete;

@@ -267,10 +267,10 @@ void orthonormalise_residual(MediumSpace& space) {
   space.compress_residual(std::move(smaller));
 }
 
-std::optional<Dense> directions_of_residual(const MediumSpace& space) {
+std::optional<Dense> directions_of_residual(const MediumSpace& space, int solved) {
   const MediumSpace::Residual& parts = space.residual();
   const int r = parts.orthonormal;
-  const auto pays = [&](int rank) { return 4 * rank <= 3 * r; };
+  const auto pays = [&](int rank) { return 2 * rank <= r || rank < r - solved; };
   if (r == 0 || !pays(parts.B.columns)) return std::nullopt; // ports are seldom alike
   LeftSvd svd = left_svd(compressed(of_norm_one({&parts.B, &parts.K, &parts.D}, r)));
   share_from_first(space.fom().comm, svd.values);

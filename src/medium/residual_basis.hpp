@@ -25,9 +25,10 @@ struct ResidualBasis {
 /// Makes all columns of the space's residual parts orthonormal: those that append added since.
 void orthonormalise_residual(MediumSpace& space);
 /// Coordinates Q (r×k, orthonormal columns) of the directions that the residual's parts have in
-/// S, if these are so few that it pays to go on with S Q.
+/// S, if these are so few that it pays to go on with S Q: half of r, or fewer than r − solved.
+/// @param solved  so many columns of S have been solved for.
 /// @pre S is orthonormal.
-std::optional<Dense> directions_of_residual(const MediumSpace& space);
+std::optional<Dense> directions_of_residual(const MediumSpace& space, int solved);
 /// S Q instead of S. What that drops of the parts is counted.
 void turn_residual_parts(MediumSpace& space, const Dense& Q);
 
