@@ -11,12 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.sparse.linalg import eigsh
+from test_loss_factors import stored
 
 from bodies import CALCULIX, box
 from conftest import ROOT, assembled, run
 from flexgram import BodyError, ReducedModel
 from flexgram.importers import parse
 from flexgram.importers.assemble import assemble_deck
+from flexgram.importers.ccx import damping_of, read_job
 
 sys.path.insert(0, str(ROOT / "scripts"))
 from ccx_reference import deck_of
@@ -141,3 +143,45 @@ def test_what_is_not_followed(
     path.write_text(text.replace(*change) if change[0] else text)
     with pytest.raises(BodyError, match=expected):
         assemble_deck(path, tmp_path / "bar.h5", EYE)
+
+
+def with_loss_factors(path: Path, first: float, second: float) -> Path:
+    """The bar, a tenth of its elements of a second material, with a loss factor for each."""
+    text = deck(path, "C3D10").read_text()
+    name = re.search(r"\*MATERIAL, *NAME=(\w+)", text)[1]
+    start = text.index("*SOLID SECTION")
+    more = (
+        "*MATERIAL, NAME=MOUNT\n*ELASTIC\n2e9, 0.4\n*DENSITY\n1200.\n"
+        f"*DAMPING, STRUCTURAL={second}\n*ELSET, ELSET=SOFT, GENERATE\n1, 12\n"
+        "*SOLID SECTION, ELSET=SOFT, MATERIAL=MOUNT\n"
+    )
+    text = text[:start] + text[start:].replace("*STEP", more + "*STEP", 1)
+    text = re.sub(
+        rf"\*MATERIAL, *NAME={name}\n", rf"\g<0>*DAMPING, STRUCTURAL={first}\n", text, count=1
+    )
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_loss_factors_of_its_materials(ranks: int, tmp_path: Path) -> None:
+    found = {}
+    for name, (first, second) in {"a": (1, 0), "b": (0, 1), "both": (0.01, 0.2)}.items():
+        path = with_loss_factors(tmp_path / f"{name}.inp", first, second)
+        counts = assemble_deck(path, tmp_path / f"{name}.h5", EYE)
+        assert any(f"MOUNT {second:g}" in remark for remark in counts["remarks"])
+        found[name] = stored(tmp_path / f"{name}.h5", ranks)
+    a, b, both = (found[name]["S"] for name in found)
+    assert abs(a + b - found["a"]["K"]).max() < 1e-14 * abs(found["a"]["K"]).max()
+    assert abs(0.01 * a + 0.2 * b - both).max() < 1e-15 * abs(both).max() + 1e-14 * abs(a).max()
+    assert 0 < b.nnz and abs(b).sum() < 0.1 * abs(a).sum()
+    # What is given takes the place of what the deck has.
+    assemble_deck(tmp_path / "both.inp", tmp_path / "eta.h5", EYE, eta=0.05)
+    assert stored(tmp_path / "eta.h5", ranks)["eta"] == 0.05
+
+
+def test_stored_matrices_name_loss_factors_of_materials(tmp_path: Path) -> None:
+    damping = damping_of(read_job(with_loss_factors(tmp_path / "bar.inp", 0.01, 0.2)))
+    assert damping.eta == 0 and sorted(damping.loss_factors.values()) == [0.01, 0.2]
+    same = damping_of(read_job(with_loss_factors(tmp_path / "bar.inp", 0.1, 0.1)))
+    assert same.eta == 0.1 and not same.loss_factors

@@ -129,6 +129,16 @@ def test_damping_of_the_deck(tmp_path: Path) -> None:
         damping("*DASHPOT, ELSET=E\n\nfifty\n")
 
 
+def test_stored_matrices_have_no_loss_factors_of_materials(tmp_path: Path) -> None:
+    job = ccx_job(tmp_path)
+    job.with_suffix(".inp").write_text(
+        "*NODE\n1, 0, 0, 0\n2, 0, 3, 4\n"
+        "*MATERIAL, NAME=A\n*DAMPING, STRUCTURAL=0.2\n*MATERIAL, NAME=B\n"
+    )
+    fe = read(job)
+    assert fe.eta == 0 and any("--assemble" in remark for remark in fe.remarks)
+
+
 def test_dashpots_act_along_their_line(tmp_path: Path) -> None:
     job = ccx_job(tmp_path)  # rows of the nodes 1 and 2
     deck = job.with_suffix(".inp")

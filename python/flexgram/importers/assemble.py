@@ -202,6 +202,11 @@ def assemble_deck(
     mesh, material_of, overlapping = mesh_of(job, deck, materials)
     damping = damping_of(job)
     remarks = [*deck.remarks, *damping.remarks]
+    if damping.loss_factors and eta is None:
+        for name, loss in damping.loss_factors.items():
+            materials[name] = {**materials[name], "loss_factor": loss}
+        said = ", ".join(f"{name} {loss:g}" for name, loss in damping.loss_factors.items())
+        remarks.append(f"loss factors of the deck's materials (*DAMPING, STRUCTURAL): {said}")
     if overlapping:
         remarks.append(
             f"{overlapping} elements are in several *SOLID SECTIONs: the last one counts, as in ccx"

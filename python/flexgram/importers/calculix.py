@@ -169,6 +169,11 @@ def _take_damping(fe: FeMatrices, damping: ccx.Damping) -> None:
     """Rayleigh coefficients, and D of the dashpots: c e eᵀ along the line between their nodes."""
     fe.alpha, fe.beta, fe.eta = damping.alpha, damping.beta, damping.eta
     fe.remarks += damping.remarks
+    if any(damping.loss_factors.values()):
+        fe.remarks.append(
+            "*DAMPING, STRUCTURAL of the materials differs: it is left out (--eta, or --assemble, "
+            "which reads it)"
+        )
     if not damping.dashpots:
         return
     held: set[tuple[int, int]] = set()

@@ -306,6 +306,8 @@ class Damping:
     alpha: float = 0.0  #: [1/time]
     beta: float = 0.0  #: [time]
     eta: float = 0.0
+    #: of the materials, where these differ and have nothing else that damps
+    loss_factors: dict[str, float] = field(default_factory=dict)
     dashpots: list[tuple[int, int, float]] = field(default_factory=list)  #: nodes, force/speed
     #: what *BOUNDARY holds, if there are dashpots: node or set, first and last direction from 1
     held: list[tuple[str, int, int]] = field(default_factory=list)
@@ -314,6 +316,22 @@ class Damping:
 
 def _number(words: list[str], at: int) -> float:
     return float(words[at]) if at < len(words) and words[at] else 0.0
+
+
+def _damping_by_material(job: Job) -> dict[str, tuple[float, float, float]]:
+    """ALPHA, BETA and STRUCTURAL of each material, zero where it has no ``*DAMPING``."""
+    found: dict[str, tuple[float, float, float]] = {}
+    name = ""
+    for card in job.model:
+        if card.keyword == "MATERIAL":
+            name = card.options.get("NAME", "").upper()
+            found[name] = (0.0, 0.0, 0.0)
+        elif card.keyword == "DAMPING":
+            alpha, beta, eta = (
+                float(card.options.get(key) or 0) for key in ("ALPHA", "BETA", "STRUCTURAL")
+            )
+            found[name] = (alpha, beta, eta)
+    return found
 
 
 def _rayleigh(job: Job, damping: Damping) -> None:
@@ -328,19 +346,17 @@ def _rayleigh(job: Job, damping: Damping) -> None:
             )
             continue
         found |= {(_number(words, 2), _number(words, 3), 0.0) for words in card.words()}
-    materials = sum(card.keyword == "MATERIAL" for card in job.model)
-    of_materials = [
-        tuple(float(card.options.get(name) or 0) for name in ("ALPHA", "BETA", "STRUCTURAL"))
-        for card in job.model
-        if card.keyword == "DAMPING"
-    ]
-    if not found and of_materials:
-        if len(set(of_materials)) > 1 or len(of_materials) < materials:
+    of_materials = _damping_by_material(job)
+    if not found and any(map(any, of_materials.values())):
+        different = set(of_materials.values())
+        if len(different) == 1:
+            found = different
+        elif all(alpha == beta == 0 for alpha, beta, _ in different):
+            damping.loss_factors = {name: eta for name, (*_, eta) in of_materials.items()}
+        else:
             damping.remarks.append(
                 "*DAMPING of the materials differs: it is left out (--alpha, --beta, --eta)"
             )
-        else:
-            found = {(a, b, c) for a, b, c in of_materials}
     if len(found) > 1:
         damping.remarks.append(
             "steps damp differently: *MODAL DAMPING is left out (--alpha, --beta)"
