@@ -66,44 +66,51 @@ InverseBounds inverse_bounds(const CertifyRun& run, const ModalSpace& modal,
 
 void ResidualImages::extend(const CertifyRun& run, const ModalSpace& modal,
                             const Basis& T) {
-  const MediumSpace& space = *modal.space;
   Basis before; // columns of T that have images
   T.for_each([&](const Block& piece, int first) {
     if (first >= X_.columns()) {
-      const int k = static_cast<int>(piece.columns());
-      const Dense one = identity(k);
       Block added = copy(piece);
-      space.unscale(added);
+      modal.space->unscale(added);
       Block X = run.factors.solve(added, ShiftedSolver::Verify::first_column);
-      Block rest = copy(added); // F
-      add_product(rest, -1.0, multiply(run.fom.K, X), one);
-      add_product(rest, modal.cutoff * modal.cutoff, multiply(run.fom.M, X), one);
-      Dense corner = inner(added, X);
-      add_to(corner, inner(X, rest));
-      symmetrise(corner);
-      Dense columns(first + k, k);
-      set_part(columns, first, 0, corner);
-      if (first > 0) {
-        Block dual = copy(X);
-        space.unscale(dual); // T is scaled
-        Dense beside = inner(before, dual);
-        add_to(beside, inner(X_, rest));
-        set_part(columns, 0, 0, beside);
-      }
-      gram_ = bordered(gram_, columns);
-      space.scale(rest);
-      missed_ += sum_of_squares(rest);
-      X_.append(std::move(X));
+      add(run, modal, before, std::move(added), std::move(X));
     }
     before.append(piece.share());
   });
 }
 
-void ResidualImages::turn(const Dense& Q) {
+void ResidualImages::turn(const CertifyRun& run, const ModalSpace& modal, const Dense& Q,
+                          const Basis& T) {
   if (!X_) return;
-  X_ = Basis(combine(X_, Q));
-  gram_ = multiply_transposed(Q, multiply(gram_, Q));
-  symmetrise(gram_);
+  Block X = combine(X_, Q), turned = combine(T, identity(Q.columns));
+  modal.space->unscale(turned);
+  *this = ResidualImages();
+  add(run, modal, Basis(), std::move(turned), std::move(X));
+}
+
+void ResidualImages::add(const CertifyRun& run, const ModalSpace& modal,
+                         const Basis& before, Block added, Block X) {
+  const MediumSpace& space = *modal.space;
+  const int k = static_cast<int>(X.columns()), first = static_cast<int>(X_.columns());
+  const Dense one = identity(k);
+  Dense corner = inner(added, X);
+  Block rest = std::move(added); // F
+  add_product(rest, -1.0, multiply(run.fom.K, X), one);
+  add_product(rest, modal.cutoff * modal.cutoff, multiply(run.fom.M, X), one);
+  add_to(corner, inner(X, rest));
+  symmetrise(corner);
+  Dense columns(first + k, k);
+  set_part(columns, first, 0, corner);
+  if (first > 0) {
+    Block dual = copy(X);
+    space.unscale(dual); // T is scaled
+    Dense beside = inner(before, dual);
+    add_to(beside, inner(X_, rest));
+    set_part(columns, 0, 0, beside);
+  }
+  gram_ = bordered(gram_, columns);
+  space.scale(rest);
+  missed_ += sum_of_squares(rest);
+  X_.append(std::move(X));
 }
 
 ResidualNorm ResidualImages::norm(const CertifyRun& run, const ModalSpace& modal,

@@ -34,8 +34,10 @@ public:
   /// @param T  rows scaled like those of the space's residual parts.
   /// @pre the factors of E are at hand. @note Collective.
   void extend(const CertifyRun& run, const ModalSpace& modal, const Basis& T);
-  /// Those of T Q. @param Q  with orthonormal columns.
-  void turn(const Dense& Q);
+  /// Combines the images: X Q. Their F and Gram matrix are computed anew, since the images of T
+  /// may be far larger than those of T Q. @param T  turned by Q already. @note Collective.
+  void turn(const CertifyRun& run, const ModalSpace& modal, const Dense& Q,
+            const Basis& T);
   /// @param T  that of all columns. @note Collective.
   ResidualNorm norm(const CertifyRun& run, const ModalSpace& modal,
                     const DenseResponse& response, const InverseBounds& bounds,
@@ -43,6 +45,10 @@ public:
   const Basis& images() const { return X_; }
 
 private:
+  /// One more block. @param before  T of the others, scaled. @param added  of T, not scaled.
+  void add(const CertifyRun& run, const ModalSpace& modal, const Basis& before,
+           Block added, Block X);
+
   Basis X_;
   Dense gram_;        ///< TᵀX + XᵀF
   double missed_ = 0; ///< ‖F‖_F², rows scaled, at least

@@ -39,13 +39,13 @@ void LevelCertifier::prove(InverseBounds& bounds, const std::vector<double>& gri
   if (!parts_.residuals.complete) images_ = ResidualImages(); // of directions alone
   orthonormalise_residual(space);
   const int solved = static_cast<int>(images_.images().columns());
-  if (const auto fewer = directions_of_residual(space, solved)) {
+  if (const auto fewer = directions_of_residual(space, solved, most)) {
     if (fewer->columns < space.residual().orthonormal - solved)
       images_ = ResidualImages();
     else
       images_.extend(run_, modal_, space.residual().S);
-    images_.turn(*fewer);
     turn_residual_parts(space, *fewer);
+    images_.turn(run_, modal_, *fewer, space.residual().S);
   }
   if (space.residual().orthonormal <= most)
     images_.extend(run_, modal_, space.residual().S);

@@ -88,7 +88,10 @@ Span span_of(MPI_Comm comm, Basis T, Basis S, const std::vector<const Dense*>& p
     span.dropped.clear();
     for (int j = 0; j < q; ++j)
       span.dropped.push_back(std::sqrt(std::max(gram(j, j), 0.0)));
-    if (pass == 0) size = sizes_of(span, gram, parts);
+    if (pass == 0) {
+      size = sizes_of(span, gram, parts);
+      share_from_first(comm, size);
+    }
     const auto relative = [&](int j) {
       const auto at = as_size(j);
       return size[at] > 0 ? span.dropped[at] / size[at] : 0.0;
@@ -267,10 +270,13 @@ void orthonormalise_residual(MediumSpace& space) {
   space.compress_residual(std::move(smaller));
 }
 
-std::optional<Dense> directions_of_residual(const MediumSpace& space, int solved) {
+std::optional<Dense> directions_of_residual(const MediumSpace& space, int solved,
+                                            int most) {
   const MediumSpace::Residual& parts = space.residual();
   const int r = parts.orthonormal;
-  const auto pays = [&](int rank) { return 2 * rank <= r || rank < r - solved; };
+  const auto pays = [&](int rank) {
+    return 2 * rank <= r || rank < r - solved || (rank <= most && most < r);
+  };
   if (r == 0 || !pays(parts.B.columns)) return std::nullopt; // ports are seldom alike
   LeftSvd svd = left_svd(compressed(of_norm_one({&parts.B, &parts.K, &parts.D}, r)));
   share_from_first(space.fom().comm, svd.values);

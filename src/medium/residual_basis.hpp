@@ -25,10 +25,12 @@ struct ResidualBasis {
 /// Makes all columns of the space's residual parts orthonormal: those that append added since.
 void orthonormalise_residual(MediumSpace& space);
 /// Coordinates Q (r×k, orthonormal columns) of the directions that the residual's parts have in
-/// S, if these are so few that it pays to go on with S Q: half of r, or fewer than r − solved.
+/// S, if these are so few that it pays to go on with S Q: half of r, or fewer than r − solved, or
+/// no more than `most` where r is more.
 /// @param solved  so many columns of S have been solved for.
 /// @pre S is orthonormal.
-std::optional<Dense> directions_of_residual(const MediumSpace& space, int solved);
+std::optional<Dense> directions_of_residual(const MediumSpace& space, int solved,
+                                            int most);
 /// S Q instead of S. What that drops of the parts is counted.
 void turn_residual_parts(MediumSpace& space, const Dense& Q);
 
