@@ -326,7 +326,7 @@ def _damping_by_material(job: Job) -> dict[str, tuple[float, float, float]]:
         if card.keyword == "MATERIAL":
             name = card.options.get("NAME", "").upper()
             found[name] = (0.0, 0.0, 0.0)
-        elif card.keyword == "DAMPING":
+        elif card.keyword == "DAMPING" and name:
             alpha, beta, eta = (
                 float(card.options.get(key) or 0) for key in ("ALPHA", "BETA", "STRUCTURAL")
             )
