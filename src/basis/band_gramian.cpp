@@ -17,7 +17,7 @@ constexpr int points = 10;
 constexpr double loss_factor = 0.01; // of undamped bodies
 
 bool undamped(const DenseSystem& s) {
-  return !s.has_extra_damping() && s.damping.alpha == 0 && s.damping.beta == 0 &&
+  return s.terms.empty() && s.damping.alpha == 0 && s.damping.beta == 0 &&
          s.damping.eta == 0;
 }
 

@@ -293,9 +293,10 @@ DenseSystem::Modal Cut::chosen_model() {
     chosen.system = medium_.system.project(chosen.Q);
     chosen.system.K = std::move(K);
   }
-  for (Dense* a : {&chosen.Q, &chosen.system.K, &chosen.system.M, &chosen.system.D,
-                   &chosen.system.B, &chosen.system.C})
+  DenseSystem& system = chosen.system;
+  for (Dense* a : {&chosen.Q, &system.K, &system.M, &system.B, &system.C})
     share_from_first(comm_, a->data);
+  for (auto& [law, T] : system.terms) share_from_first(comm_, T.data);
   return chosen;
 }
 

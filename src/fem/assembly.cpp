@@ -265,9 +265,10 @@ SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
         .run(masters, matrix);
   });
   masters = {};
-  matrix.assemble(comm, model.K, model.M, model.D);
+  Matrix S;
+  matrix.assemble(comm, model.K, model.M, S);
   if (!loss) {
-    model.damping.law = Damping::Law::structural;
+    model.terms.push_back({Law::Kind::structural, std::move(S)});
     if (reactions.any())
       throw Error(
           "reactions of a body whose materials have loss factors of their own are "

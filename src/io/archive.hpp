@@ -8,6 +8,11 @@
 
 namespace flexgram {
 
+/// The name of the k-th of a list.
+inline std::string numbered(const char* name, std::size_t k) {
+  return text("%s_%zu", name, k + 1);
+}
+
 /// Writing and reading of fields by their names: a class lists its fields once, in a
 /// function `archive(archive, object)` that both can take. Numbers are attributes of the
 /// group, arrays datasets in it; empty ones are left out.
@@ -40,6 +45,13 @@ public:
                                             static_cast<double>(value.columns)});
     if (!value.data.empty()) // stored by columns: the shape is reversed
       file_.write(path(name), {value.columns, value.rows}, value.data);
+  }
+  /// As NAME_1, NAME_2, …, and their number.
+  template <class T>
+  void operator()(const char* name, const std::vector<T>& values) {
+    (*this)((std::string(name) + "_count").c_str(), static_cast<int>(values.size()));
+    for (std::size_t k = 0; k < values.size(); ++k)
+      (*this)(numbered(name, k).c_str(), values[k]);
   }
 
 private:
@@ -95,6 +107,15 @@ public:
     value.rows = static_cast<int>(shape[0]);
     value.columns = static_cast<int>(shape[1]);
     value.data = std::move(data);
+  }
+  template <class T>
+  void operator()(const char* name, std::vector<T>& values) {
+    int count = 0;
+    (*this)((std::string(name) + "_count").c_str(), count);
+    if (count < 0 || count > 1000) fail(name, "has not the number that it says");
+    values.resize(static_cast<std::size_t>(count));
+    for (std::size_t k = 0; k < values.size(); ++k)
+      (*this)(numbered(name, k).c_str(), values[k]);
   }
 
 private:

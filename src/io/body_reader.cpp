@@ -253,31 +253,38 @@ Damping read_damping(const Hdf5File& file) {
   return damping;
 }
 
-void classify_damping(SecondOrderModel& model) {
-  const bool structural = model.damping.law == Damping::Law::structural;
-  const auto leave_out = [&] {
-    model.D.reset();
-    model.damping.law = Damping::Law::viscous;
-  };
-  if (!model.D) return leave_out();
+namespace {
+
+/// Whether α, β and η hold all of the term, and so take it over.
+bool is_proportional(const Term<Matrix>& term, SecondOrderModel& model) {
+  const auto& [law, T] = term;
   PetscReal largest = 0, size = 0; // of row sums: squares may overflow
-  FG_CALL(MatNorm(model.D, NORM_INFINITY, &largest));
+  FG_CALL(MatNorm(T, NORM_INFINITY, &largest));
   if (!(largest < 1e120))
     throw Error(text("%s has entries of %.0e, which doubles cannot square: are its units "
                      "right?",
-                     structural ? "S" : "D", largest));
-  FG_CALL(MatNorm(model.D, NORM_FROBENIUS, &size));
-  if (size == 0) return leave_out();
-  const ProportionalFit fit = fit_proportional(model.D, model.M, model.K, 1e-12);
-  if (!fit.proportional || fit.alpha < 0 || fit.beta < 0) return;
-  if (structural && fit.alpha > 0) return; // of M: no loss factor
-  if (structural) {
-    model.damping.eta += fit.beta;
-  } else {
+                     law.letter(), largest));
+  FG_CALL(MatNorm(T, NORM_FROBENIUS, &size));
+  if (size == 0) return true;
+  const ProportionalFit fit = fit_proportional(T, model.M, model.K, 1e-12);
+  if (!fit.proportional || fit.alpha < 0 || fit.beta < 0) return false;
+  if (law.is_viscous()) {
     model.damping.alpha += fit.alpha;
     model.damping.beta += fit.beta;
+    return true;
   }
-  leave_out();
+  if (fit.alpha > 0) return false; // of M: no loss factor
+  model.damping.eta += fit.beta;
+  return true;
+}
+
+} // namespace
+
+void classify_damping(SecondOrderModel& model) {
+  std::vector<Term<Matrix>> left;
+  for (auto& term : model.terms)
+    if (!is_proportional(term, model)) left.push_back(std::move(term));
+  model.terms = std::move(left);
 }
 
 std::string not_read(const Hdf5File& file) {
@@ -308,13 +315,11 @@ SecondOrderModel read_body(const Hdf5File& file) {
   model.K = read_symmetric(file, "/K", model.n, model.rows, model.remarks);
   model.M = read_symmetric(file, "/M", model.n, model.rows, model.remarks);
   model.damping = read_damping(file);
-  for (const char* name : {"/D", "/S"}) {
+  for (const Law law : {Law::Kind::viscous, Law::Kind::structural}) {
+    const std::string name = std::string("/") + law.letter();
     if (!file.exists(name)) continue;
-    if (model.D)
-      fail(file, "/D and /S are both there: a body has a damping matrix or structural "
-                 "damping by material (alpha, beta and eta go with either)");
-    model.D = read_symmetric(file, name, model.n, model.rows, model.remarks);
-    if (std::string(name) == "/S") model.damping.law = Damping::Law::structural;
+    model.terms.push_back(
+        {law, read_symmetric(file, name, model.n, model.rows, model.remarks)});
   }
   agree(file.comm(), [&] {
     if (file.has_attribute("/", "rounding"))

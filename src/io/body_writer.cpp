@@ -80,8 +80,8 @@ void write_body(const SecondOrderModel& model, const std::string& path) {
   Hdf5File file = Hdf5File::create(model.comm, path);
   write_sparse(file, "/K", model.K);
   write_sparse(file, "/M", model.M);
-  const bool structural = model.damping.law == Damping::Law::structural;
-  if (model.D) write_sparse(file, structural ? "/S" : "/D", model.D);
+  for (const auto& [law, matrix] : model.terms)
+    write_sparse(file, std::string("/") + law.letter(), matrix);
   file.set_attribute("/", "alpha", model.damping.alpha);
   file.set_attribute("/", "beta", model.damping.beta);
   file.set_attribute("/", "eta", model.damping.eta);

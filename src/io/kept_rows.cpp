@@ -70,11 +70,16 @@ std::vector<std::pair<std::string, double>> identity_of(const SecondOrderModel& 
     }
     return std::sqrt(sum_over(body.comm, square));
   };
-  return {{"n", static_cast<double>(body.n)}, {"alpha", body.damping.alpha},
-          {"beta", body.damping.beta},        {"eta", body.damping.eta},
-          {"norm of K", norm(body.K)},        {"norm of M", norm(body.M)},
-          {"norm of D", norm(body.D)},        {"norm of B", size(body.B)},
-          {"norm of C", size(body.C)},        {"law of D", body.damping.of_D(2)}};
+  return {{"n", static_cast<double>(body.n)},
+          {"alpha", body.damping.alpha},
+          {"beta", body.damping.beta},
+          {"eta", body.damping.eta},
+          {"norm of K", norm(body.K)},
+          {"norm of M", norm(body.M)},
+          {"norm of D", norm(body.term({}))},
+          {"norm of B", size(body.B)},
+          {"norm of C", size(body.C)},
+          {"norm of S", norm(body.term(Law::Kind::structural))}};
 }
 
 } // namespace

@@ -37,12 +37,12 @@ void rows(FieldSink& sink, const std::string& name,
 void system(FieldSink& sink, const SecondOrderModel& model) {
   const int m = static_cast<int>(model.n);
   const Dense M = to_dense(model.M), K = to_dense(model.K);
-  Dense D = model.D ? to_dense(model.D) : Dense(m, m); // all that is viscous
+  const Mat viscous = model.term({}), structural = model.term(Law::Kind::structural);
+  Dense D = viscous ? to_dense(viscous) : Dense(m, m); // all that is viscous
   matrix(sink, "M", M);
   matrix(sink, "K", K);
-  if (model.damping.law == Damping::Law::structural) {
-    matrix(sink, "S", D);
-    D = Dense(m, m);
+  if (structural) {
+    matrix(sink, "S", to_dense(structural));
     add_to(D, M, model.damping.alpha);
     add_to(D, K, model.damping.beta);
     sink.value("alpha", model.damping.alpha);

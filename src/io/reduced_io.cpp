@@ -125,12 +125,16 @@ SecondOrderModel read_reduced(MPI_Comm comm, const std::string& path) {
     model.rows = {0, model.n};
     model.K = make_dense(K);
     model.M = make_dense(M);
-    if (file.exists("/S")) { // then alpha and beta are what D is made of
+    const auto factor = [&](const char* name) {
+      return file.has_attribute("/", name) ? file.number_attribute("/", name) : 0.0;
+    };
+    const bool by_factors = factor("alpha") != 0 || factor("beta") != 0; // all of D
+    if (!by_factors && frobenius_norm(D) > 0)
+      model.terms.push_back({Law(), make_dense(D)});
+    if (file.exists("/S")) {
       const Dense S = read("/S");
       expect("/S", S, m, m);
-      model.D = make_dense(S);
-    } else if (frobenius_norm(D) > 0) {
-      model.D = make_dense(D);
+      model.terms.push_back({Law::Kind::structural, make_dense(S)});
     }
     model.B = make_block(B);
     model.C = make_block(transpose(C));
@@ -144,7 +148,6 @@ SecondOrderModel read_reduced(MPI_Comm comm, const std::string& path) {
     read_output_form(file, model);
   });
   model.damping = read_damping(file);
-  if (file.exists("/S")) model.damping.law = Damping::Law::structural;
   return model;
 }
 

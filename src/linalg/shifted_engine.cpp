@@ -8,7 +8,7 @@
 
 namespace flexgram {
 
-CommonPattern common_pattern(Mat K, Mat M, Mat D) {
+CommonPattern common_pattern(Mat K, Mat M, const std::vector<Mat>& terms) {
   static Event event("CommonPattern");
   const auto timed = event.timed();
   CommonPattern common;
@@ -18,8 +18,14 @@ CommonPattern common_pattern(Mat K, Mat M, Mat D) {
   common.lower.n = static_cast<int>(n);
   std::vector<int> place(as_size(n), -1);
   std::vector<PetscInt> columns;
-  Mat const matrices[] = {K, M, D};
-  std::size_t lower = 0; // of K: M and D rarely have more
+  common.terms.resize(terms.size());
+  std::vector<Mat> matrices{K, M};
+  std::vector<std::vector<double>*> values{&common.k, &common.m};
+  for (std::size_t t = 0; t < terms.size(); ++t) {
+    matrices.push_back(terms[t]);
+    values.push_back(&common.terms[t]);
+  }
+  std::size_t lower = 0; // of K: the others rarely have more
   for (PetscInt row = begin; row < end; ++row) {
     PetscInt count = 0;
     const PetscInt* list = nullptr;
@@ -28,9 +34,7 @@ CommonPattern common_pattern(Mat K, Mat M, Mat D) {
     FG_CALL(MatRestoreRow(K, row, &count, &list, nullptr));
   }
   for (auto* list : {&common.lower.row, &common.lower.column}) list->reserve(lower);
-  for (auto* list : {&common.k, &common.m, &common.d})
-    if (list != &common.d || D) list->reserve(lower);
-  std::vector<double>* const values[] = {&common.k, &common.m, &common.d};
+  for (auto* list : values) list->reserve(lower);
   for (PetscInt row = begin; row < end; ++row) {
     const std::size_t first = common.lower.row.size();
     columns.clear();
@@ -41,14 +45,12 @@ CommonPattern common_pattern(Mat K, Mat M, Mat D) {
         columns.push_back(column);
         common.lower.row.push_back(static_cast<int>(row) + 1);
         common.lower.column.push_back(static_cast<int>(column) + 1);
-        common.k.push_back(0);
-        common.m.push_back(0);
-        if (D) common.d.push_back(0);
+        for (auto* list : values) list->push_back(0);
       }
       return first + as_size(position);
     };
     slot(row); // MUMPS wants the diagonal, zero or not
-    for (int i = 0; i < 3; ++i) {
+    for (std::size_t i = 0; i < matrices.size(); ++i) {
       if (!matrices[i]) continue;
       PetscInt count = 0;
       const PetscInt* list = nullptr;
@@ -83,10 +85,12 @@ public:
   void factorise(const CommonPattern& common, const ShiftCoefficients& c,
                  bool pivoting) override {
     std::vector<Scalar> values(common.k.size());
-    const bool damped = !common.d.empty();
-    for (std::size_t i = 0; i < values.size(); ++i)
-      values[i] = narrow(c.k * common.k[i] + c.m * common.m[i] +
-                         (damped ? c.d * common.d[i] : 0.0));
+    const std::size_t terms = c.terms.size();
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      std::complex<double> value = c.k * common.k[i] + c.m * common.m[i];
+      for (std::size_t t = 0; t < terms; ++t) value += c.terms[t] * common.terms[t][i];
+      values[i] = narrow(value);
+    }
     mumps_.factorise(common.lower, std::move(values), pivoting);
   }
 

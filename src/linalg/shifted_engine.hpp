@@ -5,13 +5,14 @@
 
 namespace flexgram {
 
-/// Lower triangles of K, M and D on one common pattern, this rank's rows.
+/// Lower triangles of K, M and the terms on one common pattern, this rank's rows.
 struct CommonPattern {
   Pattern lower;
-  std::vector<double> k, m, d;
+  std::vector<double> k, m;
+  std::vector<std::vector<double>> terms;
 };
 
-CommonPattern common_pattern(Mat K, Mat M, Mat D);
+CommonPattern common_pattern(Mat K, Mat M, const std::vector<Mat>& terms);
 
 /// One instance of MUMPS behind an interface without its arithmetic.
 class Engine {

@@ -20,16 +20,19 @@ double infinity_norm(Mat a) {
 
 } // namespace
 
-ShiftedMatrix::ShiftedMatrix(Mat stiffness, Mat mass, Mat damping)
+ShiftedMatrix::ShiftedMatrix(Mat stiffness, Mat mass, std::vector<Mat> of_terms)
     : comm(PetscObjectComm(reinterpret_cast<PetscObject>(stiffness))), K(stiffness),
-      M(mass), D(damping), norm_K_(infinity_norm(K)), norm_M_(infinity_norm(M)),
-      norm_D_(infinity_norm(D)) {
+      M(mass), terms(std::move(of_terms)), norm_K_(infinity_norm(K)),
+      norm_M_(infinity_norm(M)) {
+  for (Mat term : terms) norms_of_terms_.push_back(infinity_norm(term));
   FG_CALL(MatGetOwnershipRange(K, &rows.begin, &rows.end));
 }
 
 double ShiftedMatrix::norm() const {
-  return std::abs(coefficients.k) * norm_K_ + std::abs(coefficients.m) * norm_M_ +
-         std::abs(coefficients.d) * norm_D_;
+  double norm = std::abs(coefficients.k) * norm_K_ + std::abs(coefficients.m) * norm_M_;
+  for (std::size_t t = 0; t < coefficients.terms.size(); ++t)
+    norm += std::abs(coefficients.terms[t]) * norms_of_terms_[t];
+  return norm;
 }
 
 double ShiftedMatrix::residual(const Block& b, const Block& x, Block& r) const {
@@ -59,7 +62,8 @@ double ShiftedMatrix::residual(const Block& b, const Block& x, Block& r) const {
   };
   subtract(K, coefficients.k);
   subtract(M, coefficients.m);
-  subtract(D, coefficients.d);
+  for (std::size_t t = 0; t < coefficients.terms.size(); ++t)
+    subtract(terms[t], coefficients.terms[t]);
 
   const double norm_A = norm();
   const auto r_max = column_maxima(r), x_max = column_maxima(x), b_max = column_maxima(b);

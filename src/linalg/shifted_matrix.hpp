@@ -1,4 +1,4 @@
-/// A = kK + mM + dD as it is, without factors: what solutions are held against.
+/// A = kK + mM + Σ g T as it is, without factors: what solutions are held against.
 
 #pragma once
 
@@ -6,22 +6,29 @@
 
 #include <petscmat.h>
 
+#include <algorithm>
 #include <complex>
+#include <vector>
 
 namespace flexgram {
 
-/// A = k K + m M + d D. Real where all three are real.
+/// A = k K + m M + Σ g T. Real where all of these are.
 struct ShiftCoefficients {
-  std::complex<double> k, m, d;
-  bool real() const { return k.imag() == 0 && m.imag() == 0 && d.imag() == 0; }
+  std::complex<double> k, m;
+  std::vector<std::complex<double>> terms{}; ///< g of each T; none: A has no terms
+  bool real() const {
+    const auto is_real = [](std::complex<double> c) { return c.imag() == 0; };
+    return is_real(k) && is_real(m) && std::all_of(terms.begin(), terms.end(), is_real);
+  }
 };
 
 /// A, and solutions of A X = B.
 struct ShiftedMatrix {
-  ShiftedMatrix(Mat stiffness, Mat mass, Mat damping);
+  ShiftedMatrix(Mat stiffness, Mat mass, std::vector<Mat> terms);
 
   MPI_Comm comm;
-  Mat K, M, D; ///< D may be null
+  Mat K, M; ///< M may be null
+  std::vector<Mat> terms;
   RowRange rows;
   ShiftCoefficients coefficients{};
 
@@ -35,7 +42,8 @@ struct ShiftedMatrix {
   void require_regular(const Block& b, const Block& x) const;
 
 private:
-  double norm_K_, norm_M_, norm_D_;
+  double norm_K_, norm_M_;
+  std::vector<double> norms_of_terms_;
 };
 
 } // namespace flexgram

@@ -27,11 +27,11 @@ bool wants_dissection(const SolverOptions& options, PetscInt n) {
 }
 
 /// By the nodes, or by rows with the same columns where they are not known.
-PivotOrder dissect(MPI_Comm comm, const Pattern& lower, Mat K, Mat M, Mat D,
+PivotOrder dissect(MPI_Comm comm, const Pattern& lower, std::vector<Mat> matrices,
                    const std::vector<std::int64_t>& node_of_row) {
-  const bool missing = node_of_row.empty() && owned_rows(K).size() > 0;
+  const bool missing = node_of_row.empty() && owned_rows(matrices.front()).size() > 0;
   if (sum_over(comm, static_cast<std::int64_t>(missing)) > 0)
-    return nested_dissection(comm, lower, indistinguishable_rows({K, M, D}));
+    return nested_dissection(comm, lower, indistinguishable_rows(matrices));
   return nested_dissection(comm, lower, node_of_row);
 }
 
@@ -45,7 +45,7 @@ shared_order(Mat K, Mat M, const std::vector<std::int64_t>& node_of_row,
   if (!wants_dissection(options, n)) return nullptr;
   return std::make_shared<const PivotOrder>(
       dissect(PetscObjectComm(reinterpret_cast<PetscObject>(K)),
-              common_pattern(K, M, nullptr).lower, K, M, nullptr, node_of_row));
+              common_pattern(K, M, {}).lower, {K, M}, node_of_row));
 }
 
 SolverOptions counting(SolverOptions options) {
@@ -60,8 +60,14 @@ struct ShiftedSolver::State {
   std::optional<CommonPattern> common; ///< while factorisations may come
 
   const CommonPattern& pattern() {
-    if (!common) common = common_pattern(A.K, A.M, A.D);
+    if (!common) common = common_pattern(A.K, A.M, A.terms);
     return *common;
+  }
+
+  std::vector<Mat> matrices() const {
+    std::vector<Mat> all{A.K, A.M};
+    all.insert(all.end(), A.terms.begin(), A.terms.end());
+    return all;
   }
 
   bool ordered = false;
@@ -88,9 +94,8 @@ struct ShiftedSolver::State {
                                             FactorEstimate& estimate) {
     std::unique_ptr<Engine> dissected;
     if (wants_dissection(options, pattern().lower.n)) {
-      order = options.order
-                  ? *options.order
-                  : dissect(A.comm, pattern().lower, A.K, A.M, A.D, node_of_row);
+      order = options.order ? *options.order
+                            : dissect(A.comm, pattern().lower, matrices(), node_of_row);
       dissected = analysed(real, narrow, estimate);
       ordering = "nested dissection";
       if (options.mumps.ordering != Ordering::best) return dissected;
@@ -138,9 +143,10 @@ struct ShiftedSolver::State {
   }
 };
 
-ShiftedSolver::ShiftedSolver(Mat K, Mat M, Mat D, std::vector<std::int64_t> node_of_row,
+ShiftedSolver::ShiftedSolver(Mat K, Mat M, std::vector<Mat> terms,
+                             std::vector<std::int64_t> node_of_row,
                              const SolverOptions& options)
-    : state_(std::make_unique<State>(ShiftedMatrix(K, M, D), options,
+    : state_(std::make_unique<State>(ShiftedMatrix(K, M, std::move(terms)), options,
                                      std::move(node_of_row))) {
   state_->single = options.precision == Precision::single_precision;
 }

@@ -42,19 +42,17 @@ shared_order(Mat K, Mat M, const std::vector<std::int64_t>& node_of_row,
 /// needs no search for pivots.
 enum class Definiteness { indefinite, positive };
 
-/// Factorises K + iωD − ω²M and its real relatives in the arithmetic that the shift
+/// Factorises K + Σ g T − ω²M and its real relatives in the arithmetic that the shift
 /// needs: real where the coefficients are real, complex symmetric otherwise. One analysis
 /// a pattern and arithmetic, one ordering for all.
-/// @note Collective on the communicator of the matrices. K, M, D must outlive this
-/// object.
+/// @note Collective on the communicator of the matrices, which must outlive this object.
 class ShiftedSolver {
 public:
-  /// @param[in] K, M, D      real symmetric n×n, both triangles stored; M and D may be
-  /// null.
+  /// @param[in] K, M, terms  real symmetric n×n, both triangles stored; M may be null.
   /// @param[in] node_of_row  node number of each local row; empty: found from the
   /// pattern.
-  ShiftedSolver(Mat K, Mat M, Mat D, std::vector<std::int64_t> node_of_row,
-                const SolverOptions& options);
+  ShiftedSolver(Mat K, Mat M, std::vector<Mat> terms,
+                std::vector<std::int64_t> node_of_row, const SolverOptions& options);
   ~ShiftedSolver();
 
   /// Analyses for the arithmetic that such a shift needs, and returns MUMPS' estimate.

@@ -261,9 +261,9 @@ int count_negative_eigenvalues(Mat a, double floor, SolverOptions options) {
       DIFFERENT_NONZERO_PATTERN));
   options.precision = Precision::double_precision;
   options.mumps.icntl.try_emplace(31, 1); // factors are not kept
-  ShiftedSolver solver(scaled, nullptr, nullptr, {}, options);
+  ShiftedSolver solver(scaled, nullptr, {}, {}, options);
   solver.count_pivots(true);
-  solver.factorise({1.0, 0.0, 0.0});
+  solver.factorise({1.0, 0.0});
   return solver.negative_pivots();
 }
 

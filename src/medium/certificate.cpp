@@ -32,14 +32,15 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
   parts_.ports = turned(basis.ports);
   const Dense K = turned(basis.K);
   parts_.K = transpose(K);
-  if (response.system().has_extra_damping()) parts_.D = transpose(turned(basis.D));
+  for (const Dense& T : basis.terms) parts_.terms.push_back(transpose(turned(T)));
   const auto in_norm = [&](std::vector<double> lost) {
     for (double& x : lost) x *= norm.of_rounding;
     return lost;
   };
   parts_.dropped_ports = in_norm(basis.dropped_ports);
   parts_.dropped_K = in_norm(basis.dropped_K);
-  parts_.dropped_D = in_norm(basis.dropped_D);
+  for (const auto& dropped : basis.dropped_terms)
+    parts_.dropped_terms.push_back(in_norm(dropped));
 
   const Dense& U = response.U();
   for (int j = 0; j < modes; ++j) {
@@ -55,10 +56,13 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
   for (int i = modes; i < U.columns; ++i)
     provable_ = provable_ && response.energy(i, shifts_.sigma) > 0;
   enclose_modes();
-  if (response.system().has_extra_damping() && provable_)
-    by_damping_ = DampingCoupling(
-        response, {K, turned(basis.damped_outside), parts_.dropped_K, parts_.dropped_D},
-        modes, shifts_.sigma, shifts_.kappa);
+  if (!basis.terms.empty() && provable_) {
+    std::vector<Dense> outside;
+    for (const Dense& T : basis.terms_outside) outside.push_back(turned(T));
+    by_damping_ =
+        DampingCoupling(response, {K, outside, parts_.dropped_K, parts_.dropped_terms},
+                        modes, shifts_.sigma, shifts_.kappa);
+  }
 
   if (space.rigid() > 0) {
     rigid_.rows = transpose(part_of(U, 0, space.rigid(), 0, U.columns));
@@ -94,7 +98,8 @@ void Certificate::enclose_modes() {
   }
 }
 
-bool Certificate::fits(int order, int ports, int modes, int rigid, bool damped) const {
+bool Certificate::fits(int order, int ports, int modes, int rigid,
+                       std::size_t terms) const {
   const auto is = [](const Dense& a, int rows, int columns) {
     return a.rows == rows && a.columns == columns;
   };
@@ -102,15 +107,22 @@ bool Certificate::fits(int order, int ports, int modes, int rigid, bool damped) 
     return v.size() == as_size(count);
   };
   const int span = parts_.ports.rows;
+  const auto of_terms = [&] {
+    if (parts_.terms.size() != terms || parts_.dropped_terms.size() != terms)
+      return false;
+    for (std::size_t t = 0; t < terms; ++t)
+      if (!is(parts_.terms[t], order, span) || !holds(parts_.dropped_terms[t], order))
+        return false;
+    return true;
+  };
   return holds(scale_, ports) && holds(rounding_weights_, order) &&
-         rounding_.fits(order, ports) && is(parts_.ports, span, ports) &&
-         is(parts_.K, order, span) && (!damped || is(parts_.D, order, span)) &&
-         holds(gram_.each, span) && holds(parts_.dropped_ports, ports) &&
-         holds(parts_.dropped_K, order) && (!damped || holds(parts_.dropped_D, order)) &&
+         rounding_.fits(order, ports, terms) && is(parts_.ports, span, ports) &&
+         is(parts_.K, order, span) && of_terms() && holds(gram_.each, span) &&
+         holds(parts_.dropped_ports, ports) && holds(parts_.dropped_K, order) &&
          holds(ritz_.mu, modes) && holds(ritz_.residual, modes) &&
          holds(ritz_.G_norm, modes) &&
-         (!damped || !provable_ ||
-          (by_damping_.fits() && modes <= by_damping_.count() &&
+         (terms == 0 || !provable_ ||
+          (by_damping_.fits(terms) && modes <= by_damping_.count() &&
            by_damping_.count() <= order)) &&
          (rigid == 0 ||
           (is(rigid_.rows, order, rigid) && is(rigid_.stiffness, order, rigid)));

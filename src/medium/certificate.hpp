@@ -25,7 +25,7 @@ namespace flexgram {
 ///   H − H_r = R_CᵀA⁻¹R_B = W_Cᵀ S⁻¹ W_B,   W = E^−½ R,   E = K − ω_c²M,
 /// on the E-orthogonal complement of the Ritz vectors Φ below ω_c, where E is positive
 /// definite: its inertia says so, however inexact Φ is. S = a_k + c T + iωD̃ − J A_Φ⁻¹ Jᵀ
-/// is the Schur complement of Φ (c = a_m + ω_c² a_k, T = E^−½ME^−½ >= 0, J what M and D
+/// is the Schur complement of Φ (c = a_m + ω_c² a_k, T = E^−½ME^−½ >= 0, J what M and terms
 /// couple Φ to the rest by); so ‖S⁻¹‖ <= q/(1 − qδ), q = max |1/(a_k + c μ)| over μ >= 0,
 /// δ = ‖J A_Φ⁻¹ Jᵀ‖ (with D that of its Hermitian part), and with any disc |z − z₀| <= ρ that holds these 1/(a_k + c μ)
 ///   ‖H − H_r‖_F <= |z₀| ‖W_CᵀW_B‖_F + (ρ + q²δ/(1 − qδ)) s,  s² = Σ σ_i(W_C)² σ_i(W_B)².
@@ -133,10 +133,10 @@ public:
     a("rounding_weights", self.rounding_weights_);
     a("ports", self.parts_.ports);
     a("K", self.parts_.K);
-    a("D", self.parts_.D);
+    a("terms", self.parts_.terms);
     a("dropped_ports", self.parts_.dropped_ports);
     a("dropped_K", self.parts_.dropped_K);
-    a("dropped_D", self.parts_.dropped_D);
+    a("dropped_terms", self.parts_.dropped_terms);
     a("mode_mu", self.ritz_.mu);
     a("mode_residual", self.ritz_.residual);
     a("mode_G_norm", self.ritz_.G_norm);
@@ -153,7 +153,7 @@ public:
   std::optional<ErrorForm> form(const DenseResponse& response,
                                 const PortSet& ports) const;
   /// Whether the fields are of the sizes that a model of this order has.
-  bool fits(int order, int ports, int modes, int rigid, bool damped) const;
+  bool fits(int order, int ports, int modes, int rigid, std::size_t terms) const;
 
 private:
   /// Bounds of the inverse of S over an interval.
@@ -180,7 +180,7 @@ private:
   Chosen chosen(const std::vector<int>& ports) const { return {parts_, ports, ports}; }
   static Chosen chosen(const FewResiduals& few);
   double lost(const ResponseSeries& x, int column, const Chosen& of, std::size_t k,
-              double factor, double of_D) const;
+              double factor, const std::vector<double>& of_terms) const;
   /// @param x  the response to these ports.
   MatrixSeries held_residual(const DenseResponse& response, const ResponseSeries& x,
                              const Chosen& of) const;
@@ -210,7 +210,7 @@ private:
   double data_rounding_ = 0;
   bool provable_ = true; ///< the residual is known whole, and the modes are counted
   std::vector<double> scale_, rounding_weights_;
-  DampingCoupling by_damping_; ///< with D, and of a body whose claims are proved
+  DampingCoupling by_damping_; ///< with terms, and of a body whose claims are proved
   /// What K and M are combined by.
   struct Shifts {
     double tau = 0, sigma = 0, kappa = 0, mu_plus = 0;
@@ -218,8 +218,10 @@ private:
   } shifts_;
   /// Parts of the residuals, in coordinates where the Gram matrix is the identity.
   struct ResidualParts {
-    Dense ports, K, D;                                       ///< the last two transposed
-    std::vector<double> dropped_ports, dropped_K, dropped_D; ///< ‖·‖ in E⁻¹
+    Dense ports, K;                               ///< K transposed
+    std::vector<Dense> terms;                     ///< so
+    std::vector<double> dropped_ports, dropped_K; ///< ‖·‖ in E⁻¹
+    std::vector<std::vector<double>> dropped_terms;
   };
   ResidualParts parts_;
   /// Φ: μ_j, ‖(K + τM)^−½(Mu − μ(K + τM)u)‖ at most, ‖G_j‖.

@@ -155,7 +155,8 @@ void Certificate::add_rounding(Bound& bound, const DenseResponse& response, doub
                                const RoundingSizes& in, const RoundingSizes& out) const {
   const Damping& damping = response.system().damping;
   const double a_k = std::hypot(1, damping.eta + omega * damping.beta);
-  bound.floor = rounding_.of_response(a_k, damping.of_D(omega), omega, out.x, in.x);
+  bound.floor = rounding_.of_response(a_k, largest_of(response.system().terms, omega),
+                                      omega, out.x, in.x);
   bound.rigid_floor = rounding_.of_rigid_modes(omega, out.x, in.x);
   double data_in = 0, data_out = 0;
   const auto rigid = as_size(rounding_.rigid);

@@ -29,16 +29,18 @@ std::array<Complex, 3> Certificate::residual_factors(const DenseResponse& respon
 
 /// ‖E^−½ ·‖ of what T does not hold of a port's residual, at most.
 /// In the unit of the port. @param column  of x, the response to the k-th of the ports.
-/// @param factor, of_D  |a_k − κ a_m| and |a_d| at most.
+/// @param factor, of_terms  |a_k − κ a_m| and |g| of each term at most.
 double Certificate::lost(const ResponseSeries& x, int column, const Chosen& of,
-                         std::size_t k, double factor, double of_D) const {
+                         std::size_t k, double factor,
+                         const std::vector<double>& of_terms) const {
   const ResidualParts& parts = of.parts;
   double sum = std::pow(parts.dropped_ports[as_size(of.columns[k])], 2);
   for (int l = 0; l < x.envelope.rows; ++l) {
     const auto at = as_size(l);
     sum += std::pow(x.envelope(l, column) * factor * parts.dropped_K[at], 2);
-    if (!parts.dropped_D.empty())
-      sum += std::pow(x.envelope(l, column) * of_D * parts.dropped_D[at], 2);
+    for (std::size_t t = 0; t < of_terms.size(); ++t)
+      sum +=
+          std::pow(x.envelope(l, column) * of_terms[t] * parts.dropped_terms[t][at], 2);
   }
   return std::sqrt(sum) / scale_[as_size(of.ports[k])];
 }
@@ -48,19 +50,24 @@ Certificate::FewResiduals Certificate::residuals_of(const std::vector<int>& port
   ResidualParts& parts = few.parts;
   parts = {columns_of(parts_.ports, ports),
            parts_.K,
-           parts_.D,
+           parts_.terms,
            {},
            parts_.dropped_K,
-           parts_.dropped_D};
+           parts_.dropped_terms};
   for (int port : ports)
     parts.dropped_ports.push_back(parts_.dropped_ports[as_size(port)]);
-  const int rows = parts.ports.rows, N = parts.K.rows, damped = parts.D.rows,
-            all = N + damped + static_cast<int>(ports.size());
+  const int rows = parts.ports.rows, N = parts.K.rows,
+            of_matrices = N * (1 + static_cast<int>(parts.terms.size())),
+            all = of_matrices + static_cast<int>(ports.size());
+  const auto first_of = [&](std::size_t term) {
+    return N * (1 + static_cast<int>(term));
+  };
   if (rows < 2 * all) return few;
   Dense vectors(all, rows);
   set_part(vectors, 0, 0, parts.K);
-  set_part(vectors, N, 0, parts.D);
-  set_part(vectors, N + damped, 0, transpose(parts.ports));
+  for (std::size_t t = 0; t < parts.terms.size(); ++t)
+    set_part(vectors, first_of(t), 0, parts.terms[t]);
+  set_part(vectors, of_matrices, 0, transpose(parts.ports));
   // Householder's QR turns each vector by no more than 2ε · rows · all of its length, all of
   // them perhaps alike: `lost` adds squares.
   const double turned =
@@ -74,12 +81,14 @@ Certificate::FewResiduals Certificate::residuals_of(const std::vector<int>& port
     }
   };
   enlarge(parts.dropped_K, 0);
-  enlarge(parts.dropped_D, N);
-  enlarge(parts.dropped_ports, N + damped);
+  for (std::size_t t = 0; t < parts.terms.size(); ++t)
+    enlarge(parts.dropped_terms[t], first_of(t));
+  enlarge(parts.dropped_ports, of_matrices);
   const Dense own = compressed(vectors);
   parts.K = part_of(own, 0, N, 0, all);
-  parts.D = part_of(own, N, damped, 0, all);
-  parts.ports = transpose(part_of(own, N + damped, all - N - damped, 0, all));
+  for (std::size_t t = 0; t < parts.terms.size(); ++t)
+    parts.terms[t] = part_of(own, first_of(t), N, 0, all);
+  parts.ports = transpose(part_of(own, of_matrices, all - of_matrices, 0, all));
   return few;
 }
 
@@ -94,16 +103,15 @@ MatrixSeries Certificate::held_residual(const DenseResponse& response,
                                         const ResponseSeries& x, const Chosen& of) const {
   const auto& [parts, columns, ports] = of;
   const double omega = x.interval.centre(), h = x.interval.half();
-  const Complex i(0, 1);
   const int p = x.x.columns;
   MatrixSeries w = multiply_transposed(
       parts.K, times_quadratic(residual_factors(response, x.interval), x.x));
   for (double& value : w.coefficients.data) value = -value;
-  if (!parts.D.data.empty()) {
-    const Damping& law = response.system().damping;
+  for (std::size_t t = 0; t < parts.terms.size(); ++t) {
+    const Law& law = response.system().terms[t].law;
     const MatrixSeries damped = multiply_transposed(
-        parts.D,
-        times_quadratic({i * law.of_D(omega), i * h * law.slope_of_D(), 0.0}, x.x));
+        parts.terms[t],
+        times_quadratic({law.at(omega), h * law.slope(), Complex()}, x.x));
     for (std::size_t l = 0; l < w.coefficients.data.size(); ++l)
       w.coefficients.data[l] -= damped.coefficients.data[l];
     for (std::size_t l = 0; l < w.tail.data.size(); ++l)
@@ -127,15 +135,16 @@ MatrixSeries Certificate::residual(const DenseResponse& response, const Response
                                    const Chosen& of) const {
   const int p = x.x.columns;
   const auto f = residual_factors(response, x.interval);
-  const double largest = std::abs(f[0]) + std::abs(f[1]) + std::abs(f[2]),
-               of_D = response.system().damping.of_D(x.interval.last);
+  const double largest = std::abs(f[0]) + std::abs(f[1]) + std::abs(f[2]);
+  const std::vector<double> of_terms =
+      largest_of(response.system().terms, x.interval.last);
   const MatrixSeries w = held_residual(response, x, of);
   MatrixSeries whole{p, Dense(w.rows() + 1, w.coefficients.columns),
                      Dense(w.rows() + 1, p)};
   set_part(whole.coefficients, 0, 0, w.coefficients);
   set_part(whole.tail, 0, 0, w.tail);
   for (int j = 0; j < p; ++j)
-    whole.tail(w.rows(), j) = lost(x, j, of, as_size(j), largest, of_D);
+    whole.tail(w.rows(), j) = lost(x, j, of, as_size(j), largest, of_terms);
   return whole;
 }
 

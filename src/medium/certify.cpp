@@ -91,7 +91,7 @@ void report(const CertifyRun& run, const CertifyState& state) {
                        level.worst, target, medium.shortfall.c_str()));
   if (!level.proved)
     observer.warn(
-        run.fom.D
+        !run.fom.terms.empty()
             ? "the damping is so strong and local (q δ >= 1) that the error is "
               "estimated, not proved; a higher {cutoff} helps"
             : "the modes below the cutoff are not known well enough for a proof: the "

@@ -23,8 +23,9 @@ namespace {
 
 /// The fields of a checkpoint beside the levels of the medium model.
 struct Stored {
-  Basis V;           ///< W-orthonormal
-  Dense K, D, ports; ///< VᵀKV, VᵀDV and Vᵀ[B, C], scaled: what tells bodies apart
+  Basis V;                  ///< W-orthonormal
+  Dense K, ports;           ///< VᵀKV and Vᵀ[B, C], scaled: what tells bodies apart
+  std::vector<Dense> terms; ///< VᵀTV: so
   Block image;
   Dense rigid_stiffness; ///< among rigid modes, as the stored K has it (MediumSpace)
   int geometric = 0, blocks = 0;
@@ -37,7 +38,7 @@ struct Stored {
   template <class Archive, class Self>
   static void archive(Archive&& a, Self& s) {
     a("K", s.K);
-    a("D", s.D);
+    a("terms", s.terms);
     a("ports", s.ports);
     a("rigid_stiffness", s.rigid_stiffness);
     a("geometric", s.geometric);
@@ -66,7 +67,7 @@ Stored stored(const CertifyState& state) {
   s.least_eigenvalue = state.growth.bounds.least_eigenvalue;
   s.of_rounding = state.growth.bounds.of_rounding;
   s.K = space.K();
-  s.D = space.D();
+  s.terms = space.terms();
   s.ports = inner(space.V(), state.modal.loads);
   s.V = space.V().share();
   if (state.growth.image) s.image = state.growth.image.share();
@@ -149,7 +150,7 @@ std::optional<Stored> read(const SecondOrderModel& body, const CertifySpec& spec
   return s;
 }
 
-/// Whether V is of this body: what it makes of K, D and the ports now against what it
+/// Whether V is of this body: what it makes of K, the terms and the ports now against what it
 /// made of them then, up to rounding of each entry; norms alone would not see a load that
 /// moved to another node.
 void expect_same_projection(const ModalSpace& modal, const Stored& there, MPI_Comm comm,
@@ -167,18 +168,23 @@ void expect_same_projection(const ModalSpace& modal, const Stored& there, MPI_Co
   compare(space.K(), there.K, [&](int i, int j) {
     return rounding * g[as_size(i)] * g[as_size(j)] + 1e-12 * sigma;
   });
-  const double size_D = frobenius_norm(there.D);
-  compare(space.D(), there.D, [&](int, int) { return 1e-9 * size_D + 1e-300; });
+  if (space.terms().size() != there.terms.size()) worst = HUGE_VAL;
+  for (std::size_t t = 0; t < there.terms.size() && worst < HUGE_VAL; ++t) {
+    const double size = frobenius_norm(there.terms[t]);
+    compare(space.terms()[t], there.terms[t],
+            [&](int, int) { return 1e-9 * size + 1e-300; });
+  }
   const Dense ports = inner(space.V(), modal.loads);
   const double size = frobenius_norm(ports);
   compare(ports, there.ports, [&](int, int) { return 1e-9 * size + 1e-300; });
   int below = 0;
   for (double l : ritz_pairs(space).lambda) below += l < sigma;
   if (!(max_over(comm, worst) <= 1) || below != modal.elastic)
-    throw Error(text("{restart}: the checkpoint %s is of another body, or damaged: what "
-                     "its basis makes of K, D and the ports differs; remove it to start "
-                     "afresh",
-                     path.c_str()));
+    throw Error(text(
+        "{restart}: the checkpoint %s is of another body, or damaged: what "
+        "its basis makes of K, the damping and the ports differs; remove it to start "
+        "afresh",
+        path.c_str()));
 }
 
 ModalSpace modal_space(const CertifyRun& run, const Medium& medium, Stored& s) {

@@ -55,7 +55,7 @@ Coefficients::Coefficients(const DenseSystem& system, double s, Interval interva
 DampingCoupling::DampingCoupling(const DenseResponse& response, const Residual& residual,
                                  int modes, double sigma, double kappa)
     : tau_(response.tau()), sigma_(sigma) {
-  const int N = response.modal_damping().rows;
+  const int N = response.system().order();
   constexpr int steps = 8;
   double least = infinity;
   DampingCoupling best;
@@ -69,43 +69,55 @@ DampingCoupling::DampingCoupling(const DenseResponse& response, const Residual& 
     best = *this;
   }
   *this = std::move(best);
-  // Only products of G and F matter: a triangle of 2·count rows holds these.
-  const Dense both = transpose(compressed(transpose(beside(G_, F_))));
-  G_ = part_of(both, 0, both.rows, 0, count());
-  F_ = part_of(both, 0, both.rows, count(), count());
+  // Only products of G and F matter: a triangle of as many rows as these have columns holds them.
+  Dense all = G_;
+  for (const Dense& F : F_) all = beside(all, F);
+  all = transpose(compressed(transpose(all)));
+  G_ = part_of(all, 0, all.rows, 0, count());
+  for (std::size_t t = 0; t < F_.size(); ++t)
+    F_[t] = part_of(all, 0, all.rows, count() * (static_cast<int>(t) + 1), count());
 }
 
 /// The fields for the first `count` columns of U.
 void DampingCoupling::couple(const DenseResponse& response, const Residual& residual,
                              int count, double kappa) {
-  const Dense& damping = response.modal_damping();
-  const int N = damping.rows, inside = N - count, span = residual.K.rows;
+  const int N = response.system().order(), inside = N - count, span = residual.K.rows;
   const auto energy = [&](int i) { return response.energy(i, sigma_); };
-  G_ = F_ = Dense(inside + span, count);
-  D_ = part_of(damping, 0, count, 0, count);
+  G_ = Dense(inside + span, count);
+  F_.clear();
+  T_.clear();
   mu_.assign(response.mu().begin(), response.mu().begin() + count);
-  dropped_G_ = dropped_F_ = 0;
+  dropped_G_ = 0;
+  dropped_F_.clear();
   for (int j = 0; j < count; ++j) {
     const auto at = as_size(j);
     const double factor = residual_factor(mu_[at], tau_, kappa) / energy(j);
-    for (int i = 0; i < inside; ++i)
-      F_(i, j) = damping(count + i, j) / std::sqrt(energy(count + i));
-    for (int i = 0; i < span; ++i) {
-      G_(inside + i, j) = -factor * residual.K(i, j);
-      F_(inside + i, j) = residual.D(i, j);
-    }
-    double lost = residual.dropped_D[at];
-    for (int i = 0; i < N; ++i)
-      lost += (1 + kappa * sigma_) * residual.dropped_K[as_size(i)] *
-              std::abs(damping(i, j) / energy(i));
+    for (int i = 0; i < span; ++i) G_(inside + i, j) = -factor * residual.K(i, j);
     dropped_G_ = std::hypot(dropped_G_, factor * residual.dropped_K[at]);
-    dropped_F_ = std::hypot(dropped_F_, lost);
+  }
+  for (std::size_t t = 0; t < residual.terms.size(); ++t) {
+    const Dense& T = response.modal_terms()[t];
+    Dense F(inside + span, count);
+    double dropped = 0;
+    for (int j = 0; j < count; ++j) {
+      for (int i = 0; i < inside; ++i)
+        F(i, j) = T(count + i, j) / std::sqrt(energy(count + i));
+      for (int i = 0; i < span; ++i) F(inside + i, j) = residual.terms[t](i, j);
+      double lost = residual.dropped_terms[t][as_size(j)];
+      for (int i = 0; i < N; ++i)
+        lost += (1 + kappa * sigma_) * residual.dropped_K[as_size(i)] *
+                std::abs(T(i, j) / energy(i));
+      dropped = std::hypot(dropped, lost);
+    }
+    F_.push_back(std::move(F));
+    T_.push_back(part_of(T, 0, count, 0, count));
+    dropped_F_.push_back(dropped);
   }
 }
 
 ComplexDense DampingCoupling::A(const ShiftCoefficients& c) const {
-  ComplexDense A(D_.rows, D_.columns);
-  for (std::size_t i = 0; i < A.data.size(); ++i) A.data[i] = c.d * D_.data[i];
+  ComplexDense A(count(), count());
+  add_terms(A, c.terms, T_);
   for (int j = 0; j < A.columns; ++j) {
     const double mu = mu_[as_size(j)];
     A(j, j) += c.k * (1 - tau_ * mu) + c.m * mu;
@@ -113,17 +125,17 @@ ComplexDense DampingCoupling::A(const ShiftCoefficients& c) const {
   return A;
 }
 
-ComplexDense DampingCoupling::J(Complex c, Complex d) const {
+ComplexDense DampingCoupling::J(Complex c, const std::vector<Complex>& g) const {
   ComplexDense J(G_.rows, G_.columns);
-  for (std::size_t i = 0; i < J.data.size(); ++i)
-    J.data[i] = c * G_.data[i] + d * F_.data[i];
+  for (std::size_t i = 0; i < J.data.size(); ++i) J.data[i] = c * G_.data[i];
+  add_terms(J, g, F_);
   return J;
 }
 
 /// δ at a frequency, without what was dropped.
 double DampingCoupling::at(const DenseSystem& system, double omega) const {
   const ShiftCoefficients c = system.coefficients(omega);
-  const ComplexDense j = J(c.m + sigma_ * c.k, c.d);
+  const ComplexDense j = J(c.m + sigma_ * c.k, c.terms);
   try {
     return taken_by(multiply(j, solved(A(c), j, false)));
   } catch (const ShiftError&) {
@@ -132,14 +144,19 @@ double DampingCoupling::at(const DenseSystem& system, double omega) const {
 }
 
 double DampingCoupling::over(const DenseSystem& system, Interval interval) const {
-  const Damping& law = system.damping;
   const ShiftCoefficients at_centre = system.coefficients(interval.centre());
-  const double h = interval.half() * law.slope_of_D();
   const Coefficients outer(system, -sigma_, interval), inner(system, tau_, interval);
-  double moved = h * frobenius_norm(D_), farthest = 0; // of A_Φ
+  double moved = 0, farthest = 0, moved_F = 0, outside_F = 0; // of A_Φ, of J
+  for (std::size_t t = 0; t < T_.size(); ++t) {
+    const Law& law = system.terms[t].law;
+    const double h = interval.half() * std::abs(law.slope());
+    moved += h * frobenius_norm(T_[t]);
+    moved_F += h * frobenius_norm(F_[t]);
+    outside_F += law.largest(interval.last) * dropped_F_[t];
+  }
   for (double mu : mu_) farthest = std::max(farthest, inner.moved_a + inner.moved_c * mu);
   moved += farthest;
-  const ComplexDense j = J(outer.c, at_centre.d);
+  const ComplexDense j = J(outer.c, at_centre.terms);
   ComplexDense Y;
   try {
     Y = solved(A(at_centre), j, true);
@@ -155,15 +172,21 @@ double DampingCoupling::over(const DenseSystem& system, Interval interval) const
   if (!(away < 1)) return infinity;
   const double largest_c = std::abs(outer.c) + outer.moved_c;
   const double y = frobenius_norm(product), farther = 1 / (1 - away),
-               moved_J = outer.moved_c * frobenius_norm(G_) + h * frobenius_norm(F_) +
-                         largest_c * dropped_G_ + law.of_D(interval.last) * dropped_F_;
+               moved_J = outer.moved_c * frobenius_norm(G_) + moved_F +
+                         largest_c * dropped_G_ + outside_F;
   return taken_by(multiply(j, product)) +
          farther * (moved * y * y + 2 * moved_J * y + moved_J * moved_J * size);
 }
 
-bool DampingCoupling::fits() const {
-  return D_.rows == count() && mu_.size() == as_size(count()) && G_.columns == count() &&
-         F_.columns == count() && G_.rows == F_.rows;
+bool DampingCoupling::fits(std::size_t terms) const {
+  const auto is = [](const Dense& a, int rows, int columns) {
+    return a.rows == rows && a.columns == columns;
+  };
+  bool fit = G_.columns == count() && T_.size() == terms && F_.size() == terms &&
+             dropped_F_.size() == terms;
+  for (const Dense& F : F_) fit = fit && is(F, G_.rows, count());
+  for (const Dense& T : T_) fit = fit && is(T, count(), count());
+  return fit;
 }
 
 } // namespace flexgram

@@ -22,18 +22,20 @@ struct Coefficients {
   double moved_a, moved_c;
 };
 
-/// J = c G + iω F (iF of a structural D) of Ritz vectors Φ, the first columns of U, in the
-/// norm of E⁻¹, E = K − ω_c²M, and A_Φ = ΦᵀA(ω)Φ.
+/// J = c G + Σ g F of Ritz vectors Φ, the first columns of U, in the norm of E⁻¹, E = K − ω_c²M,
+/// F of each term, and A_Φ = ΦᵀA(ω)Φ.
 class DampingCoupling {
 public:
   /// What residuals hold, in coordinates where E⁻¹ is the identity.
   struct Residual {
-    const Dense &K, &D; ///< k×N: P K U; what D U has beyond E V
-    std::span<const double> dropped_K, dropped_D; ///< norms of what these do not hold
+    const Dense& K;                    ///< k×N: P K U
+    const std::vector<Dense>& terms;   ///< k×N: what T U has beyond E V, of each term
+    std::span<const double> dropped_K; ///< norms of what these do not hold
+    const std::vector<std::vector<double>>& dropped_terms;
   };
   DampingCoupling() = default;
   /// Φ may be any of the first columns of U that hold the modes below the cutoff: with
-  /// more of them less of what D couples is outside, but their residuals are larger. The
+  /// more of them less of what terms couple is outside, but their residuals are larger. The
   /// number with the smallest δ at some frequencies is taken.
   /// @pre uᵀEu < 0 of the first `modes` columns of U, > 0 of the others.
   DampingCoupling(const DenseResponse& response, const Residual& residual, int modes,
@@ -46,28 +48,31 @@ public:
   template <class Archive, class Self>
   static void archive(Archive&& a, Self& self) {
     a("mode_G", self.G_);
-    a("mode_F", self.F_);
-    a("mode_D", self.D_);
-    a("mode_D_mu", self.mu_);
+    a("mode_mu_coupled", self.mu_);
     a("dropped_G", self.dropped_G_);
     a("dropped_F", self.dropped_F_);
     a("coupling_tau", self.tau_);
     a("coupling_sigma", self.sigma_);
+    a("mode_F", self.F_);
+    a("mode_T", self.T_);
   }
-  int count() const { return D_.columns; } ///< columns of Φ
+  int count() const { return static_cast<int>(mu_.size()); } ///< columns of Φ
   /// Whether the fields fit each other.
-  bool fits() const;
+  bool fits(std::size_t terms) const;
 
 private:
   void couple(const DenseResponse& response, const Residual& residual, int count,
               double kappa);
   double at(const DenseSystem& system, double omega) const;
   ComplexDense A(const ShiftCoefficients& c) const;
-  ComplexDense J(std::complex<double> c, std::complex<double> d) const;
+  ComplexDense J(std::complex<double> c,
+                 const std::vector<std::complex<double>>& g) const;
 
-  Dense G_, F_, D_; ///< rows of G and F: the rest of U, then directions of residuals
+  Dense G_;                  ///< rows: the rest of U, then directions of residuals
+  std::vector<Dense> F_, T_; ///< of each term: rows as of G; ΦᵀTΦ
   std::vector<double> mu_;
-  double dropped_G_ = 0, dropped_F_ = 0; ///< norms of what these two do not hold
+  double dropped_G_ = 0;          ///< norms of what G and F do not hold
+  std::vector<double> dropped_F_; ///< of each term
   double tau_ = 0, sigma_ = 0;
 };
 

@@ -88,7 +88,7 @@ void choose_factors(ShiftedSolver& solver, const SecondOrderModel& fom,
 RealFactors::RealFactors(const SecondOrderModel& fom, const SolverOptions& options,
                          Observer& observer)
     : fom_(fom), observer_(observer), options_(counting(options)),
-      solver_(fom.K, fom.M, nullptr, fom.node, options_) {
+      solver_(fom.K, fom.M, {}, fom.node, options_) {
   solver_.count_pivots(true);
 }
 
@@ -97,7 +97,7 @@ void RealFactors::hold(double s) {
   if (!chosen_) choose_factors(solver_, fom_, options_, observer_, false);
   chosen_ = true;
   shift_.reset(); // until it is there
-  solver_.factorise({1.0, s, 0.0});
+  solver_.factorise({1.0, s});
   solver_.forget_pattern();
   shift_ = s;
 }

@@ -118,7 +118,9 @@ Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
   const auto turned = [&](const Dense& a) {
     return a.data.empty() ? Dense() : multiply(norm.F, a);
   };
-  const Dense F_ports = turned(basis.ports), F_K = turned(basis.K), F_D = turned(basis.D);
+  const Dense F_ports = turned(basis.ports), F_K = turned(basis.K);
+  std::vector<Dense> F_terms;
+  for (const Dense& T : basis.terms) F_terms.push_back(turned(T));
   std::vector<SquaresOfBlock> of_blocks(blocks.size());
   const PortLists lists(blocks);
   const auto scale_of = [&](int port) { return scale[as_size(port)]; };
@@ -133,8 +135,8 @@ Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
     std::map<int, ComplexDense> H_without;
     for (int count : left_out)
       if (!H_without.count(count)) H_without.emplace(count, without(count));
-    const ComplexDense W =
-        residual_of(F_ports, F_K, F_D, kappa, response.system().coefficients(omega), x);
+    const ComplexDense W = residual_of(F_ports, F_K, F_terms, kappa,
+                                       response.system().coefficients(omega), x);
     const std::vector<Dense> squares = squares_of_lists(lists, W, scale);
     const auto add_square = [&](Dense& sum, const std::vector<int>& ports,
                                 double weight) {

@@ -32,9 +32,9 @@ std::vector<Resonance> Medium::resonances(const MediumLevel& level) const {
   for (int j = rigid; j < rigid + modes; ++j) {
     const double l = std::max(response.lambda()[as_size(j)], 0.0), omega = std::sqrt(l);
     double d = body.damping.alpha + body.damping.beta * l + body.damping.eta * omega;
-    if (!response.is_diagonal())
-      d += response.modal_damping()(j, j) / response.mu()[as_size(j)] *
-           (body.damping.law == Damping::Law::viscous ? 1 : 1 / std::max(omega, 1e-300));
+    for (std::size_t t = 0; t < response.modal_terms().size(); ++t)
+      d += response.modal_terms()[t](j, j) / response.mu()[as_size(j)] *
+           response.system().terms[t].law.as_damper(omega);
     result.push_back({omega, 0.5 * d});
   }
   return result;

@@ -16,12 +16,7 @@
 namespace flexgram {
 namespace {
 
-constexpr double version = 6;            // of the file's layout
-constexpr double structural_version = 7; // with a D that older readers take for viscous
-
-double version_of(const Damping& damping) {
-  return damping.law == Damping::Law::structural ? structural_version : version;
-}
+constexpr double version = 8; // of the file's layout
 
 template <class Archive, class Spec>
 void archive_spec(Archive&& a, Spec& spec) {
@@ -61,12 +56,6 @@ void archive_medium(Archive&& a, M& m) {
   a("alpha", body.damping.alpha);
   a("beta", body.damping.beta);
   a("eta", body.damping.eta);
-  const std::string structural = "structural";
-  std::string law = body.damping.law == Damping::Law::structural ? structural : "";
-  a("law_of_D", law);
-  if constexpr (!std::is_const_v<M>)
-    body.damping.law =
-        law == structural ? Damping::Law::structural : Damping::Law::viscous;
   a("outputs_are_inputs", body.outputs_are_inputs);
   a("inputs", body.inputs);
   a("outputs", body.outputs);
@@ -105,12 +94,39 @@ void archive_integrals(Archive&& a, Integrals& i) {
     for (std::size_t c = 0; c < 3 && c < centre.size(); ++c) i.centre[c] = centre[c];
 }
 
+/// The terms with their laws.
+template <class Archive, class Terms>
+void archive_terms(Archive&& a, Terms& terms) {
+  std::vector<Dense> matrices;
+  std::vector<std::string> letters;
+  for (const auto& [law, matrix] : terms) {
+    matrices.push_back(matrix);
+    letters.push_back(law.letter());
+  }
+  a("terms", matrices);
+  a("laws", letters);
+  if constexpr (!std::is_const_v<Terms>) {
+    bool good = letters.size() == matrices.size();
+    for (std::size_t t = 0; good && t < letters.size(); ++t)
+      for (const Law law : {Law::Kind::viscous, Law::Kind::structural})
+        if (letters[t] == law.letter()) terms.push_back({law, std::move(matrices[t])});
+    if (!good || terms.size() != letters.size())
+      throw Error("its terms have no laws: the file is damaged");
+  }
+}
+
+/// Whether a matrix has these sizes.
+auto is_of(int rows, int columns) {
+  return [=](const Dense& a) { return a.rows == rows && a.columns == columns; };
+}
+
 /// The projected matrices of a level are the leading parts of the last level's.
 DenseSystem leading(const DenseSystem& all, int order) {
   DenseSystem part;
-  for (auto [from, to] : {std::pair{&all.M, &part.M}, std::pair{&all.K, &part.K},
-                          std::pair{&all.D, &part.D}})
-    if (!from->data.empty()) *to = part_of(*from, 0, order, 0, order);
+  const auto corner = [&](const Dense& a) { return part_of(a, 0, order, 0, order); };
+  part.M = corner(all.M);
+  part.K = corner(all.K);
+  for (const auto& [law, T] : all.terms) part.terms.push_back({law, corner(T)});
   part.B = part_of(all.B, 0, order, 0, all.B.columns);
   part.C = part.B;
   part.damping = all.damping;
@@ -144,8 +160,7 @@ void check(const Hdf5File& file, const Medium& m, const DenseSystem& all) {
       m.body.inputs.size() + (m.body.outputs_are_inputs ? 0 : m.body.outputs.size()));
   const int N = all.K.rows;
   const auto square = [&](const Dense& a) { return a.rows == N && a.columns == N; };
-  bool good = N > 0 && ports > 0 && square(all.K) && square(all.M) &&
-              (all.D.data.empty() || square(all.D)) && all.B.rows == N &&
+  bool good = N > 0 && ports > 0 && square(all.K) && square(all.M) && all.B.rows == N &&
               all.B.columns == ports && m.scale.size() == as_size(all.B.columns) &&
               m.rigid >= 0 && m.modes >= 0 && m.rigid + m.modes <= N &&
               !m.spec.bands.empty() && !m.levels.empty() && m.tau > 0 &&
@@ -163,7 +178,8 @@ void check(const Hdf5File& file, const Medium& m, const DenseSystem& all) {
   for (const MediumLevel& level : m.levels)
     good = good && m.rigid + m.modes <= level.order() &&
            level.certificate->fits(level.order(), ports, m.rigid + m.modes, m.rigid,
-                                   !all.D.data.empty());
+                                   all.terms.size());
+  for (const auto& [law, T] : all.terms) good = good && square(T);
   if (m.integrals) {
     const FrameIntegrals& i = *m.integrals;
     good = good && i.M_r.rows == 6 && i.M_r.columns == 6 && i.M_er.rows == N &&
@@ -181,7 +197,7 @@ void check(const Hdf5File& file, const Medium& m, const DenseSystem& all) {
 } // namespace
 
 void write_levels(Hdf5File& file, const Medium& m) {
-  file.set_attribute("/", "flexgram_medium", version_of(m.body.damping));
+  file.set_attribute("/", "flexgram_medium", version);
   file.set_attribute("/", "flexgram", std::string(FLEXGRAM_VERSION));
   file.set_attribute("/", "n", static_cast<double>(m.body.n));
   archive_medium(FieldWriter(file, "/"), m);
@@ -192,7 +208,7 @@ void write_levels(Hdf5File& file, const Medium& m) {
   FieldWriter system(file, "/projected");
   system("K", all.K);
   system("M", all.M);
-  system("D", all.D);
+  archive_terms(system, all.terms);
   system("ports", all.B);
   for (std::size_t k = 0; k < m.levels.size(); ++k) {
     const MediumLevel& level = m.levels[k];
@@ -201,7 +217,7 @@ void write_levels(Hdf5File& file, const Medium& m) {
     a("U", level.response->U());
     a("lambda", level.response->lambda());
     a("inputs", level.response->modal_inputs());
-    a("damping", level.response->modal_damping());
+    a("terms", level.response->modal_terms());
     a("complete", level.complete);
     a("worst", level.worst);
     a("proved", level.proved);
@@ -215,17 +231,13 @@ void read_levels(const Hdf5File& file, Medium& m) {
     throw Error(
         text("file %s is no medium model: flexgram certify makes one", path.c_str()));
   const double layout = file.number_attribute("/", "flexgram_medium");
-  if ((layout != version && layout != structural_version) ||
-      file.text_attribute("/", "flexgram") != FLEXGRAM_VERSION)
+  if (layout != version || file.text_attribute("/", "flexgram") != FLEXGRAM_VERSION)
     throw Error(text("file %s was written by another version of flexgram", path.c_str()));
   const double n = file.number_attribute("/", "n");
   if (!(n >= 1) || n > 2e9) throw Error(text("file %s: n is damaged", path.c_str()));
   m.body.comm = file.comm();
   m.body.n = static_cast<PetscInt>(n);
   archive_medium(FieldReader(file, "/"), m);
-  if (layout != version_of(m.body.damping))
-    throw Error(text("file %s: it does not say what its damping matrix is: it is damaged",
-                     path.c_str()));
   archive_spec(FieldReader(file, "/spec"), m.spec);
   int levels = 0;
   FieldReader(file, "/")("levels", levels);
@@ -234,35 +246,39 @@ void read_levels(const Hdf5File& file, Medium& m) {
   FieldReader system(file, "/projected");
   system("K", all.K);
   system("M", all.M);
-  system("D", all.D);
+  archive_terms(system, all.terms);
   system("ports", all.B);
   all.damping = m.body.damping;
   for (int k = 0; k < levels; ++k) {
     MediumLevel level;
     const std::string group = text("/level_%d", k);
     FieldReader a(file, group);
-    Dense U, inputs, damping;
+    Dense U, inputs;
+    std::vector<Dense> terms;
     std::vector<double> lambda;
     a("U", U);
     a("lambda", lambda);
     a("inputs", inputs);
-    a("damping", damping);
+    a("terms", terms);
     a("complete", level.complete);
     a("worst", level.worst);
     a("proved", level.proved);
     if (U.rows != U.columns || U.rows < 1 || U.rows > all.K.rows || U.rows > all.B.rows ||
         lambda.size() != as_size(U.rows) || inputs.rows != U.rows ||
-        inputs.columns != all.B.columns ||
-        (!damping.data.empty() &&
-         (damping.rows != U.rows || damping.columns != U.rows)) ||
+        inputs.columns != all.B.columns || terms.size() != all.terms.size() ||
+        !std::all_of(terms.begin(), terms.end(), is_of(U.rows, U.rows)) ||
+        std::any_of(all.terms.begin(), all.terms.end(),
+                    [&](const auto& term) {
+                      return term.matrix.rows < U.rows || term.matrix.columns < U.rows;
+                    }) ||
         U.rows > all.K.columns || U.rows > all.M.rows || U.rows > all.M.columns)
       throw Error(
           text("file %s: %s does not fit: it is damaged", path.c_str(), group.c_str()));
     const int order = U.rows;
     expect_coordinates(file, leading(all, order), m.tau, U, lambda);
-    level.response = std::make_shared<DenseResponse>(
-        leading(all, order), m.tau, std::move(U), std::move(lambda), std::move(inputs),
-        std::move(damping));
+    level.response = std::make_shared<DenseResponse>(leading(all, order), m.tau,
+                                                     std::move(U), std::move(lambda),
+                                                     std::move(inputs), std::move(terms));
     auto certificate = std::make_shared<Certificate>();
     Certificate::archive(FieldReader(file, group + "/certificate"), *certificate);
     level.certificate = std::move(certificate);

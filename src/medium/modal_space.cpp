@@ -157,7 +157,8 @@ ModalSpace find_modal_space(const CertifyRun& run, double omega, bool mass_is_si
     }
     if (modal.rigid() > 0) {
       refuse_statics_of_a_free_body(first);
-      if (run.fom.D && run.spec.relative_to == RelativeTo::elastic) refuse_elastic_part();
+      if (!run.fom.terms.empty() && run.spec.relative_to == RelativeTo::elastic)
+        refuse_elastic_part();
     }
     return modal;
   }
@@ -178,7 +179,8 @@ std::shared_ptr<const DenseResponse> ritz_response(const CertifyRun& run,
   DenseSystem system;
   system.M = space.M();
   system.K = space.K();
-  system.D = space.D();
+  for (std::size_t t = 0; t < space.terms().size(); ++t)
+    system.terms.push_back({run.fom.terms[t].law, space.terms()[t]});
   system.damping = run.fom.damping;
   system.B = space.projected_ports(modal.loads);
   system.C = system.B;

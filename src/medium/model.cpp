@@ -88,12 +88,14 @@ void MediumModel::take_modal_system() {
     system.K(j, j) = massless ? 1 - tau * mu : response.lambda()[at];
   }
   to_V_ = response.U();
-  system.D = response.modal_damping();
+  for (std::size_t t = 0; t < response.modal_terms().size(); ++t)
+    system.terms.push_back({response.system().terms[t].law, response.modal_terms()[t]});
   Dense B = response.modal_inputs();
   const auto scale_of = [&](int j) { return unit[as_size(j)]; };
   for (int j = 0; j < N; ++j) {
     for (int i = 0; i < N; ++i) to_V_(i, j) *= scale_of(j);
-    for (int i = 0; i < system.D.rows; ++i) system.D(i, j) *= scale_of(i) * scale_of(j);
+    for (auto& [law, T] : system.terms)
+      for (int i = 0; i < N; ++i) T(i, j) *= scale_of(i) * scale_of(j);
     for (int p = 0; p < B.columns; ++p) B(j, p) *= scale_of(j);
   }
   system.damping = response.system().damping;
@@ -102,7 +104,7 @@ void MediumModel::take_modal_system() {
 }
 
 void MediumModel::follow_dampers() {
-  if (!system.has_extra_damping() || system.order() > 250) return;
+  if (system.terms.empty() || system.order() > 250) return;
   resonances.clear();
   for (const auto& pole : poles(*level_.response))
     if (pole.real() > 0 && pole.real() < cutoff && pole.imag() < pole.real())

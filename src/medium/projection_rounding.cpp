@@ -57,12 +57,15 @@ std::vector<double> EntryRounding::times(const std::vector<double>& x) const {
   return result;
 }
 
-double ProjectionRounding::of_response(double a_k, double a_d, double omega,
-                                       const Sizes& outputs, const Sizes& inputs) const {
+double ProjectionRounding::of_response(double a_k, const std::vector<double>& of_terms,
+                                       double omega, const Sizes& outputs,
+                                       const Sizes& inputs) const {
   const double square = omega * omega;
   const auto apart = as_size(rigid);
-  double sum = a_k * K.form(outputs, inputs, apart) +
-               square * M.form(outputs, inputs, apart) + a_d * D.form(outputs, inputs, 0);
+  double sum =
+      a_k * K.form(outputs, inputs, apart) + square * M.form(outputs, inputs, apart);
+  for (std::size_t t = 0; t < terms.size(); ++t)
+    sum += of_terms[t] * terms[t].form(outputs, inputs, 0);
   double all_out = 0, all_in = 0, same = 0, out_square = 0, in_square = 0;
   for (std::size_t i = apart; i < lambda.size(); ++i) {
     all_out += outputs[i];
@@ -102,7 +105,7 @@ double ProjectionRounding::of_rigid_modes(double omega, const Sizes& outputs,
 
 ProjectionRounding::Sizes ProjectionRounding::of_equations(double a_k, double omega,
                                                            const Sizes& x) const {
-  const Sizes of_K = K.times(x), of_M = M.times(x); // the field has no claim with D
+  const Sizes of_K = K.times(x), of_M = M.times(x); // the field has no claim with terms
   double all = 0;
   for (double each : x) all += each;
   const double square = omega * omega;
@@ -125,13 +128,16 @@ std::array<std::vector<double>, 2> ProjectionRounding::row_sums() const {
   return sums;
 }
 
-bool ProjectionRounding::fits(int order, int ports_count) const {
+bool ProjectionRounding::fits(int order, int ports_count, std::size_t terms_count) const {
   const auto holds = [](const std::vector<double>& v, int count) {
     return v.size() == as_size(count);
   };
-  for (const EntryRounding* of : {&K, &M, &D})
-    if (!holds(of->plain, order) || !holds(of->force, order) || !holds(of->sharp, order))
-      return false;
+  const auto is_whole = [&](const EntryRounding& of) {
+    return holds(of.plain, order) && holds(of.force, order) && holds(of.sharp, order);
+  };
+  if (!is_whole(K) || !is_whole(M) || terms.size() != terms_count ||
+      !std::all_of(terms.begin(), terms.end(), is_whole))
+    return false;
   return holds(lambda, order) && holds(strain, order) && ports.rows == order &&
          ports.columns == ports_count && rigid >= 0 && rigid <= order;
 }
@@ -199,7 +205,8 @@ ProjectionRounding rounding_with(const MediumSpace& space, const DenseResponse& 
   }
   result.K = of_plain_sums(std::move(of_K));
   result.M = of_plain_sums(std::move(of_M));
-  result.D = of_plain_sums(scaled(turned_weights(U, sums.D), root));
+  for (const auto& of_term : sums.terms)
+    result.terms.push_back(of_plain_sums(scaled(turned_weights(U, of_term), root)));
   // Of (K + τM)-normalised rigid modes.
   result.rigid_mass = (space.rigid_mass_deviation() + 3 * epsilon) / space.tau();
   return result;

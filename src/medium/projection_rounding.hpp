@@ -9,13 +9,15 @@
 
 #include <array>
 #include <cmath>
+#include <string>
+#include <type_traits>
 
 namespace flexgram {
 
 /// Σ_k |U_kj| w_k.
 std::vector<double> turned_weights(const Dense& U, const std::vector<double>& w);
 
-/// Rounding of the entries of UᵀVᵀAVU, A one of K, M and D: entry (i, j) is wrong by at most
+/// Rounding of the entries of UᵀVᵀAVU, A one of K, M and the terms: entry (i, j) is wrong by at most
 /// p_i p_j + p_i f_j + f_i p_j + s_i s_j.
 struct EntryRounding {
   std::vector<double>
@@ -46,12 +48,13 @@ struct EntryRounding {
   }
 };
 
-/// In the modal coordinates of a level, the exact UᵀVᵀA(ω)VU differs from the diagonal (and D)
+/// In the modal coordinates of a level, the exact UᵀVᵀA(ω)VU differs from the diagonal (and the terms)
 /// that the level computes with by a matrix E(ω) with, for i ≠ j,
-///   |E_ij| <= |a_k| (K_ij + mixed) + ω² (M_ij + mixed/τ) + ω D_ij,
-/// and |E_jj| <= |a_k| (K_jj + rounding of λ_j) + ω² M_jj + ω D_jj. H differs by x_Cᵀ E x_B.
+///   |E_ij| <= |a_k| (K_ij + mixed) + ω² (M_ij + mixed/τ) + Σ |g| T_ij,
+/// and |E_jj| <= |a_k| (K_jj + rounding of λ_j) + ω² M_jj + Σ |g| T_jj. H differs by x_Cᵀ E x_B.
 struct ProjectionRounding {
-  EntryRounding K, M, D;      ///< K is 0 of rigid modes
+  EntryRounding K, M; ///< K is 0 of rigid modes
+  std::vector<EntryRounding> terms;
   std::vector<double> lambda; ///< rounding of μ_j λ_j
   Dense ports;                ///< of the coordinates of ports, N × ports
   /// ‖δ‖_K at most, δ the rounding of the displacements V u_j of each mode to doubles.
@@ -64,9 +67,9 @@ struct ProjectionRounding {
 
   /// Sizes of the coordinates of a response: of each mode the norm over some ports.
   using Sizes = std::vector<double>;
-  /// Σ |x_C|ᵀ|E||x_B| at most, but for the rigid part of H. @param a_k  its size.
-  double of_response(double a_k, double a_d, double omega, const Sizes& outputs,
-                     const Sizes& inputs) const;
+  /// Σ |x_C|ᵀ|E||x_B| at most, but for the rigid part of H. @param a_k, of_terms  its size, |g| of each term.
+  double of_response(double a_k, const std::vector<double>& of_terms, double omega,
+                     const Sizes& outputs, const Sizes& inputs) const;
   /// The same of rigid modes among themselves, whose mass is summed accurately; not in the former.
   double of_rigid_modes(double omega, const Sizes& outputs, const Sizes& inputs) const;
   /// |E||x|: what the equations of each mode are off by.
@@ -78,18 +81,26 @@ struct ProjectionRounding {
   }
   /// Σ_j of entries (i, j) of K, and of M.
   std::array<std::vector<double>, 2> row_sums() const;
-  /// How much of that a mode's plain sums with K and D, and with M, are responsible for, as roots
+  /// How much of that a mode's plain sums with K and the terms, and with M, are responsible for, as roots
   /// of a diagonal part.
-  std::array<double, 2> shares(std::size_t i, double a_k, double omega) const {
-    return {std::sqrt(a_k * K.plain[i] * K.plain[i] + omega * D.plain[i] * D.plain[i]),
-            omega * M.plain[i]};
+  std::array<double, 2> shares(std::size_t i, double a_k,
+                               const std::vector<double>& of_terms, double omega) const {
+    double sum = a_k * K.plain[i] * K.plain[i];
+    for (std::size_t t = 0; t < terms.size(); ++t)
+      sum += of_terms[t] * terms[t].plain[i] * terms[t].plain[i];
+    return {std::sqrt(sum), omega * M.plain[i]};
   }
 
   template <class Archive, class Self>
   static void archive(Archive&& a, Self& self) {
     EntryRounding::archive(a, "K", self.K);
     EntryRounding::archive(a, "M", self.M);
-    EntryRounding::archive(a, "D", self.D);
+    int count = static_cast<int>(self.terms.size());
+    a("rounding_terms", count);
+    if constexpr (!std::is_const_v<Self>)
+      self.terms.resize(count > 0 && count < 1000 ? as_size(count) : 0);
+    for (std::size_t t = 0; t < self.terms.size(); ++t)
+      EntryRounding::archive(a, "term_" + std::to_string(t + 1), self.terms[t]);
     a("rounding_lambda", self.lambda);
     a("rounding_ports", self.ports);
     a("rounding_strain", self.strain);
@@ -99,7 +110,7 @@ struct ProjectionRounding {
     a("rounding_rigid_mass", self.rigid_mass);
     a("rounding_rigid", self.rigid);
   }
-  bool fits(int order, int ports_count) const;
+  bool fits(int order, int ports_count, std::size_t terms_count) const;
 
   /// How far the coordinates of some ports in mode i are off, in the ports' units.
   /// @param scale  of each port.

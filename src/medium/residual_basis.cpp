@@ -157,33 +157,36 @@ std::vector<double> combined(const std::vector<double>& norms, const Dense& a) {
   return result;
 }
 
-/// D u_j = Σ_i E u_i (UᵀDU)_ij/e_i + what VᵀR = 0 leaves.
-void take_damping_apart(ResidualBasis& basis, const DenseResponse& response, double kappa,
-                        double cutoff) {
-  if (!response.system().has_extra_damping()) return;
+/// T u_j = Σ_i E u_i (UᵀTU)_ij/e_i + what VᵀR = 0 leaves.
+void take_terms_apart(ResidualBasis& basis, const DenseResponse& response, double kappa,
+                      double cutoff) {
   const double sigma = cutoff * cutoff;
-  Dense parts_of_V = response.modal_damping();
-  for (int i = 0; i < parts_of_V.rows; ++i) {
-    const double e = response.energy(i, sigma); // uᵀEu, E = K − ω_c²M
-    for (int j = 0; j < parts_of_V.columns; ++j) parts_of_V(i, j) /= e;
+  basis.terms_outside = basis.terms;
+  for (std::size_t t = 0; t < basis.terms.size(); ++t) {
+    Dense parts_of_V = response.modal_terms()[t];
+    for (int i = 0; i < parts_of_V.rows; ++i) {
+      const double e = response.energy(i, sigma); // uᵀEu, E = K − ω_c²M
+      for (int j = 0; j < parts_of_V.columns; ++j) parts_of_V(i, j) /= e;
+    }
+    const Dense taken = multiply(basis.K, parts_of_V);
+    Dense& outside = basis.terms_outside[t];
+    for (std::size_t i = 0; i < outside.data.size(); ++i)
+      outside.data[i] -= (1 + kappa * sigma) * taken.data[i];
   }
-  basis.damped_outside = basis.D;
-  const Dense taken = multiply(basis.K, parts_of_V);
-  for (std::size_t i = 0; i < basis.damped_outside.data.size(); ++i)
-    basis.damped_outside.data[i] -= (1 + kappa * sigma) * taken.data[i];
 }
 
 } // namespace
 
-ComplexDense residual_of(const Dense& ports, const Dense& K, const Dense& D, double kappa,
+ComplexDense residual_of(const Dense& ports, const Dense& K,
+                         const std::vector<Dense>& terms, double kappa,
                          const ShiftCoefficients& c, const ComplexDense& x) {
   ComplexDense r = multiply(K, x);
   const Complex factor = -(c.k - kappa * c.m);
   for (std::size_t i = 0; i < r.data.size(); ++i)
     r.data[i] = ports.data[i] + factor * r.data[i];
-  if (!D.data.empty()) {
-    const ComplexDense d = multiply(D, x);
-    for (std::size_t i = 0; i < r.data.size(); ++i) r.data[i] -= c.d * d.data[i];
+  for (std::size_t t = 0; t < terms.size(); ++t) {
+    const ComplexDense d = multiply(terms[t], x);
+    for (std::size_t i = 0; i < r.data.size(); ++i) r.data[i] -= c.terms[t] * d.data[i];
   }
   return r;
 }
@@ -192,9 +195,9 @@ void turn_residual(ResidualBasis& basis, const Dense& Q, const DenseResponse& re
                    double kappa, double cutoff) {
   basis.K = multiply(basis.K, Q);
   basis.dropped_K = combined(basis.dropped_K, Q);
-  if (!basis.D.data.empty()) basis.D = multiply(basis.D, Q);
-  if (!basis.dropped_D.empty()) basis.dropped_D = combined(basis.dropped_D, Q);
-  take_damping_apart(basis, response, kappa, cutoff);
+  for (Dense& T : basis.terms) T = multiply(T, Q);
+  for (auto& dropped : basis.dropped_terms) dropped = combined(dropped, Q);
+  take_terms_apart(basis, response, kappa, cutoff);
 }
 
 namespace {
@@ -251,8 +254,7 @@ void orthonormalise_residual(MediumSpace& space) {
     (first < parts.orthonormal ? T : S).append(piece.share());
   });
   // All that S spans stays: what is small in these residuals may not be in later ones.
-  Span span = span_of(space.fom().comm, std::move(T), std::move(S),
-                      {&parts.B, &parts.K, &parts.D});
+  Span span = span_of(space.fom().comm, std::move(T), std::move(S), parts.parts());
   const auto lost = [&](const std::vector<double>& before, const Dense& a) {
     if (a.data.empty()) return before;
     const Dense of_S = part_of(a, span.held, a.rows - span.held, 0, a.columns);
@@ -262,10 +264,14 @@ void orthonormalise_residual(MediumSpace& space) {
                                 static_cast<int>(span.T.columns()),
                                 span.coordinates(parts.B),
                                 span.coordinates(parts.K),
-                                span.coordinates(parts.D),
+                                {},
                                 lost(parts.lost_B, parts.B),
                                 lost(parts.lost_K, parts.K),
-                                lost(parts.lost_D, parts.D)};
+                                {}};
+  for (std::size_t t = 0; t < parts.terms.size(); ++t) {
+    smaller.terms.push_back(span.coordinates(parts.terms[t]));
+    smaller.lost_terms.push_back(lost(parts.lost_terms[t], parts.terms[t]));
+  }
   smaller.S = std::move(span.T);
   space.compress_residual(std::move(smaller));
 }
@@ -278,7 +284,7 @@ std::optional<Dense> directions_of_residual(const MediumSpace& space, int solved
     return 2 * rank <= r || rank < r - solved || (rank <= most && most < r);
   };
   if (r == 0 || !pays(parts.B.columns)) return std::nullopt; // ports are seldom alike
-  LeftSvd svd = left_svd(compressed(of_norm_one({&parts.B, &parts.K, &parts.D}, r)));
+  LeftSvd svd = left_svd(compressed(of_norm_one(parts.parts(), r)));
   share_from_first(space.fom().comm, svd.values);
   share_from_first(space.fom().comm, svd.vectors.data);
   int rank = 0;
@@ -295,29 +301,39 @@ void turn_residual_parts(MediumSpace& space, const Dense& Q) {
   const auto lost = [&](const std::vector<double>& before, const Dense& a) {
     return a.data.empty() ? before : lost_too(before, norms_outside(Q, a));
   };
-  space.compress_residual({combine(parts.S, Q), Q.columns, turned(parts.B),
-                           turned(parts.K), turned(parts.D), lost(parts.lost_B, parts.B),
-                           lost(parts.lost_K, parts.K), lost(parts.lost_D, parts.D)});
+  MediumSpace::Residual fewer{combine(parts.S, Q),
+                              Q.columns,
+                              turned(parts.B),
+                              turned(parts.K),
+                              {},
+                              lost(parts.lost_B, parts.B),
+                              lost(parts.lost_K, parts.K),
+                              {}};
+  for (std::size_t t = 0; t < parts.terms.size(); ++t) {
+    fewer.terms.push_back(turned(parts.terms[t]));
+    fewer.lost_terms.push_back(lost(parts.lost_terms[t], parts.terms[t]));
+  }
+  space.compress_residual(std::move(fewer));
 }
 
 ResidualBasis residual_basis(const MediumSpace& space, const DenseResponse& response,
                              const std::vector<double>& samples, int modes, double cutoff,
                              int most) {
-  const bool damped = response.system().has_extra_damping();
   const int p = response.system().B.columns, N = response.system().order();
   const MediumSpace::Residual& parts = space.residual();
   const int r = parts.orthonormal;
   ResidualBasis basis;
   basis.dropped_ports = parts.lost_B;
   basis.dropped_K = combined(parts.lost_K, response.U());
-  if (damped) basis.dropped_D = combined(parts.lost_D, response.U());
+  for (const auto& lost : parts.lost_terms)
+    basis.dropped_terms.push_back(combined(lost, response.U()));
   const auto turned = [&](const Dense& a) {
     return r > 0 ? multiply(a, response.U()) : Dense(0, N);
   };
   basis.ports = r > 0 ? parts.B : Dense(0, p);
   basis.K = turned(parts.K);
-  if (damped) basis.D = turned(parts.D);
-  take_damping_apart(basis, response, space.kappa(), cutoff);
+  for (const Dense& T : parts.terms) basis.terms.push_back(turned(T));
+  take_terms_apart(basis, response, space.kappa(), cutoff);
   basis.complete = r <= most;
   if (basis.complete) return basis;
 
@@ -329,7 +345,7 @@ ResidualBasis residual_basis(const MediumSpace& space, const DenseResponse& resp
     const ComplexDense x = response.modal_response(omega);
     const double size = std::sqrt(frobenius_norm(response.transfer(x)));
     const ComplexDense residual =
-        residual_of(basis.ports, basis.K, basis.D, space.kappa(),
+        residual_of(basis.ports, basis.K, basis.terms, space.kappa(),
                     response.system().coefficients(omega), x);
     for (int j = 0; j < p; ++j, next += 2)
       for (int i = 0; i < r && size > 0; ++i) {
@@ -349,9 +365,9 @@ ResidualBasis residual_basis(const MediumSpace& space, const DenseResponse& resp
           largest * (cutoff * cutoff + space.tau()) / (cutoff * cutoff - lambda);
   }
   all = beside(all, of_modes);
-  if (damped) {
+  for (const Dense& outside : basis.terms_outside) {
     double size = 0;
-    Dense scaled = first_columns(basis.damped_outside, modes);
+    Dense scaled = first_columns(outside, modes);
     for (double v : scaled.data) size = std::max(size, std::abs(v));
     for (double& v : scaled.data) v *= size > 0 ? largest / size : 0.0;
     all = beside(all, scaled);
@@ -365,8 +381,8 @@ ResidualBasis residual_basis(const MediumSpace& space, const DenseResponse& resp
   };
   turn(basis.ports);
   turn(basis.K);
-  turn(basis.D);
-  turn(basis.damped_outside);
+  for (Dense& T : basis.terms) turn(T);
+  for (Dense& T : basis.terms_outside) turn(T);
   basis.cut = u;
   return basis;
 }

@@ -11,12 +11,13 @@
 namespace flexgram {
 
 /// The parts of the residual in the coordinates of the columns T of the space's residual parts S,
-/// or of fewer: R(ω) = T (ports − (a_k − κ a_m) K U x − iω D U x) + what was dropped.
+/// or of fewer: R(ω) = T (ports − (a_k − κ a_m) K U x − Σ g terms U x) + what was dropped.
 struct ResidualBasis {
-  Dense ports, K, D;    ///< k×p, k×N, k×N, the last two in the modal coordinates U
-  Dense damped_outside; ///< k×N: what DU has beyond E V, E = K − ω_c²M; empty without D
-  std::vector<double> dropped_ports, dropped_K,
-      dropped_D; ///< of each column, rows scaled
+  Dense ports, K;                   ///< k×p, k×N in the modal coordinates U
+  std::vector<Dense> terms;         ///< k×N as K
+  std::vector<Dense> terms_outside; ///< k×N: what T U has beyond E V, E = K − ω_c²M
+  std::vector<double> dropped_ports, dropped_K; ///< of each column, rows scaled
+  std::vector<std::vector<double>> dropped_terms;
   bool complete =
       true;  ///< T is S; else it is cut at the largest directions: nothing is proved
   Dense cut; ///< T = S cut; empty where T is complete
@@ -44,8 +45,9 @@ ResidualBasis residual_basis(const MediumSpace& space, const DenseResponse& resp
                              const std::vector<double>& samples, int modes, double cutoff,
                              int most);
 
-/// ports − (a_k − κ a_m) K x − a_d D x
-ComplexDense residual_of(const Dense& ports, const Dense& K, const Dense& D, double kappa,
+/// ports − (a_k − κ a_m) K x − Σ g terms x
+ComplexDense residual_of(const Dense& ports, const Dense& K,
+                         const std::vector<Dense>& terms, double kappa,
                          const ShiftCoefficients& c, const ComplexDense& x);
 
 /// The same parts in the modal coordinates U Q. @param response  with these.

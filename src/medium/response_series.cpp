@@ -126,16 +126,16 @@ double column_norm(const ComplexDense& a, int j) {
 
 std::optional<ResponseSeries> of_solves(const DenseResponse& response, const Dense& B,
                                         Interval interval, int degree) {
-  const Dense& D = response.modal_damping();
+  const std::vector<Dense>& terms = response.modal_terms();
   const int N = B.rows, p = B.columns;
   const double c = interval.centre(), h = interval.half();
-  const Damping& law = response.system().damping;
   // [A⁻¹, A⁻¹A′h, …] by one factorisation; A″ is diagonal.
   ComplexDense A(N, N), right(N, h > 0 ? 2 * N : N);
   std::vector<double> curvature;
   Dense sizes(N, N); // of the entries of A anywhere in the interval
-  for (std::size_t i = 0; i < A.data.size(); ++i)
-    A.data[i] = Complex(0, law.of_D(c)) * D.data[i];
+  std::vector<Complex> slopes;
+  for (const auto& [law, T] : response.system().terms) slopes.push_back(h * law.slope());
+  add_terms(A, response.system().coefficients(c).terms, terms);
   for (int i = 0; i < N; ++i) {
     const Diagonal d = diagonal(response, interval, i);
     A(i, i) += d.d0;
@@ -143,12 +143,14 @@ std::optional<ResponseSeries> of_solves(const DenseResponse& response, const Den
     curvature.push_back(d.d2.real());
     sizes(i, i) = std::abs(d.d0) + d.rounding / epsilon + std::abs(d.d1) + std::abs(d.d2);
     if (h == 0) continue;
-    for (int j = 0; j < N; ++j)
-      right(j, N + i) = Complex(0, h * law.slope_of_D()) * D(j, i);
+    for (std::size_t t = 0; t < terms.size(); ++t)
+      for (int j = 0; j < N; ++j) right(j, N + i) += slopes[t] * terms[t](j, i);
     right(i, N + i) += d.d1;
   }
-  for (std::size_t i = 0; i < sizes.data.size(); ++i)
-    sizes.data[i] += law.of_D(c + h) * std::abs(D.data[i]);
+  const std::vector<double> largest = largest_of(response.system().terms, c + h);
+  for (std::size_t t = 0; t < terms.size(); ++t)
+    for (std::size_t i = 0; i < sizes.data.size(); ++i)
+      sizes.data[i] += largest[t] * std::abs(terms[t].data[i]);
   ComplexDense solved;
   try {
     solved = solve(std::move(A), std::move(right));
@@ -189,12 +191,12 @@ std::optional<ResponseSeries> of_solves(const DenseResponse& response, const Den
       left[as_size(j)] += (column_norm(last, j) + column_norm(beyond, j)) / (1 - away);
   }
   // Rounding, entry by entry: |A⁻¹| times that of the equations' terms.
-  Dense terms = multiply(sizes, series.envelope), inverse_sizes(N, N);
-  for (std::size_t i = 0; i < terms.data.size(); ++i)
-    terms.data[i] += std::abs(B.data[i]);
+  Dense summed = multiply(sizes, series.envelope), inverse_sizes(N, N);
+  for (std::size_t i = 0; i < summed.data.size(); ++i)
+    summed.data[i] += std::abs(B.data[i]);
   for (std::size_t i = 0; i < inverse.data.size(); ++i)
     inverse_sizes.data[i] = std::abs(inverse.data[i]);
-  const Dense rounding = multiply(inverse_sizes, terms);
+  const Dense rounding = multiply(inverse_sizes, summed);
   for (int j = 0; j < p; ++j)
     for (int i = 0; i < N; ++i) {
       series.rounding(i, j) = 4 * epsilon * N * rounding(i, j);

@@ -58,13 +58,13 @@ public:
   }
 
 private:
-  enum Which { of_K, of_M, of_D }; ///< as MediumSpace counts its matrices
+  static constexpr std::size_t of_K = 0, of_M = 1; ///< as MediumSpace counts; then terms
 
   Block vectors(const std::vector<int>& some) const {
     return some.empty() ? Block() : combine(space_.V(), columns_of(response_.U(), some));
   }
   void project();
-  AccurateDense project(Which which, Mat a, const Dense& plain, const Block& Y,
+  AccurateDense project(std::size_t which, Mat a, const Dense& plain, const Block& Y,
                         EntryRounding& of) const;
   void turn();
   AccurateDense project_ports(const Block& loads);
@@ -76,13 +76,14 @@ private:
   const SharpSums& chosen_;
   const int N_, rigid_;
   Block Y_; ///< the vectors whose stiffness and ports are summed again
-  AccurateDense K_, M_, D_;
+  AccurateDense K_, M_;
+  std::vector<AccurateDense> terms_;
   SharpResponse result_;
 };
 
 /// UᵀAU, its plain sums replaced where accurate ones are known, and its rounding with them.
-AccurateDense Sharpener::project(Which which, Mat a, const Dense& plain, const Block& Y,
-                                 EntryRounding& of) const {
+AccurateDense Sharpener::project(std::size_t which, Mat a, const Dense& plain,
+                                 const Block& Y, EntryRounding& of) const {
   const Dense& U = response_.U();
   const double unit = space_.rounding_of_sums().unit + epsilon, // and to a double
       twice = epsilon * (static_cast<double>(space_.fom().n) + 1e3);
@@ -120,14 +121,16 @@ AccurateDense Sharpener::project(Which which, Mat a, const Dense& plain, const B
   return all;
 }
 
-/// K, M and D between Ritz vectors; rigid modes are apart by definition.
+/// K, M and the terms between Ritz vectors; rigid modes are apart by definition.
 void Sharpener::project() {
   const SecondOrderModel& fom = space_.fom();
   ProjectionRounding& rounding = result_.rounding;
   Y_ = vectors(chosen_.K);
   K_ = project(of_K, fom.K, space_.K(), Y_, rounding.K);
   M_ = project(of_M, fom.M, space_.M(), vectors(chosen_.M), rounding.M);
-  if (fom.D) D_ = project(of_D, fom.D, space_.D(), Y_, rounding.D);
+  for (std::size_t t = 0; t < fom.terms.size(); ++t)
+    terms_.push_back(project(of_M + 1 + t, fom.terms[t].matrix, space_.terms()[t], Y_,
+                             rounding.terms[t]));
   for (int j = 0; j < N_; ++j)
     for (int i = 0; i < N_; ++i) {
       if (i < rigid_ || j < rigid_) K_.hi(i, j) = K_.lo(i, j) = 0;
@@ -162,10 +165,8 @@ void Sharpener::turn() {
   };
   turn(K_, result_.rounding.K);
   turn(M_, result_.rounding.M);
-  if (fom.D)
-    turn(D_, result_.rounding.D);
-  else
-    result_.rounding.D = result_.rounding.D.turned(result_.turned);
+  for (std::size_t t = 0; t < terms_.size(); ++t)
+    turn(terms_[t], result_.rounding.terms[t]);
 }
 
 /// Coordinates of the ports, of the chosen vectors by accurate sums.
@@ -210,16 +211,20 @@ void Sharpener::make_response(const Dense& Z, const AccurateDense& ports) {
       B(j, p) = static_cast<double>((static_cast<long double>(in_modes.hi(j, p)) +
                                      static_cast<long double>(in_modes.lo(j, p))) *
                                     scale[as_size(j)]);
-  if (fom.D) { // (I + Z)ᵀD(I + Z), rounded to doubles
-    add_to(D_.hi, multiply(D_.hi, Z));
-    add_to(D_.hi, multiply_transposed(Z, D_.hi));
-    EntryRounding& of = result_.rounding.D;
-    of.sharp = added(of.sharp, rounding_to_doubles(D_.hi));
+  std::vector<Dense> terms;
+  for (std::size_t t = 0; t < terms_.size();
+       ++t) { // (I + Z)ᵀT(I + Z), rounded to doubles
+    Dense T = std::move(terms_[t].hi);
+    add_to(T, multiply(T, Z));
+    add_to(T, multiply_transposed(Z, T));
+    EntryRounding& of = result_.rounding.terms[t];
+    of.sharp = added(of.sharp, rounding_to_doubles(T));
+    terms.push_back(std::move(T));
   }
   for (auto* values : {&lambda, &B.data}) share_from_first(fom.comm, *values);
   result_.response = std::make_shared<DenseResponse>(
       response_.system(), space_.tau(), multiply(response_.U(), result_.turned), lambda,
-      std::move(B), std::move(D_.hi));
+      std::move(B), std::move(terms));
 }
 
 /// What both turns do to the bounds, and what the last one leaves.

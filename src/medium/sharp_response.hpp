@@ -10,7 +10,7 @@ namespace flexgram {
 
 /// Columns of U whose sums with twice the digits are worth their price.
 struct SharpSums {
-  std::vector<int> K; ///< of K, D and the ports; elastic
+  std::vector<int> K; ///< of K, the terms and the ports; elastic
   std::vector<int> M; ///< fewer: nothing cancels in kinetic energy; rigid ones too
 
   std::size_t count() const { return K.size() + M.size(); }
@@ -40,7 +40,7 @@ struct SharpResponse {
 
 /// Products of small matrices with twice the digits, and more:
 /// @param chosen  whose energies and ports are summed again: with twice the digits among
-/// themselves, by accurate forces K y, M y, D y with all others.
+/// themselves, by accurate forces K y, M y, T y with all others.
 /// @param sums  rounding_of_sums of the response.
 /// @note One accurate product with its matrix for each of them. Collective.
 SharpResponse sharpened(const MediumSpace& space, const DenseResponse& response,

@@ -25,11 +25,15 @@ MediumSpace::MediumSpace(const SecondOrderModel& fom, double kappa, double tau)
     rows_.root_diagonal.push_back(d > 0 ? std::sqrt(d) : 1.0);
   }
   double longest = 0;
-  for (int k = 0; k < 3; ++k)
-    if (Mat a = k == 0 ? fom_.K : k == 1 ? fom_.M : fom_.D) {
-      rows_.weights[k] = row_weights(a);
-      longest = std::max(longest, static_cast<double>(longest_row(a)));
-    }
+  std::vector<Mat> matrices{fom_.K, fom_.M};
+  for (Mat term : fom_.term_matrices()) matrices.push_back(term);
+  for (Mat a : matrices) {
+    rows_.weights.push_back(row_weights(a));
+    longest = std::max(longest, static_cast<double>(longest_row(a)));
+  }
+  images_.TV.resize(fom_.terms.size());
+  projected_.terms.resize(fom_.terms.size());
+  rounding_of_sums_.terms.resize(fom_.terms.size());
   // Of a product with a matrix, of a sum within a strip, of these sums, and of the ranks.
   const double rows = max_over(fom_.comm, static_cast<double>(fom_.rows.size()));
   rounding_of_sums_.unit =
@@ -76,8 +80,7 @@ std::vector<double> MediumSpace::norms_by(const std::vector<double>& rows, const
   return squares;
 }
 
-std::vector<double> MediumSpace::weights(int matrix, const Block& x) const {
-  if (matrix == 2 && !fom_.D) return std::vector<double>(as_size(x.columns()), 0.0);
+std::vector<double> MediumSpace::weights(std::size_t matrix, const Block& x) const {
   return norms_by(rows_.weights[matrix], x, false);
 }
 
@@ -96,7 +99,7 @@ std::vector<double> MediumSpace::dual_weights_of_ports(const Block& f) const {
   return norms_by(rows, f, true);
 }
 
-std::vector<double> MediumSpace::dual_weights(int matrix, const Block& f) const {
+std::vector<double> MediumSpace::dual_weights(std::size_t matrix, const Block& f) const {
   return norms_by(rows_.weights[matrix], f, true);
 }
 
@@ -116,10 +119,11 @@ void MediumSpace::start_with_rigid_modes(Block Phi, Dense stiffness, int geometr
   projected_.W = identity(count);
   rigid_.stiffness = std::move(stiffness);
   take_deviation(Phi);
-  if (fom_.D) {
-    images_.DV.append(multiply(fom_.D, Phi));
-    projected_.D = inner(Phi, images_.DV.pieces().front());
-    symmetrise(projected_.D);
+  std::vector<Block> TX = times_terms(Phi);
+  for (std::size_t t = 0; t < TX.size(); ++t) {
+    projected_.terms[t] = inner(Phi, TX[t]);
+    symmetrise(projected_.terms[t]);
+    images_.TV[t].append(std::move(TX[t]));
   }
   add_rounding_weights(Phi);
   keep_rigid_forces(Phi);
@@ -153,15 +157,24 @@ void MediumSpace::add_rounding_weights(const Block& X) {
   MPI_Allreduce(MPI_IN_PLACE, squares.data(), static_cast<int>(squares.size()),
                 MPI_DOUBLE, MPI_SUM, X.comm());
   for (double s : squares) entries_.weights.push_back(std::sqrt(s));
-  int matrix = 0;
-  for (auto* all : {&rounding_of_sums_.K, &rounding_of_sums_.M, &rounding_of_sums_.D}) {
+  std::size_t matrix = 0;
+  const auto extend = [&](std::vector<double>& all) {
     const std::vector<double> more = weights(matrix++, X);
-    all->insert(all->end(), more.begin(), more.end());
-  }
+    all.insert(all.end(), more.begin(), more.end());
+  };
+  extend(rounding_of_sums_.K);
+  extend(rounding_of_sums_.M);
+  for (auto& of_term : rounding_of_sums_.terms) extend(of_term);
+}
+
+std::vector<Block> MediumSpace::times_terms(const Block& X) const {
+  std::vector<Block> TX;
+  for (const auto& [law, T] : fom_.terms) TX.push_back(multiply(T, X));
+  return TX;
 }
 
 void MediumSpace::extend_projection(const Block& X, const Block& KX, const Block& WX,
-                                    const Block& DX) {
+                                    const std::vector<Block>& TX) {
   const int k = static_cast<int>(X.columns()), old = columns() - k;
   add_rounding_weights(X);
   Dense columns = inner(V_, KX);
@@ -182,18 +195,19 @@ void MediumSpace::extend_projection(const Block& X, const Block& KX, const Block
   for (int j = 0; j < k; ++j)
     for (int i = 0; i < rigid_.count; ++i) mass(i, j) = 0;
   projected_.W = bordered(projected_.W, mass);
-  if (DX) projected_.D = bordered(projected_.D, inner(V_, DX));
+  for (std::size_t t = 0; t < TX.size(); ++t)
+    projected_.terms[t] = bordered(projected_.terms[t], inner(V_, TX[t]));
 }
 
 void MediumSpace::restore(Block X) {
   if (X.columns() == 0) return;
   images_.newest_weighted = Block();
-  Block KX = multiply(fom_.K, X), DX;
-  if (fom_.D) DX = multiply(fom_.D, X);
+  Block KX = multiply(fom_.K, X);
+  std::vector<Block> TX = times_terms(X);
   V_.append(X.share());
-  extend_projection(X, KX, product_.apply(X), DX);
+  extend_projection(X, KX, product_.apply(X), TX);
   images_.KV.append(std::move(KX));
-  if (fom_.D) images_.DV.append(std::move(DX));
+  for (std::size_t t = 0; t < TX.size(); ++t) images_.TV[t].append(std::move(TX[t]));
 }
 
 /// Y ← Y − W V c for c = VᵀY, rows scaled: what is residual of it.
@@ -214,13 +228,13 @@ std::vector<double> MediumSpace::append(Block X, double tolerance) {
   const int k = static_cast<int>(added.vectors.columns());
   if (k == 0) return std::move(added.outside);
   V_.append(added.vectors.share());
-  Block KX = multiply(fom_.K, added.vectors), DX;
-  if (fom_.D) DX = multiply(fom_.D, added.vectors);
-  extend_projection(added.vectors, KX, added.weighted, DX);
+  Block KX = multiply(fom_.K, added.vectors);
+  std::vector<Block> TX = times_terms(added.vectors);
+  extend_projection(added.vectors, KX, added.weighted, TX);
   if (!tracks_) {
     images_.newest_weighted = std::move(added.weighted);
     images_.KV.append(std::move(KX));
-    if (fom_.D) images_.DV.append(std::move(DX));
+    for (std::size_t t = 0; t < TX.size(); ++t) images_.TV[t].append(std::move(TX[t]));
     return std::move(added.outside);
   }
 
@@ -237,7 +251,7 @@ std::vector<double> MediumSpace::append(Block X, double tolerance) {
     residual_.S.append(std::move(image));
   };
   join(std::move(KX), projected_.K);
-  if (fom_.D) join(std::move(DX), projected_.D);
+  for (std::size_t t = 0; t < TX.size(); ++t) join(std::move(TX[t]), projected_.terms[t]);
   const int total = static_cast<int>(residual_.S.columns());
   const auto widened = [&](const Dense& a, int more, int first) {
     Dense wide(total, a.columns + more), of_WX = multiply(taken, a);
@@ -248,10 +262,14 @@ std::vector<double> MediumSpace::append(Block X, double tolerance) {
     return wide;
   };
   residual_.lost_K.resize(residual_.lost_K.size() + as_size(k), 0.0);
-  if (fom_.D) residual_.lost_D.resize(residual_.lost_K.size(), 0.0);
+  for (auto& lost : residual_.lost_terms) lost.resize(residual_.lost_K.size(), 0.0);
   residual_.B = widened(residual_.B, 0, 0);
   residual_.K = widened(residual_.K, k, width + k);
-  if (fom_.D) residual_.D = widened(residual_.D, k, width + 2 * k);
+  int first = width + 2 * k;
+  for (Dense& T : residual_.terms) {
+    T = widened(T, k, first);
+    first += k;
+  }
   return std::move(added.outside);
 }
 
@@ -278,7 +296,8 @@ void MediumSpace::track_residual(const Block& ports) {
         if (first < rigid_.count) scale_columns(piece, keep);
       });
   take_over(images_.KV, projected_.K);
-  if (fom_.D) take_over(images_.DV, projected_.D);
+  for (std::size_t t = 0; t < images_.TV.size(); ++t)
+    take_over(images_.TV[t], projected_.terms[t]);
   const int p = static_cast<int>(ports.columns()), N = columns(),
             total = static_cast<int>(residual_.S.columns());
   const auto unit = [&](int first, int count) {
@@ -288,10 +307,11 @@ void MediumSpace::track_residual(const Block& ports) {
   };
   residual_.B = unit(0, p);
   residual_.K = unit(p, N);
-  if (fom_.D) residual_.D = unit(p + N, N);
+  for (std::size_t t = 0; t < fom_.terms.size(); ++t)
+    residual_.terms.push_back(unit(p + N * (static_cast<int>(t) + 1), N));
   residual_.lost_B.assign(as_size(p), 0.0);
   residual_.lost_K.assign(as_size(N), 0.0);
-  if (fom_.D) residual_.lost_D = residual_.lost_K;
+  residual_.lost_terms.assign(fom_.terms.size(), residual_.lost_K);
 }
 
 Dense MediumSpace::M() const {

@@ -15,7 +15,7 @@ namespace flexgram {
 inline constexpr int wide_block = 48;
 
 /// A growing space V of the full body, W-orthonormal (W = M, or M + κK where M is
-/// singular), with the Galerkin projections of K and D, and what the residuals of its
+/// singular), with the Galerkin projections of K and the terms, and what the residuals of its
 /// responses are made of. The first `rigid()` columns are exact rigid body modes: their
 /// stiffness is zero by definition, not up to the rounding of K, so that low frequencies
 /// stay accurate.
@@ -42,18 +42,26 @@ public:
   Dense projected_ports(const Block& ports) const;
 
   /// From now on the parts of the residuals are kept: with P = I − W V Vᵀ,
-  ///   B − A(ω) V x = P B − (a_k − κ a_m) P K V x − iω P D V x = S (C_B − … C_K x − … C_D
-  ///   x).
+  ///   B − A(ω) V x = P B − (a_k − κ a_m) P K V x − Σ g P T V x = S (C_B − … C_K x − … C_T x).
   void track_residual(const Block& ports);
 
   /// The columns S, each row divided by the root of the diagonal of K + τM, and the
-  /// coordinates of P B, P K V and P D V in them.
+  /// coordinates of P B, P K V and P T V in them.
   struct Residual {
     Basis S;
     int orthonormal = 0; ///< so many first columns of S are
-    Dense B, K, D;
+    Dense B, K;
+    std::vector<Dense> terms;
     /// Norms of what each of these columns lost when S was replaced by a smaller basis.
-    std::vector<double> lost_B, lost_K, lost_D;
+    std::vector<double> lost_B, lost_K;
+    std::vector<std::vector<double>> lost_terms;
+
+    /// B, K and the terms.
+    std::vector<const Dense*> parts() const {
+      std::vector<const Dense*> all{&B, &K};
+      for (const Dense& T : terms) all.push_back(&T);
+      return all;
+    }
   };
   const Residual& residual() const { return residual_; }
   /// Replaces S by a basis of its span, with the coordinates that go with it.
@@ -70,19 +78,20 @@ public:
   const InnerProduct& product() const { return product_; }
   const Dense& K() const { return projected_.K; }
   Dense M() const; ///< VᵀWV − κ VᵀKV
-  const Dense& D() const { return projected_.D; }
+  const std::vector<Dense>& terms() const { return projected_.terms; } ///< VᵀTV
 
-  /// What plain sums may have lost of VᵀKV, VᵀMV and VᵀDV: entry (i, j) is wrong by at most
+  /// What plain sums may have lost of VᵀKV, VᵀMV and VᵀTV: entry (i, j) is wrong by at most
   /// `unit` w_i w_j, w the weights of that matrix (docs/proof.md, section 6).
   struct Rounding {
     double unit = 0;
-    std::vector<double> K, M, D;
+    std::vector<double> K, M;
+    std::vector<std::vector<double>> terms;
   };
   const Rounding& rounding_of_sums() const { return rounding_of_sums_; }
-  /// √(xᵀRx) of each column x for K, M or D (0, 1, 2): |x|ᵀ|A||y| is at most the product of those
+  /// √(xᵀRx) of each column x for K, M or a term (0, 1, 2, …): |x|ᵀ|A||y| is at most the product of those
   /// of x and y. And √(fᵀR⁻¹f): |x|ᵀ|f| is at most that of x times this one of f. Collective.
-  std::vector<double> weights(int matrix, const Block& x) const;
-  std::vector<double> dual_weights(int matrix, const Block& f) const;
+  std::vector<double> weights(std::size_t matrix, const Block& x) const;
+  std::vector<double> dual_weights(std::size_t matrix, const Block& f) const;
   /// The latter for K + τM.
   std::vector<double> dual_weights_of_ports(const Block& f) const;
   /// How far ΦᵀMΦ of the rigid modes is from the identity, and what plain sums lost.
@@ -111,7 +120,8 @@ private:
                                       bool dual);
   void project(Block& image, const Dense& coordinates) const;
   void extend_projection(const Block& X, const Block& KX, const Block& WX,
-                         const Block& DX);
+                         const std::vector<Block>& TX);
+  std::vector<Block> times_terms(const Block& X) const;
   void keep_rigid_forces(const Block& Phi);
   void take_deviation(const Block& Phi);
 
@@ -125,15 +135,17 @@ private:
   /// Of this rank's rows.
   struct Rows {
     std::vector<double> root_diagonal, K_diagonal;
-    std::vector<double> weights[3]; ///< R of K, M, D
+    std::vector<std::vector<double>> weights; ///< R of K, M and the terms
   } rows_;
   /// Until track_residual.
   struct Images {
-    Basis KV, DV;
+    Basis KV;
+    std::vector<Basis> TV; ///< of each term
     Block newest_weighted; ///< W times the newest of V
   } images_;
   struct Projections {
-    Dense K, W, D;
+    Dense K, W;
+    std::vector<Dense> terms;
   } projected_;
   struct RigidModes {
     int count = 0, geometric = 0;

@@ -26,6 +26,7 @@ Shares shares_of_rounding(const MediumModel& model, const DenseResponse& respons
     const MediumModel::Stretch value = model.at(omega, 0);
     const ComplexDense x = response.modal_response(omega);
     const double a_k = std::abs(response.system().coefficients(omega).k);
+    const std::vector<double> of_terms = largest_of(response.system().terms, omega);
     const auto size = [&](int i, const std::vector<int>& ports) {
       double square = 0;
       for (int j : ports) square += std::norm(x(i, j)) / std::pow(scale[as_size(j)], 2);
@@ -38,7 +39,7 @@ Shares shares_of_rounding(const MediumModel& model, const DenseResponse& respons
         const auto at = as_size(i);
         const double in = size(i, inputs), out = size(i, outputs),
                      moved = std::max(in, out) / std::sqrt(known);
-        const auto of_mode = rounding.shares(at, a_k, omega);
+        const auto of_mode = rounding.shares(at, a_k, of_terms, omega);
         const double of_ports = rounding.of_ports(at, outputs, scale) * in +
                                 rounding.of_ports(at, inputs, scale) * out;
         const std::array<double, 3> here{of_mode[0] * moved, of_mode[1] * moved,

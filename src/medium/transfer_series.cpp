@@ -50,7 +50,7 @@ private:
   std::vector<int> pivots_;
 };
 
-/// Coefficients of A(ω) = A_0 + A_1 t + A_2 t² beside those of D, ω = c + h t.
+/// Coefficients of A(ω) = A_0 + A_1 t + A_2 t² beside those of the terms, ω = c + h t.
 struct LongDiagonals {
   std::vector<LongComplex> a0, a1;
   std::vector<Long> a2;
@@ -73,17 +73,18 @@ struct LongDiagonals {
 std::vector<LongDense> response_in_long_double(const ModalNumbers& numbers,
                                                Interval interval, int degree) {
   const int N = numbers.order(), p = numbers.B.columns;
-  const bool dampers = !numbers.D.data.empty();
+  const bool coupled = !numbers.terms.empty();
   const LongDiagonals diagonals(numbers, interval);
-  const auto D = [&](int i, int j) { return static_cast<Long>(numbers.D(i, j)); };
-  const Damping& law = numbers.damping;
-  const auto centre = static_cast<Long>(law.of_D(interval.centre())),
-             half = static_cast<Long>(interval.half() * law.slope_of_D());
   std::optional<LongFactors> factors;
-  if (dampers) {
-    LongDense A(N, N);
-    for (int j = 0; j < N; ++j)
-      for (int i = 0; i < N; ++i) A(i, j) = LongComplex(0, centre * D(i, j));
+  LongDense A(coupled ? N : 0, coupled ? N : 0), slope = A; // of the terms: g T, h g′T
+  for (const auto& [law, T] : numbers.terms) {
+    const LongComplex g(law.at(interval.centre())), h(interval.half() * law.slope());
+    for (std::size_t i = 0; i < T.data.size(); ++i) {
+      A.data[i] += g * static_cast<Long>(T.data[i]);
+      slope.data[i] += h * static_cast<Long>(T.data[i]);
+    }
+  }
+  if (coupled) {
     for (int i = 0; i < N; ++i) A(i, i) += diagonals.a0[as_size(i)];
     factors.emplace(std::move(A));
   }
@@ -97,11 +98,11 @@ std::vector<LongDense> response_in_long_double(const ModalNumbers& numbers,
         if (k == 0) x[i] = static_cast<Long>(numbers.B(i, j));
         if (k > 0) x[i] = -diagonals.a1[at] * X.back()(i, j);
         if (k > 1) x[i] -= diagonals.a2[at] * X[as_size(k - 2)](i, j);
-        for (int l = 0; l < N && k > 0 && dampers; ++l)
-          x[i] -= LongComplex(0, half * D(i, l)) * X.back()(l, j);
-        if (!dampers) x[i] /= diagonals.a0[at];
+        for (int l = 0; l < N && k > 0 && coupled; ++l)
+          x[i] -= slope(i, l) * X.back()(l, j);
+        if (!coupled) x[i] /= diagonals.a0[at];
       }
-      if (dampers) factors->solve(x);
+      if (coupled) factors->solve(x);
     }
     X.push_back(std::move(next));
   }
@@ -126,7 +127,7 @@ std::optional<ModalNumbers> ModalNumbers::of(const DenseSystem& system) {
     numbers.k.push_back(static_cast<Long>(system.K(j, j)));
     numbers.m.push_back(static_cast<Long>(system.M(j, j)));
   }
-  if (system.has_extra_damping()) numbers.D = system.D;
+  numbers.terms = system.terms;
   numbers.damping = system.damping;
   numbers.B = system.B;
   numbers.C = system.outputs_are_inputs ? system.B : system.C;
@@ -141,7 +142,8 @@ ModalNumbers ModalNumbers::of(const DenseResponse& response, Dense B, Dense C) {
     numbers.k.push_back(std::isfinite(lambda) ? mu * static_cast<Long>(lambda) : Long(1));
     numbers.m.push_back(mu);
   }
-  if (!response.is_diagonal()) numbers.D = response.modal_damping();
+  for (std::size_t t = 0; t < response.modal_terms().size(); ++t)
+    numbers.terms.push_back({response.system().terms[t].law, response.modal_terms()[t]});
   numbers.damping = response.system().damping;
   numbers.B = std::move(B);
   numbers.C = std::move(C);
@@ -162,7 +164,7 @@ MatrixSeries transfer_series(const Dense& C, const ResponseSeries& x, int first,
   const double tail = largest_of(H.tail.data.data(), entries);
   if (size == 0) size = size_at_centre(H);
   if (!numbers || !(tail > clear * size) || finer == 1 || entries > most_entries ||
-      numbers->order() > (numbers->D.data.empty() ? most : most_with_dampers))
+      numbers->order() > (numbers->terms.empty() ? most : most_with_dampers))
     return H;
   Dense left = X.tail, rounding = x.rounding, terms = x.envelope;
   for (Dense* part : {&rounding, &terms})

@@ -10,7 +10,7 @@ namespace flexgram {
 /// A system whose K and M are diagonal, as the numbers that it is made of.
 struct ModalNumbers {
   std::vector<long double> k, m;
-  Dense D; ///< or empty
+  std::vector<Term<Dense>> terms;
   Damping damping;
   Dense B, C; ///< N × inputs, N × outputs
 

@@ -120,7 +120,7 @@ void check_semidefinite(Mat a, const char* name, const char* consequence,
 /// K + τM is positive definite unless K and M share a null vector or one of them is
 /// indefinite.
 void check_mechanism(ShiftedSolver& solver, double scale) {
-  solver.factorise({1.0, 1e-6 * scale, 0.0});
+  solver.factorise({1.0, 1e-6 * scale});
   if (solver.null_pivots() > 0)
     throw Error(
         text("K and M share %d null vector%s: the body has a mechanism without mass "
@@ -134,7 +134,7 @@ void check_mechanism(ShiftedSolver& solver, double scale) {
 
 /// Sylvester: K − s₀M has as many negative eigenvalues as (K, M) has below s₀.
 int count_below(ShiftedSolver& solver, double shift) {
-  solver.factorise({1.0, -shift, 0.0});
+  solver.factorise({1.0, -shift});
   return solver.negative_pivots();
 }
 
@@ -174,15 +174,15 @@ BodyFacts check_body(const SecondOrderModel& model, bool assembled, bool stiffne
   } else {
     check_semidefinite(model.M, "M", "a body has no negative mass", model, options,
                        facts);
-    if (model.D)
-      check_semidefinite(model.D, model.damping.law == Damping::Law::viscous ? "D" : "S",
+    for (const auto& [law, matrix] : model.terms)
+      check_semidefinite(matrix, law.letter(),
                          "a body does not gain energy from its damping", model, options,
                          facts);
   }
   if (!stiffness) return facts;
   SolverOptions ordered = counting(options);
   ordered.order = facts.order;
-  ShiftedSolver solver(model.K, model.M, nullptr, model.node, ordered);
+  ShiftedSolver solver(model.K, model.M, {}, model.node, ordered);
   solver.count_pivots(true);
   const double scale = eigenvalue_scale(model);
   check_mechanism(solver, scale);

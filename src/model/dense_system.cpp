@@ -29,15 +29,17 @@ Dense dense_of(const Block& block) {
 
 ShiftCoefficients DenseSystem::coefficients(double omega) const {
   const std::complex<double> i(0, 1);
-  return {1.0 + i * (damping.eta + omega * damping.beta),
-          i * omega * damping.alpha - omega * omega, i * damping.of_D(omega)};
+  ShiftCoefficients c{1.0 + i * (damping.eta + omega * damping.beta),
+                      i * omega * damping.alpha - omega * omega};
+  for (const auto& [law, T] : terms) c.terms.push_back(law.at(omega));
+  return c;
 }
 
 DenseSystem DenseSystem::project(const Dense& Q) const {
   DenseSystem part;
   part.M = congruence(M, Q);
   part.K = congruence(K, Q);
-  part.D = congruence(D, Q);
+  for (const auto& [law, T] : terms) part.terms.push_back({law, congruence(T, Q)});
   part.B = multiply_transposed(Q, B);
   part.C = outputs_are_inputs ? part.B : multiply_transposed(Q, C);
   part.damping = damping;
@@ -53,17 +55,20 @@ SecondOrderModel DenseSystem::model(const SecondOrderModel& names) const {
   model.rows = {0, model.n};
   model.K = make_dense(K);
   model.M = make_dense(M);
-  if (has_extra_damping() && damping.law == Damping::Law::structural) {
-    model.D = make_dense(D);
+  const auto structural = [](const auto& term) { return !term.law.is_viscous(); };
+  if (!terms.empty() && std::all_of(terms.begin(), terms.end(), structural)) {
     model.damping = damping;
   } else {
     Dense sum(order(), order());
     for (std::size_t i = 0; i < sum.data.size(); ++i)
-      sum.data[i] = damping.alpha * M.data[i] + damping.beta * K.data[i] +
-                    (has_extra_damping() ? D.data[i] : 0.0);
-    if (frobenius_norm(sum) > 0) model.D = make_dense(sum);
+      sum.data[i] = damping.alpha * M.data[i] + damping.beta * K.data[i];
+    for (const auto& [law, T] : terms)
+      if (law.is_viscous()) add_to(sum, T);
+    if (frobenius_norm(sum) > 0) model.terms.push_back({Law(), make_dense(sum)});
     model.damping.eta = damping.eta;
   }
+  for (const auto& [law, T] : terms)
+    if (!law.is_viscous()) model.terms.push_back({law, make_dense(T)});
   model.B = make_block(B);
   model.C = outputs_are_inputs ? model.B.share() : make_block(C);
   model.outputs_are_inputs = outputs_are_inputs;
@@ -78,7 +83,8 @@ DenseSystem DenseSystem::from(const SecondOrderModel& dense) {
   DenseSystem system;
   system.M = to_dense(dense.M);
   system.K = to_dense(dense.K);
-  if (dense.D) system.D = to_dense(dense.D);
+  for (const auto& [law, matrix] : dense.terms)
+    system.terms.push_back({law, to_dense(matrix)});
   system.damping = dense.damping;
   system.B = dense_of(dense.B);
   system.C = dense_of(dense.C);
@@ -96,8 +102,8 @@ int free_coordinates(const DenseSystem& system) {
       if (system.K(i, j) != 0 || system.K(j, i) != 0 || system.M(i, j) != mass ||
           system.M(j, i) != mass)
         return false;
-      if (system.has_extra_damping() && (system.D(i, j) != 0 || system.D(j, i) != 0))
-        return false;
+      for (const auto& [law, T] : system.terms)
+        if (T(i, j) != 0 || T(j, i) != 0) return false;
     }
     return true;
   };
@@ -151,7 +157,7 @@ DenseResponse::DenseResponse(DenseSystem system, double tau)
   }
   B_ = multiply_transposed(U_, system_.B);
   C_ = system_.outputs_are_inputs ? B_ : multiply_transposed(U_, system_.C);
-  D_ = congruence(system_.D, U_);
+  for (const auto& [law, T] : system_.terms) terms_.push_back(congruence(T, U_));
 }
 
 /// Modes of a system whose K and M are diagonal: exact.
@@ -185,12 +191,14 @@ void DenseResponse::sharpen(int first) {
 }
 
 DenseResponse::DenseResponse(DenseSystem system, double tau, Dense U,
-                             std::vector<double> lambda, Dense B, Dense D)
+                             std::vector<double> lambda, Dense B,
+                             std::vector<Dense> terms)
     : system_(std::move(system)), tau_(tau), free_(free_coordinates(system_)),
-      U_(std::move(U)), B_(std::move(B)), C_(B_), D_(std::move(D)),
+      U_(std::move(U)), B_(std::move(B)), C_(B_), terms_(std::move(terms)),
       lambda_(std::move(lambda)) {
   for (double l : lambda_) mu_.push_back(1 / (l + tau_));
-  if (D_.data.empty()) D_ = congruence(system_.D, U_);
+  if (terms_.empty())
+    for (const auto& [law, T] : system_.terms) terms_.push_back(congruence(T, U_));
 }
 
 namespace {
@@ -248,7 +256,7 @@ DenseSystem::Modal DenseSystem::project_to_modes(const Dense& Q, double tau) con
     const Dense Z = last_turn(left->first, left->second).Z;
     for (Dense* ports : {&modal.system.B, &modal.system.C})
       if (!ports->data.empty()) add_to(*ports, multiply_transposed(Z, *ports));
-    if (Dense& turned = modal.system.D; !turned.data.empty()) {
+    for (auto& [law, turned] : modal.system.terms) {
       add_to(turned, multiply(turned, Z));
       add_to(turned, multiply_transposed(Z, turned));
     }
@@ -304,8 +312,9 @@ Dense DenseResponse::companion() const {
   // z y = −k⁻¹(C y + μ x), z x = y; k = 1 − τμ at least 1e-12: rigid poles are far from
   // the band.
   const int N = system_.order();
-  Dense damping = D_;
-  if (damping.data.empty()) damping = Dense(N, N);
+  Dense damping(N, N);
+  for (std::size_t t = 0; t < terms_.size(); ++t)
+    if (system_.terms[t].law.is_viscous()) add_to(damping, terms_[t]);
   for (int i = 0; i < N; ++i) {
     const double m = mu_[as_size(i)];
     damping(i, i) += system_.damping.alpha * m + system_.damping.beta * (1 - tau_ * m);
@@ -336,13 +345,19 @@ ComplexDense DenseResponse::modal_response(double omega) const {
     return x;
   }
   ComplexDense A(N, N);
-  for (std::size_t i = 0; i < A.data.size(); ++i) A.data[i] = c.d * D_.data[i];
+  add_terms(A, c.terms, terms_);
   for (int i = 0; i < N; ++i) A(i, i) += a[as_size(i)];
   return solve(std::move(A), std::move(x));
 }
 
 ComplexDense DenseResponse::transfer(const ComplexDense& modal_response) const {
   return multiply_transposed(C_, modal_response);
+}
+
+void add_terms(ComplexDense& A, const std::vector<std::complex<double>>& g,
+               const std::vector<Dense>& T) {
+  for (std::size_t t = 0; t < T.size(); ++t)
+    for (std::size_t i = 0; i < A.data.size(); ++i) A.data[i] += g[t] * T[t].data[i];
 }
 
 std::vector<std::complex<double>> poles(const DenseResponse& response, double eta_added) {
@@ -359,12 +374,15 @@ std::vector<std::complex<double>> poles(const DenseResponse& response, double et
     }
     return found;
   }
-  if (system.damping.law == Damping::Law::structural) { // of each mode by its own part
+  const auto structural = [](const auto& term) { return !term.law.is_viscous(); };
+  if (std::any_of(system.terms.begin(), system.terms.end(), structural)) {
+    // Of each mode by its own part.
     for (int j = 0; j < system.order(); ++j) {
       const double l = response.lambda()[as_size(j)], mu = response.mu()[as_size(j)];
       if (!std::isfinite(l) || !(mu > 0)) continue;
-      const double d = system.damping.alpha + system.damping.beta * l,
-                   lost = response.modal_damping()(j, j) / mu;
+      double d = system.damping.alpha + system.damping.beta * l, lost = 0;
+      for (std::size_t t = 0; t < system.terms.size(); ++t)
+        (structural(system.terms[t]) ? lost : d) += response.modal_terms()[t](j, j) / mu;
       const std::complex<double> stiffness(std::max(l, 0.0),
                                            l * (system.damping.eta + eta_added) + lost);
       const std::complex<double> root = std::sqrt(-d * d + 4.0 * stiffness);

@@ -9,15 +9,15 @@
 
 namespace flexgram {
 
-/// A small second-order system with its damping kept apart: M q'' + (αM + βK + D) q' +
-/// K(1 + iη) q = B u (or iD q, `damping.law`), y = Cᵀq. M, K, D: N×N (D empty: none), B: N×n_in, C: N×n_out.
+/// A small second-order system with its damping kept apart: M q'' + (αM + βK) q' + K(1 + iη) q +
+/// Σ g(ω)T q = B u, y = Cᵀq. M, K, T: N×N, B: N×n_in, C: N×n_out.
 struct DenseSystem {
-  Dense M, K, D, B, C;
+  Dense M, K, B, C;
   Damping damping;
+  std::vector<Term<Dense>> terms;
   bool outputs_are_inputs = true;
 
   int order() const { return K.rows; }
-  bool has_extra_damping() const { return !D.data.empty(); }
   ShiftCoefficients coefficients(double omega) const;
   /// The Galerkin projection onto the columns of Q (N×m).
   DenseSystem project(const Dense& Q) const;
@@ -27,8 +27,7 @@ struct DenseSystem {
   /// @param tau  [rad²/s²] as for DenseResponse.
   struct Modal;
   Modal project_to_modes(const Dense& Q, double tau) const;
-  /// As a model, with viscous damping summed into D; beside a structural D it stays factors,
-  /// as η does.
+  /// As a model, with viscous damping summed into D; beside S alone it stays factors, as η does.
   SecondOrderModel model(const SecondOrderModel& names) const;
   static DenseSystem from(const SecondOrderModel& dense);
 };
@@ -51,14 +50,14 @@ public:
   /// @param tau  [rad²/s²], of the size of ω²; K + τM must be positive definite.
   DenseResponse(DenseSystem system, double tau);
   /// With eigenvectors, eigenvalues and UᵀB found before; the outputs are the inputs.
-  /// @param D  UᵀDU; empty: from the system.
+  /// @param terms  UᵀTU of each term; empty: from the system.
   DenseResponse(DenseSystem system, double tau, Dense U, std::vector<double> lambda,
-                Dense B, Dense D = {});
+                Dense B, std::vector<Dense> terms = {});
 
   const DenseSystem& system() const { return system_; }
   double tau() const { return tau_; }
-  bool is_diagonal() const { return !system_.has_extra_damping(); }
-  /// UᵀA(ω)U without D: a_i = μ_i (a_k λ_i + a_m), to full accuracy beside resonances too.
+  bool is_diagonal() const { return system_.terms.empty(); }
+  /// UᵀA(ω)U without the terms: a_i = μ_i (a_k λ_i + a_m), to full accuracy beside resonances too.
   std::complex<double> diagonal(int i, double omega, double eta_added = 0) const;
   std::vector<std::complex<double>> diagonal(double omega, double eta_added = 0) const;
   /// How far such a number may be off by rounding.
@@ -67,9 +66,9 @@ public:
   double rounding_of_difference(int i, double omega) const;
   /// Whether the undamped system has a resonance at ω, as far as doubles can tell.
   bool is_resonance(double omega) const;
-  const Dense& modal_inputs() const { return B_; }  ///< UᵀB
-  const Dense& modal_outputs() const { return C_; } ///< UᵀC
-  const Dense& modal_damping() const { return D_; } ///< UᵀDU of the extra damping
+  const Dense& modal_inputs() const { return B_; }                 ///< UᵀB
+  const Dense& modal_outputs() const { return C_; }                ///< UᵀC
+  const std::vector<Dense>& modal_terms() const { return terms_; } ///< UᵀTU of each term
   /// Matrix of order 2N whose eigenvalues are 1/s of the poles s (K regular, no
   /// structural damping taken into account).
   Dense companion() const;
@@ -99,11 +98,16 @@ private:
   DenseSystem system_;
   double tau_;
   int free_ = 0;
-  Dense U_, B_, C_, D_; ///< B, C and D in the coordinates of U
+  Dense U_, B_, C_;          ///< B and C in the coordinates of U
+  std::vector<Dense> terms_; ///< so
   std::vector<double> mu_, lambda_;
 };
 
-/// The poles of the system in the upper half of the ω plane [rad/s]; with a structural D by
+/// A += Σ g_t T_t.
+void add_terms(ComplexDense& A, const std::vector<std::complex<double>>& g,
+               const std::vector<Dense>& T);
+
+/// The poles of the system in the upper half of the ω plane [rad/s]; with a structural term by
 /// first order.
 std::vector<std::complex<double>> poles(const DenseResponse& response,
                                         double eta_added = 0);

@@ -48,8 +48,8 @@ class Compliance {
 public:
   Compliance(const SecondOrderModel& body, double tau, const SolverOptions& options)
       : units(as_size(body.B.columns()), 1.0), body_(body),
-        solver_(body.K, body.M, nullptr, body.node, options) {
-    solver_.factorise({1.0, tau, 0.0}, Definiteness::positive);
+        solver_(body.K, body.M, {}, body.node, options) {
+    solver_.factorise({1.0, tau}, Definiteness::positive);
   }
 
   Dense operator()(Dense loads) {

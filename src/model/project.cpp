@@ -22,7 +22,8 @@ SecondOrderModel project(const SecondOrderModel& fom, const Block& V) {
   DenseSystem system;
   system.K = reduce_matrix(fom.K, V);
   system.M = reduce_matrix(fom.M, V);
-  if (fom.D) system.D = reduce_matrix(fom.D, V);
+  for (const auto& [law, matrix] : fom.terms)
+    system.terms.push_back({law, reduce_matrix(matrix, V)});
   system.damping = fom.damping;
   system.B = inner(V, fom.B);
   system.C = fom.outputs_are_inputs ? system.B : inner(V, fom.C);

@@ -186,10 +186,9 @@ bool has_coordinates(const SecondOrderModel& model) {
 }
 
 Block null_space_modes(const SecondOrderModel& model, SolverOptions options) {
-  ShiftedSolver solver(model.K, model.M, nullptr, model.node,
-                       counting(std::move(options)));
+  ShiftedSolver solver(model.K, model.M, {}, model.node, counting(std::move(options)));
   solver.count_pivots(true);
-  solver.factorise({1.0, -rigid_threshold(model), 0.0});
+  solver.factorise({1.0, -rigid_threshold(model)});
   const int count = solver.negative_pivots();
   Block x(model.comm, model.rows, model.n, 0);
   if (count == 0) return x;

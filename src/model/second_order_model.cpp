@@ -75,7 +75,7 @@ PetscInt SecondOrderModel::further_outputs() const {
 }
 
 bool SecondOrderModel::undamped() const {
-  return !D && damping.alpha == 0 && damping.beta == 0 && damping.eta == 0;
+  return terms.empty() && damping.alpha == 0 && damping.beta == 0 && damping.eta == 0;
 }
 
 std::string SecondOrderModel::damping_class() const {
@@ -85,17 +85,30 @@ std::string SecondOrderModel::damping_class() const {
     parts.push_back(
         text("proportional (α = %g 1/s, β = %g s)", damping.alpha, damping.beta));
   if (damping.eta != 0) parts.push_back(text("structural (η = %g)", damping.eta));
-  if (D)
-    parts.push_back(damping.law == Damping::Law::viscous
+  for (const auto& [law, matrix] : terms)
+    parts.push_back(law.is_viscous()
                         ? "general D"
                         : "structural by material (S, the imaginary part of K)");
   return join(parts, " + ");
 }
 
 ShiftCoefficients SecondOrderModel::coefficients(double omega) const {
-  return {{1.0, damping.eta + omega * damping.beta},
-          {-omega * omega, omega * damping.alpha},
-          D ? std::complex<double>{0.0, damping.of_D(omega)} : 0.0};
+  ShiftCoefficients c{{1.0, damping.eta + omega * damping.beta},
+                      {-omega * omega, omega * damping.alpha}};
+  for (const auto& [law, matrix] : terms) c.terms.push_back(law.at(omega));
+  return c;
+}
+
+Mat SecondOrderModel::term(Law law) const {
+  for (const auto& [of, matrix] : terms)
+    if (of == law) return matrix;
+  return nullptr;
+}
+
+std::vector<Mat> SecondOrderModel::term_matrices() const {
+  std::vector<Mat> all;
+  for (const auto& [law, matrix] : terms) all.push_back(matrix);
+  return all;
 }
 
 SecondOrderModel SecondOrderModel::head() const {
@@ -120,27 +133,13 @@ SecondOrderModel SecondOrderModel::head() const {
 }
 
 SecondOrderModel SecondOrderModel::share() const {
-  return {name,
-          comm,
-          n,
-          rows,
-          M.share(),
-          K.share(),
-          D.share(),
-          damping,
-          B.share(),
-          C.share(),
-          outputs_are_inputs,
-          inputs,
-          outputs,
-          node,
-          label,
-          component,
-          position,
-          remarks,
-          rounding,
-          feedthrough,
-          output_damping};
+  SecondOrderModel shared = head();
+  shared.M = M.share();
+  shared.K = K.share();
+  for (const auto& [law, matrix] : terms) shared.terms.push_back({law, matrix.share()});
+  shared.B = B.share();
+  shared.C = C.share();
+  return shared;
 }
 
 double SecondOrderModel::printed_rounding() const {
@@ -155,7 +154,9 @@ std::int64_t SecondOrderModel::nonzeros() const {
 
 double SecondOrderModel::memory_mb() const {
   double bytes = 0;
-  for (Mat matrix : {K.get(), M.get(), D.get()}) {
+  std::vector<Mat> matrices = term_matrices();
+  matrices.insert(matrices.end(), {K.get(), M.get()});
+  for (Mat matrix : matrices) {
     if (!matrix) continue;
     MatInfo info;
     FG_CALL(MatGetInfo(matrix, MAT_LOCAL, &info));
@@ -174,7 +175,8 @@ SecondOrderModel move_to_group(SecondOrderModel model, const Groups& groups) {
   copy.rows = rows;
   copy.M = move_sparse(model.M, groups.comm, rows);
   copy.K = move_sparse(model.K, groups.comm, rows);
-  if (model.D) copy.D = move_sparse(model.D, groups.comm, rows);
+  for (const auto& [law, matrix] : model.terms)
+    copy.terms.push_back({law, move_sparse(matrix, groups.comm, rows)});
   copy.damping = model.damping;
   copy.B = move_block(groups.world, model.B, groups.comm, rows);
   copy.C = model.outputs_are_inputs
@@ -272,9 +274,9 @@ ComplexDense dense_transfer(const SecondOrderModel& model, double omega) {
   ComplexDense a(m, m);
   for (std::size_t i = 0; i < a.data.size(); ++i)
     a.data[i] = c.k * K.data[i] + c.m * M.data[i];
-  if (model.D) {
-    const Dense D = to_dense(model.D);
-    for (std::size_t i = 0; i < a.data.size(); ++i) a.data[i] += c.d * D.data[i];
+  for (std::size_t t = 0; t < model.terms.size(); ++t) {
+    const Dense T = to_dense(model.terms[t].matrix);
+    for (std::size_t i = 0; i < a.data.size(); ++i) a.data[i] += c.terms[t] * T.data[i];
   }
   const int p = static_cast<int>(model.B.columns()),
             r = static_cast<int>(model.C.columns());

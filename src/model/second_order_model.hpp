@@ -2,6 +2,7 @@
 
 #include "linalg/block.hpp"
 #include "linalg/shifted_solver.hpp"
+#include "model/law.hpp"
 
 #include <cstdint>
 #include <string>
@@ -9,19 +10,11 @@
 
 namespace flexgram {
 
-/// Damping D_total = αM + βK + D, and structural damping K(1 + iη). Every part may be
-/// zero. D may also be structural: the imaginary part Σ η_k K_k of the stiffness of
-/// materials with loss factors η_k.
+/// Viscous damping αM + βK, and structural damping K(1 + iη). Every part may be zero.
 struct Damping {
-  double alpha = 0;                                          ///< [1/s]
-  double beta = 0;                                           ///< [s]
-  double eta = 0;                                            ///< loss factor
-  enum class Law { viscous, structural } law = Law::viscous; ///< of D, [N·s/m] or [N/m]
-
-  /// What D is multiplied by beside i: iωD or iD.
-  double of_D(double omega) const { return law == Law::viscous ? omega : 1; }
-  /// Its derivative by ω.
-  double slope_of_D() const { return law == Law::viscous ? 1 : 0; }
+  double alpha = 0; ///< [1/s]
+  double beta = 0;  ///< [s]
+  double eta = 0;   ///< loss factor
 };
 
 /// What inputs add to outputs at once, with no motion between: y += value·u of the named
@@ -79,20 +72,20 @@ private:
   Dense direct_;
 };
 
-/// M q'' + D q' + K (1 + iη) q = B u (or iD q of a structural D), y = Cᵀ q and what `output_form` adds: the same type for
-/// a full body (sparse, rows over the ranks of comm) and for a reduced one (dense, whole on
-/// every rank, comm = self).
+/// A(ω) q = B u, A = K(1 + iη) + iω(αM + βK) − ω²M + Σ g(ω)T of the terms, y = Cᵀ q and what
+/// `output_form` adds: the same type for a full body (sparse, rows over the ranks of comm) and
+/// for a reduced one (dense, whole on every rank, comm = self).
 ///
-/// M [kg], D [N·s/m], K [N/m]: n×n, real symmetric; B: n×n_in; C: n×n_out (the paper's
-/// C_e).
+/// M [kg], K [N/m], T: n×n, real symmetric; B: n×n_in; C: n×n_out (the paper's C_e).
 struct SecondOrderModel {
   std::string name;
   MPI_Comm comm = MPI_COMM_NULL;
   PetscInt n = 0;
   RowRange rows;
-  Matrix M, K, D; ///< D: what αM + βK or ηK do not cover (`damping.law`); may be null
+  Matrix M, K;
   Damping damping;
-  Block B, C; ///< C shares B where the outputs are the inputs
+  std::vector<Term<Matrix>> terms; ///< what αM + βK and ηK do not cover; no law twice
+  Block B, C;                      ///< C shares B where the outputs are the inputs
   bool outputs_are_inputs = true;
   std::vector<std::string> inputs, outputs; ///< port names
 
@@ -114,9 +107,12 @@ struct SecondOrderModel {
   bool undamped() const;
   /// Damping class in words, for the plan.
   std::string damping_class() const;
-  /// A(ω) = K(1+iη) + iω(αM + βK + D) − ω²M, or with iD for iωD, as coefficients of K, M,
-  /// D.
+  /// A(ω) as coefficients of K, M and the terms.
   ShiftCoefficients coefficients(double omega) const;
+  /// The matrix of a term of that law; null where there is none.
+  Mat term(Law law) const;
+  /// Handles of the terms' matrices.
+  std::vector<Mat> term_matrices() const;
   /// A second handle on the same matrices.
   SecondOrderModel share() const;
   /// Everything but the matrices: names, damping, where the rows are.

@@ -121,8 +121,11 @@ void PythonBody::set(const std::string& which, Matrix matrix) {
     if (rows.begin != m.rows.begin || rows.end != m.rows.end)
       throw Error(text("%s is not split over the ranks like K", which.c_str()));
   });
-  if (which == "S") m.damping.law = Damping::Law::structural;
-  (which == "M" ? m.M : m.D) = std::move(matrix);
+  if (which == "M")
+    m.M = std::move(matrix);
+  else
+    m.terms.push_back(
+        {which == "S" ? Law::Kind::structural : Law::Kind::viscous, std::move(matrix)});
 }
 
 } // namespace flexgram

@@ -30,7 +30,7 @@ struct PythonBody {
   void set_ports(const Array& B, const std::optional<Array>& C_transposed,
                  std::vector<std::string> inputs, std::vector<std::string> outputs);
   void set_damping(double alpha, double beta, double eta) {
-    body.model.damping = {alpha, beta, eta, body.model.damping.law};
+    body.model.damping = {alpha, beta, eta};
   }
   void set_dofs(const Rows& node, const Rows& label, const std::optional<Rows>& component,
                 const std::optional<Array>& position);

@@ -83,7 +83,7 @@ void describe_two_step(const Body& body, const Settings& s, Observer& observer) 
   observer.fact("method", s.method + " over " + words_of(s.bands()));
   tell_of_groups(s, observer);
   Stage stage(observer, "analyse");
-  ShiftedSolver solver(body.model.K, body.model.M, nullptr, body.model.node, s.solver);
+  ShiftedSolver solver(body.model.K, body.model.M, {}, body.model.node, s.solver);
   choose_factors(solver, body.model, s.solver, observer, true);
 }
 

@@ -70,10 +70,10 @@ struct FrequencySolves::State {
 /// The response of a free body is the sum of its rigid and its elastic part. Together,
 /// the rounding of K on the rigid modes, amplified by ‖K‖/(ω²‖M‖), would spoil low
 /// frequencies; apart, the rigid part is exact. A damper to ground couples the two, so
-/// only without D.
+/// only without terms.
 void FrequencySolves::State::separate_rigid_modes(const SolverOptions& options) {
   elastic_loads = model.B.share();
-  if (model.D) return;
+  if (!model.terms.empty()) return;
   rigid =
       has_coordinates(model) ? rigid_body_modes(model) : null_space_modes(model, options);
   if (rigid.columns() == 0) return;
@@ -116,8 +116,8 @@ FrequencySolves::FrequencySolves(SecondOrderModel model, int groups,
   if (how.mumps.ordering == Ordering::automatic && tasks > 2)
     how.mumps.ordering = Ordering::best;
   const auto prepare = [&] {
-    s.solver = std::make_unique<ShiftedSolver>(s.model.K, s.model.M, s.model.D,
-                                               s.model.node, how);
+    s.solver = std::make_unique<ShiftedSolver>(
+        s.model.K, s.model.M, s.model.term_matrices(), s.model.node, how);
     s.estimate = s.solver->analyse(real);
   };
   int count = groups;

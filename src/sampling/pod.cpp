@@ -56,7 +56,7 @@ SecondOrderModel leading_part(const SecondOrderModel& rom, int m) {
   part.rows = {0, m};
   part.K = corner(rom.K);
   part.M = corner(rom.M);
-  if (rom.D) part.D = corner(rom.D);
+  for (const auto& [law, matrix] : rom.terms) part.terms.push_back({law, corner(matrix)});
   part.damping = rom.damping;
   part.B = rows(rom.B);
   part.outputs_are_inputs = rom.outputs_are_inputs;

@@ -105,6 +105,11 @@ inline double rod_eigenvalue(PetscInt n, PetscInt k) {
   return 6.0 * static_cast<double>(n * n) * (1 - std::cos(theta)) / (2 + std::cos(theta));
 }
 
+/// The matrix of a new viscous term.
+inline Matrix& dampers(SecondOrderModel& model) {
+  return model.terms.emplace_back().matrix;
+}
+
 /// H(ω) = Cᵀ A(ω)⁻¹ B of a small model, by elimination with partial pivoting in long double:
 /// a referee with eleven bits more than the doubles whose rounding is claimed. Collective.
 class Referee {
@@ -115,7 +120,7 @@ public:
     };
     K_ = all(model.K);
     M_ = all(model.M);
-    if (model.D) D_ = all(model.D);
+    for (const auto& [law, T] : model.terms) terms_.push_back({law, all(T)});
     B_ = all(model.B);
     C_ = all(model.C);
   }
@@ -133,7 +138,8 @@ public:
         const std::size_t at = i + j * n;
         rows[i][j] = of_K * static_cast<long double>(K_.data[at]) +
                      of_M * static_cast<long double>(M_.data[at]);
-        if (!D_.data.empty()) rows[i][j] += Number(0, w * D_.data[at]);
+        for (const auto& [law, T] : terms_)
+          rows[i][j] += Number(0, (law.is_viscous() ? w : 1) * T.data[at]);
       }
       for (std::size_t j = 0; j < inputs; ++j) rows[i][n + j] = B_.data[i + j * n];
     }
@@ -177,7 +183,8 @@ public:
 private:
   PetscInt n_;
   Damping damping_;
-  Dense K_, M_, D_, B_, C_;
+  Dense K_, M_, B_, C_;
+  std::vector<Term<Dense>> terms_;
 };
 
 } // namespace flexgram::examples

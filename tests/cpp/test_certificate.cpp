@@ -27,6 +27,19 @@ Matrix half_damped() {
       1);
 }
 
+/// The imaginary part of the stiffness of a last quarter with a loss factor of 0.2.
+Matrix lossy_end() {
+  const PetscInt first = n - n / 4;
+  return sparse(
+      n,
+      [=](PetscInt i, PetscInt j) {
+        if (std::min(i, j) < first) return 0.0;
+        const double ends = i == first || i == n - 1 ? 1.0 : 2.0;
+        return 0.2 * n * (i == j ? ends : -1.0);
+      },
+      1);
+}
+
 /// Differences of neighbours as outputs, beside the rod's few inputs.
 SecondOrderModel rod_with_strains(PetscInt rows, PetscInt count) {
   SecondOrderModel body = rod(rows, {0.05, 1e-4, 0});
@@ -55,12 +68,15 @@ std::vector<Case> cases() {
   all.push_back({"structural", rod(n, {0, 0, 0.03})});
   all.push_back({"all", rod(n, {0.05, 1e-4, 0.01})});
   SecondOrderModel dashpot = rod(n, {0.02, 0, 0});
-  dashpot.D = sparse(
+  dampers(dashpot) = sparse(
       n, [](PetscInt i, PetscInt j) { return i == j && i == n - 7 ? 0.3 : 0.0; }, 0);
   all.push_back({"dashpot", std::move(dashpot)});
   SecondOrderModel half = rod(n, {0.02, 0, 0});
-  half.D = half_damped();
+  dampers(half) = half_damped();
+  SecondOrderModel both = half.share();
+  both.terms.push_back({Law::Kind::structural, lossy_end()});
   all.push_back({"half", std::move(half)});
+  all.push_back({"half and a loss factor", std::move(both)});
   for (bool damped : {false, true}) {
     SecondOrderModel light = rod(n, {0.05, 1e-4, 0});
     light.M = sparse(
@@ -69,7 +85,7 @@ std::vector<Case> cases() {
           return i == j && i % 3 > 0 ? 1.5 / static_cast<double>(n) : 0.0;
         },
         0);
-    if (damped) light.D = half_damped();
+    if (damped) dampers(light) = half_damped();
     all.push_back({damped ? "massless and damped" : "massless", std::move(light), true});
   }
   SecondOrderModel outputs = rod(n, {0.05, 1e-4, 0});

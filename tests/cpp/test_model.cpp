@@ -109,21 +109,21 @@ TEST(Model, ABodyFileReadsBackAsWritten) {
 
 TEST(Model, AProportionalDampingMatrixIsRecognised) {
   SecondOrderModel model = rod(25);
-  FG_CALL(MatDuplicate(model.K, MAT_COPY_VALUES, model.D.out()));
-  FG_CALL(MatScale(model.D, 2e-4));
-  FG_CALL(MatAXPY(model.D, 0.7, model.M, SAME_NONZERO_PATTERN));
+  FG_CALL(MatDuplicate(model.K, MAT_COPY_VALUES, dampers(model).out()));
+  FG_CALL(MatScale(model.term({}), 2e-4));
+  FG_CALL(MatAXPY(model.term({}), 0.7, model.M, SAME_NONZERO_PATTERN));
   classify_damping(model);
-  EXPECT_FALSE(model.D);
+  EXPECT_TRUE(model.terms.empty());
   EXPECT_NEAR(model.damping.alpha, 0.7, 1e-10);
   EXPECT_NEAR(model.damping.beta, 2e-4, 1e-14);
 }
 
 TEST(Model, ADashpotIsNotProportional) {
   SecondOrderModel model = rod(25);
-  model.D = sparse(
+  dampers(model) = sparse(
       25, [](PetscInt i, PetscInt j) { return i == 24 && j == 24 ? 3.0 : 0.0; }, 0);
   classify_damping(model);
-  EXPECT_TRUE(model.D);
+  EXPECT_EQ(model.terms.size(), 1u);
   EXPECT_EQ(model.damping.alpha, 0);
 }
 
@@ -192,9 +192,9 @@ TEST(Model, ChecksHandOnTheOrderThatTheyFound) {
   EXPECT_EQ(check_body(model, true, false, options, silent).order, nullptr); // no need
 
   options.order = facts.order;
-  ShiftedSolver solver(model.K, model.M, nullptr, {}, options);
+  ShiftedSolver solver(model.K, model.M, {}, {}, options);
   solver.count_pivots(true);
-  solver.factorise({1.0, -0.5 * (rod_eigenvalue(400, 3) + rod_eigenvalue(400, 4)), 0.0});
+  solver.factorise({1.0, -0.5 * (rod_eigenvalue(400, 3) + rod_eigenvalue(400, 4))});
   EXPECT_EQ(solver.negative_pivots(), 3);
   EXPECT_EQ(solver.ordering(), "nested dissection");
 }

@@ -105,7 +105,7 @@ TEST(TwoStep, CertifiesDashpotsAndGeneralDamping) {
   for (const bool local : {true, false}) {
     SecondOrderModel fom = rod(n, Damping{0.02, 0, 0});
     // One dashpot near the tip; or material damping in the right half only.
-    fom.D =
+    dampers(fom) =
         local
             ? sparse(
                   n,
@@ -229,7 +229,7 @@ TEST(TwoStep, CutsEqualReductionsWhateverElseTheMediumModelHolds) {
   for (const bool dashpot : {false, true}) {
     SecondOrderModel fom = rod(n, light);
     if (dashpot)
-      fom.D = sparse(
+      dampers(fom) = sparse(
           n, [](PetscInt i, PetscInt j) { return i == j && i == n - 7 ? 0.03 : 0.0; }, 0);
     Job tight = to_tolerance(1e-9);
     const Medium medium = certified(fom, tight);

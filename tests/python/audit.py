@@ -46,8 +46,8 @@ CLASSES = (
     "printed",
 )
 DAMPINGS = ("none", "mass", "stiffness", "both", "structural", "dashpots", "general")
-#: S = Σ η_k K_k of random positive semidefinite parts of K, by --materials.
-MATERIALS = "materials"
+#: S = Σ η_k K_k of random positive semidefinite parts of K, alone or with others, --materials.
+MATERIALS = ("materials", "materials and dashpots", "materials and mass")
 
 
 @dataclass
@@ -153,18 +153,18 @@ def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
         first = np.sqrt(lam[0]) * 0.2
     if kind == "elastic part":
         first = np.sqrt(lam[0]) * 10.0 ** rng.uniform(-3, 0)
-        damping = damping if damping not in ("dashpots", "general", MATERIALS) else "both"
+        damping = damping if damping not in ("dashpots", "general", *MATERIALS) else "both"
     zeta = 10.0 ** rng.uniform(-6, -1.5)
     reference = np.sqrt(lam[0] * lam[modes - 1]) ** 0.5
     extra: dict[str, Any] = {}
-    D = None
-    if damping in ("mass", "both"):
+    D = S = None
+    if damping in ("mass", "both", "materials and mass"):
         extra["alpha"] = 2 * zeta * reference
     if damping in ("stiffness", "both"):
         extra["beta"] = 2 * zeta / top
     if damping == "structural":
         extra["eta"] = 2 * zeta
-    if damping == "dashpots":
+    if damping in ("dashpots", "materials and dashpots"):
         D = np.zeros((n, n))
         for i in rng.choice(n, int(rng.integers(1, 3)), replace=False):
             D[i, i] = zeta * reference * mass * n
@@ -172,9 +172,8 @@ def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
         F = rng.standard_normal((n, n)) / np.sqrt(n)
         D = 2 * zeta * reference * mass * (F @ F.T)
         D = 0.5 * (D + D.T)
-    if damping == MATERIALS:
-        D = _losses(rng, K, min(100 * zeta, 1.0))
-        extra["structural"] = True
+    if damping in MATERIALS:
+        S = _losses(rng, K, min(100 * zeta, 1.0))
     bands = [first / TWO_PI, top / TWO_PI]
     options: dict[str, Any] = {}
     if kind == "elastic part":
@@ -190,7 +189,9 @@ def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
     if kind == "printed":  # the claim is of the rounded matrices
         digits = int(rng.choice([6, 10, 14]))
         K, M = (np.vectorize(lambda x: float(f"{x:.{digits - 1}e}"))(a) for a in (K, M))
-    return Case(kind, damping, System(K, np.diag(M), B, C, D, **extra), bands, tolerance, options)
+    return Case(
+        kind, damping, System(K, np.diag(M), B, C, D, S=S, **extra), bands, tolerance, options
+    )
 
 
 def _losses(rng: np.random.Generator, K: Any, largest: float) -> Any:
@@ -227,8 +228,8 @@ def examine(case: Case, rng: np.random.Generator) -> Verdict:
     matrices = flexgram.Matrices(
         K=sp.csr_matrix(s.K),
         M=sp.csr_matrix(s.M),
-        D=None if s.D is None or s.structural else sp.csr_matrix(s.D),
-        S=sp.csr_matrix(s.D) if s.structural else None,
+        D=None if s.D is None else sp.csr_matrix(s.D),
+        S=None if s.S is None else sp.csr_matrix(s.S),
         B=s.B,
         C=None if s.C is s.B.T or np.array_equal(s.C, s.B.T) else s.C,
         alpha=s.alpha,
@@ -251,10 +252,10 @@ def examine(case: Case, rng: np.random.Generator) -> Verdict:
     if rom.kind == "estimated":
         return verdict
     reduced = System(
-        *(rom.K, rom.M, rom.B, rom.C, rom.system.S if s.structural else rom.D),
+        *(rom.K, rom.M, rom.B, rom.C, rom.D),
         eta=rom.eta,
         rigid=int(rom.frame["rigid_modes"]),
-        structural=s.structural,
+        S=rom.system.S if rom.system.S.any() else None,
     )
     worst, reference = 0.0, rom.relative_to if rom.bounds_elastic_part else "pointwise"
     for omega in hard_frequencies(s, reduced, rom.bands, rom.excluded, rng):
@@ -328,7 +329,7 @@ def largest_field_error(s: System, rom: flexgram.ReducedModel, rng: np.random.Ge
 def main() -> int:
     """Print the table; exit status 1 if any error exceeds its certificate."""
     words = [word for word in sys.argv[1:] if word != "--materials"]
-    dampings = (MATERIALS,) if len(words) < len(sys.argv) - 1 else DAMPINGS
+    dampings = MATERIALS if len(words) < len(sys.argv) - 1 else DAMPINGS
     count = int(words[0]) if words else 200
     seed = int(words[1]) if len(words) > 1 else 1
     table: dict[Any, list[Verdict]] = collections.defaultdict(list)

@@ -250,6 +250,7 @@ def body_system(path: Path) -> System:
             value("alpha"),
             value("beta"),
             value("eta"),
+            S=read_sparse(file, "S") if "S" in file else None,
             **output_terms(file),
         )
 

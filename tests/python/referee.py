@@ -40,12 +40,12 @@ class System:
     direct: Any = 0.0  #: what inputs add to outputs at once
     output_beta: Any = 0.0  #: of outputs that are forces of the damped stiffness
     output_eta: Any = 0.0
-    structural: bool = False  #: D is the imaginary part of the stiffness: iD for iωD
+    S: Any = None  #: the imaginary part of the stiffness
 
     def __post_init__(self) -> None:
         if self.C is None:
             self.C = self.B.T
-        parts = [self.K, self.M] + ([] if self.D is None else [self.D])
+        parts = [a for a in (self.K, self.M, self.D, self.S) if a is not None]
         self._known: dict[float, Any] = {}
         self._sparse = sp.issparse(self.K) and self.K.shape[0] > 300
         if self._sparse:
@@ -61,6 +61,9 @@ class System:
             self._known[omega] = self._outputs(self._transfer(omega), omega)
         return self._known[omega]
 
+    def _factors_of_terms(self, i: Any, iw: Any) -> list[Any]:
+        return [f for f, a in ((iw, self.D), (i, self.S)) if a is not None]
+
     def _outputs(self, H: Any, omega: float) -> Any:
         """H from C A⁻¹ B."""
         beta, eta = (np.asarray(x, dtype=LONG) for x in (self.output_beta, self.output_eta))
@@ -71,7 +74,7 @@ class System:
         w, i = LONG(omega), np.clongdouble(1j)
         k = 1 + i * (LONG(self.eta) + w * LONG(self.beta))
         m = i * w * LONG(self.alpha) - w * w
-        factors = [k, m, i * (1 if self.structural else w)][: len(self._double)]
+        factors = [k, m, *self._factors_of_terms(i, i * w)]
         A = sum(complex(f) * a for f, a in zip(factors, self._double, strict=True))
         if self._sparse:
             lu = splu(
@@ -106,7 +109,7 @@ class System:
             factors = [
                 1 + i * (mpmath.mpf(self.eta) + w * self.beta),
                 i * w * self.alpha - w * w,
-                i if self.structural else i * w,
+                *self._factors_of_terms(i, i * w),
             ]
             parts = [sp.csr_matrix(a) for a in self._double]
             pattern = sum(abs(a) for a in parts)
@@ -165,12 +168,12 @@ class System:
         """H at many frequencies in double, (n, n_out, n_in), by partial fractions: to find where
         to look, not to judge."""
         w = np.asarray(omega, float)[:, None]
-        if self.D is None:
+        if self.D is None and self.S is None:
             lam, phi, scale = self._modes()
             b, c = phi.T @ self.B, np.asarray(self.C) @ phi
             k = (1 - scale * lam) * (1 + 1j * (self.eta + w * self.beta))
             a = k + lam * (1j * w * self.alpha - w * w)
-        elif self.structural:  # without alpha, beta and eta
+        elif self.D is None:  # without alpha, beta and eta
             b, c, mu, shift = self._lossy_modes()
             a = 1 - (shift + w * w) * mu
         else:
@@ -194,13 +197,15 @@ class System:
 
     def _first_order(self) -> tuple[Any, Any, Any, float]:
         if not hasattr(self, "_pencil"):
-            K, M, D = self._double
+            K, M, D = self._double[:3]
             n = len(K)
-            E, A = np.eye(2 * n), np.zeros((2 * n, 2 * n))
+            if self.S is not None:
+                K = K + 1j * self._double[3]
+            E, A = np.eye(2 * n), np.zeros((2 * n, 2 * n), K.dtype)
             E[n:, n:] = M
             A[:n, n:], A[n:, :n] = np.eye(n), -K
             A[n:, n:] = -(D + self.alpha * M + self.beta * K)
-            shift = float(np.sqrt(np.trace(K) / np.trace(M))) * 0.1
+            shift = float(np.sqrt(np.trace(K.real) / np.trace(M))) * 0.1
             solved = sl.solve(shift * E - A, np.hstack([E, np.vstack([0 * self.B, self.B])]))
             g, V = sl.eig(solved[:, : 2 * n])
             C = np.hstack([np.asarray(self.C), 0 * np.asarray(self.C)])
@@ -225,9 +230,10 @@ class System:
         mu, phi, scale = self._modes()
         lam = np.maximum(1 / np.maximum(mu, 1e-300) - scale, 0)
         width = self.alpha + self.beta * lam + self.eta * np.sqrt(lam)
-        if self.D is not None:
-            own = np.einsum("ij,ij->j", phi, self._double[2] @ phi) / np.maximum(mu, 1e-300)
-            width = width + (own / np.sqrt(np.maximum(lam, 1e-300)) if self.structural else own)
+        factors = self._factors_of_terms(1 / np.sqrt(np.maximum(lam, 1e-300)), 1.0)
+        for factor, term in zip(factors, self._double[2:], strict=True):
+            own = np.einsum("ij,ij->j", phi, term @ phi) / np.maximum(mu, 1e-300)
+            width = width + factor * own
         return np.sqrt(lam), 0.5 * width
 
 

@@ -43,6 +43,11 @@ class Free:
         a = values * (1 + 1j * omega * BETA) + 1j * omega * ALPHA - omega**2
         return loads.T @ (loads / a[:, None])
 
+    def transfer(self, omega: float) -> Any:
+        """H of the bar whose rigid modes have no stiffness at all: the stored K holds roundings."""
+        rigid = self.loads[:6]
+        return self.elastic(omega) + rigid.T @ rigid / (1j * omega * ALPHA - omega**2)
+
     def worst(self, rom: ReducedModel, first: float = 1.0) -> float:
         """Largest error of the elastic part, at frequencies that the program does not know."""
         r = int(rom.frame["rigid_modes"])

@@ -91,7 +91,7 @@ def write_matrices(
     alpha, beta, eta : float
         Rayleigh coefficients [1/s], [s] and structural loss factor.
     S : sparse, n x n, optional
-        Structural damping, Σ η_k K_k of materials with loss factors η_k [N/m]; instead of D.
+        Structural damping, Σ η_k K_k of materials with loss factors η_k [N/m].
     rounding : float
         Relative rounding of the entries of K, if it was printed with few digits; it enters
         the floor of what is claimed. 0: by the digits of the entries.
@@ -127,8 +127,6 @@ def write_matrices(
     """
     maps = {"K": K, "M": M, "D": D, "S": S, "B": B, "C": C}
     _expect_shapes(maps)
-    if D is not None and S is not None:
-        raise BodyError("D and S: a body has a damping matrix or structural damping by material")
     if outputs is not None and C is None:
         raise BodyError("outputs are named but C is not given (the outputs are the inputs)")
     _expect_names("inputs", inputs, np.shape(B)[-1])

@@ -24,7 +24,7 @@ class Matrices:
     alpha, beta, eta : float
         Rayleigh coefficients [1/s], [s], structural loss factor.
     S : SciPy sparse or petsc4py Mat, n x n, optional
-        Structural damping, Σ η_k K_k of materials with loss factors η_k [N/m]; instead of D.
+        Structural damping, Σ η_k K_k of materials with loss factors η_k [N/m].
     inputs, outputs : sequence of str, optional
         Port names.
     node, component : int arrays, n, optional

@@ -133,7 +133,7 @@ def _role(names: list[str], role: str, path: Path, asked: Mapping[str, str]) -> 
             if name.upper() == asked[role].upper():
                 return name
         raise BodyError(f"{path}: no matrix {asked[role]}; {there}")
-    if role == "S" or (role == "D" and "S" in asked):  # a body has one or the other
+    if role == "S":
         return None
     for usual in ROLES[role]:
         for name in names:

@@ -136,8 +136,6 @@ def _own_rows(matrices: Matrices, comm: Any) -> dict[str, Any]:
     for name in ("K", "M", "B"):
         if getattr(matrices, name) is None:
             raise BodyError(f"{name} is missing")
-    if matrices.D is not None and matrices.S is not None:
-        raise BodyError("D and S: a body has a damping matrix or structural damping by material")
     for name in MATRICES:
         matrix = getattr(matrices, name)
         if not (matrix is None or sp.issparse(matrix) or hasattr(matrix, "handle")):

@@ -57,7 +57,8 @@ private:
   Elastic e_;
   const MediumModel& medium_;
   std::vector<double> omega_;
-  Dense K_, M_, D_, B_, C_; ///< of the whole medium model, rigid modes first
+  Dense K_, M_, B_, C_; ///< of the whole medium model, rigid modes first
+  std::vector<Term<Dense>> terms_;
   std::vector<ComplexDense> H_;
   std::vector<double> size_; ///< ‖H‖² by frequency and view
 };
@@ -70,7 +71,7 @@ BandError::BandError(const SecondStage& stage, std::vector<double> omega)
   const DenseSystem system = medium_.system.project(T);
   K_ = system.K;
   M_ = system.M;
-  D_ = system.D;
+  terms_ = system.terms;
   B_ = system.B;
   C_ = system.C;
   const DenseResponse response(medium_.system, medium_.tau);
@@ -108,7 +109,7 @@ Responses BandError::small_response(const Dense& V, const Dense& loads) const {
   DenseSystem system;
   system.M = M_;
   system.K = K_;
-  system.D = D_;
+  system.terms = terms_;
   system.B = system.C = loads;
   system.damping = medium_.system.damping;
   const DenseResponse small(system.project(V), medium_.tau);
@@ -133,10 +134,10 @@ Responses BandError::residual(const Dense& V, const Responses& x,
   Responses r(V.rows, x.re.columns);
   const int p = loads.columns, N = V.rows;
   const Dense re = multiply(V, x.re), im = multiply(V, x.im);
-  Dense D_re, D_im;
-  if (!D_.data.empty()) {
-    D_re = multiply(D_, re);
-    D_im = multiply(D_, im);
+  std::vector<Dense> T_re, T_im;
+  for (const auto& [law, T] : terms_) {
+    T_re.push_back(multiply(T, re));
+    T_im.push_back(multiply(T, im));
   }
   for (std::size_t l = 0; l < omega_.size(); ++l) {
     const ShiftCoefficients c = medium_.system.coefficients(omega_[l]);
@@ -146,9 +147,11 @@ Responses BandError::residual(const Dense& V, const Responses& x,
         const Complex a = c.k * K_(i, i) + c.m * M_(i, i);
         r.re(i, at) = loads(i, j) - a.real() * re(i, at) + a.imag() * im(i, at);
         r.im(i, at) = -a.real() * im(i, at) - a.imag() * re(i, at);
-        if (D_.data.empty()) continue;
-        r.re(i, at) += c.d.imag() * D_im(i, at);
-        r.im(i, at) -= c.d.imag() * D_re(i, at);
+        for (std::size_t t = 0; t < terms_.size(); ++t) {
+          const Complex g = c.terms[t];
+          r.re(i, at) -= g.real() * T_re[t](i, at) - g.imag() * T_im[t](i, at);
+          r.im(i, at) -= g.imag() * T_re[t](i, at) + g.real() * T_im[t](i, at);
+        }
       }
     }
   }
