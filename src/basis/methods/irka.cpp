@@ -36,10 +36,11 @@ Dense irka_basis(const Elastic& e, Dense basis) {
       const double l = std::max(modes.lambda()[as_size(i)], 0.0);
       const double omega = std::sqrt(l);
       double d = full.damping.alpha + full.damping.beta * l + full.damping.eta * omega;
-      const Dense u = part_of(modes.U(), 0, m, i, 1);
-      for (const auto& [law, T] : small.terms)
+      for (const auto& [law, T] : small.terms) {
+        const Dense u = part_of(modes.U(), 0, m, i, 1);
         d += multiply_transposed(u, multiply(T, u))(0, 0) / modes.mu()[as_size(i)] *
              law.as_damper(omega);
+      }
       const Complex s(0.5 * d, std::sqrt(std::max(l - 0.25 * d * d, 0.0)));
       // The extra damping of the full system by its diagonal: the point of interpolation
       // need not be exact.
