@@ -3,12 +3,12 @@
 #include "base/index.hpp"
 #include "base/text.hpp"
 #include "fem/loads.hpp"
+#include "fem/material_terms.hpp"
 #include "fem/node_matrix.hpp"
 #include "fem/reactions.hpp"
 #include "io/body_io.hpp"
 
 #include <algorithm>
-#include <optional>
 
 namespace flexgram {
 namespace {
@@ -39,10 +39,10 @@ constexpr double thin = 1e4, thinnest = 1e6;
 /// Assembles the elements of one rank.
 class ElementAssembler {
 public:
-  ElementAssembler(const BodyDescription& body, const DofMap& map, const LocalMesh& mesh,
-                   const Hdf5File& file, FieldLoads& fields, Reactions& reactions,
-                   AssemblyFacts& facts)
-      : body_(body), map_(map), mesh_(mesh), file_(file), fields_(fields),
+  ElementAssembler(const BodyDescription& body, const MaterialTerms& terms,
+                   const DofMap& map, const LocalMesh& mesh, const Hdf5File& file,
+                   FieldLoads& fields, Reactions& reactions, AssemblyFacts& facts)
+      : body_(body), terms_(terms), map_(map), mesh_(mesh), file_(file), fields_(fields),
         reactions_(reactions), facts_(facts) {}
 
   void run(const Masters& masters, NodeMatrix& matrix) {
@@ -108,11 +108,15 @@ private:
     const auto reduce = [&](const Dense& a) {
       return a.data.empty() ? Dense() : multiply_transposed(T, multiply(a, T));
     };
-    if (T.data.empty())
-      matrix.add(masters, master_count, element.K, element.M, material.loss);
-    else
-      matrix.add(masters, master_count, rigid ? Dense() : reduce(element.K),
-                 reduce(element.M), material.loss);
+    std::vector<ElementPart> parts;
+    if (!rigid) parts = terms_.of_element(block, x, body_.mass_rule, element.K);
+    if (T.data.empty()) {
+      matrix.add(masters, master_count, element.K, element.M, parts);
+      return;
+    }
+    for (ElementPart& part : parts) part.matrix = reduce(part.matrix);
+    matrix.add(masters, master_count, rigid ? Dense() : reduce(element.K),
+               reduce(element.M), parts);
   }
 
   /// Element dofs from the dofs of the masters; empty where they are the same.
@@ -160,6 +164,7 @@ private:
   }
 
   const BodyDescription& body_;
+  const MaterialTerms& terms_;
   const DofMap& map_;
   const LocalMesh& mesh_;
   const Hdf5File& file_;
@@ -197,17 +202,6 @@ void fill_dof_lists(const DofMap& map, const LocalMesh& mesh, int rank,
       model.position.insert(model.position.end(), x.begin(), x.end());
     }
   }
-}
-
-/// The loss factor of all materials of the elements, or nothing where they differ.
-std::optional<double> common_loss(const BodyDescription& body) {
-  std::optional<double> common;
-  for (const MeshBlock& block : body.blocks) {
-    const double loss = body.materials.at(block.material).loss;
-    if (common && *common != loss) return std::nullopt;
-    common = loss;
-  }
-  return common.value_or(0);
 }
 
 /// Further ports behind those that are there.
@@ -254,27 +248,25 @@ SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
       append_masters(map, elements.connectivity.data() + k * as_size(width), width,
                      masters);
   }
-  const std::optional<double> loss = common_loss(body);
-  NodeMatrix matrix(map, masters.start, masters.node, !loss);
-  model.damping.eta += loss.value_or(0);
+  const MaterialTerms terms(body);
+  NodeMatrix matrix(map, masters.start, masters.node, terms.laws().size());
+  model.damping.eta += terms.common_loss();
   Reactions reactions(comm, body, map, mesh);
   const HeldForces held = reactions.held_forces();
   FieldLoads fields(comm, body, map, mesh, held);
   agree(comm, [&] {
-    ElementAssembler(body, map, mesh, file, fields, reactions, facts)
+    ElementAssembler(body, terms, map, mesh, file, fields, reactions, facts)
         .run(masters, matrix);
   });
   masters = {};
-  Matrix S;
-  matrix.assemble(comm, model.K, model.M, S);
-  if (!loss) {
-    model.terms.push_back({Law::Kind::structural, std::move(S)});
-    if (reactions.any())
-      throw Error(
-          "reactions of a body whose materials have loss factors of their own are "
-          "not known yet: leave the outputs of type reaction out, or give the "
-          "materials one loss factor");
-  }
+  std::vector<Matrix> parts = matrix.assemble(comm, model.K, model.M);
+  for (std::size_t k = 0; k < parts.size(); ++k)
+    model.terms.push_back({terms.laws()[k], std::move(parts[k])});
+  if (!parts.empty() && reactions.any())
+    throw Error(
+        "reactions of a body whose materials are viscoelastic, or have loss factors "
+        "of their own, are not known yet: leave the outputs of type reaction out, or "
+        "give the materials one loss factor");
   facts.elements = sum_over(comm, facts.elements);
   facts.rigid_elements = sum_over(comm, facts.rigid_elements);
   facts.mass = sum_over(comm, facts.mass);

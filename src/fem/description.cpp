@@ -1,6 +1,7 @@
 #include "fem/description.hpp"
 
 #include "base/text.hpp"
+#include "io/laws.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -35,6 +36,22 @@ void check_units(const std::string& name, double E, double density,
         name.c_str(), speed, E, density));
 }
 
+/// Groups whole, shear and bulk of a material, each a law.
+std::vector<MaterialTerm> read_terms(const Hdf5File& file, const std::string& object,
+                                     const std::string& material) {
+  using Part = MaterialTerm::Part;
+  std::vector<MaterialTerm> terms;
+  for (const auto& [name, part] :
+       {std::pair("whole", Part::whole), {"shear", Part::shear}, {"bulk", Part::bulk}}) {
+    const std::string group = object + "/" + name;
+    if (!file.exists(group)) continue;
+    terms.push_back(
+        {part,
+         read_law(file, group, part == Part::whole ? material : material + "." + name)});
+  }
+  return terms;
+}
+
 Material read_material(const Hdf5File& file, const std::string& name,
                        std::vector<std::string>& warnings) {
   const std::string object = "/materials/" + name;
@@ -47,6 +64,7 @@ Material read_material(const Hdf5File& file, const std::string& name,
   if (!(material.loss >= 0) || !std::isfinite(material.loss))
     throw Error(text("material %s: loss_factor = %g must be finite and not negative",
                      name.c_str(), material.loss));
+  material.terms = read_terms(file, object, name);
   try {
     if (file.has_attribute(object, "E")) {
       const double E = number("E"), nu = number("nu");
@@ -55,6 +73,9 @@ Material read_material(const Hdf5File& file, const std::string& name,
       check_units(name, E, density, warnings);
     } else {
       material.isotropic = false;
+      for (const MaterialTerm& term : material.terms)
+        if (term.part != MaterialTerm::Part::whole)
+          throw Error("shear and bulk are parts of isotropic materials");
       const auto constants = fixed<double, 9>(file, object, "engineering_constants");
       material.solid =
           orthotropic(constants, fixed<double, 9>(file, object, "axes"), density);
@@ -297,6 +318,16 @@ BodyDescription read_description(const Hdf5File& file) {
           throw Error(text("file %s: %s: beams need an isotropic material",
                            file.path().c_str(), block.path.c_str()));
       }
+      // Their stiffness is no sum of parts by shear and bulk modulus.
+      const bool mixes =
+          block.type == ElementType::beam2 || block.type == ElementType::hex8;
+      for (const MaterialTerm& term : material->second.terms)
+        if (mixes && term.part != MaterialTerm::Part::whole)
+          throw Error(
+              text("file %s: %s: a material whose shear and bulk moduli relax "
+                   "differently needs tetrahedra, hexahedra of 20 nodes or wedges, "
+                   "not %s: give all moduli the same relaxation, or mesh anew",
+                   file.path().c_str(), block.path.c_str(), element_name(block.type)));
     }
     for (const auto& name : ordered_children(file, "/interfaces"))
       body.interfaces.push_back(read_interface(file, name, body.points));

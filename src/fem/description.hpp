@@ -60,11 +60,23 @@ struct Reaction {
   std::vector<int> axes;           ///< 0-2 forces, 3-5 moments
 };
 
+/// A part of a material's stiffness that changes with frequency by a law of its own.
+struct MaterialTerm {
+  enum class Part {
+    whole, ///< all moduli
+    shear, ///< the shear modulus of an isotropic material
+    bulk   ///< its bulk modulus
+  };
+  Part part;
+  Law law; ///< beside the stiffness that K holds
+};
+
 struct Material {
   SolidMaterial solid;
   BeamMaterial beam; ///< E and G; only for isotropic ones
   bool isotropic = true;
   double loss = 0; ///< factor η_k of its stiffness: K_k (1 + iη_k)
+  std::vector<MaterialTerm> terms;
 };
 
 /// A body given by its mesh: what to assemble, without the mesh itself.

@@ -9,7 +9,7 @@
 namespace flexgram {
 
 NodeMatrix::NodeMatrix(const DofMap& map, const std::vector<std::size_t>& start,
-                       const std::vector<std::int64_t>& element_nodes, bool with_losses)
+                       const std::vector<std::int64_t>& element_nodes, std::size_t parts)
     : map_(map), nodes_(element_nodes) {
   std::sort(nodes_.begin(), nodes_.end());
   nodes_.erase(std::unique(nodes_.begin(), nodes_.end()), nodes_.end());
@@ -50,7 +50,7 @@ NodeMatrix::NodeMatrix(const DofMap& map, const std::vector<std::size_t>& start,
   }
   k_.assign(value_start_.back(), 0.0);
   m_.assign(value_start_.back(), 0.0);
-  if (with_losses) s_.assign(value_start_.back(), 0.0);
+  parts_.assign(parts, std::vector<double>(value_start_.back(), 0.0));
 }
 
 std::size_t NodeMatrix::local(std::int64_t node) const {
@@ -58,8 +58,7 @@ std::size_t NodeMatrix::local(std::int64_t node) const {
 }
 
 void NodeMatrix::add(const std::int64_t* nodes, std::size_t count, const Dense& K,
-                     const Dense& M, double loss) {
-  const bool loses = loss > 0 && !s_.empty() && !K.data.empty();
+                     const Dense& M, const std::vector<ElementPart>& parts) {
   struct Member {
     std::size_t local;
     int first_dof, dofs;
@@ -94,7 +93,9 @@ void NodeMatrix::add(const std::int64_t* nodes, std::size_t count, const Dense& 
           if (column.place[c] < 0) continue;
           const auto slot = offset + as_size(column.place[c]);
           if (!K.data.empty()) k_[slot] += K(row.first_dof + r, column.first_dof + c);
-          if (loses) s_[slot] += loss * K(row.first_dof + r, column.first_dof + c);
+          for (const ElementPart& part : parts)
+            parts_[part.number][slot] +=
+                part.matrix(row.first_dof + r, column.first_dof + c);
           m_[slot] += M(row.first_dof + r, column.first_dof + c);
         }
       }
@@ -102,8 +103,8 @@ void NodeMatrix::add(const std::int64_t* nodes, std::size_t count, const Dense& 
   }
 }
 
-void NodeMatrix::assemble(MPI_Comm comm, Matrix& K, Matrix& M, Matrix& S) {
-  const bool with_losses = max_over(comm, s_.empty() ? 0.0 : 1.0) > 0;
+std::vector<Matrix> NodeMatrix::assemble(MPI_Comm comm, Matrix& K, Matrix& M) {
+  std::vector<Matrix> parts;
   LocalRows
       local; // columns ascend: nodes and their equations are numbered in the same order
   std::vector<PetscInt> row;
@@ -121,13 +122,13 @@ void NodeMatrix::assemble(MPI_Comm comm, Matrix& K, Matrix& M, Matrix& S) {
   if (comm_size(comm) == 1) { // the rows are whole and in order
     local.value = std::move(k_);
     K = make_sparse(comm, map_.rows, map_.n, local);
-    if (with_losses) {
-      local.value = std::move(s_);
-      S = make_sparse(comm, map_.rows, map_.n, nonzeros(local));
+    for (auto& part : parts_) {
+      local.value = std::move(part);
+      parts.push_back(make_sparse(comm, map_.rows, map_.n, nonzeros(local)));
     }
     local.value = std::move(m_);
     M = make_sparse(comm, map_.rows, map_.n, nonzeros(local));
-    return;
+    return parts;
   }
   std::vector<PetscInt> rows;
   rows.reserve(local.column.size());
@@ -143,14 +144,16 @@ void NodeMatrix::assemble(MPI_Comm comm, Matrix& K, Matrix& M, Matrix& S) {
   rows = local.column = {};
   FG_CALL(MatSetValuesCOO(sum, m_.data(), INSERT_VALUES));
   M = make_sparse(comm, map_.rows, map_.n, nonzeros(local_rows(sum)));
-  if (with_losses) {
-    FG_CALL(MatSetValuesCOO(sum, s_.data(), INSERT_VALUES));
-    S = make_sparse(comm, map_.rows, map_.n, nonzeros(local_rows(sum)));
+  for (auto& part : parts_) {
+    FG_CALL(MatSetValuesCOO(sum, part.data(), INSERT_VALUES));
+    parts.push_back(make_sparse(comm, map_.rows, map_.n, nonzeros(local_rows(sum))));
+    part = {};
   }
   FG_CALL(MatSetValuesCOO(sum, k_.data(), INSERT_VALUES));
   FG_CALL(MatDuplicate(sum, MAT_COPY_VALUES, K.out()));
-  k_ = m_ = s_ = {};
+  k_ = m_ = {};
   FG_CALL(MatSetOption(K, MAT_SYMMETRIC, PETSC_TRUE));
+  return parts;
 }
 
 } // namespace flexgram

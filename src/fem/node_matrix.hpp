@@ -6,24 +6,30 @@
 
 namespace flexgram {
 
-/// K and M of this rank's elements on one node-by-node pattern, summed here before
+/// What a further matrix takes of an element, of the size of its K.
+struct ElementPart {
+  std::size_t number; ///< of the matrix
+  Dense matrix;
+};
+
+/// K, M and parts of K of this rank's elements on one node-by-node pattern, summed here before
 /// anything is sent: each element is added once, rows that belong to other ranks travel
 /// at the end through PETSc's COO assembly.
 class NodeMatrix {
 public:
   /// @param[in] element_nodes  for each element its master nodes (global numbers, no
   ///                           repeats), element e has nodes start[e] … start[e+1] − 1.
-  /// @param with_losses        a third matrix S = Σ η_e K_e too.
+  /// @param parts              so many further matrices too.
   NodeMatrix(const DofMap& map, const std::vector<std::size_t>& start,
-             const std::vector<std::int64_t>& element_nodes, bool with_losses);
+             const std::vector<std::int64_t>& element_nodes, std::size_t parts);
 
   /// Adds dense matrices over the dofs of `nodes` (dofs[node] rows a node, in order);
-  /// dofs without an equation are dropped. K may be empty. @param loss  η_e.
+  /// dofs without an equation are dropped. K may be empty.
   void add(const std::int64_t* nodes, std::size_t count, const Dense& K, const Dense& M,
-           double loss);
+           const std::vector<ElementPart>& parts);
 
-  /// Collective on comm; frees this rank's copy. @param S  untouched without losses.
-  void assemble(MPI_Comm comm, Matrix& K, Matrix& M, Matrix& S);
+  /// Collective on comm; frees this rank's copy. @return the parts.
+  std::vector<Matrix> assemble(MPI_Comm comm, Matrix& K, Matrix& M);
 
 private:
   std::size_t local(std::int64_t node) const;
@@ -35,7 +41,8 @@ private:
   std::vector<int> column_start_;   ///< first column of the neighbour in a's rows
   std::vector<int> row_length_;     ///< columns in each row of node a
   std::vector<std::size_t> value_start_; ///< first value of node a
-  std::vector<double> k_, m_, s_;
+  std::vector<double> k_, m_;
+  std::vector<std::vector<double>> parts_;
 };
 
 } // namespace flexgram

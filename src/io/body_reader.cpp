@@ -2,6 +2,7 @@
 
 #include "base/index.hpp"
 #include "base/text.hpp"
+#include "io/laws.hpp"
 #include "io/matlab_hdf5.hpp"
 #include "io/output_form.hpp"
 #include "linalg/sparse.hpp"
@@ -263,9 +264,10 @@ bool is_proportional(const Term<Matrix>& term, SecondOrderModel& model) {
   if (!(largest < 1e120))
     throw Error(text("%s has entries of %.0e, which doubles cannot square: are its units "
                      "right?",
-                     law.letter(), largest));
+                     law.name().c_str(), largest));
   FG_CALL(MatNorm(T, NORM_FROBENIUS, &size));
   if (size == 0) return true;
+  if (law.is_named()) return false;
   const ProportionalFit fit = fit_proportional(T, model.M, model.K, 1e-12);
   if (!fit.proportional || fit.alpha < 0 || fit.beta < 0) return false;
   if (law.is_viscous()) {
@@ -289,9 +291,9 @@ void classify_damping(SecondOrderModel& model) {
 
 std::string not_read(const Hdf5File& file) {
   static const std::vector<std::string> of_matrices{
-      "K",    "M",     "D",           "S",           "B",          "C",
-      "dofs", "nodes", "feedthrough", "output_beta", "output_eta", "alpha",
-      "beta", "eta",   "rounding",    "geometry",    "interfaces"},
+      "K",     "M",    "D",     "S",           "terms",       "B",
+      "C",     "dofs", "nodes", "feedthrough", "output_beta", "output_eta",
+      "alpha", "beta", "eta",   "rounding",    "geometry",    "interfaces"},
       of_meshes{"mesh",    "materials", "sections", "interfaces", "supports", "loads",
                 "outputs", "fields",    "alpha",    "beta",       "eta"};
   const auto& known = file.exists("/mesh") ? of_meshes : of_matrices;
@@ -315,12 +317,9 @@ SecondOrderModel read_body(const Hdf5File& file) {
   model.K = read_symmetric(file, "/K", model.n, model.rows, model.remarks);
   model.M = read_symmetric(file, "/M", model.n, model.rows, model.remarks);
   model.damping = read_damping(file);
-  for (const Law law : {Law::Kind::viscous, Law::Kind::structural}) {
-    const std::string name = std::string("/") + law.letter();
-    if (!file.exists(name)) continue;
+  for (const Law& law : read_laws(file))
     model.terms.push_back(
-        {law, read_symmetric(file, name, model.n, model.rows, model.remarks)});
-  }
+        {law, read_symmetric(file, law.path(), model.n, model.rows, model.remarks)});
   agree(file.comm(), [&] {
     if (file.has_attribute("/", "rounding"))
       model.rounding = file.number_attribute("/", "rounding");

@@ -1,5 +1,6 @@
 #include "io/body_io.hpp"
 #include "io/kept_rows.hpp"
+#include "io/laws.hpp"
 #include "io/output_form.hpp"
 
 #include "linalg/sparse.hpp"
@@ -80,8 +81,10 @@ void write_body(const SecondOrderModel& model, const std::string& path) {
   Hdf5File file = Hdf5File::create(model.comm, path);
   write_sparse(file, "/K", model.K);
   write_sparse(file, "/M", model.M);
-  for (const auto& [law, matrix] : model.terms)
-    write_sparse(file, std::string("/") + law.letter(), matrix);
+  for (const auto& [law, matrix] : model.terms) {
+    write_sparse(file, law.path(), matrix);
+    write_law(file, law);
+  }
   file.set_attribute("/", "alpha", model.damping.alpha);
   file.set_attribute("/", "beta", model.damping.beta);
   file.set_attribute("/", "eta", model.damping.eta);

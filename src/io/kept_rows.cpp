@@ -70,16 +70,25 @@ std::vector<std::pair<std::string, double>> identity_of(const SecondOrderModel& 
     }
     return std::sqrt(sum_over(body.comm, square));
   };
-  return {{"n", static_cast<double>(body.n)},
-          {"alpha", body.damping.alpha},
-          {"beta", body.damping.beta},
-          {"eta", body.damping.eta},
-          {"norm of K", norm(body.K)},
-          {"norm of M", norm(body.M)},
-          {"norm of D", norm(body.term({}))},
-          {"norm of B", size(body.B)},
-          {"norm of C", size(body.C)},
-          {"norm of S", norm(body.term(Law::Kind::structural))}};
+  std::vector<std::pair<std::string, double>> identity{
+      {"n", static_cast<double>(body.n)},
+      {"alpha", body.damping.alpha},
+      {"beta", body.damping.beta},
+      {"eta", body.damping.eta},
+      {"norm of K", norm(body.K)},
+      {"norm of M", norm(body.M)},
+      {"norm of D", norm(body.term({}))},
+      {"norm of B", size(body.B)},
+      {"norm of C", size(body.C)},
+      {"norm of S", norm(body.term(Law::Kind::structural))}};
+  for (const auto& [law, T] : body.terms) {
+    if (!law.is_named()) continue;
+    identity.emplace_back("norm of " + law.name(), norm(T));
+    for (const auto& [name, values] : law.kind().numbers())
+      identity.emplace_back(name + " of " + law.name(),
+                            std::accumulate(values.begin(), values.end(), 0.0));
+  }
+  return identity;
 }
 
 } // namespace

@@ -37,12 +37,22 @@ void rows(FieldSink& sink, const std::string& name,
 void system(FieldSink& sink, const SecondOrderModel& model) {
   const int m = static_cast<int>(model.n);
   const Dense M = to_dense(model.M), K = to_dense(model.K);
-  const Mat viscous = model.term({}), structural = model.term(Law::Kind::structural);
+  const Mat viscous = model.term({});
   Dense D = viscous ? to_dense(viscous) : Dense(m, m); // all that is viscous
   matrix(sink, "M", M);
   matrix(sink, "K", K);
-  if (structural) {
-    matrix(sink, "S", to_dense(structural));
+  bool others = false;
+  for (const auto& [law, T] : model.terms) {
+    if (law.is_viscous()) continue;
+    others = true;
+    const std::string name = law.path().substr(1);
+    matrix(sink, name, to_dense(T));
+    if (!law.is_named()) continue;
+    sink.value(name + "/law", law.kind_name());
+    for (const auto& [number, values] : law.kind().numbers())
+      sink.value(name + "/" + number, values);
+  }
+  if (others) {
     add_to(D, M, model.damping.alpha);
     add_to(D, K, model.damping.beta);
     sink.value("alpha", model.damping.alpha);

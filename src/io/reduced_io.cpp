@@ -6,6 +6,7 @@
 #include "io/body_io.hpp"
 #include "io/hdf5_file.hpp"
 #include "io/kept_rows.hpp"
+#include "io/laws.hpp"
 #include "io/output_form.hpp"
 #include "io/reduced_fields.hpp"
 #include "io/versions.hpp"
@@ -95,6 +96,7 @@ SecondOrderModel read_reduced(MPI_Comm comm, const std::string& path) {
   SecondOrderModel model;
   model.name = path;
   model.comm = PETSC_COMM_SELF;
+  const std::vector<Law> laws = read_laws(file);
   agree(comm, [&] {
     const auto read = [&](const std::string& name) {
       const auto shape = file.shape(name);
@@ -131,10 +133,11 @@ SecondOrderModel read_reduced(MPI_Comm comm, const std::string& path) {
     const bool by_factors = factor("alpha") != 0 || factor("beta") != 0; // all of D
     if (!by_factors && frobenius_norm(D) > 0)
       model.terms.push_back({Law(), make_dense(D)});
-    if (file.exists("/S")) {
-      const Dense S = read("/S");
-      expect("/S", S, m, m);
-      model.terms.push_back({Law::Kind::structural, make_dense(S)});
+    for (const Law& law : laws) {
+      if (law.is_viscous()) continue;
+      const Dense T = read(law.path());
+      expect(law.path().c_str(), T, m, m);
+      model.terms.push_back({law, make_dense(T)});
     }
     model.B = make_block(B);
     model.C = make_block(transpose(C));

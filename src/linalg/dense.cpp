@@ -164,6 +164,23 @@ ComplexDense real_times_complex(const char* op, const Dense& a, const ComplexDen
 
 } // namespace
 
+double norm_bound(const ComplexDense& a) {
+  std::vector<double> rows(static_cast<std::size_t>(a.rows), 0.0);
+  double one = 0, squares = 0;
+  for (int j = 0; j < a.columns; ++j) {
+    double column = 0;
+    for (int i = 0; i < a.rows; ++i) {
+      const double size = std::sqrt(std::norm(a(i, j)));
+      squares += size * size;
+      column += size;
+      rows[static_cast<std::size_t>(i)] += size;
+    }
+    one = std::max(one, column);
+  }
+  const double most = rows.empty() ? 0.0 : *std::max_element(rows.begin(), rows.end());
+  return std::sqrt(std::min(one * most, squares)) * (1 + 1e-12);
+}
+
 ComplexDense multiply(const Dense& a, const ComplexDense& b) {
   return real_times_complex("N", a, b);
 }

@@ -52,6 +52,8 @@ Dense absolute(Dense a);                                  ///< |A_ij|
 void add_to(Dense& a, const Dense& b, double factor = 1); ///< A ← A + factor B
 double frobenius_norm(const Dense& a);
 double frobenius_norm(const ComplexDense& a);
+/// At least the spectral norm: √(‖A‖₁‖A‖∞), or ‖A‖_F.
+double norm_bound(const ComplexDense& a);
 /// Replaces A by (A + Aᵀ)/2.
 void symmetrise(Dense& a);
 /// [A, c; cᵀ, d] from the new columns [c; d].

@@ -168,8 +168,8 @@ private:
   double error_of(const Inverse& S, const ComplexDense& at_centre, const PortSet& block,
                   double in, double out, Squares& known) const;
   double mode_coupling(const DenseResponse& response, const ResponseSeries& x) const;
-  std::array<std::complex<double>, 3> residual_factors(const DenseResponse& response,
-                                                       Interval interval) const;
+  std::vector<std::complex<double>> residual_factors(const DenseResponse& response,
+                                                     Interval interval) const;
   struct ResidualParts;
   static std::vector<double> moved(const MatrixSeries& w);
   /// Of some ports: the parts of their residuals, and their columns there.

@@ -160,7 +160,7 @@ Certificate::of_many(const DenseResponse& response, const ResponseSeries& factor
   const Inverse S = inverse(response, factors);
   const auto f = residual_factors(response, interval);
   const double largest = std::abs(f[0]) + std::abs(f[1]) + std::abs(f[2]);
-  const MatrixSeries g = times_quadratic(f, factors.x);
+  const MatrixSeries g = times(f, factors.x);
   MatrixSeries constant{1, Dense(1, g.coefficients.columns), Dense(1, 1)};
   constant.coefficients(0, 0) = -1;
   const MatrixSeries terms = stacked(g, constant);

@@ -6,7 +6,6 @@
 #include "medium/certificate.hpp"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <numeric>
@@ -16,8 +15,8 @@ namespace flexgram {
 using Complex = std::complex<double>;
 
 /// a_k − κ a_m as a polynomial in t.
-std::array<Complex, 3> Certificate::residual_factors(const DenseResponse& response,
-                                                     Interval interval) const {
+std::vector<Complex> Certificate::residual_factors(const DenseResponse& response,
+                                                   Interval interval) const {
   const Damping& d = response.system().damping;
   const double omega = interval.centre(), h = interval.half();
   const Complex i(0, 1);
@@ -102,16 +101,14 @@ Certificate::Chosen Certificate::chosen(const FewResiduals& few) {
 MatrixSeries Certificate::held_residual(const DenseResponse& response,
                                         const ResponseSeries& x, const Chosen& of) const {
   const auto& [parts, columns, ports] = of;
-  const double omega = x.interval.centre(), h = x.interval.half();
   const int p = x.x.columns;
-  MatrixSeries w = multiply_transposed(
-      parts.K, times_quadratic(residual_factors(response, x.interval), x.x));
+  MatrixSeries w =
+      multiply_transposed(parts.K, times(residual_factors(response, x.interval), x.x));
   for (double& value : w.coefficients.data) value = -value;
   for (std::size_t t = 0; t < parts.terms.size(); ++t) {
-    const Law& law = response.system().terms[t].law;
-    const MatrixSeries damped = multiply_transposed(
-        parts.terms[t],
-        times_quadratic({law.at(omega), h * law.slope(), Complex()}, x.x));
+    const LawSeries g = response.system().terms[t].law.series(x.interval, x.x.degree());
+    const MatrixSeries damped =
+        multiply_transposed(parts.terms[t], times(g.coefficients, x.x, g.rest));
     for (std::size_t l = 0; l < w.coefficients.data.size(); ++l)
       w.coefficients.data[l] -= damped.coefficients.data[l];
     for (std::size_t l = 0; l < w.tail.data.size(); ++l)

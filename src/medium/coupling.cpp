@@ -143,23 +143,43 @@ double DampingCoupling::at(const DenseSystem& system, double omega) const {
   }
 }
 
+/// In coordinates in which the diagonal of A_Φ is of size one: modes far apart in frequency, the
+/// rigid ones among them, count alike.
 double DampingCoupling::over(const DenseSystem& system, Interval interval) const {
+  constexpr int enough = 8; // terms of the series of g
   const ShiftCoefficients at_centre = system.coefficients(interval.centre());
   const Coefficients outer(system, -sigma_, interval), inner(system, tau_, interval);
+  ComplexDense at = A(at_centre), j = J(outer.c, at_centre.terms);
+  std::vector<double> unit; // of each mode
+  for (int i = 0; i < count(); ++i) {
+    const double size = std::sqrt(std::abs(at(i, i)));
+    if (!(size > 0)) return infinity;
+    unit.push_back(1 / size);
+  }
+  const auto scale = [&](auto matrix, bool rows) {
+    for (int k = 0; k < matrix.columns; ++k)
+      for (int i = 0; i < matrix.rows; ++i)
+        matrix(i, k) *= unit[as_size(k)] * (rows ? unit[as_size(i)] : 1.0);
+    return matrix;
+  };
   double moved = 0, farthest = 0, moved_F = 0, outside_F = 0; // of A_Φ, of J
   for (std::size_t t = 0; t < T_.size(); ++t) {
     const Law& law = system.terms[t].law;
-    const double h = interval.half() * std::abs(law.slope());
-    moved += h * frobenius_norm(T_[t]);
-    moved_F += h * frobenius_norm(F_[t]);
+    const double by = law.series(interval, enough).moved();
+    if (by > 0) {
+      moved += by * frobenius_norm(scale(T_[t], true));
+      moved_F += by * frobenius_norm(scale(F_[t], false));
+    }
     outside_F += law.largest(interval.last) * dropped_F_[t];
   }
-  for (double mu : mu_) farthest = std::max(farthest, inner.moved_a + inner.moved_c * mu);
+  for (std::size_t i = 0; i < mu_.size(); ++i)
+    farthest =
+        std::max(farthest, (inner.moved_a + inner.moved_c * mu_[i]) * unit[i] * unit[i]);
   moved += farthest;
-  const ComplexDense j = J(outer.c, at_centre.terms);
+  j = scale(std::move(j), false);
   ComplexDense Y;
   try {
-    Y = solved(A(at_centre), j, true);
+    Y = solved(scale(std::move(at), true), j, true);
   } catch (const ShiftError&) {
     return infinity;
   }
@@ -168,12 +188,13 @@ double DampingCoupling::over(const DenseSystem& system, Interval interval) const
   const auto split = static_cast<std::ptrdiff_t>(columns * as_size(count()));
   std::copy(Y.data.begin(), Y.data.begin() + split, product.data.begin());
   std::copy(Y.data.begin() + split, Y.data.end(), inverse.data.begin());
-  const double size = frobenius_norm(inverse), away = size * moved;
+  const double size = norm_bound(inverse), away = size * moved;
   if (!(away < 1)) return infinity;
-  const double largest_c = std::abs(outer.c) + outer.moved_c;
+  const double largest_c = std::abs(outer.c) + outer.moved_c,
+               widest = *std::max_element(unit.begin(), unit.end());
   const double y = frobenius_norm(product), farther = 1 / (1 - away),
-               moved_J = outer.moved_c * frobenius_norm(G_) + moved_F +
-                         largest_c * dropped_G_ + outside_F;
+               moved_J = outer.moved_c * frobenius_norm(scale(G_, false)) + moved_F +
+                         widest * (largest_c * dropped_G_ + outside_F);
   return taken_by(multiply(j, product)) +
          farther * (moved * y * y + 2 * moved_J * y + moved_J * moved_J * size);
 }

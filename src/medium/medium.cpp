@@ -30,7 +30,12 @@ std::vector<Resonance> Medium::resonances(const MediumLevel& level) const {
   const DenseResponse& response = *level.response;
   std::vector<Resonance> result;
   for (int j = rigid; j < rigid + modes; ++j) {
-    const double l = std::max(response.lambda()[as_size(j)], 0.0), omega = std::sqrt(l);
+    const double l = std::max(response.lambda()[as_size(j)], 0.0);
+    double omega = std::sqrt(l), stiffer = l;
+    for (std::size_t t = 0; t < response.modal_terms().size(); ++t)
+      stiffer += response.modal_terms()[t](j, j) / response.mu()[as_size(j)] *
+                 response.system().terms[t].law.at(omega).real();
+    omega = std::sqrt(std::max(stiffer, 0.0));
     double d = body.damping.alpha + body.damping.beta * l + body.damping.eta * omega;
     for (std::size_t t = 0; t < response.modal_terms().size(); ++t)
       d += response.modal_terms()[t](j, j) / response.mu()[as_size(j)] *

@@ -11,12 +11,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <type_traits>
 
 namespace flexgram {
 namespace {
 
-constexpr double version = 8; // of the file's layout
+constexpr double version = 9; // of the file's layout
 
 template <class Archive, class Spec>
 void archive_spec(Archive&& a, Spec& spec) {
@@ -94,22 +95,55 @@ void archive_integrals(Archive&& a, Integrals& i) {
     for (std::size_t c = 0; c < 3 && c < centre.size(); ++c) i.centre[c] = centre[c];
 }
 
+/// Numbers of a law, those of one name a column.
+Dense columns_of(const LawNumbers& numbers) {
+  if (numbers.empty()) return {};
+  Dense columns(static_cast<int>(numbers.begin()->second.size()),
+                static_cast<int>(numbers.size()));
+  int j = 0;
+  for (const auto& [name, values] : numbers)
+    std::copy(values.begin(), values.end(), columns.column(j++));
+  return columns;
+}
+
+Law law_of(const std::string& name, const std::string& kind, const Dense& columns) {
+  std::set<std::string> names;
+  for (const auto& [known, maker] : law_makers())
+    if (known == kind) names.insert(maker->numbers.begin(), maker->numbers.end());
+  if (names.size() != as_size(columns.columns))
+    throw Error(text("law %s has %d columns of numbers: it is damaged", kind.c_str(),
+                     columns.columns));
+  LawNumbers numbers;
+  int j = 0;
+  for (const std::string& number : names) {
+    const double* values = columns.column(j++);
+    numbers[number].assign(values, values + columns.rows);
+  }
+  return {name, kind, numbers};
+}
+
 /// The terms with their laws.
 template <class Archive, class Terms>
 void archive_terms(Archive&& a, Terms& terms) {
   std::vector<Dense> matrices;
-  std::vector<std::string> letters;
+  std::vector<std::string> names, kinds;
+  std::vector<Dense> numbers; // of each law, columns in the order of its maker's
   for (const auto& [law, matrix] : terms) {
     matrices.push_back(matrix);
-    letters.push_back(law.letter());
+    names.push_back(law.name());
+    kinds.push_back(law.kind_name());
+    numbers.push_back(columns_of(law.kind().numbers()));
   }
   a("terms", matrices);
-  a("laws", letters);
+  a("term_names", names);
+  a("laws", kinds);
+  a("law_numbers", numbers);
   if constexpr (!std::is_const_v<Terms>) {
-    // One without its law is left out: the levels then hold more terms, which is refused.
-    for (std::size_t t = 0; t < std::min(letters.size(), matrices.size()); ++t)
-      for (const Law law : {Law::Kind::viscous, Law::Kind::structural})
-        if (letters[t] == law.letter()) terms.push_back({law, std::move(matrices[t])});
+    if (names.size() != matrices.size() || kinds.size() != matrices.size() ||
+        numbers.size() != matrices.size())
+      throw Error("terms and laws do not fit each other: it is damaged");
+    for (std::size_t t = 0; t < matrices.size(); ++t)
+      terms.push_back({law_of(names[t], kinds[t], numbers[t]), std::move(matrices[t])});
   }
 }
 

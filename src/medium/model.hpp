@@ -87,6 +87,8 @@ public:
   /// ‖H‖ of all ports at a frequency over that of its elastic part. @pre has_elastic_part()
   double whole_over_elastic(double omega) const;
 
+  /// A tail beside H that is not worth more digits.
+  double clear() const { return numbers_.clear; }
   /// Whether norms come from the terms of H, (N + m)² products each, not from its entries.
   bool has_many_ports() const { return !many_.terms.empty(); }
   /// Terms of H − H_r for a view of a small model: those of the medium model, then those of

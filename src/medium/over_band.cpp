@@ -45,12 +45,17 @@ MediumOverBand::MediumOverBand(MediumModel model, const std::vector<Interval>& b
       add(band);
       continue;
     }
-    // Zones of exclusion are intervals of their own.
+    // Zones of exclusion are intervals of their own, and between the frequencies of tables
+    // their values are smooth.
     std::vector<double> ends{band.first, band.last};
+    for (const auto& [law, T] : model_.system.terms)
+      for (double end : law.kind().breaks())
+        if (end > band.first && end < band.last) ends.push_back(end);
     for (const Sharp& s : sharp_)
       for (double end : {s.zone.first, s.zone.last})
         if (end > band.first && end < band.last) ends.push_back(end);
     std::sort(ends.begin(), ends.end());
+    ends.erase(std::unique(ends.begin(), ends.end()), ends.end());
     for (std::size_t i = 0; i + 1 < ends.size(); ++i) {
       const double first = ends[i], last = ends[i + 1], whole = last - first;
       const int count =

@@ -15,6 +15,9 @@ constexpr double epsilon = std::numeric_limits<double>::epsilon();
 /// Series that converge more slowly than this are not worth their products.
 constexpr double slowest = 0.7;
 
+/// |z| of numbers whose squares do not overflow: faster than std::abs.
+double size_of(const Complex& z) { return std::sqrt(std::norm(z)); }
+
 /// The coefficients of A(ω) = a_k K + a_m M + …, ω = centre + half t, of a mode:
 /// d_0 + d_1 t + d_2 t², and how far d_0 may be off by rounding.
 struct Diagonal {
@@ -101,106 +104,188 @@ std::optional<ResponseSeries> of_modes(const DenseResponse& response, const Dens
   return series;
 }
 
-/// An upper bound of the spectral norm: √(‖A‖₁‖A‖∞).
-double norm_bound(const ComplexDense& a) {
-  std::vector<double> rows(as_size(a.rows), 0.0);
-  double one = 0;
-  for (int j = 0; j < a.columns; ++j) {
-    double column = 0;
-    for (int i = 0; i < a.rows; ++i) {
-      const double size = std::abs(a(i, j));
-      column += size;
-      rows[as_size(i)] += size;
-    }
-    one = std::max(one, column);
-  }
-  return std::sqrt(one *
-                   (rows.empty() ? 0.0 : *std::max_element(rows.begin(), rows.end())));
-}
-
 double column_norm(const ComplexDense& a, int j) {
   double sum = 0;
   for (int i = 0; i < a.rows; ++i) sum += std::norm(a(i, j));
   return std::sqrt(sum);
 }
 
+/// A_0 + A_1 t + … of a system with terms: diagonals, and the terms' matrices times the series
+/// of their factors.
+struct CoupledSeries {
+  CoupledSeries(const DenseResponse& response, Interval of, int degree)
+      : interval(of), T(response.modal_terms()) {
+    for (const auto& [law, matrix] : response.system().terms)
+      factors.push_back(law.series(of, degree));
+    for (int i = 0; i < response.system().order(); ++i)
+      diagonals.push_back(diagonal(response, of, i));
+  }
+  int order() const { return static_cast<int>(diagonals.size()); }
+
+  ComplexDense at_centre(const std::vector<Complex>& g) const {
+    ComplexDense A(order(), order());
+    add_terms(A, g, T);
+    for (int i = 0; i < order(); ++i) A(i, i) += diagonals[as_size(i)].d0;
+    return A;
+  }
+  /// Whether a mode alone shows that the series does not converge fast enough. Only a guess:
+  /// terms couple modes.
+  bool looks_hopeless(const ComplexDense& A) const {
+    constexpr double margin = 1.5;
+    for (int i = 0; i < order(); ++i) {
+      Complex slope = diagonals[as_size(i)].d1;
+      for (std::size_t t = 0; t < T.size(); ++t)
+        slope += factors[t].coefficients[1] * T[t](i, i);
+      if (std::abs(slope) > margin * slowest * std::abs(A(i, i))) return true;
+    }
+    return false;
+  }
+  /// A_1 X_k + A_2 X_(k−1) + …. @param X  X_0 … X_k.
+  ComplexDense next(const std::vector<ComplexDense>& X) const {
+    const std::size_t k = X.size() - 1;
+    const int p = X.back().columns;
+    ComplexDense sum(order(), p);
+    for (int j = 0; j < p; ++j)
+      for (int i = 0; i < order(); ++i) {
+        const Diagonal& d = diagonals[as_size(i)];
+        sum(i, j) = d.d1 * X[k](i, j);
+        if (k > 0) sum(i, j) += d.d2 * X[k - 1](i, j);
+      }
+    for (std::size_t t = 0; t < T.size(); ++t) {
+      const std::vector<Complex>& g = factors[t].coefficients;
+      ComplexDense x(order(), p);
+      for (std::size_t l = 1; l < g.size() && l <= k + 1; ++l)
+        if (g[l] != 0.0)
+          for (std::size_t i = 0; i < x.data.size(); ++i)
+            x.data[i] += g[l] * X[k + 1 - l].data[i];
+      const ComplexDense product = multiply(T[t], x);
+      for (std::size_t i = 0; i < sum.data.size(); ++i) sum.data[i] += product.data[i];
+    }
+    return sum;
+  }
+  /// |A| at most, entry by entry and anywhere in the interval, with its rounding.
+  Dense sizes(const std::vector<double>& largest) const {
+    Dense sizes(order(), order());
+    for (int i = 0; i < order(); ++i) {
+      const Diagonal& d = diagonals[as_size(i)];
+      sizes(i, i) =
+          std::abs(d.d0) + d.rounding / epsilon + std::abs(d.d1) + std::abs(d.d2);
+    }
+    for (std::size_t t = 0; t < T.size(); ++t)
+      for (std::size_t i = 0; i < sizes.data.size(); ++i)
+        sizes.data[i] += largest[t] * std::abs(T[t].data[i]);
+    return sizes;
+  }
+
+  Interval interval;
+  const std::vector<Dense>& T;
+  std::vector<LawSeries> factors;
+  std::vector<Diagonal> diagonals;
+};
+
+/// ‖A⁻¹(A(ω) − A)‖ at most, anywhere in the interval, and its parts that the remainder of a
+/// series needs.
+struct Distance {
+  Distance(const CoupledSeries& A, const ComplexDense& inverse) {
+    const int N = A.order();
+    ComplexDense slope(N, N), bend(N, N);
+    for (int j = 0; j < N; ++j) {
+      const Diagonal& d = A.diagonals[as_size(j)];
+      for (int i = 0; i < N; ++i) {
+        slope(i, j) = inverse(i, j) * d.d1;
+        bend(i, j) = inverse(i, j) * d.d2;
+      }
+    }
+    curved = norm_bound(bend);
+    whole = curved;
+    for (std::size_t t = 0; t < A.T.size(); ++t) {
+      const LawSeries& g = A.factors[t];
+      if (g.moved() == 0) {
+        of_terms.push_back(0);
+        continue;
+      }
+      // A is symmetric: this is the transpose of A⁻¹T.
+      const ComplexDense transposed = multiply(A.T[t], inverse);
+      for (int j = 0; j < N; ++j)
+        for (int i = 0; i < N; ++i) slope(i, j) += g.coefficients[1] * transposed(j, i);
+      of_terms.push_back(norm_bound(transposed));
+      whole += of_terms.back() * g.beyond_linear();
+    }
+    whole += norm_bound(slope);
+  }
+  /// Of a column what t^(degree + 2) and further powers leave of the equation, and the rests of
+  /// the factors. @param X  X_0 … X_degree.
+  double left(const CoupledSeries& A, const std::vector<ComplexDense>& X,
+              int column) const {
+    double sum = curved * column_norm(X.back(), column);
+    for (std::size_t t = 0; t < of_terms.size(); ++t) {
+      const LawSeries& g = A.factors[t];
+      if (g.beyond_linear() == 0) continue;
+      for (std::size_t k = 0; k < X.size(); ++k) {
+        double beyond = g.rest;
+        for (std::size_t l = X.size() + 1 - k; l < g.coefficients.size(); ++l)
+          beyond += std::abs(g.coefficients[l]);
+        sum += of_terms[t] * beyond * column_norm(X[k], column);
+      }
+    }
+    return sum;
+  }
+
+  double whole = 0, curved = 0; ///< the second: of A_2's diagonal
+  std::vector<double> of_terms; ///< ‖A⁻¹T‖
+};
+
 std::optional<ResponseSeries> of_solves(const DenseResponse& response, const Dense& B,
                                         Interval interval, int degree) {
-  const std::vector<Dense>& terms = response.modal_terms();
   const int N = B.rows, p = B.columns;
-  const double c = interval.centre(), h = interval.half();
-  // [A⁻¹, A⁻¹A′h, …] by one factorisation; A″ is diagonal.
-  ComplexDense A(N, N), right(N, h > 0 ? 2 * N : N);
-  std::vector<double> curvature;
-  Dense sizes(N, N); // of the entries of A anywhere in the interval
-  std::vector<Complex> slopes;
-  for (const auto& [law, T] : response.system().terms) slopes.push_back(h * law.slope());
-  add_terms(A, response.system().coefficients(c).terms, terms);
-  for (int i = 0; i < N; ++i) {
-    const Diagonal d = diagonal(response, interval, i);
-    A(i, i) += d.d0;
-    right(i, i) = 1;
-    curvature.push_back(d.d2.real());
-    sizes(i, i) = std::abs(d.d0) + d.rounding / epsilon + std::abs(d.d1) + std::abs(d.d2);
-    if (h == 0) continue;
-    for (std::size_t t = 0; t < terms.size(); ++t)
-      for (int j = 0; j < N; ++j) right(j, N + i) += slopes[t] * terms[t](j, i);
-    right(i, N + i) += d.d1;
-  }
-  const std::vector<double> largest = largest_of(response.system().terms, c + h);
-  for (std::size_t t = 0; t < terms.size(); ++t)
-    for (std::size_t i = 0; i < sizes.data.size(); ++i)
-      sizes.data[i] += largest[t] * std::abs(terms[t].data[i]);
-  ComplexDense solved;
+  const std::vector<Term<Dense>>& terms = response.system().terms;
+  const CoupledSeries A(response, interval, degree);
+  ComplexDense centre =
+      A.at_centre(response.system().coefficients(interval.centre()).terms);
+  const bool is_point = interval.half() == 0;
+  if (!is_point && A.looks_hopeless(centre)) return std::nullopt;
+  ComplexDense inverse(N, N);
+  for (int i = 0; i < N; ++i) inverse(i, i) = 1;
   try {
-    solved = solve(std::move(A), std::move(right));
+    inverse = solve(std::move(centre), std::move(inverse));
   } catch (const ShiftError&) {
     return std::nullopt;
   }
-  ComplexDense inverse(N, N), slope(N, h > 0 ? N : 0), bend(N, h > 0 ? N : 0);
-  std::copy_n(solved.data.begin(), inverse.data.size(), inverse.data.begin());
-  std::copy_n(solved.data.begin() + static_cast<std::ptrdiff_t>(inverse.data.size()),
-              slope.data.size(), slope.data.begin());
-  for (int j = 0; j < bend.columns; ++j)
-    for (int i = 0; i < N; ++i) bend(i, j) = inverse(i, j) * curvature[as_size(j)];
-  const double away = norm_bound(slope) + norm_bound(bend);
-  if (!(away <= slowest)) return std::nullopt;
+  std::optional<Distance> away;
+  if (!is_point && !(away.emplace(A, inverse).whole <= slowest)) return std::nullopt;
 
   ResponseSeries series = empty_series(interval, N, p, degree);
-  ComplexDense last(N, p), before; // X_k, X_(k−1)
-  for (std::size_t i = 0; i < B.data.size(); ++i) last.data[i] = B.data[i];
-  last = multiply(inverse, last);
-  std::vector<double> left(as_size(p), 0.0);
+  std::vector<ComplexDense> X(1, ComplexDense(N, p)); // X_0 … X_k
+  std::copy(B.data.begin(), B.data.end(), X[0].data.begin());
+  X[0] = multiply(inverse, X[0]);
   for (int k = 0; k <= degree; ++k) {
-    set_coefficient(series.x, k, last);
-    for (std::size_t i = 0; i < last.data.size(); ++i)
-      series.envelope.data[i] += std::abs(last.data[i]);
-    if (h == 0) break;
-    ComplexDense next = multiply(slope, last);
-    if (k > 0) {
-      const ComplexDense curved = multiply(bend, before);
-      for (std::size_t i = 0; i < next.data.size(); ++i) next.data[i] += curved.data[i];
-    }
+    set_coefficient(series.x, k, X.back());
+    for (std::size_t i = 0; i < X.back().data.size(); ++i)
+      series.envelope.data[i] += size_of(X.back().data[i]);
+    if (is_point) break;
+    ComplexDense next = multiply(inverse, A.next(X));
     for (auto& x : next.data) x = -x;
-    before = std::move(last);
-    last = std::move(next);
-  }
-  if (h > 0) { // `last` is X_(degree + 1): what the series leaves, by Neumann's series
-    const ComplexDense beyond = multiply(bend, before);
-    for (int j = 0; j < p; ++j)
-      left[as_size(j)] += (column_norm(last, j) + column_norm(beyond, j)) / (1 - away);
+    if (k < degree)
+      X.push_back(std::move(next));
+    else // what the series leaves, by Neumann's series
+      for (int j = 0; j < p; ++j) {
+        const double left =
+            (column_norm(next, j) + away->left(A, X, j)) / (1 - away->whole);
+        for (int i = 0; i < N; ++i) series.x.tail(i, j) = left;
+      }
   }
   // Rounding, entry by entry: |A⁻¹| times that of the equations' terms.
-  Dense summed = multiply(sizes, series.envelope), inverse_sizes(N, N);
+  Dense summed = multiply(A.sizes(largest_of(terms, interval.last)), series.envelope),
+        inverse_sizes(N, N);
   for (std::size_t i = 0; i < summed.data.size(); ++i)
     summed.data[i] += std::abs(B.data[i]);
   for (std::size_t i = 0; i < inverse.data.size(); ++i)
-    inverse_sizes.data[i] = std::abs(inverse.data[i]);
+    inverse_sizes.data[i] = size_of(inverse.data[i]);
   const Dense rounding = multiply(inverse_sizes, summed);
   for (int j = 0; j < p; ++j)
     for (int i = 0; i < N; ++i) {
       series.rounding(i, j) = 4 * epsilon * N * rounding(i, j);
-      series.x.tail(i, j) = left[as_size(j)] + series.rounding(i, j);
+      series.x.tail(i, j) += series.rounding(i, j);
       series.envelope(i, j) += series.x.tail(i, j);
     }
   return series;
@@ -238,22 +323,25 @@ MatrixSeries multiply_transposed(const Dense& A, const MatrixSeries& F) {
   return product;
 }
 
-MatrixSeries times_quadratic(const std::array<Complex, 3>& f, const MatrixSeries& F) {
+MatrixSeries times(const std::vector<Complex>& f, const MatrixSeries& F, double rest) {
   MatrixSeries product{F.columns, Dense(F.rows(), F.coefficients.columns), F.tail};
   const std::size_t count = as_size(F.rows()) * as_size(F.columns);
-  const double size = std::abs(f[0]) + std::abs(f[1]) + std::abs(f[2]);
+  double size = rest;
+  for (const Complex& x : f) size += std::abs(x);
   for (double& t : product.tail.data) t *= size;
-  const int degree = F.degree();
-  for (int k = 0; k <= degree + 2; ++k)
-    for (int l = std::max(0, k - degree); l <= std::min(k, 2); ++l) {
+  const int degree = F.degree(), most = static_cast<int>(f.size()) - 1;
+  for (int k = 0; k <= degree; ++k) {
+    double left = rest; // of f, beyond this degree with F's k-th coefficient
+    for (int l = degree - k + 1; l <= most; ++l) left += std::abs(f[as_size(l)]);
+    if (left == 0) continue;
+    for (std::size_t i = 0; i < count; ++i)
+      product.tail.data[i] += left * size_of({F.real(k)[i], F.imaginary(k)[i]});
+  }
+  for (int k = 0; k <= degree; ++k)
+    for (int l = 0; l <= std::min(k, most); ++l) {
       const double *re = F.real(k - l), *im = F.imaginary(k - l);
       const double a = f[as_size(l)].real(), b = f[as_size(l)].imag();
       if (a == 0 && b == 0) continue;
-      if (k > degree) {
-        for (std::size_t i = 0; i < count; ++i)
-          product.tail.data[i] += std::hypot(a, b) * std::hypot(re[i], im[i]);
-        continue;
-      }
       double *to_re = product.coefficients.column(2 * F.columns * k),
              *to_im = product.coefficients.column(2 * F.columns * k + F.columns);
       for (std::size_t i = 0; i < count; ++i) {

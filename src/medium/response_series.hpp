@@ -6,8 +6,8 @@
 #include "model/dense_system.hpp"
 #include "model/spec.hpp"
 
-#include <array>
 #include <optional>
+#include <vector>
 
 namespace flexgram {
 
@@ -31,9 +31,10 @@ struct MatrixSeries {
 MatrixSeries from_row(MatrixSeries F, int first);
 /// AᵀF.
 MatrixSeries multiply_transposed(const Dense& A, const MatrixSeries& F);
-/// (f_0 + f_1 t + f_2 t²) F, of the same degree: what is above goes into the tail.
-MatrixSeries times_quadratic(const std::array<std::complex<double>, 3>& f,
-                             const MatrixSeries& F);
+/// (Σ f_k t^k + rest) F, of the same degree as F: what is above goes into the tail.
+/// @param rest  a function of t, at most.
+MatrixSeries times(const std::vector<std::complex<double>>& f, const MatrixSeries& F,
+                   double rest = 0);
 
 /// The response X = A⁻¹B of a dense system, in modal coordinates, over an interval.
 struct ResponseSeries {
@@ -47,9 +48,9 @@ struct ResponseSeries {
 /// Taylor series of the response about the centre of the interval.
 ///
 /// Diagonal systems: 1/(d_0 + d_1 t + d_2 t²) for each mode, with the majorant
-/// 1/(|d_0| − |d_1| − |d_2|) for the tail. Others: X_k = −A⁻¹(A′ X_(k−1) + ½A″ X_(k−2));
-/// the tail is what the truncated series leaves of the equation, solved by Neumann's
-/// series.
+/// 1/(|d_0| − |d_1| − |d_2|) for the tail. Others: X_k = −A⁻¹(A_1 X_(k−1) + A_2 X_(k−2) + …) of
+/// A = A + A_1 t + …; the tail is what the truncated series leaves of the equation, solved by
+/// Neumann's series.
 /// @param degree  of the polynomial; an interval without length has degree 0.
 /// @param B  loads in modal coordinates, N × p; default: all inputs of the system.
 /// @return nothing if a pole is too near for an interval of this length.

@@ -5,9 +5,20 @@
 #include <limits>
 
 namespace flexgram {
+namespace {
+
+std::optional<ModalNumbers> numbers_of(const DenseSystem& system,
+                                       const MediumModel& medium) {
+  std::optional<ModalNumbers> numbers = ModalNumbers::of(system);
+  if (numbers) numbers->clear = medium.clear();
+  return numbers;
+}
+
+} // namespace
 
 SmallModel::SmallModel(const DenseSystem& system, const MediumModel& medium)
-    : medium_(medium), response_(system, medium.tau), numbers_(ModalNumbers::of(system)),
+    : medium_(medium), response_(system, medium.tau),
+      numbers_(numbers_of(system, medium)),
       apart_(shares_rigid_modes(system) ? medium.apart() : 0) {
   for (std::size_t v = 0; medium.has_many_ports() && v < medium.views.size(); ++v)
     terms_.push_back(medium.terms_of_difference(v, response_));

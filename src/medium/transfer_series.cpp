@@ -69,6 +69,21 @@ struct LongDiagonals {
   }
 };
 
+/// T Σ g_l X_(k−l), l >= 2, of a term whose factor is no linear function of ω.
+/// @param X  X_0 … X_(k−1).
+void subtract_further(const Dense& T, const std::vector<LongComplex>& g,
+                      const std::vector<LongDense>& X, LongDense& next) {
+  if (g.size() <= 2 || X.size() < 2) return;
+  LongDense sum(next.rows, next.columns);
+  for (std::size_t l = 2; l < g.size() && l <= X.size(); ++l)
+    for (std::size_t i = 0; i < sum.data.size(); ++i)
+      sum.data[i] += g[l] * X[X.size() - l].data[i];
+  for (int j = 0; j < next.columns; ++j)
+    for (int l = 0; l < T.columns; ++l)
+      for (int i = 0; i < T.rows; ++i)
+        next(i, j) -= static_cast<Long>(T(i, l)) * sum(l, j);
+}
+
 /// X_0, X_1, … of X = A⁻¹B.
 std::vector<LongDense> response_in_long_double(const ModalNumbers& numbers,
                                                Interval interval, int degree) {
@@ -76,12 +91,14 @@ std::vector<LongDense> response_in_long_double(const ModalNumbers& numbers,
   const bool coupled = !numbers.terms.empty();
   const LongDiagonals diagonals(numbers, interval);
   std::optional<LongFactors> factors;
-  LongDense A(coupled ? N : 0, coupled ? N : 0), slope = A; // of the terms: g T, h g′T
+  LongDense A(coupled ? N : 0, coupled ? N : 0), slope = A; // of the terms, of t^0 and t
+  std::vector<std::vector<LongComplex>> laws;
   for (const auto& [law, T] : numbers.terms) {
-    const LongComplex g(law.at(interval.centre())), h(interval.half() * law.slope());
+    laws.push_back(law.kind().coefficients(interval, degree));
+    const std::vector<LongComplex>& g = laws.back();
     for (std::size_t i = 0; i < T.data.size(); ++i) {
-      A.data[i] += g * static_cast<Long>(T.data[i]);
-      slope.data[i] += h * static_cast<Long>(T.data[i]);
+      A.data[i] += g[0] * static_cast<Long>(T.data[i]);
+      slope.data[i] += g[1] * static_cast<Long>(T.data[i]);
     }
   }
   if (coupled) {
@@ -91,17 +108,19 @@ std::vector<LongDense> response_in_long_double(const ModalNumbers& numbers,
   std::vector<LongDense> X;
   for (int k = 0; k <= degree; ++k) {
     LongDense next(N, p);
+    for (std::size_t t = 0; t < laws.size(); ++t)
+      subtract_further(numbers.terms[t].matrix, laws[t], X, next);
     for (int j = 0; j < p; ++j) {
       LongComplex* x = next.column(j);
       for (int i = 0; i < N; ++i) {
         const auto at = as_size(i);
         if (k == 0) x[i] = static_cast<Long>(numbers.B(i, j));
-        if (k > 0) x[i] = -diagonals.a1[at] * X.back()(i, j);
+        if (k > 0) x[i] -= diagonals.a1[at] * X.back()(i, j);
         if (k > 1) x[i] -= diagonals.a2[at] * X[as_size(k - 2)](i, j);
-        for (int l = 0; l < N && k > 0 && coupled; ++l)
-          x[i] -= slope(i, l) * X.back()(l, j);
         if (!coupled) x[i] /= diagonals.a0[at];
       }
+      for (int l = 0; l < N && k > 0 && coupled; ++l)
+        for (int i = 0; i < N; ++i) x[i] -= slope(i, l) * X.back()(l, j);
       if (coupled) factors->solve(x);
     }
     X.push_back(std::move(next));
@@ -156,14 +175,14 @@ double size_at_centre(const MatrixSeries& H) {
 
 MatrixSeries transfer_series(const Dense& C, const ResponseSeries& x, int first,
                              const ModalNumbers* numbers, double size) {
-  constexpr double clear = 1e-11; // a tail beside H that is not worth more digits
   constexpr int most = 200, most_with_dampers = 100, most_entries = 64;
   const MatrixSeries X = from_row(x.x, first);
   MatrixSeries H = multiply_transposed(C, X);
   const std::size_t entries = H.tail.data.size();
   const double tail = largest_of(H.tail.data.data(), entries);
   if (size == 0) size = size_at_centre(H);
-  if (!numbers || !(tail > clear * size) || finer == 1 || entries > most_entries ||
+  if (!numbers || !(tail > numbers->clear * size) || finer == 1 ||
+      entries > most_entries ||
       numbers->order() > (numbers->terms.empty() ? most : most_with_dampers))
     return H;
   Dense left = X.tail, rounding = x.rounding, terms = x.envelope;

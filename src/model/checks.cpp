@@ -175,7 +175,7 @@ BodyFacts check_body(const SecondOrderModel& model, bool assembled, bool stiffne
     check_semidefinite(model.M, "M", "a body has no negative mass", model, options,
                        facts);
     for (const auto& [law, matrix] : model.terms)
-      check_semidefinite(matrix, law.letter(),
+      check_semidefinite(matrix, law.name().c_str(),
                          "a body does not gain energy from its damping", model, options,
                          facts);
   }

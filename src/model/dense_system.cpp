@@ -55,8 +55,8 @@ SecondOrderModel DenseSystem::model(const SecondOrderModel& names) const {
   model.rows = {0, model.n};
   model.K = make_dense(K);
   model.M = make_dense(M);
-  const auto structural = [](const auto& term) { return !term.law.is_viscous(); };
-  if (!terms.empty() && std::all_of(terms.begin(), terms.end(), structural)) {
+  const auto viscous = [](const auto& term) { return term.law.is_viscous(); };
+  if (!terms.empty() && std::none_of(terms.begin(), terms.end(), viscous)) {
     model.damping = damping;
   } else {
     Dense sum(order(), order());
@@ -360,6 +360,38 @@ void add_terms(ComplexDense& A, const std::vector<std::complex<double>>& g,
     for (std::size_t i = 0; i < A.data.size(); ++i) A.data[i] += g[t] * T[t].data[i];
 }
 
+namespace {
+
+/// By what terms have of the mode alone, at its own frequency.
+std::vector<std::complex<double>> pole_of_mode(const DenseResponse& response, int j,
+                                               double eta_added) {
+  const DenseSystem& system = response.system();
+  const double l = response.lambda()[as_size(j)], mu = response.mu()[as_size(j)];
+  if (!std::isfinite(l) || !(mu > 0)) return {};
+  const std::complex<double> i(0, 1);
+  std::vector<std::complex<double>> both;
+  double omega = std::sqrt(std::max(l, 0.0));
+  for (int turn = 0; turn < 4; ++turn) {
+    double d = system.damping.alpha + system.damping.beta * l;
+    std::complex<double> stiffness(std::max(l, 0.0),
+                                   l * (system.damping.eta + eta_added));
+    for (std::size_t t = 0; t < system.terms.size(); ++t) {
+      const Law& law = system.terms[t].law;
+      const double share = response.modal_terms()[t](j, j) / mu;
+      if (law.is_viscous())
+        d += share;
+      else
+        stiffness += share * law.at(omega);
+    }
+    const std::complex<double> root = std::sqrt(-d * d + 4.0 * stiffness);
+    both = {0.5 * (i * d + root), 0.5 * (i * d - root)};
+    omega = std::abs(both.front());
+  }
+  return both;
+}
+
+} // namespace
+
 std::vector<std::complex<double>> poles(const DenseResponse& response, double eta_added) {
   const DenseSystem& system = response.system();
   std::vector<std::complex<double>> found;
@@ -374,20 +406,11 @@ std::vector<std::complex<double>> poles(const DenseResponse& response, double et
     }
     return found;
   }
-  const auto structural = [](const auto& term) { return !term.law.is_viscous(); };
-  if (std::any_of(system.terms.begin(), system.terms.end(), structural)) {
-    // Of each mode by its own part.
-    for (int j = 0; j < system.order(); ++j) {
-      const double l = response.lambda()[as_size(j)], mu = response.mu()[as_size(j)];
-      if (!std::isfinite(l) || !(mu > 0)) continue;
-      double d = system.damping.alpha + system.damping.beta * l, lost = 0;
-      for (std::size_t t = 0; t < system.terms.size(); ++t)
-        (structural(system.terms[t]) ? lost : d) += response.modal_terms()[t](j, j) / mu;
-      const std::complex<double> stiffness(std::max(l, 0.0),
-                                           l * (system.damping.eta + eta_added) + lost);
-      const std::complex<double> root = std::sqrt(-d * d + 4.0 * stiffness);
-      for (const double sign : {1.0, -1.0}) found.push_back(0.5 * (i * d + sign * root));
-    }
+  const auto viscous = [](const auto& term) { return term.law.is_viscous(); };
+  if (!std::all_of(system.terms.begin(), system.terms.end(), viscous)) {
+    for (int j = 0; j < system.order(); ++j)
+      for (const std::complex<double>& pole : pole_of_mode(response, j, eta_added))
+        found.push_back(pole);
     return found;
   }
   for (const std::complex<double> inverse : general_eigenvalues(response.companion()))

@@ -1,39 +1,98 @@
+/// What multiplies the matrix of a term g(ω)T of A(ω). Each file of model/laws defines a kind of
+/// factor g, with the file's name; their table is made by CMake.
+
 #pragma once
 
+#include "model/spec.hpp"
+
 #include <complex>
+#include <map>
+#include <memory>
+#include <string>
 #include <vector>
 
 namespace flexgram {
 
-/// The factor g(ω) of a term g(ω)T of A(ω): iω of dampers, i of the imaginary part of a stiffness.
-/// It is linear in ω. Its real and imaginary parts are not negative for ω >= 0, and its size does
-/// not fall with ω: the certificate needs both (docs/proof.md, section 2).
+/// g on an interval: Σ γ_k t^k, ω = centre + half t, |t| <= 1, and a rest of at most `rest`.
+struct LawSeries {
+  std::vector<std::complex<double>> coefficients; ///< two or more
+  double rest = 0;
+
+  /// |g| differs from its value at the centre by at most this.
+  double moved() const;
+  /// What comes beyond the linear part, at most.
+  double beyond_linear() const;
+};
+
+/// Numbers that a law is made of, by their names in files.
+using LawNumbers = std::map<std::string, std::vector<double>>;
+
+/// A kind of factor with its numbers. For ω >= 0 its real and imaginary parts are not negative:
+/// the certificate needs that (docs/proof.md, section 2).
+class LawKind {
+public:
+  virtual ~LawKind() = default;
+  /// Those of t^0 … t^degree, two at least.
+  virtual std::vector<std::complex<long double>> coefficients(const Interval& interval,
+                                                              int degree) const = 0;
+  /// |g − Σ γ_k t^k| at most.
+  virtual double rest(const Interval& /*interval*/, int /*degree*/) const { return 0; }
+  /// |g| at most at frequencies up to ω.
+  virtual double largest(double omega) const = 0;
+  /// Frequencies where g is not smooth, ascending.
+  virtual std::vector<double> breaks() const { return {}; }
+  /// The frequencies at which g is known.
+  virtual Interval known() const;
+  virtual LawNumbers numbers() const { return {}; }
+  /// A phrase for the plan.
+  virtual std::string words() const = 0;
+};
+
+/// A way to make a kind of factor. Each file of model/laws defines one.
+struct LawMaker {
+  const char* help; ///< a phrase for messages
+  std::vector<std::string> numbers;
+  /// @throws Error naming what is wrong with the numbers.
+  std::unique_ptr<LawKind> (*make)(const LawNumbers& numbers);
+};
+
+/// All kinds by name.
+const std::vector<std::pair<std::string, const LawMaker*>>& law_makers();
+
+/// The factor g(ω) of a term g(ω)T of A(ω), with the name of T in files and messages: iω of
+/// dampers D, i of the imaginary part S of a stiffness, and those of viscoelastic materials.
 class Law {
 public:
   enum class Kind {
-    viscous,   ///< T [N·s/m]
-    structural ///< T [N/m], Σ η_k K_k of materials with loss factors
+    viscous,   ///< T [N·s/m]: D
+    structural ///< T [N/m], Σ η_k K_k of materials with loss factors: S
   };
-  Law(Kind kind = Kind::viscous) : kind_(kind) {}
+  Law(Kind kind = Kind::viscous);
+  /// @throws Error for a kind that is none, or numbers that make no factor.
+  Law(std::string name, const std::string& kind, const LawNumbers& numbers);
 
-  std::complex<double> at(double omega) const {
-    return {0.0, kind_ == Kind::viscous ? omega : 1.0};
-  }
-  /// dg/dω.
-  std::complex<double> slope() const { return {0.0, kind_ == Kind::viscous ? 1.0 : 0.0}; }
-  /// |g| at most at frequencies up to ω.
-  double largest(double omega) const { return at(omega).imag(); }
+  std::complex<double> at(double omega) const;
+  LawSeries series(const Interval& interval, int degree) const;
+  const LawKind& kind() const { return *kind_; }
+  double largest(double omega) const { return kind_->largest(omega); }
   /// Im g/ω: the viscous damper that takes as much energy from a vibration.
-  double as_damper(double omega) const {
-    return kind_ == Kind::viscous ? 1.0 : 1.0 / (omega > 1e-300 ? omega : 1e-300);
+  double as_damper(double omega) const;
+  bool is_viscous() const { return kind_name_ == "viscous"; }
+  bool is_structural() const { return kind_name_ == "structural"; }
+  /// Whether it has a name of its own, beside D and S.
+  bool is_named() const { return !is_viscous() && !is_structural(); }
+  const std::string& name() const { return name_; }
+  const std::string& kind_name() const { return kind_name_; }
+  /// Where T lies in a file: /D, /S, else /terms/NAME.
+  std::string path() const;
+  bool operator==(const Law& other) const {
+    return name_ == other.name_ && kind_name_ == other.kind_name_ &&
+           kind_->numbers() == other.kind_->numbers();
   }
-  bool is_viscous() const { return kind_ == Kind::viscous; }
-  /// The name of T in files and messages: D or S.
-  const char* letter() const { return is_viscous() ? "D" : "S"; }
-  bool operator==(const Law&) const = default;
 
 private:
-  Kind kind_;
+  std::string name_, kind_name_;
+  std::shared_ptr<const LawKind> kind_;
 };
 
 /// g(ω)T, T symmetric positive semidefinite.

@@ -86,9 +86,8 @@ std::string SecondOrderModel::damping_class() const {
         text("proportional (α = %g 1/s, β = %g s)", damping.alpha, damping.beta));
   if (damping.eta != 0) parts.push_back(text("structural (η = %g)", damping.eta));
   for (const auto& [law, matrix] : terms)
-    parts.push_back(law.is_viscous()
-                        ? "general D"
-                        : "structural by material (S, the imaginary part of K)");
+    parts.push_back(law.is_named() ? law.name() + " " + law.kind().words()
+                                   : law.kind().words());
   return join(parts, " + ");
 }
 
@@ -99,7 +98,7 @@ ShiftCoefficients SecondOrderModel::coefficients(double omega) const {
   return c;
 }
 
-Mat SecondOrderModel::term(Law law) const {
+Mat SecondOrderModel::term(const Law& law) const {
   for (const auto& [of, matrix] : terms)
     if (of == law) return matrix;
   return nullptr;

@@ -84,7 +84,7 @@ struct SecondOrderModel {
   RowRange rows;
   Matrix M, K;
   Damping damping;
-  std::vector<Term<Matrix>> terms; ///< what αM + βK and ηK do not cover; no law twice
+  std::vector<Term<Matrix>> terms; ///< what αM + βK and ηK do not cover; no name twice
   Block B, C;                      ///< C shares B where the outputs are the inputs
   bool outputs_are_inputs = true;
   std::vector<std::string> inputs, outputs; ///< port names
@@ -110,7 +110,7 @@ struct SecondOrderModel {
   /// A(ω) as coefficients of K, M and the terms.
   ShiftCoefficients coefficients(double omega) const;
   /// The matrix of a term of that law; null where there is none.
-  Mat term(Law law) const;
+  Mat term(const Law& law) const;
   /// Handles of the terms' matrices.
   std::vector<Mat> term_matrices() const;
   /// A second handle on the same matrices.

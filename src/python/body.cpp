@@ -123,9 +123,16 @@ void PythonBody::set(const std::string& which, Matrix matrix) {
   });
   if (which == "M")
     m.M = std::move(matrix);
-  else
+  else if (which == "D" || which == "S")
     m.terms.push_back(
         {which == "S" ? Law::Kind::structural : Law::Kind::viscous, std::move(matrix)});
+  else
+    m.terms.push_back({laws.at(which), std::move(matrix)});
+}
+
+void PythonBody::set_law(const std::string& name, const std::string& kind,
+                         const LawNumbers& numbers) {
+  agree(body.model.comm, [&] { laws.insert_or_assign(name, Law(name, kind, numbers)); });
 }
 
 } // namespace flexgram

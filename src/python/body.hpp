@@ -29,6 +29,9 @@ struct PythonBody {
                const Rows& start_of, const Rows& column, const Array& value);
   void set_ports(const Array& B, const std::optional<Array>& C_transposed,
                  std::vector<std::string> inputs, std::vector<std::string> outputs);
+  /// Of a term whose matrix `set_csr` or `set_petsc` take by that name.
+  void set_law(const std::string& name, const std::string& kind,
+               const LawNumbers& numbers);
   void set_damping(double alpha, double beta, double eta) {
     body.model.damping = {alpha, beta, eta};
   }
@@ -36,6 +39,7 @@ struct PythonBody {
                 const std::optional<Array>& position);
 
 private:
+  std::map<std::string, Law> laws;
   void set(const std::string& which, Matrix matrix);
 };
 

@@ -306,6 +306,7 @@ PYBIND11_MODULE(_flexgram, module) {
   });
   py::class_<PythonBody>(module, "Body")
       .def(py::init<std::intptr_t, const std::string&>())
+      .def("set_law", &PythonBody::set_law)
       .def("set_petsc", &PythonBody::set_petsc)
       .def("set_csr", &PythonBody::set_csr)
       .def("set_ports", &PythonBody::set_ports)

@@ -168,6 +168,14 @@ void begin_plan(Body& body, const Settings& settings, Observer& observer) {
                              static_cast<double>(model.nonzeros())));
   observer.fact("ports", words_of_ports(model));
   observer.fact("damping", model.damping_class());
+  for (const auto& [law, T] : model.terms)
+    for (const Interval& band : settings.bands())
+      if (band.first < law.kind().known().first || band.last > law.kind().known().last)
+        throw Error(
+            text("%s is known from %g to %g Hz, the band is %g to %g Hz: give its table "
+                 "more frequencies, or {band_hz} fewer",
+                 law.name().c_str(), hz * law.kind().known().first,
+                 hz * law.kind().known().last, hz * band.first, hz * band.last));
   for (const auto& remark : model.remarks) observer.fact("symmetry", remark);
   if (model.undamped())
     observer.skip("complex arithmetic", "the body is undamped, its samples are real");

@@ -132,14 +132,17 @@ public:
     const long double w = omega;
     const Number of_K(1, static_cast<long double>(damping_.eta) + w * damping_.beta),
         of_M(-w * w, w * damping_.alpha);
+    std::vector<Number> g; // test_laws.cpp holds them against their definitions
+    for (const auto& [law, T] : terms_)
+      g.push_back(law.kind().coefficients({omega, omega}, 1).front());
     std::vector<std::vector<Number>> rows(n, std::vector<Number>(n + inputs));
     for (std::size_t i = 0; i < n; ++i) {
       for (std::size_t j = 0; j < n; ++j) {
         const std::size_t at = i + j * n;
         rows[i][j] = of_K * static_cast<long double>(K_.data[at]) +
                      of_M * static_cast<long double>(M_.data[at]);
-        for (const auto& [law, T] : terms_)
-          rows[i][j] += Number(0, (law.is_viscous() ? w : 1) * T.data[at]);
+        for (std::size_t t = 0; t < terms_.size(); ++t)
+          rows[i][j] += g[t] * static_cast<long double>(terms_[t].matrix.data[at]);
       }
       for (std::size_t j = 0; j < inputs; ++j) rows[i][n + j] = B_.data[i + j * n];
     }

@@ -77,6 +77,17 @@ std::vector<Case> cases() {
   both.terms.push_back({Law::Kind::structural, lossy_end()});
   all.push_back({"half", std::move(half)});
   all.push_back({"half and a loss factor", std::move(both)});
+  SecondOrderModel relaxing = rod(n, {0.02, 0, 0}), tabled = rod(n, {0.02, 0, 0});
+  relaxing.terms.push_back(
+      {Law("end", "prony", {{"g", {8, 3}}, {"tau", {0.02, 0.5}}}), lossy_end()});
+  dampers(relaxing) = half_damped();
+  tabled.terms.push_back({Law("end", "table",
+                              {{"omega", {0, 2, 7, 40}},
+                               {"storage", {0, 2, 3, 6}},
+                               {"loss", {0.1, 1, 0.7, 2}}}),
+                          lossy_end()});
+  all.push_back({"half and relaxation", std::move(relaxing)});
+  all.push_back({"a table", std::move(tabled)});
   for (bool damped : {false, true}) {
     SecondOrderModel light = rod(n, {0.05, 1e-4, 0});
     light.M = sparse(

@@ -47,7 +47,11 @@ CLASSES = (
 )
 DAMPINGS = ("none", "mass", "stiffness", "both", "structural", "dashpots", "general")
 #: S = Σ η_k K_k of random positive semidefinite parts of K, alone or with others, --materials.
-MATERIALS = ("materials", "materials and dashpots", "materials and mass")
+#: And viscoelastic ones, of such parts.
+MATERIALS = (
+    *("materials", "materials and dashpots", "materials and mass"),
+    *("relaxation", "relaxation and materials", "a table", "a table and dashpots"),
+)
 
 
 @dataclass
@@ -164,7 +168,7 @@ def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
         extra["beta"] = 2 * zeta / top
     if damping == "structural":
         extra["eta"] = 2 * zeta
-    if damping in ("dashpots", "materials and dashpots"):
+    if "dashpots" in damping:
         D = np.zeros((n, n))
         for i in rng.choice(n, int(rng.integers(1, 3)), replace=False):
             D[i, i] = zeta * reference * mass * n
@@ -172,8 +176,18 @@ def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
         F = rng.standard_normal((n, n)) / np.sqrt(n)
         D = 2 * zeta * reference * mass * (F @ F.T)
         D = 0.5 * (D + D.T)
-    if damping in MATERIALS:
+    terms: list[Any] = []
+    if "materials" in damping:
         S = _losses(rng, K, min(100 * zeta, 1.0))
+    if "relaxation" in damping:
+        count = int(rng.integers(1, 4))
+        g, tau = 10.0 ** rng.uniform(-3, 1, count), 10.0 ** rng.uniform(-2, 2, count) / top
+        terms.append((_losses(rng, K, 1.0), "prony", list(g), list(tau)))
+    if "table" in damping:
+        at = np.sort(rng.uniform(first, top, int(rng.integers(1, 5))))
+        values = 10.0 ** rng.uniform(-3, 0.5, (2, len(at) + 2))
+        known = [0.9 * first, *at, 1.1 * top]
+        terms.append((_losses(rng, K, 1.0), "table", known, *(list(v) for v in values)))
     bands = [first / TWO_PI, top / TWO_PI]
     options: dict[str, Any] = {}
     if kind == "elastic part":
@@ -189,9 +203,8 @@ def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
     if kind == "printed":  # the claim is of the rounded matrices
         digits = int(rng.choice([6, 10, 14]))
         K, M = (np.vectorize(lambda x: float(f"{x:.{digits - 1}e}"))(a) for a in (K, M))
-    return Case(
-        kind, damping, System(K, np.diag(M), B, C, D, S=S, **extra), bands, tolerance, options
-    )
+    system = System(K, np.diag(M), B, C, D, S=S, terms=terms, **extra)
+    return Case(kind, damping, system, bands, tolerance, options)
 
 
 def _losses(rng: np.random.Generator, K: Any, largest: float) -> Any:
@@ -235,6 +248,10 @@ def examine(case: Case, rng: np.random.Generator) -> Verdict:
         alpha=s.alpha,
         beta=s.beta,
         eta=s.eta,
+        terms={
+            f"term{k}": (sp.csr_matrix(T), getattr(flexgram, law)(*numbers))
+            for k, (T, law, *numbers) in enumerate(s.terms)
+        },
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -256,6 +273,10 @@ def examine(case: Case, rng: np.random.Generator) -> Verdict:
         eta=rom.eta,
         rigid=int(rom.frame["rigid_modes"]),
         S=rom.system.S if rom.system.S.any() else None,
+        terms=[
+            (term.matrix, term.law.kind, *(list(x) for x in term.law.numbers().values()))
+            for term in rom.system.terms
+        ],
     )
     worst, reference = 0.0, rom.relative_to if rom.bounds_elastic_part else "pointwise"
     for omega in hard_frequencies(s, reduced, rom.bands, rom.excluded, rng):

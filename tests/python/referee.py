@@ -24,6 +24,23 @@ TWO_PI = 2 * np.pi
 LONG = np.longdouble
 
 
+def _prony(i: Any, w: Any, g: Any, tau: Any) -> Any:
+    z = [i * w * t for t in tau]
+    return sum(share * x / (1 + x) for share, x in zip(g, z, strict=True))
+
+
+def _table(i: Any, w: Any, omega: Any, storage: Any, loss: Any) -> Any:
+    one = 1 + 0 * w
+    k = min(max(int(np.searchsorted(omega, float(w), "right")) - 1, 0), len(omega) - 2)
+    t = (w - one * omega[k]) / (one * omega[k + 1] - one * omega[k])
+    return sum(
+        f * ((1 - t) * (one * y[k]) + t * (one * y[k + 1])) for f, y in ((1, storage), (i, loss))
+    )
+
+
+_LAWS = {"prony": _prony, "table": _table}
+
+
 @dataclass
 class System:
     """K, M, D (or none), B, C (or none: Bᵀ) with damping factors; dense or sparse."""
@@ -41,11 +58,14 @@ class System:
     output_beta: Any = 0.0  #: of outputs that are forces of the damped stiffness
     output_eta: Any = 0.0
     S: Any = None  #: the imaginary part of the stiffness
+    #: (T, "prony", g, tau) or (T, "table", omega, storage, loss): g(ω)T in addition
+    terms: Any = ()
 
     def __post_init__(self) -> None:
         if self.C is None:
             self.C = self.B.T
         parts = [a for a in (self.K, self.M, self.D, self.S) if a is not None]
+        parts += [T for T, *_ in self.terms]
         self._known: dict[float, Any] = {}
         self._sparse = sp.issparse(self.K) and self.K.shape[0] > 300
         if self._sparse:
@@ -61,8 +81,10 @@ class System:
             self._known[omega] = self._outputs(self._transfer(omega), omega)
         return self._known[omega]
 
-    def _factors_of_terms(self, i: Any, iw: Any) -> list[Any]:
-        return [f for f, a in ((iw, self.D), (i, self.S)) if a is not None]
+    def _factors_of_terms(self, i: Any, w: Any) -> list[Any]:
+        """Of D, S and the others, in the arithmetic of i and w."""
+        factors = [f for f, a in ((i * w, self.D), (i, self.S)) if a is not None]
+        return factors + [_LAWS[law](i, w, *numbers) for _, law, *numbers in self.terms]
 
     def _outputs(self, H: Any, omega: float) -> Any:
         """H from C A⁻¹ B."""
@@ -74,7 +96,7 @@ class System:
         w, i = LONG(omega), np.clongdouble(1j)
         k = 1 + i * (LONG(self.eta) + w * LONG(self.beta))
         m = i * w * LONG(self.alpha) - w * w
-        factors = [k, m, *self._factors_of_terms(i, i * w)]
+        factors = [k, m, *self._factors_of_terms(i, w)]
         A = sum(complex(f) * a for f, a in zip(factors, self._double, strict=True))
         if self._sparse:
             lu = splu(
@@ -109,7 +131,7 @@ class System:
             factors = [
                 1 + i * (mpmath.mpf(self.eta) + w * self.beta),
                 i * w * self.alpha - w * w,
-                *self._factors_of_terms(i, i * w),
+                *self._factors_of_terms(i, w),
             ]
             parts = [sp.csr_matrix(a) for a in self._double]
             pattern = sum(abs(a) for a in parts)
@@ -168,6 +190,8 @@ class System:
         """H at many frequencies in double, (n, n_out, n_in), by partial fractions: to find where
         to look, not to judge."""
         w = np.asarray(omega, float)[:, None]
+        if self.terms:
+            return np.array([self._roughly(float(x)) for x in w[:, 0]])
         if self.D is None and self.S is None:
             lam, phi, scale = self._modes()
             b, c = phi.T @ self.B, np.asarray(self.C) @ phi
@@ -183,6 +207,14 @@ class System:
         with np.errstate(all="ignore"):
             H = (1 / np.where(a == 0, 1e-30, a)) @ residues
         return np.nan_to_num(H.reshape(len(w), len(c), b.shape[1]), nan=1e30)
+
+    def _roughly(self, omega: float) -> Any:
+        k = 1 + 1j * (self.eta + omega * self.beta)
+        m = 1j * omega * self.alpha - omega**2
+        factors = [k, m, *self._factors_of_terms(1j, omega)]
+        A = sum(f * a for f, a in zip(factors, self._double, strict=True))
+        with np.errstate(all="ignore"):
+            return np.asarray(self.C) @ np.linalg.solve(A, np.asarray(self.B))
 
     def _lossy_modes(self) -> tuple[Any, Any, Any, float]:
         """M v = μ (K + iS + τM) v with vᵀ(…)v = 1, and the ports in these vectors."""
@@ -229,12 +261,17 @@ class System:
         """Undamped eigenfrequencies [rad/s] with half their widths, from dense matrices."""
         mu, phi, scale = self._modes()
         lam = np.maximum(1 / np.maximum(mu, 1e-300) - scale, 0)
+        own = [
+            np.einsum("ij,ij->j", phi, T @ phi) / np.maximum(mu, 1e-300) for T in self._double[2:]
+        ]
+        omega = np.sqrt(lam)
+        for _ in range(4 if self.terms else 1):  # each mode with the stiffness at its frequency
+            g = np.array([self._factors_of_terms(1j, w) for w in omega]).T
+            square = lam + sum((f * a for f, a in zip(g, own, strict=True)), 0)
+            omega = np.sqrt(np.maximum(square.real, 0)) if self.terms else omega
         width = self.alpha + self.beta * lam + self.eta * np.sqrt(lam)
-        factors = self._factors_of_terms(1 / np.sqrt(np.maximum(lam, 1e-300)), 1.0)
-        for factor, term in zip(factors, self._double[2:], strict=True):
-            own = np.einsum("ij,ij->j", phi, term @ phi) / np.maximum(mu, 1e-300)
-            width = width + factor * own
-        return np.sqrt(lam), 0.5 * width
+        width = width + (square - lam).imag / np.maximum(omega, 1e-150)
+        return omega, 0.5 * width
 
 
 class _LongSparse:

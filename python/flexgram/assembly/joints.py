@@ -76,6 +76,13 @@ class Parts:
                 "a part has materials with loss factors of their own (S): assemblies have none; "
                 "give it an equivalent viscous damping (flexgram.model.equivalent_damping)"
             )
+        for name, model in models.items():
+            if model.system.terms:
+                raise BodyError(
+                    f"part {name} has viscoelastic materials ({model.system.loss}): assemblies "
+                    "have none; give it an equivalent viscous damping "
+                    "(flexgram.model.equivalent_damping)"
+                )
         self.eta = etas.pop()
         blocks = [
             (m.system.M, m.system.D, m.system.K, m.system.B, m.system.C) for m in models.values()

@@ -16,6 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexgram.basics import BodyError, check_name, written_aside
+from flexgram.body.laws import Law, with_terms
 
 #: HDF5 1.8 to 1.10: thousands of port names do not fit into an attribute of older layouts.
 LAYOUT = ("v108", "v110")
@@ -63,6 +64,7 @@ def write_matrices(
     beta: float = 0.0,
     eta: float = 0.0,
     S: Any = None,
+    terms: Mapping[str, tuple[Any, Law]] | None = None,
     rounding: float = 0.0,
     inputs: Sequence[str] | None = None,
     outputs: Sequence[str] | None = None,
@@ -92,6 +94,9 @@ def write_matrices(
         Rayleigh coefficients [1/s], [s] and structural loss factor.
     S : sparse, n x n, optional
         Structural damping, Σ η_k K_k of materials with loss factors η_k [N/m].
+    terms : mapping, optional
+        By name (T, law): a matrix, sparse, n x n, symmetric and positive semidefinite [N/m], and
+        ``flexgram.loss``, ``viscous``, ``prony`` or ``table``. A(ω) has g(ω)T in addition.
     rounding : float
         Relative rounding of the entries of K, if it was printed with few digits; it enters
         the floor of what is claimed. 0: by the digits of the entries.
@@ -125,8 +130,9 @@ def write_matrices(
     >>> flexgram.reduce("chain.h5", (1, 50), tol=1e-6).claim.met
     True
     """
+    D, S, others = with_terms(D, S, terms)
     maps = {"K": K, "M": M, "D": D, "S": S, "B": B, "C": C}
-    _expect_shapes(maps)
+    _expect_shapes({**maps, **{f"term {term.name}": term.matrix for term in others}})
     if outputs is not None and C is None:
         raise BodyError("outputs are named but C is not given (the outputs are the inputs)")
     _expect_names("inputs", inputs, np.shape(B)[-1])
@@ -139,6 +145,9 @@ def write_matrices(
         for name in "KMDS":
             if maps[name] is not None:
                 write_sparse(file, name, maps[name])
+        for term in others:
+            write_sparse(file, f"terms/{term.name}", term.matrix)
+            write_law(file[f"terms/{term.name}"], term.law)
         _write_ports(file, {"B": (B, inputs), "C": (C, outputs)})
         for name, number in damping.items():
             file.attrs[name] = float(number)
@@ -154,7 +163,7 @@ def write_matrices(
 
 def _expect_shapes(maps: Mapping[str, Any]) -> None:
     n = maps["K"].shape[0]
-    square = dict.fromkeys("KMDS", (n, n))
+    square = dict.fromkeys((name for name in maps if name not in "BC"), (n, n))
     for name, shape in {**square, "B": (n, None), "C": (None, n)}.items():
         value = maps[name]
         if value is None:
@@ -165,6 +174,13 @@ def _expect_shapes(maps: Mapping[str, Any]) -> None:
             raise BodyError(f"{name} has shape {actual}, expected {wanted}")
         if np.iscomplexobj(value):
             raise BodyError(f"{name} is complex; K (1 + i eta) is K with eta=...")
+
+
+def write_law(group: h5py.Group, law: Law) -> None:
+    """The law of a term, as attributes of the group of its matrix."""
+    group.attrs["law"] = law.kind
+    for name, values in law.numbers().items():
+        group.attrs[name] = values
 
 
 def _expect_names(what: str, names: Sequence[str] | None, count: int) -> None:

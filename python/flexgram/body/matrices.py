@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
+
+from flexgram.body.laws import Law
 
 
 @dataclass
@@ -25,6 +27,9 @@ class Matrices:
         Rayleigh coefficients [1/s], [s], structural loss factor.
     S : SciPy sparse or petsc4py Mat, n x n, optional
         Structural damping, Σ η_k K_k of materials with loss factors η_k [N/m].
+    terms : mapping, optional
+        By name (T, law), T like K and a law of ``flexgram.loss``, ``viscous``, ``prony``,
+        ``table``: A(ω) has g(ω)T in addition.
     inputs, outputs : sequence of str, optional
         Port names.
     node, component : int arrays, n, optional
@@ -51,3 +56,4 @@ class Matrices:
     position: Any = None
     name: str = "matrices"
     S: Any = None
+    terms: Mapping[str, tuple[Any, Law]] | None = None

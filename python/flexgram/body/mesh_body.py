@@ -13,6 +13,7 @@ import h5py
 import numpy as np
 
 from flexgram.basics import BodyError, Ints, check_name, errors_of
+from flexgram.body.bodyfile import write_law
 from flexgram.body.faces import middle_of
 from flexgram.body.loads import BodyMesh, write_loads
 from flexgram.body.meshfile import ELEMENTS, LABELS, node_set
@@ -20,6 +21,7 @@ from flexgram.body.outputs import write_outputs
 from flexgram.body.reader import Reader, short
 from flexgram.body.sections import section_properties
 from flexgram.body.selection import in_box, nearest
+from flexgram.body.viscoelastic import KEY, Moduli, read_viscoelastic
 from flexgram.body.whole import (
     Block,
     Parts,
@@ -43,9 +45,12 @@ def _write_material(file: h5py.File, name: str, data: Any, units: tuple[float, .
     where = f"materials: {name}"
     group = file.create_group(f"materials/{check_name(where, str(name))}")
     if isinstance(data, dict) and "E1" in data:
-        reader = Reader(data, where, (*ENGINEERING, "rho", "axis_1", "axis_2", EXPANSION, LOSS))
+        known = (*ENGINEERING, "rho", "axis_1", "axis_2", EXPANSION, LOSS, KEY)
+        reader = Reader(data, where, known)
+        factor, _, laws = read_viscoelastic(reader, None) if KEY in data else (1.0, None, {})
         group.attrs["engineering_constants"] = [
-            reader.number(key) * (1.0 if key.startswith("nu") else stress) for key in ENGINEERING
+            reader.number(key) * (1.0 if key.startswith("nu") else stress * factor)
+            for key in ENGINEERING
         ]
         first, second = reader.vector("axis_1", [1, 0, 0]), reader.vector("axis_2", [0, 1, 0])
         if not np.linalg.norm(first) > 0:
@@ -57,9 +62,18 @@ def _write_material(file: h5py.File, name: str, data: Any, units: tuple[float, .
         second = second / np.linalg.norm(second)
         group.attrs["axes"] = np.concatenate([first, second, np.cross(first, second)])
     else:
-        reader = Reader(data, where, (*ISOTROPIC, EXPANSION, LOSS))
-        group.attrs["E"] = reader.number("E") * stress
-        group.attrs["nu"] = reader.number("nu")
+        reader = Reader(data, where, (*ISOTROPIC, EXPANSION, LOSS, KEY))
+        factor, laws = 1.0, {}
+        by_table = KEY in reader.data and "table" in (reader.data[KEY] or {})
+        if by_table and "E" in reader.data:
+            raise BodyError(f"{where}: the table holds E by frequency: leave E out")
+        moduli = None if by_table else Moduli(reader.number("E"), reader.number("nu"))
+        if KEY in reader.data:
+            factor, moduli, laws = read_viscoelastic(reader, moduli)
+        group.attrs["E"] = moduli.E * factor * stress
+        group.attrs["nu"] = moduli.nu
+    for part, law in laws.items():
+        write_law(group.create_group(part), law)
     group.attrs["rho"] = reader.number("rho") * density
     if LOSS in reader.data:
         loss = reader.number(LOSS)

@@ -16,6 +16,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from flexgram.basics import BodyError, Floats, Ints
+from flexgram.body.laws import law_of
 from flexgram.body.units import UNITS, doubt
 
 #: Nodes this close, relative to the size of the body, are meant to be one.
@@ -254,8 +255,14 @@ def summary(file: h5py.File) -> list[str]:
             words = f"orthotropic, E = {E} Pa"
         if a.get("loss_factor"):
             words += f", loss factor {float(a['loss_factor']):g}"
+        for part, group in material.items():
+            law = law_of(str(group.attrs["law"]), group.attrs, f"material {name}")
+            words += f", {law.words}" + ("" if part == "whole" else f" of the {part} modulus")
         lines.append(f"material {name}: {words}, rho = {float(a['rho']):.4g} kg/m³")
-    by_material = any(m.attrs.get("loss_factor") for m in file.get("materials", {}).values())
+    by_material = any(
+        m.attrs.get("loss_factor") or any(part.attrs["law"] == "table" for part in m.values())
+        for m in file.get("materials", {}).values()
+    )
     given = {k: float(file.attrs.get(k, 0)) for k in ("alpha", "beta", "eta")}
     return lines + damping_lines(given, by_material)
 
@@ -264,7 +271,7 @@ def damping_lines(damping: Mapping[str, float], by_material: bool = False) -> li
     """Damping in words, and what a loss factor rules out."""
     units = {"alpha": " 1/s", "beta": " s", "eta": ""}
     given = [f"{name} = {value:g}{units[name]}" for name, value in damping.items() if value]
-    given += ["loss factors of materials"] * by_material
+    given += ["loss factors or tables of materials"] * by_material
     lines = [f"damping: {', '.join(given)}" if given else "damping: none"]
     if damping.get("eta") or by_material:
         lines.append(

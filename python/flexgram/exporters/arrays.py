@@ -25,6 +25,10 @@ def arrays(model: ReducedBody) -> dict[str, Any]:
     system, claim, basis = model.system, model.claim, model.basis
     matrices = ("M", "D", "K", "S", "B", "C", "C_rate", "feedthrough", "eta", "output_eta")
     result: dict[str, Any] = {name: getattr(system, name) for name in matrices}
+    for k, term in enumerate(system.terms, 1):
+        result |= {f"term_{k}": term.matrix, f"term_{k}_name": term.name}
+        result |= {f"term_{k}_law": term.law.kind}
+        result |= {f"term_{k}_{name}": values for name, values in term.law.numbers().items()}
     result |= {name: getattr(claim, name) for name in ("omega", "error", "bound", "band")}
     result |= {"V": basis.V, "sigma": model.sigma, "modes": model.modes}
     result["inputs"], result["outputs"] = np.array(model.inputs), np.array(model.outputs)
@@ -66,8 +70,9 @@ def write_mat(model: ReducedBody, path: Path, *inputs: str | Path | None) -> Non
 def write_state_space(
     model: ReducedBody, path: Path, rates: Sequence[str] = ("displacement",)
 ) -> None:
-    """A, B, C, D of x' = A x + B u, y = C x + D u, x = [q, q'], as ``.mat`` or ``.npz``, with the
-    names of ``inputs`` and ``outputs``; ``rates`` as of ``ReducedBody.state_space``.
+    """A, B, C, D of x' = A x + B u, y = C x + D u, x = [q, q', internal states], as ``.mat`` or
+    ``.npz``, with the names of ``inputs`` and ``outputs``; ``rates`` as of
+    ``ReducedBody.state_space``.
 
     Examples
     --------
@@ -113,6 +118,11 @@ def to_pymor(model: ReducedBody, rates: Sequence[str] = ("displacement",)) -> An
         raise BodyError("pyMOR is not installed: pip install pymor") from None
     system = model.system
     system.expect_time_domain(rates)
+    if system.loss:
+        raise BodyError(
+            f"pyMOR's second-order models have no place for relaxation ({system.loss}): take the "
+            "state space (--to state-space), or equivalent_damping"
+        )
     if "acceleration" in rates:
         raise BodyError("outputs of pyMOR's second-order models are displacements and velocities")
     zero = np.zeros_like(system.C)

@@ -40,7 +40,7 @@ TAKEN = {
 }
 
 SCRIPT = """% Reduced body by flexgram: {claim}
-% b.M q'' + b.D q' + (b.K (1 + i b.eta) + i b.S) q = b.B u, in SI units;
+% b.M q'' + b.D q' + (b.K (1 + i b.eta) + i b.S{terms}) q = b.B u, in SI units;
 % y = b.C q + b.C_rate q' + b.feedthrough u, with structural damping also i b.output_eta .* (b.C q).
 % Set `quiet = true` to be spared the figures.
 here = fileparts(mfilename('fullpath'));
@@ -50,7 +50,8 @@ input = {input};
 
 % Transfer function over the band
 H = @(w) (b.C + 1i * w * b.C_rate + 1i * diag(b.output_eta) * b.C) * ...
-  ((b.K * (1 + 1i * b.eta) + 1i * b.S + 1i * w * b.D - w^2 * b.M) \\ b.B) + b.feedthrough;
+  ((b.K * (1 + 1i * b.eta) + 1i * b.S{stiffness} + ...
+    1i * w * b.D - w^2 * b.M) \\ b.B) + b.feedthrough;
 f = linspace({first:.9g}, {last:.9g}, 500);
 h = zeros(size(f));
 for k = 1:numel(f)
@@ -114,6 +115,14 @@ def _is_ours(path: Path) -> bool:
     return {"M", "D", "K", "B", "C", "eta", "sigma"} <= names
 
 
+def _factor(k: int, kind: str) -> str:
+    """g(w) of the k-th term."""
+    if kind == "prony":
+        z = f"1i * w * b.term_{k}_tau(:)"
+        return f"sum(b.term_{k}_g(:) .* ({z}) ./ (1 + {z}))"
+    return f"interp1(b.term_{k}_omega, b.term_{k}_storage + 1i * b.term_{k}_loss, w)"
+
+
 def write_octave(model: ReducedBody, path: Path, body: str | Path | None = None) -> None:
     """``NAME.m``, and ``NAME.m.mat`` with its data beside it (``write_mat``).
 
@@ -145,6 +154,9 @@ def write_octave(model: ReducedBody, path: Path, body: str | Path | None = None)
         "end": 20 * np.pi / slowest,
         "title": name,
     }
+    laws = [_factor(k, term.law.kind) for k, term in enumerate(model.system.terms, 1)]
+    values["stiffness"] = "".join(f" + ...\n    {g} * b.term_{k}" for k, g in enumerate(laws, 1))
+    values["terms"] = "".join(f" + g(w) b.term_{k}" for k in range(1, len(laws) + 1))
     moves = not model.system.loss  # structural damping has no real time-domain form
     second = SECOND.format(**values) if moves else ""
     text = SCRIPT.format(**values) + (STEP.format(**values) if moves else "")

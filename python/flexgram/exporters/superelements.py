@@ -83,6 +83,8 @@ def write_abaqus(model: ReducedBody, path: Path, body: str | Path | None = None)
     >>> write_abaqus(flexgram.ReducedModel.load("rack.rom.h5"), Path("rack.inp"))
     """
     form = physical_form(model)
+    if form.terms:
+        _without_structural_damping(form, "that changes with frequency has no matrix in this file")
     places = form.positions(body)
     lines = [*_head(form, "**"), "*NODE, NSET=FLEXGRAM_INTERFACES"]
     dofs: list[tuple[int, int]] = [(0, 0)] * len(form.boundary)

@@ -19,9 +19,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexgram.basics import BodyError, Floats, errors_of, index_of, written_aside
 from flexgram.measured.universal import dataset, datasets
+from flexgram.model.damped_modes import losses, modes_of
 from flexgram.model.geometry import Geometry, body_of
 from flexgram.model.kinds import ports_of
-from flexgram.model.modes import natural_modes
 from flexgram.model.reduced import ReducedBody
 
 #: Dataset 55: structural model; analyses; three translations; displacement; number types.
@@ -125,7 +125,7 @@ def mode_shapes(
     105.5 Hz
     """
     last = 2 * np.pi * last_hz if last_hz is not None else float(model.claim.band[-1])
-    squares, Q = natural_modes(model.system.K, model.system.M)
+    squares, Q = modes_of(model.system)
     omega = np.sqrt(np.maximum(squares, 0))
     rigid = model.frame.rigid_modes
     if not rigid:  # a basis that mixes them with others (pod): those that are nothing but rounding
@@ -136,7 +136,7 @@ def mode_shapes(
         raise BodyError(f"no elastic mode up to {last / (2 * np.pi):.5g} Hz{first}")
     omega, Q = omega[chosen], Q[:, chosen]
     D = Q.T @ model.system.D @ Q
-    lost = np.diag(Q.T @ model.system.S @ Q) / omega**2
+    lost = losses(model.system, omega**2, Q)
     damping = np.diag(D) / (2 * omega) + 0.5 * (model.system.eta + lost)
     between = np.abs(D - np.diag(np.diag(D))).max(initial=0)
     coupled = float(between / max(np.abs(np.diag(D)).max(), 1e-300)) if between else 0.0

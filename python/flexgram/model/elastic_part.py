@@ -30,8 +30,11 @@ def in_its_frame(rom: Body) -> Body:
     drag = float(np.trace(system.D[:count, :count]) / np.trace(system.M[:count, :count]))
     beyond = system.D[:count] - drag * system.M[:count]  # alpha M damps rigid motion too
     size = max(np.abs(system.D).max(), 1e-300)
-    lost, largest = np.abs(system.S[:count]).max(), np.abs(system.S).max()
-    if np.abs(beyond).max() > 1e-6 * size or lost > 1e-6 * max(largest, 1e-300):
+    held = any(
+        np.abs(T[:count]).max() > 1e-6 * max(np.abs(T).max(), 1e-300)
+        for T in (system.S, *(term.matrix for term in system.terms))
+    )
+    if held or np.abs(beyond).max() > 1e-6 * size:
         raise BodyError(
             "dampers act on the rigid motion of the body; a floating frame keeps "
             "only the damping of its deformation: put them into the multibody "
@@ -52,7 +55,7 @@ def without_rigid_modes(rom: Body) -> Body:
         return rom
     squares, modes = natural_modes(system.K, system.M)
     modes = modes[:, np.argsort(np.abs(squares), kind="stable")]
-    for damping in (system.D, system.S):
+    for damping in (system.D, system.S, *(term.matrix for term in system.terms)):
         D = modes.T @ damping @ modes
         own = np.sqrt(np.abs(np.diag(D)))
         allowed = 1e-6 * np.outer(own, own) + 1e-12 * np.abs(D).max(initial=0)

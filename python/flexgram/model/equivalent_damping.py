@@ -8,16 +8,32 @@ from typing import TypeVar
 import numpy as np
 from scipy.optimize import nnls
 
-from flexgram.basics import BodyError
-from flexgram.model.modes import natural_modes
+from flexgram.basics import BodyError, Floats
+from flexgram.model.damped_modes import losses, modes_of
 from flexgram.model.reduced import ReducedBody
+from flexgram.model.system import System
 
 Body = TypeVar("Body", bound=ReducedBody)
 KINDS = ("modal", "rayleigh")
 
 
+def _with_frequencies(system: System, modes: Floats, omega: Floats) -> Floats:
+    """K with these natural frequencies, its modes as near to the given ones as M allows."""
+    mass, turn = np.linalg.eigh(modes.T @ system.M @ modes)
+    if not mass[0] > 1e-9 * mass[-1]:
+        raise BodyError(
+            "the modes at their own frequencies are not independent: no viscous damping stands "
+            "for these materials (Prony terms have a state space)"
+        )
+    shapes = system.M @ modes @ (turn / np.sqrt(mass)) @ turn.T
+    K: Floats = shapes @ np.diag(omega**2) @ shapes.T
+    return 0.5 * (K + K.T)
+
+
 def with_viscous_damping(model: Body, kind: str = "modal") -> tuple[Body, float]:
     """The body with viscous damping in the place of its loss factors: eta, and those of materials.
+
+    Of viscoelastic materials (terms) each mode keeps the stiffness at its own frequency too.
 
     ``modal``: every elastic mode φ gets the damping ratio η/2 with its own η = eta + φᵀSφ/(φᵀKφ),
     so that H agrees at resonances: D + M Φ diag(η ω) Φᵀ M. ``rayleigh``: D + alpha M + beta K,
@@ -53,14 +69,14 @@ def with_viscous_damping(model: Body, kind: str = "modal") -> tuple[Body, float]
         raise BodyError(f"damping {kind}: must be one of {', '.join(KINDS)}")
     if not system.loss:
         raise BodyError(f"damping {kind}: the body has no loss factor that it could replace")
-    squares, modes = natural_modes(system.K, system.M)
+    squares, modes = modes_of(system)
     heavy = np.isfinite(squares)
     omega = np.sqrt(np.maximum(np.where(heavy, squares, 0), 0))
     omega[: model.frame.rigid_modes] = 0
     omega[omega < 1e-6 * omega.max(initial=0)] = 0
     moves = omega > 0
-    own = np.full(len(omega), system.eta)  # of each mode
-    own[moves] += np.diag(modes.T @ system.S @ modes)[moves] / omega[moves] ** 2
+    own = system.eta + np.where(moves, losses(system, omega**2, modes), 0)  # of each mode
+    stiffness = _with_frequencies(system, modes, omega) if system.terms else system.K
     if kind == "modal":
         shapes = system.M @ modes
         D = shapes @ np.diag(own * omega) @ shapes.T
@@ -73,23 +89,23 @@ def with_viscous_damping(model: Body, kind: str = "modal") -> tuple[Body, float]
             wanted = np.full(2, own[moves].mean() if moves.any() else system.eta)
         rows = np.column_stack([0.5 / at, 0.5 * at])
         alpha, beta = nnls(rows, 0.5 * wanted)[0]
-        D = alpha * system.M + beta * system.K
+        D = alpha * system.M + beta * stiffness
     if system.output_eta.any():
         raise BodyError(
             "reactions hold the loss factor too, and have no such equivalent: leave them out "
             "(-mor_outputs)"
         )
     none = np.zeros_like(system.S)
-    viscous = replace(system, D=system.D + 0.5 * (D + D.T), eta=0.0, S=none)
+    viscous = replace(system, K=stiffness, D=system.D + 0.5 * (D + D.T), eta=0.0, S=none, terms=())
     band = np.unique(np.concatenate([model.claim.omega, omega[omega > 0]]))
     band = band[(band >= model.claim.bands.min()) & (band <= model.claim.bands.max()) & (band > 0)]
     H, other = system.transfer(band), viscous.transfer(band)
     sizes = np.linalg.norm(H, axis=(1, 2))
     error = float((np.linalg.norm(other - H, axis=(1, 2)) / sizes).max(initial=0))
     words = (
-        f"the loss factor ({system.loss}) is replaced by {kind} viscous damping; it changes H by "
-        f"{error:.1e} at most at {len(band)} frequencies of the band; the claim is of the body "
-        "with the loss factor"
+        f"what has no matrix ({system.loss}) is replaced by {kind} viscous damping; it changes H "
+        f"by {error:.1e} at most at {len(band)} frequencies of the band; the claim is of the body "
+        "as it was"
     )
     made = replace(model.provenance, warnings=[*model.provenance.warnings, words])
     return model.with_parts(system=viscous, provenance=made), error

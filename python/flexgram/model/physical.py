@@ -201,6 +201,7 @@ def physical_form(model: ReducedBody) -> PhysicalForm:
         K=K_x,
         eta=system.eta,
         S=turned(by_energy(system.S)),
+        terms=system.terms_by(lambda T: turned(by_energy(T))),
         B=B_x,
         C=C_x,
         inputs=system.inputs,

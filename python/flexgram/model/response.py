@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike, NDArray
@@ -10,12 +12,19 @@ from flexgram.basics import BodyError, ComplexArray, Floats
 
 
 def frequency_response(
-    K: NDArray[np.generic], D: Floats, M: Floats, B: Floats, C: Floats, omega: ArrayLike
+    K: NDArray[np.generic] | Callable[[float], ComplexArray],
+    D: Floats,
+    M: Floats,
+    B: Floats,
+    C: Floats,
+    omega: ArrayLike,
 ) -> ComplexArray:
-    """C (K + i omega D - omega² M)⁻¹ B, (n_out, n_in), of several frequencies (n, n_out, n_in)."""
+    """C (K + i omega D - omega² M)⁻¹ B, (n_out, n_in), of several frequencies (n, n_out, n_in); K
+    may depend on the frequency."""
     w = np.atleast_1d(np.asarray(omega, dtype=float))
     H: ComplexArray = np.array(
-        [C @ np.linalg.solve(K + 1j * x * D - x * x * M, B) for x in w], dtype=np.complex128
+        [C @ np.linalg.solve((K(x) if callable(K) else K) + 1j * x * D - x * x * M, B) for x in w],
+        dtype=np.complex128,
     )
     one: ComplexArray = H[0] if np.ndim(omega) == 0 else H
     return one

@@ -11,7 +11,9 @@ import scipy.linalg
 from numpy.typing import ArrayLike
 
 from flexgram.basics import BodyError, ComplexArray, Floats
+from flexgram.body.laws import Prony, Term, law_of
 from flexgram.model.file import port_names
+from flexgram.model.internal_states import InternalStates
 from flexgram.model.kinds import ports_of
 from flexgram.model.modes import massless
 from flexgram.model.response import frequency_response, linear_response
@@ -27,9 +29,24 @@ def expect_frequencies(omega: ArrayLike) -> None:
         raise BodyError(f"omega = {omega!r}: frequencies are finite real numbers [rad/s]")
 
 
+def _terms_of(fields: dict[str, Any]) -> tuple[Term, ...]:
+    """Of the fields of a reduced body: terms/NAME, a matrix, its law and its numbers."""
+    terms = []
+    for name in sorted(key[6:] for key in fields if key.startswith("terms/")):
+        if "/" in name:
+            continue
+        path = f"terms/{name}"
+        numbers = {
+            key[len(path) + 1 :]: x for key, x in fields.items() if key.startswith(path + "/")
+        }
+        law = law_of(str(numbers.get("law")), numbers, path)
+        terms.append(Term(name, law, np.asarray(fields[path], dtype=np.float64)))
+    return tuple(terms)
+
+
 @dataclass(frozen=True)
 class System:
-    """``M q'' + D q' + (K (1 + i eta) + i S) q = B u``. All numbers are SI.
+    """``M q'' + D q' + (K (1 + i eta) + i S + Σ g(ω) T) q = B u``. All numbers are SI.
 
     Outputs are ``y = C q + output_beta C q' + feedthrough u``, with structural damping in addition
     ``i output_eta C q``. ``C q`` alone is the whole output only where the other terms are zero: not
@@ -51,6 +68,8 @@ class System:
     S : (m, m) array
         Structural damping of materials with loss factors of their own, the imaginary part of the
         stiffness [N/m]; zero where there are none.
+    terms : tuple of Term
+        Matrices T, (m, m), with laws g of their own: viscoelastic materials.
     output_beta, output_eta : (n_out,) arrays
         Stiffness-proportional damping [s] and loss factor of outputs that are forces of the
         stiffness (reactions); zero for all others.
@@ -68,6 +87,7 @@ class System:
     output_beta: Floats = field(default_factory=lambda: np.empty(0))
     output_eta: Floats = field(default_factory=lambda: np.empty(0))
     S: Floats = field(default_factory=lambda: np.empty(0))
+    terms: tuple[Term, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.S.size:
@@ -100,6 +120,7 @@ class System:
             output_beta=np.asarray(fields.get("output_beta", []), dtype=np.float64),
             output_eta=np.asarray(fields.get("output_eta", []), dtype=np.float64),
             S=np.asarray(fields.get("S", []), dtype=np.float64),
+            terms=_terms_of(fields),
         )
         system._expect_shapes()
         return system
@@ -124,6 +145,9 @@ class System:
                 raise BodyError(f"{name} is {matrix.shape}, expected {shape}")
             if not np.all(np.isfinite(matrix)):
                 raise BodyError(f"{name} holds NaN or Inf")
+        for term in self.terms:
+            if np.shape(term.matrix) != (m, m) or not np.all(np.isfinite(term.matrix)):
+                raise BodyError(f"term {term.name} must be a finite matrix, {m} × {m}")
         for name in ("output_beta", "output_eta"):
             if np.any(getattr(self, name) < 0):
                 raise BodyError(f"{name} holds a negative damping")
@@ -141,6 +165,7 @@ class System:
             D=Q.T @ self.D @ Q,
             K=Q.T @ self.K @ Q,
             S=Q.T @ self.S @ Q,
+            terms=self.terms_by(lambda T: Q.T @ T @ Q),
             B=Q.T @ self.B,
             C=self.C @ Q,
         )
@@ -154,9 +179,14 @@ class System:
             D=self.D[keep, keep],
             K=self.K[keep, keep],
             S=self.S[keep, keep],
+            terms=self.terms_by(lambda T: T[keep, keep]),
             B=self.B[keep],
             C=self.C[:, keep],
         )
+
+    def terms_by(self, change: Callable[[Floats], Floats]) -> tuple[Term, ...]:
+        """The terms, each matrix changed."""
+        return tuple(term.with_matrix(change(term.matrix)) for term in self.terms)
 
     def along(self, loads: Floats, names: list[str]) -> Self:
         """The system with combinations of its inputs, (n_in, k), for inputs; and with the same of
@@ -169,8 +199,7 @@ class System:
         )
 
     def transfer(self, omega: ArrayLike, feedthrough: bool = True) -> ComplexArray:
-        """Transfer function H_r = F C (K (1 + i eta) + i S + i omega D - omega² M)⁻¹ B +
-        ``feedthrough``,
+        """Transfer function H_r = F C (``dynamic_stiffness``)⁻¹ B + ``feedthrough``,
         F = diag(1 + i ``output_eta`` + i omega ``output_beta``).
 
         Parameters
@@ -204,20 +233,31 @@ class System:
 
     @property
     def loss(self) -> str:
-        """What has no time domain, in words: a loss factor, or those of materials; else empty."""
-        return f"eta = {self.eta:g}" if self.eta else "S, by material" if self.S.any() else ""
+        """What K, D and M do not hold, in words: a loss factor, those of materials, terms with laws
+        of their own; else empty."""
+        words = [f"eta = {self.eta:g}"] if self.eta else []
+        words += ["S, by material"] if self.S.any() else []
+        return ", ".join([*words, *(f"{term.name}: {term.law.words}" for term in self.terms)])
 
     @property
-    def complex_stiffness(self) -> ComplexArray:
-        """K (1 + i eta) + i S, (m, m)."""
+    def timeless(self) -> str:
+        """What has no time domain, in words: ``loss`` without Prony terms."""
+        relaxing = tuple(term for term in self.terms if not isinstance(term.law, Prony))
+        return replace(self, terms=relaxing).loss
+
+    def complex_stiffness(self, omega: float) -> ComplexArray:
+        """K (1 + i eta) + i S + Σ g(omega) T, (m, m)."""
         stiffness: ComplexArray = self.K * (1 + 1j * self.eta)
-        return stiffness + 1j * self.S if self.S.any() else stiffness
+        if self.S.any():
+            stiffness = stiffness + 1j * self.S
+        for term in self.terms:
+            stiffness = stiffness + complex(term.law.at(omega)) * term.matrix
+        return stiffness
 
     def receptance(self, omega: ArrayLike) -> ComplexArray:
-        """C (``complex_stiffness`` + i omega D - omega² M)⁻¹ B: H without what outputs hold beside
-        C q."""
+        """C (``dynamic_stiffness``)⁻¹ B: H without what outputs hold beside C q."""
         expect_frequencies(omega)
-        stiffness = self.complex_stiffness
+        stiffness = self.complex_stiffness if self.terms else self.complex_stiffness(0.0)
         H: ComplexArray = frequency_response(stiffness, self.D, self.M, self.B, self.C, omega)
         return H
 
@@ -234,25 +274,32 @@ class System:
 
     def dynamic_stiffness(self, omega: float) -> ComplexArray:
         """``complex_stiffness`` + i omega D - omega² M, (m, m)."""
-        Z: ComplexArray = self.complex_stiffness + 1j * omega * self.D - omega * omega * self.M
+        Z: ComplexArray = (
+            self.complex_stiffness(omega) + 1j * omega * self.D - omega * omega * self.M
+        )
         return Z
 
     def poles(self) -> ComplexArray:
-        """The 2m poles s [rad/s] of the body without structural damping, by rising ``|s|``."""
+        """The 2m poles s [rad/s] of the body without structural damping and tables, by rising
+        ``|s|``; with Prony terms also those of its internal states."""
         m = self.order
-        zero, one = np.zeros((m, m)), np.eye(m)
-        s: ComplexArray = scipy.linalg.eigvals(
-            np.block([[zero, one], [-self.K, -self.D]]), np.block([[one, zero], [zero, self.M]])
-        )
+        inner = InternalStates.of(self.terms, m)
+        A = np.zeros((2 * m + inner.count, 2 * m + inner.count))
+        A[:m, m : 2 * m] = np.eye(m)
+        A[m : 2 * m, :m], A[m : 2 * m, m : 2 * m] = -self.K - inner.stiffness, -self.D
+        A[m : 2 * m, 2 * m :], A[2 * m :, :m] = inner.force, inner.drive
+        A[2 * m :, 2 * m :] = -np.diag(inner.rate)
+        mass = scipy.linalg.block_diag(np.eye(m), self.M, np.eye(inner.count))
+        s: ComplexArray = scipy.linalg.eigvals(A, mass)
         s = s[np.argsort(np.abs(s))]
         return s
 
     def expect_time_domain(self, rates: Sequence[str]) -> None:
         """Raise BodyError where there is no real state space with these rates of the outputs."""
-        if self.loss:
+        if self.timeless:
             raise BodyError(
-                f"structural damping ({self.loss}) has no real time-domain "
-                "form: give Rayleigh damping instead"
+                f"structural damping ({self.timeless}) has no real time-domain "
+                "form: give Rayleigh damping or Prony terms instead"
             )
         if light := massless(self.K, self.M):
             raise BodyError(
@@ -275,7 +322,8 @@ class System:
     def state_space(
         self, rates: Sequence[str] = ("displacement",)
     ) -> tuple[Floats, Floats, Floats, Floats]:
-        """A, B, C, D of x' = A x + B u, y = C x + D u with x = [q, q'].
+        """A, B, C, D of x' = A x + B u, y = C x + D u with x = [q, q'], and behind them the
+        internal states of Prony terms (``InternalStates``).
 
         Parameters
         ----------
@@ -293,16 +341,21 @@ class System:
         self.expect_time_domain(rates)
         m = self.order
         mass = scipy.linalg.cho_factor(self.M)
-        A = np.zeros((2 * m, 2 * m))
-        A[:m, m:] = np.eye(m)
-        A[m:, :m] = -scipy.linalg.cho_solve(mass, self.K)
-        A[m:, m:] = -scipy.linalg.cho_solve(mass, self.D)
-        B = np.vstack([np.zeros_like(self.B), scipy.linalg.cho_solve(mass, self.B)])
-        zero = np.zeros_like(self.C)
+        inner = InternalStates.of(self.terms, m)
+        A = np.zeros((2 * m + inner.count, 2 * m + inner.count))
+        A[:m, m : 2 * m] = np.eye(m)
+        A[m : 2 * m, :m] = -scipy.linalg.cho_solve(mass, self.K + inner.stiffness)
+        A[m : 2 * m, m : 2 * m] = -scipy.linalg.cho_solve(mass, self.D)
+        A[m : 2 * m, 2 * m :] = scipy.linalg.cho_solve(mass, inner.force)
+        A[2 * m :, :m] = inner.drive
+        A[2 * m :, 2 * m :] = -np.diag(inner.rate)
+        B = np.zeros((len(A), self.B.shape[1]))
+        B[m : 2 * m] = scipy.linalg.cho_solve(mass, self.B)
+        zero, none = np.zeros_like(self.C), np.zeros((len(self.C), inner.count))
         rows = {
-            "displacement": (np.hstack([self.C, self.C_rate]), self.feedthrough),
-            "velocity": (np.hstack([zero, self.C]), np.zeros_like(self.feedthrough)),
-            "acceleration": (self.C @ A[m:], self.C @ B[m:]),
+            "displacement": (np.hstack([self.C, self.C_rate, none]), self.feedthrough),
+            "velocity": (np.hstack([zero, self.C, none]), np.zeros_like(self.feedthrough)),
+            "acceleration": (self.C @ A[m : 2 * m], self.C @ B[m : 2 * m]),
         }
         return A, B, np.vstack([rows[r][0] for r in rates]), np.vstack([rows[r][1] for r in rates])
 
@@ -334,7 +387,7 @@ class System:
         t : (n_t,) array
             Times [s], evenly spaced.
         q0, v0 : (m,) arrays, optional
-            Initial coordinates and velocities; default zero.
+            Initial coordinates and velocities; default zero. Prony terms start relaxed.
         rates : sequence of str
             As of ``state_space``.
 
@@ -365,8 +418,10 @@ class System:
             )
         A, B, C, D = self.state_space(rates)
         m = self.order
-        start = np.zeros(2 * m)
+        start = np.zeros(len(A))
         start[:m] = 0 if q0 is None else q0
-        start[m:] = 0 if v0 is None else v0
+        start[m : 2 * m] = 0 if v0 is None else v0
+        inner = InternalStates.of(self.terms, m)
+        start[2 * m :] = (inner.drive @ start[:m]) / inner.rate
         x = linear_response(A, B, start, forces, steps[0])
         return x @ C.T + forces @ D.T, x[:, :m]

@@ -6,6 +6,7 @@ import base64
 import html
 import io
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +14,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from flexgram.basics import BodyError, written_aside
+from flexgram.body.laws import Prony
 from flexgram.body.stress import Stresses
 from flexgram.measured import mode_shapes
+from flexgram.model.damped_modes import losses
 from flexgram.model.elastic_part import without_rigid_modes
 from flexgram.model.geometry import body_of
 from flexgram.model.modes import natural_modes
@@ -74,7 +77,10 @@ def _modes(model: ReducedBody, most: int = 40) -> str:
     poles = model.system.poles()
     poles = poles[poles.imag >= 0]
     squares, shapes = natural_modes(model.system.K, model.system.M)
-    lost = np.diag(shapes.T @ model.system.S @ shapes) / np.maximum(np.abs(squares), 1e-300)
+    timeless = replace(  # what poles do not hold
+        model.system, terms=tuple(t for t in model.system.terms if not isinstance(t.law, Prony))
+    )
+    lost = losses(timeless, squares, shapes)
     masses = mode_shapes.effective_masses(model, shapes)
     rows = []
     rigid = int(np.sum(model.modes < 1e-6 * max(model.modes.max(initial=0), 1e-300)))

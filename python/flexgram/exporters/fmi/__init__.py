@@ -304,6 +304,11 @@ def write_fmu(
         raise BodyError(f"FMI {version} must be one of {', '.join(map(str, VERSIONS))}")
     rates = rates or (RATES[:1] if model.system.feedthrough.any() else RATES)
     model.system.expect_time_domain(rates)
+    if model.system.terms:
+        raise BodyError(
+            f"an FMU has no internal states yet ({model.system.loss}): take the state space "
+            "(--to state-space), or export with --damping modal"
+        )
     machine = platform.machine()
     if machine not in PLATFORMS or platform.system() != "Linux":
         raise BodyError(

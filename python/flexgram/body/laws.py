@@ -1,0 +1,302 @@
+"""Terms of a body beside K and M: a matrix, and the law by which it counts at a frequency."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from flexgram.basics import BodyError, ComplexArray, Floats, check_name
+
+
+class Law(ABC):
+    """The factor g of a term g(ω)T."""
+
+    #: Its name in files.
+    kind: str
+
+    @abstractmethod
+    def at(self, omega: ArrayLike) -> ComplexArray:
+        """g at frequencies omega [rad/s], of their shape."""
+
+    @abstractmethod
+    def numbers(self) -> dict[str, Floats]:
+        """What it is made of, as files hold it."""
+
+    @property
+    @abstractmethod
+    def words(self) -> str:
+        """A phrase for messages."""
+
+
+@dataclass(frozen=True)
+class Viscous(Law):
+    """iω: dampers."""
+
+    kind = "viscous"
+    words = "viscous"
+
+    def at(self, omega: ArrayLike) -> ComplexArray:
+        g: ComplexArray = 1j * np.asarray(omega, dtype=float)
+        return g
+
+    def numbers(self) -> dict[str, Floats]:
+        return {}
+
+
+@dataclass(frozen=True)
+class Loss(Law):
+    """iη: a loss factor.
+
+    Attributes
+    ----------
+    eta : float
+    """
+
+    eta: float
+    kind = "structural"
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.eta) and self.eta >= 0):
+            raise BodyError(f"loss({self.eta}): a loss factor is finite and not negative")
+
+    @property
+    def words(self) -> str:
+        return f"loss factor {self.eta:g}"
+
+    def at(self, omega: ArrayLike) -> ComplexArray:
+        g: ComplexArray = np.full(np.shape(omega), 1j * self.eta)
+        return g
+
+    def numbers(self) -> dict[str, Floats]:
+        return {}
+
+
+def _lists(law: str, **given: Sequence[float]) -> list[Floats]:
+    """Vectors of one length, finite."""
+    lists = []
+    for name, values in given.items():
+        array = np.atleast_1d(np.asarray(values, dtype=float))
+        if array.ndim != 1 or not np.all(np.isfinite(array)):
+            raise BodyError(f"{law}: {name} must be a list of finite numbers")
+        lists.append(array)
+    if len({len(array) for array in lists}) > 1 or len(lists[0]) == 0:
+        counts = ", ".join(f"{name} {len(x)}" for name, x in zip(given, lists, strict=True))
+        raise BodyError(f"{law}: lists of one length, one number or more, not {counts}")
+    return lists
+
+
+@dataclass(frozen=True, eq=False)
+class Prony(Law):
+    """Σ g_k iωτ_k/(1 + iωτ_k): relaxation, beside the long-term stiffness that K holds.
+
+    Attributes
+    ----------
+    g, tau : (k,) arrays
+        Shares of T, and relaxation times [s].
+    """
+
+    g: Floats
+    tau: Floats
+    kind = "prony"
+
+    @property
+    def words(self) -> str:
+        return f"{len(self.g)} Prony term{'s' * (len(self.g) > 1)}"
+
+    def at(self, omega: ArrayLike) -> ComplexArray:
+        z = 1j * np.asarray(omega, dtype=float)[..., None] * self.tau
+        g: ComplexArray = (z / (1 + z)) @ self.g
+        return g
+
+    def numbers(self) -> dict[str, Floats]:
+        return {"g": self.g, "tau": self.tau}
+
+
+@dataclass(frozen=True, eq=False)
+class Table(Law):
+    """storage + i loss at some frequencies, linear in ω between them.
+
+    Attributes
+    ----------
+    omega, storage, loss : (k,) arrays
+        [rad/s], shares of T beside what K holds.
+    """
+
+    omega: Floats
+    storage: Floats
+    loss: Floats
+    kind = "table"
+
+    @property
+    def words(self) -> str:
+        return f"a table of {len(self.omega)} frequencies"
+
+    def at(self, omega: ArrayLike) -> ComplexArray:
+        g: ComplexArray = np.interp(omega, self.omega, self.storage) + 1j * np.interp(
+            omega, self.omega, self.loss
+        )
+        return g
+
+    def numbers(self) -> dict[str, Floats]:
+        return {"omega": self.omega, "storage": self.storage, "loss": self.loss}
+
+
+def viscous() -> Viscous:
+    """The law iω of dampers: a term of D.
+
+    Examples
+    --------
+    >>> flexgram.viscous().at(10.0)
+    10j
+    """
+    return Viscous()
+
+
+def loss(eta: float) -> Loss:
+    """The law iη of a loss factor: a term of S.
+
+    Parameters
+    ----------
+    eta : float
+        Loss factor of the term's stiffness.
+
+    Examples
+    --------
+    >>> terms = {"rubber": (K_rubber, flexgram.loss(0.2))}  # doctest: +SKIP
+    """
+    return Loss(eta)
+
+
+def prony(g: Sequence[float], tau: Sequence[float]) -> Prony:
+    """The law Σ g_k iωτ_k/(1 + iωτ_k) of a viscoelastic material (generalised Maxwell model).
+
+    K holds the long-term stiffness, the term T the same of the material alone; then g counts
+    from the long-term modulus. Shares ḡ of the instantaneous one are g = ḡ/(1 - Σ ḡ).
+
+    Parameters
+    ----------
+    g, tau : sequences of float
+        Shares of T, not negative, and relaxation times [s], positive.
+
+    Raises
+    ------
+    BodyError
+        For other numbers.
+
+    Examples
+    --------
+    >>> abs(flexgram.prony([0.8, 0.5], [1e-3, 1e-4]).at(1e9)) # all of it, at once
+    1.3
+    """
+    shares, times = _lists("prony", g=g, tau=tau)
+    if np.any(shares < 0) or np.any(times <= 0):
+        raise BodyError("prony: g must not be negative, and tau must be positive")
+    return Prony(shares, times)
+
+
+def table(omega: Sequence[float], storage: Sequence[float], loss: Sequence[float]) -> Table:
+    """The law storage + i loss of a viscoelastic material, by frequency.
+
+    Between the frequencies both are linear in ω; a band must lie within them. K holds the least
+    stiffness, so that storage counts from there and is not negative.
+
+    Parameters
+    ----------
+    omega : sequence of float
+        Rising frequencies [rad/s].
+    storage, loss : sequences of float
+        Shares of T, beside what K holds.
+
+    Raises
+    ------
+    BodyError
+        For other numbers.
+
+    Examples
+    --------
+    >>> flexgram.table([0, 100], [0.0, 1.0], [0.1, 0.3]).at(50.0)
+    (0.5+0.2j)
+    """
+    w, real, imaginary = _lists("table", omega=omega, storage=storage, loss=loss)
+    if w[0] < 0 or np.any(np.diff(w) <= 0):
+        raise BodyError("table: omega must rise, from zero or more")
+    if np.any(real < 0) or np.any(imaginary < 0):
+        raise BodyError(
+            "table: storage and loss must not be negative: K holds the least stiffness, and "
+            "storage counts from there"
+        )
+    return Table(w, real, imaginary)
+
+
+@dataclass(frozen=True)
+class Term:
+    """g(ω)T beside K and M.
+
+    Attributes
+    ----------
+    name : str
+    law : Law
+    matrix : (m, m) array, or sparse
+        T, symmetric, positive semidefinite.
+    """
+
+    name: str
+    law: Law
+    matrix: Any = field(repr=False)
+
+    def with_matrix(self, matrix: Any) -> Term:
+        """The same law of another matrix."""
+        return Term(self.name, self.law, matrix)
+
+
+def law_of(kind: str, numbers: Mapping[str, Any], where: str) -> Law:
+    """The law that a file's attributes give.
+
+    Raises
+    ------
+    BodyError
+        Naming ``where``, for a kind that is none, or numbers that make no law.
+    """
+    makers: dict[str, Any] = {"prony": prony, "table": table}
+    names = {"prony": ("g", "tau"), "table": ("omega", "storage", "loss")}
+    if kind not in makers:
+        raise BodyError(f"{where}: law {kind} must be one of {', '.join(makers)}")
+    try:
+        law: Law = makers[kind](*(numbers[name] for name in names[kind]))
+    except KeyError as error:
+        raise BodyError(f"{where}: law {kind} needs {error}") from None
+    except BodyError as error:
+        raise BodyError(f"{where}: {error}") from None
+    return law
+
+
+def with_terms(
+    D: Any, S: Any, terms: Mapping[str, tuple[Any, Law]] | None
+) -> tuple[Any, Any, list[Term]]:
+    """D and S with the terms that are theirs, and the others.
+
+    Raises
+    ------
+    BodyError
+        For what is no pair of a matrix and a law.
+    """
+    others = []
+    for name, given in (terms or {}).items():
+        if not (isinstance(given, tuple) and len(given) == 2 and isinstance(given[1], Law)):
+            raise BodyError(
+                f"term {name}: expected (matrix, law), a law being flexgram.loss(eta), viscous(), "
+                "prony(g, tau) or table(omega, storage, loss)"
+            )
+        matrix, law = given
+        if isinstance(law, Viscous):
+            D = matrix if D is None else D + matrix
+        elif isinstance(law, Loss):
+            S = law.eta * matrix if S is None else S + law.eta * matrix
+        else:
+            others.append(Term(check_name("term", str(name)), law, matrix))
+    return D, S, others

@@ -1,0 +1,44 @@
+"""Natural modes of bodies with terms: each with the stiffness at its own frequency."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from flexgram.basics import Floats
+from flexgram.model.modes import natural_modes
+from flexgram.model.system import System
+
+
+def modes_of(system: System) -> tuple[Floats, Floats]:
+    """Squares [rad²/s²] of the natural frequencies, ascending, and the modes (m, m).
+
+    Without terms those of K and M (``natural_modes``). With them the j-th mode is that of
+    K + Σ Re g(ω_j) T, by iteration; such modes are nearly orthogonal in M.
+    """
+    squares, modes = natural_modes(system.K, system.M)
+    if not system.terms:
+        return squares, modes
+    squares, modes = squares.copy(), modes.copy()
+    for j in range(len(squares)):
+        for _ in range(20):
+            if not np.isfinite(squares[j]) or squares[j] <= 0:
+                break
+            omega = np.sqrt(squares[j])
+            K = system.K + sum(float(t.law.at(omega).real) * t.matrix for t in system.terms)
+            every, shapes = natural_modes(K, system.M)
+            change = abs(every[j] - squares[j])
+            squares[j], modes[:, j] = every[j], shapes[:, j]
+            if not change > 1e-12 * squares[j]:
+                break
+    return squares, modes
+
+
+def losses(system: System, squares: Floats, modes: Floats) -> Floats:
+    """Loss factor of each mode beside eta: φᵀ(S + Σ Im g(ω) T)φ/ω²; ω² = ``squares``, of unit
+    modal mass."""
+    own = np.diag(modes.T @ system.S @ modes).copy()
+    omega = np.sqrt(np.maximum(np.where(np.isfinite(squares), squares, 0), 0))
+    for term in system.terms:
+        own += np.diag(modes.T @ term.matrix @ modes) * term.law.at(omega).imag
+    eta: Floats = own / np.maximum(np.abs(squares), 1e-300)
+    return eta

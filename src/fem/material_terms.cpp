@@ -1,0 +1,66 @@
+#include "fem/material_terms.hpp"
+
+#include "base/index.hpp"
+
+#include <set>
+
+namespace flexgram {
+namespace {
+
+/// The part of an isotropic stiffness by its shear modulus, or by its bulk modulus.
+SolidMaterial part_of(const SolidMaterial& material, MaterialTerm::Part part) {
+  const double mu = material.stiffness[7 * 3], lambda = material.stiffness[1],
+               bulk = lambda + 2 * mu / 3;
+  const bool is_shear = part == MaterialTerm::Part::shear;
+  SolidMaterial of{{}, material.density};
+  for (std::size_t i = 0; i < 3; ++i) {
+    for (std::size_t j = 0; j < 3; ++j)
+      of.stiffness[6 * i + j] = is_shear ? -2 * mu / 3 : bulk;
+    if (!is_shear) continue;
+    of.stiffness[7 * i] += 2 * mu;
+    of.stiffness[7 * (i + 3)] = mu;
+  }
+  return of;
+}
+
+} // namespace
+
+MaterialTerms::MaterialTerms(const BodyDescription& body) {
+  std::set<std::string> used;
+  std::set<double> losses;
+  for (const MeshBlock& block : body.blocks)
+    if (used.insert(block.material).second)
+      losses.insert(body.materials.at(block.material).loss);
+  if (losses.size() == 1) common_loss_ = *losses.begin();
+  if (losses.size() > 1) laws_.emplace_back(Law::Kind::structural);
+  for (const std::string& name : used) {
+    const Material& material = body.materials.at(name);
+    std::vector<Share>& shares = of_material_[name];
+    if (losses.size() > 1 && material.loss > 0) shares.push_back({0, material.loss, {}});
+    for (const MaterialTerm& term : material.terms) {
+      const bool whole = term.part == MaterialTerm::Part::whole;
+      shares.push_back({laws_.size(), whole ? 1.0 : 0.0,
+                        whole ? SolidMaterial() : part_of(material.solid, term.part)});
+      laws_.push_back(term.law);
+    }
+  }
+}
+
+std::vector<ElementPart> MaterialTerms::of_element(const MeshBlock& block,
+                                                   const std::vector<Vector3>& x,
+                                                   MassRule mass_rule,
+                                                   const Dense& K) const {
+  std::vector<ElementPart> parts;
+  for (const Share& share : of_material_.at(block.material)) {
+    if (share.weight == 0) {
+      parts.push_back(
+          {share.number, solid_matrices(block.type, x, share.material, mass_rule).K});
+      continue;
+    }
+    parts.push_back({share.number, K});
+    for (double& value : parts.back().matrix.data) value *= share.weight;
+  }
+  return parts;
+}
+
+} // namespace flexgram

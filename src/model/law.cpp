@@ -1,0 +1,91 @@
+#include "model/law.hpp"
+
+#include "base/error.hpp"
+#include "base/text.hpp"
+
+#include <algorithm>
+#include <limits>
+
+namespace flexgram {
+namespace {
+
+const LawMaker& maker_of(const std::string& kind) {
+  std::vector<std::string> known;
+  for (const auto& [name, maker] : law_makers()) {
+    if (name == kind) return *maker;
+    known.push_back(name);
+  }
+  throw Error(text("there is no law %s, did you mean %s? There are %s", kind.c_str(),
+                   nearest(kind, known).c_str(), join(known).c_str()));
+}
+
+std::unique_ptr<LawKind> made(const std::string& kind, const LawNumbers& numbers) {
+  const LawMaker& maker = maker_of(kind);
+  for (const std::string& name : maker.numbers) {
+    const auto found = numbers.find(name);
+    if (found == numbers.end())
+      throw Error(
+          text("law %s has no %s: it is %s", kind.c_str(), name.c_str(), maker.help));
+    for (double x : found->second)
+      if (!std::isfinite(x))
+        throw Error(text("law %s: %s holds %g", kind.c_str(), name.c_str(), x));
+    if (found->second.size() != numbers.at(maker.numbers.front()).size())
+      throw Error(text("law %s: %s has %zu numbers, %s %zu", kind.c_str(), name.c_str(),
+                       found->second.size(), maker.numbers.front().c_str(),
+                       numbers.at(maker.numbers.front()).size()));
+  }
+  return maker.make(numbers);
+}
+
+} // namespace
+
+double LawSeries::beyond_linear() const {
+  double sum = rest;
+  for (std::size_t k = 2; k < coefficients.size(); ++k) sum += std::abs(coefficients[k]);
+  return sum;
+}
+
+double LawSeries::moved() const { return std::abs(coefficients[1]) + beyond_linear(); }
+
+Interval LawKind::known() const { return {0, std::numeric_limits<double>::infinity()}; }
+
+Law::Law(Kind kind)
+    : name_(kind == Kind::viscous ? "D" : "S"),
+      kind_name_(kind == Kind::viscous ? "viscous" : "structural") {
+  static const std::shared_ptr<const LawKind> viscous = made("viscous", {}),
+                                              structural = made("structural", {});
+  kind_ = kind == Kind::viscous ? viscous : structural;
+}
+
+Law::Law(std::string name, const std::string& kind, const LawNumbers& numbers)
+    : name_(std::move(name)), kind_name_(kind), kind_(made(kind, numbers)) {}
+
+std::complex<double> Law::at(double omega) const {
+  return std::complex<double>(kind_->coefficients({omega, omega}, 1).front());
+}
+
+LawSeries Law::series(const Interval& interval, int degree) const {
+  LawSeries series{{}, kind_->rest(interval, degree)};
+  for (const auto& x : kind_->coefficients(interval, degree))
+    series.coefficients.emplace_back(x);
+  // What no sum of doubles would see belongs to the rest: products are shorter without.
+  constexpr double unseen = 1e-18;
+  double left = 0;
+  const double size = std::abs(series.coefficients.front());
+  while (series.coefficients.size() > 2 &&
+         left + std::abs(series.coefficients.back()) <= unseen * size) {
+    left += std::abs(series.coefficients.back());
+    series.coefficients.pop_back();
+  }
+  series.rest += left;
+  return series;
+}
+
+double Law::as_damper(double omega) const {
+  const double positive = std::max(omega, 1e-300);
+  return at(positive).imag() / positive;
+}
+
+std::string Law::path() const { return (is_named() ? "/terms/" : "/") + name_; }
+
+} // namespace flexgram

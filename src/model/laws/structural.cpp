@@ -1,0 +1,27 @@
+/// i: the imaginary part of a stiffness.
+
+#include "model/law.hpp"
+
+namespace flexgram {
+namespace {
+
+class Structural : public LawKind {
+public:
+  std::vector<std::complex<long double>> coefficients(const Interval&,
+                                                      int) const override {
+    return {{0, 1}, {0, 0}};
+  }
+  double largest(double) const override { return 1; }
+  std::string words() const override {
+    return "structural by material (S, the imaginary part of K)";
+  }
+};
+
+} // namespace
+
+extern const LawMaker structural_law{
+    "i, of loss factors", {}, [](const LawNumbers&) -> std::unique_ptr<LawKind> {
+      return std::make_unique<Structural>();
+    }};
+
+} // namespace flexgram
