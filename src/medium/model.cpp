@@ -54,7 +54,7 @@ MediumModel::MediumModel(const Medium& medium, std::size_t level,
   numbers_ = ModalNumbers::of(response, ports_.modal_inputs, ports_.modal_outputs);
   // With terms more digits are dense solves.
   if (!system.terms.empty())
-    numbers_.clear = std::max(numbers_.clear, 1e-4 * medium.spec.target);
+    numbers_.clear = std::max(numbers_.clear, 1e-2 * medium.spec.target);
   const double terms = static_cast<double>(views.size()) * response.system().order(),
                entries =
                    static_cast<double>(ports_.inputs.size() * ports_.outputs.size());

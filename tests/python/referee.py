@@ -191,7 +191,8 @@ class System:
         to look, not to judge."""
         w = np.asarray(omega, float)[:, None]
         if self.terms:
-            return np.array([self._roughly(float(x)) for x in w[:, 0]])
+            sizes = (len(w), np.shape(self.C)[0], np.shape(self.B)[1])
+            return np.array([self._roughly(float(x)) for x in w[:, 0]]).reshape(sizes)
         if self.D is None and self.S is None:
             lam, phi, scale = self._modes()
             b, c = phi.T @ self.B, np.asarray(self.C) @ phi
@@ -267,7 +268,8 @@ class System:
         omega = np.sqrt(lam)
         for _ in range(4 if self.terms else 1):  # each mode with the stiffness at its frequency
             g = np.array([self._factors_of_terms(1j, w) for w in omega]).T
-            square = lam + sum((f * a for f, a in zip(g, own, strict=True)), 0)
+            with np.errstate(over="ignore"):  # of massless coordinates
+                square = lam + sum((f * a for f, a in zip(g, own, strict=True)), 0)
             omega = np.sqrt(np.maximum(square.real, 0)) if self.terms else omega
         width = self.alpha + self.beta * lam + self.eta * np.sqrt(lam)
         width = width + (square - lam).imag / np.maximum(omega, 1e-150)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -76,7 +76,7 @@ class Loss(Law):
         return {}
 
 
-def _lists(law: str, **given: Sequence[float]) -> list[Floats]:
+def _lists(law: str, **given: ArrayLike) -> list[Floats]:
     """Vectors of one length, finite."""
     lists = []
     for name, values in given.items():
@@ -110,7 +110,7 @@ class Prony(Law):
 
     def at(self, omega: ArrayLike) -> ComplexArray:
         z = 1j * np.asarray(omega, dtype=float)[..., None] * self.tau
-        g: ComplexArray = (z / (1 + z)) @ self.g
+        g: ComplexArray = ((z / (1 + z)) @ self.g).astype(np.complex128)
         return g
 
     def numbers(self) -> dict[str, Floats]:
@@ -137,8 +137,9 @@ class Table(Law):
         return f"a table of {len(self.omega)} frequencies"
 
     def at(self, omega: ArrayLike) -> ComplexArray:
-        g: ComplexArray = np.interp(omega, self.omega, self.storage) + 1j * np.interp(
-            omega, self.omega, self.loss
+        w = np.asarray(omega, dtype=float)
+        g: ComplexArray = np.interp(w, self.omega, self.storage) + 1j * np.interp(
+            w, self.omega, self.loss
         )
         return g
 
@@ -172,7 +173,7 @@ def loss(eta: float) -> Loss:
     return Loss(eta)
 
 
-def prony(g: Sequence[float], tau: Sequence[float]) -> Prony:
+def prony(g: ArrayLike, tau: ArrayLike) -> Prony:
     """The law Σ g_k iωτ_k/(1 + iωτ_k) of a viscoelastic material (generalised Maxwell model).
 
     K holds the long-term stiffness, the term T the same of the material alone; then g counts
@@ -180,7 +181,7 @@ def prony(g: Sequence[float], tau: Sequence[float]) -> Prony:
 
     Parameters
     ----------
-    g, tau : sequences of float
+    g, tau : (k,) arrays
         Shares of T, not negative, and relaxation times [s], positive.
 
     Raises
@@ -199,7 +200,7 @@ def prony(g: Sequence[float], tau: Sequence[float]) -> Prony:
     return Prony(shares, times)
 
 
-def table(omega: Sequence[float], storage: Sequence[float], loss: Sequence[float]) -> Table:
+def table(omega: ArrayLike, storage: ArrayLike, loss: ArrayLike) -> Table:
     """The law storage + i loss of a viscoelastic material, by frequency.
 
     Between the frequencies both are linear in ω; a band must lie within them. K holds the least
@@ -207,9 +208,9 @@ def table(omega: Sequence[float], storage: Sequence[float], loss: Sequence[float
 
     Parameters
     ----------
-    omega : sequence of float
+    omega : (k,) array
         Rising frequencies [rad/s].
-    storage, loss : sequences of float
+    storage, loss : (k,) arrays
         Shares of T, beside what K holds.
 
     Raises

@@ -63,13 +63,14 @@ def _write_material(file: h5py.File, name: str, data: Any, units: tuple[float, .
         group.attrs["axes"] = np.concatenate([first, second, np.cross(first, second)])
     else:
         reader = Reader(data, where, (*ISOTROPIC, EXPANSION, LOSS, KEY))
-        factor, laws = 1.0, {}
         by_table = KEY in reader.data and "table" in (reader.data[KEY] or {})
         if by_table and "E" in reader.data:
             raise BodyError(f"{where}: the table holds E by frequency: leave E out")
-        moduli = None if by_table else Moduli(reader.number("E"), reader.number("nu"))
-        if KEY in reader.data:
-            factor, moduli, laws = read_viscoelastic(reader, moduli)
+        given = None if by_table else Moduli(reader.number("E"), reader.number("nu"))
+        factor, moduli, laws = (
+            read_viscoelastic(reader, given) if KEY in reader.data else (1.0, given, {})
+        )
+        assert moduli is not None
         group.attrs["E"] = moduli.E * factor * stress
         group.attrs["nu"] = moduli.nu
     for part, law in laws.items():

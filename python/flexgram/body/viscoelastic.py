@@ -59,15 +59,15 @@ def read_viscoelastic(
     if "table" in data.data:
         if "moduli" in data.data:
             raise BodyError(f"{data.where}: moduli go with prony")
-        least, law = _table(data)
-        return 1.0, Moduli(least, material.number("nu")), {"whole": law}
+        least, of_table = _table(data)
+        return 1.0, Moduli(least, material.number("nu")), {"whole": of_table}
     instantaneous = (
         data.choice("moduli", ("long-term", "instantaneous"), "long-term") != "long-term"
     )
     given = data.get("prony")
     if not isinstance(given, dict):
-        law, left = _series(given, f"{data.where}: prony")
-        factor = left if instantaneous else 1.0
+        law, share = _series(given, f"{data.where}: prony")
+        factor = share if instantaneous else 1.0
         return factor, moduli or Moduli(0, 0), {"whole": law}
     if moduli is None:
         raise BodyError(f"{data.where}: shear and bulk are parts of isotropic materials")
@@ -77,7 +77,7 @@ def read_viscoelastic(
     }
     if not series:
         raise BodyError(f"{parts.where}: give shear, bulk or both")
-    laws = {part: law for part, (law, _) in series.items()}
+    laws: dict[str, Law] = {part: law for part, (law, _) in series.items()}
     if not instantaneous:
         return 1.0, moduli, laws
     left = {part: series[part][1] if part in series else 1.0 for part in PARTS}
