@@ -264,8 +264,8 @@ SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
     model.terms.push_back({terms.laws()[k], std::move(parts[k])});
   if (!parts.empty() && reactions.any())
     throw Error(
-        "reactions of a body whose materials are viscoelastic, or have loss factors "
-        "of their own, are not known yet: leave the outputs of type reaction out, or "
+        "reactions of a body whose materials have loss factors of their own, or are "
+        "viscoelastic, are not known yet: leave the outputs of type reaction out, or "
         "give the materials one loss factor");
   facts.elements = sum_over(comm, facts.elements);
   facts.rigid_elements = sum_over(comm, facts.rigid_elements);

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from scipy.sparse.linalg import eigsh
@@ -178,6 +179,37 @@ def test_loss_factors_of_its_materials(ranks: int, tmp_path: Path) -> None:
     # What is given takes the place of what the deck has.
     assemble_deck(tmp_path / "both.inp", tmp_path / "eta.h5", EYE, eta=0.05)
     assert stored(tmp_path / "eta.h5", ranks)["eta"] == 0.05
+
+
+@pytest.mark.parametrize("moduli", ["LONG TERM", "INSTANTANEOUS"])
+def test_relaxation_of_its_materials(moduli: str, tmp_path: Path) -> None:
+    """Abaqus' *VISCOELASTIC, TIME=PRONY: the body that YAML's `viscoelastic` makes, here by the
+    limits of H: its static and its fastest stiffness."""
+    path = deck(tmp_path / "bar.inp", "C3D20")
+    text = path.read_text()
+    E, nu = (float(x) for x in re.search(r"\*ELASTIC\n([^,]+),([^\n]+)", text).groups())
+    card = f"*ELASTIC, MODULI={moduli}\n"
+    rows = "*VISCOELASTIC, TIME=PRONY\n0.2, 0.2, 1e-7\n0.3, 0.3, 1e-8\n"
+    text = text.replace("*ELASTIC\n", card)
+    path.write_text(re.sub(r"(\*ELASTIC, .*\n.*\n)", lambda m: m.group(1) + rows, text))
+    body = tmp_path / "bar.h5"
+    said = run("import", path, "--assemble", *("--distributing", "eye=NSET:END"), "-o", body).out
+    assert "relaxation of the deck's materials (*VISCOELASTIC)" in said
+    with h5py.File(body) as file:
+        (material,) = file["materials"].values()
+        share = 1.0 if moduli == "LONG TERM" else 0.5
+        assert material.attrs["E"] == pytest.approx(share * E)
+        assert material.attrs["nu"] == pytest.approx(nu)
+        assert material["whole"].attrs["g"] == pytest.approx([0.4, 0.6])
+        assert list(material["whole"].attrs["tau"]) == [1e-7, 1e-8]
+    path.write_text(path.read_text().replace("0.2, 0.2, 1e-7", "0.2, 0.1, 1e-7"))
+    run("import", path, "--assemble", *("--distributing", "eye=NSET:END"), "-o", body)
+    with h5py.File(body) as file:
+        (material,) = file["materials"].values()
+        assert set(material) == {"shear", "bulk"}
+    path.write_text(path.read_text().replace("TIME=PRONY", "TIME=CREEP TEST DATA"))
+    with pytest.raises(BodyError, match="only TIME=PRONY is read"):
+        assemble_deck(path, body, EYE)
 
 
 def test_stored_matrices_name_loss_factors_of_materials(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ import scipy.sparse as sp
 
 import flexgram
 from bodies import box
-from conftest import body_system, message, run
+from conftest import body_system, message, read_sparse, run
 from flexgram import BodyError, Matrices, ReducedModel
 from flexgram.assembly.couple import couple
 from flexgram.body.description import import_description
@@ -247,6 +247,24 @@ def test_materials_of_a_description(tmp_path: Path) -> None:
     assert "2 Prony terms" in said
 
 
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_the_term_is_what_the_material_adds(ranks: int, tmp_path: Path) -> None:
+    """T of the assembly is K with twice the rubber's E less K, and holds no more than its law."""
+    prony = {"viscoelastic": {"prony": [[0.2, 1e-3]]}}
+    assembled = tmp_path / "T.h5"
+    body = mounted(tmp_path / "a.h5", {"E": 5e7, "loss_factor": 0.1, **prony})
+    run("assemble", "-body", body, "-body_out", assembled, ranks=ranks)
+    one, two = (body_system(mounted(tmp_path / f"{E:g}.h5", {"E": E})) for E in (5e7, 1e8))
+    with h5py.File(assembled) as file:
+        T = read_sparse(file, "terms/rubber")
+        S = read_sparse(file, "S")
+        assert file["terms/rubber"].attrs["law"] == "prony"
+        assert file["terms/rubber"].attrs["g"] == pytest.approx(0.25)
+    K_rubber = two.K - one.K
+    assert abs(T - K_rubber).max() < 1e-12 * abs(two.K).max()
+    assert abs(S - 0.1 * K_rubber).max() < 1e-12 * abs(two.K).max()
+
+
 def test_mixed_relaxation_of_shear_and_bulk_by_another_assembly(tmp_path: Path) -> None:
     """At a frequency the body is the elastic one with complex moduli: of small parts of it, as
     the derivative of K by G and by the bulk modulus."""
@@ -269,6 +287,66 @@ def test_mixed_relaxation_of_shear_and_bulk_by_another_assembly(tmp_path: Path) 
         A = K + g_G * K_G + g_k * K_k + (s * s + 2.0 * s) * M
         H = here.B.T @ np.linalg.solve(A, here.B)
         assert np.linalg.norm(rom.transfer(TWO_PI * hertz) - H) <= 1e-5 * np.linalg.norm(H)
+
+
+def test_free_layer_damping_against_beam_theory(tmp_path: Path) -> None:
+    """Oberst's beam, a steel strip with a damping layer whose modulus is a table: resonances and
+    loss factors of H at the tip are those of a cantilever with the layers' complex bending
+    stiffness (Oberst 1952), E and eta at each frequency. Poisson's ratio is zero, as in a beam."""
+    length, width, h1, h2, E1, rho1, rho2 = 0.2, 0.01, 0.002, 0.003, 210e9, 7850.0, 1500.0
+    hz = [0.0, 40.0, 200.0, 500.0, 1200.0]
+    storage, eta = [1.5e9, 2.0e9, 3.0e9, 4.0e9, 5.0e9], [0.1, 0.3, 0.5, 0.4, 0.3]
+    mesh = box("hexahedron20", (40, 1, 5), (length, width, h1 + h2), distort=False)
+    middle = mesh.points[mesh.cells[0].data].mean(axis=1)[:, 2]
+    low = middle - mesh.points[:, 2].min() < h1
+    mesh.cell_sets = {"strip": [np.flatnonzero(low)], "layer": [np.flatnonzero(~low)]}
+    table = {"hz": hz, "storage": storage, "loss_factor": eta}
+    content = {
+        "materials": {
+            "steel": {"E": E1, "nu": 0.0, "rho": rho1},
+            "polymer": {"nu": 0.0, "rho": rho2, "viscoelastic": {"table": table}},
+        },
+        "regions": {"strip": {"material": "steel"}, "layer": {"material": "polymer"}},
+        "interfaces": {"tip": {"coupling": "rigid", "nodes": "end"}},
+        "supports": {"start": {"nodes": "start"}},
+    }
+    import_description(content, "Oberst", tmp_path / "a.h5", mesh=mesh)
+    rom = flexgram.reduce(tmp_path / "a.h5", (5, 1200), 1e-3, inputs=["tip.fz"])
+    assert rom.met and rom.kind == "certified"
+
+    def stiffness(f: Any) -> Any:
+        E2 = np.interp(f, hz, storage) + 1j * np.interp(f, hz, np.array(storage) * np.array(eta))
+        axis = (E1 * h1 * h1 / 2 + E2 * h2 * (h1 + h2 / 2)) / (E1 * h1 + E2 * h2)
+        strip, layer = h1**3 / 12 + h1 * (axis - h1 / 2) ** 2, h2**3 / 12
+        return width * (E1 * strip + E2 * (layer + h2 * (h1 + h2 / 2 - axis) ** 2))
+
+    def tip(f: Any) -> Any:
+        EI, w = stiffness(f), TWO_PI * f
+        b = (w * w * width * (rho1 * h1 + rho2 * h2) / EI) ** 0.25
+        x = b * length
+        top = np.sin(x) * np.cosh(x) - np.cos(x) * np.sinh(x)
+        return top / (EI * b**3 * (1 + np.cos(x) * np.cosh(x)))
+
+    def peaks(f: Any, H: Any) -> list[tuple[float, float]]:
+        """Where |ω H| is largest, and the width at half of its power over that."""
+        size, found = np.abs(f * H), []
+        for k in np.flatnonzero((size[1:-1] > size[:-2]) & (size[1:-1] > size[2:])) + 1:
+            above = size > size[k] / np.sqrt(2)
+            first, last = k, k
+            while above[first - 1]:
+                first -= 1
+            while above[last + 1]:
+                last += 1
+            found.append((f[k], (f[last] - f[first]) / f[k]))
+        return found
+
+    f = np.arange(5.0, 1200.0, 0.02)
+    z = rom.outputs.index("tip.fz")
+    ours, theirs = peaks(f, rom.transfer(TWO_PI * f)[:, z, 0]), peaks(f, tip(f))
+    assert len(ours) == len(theirs) >= 3
+    for (at, loss), (other, other_loss) in zip(ours, theirs, strict=True):
+        assert at == pytest.approx(other, rel=0.01)
+        assert loss == pytest.approx(other_loss, rel=0.05)
 
 
 def test_exports_say_what_they_cannot_hold(tmp_path: Path) -> None:

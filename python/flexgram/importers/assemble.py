@@ -38,6 +38,7 @@ READ = {
     "BOUNDARY",
     "DAMPING",
     "MODAL DAMPING",
+    "VISCOELASTIC",
 }
 #: Cards that are nothing to K and M of the unloaded body.
 PASSED = {
@@ -72,8 +73,27 @@ def _numbers(job: Job, card: Card, count: int) -> list[float]:
     return values
 
 
-def materials_of(job: Job) -> dict[str, dict[str, float]]:
-    found: dict[str, dict[str, float]] = {}
+def _relaxation(job: Job, card: Card) -> dict[str, Any]:
+    """Rows g, k, tau of Abaqus' *VISCOELASTIC, TIME=PRONY: shares of the instantaneous shear and
+    bulk modulus, and relaxation times, as YAML has them."""
+    where = f"{job.path}: *VISCOELASTIC"
+    kind = ", ".join(f"{key}={value}" for key, value in card.options.items()) or "without TIME"
+    if card.options.get("TIME", "").upper() != "PRONY":
+        raise BodyError(f"{where} ({kind}): only TIME=PRONY is read; give a table in YAML instead")
+    try:
+        rows = [[float(word or 0) for word in words] for words in card.words() if any(words)]
+    except ValueError:
+        rows = []
+    if not rows or any(len(row) != 3 for row in rows):
+        raise BodyError(f"{where}: expected rows of three numbers: g, k and tau")
+    if all(g == k for g, k, _ in rows):
+        return {"prony": [[g, tau] for g, _, tau in rows]}
+    parts = {"shear": [[g, t] for g, _, t in rows if g], "bulk": [[k, t] for _, k, t in rows if k]}
+    return {"prony": {part: series for part, series in parts.items() if series}}
+
+
+def materials_of(job: Job) -> dict[str, dict[str, Any]]:
+    found: dict[str, dict[str, Any]] = {}
     name = ""
     for card in job.model:
         if card.keyword == "MATERIAL":
@@ -81,11 +101,18 @@ def materials_of(job: Job) -> dict[str, dict[str, float]]:
             found[name] = {}
         elif card.keyword == "ELASTIC" and name:
             found[name]["E"], found[name]["nu"] = _numbers(job, card, 2)
+            if card.options.get("MODULI", "").upper() == "INSTANTANEOUS":
+                found[name].setdefault("viscoelastic", {})["moduli"] = "instantaneous"
+        elif card.keyword == "VISCOELASTIC" and name:
+            found[name].setdefault("viscoelastic", {}).update(_relaxation(job, card))
         elif card.keyword == "DENSITY" and name:
             found[name]["rho"] = _numbers(job, card, 1)[0]
         elif card.keyword == "EXPANSION" and name:
             with contextlib.suppress(BodyError):  # a temperature load will miss it
                 found[name]["expansion"] = _numbers(job, card, 1)[0]
+    for material in found.values():
+        if "prony" not in material.get("viscoelastic", {"prony": None}):
+            del material["viscoelastic"]  # *ELASTIC, MODULI of what does not relax
     return found
 
 
@@ -202,6 +229,8 @@ def assemble_deck(
     mesh, material_of, overlapping = mesh_of(job, deck, materials)
     damping = damping_of(job)
     remarks = [*deck.remarks, *damping.remarks]
+    if relaxing := [name for name, of in materials.items() if "viscoelastic" in of]:
+        remarks.append(f"relaxation of the deck's materials (*VISCOELASTIC): {', '.join(relaxing)}")
     if damping.loss_factors and eta is None:
         for name, loss in damping.loss_factors.items():
             materials[name] = {**materials[name], "loss_factor": loss}
