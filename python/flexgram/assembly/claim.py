@@ -147,7 +147,7 @@ def verdict(
     >>> bool(said.bound[0] < 0.1)
     True
     """
-    parts = Parts(models, turns or {})
+    parts = Parts(models, turns or {}, joints)
     bands = common_bands([m.claim.bands for m in models.values()])
     if omega is None:
         grid = np.concatenate(

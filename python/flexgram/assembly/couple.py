@@ -96,7 +96,7 @@ def couple(
     """
     if not models:
         raise BodyError("couple: no parts")
-    parts = Parts(models, turns or {})
+    parts = Parts(models, turns or {}, joints)
     K, D, ties = _joined(parts, joints)
     N = _motions_left(ties, len(K))
     inputs, outputs = _ports_left(parts, joints, keep)
@@ -120,6 +120,8 @@ def couple(
         "method": "couple",
         "frame/kind": "none",
     }
+    if parts.S.any():
+        fields["S"] = _symmetric(N.T @ parts.S @ N)
     squares = natural_modes(fields["K"], fields["M"])[0]
     fields["modes/omega"] = np.sqrt(np.maximum(squares[np.isfinite(squares)], 0))
     slow = 1e-3 * min(bands[bands > 0].min(initial=np.inf), fields["modes/omega"][-1])
@@ -142,11 +144,6 @@ def _joined(parts: Parts, joints: Sequence[Joint]) -> tuple[Floats, Floats, list
     K, D = parts.K.copy(), parts.D.copy()
     rows: list[Floats] = []
     for joint in joints:
-        if parts.eta and not joint.ties:
-            raise BodyError(
-                "springs beside structural damping (eta) would be damped too: give the "
-                "parts Rayleigh damping instead"
-            )
         for direction, weights in tied(parts, joint):
             moved = parts.B @ weights  # of q: what the outputs of the same ports measure
             if joint.ties:

@@ -179,6 +179,7 @@ class FormOverBand(BandBound):
             B=scipy.linalg.block_diag(*(f.inputs.modal for f in forms)),
             C=scipy.linalg.block_diag(*(f.outputs.modal.T for f in forms)),
             eta=loop.parts.eta,
+            S=np.diag(np.concatenate([(f.eta - loop.parts.eta) * f.stiffness for f in forms])),
         )
         self.small, self.medium = LoopSeries(loop), LoopSeries(loop, medium)
         pencils = [self.small.pencil, self.medium.pencil, *(part.pencil for part in self.forms)]

@@ -149,13 +149,26 @@ def _norm(A: ComplexArray) -> float:
     return float(np.sqrt(sizes.sum(axis=0).max(initial=0) * sizes.sum(axis=1).max(initial=0)))
 
 
-class Pencil:
-    """A(ω) = K (1 + i eta) + i ω D - ω² M of a body in modal coordinates, K and M diagonal."""
+def _diagonal(A: Floats) -> Floats:
+    """The diagonal of A, where nothing else is in it."""
+    if A.ndim == 1:
+        return A
+    diagonal = np.diag(A)
+    rest = np.abs(A - np.diag(diagonal)).max(initial=0)
+    return diagonal if rest <= 1e-13 * np.abs(diagonal).max(initial=0) else A
 
-    def __init__(self, K: Floats, D: Floats, M: Floats, eta: float, tau: float) -> None:
+
+class Pencil:
+    """A(ω) = K (1 + i eta) + i S + i ω D - ω² M of a body in modal coordinates, K and M
+    diagonal."""
+
+    def __init__(
+        self, K: Floats, D: Floats, M: Floats, eta: float, tau: float, S: Floats | None = None
+    ) -> None:
         """Modes of (K + τM)-norm one: those of the largest frequencies do not blur the low ones."""
         mass, self.modes = scipy.linalg.eigh(M, K + tau * M)
-        self._take(1 - tau * mass, self.modes.T @ D @ self.modes, mass, eta)
+        lost = None if S is None or not S.any() else self.modes.T @ S @ self.modes
+        self._take(1 - tau * mass, self.modes.T @ D @ self.modes, mass, eta, lost)
 
     @classmethod
     def of_modes(cls, stiffness: Floats, damping: Floats, mass: Floats, eta: float) -> Pencil:
@@ -165,19 +178,22 @@ class Pencil:
         pencil._take(stiffness, damping, mass, eta)
         return pencil
 
-    def _take(self, stiffness: Floats, D: Floats, mass: Floats, eta: float) -> None:
+    def _take(
+        self, stiffness: Floats, D: Floats, mass: Floats, eta: float, S: Floats | None = None
+    ) -> None:
         heavy = mass > 0
         squares = np.divide(stiffness, mass, where=heavy, out=np.full(len(mass), np.inf))
         self.omega = np.sqrt(np.maximum(squares, 0))
-        self.K, self.M, self.D = stiffness * (1 + 1j * eta), mass, D
-        diagonal = D
-        if D.ndim == 2:
-            diagonal = np.diag(D)
-            rest = np.abs(D - np.diag(diagonal)).max(initial=0)
-            if rest <= 1e-13 * np.abs(diagonal).max(initial=0):
-                self.D = diagonal
+        self.K, self.M, self.D = stiffness * (1 + 1j * eta), mass, _diagonal(D)
+        lost = np.zeros(len(mass)) if S is None else _diagonal(S)
+        if lost.ndim == 2 or self.D.ndim == 2:
+            self.D = np.diag(self.D) if self.D.ndim == 1 else self.D
+            lost = np.diag(lost) if lost.ndim == 1 else lost
+        self.S = lost
+        of_modes, losses = (A if A.ndim == 1 else np.diag(A) for A in (self.D, self.S))
         with np.errstate(divide="ignore", invalid="ignore"):
-            half = np.abs(self.K.imag / self.omega + diagonal) / (2 * self.omega * mass)
+            imaginary = (self.K.imag + losses) / self.omega
+            half = np.abs(imaginary + of_modes) / (2 * self.omega * mass)
         self.sharp = self.omega[(half < SHARPEST) & np.isfinite(self.omega)]  # no rigid modes
         self._at, self._steps = np.nan, (np.empty(0, complex),) * 3
 
@@ -186,14 +202,16 @@ class Pencil:
         if omega != self._at:
             if self.D.ndim == 1:
                 with np.errstate(divide="ignore", invalid="ignore"):
-                    inverse = 1 / (self.K + 1j * omega * self.D - omega**2 * self.M)
+                    lossy = self.K + 1j * self.S
+                    inverse = 1 / (lossy + 1j * omega * self.D - omega**2 * self.M)
                     self._steps = (
                         (1j * self.D - 2 * omega * self.M) * inverse,
                         inverse,
                         self.M * inverse,
                     )
             else:
-                inverse = np.linalg.inv(np.diag(self.K - omega**2 * self.M) + 1j * omega * self.D)
+                damped = 1j * (omega * self.D + self.S)
+                inverse = np.linalg.inv(np.diag(self.K - omega**2 * self.M) + damped)
                 self._steps = (
                     inverse @ (1j * self.D - 2 * omega * np.diag(self.M)),
                     inverse,

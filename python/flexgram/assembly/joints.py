@@ -59,23 +59,19 @@ def _rotation(turn: ArrayLike | None) -> Floats:
 class Parts:
     """The parts side by side, and combinations of their ports."""
 
-    def __init__(self, models: Mapping[str, ReducedBody], turns: Mapping[str, ArrayLike]) -> None:
+    def __init__(
+        self,
+        models: Mapping[str, ReducedBody],
+        turns: Mapping[str, ArrayLike],
+        joints: Sequence[Joint] = (),
+    ) -> None:
+        """A loss factor that all parts have stays ``eta`` where no spring is among the joints; what
+        parts have of their own goes into ``S``."""
         self.models = dict(models)
         for name in turns:
             if name not in models:
                 raise BodyError(f"there is no part {name} to turn; there are {', '.join(models)}")
         self.turn = {name: _rotation(turns.get(name)) for name in models}
-        etas = {m.system.eta for m in models.values()}
-        if len(etas) > 1:
-            raise BodyError(
-                "the parts have different structural damping (eta): the assembly has "
-                "none of its own; give Rayleigh damping instead"
-            )
-        if any(m.system.S.any() for m in models.values()):
-            raise BodyError(
-                "a part has materials with loss factors of their own (S): assemblies have none; "
-                "give it an equivalent viscous damping (flexgram.model.equivalent_damping)"
-            )
         for name, model in models.items():
             if model.system.terms:
                 raise BodyError(
@@ -83,7 +79,12 @@ class Parts:
                     "have none; give it an equivalent viscous damping "
                     "(flexgram.model.equivalent_damping)"
                 )
-        self.eta = etas.pop()
+        etas = {m.system.eta for m in models.values()}
+        common = len(etas) == 1 and all(joint.ties for joint in joints)
+        self.eta = etas.pop() if common else 0.0
+        self.S = scipy.linalg.block_diag(
+            *(m.system.S + (m.system.eta - self.eta) * m.system.K for m in models.values())
+        )
         blocks = [
             (m.system.M, m.system.D, m.system.K, m.system.B, m.system.C) for m in models.values()
         ]

@@ -24,7 +24,8 @@ class PartSeries:
 
     def __init__(self, model: ReducedBody, B: Floats, C: Floats) -> None:
         tau = float(model.claim.bands.max()) ** 2 / 4
-        self.pencil = Pencil(model.system.K, model.system.D, model.system.M, model.system.eta, tau)
+        system = model.system
+        self.pencil = Pencil(system.K, system.D, system.M, system.eta, tau, system.S)
         self.B, self.C = self.pencil.modes.T @ B, C @ self.pencil.modes
 
     def over(self, omega: float, h: float) -> Series:
@@ -44,6 +45,7 @@ class Bodies:
     B: Floats
     C: Floats
     eta: float
+    S: Floats  #: beside eta: the imaginary part of the stiffness
 
 
 @dataclass
@@ -77,7 +79,8 @@ class LoopSeries:
         if self.ties:
             N = scipy.linalg.null_space(G.T / np.linalg.norm(G, axis=0)[:, None])
         tau = max(float(m.claim.bands.max()) for m in loop.parts.models.values()) ** 2 / 4
-        self.pencil = Pencil(N.T @ K @ N, N.T @ D @ N, N.T @ parts.M @ N, parts.eta, tau)
+        K_N, D_N, M_N, S_N = (N.T @ A @ N for A in (K, D, parts.M, parts.S))
+        self.pencil = Pencil(K_N, D_N, M_N, parts.eta, tau, S_N)
         # Of the matrices of modes: some roundings, of the stiffest spring's where it is stiffer
         # than the parts.
         self.rounding = (
@@ -86,7 +89,7 @@ class LoopSeries:
             * float(scipy.linalg.eigh(K, parts.K + tau * parts.M, eigvals_only=True)[-1])
         )
         N, L = N @ self.pencil.modes, np.linalg.pinv(G).T
-        stiffness = (K * (1 + 1j * parts.eta), 1j * D, -parts.M)
+        stiffness = (K * (1 + 1j * parts.eta) + 1j * parts.S, 1j * D, -parts.M)
         self.NAL = [N.T @ A @ L for A in stiffness]
         self.LAL = [L.T @ A @ L for A in stiffness]
         forces, outputs = parts.B[:, self.free_in], parts.C[self.free_out]

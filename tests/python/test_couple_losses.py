@@ -1,0 +1,111 @@
+"""Assemblies of parts with loss factors: of their own (eta), and by material (S)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.linalg as sl
+import scipy.sparse as sp
+from test_couple import BAND, random_body
+
+import flexgram
+from flexgram import Matrices, ReducedModel
+from flexgram.assembly.couple import couple
+from flexgram.assembly.joints import Joint
+
+JOINTS = [
+    [Joint("p0.b", "p1.a", ["x", "y", "z"])],
+    [Joint("p0.b", "p1.a", stiffness=dict.fromkeys("xyz", 4.0))],
+    [
+        Joint("p0.b", "p1.a", ["x"]),
+        Joint("p1.a", "ground", stiffness={"y": 2.0}, damping={"z": 0.1}),
+    ],
+]
+
+
+def part(rng: np.random.Generator, kind: str) -> dict[str, Any]:
+    """A random body with a loss factor, with one of a third of its coordinates, or both."""
+    K, M, B, names, alpha, beta = random_body(rng, 6)
+    n = len(K)
+    some = np.zeros((n, n))
+    some[: n // 3, : n // 3] = K[: n // 3, : n // 3]
+    more = {
+        "eta": {"eta": float(rng.uniform(0.01, 0.2))},
+        "S": {"S": rng.uniform(0.05, 0.3) * some},
+        "both": {"eta": 0.02, "S": rng.uniform(0.05, 0.3) * some},
+        "none": {},
+    }[kind]
+    return {"K": K, "M": M, "B": B, "inputs": names, "alpha": alpha, "beta": beta, **more}
+
+
+def reduced(a: dict[str, Any]) -> ReducedModel:
+    matrices = {name: sp.csr_matrix(a[name]) for name in "KMS" if name in a}
+    rest = {name: x for name, x in a.items() if name not in "KMS"}
+    return flexgram.reduce(Matrices(**matrices, **rest), BAND, 1e-5)
+
+
+def exact(bodies: list[dict[str, Any]], joints: list[Joint], keep: list[int], w: float) -> Any:
+    """H of the assembly of full bodies, each with its own damping: by Lagrange multipliers."""
+    A = sl.block_diag(
+        *(
+            a["K"] * (1 + 1j * a.get("eta", 0) + 1j * w * a["beta"])
+            + 1j * a.get("S", 0 * a["K"])
+            + (1j * w * a["alpha"] - w * w) * a["M"]
+            for a in bodies
+        )
+    )
+    B = sl.block_diag(*(a["B"] for a in bodies))
+    names = [f"p{i}.{name}" for i, a in enumerate(bodies) for name in a["inputs"]]
+    ties = []
+    for joint in joints:
+        for d in joint.directions or {*joint.stiffness, *joint.damping}:
+            g = B[:, names.index(f"{joint.first}.f{d}")].copy()
+            if joint.second != "ground":
+                g -= B[:, names.index(f"{joint.second}.f{d}")]
+            if joint.ties:
+                ties.append(g)
+            else:
+                k = joint.stiffness.get(d, 0) + 1j * w * joint.damping.get(d, 0)
+                A += k * np.outer(g, g)
+    t = len(ties)
+    L = np.array(ties).reshape(t, len(A))
+    whole = np.block([[A, L.T], [L, np.zeros((t, t))]])
+    X = np.linalg.solve(whole, np.vstack([B[:, keep], np.zeros((t, len(keep)))]))[: len(A)]
+    return B[:, keep].T @ X
+
+
+@pytest.mark.parametrize("joints", JOINTS, ids=["ties", "springs", "both"])
+@pytest.mark.parametrize(
+    "kinds", [("eta", "eta"), ("eta", "none"), ("S", "both")], ids="-".join
+)
+def test_losses_stay_with_their_parts(kinds: tuple[str, str], joints: list[Joint]) -> None:
+    """The claim holds against the assembly of the full bodies; springs have no losses."""
+    rng = np.random.default_rng(sum(map(ord, "".join(kinds))) + len(joints))
+    bodies = [part(rng, kind) for kind in kinds]
+    models = {f"p{i}": reduced(a) for i, a in enumerate(bodies)}
+    whole = couple(models, joints, keep=["p1.a"])
+    assert whole.system.S.any()
+    names = [f"p{i}.{name}" for i, a in enumerate(bodies) for name in a["inputs"]]
+    keep = [names.index(name) for name in whole.inputs]
+    assert whole.kind == "certified" and whole.certified_error < 0.05
+    for hertz in rng.uniform(*BAND, 40):
+        w = 2 * np.pi * float(hertz)
+        H = exact(bodies, joints, keep, w)
+        error = np.linalg.norm(whole.transfer(w) - H) / np.linalg.norm(H)
+        assert error <= whole.certified_error
+
+
+def test_one_loss_factor_of_tied_parts_stays_eta(tmp_path: Path) -> None:
+    rng = np.random.default_rng(5)
+    one, two = part(rng, "none"), part(rng, "none")
+    models = {f"p{i}": reduced({**a, "eta": 0.03}) for i, a in enumerate((one, two))}
+    whole = couple(models, JOINTS[0], keep=["p1.a"])
+    assert whole.eta == 0.03 and not whole.system.S.any()
+    sprung = couple(models, JOINTS[1], keep=["p1.a"])
+    assert sprung.eta == 0 and sprung.system.S.any()
+    sprung.save(tmp_path / "whole.h5")
+    loaded = ReducedModel.load(tmp_path / "whole.h5")
+    assert np.array_equal(loaded.transfer(1.0), sprung.transfer(1.0))
