@@ -78,9 +78,7 @@ def exact(bodies: list[dict[str, Any]], joints: list[Joint], keep: list[int], w:
 
 
 @pytest.mark.parametrize("joints", JOINTS, ids=["ties", "springs", "both"])
-@pytest.mark.parametrize(
-    "kinds", [("eta", "eta"), ("eta", "none"), ("S", "both")], ids="-".join
-)
+@pytest.mark.parametrize("kinds", [("eta", "eta"), ("eta", "none"), ("S", "both")], ids="-".join)
 def test_losses_stay_with_their_parts(kinds: tuple[str, str], joints: list[Joint]) -> None:
     """The claim holds against the assembly of the full bodies; springs have no losses."""
     rng = np.random.default_rng(sum(map(ord, "".join(kinds))) + len(joints))

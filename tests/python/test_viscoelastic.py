@@ -241,6 +241,9 @@ def test_materials_of_a_description(tmp_path: Path) -> None:
     assert same(elastic, model_of(tmp_path / "h.h5", {"viscoelastic": {"table": still}}))
     slow = {"E": 4e7, "viscoelastic": {"prony": [[0.5, 1e9]]}}
     assert same(elastic, model_of(tmp_path / "i.h5", slow))
+    stress = {"outputs": {"root": {"type": "stress", "nodes": "start"}}}
+    with pytest.warns(flexgram.ReductionWarning, match="stress in rubber is that of the long-term"):
+        mounted(tmp_path / "j.h5", prony(5e7), **stress)
     with h5py.File(tmp_path / "a.h5") as file:
         assert file["materials/rubber/whole"].attrs["law"] == "prony"
     said = run("info", tmp_path / "a.h5").out

@@ -159,6 +159,7 @@ class MeshBody:
             "warnings": [
                 *doubts_of_units(file, reader.get("units", "SI"), extent),
                 *self._doubts_of_parts(held),
+                *self._doubts_of_stress(),
             ],
         }
 
@@ -167,6 +168,18 @@ class MeshBody:
         supported = np.concatenate(held) if held else np.empty(0, dtype=np.int64)
         parts = Parts.of(len(self.points), self._elements(), nodes.values())
         return doubts_of_parts(self.points, parts, nodes, supported)
+
+    def _doubts_of_stress(self) -> list[str]:
+        """Stress is that of what K holds: materials that relax have more."""
+        relaxing = [name for name, material in self.file["materials"].items() if len(material)]
+        outputs = self.reader.children("outputs")
+        stresses = [str(name) for name, entry in outputs.items() if entry.get("type") == "stress"]
+        if not relaxing or not stresses:
+            return []
+        return [
+            f"outputs {', '.join(stresses)}: stress in {', '.join(relaxing)} is that of the "
+            "long-term (of a table, least) moduli, without what relaxes"
+        ]
 
     def _merge_nodes(self) -> None:
         """Nodes no farther apart than ``merge`` become one, where the description asks for it."""
