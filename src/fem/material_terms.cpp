@@ -1,6 +1,8 @@
 #include "fem/material_terms.hpp"
 
+#include "base/error.hpp"
 #include "base/index.hpp"
+#include "base/text.hpp"
 
 #include <set>
 
@@ -41,6 +43,10 @@ MaterialTerms::MaterialTerms(const BodyDescription& body) {
       const bool whole = term.part == MaterialTerm::Part::whole;
       shares.push_back({laws_.size(), whole ? 1.0 : 0.0,
                         whole ? SolidMaterial() : part_of(material.solid, term.part)});
+      for (const Law& other : laws_)
+        if (other.name() == term.law.name())
+          throw Error(text("two parts of materials would be named %s: rename a material",
+                           term.law.name().c_str()));
       laws_.push_back(term.law);
     }
   }

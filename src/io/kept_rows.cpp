@@ -84,9 +84,12 @@ std::vector<std::pair<std::string, double>> identity_of(const SecondOrderModel& 
   for (const auto& [law, T] : body.terms) {
     if (!law.is_named()) continue;
     identity.emplace_back("norm of " + law.name(), norm(T));
-    for (const auto& [name, values] : law.kind().numbers())
-      identity.emplace_back(name + " of " + law.name(),
-                            std::accumulate(values.begin(), values.end(), 0.0));
+    for (const auto& [name, values] : law.kind().numbers()) {
+      double sum = 0; // with weights of their own: their order tells
+      for (std::size_t k = 0; k < values.size(); ++k)
+        sum += std::sqrt(static_cast<double>(k + 2)) * values[k];
+      identity.emplace_back(name + " of " + law.name(), sum);
+    }
   }
   return identity;
 }

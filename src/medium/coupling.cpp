@@ -146,7 +146,8 @@ double DampingCoupling::at(const DenseSystem& system, double omega) const {
 /// In coordinates in which the diagonal of A_Φ is of size one: modes far apart in frequency, the
 /// rigid ones among them, count alike.
 double DampingCoupling::over(const DenseSystem& system, Interval interval) const {
-  constexpr int enough = 8; // terms of the series of g
+  constexpr int enough = 8;   // terms of the series of g
+  if (count() == 0) return 0; // no mode is below the cutoff
   const ShiftCoefficients at_centre = system.coefficients(interval.centre());
   const Coefficients outer(system, -sigma_, interval), inner(system, tau_, interval);
   ComplexDense at = A(at_centre), j = J(outer.c, at_centre.terms);
@@ -166,7 +167,7 @@ double DampingCoupling::over(const DenseSystem& system, Interval interval) const
   for (std::size_t t = 0; t < T_.size(); ++t) {
     const Law& law = system.terms[t].law;
     const double by = law.series(interval, enough).moved();
-    if (by > 0) {
+    if (by != 0) {
       moved += by * frobenius_norm(scale(T_[t], true));
       moved_F += by * frobenius_norm(scale(F_[t], false));
     }

@@ -65,7 +65,7 @@ std::complex<double> Law::at(double omega) const {
 }
 
 LawSeries Law::series(const Interval& interval, int degree) const {
-  LawSeries series{{}, kind_->rest(interval, degree)};
+  LawSeries series{{}, 2 * kind_->rest(interval, degree)};
   for (const auto& x : kind_->coefficients(interval, degree))
     series.coefficients.emplace_back(x);
   // What no sum of doubles would see belongs to the rest: products are shorter without.

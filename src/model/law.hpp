@@ -13,9 +13,10 @@
 
 namespace flexgram {
 
-/// g on an interval: Σ γ_k t^k, ω = centre + half t, |t| <= 1, and a rest of at most `rest`.
+/// g on an interval: Σ γ_k t^k, ω = centre + half t, |t| <= 1, and a rest.
 struct LawSeries {
   std::vector<std::complex<double>> coefficients; ///< two or more
+  /// What the series leaves, at most; also less what it leaves at the centre.
   double rest = 0;
 
   /// |g| differs from its value at the centre by at most this.

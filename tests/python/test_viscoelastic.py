@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import shutil
 import subprocess
 from pathlib import Path
@@ -13,6 +15,7 @@ import pytest
 import scipy.io
 import scipy.linalg as sl
 import scipy.sparse as sp
+from test_restart import start
 
 import flexgram
 from bodies import box
@@ -355,7 +358,7 @@ def test_free_layer_damping_against_beam_theory(tmp_path: Path) -> None:
 def test_exports_say_what_they_cannot_hold(tmp_path: Path) -> None:
     """Formats of K, M and D refuse terms; an equivalent damping tells what it changes."""
     rom = model_of(tmp_path / "a.h5", {"E": 5e7, "viscoelastic": {"prony": [[0.3, 3e-4]]}})
-    for kind in ("abaqus", "nastran", "dmig", "mbdyn", "fmu"):
+    for kind in ("abaqus", "nastran", "dmig", "mbdyn"):
         with pytest.raises(BodyError, match=r"rubber: 1 Prony term.*--damping modal"):
             export(rom, tmp_path / f"b.{kind}", kind)
     viscous, error = with_viscous_damping(rom)
@@ -370,6 +373,27 @@ def test_exports_say_what_they_cannot_hold(tmp_path: Path) -> None:
         assert np.linalg.norm(turned - H) < 1e-8 * np.linalg.norm(H)
     with pytest.raises(BodyError, match="part a has viscoelastic materials"):
         couple({"a": rom, "b": rom}, [("a.end", "b.end")])
+
+
+@pytest.mark.parametrize("kind", ["fmu", "fmu3"])
+def test_an_fmu_relaxes(kind: str, tmp_path: Path) -> None:
+    """Simulated by another program, with the internal states of the Prony term: its step response
+    is that of ``simulate``."""
+    fmpy = pytest.importorskip("fmpy")
+    k, g, tau = 400.0, 1.5, 0.02
+    rom = one_mass(k, g, tau)
+    path = tmp_path / "part.fmu"
+    export(rom, path, kind)
+    t = np.linspace(0, 0.5, 501)
+    inputs = np.zeros(2, dtype=[("time", float), *((name, float) for name in rom.inputs)])
+    inputs["time"], inputs[rom.inputs[0]] = [0, 0.5], 1.0
+    output = f"{rom.outputs[0]}.motion"
+    found = fmpy.simulate_fmu(
+        str(path), stop_time=0.5, output_interval=1e-3, input=inputs, output=[output]
+    )
+    y, _ = rom.simulate(np.column_stack([np.ones_like(t), 0 * t]), t)
+    exact = np.interp(found["time"], t, y[:, 0])
+    assert np.abs(found[output] - exact).max() < 1e-6 * np.abs(y).max()
 
 
 @pytest.mark.skipif(not shutil.which("octave"), reason="Octave is not installed")
@@ -391,6 +415,8 @@ def test_octave_computes_the_same_response(tmp_path: Path) -> None:
     ("rubber", "said"),
     [
         ({"E": 1e7, "viscoelastic": {}}, "give prony, or table"),
+        ({"E": 1e7, "viscoelastic": 5}, "viscoelastic must be a mapping"),
+        ({"E": 1e7, "viscoelastic": {"prony": ["12"]}}, "must be a list of numbers"),
         ({"E": 1e7, "viscoelastic": {"prony": [[0.6, 1], [0.5, 2]]}}, "sum below 1"),
         ({"E": 1e7, "viscoelastic": {"prony": [[-0.1, 1]]}}, "not negative"),
         ({"E": 1e7, "viscoelastic": {"prony": [[0.1, 0]]}}, "tau [s] is positive"),
@@ -413,6 +439,40 @@ def test_descriptions_that_are_refused(rubber: Any, said: str, tmp_path: Path) -
     with pytest.raises(BodyError, match="materials: rubber") as refused:
         mounted(tmp_path / "a.h5", rubber)
     assert said in str(refused.value)
+
+
+def test_a_rigid_mount_has_no_mode_below_the_cutoff(tmp_path: Path) -> None:
+    """No mode to eliminate: the claim holds by the residual alone."""
+    a = chain(30)
+    a["K"] = a["K"] + sp.identity(30, format="csc")
+    rom = flexgram.reduce(Matrices(**a), (1e-4, 0.01), 1e-6)
+    assert rom.met and rom.kind == "certified"
+    full = referee(a)
+    for omega in np.linspace(1e-4, 0.01, 7) * TWO_PI:
+        assert relative_error(full, reduced(rom), float(omega)) <= rom.certified_error
+
+
+def test_a_checkpoint_knows_its_laws(tmp_path: Path) -> None:
+    """Numbers of a law that change places make another body."""
+    a = chain(40)
+    body, medium = tmp_path / "body.h5", tmp_path / "m.h5"
+    flexgram.write_matrices(body, **a)
+    asked = ("-body", body, "-mor_band_hz", "0.002,0.04", "-mor_tol", "1e-4")
+    asked += ("-mor_medium_out", medium)
+    # The run removes its checkpoint when it is done; a second name keeps the last one.
+    state, kept = Path(f"{medium}.checkpoint"), tmp_path / "kept"
+    process = start("certify", *asked, "-mor_checkpoint", "yes", ranks=1)
+    while process.poll() is None:
+        with contextlib.suppress(FileNotFoundError, FileExistsError):
+            os.link(state, tmp_path / "now")
+            (tmp_path / "now").replace(kept)
+    assert process.returncode == 0
+    kept.replace(state)
+    T = a["terms"]["rubber"][0]
+    other = flexgram.prony(SERIES[0][::-1], SERIES[1])
+    flexgram.write_matrices(body, **{**a, "terms": {**a["terms"], "rubber": (T, other)}})
+    failed = run("certify", *asked, "-mor_restart", expect=1)
+    assert "is of another job" in message(failed) and "g of rubber" in message(failed)
 
 
 def test_what_is_refused(tmp_path: Path) -> None:

@@ -119,7 +119,7 @@ class Prony(Law):
 
 @dataclass(frozen=True, eq=False)
 class Table(Law):
-    """storage + i loss at some frequencies, linear in ω between them.
+    """storage + i loss at some frequencies, linear in ω between them, constant beyond.
 
     Attributes
     ----------

@@ -63,7 +63,7 @@ def _write_material(file: h5py.File, name: str, data: Any, units: tuple[float, .
         group.attrs["axes"] = np.concatenate([first, second, np.cross(first, second)])
     else:
         reader = Reader(data, where, (*ISOTROPIC, EXPANSION, LOSS, KEY))
-        by_table = KEY in reader.data and "table" in (reader.data[KEY] or {})
+        by_table = "table" in Reader(reader.data.get(KEY) or {}, f"{where}: {KEY}").data
         if by_table and "E" in reader.data:
             raise BodyError(f"{where}: the table holds E by frequency: leave E out")
         given = None if by_table else Moduli(reader.number("E"), reader.number("nu"))
@@ -170,16 +170,18 @@ class MeshBody:
         return doubts_of_parts(self.points, parts, nodes, supported)
 
     def _doubts_of_stress(self) -> list[str]:
-        """Stress is that of what K holds: materials that relax have more."""
+        """Stress, that of heat too, is that of what K holds: materials that relax have more."""
         relaxing = [name for name, material in self.file["materials"].items() if len(material)]
-        outputs = self.reader.children("outputs")
-        stresses = [str(name) for name, entry in outputs.items() if entry.get("type") == "stress"]
-        if not relaxing or not stresses:
-            return []
-        return [
-            f"outputs {', '.join(stresses)}: stress in {', '.join(relaxing)} is that of the "
-            "long-term (of a table, least) moduli, without what relaxes"
-        ]
+        found = []
+        for key, kind in (("outputs", "stress"), ("loads", "temperature")):
+            entries = self.reader.children(key)
+            some = [str(name) for name, entry in entries.items() if entry.get("type") == kind]
+            if relaxing and some:
+                found.append(
+                    f"{key} {', '.join(some)}: stress in {', '.join(relaxing)} is that of the "
+                    "long-term (of a table, least) moduli, without what relaxes"
+                )
+        return found
 
     def _merge_nodes(self) -> None:
         """Nodes no farther apart than ``merge`` become one, where the description asks for it."""

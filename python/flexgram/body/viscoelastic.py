@@ -89,6 +89,8 @@ def read_viscoelastic(
 
 def _numbers(values: Any, where: str) -> Floats:
     try:
+        if isinstance(values, str):
+            raise TypeError
         array = np.array([float(x) for x in values])
     except (TypeError, ValueError):
         raise BodyError(f"{where} = {short(values)} must be a list of numbers") from None

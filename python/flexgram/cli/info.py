@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 
 from flexgram.basics import BodyError, errors_of, expect_survival
+from flexgram.body.laws import law_of
 from flexgram.body.whole import summary
 from flexgram.reduced_model import ReducedModel
 
@@ -123,6 +124,9 @@ def _matrices(file: h5py.File) -> list[str]:
         return " × ".join(str(x) for x in item.shape)
 
     lines = [f"body of matrices: {', '.join(f'{n}: {shape(n)}' for n in 'KMDSBC' if n in file)}"]
+    for name, term in file.get("terms", {}).items():
+        law = law_of(str(term.attrs.get("law")), term.attrs, f"/terms/{name}")
+        lines.append(f"term {name}: {shape(f'terms/{name}')}, {law.words}")
     names = file["B"].attrs.get("names") if "B" in file else None
     if names is not None:
         lines.append(f"inputs: {', '.join(str(n) for n in names)}")

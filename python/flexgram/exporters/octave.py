@@ -9,6 +9,7 @@ import numpy as np
 import scipy.io
 
 from flexgram.basics import BodyError, written_aside
+from flexgram.body.laws import Law
 from flexgram.exporters.arrays import write_mat
 from flexgram.model.reduced import ReducedBody
 
@@ -115,12 +116,15 @@ def _is_ours(path: Path) -> bool:
     return {"M", "D", "K", "B", "C", "eta", "sigma"} <= names
 
 
-def _factor(k: int, kind: str) -> str:
+def _factor(k: int, law: Law) -> str:
     """g(w) of the k-th term."""
-    if kind == "prony":
+    if law.kind == "prony":
         z = f"1i * w * b.term_{k}_tau(:)"
         return f"sum(b.term_{k}_g(:) .* ({z}) ./ (1 + {z}))"
-    return f"interp1(b.term_{k}_omega, b.term_{k}_storage + 1i * b.term_{k}_loss, w)"
+    values, at = f"b.term_{k}_storage + 1i * b.term_{k}_loss", f"b.term_{k}_omega"
+    if len(law.numbers()["omega"]) == 1:
+        return f"({values})"
+    return f"interp1({at}, {values}, min(max(w, {at}(1)), {at}(end)))"
 
 
 def write_octave(model: ReducedBody, path: Path, body: str | Path | None = None) -> None:
@@ -154,7 +158,7 @@ def write_octave(model: ReducedBody, path: Path, body: str | Path | None = None)
         "end": 20 * np.pi / slowest,
         "title": name,
     }
-    laws = [_factor(k, term.law.kind) for k, term in enumerate(model.system.terms, 1)]
+    laws = [_factor(k, term.law) for k, term in enumerate(model.system.terms, 1)]
     values["stiffness"] = "".join(f" + ...\n    {g} * b.term_{k}" for k, g in enumerate(laws, 1))
     values["terms"] = "".join(f" + g(w) b.term_{k}" for k in range(1, len(laws) + 1))
     moves = not model.system.loss  # structural damping has no real time-domain form

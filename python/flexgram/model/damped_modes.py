@@ -6,6 +6,7 @@ import numpy as np
 
 from flexgram.basics import Floats
 from flexgram.model.modes import natural_modes
+from flexgram.model.reduced import ReducedBody
 from flexgram.model.system import System
 
 
@@ -31,6 +32,15 @@ def modes_of(system: System) -> tuple[Floats, Floats]:
             if not change > 1e-12 * squares[j]:
                 break
     return squares, modes
+
+
+def natural_frequencies(model: ReducedBody) -> Floats:
+    """``modes`` of the body [rad/s]; with terms each with the stiffness at its own frequency."""
+    if not model.system.terms:
+        return model.modes
+    squares = modes_of(model.system)[0]
+    omega: Floats = np.sqrt(np.maximum(squares[np.isfinite(squares)], 0))
+    return omega
 
 
 def losses(system: System, squares: Floats, modes: Floats) -> Floats:

@@ -14,13 +14,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from flexgram.basics import BodyError, written_aside
-from flexgram.body.laws import Prony
 from flexgram.body.stress import Stresses
 from flexgram.measured import mode_shapes
-from flexgram.model.damped_modes import losses
+from flexgram.model.damped_modes import losses, modes_of, natural_frequencies
 from flexgram.model.elastic_part import without_rigid_modes
 from flexgram.model.geometry import body_of
-from flexgram.model.modes import natural_modes
 from flexgram.model.recovery import stress_peaks, words_of_stress
 from flexgram.model.reduced import ReducedBody
 from flexgram.pictures import figures
@@ -74,22 +72,20 @@ def _plan(facts: list[tuple[str, str]]) -> str:
 
 
 def _modes(model: ReducedBody, most: int = 40) -> str:
-    poles = model.system.poles()
+    poles = replace(model.system, terms=()).poles()
     poles = poles[poles.imag >= 0]
-    squares, shapes = natural_modes(model.system.K, model.system.M)
-    timeless = replace(  # what poles do not hold
-        model.system, terms=tuple(t for t in model.system.terms if not isinstance(t.law, Prony))
-    )
-    lost = losses(timeless, squares, shapes)
+    squares, shapes = modes_of(model.system)
+    lost = losses(model.system, squares, shapes)
+    frequencies = natural_frequencies(model)
     masses = mode_shapes.effective_masses(model, shapes)
     rows = []
-    rigid = int(np.sum(model.modes < 1e-6 * max(model.modes.max(initial=0), 1e-300)))
-    for j, omega in enumerate(model.modes[:most]):
+    rigid = int(np.sum(frequencies < 1e-6 * max(frequencies.max(initial=0), 1e-300)))
+    for j, omega in enumerate(frequencies[:most]):
         if j < rigid:
             rows.append(f"<tr><td class=n>{j + 1}</td><td class=n>0</td><td>rigid</td></tr>")
             continue
-        near = poles[np.argmin(np.abs(np.abs(poles) - omega))]
-        zeta = -near.real / max(abs(near), 1e-300) + 0.5 * (model.system.eta + lost[j])
+        near = poles[np.argmin(np.abs(np.abs(poles) - model.modes[j]))]
+        zeta = -near.real / max(omega, 1e-300) + 0.5 * (model.system.eta + lost[j])
         inside = "" if model.claim.band[0] <= omega <= model.claim.band[1] else "outside the band"
         rows.append(
             f"<tr><td class=n>{j + 1}</td><td class=n>{omega / (2 * np.pi):.6g}</td>"

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from flexgram.basics import BodyError, Floats
+from flexgram.model.damped_modes import natural_frequencies
 from flexgram.model.elastic_part import without_rigid_modes
 from flexgram.model.geometry import Geometry, body_of
 from flexgram.model.kinds import unit_of
@@ -109,10 +110,11 @@ def hot_spots(
     basis = stress_at_nodes(model, body=body)  # (m, N, 6)
     geometry = Geometry.load(body_of(model, body))
     curve = model.claim.omega[:: max(1, len(model.claim.omega) // frequencies)]
-    inside = np.any([(model.modes >= a) & (model.modes <= b) for a, b in model.claim.bands], axis=0)
+    modes = natural_frequencies(model)
+    inside = np.any([(modes >= a) & (modes <= b) for a, b in model.claim.bands], axis=0)
     if not model.system.loss and not np.any(model.system.D):
         inside &= False  # there is no largest stress at resonances without damping
-    omega = np.unique(np.concatenate([curve, model.modes[inside]]))
+    omega = np.unique(np.concatenate([curve, modes[inside]]))
     motion = np.array(
         [
             np.linalg.solve(model.system.dynamic_stiffness(w), model.system.B[:, columns])

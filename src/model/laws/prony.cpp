@@ -35,6 +35,7 @@ public:
   double rest(const Interval& interval, int degree) const override {
     double sum = 0;
     for (std::size_t l = 0; l < g_.size(); ++l) {
+      if (g_[l] == 0) continue;
       const double d = std::hypot(1, interval.centre() * tau_[l]),
                    q = interval.half() * tau_[l] / d;
       sum += g_[l] / d * std::pow(q, std::max(degree, 1) + 1) / (1 - q);

@@ -17,6 +17,7 @@ import numpy as np
 import scipy.linalg
 
 from flexgram.basics import BodyError, Floats, written_aside
+from flexgram.model.internal_states import InternalStates
 from flexgram.model.kinds import unit_of
 from flexgram.model.physical import facts_of
 from flexgram.model.reduced import ReducedBody
@@ -48,23 +49,28 @@ def _matrices(model: ReducedBody, rates: Sequence[str]) -> dict[str, Floats]:
     mass = scipy.linalg.cho_factor(model.system.M)
     squares = np.diag(model.system.K) / np.diag(model.system.M)
     size = np.sqrt(np.maximum(squares, 1e-12 * squares.max() if squares.max() > 0 else 1.0))
-    A0, A1 = np.zeros((2 * m, 2 * m)), np.zeros((2 * m, 2 * m))
-    A0[:m, m:] = np.diag(size)
-    A0[m:, :m] = -scipy.linalg.cho_solve(mass, model.system.K) / size
-    A1[m:, m:] = -scipy.linalg.cho_solve(mass, model.system.D)
-    B = np.vstack([np.zeros((m, len(model.inputs))), scipy.linalg.cho_solve(mass, model.system.B)])
+    inner = InternalStates.of(model.system.terms, m)
+    n, speeds, states = 2 * m + inner.count, slice(m, 2 * m), slice(2 * m, None)
+    A0, A1, B = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, len(model.inputs)))
+    A0[:m, speeds] = np.diag(size)
+    A0[speeds, :m] = -scipy.linalg.cho_solve(mass, model.system.K + inner.stiffness) / size
+    A0[speeds, states] = scipy.linalg.cho_solve(mass, inner.force)
+    A0[states, :m], A0[states, states] = inner.drive / size, -np.diag(inner.rate)
+    A1[speeds, speeds] = -scipy.linalg.cho_solve(mass, model.system.D)
+    B[speeds] = scipy.linalg.cho_solve(mass, model.system.B)
     shapes = model.system.C
-    zero = np.zeros_like(shapes)
+    zero, none = np.zeros_like(shapes), np.zeros((len(shapes), inner.count))
     C, C1, D = [], [], []
     for rate in rates:
         if rate == "displacement":
-            rows, added = np.hstack([shapes / size, zero]), np.hstack([zero, model.system.C_rate])
+            rows = np.hstack([shapes / size, zero, none])
+            added = np.hstack([zero, model.system.C_rate, none])
             direct = model.system.feedthrough
         elif rate == "velocity":
-            rows, added = np.hstack([zero, shapes]), np.zeros((len(shapes), 2 * m))
+            rows, added = np.hstack([zero, shapes, none]), np.zeros((len(shapes), n))
             direct = np.zeros_like(model.system.feedthrough)
         else:
-            rows, added, direct = shapes @ A0[m:], shapes @ A1[m:], shapes @ B[m:]
+            rows, added, direct = shapes @ A0[speeds], shapes @ A1[speeds], shapes @ B[speeds]
         C.append(rows)
         C1.append(added)
         D.append(direct)
@@ -115,7 +121,7 @@ class _Description:
             ]
             for port in model.outputs
         ]
-        self.states = 2 * model.order
+        self.states = 2 * model.order + InternalStates.of(model.system.terms, model.order).count
         free = " small motions only: rigid motion is linear too;" if model.frame.rigid_modes else ""
         words = "; ".join(f"{key}: {value}" for key, value in facts_of(model).items())
         self.about = f"elastic body reduced by flexgram;{free} {words}"
@@ -304,11 +310,6 @@ def write_fmu(
         raise BodyError(f"FMI {version} must be one of {', '.join(map(str, VERSIONS))}")
     rates = rates or (RATES[:1] if model.system.feedthrough.any() else RATES)
     model.system.expect_time_domain(rates)
-    if model.system.terms:
-        raise BodyError(
-            f"an FMU has no internal states yet ({model.system.loss}): take the state space "
-            "(--to state-space), or export with --damping modal"
-        )
     machine = platform.machine()
     if machine not in PLATFORMS or platform.system() != "Linux":
         raise BodyError(
