@@ -102,10 +102,11 @@ def with_viscous_damping(model: Body, kind: str = "modal") -> tuple[Body, float]
     H, other = system.transfer(band), viscous.transfer(band)
     sizes = np.linalg.norm(H, axis=(1, 2))
     error = float((np.linalg.norm(other - H, axis=(1, 2)) / sizes).max(initial=0))
+    lost = "the relaxation of materials" if system.terms else "the loss factor"
     words = (
-        f"what has no matrix ({system.loss}) is replaced by {kind} viscous damping; it changes H "
-        f"by {error:.1e} at most at {len(band)} frequencies of the band; the claim is of the body "
-        "as it was"
+        f"{lost} ({system.loss}) is replaced by {kind} viscous damping; it changes H by "
+        f"{error:.1e} at most at {len(band)} frequencies of the band; the claim is of the body with "
+        f"{lost}"
     )
     made = replace(model.provenance, warnings=[*model.provenance.warnings, words])
     return model.with_parts(system=viscous, provenance=made), error
