@@ -105,8 +105,8 @@ def with_viscous_damping(model: Body, kind: str = "modal") -> tuple[Body, float]
     lost = "the relaxation of materials" if system.terms else "the loss factor"
     words = (
         f"{lost} ({system.loss}) is replaced by {kind} viscous damping; it changes H by "
-        f"{error:.1e} at most at {len(band)} frequencies of the band; the claim is of the body with "
-        f"{lost}"
+        f"{error:.1e} at most at {len(band)} frequencies of the band; the claim is of the body "
+        f"with {lost}"
     )
     made = replace(model.provenance, warnings=[*model.provenance.warnings, words])
     return model.with_parts(system=viscous, provenance=made), error
