@@ -79,11 +79,12 @@ class Parts:
                     "have none; give it an equivalent viscous damping "
                     "(flexgram.model.equivalent_damping)"
                 )
-        etas = {m.system.eta for m in models.values()}
+        systems = [m.system for m in models.values()]
+        etas = {system.eta for system in systems}
         common = len(etas) == 1 and all(joint.ties for joint in joints)
         self.eta = etas.pop() if common else 0.0
         self.S = scipy.linalg.block_diag(
-            *(m.system.S + (m.system.eta - self.eta) * m.system.K for m in models.values())
+            *((s.eta - self.eta) * s.K + (s.S if s.S.any() else 0.0) for s in systems)
         )
         blocks = [
             (m.system.M, m.system.D, m.system.K, m.system.B, m.system.C) for m in models.values()
