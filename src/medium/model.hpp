@@ -87,8 +87,6 @@ public:
   /// ‖H‖ of all ports at a frequency over that of its elastic part. @pre has_elastic_part()
   double whole_over_elastic(double omega) const;
 
-  /// A tail beside H that is not worth more digits.
-  double clear() const { return numbers_.clear; }
   /// Whether norms come from the terms of H, (N + m)² products each, not from its entries.
   bool has_many_ports() const { return !many_.terms.empty(); }
   /// Terms of H − H_r for a view of a small model: those of the medium model, then those of
@@ -184,6 +182,8 @@ private:
   Basis V_;
   Dense to_V_;           ///< coordinates of V from those of `system`
   ModalNumbers numbers_; ///< the same system, for more digits
+  double enough_digits_ =
+      0; ///< relative: with terms, tails of H up to this are good enough
   /// The ports that are seen, among all.
   struct Ports {
     std::vector<double> scale; ///< of all

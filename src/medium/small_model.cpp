@@ -7,18 +7,20 @@
 namespace flexgram {
 namespace {
 
-std::optional<ModalNumbers> numbers_of(const DenseSystem& system,
-                                       const MediumModel& medium) {
-  std::optional<ModalNumbers> numbers = ModalNumbers::of(system);
-  if (numbers) numbers->clear = medium.clear();
-  return numbers;
+/// Whether rounding does not count, beside a norm or what is negligible.
+bool is_small(double rounding, double norm, double negligible) {
+  return rounding <= 0.2 * norm || rounding <= negligible;
+}
+bool is_clear(const TermNorms& difference, double negligible) {
+  const auto& at = difference.norms.at;
+  return is_small(difference.rounding, *std::max_element(at.begin(), at.end()),
+                  negligible);
 }
 
 } // namespace
 
 SmallModel::SmallModel(const DenseSystem& system, const MediumModel& medium)
-    : medium_(medium), response_(system, medium.tau),
-      numbers_(numbers_of(system, medium)),
+    : medium_(medium), response_(system, medium.tau), numbers_(ModalNumbers::of(system)),
       apart_(shares_rigid_modes(system) ? medium.apart() : 0) {
   for (std::size_t v = 0; medium.has_many_ports() && v < medium.views.size(); ++v)
     terms_.push_back(medium.terms_of_difference(v, response_));
@@ -57,13 +59,6 @@ std::optional<MatrixSeries> SmallModel::factors_of_difference(const TransferSeri
   return stacked(*all, factors->x);
 }
 
-/// Whether the rounding of the terms does not count, beside the norm or what is negligible.
-bool SmallModel::is_clear(const TermNorms& difference, double negligible) {
-  const auto& at = difference.norms.at;
-  return difference.rounding <= 0.2 * *std::max_element(at.begin(), at.end()) ||
-         difference.rounding <= negligible;
-}
-
 std::optional<std::vector<ViewNorms>>
 SmallModel::differences(const TransferSeries& H, Interval interval, int degree,
                         const std::vector<double>& negligible) const {
@@ -82,13 +77,27 @@ SmallModel::differences(const TransferSeries& H, Interval interval, int degree,
   }
   const auto series = response_series(response_, interval, degree);
   if (!series) return std::nullopt;
-  const MatrixSeries H_r = transfer_series(response_.modal_outputs(), *series, apart_,
-                                           numbers_ ? &*numbers_ : nullptr, H.size);
+  const auto away = [&](const MatrixSeries& of_medium, const ModalNumbers* numbers) {
+    const MatrixSeries H_r =
+        transfer_series(response_.modal_outputs(), *series, apart_, numbers, H.size);
+    return scale_outputs(medium_.outputs(), interval, difference_of(of_medium, H_r));
+  };
   const bool known = !H.has_many_ports() && apart_ == medium_.apart();
-  const MatrixSeries difference = scale_outputs(
-      medium_.outputs(), interval,
-      difference_of(known ? H.entries : medium_.entries(interval, degree, apart_).value(),
-                    H_r));
+  const auto again = [&] { return medium_.entries(interval, degree, apart_).value(); };
+  const ModalNumbers* numbers = numbers_ ? &*numbers_ : nullptr;
+  MatrixSeries difference;
+  if (medium_.system.terms.empty()) {
+    difference = away(known ? H.entries : again(), numbers);
+  } else { // more digits are dense solves in long double, for both
+    difference = away(H.entries, nullptr);
+    bool clear = true;
+    for (std::size_t v = 0; v < medium_.views.size(); ++v) {
+      const PortView& view = medium_.views[v];
+      clear = clear && is_small(tail_of(difference, view), size_of(difference, view),
+                                negligible[v]);
+    }
+    if (!clear) difference = away(again(), numbers);
+  }
   for (const PortView& view : medium_.views)
     result.push_back(view_norms(difference, view));
   return result;

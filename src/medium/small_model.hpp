@@ -18,8 +18,8 @@ public:
   /// ‖H_medium − H_r‖ of each view over an interval; nothing where a pole of the small
   /// model is too near.
   /// @param H           of the medium model there, of this degree.
-  /// @param negligible  for each view: with many ports the norms come from the terms of
-  ///     both responses where the rounding of that does not count beside this.
+  /// @param negligible  for each view: rounding that does not count beside this is left as it is:
+  ///     with many ports that of the terms of both responses, with terms that of doubles.
   std::optional<std::vector<ViewNorms>>
   differences(const TransferSeries& H, Interval interval, int degree,
               const std::vector<double>& negligible) const;
@@ -39,7 +39,6 @@ private:
                               double omega) const;
   std::optional<MatrixSeries> factors_of_difference(const TransferSeries& H,
                                                     Interval interval, int degree) const;
-  static bool is_clear(const TermNorms& difference, double negligible);
 
   const MediumModel& medium_;
   DenseResponse response_;

@@ -175,14 +175,14 @@ double size_at_centre(const MatrixSeries& H) {
 
 MatrixSeries transfer_series(const Dense& C, const ResponseSeries& x, int first,
                              const ModalNumbers* numbers, double size) {
+  constexpr double clear = 1e-11; // a tail beside H that is not worth more digits
   constexpr int most = 200, most_with_dampers = 100, most_entries = 64;
   const MatrixSeries X = from_row(x.x, first);
   MatrixSeries H = multiply_transposed(C, X);
   const std::size_t entries = H.tail.data.size();
   const double tail = largest_of(H.tail.data.data(), entries);
   if (size == 0) size = size_at_centre(H);
-  if (!numbers || !(tail > numbers->clear * size) || finer == 1 ||
-      entries > most_entries ||
+  if (!numbers || !(tail > clear * size) || finer == 1 || entries > most_entries ||
       numbers->order() > (numbers->terms.empty() ? most : most_with_dampers))
     return H;
   Dense left = X.tail, rounding = x.rounding, terms = x.envelope;

@@ -12,8 +12,7 @@ struct ModalNumbers {
   std::vector<long double> k, m;
   std::vector<Term<Dense>> terms;
   Damping damping;
-  Dense B, C;           ///< N × inputs, N × outputs
-  double clear = 1e-11; ///< a tail beside H that is not worth more digits
+  Dense B, C; ///< N × inputs, N × outputs
 
   int order() const { return static_cast<int>(k.size()); }
   /// The system as it is stored. Nothing if K or M is not diagonal.

@@ -10,7 +10,7 @@ namespace flexgram {
 ViewNorms view_norms(const MatrixSeries& series, const PortView& view) {
   const int degree_here = series.degree(), rows = series.rows();
   ViewNorms norms;
-  double bend = 0, tail = 0; // Σ k(k − 1)‖F_k‖ >= max‖F″‖
+  double bend = 0;           // Σ k(k − 1)‖F_k‖ >= max‖F″‖
   std::vector<double> parts; // the view's entries, coefficient after coefficient
   for (int k = 0; k <= degree_here; ++k) {
     const double *re = series.real(k), *im = series.imaginary(k);
@@ -24,10 +24,9 @@ ViewNorms view_norms(const MatrixSeries& series, const PortView& view) {
       }
     bend += k * (k - 1) * std::sqrt(square);
   }
-  for (int j : view.columns)
-    for (int i : view.rows) tail += series.tail(i, j) * series.tail(i, j);
   const std::size_t count = 2 * view.rows.size() * view.columns.size();
-  const double width = 2.0 / pieces, away = bend * width * width / 8 + std::sqrt(tail);
+  const double width = 2.0 / pieces,
+               away = bend * width * width / 8 + tail_of(series, view);
 
   std::vector<double> last(count), next(count);
   for (int node = 0; node <= pieces; ++node) {
@@ -57,6 +56,24 @@ ViewNorms view_norms(const MatrixSeries& series, const PortView& view) {
     std::swap(last, next);
   }
   return norms;
+}
+
+double tail_of(const MatrixSeries& series, const PortView& view) {
+  double square = 0;
+  for (int j : view.columns)
+    for (int i : view.rows) square += series.tail(i, j) * series.tail(i, j);
+  return std::sqrt(square);
+}
+
+double size_of(const MatrixSeries& series, const PortView& view) {
+  double square = 0;
+  for (int j : view.columns)
+    for (int i : view.rows) {
+      const auto at = as_size(i) + as_size(j) * as_size(series.rows());
+      square += series.real(0)[at] * series.real(0)[at] +
+                series.imaginary(0)[at] * series.imaginary(0)[at];
+    }
+  return std::sqrt(square);
 }
 
 ViewNorms smaller_of(const ViewNorms& a, const ViewNorms& b) {

@@ -26,6 +26,10 @@ struct ViewNorms {
 /// and taken off (docs/proof.md, section 4).
 ViewNorms view_norms(const MatrixSeries& series, const PortView& view);
 
+/// ‖·‖_F of a view's tails, and of its entries at the centre.
+double tail_of(const MatrixSeries& series, const PortView& view);
+double size_of(const MatrixSeries& series, const PortView& view);
+
 /// Bounds of the smaller of two norms.
 ViewNorms smaller_of(const ViewNorms& a, const ViewNorms& b);
 

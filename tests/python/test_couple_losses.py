@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy.linalg as sl
 import scipy.sparse as sp
-from test_couple import BAND, random_body
+from assemblies import BAND, joined_response, random_body
 
 import flexgram
 from flexgram import Matrices, ReducedModel
@@ -48,7 +48,7 @@ def reduced(a: dict[str, Any]) -> ReducedModel:
 
 
 def exact(bodies: list[dict[str, Any]], joints: list[Joint], keep: list[int], w: float) -> Any:
-    """H of the assembly of full bodies, each with its own damping: by Lagrange multipliers."""
+    """H of the assembly of full bodies, each with its own damping."""
     A = sl.block_diag(
         *(
             a["K"] * (1 + 1j * a.get("eta", 0) + 1j * w * a["beta"])
@@ -59,22 +59,7 @@ def exact(bodies: list[dict[str, Any]], joints: list[Joint], keep: list[int], w:
     )
     B = sl.block_diag(*(a["B"] for a in bodies))
     names = [f"p{i}.{name}" for i, a in enumerate(bodies) for name in a["inputs"]]
-    ties = []
-    for joint in joints:
-        for d in joint.directions or {*joint.stiffness, *joint.damping}:
-            g = B[:, names.index(f"{joint.first}.f{d}")].copy()
-            if joint.second != "ground":
-                g -= B[:, names.index(f"{joint.second}.f{d}")]
-            if joint.ties:
-                ties.append(g)
-            else:
-                k = joint.stiffness.get(d, 0) + 1j * w * joint.damping.get(d, 0)
-                A += k * np.outer(g, g)
-    t = len(ties)
-    L = np.array(ties).reshape(t, len(A))
-    whole = np.block([[A, L.T], [L, np.zeros((t, t))]])
-    X = np.linalg.solve(whole, np.vstack([B[:, keep], np.zeros((t, len(keep)))]))[: len(A)]
-    return B[:, keep].T @ X
+    return joined_response(A, B, names, joints, keep, w)
 
 
 @pytest.mark.parametrize("joints", JOINTS, ids=["ties", "springs", "both"])

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from assemblies import random_body
 from scipy.sparse.linalg import splu
-from test_couple import random_body
 
 import flexgram
 from bodies import box, write_body_file

@@ -13,6 +13,7 @@ import scipy.io
 import scipy.linalg as sl
 import scipy.sparse as sp
 from test_nastran import punched
+from ways import in_every_way
 
 import flexgram
 from bodies import box
@@ -260,18 +261,10 @@ def test_dampers_and_loss_factors_together(ranks: int, tmp_path: Path) -> None:
     resonances, from a file, from its medium model and by pod."""
     a = with_dampers()
     K, M, D, S = (a[name].toarray() for name in "KMDS")
-    body, out = tmp_path / "body.h5", tmp_path / "rom.h5"
+    body, band = tmp_path / "body.h5", (0.002, 0.04)
     flexgram.write_matrices(body, **a, alpha=1e-4)
-    band = (0.002, 0.04)
-    asked = ("-body", body, "-mor_band_hz", "{},{}".format(*band))
-    said = run("reduce", *asked, "-mor_tol", "1e-6", "-mor_out", out, ranks=ranks).out
+    said, rom, again, sampled = in_every_way(body, band, 12, ranks)
     assert "general D + structural by material" in said
-    medium, cut, pod = (tmp_path / f"{name}.h5" for name in ("medium", "cut", "pod"))
-    run("certify", *asked, "-mor_tol", "1e-6", "-mor_medium_out", medium, ranks=ranks)
-    run("cut", "-medium", medium, "-mor_tol", "1e-6", "-mor_out", cut, ranks=ranks)
-    run("reduce", *asked, "-mor_method", "pod", "-mor_order", "12", "-mor_out", pod, ranks=ranks)
-    rom, again, sampled = (ReducedModel.load(path) for path in (out, cut, pod))
-    assert rom.met and rom.kind == "certified" and again.met
     assert rom.system.S.any() and rom.D.any()
     modes = np.sqrt(sl.eigh(K, M, eigvals_only=True))
     inside = modes[(modes > 2 * np.pi * band[0]) & (modes < 2 * np.pi * band[1])]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, fields
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,19 +13,20 @@ from numpy.typing import ArrayLike
 from flexgram.basics import BodyError, ComplexArray, Floats, check_name
 
 
+@dataclass(frozen=True)
 class Law(ABC):
     """The factor g of a term g(ω)T."""
 
     #: Its name in files.
-    kind: str
+    kind: ClassVar[str]
 
     @abstractmethod
     def at(self, omega: ArrayLike) -> ComplexArray:
         """g at frequencies omega [rad/s], of their shape."""
 
-    @abstractmethod
     def numbers(self) -> dict[str, Floats]:
         """What it is made of, as files hold it."""
+        return {entry.name: getattr(self, entry.name) for entry in fields(self)}
 
     @property
     @abstractmethod
@@ -43,9 +44,6 @@ class Viscous(Law):
     def at(self, omega: ArrayLike) -> ComplexArray:
         g: ComplexArray = 1j * np.asarray(omega, dtype=float)
         return g
-
-    def numbers(self) -> dict[str, Floats]:
-        return {}
 
 
 @dataclass(frozen=True)
@@ -71,9 +69,6 @@ class Loss(Law):
     def at(self, omega: ArrayLike) -> ComplexArray:
         g: ComplexArray = np.full(np.shape(omega), 1j * self.eta)
         return g
-
-    def numbers(self) -> dict[str, Floats]:
-        return {}
 
 
 def _lists(law: str, **given: ArrayLike) -> list[Floats]:
@@ -113,9 +108,6 @@ class Prony(Law):
         g: ComplexArray = ((z / (1 + z)) @ self.g).astype(np.complex128)
         return g
 
-    def numbers(self) -> dict[str, Floats]:
-        return {"g": self.g, "tau": self.tau}
-
 
 @dataclass(frozen=True, eq=False)
 class Table(Law):
@@ -142,9 +134,6 @@ class Table(Law):
             w, self.omega, self.loss
         )
         return g
-
-    def numbers(self) -> dict[str, Floats]:
-        return {"omega": self.omega, "storage": self.storage, "loss": self.loss}
 
 
 def viscous() -> Viscous:
@@ -263,12 +252,12 @@ def law_of(kind: str, numbers: Mapping[str, Any], where: str) -> Law:
     BodyError
         Naming ``where``, for a kind that is none, or numbers that make no law.
     """
-    makers: dict[str, Any] = {"prony": prony, "table": table}
-    names = {"prony": ("g", "tau"), "table": ("omega", "storage", "loss")}
-    if kind not in makers:
-        raise BodyError(f"{where}: law {kind} must be one of {', '.join(makers)}")
+    known: dict[str, tuple[type[Law], Any]] = {"prony": (Prony, prony), "table": (Table, table)}
+    if kind not in known:
+        raise BodyError(f"{where}: law {kind} must be one of {', '.join(known)}")
+    made, make = known[kind]
     try:
-        law: Law = makers[kind](*(numbers[name] for name in names[kind]))
+        law: Law = make(*(numbers[entry.name] for entry in fields(made)))
     except KeyError as error:
         raise BodyError(f"{where}: law {kind} needs {error}") from None
     except BodyError as error:

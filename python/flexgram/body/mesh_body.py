@@ -21,7 +21,7 @@ from flexgram.body.outputs import write_outputs
 from flexgram.body.reader import Reader, short
 from flexgram.body.sections import section_properties
 from flexgram.body.selection import in_box, nearest
-from flexgram.body.viscoelastic import KEY, Moduli, read_viscoelastic
+from flexgram.body.viscoelastic import KEY, read_isotropic, read_orthotropic
 from flexgram.body.whole import (
     Block,
     Parts,
@@ -47,7 +47,7 @@ def _write_material(file: h5py.File, name: str, data: Any, units: tuple[float, .
     if isinstance(data, dict) and "E1" in data:
         known = (*ENGINEERING, "rho", "axis_1", "axis_2", EXPANSION, LOSS, KEY)
         reader = Reader(data, where, known)
-        factor, _, laws = read_viscoelastic(reader, None) if KEY in data else (1.0, None, {})
+        factor, laws = read_orthotropic(reader)
         group.attrs["engineering_constants"] = [
             reader.number(key) * (1.0 if key.startswith("nu") else stress * factor)
             for key in ENGINEERING
@@ -63,15 +63,8 @@ def _write_material(file: h5py.File, name: str, data: Any, units: tuple[float, .
         group.attrs["axes"] = np.concatenate([first, second, np.cross(first, second)])
     else:
         reader = Reader(data, where, (*ISOTROPIC, EXPANSION, LOSS, KEY))
-        by_table = "table" in Reader(reader.data.get(KEY) or {}, f"{where}: {KEY}").data
-        if by_table and "E" in reader.data:
-            raise BodyError(f"{where}: the table holds E by frequency: leave E out")
-        given = None if by_table else Moduli(reader.number("E"), reader.number("nu"))
-        factor, moduli, laws = (
-            read_viscoelastic(reader, given) if KEY in reader.data else (1.0, given, {})
-        )
-        assert moduli is not None
-        group.attrs["E"] = moduli.E * factor * stress
+        moduli, laws = read_isotropic(reader)
+        group.attrs["E"] = moduli.E * stress
         group.attrs["nu"] = moduli.nu
     for part, law in laws.items():
         write_law(group.create_group(part), law)

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from flexgram.basics import BodyError, Floats
-from flexgram.body.laws import Law, Prony, prony, table
+from flexgram.body.laws import Law, prony, table
 from flexgram.body.reader import Reader, short
 
 KEY = "viscoelastic"
@@ -27,64 +27,82 @@ class Moduli(NamedTuple):
     nu: float
 
 
-def read_viscoelastic(
-    material: Reader, moduli: Moduli | None
-) -> tuple[float, Moduli, dict[str, Law]]:
-    """What is in K, and what is beside it.
+def read_isotropic(material: Reader) -> tuple[Moduli, dict[str, Law]]:
+    """The moduli that K holds, and the laws beside them, of an isotropic material.
 
     Parameters
     ----------
     material : Reader
-        With the key ``viscoelastic``: a mapping with ``prony``, a list of [g, tau] (shares of the
-        instantaneous moduli, as FE codes count them; relaxation times in s) or a mapping of such
-        lists for ``shear`` and ``bulk``, and ``moduli`` (``long-term``, the default, or
-        ``instantaneous``: what E is); or with ``table``, a mapping of lists ``hz``, ``storage``
-        and ``loss`` or ``loss_factor``, moduli in the unit of E, which is left out.
-    moduli : Moduli, optional
-        As given: None for a table, and for an orthotropic material.
-
-    Returns
-    -------
-    factor, moduli, laws
-        ``factor``: of all moduli as given, to those in K.
+        With E and nu. Perhaps with the key ``viscoelastic``, a mapping with either of
+        ``prony``: a list of [g, tau] (shares of the instantaneous moduli, as FE codes count them;
+        relaxation times in s), or a mapping of such lists for ``shear`` and ``bulk``; and
+        ``moduli``, what E is: ``long-term``, the default, or ``instantaneous``.
+        ``table``: a mapping of lists ``hz``, ``storage`` and ``loss`` or ``loss_factor``, moduli in
+        the unit of E, which is left out.
 
     Raises
     ------
     BodyError
         Naming the place of the mistake.
     """
-    data = Reader(material.get(KEY), f"{material.where}: {KEY}", ("prony", "moduli", "table"))
-    if ("prony" in data.data) == ("table" in data.data):
-        raise BodyError(f"{data.where}: give prony, or table")
+    if KEY not in material.data:
+        return Moduli(material.number("E"), material.number("nu")), {}
+    data = _mapping(material)
     if "table" in data.data:
-        if "moduli" in data.data:
-            raise BodyError(f"{data.where}: moduli go with prony")
+        if "E" in material.data:
+            raise BodyError(f"{material.where}: the table holds E by frequency: leave E out")
         least, of_table = _table(data)
-        return 1.0, Moduli(least, material.number("nu")), {"whole": of_table}
-    instantaneous = (
-        data.choice("moduli", ("long-term", "instantaneous"), "long-term") != "long-term"
-    )
-    given = data.get("prony")
-    if not isinstance(given, dict):
-        law, share = _series(given, f"{data.where}: prony")
-        factor = share if instantaneous else 1.0
-        return factor, moduli or Moduli(0, 0), {"whole": law}
-    if moduli is None:
-        raise BodyError(f"{data.where}: shear and bulk are parts of isotropic materials")
-    parts = Reader(given, f"{data.where}: prony", PARTS)
+        return Moduli(least, material.number("nu")), {"whole": of_table}
+    moduli = Moduli(material.number("E"), material.number("nu"))
+    if not isinstance(data.get("prony"), dict):
+        share, laws = _alike(data)
+        return Moduli(share * moduli.E, moduli.nu), laws
+    parts = Reader(data.get("prony"), f"{data.where}: prony", PARTS)
     series = {
-        part: _series(parts.get(part), f"{parts.where}: {part}") for part in PARTS if part in given
+        part: _series(parts.get(part), f"{parts.where}: {part}")
+        for part in PARTS
+        if part in parts.data
     }
     if not series:
         raise BodyError(f"{parts.where}: give shear, bulk or both")
-    laws: dict[str, Law] = {part: law for part, (law, _) in series.items()}
-    if not instantaneous:
-        return 1.0, moduli, laws
+    laws = {part: law for part, (law, _) in series.items()}
+    if not _is_instantaneous(data):
+        return moduli, laws
     left = {part: series[part][1] if part in series else 1.0 for part in PARTS}
     shear = left["shear"] * moduli.E / (2 * (1 + moduli.nu))
     bulk = left["bulk"] * moduli.E / (3 * (1 - 2 * moduli.nu))
     nu = (3 * bulk - 2 * shear) / (2 * (3 * bulk + shear))
-    return 1.0, Moduli(9 * bulk * shear / (3 * bulk + shear), nu), laws
+    return Moduli(9 * bulk * shear / (3 * bulk + shear), nu), laws
+
+
+def read_orthotropic(material: Reader) -> tuple[float, dict[str, Law]]:
+    """What K holds of all moduli of an orthotropic material, which relax alike (``prony``, a list),
+    and the law beside it. Raises as ``read_isotropic``."""
+    if KEY not in material.data:
+        return 1.0, {}
+    data = _mapping(material)
+    if "table" in data.data or isinstance(data.get("prony"), dict):
+        raise BodyError(f"{data.where}: tables, shear and bulk are for isotropic materials")
+    return _alike(data)
+
+
+def _mapping(material: Reader) -> Reader:
+    data = Reader(material.get(KEY), f"{material.where}: {KEY}", ("prony", "moduli", "table"))
+    if ("prony" in data.data) == ("table" in data.data):
+        raise BodyError(f"{data.where}: give prony, or table")
+    if "table" in data.data and "moduli" in data.data:
+        raise BodyError(f"{data.where}: moduli go with prony")
+    return data
+
+
+def _is_instantaneous(data: Reader) -> bool:
+    return data.choice("moduli", ("long-term", "instantaneous"), "long-term") == "instantaneous"
+
+
+def _alike(data: Reader) -> tuple[float, dict[str, Law]]:
+    """The share of given moduli that K holds, and the law of all of them."""
+    law, share = _series(data.get("prony"), f"{data.where}: prony")
+    return share if _is_instantaneous(data) else 1.0, {"whole": law}
 
 
 def _numbers(values: Any, where: str) -> Floats:
@@ -99,7 +117,7 @@ def _numbers(values: Any, where: str) -> Floats:
     return array
 
 
-def _series(rows: Any, where: str) -> tuple[Prony, float]:
+def _series(rows: Any, where: str) -> tuple[Law, float]:
     """The law of [g, tau], and the long-term share 1 - Σ g of the instantaneous modulus."""
     if not (isinstance(rows, list) and rows):
         raise BodyError(f"{where} = {short(rows)} must be a list of [g, tau]")

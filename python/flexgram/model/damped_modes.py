@@ -20,16 +20,17 @@ def modes_of(system: System) -> tuple[Floats, Floats]:
     if not system.terms:
         return squares, modes
     squares, modes = squares.copy(), modes.copy()
+    square = 0.0  # of the last mode, which is near the next
     for j in range(len(squares)):
-        for _ in range(20):
-            if not np.isfinite(squares[j]) or squares[j] <= 0:
-                break
-            omega = np.sqrt(squares[j])
-            K = system.K + sum(float(t.law.at(omega).real) * t.matrix for t in system.terms)
-            every, shapes = natural_modes(K, system.M)
-            change = abs(every[j] - squares[j])
-            squares[j], modes[:, j] = every[j], shapes[:, j]
-            if not change > 1e-12 * squares[j]:
+        if not np.isfinite(squares[j]):
+            break
+        square = max(square, squares[j])
+        for _ in range(20 if squares[j] > 0 else 0):
+            stiffer = [t.law.at(np.sqrt(square)).real * t.matrix for t in system.terms]
+            every, shapes = natural_modes(system.K + sum(stiffer), system.M)
+            before, square = square, every[j]
+            squares[j], modes[:, j] = square, shapes[:, j]
+            if not abs(square - before) > 1e-10 * square:
                 break
     return squares, modes
 

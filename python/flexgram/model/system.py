@@ -237,7 +237,9 @@ class System:
         of their own; else empty."""
         words = [f"eta = {self.eta:g}"] if self.eta else []
         words += ["S, by material"] if self.S.any() else []
-        return ", ".join([*words, *(f"{term.name}: {term.law.words}" for term in self.terms)])
+        return ", ".join(
+            [*words, *(f"{term.name}, viscoelastic: {term.law.words}" for term in self.terms)]
+        )
 
     @property
     def timeless(self) -> str:

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from flexgram.basics import BodyError, written_aside
 from flexgram.body.stress import Stresses
 from flexgram.measured import mode_shapes
-from flexgram.model.damped_modes import losses, modes_of, natural_frequencies
+from flexgram.model.damped_modes import losses, modes_of
 from flexgram.model.elastic_part import without_rigid_modes
 from flexgram.model.geometry import body_of
 from flexgram.model.recovery import stress_peaks, words_of_stress
@@ -76,7 +76,7 @@ def _modes(model: ReducedBody, most: int = 40) -> str:
     poles = poles[poles.imag >= 0]
     squares, shapes = modes_of(model.system)
     lost = losses(model.system, squares, shapes)
-    frequencies = natural_frequencies(model)
+    frequencies = np.sqrt(np.maximum(squares, 0)) if model.system.terms else model.modes
     masses = mode_shapes.effective_masses(model, shapes)
     rows = []
     rigid = int(np.sum(frequencies < 1e-6 * max(frequencies.max(initial=0), 1e-300)))

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexgram.basics import BodyError, ReductionWarning, check_name
-from flexgram.body.laws import with_terms
+from flexgram.body.laws import Term, with_terms
 from flexgram.body.matrices import Matrices
 from flexgram.reduced_model import ReducedModel
 from flexgram.reduction.options import NAMES
@@ -119,15 +119,16 @@ def _dense(name: str, value: Any, rows: int, axis: int) -> Any:
     return block
 
 
-def _matrices_of(matrices: Matrices) -> dict[str, Any]:
-    """What is handed over by rows; of terms D and S where they are these, else by their names."""
+def _matrices_of(matrices: Matrices) -> tuple[dict[str, Any], list[Term]]:
+    """What is handed over by rows, of terms D and S where they are these, else by their names; and
+    the terms with names."""
     D, S, others = with_terms(matrices.D, matrices.S, matrices.terms)
     given = {"K": matrices.K, "M": matrices.M, "D": D, "S": S}
     for term in others:
         if term.name in given:
             raise BodyError(f"term {term.name}: the name of another matrix")
         given[term.name] = term.matrix
-    return given
+    return given, others
 
 
 def _port_names(what: str, given: Sequence[str] | None, count: int, prefix: str) -> list[str]:
@@ -144,7 +145,7 @@ def _own_rows(matrices: Matrices, comm: Any) -> dict[str, Any]:
     for name in ("K", "M", "B"):
         if getattr(matrices, name) is None:
             raise BodyError(f"{name} is missing")
-    given = _matrices_of(matrices)
+    given, terms = _matrices_of(matrices)
     for name, matrix in given.items():
         if not (matrix is None or sp.issparse(matrix) or hasattr(matrix, "handle")):
             kind = type(matrix).__name__
@@ -155,7 +156,7 @@ def _own_rows(matrices: Matrices, comm: Any) -> dict[str, Any]:
             raise BodyError(f"{name} = {value}: damping must be finite and not negative")
     first, last = _rows_of(matrices, comm)
     n = int(matrices.K.shape[0] if sp.issparse(matrices.K) else matrices.K.getSize()[0])
-    parts: dict[str, Any] = {"rows": (first, last)}
+    parts: dict[str, Any] = {"rows": (first, last), "given": given, "terms": terms}
     for name, matrix in given.items():
         if matrix is not None:
             parts[name] = _one_matrix(name, matrix, (first, last), n, comm)
@@ -197,10 +198,10 @@ def _places(matrices: Matrices, mine: slice, rows: int) -> dict[str, Any]:
 def _matrices_over(matrices: Matrices, comm: Any) -> Any:
     parts = _agree(comm, lambda: _own_rows(matrices, comm))
     body = core().Body(comm.py2f(), matrices.name)
-    for term in with_terms(None, None, matrices.terms)[2]:
+    for term in parts["terms"]:
         numbers = {name: list(values) for name, values in term.law.numbers().items()}
         body.set_law(term.name, term.law.kind, numbers)
-    for name, given in _matrices_of(matrices).items():
+    for name, given in parts["given"].items():
         if isinstance(parts.get(name), tuple):
             body.set_csr(name, *parts[name])
         elif name in parts:

@@ -110,7 +110,9 @@ def _header(matrices: dict[str, Floats], version: int, token: str) -> str:
 class _Description:
     """modelDescription.xml."""
 
-    def __init__(self, model: ReducedBody, rates: Sequence[str], name: str, token: str) -> None:
+    def __init__(
+        self, model: ReducedBody, rates: Sequence[str], states: int, name: str, token: str
+    ) -> None:
         self.model, self.name, self.token = model, name, token
         self.inputs = [(port, unit_of(port, False)) for port in model.inputs]
         self.outputs = [
@@ -121,7 +123,7 @@ class _Description:
             ]
             for port in model.outputs
         ]
-        self.states = 2 * model.order + InternalStates.of(model.system.terms, model.order).count
+        self.states = states
         free = " small motions only: rigid motion is linear too;" if model.frame.rigid_modes else ""
         words = "; ".join(f"{key}: {value}" for key, value in facts_of(model).items())
         self.about = f"elastic body reduced by flexgram;{free} {words}"
@@ -318,11 +320,12 @@ def write_fmu(
     name = re.sub(r"\W", "_", path.stem)
     name = name if re.match("[A-Za-z_]", name) else f"_{name}"
     token = f"{{{uuid.uuid4()}}}"
-    description = _Description(model, rates, name, token)
+    matrices = _matrices(model, rates)
+    description = _Description(model, rates, len(matrices["A0"]), name, token)
     with tempfile.TemporaryDirectory(prefix="flexgram-fmu-") as work:
         folder = Path(work)
         shutil.copyfile(SOURCE, folder / "model.c")
-        (folder / "model_data.h").write_text(_header(_matrices(model, rates), version, token))
+        (folder / "model_data.h").write_text(_header(matrices, version, token))
         library = folder / f"{name}.so"
         _compile(folder, library)
         xml = description.of_version_2() if version == 2 else description.of_version_3()
