@@ -11,7 +11,7 @@ from flexgram import moved
 from flexgram.basics import BodyError, ReductionWarning
 from flexgram.body.bodyfile import write_matrices
 from flexgram.body.description import import_body
-from flexgram.body.laws import loss, prony, table, viscous
+from flexgram.body.laws import loss, parameter, prony, table, viscous
 from flexgram.body.matrices import Matrices
 from flexgram.importers.mesh import import_mesh
 from flexgram.reduced_model import ReducedModel
@@ -35,6 +35,7 @@ __all__ = [
     "import_mesh",
     "importers",
     "loss",
+    "parameter",
     "prony",
     "reduce",
     "table",

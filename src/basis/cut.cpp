@@ -45,23 +45,27 @@ private:
     return request_.medium_target > 0 ? request_.medium_target
                                       : medium_target(request_.order);
   }
-  std::shared_ptr<MediumOverBand> seen(std::size_t level) const;
-  std::shared_ptr<MediumOverBand> first_that_serves() const;
+  std::shared_ptr<MediumOverBand> seen(std::size_t level,
+                                       const ParameterValues& values) const;
+  std::vector<ErrorOverBox::Sight> sights(std::size_t level) const;
+  std::vector<ErrorOverBox::Sight> first_that_serves();
   std::vector<BandWeight> weights() const;
+  std::vector<const MediumModel*> others() const;
+  bool add_weak_values();
   std::vector<double> error_grid(const MediumModel& model) const;
   Dense gram() const;
   Dense tangent(const Dense& Q) const;
-  ErrorOverBand::Supremum shared_supremum(ErrorOverBand::Supremum sup) const;
+  ErrorOverBox::Supremum shared_supremum(ErrorOverBox::Supremum sup) const;
   double smallest_tolerance() const {
     return request_.order.tolerance ? request_.order.smallest() : 0.0;
   }
   double limit_of(std::size_t view) const;
-  BandClaim claim_of(const ErrorOverBand::Supremum& sup, const DenseSystem& small);
+  BandClaim claim_of(const ErrorOverBox::Supremum& sup, const DenseSystem& small);
   DenseSystem::Modal chosen_model();
   ReducedModel reduced(const Dense& Q, const DenseSystem& small,
-                       const ErrorOverBand::Supremum& sup);
+                       const ErrorOverBox::Supremum& sup);
   void claim_field(const Dense& Q, const DenseSystem& small,
-                   const ErrorOverBand::Supremum& sup, ReducedModel& rom) const;
+                   const ErrorOverBox::Supremum& sup, ReducedModel& rom) const;
 
   const Medium& whole_;
   const CutRequest& request_;
@@ -70,10 +74,13 @@ private:
   std::vector<Interval> bands_;
   std::vector<double> shifts_;
   PortSelection ports_;
-  std::shared_ptr<MediumOverBand> seen_;
+  std::size_t level_ = 0; ///< that serves
+  std::vector<ErrorOverBox::Sight> sights_; ///< with each of the parameters' values
+  double between_ = 0; ///< largest error that was seen between these values, on a grid
+  MediumOverBand& seen_;                    ///< with those that the body has
   const MediumModel& medium_;
   std::unique_ptr<SecondStage> stage_;
-  ErrorOverBand errors_;
+  ErrorOverBox errors_;
   OrderChoice choice_;
   FrameKind frame_ = FrameKind::none;
 };
@@ -83,8 +90,8 @@ Cut::Cut(const Medium& medium, const CutRequest& request, Observer& observer)
       bands_(request.bands.empty() ? medium.spec.bands : request.bands),
       shifts_(request.shifts.empty() ? default_shifts(bands_) : request.shifts),
       ports_(find_ports(medium.body, request.inputs, request.outputs)),
-      seen_(first_that_serves()), medium_(seen_->model()),
-      errors_(*seen_, request.relative_to) {}
+      sights_(first_that_serves()), seen_(*sights_.front().seen), medium_(seen_.model()),
+      errors_(sights_, request.relative_to) {}
 
 /// What the medium model must hold for the request.
 void Cut::check() const {
@@ -108,16 +115,18 @@ void Cut::check() const {
 }
 
 /// A level as this request looks at it.
-std::shared_ptr<MediumOverBand> Cut::seen(std::size_t level) const {
+std::shared_ptr<MediumOverBand> Cut::seen(std::size_t level,
+                                          const ParameterValues& values) const {
   const KindSpec kinds = request_.order.kinds();
   const double enough = std::min(target(), whole_.spec.target);
   return whole_.seen->find_or(
       {level, ports_, kinds,
        request_.relative_to == RelativeTo::band ? RelativeTo::pointwise
                                                 : request_.relative_to,
-       bands_, request_.error_omega, enough},
+       bands_, request_.error_omega, enough, values},
       [&] {
-        MediumModel model(whole_, level, ports_, kinds, request_.relative_to, enough);
+        MediumModel model(whole_, level, ports_, kinds, request_.relative_to, enough,
+                          values);
         model.follow_dampers();
         std::vector<double> peaks; // decisions about intervals must not differ
         for (const auto& [omega, half_width] : model.resonances)
@@ -132,20 +141,36 @@ std::shared_ptr<MediumOverBand> Cut::seen(std::size_t level) const {
       });
 }
 
+/// With all values of the parameters.
+std::vector<ErrorOverBox::Sight> Cut::sights(std::size_t level) const {
+  if (whole_.spec.values.empty()) return {{{}, seen(level, {})}};
+  std::vector<ErrorOverBox::Sight> all;
+  for (const ParameterValues& values : whole_.spec.values)
+    all.push_back({values, seen(level, values)});
+  return all;
+}
+
 /// The first level that meets the target: for all ports and bands the one that the growth
 /// for this target would have ended with.
-std::shared_ptr<MediumOverBand> Cut::first_that_serves() const {
+std::vector<ErrorOverBox::Sight> Cut::first_that_serves() {
   check();
   const std::size_t last = whole_.levels.size() - 1;
   for (std::size_t k = 0; k < last && target() > whole_.spec.target; ++k) {
     if (!whole_.levels[k].serves(target())) continue;
-    const auto here = seen(k);
-    std::vector<double> spot{
-        ErrorOverBand(*here, request_.relative_to).weak_spot(target()).value_or(-1.0)};
-    share_from_first(comm_, spot);
-    if (spot[0] < 0) return here;
+    auto here = sights(k);
+    const bool is_weak =
+        std::any_of(here.begin(), here.end(), [&](const ErrorOverBox::Sight& sight) {
+          std::vector<double> spot{ErrorOverBand(*sight.seen, request_.relative_to)
+                                       .weak_spot(target())
+                                       .value_or(-1.0)};
+          share_from_first(comm_, spot);
+          return spot[0] >= 0;
+        });
+    level_ = k;
+    if (!is_weak) return here;
   }
-  return seen(last);
+  level_ = last;
+  return sights(last);
 }
 
 std::vector<BandWeight> Cut::weights() const {
@@ -154,6 +179,41 @@ std::vector<BandWeight> Cut::weights() const {
   for (const Interval& band : bands_)
     result.push_back(BandWeight::flat(band.first, band.last));
   return result;
+}
+
+/// With other values of the parameters than those that the body has.
+std::vector<const MediumModel*> Cut::others() const {
+  std::vector<const MediumModel*> models;
+  for (std::size_t k = 1; k < sights_.size(); ++k)
+    models.push_back(&sights_[k].seen->model());
+  return models;
+}
+
+/// Looks at values of the parameters between those that the claim is made for, at frequencies.
+/// Where the chosen body does not meet the tolerance the claim is made for these too: whether
+/// there are such.
+bool Cut::add_weak_values() {
+  const Candidate& candidate = choice_.candidates[choice_.best];
+  const DenseSystem small = medium_.system.project(candidate.basis(choice_.order));
+  between_ = 0;
+  bool any = false;
+  for (const ParameterValues& values : whole_.spec.between) {
+    const auto is_known = [&](const auto& sight) { return sight.values == values; };
+    if (std::any_of(sights_.begin(), sights_.end(), is_known)) continue;
+    const auto here = seen(level_, values);
+    std::vector<double> worst{
+        ErrorOverBand(*here, request_.relative_to).of(small.at(values)).worst};
+    share_from_first(comm_, worst);
+    if (request_.order.tolerance && choice_.shortfall.empty() &&
+        !(worst[0] <= smallest_tolerance())) {
+      sights_.push_back({values, here});
+      errors_.add(sights_.back());
+      any = true;
+    } else {
+      between_ = std::max(between_, worst[0]);
+    }
+  }
+  return any;
 }
 
 std::vector<double> Cut::error_grid(const MediumModel& model) const {
@@ -219,7 +279,7 @@ Dense Cut::tangent(const Dense& Q) const {
 
 /// Rank 0's: the last bit may differ between ranks, and with it how often intervals were
 /// halved; the file and the exit status must not.
-ErrorOverBand::Supremum Cut::shared_supremum(ErrorOverBand::Supremum sup) const {
+ErrorOverBox::Supremum Cut::shared_supremum(ErrorOverBox::Supremum sup) const {
   std::vector<double> head{sup.worst, sup.proved ? 1.0 : 0.0,
                            static_cast<double>(sup.excluded.size()),
                            static_cast<double>(sup.intervals)};
@@ -230,6 +290,7 @@ ErrorOverBand::Supremum Cut::shared_supremum(ErrorOverBand::Supremum sup) const 
   sup.intervals = static_cast<int>(head[3]);
   for (auto* values : {&sup.worst_of, &sup.attained_of, &sup.at_of})
     share_from_first(comm_, *values);
+  for (ParameterValues& values : sup.values_of) share_from_first(comm_, values);
   std::vector<double> ends;
   for (const Interval& e : sup.excluded) ends.insert(ends.end(), {e.first, e.last});
   share_from_first(comm_, ends);
@@ -243,7 +304,7 @@ double Cut::limit_of(std::size_t view) const {
   return request_.order.smallest() * medium_.views[view].allowed;
 }
 
-BandClaim Cut::claim_of(const ErrorOverBand::Supremum& sup, const DenseSystem& small) {
+BandClaim Cut::claim_of(const ErrorOverBox::Supremum& sup, const DenseSystem& small) {
   BandClaim claim;
   claim.worst = sup.worst;
   claim.whole = sup.worst_of[0];
@@ -251,8 +312,14 @@ BandClaim Cut::claim_of(const ErrorOverBand::Supremum& sup, const DenseSystem& s
                             sup.worst_of.begin());
   claim.attained = sup.attained_of[view];
   claim.at = sup.at_of[view];
-  claim.rigid_rounding = seen_->grid().rigid_rounding;
-  const auto& data = seen_->grid().data_rounding;
+  for (const Law& parameter : parameters_of(small.terms))
+    claim.parameters.push_back(parameter.name());
+  if (!claim.parameters.empty())
+    for (const ErrorOverBox::Sight& sight : sights_) claim.values.push_back(sight.values);
+  claim.between = between_;
+  claim.at_values = sup.values_of[view];
+  claim.rigid_rounding = seen_.grid().rigid_rounding;
+  const auto& data = seen_.grid().data_rounding;
   if (const auto most = std::max_element(data.begin(), data.end()); most != data.end()) {
     claim.data_rounding = *most;
     claim.data_rounding_at = errors_.omega()[as_size(most - data.begin())];
@@ -302,7 +369,7 @@ DenseSystem::Modal Cut::chosen_model() {
 
 /// The reduced body and what is claimed of it.
 ReducedModel Cut::reduced(const Dense& Q, const DenseSystem& small,
-                          const ErrorOverBand::Supremum& sup) {
+                          const ErrorOverBox::Supremum& sup) {
   ReducedModel rom;
   rom.system = small.model(medium_.names);
   rom.V = medium_.lift(Q);
@@ -320,7 +387,7 @@ ReducedModel Cut::reduced(const Dense& Q, const DenseSystem& small,
   rom.claim.curve.bound = std::move(errors.bound);
   rom.claim.curve.floor = errors_.floor();
   if (whole_.printed_rounding > 0)
-    rom.claim.curve.data_rounding = seen_->grid().data_rounding;
+    rom.claim.curve.data_rounding = seen_.grid().data_rounding;
   rom.claim.supremum = claim_of(sup, small);
   std::vector<double> poles;
   for (const auto& pole : medium_.poles_within(small, sup.excluded))
@@ -336,7 +403,7 @@ ReducedModel Cut::reduced(const Dense& Q, const DenseSystem& small,
   if (!request_.order.of_kinds.empty())
     for (std::size_t v = 1; v < sup.worst_of.size(); ++v)
       rom.claim.kind_tolerances.push_back(limit_of(v));
-  rom.modes = eigenfrequencies(rom.system);
+  rom.modes = eigenfrequencies(small.stiffened().model(medium_.names));
   rom.claim.band[0] = bands_.front().first;
   rom.claim.band[1] = bands_.back().last;
   rom.provenance.factorisations = whole_.factorisations;
@@ -355,8 +422,8 @@ ReducedModel Cut::reduced(const Dense& Q, const DenseSystem& small,
 
 /// Of each kind of inputs.
 void Cut::claim_field(const Dense& Q, const DenseSystem& small,
-                      const ErrorOverBand::Supremum& sup, ReducedModel& rom) const {
-  const FieldError field(*seen_, Q, small);
+                      const ErrorOverBox::Supremum& sup, ReducedModel& rom) const {
+  const FieldError field(seen_, Q, small);
   std::vector<std::vector<int>> known;
   for (const PortView& view : port_views(medium_.names, {true, {}, {}})) {
     if (std::find(known.begin(), known.end(), view.columns) != known.end()) continue;
@@ -383,12 +450,16 @@ ReducedModel Cut::run() {
   }
   if (medium_.rigid > 0) observer_.fact("frame", frame_names[as_size(frame_)]);
   stage_ = std::make_unique<SecondStage>(
-      SecondStage{medium_, weights(), request_.equal_ports, frame_ != FrameKind::none,
+      SecondStage{medium_, others(), weights(), request_.equal_ports, frame_ != FrameKind::none,
                   gram(), shifts_, request_.moments, request_.relative_to,
                   smallest_tolerance(), request_.statics});
   const auto names =
       request_.methods.empty() ? automatic_methods(request_.order) : request_.methods;
   choice_ = choose_order(names, *stage_, errors_, request_.order);
+  while (add_weak_values()) {
+    stage_->others = others();
+    choice_ = choose_order(names, *stage_, errors_, request_.order);
+  }
   if (!choice_.tried.empty()) observer_.fact("second stage", choice_.tried);
   const DenseSystem::Modal chosen = chosen_model();
   const Dense& Q = chosen.Q;
@@ -396,9 +467,9 @@ ReducedModel Cut::run() {
   const auto sup = shared_supremum(errors_.supremum(small, smallest_tolerance()));
   ReducedModel rom = reduced(Q, small, sup);
   if (request_.field) claim_field(Q, small, sup, rom);
-  rom.claim.form = seen_->model().error_form();
+  rom.claim.form = seen_.model().error_form();
   rom.claim.held = held_interfaces(medium_, small, bands_.back().last);
-  tell({whole_, request_, *seen_, choice_, small, sup}, rom, observer_);
+  tell({whole_, request_, seen_, choice_, small, sup}, rom, observer_);
   return rom;
 }
 

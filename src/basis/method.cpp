@@ -88,11 +88,16 @@ Dense Elastic::statics() const {
 }
 
 Candidate gramian_candidate(const SecondStage& stage,
-                            const std::vector<BandWeight>& bands) {
-  const DenseResponse response(stage.medium.system, stage.medium.tau);
+                            const std::vector<std::vector<BandWeight>>& bands) {
   // With many ports, unless the tolerance needs small eigenvalues.
   const bool squares = stage.medium.has_many_ports() && stage.tolerance >= 1e-5;
-  const Dense F = gramian_factor(response, bands, stage.equal_ports, squares);
+  const auto factor = [&](const MediumModel& medium, std::size_t k) {
+    return gramian_factor(DenseResponse(medium.system, medium.tau), bands[k],
+                          stage.equal_ports, squares);
+  };
+  Dense F = factor(stage.medium, 0);
+  for (std::size_t k = 0; k < stage.others.size(); ++k)
+    F = beside(F, factor(*stage.others[k], k + 1));
   const WeightedSvd all = weighted_svd(F, stage.gram);
   Candidate c;
   if (stage.medium.rigid > 0 && stage.keep_rigid) {

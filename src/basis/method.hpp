@@ -16,6 +16,7 @@ namespace flexgram {
 /// What the small bases are made from: the medium model and how they are asked to be.
 struct SecondStage {
   const MediumModel& medium;
+  std::vector<const MediumModel*> others; ///< with other values of the body's parameters
   std::vector<BandWeight> bands; ///< [rad/s], with their weights
   bool equal_ports = true;
   /// The first basis vectors are to be the rigid modes, exactly; what keeps them apart
@@ -106,9 +107,10 @@ struct Elastic {
 };
 
 /// Eigenvectors of the position Gramian over the bands; where the rigid modes are kept
-/// apart those of its elastic part.
+/// apart those of its elastic part. With parameters: of the sum of the Gramians.
+/// @param bands  for the medium model, and for each of the others.
 Candidate gramian_candidate(const SecondStage& stage,
-                            const std::vector<BandWeight>& bands);
+                            const std::vector<std::vector<BandWeight>>& bands);
 /// Eigenvectors of the position Gramian over the whole axis.
 Candidate whole_axis_candidate(const SecondStage& stage);
 

@@ -67,7 +67,7 @@ int ruled_order(const Candidate& candidate, const SecondStage& stage) {
 }
 
 /// Why no small model meets the tolerance.
-std::string shortfall(double tolerance, const SecondStage& stage, ErrorOverBand& errors,
+std::string shortfall(double tolerance, const SecondStage& stage, ErrorOverBox& errors,
                       const Candidate& best) {
   const double least = errors.least();
   if (const auto floor = errors.largest_floor(); floor.worst > 0.5 * tolerance)
@@ -87,7 +87,7 @@ std::string shortfall(double tolerance, const SecondStage& stage, ErrorOverBand&
 /// The smallest order of all candidates at which the measure of the error meets the
 /// tolerance; 0 if there is none.
 int smallest_of_all(OrderChoice& choice, double tolerance, const SecondStage& stage,
-                    ErrorOverBand& errors, ErrorOverBand::Measure measure) {
+                    ErrorOverBox& errors, ErrorOverBand::Measure measure) {
   choice.tried.clear();
   for (std::size_t c = 0; c < choice.candidates.size(); ++c) {
     const Candidate& candidate = choice.candidates[c];
@@ -111,7 +111,7 @@ int smallest_of_all(OrderChoice& choice, double tolerance, const SecondStage& st
 
 /// The largest body of the candidate that comes closest.
 void choose_closest(OrderChoice& choice, const SecondStage& stage,
-                    ErrorOverBand& errors) {
+                    ErrorOverBox& errors) {
   double reached = std::numeric_limits<double>::infinity();
   for (std::size_t c = 0; c < choice.candidates.size(); ++c) {
     const Candidate& candidate = choice.candidates[c];
@@ -125,7 +125,7 @@ void choose_closest(OrderChoice& choice, const SecondStage& stage,
 }
 
 void choose_by_tolerance(OrderChoice& choice, double tolerance, const SecondStage& stage,
-                         ErrorOverBand& errors) {
+                         ErrorOverBox& errors) {
   using Measure = ErrorOverBand::Measure;
   choice.chosen_by = text("{tol} %g", tolerance);
   if (errors.least() <= tolerance &&
@@ -139,7 +139,7 @@ void choose_by_tolerance(OrderChoice& choice, double tolerance, const SecondStag
 }
 
 void choose_by_order(OrderChoice& choice, int order, const SecondStage& stage,
-                     ErrorOverBand& errors) {
+                     ErrorOverBox& errors) {
   double least = std::numeric_limits<double>::infinity();
   for (std::size_t c = 0; c < choice.candidates.size(); ++c) {
     const Candidate& candidate = choice.candidates[c];
@@ -164,7 +164,7 @@ void choose_by_order(OrderChoice& choice, int order, const SecondStage& stage,
 } // namespace
 
 OrderChoice choose_order(const std::vector<std::string>& names, const SecondStage& stage,
-                         ErrorOverBand& errors, const OrderSpec& order) {
+                         ErrorOverBox& errors, const OrderSpec& order) {
   OrderChoice choice;
   for (const auto& name : names) choice.candidates.push_back(make_candidate(name, stage));
   if (order.tolerance) {

@@ -4,7 +4,7 @@
 #pragma once
 
 #include "basis/method.hpp"
-#include "medium/error_over_band.hpp"
+#include "medium/error_over_box.hpp"
 
 namespace flexgram {
 
@@ -30,6 +30,6 @@ struct OrderChoice {
 /// error. Else by the paper's rule.
 /// @throws Error with the reason if the order cannot be had.
 OrderChoice choose_order(const std::vector<std::string>& names, const SecondStage& stage,
-                         ErrorOverBand& errors, const OrderSpec& order);
+                         ErrorOverBox& errors, const OrderSpec& order);
 
 } // namespace flexgram

@@ -43,9 +43,10 @@ std::string bound_words(double bound, const char* format) {
 /// Where H vanishes, or nearly, no error relative to it is small: whether that is why the
 /// error is large, in words.
 std::string at_a_zero(const CutStory& cut) {
-  const ErrorOverBand::Supremum& sup = cut.sup;
+  const ErrorOverBox::Supremum& sup = cut.sup;
   const MediumModel& medium = cut.seen.model();
   if (cut.request.relative_to == RelativeTo::band || sup.worst < 1) return "";
+  if (!cut.whole.spec.values.empty()) return ""; // known with the body's own values alone
   const auto worst = std::max_element(sup.attained_of.begin(), sup.attained_of.end());
   const auto view = as_size(worst - sup.attained_of.begin());
   const double omega = sup.at_of[view];
@@ -142,7 +143,7 @@ std::string unmet_words(const BandClaim& claim) {
 /// The error in words: of H as a whole, by either reference, and of its kinds.
 /// The claim, and what it is relative to.
 void tell_supremum(const CutStory& cut, const ReducedModel& rom, Observer& observer) {
-  const ErrorOverBand::Supremum& sup = cut.sup;
+  const ErrorOverBox::Supremum& sup = cut.sup;
   const MediumModel& medium = cut.seen.model();
   const std::string label = label_of(rom);
   const bool to_band = cut.request.relative_to == RelativeTo::band;
@@ -154,20 +155,34 @@ void tell_supremum(const CutStory& cut, const ReducedModel& rom, Observer& obser
       "|H| without rigid motion at each frequency",
       "the smaller of |H| and |H| without rigid motion at each frequency"};
   const char* const reference = references[static_cast<int>(relative_to)];
+  const std::vector<Law> parameters = parameters_of(rom.system.terms);
+  const std::size_t values = rom.claim.supremum->values.size();
   observer.fact("error",
-                text("%s of %s, everywhere in the band%s (%s), reached %.2e at %.5g Hz; "
+                text("%s of %s, everywhere in the band%s%s (%s), reached %.2e at %.5g Hz%s; "
                      "rounding floor %.0e",
                      bound_words(sup.worst_of[0], "at most %.2e").c_str(), reference,
-                     rom.claim.supremum->bands.size() > 1 ? "s" : "", label.c_str(),
-                     sup.attained_of[0], sup.at_of[0] * hz,
+                     rom.claim.supremum->bands.size() > 1 ? "s" : "",
+                     values == 0
+                         ? ""
+                         : text(" with each of %zu combination%s of the parameters' values",
+                                values, values == 1 ? "" : "s")
+                               .c_str(),
+                     label.c_str(), sup.attained_of[0], sup.at_of[0] * hz,
+                     values == 0
+                         ? ""
+                         : (", " + words_of(parameters, sup.values_of[0])).c_str(),
                      *std::max_element(rom.claim.curve.floor.begin(),
                                        rom.claim.curve.floor.end())));
+  if (!cut.whole.spec.between.empty())
+    observer.fact("between", text("with other values of the parameters between these, at "
+                                  "some frequencies: %.1e (seen, not proved)",
+                                  rom.claim.supremum->between));
   // Beside undamped resonances |H| has no largest value; of very many ports with a damping
   // matrix it would cost as much as the claim itself.
   if (of_elastic) {
     observer.fact("relative to",
                   text("%s ({tol_relative_to} %s)", reference, word_of(relative_to)));
-  } else if (sup.excluded.empty() &&
+  } else if (values == 0 && sup.excluded.empty() &&
              (medium.has_many_ports() || !too_many_ports(medium))) {
     const auto other =
         ErrorOverBand(cut.seen, to_band ? RelativeTo::pointwise : RelativeTo::band)

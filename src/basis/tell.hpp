@@ -14,7 +14,7 @@ struct CutStory {
   MediumOverBand& seen; ///< keeps what it is asked for
   const OrderChoice& choice;
   const DenseSystem& small;
-  const ErrorOverBand::Supremum& sup;
+  const ErrorOverBox::Supremum& sup;
   /// What errors are relative to: `both` only of a body that has an elastic part.
   RelativeTo relative_to() const { return resolved(request.relative_to, whole); }
 };

@@ -262,10 +262,11 @@ SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
   std::vector<Matrix> parts = matrix.assemble(comm, model.K, model.M);
   for (std::size_t k = 0; k < parts.size(); ++k)
     model.terms.push_back({terms.laws()[k], std::move(parts[k])});
+  model.damp_parameters();
   if (!parts.empty() && reactions.any())
     throw Error(
         "reactions of a body whose materials have loss factors of their own, or are "
-        "viscoelastic, are not known yet: leave the outputs of type reaction out, or "
+        "viscoelastic, or known between two numbers, are not known yet: leave the outputs of type reaction out, or "
         "give the materials one loss factor");
   facts.elements = sum_over(comm, facts.elements);
   facts.rigid_elements = sum_over(comm, facts.rigid_elements);

@@ -45,9 +45,12 @@ std::vector<MaterialTerm> read_terms(const Hdf5File& file, const std::string& ob
        {std::pair("whole", Part::whole), {"shear", Part::shear}, {"bulk", Part::bulk}}) {
     const std::string group = object + "/" + name;
     if (!file.exists(group)) continue;
+    const std::string of = part == Part::whole ? material : material + "." + name;
     terms.push_back(
-        {part,
-         read_law(file, group, part == Part::whole ? material : material + "." + name)});
+        {part, read_law(file, group,
+                        file.has_attribute(group, "name")
+                            ? file.text_attribute(group, "name")
+                            : of)});
   }
   return terms;
 }

@@ -47,7 +47,8 @@ MaterialTerms::MaterialTerms(const BodyDescription& body) {
         if (other.name() == term.law.name())
           throw Error(text("two parts of materials would be named %s: rename a material",
                            term.law.name().c_str()));
-      laws_.push_back(term.law);
+      const bool has_own_loss = term.law.is_parameter() && losses.size() > 1;
+      laws_.push_back(has_own_loss ? term.law.with("loss", material.loss) : term.law);
     }
   }
 }

@@ -326,6 +326,7 @@ SecondOrderModel read_body(const Hdf5File& file) {
     if (!(model.rounding >= 0 && model.rounding < 1))
       fail(file, text("rounding = %g: must be from 0 to 1", model.rounding));
   });
+  model.damp_parameters(); // not by what α, β and η take over from D and S
   classify_damping(model);
 
   if (!file.exists("/B")) fail(file, "dataset /B (input map, n × n_in) is missing");

@@ -84,6 +84,18 @@ void supremum_of(FieldSink& sink, const BandClaim& claim) {
   rows(sink, "error/excluded", claim.excluded);
   rows(sink, "error/unmet", claim.unmet);
   rows(sink, "error/poles", claim.poles);
+  if (!claim.values.empty()) {
+    std::vector<double> all;
+    for (const ParameterValues& values : claim.values)
+      all.insert(all.end(), values.begin(), values.end());
+    sink.array("error/parameter_values",
+               {static_cast<std::int64_t>(claim.values.size()),
+                static_cast<std::int64_t>(claim.at_values.size())},
+               all);
+    sink.value("error/parameter_values/names", claim.parameters);
+    vector(sink, "error/at_values", claim.at_values);
+    sink.value("error/between_values", claim.between);
+  }
   if (!claim.tolerance) return;
   sink.value("error/tolerance", *claim.tolerance);
   sink.value("error/met", claim.met ? 1.0 : 0.0);

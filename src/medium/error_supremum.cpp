@@ -17,19 +17,6 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 /// How close the supremum is to come to an attained value.
 constexpr double close = 1.05;
 
-/// Ascending; those that touch, or have no more than a gap between them, as one.
-std::vector<Interval> joined(std::vector<Interval> intervals, double gap = 0) {
-  std::sort(intervals.begin(), intervals.end(),
-            [](const Interval& a, const Interval& b) { return a.first < b.first; });
-  std::vector<Interval> result;
-  for (const Interval& i : intervals)
-    if (!result.empty() && i.first <= result.back().last + gap)
-      result.back().last = std::max(result.back().last, i.last);
-    else
-      result.push_back(i);
-  return result;
-}
-
 double largest(const std::vector<double>& values) {
   return *std::max_element(values.begin(), values.end());
 }

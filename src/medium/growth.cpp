@@ -20,7 +20,7 @@ public:
   /// Of the block that a level leaves, the part to grow by.
   Block operator()(const CertifyRun& run, const ModalSpace& modal,
                    const std::vector<double>& grid, const LevelCertifier::Parts& of,
-                   const MediumModel& level, const Basis& images) {
+                   const LevelJudge& judge, const Basis& images) {
     if (was_cut_ && of.worst > 0.5 * worst_before_) helps_ = false;
     worst_before_ = of.worst;
     const int columns = static_cast<int>(images.columns());
@@ -32,7 +32,9 @@ public:
     samples.push_back(of.worst_omega);
     for (std::size_t l = grid.size(); l-- > 0 && grid.size() - l <= 8;)
       samples.push_back(grid[l]); // where it was found to be weak
-    Dense chosen = directions_to_grow(of.residuals, of.norm.gram, *of.response, samples,
+    const MediumModel& level = judge.model();
+    Dense chosen = directions_to_grow(of.residuals, of.norm.gram,
+                                      of.response->at(judge.worst_values()), samples,
                                       level.blocks(), modal.scale, modal.space->kappa(),
                                       modal.cutoff, modal.modes(), level.left_out(),
                                       0.3 * run.spec.target);
@@ -82,7 +84,7 @@ void grow(const CertifyRun& run, CertifyState& state) {
   const auto prove = [&](int most) {
     growth.image = Block();
     certifier.prove(growth.bounds, growth.grid, most);
-    growth.image = cut(run, modal, growth.grid, certifier.parts(), judge.model(),
+    growth.image = cut(run, modal, growth.grid, certifier.parts(), judge,
                        certifier.images());
   };
   for (std::size_t k = 0; k < levels.size();

@@ -9,23 +9,31 @@ namespace flexgram {
 
 LevelJudge::LevelJudge(const SecondOrderModel& fom, const Medium& medium,
                        std::vector<double>& grid)
-    : fom_(fom), medium_(medium), grid_(grid) {}
+    : fom_(fom), medium_(medium), grid_(grid), shared_(grid.size()) {}
+
+ParameterValues LevelJudge::worst_values() const {
+  const auto& values = medium_.spec.values;
+  return values.empty() ? ParameterValues() : values[worst_values_];
+}
 
 void LevelJudge::judge(std::size_t number, MediumLevel& level) {
   const CertifySpec& spec = medium_.spec;
   const bool to_band = spec.relative_to == RelativeTo::band; // the largest |H| is needed
-  seen_ = std::make_unique<MediumOverBand>(
-      MediumModel(medium_, number, find_ports(medium_.body, {}, {}), spec.kinds,
-                  spec.relative_to),
-      spec.bands, to_band ? grid_ : std::vector<double>());
+  seen_.clear();
+  for (std::size_t k = 0; k < std::max<std::size_t>(1, spec.values.size()); ++k)
+    seen_.push_back(std::make_unique<MediumOverBand>(
+        MediumModel(medium_, number, find_ports(medium_.body, {}, {}), spec.kinds,
+                    spec.relative_to, 0,
+                    spec.values.empty() ? ParameterValues() : spec.values[k]),
+        spec.bands, to_band ? grid_ : std::vector<double>()));
   judge_again(level);
 }
 
 /// At peaks too narrow for the grid, and where rounding was found to be large.
-std::vector<double> LevelJudge::beside_grid() const {
+std::vector<double> LevelJudge::beside_grid(const MediumModel& model) const {
   std::vector<double> peaks = spots_;
   const auto& bands = medium_.spec.bands;
-  for (const auto& [omega, half_width] : model().resonances)
+  for (const auto& [omega, half_width] : model.resonances)
     if (half_width > 1e-9 * omega && half_width <= 1e-7 * omega &&
         std::any_of(bands.begin(), bands.end(), [&](const Interval& band) {
           return band.first <= omega && omega <= band.last;
@@ -34,8 +42,19 @@ std::vector<double> LevelJudge::beside_grid() const {
   return peaks;
 }
 
+/// With other values of the parameters the peaks are elsewhere.
+std::vector<double> LevelJudge::grid_of(std::size_t values) const {
+  if (values == 0) return grid_;
+  std::vector<double> grid =
+      band_grid(medium_.spec.bands, 60, seen_[values]->model().resonances);
+  grid.insert(grid.end(),
+              grid_.begin() + static_cast<std::ptrdiff_t>(std::min(shared_, grid_.size())),
+              grid_.end());
+  return grid;
+}
+
 std::vector<double> LevelJudge::rounding_grid() const {
-  std::vector<double> grid = beside_grid();
+  std::vector<double> grid = beside_grid(model());
   grid.insert(grid.end(), grid_.begin(), grid_.end());
   return grid;
 }
@@ -44,53 +63,72 @@ void LevelJudge::look_at_rounding(const std::vector<double>& spots) {
   spots_.insert(spots_.end(), spots.begin(), spots.end());
 }
 
+std::vector<LevelJudge::Sight> LevelJudge::sights(std::size_t values,
+                                                  double hopeless) const {
+  const MediumModel& model = seen_[values]->model();
+  std::vector<Sight> result;
+  for (double omega : grid_of(values))
+    if (!model.is_resonance(omega))
+      result.push_back({model.at(omega, hopeless), omega, true});
+  for (double omega : beside_grid(model))
+    result.push_back({model.at(omega, hopeless), omega, false});
+  return result;
+}
+
 void LevelJudge::judge_again(MediumLevel& level) {
   const CertifySpec& spec = medium_.spec;
-  const MediumModel& model = this->model();
-  const std::size_t views = model.views.size();
-  std::vector<double> largest(views, 0.0); // of ‖H‖, where that is meant
-  std::vector<MediumModel::Stretch> values;
   // Of many ports, rough bounds are larger by twice the root of their number at most.
   const double ports = static_cast<double>(medium_.scale.size()),
                hopeless = spec.relative_to == RelativeTo::band
                               ? HUGE_VAL
                               : 2 * spec.target * std::sqrt(ports);
   // Beside undamped resonances, intervals decide.
-  std::erase_if(grid_, [&](double omega) { return model.is_resonance(omega); });
-  for (double omega : grid_) values.push_back(model.at(omega, hopeless));
-  const std::size_t on_grid = values.size();
-  for (double omega : beside_grid()) values.push_back(model.at(omega, hopeless));
+  const std::size_t before = grid_.size();
+  std::erase_if(grid_,
+                [&](double omega) { return seen_[0]->model().is_resonance(omega); });
+  shared_ -= std::min(shared_, before - grid_.size());
   const auto size = [&](const MediumModel::Stretch& value, std::size_t v) {
     return value.size[v].below[0] - value.bounds[v].error;
   };
-  if (spec.relative_to == RelativeTo::band)
-    for (std::size_t l = 0; l < on_grid; ++l)
-      for (std::size_t v = 0; v < views; ++v)
-        if (values[l].bounds[v].proved)
-          largest[v] = std::max(largest[v], size(values[l], v));
   double worst = 0, worst_omega = grid_.empty() ? 0 : grid_.front(), largest_floor = 0;
+  std::size_t worst_values = 0;
   bool proved = true;
-  for (std::size_t l = 0; l < values.size(); ++l)
-    for (std::size_t v = 0; v < views; ++v) {
-      const auto& value = values[l];
-      const double known =
-          model.views[v].allowed * (largest[v] > 0 ? largest[v] : size(value, v));
-      const double relative = value.bounds[v].error / known,
-                   error = known > 0 && std::isfinite(relative) ? relative : HUGE_VAL,
-                   floor = value.bounds[v].floor / known;
-      if (floor > largest_floor) largest_floor = floor; // not NaN
-      if (l >= on_grid) continue;
-      proved = proved && value.bounds[v].proved;
-      if (error > worst) worst_omega = grid_[l];
-      worst = std::max(worst, error);
-    }
+  for (std::size_t k = 0; k < seen_.size(); ++k) {
+    const MediumModel& model = seen_[k]->model();
+    const std::size_t views = model.views.size();
+    const std::vector<Sight> seen = sights(k, hopeless);
+    std::vector<double> largest(views, 0.0); // of ‖H‖, where that is meant
+    if (spec.relative_to == RelativeTo::band)
+      for (const Sight& sight : seen)
+        for (std::size_t v = 0; v < views; ++v)
+          if (sight.is_on_grid && sight.value.bounds[v].proved)
+            largest[v] = std::max(largest[v], size(sight.value, v));
+    for (const Sight& sight : seen)
+      for (std::size_t v = 0; v < views; ++v) {
+        const Certificate::Bound& bound = sight.value.bounds[v];
+        const double known =
+            model.views[v].allowed * (largest[v] > 0 ? largest[v] : size(sight.value, v));
+        const double relative = bound.error / known,
+                     error = known > 0 && std::isfinite(relative) ? relative : HUGE_VAL,
+                     floor = bound.floor / known;
+        if (floor > largest_floor) largest_floor = floor; // not NaN
+        if (!sight.is_on_grid) continue;
+        proved = proved && bound.proved;
+        if (!(error > worst)) continue;
+        worst = error;
+        worst_omega = sight.omega;
+        worst_values = k;
+      }
+  }
   // Dense work may differ in the last bit from rank to rank; decisions must not.
-  std::vector<double> shared{worst, proved ? 1.0 : 0.0, worst_omega, largest_floor};
+  std::vector<double> shared{worst, proved ? 1.0 : 0.0, worst_omega, largest_floor,
+                             static_cast<double>(worst_values)};
   share_from_first(fom_.comm, shared);
   level.worst = shared[0];
   level.proved = shared[1] > 0;
   worst_omega_ = shared[2];
   floor_ = shared[3];
+  worst_values_ = static_cast<std::size_t>(shared[4]);
 }
 
 double LevelJudge::allowed_rounding(const MediumLevel& level) const {
@@ -101,17 +139,24 @@ double LevelJudge::allowed_rounding(const MediumLevel& level) const {
   return level.worst < 1 && work < little_work ? std::min(allowed, little) : allowed;
 }
 
-std::optional<double> LevelJudge::weak_spot() const {
-  const auto spot =
-      ErrorOverBand(*seen_, medium_.spec.relative_to).weak_spot(medium_.spec.target);
-  std::vector<double> shared{spot.value_or(-1.0)};
-  share_from_first(fom_.comm, shared);
-  return shared[0] < 0 ? std::nullopt : std::optional(shared[0]);
+std::optional<double> LevelJudge::weak_spot() {
+  for (std::size_t k = 0; k < seen_.size(); ++k) {
+    const auto spot = ErrorOverBand(*seen_[k], medium_.spec.relative_to)
+                          .weak_spot(medium_.spec.target);
+    std::vector<double> shared{spot.value_or(-1.0)};
+    share_from_first(fom_.comm, shared);
+    if (shared[0] >= 0) return shared[0];
+  }
+  return std::nullopt;
 }
 
 std::vector<double> LevelJudge::rounding_spots(double allowed) const {
-  std::vector<double> spots =
-      ErrorOverBand(*seen_, medium_.spec.relative_to).rounding_spots(allowed);
+  std::vector<double> spots;
+  for (const auto& seen : seen_) {
+    const std::vector<double> more =
+        ErrorOverBand(*seen, medium_.spec.relative_to).rounding_spots(allowed);
+    spots.insert(spots.end(), more.begin(), more.end());
+  }
   share_list(fom_.comm, spots);
   return spots;
 }

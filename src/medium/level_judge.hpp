@@ -7,7 +7,7 @@
 namespace flexgram {
 
 /// Looks at a level by all ports, at the frequencies of a grid, which gains those where the level
-/// was found to be weak, and between them.
+/// was found to be weak, and between them; at all values of the parameters that are asked for.
 class LevelJudge {
 public:
   /// @param grid  [rad/s] kept by reference.
@@ -20,8 +20,11 @@ public:
   /// The same level at more frequencies.
   void judge_again(MediumLevel& level);
 
-  /// The level that was taken last.
-  const MediumModel& model() const { return seen_->model(); }
+  /// The level that was taken last, with the values of the parameters at which its bound is
+  /// largest.
+  const MediumModel& model() const { return seen_.at(worst_values_)->model(); }
+  /// Those; empty: the body has no parameters.
+  ParameterValues worst_values() const;
   double worst_omega() const { return worst_omega_; } ///< [rad/s] its largest bound
   /// Its largest relative rounding where it was looked at, which the bound leaves out.
   double floor() const { return floor_; }
@@ -31,7 +34,7 @@ public:
 
   /// A frequency of the bands where the bound of the level does not meet the target, if there is
   /// one. Collective.
-  std::optional<double> weak_spot() const;
+  std::optional<double> weak_spot();
   /// Frequencies of the bands where its rounding is more than what is allowed. Collective.
   std::vector<double> rounding_spots(double allowed) const;
   /// Rounding is looked at there too, the error is not.
@@ -41,13 +44,23 @@ public:
   std::vector<double> rounding_grid() const;
 
 private:
-  std::vector<double> beside_grid() const;
+  /// What was seen at one frequency.
+  struct Sight {
+    MediumModel::Stretch value;
+    double omega = 0;
+    bool is_on_grid = true; ///< else only rounding is looked at
+  };
+  std::vector<double> grid_of(std::size_t values) const;
+  std::vector<double> beside_grid(const MediumModel& model) const;
+  std::vector<Sight> sights(std::size_t values, double hopeless) const;
 
   const SecondOrderModel& fom_;
   const Medium& medium_;
   std::vector<double>& grid_;
   std::vector<double> spots_; ///< [rad/s] where rounding was found to be large
-  std::unique_ptr<MediumOverBand> seen_;
+  std::vector<std::unique_ptr<MediumOverBand>> seen_; ///< for each of the spec's values
+  std::size_t worst_values_ = 0;
+  std::size_t shared_ = 0; ///< frequencies of the grid that were its own at first
   double worst_omega_ = 0, floor_ = 0;
 };
 

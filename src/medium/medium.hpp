@@ -25,6 +25,9 @@ struct CertifySpec {
   int limit = 0;               ///< largest order; 0: what memory and the body allow
   RelativeTo relative_to = RelativeTo::both;
   KindSpec kinds = {};     ///< judged by themselves too
+  /// Of the body's parameters, at which the target is to be met; empty: it has none.
+  std::vector<ParameterValues> values = {};
+  std::vector<ParameterValues> between = {}; ///< others, at which errors are looked at
   bool keep_levels = true; ///< all of them, for later cuts; else only the last one
 };
 
@@ -38,6 +41,13 @@ struct MediumLevel {
   bool proved = true;
 
   int order() const { return response->system().order(); }
+  /// The level with other values of the parameters: one certificate is for all.
+  MediumLevel at(const ParameterValues& values) const {
+    MediumLevel other = *this;
+    if (!values.empty())
+      other.response = std::make_shared<const DenseResponse>(response->at(values));
+    return other;
+  }
   /// On the frequencies it was judged at. Strong dampers leave the word "estimated"
   /// however large the space is, modes that are not exact enough do not.
   bool serves(double target) const {

@@ -17,7 +17,20 @@
 namespace flexgram {
 namespace {
 
-constexpr double version = 9; // of the file's layout
+constexpr double version = 10; // of the file's layout
+
+/// Values of parameters, each combination a column.
+template <class Archive, class List>
+void archive_values(Archive&& a, const char* name, List& list) {
+  Dense columns(list.empty() ? 0 : static_cast<int>(list.front().size()),
+                static_cast<int>(list.size()));
+  for (std::size_t k = 0; k < list.size(); ++k)
+    std::copy(list[k].begin(), list[k].end(), columns.column(static_cast<int>(k)));
+  a(name, columns);
+  if constexpr (!std::is_const_v<List>)
+    for (int k = 0; k < columns.columns; ++k)
+      list.emplace_back(columns.column(k), columns.column(k) + columns.rows);
+}
 
 template <class Archive, class Spec>
 void archive_spec(Archive&& a, Spec& spec) {
@@ -40,6 +53,8 @@ void archive_spec(Archive&& a, Spec& spec) {
   a("kinds", spec.kinds.kinds);
   a("kinds_allowed", spec.kinds.allowed);
   a("others_allowed", spec.kinds.others);
+  archive_values(a, "parameter_values", spec.values);
+  archive_values(a, "parameter_values_between", spec.between);
   if constexpr (!std::is_const_v<Spec>) {
     spec.relative_to = to_band      ? RelativeTo::band
                        : to_elastic ? RelativeTo::elastic
@@ -212,6 +227,11 @@ void check(const Hdf5File& file, const Medium& m, const DenseSystem& all) {
            level.certificate->fits(level.order(), ports, m.rigid + m.modes, m.rigid,
                                    all.terms.size());
   for (const auto& [law, T] : all.terms) good = good && square(T);
+  const std::size_t parameters = parameters_of(all.terms).size();
+  good = good && m.spec.values.empty() == (parameters == 0);
+  for (const auto* list : {&m.spec.values, &m.spec.between})
+    for (const ParameterValues& values : *list)
+      good = good && values.size() == parameters;
   if (m.integrals) {
     const FrameIntegrals& i = *m.integrals;
     good = good && i.M_r.rows == 6 && i.M_r.columns == 6 && i.M_er.rows == N &&

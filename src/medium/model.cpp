@@ -21,8 +21,9 @@ void refuse_elastic_part() {
 
 MediumModel::MediumModel(const Medium& medium, std::size_t level,
                          const PortSelection& ports, const KindSpec& kinds,
-                         RelativeTo relative_to, double enough)
-    : level_(medium.levels[level]), V_(medium.V.share()),
+                         RelativeTo relative_to, double enough,
+                         const ParameterValues& values)
+    : level_(medium.levels[level].at(values)), V_(medium.V.share()),
       ports_{medium.scale, ports.inputs, ports.outputs, {}, {}, {}, {}} {
   names = medium.body.head();
   rigid = medium.rigid;

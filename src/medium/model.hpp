@@ -48,10 +48,12 @@ class MediumModel : public SeenSystem {
 public:
   /// @param enough  with many ports, relative errors of H up to this need no sharper bound;
   /// 0: the medium model's target.
+  /// @param values  of the parameters; empty: those that the body has.
   /// @throws Error if errors are to be relative to the elastic part of H and a damping
   /// matrix leaves no such part.
   MediumModel(const Medium& medium, std::size_t level, const PortSelection& ports,
-              const KindSpec& kinds, RelativeTo relative_to, double enough = 0);
+              const KindSpec& kinds, RelativeTo relative_to, double enough = 0,
+              const ParameterValues& values = {});
 
   struct Stretch {
     TransferSeries H;

@@ -113,6 +113,7 @@ public:
     std::vector<Interval> bands;
     std::vector<double> curve; ///< [rad/s] more frequencies of the grid
     double enough = 0;         ///< what needs no sharper bound
+    ParameterValues values;    ///< of the body's parameters
     bool operator==(const Sight&) const = default;
   };
   /// The one that was made for the same sight, or the one that `make` returns, which may

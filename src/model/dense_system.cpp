@@ -35,6 +35,20 @@ ShiftCoefficients DenseSystem::coefficients(double omega) const {
   return c;
 }
 
+DenseSystem DenseSystem::at(const ParameterValues& values) const {
+  DenseSystem other = *this;
+  set_parameters(other.terms, values);
+  return other;
+}
+
+DenseSystem DenseSystem::stiffened() const {
+  DenseSystem stiff = *this;
+  std::erase_if(stiff.terms, [](const auto& term) { return term.law.is_parameter(); });
+  for (const auto& [law, T] : terms)
+    if (law.is_parameter()) add_to(stiff.K, T, law.at(0).real());
+  return stiff;
+}
+
 DenseSystem DenseSystem::project(const Dense& Q) const {
   DenseSystem part;
   part.M = congruence(M, Q);
@@ -158,6 +172,12 @@ DenseResponse::DenseResponse(DenseSystem system, double tau)
   B_ = multiply_transposed(U_, system_.B);
   C_ = system_.outputs_are_inputs ? B_ : multiply_transposed(U_, system_.C);
   for (const auto& [law, T] : system_.terms) terms_.push_back(congruence(T, U_));
+}
+
+DenseResponse DenseResponse::at(const ParameterValues& values) const {
+  DenseResponse other = *this;
+  set_parameters(other.system_.terms, values);
+  return other;
 }
 
 /// Modes of a system whose K and M are diagonal: exact.

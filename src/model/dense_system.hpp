@@ -1,6 +1,7 @@
 #pragma once
 
 #include "base/index.hpp"
+#include "model/parameters.hpp"
 #include "model/second_order_model.hpp"
 
 #include <cmath>
@@ -19,6 +20,10 @@ struct DenseSystem {
 
   int order() const { return K.rows; }
   ShiftCoefficients coefficients(double omega) const;
+  /// The same body with other values of its parameters. @param values  empty: as they are.
+  DenseSystem at(const ParameterValues& values) const;
+  /// With what the parameters' values add to the stiffness in K, for its modes.
+  DenseSystem stiffened() const;
   /// The Galerkin projection onto the columns of Q (N×m).
   DenseSystem project(const Dense& Q) const;
   /// The projection onto the span of Q in modal coordinates, M = I and K diagonal (a massless
@@ -54,6 +59,8 @@ public:
   DenseResponse(DenseSystem system, double tau, Dense U, std::vector<double> lambda,
                 Dense B, std::vector<Dense> terms = {});
 
+  /// The same with other values of the parameters. @param values  empty: as they are.
+  DenseResponse at(const ParameterValues& values) const;
   const DenseSystem& system() const { return system_; }
   double tau() const { return tau_; }
   bool is_diagonal() const { return system_.terms.empty(); }

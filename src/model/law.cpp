@@ -86,6 +86,16 @@ double Law::as_damper(double omega) const {
   return at(positive).imag() / positive;
 }
 
+double Law::number(const std::string& name) const {
+  return kind_->numbers().at(name).front();
+}
+
+Law Law::with(const std::string& number, double value) const {
+  LawNumbers numbers = kind_->numbers();
+  numbers.at(number) = {value};
+  return {name_, kind_name_, numbers};
+}
+
 std::string Law::path() const { return (is_named() ? "/terms/" : "/") + name_; }
 
 } // namespace flexgram

@@ -80,6 +80,12 @@ public:
   double as_damper(double omega) const;
   bool is_viscous() const { return kind_name_ == "viscous"; }
   bool is_structural() const { return kind_name_ == "structural"; }
+  /// Whether a stiffness is known between two numbers only, and has one of them now.
+  bool is_parameter() const { return kind_name_ == "parameter"; }
+  /// A number that the law has one of. @pre it has.
+  double number(const std::string& name) const;
+  /// The same law with another number.
+  Law with(const std::string& number, double value) const;
   /// Whether it has a name of its own, beside D and S.
   bool is_named() const { return !is_viscous() && !is_structural(); }
   const std::string& name() const { return name_; }

@@ -2,6 +2,7 @@
 
 #include "model/error_form.hpp"
 #include "model/frame_integrals.hpp"
+#include "model/parameters.hpp"
 #include "model/second_order_model.hpp"
 
 #include <array>
@@ -15,6 +16,10 @@ struct BandClaim {
   double worst = 0;    ///< largest relative error, of H and of each kind of ports
   double attained = 0; ///< the bound at one frequency: `worst` is no less than this
   double at = 0;       ///< [rad/s] that frequency
+  std::vector<std::string> parameters; ///< of the body
+  std::vector<ParameterValues> values; ///< of them, with which the claim holds
+  ParameterValues at_values;           ///< those of `attained`
+  double between = 0; ///< largest error seen with values between them, at frequencies
   double whole = 0;    ///< largest relative error of H as a whole
   /// Change of H, relative to all of H, if the stiffness of rigid modes in the stored K, which
   /// counts as rounding, were real. Not in `worst`: the claim is of a body that is exactly rigid there.

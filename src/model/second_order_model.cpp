@@ -78,17 +78,23 @@ bool SecondOrderModel::undamped() const {
   return terms.empty() && damping.alpha == 0 && damping.beta == 0 && damping.eta == 0;
 }
 
+void SecondOrderModel::damp_parameters() {
+  for (auto& term : terms)
+    if (term.law.is_parameter())
+      term.law = term.law.with("beta", damping.beta).with("eta", damping.eta);
+}
+
 std::string SecondOrderModel::damping_class() const {
-  if (undamped()) return "none";
   std::vector<std::string> parts;
   if (damping.alpha != 0 || damping.beta != 0)
     parts.push_back(
         text("proportional (α = %g 1/s, β = %g s)", damping.alpha, damping.beta));
   if (damping.eta != 0) parts.push_back(text("structural (η = %g)", damping.eta));
   for (const auto& [law, matrix] : terms)
-    parts.push_back(law.is_named() ? law.name() + " " + law.kind().words()
-                                   : law.kind().words());
-  return join(parts, " + ");
+    if (!law.is_parameter()) // those are stiffness
+      parts.push_back(law.is_named() ? law.name() + " " + law.kind().words()
+                                     : law.kind().words());
+  return parts.empty() ? "none" : join(parts, " + ");
 }
 
 ShiftCoefficients SecondOrderModel::coefficients(double omega) const {

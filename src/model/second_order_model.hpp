@@ -109,6 +109,8 @@ struct SecondOrderModel {
   std::string damping_class() const;
   /// A(ω) as coefficients of K, M and the terms.
   ShiftCoefficients coefficients(double omega) const;
+  /// Parameters are stiffness: what damps K damps them too, by β and η as they are now.
+  void damp_parameters();
   /// The matrix of a term of that law; null where there is none.
   Mat term(const Law& law) const;
   /// Handles of the terms' matrices.

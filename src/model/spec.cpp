@@ -8,6 +8,18 @@
 
 namespace flexgram {
 
+std::vector<Interval> joined(std::vector<Interval> intervals, double gap) {
+  std::sort(intervals.begin(), intervals.end(),
+            [](const Interval& a, const Interval& b) { return a.first < b.first; });
+  std::vector<Interval> result;
+  for (const Interval& i : intervals)
+    if (!result.empty() && i.first <= result.back().last + gap)
+      result.back().last = std::max(result.back().last, i.last);
+    else
+      result.push_back(i);
+  return result;
+}
+
 const char* word_of(RelativeTo reference) {
   return reference == RelativeTo::band      ? "band"
          : reference == RelativeTo::elastic ? "elastic"

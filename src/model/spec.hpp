@@ -21,6 +21,9 @@ struct Interval {
   bool operator==(const Interval&) const = default;
 };
 
+/// Ascending; those that touch, or have no more than a gap between them, as one.
+std::vector<Interval> joined(std::vector<Interval> intervals, double gap = 0);
+
 /// What an error of H is divided by.
 enum class RelativeTo {
   pointwise, ///< ‖H(ω)‖_F at the same frequency: eq. (17) of the paper

@@ -140,6 +140,7 @@ Body body_of(MPI_Comm comm, PythonBody* given, Call& call) {
   if (!given) return load_body(comm, call.settings, *call.observer);
   Body body;
   body.model = given->body.model.share();
+  body.model.damp_parameters(); // not by what α, β and η take over from D and S
   classify_damping(body.model);
   begin_plan(body, call.settings, *call.observer);
   return body;

@@ -6,6 +6,7 @@
 #include "io/body_io.hpp"
 #include "io/part_file.hpp"
 #include "model/frame_integrals.hpp"
+#include "model/parameters.hpp"
 #include "model/rigid_body_modes.hpp"
 
 #include <unistd.h>
@@ -159,7 +160,60 @@ std::string words_of_ports(const SecondOrderModel& model) {
 
 } // namespace
 
+namespace {
+
+/// Gives the body's parameters the values that the user wants.
+void take_values(SecondOrderModel& model, const Settings& settings) {
+  for (const auto& [name, value] : settings.values_of_parameters()) {
+    std::vector<std::string> known;
+    bool found = false;
+    for (auto& term : model.terms) {
+      if (!term.law.is_parameter()) continue;
+      known.push_back(term.law.name());
+      if (term.law.name() != name) continue;
+      found = true;
+      try {
+        term.law = term.law.with("value", value);
+      } catch (Error& error) {
+        error.add_context("{at} " + name);
+        throw;
+      }
+    }
+    if (!found && known.empty())
+      throw Error(text("{at} %s: the body has no parameters", name.c_str()));
+    if (!found)
+      throw Error(text("{at} %s: the body's parameters are %s, did you mean %s?",
+                       name.c_str(), join(known).c_str(), nearest(name, known).c_str()));
+  }
+}
+
+/// Between which numbers they are known, and with how many values the claim will hold.
+void tell_parameters(const SecondOrderModel& model, const Settings& settings,
+                     Observer& observer) {
+  const std::vector<Law> parameters = parameters_of(model.terms);
+  if (parameters.empty()) return;
+  std::string words;
+  for (const Law& law : parameters)
+    words += text("%s%s from %g to %g (%g)", words.empty() ? "" : ", ", law.name().c_str(),
+                  law.number("least"), law.number("most"), law.number("value"));
+  const std::size_t count = values_that_show(parameters, settings.parameter_values).size();
+  constexpr std::size_t most = 1000;
+  if (count > most)
+    throw Error(text("%zu combinations of values of %zu parameters: no more than %zu, "
+                     "{parameter_values} makes them fewer",
+                     count, parameters.size(), most));
+  observer.fact("parameters",
+                words + (settings.takes_samples()
+                             ? std::string("; pod knows them with these values alone")
+                             : text("; the claim is to hold with %zu combination%s of "
+                                    "their values, each as much work as a body",
+                                    count, count == 1 ? "" : "s")));
+}
+
+} // namespace
+
 void begin_plan(Body& body, const Settings& settings, Observer& observer) {
+  take_values(body.model, settings);
   select_ports(body.model, split(settings.inputs, ','), split(settings.outputs, ','));
   if (settings.spin_loads) add_spin_loads(body.model);
   const SecondOrderModel& model = body.model;
@@ -168,6 +222,7 @@ void begin_plan(Body& body, const Settings& settings, Observer& observer) {
                              static_cast<double>(model.nonzeros())));
   observer.fact("ports", words_of_ports(model));
   observer.fact("damping", model.damping_class());
+  tell_parameters(model, settings, observer);
   for (const auto& [law, T] : model.terms)
     for (const Interval& band : settings.bands())
       if (band.first < law.kind().known().first || band.last > law.kind().known().last)

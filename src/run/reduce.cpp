@@ -7,6 +7,7 @@
 #include "medium/factors.hpp"
 #include "medium/medium_io.hpp"
 #include "model/load_patterns.hpp"
+#include "model/parameters.hpp"
 #include "model/rigid_body_modes.hpp"
 #include "run/loads.hpp"
 #include "run/sweep.hpp"
@@ -194,6 +195,9 @@ Medium certify_body(const Body& body, const Settings& s, bool keep, Observer& ob
   observer.print();
   CertifySpec spec = s.certify_spec();
   spec.keep_levels = keep;
+  const std::vector<Law> parameters = parameters_of(body.model.terms);
+  spec.values = values_that_show(parameters, s.parameter_values);
+  spec.between = values_between(parameters, s.parameter_values);
   SolverOptions solver = s.solver;
   solver.order = facts.order;
   Medium medium =

@@ -36,6 +36,8 @@ struct Settings {
   FrameKind frame = FrameKind::automatic;
   std::string frame_interface;
   std::vector<double> weight, shifts_hz, error_hz;
+  std::string at;           ///< values of parameters: "E_rubber=2e6,…"
+  int parameter_values = 0; ///< of each; 0: by their number
   int moments = 2;
   double cutoff = 1.1, medium_target = 0;
   int medium_order = 0;
@@ -64,6 +66,8 @@ struct Settings {
   /// [rad/s]
   std::vector<Interval> bands() const;
   CertifySpec certify_spec() const;
+  /// Values of parameters by their names. @throws Error for what is no number.
+  std::map<std::string, double> values_of_parameters() const;
   /// Beside the file that the verb writes.
   CheckpointSpec checkpoint_spec(const std::string& output) const;
   CutRequest cut_request() const;
@@ -72,6 +76,7 @@ struct Settings {
 private:
   void describe_files(Options& options);
   void describe_ports(Options& options);
+  void describe_parameters(Options& options);
   void describe_accuracy(Options& options);
   void describe_method(Options& options);
   void describe_second_stage(Options& options);

@@ -145,6 +145,8 @@ void Settings::check() {
                  "0 (automatic) or more");
   require_option(medium_target >= 0 && medium_target < 1, "-mor_medium_tol",
                  text("%g", medium_target), "0 (automatic) or below 1");
+  require_option(parameter_values >= 0 && parameter_values <= 100,
+                 "-mor_parameter_values", std::to_string(parameter_values), "0 to 100");
   require_option(!field_error || !takes_samples(), "-mor_field_error", "yes",
                  "no with -mor_method pod, whose errors are estimated");
   check_lists();

@@ -45,6 +45,20 @@ CertifySpec Settings::certify_spec() const {
   return spec;
 }
 
+std::map<std::string, double> Settings::values_of_parameters() const {
+  std::map<std::string, double> values;
+  for (const std::string& word : split(at, ',')) {
+    const auto equals = word.find('=');
+    char* end = nullptr;
+    const double value =
+        equals == std::string::npos ? 0 : std::strtod(word.c_str() + equals + 1, &end);
+    require_option(end && end != word.c_str() + equals + 1 && *end == 0, "-mor_at", word,
+                   "NAME=VALUE, separated by commas");
+    values[word.substr(0, equals)] = value;
+  }
+  return values;
+}
+
 CheckpointSpec Settings::checkpoint_spec(const std::string& output) const {
   CheckpointSpec spec;
   spec.is_folder = takes_samples();

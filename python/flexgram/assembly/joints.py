@@ -73,6 +73,11 @@ class Parts:
                 raise BodyError(f"there is no part {name} to turn; there are {', '.join(models)}")
         self.turn = {name: _rotation(turns.get(name)) for name in models}
         for name, model in models.items():
+            if model.system.parameters:
+                raise BodyError(
+                    f"part {name} has parameters ({', '.join(model.system.parameters)}): take it "
+                    "with values of them (flexgram at, ReducedModel.at)"
+                )
             if model.system.terms:
                 raise BodyError(
                     f"part {name} has viscoelastic materials ({model.system.loss}): assemblies "

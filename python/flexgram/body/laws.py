@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -136,6 +136,64 @@ class Table(Law):
         return g
 
 
+@dataclass(frozen=True)
+class Parameter(Law):
+    """(p - least) slope (1 + i(loss + eta) + iω beta): a stiffness that is known between two
+    numbers, p at present.
+
+    Attributes
+    ----------
+    least, most, value : float
+        In the unit of the parameter. K holds the stiffness at the least.
+    slope : float
+        Of the stiffness, in T over the unit of the parameter.
+    loss : float
+        Loss factor of the material.
+    eta, beta : float
+        The body's own damping, of K: loss factor, and [s].
+    """
+
+    least: float
+    most: float
+    value: float
+    slope: float = 1.0
+    loss: float = 0.0
+    eta: float = 0.0
+    beta: float = 0.0
+    kind = "parameter"
+
+    @property
+    def words(self) -> str:
+        return f"a parameter from {self.least:g} to {self.most:g}, {self.value:g} now"
+
+    @property
+    def stiffness(self) -> float:
+        """Of T, beside K."""
+        return self.slope * (self.value - self.least)
+
+    def at(self, omega: ArrayLike) -> ComplexArray:
+        w = np.asarray(omega, dtype=float)
+        g: ComplexArray = self.stiffness * (1 + 1j * (self.loss + self.eta + w * self.beta))
+        return g
+
+    def numbers(self) -> dict[str, Floats]:
+        return {entry.name: np.array([getattr(self, entry.name)]) for entry in fields(self)}
+
+    def with_value(self, value: float, name: str) -> Parameter:
+        """With another value of the parameter ``name``.
+
+        Raises
+        ------
+        BodyError
+            For one that is not between least and most.
+        """
+        if not self.least <= value <= self.most:
+            raise BodyError(
+                f"{name} = {value:g}: the body knows {name} from {self.least:g} to {self.most:g}"
+            )
+        return replace(self, value=float(value))
+
+
 def viscous() -> Viscous:
     """The law iω of dampers: a term of D.
 
@@ -223,6 +281,49 @@ def table(omega: ArrayLike, storage: ArrayLike, loss: ArrayLike) -> Table:
     return Table(w, real, imaginary)
 
 
+def parameter(
+    least: float, most: float, value: float | None = None, *, slope: float = 1.0, loss: float = 0.0
+) -> Parameter:
+    """The law (p - least) slope (1 + i loss) of a stiffness that is known between two numbers.
+
+    A term with it is named like the parameter p. K holds the stiffness at the least p, the term's
+    matrix T what it grows by. The claim of a reduction holds with several values of p, and
+    ``ReducedModel.at`` gives the body with one of them. What damps K, α, β and η of the body,
+    damps T too.
+
+    Parameters
+    ----------
+    least, most : float
+        p is between these.
+    value : float, optional
+        What it is unless something else is said; default the geometric mean, or half way where the
+        least is not positive.
+    slope : float
+        Of the stiffness: it is T times slope times (p - least) beside K.
+    loss : float
+        Loss factor of this stiffness, beside the body's η.
+
+    Raises
+    ------
+    BodyError
+        For numbers that do not rise, or are negative where they must not be.
+
+    Examples
+    --------
+    >>> flexgram.parameter(1e6, 4e6).value # N/m of a spring, K with 1e6, T of 1 N/m
+    2000000.0
+    """
+    if not (np.isfinite(least) and np.isfinite(most) and least < most):
+        raise BodyError(f"parameter({least:g}, {most:g}): least and most must rise")
+    if value is None:
+        value = float(np.sqrt(least * most)) if least > 0 else 0.5 * (least + most)
+    if not least <= value <= most:
+        raise BodyError(f"parameter: value {value:g} must be from {least:g} to {most:g}")
+    if not (np.isfinite(slope) and slope > 0 and np.isfinite(loss) and loss >= 0):
+        raise BodyError("parameter: slope must be positive, and loss not negative")
+    return Parameter(float(least), float(most), float(value), float(slope), float(loss))
+
+
 @dataclass(frozen=True)
 class Term:
     """g(ω)T beside K and M.
@@ -244,6 +345,14 @@ class Term:
         return Term(self.name, self.law, matrix)
 
 
+def _parameter_of(*numbers: Any) -> Parameter:
+    """Of what a file holds, in the order of its fields."""
+    least, most, value, slope, loss, eta, beta = (
+        float(np.asarray(number).ravel()[0]) for number in numbers
+    )
+    return replace(parameter(least, most, value, slope=slope, loss=loss), eta=eta, beta=beta)
+
+
 def law_of(kind: str, numbers: Mapping[str, Any], where: str) -> Law:
     """The law that a file's attributes give.
 
@@ -252,7 +361,11 @@ def law_of(kind: str, numbers: Mapping[str, Any], where: str) -> Law:
     BodyError
         Naming ``where``, for a kind that is none, or numbers that make no law.
     """
-    known: dict[str, tuple[type[Law], Any]] = {"prony": (Prony, prony), "table": (Table, table)}
+    known: dict[str, tuple[type[Law], Any]] = {
+        "prony": (Prony, prony),
+        "table": (Table, table),
+        "parameter": (Parameter, _parameter_of),
+    }
     if kind not in known:
         raise BodyError(f"{where}: law {kind} must be one of {', '.join(known)}")
     made, make = known[kind]
@@ -280,7 +393,7 @@ def with_terms(
         if not (isinstance(given, tuple) and len(given) == 2 and isinstance(given[1], Law)):
             raise BodyError(
                 f"term {name}: expected (matrix, law), a law being flexgram.loss(eta), viscous(), "
-                "prony(g, tau) or table(omega, storage, loss)"
+                "prony(g, tau), table(omega, storage, loss) or parameter(least, most)"
             )
         matrix, law = given
         if isinstance(law, Viscous):

@@ -21,6 +21,7 @@ from flexgram.body.outputs import write_outputs
 from flexgram.body.reader import Reader, short
 from flexgram.body.sections import section_properties
 from flexgram.body.selection import in_box, nearest
+from flexgram.body.parameters import PARAMETER, read_parameter
 from flexgram.body.viscoelastic import KEY, read_isotropic, read_orthotropic
 from flexgram.body.whole import (
     Block,
@@ -45,9 +46,11 @@ def _write_material(file: h5py.File, name: str, data: Any, units: tuple[float, .
     where = f"materials: {name}"
     group = file.create_group(f"materials/{check_name(where, str(name))}")
     if isinstance(data, dict) and "E1" in data:
-        known = (*ENGINEERING, "rho", "axis_1", "axis_2", EXPANSION, LOSS, KEY)
+        known = (*ENGINEERING, "rho", "axis_1", "axis_2", EXPANSION, LOSS, KEY, PARAMETER)
         reader = Reader(data, where, known)
         factor, laws = read_orthotropic(reader)
+        share, known_between = read_parameter(reader, str(name), stress)
+        factor *= share
         group.attrs["engineering_constants"] = [
             reader.number(key) * (1.0 if key.startswith("nu") else stress * factor)
             for key in ENGINEERING
@@ -62,12 +65,18 @@ def _write_material(file: h5py.File, name: str, data: Any, units: tuple[float, .
         second = second / np.linalg.norm(second)
         group.attrs["axes"] = np.concatenate([first, second, np.cross(first, second)])
     else:
-        reader = Reader(data, where, (*ISOTROPIC, EXPANSION, LOSS, KEY))
+        reader = Reader(data, where, (*ISOTROPIC, EXPANSION, LOSS, KEY, PARAMETER))
         moduli, laws = read_isotropic(reader)
-        group.attrs["E"] = moduli.E * stress
+        share, known_between = read_parameter(reader, str(name), stress)
+        group.attrs["E"] = share * moduli.E * stress
         group.attrs["nu"] = moduli.nu
     for part, law in laws.items():
         write_law(group.create_group(part), law)
+    if known_between:
+        if laws:
+            raise BodyError(f"{where}: give viscoelastic or parameter, not both")
+        write_law(group.create_group("whole"), known_between[1])
+        group["whole"].attrs["name"] = known_between[0]
     group.attrs["rho"] = reader.number("rho") * density
     if LOSS in reader.data:
         loss = reader.number(LOSS)
@@ -172,7 +181,8 @@ class MeshBody:
             if relaxing and some:
                 found.append(
                     f"{key} {', '.join(some)}: stress in {', '.join(relaxing)} is that of the "
-                    "long-term (of a table, least) moduli, without what relaxes"
+                    "long-term (of a table or a parameter: the least) moduli, without what is "
+                    "beside these"
                 )
         return found
 

@@ -210,6 +210,31 @@ def _export(options: argparse.Namespace) -> None:
     say(f"  wrote {target}: {model}")
 
 
+def _at_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("rom", type=Path, help="reduced file of a body with parameters")
+    parser.add_argument(
+        "values", nargs="+", metavar="NAME=VALUE", help="of parameters, in SI units: E_rubber=2e6"
+    )
+    parser.add_argument("-o", "--output", type=Path, required=True, help="reduced file to write")
+
+
+def _at(options: argparse.Namespace) -> None:
+    from flexgram.reduced_model import ReducedModel
+
+    model = ReducedModel.load(options.rom)
+    expect_kept(options.output, options.rom)
+    values = {}
+    for word in options.values:
+        name, equals, value = word.partition("=")
+        try:
+            values[name] = float(value)
+        except ValueError:
+            raise BodyError(f"{word}: expected NAME=VALUE") from None
+    one = model.at(**values)
+    one.save(options.output)
+    say(f"  wrote {options.output}: {one}")
+
+
 def _info_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("file", type=Path, help="body, reduced or sweep file")
 
@@ -267,6 +292,12 @@ COMMANDS: dict[
         "  flexgram export out/rack.rom.h5 --to sid --dialect dlr -o rack.SID_FEM",
         _export_options,
         _export,
+    ),
+    "at": (
+        "reduced file of a body with parameters -> that with values of them",
+        "flexgram at mounts.rom.h5 E_rubber=2e6 -o soft.rom.h5",
+        _at_options,
+        _at,
     ),
     "hotspots": (
         "where the stress of a reduced body is largest per unit of a load",

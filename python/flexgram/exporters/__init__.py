@@ -174,6 +174,8 @@ def export(model: ReducedBody, path: str | Path, format: str, **options: Any) ->
         body = model.provenance.body
         beside = [model.path.parent / body, Path(body)] if body else []
         expect_kept(target, model.path, options.get("body"), *beside)
+    if model.system.parameters:  # with their present values
+        model = model.at()
     FORMATS[format][2](model, target, **{k: v for k, v in options.items() if v is not None})
     return target
 

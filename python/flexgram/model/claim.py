@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -104,6 +105,14 @@ class Claim:
         outputs are not the inputs: (H − H_r)P); k = 0: each input by itself. ``load_names``.
     form : ErrorForm or None
         What is known of the error beyond its size.
+    parameters, parameter_values : list of str, (k, d) array
+        Parameters of the body, and the values with which the claim holds, a row each.
+    attained_values : (d,) array
+        Those of ``attained``.
+    between_values : float
+        Largest error that was seen with values between these, at frequencies; not proved.
+    chosen : (d,) array or None
+        The parameters' values that the body has been given (``ReducedModel.at``).
     """
 
     kind: str
@@ -134,6 +143,11 @@ class Claim:
     load_names: list[str]
     loads: Floats
     form: ErrorForm | None
+    parameters: list[str] = field(default_factory=list)
+    parameter_values: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    attained_values: Floats = field(default_factory=lambda: np.zeros(0))
+    between_values: float = 0.0
+    chosen: Floats | None = None
 
     @classmethod
     def of(cls, fields: dict[str, Any], inputs: int) -> Claim:
@@ -178,7 +192,21 @@ class Claim:
             load_names=load_names,
             loads=array("loads/patterns").reshape(inputs, len(load_names)),
             form=ErrorForm.of(fields),
+            parameters=(parameters := words("error/parameter_values/names")),
+            parameter_values=array("error/parameter_values").reshape(-1, len(parameters)),
+            attained_values=array("error/at_values"),
+            between_values=float(fields.get("error/between_values", 0.0)),
+            chosen=array("error/chosen") if "error/chosen" in fields else None,
         )
+
+    def at(self, values: Mapping[str, float]) -> Self:
+        """Of the body with these values of all its parameters: the claim, if it holds with them,
+        else nothing that is proved."""
+        chosen = np.array([values[name] for name in self.parameters])
+        away = np.abs(self.parameter_values - chosen) > 1e-12 * np.abs(chosen)
+        known = bool(np.any(~away.any(axis=1))) if len(self.parameter_values) else False
+        kind = self.kind if known else "estimated"
+        return replace(self, chosen=chosen, kind=kind)
 
     @property
     def band(self) -> Floats:
@@ -217,7 +245,17 @@ class Claim:
         """What is claimed of the error, in words."""
         count = len(self.load_names)
         few = f", of the motion along {count} load{'s' if count != 1 else ''} in answer to them"
-        return self._label_of_band() + (few if count else "")
+        return self._label_of_band() + self._words_of_values() + (few if count else "")
+
+    def _words_of_values(self) -> str:
+        if not self.parameters:
+            return ""
+        count, names = len(self.parameter_values), ", ".join(self.parameters)
+        several = f"{count} value{'s' if count != 1 else ''} of {names}"
+        if self.chosen is None:
+            return f" with each of {several}"
+        now = ", ".join(f"{n} = {x:g}" for n, x in zip(self.parameters, self.chosen, strict=True))
+        return f" with {now}" + (f", but with {several}" if self.kind == "estimated" else "")
 
     def _label_of_band(self) -> str:
         if self.kind != "certified outside":

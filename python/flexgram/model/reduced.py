@@ -15,8 +15,29 @@ from flexgram.model.basis import Basis
 from flexgram.model.claim import Claim
 from flexgram.model.file import copy_file, read_fields
 from flexgram.model.frame import Frame
+from flexgram.model.modes import natural_modes
 from flexgram.model.provenance import Provenance
 from flexgram.model.system import System
+
+
+def _save_at(save: Callable[[str], None], path: str, body: ReducedBody) -> None:
+    """The file of a body, with the matrices and the claim of the same body at certain values."""
+    save(path)
+    with h5py.File(path, "r+") as file:
+        for name in list(file.get("terms", {})):
+            if name in body.claim.parameters:
+                del file[f"terms/{name}"]
+        if "terms" in file and not len(file["terms"]):
+            del file["terms"]
+        for name in ("K", "D", "S"):
+            matrix = getattr(body.system, name)
+            if name in file:
+                file[name][...] = matrix
+            elif matrix.any():
+                file[name] = matrix
+        file["modes/omega"][...] = body.modes[: len(file["modes/omega"])]
+        file["error"].attrs["chosen"] = body.claim.chosen
+        file["error"].attrs["kind"] = body.claim.kind
 
 
 class ReducedBody:
@@ -132,6 +153,46 @@ class ReducedBody:
         other = object.__new__(type(self))
         other.__dict__.update(self.__dict__ | parts)
         other.recovered = None
+        return other
+
+    def at(self, **values: float) -> Self:
+        """The body with values of its parameters, which it has no more: no work, no further error
+        than the claim's.
+
+        The claim is proved with the values in ``claim.parameter_values``; with others the body is
+        as good as a body between them can be hoped to be, which ``claim`` then says.
+
+        Parameters
+        ----------
+        **values : float
+            By the names of the parameters (``system.parameters``), in SI units; parameters that are
+            not named have their present values.
+
+        Raises
+        ------
+        BodyError
+            For a name that is no parameter, or a value that is not between its two numbers.
+
+        Examples
+        --------
+        >>> rom = flexgram.ReducedModel.load("mounts.rom.h5")
+        >>> stiff = rom.at(E_rubber=2.6e6)
+        >>> bool(stiff.modes[0] > rom.at(E_rubber=1.4e6).modes[0])
+        True
+        """
+        known = self.system.parameters
+        system = self.system.at(values)
+        if not known:
+            return self.with_parts()
+        given = {name: float(values.get(name, law.value)) for name, law in known.items()}
+        squares = natural_modes(system.K, system.M)[0]
+        other = self.with_parts(
+            system=system,
+            claim=self.claim.at(given),
+            modes=np.sqrt(np.maximum(squares[np.isfinite(squares)], 0)),
+        )
+        if save := self._save:
+            other._save = lambda path: _save_at(save, path, other)
         return other
 
     def save(self, path: str | Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
@@ -11,7 +11,7 @@ import scipy.linalg
 from numpy.typing import ArrayLike
 
 from flexgram.basics import BodyError, ComplexArray, Floats
-from flexgram.body.laws import Prony, Term, law_of
+from flexgram.body.laws import Parameter, Prony, Term, law_of
 from flexgram.model.file import port_names
 from flexgram.model.internal_states import InternalStates
 from flexgram.model.kinds import ports_of
@@ -188,6 +188,40 @@ class System:
         """The terms, each matrix changed."""
         return tuple(term.with_matrix(change(term.matrix)) for term in self.terms)
 
+    @property
+    def parameters(self) -> dict[str, Parameter]:
+        """Stiffness known between two numbers, by the names of the parameters."""
+        return {t.name: t.law for t in self.terms if isinstance(t.law, Parameter)}
+
+    def at(self, values: Mapping[str, float] | None = None) -> Self:
+        """The system without parameters: each has a value, the given one or its present one.
+
+        Raises
+        ------
+        BodyError
+            For a name that is no parameter, or a value that is not between its two numbers.
+        """
+        known = self.parameters
+        for name in values or {}:
+            if name not in known:
+                raise BodyError(
+                    f"{name} is no parameter of the body; it has {', '.join(known) or 'none'}"
+                )
+        K, D, S, others = self.K, self.D, self.S, []
+        for term in self.terms:
+            law = term.law
+            if not isinstance(law, Parameter):
+                others.append(term)
+                continue
+            law = law.with_value((values or {}).get(term.name, law.value), term.name)
+            stiffer = law.stiffness * term.matrix
+            K = K + stiffer
+            if law.beta:
+                D = D + law.beta * stiffer
+            if loss := law.loss + law.eta - self.eta:
+                S = S + loss * stiffer
+        return replace(self, K=K, D=D, S=S, terms=tuple(others))
+
     def along(self, loads: Floats, names: list[str]) -> Self:
         """The system with combinations of its inputs, (n_in, k), for inputs; and with the same of
         its outputs where these are the inputs."""
@@ -238,14 +272,22 @@ class System:
         words = [f"eta = {self.eta:g}"] if self.eta else []
         words += ["S, by material"] if self.S.any() else []
         return ", ".join(
-            [*words, *(f"{term.name}, viscoelastic: {term.law.words}" for term in self.terms)]
+            [
+                *words,
+                *(
+                    f"{term.name}, viscoelastic: {term.law.words}"
+                    for term in self.terms
+                    if not isinstance(term.law, Parameter)
+                ),
+            ]
         )
 
     @property
     def timeless(self) -> str:
         """What has no time domain, in words: ``loss`` without Prony terms."""
-        relaxing = tuple(term for term in self.terms if not isinstance(term.law, Prony))
-        return replace(self, terms=relaxing).loss
+        now = self.at()
+        relaxing = tuple(term for term in now.terms if not isinstance(term.law, Prony))
+        return replace(now, terms=relaxing).loss
 
     def complex_stiffness(self, omega: float) -> ComplexArray:
         """K (1 + i eta) + i S + Σ g(omega) T, (m, m)."""
@@ -283,7 +325,10 @@ class System:
 
     def poles(self) -> ComplexArray:
         """The 2m poles s [rad/s] of the body without structural damping and tables, by rising
-        ``|s|``; with Prony terms also those of its internal states."""
+        ``|s|``; with Prony terms also those of its internal states. Parameters have their present
+        values, here and in time."""
+        if self.parameters:
+            return self.at().poles()
         m = self.order
         inner = InternalStates.of(self.terms, m)
         A = np.zeros((2 * m + inner.count, 2 * m + inner.count))
@@ -340,6 +385,8 @@ class System:
             With structural damping, which has no real state space; for rates of outputs with a
             feedthrough, which would be rates of the inputs.
         """
+        if self.parameters:
+            return self.at().state_space(rates)
         self.expect_time_domain(rates)
         m = self.order
         mass = scipy.linalg.cho_factor(self.M)

@@ -72,6 +72,7 @@ def _plan(facts: list[tuple[str, str]]) -> str:
 
 
 def _modes(model: ReducedBody, most: int = 40) -> str:
+    model = model.at() if model.system.parameters else model
     poles = replace(model.system, terms=()).poles()
     poles = poles[poles.imag >= 0]
     squares, shapes = modes_of(model.system)

@@ -6,7 +6,9 @@
 namespace flexgram {
 namespace {
 
-Candidate make(const SecondStage& stage) { return gramian_candidate(stage, stage.bands); }
+Candidate make(const SecondStage& stage) {
+  return gramian_candidate(stage, {1 + stage.others.size(), stage.bands});
+}
 
 } // namespace
 

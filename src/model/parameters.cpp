@@ -1,0 +1,85 @@
+#include "model/parameters.hpp"
+
+#include "base/text.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace flexgram {
+namespace {
+
+/// So many of each parameter.
+int values_of_each(const std::vector<Law>& parameters, int each) {
+  return each > 0                 ? each
+         : parameters.size() == 1 ? 5
+         : parameters.size() == 2 ? 3
+                                  : 2;
+}
+
+/// The value at a share of the way from the least to the most.
+double value_at(const Law& parameter, double share) {
+  const double least = parameter.number("least"), most = parameter.number("most");
+  if (share == 0) return least;
+  if (share == 1) return most;
+  return least > 0 ? least * std::pow(most / least, share) : least + share * (most - least);
+}
+
+/// Calls visit with all combinations of `count` numbers 0 … count − 1, while it returns true.
+template <class Visit>
+void for_combinations(std::size_t digits, int count, const Visit& visit) {
+  std::vector<int> at(digits, 0);
+  while (visit(at)) {
+    std::size_t digit = 0;
+    while (digit < digits && ++at[digit] == count) at[digit++] = 0;
+    if (digit == digits) return;
+  }
+}
+
+} // namespace
+
+ParameterValues values_of(const std::vector<Law>& parameters) {
+  ParameterValues values;
+  for (const Law& parameter : parameters) values.push_back(parameter.number("value"));
+  return values;
+}
+
+std::vector<ParameterValues> values_that_show(const std::vector<Law>& parameters, int each) {
+  if (parameters.empty()) return {};
+  std::vector<ParameterValues> all{values_of(parameters)};
+  const int count = values_of_each(parameters, each);
+  if (count == 1) return all;
+  for_combinations(parameters.size(), count, [&](const std::vector<int>& at) {
+    ParameterValues values;
+    for (std::size_t k = 0; k < at.size(); ++k)
+      values.push_back(
+          value_at(parameters[k], static_cast<double>(at[k]) / (count - 1)));
+    if (std::find(all.begin(), all.end(), values) == all.end())
+      all.push_back(std::move(values));
+    return true;
+  });
+  return all;
+}
+
+std::vector<ParameterValues> values_between(const std::vector<Law>& parameters, int each) {
+  constexpr std::size_t most = 27;
+  std::vector<ParameterValues> all;
+  const int count = values_of_each(parameters, each) - 1;
+  if (parameters.empty() || count < 1) return all;
+  for_combinations(parameters.size(), count, [&](const std::vector<int>& at) {
+    ParameterValues values;
+    for (std::size_t k = 0; k < at.size(); ++k)
+      values.push_back(value_at(parameters[k], (at[k] + 0.5) / count));
+    all.push_back(std::move(values));
+    return all.size() < most;
+  });
+  return all;
+}
+
+std::string words_of(const std::vector<Law>& parameters, const ParameterValues& values) {
+  std::string words;
+  for (std::size_t k = 0; k < parameters.size(); ++k)
+    words += text("%s%s = %g", k == 0 ? "" : ", ", parameters[k].name().c_str(), values[k]);
+  return words;
+}
+
+} // namespace flexgram

@@ -1,0 +1,45 @@
+/// Parameters of a body: terms whose stiffness is known between two numbers, and the values at
+/// which claims are made. Asked by run, medium and basis.
+
+#pragma once
+
+#include "model/law.hpp"
+
+namespace flexgram {
+
+/// A value of each parameter, in the order of their terms.
+using ParameterValues = std::vector<double>;
+
+/// Their laws. @param terms  of a body.
+template <class MatrixType>
+std::vector<Law> parameters_of(const std::vector<Term<MatrixType>>& terms) {
+  std::vector<Law> laws;
+  for (const auto& term : terms)
+    if (term.law.is_parameter()) laws.push_back(term.law);
+  return laws;
+}
+
+/// Gives the parameters other values. @param values  empty: as they are.
+template <class MatrixType>
+void set_parameters(std::vector<Term<MatrixType>>& terms, const ParameterValues& values) {
+  if (values.empty()) return;
+  std::size_t k = 0;
+  for (auto& term : terms)
+    if (term.law.is_parameter()) term.law = term.law.with("value", values.at(k++));
+}
+
+/// Those that they have.
+ParameterValues values_of(const std::vector<Law>& parameters);
+
+/// The values that they have, then others that show the box: all combinations of `each` values of
+/// each parameter from its least to its most, evenly spaced on a logarithmic scale where the least
+/// is positive, else on a linear one. @param each  0: 5 of one parameter, 3 of two, else 2.
+std::vector<ParameterValues> values_that_show(const std::vector<Law>& parameters, int each);
+
+/// Values between these: the middle of each cell of that grid, 27 at most.
+std::vector<ParameterValues> values_between(const std::vector<Law>& parameters, int each);
+
+/// "E_rubber = 2e+06, k_bolt = 1e+05".
+std::string words_of(const std::vector<Law>& parameters, const ParameterValues& values);
+
+} // namespace flexgram
