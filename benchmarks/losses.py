@@ -28,6 +28,7 @@ KINDS: dict[str, tuple[dict[str, Any], dict[str, Any], dict[str, float]]] = {
     "eta": ({"loss_factor": 0.05}, {"loss_factor": 0.05}, {}),
     "S": ({"loss_factor": 0.001}, {"loss_factor": 0.2}, {}),
     "prony": ({}, PRONY, {"alpha": 5.0}),
+    "parameter": ({"loss_factor": 0.05}, {"loss_factor": 0.05, "parameter": {"E": [1e9, 4e9]}}, {}),
 }
 
 

@@ -128,6 +128,26 @@ bool Certificate::fits(int order, int ports, int modes, int rigid,
           (is(rigid_.rows, order, rigid) && is(rigid_.stiffness, order, rigid)));
 }
 
+Certificate Certificate::at(const DenseResponse& response) const {
+  Certificate other = *this;
+  if (!provable_) return other;
+  const double sigma = shifts_.sigma;
+  const Dense K = transpose(parts_.K);
+  std::vector<Dense> outside; // what T U has beyond E V
+  for (std::size_t t = 0; t < parts_.terms.size(); ++t) {
+    Dense inside = response.modal_terms()[t];
+    for (int j = 0; j < inside.columns; ++j)
+      for (int i = 0; i < inside.rows; ++i)
+        inside(i, j) *= -(1 + shifts_.kappa * sigma) / response.energy(i, sigma);
+    outside.push_back(transpose(parts_.terms[t]));
+    add_to(outside.back(), multiply(K, inside));
+  }
+  other.by_damping_ =
+      DampingCoupling(response, {K, outside, parts_.dropped_K, parts_.dropped_terms},
+                      static_cast<int>(ritz_.mu.size()), sigma, shifts_.kappa);
+  return other;
+}
+
 double Certificate::worst_angle() const {
   double worst = 0;
   for (std::size_t j = 0; j < ritz_.mu.size(); ++j)

@@ -60,6 +60,10 @@ public:
               ProjectionRounding rounding, int modes, bool inertia_is_safe, double cutoff,
               std::vector<double> scale);
 
+  /// The same proof with other values of the parameters, by vectors Φ that suit them.
+  /// @param response  with these.
+  Certificate at(const DenseResponse& response) const;
+
   /// Columns of ports that are the inputs and the outputs of a block of H.
   struct PortSet {
     std::vector<int> inputs, outputs;

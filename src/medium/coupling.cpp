@@ -59,15 +59,23 @@ DampingCoupling::DampingCoupling(const DenseResponse& response, const Residual& 
   constexpr int steps = 8;
   double least = infinity;
   DampingCoupling best;
-  for (int step = 0; step <= steps; ++step) {
-    couple(response, residual, modes + (N - modes) * step / steps, kappa);
-    double largest = 0;
-    for (double part : {0.2, 0.5, 0.8})
-      largest = std::max(largest, at(response.system(), part * std::sqrt(sigma)));
-    if (step > 0 && !(largest < 0.9 * least)) continue;
+  bool is_first = true;
+  const auto judge = [&] {
+    const double largest = largest_at_some(response.system());
+    if (!is_first && !(largest < 0.9 * least)) return;
+    is_first = false;
     least = largest;
     best = *this;
+  };
+  for (int step = 0; step <= steps; ++step) {
+    couple(response, residual, modes + (N - modes) * step / steps, kappa);
+    judge();
   }
+  constexpr double hardly_any = 0.02; // 1/(1 − δ) gains nothing
+  if (least > hardly_any && modes > 0)
+    for (int count : {modes, modes + (N - modes) / steps})
+      if (couple(response, residual, with_coupled(response, count, sigma), modes, kappa))
+        judge();
   *this = std::move(best);
   // Only products of G and F matter: a triangle of as many rows as these have columns holds them.
   Dense all = G_;
@@ -76,6 +84,46 @@ DampingCoupling::DampingCoupling(const DenseResponse& response, const Residual& 
   G_ = part_of(all, 0, all.rows, 0, count());
   for (std::size_t t = 0; t < F_.size(); ++t)
     F_[t] = part_of(all, 0, all.rows, count() * (static_cast<int>(t) + 1), count());
+}
+
+double DampingCoupling::largest_at_some(const DenseSystem& system) const {
+  double largest = 0;
+  for (double part : {0.2, 0.5, 0.8})
+    largest = std::max(largest, at(system, part * std::sqrt(sigma_)));
+  return largest;
+}
+
+/// The first columns of U and, for each term, E⁻¹T of them as far as V holds it.
+DampingCoupling::Vectors DampingCoupling::with_coupled(const DenseResponse& response,
+                                                       int count, double sigma) {
+  constexpr double nothing_new = 1e-8;
+  const int N = response.system().order();
+  Dense all = first_columns(identity(N), count);
+  for (const Dense& T : response.modal_terms()) {
+    Dense coupled = first_columns(T, count);
+    for (int j = 0; j < count; ++j) {
+      double size = 0;
+      for (int i = 0; i < N; ++i) {
+        coupled(i, j) /= response.energy(i, sigma);
+        size = std::hypot(size, coupled(i, j));
+      }
+      for (int i = 0; i < N && size > 0; ++i) coupled(i, j) /= size;
+    }
+    all = beside(all, coupled);
+  }
+  const LeftSvd svd = left_svd(compressed(all));
+  int rank = 0;
+  while (rank < static_cast<int>(svd.values.size()) &&
+         svd.values[as_size(rank)] > nothing_new * svd.values.front())
+    ++rank;
+  const Dense Q = first_columns(svd.vectors, rank);
+  Dense moved = Q;
+  for (int j = 0; j < rank; ++j)
+    for (int i = 0; i < N; ++i) moved(i, j) *= response.mu()[as_size(i)];
+  Dense mass = multiply_transposed(Q, moved);
+  symmetrise(mass);
+  SymmetricEigen eigen = symmetric_eigen(std::move(mass));
+  return {multiply(Q, eigen.vectors), std::move(eigen.values)};
 }
 
 /// The fields for the first `count` columns of U.
@@ -113,6 +161,90 @@ void DampingCoupling::couple(const DenseResponse& response, const Residual& resi
     T_.push_back(part_of(T, 0, count, 0, count));
     dropped_F_.push_back(dropped);
   }
+}
+
+/// The fields for these vectors Y. What J holds inside V is LXᵀ with X = (c M + Σ g T)Y and
+/// LᵀL = E⁻¹ − Y(YᵀEY)⁻¹Yᵀ, the inverse of E on what is E-orthogonal to Y.
+/// @return false if E has other numbers of negative eigenvalues on them.
+bool DampingCoupling::couple(const DenseResponse& response, const Residual& residual,
+                             const Vectors& vectors, int modes, double kappa) {
+  constexpr double singular = 1e-10;
+  const Dense& Y = vectors.Y;
+  const int N = Y.rows, count = Y.columns, inside = N - count, span = residual.K.rows;
+  const auto energy = [&](int i) { return response.energy(i, sigma_); };
+  const auto scaled = [&](const auto& factor) {
+    Dense result = Y;
+    for (int j = 0; j < count; ++j)
+      for (int i = 0; i < N; ++i) result(i, j) *= factor(i);
+    return result;
+  };
+  Dense of_Y = multiply_transposed(Y, scaled(energy));
+  symmetrise(of_Y);
+  const SymmetricEigen E = symmetric_eigen(std::move(of_Y));
+  int negative = 0;
+  double least = infinity, most = 0;
+  for (double e : E.values) {
+    negative += e < 0;
+    least = std::min(least, std::abs(e));
+    most = std::max(most, std::abs(e));
+  }
+  if (negative != modes || !(least > singular * most)) return false;
+  Dense turned = multiply(Y, E.vectors), weighted = turned;
+  for (int j = 0; j < count; ++j)
+    for (int i = 0; i < N; ++i) weighted(i, j) /= E.values[as_size(j)];
+  Dense rest = multiply(weighted, transpose(turned));
+  for (double& x : rest.data) x = -x;
+  for (int i = 0; i < N; ++i) rest(i, i) += 1 / energy(i);
+  symmetrise(rest);
+  const SymmetricEigen inverse = symmetric_eigen(std::move(rest));
+  Dense L(inside, N); // the others are rounding
+  for (int i = 0; i < inside; ++i)
+    for (int j = 0; j < N; ++j)
+      L(i, j) = std::sqrt(std::max(inverse.values[as_size(count + i)], 0.0)) *
+                inverse.vectors(j, count + i);
+  const auto fill = [&](const Dense& X, const Dense& outside) {
+    Dense all(inside + span, count);
+    set_part(all, 0, 0, multiply(L, X));
+    if (span > 0) set_part(all, inside, 0, outside);
+    return all;
+  };
+  const auto factor = [&](int j) {
+    return residual_factor(response.mu()[as_size(j)], tau_, kappa) / energy(j);
+  };
+  G_ = fill(scaled([&](int i) { return response.mu()[as_size(i)]; }),
+            multiply(residual.K, scaled([&](int j) { return -factor(j); })));
+  mu_ = vectors.mu;
+  dropped_G_ = 0;
+  for (int j = 0; j < count; ++j) {
+    double lost = 0;
+    for (int i = 0; i < N; ++i)
+      lost += std::abs(Y(i, j) * factor(i)) * residual.dropped_K[as_size(i)];
+    dropped_G_ = std::hypot(dropped_G_, lost);
+  }
+  F_.clear();
+  T_.clear();
+  dropped_F_.clear();
+  for (std::size_t t = 0; t < residual.terms.size(); ++t) {
+    const Dense& T = response.modal_terms()[t];
+    const Dense TY = multiply(T, Y);
+    F_.push_back(fill(TY, multiply(residual.terms[t], Y)));
+    T_.push_back(multiply_transposed(Y, TY));
+    std::vector<double> lost; // of each column of U
+    for (int j = 0; j < N; ++j) {
+      lost.push_back(residual.dropped_terms[t][as_size(j)]);
+      for (int i = 0; i < N; ++i)
+        lost.back() += (1 + kappa * sigma_) * residual.dropped_K[as_size(i)] *
+                       std::abs(T(i, j) / energy(i));
+    }
+    double dropped = 0;
+    for (int j = 0; j < count; ++j) {
+      double of_column = 0;
+      for (int i = 0; i < N; ++i) of_column += std::abs(Y(i, j)) * lost[as_size(i)];
+      dropped = std::hypot(dropped, of_column);
+    }
+    dropped_F_.push_back(dropped);
+  }
+  return true;
 }
 
 ComplexDense DampingCoupling::A(const ShiftCoefficients& c) const {

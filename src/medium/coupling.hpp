@@ -22,8 +22,8 @@ struct Coefficients {
   double moved_a, moved_c;
 };
 
-/// J = c G + Σ g F of Ritz vectors Φ, the first columns of U, in the norm of E⁻¹, E = K − ω_c²M,
-/// F of each term, and A_Φ = ΦᵀA(ω)Φ.
+/// J = c G + Σ g F of vectors Φ of V in the norm of E⁻¹, E = K − ω_c²M, F of each term, and
+/// A_Φ = ΦᵀA(ω)Φ.
 class DampingCoupling {
 public:
   /// What residuals hold, in coordinates where E⁻¹ is the identity.
@@ -34,9 +34,11 @@ public:
     const std::vector<std::vector<double>>& dropped_terms;
   };
   DampingCoupling() = default;
-  /// Φ may be any of the first columns of U that hold the modes below the cutoff: with
-  /// more of them less of what terms couple is outside, but their residuals are larger. The
-  /// number with the smallest δ at some frequencies is taken.
+  /// Φ may be any vectors of V on which E has as many negative eigenvalues as modes lie below the
+  /// cutoff. Tried are the first columns of U: with more of them less of what terms couple is
+  /// outside, but their residuals are larger; and such columns with E⁻¹T of them, as V holds it,
+  /// for each term: then what T couples them to is inside, however large g is. Those with the
+  /// smallest δ at some frequencies are taken.
   /// @pre uᵀEu < 0 of the first `modes` columns of U, > 0 of the others.
   DampingCoupling(const DenseResponse& response, const Residual& residual, int modes,
                   double sigma, double kappa);
@@ -61,14 +63,23 @@ public:
   bool fits(std::size_t terms) const;
 
 private:
+  /// Vectors of V in the coordinates U: orthonormal, and UᵀMU is diagonal on them.
+  struct Vectors {
+    Dense Y;
+    std::vector<double> mu; ///< of each
+  };
+  static Vectors with_coupled(const DenseResponse& response, int count, double sigma);
   void couple(const DenseResponse& response, const Residual& residual, int count,
               double kappa);
+  bool couple(const DenseResponse& response, const Residual& residual,
+              const Vectors& vectors, int modes, double kappa);
+  double largest_at_some(const DenseSystem& system) const;
   double at(const DenseSystem& system, double omega) const;
   ComplexDense A(const ShiftCoefficients& c) const;
   ComplexDense J(std::complex<double> c,
                  const std::vector<std::complex<double>>& g) const;
 
-  Dense G_;                  ///< rows: the rest of U, then directions of residuals
+  Dense G_;                  ///< rows: the rest of V, then directions of residuals
   std::vector<Dense> F_, T_; ///< of each term: rows as of G; ΦᵀTΦ
   std::vector<double> mu_;
   double dropped_G_ = 0;          ///< norms of what G and F do not hold

@@ -41,11 +41,13 @@ struct MediumLevel {
   bool proved = true;
 
   int order() const { return response->system().order(); }
-  /// The level with other values of the parameters: one certificate is for all.
+  /// The level with other values of the parameters. @param values  empty: as they are.
   MediumLevel at(const ParameterValues& values) const {
+    if (values.empty()) return *this;
     MediumLevel other = *this;
-    if (!values.empty())
-      other.response = std::make_shared<const DenseResponse>(response->at(values));
+    other.response = std::make_shared<const DenseResponse>(response->at(values));
+    other.certificate =
+        std::make_shared<const Certificate>(certificate->at(*other.response));
     return other;
   }
   /// On the frequencies it was judged at. Strong dampers leave the word "estimated"

@@ -2,6 +2,7 @@
 
 #include "linalg/decompositions.hpp"
 #include "medium/response_series.hpp"
+#include "model/parameters.hpp"
 
 #include <gtest/gtest.h>
 
@@ -19,10 +20,13 @@ const LawNumbers series{{"g", {0.7, 20, 1e-3, 0}}, {"tau", {1e-3, 0.4, 50, 1e9}}
 const LawNumbers points{{"omega", {0, 3, 10, 11, 400}},
                         {"storage", {0, 0.2, 5, 2, 2.5}},
                         {"loss", {0.1, 0, 3, 3, 0.5}}};
+const LawNumbers between{{"least", {1}},   {"most", {5}},   {"value", {3}},
+                         {"slope", {0.5}}, {"loss", {0.1}}, {"eta", {0.02}},
+                         {"beta", {1e-3}}};
 
 std::vector<Law> laws() {
   return {Law(), Law(Law::Kind::structural), Law("rubber", "prony", series),
-          Law("foam", "table", points)};
+          Law("foam", "table", points), Law("bolt", "parameter", between)};
 }
 
 /// g by its definition.
@@ -31,6 +35,9 @@ LongComplex value(const Law& law, double omega) {
   const auto w = static_cast<Long>(omega);
   if (law.is_viscous()) return i * w;
   if (law.is_structural()) return i;
+  if (law.is_parameter()) // (3 − 1)/2 of the stiffness, with its losses
+    return LongComplex(1) + i * (static_cast<Long>(0.1) + static_cast<Long>(0.02) +
+                                 w * static_cast<Long>(1e-3));
   LongComplex sum = 0;
   if (law.kind_name() == "prony") {
     for (std::size_t k = 0; k < series.at("g").size(); ++k) {
@@ -101,6 +108,38 @@ TEST(Law, IsExactBetweenTheFrequenciesOfATable) {
   EXPECT_EQ(law.kind().breaks(), points.at("omega"));
   EXPECT_EQ(law.kind().known(), (Interval{0, 400}));
   EXPECT_EQ(law.path(), "/terms/foam");
+}
+
+TEST(Law, OfAParameterHasAValueOfItsRange) {
+  const Law law("bolt", "parameter", between);
+  EXPECT_TRUE(law.is_parameter());
+  EXPECT_EQ(law.number("most"), 5);
+  EXPECT_EQ(law.with("value", 1).at(7), std::complex<double>(0));
+  EXPECT_DOUBLE_EQ(law.with("value", 5).at(0).real(), 2);
+  EXPECT_THROW(law.with("value", 0.9), Error);
+  EXPECT_THROW(law.with("most", 2), Error);
+}
+
+TEST(Parameters, ShowTheirBox) {
+  LawNumbers other = between;
+  other["least"] = {0};
+  const std::vector<Law> both{Law("a", "parameter", between), Law("b", "parameter", other)};
+  const std::vector<Law> one(both.begin(), both.begin() + 1);
+  EXPECT_TRUE(values_that_show({}, 0).empty());
+  EXPECT_EQ(values_that_show(one, 1), (std::vector<ParameterValues>{{3}}));
+  const auto five = values_that_show(one, 0);
+  ASSERT_EQ(five.size(), 6U); // and the present one
+  EXPECT_EQ(five.front(), ParameterValues{3});
+  EXPECT_EQ(five[1], ParameterValues{1});
+  EXPECT_DOUBLE_EQ(five[3].front(), std::sqrt(5.0)); // on a logarithmic scale
+  EXPECT_EQ(five.back(), ParameterValues{5});
+  const auto nine = values_that_show(both, 0);
+  EXPECT_EQ(nine.size(), 10U);
+  EXPECT_DOUBLE_EQ(nine[4].back(), 2.5); // linear from zero
+  EXPECT_EQ(values_between(both, 0).size(), 4U);
+  EXPECT_EQ(values_between(both, 3), values_between(both, 0));
+  EXPECT_TRUE(values_between(both, 1).empty());
+  EXPECT_EQ(words_of(both, {2, 2.5}), "a = 2, b = 2.5");
 }
 
 TEST(Law, RefusesNumbersThatMakeNone) {

@@ -192,8 +192,8 @@ class Claim:
             load_names=load_names,
             loads=array("loads/patterns").reshape(inputs, len(load_names)),
             form=ErrorForm.of(fields),
-            parameters=(parameters := words("error/parameter_values/names")),
-            parameter_values=array("error/parameter_values").reshape(-1, len(parameters)),
+            parameters=words("error/parameter_values/names"),
+            parameter_values=np.atleast_2d(array("error/parameter_values")),
             attained_values=array("error/at_values"),
             between_values=float(fields.get("error/between_values", 0.0)),
             chosen=array("error/chosen") if "error/chosen" in fields else None,
@@ -204,7 +204,7 @@ class Claim:
         else nothing that is proved."""
         chosen = np.array([values[name] for name in self.parameters])
         away = np.abs(self.parameter_values - chosen) > 1e-12 * np.abs(chosen)
-        known = bool(np.any(~away.any(axis=1))) if len(self.parameter_values) else False
+        known = bool(np.any(~away.any(axis=1)))
         kind = self.kind if known else "estimated"
         return replace(self, chosen=chosen, kind=kind)
 

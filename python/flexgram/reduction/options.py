@@ -70,6 +70,13 @@ class OptionsOfReduceAndCertify(TypedDict, total=False):
     frame.spinxx … frame.spinzx for ω_x² … ω_zω_x [rad²/s²], as outputs the change of its
     inertia; for fast or soft rotors in a floating frame, whose centrifugal loads are no loads
     at interfaces. Default no."""
+    parameter_values: int
+    """Values of each parameter of the body, from its least to its most, with which the claim is
+    to hold; all combinations, and the values that the body has. 0: 5 of one parameter, 3 of
+    two, else 2; 1: those of the body alone. Default 0."""
+    at: str | Path | Sequence[str]
+    """Values of the body's parameters in place of its own, E_rubber=2e6,k_bolt=1e7; with
+    -mor_parameter_values 1 the claim is of these alone."""
     cutoff: float
     """All modes up to this many times the end of the band are found and counted; more modes,
     but fewer Krylov blocks. Default 1.1."""
@@ -179,6 +186,8 @@ NAMES = {
     "spin_loads": "-mor_spin_loads",
     "loads": "-mor_loads",
     "load_patterns": "-mor_load_patterns",
+    "parameter_values": "-mor_parameter_values",
+    "at": "-mor_at",
     "tol_of": "-mor_tol_of",
     "field_error": "-mor_field_error",
     "tol_kind": "-mor_tol_kind",
