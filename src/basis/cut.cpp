@@ -74,10 +74,10 @@ private:
   std::vector<Interval> bands_;
   std::vector<double> shifts_;
   PortSelection ports_;
-  std::size_t level_ = 0; ///< that serves
+  std::size_t level_ = 0;                   ///< that serves
   std::vector<ErrorOverBox::Sight> sights_; ///< with each of the parameters' values
-  double between_ = 0; ///< largest error that was seen between these values, on a grid
-  MediumOverBand& seen_;                    ///< with those that the body has
+  double between_ = 0;   ///< largest error that was seen between these values, on a grid
+  MediumOverBand& seen_; ///< with those that the body has
   const MediumModel& medium_;
   std::unique_ptr<SecondStage> stage_;
   ErrorOverBox errors_;
@@ -450,9 +450,9 @@ ReducedModel Cut::run() {
   }
   if (medium_.rigid > 0) observer_.fact("frame", frame_names[as_size(frame_)]);
   stage_ = std::make_unique<SecondStage>(
-      SecondStage{medium_, others(), weights(), request_.equal_ports, frame_ != FrameKind::none,
-                  gram(), shifts_, request_.moments, request_.relative_to,
-                  smallest_tolerance(), request_.statics});
+      SecondStage{medium_, others(), weights(), request_.equal_ports,
+                  frame_ != FrameKind::none, gram(), shifts_, request_.moments,
+                  request_.relative_to, smallest_tolerance(), request_.statics});
   const auto names =
       request_.methods.empty() ? automatic_methods(request_.order) : request_.methods;
   choice_ = choose_order(names, *stage_, errors_, request_.order);

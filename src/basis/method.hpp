@@ -17,7 +17,7 @@ namespace flexgram {
 struct SecondStage {
   const MediumModel& medium;
   std::vector<const MediumModel*> others; ///< with other values of the body's parameters
-  std::vector<BandWeight> bands; ///< [rad/s], with their weights
+  std::vector<BandWeight> bands;          ///< [rad/s], with their weights
   bool equal_ports = true;
   /// The first basis vectors are to be the rigid modes, exactly; what keeps them apart
   /// anyway need not look.

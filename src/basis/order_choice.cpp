@@ -110,8 +110,7 @@ int smallest_of_all(OrderChoice& choice, double tolerance, const SecondStage& st
 }
 
 /// The largest body of the candidate that comes closest.
-void choose_closest(OrderChoice& choice, const SecondStage& stage,
-                    ErrorOverBox& errors) {
+void choose_closest(OrderChoice& choice, const SecondStage& stage, ErrorOverBox& errors) {
   double reached = std::numeric_limits<double>::infinity();
   for (std::size_t c = 0; c < choice.candidates.size(); ++c) {
     const Candidate& candidate = choice.candidates[c];

@@ -157,22 +157,20 @@ void tell_supremum(const CutStory& cut, const ReducedModel& rom, Observer& obser
   const char* const reference = references[static_cast<int>(relative_to)];
   const std::vector<Law> parameters = parameters_of(rom.system.terms);
   const std::size_t values = rom.claim.supremum->values.size();
-  observer.fact("error",
-                text("%s of %s, everywhere in the band%s%s (%s), reached %.2e at %.5g Hz%s; "
-                     "rounding floor %.0e",
-                     bound_words(sup.worst_of[0], "at most %.2e").c_str(), reference,
-                     rom.claim.supremum->bands.size() > 1 ? "s" : "",
-                     values == 0
-                         ? ""
-                         : text(" with each of %zu combination%s of the parameters' values",
-                                values, values == 1 ? "" : "s")
-                               .c_str(),
-                     label.c_str(), sup.attained_of[0], sup.at_of[0] * hz,
-                     values == 0
-                         ? ""
-                         : (", " + words_of(parameters, sup.values_of[0])).c_str(),
-                     *std::max_element(rom.claim.curve.floor.begin(),
-                                       rom.claim.curve.floor.end())));
+  observer.fact(
+      "error",
+      text(
+          "%s of %s, everywhere in the band%s%s (%s), reached %.2e at %.5g Hz%s; "
+          "rounding floor %.0e",
+          bound_words(sup.worst_of[0], "at most %.2e").c_str(), reference,
+          rom.claim.supremum->bands.size() > 1 ? "s" : "",
+          values == 0 ? ""
+                      : text(" with each of %zu combination%s of the parameters' values",
+                             values, values == 1 ? "" : "s")
+                            .c_str(),
+          label.c_str(), sup.attained_of[0], sup.at_of[0] * hz,
+          values == 0 ? "" : (", " + words_of(parameters, sup.values_of[0])).c_str(),
+          *std::max_element(rom.claim.curve.floor.begin(), rom.claim.curve.floor.end())));
   if (!cut.whole.spec.between.empty())
     observer.fact("between", text("with other values of the parameters between these, at "
                                   "some frequencies: %.1e (seen, not proved)",

@@ -266,7 +266,8 @@ SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
   if (!parts.empty() && reactions.any())
     throw Error(
         "reactions of a body whose materials have loss factors of their own, or are "
-        "viscoelastic, or known between two numbers, are not known yet: leave the outputs of type reaction out, or "
+        "viscoelastic, or known between two numbers, are not known yet: leave the "
+        "outputs of type reaction out, or "
         "give the materials one loss factor");
   facts.elements = sum_over(comm, facts.elements);
   facts.rigid_elements = sum_over(comm, facts.rigid_elements);

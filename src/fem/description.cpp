@@ -46,11 +46,10 @@ std::vector<MaterialTerm> read_terms(const Hdf5File& file, const std::string& ob
     const std::string group = object + "/" + name;
     if (!file.exists(group)) continue;
     const std::string of = part == Part::whole ? material : material + "." + name;
-    terms.push_back(
-        {part, read_law(file, group,
-                        file.has_attribute(group, "name")
-                            ? file.text_attribute(group, "name")
-                            : of)});
+    terms.push_back({part, read_law(file, group,
+                                    file.has_attribute(group, "name")
+                                        ? file.text_attribute(group, "name")
+                                        : of)});
   }
   return terms;
 }

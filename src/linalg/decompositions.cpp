@@ -22,6 +22,10 @@ void zheev_(const char* job, const char* uplo, const int* n, std::complex<double
 void dgeev_(const char* left, const char* right, const int* n, double* a, const int* lda,
             double* re, double* im, double* vl, const int* ldvl, double* vr,
             const int* ldvr, double* work, const int* lwork, int* info);
+void zgeev_(const char* left, const char* right, const int* n, std::complex<double>* a,
+            const int* lda, std::complex<double>* w, std::complex<double>* vl,
+            const int* ldvl, std::complex<double>* vr, const int* ldvr,
+            std::complex<double>* work, const int* lwork, double* rwork, int* info);
 void dsyevd_(const char* job, const char* uplo, const int* n, double* a, const int* lda,
              double* w, double* work, const int* lwork, int* iwork, const int* liwork,
              int* info);
@@ -194,6 +198,19 @@ std::vector<std::complex<double>> general_eigenvalues(Dense a) {
   if (info) throw Error(text("LAPACK dgeev returned %d", info));
   for (std::size_t i = 0; i < re.size(); ++i) values.emplace_back(re[i], im[i]);
   return values;
+}
+
+ComplexEigen complex_eigen(ComplexDense a) {
+  const int n = a.rows, one = 1, lwork = std::max(1, 33 * n);
+  ComplexEigen result{std::vector<std::complex<double>>(as_size(n)), ComplexDense(n, n)};
+  if (n == 0) return result;
+  std::vector<std::complex<double>> work(as_size(lwork));
+  std::vector<double> real_work(as_size(2 * n));
+  int info = 0;
+  zgeev_("N", "V", &n, a.data.data(), &n, result.values.data(), nullptr, &one,
+         result.vectors.data.data(), &n, work.data(), &lwork, real_work.data(), &info);
+  if (info) throw Error(text("LAPACK zgeev returned %d", info));
+  return result;
 }
 
 ComplexDense solve(ComplexDense a, ComplexDense b) {

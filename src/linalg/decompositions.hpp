@@ -61,6 +61,13 @@ std::vector<double> hermitian_eigenvalues(ComplexDense a);
 /// Eigenvalues of a general real matrix (LAPACK dgeev).
 std::vector<std::complex<double>> general_eigenvalues(Dense a);
 
+/// Eigenvalues and right eigenvectors of a general complex matrix (LAPACK zgeev).
+struct ComplexEigen {
+  std::vector<std::complex<double>> values;
+  ComplexDense vectors; ///< columns of Euclidean norm 1
+};
+ComplexEigen complex_eigen(ComplexDense a);
+
 /// X = A⁻¹ B by LU with partial pivoting (LAPACK gesv); A is overwritten.
 /// @throws ShiftError if A is singular.
 ComplexDense solve(ComplexDense a, ComplexDense b);

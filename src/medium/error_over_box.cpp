@@ -31,7 +31,8 @@ void ErrorOverBox::add(Sight sight) {
 ErrorOverBox::Errors ErrorOverBox::of(const DenseSystem& small) {
   Errors all = parts_.front().errors.of(small.at(parts_.front().values));
   for (std::size_t k = 1; k < parts_.size(); ++k)
-    all.worst = std::max(all.worst, parts_[k].errors.of(small.at(parts_[k].values)).worst);
+    all.worst =
+        std::max(all.worst, parts_[k].errors.of(small.at(parts_[k].values)).worst);
   return all;
 }
 
@@ -77,7 +78,8 @@ ErrorOverBand::Unmet ErrorOverBox::unmet(const DenseSystem& small, double tolera
   for (Part& part : parts_) {
     const auto here = part.errors.unmet(small.at(part.values), tolerance);
     all.share = std::max(all.share, here.share);
-    all.intervals.insert(all.intervals.end(), here.intervals.begin(), here.intervals.end());
+    all.intervals.insert(all.intervals.end(), here.intervals.begin(),
+                         here.intervals.end());
   }
   all.intervals = joined(std::move(all.intervals));
   return all;

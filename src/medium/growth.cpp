@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
 
 namespace flexgram {
 
@@ -33,11 +34,10 @@ public:
     for (std::size_t l = grid.size(); l-- > 0 && grid.size() - l <= 8;)
       samples.push_back(grid[l]); // where it was found to be weak
     const MediumModel& level = judge.model();
-    Dense chosen = directions_to_grow(of.residuals, of.norm.gram,
-                                      of.response->at(judge.worst_values()), samples,
-                                      level.blocks(), modal.scale, modal.space->kappa(),
-                                      modal.cutoff, modal.modes(), level.left_out(),
-                                      0.3 * run.spec.target);
+    Dense chosen = directions_to_grow(
+        of.residuals, of.norm.gram, of.response->at(judge.worst_values()), samples,
+        level.blocks(), modal.scale, modal.space->kappa(), modal.cutoff, modal.modes(),
+        level.left_out(), 0.3 * run.spec.target);
     share_list(run.fom.comm, chosen.data);
     chosen.columns = static_cast<int>(chosen.data.size()) / std::max(chosen.rows, 1);
     return combine(images, chosen);
@@ -51,14 +51,16 @@ private:
 /// Whether blocks no longer lower the bound.
 class Stall {
 public:
-  void count(double worst) {
-    times_ = worst > 0.5 * least_ ? times_ + 1 : 0;
-    least_ = std::min(least_, worst);
+  /// @param values  of the parameters, with which the bound is that.
+  void count(double worst, const ParameterValues& values) {
+    double& least = least_.try_emplace(values, HUGE_VAL).first->second;
+    times_ = worst > 0.5 * least ? times_ + 1 : 0;
+    least = std::min(least, worst);
   }
   bool has_come() const { return times_ >= 3; }
 
 private:
-  double least_ = HUGE_VAL;
+  std::map<ParameterValues, double> least_;
   int times_ = 0;
 };
 
@@ -84,13 +86,13 @@ void grow(const CertifyRun& run, CertifyState& state) {
   const auto prove = [&](int most) {
     growth.image = Block();
     certifier.prove(growth.bounds, growth.grid, most);
-    growth.image = cut(run, modal, growth.grid, certifier.parts(), judge,
-                       certifier.images());
+    growth.image =
+        cut(run, modal, growth.grid, certifier.parts(), judge, certifier.images());
   };
   for (std::size_t k = 0; k < levels.size();
        ++k) { // of a checkpoint, by what is asked now
     judge.judge(k, levels[k]);
-    if (k + 1 < levels.size()) stall.count(levels[k].worst);
+    if (k + 1 < levels.size()) stall.count(levels[k].worst, judge.worst_values());
   }
   double told = now();
   for (;;) {
@@ -121,7 +123,7 @@ void grow(const CertifyRun& run, CertifyState& state) {
       growth.grid.push_back(*weak);
       judge.judge_again(level);
     }
-    stall.count(level.worst);
+    stall.count(level.worst, judge.worst_values());
     if (stall.has_come()) {
       medium.shortfall = "more vectors do not lower the bound";
       break;

@@ -48,7 +48,8 @@ std::vector<double> LevelJudge::grid_of(std::size_t values) const {
   std::vector<double> grid =
       band_grid(medium_.spec.bands, 60, seen_[values]->model().resonances);
   grid.insert(grid.end(),
-              grid_.begin() + static_cast<std::ptrdiff_t>(std::min(shared_, grid_.size())),
+              grid_.begin() +
+                  static_cast<std::ptrdiff_t>(std::min(shared_, grid_.size())),
               grid_.end());
   return grid;
 }
@@ -91,9 +92,12 @@ void LevelJudge::judge_again(MediumLevel& level) {
     return value.size[v].below[0] - value.bounds[v].error;
   };
   double worst = 0, worst_omega = grid_.empty() ? 0 : grid_.front(), largest_floor = 0;
-  std::size_t worst_values = 0;
+  std::size_t worst_values = worst_values_;
   bool proved = true;
-  for (std::size_t k = 0; k < seen_.size(); ++k) {
+  // The values that were worst come first: a level that does not serve with them is not good
+  // enough, whatever it is with others.
+  for (std::size_t l = 0; l < seen_.size() && !(worst > spec.target); ++l) {
+    const std::size_t k = (worst_values_ + l) % seen_.size();
     const MediumModel& model = seen_[k]->model();
     const std::size_t views = model.views.size();
     const std::vector<Sight> seen = sights(k, hopeless);
@@ -141,8 +145,8 @@ double LevelJudge::allowed_rounding(const MediumLevel& level) const {
 
 std::optional<double> LevelJudge::weak_spot() {
   for (std::size_t k = 0; k < seen_.size(); ++k) {
-    const auto spot = ErrorOverBand(*seen_[k], medium_.spec.relative_to)
-                          .weak_spot(medium_.spec.target);
+    const auto spot =
+        ErrorOverBand(*seen_[k], medium_.spec.relative_to).weak_spot(medium_.spec.target);
     std::vector<double> shared{spot.value_or(-1.0)};
     share_from_first(fom_.comm, shared);
     if (shared[0] >= 0) return shared[0];

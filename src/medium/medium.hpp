@@ -24,7 +24,7 @@ struct CertifySpec {
   int modes = 0;               ///< so many modes at least are found, and exactly; 0: any
   int limit = 0;               ///< largest order; 0: what memory and the body allow
   RelativeTo relative_to = RelativeTo::both;
-  KindSpec kinds = {};     ///< judged by themselves too
+  KindSpec kinds = {}; ///< judged by themselves too
   /// Of the body's parameters, at which the target is to be met; empty: it has none.
   std::vector<ParameterValues> values = {};
   std::vector<ParameterValues> between = {}; ///< others, at which errors are looked at

@@ -2,6 +2,7 @@
 
 #include "base/index.hpp"
 #include "linalg/decompositions.hpp"
+#include "medium/pencil_series.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -12,8 +13,6 @@ namespace {
 
 using Complex = std::complex<double>;
 constexpr double epsilon = std::numeric_limits<double>::epsilon();
-/// Series that converge more slowly than this are not worth their products.
-constexpr double slowest = 0.7;
 
 /// |z| of numbers whose squares do not overflow: faster than std::abs.
 double size_of(const Complex& z) { return std::sqrt(std::norm(z)); }
@@ -34,23 +33,6 @@ Diagonal diagonal(const DenseResponse& response, Interval interval, int mode) {
           Complex(-2 * c * h * mu, h * (k * damping.beta + mu * damping.alpha)),
           -h * h * mu, response.rounding_of_diagonal(mode, c),
           response.rounding_of_difference(mode, c)};
-}
-
-void set_coefficient(MatrixSeries& series, int k, const ComplexDense& value) {
-  double *re = series.coefficients.column(2 * series.columns * k),
-         *im = series.coefficients.column(2 * series.columns * k + series.columns);
-  for (std::size_t i = 0; i < value.data.size(); ++i) {
-    re[i] = value.data[i].real();
-    im[i] = value.data[i].imag();
-  }
-}
-
-ResponseSeries empty_series(Interval interval, int N, int p, int degree) {
-  return {interval,
-          {p, Dense(N, 2 * p * (degree + 1)), Dense(N, p)},
-          Dense(N, p),
-          Dense(N, p),
-          {}};
 }
 
 std::optional<ResponseSeries> of_modes(const DenseResponse& response, const Dense& B,
@@ -84,7 +66,7 @@ std::optional<ResponseSeries> of_modes(const DenseResponse& response, const Dens
                    d.cancelled * beside + lost.back());
     largest.push_back(1 / (least - rounding));
   }
-  ResponseSeries series = empty_series(interval, N, p, degree);
+  ResponseSeries series = ResponseSeries::zero(interval, N, p, degree);
   for (int k = 0; k <= degree; ++k)
     for (int j = 0; j < p; ++j) {
       double *re = series.x.coefficients.column(2 * p * k + j),
@@ -254,12 +236,12 @@ std::optional<ResponseSeries> of_solves(const DenseResponse& response, const Den
   std::optional<Distance> away;
   if (!is_point && !(away.emplace(A, inverse).whole <= slowest)) return std::nullopt;
 
-  ResponseSeries series = empty_series(interval, N, p, degree);
+  ResponseSeries series = ResponseSeries::zero(interval, N, p, degree);
   std::vector<ComplexDense> X(1, ComplexDense(N, p)); // X_0 … X_k
   std::copy(B.data.begin(), B.data.end(), X[0].data.begin());
   X[0] = multiply(inverse, X[0]);
   for (int k = 0; k <= degree; ++k) {
-    set_coefficient(series.x, k, X.back());
+    series.x.set(k, X.back());
     for (std::size_t i = 0; i < X.back().data.size(); ++i)
       series.envelope.data[i] += size_of(X.back().data[i]);
     if (is_point) break;
@@ -292,6 +274,23 @@ std::optional<ResponseSeries> of_solves(const DenseResponse& response, const Den
 }
 
 } // namespace
+
+void MatrixSeries::set(int k, const ComplexDense& value) {
+  double *re = coefficients.column(2 * columns * k),
+         *im = coefficients.column(2 * columns * k + columns);
+  for (std::size_t i = 0; i < value.data.size(); ++i) {
+    re[i] = value.data[i].real();
+    im[i] = value.data[i].imag();
+  }
+}
+
+ResponseSeries ResponseSeries::zero(Interval interval, int N, int p, int degree) {
+  return {interval,
+          {p, Dense(N, 2 * p * (degree + 1)), Dense(N, p)},
+          Dense(N, p),
+          Dense(N, p),
+          {}};
+}
 
 ComplexDense MatrixSeries::centre() const {
   ComplexDense f(rows(), columns);
@@ -361,8 +360,12 @@ std::optional<ResponseSeries> response_series(const DenseResponse& response,
                                               Interval interval, int degree,
                                               const Dense& B) {
   if (interval.half() == 0) degree = 0;
-  return response.is_diagonal() ? of_modes(response, B, interval, degree)
-                                : of_solves(response, B, interval, degree);
+  if (response.is_diagonal()) return of_modes(response, B, interval, degree);
+  if (const PencilModes* modes = response.pencil()) {
+    PencilSeries by_modes = pencil_series(*modes, B, interval, degree);
+    if (by_modes.is_known) return std::move(by_modes.series);
+  }
+  return of_solves(response, B, interval, degree);
 }
 
 std::optional<ResponseSeries> modal_factors(const DenseResponse& response,

@@ -24,7 +24,8 @@ struct MatrixSeries {
   const double* imaginary(int k) const {
     return coefficients.column(2 * columns * k + columns);
   }
-  ComplexDense centre() const; ///< F_0
+  ComplexDense centre() const;                ///< F_0
+  void set(int k, const ComplexDense& value); ///< F_k
 };
 
 /// F with zeros in the rows before `first`.
@@ -43,7 +44,13 @@ struct ResponseSeries {
   Dense envelope; ///< N × p: |x_ij| at most, anywhere in the interval
   Dense rounding; ///< N × p: the part of x.tail that more digits would lower
   std::vector<double> largest; ///< of a diagonal system: |1/a_i| at most
+
+  /// N × p.
+  static ResponseSeries zero(Interval interval, int N, int p, int degree);
 };
+
+/// Series that converge more slowly than this are not worth their products.
+inline constexpr double slowest = 0.7;
 
 /// Taylor series of the response about the centre of the interval.
 ///

@@ -1,5 +1,7 @@
 #include "model/dense_system.hpp"
 
+#include "model/pencil_modes.hpp"
+
 #include "base/index.hpp"
 #include "linalg/decompositions.hpp"
 #include "linalg/last_turn.hpp"
@@ -176,6 +178,7 @@ DenseResponse::DenseResponse(DenseSystem system, double tau)
 
 DenseResponse DenseResponse::at(const ParameterValues& values) const {
   DenseResponse other = *this;
+  other.pencil_.reset();
   set_parameters(other.system_.terms, values);
   return other;
 }
@@ -347,6 +350,12 @@ Dense DenseResponse::companion() const {
     companion(N + i, i) = 1;
   }
   return companion;
+}
+
+const PencilModes* DenseResponse::pencil() const {
+  if (!pencil_)
+    pencil_ = std::make_shared<const std::optional<PencilModes>>(PencilModes::of(*this));
+  return *pencil_ ? &**pencil_ : nullptr;
 }
 
 ComplexDense DenseResponse::modal_response(double omega) const {

@@ -5,7 +5,7 @@
 #include "model/second_order_model.hpp"
 
 #include <cmath>
-
+#include <memory>
 #include <optional>
 
 namespace flexgram {
@@ -36,6 +36,8 @@ struct DenseSystem {
   SecondOrderModel model(const SecondOrderModel& names) const;
   static DenseSystem from(const SecondOrderModel& dense);
 };
+
+class PencilModes;
 
 struct DenseSystem::Modal {
   Dense Q; ///< N × m, the basis in modal coordinates
@@ -97,6 +99,9 @@ public:
   ComplexDense modal_response(double omega) const;
   ComplexDense transfer(const ComplexDense& modal_response) const;
   ComplexDense transfer(double omega) const { return transfer(modal_response(omega)); }
+  /// Complex modes of a system whose terms are stiffness with losses; null where it has others, or
+  /// modes too near each other. Found when they are first asked for.
+  const PencilModes* pencil() const;
 
 private:
   void take_diagonals();
@@ -108,6 +113,7 @@ private:
   Dense U_, B_, C_;          ///< B and C in the coordinates of U
   std::vector<Dense> terms_; ///< so
   std::vector<double> mu_, lambda_;
+  mutable std::shared_ptr<const std::optional<PencilModes>> pencil_; ///< null: not yet
 };
 
 /// A += Σ g_t T_t.

@@ -42,6 +42,8 @@ public:
   virtual double largest(double omega) const = 0;
   /// Frequencies where g is not smooth, ascending.
   virtual std::vector<double> breaks() const { return {}; }
+  /// Whether g is (1 + iη + iωβ) times a number: a stiffness with its own η and β.
+  virtual bool is_stiffness() const { return false; }
   /// The frequencies at which g is known.
   virtual Interval known() const;
   virtual LawNumbers numbers() const { return {}; }

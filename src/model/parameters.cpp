@@ -10,10 +10,7 @@ namespace {
 
 /// So many of each parameter.
 int values_of_each(const std::vector<Law>& parameters, int each) {
-  return each > 0                 ? each
-         : parameters.size() == 1 ? 5
-         : parameters.size() == 2 ? 3
-                                  : 2;
+  return each > 0 ? each : parameters.size() == 1 ? 5 : parameters.size() == 2 ? 3 : 2;
 }
 
 /// The value at a share of the way from the least to the most.
@@ -21,7 +18,8 @@ double value_at(const Law& parameter, double share) {
   const double least = parameter.number("least"), most = parameter.number("most");
   if (share == 0) return least;
   if (share == 1) return most;
-  return least > 0 ? least * std::pow(most / least, share) : least + share * (most - least);
+  return least > 0 ? least * std::pow(most / least, share)
+                   : least + share * (most - least);
 }
 
 /// Calls visit with all combinations of `count` numbers 0 … count − 1, while it returns true.
@@ -43,7 +41,8 @@ ParameterValues values_of(const std::vector<Law>& parameters) {
   return values;
 }
 
-std::vector<ParameterValues> values_that_show(const std::vector<Law>& parameters, int each) {
+std::vector<ParameterValues> values_that_show(const std::vector<Law>& parameters,
+                                              int each) {
   if (parameters.empty()) return {};
   std::vector<ParameterValues> all{values_of(parameters)};
   const int count = values_of_each(parameters, each);
@@ -51,8 +50,7 @@ std::vector<ParameterValues> values_that_show(const std::vector<Law>& parameters
   for_combinations(parameters.size(), count, [&](const std::vector<int>& at) {
     ParameterValues values;
     for (std::size_t k = 0; k < at.size(); ++k)
-      values.push_back(
-          value_at(parameters[k], static_cast<double>(at[k]) / (count - 1)));
+      values.push_back(value_at(parameters[k], static_cast<double>(at[k]) / (count - 1)));
     if (std::find(all.begin(), all.end(), values) == all.end())
       all.push_back(std::move(values));
     return true;
@@ -60,7 +58,8 @@ std::vector<ParameterValues> values_that_show(const std::vector<Law>& parameters
   return all;
 }
 
-std::vector<ParameterValues> values_between(const std::vector<Law>& parameters, int each) {
+std::vector<ParameterValues> values_between(const std::vector<Law>& parameters,
+                                            int each) {
   constexpr std::size_t most = 27;
   std::vector<ParameterValues> all;
   const int count = values_of_each(parameters, each) - 1;
@@ -78,7 +77,8 @@ std::vector<ParameterValues> values_between(const std::vector<Law>& parameters, 
 std::string words_of(const std::vector<Law>& parameters, const ParameterValues& values) {
   std::string words;
   for (std::size_t k = 0; k < parameters.size(); ++k)
-    words += text("%s%s = %g", k == 0 ? "" : ", ", parameters[k].name().c_str(), values[k]);
+    words +=
+        text("%s%s = %g", k == 0 ? "" : ", ", parameters[k].name().c_str(), values[k]);
   return words;
 }
 

@@ -34,7 +34,8 @@ ParameterValues values_of(const std::vector<Law>& parameters);
 /// The values that they have, then others that show the box: all combinations of `each` values of
 /// each parameter from its least to its most, evenly spaced on a logarithmic scale where the least
 /// is positive, else on a linear one. @param each  0: 5 of one parameter, 3 of two, else 2.
-std::vector<ParameterValues> values_that_show(const std::vector<Law>& parameters, int each);
+std::vector<ParameterValues> values_that_show(const std::vector<Law>& parameters,
+                                              int each);
 
 /// Values between these: the middle of each cell of that grid, 27 at most.
 std::vector<ParameterValues> values_between(const std::vector<Law>& parameters, int each);

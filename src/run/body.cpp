@@ -194,9 +194,11 @@ void tell_parameters(const SecondOrderModel& model, const Settings& settings,
   if (parameters.empty()) return;
   std::string words;
   for (const Law& law : parameters)
-    words += text("%s%s from %g to %g (%g)", words.empty() ? "" : ", ", law.name().c_str(),
-                  law.number("least"), law.number("most"), law.number("value"));
-  const std::size_t count = values_that_show(parameters, settings.parameter_values).size();
+    words +=
+        text("%s%s from %g to %g (%g)", words.empty() ? "" : ", ", law.name().c_str(),
+             law.number("least"), law.number("most"), law.number("value"));
+  const std::size_t count =
+      values_that_show(parameters, settings.parameter_values).size();
   constexpr std::size_t most = 1000;
   if (count > most)
     throw Error(text("%zu combinations of values of %zu parameters: no more than %zu, "

@@ -107,14 +107,16 @@ void Settings::describe_ports(Options& options) {
 
 void Settings::describe_parameters(Options& options) {
   options.section("Parameters of the body", "reduce certify plan");
-  options.add("-mor_parameter_values", parameter_values, "",
-              "values of each parameter of the body, from its least to its most, with which "
-              "the claim is to hold; all combinations, and the values that the body has. "
-              "0: 5 of one parameter, 3 of two, else 2; 1: those of the body alone");
+  options.add(
+      "-mor_parameter_values", parameter_values, "",
+      "values of each parameter of the body, from its least to its most, with which "
+      "the claim is to hold; all combinations, and the values that the body has. "
+      "0: 5 of one parameter, 3 of two, else 2; 1: those of the body alone");
   options.section("Parameters of the body", all_but_cut);
-  options.add("-mor_at", at,
-              "values of the body's parameters in place of its own, E_rubber=2e6,k_bolt=1e7; "
-              "with -mor_parameter_values 1 the claim is of these alone");
+  options.add(
+      "-mor_at", at,
+      "values of the body's parameters in place of its own, E_rubber=2e6,k_bolt=1e7; "
+      "with -mor_parameter_values 1 the claim is of these alone");
 }
 
 void Settings::describe_accuracy(Options& options) {

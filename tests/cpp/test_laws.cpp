@@ -123,7 +123,8 @@ TEST(Law, OfAParameterHasAValueOfItsRange) {
 TEST(Parameters, ShowTheirBox) {
   LawNumbers other = between;
   other["least"] = {0};
-  const std::vector<Law> both{Law("a", "parameter", between), Law("b", "parameter", other)};
+  const std::vector<Law> both{Law("a", "parameter", between),
+                              Law("b", "parameter", other)};
   const std::vector<Law> one(both.begin(), both.begin() + 1);
   EXPECT_TRUE(values_that_show({}, 0).empty());
   EXPECT_EQ(values_that_show(one, 1), (std::vector<ParameterValues>{{3}}));

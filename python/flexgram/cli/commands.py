@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from flexgram.basics import BodyError, say
+from flexgram.basics import BodyError, expect_kept, say
 from flexgram.cli.import_command import import_body_file, import_options
 from flexgram.cli.port_commands import (
     couple_options,

@@ -21,16 +21,19 @@ public:
         beta_(of("beta")) {}
 
   std::vector<Long> coefficients(const Interval& interval, int) const override {
-    const auto stiffness = static_cast<long double>(slope_) *
-                           (static_cast<long double>(value_) - static_cast<long double>(least_));
+    const auto stiffness =
+        static_cast<long double>(slope_) *
+        (static_cast<long double>(value_) - static_cast<long double>(least_));
     const auto beta = static_cast<long double>(beta_);
     return {stiffness * Long(1, static_cast<long double>(loss_) +
                                     beta * static_cast<long double>(interval.centre())),
             stiffness * Long(0, beta * static_cast<long double>(interval.half()))};
   }
   double largest(double omega) const override {
-    return slope_ * (value_ - least_) * std::hypot(1, loss_ + omega * beta_) * (1 + 1e-15);
+    return slope_ * (value_ - least_) * std::hypot(1, loss_ + omega * beta_) *
+           (1 + 1e-15);
   }
+  bool is_stiffness() const override { return true; }
   LawNumbers numbers() const override { return numbers_; }
   std::string words() const override {
     return text("a parameter from %g to %g", least_, most_);
@@ -54,8 +57,8 @@ extern const LawMaker parameter_law{
         throw Error("law parameter: one number of each name");
       if (!(of("least") < of("most")) || !(of("value") >= of("least")) ||
           !(of("value") <= of("most")))
-        throw Error(text("law parameter: least %g, value %g, most %g must rise", of("least"),
-                         of("value"), of("most")));
+        throw Error(text("law parameter: least %g, value %g, most %g must rise",
+                         of("least"), of("value"), of("most")));
       if (!(of("slope") > 0) || !(of("loss") >= 0) || !(of("eta") >= 0) ||
           !(of("beta") >= 0))
         throw Error("law parameter: slope must be positive, loss, eta and beta must not "

@@ -11,6 +11,7 @@ public:
                                                       int) const override {
     return {{0, 1}, {0, 0}};
   }
+  bool is_stiffness() const override { return true; }
   double largest(double) const override { return 1; }
   std::string words() const override {
     return "structural by material (S, the imaginary part of K)";

@@ -1,0 +1,103 @@
+#include "medium/pencil_series.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace flexgram {
+namespace {
+
+using Complex = std::complex<double>;
+constexpr double epsilon = std::numeric_limits<double>::epsilon();
+
+/// 1/(d_0 + d_1 t + d_2 t²) of a mode: its series, what that leaves, and |·| at most.
+struct Factor {
+  std::vector<Complex> coefficients;
+  double left, largest;
+};
+std::optional<Factor> factor_of(const PencilModes::Diagonal& d, int degree) {
+  const double size = std::abs(d.d0), first = std::abs(d.d1), second = std::abs(d.d2),
+               least = size - first - second;
+  if (!(first + second <= slowest * size) || !(least > 2 * d.rounding))
+    return std::nullopt;
+  Factor factor{{1.0 / d.d0}, 0, 1 / (least - d.rounding)};
+  double majorant = 1 / size, before = 0;
+  for (int k = 1; k <= degree; ++k) {
+    Complex next = d.d1 * factor.coefficients.back();
+    if (k > 1) next += d.d2 * factor.coefficients[as_size(k) - 2];
+    const double next_majorant = (first * majorant + second * before) / size;
+    factor.coefficients.push_back(-next / d.d0);
+    before = majorant;
+    majorant = next_majorant;
+  }
+  factor.left = (first * majorant + second * (before + majorant)) / least +
+                d.rounding / least * factor.largest +
+                (16 + 4 * degree) * epsilon * factor.largest;
+  return factor;
+}
+
+} // namespace
+
+/// y = (D + (m − τa)Φ)⁻¹(c + ρ) of the coordinates y in X, Φ and ρ of rounding: with B = |D⁻¹ Φ|
+/// and v = |D⁻¹|(|ρ| + |Φ||D⁻¹c|) it is D⁻¹c but for v + Bv + B²v + …
+PencilSeries pencil_series(const PencilModes& modes, const Dense& B, Interval interval,
+                           int degree) {
+  const int N = B.rows, p = B.columns;
+  std::vector<Factor> factors;
+  for (int i = 0; i < N; ++i) {
+    auto factor = factor_of(modes.diagonal(interval, i), degree);
+    if (!factor) return {true, std::nullopt};
+    factors.push_back(std::move(*factor));
+  }
+  ComplexDense loads(N, p);
+  std::copy(B.data.begin(), B.data.end(), loads.data.begin());
+  const ComplexDense c = multiply(modes.inverse(), loads);
+  // Rounding, in the coordinates of the modes.
+  const double shift = modes.largest_shift(interval);
+  Dense largest(N, p);
+  for (int j = 0; j < p; ++j)
+    for (int i = 0; i < N; ++i)
+      largest(i, j) = factors[as_size(i)].largest * std::abs(c(i, j));
+  const Dense of_loads = multiply(modes.lost_of_loads(), absolute(B)),
+              of_modes = multiply(modes.lost_of_modes(), largest);
+  std::vector<double> feedback; // row sums of B
+  for (int i = 0; i < N; ++i) feedback.push_back(0);
+  for (int k = 0; k < N; ++k)
+    for (int i = 0; i < N; ++i) feedback[as_size(i)] += modes.lost_of_modes()(i, k);
+  double most = 0;
+  for (int i = 0; i < N; ++i) {
+    feedback[as_size(i)] *= shift * factors[as_size(i)].largest;
+    most = std::max(most, feedback[as_size(i)]);
+  }
+  if (!(most <= 0.5)) return {false, std::nullopt};
+  Dense lost(N, p), left(N, p); // all of it; without the series' remainder
+  for (int j = 0; j < p; ++j) {
+    double worst = 0;
+    for (int i = 0; i < N; ++i) {
+      lost(i, j) =
+          factors[as_size(i)].largest * (of_loads(i, j) + shift * of_modes(i, j));
+      worst = std::max(worst, lost(i, j));
+    }
+    for (int i = 0; i < N; ++i) {
+      lost(i, j) += 2 * feedback[as_size(i)] * worst +
+                    4 * epsilon * (N + 4) * largest(i, j); // the product with X
+      left(i, j) = lost(i, j) + factors[as_size(i)].left * std::abs(c(i, j));
+    }
+  }
+  ResponseSeries series = ResponseSeries::zero(interval, N, p, degree);
+  for (int k = 0; k <= degree; ++k) {
+    ComplexDense y = c;
+    for (int j = 0; j < p; ++j)
+      for (int i = 0; i < N; ++i) y(i, j) *= factors[as_size(i)].coefficients[as_size(k)];
+    const ComplexDense x = multiply(modes.X(), y);
+    series.x.set(k, x);
+    for (std::size_t i = 0; i < x.data.size(); ++i)
+      series.envelope.data[i] += std::sqrt(std::norm(x.data[i]));
+  }
+  series.rounding = multiply(modes.sizes(), lost);
+  series.x.tail = multiply(modes.sizes(), left);
+  add_to(series.envelope, series.x.tail);
+  return {true, std::move(series)};
+}
+
+} // namespace flexgram
