@@ -47,10 +47,11 @@ CLASSES = (
 )
 DAMPINGS = ("none", "mass", "stiffness", "both", "structural", "dashpots", "general")
 #: S = Σ η_k K_k of random positive semidefinite parts of K, alone or with others, --materials.
-#: And viscoelastic ones, of such parts.
+#: And viscoelastic ones, of such parts; and parts known between two numbers.
 MATERIALS = (
     *("materials", "materials and dashpots", "materials and mass"),
     *("relaxation", "relaxation and materials", "a table", "a table and dashpots"),
+    *("a parameter", "a parameter and materials", "a parameter and dashpots"),
 )
 
 
@@ -64,6 +65,15 @@ class Case:
     bands_hz: list[float]
     tolerance: float
     options: dict[str, Any] = field(default_factory=dict)
+    parameter: Any = None  # (T, law)
+
+    def at(self, value: float) -> System:
+        """The full system with a value of its parameter."""
+        s, (T, law) = self.system, self.parameter
+        stiffer = law.slope * (value - law.least) * T
+        S = (0.0 if s.S is None else s.S) + law.loss * stiffer
+        known = {name: getattr(s, name) for name in ("alpha", "beta", "eta", "terms")}
+        return System(s.K + stiffer, s.M, s.B, s.C, s.D, S=S, **known)
 
 
 def _springs(n: int, pairs: Any, stiffness: Any, ground: Any) -> Any:
@@ -190,6 +200,15 @@ def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
         terms.append((_losses(rng, K, 1.0), "table", known, *(list(v) for v in values)))
     bands = [first / TWO_PI, top / TWO_PI]
     options: dict[str, Any] = {}
+    parameter = None
+    if "parameter" in damping:
+        if rng.random() < 0.5:
+            extra["beta"] = 2 * zeta / top
+        extra["eta"] = 2 * zeta
+        loss = rng.choice([0.0, 10.0 ** rng.uniform(-3, -0.5)])
+        law = flexgram.parameter(1.0, 1 + 10.0 ** rng.uniform(-1, 1), loss=float(loss))
+        parameter = (_losses(rng, K, 1.0), law)
+        options["mor_parameter_values"] = 3
     if kind == "elastic part":
         options["mor_tol_relative_to"] = "elastic"
     if kind == "two bands":
@@ -204,7 +223,7 @@ def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
         digits = int(rng.choice([6, 10, 14]))
         K, M = (np.vectorize(lambda x: float(f"{x:.{digits - 1}e}"))(a) for a in (K, M))
     system = System(K, np.diag(M), B, C, D, S=S, terms=terms, **extra)
-    return Case(kind, damping, system, bands, tolerance, options)
+    return Case(kind, damping, system, bands, tolerance, options, parameter)
 
 
 def _losses(rng: np.random.Generator, K: Any, largest: float) -> Any:
@@ -235,6 +254,20 @@ class Verdict:
     decides: bool = False  # that part is more than half of the claim
 
 
+def _reduced(rom: flexgram.ReducedModel) -> System:
+    """The reduced body for the referee."""
+    return System(
+        *(rom.K, rom.M, rom.B, rom.C, rom.D),
+        eta=rom.eta,
+        rigid=int(rom.frame["rigid_modes"]),
+        S=rom.system.S if rom.system.S.any() else None,
+        terms=[
+            (term.matrix, term.law.kind, *(list(x) for x in term.law.numbers().values()))
+            for term in rom.system.terms
+        ],
+    )
+
+
 def examine(case: Case, rng: np.random.Generator) -> Verdict:
     """Reduce, and let the referee look for an error above the certified one."""
     s = case.system
@@ -251,7 +284,8 @@ def examine(case: Case, rng: np.random.Generator) -> Verdict:
         terms={
             f"term{k}": (sp.csr_matrix(T), getattr(flexgram, law)(*numbers))
             for k, (T, law, *numbers) in enumerate(s.terms)
-        },
+        }
+        | ({"p": (sp.csr_matrix(case.parameter[0]), case.parameter[1])} if case.parameter else {}),
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -268,23 +302,18 @@ def examine(case: Case, rng: np.random.Generator) -> Verdict:
     verdict = Verdict(outcome, bound=rom.certified_error, order=rom.order)
     if rom.kind == "estimated":
         return verdict
-    reduced = System(
-        *(rom.K, rom.M, rom.B, rom.C, rom.D),
-        eta=rom.eta,
-        rigid=int(rom.frame["rigid_modes"]),
-        S=rom.system.S if rom.system.S.any() else None,
-        terms=[
-            (term.matrix, term.law.kind, *(list(x) for x in term.law.numbers().values()))
-            for term in rom.system.terms
-        ],
-    )
+    values = [{"p": float(p)} for (p,) in rom.claim.parameter_values] if case.parameter else [{}]
     worst, reference = 0.0, rom.relative_to if rom.bounds_elastic_part else "pointwise"
-    for omega in hard_frequencies(s, reduced, rom.bands, rom.excluded, rng):
-        truth = relative_error(s, reduced, omega, reference)
-        if truth > verdict.bound and truth > worst:  # by the rounding of long double?
-            truth = relative_error(s, reduced, omega, reference, exactly=True)
-        if truth > worst:
-            worst, verdict.at = truth, omega
+    for chosen in values:
+        if chosen:
+            s = case.at(chosen["p"])
+        reduced = _reduced(rom.at(**chosen))
+        for omega in hard_frequencies(s, reduced, rom.bands, rom.excluded, rng):
+            truth = relative_error(s, reduced, omega, reference)
+            if truth > verdict.bound and truth > worst:  # by the rounding of long double?
+                truth = relative_error(s, reduced, omega, reference, exactly=True)
+            if truth > worst:
+                worst, verdict.at = truth, omega
     verdict.true = worst
     if not rom.met and worst <= case.tolerance:
         verdict.true = max(worst, error_at_zeros(s, reduced, rom.unmet))

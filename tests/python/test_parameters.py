@@ -154,7 +154,7 @@ def test_values_of_a_reduced_body(tmp_path: Path) -> None:
             assert np.allclose(model.transfer(omega), H, rtol=1e-11)
     known = loaded.at(soft=4.0, bolt=0.0)
     assert known.kind == "certified" and known.certified_error == rom.certified_error
-    with pytest.raises(BodyError, match="soft is no parameter.*none"):
+    with pytest.raises(BodyError, match=r"soft is no parameter.*none"):
         known.at(soft=1.0)
     with pytest.raises(BodyError, match="soft = 5: the body knows soft from 1 to 4"):
         loaded.at(soft=5.0)

@@ -18,10 +18,10 @@ from flexgram.body.faces import middle_of
 from flexgram.body.loads import BodyMesh, write_loads
 from flexgram.body.meshfile import ELEMENTS, LABELS, node_set
 from flexgram.body.outputs import write_outputs
+from flexgram.body.parameters import PARAMETER, read_parameter
 from flexgram.body.reader import Reader, short
 from flexgram.body.sections import section_properties
 from flexgram.body.selection import in_box, nearest
-from flexgram.body.parameters import PARAMETER, read_parameter
 from flexgram.body.viscoelastic import KEY, read_isotropic, read_orthotropic
 from flexgram.body.whole import (
     Block,

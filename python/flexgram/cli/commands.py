@@ -225,7 +225,7 @@ def _at(options: argparse.Namespace) -> None:
     expect_kept(options.output, options.rom)
     values = {}
     for word in options.values:
-        name, equals, value = word.partition("=")
+        name, _, value = word.partition("=")
         try:
             values[name] = float(value)
         except ValueError:
