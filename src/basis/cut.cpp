@@ -51,6 +51,7 @@ private:
   std::vector<ErrorOverBox::Sight> first_that_serves();
   std::vector<BandWeight> weights() const;
   std::vector<const MediumModel*> others() const;
+  void choose(const std::vector<std::string>& names);
   bool add_weak_values();
   std::vector<double> error_grid(const MediumModel& model) const;
   Dense gram() const;
@@ -76,7 +77,8 @@ private:
   PortSelection ports_;
   std::size_t level_ = 0;                   ///< that serves
   std::vector<ErrorOverBox::Sight> sights_; ///< with each of the parameters' values
-  double between_ = 0;   ///< largest error that was seen between these values, on a grid
+  /// Largest error of H as a whole that was seen between these values, on a grid.
+  std::optional<double> between_;
   MediumOverBand& seen_; ///< with those that the body has
   const MediumModel& medium_;
   std::unique_ptr<SecondStage> stage_;
@@ -189,28 +191,40 @@ std::vector<const MediumModel*> Cut::others() const {
   return models;
 }
 
+/// Rank 0's choice: the last bit of an error may differ between ranks.
+void Cut::choose(const std::vector<std::string>& names) {
+  choice_ = choose_order(names, *stage_, errors_, request_.order);
+  std::vector<double> shared{static_cast<double>(choice_.best),
+                             static_cast<double>(choice_.order)};
+  share_from_first(comm_, shared);
+  choice_.best = static_cast<std::size_t>(shared[0]);
+  choice_.order = static_cast<int>(shared[1]);
+}
+
 /// Looks at values of the parameters between those that the claim is made for, at frequencies.
 /// Where the chosen body does not meet the tolerance the claim is made for these too: whether
 /// there are such.
 bool Cut::add_weak_values() {
   const Candidate& candidate = choice_.candidates[choice_.best];
   const DenseSystem small = medium_.system.project(candidate.basis(choice_.order));
-  between_ = 0;
+  between_.reset();
   bool any = false;
   for (const ParameterValues& values : whole_.spec.between) {
     const auto is_known = [&](const auto& sight) { return sight.values == values; };
     if (std::any_of(sights_.begin(), sights_.end(), is_known)) continue;
     const auto here = seen(level_, values);
-    std::vector<double> worst{
-        ErrorOverBand(*here, request_.relative_to).of(small.at(values)).worst};
-    share_from_first(comm_, worst);
-    if (request_.order.tolerance && choice_.shortfall.empty() &&
-        !(worst[0] <= smallest_tolerance())) {
+    const auto errors = ErrorOverBand(*here, request_.relative_to).of(small.at(values));
+    const bool is_weak = request_.order.tolerance && choice_.shortfall.empty() &&
+                         !(errors.worst <= smallest_tolerance());
+    std::vector<double> shared{
+        *std::max_element(errors.bound.begin(), errors.bound.end()), is_weak ? 1.0 : 0.0};
+    share_from_first(comm_, shared);
+    if (shared[1] > 0) {
       sights_.push_back({values, here});
       errors_.add(sights_.back());
       any = true;
     } else {
-      between_ = std::max(between_, worst[0]);
+      between_ = std::max(between_.value_or(0.0), shared[0]);
     }
   }
   return any;
@@ -345,12 +359,7 @@ constexpr const char* frame_names[] = {"auto", "none", "buckens", "tangent"};
 
 /// The model of the chosen order in modal coordinates, the same on every rank.
 DenseSystem::Modal Cut::chosen_model() {
-  // The last bit of an error may differ between ranks.
-  std::vector<double> shared{static_cast<double>(choice_.best),
-                             static_cast<double>(choice_.order)};
-  share_from_first(comm_, shared);
-  choice_.best = static_cast<std::size_t>(shared[0]);
-  choice_.order = static_cast<int>(shared[1]);
+
   Dense Q = choice_.candidates[choice_.best].basis(choice_.order);
   share_from_first(comm_, Q.data);
   DenseSystem::Modal chosen = medium_.system.project_to_modes(Q, medium_.tau);
@@ -455,10 +464,10 @@ ReducedModel Cut::run() {
                   request_.relative_to, smallest_tolerance(), request_.statics});
   const auto names =
       request_.methods.empty() ? automatic_methods(request_.order) : request_.methods;
-  choice_ = choose_order(names, *stage_, errors_, request_.order);
+  choose(names);
   while (add_weak_values()) {
     stage_->others = others();
-    choice_ = choose_order(names, *stage_, errors_, request_.order);
+    choose(names);
   }
   if (!choice_.tried.empty()) observer_.fact("second stage", choice_.tried);
   const DenseSystem::Modal chosen = chosen_model();

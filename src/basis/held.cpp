@@ -93,7 +93,7 @@ std::vector<HeldInterface> held_interfaces(const MediumModel& medium,
                                            const DenseSystem& small, double last) {
   constexpr double affordable = 4e9; // operations
   std::vector<HeldInterface> all;
-  if (medium.rigid == 0) return all;
+  if (medium.rigid == 0 || !parameters_of(medium.system.terms).empty()) return all;
   const auto interfaces = interfaces_of(medium.names.inputs);
   const DenseResponse whole(medium.system, medium.tau), part(small, medium.tau);
   const double each = 20 * std::pow(medium.system.order(), 3);

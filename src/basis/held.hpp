@@ -10,7 +10,7 @@ namespace flexgram {
 
 /// Each interface with ports for forces or moments in turn, as far as the dense work is small.
 /// @param last  [rad/s] frequencies up to this are compared.
-/// @return  those that leave the body no rigid motion when they are held.
+/// @return  none of a body with parameters; those that leave the body no rigid motion when they are held.
 std::vector<HeldInterface> held_interfaces(const MediumModel& medium,
                                            const DenseSystem& small, double last);
 

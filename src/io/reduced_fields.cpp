@@ -94,7 +94,7 @@ void supremum_of(FieldSink& sink, const BandClaim& claim) {
                all);
     sink.value("error/parameter_values/names", claim.parameters);
     vector(sink, "error/at_values", claim.at_values);
-    sink.value("error/between_values", claim.between);
+    if (claim.between) sink.value("error/between_values", *claim.between);
   }
   if (!claim.tolerance) return;
   sink.value("error/tolerance", *claim.tolerance);

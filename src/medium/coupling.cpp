@@ -189,6 +189,11 @@ bool DampingCoupling::couple(const DenseResponse& response, const Residual& resi
     most = std::max(most, std::abs(e));
   }
   if (negative != modes || !(least > singular * most)) return false;
+  constexpr double no_rounding = 1e-6; // of the inverse below, beside 1
+  for (int i = 0; i < N; ++i)
+    if (!(std::numeric_limits<double>::epsilon() * N <=
+          no_rounding * std::abs(energy(i))))
+      return false;
   Dense turned = multiply(Y, E.vectors), weighted = turned;
   for (int j = 0; j < count; ++j)
     for (int i = 0; i < N; ++i) weighted(i, j) /= E.values[as_size(j)];

@@ -19,9 +19,10 @@ void ErrorOverBox::add(Sight sight) {
     const auto same =
         std::find_if(views.begin(), views.end(),
                      [&](const PortView& other) { return other.name == view.name; });
-    if (same == views.end())
-      throw Error(text("%s vanishes with some values of the parameters and not with "
-                       "others: leave one of its ports out, or take {tol_of} whole",
+    if (same == views.end() || part.seen->model().views.size() != views.size())
+      throw Error(text("H of some kind of ports vanishes with some values of the "
+                       "parameters and not with others (see %s): leave one of its ports "
+                       "out, or take {tol_of} whole",
                        view.name.c_str()));
     part.view.push_back(static_cast<std::size_t>(same - views.begin()));
   }

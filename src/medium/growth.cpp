@@ -21,7 +21,7 @@ public:
   /// Of the block that a level leaves, the part to grow by.
   Block operator()(const CertifyRun& run, const ModalSpace& modal,
                    const std::vector<double>& grid, const LevelCertifier::Parts& of,
-                   const LevelJudge& judge, const Basis& images) {
+                   LevelJudge& judge, const Basis& images) {
     if (was_cut_ && of.worst > 0.5 * worst_before_) helps_ = false;
     worst_before_ = of.worst;
     const int columns = static_cast<int>(images.columns());
@@ -145,6 +145,7 @@ void grow(const CertifyRun& run, CertifyState& state) {
   }
   if (!levels.back().complete) prove(3 * space.columns());
   certifier.sharpen_if_needed();
+  if (medium.spec.values.size() > 1) judge.judge_again(levels.back(), true);
 }
 
 } // namespace flexgram

@@ -17,16 +17,23 @@ ParameterValues LevelJudge::worst_values() const {
 }
 
 void LevelJudge::judge(std::size_t number, MediumLevel& level) {
+  level_ = number;
+  seen_.clear();
+  seen_.resize(std::max<std::size_t>(1, medium_.spec.values.size()));
+  judge_again(level);
+}
+
+MediumOverBand& LevelJudge::seen(std::size_t values) {
+  auto& seen = seen_.at(values);
+  if (seen) return *seen;
   const CertifySpec& spec = medium_.spec;
   const bool to_band = spec.relative_to == RelativeTo::band; // the largest |H| is needed
-  seen_.clear();
-  for (std::size_t k = 0; k < std::max<std::size_t>(1, spec.values.size()); ++k)
-    seen_.push_back(std::make_unique<MediumOverBand>(
-        MediumModel(medium_, number, find_ports(medium_.body, {}, {}), spec.kinds,
-                    spec.relative_to, 0,
-                    spec.values.empty() ? ParameterValues() : spec.values[k]),
-        spec.bands, to_band ? grid_ : std::vector<double>()));
-  judge_again(level);
+  seen = std::make_unique<MediumOverBand>(
+      MediumModel(medium_, level_, find_ports(medium_.body, {}, {}), spec.kinds,
+                  spec.relative_to, 0,
+                  spec.values.empty() ? ParameterValues() : spec.values[values]),
+      spec.bands, to_band ? grid_ : std::vector<double>());
+  return *seen;
 }
 
 /// At peaks too narrow for the grid, and where rounding was found to be large.
@@ -43,10 +50,10 @@ std::vector<double> LevelJudge::beside_grid(const MediumModel& model) const {
 }
 
 /// With other values of the parameters the peaks are elsewhere.
-std::vector<double> LevelJudge::grid_of(std::size_t values) const {
+std::vector<double> LevelJudge::grid_of(std::size_t values) {
   if (values == 0) return grid_;
   std::vector<double> grid =
-      band_grid(medium_.spec.bands, 60, seen_[values]->model().resonances);
+      band_grid(medium_.spec.bands, 60, seen(values).model().resonances);
   grid.insert(grid.end(),
               grid_.begin() +
                   static_cast<std::ptrdiff_t>(std::min(shared_, grid_.size())),
@@ -54,7 +61,7 @@ std::vector<double> LevelJudge::grid_of(std::size_t values) const {
   return grid;
 }
 
-std::vector<double> LevelJudge::rounding_grid() const {
+std::vector<double> LevelJudge::rounding_grid() {
   std::vector<double> grid = beside_grid(model());
   grid.insert(grid.end(), grid_.begin(), grid_.end());
   return grid;
@@ -64,9 +71,8 @@ void LevelJudge::look_at_rounding(const std::vector<double>& spots) {
   spots_.insert(spots_.end(), spots.begin(), spots.end());
 }
 
-std::vector<LevelJudge::Sight> LevelJudge::sights(std::size_t values,
-                                                  double hopeless) const {
-  const MediumModel& model = seen_[values]->model();
+std::vector<LevelJudge::Sight> LevelJudge::sights(std::size_t values, double hopeless) {
+  const MediumModel& model = seen(values).model();
   std::vector<Sight> result;
   for (double omega : grid_of(values))
     if (!model.is_resonance(omega))
@@ -76,7 +82,7 @@ std::vector<LevelJudge::Sight> LevelJudge::sights(std::size_t values,
   return result;
 }
 
-void LevelJudge::judge_again(MediumLevel& level) {
+void LevelJudge::judge_again(MediumLevel& level, bool thorough) {
   const CertifySpec& spec = medium_.spec;
   // Of many ports, rough bounds are larger by twice the root of their number at most.
   const double ports = static_cast<double>(medium_.scale.size()),
@@ -85,8 +91,7 @@ void LevelJudge::judge_again(MediumLevel& level) {
                               : 2 * spec.target * std::sqrt(ports);
   // Beside undamped resonances, intervals decide.
   const std::size_t before = grid_.size();
-  std::erase_if(grid_,
-                [&](double omega) { return seen_[0]->model().is_resonance(omega); });
+  std::erase_if(grid_, [&](double omega) { return seen(0).model().is_resonance(omega); });
   shared_ -= std::min(shared_, before - grid_.size());
   const auto size = [&](const MediumModel::Stretch& value, std::size_t v) {
     return value.size[v].below[0] - value.bounds[v].error;
@@ -96,18 +101,18 @@ void LevelJudge::judge_again(MediumLevel& level) {
   bool proved = true;
   // The values that were worst come first: a level that does not serve with them is not good
   // enough, whatever it is with others.
-  for (std::size_t l = 0; l < seen_.size() && !(worst > spec.target); ++l) {
+  for (std::size_t l = 0; l < seen_.size() && (thorough || !(worst > spec.target)); ++l) {
     const std::size_t k = (worst_values_ + l) % seen_.size();
-    const MediumModel& model = seen_[k]->model();
+    const MediumModel& model = seen(k).model();
     const std::size_t views = model.views.size();
-    const std::vector<Sight> seen = sights(k, hopeless);
+    const std::vector<Sight> here = sights(k, hopeless);
     std::vector<double> largest(views, 0.0); // of ‖H‖, where that is meant
     if (spec.relative_to == RelativeTo::band)
-      for (const Sight& sight : seen)
+      for (const Sight& sight : here)
         for (std::size_t v = 0; v < views; ++v)
           if (sight.is_on_grid && sight.value.bounds[v].proved)
             largest[v] = std::max(largest[v], size(sight.value, v));
-    for (const Sight& sight : seen)
+    for (const Sight& sight : here)
       for (std::size_t v = 0; v < views; ++v) {
         const Certificate::Bound& bound = sight.value.bounds[v];
         const double known =
@@ -146,7 +151,7 @@ double LevelJudge::allowed_rounding(const MediumLevel& level) const {
 std::optional<double> LevelJudge::weak_spot() {
   for (std::size_t k = 0; k < seen_.size(); ++k) {
     const auto spot =
-        ErrorOverBand(*seen_[k], medium_.spec.relative_to).weak_spot(medium_.spec.target);
+        ErrorOverBand(seen(k), medium_.spec.relative_to).weak_spot(medium_.spec.target);
     std::vector<double> shared{spot.value_or(-1.0)};
     share_from_first(fom_.comm, shared);
     if (shared[0] >= 0) return shared[0];
@@ -154,11 +159,11 @@ std::optional<double> LevelJudge::weak_spot() {
   return std::nullopt;
 }
 
-std::vector<double> LevelJudge::rounding_spots(double allowed) const {
+std::vector<double> LevelJudge::rounding_spots(double allowed) {
   std::vector<double> spots;
-  for (const auto& seen : seen_) {
+  for (std::size_t k = 0; k < seen_.size(); ++k) {
     const std::vector<double> more =
-        ErrorOverBand(*seen, medium_.spec.relative_to).rounding_spots(allowed);
+        ErrorOverBand(seen(k), medium_.spec.relative_to).rounding_spots(allowed);
     spots.insert(spots.end(), more.begin(), more.end());
   }
   share_list(fom_.comm, spots);

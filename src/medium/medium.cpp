@@ -27,8 +27,12 @@ bool Medium::has_sharp_resonances() const {
 }
 
 std::vector<Resonance> Medium::resonances(const MediumLevel& level) const {
-  const DenseResponse& response = *level.response;
+  const DenseResponse& of_K = *level.response;
   std::vector<Resonance> result;
+  // Parameters move modes far: those of the body with their values.
+  std::optional<DenseResponse> stiff;
+  if (!parameters_of(of_K.system().terms).empty()) stiff.emplace(of_K.stiffened());
+  const DenseResponse& response = stiff ? *stiff : of_K;
   for (int j = rigid; j < rigid + modes; ++j) {
     const double l = std::max(response.lambda()[as_size(j)], 0.0);
     double omega = std::sqrt(l), stiffer = l;

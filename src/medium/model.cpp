@@ -108,7 +108,9 @@ void MediumModel::take_modal_system() {
 void MediumModel::follow_dampers() {
   if (system.terms.empty() || system.order() > 250) return;
   resonances.clear();
-  for (const auto& pole : poles(*level_.response))
+  const DenseResponse& response = *level_.response;
+  const bool moves = !parameters_of(response.system().terms).empty();
+  for (const auto& pole : poles(moves ? response.stiffened() : response))
     if (pole.real() > 0 && pole.real() < cutoff && pole.imag() < pole.real())
       resonances.push_back({pole.real(), std::max(pole.imag(), 0.0)});
 }

@@ -13,14 +13,14 @@ constexpr double epsilon = std::numeric_limits<double>::epsilon();
 /// 1/(d_0 + d_1 t + d_2 t²) of a mode: its series, what that leaves, and |·| at most.
 struct Factor {
   std::vector<Complex> coefficients;
-  double left, largest;
+  double left, rounding, largest; ///< the second not in the first
 };
 std::optional<Factor> factor_of(const PencilModes::Diagonal& d, int degree) {
   const double size = std::abs(d.d0), first = std::abs(d.d1), second = std::abs(d.d2),
                least = size - first - second;
   if (!(first + second <= slowest * size) || !(least > 2 * d.rounding))
     return std::nullopt;
-  Factor factor{{1.0 / d.d0}, 0, 1 / (least - d.rounding)};
+  Factor factor{{1.0 / d.d0}, 0, 0, 1 / (least - d.rounding)};
   double majorant = 1 / size, before = 0;
   for (int k = 1; k <= degree; ++k) {
     Complex next = d.d1 * factor.coefficients.back();
@@ -30,9 +30,8 @@ std::optional<Factor> factor_of(const PencilModes::Diagonal& d, int degree) {
     before = majorant;
     majorant = next_majorant;
   }
-  factor.left = (first * majorant + second * (before + majorant)) / least +
-                d.rounding / least * factor.largest +
-                (16 + 4 * degree) * epsilon * factor.largest;
+  factor.left = (first * majorant + second * (before + majorant)) / least;
+  factor.rounding = (d.rounding / least + (16 + 4 * degree) * epsilon) * factor.largest;
   return factor;
 }
 
@@ -79,9 +78,12 @@ PencilSeries pencil_series(const PencilModes& modes, const Dense& B, Interval in
       worst = std::max(worst, lost(i, j));
     }
     for (int i = 0; i < N; ++i) {
-      lost(i, j) += 2 * feedback[as_size(i)] * worst +
+      const Factor& factor = factors[as_size(i)];
+      lost(i, j) += 2 * feedback[as_size(i)] * worst;
+      const double moved = 2 * lost(i, j) / factor.largest; // of c
+      lost(i, j) += factor.rounding * std::abs(c(i, j)) +
                     4 * epsilon * (N + 4) * largest(i, j); // the product with X
-      left(i, j) = lost(i, j) + factors[as_size(i)].left * std::abs(c(i, j));
+      left(i, j) = lost(i, j) + factor.left * (std::abs(c(i, j)) + moved);
     }
   }
   ResponseSeries series = ResponseSeries::zero(interval, N, p, degree);
@@ -95,6 +97,16 @@ PencilSeries pencil_series(const PencilModes& modes, const Dense& B, Interval in
       series.envelope.data[i] += std::sqrt(std::norm(x.data[i]));
   }
   series.rounding = multiply(modes.sizes(), lost);
+  // Slow modes and sharp resonances lose digits here that solves keep.
+  constexpr double fine = 1e-11;
+  for (int j = 0; j < p; ++j) {
+    double size = 0, off = 0;
+    for (int i = 0; i < N; ++i) {
+      size = std::hypot(size, series.envelope(i, j));
+      off = std::hypot(off, series.rounding(i, j));
+    }
+    if (!(off <= fine * size)) return {false, std::nullopt};
+  }
   series.x.tail = multiply(modes.sizes(), left);
   add_to(series.envelope, series.x.tail);
   return {true, std::move(series)};

@@ -8,9 +8,9 @@
 
 namespace flexgram {
 
-/// Whether the rounding of the modes leaves a bound.
 struct PencilSeries {
-  bool is_known = true;                 ///< else the system is to be solved
+  bool is_known =
+      true; ///< else rounding takes more than solves would: the system is to be solved
   std::optional<ResponseSeries> series; ///< nothing: a pole is too near
 };
 PencilSeries pencil_series(const PencilModes& modes, const Dense& B, Interval interval,

@@ -46,8 +46,15 @@ DenseSystem DenseSystem::at(const ParameterValues& values) const {
 DenseSystem DenseSystem::stiffened() const {
   DenseSystem stiff = *this;
   std::erase_if(stiff.terms, [](const auto& term) { return term.law.is_parameter(); });
-  for (const auto& [law, T] : terms)
-    if (law.is_parameter()) add_to(stiff.K, T, law.at(0).real());
+  Dense lost(order(), order());
+  for (const auto& [law, T] : terms) {
+    if (!law.is_parameter()) continue;
+    const double stiffness = law.at(0).real();
+    add_to(stiff.K, T, stiffness);
+    add_to(lost, T, stiffness * law.number("loss"));
+  }
+  if (frobenius_norm(lost) > 0)
+    stiff.terms.push_back({Law::Kind::structural, std::move(lost)});
   return stiff;
 }
 

@@ -22,7 +22,8 @@ struct DenseSystem {
   ShiftCoefficients coefficients(double omega) const;
   /// The same body with other values of its parameters. @param values  empty: as they are.
   DenseSystem at(const ParameterValues& values) const;
-  /// With what the parameters' values add to the stiffness in K, for its modes.
+  /// With what the parameters' values add to the stiffness in K, for its modes; their own loss
+  /// factors are left in a structural term.
   DenseSystem stiffened() const;
   /// The Galerkin projection onto the columns of Q (N×m).
   DenseSystem project(const Dense& Q) const;
@@ -63,6 +64,8 @@ public:
 
   /// The same with other values of the parameters. @param values  empty: as they are.
   DenseResponse at(const ParameterValues& values) const;
+  /// That of `stiffened`, by its own modes.
+  DenseResponse stiffened() const { return {system_.stiffened(), tau_}; }
   const DenseSystem& system() const { return system_; }
   double tau() const { return tau_; }
   bool is_diagonal() const { return system_.terms.empty(); }

@@ -41,6 +41,12 @@ ParameterValues values_of(const std::vector<Law>& parameters) {
   return values;
 }
 
+double number_of_values(const std::vector<Law>& parameters, int each) {
+  if (parameters.empty()) return 0;
+  const double count = values_of_each(parameters, each);
+  return 1 + std::pow(count, static_cast<double>(parameters.size()));
+}
+
 std::vector<ParameterValues> values_that_show(const std::vector<Law>& parameters,
                                               int each) {
   if (parameters.empty()) return {};
@@ -51,8 +57,7 @@ std::vector<ParameterValues> values_that_show(const std::vector<Law>& parameters
     ParameterValues values;
     for (std::size_t k = 0; k < at.size(); ++k)
       values.push_back(value_at(parameters[k], static_cast<double>(at[k]) / (count - 1)));
-    if (std::find(all.begin(), all.end(), values) == all.end())
-      all.push_back(std::move(values));
+    if (values != all.front()) all.push_back(std::move(values));
     return true;
   });
   return all;

@@ -37,6 +37,8 @@ ParameterValues values_of(const std::vector<Law>& parameters);
 std::vector<ParameterValues> values_that_show(const std::vector<Law>& parameters,
                                               int each);
 
+/// How many there are of these, at most.
+double number_of_values(const std::vector<Law>& parameters, int each);
 /// Values between these: the middle of each cell of that grid, 27 at most.
 std::vector<ParameterValues> values_between(const std::vector<Law>& parameters, int each);
 

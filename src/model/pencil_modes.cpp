@@ -56,12 +56,16 @@ std::optional<PencilModes> PencilModes::of(const DenseResponse& response) {
   const std::vector<double>& mu = response.mu();
   ComplexDense E(N, N);
   add_terms(E, *shares, response.modal_terms());
+  Dense summed(N, N); // of the sizes of what E is the sum of
+  for (std::size_t t = 0; t < shares->size(); ++t)
+    add_to(summed, absolute(response.modal_terms()[t]), std::abs((*shares)[t]));
   const Complex of_K(1, modes.takes_beta_ ? 0 : system.damping.eta);
   for (int i = 0; i < N; ++i) {
     const auto at = as_size(i);
     const double lambda = response.lambda()[at],
                  k = std::isfinite(lambda) ? mu[at] * lambda : 1.0;
     E(i, i) += of_K * k + modes.tau_ * mu[at];
+    summed(i, i) += std::abs(of_K) * k + modes.tau_ * mu[at];
   }
   ComplexDense M(N, N);
   for (int i = 0; i < N; ++i) M(i, i) = mu[as_size(i)];
@@ -75,7 +79,7 @@ std::optional<PencilModes> PencilModes::of(const DenseResponse& response) {
     // Rounding of products, entry by entry; complex ones lose a little more than real ones.
     const double lost = 4 * epsilon * (N + 4);
     modes.sizes_ = absolute_of(modes.X_);
-    const Dense of_EX = multiply(absolute_of(E), modes.sizes_);
+    const Dense of_EX = multiply(summed, modes.sizes_);
     Dense of_modes(N, N); // MX − EX diag(ν)
     for (int j = 0; j < N; ++j) {
       const Complex nu = modes.nu_[as_size(j)];
@@ -91,15 +95,20 @@ std::optional<PencilModes> PencilModes::of(const DenseResponse& response) {
     for (int i = 0; i < N; ++i) left(i, i) -= 1;
     Dense of_loads = absolute_of(left);
     add_to(of_loads, multiply(of_EX, inverse), lost);
-    constexpr double of_inverse = 1.01; // it is one but for rounding
-    modes.lost_of_loads_ = multiply(inverse, of_loads);
-    modes.lost_of_modes_ = multiply(inverse, of_modes);
-    for (Dense* a : {&modes.lost_of_loads_, &modes.lost_of_modes_})
-      for (double& x : a->data) x *= of_inverse;
+    const double away = frobenius_norm(of_loads);
+    constexpr double most = 1e-3; // modes too near each other
+    if (!(away <= most)) return std::nullopt;
+    // (EX)⁻¹ itself is that times the series of what it leaves of 1.
+    const auto lost_of = [&](const Dense& part) {
+      Dense further = multiply(of_loads, part);
+      for (double& x : further.data) x /= 1 - away;
+      add_to(further, part);
+      return multiply(inverse, further);
+    };
+    modes.lost_of_loads_ = lost_of(of_loads);
+    modes.lost_of_modes_ = lost_of(of_modes);
     add_to(modes.lost_of_loads_, inverse, lost); // the product with B
-    constexpr double most = 1e-3;                // modes too near each other
-    if (!is_finite(modes.lost_of_loads_) || !is_finite(modes.lost_of_modes_) ||
-        frobenius_norm(of_loads) > most)
+    if (!is_finite(modes.lost_of_loads_) || !is_finite(modes.lost_of_modes_))
       return std::nullopt;
   } catch (const Error&) {
     return std::nullopt;

@@ -19,8 +19,9 @@ struct BandClaim {
   std::vector<std::string> parameters; ///< of the body
   std::vector<ParameterValues> values; ///< of them, with which the claim holds
   ParameterValues at_values;           ///< those of `attained`
-  double between = 0; ///< largest error seen with values between them, at frequencies
-  double whole = 0;   ///< largest relative error of H as a whole
+  /// Largest error of H as a whole seen with values between them, at frequencies.
+  std::optional<double> between;
+  double whole = 0; ///< largest relative error of H as a whole
   /// Change of H, relative to all of H, if the stiffness of rigid modes in the stored K, which
   /// counts as rounding, were real. Not in `worst`: the claim is of a body that is exactly rigid there.
   double rigid_rounding = 0;

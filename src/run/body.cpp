@@ -187,29 +187,14 @@ void take_values(SecondOrderModel& model, const Settings& settings) {
   }
 }
 
-/// Between which numbers they are known, and with how many values the claim will hold.
-void tell_parameters(const SecondOrderModel& model, const Settings& settings,
-                     Observer& observer) {
-  const std::vector<Law> parameters = parameters_of(model.terms);
-  if (parameters.empty()) return;
+/// Between which numbers they are known.
+void tell_parameters(const SecondOrderModel& model, Observer& observer) {
   std::string words;
-  for (const Law& law : parameters)
+  for (const Law& law : parameters_of(model.terms))
     words +=
         text("%s%s from %g to %g (%g)", words.empty() ? "" : ", ", law.name().c_str(),
              law.number("least"), law.number("most"), law.number("value"));
-  const std::size_t count =
-      values_that_show(parameters, settings.parameter_values).size();
-  constexpr std::size_t most = 1000;
-  if (count > most)
-    throw Error(text("%zu combinations of values of %zu parameters: no more than %zu, "
-                     "{parameter_values} makes them fewer",
-                     count, parameters.size(), most));
-  observer.fact("parameters",
-                words + (settings.takes_samples()
-                             ? std::string("; pod knows them with these values alone")
-                             : text("; the claim is to hold with %zu combination%s of "
-                                    "their values, each as much work as a body",
-                                    count, count == 1 ? "" : "s")));
+  if (!words.empty()) observer.fact("parameters", words);
 }
 
 } // namespace
@@ -224,7 +209,7 @@ void begin_plan(Body& body, const Settings& settings, Observer& observer) {
                              static_cast<double>(model.nonzeros())));
   observer.fact("ports", words_of_ports(model));
   observer.fact("damping", model.damping_class());
-  tell_parameters(model, settings, observer);
+  tell_parameters(model, observer);
   for (const auto& [law, T] : model.terms)
     for (const Interval& band : settings.bands())
       if (band.first < law.kind().known().first || band.last > law.kind().known().last)

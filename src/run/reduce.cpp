@@ -196,7 +196,27 @@ Medium certify_body(const Body& body, const Settings& s, bool keep, Observer& ob
   CertifySpec spec = s.certify_spec();
   spec.keep_levels = keep;
   const std::vector<Law> parameters = parameters_of(body.model.terms);
+  const bool is_damped =
+      body.model.damping.alpha > 0 || body.model.damping.beta > 0 ||
+      body.model.damping.eta > 0 ||
+      std::any_of(body.model.terms.begin(), body.model.terms.end(), [](const auto& term) {
+        return !term.law.is_parameter() || term.law.number("loss") > 0;
+      });
+  if (!parameters.empty() && !is_damped)
+    throw Error("a body with parameters needs some damping for a claim: its resonances "
+                "move with them; give alpha, beta, eta or loss factors (eta = 1e-3 is "
+                "little)");
+  const double count = number_of_values(parameters, s.parameter_values);
+  constexpr double most = 1000;
+  if (count > most)
+    throw Error(text("%.0f combinations of values of %zu parameters: no more than %.0f, "
+                     "{parameter_values} makes them fewer",
+                     count, parameters.size(), most));
   spec.values = values_that_show(parameters, s.parameter_values);
+  if (!parameters.empty())
+    observer.fact("values", text("the claim is to hold with %zu combination%s of the "
+                                 "parameters' values, each as much dense work as a body",
+                                 spec.values.size(), spec.values.size() == 1 ? "" : "s"));
   spec.between = values_between(parameters, s.parameter_values);
   SolverOptions solver = s.solver;
   solver.order = facts.order;

@@ -75,7 +75,8 @@ def test_one_parameter_is_certified_with_its_values(ranks: int, tmp_path: Path) 
     body = tmp_path / "body.h5"
     flexgram.write_matrices(body, **a, **DAMPING)
     said, rom, again, sampled = in_every_way(body, BAND, 16, ranks)
-    assert "soft from 1 to 4 (1.5); the claim is to hold with 6 combinations" in said
+    assert "soft from 1 to 4 (1.5)\n" in said
+    assert "the claim is to hold with 6 combinations of the parameters' values" in said
     assert "everywhere in the band with each of 6 combinations of the parameters' values" in said
     assert np.allclose(rom.claim.parameter_values[:, 0], [1.5, *np.geomspace(1, 4, 5)], rtol=1e-12)
     assert rom.claim.parameters == ["soft"] and 0 < rom.claim.between_values <= 1e-6
@@ -93,6 +94,14 @@ def test_one_parameter_is_certified_with_its_values(ranks: int, tmp_path: Path) 
         full, model = with_values(a, DAMPING, soft=value), rom.at(soft=value)
         assert model.kind == "estimated" and "but with 6 values of soft" in model.claim.label
         assert max(relative_error(full, small(model), w) for w in frequencies(model)) <= 2e-6
+    again.at(soft=3.0).save(tmp_path / "three.h5")
+    sampled.at(soft=3.0).save(tmp_path / "pod.h5")  # whose claim knows no values
+    for model in (ReducedModel.load(tmp_path / name) for name in ("three.h5", "pod.h5")):
+        assert not model.system.parameters and model.claim.chosen_names == ["soft"]
+        assert model.kind == "estimated" and "soft = 3" in model.claim.label
+    A = (again, ReducedModel.load(tmp_path / "three.h5"))
+    H = [model.at(**({"soft": 3.0} if model is again else {})).transfer(0.2) for model in A]
+    assert np.allclose(*H, rtol=1e-12)
     full, now = with_values(a, DAMPING, soft=1.5), sampled.at()
     for omega in frequencies(now):
         H = full.transfer(omega).astype(complex)
@@ -184,6 +193,24 @@ def test_present_values_in_time_and_in_exports(tmp_path: Path) -> None:
         assert len(one) == len(other)  # but for names and times
     with pytest.raises(BodyError, match=r"part a has parameters \(soft\).*flexgram at"):
         couple({"a": rom}, [])
+
+
+def test_resonances_move_with_the_parameter() -> None:
+    """Of a lightly damped body the claim holds on the resonances of each value; a parameter with a
+    loss factor may be the only damping of a body, and there must be some."""
+    a = chain(soft=flexgram.parameter(1.0, 4.0, 2.0))
+    rom = flexgram.reduce(Matrices(**a, eta=1e-4), BAND, 1e-3, parameter_values=3)
+    assert rom.met and rom.kind == "certified"
+    for (value,) in rom.claim.parameter_values:
+        full, model = with_values(a, {"eta": 1e-4}, soft=value), rom.at(soft=value)
+        for omega in frequencies(model):
+            assert relative_error(full, small(model), omega) <= rom.certified_error <= 1e-3
+    with pytest.raises(BodyError, match="needs some damping"):
+        flexgram.reduce(Matrices(**a), BAND, 1e-3)
+    lossy = chain(soft=flexgram.parameter(1.0, 4.0, 2.0, loss=0.1))
+    damped = flexgram.reduce(Matrices(**lossy), BAND, 1e-3, parameter_values=3)
+    assert damped.met and damped.kind != "estimated" and damped.system.loss == "S, by material"
+    assert ("damping", "soft a parameter from 1 to 4") in damped.provenance.plan
 
 
 def test_what_is_refused(tmp_path: Path) -> None:

@@ -206,6 +206,10 @@ def _export(options: argparse.Namespace) -> None:
 
         model, error = with_viscous_damping(model, options.damping)
         say(f"  {options.damping} damping in the place of eta changes H by at most {error:.1e}")
+    if known := model.system.parameters:
+        now = ", ".join(f"{name} = {law.value:g}" for name, law in known.items())
+        say(f"  with {now}, present values (flexgram at takes others)")
+        model = model.at()
     target = export(model, options.output, options.to, **extra)
     say(f"  wrote {target}: {model}")
 

@@ -109,9 +109,10 @@ class Claim:
         Parameters of the body, and the values with which the claim holds, a row each.
     attained_values : (d,) array
         Those of ``attained``.
-    between_values : float
-        Largest error that was seen with values between these, at frequencies; not proved.
-    chosen : (d,) array or None
+    between_values : float or None
+        Largest error of H as a whole that was seen with values between these, at frequencies; not
+        proved. None: none were looked at.
+    chosen, chosen_names : (d,) array or None, list of str
         The parameters' values that the body has been given (``ReducedModel.at``).
     """
 
@@ -146,8 +147,9 @@ class Claim:
     parameters: list[str] = field(default_factory=list)
     parameter_values: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     attained_values: Floats = field(default_factory=lambda: np.zeros(0))
-    between_values: float = 0.0
+    between_values: float | None = None
     chosen: Floats | None = None
+    chosen_names: list[str] = field(default_factory=list)
 
     @classmethod
     def of(cls, fields: dict[str, Any], inputs: int) -> Claim:
@@ -195,18 +197,28 @@ class Claim:
             parameters=words("error/parameter_values/names"),
             parameter_values=np.atleast_2d(array("error/parameter_values")),
             attained_values=array("error/at_values"),
-            between_values=float(fields.get("error/between_values", 0.0)),
+            between_values=fields.get("error/between_values"),
+            chosen_names=words("error/chosen_names"),
             chosen=array("error/chosen") if "error/chosen" in fields else None,
         )
 
     def at(self, values: Mapping[str, float]) -> Self:
         """Of the body with these values of all its parameters: the claim, if it holds with them,
         else nothing that is proved."""
-        chosen = np.array([values[name] for name in self.parameters])
-        away = np.abs(self.parameter_values - chosen) > 1e-12 * np.abs(chosen)
-        known = bool(np.any(~away.any(axis=1)))
-        kind = self.kind if known else "estimated"
-        return replace(self, chosen=chosen, kind=kind)
+        names = self.parameters or list(values)
+        chosen = np.array([values[name] for name in names])
+        known = np.zeros(0, dtype=bool)
+        if self.parameters:
+            away = np.abs(self.parameter_values - chosen) > 1e-12 * np.abs(chosen)
+            known = ~away.any(axis=1)
+        at = replace(self, chosen=chosen, chosen_names=names, held={})
+        if not (len(known) and known[0]):  # curves are of the first values
+            none = np.zeros(0)
+            unknown = np.full(len(self.error), np.nan)
+            at = replace(at, error=unknown, bound=none, floor=none, data_rounding=none)
+        if not known.any():
+            at = replace(at, kind="estimated", tolerance=None, met=True, unmet=np.zeros((0, 2)))
+        return at
 
     @property
     def band(self) -> Floats:
@@ -248,14 +260,15 @@ class Claim:
         return self._label_of_band() + self._words_of_values() + (few if count else "")
 
     def _words_of_values(self) -> str:
-        if not self.parameters:
-            return ""
-        count, names = len(self.parameter_values), ", ".join(self.parameters)
-        several = f"{count} value{'s' if count != 1 else ''} of {names}"
+        several = ""
+        if self.parameters:
+            count, names = len(self.parameter_values), ", ".join(self.parameters)
+            several = f"{count} value{'s' if count != 1 else ''} of {names}"
         if self.chosen is None:
-            return f" with each of {several}"
-        now = ", ".join(f"{n} = {x:g}" for n, x in zip(self.parameters, self.chosen, strict=True))
-        return f" with {now}" + (f", but with {several}" if self.kind == "estimated" else "")
+            return f" with each of {several}" if several else ""
+        now = ", ".join(f"{n} = {x:g}" for n, x in zip(self.chosen_names, self.chosen, strict=True))
+        but = several and self.kind == "estimated"
+        return f" with {now}" + (f", but with {several}" if but else "")
 
     def _label_of_band(self) -> str:
         if self.kind != "certified outside":

@@ -64,6 +64,8 @@ def with_viscous_damping(model: Body, kind: str = "modal") -> tuple[Body, float]
     >>> viscous.eta, error < 0.05
     (0.0, True)
     """
+    if model.system.parameters:
+        model = model.at()
     system = model.system
     if kind not in KINDS:
         raise BodyError(f"damping {kind}: must be one of {', '.join(KINDS)}")

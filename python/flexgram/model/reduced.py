@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Self
@@ -10,7 +10,7 @@ from typing import Any, Self
 import h5py
 import numpy as np
 
-from flexgram.basics import BodyError, Floats, errors_of, expect_survival
+from flexgram.basics import BodyError, Floats, errors_of, expect_survival, written_aside
 from flexgram.model.basis import Basis
 from flexgram.model.claim import Claim
 from flexgram.model.file import copy_file, read_fields
@@ -20,24 +20,38 @@ from flexgram.model.provenance import Provenance
 from flexgram.model.system import System
 
 
-def _save_at(save: Callable[[str], None], path: str, body: ReducedBody) -> None:
-    """The file of a body, with the matrices and the claim of the same body at certain values."""
-    save(path)
-    with h5py.File(path, "r+") as file:
-        for name in list(file.get("terms", {})):
-            if name in body.claim.parameters:
+def _save_at(
+    save: Callable[[str], None], path: str, body: ReducedBody, parameters: Collection[str]
+) -> None:
+    """The file of a body with parameters, with the matrices and the claim of it at values."""
+    with written_aside(path) as place:
+        save(str(place))
+        with h5py.File(place, "r+") as file:
+            for name in parameters:
                 del file[f"terms/{name}"]
-        if "terms" in file and not len(file["terms"]):
-            del file["terms"]
-        for name in ("K", "D", "S"):
-            matrix = getattr(body.system, name)
-            if name in file:
-                file[name][...] = matrix
-            elif matrix.any():
-                file[name] = matrix
-        file["modes/omega"][...] = body.modes[: len(file["modes/omega"])]
-        file["error"].attrs["chosen"] = body.claim.chosen
-        file["error"].attrs["kind"] = body.claim.kind
+            if not len(file["terms"]):
+                del file["terms"]
+            for name in ("K", "D", "S"):
+                matrix = getattr(body.system, name)
+                if name in file:
+                    file[name][...] = matrix
+                elif matrix.any():
+                    file[name] = matrix
+            file["modes/omega"][...] = body.modes[: len(file["modes/omega"])]
+            error = file["error"]
+            error.attrs["chosen"] = body.claim.chosen
+            error.attrs["chosen_names"] = body.claim.chosen_names
+            error.attrs["kind"] = body.claim.kind
+            if not len(body.claim.bound):
+                for name in ("bound", "floor", "data_rounding"):
+                    if name in error:
+                        del error[name]
+                error["relative"][...] = body.claim.error
+            if body.claim.tolerance is None:
+                for name in ("tolerance", "met"):
+                    error.attrs.pop(name, None)
+                if "unmet" in error:
+                    del error["unmet"]
 
 
 class ReducedBody:
@@ -175,10 +189,14 @@ class ReducedBody:
 
         Examples
         --------
-        >>> rom = flexgram.ReducedModel.load("mounts.rom.h5")
-        >>> stiff = rom.at(E_rubber=2.6e6)
-        >>> bool(stiff.modes[0] > rom.at(E_rubber=1.4e6).modes[0])
-        True
+        >>> import scipy.sparse as sp
+        >>> K, M = sp.diags([2.0, 9.0, 16.0]).tocsr(), sp.identity(3).tocsr()
+        >>> T = sp.diags([1.0, 0.0, 0.0]).tocsr()
+        >>> terms = {"k": (T, flexgram.parameter(1.0, 3.0))}  # K with k = 1, T of k = 1
+        >>> body = flexgram.Matrices(K, M, np.ones((3, 1)), eta=0.01, terms=terms)
+        >>> rom = flexgram.reduce(body, (0.01, 0.4), 1e-6)
+        >>> print(f"{rom.at(k=1.0).modes[0]:.4f} {rom.at(k=3.0).modes[0]:.4f} rad/s")
+        1.4142 2.0000 rad/s
         """
         known = self.system.parameters
         system = self.system.at(values)
@@ -191,8 +209,10 @@ class ReducedBody:
             claim=self.claim.at(given),
             modes=np.sqrt(np.maximum(squares[np.isfinite(squares)], 0)),
         )
-        if save := self._save:
-            other._save = lambda path: _save_at(save, path, other)
+        save, ranks = self._save, int(self.provenance.log.get("ranks", 1))
+        other._save = None
+        if save and (self.path or ranks == 1):  # else save, then `flexgram at`
+            other._save = lambda path: _save_at(save, path, other, list(known))
         return other
 
     def save(self, path: str | Path) -> None:

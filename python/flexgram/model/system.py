@@ -268,18 +268,13 @@ class System:
     @property
     def loss(self) -> str:
         """What K, D and M do not hold, in words: a loss factor, those of materials, terms with laws
-        of their own; else empty."""
+        of their own; else empty. Parameters have their present values."""
+        if self.parameters:
+            return self.at().loss
         words = [f"eta = {self.eta:g}"] if self.eta else []
         words += ["S, by material"] if self.S.any() else []
         return ", ".join(
-            [
-                *words,
-                *(
-                    f"{term.name}, viscoelastic: {term.law.words}"
-                    for term in self.terms
-                    if not isinstance(term.law, Parameter)
-                ),
-            ]
+            [*words, *(f"{term.name}, viscoelastic: {term.law.words}" for term in self.terms)]
         )
 
     @property

@@ -106,6 +106,8 @@ def hot_spots(
         )
     if apart is not None and not (np.isfinite(apart) and apart >= 0):
         raise BodyError(f"apart = {apart} must be a distance")
+    if model.system.parameters:
+        model = model.at()
     columns = [model.inputs.index(name) for name in chosen]
     basis = stress_at_nodes(model, body=body)  # (m, N, 6)
     geometry = Geometry.load(body_of(model, body))
