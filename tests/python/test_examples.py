@@ -46,6 +46,16 @@ def test_rack_stress(tmp_path: Path) -> None:
     assert (tmp_path / "standing.png").stat().st_size > 20_000
 
 
+def test_rubber_mounts(tmp_path: Path) -> None:
+    pytest.importorskip("gmsh")
+    out = example("rubber_mounts.py", tmp_path)
+    assert number(r"error (\S+) \(certified with each of 6 values", out) <= 1e-3
+    soft, stiff = (number(rf"E = {E} Pa: (\S+),", out) for E in (r"1\.4e\+06", r"2\.6e\+06"))
+    assert stiff / soft == pytest.approx(np.sqrt(2.6 / 1.4), rel=0.01)  # the steel hardly bends
+    assert number(r"differs by (\S+) at most", out) <= 1e-3
+    assert (tmp_path / "mounts.svg").stat().st_size > 10_000
+
+
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="ccx is not installed")
 def test_calculix_part(tmp_path: Path) -> None:
     pytest.importorskip("gmsh")

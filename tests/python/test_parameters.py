@@ -19,6 +19,8 @@ from conftest import body_system, message, run
 from flexgram import BodyError, Matrices, ReducedModel
 from flexgram.assembly.couple import couple
 from flexgram.exporters import export
+from flexgram.model.damped_modes import sensitivities
+from flexgram.pictures import figures
 from referee import System, relative_error
 
 TWO_PI = 2 * np.pi
@@ -211,6 +213,32 @@ def test_resonances_move_with_the_parameter() -> None:
     damped = flexgram.reduce(Matrices(**lossy), BAND, 1e-3, parameter_values=3)
     assert damped.met and damped.kind != "estimated" and damped.system.loss == "S, by material"
     assert ("damping", "soft a parameter from 1 to 4") in damped.provenance.plan
+
+
+def test_envelope_and_sensitivities(tmp_path: Path) -> None:
+    """The envelope holds the response with any value, and the sensitivities of the frequencies are
+    their differences; the report has both, also of a body with values."""
+    a = chain(soft=LAW, bolt=flexgram.parameter(1.0, 2.0))
+    rom = flexgram.reduce(Matrices(**a, **DAMPING), BAND, 1e-3, parameter_values=2)
+    omega = TWO_PI * np.linspace(*BAND, 40)
+    least, largest = figures.envelope(rom, omega)
+    for soft, bolt in ((1.0, 1.0), (4.0, 2.0), (2.0, 2 ** (2 / 3))):
+        size = np.abs(rom.at(soft=soft, bolt=bolt).transfer(omega))
+        assert np.all(size >= least * (1 - 1e-9)) and np.all(size <= largest * (1 + 1e-9))
+    found, now = sensitivities(rom.system), {n: p.value for n, p in rom.system.parameters.items()}
+    for name in ("soft", "bolt"):
+        up, down = (rom.at(**{**now, name: now[name] * (1 + h)}) for h in (1e-5, -1e-5))
+        slope = (up.modes[:6] - down.modes[:6]) / (2e-5 * rom.at().modes[:6])
+        assert np.allclose(found[name][:6], slope, rtol=1e-4, atol=1e-7)
+    source = tmp_path / "a.rom.h5"
+    rom.save(source)
+    rom.at(soft=3.0).save(tmp_path / "b.rom.h5")
+    for name in ("a", "b"):
+        run("report", tmp_path / f"{name}.rom.h5", "-o", tmp_path / f"{name}.html")
+    page = (tmp_path / "a.html").read_text()
+    assert "<th>bolt</th><th>soft</th>" in page and "soft = 3" in (tmp_path / "b.html").read_text()
+    run("plot", source, "--figure", "transfer", "-o", tmp_path / "a.svg")
+    assert "any bolt, soft" in (tmp_path / "a.svg").read_text()
 
 
 def test_what_is_refused(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexgram.basics import Floats
+from flexgram.body.laws import Parameter
 from flexgram.model.modes import natural_modes
 from flexgram.model.reduced import ReducedBody
 from flexgram.model.system import System
@@ -33,6 +34,19 @@ def modes_of(system: System) -> tuple[Floats, Floats]:
             if not abs(square - before) > 1e-10 * square:
                 break
     return squares, modes
+
+
+def sensitivities(system: System) -> dict[str, Floats]:
+    """Of each parameter the relative change of the natural frequencies by its relative change,
+    (p/ω) dω/dp = p slope φᵀTφ/(2ω²), at present values; (k,) by ``modes_of`` of these."""
+    squares, modes = modes_of(system.at())
+    heavy = np.isfinite(squares) & (squares > 1e-12 * np.abs(squares[np.isfinite(squares)]).max())
+    found = {}
+    for term in system.terms:
+        if isinstance(term.law, Parameter):
+            energy = np.diag(modes.T @ term.matrix @ modes) * term.law.slope * term.law.value
+            found[term.name] = np.where(heavy, energy / (2 * np.where(heavy, squares, 1)), 0)
+    return found
 
 
 def natural_frequencies(model: ReducedBody) -> Floats:

@@ -121,7 +121,8 @@ def gramian(model: ReducedBody) -> Figure:
 def transfer(
     model: ReducedBody, sweep: Path | None = None, ports: list[tuple[str, str]] | None = None
 ) -> Figure:
-    """Amount of H_r for chosen (output, input) pairs; with a sweep file that of the full body.
+    """Amount of H_r for chosen (output, input) pairs; with a sweep file that of the full body; of a
+    body with parameters that of its present values, and the envelope over the box.
 
     Examples
     --------
@@ -137,6 +138,7 @@ def transfer(
         if names != [inputs, outputs]:
             raise BodyError(f"{sweep}: its ports are not those of the reduced body")
     H = model.system.transfer(hz / HZ)
+    box = envelope(model, hz / HZ) if model.system.parameters else None
     if not ports:
         strongest = np.argsort(
             -np.abs(np.einsum("kii->ki", H[:, : len(inputs), : len(outputs)])).max(axis=0)
@@ -155,6 +157,11 @@ def transfer(
                 f"{', '.join(inputs)}"
             )
         i, j = outputs.index(output), inputs.index(port)
+        if box is not None:
+            axes.fill_between(
+                hz, box[0][:, i, j], box[1][:, i, j], color=BOUND, alpha=0.3, lw=0,
+                label=f"any {', '.join(model.system.parameters)}",
+            )  # fmt: skip
         if full is not None:
             axes.semilogy(hz, np.abs(full[:, i, j]), color=FULL, label="full body")
         axes.semilogy(
@@ -169,6 +176,36 @@ def transfer(
         axes.legend()
     panels[-1, 0].set(xlabel="frequency [Hz]")
     return figure
+
+
+def envelope(model: ReducedBody, omega: Floats) -> tuple[Floats, Floats]:
+    """Least and largest amount of H_r with values of the parameters over their box.
+
+    Parameters
+    ----------
+    omega : (n,) array
+        [rad/s]
+
+    Returns
+    -------
+    least, largest : (n, n_out, n_in) arrays
+        Over 41 values of one parameter, 7 of each of two, else both ends of each.
+    """
+    known = model.system.parameters
+    count = {1: 41, 2: 7}.get(len(known), 2)
+    scale = [np.geomspace if law.least > 0 else np.linspace for law in known.values()]
+    each = [
+        space(law.least, law.most, count) for space, law in zip(scale, known.values(), strict=True)
+    ]
+    shape = (len(omega), len(model.outputs), len(model.inputs))
+    least, largest = np.full(shape, np.inf), np.zeros(shape)
+    for values in itertools.product(*each):
+        inside = (
+            np.clip(x, law.least, law.most) for x, law in zip(values, known.values(), strict=True)
+        )
+        size = np.abs(model.system.at(dict(zip(known, inside, strict=True))).transfer(omega))
+        least, largest = np.minimum(least, size), np.maximum(largest, size)
+    return least, largest
 
 
 def unit_of(output: str, port: str) -> str:

@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 from flexgram.basics import BodyError, written_aside
 from flexgram.body.stress import Stresses
 from flexgram.measured import mode_shapes
-from flexgram.model.damped_modes import losses, modes_of
+from flexgram.model.damped_modes import losses, modes_of, sensitivities
 from flexgram.model.elastic_part import without_rigid_modes
 from flexgram.model.geometry import body_of
 from flexgram.model.recovery import stress_peaks, words_of_stress
@@ -72,6 +72,7 @@ def _plan(facts: list[tuple[str, str]]) -> str:
 
 
 def _modes(model: ReducedBody, most: int = 40) -> str:
+    by_parameter = sensitivities(model.system) if model.system.parameters else {}
     model = model.at() if model.system.parameters else model
     poles = replace(model.system, terms=()).poles()
     poles = poles[poles.imag >= 0]
@@ -90,7 +91,9 @@ def _modes(model: ReducedBody, most: int = 40) -> str:
         inside = "" if model.claim.band[0] <= omega <= model.claim.band[1] else "outside the band"
         rows.append(
             f"<tr><td class=n>{j + 1}</td><td class=n>{omega / (2 * np.pi):.6g}</td>"
-            f"<td class=n>{100 * zeta:.3g} %</td>{_numbers(masses, j)}<td>{inside}</td></tr>"
+            f"<td class=n>{100 * zeta:.3g} %</td>"
+            + "".join(f"<td class=n>{of[j]:.3f}</td>" for of in by_parameter.values())
+            + f"{_numbers(masses, j)}<td>{inside}</td></tr>"
         )
     more = (
         f"<p class=lead>and {len(model.modes) - most} higher</p>" if len(model.modes) > most else ""
@@ -102,9 +105,15 @@ def _modes(model: ReducedBody, most: int = 40) -> str:
         if of_masses
         else ""
     )
+    of_parameters = "".join(f"<th>{html.escape(name)}</th>" for name in by_parameter)
+    if by_parameter:
+        said += (
+            "<p class=lead>Of a parameter: the relative change of the frequency by that of the "
+            "parameter, at its present value.</p>"
+        )
     return (
-        f"<table><tr><th>no.</th><th>frequency [Hz]</th><th>damping ratio</th>{of_masses}"
-        f"<th></th></tr>{''.join(rows)}</table>{more}{said}"
+        f"<table><tr><th>no.</th><th>frequency [Hz]</th><th>damping ratio</th>"
+        f"{of_parameters}{of_masses}<th></th></tr>{''.join(rows)}</table>{more}{said}"
     )
 
 
