@@ -70,6 +70,37 @@ class Unit:
 
 
 @pytest.mark.parametrize("version", FORMATS)
+def test_parameters_of_the_body(version: str, tmp_path: Path) -> None:
+    """They are the unit's: with values of them it answers as the body with these does, and values
+    outside are refused; a state that is taken back brings its own."""
+    n = 6
+    K = sp.diags([np.full(n, 2.0), -np.ones(n - 1), -np.ones(n - 1)], [0, 1, -1]).tocsr()
+    T = sp.diags([1.0, 1.0, 0, 0, 0, 0]).tocsr()
+    law = flexgram.parameter(1.0, 5.0, 2.0, slope=0.5)
+    given = Matrices(K, sp.identity(n).tocsr(), np.eye(n)[:, [0, 5]], inputs=["a.fx", "b.fx"],
+                     alpha=0.01, beta=0.05, terms={"k": (T, law)})  # fmt: skip
+    rom = flexgram.reduce(given, (0.01, 0.3), 1e-3)
+    path = tmp_path / f"part.{version}.fmu"
+    export(rom, path, version)
+    assert validate_fmu(str(path)) == []
+    t, h = np.linspace(0, 20, 41), 0.5
+    outputs = [f"{port}.{rate}" for port in ("a.fx", "b.fx") for rate in ("motion", "acceleration")]
+    for value in (2.0, 1.0, 4.5):
+        unit = Unit(path, tmp_path / f"{version}{value}", 0, k=value)
+        assert unit.get(["k"])[0] == value
+        y, _ = rom.at(k=value).simulate(
+            np.column_stack([np.ones(41), np.zeros(41)]), t, rates=("displacement", "acceleration")
+        )
+        unit.set(["a.fx"], [1.0])
+        for k in range(40):
+            unit.step(t[k], h)
+        expected = y[-1][[0, 2, 1, 3]]
+        assert np.allclose(unit.get(outputs), expected, rtol=1e-8, atol=1e-10)
+    with pytest.raises(Exception, match="rror"):
+        Unit(path, tmp_path / f"{version}wrong", 0, k=5.5)
+
+
+@pytest.mark.parametrize("version", FORMATS)
 def test_valid_and_exact(version: str, model: ReducedModel, tmp_path: Path) -> None:
     """Steps of co-simulation against the exact response, for inputs that jump and (FMI 2.0, by
     their slopes) that rise; the state can be taken back."""

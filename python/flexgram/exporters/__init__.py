@@ -133,6 +133,10 @@ FORMATS: dict[str, tuple[str, str, Callable[..., None]]] = {
 ENDINGS: dict[str, tuple[str, ...]] = {"state-space": (".mat", ".npz"), "vtu": ()}
 
 
+#: Formats that hold parameters of the body as what they are.
+WITH_PARAMETERS = ("fmu", "fmu3")
+
+
 def export(model: ReducedBody, path: str | Path, format: str, **options: Any) -> Path:
     """Write a reduced body for another program.
 
@@ -174,8 +178,8 @@ def export(model: ReducedBody, path: str | Path, format: str, **options: Any) ->
         body = model.provenance.body
         beside = [model.path.parent / body, Path(body)] if body else []
         expect_kept(target, model.path, options.get("body"), *beside)
-    if model.system.parameters:  # with their present values
-        model = model.at()
+    if model.system.parameters and format not in WITH_PARAMETERS:
+        model = model.at()  # with their present values
     FORMATS[format][2](model, target, **{k: v for k, v in options.items() if v is not None})
     return target
 

@@ -17,11 +17,12 @@ import numpy as np
 import scipy.linalg
 
 from flexgram.basics import BodyError, Floats, written_aside
+from flexgram.body.laws import Parameter, Term
 from flexgram.model.internal_states import InternalStates
 from flexgram.model.kinds import unit_of
 from flexgram.model.physical import facts_of
 from flexgram.model.reduced import ReducedBody
-from flexgram.model.system import RATES
+from flexgram.model.system import RATES, System
 
 VERSIONS = (2, 3)
 SOURCE = Path(__file__).parent / "model.c"
@@ -44,11 +45,13 @@ BASE = {
 
 def _matrices(model: ReducedBody, rates: Sequence[str]) -> dict[str, Floats]:
     """The state space with coordinates that are as large as their velocities, each times its own
-    frequency; what damping adds to A and C by itself."""
+    frequency; what damping adds to A and C by itself; and of each parameter of the body what a unit
+    of it adds to these four (PA0, PA1, PC0, PC1), beside its present value."""
+    gains = [_gains(model, term, rates) for term in model.system.terms if _is_parameter(term)]
+    model = model.at() if gains else model
     m = model.order
     mass = scipy.linalg.cho_factor(model.system.M)
-    squares = np.diag(model.system.K) / np.diag(model.system.M)
-    size = np.sqrt(np.maximum(squares, 1e-12 * squares.max() if squares.max() > 0 else 1.0))
+    size = _sizes(model.system)
     inner = InternalStates.of(model.system.terms, m)
     n, speeds, states = 2 * m + inner.count, slice(m, 2 * m), slice(2 * m, None)
     A0, A1, B = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, len(model.inputs)))
@@ -76,7 +79,38 @@ def _matrices(model: ReducedBody, rates: Sequence[str]) -> dict[str, Floats]:
         D.append(direct)
     found = {"A0": A0, "A1": A1, "B": B, "C": np.vstack(C), "C1": np.vstack(C1), "D": np.vstack(D)}
     _expect_the_body(model, rates, found)
+    for k, name in enumerate(("PA0", "PA1", "PC0", "PC1")):
+        found[name] = np.vstack([g[k] for g in gains]) if gains else np.zeros((1, 1))
     return found
+
+
+def _is_parameter(term: Term) -> bool:
+    return isinstance(term.law, Parameter)
+
+
+def _gains(model: ReducedBody, term: Term, rates: Sequence[str]) -> list[Floats]:
+    """What a unit of a parameter adds to A0, A1, C and C1."""
+    law, now = term.law, model.system.at()
+    assert isinstance(law, Parameter)
+    m, n = model.order, 2 * model.order + InternalStates.of(now.terms, model.order).count
+    size = _sizes(now)
+    stiffer = -law.slope * scipy.linalg.cho_solve(scipy.linalg.cho_factor(now.M), term.matrix)
+    A0, A1 = np.zeros((n, n)), np.zeros((n, n))
+    A0[m : 2 * m, :m], A1[m : 2 * m, m : 2 * m] = stiffer / size, law.beta * stiffer
+    none = np.zeros((len(now.C), n))
+    parts = [
+        (now.C @ A0[m : 2 * m], now.C @ A1[m : 2 * m]) if rate == "acceleration" else (none, none)
+        for rate in rates
+    ]
+    return [A0, A1, *(np.vstack(rows) for rows in zip(*parts, strict=True))]
+
+
+def _sizes(system: System) -> Floats:
+    """Of each coordinate its own frequency."""
+    squares = np.diag(system.K) / np.diag(system.M)
+    least = 1e-12 * squares.max() if squares.max() > 0 else 1.0
+    sizes: Floats = np.sqrt(np.maximum(squares, least))
+    return sizes
 
 
 def _expect_the_body(model: ReducedBody, rates: Sequence[str], matrices: dict[str, Floats]) -> None:
@@ -97,8 +131,15 @@ def _expect_the_body(model: ReducedBody, rates: Sequence[str], matrices: dict[st
             )
 
 
-def _header(matrices: dict[str, Floats], version: int, token: str) -> str:
+def _header(
+    matrices: dict[str, Floats], parameters: Sequence[Parameter], version: int, token: str
+) -> str:
     sizes = {"NX": len(matrices["A0"]), "NU": matrices["B"].shape[1], "NY": len(matrices["C"])}
+    sizes["NP"] = len(parameters)
+    if parameters:
+        names = {"PRESENT": "value", "LEAST": "least", "MOST": "most"}
+        for name, field in names.items():
+            matrices[name] = np.array([[getattr(p, field) for p in parameters]])
     lines = [f"#define FMI {version}", f'#define TOKEN "{token}"']
     lines += [f"#define {name} {value}" for name, value in sizes.items()]
     for name, a in matrices.items():
@@ -145,6 +186,9 @@ class _Description:
         result += [(f"state[{k + 1}]", "local", {"start": "0"}) for k in range(self.states)]
         result += [(f"der(state[{k + 1}])", "local", {}) for k in range(self.states)]
         result.append(("damping_factor", "parameter", {"start": "1", "min": "0"}))
+        for name, law in self.model.system.parameters.items():
+            limits = {"start": law.value, "min": law.least, "max": law.most}
+            result.append((name, "parameter", {key: repr(x) for key, x in limits.items()}))
         names = [name for name, *_ in result] + ["time"]
         if len(set(names)) < len(names):
             twice = next(name for name in names if names.count(name) > 1)
@@ -287,7 +331,9 @@ def write_fmu(
     platform.
 
     Inputs are the ports; outputs ``port.motion``, ``.velocity``, ``.acceleration``; the parameter
-    ``damping_factor`` multiplies the damping. A held or guided body; of a free one small motions.
+    ``damping_factor`` multiplies the damping, and parameters of the body are parameters, from their
+    least to their most, with their present values at the start. A held or guided body; of a free
+    one small motions.
 
     Parameters
     ----------
@@ -325,7 +371,8 @@ def write_fmu(
     with tempfile.TemporaryDirectory(prefix="flexgram-fmu-") as work:
         folder = Path(work)
         shutil.copyfile(SOURCE, folder / "model.c")
-        (folder / "model_data.h").write_text(_header(matrices, version, token))
+        parameters = list(model.system.parameters.values())
+        (folder / "model_data.h").write_text(_header(matrices, parameters, version, token))
         library = folder / f"{name}.so"
         _compile(folder, library)
         xml = description.of_version_2() if version == 2 else description.of_version_3()

@@ -21,19 +21,24 @@
 
 enum { OK = 0, WARNING = 1, DISCARD = 2, FAILED = 3 };
 
-/* Value references: inputs, outputs, states, their derivatives, the damping's factor, time. */
+/* Value references: inputs, outputs, states, their derivatives, the damping's factor, the body's own
+   parameters (NP of them), time. */
 enum {
   FIRST_OUTPUT = NU,
   FIRST_STATE = FIRST_OUTPUT + NY,
   FIRST_RATE = FIRST_STATE + NX,
   DAMPING = FIRST_RATE + NX,
-  TIME = DAMPING + 1,
+  FIRST_PARAMETER = DAMPING + 1,
+  TIME = FIRST_PARAMETER + NP,
   COUNT = TIME + 1
 };
 
 typedef struct {
   double time, damping, step; /* step: of Phi and G, 0: none */
   double x[NX], u[NU], slope[NU];
+#if NP
+  double p[NP];
+#endif
 } State;
 
 typedef struct {
@@ -41,9 +46,22 @@ typedef struct {
   double *Phi, *G0, *G1; /* x+ = Phi x + G0 u + G1 (u+ - u) */
 } Body;
 
+/* Of the parameters' values less those that A0, A1, C and C1 are of: what these gain. */
+static double gained(const Body *b, const double *of_0, const double *of_1, int size, int at) {
+  double sum = 0;
+#if NP
+  for (int k = 0; k < NP; ++k)
+    sum += (b->s.p[k] - PRESENT[k]) * (of_0[k * size + at] + b->s.damping * of_1[k * size + at]);
+#else
+  (void)b, (void)of_0, (void)of_1, (void)size, (void)at;
+#endif
+  return sum;
+}
+
 /* A of the damping's factor: A0 + damping A1. */
 static double rate_matrix(const Body *b, int i, int j) {
-  return A0[i * NX + j] + b->s.damping * A1[i * NX + j];
+  return A0[i * NX + j] + b->s.damping * A1[i * NX + j] +
+         gained(b, PA0, PA1, NX * NX, i * NX + j);
 }
 
 static void rates(const Body *b, double *dx) {
@@ -58,7 +76,10 @@ static void rates(const Body *b, double *dx) {
 /* C1 holds what damping adds: of accelerations by A, of reactions by their own damping. */
 static double output(const Body *b, int i) {
   double sum = 0;
-  for (int j = 0; j < NX; ++j) sum += (C[i * NX + j] + b->s.damping * C1[i * NX + j]) * b->s.x[j];
+  for (int j = 0; j < NX; ++j)
+    sum += (C[i * NX + j] + b->s.damping * C1[i * NX + j] +
+            gained(b, PC0, PC1, NY * NX, i * NX + j)) *
+           b->s.x[j];
   for (int j = 0; j < NU; ++j) sum += D[i * NU + j] * b->s.u[j];
   return sum;
 }
@@ -148,6 +169,9 @@ static int step(Body *b, double h) {
 static void reset(Body *b) {
   memset(&b->s, 0, sizeof b->s);
   b->s.damping = 1;
+#if NP
+  memcpy(b->s.p, PRESENT, sizeof b->s.p);
+#endif
   b->s.step = -1;
 }
 
@@ -180,6 +204,9 @@ static int get(const Body *b, const uint32_t *which, size_t count, double *value
                : v < FIRST_RATE  ? b->s.x[v - FIRST_STATE]
                : v < DAMPING     ? dx[v - FIRST_RATE]
                : v == DAMPING    ? b->s.damping
+#if NP
+               : v < TIME        ? b->s.p[v - FIRST_PARAMETER]
+#endif
                                  : b->s.time;
   }
   return OK;
@@ -195,6 +222,12 @@ static int set(Body *b, const uint32_t *which, size_t count, const double *value
     else if (v == DAMPING && value[k] >= 0) {
       b->s.damping = value[k];
       b->s.step = -1;
+#if NP
+    } else if (v >= FIRST_PARAMETER && v < TIME && value[k] >= LEAST[v - FIRST_PARAMETER] &&
+               value[k] <= MOST[v - FIRST_PARAMETER]) {
+      b->s.p[v - FIRST_PARAMETER] = value[k];
+      b->s.step = -1;
+#endif
     } else
       return FAILED;
   }
@@ -221,9 +254,13 @@ static int keep(const Body *b, void **kept) {
 }
 
 static int restore(Body *b, const void *kept) {
-  const double had = b->Phi ? b->s.step : -1, damped = b->s.damping;
+  const State before = b->s;
   memcpy(&b->s, kept, sizeof(State));
-  b->s.step = b->s.damping == damped ? had : -1; /* what Phi is of */
+  bool same = b->Phi && b->s.damping == before.damping; /* what Phi is of */
+#if NP
+  same = same && memcmp(b->s.p, before.p, sizeof before.p) == 0;
+#endif
+  b->s.step = same ? before.step : -1;
   return OK;
 }
 
