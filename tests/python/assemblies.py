@@ -57,7 +57,8 @@ def joined_response(
             if joint.ties:
                 ties.append(g)
             else:
-                k = joint.stiffness.get(d, 0) + 1j * w * joint.damping.get(d, 0)
+                k = joint.stiffness.get(d, 0) * (1 + 1j * joint.loss)
+                k = k + 1j * w * joint.damping.get(d, 0)
                 A += k * np.outer(g, g)
     t = len(ties)
     L = np.array(ties).reshape(t, len(A))

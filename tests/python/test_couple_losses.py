@@ -12,8 +12,8 @@ import scipy.sparse as sp
 from assemblies import BAND, joined_response, random_body
 
 import flexgram
-from flexgram import Matrices, ReducedModel
-from flexgram.assembly.couple import couple
+from flexgram import BodyError, Matrices, ReducedModel
+from flexgram.assembly.couple import couple, read_joint
 from flexgram.assembly.joints import Joint
 
 JOINTS = [
@@ -23,6 +23,7 @@ JOINTS = [
         Joint("p0.b", "p1.a", ["x"]),
         Joint("p1.a", "ground", stiffness={"y": 2.0}, damping={"z": 0.1}),
     ],
+    [Joint("p0.b", "p1.a", stiffness=dict.fromkeys("xyz", 4.0), loss=0.3)],
 ]
 
 
@@ -62,10 +63,36 @@ def exact(bodies: list[dict[str, Any]], joints: list[Joint], keep: list[int], w:
     return joined_response(A, B, names, joints, keep, w)
 
 
-@pytest.mark.parametrize("joints", JOINTS, ids=["ties", "springs", "both"])
+def test_a_lossy_spring_is_the_only_damping(tmp_path: Path) -> None:
+    """Of parts that have none, by hand and by the command; what is no loss factor is refused."""
+    rng = np.random.default_rng(8)
+    bodies = [{**part(rng, "none"), "alpha": 0.0, "beta": 0.0} for _ in range(2)]
+    models = {f"p{i}": reduced(a) for i, a in enumerate(bodies)}
+    joints = [Joint("p0.b", "p1.a", stiffness=dict.fromkeys("xyz", 4.0), loss=0.3)]
+    whole = couple(models, joints, keep=["p1.a"])
+    names = [f"p{i}.{name}" for i, a in enumerate(bodies) for name in a["inputs"]]
+    keep = [names.index(name) for name in whole.inputs]
+    for hertz in (0.08, 0.21, 0.43):
+        w = 2 * np.pi * hertz
+        H = exact(bodies, joints, keep, w)
+        assert np.linalg.norm(whole.transfer(w) - H) <= 1e-3 * np.linalg.norm(H)
+    assert np.linalg.matrix_rank(whole.system.S) == 3
+    read = read_joint("--spring", "spring", "p0.b=p1.a:x=4,y=4,z=4,loss=0.3")
+    assert read == joints[0]
+    for text, words in (
+        ("p0.b=p1.a:loss=0.3", "expected :x=1e6"),
+        ("p0.b=p1.a:x=4,loss=-1", "loss"),
+    ):
+        with pytest.raises(BodyError, match=words):
+            read_joint("--spring", "spring", text)
+    with pytest.raises(BodyError, match=r"a loss factor, 0\.1, is one of springs"):
+        couple(models, [Joint("p0.b", "p1.a", damping={"x": 1.0}, loss=0.1)])
+
+
+@pytest.mark.parametrize("joints", JOINTS, ids=["ties", "springs", "both", "lossy"])
 @pytest.mark.parametrize("kinds", [("eta", "eta"), ("eta", "none"), ("S", "both")], ids="-".join)
 def test_losses_stay_with_their_parts(kinds: tuple[str, str], joints: list[Joint]) -> None:
-    """The claim holds against the assembly of the full bodies; springs have no losses."""
+    """The claim holds against the assembly of the full bodies; springs have losses of their own."""
     rng = np.random.default_rng(sum(map(ord, "".join(kinds))) + len(joints))
     bodies = [part(rng, kind) for kind in kinds]
     models = {f"p{i}": reduced(a) for i, a in enumerate(bodies)}

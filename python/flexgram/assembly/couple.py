@@ -25,7 +25,7 @@ __all__ = ["GROUND", "PORTS", "AssemblyBound", "Joint", "couple", "read_joint", 
 
 def read_joint(option: str, kind: str, text: str) -> Joint:
     """A joint of the command line: ``a.eye=b.pin``, with ``:x,y`` (kind ``join``) or ``:x=1e6``
-    (``spring``, ``damper``)."""
+    (``spring``, ``damper``; of springs ``loss=0.1`` too)."""
     ends, _, more = text.partition(":")
     first, equals, second = (word.strip() for word in ends.partition("="))
     if not equals or "." not in first or ("." not in second and second != GROUND):
@@ -44,10 +44,11 @@ def read_joint(option: str, kind: str, text: str) -> Joint:
             values[direction] = np.nan
         if not values[direction] > 0 or not np.isfinite(values[direction]):
             raise BodyError(f"{option} {text}: {word} must be a direction and a positive number")
+    loss = values.pop("loss", 0.0) if kind == "spring" else 0.0
     if not values:
         raise BodyError(f"{option} {text}: expected :x=1e6 and so on, by direction")
     if kind == "spring":
-        return Joint(first, second, stiffness=values)
+        return Joint(first, second, stiffness=values, loss=loss)
     return Joint(first, second, damping=values)
 
 
@@ -97,7 +98,7 @@ def couple(
     if not models:
         raise BodyError("couple: no parts")
     parts = Parts(models, turns or {}, joints)
-    K, D, ties = _joined(parts, joints)
+    K, D, S, ties = _joined(parts, joints)
     N = _motions_left(ties, len(K))
     inputs, outputs = _ports_left(parts, joints, keep)
     direct = _feedthrough(models, parts, joints, inputs, outputs)
@@ -120,8 +121,8 @@ def couple(
         "method": "couple",
         "frame/kind": "none",
     }
-    if parts.S.any():
-        fields["S"] = _symmetric(N.T @ parts.S @ N)
+    if S.any():
+        fields["S"] = _symmetric(N.T @ S @ N)
     squares = natural_modes(fields["K"], fields["M"])[0]
     fields["modes/omega"] = np.sqrt(np.maximum(squares[np.isfinite(squares)], 0))
     slow = 1e-3 * min(bands[bands > 0].min(initial=np.inf), fields["modes/omega"][-1])
@@ -139,9 +140,9 @@ def couple(
     return ReducedModel(fields, lambda path: _write(fields, Path(path)))
 
 
-def _joined(parts: Parts, joints: Sequence[Joint]) -> tuple[Floats, Floats, list[Floats]]:
-    """K and D of all parts with springs and dampers between them, and the rows of what is tied."""
-    K, D = parts.K.copy(), parts.D.copy()
+def _joined(parts: Parts, joints: Sequence[Joint]) -> tuple[Floats, Floats, Floats, list[Floats]]:
+    """K, D and S of all parts with springs and dampers between them; the rows of what is tied."""
+    K, D, S = parts.K.copy(), parts.D.copy(), parts.S.copy()
     rows: list[Floats] = []
     for joint in joints:
         for direction, weights in tied(parts, joint):
@@ -149,9 +150,11 @@ def _joined(parts: Parts, joints: Sequence[Joint]) -> tuple[Floats, Floats, list
             if joint.ties:
                 rows.append(moved)
                 continue
-            K += joint.stiffness.get(direction, 0.0) * np.outer(moved, moved)
-            D += joint.damping.get(direction, 0.0) * np.outer(moved, moved)
-    return K, D, rows
+            square = np.outer(moved, moved)
+            spring = joint.complex_stiffness(direction)
+            K, S = K + spring.real * square, S + spring.imag * square
+            D += joint.damping.get(direction, 0.0) * square
+    return K, D, S, rows
 
 
 def _motions_left(ties: Sequence[Floats], count: int) -> Floats:

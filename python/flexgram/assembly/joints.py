@@ -32,6 +32,8 @@ class Joint:
         Out of ``x y z rx ry rz``, in the axes of the assembly; empty: those that both have.
     stiffness, damping : dict
         [N/m], [N m/rad] and [N s/m], [N m s/rad] by direction; both empty: tied.
+    loss : float
+        Loss factor of the stiffness.
     """
 
     first: str
@@ -39,10 +41,15 @@ class Joint:
     directions: Sequence[str] = ()
     stiffness: Mapping[str, float] = field(default_factory=dict)
     damping: Mapping[str, float] = field(default_factory=dict)
+    loss: float = 0.0
 
     @property
     def ties(self) -> bool:
         return not self.stiffness and not self.damping
+
+    def complex_stiffness(self, direction: str) -> complex:
+        """k (1 + i loss)."""
+        return self.stiffness.get(direction, 0.0) * (1 + 1j * self.loss)
 
 
 def _rotation(turn: ArrayLike | None) -> Floats:
@@ -182,6 +189,8 @@ def tied(parts: Parts, joint: Joint) -> list[tuple[str, Floats]]:
             )
         if not (np.isfinite(value) and value > 0):
             raise BodyError(f"{words}: {direction} = {value} must be positive")
+    if not (np.isfinite(joint.loss) and joint.loss >= 0) or (joint.loss and not joint.stiffness):
+        raise BodyError(f"{words}: a loss factor, {joint.loss}, is one of springs, not negative")
     if own and set(joint.directions) - set(own):
         raise BodyError(f"{words}: no stiffness or damping in {joint.directions[0]}")
     wanted = (

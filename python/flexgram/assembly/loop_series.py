@@ -70,16 +70,16 @@ class LoopSeries:
         self.ties = [k for k, (_, joint) in enumerate(loop.ties) if joint.ties]
         self.springs = [k for k in range(len(loop.ties)) if k not in self.ties]
         springs = [loop.ties[k] for k in self.springs]
-        self.stiffness = np.array([joint.stiffness.get(d, 0.0) for d, joint in springs])
+        self.stiffness = np.array([joint.complex_stiffness(d) for d, joint in springs], complex)
         self.damping = np.array([joint.damping.get(d, 0.0) for d, joint in springs])
         G, b = parts.B @ self.S_in[self.ties].T, parts.B @ self.S_in[self.springs].T
-        K = parts.K + (b * self.stiffness) @ b.T
+        K, S = parts.K + (b * self.stiffness.real) @ b.T, parts.S + (b * self.stiffness.imag) @ b.T
         D = parts.D + (b * self.damping) @ b.T
         N = np.eye(len(K))
         if self.ties:
             N = scipy.linalg.null_space(G.T / np.linalg.norm(G, axis=0)[:, None])
         tau = max(float(m.claim.bands.max()) for m in loop.parts.models.values()) ** 2 / 4
-        K_N, D_N, M_N, S_N = (N.T @ A @ N for A in (K, D, parts.M, parts.S))
+        K_N, D_N, M_N, S_N = (N.T @ A @ N for A in (K, D, parts.M, S))
         self.pencil = Pencil(K_N, D_N, M_N, parts.eta, tau, S_N)
         # Of the matrices of modes: some roundings, of the stiffest spring's where it is stiffer
         # than the parts.
@@ -89,7 +89,7 @@ class LoopSeries:
             * float(scipy.linalg.eigh(K, parts.K + tau * parts.M, eigvals_only=True)[-1])
         )
         N, L = N @ self.pencil.modes, np.linalg.pinv(G).T
-        stiffness = (K * (1 + 1j * parts.eta) + 1j * parts.S, 1j * D, -parts.M)
+        stiffness = (K * (1 + 1j * parts.eta) + 1j * S, 1j * D, -parts.M)
         self.NAL = [N.T @ A @ L for A in stiffness]
         self.LAL = [L.T @ A @ L for A in stiffness]
         forces, outputs = parts.B[:, self.free_in], parts.C[self.free_out]

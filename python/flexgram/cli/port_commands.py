@@ -33,7 +33,8 @@ def couple_options(parser: argparse.ArgumentParser) -> None:
             action="append",
             default=[],
             metavar=f"{where}:x=1e6,...",
-            help=f"between them, {unit} by direction",
+            help=f"between them, {unit} by direction"
+            + ("; loss=0.1 among them: their loss factor" if what == "spring" else ""),
         )
     parser.add_argument(
         "--turn",
