@@ -91,9 +91,13 @@ std::string SecondOrderModel::damping_class() const {
         text("proportional (α = %g 1/s, β = %g s)", damping.alpha, damping.beta));
   if (damping.eta != 0) parts.push_back(text("structural (η = %g)", damping.eta));
   for (const auto& [law, matrix] : terms)
-    if (!law.is_parameter() || law.number("loss") > 0) // else stiffness alone
+    if (law.is_parameter()) { // stiffness, with a loss factor perhaps
+      if (law.number("loss") > 0)
+        parts.push_back(text("%s (η = %g)", law.name().c_str(), law.number("loss")));
+    } else {
       parts.push_back(law.is_named() ? law.name() + " " + law.kind().words()
                                      : law.kind().words());
+    }
   return parts.empty() ? "none" : join(parts, " + ");
 }
 

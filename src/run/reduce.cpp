@@ -79,10 +79,39 @@ void tell_of_groups(const Settings& s, Observer& observer) {
                             "for sweep and -mor_method pod");
 }
 
+/// The values of the body's parameters with which the claim is to hold, told with their price.
+/// @throws Error for too many of them, or for a body that nothing damps.
+std::vector<ParameterValues> values_to_claim(const SecondOrderModel& body,
+                                             const Settings& s, Observer& observer) {
+  const std::vector<Law> parameters = parameters_of(body.terms);
+  if (parameters.empty()) return {};
+  const bool is_damped =
+      body.damping.alpha > 0 || body.damping.beta > 0 || body.damping.eta > 0 ||
+      std::any_of(body.terms.begin(), body.terms.end(), [](const auto& term) {
+        return !term.law.is_parameter() || term.law.number("loss") > 0;
+      });
+  if (!is_damped)
+    throw Error("a body with parameters needs some damping for a claim: its resonances "
+                "move with them; give alpha, beta, eta or loss factors (eta = 1e-3 is "
+                "little)");
+  constexpr double most = 1000;
+  const double count = number_of_values(parameters, s.parameter_values);
+  if (count > most)
+    throw Error(text("%.0f combinations of values of %zu parameters: no more than %.0f, "
+                     "{parameter_values} makes them fewer",
+                     count, parameters.size(), most));
+  std::vector<ParameterValues> values = values_that_show(parameters, s.parameter_values);
+  observer.fact("values", text("the claim is to hold with %zu combination%s of the "
+                               "parameters' values, each as much dense work as a body",
+                               values.size(), values.size() == 1 ? "" : "s"));
+  return values;
+}
+
 /// What the factorisation of the medium model will take.
 void describe_two_step(const Body& body, const Settings& s, Observer& observer) {
   observer.fact("method", s.method + " over " + words_of(s.bands()));
   tell_of_groups(s, observer);
+  values_to_claim(body.model, s, observer);
   Stage stage(observer, "analyse");
   ShiftedSolver solver(body.model.K, body.model.M, {}, body.model.node, s.solver);
   choose_factors(solver, body.model, s.solver, observer, true);
@@ -196,27 +225,7 @@ Medium certify_body(const Body& body, const Settings& s, bool keep, Observer& ob
   CertifySpec spec = s.certify_spec();
   spec.keep_levels = keep;
   const std::vector<Law> parameters = parameters_of(body.model.terms);
-  const bool is_damped =
-      body.model.damping.alpha > 0 || body.model.damping.beta > 0 ||
-      body.model.damping.eta > 0 ||
-      std::any_of(body.model.terms.begin(), body.model.terms.end(), [](const auto& term) {
-        return !term.law.is_parameter() || term.law.number("loss") > 0;
-      });
-  if (!parameters.empty() && !is_damped)
-    throw Error("a body with parameters needs some damping for a claim: its resonances "
-                "move with them; give alpha, beta, eta or loss factors (eta = 1e-3 is "
-                "little)");
-  const double count = number_of_values(parameters, s.parameter_values);
-  constexpr double most = 1000;
-  if (count > most)
-    throw Error(text("%.0f combinations of values of %zu parameters: no more than %.0f, "
-                     "{parameter_values} makes them fewer",
-                     count, parameters.size(), most));
-  spec.values = values_that_show(parameters, s.parameter_values);
-  if (!parameters.empty())
-    observer.fact("values", text("the claim is to hold with %zu combination%s of the "
-                                 "parameters' values, each as much dense work as a body",
-                                 spec.values.size(), spec.values.size() == 1 ? "" : "s"));
+  spec.values = values_to_claim(body.model, s, observer);
   spec.between = values_between(parameters, s.parameter_values);
   SolverOptions solver = s.solver;
   solver.order = facts.order;

@@ -212,7 +212,7 @@ def test_resonances_move_with_the_parameter() -> None:
     lossy = chain(soft=flexgram.parameter(1.0, 4.0, 2.0, loss=0.1))
     damped = flexgram.reduce(Matrices(**lossy), BAND, 1e-3, parameter_values=3)
     assert damped.met and damped.kind != "estimated" and damped.system.loss == "S, by material"
-    assert ("damping", "soft a parameter from 1 to 4") in damped.provenance.plan
+    assert ("damping", "soft (η = 0.1)") in damped.provenance.plan
 
 
 def test_envelope_and_sensitivities(tmp_path: Path) -> None:
