@@ -55,7 +55,7 @@ const std::vector<std::pair<std::string, std::string>>& python_verbs() {
       {"modes", "natural modes of a reduced body, beside measured ones: table, universal "
                 "file, MAC"},
       {"couple", "reduced files of several bodies -> one, with joints and springs"},
-      {"at", "a reduced body with values of its parameters"},
+      {"at", "reduced file of a body with parameters -> that with values of them"},
       {"hotspots", "where the stress of a reduced body is largest per unit of a load"},
       {"simulate", "response of a reduced body to forces over time"},
   };
