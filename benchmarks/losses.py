@@ -1,8 +1,9 @@
-"""What loss factors by material and relaxation cost beside one loss factor.
+"""What loss factors by material, relaxation and a parameter cost beside one loss factor.
 
 A clamped block of two materials (Tet10) with one interface, 10-500 Hz, 1e-3. In turn with the same
-loss factor for both (``eta``), with two (``S``), and with two Prony terms of the rubber and αM
-(``prony``). Writes benchmarks/results/losses.csv.
+loss factor for both (``eta``), with two (``S``), with two Prony terms of the rubber and αM
+(``prony``), and with a modulus of the rubber known within a factor of 4 (``parameter``). Writes
+benchmarks/results/losses.csv.
 Arguments: cells along the length (default 12 36: 5,500 and 133,000 dofs), runs (``--runs 3``).
 """
 
