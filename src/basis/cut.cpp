@@ -359,7 +359,6 @@ constexpr const char* frame_names[] = {"auto", "none", "buckens", "tangent"};
 
 /// The model of the chosen order in modal coordinates, the same on every rank.
 DenseSystem::Modal Cut::chosen_model() {
-
   Dense Q = choice_.candidates[choice_.best].basis(choice_.order);
   share_from_first(comm_, Q.data);
   DenseSystem::Modal chosen = medium_.system.project_to_modes(Q, medium_.tau);
