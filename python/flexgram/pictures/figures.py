@@ -190,6 +190,16 @@ def envelope(model: ReducedBody, omega: Floats) -> tuple[Floats, Floats]:
     -------
     least, largest : (n, n_out, n_in) arrays
         Over 41 values of one parameter, 7 of each of two, else both ends of each.
+
+    Examples
+    --------
+    A body without parameters has one curve:
+
+    >>> import numpy as np
+    >>> from flexgram import ReducedModel
+    >>> least, largest = envelope(ReducedModel.load("rack.rom.h5"), np.array([600.0, 1200.0]))
+    >>> bool(np.all(least == largest))
+    True
     """
     known = model.system.parameters
     count = {1: 41, 2: 7}.get(len(known), 2)
