@@ -6,6 +6,7 @@
 #include "basis/order_choice.hpp"
 #include "basis/tell.hpp"
 #include "linalg/decompositions.hpp"
+#include "medium/error_between.hpp"
 #include "medium/field_error.hpp"
 #include "model/project.hpp"
 
@@ -51,8 +52,10 @@ private:
   std::vector<ErrorOverBox::Sight> first_that_serves();
   std::vector<BandWeight> weights() const;
   std::vector<const MediumModel*> others() const;
+  OrderSpec with_room(OrderSpec order) const;
   void choose(const std::vector<std::string>& names);
   bool add_weak_values();
+  void prove_between(const Dense& Q, const ErrorOverBox::Supremum& sup, BandClaim& claim);
   std::vector<double> error_grid(const MediumModel& model) const;
   Dense gram() const;
   Dense tangent(const Dense& Q) const;
@@ -191,9 +194,24 @@ std::vector<const MediumModel*> Cut::others() const {
   return models;
 }
 
+/// What is asked for, with room for errors between the values of parameters: the bound of them is
+/// larger than the error.
+OrderSpec Cut::with_room(OrderSpec order) const {
+  constexpr double room = 0.8;
+  if (sights_.size() == 1 || !order.tolerance) return order;
+  *order.tolerance *= room;
+  for (auto& [kind, tolerance] : order.of_kinds) tolerance *= room;
+  return order;
+}
+
 /// Rank 0's choice: the last bit of an error may differ between ranks.
 void Cut::choose(const std::vector<std::string>& names) {
-  choice_ = choose_order(names, *stage_, errors_, request_.order);
+  choice_ = choose_order(names, *stage_, errors_, with_room(request_.order));
+  if (sights_.size() > 1 && request_.order.tolerance) {
+    if (!choice_.shortfall.empty())
+      choice_ = choose_order(names, *stage_, errors_, request_.order);
+    choice_.chosen_by = text("{tol} %g", smallest_tolerance());
+  }
   std::vector<double> shared{static_cast<double>(choice_.best),
                              static_cast<double>(choice_.order)};
   share_from_first(comm_, shared);
@@ -428,6 +446,34 @@ ReducedModel Cut::reduced(const Dense& Q, const DenseSystem& small,
   return rom;
 }
 
+/// With all values of the parameters, where the claim for some of them is proved and met.
+void Cut::prove_between(const Dense& Q, const ErrorOverBox::Supremum& sup,
+                        BandClaim& claim) {
+  if (claim.parameters.empty()) return;
+  const auto skip = [&](const char* why) { observer_.skip("proof between values", why); };
+  if (resolved(request_.relative_to, whole_) != RelativeTo::pointwise)
+    return skip("it is of errors relative to |H| at each frequency");
+  if (!medium_.outputs().is_plain())
+    return skip("outputs hold more than displacements of the model");
+  if (!sup.proved || !sup.excluded.empty() || !claim.met)
+    return skip("the claim with some of them is not proved, or not met");
+  double worst = 0;
+  for (std::size_t v = 0; v < sup.worst_of.size(); ++v)
+    worst = std::max(worst, sup.worst_of[v] / medium_.views[v].allowed);
+  std::vector<double> shared{worst, 2 * errors_.largest_floor().worst};
+  share_from_first(comm_, shared);
+  const double floor = shared[1],
+               limit = (claim.tolerance ? smallest_tolerance() : 3 * worst) - floor;
+  if (Q.columns >= medium_.system.order())
+    return skip("the reduced body is the medium model");
+  if (!(floor < limit)) return skip("rounding is as large as the tolerance");
+  Stage timer(observer_, "between values");
+  const auto found = ErrorBetween(medium_, Q).supremum(comm_, bands_, limit);
+  claim.cells_between = found.cells;
+  for (std::size_t v = 0; found.proved && v < found.worst_of.size(); ++v)
+    claim.of_all_values.push_back(std::max(found.worst_of[v] + floor, sup.worst_of[v]));
+}
+
 /// Of each kind of inputs.
 void Cut::claim_field(const Dense& Q, const DenseSystem& small,
                       const ErrorOverBox::Supremum& sup, ReducedModel& rom) const {
@@ -474,6 +520,7 @@ ReducedModel Cut::run() {
   const DenseSystem& small = chosen.system;
   const auto sup = shared_supremum(errors_.supremum(small, smallest_tolerance()));
   ReducedModel rom = reduced(Q, small, sup);
+  prove_between(Q, sup, *rom.claim.supremum);
   if (request_.field) claim_field(Q, small, sup, rom);
   rom.claim.form = seen_.model().error_form();
   rom.claim.held = held_interfaces(medium_, small, bands_.back().last);

@@ -171,10 +171,16 @@ void tell_supremum(const CutStory& cut, const ReducedModel& rom, Observer& obser
           label.c_str(), sup.attained_of[0], sup.at_of[0] * hz,
           values == 0 ? "" : (", " + words_of(parameters, sup.values_of[0])).c_str(),
           *std::max_element(rom.claim.curve.floor.begin(), rom.claim.curve.floor.end())));
-  if (const auto& between = rom.claim.supremum->between)
+  if (const BandClaim& claim = *rom.claim.supremum; !claim.of_all_values.empty()) {
+    observer.fact("all values",
+                  text("at most %.2e of H with every value of the parameters in "
+                       "their box (%s; %d cells of frequency and values)",
+                       claim.of_all_values[0], label.c_str(), claim.cells_between));
+  } else if (claim.between) {
     observer.fact("between", text("with other values of the parameters between these, at "
                                   "some frequencies: %.1e (seen, not proved)",
-                                  *between));
+                                  *claim.between));
+  }
   // Beside undamped resonances |H| has no largest value; of very many ports with a damping
   // matrix it would cost as much as the claim itself.
   if (of_elastic) {

@@ -95,6 +95,8 @@ void supremum_of(FieldSink& sink, const BandClaim& claim) {
     sink.value("error/parameter_values/names", claim.parameters);
     vector(sink, "error/at_values", claim.at_values);
     if (claim.between) sink.value("error/between_values", *claim.between);
+    if (!claim.of_all_values.empty())
+      vector(sink, "error/all_values", claim.of_all_values);
   }
   if (!claim.tolerance) return;
   sink.value("error/tolerance", *claim.tolerance);

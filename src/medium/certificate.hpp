@@ -156,6 +156,20 @@ public:
   /// @return nothing if it is not proved.
   std::optional<ErrorForm> form(const DenseResponse& response,
                                 const PortSet& ports) const;
+  /// What A couples V to in the rest of the body, the E-orthogonal complement of V, where the
+  /// coordinates make E⁻¹ the identity: columns are those of a diagonal system of V.
+  struct Couplings {
+    Dense ports, M; ///< k × ports in their units, k × N; K couples σ times what M does
+    std::vector<Dense> terms;          ///< k × N
+    double sigma = 0;                  ///< ω_c²
+    std::vector<double> dropped_ports; ///< norms of what these do not hold, at most
+    double dropped_M = 0;              ///< Frobenius
+    std::vector<double> dropped_terms;
+    bool provable = false;
+  };
+  /// @param system  of V, K and M diagonal: columns of U times `unit`.
+  Couplings couplings(const DenseSystem& system, const std::vector<double>& unit,
+                      const std::vector<int>& ports, const Dense& port_rows) const;
   /// Whether the fields are of the sizes that a model of this order has.
   bool fits(int order, int ports, int modes, int rigid, std::size_t terms) const;
 

@@ -76,16 +76,23 @@ MediumModel::MediumModel(const Medium& medium, std::size_t level,
                 response.lambda().begin() + rigid + medium.modes);
 }
 
+/// Columns of U times these are the coordinates of `system`.
+std::vector<double> MediumModel::units() const {
+  std::vector<double> unit;
+  for (double mu : level_.response->mu())
+    unit.push_back(mu * tau > 1e-14 ? 1 / std::sqrt(mu) : 1.0);
+  return unit;
+}
+
 void MediumModel::take_modal_system() {
   const DenseResponse& response = *level_.response;
   const int N = response.system().order();
   system.M = system.K = Dense(N, N);
-  std::vector<double> unit; // of each coordinate
+  const std::vector<double> unit = units();
   for (int j = 0; j < N; ++j) {
     const auto at = as_size(j);
     const double mu = response.mu()[at];
     const bool massless = !(mu * tau > 1e-14);
-    unit.push_back(massless ? 1.0 : 1 / std::sqrt(mu));
     system.M(j, j) = massless ? mu : 1.0;
     system.K(j, j) = massless ? 1 - tau * mu : response.lambda()[at];
   }
@@ -225,6 +232,16 @@ std::optional<MediumModel::Stretch> MediumModel::over(Interval interval, int deg
   scale_bounds(larger, result);
   add_rigid_floor(result);
   return result;
+}
+
+Certificate::Couplings MediumModel::couplings() const {
+  std::vector<int> ports = ports_.inputs;
+  Dense rows = system.B;
+  if (!system.outputs_are_inputs) {
+    ports.insert(ports.end(), ports_.outputs.begin(), ports_.outputs.end());
+    rows = beside(rows, system.C);
+  }
+  return level_.certificate->couplings(system, units(), ports, rows);
 }
 
 std::optional<ErrorForm> MediumModel::error_form() const {

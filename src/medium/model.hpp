@@ -120,6 +120,10 @@ public:
   /// not proved, or where it is too much to keep.
   std::optional<ErrorForm> error_form() const;
 
+  /// What A couples `system` to in the rest of the body; ports: inputs, then outputs if they are
+  /// others.
+  Certificate::Couplings couplings() const;
+
   /// A resonance in an excluded interval.
   struct Pole {
     double omega = 0;     ///< [rad/s] of the small model (of this one, if that has none)
@@ -180,6 +184,7 @@ private:
     return std::move(*value);
   }
   void take_modal_system();
+  std::vector<double> units() const;
   MediumLevel level_;
   Basis V_;
   Dense to_V_;           ///< coordinates of V from those of `system`

@@ -21,7 +21,11 @@ struct BandClaim {
   ParameterValues at_values;           ///< those of `attained`
   /// Largest error of H as a whole seen with values between them, at frequencies.
   std::optional<double> between;
-  double whole = 0; ///< largest relative error of H as a whole
+  /// Largest relative errors with all values of the box, of H and of each kind of ports; none: it
+  /// is not proved.
+  std::vector<double> of_all_values;
+  int cells_between = 0; ///< of (ω, p) that were looked at for it
+  double whole = 0;      ///< largest relative error of H as a whole
   /// Change of H, relative to all of H, if the stiffness of rigid modes in the stored K, which
   /// counts as rounding, were real. Not in `worst`: the claim is of a body that is exactly rigid there.
   double rigid_rounding = 0;

@@ -112,6 +112,9 @@ class Claim:
     between_values : float or None
         Largest error of H as a whole that was seen with values between these, at frequencies; not
         proved. None: none were looked at.
+    all_values : (1 + k,) array
+        Largest error of H, and of each of ``kinds``, with every value of the parameters from their
+        least to their most, everywhere in the bands. Empty: it is not proved.
     chosen, chosen_names : (d,) array or None, list of str
         The parameters' values that the body has been given (``ReducedModel.at``).
     """
@@ -148,6 +151,7 @@ class Claim:
     parameter_values: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     attained_values: Floats = field(default_factory=lambda: np.zeros(0))
     between_values: float | None = None
+    all_values: Floats = field(default_factory=lambda: np.zeros(0))
     chosen: Floats | None = None
     chosen_names: list[str] = field(default_factory=list)
 
@@ -198,13 +202,14 @@ class Claim:
             parameter_values=np.atleast_2d(array("error/parameter_values")),
             attained_values=array("error/at_values"),
             between_values=fields.get("error/between_values"),
+            all_values=array("error/all_values"),
             chosen_names=words("error/chosen_names"),
             chosen=array("error/chosen") if "error/chosen" in fields else None,
         )
 
     def at(self, values: Mapping[str, float]) -> Self:
-        """Of the body with these values of all its parameters: the claim, if it holds with them,
-        else nothing that is proved."""
+        """Of the body with these values of all its parameters: the claim for them, or that for all
+        values, if there is one; else nothing that is proved."""
         names = self.parameters or list(values)
         chosen = np.array([values[name] for name in names])
         known = np.zeros(0, dtype=bool)
@@ -216,9 +221,13 @@ class Claim:
             none = np.zeros(0)
             unknown = np.full(len(self.error), np.nan)
             at = replace(at, error=unknown, bound=none, floor=none, data_rounding=none)
-        if not known.any():
-            at = replace(at, kind="estimated", tolerance=None, met=True, unmet=np.zeros((0, 2)))
-        return at
+        if known.any():
+            return at
+        if len(self.all_values):
+            worst, every = float(self.all_values.max()), self.all_values
+            at = replace(at, supremum=worst, whole=float(every[0]), by_kind=every[1:])
+            return replace(at, attained=np.nan, attained_at=np.nan)
+        return replace(at, kind="estimated", tolerance=None, met=True, unmet=np.zeros((0, 2)))
 
     @property
     def band(self) -> Floats:
@@ -265,6 +274,9 @@ class Claim:
             count, names = len(self.parameter_values), ", ".join(self.parameters)
             several = f"{count} value{'s' if count != 1 else ''} of {names}"
         if self.chosen is None:
+            if len(self.all_values):
+                every = f"; {self.all_values.max():.1e} with every value between"
+                return f" with each of {several}{every}"
             return f" with each of {several}" if several else ""
         now = ", ".join(f"{n} = {x:g}" for n, x in zip(self.chosen_names, self.chosen, strict=True))
         but = several and self.kind == "estimated"

@@ -41,7 +41,17 @@ def _save_at(
             error = file["error"]
             error.attrs["chosen"] = body.claim.chosen
             error.attrs["chosen_names"] = body.claim.chosen_names
-            error.attrs["kind"] = body.claim.kind
+            for name, value in {
+                "kind": body.claim.kind,
+                "worst": body.claim.supremum,
+                "whole": body.claim.whole,
+                "attained": body.claim.attained,
+                "at": body.claim.attained_at,
+            }.items():
+                if name in error.attrs:
+                    error.attrs[name] = value
+            if "by_kind" in error:
+                error["by_kind"][...] = body.claim.by_kind
             if not len(body.claim.bound):
                 for name in ("bound", "floor", "data_rounding"):
                     if name in error:
@@ -173,8 +183,8 @@ class ReducedBody:
         """The body with values of its parameters, which it has no more: no work, no further error
         than the claim's.
 
-        The claim is proved with the values in ``claim.parameter_values``; with others the body is
-        as good as a body between them can be hoped to be, which ``claim`` then says.
+        The claim is proved with the values in ``claim.parameter_values``, and with all others where
+        there are ``claim.all_values``; else ``claim`` says that nothing is proved with the values.
 
         Parameters
         ----------

@@ -1,0 +1,86 @@
+/// Responses, their residuals and norms over a cell of (ω, p), by series to second order and what
+/// these leave (docs/proof.md, section 5). Used by cell_bound.cpp.
+
+#pragma once
+
+#include "medium/cell_series.hpp"
+
+#include <algorithm>
+#include <optional>
+
+namespace flexgram {
+
+/// Rounding of projected matrices, relative to what they add up from.
+inline constexpr double cell_rounding = 1e-13;
+
+/// x = (RᵀAR)⁻¹RᵀP over a cell, scaled: R x is `scale` times.
+struct CellResponse {
+  bool known = false;
+  std::vector<double> by_variable; ///< what A moves by along each, relative
+  std::size_t longest() const {
+    return as_size(std::max_element(by_variable.begin(), by_variable.end()) -
+                   by_variable.begin());
+  }
+  std::vector<double> scale;
+  CellSeries x;
+  std::vector<double> sizes;    ///< of each column of x, at most
+  std::vector<double> tails;    ///< what the series leaves of each
+  double inverse = 0;           ///< ‖(RᵀAR)⁻¹‖ at most, scaled
+  ComplexDense at_centre;       ///< (RᵀAR)⁻¹ there, scaled
+  double moved = 0;             ///< it differs from that by no more
+  CellSeries G;                 ///< (RᵀAR)⁻¹ at the centre times RᵀAR beyond that
+  double of_rest = 0, of_G = 0; ///< the same of what the series leave; norms together
+};
+
+/// @param matrices  K, M and terms between the columns of R. @param ports  RᵀP
+CellResponse cell_response(const Cell& cell, const CellFactors& factors,
+                           const Matrices& matrices, const Dense& ports);
+
+/// ports − A R x over the cell.
+struct CellResidual {
+  CellSeries y;
+  std::vector<double> tails; ///< of each column
+  double norm = 0;           ///< ‖A R scale‖ at most
+  ComplexDense at_centre;    ///< A R scale there
+  double moved = 0;          ///< it differs from that by no more
+};
+
+/// @param matrices  K, M and terms between some space and R.
+CellResidual cell_residual(const CellResponse& of, const CellFactors& factors,
+                           const Matrices& matrices, const Dense& ports);
+
+/// What a product yᵀz of two series is at most.
+struct CellProduct {
+  CellSeries yz;
+  std::vector<double> y_size, y_tail, z_size, z_error; ///< of each column
+
+  /// ‖·‖_F of a block, at most.
+  double of(const std::vector<int>& rows, const std::vector<int>& columns) const;
+};
+
+/// (RᵀAR)⁻¹ of the residual y of another model of the same space, with y: nothing if it is not known.
+/// @param small  that model's response. @param matrices, ports  between R and it; RᵀP.
+CellProduct cell_product(const CellResponse& of, const CellResponse& small,
+                         const CellFactors& factors, const Matrices& matrices,
+                         const Dense& ports);
+
+/// (Σσ⁴)^¼ of some columns over the cell, at most: a norm, so the linear part is largest at a
+/// corner.
+class FourNorms {
+public:
+  FourNorms(const CellSeries& series, std::vector<double> tails);
+  double of(const std::vector<int>& columns) const;
+
+private:
+  std::vector<ComplexDense> corners_, others_; ///< Gram matrices
+  std::vector<double> tails_;
+};
+
+/// yᵀz
+CellSeries transposed_product(const CellSeries& y, const CellSeries& z);
+/// Of each column the sum of the norms of its coefficients.
+std::vector<double> column_sums(const CellSeries& series, int columns);
+/// Of some of these numbers.
+double root_of_squares(const std::vector<double>& of, const std::vector<int>& chosen);
+
+} // namespace flexgram

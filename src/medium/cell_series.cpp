@@ -1,0 +1,135 @@
+#include "medium/cell_series.hpp"
+
+#include "linalg/decompositions.hpp"
+
+#include <algorithm>
+#include <numeric>
+
+namespace flexgram {
+
+using Complex = std::complex<double>;
+
+std::pair<Cell, Cell> Cell::halves(std::size_t v) const {
+  std::pair<Cell, Cell> both{*this, *this};
+  const double middle = both.first.side(v).centre();
+  both.first.side(v).last = both.second.side(v).first = middle;
+  return both;
+}
+
+int degree_of(const Powers& powers) {
+  return std::accumulate(powers.begin(), powers.end(), 0);
+}
+
+/// A parameter's law is affine in its value: its slope is the law at a value that lies as far
+/// from the least one as the cell reaches.
+CellFactors::CellFactors(const DenseSystem& system, const Cell& cell)
+    : rest(2 + system.terms.size(), 0.0) {
+  const Damping& d = system.damping;
+  const double omega = cell.omega.centre(), h = cell.omega.half();
+  const Complex i(0, 1);
+  const auto add = [&](std::size_t matrix, const std::vector<Complex>& in_omega,
+                       std::size_t variable) {
+    for (std::size_t k = 0; k < in_omega.size(); ++k) {
+      if (in_omega[k] == 0.0 && k > 0) continue;
+      Powers powers(cell.variables(), 0);
+      powers[0] = static_cast<int>(k);
+      if (variable > 0) powers[variable] = 1;
+      auto& here = of[powers];
+      here.resize(rest.size(), 0.0);
+      here[matrix] += in_omega[k];
+    }
+  };
+  add(0, {1.0 + i * (d.eta + omega * d.beta), i * h * d.beta}, 0);
+  add(1,
+      {i * omega * d.alpha - omega * omega, h * (i * d.alpha - 2 * omega),
+       Complex(-h * h)},
+      0);
+  std::size_t parameter = 0;
+  for (std::size_t t = 0; t < system.terms.size(); ++t) {
+    const Law& law = system.terms[t].law;
+    const auto series = [&](const Law& of_value, std::size_t variable) {
+      constexpr int degree = 2;
+      const LawSeries g = of_value.series(cell.omega, degree);
+      add(2 + t, g.coefficients, variable);
+      rest[2 + t] += g.rest;
+    };
+    if (!law.is_parameter()) {
+      series(law, 0);
+      continue;
+    }
+    const Interval& values = cell.values[parameter++];
+    series(law.with("value", values.centre()), 0);
+    if (values.half() > 0)
+      series(law.with("value", law.number("least") + values.half()), parameter);
+  }
+}
+
+std::vector<double> CellFactors::largest() const {
+  std::vector<double> sum = rest;
+  for (const auto& [powers, factors] : of)
+    for (std::size_t m = 0; m < sum.size(); ++m) sum[m] += std::abs(factors[m]);
+  return sum;
+}
+
+CellSeries series_of(const Matrices& matrices, const CellFactors& factors) {
+  CellSeries A;
+  for (const auto& [powers, of_each] : factors.of) {
+    ComplexDense sum(matrices.front().rows, matrices.front().columns);
+    for (std::size_t m = 0; m < matrices.size(); ++m) {
+      if (of_each[m] == 0.0) continue;
+      for (std::size_t l = 0; l < sum.data.size(); ++l)
+        sum.data[l] += of_each[m] * matrices[m].data[l];
+    }
+    A.emplace(powers, std::move(sum));
+  }
+  return A;
+}
+
+void add_to(ComplexDense& a, const ComplexDense& b, double factor) {
+  for (std::size_t l = 0; l < a.data.size(); ++l) a.data[l] += factor * b.data[l];
+}
+
+void add_product(const CellSeries& A, const CellSeries& x, double factor,
+                 CellSeries& sum) {
+  for (const auto& [k, matrix] : A)
+    for (const auto& [l, columns] : x) {
+      Powers powers = k;
+      for (std::size_t v = 0; v < powers.size(); ++v) powers[v] += l[v];
+      const ComplexDense product = multiply(matrix, columns);
+      auto& here = sum[powers];
+      if (here.data.empty()) here = ComplexDense(product.rows, product.columns);
+      add_to(here, product, factor);
+    }
+}
+
+/// The root of the largest eigenvalue of the smaller Gram matrix; that is off by rounding of the
+/// size of its norm.
+double spectral_norm(const ComplexDense& a) {
+  if (a.data.empty()) return 0;
+  if (a.columns > a.rows) {
+    ComplexDense b(a.columns, a.rows);
+    for (int j = 0; j < a.columns; ++j)
+      for (int i = 0; i < a.rows; ++i) b(j, i) = a(i, j);
+    return spectral_norm(b);
+  }
+  const double square = hermitian_eigenvalues(multiply_transposed(a, a, true)).back();
+  return std::sqrt(std::max(square, 0.0)) * (1 + 1e-10);
+}
+
+double spectral_norm(const Dense& a) {
+  if (a.data.empty()) return 0;
+  const Dense gram = a.columns > a.rows ? outer_square(a) : multiply_transposed(a, a);
+  return std::sqrt(std::max(symmetric_eigen(gram).values.back(), 0.0)) * (1 + 1e-10);
+}
+
+std::vector<double> column_norms(const ComplexDense& a) {
+  std::vector<double> norms;
+  for (int j = 0; j < a.columns; ++j) {
+    double square = 0;
+    for (int i = 0; i < a.rows; ++i) square += std::norm(a(i, j));
+    norms.push_back(std::sqrt(square));
+  }
+  return norms;
+}
+
+} // namespace flexgram

@@ -1,0 +1,131 @@
+#include "medium/error_between.hpp"
+
+#include "base/parallel.hpp"
+#include "linalg/decompositions.hpp"
+#include "medium/cell_bound.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace flexgram {
+namespace {
+
+/// How often regions are halved, and cells of a region.
+constexpr int most_regions = 7, most_halvings = 14;
+/// First regions along ω and along each parameter.
+constexpr int along_omega = 4, along_parameters = 4;
+/// About so much work at most on each rank [flops].
+constexpr double most_work = 1e11;
+
+} // namespace
+
+struct ErrorBetween::Search {
+  double limit;
+  double work; ///< that is left
+  Supremum found;
+};
+
+ErrorBetween::ErrorBetween(const MediumModel& medium, const Dense& Q)
+    : medium_(medium), couplings_(medium.couplings()), Q_(orthonormal_columns(Q)) {}
+
+void ErrorBetween::prove(const CellBound& bound, const Cell& cell, int depth,
+                         Search& search) const {
+  if (!search.found.proved) return;
+  ++search.found.cells;
+  search.work -= work_of_a_cell();
+  if (search.work < 0) {
+    search.found.proved = false;
+    return;
+  }
+  const CellBound::Look look = bound.look(cell);
+  bool enough = !look.worst_of.empty();
+  for (std::size_t v = 0; v < look.worst_of.size(); ++v)
+    enough = enough && look.worst_of[v] <= search.limit * medium_.views[v].allowed;
+  if (enough) {
+    for (std::size_t v = 0; v < look.worst_of.size(); ++v)
+      search.found.worst_of[v] = std::max(search.found.worst_of[v], look.worst_of[v]);
+    return;
+  }
+  if (depth == most_halvings) {
+    search.found.proved = false;
+    return;
+  }
+  const auto [low, high] = cell.halves(look.longest);
+  prove(bound, low, depth + 1, search);
+  prove(bound, high, depth + 1, search);
+}
+
+void ErrorBetween::prove(const Cell& region, int depth, Search& search) const {
+  search.work -= work_of_a_region();
+  if (search.work < 0) search.found.proved = false;
+  if (!search.found.proved) return;
+  const CellBound bound(medium_, Q_, couplings_, region);
+  const Supremum before = search.found;
+  if (bound.holds()) prove(bound, region, 0, search);
+  if (bound.holds() && search.found.proved) return;
+  if (depth == most_regions || search.work < 0) {
+    search.found.proved = false;
+    return;
+  }
+  const int cells = search.found.cells;
+  search.found = before;
+  search.found.cells = cells;
+  // E is that of a corner: along which variable it is farther from the rest is not known.
+  const auto variable = static_cast<std::size_t>(depth) % region.variables();
+  const auto [low, high] = region.halves(variable);
+  prove(low, depth + 1, search);
+  prove(high, depth + 1, search);
+}
+
+double ErrorBetween::work_of_a_cell() const {
+  const double r = Q_.columns, z = Q_.rows - Q_.columns, p = couplings_.ports.columns;
+  return 400 * r * r * r + 100 * z * r * (r + p) + 100 * z * p * (z + p);
+}
+double ErrorBetween::work_of_a_region() const { return 60 * std::pow(Q_.rows, 3); }
+
+ErrorBetween::Supremum ErrorBetween::supremum(MPI_Comm comm,
+                                              const std::vector<Interval>& bands,
+                                              double limit) const {
+  std::vector<Interval> box;
+  for (const Law& law : parameters_of(medium_.system.terms))
+    box.push_back({law.number("least"), law.number("most")});
+  const auto parts_of = [](const Interval& whole, int count) {
+    std::vector<Interval> parts;
+    for (int k = 0; k < count; ++k)
+      parts.push_back(
+          {k == 0 ? whole.first : parts.back().last,
+           k + 1 == count ? whole.last : whole.first + whole.width() * (k + 1) / count});
+    return parts;
+  };
+  std::vector<Cell> regions;
+  for (const Interval& band : bands)
+    for (const Interval& omega : parts_of(band, along_omega))
+      regions.push_back({omega, {}});
+  for (const Interval& values : box) {
+    std::vector<Cell> finer;
+    for (const Cell& region : regions)
+      for (const Interval& part :
+           parts_of(values, box.size() == 1 ? along_parameters : 2)) {
+        finer.push_back(region);
+        finer.back().values.push_back(part);
+      }
+    regions = std::move(finer);
+  }
+  Search search{limit, most_work, {}};
+  search.found.proved = couplings_.provable;
+  search.found.worst_of.assign(medium_.views.size(), 0.0);
+  const auto rank = static_cast<std::size_t>(comm_rank(comm)),
+             size = static_cast<std::size_t>(comm_size(comm));
+  agree(comm, [&] {
+    for (std::size_t k = rank; k < regions.size(); k += size)
+      prove(regions[k], 0, search);
+  });
+  Supremum all;
+  for (double worst : search.found.worst_of)
+    all.worst_of.push_back(max_over(comm, worst));
+  all.proved = max_over(comm, search.found.proved ? 0.0 : 1.0) == 0;
+  all.cells = static_cast<int>(sum_over(comm, static_cast<double>(search.found.cells)));
+  return all;
+}
+
+} // namespace flexgram

@@ -1,0 +1,139 @@
+"""Claims for every value of the parameters, everywhere in the band, against extended precision at
+values and frequencies that the program was not given."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from test_parameters import BAND, TWO_PI, chain, frequencies, small, with_values
+
+import flexgram
+from conftest import run
+from flexgram import Matrices, ReducedModel
+from referee import relative_error
+
+LOSSY = flexgram.parameter(1.0, 4.0, 1.5, loss=0.3)
+DAMPED = {"eta": 0.1}
+
+
+def worst_error(rom: ReducedModel, a: dict[str, Any], trials: int, seed: int = 7) -> float:
+    """Largest error with values anywhere in the box, its corners among them, at frequencies of the
+    band and at resonances with these values."""
+    laws, rng = rom.system.parameters, np.random.default_rng(seed)
+    worst = 0.0
+    for k in range(trials):
+        values = {
+            name: (law.least, law.most)[k >> j & 1]
+            if k < 2 ** len(laws)
+            else float(rng.uniform(law.least, law.most))
+            for j, (name, law) in enumerate(laws.items())
+        }
+        model = rom.at(**values)
+        assert model.kind == "certified"
+        full = with_values(a, DAMPED, **values)
+        errors = (relative_error(full, small(model), w) for w in frequencies(model))
+        worst = max(worst, *errors)
+    return worst
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_one_parameter(ranks: int, tmp_path: Path) -> None:
+    """A third of a chain one to four times as stiff: by files, on one rank and on two."""
+    a = chain(soft=LOSSY)
+    flexgram.write_matrices(tmp_path / "body.h5", **a, **DAMPED)
+    said = run(
+        *("reduce", "-body", tmp_path / "body.h5", "-mor_band_hz", "0.002,0.05"),
+        *("-mor_tol", "1e-3", "-mor_out", tmp_path / "rom.h5"),
+        ranks=ranks,
+    ).out
+    assert "with every value of the parameters in their box (certified;" in said
+    rom = ReducedModel.load(tmp_path / "rom.h5")
+    (most,) = rom.claim.all_values
+    assert rom.met and rom.certified_error <= most <= 1e-3
+    assert f"; {most:.1e} with every value between" in rom.claim.label
+    assert 0.1 * most < worst_error(rom, a, 8) <= most
+    between = rom.at(soft=2.345)
+    between.save(tmp_path / "at.h5")
+    for model in (between, ReducedModel.load(tmp_path / "at.h5")):
+        claim = model.claim
+        assert claim.kind == "certified" and claim.tolerance == 1e-3 and claim.met
+        assert model.certified_error == claim.whole == most and "soft = 2.345" in claim.label
+    known = rom.at(soft=4.0)
+    assert known.certified_error == rom.certified_error
+
+
+def test_two_parameters_and_kinds() -> None:
+    """Two parameters, outputs that are not the inputs, moments beside forces in another unit."""
+    a = chain(
+        soft=flexgram.parameter(1.0, 1.5, 1.2, loss=0.3),
+        bolt=flexgram.parameter(1.0, 1.5, 1.2, loss=0.3),
+    )
+    B, C = np.zeros((60, 2)), np.zeros((2, 60))
+    B[59, 0] = C[0, 40] = 1.0
+    B[20, 1] = C[1, 59] = 1e-3
+    a |= {"B": B, "C": C}
+    names = {"inputs": ["tip.fx", "mid.mx"], "outputs": ["tip.fx", "mid.mx"]}
+    rom = flexgram.reduce(Matrices(**a, **names, **DAMPED), (0.002, 0.03), 1e-2)
+    assert rom.met and len(rom.claim.all_values) == 1 + len(rom.claim.kinds) >= 2
+    assert rom.claim.all_values.max() <= 1e-2
+    laws = rom.system.parameters
+    rng = np.random.default_rng(3)
+    for k in range(10):
+        values = {
+            name: (law.least, law.most)[k >> j & 1]
+            if k < 4
+            else float(rng.uniform(law.least, law.most))
+            for j, (name, law) in enumerate(laws.items())
+        }
+        model = rom.at(**values)
+        full = with_values(a, DAMPED, **values)
+        for omega in TWO_PI * rng.uniform(0.002, 0.03, 25):
+            K = full.K.astype(complex) * (1 + 0.1j) + 1j * full.S - omega**2 * full.M
+            H = C @ np.linalg.solve(K, B)
+            away = H - model.transfer(omega)
+            assert np.linalg.norm(away) <= rom.claim.all_values[0] * np.linalg.norm(H)
+            for kind, most in zip(rom.claim.kinds, rom.claim.all_values[1:], strict=True):
+                i = 0 if kind.startswith("displacement") else 1
+                j = 0 if kind.endswith("force") else 1
+                assert abs(away[i, j]) <= most * abs(H[i, j])
+
+
+def test_a_singular_mass_and_rigid_motion() -> None:
+    """Masses at some nodes only; and a chain that is free."""
+    a = chain(soft=LOSSY)
+    mass = np.ones(60)
+    mass[::3] = 0.0
+    a["M"] = sp.diags(mass).tocsc()
+    a["B"] = np.eye(60)[:, [59, 20]]
+    rom = flexgram.reduce(Matrices(**a, **DAMPED), BAND, 1e-3)
+    assert rom.met and len(rom.claim.all_values)
+    assert worst_error(rom, a, 6) <= rom.claim.all_values[0] <= 1e-3
+    free = chain(soft=LOSSY)
+    free["K"] = free["K"] - sp.coo_matrix(([1.0], ([0], [0])), shape=(60, 60))
+    rom = flexgram.reduce(Matrices(**free, **DAMPED), (0.004, 0.05), 1e-2)
+    assert rom.met and len(rom.claim.all_values)
+    assert worst_error(rom, free, 6) <= rom.claim.all_values[0] <= 1e-2
+
+
+def test_it_is_not_proved() -> None:
+    """Relative to the largest response of the band nothing is proved between: other values
+    are estimated."""
+    a = chain(soft=LOSSY)
+    rom = flexgram.reduce(
+        Matrices(**a, **DAMPED), BAND, 1e-3, options={"mor_tol_relative_to": "band"}
+    )
+    assert rom.met and not len(rom.claim.all_values)
+    assert rom.at(soft=2.345).kind == "estimated" and rom.at(soft=4.0).kind == "certified"
+
+
+def test_order_without_a_tolerance() -> None:
+    """The error is told of an order that was asked for, too."""
+    a = chain(soft=LOSSY)
+    rom = flexgram.reduce(Matrices(**a, **DAMPED), BAND, order=14)
+    (most,) = rom.claim.all_values
+    assert rom.certified_error <= most <= 3 * rom.certified_error
+    assert worst_error(rom, a, 6) <= most
