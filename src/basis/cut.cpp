@@ -207,10 +207,13 @@ OrderSpec Cut::with_room(OrderSpec order) const {
 /// Rank 0's choice: the last bit of an error may differ between ranks.
 void Cut::choose(const std::vector<std::string>& names) {
   choice_ = choose_order(names, *stage_, errors_, with_room(request_.order));
+  std::vector<double> falls_short{choice_.shortfall.empty() ? 0.0 : 1.0};
+  share_from_first(comm_, falls_short);
   if (sights_.size() > 1 && request_.order.tolerance) {
-    if (!choice_.shortfall.empty())
+    if (falls_short[0] > 0)
       choice_ = choose_order(names, *stage_, errors_, request_.order);
-    choice_.chosen_by = text("{tol} %g", smallest_tolerance());
+    else
+      choice_.chosen_by = text("{tol} %g", smallest_tolerance());
   }
   std::vector<double> shared{static_cast<double>(choice_.best),
                              static_cast<double>(choice_.order)};

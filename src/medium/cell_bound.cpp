@@ -19,11 +19,24 @@ CellBound::Look CellBound::look(const Cell& cell) const {
   CellResponse of = cell_response(cell, factors, spaces_.RR, spaces_.R_ports);
   const Look unknown{{}, of.longest()};
   if (!of.known) return unknown;
-  const CellResidual in_V = cell_residual(of, factors, spaces_.ZR, spaces_.Z_ports);
+  const std::vector<double> R_sizes = diagonal_sizes(spaces_.RR, of.scale);
+  const auto products = [](std::vector<double> left, const std::vector<double>& right) {
+    for (std::size_t m = 0; m < left.size(); ++m) left[m] *= right[m];
+    return left;
+  };
+  const CellResidual in_V = cell_residual(of, factors, spaces_.ZR, spaces_.Z_ports,
+                                          products(diagonal_sizes(spaces_.ZZ), R_sizes));
   const double coupled = in_V.norm * in_V.norm * of.inverse;
   if (!(coupled < 1)) return unknown;
   const double S = 1 / (1 - coupled);
-  const CellResidual beyond = cell_residual(of, factors, spaces_.CR, couplings_.ports);
+  double size_of_R = 0;
+  for (std::size_t i = 0; i < of.scale.size(); ++i)
+    size_of_R += std::pow(spaces_.R_sizes[i] * of.scale[i], 2);
+  size_of_R = std::sqrt(size_of_R);
+  std::vector<double> C_sizes = spaces_.C_sizes;
+  for (double& size : C_sizes) size *= size_of_R;
+  const CellResidual beyond =
+      cell_residual(of, factors, spaces_.CR, couplings_.ports, C_sizes);
   const std::size_t ports = of.sizes.size();
   const Powers none(cell.variables(), 0);
 
@@ -34,7 +47,7 @@ CellBound::Look CellBound::look(const Cell& cell) const {
   const std::vector<double> largest = factors.largest();
   double moved = in_V.moved * (2 * in_V.norm + in_V.moved) * of.inverse +
                  in_V.norm * in_V.norm * of.moved,
-         g = 0,
+         g = 0, off_CZ = 0,
          dropped = couplings_.dropped_M * (largest[0] * couplings_.sigma + largest[1]);
   std::vector<double> along(cell.variables(), 0.0);
   for (std::size_t m = 0; m < spaces_.ZZ.size(); ++m) {
@@ -44,6 +57,8 @@ CellBound::Look CellBound::look(const Cell& cell) const {
     for (const auto& [powers, f] : factors.of)
       for (std::size_t v = 0; v < powers.size(); ++v)
         if (powers[v] > 0) along[v] += std::abs(f[m]) * spaces_.ZZ_norms[m];
+    off_CZ += factors.rest[m] * spaces_.CZ_norms[m] +
+              cell_rounding * largest[m] * spaces_.C_sizes[m] * spaces_.Z_size;
     if (m > 1) {
       g += largest[m] * spaces_.CZ_norms[m];
       dropped += largest[m] * couplings_.dropped_terms[m - 2];
@@ -55,7 +70,7 @@ CellBound::Look CellBound::look(const Cell& cell) const {
   double shift = couplings_.sigma * factors.rest[0] + factors.rest[1];
   for (const auto& [powers, f] : factors.of)
     shift += std::abs(couplings_.sigma * f[0] + f[1]);
-  g += shift * spaces_.CZ_norms[1];
+  g += shift * spaces_.CZ_norms[1] + dropped * spaces_.Z_size + off_CZ;
   std::vector<double> z_error(ports), z_size(ports);
   for (std::size_t j = 0; j < ports; ++j) z_error[j] = in_V.tails[j];
   CellSeries z;
@@ -87,23 +102,21 @@ CellBound::Look CellBound::look(const Cell& cell) const {
   // W of the medium model, and its Schur complement.
   CellSeries W = beyond.y;
   add_product(series_of(spaces_.CZ, factors), z, -1, W);
-  const double m = beyond.norm * of.inverse * in_V.norm,
-               off = (beyond.norm * beyond.norm * of.inverse + g * g * coupled * S +
+  const double to_C = beyond.norm + dropped * size_of_R,
+               m = to_C * of.inverse * in_V.norm,
+               off = (to_C * to_C * of.inverse + g * g * coupled * S +
                       (2 * g * m + m * m) * S),
                free = 1 / (1 - spaces_.chi * spaces_.chi);
   if (!(free * off < 1)) return unknown;
   const double S_beyond = free / (1 - free * off);
   std::vector<double> W_tails = beyond.tails;
-  double sizes_of_R = 0;
-  for (std::size_t i = 0; i < spaces_.R_sizes.size(); ++i)
-    sizes_of_R += std::pow(spaces_.R_sizes[i] * of.scale[i], 2);
-  sizes_of_R = std::sqrt(sizes_of_R);
+
   for (std::size_t j = 0; j < ports; ++j) {
     const double all_z = z_size[j] + z_error[j],
-                 x = sizes_of_R * (of.sizes[j] + of.inverse * in_V.norm * all_z) +
+                 x = size_of_R * (of.sizes[j] + of.inverse * in_V.norm * all_z) +
                      spaces_.Z_size * all_z;
-    W_tails[j] +=
-        (g + m) * z_error[j] + m * z_size[j] + couplings_.dropped_ports[j] + dropped * x;
+    W_tails[j] += (g + m) * z_error[j] + (off_CZ + m) * z_size[j] +
+                  couplings_.dropped_ports[j] + dropped * x;
   }
 
   const FourNorms of_V(in_V.y, in_V.tails), of_body(W, W_tails);
@@ -114,7 +127,8 @@ CellBound::Look CellBound::look(const Cell& cell) const {
   if (!spaces_.QQ.empty()) {
     const CellResponse small = cell_response(cell, factors, spaces_.QQ, spaces_.Q_ports);
     if (!small.known) return unknown;
-    of_modes = cell_product(of, small, factors, spaces_.RQ, spaces_.R_ports);
+    of_modes = cell_product(of, small, factors, spaces_.RQ, spaces_.R_ports,
+                            products(diagonal_sizes(spaces_.QQ, small.scale), R_sizes));
   }
   Look result{{}, of.longest()};
   const int n_in = medium_.system.B.columns,
@@ -156,7 +170,7 @@ CellBound::Look CellBound::look(const Cell& cell) const {
                  least = size * (1 - 1e-10) - turned / std::max(size, 1e-300) -
                          std::sqrt(outputs) * root_of_squares(of.tails, view.columns) -
                          of_R;
-    if (!(least > 0)) return {{}, of.longest()}; // or not a number
+    if (!(least > 0) || !std::isfinite(error)) return {{}, of.longest()};
     result.worst_of.push_back(error / least);
   }
   return result;

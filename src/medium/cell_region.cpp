@@ -147,14 +147,21 @@ CellRegion::CellRegion(const MediumModel& medium, const Dense& small,
     CR.push_back(multiply(c, R));
     CZ.push_back(multiply(c, Z));
     CZ_norms.push_back(spectral_norm(CZ.back()));
+    C_sizes.push_back(frobenius_norm(c));
   }
   Dense C_E = CZ[0]; // CᵀEZ
   add_to(C_E, CZ[1], -region.omega.last * region.omega.last);
+  const double shift = couplings.sigma - region.omega.last * region.omega.last;
+  double dropped = std::abs(shift) * couplings.dropped_M;
   std::size_t parameter = 0;
   for (std::size_t t = 0; t < system.terms.size(); ++t)
-    if (const Law& law = system.terms[t].law; law.is_parameter())
-      add_to(C_E, CZ[2 + t], law.with("value", softest[parameter++]).at(0).real());
-  chi = spectral_norm(C_E);
+    if (const Law& law = system.terms[t].law; law.is_parameter()) {
+      const double g = law.with("value", softest[parameter++]).at(0).real();
+      add_to(C_E, CZ[2 + t], g);
+      dropped += g * couplings.dropped_terms[t];
+    }
+  Z_size = frobenius_norm(Z);
+  chi = spectral_norm(C_E) + dropped * Z_size;
   for (const Dense& a : ZZ) ZZ_norms.push_back(spectral_norm(a));
   Dense ports = system.B;
   if (!system.outputs_are_inputs) ports = beside(ports, system.C);
@@ -171,7 +178,6 @@ CellRegion::CellRegion(const MediumModel& medium, const Dense& small,
     for (int i = 0; i < R.rows; ++i) square += R(i, j) * R(i, j);
     R_sizes.push_back(std::sqrt(square));
   }
-  Z_size = frobenius_norm(Z);
   holds = chi < 1;
 }
 

@@ -22,7 +22,8 @@ struct CellRegion {
   std::vector<double> ZZ_norms, CZ_norms;
   std::vector<double> R_sizes; ///< of the columns of R
   double Z_size = 0;
-  double chi = 0; ///< ‖CᵀEZ‖
+  double chi = 0;              ///< ‖CᵀEZ‖
+  std::vector<double> C_sizes; ///< of CᵀK, CᵀM, CᵀT: Frobenius
 };
 
 } // namespace flexgram

@@ -64,14 +64,15 @@ double largest_of(const CellSeries& series, const std::vector<int>& rows,
     if (k == 1) linear.push_back(&a);
     if (k > 1) sum += norm(a);
   }
-  for (std::size_t corner = 0; corner < std::size_t(1) << linear.size(); ++corner)
-    largest = std::max(largest, norm([&](int i, int j) {
-                         Complex at = (*constant)(i, j);
-                         for (std::size_t v = 0; v < linear.size(); ++v)
-                           at += (corner >> v & 1) != 0 ? (*linear[v])(i, j)
-                                                        : -(*linear[v])(i, j);
-                         return at;
-                       }));
+  for (std::size_t corner = 0; corner < std::size_t(1) << linear.size(); ++corner) {
+    const double here = norm([&](int i, int j) {
+      Complex at = (*constant)(i, j);
+      for (std::size_t v = 0; v < linear.size(); ++v)
+        at += (corner >> v & 1) != 0 ? (*linear[v])(i, j) : -(*linear[v])(i, j);
+      return at;
+    });
+    if (!(here <= largest)) largest = here; // not a number stays
+  }
   return largest + sum;
 }
 
@@ -129,7 +130,7 @@ FourNorms::FourNorms(const CellSeries& series, std::vector<double> tails)
 double FourNorms::of(const std::vector<int>& columns) const {
   double largest = 0, sum = 0;
   for (const ComplexDense& a : corners_)
-    largest = std::max(largest, four_norm(a, columns));
+    if (const double here = four_norm(a, columns); !(here <= largest)) largest = here;
   for (const ComplexDense& a : others_) sum += four_norm(a, columns);
   return largest + sum + root_of_squares(tails_, columns);
 }
@@ -210,16 +211,32 @@ CellResponse cell_response(const Cell& cell, const CellFactors& factors,
   return of;
 }
 
+std::vector<double> diagonal_sizes(const Matrices& matrices,
+                                   const std::vector<double>& scale) {
+  std::vector<double> sizes;
+  for (const Dense& a : matrices) {
+    double sum = 0;
+    for (int i = 0; i < a.rows; ++i) {
+      const double s = scale.empty() ? 1.0 : scale[as_size(i)];
+      sum += s * s * std::abs(a(i, i));
+    }
+    sizes.push_back(std::sqrt(sum));
+  }
+  return sizes;
+}
+
 CellResidual cell_residual(const CellResponse& of, const CellFactors& factors,
-                           const Matrices& matrices, const Dense& ports) {
+                           const Matrices& matrices, const Dense& ports,
+                           const std::vector<double>& sizes) {
   CellResidual result;
   const CellSeries A = scaled_columns(series_of(matrices, factors), of.scale);
   const std::vector<double> port_norms = column_norms(complex_of(ports)),
                             largest = factors.largest();
   double off = 0; // what A is not known by
   for (std::size_t m = 0; m < matrices.size(); ++m)
-    off += (factors.rest[m] + cell_rounding * largest[m]) *
-           frobenius_norm(scaled_columns(complex_of(matrices[m]), of.scale));
+    off += factors.rest[m] *
+               frobenius_norm(scaled_columns(complex_of(matrices[m]), of.scale)) +
+           cell_rounding * largest[m] * sizes[m];
   result.at_centre = A.begin()->second;
   result.norm = sum_of_norms(A) + off;
   result.moved = result.norm - spectral_norm(result.at_centre);
@@ -234,7 +251,7 @@ CellResidual cell_residual(const CellResponse& of, const CellFactors& factors,
 /// y = RᵀP − RᵀAQ x
 CellProduct cell_product(const CellResponse& of, const CellResponse& small,
                          const CellFactors& factors, const Matrices& matrices,
-                         const Dense& ports) {
+                         const Dense& ports, const std::vector<double>& sizes) {
   const auto scaled = [&](Dense rows) {
     for (int j = 0; j < rows.columns; ++j)
       for (int i = 0; i < rows.rows; ++i) rows(i, j) *= of.scale[as_size(i)];
@@ -242,7 +259,7 @@ CellProduct cell_product(const CellResponse& of, const CellResponse& small,
   };
   Matrices RQ;
   for (const Dense& matrix : matrices) RQ.push_back(scaled(matrix));
-  const CellResidual in_R = cell_residual(small, factors, RQ, scaled(ports));
+  const CellResidual in_R = cell_residual(small, factors, RQ, scaled(ports), sizes);
   const int p = ports.columns;
   CellProduct result{{}, column_sums(in_R.y, p), in_R.tails, {}, {}};
   // z + G z = (RᵀAR)⁻¹ y at the centre, by degrees; `left`: what z leaves of it.

@@ -10,7 +10,8 @@
 
 namespace flexgram {
 
-/// Rounding of projected matrices, relative to what they add up from.
+/// Rounding of projected matrices, an estimate, relative to what they add up from: of LᵀAR that is
+/// √(tr LᵀAL tr RᵀAR).
 inline constexpr double cell_rounding = 1e-13;
 
 /// x = (RᵀAR)⁻¹RᵀP over a cell, scaled: R x is `scale` times.
@@ -46,8 +47,10 @@ struct CellResidual {
 };
 
 /// @param matrices  K, M and terms between some space and R.
+/// @param sizes     what each of these adds up from, columns of R times `scale`.
 CellResidual cell_residual(const CellResponse& of, const CellFactors& factors,
-                           const Matrices& matrices, const Dense& ports);
+                           const Matrices& matrices, const Dense& ports,
+                           const std::vector<double>& sizes);
 
 /// What a product yᵀz of two series is at most.
 struct CellProduct {
@@ -60,9 +63,14 @@ struct CellProduct {
 
 /// (RᵀAR)⁻¹ of the residual y of another model of the same space, with y: nothing if it is not known.
 /// @param small  that model's response. @param matrices, ports  between R and it; RᵀP.
+/// @param sizes  what the matrices add up from, scaled on both sides.
 CellProduct cell_product(const CellResponse& of, const CellResponse& small,
                          const CellFactors& factors, const Matrices& matrices,
-                         const Dense& ports);
+                         const Dense& ports, const std::vector<double>& sizes);
+
+/// Of each matrix √(Σ_i s_i² |A_ii|). @param scale  none: 1
+std::vector<double> diagonal_sizes(const Matrices& matrices,
+                                   const std::vector<double>& scale = {});
 
 /// (Σσ⁴)^¼ of some columns over the cell, at most: a norm, so the linear part is largest at a
 /// corner.

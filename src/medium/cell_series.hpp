@@ -44,7 +44,7 @@ CellSeries series_of(const Matrices& matrices, const CellFactors& factors);
 
 /// a ← a + factor · b.
 void add_to(ComplexDense& a, const ComplexDense& b, double factor = 1);
-/// sum ← sum + factor · A x, of which terms above the degree are left out.
+/// sum ← sum + factor · A x
 void add_product(const CellSeries& A, const CellSeries& x, double factor,
                  CellSeries& sum);
 

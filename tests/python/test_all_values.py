@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from test_parameters import BAND, TWO_PI, chain, frequencies, small, with_values
+from test_parameters import BAND, TWO_PI, chain, frequencies, small, springs, with_values
 
 import flexgram
 from conftest import run
@@ -100,6 +100,32 @@ def test_two_parameters_and_kinds() -> None:
                 i = 0 if kind.startswith("displacement") else 1
                 j = 0 if kind.endswith("force") else 1
                 assert abs(away[i, j]) <= most * abs(H[i, j])
+
+
+def test_beside_viscoelastic_terms() -> None:
+    """A parameter beside a Prony series and a table, whose knots lie inside cells."""
+    a = chain(soft=flexgram.parameter(1.0, 2.0, 1.5, loss=0.2))
+    prony, table = springs(60, 12, 22), springs(60, 52, 59)
+    knots = TWO_PI * np.array([0.01, 0.02, 0.04])
+    storage, loss = np.array([0.2, 0.3, 0.6]), np.array([0.05, 0.2, 0.1])
+    a["terms"] |= {
+        "foam": (prony, flexgram.prony([0.5], [3.0])),
+        "felt": (table, flexgram.table(knots, storage, loss)),
+    }
+    rom = flexgram.reduce(Matrices(**a, **DAMPED), (0.01, 0.04), 1e-2)
+    assert rom.met and len(rom.claim.all_values)
+    K, T = a["K"].toarray(), a["terms"]["soft"][0].toarray()
+    rng, worst = np.random.default_rng(5), 0.0
+    for value in [1.0, 2.0, *rng.uniform(1.0, 2.0, 8)]:
+        model = rom.at(soft=float(value))
+        for omega in [*knots, *rng.uniform(knots[0], knots[-1], 40)]:
+            A = (1 + 0.1j) * (K + (value - 1) * T) + 0.2j * (value - 1) * T - omega**2 * np.eye(60)
+            A = A + 0.5 * 3j * omega / (1 + 3j * omega) * prony.toarray()
+            g = np.interp(omega, knots, storage) + 1j * np.interp(omega, knots, loss)
+            H = a["B"].T @ np.linalg.solve(A + g * table.toarray(), a["B"])
+            away = np.linalg.norm(H - model.transfer(omega)) / np.linalg.norm(H)
+            worst = max(worst, away)
+    assert 0.05 * rom.claim.all_values[0] < worst <= rom.claim.all_values[0] <= 1e-2
 
 
 def test_a_singular_mass_and_rigid_motion() -> None:
