@@ -452,7 +452,7 @@ ReducedModel Cut::reduced(const Dense& Q, const DenseSystem& small,
 /// With all values of the parameters, where the claim for some of them is proved and met.
 void Cut::prove_between(const Dense& Q, const ErrorOverBox::Supremum& sup,
                         BandClaim& claim) {
-  if (claim.parameters.empty()) return;
+  if (claim.values.size() < 2) return; // no parameters, or of their present values alone
   const auto skip = [&](const char* why) { observer_.skip("proof between values", why); };
   if (resolved(request_.relative_to, whole_) != RelativeTo::pointwise)
     return skip("it is of errors relative to |H| at each frequency");
