@@ -52,6 +52,7 @@ private:
   std::vector<ErrorOverBox::Sight> first_that_serves();
   std::vector<BandWeight> weights() const;
   std::vector<const MediumModel*> others() const;
+  const char* not_between() const;
   OrderSpec with_room(OrderSpec order) const;
   void choose(const std::vector<std::string>& names);
   bool add_weak_values();
@@ -194,11 +195,20 @@ std::vector<const MediumModel*> Cut::others() const {
   return models;
 }
 
+/// Why a claim for all values of the parameters is not tried; null: it is.
+const char* Cut::not_between() const {
+  if (resolved(request_.relative_to, whole_) != RelativeTo::pointwise)
+    return "it is of errors relative to |H| at each frequency";
+  if (!medium_.outputs().is_plain())
+    return "outputs hold more than displacements of the model";
+  return nullptr;
+}
+
 /// What is asked for, with room for errors between the values of parameters: the bound of them is
 /// larger than the error.
 OrderSpec Cut::with_room(OrderSpec order) const {
   constexpr double room = 0.8;
-  if (sights_.size() == 1 || !order.tolerance) return order;
+  if (sights_.size() == 1 || !order.tolerance || not_between()) return order;
   *order.tolerance *= room;
   for (auto& [kind, tolerance] : order.of_kinds) tolerance *= room;
   return order;
@@ -207,9 +217,9 @@ OrderSpec Cut::with_room(OrderSpec order) const {
 /// Rank 0's choice: the last bit of an error may differ between ranks.
 void Cut::choose(const std::vector<std::string>& names) {
   choice_ = choose_order(names, *stage_, errors_, with_room(request_.order));
-  std::vector<double> falls_short{choice_.shortfall.empty() ? 0.0 : 1.0};
-  share_from_first(comm_, falls_short);
-  if (sights_.size() > 1 && request_.order.tolerance) {
+  if (sights_.size() > 1 && request_.order.tolerance && !not_between()) {
+    std::vector<double> falls_short{choice_.shortfall.empty() ? 0.0 : 1.0};
+    share_from_first(comm_, falls_short);
     if (falls_short[0] > 0)
       choice_ = choose_order(names, *stage_, errors_, request_.order);
     else
@@ -454,10 +464,7 @@ void Cut::prove_between(const Dense& Q, const ErrorOverBox::Supremum& sup,
                         BandClaim& claim) {
   if (claim.values.size() < 2) return; // no parameters, or of their present values alone
   const auto skip = [&](const char* why) { observer_.skip("proof between values", why); };
-  if (resolved(request_.relative_to, whole_) != RelativeTo::pointwise)
-    return skip("it is of errors relative to |H| at each frequency");
-  if (!medium_.outputs().is_plain())
-    return skip("outputs hold more than displacements of the model");
+  if (const char* why = not_between()) return skip(why);
   if (!sup.proved || !sup.excluded.empty() || !claim.met)
     return skip("the claim with some of them is not proved, or not met");
   double worst = 0;

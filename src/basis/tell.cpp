@@ -177,9 +177,12 @@ void tell_supremum(const CutStory& cut, const ReducedModel& rom, Observer& obser
                        "their box (%s; %d cells of frequency and values)",
                        claim.of_all_values[0], label.c_str(), claim.cells_between));
   } else if (claim.between) {
-    observer.fact("between", text("with other values of the parameters between these, at "
-                                  "some frequencies: %.1e (seen, not proved)",
-                                  *claim.between));
+    observer.fact(
+        "between",
+        text("with other values of the parameters between these, at "
+             "some frequencies: %.1e (seen, not proved%s)",
+             *claim.between,
+             claim.cells_between > 0 ? "; the proof would be too much work" : ""));
   }
   // Beside undamped resonances |H| has no largest value; of very many ports with a damping
   // matrix it would cost as much as the claim itself.

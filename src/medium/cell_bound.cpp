@@ -8,8 +8,6 @@
 
 namespace flexgram {
 
-using Complex = std::complex<double>;
-
 CellBound::CellBound(const MediumModel& medium, const Dense& Q,
                      const Certificate::Couplings& couplings, const Cell& region)
     : medium_(medium), couplings_(couplings), spaces_(medium, Q, couplings, region) {}
@@ -110,7 +108,6 @@ CellBound::Look CellBound::look(const Cell& cell) const {
   if (!(free * off < 1)) return unknown;
   const double S_beyond = free / (1 - free * off);
   std::vector<double> W_tails = beyond.tails;
-
   for (std::size_t j = 0; j < ports; ++j) {
     const double all_z = z_size[j] + z_error[j],
                  x = size_of_R * (of.sizes[j] + of.inverse * in_V.norm * all_z) +
@@ -126,10 +123,18 @@ CellBound::Look CellBound::look(const Cell& cell) const {
   std::optional<CellProduct> of_modes;
   if (!spaces_.QQ.empty()) {
     const CellResponse small = cell_response(cell, factors, spaces_.QQ, spaces_.Q_ports);
-    if (!small.known) return unknown;
+    if (!small.known) return {{}, small.longest()};
     of_modes = cell_product(of, small, factors, spaces_.RQ, spaces_.R_ports,
                             products(diagonal_sizes(spaces_.QQ, small.scale), R_sizes));
   }
+  Dense scaled_ports = spaces_.R_ports;
+  for (int j = 0; j < scaled_ports.columns; ++j)
+    for (int i = 0; i < scaled_ports.rows; ++i)
+      scaled_ports(i, j) *= of.scale[as_size(i)];
+  CellSeries H; // of R, from all ports to all
+  for (const auto& [powers, x] : of.x)
+    H.emplace(powers, multiply_transposed(scaled_ports, x));
+  const std::vector<double> output_sizes = column_norms(scaled_ports);
   Look result{{}, of.longest()};
   const int n_in = medium_.system.B.columns,
             first = medium_.system.outputs_are_inputs ? 0 : n_in;
@@ -142,33 +147,22 @@ CellBound::Look CellBound::look(const Cell& cell) const {
                         S_beyond * of_body.of(rows) * of_body.of(view.columns),
                  error = of_R + (of_modes ? of_modes->of(rows, view.columns) : 0.0);
     // ‖H‖ of R is no less than its part along that at the centre.
-    double square = 0, turned = 0, outputs = 0;
-    const auto H = [&](const ComplexDense& x, int row, int column) {
-      Complex sum = 0;
-      for (int i = 0; i < x.rows; ++i)
-        sum += spaces_.R_ports(i, row) * of.scale[as_size(i)] * x(i, column);
-      return sum;
-    };
-    std::vector<Complex> centre;
-    for (int column : view.columns)
-      for (int row : rows) {
-        centre.push_back(H(of.x.at(none), row, column));
-        square += std::norm(centre.back());
-      }
-    for (const auto& [powers, x] : of.x) {
-      if (powers == none) continue;
-      Complex sum = 0;
-      std::size_t k = 0;
+    const ComplexDense& centre = H.at(none);
+    double square = 0, turned = 0;
+    for (const auto& [powers, h] : H) {
+      double along = 0;
       for (int column : view.columns)
-        for (int row : rows) sum += std::conj(centre[k++]) * H(x, row, column);
-      turned += std::abs(sum.real());
+        for (int row : rows)
+          along += (std::conj(centre(row, column)) * h(row, column)).real();
+      if (powers == none)
+        square = along;
+      else
+        turned += std::abs(along);
     }
-    for (int row : rows)
-      for (int i = 0; i < spaces_.R_ports.rows; ++i)
-        outputs += std::pow(spaces_.R_ports(i, row) * of.scale[as_size(i)], 2);
     const double size = std::sqrt(square),
                  least = size * (1 - 1e-10) - turned / std::max(size, 1e-300) -
-                         std::sqrt(outputs) * root_of_squares(of.tails, view.columns) -
+                         root_of_squares(output_sizes, rows) *
+                             root_of_squares(of.tails, view.columns) -
                          of_R;
     if (!(least > 0) || !std::isfinite(error)) return {{}, of.longest()};
     result.worst_of.push_back(error / least);

@@ -173,11 +173,7 @@ CellRegion::CellRegion(const MediumModel& medium, const Dense& small,
     Q_ports = multiply_transposed(of_small, ports);
   }
   Z_ports = multiply_transposed(Z, ports);
-  for (int j = 0; j < R.columns; ++j) {
-    double square = 0;
-    for (int i = 0; i < R.rows; ++i) square += R(i, j) * R(i, j);
-    R_sizes.push_back(std::sqrt(square));
-  }
+  R_sizes = column_norms(R);
   holds = chi < 1;
 }
 

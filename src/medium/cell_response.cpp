@@ -94,21 +94,6 @@ double root_of_squares(const std::vector<double>& of, const std::vector<int>& ch
   return std::sqrt(sum);
 }
 
-/// yᵀz
-CellSeries transposed_product(const CellSeries& y, const CellSeries& z) {
-  CellSeries product;
-  for (const auto& [k, left] : y)
-    for (const auto& [l, right] : z) {
-      Powers powers = k;
-      for (std::size_t v = 0; v < powers.size(); ++v) powers[v] += l[v];
-      const ComplexDense here = multiply_transposed(left, right);
-      auto& sum = product[powers];
-      if (sum.data.empty()) sum = ComplexDense(here.rows, here.columns);
-      add_to(sum, here);
-    }
-  return product;
-}
-
 FourNorms::FourNorms(const CellSeries& series, std::vector<double> tails)
     : tails_(std::move(tails)) {
   std::vector<const ComplexDense*> linear;
@@ -230,8 +215,7 @@ CellResidual cell_residual(const CellResponse& of, const CellFactors& factors,
                            const std::vector<double>& sizes) {
   CellResidual result;
   const CellSeries A = scaled_columns(series_of(matrices, factors), of.scale);
-  const std::vector<double> port_norms = column_norms(complex_of(ports)),
-                            largest = factors.largest();
+  const std::vector<double> port_norms = column_norms(ports), largest = factors.largest();
   double off = 0; // what A is not known by
   for (std::size_t m = 0; m < matrices.size(); ++m)
     off += factors.rest[m] *
@@ -268,22 +252,13 @@ CellProduct cell_product(const CellResponse& of, const CellResponse& small,
   for (int k = 0; k <= degree; ++k) {
     CellSeries here;
     add_product(of.G, z, -1, here);
-    for (const auto& [powers, a] : start) {
-      auto& sum = here[powers];
-      if (sum.data.empty()) sum = ComplexDense(a.rows, a.columns);
-      add_to(sum, a);
-    }
+    add_to(here, start);
     for (auto& [powers, a] : here)
       if (degree_of(powers) == k) z.emplace(powers, std::move(a));
   }
-  CellSeries left;
+  CellSeries left = start;
   add_product(of.G, z, -1, left);
-  for (const auto& [powers, a] : start) {
-    auto& sum = left[powers];
-    if (sum.data.empty()) sum = ComplexDense(a.rows, a.columns);
-    add_to(sum, a);
-  }
-  for (const auto& [powers, a] : z) add_to(left.at(powers), a, -1);
+  add_to(left, z, -1);
   const double inverse = spectral_norm(of.at_centre);
   result.z_size = column_sums(z, p);
   result.z_error = column_sums(left, p);

@@ -84,8 +84,6 @@ private:
   std::vector<double> tails_;
 };
 
-/// yᵀz
-CellSeries transposed_product(const CellSeries& y, const CellSeries& z);
 /// Of each column the sum of the norms of its coefficients.
 std::vector<double> column_sums(const CellSeries& series, int columns);
 /// Of some of these numbers.

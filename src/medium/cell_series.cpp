@@ -89,17 +89,46 @@ void add_to(ComplexDense& a, const ComplexDense& b, double factor) {
   for (std::size_t l = 0; l < a.data.size(); ++l) a.data[l] += factor * b.data[l];
 }
 
-void add_product(const CellSeries& A, const CellSeries& x, double factor,
-                 CellSeries& sum) {
-  for (const auto& [k, matrix] : A)
-    for (const auto& [l, columns] : x) {
+namespace {
+
+void add_term(CellSeries& sum, const Powers& powers, const ComplexDense& a,
+              double factor) {
+  auto& here = sum[powers];
+  if (here.data.empty()) here = ComplexDense(a.rows, a.columns);
+  add_to(here, a, factor);
+}
+
+/// Product: of two coefficients.
+template <class Product>
+void add_products(const CellSeries& a, const CellSeries& b, double factor,
+                  CellSeries& sum, const Product& product) {
+  for (const auto& [k, left] : a)
+    for (const auto& [l, right] : b) {
       Powers powers = k;
       for (std::size_t v = 0; v < powers.size(); ++v) powers[v] += l[v];
-      const ComplexDense product = multiply(matrix, columns);
-      auto& here = sum[powers];
-      if (here.data.empty()) here = ComplexDense(product.rows, product.columns);
-      add_to(here, product, factor);
+      add_term(sum, powers, product(left, right), factor);
     }
+}
+
+} // namespace
+
+void add_to(CellSeries& sum, const CellSeries& b, double factor) {
+  for (const auto& [powers, a] : b) add_term(sum, powers, a, factor);
+}
+
+void add_product(const CellSeries& A, const CellSeries& x, double factor,
+                 CellSeries& sum) {
+  add_products(A, x, factor, sum, [](const ComplexDense& a, const ComplexDense& b) {
+    return multiply(a, b);
+  });
+}
+
+CellSeries transposed_product(const CellSeries& y, const CellSeries& z) {
+  CellSeries product;
+  add_products(y, z, 1, product, [](const ComplexDense& a, const ComplexDense& b) {
+    return multiply_transposed(a, b);
+  });
+  return product;
 }
 
 /// The root of the largest eigenvalue of the smaller Gram matrix; that is off by rounding of the
@@ -122,7 +151,10 @@ double spectral_norm(const Dense& a) {
   return std::sqrt(std::max(symmetric_eigen(gram).values.back(), 0.0)) * (1 + 1e-10);
 }
 
-std::vector<double> column_norms(const ComplexDense& a) {
+namespace {
+
+template <class T>
+std::vector<double> norms_of_columns(const DenseOf<T>& a) {
   std::vector<double> norms;
   for (int j = 0; j < a.columns; ++j) {
     double square = 0;
@@ -131,5 +163,10 @@ std::vector<double> column_norms(const ComplexDense& a) {
   }
   return norms;
 }
+
+} // namespace
+
+std::vector<double> column_norms(const ComplexDense& a) { return norms_of_columns(a); }
+std::vector<double> column_norms(const Dense& a) { return norms_of_columns(a); }
 
 } // namespace flexgram

@@ -44,14 +44,20 @@ CellSeries series_of(const Matrices& matrices, const CellFactors& factors);
 
 /// a ← a + factor · b.
 void add_to(ComplexDense& a, const ComplexDense& b, double factor = 1);
+/// sum ← sum + factor · b
+void add_to(CellSeries& sum, const CellSeries& b, double factor = 1);
 /// sum ← sum + factor · A x
 void add_product(const CellSeries& A, const CellSeries& x, double factor,
                  CellSeries& sum);
+
+/// yᵀz
+CellSeries transposed_product(const CellSeries& y, const CellSeries& z);
 
 /// The spectral norm, from above.
 double spectral_norm(const ComplexDense& a);
 double spectral_norm(const Dense& a);
 /// Of each column.
 std::vector<double> column_norms(const ComplexDense& a);
+std::vector<double> column_norms(const Dense& a);
 
 } // namespace flexgram
