@@ -70,7 +70,8 @@ class Case:
     def at(self, value: float) -> System:
         """The full system with a value of its parameter."""
         s, (T, law) = self.system, self.parameter
-        stiffer = law.slope * (value - law.least) * T
+        # In doubles the sum would round away stiffness of soft mounts, of which the claim is.
+        stiffer = LONG(law.slope) * (LONG(value) - LONG(law.least)) * np.asarray(T, LONG)
         S = (0.0 if s.S is None else s.S) + law.loss * stiffer
         known = {name: getattr(s, name) for name in ("alpha", "beta", "eta", "terms")}
         return System(s.K + stiffer, s.M, s.B, s.C, s.D, S=S, **known)

@@ -43,7 +43,8 @@ _LAWS = {"prony": _prony, "table": _table}
 
 @dataclass
 class System:
-    """K, M, D (or none), B, C (or none: Bᵀ) with damping factors; dense or sparse."""
+    """K, M, D (or none), B, C (or none: Bᵀ) with damping factors; dense or sparse. Dense K and S
+    may have the digits of long double."""
 
     K: Any
     M: Any
@@ -73,6 +74,7 @@ class System:
         else:
             parts = [a.toarray() if sp.issparse(a) else np.asarray(a) for a in parts]
             self._long = [a.astype(LONG) for a in parts]
+            parts = [a.astype(float) for a in parts]
         self._double = parts
 
     def transfer(self, omega: float) -> Any:
@@ -134,6 +136,10 @@ class System:
                 *self._factors_of_terms(i, w),
             ]
             parts = [sp.csr_matrix(a) for a in self._double]
+            if not self._sparse:  # what doubles leave of them
+                more = zip(self._long, self._double, strict=True)
+                parts += [sp.csr_matrix((a - b).astype(float)) for a, b in more]
+                factors *= 2
             pattern = sum(abs(a) for a in parts)
             order = reverse_cuthill_mckee(sp.csr_matrix(pattern), symmetric_mode=True)
             n, B, C = len(order), np.asarray(self.B)[order], np.asarray(self.C)[:, order]
