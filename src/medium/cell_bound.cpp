@@ -150,14 +150,14 @@ CellBound::Look CellBound::look(const Cell& cell) const {
     const ComplexDense& centre = H.at(none);
     double square = 0, turned = 0;
     for (const auto& [powers, h] : H) {
-      double along = 0;
+      double common = 0;
       for (int column : view.columns)
         for (int row : rows)
-          along += (std::conj(centre(row, column)) * h(row, column)).real();
+          common += (std::conj(centre(row, column)) * h(row, column)).real();
       if (powers == none)
-        square = along;
+        square = common;
       else
-        turned += std::abs(along);
+        turned += std::abs(common);
     }
     const double size = std::sqrt(square),
                  least = size * (1 - 1e-10) - turned / std::max(size, 1e-300) -

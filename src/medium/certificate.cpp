@@ -56,12 +56,12 @@ Certificate::Certificate(const MediumSpace& space, const DenseResponse& response
   for (int i = modes; i < U.columns; ++i)
     provable_ = provable_ && response.energy(i, shifts_.sigma) > 0;
   enclose_modes();
-  if (!basis.terms.empty() && provable_) {
+  // With parameters, other vectors couple with each of their values: `at` finds them.
+  if (!basis.terms.empty() && provable_ &&
+      parameters_of(response.system().terms).empty()) {
     std::vector<Dense> outside;
     for (const Dense& T : basis.terms_outside) outside.push_back(turned(T));
-    by_damping_ =
-        DampingCoupling(response, {K, outside, parts_.dropped_K, parts_.dropped_terms},
-                        modes, shifts_.sigma, shifts_.kappa);
+    couple_terms(response, K, outside);
   }
 
   if (space.rigid() > 0) {
@@ -121,9 +121,6 @@ bool Certificate::fits(int order, int ports, int modes, int rigid,
          holds(parts_.dropped_ports, ports) && holds(parts_.dropped_K, order) &&
          holds(ritz_.mu, modes) && holds(ritz_.residual, modes) &&
          holds(ritz_.G_norm, modes) &&
-         (terms == 0 || !provable_ ||
-          (by_damping_.fits(terms) && modes <= by_damping_.count() &&
-           by_damping_.count() <= order)) &&
          (rigid == 0 ||
           (is(rigid_.rows, order, rigid) && is(rigid_.stiffness, order, rigid)));
 }
@@ -142,10 +139,15 @@ Certificate Certificate::at(const DenseResponse& response) const {
     outside.push_back(transpose(parts_.terms[t]));
     add_to(outside.back(), multiply(K, inside));
   }
-  other.by_damping_ =
-      DampingCoupling(response, {K, outside, parts_.dropped_K, parts_.dropped_terms},
-                      static_cast<int>(ritz_.mu.size()), sigma, shifts_.kappa);
+  other.couple_terms(response, K, outside);
   return other;
+}
+
+void Certificate::couple_terms(const DenseResponse& response, const Dense& K,
+                               const std::vector<Dense>& outside) {
+  by_terms_ = TermCoupling(
+      response, {K, outside, parts_.dropped_K, parts_.dropped_terms, shifts_.kappa},
+      static_cast<int>(ritz_.mu.size()), shifts_.sigma);
 }
 
 double Certificate::worst_angle() const {

@@ -60,7 +60,8 @@ public:
               ProjectionRounding rounding, int modes, bool inertia_is_safe, double cutoff,
               std::vector<double> scale);
 
-  /// The same proof with other values of the parameters, by vectors Φ that suit them.
+  /// The same proof with other values of the parameters, by vectors Φ that suit them; also of what
+  /// a file holds.
   /// @param response  with these.
   Certificate at(const DenseResponse& response) const;
 
@@ -145,7 +146,6 @@ public:
     a("mode_residual", self.ritz_.residual);
     a("mode_G_norm", self.ritz_.G_norm);
     a("enlarged", self.shifts_.enlarged);
-    DampingCoupling::archive(a, self.by_damping_);
     ProjectionRounding::archive(a, self.rounding_);
     a("coordinates", self.gram_.each);
     a("added", self.gram_.added);
@@ -223,12 +223,15 @@ private:
                     const RoundingSizes& in, const RoundingSizes& out) const;
 
   void enclose_modes();
+  /// @param outside  what T U has beyond E V, of each term.
+  void couple_terms(const DenseResponse& response, const Dense& K,
+                    const std::vector<Dense>& outside);
 
   ProjectionRounding rounding_;
   double data_rounding_ = 0;
   bool provable_ = true; ///< the residual is known whole, and the modes are counted
   std::vector<double> scale_, rounding_weights_;
-  DampingCoupling by_damping_; ///< with terms, and of a body whose claims are proved
+  TermCoupling by_terms_; ///< with terms, of a body whose claims are proved; not in files
   /// What K and M are combined by.
   struct Shifts {
     double tau = 0, sigma = 0, kappa = 0, mu_plus = 0;

@@ -71,7 +71,7 @@ double paired_norm(const Certificate::SquaredValues& a,
 double Certificate::mode_coupling(const DenseResponse& response,
                                   const ResponseSeries& x) const {
   if (!provable_) return infinity;
-  if (!response.is_diagonal()) return by_damping_.over(response.system(), x.interval);
+  if (!response.is_diagonal()) return by_terms_.over(response.system(), x.interval);
   const Coefficients outer(response.system(), -shifts_.sigma, x.interval);
   const double largest_c = std::abs(outer.c) + outer.moved_c;
   double sum = 0;

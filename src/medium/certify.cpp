@@ -92,7 +92,8 @@ void report(const CertifyRun& run, const CertifyState& state) {
   if (!level.proved)
     observer.warn(
         !run.fom.terms.empty()
-            ? "the damping is so strong and local (q δ >= 1) that the error is "
+            ? "dampers or terms couple the modes so strongly (q δ >= 1) that the error "
+              "is "
               "estimated, not proved; a higher {cutoff} helps"
             : "the modes below the cutoff are not known well enough for a proof: the "
               "error is estimated; a higher {medium_order} helps");

@@ -341,6 +341,10 @@ void read_levels(const Hdf5File& file, Medium& m) {
     archive_integrals(FieldReader(file, "/frame"), *m.integrals);
   }
   check(file, m, all);
+  for (MediumLevel& level : m.levels)
+    if (!all.terms.empty() && m.spec.values.empty())
+      level.certificate =
+          std::make_shared<const Certificate>(level.certificate->at(*level.response));
 }
 
 void write_medium(const Medium& m, bool basis,

@@ -69,8 +69,8 @@ void take_out_null_vectors(const CertifyRun& run, ModalSpace& modal) {
     modal.space->append(run.factors.solve(loads, ShiftedSolver::Verify::none), 1e-11);
     pairs = ritz_pairs(*modal.space);
   }
-  const Dense slowest = first_columns(pairs.vectors, candidates);
-  const RigidSplit split = split_rigid(run.fom, combine(modal.space->V(), slowest), true);
+  const Dense slow = first_columns(pairs.vectors, candidates);
+  const RigidSplit split = split_rigid(run.fom, combine(modal.space->V(), slow), true);
   const int null = split.count;
   run.observer.fact("slow modes",
                     text("%d below %.3g Hz: %d of them rigid, by a factorisation of "
@@ -78,7 +78,7 @@ void take_out_null_vectors(const CertifyRun& run, ModalSpace& modal) {
                          candidates, std::sqrt(modal.slow()) * hz, null));
   if (null == 0) return;
   Dense vectors = pairs.vectors;
-  set_part(vectors, 0, 0, multiply(slowest, split.rotation));
+  set_part(vectors, 0, 0, multiply(slow, split.rotation));
   const Dense all = orthonormal_columns(std::move(vectors));
   modal.space = space_with(run, *modal.space, first_columns(all, null),
                            part_of(all, 0, all.rows, null, all.columns - null));

@@ -111,6 +111,19 @@ def test_one_parameter_is_certified_with_its_values(ranks: int, tmp_path: Path) 
         assert np.allclose(sampled.transfer(omega), now.transfer(omega), rtol=1e-9)
 
 
+def test_light_damping_beside_a_wide_box() -> None:
+    """Resonances that move far and are narrow: the softest body's modes do not prove the claim."""
+    a = chain(150, soft=flexgram.parameter(1.0, 4.0, 1.5))
+    options = {"mor_parameter_values": 3}
+    rom = flexgram.reduce(Matrices(**a, eta=5e-4), (0.0005, 0.02), 1e-2, options=options)
+    assert rom.kind == "certified" and not rom.provenance.warnings
+    for (value,) in rom.claim.parameter_values:
+        full, model = with_values(a, {"eta": 5e-4}, soft=value), rom.at(soft=value)
+        resonances = model.modes[model.modes <= TWO_PI * 0.02]
+        for omega in (*resonances, *(1.0002 * resonances[:-1]), TWO_PI * 0.02):
+            assert relative_error(full, small(model), omega) <= rom.certified_error
+
+
 def test_the_claim_follows_the_box() -> None:
     """A body whose least value alone is claimed is smaller, and is worse elsewhere; two parameters
     are claimed with all combinations."""

@@ -1,0 +1,338 @@
+#include "medium/mode_coupling.hpp"
+
+#include "base/index.hpp"
+#include "linalg/decompositions.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace flexgram {
+namespace {
+
+using Complex = std::complex<double>;
+constexpr double infinity = std::numeric_limits<double>::infinity();
+
+/// A⁻¹Jᵀ, and A⁻¹ if it is asked for.
+/// @throws ShiftError if A is singular.
+ComplexDense solved(ComplexDense A, const ComplexDense& J, bool with_inverse) {
+  const int count = J.columns;
+  ComplexDense right(count, J.rows + (with_inverse ? count : 0));
+  for (int i = 0; i < count; ++i) {
+    for (int j = 0; j < J.rows; ++j) right(i, j) = J(j, i);
+    if (with_inverse) right(i, J.rows + i) = 1;
+  }
+  return solve(std::move(A), std::move(right));
+}
+
+constexpr double little = 0.1; // 1/(1 − δ) hardly changes
+
+/// Of P >= 0 the part outside Φ is at least LPᵀ_ZΦ + P_ZΦLᵀ − LP_ΦΦLᵀ, with any L. It is most with
+/// L = P_ZΦ P_ΦΦ⁻¹.
+struct Given {
+  Dense value;         ///< Z × Z; empty if P_ΦΦ is not positive
+  double L = 0;        ///< ‖L‖_F
+  double rounding = 0; ///< of the value
+};
+
+/// What C = J A⁻¹ Jᵀ takes from the Hermitian part of S₀ − C, which is 1 without it: the
+/// largest eigenvalue of Re C, the Hermitian part of a symmetric C, or ‖C‖_F, which is more
+/// and cheaper. @param given  what S₀ has beyond 1, at least; empty: not known.
+double taken_by(const ComplexDense& C, const Given& given = {}) {
+  const double norm = frobenius_norm(C);
+  if (!(norm > little) || !std::isfinite(norm)) return norm;
+  Dense real(C.rows, C.columns);
+  for (int j = 0; j < C.columns; ++j)
+    for (int i = 0; i < C.rows; ++i) {
+      real(i, j) = 0.5 * (C(i, j).real() + C(j, i).real());
+      if (given.value.rows > 0) real(i, j) -= given.value(i, j);
+    }
+  const double rounding = 1e-14 * C.rows * norm + given.rounding;
+  const double largest = symmetric_eigen(std::move(real)).values.back() + rounding;
+  return std::min(norm, std::max(largest, 0.0));
+}
+
+/// @param J  whose real part is P_ZΦ. @param A  A_Φ = E_Φ + P_ΦΦ + i(…). @param energies  E_Φ.
+Given given_by(const ComplexDense& J, const ComplexDense& A,
+               const std::vector<double>& energies) {
+  const int count = J.columns;
+  Dense P(count, count), beside(J.rows, count);
+  double most = 0;
+  for (int j = 0; j < count; ++j) {
+    for (int i = 0; i < count; ++i) P(i, j) = 0.5 * (A(i, j).real() + A(j, i).real());
+    P(j, j) -= energies[as_size(j)];
+    most = std::max(most, P(j, j));
+    for (int i = 0; i < J.rows; ++i) beside(i, j) = J(i, j).real();
+  }
+  Dense factor = P, L = beside;
+  for (int j = 0; j < count; ++j) factor(j, j) += 1e-9 * most; // L stays of a size
+  if (!(most > 0) || cholesky(factor) != 0) return {};
+  solve_right_transposed(factor, L);                      // L F⁻ᵀ
+  L = multiply(L, transpose(inverse_transposed(factor))); // F⁻¹
+  double largest = frobenius_norm(A);                     // what P is a difference of
+  for (double e : energies) largest = std::hypot(largest, e);
+  Given given{multiply(L, transpose(beside)), frobenius_norm(L)};
+  given.rounding = 1e-14 * (J.rows + count) * given.L *
+                   (2 * frobenius_norm(beside) + given.L * largest);
+  const Dense taken = multiply(multiply(L, P), transpose(L));
+  Dense& value = given.value;
+  for (int j = 0; j < value.columns; ++j)
+    for (int i = 0; i <= j; ++i)
+      value(i, j) = value(j, i) =
+          value(i, j) + value(j, i) - 0.5 * (taken(i, j) + taken(j, i));
+  return given;
+}
+
+} // namespace
+
+Coefficients::Coefficients(const DenseSystem& system, double s, Interval interval) {
+  const double omega = interval.centre(), h = interval.half();
+  const Damping& d = system.damping;
+  const ShiftCoefficients at = system.coefficients(omega);
+  a = at.k;
+  c = at.m - s * at.k;
+  moved_a = h * d.beta;
+  moved_c = h * (d.alpha + 2 * omega + h + std::abs(s) * d.beta);
+}
+
+ModeCoupling::ModeCoupling(const DenseResponse& response, const OutsideParts& residual,
+                           int count, double sigma)
+    : mu_(response.mu().begin(), response.mu().begin() + count), tau_(response.tau()),
+      sigma_(sigma) {
+  const int N = response.system().order(), inside = N - count, span = residual.K.rows;
+  const double kappa = residual.kappa;
+  const auto energy = [&](int i) { return response.energy(i, sigma_); };
+  G_ = Dense(inside + span, count);
+  for (int j = 0; j < count; ++j) {
+    const auto at = as_size(j);
+    const double factor = residual_factor(mu_[at], tau_, kappa) / energy(j);
+    for (int i = 0; i < span; ++i) G_(inside + i, j) = -factor * residual.K(i, j);
+    dropped_G_ = std::hypot(dropped_G_, factor * residual.dropped_K[at]);
+  }
+  for (std::size_t t = 0; t < residual.terms.size(); ++t) {
+    const Dense& T = response.modal_terms()[t];
+    Dense F(inside + span, count);
+    double dropped = 0;
+    for (int j = 0; j < count; ++j) {
+      for (int i = 0; i < inside; ++i)
+        F(i, j) = T(count + i, j) / std::sqrt(energy(count + i));
+      for (int i = 0; i < span; ++i) F(inside + i, j) = residual.terms[t](i, j);
+      double lost = residual.dropped_terms[t][as_size(j)];
+      for (int i = 0; i < N; ++i)
+        lost += (1 + kappa * sigma_) * residual.dropped_K[as_size(i)] *
+                std::abs(T(i, j) / energy(i));
+      dropped = std::hypot(dropped, lost);
+    }
+    F_.push_back(std::move(F));
+    T_.push_back(part_of(T, 0, count, 0, count));
+    dropped_F_.push_back(dropped);
+  }
+  compress();
+}
+
+/// Only products of G and F matter: a triangle of as many rows as these have columns holds them.
+void ModeCoupling::compress() {
+  Dense all = G_;
+  for (const Dense& F : F_) all = beside(all, F);
+  all = transpose(compressed(transpose(all)));
+  G_ = part_of(all, 0, all.rows, 0, count());
+  for (std::size_t t = 0; t < F_.size(); ++t)
+    F_[t] = part_of(all, 0, all.rows, count() * (static_cast<int>(t) + 1), count());
+}
+
+/// What J holds inside V is LXᵀ with X = (c M + Σ g T)Y and LᵀL = E⁻¹ − Y(YᵀEY)⁻¹Yᵀ, the inverse of
+/// E on what is E-orthogonal to Y.
+std::optional<ModeCoupling> ModeCoupling::of(const DenseResponse& response,
+                                             const OutsideParts& residual,
+                                             const VectorsOfV& vectors, int modes,
+                                             double sigma) {
+  constexpr double singular = 1e-10;
+  const Dense& Y = vectors.Y;
+  const int N = Y.rows, count = Y.columns, inside = N - count, span = residual.K.rows;
+  const double tau = response.tau(), kappa = residual.kappa;
+  const auto energy = [&](int i) { return response.energy(i, sigma); };
+  const auto scaled = [&](const auto& factor) {
+    Dense result = Y;
+    for (int j = 0; j < count; ++j)
+      for (int i = 0; i < N; ++i) result(i, j) *= factor(i);
+    return result;
+  };
+  Dense of_Y = multiply_transposed(Y, scaled(energy));
+  symmetrise(of_Y);
+  const SymmetricEigen E = symmetric_eigen(std::move(of_Y));
+  int negative = 0;
+  double least = infinity, most = 0;
+  for (double e : E.values) {
+    negative += e < 0;
+    least = std::min(least, std::abs(e));
+    most = std::max(most, std::abs(e));
+  }
+  if (negative != modes || !(least > singular * most)) return std::nullopt;
+  constexpr double no_rounding = 1e-6; // of the inverse below, beside 1
+  for (int i = 0; i < N; ++i)
+    if (!(std::numeric_limits<double>::epsilon() * N <=
+          no_rounding * std::abs(energy(i))))
+      return std::nullopt;
+  Dense turned = multiply(Y, E.vectors), weighted = turned;
+  for (int j = 0; j < count; ++j)
+    for (int i = 0; i < N; ++i) weighted(i, j) /= E.values[as_size(j)];
+  Dense rest = multiply(weighted, transpose(turned));
+  for (double& x : rest.data) x = -x;
+  for (int i = 0; i < N; ++i) rest(i, i) += 1 / energy(i);
+  symmetrise(rest);
+  const SymmetricEigen inverse = symmetric_eigen(std::move(rest));
+  Dense L(inside, N); // the others are rounding
+  for (int i = 0; i < inside; ++i)
+    for (int j = 0; j < N; ++j)
+      L(i, j) = std::sqrt(std::max(inverse.values[as_size(count + i)], 0.0)) *
+                inverse.vectors(j, count + i);
+  const auto fill = [&](const Dense& X, const Dense& outside) {
+    Dense all(inside + span, count);
+    set_part(all, 0, 0, multiply(L, X));
+    if (span > 0) set_part(all, inside, 0, outside);
+    return all;
+  };
+  const auto factor = [&](int j) {
+    return residual_factor(response.mu()[as_size(j)], tau, kappa) / energy(j);
+  };
+  ModeCoupling result;
+  result.tau_ = tau;
+  result.sigma_ = sigma;
+  result.G_ = fill(scaled([&](int i) { return response.mu()[as_size(i)]; }),
+                   multiply(residual.K, scaled([&](int j) { return -factor(j); })));
+  result.mu_ = vectors.mu;
+  for (int j = 0; j < count; ++j) {
+    double lost = 0;
+    for (int i = 0; i < N; ++i)
+      lost += std::abs(Y(i, j) * factor(i)) * residual.dropped_K[as_size(i)];
+    result.dropped_G_ = std::hypot(result.dropped_G_, lost);
+  }
+  for (std::size_t t = 0; t < residual.terms.size(); ++t) {
+    const Dense& T = response.modal_terms()[t];
+    const Dense TY = multiply(T, Y);
+    result.F_.push_back(fill(TY, multiply(residual.terms[t], Y)));
+    result.T_.push_back(multiply_transposed(Y, TY));
+    std::vector<double> lost; // of each column of U
+    for (int j = 0; j < N; ++j) {
+      lost.push_back(residual.dropped_terms[t][as_size(j)]);
+      for (int i = 0; i < N; ++i)
+        lost.back() += (1 + kappa * sigma) * residual.dropped_K[as_size(i)] *
+                       std::abs(T(i, j) / energy(i));
+    }
+    double dropped = 0;
+    for (int j = 0; j < count; ++j) {
+      double of_column = 0;
+      for (int i = 0; i < N; ++i) of_column += std::abs(Y(i, j)) * lost[as_size(i)];
+      dropped = std::hypot(dropped, of_column);
+    }
+    result.dropped_F_.push_back(dropped);
+  }
+  result.compress();
+  return result;
+}
+
+ComplexDense ModeCoupling::A(const ShiftCoefficients& c) const {
+  ComplexDense A(count(), count());
+  add_terms(A, c.terms, T_);
+  for (int j = 0; j < A.columns; ++j) {
+    const double mu = mu_[as_size(j)];
+    A(j, j) += c.k * (1 - tau_ * mu) + c.m * mu;
+  }
+  return A;
+}
+
+ComplexDense ModeCoupling::J(Complex c, const std::vector<Complex>& g) const {
+  ComplexDense J(G_.rows, G_.columns);
+  for (std::size_t i = 0; i < J.data.size(); ++i) J.data[i] = c * G_.data[i];
+  add_terms(J, g, F_);
+  return J;
+}
+
+/// YᵀEY.
+std::vector<double> ModeCoupling::energies() const {
+  std::vector<double> E;
+  for (double mu : mu_) E.push_back(1 - (tau_ + sigma_) * mu);
+  return E;
+}
+
+double ModeCoupling::at(const DenseSystem& system, double omega, bool with_given) const {
+  const ShiftCoefficients c = system.coefficients(omega);
+  const ComplexDense j = J(c.m + sigma_ * c.k, c.terms), a = A(c);
+  try {
+    const ComplexDense C = multiply(j, solved(a, j, false));
+    const double taken = taken_by(C);
+    if (!with_given || !(taken > little)) return taken;
+    return std::min(taken, taken_by(C, given_by(j, a, energies())));
+  } catch (const ShiftError&) {
+    return infinity;
+  }
+}
+
+/// In coordinates in which the diagonal of A_Φ is of size one: modes far apart in frequency, the
+/// rigid ones among them, count alike.
+double ModeCoupling::over(const DenseSystem& system, Interval interval) const {
+  constexpr int enough = 8;   // terms of the series of g
+  if (count() == 0) return 0; // no mode is below the cutoff
+  const ShiftCoefficients at_centre = system.coefficients(interval.centre());
+  const Coefficients outer(system, -sigma_, interval), inner(system, tau_, interval);
+  ComplexDense at = A(at_centre), j = J(outer.c, at_centre.terms);
+  std::vector<double> unit; // of each mode
+  for (int i = 0; i < count(); ++i) {
+    const double size = std::sqrt(std::abs(at(i, i)));
+    if (!(size > 0)) return infinity;
+    unit.push_back(1 / size);
+  }
+  const auto scale = [&](auto matrix, bool rows) {
+    for (int k = 0; k < matrix.columns; ++k)
+      for (int i = 0; i < matrix.rows; ++i)
+        matrix(i, k) *= unit[as_size(k)] * (rows ? unit[as_size(i)] : 1.0);
+    return matrix;
+  };
+  double moved = 0, farthest = 0, moved_F = 0, outside_F = 0; // of A_Φ, of J
+  for (std::size_t t = 0; t < T_.size(); ++t) {
+    const Law& law = system.terms[t].law;
+    const double by = law.series(interval, enough).moved();
+    if (by != 0) {
+      moved += by * frobenius_norm(scale(T_[t], true));
+      moved_F += by * frobenius_norm(scale(F_[t], false));
+    }
+    outside_F += law.largest(interval.last) * dropped_F_[t];
+  }
+  for (std::size_t i = 0; i < mu_.size(); ++i)
+    farthest =
+        std::max(farthest, (inner.moved_a + inner.moved_c * mu_[i]) * unit[i] * unit[i]);
+  moved += farthest;
+  j = scale(std::move(j), false);
+  ComplexDense Y;
+  at = scale(std::move(at), true);
+  try {
+    Y = solved(at, j, true);
+  } catch (const ShiftError&) {
+    return infinity;
+  }
+  const auto columns = as_size(j.rows);
+  ComplexDense product(count(), j.rows), inverse(count(), count());
+  const auto split = static_cast<std::ptrdiff_t>(columns * as_size(count()));
+  std::copy(Y.data.begin(), Y.data.begin() + split, product.data.begin());
+  std::copy(Y.data.begin() + split, Y.data.end(), inverse.data.begin());
+  const double size = norm_bound(inverse), away = size * moved;
+  if (!(away < 1)) return infinity;
+  const double largest_c = std::abs(outer.c) + outer.moved_c,
+               widest = *std::max_element(unit.begin(), unit.end());
+  const double y = frobenius_norm(product), farther = 1 / (1 - away),
+               moved_J = outer.moved_c * frobenius_norm(scale(G_, false)) + moved_F +
+                         widest * (largest_c * dropped_G_ + outside_F);
+  const ComplexDense C = multiply(j, product);
+  const double more =
+                   farther * (moved * y * y + 2 * moved_J * y + moved_J * moved_J * size),
+               taken = taken_by(C) + more;
+  if (!(taken > little)) return taken;
+  std::vector<double> E = energies();
+  for (std::size_t i = 0; i < E.size(); ++i) E[i] *= unit[i] * unit[i];
+  const Given given = given_by(j, at, E);
+  if (given.value.rows == 0) return taken;
+  return std::min(taken,
+                  taken_by(C, given) + more + given.L * (2 * moved_J + given.L * moved));
+}
+
+} // namespace flexgram
