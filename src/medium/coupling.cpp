@@ -121,7 +121,7 @@ TermCoupling::TermCoupling(const DenseResponse& response, const OutsideParts& ou
   };
   if (modes > 0 && frobenius_norm(stiffening(response, 0.5 * std::sqrt(sigma))) > 0)
     if (auto coupling = adapted(0.5 * std::sqrt(sigma))) judge(std::move(*coupling));
-  for (int step = 0; step <= steps && least > hardly_any; ++step)
+  for (int step = 0; step <= steps; ++step)
     judge({response, outside, modes + (N - modes) * step / steps, sigma});
   if (modes == 0) return;
 
