@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +14,7 @@ from flexgram.assembly.form_over_band import FormOverBand
 from flexgram.assembly.gain_over_band import GainOverBand
 from flexgram.assembly.joints import Joint, Parts, common_bands
 from flexgram.assembly.small_gain import Loop
+from flexgram.assembly.varying import with_values
 from flexgram.basics import BodyError, Floats
 from flexgram.model.reduced import ReducedBody
 
@@ -63,6 +65,21 @@ class AssemblyBound:
     by_kind: dict[str, float] = field(default_factory=dict)
     sharp: bool = False
     unknown: str = ""
+
+    @classmethod
+    def with_each(cls, bounds: Sequence[Self]) -> Self:
+        """What holds with each of several values; the curve is that of the first."""
+        kinds = dict.fromkeys(kind for bound in bounds for kind in bound.by_kind)
+        return replace(
+            bounds[0],
+            worst=max(bound.worst for bound in bounds),
+            open=merged([(a, b) for bound in bounds for a, b in bound.open]),
+            sharp=any(bound.sharp for bound in bounds),
+            by_kind={
+                kind: max(bound.by_kind.get(kind, np.inf) for bound in bounds) for kind in kinds
+            },
+            unknown=next((bound.unknown for bound in bounds if bound.unknown), ""),
+        )
 
     @property
     def kind(self) -> str:
@@ -120,6 +137,7 @@ def verdict(
     keep: Sequence[str] = (),
     omega: ArrayLike | None = None,
     modes: Floats | None = None,
+    curve: bool = True,
     tell: Callable[[str], None] | None = None,
 ) -> AssemblyBound:
     """What the parts' claims say of the assembly's H: at frequencies, or in the whole band.
@@ -127,10 +145,12 @@ def verdict(
     Parameters
     ----------
     models, joints, turns, keep
-        As of ``couple``.
+        As of ``couple``; parameters have their present values.
     omega : (n,) array, optional
         [rad/s]; default: everywhere in the band that the parts share, shown at the frequencies of
         their curves and the assembly's ``modes`` there.
+    curve : bool
+        False leaves the bounds at these frequencies out: the largest everywhere is all.
     tell : callable, optional
         Called every few seconds with how far it is.
 
@@ -147,7 +167,9 @@ def verdict(
     >>> bool(said.bound[0] < 0.1)
     True
     """
-    parts = Parts(models, turns or {}, joints)
+    models, joints = with_values(models, joints, {})
+    parts = Parts(models, turns or {}, joints, internal_variables=True)
+    models = parts.models
     bands = common_bands([m.claim.bands for m in models.values()])
     if omega is None:
         grid = np.concatenate(
@@ -171,7 +193,7 @@ def verdict(
         return found
     forms = [m.claim.form for m in models.values() if m.claim.form is not None]
     by_form = FormOverBand(loop, forms, tell) if len(forms) == len(models) else None
-    for k, x in enumerate(w):
+    for k, x in enumerate(w if curve else []):
         if any(
             np.any((x >= m.claim.excluded[:, 0]) & (x <= m.claim.excluded[:, 1]))
             for m in models.values()

@@ -15,7 +15,9 @@ from numpy.typing import ArrayLike
 
 from flexgram.assembly.claim import AssemblyBound, verdict
 from flexgram.assembly.joints import GROUND, PORTS, Joint, Parts, common_bands, tied
+from flexgram.assembly.varying import combinations, parameters_of, with_values
 from flexgram.basics import BodyError, Floats, written_aside
+from flexgram.body.laws import Parameter, Term, parameter
 from flexgram.model.modes import natural_modes
 from flexgram.model.reduced import ReducedBody
 from flexgram.reduced_model import ReducedModel
@@ -25,7 +27,7 @@ __all__ = ["GROUND", "PORTS", "AssemblyBound", "Joint", "couple", "read_joint", 
 
 def read_joint(option: str, kind: str, text: str) -> Joint:
     """A joint of the command line: ``a.eye=b.pin``, with ``:x,y`` (kind ``join``) or ``:x=1e6``
-    (``spring``, ``damper``; of springs ``loss=0.1`` too)."""
+    (``spring``, ``damper``; of springs ``loss=0.1`` too, and ``x=1e6..3e6`` is a parameter)."""
     ends, _, more = text.partition(":")
     first, equals, second = (word.strip() for word in ends.partition("="))
     if not equals or "." not in first or ("." not in second and second != GROUND):
@@ -33,23 +35,36 @@ def read_joint(option: str, kind: str, text: str) -> Joint:
     words = [word.strip() for word in more.split(",") if word.strip()]
     if kind == "join":
         return Joint(first, second, words)
-    values = {}
+    values: dict[str, list[float]] = {}
     for word in words:
-        direction, _, number = word.partition("=")
+        direction, _, numbers = word.partition("=")
         if direction in values:
             raise BodyError(f"{option} {text}: {direction} is given twice")
         try:
-            values[direction] = float(number)
+            values[direction] = [float(number) for number in numbers.split("..")]
         except ValueError:
-            values[direction] = np.nan
-        if not values[direction] > 0 or not np.isfinite(values[direction]):
+            values[direction] = [np.nan]
+        if not all(0 < number < np.inf for number in values[direction]):
             raise BodyError(f"{option} {text}: {word} must be a direction and a positive number")
-    loss = values.pop("loss", 0.0) if kind == "spring" else 0.0
+        varies = kind == "spring" and direction != "loss"
+        if (
+            len(values[direction]) > 1 + varies
+            or sorted(set(values[direction])) != values[direction]
+        ):
+            raise BodyError(
+                f"{option} {text}: {word} must be one number"
+                + (", or two that rise, x=1e6..3e6" if varies else "")
+            )
+    loss = values.pop("loss", [0.0])[0] if kind == "spring" else 0.0
     if not values:
         raise BodyError(f"{option} {text}: expected :x=1e6 and so on, by direction")
     if kind == "spring":
-        return Joint(first, second, stiffness=values, loss=loss)
-    return Joint(first, second, damping=values)
+        springs = {
+            direction: parameter(*ends) if len(ends) > 1 else ends[0]
+            for direction, ends in values.items()
+        }
+        return Joint(first, second, stiffness=springs, loss=loss)
+    return Joint(first, second, damping={direction: x for direction, (x,) in values.items()})
 
 
 def couple(
@@ -97,8 +112,9 @@ def couple(
     """
     if not models:
         raise BodyError("couple: no parts")
+    varying = parameters_of(models, joints)
     parts = Parts(models, turns or {}, joints)
-    K, D, S, ties = _joined(parts, joints)
+    K, D, S, terms, ties = _joined(parts, joints)
     N = _motions_left(ties, len(K))
     inputs, outputs = _ports_left(parts, joints, keep)
     direct = _feedthrough(models, parts, joints, inputs, outputs)
@@ -123,13 +139,40 @@ def couple(
     }
     if S.any():
         fields["S"] = _symmetric(N.T @ S @ N)
-    squares = natural_modes(fields["K"], fields["M"])[0]
+    K_now = fields["K"].copy()
+    for term in terms:
+        path = f"terms/{term.name}"
+        fields[path] = _symmetric(N.T @ term.matrix @ N)
+        fields[f"{path}/law"] = term.law.kind
+        fields |= {f"{path}/{key}": numbers for key, numbers in term.law.numbers().items()}
+        if isinstance(term.law, Parameter):
+            K_now += term.law.stiffness * fields[path]
+    squares = natural_modes(K_now, fields["M"])[0]
     fields["modes/omega"] = np.sqrt(np.maximum(squares[np.isfinite(squares)], 0))
     slow = 1e-3 * min(bands[bands > 0].min(initial=np.inf), fields["modes/omega"][-1])
     fields["frame/rigid_modes"] = int(np.sum(fields["modes/omega"] < slow))
-    known = verdict(models, joints, turns=turns, keep=keep, modes=fields["modes/omega"], tell=tell)
+    values = combinations(models, joints)
+    known = AssemblyBound.with_each(
+        [
+            verdict(
+                *with_values(models, joints, dict(zip(varying, row, strict=True))),
+                turns=turns,
+                keep=keep,
+                modes=fields["modes/omega"],
+                curve=k == 0,
+                tell=tell,
+            )
+            for k, row in enumerate(values)
+        ]
+    )
     fields |= _claim(known)
     fields["log/plan"] = [f"parts\t{', '.join(models)}", f"error\t{known.words}"]
+    if varying:
+        fields["error/parameter_values"] = values
+        fields["error/parameter_values/names"] = list(varying)
+        ranges = ", ".join(f"{name} {law.least:g} to {law.most:g}" for name, law in varying.items())
+        count = f"{len(values)} combination{'s' if len(values) > 1 else ''} of values"
+        fields["log/plan"].insert(1, f"values\t{ranges}: the claim is with {count}")
     fields["log/body"] = " with ".join(
         model.provenance.body or name for name, model in models.items()
     )
@@ -140,9 +183,12 @@ def couple(
     return ReducedModel(fields, lambda path: _write(fields, Path(path)))
 
 
-def _joined(parts: Parts, joints: Sequence[Joint]) -> tuple[Floats, Floats, Floats, list[Floats]]:
-    """K, D and S of all parts with springs and dampers between them; the rows of what is tied."""
-    K, D, S = parts.K.copy(), parts.D.copy(), parts.S.copy()
+def _joined(
+    parts: Parts, joints: Sequence[Joint]
+) -> tuple[Floats, Floats, Floats, list[Term], list[Floats]]:
+    """K, D, S and the terms of all parts with springs and dampers between them; the rows of what
+    is tied. Of what varies K holds the least stiffness, and a term the rest."""
+    K, D, S, terms = parts.K.copy(), parts.D.copy(), parts.S.copy(), list(parts.terms)
     rows: list[Floats] = []
     for joint in joints:
         for direction, weights in tied(parts, joint):
@@ -151,10 +197,14 @@ def _joined(parts: Parts, joints: Sequence[Joint]) -> tuple[Floats, Floats, Floa
                 rows.append(moved)
                 continue
             square = np.outer(moved, moved)
+            name = f"{joint.first}.{direction}"
             spring = joint.complex_stiffness(direction)
+            if law := joint.parameters.get(name):
+                spring = law.least * (1 + 1j * joint.loss)
+                terms.append(Term(name, law, square))
             K, S = K + spring.real * square, S + spring.imag * square
             D += joint.damping.get(direction, 0.0) * square
-    return K, D, S, rows
+    return K, D, S, terms, rows
 
 
 def _motions_left(ties: Sequence[Floats], count: int) -> Floats:
@@ -257,7 +307,8 @@ def _write(fields: Mapping[str, Any], path: Path) -> None:
     """A reduced file of these fields."""
     with written_aside(path) as place, h5py.File(place, "w") as file:
         for name, value in fields.items():
-            if isinstance(value, np.ndarray) and name != "band":
+            of_another = name.rpartition("/")[0] in fields
+            if isinstance(value, np.ndarray) and name != "band" and not of_another:
                 file[name] = value
         for name, value in fields.items():
             group, _, key = name.rpartition("/")

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike
 
 from flexgram.basics import BodyError, Floats
+from flexgram.body.laws import Parameter, Table, Term
+from flexgram.model.internal_variables import rounding_of_variables, with_internal_variables
 from flexgram.model.reduced import ReducedBody
 from flexgram.model.response import expect_collocated
 
@@ -31,7 +33,9 @@ class Joint:
     directions : sequence of str
         Out of ``x y z rx ry rz``, in the axes of the assembly; empty: those that both have.
     stiffness, damping : dict
-        [N/m], [N m/rad] and [N s/m], [N m s/rad] by direction; both empty: tied.
+        [N/m], [N m/rad] and [N s/m], [N m s/rad] by direction; both empty: tied. A stiffness that
+        is known between two numbers is ``flexgram.parameter(least, most)``: a parameter
+        ``part.interface.direction`` of the assembly.
     loss : float
         Loss factor of the stiffness.
     """
@@ -39,7 +43,7 @@ class Joint:
     first: str
     second: str
     directions: Sequence[str] = ()
-    stiffness: Mapping[str, float] = field(default_factory=dict)
+    stiffness: Mapping[str, float | Parameter] = field(default_factory=dict)
     damping: Mapping[str, float] = field(default_factory=dict)
     loss: float = 0.0
 
@@ -48,8 +52,33 @@ class Joint:
         return not self.stiffness and not self.damping
 
     def complex_stiffness(self, direction: str) -> complex:
-        """k (1 + i loss)."""
-        return self.stiffness.get(direction, 0.0) * (1 + 1j * self.loss)
+        """k (1 + i loss); of a parameter the present value."""
+        known = self.stiffness.get(direction, 0.0)
+        k = known.value if isinstance(known, Parameter) else known
+        return k * (1 + 1j * self.loss)
+
+    @property
+    def parameters(self) -> dict[str, Parameter]:
+        """Of its stiffness, by their names in the assembly."""
+        return {
+            f"{self.first}.{direction}": replace(known, loss=self.loss)
+            for direction, known in self.stiffness.items()
+            if isinstance(known, Parameter)
+        }
+
+    def at(self, values: Mapping[str, float]) -> Joint:
+        """The joint with values of its parameters; of those that are not named the present ones.
+
+        Raises
+        ------
+        BodyError
+            For a value that is not between its two numbers.
+        """
+        known = {
+            name.rpartition(".")[2]: law.with_value(values.get(name, law.value), name).value
+            for name, law in self.parameters.items()
+        }
+        return replace(self, stiffness={**self.stiffness, **known})
 
 
 def _rotation(turn: ArrayLike | None) -> Floats:
@@ -71,26 +100,33 @@ class Parts:
         models: Mapping[str, ReducedBody],
         turns: Mapping[str, ArrayLike],
         joints: Sequence[Joint] = (),
+        *,
+        internal_variables: bool = False,
     ) -> None:
         """A loss factor that all parts have stays ``eta`` where no spring is among the joints; what
-        parts have of their own goes into ``S``."""
+        parts have of their own goes into ``S``. With ``internal_variables`` Prony terms are
+        coordinates without mass, and ``rounding`` says how far these are from the terms, in the
+        norm of K + τM of the parts; else they and parameters are ``terms``."""
         self.models = dict(models)
         for name in turns:
             if name not in models:
                 raise BodyError(f"there is no part {name} to turn; there are {', '.join(models)}")
         self.turn = {name: _rotation(turns.get(name)) for name in models}
         for name, model in models.items():
-            if model.system.parameters:
+            if any(isinstance(term.law, Table) for term in model.system.terms):
                 raise BodyError(
-                    f"part {name} has parameters ({', '.join(model.system.parameters)}): take it "
-                    "with values of them (flexgram at, ReducedModel.at)"
+                    f"part {name} has a material with a table of frequencies, which assemblies do "
+                    "not take: give the material Prony terms, or the part an equivalent viscous "
+                    "damping (flexgram.model.equivalent_damping)"
                 )
-            if model.system.terms:
-                raise BodyError(
-                    f"part {name} has viscoelastic materials ({model.system.loss}): assemblies "
-                    "have none; give it an equivalent viscous damping "
-                    "(flexgram.model.equivalent_damping)"
-                )
+        self.rounding = 0.0
+        if internal_variables:
+            for name, model in models.items():
+                system, tau = model.system, float(model.claim.bands.max()) ** 2 / 4
+                of_part = rounding_of_variables(system, system.K + tau * system.M)
+                self.rounding = max(self.rounding, of_part)
+                self.models[name] = model.with_parts(system=with_internal_variables(system))
+            models = self.models
         systems = [m.system for m in models.values()]
         etas = {system.eta for system in systems}
         common = len(etas) == 1 and all(joint.ties for joint in joints)
@@ -104,12 +140,27 @@ class Parts:
         self.M, self.D, self.K, self.B, self.C = (
             scipy.linalg.block_diag(*parts) for parts in zip(*blocks, strict=True)
         )
+        self.terms = [
+            Term(f"{n}.{term.name}", term.law, self._alone(n, term.matrix))
+            for n, m in models.items()
+            for term in m.system.terms
+        ]
         self.inputs = [f"{n}.{p}" for n, m in models.items() for p in m.inputs]
         self.outputs = [f"{n}.{p}" for n, m in models.items() for p in m.outputs]
         for names in (self.inputs, self.outputs):
             twice = [name for name in names if names.count(name) > 1]
             if twice:
                 raise BodyError(f"{twice[0]} is a port of two parts: give one another name")
+
+    def _alone(self, part: str, matrix: Floats) -> Floats:
+        """A matrix of a part among zeros of the others."""
+        whole: Floats = scipy.linalg.block_diag(
+            *(
+                matrix if name == part else np.zeros((m.order, m.order))
+                for name, m in self.models.items()
+            )
+        )
+        return whole
 
     def part_of(self, port: str) -> str:
         for name in sorted(self.models, key=len, reverse=True):
@@ -182,7 +233,8 @@ def tied(parts: Parts, joint: Joint) -> list[tuple[str, Floats]]:
         second = parts.has(joint.second)
         parts.expect_collocated(joint.second)
     own = {**joint.stiffness, **joint.damping}
-    for direction, value in (*joint.stiffness.items(), *joint.damping.items()):
+    springs = {d: k.least if isinstance(k, Parameter) else k for d, k in joint.stiffness.items()}
+    for direction, value in (*springs.items(), *joint.damping.items()):
         if direction not in PORTS or (joint.directions and direction not in joint.directions):
             raise BodyError(
                 f"{words}: {direction} must be one of {', '.join(joint.directions or PORTS)}"

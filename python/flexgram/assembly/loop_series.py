@@ -83,7 +83,7 @@ class LoopSeries:
         self.pencil = Pencil(K_N, D_N, M_N, parts.eta, tau, S_N)
         # Of the matrices of modes: some roundings, of the stiffest spring's where it is stiffer
         # than the parts.
-        self.rounding = (
+        self.rounding = loop.parts.rounding + (
             80
             * np.finfo(float).eps
             * float(scipy.linalg.eigh(K, parts.K + tau * parts.M, eigvals_only=True)[-1])

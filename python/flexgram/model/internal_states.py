@@ -32,12 +32,15 @@ class InternalStates:
     drive : (k, m) array
     rate : (k,) array
         1/τ [1/s].
+    share : (k,) array
+        g of each state's pair.
     """
 
     stiffness: Floats
     force: Floats
     drive: Floats
     rate: Floats
+    share: Floats
 
     @property
     def count(self) -> int:
@@ -48,7 +51,8 @@ class InternalStates:
     def of(cls, terms: Sequence[Term], m: int) -> Self:
         """Of the Prony terms among these, of a body with m coordinates."""
         stiffness = np.zeros((m, m))
-        force, drive, rate = [np.zeros((m, 0))], [np.zeros((0, m))], [np.zeros(0)]
+        force, drive = [np.zeros((m, 0))], [np.zeros((0, m))]
+        rate, share = [np.zeros(0)], [np.zeros(0)]
         for term in terms:
             if not isinstance(term.law, Prony):
                 continue
@@ -60,7 +64,16 @@ class InternalStates:
             L = size[:, None] * vectors[:, kept] * np.sqrt(values[kept])
             stiffness += term.law.g.sum() * (L @ L.T)
             for g, tau in zip(term.law.g, term.law.tau, strict=True):
+                if g == 0:
+                    continue
                 force.append(g * L)
                 drive.append(L.T / tau)
                 rate.append(np.full(L.shape[1], 1 / tau))
-        return cls(stiffness, np.hstack(force), np.vstack(drive), np.concatenate(rate))
+                share.append(np.full(L.shape[1], g))
+        return cls(
+            stiffness,
+            np.hstack(force),
+            np.vstack(drive),
+            np.concatenate(rate),
+            np.concatenate(share),
+        )
