@@ -67,7 +67,8 @@ double paired_norm(const Certificate::SquaredValues& a,
 
 } // namespace
 
-/// δ: ‖J A_Φ⁻¹ Jᵀ‖ at most, over the interval.
+/// δ over the interval: of a body without terms ‖J A_Φ⁻¹ Jᵀ‖ at most, of others what it takes from
+/// the Hermitian part of S.
 double Certificate::mode_coupling(const DenseResponse& response,
                                   const ResponseSeries& x) const {
   if (!provable_) return infinity;

@@ -70,9 +70,12 @@ std::vector<double> stiffened_resonances(const DenseResponse& response, double s
     both(i, i) += 1;
   }
   std::vector<double> found;
-  for (double mu : symmetric_eigen(std::move(mass), std::move(both)).values) {
-    const double lambda = mu > 0 ? 1 / mu - response.tau() : infinity;
-    if (lambda > 0 && lambda < sigma) found.push_back(std::sqrt(lambda));
+  try {
+    for (double mu : symmetric_eigen(std::move(mass), std::move(both)).values) {
+      const double lambda = mu > 0 ? 1 / mu - response.tau() : infinity;
+      if (lambda > 0 && lambda < sigma) found.push_back(std::sqrt(lambda));
+    }
+  } catch (const IndefiniteError&) { // by rounding: terms are too large
   }
   std::sort(found.begin(), found.end());
   return found;
@@ -91,10 +94,12 @@ std::optional<VectorsOfV> softest_at(const DenseResponse& response, int modes,
     W(i, i) += 1;
     P(i, i) += above * response.mu()[as_size(i)];
   }
-  const SymmetricEigen eigen = symmetric_eigen(std::move(P), std::move(W));
-  const Dense Y =
-      part_of(eigen.vectors, 0, eigen.vectors.rows, eigen.vectors.columns - modes, modes);
-  return vectors_of(response, Y);
+  try {
+    const Dense all = symmetric_eigen(std::move(P), std::move(W)).vectors;
+    return vectors_of(response, part_of(all, 0, all.rows, all.columns - modes, modes));
+  } catch (const IndefiniteError&) { // by rounding: terms are too large
+    return std::nullopt;
+  }
 }
 
 } // namespace
@@ -108,8 +113,11 @@ TermCoupling::TermCoupling(const DenseResponse& response, const OutsideParts& ou
   double least = infinity;
   const auto judge = [&](ModeCoupling coupling) {
     double largest = 0;
-    for (double part : {0.2, 0.5, 0.8})
-      largest = std::max(largest, coupling.at(system, part * std::sqrt(sigma), false));
+    for (double part : {0.2, 0.5, 0.8}) {
+      const double delta = coupling.at(system, part * std::sqrt(sigma), false);
+      largest = std::isfinite(delta) ? std::max(largest, delta) : infinity;
+      if (largest == infinity) break;
+    }
     if (!everywhere_.empty() && !(largest < 0.9 * least)) return;
     everywhere_.assign(1, std::move(coupling));
     least = largest;

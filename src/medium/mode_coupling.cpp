@@ -126,6 +126,7 @@ ModeCoupling::ModeCoupling(const DenseResponse& response, const OutsideParts& re
     F_.push_back(std::move(F));
     T_.push_back(part_of(T, 0, count, 0, count));
     dropped_F_.push_back(dropped);
+    rounding_T_.push_back(0);
   }
   compress();
 }
@@ -168,11 +169,11 @@ std::optional<ModeCoupling> ModeCoupling::of(const DenseResponse& response,
     most = std::max(most, std::abs(e));
   }
   if (negative != modes || !(least > singular * most)) return std::nullopt;
-  constexpr double no_rounding = 1e-6; // of the inverse below, beside 1
+  constexpr double epsilon = std::numeric_limits<double>::epsilon(),
+                   no_rounding = 1e-6; // of the inverse below, beside 1
   for (int i = 0; i < N; ++i)
-    if (!(std::numeric_limits<double>::epsilon() * N <=
-          no_rounding * std::abs(energy(i))))
-      return std::nullopt;
+    if (!(epsilon * N <= no_rounding * std::abs(energy(i)))) return std::nullopt;
+  if (!(epsilon * N * most <= no_rounding * least * least)) return std::nullopt;
   Dense turned = multiply(Y, E.vectors), weighted = turned;
   for (int j = 0; j < count; ++j)
     for (int i = 0; i < N; ++i) weighted(i, j) /= E.values[as_size(j)];
@@ -207,6 +208,10 @@ std::optional<ModeCoupling> ModeCoupling::of(const DenseResponse& response,
       lost += std::abs(Y(i, j) * factor(i)) * residual.dropped_K[as_size(i)];
     result.dropped_G_ = std::hypot(result.dropped_G_, lost);
   }
+  const double of_product = epsilon * std::sqrt(N), // relative
+      size_of_L = std::sqrt(std::max(inverse.values.back(), 0.0));
+  result.dropped_G_ += of_product * size_of_L * std::sqrt(count) *
+                       *std::max_element(response.mu().begin(), response.mu().end());
   for (std::size_t t = 0; t < residual.terms.size(); ++t) {
     const Dense& T = response.modal_terms()[t];
     const Dense TY = multiply(T, Y);
@@ -225,7 +230,9 @@ std::optional<ModeCoupling> ModeCoupling::of(const DenseResponse& response,
       for (int i = 0; i < N; ++i) of_column += std::abs(Y(i, j)) * lost[as_size(i)];
       dropped = std::hypot(dropped, of_column);
     }
-    result.dropped_F_.push_back(dropped);
+    const double size = frobenius_norm(T);
+    result.dropped_F_.push_back(dropped + of_product * size_of_L * size);
+    result.rounding_T_.push_back(of_product * size);
   }
   result.compress();
   return result;
@@ -269,7 +276,7 @@ double ModeCoupling::at(const DenseSystem& system, double omega, bool with_given
 }
 
 /// In coordinates in which the diagonal of A_Φ is of size one: modes far apart in frequency, the
-/// rigid ones among them, count alike.
+/// rigid ones among them, count alike. Rounding of A_Φ and J counts as if these had moved.
 double ModeCoupling::over(const DenseSystem& system, Interval interval) const {
   constexpr int enough = 8;   // terms of the series of g
   if (count() == 0) return 0; // no mode is below the cutoff
@@ -282,25 +289,35 @@ double ModeCoupling::over(const DenseSystem& system, Interval interval) const {
     if (!(size > 0)) return infinity;
     unit.push_back(1 / size);
   }
+  const double widest = *std::max_element(unit.begin(), unit.end()),
+               largest_c = std::abs(outer.c) + outer.moved_c,
+               rounding = 1e-15 * std::sqrt(count());
   const auto scale = [&](auto matrix, bool rows) {
     for (int k = 0; k < matrix.columns; ++k)
       for (int i = 0; i < matrix.rows; ++i)
         matrix(i, k) *= unit[as_size(k)] * (rows ? unit[as_size(i)] : 1.0);
     return matrix;
   };
-  double moved = 0, farthest = 0, moved_F = 0, outside_F = 0; // of A_Φ, of J
+  double moved = 0, farthest = 0,
+         moved_J =
+             (outer.moved_c + rounding * largest_c) * frobenius_norm(scale(G_, false)) +
+             widest * largest_c * dropped_G_;
   for (std::size_t t = 0; t < T_.size(); ++t) {
     const Law& law = system.terms[t].law;
-    const double by = law.series(interval, enough).moved();
-    if (by != 0) {
-      moved += by * frobenius_norm(scale(T_[t], true));
-      moved_F += by * frobenius_norm(scale(F_[t], false));
-    }
-    outside_F += law.largest(interval.last) * dropped_F_[t];
+    const double largest = law.largest(interval.last),
+                 by = law.series(interval, enough).moved() + rounding * largest;
+    moved += by * frobenius_norm(scale(T_[t], true)) +
+             widest * widest * largest * rounding_T_[t];
+    moved_J +=
+        by * frobenius_norm(scale(F_[t], false)) + widest * largest * dropped_F_[t];
   }
-  for (std::size_t i = 0; i < mu_.size(); ++i)
+  for (std::size_t i = 0; i < mu_.size(); ++i) {
+    const double own = std::abs(at_centre.k) * (1 + tau_ * mu_[i]) +
+                       std::abs(at_centre.m) * mu_[i]; // sum of sizes
     farthest =
-        std::max(farthest, (inner.moved_a + inner.moved_c * mu_[i]) * unit[i] * unit[i]);
+        std::max(farthest, (inner.moved_a + inner.moved_c * mu_[i] + rounding * own) *
+                               unit[i] * unit[i]);
+  }
   moved += farthest;
   j = scale(std::move(j), false);
   ComplexDense Y;
@@ -317,11 +334,7 @@ double ModeCoupling::over(const DenseSystem& system, Interval interval) const {
   std::copy(Y.data.begin() + split, Y.data.end(), inverse.data.begin());
   const double size = norm_bound(inverse), away = size * moved;
   if (!(away < 1)) return infinity;
-  const double largest_c = std::abs(outer.c) + outer.moved_c,
-               widest = *std::max_element(unit.begin(), unit.end());
-  const double y = frobenius_norm(product), farther = 1 / (1 - away),
-               moved_J = outer.moved_c * frobenius_norm(scale(G_, false)) + moved_F +
-                         widest * (largest_c * dropped_G_ + outside_F);
+  const double y = frobenius_norm(product), farther = 1 / (1 - away);
   const ComplexDense C = multiply(j, product);
   const double more =
                    farther * (moved * y * y + 2 * moved_J * y + moved_J * moved_J * size),

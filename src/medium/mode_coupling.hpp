@@ -70,8 +70,8 @@ private:
   Dense G_;                  ///< rows: the rest of V, then directions of residuals
   std::vector<Dense> F_, T_; ///< of each term: rows as of G; ΦᵀTΦ
   std::vector<double> mu_;
-  double dropped_G_ = 0;          ///< norms of what G and F do not hold
-  std::vector<double> dropped_F_; ///< of each term
+  double dropped_G_ = 0; ///< norms of what G and F do not hold, and of their rounding
+  std::vector<double> dropped_F_, rounding_T_; ///< of each term; of ΦᵀTΦ its rounding
   double tau_ = 0, sigma_ = 0;
 };
 
