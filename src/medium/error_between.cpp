@@ -16,27 +16,37 @@ constexpr int most_regions = 7, most_halvings = 14;
 constexpr int along_omega = 4, along_parameters = 4;
 /// About so much work at most on each rank [flops].
 constexpr double most_work = 1e11;
+/// It ends early if, after this share of it, what is done says that all takes so many times more.
+constexpr double first_look = 0.1, hopeless = 8;
 
 } // namespace
 
 struct ErrorBetween::Search {
-  double limit;
-  double work; ///< that is left
+  double limit = 0;
+  double work = 0; ///< that was done
+  double done = 0; ///< share of the rank's regions
+  bool given_up = false;
   Supremum found;
+
+  /// @return whether it goes on.
+  bool take(double more) {
+    work += more;
+    const bool is_hopeless =
+        work > first_look * most_work && work > hopeless * most_work * done;
+    if (work > most_work || is_hopeless) given_up = true;
+    found.proved = found.proved && !given_up;
+    return found.proved;
+  }
 };
 
 ErrorBetween::ErrorBetween(const MediumModel& medium, const Dense& Q)
     : medium_(medium), couplings_(medium.couplings()), Q_(orthonormal_columns(Q)) {}
 
 void ErrorBetween::prove(const CellBound& bound, const Cell& cell, int depth,
-                         Search& search) const {
+                         double share, Search& search) const {
   if (!search.found.proved) return;
   ++search.found.cells;
-  search.work -= work_of_a_cell();
-  if (search.work < 0) {
-    search.found.proved = false;
-    return;
-  }
+  if (!search.take(work_of_a_cell())) return;
   const CellBound::Look look = bound.look(cell);
   bool enough = !look.worst_of.empty();
   for (std::size_t v = 0; v < look.worst_of.size(); ++v)
@@ -44,6 +54,7 @@ void ErrorBetween::prove(const CellBound& bound, const Cell& cell, int depth,
   if (enough) {
     for (std::size_t v = 0; v < look.worst_of.size(); ++v)
       search.found.worst_of[v] = std::max(search.found.worst_of[v], look.worst_of[v]);
+    search.done += share;
     return;
   }
   if (depth == most_halvings) {
@@ -51,30 +62,30 @@ void ErrorBetween::prove(const CellBound& bound, const Cell& cell, int depth,
     return;
   }
   const auto [low, high] = cell.halves(look.longest);
-  prove(bound, low, depth + 1, search);
-  prove(bound, high, depth + 1, search);
+  prove(bound, low, depth + 1, share / 2, search);
+  prove(bound, high, depth + 1, share / 2, search);
 }
 
-void ErrorBetween::prove(const Cell& region, int depth, Search& search) const {
-  search.work -= work_of_a_region();
-  if (search.work < 0) search.found.proved = false;
-  if (!search.found.proved) return;
+void ErrorBetween::prove(const Cell& region, int depth, double share,
+                         Search& search) const {
+  if (!search.found.proved || !search.take(work_of_a_region())) return;
   const CellBound bound(medium_, Q_, couplings_, region);
-  const Supremum before = search.found;
-  if (bound.holds()) prove(bound, region, 0, search);
+  const Search before = search;
+  if (bound.holds()) prove(bound, region, 0, share, search);
   if (bound.holds() && search.found.proved) return;
-  if (depth == most_regions || search.work < 0) {
+  if (depth == most_regions || search.given_up) {
     search.found.proved = false;
     return;
   }
   const int cells = search.found.cells;
-  search.found = before;
+  search.found = before.found;
   search.found.cells = cells;
+  search.done = before.done;
   // E is that of a corner: along which variable it is farther from the rest is not known.
   const auto variable = static_cast<std::size_t>(depth) % region.variables();
   const auto [low, high] = region.halves(variable);
-  prove(low, depth + 1, search);
-  prove(high, depth + 1, search);
+  prove(low, depth + 1, share / 2, search);
+  prove(high, depth + 1, share / 2, search);
 }
 
 double ErrorBetween::work_of_a_cell() const {
@@ -111,15 +122,18 @@ ErrorBetween::Supremum ErrorBetween::supremum(MPI_Comm comm,
       }
     regions = std::move(finer);
   }
-  Search search{limit, most_work, {}};
+  Search search;
+  search.limit = limit;
   search.found.proved = couplings_.provable;
   search.found.worst_of.assign(medium_.views.size(), 0.0);
   const auto rank = static_cast<std::size_t>(comm_rank(comm)),
              size = static_cast<std::size_t>(comm_size(comm));
+  const double own =
+      std::ceil(static_cast<double>(regions.size()) / static_cast<double>(size));
   agree(comm, [&] {
     try {
       for (std::size_t k = rank; k < regions.size(); k += size)
-        prove(regions[k], 0, search);
+        prove(regions[k], 0, 1 / own, search);
     } catch (const Error&) { // of dense work: the claim with some values stands
       search.found.proved = false;
     }

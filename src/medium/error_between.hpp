@@ -32,8 +32,10 @@ private:
   struct Search;
   double work_of_a_cell() const;
   double work_of_a_region() const;
-  void prove(const Cell& region, int depth, Search& search) const;
-  void prove(const CellBound& bound, const Cell& cell, int depth, Search& search) const;
+  /// @param share  of all that the rank does.
+  void prove(const Cell& region, int depth, double share, Search& search) const;
+  void prove(const CellBound& bound, const Cell& cell, int depth, double share,
+             Search& search) const;
 
   const MediumModel& medium_;
   Certificate::Couplings couplings_;

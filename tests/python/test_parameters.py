@@ -206,8 +206,7 @@ def test_present_values_in_time_and_in_exports(tmp_path: Path) -> None:
         one = export(rom, tmp_path / "one", format).read_bytes()
         other = export(now, tmp_path / "two", format).read_bytes()
         assert len(one) == len(other)  # but for names and times
-    with pytest.raises(BodyError, match=r"part a has parameters \(soft\).*flexgram at"):
-        couple({"a": rom}, [])
+    assert list(couple({"a": rom}, []).system.parameters) == ["a.soft"]
 
 
 def test_resonances_move_with_the_parameter() -> None:
