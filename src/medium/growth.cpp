@@ -18,15 +18,22 @@ namespace {
 /// that helps.
 class BlockCut {
 public:
-  /// Of the block that a level leaves, the part to grow by.
+  /// Of the block that a new level leaves, the part to grow by.
   Block operator()(const CertifyRun& run, const ModalSpace& modal,
                    const std::vector<double>& grid, const LevelCertifier::Parts& of,
                    LevelJudge& judge, const Basis& images) {
     if (was_cut_ && of.worst > 0.5 * worst_before_) helps_ = false;
     worst_before_ = of.worst;
+    return part(run, modal, grid, of, of.worst, judge, images);
+  }
+
+  /// The same of a level that was judged again, with another largest bound.
+  Block part(const CertifyRun& run, const ModalSpace& modal,
+             const std::vector<double>& grid, const LevelCertifier::Parts& of,
+             double worst, LevelJudge& judge, const Basis& images) {
     const int columns = static_cast<int>(images.columns());
     was_cut_ = helps_ && of.residuals.complete && columns > wide_block &&
-               of.worst > run.spec.target;
+               worst > run.spec.target;
     if (columns == 0) return Block();
     if (!was_cut_) return combine(images, identity(columns));
     std::vector<double> samples = of.samples;
@@ -48,19 +55,21 @@ private:
   double worst_before_ = 0;
 };
 
-/// Whether blocks no longer lower the bound.
+/// Whether blocks no longer lower the bound: terms that stiffen a part many times over need more
+/// than one of them to halve it.
 class Stall {
 public:
   /// @param values  of the parameters, with which the bound is that.
   void count(double worst, const ParameterValues& values) {
-    double& least = least_.try_emplace(values, HUGE_VAL).first->second;
-    times_ = worst > 0.5 * least ? times_ + 1 : 0;
-    least = std::min(least, worst);
+    double& halved = halved_.try_emplace(values, HUGE_VAL).first->second;
+    times_ = worst > 0.5 * halved ? times_ + 1 : 0;
+    if (times_ == 0) halved = worst;
   }
-  bool has_come() const { return times_ >= 3; }
+  bool has_come() const { return times_ >= 4; }
 
 private:
-  std::map<ParameterValues, double> least_;
+  std::map<ParameterValues, double>
+      halved_; ///< the last bound that was half of the one before
   int times_ = 0;
 };
 
@@ -122,6 +131,9 @@ void grow(const CertifyRun& run, CertifyState& state) {
       }
       growth.grid.push_back(*weak);
       judge.judge_again(level);
+      if (certifier.parts().response) // else of a checkpoint, which holds the whole block
+        growth.image = cut.part(run, modal, growth.grid, certifier.parts(), level.worst,
+                                judge, certifier.images());
     }
     stall.count(level.worst, judge.worst_values());
     if (stall.has_come()) {

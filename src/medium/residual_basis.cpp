@@ -31,8 +31,8 @@ struct Span {
   }
 };
 
-/// How large a column of S is where it counts: 1e-8 of this changes no part (T S) a by more than
-/// 1e-8 of its norm. @param gram  of S without T.
+/// How large a column of S is where it counts: a share of this changes no part (T S) a by more than
+/// that share of its norm. @param gram  of S without T.
 std::vector<double> sizes_of(const Span& span, const Dense& gram,
                              const std::vector<const Dense*>& parts) {
   const int q = gram.rows;
@@ -64,10 +64,13 @@ std::vector<double> sizes_of(const Span& span, const Dense& gram,
 }
 
 /// Directions of the columns of S that T does not hold, each column by its size: eigenvectors of
-/// SᵀS, which show half the digits. If they leave more than that of a column, the rest is looked
-/// at once more; rounding of the solves that made V is about 1e-9 and not worth directions.
+/// SᵀS, which show half the digits of what is left. If they leave more than 1e-10 of a column, the
+/// rest is looked at once more. Rounding of the solves that made V, about 1e-9, is then held: what is
+/// lost counts hundreds of times in E⁻¹ where E is nearly singular beyond the modes, as of thin
+/// bodies.
 /// @param T  orthonormal. @param S  is overwritten.
 Span span_of(MPI_Comm comm, Basis T, Basis S, const std::vector<const Dense*>& parts) {
+  constexpr double may_be_lost = 1e-10; // of a column
   const int q = static_cast<int>(S.columns());
   Span span;
   span.held = static_cast<int>(T.columns());
@@ -98,7 +101,7 @@ Span span_of(MPI_Comm comm, Basis T, Basis S, const std::vector<const Dense*>& p
     };
     double left = 0;
     for (int j = 0; j < q; ++j) left = std::max(left, relative(j));
-    if (left < 1e-8) break;
+    if (left < may_be_lost) break;
     for (int j = 0; j < q; ++j)
       for (int i = 0; i < q; ++i) {
         const double d = size[as_size(i)] * size[as_size(j)];
@@ -108,7 +111,7 @@ Span span_of(MPI_Comm comm, Basis T, Basis S, const std::vector<const Dense*>& p
     share_from_first(comm, eigen.values);
     share_from_first(comm, eigen.vectors.data);
     const double least =
-        1e-15 * q * std::max(pass == 0 ? eigen.values.back() : 1.0, 1e-2);
+        std::max(1e-15 * q * eigen.values.back(), may_be_lost * may_be_lost);
     int r = 0;
     while (r < q && eigen.values[as_size(q - 1 - r)] > least) ++r;
     if (r == 0) break;
