@@ -51,6 +51,26 @@ bool has_unjudged_slow_modes(const CertifyRun& run, const CertifyState& state) {
   return shared[0] > modal.judged_elastic;
 }
 
+/// Whether values of the parameters move modes through the cutoff. Those of the softest body are
+/// what the proof counts.
+void tell_moved_modes(const CertifyRun& run, const CertifyState& state) {
+  const DenseResponse& response = *state.medium.levels.back().response;
+  int fewest = state.modal.modes();
+  for (const ParameterValues& values : run.spec.values) {
+    int below = 0;
+    const DenseResponse stiff = response.at(values).stiffened();
+    for (double lambda : stiff.lambda())
+      below += lambda < state.modal.cutoff * state.modal.cutoff;
+    fewest = std::min(fewest, below);
+  }
+  if (fewest < state.modal.modes())
+    run.observer.fact(
+        "moved modes",
+        text("%d modes are below the cutoff of %.4g Hz with the least values of "
+             "the parameters, %d with others: the rest moves through it",
+             state.modal.modes(), state.modal.cutoff * hz, fewest));
+}
+
 /// What the user reads of a medium model.
 void report(const CertifyRun& run, const CertifyState& state) {
   const Medium& medium = state.medium;
@@ -83,6 +103,7 @@ void report(const CertifyRun& run, const CertifyState& state) {
                  level.proved ? "" : ", estimated", level.worst)
           : text("%.1e of %s at the frequencies it grew by, target %.0e not reached: %s",
                  level.worst, what, target, medium.shortfall.c_str()));
+  tell_moved_modes(run, state);
   observer.skip("complex factorisations", "real shifts span the band");
   if (reached)
     observer.skip("further Krylov blocks", "the bound does not ask for them");

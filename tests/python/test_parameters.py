@@ -78,6 +78,7 @@ def test_one_parameter_is_certified_with_its_values(ranks: int, tmp_path: Path) 
     flexgram.write_matrices(body, **a, **DAMPING)
     said, rom, again, sampled = in_every_way(body, BAND, 16, ranks)
     assert "soft from 1 to 4 (1.5)\n" in said
+    assert "with the least values of the parameters, 6 with others" in said
     assert "the claim is to hold with 6 combinations of the parameters' values" in said
     assert "everywhere in the band with each of 6 combinations of the parameters' values" in said
     assert np.allclose(rom.claim.parameter_values[:, 0], [1.5, *np.geomspace(1, 4, 5)], rtol=1e-12)
