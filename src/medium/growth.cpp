@@ -98,6 +98,10 @@ void grow(const CertifyRun& run, CertifyState& state) {
     growth.image =
         cut(run, modal, growth.grid, certifier.parts(), judge, certifier.images());
   };
+  // A vector brings its mass, what rounding leaves of its solve, and a column of each term.
+  const auto all_residuals = [&] {
+    return (3 + static_cast<int>(run.fom.terms.size())) * space.columns();
+  };
   for (std::size_t k = 0; k < levels.size();
        ++k) { // of a checkpoint, by what is asked now
     judge.judge(k, levels[k]);
@@ -108,7 +112,7 @@ void grow(const CertifyRun& run, CertifyState& state) {
     if (!is_certified()) {
       prove(3 * static_cast<int>(modal.scale.size()));
       if (!levels.back().complete && levels.back().worst <= target)
-        prove(3 * space.columns());
+        prove(all_residuals());
       run.checkpoints.save(run, state, "a level");
     }
     MediumLevel& level = levels.back();
@@ -155,7 +159,7 @@ void grow(const CertifyRun& run, CertifyState& state) {
     }
     ++growth.blocks;
   }
-  if (!levels.back().complete) prove(3 * space.columns());
+  if (!levels.back().complete) prove(all_residuals());
   certifier.sharpen_if_needed();
   if (medium.spec.values.size() > 1) judge.judge_again(levels.back(), true);
 }
