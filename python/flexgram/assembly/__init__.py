@@ -1,4 +1,4 @@
 """Reduced bodies with joints and springs between them, and the claim of the whole.
 
-May import: basics, model, reduced_model.
+May import: basics, body, model, reduced_model.
 """
