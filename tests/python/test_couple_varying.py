@@ -87,7 +87,7 @@ def worst(
 
 @pytest.mark.parametrize("joints", [TIES, SPRINGS], ids=["ties", "springs"])
 def test_parts_with_prony_terms(joints: list[Joint], tmp_path: Path) -> None:
-    """One part relaxes; the claim holds against the full bodies, in time the poles agree."""
+    """One part relaxes; the claim holds against the full bodies, and a file keeps the term."""
     rng = np.random.default_rng(11)
     parts = [Part(rng, flexgram.prony([0.5, 0.3], [0.2, 2.0]), eta=0.01), Part(rng, None, eta=0.01)]
     models = {f"p{i}": part.reduced() for i, part in enumerate(parts)}
@@ -180,3 +180,6 @@ def test_what_assemblies_do_not_take() -> None:
     spring = Joint("p1.b", "ground", stiffness={"x": flexgram.parameter(1.0, 2.0)})
     with pytest.raises(BodyError, match=r"two stiffnesses of the assembly are named p1\.b\.x"):
         couple({"p1": models["p1"]}, [spring, spring], keep=["p1.b"])
+    lossy = Joint("p1.b", "ground", stiffness={"x": flexgram.parameter(1.0, 2.0, loss=0.1)})
+    with pytest.raises(BodyError, match="x is a stiffness: give its loss factor as that of the"):
+        couple({"p1": models["p1"]}, [lossy], keep=["p1.b"])

@@ -233,6 +233,12 @@ def tied(parts: Parts, joint: Joint) -> list[tuple[str, Floats]]:
         second = parts.has(joint.second)
         parts.expect_collocated(joint.second)
     own = {**joint.stiffness, **joint.damping}
+    for direction, known in joint.stiffness.items():
+        if isinstance(known, Parameter) and (known.loss or known.slope != 1):
+            raise BodyError(
+                f"{words}: {direction} is a stiffness: give its loss factor as that of the joint, "
+                "and no slope"
+            )
     springs = {d: k.least if isinstance(k, Parameter) else k for d, k in joint.stiffness.items()}
     for direction, value in (*springs.items(), *joint.damping.items()):
         if direction not in PORTS or (joint.directions and direction not in joint.directions):
