@@ -303,23 +303,24 @@ def examine(case: Case, rng: np.random.Generator) -> Verdict:
     verdict = Verdict(outcome, bound=rom.certified_error, order=rom.order)
     if rom.kind == "estimated":
         return verdict
-    values = [{"p": float(p)} for (p,) in rom.claim.parameter_values] if case.parameter else [{}]
+    values = judged_values(case, rom, rng) if case.parameter else [{}]
     worst, reference = 0.0, rom.relative_to if rom.bounds_elastic_part else "pointwise"
     for chosen in values:
         if chosen:
             s = case.at(chosen["p"])
-        reduced = _reduced(rom.at(**chosen))
+        here = rom.at(**chosen)
+        reduced, bound = _reduced(here), here.certified_error
         for omega in hard_frequencies(s, reduced, rom.bands, rom.excluded, rng):
             truth = relative_error(s, reduced, omega, reference)
-            if truth > verdict.bound and truth > worst:  # by the rounding of long double?
+            if truth > bound:  # by the rounding of long double?
                 truth = relative_error(s, reduced, omega, reference, exactly=True)
             if truth > worst:
                 worst, verdict.at = truth, omega
+            if np.isfinite(bound):  # else nothing is claimed
+                verdict.ratio = max(verdict.ratio, truth / bound)
     verdict.true = worst
     if not rom.met and worst <= case.tolerance:
         verdict.true = max(worst, error_at_zeros(s, reduced, rom.unmet))
-    if np.isfinite(verdict.bound):  # else nothing is claimed
-        verdict.ratio = worst / verdict.bound
     if worst > 0:
         verdict.floor = rom.floor.max() / worst
         verdict.decides = bool(rom.floor.max() > 0.5 * verdict.bound)
@@ -327,6 +328,24 @@ def examine(case: Case, rng: np.random.Generator) -> Verdict:
     if np.isfinite(rom.field_error[0]):
         verdict.field = largest_field_error(s, rom, rng) / rom.field_error[0]
     return verdict
+
+
+def judged_values(case: Case, rom: flexgram.ReducedModel, rng: np.random.Generator) -> Any:
+    """Those that the claim is of; if it is of all, also where the error is largest as far as
+    doubles show it, and a random one."""
+    values = [float(p) for (p,) in rom.claim.parameter_values]
+    if len(rom.claim.all_values):
+        omega = np.concatenate([rng.uniform(first, last, 60) for first, last in rom.bands])
+        law = case.parameter[1]
+        tried = rng.uniform(law.least, law.most, 24)
+
+        def largest(p: float) -> float:
+            H, H_r = (s.quickly(omega) for s in (case.at(p), _reduced(rom.at(p=p))))
+            sizes = [np.linalg.norm(a, axis=(1, 2)) for a in (H - H_r, H)]
+            return float((sizes[0] / sizes[1]).max())
+
+        values += [tried[np.argmax([largest(p) for p in tried])], tried[0]]
+    return [{"p": float(p)} for p in values]
 
 
 def error_at_zeros(s: System, reduced: System, intervals: Any) -> float:
@@ -377,6 +396,16 @@ def largest_field_error(s: System, rom: flexgram.ReducedModel, rng: np.random.Ge
     return worst
 
 
+def what_of(index: int, dampings: Any) -> tuple[str, str]:
+    """Class and damping. Systems of many ports take thirty times as long as others: in two of
+    three rounds others take their turn."""
+    turn, which = divmod(index, len(CLASSES))
+    kind = CLASSES[which]
+    if kind in ("many ports", "many outputs") and turn % 3:
+        kind = CLASSES[(turn // len(dampings)) % 13]
+    return kind, dampings[turn % len(dampings)]
+
+
 def main() -> int:
     """Print the table; exit status 1 if any error exceeds its certificate."""
     words = [word for word in sys.argv[1:] if word != "--materials"]
@@ -388,10 +417,7 @@ def main() -> int:
     damped = missed = rightly = 0  # systems with damping, not met, whose true error is above
     for index in range(count):
         rng = np.random.default_rng([seed, index])
-        kind, damping = (
-            CLASSES[index % len(CLASSES)],
-            dampings[(index // len(CLASSES)) % len(dampings)],
-        )
+        kind, damping = what_of(index, dampings)
         case = random_case(rng, kind, damping)
         verdict = examine(case, rng)
         table[kind].append(verdict)
