@@ -14,6 +14,14 @@ namespace flexgram {
 
 namespace {
 
+/// How many columns a level is grown by. Terms leave many more residuals than there are ports, few
+/// of which matter: a wider block saves levels, and costs vectors that the last one would have done
+/// without.
+int narrow_block(const CertifyRun& run, const ModalSpace& modal) {
+  const int ports = static_cast<int>(modal.scale.size());
+  return run.fom.terms.empty() ? 3 * ports : std::max(ports, std::min(3 * ports, 6));
+}
+
 /// A wide block brings more than is needed: it is cut to the directions that matter, as long as
 /// that helps.
 class BlockCut {
@@ -32,8 +40,9 @@ public:
              const std::vector<double>& grid, const LevelCertifier::Parts& of,
              double worst, LevelJudge& judge, const Basis& images) {
     const int columns = static_cast<int>(images.columns());
-    was_cut_ = helps_ && of.residuals.complete && columns > wide_block &&
-               worst > run.spec.target;
+    const int wide = run.fom.terms.empty() ? wide_block : narrow_block(run, modal);
+    was_cut_ =
+        helps_ && of.residuals.complete && columns > wide && worst > run.spec.target;
     if (columns == 0) return Block();
     if (!was_cut_) return combine(images, identity(columns));
     std::vector<double> samples = of.samples;
@@ -55,22 +64,29 @@ private:
   double worst_before_ = 0;
 };
 
-/// Whether blocks no longer lower the bound: terms that stiffen a part many times over need more
-/// than one of them to halve it.
+/// Whether vectors no longer lower the bound: terms that stiffen a part many times over need many
+/// of them to halve it.
 class Stall {
 public:
+  explicit Stall(std::size_t ports) : enough_(12 * static_cast<int>(ports)) {}
   /// @param values  of the parameters, with which the bound is that.
-  void count(double worst, const ParameterValues& values) {
+  void count(double worst, int order, const ParameterValues& values) {
     double& halved = halved_.try_emplace(values, HUGE_VAL).first->second;
-    times_ = worst > 0.5 * halved ? times_ + 1 : 0;
-    if (times_ == 0) halved = worst;
+    if (worst > 0.5 * halved) {
+      ++times_;
+    } else {
+      times_ = 0;
+      halved = worst;
+      from_ = order;
+    }
+    order_ = order;
   }
-  bool has_come() const { return times_ >= 4; }
+  bool has_come() const { return times_ >= 4 && order_ - from_ >= enough_; }
 
 private:
   std::map<ParameterValues, double>
       halved_; ///< the last bound that was half of the one before
-  int times_ = 0;
+  int times_ = 0, order_ = 0, from_ = 0, enough_; ///< orders now and when it was halved
 };
 
 } // namespace
@@ -91,7 +107,7 @@ void grow(const CertifyRun& run, CertifyState& state) {
   LevelJudge judge(run.fom, medium, growth.grid);
   LevelCertifier certifier(run, modal, medium, judge);
   BlockCut cut;
-  Stall stall;
+  Stall stall(modal.scale.size());
   const auto prove = [&](int most) {
     growth.image = Block();
     certifier.prove(growth.bounds, growth.grid, most);
@@ -105,12 +121,13 @@ void grow(const CertifyRun& run, CertifyState& state) {
   for (std::size_t k = 0; k < levels.size();
        ++k) { // of a checkpoint, by what is asked now
     judge.judge(k, levels[k]);
-    if (k + 1 < levels.size()) stall.count(levels[k].worst, judge.worst_values());
+    if (k + 1 < levels.size())
+      stall.count(levels[k].worst, levels[k].order(), judge.worst_values());
   }
   double told = now();
   for (;;) {
     if (!is_certified()) {
-      prove(3 * static_cast<int>(modal.scale.size()));
+      prove(narrow_block(run, modal));
       if (!levels.back().complete && levels.back().worst <= target)
         prove(all_residuals());
       run.checkpoints.save(run, state, "a level");
@@ -139,7 +156,7 @@ void grow(const CertifyRun& run, CertifyState& state) {
         growth.image = cut.part(run, modal, growth.grid, certifier.parts(), level.worst,
                                 judge, certifier.images());
     }
-    stall.count(level.worst, judge.worst_values());
+    stall.count(level.worst, level.order(), judge.worst_values());
     if (stall.has_come()) {
       medium.shortfall = "more vectors do not lower the bound";
       break;

@@ -51,8 +51,9 @@ void LevelCertifier::prove(InverseBounds& bounds, const std::vector<double>& gri
     images_.extend(run_, modal_, space.residual().S);
   else
     images_ = ResidualImages();
-  ResidualBasis residuals = residual_basis(space, *level.response, samples,
-                                           modal_.modes(), modal_.cutoff, most);
+  ResidualBasis residuals =
+      residual_basis(space, *level.response, samples, run_.spec.values, modal_.modes(),
+                     modal_.cutoff, most);
   level.complete = residuals.complete;
   Basis T = space.residual().S.share();
   if (!level.complete) {

@@ -320,8 +320,9 @@ void turn_residual_parts(MediumSpace& space, const Dense& Q) {
 }
 
 ResidualBasis residual_basis(const MediumSpace& space, const DenseResponse& response,
-                             const std::vector<double>& samples, int modes, double cutoff,
-                             int most) {
+                             const std::vector<double>& samples,
+                             const std::vector<ParameterValues>& values, int modes,
+                             double cutoff, int most) {
   const int p = response.system().B.columns, N = response.system().order();
   const MediumSpace::Residual& parts = space.residual();
   const int r = parts.orthonormal;
@@ -340,22 +341,26 @@ ResidualBasis residual_basis(const MediumSpace& space, const DenseResponse& resp
   basis.complete = r <= most;
   if (basis.complete) return basis;
 
-  // What the residuals are made of over the band, each frequency relative to its
-  // response: enough for a Krylov block, not for a proof.
-  Dense all(r, 2 * p * static_cast<int>(samples.size()));
+  // What the residuals are made of over the band and with each of the values, each response
+  // relative to its size: enough for a Krylov block, not for a proof.
+  std::vector<DenseResponse> responses;
+  for (const ParameterValues& of : values) responses.push_back(response.at(of));
+  if (values.empty()) responses.push_back(response);
+  Dense all(r, 2 * p * static_cast<int>(samples.size() * responses.size()));
   int next = 0;
-  for (double omega : samples) {
-    const ComplexDense x = response.modal_response(omega);
-    const double size = std::sqrt(frobenius_norm(response.transfer(x)));
-    const ComplexDense residual =
-        residual_of(basis.ports, basis.K, basis.terms, space.kappa(),
-                    response.system().coefficients(omega), x);
-    for (int j = 0; j < p; ++j, next += 2)
-      for (int i = 0; i < r && size > 0; ++i) {
-        all(i, next) = residual(i, j).real() / size;
-        all(i, next + 1) = residual(i, j).imag() / size;
-      }
-  }
+  for (const DenseResponse& with : responses)
+    for (double omega : samples) {
+      const ComplexDense x = with.modal_response(omega);
+      const double size = std::sqrt(frobenius_norm(with.transfer(x)));
+      const ComplexDense residual =
+          residual_of(basis.ports, basis.K, basis.terms, space.kappa(),
+                      with.system().coefficients(omega), x);
+      for (int j = 0; j < p; ++j, next += 2)
+        for (int i = 0; i < r && size > 0; ++i) {
+          all(i, next) = residual(i, j).real() / size;
+          all(i, next + 1) = residual(i, j).imag() / size;
+        }
+    }
   double largest = 0;
   for (double v : all.data) largest = std::max(largest, std::abs(v));
   // Residuals of the modes, so that angles above some 1e-6 are seen, and the dampers'

@@ -37,13 +37,16 @@ void turn_residual_parts(MediumSpace& space, const Dense& Q);
 
 /// @param samples      [rad/s] where residuals are looked at, if not all directions are
 /// kept.
+/// @param values       of the parameters, with each of which they are looked at. Empty: as they
+/// are.
 /// @param modes        number of modes below ω_c, rigid ones included: the first columns
 /// of U.
 /// @param most         at most so many columns.
 /// @pre the space's residual parts are orthonormal.
 ResidualBasis residual_basis(const MediumSpace& space, const DenseResponse& response,
-                             const std::vector<double>& samples, int modes, double cutoff,
-                             int most);
+                             const std::vector<double>& samples,
+                             const std::vector<ParameterValues>& values, int modes,
+                             double cutoff, int most);
 
 /// ports − (a_k − κ a_m) K x − Σ g terms x
 ComplexDense residual_of(const Dense& ports, const Dense& K,

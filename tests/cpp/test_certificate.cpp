@@ -152,7 +152,7 @@ TEST(Certificate, KnowsTheResidualOfEveryResponseHoweverTheSpaceGrew) {
     // basis must not forget the others.
     const int few = static_cast<int>(fom.B.columns());
     orthonormalise_residual(space);
-    const ResidualBasis basis = residual_basis(space, response, {1.0}, 0, 2.0, few);
+    const ResidualBasis basis = residual_basis(space, response, {1.0}, {}, 0, 2.0, few);
     EXPECT_EQ(basis.cut.columns, few);
     EXPECT_FALSE(basis.complete);
     space.append(random_block(fom.B, 4, step), 1e-7);
