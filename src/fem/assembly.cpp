@@ -5,6 +5,7 @@
 #include "fem/loads.hpp"
 #include "fem/material_terms.hpp"
 #include "fem/node_matrix.hpp"
+#include "fem/preload.hpp"
 #include "fem/reactions.hpp"
 #include "io/body_io.hpp"
 
@@ -41,9 +42,10 @@ class ElementAssembler {
 public:
   ElementAssembler(const BodyDescription& body, const MaterialTerms& terms,
                    const DofMap& map, const LocalMesh& mesh, const Hdf5File& file,
-                   FieldLoads& fields, Reactions& reactions, AssemblyFacts& facts)
+                   FieldLoads& fields, Reactions& reactions, Preload* preload,
+                   AssemblyFacts& facts)
       : body_(body), terms_(terms), map_(map), mesh_(mesh), file_(file), fields_(fields),
-        reactions_(reactions), facts_(facts) {}
+        reactions_(reactions), preload_(preload), facts_(facts) {}
 
   void run(const Masters& masters, NodeMatrix& matrix) {
     std::size_t e = 0;
@@ -75,7 +77,7 @@ private:
     const Material& material = body_.materials.at(block.material);
     // Every node follows the same reference: no strain, only mass.
     const bool rigid = master_count == 1 && masters[0] >= map_.points;
-    const ElementMatrices element =
+    ElementMatrices element =
         block.type == ElementType::beam2
             ? beam_matrices(x[0], x[1], material.beam, body_.sections.at(block.section))
             : solid_matrices(block.type, x, material.solid, body_.mass_rule, !rigid);
@@ -101,15 +103,18 @@ private:
                element.aspect));
     if (fields_.any())
       fields_.add_element(nodes, x, dofs_per_node(block.type), element.M);
-    if (reactions_.any() && !rigid)
-      reactions_.add_element(nodes, x, dofs_per_node(block.type), element.K, element.M);
     const Dense T =
         transformation(nodes, count, dofs_per_node(block.type), masters, master_count);
+    std::vector<ElementPart> parts;
+    if (!rigid) parts = terms_.of_element(block, x, body_.mass_rule, element.K);
+    if (preload_ && !rigid)
+      add_to(element.K, preload_->of_element(
+                            block, x, displacement(T, masters, master_count), element.M));
+    if (reactions_.any() && !rigid)
+      reactions_.add_element(nodes, x, dofs_per_node(block.type), element.K, element.M);
     const auto reduce = [&](const Dense& a) {
       return a.data.empty() ? Dense() : multiply_transposed(T, multiply(a, T));
     };
-    std::vector<ElementPart> parts;
-    if (!rigid) parts = terms_.of_element(block, x, body_.mass_rule, element.K);
     if (T.data.empty()) {
       matrix.add(masters, master_count, element.K, element.M, parts);
       return;
@@ -151,6 +156,17 @@ private:
     return T;
   }
 
+  /// Of the element's dofs under the preload. @param T  transformation
+  std::vector<double> displacement(const Dense& T, const std::int64_t* masters,
+                                   std::size_t master_count) const {
+    Dense u(0, 1);
+    for (std::size_t a = 0; a < master_count; ++a)
+      for (int c = 0; c < map_.dofs[as_size(masters[a])]; ++c)
+        u.data.push_back(preload_->at(masters[a], c));
+    u.rows = static_cast<int>(u.data.size());
+    return (T.data.empty() ? u : multiply(T, u)).data;
+  }
+
   std::string name(const LocalElements& elements, std::size_t k) const {
     const MeshBlock& block = *elements.block;
     const std::string ids = block.path + "/ids";
@@ -170,6 +186,7 @@ private:
   const Hdf5File& file_;
   FieldLoads& fields_;
   Reactions& reactions_;
+  Preload* preload_; ///< null: there is none
   AssemblyFacts& facts_;
   std::int64_t inverted_ = 0;
   std::string first_inverted_;
@@ -222,7 +239,7 @@ SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
                                Observer& observer) {
   const MPI_Comm comm = file.comm();
   const int rank = comm_rank(comm);
-  const BodyDescription body = read_description(file);
+  const BodyDescription all = read_description(file), body = without_preload_loads(all);
   for (const auto& warning : body.warnings) observer.warn(warning);
   SecondOrderModel model;
   model.name = file.path();
@@ -248,18 +265,42 @@ SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
       append_masters(map, elements.connectivity.data() + k * as_size(width), width,
                      masters);
   }
+  const auto coordinates = [&](std::int64_t node) {
+    return mesh.coordinates[mesh.place(node)];
+  };
   const MaterialTerms terms(body);
-  NodeMatrix matrix(map, masters.start, masters.node, terms.laws().size());
   model.damping.eta += terms.common_loss();
+  const auto elements = [&](FieldLoads& fields, Reactions& reactions, Preload* preload) {
+    facts = {};
+    NodeMatrix matrix(map, masters.start, masters.node, terms.laws().size());
+    agree(comm, [&] {
+      ElementAssembler(body, terms, map, mesh, file, fields, reactions, preload, facts)
+          .run(masters, matrix);
+    });
+    return matrix.assemble(comm, model.K, model.M);
+  };
+  fill_dof_lists(map, mesh, rank, model);
+  std::optional<Preload> preload;
+  if (!all.preload.empty()) {
+    BodyDescription loaded = all;
+    loaded.reactions.clear();
+    Reactions none(comm, loaded, map, mesh);
+    FieldLoads fields(comm, loaded, map, mesh, {});
+    elements(fields, none, nullptr);
+    Ports inputs = interface_ports(comm, loaded, map, coordinates, {});
+    append(fields.take(), inputs.B, inputs.names);
+    append(nodal_ports(comm, loaded.loads, map, mesh, partition), inputs.B, inputs.names);
+    preload.emplace(all, map, model.K, inputs, model.node, mesh);
+  }
   Reactions reactions(comm, body, map, mesh);
   const HeldForces held = reactions.held_forces();
   FieldLoads fields(comm, body, map, mesh, held);
-  agree(comm, [&] {
-    ElementAssembler(body, terms, map, mesh, file, fields, reactions, facts)
-        .run(masters, matrix);
-  });
+  std::vector<Matrix> parts = elements(fields, reactions, preload ? &*preload : nullptr);
   masters = {};
-  std::vector<Matrix> parts = matrix.assemble(comm, model.K, model.M);
+  if (preload) {
+    preload->tell(comm, observer);
+    Preload::expect_stable(model.K, model.node);
+  }
   for (std::size_t k = 0; k < parts.size(); ++k)
     model.terms.push_back({terms.laws()[k], std::move(parts[k])});
   model.damp_parameters();
@@ -284,9 +325,7 @@ SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
              "a factor of %.0f",
              1 / facts.worst_shape));
 
-  Ports ports = interface_ports(
-      comm, body, map,
-      [&](std::int64_t node) { return mesh.coordinates[mesh.place(node)]; }, held);
+  Ports ports = interface_ports(comm, body, map, coordinates, held);
   model.B = std::move(ports.B);
   model.C = model.B.share();
   model.inputs = model.outputs = std::move(ports.names);
@@ -312,7 +351,6 @@ SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
               "loads at once (/feedthrough)"
             : "C q + F u with a share F of the loads at once (/feedthrough)");
   append(std::move(forces), model.C, model.outputs);
-  fill_dof_lists(map, mesh, rank, model);
   return model;
 }
 

@@ -31,37 +31,67 @@ std::array<Vector3, 3> local_axes(const Vector3& first, const Vector3& second,
   return {x, cross(z, x), z};
 }
 
-/// One bending plane: displacement v and rotation θ with v' = θ for a slender beam.
-/// Stiffness and mass for (v1, θ1, v2, θ2) by four Gauss points, exact for the cubic
-/// interpolation.
-void bending(double L, double EI, double shear, double line_mass, double rotary, Dense& K,
-             Dense& M) {
+/// One bending plane: displacement v and rotation t, with v' = t for a slender beam, and their
+/// derivatives, of (v1, θ1, v2, θ2).
+struct BendingPoint {
+  double s, weight;
+  double v[4], dv[4], t[4], dt[4];
+};
+
+/// At four Gauss points, exact for products of the cubic interpolation.
+/// @param phi  12 EI over shear stiffness and L².
+std::array<BendingPoint, 4> bending_points(double L, double phi) {
   constexpr double x[4] = {-0.861136311594052575224, -0.339981043584856264803,
                            0.339981043584856264803, 0.861136311594052575224};
   constexpr double w[4] = {0.347854845137453857373, 0.652145154862546142627,
                            0.652145154862546142627, 0.347854845137453857373};
-  const double phi = 12 * EI / (shear * L * L), f = 1 / (1 + phi);
-  for (int q = 0; q < 4; ++q) {
-    const double s = 0.5 * (1 + x[q]), weight = 0.5 * L * w[q];
-    const double v[4] = {f * (2 * s * s * s - 3 * s * s - phi * s + 1 + phi),
-                         f * L * (s * s * s - (2 + phi / 2) * s * s + (1 + phi / 2) * s),
-                         -f * (2 * s * s * s - 3 * s * s - phi * s),
-                         f * L * (s * s * s - (1 - phi / 2) * s * s - phi / 2 * s)};
-    const double dv[4] = {
-        f / L * (6 * s * s - 6 * s - phi), f * (3 * s * s - (4 + phi) * s + 1 + phi / 2),
-        -f / L * (6 * s * s - 6 * s - phi), f * (3 * s * s - (2 - phi) * s - phi / 2)};
-    const double t[4] = {f * 6 / L * (s * s - s),
-                         f * (3 * s * s - (4 + phi) * s + 1 + phi),
-                         -f * 6 / L * (s * s - s), f * (3 * s * s - (2 - phi) * s)};
-    const double dt[4] = {f * 6 / (L * L) * (2 * s - 1), f / L * (6 * s - (4 + phi)),
-                          -f * 6 / (L * L) * (2 * s - 1), f / L * (6 * s - (2 - phi))};
-    for (int i = 0; i < 4; ++i)
-      for (int j = 0; j < 4; ++j) {
-        K(i, j) +=
-            weight * (EI * dt[i] * dt[j] + shear * (dv[i] - t[i]) * (dv[j] - t[j]));
-        M(i, j) += weight * (line_mass * v[i] * v[j] + rotary * t[i] * t[j]);
-      }
+  const double f = 1 / (1 + phi);
+  std::array<BendingPoint, 4> points{};
+  for (std::size_t q = 0; q < 4; ++q) {
+    const double s = 0.5 * (1 + x[q]);
+    points[q] = {
+        s,
+        0.5 * L * w[q],
+        {f * (2 * s * s * s - 3 * s * s - phi * s + 1 + phi),
+         f * L * (s * s * s - (2 + phi / 2) * s * s + (1 + phi / 2) * s),
+         -f * (2 * s * s * s - 3 * s * s - phi * s),
+         f * L * (s * s * s - (1 - phi / 2) * s * s - phi / 2 * s)},
+        {f / L * (6 * s * s - 6 * s - phi), f * (3 * s * s - (4 + phi) * s + 1 + phi / 2),
+         -f / L * (6 * s * s - 6 * s - phi), f * (3 * s * s - (2 - phi) * s - phi / 2)},
+        {f * 6 / L * (s * s - s), f * (3 * s * s - (4 + phi) * s + 1 + phi),
+         -f * 6 / L * (s * s - s), f * (3 * s * s - (2 - phi) * s)},
+        {f * 6 / (L * L) * (2 * s - 1), f / L * (6 * s - (4 + phi)),
+         -f * 6 / (L * L) * (2 * s - 1), f / L * (6 * s - (2 - phi))}};
   }
+  return points;
+}
+
+/// Of a plane: v' = θz, and w' = −θy.
+struct Plane {
+  int dofs[4];
+  double signs[4];
+  double phi; ///< 12 EI over shear stiffness and L²
+};
+
+std::array<Plane, 2> planes_of(const BeamMaterial& material, const BeamSection& section,
+                               double L) {
+  const auto phi = [&](double I, double k) {
+    return 12 * (material.E * I) / (k * material.G * section.A * L * L);
+  };
+  return {{{{1, 5, 7, 11}, {1, 1, 1, 1}, phi(section.I_z, section.k_y)},
+           {{2, 4, 8, 10}, {1, -1, 1, -1}, phi(section.I_y, section.k_z)}}};
+}
+
+/// A matrix in the element's axes, in global ones. @param axes  as rows.
+Dense in_global(const std::array<Vector3, 3>& axes, const Dense& local) {
+  Dense R(12, 12); // local = R global
+  for (int block = 0; block < 4; ++block)
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j)
+        R(3 * block + i, 3 * block + j) = axes[as_size(i)][as_size(j)];
+  Dense result = multiply_transposed(R, multiply(local, R));
+  symmetrise(result);
+  return result;
 }
 
 } // namespace
@@ -85,29 +115,98 @@ ElementMatrices beam_matrices(const Vector3& first, const Vector3& second,
   };
   bar(0, material.E * section.A, line_mass);
   bar(3, material.G * section.J, rho * (section.I_y + section.I_z));
-  const auto plane = [&](const int(&dof)[4], double sign, double I, double k) {
-    Dense k4(4, 4), m4(4, 4);
-    bending(L, material.E * I, k * material.G * section.A, line_mass, rho * I, k4, m4);
-    const double s[4] = {1, sign, 1, sign};
-    for (int i = 0; i < 4; ++i)
-      for (int j = 0; j < 4; ++j) {
-        K(dof[i], dof[j]) += s[i] * s[j] * k4(i, j);
-        M(dof[i], dof[j]) += s[i] * s[j] * m4(i, j);
-      }
-  };
-  plane({1, 5, 7, 11}, 1, section.I_z, section.k_y);  // v' = θz
-  plane({2, 4, 8, 10}, -1, section.I_y, section.k_z); // w' = −θy
-
-  Dense R(12, 12); // local = R global
-  for (int block = 0; block < 4; ++block)
-    for (int i = 0; i < 3; ++i)
-      for (int j = 0; j < 3; ++j)
-        R(3 * block + i, 3 * block + j) = axes[as_size(i)][as_size(j)];
-  result.K = multiply_transposed(R, multiply(K, R));
-  result.M = multiply_transposed(R, multiply(M, R));
-  symmetrise(result.K);
-  symmetrise(result.M);
+  const auto planes = planes_of(material, section, L);
+  const double I[2] = {section.I_z, section.I_y}, k[2] = {section.k_y, section.k_z};
+  for (std::size_t p = 0; p < 2; ++p) {
+    const auto& [dofs, signs, phi] = planes[p];
+    const double EI = material.E * I[p], shear = k[p] * material.G * section.A;
+    for (const BendingPoint& at : bending_points(L, phi))
+      for (int i = 0; i < 4; ++i)
+        for (int j = 0; j < 4; ++j) {
+          const double sign = signs[i] * signs[j];
+          K(dofs[i], dofs[j]) += sign * at.weight *
+                                 (EI * at.dt[i] * at.dt[j] +
+                                  shear * (at.dv[i] - at.t[i]) * (at.dv[j] - at.t[j]));
+          M(dofs[i], dofs[j]) +=
+              sign * at.weight *
+              (line_mass * at.v[i] * at.v[j] + rho * I[p] * at.t[i] * at.t[j]);
+        }
+  }
+  result.K = in_global(axes, K);
+  result.M = in_global(axes, M);
   return result;
+}
+
+Dense beam_stress_stiffness(const Vector3& first, const Vector3& second,
+                            const BeamMaterial& material, const BeamSection& section,
+                            const std::vector<double>& u, double& stress) {
+  double L = 0;
+  const auto axes = local_axes(first, second, section.y_axis, L);
+  double stretch = 0;
+  for (std::size_t i = 0; i < 3; ++i) stretch += axes[0][i] * (u[6 + i] - u[i]);
+  const double N = material.E * section.A * stretch / L;
+  stress = std::max(stress, std::abs(N / section.A));
+  Dense K(12, 12);
+  for (const auto& [dofs, signs, phi] : planes_of(material, section, L))
+    for (const BendingPoint& at : bending_points(L, phi))
+      for (int i = 0; i < 4; ++i)
+        for (int j = 0; j < 4; ++j)
+          K(dofs[i], dofs[j]) +=
+              signs[i] * signs[j] * at.weight * N * at.dv[i] * at.dv[j];
+  const double twist = N * (section.I_y + section.I_z) / (section.A * L);
+  K(3, 3) = K(9, 9) = twist;
+  K(3, 9) = K(9, 3) = -twist;
+  return in_global(axes, K);
+}
+
+Dense beam_spin_softening(const Vector3& first, const Vector3& second,
+                          const BeamMaterial& material, const BeamSection& section,
+                          const Vector3& axis) {
+  double L = 0;
+  const auto axes = local_axes(first, second, section.y_axis, L);
+  Dense P(3, 3); // of the distance from the axis, in the element's axes
+  double e[3] = {};
+  for (int i = 0; i < 3; ++i)
+    for (std::size_t k = 0; k < 3; ++k) e[i] += axes[as_size(i)][k] * axis[k];
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) P(i, j) = (i == j) - e[i] * e[j];
+  // A section turned by θ moves r by θ×r + ½θ×(θ×r): with J = ∫ρ r rᵀ the second derivatives are
+  // ∫ρ (θ×r)ᵀP(θ×r) + θᵀ(½(PJ + JP) − tr(PJ) I)θ.
+  const double rho = material.density, J[3] = {0, rho * section.I_z, rho * section.I_y};
+  Dense turned(3, 3);
+  double trace = 0;
+  for (int i = 0; i < 3; ++i) trace += P(i, i) * J[i];
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) {
+      turned(i, j) = 0.5 * P(i, j) * (J[i] + J[j]) - (i == j) * trace;
+      for (int k = 1; k < 3; ++k) { // (e_i × e_k)ᵀ P (e_j × e_k)
+        Vector3 unit_i{}, unit_j{}, unit_k{};
+        unit_i[as_size(i)] = unit_j[as_size(j)] = unit_k[as_size(k)] = 1;
+        const Vector3 a = cross(unit_i, unit_k), b = cross(unit_j, unit_k);
+        for (int r = 0; r < 3; ++r)
+          for (int c = 0; c < 3; ++c)
+            turned(i, j) += J[k] * a[as_size(r)] * P(r, c) * b[as_size(c)];
+      }
+    }
+  const auto planes = planes_of(material, section, L);
+  const auto of_v = bending_points(L, planes[0].phi),
+             of_w = bending_points(L, planes[1].phi);
+  Dense S(12, 12);
+  for (std::size_t q = 0; q < of_v.size(); ++q) {
+    Dense U(3, 12), theta(3, 12);
+    const double s = of_v[q].s;
+    U(0, 0) = theta(0, 3) = 1 - s;
+    U(0, 6) = theta(0, 9) = s;
+    for (int i = 0; i < 4; ++i) {
+      U(1, planes[0].dofs[i]) = planes[0].signs[i] * of_v[q].v[i];
+      U(2, planes[1].dofs[i]) = planes[1].signs[i] * of_w[q].v[i];
+      theta(2, planes[0].dofs[i]) = planes[0].signs[i] * of_v[q].t[i];
+      theta(1, planes[1].dofs[i]) = -planes[1].signs[i] * of_w[q].t[i];
+    }
+    add_to(S, multiply_transposed(U, multiply(P, U)), of_v[q].weight * rho * section.A);
+    add_to(S, multiply_transposed(theta, multiply(turned, theta)), of_v[q].weight);
+  }
+  return in_global(axes, S);
 }
 
 } // namespace flexgram

@@ -176,6 +176,34 @@ Interface read_interface(const Hdf5File& file, const std::string& name,
   return interface;
 }
 
+/// Names of inputs, and their values.
+/// @pre materials and loads are known.
+void read_preload(const Hdf5File& file, BodyDescription& body) {
+  const auto inputs = file.texts_attribute("/preload", "inputs");
+  const auto values = file.numbers_attribute("/preload", "values");
+  if (inputs.size() != values.size())
+    throw Error(text("file %s: /preload: inputs and values must be as many",
+                     file.path().c_str()));
+  for (std::size_t k = 0; k < inputs.size(); ++k) {
+    if (!std::isfinite(values[k]))
+      throw Error(text("file %s: preload: %s must be finite", file.path().c_str(),
+                       inputs[k].c_str()));
+    if (file.exists("/loads/" + inputs[k].substr(0, inputs[k].rfind('.')) +
+                    "/temperature"))
+      throw Error(
+          text("file %s: preload: %s: stress of heat is not known as a preload yet",
+               file.path().c_str(), inputs[k].c_str()));
+    body.preload.emplace_back(inputs[k], values[k]);
+  }
+  for (const auto& [name, material] : body.materials)
+    for (const MaterialTerm& term : material.terms)
+      if (term.law.is_parameter())
+        throw Error(
+            text("file %s: material %s: its stress under a preload depends on %s: "
+                 "give the material one number, or leave the preload out",
+                 file.path().c_str(), name.c_str(), term.law.name().c_str()));
+}
+
 AccelerationField read_field(const Hdf5File& file, const std::string& name,
                              const std::string& type) {
   const std::string object = "/loads/" + name;
@@ -351,6 +379,7 @@ BodyDescription read_description(const Hdf5File& file) {
       else
         body.fields.push_back(read_field(file, name, type));
     }
+    if (file.exists("/preload")) read_preload(file, body);
     for (const auto& name : ordered_children(file, "/supports")) {
       const std::string object = "/supports/" + name;
       Support support{name, read_nodes(file, object, body.points), {}};

@@ -90,6 +90,8 @@ struct BodyDescription {
   std::vector<AccelerationField> fields;
   std::vector<NodalVectors> loads, outputs;
   std::vector<Reaction> reactions;
+  /// Inputs that stay while the body vibrates, and how large they are.
+  std::vector<std::pair<std::string, double>> preload;
   MassRule mass_rule = MassRule::full;
   std::vector<std::string> warnings; ///< doubtful values
 };

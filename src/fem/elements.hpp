@@ -69,10 +69,32 @@ ElementMatrices solid_matrices(ElementType type, const std::vector<Vector3>& nod
                                const SolidMaterial& material, MassRule mass_rule,
                                bool with_stiffness = true);
 
+/// What displacements u add to the stiffness of a solid: ∫ ∂Nᵀσ∂N of the linear stress σ, and by the
+/// moved geometry ∫ B(u)ᵀC B(u) − B(0)ᵀC B(0), B(u) the strain of Green and Lagrange (Bathe, Finite
+/// Element Procedures, 6.3.4); the incompatible modes of a Hex8 follow as they do in K.
+/// @param u               three numbers a node [m].
+/// @param[in,out] stress  raised to the largest von Mises stress at the points [N/m²].
+Dense solid_stress_stiffness(ElementType type, const std::vector<Vector3>& nodes,
+                             const SolidMaterial& material, const std::vector<double>& u,
+                             double& stress);
+
 /// Two-node Timoshenko beam with the interdependent interpolation of Friedman and
 /// Kosmatka (1993): exact stiffness for end loads, no locking, consistent translational
 /// and rotary mass. Dofs u, v, w, θx, θy, θz at each end, global axes.
 ElementMatrices beam_matrices(const Vector3& first, const Vector3& second,
                               const BeamMaterial& material, const BeamSection& section);
+
+/// The same for a beam, of its axial force alone: ∫ N (v'² + w'² + (I_y + I_z)/A φ'²).
+/// @param u  twelve numbers, as in beam_matrices.
+Dense beam_stress_stiffness(const Vector3& first, const Vector3& second,
+                            const BeamMaterial& material, const BeamSection& section,
+                            const std::vector<double>& u, double& stress);
+
+/// By what a spin about `axis` softens a beam, for Ω² = 1: the second derivatives of
+/// ½∫ρ|distance from the axis|², sections turned by finite angles included.
+/// @param axis  of unit length.
+Dense beam_spin_softening(const Vector3& first, const Vector3& second,
+                          const BeamMaterial& material, const BeamSection& section,
+                          const Vector3& axis);
 
 } // namespace flexgram

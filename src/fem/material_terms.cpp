@@ -33,12 +33,14 @@ MaterialTerms::MaterialTerms(const BodyDescription& body) {
   for (const MeshBlock& block : body.blocks)
     if (used.insert(block.material).second)
       losses.insert(body.materials.at(block.material).loss);
-  if (losses.size() == 1) common_loss_ = *losses.begin();
-  if (losses.size() > 1) laws_.emplace_back(Law::Kind::structural);
+  // Of stiffness by stress nothing is lost.
+  const bool apart = losses.size() > 1 || (!body.preload.empty() && *losses.begin() > 0);
+  if (!apart) common_loss_ = *losses.begin();
+  if (apart) laws_.emplace_back(Law::Kind::structural);
   for (const std::string& name : used) {
     const Material& material = body.materials.at(name);
     std::vector<Share>& shares = of_material_[name];
-    if (losses.size() > 1 && material.loss > 0) shares.push_back({0, material.loss, {}});
+    if (apart && material.loss > 0) shares.push_back({0, material.loss, {}});
     for (const MaterialTerm& term : material.terms) {
       const bool whole = term.part == MaterialTerm::Part::whole;
       shares.push_back({laws_.size(), whole ? 1.0 : 0.0,
@@ -47,7 +49,7 @@ MaterialTerms::MaterialTerms(const BodyDescription& body) {
         if (other.name() == term.law.name())
           throw Error(text("two parts of materials would be named %s: rename a material",
                            term.law.name().c_str()));
-      const bool has_own_loss = term.law.is_parameter() && losses.size() > 1;
+      const bool has_own_loss = term.law.is_parameter() && apart;
       laws_.push_back(has_own_loss ? term.law.with("loss", material.loss) : term.law);
     }
   }

@@ -66,7 +66,7 @@ Vector3 to_global(const Jacobian& inv, const Vector3& d) {
 }
 
 /// The six strains of displacement component c with gradient g, engineering shears.
-std::array<double, 6> strain(std::size_t c, const Vector3& g) {
+std::array<double, 6> linear_strain(std::size_t c, const Vector3& g) {
   switch (c) {
   case 0:
     return {g[0], 0, 0, g[1], 0, g[2]};
@@ -78,8 +78,10 @@ std::array<double, 6> strain(std::size_t c, const Vector3& g) {
 }
 
 /// K += w Bᵀ C B for the gradients of all (also incompatible) modes; upper triangle.
+/// @param strain  of a displacement component with a gradient.
+template <class Strain>
 void add_stiffness(Dense& K, const std::vector<Vector3>& gradients,
-                   const std::array<double, 36>& C, double w) {
+                   const std::array<double, 36>& C, double w, const Strain& strain) {
   const int n = 3 * static_cast<int>(gradients.size());
   std::vector<std::array<double, 6>> B(as_size(n)), CB(B.size());
   for (std::size_t i = 0; i < B.size(); ++i) {
@@ -103,14 +105,13 @@ void mirror(Dense& a) {
     for (int i = j + 1; i < a.rows; ++i) a(i, j) = a(j, i);
 }
 
-/// Static condensation of the last `internal` dofs: with T = [I; −K_aa⁻¹ K_au] both K and
-/// M become Tᵀ(·)T, so the mass sees the incompatible modes move as well.
-void condense(int internal, ElementMatrices& element) {
-  const int all = element.K.rows, n = all - internal;
+/// Static condensation of the last `internal` dofs: T = [I; −K_aa⁻¹ K_au].
+Dense condensation(const Dense& K, int internal) {
+  const int all = K.rows, n = all - internal;
   Dense aa(internal, internal), ua(n, internal);
   for (int j = 0; j < internal; ++j) {
-    for (int i = 0; i < internal; ++i) aa(i, j) = element.K(n + i, n + j);
-    for (int i = 0; i < n; ++i) ua(i, j) = element.K(i, n + j);
+    for (int i = 0; i < internal; ++i) aa(i, j) = K(n + i, n + j);
+    for (int i = 0; i < n; ++i) ua(i, j) = K(i, n + j);
   }
   if (cholesky(aa) != 0) throw Error("the incompatible modes have no stiffness");
   solve_right_transposed(aa, ua);                                         // K_ua L⁻ᵀ
@@ -120,10 +121,56 @@ void condense(int internal, ElementMatrices& element) {
     T(j, j) = 1;
     for (int i = 0; i < internal; ++i) T(n + i, j) = -followed(i, j);
   }
-  element.K = multiply_transposed(T, multiply(element.K, T));
-  element.M = multiply_transposed(T, multiply(element.M, T));
-  symmetrise(element.K);
-  symmetrise(element.M);
+  return T;
+}
+
+Dense condensed(const Dense& a, const Dense& T) {
+  Dense result = multiply_transposed(T, multiply(a, T));
+  symmetrise(result);
+  return result;
+}
+
+/// At a point of the stiffness: weight and Jacobian determinant, and the gradients of all (also
+/// incompatible) modes.
+struct StiffnessPoint {
+  double volume;
+  double aspect;
+  std::vector<Vector3> gradients;
+};
+
+std::vector<StiffnessPoint> points_of(ElementType type,
+                                      const std::vector<Vector3>& nodes) {
+  const bool incompatible = type == ElementType::hex8;
+  Jacobian center_inverse{};
+  double center_det = 0;
+  if (incompatible) {
+    const Jacobian center = jacobian(shape_at(type, {0, 0, 0}, 0), nodes);
+    center_det = determinant(center);
+    center_inverse = inverse(center, center_det);
+  }
+  std::vector<StiffnessPoint> result;
+  for (const auto& p : stiffness_points(type)) {
+    const Jacobian J = jacobian(p, nodes);
+    const double det = determinant(J);
+    const Jacobian inv = inverse(J, det);
+    StiffnessPoint at{p.weight * det, norm(J) * norm(inv) / 3, {}};
+    for (const auto& d : p.dN) at.gradients.push_back(to_global(inv, d));
+    if (incompatible)
+      for (std::size_t a = 0; a < 3;
+           ++a) { // gradients of 1 − ξ_a² by the centre's Jacobian
+        Vector3 d{};
+        d[a] = -2 * p.xi[a] * center_det / det;
+        at.gradients.push_back(to_global(center_inverse, d));
+      }
+    result.push_back(std::move(at));
+  }
+  return result;
+}
+
+double von_mises(const std::array<double, 6>& s) {
+  const double xy = s[0] - s[1], yz = s[1] - s[2], zx = s[2] - s[0];
+  return std::sqrt(0.5 * (xy * xy + yz * yz + zx * zx) +
+                   3 * (s[3] * s[3] + s[4] * s[4] + s[5] * s[5]));
 }
 
 /// Mass of the scalar functions N (and, for Hex8, of the incompatible modes 1 − ξ_a²
@@ -198,32 +245,78 @@ ElementMatrices solid_matrices(ElementType type, const std::vector<Vector3>& nod
 
   result.M = three_components(mass, mass.rows);
   result.K = Dense(result.M.rows, result.M.rows);
-  Jacobian center_inverse{};
-  double center_det = 0;
-  if (incompatible) {
-    const Jacobian center = jacobian(shape_at(type, {0, 0, 0}, 0), nodes);
-    center_det = determinant(center);
-    center_inverse = inverse(center, center_det);
-  }
-  for (const auto& p : k_points) {
-    const Jacobian J = jacobian(p, nodes);
-    const double det_p = determinant(J);
-    const Jacobian inv = inverse(J, det_p);
-    result.aspect = std::max(result.aspect, norm(J) * norm(inv) / 3);
-    std::vector<Vector3> gradients;
-    for (const auto& d : p.dN) gradients.push_back(to_global(inv, d));
-    if (incompatible)
-      for (std::size_t a = 0; a < 3;
-           ++a) { // gradients of 1 − ξ_a² by the centre's Jacobian
-        Vector3 d{};
-        d[a] = -2 * p.xi[a] * center_det / det_p;
-        gradients.push_back(to_global(center_inverse, d));
-      }
-    add_stiffness(result.K, gradients, material.stiffness, p.weight * det_p);
+  for (const StiffnessPoint& at : points_of(type, nodes)) {
+    result.aspect = std::max(result.aspect, at.aspect);
+    add_stiffness(result.K, at.gradients, material.stiffness, at.volume, linear_strain);
   }
   mirror(result.K);
-  if (incompatible) condense(3 * (mass.rows - n), result);
+  if (incompatible) {
+    const Dense T = condensation(result.K, 3 * (mass.rows - n));
+    result.K = condensed(result.K, T);
+    result.M =
+        condensed(result.M, T); // the mass sees the incompatible modes move as well
+  }
   return result;
+}
+
+Dense solid_stress_stiffness(ElementType type, const std::vector<Vector3>& nodes,
+                             const SolidMaterial& material, const std::vector<double>& u,
+                             double& stress) {
+  const auto points = points_of(type, nodes);
+  const int n = static_cast<int>(nodes.size()),
+            modes = static_cast<int>(points.front().gradients.size());
+  Dense moved(3 * n, 1), T;
+  std::copy(u.begin(), u.end(), moved.data.begin());
+  if (modes > n) {
+    Dense K(3 * modes, 3 * modes);
+    for (const StiffnessPoint& at : points)
+      add_stiffness(K, at.gradients, material.stiffness, at.volume, linear_strain);
+    mirror(K);
+    T = condensation(K, 3 * (modes - n));
+    moved = multiply(T, moved);
+  }
+  Dense K(3 * modes, 3 * modes);
+  for (const StiffnessPoint& at : points) {
+    Jacobian F{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}}; // of the moved body: ∂(x + u)/∂x
+    std::array<double, 6> strains{}, s{};
+    for (int i = 0; i < 3 * modes; ++i) {
+      const Vector3& g = at.gradients[as_size(i / 3)];
+      const auto by = linear_strain(as_size(i % 3), g);
+      for (std::size_t r = 0; r < 6; ++r) strains[r] += by[r] * moved(i, 0);
+      for (std::size_t b = 0; b < 3; ++b) F[as_size(i % 3)][b] += moved(i, 0) * g[b];
+    }
+    // Strain of the moved body, less that of the body at rest.
+    add_stiffness(K, at.gradients, material.stiffness, at.volume,
+                  [&](std::size_t c, const Vector3& g) -> std::array<double, 6> {
+                    const Vector3& f = F[c];
+                    return {f[0] * g[0],
+                            f[1] * g[1],
+                            f[2] * g[2],
+                            f[0] * g[1] + f[1] * g[0],
+                            f[1] * g[2] + f[2] * g[1],
+                            f[2] * g[0] + f[0] * g[2]};
+                  });
+    add_stiffness(K, at.gradients, material.stiffness, -at.volume, linear_strain);
+    for (std::size_t r = 0; r < 6; ++r)
+      for (std::size_t c = 0; c < 6; ++c)
+        s[r] += material.stiffness[6 * r + c] * strains[c];
+    stress = std::max(stress, von_mises(s));
+    const std::array<Vector3, 3> sigma{
+        {{s[0], s[3], s[5]}, {s[3], s[1], s[4]}, {s[5], s[4], s[2]}}};
+    for (int j = 0; j < modes; ++j) {
+      Vector3 traction{};
+      for (std::size_t a = 0; a < 3; ++a)
+        for (std::size_t b = 0; b < 3; ++b)
+          traction[a] += at.volume * sigma[a][b] * at.gradients[as_size(j)][b];
+      for (int i = 0; i <= j; ++i) {
+        const Vector3& g = at.gradients[as_size(i)];
+        const double both = g[0] * traction[0] + g[1] * traction[1] + g[2] * traction[2];
+        for (int c = 0; c < 3; ++c) K(3 * i + c, 3 * j + c) += both;
+      }
+    }
+  }
+  mirror(K);
+  return modes > n ? condensed(K, T) : K;
 }
 
 } // namespace flexgram

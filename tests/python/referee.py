@@ -38,7 +38,12 @@ def _table(i: Any, w: Any, omega: Any, storage: Any, loss: Any) -> Any:
     )
 
 
-_LAWS = {"prony": _prony, "table": _table}
+def _parameter(i: Any, w: Any, p: Any, least: Any, slope: Any, loss: Any, beta: Any) -> Any:
+    one = 1 + 0 * w
+    return slope * (one * p - one * least) * (1 + i * (loss + beta * w))
+
+
+_LAWS = {"prony": _prony, "table": _table, "parameter": _parameter}
 
 
 @dataclass
@@ -59,7 +64,8 @@ class System:
     output_beta: Any = 0.0  #: of outputs that are forces of the damped stiffness
     output_eta: Any = 0.0
     S: Any = None  #: the imaginary part of the stiffness
-    #: (T, "prony", g, tau) or (T, "table", omega, storage, loss): g(ω)T in addition
+    #: g(ω)T in addition: (T, "prony", g, tau), (T, "table", omega, storage, loss) or
+    #: (T, "parameter", p, least, slope, loss, beta)
     terms: Any = ()
 
     def __post_init__(self) -> None:

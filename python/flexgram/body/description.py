@@ -122,6 +122,7 @@ def import_description(
             "supports",
             "loads",
             "outputs",
+            "preload",
             "damping",
             "mass_integration",
             "merge",

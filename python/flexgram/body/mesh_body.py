@@ -19,6 +19,7 @@ from flexgram.body.loads import BodyMesh, write_loads
 from flexgram.body.meshfile import ELEMENTS, LABELS, node_set
 from flexgram.body.outputs import write_outputs
 from flexgram.body.parameters import PARAMETER, read_parameter
+from flexgram.body.preload import write_preload
 from flexgram.body.reader import Reader, short
 from flexgram.body.sections import section_properties
 from flexgram.body.selection import in_box, nearest
@@ -144,6 +145,7 @@ class MeshBody:
             file, self.points, self.blocks, self.length, self.units[2], self.select, self.folder
         )
         loads, outputs = write_loads(written, reader), write_outputs(written, reader)
+        write_preload(file, reader, [*interfaces, *loads])
         damping = Reader(reader.get("damping", {}) or {}, "damping", ("alpha", "beta", "eta"))
         for key in ("alpha", "beta", "eta"):
             file.attrs[key] = damping.number(key, 0.0)

@@ -1,0 +1,215 @@
+"""Bodies under loads that stay: tension, spin in the turning frame, against closed forms, published
+frequencies of rotating beams and CalculiX."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import h5py
+import meshio
+import numpy as np
+import pytest
+import scipy.linalg as sl
+from test_importers import ccx_frequencies, write_deck
+
+import flexgram
+from bodies import CALCULIX, box
+from conftest import assembled, body_system, read_sparse, run
+from flexgram import BodyError, ReducedModel
+from flexgram.body.description import import_description
+
+TWO_PI = 2 * np.pi
+E, RHO = 210e9, 7850.0
+CLAMPED = ["x", "y", "z", "rx", "ry", "rz"]
+STEEL = {"steel": {"E": E, "nu": 0.3, "rho": RHO}}
+
+
+def line(count: int, start: float, length: float) -> Any:
+    x = np.linspace(start, start + length, count + 1)
+    points = np.column_stack([x, 0 * x, 0 * x])
+    cells = np.column_stack([np.arange(count), np.arange(1, count + 1)])
+    sets = {"start": np.array([0]), "end": np.array([count])}
+    parts = {"all": [np.arange(count)]}
+    return meshio.Mesh(points, [("line", cells)], point_sets=sets, cell_sets=parts)
+
+
+def import_beam(path: Path, mesh: Any, side: float, **more: Any) -> None:
+    content = {
+        "materials": STEEL,
+        "sections": {"bar": {"shape": "rectangle", "width": side, "height": side}},
+        "regions": {"all": {"material": "steel", "section": "bar"}},
+        "interfaces": {"end": {"coupling": "node", "nodes": "end"}},
+        "supports": {"clamp": {"nodes": "start", "components": CLAMPED}},
+    }
+    import_description(content | more, "beam", path, mesh=mesh)
+
+
+def modes(a: dict[str, Any], along: int, count: int) -> Any:
+    """First angular frequencies of the modes whose largest motion is along an axis."""
+    values, vectors = sl.eigh(a["K"].toarray(), a["M"].toarray())
+    size = np.array([abs(vectors[a["component"] == c]).max(axis=0) for c in range(3)])
+    return np.sqrt(values[size.argmax(axis=0) == along][:count])
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize(
+    ("hub", "speed", "published"),
+    [  # Wright et al. 1982; Hodges and Rutkowski 1981
+        (0.0, 6.0, [7.3604]),
+        (0.0, 12.0, [13.1702, 37.6031, 79.6145]),
+        (1.0, 12.0, [19.7215, 51.0701, 98.5268]),
+    ],
+)
+def test_flap_of_a_rotating_beam(
+    hub: float, speed: float, published: list[float], ranks: int, tmp_path: Path
+) -> None:
+    side, length = 2e-3, 1.0  # so slender that shear and rotary inertia do not matter
+    unit = np.sqrt(E * side**2 / 12 / RHO) / length**2
+    turn = {"type": "spin", "point": [0, 0, 0], "axis": [0, 0, 1]}
+    import_beam(
+        tmp_path / "body.h5",
+        line(80, hub, length),
+        side,
+        loads={"turn": turn},
+        preload={"turn.spin": (speed * unit) ** 2},
+    )
+    a = assembled(tmp_path / "matrices.h5", tmp_path / "body.h5", ranks)
+    assert a["names"] == [f"end.{c}" for c in ("fx", "fy", "fz", "mx", "my", "mz")]
+    flap = modes(a, 2, len(published))
+    np.testing.assert_allclose(flap / unit, published, rtol=1e-3)
+    # In the plane of the rotation the spin softens by Ω² exactly; Coriolis forces are left out.
+    lag = modes(a, 1, len(published))
+    np.testing.assert_allclose(lag**2, flap**2 - (speed * unit) ** 2, rtol=1e-4)
+
+
+def test_a_string_under_tension(tmp_path: Path) -> None:
+    side, length, tension = 2e-4, 1.0, 1.0  # m, m, N
+    import_beam(
+        tmp_path / "body.h5",
+        line(250, 0, length),
+        side,
+        supports={
+            "clamp": {"nodes": "start", "components": CLAMPED},
+            "guide": {"nodes": "end", "components": ["y", "z", "rx", "ry", "rz"]},
+        },
+        interfaces={"middle": {"coupling": "node", "nodes": [31]}},
+        loads={"pull": {"type": "force", "nodes": "end"}},
+        preload={"pull.fx": tension},
+    )
+    a = assembled(tmp_path / "matrices.h5", tmp_path / "body.h5")
+    # With clamped ends and a little stiffness (Fletcher 1964).
+    order, layer = np.arange(1, 4), np.sqrt(E * side**4 / 12 / tension) / length
+    stiff = 1 + 2 * layer + (4 + (np.pi * order) ** 2 / 2) * layer**2
+    expected = np.pi * order / length * np.sqrt(tension / (RHO * side**2)) * stiff
+    np.testing.assert_allclose(modes(a, 2, 3), expected, rtol=1e-4)
+
+
+@pytest.mark.skipif(shutil.which("ccx") is None, reason="ccx is not installed")
+@pytest.mark.parametrize("load", ["turn", "pull"])
+@pytest.mark.parametrize("element", ["C3D4", "C3D10", "C3D15", "C3D20"])
+def test_frequencies_of_calculix(element: str, load: str, tmp_path: Path) -> None:
+    """Frequencies after a static step, to the digits that ccx prints."""
+    mesh = box(CALCULIX[element], (6, 2, 2))
+    card, preload = {
+        "turn": ("*DLOAD\nEALL, CENTRIF, 1e8, 0.01, -0.02, 0.005, 0, 0.6, 0.8", {"turn.spin": 1e8}),
+        "pull": ("*CLOAD\nEND, 1, 2e4", {"pull.fx": 2e4 * len(mesh.point_sets["end"])}),
+    }[load]
+    steps = (
+        f"*BOUNDARY\nSTART, 1, 3\n*STEP\n*STATIC\n{card}\n*END STEP\n"
+        "*STEP, PERTURBATION\n*FREQUENCY\n8\n*END STEP\n"
+    )
+    theirs = ccx_frequencies(write_deck(tmp_path / "box.inp", element, steps, mesh=mesh))[:8]
+    plain = steps.replace(card, "*CLOAD\nEND, 1, 0")
+    without = ccx_frequencies(write_deck(tmp_path / "plain.inp", element, plain, mesh=mesh))[:8]
+    content = {
+        "materials": STEEL,
+        "regions": {"all": {"material": "steel"}},
+        "interfaces": {"end": {"coupling": "distributing", "nodes": "end"}},
+        "supports": {"start": {"nodes": "start"}},
+        "loads": {
+            "turn": {"type": "spin", "point": [0.01, -0.02, 0.005], "axis": [0, 3, 4]},
+            "pull": {"type": "force", "nodes": "end"},
+        },
+        "mass_integration": "reduced",
+    }
+    for loads, expected in (({}, without), (preload, theirs)):
+        import_description(content | {"preload": loads}, "box", tmp_path / "body.h5", mesh=mesh)
+        a = assembled(tmp_path / "matrices.h5", tmp_path / "body.h5")
+        values = sl.eigh(a["K"].toarray(), a["M"].toarray(), eigvals_only=True)[:8]
+        np.testing.assert_allclose(np.sqrt(values) / TWO_PI, expected, rtol=1e-6)
+    assert max(abs(np.array(theirs) / without - 1)) > 0.01  # the load matters
+
+
+LOADED = {
+    "materials": STEEL,
+    "regions": {"all": {"material": "steel"}},
+    "interfaces": {"end": {"coupling": "distributing", "nodes": "end"}},
+    "supports": {"start": {"nodes": "start"}},
+    "loads": {
+        "turn": {"type": "spin", "point": [0, 0, 0], "axis": [0, 0, 1]},
+        "gravity": {"type": "acceleration"},
+    },
+}
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("kind", ["hexahedron", "tetra10"])
+def test_a_loaded_body_is_certified(kind: str, ranks: int, tmp_path: Path) -> None:
+    """Loss factors of materials are of K without stress; loads of the preload are no inputs."""
+    content = LOADED | {
+        "materials": {"steel": STEEL["steel"] | {"loss_factor": 0.01}},
+        "preload": {"turn.spin": 4e7, "end.fz": 2e3},
+    }
+    mesh = box(kind, (6, 2, 2))
+    import_description(content, "box", tmp_path / "body.h5", mesh=mesh)
+    run("assemble", "-body", tmp_path / "body.h5", "-body_out", tmp_path / "m.h5", ranks=ranks)
+    import_description(content | {"preload": {}}, "box", tmp_path / "rest.h5", mesh=mesh)
+    rest = assembled(tmp_path / "rest_matrices.h5", tmp_path / "rest.h5", ranks)
+    with h5py.File(tmp_path / "m.h5") as file:
+        S = read_sparse(file, "S")
+        names = list(file["B"].attrs["names"])
+    assert "turn.spin" not in names and "gravity.az" in names
+    assert abs(S - 0.01 * rest["K"]).max() < 1e-12 * abs(rest["K"]).max()
+    said = run(
+        *("reduce", "-body", tmp_path / "body.h5", "-mor_band_hz", "100,8000"),
+        *("-mor_tol", "1e-4", "-mor_out", tmp_path / "rom.h5"),
+        ranks=ranks,
+    ).out
+    assert "preload" in said and "without Coriolis forces" in said
+    rom, full = ReducedModel.load(tmp_path / "rom.h5"), body_system(tmp_path / "m.h5")
+    assert rom.certified_error <= 1e-4
+    for omega in TWO_PI * np.array([100.0, 1234.5, 3000.0, 8000.0]):
+        H, H_r = full.transfer(omega), rom.transfer([omega])[0]
+        assert np.linalg.norm((H_r - H).astype(complex)) <= 1e-4 * np.linalg.norm(H.astype(complex))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"preload": {"turn": 1.0}}, "must be an input"),
+        ({"preload": {"trun.spin": 1.0}}, "did you mean turn?"),
+        ({"preload": {"turn.spin": "fast"}}, "must be a number"),
+    ],
+)
+def test_a_wrong_preload_is_named(change: Any, words: str, tmp_path: Path) -> None:
+    with pytest.raises(BodyError, match=words.replace("?", r"\?")):
+        import_description(
+            LOADED | change, "box", tmp_path / "body.h5", mesh=box("tetra10", (2, 1, 1))
+        )
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"preload": {"turn.ax": 1.0}}, "did you mean turn.spin"),
+        ({"preload": {"turn.spin": -1.0}}, "square of a speed, and negative"),
+        ({"preload": {"turn.spin": 1.0}, "supports": {}}, "needs supports"),
+        ({"preload": {"end.fx": -4e6}}, "buckled"),
+    ],
+)
+def test_a_body_that_cannot_bear_it(change: Any, words: str, tmp_path: Path) -> None:
+    import_description(LOADED | change, "box", tmp_path / "body.h5", mesh=box("tetra10", (6, 1, 1)))
+    with pytest.raises(BodyError, match=words):
+        flexgram.reduce(tmp_path / "body.h5", (100, 2000), 1e-3)
