@@ -457,6 +457,13 @@ def main() -> int:
                 f"{verdict.floor:.3g}, m = {verdict.order}",
                 flush=True,
             )
+        if index % 50 == 49:
+            seen = [v for name, some in table.items() if name in CLASSES for v in some]
+            print(
+                f"{index + 1} of {count}, {time.time() - start:.0f} s: largest true/certified "
+                f"{max(v.ratio for v in seen):.4f}, {broken} broken",
+                flush=True,
+            )
         if verdict.outcome == "refused":
             print(f"refused {index} {kind}, {damping}: {verdict.words}", flush=True)
     print(f"{count} systems, seed {seed}, {time.time() - start:.0f} s")
