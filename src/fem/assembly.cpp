@@ -107,9 +107,21 @@ private:
         transformation(nodes, count, dofs_per_node(block.type), masters, master_count);
     std::vector<ElementPart> parts;
     if (!rigid) parts = terms_.of_element(block, x, body_.mass_rule, element.K);
-    if (preload_ && !rigid)
-      add_to(element.K, preload_->of_element(
-                            block, x, displacement(T, masters, master_count), element.M));
+    Dense turning; // of references, by the forces at their slaves
+    if (preload_) {
+      Dense forces = preload_->weight(block, x, element.M);
+      for (double& f : forces.data) f = -f;
+      Dense added = preload_->of_spin(block, x, element.M);
+      if (!rigid) {
+        const Dense u = displacement(T, masters, master_count);
+        add_to(forces, multiply(element.K, u));
+        add_to(added, preload_->of_stress(block, x, u.data));
+        add_to(added, element.K);
+      }
+      element.K = std::move(added);
+      turning = turning_of_references(nodes, count, dofs_per_node(block.type), masters,
+                                      master_count, forces);
+    }
     if (reactions_.any() && !rigid)
       reactions_.add_element(nodes, x, dofs_per_node(block.type), element.K, element.M);
     const auto reduce = [&](const Dense& a) {
@@ -120,8 +132,9 @@ private:
       return;
     }
     for (ElementPart& part : parts) part.matrix = reduce(part.matrix);
-    matrix.add(masters, master_count, rigid ? Dense() : reduce(element.K),
-               reduce(element.M), parts);
+    Dense K = rigid && !preload_ ? Dense() : reduce(element.K);
+    if (!turning.data.empty()) add_to(K, turning);
+    matrix.add(masters, master_count, K, reduce(element.M), parts);
   }
 
   /// Element dofs from the dofs of the masters; empty where they are the same.
@@ -157,14 +170,49 @@ private:
   }
 
   /// Of the element's dofs under the preload. @param T  transformation
-  std::vector<double> displacement(const Dense& T, const std::int64_t* masters,
-                                   std::size_t master_count) const {
+  Dense displacement(const Dense& T, const std::int64_t* masters,
+                     std::size_t master_count) const {
     Dense u(0, 1);
     for (std::size_t a = 0; a < master_count; ++a)
       for (int c = 0; c < map_.dofs[as_size(masters[a])]; ++c)
         u.data.push_back(preload_->at(masters[a], c));
     u.rows = static_cast<int>(u.data.size());
-    return (T.data.empty() ? u : multiply(T, u)).data;
+    return T.data.empty() ? u : multiply(T, u);
+  }
+
+  /// A slave at distance d moves by θ×d + ½θ×(θ×d) where its reference turns by θ: with a force F
+  /// between them the second derivatives of the energy are ½(F dᵀ + d Fᵀ) − Fᵀd I.
+  /// @param forces  of the element at its dofs, less what loads exert there.
+  /// @return over the dofs of the masters; empty without slaves.
+  Dense turning_of_references(const std::int64_t* nodes, int count, int dofs,
+                              const std::int64_t* masters, std::size_t master_count,
+                              const Dense& forces) const {
+    std::vector<int> offset(master_count + 1, 0);
+    for (std::size_t a = 0; a < master_count; ++a)
+      offset[a + 1] = offset[a] + map_.dofs[as_size(masters[a])];
+    Dense result;
+    for (int a = 0; a < count; ++a) {
+      const int reference = map_.reference[as_size(nodes[a])];
+      if (reference < 0) continue;
+      if (result.data.empty()) result = Dense(offset.back(), offset.back());
+      const int first =
+          offset[as_size(std::find(masters, masters + master_count, reference) -
+                         masters)] +
+          3;
+      const Vector3& x = mesh_.coordinates[mesh_.place(nodes[a])];
+      const Vector3& origin = map_.reference_position[as_size(reference - map_.points)];
+      double F[3], d[3], along = 0;
+      for (int c = 0; c < 3; ++c) {
+        F[c] = forces(a * dofs + c, 0);
+        d[c] = x[as_size(c)] - origin[as_size(c)];
+        along += F[c] * d[c];
+      }
+      for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j)
+          result(first + i, first + j) +=
+              0.5 * (F[i] * d[j] + d[i] * F[j]) - (i == j) * along;
+    }
+    return result;
   }
 
   std::string name(const LocalElements& elements, std::size_t k) const {
@@ -235,8 +283,8 @@ void append(Ports more, Block& ports, std::vector<std::string>& names) {
 
 } // namespace
 
-SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
-                               Observer& observer) {
+SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver,
+                               AssemblyFacts& facts, Observer& observer) {
   const MPI_Comm comm = file.comm();
   const int rank = comm_rank(comm);
   const BodyDescription all = read_description(file), body = without_preload_loads(all);
@@ -290,7 +338,9 @@ SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
     Ports inputs = interface_ports(comm, loaded, map, coordinates, {});
     append(fields.take(), inputs.B, inputs.names);
     append(nodal_ports(comm, loaded.loads, map, mesh, partition), inputs.B, inputs.names);
-    preload.emplace(all, map, model.K, inputs, model.node, mesh);
+    preload.emplace(all, map, model.K, inputs, model.node, mesh, solver);
+    model.K = Matrix();
+    model.M = Matrix();
   }
   Reactions reactions(comm, body, map, mesh);
   const HeldForces held = reactions.held_forces();
@@ -299,7 +349,7 @@ SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
   masters = {};
   if (preload) {
     preload->tell(comm, observer);
-    Preload::expect_stable(model.K, model.node);
+    Preload::expect_stable(model.K, model.node, solver);
   }
   for (std::size_t k = 0; k < parts.size(); ++k)
     model.terms.push_back({terms.laws()[k], std::move(parts[k])});
@@ -309,7 +359,7 @@ SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
         "reactions of a body whose materials have loss factors of their own, or are "
         "viscoelastic, or known between two numbers, are not known yet: leave the "
         "outputs of type reaction out, or "
-        "give the materials one loss factor");
+        "give the materials one loss factor (under a preload: `damping: eta`)");
   facts.elements = sum_over(comm, facts.elements);
   facts.rigid_elements = sum_over(comm, facts.rigid_elements);
   facts.mass = sum_over(comm, facts.mass);

@@ -2,6 +2,7 @@
 
 #include "base/observer.hpp"
 #include "fem/dof_map.hpp"
+#include "linalg/shifted_solver.hpp"
 #include "model/second_order_model.hpp"
 
 namespace flexgram {
@@ -18,9 +19,10 @@ struct AssemblyFacts {
 /// Reads the mesh of a body file, partitions it, assembles K and M in parallel, couples
 /// the interfaces and applies the supports. Ports in the order of the interfaces: fx, fy,
 /// fz, mx, my, mz each; outputs are the inputs.
+/// @param solver  for the static solve of a preload.
 /// @throws Error naming inverted elements, nodes in two interfaces, and so on.
 /// Collective.
-SecondOrderModel assemble_body(const Hdf5File& file, AssemblyFacts& facts,
-                               Observer& observer);
+SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver,
+                               AssemblyFacts& facts, Observer& observer);
 
 } // namespace flexgram

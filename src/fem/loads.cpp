@@ -34,27 +34,40 @@ const char* letters_of(AccelerationField::Type type) {
                                                     : "spin";
 }
 
-std::vector<std::string> names_of(const std::vector<AccelerationField>& fields) {
+template <class Load>
+std::vector<std::string> names_of(const std::vector<Load>& loads) {
   std::vector<std::string> names;
-  for (const auto& field : fields) {
-    const std::string stem = field.name + "." + letters_of(field.type);
-    if (field.type == AccelerationField::Type::spin)
-      names.push_back(stem);
-    else
-      for (const char* axis : {"x", "y", "z"}) names.push_back(stem + axis);
-  }
-  return names;
-}
-
-std::vector<std::string> names_of(const std::vector<NodalVectors>& all) {
-  std::vector<std::string> names;
-  for (const auto& vectors : all)
-    for (const auto& column : vectors.columns)
-      names.push_back(vectors.name + "." + column);
+  for (const Load& load : loads)
+    for (auto& name : input_names(load)) names.push_back(std::move(name));
   return names;
 }
 
 } // namespace
+
+std::vector<std::string> input_names(const AccelerationField& field) {
+  const std::string stem = field.name + "." + letters_of(field.type);
+  if (field.type == AccelerationField::Type::spin) return {stem};
+  return {stem + "x", stem + "y", stem + "z"};
+}
+
+std::vector<std::string> input_names(const NodalVectors& load) {
+  std::vector<std::string> names;
+  for (const auto& column : load.columns) names.push_back(load.name + "." + column);
+  return names;
+}
+
+Dense weight_of_element(const AccelerationField& field, int number,
+                        const std::vector<Vector3>& x, int dofs, const Dense& M) {
+  Dense a(M.rows, 1);
+  for (std::size_t k = 0; k < x.size(); ++k) {
+    const Vector3 there = acceleration(field, number, x[k]);
+    const int first = static_cast<int>(k) * dofs;
+    for (int c = 0; c < 3; ++c) a(first + c, 0) = there[as_size(c)];
+    if (dofs == 6 && field.type == AccelerationField::Type::angular)
+      a(first + 3 + number, 0) = 1;
+  }
+  return multiply(M, a);
+}
 
 NodalSums::NodalSums(MPI_Comm comm, const DofMap& map, const LocalMesh& mesh,
                      std::vector<std::string> names, HeldForces held)
@@ -119,15 +132,7 @@ void FieldLoads::add_element(const std::int64_t* nodes, const std::vector<Vector
                              int dofs, const Dense& M) {
   for (std::size_t j = 0; j < columns_.size(); ++j) {
     const auto& [field, axis] = columns_[j];
-    Dense a(M.rows, 1);
-    for (std::size_t k = 0; k < x.size(); ++k) {
-      const Vector3 there = acceleration(*field, axis, x[k]);
-      const int first = static_cast<int>(k) * dofs;
-      for (int c = 0; c < 3; ++c) a(first + c, 0) = there[as_size(c)];
-      if (dofs == 6 && field->type == AccelerationField::Type::angular)
-        a(first + 3 + axis, 0) = 1;
-    }
-    const Dense f = multiply(M, a);
+    const Dense f = weight_of_element(*field, axis, x, dofs, M);
     for (std::size_t k = 0; k < x.size(); ++k) {
       const double* at = f.column(0) + static_cast<std::ptrdiff_t>(k) * dofs;
       const Vector3 moment = dofs == 6 ? Vector3{at[3], at[4], at[5]} : Vector3{};

@@ -7,6 +7,15 @@
 
 namespace flexgram {
 
+/// Names of the inputs of a load.
+std::vector<std::string> input_names(const AccelerationField& field);
+std::vector<std::string> input_names(const NodalVectors& load);
+
+/// What an element weighs in a field of acceleration, for a unit of input `number` of it.
+/// @param M  of the element, `dofs` rows a node. @return forces at its dofs.
+Dense weight_of_element(const AccelerationField& field, int number,
+                        const std::vector<Vector3>& x, int dofs, const Dense& M);
+
 /// Vectors over all equations that are summed node by node on the rank that has the
 /// node's element, whatever rank owns its rows.
 class NodalSums {

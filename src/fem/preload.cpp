@@ -2,18 +2,12 @@
 
 #include "base/index.hpp"
 #include "base/text.hpp"
-#include "linalg/shifted_solver.hpp"
 
 #include <algorithm>
 #include <cmath>
 
 namespace flexgram {
 namespace {
-
-/// The first name of an input, of its load or interface.
-std::string stem_of(const std::string& input) {
-  return input.substr(0, input.rfind('.'));
-}
 
 /// Σ value · column of the inputs.
 Block total_load(const BodyDescription& body, const Ports& inputs) {
@@ -23,7 +17,7 @@ Block total_load(const BodyDescription& body, const Ports& inputs) {
     if (found == inputs.names.end())
       throw Error(text("preload: the body has no input %s, did you mean %s?",
                        name.c_str(), nearest(name, inputs.names).c_str()));
-    shares(static_cast<int>(found - inputs.names.begin()), 0) = value;
+    shares(static_cast<int>(found - inputs.names.begin()), 0) += value;
   }
   return combine(inputs.B, shares);
 }
@@ -58,37 +52,71 @@ void soften(Dense& K, double square, const Vector3& axis, const Dense& M) {
 
 Preload::Preload(const BodyDescription& body, const DofMap& map, Mat K,
                  const Ports& inputs, const std::vector<std::int64_t>& node,
-                 const LocalMesh& mesh)
+                 const LocalMesh& mesh, const SolverOptions& options)
     : body_(body), map_(map) {
   const Block load = total_load(body, inputs);
-  for (const AccelerationField& field : body.fields)
-    for (const auto& [name, value] : body.preload) {
-      if (stem_of(name) != field.name) continue;
+  for (const auto& [name, value] : body.preload) {
+    for (const AccelerationField& field : body.fields) {
+      const auto names = input_names(field);
+      const auto found = std::find(names.begin(), names.end(), name);
+      if (found == names.end() || value == 0) continue;
       if (field.type == AccelerationField::Type::angular)
         throw Error(
             text("preload: %s: an angular acceleration does not last; take a spin",
                  name.c_str()));
-      if (field.type != AccelerationField::Type::spin) continue;
-      if (value < 0)
+      const Field one{&field, static_cast<int>(found - names.begin()), value};
+      if (one.is_spin() && value < 0)
         throw Error(text("preload: %s = %g is the square of a speed, and negative",
                          name.c_str(), value));
-      spins_.push_back({value, field.axis});
+      if (one.is_spin() && spins())
+        throw Error(text("preload: %s is a second spin: a body turns about one axis",
+                         name.c_str()));
+      fields_.push_back(one);
     }
+    for (const NodalVectors& vectors : body.loads) {
+      const auto names = input_names(vectors);
+      if (std::find(names.begin(), names.end(), name) == names.end()) continue;
+      for (std::int64_t loaded : vectors.nodes)
+        if (map.reference[as_size(loaded)] >= 0)
+          throw Error(
+              text("preload: %s acts on nodes of a rigid interface: give the load to "
+                   "the interface, or to other nodes",
+                   name.c_str()));
+    }
+  }
+  const char* free =
+      "preload: the body moves freely, or a part of it: a preload needs supports";
   try {
-    ShiftedSolver solver(K, nullptr, {}, node, SolverOptions());
+    ShiftedSolver solver(K, nullptr, {}, node, counting(options));
+    solver.count_pivots(true);
     solver.factorise({1.0, 0.0});
+    if (solver.null_pivots() > 0) throw Error(free);
     u_ = gathered(solver.solve(load).x);
   } catch (const ShiftError&) {
-    throw Error(
-        "preload: the body moves freely, and nothing holds it against its preload: "
-        "it needs supports");
+    throw Error(free);
   }
-  for (std::int64_t node_here : mesh.nodes) {
-    if (map.reference[as_size(node_here)] >= 0) continue;
+  const auto look = [&](std::int64_t at_node) {
     double square = 0;
-    for (int c = 0; c < 3; ++c) square += std::pow(at(node_here, c), 2);
+    for (int c = 0; c < 3; ++c) square += std::pow(at(at_node, c), 2);
     largest_ = std::max(largest_, std::sqrt(square));
+  };
+  for (std::int64_t here : mesh.nodes)
+    if (map.reference[as_size(here)] < 0) look(here);
+  for (std::size_t k = 0; k < map.reference_position.size(); ++k)
+    look(map.points + static_cast<std::int64_t>(k));
+  for (std::size_t c = 0; c < 3; ++c) {
+    double least = HUGE_VAL, most = -HUGE_VAL;
+    for (const Vector3& x : mesh.coordinates) {
+      least = std::min(least, x[c]);
+      most = std::max(most, x[c]);
+    }
+    extent_ = std::max(extent_, most - least);
   }
+}
+
+bool Preload::spins() const {
+  return std::any_of(fields_.begin(), fields_.end(),
+                     [](const Field& one) { return one.is_spin(); });
 }
 
 double Preload::at(std::int64_t node, int c) const {
@@ -96,23 +124,43 @@ double Preload::at(std::int64_t node, int c) const {
   return equation < 0 ? 0.0 : u_[as_size(equation)];
 }
 
-Dense Preload::of_element(const MeshBlock& block, const std::vector<Vector3>& x,
-                          const std::vector<double>& u, const Dense& M) {
+Dense Preload::of_stress(const MeshBlock& block, const std::vector<Vector3>& x,
+                         const std::vector<double>& u) {
   const Material& material = body_.materials.at(block.material);
-  if (block.type != ElementType::beam2) {
-    Dense K = solid_stress_stiffness(block.type, x, material.solid, u, stress_);
-    for (const auto& [square, axis] : spins_) soften(K, square, axis, M);
-    return K;
+  return block.type == ElementType::beam2
+             ? beam_stress_stiffness(x[0], x[1], material.beam,
+                                     body_.sections.at(block.section), u, stress_)
+             : solid_stress_stiffness(block.type, x, material.solid, u, stress_);
+}
+
+Dense Preload::of_spin(const MeshBlock& block, const std::vector<Vector3>& x,
+                       const Dense& M) const {
+  Dense K(M.rows, M.rows);
+  for (const Field& one : fields_) {
+    if (!one.is_spin()) continue;
+    const Vector3& axis = one.field->axis;
+    if (block.type == ElementType::beam2)
+      add_to(K,
+             beam_spin_softening(x[0], x[1], body_.materials.at(block.material).beam,
+                                 body_.sections.at(block.section), axis),
+             -one.value);
+    else
+      soften(K, one.value, axis, M);
   }
-  const BeamSection& section = body_.sections.at(block.section);
-  Dense K = beam_stress_stiffness(x[0], x[1], material.beam, section, u, stress_);
-  for (const auto& [square, axis] : spins_)
-    add_to(K, beam_spin_softening(x[0], x[1], material.beam, section, axis), -square);
   return K;
 }
 
-void Preload::expect_stable(Mat K, const std::vector<std::int64_t>& node) {
-  ShiftedSolver solver(K, nullptr, {}, node, counting(SolverOptions()));
+Dense Preload::weight(const MeshBlock& block, const std::vector<Vector3>& x,
+                      const Dense& M) const {
+  Dense f(M.rows, 1);
+  for (const auto& [field, number, value] : fields_)
+    add_to(f, weight_of_element(*field, number, x, dofs_per_node(block.type), M), value);
+  return f;
+}
+
+void Preload::expect_stable(Mat K, const std::vector<std::int64_t>& node,
+                            const SolverOptions& options) {
+  ShiftedSolver solver(K, nullptr, {}, node, counting(options));
   solver.count_pivots(true);
   solver.factorise({1.0, 0.0});
   const int negative = solver.negative_pivots();
@@ -127,18 +175,25 @@ void Preload::tell(MPI_Comm comm, Observer& observer) const {
   std::string loads;
   for (const auto& [name, value] : body_.preload)
     loads += text("%s%s %g", loads.empty() ? "" : ", ", name.c_str(), value);
+  const double largest = max_over(comm, largest_), extent = max_over(comm, extent_);
   observer.fact(
       "preload",
-      text("%s: displacement at most %.3g m, von Mises stress at most %.3g N/m²; "
-           "K is that under this stress%s",
-           loads.c_str(), max_over(comm, largest_), max_over(comm, stress_),
-           spins_.empty() ? "" : ", softened by the spin, without Coriolis forces"));
+      text("%s: displacement at most %.3g m, von Mises stress (of beams: axial) at "
+           "most %.3g N/m²; K is that under this stress%s",
+           loads.c_str(), largest, max_over(comm, stress_),
+           spins() ? ", softened by the spin, without Coriolis forces" : ""));
+  if (largest > 0.05 * extent)
+    observer.warn(
+        text("preload: it moves the body by %.3g m, which measures %.3g m: linear "
+             "statics does not hold there; are the values in SI units?",
+             largest, extent));
 }
 
 BodyDescription without_preload_loads(BodyDescription body) {
   const auto stays = [&](const auto& load) {
+    const auto names = input_names(load);
     return std::any_of(body.preload.begin(), body.preload.end(), [&](const auto& entry) {
-      return stem_of(entry.first) == load.name;
+      return std::find(names.begin(), names.end(), entry.first) != names.end();
     });
   };
   std::erase_if(body.fields, stays);

@@ -3,14 +3,14 @@
 #pragma once
 
 #include "base/observer.hpp"
-#include "fem/couplings.hpp"
-#include "fem/mesh.hpp"
+#include "fem/loads.hpp"
+#include "linalg/shifted_solver.hpp"
 
 namespace flexgram {
 
-/// The displacements under a preload, and what they add to the stiffness of elements: that of
-/// stress, K_σ, and −Ω²M_c of a spin in the frame that turns with the body. Both are of first order
-/// in the loads: displacements must be small, and pressure keeps its direction.
+/// The displacements under a preload, and what they and the loads add to the stiffness of elements:
+/// that of stress and moved geometry, and −Ω²M_c of a spin in the frame that turns with the body.
+/// Displacements must be small, and loads keep their direction.
 class Preload {
 public:
   /// Solves K u = f.
@@ -18,31 +18,44 @@ public:
   /// @param K       without stress.
   /// @param inputs  unit loads, among them those of the preload.
   /// @param node    of each local row.
-  /// @throws Error if an input is unknown, or K is singular. Collective.
+  /// @throws Error if an input is unknown or cannot last, if there are two spins, if K is singular.
+  /// Collective.
   Preload(const BodyDescription& body, const DofMap& map, Mat K, const Ports& inputs,
-          const std::vector<std::int64_t>& node, const LocalMesh& mesh);
+          const std::vector<std::int64_t>& node, const LocalMesh& mesh,
+          const SolverOptions& options);
 
   /// Displacement of component c of a node that is no slave.
   double at(std::int64_t node, int c) const;
-  /// K_σ − Ω²M_c of an element. @param u  of its dofs. @param M  of the element.
-  Dense of_element(const MeshBlock& block, const std::vector<Vector3>& x,
-                   const std::vector<double>& u, const Dense& M);
+  /// What an element's stress and moved geometry add to its K. @param u  of its dofs.
+  Dense of_stress(const MeshBlock& block, const std::vector<Vector3>& x,
+                  const std::vector<double>& u);
+  /// −Ω²M_c of an element. @param M  of it.
+  Dense of_spin(const MeshBlock& block, const std::vector<Vector3>& x,
+                const Dense& M) const;
+  /// What the element weighs in the preload's fields of acceleration, at its dofs.
+  Dense weight(const MeshBlock& block, const std::vector<Vector3>& x,
+               const Dense& M) const;
   /// @param K  under the preload.
   /// @throws Error if it has negative eigenvalues: the body buckles, or flies apart. Collective.
-  static void expect_stable(Mat K, const std::vector<std::int64_t>& node);
+  static void expect_stable(Mat K, const std::vector<std::int64_t>& node,
+                            const SolverOptions& options);
   /// The loads, the largest displacement, and the largest stress met on any rank. Collective.
   void tell(MPI_Comm comm, Observer& observer) const;
 
 private:
-  struct Spin {
-    double square; ///< Ω² [rad²/s²]
-    Vector3 axis;
+  struct Field {
+    const AccelerationField* field;
+    int number; ///< of the input
+    double value;
+    bool is_spin() const { return field->type == AccelerationField::Type::spin; }
   };
+  bool spins() const;
   const BodyDescription& body_;
   const DofMap& map_;
   std::vector<double> u_; ///< of all equations
-  std::vector<Spin> spins_;
+  std::vector<Field> fields_;
   double largest_ = 0, stress_ = 0; ///< displacement [m], von Mises [N/m²]
+  double extent_ = 0;               ///< of the nodes here [m]
 };
 
 /// The body without the loads that only its preload uses: they are no inputs.

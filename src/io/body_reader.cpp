@@ -295,7 +295,7 @@ std::string not_read(const Hdf5File& file) {
       "C",     "dofs", "nodes", "feedthrough", "output_beta", "output_eta",
       "alpha", "beta", "eta",   "rounding",    "geometry",    "interfaces"},
       of_meshes{"mesh",    "materials", "sections", "interfaces", "supports", "loads",
-                "outputs", "fields",    "alpha",    "beta",       "eta"};
+                "outputs", "preload",   "fields",   "alpha",      "beta",     "eta"};
   const auto& known = file.exists("/mesh") ? of_meshes : of_matrices;
   std::vector<std::string> others;
   for (const std::string& name : file.children("/"))

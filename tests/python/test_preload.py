@@ -150,8 +150,11 @@ LOADED = {
     "loads": {
         "turn": {"type": "spin", "point": [0, 0, 0], "axis": [0, 0, 1]},
         "gravity": {"type": "acceleration"},
+        "spin": {"type": "spin", "point": [0, 0, 0], "axis": [1, 0, 0]},
+        "rim": {"type": "nodal", "table": [[28, 0, 0, 1.0]]},
     },
 }
+RIGID = {"end": {"coupling": "rigid", "nodes": "end"}}
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
@@ -177,7 +180,7 @@ def test_a_loaded_body_is_certified(kind: str, ranks: int, tmp_path: Path) -> No
         *("-mor_tol", "1e-4", "-mor_out", tmp_path / "rom.h5"),
         ranks=ranks,
     ).out
-    assert "preload" in said and "without Coriolis forces" in said
+    assert "preload" in said and "without Coriolis forces" in said and "not read" not in said
     rom, full = ReducedModel.load(tmp_path / "rom.h5"), body_system(tmp_path / "m.h5")
     assert rom.certified_error <= 1e-4
     for omega in TWO_PI * np.array([100.0, 1234.5, 3000.0, 8000.0]):
@@ -207,9 +210,61 @@ def test_a_wrong_preload_is_named(change: Any, words: str, tmp_path: Path) -> No
         ({"preload": {"turn.spin": -1.0}}, "square of a speed, and negative"),
         ({"preload": {"turn.spin": 1.0}, "supports": {}}, "needs supports"),
         ({"preload": {"end.fx": -4e6}}, "buckled"),
+        ({"preload": {"turn.spin": 1.0, "spin.spin": 1.0}}, "a body turns about one axis"),
+        ({"preload": {"rim.load": 1.0}, "interfaces": RIGID}, "nodes of a rigid interface"),
     ],
 )
 def test_a_body_that_cannot_bear_it(change: Any, words: str, tmp_path: Path) -> None:
     import_description(LOADED | change, "box", tmp_path / "body.h5", mesh=box("tetra10", (6, 1, 1)))
     with pytest.raises(BodyError, match=words):
         flexgram.reduce(tmp_path / "body.h5", (100, 2000), 1e-3)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("force", [50.0, -8.0])
+def test_a_rigid_arm_is_one_of_stiff_beams(force: float, ranks: int, tmp_path: Path) -> None:
+    """A force at the end of an arm turns with nothing: it straightens the arm, or topples it."""
+    side, length, arm = 5e-3, 1.0, 0.5
+    slender = line(20, 0, length)
+    nodes = {"coupling": "rigid", "nodes": "end", "position": [length + arm, 0, 0]}
+    preload = {"end.fx": force}
+    import_beam(tmp_path / "body.h5", slender, side, interfaces={"end": nodes}, preload=preload)
+    longer = line(30, 0, length + arm)
+    longer.cell_sets = {"all": [np.arange(20)], "arm": [np.arange(20, 30)]}
+    stiff = {"stiff": {"E": 1e6 * E, "nu": 0.3, "rho": RHO}}
+    import_beam(
+        tmp_path / "beams.h5",
+        longer,
+        side,
+        materials=STEEL | stiff,
+        regions={
+            "all": {"material": "steel", "section": "bar"},
+            "arm": {"material": "stiff", "section": "bar"},
+        },
+        preload=preload,
+    )
+    found = []
+    for name in ("body", "beams"):
+        a = assembled(tmp_path / f"{name}.m.h5", tmp_path / f"{name}.h5", ranks)
+        found.append(a["B"].T @ np.linalg.solve(a["K"].toarray(), a["B"]))
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-4, atol=1e-6 * abs(found[1]).max())
+
+
+def test_a_rigid_block_is_softened_by_spin(tmp_path: Path) -> None:
+    """What is added to K is that of the turning mass, in a rigid interface too."""
+    spin = 4e4
+    mesh = box("hexahedron20", (4, 2, 2), distort=False)
+    mesh.point_sets["half"] = np.flatnonzero(mesh.points[:, 0] > 0.049)
+    stiff = LOADED | {
+        "interfaces": {"end": {"coupling": "rigid", "nodes": "half", "position": [0.1, 0, 0]}},
+    }
+    turn = {"type": "spin", "point": [0, 0, 0], "axis": [1, 0, 0]}  # nothing pulls along the axis
+    matrices = []
+    for preload in ({}, {"turn.spin": spin}):
+        content = stiff | {"loads": {"turn": turn}, "preload": preload}
+        import_description(content, "box", tmp_path / "body.h5", mesh=mesh)
+        matrices.append(assembled(tmp_path / "m.h5", tmp_path / "body.h5"))
+    rest, turning = matrices
+    K, K_s, M = (a.toarray() for a in (rest["K"], turning["K"], rest["M"]))
+    (i,) = np.flatnonzero(rest["B"][:, rest["names"].index("end.fy")])
+    np.testing.assert_allclose(K_s[i, i] - K[i, i], -spin * M[i, i], rtol=0.02)

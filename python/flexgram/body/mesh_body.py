@@ -145,7 +145,8 @@ class MeshBody:
             file, self.points, self.blocks, self.length, self.units[2], self.select, self.folder
         )
         loads, outputs = write_loads(written, reader), write_outputs(written, reader)
-        write_preload(file, reader, [*interfaces, *loads])
+        for name in set(write_preload(file, reader, [*interfaces, *loads])) & set(loads):
+            loads[name] += ", of the preload: no input"
         damping = Reader(reader.get("damping", {}) or {}, "damping", ("alpha", "beta", "eta"))
         for key in ("alpha", "beta", "eta"):
             file.attrs[key] = damping.number(key, 0.0)

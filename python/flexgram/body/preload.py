@@ -11,8 +11,8 @@ from flexgram.basics import BodyError
 from flexgram.body.reader import Reader
 
 
-def write_preload(file: h5py.File, reader: Reader, names: Iterable[str]) -> None:
-    """Write what the description says of it: inputs and their values, in the inputs' units.
+def write_preload(file: h5py.File, reader: Reader, names: Iterable[str]) -> list[str]:
+    """Write what the description says of it: inputs and their values, in SI units.
 
     Parameters
     ----------
@@ -23,6 +23,11 @@ def write_preload(file: h5py.File, reader: Reader, names: Iterable[str]) -> None
     names : iterable of str
         Of interfaces and loads.
 
+    Returns
+    -------
+    list of str
+        Loads and interfaces that it uses.
+
     Raises
     ------
     BodyError
@@ -30,7 +35,7 @@ def write_preload(file: h5py.File, reader: Reader, names: Iterable[str]) -> None
     """
     entries = reader.children("preload")
     if not entries:
-        return
+        return []
     entry, names = Reader(entries, "preload"), list(names)
     for key in map(str, entries):
         stem, dot, _ = key.rpartition(".")
@@ -45,3 +50,4 @@ def write_preload(file: h5py.File, reader: Reader, names: Iterable[str]) -> None
     group = file.create_group("preload")
     group.attrs["inputs"] = list(map(str, entries))
     group.attrs["values"] = [entry.number(key) for key in entries]
+    return [str(key).rpartition(".")[0] for key in entries]
