@@ -125,8 +125,12 @@ void Options::add_choice(const char* name, std::string& value,
                          const std::vector<std::string>& choices, const char* help) {
   std::string word;
   const bool set = given(name, word);
+  const auto is_choice = [&](const std::string& w) {
+    return std::find(choices.begin(), choices.end(), w) != choices.end();
+  };
   if (set) {
-    if (std::find(choices.begin(), choices.end(), word) == choices.end())
+    if (word.empty() && is_choice("yes")) word = "yes"; // a flag alone, as PETSc takes it
+    if (!is_choice(word))
       throw Error(text("option %s %s: must be one of %s (did you mean %s?)", name,
                        word.c_str(), join(choices).c_str(),
                        nearest(word, choices).c_str()));
