@@ -300,7 +300,7 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
   {
     Stage stage(observer, "partition");
     partition = partition_mesh(file, body);
-    map = number_equations(file, body, partition);
+    map = number_equations(file, all, partition);
     mesh = read_local_mesh(file, body, partition, further_nodes(body, partition, rank));
   }
   Stage stage(observer, "assemble");

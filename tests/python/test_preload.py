@@ -25,6 +25,19 @@ E, RHO = 210e9, 7850.0
 CLAMPED = ["x", "y", "z", "rx", "ry", "rz"]
 STEEL = {"steel": {"E": E, "nu": 0.3, "rho": RHO}}
 
+LOADED = {
+    "materials": STEEL,
+    "regions": {"all": {"material": "steel"}},
+    "interfaces": {"end": {"coupling": "distributing", "nodes": "end"}},
+    "supports": {"start": {"nodes": "start"}},
+    "loads": {
+        "turn": {"type": "spin", "point": [0, 0, 0], "axis": [0, 0, 1]},
+        "gravity": {"type": "acceleration"},
+        "spin": {"type": "spin", "point": [0, 0, 0], "axis": [1, 0, 0]},
+        "rim": {"type": "nodal", "table": [[28, 0, 0, 1.0]]},
+    },
+}
+
 
 def line(count: int, start: float, length: float) -> Any:
     x = np.linspace(start, start + length, count + 1)
@@ -123,11 +136,7 @@ def test_frequencies_of_calculix(element: str, load: str, tmp_path: Path) -> Non
     theirs = ccx_frequencies(write_deck(tmp_path / "box.inp", element, steps, mesh=mesh))[:8]
     plain = steps.replace(card, "*CLOAD\nEND, 1, 0")
     without = ccx_frequencies(write_deck(tmp_path / "plain.inp", element, plain, mesh=mesh))[:8]
-    content = {
-        "materials": STEEL,
-        "regions": {"all": {"material": "steel"}},
-        "interfaces": {"end": {"coupling": "distributing", "nodes": "end"}},
-        "supports": {"start": {"nodes": "start"}},
+    content = LOADED | {
         "loads": {
             "turn": {"type": "spin", "point": [0.01, -0.02, 0.005], "axis": [0, 3, 4]},
             "pull": {"type": "force", "nodes": "end"},
@@ -142,18 +151,6 @@ def test_frequencies_of_calculix(element: str, load: str, tmp_path: Path) -> Non
     assert max(abs(np.array(theirs) / without - 1)) > 0.01  # the load matters
 
 
-LOADED = {
-    "materials": STEEL,
-    "regions": {"all": {"material": "steel"}},
-    "interfaces": {"end": {"coupling": "distributing", "nodes": "end"}},
-    "supports": {"start": {"nodes": "start"}},
-    "loads": {
-        "turn": {"type": "spin", "point": [0, 0, 0], "axis": [0, 0, 1]},
-        "gravity": {"type": "acceleration"},
-        "spin": {"type": "spin", "point": [0, 0, 0], "axis": [1, 0, 0]},
-        "rim": {"type": "nodal", "table": [[28, 0, 0, 1.0]]},
-    },
-}
 RIGID = {"end": {"coupling": "rigid", "nodes": "end"}}
 
 
