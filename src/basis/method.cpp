@@ -92,8 +92,11 @@ Candidate gramian_candidate(const SecondStage& stage,
   // With many ports, unless the tolerance needs small eigenvalues.
   const bool squares = stage.medium.has_many_ports() && stage.tolerance >= 1e-5;
   const auto factor = [&](const MediumModel& medium, std::size_t k) {
-    return gramian_factor(DenseResponse(medium.system, medium.tau), bands[k],
-                          stage.equal_ports, squares);
+    const DenseResponse response(medium.system, medium.tau);
+    Dense F = gramian_factor(response, bands[k], stage.equal_ports, squares);
+    if (is_symmetric(medium.system.terms)) return F;
+    return beside(
+        F, gramian_factor(response.transposed(), bands[k], stage.equal_ports, squares));
   };
   Dense F = factor(stage.medium, 0);
   for (std::size_t k = 0; k < stage.others.size(); ++k)

@@ -111,6 +111,8 @@ private:
     if (preload_) {
       Dense forces = preload_->weight(block, x, element.M);
       for (double& f : forces.data) f = -f;
+      if (preload_->speed() > 0)
+        parts.push_back({terms_.laws().size(), preload_->coriolis(block, x, element.M)});
       Dense added = preload_->of_spin(block, x, element.M);
       if (!rigid) {
         const Dense u = displacement(T, masters, master_count);
@@ -320,7 +322,8 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
   model.damping.eta += terms.common_loss();
   const auto elements = [&](FieldLoads& fields, Reactions& reactions, Preload* preload) {
     facts = {};
-    NodeMatrix matrix(map, masters.start, masters.node, terms.laws().size());
+    const std::size_t coriolis = preload && preload->speed() > 0 ? 1 : 0;
+    NodeMatrix matrix(map, masters.start, masters.node, terms.laws().size() + coriolis);
     agree(comm, [&] {
       ElementAssembler(body, terms, map, mesh, file, fields, reactions, preload, facts)
           .run(masters, matrix);
@@ -351,10 +354,15 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
     preload->tell(comm, observer);
     Preload::expect_stable(model.K, model.node, solver);
   }
-  for (std::size_t k = 0; k < parts.size(); ++k)
+  for (std::size_t k = 0; k < terms.laws().size(); ++k)
     model.terms.push_back({terms.laws()[k], std::move(parts[k])});
   model.damp_parameters();
-  if (!parts.empty() && reactions.any())
+  if (preload && preload->speed() > 0) {
+    model.coriolis = 2 * preload->speed();
+    FG_CALL(MatSetOption(parts.back(), MAT_SYMMETRIC, PETSC_FALSE));
+    model.terms.push_back({Law::Kind::gyroscopic, std::move(parts.back())});
+  }
+  if (!terms.laws().empty() && reactions.any())
     throw Error(
         "reactions of a body whose materials have loss factors of their own, or are "
         "viscoelastic, or known between two numbers, are not known yet: leave the "

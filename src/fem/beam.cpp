@@ -83,14 +83,15 @@ std::array<Plane, 2> planes_of(const BeamMaterial& material, const BeamSection& 
 }
 
 /// A matrix in the element's axes, in global ones. @param axes  as rows.
-Dense in_global(const std::array<Vector3, 3>& axes, const Dense& local) {
+Dense in_global(const std::array<Vector3, 3>& axes, const Dense& local,
+                Symmetry of = Symmetry::symmetric) {
   Dense R(12, 12); // local = R global
   for (int block = 0; block < 4; ++block)
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j)
         R(3 * block + i, 3 * block + j) = axes[as_size(i)][as_size(j)];
   Dense result = multiply_transposed(R, multiply(local, R));
-  symmetrise(result);
+  symmetrise(result, of);
   return result;
 }
 
@@ -159,39 +160,20 @@ Dense beam_stress_stiffness(const Vector3& first, const Vector3& second,
   return in_global(axes, K);
 }
 
-Dense beam_spin_softening(const Vector3& first, const Vector3& second,
-                          const BeamMaterial& material, const BeamSection& section,
-                          const Vector3& axis) {
-  double L = 0;
-  const auto axes = local_axes(first, second, section.y_axis, L);
-  Dense P(3, 3); // of the distance from the axis, in the element's axes
-  double e[3] = {};
-  for (int i = 0; i < 3; ++i)
-    for (std::size_t k = 0; k < 3; ++k) e[i] += axes[as_size(i)][k] * axis[k];
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) P(i, j) = (i == j) - e[i] * e[j];
-  // A section turned by θ moves r by θ×r + ½θ×(θ×r): with J = ∫ρ r rᵀ the second derivatives are
-  // ∫ρ (θ×r)ᵀP(θ×r) + θᵀ(½(PJ + JP) − tr(PJ) I)θ.
-  const double rho = material.density, J[3] = {0, rho * section.I_z, rho * section.I_y};
-  Dense turned(3, 3);
-  double trace = 0;
-  for (int i = 0; i < 3; ++i) trace += P(i, i) * J[i];
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) {
-      turned(i, j) = 0.5 * P(i, j) * (J[i] + J[j]) - (i == j) * trace;
-      for (int k = 1; k < 3; ++k) { // (e_i × e_k)ᵀ P (e_j × e_k)
-        Vector3 unit_i{}, unit_j{}, unit_k{};
-        unit_i[as_size(i)] = unit_j[as_size(j)] = unit_k[as_size(k)] = 1;
-        const Vector3 a = cross(unit_i, unit_k), b = cross(unit_j, unit_k);
-        for (int r = 0; r < 3; ++r)
-          for (int c = 0; c < 3; ++c)
-            turned(i, j) += J[k] * a[as_size(r)] * P(r, c) * b[as_size(c)];
-      }
-    }
+namespace {
+
+/// Displacement and rotation of a section over the beam's dofs, in its axes.
+struct Section {
+  double weight; ///< [m]
+  Dense U, theta;
+};
+
+std::vector<Section> sections_of(const BeamMaterial& material, const BeamSection& section,
+                                 double L) {
   const auto planes = planes_of(material, section, L);
   const auto of_v = bending_points(L, planes[0].phi),
              of_w = bending_points(L, planes[1].phi);
-  Dense S(12, 12);
+  std::vector<Section> sections;
   for (std::size_t q = 0; q < of_v.size(); ++q) {
     Dense U(3, 12), theta(3, 12);
     const double s = of_v[q].s;
@@ -203,8 +185,87 @@ Dense beam_spin_softening(const Vector3& first, const Vector3& second,
       theta(2, planes[0].dofs[i]) = planes[0].signs[i] * of_v[q].t[i];
       theta(1, planes[1].dofs[i]) = -planes[1].signs[i] * of_w[q].t[i];
     }
-    add_to(S, multiply_transposed(U, multiply(P, U)), of_v[q].weight * rho * section.A);
-    add_to(S, multiply_transposed(theta, multiply(turned, theta)), of_v[q].weight);
+    sections.push_back({of_v[q].weight, std::move(U), std::move(theta)});
+  }
+  return sections;
+}
+
+/// A vector in the element's axes.
+Vector3 in_axes(const std::array<Vector3, 3>& axes, const Vector3& x) {
+  Vector3 local{};
+  for (std::size_t i = 0; i < 3; ++i)
+    for (std::size_t k = 0; k < 3; ++k) local[i] += axes[i][k] * x[k];
+  return local;
+}
+
+Vector3 unit_vector(int i) {
+  Vector3 e{};
+  e[as_size(i)] = 1;
+  return e;
+}
+
+/// [a ×]
+Dense cross_matrix(const Vector3& a) {
+  Dense result(3, 3);
+  for (int j = 0; j < 3; ++j) {
+    const Vector3 column = cross(a, unit_vector(j));
+    for (int i = 0; i < 3; ++i) result(i, j) = column[as_size(i)];
+  }
+  return result;
+}
+
+} // namespace
+
+Dense beam_coriolis(const Vector3& first, const Vector3& second,
+                    const BeamMaterial& material, const BeamSection& section,
+                    const Vector3& axis) {
+  double L = 0;
+  const auto axes = local_axes(first, second, section.y_axis, L);
+  const double rho = material.density, J[3] = {0, rho * section.I_z, rho * section.I_y};
+  const Dense W = cross_matrix(in_axes(axes, axis));
+  Dense turned(3, 3); // Σ_k J_k (e_i × e_k)ᵀW(e_j × e_k): points at r move by θ × r
+  for (int k = 1; k < 3; ++k) {
+    const Dense R = cross_matrix(unit_vector(k)); // −(θ × e_k), twice
+    add_to(turned, multiply_transposed(R, multiply(W, R)), J[k]);
+  }
+  Dense G(12, 12);
+  for (const auto& [weight, U, theta] : sections_of(material, section, L)) {
+    add_to(G, multiply_transposed(U, multiply(W, U)), 2 * weight * rho * section.A);
+    add_to(G, multiply_transposed(theta, multiply(turned, theta)), 2 * weight);
+  }
+  return in_global(axes, G, Symmetry::skew);
+}
+
+Dense beam_spin_softening(const Vector3& first, const Vector3& second,
+                          const BeamMaterial& material, const BeamSection& section,
+                          const Vector3& axis) {
+  double L = 0;
+  const auto axes = local_axes(first, second, section.y_axis, L);
+  Dense P(3, 3); // of the distance from the axis, in the element's axes
+  const Vector3 e = in_axes(axes, axis);
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) P(i, j) = (i == j) - e[as_size(i)] * e[as_size(j)];
+  // A section turned by θ moves r by θ×r + ½θ×(θ×r): with J = ∫ρ r rᵀ the second derivatives are
+  // ∫ρ (θ×r)ᵀP(θ×r) + θᵀ(½(PJ + JP) − tr(PJ) I)θ.
+  const double rho = material.density, J[3] = {0, rho * section.I_z, rho * section.I_y};
+  Dense turned(3, 3);
+  double trace = 0;
+  for (int i = 0; i < 3; ++i) trace += P(i, i) * J[i];
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) {
+      turned(i, j) = 0.5 * P(i, j) * (J[i] + J[j]) - (i == j) * trace;
+      for (int k = 1; k < 3; ++k) { // (e_i × e_k)ᵀ P (e_j × e_k)
+        const Vector3 a = cross(unit_vector(i), unit_vector(k)),
+                      b = cross(unit_vector(j), unit_vector(k));
+        for (int r = 0; r < 3; ++r)
+          for (int c = 0; c < 3; ++c)
+            turned(i, j) += J[k] * a[as_size(r)] * P(r, c) * b[as_size(c)];
+      }
+    }
+  Dense S(12, 12);
+  for (const auto& [weight, U, theta] : sections_of(material, section, L)) {
+    add_to(S, multiply_transposed(U, multiply(P, U)), weight * rho * section.A);
+    add_to(S, multiply_transposed(theta, multiply(turned, theta)), weight);
   }
   return in_global(axes, S);
 }

@@ -97,4 +97,12 @@ Dense beam_spin_softening(const Vector3& first, const Vector3& second,
                           const BeamMaterial& material, const BeamSection& section,
                           const Vector3& axis);
 
+/// Coriolis forces of a solid in a frame that spins about `axis`, for Ω = 1: 2∫ρ Nᵀ[axis ×]N, skew.
+/// @param M  of it.
+Dense solid_coriolis(const Vector3& axis, const Dense& M);
+/// The same of a beam, with those of sections that turn.
+Dense beam_coriolis(const Vector3& first, const Vector3& second,
+                    const BeamMaterial& material, const BeamSection& section,
+                    const Vector3& axis);
+
 } // namespace flexgram

@@ -114,9 +114,26 @@ Preload::Preload(const BodyDescription& body, const DofMap& map, Mat K,
   }
 }
 
-bool Preload::spins() const {
-  return std::any_of(fields_.begin(), fields_.end(),
-                     [](const Field& one) { return one.is_spin(); });
+double Preload::speed() const {
+  for (const Field& one : fields_)
+    if (one.is_spin()) return std::sqrt(one.value);
+  return 0;
+}
+
+Dense Preload::coriolis(const MeshBlock& block, const std::vector<Vector3>& x,
+                        const Dense& M) const {
+  Dense G(M.rows, M.rows);
+  for (const Field& one : fields_) {
+    if (!one.is_spin()) continue;
+    const Vector3& axis = one.field->axis;
+    add_to(G,
+           block.type == ElementType::beam2
+               ? beam_coriolis(x[0], x[1], body_.materials.at(block.material).beam,
+                               body_.sections.at(block.section), axis)
+               : solid_coriolis(axis, M),
+           std::sqrt(one.value));
+  }
+  return G;
 }
 
 double Preload::at(std::int64_t node, int c) const {
@@ -181,7 +198,7 @@ void Preload::tell(MPI_Comm comm, Observer& observer) const {
       text("%s: displacement at most %.3g m, von Mises stress (of beams: axial) at "
            "most %.3g N/m²; K is that under this stress%s",
            loads.c_str(), largest, max_over(comm, stress_),
-           spins() ? ", softened by the spin, without Coriolis forces" : ""));
+           spins() ? ", softened by the spin, whose Coriolis forces are G" : ""));
   if (largest > 0.05 * extent)
     observer.warn(
         text("preload: it moves the body by %.3g m, which measures %.3g m: linear "

@@ -9,7 +9,9 @@
 namespace flexgram {
 
 /// The displacements under a preload, and what they and the loads add to the stiffness of elements:
-/// that of stress and moved geometry, and −Ω²M_c of a spin in the frame that turns with the body.
+/// that of stress and moved geometry, and −Ω²M_c of a spin in the frame that turns with the body,
+/// where Coriolis forces act.
+
 /// Displacements must be small, and loads keep their direction.
 class Preload {
 public:
@@ -32,6 +34,10 @@ public:
   /// −Ω²M_c of an element. @param M  of it.
   Dense of_spin(const MeshBlock& block, const std::vector<Vector3>& x,
                 const Dense& M) const;
+  /// Coriolis forces of an element where the preload spins, skew.
+  Dense coriolis(const MeshBlock& block, const std::vector<Vector3>& x,
+                 const Dense& M) const;
+  double speed() const; ///< [rad/s] of the spin; 0: there is none
   /// What the element weighs in the preload's fields of acceleration, at its dofs.
   Dense weight(const MeshBlock& block, const std::vector<Vector3>& x,
                const Dense& M) const;
@@ -49,7 +55,7 @@ private:
     double value;
     bool is_spin() const { return field->type == AccelerationField::Type::spin; }
   };
-  bool spins() const;
+  bool spins() const { return speed() > 0; }
   const BodyDescription& body_;
   const DofMap& map_;
   std::vector<double> u_; ///< of all equations

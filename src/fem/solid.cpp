@@ -319,4 +319,20 @@ Dense solid_stress_stiffness(ElementType type, const std::vector<Vector3>& nodes
   return modes > n ? condensed(K, T) : K;
 }
 
+Dense solid_coriolis(const Vector3& axis, const Dense& M) {
+  Dense turned(M.rows, M.rows); // 2 [axis ×] at each node
+  for (int i = 0; i < M.rows; i += 3) {
+    const double x = 2 * axis[0], y = 2 * axis[1], z = 2 * axis[2];
+    turned(i, i + 1) = -z;
+    turned(i, i + 2) = y;
+    turned(i + 1, i) = z;
+    turned(i + 1, i + 2) = -x;
+    turned(i + 2, i) = -y;
+    turned(i + 2, i + 1) = x;
+  }
+  Dense G = multiply(M, turned); // M couples no directions
+  symmetrise(G, Symmetry::skew);
+  return G;
+}
+
 } // namespace flexgram

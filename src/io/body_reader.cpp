@@ -16,8 +16,9 @@ namespace {
 
 long long ll(std::int64_t value) { return static_cast<long long>(value); }
 
-Matrix read_symmetric(const Hdf5File& file, const std::string& group, PetscInt n,
-                      RowRange rows, std::vector<std::string>& remarks) {
+/// By columns, as the file has them, and taken for rows: the transpose.
+Matrix read_transposed(const Hdf5File& file, const std::string& group, PetscInt n,
+                       RowRange rows) {
   const std::int64_t columns = sparse_columns(file, group);
   const std::int64_t row_count = sparse_rows(file, group, columns);
   if (columns != n || row_count != n)
@@ -27,7 +28,12 @@ Matrix read_symmetric(const Hdf5File& file, const std::string& group, PetscInt n
   agree(file.comm(), [&] {
     local = to_rows(file, group, read_columns(file, group, rows.begin, rows.size(), n));
   });
-  Matrix matrix = make_sparse(file.comm(), rows, n, local);
+  return make_sparse(file.comm(), rows, n, local);
+}
+
+Matrix read_symmetric(const Hdf5File& file, const std::string& group, PetscInt n,
+                      RowRange rows, std::vector<std::string>& remarks) {
+  Matrix matrix = read_transposed(file, group, n, rows);
   take_symmetric_part(matrix, group, "file " + file.path(), remarks);
   return matrix;
 }
@@ -192,34 +198,91 @@ void read_dof_map(const Hdf5File& file, SecondOrderModel& model) {
   });
 }
 
+namespace {
+
+constexpr double rounding_of_symmetry = 1e-10;
+
+/// (A ± Aᵀ)/2 in a matrix of its own: A may be somebody else's.
+Matrix half(Mat a, Symmetry of) {
+  Matrix part;
+  FG_CALL(MatTranspose(a, MAT_INITIAL_MATRIX, part.out()));
+  const bool skew = of == Symmetry::skew;
+  if (skew) FG_CALL(MatScale(part, -1));
+  FG_CALL(MatAXPY(part, 1.0, a, DIFFERENT_NONZERO_PATTERN));
+  FG_CALL(MatScale(part, 0.5));
+  FG_CALL(MatSetOption(part, MAT_SYMMETRIC, skew ? PETSC_FALSE : PETSC_TRUE));
+  return part;
+}
+
+void refuse_one_triangle(const Asymmetry& asymmetry, const std::string& name,
+                         const std::string& source) {
+  if (asymmetry.one_triangle)
+    throw Error(text("%s: %s holds only one triangle; both are expected (in MATLAB: "
+                     "K + triu(K,1)')",
+                     source.c_str(), name.c_str()));
+}
+
+void add_gyroscopic(SecondOrderModel& model, Matrix G) {
+  for (auto& [law, matrix] : model.terms)
+    if (law.is_skew()) {
+      FG_CALL(MatAXPY(matrix, 1.0, G, DIFFERENT_NONZERO_PATTERN));
+      return;
+    }
+  model.terms.push_back({Law::Kind::gyroscopic, std::move(G)});
+}
+
+} // namespace
+
+void add_damping(SecondOrderModel& model, Matrix D, const std::string& source) {
+  const Asymmetry asymmetry = find_asymmetry(D, rounding_of_symmetry);
+  if (asymmetry.symmetric) {
+    take_symmetric_part(D, "D", source, model.remarks);
+  } else {
+    constexpr double rounding = 1e-14; // of a skew matrix that somebody computed
+    refuse_one_triangle(asymmetry, "D", source);
+    add_gyroscopic(model, half(D, Symmetry::skew));
+    D = half(D, Symmetry::symmetric);
+    PetscReal size = 0;
+    FG_CALL(MatNorm(D, NORM_FROBENIUS, &size));
+    if (size <= rounding * asymmetry.norm) FG_CALL(MatZeroEntries(D));
+    model.remarks.push_back(
+        text("the skew part of D, %.1e of it, is taken for gyroscopic "
+             "forces",
+             asymmetry.skew_norm / asymmetry.norm));
+  }
+  model.terms.push_back({Law(), std::move(D)});
+}
+
+void add_skew(SecondOrderModel& model, Matrix G, const std::string& source) {
+  Matrix part = half(G, Symmetry::skew);
+  PetscReal whole = 0, skew = 0;
+  FG_CALL(MatNorm(G, NORM_FROBENIUS, &whole));
+  FG_CALL(MatNorm(part, NORM_FROBENIUS, &skew));
+  if (!(skew >= (1 - rounding_of_symmetry) * whole))
+    throw Error(text("%s: G is not skew, Gᵀ = −G: its symmetric part belongs to D",
+                     source.c_str()));
+  add_gyroscopic(model, std::move(part));
+}
+
 void take_symmetric_part(Matrix& matrix, const std::string& name,
                          const std::string& source, std::vector<std::string>& remarks) {
-  const Asymmetry asymmetry = find_asymmetry(matrix, 1e-10);
+  const Asymmetry asymmetry = find_asymmetry(matrix, rounding_of_symmetry);
   if (asymmetry.symmetric && asymmetry.skew_norm == 0) return;
   if (asymmetry.symmetric) {
-    Matrix part; // the caller's matrix may be somebody else's
-    FG_CALL(MatTranspose(matrix, MAT_INITIAL_MATRIX, part.out()));
-    FG_CALL(MatAXPY(part, 1.0, matrix, DIFFERENT_NONZERO_PATTERN));
-    FG_CALL(MatScale(part, 0.5));
-    FG_CALL(MatSetOption(part, MAT_SYMMETRIC, PETSC_TRUE));
-    matrix = std::move(part);
+    matrix = half(matrix, Symmetry::symmetric);
     remarks.push_back(
         text("%s is replaced by its symmetric part; the skew part is %.1e of it",
              name.c_str(), asymmetry.skew_norm / asymmetry.norm));
     return;
   }
-  if (asymmetry.one_triangle)
-    throw Error(text("%s: %s holds only one triangle; both are expected (in MATLAB: "
-                     "K + triu(K,1)')",
-                     source.c_str(), name.c_str()));
+  refuse_one_triangle(asymmetry, name, source);
   const char which = name.back();
   const char* kind = which == 'K'   ? "circulatory forces"
-                     : which == 'D' ? "gyroscopic forces"
                      : which == 'S' ? "no loss factors give one"
                                     : "no mass matrix has one";
   throw Error(
       text("%s: %s is not symmetric: (%lld, %lld) = %.17g but (%lld, %lld) = %.17g; its "
-           "skew part (%s) is %.1e of it, and only symmetric matrices can be reduced",
+           "skew part (%s) is %.1e of it, and only D may have one",
            source.c_str(), name.c_str(), ll(asymmetry.row), ll(asymmetry.column),
            asymmetry.upper, ll(asymmetry.column), ll(asymmetry.row), asymmetry.lower,
            kind, asymmetry.skew_norm / asymmetry.norm));
@@ -267,7 +330,7 @@ bool is_proportional(const Term<Matrix>& term, SecondOrderModel& model) {
                      law.name().c_str(), largest));
   FG_CALL(MatNorm(T, NORM_FROBENIUS, &size));
   if (size == 0) return true;
-  if (law.is_named()) return false;
+  if (law.is_named() || law.is_skew()) return false;
   const ProportionalFit fit = fit_proportional(T, model.M, model.K, 1e-12);
   if (!fit.proportional || fit.alpha < 0 || fit.beta < 0) return false;
   if (law.is_viscous()) {
@@ -291,9 +354,9 @@ void classify_damping(SecondOrderModel& model) {
 
 std::string not_read(const Hdf5File& file) {
   static const std::vector<std::string> of_matrices{
-      "K",     "M",    "D",     "S",           "terms",       "B",
-      "C",     "dofs", "nodes", "feedthrough", "output_beta", "output_eta",
-      "alpha", "beta", "eta",   "rounding",    "geometry",    "interfaces"},
+      "K",    "M",    "D",        "S",           "G",           "terms",      "B",
+      "C",    "dofs", "nodes",    "feedthrough", "output_beta", "output_eta", "alpha",
+      "beta", "eta",  "rounding", "geometry",    "interfaces"},
       of_meshes{"mesh",    "materials", "sections", "interfaces", "supports", "loads",
                 "outputs", "preload",   "fields",   "alpha",      "beta",     "eta"};
   const auto& known = file.exists("/mesh") ? of_meshes : of_matrices;
@@ -317,9 +380,24 @@ SecondOrderModel read_body(const Hdf5File& file) {
   model.K = read_symmetric(file, "/K", model.n, model.rows, model.remarks);
   model.M = read_symmetric(file, "/M", model.n, model.rows, model.remarks);
   model.damping = read_damping(file);
-  for (const Law& law : read_laws(file))
-    model.terms.push_back(
-        {law, read_symmetric(file, law.path(), model.n, model.rows, model.remarks)});
+  const std::string source = "file " + file.path();
+  const auto transposed = [](const Matrix& a) {
+    Matrix other;
+    FG_CALL(MatTranspose(a, MAT_INITIAL_MATRIX, other.out()));
+    return other;
+  };
+  for (const Law& law : read_laws(file)) {
+    Matrix T = read_transposed(file, law.path(), model.n, model.rows);
+    if (law.is_skew()) {
+      add_skew(model, transposed(T), source);
+    } else if (law.is_viscous()) {
+      const bool symmetric = find_asymmetry(T, rounding_of_symmetry).symmetric;
+      add_damping(model, symmetric ? std::move(T) : transposed(T), source);
+    } else {
+      take_symmetric_part(T, law.path(), source, model.remarks);
+      model.terms.push_back({law, std::move(T)});
+    }
+  }
   agree(file.comm(), [&] {
     if (file.has_attribute("/", "rounding"))
       model.rounding = file.number_attribute("/", "rounding");

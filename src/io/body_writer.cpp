@@ -10,6 +10,7 @@
 namespace flexgram {
 namespace {
 
+/// Rows of a as columns: those of the transpose.
 void write_sparse(Hdf5File& file, const std::string& group, Mat a) {
   std::vector<std::uint64_t> start, row;
   std::vector<double> value;
@@ -82,7 +83,9 @@ void write_body(const SecondOrderModel& model, const std::string& path) {
   write_sparse(file, "/K", model.K);
   write_sparse(file, "/M", model.M);
   for (const auto& [law, matrix] : model.terms) {
-    write_sparse(file, law.path(), matrix);
+    Matrix columns = matrix.share();
+    if (law.is_skew()) FG_CALL(MatTranspose(matrix, MAT_INITIAL_MATRIX, columns.out()));
+    write_sparse(file, law.path(), columns);
     write_law(file, law);
   }
   file.set_attribute("/", "alpha", model.damping.alpha);

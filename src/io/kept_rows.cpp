@@ -80,7 +80,8 @@ std::vector<std::pair<std::string, double>> identity_of(const SecondOrderModel& 
       {"norm of D", norm(body.term({}))},
       {"norm of B", size(body.B)},
       {"norm of C", size(body.C)},
-      {"norm of S", norm(body.term(Law::Kind::structural))}};
+      {"norm of S", norm(body.term(Law::Kind::structural))},
+      {"norm of G", norm(body.term(Law::Kind::gyroscopic))}};
   for (const auto& [law, T] : body.terms) {
     if (!law.is_named()) continue;
     identity.emplace_back("norm of " + law.name(), norm(T));

@@ -14,8 +14,9 @@ Law read_law(const Hdf5File& file, const std::string& object, const std::string&
           numbers[number] = file.numbers_attribute(object, number);
     Law law(name, kind, numbers);
     if (!law.is_named())
-      throw Error(text("law %s: such terms are /D and /S (of a material: loss_factor)",
-                       kind.c_str()));
+      throw Error(
+          text("law %s: such terms are /D, /S and /G (of a material: loss_factor)",
+               kind.c_str()));
     return law;
   } catch (Error& error) {
     error.add_context(text("file %s: %s", file.path().c_str(), object.c_str()));
@@ -26,7 +27,8 @@ Law read_law(const Hdf5File& file, const std::string& object, const std::string&
 std::vector<Law> read_laws(const Hdf5File& file) {
   std::vector<Law> laws;
   agree(file.comm(), [&] {
-    for (const Law& law : {Law(Law::Kind::viscous), Law(Law::Kind::structural)})
+    for (const Law& law : {Law(Law::Kind::viscous), Law(Law::Kind::structural),
+                           Law(Law::Kind::gyroscopic)})
       if (file.exists(law.path())) laws.push_back(law);
     if (!file.exists("/terms")) return;
     for (const std::string& name : file.children("/terms"))

@@ -38,12 +38,13 @@ void system(FieldSink& sink, const SecondOrderModel& model) {
   const int m = static_cast<int>(model.n);
   const Dense M = to_dense(model.M), K = to_dense(model.K);
   const Mat viscous = model.term({});
-  Dense D = viscous ? to_dense(viscous) : Dense(m, m); // all that is viscous
+  Dense D = viscous ? to_dense(viscous) : Dense(m, m); // all of rates
   matrix(sink, "M", M);
   matrix(sink, "K", K);
   bool others = false;
   for (const auto& [law, T] : model.terms) {
-    if (law.is_viscous()) continue;
+    if (law.is_skew()) add_to(D, to_dense(T));
+    if (law.is_of_rates()) continue;
     others = true;
     const std::string name = law.path().substr(1);
     matrix(sink, name, to_dense(T));

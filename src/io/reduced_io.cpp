@@ -131,10 +131,15 @@ SecondOrderModel read_reduced(MPI_Comm comm, const std::string& path) {
       return file.has_attribute("/", name) ? file.number_attribute("/", name) : 0.0;
     };
     const bool by_factors = factor("alpha") != 0 || factor("beta") != 0; // all of D
-    if (!by_factors && frobenius_norm(D) > 0)
-      model.terms.push_back({Law(), make_dense(D)});
+    Dense skew = D, symmetric = D;
+    symmetrise(skew, Symmetry::skew);
+    symmetrise(symmetric);
+    if (frobenius_norm(skew) > 0)
+      model.terms.push_back({Law::Kind::gyroscopic, make_dense(skew)});
+    if (!by_factors && frobenius_norm(symmetric) > 0)
+      model.terms.push_back({Law(), make_dense(symmetric)});
     for (const Law& law : laws) {
-      if (law.is_viscous()) continue;
+      if (law.is_of_rates()) continue;
       const Dense T = read(law.path());
       expect(law.path().c_str(), T, m, m);
       model.terms.push_back({law, make_dense(T)});

@@ -40,12 +40,20 @@ Dense identity(int order) {
   return result;
 }
 
-Dense transpose(const Dense& a) {
-  Dense t(a.columns, a.rows);
+namespace {
+
+template <class T>
+DenseOf<T> transpose_of(const DenseOf<T>& a) {
+  DenseOf<T> t(a.columns, a.rows);
   for (int j = 0; j < a.columns; ++j)
     for (int i = 0; i < a.rows; ++i) t(j, i) = a(i, j);
   return t;
 }
+
+} // namespace
+
+Dense transpose(const Dense& a) { return transpose_of(a); }
+ComplexDense transpose(const ComplexDense& a) { return transpose_of(a); }
 
 Dense multiply(const Dense& a, const Dense& b) { return gemm("N", "N", a, b); }
 Dense multiply_transposed(const Dense& a, const Dense& b) { return gemm("T", "N", a, b); }
@@ -139,9 +147,15 @@ double frobenius_norm(const ComplexDense& a) {
   return std::sqrt(sum);
 }
 
-void symmetrise(Dense& a) {
-  for (int j = 0; j < a.columns; ++j)
-    for (int i = 0; i < j; ++i) a(i, j) = a(j, i) = 0.5 * (a(i, j) + a(j, i));
+void symmetrise(Dense& a, Symmetry of) {
+  const bool skew = of == Symmetry::skew;
+  for (int j = 0; j < a.columns; ++j) {
+    for (int i = 0; i < j; ++i) {
+      a(i, j) = 0.5 * (skew ? a(i, j) - a(j, i) : a(i, j) + a(j, i));
+      a(j, i) = skew ? -a(i, j) : a(i, j);
+    }
+    if (skew) a(j, j) = 0;
+  }
 }
 
 namespace {
@@ -209,15 +223,16 @@ ComplexDense multiply_transposed(const ComplexDense& a, const ComplexDense& b,
   return zgemm(conjugate ? "C" : "T", a, b);
 }
 
-Dense bordered(const Dense& a, const Dense& columns) {
+Dense bordered(const Dense& a, const Dense& columns, Symmetry of) {
   const int old = columns.rows - columns.columns;
   Dense result(columns.rows, columns.rows);
   if (old > 0) set_part(result, 0, 0, a);
   set_part(result, 0, old, columns);
   for (int j = old; j < result.columns; ++j)
-    for (int i = 0; i < old; ++i) result(j, i) = result(i, j);
+    for (int i = 0; i < old; ++i)
+      result(j, i) = of == Symmetry::skew ? -result(i, j) : result(i, j);
   Dense corner = part_of(result, old, columns.columns, old, columns.columns);
-  symmetrise(corner);
+  symmetrise(corner, of);
   set_part(result, old, old, corner);
   return result;
 }

@@ -33,6 +33,7 @@ using ComplexDense = DenseOf<std::complex<double>>;
 
 Dense identity(int order);
 Dense transpose(const Dense& a);
+ComplexDense transpose(const ComplexDense& a);
 Dense multiply(const Dense& a, const Dense& b);            ///< A B
 Dense multiply_transposed(const Dense& a, const Dense& b); ///< Aᵀ B
 Dense outer_square(const Dense& a); ///< A Aᵀ, at half the price of a product
@@ -54,10 +55,11 @@ double frobenius_norm(const Dense& a);
 double frobenius_norm(const ComplexDense& a);
 /// At least the spectral norm: √(‖A‖₁‖A‖∞), or ‖A‖_F.
 double norm_bound(const ComplexDense& a);
-/// Replaces A by (A + Aᵀ)/2.
-void symmetrise(Dense& a);
-/// [A, c; cᵀ, d] from the new columns [c; d].
-Dense bordered(const Dense& a, const Dense& columns);
+enum class Symmetry { symmetric, skew }; ///< Aᵀ = A, Aᵀ = −A
+/// Replaces A by (A + Aᵀ)/2, or by (A − Aᵀ)/2.
+void symmetrise(Dense& a, Symmetry of = Symmetry::symmetric);
+/// [A, c; ±cᵀ, d] from the new columns [c; d].
+Dense bordered(const Dense& a, const Dense& columns, Symmetry of = Symmetry::symmetric);
 
 ComplexDense multiply(const Dense& a, const ComplexDense& b);            ///< A B
 ComplexDense multiply_transposed(const Dense& a, const ComplexDense& b); ///< Aᵀ B

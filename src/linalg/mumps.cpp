@@ -67,10 +67,10 @@ struct Mumps<Scalar>::Instance {
   using Traits = Arithmetic<Scalar>;
   using Value = typename Traits::Value;
 
-  Instance(MPI_Comm communicator, const MumpsOptions& settings)
+  Instance(MPI_Comm communicator, const MumpsOptions& settings, MatrixKind kind)
       : comm(communicator), options(settings) {
     s.par = 1;
-    s.sym = 2; // general symmetric
+    s.sym = kind == MatrixKind::symmetric ? 2 : 0;
     s.comm_fortran = MPI_Comm_c2f(comm);
     run(-1);
     icntl(1) = icntl(2) = icntl(3) = -1; // no output: errors come as exceptions
@@ -136,8 +136,8 @@ struct Mumps<Scalar>::Instance {
 };
 
 template <class Scalar>
-Mumps<Scalar>::Mumps(MPI_Comm comm, const MumpsOptions& options)
-    : instance_(std::make_unique<Instance>(comm, options)) {}
+Mumps<Scalar>::Mumps(MPI_Comm comm, const MumpsOptions& options, MatrixKind kind)
+    : instance_(std::make_unique<Instance>(comm, options, kind)) {}
 template <class Scalar>
 Mumps<Scalar>::~Mumps() = default;
 template <class Scalar>

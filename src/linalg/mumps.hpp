@@ -33,7 +33,7 @@ struct MumpsOptions {
   Ordering ordering = Ordering::automatic;
 };
 
-/// Lower triangle of a sparse symmetric matrix,
+/// Lower triangle of a sparse symmetric matrix, or all of another one,
 /// the entries spread over the ranks; 1-based as MUMPS wants them. An entry may occur on
 /// several ranks or several times: MUMPS adds them up.
 struct Pattern {
@@ -57,13 +57,16 @@ struct FactorEstimate {
   double mb_total = 0;       ///< INFOG(17)
 };
 
+enum class MatrixKind { symmetric, general };
+
 /// One instance of MUMPS in the arithmetic of Scalar: float, double, complex<float>,
-/// complex<double>, for symmetric matrices. Entries distributed, right-hand sides and
+/// complex<double>. Entries distributed, right-hand sides and
 /// solutions dense and distributed by rows.
 template <class Scalar>
 class Mumps {
 public:
-  Mumps(MPI_Comm comm, const MumpsOptions& options);
+  Mumps(MPI_Comm comm, const MumpsOptions& options,
+        MatrixKind kind = MatrixKind::symmetric);
   ~Mumps();
   Mumps(Mumps&&) noexcept;
   Mumps& operator=(Mumps&&) noexcept;

@@ -8,14 +8,16 @@
 
 namespace flexgram {
 
-CommonPattern common_pattern(Mat K, Mat M, const std::vector<Mat>& terms) {
+CommonPattern common_pattern(Mat K, Mat M, const std::vector<Mat>& terms,
+                             MatrixKind kind) {
   static Event event("CommonPattern");
   const auto timed = event.timed();
   CommonPattern common;
+  const bool whole = kind == MatrixKind::general;
   PetscInt n = 0, begin = 0, end = 0;
   FG_CALL(MatGetSize(K, &n, nullptr));
   FG_CALL(MatGetOwnershipRange(K, &begin, &end));
-  common.lower.n = static_cast<int>(n);
+  common.entries.n = static_cast<int>(n);
   std::vector<int> place(as_size(n), -1);
   std::vector<PetscInt> columns;
   common.terms.resize(terms.size());
@@ -25,26 +27,28 @@ CommonPattern common_pattern(Mat K, Mat M, const std::vector<Mat>& terms) {
     matrices.push_back(terms[t]);
     values.push_back(&common.terms[t]);
   }
-  std::size_t lower = 0; // of K: the others rarely have more
+  std::size_t expected = 0; // of K: the others rarely have more
   for (PetscInt row = begin; row < end; ++row) {
     PetscInt count = 0;
     const PetscInt* list = nullptr;
     FG_CALL(MatGetRow(K, row, &count, &list, nullptr));
-    lower += as_size(std::upper_bound(list, list + count, row) - list);
+    expected += whole ? as_size(count)
+                      : as_size(std::upper_bound(list, list + count, row) - list);
     FG_CALL(MatRestoreRow(K, row, &count, &list, nullptr));
   }
-  for (auto* list : {&common.lower.row, &common.lower.column}) list->reserve(lower);
-  for (auto* list : values) list->reserve(lower);
+  for (auto* list : {&common.entries.row, &common.entries.column})
+    list->reserve(expected);
+  for (auto* list : values) list->reserve(expected);
   for (PetscInt row = begin; row < end; ++row) {
-    const std::size_t first = common.lower.row.size();
+    const std::size_t first = common.entries.row.size();
     columns.clear();
     const auto slot = [&](PetscInt column) {
       int& position = place[as_size(column)];
       if (position < 0) {
         position = static_cast<int>(columns.size());
         columns.push_back(column);
-        common.lower.row.push_back(static_cast<int>(row) + 1);
-        common.lower.column.push_back(static_cast<int>(column) + 1);
+        common.entries.row.push_back(static_cast<int>(row) + 1);
+        common.entries.column.push_back(static_cast<int>(column) + 1);
         for (auto* list : values) list->push_back(0);
       }
       return first + as_size(position);
@@ -56,7 +60,7 @@ CommonPattern common_pattern(Mat K, Mat M, const std::vector<Mat>& terms) {
       const PetscInt* list = nullptr;
       const PetscScalar* entries = nullptr;
       FG_CALL(MatGetRow(matrices[i], row, &count, &list, &entries));
-      for (PetscInt c = 0; c < count && list[c] <= row; ++c) {
+      for (PetscInt c = 0; c < count && (whole || list[c] <= row); ++c) {
         const std::size_t position = slot(list[c]); // may grow the arrays
         (*values[i])[position] = entries[c];
       }
@@ -75,10 +79,11 @@ constexpr bool is_complex = !std::is_floating_point_v<T>;
 template <class Scalar>
 class EngineOf final : public Engine {
 public:
-  EngineOf(MPI_Comm comm, const MumpsOptions& options) : mumps_(comm, options) {}
+  EngineOf(MPI_Comm comm, const MumpsOptions& options, MatrixKind kind)
+      : mumps_(comm, options, kind) {}
 
-  FactorEstimate analyse(const Pattern& lower, const PivotOrder& order) override {
-    return mumps_.analyse(lower, order);
+  FactorEstimate analyse(const Pattern& entries, const PivotOrder& order) override {
+    return mumps_.analyse(entries, order);
   }
   PivotOrder order() const override { return mumps_.order(); }
 
@@ -91,7 +96,7 @@ public:
       for (std::size_t t = 0; t < terms; ++t) value += c.terms[t] * common.terms[t][i];
       values[i] = narrow(value);
     }
-    mumps_.factorise(common.lower, std::move(values), pivoting);
+    mumps_.factorise(common.entries, std::move(values), pivoting);
   }
 
   void solve(RowRange rows, const double* re, const double* im, double* x_re,
@@ -128,11 +133,11 @@ private:
 } // namespace
 
 std::unique_ptr<Engine> make_engine(MPI_Comm comm, bool real, bool single,
-                                    const MumpsOptions& options) {
-  if (real && single) return std::make_unique<EngineOf<float>>(comm, options);
-  if (real) return std::make_unique<EngineOf<double>>(comm, options);
-  if (single) return std::make_unique<EngineOf<std::complex<float>>>(comm, options);
-  return std::make_unique<EngineOf<std::complex<double>>>(comm, options);
+                                    const MumpsOptions& options, MatrixKind kind) {
+  if (real && single) return std::make_unique<EngineOf<float>>(comm, options, kind);
+  if (real) return std::make_unique<EngineOf<double>>(comm, options, kind);
+  if (single) return std::make_unique<EngineOf<std::complex<float>>>(comm, options, kind);
+  return std::make_unique<EngineOf<std::complex<double>>>(comm, options, kind);
 }
 
 } // namespace flexgram

@@ -5,20 +5,22 @@
 
 namespace flexgram {
 
-/// Lower triangles of K, M and the terms on one common pattern, this rank's rows.
+/// K, M and the terms on one common pattern, this rank's rows: their lower triangles, or all of
+/// them where a term is not symmetric.
 struct CommonPattern {
-  Pattern lower;
+  Pattern entries;
   std::vector<double> k, m;
   std::vector<std::vector<double>> terms;
 };
 
-CommonPattern common_pattern(Mat K, Mat M, const std::vector<Mat>& terms);
+CommonPattern common_pattern(Mat K, Mat M, const std::vector<Mat>& terms,
+                             MatrixKind kind = MatrixKind::symmetric);
 
 /// One instance of MUMPS behind an interface without its arithmetic.
 class Engine {
 public:
   virtual ~Engine() = default;
-  virtual FactorEstimate analyse(const Pattern& lower, const PivotOrder& order) = 0;
+  virtual FactorEstimate analyse(const Pattern& entries, const PivotOrder& order) = 0;
   virtual PivotOrder order() const = 0;
   virtual void factorise(const CommonPattern& common, const ShiftCoefficients& c,
                          bool pivoting) = 0;
@@ -31,8 +33,8 @@ public:
   virtual void count_pivots(bool count) = 0; ///< before analyse()
 };
 
-/// The arithmetic that the shift needs: real or complex symmetric, double or single.
+/// The arithmetic that the shift needs: real or complex, double or single.
 std::unique_ptr<Engine> make_engine(MPI_Comm comm, bool real, bool single,
-                                    const MumpsOptions& options);
+                                    const MumpsOptions& options, MatrixKind kind);
 
 } // namespace flexgram

@@ -45,7 +45,7 @@ shared_order(Mat K, Mat M, const std::vector<std::int64_t>& node_of_row,
   if (!wants_dissection(options, n)) return nullptr;
   return std::make_shared<const PivotOrder>(
       dissect(PetscObjectComm(reinterpret_cast<PetscObject>(K)),
-              common_pattern(K, M, {}).lower, {K, M}, node_of_row));
+              common_pattern(K, M, {}).entries, {K, M}, node_of_row));
 }
 
 SolverOptions counting(SolverOptions options) {
@@ -57,10 +57,11 @@ struct ShiftedSolver::State {
   ShiftedMatrix A;
   SolverOptions options;
   std::vector<std::int64_t> node_of_row;
+  MatrixKind kind;
   std::optional<CommonPattern> common; ///< while factorisations may come
 
   const CommonPattern& pattern() {
-    if (!common) common = common_pattern(A.K, A.M, A.terms);
+    if (!common) common = common_pattern(A.K, A.M, A.terms, kind);
     return *common;
   }
 
@@ -83,9 +84,9 @@ struct ShiftedSolver::State {
   int factorisations = 0;
 
   std::unique_ptr<Engine> analysed(bool real, bool narrow, FactorEstimate& estimate) {
-    auto engine = make_engine(A.comm, real, narrow, options.mumps);
+    auto engine = make_engine(A.comm, real, narrow, options.mumps, kind);
     engine->count_pivots(count && !narrow);
-    estimate = engine->analyse(pattern().lower, order);
+    estimate = engine->analyse(pattern().entries, order);
     return engine;
   }
 
@@ -93,9 +94,13 @@ struct ShiftedSolver::State {
   std::unique_ptr<Engine> order_and_analyse(bool real, bool narrow,
                                             FactorEstimate& estimate) {
     std::unique_ptr<Engine> dissected;
-    if (wants_dissection(options, pattern().lower.n)) {
+    if (wants_dissection(options, pattern().entries.n)) {
       order = options.order ? *options.order
-                            : dissect(A.comm, pattern().lower, matrices(), node_of_row);
+              : kind == MatrixKind::symmetric
+                  ? dissect(A.comm, pattern().entries, matrices(), node_of_row)
+                  : dissect(A.comm, common_pattern(A.K, A.M, A.terms).entries, matrices(),
+                            node_of_row);
+      if (kind == MatrixKind::general) order.block_start.clear();
       dissected = analysed(real, narrow, estimate);
       ordering = "nested dissection";
       if (options.mumps.ordering != Ordering::best) return dissected;
@@ -130,9 +135,9 @@ struct ShiftedSolver::State {
     without_factors.icntl.erase(22);
     give_back_freed_pages();
     {
-      const auto engine = make_engine(A.comm, true, false, without_factors);
+      const auto engine = make_engine(A.comm, true, false, without_factors, kind);
       engine->count_pivots(true);
-      engine->analyse(pattern().lower, order);
+      engine->analyse(pattern().entries, order);
       engine->factorise(pattern(), A.coefficients,
                         definiteness != Definiteness::positive);
       negative = engine->negative_pivots();
@@ -145,9 +150,9 @@ struct ShiftedSolver::State {
 
 ShiftedSolver::ShiftedSolver(Mat K, Mat M, std::vector<Mat> terms,
                              std::vector<std::int64_t> node_of_row,
-                             const SolverOptions& options)
+                             const SolverOptions& options, MatrixKind kind)
     : state_(std::make_unique<State>(ShiftedMatrix(K, M, std::move(terms)), options,
-                                     std::move(node_of_row))) {
+                                     std::move(node_of_row), kind)) {
   state_->single = options.precision == Precision::single_precision;
 }
 

@@ -43,16 +43,19 @@ shared_order(Mat K, Mat M, const std::vector<std::int64_t>& node_of_row,
 enum class Definiteness { indefinite, positive };
 
 /// Factorises K + Σ g T − ω²M and its real relatives in the arithmetic that the shift
-/// needs: real where the coefficients are real, complex symmetric otherwise. One analysis
+/// needs: real where the coefficients are real, complex otherwise; LDLᵀ, or LU where a term is
+/// skew. One analysis
 /// a pattern and arithmetic, one ordering for all.
 /// @note Collective on the communicator of the matrices, which must outlive this object.
 class ShiftedSolver {
 public:
-  /// @param[in] K, M, terms  real symmetric n×n, both triangles stored; M may be null.
+  /// @param[in] K, M, terms  real n×n, both triangles stored; M may be null.
+  /// @param[in] kind  general: a term is not symmetric.
   /// @param[in] node_of_row  node number of each local row; empty: found from the
   /// pattern.
   ShiftedSolver(Mat K, Mat M, std::vector<Mat> terms,
-                std::vector<std::int64_t> node_of_row, const SolverOptions& options);
+                std::vector<std::int64_t> node_of_row, const SolverOptions& options,
+                MatrixKind kind = MatrixKind::symmetric);
   ~ShiftedSolver();
 
   /// Analyses for the arithmetic that such a shift needs, and returns MUMPS' estimate.

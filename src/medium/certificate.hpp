@@ -9,6 +9,7 @@
 #include "medium/response_series.hpp"
 #include "medium/term_gram.hpp"
 #include "model/error_form.hpp"
+#include "model/gyration.hpp"
 
 #include <functional>
 #include <map>
@@ -26,7 +27,7 @@ namespace flexgram {
 /// on the E-orthogonal complement of the Ritz vectors Φ below ω_c, where E is positive
 /// definite: its inertia says so, however inexact Φ is. S = a_k + c T + iωD̃ − J A_Φ⁻¹ Jᵀ
 /// is the Schur complement of Φ (c = a_m + ω_c² a_k, T = E^−½ME^−½ >= 0, J what M and terms
-/// couple Φ to the rest by); so ‖S⁻¹‖ <= q/(1 − qδ), q = max |1/(a_k + c μ)| over μ >= 0,
+/// couple Φ to the rest by; with skew terms Jᵀ is that of A(ω)ᵀ); so ‖S⁻¹‖ <= q/(1 − qδ), q = max |1/(a_k + c μ)| over μ >= 0,
 /// δ = ‖J A_Φ⁻¹ Jᵀ‖ (with D that of its Hermitian part), and with any disc |z − z₀| <= ρ that holds these 1/(a_k + c μ)
 ///   ‖H − H_r‖_F <= |z₀| ‖W_CᵀW_B‖_F + (ρ + q²δ/(1 − qδ)) s,  s² = Σ σ_i(W_C)² σ_i(W_B)².
 class Certificate {
@@ -58,7 +59,7 @@ public:
   Certificate(const MediumSpace& space, const DenseResponse& response,
               const ResidualBasis& basis, const ResidualNorm& norm,
               ProjectionRounding rounding, int modes, bool inertia_is_safe, double cutoff,
-              std::vector<double> scale);
+              const Gyration& gyration, std::vector<double> scale);
 
   /// The same proof with other values of the parameters, by vectors Φ that suit them; also of what
   /// a file holds.
@@ -70,9 +71,11 @@ public:
     std::vector<int> inputs, outputs;
   };
   /// @param x  the response to all ports over an interval, or at a frequency.
+  /// @param of_transposed  that of A(ω)ᵀ; null: A is symmetric.
   /// @return a bound for each block that holds everywhere in the interval.
   std::vector<Bound> over(const DenseResponse& response, const ResponseSeries& x,
-                          const std::vector<PortSet>& blocks) const;
+                          const std::vector<PortSet>& blocks,
+                          const ResponseSeries* of_transposed = nullptr) const;
   struct FieldBound {
     double error = 0; ///< ‖X − V x‖_K of the responses to some ports, in their units
     double floor = 0; ///< of it by rounding
@@ -132,6 +135,8 @@ public:
     a("sigma", self.shifts_.sigma);
     a("kappa", self.shifts_.kappa);
     a("mu_plus", self.shifts_.mu_plus);
+    a("gyration_mass", self.gyration_.mass);
+    a("gyration_stiffness", self.gyration_.stiffness);
     a("data_rounding", self.data_rounding_);
     a("provable", self.provable_);
     a("scale", self.scale_);
@@ -182,9 +187,18 @@ private:
     bool proved = true;
   };
   Inverse inverse(const DenseResponse& response, const ResponseSeries& x) const;
-  using Squares = std::map<std::vector<int>, SquaredValues>; ///< of the ports' columns
-  double error_of(const Inverse& S, const ComplexDense& at_centre, const PortSet& block,
-                  double in, double out, Squares& known) const;
+  /// Residuals W of some ports at the centre of an interval.
+  struct ResidualsAt {
+    ComplexDense w;
+    std::map<std::vector<int>, SquaredValues> squares = {}; ///< of some columns
+    const SquaredValues& squares_of(const std::vector<int>& columns);
+  };
+  /// How far those of a block move from there, at most.
+  struct Moved {
+    double inputs, outputs;
+  };
+  double error_of(const Inverse& S, const PortSet& block, const Moved& moved,
+                  ResidualsAt& of_inputs, ResidualsAt& of_outputs) const;
   double mode_coupling(const DenseResponse& response, const ResponseSeries& x) const;
   std::vector<std::complex<double>> residual_factors(const DenseResponse& response,
                                                      Interval interval) const;
@@ -194,8 +208,11 @@ private:
   struct Chosen {
     const ResidualParts& parts;
     std::vector<int> columns, ports;
+    bool of_transposed = false; ///< residuals of A(ω)ᵀ
   };
-  Chosen chosen(const std::vector<int>& ports) const { return {parts_, ports, ports}; }
+  Chosen chosen(const std::vector<int>& ports, bool of_transposed = false) const {
+    return {parts_, ports, ports, of_transposed};
+  }
   static Chosen chosen(const FewResiduals& few);
   double lost(const ResponseSeries& x, int column, const Chosen& of, std::size_t k,
               double factor, const std::vector<double>& of_terms) const;
@@ -228,6 +245,7 @@ private:
                     const std::vector<Dense>& outside);
 
   ProjectionRounding rounding_;
+  Gyration gyration_;
   double data_rounding_ = 0;
   bool provable_ = true; ///< the residual is known whole, and the modes are counted
   std::vector<double> scale_, rounding_weights_;

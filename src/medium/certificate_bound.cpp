@@ -84,8 +84,10 @@ double Certificate::mode_coupling(const DenseResponse& response,
 Certificate::Inverse Certificate::inverse(const DenseResponse& response,
                                           const ResponseSeries& x) const {
   Inverse result;
-  double q = 1, radius = 1; // Re (a_k + c μ) >= 1 + (ω_c² − ω²) μ, whatever the damping
-  if (!(x.interval.last * x.interval.last <= shifts_.sigma))
+  // Re (a_k + c μ) >= 1 + (ω_c² − ω²) μ, whatever the damping; with gyroscopic forces the
+  // Hermitian part of S₀ is at least 1/q.
+  double q = gyration_.enlarges(x.interval.last), radius = q;
+  if (!(gyration_.needed_square(x.interval.last) <= shifts_.sigma))
     return {0, infinity, infinity, false};
   if (response.is_diagonal()) {
     const Coefficients k(response.system(), -shifts_.sigma, x.interval);
@@ -216,25 +218,29 @@ std::optional<ErrorForm> Certificate::form(const DenseResponse& response,
   return form;
 }
 
-/// |…| of the residual's claim for a block whose residuals are W at the centre of an
-/// interval and no farther from that than `in` and `out`, anywhere in it.
-double Certificate::error_of(const Inverse& S, const ComplexDense& at_centre,
-                             const PortSet& block, double in, double out,
-                             Squares& known_squares) const {
-  const bool same = block.inputs == block.outputs;
-  const ComplexDense w_in = columns_of(at_centre, block.inputs);
-  const ComplexDense w_out = same ? ComplexDense() : columns_of(at_centre, block.outputs);
+const Certificate::SquaredValues&
+Certificate::ResidualsAt::squares_of(const std::vector<int>& columns) {
+  const auto known = squares.find(columns);
+  if (known != squares.end()) return known->second;
+  return squares.emplace(columns, flexgram::squares_of(columns_of(w, columns)))
+      .first->second;
+}
+
+/// |…| of the residual's claim for a block, anywhere in an interval.
+/// @param of_outputs  those of A(ω)ᵀ; of_inputs itself where A is symmetric.
+double Certificate::error_of(const Inverse& S, const PortSet& block, const Moved& moved,
+                             ResidualsAt& of_inputs, ResidualsAt& of_outputs) const {
+  const bool same = &of_outputs == &of_inputs && block.inputs == block.outputs;
+  const double in = moved.inputs, out = moved.outputs;
+  const ComplexDense w_in = columns_of(of_inputs.w, block.inputs);
+  const ComplexDense w_out =
+      same ? ComplexDense() : columns_of(of_outputs.w, block.outputs);
   const ComplexDense& w_c = same ? w_in : w_out;
   const double added = frobenius_norm(w_c) * in + frobenius_norm(w_in) * out + in * out;
-  const auto squares = [&](const std::vector<int>& ports, const ComplexDense& w) {
-    const auto known = known_squares.find(ports);
-    if (known != known_squares.end()) return known->second;
-    return known_squares.emplace(ports, squares_of(w)).first->second;
-  };
   const double paired =
-      added +
-      (same ? frobenius_norm(multiply_transposed(w_in, w_in, true))
-            : paired_norm(squares(block.outputs, w_c), squares(block.inputs, w_in)));
+      added + (same ? frobenius_norm(multiply_transposed(w_in, w_in, true))
+                    : paired_norm(of_outputs.squares_of(block.outputs),
+                                  of_inputs.squares_of(block.inputs)));
   // The Gram matrix is that of the norm or more: no bound of W_CᵀW_B by itself.
   const auto coefficients = [&](const ComplexDense& w_of, double moved_by) {
     double square = 0, widest = 0;
@@ -252,28 +258,37 @@ double Certificate::error_of(const Inverse& S, const ComplexDense& at_centre,
 
 std::vector<Certificate::Bound>
 Certificate::over(const DenseResponse& response, const ResponseSeries& x,
-                  const std::vector<PortSet>& blocks) const {
+                  const std::vector<PortSet>& blocks,
+                  const ResponseSeries* of_transposed) const {
   const Inverse S = inverse(response, x);
   std::vector<int> all(as_size(x.x.columns));
   std::iota(all.begin(), all.end(), 0);
-  const MatrixSeries w = residual(response, x, chosen(all));
-  const ComplexDense at_centre = w.centre();
-  const std::vector<double> moved = Certificate::moved(w);
-  const auto moved_of = [&](const std::vector<int>& columns) {
+  const ResponseSeries& y = of_transposed ? *of_transposed : x;
+  const MatrixSeries w = residual(response, x, chosen(all)),
+                     of_other = of_transposed ? residual(response, y, chosen(all, true))
+                                              : MatrixSeries();
+  const std::vector<double> far_x = moved(w),
+                            far_y = of_transposed ? moved(of_other) : far_x;
+  const auto moved_of = [](const std::vector<double>& moved, const std::vector<int>& of) {
     double square = 0;
-    for (int j : columns) square += std::pow(moved[as_size(j)], 2);
+    for (int j : of) square += std::pow(moved[as_size(j)], 2);
     return std::sqrt(square);
   };
+  ResidualsAt inputs{w.centre()}, others;
+  if (of_transposed) others.w = of_other.centre();
+  ResidualsAt& outputs = of_transposed ? others : inputs;
   std::vector<Bound> bounds;
-  Squares squares;
   for (const PortSet& block : blocks) {
     Bound bound;
-    bound.error = error_of(S, at_centre, block, moved_of(block.inputs),
-                           moved_of(block.outputs), squares);
+    bound.error = error_of(
+        S, block, {moved_of(far_x, block.inputs), moved_of(far_y, block.outputs)}, inputs,
+        outputs);
     bound.proved = S.proved;
     const RoundingSizes in = rounding_sizes(x, block.inputs);
     add_rounding(bound, response, x.interval.last, in,
-                 block.outputs == block.inputs ? in : rounding_sizes(x, block.outputs));
+                 !of_transposed && block.outputs == block.inputs
+                     ? in
+                     : rounding_sizes(y, block.outputs));
     bounds.push_back(bound);
   }
   return bounds;

@@ -218,7 +218,7 @@ Certificate::of_many(const DenseResponse& response, const ResponseSeries& factor
   const auto there = response_series(response, {centre, centre}, 0, columns_of(B, ports));
   if (!there) return bounds;
   const MatrixSeries w = residual(response, *there, chosen(ports));
-  const ComplexDense at_centre = w.centre();
+
   const std::vector<ViewNorms> moves =
       norms_of_lists(grams, moving(terms), moving(of_few));
   const auto farthest = [&](std::size_t list, const std::vector<int>& places) {
@@ -229,13 +229,14 @@ Certificate::of_many(const DenseResponse& response, const ResponseSeries& factor
       for (int i = 0; i + 1 < w.rows(); ++i) tails += w.tail(i, j) * w.tail(i, j);
     return most + std::sqrt(tails) + lost_of_list[list];
   };
-  Squares squares;
+  ResidualsAt at_centre{w.centre()};
   for (std::size_t k : unclear) {
     const auto [inputs, outputs] = grams.blocks[k];
     const PortSet here{places_of(blocks[k].inputs, ports),
                        places_of(blocks[k].outputs, ports)};
-    const double sharp = error_of(S, at_centre, here, farthest(inputs, here.inputs),
-                                  farthest(outputs, here.outputs), squares);
+    const double sharp = error_of(
+        S, here, {farthest(inputs, here.inputs), farthest(outputs, here.outputs)},
+        at_centre, at_centre);
     if (sharp < bounds[k].error) bounds[k].error = sharp;
   }
   return bounds;

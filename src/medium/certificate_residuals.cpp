@@ -92,7 +92,7 @@ Certificate::FewResiduals Certificate::residuals_of(const std::vector<int>& port
 }
 
 Certificate::Chosen Certificate::chosen(const FewResiduals& few) {
-  Chosen of{few.parts, std::vector<int>(few.ports.size()), few.ports};
+  Chosen of{few.parts, std::vector<int>(few.ports.size()), few.ports, false};
   std::iota(of.columns.begin(), of.columns.end(), 0);
   return of;
 }
@@ -100,22 +100,24 @@ Certificate::Chosen Certificate::chosen(const FewResiduals& few) {
 /// What T holds of W = E^−½ R, in its coordinates and in the units of the ports.
 MatrixSeries Certificate::held_residual(const DenseResponse& response,
                                         const ResponseSeries& x, const Chosen& of) const {
-  const auto& [parts, columns, ports] = of;
+  const ResidualParts& parts = of.parts;
   const int p = x.x.columns;
   MatrixSeries w =
       multiply_transposed(parts.K, times(residual_factors(response, x.interval), x.x));
   for (double& value : w.coefficients.data) value = -value;
   for (std::size_t t = 0; t < parts.terms.size(); ++t) {
-    const LawSeries g = response.system().terms[t].law.series(x.interval, x.x.degree());
+    const Law& law = response.system().terms[t].law;
+    const LawSeries g = law.series(x.interval, x.x.degree());
     const MatrixSeries damped =
         multiply_transposed(parts.terms[t], times(g.coefficients, x.x, g.rest));
+    const double sign = of.of_transposed && law.is_skew() ? -1 : 1;
     for (std::size_t l = 0; l < w.coefficients.data.size(); ++l)
-      w.coefficients.data[l] -= damped.coefficients.data[l];
+      w.coefficients.data[l] -= sign * damped.coefficients.data[l];
     for (std::size_t l = 0; l < w.tail.data.size(); ++l)
       w.tail.data[l] += damped.tail.data[l];
   }
   for (int j = 0; j < p; ++j) {
-    const double* constant = parts.ports.column(columns[as_size(j)]);
+    const double* constant = parts.ports.column(of.columns[as_size(j)]);
     for (int l = 0; l < w.rows(); ++l) w.coefficients(l, j) += constant[l];
   }
   const auto scale = [&](int j) { return scale_[as_size(of.ports[as_size(j)])]; };

@@ -134,16 +134,25 @@ Medium certify(const SecondOrderModel& body, bool mass_is_singular,
   const Checkpoints checkpoints(body, checkpoint, observer);
   RealFactors factors(body, solver, observer);
   const double reference = reference_of(body, spec);
+  const Gyration gyration = gyration_of(body, reference, solver);
   const CertifyRun run{body,
                        spec,
                        observer,
                        factors,
                        checkpoints,
                        reference,
-                       0.25 * reference * reference};
+                       0.25 * reference * reference,
+                       gyration};
+  const double needed = std::sqrt(gyration.needed_square(reference));
+  if (gyration.mass > 0)
+    observer.fact(
+        "gyroscopic forces",
+        text("at most %.4g rad/s of the inertia: modes up to %.4g Hz count for a "
+             "band up to %.4g Hz",
+             gyration.mass, needed * hz, reference * hz));
   std::optional<CertifyState> state = checkpoints.resume(run);
   if (!state) {
-    state = begin(run, spec.cutoff * reference, mass_is_singular, false);
+    state = begin(run, spec.cutoff * needed, mass_is_singular, false);
     checkpoints.save(run, *state, "the modes");
   }
   grow(run, *state);

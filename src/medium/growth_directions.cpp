@@ -124,6 +124,8 @@ Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
   std::vector<SquaresOfBlock> of_blocks(blocks.size());
   const PortLists lists(blocks);
   const auto scale_of = [&](int port) { return scale[as_size(port)]; };
+  std::optional<DenseResponse> transposed_response;
+  if (!is_symmetric(response.system().terms)) transposed_response = response.transposed();
   for (double omega : samples) {
     const ComplexDense x = response.modal_response(omega);
     const auto without = [&](int modes_left_out) {
@@ -138,10 +140,20 @@ Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
     const ComplexDense W = residual_of(F_ports, F_K, F_terms, kappa,
                                        response.system().coefficients(omega), x);
     const std::vector<Dense> squares = squares_of_lists(lists, W, scale);
-    const auto add_square = [&](Dense& sum, const std::vector<int>& ports,
-                                double weight) {
+    std::vector<Dense> of_transposed; // residuals of A(ω)ᵀ, where that is another
+    if (transposed_response) {
+      ShiftCoefficients c = response.system().coefficients(omega);
+      c.terms = transposed(std::move(c.terms), response.system().terms);
+      of_transposed =
+          squares_of_lists(lists,
+                           residual_of(F_ports, F_K, F_terms, kappa, c,
+                                       transposed_response->modal_response(omega)),
+                           scale);
+    }
+    const auto add_square = [&](Dense& sum, const std::vector<Dense>& of,
+                                const std::vector<int>& ports, double weight) {
       if (sum.data.empty()) sum = Dense(k, k);
-      add_to(sum, squares[lists.number(ports)], weight);
+      add_to(sum, of[lists.number(ports)], weight);
     };
     for (std::size_t b = 0; b < blocks.size(); ++b) {
       const Certificate::PortSet& block = blocks[b];
@@ -151,9 +163,10 @@ Dense directions_to_grow(const ResidualBasis& basis, const Dense& gram,
         for (int i : block.outputs)
           size += std::norm(H(i, j) / (scale_of(i) * scale_of(j)));
       if (!(size > 0)) continue;
-      add_square(of_blocks[b].inputs, block.inputs, 1 / std::sqrt(size));
-      if (block.outputs != block.inputs)
-        add_square(of_blocks[b].outputs, block.outputs, 1 / std::sqrt(size));
+      add_square(of_blocks[b].inputs, squares, block.inputs, 1 / std::sqrt(size));
+      if (transposed_response || block.outputs != block.inputs)
+        add_square(of_blocks[b].outputs, transposed_response ? of_transposed : squares,
+                   block.outputs, 1 / std::sqrt(size));
     }
   }
   const double sigma = cutoff * cutoff;

@@ -10,6 +10,19 @@
 
 namespace flexgram {
 
+std::vector<Resonance> poles_below(const DenseResponse& response, double cutoff) {
+  const DenseSystem& system = response.system();
+  const Damping& d = system.damping;
+  const bool undamped = d.alpha == 0 && d.beta == 0 && d.eta == 0 &&
+                        std::all_of(system.terms.begin(), system.terms.end(),
+                                    [](const auto& term) { return term.law.is_skew(); });
+  std::vector<Resonance> found;
+  for (const auto& pole : poles(response))
+    if (pole.real() > 0 && pole.real() < cutoff && pole.imag() < pole.real())
+      found.push_back({pole.real(), undamped ? 0.0 : std::max(pole.imag(), 0.0)});
+  return found;
+}
+
 std::string Medium::claim() const {
   const MediumLevel* last = levels.empty() ? nullptr : &levels.back();
   if (shortfall.empty() && last && last->proved)
@@ -33,6 +46,8 @@ std::vector<Resonance> Medium::resonances(const MediumLevel& level) const {
   std::optional<DenseResponse> stiff;
   if (!parameters_of(of_K.system().terms).empty()) stiff.emplace(of_K.stiffened());
   const DenseResponse& response = stiff ? *stiff : of_K;
+  if (!is_symmetric(response.system().terms)) return poles_below(response, cutoff);
+
   for (int j = rigid; j < rigid + modes; ++j) {
     const double l = std::max(response.lambda()[as_size(j)], 0.0);
     double omega = std::sqrt(l), stiffer = l;

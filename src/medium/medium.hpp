@@ -57,6 +57,9 @@ struct MediumLevel {
   }
 };
 
+/// Where a body with terms has its poles, and how wide their peaks are.
+std::vector<Resonance> poles_below(const DenseResponse& response, double cutoff);
+
 class SeenLevels;
 std::shared_ptr<SeenLevels> no_level_seen();
 

@@ -36,11 +36,20 @@ struct Given {
 };
 
 /// What C = J A⁻¹ Jᵀ takes from the Hermitian part of S₀ − C, which is 1 without it: the
-/// largest eigenvalue of Re C, the Hermitian part of a symmetric C, or ‖C‖_F, which is more
-/// and cheaper. @param given  what S₀ has beyond 1, at least; empty: not known.
-double taken_by(const ComplexDense& C, const Given& given = {}) {
+/// largest eigenvalue of the Hermitian part of C, which is Re C of a symmetric C, or ‖C‖_F, which
+/// is more and cheaper. @param given  what S₀ has beyond 1, at least, of a symmetric C; empty: not
+/// known.
+double taken_by(const ComplexDense& C, bool is_symmetric, const Given& given = {}) {
   const double norm = frobenius_norm(C);
   if (!(norm > little) || !std::isfinite(norm)) return norm;
+  if (!is_symmetric) {
+    ComplexDense hermitian(C.rows, C.columns);
+    for (int j = 0; j < C.columns; ++j)
+      for (int i = 0; i < C.rows; ++i)
+        hermitian(i, j) = 0.5 * (C(i, j) + std::conj(C(j, i)));
+    const double largest = hermitian_eigenvalues(std::move(hermitian)).back();
+    return std::min(norm, std::max(largest + 1e-14 * C.rows * norm, 0.0));
+  }
   Dense real(C.rows, C.columns);
   for (int j = 0; j < C.columns; ++j)
     for (int i = 0; i < C.rows; ++i) {
@@ -264,12 +273,15 @@ std::vector<double> ModeCoupling::energies() const {
 
 double ModeCoupling::at(const DenseSystem& system, double omega, bool with_given) const {
   const ShiftCoefficients c = system.coefficients(omega);
-  const ComplexDense j = J(c.m + sigma_ * c.k, c.terms), a = A(c);
+  const Complex outer = c.m + sigma_ * c.k;
+  const ComplexDense j = J(outer, c.terms), a = A(c);
+  const bool symmetric = is_symmetric(system.terms);
   try {
-    const ComplexDense C = multiply(j, solved(a, j, false));
-    const double taken = taken_by(C);
-    if (!with_given || !(taken > little)) return taken;
-    return std::min(taken, taken_by(C, given_by(j, a, energies())));
+    const ComplexDense C = multiply(
+        j, solved(a, symmetric ? j : J(outer, transposed(c.terms, system.terms)), false));
+    const double taken = taken_by(C, symmetric);
+    if (!with_given || !(taken > little) || !symmetric) return taken;
+    return std::min(taken, taken_by(C, symmetric, given_by(j, a, energies())));
   } catch (const ShiftError&) {
     return infinity;
   }
@@ -320,10 +332,15 @@ double ModeCoupling::over(const DenseSystem& system, Interval interval) const {
   }
   moved += farthest;
   j = scale(std::move(j), false);
-  ComplexDense Y;
   at = scale(std::move(at), true);
+  const bool symmetric = is_symmetric(system.terms);
+  const ComplexDense of_transposed =
+      symmetric ? ComplexDense()
+                : scale(J(outer.c, transposed(at_centre.terms, system.terms)), false);
+  const ComplexDense& right = symmetric ? j : of_transposed;
+  ComplexDense Y;
   try {
-    Y = solved(at, j, true);
+    Y = solved(at, right, true);
   } catch (const ShiftError&) {
     return infinity;
   }
@@ -334,18 +351,21 @@ double ModeCoupling::over(const DenseSystem& system, Interval interval) const {
   std::copy(Y.data.begin() + split, Y.data.end(), inverse.data.begin());
   const double size = norm_bound(inverse), away = size * moved;
   if (!(away < 1)) return infinity;
-  const double y = frobenius_norm(product), farther = 1 / (1 - away);
+  // ‖A⁻¹Jᵀ‖ of A(ω)ᵀ and ‖JA⁻¹‖.
+  const double y = frobenius_norm(product),
+               left = symmetric ? y : frobenius_norm(multiply(j, inverse)),
+               farther = 1 / (1 - away);
   const ComplexDense C = multiply(j, product);
-  const double more =
-                   farther * (moved * y * y + 2 * moved_J * y + moved_J * moved_J * size),
-               taken = taken_by(C) + more;
-  if (!(taken > little)) return taken;
+  const double more = farther * (moved * left * y + moved_J * (left + y) +
+                                 moved_J * moved_J * size),
+               taken = taken_by(C, symmetric) + more;
+  if (!(taken > little) || !symmetric) return taken;
   std::vector<double> E = energies();
   for (std::size_t i = 0; i < E.size(); ++i) E[i] *= unit[i] * unit[i];
   const Given given = given_by(j, at, E);
   if (given.value.rows == 0) return taken;
-  return std::min(taken,
-                  taken_by(C, given) + more + given.L * (2 * moved_J + given.L * moved));
+  return std::min(taken, taken_by(C, symmetric, given) + more +
+                             given.L * (2 * moved_J + given.L * moved));
 }
 
 } // namespace flexgram

@@ -39,7 +39,7 @@ struct VectorsOfV {
 };
 
 /// J = c G + Σ g F of vectors Φ of V in the norm of E⁻¹, E = K − ω_c²M, F of each term, and
-/// A_Φ = ΦᵀA(ω)Φ.
+/// A_Φ = ΦᵀA(ω)Φ. With skew terms that of A(ω)ᵀ is another J, with −g in their place.
 class ModeCoupling {
 public:
   /// Of the first `count` columns of U, among them those with uᵀEu < 0.
@@ -62,6 +62,7 @@ public:
 private:
   ModeCoupling() = default;
   void compress();
+
   ComplexDense A(const ShiftCoefficients& c) const;
   ComplexDense J(std::complex<double> c,
                  const std::vector<std::complex<double>>& g) const;

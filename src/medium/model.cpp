@@ -47,13 +47,14 @@ MediumModel::MediumModel(const Medium& medium, std::size_t level,
     ports_.blocks.push_back(std::move(block));
   }
   const DenseResponse& response = *level_.response;
+  if (!is_symmetric(response.system().terms)) transposed_ = response.transposed();
   take_modal_system();
   system.outputs_are_inputs = ports.same;
   ports_.modal_inputs = columns_of(response.modal_inputs(), ports_.inputs, ports_.scale);
   ports_.modal_outputs =
       columns_of(response.modal_inputs(), ports_.outputs, ports_.scale);
   numbers_ = ModalNumbers::of(response, ports_.modal_inputs, ports_.modal_outputs);
-  enough_digits_ = 1e-2 * medium.spec.target;
+  enough_digits_ = 0.1 * medium.spec.target;
   const double terms = static_cast<double>(views.size()) * response.system().order(),
                entries =
                    static_cast<double>(ports_.inputs.size() * ports_.outputs.size());
@@ -114,12 +115,9 @@ void MediumModel::take_modal_system() {
 
 void MediumModel::follow_dampers() {
   if (system.terms.empty() || system.order() > 250) return;
-  resonances.clear();
   const DenseResponse& response = *level_.response;
   const bool moves = !parameters_of(response.system().terms).empty();
-  for (const auto& pole : poles(moves ? response.stiffened() : response))
-    if (pole.real() > 0 && pole.real() < cutoff && pole.imag() < pole.real())
-      resonances.push_back({pole.real(), std::max(pole.imag(), 0.0)});
+  resonances = poles_below(moves ? response.stiffened() : response, cutoff);
 }
 
 /// Modal coordinates of the response to the chosen inputs, in their units.
@@ -194,11 +192,17 @@ std::optional<MediumModel::Stretch> MediumModel::over(Interval interval, int deg
   if (many_.residuals.grams.empty()) {
     const auto all = response_series(response, interval, degree);
     if (!all) return std::nullopt;
+    std::optional<ResponseSeries> of_transposed;
+    if (transposed_) {
+      of_transposed = response_series(*transposed_, interval, degree);
+      if (!of_transposed) return std::nullopt;
+    }
     const ResponseSeries x = inputs_of(*all);
     const MatrixSeries H = transfer(x);
     sizes_by_entries(x, H, result);
     result.H = seen(x, H);
-    result.bounds = level_.certificate->over(response, *all, ports_.blocks);
+    result.bounds = level_.certificate->over(response, *all, ports_.blocks,
+                                             transposed_ ? &*of_transposed : nullptr);
     scale_bounds(factors_of_views(interval), result);
     add_rigid_floor(result);
     return result;

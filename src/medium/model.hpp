@@ -186,6 +186,7 @@ private:
   void take_modal_system();
   std::vector<double> units() const;
   MediumLevel level_;
+  std::optional<DenseResponse> transposed_; ///< of A(ω)ᵀ, where A is not symmetric
   Basis V_;
   Dense to_V_;           ///< coordinates of V from those of `system`
   ModalNumbers numbers_; ///< the same system, for more digits

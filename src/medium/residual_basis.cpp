@@ -346,21 +346,30 @@ ResidualBasis residual_basis(const MediumSpace& space, const DenseResponse& resp
   std::vector<DenseResponse> responses;
   for (const ParameterValues& of : values) responses.push_back(response.at(of));
   if (values.empty()) responses.push_back(response);
-  Dense all(r, 2 * p * static_cast<int>(samples.size() * responses.size()));
+
+  const std::vector<Term<Dense>>& terms = response.system().terms;
+  const int sides = is_symmetric(terms) ? 1 : 2; // A(ω)ᵀ too
+  Dense all(r, 2 * p * sides * static_cast<int>(samples.size() * responses.size()));
   int next = 0;
-  for (const DenseResponse& with : responses)
+  const auto add = [&](const DenseResponse& with, bool is_transposed) {
     for (double omega : samples) {
       const ComplexDense x = with.modal_response(omega);
       const double size = std::sqrt(frobenius_norm(with.transfer(x)));
+      ShiftCoefficients c = with.system().coefficients(omega);
+      if (is_transposed) c.terms = transposed(std::move(c.terms), terms);
       const ComplexDense residual =
-          residual_of(basis.ports, basis.K, basis.terms, space.kappa(),
-                      with.system().coefficients(omega), x);
+          residual_of(basis.ports, basis.K, basis.terms, space.kappa(), c, x);
       for (int j = 0; j < p; ++j, next += 2)
         for (int i = 0; i < r && size > 0; ++i) {
           all(i, next) = residual(i, j).real() / size;
           all(i, next + 1) = residual(i, j).imag() / size;
         }
     }
+  };
+  for (const DenseResponse& with : responses) {
+    add(with, false);
+    if (sides == 2) add(with.transposed(), true);
+  }
   double largest = 0;
   for (double v : all.data) largest = std::max(largest, std::abs(v));
   // Residuals of the modes, so that angles above some 1e-6 are seen, and the dampers'

@@ -96,7 +96,8 @@ double column_norm(const ComplexDense& a, int j) {
 /// of their factors.
 struct CoupledSeries {
   CoupledSeries(const DenseResponse& response, Interval of, int degree)
-      : interval(of), T(response.modal_terms()) {
+      : interval(of), T(response.modal_terms()),
+        symmetric(is_symmetric(response.system().terms)) {
     for (const auto& [law, matrix] : response.system().terms)
       factors.push_back(law.series(of, degree));
     for (int i = 0; i < response.system().order(); ++i)
@@ -161,6 +162,7 @@ struct CoupledSeries {
 
   Interval interval;
   const std::vector<Dense>& T;
+  bool symmetric;
   std::vector<LawSeries> factors;
   std::vector<Diagonal> diagonals;
 };
@@ -180,14 +182,17 @@ struct Distance {
     }
     curved = norm_bound(bend);
     whole = curved;
+    // The transpose of A⁻¹T is TᵀA⁻ᵀ: TA⁻¹ where both are symmetric.
+    const ComplexDense of_transposed = A.symmetric ? ComplexDense() : transpose(inverse);
     for (std::size_t t = 0; t < A.T.size(); ++t) {
       const LawSeries& g = A.factors[t];
       if (g.moved() == 0) {
         of_terms.push_back(0);
         continue;
       }
-      // A is symmetric: this is the transpose of A⁻¹T.
-      const ComplexDense transposed = multiply(A.T[t], inverse);
+      const ComplexDense transposed = A.symmetric
+                                          ? multiply(A.T[t], inverse)
+                                          : multiply(transpose(A.T[t]), of_transposed);
       for (int j = 0; j < N; ++j)
         for (int i = 0; i < N; ++i) slope(i, j) += g.coefficients[1] * transposed(j, i);
       of_terms.push_back(norm_bound(transposed));

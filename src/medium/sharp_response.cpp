@@ -90,7 +90,8 @@ AccurateDense Sharpener::project(std::size_t which, Mat a, const Dense& plain,
   Congruence product = congruence({plain, Dense(N_, N_)}, U);
   AccurateDense all = std::move(product.product);
   of.sharp = std::move(product.rounding);
-  const std::vector<int>& modes = which == of_M ? chosen_.M : chosen_.K;
+  static const std::vector<int> none;
+  const std::vector<int>& modes = !Y ? none : which == of_M ? chosen_.M : chosen_.K;
   const int J = static_cast<int>(modes.size());
   if (J == 0) return all;
   const AccurateProduct AY = multiply_accurately(a, Y, {.rest = true});
@@ -128,9 +129,11 @@ void Sharpener::project() {
   Y_ = vectors(chosen_.K);
   K_ = project(of_K, fom.K, space_.K(), Y_, rounding.K);
   M_ = project(of_M, fom.M, space_.M(), vectors(chosen_.M), rounding.M);
+  // A skew term is of the size of ωM between slow modes: its plain sums do not cancel.
+  const Block none;
   for (std::size_t t = 0; t < fom.terms.size(); ++t)
-    terms_.push_back(project(of_M + 1 + t, fom.terms[t].matrix, space_.terms()[t], Y_,
-                             rounding.terms[t]));
+    terms_.push_back(project(of_M + 1 + t, fom.terms[t].matrix, space_.terms()[t],
+                             fom.terms[t].law.is_skew() ? none : Y_, rounding.terms[t]));
   for (int j = 0; j < N_; ++j)
     for (int i = 0; i < N_; ++i) {
       if (i < rigid_ || j < rigid_) K_.hi(i, j) = K_.lo(i, j) = 0;

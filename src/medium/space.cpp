@@ -122,7 +122,7 @@ void MediumSpace::start_with_rigid_modes(Block Phi, Dense stiffness, int geometr
   std::vector<Block> TX = times_terms(Phi);
   for (std::size_t t = 0; t < TX.size(); ++t) {
     projected_.terms[t] = inner(Phi, TX[t]);
-    symmetrise(projected_.terms[t]);
+    symmetrise(projected_.terms[t], fom_.terms[t].law.symmetry());
     images_.TV[t].append(std::move(TX[t]));
   }
   add_rounding_weights(Phi);
@@ -196,7 +196,8 @@ void MediumSpace::extend_projection(const Block& X, const Block& KX, const Block
     for (int i = 0; i < rigid_.count; ++i) mass(i, j) = 0;
   projected_.W = bordered(projected_.W, mass);
   for (std::size_t t = 0; t < TX.size(); ++t)
-    projected_.terms[t] = bordered(projected_.terms[t], inner(V_, TX[t]));
+    projected_.terms[t] =
+        bordered(projected_.terms[t], inner(V_, TX[t]), fom_.terms[t].law.symmetry());
 }
 
 void MediumSpace::restore(Block X) {

@@ -13,11 +13,15 @@
 namespace flexgram {
 namespace {
 
-Dense congruence(const Dense& a, const Dense& Q) {
+Dense congruence(const Dense& a, const Dense& Q, Symmetry of = Symmetry::symmetric) {
   if (a.data.empty()) return {};
   Dense result = multiply_transposed(Q, multiply(a, Q));
-  symmetrise(result);
+  symmetrise(result, of);
   return result;
+}
+
+void negate(Dense& a) {
+  for (double& x : a.data) x = -x;
 }
 
 Dense dense_of(const Block& block) {
@@ -58,11 +62,19 @@ DenseSystem DenseSystem::stiffened() const {
   return stiff;
 }
 
+DenseSystem DenseSystem::transposed() const {
+  DenseSystem other = *this;
+  for (auto& [law, T] : other.terms)
+    if (law.is_skew()) negate(T);
+  return other;
+}
+
 DenseSystem DenseSystem::project(const Dense& Q) const {
   DenseSystem part;
   part.M = congruence(M, Q);
   part.K = congruence(K, Q);
-  for (const auto& [law, T] : terms) part.terms.push_back({law, congruence(T, Q)});
+  for (const auto& [law, T] : terms)
+    part.terms.push_back({law, congruence(T, Q, law.symmetry())});
   part.B = multiply_transposed(Q, B);
   part.C = outputs_are_inputs ? part.B : multiply_transposed(Q, C);
   part.damping = damping;
@@ -79,7 +91,9 @@ SecondOrderModel DenseSystem::model(const SecondOrderModel& names) const {
   model.K = make_dense(K);
   model.M = make_dense(M);
   const auto viscous = [](const auto& term) { return term.law.is_viscous(); };
-  if (!terms.empty() && std::none_of(terms.begin(), terms.end(), viscous)) {
+  const auto of_rates = [](const auto& term) { return term.law.is_of_rates(); };
+  if (!std::all_of(terms.begin(), terms.end(), of_rates) &&
+      std::none_of(terms.begin(), terms.end(), viscous)) {
     model.damping = damping;
   } else {
     Dense sum(order(), order());
@@ -180,7 +194,17 @@ DenseResponse::DenseResponse(DenseSystem system, double tau)
   }
   B_ = multiply_transposed(U_, system_.B);
   C_ = system_.outputs_are_inputs ? B_ : multiply_transposed(U_, system_.C);
-  for (const auto& [law, T] : system_.terms) terms_.push_back(congruence(T, U_));
+  for (const auto& [law, T] : system_.terms)
+    terms_.push_back(congruence(T, U_, law.symmetry()));
+}
+
+DenseResponse DenseResponse::transposed() const {
+  DenseResponse other = *this;
+  other.pencil_.reset();
+  other.system_ = system_.transposed();
+  for (std::size_t t = 0; t < terms_.size(); ++t)
+    if (system_.terms[t].law.is_skew()) negate(other.terms_[t]);
+  return other;
 }
 
 DenseResponse DenseResponse::at(const ParameterValues& values) const {
@@ -228,7 +252,8 @@ DenseResponse::DenseResponse(DenseSystem system, double tau, Dense U,
       lambda_(std::move(lambda)) {
   for (double l : lambda_) mu_.push_back(1 / (l + tau_));
   if (terms_.empty())
-    for (const auto& [law, T] : system_.terms) terms_.push_back(congruence(T, U_));
+    for (const auto& [law, T] : system_.terms)
+      terms_.push_back(congruence(T, U_, law.symmetry()));
 }
 
 namespace {
@@ -344,7 +369,7 @@ Dense DenseResponse::companion() const {
   const int N = system_.order();
   Dense damping(N, N);
   for (std::size_t t = 0; t < terms_.size(); ++t)
-    if (system_.terms[t].law.is_viscous()) add_to(damping, terms_[t]);
+    if (system_.terms[t].law.is_of_rates()) add_to(damping, terms_[t]);
   for (int i = 0; i < N; ++i) {
     const double m = mu_[as_size(i)];
     damping(i, i) += system_.damping.alpha * m + system_.damping.beta * (1 - tau_ * m);
@@ -442,8 +467,8 @@ std::vector<std::complex<double>> poles(const DenseResponse& response, double et
     }
     return found;
   }
-  const auto viscous = [](const auto& term) { return term.law.is_viscous(); };
-  if (!std::all_of(system.terms.begin(), system.terms.end(), viscous)) {
+  const auto of_rates = [](const auto& term) { return term.law.is_of_rates(); };
+  if (!std::all_of(system.terms.begin(), system.terms.end(), of_rates)) {
     for (int j = 0; j < system.order(); ++j)
       for (const std::complex<double>& pole : pole_of_mode(response, j, eta_added))
         found.push_back(pole);

@@ -25,6 +25,8 @@ struct DenseSystem {
   /// With what the parameters' values add to the stiffness in K, for its modes; their own loss
   /// factors are left in a structural term.
   DenseSystem stiffened() const;
+  /// A(ω)ᵀ: with skew terms of the other sign.
+  DenseSystem transposed() const;
   /// The Galerkin projection onto the columns of Q (N×m).
   DenseSystem project(const Dense& Q) const;
   /// The projection onto the span of Q in modal coordinates, M = I and K diagonal (a massless
@@ -64,6 +66,8 @@ public:
 
   /// The same with other values of the parameters. @param values  empty: as they are.
   DenseResponse at(const ParameterValues& values) const;
+  /// The response of A(ω)ᵀ to the same ports.
+  DenseResponse transposed() const;
   /// That of `stiffened`, by its own modes.
   DenseResponse stiffened() const { return {system_.stiffened(), tau_}; }
   const DenseSystem& system() const { return system_; }

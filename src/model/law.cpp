@@ -49,12 +49,18 @@ double LawSeries::moved() const { return std::abs(coefficients[1]) + beyond_line
 
 Interval LawKind::known() const { return {0, std::numeric_limits<double>::infinity()}; }
 
-Law::Law(Kind kind)
-    : name_(kind == Kind::viscous ? "D" : "S"),
-      kind_name_(kind == Kind::viscous ? "viscous" : "structural") {
-  static const std::shared_ptr<const LawKind> viscous = made("viscous", {}),
-                                              structural = made("structural", {});
-  kind_ = kind == Kind::viscous ? viscous : structural;
+Law::Law(Kind kind) {
+  struct Known {
+    const char *name, *kind;
+    std::shared_ptr<const LawKind> law;
+  };
+  static const Known known[] = {{"D", "viscous", made("viscous", {})},
+                                {"S", "structural", made("structural", {})},
+                                {"G", "gyroscopic", made("gyroscopic", {})}};
+  const Known& of = known[static_cast<int>(kind)];
+  name_ = of.name;
+  kind_name_ = of.kind;
+  kind_ = of.law;
 }
 
 Law::Law(std::string name, const std::string& kind, const LawNumbers& numbers)

@@ -3,8 +3,10 @@
 
 #pragma once
 
+#include "linalg/dense.hpp"
 #include "model/spec.hpp"
 
+#include <algorithm>
 #include <complex>
 #include <map>
 #include <memory>
@@ -44,6 +46,8 @@ public:
   virtual std::vector<double> breaks() const { return {}; }
   /// Whether g is (1 + iη + iωβ) times a number: a stiffness with its own η and β.
   virtual bool is_stiffness() const { return false; }
+  /// Whether it belongs to a skew matrix T, Tᵀ = −T, g imaginary.
+  virtual bool is_skew() const { return false; }
   /// The frequencies at which g is known.
   virtual Interval known() const;
   virtual LawNumbers numbers() const { return {}; }
@@ -67,8 +71,9 @@ const std::vector<std::pair<std::string, const LawMaker*>>& law_makers();
 class Law {
 public:
   enum class Kind {
-    viscous,   ///< T [N·s/m]: D
-    structural ///< T [N/m], Σ η_k K_k of materials with loss factors: S
+    viscous,    ///< T [N·s/m]: D
+    structural, ///< T [N/m], Σ η_k K_k of materials with loss factors: S
+    gyroscopic  ///< T [N·s/m], skew: G
   };
   Law(Kind kind = Kind::viscous);
   /// @throws Error for a kind that is none, or numbers that make no factor.
@@ -82,17 +87,22 @@ public:
   double as_damper(double omega) const;
   bool is_viscous() const { return kind_name_ == "viscous"; }
   bool is_structural() const { return kind_name_ == "structural"; }
+  /// Whether T is skew: A(ω) is not symmetric.
+  bool is_skew() const { return kind_->is_skew(); }
+  Symmetry symmetry() const { return is_skew() ? Symmetry::skew : Symmetry::symmetric; }
+  /// Whether g is iω.
+  bool is_of_rates() const { return is_viscous() || is_skew(); }
   /// Whether a stiffness is known between two numbers only, and has one of them now.
   bool is_parameter() const { return kind_name_ == "parameter"; }
   /// A number that the law has one of. @pre it has.
   double number(const std::string& name) const;
   /// The same law with another number.
   Law with(const std::string& number, double value) const;
-  /// Whether it has a name of its own, beside D and S.
-  bool is_named() const { return !is_viscous() && !is_structural(); }
+  /// Whether it has a name of its own, beside D, S and G.
+  bool is_named() const { return !is_viscous() && !is_structural() && !is_skew(); }
   const std::string& name() const { return name_; }
   const std::string& kind_name() const { return kind_name_; }
-  /// Where T lies in a file: /D, /S, else /terms/NAME.
+  /// Where T lies in a file: /D, /S, /G, else /terms/NAME.
   std::string path() const;
   bool operator==(const Law& other) const {
     return name_ == other.name_ && kind_name_ == other.kind_name_ &&
@@ -104,12 +114,28 @@ private:
   std::shared_ptr<const LawKind> kind_;
 };
 
-/// g(ω)T, T symmetric positive semidefinite.
+/// g(ω)T, T symmetric positive semidefinite, or skew.
 template <class MatrixType>
 struct Term {
   Law law;
   MatrixType matrix;
 };
+
+/// Whether A(ω) is symmetric.
+template <class MatrixType>
+bool is_symmetric(const std::vector<Term<MatrixType>>& terms) {
+  return std::none_of(terms.begin(), terms.end(),
+                      [](const auto& term) { return term.law.is_skew(); });
+}
+
+/// The factors of A(ω)ᵀ with the same T: −g of skew ones.
+template <class MatrixType>
+std::vector<std::complex<double>> transposed(std::vector<std::complex<double>> g,
+                                             const std::vector<Term<MatrixType>>& terms) {
+  for (std::size_t t = 0; t < g.size(); ++t)
+    if (terms[t].law.is_skew()) g[t] = -g[t];
+  return g;
+}
 
 /// |g| of each term at most, at frequencies up to ω.
 template <class MatrixType>

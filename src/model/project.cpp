@@ -10,9 +10,9 @@
 namespace flexgram {
 namespace {
 
-Dense reduce_matrix(Mat a, const Block& V) {
+Dense reduce_matrix(Mat a, const Block& V, Symmetry of = Symmetry::symmetric) {
   Dense reduced = inner(V, multiply(a, V));
-  symmetrise(reduced);
+  symmetrise(reduced, of);
   return reduced;
 }
 
@@ -23,7 +23,7 @@ SecondOrderModel project(const SecondOrderModel& fom, const Block& V) {
   system.K = reduce_matrix(fom.K, V);
   system.M = reduce_matrix(fom.M, V);
   for (const auto& [law, matrix] : fom.terms)
-    system.terms.push_back({law, reduce_matrix(matrix, V)});
+    system.terms.push_back({law, reduce_matrix(matrix, V, law.symmetry())});
   system.damping = fom.damping;
   system.B = inner(V, fom.B);
   system.C = fom.outputs_are_inputs ? system.B : inner(V, fom.C);

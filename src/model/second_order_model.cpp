@@ -127,6 +127,8 @@ SecondOrderModel SecondOrderModel::head() const {
   head.n = n;
   head.rows = rows;
   head.damping = damping;
+  head.coriolis = coriolis;
+
   head.outputs_are_inputs = outputs_are_inputs;
   head.inputs = inputs;
   head.outputs = outputs;

@@ -76,7 +76,7 @@ private:
 /// `output_form` adds: the same type for a full body (sparse, rows over the ranks of comm) and
 /// for a reduced one (dense, whole on every rank, comm = self).
 ///
-/// M [kg], K [N/m], T: n×n, real symmetric; B: n×n_in; C: n×n_out (the paper's C_e).
+/// M [kg], K [N/m], T: n×n, real symmetric, T of G skew; B: n×n_in; C: n×n_out (the paper's C_e).
 struct SecondOrderModel {
   std::string name;
   MPI_Comm comm = MPI_COMM_NULL;
@@ -85,7 +85,10 @@ struct SecondOrderModel {
   Matrix M, K;
   Damping damping;
   std::vector<Term<Matrix>> terms; ///< what αM + βK and ηK do not cover; no name twice
-  Block B, C;                      ///< C shares B where the outputs are the inputs
+  /// [rad/s] G is that of Coriolis forces, and no larger than this times M: ±iG <= coriolis·M. 0:
+  /// not known.
+  double coriolis = 0;
+  Block B, C; ///< C shares B where the outputs are the inputs
   bool outputs_are_inputs = true;
   std::vector<std::string> inputs, outputs; ///< port names
 

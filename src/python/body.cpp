@@ -106,7 +106,7 @@ void PythonBody::set_dofs(const Rows& node, const Rows& label,
 
 void PythonBody::set(const std::string& which, Matrix matrix) {
   SecondOrderModel& m = body.model;
-  take_symmetric_part(matrix, which, m.name, m.remarks);
+  if (which != "D" && which != "G") take_symmetric_part(matrix, which, m.name, m.remarks);
   PetscReal norm = 0; // of row sums: squares of entries that are finite may overflow
   FG_CALL(MatNorm(matrix, NORM_INFINITY, &norm));
   if (!std::isfinite(norm)) throw Error(text("%s holds NaN or Inf", which.c_str()));
@@ -123,9 +123,12 @@ void PythonBody::set(const std::string& which, Matrix matrix) {
   });
   if (which == "M")
     m.M = std::move(matrix);
-  else if (which == "D" || which == "S")
-    m.terms.push_back(
-        {which == "S" ? Law::Kind::structural : Law::Kind::viscous, std::move(matrix)});
+  else if (which == "D")
+    add_damping(m, std::move(matrix), m.name);
+  else if (which == "G")
+    add_skew(m, std::move(matrix), m.name);
+  else if (which == "S")
+    m.terms.push_back({Law::Kind::structural, std::move(matrix)});
   else
     m.terms.push_back({laws.at(which), std::move(matrix)});
 }

@@ -13,9 +13,11 @@ void plan_solves(const FrequencySolves& solves, std::size_t tasks, Observer& obs
   const FactorEstimate& e = solves.estimate();
   observer.fact("factorisation",
                 text("%s %s, %.2g entries, %.2g flops, %.0f MB on a rank, ordered by %s",
-                     solves.model().undamped() ? "real" : "complex symmetric", "LDLᵀ",
-                     e.factor_entries, e.flops, e.mb_per_rank,
-                     solves.ordering().c_str()));
+                     solves.model().undamped()            ? "real"
+                     : is_symmetric(solves.model().terms) ? "complex symmetric"
+                                                          : "complex",
+                     is_symmetric(solves.model().terms) ? "LDLᵀ" : "LU", e.factor_entries,
+                     e.flops, e.mb_per_rank, solves.ordering().c_str()));
   observer.fact("parallel",
                 text("%zu frequencies over %d group%s of %d rank%s", tasks,
                      solves.groups().count, solves.groups().count == 1 ? "" : "s",

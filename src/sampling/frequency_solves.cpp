@@ -117,7 +117,8 @@ FrequencySolves::FrequencySolves(SecondOrderModel model, int groups,
     how.mumps.ordering = Ordering::best;
   const auto prepare = [&] {
     s.solver = std::make_unique<ShiftedSolver>(
-        s.model.K, s.model.M, s.model.term_matrices(), s.model.node, how);
+        s.model.K, s.model.M, s.model.term_matrices(), s.model.node, how,
+        is_symmetric(s.model.terms) ? MatrixKind::symmetric : MatrixKind::general);
     s.estimate = s.solver->analyse(real);
   };
   int count = groups;

@@ -55,6 +55,14 @@ MATERIALS = (
 )
 
 
+#: D with a skew part, --spin: gyroscopic forces from a thousandth of the inertia's to ten times
+#: these.
+SPIN = (
+    *("spin", "spin and mass", "spin and stiffness", "spin and structural", "spin and dashpots"),
+    *("spin and materials", "spin and relaxation", "spin and a table", "spin and a parameter"),
+)
+
+
 @dataclass
 class Case:
     """A system, its bands [Hz] and what is asked for."""
@@ -177,16 +185,16 @@ def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
         first = np.sqrt(lam[0]) * 0.2
     if kind == "elastic part":
         first = np.sqrt(lam[0]) * 10.0 ** rng.uniform(-3, 0)
-        damping = damping if damping not in ("dashpots", "general", *MATERIALS) else "both"
+        damping = damping if damping not in ("dashpots", "general", *MATERIALS, *SPIN) else "both"
     zeta = 10.0 ** rng.uniform(-6, -1.5)
     reference = np.sqrt(lam[0] * lam[modes - 1]) ** 0.5
     extra: dict[str, Any] = {}
     D = S = None
-    if damping in ("mass", "both", "materials and mass"):
+    if damping in ("mass", "both", "materials and mass", "spin and mass"):
         extra["alpha"] = 2 * zeta * reference
-    if damping in ("stiffness", "both"):
+    if damping in ("stiffness", "both", "spin and stiffness"):
         extra["beta"] = 2 * zeta / top
-    if damping == "structural":
+    if damping in ("structural", "spin and structural"):
         extra["eta"] = 2 * zeta
     if "dashpots" in damping:
         D = np.zeros((n, n))
@@ -196,6 +204,8 @@ def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
         F = rng.standard_normal((n, n)) / np.sqrt(n)
         D = 2 * zeta * reference * mass * (F @ F.T)
         D = 0.5 * (D + D.T)
+    if "spin" in damping:
+        D = (0 if D is None else D) + _gyroscopic(rng, M, top)
     terms: list[Any] = []
     if "materials" in damping:
         S = _losses(rng, K, min(100 * zeta, 1.0))
@@ -234,6 +244,18 @@ def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
         K, M = (np.vectorize(lambda x: float(f"{x:.{digits - 1}e}"))(a) for a in (K, M))
     system = System(K, np.diag(M), B, C, D, S=S, terms=terms, **extra)
     return Case(kind, damping, system, bands, tolerance, options, parameter)
+
+
+def _gyroscopic(rng: np.random.Generator, M: Any, top: float) -> Any:
+    """Skew, between neighbours or all dofs, of dofs with mass alone or of some without."""
+    n = len(M)
+    G = np.triu(rng.standard_normal((n, n)), 1)
+    if rng.random() < 0.5:
+        G = np.triu(np.tril(G, 1))
+    root = np.sqrt(M if rng.random() < 0.7 else np.maximum(M, 1e-3 * M.max()))
+    G = root[:, None] * (G - G.T) * root
+    size = np.linalg.norm(G / np.maximum.outer(root, root) ** 2, 2) if root.min() > 0 else n
+    return 10.0 ** rng.uniform(-3, 1) * top / size * G
 
 
 def _losses(rng: np.random.Generator, K: Any, largest: float) -> Any:
@@ -418,8 +440,10 @@ def what_of(index: int, dampings: Any) -> tuple[str, str]:
 
 def main() -> int:
     """Print the table; exit status 1 if any error exceeds its certificate."""
-    words = [word for word in sys.argv[1:] if word != "--materials"]
-    dampings = MATERIALS if len(words) < len(sys.argv) - 1 else DAMPINGS
+    words = [word for word in sys.argv[1:] if not word.startswith("--")]
+    dampings = (
+        MATERIALS if "--materials" in sys.argv else SPIN if "--spin" in sys.argv else DAMPINGS
+    )
     count = int(words[0]) if words else 200
     seed = int(words[1]) if len(words) > 1 else 1
     table: dict[Any, list[Verdict]] = collections.defaultdict(list)

@@ -169,12 +169,13 @@ def read_sparse(file: h5py.File, name: str) -> sp.csc_matrix:
 
 
 def assembled(path: Path, body: Path, ranks: int = 1) -> dict[str, Any]:
-    """K, M, B and the dof map of a mesh body, assembled by the program."""
+    """K, M, G where there is one, B and the dof map of a mesh body, assembled by the program."""
     run("assemble", "-body", body, "-body_out", path, ranks=ranks)
     with h5py.File(path) as file:
         return {
             "K": read_sparse(file, "K"),
             "M": read_sparse(file, "M"),
+            "G": read_sparse(file, "G") if "G" in file else None,
             "B": file["B"][:],
             "names": list(file["B"].attrs["names"]),
             "node": file["nodes/id"][:][file["dofs/node"][:]],
@@ -241,12 +242,13 @@ def body_system(path: Path) -> System:
             if "MATLAB_class" in file[name].attrs
             else file[name][:]
         )
+        rates = [read_sparse(file, name) for name in "DG" if name in file]
         return System(
             read_sparse(file, "K"),
             read_sparse(file, "M"),
             dense("B"),
             dense("C") if "C" in file else None,
-            read_sparse(file, "D") if "D" in file else None,
+            sum(rates[1:], rates[0]) if rates else None,
             value("alpha"),
             value("beta"),
             value("eta"),

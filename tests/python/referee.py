@@ -270,8 +270,18 @@ class System:
             self._kept = mu, phi, scale
         return self._kept
 
+    def _is_skew_in_part(self) -> bool:
+        D = self._double[2]
+        return bool(abs(D - D.T).max() > 0)
+
     def poles(self) -> Any:
-        """Undamped eigenfrequencies [rad/s] with half their widths, from dense matrices."""
+        """Undamped eigenfrequencies [rad/s], half their widths, from dense matrices; with a skew
+        part of D those of the damped body."""
+        if self.D is not None and self._is_skew_in_part():
+            _, g, _, shift = self._first_order()
+            s = shift + 1 / np.where(g == 0, 1e-300, -g)
+            s = s[(s.imag > 0) & np.isfinite(s)]
+            return s.imag, abs(s.real)
         mu, phi, scale = self._modes()
         lam = np.maximum(1 / np.maximum(mu, 1e-300) - scale, 0)
         own = [

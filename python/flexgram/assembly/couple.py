@@ -112,6 +112,8 @@ def couple(
     """
     if not models:
         raise BodyError("couple: no parts")
+    for name, model in models.items():
+        model.system.expect_symmetric(f"couple: part {name}: an assembly")
     varying = parameters_of(models, joints)
     parts = Parts(models, turns or {}, joints)
     K, D, S, terms, ties = _joined(parts, joints)

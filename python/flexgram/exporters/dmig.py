@@ -67,6 +67,7 @@ def write_dmig(model: ReducedBody, path: Path) -> None:
     --------
     >>> write_dmig(flexgram.ReducedModel.load("rack.rom.h5"), Path("rack.pch"))
     """
+    model.system.expect_symmetric("this file")
     if model.system.loss:
         raise BodyError(
             f"structural damping ({model.system.loss}) has no matrix in this file: "

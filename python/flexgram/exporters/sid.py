@@ -149,6 +149,7 @@ def write_sid(model: ReducedBody, path: Path, dialect: str = "dlr") -> None:
             "a SID needs the frame integrals: reduce a free body with coordinates "
             "(-mor_frame_integrals)"
         )
+    model.system.expect_symmetric("a SID")
     if model.system.loss:
         raise BodyError(
             f"a SID has no structural damping ({model.system.loss}): give Rayleigh damping, or "

@@ -55,7 +55,8 @@ class System:
     Attributes
     ----------
     M, D, K : (m, m) arrays
-        Mass, damping (Rayleigh and other, summed), stiffness; symmetric.
+        Mass, damping (Rayleigh and other, summed), stiffness; symmetric, but for gyroscopic forces
+        in D.
     B, C : (m, n_in), (n_out, m) arrays
         Input and output maps.
     inputs, outputs : list of str
@@ -283,6 +284,19 @@ class System:
         now = self.at()
         relaxing = tuple(term for term in now.terms if not isinstance(term.law, Prony))
         return replace(now, terms=relaxing).loss
+
+    @property
+    def is_gyroscopic(self) -> bool:
+        """Whether D has a skew part: gyroscopic or Coriolis forces."""
+        return bool(abs(self.D - self.D.T).max(initial=0) > 1e-12 * abs(self.D).max(initial=0))
+
+    def expect_symmetric(self, what: str) -> None:
+        """Raise BodyError where D is not symmetric."""
+        if self.is_gyroscopic:
+            raise BodyError(
+                f"{what} takes symmetric matrices only, and D holds gyroscopic forces, which are "
+                "skew"
+            )
 
     def complex_stiffness(self, omega: float) -> ComplexArray:
         """K (1 + i eta) + i S + Σ g(omega) T, (m, m)."""

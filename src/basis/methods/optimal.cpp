@@ -51,8 +51,11 @@ public:
   std::vector<double> errors(const Dense& V, const Weigh* weigh, Dense* gradient) const;
 
 private:
-  Responses small_response(const Dense& V, const Dense& loads) const;
-  Responses residual(const Dense& V, const Responses& x, const Dense& loads) const;
+  /// Of A(ω), or of A(ω)ᵀ.
+  enum class Side { inputs, outputs };
+  Responses small_response(const Dense& V, const Dense& loads, Side side) const;
+  Responses residual(const Dense& V, const Responses& x, const Dense& loads,
+                     Side side) const;
 
   Elastic e_;
   const MediumModel& medium_;
@@ -105,14 +108,16 @@ Dense BandError::basis(const Dense& elastic) const {
 }
 
 /// (VᵀAV)⁻¹VᵀP at all frequencies.
-Responses BandError::small_response(const Dense& V, const Dense& loads) const {
+Responses BandError::small_response(const Dense& V, const Dense& loads, Side side) const {
   DenseSystem system;
   system.M = M_;
   system.K = K_;
   system.terms = terms_;
   system.B = system.C = loads;
   system.damping = medium_.system.damping;
-  const DenseResponse small(system.project(V), medium_.tau);
+  system = system.project(V);
+  const DenseResponse small(side == Side::inputs ? system : system.transposed(),
+                            medium_.tau);
   const int m = V.columns, p = loads.columns;
   Responses x(m, p * static_cast<int>(omega_.size()));
   for (std::size_t l = 0; l < omega_.size(); ++l) {
@@ -129,8 +134,8 @@ Responses BandError::small_response(const Dense& V, const Dense& loads) const {
 }
 
 /// P − A V x at all frequencies.
-Responses BandError::residual(const Dense& V, const Responses& x,
-                              const Dense& loads) const {
+Responses BandError::residual(const Dense& V, const Responses& x, const Dense& loads,
+                              Side side) const {
   Responses r(V.rows, x.re.columns);
   const int p = loads.columns, N = V.rows;
   const Dense re = multiply(V, x.re), im = multiply(V, x.im);
@@ -140,7 +145,8 @@ Responses BandError::residual(const Dense& V, const Responses& x,
     T_im.push_back(multiply(T, im));
   }
   for (std::size_t l = 0; l < omega_.size(); ++l) {
-    const ShiftCoefficients c = medium_.system.coefficients(omega_[l]);
+    ShiftCoefficients c = medium_.system.coefficients(omega_[l]);
+    if (side == Side::outputs) c.terms = transposed(std::move(c.terms), terms_);
     for (int j = 0; j < p; ++j) {
       const int at = static_cast<int>(l) * p + j;
       for (int i = 0; i < N; ++i) { // K and M are diagonal here
@@ -187,8 +193,8 @@ void add_products(Dense& G, const Responses& R, const std::vector<ComplexDense>&
 std::vector<double> BandError::errors(const Dense& elastic, const Weigh* weigh,
                                       Dense* gradient) const {
   const Dense V = after_rigid(elastic, e_.rigid, e_.N);
-  const bool same = medium_.system.outputs_are_inputs;
-  const Responses X = small_response(V, B_);
+  const bool same = medium_.system.outputs_are_inputs && is_symmetric(terms_);
+  const Responses X = small_response(V, B_, Side::inputs);
   const Dense VC = multiply_transposed(C_, V); // CᵀV
   const Dense h_re = multiply(VC, X.re), h_im = multiply(VC, X.im);
   const std::size_t views = medium_.views.size();
@@ -225,13 +231,13 @@ std::vector<double> BandError::errors(const Dense& elastic, const Weigh* weigh,
     adjoint.push_back(std::move(WH));
   }
   Dense G(V.rows, V.columns);
-  const Responses R_B = residual(V, X, B_);
+  const Responses R_B = residual(V, X, B_, Side::inputs);
   if (same) { // E is symmetric: both parts are alike
     add_products(G, R_B, conjugated, X);
     for (double& g : G.data) g *= -4;
   } else {
-    const Responses Z = small_response(V, C_);
-    add_products(G, residual(V, Z, C_), conjugated, X);
+    const Responses Z = small_response(V, C_, Side::outputs);
+    add_products(G, residual(V, Z, C_, Side::outputs), conjugated, X);
     add_products(G, R_B, adjoint, Z);
     for (double& g : G.data) g *= -2;
   }
