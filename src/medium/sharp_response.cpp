@@ -65,7 +65,7 @@ private:
   }
   void project();
   AccurateDense project(std::size_t which, Mat a, const Dense& plain, const Block& Y,
-                        EntryRounding& of) const;
+                        EntryRounding& of, Symmetry symmetry = Symmetry::symmetric) const;
   void turn();
   AccurateDense project_ports(const Block& loads);
   void make_response(const Dense& Z, const AccurateDense& ports);
@@ -83,19 +83,22 @@ private:
 
 /// UᵀAU, its plain sums replaced where accurate ones are known, and its rounding with them.
 AccurateDense Sharpener::project(std::size_t which, Mat a, const Dense& plain,
-                                 const Block& Y, EntryRounding& of) const {
+                                 const Block& Y, EntryRounding& of,
+                                 Symmetry symmetry) const {
   const Dense& U = response_.U();
   const double unit = space_.rounding_of_sums().unit + epsilon, // and to a double
       twice = epsilon * (static_cast<double>(space_.fom().n) + 1e3);
   Congruence product = congruence({plain, Dense(N_, N_)}, U);
   AccurateDense all = std::move(product.product);
   of.sharp = std::move(product.rounding);
-  static const std::vector<int> none;
-  const std::vector<int>& modes = !Y ? none : which == of_M ? chosen_.M : chosen_.K;
+  const std::vector<int>& modes = which == of_M ? chosen_.M : chosen_.K;
   const int J = static_cast<int>(modes.size());
   if (J == 0) return all;
   const AccurateProduct AY = multiply_accurately(a, Y, {.rest = true});
-  const AccurateDense among = inner_accurately(Y, AY.product, AY.rest, Triangle::upper);
+  const bool skew = symmetry == Symmetry::skew;
+  const double mirrored = skew ? -1 : 1;
+  const AccurateDense among =
+      inner_accurately(Y, AY.product, AY.rest, skew ? Triangle::both : Triangle::upper);
   const AccurateDense with_all =
       multiply_accurately(transpose(U), inner(space_.V(), AY.product));
   const std::vector<double> force = space_.dual_weights(which, AY.product),
@@ -103,8 +106,10 @@ AccurateDense Sharpener::project(std::size_t which, Mat a, const Dense& plain,
   for (int j = 0; j < J; ++j) {
     const int column = modes[as_size(j)];
     for (int i = 0; i < N_; ++i) {
-      all.hi(i, column) = all.hi(column, i) = with_all.hi(i, j);
-      all.lo(i, column) = all.lo(column, i) = with_all.lo(i, j);
+      all.hi(i, column) = with_all.hi(i, j);
+      all.lo(i, column) = with_all.lo(i, j);
+      all.hi(column, i) = mirrored * with_all.hi(i, j);
+      all.lo(column, i) = mirrored * with_all.lo(i, j);
     }
   }
   for (int j = 0; j < J; ++j)
@@ -129,11 +134,9 @@ void Sharpener::project() {
   Y_ = vectors(chosen_.K);
   K_ = project(of_K, fom.K, space_.K(), Y_, rounding.K);
   M_ = project(of_M, fom.M, space_.M(), vectors(chosen_.M), rounding.M);
-  // A skew term is of the size of ωM between slow modes: its plain sums do not cancel.
-  const Block none;
   for (std::size_t t = 0; t < fom.terms.size(); ++t)
-    terms_.push_back(project(of_M + 1 + t, fom.terms[t].matrix, space_.terms()[t],
-                             fom.terms[t].law.is_skew() ? none : Y_, rounding.terms[t]));
+    terms_.push_back(project(of_M + 1 + t, fom.terms[t].matrix, space_.terms()[t], Y_,
+                             rounding.terms[t], fom.terms[t].law.symmetry()));
   for (int j = 0; j < N_; ++j)
     for (int i = 0; i < N_; ++i) {
       if (i < rigid_ || j < rigid_) K_.hi(i, j) = K_.lo(i, j) = 0;
