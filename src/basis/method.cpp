@@ -82,8 +82,10 @@ Elastic::Elastic(const SecondStage& stage)
 Dense Elastic::statics() const {
   Dense modal = multiply_transposed(response.U(), all_ports(system));
   for (int j = 0; j < modal.columns; ++j)
-    for (int i = 0; i < modal.rows; ++i) // in modal coordinates K is 1 − τμ
-      modal(i, j) /= std::max(1 - response.tau() * response.mu()[as_size(i)], 1e-12);
+    for (int i = 0; i < modal.rows; ++i) { // in modal coordinates K is 1 − τμ
+      const double k = 1 - response.tau() * response.mu()[as_size(i)];
+      modal(i, j) /= std::abs(k) > 1e-12 ? k : 1e-12;
+    }
   return multiply(response.U(), modal);
 }
 

@@ -142,6 +142,32 @@ std::string unmet_words(const BandClaim& claim) {
 
 /// The error in words: of H as a whole, by either reference, and of its kinds.
 /// The claim, and what it is relative to.
+/// Gyroscopic forces may hold a body that is unstable without them, or may not.
+void tell_stability(const CutStory& cut, Observer& observer) {
+  constexpr double rounding = 1e-9;
+  const auto of_rates = [](const auto& term) { return term.law.is_of_rates(); };
+  if (is_symmetric(cut.small.terms) || cut.small.damping.eta > 0 ||
+      !std::all_of(cut.small.terms.begin(), cut.small.terms.end(), of_rates))
+    return;
+  const DenseResponse response(cut.small, cut.whole.tau);
+  std::vector<double> worst{0, 0};                         // [1/s] growth, [rad/s]
+  for (const std::complex<double>& pole : poles(response)) // motion is exp(iωt)
+    if (-pole.imag() > std::max(worst[0], rounding * std::abs(pole)))
+      worst = {-pole.imag(), std::abs(pole.real())};
+  share_from_first(cut.whole.body.comm, worst);
+  const double softest =
+      *std::min_element(response.lambda().begin(), response.lambda().end());
+  if (worst[0] > 0)
+    observer.warn(
+        text("the reduced body is unstable: a motion of %.4g Hz grows by e in %.3g s. "
+             "H is what the equations give, no vibration that lasts",
+             worst[1] * hz, 1 / worst[0]));
+  else if (softest < 0)
+    observer.fact("stability",
+                  "K has negative eigenvalues; gyroscopic forces hold the reduced "
+                  "body: no motion of it grows");
+}
+
 void tell_supremum(const CutStory& cut, const ReducedModel& rom, Observer& observer) {
   const ErrorOverBox::Supremum& sup = cut.sup;
   const MediumModel& medium = cut.seen.model();
@@ -275,6 +301,7 @@ void warn_of_unmet(const CutStory& cut, const ReducedModel& rom, Observer& obser
 
 void tell_error(const CutStory& cut, const ReducedModel& rom, Observer& observer) {
   tell_supremum(cut, rom, observer);
+  tell_stability(cut, observer);
   tell_rounding(cut, rom, observer);
   tell_kinds(cut, rom, observer);
   tell_fields(rom, observer);

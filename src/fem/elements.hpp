@@ -52,6 +52,9 @@ struct ElementMatrices {
   double min_detJ = 0;    ///< smallest Jacobian determinant met; ≤ 0: inverted
   double shape_ratio = 1; ///< smallest over largest determinant, 1 for a perfect shape
   double aspect = 1; ///< ‖J‖‖J⁻¹‖/3 at most, 1 for a cube; about width over thickness
+  /// Of a Hex8 M = TᵀM₀T: M₀, with the incompatible modes that follow the nodes by T, couples no
+  /// directions. Of others empty, M couples none.
+  Dense M_0, T;
 };
 
 int node_count(ElementType type);
@@ -97,9 +100,11 @@ Dense beam_spin_softening(const Vector3& first, const Vector3& second,
                           const BeamMaterial& material, const BeamSection& section,
                           const Vector3& axis);
 
+/// The same of a solid: ∫ρ NᵀPN, P the projection across the axis.
+Dense solid_spin_softening(const ElementMatrices& element, const Vector3& axis);
+
 /// Coriolis forces of a solid in a frame that spins about `axis`, for Ω = 1: 2∫ρ Nᵀ[axis ×]N, skew.
-/// @param M  of it.
-Dense solid_coriolis(const Vector3& axis, const Dense& M);
+Dense solid_coriolis(const ElementMatrices& element, const Vector3& axis);
 /// The same of a beam, with those of sections that turn.
 Dense beam_coriolis(const Vector3& first, const Vector3& second,
                     const BeamMaterial& material, const BeamSection& section,

@@ -37,17 +37,6 @@ std::vector<double> gathered(const Block& x) {
   return all;
 }
 
-/// −Ω²M_c of a solid: M sees the part of its motion across the axis.
-void soften(Dense& K, double square, const Vector3& axis, const Dense& M) {
-  Dense across(M.rows, M.rows);
-  for (int i = 0; i < M.rows; ++i)
-    for (int c = 0; c < 3; ++c)
-      across(i, i - i % 3 + c) = (i % 3 == c) - axis[as_size(i % 3)] * axis[as_size(c)];
-  Dense seen = multiply_transposed(across, multiply(M, across));
-  symmetrise(seen);
-  add_to(K, seen, -square);
-}
-
 } // namespace
 
 Preload::Preload(const BodyDescription& body, const DofMap& map, Mat K,
@@ -121,8 +110,8 @@ double Preload::speed() const {
 }
 
 Dense Preload::coriolis(const MeshBlock& block, const std::vector<Vector3>& x,
-                        const Dense& M) const {
-  Dense G(M.rows, M.rows);
+                        const ElementMatrices& element) const {
+  Dense G(element.M.rows, element.M.rows);
   for (const Field& one : fields_) {
     if (!one.is_spin()) continue;
     const Vector3& axis = one.field->axis;
@@ -130,7 +119,7 @@ Dense Preload::coriolis(const MeshBlock& block, const std::vector<Vector3>& x,
            block.type == ElementType::beam2
                ? beam_coriolis(x[0], x[1], body_.materials.at(block.material).beam,
                                body_.sections.at(block.section), axis)
-               : solid_coriolis(axis, M),
+               : solid_coriolis(element, axis),
            std::sqrt(one.value));
   }
   return G;
@@ -151,18 +140,17 @@ Dense Preload::of_stress(const MeshBlock& block, const std::vector<Vector3>& x,
 }
 
 Dense Preload::of_spin(const MeshBlock& block, const std::vector<Vector3>& x,
-                       const Dense& M) const {
-  Dense K(M.rows, M.rows);
+                       const ElementMatrices& element) const {
+  Dense K(element.M.rows, element.M.rows);
   for (const Field& one : fields_) {
     if (!one.is_spin()) continue;
     const Vector3& axis = one.field->axis;
-    if (block.type == ElementType::beam2)
-      add_to(K,
-             beam_spin_softening(x[0], x[1], body_.materials.at(block.material).beam,
-                                 body_.sections.at(block.section), axis),
-             -one.value);
-    else
-      soften(K, one.value, axis, M);
+    add_to(K,
+           block.type == ElementType::beam2
+               ? beam_spin_softening(x[0], x[1], body_.materials.at(block.material).beam,
+                                     body_.sections.at(block.section), axis)
+               : solid_spin_softening(element, axis),
+           -one.value);
   }
   return K;
 }

@@ -31,12 +31,12 @@ public:
   /// What an element's stress and moved geometry add to its K. @param u  of its dofs.
   Dense of_stress(const MeshBlock& block, const std::vector<Vector3>& x,
                   const std::vector<double>& u);
-  /// −Ω²M_c of an element. @param M  of it.
+  /// −Ω²M_c of an element.
   Dense of_spin(const MeshBlock& block, const std::vector<Vector3>& x,
-                const Dense& M) const;
+                const ElementMatrices& element) const;
   /// Coriolis forces of an element where the preload spins, skew.
   Dense coriolis(const MeshBlock& block, const std::vector<Vector3>& x,
-                 const Dense& M) const;
+                 const ElementMatrices& element) const;
   double speed() const; ///< [rad/s] of the spin; 0: there is none
   /// What the element weighs in the preload's fields of acceleration, at its dofs.
   Dense weight(const MeshBlock& block, const std::vector<Vector3>& x,

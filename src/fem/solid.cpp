@@ -251,10 +251,10 @@ ElementMatrices solid_matrices(ElementType type, const std::vector<Vector3>& nod
   }
   mirror(result.K);
   if (incompatible) {
-    const Dense T = condensation(result.K, 3 * (mass.rows - n));
-    result.K = condensed(result.K, T);
-    result.M =
-        condensed(result.M, T); // the mass sees the incompatible modes move as well
+    result.T = condensation(result.K, 3 * (mass.rows - n));
+    result.K = condensed(result.K, result.T);
+    result.M_0 = std::move(result.M); // sees the incompatible modes move as well
+    result.M = condensed(result.M_0, result.T);
   }
   return result;
 }
@@ -319,18 +319,38 @@ Dense solid_stress_stiffness(ElementType type, const std::vector<Vector3>& nodes
   return modes > n ? condensed(K, T) : K;
 }
 
-Dense solid_coriolis(const Vector3& axis, const Dense& M) {
-  Dense turned(M.rows, M.rows); // 2 [axis ×] at each node
-  for (int i = 0; i < M.rows; i += 3) {
-    const double x = 2 * axis[0], y = 2 * axis[1], z = 2 * axis[2];
-    turned(i, i + 1) = -z;
-    turned(i, i + 2) = y;
-    turned(i + 1, i) = z;
-    turned(i + 1, i + 2) = -x;
-    turned(i + 2, i) = -y;
-    turned(i + 2, i + 1) = x;
+namespace {
+
+/// ∫ρ NᵀDN of a 3×3 matrix D.
+Dense mass_of_directions(const ElementMatrices& element, const Dense& D) {
+  const bool condenses = !element.T.data.empty();
+  const Dense& M = condenses ? element.M_0 : element.M;
+  Dense each(M.rows, M.rows);
+  for (int i = 0; i < M.rows; i += 3) set_part(each, i, i, D);
+  const Dense result = multiply(M, each);
+  return condenses ? multiply_transposed(element.T, multiply(result, element.T)) : result;
+}
+
+} // namespace
+
+Dense solid_spin_softening(const ElementMatrices& element, const Vector3& axis) {
+  Dense across(3, 3);
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+      across(i, j) = (i == j) - axis[as_size(i)] * axis[as_size(j)];
+  Dense S = mass_of_directions(element, across);
+  symmetrise(S);
+  return S;
+}
+
+Dense solid_coriolis(const ElementMatrices& element, const Vector3& axis) {
+  Dense turned(3, 3);
+  for (int i = 0; i < 3; ++i) { // 2 [axis ×]
+    const int next = (i + 1) % 3, last = (i + 2) % 3;
+    turned(next, last) = -2 * axis[as_size(i)];
+    turned(last, next) = 2 * axis[as_size(i)];
   }
-  Dense G = multiply(M, turned); // M couples no directions
+  Dense G = mass_of_directions(element, turned);
   symmetrise(G, Symmetry::skew);
   return G;
 }

@@ -62,6 +62,26 @@ std::vector<std::pair<std::string, double>> identity_of(const SecondOrderModel& 
     if (a) FG_CALL(MatNorm(a, NORM_FROBENIUS, &value));
     return static_cast<double>(value);
   };
+  const auto sense = [](Mat a) { // xᵀGy of two vectors: another sign is another body
+    PetscScalar value = 0;
+    if (!a) return static_cast<double>(value);
+    Handle<Vec> x, y, z;
+    FG_CALL(MatCreateVecs(a, x.out(), y.out()));
+    FG_CALL(VecDuplicate(x, z.out()));
+    PetscInt first = 0, last = 0;
+    FG_CALL(VecGetOwnershipRange(x, &first, &last));
+    for (PetscInt i = first; i < last; ++i) {
+      FG_CALL(VecSetValue(x, i, std::sin(1.0 + static_cast<double>(i)), INSERT_VALUES));
+      FG_CALL(VecSetValue(z, i, std::cos(1.7 * static_cast<double>(i)), INSERT_VALUES));
+    }
+    for (Vec v : {x.get(), z.get()}) {
+      FG_CALL(VecAssemblyBegin(v));
+      FG_CALL(VecAssemblyEnd(v));
+    }
+    FG_CALL(MatMult(a, x, y));
+    FG_CALL(VecDot(z, y, &value));
+    return static_cast<double>(value);
+  };
   const auto size = [&](const Block& block) {
     double square = 0;
     {
@@ -81,7 +101,8 @@ std::vector<std::pair<std::string, double>> identity_of(const SecondOrderModel& 
       {"norm of B", size(body.B)},
       {"norm of C", size(body.C)},
       {"norm of S", norm(body.term(Law::Kind::structural))},
-      {"norm of G", norm(body.term(Law::Kind::gyroscopic))}};
+      {"norm of G", norm(body.term(Law::Kind::gyroscopic))},
+      {"sense of G", sense(body.term(Law::Kind::gyroscopic))}};
   for (const auto& [law, T] : body.terms) {
     if (!law.is_named()) continue;
     identity.emplace_back("norm of " + law.name(), norm(T));

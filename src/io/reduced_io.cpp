@@ -134,7 +134,8 @@ SecondOrderModel read_reduced(MPI_Comm comm, const std::string& path) {
     Dense skew = D, symmetric = D;
     symmetrise(skew, Symmetry::skew);
     symmetrise(symmetric);
-    if (frobenius_norm(skew) > 0)
+    constexpr double rounding = 1e-13;
+    if (frobenius_norm(skew) > rounding * frobenius_norm(D))
       model.terms.push_back({Law::Kind::gyroscopic, make_dense(skew)});
     if (!by_factors && frobenius_norm(symmetric) > 0)
       model.terms.push_back({Law(), make_dense(symmetric)});

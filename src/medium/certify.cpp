@@ -126,6 +126,21 @@ double reference_of(const SecondOrderModel& fom, const CertifySpec& spec) {
   return last > 0 ? last : std::sqrt(1e-9 * eigenvalue_scale(fom)); // statics
 }
 
+/// K + τM is positive with it. Only a body that may be unstable needs to look.
+double stabilising_shift(const SecondOrderModel& fom, RealFactors& factors,
+                         double reference) {
+  double tau = 0.25 * reference * reference;
+  if (!fom.may_be_unstable() || fom.coriolis > 0) return tau;
+  constexpr int most = 40;
+  for (int attempt = 0; attempt < most; ++attempt, tau *= 4) {
+    factors.hold(tau);
+    if (factors.negative() == 0) return tau;
+  }
+  throw Error(
+      "K has negative eigenvalues on dofs without mass: the body is unstable whatever "
+      "its gyroscopic forces are");
+}
+
 } // namespace
 
 Medium certify(const SecondOrderModel& body, bool mass_is_singular,
@@ -134,15 +149,10 @@ Medium certify(const SecondOrderModel& body, bool mass_is_singular,
   const Checkpoints checkpoints(body, checkpoint, observer);
   RealFactors factors(body, solver, observer);
   const double reference = reference_of(body, spec);
-  const Gyration gyration = gyration_of(body, reference, solver);
-  const CertifyRun run{body,
-                       spec,
-                       observer,
-                       factors,
-                       checkpoints,
-                       reference,
-                       0.25 * reference * reference,
-                       gyration};
+  const double tau = stabilising_shift(body, factors, reference);
+  const Gyration gyration = gyration_of(body, reference, tau, solver);
+  const CertifyRun run{body,        spec,      observer, factors,
+                       checkpoints, reference, tau,      gyration};
   const double needed = std::sqrt(gyration.needed_square(reference));
   if (gyration.mass > 0)
     observer.fact(

@@ -54,7 +54,7 @@ Block response_to_ports(const CertifyRun& run, const PortLoads& ports,
   return select_columns(response, place);
 }
 
-/// zᵀMz = 1/(1 + λ/ω_c²) of the Ritz vectors in the span of a response, ascending.
+/// zᵀMz = 1/(1 + κλ) of the Ritz vectors in the span of a response, ascending.
 std::vector<double> mass_shares(const SecondOrderModel& fom, const Block& response,
                                 double kappa, bool is_rigid) {
   const Block Z =
@@ -96,15 +96,17 @@ Cutoff choose_cutoff(const CertifyRun& run, const PortLoads& ports, const Block&
     if (null > 0 && last_null > 0) refuse_shared_null_vectors(null);
     last_null = null;
     if (null == 0) try {
-        const double kappa = 1 / (omega * omega);
+        // M + κK is positive wherever K + τM is.
+        const double kappa = 1 / std::max(omega * omega, 2 * run.tau);
         Block response = response_to_ports(run, ports, balanced, below - rigid);
         // A body that rigid interfaces hold as a whole has rigid modes and nothing else.
         const bool is_rigid = run.fom.n == rigid;
         const std::vector<double> shares =
             mass_shares(run.fom, response, kappa, is_rigid);
         // λ = ω_c² to many digits: the shift hits a mode.
-        if (std::all_of(shares.begin(), shares.end(),
-                        [](double m) { return std::abs(2 * m - 1) > 1e-7; })) {
+        if (std::all_of(shares.begin(), shares.end(), [&](double m) {
+              return std::abs((1 + kappa * omega * omega) * m - 1) > 1e-7;
+            })) {
           mass_is_singular =
               mass_is_singular || has_light_dofs(run.fom, omega) ||
               (!shares.empty() &&

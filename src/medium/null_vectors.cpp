@@ -62,6 +62,17 @@ void take_out_null_vectors(const CertifyRun& run, ModalSpace& modal) {
       static_cast<int>(std::min<std::ptrdiff_t>(modal.elastic, slow_ones));
   modal.judged_elastic = candidates;
   if (candidates == 0) return;
+  if (const auto negative =
+          std::lower_bound(pairs.lambda.begin(), pairs.lambda.end(), -modal.slow()) -
+          pairs.lambda.begin();
+      negative > 0) {
+    run.observer.fact(
+        "unstable modes",
+        text("%ld with negative stiffness, down to %.3g rad²/s² of the pencil "
+             "K, M; slow ones are not taken for rigid",
+             static_cast<long>(negative), pairs.lambda.front()));
+    return;
+  }
   run.factors.hold(1e-2 * modal.slow());
   for (int step = 0; step < 3; ++step) { // each divides what is elastic by λ_1/s
     const Block loads = multiply(

@@ -152,7 +152,8 @@ void MediumSpace::add_rounding_weights(const Block& X) {
     const Block::Access x(X);
     for (PetscInt j = 0; j < X.columns(); ++j)
       for (std::size_t i = 0; i < rows_.K_diagonal.size(); ++i)
-        squares[as_size(j)] += rows_.K_diagonal[i] * x.column(j)[i] * x.column(j)[i];
+        squares[as_size(j)] +=
+            std::abs(rows_.K_diagonal[i]) * x.column(j)[i] * x.column(j)[i];
   }
   MPI_Allreduce(MPI_IN_PLACE, squares.data(), static_cast<int>(squares.size()),
                 MPI_DOUBLE, MPI_SUM, X.comm());

@@ -376,7 +376,8 @@ Dense DenseResponse::companion() const {
   }
   Dense companion(2 * N, 2 * N);
   for (int i = 0; i < N; ++i) {
-    const double m = mu_[as_size(i)], k = std::max(1 - tau_ * m, 1e-12);
+    const double m = mu_[as_size(i)], of_K = 1 - tau_ * m,
+                 k = std::abs(of_K) > 1e-12 ? of_K : 1e-12;
     for (int j = 0; j < N; ++j) companion(i, j) = -damping(i, j) / k;
     companion(i, N + i) = -m / k;
     companion(N + i, i) = 1;

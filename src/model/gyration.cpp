@@ -82,7 +82,7 @@ double nearly_largest(const SecondOrderModel& body, Mat G, double kappa,
 
 } // namespace
 
-Gyration gyration_of(const SecondOrderModel& body, double omega,
+Gyration gyration_of(const SecondOrderModel& body, double omega, double tau,
                      const SolverOptions& options) {
   if (is_symmetric(body.terms)) return {};
   constexpr double rounding =
@@ -99,7 +99,7 @@ Gyration gyration_of(const SecondOrderModel& body, double omega,
   Gyration best;
   double least = HUGE_VAL, seen = 0;
   for (const double part : {1e-3, 1e-5, 1e-7}) {
-    const double kappa = part / (omega * omega),
+    const double kappa = part / std::max(omega * omega, 2 * tau),
                  most = nearly_largest(body, G, kappa, options);
     const Gyration here{most, most * kappa};
     seen = std::max(seen, most);

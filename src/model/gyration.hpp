@@ -28,11 +28,11 @@ struct Gyration {
 };
 
 /// Proved by the inertia of a real symmetric matrix of twice the order. @param omega  [rad/s] up to
-/// where it is needed. @throws Error if gyroscopic forces act on dofs without mass so strongly that
+/// where it is needed. @param tau  [rad²/s²] K + τM is positive. @throws Error if gyroscopic forces act on dofs without mass so strongly that
 /// no bound is found.
 /// @note Collective. Some solves with M + κK, κ small, and a few factorisations; none of a body
 /// whose terms are symmetric.
-Gyration gyration_of(const SecondOrderModel& body, double omega,
+Gyration gyration_of(const SecondOrderModel& body, double omega, double tau,
                      const SolverOptions& options);
 
 } // namespace flexgram

@@ -99,11 +99,12 @@ RigidSplit split_rigid(const SecondOrderModel& model, const Block& vectors,
     const Block::Access x(chosen);
     for (int j = 0; j < count; ++j)
       for (std::size_t i = 0; i < k.size(); ++i)
-        sizes[as_size(j)] += k[i] * x.column(j)[i] * x.column(j)[i];
+        sizes[as_size(j)] += std::abs(k[i]) * x.column(j)[i] * x.column(j)[i];
   }
   MPI_Allreduce(MPI_IN_PLACE, sizes.data(), count, MPI_DOUBLE, MPI_SUM, model.comm);
+  // Of a body that may be unstable, negative energies are no rounding.
   const double relative = 16 * std::max(epsilon, 0.25 * model.rounding),
-               negative = std::max(0.0, -turned(0, 0));
+               negative = model.may_be_unstable() ? 0.0 : std::max(0.0, -turned(0, 0));
   std::vector<int> order, rest;
   for (int j = 0; j < count; ++j) {
     const auto at = as_size(j);
@@ -113,7 +114,9 @@ RigidSplit split_rigid(const SecondOrderModel& model, const Block& vectors,
                                    4 * epsilon * sizes[at], 3 * negative,
                                    computed ? 16 * epsilon * sizes[at] : 0.0}),
                  most = std::max({256 * epsilon, 4 * model.rounding, shown}) * sizes[at];
-    (lambda <= std::min(noise, most) ? order : rest).push_back(j);
+    const bool is_rigid = lambda <= std::min(noise, most) &&
+                          (!model.may_be_unstable() || lambda >= -std::min(noise, most));
+    (is_rigid ? order : rest).push_back(j);
   }
   split.count = static_cast<int>(order.size());
   split.stiffness = Dense(split.count, split.count);

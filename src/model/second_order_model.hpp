@@ -108,6 +108,10 @@ struct SecondOrderModel {
   /// How many outputs are no inputs, by their names.
   PetscInt further_outputs() const;
   bool undamped() const;
+  /// Whether K may have negative eigenvalues: gyroscopic forces may hold a body that is unstable
+  /// without them.
+  bool may_be_unstable() const { return !is_symmetric(terms); }
+
   /// Damping class in words, for the plan.
   std::string damping_class() const;
   /// A(ω) as coefficients of K, M and the terms.

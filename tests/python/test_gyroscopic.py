@@ -8,11 +8,12 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+import scipy.linalg as sl
 import scipy.sparse as sp
 
 import flexgram
 from bodies import box
-from conftest import body_system, run
+from conftest import assembled, body_system, run
 from flexgram import BodyError, ReducedModel, write_matrices
 from flexgram.assembly.couple import couple
 from flexgram.body.description import import_description
@@ -151,6 +152,11 @@ def test_in_time_and_in_other_codes(tmp_path: Path) -> None:
         couple({"a": rom}, [])
     with pytest.raises(BodyError, match="this file takes symmetric matrices only"):
         write_dmig(rom, tmp_path / "rom.pch")
+    with pytest.raises(BodyError, match="this form takes symmetric matrices only"):
+        rom.physical()
+    rom.save(tmp_path / "rom.h5")
+    first = np.sort(rom.poles().imag[rom.poles().imag > 0])[0] / TWO_PI
+    assert f"with gyroscopic forces [Hz]: {first:.5g}" in run("info", tmp_path / "rom.h5").out
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
@@ -170,8 +176,84 @@ def test_a_sweep_of_the_whole_body(ranks: int, tmp_path: Path) -> None:
         np.testing.assert_allclose(here, transfer(body, D, w), rtol=1e-9, atol=1e-13)
 
 
+def test_samples_of_the_other_sense_are_not_taken(tmp_path: Path) -> None:
+    """A checkpoint of pod belongs to one sense of rotation."""
+    body = rotor(planes=12)
+    for name, sign in (("body", 1), ("other", -1)):
+        D = (1e-4 * body["K"] + sign * body["G"]).tocsc()
+        write_matrices(tmp_path / f"{name}.h5", body["K"], body["M"], body["B"], D=D)
+    words = ("-mor_band_hz", "0.5,3", "-mor_method", "pod", "-mor_checkpoint", "yes")
+    kept = ("-mor_out", tmp_path / "rom.h5", "-mor_samples", "6")
+    run(*("reduce", "-body", tmp_path / "body.h5"), *words, *kept, "-mor_order", "500", expect=1)
+    said = run(
+        *("reduce", "-body", tmp_path / "other.h5"),
+        *(*words, *kept, "-mor_restart", "-mor_order", "8"),
+        expect=1,
+    )
+    assert "sense of G" in said.err
+
+
+def test_coriolis_forces_are_bounded_by_inertia(tmp_path: Path) -> None:
+    """Twice the speed, for every element: the claim needs it. Incompatible modes have mass too."""
+    for kind in ("tetra", "tetra10", "hexahedron", "hexahedron20", "wedge15"):
+        content = {
+            "materials": {"steel": {"E": 210e9, "nu": 0.45, "rho": 7850.0}},
+            "regions": {"all": {"material": "steel"}},
+            "interfaces": {"end": {"coupling": "distributing", "nodes": "end"}},
+            "supports": {"start": {"nodes": "start"}},
+            "loads": {"turn": {"type": "spin", "point": [0, 0, 0], "axis": [2, 3, 6]}},
+            "preload": {"turn.spin": 100.0},
+        }
+        import_description(content, "box", tmp_path / f"{kind}.h5", mesh=box(kind, (3, 1, 1)))
+        a = assembled(tmp_path / f"{kind}.m.h5", tmp_path / f"{kind}.h5")
+        largest = sl.eigh(1j * a["G"].toarray(), a["M"].toarray(), eigvals_only=True)[-1]
+        assert 0.98 * 20 < largest <= 20 * (1 + 1e-9)
+
+
+def test_reactions_of_a_spinning_body_are_refused(tmp_path: Path) -> None:
+    content = {
+        "materials": {"steel": {"E": 210e9, "nu": 0.3, "rho": 7850.0}},
+        "regions": {"all": {"material": "steel"}},
+        "interfaces": {"end": {"coupling": "rigid", "nodes": "end"}},
+        "supports": {"start": {"nodes": "start"}},
+        "loads": {"turn": {"type": "spin", "point": [0, 0, 0], "axis": [0, 3, 4]}},
+        "outputs": {"foot": {"type": "reaction", "nodes": "start"}},
+        "preload": {"turn.spin": 4e6},
+    }
+    import_description(content, "box", tmp_path / "body.h5", mesh=box("tetra10", (2, 1, 1)))
+    with pytest.raises(BodyError, match="spins in its preload are not known yet"):
+        flexgram.reduce(tmp_path / "body.h5", (100, 6000), 1e-3)
+
+
+def test_forces_that_hold_an_unstable_body(tmp_path: Path) -> None:
+    """K has negative eigenvalues: with enough spin no motion grows, with less one does. The claim
+    is of H in both cases."""
+    body = rotor(planes=12, speed=0.0)
+    K = (body["K"] - 1.2e4 * sp.identity(24)).tocsc()
+    negative = int((np.linalg.eigvalsh(K.toarray()) < 0).sum())
+    assert negative >= 2
+    sense = sp.kron(sp.diags(np.ones(12)), np.array([[0, -1.0], [1.0, 0]]))
+    for speed, words in ((400.0, "gyroscopic forces hold the reduced body"), (20.0, "is unstable")):
+        D = (1e-3 * sp.identity(24) + speed * sense).tocsc() if speed < 100 else speed * sense
+        write_matrices(tmp_path / "body.h5", K, body["M"], body["B"], D=sp.csc_matrix(D), eta=0.0)
+        said = run(
+            *("reduce", "-body", tmp_path / "body.h5", "-mor_band_hz", "5,12"),
+            *("-mor_tol", "1e-4", "-mor_out", tmp_path / "rom.h5"),
+        )
+        assert words in said.out + said.err
+        rom = ReducedModel.load(tmp_path / "rom.h5")
+        assert rom.certified_error <= 1e-4
+        for omega in TWO_PI * np.linspace(5, 12, 40):
+            A = (K + 1j * omega * D - omega**2 * body["M"]).toarray()
+            H = body["B"].T @ np.linalg.solve(A, body["B"])
+            if np.any(abs(omega - np.ravel(rom.excluded)) < 1e-3 * omega):
+                continue
+            assert np.linalg.norm(rom.transfer([omega])[0] - H) <= 1e-4 * np.linalg.norm(H)
+
+
+@pytest.mark.parametrize("kind", ["tetra10", "hexahedron"])
 @pytest.mark.parametrize("ranks", [1, 2])
-def test_a_spinning_part_of_a_mesh(ranks: int, tmp_path: Path) -> None:
+def test_a_spinning_part_of_a_mesh(ranks: int, kind: str, tmp_path: Path) -> None:
     """Coriolis forces of solids in the frame that turns: twice the speed is what they weigh."""
     content = {
         "materials": {"steel": {"E": 210e9, "nu": 0.3, "rho": 7850.0, "loss_factor": 0.01}},
@@ -181,7 +263,7 @@ def test_a_spinning_part_of_a_mesh(ranks: int, tmp_path: Path) -> None:
         "loads": {"turn": {"type": "spin", "point": [0, 0, 0], "axis": [0, 3, 4]}},
         "preload": {"turn.spin": 4e6},
     }
-    import_description(content, "box", tmp_path / "body.h5", mesh=box("tetra10", (6, 2, 2)))
+    import_description(content, "box", tmp_path / "body.h5", mesh=box(kind, (6, 2, 2)))
     said = run(
         *("reduce", "-body", tmp_path / "body.h5", "-mor_band_hz", "100,6000"),
         *("-mor_tol", "1e-4", "-mor_out", tmp_path / "rom.h5"),

@@ -87,7 +87,8 @@ def write_matrices(
     B : array or sparse, n x n_in
         Input map.
     D : sparse, n x n, optional
-        Damping [N s/m]; a proportional one is recognised when the file is read.
+        Damping [N s/m]; a proportional one is recognised when the file is read, and a skew part
+        is taken for gyroscopic forces.
     C : array or sparse, n_out x n, optional
         Output map; without it the outputs are the inputs, ``B.T``.
     alpha, beta, eta : float

@@ -16,9 +16,10 @@ class Matrices:
     Attributes
     ----------
     K, M, D : SciPy sparse or petsc4py Mat, n x n
-        Stiffness [N/m], mass [kg], optional damping [N s/m]; symmetric, both triangles. SciPy
-        matrices are the same on every rank, each takes its rows; petsc4py matrices in AIJ are used
-        as they are, without a copy, others are converted.
+        Stiffness [N/m], mass [kg], optional damping [N s/m]; symmetric, both triangles. A skew part
+        of D is taken for gyroscopic forces. SciPy matrices are the same on every rank, each takes
+        its rows; petsc4py matrices in AIJ are used as they are, without a copy, others are
+        converted.
     B : array, n x n_in
         Inputs (n: one of them); with petsc4py matrices the rows that this rank owns.
     C : array, n_out x n, optional

@@ -10,6 +10,7 @@ import numpy as np
 from flexgram.basics import BodyError, errors_of, expect_survival
 from flexgram.body.laws import law_of
 from flexgram.body.whole import summary
+from flexgram.model.damped_modes import natural_frequencies
 from flexgram.reduced_model import ReducedModel
 
 
@@ -91,10 +92,13 @@ def _describe(path: Path) -> list[str]:
         + (f", mass {frame.integrals.mass:.6g} kg" if frame.integrals else "")
     )
     # Directions without mass have frequencies that are nothing but rounding.
-    modes = model.modes[model.modes < 1e7 * model.claim.band[-1]]
+    gyroscopic = model.system.is_gyroscopic
+    modes = natural_frequencies(model) if gyroscopic else model.modes
+    modes = modes[modes < 1e7 * model.claim.band[-1]]
     elastic = modes[modes > 1e-6 * max(modes.max(initial=0), 1e-300)]
     first = ", ".join(f"{w / (2 * np.pi):.5g}" for w in elastic[:6])
-    lines.append(f"elastic modes [Hz]: {first}{' …' if len(elastic) > 6 else ''}")
+    words = "poles, with gyroscopic forces" if gyroscopic else "elastic modes"
+    lines.append(f"{words} [Hz]: {first}{' …' if len(elastic) > 6 else ''}")
     lines += claim.words_of_held
     lines.append(f"from {model.provenance.body or 'an unknown body'}")
     lines += [f"warning: {text}" for text in model.provenance.warnings]

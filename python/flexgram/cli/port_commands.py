@@ -228,7 +228,12 @@ def run_modes(options: argparse.Namespace) -> None:
         total = " ".join(f"{x:.4g}" for x in modes.effective_mass.sum(axis=0))
         say(f"  effective mass of these modes in x, y, z: {total} kg")
     say("  the claim is of H at the ports: modes that they hardly drive or show may be missing")
-    if modes.coupled > 1e-6:
+    if model.system.is_gyroscopic:
+        say(
+            "  gyroscopic forces are left out: with them frequencies split and shapes whirl "
+            "(ReducedModel.poles has the frequencies)"
+        )
+    elif modes.coupled > 1e-6:
         say(
             "  a damping matrix couples the modes: frequencies are those without damping, dampings "
             "its diagonal (ReducedModel.poles has both as they are)"

@@ -21,7 +21,6 @@ FIRST_GRID = 1
 
 
 def _without_structural_damping(form: PhysicalForm, remedy: str) -> None:
-    form.source.system.expect_symmetric("this file")
     if form.loss:
         raise BodyError(
             f"structural damping ({form.loss}) {remedy}: export it with --damping modal or rayleigh"

@@ -50,7 +50,11 @@ def sensitivities(system: System) -> dict[str, Floats]:
 
 
 def natural_frequencies(model: ReducedBody) -> Floats:
-    """``modes`` of the body [rad/s]; with terms each with the stiffness at its own frequency."""
+    """``modes`` of the body [rad/s]; with terms each with the stiffness at its own frequency. With
+    gyroscopic forces the frequencies of its poles."""
+    if model.system.is_gyroscopic:
+        whirl: Floats = np.sort(model.system.at().poles().imag)
+        return whirl[whirl > 0]
     if not model.system.terms:
         return model.modes
     squares = modes_of(model.system)[0]

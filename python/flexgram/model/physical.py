@@ -133,7 +133,7 @@ def physical_form(model: ReducedBody) -> PhysicalForm:
     ------
     BodyError
         If the body's coordinates do not hold every motion of the interfaces by itself: it is too
-        small for that, or a motion is no part of its basis.
+        small for that, or a motion is no part of its basis. For gyroscopic forces.
 
     Examples
     --------
@@ -142,6 +142,7 @@ def physical_form(model: ReducedBody) -> PhysicalForm:
     True
     """
     system = model.system
+    system.expect_symmetric("this form")
     names, C_b, interfaces = _boundary(system)
     m, n_b = system.order, len(names)
     scale = max(float(model.claim.bands[-1, 1]), 1e-12)

@@ -114,7 +114,7 @@ def hot_spots(
     curve = model.claim.omega[:: max(1, len(model.claim.omega) // frequencies)]
     modes = natural_frequencies(model)
     inside = np.any([(modes >= a) & (modes <= b) for a, b in model.claim.bands], axis=0)
-    if not model.system.loss and not np.any(model.system.D):
+    if not model.system.loss and not np.any(model.system.D + model.system.D.T):
         inside &= False  # there is no largest stress at resonances without damping
     omega = np.unique(np.concatenate([curve, modes[inside]]))
     motion = np.array(
