@@ -8,6 +8,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+import scipy.io
 import scipy.linalg as sl
 import scipy.sparse as sp
 
@@ -157,6 +158,31 @@ def test_in_time_and_in_other_codes(tmp_path: Path) -> None:
     rom.save(tmp_path / "rom.h5")
     first = np.sort(rom.poles().imag[rom.poles().imag > 0])[0] / TWO_PI
     assert f"with gyroscopic forces [Hz]: {first:.5g}" in run("info", tmp_path / "rom.h5").out
+
+
+@pytest.mark.parametrize("kind", ["D", "G", "market"])
+def test_imports_keep_the_sense(kind: str, tmp_path: Path) -> None:
+    """A skew part of D, or G beside it, from MATLAB; D from MatrixMarket, of an FE code."""
+    body = rotor(planes=12)
+    loss = 1e-4 * body["K"]
+    D = (loss + body["G"]).tocsc()
+    file = tmp_path / "body.h5"
+    if kind == "market":
+        for name, matrix in (("K", body["K"]), ("M", body["M"]), ("D", D)):
+            scipy.io.mmwrite(tmp_path / f"{name}.mtx", matrix.tocoo(), symmetry="general")
+        files = [tmp_path / f"{name}.mtx" for name in "KMD"]
+        pairs = ("--mass", files[1], "--damping", files[2], "-o", file)
+        run("import", files[0], *pairs, "--rows", "a=1", "--rows", "b=24")
+    else:
+        parts = {"D": D} if kind == "D" else {"D": loss.tocsc(), "G": body["G"]}
+        content = {"K": body["K"], "M": body["M"], "B": body["B"]} | parts
+        scipy.io.savemat(tmp_path / "body.mat", content)
+        run("import", tmp_path / "body.mat", "-o", file)
+    rom = flexgram.reduce(file, (0.5, 3.0), 1e-6)
+    maps = body["B"] if kind != "market" else np.eye(24)[:, [0, 23]]
+    for omega in TWO_PI * np.array([0.7, 1.9, 2.8]):
+        H = transfer(body | {"B": maps}, D, omega)
+        assert np.linalg.norm(rom.transfer([omega])[0] - H) <= 1e-6 * np.linalg.norm(H)
 
 
 @pytest.mark.parametrize("ranks", [1, 2])

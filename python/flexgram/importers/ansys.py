@@ -13,7 +13,7 @@ import scipy.io
 import scipy.sparse as sp
 
 from flexgram.basics import BodyError, Ints, expect_survival, whole_numbers
-from flexgram.importers.fe import FeMatrices, symmetric
+from flexgram.importers.fe import FeMatrices, symmetric, with_skew_part
 
 
 def _reader() -> Any:
@@ -259,7 +259,8 @@ def read_pair(
             raw.sum_duplicates()
             if raw.nnz < count:
                 remarks.append(f"{path}: {count - raw.nnz} repeated entries are summed")
-        found[name] = symmetric(path, raw.row, raw.col, raw.data.astype(float), raw.shape[0])
+        make = with_skew_part if name == "D" else symmetric
+        found[name] = make(path, raw.row, raw.col, raw.data.astype(float), raw.shape[0])
     fe = FeMatrices(str(stiffness), found["K"], found["M"], found.get("D"), remarks=remarks)
     fe.node, fe.component = _node_map(mapping, fe.n)
     if len(fe.node) and deck is not None and deck.suffix.lower() == ".cdb":

@@ -167,7 +167,7 @@ def _in_SI(body: Mapping[str, Any], length: float, mass: float, force: float) ->
         "K": scaled(body["K"], force / length),
         "M": scaled(body["M"], mass),
         "B": B,
-        "D": None if body["D"] is None else scaled(body["D"], mass),
+        "D": None if body["D"] is None else scaled(body["D"], mass).T,  # may have a skew part
         "S": None if body["S"] is None else scaled(body["S"], force / length),
         "C": C,
         "inputs": body["inputs"],

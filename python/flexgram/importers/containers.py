@@ -12,12 +12,12 @@ import scipy.io
 import scipy.sparse as sp
 
 from flexgram.basics import BodyError, expect_survival, stored, whole_numbers
-from flexgram.importers.fe import FeMatrices, symmetric
+from flexgram.importers.fe import FeMatrices, symmetric, with_skew_part
 
 PETSC_MATRIX = 1211216
 
 
-def _sparse(path: Path, name: str, value: Any) -> sp.csr_matrix:
+def _sparse(path: Path, name: str, value: Any, make: Any = symmetric) -> sp.csr_matrix:
     if sp.issparse(value) and value.format in ("csc", "csr"):
         kind = sp.csc_matrix if value.format == "csc" else sp.csr_matrix
         parts = (value.data, value.indices, value.indptr)
@@ -30,9 +30,10 @@ def _sparse(path: Path, name: str, value: Any) -> sp.csr_matrix:
         raise BodyError(
             f"{path}: {name} is {entries.shape[0]} × {entries.shape[1]}, expected square"
         )
-    return symmetric(
+    made: sp.csr_matrix = make(
         f"{path}, {name}", entries.row, entries.col, entries.data.astype(float), entries.shape[0]
     )
+    return made
 
 
 def checked(what: str, parts: tuple[Any, Any, Any], shape: tuple[int, int], kind: Any) -> Any:
@@ -95,7 +96,8 @@ def _from_hdf5(path: Path) -> dict[str, Any]:
 
 def read_matlab(path: Path, matrices: Mapping[str, str] | None = None) -> FeMatrices:
     """Read ``K``, ``M``, ``B`` (and ``D``, ``C``, ``alpha``, ``beta``, ``eta``, ``node``,
-    ``component``, ``position``) from a MATLAB file of any version.
+    ``component``, ``position``) from a MATLAB file of any version. A skew ``G`` of their size is
+    added to D: gyroscopic forces.
 
     ``node`` is the row (from 1) of ``position`` (nodes x 3) for each row of the matrices,
     ``component`` its direction, 0 to 5. ``matrices`` maps K, M, D, B, C to other names,
@@ -149,7 +151,7 @@ def read_matlab(path: Path, matrices: Mapping[str, str] | None = None) -> FeMatr
         str(path),
         _sparse(path, "K", values["K"]),
         _sparse(path, "M", values["M"]),
-        _sparse(path, "D", values["D"]) if "D" in values else None,
+        _damping_of(path, values),
         S=_sparse(path, "S", values["S"]) if "S" in asked else None,
         B=dense("B"),
         C=dense("C"),
@@ -174,6 +176,16 @@ def read_matlab(path: Path, matrices: Mapping[str, str] | None = None) -> FeMatr
                 "(rotations); node counts from 1"
             )
     return fe
+
+
+def _damping_of(path: Path, values: Mapping[str, Any]) -> sp.csr_matrix | None:
+    """D, and G where that is skew and as large as K."""
+    parts = [_sparse(path, "D", values["D"], with_skew_part)] if "D" in values else []
+    if "G" in values and np.shape(values["G"]) == np.shape(values["K"]):
+        G = _sparse(path, "G", values["G"], with_skew_part)
+        if abs(G + G.T).max() <= 1e-12 * abs(G).max():
+            parts.append(G)
+    return sum(parts[1:], parts[0]).tocsr() if parts else None
 
 
 def _petsc_matrix(path: Path) -> sp.csr_matrix:
@@ -218,6 +230,6 @@ def read_petsc(
 ) -> FeMatrices:
     """Read K, M (and B, D) from files of one PETSc Mat each."""
     K, M = (_sparse(p, "Mat", _petsc_matrix(p)) for p in (stiffness, mass))
-    D = _sparse(damping, "Mat", _petsc_matrix(damping)) if damping else None
+    D = _sparse(damping, "Mat", _petsc_matrix(damping), with_skew_part) if damping else None
     B = _petsc_matrix(inputs).toarray() if inputs else None
     return FeMatrices(str(stiffness), K, M, D, B=B)

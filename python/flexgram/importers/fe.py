@@ -61,7 +61,8 @@ class FeMatrices:
     Attributes
     ----------
     K, M, D, S : csr_matrix, n x n
-        Stiffness, mass, and damping or structural damping if the code wrote one.
+        Stiffness, mass, and damping or structural damping if the code wrote one. D may have a skew
+        part.
     node, component : int arrays, n
         For each row the label of its node and 0-2 for a translation, 3-5 for a rotation; empty
         where the files do not say.
@@ -177,13 +178,20 @@ def folded(path: Path | str, row: Any, column: Any, value: Any, n: int) -> sp.cs
     return symmetric(path, code // n, code % n, kept, n)
 
 
-def symmetric(path: Path | str, row: Any, column: Any, value: Any, n: int) -> sp.csr_matrix:
+def with_skew_part(path: Path | str, row: Any, column: Any, value: Any, n: int) -> sp.csr_matrix:
+    """The same of D, whose skew part is kept where both triangles are given: gyroscopic forces."""
+    return symmetric(path, row, column, value, n, skew_part=True)
+
+
+def symmetric(
+    path: Path | str, row: Any, column: Any, value: Any, n: int, skew_part: bool = False
+) -> sp.csr_matrix:
     """A symmetric matrix from triplets (0-based) of one triangle, or of both.
 
     Raises
     ------
     BodyError
-        If both triangles are given and differ.
+        If both triangles are given and differ, unless it may have a skew part.
     """
     entries = sp.coo_matrix((value, (row, column)), shape=(n, n)).tocsr()
     if entries.nnz < len(value):
@@ -200,6 +208,8 @@ def symmetric(path: Path | str, row: Any, column: Any, value: Any, n: int) -> sp
     difference = abs(entries - entries.T)
     scale = np.abs(entries.data).max()
     if difference.nnz and difference.data.max() > 1e-12 * scale:
+        if skew_part:
+            return entries
         where = difference.tocoo()
         k = int(np.argmax(where.data))
         i, j = int(where.row[k]), int(where.col[k])

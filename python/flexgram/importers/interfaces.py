@@ -130,10 +130,12 @@ def attach(fe: FeMatrices, interfaces: list[Interface]) -> dict[str, Any]:
             raise BodyError(f"{fe.source}: {name} holds NaN or Inf")
     T, node, component, extra = _condense(fe, [i for i in interfaces if i.coupling == "rigid"])
 
-    def condensed(A: sp.csr_matrix) -> sp.csr_matrix:
+    def condensed(A: sp.csr_matrix, skew_part: bool = False) -> sp.csr_matrix:
         if T is None:
             return A
         B = (T.T @ A @ T).tocsr()
+        if skew_part:
+            return B
         B.sort_indices()
         mirrored = B.T.tocsr()
         mirrored.sort_indices()
@@ -174,7 +176,7 @@ def attach(fe: FeMatrices, interfaces: list[Interface]) -> dict[str, Any]:
         "K": condensed(fe.K),
         "M": condensed(fe.M),
         "B": sp.hstack(columns).toarray(),
-        "D": condensed(fe.D) if fe.D is not None else None,
+        "D": condensed(fe.D, skew_part=True) if fe.D is not None else None,
         "S": condensed(fe.S) if fe.S is not None else None,
         "inputs": names,
         "moment": np.array(moments),

@@ -19,7 +19,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from flexgram.basics import BodyError
-from flexgram.importers.fe import FeMatrices, Interface, folded, symmetric
+from flexgram.importers.fe import FeMatrices, Interface, folded, symmetric, with_skew_part
 
 #: Our (VTK) order of nodes where Nastran's has the vertical edges before the top ones.
 REORDER = {
@@ -194,7 +194,8 @@ def _dmig(path: Path, asked: Mapping[str, str]) -> FeMatrices:
     matrices = {}
     for letter, (row, column) in codes.items():
         at = np.searchsorted(dofs, row), np.searchsorted(dofs, column)
-        make = folded if model.dmig[roles[letter]].matrix_form == 6 else symmetric
+        whole = with_skew_part if letter == "D" else symmetric
+        make = folded if model.dmig[roles[letter]].matrix_form == 6 else whole
         matrices[letter] = make(f"{path}, {letter}", *at, entries[letter][2], len(dofs))
     node, component = dofs // 8, dofs % 8 - 1
     scalar = component < 0
@@ -247,7 +248,8 @@ def _op4(path: Path, asked: Mapping[str, str]) -> FeMatrices:
                 f"{' and complex' if np.iscomplexobj(data.data) else ''}; {role} is "
                 "square and real (--matrices K=KXX,M=MXX names them)"
             )
-        found[role] = symmetric(
+        make = with_skew_part if role == "D" else symmetric
+        found[role] = make(
             f"{path}, {name}", data.row, data.col, data.data.astype(float), data.shape[0]
         )
     sizes = {matrix.shape[0] for matrix in found.values()}
