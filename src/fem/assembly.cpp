@@ -332,6 +332,7 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
   };
   fill_dof_lists(map, mesh, rank, model);
   std::optional<Preload> preload;
+  Matrix unloaded; // K
   if (!all.preload.empty()) {
     BodyDescription loaded = all;
     loaded.reactions.clear();
@@ -342,7 +343,7 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
     append(fields.take(), inputs.B, inputs.names);
     append(nodal_ports(comm, loaded.loads, map, mesh, partition), inputs.B, inputs.names);
     preload.emplace(all, map, model.K, inputs, model.node, mesh, solver);
-    model.K = Matrix();
+    unloaded = std::move(model.K);
     model.M = Matrix();
   }
   Reactions reactions(comm, body, map, mesh);
@@ -352,7 +353,8 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
   masters = {};
   if (preload) {
     preload->tell(comm, observer);
-    Preload::expect_stable(model.K, model.node, solver);
+    preload->expect_stable(unloaded, model.K, model.node, solver);
+    unloaded = Matrix();
   }
   for (std::size_t k = 0; k < terms.laws().size(); ++k)
     model.terms.push_back({terms.laws()[k], std::move(parts[k])});

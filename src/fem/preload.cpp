@@ -163,17 +163,33 @@ Dense Preload::weight(const MeshBlock& block, const std::vector<Vector3>& x,
   return f;
 }
 
-void Preload::expect_stable(Mat K, const std::vector<std::int64_t>& node,
-                            const SolverOptions& options) {
-  ShiftedSolver solver(K, nullptr, {}, node, counting(options));
+void Preload::expect_stable(Mat unloaded, Mat K, const std::vector<std::int64_t>& node,
+                            const SolverOptions& options) const {
+  ShiftedSolver solver(unloaded, nullptr, {K}, node, counting(options));
   solver.count_pivots(true);
-  solver.factorise({1.0, 0.0});
-  const int negative = solver.negative_pivots();
-  if (negative > 0)
-    throw Error(
-        text("preload: the body does not bear it: under its stress K has %d negative "
-             "eigenvalue%s (buckled, or a spin that tears it apart)",
-             negative, negative == 1 ? "" : "s"));
+  const auto negative_at = [&](double share) { // of the load
+    try {
+      solver.factorise({1 - share, 0.0, {share}});
+    } catch (const ShiftError&) {
+      return 1;
+    }
+    return solver.negative_pivots();
+  };
+  const int negative = negative_at(1);
+  if (negative == 0) return;
+  double bears = 0, fails = 1;
+  while (fails - bears > 0.01 * fails) {
+    const double middle = 0.5 * (bears + fails);
+    (negative_at(middle) > 0 ? fails : bears) = middle;
+    if (fails < 1e-6) break;
+  }
+  const bool is_spin = spins() && body_.preload.size() == 1;
+  throw Error(
+      text("preload: the body does not bear it: under its stress K has %d negative "
+           "eigenvalue%s (%s at about %.2g of %s)",
+           negative, negative == 1 ? "" : "s",
+           is_spin ? "a spin that tears it apart" : "buckled",
+           is_spin ? std::sqrt(fails) : fails, is_spin ? "its speed" : "these loads"));
 }
 
 void Preload::tell(MPI_Comm comm, Observer& observer) const {

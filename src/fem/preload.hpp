@@ -42,9 +42,10 @@ public:
   Dense weight(const MeshBlock& block, const std::vector<Vector3>& x,
                const Dense& M) const;
   /// @param K  under the preload.
-  /// @throws Error if it has negative eigenvalues: the body buckles, or flies apart. Collective.
-  static void expect_stable(Mat K, const std::vector<std::int64_t>& node,
-                            const SolverOptions& options);
+  /// @throws Error if it has negative eigenvalues: the body buckles, or flies apart, and at which
+  /// share of the load (between it and none, K is taken as linear). Collective.
+  void expect_stable(Mat unloaded, Mat K, const std::vector<std::int64_t>& node,
+                     const SolverOptions& options) const;
   /// The loads, the largest displacement, and the largest stress met on any rank. Collective.
   void tell(MPI_Comm comm, Observer& observer) const;
 

@@ -324,6 +324,24 @@ def test_a_body_that_cannot_bear_it(change: Any, words: str, tmp_path: Path) -> 
         flexgram.reduce(tmp_path / "body.h5", (100, 2000), 1e-3)
 
 
+@pytest.mark.parametrize("load", ["force", "spin"])
+def test_where_a_column_gives_way(load: str, tmp_path: Path) -> None:
+    """At Euler's load of a cantilever, and at the first critical speed of a shaft."""
+    side, length = 5e-3, 1.0
+    stiffness, mass = E * side**4 / 12, RHO * side**2
+    if load == "force":
+        more = {"preload": {"end.fx": -2.5 * np.pi**2 * stiffness / (4 * length**2)}}
+        share = "buckled at about 0.4 of these loads"
+    else:
+        first = 1.875104**2 * np.sqrt(stiffness / mass) / length**2  # rad/s
+        turn = {"type": "spin", "point": [0, 0, 0], "axis": [1, 0, 0]}
+        more = {"loads": {"turn": turn}, "preload": {"turn.spin": (first / 0.6) ** 2}}
+        share = "tears it apart at about 0.6 of its speed"
+    import_beam(tmp_path / "body.h5", line(40, 0, length), side, **more)
+    with pytest.raises(BodyError, match=share):
+        flexgram.reduce(tmp_path / "body.h5", (1, 100), 1e-3)
+
+
 @pytest.mark.parametrize("ranks", [1, 2])
 @pytest.mark.parametrize("force", [50.0, -8.0])
 def test_a_rigid_arm_is_one_of_stiff_beams(force: float, ranks: int, tmp_path: Path) -> None:
