@@ -140,8 +140,6 @@ std::string unmet_words(const BandClaim& claim) {
   return words;
 }
 
-/// The error in words: of H as a whole, by either reference, and of its kinds.
-/// The claim, and what it is relative to.
 /// Gyroscopic forces may hold a body that is unstable without them, or may not.
 void tell_stability(const CutStory& cut, Observer& observer) {
   constexpr double rounding = 1e-9;
@@ -168,6 +166,7 @@ void tell_stability(const CutStory& cut, Observer& observer) {
                   "body: no motion of it grows");
 }
 
+/// The claim, and what it is relative to.
 void tell_supremum(const CutStory& cut, const ReducedModel& rom, Observer& observer) {
   const ErrorOverBox::Supremum& sup = cut.sup;
   const MediumModel& medium = cut.seen.model();

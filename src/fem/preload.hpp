@@ -10,9 +10,7 @@ namespace flexgram {
 
 /// The displacements under a preload, and what they and the loads add to the stiffness of elements:
 /// that of stress and moved geometry, and −Ω²M_c of a spin in the frame that turns with the body,
-/// where Coriolis forces act.
-
-/// Displacements must be small, and loads keep their direction.
+/// where Coriolis forces act. Displacements must be small, and loads keep their direction.
 class Preload {
 public:
   /// Solves K u = f.

@@ -62,7 +62,6 @@ public:
 private:
   ModeCoupling() = default;
   void compress();
-
   ComplexDense A(const ShiftCoefficients& c) const;
   ComplexDense J(std::complex<double> c,
                  const std::vector<std::complex<double>>& g) const;
