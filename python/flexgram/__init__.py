@@ -11,7 +11,7 @@ from flexgram import moved
 from flexgram.basics import BodyError, ReductionWarning
 from flexgram.body.bodyfile import write_matrices
 from flexgram.body.description import import_body
-from flexgram.body.laws import loss, parameter, prony, table, viscous
+from flexgram.body.laws import coriolis, loss, parameter, prony, spin, spin_moved, table, viscous
 from flexgram.body.matrices import Matrices
 from flexgram.importers.mesh import import_mesh
 from flexgram.reduced_model import ReducedModel
@@ -28,6 +28,7 @@ __all__ = [
     "ReducedModel",
     "ReductionWarning",
     "certify",
+    "coriolis",
     "export",
     "exporters",
     "figures",
@@ -38,6 +39,8 @@ __all__ = [
     "parameter",
     "prony",
     "reduce",
+    "spin",
+    "spin_moved",
     "table",
     "viscous",
     "write_matrices",

@@ -360,7 +360,7 @@ BandClaim Cut::claim_of(const ErrorOverBox::Supremum& sup, const DenseSystem& sm
   claim.attained = sup.attained_of[view];
   claim.at = sup.at_of[view];
   for (const Law& parameter : parameters_of(small.terms))
-    claim.parameters.push_back(parameter.name());
+    claim.parameters.push_back(parameter.parameter());
   if (!claim.parameters.empty())
     for (const ErrorOverBox::Sight& sight : sights_) claim.values.push_back(sight.values);
   claim.between = between_;

@@ -43,9 +43,9 @@ public:
   ElementAssembler(const BodyDescription& body, const MaterialTerms& terms,
                    const DofMap& map, const LocalMesh& mesh, const Hdf5File& file,
                    FieldLoads& fields, Reactions& reactions, Preload* preload,
-                   AssemblyFacts& facts)
+                   Preload* spinning, AssemblyFacts& facts)
       : body_(body), terms_(terms), map_(map), mesh_(mesh), file_(file), fields_(fields),
-        reactions_(reactions), preload_(preload), facts_(facts) {}
+        reactions_(reactions), preload_(preload), spinning_(spinning), facts_(facts) {}
 
   void run(const Masters& masters, NodeMatrix& matrix) {
     std::size_t e = 0;
@@ -107,22 +107,30 @@ private:
         transformation(nodes, count, dofs_per_node(block.type), masters, master_count);
     std::vector<ElementPart> parts;
     if (!rigid) parts = terms_.of_element(block, x, body_.mass_rule, element.K);
-    Dense turning; // of references, by the forces at their slaves
+    const Placed placed{block, x, nodes, masters, master_count, rigid};
+    Stressed stressed, at_one; // by the preload; by a spin of 1 rad/s
     if (preload_) {
-      Dense forces = preload_->weight(block, x, element.M);
-      for (double& f : forces.data) f = -f;
       if (preload_->speed() > 0)
         parts.push_back({terms_.laws().size(), preload_->coriolis(block, x, element)});
-      Dense added = preload_->of_spin(block, x, element);
-      if (!rigid) {
-        const Dense u = displacement(T, masters, master_count);
-        add_to(forces, multiply(element.K, u));
-        add_to(added, preload_->of_stress(block, x, u.data));
-        add_to(added, element.K);
+      stressed = stressed_by(*preload_, placed, element, T);
+      if (!rigid) add_to(stressed.added, stressed.quadratic);
+    }
+    if (spinning_) {
+      at_one = stressed_by(*spinning_, placed, element, T);
+      if (preload_ && !rigid) { // of both together, less that of each
+        for (std::size_t i = 0; i < at_one.u.size(); ++i) stressed.u[i] += at_one.u[i];
+        add_to(at_one.added, preload_->of_stress(block, x, stressed.u).quadratic);
+        for (const Dense* own : {&stressed.quadratic, &at_one.quadratic})
+          add_to(at_one.added, *own, -1);
       }
-      element.K = std::move(added);
-      turning = turning_of_references(nodes, count, dofs_per_node(block.type), masters,
-                                      master_count, forces);
+      parts.push_back({terms_.laws().size(), spinning_->coriolis(block, x, element)});
+      if (!rigid)
+        parts.push_back({terms_.laws().size() + 2, std::move(at_one.quadratic)});
+      parts.push_back({terms_.laws().size() + 1, std::move(at_one.added)});
+    }
+    if (preload_) {
+      if (!rigid) add_to(stressed.added, element.K);
+      element.K = std::move(stressed.added);
     }
     if (reactions_.any() && !rigid)
       reactions_.add_element(nodes, x, dofs_per_node(block.type), element.K, element.M);
@@ -135,7 +143,8 @@ private:
     }
     for (ElementPart& part : parts) part.matrix = reduce(part.matrix);
     Dense K = rigid && !preload_ ? Dense() : reduce(element.K);
-    if (!turning.data.empty()) add_to(K, turning);
+    if (!stressed.turning.data.empty()) add_to(K, stressed.turning);
+    if (!at_one.turning.data.empty()) add_to(parts.back().matrix, at_one.turning);
     matrix.add(masters, master_count, K, reduce(element.M), parts);
   }
 
@@ -171,13 +180,47 @@ private:
     return T;
   }
 
-  /// Of the element's dofs under the preload. @param T  transformation
-  Dense displacement(const Dense& T, const std::int64_t* masters,
+  /// An element, its nodes and those that lead them.
+  struct Placed {
+    const MeshBlock& block;
+    const std::vector<Vector3>& x;
+    const std::int64_t *nodes, *masters;
+    std::size_t master_count;
+    bool rigid; ///< all nodes follow one reference
+  };
+  /// What loads that stay add to an element's stiffness.
+  struct Stressed {
+    Dense added;   ///< at its dofs; linear in the loads
+    Dense turning; ///< of references, by the forces at their slaves: over the masters' dofs
+    Dense quadratic = {}; ///< as `added`
+    std::vector<double> u = {};
+  };
+  Stressed stressed_by(Preload& loads, const Placed& at, const ElementMatrices& element,
+                       const Dense& T) const {
+    Dense forces = loads.weight(at.block, at.x, element.M);
+    for (double& f : forces.data) f = -f;
+    Stressed result{loads.of_spin(at.block, at.x, element), {}};
+    if (!at.rigid) {
+      Dense u = displacement(loads, T, at.masters, at.master_count);
+      add_to(forces, multiply(element.K, u));
+      result.u = std::move(u.data);
+      StressStiffness by_stress = loads.of_stress(at.block, at.x, result.u);
+      add_to(result.added, by_stress.linear);
+      result.quadratic = std::move(by_stress.quadratic);
+    }
+    result.turning = turning_of_references(at.nodes, node_count(at.block.type),
+                                           dofs_per_node(at.block.type), at.masters,
+                                           at.master_count, forces);
+    return result;
+  }
+
+  /// Of the element's dofs under loads. @param T  transformation
+  Dense displacement(const Preload& loads, const Dense& T, const std::int64_t* masters,
                      std::size_t master_count) const {
     Dense u(0, 1);
     for (std::size_t a = 0; a < master_count; ++a)
       for (int c = 0; c < map_.dofs[as_size(masters[a])]; ++c)
-        u.data.push_back(preload_->at(masters[a], c));
+        u.data.push_back(loads.at(masters[a], c));
     u.rows = static_cast<int>(u.data.size());
     return T.data.empty() ? u : multiply(T, u);
   }
@@ -236,7 +279,7 @@ private:
   const Hdf5File& file_;
   FieldLoads& fields_;
   Reactions& reactions_;
-  Preload* preload_; ///< null: there is none
+  Preload *preload_, *spinning_; ///< null: there is none; of the spin at 1 rad/s
   AssemblyFacts& facts_;
   std::int64_t inverted_ = 0;
   std::string first_inverted_;
@@ -283,6 +326,39 @@ void append(Ports more, Block& ports, std::vector<std::string>& names) {
   }
 }
 
+/// The terms of a spin. @param parts  at 1 rad/s: Coriolis forces, what stress and M_c add to the
+/// stiffness, and what moved geometry does
+void add_spin(SecondOrderModel& model, const SpinRange& spin, Matrix* parts,
+              const SolverOptions& solver, Observer& observer) {
+  const LawNumbers speeds{
+      {"least", {spin.least}}, {"most", {spin.most}}, {"value", {spin.value}}};
+  Matrix &G = parts[0], &S = parts[1], &moved = parts[2];
+  PetscReal size = 0;
+  FG_CALL(MatNorm(moved, NORM_FROBENIUS, &size));
+  Matrix by_stress, by_motion; // what is added between no spin and the most
+  const double square = spin.most * spin.most, least = spin.least * spin.least;
+  FG_CALL(MatDuplicate(S, MAT_COPY_VALUES, by_stress.out()));
+  FG_CALL(MatScale(by_stress, square));
+  FG_CALL(MatDuplicate(moved, MAT_COPY_VALUES, by_motion.out()));
+  FG_CALL(MatScale(by_motion, square * square));
+  int negative = 0;
+  if (const auto share =
+          fails_at(model.K, by_stress, by_motion, model.node, solver, negative))
+    observer.fact("critical speed",
+                  text("about %.3g rad/s: there a load that turns with the body meets a "
+                       "resonance at 0 Hz; above it Coriolis forces alone hold the body",
+                       spin.most * std::sqrt(*share)));
+  if (spin.least > 0) {
+    FG_CALL(MatAXPY(model.K, least, S, DIFFERENT_NONZERO_PATTERN));
+    FG_CALL(MatAXPY(model.K, least * least, moved, DIFFERENT_NONZERO_PATTERN));
+  }
+  model.terms.push_back({Law("coriolis", "coriolis", speeds), std::move(G)});
+  model.terms.push_back({Law("spin", "spin", speeds), std::move(S)});
+  if (size > 0)
+    model.terms.push_back(
+        {Law("spin_moved", "spin_moved", speeds), std::move(moved)});
+}
+
 } // namespace
 
 SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver,
@@ -320,36 +396,46 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
   };
   const MaterialTerms terms(body);
   model.damping.eta += terms.common_loss();
-  const auto elements = [&](FieldLoads& fields, Reactions& reactions, Preload* preload) {
+  std::optional<Preload> preload, spinning;
+  const auto elements = [&](FieldLoads& fields, Reactions& reactions) {
     facts = {};
-    const std::size_t coriolis = preload && preload->speed() > 0 ? 1 : 0;
-    NodeMatrix matrix(map, masters.start, masters.node, terms.laws().size() + coriolis);
+    const std::size_t of_spin = spinning ? 3 : preload && preload->speed() > 0 ? 1 : 0;
+    NodeMatrix matrix(map, masters.start, masters.node, terms.laws().size() + of_spin);
     agree(comm, [&] {
-      ElementAssembler(body, terms, map, mesh, file, fields, reactions, preload, facts)
+      ElementAssembler(body, terms, map, mesh, file, fields, reactions,
+                       preload ? &*preload : nullptr, spinning ? &*spinning : nullptr,
+                       facts)
           .run(masters, matrix);
     });
     return matrix.assemble(comm, model.K, model.M);
   };
   fill_dof_lists(map, mesh, rank, model);
-  std::optional<Preload> preload;
+  BodyDescription loaded = all; // with all loads, its preload's and its spin's too
+  loaded.reactions.clear();
+  if (all.spin) loaded.fields.push_back(all.spin->field);
   Matrix unloaded; // K
-  if (!all.preload.empty()) {
-    BodyDescription loaded = all;
-    loaded.reactions.clear();
+  if (!all.preload.empty() || all.spin) {
     Reactions none(comm, loaded, map, mesh);
     FieldLoads fields(comm, loaded, map, mesh, {});
-    elements(fields, none, nullptr);
+    elements(fields, none);
     Ports inputs = interface_ports(comm, loaded, map, coordinates, {});
     append(fields.take(), inputs.B, inputs.names);
     append(nodal_ports(comm, loaded.loads, map, mesh, partition), inputs.B, inputs.names);
-    preload.emplace(all, map, model.K, inputs, model.node, mesh, solver);
+    const auto solved = [&](const LoadValues& loads) {
+      return Preload(loaded, loads, map, model.K, inputs, model.node, mesh, solver);
+    };
+    if (!all.preload.empty()) preload.emplace(solved(all.preload));
+    if (all.spin)
+      spinning.emplace(solved({{input_names(loaded.fields.back()).front(), 1.0}}));
+    if (preload && preload->speed() > 0 && spinning)
+      throw Error("preload: a spin beside the spin of the body: it turns at one speed");
     unloaded = std::move(model.K);
     model.M = Matrix();
   }
   Reactions reactions(comm, body, map, mesh);
   const HeldForces held = reactions.held_forces();
   FieldLoads fields(comm, body, map, mesh, held);
-  std::vector<Matrix> parts = elements(fields, reactions, preload ? &*preload : nullptr);
+  std::vector<Matrix> parts = elements(fields, reactions);
   masters = {};
   if (preload) {
     preload->tell(comm, observer);
@@ -359,10 +445,17 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
   for (std::size_t k = 0; k < terms.laws().size(); ++k)
     model.terms.push_back({terms.laws()[k], std::move(parts[k])});
   model.damp_parameters();
+  const std::size_t first_of_spin = terms.laws().size();
+  if (parts.size() > first_of_spin)
+    FG_CALL(MatSetOption(parts[first_of_spin], MAT_SYMMETRIC, PETSC_FALSE));
   if (preload && preload->speed() > 0) {
     model.coriolis = 2 * preload->speed();
-    FG_CALL(MatSetOption(parts.back(), MAT_SYMMETRIC, PETSC_FALSE));
-    model.terms.push_back({Law::Kind::gyroscopic, std::move(parts.back())});
+    model.terms.push_back({Law::Kind::gyroscopic, std::move(parts[first_of_spin])});
+  }
+  if (spinning) {
+    spinning->tell(comm, *all.spin, observer);
+    model.coriolis = 2 * all.spin->most;
+    add_spin(model, *all.spin, parts.data() + first_of_spin, solver, observer);
   }
   if (model.coriolis > 0 && reactions.any())
     throw Error(

@@ -138,9 +138,10 @@ ElementMatrices beam_matrices(const Vector3& first, const Vector3& second,
   return result;
 }
 
-Dense beam_stress_stiffness(const Vector3& first, const Vector3& second,
-                            const BeamMaterial& material, const BeamSection& section,
-                            const std::vector<double>& u, double& stress) {
+StressStiffness beam_stress_stiffness(const Vector3& first, const Vector3& second,
+                                      const BeamMaterial& material,
+                                      const BeamSection& section,
+                                      const std::vector<double>& u, double& stress) {
   double L = 0;
   const auto axes = local_axes(first, second, section.y_axis, L);
   double stretch = 0;
@@ -157,7 +158,7 @@ Dense beam_stress_stiffness(const Vector3& first, const Vector3& second,
   const double twist = N * (section.I_y + section.I_z) / (section.A * L);
   K(3, 3) = K(9, 9) = twist;
   K(3, 9) = K(9, 3) = -twist;
-  return in_global(axes, K);
+  return {in_global(axes, K), Dense(12, 12)};
 }
 
 namespace {

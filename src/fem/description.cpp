@@ -195,18 +195,20 @@ void read_preload(const Hdf5File& file, BodyDescription& body) {
                file.path().c_str(), inputs[k].c_str()));
     body.preload.emplace_back(inputs[k], values[k]);
   }
+}
+
+void refuse_varying_stress(const Hdf5File& file, const BodyDescription& body) {
   for (const auto& [name, material] : body.materials)
     for (const MaterialTerm& term : material.terms)
       if (term.law.is_parameter())
         throw Error(
-            text("file %s: material %s: its stress under a preload depends on %s: "
-                 "give the material one number, or leave the preload out",
+            text("file %s: material %s: its stress under a preload, or a spin, depends on "
+                 "%s: give the material one number, or leave the preload out",
                  file.path().c_str(), name.c_str(), term.law.name().c_str()));
 }
 
-AccelerationField read_field(const Hdf5File& file, const std::string& name,
-                             const std::string& type) {
-  const std::string object = "/loads/" + name;
+AccelerationField read_field(const Hdf5File& file, const std::string& object,
+                             const std::string& name, const std::string& type) {
   using Type = AccelerationField::Type;
   AccelerationField field{name, Type::uniform, {}, {}};
   if (type == "acceleration") return field;
@@ -224,6 +226,23 @@ AccelerationField read_field(const Hdf5File& file, const std::string& name,
     throw Error(text("file %s: load %s: axis must be of unit length", file.path().c_str(),
                      name.c_str()));
   return field;
+}
+
+/// @pre the field has a name that no load has.
+SpinRange read_spin(const Hdf5File& file) {
+  const auto number = [&](const char* name) {
+    return file.number_attribute("/spin", name);
+  };
+  SpinRange spin{read_field(file, "/spin", "the body's spin", "spin"), number("least"),
+                 number("most"), number("value")};
+  try {
+    expect_speeds("spin",
+                  {{"least", {spin.least}}, {"most", {spin.most}}, {"value", {spin.value}}});
+  } catch (Error& error) {
+    error.add_context(text("file %s: /spin", file.path().c_str()));
+    throw;
+  }
+  return spin;
 }
 
 /// /outputs/NAME/feedthrough, columns × inputs, with the names of these.
@@ -377,9 +396,11 @@ BodyDescription read_description(const Hdf5File& file) {
       if (type == "forces")
         body.loads.push_back(read_vectors(file, "/loads", name, body.points));
       else
-        body.fields.push_back(read_field(file, name, type));
+        body.fields.push_back(read_field(file, "/loads/" + name, name, type));
     }
     if (file.exists("/preload")) read_preload(file, body);
+    if (file.exists("/spin")) body.spin = read_spin(file);
+    if (!body.preload.empty() || body.spin) refuse_varying_stress(file, body);
     for (const auto& name : ordered_children(file, "/supports")) {
       const std::string object = "/supports/" + name;
       Support support{name, read_nodes(file, object, body.points), {}};

@@ -79,6 +79,16 @@ struct Material {
   std::vector<MaterialTerm> terms;
 };
 
+/// Inputs of a body by their names, and how much of each.
+using LoadValues = std::vector<std::pair<std::string, double>>;
+
+/// A body that turns, seen in the frame that turns with it: the field of its spin at 1 rad/s, and
+/// the speeds [rad/s] that it may have.
+struct SpinRange {
+  AccelerationField field;
+  double least, most, value;
+};
+
 /// A body given by its mesh: what to assemble, without the mesh itself.
 struct BodyDescription {
   std::int64_t points = 0;
@@ -91,7 +101,8 @@ struct BodyDescription {
   std::vector<NodalVectors> loads, outputs;
   std::vector<Reaction> reactions;
   /// Inputs that stay while the body vibrates, and how large they are.
-  std::vector<std::pair<std::string, double>> preload;
+  LoadValues preload;
+  std::optional<SpinRange> spin; ///< the body turns, at a speed known between two numbers
   MassRule mass_rule = MassRule::full;
   std::vector<std::string> warnings; ///< doubtful values
 };

@@ -72,14 +72,21 @@ ElementMatrices solid_matrices(ElementType type, const std::vector<Vector3>& nod
                                const SolidMaterial& material, MassRule mass_rule,
                                bool with_stiffness = true);
 
+/// What displacements u add to the stiffness of an element: the part that is linear in them, and that
+/// which is quadratic, positive semidefinite.
+struct StressStiffness {
+  Dense linear, quadratic;
+};
+
 /// What displacements u add to the stiffness of a solid: ∫ ∂Nᵀσ∂N of the linear stress σ, and by the
 /// moved geometry ∫ B(u)ᵀC B(u) − B(0)ᵀC B(0), B(u) the strain of Green and Lagrange (Bathe, Finite
 /// Element Procedures, 6.3.4); the incompatible modes of a Hex8 follow as they do in K.
 /// @param u               three numbers a node [m].
 /// @param[in,out] stress  raised to the largest von Mises stress at the points [N/m²].
-Dense solid_stress_stiffness(ElementType type, const std::vector<Vector3>& nodes,
-                             const SolidMaterial& material, const std::vector<double>& u,
-                             double& stress);
+StressStiffness solid_stress_stiffness(ElementType type,
+                                       const std::vector<Vector3>& nodes,
+                                       const SolidMaterial& material,
+                                       const std::vector<double>& u, double& stress);
 
 /// Two-node Timoshenko beam with the interdependent interpolation of Friedman and
 /// Kosmatka (1993): exact stiffness for end loads, no locking, consistent translational
@@ -89,7 +96,7 @@ ElementMatrices beam_matrices(const Vector3& first, const Vector3& second,
 
 /// The same for a beam, of its axial force alone: ∫ N (v'² + w'² + (I_y + I_z)/A φ'²).
 /// @param u  twelve numbers, as in beam_matrices.
-Dense beam_stress_stiffness(const Vector3& first, const Vector3& second,
+StressStiffness beam_stress_stiffness(const Vector3& first, const Vector3& second,
                             const BeamMaterial& material, const BeamSection& section,
                             const std::vector<double>& u, double& stress);
 

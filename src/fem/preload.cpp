@@ -10,9 +10,9 @@ namespace flexgram {
 namespace {
 
 /// Σ value · column of the inputs.
-Block total_load(const BodyDescription& body, const Ports& inputs) {
+Block total_load(const LoadValues& loads, const Ports& inputs) {
   Dense shares(static_cast<int>(inputs.names.size()), 1);
-  for (const auto& [name, value] : body.preload) {
+  for (const auto& [name, value] : loads) {
     const auto found = std::find(inputs.names.begin(), inputs.names.end(), name);
     if (found == inputs.names.end())
       throw Error(text("preload: the body has no input %s, did you mean %s?",
@@ -39,12 +39,12 @@ std::vector<double> gathered(const Block& x) {
 
 } // namespace
 
-Preload::Preload(const BodyDescription& body, const DofMap& map, Mat K,
+Preload::Preload(const BodyDescription& body, LoadValues loads, const DofMap& map, Mat K,
                  const Ports& inputs, const std::vector<std::int64_t>& node,
                  const LocalMesh& mesh, const SolverOptions& options)
-    : body_(body), map_(map) {
-  const Block load = total_load(body, inputs);
-  for (const auto& [name, value] : body.preload) {
+    : body_(body), loads_(std::move(loads)), map_(map) {
+  const Block load = total_load(loads_, inputs);
+  for (const auto& [name, value] : loads_) {
     for (const AccelerationField& field : body.fields) {
       const auto names = input_names(field);
       const auto found = std::find(names.begin(), names.end(), name);
@@ -130,8 +130,8 @@ double Preload::at(std::int64_t node, int c) const {
   return equation < 0 ? 0.0 : u_[as_size(equation)];
 }
 
-Dense Preload::of_stress(const MeshBlock& block, const std::vector<Vector3>& x,
-                         const std::vector<double>& u) {
+StressStiffness Preload::of_stress(const MeshBlock& block, const std::vector<Vector3>& x,
+                                   const std::vector<double>& u) {
   const Material& material = body_.materials.at(block.material);
   return block.type == ElementType::beam2
              ? beam_stress_stiffness(x[0], x[1], material.beam,
@@ -163,38 +163,53 @@ Dense Preload::weight(const MeshBlock& block, const std::vector<Vector3>& x,
   return f;
 }
 
-void Preload::expect_stable(Mat unloaded, Mat K, const std::vector<std::int64_t>& node,
-                            const SolverOptions& options) const {
-  ShiftedSolver solver(unloaded, nullptr, {K}, node, counting(options));
+std::optional<double> fails_at(Mat K, Mat S, Mat Q, const std::vector<std::int64_t>& node,
+                               const SolverOptions& options, int& negative) {
+  std::vector<Mat> added{S};
+  if (Q) added.push_back(Q);
+  ShiftedSolver solver(K, nullptr, added, node, counting(options));
   solver.count_pivots(true);
-  const auto negative_at = [&](double share) { // of the load
+  const auto negative_at = [&](double share) {
     try {
-      solver.factorise({1 - share, 0.0, {share}});
+      std::vector<std::complex<double>> factors{share, share * share};
+      factors.resize(added.size());
+      solver.factorise({1.0, 0.0, std::move(factors)});
     } catch (const ShiftError&) {
       return 1;
     }
     return solver.negative_pivots();
   };
-  const int negative = negative_at(1);
-  if (negative == 0) return;
+  negative = negative_at(1);
+  if (negative == 0) return std::nullopt;
   double bears = 0, fails = 1;
   while (fails - bears > 0.01 * fails) {
     const double middle = 0.5 * (bears + fails);
     (negative_at(middle) > 0 ? fails : bears) = middle;
     if (fails < 1e-6) break;
   }
-  const bool is_spin = spins() && body_.preload.size() == 1;
+  return fails;
+}
+
+void Preload::expect_stable(Mat unloaded, Mat K, const std::vector<std::int64_t>& node,
+                            const SolverOptions& options) const {
+  Matrix added;
+  FG_CALL(MatDuplicate(K, MAT_COPY_VALUES, added.out()));
+  FG_CALL(MatAXPY(added, -1.0, unloaded, DIFFERENT_NONZERO_PATTERN));
+  int negative = 0;
+  const auto fails = fails_at(unloaded, added, nullptr, node, options, negative);
+  if (!fails) return;
+  const bool is_spin = spins() && loads_.size() == 1;
   throw Error(
       text("preload: the body does not bear it: under its stress K has %d negative "
            "eigenvalue%s (%s at about %.2g of %s)",
            negative, negative == 1 ? "" : "s",
            is_spin ? "a spin that tears it apart" : "buckled",
-           is_spin ? std::sqrt(fails) : fails, is_spin ? "its speed" : "these loads"));
+           is_spin ? std::sqrt(*fails) : *fails, is_spin ? "its speed" : "these loads"));
 }
 
 void Preload::tell(MPI_Comm comm, Observer& observer) const {
   std::string loads;
-  for (const auto& [name, value] : body_.preload)
+  for (const auto& [name, value] : loads_)
     loads += text("%s%s %g", loads.empty() ? "" : ", ", name.c_str(), value);
   const double largest = max_over(comm, largest_), extent = max_over(comm, extent_);
   observer.fact(
@@ -203,6 +218,22 @@ void Preload::tell(MPI_Comm comm, Observer& observer) const {
            "most %.3g N/m²; K is that under this stress%s",
            loads.c_str(), largest, max_over(comm, stress_),
            spins() ? ", softened by the spin, whose Coriolis forces are G" : ""));
+  warn_of_large(largest, extent, observer);
+}
+
+void Preload::tell(MPI_Comm comm, const SpinRange& spin, Observer& observer) const {
+  const double square = spin.most * spin.most,
+               largest = square * max_over(comm, largest_),
+               extent = max_over(comm, extent_);
+  observer.fact("spin",
+                text("%g to %g rad/s; at the most displacement at most %.3g m, von Mises "
+                     "stress (of beams: axial) at most %.3g N/m²; seen in the frame that "
+                     "turns with the body, with its Coriolis forces",
+                     spin.least, spin.most, largest, square * max_over(comm, stress_)));
+  warn_of_large(largest, extent, observer);
+}
+
+void Preload::warn_of_large(double largest, double extent, Observer& observer) const {
   if (largest > 0.05 * extent)
     observer.warn(
         text("preload: it moves the body by %.3g m, which measures %.3g m: linear "
@@ -218,6 +249,10 @@ BodyDescription without_preload_loads(BodyDescription body) {
     });
   };
   std::erase_if(body.fields, stays);
+  if (body.spin)
+    std::erase_if(body.fields, [&](const auto& field) {
+      return field.name == body.spin->field.name;
+    });
   std::erase_if(body.loads, stays);
   return body;
 }

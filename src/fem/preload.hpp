@@ -6,6 +6,8 @@
 #include "fem/loads.hpp"
 #include "linalg/shifted_solver.hpp"
 
+#include <optional>
+
 namespace flexgram {
 
 /// The displacements under a preload, and what they and the loads add to the stiffness of elements:
@@ -14,21 +16,22 @@ namespace flexgram {
 class Preload {
 public:
   /// Solves K u = f.
-  /// @param body    with preload and all loads.
+  /// @param body    with all loads; outlives this.
+  /// @param loads   inputs, and how much of each.
   /// @param K       without stress.
   /// @param inputs  unit loads, among them those of the preload.
   /// @param node    of each local row.
   /// @throws Error if an input is unknown or cannot last, if there are two spins, if K is singular.
   /// Collective.
-  Preload(const BodyDescription& body, const DofMap& map, Mat K, const Ports& inputs,
-          const std::vector<std::int64_t>& node, const LocalMesh& mesh,
-          const SolverOptions& options);
+  Preload(const BodyDescription& body, LoadValues loads, const DofMap& map, Mat K,
+          const Ports& inputs, const std::vector<std::int64_t>& node,
+          const LocalMesh& mesh, const SolverOptions& options);
 
   /// Displacement of component c of a node that is no slave.
   double at(std::int64_t node, int c) const;
   /// What an element's stress and moved geometry add to its K. @param u  of its dofs.
-  Dense of_stress(const MeshBlock& block, const std::vector<Vector3>& x,
-                  const std::vector<double>& u);
+  StressStiffness of_stress(const MeshBlock& block, const std::vector<Vector3>& x,
+                            const std::vector<double>& u);
   /// −Ω²M_c of an element.
   Dense of_spin(const MeshBlock& block, const std::vector<Vector3>& x,
                 const ElementMatrices& element) const;
@@ -46,6 +49,8 @@ public:
                      const SolverOptions& options) const;
   /// The loads, the largest displacement, and the largest stress met on any rank. Collective.
   void tell(MPI_Comm comm, Observer& observer) const;
+  /// The same of a spin whose speeds are known between two numbers; this is it at 1 rad/s.
+  void tell(MPI_Comm comm, const SpinRange& spin, Observer& observer) const;
 
 private:
   struct Field {
@@ -55,13 +60,21 @@ private:
     bool is_spin() const { return field->type == AccelerationField::Type::spin; }
   };
   bool spins() const { return speed() > 0; }
+  void warn_of_large(double largest, double extent, Observer& observer) const;
   const BodyDescription& body_;
+  LoadValues loads_;
   const DofMap& map_;
   std::vector<double> u_; ///< of all equations
   std::vector<Field> fields_;
   double largest_ = 0, stress_ = 0; ///< displacement [m], von Mises [N/m²]
   double extent_ = 0;               ///< of the nodes here [m]
 };
+
+/// The share of loads, to a hundredth, with which K + share·S + share²·Q has negative eigenvalues,
+/// as many as `negative` with all of them. @return nothing if it has none. @param Q  null: none.
+/// Collective.
+std::optional<double> fails_at(Mat K, Mat S, Mat Q, const std::vector<std::int64_t>& node,
+                               const SolverOptions& options, int& negative);
 
 /// The body without the loads that only its preload uses: they are no inputs.
 BodyDescription without_preload_loads(BodyDescription body);

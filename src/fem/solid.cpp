@@ -259,9 +259,10 @@ ElementMatrices solid_matrices(ElementType type, const std::vector<Vector3>& nod
   return result;
 }
 
-Dense solid_stress_stiffness(ElementType type, const std::vector<Vector3>& nodes,
-                             const SolidMaterial& material, const std::vector<double>& u,
-                             double& stress) {
+StressStiffness solid_stress_stiffness(ElementType type,
+                                       const std::vector<Vector3>& nodes,
+                                       const SolidMaterial& material,
+                                       const std::vector<double>& u, double& stress) {
   const auto points = points_of(type, nodes);
   const int n = static_cast<int>(nodes.size()),
             modes = static_cast<int>(points.front().gradients.size());
@@ -275,28 +276,36 @@ Dense solid_stress_stiffness(ElementType type, const std::vector<Vector3>& nodes
     T = condensation(K, 3 * (modes - n));
     moved = multiply(T, moved);
   }
-  Dense K(3 * modes, 3 * modes);
+  Dense K(3 * modes, 3 * modes), quadratic(3 * modes, 3 * modes);
   for (const StiffnessPoint& at : points) {
-    Jacobian F{{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}}}; // of the moved body: ∂(x + u)/∂x
+    Jacobian H{}; // ∂u/∂x
     std::array<double, 6> strains{}, s{};
     for (int i = 0; i < 3 * modes; ++i) {
       const Vector3& g = at.gradients[as_size(i / 3)];
       const auto by = linear_strain(as_size(i % 3), g);
       for (std::size_t r = 0; r < 6; ++r) strains[r] += by[r] * moved(i, 0);
-      for (std::size_t b = 0; b < 3; ++b) F[as_size(i % 3)][b] += moved(i, 0) * g[b];
+      for (std::size_t b = 0; b < 3; ++b) H[as_size(i % 3)][b] += moved(i, 0) * g[b];
     }
-    // Strain of the moved body, less that of the body at rest.
-    add_stiffness(K, at.gradients, material.stiffness, at.volume,
-                  [&](std::size_t c, const Vector3& g) -> std::array<double, 6> {
-                    const Vector3& f = F[c];
-                    return {f[0] * g[0],
-                            f[1] * g[1],
-                            f[2] * g[2],
-                            f[0] * g[1] + f[1] * g[0],
-                            f[1] * g[2] + f[2] * g[1],
-                            f[2] * g[0] + f[0] * g[2]};
-                  });
-    add_stiffness(K, at.gradients, material.stiffness, -at.volume, linear_strain);
+    // The strain of the moved body is that of the body at rest, L, and N by ∂u/∂x:
+    // (L + N)ᵀC(L + N) − LᵀCL is what changes its sign with u, and NᵀCN.
+    const auto strain_by = [&](double turn, double at_rest) {
+      return [&H, turn, at_rest](std::size_t c,
+                                 const Vector3& g) -> std::array<double, 6> {
+        Vector3 f{turn * H[c][0], turn * H[c][1], turn * H[c][2]};
+        f[c] += at_rest;
+        return {f[0] * g[0],
+                f[1] * g[1],
+                f[2] * g[2],
+                f[0] * g[1] + f[1] * g[0],
+                f[1] * g[2] + f[2] * g[1],
+                f[2] * g[0] + f[0] * g[2]};
+      };
+    };
+    add_stiffness(K, at.gradients, material.stiffness, 0.5 * at.volume, strain_by(1, 1));
+    add_stiffness(K, at.gradients, material.stiffness, -0.5 * at.volume,
+                  strain_by(-1, 1));
+    add_stiffness(quadratic, at.gradients, material.stiffness, at.volume,
+                  strain_by(1, 0));
     for (std::size_t r = 0; r < 6; ++r)
       for (std::size_t c = 0; c < 6; ++c)
         s[r] += material.stiffness[6 * r + c] * strains[c];
@@ -316,7 +325,9 @@ Dense solid_stress_stiffness(ElementType type, const std::vector<Vector3>& nodes
     }
   }
   mirror(K);
-  return modes > n ? condensed(K, T) : K;
+  mirror(quadratic);
+  if (modes > n) return {condensed(K, T), condensed(quadratic, T)};
+  return {std::move(K), std::move(quadratic)};
 }
 
 namespace {

@@ -32,8 +32,10 @@ void take_symmetric_part(Matrix& matrix, const std::string& name,
 /// Adds dampers to the body's terms: D; its skew part, if it is more than rounding, to G.
 /// @throws Error if one triangle is missing. Collective.
 void add_damping(SecondOrderModel& model, Matrix D, const std::string& source);
-/// Adds gyroscopic forces to the body's term G. @throws Error if the matrix is not skew. Collective.
-void add_skew(SecondOrderModel& model, Matrix G, const std::string& source);
+/// Adds gyroscopic forces: to the body's term G, or a term of another law. @throws Error if the
+/// matrix is not skew. Collective.
+void add_skew(SecondOrderModel& model, const Law& law, Matrix G,
+              const std::string& source);
 
 /// Damping attributes (or scalar datasets) alpha, beta, eta of the file, 0 where absent.
 Damping read_damping(const Hdf5File& file);

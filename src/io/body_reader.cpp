@@ -224,7 +224,7 @@ void refuse_one_triangle(const Asymmetry& asymmetry, const std::string& name,
 
 void add_gyroscopic(SecondOrderModel& model, Matrix G) {
   for (auto& [law, matrix] : model.terms)
-    if (law.is_skew()) {
+    if (law == Law(Law::Kind::gyroscopic)) {
       FG_CALL(MatAXPY(matrix, 1.0, G, DIFFERENT_NONZERO_PATTERN));
       return;
     }
@@ -253,15 +253,19 @@ void add_damping(SecondOrderModel& model, Matrix D, const std::string& source) {
   model.terms.push_back({Law(), std::move(D)});
 }
 
-void add_skew(SecondOrderModel& model, Matrix G, const std::string& source) {
+void add_skew(SecondOrderModel& model, const Law& law, Matrix G,
+              const std::string& source) {
   Matrix part = half(G, Symmetry::skew);
   PetscReal whole = 0, skew = 0;
   FG_CALL(MatNorm(G, NORM_FROBENIUS, &whole));
   FG_CALL(MatNorm(part, NORM_FROBENIUS, &skew));
   if (!(skew >= (1 - rounding_of_symmetry) * whole))
-    throw Error(text("%s: G is not skew, Gᵀ = −G: its symmetric part belongs to D",
-                     source.c_str()));
-  add_gyroscopic(model, std::move(part));
+    throw Error(text("%s: %s is not skew, Gᵀ = −G: its symmetric part belongs to D",
+                     source.c_str(), law.name().c_str()));
+  if (law.is_named())
+    model.terms.push_back({law, std::move(part)});
+  else
+    add_gyroscopic(model, std::move(part));
 }
 
 void take_symmetric_part(Matrix& matrix, const std::string& name,
@@ -358,7 +362,7 @@ std::string not_read(const Hdf5File& file) {
       "C",    "dofs", "nodes",    "feedthrough", "output_beta", "output_eta", "alpha",
       "beta", "eta",  "rounding", "geometry",    "interfaces"},
       of_meshes{"mesh",    "materials", "sections", "interfaces", "supports", "loads",
-                "outputs", "preload",   "fields",   "alpha",      "beta",     "eta"};
+                "outputs", "preload",   "spin",     "fields",     "alpha",    "beta",    "eta"};
   const auto& known = file.exists("/mesh") ? of_meshes : of_matrices;
   std::vector<std::string> others;
   for (const std::string& name : file.children("/"))
@@ -389,7 +393,7 @@ SecondOrderModel read_body(const Hdf5File& file) {
   for (const Law& law : read_laws(file)) {
     Matrix T = read_transposed(file, law.path(), model.n, model.rows);
     if (law.is_skew()) {
-      add_skew(model, transposed(T), source);
+      add_skew(model, law, transposed(T), source);
     } else if (law.is_viscous()) {
       const bool symmetric = find_asymmetry(T, rounding_of_symmetry).symmetric;
       add_damping(model, symmetric ? std::move(T) : transposed(T), source);

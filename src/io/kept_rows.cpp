@@ -106,6 +106,7 @@ std::vector<std::pair<std::string, double>> identity_of(const SecondOrderModel& 
   for (const auto& [law, T] : body.terms) {
     if (!law.is_named()) continue;
     identity.emplace_back("norm of " + law.name(), norm(T));
+    if (law.is_skew()) identity.emplace_back("sense of " + law.name(), sense(T));
     for (const auto& [name, values] : law.kind().numbers()) {
       double sum = 0; // with weights of their own: their order tells
       for (std::size_t k = 0; k < values.size(); ++k)

@@ -43,8 +43,8 @@ void system(FieldSink& sink, const SecondOrderModel& model) {
   matrix(sink, "K", K);
   bool others = false;
   for (const auto& [law, T] : model.terms) {
-    if (law.is_skew()) add_to(D, to_dense(T));
-    if (law.is_of_rates()) continue;
+    if (law.is_skew() && !law.is_named()) add_to(D, to_dense(T));
+    if (law.is_of_rates() && !law.is_named()) continue;
     others = true;
     const std::string name = law.path().substr(1);
     matrix(sink, name, to_dense(T));

@@ -140,7 +140,7 @@ SecondOrderModel read_reduced(MPI_Comm comm, const std::string& path) {
     if (!by_factors && frobenius_norm(symmetric) > 0)
       model.terms.push_back({Law(), make_dense(symmetric)});
     for (const Law& law : laws) {
-      if (law.is_of_rates()) continue;
+      if (law.is_of_rates() && !law.is_named()) continue;
       const Dense T = read(law.path());
       expect(law.path().c_str(), T, m, m);
       model.terms.push_back({law, make_dense(T)});

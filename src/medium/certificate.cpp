@@ -18,9 +18,9 @@ constexpr double infinity = std::numeric_limits<double>::infinity();
 Certificate::Certificate(const MediumSpace& space, const DenseResponse& response,
                          const ResidualBasis& basis, const ResidualNorm& norm,
                          ProjectionRounding rounding, int modes, bool inertia_is_safe,
-                         double cutoff, const Gyration& gyration,
+                         double cutoff, const Softening& softening,
                          std::vector<double> scale)
-    : rounding_(std::move(rounding)), gyration_(gyration),
+    : rounding_(std::move(rounding)), softening_(softening),
       data_rounding_(space.data_rounding()), provable_(basis.complete && inertia_is_safe),
       scale_(std::move(scale)), shifts_{space.tau(), cutoff * cutoff, space.kappa()} {
   // Coordinates in which the Gram matrix is the identity.

@@ -9,7 +9,7 @@
 #include "medium/response_series.hpp"
 #include "medium/term_gram.hpp"
 #include "model/error_form.hpp"
-#include "model/gyration.hpp"
+#include "model/softening.hpp"
 
 #include <functional>
 #include <map>
@@ -59,7 +59,7 @@ public:
   Certificate(const MediumSpace& space, const DenseResponse& response,
               const ResidualBasis& basis, const ResidualNorm& norm,
               ProjectionRounding rounding, int modes, bool inertia_is_safe, double cutoff,
-              const Gyration& gyration, std::vector<double> scale);
+              const Softening& softening, std::vector<double> scale);
 
   /// The same proof with other values of the parameters, by vectors Φ that suit them; also of what
   /// a file holds.
@@ -135,8 +135,10 @@ public:
     a("sigma", self.shifts_.sigma);
     a("kappa", self.shifts_.kappa);
     a("mu_plus", self.shifts_.mu_plus);
-    a("gyration_mass", self.gyration_.mass);
-    a("gyration_stiffness", self.gyration_.stiffness);
+    a("gyration", self.softening_.gyration);
+    a("gyration_stiffness", self.softening_.gyration_stiffness);
+    a("softening_mass", self.softening_.mass);
+    a("softening_stiffness", self.softening_.stiffness);
     a("data_rounding", self.data_rounding_);
     a("provable", self.provable_);
     a("scale", self.scale_);
@@ -245,7 +247,7 @@ private:
                     const std::vector<Dense>& outside);
 
   ProjectionRounding rounding_;
-  Gyration gyration_;
+  Softening softening_;
   double data_rounding_ = 0;
   bool provable_ = true; ///< the residual is known whole, and the modes are counted
   std::vector<double> scale_, rounding_weights_;

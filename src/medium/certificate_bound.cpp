@@ -86,8 +86,8 @@ Certificate::Inverse Certificate::inverse(const DenseResponse& response,
   Inverse result;
   // Re (a_k + c μ) >= 1 + (ω_c² − ω²) μ, whatever the damping; with gyroscopic forces the
   // Hermitian part of S₀ is at least 1/q.
-  double q = gyration_.enlarges(x.interval.last), radius = q;
-  if (!(gyration_.needed_square(x.interval.last) <= shifts_.sigma))
+  double q = softening_.enlarges(x.interval.last), radius = q;
+  if (!(softening_.needed_square(x.interval.last) <= shifts_.sigma))
     return {0, infinity, infinity, false};
   if (response.is_diagonal()) {
     const Coefficients k(response.system(), -shifts_.sigma, x.interval);

@@ -130,7 +130,7 @@ double reference_of(const SecondOrderModel& fom, const CertifySpec& spec) {
 double stabilising_shift(const SecondOrderModel& fom, RealFactors& factors,
                          double reference) {
   double tau = 0.25 * reference * reference;
-  if (!fom.may_be_unstable() || fom.coriolis > 0) return tau;
+  if (!fom.may_be_unstable()) return tau;
   constexpr int most = 40;
   for (int attempt = 0; attempt < most; ++attempt, tau *= 4) {
     factors.hold(tau);
@@ -149,17 +149,24 @@ Medium certify(const SecondOrderModel& body, bool mass_is_singular,
   const Checkpoints checkpoints(body, checkpoint, observer);
   RealFactors factors(body, solver, observer);
   const double reference = reference_of(body, spec);
-  const double tau = stabilising_shift(body, factors, reference);
-  const Gyration gyration = gyration_of(body, reference, tau, solver);
+  const double positive = stabilising_shift(body, factors, reference);
+  const Softening softening = softening_of(body, reference, positive, solver);
+  const double tau = softening.stabilised(positive);
   const CertifyRun run{body,        spec,      observer, factors,
-                       checkpoints, reference, tau,      gyration};
-  const double needed = std::sqrt(gyration.needed_square(reference));
-  if (gyration.mass > 0)
+                       checkpoints, reference, tau,      softening};
+  const double needed = std::sqrt(softening.needed_square(reference));
+  if (softening.gyration > 0)
     observer.fact(
         "gyroscopic forces",
-        text("at most %.4g rad/s of the inertia: modes up to %.4g Hz count for a "
+        text("at most %.4g rad/s of the inertia%s: modes up to %.4g Hz count for a "
              "band up to %.4g Hz",
-             gyration.mass, needed * hz, reference * hz));
+             softening.gyration,
+             softening.mass > 0
+                 ? text(", and a spin takes from the stiffness %.4g² of the mass at most",
+                        std::sqrt(softening.mass))
+                       .c_str()
+                 : "",
+             needed * hz, reference * hz));
   std::optional<CertifyState> state = checkpoints.resume(run);
   if (!state) {
     state = begin(run, spec.cutoff * needed, mass_is_singular, false);

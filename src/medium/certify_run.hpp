@@ -5,7 +5,7 @@
 
 #include "medium/factors.hpp"
 #include "medium/medium.hpp"
-#include "model/gyration.hpp"
+#include "model/softening.hpp"
 
 namespace flexgram {
 
@@ -20,7 +20,7 @@ struct CertifyRun {
   const Checkpoints& checkpoints;
   double reference = 0; ///< [rad/s] the certificate must hold up to here
   double tau = 0; ///< [rad²/s²] rows of residuals are scaled by the diagonal of K + τM
-  Gyration gyration = {};
+  Softening softening = {};
 
   /// What the user allows, or what memory does: V, S and one more of that size. Collective.
   int largest_order() const;

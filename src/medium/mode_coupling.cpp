@@ -280,7 +280,8 @@ double ModeCoupling::at(const DenseSystem& system, double omega, bool with_given
     const ComplexDense C = multiply(
         j, solved(a, symmetric ? j : J(outer, transposed(c.terms, system.terms)), false));
     const double taken = taken_by(C, symmetric);
-    if (!with_given || !(taken > little) || !symmetric) return taken;
+    if (!with_given || !(taken > little) || !symmetric || !are_semidefinite(system.terms))
+      return taken;
     return std::min(taken, taken_by(C, symmetric, given_by(j, a, energies())));
   } catch (const ShiftError&) {
     return infinity;
@@ -359,7 +360,7 @@ double ModeCoupling::over(const DenseSystem& system, Interval interval) const {
   const double more = farther * (moved * left * y + moved_J * (left + y) +
                                  moved_J * moved_J * size),
                taken = taken_by(C, symmetric) + more;
-  if (!(taken > little) || !symmetric) return taken;
+  if (!(taken > little) || !symmetric || !are_semidefinite(system.terms)) return taken;
   std::vector<double> E = energies();
   for (std::size_t i = 0; i < E.size(); ++i) E[i] *= unit[i] * unit[i];
   const Given given = given_by(j, at, E);

@@ -49,13 +49,17 @@ DenseSystem DenseSystem::at(const ParameterValues& values) const {
 
 DenseSystem DenseSystem::stiffened() const {
   DenseSystem stiff = *this;
-  std::erase_if(stiff.terms, [](const auto& term) { return term.law.is_parameter(); });
+  const auto is_stiffness = [](const auto& term) {
+    return term.law.varies() && term.law.kind().is_stiffness();
+  };
+  std::erase_if(stiff.terms, is_stiffness);
   Dense lost(order(), order());
-  for (const auto& [law, T] : terms) {
-    if (!law.is_parameter()) continue;
-    const double stiffness = law.at(0).real();
-    add_to(stiff.K, T, stiffness);
-    add_to(lost, T, stiffness * law.number("loss"));
+  for (const auto& term : terms) {
+    if (!is_stiffness(term)) continue;
+    const double stiffness = term.law.at(0).real();
+    add_to(stiff.K, term.matrix, stiffness);
+    if (term.law.is_parameter())
+      add_to(lost, term.matrix, stiffness * term.law.number("loss"));
   }
   if (frobenius_norm(lost) > 0)
     stiff.terms.push_back({Law::Kind::structural, std::move(lost)});
@@ -369,7 +373,8 @@ Dense DenseResponse::companion() const {
   const int N = system_.order();
   Dense damping(N, N);
   for (std::size_t t = 0; t < terms_.size(); ++t)
-    if (system_.terms[t].law.is_of_rates()) add_to(damping, terms_[t]);
+    if (const Law& law = system_.terms[t].law; law.is_of_rates())
+      add_to(damping, terms_[t], law.as_damper(1));
   for (int i = 0; i < N; ++i) {
     const double m = mu_[as_size(i)];
     damping(i, i) += system_.damping.alpha * m + system_.damping.beta * (1 - tau_ * m);

@@ -70,6 +70,16 @@ std::complex<double> Law::at(double omega) const {
   return std::complex<double>(kind_->coefficients({omega, omega}, 1).front());
 }
 
+void expect_speeds(const char* law, const LawNumbers& numbers) {
+  const auto of = [&](const char* name) { return numbers.at(name).front(); };
+  if (numbers.at("least").size() != 1)
+    throw Error(text("law %s: one number of each name", law));
+  if (!(of("least") >= 0) || !(of("least") < of("most")) ||
+      !(of("value") >= of("least")) || !(of("value") <= of("most")))
+    throw Error(text("law %s: speeds least %g, value %g, most %g must rise from 0 or more",
+                     law, of("least"), of("value"), of("most")));
+}
+
 LawSeries Law::series(const Interval& interval, int degree) const {
   LawSeries series{{}, 2 * kind_->rest(interval, degree)};
   for (const auto& x : kind_->coefficients(interval, degree))

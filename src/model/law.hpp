@@ -48,12 +48,20 @@ public:
   virtual bool is_stiffness() const { return false; }
   /// Whether it belongs to a skew matrix T, Tᵀ = −T, g imaginary.
   virtual bool is_skew() const { return false; }
+  /// Whether it belongs to a positive semidefinite matrix T.
+  virtual bool is_semidefinite() const { return !is_skew(); }
+  /// The parameter that g depends on, known between two numbers `least` and `most`, with a `value`
+  /// now; empty: none. @param term  the name of T.
+  virtual std::string parameter(const std::string& /*term*/) const { return {}; }
   /// The frequencies at which g is known.
   virtual Interval known() const;
   virtual LawNumbers numbers() const { return {}; }
   /// A phrase for the plan.
   virtual std::string words() const = 0;
 };
+
+/// @throws Error unless least, value and most are speeds that rise.
+void expect_speeds(const char* law, const LawNumbers& numbers);
 
 /// A way to make a kind of factor. Each file of model/laws defines one.
 struct LawMaker {
@@ -89,17 +97,23 @@ public:
   bool is_structural() const { return kind_name_ == "structural"; }
   /// Whether T is skew: A(ω) is not symmetric.
   bool is_skew() const { return kind_->is_skew(); }
+  bool is_semidefinite() const { return kind_->is_semidefinite(); }
   Symmetry symmetry() const { return is_skew() ? Symmetry::skew : Symmetry::symmetric; }
-  /// Whether g is iω.
+  /// Whether g is iω times a number, `as_damper`.
   bool is_of_rates() const { return is_viscous() || is_skew(); }
-  /// Whether a stiffness is known between two numbers only, and has one of them now.
+  /// The parameter that g depends on; empty: none.
+  std::string parameter() const { return kind_->parameter(name_); }
+  bool varies() const { return !parameter().empty(); }
+  /// Whether a stiffness is itself what is known between two numbers only.
   bool is_parameter() const { return kind_name_ == "parameter"; }
   /// A number that the law has one of. @pre it has.
   double number(const std::string& name) const;
   /// The same law with another number.
   Law with(const std::string& number, double value) const;
   /// Whether it has a name of its own, beside D, S and G.
-  bool is_named() const { return !is_viscous() && !is_structural() && !is_skew(); }
+  bool is_named() const {
+    return !is_viscous() && !is_structural() && kind_name_ != "gyroscopic";
+  }
   const std::string& name() const { return name_; }
   const std::string& kind_name() const { return kind_name_; }
   /// Where T lies in a file: /D, /S, /G, else /terms/NAME.
@@ -114,7 +128,7 @@ private:
   std::shared_ptr<const LawKind> kind_;
 };
 
-/// g(ω)T, T symmetric positive semidefinite, or skew.
+/// g(ω)T, T symmetric, positive semidefinite unless its law says otherwise, or skew.
 template <class MatrixType>
 struct Term {
   Law law;
@@ -126,6 +140,13 @@ template <class MatrixType>
 bool is_symmetric(const std::vector<Term<MatrixType>>& terms) {
   return std::none_of(terms.begin(), terms.end(),
                       [](const auto& term) { return term.law.is_skew(); });
+}
+
+/// Whether no term takes from the real part of A(ω).
+template <class MatrixType>
+bool are_semidefinite(const std::vector<Term<MatrixType>>& terms) {
+  return std::all_of(terms.begin(), terms.end(),
+                     [](const auto& term) { return term.law.is_semidefinite(); });
 }
 
 /// The factors of A(ω)ᵀ with the same T: −g of skew ones.

@@ -1,5 +1,6 @@
 #include "model/parameters.hpp"
 
+#include "base/error.hpp"
 #include "base/text.hpp"
 
 #include <algorithm>
@@ -18,8 +19,9 @@ double value_at(const Law& parameter, double share) {
   const double least = parameter.number("least"), most = parameter.number("most");
   if (share == 0) return least;
   if (share == 1) return most;
-  return least > 0 ? least * std::pow(most / least, share)
-                   : least + share * (most - least);
+  return parameter.is_parameter() && least > 0
+             ? least * std::pow(most / least, share)
+             : least + share * (most - least);
 }
 
 /// Calls visit with all combinations of `count` numbers 0 … count − 1, while it returns true.
@@ -34,6 +36,22 @@ void for_combinations(std::size_t digits, int count, const Visit& visit) {
 }
 
 } // namespace
+
+std::size_t place_among(std::vector<Law>& laws, const Law& law) {
+  const std::string name = law.parameter();
+  std::size_t place = 0;
+  while (place < laws.size() && laws[place].parameter() != name) ++place;
+  if (place == laws.size()) {
+    laws.push_back(law);
+    return place;
+  }
+  for (const char* number : {"least", "most", "value"})
+    if (law.number(number) != laws[place].number(number))
+      throw Error(text("terms %s and %s: %s of %s is %g and %g",
+                       laws[place].name().c_str(), law.name().c_str(), number,
+                       name.c_str(), laws[place].number(number), law.number(number)));
+  return place;
+}
 
 ParameterValues values_of(const std::vector<Law>& parameters) {
   ParameterValues values;
@@ -83,7 +101,7 @@ std::string words_of(const std::vector<Law>& parameters, const ParameterValues& 
   std::string words;
   for (std::size_t k = 0; k < parameters.size(); ++k)
     words +=
-        text("%s%s = %g", k == 0 ? "" : ", ", parameters[k].name().c_str(), values[k]);
+        text("%s%s = %g", k == 0 ? "" : ", ", parameters[k].parameter().c_str(), values[k]);
   return words;
 }
 

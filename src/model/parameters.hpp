@@ -1,5 +1,5 @@
-/// Parameters of a body: terms whose stiffness is known between two numbers, and the values at
-/// which claims are made. Asked by run, medium and basis.
+/// Parameters of a body: numbers known between two others, on which laws of terms depend, and the
+/// values at which claims are made. Asked by run, medium and basis.
 
 #pragma once
 
@@ -7,15 +7,19 @@
 
 namespace flexgram {
 
-/// A value of each parameter, in the order of their terms.
+/// A value of each parameter, in the order in which terms first depend on them.
 using ParameterValues = std::vector<double>;
 
-/// Their laws. @param terms  of a body.
+/// The place of a law's parameter among those of `laws`, which it joins if it is new.
+/// @throws Error if it has other numbers there.
+std::size_t place_among(std::vector<Law>& laws, const Law& law);
+
+/// The first law of each. @param terms  of a body.
 template <class MatrixType>
 std::vector<Law> parameters_of(const std::vector<Term<MatrixType>>& terms) {
   std::vector<Law> laws;
   for (const auto& term : terms)
-    if (term.law.is_parameter()) laws.push_back(term.law);
+    if (term.law.varies()) place_among(laws, term.law);
   return laws;
 }
 
@@ -23,17 +27,18 @@ std::vector<Law> parameters_of(const std::vector<Term<MatrixType>>& terms) {
 template <class MatrixType>
 void set_parameters(std::vector<Term<MatrixType>>& terms, const ParameterValues& values) {
   if (values.empty()) return;
-  std::size_t k = 0;
+  std::vector<Law> laws;
   for (auto& term : terms)
-    if (term.law.is_parameter()) term.law = term.law.with("value", values.at(k++));
+    if (term.law.varies())
+      term.law = term.law.with("value", values.at(place_among(laws, term.law)));
 }
 
 /// Those that they have.
 ParameterValues values_of(const std::vector<Law>& parameters);
 
 /// The values that they have, then others that show the box: all combinations of `each` values of
-/// each parameter from its least to its most, evenly spaced on a logarithmic scale where the least
-/// is positive, else on a linear one. @param each  0: 5 of one parameter, 3 of two, else 2.
+/// each parameter from its least to its most, evenly spaced: of a stiffness on a logarithmic scale
+/// where the least is positive, else on a linear one. @param each  0: 5 of one parameter, 3 of two, else 2.
 std::vector<ParameterValues> values_that_show(const std::vector<Law>& parameters,
                                               int each);
 

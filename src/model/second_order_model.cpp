@@ -94,7 +94,7 @@ std::string SecondOrderModel::damping_class() const {
     if (law.is_parameter()) { // stiffness, with a loss factor perhaps
       if (law.number("loss") > 0)
         parts.push_back(text("%s (η = %g)", law.name().c_str(), law.number("loss")));
-    } else {
+    } else if (!law.kind().is_stiffness() || !law.varies()) { // not what spin adds to K
       parts.push_back(law.is_named() ? law.name() + " " + law.kind().words()
                                      : law.kind().words());
     }

@@ -106,7 +106,10 @@ void PythonBody::set_dofs(const Rows& node, const Rows& label,
 
 void PythonBody::set(const std::string& which, Matrix matrix) {
   SecondOrderModel& m = body.model;
-  if (which != "D" && which != "G") take_symmetric_part(matrix, which, m.name, m.remarks);
+  const auto of_term = laws.find(which);
+  const bool may_be_skew =
+      which == "D" || which == "G" || (of_term != laws.end() && of_term->second.is_skew());
+  if (!may_be_skew) take_symmetric_part(matrix, which, m.name, m.remarks);
   PetscReal norm = 0; // of row sums: squares of entries that are finite may overflow
   FG_CALL(MatNorm(matrix, NORM_INFINITY, &norm));
   if (!std::isfinite(norm)) throw Error(text("%s holds NaN or Inf", which.c_str()));
@@ -126,9 +129,11 @@ void PythonBody::set(const std::string& which, Matrix matrix) {
   else if (which == "D")
     add_damping(m, std::move(matrix), m.name);
   else if (which == "G")
-    add_skew(m, std::move(matrix), m.name);
+    add_skew(m, Law::Kind::gyroscopic, std::move(matrix), m.name);
   else if (which == "S")
     m.terms.push_back({Law::Kind::structural, std::move(matrix)});
+  else if (may_be_skew)
+    add_skew(m, of_term->second, std::move(matrix), m.name);
   else
     m.terms.push_back({laws.at(which), std::move(matrix)});
 }

@@ -168,9 +168,9 @@ void take_values(SecondOrderModel& model, const Settings& settings) {
     std::vector<std::string> known;
     bool found = false;
     for (auto& term : model.terms) {
-      if (!term.law.is_parameter()) continue;
-      known.push_back(term.law.name());
-      if (term.law.name() != name) continue;
+      if (!term.law.varies()) continue;
+      known.push_back(term.law.parameter());
+      if (term.law.parameter() != name) continue;
       found = true;
       try {
         term.law = term.law.with("value", value);
@@ -192,7 +192,7 @@ void tell_parameters(const SecondOrderModel& model, Observer& observer) {
   std::string words;
   for (const Law& law : parameters_of(model.terms))
     words +=
-        text("%s%s from %g to %g (%g)", words.empty() ? "" : ", ", law.name().c_str(),
+        text("%s%s from %g to %g (%g)", words.empty() ? "" : ", ", law.parameter().c_str(),
              law.number("least"), law.number("most"), law.number("value"));
   if (!words.empty()) observer.fact("parameters", words);
 }

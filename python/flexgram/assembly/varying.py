@@ -10,7 +10,7 @@ import numpy as np
 
 from flexgram.assembly.joints import Joint
 from flexgram.basics import BodyError, Floats
-from flexgram.body.laws import Parameter
+from flexgram.body.laws import Parameter, Varying
 from flexgram.model.reduced import ReducedBody
 
 Body = TypeVar("Body", bound=ReducedBody)
@@ -35,7 +35,13 @@ def parameters_of(
         for part, model in models.items()
         for name, law in model.system.parameters.items()
     ]
+    law: Varying
     for name, law in [*of_parts, *(pair for joint in joints for pair in joint.parameters.items())]:
+        if not isinstance(law, Parameter):
+            raise BodyError(
+                f"{name} is a range of speeds, and assemblies take bodies with one: "
+                "model.at(speed=...), or flexgram at"
+            )
         if name in found:
             raise BodyError(
                 f"two stiffnesses of the assembly are named {name}: two springs at one interface "

@@ -123,6 +123,7 @@ def import_description(
             "loads",
             "outputs",
             "preload",
+            "spin",
             "damping",
             "mass_integration",
             "merge",

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from flexgram.basics import BodyError, ComplexArray, Floats, check_name
+
+
+#: The parameter of bodies that spin, [rad/s].
+SPEED = "speed"
 
 
 @dataclass(frozen=True)
@@ -137,14 +141,116 @@ class Table(Law):
 
 
 @dataclass(frozen=True)
-class Parameter(Law):
+class Varying(Law):
+    """A law that depends on a parameter of the body.
+
+    Attributes
+    ----------
+    least, most, value : float
+        The parameter is between the first two; what it is at present. In its own unit.
+    """
+
+    least: float
+    most: float
+    value: float
+
+    def parameter(self, term: str) -> str:
+        """The name of the parameter, of a term of that name."""
+        return term
+
+    def with_value(self, value: float, name: str) -> Self:
+        """With another value of the parameter ``name``.
+
+        Raises
+        ------
+        BodyError
+            For one that is not between least and most.
+        """
+        if not self.least <= value <= self.most:
+            raise BodyError(
+                f"{name} = {value:g}: the body knows {name} from {self.least:g} to {self.most:g}"
+            )
+        return replace(self, value=float(value))
+
+    def numbers(self) -> dict[str, Floats]:
+        return {entry.name: np.array([getattr(self, entry.name)]) for entry in fields(self)}
+
+
+@dataclass(frozen=True)
+class Spin(Varying):
+    """Ω² - least²: what a spin adds to the stiffness, seen in the frame that turns with the body.
+    K holds it at the least speed; T is it at 1 rad/s."""
+
+    kind = "spin"
+
+    def parameter(self, term: str) -> str:
+        return SPEED
+
+    @property
+    def words(self) -> str:
+        return f"stiffness of spin, from {self.least:g} to {self.most:g} rad/s"
+
+    @property
+    def stiffness(self) -> float:
+        """Of T, beside K."""
+        return (self.value - self.least) * (self.value + self.least)
+
+    def at(self, omega: ArrayLike) -> ComplexArray:
+        g: ComplexArray = np.full(np.shape(omega), self.stiffness, dtype=np.complex128)
+        return g
+
+
+@dataclass(frozen=True)
+class SpinMoved(Varying):
+    """Ω⁴ - least⁴: what the geometry that a spin has moved adds to the stiffness, beyond ``Spin``.
+    K holds it at the least speed; T is it at 1 rad/s."""
+
+    kind = "spin_moved"
+
+    def parameter(self, term: str) -> str:
+        return SPEED
+
+    @property
+    def words(self) -> str:
+        return f"moved geometry of spin, from {self.least:g} to {self.most:g} rad/s"
+
+    @property
+    def stiffness(self) -> float:
+        """Of T, beside K."""
+        return self.value**4 - self.least**4
+
+    def at(self, omega: ArrayLike) -> ComplexArray:
+        g: ComplexArray = np.full(np.shape(omega), self.stiffness, dtype=np.complex128)
+        return g
+
+
+@dataclass(frozen=True)
+class Coriolis(Varying):
+    """iωΩ of a skew matrix T: gyroscopic forces at 1 rad/s."""
+
+    kind = "coriolis"
+
+    def parameter(self, term: str) -> str:
+        return SPEED
+
+    @property
+    def words(self) -> str:
+        return f"gyroscopic forces of spin, from {self.least:g} to {self.most:g} rad/s"
+
+    def at(self, omega: ArrayLike) -> ComplexArray:
+        g: ComplexArray = 1j * self.value * np.asarray(omega, dtype=float)
+        return g
+
+
+@dataclass(frozen=True)
+class Parameter(Varying):
     """(p - least) slope (1 + i(loss + eta) + iω beta): a stiffness that is known between two
     numbers, p at present.
 
     Attributes
     ----------
     least, most, value : float
-        In the unit of the parameter. K holds the stiffness at the least.
+        K holds the stiffness at the least.
     slope : float
         Of the stiffness, in T over the unit of the parameter.
     loss : float
@@ -153,9 +259,6 @@ class Parameter(Law):
         The body's own damping, of K: loss factor, and [s].
     """
 
-    least: float
-    most: float
-    value: float
     slope: float = 1.0
     loss: float = 0.0
     eta: float = 0.0
@@ -175,23 +278,6 @@ class Parameter(Law):
         w = np.asarray(omega, dtype=float)
         g: ComplexArray = self.stiffness * (1 + 1j * (self.loss + self.eta + w * self.beta))
         return g
-
-    def numbers(self) -> dict[str, Floats]:
-        return {entry.name: np.array([getattr(self, entry.name)]) for entry in fields(self)}
-
-    def with_value(self, value: float, name: str) -> Parameter:
-        """With another value of the parameter ``name``.
-
-        Raises
-        ------
-        BodyError
-            For one that is not between least and most.
-        """
-        if not self.least <= value <= self.most:
-            raise BodyError(
-                f"{name} = {value:g}: the body knows {name} from {self.least:g} to {self.most:g}"
-            )
-        return replace(self, value=float(value))
 
 
 def viscous() -> Viscous:
@@ -324,6 +410,90 @@ def parameter(
     return Parameter(float(least), float(most), float(value), float(slope), float(loss))
 
 
+def _speeds(law: str, least: float, most: float, value: float | None) -> list[float]:
+    if not (np.isfinite(least) and np.isfinite(most) and 0 <= least < most):
+        raise BodyError(f"{law}({least:g}, {most:g}): speeds must rise from 0 or more")
+    if value is None:
+        value = most
+    if not least <= value <= most:
+        raise BodyError(f"{law}: speed {value:g} must be from {least:g} to {most:g}")
+    return [float(least), float(most), float(value)]
+
+
+def spin(least: float, most: float, value: float | None = None) -> Spin:
+    """The law Ω² - least² of what a spin adds to the stiffness, in the frame that turns with a body.
+
+    The term's matrix T is that at Ω = 1 rad/s: the stress stiffness of the centrifugal load less
+    the softening M_c. It may have negative eigenvalues. K holds it at the least speed. With
+    ``coriolis`` of the same speeds the body has one parameter, ``speed``.
+
+    Parameters
+    ----------
+    least, most : float
+        Ω is between these [rad/s].
+    value : float, optional
+        What it is unless something else is said; default the most.
+
+    Raises
+    ------
+    BodyError
+        For other numbers.
+
+    Examples
+    --------
+    >>> flexgram.spin(0, 100).at(0.0) # at 100 rad/s
+    array(10000.+0.j)
+    """
+    return Spin(*_speeds("spin", least, most, value))
+
+
+def spin_moved(least: float, most: float, value: float | None = None) -> SpinMoved:
+    """The law Ω⁴ - least⁴ of what the geometry that a spin has moved adds to the stiffness.
+
+    The term's matrix T is that at Ω = 1 rad/s, positive semidefinite; what is proportional to Ω²
+    belongs to ``spin``. K holds it at the least speed.
+
+    Parameters
+    ----------
+    least, most, value : float
+        As of ``spin``.
+
+    Raises
+    ------
+    BodyError
+        For other numbers.
+
+    Examples
+    --------
+    >>> flexgram.spin_moved(0, 10).at(0.0) # at 10 rad/s
+    array(10000.+0.j)
+    """
+    return SpinMoved(*_speeds("spin_moved", least, most, value))
+
+
+def coriolis(least: float, most: float, value: float | None = None) -> Coriolis:
+    """The law iωΩ of Coriolis forces, or of gyroscopic moments, of a body that spins.
+
+    The term's matrix T is skew, that at Ω = 1 rad/s: in the frame that turns with the body
+    2∫ρ u·(Ω × v).
+
+    Parameters
+    ----------
+    least, most, value : float
+        As of ``spin``.
+
+    Raises
+    ------
+    BodyError
+        For other numbers.
+
+    Examples
+    --------
+    >>> terms = {"coriolis": (G, flexgram.coriolis(0, 100))}  # doctest: +SKIP
+    """
+    return Coriolis(*_speeds("coriolis", least, most, value))
+
+
 @dataclass(frozen=True)
 class Term:
     """g(ω)T beside K and M.
@@ -333,7 +503,7 @@ class Term:
     name : str
     law : Law
     matrix : (m, m) array, or sparse
-        T, symmetric, positive semidefinite.
+        T, symmetric, positive semidefinite but of ``Spin``; skew of ``Coriolis``.
     """
 
     name: str
@@ -345,11 +515,17 @@ class Term:
         return Term(self.name, self.law, matrix)
 
 
+def _firsts(numbers: Sequence[Any]) -> list[float]:
+    return [float(np.asarray(number).ravel()[0]) for number in numbers]
+
+
+def _of_numbers(make: Callable[..., Law]) -> Callable[..., Law]:
+    return lambda *numbers: make(*_firsts(numbers))
+
+
 def _parameter_of(*numbers: Any) -> Parameter:
     """Of what a file holds, in the order of its fields."""
-    least, most, value, slope, loss, eta, beta = (
-        float(np.asarray(number).ravel()[0]) for number in numbers
-    )
+    least, most, value, slope, loss, eta, beta = _firsts(numbers)
     return replace(parameter(least, most, value, slope=slope, loss=loss), eta=eta, beta=beta)
 
 
@@ -365,6 +541,9 @@ def law_of(kind: str, numbers: Mapping[str, Any], where: str) -> Law:
         "prony": (Prony, prony),
         "table": (Table, table),
         "parameter": (Parameter, _parameter_of),
+        "spin": (Spin, _of_numbers(spin)),
+        "spin_moved": (SpinMoved, _of_numbers(spin_moved)),
+        "coriolis": (Coriolis, _of_numbers(coriolis)),
     }
     if kind not in known:
         raise BodyError(f"{where}: law {kind} must be one of {', '.join(known)}")
@@ -393,7 +572,8 @@ def with_terms(
         if not (isinstance(given, tuple) and len(given) == 2 and isinstance(given[1], Law)):
             raise BodyError(
                 f"term {name}: expected (matrix, law), a law being flexgram.loss(eta), viscous(), "
-                "prony(g, tau), table(omega, storage, loss) or parameter(least, most)"
+                "prony(g, tau), table(omega, storage, loss), parameter(least, most), "
+                "spin(least, most), spin_moved(least, most) or coriolis(least, most)"
             )
         matrix, law = given
         if isinstance(law, Viscous):

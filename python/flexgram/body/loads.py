@@ -18,6 +18,7 @@ from flexgram.basics import BodyError, Floats, Ints, check_name, errors_of
 from flexgram.body.face_integrals import areas_at_nodes
 from flexgram.body.faces import whole_faces
 from flexgram.body.reader import Reader
+from flexgram.body.spin import unit_axis
 from flexgram.body.stress import Stresses
 
 FIELDS = ("acceleration", "angular_acceleration", "spin")
@@ -133,10 +134,7 @@ def write_loads(mesh: BodyMesh, reader: Reader) -> dict[str, str]:
             if kind != "acceleration":
                 group.attrs["point"] = mesh.length * entry.vector("point")
             if kind == "spin":
-                axis = entry.vector("axis")
-                if not np.linalg.norm(axis) > 0:
-                    raise BodyError(f"{entry.where}: axis = [0, 0, 0] has no direction")
-                group.attrs["axis"] = axis / np.linalg.norm(axis)
+                group.attrs["axis"] = unit_axis(entry)
             continue
         if kind == "nodal":
             nodes, table = _table(mesh, entry, 3)

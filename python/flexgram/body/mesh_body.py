@@ -23,6 +23,7 @@ from flexgram.body.preload import write_preload
 from flexgram.body.reader import Reader, short
 from flexgram.body.sections import section_properties
 from flexgram.body.selection import in_box, nearest
+from flexgram.body.spin import write_spin
 from flexgram.body.viscoelastic import KEY, read_isotropic, read_orthotropic
 from flexgram.body.whole import (
     Block,
@@ -147,6 +148,7 @@ class MeshBody:
         loads, outputs = write_loads(written, reader), write_outputs(written, reader)
         for name in set(write_preload(file, reader, [*interfaces, *loads])) & set(loads):
             loads[name] += ", of the preload: no input"
+        write_spin(file, reader, self.length)
         damping = Reader(reader.get("damping", {}) or {}, "damping", ("alpha", "beta", "eta"))
         for key in ("alpha", "beta", "eta"):
             file.attrs[key] = damping.number(key, 0.0)

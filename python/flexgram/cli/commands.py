@@ -182,7 +182,7 @@ def _export_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _export(options: argparse.Namespace) -> None:
-    from flexgram.exporters import WITH_PARAMETERS, export
+    from flexgram.exporters import export, keeps_parameters
     from flexgram.reduced_model import ReducedModel
 
     if options.dialect and options.to != "sid":
@@ -206,7 +206,7 @@ def _export(options: argparse.Namespace) -> None:
 
         model, error = with_viscous_damping(model, options.damping)
         say(f"  {options.damping} damping in the place of eta changes H by at most {error:.1e}")
-    if (known := model.system.parameters) and options.to in WITH_PARAMETERS:
+    if (known := model.system.parameters) and keeps_parameters(model, options.to):
         say(f"  parameters of the FMU: damping_factor, {', '.join(known)}")
     elif known:
         now = ", ".join(f"{name} = {law.value:g}" for name, law in known.items())

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from flexgram.basics import BodyError, expect_kept
+from flexgram.body.laws import Parameter
 from flexgram.model.reduced import ReducedBody
 
 __all__ = ["FORMATS", "export"]
@@ -137,6 +138,12 @@ ENDINGS: dict[str, tuple[str, ...]] = {"state-space": (".mat", ".npz"), "vtu": (
 WITH_PARAMETERS = ("fmu", "fmu3")
 
 
+def keeps_parameters(model: ReducedBody, format: str) -> bool:
+    """Whether the format holds all parameters of the body as what they are."""
+    laws = model.system.parameters.values()
+    return format in WITH_PARAMETERS and all(isinstance(law, Parameter) for law in laws)
+
+
 def export(model: ReducedBody, path: str | Path, format: str, **options: Any) -> Path:
     """Write a reduced body for another program.
 
@@ -178,7 +185,7 @@ def export(model: ReducedBody, path: str | Path, format: str, **options: Any) ->
         body = model.provenance.body
         beside = [model.path.parent / body, Path(body)] if body else []
         expect_kept(target, model.path, options.get("body"), *beside)
-    if model.system.parameters and format not in WITH_PARAMETERS:
+    if not keeps_parameters(model, format):
         model = model.at()  # with their present values
     FORMATS[format][2](model, target, **{k: v for k, v in options.items() if v is not None})
     return target

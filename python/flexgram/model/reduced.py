@@ -12,6 +12,7 @@ import numpy as np
 
 from flexgram.basics import BodyError, Floats, errors_of, expect_survival, written_aside
 from flexgram.model.basis import Basis
+from flexgram.body.laws import Varying
 from flexgram.model.claim import Claim
 from flexgram.model.file import copy_file, read_fields
 from flexgram.model.frame import Frame
@@ -21,13 +22,14 @@ from flexgram.model.system import System
 
 
 def _save_at(
-    save: Callable[[str], None], path: str, body: ReducedBody, parameters: Collection[str]
+    save: Callable[[str], None], path: str, body: ReducedBody, terms: Collection[str]
 ) -> None:
-    """The file of a body with parameters, with the matrices and the claim of it at values."""
+    """The file of a body with parameters, with the matrices and the claim of it at values, without
+    the terms that depend on them."""
     with written_aside(path) as place:
         save(str(place))
         with h5py.File(place, "r+") as file:
-            for name in parameters:
+            for name in terms:
                 del file[f"terms/{name}"]
             if not len(file["terms"]):
                 del file["terms"]
@@ -222,7 +224,8 @@ class ReducedBody:
         save, ranks = self._save, int(self.provenance.log.get("ranks", 1))
         other._save = None
         if save and (self.path or ranks == 1):  # else save, then `flexgram at`
-            other._save = lambda path: _save_at(save, path, other, list(known))
+            varying = [t.name for t in self.system.terms if isinstance(t.law, Varying)]
+            other._save = lambda path: _save_at(save, path, other, varying)
         return other
 
     def save(self, path: str | Path) -> None:

@@ -11,7 +11,7 @@ import scipy.linalg
 from numpy.typing import ArrayLike
 
 from flexgram.basics import BodyError, ComplexArray, Floats
-from flexgram.body.laws import Parameter, Prony, Term, law_of
+from flexgram.body.laws import Coriolis, Parameter, Prony, Spin, SpinMoved, Term, Varying, law_of
 from flexgram.model.file import port_names
 from flexgram.model.internal_states import InternalStates
 from flexgram.model.kinds import ports_of
@@ -190,9 +190,13 @@ class System:
         return tuple(term.with_matrix(change(term.matrix)) for term in self.terms)
 
     @property
-    def parameters(self) -> dict[str, Parameter]:
-        """Stiffness known between two numbers, by the names of the parameters."""
-        return {t.name: t.law for t in self.terms if isinstance(t.law, Parameter)}
+    def parameters(self) -> dict[str, Varying]:
+        """A law that depends on it of each parameter, by its name."""
+        found: dict[str, Varying] = {}
+        for term in self.terms:
+            if isinstance(term.law, Varying):
+                found.setdefault(term.law.parameter(term.name), term.law)
+        return found
 
     def at(self, values: Mapping[str, float] | None = None) -> Self:
         """The system without parameters: each has a value, the given one or its present one.
@@ -211,12 +215,19 @@ class System:
         K, D, S, others = self.K, self.D, self.S, []
         for term in self.terms:
             law = term.law
-            if not isinstance(law, Parameter):
+            if not isinstance(law, Varying):
                 others.append(term)
                 continue
-            law = law.with_value((values or {}).get(term.name, law.value), term.name)
+            name = law.parameter(term.name)
+            law = law.with_value((values or {}).get(name, law.value), name)
+            if isinstance(law, Coriolis):
+                D = D + law.value * term.matrix
+                continue
+            assert isinstance(law, (Parameter, Spin, SpinMoved))
             stiffer = law.stiffness * term.matrix
             K = K + stiffer
+            if not isinstance(law, Parameter):
+                continue
             if law.beta:
                 D = D + law.beta * stiffer
             if loss := law.loss + law.eta - self.eta:
@@ -287,15 +298,16 @@ class System:
 
     @property
     def is_gyroscopic(self) -> bool:
-        """Whether D has a skew part: gyroscopic or Coriolis forces."""
+        """Whether there are gyroscopic or Coriolis forces: D has a skew part, or a term is one."""
+        if any(isinstance(term.law, Coriolis) for term in self.terms):
+            return True
         return bool(abs(self.D - self.D.T).max(initial=0) > 1e-12 * abs(self.D).max(initial=0))
 
     def expect_symmetric(self, what: str) -> None:
         """Raise BodyError where D is not symmetric."""
         if self.is_gyroscopic:
             raise BodyError(
-                f"{what} takes symmetric matrices only, and D holds gyroscopic forces, which are "
-                "skew"
+                f"{what} takes symmetric matrices only, and gyroscopic forces are skew"
             )
 
     def complex_stiffness(self, omega: float) -> ComplexArray:

@@ -34,6 +34,7 @@ public:
            (1 + 1e-15);
   }
   bool is_stiffness() const override { return true; }
+  std::string parameter(const std::string& term) const override { return term; }
   LawNumbers numbers() const override { return numbers_; }
   std::string words() const override {
     return text("a parameter from %g to %g", least_, most_);

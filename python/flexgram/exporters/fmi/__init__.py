@@ -371,7 +371,8 @@ def write_fmu(
     with tempfile.TemporaryDirectory(prefix="flexgram-fmu-") as work:
         folder = Path(work)
         shutil.copyfile(SOURCE, folder / "model.c")
-        parameters = list(model.system.parameters.values())
+        laws = model.system.parameters.values()
+        parameters = [law for law in laws if isinstance(law, Parameter)]
         (folder / "model_data.h").write_text(_header(matrices, parameters, version, token))
         library = folder / f"{name}.so"
         _compile(folder, library)
