@@ -56,6 +56,8 @@ const std::vector<std::pair<std::string, std::string>>& python_verbs() {
                 "file, MAC"},
       {"couple", "reduced files of several bodies -> one, with joints and springs"},
       {"at", "reduced file of a body with parameters -> that with values of them"},
+      {"campbell",
+       "natural frequencies, damping and whirl of a reduced body over its speed"},
       {"hotspots", "where the stress of a reduced body is largest per unit of a load"},
       {"simulate", "response of a reduced body to forces over time"},
   };

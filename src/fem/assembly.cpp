@@ -115,6 +115,17 @@ private:
       stressed = stressed_by(*preload_, placed, element, T);
       if (!rigid) add_to(stressed.added, stressed.quadratic);
     }
+    if (body_.spin && !body_.spin->turning) {
+      if (block.type != ElementType::beam2)
+        throw Error(
+            name(elements, k) +
+            ": in the frame at rest a spin takes beams on its axis; solids are seen in "
+            "the frame that turns (frame: turning)");
+      parts.push_back({terms_.laws().size(),
+                       beam_gyroscopic(x[0], x[1], material.beam,
+                                       body_.sections.at(block.section),
+                                       body_.spin->field.axis, body_.spin->field.point)});
+    }
     if (spinning_) {
       at_one = stressed_by(*spinning_, placed, element, T);
       if (preload_ && !rigid) { // of both together, less that of each
@@ -332,7 +343,9 @@ void add_spin(SecondOrderModel& model, const SpinRange& spin, Matrix* parts,
               const SolverOptions& solver, Observer& observer) {
   const LawNumbers speeds{
       {"least", {spin.least}}, {"most", {spin.most}}, {"value", {spin.value}}};
-  Matrix &G = parts[0], &S = parts[1], &moved = parts[2];
+  model.terms.push_back({Law("coriolis", "coriolis", speeds), std::move(parts[0])});
+  if (!spin.turning) return;
+  Matrix &S = parts[1], &moved = parts[2];
   PetscReal size = 0;
   FG_CALL(MatNorm(moved, NORM_FROBENIUS, &size));
   Matrix by_stress, by_motion; // what is added between no spin and the most
@@ -352,7 +365,6 @@ void add_spin(SecondOrderModel& model, const SpinRange& spin, Matrix* parts,
     FG_CALL(MatAXPY(model.K, least, S, DIFFERENT_NONZERO_PATTERN));
     FG_CALL(MatAXPY(model.K, least * least, moved, DIFFERENT_NONZERO_PATTERN));
   }
-  model.terms.push_back({Law("coriolis", "coriolis", speeds), std::move(G)});
   model.terms.push_back({Law("spin", "spin", speeds), std::move(S)});
   if (size > 0)
     model.terms.push_back(
@@ -399,7 +411,8 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
   std::optional<Preload> preload, spinning;
   const auto elements = [&](FieldLoads& fields, Reactions& reactions) {
     facts = {};
-    const std::size_t of_spin = spinning ? 3 : preload && preload->speed() > 0 ? 1 : 0;
+    const std::size_t of_spin =
+        spinning ? 3 : body.spin || (preload && preload->speed() > 0) ? 1 : 0;
     NodeMatrix matrix(map, masters.start, masters.node, terms.laws().size() + of_spin);
     agree(comm, [&] {
       ElementAssembler(body, terms, map, mesh, file, fields, reactions,
@@ -412,9 +425,10 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
   fill_dof_lists(map, mesh, rank, model);
   BodyDescription loaded = all; // with all loads, its preload's and its spin's too
   loaded.reactions.clear();
-  if (all.spin) loaded.fields.push_back(all.spin->field);
+  const bool turns = all.spin && all.spin->turning;
+  if (turns) loaded.fields.push_back(all.spin->field);
   Matrix unloaded; // K
-  if (!all.preload.empty() || all.spin) {
+  if (!all.preload.empty() || turns) {
     Reactions none(comm, loaded, map, mesh);
     FieldLoads fields(comm, loaded, map, mesh, {});
     elements(fields, none);
@@ -425,9 +439,9 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
       return Preload(loaded, loads, map, model.K, inputs, model.node, mesh, solver);
     };
     if (!all.preload.empty()) preload.emplace(solved(all.preload));
-    if (all.spin)
+    if (turns)
       spinning.emplace(solved({{input_names(loaded.fields.back()).front(), 1.0}}));
-    if (preload && preload->speed() > 0 && spinning)
+    if (preload && preload->speed() > 0 && all.spin)
       throw Error("preload: a spin beside the spin of the body: it turns at one speed");
     unloaded = std::move(model.K);
     model.M = Matrix();
@@ -452,14 +466,19 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
     model.coriolis = 2 * preload->speed();
     model.terms.push_back({Law::Kind::gyroscopic, std::move(parts[first_of_spin])});
   }
-  if (spinning) {
-    spinning->tell(comm, *all.spin, observer);
+  if (all.spin) {
     model.coriolis = 2 * all.spin->most;
+    if (spinning)
+      spinning->tell(comm, *all.spin, observer);
+    else
+      observer.fact("spin", text("%g to %g rad/s, seen in the frame at rest: gyroscopic "
+                                 "moments of beams on its axis",
+                                 all.spin->least, all.spin->most));
     add_spin(model, *all.spin, parts.data() + first_of_spin, solver, observer);
   }
   if (model.coriolis > 0 && reactions.any())
     throw Error(
-        "reactions of a body that spins in its preload are not known yet: the Coriolis "
+        "reactions of a body that spins are not known yet: the Coriolis "
         "forces of what the supports hold would be missing; leave the outputs of type "
         "reaction out");
   if (!terms.laws().empty() && reactions.any())

@@ -237,6 +237,31 @@ Dense beam_coriolis(const Vector3& first, const Vector3& second,
   return in_global(axes, G, Symmetry::skew);
 }
 
+Dense beam_gyroscopic(const Vector3& first, const Vector3& second,
+                      const BeamMaterial& material, const BeamSection& section,
+                      const Vector3& axis, const Vector3& point) {
+  double L = 0;
+  const auto axes = local_axes(first, second, section.y_axis, L);
+  const Vector3 along = in_axes(axes, axis);
+  Vector3 from{};
+  for (std::size_t i = 0; i < 3; ++i) from[i] = first[i] - point[i];
+  const Vector3 off = cross(axis, from);
+  const double distance = std::sqrt(off[0] * off[0] + off[1] * off[1] + off[2] * off[2]);
+  if (std::abs(std::abs(along[0]) - 1) > 1e-9 || distance > 1e-6 * L)
+    throw Error("spin: in the frame at rest beams lie on the axis of the spin; others are "
+                "seen in the frame that turns (frame: turning)");
+  if (std::abs(section.I_y - section.I_z) > 1e-6 * (section.I_y + section.I_z))
+    throw Error("spin: in the frame at rest sections have I_y = I_z; others are seen in "
+                "the frame that turns (frame: turning)");
+  Dense turned(3, 3); // d/dt of the angular momentum Ω I_p (e + θ × e)
+  turned(1, 2) = material.density * (section.I_y + section.I_z) * along[0];
+  turned(2, 1) = -turned(1, 2);
+  Dense G(12, 12);
+  for (const auto& [weight, U, theta] : sections_of(material, section, L))
+    add_to(G, multiply_transposed(theta, multiply(turned, theta)), weight);
+  return in_global(axes, G, Symmetry::skew);
+}
+
 Dense beam_spin_softening(const Vector3& first, const Vector3& second,
                           const BeamMaterial& material, const BeamSection& section,
                           const Vector3& axis) {

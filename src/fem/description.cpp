@@ -233,8 +233,12 @@ SpinRange read_spin(const Hdf5File& file) {
   const auto number = [&](const char* name) {
     return file.number_attribute("/spin", name);
   };
+  const std::string frame = file.text_attribute("/spin", "frame");
+  if (frame != "turning" && frame != "rest")
+    throw Error(text("file %s: /spin: frame %s must be turning or rest",
+                     file.path().c_str(), frame.c_str()));
   SpinRange spin{read_field(file, "/spin", "the body's spin", "spin"), number("least"),
-                 number("most"), number("value")};
+                 number("most"), number("value"), frame == "turning"};
   try {
     expect_speeds("spin",
                   {{"least", {spin.least}}, {"most", {spin.most}}, {"value", {spin.value}}});
@@ -400,7 +404,7 @@ BodyDescription read_description(const Hdf5File& file) {
     }
     if (file.exists("/preload")) read_preload(file, body);
     if (file.exists("/spin")) body.spin = read_spin(file);
-    if (!body.preload.empty() || body.spin) refuse_varying_stress(file, body);
+    if (!body.preload.empty() || (body.spin && body.spin->turning)) refuse_varying_stress(file, body);
     for (const auto& name : ordered_children(file, "/supports")) {
       const std::string object = "/supports/" + name;
       Support support{name, read_nodes(file, object, body.points), {}};

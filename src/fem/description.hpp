@@ -82,11 +82,11 @@ struct Material {
 /// Inputs of a body by their names, and how much of each.
 using LoadValues = std::vector<std::pair<std::string, double>>;
 
-/// A body that turns, seen in the frame that turns with it: the field of its spin at 1 rad/s, and
-/// the speeds [rad/s] that it may have.
+/// A body that turns: the field of its spin at 1 rad/s, and the speeds [rad/s] that it may have.
 struct SpinRange {
   AccelerationField field;
   double least, most, value;
+  bool turning; ///< seen in the frame that turns with the body, else in the frame at rest
 };
 
 /// A body given by its mesh: what to assemble, without the mesh itself.

@@ -117,4 +117,11 @@ Dense beam_coriolis(const Vector3& first, const Vector3& second,
                     const BeamMaterial& material, const BeamSection& section,
                     const Vector3& axis);
 
+/// Gyroscopic moments of a beam on the axis of a spin of 1 rad/s, in the frame at rest; skew, no
+/// larger than twice its mass. @param point  on the axis.
+/// @throws Error if it lies elsewhere, or if I_y and I_z differ.
+Dense beam_gyroscopic(const Vector3& first, const Vector3& second,
+                      const BeamMaterial& material, const BeamSection& section,
+                      const Vector3& axis, const Vector3& point);
+
 } // namespace flexgram

@@ -8,7 +8,8 @@ import numpy as np
 from flexgram.basics import BodyError, Floats
 from flexgram.body.reader import Reader, short
 
-KEYS = ("axis", "point", "from", "to", "rpm")
+KEYS = ("axis", "point", "from", "to", "rpm", "frame")
+FRAMES = ("turning", "rest")
 
 
 def unit_axis(entry: Reader) -> Floats:
@@ -50,7 +51,7 @@ def write_spin(file: h5py.File, reader: Reader, length: float) -> None:
     reader : Reader
         Of the whole description, perhaps with the key ``spin``: a mapping of ``axis`` (a vector),
         ``point`` (on the axis, in the unit of length; default the origin), ``from`` (default 0) and
-        ``to`` [rad/s], or ``rpm``: [from, to].
+        ``to`` [rad/s], or ``rpm``: [from, to]; ``frame``: turning (default) or rest.
     length : float
         Unit of length [m].
 
@@ -66,6 +67,7 @@ def write_spin(file: h5py.File, reader: Reader, length: float) -> None:
     if not (np.isfinite(least) and np.isfinite(most) and 0 <= least < most):
         raise BodyError(f"spin: speeds must rise from 0 or more, not {least:g} to {most:g} rad/s")
     group = file.create_group("spin")
+    group.attrs["frame"] = entry.choice("frame", FRAMES, "turning")
     group.attrs["axis"] = unit_axis(entry)
     group.attrs["point"] = length * (entry.vector("point") if "point" in entry.data else np.zeros(3))
     for name, value in (("least", least), ("most", most), ("value", most)):

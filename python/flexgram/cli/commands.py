@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from flexgram.basics import BodyError, expect_kept, say
+from flexgram.cli.campbell_command import campbell_options, run_campbell
 from flexgram.cli.import_command import import_body_file, import_options
 from flexgram.cli.port_commands import (
     couple_options,
@@ -304,6 +305,12 @@ COMMANDS: dict[
         "flexgram at mounts.rom.h5 E_rubber=2e6 -o soft.rom.h5",
         _at_options,
         _at,
+    ),
+    "campbell": (
+        "natural frequencies, damping and whirl of a reduced body over its speed",
+        "flexgram campbell rotor.rom.h5 --orders 1,2 -o campbell.png",
+        campbell_options,
+        run_campbell,
     ),
     "hotspots": (
         "where the stress of a reduced body is largest per unit of a load",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from scipy.linalg import eigh
 
 from flexgram.basics import BodyError, Floats, errors_of, written_aside
 from flexgram.body.stress import von_mises
+from flexgram.model.campbell import Campbell
 from flexgram.model.geometry import Geometry, body_of
 from flexgram.model.recovery import stress_at_nodes
 from flexgram.model.reduced import ReducedBody
@@ -433,6 +434,53 @@ FIGURES: dict[str, Callable[..., Figure]] = {
     "stages": stages,
     "shapes": shapes,
 }
+
+
+def campbell(
+    diagram: Campbell, orders: Sequence[float] = (1.0,), band: ArrayLike | None = None
+) -> Figure:
+    """Natural frequencies over the speed, lines of excitation, and critical speeds.
+
+    Parameters
+    ----------
+    diagram : Campbell
+    orders : sequence of float
+        Multiples of the speed that excite.
+    band : (2,) array, optional
+        [rad/s] the frequencies that a claim is of, shaded.
+
+    Examples
+    --------
+    >>> from flexgram.model.campbell import campbell as diagram_of
+    >>> save(campbell(diagram_of(rom.system), (1, 2)), Path("a.png"))  # doctest: +SKIP
+    """
+    figure, axes = _axes(height=4.6)
+    rpm, hz = diagram.speeds * 30 / np.pi, diagram.omega * HZ
+    if band is not None:
+        axes.axhspan(*np.asarray(band) * HZ, color="#888888", alpha=0.12, lw=0, label="band")
+    scale = matplotlib.colors.Normalize(-1, 1)
+    for k in range(hz.shape[1]):
+        axes.plot(rpm, hz[:, k], color="#bbbbbb", lw=0.8, zorder=1)
+        points = axes.scatter(
+            rpm, hz[:, k], c=diagram.whirl[:, k], cmap="coolwarm", norm=scale, s=9, zorder=2
+        )
+    top = 1.05 * hz.max()
+    for order in orders:
+        if order > 0:
+            axes.plot(rpm, order * diagram.speeds * HZ, "--", color=FULL, lw=0.9)
+            at = np.flatnonzero(order * diagram.speeds * HZ <= top)[-1]
+            axes.annotate(f"{order:g}×", (rpm[at], order * diagram.speeds[at] * HZ), fontsize=8)
+    for one in diagram.critical(orders):
+        height = one.order * one.speed * HZ
+        axes.plot(one.speed * 30 / np.pi, height, "o", mfc="none", mec=BOUND, ms=9)
+    axes.set(
+        xlabel="speed [rpm]",
+        ylabel=f"natural frequency{', frame that turns' if diagram.turning else ''} [Hz]",
+        ylim=(0, top),
+    )
+    bar = figure.colorbar(points, ax=axes, ticks=[-1, 0, 1])
+    bar.ax.set_yticklabels(["backward", "on lines", "forward"])
+    return figure
 
 
 def save(figure: Figure, path: Path) -> None:

@@ -1,0 +1,117 @@
+"""The verb campbell."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from flexgram.basics import BodyError, expect_kept, say, written_aside
+
+if TYPE_CHECKING:
+    from flexgram.model.campbell import Campbell, CriticalSpeed
+
+PICTURES = (".png", ".svg", ".pdf")
+
+
+def campbell_options(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("rom", type=Path, help="reduced file of a body with a range of speeds")
+    parser.add_argument(
+        "--speeds",
+        metavar="FROM,TO[,COUNT]",
+        help="[rad/s] default: all that the body knows, 61 of them",
+    )
+    parser.add_argument("--modes", type=int, help="how many of the lowest; default: those that are "
+                        "in the band at some speed")  # fmt: skip
+    parser.add_argument(
+        "--orders",
+        default="1",
+        help="multiples of the speed that excite, 1,2; of what turns with the body 0, in the frame "
+        "that turns; default 1",
+    )
+    parser.add_argument(
+        "-o", "--output", type=Path, help="picture (.png, .svg, .pdf) or table (.csv)"
+    )
+
+
+def _numbers(option: str, words: str) -> list[float]:
+    try:
+        return [float(word) for word in words.split(",")]
+    except ValueError:
+        raise BodyError(f"{option} {words}: expected numbers with commas between them") from None
+
+
+def _table(diagram: Campbell) -> str:
+    lines = ["speed [rad/s],mode,frequency [Hz],damping ratio,whirl"]
+    for i, speed in enumerate(diagram.speeds):
+        for k in range(diagram.omega.shape[1]):
+            hz = diagram.omega[i, k] / 6.283185307179586
+            damping, whirl = diagram.damping[i, k], diagram.whirl[i, k]
+            lines.append(f"{speed:.9g},{k + 1},{hz:.9g},{damping:.6g},{whirl:.4f}")
+    return "\n".join(lines) + "\n"
+
+
+def _sense(diagram: Campbell, one: CriticalSpeed) -> str:
+    import numpy as np
+
+    whirl = np.interp(one.speed, diagram.speeds, diagram.whirl[:, one.mode])
+    return ", forward" if whirl > 0.1 else ", backward" if whirl < -0.1 else ""
+
+
+def run_campbell(options: argparse.Namespace) -> None:
+    import numpy as np
+
+    from flexgram.model.campbell import campbell
+    from flexgram.reduced_model import ReducedModel
+
+    suffix = options.output.suffix.lower() if options.output else ""
+    if options.output and suffix not in (*PICTURES, ".csv"):
+        raise BodyError(f"-o {options.output}: .png, .svg, .pdf or .csv")
+    if options.output:
+        expect_kept(options.output, options.rom)
+    model = ReducedModel.load(options.rom)
+    speeds = None
+    if options.speeds:
+        given = _numbers("--speeds", options.speeds)
+        if len(given) not in (2, 3) or (len(given) == 3 and given[2] < 2):
+            raise BodyError(f"--speeds {options.speeds}: expected FROM,TO or FROM,TO,COUNT")
+        speeds = np.linspace(given[0], given[1], int(given[2]) if len(given) == 3 else 61)
+    orders = _numbers("--orders", options.orders)
+    count = options.modes
+    if count is None:
+        whole = campbell(model.system, speeds)
+        inside = np.flatnonzero((whole.omega <= model.claim.band[-1]).any(axis=0))
+        count = max(1, 1 + int(inside.max(initial=0)))
+    diagram = campbell(model.system, speeds, count)
+    frame = "seen in the frame that turns with the body" if diagram.turning else "frame at rest"
+    say(f"  natural frequencies [Hz], {frame}; + forward, - backward; of the reduced body")
+    shown = diagram.speeds[:: max(1, (len(diagram.speeds) - 1) // 6)]
+    say("  rad/s      " + " ".join(f"{speed:11.5g}" for speed in shown))
+    for k in range(diagram.omega.shape[1]):
+        words = []
+        for speed in shown:
+            i = int(np.flatnonzero(diagram.speeds == speed)[0])
+            whirl = diagram.whirl[i, k]
+            sign = "+" if whirl > 0.1 else "-" if whirl < -0.1 else " "
+            words.append(f"{diagram.omega[i, k] / (2 * np.pi):10.5g}{sign}")
+        say(f"  mode {k + 1:3d}   " + " ".join(words))
+    for one in diagram.critical(orders):
+        say(
+            f"  critical speed {one.speed:.5g} rad/s ({one.speed * 30 / np.pi:.5g} rpm): mode "
+            f"{one.mode + 1} at {one.order:g} times the speed{_sense(diagram, one)}"
+        )
+    growing = np.argwhere(diagram.damping < -1e-9)
+    if len(growing):
+        i, k = growing[0]
+        say(f"  unstable: mode {k + 1} grows from {diagram.speeds[i]:.5g} rad/s on")
+    if not options.output:
+        return
+    if suffix == ".csv":
+        with written_aside(options.output) as place:
+            Path(place).write_text(_table(diagram))
+    else:
+        from flexgram.pictures.figures import campbell as draw
+        from flexgram.pictures.figures import save
+
+        save(draw(diagram, orders, model.claim.band[[0, -1]]), options.output)
+    say(f"  wrote {options.output}")
