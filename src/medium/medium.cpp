@@ -64,6 +64,10 @@ std::vector<Resonance> Medium::resonances(const MediumLevel& level) const {
   return result;
 }
 
+double negligible_rounding(double target) {
+  return std::max(DenseSystem::finest, 1e-3 * target);
+}
+
 RelativeTo resolved(RelativeTo asked, const Medium& medium) {
   const bool has_elastic_part =
       medium.rigid > 0 && medium.levels.back().response->is_diagonal();

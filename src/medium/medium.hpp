@@ -96,6 +96,9 @@ struct Medium {
 
 /// `both` is `pointwise` for a body without rigid modes, and for one with a damping matrix,
 /// which mixes rigid and elastic motion; else what was asked for.
+/// Of responses, relative: what does not count beside a bound of the medium model.
+double negligible_rounding(double target);
+
 RelativeTo resolved(RelativeTo asked, const Medium& medium);
 
 /// @throws Error if the band of a body with rigid modes starts at 0 Hz.

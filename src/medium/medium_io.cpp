@@ -177,6 +177,7 @@ DenseSystem leading(const DenseSystem& all, int order) {
   part.B = part_of(all.B, 0, order, 0, all.B.columns);
   part.C = part.B;
   part.damping = all.damping;
+  part.negligible = all.negligible;
   return part;
 }
 
@@ -301,6 +302,7 @@ void read_levels(const Hdf5File& file, Medium& m) {
   archive_terms(system, all.terms);
   system("ports", all.B);
   all.damping = m.body.damping;
+  all.negligible = negligible_rounding(m.spec.target);
   for (int k = 0; k < levels; ++k) {
     MediumLevel level;
     const std::string group = text("/level_%d", k);

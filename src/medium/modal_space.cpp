@@ -184,6 +184,7 @@ std::shared_ptr<const DenseResponse> ritz_response(const CertifyRun& run,
   system.damping = run.fom.damping;
   system.B = space.projected_ports(modal.loads);
   system.C = system.B;
+  system.negligible = negligible_rounding(run.spec.target);
   return std::make_shared<DenseResponse>(std::move(system), run.tau);
 }
 

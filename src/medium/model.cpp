@@ -109,6 +109,7 @@ void MediumModel::take_modal_system() {
     for (int p = 0; p < B.columns; ++p) B(j, p) *= scale_of(j);
   }
   system.damping = response.system().damping;
+  system.negligible = response.system().negligible;
   system.B = columns_of(B, ports_.inputs, ports_.scale);
   system.C = columns_of(B, ports_.outputs, ports_.scale);
 }

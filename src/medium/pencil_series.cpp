@@ -41,9 +41,9 @@ std::optional<Factor> factor_of(const PencilModes::Diagonal& d, int degree) {
 /// and v = |D⁻¹|(|ρ| + |Φ||D⁻¹c|) it is D⁻¹c but for v + Bv + B²v + …
 PencilSeries pencil_series(const PencilModes& modes, const Dense& B, Interval interval,
                            int degree) {
-  const int N = B.rows, p = B.columns;
+  const int N = B.rows, p = B.columns, count = modes.count();
   std::vector<Factor> factors;
-  for (int i = 0; i < N; ++i) {
+  for (int i = 0; i < count; ++i) {
     auto factor = factor_of(modes.diagonal(interval, i), degree);
     if (!factor) return {true, std::nullopt};
     factors.push_back(std::move(*factor));
@@ -53,36 +53,35 @@ PencilSeries pencil_series(const PencilModes& modes, const Dense& B, Interval in
   const ComplexDense c = multiply(modes.inverse(), loads);
   // Rounding, in the coordinates of the modes.
   const double shift = modes.largest_shift(interval);
-  Dense largest(N, p);
+  Dense largest(count, p);
   for (int j = 0; j < p; ++j)
-    for (int i = 0; i < N; ++i)
+    for (int i = 0; i < count; ++i)
       largest(i, j) = factors[as_size(i)].largest * std::abs(c(i, j));
   const Dense of_loads = multiply(modes.lost_of_loads(), absolute(B)),
               of_modes = multiply(modes.lost_of_modes(), largest);
-  std::vector<double> feedback; // row sums of B
-  for (int i = 0; i < N; ++i) feedback.push_back(0);
-  for (int k = 0; k < N; ++k)
-    for (int i = 0; i < N; ++i) feedback[as_size(i)] += modes.lost_of_modes()(i, k);
+  std::vector<double> feedback(as_size(count), 0.0); // row sums of B
+  for (int k = 0; k < count; ++k)
+    for (int i = 0; i < count; ++i) feedback[as_size(i)] += modes.lost_of_modes()(i, k);
   double most = 0;
-  for (int i = 0; i < N; ++i) {
+  for (int i = 0; i < count; ++i) {
     feedback[as_size(i)] *= shift * factors[as_size(i)].largest;
     most = std::max(most, feedback[as_size(i)]);
   }
   if (!(most <= 0.5)) return {false, std::nullopt};
-  Dense lost(N, p), left(N, p); // all of it; without the series' remainder
+  Dense lost(count, p), left(count, p); // all of it; without the series' remainder
   for (int j = 0; j < p; ++j) {
     double worst = 0;
-    for (int i = 0; i < N; ++i) {
+    for (int i = 0; i < count; ++i) {
       lost(i, j) =
           factors[as_size(i)].largest * (of_loads(i, j) + shift * of_modes(i, j));
       worst = std::max(worst, lost(i, j));
     }
-    for (int i = 0; i < N; ++i) {
+    for (int i = 0; i < count; ++i) {
       const Factor& factor = factors[as_size(i)];
       lost(i, j) += 2 * feedback[as_size(i)] * worst;
       const double moved = 2 * lost(i, j) / factor.largest; // of c
       lost(i, j) += factor.rounding * std::abs(c(i, j)) +
-                    4 * epsilon * (N + 4) * largest(i, j); // the product with X
+                    product_rounding(count) * largest(i, j); // the product with X
       left(i, j) = lost(i, j) + factor.left * (std::abs(c(i, j)) + moved);
     }
   }
@@ -90,7 +89,7 @@ PencilSeries pencil_series(const PencilModes& modes, const Dense& B, Interval in
   for (int k = 0; k <= degree; ++k) {
     ComplexDense y = c;
     for (int j = 0; j < p; ++j)
-      for (int i = 0; i < N; ++i) y(i, j) *= factors[as_size(i)].coefficients[as_size(k)];
+      for (int i = 0; i < count; ++i) y(i, j) *= factors[as_size(i)].coefficients[as_size(k)];
     const ComplexDense x = multiply(modes.X(), y);
     series.x.set(k, x);
     for (std::size_t i = 0; i < x.data.size(); ++i)
@@ -98,14 +97,13 @@ PencilSeries pencil_series(const PencilModes& modes, const Dense& B, Interval in
   }
   series.rounding = multiply(modes.sizes(), lost);
   // Slow modes and sharp resonances lose digits here that solves keep.
-  constexpr double fine = 1e-11;
   for (int j = 0; j < p; ++j) {
     double size = 0, off = 0;
     for (int i = 0; i < N; ++i) {
       size = std::hypot(size, series.envelope(i, j));
       off = std::hypot(off, series.rounding(i, j));
     }
-    if (!(off <= fine * size)) return {false, std::nullopt};
+    if (!(off <= modes.negligible() * size)) return {false, std::nullopt};
   }
   series.x.tail = multiply(modes.sizes(), left);
   add_to(series.envelope, series.x.tail);

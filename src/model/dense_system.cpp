@@ -83,6 +83,7 @@ DenseSystem DenseSystem::project(const Dense& Q) const {
   part.C = outputs_are_inputs ? part.B : multiply_transposed(Q, C);
   part.damping = damping;
   part.outputs_are_inputs = outputs_are_inputs;
+  part.negligible = negligible;
   return part;
 }
 

@@ -17,6 +17,9 @@ struct DenseSystem {
   Damping damping;
   std::vector<Term<Dense>> terms;
   bool outputs_are_inputs = true;
+  /// Rounding of responses over intervals, relative, below which faster ways are taken.
+  double negligible = finest;
+  static constexpr double finest = 1e-11;
 
   int order() const { return K.rows; }
   ShiftCoefficients coefficients(double omega) const;
