@@ -124,15 +124,16 @@ void Cut::check() const {
 std::shared_ptr<MediumOverBand> Cut::seen(std::size_t level,
                                           const ParameterValues& values) const {
   const KindSpec kinds = request_.order.kinds();
-  const double enough = std::min(target(), whole_.spec.target);
+  const double enough = std::min(target(), whole_.spec.target),
+               negligible = negligible_rounding(target());
   return whole_.seen->find_or(
       {level, ports_, kinds,
        request_.relative_to == RelativeTo::band ? RelativeTo::pointwise
                                                 : request_.relative_to,
-       bands_, request_.error_omega, enough, values},
+       bands_, request_.error_omega, enough, values, negligible},
       [&] {
         MediumModel model(whole_, level, ports_, kinds, request_.relative_to, enough,
-                          values);
+                          values, negligible);
         model.follow_dampers();
         std::vector<double> peaks; // decisions about intervals must not differ
         for (const auto& [omega, half_width] : model.resonances)

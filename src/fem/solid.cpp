@@ -301,9 +301,12 @@ StressStiffness solid_stress_stiffness(ElementType type,
                 f[2] * g[0] + f[0] * g[2]};
       };
     };
-    add_stiffness(K, at.gradients, material.stiffness, 0.5 * at.volume, strain_by(1, 1));
-    add_stiffness(K, at.gradients, material.stiffness, -0.5 * at.volume,
-                  strain_by(-1, 1));
+    double largest = 0; // of ∂u/∂x: N as large as L, or the difference loses digits
+    for (const Vector3& row : H)
+      for (const double h : row) largest = std::max(largest, std::abs(h));
+    const double scale = largest > 0 ? 1 / largest : 1.0, half = 0.5 * at.volume / scale;
+    add_stiffness(K, at.gradients, material.stiffness, half, strain_by(scale, 1));
+    add_stiffness(K, at.gradients, material.stiffness, -half, strain_by(-scale, 1));
     add_stiffness(quadratic, at.gradients, material.stiffness, at.volume,
                   strain_by(1, 0));
     for (std::size_t r = 0; r < 6; ++r)

@@ -65,7 +65,8 @@ std::vector<Resonance> Medium::resonances(const MediumLevel& level) const {
 }
 
 double negligible_rounding(double target) {
-  return std::max(DenseSystem::finest, 1e-3 * target);
+  if (!(1e-3 * target > DenseSystem::finest)) return DenseSystem::finest;
+  return std::pow(10, std::floor(std::log10(1e-3 * target) + 1e-9));
 }
 
 RelativeTo resolved(RelativeTo asked, const Medium& medium) {

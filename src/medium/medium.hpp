@@ -50,6 +50,14 @@ struct MediumLevel {
         std::make_shared<const Certificate>(certificate->at(*other.response));
     return other;
   }
+  /// The level whose responses need no finer rounding than that.
+  MediumLevel to_rounding(double negligible) const {
+    if (response->system().negligible == negligible) return *this;
+    MediumLevel other = *this;
+    other.response =
+        std::make_shared<const DenseResponse>(response->to_rounding(negligible));
+    return other;
+  }
   /// On the frequencies it was judged at. Strong dampers leave the word "estimated"
   /// however large the space is, modes that are not exact enough do not.
   bool serves(double target) const {
@@ -96,7 +104,7 @@ struct Medium {
 
 /// `both` is `pointwise` for a body without rigid modes, and for one with a damping matrix,
 /// which mixes rigid and elastic motion; else what was asked for.
-/// Of responses, relative: what does not count beside a bound of the medium model.
+/// Of responses, relative: what does not count beside a bound of the medium model, a power of ten.
 double negligible_rounding(double target);
 
 RelativeTo resolved(RelativeTo asked, const Medium& medium);

@@ -22,8 +22,12 @@ void refuse_elastic_part() {
 MediumModel::MediumModel(const Medium& medium, std::size_t level,
                          const PortSelection& ports, const KindSpec& kinds,
                          RelativeTo relative_to, double enough,
-                         const ParameterValues& values)
-    : level_(medium.levels[level].at(values)), V_(medium.V.share()),
+                         const ParameterValues& values, double negligible)
+    : level_(medium.levels[level]
+                 .to_rounding(negligible > 0 ? negligible
+                                             : negligible_rounding(medium.spec.target))
+                 .at(values)),
+      V_(medium.V.share()),
       ports_{medium.scale, ports.inputs, ports.outputs, {}, {}, {}, {}} {
   names = medium.body.head();
   rigid = medium.rigid;

@@ -49,11 +49,12 @@ public:
   /// @param enough  with many ports, relative errors of H up to this need no sharper bound;
   /// 0: the medium model's target.
   /// @param values  of the parameters; empty: those that the body has.
+  /// @param negligible  rounding of responses; 0: as the medium model's target needs.
   /// @throws Error if errors are to be relative to the elastic part of H and a damping
   /// matrix leaves no such part.
   MediumModel(const Medium& medium, std::size_t level, const PortSelection& ports,
               const KindSpec& kinds, RelativeTo relative_to, double enough = 0,
-              const ParameterValues& values = {});
+              const ParameterValues& values = {}, double negligible = 0);
 
   struct Stretch {
     TransferSeries H;

@@ -114,6 +114,7 @@ public:
     std::vector<double> curve; ///< [rad/s] more frequencies of the grid
     double enough = 0;         ///< what needs no sharper bound
     ParameterValues values;    ///< of the body's parameters
+    double negligible = DenseSystem::finest; ///< rounding of responses
     bool operator==(const Sight&) const = default;
   };
   /// The one that was made for the same sight, or the one that `make` returns, which may

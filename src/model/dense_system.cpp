@@ -219,6 +219,13 @@ DenseResponse DenseResponse::at(const ParameterValues& values) const {
   return other;
 }
 
+DenseResponse DenseResponse::to_rounding(double negligible) const {
+  DenseResponse other = *this;
+  other.pencil_.reset();
+  other.system_.negligible = negligible;
+  return other;
+}
+
 /// Modes of a system whose K and M are diagonal: exact.
 void DenseResponse::take_diagonals() {
   std::vector<std::pair<double, int>> modes;

@@ -71,6 +71,8 @@ public:
   DenseResponse at(const ParameterValues& values) const;
   /// The response of A(ω)ᵀ to the same ports.
   DenseResponse transposed() const;
+  /// The same where rounding counts from another size on.
+  DenseResponse to_rounding(double negligible) const;
   /// That of `stiffened`, by its own modes.
   DenseResponse stiffened() const { return {system_.stiffened(), tau_}; }
   const DenseSystem& system() const { return system_; }
