@@ -121,10 +121,10 @@ private:
             name(elements, k) +
             ": in the frame at rest a spin takes beams on its axis; solids are seen in "
             "the frame that turns (frame: turning)");
-      parts.push_back({terms_.laws().size(),
-                       beam_gyroscopic(x[0], x[1], material.beam,
-                                       body_.sections.at(block.section),
-                                       body_.spin->field.axis, body_.spin->field.point)});
+      parts.push_back(
+          {terms_.laws().size(),
+           beam_gyroscopic(x[0], x[1], material.beam, body_.sections.at(block.section),
+                           body_.spin->field.axis, body_.spin->field.point)});
     }
     if (spinning_) {
       at_one = stressed_by(*spinning_, placed, element, T);
@@ -201,8 +201,9 @@ private:
   };
   /// What loads that stay add to an element's stiffness.
   struct Stressed {
-    Dense added;   ///< at its dofs; linear in the loads
-    Dense turning; ///< of references, by the forces at their slaves: over the masters' dofs
+    Dense added; ///< at its dofs; linear in the loads
+    Dense
+        turning; ///< of references, by the forces at their slaves: over the masters' dofs
     Dense quadratic = {}; ///< as `added`
     std::vector<double> u = {};
   };
@@ -367,8 +368,7 @@ void add_spin(SecondOrderModel& model, const SpinRange& spin, Matrix* parts,
   }
   model.terms.push_back({Law("spin", "spin", speeds), std::move(S)});
   if (size > 0)
-    model.terms.push_back(
-        {Law("spin_moved", "spin_moved", speeds), std::move(moved)});
+    model.terms.push_back({Law("spin_moved", "spin_moved", speeds), std::move(moved)});
 }
 
 } // namespace
@@ -411,8 +411,9 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
   std::optional<Preload> preload, spinning;
   const auto elements = [&](FieldLoads& fields, Reactions& reactions) {
     facts = {};
-    const std::size_t of_spin =
-        spinning ? 3 : body.spin || (preload && preload->speed() > 0) ? 1 : 0;
+    const std::size_t of_spin = spinning                                         ? 3
+                                : body.spin || (preload && preload->speed() > 0) ? 1
+                                                                                 : 0;
     NodeMatrix matrix(map, masters.start, masters.node, terms.laws().size() + of_spin);
     agree(comm, [&] {
       ElementAssembler(body, terms, map, mesh, file, fields, reactions,

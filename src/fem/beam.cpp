@@ -248,8 +248,9 @@ Dense beam_gyroscopic(const Vector3& first, const Vector3& second,
   const Vector3 off = cross(axis, from);
   const double distance = std::sqrt(off[0] * off[0] + off[1] * off[1] + off[2] * off[2]);
   if (std::abs(std::abs(along[0]) - 1) > 1e-9 || distance > 1e-6 * L)
-    throw Error("spin: in the frame at rest beams lie on the axis of the spin; others are "
-                "seen in the frame that turns (frame: turning)");
+    throw Error(
+        "spin: in the frame at rest beams lie on the axis of the spin; others are "
+        "seen in the frame that turns (frame: turning)");
   if (std::abs(section.I_y - section.I_z) > 1e-6 * (section.I_y + section.I_z))
     throw Error("spin: in the frame at rest sections have I_y = I_z; others are seen in "
                 "the frame that turns (frame: turning)");

@@ -201,10 +201,10 @@ void refuse_varying_stress(const Hdf5File& file, const BodyDescription& body) {
   for (const auto& [name, material] : body.materials)
     for (const MaterialTerm& term : material.terms)
       if (term.law.is_parameter())
-        throw Error(
-            text("file %s: material %s: its stress under a preload, or a spin, depends on "
-                 "%s: give the material one number, or leave the preload out",
-                 file.path().c_str(), name.c_str(), term.law.name().c_str()));
+        throw Error(text(
+            "file %s: material %s: its stress under a preload, or a spin, depends on "
+            "%s: give the material one number, or leave the preload out",
+            file.path().c_str(), name.c_str(), term.law.name().c_str()));
 }
 
 AccelerationField read_field(const Hdf5File& file, const std::string& object,
@@ -240,8 +240,9 @@ SpinRange read_spin(const Hdf5File& file) {
   SpinRange spin{read_field(file, "/spin", "the body's spin", "spin"), number("least"),
                  number("most"), number("value"), frame == "turning"};
   try {
-    expect_speeds("spin",
-                  {{"least", {spin.least}}, {"most", {spin.most}}, {"value", {spin.value}}});
+    expect_speeds(
+        "spin",
+        {{"least", {spin.least}}, {"most", {spin.most}}, {"value", {spin.value}}});
   } catch (Error& error) {
     error.add_context(text("file %s: /spin", file.path().c_str()));
     throw;
@@ -404,7 +405,8 @@ BodyDescription read_description(const Hdf5File& file) {
     }
     if (file.exists("/preload")) read_preload(file, body);
     if (file.exists("/spin")) body.spin = read_spin(file);
-    if (!body.preload.empty() || (body.spin && body.spin->turning)) refuse_varying_stress(file, body);
+    if (!body.preload.empty() || (body.spin && body.spin->turning))
+      refuse_varying_stress(file, body);
     for (const auto& name : ordered_children(file, "/supports")) {
       const std::string object = "/supports/" + name;
       Support support{name, read_nodes(file, object, body.points), {}};

@@ -97,8 +97,9 @@ ElementMatrices beam_matrices(const Vector3& first, const Vector3& second,
 /// The same for a beam, of its axial force alone: ∫ N (v'² + w'² + (I_y + I_z)/A φ'²).
 /// @param u  twelve numbers, as in beam_matrices.
 StressStiffness beam_stress_stiffness(const Vector3& first, const Vector3& second,
-                            const BeamMaterial& material, const BeamSection& section,
-                            const std::vector<double>& u, double& stress);
+                                      const BeamMaterial& material,
+                                      const BeamSection& section,
+                                      const std::vector<double>& u, double& stress);
 
 /// By what a spin about `axis` softens a beam, for Ω² = 1: the second derivatives of
 /// ½∫ρ|distance from the axis|², sections turned by finite angles included.

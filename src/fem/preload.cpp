@@ -250,9 +250,8 @@ BodyDescription without_preload_loads(BodyDescription body) {
   };
   std::erase_if(body.fields, stays);
   if (body.spin)
-    std::erase_if(body.fields, [&](const auto& field) {
-      return field.name == body.spin->field.name;
-    });
+    std::erase_if(body.fields,
+                  [&](const auto& field) { return field.name == body.spin->field.name; });
   std::erase_if(body.loads, stays);
   return body;
 }

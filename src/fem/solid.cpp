@@ -289,17 +289,17 @@ StressStiffness solid_stress_stiffness(ElementType type,
     // The strain of the moved body is that of the body at rest, L, and N by ∂u/∂x:
     // (L + N)ᵀC(L + N) − LᵀCL is what changes its sign with u, and NᵀCN.
     const auto strain_by = [&](double turn, double at_rest) {
-      return [&H, turn, at_rest](std::size_t c,
-                                 const Vector3& g) -> std::array<double, 6> {
-        Vector3 f{turn * H[c][0], turn * H[c][1], turn * H[c][2]};
-        f[c] += at_rest;
-        return {f[0] * g[0],
-                f[1] * g[1],
-                f[2] * g[2],
-                f[0] * g[1] + f[1] * g[0],
-                f[1] * g[2] + f[2] * g[1],
-                f[2] * g[0] + f[0] * g[2]};
-      };
+      return
+          [&H, turn, at_rest](std::size_t c, const Vector3& g) -> std::array<double, 6> {
+            Vector3 f{turn * H[c][0], turn * H[c][1], turn * H[c][2]};
+            f[c] += at_rest;
+            return {f[0] * g[0],
+                    f[1] * g[1],
+                    f[2] * g[2],
+                    f[0] * g[1] + f[1] * g[0],
+                    f[1] * g[2] + f[2] * g[1],
+                    f[2] * g[0] + f[0] * g[2]};
+          };
     };
     double largest = 0; // of ∂u/∂x: N as large as L, or the difference loses digits
     for (const Vector3& row : H)

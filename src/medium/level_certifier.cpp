@@ -14,7 +14,8 @@ void LevelCertifier::certify(ProjectionRounding rounding,
                              const ResidualBasis& residuals) {
   last().certificate = std::make_shared<Certificate>(
       *modal_.space, *last().response, residuals, parts_.norm, std::move(rounding),
-      modal_.modes(), modal_.inertia_is_safe, modal_.cutoff, run_.softening, modal_.scale);
+      modal_.modes(), modal_.inertia_is_safe, modal_.cutoff, run_.softening,
+      modal_.scale);
   judge_.judge(medium_.levels.size() - 1, last());
 }
 

@@ -111,9 +111,9 @@ public:
     KindSpec kinds;
     RelativeTo relative_to = RelativeTo::pointwise; ///< also where it is `band`
     std::vector<Interval> bands;
-    std::vector<double> curve; ///< [rad/s] more frequencies of the grid
-    double enough = 0;         ///< what needs no sharper bound
-    ParameterValues values;    ///< of the body's parameters
+    std::vector<double> curve;               ///< [rad/s] more frequencies of the grid
+    double enough = 0;                       ///< what needs no sharper bound
+    ParameterValues values;                  ///< of the body's parameters
     double negligible = DenseSystem::finest; ///< rounding of responses
     bool operator==(const Sight&) const = default;
   };

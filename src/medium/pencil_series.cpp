@@ -89,7 +89,8 @@ PencilSeries pencil_series(const PencilModes& modes, const Dense& B, Interval in
   for (int k = 0; k <= degree; ++k) {
     ComplexDense y = c;
     for (int j = 0; j < p; ++j)
-      for (int i = 0; i < count; ++i) y(i, j) *= factors[as_size(i)].coefficients[as_size(k)];
+      for (int i = 0; i < count; ++i)
+        y(i, j) *= factors[as_size(i)].coefficients[as_size(k)];
     const ComplexDense x = multiply(modes.X(), y);
     series.x.set(k, x);
     for (std::size_t i = 0; i < x.data.size(); ++i)

@@ -76,8 +76,9 @@ void expect_speeds(const char* law, const LawNumbers& numbers) {
     throw Error(text("law %s: one number of each name", law));
   if (!(of("least") >= 0) || !(of("least") < of("most")) ||
       !(of("value") >= of("least")) || !(of("value") <= of("most")))
-    throw Error(text("law %s: speeds least %g, value %g, most %g must rise from 0 or more",
-                     law, of("least"), of("value"), of("most")));
+    throw Error(
+        text("law %s: speeds least %g, value %g, most %g must rise from 0 or more", law,
+             of("least"), of("value"), of("most")));
 }
 
 LawSeries Law::series(const Interval& interval, int degree) const {

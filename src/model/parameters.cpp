@@ -19,9 +19,8 @@ double value_at(const Law& parameter, double share) {
   const double least = parameter.number("least"), most = parameter.number("most");
   if (share == 0) return least;
   if (share == 1) return most;
-  return parameter.is_parameter() && least > 0
-             ? least * std::pow(most / least, share)
-             : least + share * (most - least);
+  return parameter.is_parameter() && least > 0 ? least * std::pow(most / least, share)
+                                               : least + share * (most - least);
 }
 
 /// Calls visit with all combinations of `count` numbers 0 … count − 1, while it returns true.
@@ -100,8 +99,8 @@ std::vector<ParameterValues> values_between(const std::vector<Law>& parameters,
 std::string words_of(const std::vector<Law>& parameters, const ParameterValues& values) {
   std::string words;
   for (std::size_t k = 0; k < parameters.size(); ++k)
-    words +=
-        text("%s%s = %g", k == 0 ? "" : ", ", parameters[k].parameter().c_str(), values[k]);
+    words += text("%s%s = %g", k == 0 ? "" : ", ", parameters[k].parameter().c_str(),
+                  values[k]);
   return words;
 }
 

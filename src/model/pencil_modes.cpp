@@ -203,7 +203,8 @@ std::optional<PencilModes> PencilModes::of_rates(const DenseResponse& response) 
     const auto at = as_size(free + i);
     const double lambda = response.lambda()[at],
                  k = std::isfinite(lambda) ? mu[at] * lambda : 1.0,
-                 rate = damping.alpha * mu[at] + damping.beta * k, root = std::sqrt(mu[at]);
+                 rate = damping.alpha * mu[at] + damping.beta * k,
+                 root = std::sqrt(mu[at]);
     E.add(i, i, Complex(k + s0 * rate, damping.eta * k),
           std::abs(k) * (1 + damping.eta) + s0 * rate);
     M.add(i, i, rate);
@@ -230,8 +231,7 @@ std::optional<PencilModes> PencilModes::of_rates(const DenseResponse& response) 
   }
   for (int j = 0; j < n + heavy; ++j) {
     const Complex nu = eigen->nu[as_size(j)];
-    modes.modes_.push_back(
-        {1.0 - s0 * nu, Complex(0, 1) * nu, 0, 1 + s0 * std::abs(nu)});
+    modes.modes_.push_back({1.0 - s0 * nu, Complex(0, 1) * nu, 0, 1 + s0 * std::abs(nu)});
     for (int i = 0; i < n; ++i) {
       modes.X_(free + i, free + j) = eigen->X(i, j);
       modes.inverse_(free + j, free + i) = eigen->inverse(j, i);

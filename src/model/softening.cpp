@@ -143,10 +143,18 @@ std::optional<Softening> of_spin(const SecondOrderModel& body, Mat S, double squ
   struct Shares {
     double of_square, of_K;
   };
-  for (const auto& [of_square, of_K] :
-       {Shares{1 + rounding, 1e-6}, {1 + rounding, 1e-4}, {1 + rounding, 1e-3},
-        {1 + rounding, 1e-2}, {1.2, 0.03}, {1.5, 0.05}, {2, 0.07}, {3, 0.1}, {5, 0.15},
-        {10, 0.2}, {30, 0.3}, {100, 0.5}})
+  for (const auto& [of_square, of_K] : {Shares{1 + rounding, 1e-6},
+                                        {1 + rounding, 1e-4},
+                                        {1 + rounding, 1e-3},
+                                        {1 + rounding, 1e-2},
+                                        {1.2, 0.03},
+                                        {1.5, 0.05},
+                                        {2, 0.07},
+                                        {3, 0.1},
+                                        {5, 0.15},
+                                        {10, 0.2},
+                                        {30, 0.3},
+                                        {100, 0.5}})
     if (is_positive(solver, of_K, of_square * square))
       return Softening{0, 0, of_square * square, of_K};
   return std::nullopt;
@@ -180,7 +188,8 @@ Softening softening_of(const SecondOrderModel& body, double omega, double tau,
                  "on dofs without both?",
                  seen, omega / (2 * M_PI)));
       all.gyration = std::max(all.gyration, found->gyration);
-      all.gyration_stiffness = std::max(all.gyration_stiffness, found->gyration_stiffness);
+      all.gyration_stiffness =
+          std::max(all.gyration_stiffness, found->gyration_stiffness);
       if (parameters_of(body.terms).empty()) break; // the ends are the same
     }
   }

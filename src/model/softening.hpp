@@ -37,7 +37,9 @@ struct Softening {
     return left > 0 ? 1 / left : HUGE_VAL;
   }
   /// [rad²/s²] K + Σ g T + τM is positive with it, if K + `tau` M is.
-  double stabilised(double tau) const { return std::max(tau, mass + tau * (1 - stiffness)); }
+  double stabilised(double tau) const {
+    return std::max(tau, mass + tau * (1 - stiffness));
+  }
 
 private:
   double kept(double omega) const { return 1 - stiffness - omega * gyration_stiffness; }

@@ -107,8 +107,8 @@ void PythonBody::set_dofs(const Rows& node, const Rows& label,
 void PythonBody::set(const std::string& which, Matrix matrix) {
   SecondOrderModel& m = body.model;
   const auto of_term = laws.find(which);
-  const bool may_be_skew =
-      which == "D" || which == "G" || (of_term != laws.end() && of_term->second.is_skew());
+  const bool may_be_skew = which == "D" || which == "G" ||
+                           (of_term != laws.end() && of_term->second.is_skew());
   if (!may_be_skew) take_symmetric_part(matrix, which, m.name, m.remarks);
   PetscReal norm = 0; // of row sums: squares of entries that are finite may overflow
   FG_CALL(MatNorm(matrix, NORM_INFINITY, &norm));

@@ -191,9 +191,9 @@ void take_values(SecondOrderModel& model, const Settings& settings) {
 void tell_parameters(const SecondOrderModel& model, Observer& observer) {
   std::string words;
   for (const Law& law : parameters_of(model.terms))
-    words +=
-        text("%s%s from %g to %g (%g)", words.empty() ? "" : ", ", law.parameter().c_str(),
-             law.number("least"), law.number("most"), law.number("value"));
+    words += text("%s%s from %g to %g (%g)", words.empty() ? "" : ", ",
+                  law.parameter().c_str(), law.number("least"), law.number("most"),
+                  law.number("value"));
   if (!words.empty()) observer.fact("parameters", words);
 }
 

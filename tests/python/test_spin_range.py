@@ -106,17 +106,19 @@ def test_matrices_are_those_of_each_speed(kind: str, load: str, tmp_path: Path) 
     axis = {"point": [0.01, -0.02, 0.005], "axis": [0, 3, 4]}
     force = {"tip.fx": 3e4, "tip.fz": -2e4} if "force" in load else {}
     mesh = line(6, 0.1, 0.5) if kind == "beam" else box(kind, (3, 2, 1))
-    content = {
+    content: dict[str, Any] = {
         "materials": STEEL,
-        "sections": {"bar": {"shape": "rectangle", "width": 0.02, "height": 0.03}},
-        "regions": {"all": {"material": "steel"} | ({"section": "bar"} if kind == "beam" else {})},
-        "interfaces": {
-            "tip": {"coupling": "node" if kind == "beam" else "rigid", "nodes": "end"},
-        },
-        "supports": {"start": {"nodes": "start"} | ({"components": CLAMPED} if kind == "beam" else {})},
-    }  # fmt: skip
-    if kind != "beam":
-        content.pop("sections")
+        "regions": {"all": {"material": "steel"}},
+        "interfaces": {"tip": {"coupling": "rigid", "nodes": "end"}},
+        "supports": {"start": {"nodes": "start"}},
+    }
+    if kind == "beam":
+        content |= {
+            "sections": {"bar": {"shape": "rectangle", "width": 0.02, "height": 0.03}},
+            "regions": {"all": {"material": "steel", "section": "bar"}},
+            "interfaces": {"tip": {"coupling": "node", "nodes": "end"}},
+            "supports": {"start": {"nodes": "start", "components": CLAMPED}},
+        }
     first, ranged = 400.0, axis | {"from": 400.0, "to": 3000.0}
     more = {"preload": force} if force else {}
     import_description(content | more | {"spin": ranged}, "box", tmp_path / "range.h5", mesh=mesh)

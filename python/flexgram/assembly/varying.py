@@ -98,7 +98,7 @@ def combinations(models: Mapping[str, ReducedBody], joints: Sequence[Joint]) -> 
     return np.array([present, *others])
 
 
-def _source(laws: Sequence[Parameter], rows: Floats) -> tuple[Floats, Floats, Floats]:
+def _source(laws: Sequence[Varying], rows: Floats) -> tuple[Floats, Floats, Floats]:
     """Present values, those with each parameter at an end, all."""
     present = np.array([law.value for law in laws])
     if not rows.size:

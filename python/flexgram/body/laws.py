@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 
 from flexgram.basics import BodyError, ComplexArray, Floats, check_name
 
-
 #: The parameter of bodies that spin, [rad/s].
 SPEED = "speed"
 
@@ -421,7 +420,7 @@ def _speeds(law: str, least: float, most: float, value: float | None) -> list[fl
 
 
 def spin(least: float, most: float, value: float | None = None) -> Spin:
-    """The law Ω² - least² of what a spin adds to the stiffness, in the frame that turns with a body.
+    """The law Ω² - least² of what a spin adds to the stiffness, in the frame that turns.
 
     The term's matrix T is that at Ω = 1 rad/s: the stress stiffness of the centrifugal load less
     the softening M_c. It may have negative eigenvalues. K holds it at the least speed. With

@@ -69,6 +69,8 @@ def write_spin(file: h5py.File, reader: Reader, length: float) -> None:
     group = file.create_group("spin")
     group.attrs["frame"] = entry.choice("frame", FRAMES, "turning")
     group.attrs["axis"] = unit_axis(entry)
-    group.attrs["point"] = length * (entry.vector("point") if "point" in entry.data else np.zeros(3))
+    group.attrs["point"] = length * (
+        entry.vector("point") if "point" in entry.data else np.zeros(3)
+    )
     for name, value in (("least", least), ("most", most), ("value", most)):
         group.attrs[name] = value

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -10,7 +11,7 @@ import scipy.linalg
 import scipy.optimize
 from numpy.typing import ArrayLike
 
-from flexgram.basics import BodyError, ComplexArray, Floats
+from flexgram.basics import BodyError, ComplexArray, Floats, Ints
 from flexgram.body.laws import SPEED, Coriolis, Spin
 from flexgram.model.system import System
 
@@ -111,14 +112,10 @@ def _poles_at(system: System, speed: float, gyroscopic: Floats, sign: float) -> 
     # with half axes a and b |q^T M q| is (a² - b²)/(a² + b²).
     swept = np.einsum("ik,ij,jk->k", shape.conj(), gyroscopic, shape).imag
     flat = np.abs(np.einsum("ik,ij,jk->k", shape, now.M, shape))
-    return _Poles(
-        poles[kept], shape, sign * np.sign(swept) * np.sqrt(np.clip(1 - flat**2, 0, 1))
-    )
+    return _Poles(poles[kept], shape, sign * np.sign(swept) * np.sqrt(np.clip(1 - flat**2, 0, 1)))
 
 
-def campbell(
-    system: System, speeds: ArrayLike | None = None, modes: int | None = None
-) -> Campbell:
+def campbell(system: System, speeds: ArrayLike | None = None, modes: int | None = None) -> Campbell:
     """The Campbell diagram of a reduced body whose speed is known between two numbers.
 
     Parameters
@@ -150,11 +147,13 @@ def campbell(
     """
     if SPEED not in system.parameters:
         raise BodyError(
-            "the body has no range of speeds: give the mesh spin: {axis, from, to}, or the matrices "
-            "terms with flexgram.spin and flexgram.coriolis"
+            "the body has no range of speeds: a mesh gets it from spin: {axis, from, to}, matrices "
+            "from terms with flexgram.spin and flexgram.coriolis"
         )
     known = system.parameters[SPEED]
-    given = np.linspace(known.least, known.most, 61) if speeds is None else np.asarray(speeds, float)
+    given = (
+        np.linspace(known.least, known.most, 61) if speeds is None else np.asarray(speeds, float)
+    )
     if given.ndim != 1 or len(given) < 2 or np.any(np.diff(given) <= 0):
         raise BodyError("speeds must be two or more, ascending")
     turning = any(isinstance(term.law, Spin) for term in system.terms)
@@ -169,7 +168,7 @@ def campbell(
     count = min(count, *(len(a.pole) for a in at))
     order = np.arange(count)
     rows = [order]
-    for before, after in zip(at, at[1:], strict=False):
+    for before, after in itertools.pairwise(at):
         order = _followed(system.M, before, after, order)
         rows.append(order)
     pole = np.array([a.pole[row] for a, row in zip(at, rows, strict=True)])
@@ -177,7 +176,7 @@ def campbell(
     return Campbell(given, pole.imag.copy(), -pole.real / np.abs(pole), whirl, turning)
 
 
-def _followed(M: Floats, before: _Poles, after: _Poles, order: np.ndarray) -> np.ndarray:
+def _followed(M: Floats, before: _Poles, after: _Poles, order: Ints) -> Ints:
     """The places of modes at the next speed: those of most alike shapes and frequencies."""
     first, then = before.pole[order].imag[:, None], after.pole.imag[None, :]
     costs = []
@@ -187,5 +186,5 @@ def _followed(M: Floats, before: _Poles, after: _Poles, order: np.ndarray) -> np
     ):
         alike = np.abs(shape.conj().T @ M @ after.shape)
         costs.append(step / np.maximum(first, then) - 0.5 * alike)
-    followed: np.ndarray = scipy.optimize.linear_sum_assignment(np.minimum(*costs))[1]
+    followed: Ints = scipy.optimize.linear_sum_assignment(np.minimum(*costs))[1]
     return followed

@@ -11,8 +11,8 @@ import h5py
 import numpy as np
 
 from flexgram.basics import BodyError, Floats, errors_of, expect_survival, written_aside
-from flexgram.model.basis import Basis
 from flexgram.body.laws import Varying
+from flexgram.model.basis import Basis
 from flexgram.model.claim import Claim
 from flexgram.model.file import copy_file, read_fields
 from flexgram.model.frame import Frame

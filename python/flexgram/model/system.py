@@ -306,9 +306,7 @@ class System:
     def expect_symmetric(self, what: str) -> None:
         """Raise BodyError where D is not symmetric."""
         if self.is_gyroscopic:
-            raise BodyError(
-                f"{what} takes symmetric matrices only, and gyroscopic forces are skew"
-            )
+            raise BodyError(f"{what} takes symmetric matrices only, and gyroscopic forces are skew")
 
     def complex_stiffness(self, omega: float) -> ComplexArray:
         """K (1 + i eta) + i S + Σ g(omega) T, (m, m)."""
