@@ -1,8 +1,10 @@
 """Random systems against extended precision: does any true error exceed the certified one?
 
-    audit.py [count] [seed] [csv] [--materials]   count systems; a table by class and by damping
+    audit.py [count] [seed] [csv] [--materials | --spin | --speeds]
+        count systems; a table by class and by damping
 
-``--materials``: with loss factors by material instead of the seven other kinds of damping.
+``--materials``: with loss factors by material instead of the seven other kinds of damping;
+``--spin``: with gyroscopic forces; ``--speeds``: with a range of speeds.
 
 Each system is reduced in this process, with its tolerance and nothing else; the referee chooses
 frequencies against the result (``referee.py``).
@@ -61,6 +63,8 @@ SPIN = (
     *("spin", "spin and mass", "spin and stiffness", "spin and structural", "spin and dashpots"),
     *("spin and materials", "spin and relaxation", "spin and a table", "spin and a parameter"),
 )
+#: A range of speeds, --speeds: stiffening and softening, Coriolis forces, moved geometry or none.
+SPEEDS = ("speeds and mass", "speeds and stiffness", "speeds and dashpots", "speeds and materials")
 
 
 @dataclass
@@ -74,11 +78,29 @@ class Case:
     tolerance: float
     options: dict[str, Any] = field(default_factory=dict)
     parameter: Any = None  # (T, law)
+    speeds: Any = None  # {name: (T, law)} of laws of one speed
+
+    @property
+    def varying(self) -> Any:
+        """Of the body: a parameter p, or those of the speed."""
+        return {"p": self.parameter} if self.parameter else self.speeds or {}
+
+    @property
+    def name(self) -> str:
+        return "p" if self.parameter else "speed"
 
     def exactly_at(self, value: float) -> System:
         """The full system with a value of its parameter, as its own term: what the sum with K
         rounds, in long double too, may be more than a claim of soft mounts allows."""
-        s, (T, law) = self.system, self.parameter
+        s = self.system
+        if self.speeds:
+            known = {name: getattr(s, name) for name in ("alpha", "beta", "eta", "S")}
+            terms = [
+                (T, law.kind, value, *(() if law.kind == "coriolis" else (law.least,)))
+                for T, law in self.speeds.values()
+            ]
+            return System(s.K, s.M, s.B, s.C, s.D, terms=[*s.terms, *terms], **known)
+        T, law = self.parameter
         known = {name: getattr(s, name) for name in ("alpha", "beta", "eta", "S")}
         numbers = (value, law.least, law.slope, law.loss + s.eta, s.beta)
         return System(
@@ -87,11 +109,30 @@ class Case:
 
     def at(self, value: float) -> System:
         """The same with the sum, of which poles are found faster."""
-        s, (T, law) = self.system, self.parameter
+        s = self.system
+        if self.speeds:
+            return self._at_speed(value)
+        T, law = self.parameter
         stiffer = LONG(law.slope) * (LONG(value) - LONG(law.least)) * np.asarray(T, LONG)
         S = (0.0 if s.S is None else s.S) + law.loss * stiffer
         known = {name: getattr(s, name) for name in ("alpha", "beta", "eta", "terms")}
         return System(s.K + stiffer, s.M, s.B, s.C, s.D, S=S, **known)
+
+
+    def _at_speed(self, value: float) -> System:
+        s = self.system
+        K, D = np.asarray(s.K, LONG), 0.0 if s.D is None else np.asarray(s.D, LONG)
+        for T, law in self.speeds.values():
+            if law.kind == "coriolis":
+                D = D + LONG(value) * np.asarray(T, LONG)
+            else:
+                power = 2 if law.kind == "spin" else 4
+                K = K + (LONG(value) ** power - LONG(law.least) ** power) * np.asarray(T, LONG)
+        known = {name: getattr(s, name) for name in ("beta", "eta", "S", "terms", "alpha")}
+        if s.beta or s.eta:  # of K at the least speed
+            D, S = D + LONG(s.beta) * np.asarray(s.K, LONG), LONG(s.eta) * np.asarray(s.K, LONG)
+            known |= {"beta": 0.0, "eta": 0.0, "S": S if s.S is None else S + s.S}
+        return System(K, s.M, s.B, s.C, D, **known)
 
 
 def _springs(n: int, pairs: Any, stiffness: Any, ground: Any) -> Any:
@@ -185,7 +226,8 @@ def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
         first = np.sqrt(lam[0]) * 0.2
     if kind == "elastic part":
         first = np.sqrt(lam[0]) * 10.0 ** rng.uniform(-3, 0)
-        damping = damping if damping not in ("dashpots", "general", *MATERIALS, *SPIN) else "both"
+        others = ("dashpots", "general", *MATERIALS, *SPIN, *SPEEDS)
+        damping = damping if damping not in others else "both"
     zeta = 10.0 ** rng.uniform(-6, -1.5)
     reference = np.sqrt(lam[0] * lam[modes - 1]) ** 0.5
     extra: dict[str, Any] = {}
@@ -204,7 +246,15 @@ def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
         F = rng.standard_normal((n, n)) / np.sqrt(n)
         D = 2 * zeta * reference * mass * (F @ F.T)
         D = 0.5 * (D + D.T)
-    if "spin" in damping:
+    speeds = None
+    if "speeds" in damping:
+        speeds = _speeds(rng, K, M, top)
+        options_of_speeds = {"mor_parameter_values": 3}
+        if damping == "speeds and mass":
+            extra["alpha"] = 2 * zeta * reference
+        if damping == "speeds and stiffness":
+            extra["beta"] = 2 * zeta / top
+    elif "spin" in damping:
         D = (0 if D is None else D) + _gyroscopic(rng, M, top)
     terms: list[Any] = []
     if "materials" in damping:
@@ -219,7 +269,7 @@ def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
         known = [0.9 * first, *at, 1.1 * top]
         terms.append((_losses(rng, K, 1.0), "table", known, *(list(v) for v in values)))
     bands = [first / TWO_PI, top / TWO_PI]
-    options: dict[str, Any] = {}
+    options: dict[str, Any] = options_of_speeds if speeds else {}
     parameter = None
     if "parameter" in damping:
         if rng.random() < 0.5:
@@ -243,7 +293,28 @@ def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
         digits = int(rng.choice([6, 10, 14]))
         K, M = (np.vectorize(lambda x: float(f"{x:.{digits - 1}e}"))(a) for a in (K, M))
     system = System(K, np.diag(M), B, C, D, S=S, terms=terms, **extra)
-    return Case(kind, damping, system, bands, tolerance, options, parameter)
+    return Case(kind, damping, system, bands, tolerance, options, parameter, speeds)
+
+
+def _speeds(rng: np.random.Generator, K: Any, M: Any, top: float) -> Any:
+    """Speeds up to a tenth, or all, of the band's end or of that of the first mode: stiffness of stress
+    with either sign, M_c of some directions, Coriolis forces between neighbours."""
+    n, most = len(M), top * 10.0 ** rng.uniform(-1.5, 0.3)
+    least = float(rng.choice([0.0, rng.uniform(0, 0.7) * most]))
+    stress = _losses(rng, K, 10.0 ** rng.uniform(-3, 0.3)) / most**2
+    if rng.random() < 0.4:  # compressed in part
+        stress -= _losses(rng, K, 10.0 ** rng.uniform(-4, -1)) / most**2
+    across = M * (rng.random(n) < 0.7)
+    turn = np.triu(np.tril(rng.uniform(-2, 2, (n, n)), 1), 1)
+    G = np.sqrt(np.outer(M, M)) * 0.5 * (turn - turn.T)
+    terms = {
+        "spin": (stress - np.diag(across), flexgram.spin(least, most)),
+        "coriolis": (G, flexgram.coriolis(least, most)),
+    }
+    if rng.random() < 0.5:
+        moved = _losses(rng, K, 10.0 ** rng.uniform(-3, 0)) / most**4
+        terms["moved"] = (moved, flexgram.spin_moved(least, most))
+    return terms
 
 
 def _gyroscopic(rng: np.random.Generator, M: Any, top: float) -> Any:
@@ -317,7 +388,7 @@ def examine(case: Case, rng: np.random.Generator) -> Verdict:
             f"term{k}": (sp.csr_matrix(T), getattr(flexgram, law)(*numbers))
             for k, (T, law, *numbers) in enumerate(s.terms)
         }
-        | ({"p": (sp.csr_matrix(case.parameter[0]), case.parameter[1])} if case.parameter else {}),
+        | {name: (sp.csr_matrix(T), law) for name, (T, law) in case.varying.items()},
     )
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -334,17 +405,17 @@ def examine(case: Case, rng: np.random.Generator) -> Verdict:
     verdict = Verdict(outcome, bound=rom.certified_error, order=rom.order)
     if rom.kind == "estimated":
         return verdict
-    values = judged_values(case, rom, rng) if case.parameter else [{}]
+    values = judged_values(case, rom, rng) if case.varying else [{}]
     worst, reference = 0.0, rom.relative_to if rom.bounds_elastic_part else "pointwise"
     for chosen in values:
         if chosen:
-            s = case.at(chosen["p"])
+            s = case.at(chosen[case.name])
         here = rom.at(**chosen)
         reduced, bound = _reduced(here), here.certified_error
         for omega in hard_frequencies(s, reduced, rom.bands, rom.excluded, rng):
             truth = relative_error(s, reduced, omega, reference)
             if truth > bound:  # by the rounding of long double?
-                full = case.exactly_at(chosen["p"]) if chosen else s
+                full = case.exactly_at(chosen[case.name]) if chosen else s
                 truth = relative_error(full, reduced, omega, reference, exactly=True)
             if truth > worst:
                 worst, verdict.at = truth, omega
@@ -368,16 +439,17 @@ def judged_values(case: Case, rom: flexgram.ReducedModel, rng: np.random.Generat
     values = [float(p) for (p,) in rom.claim.parameter_values]
     if len(rom.claim.all_values):
         omega = np.concatenate([rng.uniform(first, last, 60) for first, last in rom.bands])
-        law = case.parameter[1]
+        law = next(iter(case.varying.values()))[1]
         tried = rng.uniform(law.least, law.most, 24)
 
         def largest(p: float) -> float:
-            H, H_r = (s.quickly(omega) for s in (case.at(p), _reduced(rom.at(p=p))))
+            here = rom.at(**{case.name: p})
+            H, H_r = (s.quickly(omega) for s in (case.at(p), _reduced(here)))
             sizes = [np.linalg.norm(a, axis=(1, 2)) for a in (H - H_r, H)]
             return float((sizes[0] / sizes[1]).max())
 
         values += [tried[np.argmax([largest(p) for p in tried])], tried[0]]
-    return [{"p": float(p)} for p in values]
+    return [{case.name: float(p)} for p in values]
 
 
 def error_at_zeros(s: System, reduced: System, intervals: Any) -> float:
@@ -441,9 +513,8 @@ def what_of(index: int, dampings: Any) -> tuple[str, str]:
 def main() -> int:
     """Print the table; exit status 1 if any error exceeds its certificate."""
     words = [word for word in sys.argv[1:] if not word.startswith("--")]
-    dampings = (
-        MATERIALS if "--materials" in sys.argv else SPIN if "--spin" in sys.argv else DAMPINGS
-    )
+    chosen = {"--materials": MATERIALS, "--spin": SPIN, "--speeds": SPEEDS}
+    dampings = next((of for word, of in chosen.items() if word in sys.argv), DAMPINGS)
     count = int(words[0]) if words else 200
     seed = int(words[1]) if len(words) > 1 else 1
     table: dict[Any, list[Verdict]] = collections.defaultdict(list)

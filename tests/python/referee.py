@@ -43,7 +43,28 @@ def _parameter(i: Any, w: Any, p: Any, least: Any, slope: Any, loss: Any, beta: 
     return slope * (one * p - one * least) * (1 + i * (loss + beta * w))
 
 
-_LAWS = {"prony": _prony, "table": _table, "parameter": _parameter}
+def _spin(i: Any, w: Any, speed: Any, least: Any) -> Any:
+    one = 1 + 0 * w
+    return (one * speed) ** 2 - (one * least) ** 2
+
+
+def _spin_moved(i: Any, w: Any, speed: Any, least: Any) -> Any:
+    one = 1 + 0 * w
+    return (one * speed) ** 4 - (one * least) ** 4
+
+
+def _coriolis(i: Any, w: Any, speed: Any) -> Any:
+    return i * w * speed
+
+
+_LAWS = {
+    "prony": _prony,
+    "table": _table,
+    "parameter": _parameter,
+    "spin": _spin,
+    "spin_moved": _spin_moved,
+    "coriolis": _coriolis,
+}
 
 
 @dataclass
@@ -65,7 +86,8 @@ class System:
     output_eta: Any = 0.0
     S: Any = None  #: the imaginary part of the stiffness
     #: g(ω)T in addition: (T, "prony", g, tau), (T, "table", omega, storage, loss) or
-    #: (T, "parameter", p, least, slope, loss, beta)
+    #: (T, "parameter", p, least, slope, loss, beta), (T, "spin" or "spin_moved", speed, least),
+    #: (T, "coriolis", speed)
     terms: Any = ()
 
     def __post_init__(self) -> None:

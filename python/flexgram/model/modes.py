@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import scipy.linalg
 
-from flexgram.basics import Floats
+from flexgram.basics import BodyError, Floats
 
 #: A mode of λ is without mass where τ/(λ + τ) is below this: rounding of M is larger.
 MASSLESS = 1e-13
@@ -33,7 +33,13 @@ def natural_modes(K: Floats, M: Floats) -> tuple[Floats, Floats]:
     Parameters
     ----------
     K, M : (m, m) arrays
-        Symmetric, positive semidefinite, without a common null vector.
+        Symmetric, M positive semidefinite, without a common null vector. K may have negative
+        eigenvalues, as of a body that spins beyond its critical speed; then some λ are negative.
+
+    Raises
+    ------
+    BodyError
+        If K is negative in a direction without mass.
     """
     K, M = 0.5 * (K + K.T), 0.5 * (M + M.T)
     k, m = np.diag(K), np.diag(M)
@@ -43,7 +49,14 @@ def natural_modes(K: Floats, M: Floats) -> tuple[Floats, Floats]:
         squares, modes = scipy.linalg.eigh(K, M)
         if not len(squares) or squares[-1] < LIGHT * tau:
             return squares, modes
-    mass, modes = scipy.linalg.eigh(M, K + tau * M)
+    for _ in range(30):
+        try:
+            mass, modes = scipy.linalg.eigh(M, K + tau * M)
+            break
+        except np.linalg.LinAlgError:  # K + τM is not positive
+            tau *= 10
+    else:
+        raise BodyError("K is negative in a direction without mass: the body has no modes")
     mass, modes = mass[::-1], modes[:, ::-1]
     light = mass * tau < MASSLESS
     size = np.where(light, 1.0, np.sqrt(np.where(light, 1.0, mass)))
