@@ -475,6 +475,11 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
       observer.fact("spin", text("%g to %g rad/s, seen in the frame at rest: gyroscopic "
                                  "moments of beams on its axis",
                                  all.spin->least, all.spin->most));
+    if (!spinning &&
+        (model.damping.beta > 0 || model.damping.eta > 0 || model.terms.size() > 0))
+      observer.warn(
+          "spin: in the frame at rest losses of materials count as if the shaft "
+          "did not turn; what they do to its stability is left out");
     add_spin(model, *all.spin, parts.data() + first_of_spin, solver, observer);
   }
   if (model.coriolis > 0 && reactions.any())

@@ -34,7 +34,8 @@ MaterialTerms::MaterialTerms(const BodyDescription& body) {
     if (used.insert(block.material).second)
       losses.insert(body.materials.at(block.material).loss);
   // Of stiffness by stress nothing is lost.
-  const bool apart = losses.size() > 1 || (!body.preload.empty() && *losses.begin() > 0);
+  const bool stressed = !body.preload.empty() || (body.spin && body.spin->turning),
+             apart = losses.size() > 1 || (stressed && *losses.begin() > 0);
   if (!apart) common_loss_ = *losses.begin();
   if (apart) laws_.emplace_back(Law::Kind::structural);
   for (const std::string& name : used) {

@@ -44,6 +44,8 @@ std::size_t place_among(std::vector<Law>& laws, const Law& law) {
     laws.push_back(law);
     return place;
   }
+  if (law.is_parameter() || laws[place].is_parameter())
+    throw Error(text("two terms are of a parameter %s", name.c_str()));
   for (const char* number : {"least", "most", "value"})
     if (law.number(number) != laws[place].number(number))
       throw Error(text("terms %s and %s: %s of %s is %g and %g",

@@ -69,15 +69,20 @@ std::optional<Eigen> eigen_of(const Summed& E, const Summed& M) {
   ComplexDense left = multiply(EX, of.inverse);
   for (int i = 0; i < N; ++i) left(i, i) -= 1;
   Dense of_loads = absolute_of(left);
-  add_to(of_loads, multiply(of_EX, inverse), lost);
+  add_to(of_loads, multiply(of_EX, inverse), 2 * lost); // of EX, and of this product
   const double away = frobenius_norm(of_loads);
   constexpr double most = 1e-3;
   if (!(away <= most)) return std::nullopt;
-  // (EX)⁻¹ itself is that times the series of what it leaves of 1.
+  // (EX)⁻¹ itself is that times the series of what it leaves of 1, R: 1 + R + R² + …, the last by
+  // norms.
   const auto lost_of = [&](const Dense& part) {
     Dense further = multiply(of_loads, part);
-    for (double& x : further.data) x /= 1 - away;
-    add_to(further, part);
+    for (int j = 0; j < N; ++j) {
+      double square = 0;
+      for (int i = 0; i < N; ++i) square += part(i, j) * part(i, j);
+      const double rest = away * away / (1 - away) * std::sqrt(square);
+      for (int i = 0; i < N; ++i) further(i, j) += part(i, j) + rest;
+    }
     return multiply(inverse, further);
   };
   of.lost_of_loads = lost_of(of_loads);
@@ -152,7 +157,7 @@ std::optional<PencilModes> PencilModes::of_stiffness(const DenseResponse& respon
     const auto at = as_size(i);
     const double lambda = response.lambda()[at], mu = response.mu()[at],
                  k = std::isfinite(lambda) ? mu * lambda : 1.0;
-    E.add(i, i, of_K * k + tau * mu, std::abs(of_K) * k + tau * mu);
+    E.add(i, i, of_K * k + tau * mu, std::abs(of_K * k) + tau * mu);
     M.add(i, i, mu);
   }
   auto eigen = eigen_of(E, M);
@@ -206,7 +211,7 @@ std::optional<PencilModes> PencilModes::of_rates(const DenseResponse& response) 
                  rate = damping.alpha * mu[at] + damping.beta * k,
                  root = std::sqrt(mu[at]);
     E.add(i, i, Complex(k + s0 * rate, damping.eta * k),
-          std::abs(k) * (1 + damping.eta) + s0 * rate);
+          std::abs(k) * (1 + damping.eta) + s0 * std::abs(rate));
     M.add(i, i, rate);
     if (!(mu[at] > 0)) continue;
     E.add(i, y, s0 * root);

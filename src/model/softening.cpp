@@ -5,7 +5,6 @@
 #include "linalg/orthonormal.hpp"
 #include "linalg/sparse.hpp"
 #include "linalg/sparse_product.hpp"
-#include "model/parameters.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -97,8 +96,10 @@ bool is_positive(ShiftedSolver& solver, double stiffness, double mass) {
   return solver.negative_pivots() == 0 && solver.null_pivots() == 0;
 }
 
-/// What skew terms take, their sum over iω being G. @param seen  grows to what mass alone takes.
-std::optional<Softening> of_gyroscopic_forces(const SecondOrderModel& body, Mat G,
+/// What skew terms take, their sum over iω being one of `all` or an average of them.
+/// @param seen  grows to what mass alone takes.
+std::optional<Softening> of_gyroscopic_forces(const SecondOrderModel& body,
+                                              const std::vector<Matrix>& all,
                                               double omega, double tau,
                                               const SolverOptions& options,
                                               double& seen) {
@@ -107,8 +108,10 @@ std::optional<Softening> of_gyroscopic_forces(const SecondOrderModel& body, Mat 
   Softening best;
   double least = HUGE_VAL;
   for (const double part : {1e-3, 1e-5, 1e-7}) {
-    const double kappa = part / std::max(omega * omega, 2 * tau),
-                 most = nearly_largest(body, G, kappa, options);
+    const double kappa = part / std::max(omega * omega, 2 * tau);
+    double most = 0;
+    for (const Matrix& G : all)
+      most = std::max(most, nearly_largest(body, G, kappa, options));
     const Softening here{most, most * kappa};
     seen = std::max(seen, most);
     if (here.needed_square(omega) < least) {
@@ -118,18 +121,23 @@ std::optional<Softening> of_gyroscopic_forces(const SecondOrderModel& body, Mat 
     if (best.gyration > 0 && omega * best.gyration_stiffness <= little) break;
   }
   if (!(best.gyration > 0)) return std::nullopt;
-  const Matrix K = pair_of(body.K, Pair::equal), M = pair_of(body.M, Pair::equal),
-               turned = pair_of(G, Pair::turned);
-  ShiftedSolver solver(K, M, {turned}, {}, counting(options));
-  solver.count_pivots(true);
+  const Matrix K = pair_of(body.K, Pair::equal), M = pair_of(body.M, Pair::equal);
   constexpr double first = 1.02, more = 1.1;
   double factor = first;
-  for (int attempt = 0; attempt < 24; ++attempt, factor *= more) {
-    const Softening tried{factor * best.gyration, factor * best.gyration_stiffness};
-    if (!std::isfinite(tried.needed_square(omega))) break;
-    if (is_positive(solver, tried.gyration_stiffness, tried.gyration)) return tried;
+  int attempts = 24;
+  for (const Matrix& G :
+       all) { // what holds of the one with a factor does with a larger one
+    const Matrix turned = pair_of(G, Pair::turned);
+    ShiftedSolver solver(K, M, {turned}, {}, counting(options));
+    solver.count_pivots(true);
+    for (;; factor *= more, --attempts) {
+      const Softening tried{factor * best.gyration, factor * best.gyration_stiffness};
+      if (attempts == 0 || !std::isfinite(tried.needed_square(omega)))
+        return std::nullopt;
+      if (is_positive(solver, tried.gyration_stiffness, tried.gyration)) break;
+    }
   }
-  return std::nullopt;
+  return Softening{factor * best.gyration, factor * best.gyration_stiffness};
 }
 
 /// What a spin takes from the stiffness, S being what it adds at the most speed. M_c is no larger
@@ -177,20 +185,26 @@ Softening softening_of(const SecondOrderModel& body, double omega, double tau,
         1e-8; // of the entries of G, beside M's smallest eigenvalues
     all.gyration = (1 + rounding) * body.coriolis;
   } else {
-    for (const char* end : {"least", "most"}) { // between these it is an average
-      const Matrix G = sum_of(body, Symmetry::skew, end);
-      if (!(size_of(G) > 0)) continue;
-      const auto found = of_gyroscopic_forces(body, G, omega, tau, options, seen);
+    const bool varies =
+        std::any_of(body.terms.begin(), body.terms.end(), [](const auto& term) {
+          return term.law.is_skew() && term.law.varies();
+        });
+    std::vector<Matrix> ends; // between these it is an average
+    for (const char* end : {"most", "least"}) {
+      Matrix G = sum_of(body, Symmetry::skew, end);
+      if (size_of(G) > 0) ends.push_back(std::move(G));
+      if (!varies) break;
+    }
+    if (!ends.empty()) {
+      const auto found = of_gyroscopic_forces(body, ends, omega, tau, options, seen);
       if (!found)
         throw Error(
             text("gyroscopic forces up to %.3g rad/s of the inertia beside a band up to "
                  "%.4g Hz: no bound of them was found by mass and stiffness. Do they act "
                  "on dofs without both?",
                  seen, omega / (2 * M_PI)));
-      all.gyration = std::max(all.gyration, found->gyration);
-      all.gyration_stiffness =
-          std::max(all.gyration_stiffness, found->gyration_stiffness);
-      if (parameters_of(body.terms).empty()) break; // the ends are the same
+      all.gyration = found->gyration;
+      all.gyration_stiffness = found->gyration_stiffness;
     }
   }
   const Matrix S = sum_of(body, Symmetry::symmetric, "most");

@@ -118,7 +118,6 @@ class Case:
         known = {name: getattr(s, name) for name in ("alpha", "beta", "eta", "terms")}
         return System(s.K + stiffer, s.M, s.B, s.C, s.D, S=S, **known)
 
-
     def _at_speed(self, value: float) -> System:
         s = self.system
         K, D = np.asarray(s.K, LONG), 0.0 if s.D is None else np.asarray(s.D, LONG)
@@ -297,8 +296,8 @@ def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
 
 
 def _speeds(rng: np.random.Generator, K: Any, M: Any, top: float) -> Any:
-    """Speeds up to a tenth, or all, of the band's end or of that of the first mode: stiffness of stress
-    with either sign, M_c of some directions, Coriolis forces between neighbours."""
+    """Speeds up to a thirtieth or to twice the band's end: stiffness of stress with either sign,
+    M_c of some directions, Coriolis forces between neighbours."""
     n, most = len(M), top * 10.0 ** rng.uniform(-1.5, 0.3)
     least = float(rng.choice([0.0, rng.uniform(0, 0.7) * most]))
     stress = _losses(rng, K, 10.0 ** rng.uniform(-3, 0.3)) / most**2

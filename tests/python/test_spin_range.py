@@ -364,3 +364,85 @@ def test_a_body_without_speeds_has_no_diagram() -> None:
     rom = flexgram.reduce(matrices, (0.2, 1.0), order=4)
     with pytest.raises(BodyError, match="no range of speeds"):
         campbell(rom.system)
+
+
+def springs(stiffness: Any, top: float, coriolis: float = 1.0, **more: Any) -> ReducedModel:
+    """Unit masses on springs, in pairs across the axis of a spin; reduced to themselves."""
+    K = sp.diags(np.asarray(stiffness, float)).tocsr()
+    n = K.shape[0]
+    M = sp.identity(n).tocsr()
+    G = coriolis * sp.kron(sp.identity(n // 2), np.array([[0, -2.0], [2.0, 0]])).tocsr()
+    terms = {"spin": (-M, flexgram.spin(0, top))}
+    if coriolis:
+        terms["coriolis"] = (G, flexgram.coriolis(0, top))
+    body = flexgram.Matrices(K, M, np.eye(n), terms=terms, **({"alpha": 1e-3} | more))
+    return flexgram.reduce(body, (0.01, 0.1), order=n)
+
+
+def test_modes_that_pass_zero_and_those_that_fly_apart() -> None:
+    """A mass on equal springs passes its critical speed and goes on; on unequal ones it flies apart
+    between both; without Coriolis forces it does from the first on."""
+    (one,) = campbell(springs([4.0, 4.0], 3.0).system, np.linspace(0, 3, 32)).critical((0.0,))
+    assert abs(one.speed - 2) < 1e-6
+    unequal = campbell(springs([4.0, 9.0], 3.6).system, np.linspace(0, 3.6, 61))
+    inside = (unequal.speeds > 2.001) & (unequal.speeds < 2.999)
+    assert np.all(unequal.growth[inside] > 0.01)
+    outside = (unequal.speeds < 1.999) | (unequal.speeds > 3.001)
+    assert np.all(unequal.growth[outside] < 1e-3)
+    assert np.isnan(unequal.omega[inside]).any() and not np.isnan(unequal.omega[outside]).any()
+    first = unequal.critical((0.0,))[0]
+    assert abs(first.speed - 2) < 0.02
+    still = campbell(springs([1.0, 4.0], 3.0, coriolis=0.0).system, np.linspace(0, 3, 61))
+    assert np.all(still.growth[still.speeds > 1.05] > 0.1)
+    speeds = [round(one.speed, 2) for one in still.critical((0.0,))]
+    assert speeds == [1.0, 2.0]
+    for one in campbell(springs([4.0, 4.0], 2.0).system, np.linspace(0, 2, 21)).critical():
+        assert one.speed == pytest.approx(1.0, abs=1e-3)  # ω₀ - Ω = Ω, at a speed of the grid
+
+
+def test_modes_on_lines_have_no_critical_speeds() -> None:
+    """Directions that the spin does not move."""
+    n = 8
+    rng = np.random.default_rng(4)
+    turn = np.linalg.qr(rng.standard_normal((n, n)))[0]
+    across = np.diag([1.0, 1.0] + [0.0] * (n - 2))
+    G = np.zeros((n, n))
+    G[0, 1], G[1, 0] = -2.0, 2.0
+    K = np.diag([50.0, 50.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0])
+    terms = {
+        "spin": (sp.csr_matrix(-turn.T @ across @ turn), flexgram.spin(0, 3.0)),
+        "coriolis": (sp.csr_matrix(turn.T @ G @ turn), flexgram.coriolis(0, 3.0)),
+    }
+    body = flexgram.Matrices(
+        sp.csr_matrix(turn.T @ K @ turn), sp.identity(n).tocsr(), np.eye(n), alpha=0.01, terms=terms
+    )
+    rom = flexgram.reduce(body, (0.01, 0.5), order=n)
+    found = campbell(rom.system)
+    assert found.critical((0.0,)) == []
+    assert not found.passed.any() and not np.isnan(found.omega).any()
+
+
+@pytest.mark.parametrize("damping", [{"eta": 0.05, "alpha": 0.0}, {"beta": 0.01, "alpha": 0.0}])
+def test_losses_belong_to_the_stiffness_at_the_least_speed(
+    damping: dict[str, float], tmp_path: Path
+) -> None:
+    """At a speed, in memory and as a file that the program reads, as elimination has it."""
+    body = blade(6)
+    write_matrices(
+        tmp_path / "body.h5", body["K"], body["M"], body["B"], terms=terms_of(body), **damping
+    )
+    rom = flexgram.reduce(tmp_path / "body.h5", (0.2, 1.2), 1e-4)
+    one = rom.at(speed=TOP)
+    one.save(tmp_path / "one.h5")
+    run(
+        *("sweep", "-body", tmp_path / "body.h5", "-rom", tmp_path / "one.h5"),
+        *("-mor_sweep_hz", "0.2,1.2,5", "-mor_sweep_out", tmp_path / "s.h5"),
+    )
+    with h5py.File(tmp_path / "s.h5") as file:
+        omega, seen = file["omega"][:], file["error/relative"][:]
+    for w, error in zip(omega, seen, strict=True):
+        K = body["K"] * (1 + 1j * damping.get("eta", 0) + 1j * w * damping.get("beta", 0))
+        A = K + TOP**2 * body["S"] + 1j * w * TOP * body["G"] - w**2 * body["M"]
+        H = body["B"].T @ np.linalg.solve(A.toarray(), body["B"])
+        assert np.linalg.norm(one.transfer([w])[0] - H) <= 1e-4 * np.linalg.norm(H)
+        assert error <= 1e-4

@@ -580,5 +580,7 @@ def with_terms(
         elif isinstance(law, Loss):
             S = law.eta * matrix if S is None else S + law.eta * matrix
         else:
+            if isinstance(law, Parameter) and name == SPEED:
+                raise BodyError(f"term {name}: that is the parameter of bodies that spin")
             others.append(Term(check_name("term", str(name)), law, matrix))
     return D, S, others

@@ -80,7 +80,8 @@ def run_campbell(options: argparse.Namespace) -> None:
     count = options.modes
     if count is None:
         whole = campbell(model.system, speeds)
-        inside = np.flatnonzero((whole.omega <= model.claim.band[-1]).any(axis=0))
+        lowest = np.where(np.isnan(whole.omega), np.inf, whole.omega)
+        inside = np.flatnonzero((lowest <= model.claim.band[-1]).any(axis=0))
         count = max(1, 1 + int(inside.max(initial=0)))
     diagram = campbell(model.system, speeds, count)
     frame = "seen in the frame that turns with the body" if diagram.turning else "frame at rest"
@@ -93,17 +94,21 @@ def run_campbell(options: argparse.Namespace) -> None:
             i = int(np.flatnonzero(diagram.speeds == speed)[0])
             whirl = diagram.whirl[i, k]
             sign = "+" if whirl > 0.1 else "-" if whirl < -0.1 else " "
-            words.append(f"{diagram.omega[i, k] / (2 * np.pi):10.5g}{sign}")
+            hz = diagram.omega[i, k] / (2 * np.pi)
+            words.append(f"{hz:10.5g}{sign}" if np.isfinite(hz) else f"{'none':>10} ")
         say(f"  mode {k + 1:3d}   " + " ".join(words))
     for one in diagram.critical(orders):
         say(
             f"  critical speed {one.speed:.5g} rad/s ({one.speed * 30 / np.pi:.5g} rpm): mode "
             f"{one.mode + 1} at {one.order:g} times the speed{_sense(diagram, one)}"
         )
-    growing = np.argwhere(diagram.damping < -1e-9)
+    growing = np.flatnonzero(diagram.growth > 1e-9 * np.nanmax(diagram.omega))
     if len(growing):
-        i, k = growing[0]
-        say(f"  unstable: mode {k + 1} grows from {diagram.speeds[i]:.5g} rad/s on")
+        i = growing[0]
+        say(
+            f"  unstable: at {diagram.speeds[i]:.5g} rad/s a motion grows by e in "
+            f"{1 / diagram.growth[i]:.3g} s"
+        )
     if not options.output:
         return
     if suffix == ".csv":

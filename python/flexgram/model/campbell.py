@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
 import scipy.optimize
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from flexgram.basics import BodyError, ComplexArray, Floats, Ints
 from flexgram.body.laws import SPEED, Coriolis, Spin
@@ -44,12 +44,18 @@ class Campbell:
     speeds : (s,) array
         [rad/s], ascending.
     omega : (s, k) array
-        Natural frequencies [rad/s]: the imaginary parts of poles. A column follows one mode.
+        Natural frequencies [rad/s]: the imaginary parts of poles. A column follows one mode; NaN
+        where it does not vibrate.
     damping : (s, k) array
         Damping ratios, -Re p/|p| of a pole p; negative where a motion grows.
     whirl : (s, k) array
         From 1 (the points move on circles, forward: in the sense of the spin) over 0 (on lines) to
         -1 (backward).
+    growth : (s,) array
+        [1/s] the largest real part of all poles, those without a frequency too: a motion grows
+        where it is positive.
+    passed : (s - 1, k) array of bool
+        Whether a mode went through 0 Hz between two speeds.
     turning : bool
         The frequencies are those seen in the frame that turns with the body; else in the frame at
         rest.
@@ -59,6 +65,8 @@ class Campbell:
     omega: Floats
     damping: Floats
     whirl: Floats
+    growth: Floats
+    passed: NDArray[np.bool_]
     turning: bool
 
     def critical(self, orders: Sequence[float] = (1.0,)) -> list[CriticalSpeed]:
@@ -70,14 +78,32 @@ class Campbell:
         """
         found = []
         for order in orders:
-            # A mode that passes 0 Hz goes on as one of the other direction.
-            signed = self.omega if order else self.omega * np.sign(self.whirl)
-            for k, gap in enumerate((signed - order * self.speeds[:, None]).T):
-                for i in np.flatnonzero(gap[:-1] * gap[1:] < 0):
-                    share = gap[i] / (gap[i] - gap[i + 1])
-                    step = self.speeds[i + 1] - self.speeds[i]
-                    found.append(CriticalSpeed(k, order, float(self.speeds[i] + share * step)))
+            for k, omega in enumerate(self.omega.T):
+                if not order:
+                    found += [CriticalSpeed(k, 0.0, x) for x in self._through_zero(k)]
+                    continue
+                gap = omega - order * self.speeds
+                for i in np.flatnonzero((gap[:-1] != 0) & (gap[:-1] * gap[1:] <= 0)):
+                    speed = self._between(i, gap[i] / (gap[i] - gap[i + 1]))
+                    found.append(CriticalSpeed(k, order, speed))
         return sorted(found, key=lambda one: one.speed)
+
+    def _between(self, i: int, share: float) -> float:
+        return float(self.speeds[i] + share * (self.speeds[i + 1] - self.speeds[i]))
+
+    def _through_zero(self, k: int) -> list[float]:
+        """Where a mode comes out on the other side, and where it ceases to vibrate: there ω² goes
+        to zero like a line."""
+        omega, found = self.omega[:, k], []
+        for i in range(len(omega) - 1):
+            if self.passed[i, k]:
+                found.append(self._between(i, omega[i] / (omega[i] + omega[i + 1])))
+            elif i > 0 and np.isnan(omega[i + 1]) and omega[i] < omega[i - 1]:
+                step = self.speeds[i] - self.speeds[i - 1]
+                ahead = step * omega[i] ** 2 / (omega[i - 1] ** 2 - omega[i] ** 2)
+                if ahead <= 2 * (self.speeds[i + 1] - self.speeds[i]):
+                    found.append(float(self.speeds[i] + ahead))
+        return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +113,7 @@ class _Poles:
     pole: ComplexArray
     shape: ComplexArray  # (m, k), of unit modal mass
     whirl: Floats
+    growth: float  # of all poles
 
 
 def _poles_at(system: System, speed: float, gyroscopic: Floats, sign: float) -> _Poles:
@@ -108,11 +135,13 @@ def _poles_at(system: System, speed: float, gyroscopic: Floats, sign: float) -> 
     kept = kept[np.argsort(poles[kept].imag, kind="stable")]
     shape = vectors[:m, kept]
     shape /= np.sqrt(np.einsum("ik,ij,jk->k", shape.conj(), now.M, shape).real)
-    # q^H G q = 4i ∫ρ a·(Re u × Im u): the area that points sweep, and in which sense. On ellipses
+    # q^H G q = -4i ∫ρ a·(Re u × Im u): the area that points sweep, and in which sense. On ellipses
     # with half axes a and b |q^T M q| is (a² - b²)/(a² + b²).
     swept = np.einsum("ik,ij,jk->k", shape.conj(), gyroscopic, shape).imag
     flat = np.abs(np.einsum("ik,ij,jk->k", shape, now.M, shape))
-    return _Poles(poles[kept], shape, sign * np.sign(swept) * np.sqrt(np.clip(1 - flat**2, 0, 1)))
+    whirl = sign * np.sign(swept) * np.sqrt(np.clip(1 - flat**2, 0, 1))
+    upper = finite & (np.where(finite, poles.imag, -1) >= -1e-9 * largest)
+    return _Poles(poles[kept], shape, whirl, float(poles.real[upper].max(initial=-np.inf)))
 
 
 def campbell(system: System, speeds: ArrayLike | None = None, modes: int | None = None) -> Campbell:
@@ -164,27 +193,58 @@ def campbell(system: System, speeds: ArrayLike | None = None, modes: int | None 
     # Gyroscopic moments in the frame at rest have the other sign for the same sense.
     sign = 1.0 if turning else -1.0
     at = [_poles_at(system, float(speed), gyroscopic, sign) for speed in given]
-    count = min(len(a.pole) for a in at) if modes is None else modes
-    count = min(count, *(len(a.pole) for a in at))
-    order = np.arange(count)
-    rows = [order]
-    for before, after in itertools.pairwise(at):
-        order = _followed(system.M, before, after, order)
-        rows.append(order)
-    pole = np.array([a.pole[row] for a, row in zip(at, rows, strict=True)])
-    whirl = np.array([a.whirl[row] for a, row in zip(at, rows, strict=True)])
-    return Campbell(given, pole.imag.copy(), -pole.real / np.abs(pole), whirl, turning)
+    rows, passed = _followed(system.M, given, at)
+    columns = np.arange(rows.shape[1])
+    if modes is not None:
+        first = np.array([a.pole.imag[row] if row >= 0 else np.inf for a, row in _firsts(at, rows)])
+        columns = np.sort(np.argsort(first, kind="stable")[:modes])
+
+    def table(of: Callable[[_Poles], Floats]) -> Floats:
+        values = np.full((len(at), len(columns)), np.nan)
+        for i, a in enumerate(at):
+            row = rows[i, columns]
+            values[i, row >= 0] = of(a)[row[row >= 0]]
+        return values
+
+    return Campbell(
+        given,
+        table(lambda a: a.pole.imag),
+        table(lambda a: -a.pole.real / np.abs(a.pole)),
+        table(lambda a: a.whirl),
+        np.array([a.growth for a in at]),
+        passed[:, columns],
+        turning,
+    )
 
 
-def _followed(M: Floats, before: _Poles, after: _Poles, order: Ints) -> Ints:
-    """The places of modes at the next speed: those of most alike shapes and frequencies."""
-    first, then = before.pole[order].imag[:, None], after.pole.imag[None, :]
-    costs = []
-    for shape, step in (
-        (before.shape[:, order], np.abs(first - then)),
-        (before.shape[:, order].conj(), first + then),  # through 0 Hz
-    ):
-        alike = np.abs(shape.conj().T @ M @ after.shape)
-        costs.append(step / np.maximum(first, then) - 0.5 * alike)
-    followed: Ints = scipy.optimize.linear_sum_assignment(np.minimum(*costs))[1]
-    return followed
+def _firsts(at: Sequence[_Poles], rows: Ints) -> list[tuple[_Poles, int]]:
+    """Of each column the first speed at which it vibrates, and its place there."""
+    found = []
+    for column in rows.T:
+        i = int(np.argmax(column >= 0))
+        found.append((at[i], int(column[i])))
+    return found
+
+
+def _followed(M: Floats, speeds: Floats, at: Sequence[_Poles]) -> tuple[Ints, NDArray[np.bool_]]:
+    """The place of each mode among the poles of each speed, (s, k), -1 where it does not vibrate,
+    and whether it went through 0 Hz since the one before: those of most alike shapes and
+    frequencies."""
+    count = max(len(a.pole) for a in at)
+    rows = np.full((len(at), count), -1)
+    rows[0, : len(at[0].pole)] = np.arange(len(at[0].pole))
+    passed = np.zeros((len(at) - 1, count), dtype=bool)
+    for i, (before, after) in enumerate(itertools.pairwise(at)):
+        known = np.flatnonzero(rows[i] >= 0)
+        shape = before.shape[:, rows[i, known]]
+        first, then = before.pole[rows[i, known]].imag[:, None], after.pole.imag[None, :]
+        costs, turned = [], 2 * (speeds[i + 1] - speeds[i])  # frequencies move no faster
+        for side, step in ((shape, np.abs(first - then)), (shape.conj(), first + then)):
+            alike = np.abs(side.conj().T @ M @ after.shape)
+            costs.append(step / np.maximum(np.maximum(first, then), turned) - alike)
+        mode, place = scipy.optimize.linear_sum_assignment(np.minimum(*costs))
+        rows[i + 1, known[mode]] = place
+        passed[i, known[mode]] = (costs[1] < costs[0])[mode, place]
+        others = np.setdiff1d(np.arange(len(after.pole)), place)
+        rows[i + 1, np.flatnonzero(rows[i + 1] < 0)[: len(others)]] = others
+    return rows, passed

@@ -39,6 +39,9 @@ def _save_at(
                     file[name][...] = matrix
                 elif matrix.any():
                     file[name] = matrix
+            for name in ("alpha", "beta"):  # D is no longer that of these and K
+                if name in file.attrs:
+                    file.attrs[name] = 0.0
             file["modes/omega"][...] = body.modes[: len(file["modes/omega"])]
             error = file["error"]
             error.attrs["chosen"] = body.claim.chosen

@@ -227,6 +227,8 @@ class System:
             stiffer = law.stiffness * term.matrix
             K = K + stiffer
             if not isinstance(law, Parameter):
+                if self.eta:  # which is of K as it was
+                    S = S - self.eta * stiffer
                 continue
             if law.beta:
                 D = D + law.beta * stiffer

@@ -464,11 +464,14 @@ def campbell(
         points = axes.scatter(
             rpm, hz[:, k], c=diagram.whirl[:, k], cmap="coolwarm", norm=scale, s=9, zorder=2
         )
-    top = 1.05 * hz.max()
+    top = 1.05 * np.nanmax(hz)
     for order in orders:
         if order > 0:
             axes.plot(rpm, order * diagram.speeds * HZ, "--", color=FULL, lw=0.9)
-            at = np.flatnonzero(order * diagram.speeds * HZ <= top)[-1]
+            inside = np.flatnonzero(order * diagram.speeds * HZ <= top)
+            if not len(inside):
+                continue
+            at = inside[-1]
             axes.annotate(f"{order:g}×", (rpm[at], order * diagram.speeds[at] * HZ), fontsize=8)
     for one in diagram.critical(orders):
         height = one.order * one.speed * HZ
