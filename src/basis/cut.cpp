@@ -202,9 +202,6 @@ const char* Cut::not_between() const {
     return "it is of errors relative to |H| at each frequency";
   if (!medium_.outputs().is_plain())
     return "outputs hold more than displacements of the model";
-  if (!is_symmetric(medium_.system.terms))
-    return "with gyroscopic forces A(ω) is not symmetric";
-  if (!are_semidefinite(medium_.system.terms)) return "a spin takes from the stiffness";
   return nullptr;
 }
 

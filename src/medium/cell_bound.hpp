@@ -5,6 +5,8 @@
 
 #include "medium/cell_region.hpp"
 
+#include <optional>
+
 namespace flexgram {
 
 class CellBound {
@@ -25,6 +27,17 @@ public:
   Look look(const Cell& cell) const;
 
 private:
+  struct Side;
+  struct Norms;
+  Side side(const Cell& cell, const CellFactors& factors,
+            const CellRegion::Blocks& A) const;
+  /// Nothing if S may be singular. @param along  of each variable how far ZᵀAZ moves by it.
+  std::optional<Norms> norms(const Cell& cell, const CellFactors& factors,
+                             const Side& inputs, const Side& outputs,
+                             std::vector<double>& along) const;
+  void solve(Side& side, const Side& other, const CellRegion::Blocks& A,
+             const CellFactors& factors, const Norms& n) const;
+
   const MediumModel& medium_;
   const Certificate::Couplings& couplings_;
   CellRegion spaces_;

@@ -17,16 +17,48 @@ Matrices between(const Dense& left, const DenseSystem& system, const Dense& righ
   return all;
 }
 
-/// The real part of A, without terms that are no parameters, with values of these.
+/// The real part of A, without terms that do not vary, with values of the parameters.
 Dense stiffness(const DenseSystem& system, const std::vector<double>& values,
                 double omega, double tau = 0) {
   Dense E = system.K;
   add_to(E, system.M, tau - omega * omega);
-  std::size_t parameter = 0;
-  for (const auto& [law, T] : system.terms)
-    if (law.is_parameter())
-      add_to(E, T, law.with("value", values[parameter++]).at(omega).real());
+  std::vector<Law> parameters;
+  for (const auto& [law, T] : system.terms) {
+    if (!law.varies()) continue;
+    const double value = values[place_among(parameters, law)];
+    if (law.kind().is_stiffness())
+      add_to(E, T, law.with("value", value).at(omega).real());
+  }
   return E;
+}
+
+/// With them Re A is no less than `of_K` K − `of_M` M and the stiffness of the varying terms at the
+/// least values, everywhere in a region.
+struct Lowered {
+  double of_K = 1, of_M = 0;
+};
+Lowered lowered(const DenseSystem& system, const Softening& softening,
+                const Cell& region) {
+  const double omega = region.omega.last;
+  double of_speed = 0,
+         moved = 0; // shares of the most; of what a spin takes: beyond the least
+  bool all_vary = true;
+  std::vector<Law> parameters;
+  for (const auto& [law, T] : system.terms) {
+    if (!law.varies()) {
+      all_vary = all_vary && !law.is_skew();
+      continue;
+    }
+    const Interval& values = region.values[place_among(parameters, law)];
+    const auto share = [&](double value) { return law.shares({value, value}).front(); };
+    if (law.is_skew()) of_speed = std::max(of_speed, share(values.last));
+    if (!law.is_skew() && !law.is_semidefinite())
+      moved = std::max(moved, share(values.last) - share(values.first));
+  }
+  if (!all_vary) of_speed = 1;
+  return {1 - moved * softening.stiffness -
+              omega * of_speed * softening.gyration_stiffness,
+          omega * omega + omega * of_speed * softening.gyration + moved * softening.mass};
 }
 
 /// Near `last`, and apart from the resonances of the space Q, relative to these.
@@ -96,16 +128,22 @@ CellRegion::CellRegion(const MediumModel& medium, const Dense& small,
     middle.push_back(values.centre());
     stiffest.push_back(values.last);
   }
-  const Dense Q = with_modes(medium, small, {middle, softest, stiffest},
-                             1.3 * region.omega.last),
+  const Lowered least = lowered(system, couplings.softening, region);
+  kept = 1 / couplings.softening.enlarges(region.omega.last);
+  if (!(least.of_K > 0) || !(kept > 0) ||
+      !(couplings.softening.needed_square(region.omega.last) <= couplings.sigma))
+    return;
+  const double top = std::sqrt(least.of_M / least.of_K);
+  const Dense Q = with_modes(medium, small, {middle, softest, stiffest}, 1.3 * top),
               beyond = complement(Q);
   // A space orthogonal to Q by the stiffness at a frequency apart from the resonances of Q, so that
   // little couples both; with coordinates where E is I and A is about diagonal.
-  const Dense E = stiffness(system, softest, region.omega.last),
-              at_middle = stiffness(system, middle, region.omega.centre()),
+  Dense E = stiffness(system, softest, 0);
+  add_to(E, system.K, least.of_K - 1);
+  add_to(E, system.M, -least.of_M);
+  const Dense at_middle = stiffness(system, middle, region.omega.centre()),
               EQ = multiply(
-                  stiffness(system, softest,
-                            frequency_apart(medium, Q, softest, region.omega.last)),
+                  stiffness(system, softest, frequency_apart(medium, Q, softest, top)),
                   Q);
   Dense QEQ = multiply_transposed(Q, EQ);
   symmetrise(QEQ);
@@ -116,11 +154,11 @@ CellRegion::CellRegion(const MediumModel& medium, const Dense& small,
   Dense Z = beyond;
   add_to(Z, multiply(Q, multiply(of_Q.vectors, shares)), -1);
   Dense of_E = multiply_transposed(Z, multiply(E, Z)),
-        of_A = multiply_transposed(Z, multiply(at_middle, Z));
+        middle_of_Z = multiply_transposed(Z, multiply(at_middle, Z));
   symmetrise(of_E);
-  symmetrise(of_A);
+  symmetrise(middle_of_Z);
   try {
-    Z = multiply(Z, symmetric_eigen(of_A, of_E).vectors);
+    Z = multiply(Z, symmetric_eigen(middle_of_Z, of_E).vectors);
   } catch (const IndefiniteError&) {
     return;
   }
@@ -136,45 +174,60 @@ CellRegion::CellRegion(const MediumModel& medium, const Dense& small,
     return multiply(space, symmetric_eigen(here, stiff).vectors);
   };
   const Dense R = modes_of(Q);
-  RR = between(R, system, R);
-  ZR = between(Z, system, R);
-  ZZ = between(Z, system, Z);
+  of_A.RR = between(R, system, R);
+  of_A.ZR = between(Z, system, R);
+  of_A.ZZ = between(Z, system, Z);
   Dense C_K = couplings.M;
   for (double& x : C_K.data) x *= couplings.sigma;
   Matrices C{C_K, couplings.M};
   C.insert(C.end(), couplings.terms.begin(), couplings.terms.end());
   for (const Dense& c : C) {
-    CR.push_back(multiply(c, R));
-    CZ.push_back(multiply(c, Z));
-    CZ_norms.push_back(spectral_norm(CZ.back()));
+    of_A.CR.push_back(multiply(c, R));
+    of_A.CZ.push_back(multiply(c, Z));
+    CZ_norms.push_back(spectral_norm(of_A.CZ.back()));
     C_sizes.push_back(frobenius_norm(c));
   }
-  Dense C_E = CZ[0]; // CᵀEZ
-  add_to(C_E, CZ[1], -region.omega.last * region.omega.last);
-  const double shift = couplings.sigma - region.omega.last * region.omega.last;
-  double dropped = std::abs(shift) * couplings.dropped_M;
-  std::size_t parameter = 0;
-  for (std::size_t t = 0; t < system.terms.size(); ++t)
-    if (const Law& law = system.terms[t].law; law.is_parameter()) {
-      const double g = law.with("value", softest[parameter++]).at(0).real();
-      add_to(C_E, CZ[2 + t], g);
-      dropped += g * couplings.dropped_terms[t];
-    }
+  Dense C_E = of_A.CZ[0]; // CᵀEZ
+  for (double& x : C_E.data) x *= least.of_K;
+  add_to(C_E, of_A.CZ[1], -least.of_M);
+  double dropped =
+      std::abs(couplings.sigma * least.of_K - least.of_M) * couplings.dropped_M;
+  std::vector<Law> parameters;
+  for (std::size_t t = 0; t < system.terms.size(); ++t) {
+    const Law& law = system.terms[t].law;
+    if (!law.varies()) continue;
+    const double value = softest[place_among(parameters, law)];
+    if (!law.kind().is_stiffness()) continue;
+    const double g = law.with("value", value).at(0).real();
+    add_to(C_E, of_A.CZ[2 + t], g);
+    dropped += std::abs(g) * couplings.dropped_terms[t];
+  }
   Z_size = frobenius_norm(Z);
   chi = spectral_norm(C_E) + dropped * Z_size;
-  for (const Dense& a : ZZ) ZZ_norms.push_back(spectral_norm(a));
+  for (const Dense& a : of_A.ZZ) ZZ_norms.push_back(spectral_norm(a));
   Dense ports = system.B;
   if (!system.outputs_are_inputs) ports = beside(ports, system.C);
   R_ports = multiply_transposed(R, ports);
   if (Q.columns > small.columns) {
     const Dense of_small = modes_of(small);
-    QQ = between(of_small, system, of_small);
-    RQ = between(R, system, of_small);
+    of_A.QQ = between(of_small, system, of_small);
+    of_A.RQ = between(R, system, of_small);
     Q_ports = multiply_transposed(of_small, ports);
   }
   Z_ports = multiply_transposed(Z, ports);
   R_sizes = column_norms(R);
-  holds = chi < 1;
+  if (!is_symmetric(system.terms)) {
+    of_transposed = of_A;
+    const auto transpose_terms = [&](Matrices& all) {
+      for (std::size_t t = 0; t < system.terms.size() && !all.empty(); ++t)
+        if (system.terms[t].law.is_skew())
+          for (double& x : all[2 + t].data) x = -x;
+    };
+    Blocks& b = of_transposed;
+    for (Matrices* all : {&b.RR, &b.ZR, &b.ZZ, &b.CR, &b.CZ, &b.QQ, &b.RQ})
+      transpose_terms(*all);
+  }
+  holds = chi * chi < kept;
 }
 
 } // namespace flexgram

@@ -200,12 +200,13 @@ std::vector<double> diagonal_sizes(const Matrices& matrices,
                                    const std::vector<double>& scale) {
   std::vector<double> sizes;
   for (const Dense& a : matrices) {
-    double sum = 0;
-    for (int i = 0; i < a.rows; ++i) {
-      const double s = scale.empty() ? 1.0 : scale[as_size(i)];
-      sum += s * s * std::abs(a(i, i));
+    const auto s = [&](int i) { return scale.empty() ? 1.0 : scale[as_size(i)]; };
+    double sum = 0, squares = 0;
+    for (int j = 0; j < a.columns; ++j) {
+      sum += s(j) * s(j) * std::abs(a(j, j));
+      for (int i = 0; i < a.rows; ++i) squares += std::pow(s(i) * s(j) * a(i, j), 2);
     }
-    sizes.push_back(std::sqrt(sum));
+    sizes.push_back(std::sqrt(std::max(sum, std::sqrt(squares) * (1 - 1e-9))));
   }
   return sizes;
 }
@@ -233,19 +234,25 @@ CellResidual cell_residual(const CellResponse& of, const CellFactors& factors,
 }
 
 /// y = RᵀP − RᵀAQ x
-CellProduct cell_product(const CellResponse& of, const CellResponse& small,
-                         const CellFactors& factors, const Matrices& matrices,
+CellProduct cell_product(const CellResponse& of, const CellModel& inputs,
+                         const CellModel& outputs, const CellFactors& factors,
                          const Dense& ports, const std::vector<double>& sizes) {
   const auto scaled = [&](Dense rows) {
     for (int j = 0; j < rows.columns; ++j)
       for (int i = 0; i < rows.rows; ++i) rows(i, j) *= of.scale[as_size(i)];
     return rows;
   };
-  Matrices RQ;
-  for (const Dense& matrix : matrices) RQ.push_back(scaled(matrix));
-  const CellResidual in_R = cell_residual(small, factors, RQ, scaled(ports), sizes);
+  const auto residual = [&](const CellModel& model) {
+    Matrices RQ;
+    for (const Dense& matrix : model.matrices) RQ.push_back(scaled(matrix));
+    return cell_residual(model.response, factors, RQ, scaled(ports), sizes);
+  };
+  const CellResidual in_R = residual(inputs);
+  std::optional<CellResidual> of_outputs;
+  if (&outputs.matrices != &inputs.matrices) of_outputs = residual(outputs);
+  const CellResidual& y_of = of_outputs ? *of_outputs : in_R;
   const int p = ports.columns;
-  CellProduct result{{}, column_sums(in_R.y, p), in_R.tails, {}, {}};
+  CellProduct result{{}, column_sums(y_of.y, p), y_of.tails, {}, {}};
   // z + G z = (RᵀAR)⁻¹ y at the centre, by degrees; `left`: what z leaves of it.
   CellSeries start, z;
   for (const auto& [powers, y] : in_R.y) start.emplace(powers, multiply(of.at_centre, y));
@@ -266,7 +273,7 @@ CellProduct cell_product(const CellResponse& of, const CellResponse& small,
     result.z_error[j] =
         (result.z_error[j] + of.of_rest * result.z_size[j] + inverse * in_R.tails[j]) /
         (1 - of.of_G);
-  result.yz = transposed_product(in_R.y, z);
+  result.yz = transposed_product(y_of.y, z);
   return result;
 }
 

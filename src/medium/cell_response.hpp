@@ -61,14 +61,20 @@ struct CellProduct {
   double of(const std::vector<int>& rows, const std::vector<int>& columns) const;
 };
 
-/// (RᵀAR)⁻¹ of the residual y of another model of the same space, with y: nothing if it is not known.
-/// @param small  that model's response. @param matrices, ports  between R and it; RᵀP.
+/// Another model of the same space: its response, and K, M and terms between R and it.
+struct CellModel {
+  const CellResponse& response;
+  const Matrices& matrices;
+};
+/// yᵀ(RᵀAR)⁻¹ of residuals: of inputs with A, and y of outputs with Aᵀ.
+/// @param inputs, outputs  the other model with A and with Aᵀ. @param ports  RᵀP.
 /// @param sizes  what the matrices add up from, scaled on both sides.
-CellProduct cell_product(const CellResponse& of, const CellResponse& small,
-                         const CellFactors& factors, const Matrices& matrices,
+CellProduct cell_product(const CellResponse& of, const CellModel& inputs,
+                         const CellModel& outputs, const CellFactors& factors,
                          const Dense& ports, const std::vector<double>& sizes);
 
-/// Of each matrix √(Σ_i s_i² |A_ii|). @param scale  none: 1
+/// Of each matrix √(Σ_i s_i² |A_ii|), or √‖s A s‖_F where that is more: A may have no sign.
+/// @param scale  none: 1
 std::vector<double> diagonal_sizes(const Matrices& matrices,
                                    const std::vector<double>& scale = {});
 

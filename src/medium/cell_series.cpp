@@ -20,47 +20,44 @@ int degree_of(const Powers& powers) {
   return std::accumulate(powers.begin(), powers.end(), 0);
 }
 
-/// A parameter's law is affine in its value: its slope is the law at a value that lies as far
-/// from the least one as the cell reaches.
 CellFactors::CellFactors(const DenseSystem& system, const Cell& cell)
     : rest(2 + system.terms.size(), 0.0) {
   const Damping& d = system.damping;
   const double omega = cell.omega.centre(), h = cell.omega.half();
   const Complex i(0, 1);
   const auto add = [&](std::size_t matrix, const std::vector<Complex>& in_omega,
-                       std::size_t variable) {
+                       std::size_t variable = 0, int power = 0, double share = 1) {
     for (std::size_t k = 0; k < in_omega.size(); ++k) {
       if (in_omega[k] == 0.0 && k > 0) continue;
       Powers powers(cell.variables(), 0);
       powers[0] = static_cast<int>(k);
-      if (variable > 0) powers[variable] = 1;
+      if (variable > 0) powers[variable] = power;
       auto& here = of[powers];
       here.resize(rest.size(), 0.0);
-      here[matrix] += in_omega[k];
+      here[matrix] += share * in_omega[k];
     }
   };
-  add(0, {1.0 + i * (d.eta + omega * d.beta), i * h * d.beta}, 0);
-  add(1,
-      {i * omega * d.alpha - omega * omega, h * (i * d.alpha - 2 * omega),
-       Complex(-h * h)},
-      0);
-  std::size_t parameter = 0;
+  add(0, {1.0 + i * (d.eta + omega * d.beta), i * h * d.beta});
+  add(1, {i * omega * d.alpha - omega * omega, h * (i * d.alpha - 2 * omega),
+          Complex(-h * h)});
+  std::vector<Law> parameters;
   for (std::size_t t = 0; t < system.terms.size(); ++t) {
+    constexpr int degree = 2;
     const Law& law = system.terms[t].law;
-    const auto series = [&](const Law& of_value, std::size_t variable) {
-      constexpr int degree = 2;
-      const LawSeries g = of_value.series(cell.omega, degree);
-      add(2 + t, g.coefficients, variable);
+    if (!law.varies()) {
+      const LawSeries g = law.series(cell.omega, degree);
+      add(2 + t, g.coefficients);
       rest[2 + t] += g.rest;
-    };
-    if (!law.is_parameter()) {
-      series(law, 0);
       continue;
     }
-    const Interval& values = cell.values[parameter++];
-    series(law.with("value", values.centre()), 0);
-    if (values.half() > 0)
-      series(law.with("value", law.number("least") + values.half()), parameter);
+    const std::size_t place = place_among(parameters, law);
+    const LawSeries g = law.with("value", law.number("most")).series(cell.omega, degree);
+    const std::vector<double> shares = law.shares(cell.values[place]);
+    for (std::size_t k = 0; k < shares.size(); ++k) {
+      if (k > 0 && shares[k] == 0) continue;
+      add(2 + t, g.coefficients, 1 + place, static_cast<int>(k), shares[k]);
+      rest[2 + t] += std::abs(shares[k]) * g.rest;
+    }
   }
 }
 

@@ -20,6 +20,7 @@ Certificate::Couplings Certificate::couplings(const DenseSystem& system,
   const double sigma = shifts_.sigma, kappa = shifts_.kappa, both = 1 + kappa * sigma;
   Couplings of;
   of.sigma = sigma;
+  of.softening = softening_;
   of.provable = provable_;
   const Dense K = transpose(parts_.K); // k × N in the coordinates U
   of.M = Dense(K.rows, N);

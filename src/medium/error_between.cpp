@@ -90,7 +90,8 @@ void ErrorBetween::prove(const Cell& region, int depth, double share,
 
 double ErrorBetween::work_of_a_cell() const {
   const double r = Q_.columns, z = Q_.rows - Q_.columns, p = couplings_.ports.columns;
-  return 400 * r * r * r + 100 * z * r * (r + p) + 100 * z * p * (z + p);
+  const double sides = is_symmetric(medium_.system.terms) ? 1 : 2;
+  return sides * (400 * r * r * r + 100 * z * r * (r + p) + 100 * z * p * (z + p));
 }
 double ErrorBetween::work_of_a_region() const { return 60 * std::pow(Q_.rows, 3); }
 

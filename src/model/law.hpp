@@ -53,6 +53,9 @@ public:
   /// The parameter that g depends on, known between two numbers `least` and `most`, with a `value`
   /// now; empty: none. @param term  the name of T.
   virtual std::string parameter(const std::string& /*term*/) const { return {}; }
+  /// Coefficients of t^k in g over g at the most, the parameter being centre + half t: what it is of
+  /// the parameter, whatever ω.
+  virtual std::vector<double> shares(const Interval& /*values*/) const { return {1.0}; }
   /// The frequencies at which g is known.
   virtual Interval known() const;
   virtual LawNumbers numbers() const { return {}; }
@@ -104,6 +107,9 @@ public:
   /// The parameter that g depends on; empty: none.
   std::string parameter() const { return kind_->parameter(name_); }
   bool varies() const { return !parameter().empty(); }
+  std::vector<double> shares(const Interval& values) const {
+    return kind_->shares(values);
+  }
   /// Whether a stiffness is itself what is known between two numbers only.
   bool is_parameter() const { return kind_name_ == "parameter"; }
   /// A number that the law has one of. @pre it has.

@@ -22,6 +22,10 @@ public:
   double largest(double omega) const override { return omega * speed_ * (1 + 1e-15); }
   bool is_skew() const override { return true; }
   std::string parameter(const std::string& /*term*/) const override { return "speed"; }
+  std::vector<double> shares(const Interval& values) const override {
+    const double most = numbers_.at("most").front();
+    return {values.centre() / most, values.half() / most};
+  }
   LawNumbers numbers() const override { return numbers_; }
   std::string words() const override {
     return text("gyroscopic forces at speeds from %g to %g rad/s",

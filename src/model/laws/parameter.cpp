@@ -35,6 +35,10 @@ public:
   }
   bool is_stiffness() const override { return true; }
   std::string parameter(const std::string& term) const override { return term; }
+  std::vector<double> shares(const Interval& values) const override {
+    return {(values.centre() - least_) / (most_ - least_),
+            values.half() / (most_ - least_)};
+  }
   LawNumbers numbers() const override { return numbers_; }
   std::string words() const override {
     return text("a parameter from %g to %g", least_, most_);

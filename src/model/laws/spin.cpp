@@ -25,6 +25,12 @@ public:
   bool is_semidefinite() const override { return false; }
   bool is_stiffness() const override { return true; }
   std::string parameter(const std::string& /*term*/) const override { return "speed"; }
+  std::vector<double> shares(const Interval& values) const override {
+    const double c = values.centre(), h = values.half(),
+                 most = numbers_.at("most").front(),
+                 all = (most - least_) * (most + least_);
+    return {(c - least_) * (c + least_) / all, 2 * c * h / all, h * h / all};
+  }
   LawNumbers numbers() const override { return numbers_; }
   std::string words() const override {
     return text("stiffness of spin at speeds from %g to %g rad/s", least_,

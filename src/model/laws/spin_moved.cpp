@@ -23,6 +23,13 @@ public:
   }
   bool is_stiffness() const override { return true; }
   std::string parameter(const std::string& /*term*/) const override { return "speed"; }
+  std::vector<double> shares(const Interval& values) const override {
+    const double c = values.centre(), h = values.half(), c2 = c * c, h2 = h * h,
+                 most = numbers_.at("most").front(), l2 = least_ * least_,
+                 all = (most - least_) * (most + least_) * (most * most + l2);
+    return {(c - least_) * (c + least_) * (c2 + l2) / all, 4 * c2 * c * h / all,
+            6 * c2 * h2 / all, 4 * c * h2 * h / all, h2 * h2 / all};
+  }
   LawNumbers numbers() const override { return numbers_; }
   std::string words() const override {
     return text("moved geometry at speeds from %g to %g rad/s", least_,
