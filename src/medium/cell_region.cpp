@@ -12,8 +12,10 @@ namespace {
 Matrices between(const Dense& left, const DenseSystem& system, const Dense& right) {
   Matrices all{multiply_transposed(left, multiply(system.K, right)),
                multiply_transposed(left, multiply(system.M, right))};
-  for (const auto& [law, T] : system.terms)
+  for (const auto& [law, T] : system.terms) {
     all.push_back(multiply_transposed(left, multiply(T, right)));
+    if (&left == &right && law.is_skew()) symmetrise(all.back(), Symmetry::skew);
+  }
   return all;
 }
 
@@ -165,6 +167,12 @@ CellRegion::CellRegion(const MediumModel& medium, const Dense& small,
   if (!std::all_of(Z.data.begin(), Z.data.end(),
                    [](double z) { return std::isfinite(z); }))
     return;
+  Dense off = multiply_transposed(Z, multiply(E, Z)); // rounding of the eigenvectors
+  for (int i = 0; i < off.rows; ++i) off(i, i) -= 1;
+  constexpr double most = 1e-6;
+  const double away = frobenius_norm(off);
+  if (!(away <= most)) return;
+  for (double& z : Z.data) z *= 1 + away; // ZᵀEZ >= I
   const auto modes_of = [&](const Dense& space) {
     Dense stiff = system.K;
     add_to(stiff, system.M, medium.tau);

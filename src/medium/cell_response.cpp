@@ -218,10 +218,11 @@ CellResidual cell_residual(const CellResponse& of, const CellFactors& factors,
   const CellSeries A = scaled_columns(series_of(matrices, factors), of.scale);
   const std::vector<double> port_norms = column_norms(ports), largest = factors.largest();
   double off = 0; // what A is not known by
-  for (std::size_t m = 0; m < matrices.size(); ++m)
-    off += factors.rest[m] *
-               frobenius_norm(scaled_columns(complex_of(matrices[m]), of.scale)) +
-           cell_rounding * largest[m] * sizes[m];
+  for (std::size_t m = 0; m < matrices.size(); ++m) {
+    const double size = frobenius_norm(scaled_columns(complex_of(matrices[m]), of.scale));
+    off += factors.rest[m] * size +
+           cell_rounding * largest[m] * std::max(sizes[m], size * (1 - 1e-9));
+  }
   result.at_centre = A.begin()->second;
   result.norm = sum_of_norms(A) + off;
   result.moved = result.norm - spectral_norm(result.at_centre);

@@ -167,8 +167,8 @@ public:
   /// coordinates make E⁻¹ the identity: columns are those of a diagonal system of V.
   struct Couplings {
     Dense ports, M; ///< k × ports in their units, k × N; K couples σ times what M does
-    std::vector<Dense> terms;          ///< k × N
-    double sigma = 0;                  ///< ω_c²
+    std::vector<Dense> terms; ///< k × N
+    double sigma = 0;         ///< ω_c²
     Softening softening = {};
     std::vector<double> dropped_ports; ///< norms of what these do not hold, at most
     double dropped_M = 0;              ///< Frobenius

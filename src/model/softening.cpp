@@ -141,10 +141,11 @@ std::optional<Softening> of_gyroscopic_forces(const SecondOrderModel& body,
 }
 
 /// What a spin takes from the stiffness, S being what it adds at the most speed. M_c is no larger
-/// than M, and compressive stress takes a share of K about as large as the strain.
-/// @param square  [rad²/s²] of the most speed less that of the least.
+/// than M, and compressive stress takes a share of K about as large as the strain. What is taken at most
+/// is positive, so that a slower spin takes a share of it.
+/// @param square  [rad²/s²] of the most speed less that of the least. @param tau  K + τM is positive.
 std::optional<Softening> of_spin(const SecondOrderModel& body, Mat S, double square,
-                                 const SolverOptions& options) {
+                                 double tau, const SolverOptions& options) {
   ShiftedSolver solver(body.K, body.M, {S}, body.node, counting(options));
   solver.count_pivots(true);
   constexpr double rounding = 1e-6;
@@ -163,8 +164,9 @@ std::optional<Softening> of_spin(const SecondOrderModel& body, Mat S, double squ
                                         {10, 0.2},
                                         {30, 0.3},
                                         {100, 0.5}})
-    if (is_positive(solver, of_K, of_square * square))
-      return Softening{0, 0, of_square * square, of_K};
+    if (const double mass = std::max(of_square * square, of_K * tau);
+        is_positive(solver, of_K, mass))
+      return Softening{0, 0, mass, of_K};
   return std::nullopt;
 }
 
@@ -213,7 +215,7 @@ Softening softening_of(const SecondOrderModel& body, double omega, double tau,
   for (const auto& [law, matrix] : body.terms)
     if (!law.is_skew() && !law.is_semidefinite())
       square = std::max(square, law.with("value", law.number("most")).at(0).real());
-  const auto found = of_spin(body, S, square, options);
+  const auto found = of_spin(body, S, square, tau, options);
   if (!found)
     throw Error(text("the spin takes more from the stiffness than a hundred times the "
                      "square of its largest speed, %.3g (rad/s)², times the mass: is the "
