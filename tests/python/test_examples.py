@@ -57,6 +57,19 @@ def test_rubber_mounts(tmp_path: Path) -> None:
     assert (tmp_path / "mounts.svg").stat().st_size > 10_000
 
 
+def test_turning_blade(tmp_path: Path) -> None:
+    out = example("turning_blade.py", tmp_path)
+    assert number(r"any speed up to 3000 rpm: (\S+) at most, certified", out) <= 1e-3
+    # Euler and Bernoulli, clamped: (1.8751/l)² √(EI/ρA); at 3000 rpm the spin stiffens it.
+    still = 1.8751**2 / 0.4**2 * np.sqrt(210e9 * 0.006**2 / 12 / 7850) / (2 * np.pi)
+    assert number(r"\n0 rpm: (\S+),", out) == pytest.approx(still, rel=5e-3)
+    assert number(r"\n3000 rpm: (\S+),", out) > 2 * still
+    crossing = number(r"2 times the speed: (\S+) rpm", out) / 60 * 2
+    assert still < crossing < 1.5 * still
+    assert number(r"differs by (\S+) at most", out) <= 1e-3
+    assert (tmp_path / "blade.svg").stat().st_size > 10_000
+
+
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="ccx is not installed")
 def test_calculix_part(tmp_path: Path) -> None:
     pytest.importorskip("gmsh")

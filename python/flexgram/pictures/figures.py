@@ -459,10 +459,13 @@ def campbell(
     if band is not None:
         axes.axhspan(*np.asarray(band) * HZ, color="#888888", alpha=0.12, lw=0, label="band")
     scale = matplotlib.colors.Normalize(-1, 1)
+    senses = matplotlib.colors.LinearSegmentedColormap.from_list(
+        "senses", ["#2166ac", FULL, "#b2182b"]
+    )
     for k in range(hz.shape[1]):
         axes.plot(rpm, hz[:, k], color="#bbbbbb", lw=0.8, zorder=1)
         points = axes.scatter(
-            rpm, hz[:, k], c=diagram.whirl[:, k], cmap="coolwarm", norm=scale, s=9, zorder=2
+            rpm, hz[:, k], c=diagram.whirl[:, k], cmap=senses, norm=scale, s=9, zorder=2
         )
     top = 1.05 * np.nanmax(hz)
     for order in orders:
