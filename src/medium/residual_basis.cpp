@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 namespace flexgram {
 namespace {
@@ -114,24 +115,31 @@ Span span_of(MPI_Comm comm, Basis T, Basis S, const std::vector<const Dense*>& p
         std::max(1e-15 * q * eigen.values.back(), may_be_lost * may_be_lost);
     int r = 0;
     while (r < q && eigen.values[as_size(q - 1 - r)] > least) ++r;
-    if (r == 0) break;
-    Dense combination(q, r);
-    for (int j = 0; j < r; ++j)
-      for (int i = 0; i < q; ++i) {
-        const double d = size[as_size(i)];
-        combination(i, j) = d > 0 ? eigen.vectors(i, q - 1 - j) /
+    const auto strongest = [&](int count) -> std::optional<Block> {
+      Dense combination(q, count);
+      for (int j = 0; j < count; ++j)
+        for (int i = 0; i < q; ++i) {
+          const double d = size[as_size(i)];
+          combination(i, j) = d > 0
+                                  ? eigen.vectors(i, q - 1 - j) /
                                         (d * std::sqrt(eigen.values[as_size(q - 1 - j)]))
                                   : 0.0;
+        }
+      Block found = combine(S, combination);
+      for (int twice = 0; twice < 2; ++twice) { // orthonormal to working accuracy
+        if (span.T) add_product(found, -1.0, span.T, inner(span.T, found));
+        Dense l = inner(found, found);
+        symmetrise(l);
+        share_from_first(comm, l.data);
+        if (cholesky(l) != 0) return std::nullopt;
+        found = combine(found, inverse_transposed(l));
       }
-    Block found = combine(S, combination);
-    for (int twice = 0; twice < 2; ++twice) { // orthonormal to working accuracy
-      if (span.T) add_product(found, -1.0, span.T, inner(span.T, found));
-      Dense l = inner(found, found);
-      symmetrise(l);
-      share_from_first(comm, l.data);
-      if (cholesky(l) != 0) throw Error("the parts of the residual have no basis");
-      found = combine(found, inverse_transposed(l));
-    }
+      return found;
+    };
+    std::optional<Block> block;
+    while (r > 0 && !(block = strongest(r))) r /= 2; // the weak ones are rounding
+    if (r == 0) break;
+    Block found = std::move(*block);
     Dense more(r, q);
     S.for_each([&](Block& piece, int first) {
       const Dense c = inner(found, piece);
