@@ -140,26 +140,41 @@ std::string unmet_words(const BandClaim& claim) {
   return words;
 }
 
-/// Gyroscopic forces may hold a body that is unstable without them, or may not.
-void tell_stability(const CutStory& cut, Observer& observer) {
+/// Gyroscopic forces may hold a body that is unstable without them, or may not; at each of the
+/// parameters' values that the claim is of.
+void tell_stability(const CutStory& cut, const ReducedModel& rom, Observer& observer) {
   constexpr double rounding = 1e-9;
   const auto of_rates = [](const auto& term) { return term.law.is_of_rates(); };
-  if (is_symmetric(cut.small.terms) || cut.small.damping.eta > 0 ||
-      !std::all_of(cut.small.terms.begin(), cut.small.terms.end(), of_rates))
-    return;
-  const DenseResponse response(cut.small, cut.whole.tau);
-  std::vector<double> worst{0, 0};                         // [1/s] growth, [rad/s]
-  for (const std::complex<double>& pole : poles(response)) // motion is exp(iωt)
-    if (-pole.imag() > std::max(worst[0], rounding * std::abs(pole)))
-      worst = {-pole.imag(), std::abs(pole.real())};
+  const bool may_be_unstable =
+      !is_symmetric(cut.small.terms) || !are_semidefinite(cut.small.terms);
+  if (!may_be_unstable || cut.small.damping.eta > 0) return;
+  std::vector<ParameterValues> all = rom.claim.supremum->values;
+  if (all.empty()) all.emplace_back();
+  std::vector<double> worst{0, 0, 0}; // [1/s] growth, [rad/s], at which values
+  double softest = 0;
+  for (std::size_t k = 0; k < all.size(); ++k) {
+    const DenseResponse response(cut.small.at(all[k]).stiffened(), cut.whole.tau);
+    const auto& terms = response.system().terms;
+    if (!std::all_of(terms.begin(), terms.end(), of_rates)) return;
+    const double least =
+        *std::min_element(response.lambda().begin(), response.lambda().end());
+    softest = std::min(softest, least);
+    std::vector<std::complex<double>> found = poles(response); // motion is exp(iωt)
+    if (terms.empty() && least < 0) found.emplace_back(0, -std::sqrt(-least)); // about
+    for (const std::complex<double>& pole : found)
+      if (-pole.imag() > std::max(worst[0], rounding * std::abs(pole)))
+        worst = {-pole.imag(), std::abs(pole.real()), static_cast<double>(k)};
+  }
   share_from_first(cut.whole.body.comm, worst);
-  const double softest =
-      *std::min_element(response.lambda().begin(), response.lambda().end());
+  const std::vector<Law> parameters = parameters_of(cut.small.terms);
+  const ParameterValues& values = all[static_cast<std::size_t>(worst[2])];
   if (worst[0] > 0)
     observer.warn(
-        text("the reduced body is unstable: a motion of %.4g Hz grows by e in %.3g s. "
-             "H is what the equations give, no vibration that lasts",
-             worst[1] * hz, 1 / worst[0]));
+        text("the reduced body is unstable%s%s: a motion of %.4g Hz grows by e in %.3g "
+             "s. H is what the equations give, no vibration that lasts",
+             values.empty() ? "" : " with ",
+             values.empty() ? "" : words_of(parameters, values).c_str(), worst[1] * hz,
+             1 / worst[0]));
   else if (softest < 0)
     observer.fact("stability",
                   "K has negative eigenvalues; gyroscopic forces hold the reduced "
@@ -300,7 +315,7 @@ void warn_of_unmet(const CutStory& cut, const ReducedModel& rom, Observer& obser
 
 void tell_error(const CutStory& cut, const ReducedModel& rom, Observer& observer) {
   tell_supremum(cut, rom, observer);
-  tell_stability(cut, observer);
+  tell_stability(cut, rom, observer);
   tell_rounding(cut, rom, observer);
   tell_kinds(cut, rom, observer);
   tell_fields(rom, observer);

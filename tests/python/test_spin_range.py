@@ -244,8 +244,8 @@ def test_the_same_shaft_in_both_frames(tmp_path: Path) -> None:
     said = run(
         *("reduce", "-body", tmp_path / "turning.h5", "-mor_band_hz", "1,200", *ports),
         *("-mor_tol", "1e-3", "-mor_out", tmp_path / "rom.h5"),
-    ).out
-    told = next(line for line in said.splitlines() if "critical speed" in line)
+    )
+    told = next(line for line in said.out.splitlines() if "critical speed" in line)
     assert abs(float(told.split("about")[1].split()[0]) / first - 1) < 0.01
     rom = ReducedModel.load(tmp_path / "rom.h5")
     assert rom.kind == "certified"
@@ -258,7 +258,13 @@ def test_the_same_shaft_in_both_frames(tmp_path: Path) -> None:
         np.testing.assert_allclose(np.sort(found.omega[i]), expected, rtol=2e-3)
     (critical,) = found.critical((0.0,))
     assert abs(critical.speed / first - 1) < 2e-3
-    assert np.all(found.damping > 0) or first < 700  # damping of the frame that turns
+    # Damping that turns with the shaft makes forward whirl grow beyond the critical speed.
+    assert np.all(found.growth[found.speeds < 0.98 * first] < 0)
+    assert np.all(found.growth[found.speeds > 1.02 * first] > 0)
+    assert "is unstable with speed = 700" in said.out + said.err
+    grows = run("campbell", tmp_path / "rom.h5").out
+    speed = float(grows.split("unstable: at ")[1].split()[0])
+    assert first < speed < 1.05 * first
 
 
 @pytest.mark.parametrize(
