@@ -366,9 +366,14 @@ void add_spin(SecondOrderModel& model, const SpinRange& spin, Matrix* parts,
     FG_CALL(MatAXPY(model.K, least, S, DIFFERENT_NONZERO_PATTERN));
     FG_CALL(MatAXPY(model.K, least * least, moved, DIFFERENT_NONZERO_PATTERN));
   }
-  model.terms.push_back({Law("spin", "spin", speeds), std::move(S)});
+  const auto of_power = [&](double power) {
+    LawNumbers numbers = speeds;
+    numbers["power"] = {power};
+    return numbers;
+  };
+  model.terms.push_back({Law("spin", "spin", of_power(2)), std::move(S)});
   if (size > 0)
-    model.terms.push_back({Law("spin_moved", "spin_moved", speeds), std::move(moved)});
+    model.terms.push_back({Law("spin_moved", "spin", of_power(4)), std::move(moved)});
 }
 
 } // namespace

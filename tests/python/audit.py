@@ -96,7 +96,7 @@ class Case:
         if self.speeds:
             known = {name: getattr(s, name) for name in ("alpha", "beta", "eta", "S")}
             terms = [
-                (T, law.kind, value, *(() if law.kind == "coriolis" else (law.least,)))
+                (T, law.kind, value, *(() if law.kind == "coriolis" else (law.least, law.power)))
                 for T, law in self.speeds.values()
             ]
             return System(s.K, s.M, s.B, s.C, s.D, terms=[*s.terms, *terms], **known)
@@ -125,8 +125,8 @@ class Case:
             if law.kind == "coriolis":
                 D = D + LONG(value) * np.asarray(T, LONG)
             else:
-                power = 2 if law.kind == "spin" else 4
-                K = K + (LONG(value) ** power - LONG(law.least) ** power) * np.asarray(T, LONG)
+                beyond = LONG(value) ** law.power - LONG(law.least) ** law.power
+                K = K + beyond * np.asarray(T, LONG)
         known = {name: getattr(s, name) for name in ("beta", "eta", "S", "terms", "alpha")}
         if s.beta or s.eta:  # of K at the least speed
             D, S = D + LONG(s.beta) * np.asarray(s.K, LONG), LONG(s.eta) * np.asarray(s.K, LONG)
@@ -312,7 +312,7 @@ def _speeds(rng: np.random.Generator, K: Any, M: Any, top: float) -> Any:
     }
     if rng.random() < 0.5:
         moved = _losses(rng, K, 10.0 ** rng.uniform(-3, 0)) / most**4
-        terms["moved"] = (moved, flexgram.spin_moved(least, most))
+        terms["moved"] = (moved, flexgram.spin(least, most, power=4))
     return terms
 
 

@@ -43,14 +43,9 @@ def _parameter(i: Any, w: Any, p: Any, least: Any, slope: Any, loss: Any, beta: 
     return slope * (one * p - one * least) * (1 + i * (loss + beta * w))
 
 
-def _spin(i: Any, w: Any, speed: Any, least: Any) -> Any:
+def _spin(i: Any, w: Any, speed: Any, least: Any, power: int) -> Any:
     one = 1 + 0 * w
-    return (one * speed) ** 2 - (one * least) ** 2
-
-
-def _spin_moved(i: Any, w: Any, speed: Any, least: Any) -> Any:
-    one = 1 + 0 * w
-    return (one * speed) ** 4 - (one * least) ** 4
+    return (one * speed) ** power - (one * least) ** power
 
 
 def _coriolis(i: Any, w: Any, speed: Any) -> Any:
@@ -62,7 +57,6 @@ _LAWS = {
     "table": _table,
     "parameter": _parameter,
     "spin": _spin,
-    "spin_moved": _spin_moved,
     "coriolis": _coriolis,
 }
 
@@ -86,7 +80,7 @@ class System:
     output_eta: Any = 0.0
     S: Any = None  #: the imaginary part of the stiffness
     #: g(ω)T in addition: (T, "prony", g, tau), (T, "table", omega, storage, loss) or
-    #: (T, "parameter", p, least, slope, loss, beta), (T, "spin" or "spin_moved", speed, least),
+    #: (T, "parameter", p, least, slope, loss, beta), (T, "spin", speed, least, power),
     #: (T, "coriolis", speed)
     terms: Any = ()
 

@@ -11,7 +11,7 @@ import meshio
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from test_preload import CLAMPED, RHO, STEEL, E, line
+from test_preload import CLAMPED, RHO, STEEL, E, import_beam, line
 
 import flexgram
 from bodies import box
@@ -147,16 +147,13 @@ def test_flap_of_a_beam_over_its_speeds(ranks: int, tmp_path: Path) -> None:
     """Wright et al. 1982, speeds 6 and 12; of one reduced body. Another mode passes near."""
     side, length = 0.02, 1.0
     unit = np.sqrt(E * side**2 / 12 / RHO) / length**2
-    content = {
-        "materials": STEEL,
-        "sections": {"bar": {"shape": "rectangle", "width": side, "height": side}},
-        "regions": {"all": {"material": "steel", "section": "bar"}},
-        "interfaces": {"end": {"coupling": "node", "nodes": "end"}},
-        "supports": {"clamp": {"nodes": "start", "components": CLAMPED}},
-        "damping": {"alpha": 1.0},
-        "spin": {"axis": [0, 0, 1], "rpm": [0, 12 * unit * 30 / np.pi]},
-    }
-    import_description(content, "beam", tmp_path / "body.h5", mesh=line(40, 0, length))
+    import_beam(
+        tmp_path / "body.h5",
+        line(40, 0, length),
+        side,
+        damping={"alpha": 1.0},
+        spin={"axis": [0, 0, 1], "rpm": [0, 12 * unit * 30 / np.pi]},
+    )
     run(
         *("reduce", "-body", tmp_path / "body.h5", "-mor_band_hz", f"1,{9 * unit / TWO_PI}"),
         *("-mor_outputs", "end.fy,end.fz", "-mor_inputs", "end.fy,end.fz", "-mor_tol", "1e-3"),
@@ -359,7 +356,9 @@ def test_speeds_that_do_not_fit_each_other(tmp_path: Path) -> None:
     )
     with pytest.raises(BodyError, match="coriolis is not skew"):
         flexgram.reduce(matrices, (0.2, 1.0), 1e-3)
-    for make in (flexgram.spin, flexgram.coriolis, flexgram.spin_moved):
+    with pytest.raises(BodyError, match="power 3 must be 2 or 4"):
+        flexgram.spin(0, 3, power=3)
+    for make in (flexgram.spin, flexgram.coriolis):
         with pytest.raises(BodyError, match="must rise from 0"):
             make(5, 3)
         with pytest.raises(BodyError, match="must be from 1 to 3"):

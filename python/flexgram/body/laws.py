@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, ClassVar, Self
 
@@ -177,9 +177,16 @@ class Varying(Law):
 
 @dataclass(frozen=True)
 class Spin(Varying):
-    """Ω² - least²: what a spin adds to the stiffness, seen in the frame that turns with the body.
-    K holds it at the least speed; T is it at 1 rad/s."""
+    """Ω^power - least^power: what a spin adds to the stiffness, seen in the frame that turns. K
+    holds it at the least speed; T is it at 1 rad/s.
 
+    Attributes
+    ----------
+    power : int
+        2: stress and softening. 4: moved geometry, at second order.
+    """
+
+    power: int = 2
     kind = "spin"
 
     def parameter(self, term: str) -> str:
@@ -192,31 +199,8 @@ class Spin(Varying):
     @property
     def stiffness(self) -> float:
         """Of T, beside K."""
-        return (self.value - self.least) * (self.value + self.least)
-
-    def at(self, omega: ArrayLike) -> ComplexArray:
-        g: ComplexArray = np.full(np.shape(omega), self.stiffness, dtype=np.complex128)
-        return g
-
-
-@dataclass(frozen=True)
-class SpinMoved(Varying):
-    """Ω⁴ - least⁴: what the geometry that a spin has moved adds to the stiffness, beyond ``Spin``.
-    K holds it at the least speed; T is it at 1 rad/s."""
-
-    kind = "spin_moved"
-
-    def parameter(self, term: str) -> str:
-        return SPEED
-
-    @property
-    def words(self) -> str:
-        return f"moved geometry of spin, from {self.least:g} to {self.most:g} rad/s"
-
-    @property
-    def stiffness(self) -> float:
-        """Of T, beside K."""
-        return self.value**4 - self.least**4
+        squares = (self.value - self.least) * (self.value + self.least)
+        return squares * (self.value**2 + self.least**2) if self.power == 4 else squares
 
     def at(self, omega: ArrayLike) -> ComplexArray:
         g: ComplexArray = np.full(np.shape(omega), self.stiffness, dtype=np.complex128)
@@ -419,7 +403,7 @@ def _speeds(law: str, least: float, most: float, value: float | None) -> list[fl
     return [float(least), float(most), float(value)]
 
 
-def spin(least: float, most: float, value: float | None = None) -> Spin:
+def spin(least: float, most: float, value: float | None = None, *, power: int = 2) -> Spin:
     """The law Ω² - least² of what a spin adds to the stiffness, in the frame that turns.
 
     The term's matrix T is that at Ω = 1 rad/s: the stress stiffness of the centrifugal load less
@@ -432,6 +416,8 @@ def spin(least: float, most: float, value: float | None = None) -> Spin:
         Ω is between these [rad/s].
     value : float, optional
         What it is unless something else is said; default the most.
+    power : int
+        4: Ω⁴ - least⁴, of what moved geometry adds at second order; T is positive semidefinite.
 
     Raises
     ------
@@ -443,31 +429,9 @@ def spin(least: float, most: float, value: float | None = None) -> Spin:
     >>> flexgram.spin(0, 100).at(0.0) # at 100 rad/s
     array(10000.+0.j)
     """
-    return Spin(*_speeds("spin", least, most, value))
-
-
-def spin_moved(least: float, most: float, value: float | None = None) -> SpinMoved:
-    """The law Ω⁴ - least⁴ of what the geometry that a spin has moved adds to the stiffness.
-
-    The term's matrix T is that at Ω = 1 rad/s, positive semidefinite; what is proportional to Ω²
-    belongs to ``spin``. K holds it at the least speed.
-
-    Parameters
-    ----------
-    least, most, value : float
-        As of ``spin``.
-
-    Raises
-    ------
-    BodyError
-        For other numbers.
-
-    Examples
-    --------
-    >>> flexgram.spin_moved(0, 10).at(0.0) # at 10 rad/s
-    array(10000.+0.j)
-    """
-    return SpinMoved(*_speeds("spin_moved", least, most, value))
+    if power not in (2, 4):
+        raise BodyError(f"spin: power {power} must be 2 or 4")
+    return Spin(*_speeds("spin", least, most, value), power=power)
 
 
 def coriolis(least: float, most: float, value: float | None = None) -> Coriolis:
@@ -518,8 +482,9 @@ def _firsts(numbers: Sequence[Any]) -> list[float]:
     return [float(np.asarray(number).ravel()[0]) for number in numbers]
 
 
-def _of_numbers(make: Callable[..., Law]) -> Callable[..., Law]:
-    return lambda *numbers: make(*_firsts(numbers))
+def _spin_of(*numbers: Any) -> Spin:
+    least, most, value, power = _firsts(numbers)
+    return spin(least, most, value, power=int(power))
 
 
 def _parameter_of(*numbers: Any) -> Parameter:
@@ -540,9 +505,8 @@ def law_of(kind: str, numbers: Mapping[str, Any], where: str) -> Law:
         "prony": (Prony, prony),
         "table": (Table, table),
         "parameter": (Parameter, _parameter_of),
-        "spin": (Spin, _of_numbers(spin)),
-        "spin_moved": (SpinMoved, _of_numbers(spin_moved)),
-        "coriolis": (Coriolis, _of_numbers(coriolis)),
+        "spin": (Spin, _spin_of),
+        "coriolis": (Coriolis, lambda *numbers: coriolis(*_firsts(numbers))),
     }
     if kind not in known:
         raise BodyError(f"{where}: law {kind} must be one of {', '.join(known)}")
@@ -572,7 +536,7 @@ def with_terms(
             raise BodyError(
                 f"term {name}: expected (matrix, law), a law being flexgram.loss(eta), viscous(), "
                 "prony(g, tau), table(omega, storage, loss), parameter(least, most), "
-                "spin(least, most), spin_moved(least, most) or coriolis(least, most)"
+                "spin(least, most) or coriolis(least, most)"
             )
         matrix, law = given
         if isinstance(law, Viscous):

@@ -11,7 +11,7 @@ import scipy.linalg
 from numpy.typing import ArrayLike
 
 from flexgram.basics import BodyError, ComplexArray, Floats
-from flexgram.body.laws import Coriolis, Parameter, Prony, Spin, SpinMoved, Term, Varying, law_of
+from flexgram.body.laws import Coriolis, Parameter, Prony, Spin, Term, Varying, law_of
 from flexgram.model.file import port_names
 from flexgram.model.internal_states import InternalStates
 from flexgram.model.kinds import ports_of
@@ -223,7 +223,7 @@ class System:
             if isinstance(law, Coriolis):
                 D = D + law.value * term.matrix
                 continue
-            assert isinstance(law, (Parameter, Spin, SpinMoved))
+            assert isinstance(law, (Parameter, Spin))
             stiffer = law.stiffness * term.matrix
             K = K + stiffer
             if not isinstance(law, Parameter):
