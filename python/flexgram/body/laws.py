@@ -431,7 +431,8 @@ def spin(least: float, most: float, value: float | None = None, *, power: int = 
     """
     if power not in (2, 4):
         raise BodyError(f"spin: power {power} must be 2 or 4")
-    return Spin(*_speeds("spin", least, most, value), power=power)
+    first, last, now = _speeds("spin", least, most, value)
+    return Spin(first, last, now, power)
 
 
 def coriolis(least: float, most: float, value: float | None = None) -> Coriolis:
