@@ -53,10 +53,10 @@ LongComplex value(const Law& law, double omega) {
   std::size_t k = 0;
   while (at[k + 1] <= omega) ++k;
   const Long t = (w - static_cast<Long>(at[k])) / static_cast<Long>(at[k + 1] - at[k]);
-  const auto between = [&](const std::vector<double>& y) {
+  const auto interpolated = [&](const std::vector<double>& y) {
     return (1 - t) * static_cast<Long>(y[k]) + t * static_cast<Long>(y[k + 1]);
   };
-  return {between(storage), between(loss)};
+  return {interpolated(storage), interpolated(loss)};
 }
 
 std::vector<Interval> intervals() {

@@ -47,7 +47,7 @@ class Campbell:
         Natural frequencies [rad/s]: the imaginary parts of poles. A column follows one mode; NaN
         where it does not vibrate.
     damping : (s, k) array
-        Damping ratios, -Re p/|p| of a pole p; negative where a motion grows.
+        Damping ratios, ``-Re p/|p|`` of a pole p; negative where a motion grows.
     whirl : (s, k) array
         From 1 (the points move on circles, forward: in the sense of the spin) over 0 (on lines) to
         -1 (backward).
