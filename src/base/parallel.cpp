@@ -184,6 +184,20 @@ template std::vector<std::int64_t> exchange_rows(MPI_Comm, RowRange,
                                                  std::span<const std::int64_t>, PetscInt,
                                                  PetscInt, RowRange, PetscInt);
 
+template <class T>
+std::vector<T> gathered(MPI_Comm comm, std::span<const T> mine) {
+  const int count = static_cast<int>(mine.size() * sizeof(T));
+  std::vector<int> counts(as_size(comm_size(comm))), starts(counts.size() + 1, 0);
+  MPI_Allgather(&count, 1, MPI_INT, counts.data(), 1, MPI_INT, comm);
+  std::partial_sum(counts.begin(), counts.end(), starts.begin() + 1);
+  std::vector<T> all(as_size(starts.back()) / sizeof(T));
+  MPI_Allgatherv(mine.data(), count, MPI_BYTE, all.data(), counts.data(), starts.data(),
+                 MPI_BYTE, comm);
+  return all;
+}
+template std::vector<double> gathered(MPI_Comm, std::span<const double>);
+template std::vector<std::int64_t> gathered(MPI_Comm, std::span<const std::int64_t>);
+
 double sum_over(MPI_Comm comm, double value) {
   double sum = 0;
   MPI_Allreduce(&value, &sum, 1, MPI_DOUBLE, MPI_SUM, comm);

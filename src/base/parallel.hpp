@@ -99,6 +99,10 @@ std::vector<T> exchange_rows(MPI_Comm comm, RowRange offered, std::span<const T>
                              PetscInt columns, PetscInt first_column, RowRange wanted,
                              PetscInt total_columns);
 
+/// The values of all ranks, one rank's behind another's, on every rank. Collective.
+template <class T>
+std::vector<T> gathered(MPI_Comm comm, std::span<const T> mine);
+
 /// Sum, maximum over comm.
 double sum_over(MPI_Comm comm, double value);
 double max_over(MPI_Comm comm, double value);

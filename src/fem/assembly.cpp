@@ -2,36 +2,19 @@
 
 #include "base/index.hpp"
 #include "base/text.hpp"
+#include "fem/followers.hpp"
 #include "fem/loads.hpp"
 #include "fem/material_terms.hpp"
 #include "fem/node_matrix.hpp"
 #include "fem/preload.hpp"
 #include "fem/reactions.hpp"
+#include "fem/stiffening.hpp"
 #include "io/body_io.hpp"
 
 #include <algorithm>
 
 namespace flexgram {
 namespace {
-
-/// Master nodes of the elements here: a slave's place is taken by its reference node.
-struct Masters {
-  std::vector<std::size_t> start{0};
-  std::vector<std::int64_t> node;
-};
-
-void append_masters(const DofMap& map, const std::int64_t* nodes, int count,
-                    Masters& masters) {
-  const std::size_t first = masters.node.size();
-  for (int a = 0; a < count; ++a) {
-    const int reference = map.reference[as_size(nodes[a])];
-    const std::int64_t master = reference < 0 ? nodes[a] : reference;
-    const auto begin = masters.node.begin() + static_cast<long>(first);
-    if (std::find(begin, masters.node.end(), master) == masters.node.end())
-      masters.node.push_back(master);
-  }
-  masters.start.push_back(masters.node.size());
-}
 
 /// Widths over thickness: bending is smaller than stretching by its square, and
 /// rounding is a share of the latter.
@@ -41,21 +24,14 @@ constexpr double thin = 1e4, thinnest = 1e6;
 class ElementAssembler {
 public:
   ElementAssembler(const BodyDescription& body, const MaterialTerms& terms,
-                   const DofMap& map, const LocalMesh& mesh, const Hdf5File& file,
-                   FieldLoads& fields, Reactions& reactions, Preload* preload,
-                   Preload* spinning, AssemblyFacts& facts)
-      : body_(body), terms_(terms), map_(map), mesh_(mesh), file_(file), fields_(fields),
+                   const Followers& followers, const Hdf5File& file, FieldLoads& fields,
+                   Reactions& reactions, Preload* preload, Preload* spinning,
+                   AssemblyFacts& facts)
+      : body_(body), terms_(terms), followers_(followers), file_(file), fields_(fields),
         reactions_(reactions), preload_(preload), spinning_(spinning), facts_(facts) {}
 
-  void run(const Masters& masters, NodeMatrix& matrix) {
-    std::size_t e = 0;
-    for (const auto& elements : mesh_.elements) {
-      const auto width = as_size(node_count(elements.block->type));
-      for (std::size_t k = 0; k < elements.number.size(); ++k, ++e)
-        add(elements, k, elements.connectivity.data() + k * width,
-            masters.node.data() + masters.start[e],
-            masters.start[e + 1] - masters.start[e], matrix);
-    }
+  void run(NodeMatrix& matrix) {
+    followers_.for_each([&](const PlacedElement& at) { add(at, matrix); });
     if (inverted_ > 0)
       throw Error(
           first_inverted_ +
@@ -68,15 +44,11 @@ public:
   }
 
 private:
-  void add(const LocalElements& elements, std::size_t k, const std::int64_t* nodes,
-           const std::int64_t* masters, std::size_t master_count, NodeMatrix& matrix) {
-    const MeshBlock& block = *elements.block;
-    const int count = node_count(block.type);
-    std::vector<Vector3> x;
-    for (int a = 0; a < count; ++a) x.push_back(mesh_.coordinates[mesh_.place(nodes[a])]);
+  void add(const PlacedElement& at, NodeMatrix& matrix) {
+    const MeshBlock& block = at.block();
+    const std::vector<Vector3>& x = at.x;
+    const bool rigid = at.rigid; // only mass
     const Material& material = body_.materials.at(block.material);
-    // Every node follows the same reference: no strain, only mass.
-    const bool rigid = master_count == 1 && masters[0] >= map_.points;
     ElementMatrices element =
         block.type == ElementType::beam2
             ? beam_matrices(x[0], x[1], material.beam, body_.sections.at(block.section))
@@ -89,36 +61,34 @@ private:
     if (element.min_detJ <= 0) {
       if (++inverted_ == 1)
         first_inverted_ =
-            name(elements, k) + text(" is inverted or flat: its Jacobian determinant is "
-                                     "%.3g",
-                                     element.min_detJ);
+            name(at) + text(" is inverted or flat: its Jacobian determinant is "
+                            "%.3g",
+                            element.min_detJ);
       return;
     }
     if (element.aspect > thinnest)
       throw Error(
-          name(elements, k) +
+          name(at) +
           text(" is some %.0e times wider than thick, more than the digits of its "
                "stiffness allow: are all coordinates in one unit? Beams and shells "
                "are made for thin parts",
                element.aspect));
     if (fields_.any())
-      fields_.add_element(nodes, x, dofs_per_node(block.type), element.M);
-    const Dense T =
-        transformation(nodes, count, dofs_per_node(block.type), masters, master_count);
+      fields_.add_element(at.nodes, x, dofs_per_node(block.type), element.M);
+    const Dense T = followers_.transformation(at);
     std::vector<ElementPart> parts;
     if (!rigid) parts = terms_.of_element(block, x, body_.mass_rule, element.K);
-    const Placed placed{block, x, nodes, masters, master_count, rigid};
     Stressed stressed, at_one; // by the preload; by a spin of 1 rad/s
     if (preload_) {
       if (preload_->speed() > 0)
         parts.push_back({terms_.laws().size(), preload_->coriolis(block, x, element)});
-      stressed = stressed_by(*preload_, placed, element, T);
+      stressed = stressed_by(*preload_, at, element, T);
       if (!rigid) add_to(stressed.added, stressed.quadratic);
     }
     if (body_.spin && !body_.spin->turning) {
       if (block.type != ElementType::beam2)
         throw Error(
-            name(elements, k) +
+            name(at) +
             ": in the frame at rest a spin takes beams on its axis; solids are seen in "
             "the frame that turns (frame: turning)");
       parts.push_back(
@@ -127,7 +97,7 @@ private:
                            body_.spin->field.axis, body_.spin->field.point)});
     }
     if (spinning_) {
-      at_one = stressed_by(*spinning_, placed, element, T);
+      at_one = stressed_by(*spinning_, at, element, T);
       if (preload_ && !rigid) { // of both together, less that of each
         for (std::size_t i = 0; i < at_one.u.size(); ++i) stressed.u[i] += at_one.u[i];
         add_to(at_one.added, preload_->of_stress(block, x, stressed.u).quadratic);
@@ -144,61 +114,22 @@ private:
       element.K = std::move(stressed.added);
     }
     if (reactions_.any() && !rigid)
-      reactions_.add_element(nodes, x, dofs_per_node(block.type), element.K, element.M);
+      reactions_.add_element(at.nodes, x, dofs_per_node(block.type), element.K,
+                             element.M);
     const auto reduce = [&](const Dense& a) {
       return a.data.empty() ? Dense() : multiply_transposed(T, multiply(a, T));
     };
     if (T.data.empty()) {
-      matrix.add(masters, master_count, element.K, element.M, parts);
+      matrix.add(at.masters, at.master_count, element.K, element.M, parts);
       return;
     }
     for (ElementPart& part : parts) part.matrix = reduce(part.matrix);
     Dense K = rigid && !preload_ ? Dense() : reduce(element.K);
     if (!stressed.turning.data.empty()) add_to(K, stressed.turning);
     if (!at_one.turning.data.empty()) add_to(parts.back().matrix, at_one.turning);
-    matrix.add(masters, master_count, K, reduce(element.M), parts);
+    matrix.add(at.masters, at.master_count, K, reduce(element.M), parts);
   }
 
-  /// Element dofs from the dofs of the masters; empty where they are the same.
-  Dense transformation(const std::int64_t* nodes, int count, int dofs,
-                       const std::int64_t* masters, std::size_t master_count) const {
-    bool same = master_count == as_size(count);
-    std::vector<int> offset(master_count + 1, 0);
-    for (std::size_t a = 0; a < master_count; ++a) {
-      const int width = map_.dofs[as_size(masters[a])];
-      offset[a + 1] = offset[a] + width;
-      same = same && masters[a] == nodes[a] && width == dofs;
-    }
-    if (same) return {};
-    Dense T(count * dofs, offset.back());
-    for (int a = 0; a < count; ++a) {
-      const int reference = map_.reference[as_size(nodes[a])];
-      const std::int64_t master = reference < 0 ? nodes[a] : reference;
-      const int column =
-          offset[as_size(std::find(masters, masters + master_count, master) - masters)];
-      if (reference < 0) {
-        for (int c = 0; c < dofs; ++c) T(a * dofs + c, column + c) = 1;
-        continue;
-      }
-      Vector3 d = mesh_.coordinates[mesh_.place(nodes[a])];
-      const Vector3& origin = map_.reference_position[as_size(reference - map_.points)];
-      for (std::size_t axis = 0; axis < 3; ++axis) d[axis] -= origin[axis];
-      const Dense G = rigid_motion(d);
-      for (int c = 0; c < 3; ++c)
-        for (int j = 0; j < 6; ++j) T(a * dofs + c, column + j) = G(c, j);
-      for (int c = 3; c < dofs; ++c) T(a * dofs + c, column + c) = 1;
-    }
-    return T;
-  }
-
-  /// An element, its nodes and those that lead them.
-  struct Placed {
-    const MeshBlock& block;
-    const std::vector<Vector3>& x;
-    const std::int64_t *nodes, *masters;
-    std::size_t master_count;
-    bool rigid; ///< all nodes follow one reference
-  };
   /// What loads that stay add to an element's stiffness.
   struct Stressed {
     Dense added; ///< at its dofs; linear in the loads
@@ -207,75 +138,29 @@ private:
     Dense quadratic = {}; ///< as `added`
     std::vector<double> u = {};
   };
-  Stressed stressed_by(Preload& loads, const Placed& at, const ElementMatrices& element,
-                       const Dense& T) const {
-    Dense forces = loads.weight(at.block, at.x, element.M);
+  Stressed stressed_by(Preload& loads, const PlacedElement& at,
+                       const ElementMatrices& element, const Dense& T) const {
+    const MeshBlock& block = at.block();
+    Dense forces = loads.weight(block, at.x, element.M);
     for (double& f : forces.data) f = -f;
-    Stressed result{loads.of_spin(at.block, at.x, element), {}};
+    Stressed result{loads.of_spin(block, at.x, element), {}};
     if (!at.rigid) {
-      Dense u = displacement(loads, T, at.masters, at.master_count);
+      Dense u = followers_.displacement(
+          at, T, [&](std::int64_t node, int c) { return loads.at(node, c); });
       add_to(forces, multiply(element.K, u));
       result.u = std::move(u.data);
-      StressStiffness by_stress = loads.of_stress(at.block, at.x, result.u);
+      StressStiffness by_stress = loads.of_stress(block, at.x, result.u);
       add_to(result.added, by_stress.linear);
       result.quadratic = std::move(by_stress.quadratic);
     }
-    result.turning = turning_of_references(at.nodes, node_count(at.block.type),
-                                           dofs_per_node(at.block.type), at.masters,
-                                           at.master_count, forces);
+    result.turning = followers_.turning(at, forces);
     return result;
   }
 
-  /// Of the element's dofs under loads. @param T  transformation
-  Dense displacement(const Preload& loads, const Dense& T, const std::int64_t* masters,
-                     std::size_t master_count) const {
-    Dense u(0, 1);
-    for (std::size_t a = 0; a < master_count; ++a)
-      for (int c = 0; c < map_.dofs[as_size(masters[a])]; ++c)
-        u.data.push_back(loads.at(masters[a], c));
-    u.rows = static_cast<int>(u.data.size());
-    return T.data.empty() ? u : multiply(T, u);
-  }
-
-  /// A slave at distance d moves by θ×d + ½θ×(θ×d) where its reference turns by θ: with a force F
-  /// between them the second derivatives of the energy are ½(F dᵀ + d Fᵀ) − Fᵀd I.
-  /// @param forces  of the element at its dofs, less what loads exert there.
-  /// @return over the dofs of the masters; empty without slaves.
-  Dense turning_of_references(const std::int64_t* nodes, int count, int dofs,
-                              const std::int64_t* masters, std::size_t master_count,
-                              const Dense& forces) const {
-    std::vector<int> offset(master_count + 1, 0);
-    for (std::size_t a = 0; a < master_count; ++a)
-      offset[a + 1] = offset[a] + map_.dofs[as_size(masters[a])];
-    Dense result;
-    for (int a = 0; a < count; ++a) {
-      const int reference = map_.reference[as_size(nodes[a])];
-      if (reference < 0) continue;
-      if (result.data.empty()) result = Dense(offset.back(), offset.back());
-      const int first =
-          offset[as_size(std::find(masters, masters + master_count, reference) -
-                         masters)] +
-          3;
-      const Vector3& x = mesh_.coordinates[mesh_.place(nodes[a])];
-      const Vector3& origin = map_.reference_position[as_size(reference - map_.points)];
-      double F[3], d[3], along = 0;
-      for (int c = 0; c < 3; ++c) {
-        F[c] = forces(a * dofs + c, 0);
-        d[c] = x[as_size(c)] - origin[as_size(c)];
-        along += F[c] * d[c];
-      }
-      for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 3; ++j)
-          result(first + i, first + j) +=
-              0.5 * (F[i] * d[j] + d[i] * F[j]) - (i == j) * along;
-    }
-    return result;
-  }
-
-  std::string name(const LocalElements& elements, std::size_t k) const {
-    const MeshBlock& block = *elements.block;
+  std::string name(const PlacedElement& at) const {
+    const MeshBlock& block = at.block();
     const std::string ids = block.path + "/ids";
-    const std::int64_t number = elements.number[k];
+    const std::int64_t number = at.elements.number[at.number];
     const long long id =
         file_.exists(ids)
             ? static_cast<long long>(file_.read<std::int64_t>(ids, number, 1).front())
@@ -286,8 +171,7 @@ private:
 
   const BodyDescription& body_;
   const MaterialTerms& terms_;
-  const DofMap& map_;
-  const LocalMesh& mesh_;
+  const Followers& followers_;
   const Hdf5File& file_;
   FieldLoads& fields_;
   Reactions& reactions_;
@@ -379,10 +263,12 @@ void add_spin(SecondOrderModel& model, const SpinRange& spin, Matrix* parts,
 } // namespace
 
 SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver,
+                               const std::optional<std::string>& stiffening,
                                AssemblyFacts& facts, Observer& observer) {
   const MPI_Comm comm = file.comm();
   const int rank = comm_rank(comm);
-  const BodyDescription all = read_description(file), body = without_preload_loads(all);
+  const BodyDescription all = read_description(file);
+  BodyDescription body = without_preload_loads(all);
   for (const auto& warning : body.warnings) observer.warn(warning);
   SecondOrderModel model;
   model.name = file.path();
@@ -401,13 +287,7 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
   Stage stage(observer, "assemble");
   model.n = map.n;
   model.rows = map.rows;
-  Masters masters;
-  for (const auto& elements : mesh.elements) {
-    const int width = node_count(elements.block->type);
-    for (std::size_t k = 0; k < elements.number.size(); ++k)
-      append_masters(map, elements.connectivity.data() + k * as_size(width), width,
-                     masters);
-  }
+  std::optional<Followers> followers(std::in_place, map, mesh);
   const auto coordinates = [&](std::int64_t node) {
     return mesh.coordinates[mesh.place(node)];
   };
@@ -419,12 +299,13 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
     const std::size_t of_spin = spinning                                         ? 3
                                 : body.spin || (preload && preload->speed() > 0) ? 1
                                                                                  : 0;
-    NodeMatrix matrix(map, masters.start, masters.node, terms.laws().size() + of_spin);
+    NodeMatrix matrix(map, followers->start(), followers->nodes(),
+                      terms.laws().size() + of_spin);
     agree(comm, [&] {
-      ElementAssembler(body, terms, map, mesh, file, fields, reactions,
+      ElementAssembler(body, terms, *followers, file, fields, reactions,
                        preload ? &*preload : nullptr, spinning ? &*spinning : nullptr,
                        facts)
-          .run(masters, matrix);
+          .run(matrix);
     });
     return matrix.assemble(comm, model.K, model.M);
   };
@@ -456,7 +337,7 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
   const HeldForces held = reactions.held_forces();
   FieldLoads fields(comm, body, map, mesh, held);
   std::vector<Matrix> parts = elements(fields, reactions);
-  masters = {};
+  followers.reset();
   if (preload) {
     preload->tell(comm, observer);
     preload->expect_stable(unloaded, model.K, model.node, solver);
@@ -539,6 +420,14 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
               "loads at once (/feedthrough)"
             : "C q + F u with a share F of the loads at once (/feedthrough)");
   append(std::move(forces), model.C, model.outputs);
+  if (stiffening) {
+    if (all.spin || !all.preload.empty())
+      throw Error(
+          "{stiffening} is of a body at rest: leave its spin and its preload out");
+    model.stiffening =
+        std::make_shared<MeshStiffening>(std::move(body), std::move(map), std::move(mesh),
+                                         model, *stiffening, solver, observer);
+  }
   return model;
 }
 

@@ -88,6 +88,11 @@ StressStiffness solid_stress_stiffness(ElementType type,
                                        const SolidMaterial& material,
                                        const std::vector<double>& u, double& stress);
 
+/// ∫ ∂Nᵀσ∂N alone.
+Dense solid_geometric_stiffness(ElementType type, const std::vector<Vector3>& nodes,
+                                const SolidMaterial& material,
+                                const std::vector<double>& u);
+
 /// Two-node Timoshenko beam with the interdependent interpolation of Friedman and
 /// Kosmatka (1993): exact stiffness for end loads, no locking, consistent translational
 /// and rotary mass. Dofs u, v, w, θx, θy, θz at each end, global axes.

@@ -96,7 +96,7 @@ void NodeMatrix::add(const std::int64_t* nodes, std::size_t count, const Dense& 
           for (const ElementPart& part : parts)
             parts_[part.number][slot] +=
                 part.matrix(row.first_dof + r, column.first_dof + c);
-          m_[slot] += M(row.first_dof + r, column.first_dof + c);
+          if (!M.data.empty()) m_[slot] += M(row.first_dof + r, column.first_dof + c);
         }
       }
     }

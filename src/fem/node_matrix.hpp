@@ -24,7 +24,7 @@ public:
              const std::vector<std::int64_t>& element_nodes, std::size_t parts);
 
   /// Adds dense matrices over the dofs of `nodes` (dofs[node] rows a node, in order);
-  /// dofs without an equation are dropped. K may be empty.
+  /// dofs without an equation are dropped. K and M may be empty.
   void add(const std::int64_t* nodes, std::size_t count, const Dense& K, const Dense& M,
            const std::vector<ElementPart>& parts);
 

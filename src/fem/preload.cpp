@@ -22,21 +22,6 @@ Block total_load(const LoadValues& loads, const Ports& inputs) {
   return combine(inputs.B, shares);
 }
 
-/// A column of all ranks' rows, whole on every rank.
-std::vector<double> gathered(const Block& x) {
-  const MPI_Comm comm = x.comm();
-  const auto mine = static_cast<int>(x.local_rows().size());
-  std::vector<int> counts(as_size(comm_size(comm))), starts(counts.size(), 0);
-  MPI_Allgather(&mine, 1, MPI_INT, counts.data(), 1, MPI_INT, comm);
-  for (std::size_t r = 1; r < counts.size(); ++r)
-    starts[r] = starts[r - 1] + counts[r - 1];
-  std::vector<double> all(as_size(x.rows()));
-  const Block::Access local(x);
-  MPI_Allgatherv(local.column(0), mine, MPI_DOUBLE, all.data(), counts.data(),
-                 starts.data(), MPI_DOUBLE, comm);
-  return all;
-}
-
 } // namespace
 
 Preload::Preload(const BodyDescription& body, LoadValues loads, const DofMap& map, Mat K,
@@ -80,7 +65,9 @@ Preload::Preload(const BodyDescription& body, LoadValues loads, const DofMap& ma
     solver.count_pivots(true);
     solver.factorise({1.0, 0.0});
     if (solver.null_pivots() > 0) throw Error(free);
-    u_ = gathered(solver.solve(load).x);
+    const Block u = solver.solve(load).x;
+    const Block::Access local(u);
+    u_ = gathered<double>(u.comm(), {local.column(0), as_size(u.local_rows().size())});
   } catch (const ShiftError&) {
     throw Error(free);
   }

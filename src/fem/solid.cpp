@@ -259,16 +259,16 @@ ElementMatrices solid_matrices(ElementType type, const std::vector<Vector3>& nod
   return result;
 }
 
-StressStiffness solid_stress_stiffness(ElementType type,
-                                       const std::vector<Vector3>& nodes,
-                                       const SolidMaterial& material,
-                                       const std::vector<double>& u, double& stress) {
-  const auto points = points_of(type, nodes);
-  const int n = static_cast<int>(nodes.size()),
-            modes = static_cast<int>(points.front().gradients.size());
-  Dense moved(3 * n, 1), T;
-  std::copy(u.begin(), u.end(), moved.data.begin());
-  if (modes > n) {
+namespace {
+
+/// A solid whose nodes are displaced; the incompatible modes of a Hex8 follow.
+struct Displaced {
+  Displaced(ElementType type, const std::vector<Vector3>& nodes,
+            const SolidMaterial& material, const std::vector<double>& u)
+      : points(points_of(type, nodes)), n(static_cast<int>(nodes.size())),
+        modes(static_cast<int>(points.front().gradients.size())), moved(3 * n, 1) {
+    std::copy(u.begin(), u.end(), moved.data.begin());
+    if (modes == n) return;
     Dense K(3 * modes, 3 * modes);
     for (const StiffnessPoint& at : points)
       add_stiffness(K, at.gradients, material.stiffness, at.volume, linear_strain);
@@ -276,16 +276,58 @@ StressStiffness solid_stress_stiffness(ElementType type,
     T = condensation(K, 3 * (modes - n));
     moved = multiply(T, moved);
   }
-  Dense K(3 * modes, 3 * modes), quadratic(3 * modes, 3 * modes);
-  for (const StiffnessPoint& at : points) {
-    Jacobian H{}; // ∂u/∂x
-    std::array<double, 6> strains{}, s{};
-    for (int i = 0; i < 3 * modes; ++i) {
-      const Vector3& g = at.gradients[as_size(i / 3)];
-      const auto by = linear_strain(as_size(i % 3), g);
-      for (std::size_t r = 0; r < 6; ++r) strains[r] += by[r] * moved(i, 0);
-      for (std::size_t b = 0; b < 3; ++b) H[as_size(i % 3)][b] += moved(i, 0) * g[b];
+
+  /// ∂u/∂x
+  Jacobian gradient(const StiffnessPoint& at) const {
+    Jacobian H{};
+    for (int i = 0; i < 3 * modes; ++i)
+      for (std::size_t b = 0; b < 3; ++b)
+        H[as_size(i % 3)][b] += moved(i, 0) * at.gradients[as_size(i / 3)][b];
+    return H;
+  }
+
+  std::vector<StiffnessPoint> points;
+  int n, modes; ///< of nodes; with incompatible modes
+  Dense moved, T;
+};
+
+std::array<double, 6> linear_stress(const SolidMaterial& material, const Jacobian& H) {
+  const std::array<double, 6> strains{
+      H[0][0], H[1][1], H[2][2], H[0][1] + H[1][0], H[1][2] + H[2][1], H[2][0] + H[0][2]};
+  std::array<double, 6> s{};
+  for (std::size_t r = 0; r < 6; ++r)
+    for (std::size_t c = 0; c < 6; ++c)
+      s[r] += material.stiffness[6 * r + c] * strains[c];
+  return s;
+}
+
+/// Adds ∂Nᵀσ∂N of a point above the diagonal.
+void add_geometric(Dense& K, const StiffnessPoint& at, const std::array<double, 6>& s) {
+  const std::array<Vector3, 3> sigma{
+      {{s[0], s[3], s[5]}, {s[3], s[1], s[4]}, {s[5], s[4], s[2]}}};
+  for (int j = 0; j < static_cast<int>(at.gradients.size()); ++j) {
+    Vector3 traction{};
+    for (std::size_t a = 0; a < 3; ++a)
+      for (std::size_t b = 0; b < 3; ++b)
+        traction[a] += at.volume * sigma[a][b] * at.gradients[as_size(j)][b];
+    for (int i = 0; i <= j; ++i) {
+      const Vector3& g = at.gradients[as_size(i)];
+      const double both = g[0] * traction[0] + g[1] * traction[1] + g[2] * traction[2];
+      for (int c = 0; c < 3; ++c) K(3 * i + c, 3 * j + c) += both;
     }
+  }
+}
+
+} // namespace
+
+StressStiffness solid_stress_stiffness(ElementType type,
+                                       const std::vector<Vector3>& nodes,
+                                       const SolidMaterial& material,
+                                       const std::vector<double>& u, double& stress) {
+  const Displaced body(type, nodes, material, u);
+  Dense K(3 * body.modes, 3 * body.modes), quadratic(3 * body.modes, 3 * body.modes);
+  for (const StiffnessPoint& at : body.points) {
+    const Jacobian H = body.gradient(at);
     // The strain of the moved body is that of the body at rest, L, and N by ∂u/∂x:
     // (L + N)ᵀC(L + N) − LᵀCL is what changes its sign with u, and NᵀCN.
     const auto strain_by = [&](double turn, double at_rest) {
@@ -309,28 +351,25 @@ StressStiffness solid_stress_stiffness(ElementType type,
     add_stiffness(K, at.gradients, material.stiffness, -half, strain_by(-scale, 1));
     add_stiffness(quadratic, at.gradients, material.stiffness, at.volume,
                   strain_by(1, 0));
-    for (std::size_t r = 0; r < 6; ++r)
-      for (std::size_t c = 0; c < 6; ++c)
-        s[r] += material.stiffness[6 * r + c] * strains[c];
+    const auto s = linear_stress(material, H);
     stress = std::max(stress, von_mises(s));
-    const std::array<Vector3, 3> sigma{
-        {{s[0], s[3], s[5]}, {s[3], s[1], s[4]}, {s[5], s[4], s[2]}}};
-    for (int j = 0; j < modes; ++j) {
-      Vector3 traction{};
-      for (std::size_t a = 0; a < 3; ++a)
-        for (std::size_t b = 0; b < 3; ++b)
-          traction[a] += at.volume * sigma[a][b] * at.gradients[as_size(j)][b];
-      for (int i = 0; i <= j; ++i) {
-        const Vector3& g = at.gradients[as_size(i)];
-        const double both = g[0] * traction[0] + g[1] * traction[1] + g[2] * traction[2];
-        for (int c = 0; c < 3; ++c) K(3 * i + c, 3 * j + c) += both;
-      }
-    }
+    add_geometric(K, at, s);
   }
   mirror(K);
   mirror(quadratic);
-  if (modes > n) return {condensed(K, T), condensed(quadratic, T)};
+  if (body.modes > body.n) return {condensed(K, body.T), condensed(quadratic, body.T)};
   return {std::move(K), std::move(quadratic)};
+}
+
+Dense solid_geometric_stiffness(ElementType type, const std::vector<Vector3>& nodes,
+                                const SolidMaterial& material,
+                                const std::vector<double>& u) {
+  const Displaced body(type, nodes, material, u);
+  Dense K(3 * body.modes, 3 * body.modes);
+  for (const StiffnessPoint& at : body.points)
+    add_geometric(K, at, linear_stress(material, body.gradient(at)));
+  mirror(K);
+  return body.modes > body.n ? condensed(K, body.T) : K;
 }
 
 namespace {

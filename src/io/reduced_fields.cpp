@@ -203,6 +203,13 @@ void frame_of(FieldSink& sink, const Frame& frame, std::int64_t m) {
   blocks("frame/gyroscopic", i.gyroscopic);
   blocks("frame/inertia_first", i.inertia_first);
   sink.array("frame/inertia_second", {3, m, 3, m}, row_major(i.inertia_second));
+  if (i.stiffening.loads.empty()) return;
+  std::vector<double> all;
+  for (const Dense& K : i.stiffening.matrices)
+    all.insert(all.end(), K.data.begin(), K.data.end());
+  sink.array("frame/stiffening",
+             {static_cast<std::int64_t>(i.stiffening.loads.size()), m, m}, all);
+  sink.value("frame/stiffening/names", i.stiffening.loads);
 }
 
 void log(FieldSink& sink, const Provenance& made, const std::string& body) {

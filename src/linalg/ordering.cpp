@@ -13,19 +13,6 @@
 namespace flexgram {
 namespace {
 
-template <class T>
-std::vector<T> gather_all(MPI_Comm comm, std::span<const T> mine, MPI_Datatype type) {
-  const int size = comm_size(comm);
-  const int count = static_cast<int>(mine.size());
-  std::vector<int> counts(as_size(size)), starts(counts.size() + 1, 0);
-  MPI_Allgather(&count, 1, MPI_INT, counts.data(), 1, MPI_INT, comm);
-  std::partial_sum(counts.begin(), counts.end(), starts.begin() + 1);
-  std::vector<T> all(as_size(starts.back()));
-  MPI_Allgatherv(mine.data(), count, type, all.data(), counts.data(), starts.data(), type,
-                 comm);
-  return all;
-}
-
 /// Numbers 0 … count − 1 in the order of first appearance.
 int renumber(std::vector<std::int64_t>& labels) {
   std::unordered_map<std::int64_t, std::int64_t> number;
@@ -104,7 +91,7 @@ PivotOrder nested_dissection(MPI_Comm comm, const Pattern& lower,
                              std::span<const std::int64_t> node_of_row) {
   static Event event("NestedDissection");
   const auto timed = event.timed();
-  std::vector<std::int64_t> node = gather_all(comm, node_of_row, MPI_INT64_T);
+  std::vector<std::int64_t> node = gathered(comm, node_of_row);
   const int nodes = renumber(node);
 
   std::vector<std::uint64_t> edges;

@@ -106,6 +106,8 @@ void archive_integrals(Archive&& a, Integrals& i) {
   a("gyroscopic", i.gyroscopic);
   a("inertia_first", i.inertia_first);
   a("inertia_second", i.inertia_second);
+  a("stiffening_loads", i.stiffening.loads);
+  a("stiffening", i.stiffening.matrices);
   if constexpr (!std::is_const_v<Integrals>)
     for (std::size_t c = 0; c < 3 && c < centre.size(); ++c) i.centre[c] = centre[c];
 }
@@ -239,7 +241,9 @@ void check(const Hdf5File& file, const Medium& m, const DenseSystem& all) {
            i.M_er.columns == 6 && i.gyroscopic.rows == N &&
            i.gyroscopic.columns == 3 * N && i.inertia_first.rows == 3 &&
            i.inertia_first.columns == 3 * N && i.inertia_second.rows == 3 * N &&
-           i.inertia_second.columns == 3 * N;
+           i.inertia_second.columns == 3 * N &&
+           i.stiffening.loads.size() == i.stiffening.matrices.size();
+    for (const Dense& K : i.stiffening.matrices) good = good && square(K);
   }
   if (!good)
     throw Error(text("file %s: its parts do not fit each other: it is damaged, certify "

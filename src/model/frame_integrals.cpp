@@ -107,6 +107,7 @@ FrameIntegrals frame_integrals(const SecondOrderModel& model, const Basis& V) {
   const Dense& r = result.M_r;
   result.mass = (r(0, 0) + r(1, 1) + r(2, 2)) / 3;
   result.centre = centre_of(r);
+  if (model.stiffening) result.stiffening = model.stiffening->project(V);
   return result;
 }
 
@@ -131,6 +132,11 @@ FrameIntegrals project(const FrameIntegrals& integrals, const Dense& Q) {
           result.inertia_second, a * k, b * k,
           multiply_transposed(
               Q, multiply(part_of(integrals.inertia_second, a * m, m, b * m, m), Q)));
+  }
+  result.stiffening.loads = integrals.stiffening.loads;
+  for (const Dense& K : integrals.stiffening.matrices) {
+    result.stiffening.matrices.push_back(multiply_transposed(Q, multiply(K, Q)));
+    symmetrise(result.stiffening.matrices.back());
   }
   return result;
 }

@@ -26,6 +26,8 @@ struct FrameIntegrals {
   Dense inertia_first; ///< 3 × 3m, columns (b, j): ∫ρ (e_a × x) · (e_b × φ_j)
   Dense inertia_second; ///< 3m × 3m, rows (a, j), columns (b, k): ∫ρ (e_a × φ_j) · (e_b ×
                         ///< φ_k)
+  LoadMatrices
+      stiffening; ///< m×m, VᵀK_σV of unit loads (Stiffening); none: not asked for
 };
 
 /// @param[in] V  n×m basis

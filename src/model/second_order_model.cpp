@@ -140,6 +140,7 @@ SecondOrderModel SecondOrderModel::head() const {
   head.rounding = rounding;
   head.feedthrough = feedthrough;
   head.output_damping = output_damping;
+  head.stiffening = stiffening;
   return head;
 }
 

@@ -3,8 +3,10 @@
 #include "linalg/block.hpp"
 #include "linalg/shifted_solver.hpp"
 #include "model/law.hpp"
+#include "model/stiffening.hpp"
 
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <vector>
 
@@ -101,6 +103,8 @@ struct SecondOrderModel {
   double rounding = 0; ///< relative, of K's entries, if they were printed; 0: not known
   Feedthrough feedthrough;
   OutputDamping output_damping;
+  /// What a floating frame takes of it for geometric stiffening; null: not asked for.
+  std::shared_ptr<const Stiffening> stiffening;
 
   OutputForm output_form() const {
     return {output_damping, feedthrough, outputs, inputs};

@@ -127,7 +127,8 @@ Body load_body(MPI_Comm comm, const Settings& settings, Observer& observer) {
   body.assembled = holds_mesh(file);
   if (body.assembled) {
     AssemblyFacts facts;
-    body.model = assemble_body(file, settings.solver, facts, observer);
+    body.model = assemble_body(file, settings.solver, settings.held_for_stiffening(),
+                               facts, observer);
     observer.fact("mesh", text("%lld elements, mass %.6g kg, worst shape %.2g",
                                static_cast<long long>(facts.elements), facts.mass,
                                facts.worst_shape));
@@ -135,6 +136,8 @@ Body load_body(MPI_Comm comm, const Settings& settings, Observer& observer) {
       observer.skip("stiffness", text("%lld elements lie inside a rigid interface",
                                       static_cast<long long>(facts.rigid_elements)));
   } else {
+    if (settings.stiffening)
+      throw Error("{stiffening} needs the mesh of the body: assemble it with flexgram");
     Stage stage(observer, "read");
     body.model = read_body(file);
   }

@@ -127,11 +127,13 @@ bool wants_integrals(const SecondOrderModel& body, int rigid_modes, const Settin
     if (s.frame_integrals == Wish::yes)
       throw Error(
           "-mor_frame_integrals yes: the body has no coordinates (/dofs, /nodes)");
+    if (s.stiffening)
+      throw Error("{stiffening} is one of the frame integrals: {frame_integrals} no");
     observer.skip("frame integrals",
                   possible ? "-mor_frame_integrals no" : "the body has no coordinates");
     return false;
   }
-  if (s.frame_integrals == Wish::automatic && rigid_modes < 6) {
+  if (s.frame_integrals == Wish::automatic && rigid_modes < 6 && !s.stiffening) {
     observer.skip("frame integrals", "the body cannot move freely");
     return false;
   }

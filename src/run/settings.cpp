@@ -229,9 +229,9 @@ void Settings::describe_second_stage(Options& options) {
       "frame of reference of a free body: buckens: basis vectors orthogonal to "
       "the rigid modes, which come first; tangent: at rest at an interface; none: "
       "rigid motion mixed into the basis. auto: buckens if the body is free");
-  options.add(
-      "-mor_frame_interface", frame_interface,
-      "interface that the tangent frame follows; default: the first with six ports");
+  options.add("-mor_frame_interface", frame_interface,
+              "interface that the tangent frame follows, and that holds a free body for "
+              "-mor_stiffening; default: the first with six ports");
   options.add(
       "-mor_error_hz", error_hz, "Hz",
       "first,last,count: further frequencies at which error and bound are evaluated and "
@@ -258,6 +258,13 @@ void Settings::describe_medium(Options& options) {
       "mass, centre, inertia and the shape integrals that a floating frame of "
       "reference needs, into /frame; auto: if the body is free and has "
       "coordinates");
+  options.add_word("-mor_stiffening", stiffening, {{"no", false}, {"yes", true}},
+                   "geometric stiffening for a floating frame, into /frame: what the "
+                   "stress under unit "
+                   "accelerations and spins of the frame and under unit forces at "
+                   "interfaces adds to the "
+                   "stiffness; of a mesh, a static solve each. A free body is held at "
+                   "-mor_frame_interface for it");
 }
 
 void Settings::describe_samples(Options& options) {

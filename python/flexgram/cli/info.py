@@ -90,6 +90,7 @@ def _describe(path: Path) -> list[str]:
     lines.append(
         f"frame: {frame.kind}, {frame.rigid_modes} rigid modes"
         + (f", mass {frame.integrals.mass:.6g} kg" if frame.integrals else "")
+        + (", geometric stiffening" if frame.integrals and frame.integrals.stiffening else "")
     )
     # Directions without mass have frequencies that are nothing but rounding.
     gyroscopic = model.system.is_gyroscopic

@@ -16,6 +16,7 @@ import h5py
 import numpy as np
 
 from flexgram.basics import BodyError, Floats, Ints, written_aside
+from flexgram.exporters.exudyn_stiffening import GeometricStiffening, frame_stiffening
 from flexgram.model.elastic_part import in_its_frame
 from flexgram.model.geometry import Geometry, body_of, interface_motion, interface_positions
 from flexgram.model.recovery import stress_at_nodes
@@ -90,7 +91,7 @@ def ffrf_terms(
         EXUDYN's keys (``postProcessingModes`` as ``stressModes``, its matrix alone), and
         ``dampingMatrixReduced``, ``interfaceNames``, ``interfaceNodes`` (six
         node numbers each), ``interfacePositions``, ``meshNodes`` (for each point its node of the
-        mesh, from 1; 0: none).
+        mesh, from 1; 0: none), and ``stiffening`` (12, n, n) where the body has it.
 
     Examples
     --------
@@ -164,6 +165,7 @@ def ffrf_terms(
         "interfaceNodes": np.array(satellites).reshape(-1, 6),
         "interfacePositions": np.array([positions[name] for name in names]).reshape(-1, 3),
         "meshNodes": np.concatenate([surface + 1, np.zeros(len(points) - len(surface), int)]),
+        **frame_stiffening(f.stiffening),
         "fileVersion": 1,
         "type": "ObjectFFRFreducedOrderInterface",
     }
@@ -203,6 +205,7 @@ USED = {
     "interfaceNodes",
     "stressModes",
     "meshNodes",
+    "stiffening",
 }
 
 
@@ -222,6 +225,9 @@ def add_body(
     coordinates: Any = None,
 ) -> dict[str, Any]:
     """Add a reduced body to an EXUDYN system, with its projected damping.
+
+    A body with geometric stiffening (``-mor_stiffening``) gets a second object on the same nodes
+    for it (``GeometricStiffening``): Python is called in each step, which is slower.
 
     Parameters
     ----------
@@ -243,7 +249,8 @@ def add_body(
     Returns
     -------
     dict
-        ``object``, ``rigid_node``, ``modal_node``; ``markers``: interface -> marker of its rigid
+        ``object``, ``rigid_node``, ``modal_node``, ``stiffening`` (an object, or None);
+        ``markers``: interface -> marker of its rigid
         motion (position and rotation), for joints, loads and sensors; ``mesh_nodes``: node of the
         mesh, from 1 -> ``meshNodeNumber`` of EXUDYN's sensors and markers. The outputs that a claim
         is of are ``rom.elastic().C @ q``, q the coordinates of ``modal_node``.
@@ -275,6 +282,9 @@ def add_body(
         )
     )
     number = _flexible_object(exu, mbs, terms, [rigid_node, modal_node], color)
+    stiffening = None
+    if "stiffening" in terms:
+        stiffening = GeometricStiffening(terms["stiffening"]).add(mbs, rigid_node, modal_node)
     if np.any(np.asarray(gravity)):
         marker = mbs.AddMarker(eii.MarkerBodyMass(bodyNumber=number))
         mbs.AddLoad(eii.LoadMassProportional(markerNumber=marker, loadVector=list(gravity)))
@@ -292,6 +302,7 @@ def add_body(
         "object": number,
         "rigid_node": rigid_node,
         "modal_node": modal_node,
+        "stiffening": stiffening,
         "markers": markers,
         "mesh_nodes": {int(node): k for k, node in enumerate(terms.get("meshNodes", ())) if node},
     }

@@ -37,6 +37,12 @@ DIALECTS = {
     "fembeam": (False, False, False),
 }
 #: places of a symmetric 3 × 3 matrix in a vector of six
+#: loads of the frame's motion: translation, rotation, and spins in the order of Oe
+FRAME_LOADS = {
+    "Ct": ["frame.ax", "frame.ay", "frame.az"],
+    "Cr": ["frame.alphax", "frame.alphay", "frame.alphaz"],
+    "Oe": [f"frame.spin{axes}" for axes in ("xx", "yy", "zz", "xy", "yz", "zx")],
+}
 INERTIA = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
 CENTRIFUGAL = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)]
 
@@ -50,7 +56,9 @@ def _skew(v: Floats) -> Floats:
 def taylor_terms(model: ReducedBody) -> dict[str, Taylor]:
     """Every Taylor block of the SID by its name, dialect-free: Gr and Ge as (…, mode, axis).
 
-    The model must have its rigid vectors taken out (``ReducedModel.elastic``).
+    The model must have its rigid vectors taken out (``ReducedModel.elastic``). With geometric
+    stiffening (``-mor_stiffening``) Ct, Cr and Oe have K_σ of the frame's motion in their first
+    order (K0t, K0r and K0ω of Wallrapp).
 
     Examples
     --------
@@ -73,7 +81,7 @@ def taylor_terms(model: ReducedBody) -> dict[str, Taylor]:
 
     Cr1 = np.swapaxes(gyro, 1, 2)  # [j, q, a]: ∫ρ φ_j · (e_a × φ_q)
     Oe1 = -pair(np.transpose(S, (1, 3, 0, 2)))  # [j, q, 6]
-    return {
+    blocks = {
         "mdCM": ((mass * centre)[:, None], Ct[:, :, None].copy()),
         "J": (np.array([[inertia[a, b]] for a, b in INERTIA]), J1),
         "Ct": (Ct, None),
@@ -86,6 +94,17 @@ def taylor_terms(model: ReducedBody) -> dict[str, Taylor]:
         "Ke": (model.system.K, None),
         "De": (model.system.D, None),
     }
+    if f.stiffening:
+        for name, loads in FRAME_LOADS.items():
+            m0, m1 = blocks[name]
+            blocks[name] = (m0, _by_coordinates(f.stiffening, loads) + (0 if m1 is None else m1))
+    return blocks
+
+
+def _by_coordinates(stiffening: dict[str, Floats], loads: list[str]) -> Floats:
+    """m1 (q, r, c) of the forces K_σ q a unit of each load; zero for one that makes no stress."""
+    n = next(iter(stiffening.values())).shape[0]
+    return np.stack([stiffening.get(load, np.zeros((n, n))) for load in loads], axis=-1)
 
 
 def _axis_major(a: Floats) -> Floats:
@@ -178,6 +197,15 @@ def write_sid(model: ReducedBody, path: Path, dialect: str = "dlr") -> None:
         f"    ielastq ( {j + 1}) = coordinate {j + 1}, up to {hz[-1]:.6g} Hz" for j in range(n)
     ]
     lines += ["  end refmod", "  frame"]
+    assert body.frame.integrals is not None
+    stiffening = body.frame.integrals.stiffening
+
+    def by_load(interface: str, kind: str) -> Any:  # forces at a node do work on Φ(q)ᵀ F
+        if not stiffening:
+            return None
+        loads = [f"{interface}.{kind}{axis}" for axis in "xyz"]
+        return -np.swapaxes(_by_coordinates(stiffening, loads), 1, 2)
+
     for number, (name, (phi, psi)) in enumerate(motion.items(), 1):
         rotation = np.array([_skew(psi[:, q]) for q in range(n)])
         lines += [
@@ -190,8 +218,8 @@ def write_sid(model: ReducedBody, path: Path, dialect: str = "dlr") -> None:
                 mode_first,
                 "      ",
             ),
-            *_block("phi", (phi, None), n, mode_first, "      "),
-            *_block("psi", (psi, None), n, mode_first, "      "),
+            *_block("phi", (phi, by_load(name, "f")), n, mode_first, "      "),
+            *_block("psi", (psi, by_load(name, "m")), n, mode_first, "      "),
             *_block("AP", (np.eye(3), rotation), n, mode_first, "      "),
             "    end node",
         ]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, fields, replace
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any, Self
 
 import numpy as np
@@ -32,6 +32,9 @@ class FrameIntegrals:
         ∫ρ (e_a × x) · (e_b × φ_j), indices a, b, j.
     inertia_second : (3, m, 3, m) array
         ∫ρ (e_a × φ_j) · (e_b × φ_k), indices a, j, b, k.
+    stiffening : dict of (m, m) arrays
+        Geometric stiffening (``-mor_stiffening``): what the stress under a unit of each load adds
+        to the stiffness (``src/model/stiffening.hpp``), by load; empty if not asked for.
     """
 
     mass: float
@@ -41,6 +44,7 @@ class FrameIntegrals:
     gyroscopic: Floats
     inertia_first: Floats
     inertia_second: Floats
+    stiffening: dict[str, Floats] = field(default_factory=dict)
 
     def without_first(self, count: int) -> FrameIntegrals:
         """Those of the body without its first coordinates."""
@@ -51,6 +55,7 @@ class FrameIntegrals:
             gyroscopic=self.gyroscopic[keep, :, keep],
             inertia_first=self.inertia_first[:, :, keep],
             inertia_second=self.inertia_second[:, keep, :, keep],
+            stiffening={load: K[keep, keep] for load, K in self.stiffening.items()},
         )
 
 
@@ -80,9 +85,19 @@ class Frame(Mapping[str, Any]):
             arrays = {
                 f.name: np.asarray(stored[f"frame/{f.name}"], dtype=np.float64)
                 for f in fields(FrameIntegrals)
-                if f.name != "mass"
+                if f.name not in ("mass", "stiffening")
             }
-            integrals = FrameIntegrals(mass=float(stored["frame/mass"]), **arrays)
+            stiffening = {
+                str(load): np.asarray(K, dtype=np.float64)
+                for load, K in zip(
+                    stored.get("frame/stiffening/names", ()),
+                    stored.get("frame/stiffening", ()),
+                    strict=True,
+                )
+            }
+            integrals = FrameIntegrals(
+                mass=float(stored["frame/mass"]), **arrays, stiffening=stiffening
+            )
         return cls(
             str(stored.get("frame/kind", "none")),
             int(stored.get("frame/rigid_modes", 0)),

@@ -1,0 +1,122 @@
+#include "fem/followers.hpp"
+
+#include "base/index.hpp"
+#include "fem/couplings.hpp"
+
+#include <algorithm>
+
+namespace flexgram {
+
+Followers::Followers(const DofMap& map, const LocalMesh& mesh) : map_(map), mesh_(mesh) {
+  for (const auto& elements : mesh.elements) {
+    const auto width = as_size(node_count(elements.block->type));
+    for (std::size_t k = 0; k < elements.number.size(); ++k) {
+      const auto first = static_cast<long>(node_.size());
+      for (std::size_t a = 0; a < width; ++a) {
+        const std::int64_t node = elements.connectivity[k * width + a];
+        const int reference = map.reference[as_size(node)];
+        const std::int64_t master = reference < 0 ? node : reference;
+        if (std::find(node_.begin() + first, node_.end(), master) == node_.end())
+          node_.push_back(master);
+      }
+      start_.push_back(node_.size());
+    }
+  }
+}
+
+void Followers::for_each(const std::function<void(const PlacedElement&)>& visit) const {
+  std::size_t e = 0;
+  for (const auto& elements : mesh_.elements) {
+    const auto width = as_size(node_count(elements.block->type));
+    for (std::size_t k = 0; k < elements.number.size(); ++k, ++e) {
+      PlacedElement at{elements,
+                       k,
+                       elements.connectivity.data() + k * width,
+                       {},
+                       node_.data() + start_[e],
+                       start_[e + 1] - start_[e],
+                       false};
+      for (std::size_t a = 0; a < width; ++a)
+        at.x.push_back(mesh_.coordinates[mesh_.place(at.nodes[a])]);
+      at.rigid = at.master_count == 1 && at.masters[0] >= map_.points;
+      visit(at);
+    }
+  }
+}
+
+std::vector<int> Followers::first_dofs(const PlacedElement& at) const {
+  std::vector<int> first(at.master_count + 1, 0);
+  for (std::size_t a = 0; a < at.master_count; ++a)
+    first[a + 1] = first[a] + map_.dofs[as_size(at.masters[a])];
+  return first;
+}
+
+std::size_t Followers::place_of(const PlacedElement& at, std::int64_t master) const {
+  return as_size(std::find(at.masters, at.masters + at.master_count, master) -
+                 at.masters);
+}
+
+Vector3 Followers::arm(std::int64_t node, int reference) const {
+  Vector3 d = mesh_.coordinates[mesh_.place(node)];
+  const Vector3& origin = map_.reference_position[as_size(reference - map_.points)];
+  for (std::size_t axis = 0; axis < 3; ++axis) d[axis] -= origin[axis];
+  return d;
+}
+
+Dense Followers::transformation(const PlacedElement& at) const {
+  const int count = node_count(at.block().type), dofs = dofs_per_node(at.block().type);
+  const std::vector<int> first = first_dofs(at);
+  bool same = at.master_count == as_size(count);
+  for (std::size_t a = 0; a < at.master_count; ++a)
+    same = same && at.masters[a] == at.nodes[a] && first[a + 1] - first[a] == dofs;
+  if (same) return {};
+  Dense T(count * dofs, first.back());
+  for (int a = 0; a < count; ++a) {
+    const int reference = map_.reference[as_size(at.nodes[a])];
+    const int column = first[place_of(at, reference < 0 ? at.nodes[a] : reference)];
+    if (reference < 0) {
+      for (int c = 0; c < dofs; ++c) T(a * dofs + c, column + c) = 1;
+      continue;
+    }
+    const Dense G = rigid_motion(arm(at.nodes[a], reference));
+    for (int c = 0; c < 3; ++c)
+      for (int j = 0; j < 6; ++j) T(a * dofs + c, column + j) = G(c, j);
+    for (int c = 3; c < dofs; ++c) T(a * dofs + c, column + c) = 1;
+  }
+  return T;
+}
+
+Dense Followers::displacement(const PlacedElement& at, const Dense& T,
+                              const std::function<double(std::int64_t, int)>& u) const {
+  Dense moved(0, 1);
+  for (std::size_t a = 0; a < at.master_count; ++a)
+    for (int c = 0; c < map_.dofs[as_size(at.masters[a])]; ++c)
+      moved.data.push_back(u(at.masters[a], c));
+  moved.rows = static_cast<int>(moved.data.size());
+  return T.data.empty() ? moved : multiply(T, moved);
+}
+
+Dense Followers::turning(const PlacedElement& at, const Dense& forces) const {
+  const int count = node_count(at.block().type), dofs = dofs_per_node(at.block().type);
+  const std::vector<int> first_dof = first_dofs(at);
+  Dense result;
+  for (int a = 0; a < count; ++a) {
+    const int reference = map_.reference[as_size(at.nodes[a])];
+    if (reference < 0) continue;
+    if (result.data.empty()) result = Dense(first_dof.back(), first_dof.back());
+    const int first = first_dof[place_of(at, reference)] + 3;
+    const Vector3 d = arm(at.nodes[a], reference);
+    double F[3], along = 0;
+    for (int c = 0; c < 3; ++c) {
+      F[c] = forces(a * dofs + c, 0);
+      along += F[c] * d[as_size(c)];
+    }
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j)
+        result(first + i, first + j) +=
+            0.5 * (F[i] * d[as_size(j)] + d[as_size(i)] * F[j]) - (i == j) * along;
+  }
+  return result;
+}
+
+} // namespace flexgram
