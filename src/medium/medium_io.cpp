@@ -17,7 +17,7 @@
 namespace flexgram {
 namespace {
 
-constexpr double version = 12; // of the file's layout
+constexpr double version = 13; // of the file's layout
 
 /// Values of parameters, each combination a column.
 template <class Archive, class List>

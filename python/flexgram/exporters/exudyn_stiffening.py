@@ -94,11 +94,9 @@ class GeometricStiffening:
         The number of the object.
         """
         import exudyn.itemInterface as eii
-        from exudyn.rigidBodyUtilities import (
-            EulerParameters2GLocal,
-            EulerParameters2RotationMatrix,
-        )
+        import exudyn.rigidBodyUtilities
 
+        parameters: Any = exudyn.rigidBodyUtilities
         start = np.asarray(mbs.GetNode(rigid_node)["referenceCoordinates"])[3:7]
         n = self.K_t.shape[1]
 
@@ -107,8 +105,8 @@ class GeometricStiffening:
             q = np.asarray(q)
             angles = start + q[3:7]
             Z = np.zeros((6 + n, 7 + n))
-            Z[:3, :3] = np.asarray(EulerParameters2RotationMatrix(angles)).T
-            Z[3:6, 3:7] = EulerParameters2GLocal(angles)
+            Z[:3, :3] = np.asarray(parameters.EulerParameters2RotationMatrix(angles)).T
+            Z[3:6, 3:7] = parameters.EulerParameters2GLocal(angles)
             Z[6:, 7:] = np.eye(n)
             return Z, q[7:]
 
@@ -121,11 +119,14 @@ class GeometricStiffening:
             rates = Z @ np.asarray(rate)
             return -Z.T @ self.forces(rates[3:6], own, rates[6:])
 
+        functions: dict[str, Any] = {
+            "massMatrixUserFunction": mass,
+            "forceUserFunction": force,
+        }
         return mbs.AddObject(
             eii.ObjectGenericODE2(
                 nodeNumbers=[rigid_node, modal_node],
-                massMatrixUserFunction=mass,
-                forceUserFunction=force,
+                **functions,
                 visualization=eii.VObjectGenericODE2(show=False),
             )
         )

@@ -85,6 +85,11 @@ class OptionsOfReduceAndCertify(TypedDict, total=False):
     frame_integrals: bool | Literal["auto", "yes", "no"]
     """Mass, centre, inertia and the shape integrals that a floating frame of reference needs,
     into /frame; auto: if the body is free and has coordinates. Default auto."""
+    stiffening: bool | Literal["no", "yes"]
+    """Geometric stiffening for a floating frame, into /frame: what the stress under unit
+    accelerations and spins of the frame and under unit forces at interfaces adds to the
+    stiffness; of a mesh, a static solve each. A free body is held at -mor_frame_interface for
+    it. Default no."""
     ordering: Literal["auto", "best", "nested_dissection", "mumps"]
     """Fill-reducing ordering: METIS nested dissection on the node graph, MUMPS' own choice, or
     the best (fewer estimated flops) of the two. auto: the best where many frequencies are
@@ -132,7 +137,8 @@ class OptionsOfReduceAndCut(TypedDict, total=False):
     which come first; tangent: at rest at an interface; none: rigid motion mixed into the basis.
     auto: buckens if the body is free. Default auto."""
     frame_interface: str | Path | Sequence[str]
-    """Interface that the tangent frame follows; default: the first with six ports."""
+    """Interface that the tangent frame follows, and that holds a free body for -mor_stiffening;
+    default: the first with six ports."""
     error_hz: float | Sequence[float]
     """First,last,count: further frequencies at which error and bound are evaluated and stored,
     beside some hundred over the band and on its resonances [Hz]."""
@@ -206,6 +212,7 @@ NAMES = {
     "medium_order": "-mor_medium_order",
     "medium_tol": "-mor_medium_tol",
     "frame_integrals": "-mor_frame_integrals",
+    "stiffening": "-mor_stiffening",
     "samples": "-mor_samples",
     "quadrature": "-mor_quadrature",
     "spacing": "-mor_spacing",
