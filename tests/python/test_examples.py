@@ -70,6 +70,17 @@ def test_turning_blade(tmp_path: Path) -> None:
     assert (tmp_path / "blade.svg").stat().st_size > 10_000
 
 
+def test_spin_up(tmp_path: Path) -> None:
+    pytest.importorskip("exudyn")
+    out = example("exudyn_spin_up.py", tmp_path)
+    # EXUDYN's geometrically exact beam, by test_stiffening.tip_of_exact at 7 s: 0.572 m
+    assert number(r"with geometric stiffening: at most (\S+) m", out) == pytest.approx(
+        0.573, rel=0.02
+    )
+    assert number(r"without: at most (\S+) m", out) > 1.5
+    assert (tmp_path / "spin-up.svg").stat().st_size > 10_000
+
+
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="ccx is not installed")
 def test_calculix_part(tmp_path: Path) -> None:
     pytest.importorskip("gmsh")
