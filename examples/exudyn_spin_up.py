@@ -44,12 +44,6 @@ description = {
 import_description(description, "beam", out / "beam.h5", mesh=mesh)
 
 
-def angle(t: float) -> float:
-    w = 2 * np.pi / rise
-    start = top / rise * (t**2 / 2 + (np.cos(w * t) - 1) / w**2)
-    return float(start if t < rise else top * (t - rise / 2))
-
-
 def torque(_mbs: object, t: float, _load: object) -> list[float]:
     turning = top / rise * (1 - np.cos(2 * np.pi * t / rise)) if t < rise else 0.0
     return [0, 0, 1e8 * turning]
@@ -60,19 +54,21 @@ def deflection(stiffening: bool, end: float) -> tuple[np.ndarray, np.ndarray]:
     rom = flexgram.reduce(out / "beam.h5", (0.05, 10), 1e-3, frame="tangent", stiffening=stiffening)
     print(rom)
     mbs = exu.SystemContainer().AddSystem()
-    markers = add_body(exu, mbs, rom)["markers"]
+    added = add_body(exu, mbs, rom)
     ground = mbs.AddMarker(eii.MarkerBodyRigid(bodyNumber=mbs.AddObject(eii.ObjectGround())))
     inertia = RigidBodyInertia(mass=1e3, inertiaTensor=1e8 * np.eye(3))
     _, body = AddRigidBody(mbs, inertia=inertia, nodeType=exu.NodeType.RotationEulerParameters)
     hub = mbs.AddMarker(eii.MarkerBodyRigid(bodyNumber=body))
     mbs.AddLoad(eii.LoadTorqueVector(markerNumber=hub, loadVectorUserFunction=torque))
     mbs.AddObject(eii.GenericJoint(markerNumbers=[ground, hub], constrainedAxes=[1, 1, 1, 1, 1, 0]))
-    mbs.AddObject(eii.GenericJoint(markerNumbers=[hub, markers["root"]], constrainedAxes=[1] * 6))
+    mbs.AddObject(
+        eii.GenericJoint(markerNumbers=[hub, added["markers"]["root"]], constrainedAxes=[1] * 6)
+    )
     sensor = mbs.AddSensor(
-        eii.SensorMarker(
-            markerNumber=markers["tip"],
+        eii.SensorNode(
+            nodeNumber=added["modal_node"],
             storeInternal=True,
-            outputVariableType=exu.OutputVariableType.Position,
+            outputVariableType=exu.OutputVariableType.Coordinates,
         )
     )
     mbs.Assemble()
@@ -87,8 +83,8 @@ def deflection(stiffening: bool, end: float) -> tuple[np.ndarray, np.ndarray]:
     settings.solution.sensors.writePeriod = 0.05
     mbs.SolveDynamic(settings)
     data = mbs.GetSensorStoredData(sensor)
-    turned = np.array([angle(t) for t in data[:, 0]])
-    return data[:, 0], np.cos(turned) * data[:, 2] - np.sin(turned) * data[:, 1]
+    elastic = rom.elastic()  # in the frame of the root
+    return data[:, 0], data[:, 1:] @ elastic.C[elastic.outputs.index("tip.fy")]
 
 
 figure, axes = plt.subplots(figsize=(7, 3.5), layout="constrained")
