@@ -16,11 +16,6 @@ using Complex = std::complex<double>;
 constexpr int points = 10;
 constexpr double loss_factor = 0.01; // of undamped bodies
 
-bool undamped(const DenseSystem& s) {
-  return s.terms.empty() && s.damping.alpha == 0 && s.damping.beta == 0 &&
-         s.damping.eta == 0;
-}
-
 double distance(Complex pole, double a, double b) {
   const double beside = std::max({a - pole.real(), pole.real() - b, 0.0});
   return std::hypot(beside, pole.imag());
@@ -87,13 +82,14 @@ std::vector<Dense> by_modes(const DenseResponse& response, const Quadrature& nod
   return factors;
 }
 
-std::vector<Dense> by_solves(const DenseResponse& response, const Quadrature& nodes) {
+std::vector<Dense> by_solves(const DenseResponse& response, const Quadrature& nodes,
+                             double eta_added) {
   const int N = response.system().order(), ports = response.system().B.columns;
   std::vector<Dense> factors(as_size(ports), Dense(N, 0));
   for (std::size_t l = 0; l < nodes.omega.size(); ++l) {
     stop_if_interrupted();
     const double root = std::sqrt(nodes.weight[l] / std::numbers::pi);
-    const ComplexDense x = response.modal_response(nodes.omega[l]);
+    const ComplexDense x = response.modal_response(nodes.omega[l], eta_added);
     for (int p = 0; p < ports; ++p) {
       Dense next(N, 2);
       for (int i = 0; i < N; ++i) {
@@ -113,7 +109,7 @@ Dense factor_of(const DenseResponse& response, const Quadrature& nodes, double e
   Dense all(response.system().order(), 0);
   const auto& mu = response.mu(); // UᵀMU
   for (Dense& part : response.is_diagonal() ? by_modes(response, nodes, eta_added)
-                                            : by_solves(response, nodes)) {
+                                            : by_solves(response, nodes, eta_added)) {
     double square = 0;
     for (int j = 0; j < part.columns; ++j)
       for (int i = 0; i < part.rows; ++i)
@@ -172,7 +168,7 @@ double BandWeight::at(double w) const {
 
 Dense gramian_factor(const DenseResponse& response, const std::vector<BandWeight>& bands,
                      bool equal_ports, bool half_the_digits) {
-  const double eta = undamped(response.system()) ? loss_factor : 0.0;
+  const double eta = response.system().is_lossless() ? loss_factor : 0.0;
   const auto at = poles(response, eta);
   Quadrature nodes;
   for (const auto& band : bands) {
@@ -190,7 +186,7 @@ Dense gramian_factor(const DenseResponse& response, const std::vector<BandWeight
 }
 
 Dense whole_axis_factor(const DenseResponse& response, bool equal_ports) {
-  const double eta = undamped(response.system()) ? loss_factor : 0.0;
+  const double eta = response.system().is_lossless() ? loss_factor : 0.0;
   const auto at = poles(response, eta);
   double far = 0;
   for (const auto& pole : at) far = std::max(far, std::abs(pole));

@@ -59,6 +59,7 @@ private:
   void prove_between(const Dense& Q, const ErrorOverBox::Supremum& sup, BandClaim& claim);
   std::vector<double> error_grid(const MediumModel& model) const;
   Dense gram() const;
+  std::string frame_interface() const;
   Dense tangent(const Dense& Q) const;
   ErrorOverBox::Supremum shared_supremum(ErrorOverBox::Supremum sup) const;
   double smallest_tolerance() const {
@@ -287,21 +288,29 @@ Dense Cut::gram() const {
   return g;
 }
 
+/// The one asked for; of a tangent frame else the first with six ports. Empty: none.
+std::string Cut::frame_interface() const {
+  if (!request_.frame_interface.empty() || frame_ != FrameKind::tangent)
+    return request_.frame_interface;
+  const std::vector<std::string>& inputs = medium_.names.inputs;
+  for (const std::string& input : inputs) {
+    const std::string name = input.substr(0, input.rfind('.'));
+    if (std::count_if(inputs.begin(), inputs.end(), [&](const std::string& other) {
+          return other.rfind(name + ".", 0) == 0;
+        }) == 6)
+      return name;
+  }
+  return "";
+}
+
 /// V_e − Φ_r (B_iᵀΦ_r)⁻¹ B_iᵀV_e: every elastic vector at rest at the interface.
 Dense Cut::tangent(const Dense& Q) const {
-  std::string interface = request_.frame_interface;
+  const std::string interface = frame_interface();
   std::vector<int> ports;
-  for (std::size_t i = 0; i < medium_.names.inputs.size(); ++i) {
-    const std::string name =
-        medium_.names.inputs[i].substr(0, medium_.names.inputs[i].rfind('.'));
-    if (interface.empty() &&
-        std::count_if(medium_.names.inputs.begin(), medium_.names.inputs.end(),
-                      [&](const std::string& other) {
-                        return other.rfind(name + ".", 0) == 0;
-                      }) == 6)
-      interface = name;
-    if (name == interface) ports.push_back(static_cast<int>(i));
-  }
+  for (std::size_t i = 0; i < medium_.names.inputs.size(); ++i)
+    if (medium_.names.inputs[i].substr(0, medium_.names.inputs[i].rfind('.')) ==
+        interface)
+      ports.push_back(static_cast<int>(i));
   if (ports.size() != 6 || medium_.rigid != 6)
     throw Error(
         text("{frame} tangent needs a free body and an interface with six ports; %s%s "
@@ -452,6 +461,7 @@ ReducedModel Cut::reduced(const Dense& Q, const DenseSystem& small,
   rom.frame.kind = frame_names[as_size(
       frame_ == FrameKind::none && apart ? FrameKind::buckens : frame_)];
   rom.frame.rigid_modes = medium_.rigid;
+  rom.frame.interface = frame_interface();
   if (whole_.integrals) {
     Dense all(whole_.integrals->M_er.rows, Q.columns);
     set_part(all, 0, 0, medium_.in_V(Q));

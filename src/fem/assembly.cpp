@@ -10,6 +10,7 @@
 #include "fem/reactions.hpp"
 #include "fem/stiffening.hpp"
 #include "io/body_io.hpp"
+#include "model/parameters.hpp"
 
 #include <algorithm>
 
@@ -263,8 +264,8 @@ void add_spin(SecondOrderModel& model, const SpinRange& spin, Matrix* parts,
 } // namespace
 
 SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver,
-                               const std::optional<std::string>& stiffening,
-                               AssemblyFacts& facts, Observer& observer) {
+                               bool stiffening, AssemblyFacts& facts,
+                               Observer& observer) {
   const MPI_Comm comm = file.comm();
   const int rank = comm_rank(comm);
   const BodyDescription all = read_description(file);
@@ -424,9 +425,11 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
     if (all.spin || !all.preload.empty())
       throw Error(
           "{stiffening} is of a body at rest: leave its spin and its preload out");
-    model.stiffening =
-        std::make_shared<MeshStiffening>(std::move(body), std::move(map), std::move(mesh),
-                                         model, *stiffening, solver, observer);
+    if (!parameters_of(model.terms).empty())
+      throw Error("{stiffening} is of one stiffness: give materials and springs that are "
+                  "known between two numbers one value");
+    model.stiffening = std::make_shared<MeshStiffening>(
+        std::move(body), std::move(map), std::move(mesh), model, solver, observer);
   }
   return model;
 }

@@ -22,12 +22,10 @@ struct AssemblyFacts {
 /// the interfaces and applies the supports. Ports in the order of the interfaces: fx, fy,
 /// fz, mx, my, mz each; outputs are the inputs.
 /// @param solver  for the static solve of a preload.
-/// @param stiffening  the interface that holds a free body for the stress of unit loads (empty: the
-///                     first with six ports); nothing: no geometric stiffening is asked for.
+/// @param stiffening  whether geometric stiffening for a floating frame is asked for.
 /// @throws Error naming inverted elements, nodes in two interfaces, and so on.
 /// Collective.
 SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver,
-                               const std::optional<std::string>& stiffening,
-                               AssemblyFacts& facts, Observer& observer);
+                               bool stiffening, AssemblyFacts& facts, Observer& observer);
 
 } // namespace flexgram

@@ -78,15 +78,25 @@ struct StressStiffness {
   Dense linear, quadratic;
 };
 
+/// What is told of displacements, gathered over elements.
+struct Deformation {
+  double stress =
+      0; ///< the largest von Mises stress at points, of beams the axial one [N/m²]
+  double energy = 0; ///< of solids, twice [J]
+  double locked =
+      0; ///< twice the energy of strains by turning that no displacement relieves [J]
+};
+
 /// What displacements u add to the stiffness of a solid: ∫ ∂Nᵀσ∂N of the linear stress σ, and by the
 /// moved geometry ∫ B(u)ᵀC B(u) − B(0)ᵀC B(0), B(u) the strain of Green and Lagrange (Bathe, Finite
 /// Element Procedures, 6.3.4); the incompatible modes of a Hex8 follow as they do in K.
-/// @param u               three numbers a node [m].
-/// @param[in,out] stress  raised to the largest von Mises stress at the points [N/m²].
+/// @param u                    three numbers a node [m].
+/// @param[in,out] deformation  takes in this element.
 StressStiffness solid_stress_stiffness(ElementType type,
                                        const std::vector<Vector3>& nodes,
                                        const SolidMaterial& material,
-                                       const std::vector<double>& u, double& stress);
+                                       const std::vector<double>& u,
+                                       Deformation& deformation);
 
 /// ∫ ∂Nᵀσ∂N alone.
 Dense solid_geometric_stiffness(ElementType type, const std::vector<Vector3>& nodes,

@@ -122,8 +122,9 @@ StressStiffness Preload::of_stress(const MeshBlock& block, const std::vector<Vec
   const Material& material = body_.materials.at(block.material);
   return block.type == ElementType::beam2
              ? beam_stress_stiffness(x[0], x[1], material.beam,
-                                     body_.sections.at(block.section), u, stress_)
-             : solid_stress_stiffness(block.type, x, material.solid, u, stress_);
+                                     body_.sections.at(block.section), u,
+                                     deformation_.stress)
+             : solid_stress_stiffness(block.type, x, material.solid, u, deformation_);
 }
 
 Dense Preload::of_spin(const MeshBlock& block, const std::vector<Vector3>& x,
@@ -198,34 +199,43 @@ void Preload::tell(MPI_Comm comm, Observer& observer) const {
   std::string loads;
   for (const auto& [name, value] : loads_)
     loads += text("%s%s %g", loads.empty() ? "" : ", ", name.c_str(), value);
-  const double largest = max_over(comm, largest_), extent = max_over(comm, extent_);
   observer.fact(
       "preload",
       text("%s: displacement at most %.3g m, von Mises stress (of beams: axial) at "
            "most %.3g N/m²; K is that under this stress%s",
-           loads.c_str(), largest, max_over(comm, stress_),
+           loads.c_str(), max_over(comm, largest_), max_over(comm, deformation_.stress),
            spins() ? ", softened by the spin, whose Coriolis forces are G" : ""));
-  warn_of_large(largest, extent, observer);
+  warn_of_shape(comm, 1, observer);
 }
 
 void Preload::tell(MPI_Comm comm, const SpinRange& spin, Observer& observer) const {
-  const double square = spin.most * spin.most,
-               largest = square * max_over(comm, largest_),
-               extent = max_over(comm, extent_);
+  const double square = spin.most * spin.most;
   observer.fact("spin",
                 text("%g to %g rad/s; at the most displacement at most %.3g m, von Mises "
                      "stress (of beams: axial) at most %.3g N/m²; seen in the frame that "
                      "turns with the body, with its Coriolis forces",
-                     spin.least, spin.most, largest, square * max_over(comm, stress_)));
-  warn_of_large(largest, extent, observer);
+                     spin.least, spin.most, square * max_over(comm, largest_),
+                     square * max_over(comm, deformation_.stress)));
+  warn_of_shape(comm, square, observer);
 }
 
-void Preload::warn_of_large(double largest, double extent, Observer& observer) const {
+void Preload::warn_of_shape(MPI_Comm comm, double share, Observer& observer) const {
+  const double largest = share * max_over(comm, largest_),
+               extent = max_over(comm, extent_),
+               locked = sum_over(comm, deformation_.locked),
+               energy = sum_over(comm, deformation_.energy);
   if (largest > 0.05 * extent)
     observer.warn(
         text("preload: it moves the body by %.3g m, which measures %.3g m: linear "
              "statics does not hold there; are the values in SI units?",
              largest, extent));
+  const double excess = energy > 0 ? share * share * locked / energy : 0;
+  if (excess > 0.02)
+    observer.warn(
+        text("preload: it bends elements by more than they can follow: on this mesh the "
+             "shape that it bends is about %.2g %% too stiff (membrane locking); take "
+             "elements that are shorter along it, or quadratic ones",
+             100 * excess));
 }
 
 BodyDescription without_preload_loads(BodyDescription body) {

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "base/observer.hpp"
+#include "fem/elements.hpp"
 #include "fem/loads.hpp"
 #include "linalg/shifted_solver.hpp"
 
@@ -60,14 +61,16 @@ private:
     bool is_spin() const { return field->type == AccelerationField::Type::spin; }
   };
   bool spins() const { return speed() > 0; }
-  void warn_of_large(double largest, double extent, Observer& observer) const;
+  /// Of displacements beyond linear statics, and of locking. @param share  of the loads.
+  void warn_of_shape(MPI_Comm comm, double share, Observer& observer) const;
   const BodyDescription& body_;
   LoadValues loads_;
   const DofMap& map_;
   std::vector<double> u_; ///< of all equations
   std::vector<Field> fields_;
-  double largest_ = 0, stress_ = 0; ///< displacement [m], von Mises [N/m²]
-  double extent_ = 0;               ///< of the nodes here [m]
+  double largest_ = 0; ///< displacement [m]
+  Deformation deformation_;
+  double extent_ = 0; ///< of the nodes here [m]
 };
 
 /// The share of loads, to a hundredth, with which K + share·S + share²·Q has negative eigenvalues,

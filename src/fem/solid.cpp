@@ -135,6 +135,7 @@ Dense condensed(const Dense& a, const Dense& T) {
 struct StiffnessPoint {
   double volume;
   double aspect;
+  Vector3 xi;
   std::vector<Vector3> gradients;
 };
 
@@ -153,7 +154,7 @@ std::vector<StiffnessPoint> points_of(ElementType type,
     const Jacobian J = jacobian(p, nodes);
     const double det = determinant(J);
     const Jacobian inv = inverse(J, det);
-    StiffnessPoint at{p.weight * det, norm(J) * norm(inv) / 3, {}};
+    StiffnessPoint at{p.weight * det, norm(J) * norm(inv) / 3, p.xi, {}};
     for (const auto& d : p.dN) at.gradients.push_back(to_global(inv, d));
     if (incompatible)
       for (std::size_t a = 0; a < 3;
@@ -291,18 +292,70 @@ struct Displaced {
   Dense moved, T;
 };
 
-std::array<double, 6> linear_stress(const SolidMaterial& material, const Jacobian& H) {
-  const std::array<double, 6> strains{
-      H[0][0], H[1][1], H[2][2], H[0][1] + H[1][0], H[1][2] + H[2][1], H[2][0] + H[0][2]};
-  std::array<double, 6> s{};
+using Voigt = std::array<double, 6>;
+
+Voigt linear_strain_of(const Jacobian& H) {
+  return {H[0][0],           H[1][1],           H[2][2],
+          H[0][1] + H[1][0], H[1][2] + H[2][1], H[2][0] + H[0][2]};
+}
+
+Voigt stress_of(const SolidMaterial& material, const Voigt& strain) {
+  Voigt s{};
   for (std::size_t r = 0; r < 6; ++r)
-    for (std::size_t c = 0; c < 6; ++c)
-      s[r] += material.stiffness[6 * r + c] * strains[c];
+    for (std::size_t c = 0; c < 6; ++c) s[r] += material.stiffness[6 * r + c] * strain[c];
   return s;
 }
 
+Voigt linear_stress(const SolidMaterial& material, const Jacobian& H) {
+  return stress_of(material, linear_strain_of(H));
+}
+
+/// Energy of the strains HᵀH that turning adds, less that of their part which displacements of the
+/// element can take back: the constant one, of quadratic elements the linear one.
+double locked_energy(ElementType type, const std::vector<StiffnessPoint>& points,
+                     const std::vector<Jacobian>& gradients,
+                     const SolidMaterial& material) {
+  const bool is_linear = type == ElementType::tet4 || type == ElementType::hex8;
+  const std::size_t functions = is_linear ? 1 : 4;
+  if (points.size() <= functions) return 0;
+  std::vector<Voigt> strains;
+  Dense gram(static_cast<int>(functions), static_cast<int>(functions)),
+      part(6, static_cast<int>(functions));
+  const auto function = [](const StiffnessPoint& at, std::size_t k) {
+    return k == 0 ? 1.0 : at.xi[k - 1];
+  };
+  for (std::size_t p = 0; p < points.size(); ++p) {
+    const Jacobian& H = gradients[p];
+    Jacobian product{};
+    for (std::size_t i = 0; i < 3; ++i)
+      for (std::size_t j = 0; j < 3; ++j)
+        for (std::size_t c = 0; c < 3; ++c) product[i][j] += H[c][i] * H[c][j];
+    strains.push_back(linear_strain_of(product));
+    for (std::size_t k = 0; k < functions; ++k) {
+      const double w = points[p].volume * function(points[p], k);
+      for (int r = 0; r < 6; ++r)
+        part(r, static_cast<int>(k)) += w * strains[p][as_size(r)];
+      for (std::size_t l = 0; l < functions; ++l)
+        gram(static_cast<int>(k), static_cast<int>(l)) += w * function(points[p], l);
+    }
+  }
+  if (cholesky(gram) != 0) return 0;
+  solve_right_transposed(gram, part); // in orthonormal functions
+  const Dense fit = multiply(part, transpose(inverse_transposed(gram)));
+  double energy = 0;
+  for (std::size_t p = 0; p < points.size(); ++p) {
+    for (std::size_t r = 0; r < 6; ++r)
+      for (std::size_t k = 0; k < functions; ++k)
+        strains[p][r] -=
+            fit(static_cast<int>(r), static_cast<int>(k)) * function(points[p], k);
+    const Voigt s = stress_of(material, strains[p]);
+    for (std::size_t r = 0; r < 6; ++r) energy += points[p].volume * s[r] * strains[p][r];
+  }
+  return energy;
+}
+
 /// Adds ∂Nᵀσ∂N of a point above the diagonal.
-void add_geometric(Dense& K, const StiffnessPoint& at, const std::array<double, 6>& s) {
+void add_geometric(Dense& K, const StiffnessPoint& at, const Voigt& s) {
   const std::array<Vector3, 3> sigma{
       {{s[0], s[3], s[5]}, {s[3], s[1], s[4]}, {s[5], s[4], s[2]}}};
   for (int j = 0; j < static_cast<int>(at.gradients.size()); ++j) {
@@ -323,11 +376,13 @@ void add_geometric(Dense& K, const StiffnessPoint& at, const std::array<double, 
 StressStiffness solid_stress_stiffness(ElementType type,
                                        const std::vector<Vector3>& nodes,
                                        const SolidMaterial& material,
-                                       const std::vector<double>& u, double& stress) {
+                                       const std::vector<double>& u,
+                                       Deformation& deformation) {
   const Displaced body(type, nodes, material, u);
   Dense K(3 * body.modes, 3 * body.modes), quadratic(3 * body.modes, 3 * body.modes);
+  std::vector<Jacobian> gradients;
   for (const StiffnessPoint& at : body.points) {
-    const Jacobian H = body.gradient(at);
+    const Jacobian& H = gradients.emplace_back(body.gradient(at));
     // The strain of the moved body is that of the body at rest, L, and N by ∂u/∂x:
     // (L + N)ᵀC(L + N) − LᵀCL is what changes its sign with u, and NᵀCN.
     const auto strain_by = [&](double turn, double at_rest) {
@@ -351,10 +406,13 @@ StressStiffness solid_stress_stiffness(ElementType type,
     add_stiffness(K, at.gradients, material.stiffness, -half, strain_by(-scale, 1));
     add_stiffness(quadratic, at.gradients, material.stiffness, at.volume,
                   strain_by(1, 0));
-    const auto s = linear_stress(material, H);
-    stress = std::max(stress, von_mises(s));
+    const Voigt strain = linear_strain_of(H), s = stress_of(material, strain);
+    deformation.stress = std::max(deformation.stress, von_mises(s));
+    for (std::size_t r = 0; r < 6; ++r)
+      deformation.energy += at.volume * s[r] * strain[r];
     add_geometric(K, at, s);
   }
+  deformation.locked += locked_energy(type, body.points, gradients, material);
   mirror(K);
   mirror(quadratic);
   if (body.modes > body.n) return {condensed(K, body.T), condensed(quadratic, body.T)};

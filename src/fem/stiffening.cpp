@@ -112,26 +112,19 @@ Matrix springs(Mat K, const SecondOrderModel& model, std::vector<PetscInt> at) {
   return make_sparse(model.comm, model.rows, model.n, local);
 }
 
-/// Columns of the interface among the ports. @throws Error if it has no six.
-std::vector<int> ports_of(std::string& interface, const std::vector<std::string>& names) {
-  const auto columns = [&](const std::string& of) {
+/// Columns of the first interface with six ports. @throws Error if none has six.
+std::vector<int> six_ports(const std::vector<std::string>& names) {
+  const auto owner = [&](std::size_t j) {
+    return names[j].substr(0, names[j].rfind('.'));
+  };
+  for (std::size_t first = 0; first < names.size(); ++first) {
     std::vector<int> found;
     for (std::size_t j = 0; j < names.size(); ++j)
-      if (names[j].substr(0, names[j].rfind('.')) == of)
-        found.push_back(static_cast<int>(j));
-    return found;
-  };
-  for (std::size_t j = 0; j < names.size() && interface.empty(); ++j) {
-    const std::string name = names[j].substr(0, names[j].rfind('.'));
-    if (columns(name).size() == 6) interface = name;
+      if (owner(j) == owner(first)) found.push_back(static_cast<int>(j));
+    if (found.size() == 6) return found;
   }
-  std::vector<int> held = columns(interface);
-  if (held.size() != 6)
-    throw Error(text("{stiffening}: a free body is held at an interface with six ports "
-                     "({frame_interface}); %s%s has %zu",
-                     interface.empty() ? "no interface" : "interface ", interface.c_str(),
-                     held.size()));
-  return held;
+  throw Error("{stiffening}: a free body is held at an interface with six ports, and "
+              "this one has none");
 }
 
 ElementMatrices element_matrices(const BodyDescription& body, const PlacedElement& at) {
@@ -157,12 +150,7 @@ Dense geometric_stiffness(const BodyDescription& body, const PlacedElement& at,
 
 /// Balances loads F by the ports P: F − P (RᵀP)⁻¹ RᵀF.
 Block balanced(const Block& F, const Block& P, const Block& R) {
-  const auto complex_of = [](const Dense& a) {
-    ComplexDense c(a.rows, a.columns);
-    std::copy(a.data.begin(), a.data.end(), c.data.begin());
-    return c;
-  };
-  const ComplexDense shares = solve(complex_of(inner(R, P)), complex_of(inner(R, F)));
+  const ComplexDense shares = solve(as_complex(inner(R, P)), as_complex(inner(R, F)));
   Dense of_ports(6, shares.columns);
   for (std::size_t i = 0; i < shares.data.size(); ++i)
     of_ports.data[i] = shares.data[i].real();
@@ -174,7 +162,7 @@ Block balanced(const Block& F, const Block& P, const Block& R) {
 } // namespace
 
 MeshStiffening::MeshStiffening(BodyDescription body, DofMap map, LocalMesh mesh,
-                               const SecondOrderModel& model, std::string interface,
+                               const SecondOrderModel& model,
                                const SolverOptions& options, Observer& observer)
     : body_(std::move(body)), map_(std::move(map)), mesh_(std::move(mesh)),
       names_(frame_load_names()), shares_(shares_of_fields()) {
@@ -193,8 +181,9 @@ MeshStiffening::MeshStiffening(BodyDescription body, DofMap map, LocalMesh mesh,
   Block loads = frame_loads(model.comm), P;
   std::vector<int> held, others;
   if (motions == 6) {
-    held = ports_of(interface, interfaces.names);
+    held = six_ports(interfaces.names);
     P = select_columns(interfaces.B, held);
+    for (int j : held) held_.push_back(interfaces.names[as_size(j)]);
   }
   for (int j = 0; j < static_cast<int>(interfaces.names.size()); ++j)
     if (std::find(held.begin(), held.end(), j) == held.end()) {
@@ -206,6 +195,7 @@ MeshStiffening::MeshStiffening(BodyDescription body, DofMap map, LocalMesh mesh,
   std::vector<Mat> added;
   ShiftCoefficients coefficients{1.0, 0.0};
   if (motions == 6) {
+    resultants_ = beside(inner(rigid, loads), inner(rigid, P));
     loads = balanced(loads, P, rigid);
     held_by.push_back(springs(model.K, model, holding_rows(rigid)));
     added.push_back(held_by.front());
@@ -222,10 +212,7 @@ MeshStiffening::MeshStiffening(BodyDescription body, DofMap map, LocalMesh mesh,
                 text("by the stress under %zu unit loads, %d of the frame's motion and "
                      "%zu at interfaces; %s",
                      names_.size(), frame_loads_count, others.size(),
-                     motions == 6 ? (interface + " holds the body, forces there make no "
-                                                 "stress of their own")
-                                        .c_str()
-                                  : "held by its supports"));
+                     motions == 6 ? "balanced at an interface" : "held by its supports"));
 }
 
 Block MeshStiffening::frame_loads(MPI_Comm comm) {
@@ -291,7 +278,7 @@ std::vector<Matrix> MeshStiffening::matrices(int first, int count,
 }
 
 LoadMatrices MeshStiffening::project(const Basis& V) const {
-  LoadMatrices result{names_, {}};
+  LoadMatrices result{names_, {}, held_, resultants_};
   const Followers followers(map_, mesh_);
   const int loads = static_cast<int>(names_.size());
   for (int first = 0; first < loads; first += batch) {

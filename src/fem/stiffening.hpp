@@ -14,13 +14,13 @@ namespace flexgram {
 class MeshStiffening : public Stiffening {
 public:
   /// The static solves, with one factorisation.
-  /// @param model      assembled of these.
-  /// @param interface  that holds a free body; empty: the first with six ports.
+  /// @param model  assembled of these. A free body is held at its first interface with six ports
+  ///               (LoadMatrices::held_at changes it).
   /// @throws Error if the body is neither free nor held by its supports, if it has no such interface.
   /// Collective.
   MeshStiffening(BodyDescription body, DofMap map, LocalMesh mesh,
-                 const SecondOrderModel& model, std::string interface,
-                 const SolverOptions& options, Observer& observer);
+                 const SecondOrderModel& model, const SolverOptions& options,
+                 Observer& observer);
   LoadMatrices project(const Basis& V) const override;
 
 private:
@@ -36,6 +36,8 @@ private:
   std::vector<std::string> names_; ///< of the loads; those of the frame come first
   Dense shares_;                   ///< of the fields' inputs in the frame's loads
   Block u_;                        ///< displacements under them
+  std::vector<std::string> held_;  ///< ports that hold a free body
+  Dense resultants_;               ///< of loads and these
 };
 
 } // namespace flexgram

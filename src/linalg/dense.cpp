@@ -178,6 +178,20 @@ ComplexDense real_times_complex(const char* op, const Dense& a, const ComplexDen
 
 } // namespace
 
+ComplexDense as_complex(const Dense& a) {
+  ComplexDense result(a.rows, a.columns);
+  std::copy(a.data.begin(), a.data.end(), result.data.begin());
+  return result;
+}
+
+double pivot_size(const ComplexDense& a, int i) {
+  double size = std::abs(a(i, i));
+  for (int j = 0; j < a.columns; ++j)
+    if (const double by = std::abs(a(i, j)); j != i && by > 0)
+      size = std::max(size, by * by / std::max(by, std::abs(a(j, j))));
+  return size;
+}
+
 double norm_bound(const ComplexDense& a) {
   std::vector<double> rows(static_cast<std::size_t>(a.rows), 0.0);
   double one = 0, squares = 0;

@@ -53,8 +53,12 @@ Dense absolute(Dense a);                                  ///< |A_ij|
 void add_to(Dense& a, const Dense& b, double factor = 1); ///< A ← A + factor B
 double frobenius_norm(const Dense& a);
 double frobenius_norm(const ComplexDense& a);
+ComplexDense as_complex(const Dense& a);
 /// At least the spectral norm: √(‖A‖₁‖A‖∞), or ‖A‖_F.
 double norm_bound(const ComplexDense& a);
+/// |a_ii|, or what another row leaves of it, |a_ij|²/|a_jj|, if that is more: by the roots of these
+/// a matrix is scaled whose diagonal may vanish.
+double pivot_size(const ComplexDense& a, int i);
 enum class Symmetry { symmetric, skew }; ///< Aᵀ = A, Aᵀ = −A
 /// Replaces A by (A + Aᵀ)/2, or by (A − Aᵀ)/2.
 void symmetrise(Dense& a, Symmetry of = Symmetry::symmetric);

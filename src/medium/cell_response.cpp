@@ -15,12 +15,6 @@ constexpr int degree = 2;
 /// Σ‖A⁻¹(A(ω, p) − A)‖ up to which its series are taken.
 constexpr double most_moved = 0.7;
 
-ComplexDense complex_of(const Dense& a) {
-  ComplexDense result(a.rows, a.columns);
-  std::copy(a.data.begin(), a.data.end(), result.data.begin());
-  return result;
-}
-
 /// Each column of A times its factor.
 ComplexDense scaled_columns(ComplexDense a, const std::vector<double>& scale) {
   for (int j = 0; j < a.columns; ++j)
@@ -134,8 +128,9 @@ CellResponse cell_response(const Cell& cell, const CellFactors& factors,
   CellSeries A = series_of(matrices, factors);
   const Powers none(cell.variables(), 0);
   const int r = ports.rows, p = ports.columns;
+  const ComplexDense centre = A.at(none);
   for (int i = 0; i < r; ++i)
-    of.scale.push_back(1 / std::sqrt(std::max(std::abs(A.at(none)(i, i)), 1e-300)));
+    of.scale.push_back(1 / std::sqrt(std::max(pivot_size(centre, i), 1e-300)));
   const auto scaled = [&](ComplexDense a) {
     for (int j = 0; j < r; ++j)
       for (int i = 0; i < r; ++i) a(i, j) *= of.scale[as_size(i)] * of.scale[as_size(j)];
@@ -143,7 +138,7 @@ CellResponse cell_response(const Cell& cell, const CellFactors& factors,
   };
   ComplexDense inverse;
   try {
-    inverse = solve(scaled(A.at(none)), complex_of(identity(r)));
+    inverse = solve(scaled(centre), as_complex(identity(r)));
   } catch (const ShiftError&) {
     return of;
   }
@@ -151,7 +146,7 @@ CellResponse cell_response(const Cell& cell, const CellFactors& factors,
   double of_rest = 0, moved = 0;
   for (std::size_t m = 0; m < matrices.size(); ++m)
     if (factors.rest[m] > 0)
-      of_rest += factors.rest[m] * norm * frobenius_norm(scaled(complex_of(matrices[m])));
+      of_rest += factors.rest[m] * norm * frobenius_norm(scaled(as_complex(matrices[m])));
   moved = of_rest;
   CellSeries G;
   std::vector<double>& by_variable = of.by_variable;
@@ -169,7 +164,7 @@ CellResponse cell_response(const Cell& cell, const CellFactors& factors,
   of.known = true;
   of.inverse = norm / (1 - moved);
   of.moved = moved * of.inverse;
-  ComplexDense start = complex_of(ports);
+  ComplexDense start = as_complex(ports);
   for (int j = 0; j < p; ++j)
     for (int i = 0; i < r; ++i) start(i, j) *= of.scale[as_size(i)];
   of.x.emplace(none, multiply(inverse, start));
@@ -219,14 +214,14 @@ CellResidual cell_residual(const CellResponse& of, const CellFactors& factors,
   const std::vector<double> port_norms = column_norms(ports), largest = factors.largest();
   double off = 0; // what A is not known by
   for (std::size_t m = 0; m < matrices.size(); ++m) {
-    const double size = frobenius_norm(scaled_columns(complex_of(matrices[m]), of.scale));
+    const double size = frobenius_norm(scaled_columns(as_complex(matrices[m]), of.scale));
     off += factors.rest[m] * size +
            cell_rounding * largest[m] * std::max(sizes[m], size * (1 - 1e-9));
   }
   result.at_centre = A.begin()->second;
   result.norm = sum_of_norms(A) + off;
   result.moved = result.norm - spectral_norm(result.at_centre);
-  result.y.emplace(of.x.begin()->first, complex_of(ports));
+  result.y.emplace(of.x.begin()->first, as_complex(ports));
   add_product(A, of.x, -1, result.y);
   for (std::size_t j = 0; j < of.tails.size(); ++j)
     result.tails.push_back(result.norm * of.tails[j] + off * of.sizes[j] +

@@ -72,7 +72,7 @@ ErrorOverBand::Unmet ErrorOverBand::unmet(const DenseSystem& system, double tole
   return result;
 }
 
-/// Beside undamped resonances: what is within the level is settled, what is not is
+/// Beside undamped resonances: what is proved to be within the level is settled, what is not is
 /// excluded as soon as it may be.
 void ErrorOverBand::exclude(std::vector<Node*> zones, const SmallModel& small,
                             double allowed, Supremum& result) {
@@ -82,7 +82,7 @@ void ErrorOverBand::exclude(std::vector<Node*> zones, const SmallModel& small,
     zones.pop_back();
     ++result.intervals;
     const Look seen = look(node, &small, allowed);
-    if (seen.worst <= allowed) {
+    if (seen.worst <= allowed && seen.proved) {
       settle(seen, result);
       bool higher = false; // than what is attained: beside the resonance, maybe
       for (std::size_t v = 0; seen.known && v < seen.upper.size(); ++v)

@@ -11,15 +11,11 @@
 namespace flexgram {
 
 std::vector<Resonance> poles_below(const DenseResponse& response, double cutoff) {
-  const DenseSystem& system = response.system();
-  const Damping& d = system.damping;
-  const bool undamped = d.alpha == 0 && d.beta == 0 && d.eta == 0 &&
-                        std::all_of(system.terms.begin(), system.terms.end(),
-                                    [](const auto& term) { return term.law.is_skew(); });
+  const bool lossless = response.system().is_lossless();
   std::vector<Resonance> found;
   for (const auto& pole : poles(response))
     if (pole.real() > 0 && pole.real() < cutoff && pole.imag() < pole.real())
-      found.push_back({pole.real(), undamped ? 0.0 : std::max(pole.imag(), 0.0)});
+      found.push_back({pole.real(), lossless ? 0.0 : std::max(pole.imag(), 0.0)});
   return found;
 }
 

@@ -17,7 +17,7 @@
 namespace flexgram {
 namespace {
 
-constexpr double version = 13; // of the file's layout
+constexpr double version = 14; // of the file's layout
 
 /// Values of parameters, each combination a column.
 template <class Archive, class List>
@@ -108,6 +108,8 @@ void archive_integrals(Archive&& a, Integrals& i) {
   a("inertia_second", i.inertia_second);
   a("stiffening_loads", i.stiffening.loads);
   a("stiffening", i.stiffening.matrices);
+  a("stiffening_held", i.stiffening.held);
+  a("stiffening_resultants", i.stiffening.resultants);
   if constexpr (!std::is_const_v<Integrals>)
     for (std::size_t c = 0; c < 3 && c < centre.size(); ++c) i.centre[c] = centre[c];
 }
@@ -244,6 +246,10 @@ void check(const Hdf5File& file, const Medium& m, const DenseSystem& all) {
            i.inertia_second.columns == 3 * N &&
            i.stiffening.loads.size() == i.stiffening.matrices.size();
     for (const Dense& K : i.stiffening.matrices) good = good && square(K);
+    const LoadMatrices& loads = i.stiffening;
+    good = good && (loads.held.empty() || (loads.resultants.rows == 6 &&
+                                           as_size(loads.resultants.columns) ==
+                                               loads.loads.size() + loads.held.size()));
   }
   if (!good)
     throw Error(text("file %s: its parts do not fit each other: it is damaged, certify "

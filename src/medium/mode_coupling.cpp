@@ -288,8 +288,8 @@ double ModeCoupling::at(const DenseSystem& system, double omega, bool with_given
   }
 }
 
-/// In coordinates in which the diagonal of A_Φ is of size one: modes far apart in frequency, the
-/// rigid ones among them, count alike. Rounding of A_Φ and J counts as if these had moved.
+/// In coordinates in which A_Φ is of size one: modes far apart in frequency, the rigid ones among
+/// them, count alike. Rounding of A_Φ and J counts as if these had moved.
 double ModeCoupling::over(const DenseSystem& system, Interval interval) const {
   constexpr int enough = 8;   // terms of the series of g
   if (count() == 0) return 0; // no mode is below the cutoff
@@ -298,9 +298,9 @@ double ModeCoupling::over(const DenseSystem& system, Interval interval) const {
   ComplexDense at = A(at_centre), j = J(outer.c, at_centre.terms);
   std::vector<double> unit; // of each mode
   for (int i = 0; i < count(); ++i) {
-    const double size = std::sqrt(std::abs(at(i, i)));
+    const double size = pivot_size(at, i);
     if (!(size > 0)) return infinity;
-    unit.push_back(1 / size);
+    unit.push_back(1 / std::sqrt(size));
   }
   const double widest = *std::max_element(unit.begin(), unit.end()),
                largest_c = std::abs(outer.c) + outer.moved_c,

@@ -119,7 +119,7 @@ struct CoupledSeries {
       Complex slope = diagonals[as_size(i)].d1;
       for (std::size_t t = 0; t < T.size(); ++t)
         slope += factors[t].coefficients[1] * T[t](i, i);
-      if (std::abs(slope) > margin * slowest * std::abs(A(i, i))) return true;
+      if (std::abs(slope) > margin * slowest * pivot_size(A, i)) return true;
     }
     return false;
   }

@@ -66,6 +66,12 @@ DenseSystem DenseSystem::stiffened() const {
   return stiff;
 }
 
+bool DenseSystem::is_lossless() const {
+  return damping.alpha == 0 && damping.beta == 0 && damping.eta == 0 &&
+         std::all_of(terms.begin(), terms.end(),
+                     [](const auto& term) { return term.law.is_skew(); });
+}
+
 DenseSystem DenseSystem::transposed() const {
   DenseSystem other = *this;
   for (auto& [law, T] : other.terms)
@@ -404,10 +410,10 @@ const PencilModes* DenseResponse::pencil() const {
   return *pencil_ ? &**pencil_ : nullptr;
 }
 
-ComplexDense DenseResponse::modal_response(double omega) const {
+ComplexDense DenseResponse::modal_response(double omega, double eta_added) const {
   const ShiftCoefficients c = system_.coefficients(omega);
   const int N = system_.order();
-  const auto a = diagonal(omega);
+  const auto a = diagonal(omega, eta_added);
   ComplexDense x(N, B_.columns);
   for (std::size_t i = 0; i < x.data.size(); ++i) x.data[i] = B_.data[i];
   if (is_diagonal()) {
@@ -471,12 +477,14 @@ std::vector<std::complex<double>> poles(const DenseResponse& response, double et
   const DenseSystem& system = response.system();
   std::vector<std::complex<double>> found;
   const std::complex<double> i(0, 1);
+  const double eta = system.damping.eta + eta_added;
   if (response.is_diagonal()) { // λ(1 + iη + iωβ) + iωα − ω² = 0
     for (double l : response.lambda()) {
       if (!std::isfinite(l)) continue;
       const double d = system.damping.alpha + system.damping.beta * l;
-      const std::complex<double> eta(1, system.damping.eta + eta_added);
-      const std::complex<double> root = std::sqrt(-d * d + 4.0 * std::max(l, 0.0) * eta);
+      const std::complex<double> lossy(1, eta);
+      const std::complex<double> root =
+          std::sqrt(-d * d + 4.0 * std::max(l, 0.0) * lossy);
       for (const double sign : {1.0, -1.0}) found.push_back(0.5 * (i * d + sign * root));
     }
     return found;
@@ -489,7 +497,10 @@ std::vector<std::complex<double>> poles(const DenseResponse& response, double et
     return found;
   }
   for (const std::complex<double> inverse : general_eigenvalues(response.companion()))
-    if (std::abs(inverse) > 0) found.push_back(-i / inverse); // ω = s/i
+    if (std::abs(inverse) > 0) {
+      const std::complex<double> pole = -i / inverse; // ω = s/i
+      found.push_back(pole + i * (0.5 * eta * std::abs(pole.real())));
+    }
   return found;
 }
 

@@ -22,6 +22,8 @@ struct DenseSystem {
   static constexpr double finest = 1e-11;
 
   int order() const { return K.rows; }
+  /// Nothing damps it; gyroscopic forces do no work.
+  bool is_lossless() const;
   ShiftCoefficients coefficients(double omega) const;
   /// The same body with other values of its parameters. @param values  empty: as they are.
   DenseSystem at(const ParameterValues& values) const;
@@ -107,8 +109,8 @@ public:
     return std::isfinite(lambda_[at]) ? mu_[at] * (lambda_[at] - sigma) : 1.0;
   }
 
-  /// X in the coordinates of U: X(ω) = U x.
-  ComplexDense modal_response(double omega) const;
+  /// X in the coordinates of U: X(ω) = U x. @param eta_added  loss factor of K beside the system's.
+  ComplexDense modal_response(double omega, double eta_added = 0) const;
   ComplexDense transfer(const ComplexDense& modal_response) const;
   ComplexDense transfer(double omega) const { return transfer(modal_response(omega)); }
   /// Complex modes of a system whose terms are stiffness with losses; null where it has others, or

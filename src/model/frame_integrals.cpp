@@ -133,11 +133,7 @@ FrameIntegrals project(const FrameIntegrals& integrals, const Dense& Q) {
           multiply_transposed(
               Q, multiply(part_of(integrals.inertia_second, a * m, m, b * m, m), Q)));
   }
-  result.stiffening.loads = integrals.stiffening.loads;
-  for (const Dense& K : integrals.stiffening.matrices) {
-    result.stiffening.matrices.push_back(multiply_transposed(Q, multiply(K, Q)));
-    symmetrise(result.stiffening.matrices.back());
-  }
+  result.stiffening = integrals.stiffening.project(Q);
   return result;
 }
 

@@ -109,7 +109,8 @@ struct Claim {
 /// The frame of reference of a reduced body.
 struct Frame {
   std::string kind = "none";
-  int rigid_modes = 0; ///< of the body; the first basis vectors unless the kind is none
+  std::string interface; ///< that it follows, or that was asked for; empty: none
+  int rigid_modes = 0;   ///< of the body; the first basis vectors unless the kind is none
   std::optional<FrameIntegrals> integrals;
 };
 

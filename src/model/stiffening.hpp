@@ -11,6 +11,17 @@ namespace flexgram {
 struct LoadMatrices {
   std::vector<std::string> loads;
   std::vector<Dense> matrices;
+  /// The six ports of the interface that holds a free body: forces there make no matrices of their
+  /// own. None: its supports hold the body.
+  std::vector<std::string> held;
+  Dense
+      resultants; ///< 6 × (loads, held), Rᵀf of a free body's loads, R its rigid motions
+
+  LoadMatrices project(const Dense& Q) const; ///< QᵀKQ of each
+  /// The same where another interface holds a free body: balanced by forces there, the stress under a
+  /// load is a sum of the stresses known.
+  /// @throws Error if it has no six ports.
+  LoadMatrices held_at(const std::string& interface) const;
 };
 
 /// Geometric stiffening of a body in a floating frame of reference: what the stress under unit loads

@@ -127,8 +127,8 @@ Body load_body(MPI_Comm comm, const Settings& settings, Observer& observer) {
   body.assembled = holds_mesh(file);
   if (body.assembled) {
     AssemblyFacts facts;
-    body.model = assemble_body(file, settings.solver, settings.held_for_stiffening(),
-                               facts, observer);
+    body.model =
+        assemble_body(file, settings.solver, settings.stiffening, facts, observer);
     observer.fact("mesh", text("%lld elements, mass %.6g kg, worst shape %.2g",
                                static_cast<long long>(facts.elements), facts.mass,
                                facts.worst_shape));

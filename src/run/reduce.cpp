@@ -159,6 +159,20 @@ bool wants_integrals(const SecondOrderModel& body, int rigid_modes, const Settin
   return true;
 }
 
+/// Geometric stiffening is that of a body which the frame's interface holds.
+void hold_for_stiffening(Frame& frame, Observer& observer) {
+  if (!frame.integrals || frame.integrals->stiffening.held.empty()) return;
+  LoadMatrices& stiffening = frame.integrals->stiffening;
+  if (!frame.interface.empty()) stiffening = stiffening.held_at(frame.interface);
+  const std::string& port = stiffening.held.front();
+  observer.fact("held", text("%s holds the body for its geometric stiffening: forces "
+                             "there make no stress of their own",
+                             port.substr(0, port.rfind('.')).c_str()));
+  if (frame.kind == "none")
+    observer.warn(
+        "{stiffening} is for a floating frame, and there is none ({frame} none)");
+}
+
 void tell_integrals(const FrameIntegrals& i, Observer& observer) {
   observer.fact("frame integrals", text("mass %.6g kg, centre (%.4g, %.4g, %.4g) m",
                                         i.mass, i.centre[0], i.centre[1], i.centre[2]));
@@ -172,6 +186,7 @@ void add_frame_integrals(ReducedModel& rom, const Body& body, const Settings& s,
     rom.frame.integrals = frame_integrals(body.model, rom.V);
   }
   tell_integrals(*rom.frame.integrals, observer);
+  hold_for_stiffening(rom.frame, observer);
 }
 
 void warn_of_default_band(const Options& options, Observer& observer) {
@@ -246,6 +261,7 @@ ReducedModel cut_medium(const Medium& medium, const Settings& s, Observer& obser
   if (s.takes_samples())
     throw Error("-mor_method pod samples the body itself: flexgram reduce does it");
   ReducedModel rom = cut(medium, s.cut_request(), observer);
+  hold_for_stiffening(rom.frame, observer);
   rom.provenance.plan = observer.facts();
   return rom;
 }

@@ -231,7 +231,7 @@ void Settings::describe_second_stage(Options& options) {
       "rigid motion mixed into the basis. auto: buckens if the body is free");
   options.add("-mor_frame_interface", frame_interface,
               "interface that the tangent frame follows, and that holds a free body for "
-              "-mor_stiffening; default: the first with six ports");
+              "its geometric stiffening; default: the first with six ports");
   options.add(
       "-mor_error_hz", error_hz, "Hz",
       "first,last,count: further frequencies at which error and bound are evaluated and "

@@ -68,10 +68,6 @@ struct Settings {
   CertifySpec certify_spec() const;
   /// Values of parameters by their names. @throws Error for what is no number.
   std::map<std::string, double> values_of_parameters() const;
-  /// The interface that holds a free body where its stiffening is asked for; empty: the first.
-  std::optional<std::string> held_for_stiffening() const {
-    return stiffening ? std::optional(frame_interface) : std::nullopt;
-  }
   /// Beside the file that the verb writes.
   CheckpointSpec checkpoint_spec(const std::string& output) const;
   CutRequest cut_request() const;

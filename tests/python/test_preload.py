@@ -3,6 +3,7 @@ frequencies of rotating beams and CalculiX."""
 
 from __future__ import annotations
 
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -292,6 +293,19 @@ def test_a_loaded_body_is_certified(kind: str, ranks: int, tmp_path: Path) -> No
         assert np.linalg.norm((H_r - H).astype(complex)) <= 1e-4 * np.linalg.norm(H.astype(complex))
 
 
+def test_an_undamped_spin_is_certified(tmp_path: Path) -> None:
+    """Coriolis forces move resonances away from those of K and M; nothing damps either."""
+    content = LOADED | {"preload": {"turn.spin": 2e7}}
+    import_description(content, "box", tmp_path / "body.h5", mesh=box("hexahedron", (8, 2, 2)))
+    full = body_system(tmp_path / "body.h5")
+    rom = flexgram.reduce(tmp_path / "body.h5", (100, 8000), 1e-4)
+    assert rom.certified_error <= 1e-4
+    assert rom.claim.kind == "certified outside"
+    for omega in TWO_PI * np.array([100.0, 1234.5, 3000.0, 8000.0]):
+        H, H_r = full.transfer(omega), rom.transfer([omega])[0]
+        assert np.linalg.norm((H_r - H).astype(complex)) <= 1e-4 * np.linalg.norm(H.astype(complex))
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -322,6 +336,37 @@ def test_a_body_that_cannot_bear_it(change: Any, words: str, tmp_path: Path) -> 
     import_description(LOADED | change, "box", tmp_path / "body.h5", mesh=box("tetra10", (6, 1, 1)))
     with pytest.raises(BodyError, match=words):
         flexgram.reduce(tmp_path / "body.h5", (100, 2000), 1e-3)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_locking_is_told(ranks: int, tmp_path: Path) -> None:
+    """A preload that bends a bar of few elements: how much stiffer it is by locking is what the
+    warning says, against many elements; quadratic elements follow."""
+    content = {
+        "materials": {"soft": {"E": 2e9, "nu": 0.3, "rho": 2000.0}},
+        "regions": {"all": {"material": "soft"}},
+        "interfaces": {"tip": {"coupling": "distributing", "nodes": "end"}},
+        "supports": {"root": {"nodes": "start"}},
+        "damping": {"beta": 1e-4},
+        "loads": {"turn": {"type": "spin", "point": [0, 0, 0], "axis": [0, 0, 1]}},
+    }
+    stiffer, told = {}, {}
+    for kind, along in (("hexahedron", 6), ("hexahedron", 48), ("hexahedron20", 6)):
+        mesh = box(kind, (along, 1, 1), (1.0, 0.03, 0.05), distort=False)  # beside the axis
+        lowest = []
+        for load in ({}, {"turn.spin": 900.0}):
+            import_description(content | {"preload": load}, "bar", tmp_path / "b.h5", mesh=mesh)
+            a = assembled(tmp_path / "m.h5", tmp_path / "b.h5")
+            lowest.append(sl.eigh(a["K"].toarray(), a["M"].toarray(), eigvals_only=True)[0])
+        stiffer[kind, along] = lowest[1] / lowest[0]
+        said = run(
+            "assemble", "-body", tmp_path / "b.h5", "-body_out", tmp_path / "m.h5", ranks=ranks
+        )
+        told[kind, along] = re.findall(r"about (\S+) % too stiff", said.out)
+    excess = 100 * (stiffer["hexahedron", 6] / stiffer["hexahedron", 48] - 1)
+    assert float(told["hexahedron", 6][0]) == pytest.approx(excess, rel=0.5) and excess > 3
+    assert stiffer["hexahedron20", 6] == pytest.approx(stiffer["hexahedron", 48], rel=0.01)
+    assert not told["hexahedron", 48] and not told["hexahedron20", 6]
 
 
 @pytest.mark.parametrize("load", ["force", "spin"])

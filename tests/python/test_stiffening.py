@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.linalg
+import scipy.spatial.transform
 from test_preload import line
 
 from bodies import box
@@ -23,31 +24,35 @@ SIZE = (1.0, 0.03, 0.05)
 SPEED, PULL = 30.0, 800.0
 
 
-def blade(path: Path, cell: str, held: bool, **more: Any) -> None:
-    """A bar along x. Its root is a rigid interface, or held there."""
+def blade(path: Path, cell: str, held: str = "", turned: Any = None, **more: Any) -> None:
+    """A bar along x. Its ends are rigid interfaces, but the one that supports hold."""
+    ends = {"root": "start", "tip": "end"}
     content: dict[str, Any] = {
         "materials": {"soft": MATERIAL},
         "regions": {"all": {"material": "soft"}},
-        "interfaces": {"tip": {"coupling": "rigid", "nodes": "end"}},
+        "interfaces": {
+            name: {"coupling": "rigid", "nodes": nodes}
+            for name, nodes in ends.items()
+            if name != held
+        },
     }
     if held:
-        content["supports"] = {"root": {"nodes": "start"}}
-    else:
-        content["interfaces"] = {"root": {"coupling": "rigid", "nodes": "start"}} | content[
-            "interfaces"
-        ]
+        content["supports"] = {held: {"nodes": ends[held]}}
     mesh = box(cell, (6, 1, 1), SIZE, distort=False)
     mesh.points -= [0, SIZE[1] / 2, SIZE[2] / 2]  # a spin about z bends nothing
+    if turned is not None:
+        mesh.points = mesh.points @ turned.T
     import_description(content | more, "blade", path, mesh=mesh)
 
 
 def stiffened(
-    folder: Path, cell: str, ranks: int = 1, frame: str = "tangent", *more: object
+    folder: Path, cell: str, ranks: int = 1, *more: object, turned: Any = None
 ) -> tuple[ReducedModel, str]:
-    blade(folder / "free.h5", cell, held=False)
+    blade(folder / "free.h5", cell, turned=turned)
     said = run(
         *("reduce", "-body", folder / "free.h5", "-mor_band_hz", "1,300", "-mor_tol", "1e-5"),
-        *("-mor_stiffening", "yes", "-mor_out", folder / "rom.h5", "-mor_frame", frame),
+        *("-mor_stiffening", "yes", "-mor_out", folder / "rom.h5"),
+        *(() if "-mor_frame" in more else ("-mor_frame", "tangent")),
         *more,
         ranks=ranks,
     ).out
@@ -58,10 +63,10 @@ def lowest(K: Any, M: Any) -> Any:
     return np.sqrt(scipy.linalg.eigh(K, M, eigvals_only=True)[:3])
 
 
-def under(folder: Path, cell: str, stays: dict[str, float], **more: Any) -> Any:
-    """Natural frequencies of the blade held at its root, under loads that stay."""
+def under(folder: Path, cell: str, stays: dict[str, float], held: str = "root", **more: Any) -> Any:
+    """Natural frequencies of the blade held at one end, under loads that stay."""
     path = folder / f"under_{next(iter(stays))}.h5"
-    blade(path, cell, held=True, preload=stays, **more)
+    blade(path, cell, held, preload=stays, **more)
     full = assembled(path.with_suffix(".matrices.h5"), path)
     return lowest(full["K"].toarray(), full["M"].toarray())
 
@@ -108,9 +113,8 @@ def test_what_holds_the_body_does_not_matter(tmp_path: Path) -> None:
     for held in ("root", "tip"):
         folder = tmp_path / held
         folder.mkdir()
-        bodies.append(
-            stiffened(folder, "hexahedron", 1, "buckens", "-mor_frame_interface", held)[0]
-        )
+        options = ("-mor_frame", "buckens", "-mor_frame_interface", held)
+        bodies.append(stiffened(folder, "hexahedron", 1, *options)[0])
     first, second = (rom.frame.integrals for rom in bodies)
     assert first is not None and second is not None
     assert bodies[0].V == pytest.approx(bodies[1].V, abs=1e-10 * abs(bodies[0].V).max())
@@ -122,6 +126,68 @@ def test_what_holds_the_body_does_not_matter(tmp_path: Path) -> None:
     ]
     assert "root.fx" in second.stiffening and "root.fx" not in first.stiffening
     assert sums[1] == pytest.approx(sums[0], abs=1e-8 * abs(sums[0]).max())
+
+
+SPIN_ABOUT_Z: dict[str, Any] = {"turn": {"type": "spin", "axis": [0, 0, 1], "point": [1, 0, 0]}}
+
+
+@pytest.mark.parametrize("way", ["cut", "reduce", "inputs"])
+def test_the_frame_follows_what_holds_the_body(way: str, tmp_path: Path) -> None:
+    """A frame at the tip: the stress is that of a body held there, whatever `certify` knew."""
+    at_tip = ("-mor_frame", "tangent", "-mor_frame_interface", "tip")
+    if way == "cut":
+        stiffened(tmp_path, "tetra10", 1, "-mor_medium_out", tmp_path / "medium.h5")
+        run(
+            *("cut", "-medium", tmp_path / "medium.h5", "-mor_tol", "1e-5", *at_tip),
+            *("-mor_out", tmp_path / "rom.h5"),
+        )
+    else:
+        more = at_tip if way == "reduce" else ("-mor_inputs", "tip")
+        _, said = stiffened(tmp_path, "tetra10", 1, *more)
+        assert "tip holds the body" in said
+    rom = ReducedModel.load(tmp_path / "rom.h5").elastic()
+    assert rom.frame.integrals is not None
+    stiffening, K, M = rom.frame.integrals.stiffening, rom.system.K, rom.system.M
+    # about z through the tip at x = 1: the origin is accelerated by ω² along x
+    across = rom.frame.integrals.inertia_second[2, :, 2, :]
+    spun = stiffening["frame.spinzz"] + stiffening["frame.ax"] - across
+    expected = under(tmp_path, "tetra10", {"turn.spin": SPEED**2}, "tip", loads=SPIN_ABOUT_Z)
+    assert abs(expected - lowest(K, M)).max() > 0.2 * lowest(K, M)[0]
+    assert lowest(K + SPEED**2 * spun, M) == pytest.approx(expected, rel=3e-3)
+
+
+def test_stiffening_turns_with_the_body(tmp_path: Path) -> None:
+    """Of a body in other axes: each motion of the frame, products of speeds about oblique axes."""
+    turn = scipy.spatial.transform.Rotation.from_rotvec([0.7, -0.4, 1.1]).as_matrix()
+    bodies = []
+    for name, turned in (("first", np.eye(3)), ("second", turn)):
+        (tmp_path / name).mkdir()
+        rom = stiffened(tmp_path / name, "hexahedron20", turned=turned)[0].elastic()
+        assert rom.frame.integrals is not None
+        bodies.append((rom.system.K, rom.system.M, rom.frame.integrals.stiffening))
+
+    def vectors(of: Any, start: str, v: Any) -> Any:
+        return sum(v[c] * of[f"{start}{'xyz'[c]}"] for c in range(3))
+
+    def spun(of: Any, w: Any) -> Any:
+        products = [w[a] * w[b] for a, b in SPINS]
+        return np.tensordot(products, frame_stiffening(of)["stiffening"][6:], 1)
+
+    for v in ([1.0, 0.5, -0.3], [0.0, 1.0, 1.0], [-1.0, 0.0, 0.6]):
+        there = turn @ np.array(v)
+        for what, scale in (("frame.a", 400.0), ("frame.alpha", 400.0), ("tip.f", 200.0)):
+            first, second = (
+                lowest(K + scale * vectors(of, what, axis), M)
+                for (K, M, of), axis in zip(bodies, (v, there), strict=True)
+            )
+            assert second == pytest.approx(first, rel=1e-5)
+            assert abs(first - lowest(*bodies[0][:2])).max() > 1e-3 * first[0]
+        first, second = (
+            lowest(K + 900 * spun(of, axis), M)
+            for (K, M, of), axis in zip(bodies, (v, there), strict=True)
+        )
+        assert second == pytest.approx(first, rel=1e-5)
+        assert abs(first - lowest(*bodies[0][:2])).max() > 1e-2 * first[0]
 
 
 def test_a_medium_model_keeps_it(tmp_path: Path) -> None:
@@ -292,6 +358,55 @@ def test_spin_up_of_a_beam_in_exudyn(tmp_path: Path) -> None:
     assert abs(without) > 1.0
 
 
+def column_by_ritz(along: float, across: float) -> float:
+    """Deflection of the tip of the long beam under gravity, by polynomials; its axial force is
+    what hangs on each section."""
+    mass, bending = BEAM["rho"] * SIDE**2, BEAM["E"] * SIDE**4 / 12
+    x, w = np.polynomial.legendre.leggauss(30)
+    x, w = (x + 1) / 2, w / 2
+    power = np.arange(2, 10)[:, None]
+    shape, slope, bend = x**power, power * x ** (power - 1), power * (power - 1) * x ** (power - 2)
+    K = bending / LENGTH**3 * (bend * w) @ bend.T
+    K += mass * along * ((1 - x) * slope * w) @ slope.T
+    return float(np.linalg.solve(K, mass * LENGTH * across * shape @ w).sum())
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_a_column_under_its_weight_in_exudyn(tmp_path: Path) -> None:
+    """Hanging it is stiffer, standing softer; gravity makes stress as an acceleration does."""
+    exu = pytest.importorskip("exudyn")
+    import exudyn.itemInterface as eii
+
+    from flexgram.exporters.exudyn import add_body
+
+    rom = long_beam(tmp_path, "yes")
+    elastic = rom.elastic()
+    turn = scipy.spatial.transform.Rotation.from_rotvec([0.3, -0.5, 0.8]).as_matrix()
+    for along in (8.0, -8.0, -40.0):
+        mbs = exu.SystemContainer().AddSystem()
+        gravity = turn @ [along, 0.01, 0.0]
+        added = add_body(exu, mbs, rom, gravity=gravity, rotation=turn)
+        ground = mbs.AddMarker(eii.MarkerBodyRigid(bodyNumber=mbs.AddObject(eii.ObjectGround())))
+        mbs.AddObject(
+            eii.GenericJoint(
+                markerNumbers=[ground, added["markers"]["root"]],
+                rotationMarker0=turn,
+                constrainedAxes=[1] * 6,
+            )
+        )
+        mbs.Assemble()
+        chosen = exu.SimulationSettings()
+        chosen.staticSolver.newton.relativeTolerance = 1e-10
+        chosen.staticSolver.verboseMode = 0
+        chosen.solutionSettings.writeSolutionToFile = False
+        mbs.SolveStatic(chosen)
+        q = mbs.GetNodeOutput(added["modal_node"], exu.OutputVariableType.Coordinates)
+        tip = elastic.C[elastic.outputs.index("tip.fy")] @ np.asarray(q)
+        assert tip == pytest.approx(column_by_ritz(along, 0.01), rel=5e-3)
+    ratio = column_by_ritz(-40.0, 1.0) / column_by_ritz(0.0, 1.0)
+    assert ratio > 1.7
+
+
 def test_a_free_body_keeps_energy_and_momentum() -> None:
     """The equations of motion of ``GeometricStiffening`` beside a free mass, integrated by SciPy,
     against the energy and the momenta that they must keep."""
@@ -360,7 +475,7 @@ def test_what_has_no_stiffening(tmp_path: Path) -> None:
     write_matrices(tmp_path / "matrices.h5", np.eye(3), np.eye(3), np.eye(3)[:, :1], beta=1e-3)
     said = run("reduce", "-body", tmp_path / "matrices.h5", "-mor_stiffening", "yes", expect=1)
     assert "-mor_stiffening needs the mesh" in said.err
-    blade(tmp_path / "held.h5", "hexahedron", held=True)
+    blade(tmp_path / "held.h5", "hexahedron", "root")
     rom = tmp_path / "held.rom.h5"
     said = run(
         *("reduce", "-body", tmp_path / "held.h5", "-mor_band_hz", "1,300", "-mor_tol", "1e-4"),
@@ -369,8 +484,19 @@ def test_what_has_no_stiffening(tmp_path: Path) -> None:
     assert "held by its supports" in said.out
     integrals = ReducedModel.load(rom).frame.integrals
     assert integrals is not None and len(integrals.stiffening) == 18
-    blade(tmp_path / "pulled.h5", "hexahedron", held=True, preload={"tip.fx": 1.0})
+    blade(tmp_path / "pulled.h5", "hexahedron", "root", preload={"tip.fx": 1.0})
     said = run("reduce", "-body", tmp_path / "pulled.h5", "-mor_stiffening", "yes", expect=1)
     assert "a body at rest" in said.err
+    known = {"soft": MATERIAL | {"parameter": {"E": [1e9, 2e9]}}}
+    blade(tmp_path / "known.h5", "hexahedron", "root", materials=known)
+    said = run("reduce", "-body", tmp_path / "known.h5", "-mor_stiffening", "yes", expect=1)
+    assert "give materials and springs" in said.err
+    blade(tmp_path / "free.h5", "hexahedron")
+    said = run(
+        *("reduce", "-body", tmp_path / "free.h5", "-mor_band_hz", "1,300", "-mor_tol", "1e-4"),
+        *("-mor_stiffening", "yes", "-mor_frame_interface", "tipp", "-mor_out", tmp_path / "x.h5"),
+        expect=1,
+    )
+    assert "did you mean tip?" in said.err
     with pytest.raises(BodyError, match="dialect"):
         write_sid(ReducedModel.load(rom), tmp_path / "x.SID_FEM", "none")

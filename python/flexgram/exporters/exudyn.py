@@ -284,7 +284,8 @@ def add_body(
     number = _flexible_object(exu, mbs, terms, [rigid_node, modal_node], color)
     stiffening = None
     if "stiffening" in terms:
-        stiffening = GeometricStiffening(terms["stiffening"]).add(mbs, rigid_node, modal_node)
+        stiffening = GeometricStiffening(terms["stiffening"])
+        stiffening = stiffening.add(mbs, rigid_node, modal_node, gravity)
     if np.any(np.asarray(gravity)):
         marker = mbs.AddMarker(eii.MarkerBodyMass(bodyNumber=number))
         mbs.AddLoad(eii.LoadMassProportional(markerNumber=marker, loadVector=list(gravity)))

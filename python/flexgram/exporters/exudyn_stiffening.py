@@ -35,7 +35,8 @@ class GeometricStiffening:
 
     v, ω of the frame in its axes. Its equations of motion hold the terms of Wallrapp's SID with
     geometric stiffening (K0t, K0r, K0ω: first-order parts of C_t, C_r, O_e) and the forces that
-    answer them in the frame's own equations: energy and momentum are kept.
+    answer them in the frame's own equations: energy and momentum are kept. Gravity g has the
+    energy -g·s.
 
     Parameters
     ----------
@@ -86,8 +87,15 @@ class GeometricStiffening:
         products = [omega[a] * omega[b] for a, b in SPINS]
         return np.concatenate([f_t, f_r, np.tensordot(products, self.K_spin, 1) @ q])
 
-    def add(self, mbs: Any, rigid_node: Any, modal_node: Any) -> Any:
+    def add(
+        self, mbs: Any, rigid_node: Any, modal_node: Any, gravity: Any = (0.0, 0.0, 0.0)
+    ) -> Any:
         """Add it to a body of these nodes, the first of Euler parameters.
+
+        Parameters
+        ----------
+        gravity : 3 numbers
+            In inertial axes [m/s²].
 
         Returns
         -------
@@ -117,7 +125,8 @@ class GeometricStiffening:
         def force(_mbs: Any, _t: float, _item: int, q: Any, rate: Any) -> Any:
             Z, own = motion(q)
             rates = Z @ np.asarray(rate)
-            return -Z.T @ self.forces(rates[3:6], own, rates[6:])
+            weight = self.mass(own)[:, :3] @ (Z[:3, :3] @ np.asarray(gravity, float))
+            return Z.T @ (weight - self.forces(rates[3:6], own, rates[6:]))
 
         functions: dict[str, Any] = {
             "massMatrixUserFunction": mass,

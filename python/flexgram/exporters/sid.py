@@ -36,13 +36,13 @@ DIALECTS = {
     "emb": (True, False, False),
     "fembeam": (False, False, False),
 }
-#: places of a symmetric 3 × 3 matrix in a vector of six
 #: loads of the frame's motion: translation, rotation, and spins in the order of Oe
 FRAME_LOADS = {
     "Ct": ["frame.ax", "frame.ay", "frame.az"],
     "Cr": ["frame.alphax", "frame.alphay", "frame.alphaz"],
     "Oe": [f"frame.spin{axes}" for axes in ("xx", "yy", "zz", "xy", "yz", "zx")],
 }
+#: places of a symmetric 3 × 3 matrix in a vector of six
 INERTIA = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)]
 CENTRIFUGAL = [(0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (0, 2)]
 

@@ -137,8 +137,8 @@ class OptionsOfReduceAndCut(TypedDict, total=False):
     which come first; tangent: at rest at an interface; none: rigid motion mixed into the basis.
     auto: buckens if the body is free. Default auto."""
     frame_interface: str | Path | Sequence[str]
-    """Interface that the tangent frame follows, and that holds a free body for -mor_stiffening;
-    default: the first with six ports."""
+    """Interface that the tangent frame follows, and that holds a free body for its geometric
+    stiffening; default: the first with six ports."""
     error_hz: float | Sequence[float]
     """First,last,count: further frequencies at which error and bound are evaluated and stored,
     beside some hundred over the band and on its resonances [Hz]."""
