@@ -2,6 +2,8 @@
 
 #include "base/index.hpp"
 #include "base/text.hpp"
+#include "fem/discrete.hpp"
+#include "fem/element_of.hpp"
 #include "fem/followers.hpp"
 #include "fem/loads.hpp"
 #include "fem/material_terms.hpp"
@@ -24,12 +26,13 @@ constexpr double thin = 1e4, thinnest = 1e6;
 /// Assembles the elements of one rank.
 class ElementAssembler {
 public:
-  ElementAssembler(const BodyDescription& body, const MaterialTerms& terms,
-                   const Followers& followers, const Hdf5File& file, FieldLoads& fields,
-                   Reactions& reactions, Preload* preload, Preload* spinning,
-                   AssemblyFacts& facts)
-      : body_(body), terms_(terms), followers_(followers), file_(file), fields_(fields),
-        reactions_(reactions), preload_(preload), spinning_(spinning), facts_(facts) {}
+  ElementAssembler(const BodyDescription& body, const DofMap& map,
+                   const MaterialTerms& terms, const Followers& followers,
+                   const Hdf5File& file, FieldLoads& fields, Reactions& reactions,
+                   Preload* preload, Preload* spinning, AssemblyFacts& facts)
+      : body_(body), map_(map), terms_(terms), followers_(followers), file_(file),
+        fields_(fields), reactions_(reactions), preload_(preload), spinning_(spinning),
+        facts_(facts) {}
 
   void run(NodeMatrix& matrix) {
     followers_.for_each([&](const PlacedElement& at) { add(at, matrix); });
@@ -49,14 +52,12 @@ private:
     const MeshBlock& block = at.block();
     const std::vector<Vector3>& x = at.x;
     const bool rigid = at.rigid; // only mass
-    const Material& material = body_.materials.at(block.material);
-    ElementMatrices element =
-        block.type == ElementType::beam2
-            ? beam_matrices(x[0], x[1], material.beam, body_.sections.at(block.section))
-            : solid_matrices(block.type, x, material.solid, body_.mass_rule, !rigid);
-    ++facts_.elements;
+    ElementMatrices element = element_matrices(body_, block, x, !rigid);
+    if (!is_discrete(block.type)) {
+      ++facts_.elements;
+      facts_.rigid_elements += rigid;
+    }
     facts_.mass += element.mass;
-    facts_.rigid_elements += rigid;
     facts_.worst_shape = std::min(facts_.worst_shape, element.shape_ratio);
     facts_.aspect = std::max(facts_.aspect, element.aspect);
     if (element.min_detJ <= 0) {
@@ -79,6 +80,14 @@ private:
     const Dense T = followers_.transformation(at);
     std::vector<ElementPart> parts;
     if (!rigid) parts = terms_.of_element(block, x, body_.mass_rule, element.K);
+    if (is_discrete(block.type)) {
+      const auto expect = [&](const Dense& of_element) {
+        expect_rotations(map_, at.nodes, x.size(), of_element, block.path);
+      };
+      expect(element.K);
+      expect(element.M);
+      for (const ElementPart& part : parts) expect(part.matrix);
+    }
     Stressed stressed, at_one; // by the preload; by a spin of 1 rad/s
     if (preload_) {
       if (preload_->speed() > 0)
@@ -87,15 +96,13 @@ private:
       if (!rigid) add_to(stressed.added, stressed.quadratic);
     }
     if (body_.spin && !body_.spin->turning) {
-      if (block.type != ElementType::beam2)
-        throw Error(
-            name(at) +
-            ": in the frame at rest a spin takes beams on its axis; solids are seen in "
-            "the frame that turns (frame: turning)");
-      parts.push_back(
-          {terms_.laws().size(),
-           beam_gyroscopic(x[0], x[1], material.beam, body_.sections.at(block.section),
-                           body_.spin->field.axis, body_.spin->field.point)});
+      try {
+        parts.push_back(
+            {terms_.laws().size(), gyroscopic(body_, block, x, body_.spin->field)});
+      } catch (Error& error) {
+        error.add_context(name(at));
+        throw;
+      }
     }
     if (spinning_) {
       at_one = stressed_by(*spinning_, at, element, T);
@@ -171,6 +178,7 @@ private:
   }
 
   const BodyDescription& body_;
+  const DofMap& map_;
   const MaterialTerms& terms_;
   const Followers& followers_;
   const Hdf5File& file_;
@@ -185,7 +193,7 @@ private:
 /// Nodes whose coordinates a rank needs beyond those of its elements.
 std::vector<std::int64_t> further_nodes(const BodyDescription& body,
                                         const Partition& partition, int rank) {
-  std::vector<std::int64_t> nodes;
+  std::vector<std::int64_t> nodes = discrete_nodes(body);
   for (const auto& interface : body.interfaces)
     nodes.insert(nodes.end(), interface.nodes.begin(), interface.nodes.end());
   for (std::size_t node = 0; node < partition.node_owner.size(); ++node)
@@ -284,6 +292,7 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
     partition = partition_mesh(file, body);
     map = number_equations(file, all, partition);
     mesh = read_local_mesh(file, body, partition, further_nodes(body, partition, rank));
+    agree(comm, [&] { add_discrete(body, map, rank, mesh); });
   }
   Stage stage(observer, "assemble");
   model.n = map.n;
@@ -303,7 +312,7 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
     NodeMatrix matrix(map, followers->start(), followers->nodes(),
                       terms.laws().size() + of_spin);
     agree(comm, [&] {
-      ElementAssembler(body, terms, *followers, file, fields, reactions,
+      ElementAssembler(body, map, terms, *followers, file, fields, reactions,
                        preload ? &*preload : nullptr, spinning ? &*spinning : nullptr,
                        facts)
           .run(matrix);
@@ -426,8 +435,8 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
       throw Error(
           "{stiffening} is of a body at rest: leave its spin and its preload out");
     if (!parameters_of(model.terms).empty())
-      throw Error("{stiffening} is of one stiffness: give materials and springs that are "
-                  "known between two numbers one value");
+      throw Error("{stiffening} is of one stiffness: give materials that are known "
+                  "between two numbers one value");
     model.stiffening = std::make_shared<MeshStiffening>(
         std::move(body), std::move(map), std::move(mesh), model, solver, observer);
   }

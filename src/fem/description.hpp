@@ -33,6 +33,26 @@ struct Support {
   std::vector<int> components; ///< 0-2 translations, 3-5 rotations held at zero
 };
 
+/// Nodes, or an interface whose reference, or node, is meant.
+struct Place {
+  std::vector<std::int64_t> nodes;
+  std::string interface;
+};
+
+/// A mass at each node of a place.
+struct PointMass {
+  Place at;
+  double mass = 0;                 ///< [kg]
+  std::array<double, 6> inertia{}; ///< xx, yy, zz, xy, yz, zx of the tensor [kg m²]
+};
+
+/// Springs and dashpots from each node of a place to ground, or to another node.
+struct Spring {
+  Place from, to;           ///< the second of as many nodes, or of one; empty: ground
+  Dense stiffness, damping; ///< 6×6 over relative displacements and rotations, symmetric
+  double loss = 0;          ///< factor η of the stiffness
+};
+
 /// A load that is the body's mass in a field of acceleration: uniform (gravity), e × x of
 /// an angular acceleration about a point, or away from an axis through it (spin, for
 /// Ω² = 1 rad²/s²).
@@ -95,6 +115,9 @@ struct BodyDescription {
   std::vector<MeshBlock> blocks;
   std::map<std::string, Material> materials;
   std::map<std::string, BeamSection> sections;
+  std::map<std::string, PointMass> masses;
+  std::map<std::string, Spring> springs;
+  std::vector<MeshBlock> discrete; ///< of masses and springs, the material is their name
   std::vector<Interface> interfaces;
   std::vector<Support> supports;
   std::vector<AccelerationField> fields;

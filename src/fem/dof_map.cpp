@@ -89,6 +89,18 @@ DofMap number_equations(const Hdf5File& file, const BodyDescription& body,
     require_used(map, "output", output.name, output.nodes);
   for (const auto& reaction : body.reactions)
     require_used(map, "output", reaction.name, reaction.nodes);
+  for (const MeshBlock& block : body.discrete) {
+    const bool is_mass = block.type == ElementType::mass1;
+    const auto require = [&](const Place& place) {
+      require_used(map, is_mass ? "mass" : "spring", block.material, place.nodes);
+    };
+    if (is_mass) {
+      require(body.masses.at(block.material).at);
+      continue;
+    }
+    require(body.springs.at(block.material).from);
+    require(body.springs.at(block.material).to);
+  }
   for (const auto& interface : body.interfaces) {
     require_used(map, "interface", interface.name, interface.nodes);
     if (interface.coupling == Coupling::rigid)

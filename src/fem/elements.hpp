@@ -10,7 +10,18 @@ namespace flexgram {
 
 using Vector3 = std::array<double, 3>;
 
-enum class ElementType { tet4, tet10, hex8, hex20, wedge15, beam2 };
+/// Those of files, then point masses, springs to ground and springs between two nodes.
+enum class ElementType {
+  tet4,
+  tet10,
+  hex8,
+  hex20,
+  wedge15,
+  beam2,
+  mass1,
+  spring1,
+  spring2
+};
 
 /// Points at which the mass is integrated. full: exact for straight-edged elements.
 /// reduced: the points of the stiffness (one for Tet4, four for Tet10), as CalculiX does.

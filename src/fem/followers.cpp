@@ -2,6 +2,7 @@
 
 #include "base/index.hpp"
 #include "fem/couplings.hpp"
+#include "fem/discrete.hpp"
 
 #include <algorithm>
 
@@ -36,9 +37,9 @@ void Followers::for_each(const std::function<void(const PlacedElement&)>& visit)
                        node_.data() + start_[e],
                        start_[e + 1] - start_[e],
                        false};
-      for (std::size_t a = 0; a < width; ++a)
-        at.x.push_back(mesh_.coordinates[mesh_.place(at.nodes[a])]);
-      at.rigid = at.master_count == 1 && at.masters[0] >= map_.points;
+      for (std::size_t a = 0; a < width; ++a) at.x.push_back(position(at.nodes[a]));
+      at.rigid = at.master_count == 1 && at.masters[0] >= map_.points &&
+                 !is_spring(at.block().type);
       visit(at);
     }
   }
@@ -56,8 +57,13 @@ std::size_t Followers::place_of(const PlacedElement& at, std::int64_t master) co
                  at.masters);
 }
 
+const Vector3& Followers::position(std::int64_t node) const {
+  return node < map_.points ? mesh_.coordinates[mesh_.place(node)]
+                            : map_.reference_position[as_size(node - map_.points)];
+}
+
 Vector3 Followers::arm(std::int64_t node, int reference) const {
-  Vector3 d = mesh_.coordinates[mesh_.place(node)];
+  Vector3 d = position(node);
   const Vector3& origin = map_.reference_position[as_size(reference - map_.points)];
   for (std::size_t axis = 0; axis < 3; ++axis) d[axis] -= origin[axis];
   return d;
@@ -75,7 +81,8 @@ Dense Followers::transformation(const PlacedElement& at) const {
     const int reference = map_.reference[as_size(at.nodes[a])];
     const int column = first[place_of(at, reference < 0 ? at.nodes[a] : reference)];
     if (reference < 0) {
-      for (int c = 0; c < dofs; ++c) T(a * dofs + c, column + c) = 1;
+      const int own = std::min<int>(dofs, map_.dofs[as_size(at.nodes[a])]);
+      for (int c = 0; c < own; ++c) T(a * dofs + c, column + c) = 1;
       continue;
     }
     const Dense G = rigid_motion(arm(at.nodes[a], reference));

@@ -50,6 +50,7 @@ private:
   /// First dof of each master of the element, and behind them the number of all.
   std::vector<int> first_dofs(const PlacedElement& at) const;
   std::size_t place_of(const PlacedElement& at, std::int64_t master) const;
+  const Vector3& position(std::int64_t node) const; ///< of a node, or of a reference [m]
   Vector3 arm(std::int64_t node, int reference) const;
 
   const DofMap& map_;

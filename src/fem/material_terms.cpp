@@ -3,6 +3,7 @@
 #include "base/error.hpp"
 #include "base/index.hpp"
 #include "base/text.hpp"
+#include "fem/discrete.hpp"
 
 #include <set>
 
@@ -33,11 +34,23 @@ MaterialTerms::MaterialTerms(const BodyDescription& body) {
   for (const MeshBlock& block : body.blocks)
     if (used.insert(block.material).second)
       losses.insert(body.materials.at(block.material).loss);
+  bool damps = false;
+  for (const auto& [name, spring] : body.springs) {
+    if (frobenius_norm(spring.stiffness) > 0) losses.insert(spring.loss);
+    damps = damps || frobenius_norm(spring.damping) > 0;
+  }
   // Of stiffness by stress nothing is lost.
   const bool stressed = !body.preload.empty() || (body.spin && body.spin->turning),
              apart = losses.size() > 1 || (stressed && *losses.begin() > 0);
   if (!apart) common_loss_ = *losses.begin();
   if (apart) laws_.emplace_back(Law::Kind::structural);
+  for (const auto& [name, spring] : body.springs) {
+    std::vector<Share>& shares = of_spring_[name];
+    if (apart && spring.loss > 0) shares.push_back({0, spring.loss, {}});
+    if (frobenius_norm(spring.damping) > 0)
+      shares.push_back({laws_.size(), 0, {}, spring.damping});
+  }
+  if (damps) laws_.emplace_back(Law::Kind::viscous);
   for (const std::string& name : used) {
     const Material& material = body.materials.at(name);
     std::vector<Share>& shares = of_material_[name];
@@ -61,7 +74,13 @@ std::vector<ElementPart> MaterialTerms::of_element(const MeshBlock& block,
                                                    MassRule mass_rule,
                                                    const Dense& K) const {
   std::vector<ElementPart> parts;
-  for (const Share& share : of_material_.at(block.material)) {
+  if (block.type == ElementType::mass1) return parts;
+  for (const Share& share :
+       (is_spring(block.type) ? of_spring_ : of_material_).at(block.material)) {
+    if (share.dashpot.rows > 0) {
+      parts.push_back({share.number, spring_matrix(share.dashpot, x)});
+      continue;
+    }
     if (share.weight == 0) {
       parts.push_back(
           {share.number, solid_matrices(block.type, x, share.material, mass_rule).K});

@@ -2,6 +2,7 @@
 
 #include "base/index.hpp"
 #include "base/text.hpp"
+#include "fem/element_of.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -102,12 +103,7 @@ Dense Preload::coriolis(const MeshBlock& block, const std::vector<Vector3>& x,
   for (const Field& one : fields_) {
     if (!one.is_spin()) continue;
     const Vector3& axis = one.field->axis;
-    add_to(G,
-           block.type == ElementType::beam2
-               ? beam_coriolis(x[0], x[1], body_.materials.at(block.material).beam,
-                               body_.sections.at(block.section), axis)
-               : solid_coriolis(element, axis),
-           std::sqrt(one.value));
+    add_to(G, flexgram::coriolis(body_, block, x, element, axis), std::sqrt(one.value));
   }
   return G;
 }
@@ -119,12 +115,7 @@ double Preload::at(std::int64_t node, int c) const {
 
 StressStiffness Preload::of_stress(const MeshBlock& block, const std::vector<Vector3>& x,
                                    const std::vector<double>& u) {
-  const Material& material = body_.materials.at(block.material);
-  return block.type == ElementType::beam2
-             ? beam_stress_stiffness(x[0], x[1], material.beam,
-                                     body_.sections.at(block.section), u,
-                                     deformation_.stress)
-             : solid_stress_stiffness(block.type, x, material.solid, u, deformation_);
+  return stress_stiffness(body_, block, x, u, deformation_);
 }
 
 Dense Preload::of_spin(const MeshBlock& block, const std::vector<Vector3>& x,
@@ -133,12 +124,7 @@ Dense Preload::of_spin(const MeshBlock& block, const std::vector<Vector3>& x,
   for (const Field& one : fields_) {
     if (!one.is_spin()) continue;
     const Vector3& axis = one.field->axis;
-    add_to(K,
-           block.type == ElementType::beam2
-               ? beam_spin_softening(x[0], x[1], body_.materials.at(block.material).beam,
-                                     body_.sections.at(block.section), axis)
-               : solid_spin_softening(element, axis),
-           -one.value);
+    add_to(K, spin_softening(body_, block, x, element, axis), -one.value);
   }
   return K;
 }

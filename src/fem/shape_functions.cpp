@@ -192,6 +192,9 @@ std::vector<Point> points_of(ElementType type, bool mass) {
   case ElementType::wedge15:
     return wedge_points(mass);
   case ElementType::beam2:
+  case ElementType::mass1:
+  case ElementType::spring1:
+  case ElementType::spring2:
     break;
   }
   return {};
@@ -230,6 +233,9 @@ ShapePoint shape_at(ElementType type, const Vector3& xi, double weight) {
     wedge15(p);
     break;
   case ElementType::beam2:
+  case ElementType::mass1:
+  case ElementType::spring1:
+  case ElementType::spring2:
     break;
   }
   return p;

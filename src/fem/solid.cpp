@@ -17,9 +17,10 @@ struct TypeFacts {
   const char* name;
   int nodes, dofs;
 };
-constexpr TypeFacts facts[] = {{"tetra", 4, 3},      {"tetra10", 10, 3},
-                               {"hexahedron", 8, 3}, {"hexahedron20", 20, 3},
-                               {"wedge15", 15, 3},   {"line", 2, 6}};
+constexpr TypeFacts facts[] = {
+    {"tetra", 4, 3},         {"tetra10", 10, 3},         {"hexahedron", 8, 3},
+    {"hexahedron20", 20, 3}, {"wedge15", 15, 3},         {"line", 2, 6},
+    {"mass", 1, 6},          {"spring to ground", 1, 6}, {"spring", 2, 6}};
 
 const TypeFacts& facts_of(ElementType type) { return facts[as_size(type)]; }
 
@@ -213,7 +214,7 @@ const char* element_name(ElementType type) { return facts_of(type).name; }
 
 ElementType element_type(const std::string& name) {
   std::vector<std::string> known;
-  for (std::size_t i = 0; i < std::size(facts); ++i) {
+  for (std::size_t i = 0; i <= as_size(ElementType::beam2); ++i) {
     if (name == facts[i].name) return static_cast<ElementType>(i);
     known.emplace_back(facts[i].name);
   }

@@ -3,6 +3,7 @@
 #include "base/index.hpp"
 #include "base/process.hpp"
 #include "base/text.hpp"
+#include "fem/element_of.hpp"
 #include "fem/node_matrix.hpp"
 #include "linalg/decompositions.hpp"
 #include "linalg/sparse.hpp"
@@ -127,27 +128,6 @@ std::vector<int> six_ports(const std::vector<std::string>& names) {
               "this one has none");
 }
 
-ElementMatrices element_matrices(const BodyDescription& body, const PlacedElement& at) {
-  const Material& material = body.materials.at(at.block().material);
-  return at.block().type == ElementType::beam2
-             ? beam_matrices(at.x[0], at.x[1], material.beam,
-                             body.sections.at(at.block().section))
-             : solid_matrices(at.block().type, at.x, material.solid, body.mass_rule,
-                              !at.rigid);
-}
-
-/// What the stress under displacements u of its dofs adds to an element's stiffness.
-Dense geometric_stiffness(const BodyDescription& body, const PlacedElement& at,
-                          const std::vector<double>& u) {
-  const Material& material = body.materials.at(at.block().material);
-  if (at.block().type != ElementType::beam2)
-    return solid_geometric_stiffness(at.block().type, at.x, material.solid, u);
-  double unused = 0;
-  return beam_stress_stiffness(at.x[0], at.x[1], material.beam,
-                               body.sections.at(at.block().section), u, unused)
-      .linear;
-}
-
 /// Balances loads F by the ports P: F − P (RᵀP)⁻¹ RᵀF.
 Block balanced(const Block& F, const Block& P, const Block& R) {
   const ComplexDense shares = solve(as_complex(inner(R, P)), as_complex(inner(R, F)));
@@ -219,7 +199,7 @@ Block MeshStiffening::frame_loads(MPI_Comm comm) {
   FieldLoads fields(comm, body_, map_, mesh_, {});
   Followers(map_, mesh_).for_each([&](const PlacedElement& at) {
     fields.add_element(at.nodes, at.x, dofs_per_node(at.block().type),
-                       element_matrices(body_, at).M);
+                       element_matrices(body_, at.block(), at.x).M);
   });
   return combine(fields.take().B, shares_);
 }
@@ -249,7 +229,7 @@ std::vector<Matrix> MeshStiffening::matrices(int first, int count,
   followers.for_each([&](const PlacedElement& at) {
     const Dense T = followers.transformation(at);
     ElementMatrices element; // for the forces at slaves
-    if (!T.data.empty()) element = element_matrices(body_, at);
+    if (!T.data.empty()) element = element_matrices(body_, at.block(), at.x);
     std::vector<ElementPart> parts;
     for (int l = 0; l < count; ++l) {
       Dense added, moved;
@@ -258,7 +238,7 @@ std::vector<Matrix> MeshStiffening::matrices(int first, int count,
           const PetscInt equation = map_.equation(node, c);
           return equation < 0 ? 0.0 : u[as_size(l)][as_size(equation)];
         });
-        added = geometric_stiffness(body_, at, moved.data);
+        added = geometric_stiffness(body_, at.block(), at.x, moved.data);
       }
       if (!T.data.empty()) {
         Dense forces = weight(first + l, at, element.M);

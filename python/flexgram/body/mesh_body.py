@@ -14,6 +14,7 @@ import numpy as np
 
 from flexgram.basics import BodyError, Ints, check_name, errors_of
 from flexgram.body.bodyfile import write_law
+from flexgram.body.discrete import joined_nodes, write_masses, write_springs
 from flexgram.body.faces import middle_of
 from flexgram.body.loads import BodyMesh, write_loads
 from flexgram.body.meshfile import ELEMENTS, LABELS, node_set
@@ -142,6 +143,8 @@ class MeshBody:
         self._write_blocks()
         interfaces = self._write_interfaces()
         held = self._write_supports()
+        discrete = write_masses(file, reader, self.select, self.units)
+        discrete += write_springs(file, reader, self.select, self.units)
         written = BodyMesh(
             file, self.points, self.blocks, self.length, self.units[2], self.select, self.folder
         )
@@ -162,7 +165,7 @@ class MeshBody:
             "extent": extent,
             "units": reader.get("units", "SI"),
             "kinds": sorted({kind for kind, _ in self.blocks}),
-            "summary": summary(file),
+            "summary": [*summary(file), *discrete],
             "warnings": [
                 *doubts_of_units(file, reader.get("units", "SI"), extent),
                 *self._doubts_of_parts(held),
@@ -173,7 +176,8 @@ class MeshBody:
     def _doubts_of_parts(self, held: list[Ints]) -> list[str]:
         nodes = {name: group["nodes"][:] for name, group in self.file["interfaces"].items()}
         supported = np.concatenate(held) if held else np.empty(0, dtype=np.int64)
-        parts = Parts.of(len(self.points), self._elements(), nodes.values())
+        joined = [*nodes.values(), *joined_nodes(self.file)]
+        parts = Parts.of(len(self.points), self._elements(), joined)
         return doubts_of_parts(self.points, parts, nodes, supported)
 
     def _doubts_of_stress(self) -> list[str]:

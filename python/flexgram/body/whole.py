@@ -16,6 +16,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from flexgram.basics import BodyError, Floats, Ints
+from flexgram.body.discrete import Places, held_by_springs
 from flexgram.body.laws import law_of
 from flexgram.body.units import UNITS, doubt
 
@@ -165,8 +166,8 @@ class MassFacts:
 
 
 def mass_facts(file: h5py.File) -> MassFacts:
-    """Of a mesh body's elements, supports and interfaces apart: integrals over each by the points
-    of its mass matrix, beams along their axes."""
+    """Of a mesh body's elements and point masses, supports and interfaces apart: integrals over
+    each by the points of its mass matrix, beams along their axes."""
     import _flexgram
 
     points = file["mesh/points"][:]
@@ -191,13 +192,28 @@ def mass_facts(file: h5py.File) -> MassFacts:
             mass += float(w.sum())
             first += np.einsum("eq,eqb->b", w, place)
             second += np.einsum("eq,eqa,eqb->ab", w, place, place, optimize=True)
+    places = Places(file)
+    for point in file.get("masses", {}).values():
+        each = float(point.attrs["mass"])
+        where = places.positions(point)
+        xx, yy, zz, xy, yz, zx = np.asarray(point.attrs["inertia"])
+        inertia = np.array([[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]])
+        mass += each * len(where)
+        first += each * where.sum(axis=0)
+        second += each * where.T @ where
+        second += len(where) * (0.5 * np.trace(inertia) * np.eye(3) - inertia)
     centre = first / mass if mass > 0 else first
     about = second - mass * np.outer(centre, centre)
     return MassFacts(mass, centre, np.trace(about) * np.eye(3) - about)
 
 
-def free_motions(points: Floats, held: Sequence[tuple[Ints, list[int]]]) -> int:
-    """How many of six rigid motions supports leave: nodes and the components that each holds."""
+def free_motions(
+    points: Floats,
+    held: Sequence[tuple[Ints, list[int]]],
+    springs: Iterable[tuple[Floats, Floats]] = (),
+) -> int:
+    """How many of six rigid motions supports leave: nodes and the components that each holds, and
+    springs to ground (positions, 6×6 stiffness)."""
     centre = points.mean(axis=0) if len(points) else np.zeros(3)
     size = max(float(np.ptp(points, axis=0).max(initial=0)), 1e-300)
     rows = []
@@ -210,6 +226,13 @@ def free_motions(points: Floats, held: Sequence[tuple[Ints, list[int]]]) -> int:
                 for axis in range(3):
                     row[:, 3 + axis] = np.cross(np.eye(3)[axis], arms)[:, component]
             rows.append(row)
+    for where, stiffness in springs:
+        values, vectors = np.linalg.eigh(stiffness)
+        stiff = vectors[:, values > 1e-12 * values.max(initial=0)].T  # (k, 6) directions
+        for arm in (where - centre) / size:
+            turned = np.array([np.cross(axis, arm) for axis in np.eye(3)])  # rows: θ_axis × arm
+            motion = np.block([[np.eye(3), turned.T], [np.zeros((3, 3)), np.eye(3)]])
+            rows.append(stiff @ motion)
     if not rows:
         return 6
     values = np.linalg.svd(np.vstack(rows), compute_uv=False)
@@ -244,7 +267,7 @@ def summary(file: h5py.File) -> list[str]:
     ]
     lines = [
         f"mass {facts.mass:.6g} kg, centre ({at}) m, inertia about it {inertia} kg m²",
-        f"{free_motions(points, held)} of 6 rigid motions are free",
+        f"{free_motions(points, held, held_by_springs(file))} of 6 rigid motions are free",
     ]
     for name, material in file.get("materials", {}).items():
         a = material.attrs

@@ -1,0 +1,216 @@
+"""Masses, springs and dashpots at nodes and interfaces, as a body's description gives them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import h5py
+import numpy as np
+
+from flexgram.basics import BodyError, Floats, Ints, check_name, errors_of
+from flexgram.body.reader import Reader, short
+
+Select = Callable[[Any, str], Ints]
+
+
+def _list(entry: Reader, key: str) -> Floats:
+    with errors_of(f"{entry.where}: {key}"):
+        values = np.array(entry.get(key), dtype=float)
+    if not np.all(np.isfinite(values)):
+        raise BodyError(f"{entry.where}: {key} = {short(entry.get(key))} must be finite")
+    return values
+
+
+class Places:
+    """Interfaces by name, nodes by a choice of them, as groups of the file hold them."""
+
+    def __init__(self, file: h5py.File) -> None:
+        self.file = file
+
+    def write(
+        self, group: h5py.Group, entry: Reader, select: Select, key: str, prefix: str = ""
+    ) -> None:
+        """``at`` or ``to``: an interface; ``nodes`` or ``to_nodes``: a choice of nodes."""
+        nodes_key = f"{prefix}nodes"
+        if (key in entry.data) == (nodes_key in entry.data):
+            raise BodyError(f"{entry.where}: give {key} (an interface) or {nodes_key}")
+        if nodes_key in entry.data:
+            group[nodes_key] = select(entry.get(nodes_key), f"{entry.where}: {nodes_key}")
+            return
+        name = entry.choice(key, list(self.file["interfaces"]))
+        if self.file["interfaces"][name].attrs["coupling"] == "distributing":
+            raise BodyError(
+                f"{entry.where}: interface {name} is distributing and carries nothing: give "
+                f"{nodes_key}, or make the interface rigid"
+            )
+        group.attrs[f"{prefix}interface"] = name
+
+    def positions(self, group: h5py.Group, prefix: str = "") -> Floats:
+        """Of its nodes, or of the interface [m], (k, 3)."""
+        if f"{prefix}interface" in group.attrs:
+            interface = self.file["interfaces"][str(group.attrs[f"{prefix}interface"])]
+            if interface.attrs["coupling"] == "rigid":
+                return np.array(interface.attrs["position"])[None]
+            points: Floats = self.file["mesh/points"][:][interface["nodes"][:1]]
+            return points
+        found: Floats = self.file["mesh/points"][:][group[f"{prefix}nodes"][:]]
+        return found
+
+
+def write_masses(
+    file: h5py.File, reader: Reader, select: Select, units: tuple[float, ...]
+) -> list[str]:
+    """Write ``masses``: name -> ``at`` (an interface) or ``nodes``, ``mass``, ``inertia``.
+
+    Parameters
+    ----------
+    file : h5py.File
+        With its interfaces.
+    reader : Reader
+        Of the whole description. ``inertia`` is three principal moments along the axes, or xx, yy,
+        zz, xy, yz, zx of the tensor. A mass at several nodes is one at each.
+    select : function
+        Nodes of a choice.
+    units : tuple of float
+        Length [m], mass [kg] and force [N].
+
+    Returns
+    -------
+    list of str
+        What is told of each.
+    """
+    told = []
+    places = Places(file)
+    for order, (name, data) in enumerate(reader.children("masses").items()):
+        entry = Reader(data, f"masses: {name}", ("at", "nodes", "mass", "inertia"))
+        group = file.create_group(f"masses/{check_name(entry.where, str(name))}")
+        places.write(group, entry, select, "at")
+        inertia = np.zeros(6)
+        if "inertia" in entry.data:
+            given = _list(entry, "inertia")
+            if given.shape not in ((3,), (6,)):
+                raise BodyError(
+                    f"{entry.where}: inertia must be three numbers (xx, yy, zz) or six (then xy, "
+                    "yz, zx too)"
+                )
+            inertia[: len(given)] = given
+        group.attrs["mass"] = entry.number("mass", 0.0) * units[1]
+        group.attrs["inertia"] = inertia * units[1] * units[0] ** 2
+        group.attrs["order"] = order
+        count = len(places.positions(group))
+        each = f" at each of {count} nodes" if count > 1 else ""
+        words = f"mass {name}: {group.attrs['mass']:.6g} kg{each}"
+        if inertia.any():
+            words += f", inertia {', '.join(f'{x:.6g}' for x in group.attrs['inertia'][:3])} kg m²"
+        told.append(words)
+    return told
+
+
+def _of_motion(entry: Reader, key: str, scale: Floats, ends: list[Floats]) -> Floats:
+    """6×6 over displacements and rotations, in SI, of one number along the line between the ends,
+    three or six numbers along the axes, or a matrix of these sizes."""
+    given = _list(entry, key)
+    if given.shape == ():
+        if len(ends) < 2:
+            raise BodyError(
+                f"{entry.where}: {key} is one number, along the line to another node or interface: "
+                f"give to or to_nodes, or three or six numbers along the axes"
+            )
+        lines = np.broadcast_to(ends[1], ends[0].shape) - ends[0]
+        lengths = np.linalg.norm(lines, axis=1)
+        directions = lines / np.where(lengths > 0, lengths, 1)[:, None]
+        if not lengths.all() or np.ptp(np.abs(directions @ directions[0])) > 1e-9:
+            raise BodyError(
+                f"{entry.where}: {key} is one number, along the line between its ends, and these "
+                "lie in one place or in several directions: give three or six numbers along the "
+                "axes, or a spring for each"
+            )
+        matrix = np.zeros((6, 6))
+        matrix[:3, :3] = given * np.outer(directions[0], directions[0])
+    elif given.shape in ((3,), (6,)):
+        matrix = np.diag(np.concatenate([given, np.zeros(6 - len(given))]))
+    elif given.shape in ((3, 3), (6, 6)):
+        matrix = np.zeros((6, 6))
+        matrix[: len(given), : len(given)] = given
+    else:
+        raise BodyError(
+            f"{entry.where}: {key} must be one number (along the line between its ends), three or "
+            "six (along and about the axes), or a 3×3 or 6×6 matrix"
+        )
+    if np.abs(matrix - matrix.T).max() > 1e-12 * np.abs(matrix).max():
+        raise BodyError(f"{entry.where}: {key} is not symmetric")
+    result: Floats = matrix * scale
+    return result
+
+
+def write_springs(
+    file: h5py.File, reader: Reader, select: Select, units: tuple[float, ...]
+) -> list[str]:
+    """Write ``springs``: name -> ``at`` or ``nodes``, perhaps ``to`` or ``to_nodes`` (else to
+    ground), ``stiffness``, ``damping``, ``loss_factor``. As ``write_masses``.
+
+    Stiffness and damping are one number along the line between two ends, three or six along and
+    about the axes, or a symmetric 3×3 or 6×6 matrix. A spring between two places acts midway."""
+    told = []
+    places = Places(file)
+    force, length = units[2], units[0]
+    scale = np.full((6, 6), force)
+    scale[:3, :3] /= length
+    scale[3:, 3:] *= length
+    for order, (name, data) in enumerate(reader.children("springs").items()):
+        keys = ("at", "nodes", "to", "to_nodes", "stiffness", "damping", "loss_factor")
+        entry = Reader(data, f"springs: {name}", keys)
+        group = file.create_group(f"springs/{check_name(entry.where, str(name))}")
+        places.write(group, entry, select, "at")
+        ends = [places.positions(group)]
+        grounded = "to" not in entry.data and "to_nodes" not in entry.data
+        if not grounded:
+            places.write(group, entry, select, "to", "to_")
+            ends.append(places.positions(group, "to_"))
+            if len(ends[1]) not in (1, len(ends[0])):
+                raise BodyError(
+                    f"{entry.where}: it starts at {len(ends[0])} nodes and ends at {len(ends[1])}"
+                )
+        given = [key for key in ("stiffness", "damping") if key in entry.data]
+        if not given:
+            raise BodyError(f"{entry.where}: stiffness is missing, or damping")
+        for key in given:
+            group.attrs[key] = _of_motion(entry, key, scale, ends).ravel()
+        if "loss_factor" in entry.data:
+            group.attrs["loss_factor"] = entry.number("loss_factor")
+        group.attrs["order"] = order
+        many = f", {len(ends[0])} of them" if len(ends[0]) > 1 else ""
+        told.append(f"spring {name}: {'to ground' if grounded else 'between nodes'}{many}")
+    return told
+
+
+def joined_nodes(file: h5py.File) -> list[Ints]:
+    """Sets of nodes that a spring joins: its ends; of a rigid interface all its nodes."""
+    sets = []
+    for spring in file.get("springs", {}).values():
+        if not ({"to_interface", "to_nodes"} & {*spring.attrs, *spring}):
+            continue
+        ends = []
+        for prefix in ("", "to_"):
+            if f"{prefix}interface" in spring.attrs:
+                interface = file["interfaces"][str(spring.attrs[f"{prefix}interface"])]
+                ends.append(interface["nodes"][:][None, :])
+            else:
+                ends.append(spring[f"{prefix}nodes"][:][:, None])
+        count = max(len(end) for end in ends)
+        first, second = (np.broadcast_to(end, (count, end.shape[1])) for end in ends)
+        sets += list(np.concatenate([first, second], axis=1))
+    return sets
+
+
+def held_by_springs(file: h5py.File) -> Iterable[tuple[Floats, Floats]]:
+    """Positions (k, 3) [m] and the 6×6 stiffness of each spring to ground."""
+    places = Places(file)
+    for spring in file.get("springs", {}).values():
+        if {"to_interface", "to_nodes"} & {
+            *spring.attrs,
+            *spring,
+        } or "stiffness" not in spring.attrs:
+            continue
+        yield places.positions(spring), np.reshape(spring.attrs["stiffness"], (6, 6))

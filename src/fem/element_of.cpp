@@ -1,0 +1,96 @@
+#include "fem/element_of.hpp"
+
+#include "base/error.hpp"
+#include "fem/discrete.hpp"
+
+namespace flexgram {
+namespace {
+
+int dofs_of(const MeshBlock& block) {
+  return node_count(block.type) * dofs_per_node(block.type);
+}
+
+} // namespace
+
+ElementMatrices element_matrices(const BodyDescription& body, const MeshBlock& block,
+                                 const std::vector<Vector3>& x, bool with_stiffness) {
+  if (is_discrete(block.type)) {
+    ElementMatrices element;
+    element.K = element.M = Dense(dofs_of(block), dofs_of(block));
+    element.min_detJ = 1;
+    if (is_spring(block.type)) {
+      element.K = spring_matrix(body.springs.at(block.material).stiffness, x);
+    } else {
+      const PointMass& mass = body.masses.at(block.material);
+      element.M = mass_matrix(mass);
+      element.mass = mass.mass;
+    }
+    return element;
+  }
+  const Material& material = body.materials.at(block.material);
+  return block.type == ElementType::beam2
+             ? beam_matrices(x[0], x[1], material.beam, body.sections.at(block.section))
+             : solid_matrices(block.type, x, material.solid, body.mass_rule,
+                              with_stiffness);
+}
+
+Dense spin_softening(const BodyDescription& body, const MeshBlock& block,
+                     const std::vector<Vector3>& x, const ElementMatrices& element,
+                     const Vector3& axis) {
+  if (is_spring(block.type)) return Dense(dofs_of(block), dofs_of(block));
+  if (block.type == ElementType::mass1)
+    return mass_spin_softening(body.masses.at(block.material), axis);
+  return block.type == ElementType::beam2
+             ? beam_spin_softening(x[0], x[1], body.materials.at(block.material).beam,
+                                   body.sections.at(block.section), axis)
+             : solid_spin_softening(element, axis);
+}
+
+Dense coriolis(const BodyDescription& body, const MeshBlock& block,
+               const std::vector<Vector3>& x, const ElementMatrices& element,
+               const Vector3& axis) {
+  if (is_spring(block.type)) return Dense(dofs_of(block), dofs_of(block));
+  if (block.type == ElementType::mass1)
+    return mass_coriolis(body.masses.at(block.material), axis);
+  return block.type == ElementType::beam2
+             ? beam_coriolis(x[0], x[1], body.materials.at(block.material).beam,
+                             body.sections.at(block.section), axis)
+             : solid_coriolis(element, axis);
+}
+
+Dense gyroscopic(const BodyDescription& body, const MeshBlock& block,
+                 const std::vector<Vector3>& x, const AccelerationField& spin) {
+  if (is_spring(block.type)) return Dense(dofs_of(block), dofs_of(block));
+  if (block.type == ElementType::mass1)
+    return mass_gyroscopic(body.masses.at(block.material), x[0], spin.axis, spin.point);
+  if (block.type == ElementType::beam2)
+    return beam_gyroscopic(x[0], x[1], body.materials.at(block.material).beam,
+                           body.sections.at(block.section), spin.axis, spin.point);
+  throw Error(
+      "in the frame at rest a spin takes beams and masses on its axis; solids are "
+      "seen in the frame that turns (frame: turning)");
+}
+
+StressStiffness stress_stiffness(const BodyDescription& body, const MeshBlock& block,
+                                 const std::vector<Vector3>& x,
+                                 const std::vector<double>& u, Deformation& deformation) {
+  if (is_discrete(block.type))
+    return {Dense(dofs_of(block), dofs_of(block)), Dense(dofs_of(block), dofs_of(block))};
+  const Material& material = body.materials.at(block.material);
+  return block.type == ElementType::beam2
+             ? beam_stress_stiffness(x[0], x[1], material.beam,
+                                     body.sections.at(block.section), u,
+                                     deformation.stress)
+             : solid_stress_stiffness(block.type, x, material.solid, u, deformation);
+}
+
+Dense geometric_stiffness(const BodyDescription& body, const MeshBlock& block,
+                          const std::vector<Vector3>& x, const std::vector<double>& u) {
+  if (!is_discrete(block.type) && block.type != ElementType::beam2)
+    return solid_geometric_stiffness(block.type, x,
+                                     body.materials.at(block.material).solid, u);
+  Deformation unused;
+  return stress_stiffness(body, block, x, u, unused).linear;
+}
+
+} // namespace flexgram

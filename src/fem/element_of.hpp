@@ -1,0 +1,33 @@
+/// Matrices of an element of a body, whatever it is: solid, beam, point mass or spring.
+
+#pragma once
+
+#include "fem/description.hpp"
+
+namespace flexgram {
+
+/// @param with_stiffness  false: a solid's K is left out.
+ElementMatrices element_matrices(const BodyDescription& body, const MeshBlock& block,
+                                 const std::vector<Vector3>& x,
+                                 bool with_stiffness = true);
+/// By what a spin about `axis` softens it, for Ω² = 1.
+Dense spin_softening(const BodyDescription& body, const MeshBlock& block,
+                     const std::vector<Vector3>& x, const ElementMatrices& element,
+                     const Vector3& axis);
+/// Its Coriolis forces in a frame that spins about `axis`, for Ω = 1.
+Dense coriolis(const BodyDescription& body, const MeshBlock& block,
+               const std::vector<Vector3>& x, const ElementMatrices& element,
+               const Vector3& axis);
+/// Its gyroscopic moments on the axis of a spin of 1 rad/s, in the frame at rest.
+/// @throws Error for solids, and for what is not symmetric about the axis.
+Dense gyroscopic(const BodyDescription& body, const MeshBlock& block,
+                 const std::vector<Vector3>& x, const AccelerationField& spin);
+/// What displacements of its dofs add to its stiffness; springs keep theirs.
+StressStiffness stress_stiffness(const BodyDescription& body, const MeshBlock& block,
+                                 const std::vector<Vector3>& x,
+                                 const std::vector<double>& u, Deformation& deformation);
+/// What their stress adds, without moved geometry.
+Dense geometric_stiffness(const BodyDescription& body, const MeshBlock& block,
+                          const std::vector<Vector3>& x, const std::vector<double>& u);
+
+} // namespace flexgram
