@@ -12,10 +12,11 @@ import h5py
 import numpy as np
 import pytest
 from scipy.sparse.linalg import eigsh
+from test_importers import ccx_frequencies
 from test_loss_factors import stored
 
 from bodies import CALCULIX, box
-from conftest import ROOT, assembled, run
+from conftest import ROOT, assembled, read_sparse, run
 from flexgram import BodyError, ReducedModel
 from flexgram.importers import parse
 from flexgram.importers.assemble import assemble_deck
@@ -81,6 +82,46 @@ def test_frequencies_are_those_of_ccx(element: str, tmp_path: Path) -> None:
     ours = eigsh(body["K"], 8, body["M"], sigma=0, return_eigenvectors=False)
     ours = np.sqrt(np.sort(ours)) / (2 * np.pi)
     assert np.abs(ours / theirs - 1).max() < 5.5e-7  # seven digits
+
+
+POINTS = (
+    "*ELEMENT, TYPE=MASS, ELSET=WEIGHTS\n9001, 8\n9002, 30\n*MASS, ELSET=WEIGHTS\n0.3\n"
+    "*ELEMENT, TYPE=SPRINGA, ELSET=ROD\n9003, 12, 51\n*SPRING, ELSET=ROD\n\n4000000.\n"
+    "*ELEMENT, TYPE=SPRING1, ELSET=FOOT\n9004, 20\n*SPRING, ELSET=FOOT\n2\n3.e7\n"
+)
+
+
+@pytest.mark.skipif(shutil.which("ccx") is None, reason="ccx is not installed")
+@pytest.mark.parametrize("element", ["C3D4", "C3D10"])
+def test_masses_and_springs_are_those_of_ccx(element: str, tmp_path: Path) -> None:
+    held = "*BOUNDARY\nSTART, 1, 3\n"
+    found = []
+    for name, model in (("plain", ""), ("loaded", POINTS)):
+        path = deck(tmp_path / f"{name}.inp", element, model=model, held=held)
+        theirs = np.array(ccx_frequencies(path)[:8])
+        counts = assemble_deck(path, tmp_path / f"{name}.h5", EYE)
+        body = assembled(tmp_path / f"{name}_m.h5", tmp_path / f"{name}.h5")
+        ours = eigsh(body["K"], 8, body["M"], sigma=0, return_eigenvectors=False)
+        ours = np.sqrt(np.sort(ours)) / (2 * np.pi)
+        assert np.abs(ours / theirs - 1).max() < 1e-6
+        found.append(ours)
+    assert any("2 point masses and 2 springs" in remark for remark in counts["remarks"])
+    assert np.abs(found[1] / found[0] - 1).max() > 0.05
+
+
+def test_dashpots_of_a_deck(tmp_path: Path) -> None:
+    model = "*ELEMENT, TYPE=DASHPOTA, ELSET=D\n9003, 12, 51\n*DASHPOT, ELSET=D\n\n40.\n"
+    path = deck(tmp_path / "bar.inp", "C3D4", model=model)
+    assemble_deck(path, tmp_path / "bar.h5", EYE)
+    run("assemble", "-body", tmp_path / "bar.h5", "-body_out", tmp_path / "m.h5")
+    with h5py.File(tmp_path / "m.h5") as file:
+        D = read_sparse(file, "D").toarray()
+        position = file["nodes/position"][:]
+    line = position[50] - position[11]
+    n = line / np.linalg.norm(line)
+    rows = np.flatnonzero(abs(D).max(axis=1))
+    expected = 40.0 * np.kron([[1, -1], [-1, 1]], np.outer(n, n))
+    np.testing.assert_allclose(D[np.ix_(rows, rows)], expected, atol=1e-9)
 
 
 def test_the_command_line(tmp_path: Path) -> None:

@@ -1,8 +1,9 @@
 """A CalculiX deck assembled by flexgram: nothing of K and M is lost to printed digits.
 
 For solids whose elements are the same in both programs (C3D4, C3D10, C3D15, C3D20: equal to the
-seven digits that CalculiX prints, ``tests/python/test_elements_ccx.py``) and isotropic materials.
-Whatever else a deck says of its stiffness or mass is refused by name: ccx knows it (``--run-ccx``).
+seven digits that CalculiX prints, ``tests/python/test_elements_ccx.py``) and isotropic materials,
+with point masses, springs and dashpots. Whatever else a deck says of its stiffness or mass is
+refused by name: ccx knows it (``--run-ccx``).
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from flexgram.body.meshfile import LABELS
 from flexgram.importers.ccx import Card, Job, damping_of, frequency_step, read_job
 from flexgram.importers.deck import Deck, read_deck
 from flexgram.importers.deck_loads import in_steps, loads_of
+from flexgram.importers.deck_points import CARDS, TYPES, points_of
 from flexgram.importers.fe import Interface, check_damping
 from flexgram.importers.mesh import describe_interfaces, further_keys
 
@@ -39,6 +41,7 @@ READ = {
     "DAMPING",
     "MODAL DAMPING",
     "VISCOELASTIC",
+    *CARDS,
 }
 #: Cards that are nothing to K and M of the unloaded body.
 PASSED = {
@@ -124,10 +127,10 @@ def _refuse_others(job: Job) -> None:
                 f"{job.path}: *{card.keyword} is not followed by --assemble: take --run-ccx"
             )
         kind = card.options.get("TYPE", "").upper()
-        if card.keyword == "ELEMENT" and kind not in ELEMENTS:
+        if card.keyword == "ELEMENT" and kind not in ELEMENTS and kind not in TYPES:
             raise BodyError(
                 f"{job.path}: elements {kind} are others than flexgram's, which has "
-                f"{', '.join(ELEMENTS)} of CalculiX: take --run-ccx"
+                f"{', '.join((*ELEMENTS, *TYPES))} of CalculiX: take --run-ccx"
             )
         if card.keyword == "SOLID SECTION" and "ORIENTATION" in card.options:
             raise BodyError(f"{job.path}: *SOLID SECTION with an ORIENTATION: take --run-ccx")
@@ -228,7 +231,8 @@ def assemble_deck(
     materials = materials_of(job)
     mesh, material_of, overlapping = mesh_of(job, deck, materials)
     damping = damping_of(job)
-    remarks = [*deck.remarks, *damping.remarks]
+    points = points_of(job, deck)
+    remarks = [*deck.remarks, *damping.remarks, *points.remarks]
     if relaxing := [name for name, of in materials.items() if "viscoelastic" in of]:
         remarks.append(f"relaxation of the deck's materials (*VISCOELASTIC): {', '.join(relaxing)}")
     if damping.loss_factors and eta is None:
@@ -262,6 +266,8 @@ def assemble_deck(
         "regions": {region: {"material": name} for region, name in material_of.items()},
         "interfaces": described,
         "mass_integration": "reduced",
+        "masses": points.masses,
+        "springs": points.springs,
         "loads": loads,
         "outputs": outputs,
         "supports": {

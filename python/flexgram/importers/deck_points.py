@@ -1,0 +1,142 @@
+"""Point masses, springs and dashpots of a CalculiX or Abaqus deck, as a body's description has
+them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flexgram.basics import BodyError
+from flexgram.importers.ccx import Card, Job
+from flexgram.importers.deck import Deck
+
+#: Element types -> the card of their property and how many nodes they have.
+TYPES = {
+    "MASS": ("MASS", 1),
+    "SPRINGA": ("SPRING", 2),
+    "SPRING1": ("SPRING", 1),
+    "SPRING2": ("SPRING", 2),
+    "DASHPOTA": ("DASHPOT", 2),
+}
+CARDS = {card for card, _ in TYPES.values()}
+
+
+@dataclass
+class DeckPoints:
+    """Entries of ``masses`` and ``springs`` of a description, and what is said of them."""
+
+    masses: dict[str, dict[str, Any]]
+    springs: dict[str, dict[str, Any]]
+    remarks: list[str]
+
+
+def _elements(job: Job) -> tuple[dict[int, tuple[str, list[int]]], dict[str, list[int]]]:
+    """Of these types by label: type and nodes; and their sets, of *ELEMENT and *ELSET."""
+    elements: dict[int, tuple[str, list[int]]] = {}
+    sets: dict[str, list[int]] = {}
+    for card in job.model:
+        kind, name = (card.options.get(key, "").upper() for key in ("TYPE", "ELSET"))
+        if card.keyword == "ELEMENT" and kind in TYPES:
+            numbers = [int(word) for words in card.words() for word in words if word]
+            width = 1 + TYPES[kind][1]
+            for first in range(0, len(numbers) - width + 1, width):
+                label, *nodes = numbers[first : first + width]
+                elements[label] = (kind, nodes)
+                sets.setdefault(name, []).append(label)
+        elif card.keyword == "ELSET":
+            for words in card.words():
+                words = [word for word in words if word]
+                if "GENERATE" in card.options:
+                    first, last, *by = (int(word) for word in words)
+                    sets.setdefault(name, []).extend(range(first, last + 1, *by))
+                    continue
+                for word in words:
+                    members = [int(word)] if word.isdigit() else sets.get(word.upper(), [])
+                    sets.setdefault(name, []).extend(members)
+    return elements, {name: [m for m in of if m in elements] for name, of in sets.items()}
+
+
+def _property(job: Job, card: Card) -> list[list[float]]:
+    where = f"{job.path}: *{card.keyword}"
+    others = [o for o in card.options if o not in ("ELSET", "SPRING CONSTANT", "DASHPOT CONSTANT")]
+    if others:
+        raise BodyError(f"{where} with {others[0]} is not followed by --assemble: take --run-ccx")
+    try:
+        rows = [[float(word) for word in words if word] for words in card.words()]
+    except ValueError:
+        rows = []
+    rows = [row for row in rows if row]
+    if not rows:
+        raise BodyError(f"{where}: expected numbers")
+    return rows
+
+
+def _along(job: Job, kind: str, rows: list[list[float]]) -> Any:
+    """What ``stiffness`` is: one number along the line of a SPRINGA, six of a direction."""
+    if kind in ("SPRINGA", "DASHPOTA"):
+        if len(rows) > 1:
+            raise BodyError(f"{job.path}: *SPRING or *DASHPOT of temperature: take --run-ccx")
+        return rows[0][0]
+    directions = {int(d) for d in rows[0]}
+    if len(rows) != 2 or len(directions) != 1 or not directions <= set(range(1, 7)):
+        raise BodyError(
+            f"{job.path}: *SPRING of {kind}: expected one direction from 1 to 6 and a constant; "
+            "--run-ccx knows others"
+        )
+    six = np.zeros(6)
+    six[directions.pop() - 1] = rows[1][0]
+    return six.tolist()
+
+
+def points_of(job: Job, deck: Deck) -> DeckPoints:
+    """Masses, springs and dashpots of a deck.
+
+    Raises
+    ------
+    BodyError
+        For cards that say more than is followed here, and elements without one.
+    """
+    found = DeckPoints({}, {}, [])
+    try:
+        elements, sets = _elements(job)
+    except ValueError as error:
+        raise BodyError(f"{job.path}: *ELEMENT or *ELSET: {error}") from None
+
+    def index(label: int) -> int:
+        at = int(np.searchsorted(deck.labels, label))
+        if at == len(deck.labels) or deck.labels[at] != label:
+            raise BodyError(f"{job.path}: there is no node {label}")
+        return at + 1
+
+    left = dict(elements)
+    for card in job.model:
+        if card.keyword not in CARDS:
+            continue
+        rows = _property(job, card)
+        name = card.options.get("ELSET", "").upper()
+        for label in sets.get(name, []):
+            kind, nodes = elements[label]
+            if TYPES[kind][0] != card.keyword:
+                continue
+            left.pop(label, None)
+            places = [index(node) for node in nodes]
+            if kind == "MASS":
+                found.masses[f"mass_{label}"] = {"nodes": places, "mass": rows[0][0]}
+                continue
+            entry: dict[str, Any] = {"nodes": places[:1]}
+            if len(places) > 1:
+                entry["to_nodes"] = places[1:]
+            key = "damping" if card.keyword == "DASHPOT" else "stiffness"
+            entry[key] = _along(job, kind, rows)
+            found.springs[f"{card.keyword.lower()}_{label}"] = entry
+    if left:
+        label, (kind, _) = next(iter(left.items()))
+        raise BodyError(f"{job.path}: element {label} ({kind}) has no *{TYPES[kind][0]}")
+    if found.masses or found.springs:
+        found.remarks.append(
+            f"{len(found.masses)} point masses and {len(found.springs)} springs and dashpots of "
+            "the deck are part of the body"
+        )
+    return found
