@@ -11,7 +11,7 @@ from flexgram import moved
 from flexgram.basics import BodyError, ReductionWarning
 from flexgram.body.bodyfile import write_matrices
 from flexgram.body.description import import_body
-from flexgram.body.laws import coriolis, loss, parameter, prony, spin, table, viscous
+from flexgram.body.laws import circulatory, coriolis, loss, parameter, prony, spin, table, viscous
 from flexgram.body.matrices import Matrices
 from flexgram.importers.mesh import import_mesh
 from flexgram.reduced_model import ReducedModel
@@ -28,6 +28,7 @@ __all__ = [
     "ReducedModel",
     "ReductionWarning",
     "certify",
+    "circulatory",
     "coriolis",
     "export",
     "exporters",

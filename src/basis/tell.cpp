@@ -140,11 +140,11 @@ std::string unmet_words(const BandClaim& claim) {
   return words;
 }
 
-/// Gyroscopic forces may hold a body that is unstable without them, or may not; at each of the
+/// Circulatory forces may excite a body, gyroscopic forces may hold one that is unstable without them, or may not; at each of the
 /// parameters' values that the claim is of.
 void tell_stability(const CutStory& cut, const ReducedModel& rom, Observer& observer) {
   constexpr double rounding = 1e-9;
-  const auto of_rates = [](const auto& term) { return term.law.is_of_rates(); };
+  const auto is_linear = [](const auto& term) { return term.law.is_linear(); };
   const bool may_be_unstable =
       !is_symmetric(cut.small.terms) || !are_semidefinite(cut.small.terms);
   if (!may_be_unstable || cut.small.damping.eta > 0) return;
@@ -155,7 +155,7 @@ void tell_stability(const CutStory& cut, const ReducedModel& rom, Observer& obse
   for (std::size_t k = 0; k < all.size(); ++k) {
     const DenseResponse response(cut.small.at(all[k]).stiffened(), cut.whole.tau);
     const auto& terms = response.system().terms;
-    if (!std::all_of(terms.begin(), terms.end(), of_rates)) return;
+    if (!std::all_of(terms.begin(), terms.end(), is_linear)) return;
     const double least =
         *std::min_element(response.lambda().begin(), response.lambda().end());
     softest = std::min(softest, least);

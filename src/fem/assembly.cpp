@@ -371,8 +371,9 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
       observer.fact("spin", text("%g to %g rad/s, seen in the frame at rest: gyroscopic "
                                  "moments of beams on its axis",
                                  all.spin->least, all.spin->most));
-    if (!spinning &&
-        (model.damping.beta > 0 || model.damping.eta > 0 || model.terms.size() > 0))
+    const auto is_dashpot = [](const auto& term) { return term.law.is_viscous(); };
+    if (!spinning && (model.damping.beta > 0 || model.damping.eta > 0 ||
+                      !std::all_of(model.terms.begin(), model.terms.end(), is_dashpot)))
       observer.warn(
           "spin: in the frame at rest losses of materials count as if the shaft "
           "did not turn; what they do to its stability is left out");

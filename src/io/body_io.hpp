@@ -29,6 +29,9 @@ std::string not_read(const Hdf5File& file);
 void take_symmetric_part(Matrix& matrix, const std::string& name,
                          const std::string& source, std::vector<std::string>& remarks);
 
+/// The stiffness; its skew part, if it is more than rounding, is a term, circulatory forces.
+/// @throws Error if one triangle is missing. Collective.
+void set_stiffness(SecondOrderModel& model, Matrix K, const std::string& source);
 /// Adds dampers to the body's terms: D; its skew part, if it is more than rounding, to G.
 /// @throws Error if one triangle is missing. Collective.
 void add_damping(SecondOrderModel& model, Matrix D, const std::string& source);

@@ -253,6 +253,24 @@ void add_damping(SecondOrderModel& model, Matrix D, const std::string& source) {
   model.terms.push_back({Law(), std::move(D)});
 }
 
+void set_stiffness(SecondOrderModel& model, Matrix K, const std::string& source) {
+  const Asymmetry asymmetry = find_asymmetry(K, rounding_of_symmetry);
+  if (asymmetry.symmetric) {
+    take_symmetric_part(K, "K", source, model.remarks);
+  } else {
+    refuse_one_triangle(asymmetry, "K", source);
+    model.terms.push_back(
+        {Law("circulatory", "circulatory", {}), half(K, Symmetry::skew)});
+    K = half(K, Symmetry::symmetric);
+    model.remarks.push_back(text(
+        "the skew part of K, %.1e of it, is taken for circulatory forces; the "
+        "largest is (%lld, %lld) = %.6g beside (%lld, %lld) = %.6g",
+        asymmetry.skew_norm / asymmetry.norm, ll(asymmetry.row), ll(asymmetry.column),
+        asymmetry.upper, ll(asymmetry.column), ll(asymmetry.row), asymmetry.lower));
+  }
+  model.K = std::move(K);
+}
+
 void add_skew(SecondOrderModel& model, const Law& law, Matrix G,
               const std::string& source) {
   Matrix part = half(G, Symmetry::skew);
@@ -280,13 +298,11 @@ void take_symmetric_part(Matrix& matrix, const std::string& name,
     return;
   }
   refuse_one_triangle(asymmetry, name, source);
-  const char which = name.back();
-  const char* kind = which == 'K'   ? "circulatory forces"
-                     : which == 'S' ? "no loss factors give one"
-                                    : "no mass matrix has one";
+  const char* kind =
+      name.back() == 'M' ? "no mass matrix has one" : "no loss factors give one";
   throw Error(
       text("%s: %s is not symmetric: (%lld, %lld) = %.17g but (%lld, %lld) = %.17g; its "
-           "skew part (%s) is %.1e of it, and only D may have one",
+           "skew part (%s) is %.1e of it, and only K and D may have one",
            source.c_str(), name.c_str(), ll(asymmetry.row), ll(asymmetry.column),
            asymmetry.upper, ll(asymmetry.column), ll(asymmetry.row), asymmetry.lower,
            kind, asymmetry.skew_norm / asymmetry.norm));
@@ -382,15 +398,17 @@ SecondOrderModel read_body(const Hdf5File& file) {
   model.n = static_cast<PetscInt>(sparse_columns(file, "/K"));
   if (model.n < 1) fail(file, "/K is empty");
   model.rows = even_rows(model.comm, model.n);
-  model.K = read_symmetric(file, "/K", model.n, model.rows, model.remarks);
-  model.M = read_symmetric(file, "/M", model.n, model.rows, model.remarks);
-  model.damping = read_damping(file);
   const std::string source = "file " + file.path();
   const auto transposed = [](const Matrix& a) {
     Matrix other;
     FG_CALL(MatTranspose(a, MAT_INITIAL_MATRIX, other.out()));
     return other;
   };
+  Matrix K = read_transposed(file, "/K", model.n, model.rows);
+  const bool is_symmetric = find_asymmetry(K, rounding_of_symmetry).symmetric;
+  set_stiffness(model, is_symmetric ? std::move(K) : transposed(K), source);
+  model.M = read_symmetric(file, "/M", model.n, model.rows, model.remarks);
+  model.damping = read_damping(file);
   for (const Law& law : read_laws(file)) {
     Matrix T = read_transposed(file, law.path(), model.n, model.rows);
     if (law.is_skew()) {

@@ -68,8 +68,9 @@ DenseSystem DenseSystem::stiffened() const {
 
 bool DenseSystem::is_lossless() const {
   return damping.alpha == 0 && damping.beta == 0 && damping.eta == 0 &&
-         std::all_of(terms.begin(), terms.end(),
-                     [](const auto& term) { return term.law.is_skew(); });
+         std::all_of(terms.begin(), terms.end(), [](const auto& term) {
+           return term.law.is_skew() && term.law.is_of_rates();
+         });
 }
 
 DenseSystem DenseSystem::transposed() const {
@@ -383,24 +384,44 @@ bool DenseResponse::is_resonance(double omega) const {
 Dense DenseResponse::companion() const {
   // (s²μ + sC + k) x = 0 with z = 1/s, y = z x: z² k x = −(μ + z C) x, i.e.
   // z y = −k⁻¹(C y + μ x), z x = y; k = 1 − τμ at least 1e-12: rigid poles are far from
-  // the band.
+  // the band. Circulatory forces join k.
   const int N = system_.order();
-  Dense damping(N, N);
-  for (std::size_t t = 0; t < terms_.size(); ++t)
-    if (const Law& law = system_.terms[t].law; law.is_of_rates())
-      add_to(damping, terms_[t], law.as_damper(1));
+  Dense damping(N, N), circulatory;
+  for (std::size_t t = 0; t < terms_.size(); ++t) {
+    const Law& law = system_.terms[t].law;
+    if (law.is_of_rates()) add_to(damping, terms_[t], law.as_damper(1));
+    if (!law.is_circulatory()) continue;
+    if (circulatory.data.empty()) circulatory = Dense(N, N);
+    add_to(circulatory, terms_[t]);
+  }
   for (int i = 0; i < N; ++i) {
     const double m = mu_[as_size(i)];
     damping(i, i) += system_.damping.alpha * m + system_.damping.beta * (1 - tau_ * m);
   }
   Dense companion(2 * N, 2 * N);
+  std::vector<double> stiffness;
   for (int i = 0; i < N; ++i) {
-    const double m = mu_[as_size(i)], of_K = 1 - tau_ * m,
-                 k = std::abs(of_K) > 1e-12 ? of_K : 1e-12;
-    for (int j = 0; j < N; ++j) companion(i, j) = -damping(i, j) / k;
-    companion(i, N + i) = -m / k;
+    const double of_K = 1 - tau_ * mu_[as_size(i)];
+    stiffness.push_back(std::abs(of_K) > 1e-12 ? of_K : 1e-12);
     companion(N + i, i) = 1;
   }
+  if (circulatory.data.empty()) {
+    for (int i = 0; i < N; ++i) {
+      const double k = stiffness[as_size(i)];
+      for (int j = 0; j < N; ++j) companion(i, j) = -damping(i, j) / k;
+      companion(i, N + i) = -mu_[as_size(i)] / k;
+    }
+    return companion;
+  }
+  Dense right(N, 2 * N);
+  set_part(right, 0, 0, damping);
+  for (int i = 0; i < N; ++i) {
+    right(i, N + i) = mu_[as_size(i)];
+    circulatory(i, i) += stiffness[as_size(i)];
+  }
+  const ComplexDense solved = solve(as_complex(circulatory), as_complex(right));
+  for (int j = 0; j < 2 * N; ++j)
+    for (int i = 0; i < N; ++i) companion(i, j) = -solved(i, j).real();
   return companion;
 }
 
@@ -489,8 +510,8 @@ std::vector<std::complex<double>> poles(const DenseResponse& response, double et
     }
     return found;
   }
-  const auto of_rates = [](const auto& term) { return term.law.is_of_rates(); };
-  if (!std::all_of(system.terms.begin(), system.terms.end(), of_rates)) {
+  const auto is_linear = [](const auto& term) { return term.law.is_linear(); };
+  if (!std::all_of(system.terms.begin(), system.terms.end(), is_linear)) {
     for (int j = 0; j < system.order(); ++j)
       for (const std::complex<double>& pole : pole_of_mode(response, j, eta_added))
         found.push_back(pole);

@@ -46,9 +46,12 @@ public:
   virtual std::vector<double> breaks() const { return {}; }
   /// Whether g is (1 + iη + iωβ) times a number: a stiffness with its own η and β.
   virtual bool is_stiffness() const { return false; }
-  /// Whether it belongs to a skew matrix T, Tᵀ = −T, g imaginary.
+  /// Whether g is iω times a number.
+  virtual bool is_of_rates() const { return false; }
+  /// Whether it belongs to a skew matrix T, Tᵀ = −T.
   virtual bool is_skew() const { return false; }
-  /// Whether it belongs to a positive semidefinite matrix T.
+  /// Whether g T takes nothing from the Hermitian part of A: T is positive semidefinite, or it is
+  /// skew and g is real.
   virtual bool is_semidefinite() const { return !is_skew(); }
   /// The parameter that g depends on, known between two numbers `least` and `most`, with a `value`
   /// now; empty: none. @param term  the name of T.
@@ -103,7 +106,11 @@ public:
   bool is_semidefinite() const { return kind_->is_semidefinite(); }
   Symmetry symmetry() const { return is_skew() ? Symmetry::skew : Symmetry::symmetric; }
   /// Whether g is iω times a number, `as_damper`.
-  bool is_of_rates() const { return is_viscous() || is_skew(); }
+  bool is_of_rates() const { return kind_->is_of_rates(); }
+  /// Whether T is a skew stiffness, g = 1.
+  bool is_circulatory() const { return kind_name_ == "circulatory"; }
+  /// Whether the equations of motion in time have it as it is: poles are eigenvalues.
+  bool is_linear() const { return is_of_rates() || is_circulatory(); }
   /// The parameter that g depends on; empty: none.
   std::string parameter() const { return kind_->parameter(name_); }
   bool varies() const { return !parameter().empty(); }

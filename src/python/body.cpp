@@ -107,7 +107,7 @@ void PythonBody::set_dofs(const Rows& node, const Rows& label,
 void PythonBody::set(const std::string& which, Matrix matrix) {
   SecondOrderModel& m = body.model;
   const auto of_term = laws.find(which);
-  const bool may_be_skew = which == "D" || which == "G" ||
+  const bool may_be_skew = which == "K" || which == "D" || which == "G" ||
                            (of_term != laws.end() && of_term->second.is_skew());
   if (!may_be_skew) take_symmetric_part(matrix, which, m.name, m.remarks);
   PetscReal norm = 0; // of row sums: squares of entries that are finite may overflow
@@ -116,7 +116,7 @@ void PythonBody::set(const std::string& which, Matrix matrix) {
   if (which == "K") {
     FG_CALL(MatGetSize(matrix, &m.n, nullptr));
     m.rows = owned_rows(matrix);
-    m.K = std::move(matrix);
+    set_stiffness(m, std::move(matrix), m.name);
     return;
   }
   const RowRange rows = owned_rows(matrix);

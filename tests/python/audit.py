@@ -58,10 +58,11 @@ MATERIALS = (
 
 
 #: D with a skew part, --spin: gyroscopic forces from a thousandth of the inertia's to ten times
-#: these.
+#: these. K with a skew part: circulatory forces, so too.
 SPIN = (
     *("spin", "spin and mass", "spin and stiffness", "spin and structural", "spin and dashpots"),
     *("spin and materials", "spin and relaxation", "spin and a table", "spin and a parameter"),
+    *("circulation", "circulation and mass", "circulation and dashpots", "spin and circulation"),
 )
 #: A range of speeds, --speeds: stiffening and softening, Coriolis forces, moved geometry or none.
 SPEEDS = ("speeds and mass", "speeds and stiffness", "speeds and dashpots", "speeds and materials")
@@ -256,6 +257,10 @@ def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
     elif "spin" in damping:
         D = (0 if D is None else D) + _gyroscopic(rng, M, top)
     terms: list[Any] = []
+    if "circulation" in damping:
+        terms.append((top * _gyroscopic(rng, M, top), "circulatory"))
+        if damping == "circulation and mass":
+            extra["alpha"] = 2 * zeta * reference
     if "materials" in damping:
         S = _losses(rng, K, min(100 * zeta, 1.0))
     if "relaxation" in damping:

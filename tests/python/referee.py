@@ -58,6 +58,7 @@ _LAWS = {
     "parameter": _parameter,
     "spin": _spin,
     "coriolis": _coriolis,
+    "circulatory": lambda i, w: 1 + 0 * w,
 }
 
 

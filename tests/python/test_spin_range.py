@@ -94,7 +94,7 @@ def test_a_claim_over_speeds(ranks: int, tmp_path: Path) -> None:
     np.testing.assert_allclose(two.transfer([5.0]), rom.at(speed=2.0).transfer([5.0]), rtol=1e-12)
     with pytest.raises(BodyError, match=r"speed = 4: the body knows speed from 0 to 3"):
         rom.at(speed=4.0)
-    with pytest.raises(BodyError, match="gyroscopic forces are skew"):
+    with pytest.raises(BodyError, match="circulatory forces are skew"):
         couple({"a": rom}, [])
 
 
@@ -289,7 +289,10 @@ def test_a_wrong_spin_is_named(change: Any, words: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"spin": {"axis": [0, 0, 1], "to": 5.0, "frame": "rest"}}, "takes beams on its axis"),
+        (
+            {"spin": {"axis": [0, 0, 1], "to": 5.0, "frame": "rest"}},
+            "takes beams and masses on its axis",
+        ),
         (
             {
                 "loads": {"t": {"type": "spin", "point": [0, 0, 0], "axis": [0, 0, 1]}},

@@ -226,6 +226,21 @@ class Coriolis(Varying):
 
 
 @dataclass(frozen=True)
+class Circulatory(Law):
+    """1, of a skew matrix T: forces of oil films, of friction, of loads that follow a body."""
+
+    kind = "circulatory"
+
+    @property
+    def words(self) -> str:
+        return "circulatory forces"
+
+    def at(self, omega: ArrayLike) -> ComplexArray:
+        g: ComplexArray = np.ones(np.shape(omega), dtype=np.complex128)
+        return g
+
+
+@dataclass(frozen=True)
 class Parameter(Varying):
     """(p - least) slope (1 + i(loss + eta) + iω beta): a stiffness that is known between two
     numbers, p at present.
@@ -458,6 +473,20 @@ def coriolis(least: float, most: float, value: float | None = None) -> Coriolis:
     return Coriolis(*_speeds("coriolis", least, most, value))
 
 
+def circulatory() -> Circulatory:
+    """The law 1 of a skew stiffness: circulatory forces.
+
+    A K that is not symmetric is the sum of its symmetric part and of such a term; bodies are read
+    so.
+
+    Examples
+    --------
+    >>> flexgram.circulatory().at(10.0)
+    array(1.+0.j)
+    """
+    return Circulatory()
+
+
 @dataclass(frozen=True)
 class Term:
     """g(ω)T beside K and M.
@@ -467,7 +496,8 @@ class Term:
     name : str
     law : Law
     matrix : (m, m) array, or sparse
-        T, symmetric, positive semidefinite but of ``Spin``; skew of ``Coriolis``.
+        T, symmetric, positive semidefinite but of ``Spin``; skew of ``Coriolis`` and
+        ``Circulatory``.
     """
 
     name: str
@@ -508,6 +538,7 @@ def law_of(kind: str, numbers: Mapping[str, Any], where: str) -> Law:
         "parameter": (Parameter, _parameter_of),
         "spin": (Spin, _spin_of),
         "coriolis": (Coriolis, lambda *numbers: coriolis(*_firsts(numbers))),
+        "circulatory": (Circulatory, circulatory),
     }
     if kind not in known:
         raise BodyError(f"{where}: law {kind} must be one of {', '.join(known)}")
@@ -537,7 +568,7 @@ def with_terms(
             raise BodyError(
                 f"term {name}: expected (matrix, law), a law being flexgram.loss(eta), viscous(), "
                 "prony(g, tau), table(omega, storage, loss), parameter(least, most), "
-                "spin(least, most) or coriolis(least, most)"
+                "spin(least, most), coriolis(least, most) or circulatory()"
             )
         matrix, law = given
         if isinstance(law, Viscous):

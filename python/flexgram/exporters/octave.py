@@ -121,6 +121,8 @@ def _factor(k: int, law: Law) -> str:
     if law.kind == "prony":
         z = f"1i * w * b.term_{k}_tau(:)"
         return f"sum(b.term_{k}_g(:) .* ({z}) ./ (1 + {z}))"
+    if law.kind == "circulatory":
+        return "1"
     values, at = f"b.term_{k}_storage + 1i * b.term_{k}_loss", f"b.term_{k}_omega"
     if len(law.numbers()["omega"]) == 1:
         return f"({values})"

@@ -151,6 +151,7 @@ def _in_SI(body: Mapping[str, Any], length: float, mass: float, force: float) ->
             A = factor * A
         return A.T
 
+    K = scaled(body["K"], force / length)
     unit = np.where(body["moment"], 1 / length, np.where(body["load"], force, 1.0))
     B = turn[:, None] * body["B"] * unit
     C = None if body["C"] is None else body["C"] * turn
@@ -164,7 +165,7 @@ def _in_SI(body: Mapping[str, Any], length: float, mass: float, force: float) ->
         C = np.vstack([C, np.array(list(body["measured"].values())) * turn])
         outputs = [*outputs, *body["measured"]]
     return {
-        "K": scaled(body["K"], force / length),
+        "K": K if body["is_symmetric"] else K.T,
         "M": scaled(body["M"], mass),
         "B": B,
         "D": None if body["D"] is None else scaled(body["D"], mass).T,  # may have a skew part

@@ -97,7 +97,8 @@ def _from_hdf5(path: Path) -> dict[str, Any]:
 def read_matlab(path: Path, matrices: Mapping[str, str] | None = None) -> FeMatrices:
     """Read ``K``, ``M``, ``B`` (and ``D``, ``C``, ``alpha``, ``beta``, ``eta``, ``node``,
     ``component``, ``position``) from a MATLAB file of any version. A skew ``G`` of their size is
-    added to D: gyroscopic forces.
+    added to D: gyroscopic forces; the skew part of a K that is not symmetric is of circulatory
+    forces.
 
     ``node`` is the row (from 1) of ``position`` (nodes x 3) for each row of the matrices,
     ``component`` its direction, 0 to 5. ``matrices`` maps K, M, D, B, C to other names,
@@ -149,7 +150,7 @@ def read_matlab(path: Path, matrices: Mapping[str, str] | None = None) -> FeMatr
 
     fe = FeMatrices(
         str(path),
-        _sparse(path, "K", values["K"]),
+        _sparse(path, "K", values["K"], with_skew_part),
         _sparse(path, "M", values["M"]),
         _damping_of(path, values),
         S=_sparse(path, "S", values["S"]) if "S" in asked else None,
@@ -159,6 +160,7 @@ def read_matlab(path: Path, matrices: Mapping[str, str] | None = None) -> FeMatr
         beta=number("beta"),
         eta=number("eta"),
     )
+    fe.is_symmetric = (fe.K != fe.K.T).nnz == 0
     if {"node", "component", "position"} <= set(values):
         fe.node = whole_numbers(f"{path}: node", np.ravel(values["node"]))
         fe.component = whole_numbers(f"{path}: component", np.ravel(values["component"]))
@@ -229,7 +231,8 @@ def read_petsc(
     damping: Path | None = None,
 ) -> FeMatrices:
     """Read K, M (and B, D) from files of one PETSc Mat each."""
-    K, M = (_sparse(p, "Mat", _petsc_matrix(p)) for p in (stiffness, mass))
+    K = _sparse(stiffness, "Mat", _petsc_matrix(stiffness), with_skew_part)
+    M = _sparse(mass, "Mat", _petsc_matrix(mass))
     D = _sparse(damping, "Mat", _petsc_matrix(damping), with_skew_part) if damping else None
     B = _petsc_matrix(inputs).toarray() if inputs else None
-    return FeMatrices(str(stiffness), K, M, D, B=B)
+    return FeMatrices(str(stiffness), K, M, D, B=B, is_symmetric=(K != K.T).nnz == 0)

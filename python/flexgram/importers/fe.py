@@ -62,7 +62,7 @@ class FeMatrices:
     ----------
     K, M, D, S : csr_matrix, n x n
         Stiffness, mass, and damping or structural damping if the code wrote one. D may have a skew
-        part.
+        part, and K of MATLAB and PETSc files.
     node, component : int arrays, n
         For each row the label of its node and 0-2 for a translation, 3-5 for a rotation; empty
         where the files do not say.
@@ -111,6 +111,7 @@ class FeMatrices:
     alpha: float = 0.0
     beta: float = 0.0
     eta: float = 0.0
+    is_symmetric: bool = True  #: K; else its skew part is of circulatory forces
     thin: bool = False  #: of shells or beams: distances of nodes tell no volume
     #: nodes that the code expands to several: label -> labels of these
     copies: dict[int, Ints] = field(default_factory=dict)
@@ -179,7 +180,8 @@ def folded(path: Path | str, row: Any, column: Any, value: Any, n: int) -> sp.cs
 
 
 def with_skew_part(path: Path | str, row: Any, column: Any, value: Any, n: int) -> sp.csr_matrix:
-    """The same of D, whose skew part is kept where both triangles are given: gyroscopic forces."""
+    """The same of D or K, whose skew part is kept where both triangles are given: gyroscopic or
+    circulatory forces."""
     return symmetric(path, row, column, value, n, skew_part=True)
 
 

@@ -173,7 +173,7 @@ def attach(fe: FeMatrices, interfaces: list[Interface]) -> dict[str, Any]:
     moments += [False] * len(fe.loads)
     is_load = np.arange(len(names)) >= of_interfaces
     arguments: dict[str, Any] = {
-        "K": condensed(fe.K),
+        "K": condensed(fe.K, skew_part=not fe.is_symmetric),
         "M": condensed(fe.M),
         "B": sp.hstack(columns).toarray(),
         "D": condensed(fe.D, skew_part=True) if fe.D is not None else None,
@@ -181,6 +181,7 @@ def attach(fe: FeMatrices, interfaces: list[Interface]) -> dict[str, Any]:
         "inputs": names,
         "moment": np.array(moments),
         "load": is_load,
+        "is_symmetric": fe.is_symmetric,
         "C": None,
         "outputs": None,
         "measured": {name: row @ T if T is not None else row for name, row in fe.measured.items()},

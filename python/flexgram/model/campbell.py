@@ -117,7 +117,7 @@ class _Poles:
 
 
 def _poles_at(system: System, speed: float, gyroscopic: Floats, sign: float) -> _Poles:
-    now = system.at({SPEED: speed})
+    now = system.at({SPEED: speed}).in_time()
     if now.terms:
         raise BodyError(
             f"a Campbell diagram needs stiffness that is the same at all frequencies: the body has "

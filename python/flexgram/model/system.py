@@ -11,7 +11,16 @@ import scipy.linalg
 from numpy.typing import ArrayLike
 
 from flexgram.basics import BodyError, ComplexArray, Floats
-from flexgram.body.laws import Coriolis, Parameter, Prony, Spin, Term, Varying, law_of
+from flexgram.body.laws import (
+    Circulatory,
+    Coriolis,
+    Parameter,
+    Prony,
+    Spin,
+    Term,
+    Varying,
+    law_of,
+)
 from flexgram.model.file import port_names
 from flexgram.model.internal_states import InternalStates
 from flexgram.model.kinds import ports_of
@@ -236,6 +245,22 @@ class System:
                 S = S + loss * stiffer
         return replace(self, K=K, D=D, S=S, terms=tuple(others))
 
+    def in_time(self) -> Self:
+        """The system without parameters, with circulatory forces in K, which is then not
+        symmetric."""
+        now = self.at()
+        K, S = now.K, now.S
+        for term in now.terms:
+            if isinstance(term.law, Circulatory):
+                K, S = K + term.matrix, S - self.eta * term.matrix
+        others = tuple(term for term in now.terms if not isinstance(term.law, Circulatory))
+        return replace(now, K=K, S=S, terms=others)
+
+    @property
+    def is_in_time(self) -> bool:
+        """Whether ``in_time`` changes nothing."""
+        return not any(isinstance(term.law, (Varying, Circulatory)) for term in self.terms)
+
     def along(self, loads: Floats, names: list[str]) -> Self:
         """The system with combinations of its inputs, (n_in, k), for inputs; and with the same of
         its outputs where these are the inputs."""
@@ -288,7 +313,15 @@ class System:
         words = [f"eta = {self.eta:g}"] if self.eta else []
         words += ["S, by material"] if self.S.any() else []
         return ", ".join(
-            [*words, *(f"{term.name}, viscoelastic: {term.law.words}" for term in self.terms)]
+            [
+                *words,
+                *(
+                    term.law.words
+                    if isinstance(term.law, Circulatory)
+                    else f"{term.name}, viscoelastic: {term.law.words}"
+                    for term in self.terms
+                ),
+            ]
         )
 
     @property
@@ -300,15 +333,17 @@ class System:
 
     @property
     def is_gyroscopic(self) -> bool:
-        """Whether there are gyroscopic or Coriolis forces: D has a skew part, or a term is one."""
-        if any(isinstance(term.law, Coriolis) for term in self.terms):
+        """Whether forces are gyroscopic or circulatory: D has a skew part, or a term is one."""
+        if any(isinstance(term.law, (Coriolis, Circulatory)) for term in self.terms):
             return True
         return bool(abs(self.D - self.D.T).max(initial=0) > 1e-12 * abs(self.D).max(initial=0))
 
     def expect_symmetric(self, what: str) -> None:
-        """Raise BodyError where D is not symmetric."""
+        """Raise BodyError where D is not symmetric, or a term."""
         if self.is_gyroscopic:
-            raise BodyError(f"{what} takes symmetric matrices only, and gyroscopic forces are skew")
+            raise BodyError(
+                f"{what} takes symmetric matrices only; gyroscopic and circulatory forces are skew"
+            )
 
     def complex_stiffness(self, omega: float) -> ComplexArray:
         """K (1 + i eta) + i S + Σ g(omega) T, (m, m)."""
@@ -348,8 +383,8 @@ class System:
         """The 2m poles s [rad/s] of the body without structural damping and tables, by rising
         ``|s|``; with Prony terms also those of its internal states. Parameters have their present
         values, here and in time."""
-        if self.parameters:
-            return self.at().poles()
+        if not self.is_in_time:
+            return self.in_time().poles()
         m = self.order
         inner = InternalStates.of(self.terms, m)
         A = np.zeros((2 * m + inner.count, 2 * m + inner.count))
@@ -406,8 +441,8 @@ class System:
             With structural damping, which has no real state space; for rates of outputs with a
             feedthrough, which would be rates of the inputs.
         """
-        if self.parameters:
-            return self.at().state_space(rates)
+        if not self.is_in_time:
+            return self.in_time().state_space(rates)
         self.expect_time_domain(rates)
         m = self.order
         mass = scipy.linalg.cho_factor(self.M)

@@ -20,6 +20,7 @@ public:
             {0, speed * static_cast<long double>(interval.half())}};
   }
   double largest(double omega) const override { return omega * speed_ * (1 + 1e-15); }
+  bool is_of_rates() const override { return true; }
   bool is_skew() const override { return true; }
   std::string parameter(const std::string& /*term*/) const override { return "speed"; }
   std::vector<double> shares(const Interval& values) const override {

@@ -13,6 +13,7 @@ public:
             {0, static_cast<long double>(interval.half())}};
   }
   double largest(double omega) const override { return omega; }
+  bool is_of_rates() const override { return true; }
   std::string words() const override { return "general D"; }
 };
 
