@@ -168,7 +168,7 @@ double BandWeight::at(double w) const {
 
 Dense gramian_factor(const DenseResponse& response, const std::vector<BandWeight>& bands,
                      bool equal_ports, bool half_the_digits) {
-  const double eta = response.system().is_lossless() ? loss_factor : 0.0;
+  const double eta = response.system().is_undamped() ? loss_factor : 0.0;
   const auto at = poles(response, eta);
   Quadrature nodes;
   for (const auto& band : bands) {
@@ -186,7 +186,7 @@ Dense gramian_factor(const DenseResponse& response, const std::vector<BandWeight
 }
 
 Dense whole_axis_factor(const DenseResponse& response, bool equal_ports) {
-  const double eta = response.system().is_lossless() ? loss_factor : 0.0;
+  const double eta = response.system().is_undamped() ? loss_factor : 0.0;
   const auto at = poles(response, eta);
   double far = 0;
   for (const auto& pole : at) far = std::max(far, std::abs(pole));

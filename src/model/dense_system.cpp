@@ -66,10 +66,15 @@ DenseSystem DenseSystem::stiffened() const {
   return stiff;
 }
 
-bool DenseSystem::is_lossless() const {
+bool DenseSystem::is_undamped() const {
   return damping.alpha == 0 && damping.beta == 0 && damping.eta == 0 &&
-         std::all_of(terms.begin(), terms.end(), [](const auto& term) {
-           return term.law.is_skew() && term.law.is_of_rates();
+         std::all_of(terms.begin(), terms.end(),
+                     [](const auto& term) { return term.law.is_skew(); });
+}
+
+bool DenseSystem::is_lossless() const {
+  return is_undamped() && std::all_of(terms.begin(), terms.end(), [](const auto& term) {
+           return term.law.is_of_rates();
          });
 }
 

@@ -22,7 +22,9 @@ struct DenseSystem {
   static constexpr double finest = 1e-11;
 
   int order() const { return K.rows; }
-  /// Nothing damps it; gyroscopic forces do no work.
+  /// Nothing damps it. Circulatory forces may, or excite it.
+  bool is_undamped() const;
+  /// No energy is lost or won: it is undamped, and at most gyroscopic.
   bool is_lossless() const;
   ShiftCoefficients coefficients(double omega) const;
   /// The same body with other values of its parameters. @param values  empty: as they are.

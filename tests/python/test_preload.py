@@ -20,6 +20,7 @@ import flexgram
 from bodies import CALCULIX, box
 from conftest import assembled, body_system, read_sparse, run
 from flexgram import BodyError, ReducedModel
+from flexgram.__main__ import main
 from flexgram.body.description import import_description
 
 TWO_PI = 2 * np.pi
@@ -227,6 +228,43 @@ def test_frequencies_of_calculix(element: str, load: str, tmp_path: Path) -> Non
         values = sl.eigh(a["K"].toarray(), a["M"].toarray(), eigvals_only=True)[:8]
         np.testing.assert_allclose(np.sqrt(values) / TWO_PI, expected, rtol=1e-6)
     assert max(abs(np.array(theirs) / without - 1)) > 0.01  # the load matters
+
+
+@pytest.mark.skipif(shutil.which("ccx") is None, reason="ccx is not installed")
+@pytest.mark.parametrize("element", ["C3D4", "C3D20"])
+def test_a_static_step_of_a_deck(element: str, tmp_path: Path) -> None:
+    """The loads of a deck's first step stay: frequencies of its next, to the digits of ccx."""
+    steps = (
+        "*BOUNDARY\nSTART, 1, 3\n*STEP\n*STATIC\n*CLOAD\nEND, 1, 2e4\n*END STEP\n"
+        "*STEP, PERTURBATION\n*FREQUENCY\n8\n*END STEP\n"
+    )
+    mesh = box(CALCULIX[element], (6, 2, 2))
+    deck = write_deck(tmp_path / "box.inp", element, steps, mesh=mesh)
+    theirs = ccx_frequencies(deck)[:8]
+    more = ["--distributing", "tip=NSET:END", "--assemble", "-o", str(tmp_path / "body.h5")]
+    assert main(["import", str(deck), *more]) == 1  # it is preloaded, by what?
+    loads = ["--deck-loads", "--preload", "step1_cload.load=1"]
+    assert main(["import", str(deck), *more, *loads]) == 0
+    a = assembled(tmp_path / "matrices.h5", tmp_path / "body.h5")
+    values = sl.eigh(a["K"].toarray(), a["M"].toarray(), eigvals_only=True)[:8]
+    np.testing.assert_allclose(np.sqrt(values) / TWO_PI, theirs, rtol=1e-6)
+    assert a["names"] == ["tip.fx", "tip.fy", "tip.fz", "tip.mx", "tip.my", "tip.mz"]
+
+
+def test_spin_of_the_command_line(tmp_path: Path) -> None:
+    """As the same of a description in YAML."""
+    mesh = box("tetra10", (6, 1, 1))
+    meshio.write(tmp_path / "box.vtu", meshio.Mesh(mesh.points, mesh.cells))
+    places = ["--distributing", "tip=BOX:0.099,-1,-1,0.101,1,1"]
+    where = "0,0,0,0,0,1:600,3000"
+    source = [str(tmp_path / "box.vtu"), "--material", "steel", "-o", str(tmp_path / "spun.h5")]
+    assert main(["import", *source, *places, "--spin", where]) == 0
+    with h5py.File(tmp_path / "spun.h5") as file:
+        spin = dict(file["spin"].attrs)
+    assert spin["frame"] == "turning" and spin["axis"].tolist() == [0, 0, 1]
+    assert spin["least"] == pytest.approx(20 * np.pi) and spin["most"] == pytest.approx(100 * np.pi)
+    assert main(["import", *source, *places, "--spin", "0,0,0,0,0,1"]) == 1
+    assert main(["import", *source, *places, "--preload", "tip.fx"]) == 1
 
 
 @pytest.mark.skipif(shutil.which("ccx") is None, reason="ccx is not installed")

@@ -44,7 +44,7 @@ OF_FILES = (
     *("run_ccx", "strict", "matrices"),
 )
 OF_DECKS = ("assemble", "step", "deck_loads")
-OF_MESHES = ("merge", "keep_repeated")
+OF_MESHES = ("merge", "keep_repeated", "spin", "preload")
 OF_BODIES = ("units", "alpha", "beta", "eta", "zeta", "load", "measure")
 
 
@@ -129,6 +129,21 @@ def import_options(parser: argparse.ArgumentParser) -> None:
         "integration; gauge:x,y,z:WHERE, the strain along a direction, a rosette with the normal "
         "of the surface, gauge:x,y,z/nx,ny,nz:WHERE; reaction:WHERE, the force by which supports "
         "hold nodes (not of matrices)",
+    )
+    parser.add_argument(
+        "--preload",
+        metavar="INPUT=VALUE",
+        action="append",
+        default=[],
+        help="an input that stays while the body vibrates, and how much of it, in SI units: "
+        "pull.fx=2e4, turn.spin=9e4 (speed squared), step1_cload.load=1 (with --deck-loads); of a "
+        "mesh or with --assemble",
+    )
+    parser.add_argument(
+        "--spin",
+        metavar="X,Y,Z,AX,AY,AZ:FROM,TO[:rest]",
+        help="the body turns about an axis (point, direction), at a speed between two [rpm]; seen "
+        "in the frame that turns, or (shafts of beams) in the one at rest; likewise",
     )
     parser.add_argument(
         "--material",
@@ -337,7 +352,14 @@ def _of_body(options: argparse.Namespace) -> dict[str, Any]:
 
 def _of_mesh(options: argparse.Namespace) -> dict[str, Any]:
     """What is to be done with its nodes and elements."""
-    return {"merge": options.merge, "keep_repeated": options.keep_repeated}
+    from flexgram.importers.mesh import describe_preload, describe_spin
+
+    return {
+        "merge": options.merge,
+        "keep_repeated": options.keep_repeated,
+        "spin": describe_spin(options.spin) if options.spin else None,
+        "preload": describe_preload(options.preload) or None,
+    }
 
 
 def _further(options: argparse.Namespace) -> dict[str, Any]:

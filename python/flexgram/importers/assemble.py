@@ -184,6 +184,8 @@ def assemble_deck(
     deck_loads: bool = False,
     merge: float | None = None,
     keep_repeated: bool = False,
+    spin: Mapping[str, Any] | None = None,
+    preload: Mapping[str, float] | None = None,
 ) -> dict[str, Any]:
     """Write a mesh body of a deck, without ccx.
 
@@ -205,8 +207,9 @@ def assemble_deck(
         As in a YAML description; node numbers and sets are those of the deck.
     deck_loads : bool
         Make inputs of the loads of the deck's steps too (``deck_loads.loads_of``).
-    merge, keep_repeated
-        As of ``import_mesh``.
+    merge, keep_repeated, spin, preload
+        As of ``import_mesh``. With ``deck_loads`` a preload may be of the deck's loads:
+        ``{"step1_cload.load": 1}``.
 
     Returns
     -------
@@ -224,9 +227,10 @@ def assemble_deck(
     deck = read_deck(path)
     number = frequency_step(job, step)
     cards = job.step_of(number or 1) if job.steps else []
-    if number and number > 1 and "PERTURBATION" in cards[0].options:
+    if number and number > 1 and "PERTURBATION" in cards[0].options and not preload:
         raise BodyError(
-            f"{path}: step {number} is preloaded (PERTURBATION), which --run-ccx takes into account"
+            f"{path}: step {number} is preloaded (PERTURBATION): name its loads (--deck-loads "
+            "--preload step1_cload.load=1), or take --run-ccx"
         )
     materials = materials_of(job)
     mesh, material_of, overlapping = mesh_of(job, deck, materials)
@@ -278,7 +282,7 @@ def assemble_deck(
             key: getattr(damping, key) if value is None else value for key, value in given.items()
         },
     }
-    content |= further_keys(merge, keep_repeated)
+    content |= further_keys(merge, keep_repeated, spin, preload)
     counts = import_description(content, str(path), output, inputs=[path], mesh=mesh)
     return {**counts, "remarks": remarks}
 

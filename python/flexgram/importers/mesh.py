@@ -172,6 +172,8 @@ def import_mesh(
     outputs: Mapping[str, Any] | None = None,
     merge: float | None = None,
     keep_repeated: bool = False,
+    spin: Mapping[str, Any] | None = None,
+    preload: Mapping[str, float] | None = None,
 ) -> dict[str, Any]:
     """Turn a mesh of one material into a body file, without YAML.
 
@@ -197,6 +199,8 @@ def import_mesh(
         Nodes no farther apart than this, in units of the mesh, become one.
     keep_repeated : bool
         Elements with the same nodes count each, instead of being refused.
+    spin, preload : mapping, optional
+        As in a YAML description.
 
     Returns
     -------
@@ -230,14 +234,43 @@ def import_mesh(
         loads=loads,
         outputs=outputs,
     )
-    described |= further_keys(merge, keep_repeated)
+    described |= further_keys(merge, keep_repeated, spin, preload)
     return import_description(described, str(mesh), output)
 
 
-def further_keys(merge: float | None, keep_repeated: bool) -> dict[str, Any]:
+def further_keys(
+    merge: float | None,
+    keep_repeated: bool,
+    spin: Mapping[str, Any] | None = None,
+    preload: Mapping[str, float] | None = None,
+) -> dict[str, Any]:
     """Of a description, from the command line."""
-    keys: dict[str, Any] = {} if merge is None else {"merge": merge}
-    return keys | ({"repeated_elements": "keep"} if keep_repeated else {})
+    keys: dict[str, Any] = {"repeated_elements": "keep"} if keep_repeated else {}
+    for name, value in (("merge", merge), ("spin", spin), ("preload", preload)):
+        if value is not None:
+            keys[name] = value
+    return keys
+
+
+def describe_spin(text: str) -> dict[str, Any]:
+    """Entry ``spin`` from the words of a command line, ``X,Y,Z,AX,AY,AZ:FROM,TO[:rest]``: a point
+    and the axis, speeds in rpm, and the frame if it is at rest."""
+    where, _, more = text.partition(":")
+    speeds, _, frame = more.partition(":")
+    six = numbers(f"--spin {text} (point and axis)", where, 6).tolist()
+    rpm = numbers(f"--spin {text} (speeds from, to in rpm)", speeds, 2).tolist()
+    return {"point": six[:3], "axis": six[3:], "rpm": rpm, "frame": frame or "turning"}
+
+
+def describe_preload(words: Sequence[str]) -> dict[str, float]:
+    """Entry ``preload`` from words of a command line, ``INPUT=VALUE``."""
+    found: dict[str, float] = {}
+    for text in words:
+        name, _, value = text.partition("=")
+        if name in found:
+            raise BodyError(f"--preload {name} is given twice")
+        found[name] = float(numbers(f"--preload {text} (INPUT=VALUE)", value, 1)[0])
+    return found
 
 
 def _parsed(name: str, words: str) -> Interface:
