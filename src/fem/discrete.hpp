@@ -7,6 +7,10 @@
 
 namespace flexgram {
 
+/// Adds those of the file to the description.
+/// @throws Error for numbers that no mass or spring has.
+void read_discrete(const Hdf5File& file, BodyDescription& body);
+
 /// Whether it is a point mass or a spring.
 bool is_discrete(ElementType type);
 bool is_spring(ElementType type);

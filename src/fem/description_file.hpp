@@ -1,0 +1,31 @@
+/// Attributes and groups of a description's file. Used by the readers of its parts.
+
+#pragma once
+
+#include "base/error.hpp"
+#include "base/text.hpp"
+#include "io/hdf5_file.hpp"
+
+#include <algorithm>
+#include <array>
+
+namespace flexgram {
+
+/// N numbers of an attribute. @throws Error if it has others.
+template <class T, std::size_t N>
+std::array<T, N> fixed(const Hdf5File& file, const std::string& object,
+                       const std::string& name) {
+  const auto values = file.numbers_attribute(object, name);
+  if (values.size() != N)
+    throw Error(text("file %s: attribute %s of %s must have %zu numbers, it has %zu",
+                     file.path().c_str(), name.c_str(), object.c_str(), N,
+                     values.size()));
+  std::array<T, N> result;
+  std::copy(values.begin(), values.end(), result.begin());
+  return result;
+}
+
+/// Children of a group in the order of their attribute `order`, if they have one.
+std::vector<std::string> ordered_children(const Hdf5File& file, const std::string& group);
+
+} // namespace flexgram
