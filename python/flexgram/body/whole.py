@@ -286,15 +286,21 @@ def summary(file: h5py.File) -> list[str]:
         m.attrs.get("loss_factor") or any(part.attrs["law"] == "table" for part in m.values())
         for m in file.get("materials", {}).values()
     )
+    springs = file.get("springs", {}).values()
+    by_material |= any(spring.attrs.get("loss_factor") for spring in springs)
     given = {k: float(file.attrs.get(k, 0)) for k in ("alpha", "beta", "eta")}
-    return lines + damping_lines(given, by_material)
+    dashpots = any("damping" in spring.attrs for spring in springs)
+    return lines + damping_lines(given, by_material, dashpots)
 
 
-def damping_lines(damping: Mapping[str, float], by_material: bool = False) -> list[str]:
+def damping_lines(
+    damping: Mapping[str, float], by_material: bool = False, dashpots: bool = False
+) -> list[str]:
     """Damping in words, and what a loss factor rules out."""
     units = {"alpha": " 1/s", "beta": " s", "eta": ""}
     given = [f"{name} = {value:g}{units[name]}" for name, value in damping.items() if value]
-    given += ["loss factors or tables of materials"] * by_material
+    given += ["loss factors or tables of materials and springs"] * by_material
+    given += ["dashpots"] * dashpots
     lines = [f"damping: {', '.join(given)}" if given else "damping: none"]
     if damping.get("eta") or by_material:
         lines.append(
