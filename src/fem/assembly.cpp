@@ -338,6 +338,8 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
     if (!all.preload.empty()) preload.emplace(solved(all.preload));
     if (turns)
       spinning.emplace(solved({{input_names(loaded.fields.back()).front(), 1.0}}));
+    if (turns) expect_no_ground_turns(all, all.spin->field.axis);
+    if (preload && preload->speed() > 0) expect_no_ground_turns(all, preload->axis());
     if (preload && preload->speed() > 0 && all.spin)
       throw Error("preload: a spin beside the spin of the body: it turns at one speed");
     unloaded = std::move(model.K);

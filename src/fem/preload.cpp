@@ -97,6 +97,12 @@ double Preload::speed() const {
   return 0;
 }
 
+Vector3 Preload::axis() const {
+  for (const Field& one : fields_)
+    if (one.is_spin()) return one.field->axis;
+  return {};
+}
+
 Dense Preload::coriolis(const MeshBlock& block, const std::vector<Vector3>& x,
                         const ElementMatrices& element) const {
   Dense G(element.M.rows, element.M.rows);

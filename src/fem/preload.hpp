@@ -40,6 +40,7 @@ public:
   Dense coriolis(const MeshBlock& block, const std::vector<Vector3>& x,
                  const ElementMatrices& element) const;
   double speed() const; ///< [rad/s] of the spin; 0: there is none
+  Vector3 axis() const; ///< of it
   /// What the element weighs in the preload's fields of acceleration, at its dofs.
   Dense weight(const MeshBlock& block, const std::vector<Vector3>& x,
                const Dense& M) const;

@@ -365,6 +365,15 @@ bool is_proportional(const Term<Matrix>& term, SecondOrderModel& model) {
 } // namespace
 
 void classify_damping(SecondOrderModel& model) {
+  for (const auto& one : model.terms)
+    if (one.law.is_named() &&
+        std::count_if(model.terms.begin(), model.terms.end(), [&](const auto& other) {
+          return other.law.name() == one.law.name();
+        }) > 1)
+      throw Error(
+          text("two terms are named %s: the skew part of K has that name, give the "
+               "other one another",
+               one.law.name().c_str()));
   std::vector<Term<Matrix>> left;
   for (auto& term : model.terms)
     if (!is_proportional(term, model)) left.push_back(std::move(term));

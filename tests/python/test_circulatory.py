@@ -23,6 +23,7 @@ from flexgram.exporters import export
 from flexgram.importers import import_matrices, read
 from flexgram.importers.containers import read_petsc
 from flexgram.model.campbell import campbell
+from flexgram.model.equivalent_damping import with_viscous_damping
 
 HZ = 2 * np.pi
 
@@ -125,6 +126,11 @@ def test_where_it_is_not_taken(tmp_path: Path) -> None:
         export(rom, tmp_path / "rom", "nastran")
     with pytest.raises(BodyError, match="circulatory"):
         export(rom, tmp_path / "rom.fmu", "fmu")
+    with pytest.raises(BodyError, match="dampers replace none"):
+        with_viscous_damping(rom)
+    twice = {"skew_K": (sp.identity(20).tocsr(), flexgram.prony([0.1], [1.0]))}
+    with pytest.raises(BodyError, match="two terms are named skew_K"):
+        flexgram.reduce(flexgram.Matrices(K, M, B, terms=twice), (10, 150), 1e-3)
 
 
 def shaft(folder: Path) -> Path:

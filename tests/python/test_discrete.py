@@ -209,6 +209,8 @@ def test_a_disc_whirls(tmp_path: Path) -> None:
     ("change", "words"),
     [
         ({"masses": {"a": {"mass": 1.0}}}, "give at"),
+        ({"masses": {"a": {"at": "tip"}}}, "mass is missing"),
+        ({"masses": {"a": {"at": "tip", "mass": -1}}}, "is negative"),
         ({"masses": {"a": {"at": "tipp", "mass": 1.0}}}, "must be one of"),
         ({"masses": {"a": {"at": "tip", "mass": 1.0, "inertia": [1, 2]}}}, "three numbers"),
         ({"springs": {"a": {"at": "tip"}}}, "stiffness is missing"),
@@ -220,6 +222,24 @@ def test_a_disc_whirls(tmp_path: Path) -> None:
 def test_a_wrong_one_is_named(change: Any, words: str, tmp_path: Path) -> None:
     with pytest.raises(BodyError, match=words):
         beam(tmp_path / "body.h5", **change)
+
+
+@pytest.mark.parametrize(
+    "spring", [{"stiffness": [1e4] * 3, "damping": [1, 1, 1]}, {"stiffness": [1e4, 1e4, 2e4]}]
+)
+@pytest.mark.parametrize("turns", ["spin", "preload"])
+def test_the_ground_turns(spring: Any, turns: str, tmp_path: Path) -> None:
+    """In the frame that turns, what holds a body to the ground is not what it was."""
+    more: dict[str, Any] = {"springs": {"mount": {"at": "foot"} | spring}}
+    more["supports"] = {"pin": {"nodes": [5], "components": CLAMPED}}
+    if turns == "spin":
+        more["spin"] = {"axis": [1, 0, 0], "from": 0, "to": 50}
+    else:
+        more["loads"] = {"turn": {"type": "spin", "point": [0, 0, 0], "axis": [1, 0, 0]}}
+        more["preload"] = {"turn.spin": 100.0}
+    beam(tmp_path / "body.h5", **more)
+    with pytest.raises(BodyError, match="the ground turns the other way"):
+        flexgram.reduce(tmp_path / "body.h5", (10, 200), 1e-3)
 
 
 @pytest.mark.parametrize(

@@ -95,6 +95,10 @@ def write_masses(
                     "yz, zx too)"
                 )
             inertia[: len(given)] = given
+        if not {"mass", "inertia"} & set(entry.data):
+            raise BodyError(f"{entry.where}: mass is missing, or inertia")
+        if entry.number("mass", 0.0) < 0:
+            raise BodyError(f"{entry.where}: mass = {entry.number('mass'):g} is negative")
         group.attrs["mass"] = entry.number("mass", 0.0) * units[1]
         group.attrs["inertia"] = inertia * units[1] * units[0] ** 2
         group.attrs["order"] = order

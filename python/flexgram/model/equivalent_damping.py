@@ -9,6 +9,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from flexgram.basics import BodyError, Floats
+from flexgram.body.laws import Circulatory
 from flexgram.model.damped_modes import losses, modes_of
 from flexgram.model.reduced import ReducedBody
 from flexgram.model.system import System
@@ -69,6 +70,8 @@ def with_viscous_damping(model: Body, kind: str = "modal") -> tuple[Body, float]
     system = model.system
     if kind not in KINDS:
         raise BodyError(f"damping {kind}: must be one of {', '.join(KINDS)}")
+    if any(isinstance(term.law, Circulatory) for term in system.terms):
+        raise BodyError(f"damping {kind}: circulatory forces are none, and dampers replace none")
     if not system.loss:
         raise BodyError(f"damping {kind}: the body has no loss factor that it could replace")
     squares, modes = modes_of(system)
