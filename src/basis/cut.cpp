@@ -292,14 +292,8 @@ Dense Cut::gram() const {
 std::string Cut::frame_interface() const {
   if (!request_.frame_interface.empty() || frame_ != FrameKind::tangent)
     return request_.frame_interface;
-  const std::vector<std::string>& inputs = medium_.names.inputs;
-  for (const std::string& input : inputs) {
-    const std::string name = input.substr(0, input.rfind('.'));
-    if (std::count_if(inputs.begin(), inputs.end(), [&](const std::string& other) {
-          return other.rfind(name + ".", 0) == 0;
-        }) == 6)
-      return name;
-  }
+  for (const auto& [name, ports] : interfaces_of(medium_.names.inputs))
+    if (ports.size() == 6) return name;
   return "";
 }
 
@@ -307,10 +301,8 @@ std::string Cut::frame_interface() const {
 Dense Cut::tangent(const Dense& Q) const {
   const std::string interface = frame_interface();
   std::vector<int> ports;
-  for (std::size_t i = 0; i < medium_.names.inputs.size(); ++i)
-    if (medium_.names.inputs[i].substr(0, medium_.names.inputs[i].rfind('.')) ==
-        interface)
-      ports.push_back(static_cast<int>(i));
+  for (const auto& [name, own] : interfaces_of(medium_.names.inputs))
+    if (name == interface) ports = own;
   if (ports.size() != 6 || medium_.rigid != 6)
     throw Error(
         text("{frame} tangent needs a free body and an interface with six ports; %s%s "

@@ -14,22 +14,6 @@ namespace {
 
 constexpr double infinity = std::numeric_limits<double>::infinity();
 
-/// Inputs that are forces or moments, by interface: the last part of a name is the direction.
-std::vector<std::pair<std::string, std::vector<int>>>
-interfaces_of(const std::vector<std::string>& inputs) {
-  std::vector<std::pair<std::string, std::vector<int>>> found;
-  for (std::size_t i = 0; i < inputs.size(); ++i) {
-    const std::string kind = kind_of_port(inputs[i]);
-    if (kind != "f" && kind != "m") continue;
-    const std::string name = inputs[i].substr(0, inputs[i].rfind('.'));
-    auto same = std::find_if(found.begin(), found.end(),
-                             [&](const auto& other) { return other.first == name; });
-    if (same == found.end()) same = found.insert(found.end(), {name, {}});
-    same->second.push_back(static_cast<int>(i));
-  }
-  return found;
-}
-
 struct HeldBody {
   bool moves = false;        ///< some rigid motion is left
   std::vector<double> omega; ///< [rad/s] ascending, up to the last that was asked for

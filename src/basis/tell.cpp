@@ -140,8 +140,8 @@ std::string unmet_words(const BandClaim& claim) {
   return words;
 }
 
-/// Circulatory forces may excite a body, gyroscopic forces may hold one that is unstable without them, or may not; at each of the
-/// parameters' values that the claim is of.
+/// Circulatory forces may excite a body, gyroscopic ones hold one that is unstable without them;
+/// at each of the parameters' values that the claim is of.
 void tell_stability(const CutStory& cut, const ReducedModel& rom, Observer& observer) {
   constexpr double rounding = 1e-9;
   const auto is_linear = [](const auto& term) { return term.law.is_linear(); };

@@ -338,9 +338,15 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
     if (!all.preload.empty()) preload.emplace(solved(all.preload));
     if (turns)
       spinning.emplace(solved({{input_names(loaded.fields.back()).front(), 1.0}}));
-    if (turns) expect_no_ground_turns(all, all.spin->field.axis);
-    if (preload && preload->speed() > 0) expect_no_ground_turns(all, preload->axis());
-    if (preload && preload->speed() > 0 && all.spin)
+    const bool spins = preload && preload->speed() > 0;
+    if (turns || spins)
+      for (const std::string& name : springs_of_a_turning_ground(
+               all, turns ? all.spin->field.axis : preload->axis()))
+        observer.warn(text(
+            "spring %s: seen in the frame that turns, it ends at something that turns "
+            "with the body, as supports do; for a bearing at rest take the frame at rest",
+            name.c_str()));
+    if (spins && all.spin)
       throw Error("preload: a spin beside the spin of the body: it turns at one speed");
     unloaded = std::move(model.K);
     model.M = Matrix();

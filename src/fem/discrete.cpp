@@ -162,9 +162,11 @@ Dense mass_gyroscopic(const PointMass& mass, const Vector3& x, const Vector3& ax
   return G;
 }
 
-void expect_no_ground_turns(const BodyDescription& body, const Vector3& axis) {
+std::vector<std::string> springs_of_a_turning_ground(const BodyDescription& body,
+                                                     const Vector3& axis) {
   Dense turn(6, 6);
   for (int first : {0, 3}) set_part(turn, first, first, cross_matrix(axis));
+  std::vector<std::string> found;
   for (const MeshBlock& block : body.discrete) {
     if (block.type != ElementType::spring1) continue;
     const Spring& spring = body.springs.at(block.material);
@@ -172,12 +174,9 @@ void expect_no_ground_turns(const BodyDescription& body, const Vector3& axis) {
     add_to(moved, multiply(spring.stiffness, turn), -1);
     if (frobenius_norm(spring.damping) > 0 ||
         frobenius_norm(moved) > 1e-9 * frobenius_norm(spring.stiffness))
-      throw Error(
-          text("spring %s: in the frame that turns the ground turns the other way: "
-               "there it takes no dashpot, and only springs that are symmetric "
-               "about the axis",
-               block.material.c_str()));
+      found.push_back(block.material);
   }
+  return found;
 }
 
 void expect_rotations(const DofMap& map, const std::int64_t* nodes, std::size_t count,

@@ -35,9 +35,10 @@ Dense mass_coriolis(const PointMass& mass, const Vector3& axis);
 Dense mass_gyroscopic(const PointMass& mass, const Vector3& x, const Vector3& axis,
                       const Vector3& point);
 
-/// Seen in a frame that spins about `axis`, what holds a body to the ground turns the other way.
-/// @throws Error for dashpots to ground, and for springs there that are not symmetric about it.
-void expect_no_ground_turns(const BodyDescription& body, const Vector3& axis);
+/// Springs to ground that are other ones where the ground does not turn with a body that spins about
+/// `axis`: those with dashpots, and those that are not symmetric about it.
+std::vector<std::string> springs_of_a_turning_ground(const BodyDescription& body,
+                                                     const Vector3& axis);
 
 /// @throws Error if entries of an element's matrix belong to rotations that its nodes do not have.
 void expect_rotations(const DofMap& map, const std::int64_t* nodes, std::size_t count,

@@ -70,12 +70,7 @@ void read_discrete(const Hdf5File& file, BodyDescription& body) {
       throw Error(text("file %s: %s: mass = %g must be finite and not negative",
                        file.path().c_str(), object.c_str(), mass.mass));
     // What bounds gyroscopic moments by the mass holds for inertias that bodies can have.
-    Dense J(3, 3);
-    for (int i = 0; i < 3; ++i) {
-      J(i, i) = mass.inertia[as_size(i)];
-      J(i, (i + 1) % 3) = J((i + 1) % 3, i) = mass.inertia[as_size(i) + 3];
-    }
-    const auto principal = symmetric_eigen(J).values;
+    const auto principal = symmetric_eigen(part_of(mass_matrix(mass), 3, 3, 3, 3)).values;
     if (!(principal[0] >= -1e-9 * principal[2]) ||
         principal[2] > (1 + 1e-9) * (principal[0] + principal[1]))
       throw Error(text(

@@ -7,6 +7,7 @@
 #include "fem/node_matrix.hpp"
 #include "linalg/decompositions.hpp"
 #include "linalg/sparse.hpp"
+#include "model/port_views.hpp"
 #include "model/rigid_body_modes.hpp"
 
 #include <algorithm>
@@ -115,15 +116,8 @@ Matrix springs(Mat K, const SecondOrderModel& model, std::vector<PetscInt> at) {
 
 /// Columns of the first interface with six ports. @throws Error if none has six.
 std::vector<int> six_ports(const std::vector<std::string>& names) {
-  const auto owner = [&](std::size_t j) {
-    return names[j].substr(0, names[j].rfind('.'));
-  };
-  for (std::size_t first = 0; first < names.size(); ++first) {
-    std::vector<int> found;
-    for (std::size_t j = 0; j < names.size(); ++j)
-      if (owner(j) == owner(first)) found.push_back(static_cast<int>(j));
-    if (found.size() == 6) return found;
-  }
+  for (const auto& [name, ports] : interfaces_of(names))
+    if (ports.size() == 6) return ports;
   throw Error("{stiffening}: a free body is held at an interface with six ports, and "
               "this one has none");
 }
@@ -199,7 +193,7 @@ Block MeshStiffening::frame_loads(MPI_Comm comm) {
   FieldLoads fields(comm, body_, map_, mesh_, {});
   Followers(map_, mesh_).for_each([&](const PlacedElement& at) {
     fields.add_element(at.nodes, at.x, dofs_per_node(at.block().type),
-                       element_matrices(body_, at.block(), at.x).M);
+                       element_matrices(body_, at.block(), at.x, false).M);
   });
   return combine(fields.take().B, shares_);
 }
@@ -229,7 +223,7 @@ std::vector<Matrix> MeshStiffening::matrices(int first, int count,
   followers.for_each([&](const PlacedElement& at) {
     const Dense T = followers.transformation(at);
     ElementMatrices element; // for the forces at slaves
-    if (!T.data.empty()) element = element_matrices(body_, at.block(), at.x);
+    if (!T.data.empty()) element = element_matrices(body_, at.block(), at.x, !at.rigid);
     std::vector<ElementPart> parts;
     for (int l = 0; l < count; ++l) {
       Dense added, moved;

@@ -107,6 +107,21 @@ std::string kind_of_port(const std::string& name) {
   return find_kind(letters) && fits ? letters : "";
 }
 
+std::vector<std::pair<std::string, std::vector<int>>>
+interfaces_of(const std::vector<std::string>& names) {
+  std::vector<std::pair<std::string, std::vector<int>>> found;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const std::string kind = kind_of_port(names[i]);
+    if (kind != "f" && kind != "m") continue;
+    const std::string name = names[i].substr(0, names[i].rfind('.'));
+    auto same = std::find_if(found.begin(), found.end(),
+                             [&](const auto& other) { return other.first == name; });
+    if (same == found.end()) same = found.insert(found.end(), {name, {}});
+    same->second.push_back(static_cast<int>(i));
+  }
+  return found;
+}
+
 ComplexDense PortView::of(const ComplexDense& H) const {
   ComplexDense part(static_cast<int>(rows.size()), static_cast<int>(columns.size()));
   for (int j = 0; j < part.columns; ++j)

@@ -18,6 +18,10 @@ struct PortView {
 /// a force as an input and a displacement as an output; "" where the name does not tell.
 std::string kind_of_port(const std::string& name);
 
+/// Interfaces in the order of their first port, each with its forces and moments among the names.
+std::vector<std::pair<std::string, std::vector<int>>>
+interfaces_of(const std::vector<std::string>& names);
+
 /// H as claims know it: stress is that of the whole strain, without what a temperature adds to
 /// it at once. Where a body is free to grow both cancel, and an error relative to nothing is
 /// none.

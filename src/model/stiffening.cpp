@@ -4,6 +4,7 @@
 #include "base/index.hpp"
 #include "base/text.hpp"
 #include "linalg/decompositions.hpp"
+#include "model/port_views.hpp"
 
 #include <algorithm>
 
@@ -19,15 +20,13 @@ LoadMatrices LoadMatrices::project(const Dense& Q) const {
 }
 
 LoadMatrices LoadMatrices::held_at(const std::string& interface) const {
-  const auto owner = [](const std::string& port) {
-    return port.substr(0, port.rfind('.'));
-  };
-  if (held.empty() || owner(held.front()) == interface) return *this;
+  if (held.empty() || interfaces_of(held).front().first == interface) return *this;
   std::vector<int> new_holder;
-  std::vector<std::string> interfaces{owner(held.front())};
-  for (std::size_t l = 0; l < loads.size(); ++l) {
-    if (owner(loads[l]) == interface) new_holder.push_back(static_cast<int>(l));
-    interfaces.push_back(owner(loads[l]));
+  std::vector<std::string> others;
+  others.push_back(interfaces_of(held).front().first);
+  for (const auto& [name, ports] : interfaces_of(loads)) {
+    if (name == interface) new_holder = ports;
+    others.push_back(name);
   }
   if (new_holder.size() != 6)
     throw Error(text(
@@ -35,7 +34,7 @@ LoadMatrices LoadMatrices::held_at(const std::string& interface) const {
         "%zu%s",
         interface.c_str(), new_holder.size(),
         new_holder.empty()
-            ? (": did you mean " + nearest(interface, interfaces) + "?").c_str()
+            ? (": did you mean " + nearest(interface, others) + "?").c_str()
             : ""));
   // Of each load the forces at the new holder that have its resultant.
   const ComplexDense forces =
@@ -52,8 +51,9 @@ LoadMatrices LoadMatrices::held_at(const std::string& interface) const {
     result.matrices.push_back(std::move(K));
     order.push_back(l);
   };
-  for (std::size_t l = 0; l < loads.size(); ++l)
-    if (owner(loads[l]) != interface) take(static_cast<int>(l), loads[l]);
+  for (int l = 0; l < static_cast<int>(loads.size()); ++l)
+    if (std::find(new_holder.begin(), new_holder.end(), l) == new_holder.end())
+      take(l, loads[as_size(l)]);
   for (std::size_t j = 0; j < held.size(); ++j)
     take(static_cast<int>(loads.size() + j), held[j]);
   for (int l : new_holder) {

@@ -166,10 +166,9 @@ void hold_for_stiffening(Frame& frame, Observer& observer) {
   if (!frame.integrals || frame.integrals->stiffening.held.empty()) return;
   LoadMatrices& stiffening = frame.integrals->stiffening;
   if (!frame.interface.empty()) stiffening = stiffening.held_at(frame.interface);
-  const std::string& port = stiffening.held.front();
   observer.fact("held", text("%s holds the body for its geometric stiffening: forces "
                              "there make no stress of their own",
-                             port.substr(0, port.rfind('.')).c_str()));
+                             interfaces_of(stiffening.held).front().first.c_str()));
   if (frame.kind == "none")
     observer.warn(
         "{stiffening} is for a floating frame, and there is none ({frame} none)");

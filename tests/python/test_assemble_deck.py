@@ -109,6 +109,13 @@ def test_masses_and_springs_are_those_of_ccx(element: str, tmp_path: Path) -> No
     assert np.abs(found[1] / found[0] - 1).max() > 0.05
 
 
+def test_a_spring_off_its_line_is_refused(tmp_path: Path) -> None:
+    model = "*ELEMENT, TYPE=SPRING2, ELSET=S\n9003, 12, 51\n*SPRING, ELSET=S\n1, 1\n4000000.\n"
+    path = deck(tmp_path / "bar.inp", "C3D4", model=model)
+    with pytest.raises(BodyError, match="do not lie along its direction"):
+        assemble_deck(path, tmp_path / "bar.h5", EYE)
+
+
 def test_dashpots_of_a_deck(tmp_path: Path) -> None:
     model = "*ELEMENT, TYPE=DASHPOTA, ELSET=D\n9003, 12, 51\n*DASHPOT, ELSET=D\n\n40.\n"
     path = deck(tmp_path / "bar.inp", "C3D4", model=model)

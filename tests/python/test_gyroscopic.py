@@ -157,7 +157,7 @@ def test_in_time_and_in_other_codes(tmp_path: Path) -> None:
         rom.physical()
     rom.save(tmp_path / "rom.h5")
     first = np.sort(rom.poles().imag[rom.poles().imag > 0])[0] / TWO_PI
-    assert f"with skew forces [Hz]: {first:.5g}" in run("info", tmp_path / "rom.h5").out
+    assert f"or circulatory forces [Hz]: {first:.5g}" in run("info", tmp_path / "rom.h5").out
 
 
 @pytest.mark.parametrize("kind", ["D", "G", "market"])

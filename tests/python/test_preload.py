@@ -331,6 +331,7 @@ def test_a_loaded_body_is_certified(kind: str, ranks: int, tmp_path: Path) -> No
         assert np.linalg.norm((H_r - H).astype(complex)) <= 1e-4 * np.linalg.norm(H.astype(complex))
 
 
+@pytest.mark.kernels
 def test_an_undamped_spin_is_certified(tmp_path: Path) -> None:
     """Coriolis forces move resonances away from those of K and M; nothing damps either."""
     content = LOADED | {"preload": {"turn.spin": 2e7}}

@@ -98,7 +98,7 @@ def _describe(path: Path) -> list[str]:
     modes = modes[modes < 1e7 * model.claim.band[-1]]
     elastic = modes[modes > 1e-6 * max(modes.max(initial=0), 1e-300)]
     first = ", ".join(f"{w / (2 * np.pi):.5g}" for w in elastic[:6])
-    words = "poles, with skew forces" if gyroscopic else "elastic modes"
+    words = "poles, with gyroscopic or circulatory forces" if gyroscopic else "elastic modes"
     lines.append(f"{words} [Hz]: {first}{' …' if len(elastic) > 6 else ''}")
     lines += claim.words_of_held
     lines.append(f"from {model.provenance.body or 'an unknown body'}")

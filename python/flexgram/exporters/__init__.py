@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from flexgram.basics import BodyError, expect_kept
-from flexgram.body.laws import Parameter
+from flexgram.body.laws import Circulatory, Parameter
 from flexgram.model.reduced import ReducedBody
 
 __all__ = ["FORMATS", "export"]
@@ -136,6 +136,8 @@ ENDINGS: dict[str, tuple[str, ...]] = {"state-space": (".mat", ".npz"), "vtu": (
 
 #: Formats that hold parameters of the body as what they are.
 WITH_PARAMETERS = ("fmu", "fmu3")
+#: Formats that hold circulatory forces.
+WITH_CIRCULATION = ("mat", "npz", "octave", "state-space", "vtu")
 
 
 def keeps_parameters(model: ReducedBody, format: str) -> bool:
@@ -185,6 +187,12 @@ def export(model: ReducedBody, path: str | Path, format: str, **options: Any) ->
         body = model.provenance.body
         beside = [model.path.parent / body, Path(body)] if body else []
         expect_kept(target, model.path, options.get("body"), *beside)
+    circulates = any(isinstance(term.law, Circulatory) for term in model.system.terms)
+    if circulates and format not in WITH_CIRCULATION:
+        raise BodyError(
+            f"export to {format}: it has no place for circulatory forces (a stiffness that is not "
+            f"symmetric); {', '.join(WITH_CIRCULATION)} have one"
+        )
     if not keeps_parameters(model, format):
         model = model.at()  # with their present values
     FORMATS[format][2](model, target, **{k: v for k, v in options.items() if v is not None})

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, Floats
 from flexgram.importers.ccx import Card, Job
 from flexgram.importers.deck import Deck
 
@@ -90,6 +90,17 @@ def _along(job: Job, kind: str, rows: list[list[float]]) -> Any:
     return six.tolist()
 
 
+def _expect_on_line(job: Job, label: int, ends: Floats, stiffness: list[float]) -> None:
+    """A spring of displacements between places off its direction resists turns of the whole body
+    in CalculiX; ours resist none."""
+    line, along = ends[1] - ends[0], np.array(stiffness[:3])
+    if np.linalg.norm(np.cross(line, along)) > 1e-9 * np.linalg.norm(line) * np.linalg.norm(along):
+        raise BodyError(
+            f"{job.path}: element {label} (SPRING2): its nodes do not lie along its direction; "
+            "--assemble does not follow that, take --run-ccx"
+        )
+
+
 def points_of(job: Job, deck: Deck) -> DeckPoints:
     """Masses, springs and dashpots of a deck.
 
@@ -130,6 +141,8 @@ def points_of(job: Job, deck: Deck) -> DeckPoints:
                 entry["to_nodes"] = places[1:]
             key = "damping" if card.keyword == "DASHPOT" else "stiffness"
             entry[key] = _along(job, kind, rows)
+            if kind == "SPRING2":
+                _expect_on_line(job, label, deck.points[np.array(places) - 1], entry[key])
             found.springs[f"{card.keyword.lower()}_{label}"] = entry
     if left:
         label, (kind, _) = next(iter(left.items()))

@@ -71,7 +71,10 @@ def with_viscous_damping(model: Body, kind: str = "modal") -> tuple[Body, float]
     if kind not in KINDS:
         raise BodyError(f"damping {kind}: must be one of {', '.join(KINDS)}")
     if any(isinstance(term.law, Circulatory) for term in system.terms):
-        raise BodyError(f"damping {kind}: circulatory forces are none, and dampers replace none")
+        raise BodyError(
+            f"damping {kind} replaces loss factors; the body has circulatory forces, which no "
+            "damper replaces"
+        )
     if not system.loss:
         raise BodyError(f"damping {kind}: the body has no loss factor that it could replace")
     squares, modes = modes_of(system)
