@@ -6,7 +6,8 @@
 
 namespace flexgram {
 
-/// @param with_stiffness  false: a solid's K is left out.
+/// @param with_stiffness  false, of what does not strain: a solid's K is left out, and M of a Hex8 has
+///                        no incompatible modes.
 ElementMatrices element_matrices(const BodyDescription& body, const MeshBlock& block,
                                  const std::vector<Vector3>& x,
                                  bool with_stiffness = true);

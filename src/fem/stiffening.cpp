@@ -193,7 +193,7 @@ Block MeshStiffening::frame_loads(MPI_Comm comm) {
   FieldLoads fields(comm, body_, map_, mesh_, {});
   Followers(map_, mesh_).for_each([&](const PlacedElement& at) {
     fields.add_element(at.nodes, at.x, dofs_per_node(at.block().type),
-                       element_matrices(body_, at.block(), at.x, false).M);
+                       element_matrices(body_, at.block(), at.x, !at.rigid).M);
   });
   return combine(fields.take().B, shares_);
 }
