@@ -3,6 +3,7 @@
 #include "base/text.hpp"
 #include "fem/description_file.hpp"
 #include "fem/discrete.hpp"
+#include "fem/shell.hpp"
 #include "io/laws.hpp"
 
 #include <algorithm>
@@ -74,7 +75,7 @@ Material read_material(const Hdf5File& file, const std::string& name,
   try {
     if (file.has_attribute(object, "E")) {
       const double E = number("E"), nu = number("nu");
-      material.solid = isotropic(E, nu, density);
+      material.solid = material.in_own_axes = isotropic(E, nu, density);
       material.beam = {E, E / (2 * (1 + nu)), density};
       check_units(name, E, density, warnings);
     } else {
@@ -83,8 +84,10 @@ Material read_material(const Hdf5File& file, const std::string& name,
         if (term.part != MaterialTerm::Part::whole)
           throw Error("shear and bulk are parts of isotropic materials");
       const auto constants = fixed<double, 9>(file, object, "engineering_constants");
-      material.solid =
-          orthotropic(constants, fixed<double, 9>(file, object, "axes"), density);
+      const auto axes = fixed<double, 9>(file, object, "axes");
+      material.solid = orthotropic(constants, axes, density);
+      material.in_own_axes = orthotropic(constants, {1, 0, 0, 0, 1, 0, 0, 0, 1}, density);
+      material.axis_1 = {axes[0], axes[1], axes[2]};
       check_units(name, *std::max_element(constants.begin(), constants.begin() + 3),
                   density, warnings);
     }
@@ -111,12 +114,28 @@ BeamSection read_section(const Hdf5File& file, const std::string& name) {
   return section;
 }
 
+ShellSection read_shell(const Hdf5File& file, const std::string& name) {
+  const std::string object = "/sections/" + name;
+  ShellSection section{file.number_attribute(object, "thickness"),
+                       file.number_attribute(object, "offset"),
+                       {}};
+  if (!(section.thickness > 0) || !std::isfinite(section.thickness) ||
+      !std::isfinite(section.offset))
+    throw Error(text("file %s: section %s: thickness = %g must be positive, and offset = "
+                     "%g finite",
+                     file.path().c_str(), name.c_str(), section.thickness,
+                     section.offset));
+  if (file.has_attribute(object, "axis_1"))
+    section.axis_1 = fixed<double, 3>(file, object, "axis_1");
+  return section;
+}
+
 MeshBlock read_block(const Hdf5File& file, const std::string& path) {
   MeshBlock block;
   block.path = path;
   block.type = element_type(file.text_attribute(path, "type"));
   block.material = file.text_attribute(path, "material");
-  if (block.type == ElementType::beam2)
+  if (block.type == ElementType::beam2 || is_shell(block.type))
     block.section = file.text_attribute(path, "section");
   const auto shape = file.shape(path + "/connectivity");
   if (shape.size() != 2 || shape[1] != node_count(block.type))
@@ -341,7 +360,10 @@ BodyDescription read_description(const Hdf5File& file) {
     for (const auto& name : ordered_children(file, "/materials"))
       body.materials[name] = read_material(file, name, body.warnings);
     for (const auto& name : ordered_children(file, "/sections"))
-      body.sections[name] = read_section(file, name);
+      if (file.has_attribute("/sections/" + name, "thickness"))
+        body.shells[name] = read_shell(file, name);
+      else
+        body.sections[name] = read_section(file, name);
     for (const auto& name : ordered_children(file, "/mesh/blocks"))
       body.blocks.push_back(read_block(file, "/mesh/blocks/" + name));
     if (body.blocks.empty())
@@ -352,18 +374,20 @@ BodyDescription read_description(const Hdf5File& file) {
         throw Error(text("file %s: %s: material %s is not in /materials",
                          file.path().c_str(), block.path.c_str(),
                          block.material.c_str()));
-      if (block.type == ElementType::beam2) {
-        if (!body.sections.count(block.section))
-          throw Error(text("file %s: %s: section %s is not in /sections",
-                           file.path().c_str(), block.path.c_str(),
-                           block.section.c_str()));
-        if (!material->second.isotropic)
+      const bool is_beam = block.type == ElementType::beam2;
+      if (is_beam || is_shell(block.type)) {
+        if (is_beam ? !body.sections.count(block.section)
+                    : !body.shells.count(block.section))
+          throw Error(text("file %s: %s: section %s of %s is not in /sections",
+                           file.path().c_str(), block.path.c_str(), block.section.c_str(),
+                           is_beam ? "a beam" : "a shell"));
+        if (is_beam && !material->second.isotropic)
           throw Error(text("file %s: %s: beams need an isotropic material",
                            file.path().c_str(), block.path.c_str()));
       }
       // Their stiffness is no sum of parts by shear and bulk modulus.
       const bool mixes =
-          block.type == ElementType::beam2 || block.type == ElementType::hex8;
+          is_beam || is_shell(block.type) || block.type == ElementType::hex8;
       for (const MaterialTerm& term : material->second.terms)
         if (mixes && term.part != MaterialTerm::Part::whole)
           throw Error(

@@ -5,6 +5,7 @@
 #include "model/second_order_model.hpp"
 
 #include <map>
+#include <optional>
 
 namespace flexgram {
 
@@ -91,9 +92,19 @@ struct MaterialTerm {
   Law law; ///< beside the stiffness that K holds
 };
 
+/// A shell's section; its material is that of its elements.
+struct ShellSection {
+  double thickness = 0; ///< [m]
+  double offset = 0;    ///< of the middle surface above the nodes, along the normal [m]
+  std::optional<Vector3>
+      axis_1; ///< projected onto the surface: the material's first axis
+};
+
 struct Material {
   SolidMaterial solid;
-  BeamMaterial beam; ///< E and G; only for isotropic ones
+  SolidMaterial in_own_axes; ///< the same law in the material's axes
+  Vector3 axis_1{1, 0, 0};   ///< the first of these
+  BeamMaterial beam;         ///< E and G; only for isotropic ones
   bool isotropic = true;
   double loss = 0; ///< factor η_k of its stiffness: K_k (1 + iη_k)
   std::vector<MaterialTerm> terms;
@@ -115,6 +126,7 @@ struct BodyDescription {
   std::vector<MeshBlock> blocks;
   std::map<std::string, Material> materials;
   std::map<std::string, BeamSection> sections;
+  std::map<std::string, ShellSection> shells; ///< their sections
   std::map<std::string, PointMass> masses;
   std::map<std::string, Spring> springs;
   std::vector<MeshBlock> discrete; ///< of masses and springs, the material is their name

@@ -16,7 +16,7 @@ void mark_dofs(const Hdf5File& file, const BodyDescription& body, DofMap& map) {
     if (map.owner[node] >= 0) map.dofs[node] = 3;
   agree(file.comm(), [&] {
     for (const auto& block : body.blocks) {
-      if (block.type != ElementType::beam2) continue;
+      if (dofs_per_node(block.type) != 6) continue;
       for (auto node : file.read_all<std::int64_t>(block.path + "/connectivity"))
         map.dofs[as_size(node)] = 6;
     }

@@ -2,12 +2,26 @@
 
 #include "base/error.hpp"
 #include "fem/discrete.hpp"
+#include "fem/shell.hpp"
 
 namespace flexgram {
 namespace {
 
 int dofs_of(const MeshBlock& block) {
   return node_count(block.type) * dofs_per_node(block.type);
+}
+
+struct Shell {
+  ShellLaw law;
+  ShellPlace place;
+};
+
+Shell shell_of(const BodyDescription& body, const MeshBlock& block) {
+  const Material& material = body.materials.at(block.material);
+  const ShellSection& section = body.shells.at(block.section);
+  return {shell_law({{material.in_own_axes.stiffness, material.solid.density,
+                      section.thickness, 0}}),
+          {section.offset, section.axis_1.value_or(material.axis_1), material.isotropic}};
 }
 
 } // namespace
@@ -27,6 +41,10 @@ ElementMatrices element_matrices(const BodyDescription& body, const MeshBlock& b
     }
     return element;
   }
+  if (is_shell(block.type)) {
+    const Shell shell = shell_of(body, block);
+    return shell_matrices(block.type, x, shell.law, shell.place, with_stiffness);
+  }
   const Material& material = body.materials.at(block.material);
   return block.type == ElementType::beam2
              ? beam_matrices(x[0], x[1], material.beam, body.sections.at(block.section))
@@ -40,6 +58,10 @@ Dense spin_softening(const BodyDescription& body, const MeshBlock& block,
   if (is_spring(block.type)) return Dense(dofs_of(block), dofs_of(block));
   if (block.type == ElementType::mass1)
     return mass_spin_softening(body.masses.at(block.material), axis);
+  if (is_shell(block.type)) {
+    const Shell shell = shell_of(body, block);
+    return shell_spin_softening(block.type, x, shell.law, shell.place, axis);
+  }
   return block.type == ElementType::beam2
              ? beam_spin_softening(x[0], x[1], body.materials.at(block.material).beam,
                                    body.sections.at(block.section), axis)
@@ -52,6 +74,10 @@ Dense coriolis(const BodyDescription& body, const MeshBlock& block,
   if (is_spring(block.type)) return Dense(dofs_of(block), dofs_of(block));
   if (block.type == ElementType::mass1)
     return mass_coriolis(body.masses.at(block.material), axis);
+  if (is_shell(block.type)) {
+    const Shell shell = shell_of(body, block);
+    return shell_coriolis(block.type, x, shell.law, shell.place, axis);
+  }
   return block.type == ElementType::beam2
              ? beam_coriolis(x[0], x[1], body.materials.at(block.material).beam,
                              body.sections.at(block.section), axis)
@@ -67,8 +93,8 @@ Dense gyroscopic(const BodyDescription& body, const MeshBlock& block,
     return beam_gyroscopic(x[0], x[1], body.materials.at(block.material).beam,
                            body.sections.at(block.section), spin.axis, spin.point);
   throw Error(
-      "in the frame at rest a spin takes beams and masses on its axis; solids are "
-      "seen in the frame that turns (frame: turning)");
+      "in the frame at rest a spin takes beams and masses on its axis; solids and "
+      "shells are seen in the frame that turns (frame: turning)");
 }
 
 StressStiffness stress_stiffness(const BodyDescription& body, const MeshBlock& block,
@@ -76,6 +102,10 @@ StressStiffness stress_stiffness(const BodyDescription& body, const MeshBlock& b
                                  const std::vector<double>& u, Deformation& deformation) {
   if (is_discrete(block.type))
     return {Dense(dofs_of(block), dofs_of(block)), Dense(dofs_of(block), dofs_of(block))};
+  if (is_shell(block.type)) {
+    const Shell shell = shell_of(body, block);
+    return shell_stress_stiffness(block.type, x, shell.law, shell.place, u, deformation);
+  }
   const Material& material = body.materials.at(block.material);
   return block.type == ElementType::beam2
              ? beam_stress_stiffness(x[0], x[1], material.beam,
@@ -86,6 +116,10 @@ StressStiffness stress_stiffness(const BodyDescription& body, const MeshBlock& b
 
 Dense geometric_stiffness(const BodyDescription& body, const MeshBlock& block,
                           const std::vector<Vector3>& x, const std::vector<double>& u) {
+  if (is_shell(block.type)) {
+    const Shell shell = shell_of(body, block);
+    return shell_geometric_stiffness(block.type, x, shell.law, shell.place, u);
+  }
   if (!is_discrete(block.type) && block.type != ElementType::beam2)
     return solid_geometric_stiffness(block.type, x,
                                      body.materials.at(block.material).solid, u);

@@ -10,13 +10,15 @@ namespace flexgram {
 
 using Vector3 = std::array<double, 3>;
 
-/// Those of files, then point masses, springs to ground and springs between two nodes.
+/// Those of files (solids, shells, beams), then point masses, springs to ground and springs between two nodes.
 enum class ElementType {
   tet4,
   tet10,
   hex8,
   hex20,
   wedge15,
+  tri3,
+  quad4,
   beam2,
   mass1,
   spring1,
@@ -56,7 +58,7 @@ struct BeamMaterial {
   double E = 0, G = 0, density = 0;
 };
 
-/// Element matrices, K [N/m] and M [kg], 3 dofs a node (beam: 6), node by node.
+/// Element matrices, K [N/m] and M [kg], 3 dofs a node (shells, beams: 6), node by node.
 struct ElementMatrices {
   Dense K, M;
   double mass = 0;        ///< [kg]
@@ -70,7 +72,8 @@ struct ElementMatrices {
 
 int node_count(ElementType type);
 int dofs_per_node(ElementType type);
-/// "tetra", "tetra10", "hexahedron", "hexahedron20", "wedge15", "line": meshio's names.
+/// "tetra", "tetra10", "hexahedron", "hexahedron20", "wedge15", "triangle", "quad", "line": meshio's
+/// names.
 /// @throws Error listing the known ones.
 ElementType element_type(const std::string& name);
 const char* element_name(ElementType type);

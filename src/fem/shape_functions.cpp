@@ -49,6 +49,22 @@ void hexahedron8(ShapePoint& p) {
   }
 }
 
+void triangle3(ShapePoint& p) {
+  p.N = {1 - p.xi[0] - p.xi[1], p.xi[0], p.xi[1]};
+  p.dN = {{-1, -1, 0}, {1, 0, 0}, {0, 1, 0}};
+}
+
+void quadrilateral4(ShapePoint& p) {
+  p.N.resize(4);
+  p.dN.resize(4);
+  for (std::size_t i = 0; i < 4; ++i) {
+    const double a = hex_nodes[i][0], b = hex_nodes[i][1];
+    const double f = 1 + a * p.xi[0], g = 1 + b * p.xi[1];
+    p.N[i] = f * g / 4;
+    p.dN[i] = {a * g / 4, b * f / 4, 0};
+  }
+}
+
 /// Serendipity: corners (1+..)(1+..)(1+..)(Σ − 2)/8, edges (1 − t²)(1+..)(1+..)/4.
 void hexahedron20(ShapePoint& p) {
   p.N.resize(20);
@@ -119,6 +135,15 @@ std::vector<Point> gauss_line(int count) {
   return {{{-x}, 5.0 / 9}, {{0}, 8.0 / 9}, {{x}, 5.0 / 9}};
 }
 
+std::vector<Point> gauss_square(int count) {
+  std::vector<Point> points;
+  const auto line = gauss_line(count);
+  for (const auto& b : line)
+    for (const auto& a : line)
+      points.push_back({{a.xi[0], b.xi[0], 0}, a.weight * b.weight});
+  return points;
+}
+
 std::vector<Point> gauss_cube(int count) {
   std::vector<Point> points;
   const auto line = gauss_line(count);
@@ -151,8 +176,7 @@ std::vector<Point> tetrahedron_points(int count) {
   return points;
 }
 
-/// Triangle rule times Gauss points along the wedge.
-std::vector<Point> wedge_points(bool full) {
+std::vector<Point> triangle_points(bool full) {
   std::vector<Point> triangle;
   const auto family = [&](double a, double weight) {
     const double b = 1 - 2 * a;
@@ -165,6 +189,12 @@ std::vector<Point> wedge_points(bool full) {
   } else {
     family(1.0 / 6, 1.0 / 6);
   }
+  return triangle;
+}
+
+/// Triangle rule times Gauss points along the wedge.
+std::vector<Point> wedge_points(bool full) {
+  const std::vector<Point> triangle = triangle_points(full);
   std::vector<Point> points;
   for (const auto& z : gauss_line(3))
     for (const auto& t : triangle)
@@ -191,6 +221,10 @@ std::vector<Point> points_of(ElementType type, bool mass) {
     return gauss_cube(3);
   case ElementType::wedge15:
     return wedge_points(mass);
+  case ElementType::tri3:
+    return triangle_points(true);
+  case ElementType::quad4:
+    return gauss_square(2);
   case ElementType::beam2:
   case ElementType::mass1:
   case ElementType::spring1:
@@ -202,8 +236,9 @@ std::vector<Point> points_of(ElementType type, bool mass) {
 
 const std::vector<ShapePoint>& cached(ElementType type, bool mass) {
   static const auto tables = [] {
-    std::array<std::array<std::vector<ShapePoint>, 2>, 5> all;
-    for (std::size_t t = 0; t < 5; ++t)
+    constexpr std::size_t types = as_size(ElementType::beam2);
+    std::array<std::array<std::vector<ShapePoint>, 2>, types> all;
+    for (std::size_t t = 0; t < types; ++t)
       for (std::size_t m = 0; m < 2; ++m)
         all[t][m] = tabulate(static_cast<ElementType>(t),
                              points_of(static_cast<ElementType>(t), m));
@@ -231,6 +266,12 @@ ShapePoint shape_at(ElementType type, const Vector3& xi, double weight) {
     break;
   case ElementType::wedge15:
     wedge15(p);
+    break;
+  case ElementType::tri3:
+    triangle3(p);
+    break;
+  case ElementType::quad4:
+    quadrilateral4(p);
     break;
   case ElementType::beam2:
   case ElementType::mass1:

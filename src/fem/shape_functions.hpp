@@ -14,7 +14,7 @@ struct ShapePoint {
 };
 
 /// Points of the stiffness: 1 (Tet4), 4 (Tet10), 2×2×2 (Hex8), 3×3×3 (Hex20), 3×3
-/// (Wedge15).
+/// (Wedge15), 6 (triangle), 2×2 (quadrilateral).
 const std::vector<ShapePoint>& stiffness_points(ElementType type);
 /// Points that integrate N Nᵀ exactly on straight-edged elements.
 const std::vector<ShapePoint>& mass_points(ElementType type);

@@ -3,6 +3,7 @@
 #include "base/error.hpp"
 #include "base/index.hpp"
 #include "base/text.hpp"
+#include "fem/condensation.hpp"
 #include "fem/shape_functions.hpp"
 #include "linalg/decompositions.hpp"
 
@@ -17,10 +18,12 @@ struct TypeFacts {
   const char* name;
   int nodes, dofs;
 };
-constexpr TypeFacts facts[] = {
-    {"tetra", 4, 3},         {"tetra10", 10, 3},         {"hexahedron", 8, 3},
-    {"hexahedron20", 20, 3}, {"wedge15", 15, 3},         {"line", 2, 6},
-    {"mass", 1, 6},          {"spring to ground", 1, 6}, {"spring", 2, 6}};
+constexpr TypeFacts facts[] = {{"tetra", 4, 3},      {"tetra10", 10, 3},
+                               {"hexahedron", 8, 3}, {"hexahedron20", 20, 3},
+                               {"wedge15", 15, 3},   {"triangle", 3, 6},
+                               {"quad", 4, 6},       {"line", 2, 6},
+                               {"mass", 1, 6},       {"spring to ground", 1, 6},
+                               {"spring", 2, 6}};
 
 const TypeFacts& facts_of(ElementType type) { return facts[as_size(type)]; }
 
@@ -104,31 +107,6 @@ void add_stiffness(Dense& K, const std::vector<Vector3>& gradients,
 void mirror(Dense& a) {
   for (int j = 0; j < a.columns; ++j)
     for (int i = j + 1; i < a.rows; ++i) a(i, j) = a(j, i);
-}
-
-/// Static condensation of the last `internal` dofs: T = [I; −K_aa⁻¹ K_au].
-Dense condensation(const Dense& K, int internal) {
-  const int all = K.rows, n = all - internal;
-  Dense aa(internal, internal), ua(n, internal);
-  for (int j = 0; j < internal; ++j) {
-    for (int i = 0; i < internal; ++i) aa(i, j) = K(n + i, n + j);
-    for (int i = 0; i < n; ++i) ua(i, j) = K(i, n + j);
-  }
-  if (cholesky(aa) != 0) throw Error("the incompatible modes have no stiffness");
-  solve_right_transposed(aa, ua);                                         // K_ua L⁻ᵀ
-  const Dense followed = multiply(inverse_transposed(aa), transpose(ua)); // K_aa⁻¹ K_au
-  Dense T(all, n);
-  for (int j = 0; j < n; ++j) {
-    T(j, j) = 1;
-    for (int i = 0; i < internal; ++i) T(n + i, j) = -followed(i, j);
-  }
-  return T;
-}
-
-Dense condensed(const Dense& a, const Dense& T) {
-  Dense result = multiply_transposed(T, multiply(a, T));
-  symmetrise(result);
-  return result;
 }
 
 /// At a point of the stiffness: weight and Jacobian determinant, and the gradients of all (also

@@ -55,12 +55,13 @@ MIDDLES: dict[str, dict[frozenset[int], int]] = {
     },
 }
 LINEAR = {"tetra10": "tetra", "hexahedron20": "hexahedron", "wedge15": "wedge"}
-SHELLS = {"triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}
+#: Of shells.
+CORNERS = {"triangle": 3, "triangle6": 3, "quad": 4, "quad8": 4, "quad9": 4}
 
 
 def faces_of(blocks: Sequence[tuple[str, Ints]], inside: NDArray[np.bool_] | None = None) -> Ints:
     """Every face of every solid by its four corner nodes, (F, 4); the last one of a triangle is its
-    first. Without solids, the shells themselves.
+    first. Where there is none, the shells themselves.
 
     Parameters
     ----------
@@ -69,11 +70,23 @@ def faces_of(blocks: Sequence[tuple[str, Ints]], inside: NDArray[np.bool_] | Non
     inside : bool array, optional
         Nodes; only faces whose corners all belong to them are returned.
     """
-    corners = [
+    of_solids = [
         (nodes, face) for kind, nodes in blocks for face in FACES.get(LINEAR.get(kind, kind), [])
     ]
-    if not corners:
-        corners = [(nodes, tuple(range(SHELLS[kind]))) for kind, nodes in blocks if kind in SHELLS]
+    faces = _chosen(of_solids, inside)
+    return faces if len(faces) else shells_of(blocks, inside)
+
+
+def shells_of(blocks: Sequence[tuple[str, Ints]], inside: NDArray[np.bool_] | None = None) -> Ints:
+    """Shells by their corner nodes, as ``faces_of``."""
+    return _chosen(
+        [(nodes, tuple(range(CORNERS[kind]))) for kind, nodes in blocks if kind in CORNERS], inside
+    )
+
+
+def _chosen(
+    corners: Sequence[tuple[Ints, tuple[int, ...]]], inside: NDArray[np.bool_] | None
+) -> Ints:
     faces = [np.empty((0, 4), dtype=np.int64)]
     for nodes, face in corners:
         if inside is not None:
@@ -108,8 +121,9 @@ def outer(faces: Ints) -> Ints:
 
 
 def whole_faces(blocks: Sequence[tuple[str, Ints]], nodes: Ints, count: int) -> list[Ints]:
-    """Outer faces of solids whose corners are all among some nodes, with the nodes between their
-    corners: (F, 3), (F, 4), (F, 6) and (F, 8) arrays, those that there are.
+    """Outer faces of solids, and shells, whose corners are all among some nodes, with the nodes
+    between their corners: (F, 3), (F, 4), (F, 6) and (F, 8) arrays, those that there are. A shell
+    that covers the face of a solid is left out.
 
     Parameters
     ----------
@@ -121,7 +135,8 @@ def whole_faces(blocks: Sequence[tuple[str, Ints]], nodes: Ints, count: int) -> 
     """
     inside = np.zeros(count, dtype=bool)
     inside[nodes] = True
-    outside = {tuple(sorted(set(face))) for face in outer(faces_of(blocks, inside)).tolist()}
+    solids = [block for block in blocks if block[0] not in CORNERS]
+    outside = {tuple(sorted(set(face))) for face in outer(faces_of(solids, inside)).tolist()}
     found: dict[int, list[Ints]] = {}
     for kind, elements in blocks:
         middles = MIDDLES.get(kind, {})
@@ -136,12 +151,18 @@ def whole_faces(blocks: Sequence[tuple[str, Ints]], nodes: Ints, count: int) -> 
             if mine:
                 whole = np.array(mine)[:, [*face, *between]]
                 found.setdefault(whole.shape[1], []).append(whole)
+    for kind, elements in blocks:
+        if kind in CORNERS:
+            near = elements[np.all(inside[elements], axis=1)]
+            mine = [row for row in near if tuple(sorted(row.tolist())) not in outside]
+            if mine:
+                found.setdefault(elements.shape[1], []).append(np.array(mine))
     return [np.vstack(faces) for faces in found.values()]
 
 
 def volume_of(points: Floats, blocks: Sequence[tuple[str, Ints]]) -> float:
     """Volume of the solids, by their corner nodes (divergence theorem); 0 without solids."""
-    faces = faces_of([block for block in blocks if block[0] not in SHELLS])
+    faces = faces_of([block for block in blocks if block[0] not in CORNERS])
     vectors, centres = _areas(points, faces)
     return float(np.sum(vectors * centres)) / 3
 

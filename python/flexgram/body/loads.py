@@ -17,6 +17,7 @@ import numpy as np
 from flexgram.basics import BodyError, Floats, Ints, check_name, errors_of
 from flexgram.body.face_integrals import areas_at_nodes
 from flexgram.body.faces import whole_faces
+from flexgram.body.meshfile import SOLIDS
 from flexgram.body.reader import Reader
 from flexgram.body.spin import unit_axis
 from flexgram.body.stress import Stresses
@@ -97,8 +98,8 @@ def _write_temperature(mesh: BodyMesh, group: h5py.Group, entry: Reader) -> str:
     else:
         temperature[mesh.select(entry.get("nodes"), entry.where)] = 1.0
     for kind, elements in mesh.blocks:
-        if kind == "line" and temperature[elements].any():
-            raise BodyError(f"{entry.where}: beams take no temperature")
+        if kind not in SOLIDS and temperature[elements].any():
+            raise BodyError(f"{entry.where}: shells and beams take no temperature")
     with errors_of(entry.where):
         forces, _ = Stresses.of(mesh.file).heated(temperature)
     used = np.flatnonzero(np.any(forces != 0, axis=1))

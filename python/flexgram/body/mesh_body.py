@@ -17,12 +17,12 @@ from flexgram.body.bodyfile import write_law
 from flexgram.body.discrete import joined_nodes, write_masses, write_springs
 from flexgram.body.faces import middle_of
 from flexgram.body.loads import BodyMesh, write_loads
-from flexgram.body.meshfile import ELEMENTS, LABELS, node_set
+from flexgram.body.meshfile import LABELS, SHELLS, SOLIDS, node_set
 from flexgram.body.outputs import write_outputs
 from flexgram.body.parameters import PARAMETER, read_parameter
 from flexgram.body.preload import write_preload
 from flexgram.body.reader import Reader, short
-from flexgram.body.sections import section_properties
+from flexgram.body.sections import is_shell, section_properties, shell_properties
 from flexgram.body.selection import in_box, nearest
 from flexgram.body.spin import write_spin
 from flexgram.body.viscoelastic import KEY, read_isotropic, read_orthotropic
@@ -262,6 +262,9 @@ class MeshBody:
         for name, data in self.reader.children("sections").items():
             section = Reader(data, f"sections: {name}")
             group = self.file.create_group(f"sections/{check_name(section.where, str(name))}")
+            if is_shell(section):
+                group.attrs.update(shell_properties(section, self.length))
+                continue
             group.attrs.update(section_properties(section, self.length))
             y_axis = section.vector("y_axis", [0, 1, 0])
             if not np.linalg.norm(y_axis) > 0:
@@ -357,19 +360,22 @@ class MeshBody:
         for name, data in regions.items():
             entry = Reader(data, f"regions: {name}", ("material", "section"))
             material = entry.choice("material", self.reader.children("materials"))
+            section = ""  # of beams, or of shells; parts may hold lines and faces beside solids
+            if "section" in data:
+                section = entry.choice("section", self.reader.children("sections"))
+            of_shells = section and "thickness" in self.file["sections"][section].attrs
+            known_kinds = SOLIDS if not section else SHELLS if of_shells else (*SOLIDS, "line")
             if str(name) not in self.cells:
                 only = ", ".join(sorted({block.type for block in self.mesh.cells})) or "nothing"
                 has = f"it has {known}"
                 if "all" not in self.cells:
-                    solids = ", ".join(ELEMENTS[:-1])
-                    has = f"it has no known solids, only {only}: mesh it with {solids}"
+                    solids = ", ".join(SOLIDS)
+                    has = f"it has no known elements, only {only}: mesh it with {solids}"
                 raise BodyError(f"{entry.where}: the mesh has no such part; {has}")
             solid = False
             for block, chosen in enumerate(self.cells[str(name)]):
                 kind = self.mesh.cells[block].type
-                if len(chosen) == 0 or kind not in ELEMENTS:
-                    continue
-                if kind == "line" and "section" not in data:
+                if len(chosen) == 0 or kind not in known_kinds:
                     continue
                 if taken[block][chosen].any():
                     raise BodyError(
@@ -380,10 +386,8 @@ class MeshBody:
                 self.used[nodes.ravel()] = True
                 group = self.file.create_group(f"mesh/blocks/{len(self.blocks):04d}")
                 group.attrs["type"], group.attrs["material"] = kind, material
-                if kind == "line":
-                    group.attrs["section"] = entry.choice(
-                        "section", self.reader.children("sections")
-                    )
+                if kind not in SOLIDS:
+                    group.attrs["section"] = section
                 group["connectivity"] = nodes
                 group["ids"] = np.asarray(labels[block][chosen], dtype=np.int64)
                 self.blocks.append((kind, nodes))
@@ -394,8 +398,8 @@ class MeshBody:
                 }
                 raise BodyError(
                     f"{entry.where}: no elements that flexgram knows; it has "
-                    f"{', '.join(sorted(kinds))}, known are {', '.join(ELEMENTS)} (line "
-                    "with a section)"
+                    f"{', '.join(sorted(kinds))}, known are {', '.join(SOLIDS)}; with a section "
+                    f"of a shell {', '.join(SHELLS)}, with that of a beam line"
                 )
         if self.reader.choice("repeated_elements", ("refuse", "keep"), "refuse") == "refuse":
             expect_no_repeats(self._elements())

@@ -17,7 +17,8 @@ meshio._mesh.topological_dimension.setdefault("wedge15", 3)
 
 #: Cell data of a mesh that we made: the FE code's numbers of its elements.
 LABELS = "flexgram:label"
-ELEMENTS = ("tetra", "tetra10", "hexahedron", "hexahedron20", "wedge15", "line")
+SOLIDS = ("tetra", "tetra10", "hexahedron", "hexahedron20", "wedge15")
+SHELLS = ("triangle", "quad")
 
 
 CAD = (
@@ -81,7 +82,7 @@ def cell_regions(mesh: meshio.Mesh) -> dict[str, list[Ints]]:
     """Named sets of cells: for each name the indices of its cells in every block of the mesh.
 
     Names come from gmsh's physical groups (by name, or by number without one), from cell sets
-    (Abaqus ELSET and others), or are ``all`` for every solid cell.
+    (Abaqus ELSET and others). ``all`` is every solid, in a mesh without solids every shell.
     """
     regions: dict[str, list[Ints]] = {}
     blocks = len(mesh.cells)
@@ -107,8 +108,9 @@ def cell_regions(mesh: meshio.Mesh) -> dict[str, list[Ints]]:
         for block, cells in enumerate(parts):
             if cells is not None:
                 add(name, block, np.asarray(cells, dtype=np.int64))
+    whole = SOLIDS if any(group.type in SOLIDS for group in mesh.cells) else SHELLS
     for block, group in enumerate(mesh.cells):
-        if group.type in ELEMENTS and group.type != "line":
+        if group.type in whole:
             add("all", block, np.arange(len(group.data), dtype=np.int64))
     return regions
 

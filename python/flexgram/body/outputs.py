@@ -15,6 +15,7 @@ import numpy as np
 
 from flexgram.basics import BodyError, Floats, Ints, check_name, errors_of
 from flexgram.body.loads import AXES, BodyMesh, write_vectors
+from flexgram.body.meshfile import SOLIDS
 from flexgram.body.reader import Reader, short
 from flexgram.body.stress import COMPONENTS, Stresses, temperatures
 
@@ -35,7 +36,10 @@ def _write_reaction(mesh: BodyMesh, group: h5py.Group, entry: Reader) -> str:
     for support in mesh.file.get("supports", {}).values():
         held[np.ix_(support["nodes"][:], support.attrs["components"].astype(int))] = True
     turning = np.concatenate(
-        [np.zeros(0, dtype=int), *(nodes.ravel() for kind, nodes in mesh.blocks if kind == "line")]
+        [
+            np.zeros(0, dtype=int),
+            *(nodes.ravel() for kind, nodes in mesh.blocks if kind not in SOLIDS),
+        ]
     )
     solid = np.setdiff1d(np.arange(len(points)), turning)
     held[solid, 3:] = False  # they have no rotations

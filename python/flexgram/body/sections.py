@@ -1,8 +1,9 @@
-"""Sections of beams: areas, moments and shear factors of shapes with names."""
+"""Sections of beams: areas, moments and shear factors of shapes with names; and of shells."""
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from flexgram.basics import BodyError
 from flexgram.body.reader import Reader
@@ -15,13 +16,39 @@ SHAPES = {
 }
 
 
+SHELL = "shell"
+
+
+def is_shell(reader: Reader) -> bool:
+    """Whether a section is that of a shell."""
+    return reader.choice("shape", (*SHAPES, SHELL)) == SHELL
+
+
+def shell_properties(reader: Reader, length: float) -> dict[str, Any]:
+    """Thickness and offset [m] of a shell's section, and the direction of its material's first axis
+    if that is given."""
+    section = Reader(reader.data, reader.where, ("shape", "thickness", "offset", "axis_1"))
+    thickness = section.number("thickness")
+    if not thickness > 0:
+        raise BodyError(f"{section.where}: thickness = {thickness:g} must be positive")
+    found: dict[str, Any] = {
+        "thickness": thickness * length,
+        "offset": section.number("offset", 0.0) * length,
+    }
+    if "axis_1" in section.data:
+        found["axis_1"] = section.vector("axis_1")
+        if not any(found["axis_1"]):
+            raise BodyError(f"{section.where}: axis_1 = [0, 0, 0] has no direction")
+    return found
+
+
 def section_properties(reader: Reader, length: float) -> dict[str, float]:
     """Area, second moments of area, torsion constant and shear factors of a beam section [SI].
 
     Shear factors after Cowper (1966) for nu = 0.3; torsion of a rectangle by Saint-Venant's
     series to 1e-5.
     """
-    shape = reader.choice("shape", SHAPES)
+    shape = reader.choice("shape", (*SHAPES, SHELL))
     value = {
         key: reader.number(key, 5 / 6 if key.startswith("k_") else None) for key in SHAPES[shape]
     }

@@ -22,6 +22,7 @@ import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
 from flexgram.basics import BodyError, Floats, Ints, errors_of
+from flexgram.body.meshfile import SOLIDS
 from flexgram.body.strain import extrapolation, heat_operator, stress_operator
 
 COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "zx")
@@ -90,7 +91,7 @@ class Stresses:
         blocks = []
         for group in file["mesh/blocks"].values():
             kind, nodes = str(group.attrs["type"]), group["connectivity"][:]
-            if kind == "line":
+            if kind not in SOLIDS:
                 continue
             steel = file["materials"][str(group.attrs["material"])].attrs
             if "E" in steel:

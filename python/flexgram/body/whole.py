@@ -18,6 +18,7 @@ from scipy.spatial import cKDTree
 from flexgram.basics import BodyError, Floats, Ints
 from flexgram.body.discrete import Places, held_by_springs
 from flexgram.body.laws import law_of
+from flexgram.body.meshfile import SHELLS
 from flexgram.body.units import UNITS, doubt
 
 #: Nodes this close, relative to the size of the body, are meant to be one.
@@ -175,20 +176,33 @@ def mass_facts(file: h5py.File) -> MassFacts:
     for block in file["mesh/blocks"].values():
         density = float(file["materials"][str(block.attrs["material"])].attrs["rho"])
         kind, every = str(block.attrs["type"]), block["connectivity"][:]
+        section = (
+            file["sections"][str(block.attrs["section"])].attrs if "section" in block.attrs else {}
+        )
         if kind == "line":
-            density *= float(file["sections"][str(block.attrs["section"])].attrs["A"])
+            density *= float(section["A"])
             at, weight = np.array([-1, 1]) / np.sqrt(3), np.ones(2)
             N = np.column_stack([1 - at, 1 + at]) / 2
         else:
             _, weight, N, dN = _flexgram.mass_points(kind)
         for start in range(0, len(every), 20_000):
             x = points[every[start : start + 20_000]]
+            above = 0.0  # of the mass over its points
             if kind == "line":
                 size = 0.5 * np.linalg.norm(x[:, 1] - x[:, 0], axis=1)[:, None]
+            elif kind in SHELLS:
+                along = np.einsum("qka,ekb->eqab", dN[:, :, :2], x)
+                normal = np.cross(along[:, :, 0], along[:, :, 1])
+                size = np.linalg.norm(normal, axis=2)
+                normal /= np.maximum(size, 1e-300)[:, :, None]
+                thickness, above = float(section["thickness"]), float(section["offset"]) * normal
+                across = size * weight * density * thickness**3 / 12
+                second += np.einsum("eq,eqa,eqb->ab", across, normal, normal, optimize=True)
+                size *= thickness
             else:
                 size = np.abs(np.linalg.det(np.einsum("qka,ekb->eqab", dN, x)))
             w = density * size * weight
-            place = np.einsum("qk,ekb->eqb", N, x)
+            place = np.einsum("qk,ekb->eqb", N, x) + above
             mass += float(w.sum())
             first += np.einsum("eq,eqb->b", w, place)
             second += np.einsum("eq,eqa,eqb->ab", w, place, place, optimize=True)

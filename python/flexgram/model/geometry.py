@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexgram.basics import BodyError, Floats, Ints, errors_of, index_of
-from flexgram.body.faces import SHELLS, faces_of, outer
+from flexgram.body.faces import CORNERS, faces_of, outer, shells_of
 from flexgram.model.reduced import ReducedBody
 
 
@@ -99,8 +99,9 @@ class Geometry:
         return motion
 
     def surface(self) -> Ints:
-        """Triangles of the outer surface by corner nodes, (T, 3)."""
-        own = outer(faces_of([b for b in self.blocks if b[0] not in SHELLS]))
+        """Triangles of the outer surface, and of shells, by corner nodes, (T, 3)."""
+        own = outer(faces_of([b for b in self.blocks if b[0] not in CORNERS]))
+        own = np.vstack([own, shells_of(self.blocks)])
         square = own[:, 3] != own[:, 0]
         return np.vstack([own[:, :3], own[square][:, [0, 2, 3]]])
 

@@ -1,0 +1,13 @@
+#pragma once
+
+#include "linalg/dense.hpp"
+
+namespace flexgram {
+
+/// Static condensation of an element's last `internal` dofs: T = [I; −K_aa⁻¹ K_au].
+/// @throws Error if they have no stiffness.
+Dense condensation(const Dense& K, int internal);
+/// TᵀAT, symmetric.
+Dense condensed(const Dense& a, const Dense& T);
+
+} // namespace flexgram

@@ -1,0 +1,110 @@
+#include "fem/shell.hpp"
+
+#include "base/error.hpp"
+#include "fem/condensation.hpp"
+#include "fem/shell_kinematics.hpp"
+#include "linalg/decompositions.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace flexgram {
+bool is_shell(ElementType type) {
+  return type == ElementType::tri3 || type == ElementType::quad4;
+}
+
+namespace {
+
+/// A += w Rᵀ S R.
+void add_product(Dense& A, const Dense& R, const Dense& S, double w) {
+  add_to(A, multiply_transposed(R, multiply(S, R)), w);
+}
+
+/// What ties the rotation about the normal to that of the surface: as stiff as the twist of the element
+/// [N/m]. A multiple of G t would lock thin curved shells of coarse elements, or leave thick folded
+/// ones of fine elements too soft.
+double drilling_stiffness(const ShellLaw& law, double size) {
+  return std::min(law.ABD(5, 5) / (size * size), law.ABD(2, 2));
+}
+
+/// Movement of nodes' middle surfaces by the nodes: u + θ × o n.
+Dense offset_transformation(const ShellShape& shape, double offset) {
+  const int nodes = static_cast<int>(shape.normals.size());
+  Dense T = identity(6 * nodes);
+  for (int a = 0; a < nodes; ++a) {
+    const Vector3& n = shape.normals[as_size(a)];
+    const int u = 6 * a, theta = u + 3;
+    for (int c = 0; c < 3; ++c) { // θ × n
+      const int d = (c + 1) % 3, e = (c + 2) % 3;
+      T(u + c, theta + d) += offset * n[as_size(e)];
+      T(u + c, theta + e) -= offset * n[as_size(d)];
+    }
+  }
+  return T;
+}
+
+} // namespace
+
+Dense with_offset(ElementType type, const std::vector<Vector3>& nodes,
+                  const ShellPlace& place,
+                  const std::function<Dense(const ShellShape&)>& matrix) {
+  ShellShape shape(type, nodes);
+  if (place.offset == 0) return matrix(shape);
+  const Dense T = offset_transformation(shape, place.offset);
+  std::vector<Vector3> middle = nodes;
+  for (std::size_t a = 0; a < nodes.size(); ++a)
+    for (std::size_t c = 0; c < 3; ++c)
+      middle[a][c] += place.offset * shape.normals[a][c];
+  shape = ShellShape(type, middle);
+  if (!(shape.least_det > 0))
+    throw Error("the offset of a shell is larger than the radius of its surface");
+  return multiply_transposed(T, multiply(matrix(shape), T));
+}
+
+Dense shell_stiffness(const ShellShape& shape, const std::vector<ShellStrain>& points,
+                      const ShellLaw& law) {
+  Dense K(shape.dofs(), shape.dofs()), tied(1, 1);
+  tied(0, 0) = drilling_stiffness(law, shape.size);
+  for (const ShellStrain& at : points) {
+    add_product(K, at.stretch, law.ABD, at.area);
+    add_product(K, at.shear, law.shear, at.area);
+    add_product(K, at.drilling, tied, at.area);
+  }
+  symmetrise(K);
+  return K;
+}
+
+ElementMatrices shell_matrices(ElementType type, const std::vector<Vector3>& nodes,
+                               const ShellLaw& law, const ShellPlace& place,
+                               bool with_stiffness) {
+  ElementMatrices result;
+  const ShellShape at_nodes(type, nodes);
+  result.min_detJ = at_nodes.least_det;
+  result.shape_ratio = at_nodes.least_det / at_nodes.most_det;
+  result.aspect = at_nodes.size / law.thickness;
+  if (!(at_nodes.least_det > 0)) return result;
+  const int n = 6 * static_cast<int>(nodes.size());
+  result.M = with_offset(type, nodes, place, [&](const ShellShape& shape) {
+    Dense M(n, n);
+    for (const ShellPoint& at : shape.mass_points()) {
+      result.mass += at.area * law.mass;
+      const Dense both = multiply_transposed(at.moved, at.turned);
+      add_to(M, multiply_transposed(at.moved, at.moved), at.area * law.mass);
+      add_to(M, multiply_transposed(at.turned, at.turned), at.area * law.second);
+      add_to(M, both, at.area * law.first);
+      add_to(M, transpose(both), at.area * law.first);
+    }
+    return M;
+  });
+  symmetrise(result.M);
+  if (!with_stiffness) return result;
+  result.K = with_offset(type, nodes, place, [&](const ShellShape& shape) {
+    const Dense K = shell_stiffness(shape, shape.strains(place), law);
+    return condensed(K, condensation(K, shape.dofs() - n));
+  });
+  symmetrise(result.K);
+  return result;
+}
+
+} // namespace flexgram

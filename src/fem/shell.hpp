@@ -1,0 +1,82 @@
+/// Shell elements: MITC4 (Dvorkin and Bathe 1984) and MITC3+ (Lee, Lee and Bathe 2014).
+///
+/// Six dofs a node: u, v, w, θx, θy, θz in global axes. A straight line across the shell stays straight:
+/// a point at height z above the middle surface moves by u + z θ × n, n being the element's own normal
+/// at its nodes, interpolated. Strains are those of the surface's covariant base, so that warped
+/// quadrilaterals strain by no rigid motion; transverse shear is that of the papers' tying points.
+/// Beside the papers: quadrilaterals have the incompatible modes of Taylor, Beresford and Wilson (1976)
+/// in their plane, so that they bend there as well; the rotation about the normal is tied to that of
+/// the surface (Hughes and Brezzi 1989) by a stiffness as small as that of the element's twist.
+
+#pragma once
+
+#include "fem/elements.hpp"
+
+namespace flexgram {
+
+bool is_shell(ElementType type);
+
+/// A layer of a shell.
+struct ShellLayer {
+  std::array<double, 36> stiffness; ///< in the layer's axes, as SolidMaterial's [N/m²]
+  double density = 0;               ///< [kg/m³]
+  double thickness = 0;             ///< [m]
+  double angle = 0; ///< of its first axis from the section's, about the normal [rad]
+};
+
+/// Stress resultants over strains of the middle surface, and its mass, by its area.
+struct ShellLaw {
+  Dense ABD;   ///< 6×6: forces xx, yy, xy, then moments, over strains and curvatures
+  Dense shear; ///< 2×2: forces xz, yz
+  double mass = 0, first = 0,
+         second = 0;    ///< ∫ρ [kg/m²], ∫ρz [kg/m], ∫ρz² [kg]
+  double thickness = 0; ///< [m]
+};
+
+/// Of layers from the bottom to the top, z from the middle. Stress across the shell vanishes; the
+/// stiffness against transverse shear is that of its energy where moments vary (5/6 G t of one layer;
+/// Rohwer 1988).
+/// @throws Error unless thicknesses are positive.
+ShellLaw shell_law(const std::vector<ShellLayer>& layers);
+
+/// Where a shell stands and how it is turned.
+struct ShellPlace {
+  double offset = 0; ///< of the middle surface above the nodes, along the normal [m]
+  /// Direction of the law's first axis, projected onto the surface; where it is normal to that of an
+  /// isotropic law, another is taken.
+  Vector3 axis_1{1, 0, 0};
+  bool isotropic = true;
+};
+
+/// K and consistent M, with rotary inertia, 6 dofs a node. `nodes` run counter-clockwise seen against
+/// the normal.
+/// @throws Error if axis_1 is along the normal of a law that is not isotropic.
+ElementMatrices shell_matrices(ElementType type, const std::vector<Vector3>& nodes,
+                               const ShellLaw& law, const ShellPlace& place,
+                               bool with_stiffness = true);
+
+/// As solid_spin_softening, with the straight lines across the shell that turn.
+/// @throws Error if its middle surface, or its centre of mass, is not at the nodes.
+Dense shell_spin_softening(ElementType type, const std::vector<Vector3>& nodes,
+                           const ShellLaw& law, const ShellPlace& place,
+                           const Vector3& axis);
+
+/// As solid_coriolis.
+Dense shell_coriolis(ElementType type, const std::vector<Vector3>& nodes,
+                     const ShellLaw& law, const ShellPlace& place, const Vector3& axis);
+
+/// What displacements u, six numbers a node, add to the stiffness: by forces in the plane, and by the
+/// slopes of the moved surface, after von Kármán. Moments and shear forces add nothing.
+/// @throws Error if its middle surface is not at the nodes.
+StressStiffness shell_stress_stiffness(ElementType type,
+                                       const std::vector<Vector3>& nodes,
+                                       const ShellLaw& law, const ShellPlace& place,
+                                       const std::vector<double>& u,
+                                       Deformation& deformation);
+
+/// What forces in the plane add, alone.
+Dense shell_geometric_stiffness(ElementType type, const std::vector<Vector3>& nodes,
+                                const ShellLaw& law, const ShellPlace& place,
+                                const std::vector<double>& u);
+
+} // namespace flexgram

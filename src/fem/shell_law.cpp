@@ -1,0 +1,110 @@
+#include "fem/shell.hpp"
+
+#include "base/error.hpp"
+#include "base/text.hpp"
+#include "linalg/decompositions.hpp"
+
+#include <cmath>
+
+namespace flexgram {
+namespace {
+
+/// The law of a layer under plane stress, in the section's axes: xx, yy, xy.
+Dense plane_stress(const ShellLayer& layer) {
+  constexpr int plane[3] = {0, 1, 3};
+  const auto C = [&](int i, int j) { return layer.stiffness[as_size(6 * i + j)]; };
+  Dense Q(3, 3);
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+      Q(i, j) = C(plane[i], plane[j]) - C(plane[i], 2) * C(2, plane[j]) / C(2, 2);
+  const double c = std::cos(layer.angle), s = std::sin(layer.angle);
+  Dense T(3, 3); // strains in the layer's axes
+  T.data = {c * c,     s * s, -2 * c * s, s * s,        c * c,
+            2 * c * s, c * s, -c * s,     c * c - s * s};
+  return multiply_transposed(T, multiply(Q, T));
+}
+
+/// Compliance against transverse shear in the section's axes: xz, yz.
+Dense shear_compliance(const ShellLayer& layer) {
+  const double c = std::cos(layer.angle), s = std::sin(layer.angle);
+  const double of_1 = 1 / layer.stiffness[7 * 5], of_2 = 1 / layer.stiffness[7 * 4];
+  Dense S(2, 2);
+  S(0, 0) = c * c * of_1 + s * s * of_2;
+  S(1, 1) = s * s * of_1 + c * c * of_2;
+  S(0, 1) = S(1, 0) = c * s * (of_1 - of_2);
+  return S;
+}
+
+} // namespace
+
+ShellLaw shell_law(const std::vector<ShellLayer>& layers) {
+  double whole = 0;
+  for (const ShellLayer& layer : layers) {
+    if (!(layer.thickness > 0))
+      throw Error(text("a shell's thickness %g must be positive", layer.thickness));
+    whole += layer.thickness;
+  }
+  ShellLaw law{Dense(6, 6), Dense(2, 2), 0, 0, 0, whole};
+  std::vector<Dense> Q;
+  double stretch[2] = {}, moment[2] = {}; // of each direction: ∫Q_ii and ∫Q_ii z
+  double bottom = -0.5 * whole;
+  for (const ShellLayer& layer : layers) {
+    const double t = layer.thickness, z = bottom + 0.5 * t,
+                 square = t * (z * z + t * t / 12);
+    Q.push_back(plane_stress(layer));
+    for (int i = 0; i < 3; ++i)
+      for (int j = 0; j < 3; ++j) {
+        const double q = Q.back()(i, j);
+        law.ABD(i, j) += t * q;
+        law.ABD(3 + i, 3 + j) += square * q;
+        law.ABD(3 + i, j) += t * z * q;
+        law.ABD(i, 3 + j) += t * z * q;
+      }
+    for (int i = 0; i < 2; ++i) {
+      stretch[i] += t * Q.back()(i, i);
+      moment[i] += t * z * Q.back()(i, i);
+    }
+    law.mass += layer.density * t;
+    law.first += layer.density * t * z;
+    law.second += layer.density * square;
+    bottom += t;
+  }
+  // A moment that varies along i shears by g_i(z) = ∫ Q_ii (z − z_i) from the bottom on, over the
+  // bending stiffness about the neutral height z_i.
+  double neutral[2], bending[2] = {}, g[2] = {};
+  for (int i = 0; i < 2; ++i) neutral[i] = moment[i] / stretch[i];
+  Dense F(2, 2);
+  bottom = -0.5 * whole;
+  for (std::size_t k = 0; k < layers.size(); ++k) {
+    const double t = layers[k].thickness;
+    const Dense S = shear_compliance(layers[k]);
+    const auto beyond = [&](int i, double h) { // of the first h of this layer
+      return Q[k](i, i) * h * (bottom + 0.5 * h - neutral[i]);
+    };
+    constexpr double at[3] = {-0.774596669241483377036, 0, 0.774596669241483377036};
+    constexpr double weight[3] = {5.0 / 18, 8.0 / 18, 5.0 / 18};
+    for (int p = 0; p < 3; ++p) {
+      const double h = 0.5 * t * (1 + at[p]);
+      double here[2];
+      for (int i = 0; i < 2; ++i) {
+        const double z = bottom + h - neutral[i];
+        here[i] = g[i] + beyond(i, h);
+        bending[i] += weight[p] * t * Q[k](i, i) * z * z;
+      }
+      for (int i = 0; i < 2; ++i)
+        for (int j = 0; j < 2; ++j)
+          F(i, j) += weight[p] * t * here[i] * S(i, j) * here[j];
+    }
+    for (int i = 0; i < 2; ++i) g[i] += beyond(i, t);
+    bottom += t;
+  }
+  for (int i = 0; i < 2; ++i)
+    for (int j = 0; j < 2; ++j) F(i, j) /= bending[i] * bending[j];
+  const double det = F(0, 0) * F(1, 1) - F(0, 1) * F(1, 0);
+  law.shear(0, 0) = F(1, 1) / det;
+  law.shear(1, 1) = F(0, 0) / det;
+  law.shear(0, 1) = law.shear(1, 0) = -F(0, 1) / det;
+  return law;
+}
+
+} // namespace flexgram
