@@ -41,8 +41,9 @@ def test_a_plate_in_tension(kind: str, force: float, tmp_path: Path) -> None:
                for s in ("bottom", "top")]  # fmt: skip
     supports["in_plane"] = {"nodes": corners[:1], "components": ["x", "y"]}
     supports["turn"] = {"nodes": corners[1:], "components": ["x"]}
+    middle = {"middle": {"coupling": "node", "nodes": "middle"}}
     plate = Sheet(
-        tmp_path, mesh, {"thickness": t}, interfaces={"middle": {"coupling": "node", "nodes": "middle"}},
+        tmp_path, mesh, {"thickness": t}, interfaces=middle,
         supports=supports, loads={"pull": {"type": "nodal", "table": pull}},
         preload={"pull.load": force},
     )  # fmt: skip

@@ -123,7 +123,8 @@ def outer(faces: Ints) -> Ints:
 def whole_faces(blocks: Sequence[tuple[str, Ints]], nodes: Ints, count: int) -> list[Ints]:
     """Outer faces of solids, and shells, whose corners are all among some nodes, with the nodes
     between their corners: (F, 3), (F, 4), (F, 6) and (F, 8) arrays, those that there are. A shell
-    that covers the face of a solid is left out.
+    that covers the face of a solid is left out; shells are seen from behind, so that pressure
+    pushes along their normals, as in Abaqus, CalculiX and Nastran.
 
     Parameters
     ----------
@@ -156,8 +157,21 @@ def whole_faces(blocks: Sequence[tuple[str, Ints]], nodes: Ints, count: int) -> 
             near = elements[np.all(inside[elements], axis=1)]
             mine = [row for row in near if tuple(sorted(row.tolist())) not in outside]
             if mine:
-                found.setdefault(elements.shape[1], []).append(np.array(mine))
+                found.setdefault(elements.shape[1], []).append(np.array(mine)[:, ::-1])
     return [np.vstack(faces) for faces in found.values()]
+
+
+def opposed(faces: Ints) -> tuple[int, int] | None:
+    """Two nodes of an edge at which two faces of (F, 4) meet whose normals point to different
+    sides; None where there is none."""
+    directed = np.vstack([faces[:, [k, (k + 1) % 4]] for k in range(4)])
+    directed = directed[directed[:, 0] != directed[:, 1]]
+    edges, which, count = np.unique(
+        np.sort(directed, axis=1), axis=0, return_inverse=True, return_counts=True
+    )
+    forward = np.bincount(which.ravel(), directed[:, 0] < directed[:, 1], len(edges))
+    wrong = np.flatnonzero((count == 2) & (forward != 1))
+    return (int(edges[wrong[0], 0]), int(edges[wrong[0], 1])) if len(wrong) else None
 
 
 def volume_of(points: Floats, blocks: Sequence[tuple[str, Ints]]) -> float:

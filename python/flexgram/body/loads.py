@@ -16,7 +16,7 @@ import numpy as np
 
 from flexgram.basics import BodyError, Floats, Ints, check_name, errors_of
 from flexgram.body.face_integrals import areas_at_nodes
-from flexgram.body.faces import whole_faces
+from flexgram.body.faces import opposed, shells_of, whole_faces
 from flexgram.body.meshfile import SOLIDS
 from flexgram.body.reader import Reader
 from flexgram.body.spin import unit_axis
@@ -111,6 +111,19 @@ def _write_temperature(mesh: BodyMesh, group: h5py.Group, entry: Reader) -> str:
     return f"temperature of {len(warm)} nodes"
 
 
+def _expect_one_side(mesh: BodyMesh, nodes: Ints, where: str) -> None:
+    """Refuse a pressure on shells whose normals point to different sides."""
+    inside = np.zeros(len(mesh.points), dtype=bool)
+    inside[nodes] = True
+    edge = opposed(shells_of(mesh.blocks, inside))
+    if edge is not None:
+        raise BodyError(
+            f"{where}: pressure acts along the normals of shells, and those of two shells at "
+            f"nodes {edge[0] + 1} and {edge[1] + 1} point to different sides: turn one of them in "
+            "the mesh (gmsh: Reverse Surface), or give each its own load"
+        )
+
+
 def write_loads(mesh: BodyMesh, reader: Reader) -> dict[str, str]:
     """Write the loads of a description, of which ``reader`` reads the whole; returns for each load
     what it is."""
@@ -161,6 +174,7 @@ def write_loads(mesh: BodyMesh, reader: Reader) -> dict[str, str]:
         vectors, areas = areas_at_nodes(mesh.length * mesh.points, faces)
         used = np.flatnonzero(areas)
         if kind == "pressure":
+            _expect_one_side(mesh, nodes, entry.where)
             write_vectors(group, ["p"], used, -vectors[used][:, None, :])
         else:
             write_vectors(

@@ -396,6 +396,12 @@ class MeshBody:
                 kinds = {
                     self.mesh.cells[b].type for b, c in enumerate(self.cells[str(name)]) if len(c)
                 }
+                if not section and kinds <= set(SHELLS):
+                    raise BodyError(
+                        f"{entry.where}: its elements are faces ({', '.join(sorted(kinds))}): if "
+                        "they are shells, give the region a section of shape shell (import: "
+                        "--thickness); if they bound solids, name the part with these"
+                    )
                 raise BodyError(
                     f"{entry.where}: no elements that flexgram knows; it has "
                     f"{', '.join(sorted(kinds))}, known are {', '.join(SOLIDS)}; with a section "

@@ -151,6 +151,11 @@ def import_options(parser: argparse.ArgumentParser) -> None:
         "E=210e9,nu=0.3,rho=7850 in its units",
     )
     parser.add_argument(
+        "--thickness",
+        type=float,
+        help="of a mesh of shells (triangles, quadrilaterals) with --material, in its units",
+    )
+    parser.add_argument(
         "--merge",
         type=float,
         metavar="TOL",
@@ -231,6 +236,11 @@ def _say_mesh(options: argparse.Namespace, counts: dict[str, Any]) -> None:
             say(f"  {kind[:-1]} {name}: {what}")
     if {"tetra"} & set(counts["kinds"]):
         say("  note: linear tetrahedra are too stiff; second-order ones (tetra10) converge faster")
+    if {"triangle"} & set(counts["kinds"]):
+        say(
+            "  note: triangles of shells are too stiff in their plane, where webs and stiffeners "
+            "bend; quadrilaterals converge faster (gmsh: Mesh.RecombineAll)"
+        )
     if max(counts["extent"]) > 15 and counts["units"] == "SI":
         say("  note: is the mesh in millimetres (units mm-t-s)?")
 
@@ -250,7 +260,8 @@ def _import_description(options: argparse.Namespace, named: list[tuple[str, str]
         ": interfaces, units and damping of a meshed body stand in its YAML file "
         f"{options.source}, not on the command line"
     )
-    _refuse(options, ("material", *OF_FILES, *OF_DECKS, *OF_MESHES, *OF_BODIES), why)
+    own = ("material", "thickness")
+    _refuse(options, (*own, *OF_FILES, *OF_DECKS, *OF_MESHES, *OF_BODIES), why)
     for coupling, _ in named:
         raise BodyError(f"--{coupling}{why}")
     _say_mesh(options, import_body(options.source, options.output))
@@ -276,6 +287,7 @@ def _import_mesh(options: argparse.Namespace, named: list[tuple[str, str]]) -> N
         **_of_body(options),
         **_further(options),
         **_of_mesh(options),
+        thickness=options.thickness,
     )
     _say_mesh(options, counts)
 
@@ -285,7 +297,7 @@ def _import_deck(options: argparse.Namespace, named: list[tuple[str, str]]) -> N
     from flexgram.importers import parse
     from flexgram.importers.assemble import assemble_deck
 
-    _refuse(options, OF_FILES, " is nothing for --assemble")
+    _refuse(options, ("thickness", *OF_FILES), " is nothing for --assemble")
     counts = assemble_deck(
         options.source,
         options.output,

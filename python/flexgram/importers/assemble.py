@@ -2,7 +2,8 @@
 
 For solids whose elements are the same in both programs (C3D4, C3D10, C3D15, C3D20: equal to the
 seven digits that CalculiX prints, ``tests/python/test_elements_ccx.py``) and isotropic materials,
-with point masses, springs and dashpots. Whatever else a deck says of its stiffness or mass is
+with shells (S3, S4, S4R; CalculiX makes solids of them, which bend a little differently), point
+masses, springs and dashpots. Whatever else a deck says of its stiffness or mass is
 refused by name: ccx knows it (``--run-ccx``).
 """
 
@@ -19,6 +20,7 @@ import numpy as np
 from flexgram.basics import BodyError, errors_of
 from flexgram.body.description import import_description
 from flexgram.body.meshfile import LABELS
+from flexgram.body.meshfile import SHELLS as SHELL_KINDS
 from flexgram.importers.ccx import Card, Job, damping_of, frequency_step, read_job
 from flexgram.importers.deck import Deck, read_deck
 from flexgram.importers.deck_loads import in_steps, loads_of
@@ -27,6 +29,7 @@ from flexgram.importers.fe import Interface, check_damping
 from flexgram.importers.mesh import describe_interfaces, further_keys
 
 ELEMENTS = ("C3D4", "C3D10", "C3D15", "C3D20")
+SHELLS = ("S3", "S3R", "S4", "S4R")
 #: Cards of the model that are read here, by ``read_deck`` or ``damping_of``.
 READ = {
     "NODE",
@@ -37,6 +40,7 @@ READ = {
     "ELASTIC",
     "DENSITY",
     "SOLID SECTION",
+    "SHELL SECTION",
     "BOUNDARY",
     "DAMPING",
     "MODAL DAMPING",
@@ -127,22 +131,40 @@ def _refuse_others(job: Job) -> None:
                 f"{job.path}: *{card.keyword} is not followed by --assemble: take --run-ccx"
             )
         kind = card.options.get("TYPE", "").upper()
-        if card.keyword == "ELEMENT" and kind not in ELEMENTS and kind not in TYPES:
+        if card.keyword == "ELEMENT" and kind not in (*ELEMENTS, *SHELLS, *TYPES):
             raise BodyError(
                 f"{job.path}: elements {kind} are others than flexgram's, which has "
-                f"{', '.join((*ELEMENTS, *TYPES))} of CalculiX: take --run-ccx"
+                f"{', '.join((*ELEMENTS, *SHELLS, *TYPES))} of CalculiX: take --run-ccx"
             )
         if card.keyword == "SOLID SECTION" and "ORIENTATION" in card.options:
             raise BodyError(f"{job.path}: *SOLID SECTION with an ORIENTATION: take --run-ccx")
 
 
+#: *BOUNDARY by name, of Abaqus: directions from 1.
+HELD = {
+    "ENCASTRE": (1, 2, 3, 4, 5, 6),
+    "PINNED": (1, 2, 3),
+    "XSYMM": (1, 5, 6),
+    "YSYMM": (2, 4, 6),
+    "ZSYMM": (3, 4, 5),
+    "XASYMM": (2, 3, 4),
+    "YASYMM": (1, 3, 5),
+    "ZASYMM": (1, 2, 6),
+}
+AXES = ("x", "y", "z", "rx", "ry", "rz")
+
+
 def supports_of(job: Job, deck: Deck, step: Sequence[Card]) -> dict[str, list[int]]:
-    """Nodes that are held, from 0, by the directions in which they are."""
+    """Nodes that are held, from 0, by the directions in which they are, which commas join."""
     held: dict[int, set[str]] = {}
+    turning = {
+        node for kind, nodes in deck.elements.values() if kind in SHELL_KINDS for node in nodes
+    }
     for card in (card for card in (*job.model, *step) if card.keyword == "BOUNDARY"):
         for words in card.words():
             try:
-                first = int(words[1])
+                named = HELD.get(words[1].upper())
+                first = named[0] if named else int(words[1])
                 last = int(words[2]) if len(words) > 2 and words[2] else first
                 value = float(words[3]) if len(words) > 3 and words[3] else 0.0
                 labels: Iterable[int] = (
@@ -159,13 +181,14 @@ def supports_of(job: Job, deck: Deck, step: Sequence[Card]) -> dict[str, list[in
                     "--run-ccx takes into account"
                 )
             for label in labels:
-                for direction in range(first, min(last, 3) + 1):
-                    held.setdefault(int(label), set()).add("xyz"[direction - 1])
+                for direction in named or range(first, min(last, 6) + 1):
+                    if direction < 4 or label in turning:
+                        held.setdefault(int(label), set()).add(AXES[direction - 1])
     alike: dict[str, list[int]] = {}
     for label, directions in held.items():
         at = int(np.searchsorted(deck.labels, label))
         if at < len(deck.labels) and deck.labels[at] == label:
-            alike.setdefault("".join(sorted(directions)), []).append(at)
+            alike.setdefault(",".join(sorted(directions, key=AXES.index)), []).append(at)
     return alike
 
 
@@ -234,6 +257,7 @@ def assemble_deck(
         )
     materials = materials_of(job)
     mesh, material_of, overlapping = mesh_of(job, deck, materials)
+    shells = shell_sections(job)
     damping = damping_of(job)
     points = points_of(job, deck)
     remarks = [*deck.remarks, *damping.remarks, *points.remarks]
@@ -246,8 +270,10 @@ def assemble_deck(
         remarks.append(f"loss factors of the deck's materials (*DAMPING, STRUCTURAL): {said}")
     if overlapping:
         remarks.append(
-            f"{overlapping} elements are in several *SOLID SECTIONs: the last one counts, as in ccx"
+            f"{overlapping} elements are in several sections: the last one counts, as in ccx"
         )
+    if any(card.options.get("TYPE", "").upper() in ("S3R", "S4R") for card in job.model):
+        remarks.append("S3R and S4R are taken as S3 and S4, integrated fully")
     described = describe_interfaces(interfaces)
     loads = {name: dict(entry) for name, entry in (loads or {}).items()}
     outputs = {name: dict(entry) for name, entry in (outputs or {}).items()}
@@ -267,7 +293,11 @@ def assemble_deck(
         "name": path.stem,
         "units": units,
         "materials": materials,
-        "regions": {region: {"material": name} for region, name in material_of.items()},
+        "sections": {region: of for region, of in shells.items() if region in material_of},
+        "regions": {
+            region: {"material": name} | ({"section": region} if region in shells else {})
+            for region, name in material_of.items()
+        },
         "interfaces": described,
         "mass_integration": "reduced",
         "masses": points.masses,
@@ -275,7 +305,10 @@ def assemble_deck(
         "loads": loads,
         "outputs": outputs,
         "supports": {
-            f"held_{directions}": {"nodes": [i + 1 for i in nodes], "components": list(directions)}
+            "held_" + directions.replace(",", ""): {
+                "nodes": [i + 1 for i in nodes],
+                "components": directions.split(","),
+            }
             for directions, nodes in supports_of(job, deck, cards).items()
         },
         "damping": {
@@ -287,28 +320,62 @@ def assemble_deck(
     return {**counts, "remarks": remarks}
 
 
+def _sections(job: Job) -> list[tuple[str, Card]]:
+    """*SOLID SECTION and *SHELL SECTION, each with the name of its region."""
+    cards = [c for c in job.model if c.keyword in ("SOLID SECTION", "SHELL SECTION")]
+    return [(f"section{number}", card) for number, card in enumerate(cards, 1)]
+
+
+def shell_sections(job: Job) -> dict[str, dict[str, Any]]:
+    """Entries of ``sections`` of a description, by region."""
+    found: dict[str, dict[str, Any]] = {}
+    for region, card in _sections(job):
+        if card.keyword != "SHELL SECTION":
+            continue
+        where = f"{job.path}: *SHELL SECTION, ELSET={card.options.get('ELSET', '')}"
+        for option in card.options:
+            if option not in ("ELSET", "MATERIAL", "OFFSET", "SECTION INTEGRATION"):
+                raise BodyError(f"{where}: {option} is not followed by --assemble: take --run-ccx")
+        rows = [words for words in card.words() if any(words)]
+        try:
+            thickness = float(rows[0][0])
+            offset = {"SPOS": 0.5, "SNEG": -0.5}.get(
+                given := card.options.get("OFFSET", "0").upper()
+            )
+            offset = float(given) if offset is None else offset
+        except (IndexError, ValueError):
+            raise BodyError(
+                f"{where}: expected a thickness, and an OFFSET in thicknesses"
+            ) from None
+        # Of the nodes above the middle surface.
+        found[region] = {"shape": "shell", "thickness": thickness, "offset": -offset * thickness}
+    return found
+
+
 def mesh_of(
     job: Job, deck: Deck, materials: Mapping[str, Mapping[str, float]]
 ) -> tuple[meshio.Mesh, dict[str, str], int]:
-    """The mesh with a region for each *SOLID SECTION, the material of each region, and how many
-    elements are in several sections, of which the last one counts."""
+    """The mesh with a region for each section, the material of each region, and how many elements
+    are in several sections, of which the last one counts."""
     material_of: dict[str, str] = {}
     region_of: dict[int, str] = {}  # of each element
     given = 0
-    for card in (c for c in job.model if c.keyword == "SOLID SECTION"):
+    for region, card in _sections(job):
         name, material = (card.options.get(key, "").upper() for key in ("ELSET", "MATERIAL"))
+        where = f"{job.path}: *{card.keyword}, ELSET={name}, MATERIAL={material}"
         if name not in deck.elsets or not {"E", "nu", "rho"} <= set(materials.get(material, ())):
-            raise BodyError(
-                f"{job.path}: *SOLID SECTION, ELSET={name}, MATERIAL={material}: needs "
-                "elements, *ELASTIC and *DENSITY"
-            )
-        region = f"section{len(material_of) + 1}"
+            raise BodyError(f"{where}: needs elements, *ELASTIC and *DENSITY")
+        of_shells = card.keyword == "SHELL SECTION"
+        others = [e for e in deck.elsets[name] if (deck.elements[e][0] in SHELL_KINDS) != of_shells]
+        if others:
+            raise BodyError(f"{where}: its element {others[0]} is a {deck.elements[others[0]][0]}")
         material_of[region] = material
         region_of |= dict.fromkeys(deck.elsets[name], region)
         given += len(set(deck.elsets[name]))
     if len(region_of) < len(deck.elements):
         raise BodyError(
-            f"{job.path}: {len(deck.elements) - len(region_of)} elements have no *SOLID SECTION"
+            f"{job.path}: {len(deck.elements) - len(region_of)} elements have no *SOLID SECTION or "
+            "*SHELL SECTION"
         )
     groups: dict[tuple[str, str], list[int]] = {}  # labels by region and kind
     for label, region in region_of.items():

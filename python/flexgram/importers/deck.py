@@ -21,6 +21,8 @@ SOLIDS = {
     "C3D6": ("wedge", 6),
     "C3D4": ("tetra", 4),
 }
+#: Shells, likewise: S4R and S4 alike, and S3R.
+SHELLS = {"S4": ("quad", 4), "S3": ("triangle", 3)}
 
 
 @dataclass
@@ -34,7 +36,7 @@ class Deck:
     #: *RIGID BODY: name of its node set -> reference node and, if named, rotation node
     rigid: dict[str, tuple[int, int | None]] = field(default_factory=dict)
     transformed: bool = False  #: *TRANSFORM: matrices are in local axes
-    #: solids by label: meshio type and node labels; and their sets
+    #: solids and shells by label: meshio type and node labels; and their sets
     elements: dict[int, tuple[str, list[int]]] = field(default_factory=dict)
     elsets: dict[str, list[int]] = field(default_factory=dict)
     remarks: list[str] = field(default_factory=list)
@@ -165,7 +167,8 @@ class _Model:
         if keyword == "ELEMENT":
             name = options.get("TYPE", "").upper()
             self.kind, self.count = next(
-                (value for start, value in SOLIDS.items() if name.startswith(start)), ("", 0)
+                (value for start, value in (SOLIDS | SHELLS).items() if name.startswith(start)),
+                ("", 0),
             )
             self.pending = []
 
@@ -243,7 +246,7 @@ def read_deck(path: Path) -> Deck:
     if not labels:
         raise BodyError(f"{path}: no *NODE: is this a deck?")
     blocks = []
-    for name, _ in SOLIDS.values():
+    for name, _ in (SOLIDS | SHELLS).values():
         nodes = np.array([c for k, c in connectivity.values() if k == name], dtype=np.int64)
         if len(nodes):
             blocks.append((name, nodes))  # VTK's order is the deck's

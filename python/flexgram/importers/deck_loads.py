@@ -10,7 +10,7 @@ stiffness, as ccx does (but for C3D8R and C3D20R). Amplitudes are histories of t
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,8 +19,9 @@ import numpy as np
 from flexgram.basics import BodyError, Floats, Ints
 from flexgram.body.face_integrals import areas_at_nodes
 from flexgram.body.faces import FACES, LINEAR, MIDDLES
+from flexgram.body.meshfile import SHELLS as SHELL_KINDS
 from flexgram.importers.ccx import Card, Job
-from flexgram.importers.deck import SOLIDS, Deck
+from flexgram.importers.deck import SHELLS, SOLIDS, Deck
 from flexgram.importers.fe import FeMatrices
 
 CARDS = ("CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE")
@@ -63,7 +64,8 @@ class _Deck:
 
     def __init__(self, job: Job, deck: Deck) -> None:
         self.job, self.deck = job, deck
-        self.density: dict[int, float] = {}
+        self.density: dict[int, float] = {}  # of shells by area
+        self.offset: set[int] = set()  # shells whose middle is not at their nodes
         self.surfaces: dict[str, list[tuple[str, str]]] = {}
         self.start: dict[int, float] = {}
         of_material: dict[str, float] = {}
@@ -84,10 +86,14 @@ class _Deck:
                     for label in self.nodes(card, row[0]):
                         self.start[label] = self.number(card, row, 1)
         for card in job.model:
-            if card.keyword == "SOLID SECTION":
+            if card.keyword in ("SOLID SECTION", "SHELL SECTION"):
+                of_shells = card.keyword == "SHELL SECTION"
+                thickness = self.number(card, next(card.words(), []), 0) if of_shells else 1.0
                 for label in deck.elsets.get(card.options.get("ELSET", "").upper(), ()):
                     name = card.options.get("MATERIAL", "").upper()
-                    self.density[label] = of_material.get(name, 0.0)
+                    self.density[label] = thickness * of_material.get(name, 0.0)
+                    if card.options.get("OFFSET", "0") not in ("0", "0."):
+                        self.offset.add(label)
 
     def initial(self) -> Floats:
         """Temperatures (N,) of the beginning."""
@@ -135,9 +141,15 @@ class _Deck:
             yield kind, np.searchsorted(self.deck.labels, nodes), np.array(mine)
 
     def pressure(self, labels: list[int], side: int, value: float) -> Floats:
-        """Forces (N, 3) of a pressure on a face of elements, from 1."""
+        """Forces (N, 3) of a pressure on a face of elements, from 1; on shells, side 0, along
+        their normals."""
         forces = np.zeros_like(self.deck.points)
         for kind, nodes, _ in self.by_kind(labels):
+            if (kind in SHELL_KINDS) != (side == 0):
+                raise BodyError(f"{kind} has no face {side or 'P'}")
+            if side == 0:
+                forces += value * areas_at_nodes(self.deck.points, [nodes])[0]
+                continue
             plain = LINEAR.get(kind, kind)
             if not 1 <= side <= len(NUMBERED[plain]):
                 raise BodyError(f"{kind} has no face {side}")
@@ -160,7 +172,13 @@ class _Deck:
                 raise LeftOut("body loads of C3D6 are not integrated here")
             _, weight, N, dN = _flexgram.shape_functions(kind, np.empty((0, 3)))
             x = self.deck.points[nodes]
-            volume = weight * np.linalg.det(np.einsum("qna,enx->eqax", dN, x))
+            J = np.einsum("qna,enx->eqax", dN, x)
+            if kind in SHELL_KINDS:
+                if self.offset & set(mine.tolist()):
+                    raise LeftOut("body loads of shells with an OFFSET are not integrated here")
+                volume = weight * np.linalg.norm(np.cross(J[:, :, 0], J[:, :, 1]), axis=2)
+            else:
+                volume = weight * np.linalg.det(J)
             density = np.array([self.density.get(label, 0.0) for label in mine.tolist()])
             pull = field(np.einsum("qn,enx->eqx", N, x))
             np.add.at(
@@ -193,8 +211,8 @@ def _distributed(deck: _Deck, card: Card, row: list[str], spun: set[int]) -> Flo
         return deck.weight(
             elements, lambda x: value * (x - point - ((x - point) @ axis)[..., None] * axis)
         )
-    if kind[:1] == "P" and kind[1:].isdigit():
-        return deck.pressure(elements, int(kind[1:]), value)
+    if kind == "P" or (kind[:1] == "P" and kind[1:].isdigit()):
+        return deck.pressure(elements, int(kind[1:] or 0), value)
     return None
 
 
@@ -218,10 +236,13 @@ def _forces(deck: _Deck, card: Card, left: list[str], spun: set[int]) -> Floats:
                 left.append(f"{row[1]} on {row[0]} of *DSLOAD")
                 continue
             for where, side in deck.surfaces[row[0].upper()]:
-                if not (side[:1].upper() == "S" and side[1:].isdigit()):
+                on_shells = {"SPOS": -1.0, "SNEG": 1.0}.get(side.upper())
+                if on_shells is None and not (side[:1].upper() == "S" and side[1:].isdigit()):
                     raise deck.wrong(card, row, f"{side} of surface {row[0]} is no face")
                 forces += deck.pressure(
-                    deck.elements(card, where), int(side[1:]), deck.number(card, row, 2)
+                    deck.elements(card, where),
+                    0 if on_shells else int(side[1:]),
+                    deck.number(card, row, 2) * (on_shells or 1.0),
                 )
         else:
             direction = deck.number(card, row, 1)
@@ -274,7 +295,7 @@ def attach_loads(fe: FeMatrices, job: Job, deck: Deck) -> None:
     BodyError
         As ``loads_of``.
     """
-    loads, remarks = loads_of(job, deck)
+    loads, remarks = loads_of(job, deck, known=SOLIDS)  # ccx makes other nodes of shells
     turned = any(card.keyword == "TRANSFORM" for card in job.model)
     held = held_of(job, deck) if loads else set()
     where: dict[tuple[int, int], int] = {}
@@ -309,9 +330,12 @@ def attach_loads(fe: FeMatrices, job: Job, deck: Deck) -> None:
     fe.remarks += remarks
 
 
-def loads_of(job: Job, deck: Deck) -> tuple[list[DeckLoad], list[str]]:
+def loads_of(
+    job: Job, deck: Deck, known: Iterable[str] = (*SOLIDS, *SHELLS)
+) -> tuple[list[DeckLoad], list[str]]:
     """The loads of all steps, and what of them is left out, in words. Forces of each card by
-    themselves; temperatures as they are at the end of a step that has such cards.
+    themselves; temperatures as they are at the end of a step that has such cards. All are left out
+    of a deck with other elements than ``known``, points apart.
 
     Raises
     ------
@@ -324,7 +348,7 @@ def loads_of(job: Job, deck: Deck) -> tuple[list[DeckLoad], list[str]]:
             for card in job.model
             if card.keyword == "ELEMENT"
             for kind in [card.options.get("TYPE", "").upper()]
-            if not kind.startswith((*SOLIDS, *POINTS))
+            if not kind.startswith((*known, *POINTS))
         }
     )
     if others and in_steps(job):

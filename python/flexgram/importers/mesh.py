@@ -97,6 +97,7 @@ def describe_mesh(
     damping: Mapping[str, float | None] | None = None,
     loads: Mapping[str, Any] | None = None,
     outputs: Mapping[str, Any] | None = None,
+    thickness: float | None = None,
 ) -> dict[str, Any]:
     """The description of a mesh of one material, from the words of a command line.
 
@@ -114,6 +115,8 @@ def describe_mesh(
         alpha [1/s], beta [s], eta.
     loads, outputs : mapping, optional
         As in a YAML description.
+    thickness : float, optional
+        The mesh is one of shells of this thickness, in its units.
 
     Raises
     ------
@@ -145,12 +148,15 @@ def describe_mesh(
             )
     described = describe_interfaces(interfaces)
     given = {key: value for key, value in (damping or {}).items() if value is not None}
+    sheet: dict[str, Any] = {} if thickness is None else {"section": "sheet"}
+    sections = {"sheet": {"shape": "shell", "thickness": thickness}} if sheet else {}
     return {
         "name": mesh.stem,
         "mesh": str(mesh.absolute()),
         "units": units,
         "materials": {"material": values},
-        "regions": {"all": {"material": "material"}},
+        "sections": sections,
+        "regions": {"all": {"material": "material"} | sheet},
         "interfaces": described,
         "damping": given,
         "loads": dict(loads or {}),
@@ -174,6 +180,7 @@ def import_mesh(
     keep_repeated: bool = False,
     spin: Mapping[str, Any] | None = None,
     preload: Mapping[str, float] | None = None,
+    thickness: float | None = None,
 ) -> dict[str, Any]:
     """Turn a mesh of one material into a body file, without YAML.
 
@@ -201,6 +208,8 @@ def import_mesh(
         Elements with the same nodes count each, instead of being refused.
     spin, preload : mapping, optional
         As in a YAML description.
+    thickness : float, optional
+        Of a mesh of shells (triangles, quadrilaterals), in units of the mesh.
 
     Returns
     -------
@@ -233,6 +242,7 @@ def import_mesh(
         damping={"alpha": alpha, "beta": beta, "eta": eta},
         loads=loads,
         outputs=outputs,
+        thickness=thickness,
     )
     described |= further_keys(merge, keep_repeated, spin, preload)
     return import_description(described, str(mesh), output)

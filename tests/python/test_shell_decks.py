@@ -1,0 +1,137 @@
+"""Shells of CalculiX decks, assembled here and by ccx, which makes solids of them."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import scipy.sparse.linalg as spl
+from test_importers import ccx_frequencies
+
+from conftest import assembled, run
+from flexgram import BodyError
+from flexgram.importers import parse
+from flexgram.importers.assemble import assemble_deck
+from sheets import flat, sheet
+
+pytestmark = pytest.mark.skipif(shutil.which("ccx") is None, reason="ccx is not installed")
+STEPS = """*STEP
+*FREQUENCY
+6
+*END STEP
+*STEP
+*STATIC
+*DLOAD
+{load}
+*NODE PRINT,NSET=probe
+U
+*END STEP
+"""
+
+
+def roof(u: Any, v: Any) -> Any:
+    angle = 1.4 * (u - 0.5)
+    return 2.5 * np.sin(angle), 5 * v, 2.5 * np.cos(angle)
+
+
+def write(
+    path: Path,
+    shape: Any,
+    count: int,
+    element: str = "S4",
+    section: str = "",
+    load: str = "E,P,1000.",
+    clamp: str = "1,6",
+) -> int:
+    """A deck of a sheet that is clamped at its start; returns the node whose motion is printed."""
+    kind = "triangle" if element.startswith("S3") else "quad"
+    mesh = sheet(kind, (count, count), shape)
+    probe = int(mesh.point_sets["end"][count // 3]) + 1
+    lines = ["*NODE,NSET=ALL"]
+    lines += [f"{n},{x:.10g},{y:.10g},{z:.10g}" for n, (x, y, z) in enumerate(mesh.points, 1)]
+    lines += [f"*ELEMENT,TYPE={element},ELSET=E"]
+    lines += [
+        f"{e}," + ",".join(map(str, nodes + 1)) for e, nodes in enumerate(mesh.cells[0].data, 1)
+    ]
+    lines += ["*NSET,NSET=START", *(f"{n + 1}," for n in mesh.point_sets["start"])]
+    lines += ["*NSET,NSET=PROBE", f"{probe},", "*MATERIAL,NAME=STEEL", "*ELASTIC"]
+    lines += ["200000000000.,0.3", "*DENSITY", "8000."]
+    lines += [f"*SHELL SECTION,ELSET=E,MATERIAL=STEEL{section}", "0.02", "*BOUNDARY"]
+    lines += [f"START,{clamp}", STEPS.format(load=load)]
+    path.write_text("\n".join(lines))
+    return probe
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize(
+    ("shape", "section", "load", "near"),
+    [
+        (flat(1, 0.6), "", "E,P,1000.", 0.008),
+        (flat(1, 0.6), ",OFFSET=0.5", "E,P,-1000.", 0.008),
+        (roof, "", "E,GRAV,9.81,0.,-0.6,-0.8", 0.02),
+        (roof, ",OFFSET=-0.5", "E,P,1000.", 0.02),
+    ],
+    ids=["flat", "flat beside its nodes", "curved", "curved beside its nodes"],
+)
+def test_frequencies_and_statics_near_those_of_ccx(
+    shape: Any, section: str, load: str, near: float, ranks: int, tmp_path: Path
+) -> None:
+    probe = write(tmp_path / "sheet.inp", shape, 24, "S4", section, load)
+    subprocess.run(["ccx", "sheet"], cwd=tmp_path, check=True, capture_output=True)
+    facts = assemble_deck(
+        tmp_path / "sheet.inp",
+        tmp_path / "sheet.h5",
+        [parse("node", f"tip=NODES:{probe}")],
+        deck_loads=True,
+    )
+    assert list(facts["loads"]) == ["step2_dload"]
+    a = assembled(tmp_path / "matrices.h5", tmp_path / "sheet.h5", ranks)
+    K, M = a["K"].tocsc(), a["M"].tocsc()
+    squares = spl.eigsh(K, 6, M, sigma=0, return_eigenvectors=False)
+    hertz = np.sqrt(np.sort(squares)) / (2 * np.pi)
+    np.testing.assert_allclose(hertz, ccx_frequencies(tmp_path / "sheet.dat")[:6], rtol=near)
+    u = spl.spsolve(K, a["B"].T[a["names"].index("step2_dload.load")])
+    at = a["node"] == probe - 1
+    printed = [line for line in (tmp_path / "sheet.dat").read_text().split("\n") if line.split()]
+    theirs = [float(word) for word in printed[-1].split()[1:]]  # in its middle surface
+    assert u[at & (a["component"] == 2)][0] == pytest.approx(theirs[2], rel=near)
+
+
+def test_elements_of_the_same_kind(tmp_path: Path) -> None:
+    """S4R and S3 are ours: those of ccx bend by hourglasses, or hardly. Words of the import."""
+    write(tmp_path / "four.inp", flat(1, 0.6), 16)
+    found = {}
+    for element, clamp in (("S4", "1,6"), ("S4R", "ENCASTRE"), ("S3", "1,6")):
+        write(tmp_path / "sheet.inp", flat(1, 0.6), 16, element, clamp=clamp)
+        said = run(
+            *("import", tmp_path / "sheet.inp", "--assemble", "--node", "tip=NODES:40"),
+            *("-o", tmp_path / "sheet.h5"),
+        ).out
+        assert ("integrated fully" in said) == (element == "S4R")
+        assert ("too stiff in their plane" in said) == (element == "S3")
+        a = assembled(tmp_path / "matrices.h5", tmp_path / "sheet.h5")
+        found[element] = a["K"].tocsc(), a["M"].tocsc()
+    assert abs(found["S4"][0] - found["S4R"][0]).max() == 0
+    three, four = (
+        np.sort(spl.eigsh(K, 4, M, sigma=0, return_eigenvectors=False))
+        for K, M in (found["S3"], found["S4"])
+    )
+    np.testing.assert_allclose(three, four, rtol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("section", "words"),
+    [
+        (",ORIENTATION=O1", "ORIENTATION is not followed by --assemble"),
+        (",COMPOSITE", "COMPOSITE is not followed"),
+        (",OFFSET=half", "an OFFSET in thicknesses"),
+    ],
+)
+def test_sections_that_are_not_followed(section: str, words: str, tmp_path: Path) -> None:
+    write(tmp_path / "sheet.inp", flat(1, 0.6), 2, section=section)
+    with pytest.raises(BodyError, match=words):
+        assemble_deck(tmp_path / "sheet.inp", tmp_path / "s.h5", [parse("node", "tip=NODES:5")])
