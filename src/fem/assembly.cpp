@@ -35,7 +35,14 @@ public:
         facts_(facts) {}
 
   void run(NodeMatrix& matrix) {
-    followers_.for_each([&](const PlacedElement& at) { add(at, matrix); });
+    followers_.for_each([&](const PlacedElement& at) {
+      try {
+        add(at, matrix);
+      } catch (Error& error) {
+        if (!is_discrete(at.block().type)) error.add_context(name(at));
+        throw;
+      }
+    });
     if (inverted_ > 0)
       throw Error(
           first_inverted_ +
@@ -70,10 +77,9 @@ private:
     }
     if (element.aspect > thinnest)
       throw Error(
-          name(at) +
-          text(" is some %.0e times wider than thick, more than the digits of its "
-               "stiffness allow: are all coordinates in one unit? Beams and shells "
-               "are made for thin parts",
+          text("it is some %.0e times wider than thick, more than the digits of its "
+               "stiffness allow: are all coordinates in one unit? Beams and shells are "
+               "made for thin parts",
                element.aspect));
     if (fields_.any())
       fields_.add_element(at.nodes, x, dofs_per_node(block.type), element.M);
@@ -96,13 +102,8 @@ private:
       if (!rigid) add_to(stressed.added, stressed.quadratic);
     }
     if (body_.spin && !body_.spin->turning) {
-      try {
-        parts.push_back(
-            {terms_.laws().size(), gyroscopic(body_, block, x, body_.spin->field)});
-      } catch (Error& error) {
-        error.add_context(name(at));
-        throw;
-      }
+      parts.push_back(
+          {terms_.laws().size(), gyroscopic(body_, block, x, body_.spin->field)});
     }
     if (spinning_) {
       at_one = stressed_by(*spinning_, at, element, T);
