@@ -174,8 +174,10 @@ private:
         file_.exists(ids)
             ? static_cast<long long>(file_.read<std::int64_t>(ids, number, 1).front())
             : static_cast<long long>(number);
-    return text("file %s: element %lld (%s, material %s)", file_.path().c_str(), id,
-                element_name(block.type), block.material.c_str());
+    const bool layered = block.material.empty();
+    return text("file %s: element %lld (%s, %s %s)", file_.path().c_str(), id,
+                element_name(block.type), layered ? "section" : "material",
+                (layered ? block.section : block.material).c_str());
   }
 
   const BodyDescription& body_;

@@ -116,9 +116,9 @@ BeamSection read_section(const Hdf5File& file, const std::string& name) {
 
 ShellSection read_shell(const Hdf5File& file, const std::string& name) {
   const std::string object = "/sections/" + name;
-  ShellSection section{file.number_attribute(object, "thickness"),
-                       file.number_attribute(object, "offset"),
-                       {}};
+  ShellSection section;
+  section.thickness = file.number_attribute(object, "thickness");
+  section.offset = file.number_attribute(object, "offset");
   if (!(section.thickness > 0) || !std::isfinite(section.thickness) ||
       !std::isfinite(section.offset))
     throw Error(text("file %s: section %s: thickness = %g must be positive, and offset = "
@@ -127,6 +127,18 @@ ShellSection read_shell(const Hdf5File& file, const std::string& name) {
                      section.offset));
   if (file.has_attribute(object, "axis_1"))
     section.axis_1 = fixed<double, 3>(file, object, "axis_1");
+  if (!file.has_attribute(object, "layer_materials")) return section;
+  const auto materials = file.texts_attribute(object, "layer_materials");
+  const auto thicknesses = file.numbers_attribute(object, "layer_thicknesses"),
+             angles = file.numbers_attribute(object, "layer_angles");
+  if (materials.empty() || thicknesses.size() != materials.size() ||
+      angles.size() != materials.size())
+    throw Error(
+        text("file %s: section %s: layers need as many materials, thicknesses and "
+             "angles",
+             file.path().c_str(), name.c_str()));
+  for (std::size_t k = 0; k < materials.size(); ++k)
+    section.layers.push_back({materials[k], thicknesses[k], angles[k]});
   return section;
 }
 
@@ -341,7 +353,59 @@ Reaction read_reaction(const Hdf5File& file, const std::string& name,
   return reaction;
 }
 
+/// A block's materials and section are there, and fit it.
+void check_block(const Hdf5File& file, const BodyDescription& body,
+                 const MeshBlock& block) {
+  const std::string place = text("file %s: %s", file.path().c_str(), block.path.c_str());
+  const bool is_beam = block.type == ElementType::beam2, shell = is_shell(block.type);
+  if (is_beam ? !body.sections.count(block.section)
+              : shell && !body.shells.count(block.section))
+    throw Error(text("%s: section %s of %s is not in /sections", place.c_str(),
+                     block.section.c_str(), is_beam ? "a beam" : "a shell"));
+  const std::vector<std::string> materials = materials_of(body, block);
+  for (const std::string& name : materials) {
+    const auto found = body.materials.find(name);
+    if (found == body.materials.end())
+      throw Error(
+          text("%s: material %s is not in /materials", place.c_str(), name.c_str()));
+    const Material& material = found->second;
+    if (is_beam && !material.isotropic)
+      throw Error(text("%s: beams need an isotropic material", place.c_str()));
+    if (materials.size() > 1 && !material.terms.empty())
+      throw Error(
+          text("%s: material %s of a layer: layers of several materials take loss "
+               "factors, no material that relaxes, is a table or is known between "
+               "two numbers: mesh such layers with solids",
+               place.c_str(), name.c_str()));
+    // Their stiffness is no sum of parts by shear and bulk modulus.
+    const bool mixes = is_beam || shell || block.type == ElementType::hex8;
+    for (const MaterialTerm& term : material.terms)
+      if (mixes && term.part != MaterialTerm::Part::whole)
+        throw Error(text(
+            "%s: a material whose shear and bulk moduli relax differently needs "
+            "tetrahedra, hexahedra of 20 nodes or wedges, not %s: give all moduli the "
+            "same relaxation, or mesh anew",
+            place.c_str(), element_name(block.type)));
+  }
+}
+
 } // namespace
+
+std::vector<SectionLayer> layers_of(const BodyDescription& body, const MeshBlock& block) {
+  const ShellSection& section = body.shells.at(block.section);
+  if (!section.layers.empty()) return section.layers;
+  return {{block.material, section.thickness, 0}};
+}
+
+std::vector<std::string> materials_of(const BodyDescription& body,
+                                      const MeshBlock& block) {
+  if (!is_shell(block.type)) return {block.material};
+  std::vector<std::string> names;
+  for (const SectionLayer& layer : layers_of(body, block))
+    if (std::find(names.begin(), names.end(), layer.material) == names.end())
+      names.push_back(layer.material);
+  return names;
+}
 
 BodyDescription read_description(const Hdf5File& file) {
   BodyDescription body;
@@ -368,34 +432,7 @@ BodyDescription read_description(const Hdf5File& file) {
       body.blocks.push_back(read_block(file, "/mesh/blocks/" + name));
     if (body.blocks.empty())
       throw Error(text("file %s: /mesh/blocks holds no elements", file.path().c_str()));
-    for (const auto& block : body.blocks) {
-      const auto material = body.materials.find(block.material);
-      if (material == body.materials.end())
-        throw Error(text("file %s: %s: material %s is not in /materials",
-                         file.path().c_str(), block.path.c_str(),
-                         block.material.c_str()));
-      const bool is_beam = block.type == ElementType::beam2;
-      if (is_beam || is_shell(block.type)) {
-        if (is_beam ? !body.sections.count(block.section)
-                    : !body.shells.count(block.section))
-          throw Error(text("file %s: %s: section %s of %s is not in /sections",
-                           file.path().c_str(), block.path.c_str(), block.section.c_str(),
-                           is_beam ? "a beam" : "a shell"));
-        if (is_beam && !material->second.isotropic)
-          throw Error(text("file %s: %s: beams need an isotropic material",
-                           file.path().c_str(), block.path.c_str()));
-      }
-      // Their stiffness is no sum of parts by shear and bulk modulus.
-      const bool mixes =
-          is_beam || is_shell(block.type) || block.type == ElementType::hex8;
-      for (const MaterialTerm& term : material->second.terms)
-        if (mixes && term.part != MaterialTerm::Part::whole)
-          throw Error(
-              text("file %s: %s: a material whose shear and bulk moduli relax "
-                   "differently needs tetrahedra, hexahedra of 20 nodes or wedges, "
-                   "not %s: give all moduli the same relaxation, or mesh anew",
-                   file.path().c_str(), block.path.c_str(), element_name(block.type)));
-    }
+    for (const auto& block : body.blocks) check_block(file, body, block);
     for (const auto& name : ordered_children(file, "/interfaces"))
       body.interfaces.push_back(read_interface(file, name, body.points));
     if (body.interfaces.empty())

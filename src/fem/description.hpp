@@ -92,8 +92,17 @@ struct MaterialTerm {
   Law law; ///< beside the stiffness that K holds
 };
 
-/// A shell's section; its material is that of its elements.
+/// A layer of a shell's section.
+struct SectionLayer {
+  std::string material;
+  double thickness = 0; ///< [m]
+  double angle = 0;     ///< of the material's first axis from the section's [rad]
+};
+
+/// A shell's section.
 struct ShellSection {
+  std::vector<SectionLayer>
+      layers;           ///< bottom to top; none: one of its elements' material
   double thickness = 0; ///< [m]
   double offset = 0;    ///< of the middle surface above the nodes, along the normal [m]
   std::optional<Vector3>
@@ -144,5 +153,11 @@ struct BodyDescription {
 
 /// @throws Error naming file and object on all ranks. Collective on file.comm().
 BodyDescription read_description(const Hdf5File& file);
+
+/// The layers of a block of shells, bottom to top.
+std::vector<SectionLayer> layers_of(const BodyDescription& body, const MeshBlock& block);
+/// What the elements of a block are made of, each material once.
+std::vector<std::string> materials_of(const BodyDescription& body,
+                                      const MeshBlock& block);
 
 } // namespace flexgram

@@ -12,16 +12,26 @@ int dofs_of(const MeshBlock& block) {
 }
 
 struct Shell {
+  std::vector<ShellLayer> layers;
   ShellLaw law;
   ShellPlace place;
 };
 
 Shell shell_of(const BodyDescription& body, const MeshBlock& block) {
-  const Material& material = body.materials.at(block.material);
   const ShellSection& section = body.shells.at(block.section);
-  return {shell_law({{material.in_own_axes.stiffness, material.solid.density,
-                      section.thickness, 0}}),
-          {section.offset, section.axis_1.value_or(material.axis_1), material.isotropic}};
+  Shell shell;
+  const std::vector<SectionLayer> layers = layers_of(body, block);
+  for (const SectionLayer& layer : layers) {
+    const Material& material = body.materials.at(layer.material);
+    shell.layers.push_back({material.in_own_axes.stiffness, material.solid.density,
+                            layer.thickness, layer.angle});
+    shell.place.isotropic = shell.place.isotropic && material.isotropic;
+  }
+  shell.law = shell_law(shell.layers);
+  shell.place.offset = section.offset;
+  shell.place.axis_1 =
+      section.axis_1.value_or(body.materials.at(layers.front().material).axis_1);
+  return shell;
 }
 
 } // namespace
@@ -50,6 +60,16 @@ ElementMatrices element_matrices(const BodyDescription& body, const MeshBlock& b
              ? beam_matrices(x[0], x[1], material.beam, body.sections.at(block.section))
              : solid_matrices(block.type, x, material.solid, body.mass_rule,
                               with_stiffness);
+}
+
+Dense stiffness_of_material(const BodyDescription& body, const MeshBlock& block,
+                            const std::vector<Vector3>& x, const std::string& material) {
+  const Shell shell = shell_of(body, block);
+  std::vector<bool> counts;
+  for (const SectionLayer& layer : layers_of(body, block))
+    counts.push_back(layer.material == material);
+  return shell_part_stiffness(block.type, x, shell.law, part_of_law(shell.layers, counts),
+                              shell.place);
 }
 
 Dense spin_softening(const BodyDescription& body, const MeshBlock& block,

@@ -11,6 +11,9 @@ namespace flexgram {
 ElementMatrices element_matrices(const BodyDescription& body, const MeshBlock& block,
                                  const std::vector<Vector3>& x,
                                  bool with_stiffness = true);
+/// What a material of a shell's layers gives of its K.
+Dense stiffness_of_material(const BodyDescription& body, const MeshBlock& block,
+                            const std::vector<Vector3>& x, const std::string& material);
 /// By what a spin about `axis` softens it, for Ω² = 1.
 Dense spin_softening(const BodyDescription& body, const MeshBlock& block,
                      const std::vector<Vector3>& x, const ElementMatrices& element,

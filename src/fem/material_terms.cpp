@@ -4,6 +4,7 @@
 #include "base/index.hpp"
 #include "base/text.hpp"
 #include "fem/discrete.hpp"
+#include "fem/element_of.hpp"
 
 #include <set>
 
@@ -28,12 +29,12 @@ SolidMaterial part_of(const SolidMaterial& material, MaterialTerm::Part part) {
 
 } // namespace
 
-MaterialTerms::MaterialTerms(const BodyDescription& body) {
+MaterialTerms::MaterialTerms(const BodyDescription& body) : body_(body) {
   std::set<std::string> used;
   std::set<double> losses;
   for (const MeshBlock& block : body.blocks)
-    if (used.insert(block.material).second)
-      losses.insert(body.materials.at(block.material).loss);
+    for (const std::string& name : materials_of(body, block))
+      if (used.insert(name).second) losses.insert(body.materials.at(name).loss);
   bool damps = false;
   for (const auto& [name, spring] : body.springs) {
     if (frobenius_norm(spring.stiffness) > 0) losses.insert(spring.loss);
@@ -75,6 +76,14 @@ std::vector<ElementPart> MaterialTerms::of_element(const MeshBlock& block,
                                                    const Dense& K) const {
   std::vector<ElementPart> parts;
   if (block.type == ElementType::mass1) return parts;
+  if (block.material.empty()) { // layers
+    for (const std::string& name : materials_of(body_, block))
+      for (const Share& share : of_material_.at(name)) {
+        parts.push_back({share.number, stiffness_of_material(body_, block, x, name)});
+        for (double& value : parts.back().matrix.data) value *= share.weight;
+      }
+    return parts;
+  }
   for (const Share& share :
        (is_spring(block.type) ? of_spring_ : of_material_).at(block.material)) {
     if (share.dashpot.rows > 0) {

@@ -27,6 +27,7 @@ private:
     SolidMaterial material;
     Dense dashpot = {}; ///< of a spring, 6×6
   };
+  const BodyDescription& body_;
   std::vector<Law> laws_;
   double common_loss_ = 0;
   std::map<std::string, std::vector<Share>> of_material_, of_spring_;

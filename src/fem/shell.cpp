@@ -21,11 +21,33 @@ void add_product(Dense& A, const Dense& R, const Dense& S, double w) {
   add_to(A, multiply_transposed(R, multiply(S, R)), w);
 }
 
+/// The mean shear stiffness over all directions in the plane, of forces (k = 0) or moments (k = 3): the
+/// same in turned axes (Tsai and Hahn 1980).
+double mean_shear(const Dense& ABD, int k) {
+  return (ABD(k, k) + ABD(k + 1, k + 1) - 2 * ABD(k, k + 1) + 4 * ABD(k + 2, k + 2)) / 8;
+}
+
 /// What ties the rotation about the normal to that of the surface: as stiff as the twist of the element
 /// [N/m]. A multiple of G t would lock thin curved shells of coarse elements, or leave thick folded
 /// ones of fine elements too soft.
-double drilling_stiffness(const ShellLaw& law, double size) {
-  return std::min(law.ABD(5, 5) / (size * size), law.ABD(2, 2));
+double drilling_stiffness(const ShellLaw& law, const ShellLaw& part, double size) {
+  const double by_twist = 1 / (size * size);
+  const bool is_thick = mean_shear(law.ABD, 3) * by_twist > mean_shear(law.ABD, 0);
+  return is_thick ? mean_shear(part.ABD, 0) : mean_shear(part.ABD, 3) * by_twist;
+}
+
+/// K over all dofs by a part of the law.
+Dense part_over_all_dofs(const ShellShape& shape, const std::vector<ShellStrain>& points,
+                         const ShellLaw& law, const ShellLaw& part) {
+  Dense K(shape.dofs(), shape.dofs()), tied(1, 1);
+  tied(0, 0) = drilling_stiffness(law, part, shape.size);
+  for (const ShellStrain& at : points) {
+    add_product(K, at.stretch, part.ABD, at.area);
+    add_product(K, at.shear, part.shear, at.area);
+    add_product(K, at.drilling, tied, at.area);
+  }
+  symmetrise(K);
+  return K;
 }
 
 /// Movement of nodes' middle surfaces by the nodes: u + θ × o n.
@@ -64,13 +86,19 @@ Dense with_offset(ElementType type, const std::vector<Vector3>& nodes,
 
 Dense shell_stiffness(const ShellShape& shape, const std::vector<ShellStrain>& points,
                       const ShellLaw& law) {
-  Dense K(shape.dofs(), shape.dofs()), tied(1, 1);
-  tied(0, 0) = drilling_stiffness(law, shape.size);
-  for (const ShellStrain& at : points) {
-    add_product(K, at.stretch, law.ABD, at.area);
-    add_product(K, at.shear, law.shear, at.area);
-    add_product(K, at.drilling, tied, at.area);
-  }
+  return part_over_all_dofs(shape, points, law, law);
+}
+
+Dense shell_part_stiffness(ElementType type, const std::vector<Vector3>& nodes,
+                           const ShellLaw& law, const ShellLaw& part,
+                           const ShellPlace& place) {
+  Dense K = with_offset(type, nodes, place, [&](const ShellShape& shape) {
+    const std::vector<ShellStrain> points = shape.strains(place);
+    const Dense whole = shell_stiffness(shape, points, law);
+    return condensed(
+        part_over_all_dofs(shape, points, law, part),
+        condensation(whole, shape.dofs() - 6 * static_cast<int>(nodes.size())));
+  });
   symmetrise(K);
   return K;
 }

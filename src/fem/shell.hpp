@@ -26,8 +26,8 @@ struct ShellLayer {
 
 /// Stress resultants over strains of the middle surface, and its mass, by its area.
 struct ShellLaw {
-  Dense ABD;   ///< 6×6: forces xx, yy, xy, then moments, over strains and curvatures
-  Dense shear; ///< 2×2: forces xz, yz
+  Dense ABD{6, 6};   ///< forces xx, yy, xy, then moments, over strains and curvatures
+  Dense shear{2, 2}; ///< forces xz, yz
   double mass = 0, first = 0,
          second = 0;    ///< ∫ρ [kg/m²], ∫ρz [kg/m], ∫ρz² [kg]
   double thickness = 0; ///< [m]
@@ -38,6 +38,12 @@ struct ShellLaw {
 /// Rohwer 1988).
 /// @throws Error unless thicknesses are positive.
 ShellLaw shell_law(const std::vector<ShellLayer>& layers);
+
+/// What some of the layers give of that law; all of them together give the whole. Against transverse
+/// shear each has the share of the energy that is in it.
+/// @param counts  for each layer whether it is one of them.
+ShellLaw part_of_law(const std::vector<ShellLayer>& layers,
+                     const std::vector<bool>& counts);
 
 /// Where a shell stands and how it is turned.
 struct ShellPlace {
@@ -54,6 +60,12 @@ struct ShellPlace {
 ElementMatrices shell_matrices(ElementType type, const std::vector<Vector3>& nodes,
                                const ShellLaw& law, const ShellPlace& place,
                                bool with_stiffness = true);
+
+/// What some layers give of K: with internal dofs as those of the whole law have them.
+/// @param part  of `law`.
+Dense shell_part_stiffness(ElementType type, const std::vector<Vector3>& nodes,
+                           const ShellLaw& law, const ShellLaw& part,
+                           const ShellPlace& place);
 
 /// As solid_spin_softening, with the straight lines across the shell that turn.
 /// @throws Error if its middle surface, or its centre of mass, is not at the nodes.

@@ -2,7 +2,6 @@
 
 #include "base/error.hpp"
 #include "base/text.hpp"
-#include "linalg/decompositions.hpp"
 
 #include <cmath>
 
@@ -35,16 +34,16 @@ Dense shear_compliance(const ShellLayer& layer) {
   return S;
 }
 
-} // namespace
-
-ShellLaw shell_law(const std::vector<ShellLayer>& layers) {
+/// The layers' laws, each by itself but for transverse shear, where it is the compliance: the energy
+/// of a force of 1, half.
+std::vector<ShellLaw> laws_of(const std::vector<ShellLayer>& layers) {
   double whole = 0;
   for (const ShellLayer& layer : layers) {
     if (!(layer.thickness > 0))
       throw Error(text("a shell's thickness %g must be positive", layer.thickness));
     whole += layer.thickness;
   }
-  ShellLaw law{Dense(6, 6), Dense(2, 2), 0, 0, 0, whole};
+  std::vector<ShellLaw> laws;
   std::vector<Dense> Q;
   double stretch[2] = {}, moment[2] = {}; // of each direction: ∫Q_ii and ∫Q_ii z
   double bottom = -0.5 * whole;
@@ -52,28 +51,28 @@ ShellLaw shell_law(const std::vector<ShellLayer>& layers) {
     const double t = layer.thickness, z = bottom + 0.5 * t,
                  square = t * (z * z + t * t / 12);
     Q.push_back(plane_stress(layer));
+    ShellLaw& law = laws.emplace_back();
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j) {
         const double q = Q.back()(i, j);
-        law.ABD(i, j) += t * q;
-        law.ABD(3 + i, 3 + j) += square * q;
-        law.ABD(3 + i, j) += t * z * q;
-        law.ABD(i, 3 + j) += t * z * q;
+        law.ABD(i, j) = t * q;
+        law.ABD(3 + i, 3 + j) = square * q;
+        law.ABD(3 + i, j) = law.ABD(i, 3 + j) = t * z * q;
       }
     for (int i = 0; i < 2; ++i) {
       stretch[i] += t * Q.back()(i, i);
       moment[i] += t * z * Q.back()(i, i);
     }
-    law.mass += layer.density * t;
-    law.first += layer.density * t * z;
-    law.second += layer.density * square;
+    law.mass = layer.density * t;
+    law.first = layer.density * t * z;
+    law.second = layer.density * square;
+    law.thickness = whole;
     bottom += t;
   }
   // A moment that varies along i shears by g_i(z) = ∫ Q_ii (z − z_i) from the bottom on, over the
   // bending stiffness about the neutral height z_i.
   double neutral[2], bending[2] = {}, g[2] = {};
   for (int i = 0; i < 2; ++i) neutral[i] = moment[i] / stretch[i];
-  Dense F(2, 2);
   bottom = -0.5 * whole;
   for (std::size_t k = 0; k < layers.size(); ++k) {
     const double t = layers[k].thickness;
@@ -93,18 +92,50 @@ ShellLaw shell_law(const std::vector<ShellLayer>& layers) {
       }
       for (int i = 0; i < 2; ++i)
         for (int j = 0; j < 2; ++j)
-          F(i, j) += weight[p] * t * here[i] * S(i, j) * here[j];
+          laws[k].shear(i, j) += weight[p] * t * here[i] * S(i, j) * here[j];
     }
     for (int i = 0; i < 2; ++i) g[i] += beyond(i, t);
     bottom += t;
   }
-  for (int i = 0; i < 2; ++i)
-    for (int j = 0; j < 2; ++j) F(i, j) /= bending[i] * bending[j];
+  for (ShellLaw& law : laws)
+    for (int i = 0; i < 2; ++i)
+      for (int j = 0; j < 2; ++j) law.shear(i, j) /= bending[i] * bending[j];
+  return laws;
+}
+
+Dense inverse_of_two(const Dense& F) {
   const double det = F(0, 0) * F(1, 1) - F(0, 1) * F(1, 0);
-  law.shear(0, 0) = F(1, 1) / det;
-  law.shear(1, 1) = F(0, 0) / det;
-  law.shear(0, 1) = law.shear(1, 0) = -F(0, 1) / det;
-  return law;
+  Dense result(2, 2);
+  result(0, 0) = F(1, 1) / det;
+  result(1, 1) = F(0, 0) / det;
+  result(0, 1) = result(1, 0) = -F(0, 1) / det;
+  return result;
+}
+
+} // namespace
+
+ShellLaw part_of_law(const std::vector<ShellLayer>& layers,
+                     const std::vector<bool>& counts) {
+  const std::vector<ShellLaw> laws = laws_of(layers);
+  ShellLaw part;
+  Dense compliance(2, 2), own(2, 2);
+  for (std::size_t k = 0; k < laws.size(); ++k) {
+    add_to(compliance, laws[k].shear);
+    if (!counts[k]) continue;
+    add_to(own, laws[k].shear);
+    add_to(part.ABD, laws[k].ABD);
+    part.mass += laws[k].mass;
+    part.first += laws[k].first;
+    part.second += laws[k].second;
+    part.thickness = laws[k].thickness;
+  }
+  const Dense shear = inverse_of_two(compliance);
+  part.shear = multiply(shear, multiply(own, shear));
+  return part;
+}
+
+ShellLaw shell_law(const std::vector<ShellLayer>& layers) {
+  return part_of_law(layers, std::vector<bool>(layers.size(), true));
 }
 
 } // namespace flexgram

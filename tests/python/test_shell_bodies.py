@@ -34,8 +34,8 @@ def angle(kind: str, count: int = 6) -> meshio.Mesh:
 @pytest.mark.parametrize("ranks", [1, 2])
 @pytest.mark.parametrize("kind", KINDS)
 def test_claims_hold(kind: str, ranks: int, tmp_path: Path) -> None:
-    """A bracket of two materials with losses, thicknesses and an offset of their own, under pressure
-    on one of its plates and gravity; at frequencies that it was not given."""
+    """A bracket of two materials with losses, thicknesses and an offset of their own, pressure
+    on one of its plates and gravity, at frequencies that it was not given."""
     mesh = angle(kind)
     upright = mesh.points[mesh.cells[0].data].mean(axis=1)[:, 2] > 1e-9
     mesh.cell_sets = {"flat": [np.flatnonzero(~upright)], "upright": [np.flatnonzero(upright)]}
@@ -178,7 +178,7 @@ def wrong(change: Any, tmp_path: Path, mesh: Any = None) -> None:
     ("change", "words"),
     [
         ({"regions": {"all": {"material": "steel"}}}, "give the region a section of shape shell"),
-        ({"sections": {"sheet": {"shape": "shell"}}}, "thickness is missing"),
+        ({"sections": {"sheet": {"shape": "shell"}}}, "needs a thickness, or layers"),
         ({"sections": {"sheet": {"shape": "shell", "thickness": 0}}}, "must be positive"),
         ({"sections": {"sheet": {"shape": "shell", "thickness": 1, "width": 2}}}, "unknown key"),
         (
@@ -186,6 +186,25 @@ def wrong(change: Any, tmp_path: Path, mesh: Any = None) -> None:
             "has no direction",
         ),
         ({"sections": {"sheet": {"shape": "circle", "radius": 1}}}, "known are tetra"),
+        (
+            {"sections": {"sheet": {"shape": "shell", "layers": []}}},
+            "layers must be a list, from the bottom",
+        ),
+        (
+            {"sections": {"sheet": {"shape": "shell", "layers": [{"material": "wood"}]}}},
+            "layer 1: material = 'wood' must be one of steel",
+        ),
+        (
+            {
+                "sections": {
+                    "sheet": {
+                        "shape": "shell",
+                        "layers": [{"material": "steel", "thickness": 0.001}],
+                    }
+                }
+            },
+            "the layers of section sheet have materials",
+        ),
         ({"outputs": {"s": {"type": "stress", "nodes": "end"}}}, "no solids that deform"),
         ({"loads": {"heat": {"type": "temperature", "nodes": "end"}}}, "take no temperature"),
     ],
@@ -225,6 +244,14 @@ def test_errors_of_the_program(tmp_path: Path) -> None:
 
     assert "axis_1 of a shell's section is along its normal" in said(
         {"thickness": 0.01, "axis_1": [0, 0, 1]}, wood
+    )
+    relaxes = {**STEEL, "viscoelastic": {"prony": [[0.3, 0.01]]}}
+    layers = [{"material": name, "thickness": 0.001} for name in ("steel", "rubber")]
+    assert "material rubber of a layer: layers of several materials take loss factors" in said(
+        {},
+        materials={"steel": STEEL, "rubber": relaxes},
+        sections={"sheet": {"shape": "shell", "layers": layers}},
+        regions={"all": {"section": "sheet"}},
     )
     spin = {"spin": {"axis": [0, 0, 1], "to": 5.0}}
     held = {"supports": {"hub": {"nodes": "start", "components": ["x", "y", "z", "rx", "ry"]}}}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import h5py
 import meshio
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ import scipy.linalg as sl
 import scipy.sparse.linalg as spl
 from scipy.spatial.transform import Rotation
 
-from conftest import assembled
+from conftest import assembled, read_sparse
 from flexgram.body.description import import_description
 from flexgram.body.whole import mass_facts
 from sheets import flat, sheet
@@ -150,8 +151,6 @@ def test_rigid_motions_and_numbering(kind: str, tmp_path: Path) -> None:
     assert abs(K @ R).max() < 1e-10 * abs(K).max() * abs(R).max()
     assert values[6] > 1e-7 * values[-1] and abs(values[5]) < 1e-12 * values[-1]
     if kind == "triangle":  # of quads the offset surface is another, by their warping
-        import h5py
-
         with h5py.File(tmp_path / "sheet.h5") as file:
             facts = mass_facts(file)
         inertia = facts.inertia + facts.mass * (
@@ -281,3 +280,120 @@ def test_fibres(turned: bool, tmp_path: Path) -> None:
     held = [plate.rows(s, ["x", "y", "z", "rx"]) for s in ("start", "end")]
     held += [plate.rows(s, ["x", "y", "z", "ry"]) for s in ("bottom", "top")]
     np.testing.assert_allclose(plate.hertz(4, *held), exact, rtol=0.01)
+
+
+def laminate(layers: list[Any], folder: Path, mesh: meshio.Mesh, **more: Any) -> Sheet:
+    """A sheet of layers (material, thickness, angle) of ``PLY`` and ``FOAM``."""
+    entries = [
+        dict(zip(("material", "thickness", "angle"), layer, strict=True)) for layer in layers
+    ]
+    return Sheet(
+        folder,
+        mesh,
+        {},
+        materials={"ply": PLY, "foam": FOAM},
+        sections={"sheet": {"shape": "shell", "layers": entries}},
+        regions={"all": {"section": "sheet"}},
+        **more,
+    )
+
+
+PLY = {"E1": 140e9, "E2": 10e9, "E3": 10e9, "nu12": 0.3, "nu13": 0.3, "nu23": 0.4,
+       "G12": 5e9, "G13": 5e9, "G23": 3.5e9, "rho": 1600.0}  # fmt: skip
+FOAM = {"E": 1e8, "nu": 0.3, "rho": 100.0}
+
+
+def test_layers(tmp_path: Path) -> None:
+    """One layer cut in four is one layer; turned plies are those of a turned section; an unbalanced
+    pair of plies (Tsai and Hahn 1980) twists when it is stretched."""
+    mesh = sheet("quad", (5, 4), flat(0.5, 0.4), 0.2)
+    whole = Sheet(tmp_path, mesh, {"thickness": 0.008}, PLY)
+    cut = laminate([("ply", t, 0) for t in (0.001, 0.004, 0.001, 0.002)], tmp_path, mesh)
+    assert abs(whole.K - cut.K).max() < 1e-12 * abs(whole.K).max()
+    assert abs(whole.M - cut.M).max() < 1e-12 * abs(whole.M).max()
+    axis = [np.cos(np.radians(30)), np.sin(np.radians(30)), 0.0]
+    turned = Sheet(tmp_path, mesh, {"thickness": 0.008, "axis_1": axis}, PLY)
+    angled = laminate([("ply", 0.008, 30)], tmp_path, mesh)
+    assert abs(turned.K - angled.K).max() < 1e-12 * abs(turned.K).max()
+    pair = laminate([("ply", 0.004, 30), ("ply", 0.004, -30)], tmp_path, mesh)
+    # A pull of 1 N/m along x at a free plate: strains and curvatures by ABD's inverse.
+    c, s, t = np.cos(np.radians(30)), np.sin(np.radians(30)), 0.004
+    Q0 = np.linalg.inv([[1 / 140e9, -0.3 / 140e9, 0], [-0.3 / 140e9, 1 / 10e9, 0], [0, 0, 1 / 5e9]])
+    ABD = np.zeros((6, 6))
+    for sign, z in ((1, -t / 2), (-1, t / 2)):
+        d = sign * s
+        T = np.array(
+            [[c * c, d * d, c * d], [d * d, c * c, -c * d], [-2 * c * d, 2 * c * d, c * c - d * d]]
+        )
+        Q = T.T @ Q0 @ T
+        ABD += np.block([[t * Q, t * z * Q], [t * z * Q, (t * z * z + t**3 / 12) * Q]])
+    strain = np.linalg.solve(ABD, [1, 0, 0, 0, 0, 0])
+    assert abs(strain[5]) > 1e-10 and abs(strain[3]) < 1e-9 * abs(strain[5])  # it twists
+    x, y = pair.position[:, 0], pair.position[:, 1]
+    ex, ey, g, kx, ky, kxy = strain
+    motion = np.column_stack([
+        ex * x + g / 2 * y, ey * y + g / 2 * x, -(kx * x**2 + ky * y**2 + kxy * x * y) / 2,
+        -(2 * ky * y + kxy * x) / 2, (2 * kx * x + kxy * y) / 2, 0 * x,
+    ])  # fmt: skip
+    u = motion[np.arange(len(x)), pair.component]
+    ends = np.zeros(len(x))
+    share = 0.4 * np.array([0.5, 1, 1, 1, 0.5]) / 4
+    ends[pair.rows("end", ["x"])], ends[pair.rows("start", ["x"])] = share, -share
+    np.testing.assert_allclose(pair.K @ u, ends, atol=1e-9)
+
+
+def test_a_sandwich(tmp_path: Path) -> None:
+    """Faces on foam: a simply supported beam-like strip that shears in its core, by Timoshenko."""
+    length, width, face, core = 1.0, 0.1, 0.001, 0.02
+    mesh = sheet("quad", (60, 2), flat(length, width))
+    steel = {"E": 200e9, "nu": 0.0, "rho": 8000.0}
+    a = Sheet(
+        tmp_path, mesh, {},
+        materials={"steel": steel, "foam": {**FOAM, "nu": 0.0}},
+        sections={"sheet": {"shape": "shell", "layers": [
+            {"material": "steel", "thickness": face}, {"material": "foam", "thickness": core},
+            {"material": "steel", "thickness": face}]}},
+        regions={"all": {"section": "sheet"}},
+    )  # fmt: skip
+    D = 2 * 200e9 * (face * ((core + face) / 2) ** 2 + face**3 / 12) + 1e8 * core**3 / 12
+    shear = 0.5e8 * (core + face) ** 2 / core  # of thin faces (Allen 1969)
+    m = 2 * face * 8000 + core * 100
+    k = np.pi * np.arange(1, 4) / length
+    exact = np.sqrt(D * k**4 / (1 + D * k**2 / shear) / m) / (2 * np.pi)
+    sides = [a.rows(s, ["x", "y", "z"]) for s in ("start", "end")]
+    along = [np.flatnonzero(np.isin(a.component, [1, 3, 5]))]
+    assert exact[0] < 0.9 * np.sqrt(D * k[0] ** 4 / m) / (2 * np.pi)
+    np.testing.assert_allclose(a.hertz(3, *sides, *along), exact, rtol=0.01)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_losses_of_layers(ranks: int, tmp_path: Path) -> None:
+    """What materials of layers lose is theirs; with one loss factor all together lose that of K."""
+    mesh = sheet("triangle", (3, 2), flat(0.3, 0.2), 0.2)
+    materials = {"ply": {**PLY, "loss_factor": 0.01}, "foam": {**FOAM, "loss_factor": 0.2}}
+
+    def losses(order: list[str], loss: dict[str, Any]) -> Any:
+        layers = [{"material": name, "thickness": 0.001, "angle": 20} for name in order]
+        write(
+            tmp_path / "body.h5", mesh, {}, materials=loss,
+            sections={"sheet": {"shape": "shell", "layers": layers, "offset": 0.001}},
+            regions={"all": {"section": "sheet"}},
+        )  # fmt: skip
+        a = assembled(tmp_path / "m.h5", tmp_path / "body.h5", ranks)
+        with h5py.File(tmp_path / "m.h5") as file:
+            S = read_sparse(file, "S") if "S" in file else None
+            return a["K"], S, float(file.attrs["eta"])
+
+    K, S, _ = losses(["ply", "foam", "ply"], materials)
+    one, other = (
+        losses(
+            ["ply", "foam", "ply"], {**materials, name: {**materials[name], "loss_factor": 0.0}}
+        )[1]
+        for name in ("foam", "ply")
+    )
+    assert abs(one + other - S).max() < 1e-12 * abs(S).max()
+    assert abs(one / 0.01 + other / 0.2 - K).max() < 1e-12 * abs(K).max()
+    assert sl.eigvalsh(other.toarray())[0] > -1e-9 * abs(other).max()
+    alike = {name: {**of, "loss_factor": 0.03} for name, of in materials.items()}
+    same, none, eta = losses(["ply", "foam", "ply"], alike)
+    assert none is None and eta == pytest.approx(0.03) and abs(same - K).max() == 0

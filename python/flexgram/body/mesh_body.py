@@ -263,7 +263,8 @@ class MeshBody:
             section = Reader(data, f"sections: {name}")
             group = self.file.create_group(f"sections/{check_name(section.where, str(name))}")
             if is_shell(section):
-                group.attrs.update(shell_properties(section, self.length))
+                known = self.reader.children("materials")
+                group.attrs.update(shell_properties(section, self.length, known))
                 continue
             group.attrs.update(section_properties(section, self.length))
             y_axis = section.vector("y_axis", [0, 1, 0])
@@ -359,11 +360,16 @@ class MeshBody:
         known = ", ".join(sorted(self.cells))
         for name, data in regions.items():
             entry = Reader(data, f"regions: {name}", ("material", "section"))
-            material = entry.choice("material", self.reader.children("materials"))
             section = ""  # of beams, or of shells; parts may hold lines and faces beside solids
             if "section" in data:
                 section = entry.choice("section", self.reader.children("sections"))
-            of_shells = section and "thickness" in self.file["sections"][section].attrs
+            properties = self.file["sections"][section].attrs if section else {}
+            of_shells = "thickness" in properties
+            material = ""  # of layers: their own
+            if "layer_materials" not in properties:
+                material = entry.choice("material", self.reader.children("materials"))
+            elif "material" in data:
+                raise BodyError(f"{entry.where}: the layers of section {section} have materials")
             known_kinds = SOLIDS if not section else SHELLS if of_shells else (*SOLIDS, "line")
             if str(name) not in self.cells:
                 only = ", ".join(sorted({block.type for block in self.mesh.cells})) or "nothing"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from typing import Any
 
 from flexgram.basics import BodyError
@@ -24,22 +25,41 @@ def is_shell(reader: Reader) -> bool:
     return reader.choice("shape", (*SHAPES, SHELL)) == SHELL
 
 
-def shell_properties(reader: Reader, length: float) -> dict[str, Any]:
-    """Thickness and offset [m] of a shell's section, and the direction of its material's first axis
-    if that is given."""
-    section = Reader(reader.data, reader.where, ("shape", "thickness", "offset", "axis_1"))
-    thickness = section.number("thickness")
-    if not thickness > 0:
-        raise BodyError(f"{section.where}: thickness = {thickness:g} must be positive")
-    found: dict[str, Any] = {
-        "thickness": thickness * length,
-        "offset": section.number("offset", 0.0) * length,
-    }
+def shell_properties(reader: Reader, length: float, materials: Collection[str]) -> dict[str, Any]:
+    """Thickness and offset [m] of a shell's section, its layers if it has such (bottom to top,
+    angles [rad]), and the direction of the first axis if that is given. ``materials``: those known.
+    """
+    known = ("shape", "thickness", "layers", "offset", "axis_1")
+    section = Reader(reader.data, reader.where, known)
+    if ("thickness" in section.data) == ("layers" in section.data):
+        raise BodyError(f"{section.where}: a shell needs a thickness, or layers")
+    found: dict[str, Any] = {"offset": section.number("offset", 0.0) * length}
+    if "layers" in section.data:
+        given = section.get("layers")
+        if not isinstance(given, list) or not given:
+            raise BodyError(f"{section.where}: layers must be a list, from the bottom to the top")
+        layers = [
+            Reader(layer, f"{section.where}: layer {k}", ("material", "thickness", "angle"))
+            for k, layer in enumerate(given, 1)
+        ]
+        found["layer_materials"] = [layer.choice("material", materials) for layer in layers]
+        found["layer_thicknesses"] = [_thickness(layer) * length for layer in layers]
+        found["layer_angles"] = [math.radians(layer.number("angle", 0.0)) for layer in layers]
+        found["thickness"] = sum(found["layer_thicknesses"])
+    else:
+        found["thickness"] = _thickness(section) * length
     if "axis_1" in section.data:
         found["axis_1"] = section.vector("axis_1")
         if not any(found["axis_1"]):
             raise BodyError(f"{section.where}: axis_1 = [0, 0, 0] has no direction")
     return found
+
+
+def _thickness(reader: Reader) -> float:
+    thickness = reader.number("thickness")
+    if not thickness > 0:
+        raise BodyError(f"{reader.where}: thickness = {thickness:g} must be positive")
+    return thickness
 
 
 def section_properties(reader: Reader, length: float) -> dict[str, float]:

@@ -166,6 +166,19 @@ class MassFacts:
     inertia: Floats
 
 
+def _across(file: h5py.File, block: h5py.Group) -> tuple[float, float, float]:
+    """Of a block of shells: mass by area [kg/m²], height of its centre above the nodes [m], and
+    second moment about that [kg]."""
+    section = file["sections"][str(block.attrs["section"])].attrs
+    names = section.get("layer_materials", [block.attrs["material"]])
+    t = np.atleast_1d(section.get("layer_thicknesses", section["thickness"]))
+    rho = np.array([float(file["materials"][str(name)].attrs["rho"]) for name in names])
+    z = np.cumsum(t) - 0.5 * t - 0.5 * t.sum() + float(section["offset"])
+    mass = float(rho @ t)
+    height = float(rho * t @ z) / mass
+    return mass, height, float(rho * t @ ((z - height) ** 2 + t**2 / 12))
+
+
 def mass_facts(file: h5py.File) -> MassFacts:
     """Of a mesh body's elements and point masses, supports and interfaces apart: integrals over
     each by the points of its mass matrix, beams along their axes."""
@@ -174,13 +187,13 @@ def mass_facts(file: h5py.File) -> MassFacts:
     points = file["mesh/points"][:]
     mass, first, second = 0.0, np.zeros(3), np.zeros((3, 3))
     for block in file["mesh/blocks"].values():
-        density = float(file["materials"][str(block.attrs["material"])].attrs["rho"])
         kind, every = str(block.attrs["type"]), block["connectivity"][:]
-        section = (
-            file["sections"][str(block.attrs["section"])].attrs if "section" in block.attrs else {}
-        )
+        if kind in SHELLS:
+            density, height, spread = _across(file, block)
+        else:
+            density = float(file["materials"][str(block.attrs["material"])].attrs["rho"])
         if kind == "line":
-            density *= float(section["A"])
+            density *= float(file["sections"][str(block.attrs["section"])].attrs["A"])
             at, weight = np.array([-1, 1]) / np.sqrt(3), np.ones(2)
             N = np.column_stack([1 - at, 1 + at]) / 2
         else:
@@ -195,10 +208,9 @@ def mass_facts(file: h5py.File) -> MassFacts:
                 normal = np.cross(along[:, :, 0], along[:, :, 1])
                 size = np.linalg.norm(normal, axis=2)
                 normal /= np.maximum(size, 1e-300)[:, :, None]
-                thickness, above = float(section["thickness"]), float(section["offset"]) * normal
-                across = size * weight * density * thickness**3 / 12
-                second += np.einsum("eq,eqa,eqb->ab", across, normal, normal, optimize=True)
-                size *= thickness
+                above = height * normal
+                turned = np.einsum("eq,eqa,eqb->ab", size * weight, normal, normal, optimize=True)
+                second += spread * turned
             else:
                 size = np.abs(np.linalg.det(np.einsum("qka,ekb->eqab", dN, x)))
             w = density * size * weight
