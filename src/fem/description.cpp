@@ -311,17 +311,16 @@ Feedthrough read_feedthrough(const Hdf5File& file, const std::string& object,
 NodalVectors read_vectors(const Hdf5File& file, const std::string& group,
                           const std::string& name, std::int64_t points) {
   const std::string object = group + "/" + name;
-  NodalVectors vectors{name,
-                       file.texts_attribute(object, "columns"),
-                       read_nodes(file, object, points),
-                       {},
-                       {}};
+  NodalVectors vectors{name, file.texts_attribute(object, "columns"),
+                       read_nodes(file, object, points)};
   const auto shape = file.shape(object + "/values");
   if (shape.size() != 3 || shape[0] != static_cast<std::int64_t>(vectors.nodes.size()) ||
-      shape[1] != static_cast<std::int64_t>(vectors.columns.size()) || shape[2] != 3 ||
-      shape[1] == 0)
-    throw Error(text("file %s: %s/values must be nodes × columns × 3",
-                     file.path().c_str(), object.c_str()));
+      shape[1] != static_cast<std::int64_t>(vectors.columns.size()) ||
+      (shape[2] != 3 && shape[2] != 6) || shape[1] == 0)
+    throw Error(
+        text("file %s: %s/values must be nodes × columns × 3, or × 6 with moments",
+             file.path().c_str(), object.c_str()));
+  vectors.components = as_size(shape[2]);
   vectors.values = file.read_all<double>(object + "/values");
   for (double x : vectors.values)
     if (!std::isfinite(x))

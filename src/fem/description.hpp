@@ -69,8 +69,9 @@ struct NodalVectors {
   std::string name;
   std::vector<std::string> columns; ///< "p", "tx", "ux": kind and direction
   std::vector<std::int64_t> nodes;
-  std::vector<double> values; ///< nodes × columns × 3
-  Feedthrough feedthrough;    ///< of outputs: what loads add to them at once
+  std::vector<double> values = {}; ///< nodes × columns × components
+  std::size_t components = 3;      ///< forces, or forces and moments: 6
+  Feedthrough feedthrough = {}; ///< of outputs: what loads add to them at once
 };
 
 /// Forces and moments by which supports hold nodes, summed, as outputs.

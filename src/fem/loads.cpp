@@ -152,8 +152,10 @@ Ports nodal_ports(MPI_Comm comm, const std::vector<NodalVectors>& all, const Dof
       const auto node = vectors.nodes[k];
       if (partition.node_owner[as_size(node)] != rank) continue;
       for (std::size_t j = 0; j < count; ++j) {
-        const auto* at = vectors.values.data() + (k * count + j) * 3;
-        sums.add(first + static_cast<int>(j), node, {at[0], at[1], at[2]});
+        const auto* at = vectors.values.data() + (k * count + j) * vectors.components;
+        Vector3 moment{};
+        if (vectors.components == 6) moment = {at[3], at[4], at[5]};
+        sums.add(first + static_cast<int>(j), node, {at[0], at[1], at[2]}, moment);
       }
     }
     first += static_cast<int>(count);

@@ -68,20 +68,51 @@ Dense offset_transformation(const ShellShape& shape, double offset) {
 
 } // namespace
 
+namespace {
+
+/// The middle surface, and its motion by that of the nodes; empty where they are in it.
+struct MiddleSurface {
+  MiddleSurface(ElementType type, const std::vector<Vector3>& nodes,
+                const ShellPlace& place)
+      : shape(type, nodes) {
+    if (place.offset == 0) return;
+    T = offset_transformation(shape, place.offset);
+    std::vector<Vector3> middle = nodes;
+    for (std::size_t a = 0; a < nodes.size(); ++a)
+      for (std::size_t c = 0; c < 3; ++c)
+        middle[a][c] += place.offset * shape.normals[a][c];
+    shape = ShellShape(type, middle);
+    if (!(shape.least_det > 0))
+      throw Error("the offset of a shell is larger than the radius of its surface");
+  }
+
+  ShellShape shape;
+  Dense T;
+};
+
+} // namespace
+
 Dense with_offset(ElementType type, const std::vector<Vector3>& nodes,
                   const ShellPlace& place,
                   const std::function<Dense(const ShellShape&)>& matrix) {
-  ShellShape shape(type, nodes);
-  if (place.offset == 0) return matrix(shape);
-  const Dense T = offset_transformation(shape, place.offset);
-  std::vector<Vector3> middle = nodes;
-  for (std::size_t a = 0; a < nodes.size(); ++a)
-    for (std::size_t c = 0; c < 3; ++c)
-      middle[a][c] += place.offset * shape.normals[a][c];
-  shape = ShellShape(type, middle);
-  if (!(shape.least_det > 0))
-    throw Error("the offset of a shell is larger than the radius of its surface");
-  return multiply_transposed(T, multiply(matrix(shape), T));
+  const MiddleSurface middle(type, nodes, place);
+  const Dense A = matrix(middle.shape);
+  return middle.T.data.empty() ? A : multiply_transposed(middle.T, multiply(A, middle.T));
+}
+
+std::vector<ShellStrainPoint> shell_strains(ElementType type,
+                                            const std::vector<Vector3>& nodes,
+                                            const ShellLaw& law,
+                                            const ShellPlace& place) {
+  const MiddleSurface middle(type, nodes, place);
+  const std::vector<ShellStrain> strains = middle.shape.strains(place);
+  Dense T = condensation(shell_stiffness(middle.shape, strains, law),
+                         middle.shape.dofs() - 6 * static_cast<int>(nodes.size()));
+  if (!middle.T.data.empty()) T = multiply(T, middle.T);
+  std::vector<ShellStrainPoint> points;
+  for (const ShellStrain& at : strains)
+    points.push_back({at.area, multiply(at.stretch, T), at.axes});
+  return points;
 }
 
 Dense shell_stiffness(const ShellShape& shape, const std::vector<ShellStrain>& points,

@@ -61,6 +61,22 @@ ElementMatrices shell_matrices(ElementType type, const std::vector<Vector3>& nod
                                const ShellLaw& law, const ShellPlace& place,
                                bool with_stiffness = true);
 
+/// At a point of the stiffness: strains and curvatures of the middle surface for unit motions of the
+/// nodes, in the section's axes.
+struct ShellStrainPoint {
+  double area;                 ///< [m²]
+  Dense stretch;               ///< 6 × dofs of nodes
+  std::array<Vector3, 2> axes; ///< of the section, in the surface
+};
+
+/// With internal dofs as they follow in K.
+std::vector<ShellStrainPoint> shell_strains(ElementType type,
+                                            const std::vector<Vector3>& nodes,
+                                            const ShellLaw& law, const ShellPlace& place);
+
+/// The law of a layer under plane stress, in the section's axes: xx, yy, xy [N/m²].
+Dense plane_stress(const ShellLayer& layer);
+
 /// What some layers give of K: with internal dofs as those of the whole law have them.
 /// @param part  of `law`.
 Dense shell_part_stiffness(ElementType type, const std::vector<Vector3>& nodes,

@@ -242,7 +242,8 @@ std::vector<ShellStrain> ShellShape::strains(const ShellPlace& place) const {
                        multiply(S, tied_shear(p.xi)),
                        Dense(1, dofs()),
                        Dense(6, dofs()),
-                       at.normal};
+                       at.normal,
+                       axes};
     for (std::size_t k = 0; k < x_.size(); ++k) {
       const double h_x = a * p.dN[k][0] + b * p.dN[k][1],
                    h_y = c * p.dN[k][0] + e * p.dN[k][1];

@@ -26,6 +26,7 @@ struct ShellStrain {
   Dense drilling; ///< 1 × dofs: rotation about the normal, less that of the surface
   Dense slope;    ///< 6 × dofs: ∂u/∂x, then ∂u/∂y, in global components
   Vector3 normal; ///< of unit length
+  std::array<Vector3, 2> axes; ///< of the section, in the surface
 };
 
 /// A shell's surface, with the normals of its own at its nodes.

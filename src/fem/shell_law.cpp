@@ -6,9 +6,7 @@
 #include <cmath>
 
 namespace flexgram {
-namespace {
 
-/// The law of a layer under plane stress, in the section's axes: xx, yy, xy.
 Dense plane_stress(const ShellLayer& layer) {
   constexpr int plane[3] = {0, 1, 3};
   const auto C = [&](int i, int j) { return layer.stiffness[as_size(6 * i + j)]; };
@@ -22,6 +20,8 @@ Dense plane_stress(const ShellLayer& layer) {
             2 * c * s, c * s, -c * s,     c * c - s * s};
   return multiply_transposed(T, multiply(Q, T));
 }
+
+namespace {
 
 /// Compliance against transverse shear in the section's axes: xz, yz.
 Dense shear_compliance(const ShellLayer& layer) {

@@ -5,6 +5,7 @@
 #include "base/process.hpp"
 #include "base/text.hpp"
 #include "fem/shape_functions.hpp"
+#include "fem/shell.hpp"
 #include "io/body_io.hpp"
 #include "io/reduced_fields.hpp"
 #include "io/reduced_io.hpp"
@@ -287,6 +288,56 @@ py::tuple shape_functions(const std::string& element, const py::array_t<double>&
   return shape_arrays(type, points);
 }
 
+/// A section of a shell, as Python knows it.
+struct PythonShell {
+  PythonShell(const std::vector<std::array<double, 36>>& stiffness,
+              const std::vector<double>& thickness, const std::vector<double>& angle,
+              const ShellPlace& where)
+      : place(where) {
+    for (std::size_t k = 0; k < stiffness.size(); ++k)
+      layers.push_back({stiffness[k], 0, thickness.at(k), angle.at(k)});
+    law = shell_law(layers);
+  }
+
+  std::vector<ShellLayer> layers;
+  ShellLaw law;
+  ShellPlace place;
+};
+
+py::array_t<double> array_of(const Dense& a) {
+  py::array_t<double> result({a.rows, a.columns});
+  for (int i = 0; i < a.rows; ++i)
+    for (int j = 0; j < a.columns; ++j) result.mutable_at(i, j) = a(i, j);
+  return result;
+}
+
+/// Of elements (E, n, 3): areas (E, q), strains and curvatures (E, q, 6, 6n), axes (E, q, 2, 3).
+py::tuple shell_strain_arrays(const PythonShell& shell, const std::string& element,
+                              const py::array_t<double>& points) {
+  const ElementType type = element_type(element);
+  const auto count = points.shape(0), n = points.shape(1);
+  const auto q = static_cast<py::ssize_t>(stiffness_points(type).size());
+  py::array_t<double> area({count, q});
+  py::array_t<double> stretch(std::vector<py::ssize_t>{count, q, 6, 6 * n});
+  py::array_t<double> axes(std::vector<py::ssize_t>{count, q, 2, 3});
+  for (py::ssize_t e = 0; e < count; ++e) {
+    std::vector<Vector3> nodes;
+    for (py::ssize_t a = 0; a < n; ++a)
+      nodes.push_back({points.at(e, a, 0), points.at(e, a, 1), points.at(e, a, 2)});
+    const auto strains = shell_strains(type, nodes, shell.law, shell.place);
+    for (py::ssize_t p = 0; p < q; ++p) {
+      const ShellStrainPoint& at = strains[static_cast<std::size_t>(p)];
+      area.mutable_at(e, p) = at.area;
+      for (int i = 0; i < at.stretch.rows; ++i)
+        for (int j = 0; j < at.stretch.columns; ++j)
+          stretch.mutable_at(e, p, i, j) = at.stretch(i, j);
+      for (std::size_t i = 0; i < 2; ++i)
+        for (std::size_t c = 0; c < 3; ++c) axes.mutable_at(e, p, i, c) = at.axes[i][c];
+    }
+  }
+  return py::make_tuple(area, stretch, axes);
+}
+
 } // namespace
 } // namespace flexgram
 
@@ -305,6 +356,22 @@ PYBIND11_MODULE(_flexgram, module) {
                                const std::array<double, 9>& axes) {
     return orthotropic(constants, axes, 1).stiffness;
   });
+  py::class_<PythonShell>(module, "Shell")
+      .def(py::init([](const std::vector<std::array<double, 36>>& stiffness,
+                       const std::vector<double>& thickness,
+                       const std::vector<double>& angle, double offset,
+                       const Vector3& axis_1, bool is_isotropic) {
+        return PythonShell(stiffness, thickness, angle, {offset, axis_1, is_isotropic});
+      }))
+      .def("law",
+           [](const PythonShell& shell) {
+             return py::make_tuple(array_of(shell.law.ABD), array_of(shell.law.shear));
+           })
+      .def("plane_stress",
+           [](const PythonShell& shell, std::size_t layer) {
+             return array_of(plane_stress(shell.layers.at(layer)));
+           })
+      .def("strains", &shell_strain_arrays);
   py::class_<PythonBody>(module, "Body")
       .def(py::init<std::intptr_t, const std::string&>())
       .def("set_law", &PythonBody::set_law)

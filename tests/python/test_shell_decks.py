@@ -135,3 +135,25 @@ def test_sections_that_are_not_followed(section: str, words: str, tmp_path: Path
     write(tmp_path / "sheet.inp", flat(1, 0.6), 2, section=section)
     with pytest.raises(BodyError, match=words):
         assemble_deck(tmp_path / "sheet.inp", tmp_path / "s.h5", [parse("node", "tip=NODES:5")])
+
+
+def test_moments_of_a_deck(tmp_path: Path) -> None:
+    """*CLOAD in directions 4 to 6, and pressure on a named side."""
+    probe = write(tmp_path / "sheet.inp", flat(1, 0.6), 4)
+    text = (tmp_path / "sheet.inp").read_text()
+    surface = "*SURFACE,NAME=UNDER\nE,SNEG\n*MATERIAL"
+    text = text.replace("*MATERIAL", surface, 1).replace(
+        "*DLOAD\nE,P,1000.", "*DSLOAD\nUNDER,P,10."
+    )
+    text = text.replace("*NODE PRINT", f"*CLOAD\n{probe},5,3.\n{probe},3,1.\n*NODE PRINT")
+    (tmp_path / "sheet.inp").write_text(text)
+    tip = [parse("node", f"tip=NODES:{probe}")]
+    assemble_deck(tmp_path / "sheet.inp", tmp_path / "sheet.h5", tip, deck_loads=True)
+    a = assembled(tmp_path / "matrices.h5", tmp_path / "sheet.h5")
+    B = a["B"].T
+    at = a["node"] == probe - 1
+    moment = B[a["names"].index("step2_cload.load")]
+    assert moment[at & (a["component"] == 4)] == [3.0]
+    assert moment[at & (a["component"] == 2)] == [1.0] and np.count_nonzero(moment) == 2
+    up = B[a["names"].index("step2_dsload.load")][a["component"] == 2]
+    assert up.min() > 0 and 4.0 < up.sum() < 10 * 0.6

@@ -61,9 +61,9 @@ def write_vectors(group: h5py.Group, columns: list[str], nodes: Ints, values: Fl
     group["values"] = values
 
 
-def _table(mesh: BodyMesh, entry: Reader, columns: int) -> tuple[Ints, Floats]:
-    """Nodes, ascending, and so many numbers of each: of a CSV file of node numbers (from 1) and
-    numbers, or an array of such rows. Rows of one node are summed."""
+def _table(mesh: BodyMesh, entry: Reader, *counts: int) -> tuple[Ints, Floats]:
+    """Nodes, ascending, and as many numbers of each as one of the counts: of a CSV file of node
+    numbers (from 1) and numbers, or an array of such rows. Rows of one node are summed."""
     given, where = entry.get("table"), f"{entry.where}: table"
     with errors_of(where):
         if isinstance(given, str):
@@ -71,16 +71,16 @@ def _table(mesh: BodyMesh, entry: Reader, columns: int) -> tuple[Ints, Floats]:
                 raise BodyError(f"{where}: {mesh.folder / given}: no such file")
             given = np.loadtxt(mesh.folder / given, delimiter=",", ndmin=2)
         table = np.array(given, dtype=float)
-    if table.ndim != 2 or table.shape[1] != columns + 1 or not len(table):
+    if table.ndim != 2 or table.shape[1] - 1 not in counts or not len(table):
         raise BodyError(
-            f"{where}: expected rows of a node number and {columns} "
-            f"number{'s' if columns > 1 else ''}, comma separated"
+            f"{where}: expected rows of a node number and {' or '.join(map(str, counts))} "
+            f"number{'s' if counts[-1] > 1 else ''}, comma separated"
         )
     if not np.all(np.isfinite(table)) or np.any(table[:, 0] != np.round(table[:, 0])):
         raise BodyError(f"{where}: node numbers must be whole, and all numbers finite")
     labels, at = np.unique(table[:, 0], return_inverse=True)
     nodes = mesh.select([int(label) for label in labels], where)
-    values = np.zeros((len(nodes), columns))
+    values = np.zeros((len(nodes), table.shape[1] - 1))
     np.add.at(values, at, table[:, 1:])
     return nodes, values
 
@@ -151,9 +151,11 @@ def write_loads(mesh: BodyMesh, reader: Reader) -> dict[str, str]:
                 group.attrs["axis"] = unit_axis(entry)
             continue
         if kind == "nodal":
-            nodes, table = _table(mesh, entry, 3)
-            write_vectors(group, ["load"], nodes, mesh.force * table[:, None, :])
-            total = ", ".join(f"{x:.4g}" for x in mesh.force * table.sum(axis=0))
+            nodes, table = _table(mesh, entry, 3, 6)
+            table *= mesh.force
+            table[:, 3:] *= mesh.length
+            write_vectors(group, ["load"], nodes, table[:, None, :])
+            total = ", ".join(f"{x:.4g}" for x in table[:, :3].sum(axis=0))
             said[str(name)] = f"forces at {len(nodes)} nodes, ({total}) N in all"
             continue
         if kind == "temperature":

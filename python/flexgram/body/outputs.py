@@ -17,14 +17,15 @@ from flexgram.basics import BodyError, Floats, Ints, check_name, errors_of
 from flexgram.body.loads import AXES, BodyMesh, write_vectors
 from flexgram.body.meshfile import SOLIDS
 from flexgram.body.reader import Reader, short
+from flexgram.body.shell_stress import SIDES, Sheet, element_rows, nodal_rows, sheets_of
 from flexgram.body.stress import COMPONENTS, Stresses, temperatures
 
 OUTPUTS = ("displacement", "stress", "gauge", "reaction")
 #: What only some of them take.
 TAKEN = {
     "displacement": ("nodes", "relative_to", "direction"),
-    "stress": ("nodes", "elements", "integration_point"),
-    "gauge": ("nodes", "direction", "normal"),
+    "stress": ("nodes", "elements", "integration_point", "side"),
+    "gauge": ("nodes", "direction", "normal", "side"),
     "reaction": ("nodes", "point"),
 }
 
@@ -73,6 +74,33 @@ class _Stresses:
         return Stresses.of(self.file)
 
     @cached_property
+    def points(self) -> Floats:
+        found: Floats = self.file["mesh/points"][:]
+        return found
+
+    @cached_property
+    def of_shells(self) -> list[Sheet]:
+        return sheets_of(self.file)
+
+    def side(self, entry: Reader) -> str:
+        """That of shells which an entry names; empty where it is of solids."""
+        if "side" in entry.data:
+            if not self.of_shells:
+                raise BodyError(f"{entry.where}: side is one of a shell; the body has none")
+            return entry.choice("side", SIDES)
+        if self.of_shells and not self.has_solids:
+            raise BodyError(
+                f"{entry.where}: name the side of the shell: top (where its normal points), "
+                "middle or bottom"
+            )
+        return ""
+
+    @cached_property
+    def has_solids(self) -> bool:
+        kinds = {str(block.attrs["type"]) for block in self.file["mesh/blocks"].values()}
+        return bool(kinds & set(SOLIDS))
+
+    @cached_property
     def fields(self) -> dict[str, Floats]:
         return temperatures(self.file)
 
@@ -85,13 +113,17 @@ def _write_stress(mesh: BodyMesh, group: h5py.Group, entry: Reader, known: _Stre
     """The mean stress of nodes, or at integration points of elements."""
     if ("nodes" in entry.data) == ("elements" in entry.data):
         raise BodyError(f"{entry.where}: name nodes or elements")
+    side, held = known.side(entry), dict[str, Floats]()
     if "elements" not in entry.data:
         if "integration_point" in entry.data:
             raise BodyError(f"{entry.where}: nodes have no integration_point, elements have")
         chosen = mesh.select(entry.get("nodes"), entry.where)
         with errors_of(entry.where):
-            used, rows = known.of_body.rows(chosen)
-            held = {name: field[chosen].mean(axis=0) for name, field in known.heated.items()}
+            if side:
+                used, rows = nodal_rows(known.points, known.of_shells, chosen, side)
+            else:
+                used, rows = known.of_body.rows(chosen)
+                held = {name: field[chosen].mean(axis=0) for name, field in known.heated.items()}
         said = f"mean stress of {len(chosen)} nodes"
     else:
         ids = _whole(entry, "elements", entry.get("elements"))
@@ -99,9 +131,13 @@ def _write_stress(mesh: BodyMesh, group: h5py.Group, entry: Reader, known: _Stre
         if "integration_point" in entry.data:
             point = int(_whole(entry, "integration_point", [entry.get("integration_point")])[0])
         with errors_of(entry.where):
-            used, rows, held = known.of_body.element_rows(ids, point, known.fields)
+            if side:
+                used, rows = element_rows(known.points, known.of_shells, ids, side, point)
+            else:
+                used, rows, held = known.of_body.element_rows(ids, point, known.fields)
         where = "at all integration points" if point is None else f"at integration point {point}"
         said = f"mean stress {where} of {len(ids)} element{'s' * (len(ids) != 1)}"
+    said += f", {side} side" if side in ("top", "bottom") else f", {side}" if side else ""
     write_vectors(group, ["s" + pair for pair in COMPONENTS], used, rows)
     if held:
         group["feedthrough"] = np.array(list(held.values())).T
@@ -137,8 +173,12 @@ def _write_gauge(mesh: BodyMesh, group: h5py.Group, entry: Reader, known: _Stres
         across = np.cross(normal, along)
         directions = [along, (along + across) / np.sqrt(2), across]
         columns = ["e0", "e45", "e90"]
+    side = known.side(entry)
     with errors_of(entry.where):
-        used, rows = known.of_body.rows(chosen, strain=True)
+        if side:
+            used, rows = nodal_rows(known.points, known.of_shells, chosen, side, strain=True)
+        else:
+            used, rows = known.of_body.rows(chosen, strain=True)
     x, y, z = np.array(directions).T
     of_strain = np.array([x * x, y * y, z * z, x * y, y * z, z * x])  # engineering shears
     write_vectors(group, columns, used, np.einsum("ck,uca->uka", of_strain, rows))

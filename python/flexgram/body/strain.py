@@ -20,6 +20,8 @@ CORNERS = {
         (1, 1, 1),
         (-1, 1, 1),
     ],
+    "triangle": [(0, 0, 0), (1, 0, 0), (0, 1, 0)],
+    "quad": [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)],
     "wedge": [(0, 0, -1), (1, 0, -1), (0, 1, -1), (0, 0, 1), (1, 0, 1), (0, 1, 1)],
 }
 
@@ -28,6 +30,10 @@ def _polynomials(kind: str, xi: Floats) -> Floats:
     """Functions (q, k) of the reference coordinates that are linear in each direction."""
     x, y, z = xi.T
     one = np.ones(len(xi))
+    if kind == "triangle":
+        return np.column_stack([one, x, y])
+    if kind == "quad":
+        return np.column_stack([one, x, y, x * y])
     if kind == "tetra":
         return np.column_stack([one, x, y, z])
     if kind == "wedge":

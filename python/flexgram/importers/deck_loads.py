@@ -46,8 +46,9 @@ class DeckLoad:
     name : str
     kind : str
         ``nodal`` or ``temperature``.
-    table : (k, 4) or (k, 2) array
-        Node labels with forces, or with temperatures above those without stress.
+    table : (k, 4), (k, 7) or (k, 2) array
+        Node labels with forces, with forces and moments, or with temperatures above those without
+        stress.
     """
 
     name: str
@@ -65,6 +66,9 @@ class _Deck:
     def __init__(self, job: Job, deck: Deck) -> None:
         self.job, self.deck = job, deck
         self.density: dict[int, float] = {}  # of shells by area
+        self.turning = {
+            node for kind, nodes in deck.elements.values() if kind in SHELL_KINDS for node in nodes
+        }
         self.offset: set[int] = set()  # shells whose middle is not at their nodes
         self.surfaces: dict[str, list[tuple[str, str]]] = {}
         self.start: dict[int, float] = {}
@@ -217,8 +221,9 @@ def _distributed(deck: _Deck, card: Card, row: list[str], spun: set[int]) -> Flo
 
 
 def _forces(deck: _Deck, card: Card, left: list[str], spun: set[int]) -> Floats:
-    """Forces (N, 3) of a card; what of it is not followed is added to ``left``."""
-    forces = np.zeros_like(deck.deck.points)
+    """Forces of a card (N, 3), or with moments at nodes of shells (N, 6); what of it is not
+    followed is added to ``left``."""
+    forces, moments = np.zeros_like(deck.deck.points), np.zeros_like(deck.deck.points)
     for row in card.words():
         if len(row) < 3:
             raise deck.wrong(card, row, "expected where, what and how much")
@@ -246,12 +251,15 @@ def _forces(deck: _Deck, card: Card, left: list[str], spun: set[int]) -> Floats:
                 )
         else:
             direction = deck.number(card, row, 1)
-            if direction not in (1, 2, 3):
+            nodes = deck.nodes(card, row[0])
+            turns = direction in (4, 5, 6) and deck.turning.issuperset(nodes)
+            if direction not in (1, 2, 3) and not turns:
                 left.append(f"direction {row[1]} of *CLOAD {row[0]}")
                 continue
-            at = np.searchsorted(deck.deck.labels, deck.nodes(card, row[0]))
-            np.add.at(forces[:, int(direction) - 1], at, deck.number(card, row, 2))
-    return forces
+            into = moments if turns else forces
+            at = np.searchsorted(deck.deck.labels, nodes)
+            np.add.at(into[:, (int(direction) - 1) % 3], at, deck.number(card, row, 2))
+    return np.hstack([forces, moments]) if moments.any() else forces
 
 
 def _temperature(deck: _Deck, card: Card, now: Floats) -> None:
