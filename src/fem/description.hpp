@@ -71,7 +71,7 @@ struct NodalVectors {
   std::vector<std::int64_t> nodes;
   std::vector<double> values = {}; ///< nodes × columns × components
   std::size_t components = 3;      ///< forces, or forces and moments: 6
-  Feedthrough feedthrough = {}; ///< of outputs: what loads add to them at once
+  Feedthrough feedthrough = {};    ///< of outputs: what loads add to them at once
 };
 
 /// Forces and moments by which supports hold nodes, summed, as outputs.

@@ -151,6 +151,7 @@ ElementMatrices shell_matrices(ElementType type, const std::vector<Vector3>& nod
       const Dense both = multiply_transposed(at.moved, at.turned);
       add_to(M, multiply_transposed(at.moved, at.moved), at.area * law.mass);
       add_to(M, multiply_transposed(at.turned, at.turned), at.area * law.second);
+      add_to(M, multiply_transposed(at.drilling, at.drilling), at.area * law.second);
       add_to(M, both, at.area * law.first);
       add_to(M, transpose(both), at.area * law.first);
     }

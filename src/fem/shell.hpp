@@ -6,7 +6,8 @@
 /// quadrilaterals strain by no rigid motion; transverse shear is that of the papers' tying points.
 /// Beside the papers: quadrilaterals have the incompatible modes of Taylor, Beresford and Wilson (1976)
 /// in their plane, so that they bend there as well; the rotation about the normal is tied to that of
-/// the surface (Hughes and Brezzi 1989) by a stiffness as small as that of the element's twist.
+/// the surface (Hughes and Brezzi 1989) by a stiffness as small as that of the element's twist,
+/// and has as much inertia against it as lines have: no rigid motion feels either, and M is regular.
 
 #pragma once
 

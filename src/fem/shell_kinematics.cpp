@@ -59,13 +59,13 @@ std::array<double, 3> bubble_at(const Vector3& xi) {
 }
 
 /// Points in the triangle where MITC3+ takes shear (Lee, Lee and Bathe 2014, Fig. 4).
-constexpr double d = 1e-4;
+constexpr double aside = 1e-4;
 const std::vector<Vector3> tying_of_triangle = {{1.0 / 6, 2.0 / 3, 0},
                                                 {2.0 / 3, 1.0 / 6, 0},
                                                 {1.0 / 6, 1.0 / 6, 0},
-                                                {1.0 / 3 + d, 1.0 / 3 - 2 * d, 0},
-                                                {1.0 / 3 - 2 * d, 1.0 / 3 + d, 0},
-                                                {1.0 / 3 + d, 1.0 / 3 + d, 0}};
+                                                {1.0 / 3 + aside, 1.0 / 3 - 2 * aside, 0},
+                                                {1.0 / 3 - 2 * aside, 1.0 / 3 + aside, 0},
+                                                {1.0 / 3 + aside, 1.0 / 3 + aside, 0}};
 /// Of a quadrilateral: along r below and above, along s left and right.
 const std::vector<Vector3> tying_of_quadrilateral = {
     {0, -1, 0}, {0, 1, 0}, {-1, 0, 0}, {1, 0, 0}};
@@ -196,14 +196,44 @@ Dense ShellShape::tied_shear(const Vector3& xi) const {
   return shear;
 }
 
+namespace {
+
+/// ∂r/∂x, ∂s/∂x, ∂r/∂y, ∂s/∂y over two axes in the surface.
+using Slopes = std::array<double, 4>;
+
+Slopes slopes_of(const Vector3& x_r, const Vector3& x_s, double det,
+                 const std::array<Vector3, 2>& axes) {
+  return {dot(x_s, axes[1]) / det, -dot(x_r, axes[1]) / det, -dot(x_s, axes[0]) / det,
+          dot(x_r, axes[0]) / det};
+}
+
+/// The rotation of a node's functions about the normal, less that of the surface, of u and θ.
+void set_drilling(Dense& drilling, std::size_t node, const ShapePoint& p,
+                  const Slopes& slopes, const std::array<Vector3, 2>& axes,
+                  const Vector3& normal) {
+  const Vector3& d = p.dN[node];
+  const double h_x = slopes[0] * d[0] + slopes[1] * d[1],
+               h_y = slopes[2] * d[0] + slopes[3] * d[1];
+  for (std::size_t c = 0; c < 3; ++c) {
+    const int u = static_cast<int>(6 * node + c);
+    drilling(0, u) = -0.5 * (axes[1][c] * h_x - axes[0][c] * h_y);
+    drilling(0, u + 3) = p.N[node] * normal[c];
+  }
+}
+
+} // namespace
+
 std::vector<ShellPoint> ShellShape::mass_points() const {
   std::vector<ShellPoint> points;
   const int count = 6 * static_cast<int>(x_.size());
   for (const ShapePoint& p : flexgram::mass_points(type_)) {
     const Surface at = surface_at(p.xi);
-    ShellPoint point{p.weight * at.det, at.n, Dense(3, count), Dense(3, count),
-                     Dense(3, count)};
-    for (std::size_t a = 0; a < x_.size(); ++a)
+    const std::array<Vector3, 2> axes = axes_of(at.normal, {});
+    const Slopes slopes = slopes_of(at.x_r, at.x_s, at.det, axes);
+    ShellPoint point{p.weight * at.det, at.n,           Dense(3, count), Dense(3, count),
+                     Dense(3, count),   Dense(1, count)};
+    for (std::size_t a = 0; a < x_.size(); ++a) {
+      set_drilling(point.drilling, a, p, slopes, axes, at.normal);
       for (std::size_t c = 0; c < 3; ++c) {
         const int u = static_cast<int>(6 * a + c), theta = u + 3,
                   row = static_cast<int>(c);
@@ -211,6 +241,7 @@ std::vector<ShellPoint> ShellShape::mass_points() const {
         const Vector3 b = turned_about(c, normals[a]);
         for (int i = 0; i < 3; ++i) point.turned(i, theta) = p.N[a] * b[as_size(i)];
       }
+    }
     points.push_back(std::move(point));
   }
   return points;
@@ -218,19 +249,14 @@ std::vector<ShellPoint> ShellShape::mass_points() const {
 
 std::vector<ShellStrain> ShellShape::strains(const ShellPlace& place) const {
   const Surface centre = surface_at(centre_);
-  const auto slopes = [](const Surface& at, const std::array<Vector3, 2>& axes) {
-    // ∂r/∂x, ∂s/∂x, ∂r/∂y, ∂s/∂y
-    const double rx = dot(at.x_r, axes[0]), ry = dot(at.x_r, axes[1]),
-                 sx = dot(at.x_s, axes[0]), sy = dot(at.x_s, axes[1]);
-    return std::array<double, 4>{sy / at.det, -ry / at.det, -sx / at.det, rx / at.det};
-  };
   const std::array<Vector3, 2> centre_axes = axes_of(centre.normal, place);
-  const auto at_centre = slopes(centre, centre_axes);
+  const Slopes at_centre = slopes_of(centre.x_r, centre.x_s, centre.det, centre_axes);
   std::vector<ShellStrain> points;
   for (const ShapePoint& p : stiffness_points(type_)) {
     const Surface at = surface_at(p.xi);
     const std::array<Vector3, 2> axes = axes_of(at.normal, place);
-    const auto [a, b, c, e] = slopes(at, axes);
+    const Slopes slopes = slopes_of(at.x_r, at.x_s, at.det, axes);
+    const auto [a, b, c, e] = slopes;
     Dense T(3, 3), both(6, 6), S(2, 2); // strains in the axes by covariant ones
     T.data = {a * a,     c * c, 2 * a * c, b * b,        e * e,
               2 * b * e, a * b, c * e,     a * e + b * c};
@@ -247,10 +273,9 @@ std::vector<ShellStrain> ShellShape::strains(const ShellPlace& place) const {
     for (std::size_t k = 0; k < x_.size(); ++k) {
       const double h_x = a * p.dN[k][0] + b * p.dN[k][1],
                    h_y = c * p.dN[k][0] + e * p.dN[k][1];
+      set_drilling(strain.drilling, k, p, slopes, axes, at.normal);
       for (std::size_t i = 0; i < 3; ++i) {
         const int u = static_cast<int>(6 * k + i);
-        strain.drilling(0, u) = -0.5 * (axes[1][i] * h_x - axes[0][i] * h_y);
-        strain.drilling(0, u + 3) = p.N[k] * at.normal[i];
         strain.slope(static_cast<int>(i), u) = h_x;
         strain.slope(static_cast<int>(3 + i), u) = h_y;
       }

@@ -15,6 +15,8 @@ struct ShellPoint {
   Dense moved;    ///< 3 × dofs of nodes
   Dense turned;   ///< the same: θ × normal
   Dense rotation; ///< the same: θ
+  Dense
+      drilling; ///< 1 × dofs of nodes: rotation about the normal, less that of the surface
 };
 
 /// At a point of the stiffness, over dofs of nodes and internal ones behind them, in the axes of the

@@ -205,7 +205,7 @@ def wrong(change: Any, tmp_path: Path, mesh: Any = None) -> None:
             },
             "the layers of section sheet have materials",
         ),
-        ({"outputs": {"s": {"type": "stress", "nodes": "end"}}}, "no solids that deform"),
+        ({"outputs": {"s": {"type": "stress", "nodes": "end"}}}, "name the side of the shell"),
         ({"loads": {"heat": {"type": "temperature", "nodes": "end"}}}, "take no temperature"),
     ],
 )
