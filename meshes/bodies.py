@@ -42,6 +42,16 @@ CALCULIX = {
     "C3D20": "hexahedron20",
     "C3D20R": "hexahedron20",
     "C3D15": "wedge15",
+    "C3D6": "wedge",
+    "C3D8": "hexahedron",
+    "C3D8R": "hexahedron",
+}
+
+#: What a region of these elements says, where flexgram's usual formulation is another.
+FORMULATIONS = {
+    "C3D6": {"formulation": "reduced"},
+    "C3D8": {"formulation": "full"},
+    "C3D20R": {"formulation": "reduced"},
 }
 
 

@@ -145,7 +145,10 @@ ShellSection read_shell(const Hdf5File& file, const std::string& name) {
 MeshBlock read_block(const Hdf5File& file, const std::string& path) {
   MeshBlock block;
   block.path = path;
-  block.type = element_type(file.text_attribute(path, "type"));
+  std::string type = file.text_attribute(path, "type");
+  if (file.has_attribute(path, "formulation"))
+    type += "/" + file.text_attribute(path, "formulation");
+  block.type = element_type(type);
   block.material = file.text_attribute(path, "material");
   if (block.type == ElementType::beam2 || is_shell(block.type))
     block.section = file.text_attribute(path, "section");

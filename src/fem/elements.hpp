@@ -17,6 +17,10 @@ enum class ElementType {
   hex8,
   hex20,
   wedge15,
+  hex8_full,
+  hex20_reduced,
+  wedge6,
+  wedge6_reduced,
   tri3,
   quad4,
   beam2,
@@ -72,8 +76,9 @@ struct ElementMatrices {
 
 int node_count(ElementType type);
 int dofs_per_node(ElementType type);
-/// "tetra", "tetra10", "hexahedron", "hexahedron20", "wedge15", "triangle", "quad", "line": meshio's
-/// names.
+/// "tetra", "tetra10", "hexahedron", "hexahedron20", "wedge15", "wedge", "triangle", "quad", "line":
+/// meshio's names; with another formulation "hexahedron/full" (without incompatible modes),
+/// "hexahedron20/reduced" (2×2×2 points), "wedge/reduced" (two points).
 /// @throws Error listing the known ones.
 ElementType element_type(const std::string& name);
 const char* element_name(ElementType type);

@@ -49,6 +49,19 @@ void hexahedron8(ShapePoint& p) {
   }
 }
 
+void wedge6(ShapePoint& p) {
+  const double l[3] = {1 - p.xi[0] - p.xi[1], p.xi[0], p.xi[1]}, z = p.xi[2];
+  const double dl[3][2] = {{-1, -1}, {1, 0}, {0, 1}};
+  p.N.resize(6);
+  p.dN.resize(6);
+  for (std::size_t i = 0; i < 3; ++i)
+    for (std::size_t top = 0; top < 2; ++top) {
+      const double side = top == 1 ? 1 : -1, half = 0.5 * (1 + side * z);
+      p.N[3 * top + i] = l[i] * half;
+      p.dN[3 * top + i] = {dl[i][0] * half, dl[i][1] * half, 0.5 * side * l[i]};
+    }
+}
+
 void triangle3(ShapePoint& p) {
   p.N = {1 - p.xi[0] - p.xi[1], p.xi[0], p.xi[1]};
   p.dN = {{-1, -1, 0}, {1, 0, 0}, {0, 1, 0}};
@@ -176,14 +189,16 @@ std::vector<Point> tetrahedron_points(int count) {
   return points;
 }
 
-std::vector<Point> triangle_points(bool full) {
+/// 6 points: degree 4 (Dunavant 1985); 3: degree 2; 1.
+std::vector<Point> triangle_points(int count) {
+  if (count == 1) return {{{1.0 / 3, 1.0 / 3, 0}, 0.5}};
   std::vector<Point> triangle;
   const auto family = [&](double a, double weight) {
     const double b = 1 - 2 * a;
     for (const Vector3& xi : {Vector3{a, a, 0}, {b, a, 0}, {a, b, 0}})
       triangle.push_back({xi, weight});
   };
-  if (full) { // degree 4 (Dunavant 1985)
+  if (count == 6) {
     family(0.445948490915964886318, 0.5 * 0.223381589678011465699);
     family(0.091576213509770743460, 0.5 * 0.109951743655321867638);
   } else {
@@ -193,11 +208,10 @@ std::vector<Point> triangle_points(bool full) {
 }
 
 /// Triangle rule times Gauss points along the wedge.
-std::vector<Point> wedge_points(bool full) {
-  const std::vector<Point> triangle = triangle_points(full);
+std::vector<Point> wedge_points(int of_triangle, int along) {
   std::vector<Point> points;
-  for (const auto& z : gauss_line(3))
-    for (const auto& t : triangle)
+  for (const auto& z : gauss_line(along))
+    for (const auto& t : triangle_points(of_triangle))
       points.push_back({{t.xi[0], t.xi[1], z.xi[0]}, t.weight * z.weight});
   return points;
 }
@@ -220,9 +234,17 @@ std::vector<Point> points_of(ElementType type, bool mass) {
   case ElementType::hex20:
     return gauss_cube(3);
   case ElementType::wedge15:
-    return wedge_points(mass);
+    return wedge_points(mass ? 6 : 3, 3);
+  case ElementType::hex8_full:
+    return gauss_cube(2);
+  case ElementType::hex20_reduced:
+    return gauss_cube(mass ? 3 : 2);
+  case ElementType::wedge6:
+    return wedge_points(3, 2);
+  case ElementType::wedge6_reduced:
+    return wedge_points(mass ? 3 : 1, 2);
   case ElementType::tri3:
-    return triangle_points(true);
+    return triangle_points(6);
   case ElementType::quad4:
     return gauss_square(2);
   case ElementType::beam2:
@@ -259,13 +281,19 @@ ShapePoint shape_at(ElementType type, const Vector3& xi, double weight) {
     tetrahedron(p, true);
     break;
   case ElementType::hex8:
+  case ElementType::hex8_full:
     hexahedron8(p);
     break;
   case ElementType::hex20:
+  case ElementType::hex20_reduced:
     hexahedron20(p);
     break;
   case ElementType::wedge15:
     wedge15(p);
+    break;
+  case ElementType::wedge6:
+  case ElementType::wedge6_reduced:
+    wedge6(p);
     break;
   case ElementType::tri3:
     triangle3(p);

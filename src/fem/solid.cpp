@@ -18,11 +18,20 @@ struct TypeFacts {
   const char* name;
   int nodes, dofs;
 };
-constexpr TypeFacts facts[] = {{"tetra", 4, 3},      {"tetra10", 10, 3},
-                               {"hexahedron", 8, 3}, {"hexahedron20", 20, 3},
-                               {"wedge15", 15, 3},   {"triangle", 3, 6},
-                               {"quad", 4, 6},       {"line", 2, 6},
-                               {"mass", 1, 6},       {"spring to ground", 1, 6},
+constexpr TypeFacts facts[] = {{"tetra", 4, 3},
+                               {"tetra10", 10, 3},
+                               {"hexahedron", 8, 3},
+                               {"hexahedron20", 20, 3},
+                               {"wedge15", 15, 3},
+                               {"hexahedron/full", 8, 3},
+                               {"hexahedron20/reduced", 20, 3},
+                               {"wedge", 6, 3},
+                               {"wedge/reduced", 6, 3},
+                               {"triangle", 3, 6},
+                               {"quad", 4, 6},
+                               {"line", 2, 6},
+                               {"mass", 1, 6},
+                               {"spring to ground", 1, 6},
                                {"spring", 2, 6}};
 
 const TypeFacts& facts_of(ElementType type) { return facts[as_size(type)]; }
@@ -294,7 +303,7 @@ Voigt linear_stress(const SolidMaterial& material, const Jacobian& H) {
 double locked_energy(ElementType type, const std::vector<StiffnessPoint>& points,
                      const std::vector<Jacobian>& gradients,
                      const SolidMaterial& material) {
-  const bool is_linear = type == ElementType::tet4 || type == ElementType::hex8;
+  const bool is_linear = node_count(type) <= 8;
   const std::size_t functions = is_linear ? 1 : 4;
   if (points.size() <= functions) return 0;
   std::vector<Voigt> strains;

@@ -65,7 +65,7 @@ def shifted(path: Path, by: int) -> None:
     path.write_text("\n".join(out) + "\n")
 
 
-@pytest.mark.parametrize("element", ["C3D4", "C3D10", "C3D15", "C3D20"])
+@pytest.mark.parametrize("element", ["C3D4", "C3D6", "C3D8", "C3D10", "C3D15", "C3D20", "C3D20R"])
 def test_frequencies_are_those_of_ccx(element: str, tmp_path: Path) -> None:
     if shutil.which("ccx") is None:
         pytest.skip("ccx is not installed")
@@ -173,7 +173,7 @@ def test_the_command_line(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("element", "change", "expected"),
     [
-        ("C3D20R", ("", ""), "elements C3D20R are others than flexgram's"),
+        ("C3D8R", ("", ""), "elements C3D8R are others than flexgram's"),
         ("C3D8I", ("", ""), "elements C3D8I are others"),
         ("C3D10", ("*STEP", "*EQUATION\n2\n1,1,1.,2,1,-1.\n*STEP"), r"\*EQUATION is not followed"),
         ("C3D10", ("210e9, 0.3", "210e9, 0.3, 20.\n200e9, 0.3, 80."), "depends on temperature"),

@@ -17,7 +17,7 @@ from flexgram.body.bodyfile import write_law
 from flexgram.body.discrete import joined_nodes, write_masses, write_springs
 from flexgram.body.faces import middle_of
 from flexgram.body.loads import BodyMesh, write_loads
-from flexgram.body.meshfile import LABELS, SHELLS, SOLIDS, node_set
+from flexgram.body.meshfile import FORMULATIONS, LABELS, SHELLS, SOLIDS, node_set
 from flexgram.body.outputs import write_outputs
 from flexgram.body.parameters import PARAMETER, read_parameter
 from flexgram.body.preload import write_preload
@@ -91,6 +91,17 @@ def _write_material(file: h5py.File, name: str, data: Any, units: tuple[float, .
         if several and "E1" not in reader.data:
             raise BodyError(f"{where}: expansion is one number where E is")
         group.attrs[EXPANSION] = reader.vector(EXPANSION) if several else reader.number(EXPANSION)
+
+
+def _formulation(region: Reader, kind: str) -> str:
+    """Of the elements of a kind in a region; empty: the usual one."""
+    known = FORMULATIONS.get(kind, ())
+    given = str(region.data.get("formulation", ""))
+    if given and given not in known:
+        of_kind = f"{kind} has {', '.join(known)}" if known else f"{kind} has one only"
+        raise BodyError(f"{region.where}: formulation = {given!r}: {of_kind}")
+    usual = known[:1]
+    return "" if given in ("", *usual) else given
 
 
 class MeshBody:
@@ -359,7 +370,7 @@ class MeshBody:
             ]
         known = ", ".join(sorted(self.cells))
         for name, data in regions.items():
-            entry = Reader(data, f"regions: {name}", ("material", "section"))
+            entry = Reader(data, f"regions: {name}", ("material", "section", "formulation"))
             section = ""  # of beams, or of shells; parts may hold lines and faces beside solids
             if "section" in data:
                 section = entry.choice("section", self.reader.children("sections"))
@@ -394,6 +405,9 @@ class MeshBody:
                 group.attrs["type"], group.attrs["material"] = kind, material
                 if kind not in SOLIDS:
                     group.attrs["section"] = section
+                formulation = _formulation(entry, kind)
+                if formulation:
+                    group.attrs["formulation"] = formulation
                 group["connectivity"] = nodes
                 group["ids"] = np.asarray(labels[block][chosen], dtype=np.int64)
                 self.blocks.append((kind, nodes))

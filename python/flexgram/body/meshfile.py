@@ -17,7 +17,13 @@ meshio._mesh.topological_dimension.setdefault("wedge15", 3)
 
 #: Cell data of a mesh that we made: the FE code's numbers of its elements.
 LABELS = "flexgram:label"
-SOLIDS = ("tetra", "tetra10", "hexahedron", "hexahedron20", "wedge15")
+SOLIDS = ("tetra", "tetra10", "hexahedron", "hexahedron20", "wedge15", "wedge")
+#: Those of solids that have several, the usual one first.
+FORMULATIONS = {
+    "hexahedron": ("incompatible", "full"),
+    "hexahedron20": ("full", "reduced"),
+    "wedge": ("full", "reduced"),
+}
 SHELLS = ("triangle", "quad")
 
 

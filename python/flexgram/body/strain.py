@@ -26,8 +26,9 @@ CORNERS = {
 }
 
 
-def _polynomials(kind: str, xi: Floats) -> Floats:
-    """Functions (q, k) of the reference coordinates that are linear in each direction."""
+def _polynomials(kind: str, xi: Floats, points: int) -> Floats:
+    """Functions (q, k) of the reference coordinates that are linear in each direction, those that
+    so many points tell."""
     x, y, z = xi.T
     one = np.ones(len(xi))
     if kind == "triangle":
@@ -37,6 +38,8 @@ def _polynomials(kind: str, xi: Floats) -> Floats:
     if kind == "tetra":
         return np.column_stack([one, x, y, z])
     if kind == "wedge":
+        if points == 2:  # on its middle axis
+            return np.column_stack([one, z])
         return np.column_stack([one, x, y, z, x * z, y * z])
     return np.column_stack([one, x, y, z, x * y, y * z, z * x, x * y * z])
 
@@ -55,12 +58,14 @@ def extrapolation(kind: str, xi: Floats) -> Floats:
 
         own: Floats = np.linalg.pinv(_flexgram.shape_functions(kind, xi)[2])
         return own
+    kind = kind.partition("/")[0]
     corner = LINEAR.get(kind, kind)
     at = np.array(CORNERS[corner], dtype=float)
     if len(xi) == 1:
         corners = np.ones((len(at), 1))
     else:
-        corners = _polynomials(corner, at) @ np.linalg.pinv(_polynomials(corner, xi))
+        inner = _polynomials(corner, xi, len(xi))
+        corners = _polynomials(corner, at, len(xi)) @ np.linalg.pinv(inner)
     middles = sorted((number, sorted(edge)) for edge, number in MIDDLES.get(kind, {}).items())
     between = [corners[edge].mean(axis=0) for _, edge in middles]
     whole: Floats = np.vstack([corners, *between])
@@ -104,7 +109,7 @@ def stress_operator(kind: str, points: Floats, law: Floats) -> tuple[Floats, Flo
     Parameters
     ----------
     kind : str
-        Meshio's name of the element.
+        Meshio's name of the element, and behind a stroke the formulation where it is another.
     points : (E, n, 3) array
         Nodes of each element [m].
     law : (6, 6) array

@@ -33,7 +33,7 @@ CHUNK = 1024
 class Solid(NamedTuple):
     """Elements of one type and material."""
 
-    kind: str  #: meshio's name
+    kind: str  #: meshio's name, and behind a stroke the formulation where it is another
     nodes: Ints  #: (E, n)
     law: Floats  #: (6, 6) [N/m²]
     expansion: Floats | None  #: strain of one kelvin (6,), engineering shears; None: not known
@@ -93,6 +93,8 @@ class Stresses:
             kind, nodes = str(group.attrs["type"]), group["connectivity"][:]
             if kind not in SOLIDS:
                 continue
+            if "formulation" in group.attrs:
+                kind += f"/{group.attrs['formulation']}"
             steel = file["materials"][str(group.attrs["material"])].attrs
             if "E" in steel:
                 law = _flexgram.isotropic(steel["E"], steel["nu"])

@@ -1,7 +1,8 @@
 """A CalculiX deck assembled by flexgram: nothing of K and M is lost to printed digits.
 
-For solids whose elements are the same in both programs (C3D4, C3D10, C3D15, C3D20: equal to the
-seven digits that CalculiX prints, ``tests/python/test_elements_ccx.py``) and isotropic materials,
+For solids whose elements are the same in both programs (C3D4, C3D6, C3D8, C3D10, C3D15, C3D20,
+C3D20R: equal to the seven digits that CalculiX prints, ``tests/python/test_elements_ccx.py``) and
+isotropic materials,
 with shells (S3, S4, S4R; CalculiX makes solids of them, which bend a little differently), point
 masses, springs and dashpots. Whatever else a deck says of its stiffness or mass is
 refused by name: ccx knows it (``--run-ccx``).
@@ -22,13 +23,13 @@ from flexgram.body.description import import_description
 from flexgram.body.meshfile import LABELS
 from flexgram.body.meshfile import SHELLS as SHELL_KINDS
 from flexgram.importers.ccx import Card, Job, damping_of, frequency_step, read_job
-from flexgram.importers.deck import Deck, read_deck
+from flexgram.importers.deck import FORMULATIONS, Deck, read_deck
 from flexgram.importers.deck_loads import in_steps, loads_of
 from flexgram.importers.deck_points import CARDS, TYPES, points_of
 from flexgram.importers.fe import Interface, check_damping
 from flexgram.importers.mesh import describe_interfaces, further_keys
 
-ELEMENTS = ("C3D4", "C3D10", "C3D15", "C3D20")
+ELEMENTS = ("C3D4", "C3D6", "C3D8", "C3D10", "C3D15", "C3D20", "C3D20R")
 SHELLS = ("S3", "S3R", "S4", "S4R")
 #: Cards of the model that are read here, by ``read_deck`` or ``damping_of``.
 READ = {
@@ -294,10 +295,7 @@ def assemble_deck(
         "units": units,
         "materials": materials,
         "sections": {region: of for region, of in shells.items() if region in material_of},
-        "regions": {
-            region: {"material": name} | ({"section": region} if region in shells else {})
-            for region, name in material_of.items()
-        },
+        "regions": regions_of(material_of, shells),
         "interfaces": described,
         "mass_integration": "reduced",
         "masses": points.masses,
@@ -352,6 +350,21 @@ def shell_sections(job: Job) -> dict[str, dict[str, Any]]:
     return found
 
 
+def regions_of(
+    material_of: Mapping[str, str], shells: Mapping[str, Any]
+) -> dict[str, dict[str, str]]:
+    """Entries of ``regions`` of a description, of what ``mesh_of`` returns."""
+    entries: dict[str, dict[str, str]] = {}
+    for region, material in material_of.items():
+        entries[region] = {"material": material}
+        if region in shells:
+            entries[region]["section"] = region
+        _, _, formulation = region.partition("_")
+        if formulation:
+            entries[region]["formulation"] = formulation
+    return entries
+
+
 def mesh_of(
     job: Job, deck: Deck, materials: Mapping[str, Mapping[str, float]]
 ) -> tuple[meshio.Mesh, dict[str, str], int]:
@@ -369,8 +382,10 @@ def mesh_of(
         others = [e for e in deck.elsets[name] if (deck.elements[e][0] in SHELL_KINDS) != of_shells]
         if others:
             raise BodyError(f"{where}: its element {others[0]} is a {deck.elements[others[0]][0]}")
-        material_of[region] = material
-        region_of |= dict.fromkeys(deck.elsets[name], region)
+        for label in deck.elsets[name]:
+            formulation = FORMULATIONS.get(deck.types[label])
+            region_of[label] = region + (f"_{formulation}" if formulation else "")
+            material_of[region_of[label]] = material
         given += len(set(deck.elsets[name]))
     if len(region_of) < len(deck.elements):
         raise BodyError(

@@ -25,6 +25,10 @@ SOLIDS = {
 SHELLS = {"S4": ("quad", 4), "S3": ("triangle", 3)}
 
 
+#: Formulations of our elements that types have, where not the usual ones.
+FORMULATIONS = {"C3D8": "full", "C3D20R": "reduced", "C3D6": "reduced"}
+
+
 @dataclass
 class Deck:
     """What of a deck matters beside its matrices; labels as written."""
@@ -39,6 +43,7 @@ class Deck:
     #: solids and shells by label: meshio type and node labels; and their sets
     elements: dict[int, tuple[str, list[int]]] = field(default_factory=dict)
     elsets: dict[str, list[int]] = field(default_factory=dict)
+    types: dict[int, str] = field(default_factory=dict)  #: of these elements, as written
     remarks: list[str] = field(default_factory=list)
     repeated: set[str] = field(default_factory=set)  #: sets that name members more than once
 
@@ -140,6 +145,7 @@ class _Model:
         self.rigid: dict[str, tuple[int, int | None]] = {}
         self.transformed = False
         self.instances = 0
+        self.types: dict[int, str] = {}
         self.kind, self.count, self.pending = "", 0, list[int]()
 
     def card(self, keyword: str, options: dict[str, str]) -> None:
@@ -191,6 +197,7 @@ class _Model:
                 element = self.kind, self.pending[1 : self.count + 1]
                 if self.connectivity.setdefault(self.pending[0], element) != element:
                     raise ValueError(f"defines element {self.pending[0]} a second time")
+                self.types[self.pending[0]] = options.get("TYPE", "").upper()
                 if "ELSET" in options:
                     self.elsets.setdefault(options["ELSET"].upper(), []).append(self.pending[0])
                 self.pending = []
@@ -286,6 +293,7 @@ def read_deck(path: Path) -> Deck:
         model.transformed,
         connectivity,
         elsets,
+        model.types,
         left,
         repeated,
     )

@@ -4,7 +4,7 @@
 Every card of forces is one load, whose input 1 is what the card says: ``step1_cload``,
 ``step1_dload``, ``step2_dload2``; the temperatures of a step are one. Forces of pressure, gravity
 and spin are integrated by the elements' own functions, those of the body at the points of the
-stiffness, as ccx does (but for C3D8R and C3D20R). Amplitudes are histories of the input.
+stiffness, as ccx does (but for C3D8R). Amplitudes are histories of the input.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from flexgram.body.face_integrals import areas_at_nodes
 from flexgram.body.faces import FACES, LINEAR, MIDDLES
 from flexgram.body.meshfile import SHELLS as SHELL_KINDS
 from flexgram.importers.ccx import Card, Job
-from flexgram.importers.deck import SHELLS, SOLIDS, Deck
+from flexgram.importers.deck import FORMULATIONS, SHELLS, SOLIDS, Deck
 from flexgram.importers.fe import FeMatrices
 
 CARDS = ("CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE")
@@ -135,11 +135,18 @@ class _Deck:
     def elements(self, card: Card, word: str) -> list[int]:
         return self._members(card, word, self.deck.elsets, self.deck.elements, "element")
 
-    def by_kind(self, labels: list[int]) -> Iterator[tuple[str, Ints, Ints]]:
-        """Elements by their type: indices of their nodes, and their labels."""
+    def by_kind(
+        self, labels: list[int], *, formulated: bool = False
+    ) -> Iterator[tuple[str, Ints, Ints]]:
+        """Elements by their type, or by type and formulation: indices of their nodes, and their
+        labels."""
         kinds: dict[str, list[int]] = {}
         for label in labels:
-            kinds.setdefault(self.deck.elements[label][0], []).append(label)
+            kind = self.deck.elements[label][0]
+            formulation = FORMULATIONS.get(self.deck.types[label])
+            if formulated and formulation:
+                kind += f"/{formulation}"
+            kinds.setdefault(kind, []).append(label)
         for kind, mine in kinds.items():
             nodes = np.array([self.deck.elements[label][1] for label in mine], dtype=np.int64)
             yield kind, np.searchsorted(self.deck.labels, nodes), np.array(mine)
@@ -171,9 +178,7 @@ class _Deck:
         import _flexgram
 
         forces = np.zeros_like(self.deck.points)
-        for kind, nodes, mine in self.by_kind(labels):
-            if kind == "wedge":
-                raise LeftOut("body loads of C3D6 are not integrated here")
+        for kind, nodes, mine in self.by_kind(labels, formulated=True):
             _, weight, N, dN = _flexgram.shape_functions(kind, np.empty((0, 3)))
             x = self.deck.points[nodes]
             J = np.einsum("qna,enx->eqax", dN, x)

@@ -17,7 +17,7 @@ from flexgram.body.description import import_description
 from flexgram.body.outputs import TAKEN, mean_displacement
 from flexgram.body.reader import Reader
 from flexgram.body.selection import nearest
-from flexgram.importers.assemble import ELEMENTS, materials_of, mesh_of, number_nodes
+from flexgram.importers.assemble import ELEMENTS, materials_of, mesh_of, number_nodes, regions_of
 from flexgram.importers.ccx import Job, read_job
 from flexgram.importers.deck import Deck, read_deck
 from flexgram.importers.deck_loads import held_of
@@ -124,7 +124,7 @@ def _vectors(job: Job, deck: Deck, outputs: Mapping[str, Any], units: str) -> Ve
     content = {
         "units": units,
         "materials": materials,
-        "regions": {region: {"material": name} for region, name in material_of.items()},
+        "regions": regions_of(material_of, {}),
         "interfaces": {"a_port": {"coupling": "node", "nodes": [used + 1]}},
         "outputs": entries,
         "repeated_elements": "keep",
