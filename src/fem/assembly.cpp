@@ -10,6 +10,7 @@
 #include "fem/node_matrix.hpp"
 #include "fem/preload.hpp"
 #include "fem/reactions.hpp"
+#include "fem/shell.hpp"
 #include "fem/stiffening.hpp"
 #include "io/body_io.hpp"
 #include "model/parameters.hpp"
@@ -78,11 +79,11 @@ private:
     if (element.aspect > thinnest)
       throw Error(
           text("it is some %.0e times wider than thick, more than the digits of its "
-               "stiffness allow: are all coordinates in one unit? Beams and shells are "
-               "made for thin parts",
-               element.aspect));
+               "stiffness allow: are all coordinates in one unit?%s",
+               element.aspect,
+               is_shell(block.type) ? "" : " Beams and shells are made for thin parts"));
     if (fields_.any())
-      fields_.add_element(at.nodes, x, dofs_per_node(block.type), element.M);
+      fields_.add_element(at.nodes, x, dofs_per_node(block.type), element);
     const Dense T = followers_.transformation(at);
     std::vector<ElementPart> parts;
     if (!rigid) parts = terms_.of_element(block, x, body_.mass_rule, element.K);
@@ -150,7 +151,7 @@ private:
   Stressed stressed_by(Preload& loads, const PlacedElement& at,
                        const ElementMatrices& element, const Dense& T) const {
     const MeshBlock& block = at.block();
-    Dense forces = loads.weight(block, at.x, element.M);
+    Dense forces = loads.weight(block, at.x, element);
     for (double& f : forces.data) f = -f;
     Stressed result{loads.of_spin(block, at.x, element), {}};
     if (!at.rigid) {

@@ -82,61 +82,26 @@ std::array<Plane, 2> planes_of(const BeamMaterial& material, const BeamSection& 
            {{2, 4, 8, 10}, {1, -1, 1, -1}, phi(section.I_y, section.k_z)}}};
 }
 
-/// A matrix in the element's axes, in global ones. @param axes  as rows.
-Dense in_global(const std::array<Vector3, 3>& axes, const Dense& local,
-                Symmetry of = Symmetry::symmetric) {
-  Dense R(12, 12); // local = R global
+/// Dofs in the element's axes by global ones. @param axes  as rows.
+Dense rotation_of(const std::array<Vector3, 3>& axes) {
+  Dense R(12, 12);
   for (int block = 0; block < 4; ++block)
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j)
         R(3 * block + i, 3 * block + j) = axes[as_size(i)][as_size(j)];
+  return R;
+}
+
+/// A matrix in the element's axes, in global ones. @param axes  as rows.
+Dense in_global(const std::array<Vector3, 3>& axes, const Dense& local,
+                Symmetry of = Symmetry::symmetric) {
+  const Dense R = rotation_of(axes);
   Dense result = multiply_transposed(R, multiply(local, R));
   symmetrise(result, of);
   return result;
 }
 
 } // namespace
-
-ElementMatrices beam_matrices(const Vector3& first, const Vector3& second,
-                              const BeamMaterial& material, const BeamSection& section) {
-  double L = 0;
-  const auto axes = local_axes(first, second, section.y_axis, L);
-  ElementMatrices result;
-  result.min_detJ = 0.5 * L;
-  if (!(L > 0)) return result;
-  const double rho = material.density, line_mass = rho * section.A;
-  result.mass = line_mass * L;
-  Dense K(12, 12), M(12, 12);
-  const auto bar = [&](int dof, double stiffness, double mass) {
-    const int i = dof, j = dof + 6;
-    K(i, i) = K(j, j) = stiffness / L;
-    K(i, j) = K(j, i) = -stiffness / L;
-    M(i, i) = M(j, j) = mass * L / 3;
-    M(i, j) = M(j, i) = mass * L / 6;
-  };
-  bar(0, material.E * section.A, line_mass);
-  bar(3, material.G * section.J, rho * (section.I_y + section.I_z));
-  const auto planes = planes_of(material, section, L);
-  const double I[2] = {section.I_z, section.I_y}, k[2] = {section.k_y, section.k_z};
-  for (std::size_t p = 0; p < 2; ++p) {
-    const auto& [dofs, signs, phi] = planes[p];
-    const double EI = material.E * I[p], shear = k[p] * material.G * section.A;
-    for (const BendingPoint& at : bending_points(L, phi))
-      for (int i = 0; i < 4; ++i)
-        for (int j = 0; j < 4; ++j) {
-          const double sign = signs[i] * signs[j];
-          K(dofs[i], dofs[j]) += sign * at.weight *
-                                 (EI * at.dt[i] * at.dt[j] +
-                                  shear * (at.dv[i] - at.t[i]) * (at.dv[j] - at.t[j]));
-          M(dofs[i], dofs[j]) +=
-              sign * at.weight *
-              (line_mass * at.v[i] * at.v[j] + rho * I[p] * at.t[i] * at.t[j]);
-        }
-  }
-  result.K = in_global(axes, K);
-  result.M = in_global(axes, M);
-  return result;
-}
 
 StressStiffness beam_stress_stiffness(const Vector3& first, const Vector3& second,
                                       const BeamMaterial& material,
@@ -216,6 +181,63 @@ Dense cross_matrix(const Vector3& a) {
 }
 
 } // namespace
+
+ElementMatrices beam_matrices(const Vector3& first, const Vector3& second,
+                              const BeamMaterial& material, const BeamSection& section) {
+  double L = 0;
+  const auto axes = local_axes(first, second, section.y_axis, L);
+  ElementMatrices result;
+  result.min_detJ = 0.5 * L;
+  if (!(L > 0)) return result;
+  const double rho = material.density, line_mass = rho * section.A;
+  result.mass = line_mass * L;
+  Dense K(12, 12), M(12, 12);
+  const auto bar = [&](int dof, double stiffness, double mass) {
+    const int i = dof, j = dof + 6;
+    K(i, i) = K(j, j) = stiffness / L;
+    K(i, j) = K(j, i) = -stiffness / L;
+    M(i, i) = M(j, j) = mass * L / 3;
+    M(i, j) = M(j, i) = mass * L / 6;
+  };
+  bar(0, material.E * section.A, line_mass);
+  bar(3, material.G * section.J, rho * (section.I_y + section.I_z));
+  const auto planes = planes_of(material, section, L);
+  const double I[2] = {section.I_z, section.I_y}, k[2] = {section.k_y, section.k_z};
+  for (std::size_t p = 0; p < 2; ++p) {
+    const auto& [dofs, signs, phi] = planes[p];
+    const double EI = material.E * I[p], shear = k[p] * material.G * section.A;
+    for (const BendingPoint& at : bending_points(L, phi))
+      for (int i = 0; i < 4; ++i)
+        for (int j = 0; j < 4; ++j) {
+          const double sign = signs[i] * signs[j];
+          K(dofs[i], dofs[j]) += sign * at.weight *
+                                 (EI * at.dt[i] * at.dt[j] +
+                                  shear * (at.dv[i] - at.t[i]) * (at.dv[j] - at.t[j]));
+          M(dofs[i], dofs[j]) +=
+              sign * at.weight *
+              (line_mass * at.v[i] * at.v[j] + rho * I[p] * at.t[i] * at.t[j]);
+        }
+  }
+  result.K = in_global(axes, K);
+  result.M = in_global(axes, M);
+  // Masses at r = y e_y + z e_z from the axis move by θ × r and are pushed by A r.
+  const double moment[3] = {0, rho * section.I_z, rho * section.I_y};
+  Dense beside(12, 9);
+  for (const auto& [weight, U, theta] : sections_of(material, section, L))
+    for (std::size_t e = 1; e < 3; ++e) {
+      const Dense turned =
+          multiply(cross_matrix(unit_vector(static_cast<int>(e))), theta);
+      for (int dof = 0; dof < 12; ++dof)
+        for (std::size_t i = 0; i < 3; ++i)
+          for (std::size_t j = 0; j < 3; ++j)
+            for (std::size_t c = 0; c < 3; ++c)
+              beside(dof, static_cast<int>(3 * i + j)) -=
+                  weight * moment[e] * turned(static_cast<int>(c), dof) * axes[c][i] *
+                  axes[e][j];
+    }
+  result.beside = multiply_transposed(rotation_of(axes), beside);
+  return result;
+}
 
 Dense beam_coriolis(const Vector3& first, const Vector3& second,
                     const BeamMaterial& material, const BeamSection& section,

@@ -90,6 +90,20 @@ Dense mass_matrix(const PointMass& mass) {
   return M;
 }
 
+Dense mass_beside(const PointMass& mass) {
+  const Dense J = inertia_of(mass);
+  const double half = 0.5 * (J(0, 0) + J(1, 1) + J(2, 2));
+  Dense beside(6, 9);
+  for (int m = 0; m < 3; ++m) { // r × A r, with ∫ρ r rᵀ = ½tr(J) I − J
+    const int l = (m + 1) % 3, i = (m + 2) % 3;
+    for (int j = 0; j < 3; ++j) {
+      beside(3 + m, 3 * i + j) += half * (l == j) - J(l, j);
+      beside(3 + m, 3 * l + j) -= half * (i == j) - J(i, j);
+    }
+  }
+  return beside;
+}
+
 Dense spring_matrix(const Dense& of_motion, const std::vector<Vector3>& x) {
   if (x.size() == 1) return of_motion;
   Vector3 arm; // of the first node; of the other it is −arm

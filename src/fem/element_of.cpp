@@ -29,8 +29,13 @@ Shell shell_of(const BodyDescription& body, const MeshBlock& block) {
   }
   shell.law = shell_law(shell.layers);
   shell.place.offset = section.offset;
-  shell.place.axis_1 =
-      section.axis_1.value_or(body.materials.at(layers.front().material).axis_1);
+  for (const SectionLayer& layer : layers) // that of the first with fibres
+    if (const Material& material = body.materials.at(layer.material);
+        !material.isotropic) {
+      shell.place.axis_1 = material.axis_1;
+      break;
+    }
+  if (section.axis_1) shell.place.axis_1 = *section.axis_1;
   return shell;
 }
 
@@ -47,6 +52,7 @@ ElementMatrices element_matrices(const BodyDescription& body, const MeshBlock& b
     } else {
       const PointMass& mass = body.masses.at(block.material);
       element.M = mass_matrix(mass);
+      element.beside = mass_beside(mass);
       element.mass = mass.mass;
     }
     return element;
@@ -124,7 +130,8 @@ StressStiffness stress_stiffness(const BodyDescription& body, const MeshBlock& b
     return {Dense(dofs_of(block), dofs_of(block)), Dense(dofs_of(block), dofs_of(block))};
   if (is_shell(block.type)) {
     const Shell shell = shell_of(body, block);
-    return shell_stress_stiffness(block.type, x, shell.law, shell.place, u, deformation);
+    return shell_stress_stiffness(block.type, x, shell.layers, shell.place, u,
+                                  deformation);
   }
   const Material& material = body.materials.at(block.material);
   return block.type == ElementType::beam2

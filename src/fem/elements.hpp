@@ -69,6 +69,9 @@ struct ElementMatrices {
   double min_detJ = 0;    ///< smallest Jacobian determinant met; ≤ 0: inverted
   double shape_ratio = 1; ///< smallest over largest determinant, 1 for a perfect shape
   double aspect = 1; ///< ‖J‖‖J⁻¹‖/3 at most, 1 for a cube; about width over thickness
+  /// Of shells, beams and point masses, dofs × 9: forces in an acceleration A r, by the entries of A
+  /// (3i + j: a_i of r_j), on masses at r from the nodes that they belong to.
+  Dense beside;
   /// Of a Hex8 M = TᵀM₀T: M₀, with the incompatible modes that follow the nodes by T, couples no
   /// directions. Of others empty, M couples none.
   Dense M_0, T;

@@ -57,8 +57,9 @@ std::vector<std::string> input_names(const NodalVectors& load) {
 }
 
 Dense weight_of_element(const AccelerationField& field, int number,
-                        const std::vector<Vector3>& x, int dofs, const Dense& M) {
-  Dense a(M.rows, 1);
+                        const std::vector<Vector3>& x, int dofs,
+                        const ElementMatrices& element) {
+  Dense a(element.M.rows, 1);
   for (std::size_t k = 0; k < x.size(); ++k) {
     const Vector3 there = acceleration(field, number, x[k]);
     const int first = static_cast<int>(k) * dofs;
@@ -66,7 +67,15 @@ Dense weight_of_element(const AccelerationField& field, int number,
     if (dofs == 6 && field.type == AccelerationField::Type::angular)
       a(first + 3 + number, 0) = 1;
   }
-  return multiply(M, a);
+  Dense f = multiply(element.M, a);
+  if (field.type != AccelerationField::Type::spin || element.beside.data.empty())
+    return f;
+  Dense A(9, 1); // away from the axis: I − e eᵀ
+  for (std::size_t i = 0; i < 3; ++i)
+    for (std::size_t j = 0; j < 3; ++j)
+      A.data[3 * i + j] = (i == j ? 1.0 : 0.0) - field.axis[i] * field.axis[j];
+  add_to(f, multiply(element.beside, A));
+  return f;
 }
 
 NodalSums::NodalSums(MPI_Comm comm, const DofMap& map, const LocalMesh& mesh,
@@ -129,10 +138,10 @@ FieldLoads::FieldLoads(MPI_Comm comm, const BodyDescription& body, const DofMap&
 }
 
 void FieldLoads::add_element(const std::int64_t* nodes, const std::vector<Vector3>& x,
-                             int dofs, const Dense& M) {
+                             int dofs, const ElementMatrices& element) {
   for (std::size_t j = 0; j < columns_.size(); ++j) {
     const auto& [field, axis] = columns_[j];
-    const Dense f = weight_of_element(*field, axis, x, dofs, M);
+    const Dense f = weight_of_element(*field, axis, x, dofs, element);
     for (std::size_t k = 0; k < x.size(); ++k) {
       const double* at = f.column(0) + static_cast<std::ptrdiff_t>(k) * dofs;
       const Vector3 moment = dofs == 6 ? Vector3{at[3], at[4], at[5]} : Vector3{};

@@ -14,7 +14,8 @@ std::vector<std::string> input_names(const NodalVectors& load);
 /// What an element weighs in a field of acceleration, for a unit of input `number` of it.
 /// @param M  of the element, `dofs` rows a node. @return forces at its dofs.
 Dense weight_of_element(const AccelerationField& field, int number,
-                        const std::vector<Vector3>& x, int dofs, const Dense& M);
+                        const std::vector<Vector3>& x, int dofs,
+                        const ElementMatrices& element);
 
 /// Vectors over all equations that are summed node by node on the rank that has the
 /// node's element, whatever rank owns its rows.
@@ -45,9 +46,9 @@ public:
   FieldLoads(MPI_Comm comm, const BodyDescription& body, const DofMap& map,
              const LocalMesh& mesh, HeldForces held);
   bool any() const { return !columns_.empty(); }
-  /// @param M  of the element, `dofs` rows a node.
+  /// @param element  with M and what is beside it, `dofs` rows a node.
   void add_element(const std::int64_t* nodes, const std::vector<Vector3>& x, int dofs,
-                   const Dense& M);
+                   const ElementMatrices& element);
   Ports take() { return sums_.take(); }
 
 private:

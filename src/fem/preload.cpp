@@ -136,10 +136,11 @@ Dense Preload::of_spin(const MeshBlock& block, const std::vector<Vector3>& x,
 }
 
 Dense Preload::weight(const MeshBlock& block, const std::vector<Vector3>& x,
-                      const Dense& M) const {
-  Dense f(M.rows, 1);
+                      const ElementMatrices& element) const {
+  Dense f(element.M.rows, 1);
   for (const auto& [field, number, value] : fields_)
-    add_to(f, weight_of_element(*field, number, x, dofs_per_node(block.type), M), value);
+    add_to(f, weight_of_element(*field, number, x, dofs_per_node(block.type), element),
+           value);
   return f;
 }
 

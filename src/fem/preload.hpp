@@ -43,7 +43,7 @@ public:
   Vector3 axis() const; ///< of it
   /// What the element weighs in the preload's fields of acceleration, at its dofs.
   Dense weight(const MeshBlock& block, const std::vector<Vector3>& x,
-               const Dense& M) const;
+               const ElementMatrices& element) const;
   /// @param K  under the preload.
   /// @throws Error if it has negative eigenvalues: the body buckles, or flies apart, and at which
   /// share of the load (between it and none, K is taken as linear). Collective.

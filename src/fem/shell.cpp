@@ -144,19 +144,32 @@ ElementMatrices shell_matrices(ElementType type, const std::vector<Vector3>& nod
   result.aspect = at_nodes.size / law.thickness;
   if (!(at_nodes.least_det > 0)) return result;
   const int n = 6 * static_cast<int>(nodes.size());
-  result.M = with_offset(type, nodes, place, [&](const ShellShape& shape) {
-    Dense M(n, n);
-    for (const ShellPoint& at : shape.mass_points()) {
-      result.mass += at.area * law.mass;
-      const Dense both = multiply_transposed(at.moved, at.turned);
-      add_to(M, multiply_transposed(at.moved, at.moved), at.area * law.mass);
-      add_to(M, multiply_transposed(at.turned, at.turned), at.area * law.second);
-      add_to(M, multiply_transposed(at.drilling, at.drilling), at.area * law.second);
-      add_to(M, both, at.area * law.first);
-      add_to(M, transpose(both), at.area * law.first);
-    }
-    return M;
-  });
+  const MiddleSurface middle(type, nodes, place);
+  Dense M(n, n), beside(n, 9);
+  for (const ShellPoint& at : middle.shape.mass_points()) {
+    result.mass += at.area * law.mass;
+    const Dense both = multiply_transposed(at.moved, at.turned);
+    add_to(M, multiply_transposed(at.moved, at.moved), at.area * law.mass);
+    add_to(M, multiply_transposed(at.turned, at.turned), at.area * law.second);
+    add_to(M, multiply_transposed(at.drilling, at.drilling), at.area * law.second);
+    add_to(M, both, at.area * law.first);
+    add_to(M, transpose(both), at.area * law.first);
+    for (int dof = 0; dof < n; ++dof)
+      for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j)
+          beside(dof, 3 * i + j) +=
+              at.area * at.normal[as_size(j)] *
+              (law.first * at.moved(i, dof) + law.second * at.turned(i, dof));
+  }
+  for (int a = 0; place.offset != 0 && a < n / 6; ++a) // its middle is at r = o n
+    for (int dof = 0; dof < n; ++dof)
+      for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j)
+          beside(dof, 3 * i + j) +=
+              M(dof, 6 * a + i) * place.offset * at_nodes.normals[as_size(a)][as_size(j)];
+  const bool is_middle = middle.T.data.empty();
+  result.M = is_middle ? M : multiply_transposed(middle.T, multiply(M, middle.T));
+  result.beside = is_middle ? beside : multiply_transposed(middle.T, beside);
   symmetrise(result.M);
   if (!with_stiffness) return result;
   result.K = with_offset(type, nodes, place, [&](const ShellShape& shape) {

@@ -97,11 +97,10 @@ Dense shell_coriolis(ElementType type, const std::vector<Vector3>& nodes,
 /// What displacements u, six numbers a node, add to the stiffness: by forces in the plane, and by the
 /// slopes of the moved surface, after von Kármán. Moments and shear forces add nothing.
 /// @throws Error if its middle surface is not at the nodes.
-StressStiffness shell_stress_stiffness(ElementType type,
-                                       const std::vector<Vector3>& nodes,
-                                       const ShellLaw& law, const ShellPlace& place,
-                                       const std::vector<double>& u,
-                                       Deformation& deformation);
+StressStiffness
+shell_stress_stiffness(ElementType type, const std::vector<Vector3>& nodes,
+                       const std::vector<ShellLayer>& layers, const ShellPlace& place,
+                       const std::vector<double>& u, Deformation& deformation);
 
 /// What forces in the plane add, alone.
 Dense shell_geometric_stiffness(ElementType type, const std::vector<Vector3>& nodes,

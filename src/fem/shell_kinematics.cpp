@@ -35,10 +35,18 @@ Vector3 turned_about(std::size_t c, const Vector3& a) {
 }
 
 /// Two axes of the surface across its normal, the first along the projection of a direction.
+std::array<Vector3, 2> axes_along(Vector3 direction, const Vector3& normal) {
+  add(direction, -dot(direction, normal), normal);
+  direction = unit_of(direction);
+  return {direction, cross(normal, direction)};
+}
+
+/// The section's axes at the centre of an element. Those at its points are along these: axis_1 itself,
+/// where it is nearly normal, would turn from one to the next.
 std::array<Vector3, 2> axes_of(const Vector3& normal, const ShellPlace& place) {
   Vector3 first = place.axis_1;
   add(first, -dot(first, normal), normal);
-  if (!(norm(first) > 1e-3 * norm(place.axis_1))) {
+  if (!(norm(first) > 0.03 * norm(place.axis_1))) {
     if (!place.isotropic)
       throw Error(
           "axis_1 of a shell's section is along its normal: give another direction");
@@ -46,10 +54,8 @@ std::array<Vector3, 2> axes_of(const Vector3& normal, const ShellPlace& place) {
     const std::size_t c = std::abs(normal[2]) < 0.9 ? 2 : 1;
     first = {};
     first[c] = 1;
-    add(first, -normal[c], normal);
   }
-  first = unit_of(first);
-  return {first, cross(normal, first)};
+  return axes_along(first, normal);
 }
 
 /// The cubic bubble of a triangle, and its slopes.
@@ -228,7 +234,7 @@ std::vector<ShellPoint> ShellShape::mass_points() const {
   const int count = 6 * static_cast<int>(x_.size());
   for (const ShapePoint& p : flexgram::mass_points(type_)) {
     const Surface at = surface_at(p.xi);
-    const std::array<Vector3, 2> axes = axes_of(at.normal, {});
+    const std::array<Vector3, 2> axes = axes_along(in_plane_[0], at.normal);
     const Slopes slopes = slopes_of(at.x_r, at.x_s, at.det, axes);
     ShellPoint point{p.weight * at.det, at.n,           Dense(3, count), Dense(3, count),
                      Dense(3, count),   Dense(1, count)};
@@ -254,7 +260,7 @@ std::vector<ShellStrain> ShellShape::strains(const ShellPlace& place) const {
   std::vector<ShellStrain> points;
   for (const ShapePoint& p : stiffness_points(type_)) {
     const Surface at = surface_at(p.xi);
-    const std::array<Vector3, 2> axes = axes_of(at.normal, place);
+    const std::array<Vector3, 2> axes = axes_along(centre_axes[0], at.normal);
     const Slopes slopes = slopes_of(at.x_r, at.x_s, at.det, axes);
     const auto [a, b, c, e] = slopes;
     Dense T(3, 3), both(6, 6), S(2, 2); // strains in the axes by covariant ones
@@ -283,20 +289,23 @@ std::vector<ShellStrain> ShellShape::strains(const ShellPlace& place) const {
     if (type_ == ElementType::quad4)
       for (int mode = 0; mode < 2; ++mode) { // 1 − r², 1 − s², by the centre's slopes
         const double slope = -2 * p.xi[as_size(mode)] * centre.det / at.det;
-        const double g_x = slope * at_centre[as_size(mode)],
-                     g_y = slope * at_centre[as_size(2 + mode)];
-        const int dof = 24 + 2 * mode;
-        strain.stretch(0, dof) = g_x;
-        strain.stretch(2, dof) = g_y;
-        strain.stretch(1, dof + 1) = g_y;
-        strain.stretch(2, dof + 1) = g_x;
-        strain.drilling(0, dof) = 0.5 * g_y;
-        strain.drilling(0, dof + 1) = -0.5 * g_x;
-        for (int k = 0; k < 2; ++k)
+        Vector3 g{};
+        add(g, slope * at_centre[as_size(mode)], centre_axes[0]);
+        add(g, slope * at_centre[as_size(2 + mode)], centre_axes[1]);
+        const double g_x = dot(g, axes[0]), g_y = dot(g, axes[1]);
+        for (int k = 0; k < 2; ++k) { // along the centre's axes
+          const int dof = 24 + 2 * mode + k;
+          const Vector3& moved = centre_axes[as_size(k)];
+          const double u_x = dot(moved, axes[0]), u_y = dot(moved, axes[1]);
+          strain.stretch(0, dof) = g_x * u_x;
+          strain.stretch(1, dof) = g_y * u_y;
+          strain.stretch(2, dof) = g_x * u_y + g_y * u_x;
+          strain.drilling(0, dof) = -0.5 * dot(at.normal, cross(g, moved));
           for (int i = 0; i < 3; ++i) {
-            strain.slope(i, dof + k) = g_x * centre_axes[as_size(k)][as_size(i)];
-            strain.slope(3 + i, dof + k) = g_y * centre_axes[as_size(k)][as_size(i)];
+            strain.slope(i, dof) = g_x * moved[as_size(i)];
+            strain.slope(3 + i, dof) = g_y * moved[as_size(i)];
           }
+        }
       }
     points.push_back(std::move(strain));
   }

@@ -41,27 +41,33 @@ void add_geometric(Dense& K, const ShellStrain& at, const Dense& resultants) {
   add_to(K, multiply_transposed(at.slope, multiply(N, at.slope)), at.area);
 }
 
-/// Von Mises stress on both sides of a shell of one layer [N/m²].
-double face_stress(const Dense& resultants, double thickness) {
-  double most = 0;
-  for (const double side : {-1.0, 1.0}) {
-    double s[3];
-    for (int i = 0; i < 3; ++i)
-      s[i] = resultants(i, 0) / thickness +
-             side * 6 * resultants(3 + i, 0) / (thickness * thickness);
-    most = std::max(most,
-                    std::sqrt(s[0] * s[0] - s[0] * s[1] + s[1] * s[1] + 3 * s[2] * s[2]));
+/// The largest von Mises stress at the sides of layers [N/m²].
+double face_stress(const std::vector<ShellLayer>& layers, const Dense& strain) {
+  double most = 0, thickness = 0;
+  for (const ShellLayer& layer : layers) thickness += layer.thickness;
+  double z = -0.5 * thickness;
+  for (const ShellLayer& layer : layers) {
+    const Dense Q = plane_stress(layer);
+    for (const double height : {z, z + layer.thickness}) {
+      double s[3] = {};
+      for (int i = 0; i < 3; ++i)
+        for (int j = 0; j < 3; ++j)
+          s[i] += Q(i, j) * (strain(j, 0) + height * strain(3 + j, 0));
+      most = std::max(
+          most, std::sqrt(s[0] * s[0] - s[0] * s[1] + s[1] * s[1] + 3 * s[2] * s[2]));
+    }
+    z += layer.thickness;
   }
   return most;
 }
 
 } // namespace
 
-StressStiffness shell_stress_stiffness(ElementType type,
-                                       const std::vector<Vector3>& nodes,
-                                       const ShellLaw& law, const ShellPlace& place,
-                                       const std::vector<double>& u,
-                                       Deformation& deformation) {
+StressStiffness
+shell_stress_stiffness(ElementType type, const std::vector<Vector3>& nodes,
+                       const std::vector<ShellLayer>& layers, const ShellPlace& place,
+                       const std::vector<double>& u, Deformation& deformation) {
+  const ShellLaw law = shell_law(layers);
   const DisplacedShell shell(type, nodes, law, place, u);
   const int all = shell.moved.rows;
   Dense K(all, all), quadratic(all, all);
@@ -93,8 +99,7 @@ StressStiffness shell_stress_stiffness(ElementType type,
     add_to(K, both, at.area);
     add_to(K, transpose(both), at.area);
     add_to(quadratic, multiply_transposed(N, multiply(law.ABD, N)), at.area);
-    deformation.stress =
-        std::max(deformation.stress, face_stress(resultants, law.thickness));
+    deformation.stress = std::max(deformation.stress, face_stress(layers, strain));
     deformation.energy +=
         at.area * (multiply_transposed(strain, resultants)(0, 0) +
                    multiply_transposed(sheared, multiply(law.shear, sheared))(0, 0));

@@ -193,20 +193,21 @@ Block MeshStiffening::frame_loads(MPI_Comm comm) {
   FieldLoads fields(comm, body_, map_, mesh_, {});
   Followers(map_, mesh_).for_each([&](const PlacedElement& at) {
     fields.add_element(at.nodes, at.x, dofs_per_node(at.block().type),
-                       element_matrices(body_, at.block(), at.x, !at.rigid).M);
+                       element_matrices(body_, at.block(), at.x, !at.rigid));
   });
   return combine(fields.take().B, shares_);
 }
 
-Dense MeshStiffening::weight(int load, const PlacedElement& at, const Dense& M) const {
-  Dense forces(M.rows, 1);
+Dense MeshStiffening::weight(int load, const PlacedElement& at,
+                             const ElementMatrices& element) const {
+  Dense forces(element.M.rows, 1);
   if (load >= frame_loads_count) return forces;
   int input = 0;
   for (const AccelerationField& field : body_.fields)
     for (int k = 0; k < static_cast<int>(input_names(field).size()); ++k, ++input)
       if (shares_(input, load) != 0)
         add_to(forces,
-               weight_of_element(field, k, at.x, dofs_per_node(at.block().type), M),
+               weight_of_element(field, k, at.x, dofs_per_node(at.block().type), element),
                shares_(input, load));
   return forces;
 }
@@ -235,7 +236,7 @@ std::vector<Matrix> MeshStiffening::matrices(int first, int count,
         added = geometric_stiffness(body_, at.block(), at.x, moved.data);
       }
       if (!T.data.empty()) {
-        Dense forces = weight(first + l, at, element.M);
+        Dense forces = weight(first + l, at, element);
         for (double& f : forces.data) f = -f;
         if (!at.rigid) add_to(forces, multiply(element.K, moved));
         const Dense turning = followers.turning(at, forces);

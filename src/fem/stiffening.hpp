@@ -28,7 +28,7 @@ private:
   std::vector<Matrix> matrices(int first, int count, const Followers& followers) const;
   Block frame_loads(MPI_Comm comm);
   /// What the element weighs in the load, at its dofs.
-  Dense weight(int load, const PlacedElement& at, const Dense& M) const;
+  Dense weight(int load, const PlacedElement& at, const ElementMatrices& element) const;
 
   BodyDescription body_; ///< its fields are those that frame loads combine
   DofMap map_;

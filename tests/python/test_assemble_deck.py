@@ -173,8 +173,7 @@ def test_the_command_line(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("element", "change", "expected"),
     [
-        ("C3D8R", ("", ""), "elements C3D8R are others than flexgram's"),
-        ("C3D8I", ("", ""), "elements C3D8I are others"),
+        ("C3D10", ("TYPE=C3D10", "TYPE=C3D10M"), "elements C3D10M are others than flexgram's"),
         ("C3D10", ("*STEP", "*EQUATION\n2\n1,1,1.,2,1,-1.\n*STEP"), r"\*EQUATION is not followed"),
         ("C3D10", ("210e9, 0.3", "210e9, 0.3, 20.\n200e9, 0.3, 80."), "depends on temperature"),
         ("C3D10", ("*DENSITY\n7850\n", ""), r"needs elements, \*ELASTIC and \*DENSITY"),
@@ -192,6 +191,23 @@ def test_what_is_not_followed(
     path.write_text(text.replace(*change) if change[0] else text)
     with pytest.raises(BodyError, match=expected):
         assemble_deck(path, tmp_path / "bar.h5", EYE)
+
+
+@pytest.mark.skipif(shutil.which("ccx") is None, reason="ccx is not installed")
+def test_hexahedra_that_bend(tmp_path: Path) -> None:
+    """C3D8I and C3D8R are taken as ours, near ccx' C3D20; the import says so."""
+    squares = {}
+    for element in ("C3D8I", "C3D8R", "C3D20"):
+        path = deck(tmp_path / "bar.inp", element, held="*BOUNDARY\nSTART, 1, 3\n")
+        counts = assemble_deck(path, tmp_path / "bar.h5", EYE)
+        said = " ".join(counts["remarks"])
+        assert ("taken as hexahedra with incompatible modes" in said) == (element != "C3D20")
+        body = assembled(tmp_path / "matrices.h5", tmp_path / "bar.h5")
+        found = eigsh(body["K"], 4, body["M"], sigma=0, return_eigenvectors=False)
+        squares[element] = np.sort(found)
+    np.testing.assert_allclose(squares["C3D8I"], squares["C3D8R"], rtol=1e-9)
+    hertz = {element: np.sqrt(of) for element, of in squares.items()}
+    np.testing.assert_allclose(hertz["C3D8R"], hertz["C3D20"], rtol=0.08)
 
 
 def with_loss_factors(path: Path, first: float, second: float) -> Path:

@@ -185,7 +185,10 @@ def wrong(change: Any, tmp_path: Path, mesh: Any = None) -> None:
             {"sections": {"sheet": {"shape": "shell", "thickness": 1, "axis_1": [0, 0, 0]}}},
             "has no direction",
         ),
-        ({"sections": {"sheet": {"shape": "circle", "radius": 1}}}, "known are tetra"),
+        (
+            {"sections": {"sheet": {"shape": "circle", "radius": 1}}},
+            "with a section of a shell triangle, quad",
+        ),
         (
             {"sections": {"sheet": {"shape": "shell", "layers": []}}},
             "layers must be a list, from the bottom",

@@ -152,13 +152,28 @@ def whole_faces(blocks: Sequence[tuple[str, Ints]], nodes: Ints, count: int) -> 
             if mine:
                 whole = np.array(mine)[:, [*face, *between]]
                 found.setdefault(whole.shape[1], []).append(whole)
+    for shells in loose_shells(blocks, nodes, count):
+        found.setdefault(shells.shape[1], []).append(shells[:, ::-1])
+    return [np.vstack(faces) for faces in found.values()]
+
+
+def loose_shells(blocks: Sequence[tuple[str, Ints]], nodes: Ints, count: int) -> list[Ints]:
+    """Shells whose nodes are all among some nodes, without those that cover a face of a solid; as
+    ``whole_faces``."""
+    inside = np.zeros(count, dtype=bool)
+    inside[nodes] = True
+    solids = [block for block in blocks if block[0] not in CORNERS]
+    outside = {tuple(sorted(set(face))) for face in outer(faces_of(solids, inside)).tolist()}
+    found = []
     for kind, elements in blocks:
         if kind in CORNERS:
             near = elements[np.all(inside[elements], axis=1)]
-            mine = [row for row in near if tuple(sorted(row.tolist())) not in outside]
+            mine = [
+                row for row in near if tuple(sorted(row[: CORNERS[kind]].tolist())) not in outside
+            ]
             if mine:
-                found.setdefault(elements.shape[1], []).append(np.array(mine)[:, ::-1])
-    return [np.vstack(faces) for faces in found.values()]
+                found.append(np.array(mine))
+    return found
 
 
 def opposed(faces: Ints) -> tuple[int, int] | None:

@@ -16,7 +16,7 @@ import numpy as np
 
 from flexgram.basics import BodyError, Floats, Ints, check_name, errors_of
 from flexgram.body.face_integrals import areas_at_nodes
-from flexgram.body.faces import opposed, shells_of, whole_faces
+from flexgram.body.faces import loose_shells, opposed, whole_faces
 from flexgram.body.meshfile import SOLIDS
 from flexgram.body.reader import Reader
 from flexgram.body.spin import unit_axis
@@ -111,11 +111,26 @@ def _write_temperature(mesh: BodyMesh, group: h5py.Group, entry: Reader) -> str:
     return f"temperature of {len(warm)} nodes"
 
 
-def _expect_one_side(mesh: BodyMesh, nodes: Ints, where: str) -> None:
+def _expect_rotations(mesh: BodyMesh, nodes: Ints, where: str) -> None:
+    """Refuse moments at nodes that have no rotations: of solids, and of no rigid interface."""
+    turning = [elements.ravel() for kind, elements in mesh.blocks if kind not in SOLIDS]
+    turning += [
+        group["nodes"][:]
+        for group in mesh.file.get("interfaces", {}).values()
+        if str(group.attrs["coupling"]) == "rigid"
+    ]
+    without = np.setdiff1d(nodes, np.concatenate([np.empty(0, dtype=np.int64), *turning]))
+    if len(without):
+        raise BodyError(
+            f"{where}: node {without[0] + 1} is one of solids, which take no moment: give a couple "
+            "of forces, or make a rigid interface there"
+        )
+
+
+def _expect_one_side(faces: Sequence[Ints], where: str) -> None:
     """Refuse a pressure on shells whose normals point to different sides."""
-    inside = np.zeros(len(mesh.points), dtype=bool)
-    inside[nodes] = True
-    edge = opposed(shells_of(mesh.blocks, inside))
+    whole = [np.column_stack([f, f[:, :1]]) if f.shape[1] == 3 else f for f in faces]
+    edge = opposed(np.vstack(whole)) if whole else None
     if edge is not None:
         raise BodyError(
             f"{where}: pressure acts along the normals of shells, and those of two shells at "
@@ -152,6 +167,7 @@ def write_loads(mesh: BodyMesh, reader: Reader) -> dict[str, str]:
             continue
         if kind == "nodal":
             nodes, table = _table(mesh, entry, 3, 6)
+            _expect_rotations(mesh, nodes[np.any(table[:, 3:] != 0, axis=1)], entry.where)
             table *= mesh.force
             table[:, 3:] *= mesh.length
             write_vectors(group, ["load"], nodes, table[:, None, :])
@@ -176,7 +192,7 @@ def write_loads(mesh: BodyMesh, reader: Reader) -> dict[str, str]:
         vectors, areas = areas_at_nodes(mesh.length * mesh.points, faces)
         used = np.flatnonzero(areas)
         if kind == "pressure":
-            _expect_one_side(mesh, nodes, entry.where)
+            _expect_one_side(loose_shells(mesh.blocks, nodes, len(mesh.points)), entry.where)
             write_vectors(group, ["p"], used, -vectors[used][:, None, :])
         else:
             write_vectors(

@@ -15,7 +15,7 @@ import numpy as np
 from flexgram.basics import BodyError, Ints, check_name, errors_of
 from flexgram.body.bodyfile import write_law
 from flexgram.body.discrete import joined_nodes, write_masses, write_springs
-from flexgram.body.faces import middle_of
+from flexgram.body.faces import CORNERS, middle_of
 from flexgram.body.loads import BodyMesh, write_loads
 from flexgram.body.meshfile import FORMULATIONS, LABELS, SHELLS, SOLIDS, node_set
 from flexgram.body.outputs import write_outputs
@@ -24,6 +24,7 @@ from flexgram.body.preload import write_preload
 from flexgram.body.reader import Reader, short
 from flexgram.body.sections import is_shell, section_properties, shell_properties
 from flexgram.body.selection import in_box, nearest
+from flexgram.body.shells import doubts_of_shells, first_axis
 from flexgram.body.spin import write_spin
 from flexgram.body.viscoelastic import KEY, read_isotropic, read_orthotropic
 from flexgram.body.whole import (
@@ -160,6 +161,7 @@ class MeshBody:
             file, self.points, self.blocks, self.length, self.units[2], self.select, self.folder
         )
         loads, outputs = write_loads(written, reader), write_outputs(written, reader)
+        doubts = doubts_of_shells(file, self.points, self._elements())
         for name in set(write_preload(file, reader, [*interfaces, *loads])) & set(loads):
             loads[name] += ", of the preload: no input"
         write_spin(file, reader, self.length)
@@ -181,6 +183,7 @@ class MeshBody:
                 *doubts_of_units(file, reader.get("units", "SI"), extent),
                 *self._doubts_of_parts(held),
                 *self._doubts_of_stress(),
+                *doubts,
             ],
         }
 
@@ -275,7 +278,12 @@ class MeshBody:
             group = self.file.create_group(f"sections/{check_name(section.where, str(name))}")
             if is_shell(section):
                 known = self.reader.children("materials")
-                group.attrs.update(shell_properties(section, self.length, known))
+                found = shell_properties(section, self.length, known)
+                if "axis_1" not in found and "layer_materials" in found:
+                    with errors_of(section.where):
+                        axis = first_axis(self.file, found["layer_materials"])
+                    found |= {} if axis is None else {"axis_1": axis}
+                group.attrs.update(found)
                 continue
             group.attrs.update(section_properties(section, self.length))
             y_axis = section.vector("y_axis", [0, 1, 0])
@@ -390,6 +398,8 @@ class MeshBody:
                     has = f"it has no known elements, only {only}: mesh it with {solids}"
                 raise BodyError(f"{entry.where}: the mesh has no such part; {has}")
             solid = False
+            if of_shells:
+                self._expect_shells(str(name), entry)
             for block, chosen in enumerate(self.cells[str(name)]):
                 kind = self.mesh.cells[block].type
                 if len(chosen) == 0 or kind not in known_kinds:
@@ -416,19 +426,36 @@ class MeshBody:
                 kinds = {
                     self.mesh.cells[b].type for b, c in enumerate(self.cells[str(name)]) if len(c)
                 }
-                if not section and kinds <= set(SHELLS):
+                has = ", ".join(sorted(kinds))
+                if of_shells:
                     raise BodyError(
-                        f"{entry.where}: its elements are faces ({', '.join(sorted(kinds))}): if "
-                        "they are shells, give the region a section of shape shell (import: "
-                        "--thickness); if they bound solids, name the part with these"
+                        f"{entry.where}: a section of shells takes {' and '.join(SHELLS)}, of "
+                        f"first order; it has {has}"
+                    )
+                if not section and kinds <= set(CORNERS):
+                    raise BodyError(
+                        f"{entry.where}: its elements are faces ({has}): if they are shells, which "
+                        f"flexgram has of first order, give the region a section of shape shell "
+                        "(import: --thickness); if they bound solids, name the part with these"
                     )
                 raise BodyError(
                     f"{entry.where}: no elements that flexgram knows; it has "
-                    f"{', '.join(sorted(kinds))}, known are {', '.join(SOLIDS)}; with a section "
+                    f"{has}, known are {', '.join(SOLIDS)}; with a section "
                     f"of a shell {', '.join(SHELLS)}, with that of a beam line"
                 )
         if self.reader.choice("repeated_elements", ("refuse", "keep"), "refuse") == "refuse":
             expect_no_repeats(self._elements())
+
+    def _expect_shells(self, part: str, entry: Reader) -> None:
+        """A part with a section of shells has no other elements than these, points and lines."""
+        blocks = zip(self.mesh.cells, self.cells[part], strict=True)
+        kinds = {cells.type for cells, chosen in blocks if len(chosen)}
+        others = {kind for kind in kinds - set(SHELLS) if kind in CORNERS or kind in SOLIDS}
+        if others and kinds & set(SHELLS):
+            raise BodyError(
+                f"{entry.where}: it has a section of shells, which are {' and '.join(SHELLS)}, and "
+                f"{', '.join(sorted(others))} too: name parts of one kind"
+            )
 
     def _elements(self) -> list[Block]:
         return [Block(*block, ids) for block, ids in zip(self.blocks, self.ids, strict=True)]

@@ -137,12 +137,25 @@ def _write_stress(mesh: BodyMesh, group: h5py.Group, entry: Reader, known: _Stre
                 used, rows, held = known.of_body.element_rows(ids, point, known.fields)
         where = "at all integration points" if point is None else f"at integration point {point}"
         said = f"mean stress {where} of {len(ids)} element{'s' * (len(ids) != 1)}"
+    columns = ["s" + pair for pair in COMPONENTS]
+    if side:
+        columns, rows, vanish = _without_zeros(columns, rows)
+        said += f" ({', '.join(vanish)} vanish)" if vanish else ""
     said += f", {side} side" if side in ("top", "bottom") else f", {side}" if side else ""
-    write_vectors(group, ["s" + pair for pair in COMPONENTS], used, rows)
+    write_vectors(group, columns, used, rows)
     if held:
         group["feedthrough"] = np.array(list(held.values())).T
         group["feedthrough"].attrs["inputs"] = list(held)
     return said
+
+
+def _without_zeros(columns: list[str], rows: Floats) -> tuple[list[str], Floats, list[str]]:
+    """Columns and rows (U, columns, …) without those that are nothing but rounding: of a flat shell
+    across an axis; and their names."""
+    size = np.abs(rows).max(axis=(0, 2))
+    kept = size > 1e-10 * size.max(initial=0)
+    names = [name for name, keep in zip(columns, kept, strict=True) if keep]
+    return names, rows[:, kept], [name for name in columns if name not in names]
 
 
 def _whole(entry: Reader, key: str, given: object) -> Ints:

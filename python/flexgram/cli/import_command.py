@@ -87,8 +87,8 @@ def import_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--assemble",
         action="store_true",
-        help="assemble a CalculiX deck here, without ccx and its printed digits: C3D4, C3D10, "
-        "C3D15, C3D20 of isotropic materials",
+        help="assemble a CalculiX deck here, without ccx and its printed digits: solids (C3D…), "
+        "shells (S3, S4), point masses, springs and dashpots, of isotropic materials",
     )
     parser.add_argument(
         "--step",
@@ -117,7 +117,7 @@ def import_options(parser: argparse.ArgumentParser) -> None:
         help="input beside the interfaces, of a mesh or with --assemble: gravity=acceleration, "
         "gas=pressure:NSET:piston, wind=traction:WHERE, push=force:WHERE, "
         "turn=spin:x,y,z,ax,ay,az (point, axis), swing=angular_acceleration:x,y,z, "
-        "warm=temperature:WHERE, pull=nodal:table.csv (node, fx, fy, fz)",
+        "warm=temperature:WHERE, pull=nodal:table.csv (node, fx, fy, fz[, mx, my, mz])",
     )
     parser.add_argument(
         "--measure",
@@ -127,8 +127,8 @@ def import_options(parser: argparse.ArgumentParser) -> None:
         help="output beside the interfaces, likewise and of a CalculiX deck's matrices: mean "
         "displacement of nodes; stress:WHERE or stress:ELEMENTS:5,6[@POINT], a point of the "
         "integration; gauge:x,y,z:WHERE, the strain along a direction, a rosette with the normal "
-        "of the surface, gauge:x,y,z/nx,ny,nz:WHERE; reaction:WHERE, the force by which supports "
-        "hold nodes (not of matrices)",
+        "of the surface, gauge:x,y,z/nx,ny,nz:WHERE; of shells with a side, stress/top: and "
+        "gauge/bottom:; reaction:WHERE, the force by which supports hold nodes (not of matrices)",
     )
     parser.add_argument(
         "--preload",

@@ -30,6 +30,9 @@ from flexgram.importers.fe import Interface, check_damping
 from flexgram.importers.mesh import describe_interfaces, further_keys
 
 ELEMENTS = ("C3D4", "C3D6", "C3D8", "C3D10", "C3D15", "C3D20", "C3D20R")
+#: Taken as hexahedra with incompatible modes. Those of ccx are other modes in distorted elements
+#: (C3D8I), or give way by hourglasses (C3D8R).
+BENDING = ("C3D8I", "C3D8R")
 SHELLS = ("S3", "S3R", "S4", "S4R")
 #: Cards of the model that are read here, by ``read_deck`` or ``damping_of``.
 READ = {
@@ -132,10 +135,11 @@ def _refuse_others(job: Job) -> None:
                 f"{job.path}: *{card.keyword} is not followed by --assemble: take --run-ccx"
             )
         kind = card.options.get("TYPE", "").upper()
-        if card.keyword == "ELEMENT" and kind not in (*ELEMENTS, *SHELLS, *TYPES):
+        known = (*ELEMENTS, *BENDING, *SHELLS, *TYPES)
+        if card.keyword == "ELEMENT" and kind not in known:
             raise BodyError(
                 f"{job.path}: elements {kind} are others than flexgram's, which has "
-                f"{', '.join((*ELEMENTS, *SHELLS, *TYPES))} of CalculiX: take --run-ccx"
+                f"{', '.join(known)} of CalculiX: take --run-ccx"
             )
         if card.keyword == "SOLID SECTION" and "ORIENTATION" in card.options:
             raise BodyError(f"{job.path}: *SOLID SECTION with an ORIENTATION: take --run-ccx")
@@ -275,6 +279,11 @@ def assemble_deck(
         )
     if any(card.options.get("TYPE", "").upper() in ("S3R", "S4R") for card in job.model):
         remarks.append("S3R and S4R are taken as S3 and S4, integrated fully")
+    if bent := sorted({kind for kind in deck.types.values() if kind in BENDING}):
+        remarks.append(
+            f"{' and '.join(bent)} are taken as hexahedra with incompatible modes, which ccx has "
+            "otherwise: frequencies differ by the elements' own error"
+        )
     described = describe_interfaces(interfaces)
     loads = {name: dict(entry) for name, entry in (loads or {}).items()}
     outputs = {name: dict(entry) for name, entry in (outputs or {}).items()}
@@ -430,6 +439,7 @@ def _add_loads_of_steps(
 ) -> list[str]:
     """Add the loads of the deck's steps to ``loads``; returns what is to be said of them."""
     of_steps, remarks = loads_of(job, deck)
+    shells = any(kind in SHELL_KINDS for kind, _ in deck.elements.values())
     expands = all("expansion" in materials[name] for name in material_of.values())
     for load in of_steps:
         if load.name in loads:
@@ -439,6 +449,9 @@ def _add_loads_of_steps(
                 f"load {load.name} is left out: a material has no *EXPANSION, or "
                 "one of temperature or direction"
             )
+            continue
+        if load.kind == "temperature" and shells:
+            remarks.append(f"load {load.name} is left out: shells take no temperature")
             continue
         rows = load.table.copy()
         rows[:, 0] = np.searchsorted(deck.labels, rows[:, 0]) + 1

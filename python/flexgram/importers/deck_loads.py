@@ -56,6 +56,14 @@ class DeckLoad:
     table: Floats
 
 
+def _offset(card: Card) -> float:
+    """OFFSET of a *SHELL SECTION, in thicknesses; of what is no number, some."""
+    try:
+        return float(card.options.get("OFFSET", "0"))
+    except ValueError:
+        return 1.0
+
+
 class LeftOut(Exception):
     """A load that is not followed here, and why."""
 
@@ -96,7 +104,8 @@ class _Deck:
                 for label in deck.elsets.get(card.options.get("ELSET", "").upper(), ()):
                     name = card.options.get("MATERIAL", "").upper()
                     self.density[label] = thickness * of_material.get(name, 0.0)
-                    if card.options.get("OFFSET", "0") not in ("0", "0."):
+                    self.offset.discard(label)
+                    if of_shells and _offset(card) != 0:
                         self.offset.add(label)
 
     def initial(self) -> Floats:
@@ -247,6 +256,12 @@ def _forces(deck: _Deck, card: Card, left: list[str], spun: set[int]) -> Floats:
                 continue
             for where, side in deck.surfaces[row[0].upper()]:
                 on_shells = {"SPOS": -1.0, "SNEG": 1.0}.get(side.upper())
+                of_shells = any(
+                    deck.deck.elements[e][0] in SHELL_KINDS for e in deck.elements(card, where)
+                )
+                if of_shells and on_shells is None:
+                    left.append(f"{side or 'no side'} of shells in surface {row[0]} of *DSLOAD")
+                    continue
                 if on_shells is None and not (side[:1].upper() == "S" and side[1:].isdigit()):
                     raise deck.wrong(card, row, f"{side} of surface {row[0]} is no face")
                 forces += deck.pressure(

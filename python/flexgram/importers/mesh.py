@@ -64,12 +64,14 @@ def describe_load(text: str) -> tuple[str, dict[str, Any]]:
 def describe_output(text: str) -> tuple[str, dict[str, Any]]:
     """Name and entry of an output, ``NAME=[stress:|gauge:|reaction:]NODES``; a gauge has its
     direction before the nodes, a rosette also the normal of the surface, and a stress may be of
-    ``ELEMENTS:1,2``, at one integration point of ``ELEMENTS:1,2@POINT``."""
+    ``ELEMENTS:1,2``, at one integration point of ``ELEMENTS:1,2@POINT``. Of shells with a side,
+    ``stress/top:`` and ``gauge/top:``."""
     name, _, rest = text.partition("=")
     kind, colon, nodes = rest.partition(":")
+    kind, _, side = kind.partition("/")
     if not colon or kind not in OUTPUTS:
-        kind, nodes = "displacement", rest
-    entry: dict[str, Any] = {"type": kind}
+        kind, nodes, side = "displacement", rest, ""
+    entry: dict[str, Any] = {"type": kind} | ({"side": side} if side else {})
     if kind == "gauge":
         directions, _, nodes = nodes.partition(":")
         for key, words in zip(("direction", "normal"), directions.split("/"), strict=False):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexgram.basics import BodyError, Floats, Ints, errors_of, index_of
-from flexgram.body.faces import CORNERS, faces_of, outer, shells_of
+from flexgram.body.faces import CORNERS, faces_of, loose_shells, outer
 from flexgram.model.reduced import ReducedBody
 
 
@@ -101,9 +101,16 @@ class Geometry:
     def surface(self) -> Ints:
         """Triangles of the outer surface, and of shells, by corner nodes, (T, 3)."""
         own = outer(faces_of([b for b in self.blocks if b[0] not in CORNERS]))
-        own = np.vstack([own, shells_of(self.blocks)])
+        shells = loose_shells(self.blocks, np.arange(len(self.points)), len(self.points))
+        own = np.vstack([own, *(_four(some) for some in shells)])
         square = own[:, 3] != own[:, 0]
         return np.vstack([own[:, :3], own[square][:, [0, 2, 3]]])
+
+
+def _four(shells: Ints) -> Ints:
+    """Corners of shells, (F, 4); the last one of a triangle is its first."""
+    corners = 3 if shells.shape[1] in (3, 6) else 4
+    return shells[:, [0, 1, 2, 0]] if corners == 3 else shells[:, :4]
 
 
 def body_of(model: ReducedBody, body: str | Path | None = None) -> str | Path:
