@@ -88,33 +88,38 @@ def calculix(element: str, shape: Any, count: int) -> Any:
     return np.array([float(row) for row in rows[:6]])
 
 
-def main() -> None:
-    OUT.mkdir(parents=True, exist_ok=True)
-    warnings.simplefilter("ignore")
-    rows = []
-    figure, axes = plt.subplots(1, 2, figsize=(9, 4), sharey=True)
-    for axis, (name, shape) in zip(axes, BODIES.items(), strict=True):
-        exact = ours("quad", shape, FINE)
-        for label in ("quad", "triangle", "ccx S4", "ccx S8R", "ccx S3", "ccx S4R"):
-            errors = []
-            for count in COUNTS:
-                is_theirs = label.startswith("ccx")
-                found = (
-                    calculix(label[4:], shape, count) if is_theirs else ours(label, shape, count)
-                )
-                errors.append(float(np.max(np.abs(found / exact - 1))))
-            by_count = {f"{n} x {n}": e for n, e in zip(COUNTS, errors, strict=True)}
-            rows.append({"body": name, "element": label} | by_count)
-            print(rows[-1], flush=True)
-            axis.loglog(COUNTS, errors, "--s" if is_theirs else "-o", label=label)
+def draw(rows: list[dict[str, Any]]) -> None:
+    figure, axes = plt.subplots(1, len(BODIES), figsize=(9, 4), sharey=True)
+    for axis, name in zip(axes, BODIES, strict=True):
+        for row in (row for row in rows if row["body"] == name):
+            label = str(row["element"])
+            errors = [float(row[f"{n} x {n}"]) for n in COUNTS]
+            axis.loglog(COUNTS, errors, "--s" if "ccx" in label else "-o", label=label)
         axis.set(title=name, xlabel="elements a side", xticks=COUNTS, xticklabels=COUNTS)
         axis.minorticks_off()
         axis.grid(alpha=0.3)
     axes[0].set(ylabel="largest relative error of six frequencies")
-    axes[1].legend(fontsize=8)
+    axes[0].legend(fontsize=8, loc="upper right", ncols=2)
     figure.tight_layout()
     figure.savefig(ROOT / "docs" / "images" / "shells.png", dpi=110)
+
+
+def main() -> None:
+    OUT.mkdir(parents=True, exist_ok=True)
+    warnings.simplefilter("ignore")
+    rows = []
+    for name, shape in BODIES.items():
+        exact = ours("quad", shape, FINE)
+        for label in ("quad", "triangle", "ccx S4", "ccx S8R", "ccx S3", "ccx S4R"):
+            row: dict[str, Any] = {"body": name, "element": label}
+            for n in COUNTS:
+                theirs = label.startswith("ccx")
+                found = calculix(label[4:], shape, n) if theirs else ours(label, shape, n)
+                row[f"{n} x {n}"] = float(np.max(np.abs(found / exact - 1)))
+            rows.append(row)
+            print(row, flush=True)
     write_table(RESULTS / "shells.csv", rows)
+    draw(rows)
 
 
 if __name__ == "__main__":
