@@ -38,12 +38,14 @@ MESHES = (
 )
 
 
+#: Endings of Nastran bulk data, for --assemble.
+BULK_DATA = (".bdf", ".nas", ".dat")
 #: Options of files of matrices, of decks, and of any body, which YAML has in itself.
 OF_FILES = (
     *("format", "deck", "mass", "damping", "inputs", "mapping"),
     *("run_ccx", "strict", "matrices"),
 )
-OF_DECKS = ("assemble", "step", "deck_loads")
+OF_DECKS = ("assemble", "step", "deck_loads", "ignore")
 OF_MESHES = ("merge", "keep_repeated", "spin", "preload")
 OF_BODIES = ("units", "alpha", "beta", "eta", "zeta", "load", "measure")
 
@@ -87,8 +89,17 @@ def import_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--assemble",
         action="store_true",
-        help="assemble a CalculiX deck here, without ccx and its printed digits: solids (C3D…), "
-        "shells (S3, S4), point masses, springs and dashpots, of isotropic materials",
+        help="assemble a CalculiX deck (without ccx and its printed digits) or Nastran bulk data "
+        "(.bdf, .nas, .dat) here: solids, shells, point masses, springs; of Nastran beams, RBE2 "
+        "and RBE3 too",
+    )
+    parser.add_argument(
+        "--ignore",
+        metavar="CARD",
+        action="append",
+        default=[],
+        help="with --assemble, of Nastran bulk data: a card to pass over though it may say "
+        "something of stiffness or mass",
     )
     parser.add_argument(
         "--step",
@@ -293,21 +304,29 @@ def _import_mesh(options: argparse.Namespace, named: list[tuple[str, str]]) -> N
 
 
 def _import_deck(options: argparse.Namespace, named: list[tuple[str, str]]) -> None:
-    """A CalculiX deck, assembled here."""
+    """A CalculiX deck or Nastran bulk data, assembled here."""
     from flexgram.importers import parse
     from flexgram.importers.assemble import assemble_deck
+    from flexgram.importers.nastran_bulk import assemble_bulk
 
     _refuse(options, ("thickness", *OF_FILES), " is nothing for --assemble")
-    counts = assemble_deck(
-        options.source,
-        options.output,
-        [parse(*pair) for pair in named],
-        step=options.step,
-        deck_loads=options.deck_loads,
-        **_of_body(options),
-        **_further(options),
-        **_of_mesh(options),
-    )
+    interfaces = [parse(*pair) for pair in named]
+    more = {**_of_body(options), **_further(options), **_of_mesh(options)}
+    if options.source.suffix.lower() in BULK_DATA:
+        _refuse(options, ("step", "deck_loads"), " is of CalculiX decks")
+        counts = assemble_bulk(
+            options.source, options.output, interfaces, ignore=options.ignore, **more
+        )
+    else:
+        _refuse(options, ("ignore",), " is of Nastran bulk data")
+        counts = assemble_deck(
+            options.source,
+            options.output,
+            interfaces,
+            step=options.step,
+            deck_loads=options.deck_loads,
+            **more,
+        )
     _say_mesh(options, counts)
     for remark in counts["remarks"]:
         say(f"  note: {remark}")

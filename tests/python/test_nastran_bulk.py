@@ -1,0 +1,223 @@
+"""Nastran bulk data assembled here, against bodies of the same described otherwise, and closed
+forms."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import meshio
+import numpy as np
+import pytest
+import scipy.linalg as sl
+import scipy.sparse.linalg as spl
+from test_preload import line
+
+from bodies import box
+from conftest import assembled, run
+from flexgram import BodyError
+from flexgram.body.description import import_description
+from flexgram.importers import parse
+from flexgram.importers.nastran_bulk import assemble_bulk
+from sheets import flat, sheet
+
+pytest.importorskip("pyNastran")
+STEEL = "MAT1,1,2.1+11,,0.3,7850.\n"
+CARDS = {
+    "tetra": "CTETRA", "tetra10": "CTETRA", "hexahedron": "CHEXA", "hexahedron20": "CHEXA",
+    "wedge": "CPENTA", "wedge15": "CPENTA", "quad": "CQUAD4", "triangle": "CTRIA3", "line": "CBAR",
+}  # fmt: skip
+#: Nastran has the vertical edges before the top ones.
+SWAPPED = {
+    "hexahedron20": [*range(12), *range(16, 20), *range(12, 16)],
+    "wedge15": [*range(9), *range(12, 15), *range(9, 12)],
+}
+
+
+def card(*words: Any) -> str:
+    """Comma separated, with continuations of eight fields."""
+    fields = [number(w) if isinstance(w, float) else str(w) for w in words]
+    rows = [fields[:9]] + [["", *fields[k : k + 8]] for k in range(9, len(fields), 8)]
+    return "\n".join(",".join(row) for row in rows) + "\n"
+
+
+def number(x: float) -> str:
+    """Of at most sixteen characters, with a point."""
+    text = f"{x:.9e}"
+    return text if "." in text else text.replace("e", ".e")
+
+
+def bulk(mesh: meshio.Mesh, more: str, after: dict[str, str] | None = None) -> str:
+    """A deck of a mesh whose labels are 10, 20, …; ``after``: fields behind nodes of elements."""
+    text = "SOL 103\nCEND\nSPC = 1\nBEGIN BULK\n"
+    for k, x in enumerate(mesh.points):
+        text += card("GRID", 10 * k + 10, "", *(number(c) for c in x))
+    label = 0
+    for block in mesh.cells:
+        for nodes in block.data:
+            label += 1
+            order = nodes[SWAPPED[block.type]] if block.type in SWAPPED else nodes
+            fields = [10 * int(n) + 10 for n in order]
+            text += card(CARDS[block.type], label, 1, *fields, *(after or {}).get(block.type, ()))
+    return text + more + "ENDDATA\n"
+
+
+def clamp(mesh: meshio.Mesh, components: str) -> str:
+    return "".join(card("SPC1", 1, components, 10 * int(n) + 10) for n in mesh.point_sets["start"])
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize(
+    "kind",
+    ["tetra", "tetra10", "hexahedron", "hexahedron20", "wedge", "wedge15", "quad", "triangle"],
+)
+def test_elements_are_those_of_a_description(kind: str, ranks: int, tmp_path: Path) -> None:
+    """Matrices entry by entry, with an RBE2 at its end and a mass on that."""
+    if kind in ("quad", "triangle"):
+        mesh = sheet(kind, (4, 3), lambda u, v: (0.4 * u, 0.3 * v, 0.1 * u * v))
+        prop = "PSHELL,1,1,0.01,1,,1\n"
+        section = {"sections": {"s": {"shape": "shell", "thickness": 0.01}}}
+        region = {"material": "steel", "section": "s"}
+        components, names = "123456", ["x", "y", "z", "rx", "ry", "rz"]
+    else:
+        mesh = box(kind, (3, 2, 2))
+        prop, section, region = "PSOLID,1,1\n", {}, {"material": "steel"}
+        components, names = "123", ["x", "y", "z"]
+    far = 10 * len(mesh.points) + 10
+    at = mesh.points[mesh.point_sets["end"]].mean(axis=0) + np.array([0.1, 0.0, 0.0])
+    ends = [10 * int(n) + 10 for n in mesh.point_sets["end"]]
+    more = prop + STEEL + clamp(mesh, components)
+    more += card("GRID", far, "", *(number(c) for c in at)) + card("RBE2", 900, far, 123456, *ends)
+    more += f"CONM2,901,{far},,3.0\n,0.02,0.001,0.03,-0.002,0.003,0.04\n"
+    (tmp_path / "part.bdf").write_text(bulk(mesh, more))
+    facts = assemble_bulk(tmp_path / "part.bdf", tmp_path / "part.h5", [])
+    assert facts["interfaces"]["rbe2_900"]["nodes"] == len(ends)
+    assert any("lumped in Nastran" in remark for remark in facts["remarks"])
+    content = {
+        "materials": {"steel": {"E": 2.1e11, "nu": 0.3, "rho": 7850.0}},
+        "regions": {"all": region},
+        "interfaces": {"end": {"coupling": "rigid", "nodes": "end", "position": at.tolist()}},
+        "supports": {"start": {"nodes": "start", "components": names}},
+        "masses": {"m": {"at": "end", "mass": 3.0,
+                         "inertia": [0.02, 0.03, 0.04, -0.001, -0.003, 0.002]}},
+    } | section  # fmt: skip
+    import_description(content, "part", tmp_path / "same.h5", mesh=mesh)
+    a = assembled(tmp_path / "a.h5", tmp_path / "part.h5", ranks)
+    b = assembled(tmp_path / "b.h5", tmp_path / "same.h5", ranks)
+    same_matrices(a, b, 1e-8)
+
+
+def same_matrices(a: dict[str, Any], b: dict[str, Any], near: float) -> None:
+    """Whatever the order of their rows on several ranks."""
+    first, other = (np.lexsort((of["component"], of["node"])) for of in (a, b))
+    for name in "KM":
+        theirs = b[name].toarray()[np.ix_(other, other)]
+        found = a[name].toarray()[np.ix_(first, first)]
+        np.testing.assert_allclose(found, theirs, atol=near * abs(theirs).max(), rtol=0)
+
+
+def test_beams(tmp_path: Path) -> None:
+    """A cantilever of CBAR whose plane 1 is that of v: two bending frequencies, of I1 along v."""
+    mesh = line(20, 0.0, 1.0)
+    v = [0.0, 0.6, 0.8]
+    prop = "PBAR,1,1,6.0-4,4.5-8,2.0-8,5.0-8\n"
+    text = bulk(mesh, prop + STEEL + clamp(mesh, "123456"), {"line": v})
+    (tmp_path / "bar.bdf").write_text(text)
+    facts = assemble_bulk(
+        tmp_path / "bar.bdf", tmp_path / "bar.h5", [parse("node", "tip=NODES:210")]
+    )
+    assert facts["kinds"] == ["line"]
+    a = assembled(tmp_path / "m.h5", tmp_path / "bar.h5")
+    squares, X = sl.eigh(a["K"].toarray(), a["M"].toarray())
+    for number_, I, along in ((0, 2.0e-8, [0, -0.8, 0.6]), (1, 4.5e-8, v)):  # noqa: E741
+        exact = 1.8751041**2 * np.sqrt(2.1e11 * I / (7850 * 6e-4))
+        assert np.sqrt(squares[number_]) == pytest.approx(exact, rel=2e-3)
+        tip = [X[(a["node"] == 20) & (a["component"] == c), number_][0] for c in range(3)]
+        assert abs(np.dot(tip, along)) == pytest.approx(np.linalg.norm(tip), rel=1e-6)
+
+
+def test_coordinate_systems_and_springs(tmp_path: Path) -> None:
+    """Grids in a cylinder's coordinates; rods, CELAS2, CBUSH and mass by WTMASS against a
+    description."""
+    angles = np.radians([0, 90, 180])
+    text = "BEGIN BULK\nCORD2C,5,,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\nPARAM,WTMASS,0.5\n"
+    for k, angle in enumerate(angles):
+        text += card("GRID", k + 1, 5, 2.0, number(np.degrees(angle)), 0.5)
+    text += "GRID,4,,0.,0.,0.\nGRID,5,,2.,0.,0.5\nGRID,6,,0.,0.,0.5\n"
+    text += "CTRIA3,1,1,1,2,3\nPSHELL,1,1,0.02,1,,1,,15.7\nMAT1,1,2.+11,,0.25,8000.\n"
+    text += "CROD,2,2,2,4\nPROD,2,3,0.001\nMAT1,3,1.+11,,0.3,4000.\n"
+    text += "CELAS2,3,1000.,3,2\nCBUSH,4,4,1,5,,,,0\nPBUSH,4,K,1.+5,2.+5,3.+5,40.,50.,60.\n"
+    text += "CONM2,9,5,,2.0\nRBE3,7,,6,123,1.0,123,1,2\n,3\nENDDATA\n"
+    (tmp_path / "s.bdf").write_text(text.replace("CONM2,9,5", "CONM2,9,1"))
+    with pytest.raises(BodyError, match="grid 4 belongs to no solid, shell or beam"):
+        assemble_bulk(tmp_path / "s.bdf", tmp_path / "s.h5", [])
+    text = text.replace("CROD,2,2,2,4", "CROD,2,2,2,3").replace("CBUSH,4,4,1,5", "CBUSH,4,4,1")
+    (tmp_path / "s.bdf").write_text(text.replace("CONM2,9,5", "CONM2,9,1"))
+    facts = assemble_bulk(tmp_path / "s.bdf", tmp_path / "s.h5", [])
+    assert facts["interfaces"]["rbe3_7"]["coupling"] == "distributing"
+    points = np.array([[2, 0, 0.5], [0, 2, 0.5], [-2, 0, (0.5).real]])
+    length = 2 * np.sqrt(2)
+    content = {
+        "materials": {"m": {"E": 2e11, "nu": 0.25, "rho": 0.5 * (8000 + 15.7 / 0.02)}},
+        "sections": {"s": {"shape": "shell", "thickness": 0.02}},
+        "regions": {"all": {"material": "m", "section": "s"}},
+        "interfaces": {"mean": {"coupling": "distributing", "nodes": [1, 2, 3],
+                                "position": [0, 0, 0.5]}},
+        "masses": {"a": {"nodes": [2, 3], "mass": 0.5 * 4000 * 0.001 * length / 2},
+                   "b": {"nodes": [1], "mass": 1.0}},
+        "springs": {
+            "rod": {"nodes": [2], "to_nodes": [3], "stiffness": 1e11 * 0.001 / length},
+            "c": {"nodes": [3], "stiffness": [0, 1000.0, 0]},
+            "bush": {"nodes": [1], "stiffness": [1e5, 2e5, 3e5, 40.0, 50.0, 60.0]},
+        },
+    }  # fmt: skip
+    mesh = meshio.Mesh(points, [("triangle", np.array([[0, 1, 2]]))])
+    import_description(content, "s", tmp_path / "same.h5", mesh=mesh)
+    a = assembled(tmp_path / "a.h5", tmp_path / "s.h5")
+    b = assembled(tmp_path / "b.h5", tmp_path / "same.h5")
+    same_matrices(a, b, 1e-9)
+    np.testing.assert_allclose(a["B"], b["B"], atol=1e-12)
+
+
+def plate(*extra: str, prop: str = "PSHELL,1,1,0.01,1,,1\n", material: str = STEEL) -> str:
+    mesh = sheet("quad", (2, 2), flat(1, 1))
+    return bulk(mesh, prop + material + clamp(mesh, "123456") + "".join(extra))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (plate("CGAP,90,9,10,20\n", "MPC,5,10,1,1.0,20,1,-1.\n"), r"CGAP \(1\), MPC \(1\): not"),
+        (plate(prop="PSHELL,1,1,0.01\n"), "MID2 must be MID1"),
+        (plate(prop="PSHELL,1,1,0.01,1,2.0,1\n"), "12I/T"),
+        (plate(material="MAT1,1,2.1+11,,0.3\n"), "has no density"),
+        (plate(material="MAT1,1,2.1+11,5.+10,0.3,7850.\n"), "do not belong together"),
+        (plate("CONM2,91,50,,1.0,0.1\n"), "lies beside the grid"),
+        (plate("RBE2,92,50,123,80,90\n"), "leaves rotations of shells or beams free"),
+        (plate("SPC,1,50,3,0.1\n"), "moves grids"),
+        (plate("CELAS2,93,1.0,50,3,90,3\n"), "its ends lie apart"),
+        ("BEGIN BULK\nENDDATA\n", "no GRID"),
+    ],
+)
+def test_what_is_refused(text: str, words: str, tmp_path: Path) -> None:
+    (tmp_path / "p.bdf").write_text(text)
+    with pytest.raises(BodyError, match=words):
+        assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [parse("node", "tip=NODES:90")])
+
+
+def test_the_command_line(tmp_path: Path) -> None:
+    """Cards to be ignored, loads and supports of the case, a reduction of it."""
+    more = "CGAP,90,9,50,60\nFORCE,7,90,,10.,0.,0.,1.\nSPC1,2,3,50\n"
+    (tmp_path / "p.bdf").write_text(plate(more))
+    arguments = ("import", tmp_path / "p.bdf", "--assemble", "--node", "tip=NODES:90")
+    said = run(*arguments, "-o", tmp_path / "p.h5", expect=1).err
+    assert "CGAP (1): not followed" in said
+    said = run(*arguments, "--ignore", "CGAP", "-o", tmp_path / "p.h5").out
+    assert "passed over: CGAP (1)" in said and "left out: FORCE (1)" in said
+    assert "interface tip: node" in said and "0 of 6 rigid motions are free" in said
+    a = assembled(tmp_path / "m.h5", tmp_path / "p.h5")
+    assert len(a["node"]) == 36  # SPC 2 is not of the case
+    lowest = spl.eigsh(a["K"].tocsc(), 1, a["M"].tocsc(), sigma=0, return_eigenvectors=False)[0]
+    assert 0 < np.sqrt(lowest) / (2 * np.pi) < 20
+    said = run(*arguments, "--step", "1", "-o", tmp_path / "p.h5", expect=1).err
+    assert "--step is of CalculiX decks" in said
