@@ -104,13 +104,15 @@ BeamSection read_section(const Hdf5File& file, const std::string& name) {
   const std::pair<const char*, double*> fields[] = {
       {"A", &section.A}, {"I_y", &section.I_y}, {"I_z", &section.I_z},
       {"J", &section.J}, {"k_y", &section.k_y}, {"k_z", &section.k_z}};
+  const bool is_rod = !file.has_attribute(object, "I_y");
   for (auto [key, value] : fields) {
+    if (is_rod && value != &section.A) continue;
     *value = file.number_attribute(object, key);
     if (!(*value > 0))
       throw Error(text("file %s: section %s: %s = %g must be positive",
                        file.path().c_str(), name.c_str(), key, *value));
   }
-  section.y_axis = fixed<double, 3>(file, object, "y_axis");
+  if (!is_rod) section.y_axis = fixed<double, 3>(file, object, "y_axis");
   return section;
 }
 
@@ -142,6 +144,10 @@ ShellSection read_shell(const Hdf5File& file, const std::string& name) {
   return section;
 }
 
+bool has_line_section(ElementType type) {
+  return type == ElementType::beam2 || type == ElementType::rod2;
+}
+
 MeshBlock read_block(const Hdf5File& file, const std::string& path) {
   MeshBlock block;
   block.path = path;
@@ -150,7 +156,7 @@ MeshBlock read_block(const Hdf5File& file, const std::string& path) {
     type += "/" + file.text_attribute(path, "formulation");
   block.type = element_type(type);
   block.material = file.text_attribute(path, "material");
-  if (block.type == ElementType::beam2 || is_shell(block.type))
+  if (has_line_section(block.type) || is_shell(block.type))
     block.section = file.text_attribute(path, "section");
   const auto shape = file.shape(path + "/connectivity");
   if (shape.size() != 2 || shape[1] != node_count(block.type))
@@ -359,11 +365,14 @@ Reaction read_reaction(const Hdf5File& file, const std::string& name,
 void check_block(const Hdf5File& file, const BodyDescription& body,
                  const MeshBlock& block) {
   const std::string place = text("file %s: %s", file.path().c_str(), block.path.c_str());
-  const bool is_beam = block.type == ElementType::beam2, shell = is_shell(block.type);
+  const bool is_beam = has_line_section(block.type), shell = is_shell(block.type);
   if (is_beam ? !body.sections.count(block.section)
               : shell && !body.shells.count(block.section))
     throw Error(text("%s: section %s of %s is not in /sections", place.c_str(),
                      block.section.c_str(), is_beam ? "a beam" : "a shell"));
+  if (block.type == ElementType::beam2 && !(body.sections.at(block.section).J > 0))
+    throw Error(
+        text("%s: section %s is one of rods", place.c_str(), block.section.c_str()));
   const std::vector<std::string> materials = materials_of(body, block);
   for (const std::string& name : materials) {
     const auto found = body.materials.find(name);

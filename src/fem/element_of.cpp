@@ -62,6 +62,8 @@ ElementMatrices element_matrices(const BodyDescription& body, const MeshBlock& b
     return shell_matrices(block.type, x, shell.law, shell.place, with_stiffness);
   }
   const Material& material = body.materials.at(block.material);
+  if (block.type == ElementType::rod2)
+    return rod_matrices(x[0], x[1], material.beam, body.sections.at(block.section).A);
   return block.type == ElementType::beam2
              ? beam_matrices(x[0], x[1], material.beam, body.sections.at(block.section))
              : solid_matrices(block.type, x, material.solid, body.mass_rule,
@@ -134,6 +136,9 @@ StressStiffness stress_stiffness(const BodyDescription& body, const MeshBlock& b
                                   deformation);
   }
   const Material& material = body.materials.at(block.material);
+  if (block.type == ElementType::rod2)
+    return rod_stress_stiffness(x[0], x[1], material.beam,
+                                body.sections.at(block.section).A, u, deformation.stress);
   return block.type == ElementType::beam2
              ? beam_stress_stiffness(x[0], x[1], material.beam,
                                      body.sections.at(block.section), u,
@@ -147,7 +152,8 @@ Dense geometric_stiffness(const BodyDescription& body, const MeshBlock& block,
     const Shell shell = shell_of(body, block);
     return shell_geometric_stiffness(block.type, x, shell.law, shell.place, u);
   }
-  if (!is_discrete(block.type) && block.type != ElementType::beam2)
+  if (!is_discrete(block.type) && block.type != ElementType::beam2 &&
+      block.type != ElementType::rod2)
     return solid_geometric_stiffness(block.type, x,
                                      body.materials.at(block.material).solid, u);
   Deformation unused;

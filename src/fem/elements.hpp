@@ -23,6 +23,7 @@ enum class ElementType {
   wedge6_reduced,
   tri3,
   quad4,
+  rod2,
   beam2,
   mass1,
   spring1,
@@ -81,7 +82,7 @@ int node_count(ElementType type);
 int dofs_per_node(ElementType type);
 /// "tetra", "tetra10", "hexahedron", "hexahedron20", "wedge15", "wedge", "triangle", "quad", "line":
 /// meshio's names; with another formulation "hexahedron/full" (without incompatible modes),
-/// "hexahedron20/reduced" (2×2×2 points), "wedge/reduced" (two points).
+/// "hexahedron20/reduced" (2×2×2 points), "wedge/reduced" (two points), "line/rod".
 /// @throws Error listing the known ones.
 ElementType element_type(const std::string& name);
 const char* element_name(ElementType type);
@@ -161,5 +162,14 @@ Dense beam_coriolis(const Vector3& first, const Vector3& second,
 Dense beam_gyroscopic(const Vector3& first, const Vector3& second,
                       const BeamMaterial& material, const BeamSection& section,
                       const Vector3& axis, const Vector3& point);
+
+/// A rod: two hinged ends, 3 dofs a node, consistent mass. @param A  its area [m²].
+ElementMatrices rod_matrices(const Vector3& first, const Vector3& second,
+                             const BeamMaterial& material, double A);
+
+/// What its tension adds to the stiffness across it. @param u  six numbers.
+StressStiffness rod_stress_stiffness(const Vector3& first, const Vector3& second,
+                                     const BeamMaterial& material, double A,
+                                     const std::vector<double>& u, double& stress);
 
 } // namespace flexgram

@@ -247,6 +247,7 @@ std::vector<Point> points_of(ElementType type, bool mass) {
     return triangle_points(6);
   case ElementType::quad4:
     return gauss_square(2);
+  case ElementType::rod2:
   case ElementType::beam2:
   case ElementType::mass1:
   case ElementType::spring1:
@@ -301,6 +302,7 @@ ShapePoint shape_at(ElementType type, const Vector3& xi, double weight) {
   case ElementType::quad4:
     quadrilateral4(p);
     break;
+  case ElementType::rod2:
   case ElementType::beam2:
   case ElementType::mass1:
   case ElementType::spring1:

@@ -148,30 +148,33 @@ def test_coordinate_systems_and_springs(tmp_path: Path) -> None:
     text += "CROD,2,2,2,4\nPROD,2,3,0.001\nMAT1,3,1.+11,,0.3,4000.\n"
     text += "CELAS2,3,1000.,3,2\nCBUSH,4,4,1,5,,,,0\nPBUSH,4,K,1.+5,2.+5,3.+5,40.,50.,60.\n"
     text += "CONM2,9,5,,2.0\nRBE3,7,,6,123,1.0,123,1,2\n,3\nENDDATA\n"
-    (tmp_path / "s.bdf").write_text(text.replace("CONM2,9,5", "CONM2,9,1"))
-    with pytest.raises(BodyError, match="grid 4 belongs to no solid, shell or beam"):
+    (tmp_path / "s.bdf").write_text(text)
+    with pytest.raises(BodyError, match="grid 5 belongs to no element, and to no RBE2"):
         assemble_bulk(tmp_path / "s.bdf", tmp_path / "s.h5", [])
     text = text.replace("CROD,2,2,2,4", "CROD,2,2,2,3").replace("CBUSH,4,4,1,5", "CBUSH,4,4,1")
     (tmp_path / "s.bdf").write_text(text.replace("CONM2,9,5", "CONM2,9,1"))
     facts = assemble_bulk(tmp_path / "s.bdf", tmp_path / "s.h5", [])
     assert facts["interfaces"]["rbe3_7"]["coupling"] == "distributing"
     points = np.array([[2, 0, 0.5], [0, 2, 0.5], [-2, 0, (0.5).real]])
-    length = 2 * np.sqrt(2)
     content = {
-        "materials": {"m": {"E": 2e11, "nu": 0.25, "rho": 0.5 * (8000 + 15.7 / 0.02)}},
-        "sections": {"s": {"shape": "shell", "thickness": 0.02}},
-        "regions": {"all": {"material": "m", "section": "s"}},
+        "materials": {"m": {"E": 2e11, "nu": 0.25, "rho": 0.5 * (8000 + 15.7 / 0.02)},
+                      "r": {"E": 1e11, "nu": 0.3, "rho": 2000.0}},
+        "sections": {"s": {"shape": "shell", "thickness": 0.02}, "r": {"shape": "rod", "A": 1e-3}},
+        "regions": {"sheet": {"material": "m", "section": "s"},
+                    "rod": {"material": "r", "section": "r"}},
         "interfaces": {"mean": {"coupling": "distributing", "nodes": [1, 2, 3],
                                 "position": [0, 0, 0.5]}},
-        "masses": {"a": {"nodes": [2, 3], "mass": 0.5 * 4000 * 0.001 * length / 2},
-                   "b": {"nodes": [1], "mass": 1.0}},
+        "masses": {"b": {"nodes": [1], "mass": 1.0}},
         "springs": {
-            "rod": {"nodes": [2], "to_nodes": [3], "stiffness": 1e11 * 0.001 / length},
             "c": {"nodes": [3], "stiffness": [0, 1000.0, 0]},
             "bush": {"nodes": [1], "stiffness": [1e5, 2e5, 3e5, 40.0, 50.0, 60.0]},
         },
     }  # fmt: skip
-    mesh = meshio.Mesh(points, [("triangle", np.array([[0, 1, 2]]))])
+    mesh = meshio.Mesh(
+        points,
+        [("triangle", np.array([[0, 1, 2]])), ("line", np.array([[1, 2]]))],
+        cell_sets={"sheet": [[0], []], "rod": [[], [0]]},
+    )
     import_description(content, "s", tmp_path / "same.h5", mesh=mesh)
     a = assembled(tmp_path / "a.h5", tmp_path / "s.h5")
     b = assembled(tmp_path / "b.h5", tmp_path / "same.h5")
@@ -221,3 +224,30 @@ def test_the_command_line(tmp_path: Path) -> None:
     assert 0 < np.sqrt(lowest) / (2 * np.pi) < 20
     said = run(*arguments, "--step", "1", "-o", tmp_path / "p.h5", expect=1).err
     assert "--step is of CalculiX decks" in said
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_truss(ranks: int, tmp_path: Path) -> None:
+    """Three rods on a grid that nothing else holds: matrices in closed form, tension stiffens."""
+    ends = np.array([[1.0, 0, 0], [0, 2.0, 0], [0, 0, 1.5]])
+    text = "BEGIN BULK\nGRID,9,,0.,0.,0.\n" + "".join(
+        card("GRID", k + 1, "", *map(float, x)) + card("CONROD", k + 1, k + 1, 9, 1, 2e-4)
+        for k, x in enumerate(ends)
+    )
+    text += STEEL + "SPC1,1,123,1,2,3\nENDDATA\n"
+    (tmp_path / "t.bdf").write_text(text)
+    pull = {"pull": {"type": "nodal", "table": [[9, -3e4, 0.0, 0.0]]}}
+    found = {}
+    for preload in (None, {"pull.load": 1.0}):
+        assemble_bulk(
+            tmp_path / "t.bdf", tmp_path / "t.h5", [parse("node", "tip=NODES:9")],
+            loads={"pull": {**pull["pull"], "table": [[4, -3e4, 0.0, 0.0]]}}, preload=preload,
+        )  # fmt: skip
+        found[preload is None] = assembled(tmp_path / "m.h5", tmp_path / "t.h5", ranks)
+    a = found[True]
+    lengths = np.linalg.norm(ends, axis=1)
+    np.testing.assert_allclose(a["K"].toarray(), np.diag(2.1e11 * 2e-4 / lengths), rtol=1e-12)
+    mass = 7850 * 2e-4 * lengths.sum() / 3
+    np.testing.assert_allclose(a["M"].toarray(), mass * np.eye(3), atol=1e-12)
+    added = (found[False]["K"] - a["K"]).toarray()
+    np.testing.assert_allclose(added, np.diag([0, 3e4, 3e4]), atol=1e-6)

@@ -17,7 +17,7 @@ import numpy as np
 from flexgram.basics import BodyError, Floats, Ints, check_name, errors_of
 from flexgram.body.face_integrals import areas_at_nodes
 from flexgram.body.faces import loose_shells, opposed, whole_faces
-from flexgram.body.meshfile import SOLIDS
+from flexgram.body.meshfile import SOLIDS, TURNING
 from flexgram.body.reader import Reader
 from flexgram.body.spin import unit_axis
 from flexgram.body.stress import Stresses
@@ -113,7 +113,7 @@ def _write_temperature(mesh: BodyMesh, group: h5py.Group, entry: Reader) -> str:
 
 def _expect_rotations(mesh: BodyMesh, nodes: Ints, where: str) -> None:
     """Refuse moments at nodes that have no rotations: of solids, and of no rigid interface."""
-    turning = [elements.ravel() for kind, elements in mesh.blocks if kind not in SOLIDS]
+    turning = [elements.ravel() for kind, elements in mesh.blocks if kind in TURNING]
     turning += [
         group["nodes"][:]
         for group in mesh.file.get("interfaces", {}).values()

@@ -22,7 +22,7 @@ from flexgram.body.outputs import write_outputs
 from flexgram.body.parameters import PARAMETER, read_parameter
 from flexgram.body.preload import write_preload
 from flexgram.body.reader import Reader, short
-from flexgram.body.sections import is_shell, section_properties, shell_properties
+from flexgram.body.sections import ROD, is_shell, section_properties, shell_properties
 from flexgram.body.selection import in_box, nearest
 from flexgram.body.shells import doubts_of_shells, first_axis
 from flexgram.body.spin import write_spin
@@ -286,6 +286,8 @@ class MeshBody:
                 group.attrs.update(found)
                 continue
             group.attrs.update(section_properties(section, self.length))
+            if "I_y" not in group.attrs:  # a rod
+                continue
             y_axis = section.vector("y_axis", [0, 1, 0])
             if not np.linalg.norm(y_axis) > 0:
                 raise BodyError(f"{section.where}: y_axis = [0, 0, 0] has no direction")
@@ -415,12 +417,13 @@ class MeshBody:
                 group.attrs["type"], group.attrs["material"] = kind, material
                 if kind not in SOLIDS:
                     group.attrs["section"] = section
-                formulation = _formulation(entry, kind)
+                is_rod = kind == "line" and "I_y" not in properties
+                formulation = "rod" if is_rod else _formulation(entry, kind)
                 if formulation:
                     group.attrs["formulation"] = formulation
                 group["connectivity"] = nodes
                 group["ids"] = np.asarray(labels[block][chosen], dtype=np.int64)
-                self.blocks.append((kind, nodes))
+                self.blocks.append((ROD if is_rod else kind, nodes))
                 self.ids.append(group["ids"][:])
             if not solid:
                 kinds = {

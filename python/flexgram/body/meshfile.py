@@ -25,6 +25,7 @@ FORMULATIONS = {
     "wedge": ("full", "reduced"),
 }
 SHELLS = ("triangle", "quad")
+TURNING = (*SHELLS, "line")  #: whose nodes have rotations: with beams, without rods
 
 
 CAD = (

@@ -15,7 +15,7 @@ import numpy as np
 
 from flexgram.basics import BodyError, Floats, Ints, check_name, errors_of
 from flexgram.body.loads import AXES, BodyMesh, write_vectors
-from flexgram.body.meshfile import SOLIDS
+from flexgram.body.meshfile import SOLIDS, TURNING
 from flexgram.body.reader import Reader, short
 from flexgram.body.shell_stress import SIDES, Sheet, element_rows, nodal_rows, sheets_of
 from flexgram.body.stress import COMPONENTS, Stresses, temperatures
@@ -39,7 +39,7 @@ def _write_reaction(mesh: BodyMesh, group: h5py.Group, entry: Reader) -> str:
     turning = np.concatenate(
         [
             np.zeros(0, dtype=int),
-            *(nodes.ravel() for kind, nodes in mesh.blocks if kind not in SOLIDS),
+            *(nodes.ravel() for kind, nodes in mesh.blocks if kind in TURNING),
         ]
     )
     solid = np.setdiff1d(np.arange(len(points)), turning)

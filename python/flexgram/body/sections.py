@@ -9,7 +9,9 @@ from typing import Any
 from flexgram.basics import BodyError
 from flexgram.body.reader import Reader
 
+ROD = "rod"
 SHAPES = {
+    ROD: ("A",),
     "circle": ("radius",),
     "tube": ("radius", "thickness"),
     "rectangle": ("width", "height"),
@@ -73,6 +75,8 @@ def section_properties(reader: Reader, length: float) -> dict[str, float]:
         key: reader.number(key, 5 / 6 if key.startswith("k_") else None) for key in SHAPES[shape]
     }
     nu = 0.3
+    if shape == ROD:
+        return {"A": value["A"] * length**2}
     if shape == "general":
         powers = {"A": 2, "I_y": 4, "I_z": 4, "J": 4, "k_y": 0, "k_z": 0}
         return {key: value[key] * length ** powers[key] for key in powers}

@@ -173,7 +173,9 @@ def _dmig(path: Path, asked: Mapping[str, str]) -> FeMatrices:
     model = _bulk_data(path, punch=True)
     names = list(model.dmig)
     if not names:
-        raise BodyError(f"{path}: no DMIG: is this a punch file?")
+        raise BodyError(
+            f"{path}: no DMIG: is this a punch file? --assemble assembles bulk data of elements"
+        )
     entries: dict[str, tuple[Any, Any, Any]] = {}
     roles: dict[str, str] = {}
     for letter in ROLES:

@@ -1,7 +1,7 @@
 """Nastran bulk data assembled by flexgram, read by pyNastran.
 
 Solids, shells and straight beams become elements, CONM2 masses, CELAS, CDAMP and CBUSH springs,
-CROD springs with half their mass at each end, RBE2 rigid and RBE3 distributing interfaces, SPC
+CROD rods, RBE2 rigid and RBE3 distributing interfaces, SPC
 supports. Cards that say something else of stiffness or mass are refused by name, with their count,
 unless they are to be ignored; loads are left out and named.
 """
@@ -237,7 +237,7 @@ class _Bulk:
             self._element(int(number), element)
         for number, element in self.later:
             if element.type in RODS:
-                self._rod(number, element)
+                self._torsion(number, element)
             elif element.type == "CBUSH":
                 self._bush(number, element)
             else:
@@ -297,7 +297,9 @@ class _Bulk:
         elif kind in BEAMS:
             ours, region, nodes = "line", self._beam(number, element), nodes[:2]
             self.turning.update(nodes)
-        elif kind in (*RODS, *SPRINGS):  # whose nodes are to be known first
+        elif kind in RODS:
+            ours, region = "line", self._rod(number, element)
+        elif kind in SPRINGS:  # whose nodes are to be known first
             return self.later.append((number, element))
         elif kind in self.ignore:
             return
@@ -461,32 +463,29 @@ class _Bulk:
             raise self._refuse(prop.type, prop.pid, "A, I1, I2 and J must be positive")
         return A, I1, I2, I12, J
 
-    def _rod(self, number: int, element: Any) -> None:
+    def _rod(self, number: int, element: Any) -> str:
         prop = element if element.type == "CONROD" else element.pid_ref
         A, J = float(prop.A or 0.0), float(prop.j or 0.0)
-        first, second = (int(n) for n in element.node_ids)
-        ends = self.points[[self.at(first), self.at(second)]]
+        if J > 0:  # felt where both ends have rotations, which all elements tell
+            self.later.append((number, element))
+        material = self._material(prop.mid, prop.mid_ref, float(prop.nsm or 0.0) / A)
+        name = f"rod_{A:.9g}_{material}"
+        self.sections[name] = {"shape": "rod", "A": A}
+        return self._region(name, material, name)
+
+    def _torsion(self, number: int, element: Any) -> None:
+        """Of a rod, as a spring."""
+        prop = element if element.type == "CONROD" else element.pid_ref
+        nodes = [int(n) for n in element.node_ids]
+        if not set(nodes) <= self.turning:
+            return
+        ends = self.points[[self.at(n) for n in nodes]]
         length = float(np.linalg.norm(ends[1] - ends[0]))
-        material = prop.mid_ref
-        wtmass = self._param("WTMASS") or 1.0
-        line_mass = (A * float(material.rho or 0.0) + float(prop.nsm or 0.0)) * wtmass
-        stiffness: Any = float(material.e) * A / length
-        if J > 0 and {first, second} <= self.turning:  # solids do not feel its torsion
-            along = (ends[1] - ends[0]) / length
-            both = np.diag([stiffness, float(material.g) * J / length])
-            stiffness = np.kron(both, np.outer(along, along)).tolist()
-        entry: dict[str, Any] = {
-            "nodes": [self.at(first) + 1],
-            "to_nodes": [self.at(second) + 1],
-            "stiffness": stiffness,
-        }
-        if material.ge:
-            entry["loss_factor"] = float(material.ge)
-        self.springs[f"rod{number}"] = entry
-        if line_mass > 0:
-            for end, label in (("a", first), ("b", second)):
-                half = {"nodes": [self.at(label) + 1], "mass": line_mass * length / 2}
-                self.masses[f"rod{number}{end}"] = half
+        along = (ends[1] - ends[0]) / length
+        twist = float(prop.mid_ref.g) * float(prop.j) / length
+        K = np.kron(np.diag([0.0, twist]), np.outer(along, along))
+        entry = {"nodes": [self.at(nodes[0]) + 1], "to_nodes": [self.at(nodes[1]) + 1]}
+        self.springs[f"rod{number}"] = entry | {"stiffness": K.tolist()}
 
     def _scalar_spring(self, number: int, element: Any) -> None:
         """CELAS and CDAMP, with numbers of their own (2) or of a property (1)."""
@@ -720,7 +719,7 @@ class _Bulk:
                     elif lost := [n for n in given if n not in known]:
                         raise BodyError(
                             f"{self.path}: {name}: grid {self.labels[lost[0] - 1]} belongs to no "
-                            "solid, shell or beam, and to no RBE2: rods and springs alone hold none"
+                            "element, and to no RBE2: springs alone hold none"
                         )
 
 
