@@ -26,6 +26,7 @@ sys.path.insert(0, str(ROOT / "scripts"))
 from ccx_reference import deck_of
 
 EYE = [parse("distributing", "eye=NSET:END")]
+TIP = [parse("node", "tip=NODES:40")]
 
 
 def deck(path: Path, element: str, *, model: str = "", step: str = "", held: str = "") -> Path:
@@ -281,3 +282,51 @@ def test_stored_matrices_name_loss_factors_of_materials(tmp_path: Path) -> None:
     assert damping.eta == 0 and sorted(damping.loss_factors.values()) == [0.01, 0.2]
     same = damping_of(read_job(with_loss_factors(tmp_path / "bar.inp", 0.1, 0.1)))
     assert same.eta == 0.1 and not same.loss_factors
+
+
+@pytest.mark.skipif(shutil.which("ccx") is None, reason="ccx is not installed")
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_rigid_body_is_that_of_ccx(ranks: int, tmp_path: Path) -> None:
+    """With a mass at its reference node and a spring to ground, frequencies to printed digits."""
+    text = (
+        "*NODE\n9901, 0.25, 0.03, 0.01\n9902, 0.25, 0.03, 0.01\n"
+        "*RIGID BODY, NSET=END, REF NODE=9901, ROT NODE=9902\n"
+        "*ELEMENT, TYPE=MASS, ELSET=WEIGHT\n9903, 9901\n*MASS, ELSET=WEIGHT\n0.4\n"
+    )
+    path = deck(tmp_path / "bar.inp", "C3D10", model=text, held="*BOUNDARY\nSTART, 1, 3\n")
+    subprocess.run(["ccx", "bar"], cwd=tmp_path, check=True, capture_output=True)
+    theirs = np.array(ccx_frequencies(tmp_path / "bar.dat")[:8])
+    facts = assemble_deck(path, tmp_path / "bar.h5", [])
+    assert facts["interfaces"]["end"]["coupling"] == "rigid"
+    body = assembled(tmp_path / "matrices.h5", tmp_path / "bar.h5", ranks)
+    ours = eigsh(body["K"], 8, body["M"], sigma=0, return_eigenvectors=False)
+    assert np.abs(np.sqrt(np.sort(ours)) / (2 * np.pi) / theirs - 1).max() < 1e-6
+    held = text + "*BOUNDARY\n9901, 1, 3\n9902, 1, 3\n"
+    deck(tmp_path / "held.inp", "C3D10", model=held)
+    facts = assemble_deck(tmp_path / "held.inp", tmp_path / "held.h5", TIP)
+    assert "end" not in facts["interfaces"] and "0 of 6 rigid motions" in facts["summary"][1]
+    deck(tmp_path / "some.inp", "C3D10", model=text + "*BOUNDARY\n9901, 1, 3\n")
+    with pytest.raises(BodyError, match="node 9901 of end is held in some directions"):
+        assemble_deck(tmp_path / "some.inp", tmp_path / "some.h5", TIP)
+
+
+@pytest.mark.parametrize(
+    ("rows", "kind"), [("*KINEMATIC\n1, 6\n", "rigid"), ("*DISTRIBUTING\n", "distributing")]
+)
+def test_couplings(rows: str, kind: str, tmp_path: Path) -> None:
+    """Of faces of elements; loads at the reference node are the interface's own inputs."""
+    text = (
+        "*NODE\n9901, 0.25, 0.03, 0.01\n*SURFACE, NAME=SKIN, TYPE=NODE\nEND,\n"
+        f"*COUPLING, REF NODE=9901, SURFACE=SKIN, CONSTRAINT NAME=EYE\n{rows}"
+    )
+    path = deck(tmp_path / "bar.inp", "C3D10", model=text)
+    content = path.read_text().replace("*END STEP", "*CLOAD\n9901, 2, 10.\n*END STEP")
+    path.write_text(content)
+    facts = assemble_deck(path, tmp_path / "bar.h5", [], deck_loads=True)
+    assert facts["interfaces"]["eye"]["coupling"] == kind
+    assert facts["interfaces"]["eye"]["position"] == [0.25, 0.03, 0.01]
+    assert "acts at reference nodes (9901)" in " ".join(facts["remarks"]) and not facts["loads"]
+    path.write_text(content.replace("1, 6\n", "1, 1\n"))
+    if kind == "rigid":
+        with pytest.raises(BodyError, match=r"of all directions is followed, it has \{1\}"):
+            assemble_deck(path, tmp_path / "bar.h5", [])

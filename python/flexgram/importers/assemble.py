@@ -1,11 +1,10 @@
 """A CalculiX deck assembled by flexgram: nothing of K and M is lost to printed digits.
 
 For solids whose elements are the same in both programs (C3D4, C3D6, C3D8, C3D10, C3D15, C3D20,
-C3D20R: equal to the seven digits that CalculiX prints, ``tests/python/test_elements_ccx.py``) and
-isotropic materials,
-with shells (S3, S4, S4R; CalculiX makes solids of them, which bend a little differently), point
-masses, springs and dashpots. Whatever else a deck says of its stiffness or mass is
-refused by name: ccx knows it (``--run-ccx``).
+C3D20R: equal to the seven digits that CalculiX prints, ``tests/python/test_assemble_deck.py``) and
+isotropic materials, with shells (S3, S4, S4R; CalculiX makes solids of them, which bend a little
+differently), point masses, springs and dashpots; rigid bodies and couplings become interfaces.
+Whatever else a deck says of its stiffness or mass is refused by name: ccx knows it (``--run-ccx``).
 """
 
 from __future__ import annotations
@@ -24,6 +23,8 @@ from flexgram.body.meshfile import LABELS
 from flexgram.body.meshfile import SHELLS as SHELL_KINDS
 from flexgram.importers.ccx import Card, Job, damping_of, frequency_step, read_job
 from flexgram.importers.deck import FORMULATIONS, Deck, read_deck
+from flexgram.importers.deck_couplings import CARDS as COUPLINGS
+from flexgram.importers.deck_couplings import Coupling, couplings_of
 from flexgram.importers.deck_loads import in_steps, loads_of
 from flexgram.importers.deck_points import CARDS, TYPES, points_of
 from flexgram.importers.fe import Interface, check_damping
@@ -50,6 +51,7 @@ READ = {
     "MODAL DAMPING",
     "VISCOELASTIC",
     *CARDS,
+    *COUPLINGS,
 }
 #: Cards that are nothing to K and M of the unloaded body.
 PASSED = {
@@ -159,12 +161,15 @@ HELD = {
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 
-def supports_of(job: Job, deck: Deck, step: Sequence[Card]) -> dict[str, list[int]]:
+def supports_of(
+    job: Job, deck: Deck, step: Sequence[Card], couplings: Sequence[Coupling] = ()
+) -> dict[str, list[int]]:
     """Nodes that are held, from 0, by the directions in which they are, which commas join."""
     held: dict[int, set[str]] = {}
     turning = {
         node for kind, nodes in deck.elements.values() if kind in SHELL_KINDS for node in nodes
     }
+    turning |= {coupling.reference for coupling in couplings}
     for card in (card for card in (*job.model, *step) if card.keyword == "BOUNDARY"):
         for words in card.words():
             try:
@@ -189,12 +194,44 @@ def supports_of(job: Job, deck: Deck, step: Sequence[Card]) -> dict[str, list[in
                 for direction in named or range(first, min(last, 6) + 1):
                     if direction < 4 or label in turning:
                         held.setdefault(int(label), set()).add(AXES[direction - 1])
+    _hold_references(job, held, couplings)
     alike: dict[str, list[int]] = {}
     for label, directions in held.items():
         at = int(np.searchsorted(deck.labels, label))
         if at < len(deck.labels) and deck.labels[at] == label:
             alike.setdefault(",".join(sorted(directions, key=AXES.index)), []).append(at)
     return alike
+
+
+def _ground(content: dict[str, Any], number: int) -> None:
+    """A node that is held carries no mass, and springs end at the ground there."""
+    masses, springs = content["masses"], content["springs"]
+    for name in [name for name, of in masses.items() if of.get("nodes") == [number]]:
+        del masses[name]
+    for name, of in list(springs.items()):
+        if of.get("to_nodes") == [number]:
+            del of["to_nodes"]
+        elif of.get("nodes") == [number] and "to_nodes" in of:
+            of["nodes"] = of.pop("to_nodes")
+        elif of.get("nodes") == [number]:
+            del springs[name]
+
+
+def _hold_references(job: Job, held: dict[int, set[str]], couplings: Sequence[Coupling]) -> None:
+    """The nodes of a coupling whose reference is held are held, instead of it."""
+    for coupling in couplings:
+        directions = held.pop(coupling.reference, set())
+        if coupling.rotation is not None:
+            directions |= {f"r{axis}" for axis in held.pop(coupling.rotation, set())}
+        if not directions:
+            continue
+        if directions != set(AXES) or coupling.kind != "rigid":
+            raise BodyError(
+                f"{job.path}: the reference node {coupling.reference} of {coupling.name} is held "
+                "in some directions: take --run-ccx"
+            )
+        for label in coupling.nodes:
+            held.setdefault(label, set()).update(AXES)
 
 
 def assemble_deck(
@@ -284,6 +321,8 @@ def assemble_deck(
             f"{' and '.join(bent)} are taken as hexahedra with incompatible modes, which ccx has "
             "otherwise: frequencies differ by the elements' own error"
         )
+    couplings = couplings_of(job, deck)
+    supports = supports_of(job, deck, cards, couplings)
     described = describe_interfaces(interfaces)
     loads = {name: dict(entry) for name, entry in (loads or {}).items()}
     outputs = {name: dict(entry) for name, entry in (outputs or {}).items()}
@@ -316,15 +355,43 @@ def assemble_deck(
                 "nodes": [i + 1 for i in nodes],
                 "components": directions.split(","),
             }
-            for directions, nodes in supports_of(job, deck, cards).items()
+            for directions, nodes in supports.items()
         },
         "damping": {
             key: getattr(damping, key) if value is None else value for key, value in given.items()
         },
     }
+    _add_couplings(job, deck, couplings, content)
     content |= further_keys(merge, keep_repeated, spin, preload)
     counts = import_description(content, str(path), output, inputs=[path], mesh=mesh)
     return {**counts, "remarks": remarks}
+
+
+def _add_couplings(
+    job: Job, deck: Deck, couplings: Sequence[Coupling], content: dict[str, Any]
+) -> None:
+    """Their interfaces, unless they are held, and what is at their reference nodes."""
+    used = {node for _, nodes in deck.elements.values() for node in nodes}
+    held = {i for s in content["supports"].values() for i in s["nodes"]}
+    for coupling in couplings:
+        entry = coupling.entry(deck)
+        number = _index(job.path, deck, coupling.reference) + 1
+        if coupling.kind == "rigid" and set(entry["nodes"]) <= held:
+            _ground(content, number)
+            continue
+        if coupling.name in content["interfaces"]:
+            raise BodyError(f"interface {coupling.name} is given twice: it is one of the deck's")
+        content["interfaces"][coupling.name] = entry
+        if coupling.reference in used:
+            if coupling.kind == "rigid":
+                entry["nodes"].append(number)
+            continue
+        for entries in (content["masses"], content["springs"]):
+            for of in entries.values():
+                for nodes, interface in (("nodes", "at"), ("to_nodes", "to")):
+                    if of.get(nodes) == [number]:
+                        del of[nodes]
+                        of[interface] = coupling.name
 
 
 def _sections(job: Job) -> list[tuple[str, Card]]:
@@ -440,6 +507,13 @@ def _add_loads_of_steps(
     """Add the loads of the deck's steps to ``loads``; returns what is to be said of them."""
     of_steps, remarks = loads_of(job, deck)
     shells = any(kind in SHELL_KINDS for kind, _ in deck.elements.values())
+    used = {node for _, nodes in deck.elements.values() for node in nodes}
+    references = {
+        node
+        for coupling in couplings_of(job, deck)
+        for node in (coupling.reference, coupling.rotation)
+        if node is not None and node not in used
+    }
     expands = all("expansion" in materials[name] for name in material_of.values())
     for load in of_steps:
         if load.name in loads:
@@ -448,6 +522,13 @@ def _add_loads_of_steps(
             remarks.append(
                 f"load {load.name} is left out: a material has no *EXPANSION, or "
                 "one of temperature or direction"
+            )
+            continue
+        at_references = {int(label) for label in load.table[:, 0]} & references
+        if load.kind == "nodal" and at_references:
+            remarks.append(
+                f"load {load.name} is left out: it acts at reference nodes "
+                f"({', '.join(map(str, sorted(at_references)))}), whose interfaces are inputs"
             )
             continue
         if load.kind == "temperature" and shells:

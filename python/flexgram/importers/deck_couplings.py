@@ -1,0 +1,150 @@
+"""Rigid bodies and couplings of a CalculiX or Abaqus deck as interfaces of a description."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from flexgram.basics import BodyError
+from flexgram.body.faces import LINEAR, MIDDLES
+from flexgram.body.meshfile import SHELLS
+from flexgram.importers.ccx import Card, Job
+from flexgram.importers.deck import Deck
+from flexgram.importers.deck_loads import NUMBERED
+
+#: Cards that are read here.
+CARDS = {"RIGID BODY", "COUPLING", "KINEMATIC", "DISTRIBUTING"}
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """A reference node that moves others, or is their mean.
+
+    Attributes
+    ----------
+    name : str
+        Of the interface.
+    kind : str
+        ``rigid`` or ``distributing``.
+    reference : int
+        Label of the node.
+    rotation : int or None
+        That whose displacements are the rotations.
+    nodes : tuple of int
+        Labels.
+    """
+
+    name: str
+    kind: str
+    reference: int
+    rotation: int | None
+    nodes: tuple[int, ...]
+
+    def entry(self, deck: Deck) -> dict[str, Any]:
+        """Of ``interfaces`` of a description."""
+        at = np.searchsorted(deck.labels, [self.reference, *self.nodes])
+        return {
+            "coupling": self.kind,
+            "nodes": (at[1:] + 1).tolist(),
+            "position": deck.points[at[0]].tolist(),
+        }
+
+
+def couplings_of(job: Job, deck: Deck) -> list[Coupling]:
+    """Those of the model.
+
+    Raises
+    ------
+    BodyError
+        For those that couple other directions than all.
+    """
+    used = {n for _, nodes in deck.elements.values() for n in nodes}
+    surfaces = _surfaces(job, deck)
+    found: list[Coupling] = []
+    begun: Card | None = None
+    for card in job.model:
+        if card.keyword == "RIGID BODY":
+            found.append(_rigid(job, deck, card, used))
+        elif card.keyword == "COUPLING":
+            begun = card
+        elif card.keyword in ("KINEMATIC", "DISTRIBUTING"):
+            if begun is None:
+                raise BodyError(f"{job.path}: *{card.keyword} without *COUPLING")
+            found.append(_coupling(job, begun, card, surfaces, used))
+            begun = None
+    return found
+
+
+def _rigid(job: Job, deck: Deck, card: Card, used: Collection[int]) -> Coupling:
+    name = card.options.get("NSET", card.options.get("ELSET", "")).upper()
+    where = f"{job.path}: *RIGID BODY ({name or 'without NSET'})"
+    if "REF NODE" not in card.options or name not in deck.sets:
+        raise BodyError(f"{where}: needs a REF NODE, and a node or element set that is there")
+    turn = card.options.get("ROT NODE")
+    reference = int(card.options["REF NODE"])
+    nodes = tuple(int(n) for n in deck.sets[name] if int(n) in used)
+    if not nodes:
+        raise BodyError(f"{where}: no element has its nodes")
+    return Coupling(name.lower(), "rigid", reference, None if turn is None else int(turn), nodes)
+
+
+def _coupling(
+    job: Job, card: Card, kind: Card, surfaces: Mapping[str, list[int]], used: Collection[int]
+) -> Coupling:
+    name = card.options.get("CONSTRAINT NAME", card.options.get("SURFACE", "")).upper()
+    where = f"{job.path}: *COUPLING ({name})"
+    surface = card.options.get("SURFACE", "").upper()
+    if "REF NODE" not in card.options or surface not in surfaces:
+        raise BodyError(f"{where}: needs a REF NODE, and a SURFACE that is there")
+    if "ORIENTATION" in card.options:
+        raise BodyError(f"{where}: ORIENTATION is not followed by --assemble: take --run-ccx")
+    directions: set[int] = set()
+    for words in kind.words():
+        rows = [int(word) for word in words if word]
+        directions |= set(range(rows[0], rows[-1] + 1)) if rows else set()
+    if kind.keyword == "KINEMATIC" and directions and not {1, 2, 3} <= directions:
+        raise BodyError(f"{where}: *KINEMATIC of all directions is followed, it has {directions}")
+    nodes = tuple(n for n in surfaces[surface] if n in used)
+    if not nodes:
+        raise BodyError(f"{where}: no element has the nodes of surface {surface}")
+    coupling = "rigid" if kind.keyword == "KINEMATIC" else "distributing"
+    return Coupling(name.lower(), coupling, int(card.options["REF NODE"]), None, nodes)
+
+
+def _surfaces(job: Job, deck: Deck) -> dict[str, list[int]]:
+    """Nodes of surfaces, of nodes and of faces."""
+    found: dict[str, list[int]] = {}
+    for card in (card for card in job.model if card.keyword == "SURFACE"):
+        nodes: set[int] = set()
+        for words in card.words():
+            where = words[0].upper()
+            if card.options.get("TYPE", "").upper() == "NODE":
+                nodes |= (
+                    {int(where)} if where.isdigit() else set(map(int, deck.sets.get(where, ())))
+                )
+                continue
+            elements = [int(where)] if where.isdigit() else deck.elsets.get(where, [])
+            side = words[1].upper() if len(words) > 1 else ""
+            for element in elements:
+                if element in deck.elements:
+                    nodes |= _face(job, card, *deck.elements[element], side)
+        found[card.options.get("NAME", "").upper()] = sorted(nodes)
+    return found
+
+
+def _face(job: Job, card: Card, kind: str, nodes: list[int], side: str) -> set[int]:
+    if kind in SHELLS:
+        return set(nodes)
+    plain = LINEAR.get(kind, kind)
+    number = int(side[1:]) if side[:1] == "S" and side[1:].isdigit() else 0
+    if not 1 <= number <= len(NUMBERED.get(plain, ())):
+        name = card.options.get("NAME", "")
+        raise BodyError(f"{job.path}: *SURFACE {name}: {kind} has no face {side}")
+    corners = [int(c) - 1 for c in NUMBERED[plain][number - 1]]
+    middles = [
+        middle for edge, middle in MIDDLES.get(kind, {}).items() if edge <= frozenset(corners)
+    ]
+    return {nodes[k] for k in (*corners, *middles)}
