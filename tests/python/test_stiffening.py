@@ -17,6 +17,7 @@ from flexgram import BodyError, ReducedModel, write_matrices
 from flexgram.body.description import import_description
 from flexgram.exporters.exudyn_stiffening import SPINS, frame_stiffening
 from flexgram.exporters.sid import read_sid, write_sid
+from sheets import sheet
 
 MATERIAL = {"E": 2e9, "nu": 0.3, "rho": 2000.0}
 SIZE = (1.0, 0.03, 0.05)
@@ -37,8 +38,15 @@ def blade(path: Path, cell: str, held: str = "", turned: Any = None, **more: Any
     }
     if held:
         content["supports"] = {held: {"nodes": ends[held]}}
-    mesh = box(cell, (6, 1, 1), SIZE, distort=False)
-    mesh.points -= [0, SIZE[1] / 2, SIZE[2] / 2]  # a spin about z bends nothing
+    if cell == "quad":
+        mesh = sheet(cell, (12, 2), lambda u, v: (SIZE[0] * u, 0 * u, SIZE[2] * (v - 0.5)))
+        content["sections"] = {"sheet": {"shape": "shell", "thickness": SIZE[1]}}
+        content["regions"]["all"]["section"] = "sheet"
+        if held:
+            content["supports"][held]["components"] = ["x", "y", "z", "rx", "ry", "rz"]
+    else:
+        mesh = box(cell, (6, 1, 1), SIZE, distort=False)
+        mesh.points -= [0, SIZE[1] / 2, SIZE[2] / 2]  # a spin about z bends nothing
     if turned is not None:
         mesh.points = mesh.points @ turned.T
     import_description(content | more, "blade", path, mesh=mesh)
@@ -70,7 +78,9 @@ def under(folder: Path, cell: str, stays: dict[str, float], held: str = "root", 
     return lowest(full["K"].toarray(), full["M"].toarray())
 
 
-@pytest.mark.parametrize(("cell", "ranks"), [("tetra10", 1), ("hexahedron", 2)])
+@pytest.mark.parametrize(
+    ("cell", "ranks"), [("tetra10", 1), ("hexahedron", 2), ("quad", 1), ("quad", 2)]
+)
 def test_sid_against_preloads(cell: str, ranks: int, tmp_path: Path) -> None:
     """Frequencies by the blocks of a SID, against the body under a spin, a pull, its own weight."""
     rom, said = stiffened(tmp_path, cell, ranks)
