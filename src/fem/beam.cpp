@@ -236,6 +236,35 @@ ElementMatrices beam_matrices(const Vector3& first, const Vector3& second,
                   axes[e][j];
     }
   result.beside = multiply_transposed(rotation_of(axes), beside);
+  // Nodes alone move the axis by cubics; with the rotation t × A t of its ends it moves by A r, as it
+  // must, and its sections do not turn.
+  Dense turning(
+      12, 3); // by rotations of both ends, less what sections resist to one as a whole
+  const Dense R = rotation_of(axes);
+  const double inertia[3] = {moment[1] + moment[2], moment[2], moment[1]};
+  Dense whole(12, 3);
+  for (const auto& [weight, U, theta] : sections_of(material, section, L))
+    for (int c = 0; c < 3; ++c)
+      for (int dof = 0; dof < 12; ++dof)
+        whole(dof, c) += weight * inertia[c] * theta(c, dof);
+  Dense to_local(3, 3);
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) to_local(i, j) = axes[as_size(i)][as_size(j)];
+  add_to(turning, multiply_transposed(R, multiply(whole, to_local)), -1);
+  for (int l = 0; l < 3; ++l)
+    for (int dof = 0; dof < 12; ++dof)
+      turning(dof, l) += result.M(dof, 3 + l) + result.M(dof, 9 + l);
+  const Vector3& t = axes[0];
+  for (std::size_t m = 0; m < 3; ++m)
+    for (std::size_t j = 0; j < 3; ++j) { // (t × A t)_l = ε_lmi t_m A_ij t_j
+      const std::size_t i = (m + 1) % 3, l = (m + 2) % 3;
+      for (int dof = 0; dof < 12; ++dof) {
+        result.beside(dof, static_cast<int>(3 * i + j)) +=
+            turning(dof, static_cast<int>(l)) * t[m] * t[j];
+        result.beside(dof, static_cast<int>(3 * l + j)) -=
+            turning(dof, static_cast<int>(i)) * t[m] * t[j];
+      }
+    }
   return result;
 }
 

@@ -6,6 +6,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import h5py
 import meshio
 import numpy as np
 import pytest
@@ -251,3 +252,83 @@ def test_a_truss(ranks: int, tmp_path: Path) -> None:
     np.testing.assert_allclose(a["M"].toarray(), mass * np.eye(3), atol=1e-12)
     added = (found[False]["K"] - a["K"]).toarray()
     np.testing.assert_allclose(added, np.diag([0, 3e4, 3e4]), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("prop", "I1", "I2", "J", "A"),
+    [
+        ("PBARL,1,1,,BAR\n,0.02,0.03\n", 0.02 * 0.03**3 / 12, 0.03 * 0.02**3 / 12, 4.697e-8, 6e-4),
+        ("PBARL,1,1,,ROD\n,0.01\n", np.pi / 4 * 1e-8, np.pi / 4 * 1e-8, np.pi / 2 * 1e-8, None),
+        ("PBEAML,1,1,,BOX\n,0.1,0.2,0.01,0.01\n", None, None, 2.0904e-5, 0.0056),
+        ("PBARL,1,1,,I\n,0.1,0.06,0.06,0.005,0.008,0.008\n", None, None, 2.398e-8, 0.00138),
+    ],
+    ids=["bar", "rod", "box", "I"],
+)
+def test_shapes_of_beams(prop: str, I1: Any, I2: Any, J: float, A: Any, tmp_path: Path) -> None:
+    """Areas and moments in closed form; of the box by Bredt, of the I by thin walls."""
+    mesh = line(2, 0.0, 1.0)
+    text = bulk(mesh, prop + STEEL + clamp(mesh, "123456"), {"line": [0.0, 1.0, 0.0]})
+    (tmp_path / "b.bdf").write_text(text)
+    assemble_bulk(tmp_path / "b.bdf", tmp_path / "b.h5", [parse("node", "tip=NODES:30")])
+    with h5py.File(tmp_path / "b.h5") as file:
+        of = dict(next(iter(file["sections"].values())).attrs)
+    if I1 is None and "BOX" in prop:
+        I1 = (0.1 * 0.2**3 - 0.08 * 0.18**3) / 12
+        I2 = (0.2 * 0.1**3 - 0.18 * 0.08**3) / 12
+    elif I1 is None:
+        I1 = 0.005 * 0.084**3 / 12 + 2 * (0.06 * 0.008**3 / 12 + 0.06 * 0.008 * 0.046**2)
+        I2 = 0.084 * 0.005**3 / 12 + 2 * 0.008 * 0.06**3 / 12
+    assert of["I_z"] == pytest.approx(I1, rel=1e-9) and of["I_y"] == pytest.approx(I2, rel=1e-9)
+    assert of["J"] == pytest.approx(J, rel=1e-3)
+    assert A is None or of["A"] == pytest.approx(A)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (plate("RBE2,92,900,123456,80,90\nGRID,900,,2.,2.,0.\nRBE2,93,901,123456,900\n",
+               "GRID,901,,3.,2.,0.\n"), "grid 900 moves others: chains"),
+        (plate("GRID,900,,2.,2.,0.\nSPC1,1,12,900\nRBE2,92,900,123456,80,90\n"),
+         "RBE2 92: its grid 900 is held in some"),
+        (plate("GRID,900,,2.,2.,0.\nSPC1,1,3,90\nRBE2,92,900,123456,80,90\n"),
+         "90 is held by an SPC"),
+        (plate("RBE3,92,,50,123456,1.0,123,80,90\n"), "its grid 50 is held, or an element's"),
+        (plate("GRDSET,,,,,,,456\n"), "GRDSET with CP, CD or PS"),
+        (plate("DMIG,KX,0,6,1,0\nDMIG,KX,50,1,,50,1,1.+5\n"), r"DMIG \(\d\): not followed"),
+        (plate("MAT1,2,1.+9,,0.3,100.\n", prop="PSHELL,1,1,0.01,1,,2\n"), "MID3 must be MID1"),
+        (plate("CELAS1,93,7,50,3\n"), "CELAS1 93: its property is missing"),
+        (plate("CONROD,93,50,90,1,0.\n"), "its area must be positive"),
+        (plate("CBUSH,93,7,50,90\nPBUSH,7,K,1.+5,2.+5\n"), "across its line its axes are not"),
+        (plate(material="MAT8,1,1.+11,1.+11,0.3,1.+10,,,1600.\n"), "in the element's own axes"),
+        (plate(prop="PCOMP,1,,,,,,,MEM\n,1,0.01,0.\n"), "LAM = MEM is not followed"),
+        (plate().replace("BEGIN BULK", "PARAM,WTMASS,0.1\nBEGIN BULK"), "PARAM,WTMASS in case"),
+    ],
+)  # fmt: skip
+def test_what_would_be_another_body_is_refused(text: str, words: str, tmp_path: Path) -> None:
+    (tmp_path / "p.bdf").write_text(text)
+    with pytest.raises(BodyError, match=words):
+        assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [parse("node", "tip=NODES:90")])
+
+
+def test_supports_and_shared_references(tmp_path: Path) -> None:
+    """RBE2 with one reference are one; one that is held holds its grids; supports of the case."""
+    rigid = "GRID,900,,2.,2.,0.\nRBE2,92,900,123456,80\nRBE2,93,900,123456,90\nCONM2,94,900,,2.0\n"
+    (tmp_path / "p.bdf").write_text(plate(rigid))
+    facts = assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [])
+    assert facts["interfaces"]["rbe2_92"]["nodes"] == 2 and list(facts["interfaces"]) == ["rbe2_92"]
+    with pytest.raises(BodyError, match="grid 900 is that of rbe2_92"):
+        assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [parse("node", "tip=NODES:900")])
+    tip = [parse("node", "tip=NODES:50")]
+    (tmp_path / "p.bdf").write_text(plate(rigid + "SPC1,1,123456,900\n"))
+    facts = assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", tip)
+    with h5py.File(tmp_path / "p.h5") as file:
+        held = np.concatenate([g["nodes"][:] for g in file["supports"].values()])
+        assert "masses" not in file or not len(file["masses"])
+    assert sorted(held) == [0, 1, 2, 7, 8]
+    (tmp_path / "p.bdf").write_text(plate("SPC1,1,123,900\nGRID,900,,2.,2.,0.\n"))
+    facts = assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", tip)
+    assert "supports of 1 grids without elements are left out: 900" in " ".join(facts["remarks"])
+    (tmp_path / "p.bdf").write_text(plate().replace("SPC = 1\n", "ECHO = NONE\n"))
+    facts = assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", tip)
+    assert "chooses no SPC: the body is free" in " ".join(facts["remarks"])
+    assert "6 of 6 rigid motions" in facts["summary"][1]

@@ -62,6 +62,7 @@ def couplings_of(job: Job, deck: Deck) -> list[Coupling]:
         For those that couple other directions than all.
     """
     used = {n for _, nodes in deck.elements.values() for n in nodes}
+    turning = {n for kind, nodes in deck.elements.values() if kind in SHELLS for n in nodes}
     surfaces = _surfaces(job, deck)
     found: list[Coupling] = []
     begun: Card | None = None
@@ -73,8 +74,15 @@ def couplings_of(job: Job, deck: Deck) -> list[Coupling]:
         elif card.keyword in ("KINEMATIC", "DISTRIBUTING"):
             if begun is None:
                 raise BodyError(f"{job.path}: *{card.keyword} without *COUPLING")
-            found.append(_coupling(job, begun, card, surfaces, used))
+            found.append(_coupling(job, begun, card, surfaces, used, turning))
             begun = None
+    references = [coupling.reference for coupling in found]
+    for coupling in found:
+        where = f"{job.path}: {coupling.name}"
+        if references.count(coupling.reference) > 1:
+            raise BodyError(f"{where}: node {coupling.reference} is the reference of another, too")
+        if set(coupling.nodes) & set(references):
+            raise BodyError(f"{where}: moves the reference of another: chains are not followed")
     return found
 
 
@@ -92,7 +100,12 @@ def _rigid(job: Job, deck: Deck, card: Card, used: Collection[int]) -> Coupling:
 
 
 def _coupling(
-    job: Job, card: Card, kind: Card, surfaces: Mapping[str, list[int]], used: Collection[int]
+    job: Job,
+    card: Card,
+    kind: Card,
+    surfaces: Mapping[str, list[int]],
+    used: Collection[int],
+    turning: set[int],
 ) -> Coupling:
     name = card.options.get("CONSTRAINT NAME", card.options.get("SURFACE", "")).upper()
     where = f"{job.path}: *COUPLING ({name})"
@@ -105,7 +118,8 @@ def _coupling(
     for words in kind.words():
         rows = [int(word) for word in words if word]
         directions |= set(range(rows[0], rows[-1] + 1)) if rows else set()
-    if kind.keyword == "KINEMATIC" and directions and not {1, 2, 3} <= directions:
+    all_of = set(range(1, 7)) if turning & set(surfaces[surface]) else {1, 2, 3}
+    if kind.keyword == "KINEMATIC" and directions and not all_of <= directions:
         raise BodyError(f"{where}: *KINEMATIC of all directions is followed, it has {directions}")
     nodes = tuple(n for n in surfaces[surface] if n in used)
     if not nodes:

@@ -27,6 +27,7 @@ from flexgram.body.meshfile import LABELS
 from flexgram.importers.fe import Interface, check_damping
 from flexgram.importers.mesh import describe_interfaces, further_keys
 from flexgram.importers.nastran import REORDER, SOLIDS
+from flexgram.importers.nastran_sections import beam_section
 
 #: Element types that are shells, and ours.
 SHELLS = {"CQUAD4": "quad", "CQUADR": "quad", "CTRIA3": "triangle", "CTRIAR": "triangle"}
@@ -43,7 +44,7 @@ PASSED = (
     *("PARAM", "MDLPRM", "NLPARM", "NLPCI", "RANDPS", "RANDT", "DELAY", "DPHASE", "DTI", "SPOINT"),
     *("AERO", "AE", "CAERO", "PAERO", "SPLINE", "FLUTTER", "FLFACT", "MKAERO", "TRIM", "GUST"),
     *("MONPNT", "DIVERG", "CSSCHD", "DESVAR", "DVPREL", "DVMREL", "DVCREL", "DRESP", "DCONSTR"),
-    *("DCONADD", "DSCREEN", "DVGRID", "DOPTPRM", "DEQATN", "DLINK", "DTABLE", "DMI"),
+    *("DCONADD", "DSCREEN", "DVGRID", "DOPTPRM", "DEQATN", "DLINK", "DTABLE", "DMIJ", "DMIK"),
 )
 #: Cards that are read here.
 READ = {
@@ -74,18 +75,28 @@ def read_bulk(path: Path) -> Any:
             tempfile.TemporaryDirectory() as folder,
         ):
             warnings.simplefilter("ignore")
+            _expect_no_parameters(path, text[: begins.start()] if begins and is_deck else "")
             source = path
             if begins and not is_deck:  # bulk data behind BEGIN alone
                 source = Path(folder) / path.name
                 source.write_text(text[begins.end() :])
             model.read_bdf(str(source), punch=not is_deck, xref=False, validate=False)
             model.safe_cross_reference()
+    except BodyError:
+        raise
     except (Exception, SystemExit) as error:
-        reason = str(error).strip().splitlines()
+        reason = " ".join(str(error).split())[:300]
         raise BodyError(
-            f"{path}: pyNastran cannot read it ({reason[0] if reason else type(error).__name__})"
+            f"{path}: pyNastran cannot read it ({reason or type(error).__name__})"
         ) from error
     return model
+
+
+def _expect_no_parameters(path: Path, control: str) -> None:
+    """PARAM that change K or M stand in the bulk data."""
+    found = re.search(r"^\s*PARAM\s*[, ]\s*(WTMASS|G|COUPMASS)\b", control, re.M | re.I)
+    if found:
+        raise BodyError(f"{path}: PARAM,{found[1].upper()} in case control: put it into bulk data")
 
 
 def assemble_bulk(
@@ -151,7 +162,11 @@ def assemble_bulk(
         "outputs": {name: dict(entry) for name, entry in (outputs or {}).items()},
         "damping": {
             key: value
-            for key, value in (("alpha", alpha), ("beta", beta), ("eta", eta or bulk.eta()))
+            for key, value in (
+                ("alpha", alpha),
+                ("beta", beta),
+                ("eta", bulk.eta() if eta is None else eta),
+            )
             if value is not None
         },
     }
@@ -166,6 +181,7 @@ class _Bulk:
     def __init__(self, path: Path, model: Any, ignore: set[str]) -> None:
         self.path, self.model, self.ignore = path, model, ignore
         self.remarks: list[str] = []
+        self.told_shear = False
         self.labels = np.array(sorted(model.nodes), dtype=np.int64)
         if not len(self.labels):
             raise BodyError(f"{path}: no GRID: is this bulk data?")
@@ -182,12 +198,25 @@ class _Bulk:
         self.later: list[tuple[int, Any]] = []
         self.references: dict[int, str] = {}  # of RBE2, where nothing else is
         self.used: set[int] = set()
+        self.grounded: set[int] = set()  # grids of RBE2 that are held
+        self.shared: dict[int, tuple[str, list[int]]] = {}  # of RBE2 by their reference
         self.turning: set[int] = set()
 
     # What is there
 
     def _expect_known(self) -> None:
         counts = Counter({str(k): int(v) for k, v in self.model.card_count.items()})
+        if followed := sorted(self.ignore & READ):
+            raise BodyError(f"{self.path}: --ignore {followed[0]}: it is followed")
+        if self.model.superelement_models:
+            raise BodyError(f"{self.path}: superelements (BEGIN SUPER) are not followed")
+        defaults = self.model.grdset
+        if defaults is not None and any((defaults.Cp(), defaults.Cd(), defaults.Ps())):
+            raise BodyError(
+                f"{self.path}: GRDSET with CP, CD or PS is not followed: write it in GRID"
+            )
+        if names := sorted(self._cases() & {"K2GG", "M2GG", "B2GG", "K42GG", "K2PP", "M2PP"}):
+            raise BodyError(f"{self.path}: {names[0]} of case control is not followed")
         unknown = {
             card: n
             for card, n in counts.items()
@@ -211,6 +240,13 @@ class _Bulk:
         value = self._param("G")
         return value if value else None
 
+    def _cases(self) -> set[str]:
+        """Names of what case control says."""
+        control = self.model.case_control_deck
+        if control is None:
+            return set()
+        return {str(key) for case in control.subcases.values() for key in case.params}
+
     def _param(self, name: str) -> float | None:
         param = self.model.params.get(name)
         return None if param is None else float(param.values[0])
@@ -228,8 +264,18 @@ class _Bulk:
     def number(self, entry: dict[str, Any]) -> None:
         """Numbers from 1 for labels of grids."""
         for key in ("nodes", "relative_to"):
-            if isinstance(entry.get(key), list):
-                entry[key] = [self.at(int(label)) + 1 for label in entry[key]]
+            if not isinstance(entry.get(key), list):
+                continue
+            for label in map(int, entry[key]):
+                k = self.at(label) + 1
+                if k in self.references:
+                    raise BodyError(
+                        f"{self.path}: grid {label} is that of {self.references[k]}: name no other "
+                        "interface there"
+                    )
+                if label not in self.used:
+                    raise BodyError(f"{self.path}: grid {label} belongs to no element")
+            entry[key] = [self.at(int(label)) + 1 for label in entry[key]]
 
     def describe(self) -> dict[str, Any]:
         self._expect_known()
@@ -249,6 +295,7 @@ class _Bulk:
         supported = self._supports()
         for number, rigid in sorted(self.model.rigid_elements.items()):
             self._rigid(int(number), rigid, supported)
+        self._join(supported)
         self._attach()
         self._write_supports(supported)
         if not self._param("COUPMASS"):
@@ -311,11 +358,14 @@ class _Bulk:
         cells.append([self.at(nodes[k]) for k in order])
         labels.append(number)
 
-    def _material(self, number: int, card: Any, more: float = 0.0) -> str:
-        """Name of a material, with ``more`` density."""
+    def _material(
+        self, number: int, card: Any, more: float = 0.0, loss: float | None = None
+    ) -> str:
+        """Name of a material, with ``more`` density, and another loss factor."""
         if card is None:
-            raise self._refuse("MAT1", number, "is missing")
+            raise BodyError(f"{self.path}: property {number}: its material is missing")
         name = f"mat{card.mid}" + (f"_{more:.6g}" if more else "")
+        name += "" if loss is None else f"_g{loss:.6g}"
         if name in self.materials:
             return name
         wtmass = self._param("WTMASS") or 1.0
@@ -325,16 +375,16 @@ class _Bulk:
             if E and G and abs(E / (2 * G) - 1 - nu) > 1e-2 * (1 + abs(nu)):
                 raise self._refuse("MAT1", card.mid, "E, G and NU do not belong together")
             entry: dict[str, Any] = {"E": float(E), "nu": float(nu), "rho": rho}
-            loss = float(card.ge or 0.0)
         elif card.type == "MAT8":
             E1, E2, nu12, G12 = (float(x) for x in (card.e11, card.e22, card.nu12, card.g12))
             of = {"E1": E1, "E2": E2, "E3": E2, "nu12": nu12, "nu13": 0.0, "nu23": 0.0, "G12": G12}
             of |= {"G13": float(card.g1z or G12), "G23": float(card.g2z or G12), "rho": rho}
-            entry, loss = of, float(card.ge or 0.0)
+            entry = of
         else:
             raise self._refuse(card.type, card.mid, "only MAT1, and MAT8 of shells, are followed")
         if not rho > 0:
             raise self._refuse(card.type, card.mid, "has no density (RHO)")
+        loss = float(card.ge or 0.0) if loss is None else loss
         if loss:
             entry["loss_factor"] = loss
         self.materials[name] = entry
@@ -363,18 +413,18 @@ class _Bulk:
         offset = float(element.zoffset or 0.0)
         turned = bool(element.theta_mcid)
         if prop is not None and prop.type == "PSHELL":
-            t = float(given[0]) if given else float(prop.t or 0.0)
-            bends = prop.mid2 == prop.mid1 and abs(float(prop.twelveIt3 or 1.0) - 1) < 1e-6
-            if not prop.mid1 or not bends:
-                raise self._refuse(
-                    "PSHELL", prop.pid, "MID2 must be MID1, and 12I/T**3 = 1: one homogeneous plate"
-                )
-            if prop.mid4:
-                raise self._refuse("PSHELL", prop.pid, "MID4 is not followed")
-            if prop.mid1_ref.type == "MAT8" and (turned or prop.mid1_ref.e11 != prop.mid1_ref.e22):
-                raise self._refuse(
-                    element.type, number, "a MAT8 is in the element's own axes (THETA, MCID)"
-                )
+            t = float(prop.t or 0.0)
+            if given:
+                t = float(given[0]) * (t if element.tflag == 1 else 1.0)
+            self._expect_plate(prop)
+            plane = prop.mid1_ref
+            if plane.type == "MAT8":
+                of_plane = plane.e11 / (2 + 2 * plane.nu12)
+                same = max(abs(plane.e22 / plane.e11 - 1), abs(plane.g12 / of_plane - 1)) < 1e-2
+                if turned or not same:
+                    raise self._refuse(
+                        element.type, number, "a MAT8 is in the element's own axes (THETA, MCID)"
+                    )
             if not t > 0:
                 raise self._refuse("PSHELL", prop.pid, "has no thickness")
             nsm = float(prop.nsm or 0.0)
@@ -389,6 +439,9 @@ class _Bulk:
                 )
             if prop.nsm:
                 raise self._refuse("PCOMP", prop.pid, "NSM is not followed")
+            if prop.lam not in (None, "", "NO", "SYM"):
+                raise self._refuse("PCOMP", prop.pid, f"LAM = {prop.lam} is not followed")
+            loss = float(prop.ge or 0.0)  # those of its plies do not count
             plies = list(zip(prop.mids_ref, prop.thicknesses, prop.thetas, strict=True))
             if prop.is_symmetrical:
                 plies += plies[::-1]
@@ -396,7 +449,11 @@ class _Bulk:
             offset += float(prop.z0 or 0.0) + whole / 2
             offset = 0.0 if abs(offset) < 1e-9 * whole else offset
             layers = [
-                {"material": self._material(prop.pid, m), "thickness": float(t), "angle": float(a)}
+                {
+                    "material": self._material(prop.pid, m, 0.0, loss),
+                    "thickness": float(t),
+                    "angle": float(a),
+                }
                 for m, t, a in plies
             ]
             section = {"shape": "shell", "layers": layers, "offset": offset}
@@ -421,9 +478,13 @@ class _Bulk:
             v = np.asarray(element.x, dtype=float)
             if str(element.offt)[:1] == "G":
                 node = self.model.nodes[int(element.node_ids[0])]
-                if node.cd_ref is not None and node.Cd() != 0:
-                    v = node.cd_ref.transform_node_to_global_assuming_rectangular(v)
+                if node.Cd() != 0:
+                    if node.cd_ref.type not in ("CORD2R", "CORD1R"):
+                        raise self._refuse(kind, number, "its vector is in cylindrical axes (CD)")
+                    v = node.cd_ref.beta().T @ v
         along = ends[1] - ends[0]
+        if not np.linalg.norm(along) > 0:
+            raise self._refuse(kind, number, "it has no length")
         along = along / np.linalg.norm(along)
         v = np.asarray(v, dtype=float)
         if v.shape != (3,) or not np.all(np.isfinite(v)):
@@ -432,40 +493,41 @@ class _Bulk:
         if not np.linalg.norm(v) > 0:
             raise self._refuse(kind, number, "its orientation vector is along it")
         v = np.round(v / np.linalg.norm(v), 9) + 0.0
-        A, I1, I2, I12, J = self._areas(prop)
-        if abs(I12) > 1e-9 * (I1 + I2):
-            raise self._refuse(prop.type, prop.pid, "I12 is not followed: take principal axes")
-        k1, k2 = (float(getattr(prop, key, None) or 0.0) for key in ("k1", "k2"))
+        if prop is None:
+            raise self._refuse(kind, number, "its property is missing")
+        try:
+            section = beam_section(prop)
+        except BodyError as error:
+            raise self._refuse(prop.type, prop.pid, str(error)) from None
         name = f"p{prop.pid}_" + "_".join(f"{x:g}" for x in v)
-        self.sections[name] = {
-            "shape": "general", "A": A, "I_y": I2, "I_z": I1, "J": J,
-            "k_y": k1 or 1e6, "k_z": k2 or 1e6, "y_axis": v.tolist(),
-        }  # fmt: skip
-        material = self._material(prop.pid, prop.mid_ref, float(prop.Nsm() or 0.0) / A)
+        self.sections[name] = section | {"y_axis": v.tolist()}
+        with _named(self.path, f"{prop.type} {prop.pid}: its area is not understood"):
+            A, nsm = float(np.ravel(prop.Area())[0]), float(np.ravel(prop.Nsm() or 0.0)[0])
+        material = self._material(prop.pid, prop.mid_ref, nsm / A)
         return self._region(name, material, name)
 
-    def _areas(self, prop: Any) -> tuple[float, float, float, float, float]:
-        """A, I1, I2, I12, J of a property of beams."""
-        if prop is None or prop.type not in ("PBAR", "PBARL", "PBEAM", "PBEAML"):
-            what = "none" if prop is None else f"{prop.type} {prop.pid}"
-            raise BodyError(f"{self.path}: beams need PBAR, PBARL, PBEAM or PBEAML, not {what}")
-        with _named(self.path, f"{prop.type} {prop.pid}: its section is not understood"):
-            values = [prop.Area(), prop.I11(), prop.I22(), prop.I12(), prop.J()]
-            A, I1, I2, I12, J = (float(np.ravel(v)[0]) for v in values)
-        stations: list[Any] = []
-        if prop.type == "PBEAM":
-            stations = [np.ravel(getattr(prop, key)) for key in ("A", "i1", "i2", "j")]
-        elif prop.type == "PBEAML":
-            stations = list(np.atleast_2d(np.asarray(prop.dim, dtype=float)).T)
-        if any(np.ptp(s) > 1e-3 * float(np.abs(s).max()) for s in stations if len(s)):
-            raise self._refuse(prop.type, prop.pid, "its section changes along the beam")
-        if not min(A, I1, I2, J) > 0:
-            raise self._refuse(prop.type, prop.pid, "A, I1, I2 and J must be positive")
-        return A, I1, I2, I12, J
+    def _expect_plate(self, prop: Any) -> None:
+        """A PSHELL is one homogeneous plate."""
+        why = ""
+        if not prop.mid1 or prop.mid2 != prop.mid1 or abs((prop.twelveIt3 or 1.0) - 1) > 1e-6:
+            why = "MID2 must be MID1, and 12I/T**3 = 1: one homogeneous plate"
+        elif prop.mid3 and (prop.mid3 != prop.mid1 or abs((prop.tst or 0.833333) - 5 / 6) > 1e-3):
+            why = "MID3 must be MID1, and TS/T = 5/6"
+        elif prop.mid4:
+            why = "MID4 is not followed"
+        if why:
+            raise self._refuse("PSHELL", prop.pid, why)
+        if not prop.mid3 and not self.told_shear:
+            self.told_shear = True
+            self.remarks.append(
+                "shells without MID3 are stiff in transverse shear in Nastran, here not"
+            )
 
     def _rod(self, number: int, element: Any) -> str:
-        prop = element if element.type == "CONROD" else element.pid_ref
+        prop = self._property(number, element)
         A, J = float(prop.A or 0.0), float(prop.j or 0.0)
+        if not A > 0:
+            raise self._refuse(element.type, number, "its area must be positive")
         if J > 0:  # felt where both ends have rotations, which all elements tell
             self.later.append((number, element))
         material = self._material(prop.mid, prop.mid_ref, float(prop.nsm or 0.0) / A)
@@ -473,9 +535,17 @@ class _Bulk:
         self.sections[name] = {"shape": "rod", "A": A}
         return self._region(name, material, name)
 
+    def _property(self, number: int, element: Any) -> Any:
+        """That of an element, or the element that holds its numbers itself."""
+        if element.type in ("CONROD", "CELAS2", "CDAMP2"):
+            return element
+        if element.pid_ref is None:
+            raise self._refuse(element.type, number, "its property is missing")
+        return element.pid_ref
+
     def _torsion(self, number: int, element: Any) -> None:
         """Of a rod, as a spring."""
-        prop = element if element.type == "CONROD" else element.pid_ref
+        prop = self._property(number, element)
         nodes = [int(n) for n in element.node_ids]
         if not set(nodes) <= self.turning:
             return
@@ -489,7 +559,7 @@ class _Bulk:
 
     def _scalar_spring(self, number: int, element: Any) -> None:
         """CELAS and CDAMP, with numbers of their own (2) or of a property (1)."""
-        source = element.pid_ref if element.type.endswith("1") else element
+        source = self._property(number, element)
         is_damper = element.type.startswith("CDAMP")
         nodes = list(element.node_ids if is_damper else element.nodes)
         ends = [
@@ -514,30 +584,40 @@ class _Bulk:
             self._spring(element.type, number, labels, of_motion, loss)
 
     def _bush(self, number: int, element: Any) -> None:
-        prop = element.pid_ref
+        prop = self._property(number, element)
         nodes = [int(n) for n in element.node_ids if n]
-        if (
-            prop.type != "PBUSH" or element.si_ref is not None
-            if hasattr(element, "si_ref")
-            else False
-        ):
+        if prop.type != "PBUSH":
             raise self._refuse("CBUSH", number, "only PBUSH is followed")
+        if element.ocid not in (-1, None) or getattr(prop, "mass", None):
+            raise self._refuse("CBUSH", number, "OCID and M are not followed")
         K = [float(x or 0.0) for x in (list(prop.Ki) + 6 * [0.0])[:6]]
         B = [float(x or 0.0) for x in (list(prop.Bi) + 6 * [0.0])[:6]]
         axes = np.eye(3)
         if element.cid_ref is not None:
+            if element.cid_ref.type not in ("CORD2R", "CORD1R"):
+                raise self._refuse("CBUSH", number, "its axes (CID) are cylindrical")
             axes = element.cid_ref.beta()
         elif element.x[0] is not None or element.g0:
             raise self._refuse("CBUSH", number, "its axes by a vector or a grid are not followed")
+        elif len(nodes) == 2:  # along the line between its grids
+            ends = self.points[[self.at(n) for n in nodes]]
+            line = ends[1] - ends[0]
+            if np.linalg.norm(line) > 0:
+                if any(K[1:]) or any(B[1:]):
+                    raise self._refuse("CBUSH", number, "across its line its axes are not known")
+                x = line / np.linalg.norm(line)
+                y = np.cross(x, np.eye(3)[int(np.argmin(np.abs(x)))])
+                y /= np.linalg.norm(y)
+                axes = np.array([x, y, np.cross(x, y)])
         both = np.kron(np.eye(2), axes)
         self._expect_basic("CBUSH", number, nodes)
-        loss = [float(x) for x in (getattr(prop, "GEi", None) or []) if x]
-        if len(set(loss)) > 1:
+        losses = {float(x or 0.0) for x, k in zip(getattr(prop, "GEi", None) or [], K, strict=False)
+                  if k}  # fmt: skip
+        if len(losses) > 1:
             raise self._refuse("PBUSH", prop.pid, "GE of its directions differ")
-        self._spring(
-            "CBUSH", number, nodes, both.T @ np.diag(K) @ both, loss[0] if loss else 0.0,
-            both.T @ np.diag(B) @ both,
-        )  # fmt: skip
+        of_motion = [both.T @ np.diag(x) @ both for x in (K, B)]
+        loss = losses.pop() if losses else 0.0
+        self._spring("CBUSH", number, nodes, of_motion[0], loss, of_motion[1])
 
     def _expect_basic(self, card: str, number: int, nodes: Sequence[int]) -> None:
         for n in nodes:
@@ -587,7 +667,9 @@ class _Bulk:
             raise self._refuse(mass.type, number, "only CONM2 is followed")
         if np.any(np.abs(mass.X) > 0):
             raise self._refuse("CONM2", number, "its mass lies beside the grid (X1, X2, X3)")
-        if mass.Cid() not in (0, -1) and np.any(mass.I):
+        if mass.Cid() == -1:
+            raise self._refuse("CONM2", number, "CID = -1 is not followed")
+        if mass.Cid() != 0 and np.any(mass.I):
             raise self._refuse("CONM2", number, "its inertia is in axes of its own (CID)")
         wtmass = self._param("WTMASS") or 1.0
         xx, yx, yy, zx, zy, zz = (float(x or 0.0) * wtmass for x in mass.I)
@@ -608,13 +690,10 @@ class _Bulk:
         for label, node in self.model.nodes.items():
             if node.ps:
                 held.setdefault(int(label), set()).update(int(c) for c in str(node.ps))
-        chosen = self._case("SPC")
         cards = []
-        for number in [chosen] if chosen is not None else sorted(self.model.spcs):
+        for number in self._chosen_supports():
             with _named(self.path, f"SPC {number} is not there"):
                 cards += self.model.get_reduced_spcs(int(number), consider_spcadd=True)
-        if chosen is None and len(self.model.spcs) > 1:
-            self.remarks.append("no SPC is chosen in case control: all of the deck hold the body")
         for card in cards:
             if card.type == "SPC1":
                 pairs = [(int(n), str(card.components)) for n in card.node_ids]
@@ -630,21 +709,39 @@ class _Bulk:
                 held.setdefault(n, set()).update(int(c) for c in components if c != "0")
         return held
 
-    def _case(self, key: str) -> int | None:
-        """What case control chooses, in its first subcase."""
+    def _chosen_supports(self) -> list[int]:
+        """The SPC of the first subcase; of bulk data alone, all."""
         control = self.model.case_control_deck
-        if control is None:
-            return None
-        numbers = sorted(control.subcases)
-        for number in (numbers[1] if len(numbers) > 1 else 0, 0):
-            if number in control.subcases and key in control.subcases[number].params:
-                return int(control.subcases[number].params[key][0])
-        return None
+        if control is None or not self._cases():
+            known = sorted({*self.model.spcs, *self.model.spcadds})
+            if len(known) > 1:
+                self.remarks.append(
+                    f"no case control: SPC {', '.join(map(str, known))} all hold it"
+                )
+            return known
+        common = control.subcases[0].params.get("SPC") if 0 in control.subcases else None
+        found = [
+            of.params.get("SPC", common)
+            for number, of in sorted(control.subcases.items())
+            if number > 0
+        ] or [common]
+        numbers = [int(of[0]) for of in found if of is not None]
+        if not numbers or found[0] is None:
+            if self.model.spcs:
+                self.remarks.append("case control chooses no SPC: the body is free")
+            return []
+        if len(set(numbers)) > 1:
+            self.remarks.append(
+                f"SPC {numbers[0]} of the first subcase holds the body; others differ"
+            )
+        return numbers[:1]
 
     def _write_supports(self, held: dict[int, set[int]]) -> None:
         alike: dict[tuple[int, ...], list[int]] = {}
+        lost: list[int] = []
         for label, components in held.items():
             if label not in self.used:
+                lost.append(label)
                 continue
             kept = {c for c in components if c < 4 or label in self.turning}
             if not kept:
@@ -660,6 +757,11 @@ class _Bulk:
         for key, nodes in alike.items():
             entry = {"nodes": nodes, "components": [names[c - 1] for c in key]}
             self.supports["held_" + "".join(map(str, key))] = entry
+        if lost:
+            said = ", ".join(map(str, sorted(lost)[:5])) + (" …" if len(lost) > 5 else "")
+            self.remarks.append(
+                f"supports of {len(lost)} grids without elements are left out: {said}"
+            )
 
     def _rigid(self, number: int, element: Any, held: dict[int, set[int]]) -> None:
         kind = element.type
@@ -682,45 +784,77 @@ class _Bulk:
             if kind in self.ignore:
                 return
             raise self._refuse(kind, number, "only RBE2 and RBE3 are followed")
-        nodes = [n for n in nodes if n in self.used]
-        if not nodes:
+        if kind == "RBE2":
+            self.shared.setdefault(reference, (f"rbe2_{number}", []))[1].extend(nodes)
             return
-        at = self.points[self.at(reference)].tolist()
-        name = f"{kind.lower()}_{number}"
-        if kind == "RBE3":
-            entry = {"coupling": "distributing", "nodes": [self.at(n) + 1 for n in nodes]}
-            self.interfaces[name] = entry | {"position": at, "weights": weights}
-            return
-        if reference in held:
-            if held.pop(reference) >= set(range(1, 7)):  # its grids are held
+        if reference in held or reference in self.used:
+            raise self._refuse(kind, number, f"its grid {reference} is held, or an element's")
+        kept = [(n, w) for n, w in zip(nodes, weights, strict=True) if n in self.used]
+        if len(kept) < len(nodes):
+            raise self._refuse(kind, number, "some of its grids belong to no element")
+        self.interfaces[f"rbe3_{number}"] = {
+            "coupling": "distributing",
+            "nodes": [self.at(n) + 1 for n in nodes],
+            "position": self.points[self.at(reference)].tolist(),
+            "weights": weights,
+        }
+        self.references[self.at(reference) + 1] = f"rbe3_{number}"
+
+    def _join(self, held: dict[int, set[int]]) -> None:
+        """RBE2 with one reference are one interface; the grids of one that is held are held."""
+        for reference, (name, nodes) in self.shared.items():
+            where = f"{self.path}: {name.upper().replace('_', ' ')}"
+            if chained := sorted(set(nodes) & set(self.shared)):
+                raise BodyError(
+                    f"{where}: its grid {chained[0]} moves others: chains are not followed"
+                )
+            nodes = [n for n in dict.fromkeys(nodes) if n in self.used]
+            if not nodes:
+                self.remarks.append(f"{name}: its grids belong to no element")
+                continue
+            if reference in held:
+                if not held[reference] >= set(range(1, 7)):
+                    raise BodyError(f"{where}: its grid {reference} is held in some components")
+                if reference not in self.used:
+                    del held[reference]
+                    self.grounded.add(self.at(reference) + 1)
                 for n in nodes:
                     held.setdefault(n, set()).update(range(1, 7))
-                return
-            raise self._refuse(kind, number, f"its grid {reference} is held in some components")
-        if reference in self.used:
-            nodes.append(reference)
-        self.interfaces[name] = {
-            "coupling": "rigid",
-            "nodes": [self.at(n) + 1 for n in dict.fromkeys(nodes)],
-            "position": at,
-        }
-        if reference not in self.used:
-            self.references[self.at(reference) + 1] = name
+                continue
+            if fixed := sorted(n for n in nodes if n in held):
+                raise BodyError(f"{where}: its grid {fixed[0]} is held by an SPC")
+            if reference in self.used:
+                nodes.append(reference)
+            else:
+                self.references[self.at(reference) + 1] = name
+            self.interfaces[name] = {
+                "coupling": "rigid",
+                "nodes": [self.at(n) + 1 for n in nodes],
+                "position": self.points[self.at(reference)].tolist(),
+            }
 
     def _attach(self) -> None:
         """Masses and springs at the grid of an RBE2 are its interface's; others need elements."""
         known = {self.at(label) + 1 for label in self.used}
         for entries in (self.masses, self.springs):
-            for name, entry in entries.items():
+            for name, entry in list(entries.items()):
                 for nodes, interface in (("nodes", "at"), ("to_nodes", "to")):
                     given = entry.get(nodes, [])
-                    if len(given) == 1 and given[0] in self.references:
+                    if len(given) == 1 and given[0] in self.grounded:
+                        entry.pop(nodes)
+                    elif len(given) == 1 and given[0] in self.references:
                         entry[interface] = self.references[entry.pop(nodes)[0]]
                     elif lost := [n for n in given if n not in known]:
                         raise BodyError(
                             f"{self.path}: {name}: grid {self.labels[lost[0] - 1]} belongs to no "
                             "element, and to no RBE2: springs alone hold none"
                         )
+                if not {"nodes", "at"} & set(entry):  # it begins at what is held
+                    for end, start in (("to_nodes", "nodes"), ("to", "at")):
+                        if end in entry:
+                            entry[start] = entry.pop(end)
+                    if not {"nodes", "at"} & set(entry):
+                        del entries[name]
 
 
 @contextlib.contextmanager
