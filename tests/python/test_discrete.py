@@ -217,6 +217,12 @@ def test_a_disc_whirls(tmp_path: Path) -> None:
         ({"springs": {"a": {"at": "tip", "stiffness": 5.0}}}, "along the line"),
         ({"springs": {"a": {"at": "tip", "stiffness": [[1, 2, 0], [0, 1, 0], [0, 0, 1]]}}}, "symm"),
         ({"springs": {"a": {"nodes": [1, 2], "to_nodes": [3, 4, 5], "stiffness": 1}}}, "ends at 3"),
+        ({"springs": {"a": {"at": "tip", "to": "tip", "stiffness": [1, 1, 1]}}}, "to itself"),
+        ({"springs": {"a": {"nodes": [1, 2], "to_nodes": [3, 2], "damping": [1, 1, 1]}}}, "itself"),
+        (
+            {"springs": {"a": {"at": "tip", "stiffness": [1, 1, 1], "loss_factor": -0.1}}},
+            "loss_factor = -0.1 must be from 0 to 10",
+        ),
     ],
 )
 def test_a_wrong_one_is_named(change: Any, words: str, tmp_path: Path) -> None:

@@ -148,6 +148,14 @@ def _of_motion(entry: Reader, key: str, scale: Floats, ends: list[Floats]) -> Fl
     return result
 
 
+def _to_itself(spring: h5py.Group) -> bool:
+    """Whether a spring between two places starts at a node or interface where it ends."""
+    start, end = spring.attrs.get("interface"), spring.attrs.get("to_interface")
+    if start is not None or end is not None:
+        return bool(start == end)
+    return bool((spring["nodes"][:] == spring["to_nodes"][:]).any())
+
+
 def write_springs(
     file: h5py.File, reader: Reader, select: Select, units: tuple[float, ...]
 ) -> list[str]:
@@ -176,13 +184,18 @@ def write_springs(
                 raise BodyError(
                     f"{entry.where}: it starts at {len(ends[0])} nodes and ends at {len(ends[1])}"
                 )
+            if _to_itself(group):
+                raise BodyError(
+                    f"{entry.where}: it goes from a place to itself, where nothing moves against "
+                    "itself; leave out to or to_nodes for a spring to ground"
+                )
         given = [key for key in ("stiffness", "damping") if key in entry.data]
         if not given:
             raise BodyError(f"{entry.where}: stiffness is missing, or damping")
         for key in given:
             group.attrs[key] = _of_motion(entry, key, scale, ends).ravel()
         if "loss_factor" in entry.data:
-            group.attrs["loss_factor"] = entry.number("loss_factor")
+            group.attrs["loss_factor"] = entry.loss_factor()
         group.attrs["order"] = order
         many = f", {len(ends[0])} of them" if len(ends[0]) > 1 else ""
         told.append(f"spring {name}: {'to ground' if grounded else 'between nodes'}{many}")

@@ -21,7 +21,7 @@ from flexgram.body.meshfile import FORMULATIONS, LABELS, SHELLS, SOLIDS, node_se
 from flexgram.body.outputs import write_outputs
 from flexgram.body.parameters import PARAMETER, read_parameter
 from flexgram.body.preload import write_preload
-from flexgram.body.reader import Reader, short
+from flexgram.body.reader import LOSS, Reader, short
 from flexgram.body.sections import ROD, is_shell, section_properties, shell_properties
 from flexgram.body.selection import in_box, nearest
 from flexgram.body.shells import doubts_of_shells, first_axis
@@ -40,7 +40,6 @@ from flexgram.body.whole import (
 COMPONENTS = {"x": 0, "y": 1, "z": 2, "rx": 3, "ry": 4, "rz": 5}
 ENGINEERING = ("E1", "E2", "E3", "nu12", "nu13", "nu23", "G12", "G13", "G23")
 ISOTROPIC = ("E", "nu", "rho")
-LOSS = "loss_factor"  #: of its stiffness, beside the body's own eta
 EXPANSION = "expansion"  #: [1/K], if heat is to strain the body; of three directions if orthotropic
 
 
@@ -83,10 +82,7 @@ def _write_material(file: h5py.File, name: str, data: Any, units: tuple[float, .
         group["whole"].attrs["name"] = known_between[0]
     group.attrs["rho"] = reader.number("rho") * density
     if LOSS in reader.data:
-        loss = reader.number(LOSS)
-        if not 0 <= loss < 10:
-            raise BodyError(f"{where}: loss_factor = {loss:g} must be from 0 to 10")
-        group.attrs[LOSS] = loss
+        group.attrs[LOSS] = reader.loss_factor()
     if EXPANSION in reader.data:
         several = isinstance(reader.data[EXPANSION], list)
         if several and "E1" not in reader.data:

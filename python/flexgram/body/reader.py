@@ -28,6 +28,10 @@ def short(value: Any) -> str:
     return text if len(text) < 60 else text[:57] + "..."
 
 
+#: Of a material's or spring's stiffness, beside the body's own eta.
+LOSS = "loss_factor"
+
+
 class Reader:
     """Typed access to a YAML mapping that names the place of every mistake."""
 
@@ -66,6 +70,12 @@ class Reader:
         if vector.shape != (3,) or not np.all(np.isfinite(vector)):
             raise BodyError(f"{self.where}: {key} = {value!r} must be three finite numbers")
         return vector
+
+    def loss_factor(self) -> float:
+        loss = self.number(LOSS)
+        if not 0 <= loss < 10:
+            raise BodyError(f"{self.where}: {LOSS} = {loss:g} must be from 0 to 10")
+        return loss
 
     def choice(self, key: str, known: Any, default: str | None = None) -> str:
         value = self.get(key, default)
