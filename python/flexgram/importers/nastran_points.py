@@ -1,0 +1,167 @@
+"""Point masses, springs and dampers of Nastran bulk data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from flexgram.basics import Floats
+from flexgram.importers.nastran_deck import RODS, BulkDeck
+from flexgram.importers.nastran_elements import Elements
+
+
+class PointElements:
+    """Entries of ``masses`` and ``springs`` of a description."""
+
+    def __init__(self, deck: BulkDeck, elements: Elements) -> None:
+        self.deck, self.elements = deck, elements
+        self.masses: dict[str, dict[str, Any]] = {}
+        self.springs: dict[str, dict[str, Any]] = {}
+
+    def add_spring(self, number: int, element: Any) -> None:
+        if element.type in RODS:
+            self._torsion(number, element)
+        elif element.type == "CBUSH":
+            self._bush(number, element)
+        else:
+            self._scalar_spring(number, element)
+
+    def _torsion(self, number: int, element: Any) -> None:
+        """Of a rod, as a spring."""
+        prop = self.deck.property_of(number, element)
+        nodes = [int(n) for n in element.node_ids]
+        if not set(nodes) <= self.elements.turning:
+            return
+        ends = self.deck.points[[self.deck.at(n) for n in nodes]]
+        length = float(np.linalg.norm(ends[1] - ends[0]))
+        along = (ends[1] - ends[0]) / length
+        twist = float(prop.mid_ref.g) * float(prop.j) / length
+        K = np.kron(np.diag([0.0, twist]), np.outer(along, along))
+        entry = {"nodes": [self.deck.at(nodes[0]) + 1], "to_nodes": [self.deck.at(nodes[1]) + 1]}
+        self.springs[f"rod{number}"] = entry | {"stiffness": K.tolist()}
+
+    def _scalar_spring(self, number: int, element: Any) -> None:
+        """CELAS and CDAMP, with numbers of their own (2) or of a property (1)."""
+        source = self.deck.property_of(number, element)
+        is_damper = element.type.startswith("CDAMP")
+        nodes = list(element.node_ids if is_damper else element.nodes)
+        ends = [
+            (int(n), int(c or 0))
+            for n, c in zip(nodes, (element.c1, element.c2), strict=False)
+            if n
+        ]
+        if any(not c for _, c in ends):
+            raise self.deck.refuse(element.type, number, "scalar points are not followed")
+        self.deck.expect_basic(element.type, number, [n for n, _ in ends])
+        components = {c for _, c in ends}
+        if len(components) > 1:
+            raise self.deck.refuse(element.type, number, "it joins different components")
+        c = components.pop() - 1
+        of_motion = np.zeros((6, 6))
+        of_motion[c, c] = float(source.b if is_damper else source.k)
+        labels = [n for n, _ in ends]
+        if is_damper:
+            self._spring(element.type, number, labels, np.zeros((6, 6)), 0.0, of_motion)
+        else:
+            loss = float(getattr(source, "ge", 0.0) or 0.0)
+            self._spring(element.type, number, labels, of_motion, loss)
+
+    def _bush(self, number: int, element: Any) -> None:
+        prop = self.deck.property_of(number, element)
+        nodes = [int(n) for n in element.node_ids if n]
+        if prop.type != "PBUSH":
+            raise self.deck.refuse("CBUSH", number, "only PBUSH is followed")
+        if element.ocid not in (-1, None) or getattr(prop, "mass", None):
+            raise self.deck.refuse("CBUSH", number, "OCID and M are not followed")
+        K = [float(x or 0.0) for x in (list(prop.Ki) + 6 * [0.0])[:6]]
+        B = [float(x or 0.0) for x in (list(prop.Bi) + 6 * [0.0])[:6]]
+        axes = np.eye(3)
+        if element.cid_ref is not None:
+            if element.cid_ref.type not in ("CORD2R", "CORD1R"):
+                raise self.deck.refuse("CBUSH", number, "its axes (CID) are cylindrical")
+            axes = element.cid_ref.beta()
+        elif element.x[0] is not None or element.g0:
+            raise self.deck.refuse(
+                "CBUSH", number, "its axes by a vector or a grid are not followed"
+            )
+        elif len(nodes) == 2:  # along the line between its grids
+            ends = self.deck.points[[self.deck.at(n) for n in nodes]]
+            line = ends[1] - ends[0]
+            if np.linalg.norm(line) > 0:
+                if any(K[1:]) or any(B[1:]):
+                    raise self.deck.refuse(
+                        "CBUSH", number, "across its line its axes are not known"
+                    )
+                x = line / np.linalg.norm(line)
+                y = np.cross(x, np.eye(3)[int(np.argmin(np.abs(x)))])
+                y /= np.linalg.norm(y)
+                axes = np.array([x, y, np.cross(x, y)])
+        both = np.kron(np.eye(2), axes)
+        self.deck.expect_basic("CBUSH", number, nodes)
+        losses = {float(x or 0.0) for x, k in zip(getattr(prop, "GEi", None) or [], K, strict=False)
+                  if k}  # fmt: skip
+        if len(losses) > 1:
+            raise self.deck.refuse("PBUSH", prop.pid, "GE of its directions differ")
+        of_motion = [both.T @ np.diag(x) @ both for x in (K, B)]
+        loss = losses.pop() if losses else 0.0
+        self._spring("CBUSH", number, nodes, of_motion[0], loss, of_motion[1])
+
+    def _spring(
+        self,
+        card: str,
+        number: int,
+        nodes: Sequence[int],
+        K: Floats,
+        loss: float,
+        B: Floats | None = None,
+    ) -> None:
+        """Between two grids in one place, or along the line between them; to ground."""
+        where = self.deck.points[[self.deck.at(n) for n in nodes]]
+        if len(nodes) == 2:
+            line = where[1] - where[0]
+            length = float(np.linalg.norm(line))
+            size = float(np.abs(self.deck.points).max())
+            if length > 1e-9 * size:
+                along = np.concatenate([line / length, np.zeros(3)])
+                for of in (K, B if B is not None else 0 * K):
+                    off = of - (along @ of @ along) * np.outer(along, along)
+                    if np.abs(off).max() > 1e-9 * np.abs(of).max():
+                        raise self.deck.refuse(
+                            card, number, "its ends lie apart, and it is not along the line between"
+                        )
+        if not (np.any(K) or (B is not None and np.any(B))):
+            return
+        entry: dict[str, Any] = {"nodes": [self.deck.at(nodes[0]) + 1]}
+        if len(nodes) == 2:
+            entry["to_nodes"] = [self.deck.at(nodes[1]) + 1]
+        if np.any(K):
+            entry["stiffness"] = K.tolist()
+        if B is not None and np.any(B):
+            entry["damping"] = B.tolist()
+        if loss:
+            entry["loss_factor"] = loss
+        self.springs[f"{card.lower()}{number}"] = entry
+
+    def add_mass(self, number: int, mass: Any) -> None:
+        if mass.type != "CONM2":
+            if mass.type in self.deck.ignore:
+                return
+            raise self.deck.refuse(mass.type, number, "only CONM2 is followed")
+        if np.any(np.abs(mass.X) > 0):
+            raise self.deck.refuse("CONM2", number, "its mass lies beside the grid (X1, X2, X3)")
+        if mass.Cid() == -1:
+            raise self.deck.refuse("CONM2", number, "CID = -1 is not followed")
+        if mass.Cid() != 0 and np.any(mass.I):
+            raise self.deck.refuse("CONM2", number, "its inertia is in axes of its own (CID)")
+        wtmass = self.deck.param("WTMASS") or 1.0
+        xx, yx, yy, zx, zy, zz = (float(x or 0.0) * wtmass for x in mass.I)
+        entry: dict[str, Any] = {
+            "nodes": [self.deck.at(int(mass.nid)) + 1],
+            "mass": float(mass.mass) * wtmass,
+        }
+        if any((xx, yx, yy, zx, zy, zz)):  # Nastran's I21 = −∫xy
+            entry["inertia"] = [xx, yy, zz, -yx, -zy, -zx]
+        if entry["mass"] > 0 or "inertia" in entry:
+            self.masses[f"conm{number}"] = entry

@@ -1,0 +1,200 @@
+"""Supports (SPC), rigid (RBE2) and distributing (RBE3) elements of Nastran bulk data."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from flexgram.basics import BodyError
+from flexgram.importers.nastran_deck import BulkDeck, named
+from flexgram.importers.nastran_elements import Elements
+from flexgram.importers.nastran_points import PointElements
+
+
+class RigidElements:
+    """Entries of ``supports`` and ``interfaces`` of a description; what is fixed to them."""
+
+    def __init__(self, deck: BulkDeck, elements: Elements, points: PointElements) -> None:
+        self.deck, self.elements, self.points = deck, elements, points
+        self.supports: dict[str, dict[str, Any]] = {}
+        self.interfaces: dict[str, dict[str, Any]] = {}
+        self.references: dict[int, str] = {}  #: of interfaces, where nothing else is
+        self.grounded: set[int] = set()  #: grids of RBE2 that are held
+        self.shared: dict[int, tuple[str, list[int]]] = {}  #: of RBE2 by their reference
+        held = self._held()
+        for number, rigid in sorted(deck.model.rigid_elements.items()):
+            self._add(int(number), rigid, held)
+        self._join(held)
+        self._attach()
+        self._write_supports(held)
+
+    def _held(self) -> dict[int, set[int]]:
+        """Components, from 1, that are held at grids: by GRID, and by the SPC of the case."""
+        held: dict[int, set[int]] = {}
+        for label, node in self.deck.model.nodes.items():
+            if node.ps:
+                held.setdefault(int(label), set()).update(int(c) for c in str(node.ps))
+        cards = []
+        for number in self._chosen_supports():
+            with named(self.deck.path, f"SPC {number} is not there"):
+                cards += self.deck.model.get_reduced_spcs(int(number), consider_spcadd=True)
+        for card in cards:
+            if card.type == "SPC1":
+                pairs = [(int(n), str(card.components)) for n in card.node_ids]
+            elif card.type == "SPC":
+                if any(float(x or 0.0) for x in card.enforced):
+                    raise BodyError(f"{self.deck.path}: SPC {card.conid} moves grids: not followed")
+                pairs = [
+                    (int(n), str(c)) for n, c in zip(card.node_ids, card.components, strict=True)
+                ]
+            else:
+                raise BodyError(f"{self.deck.path}: {card.type} is not followed")
+            for n, components in pairs:
+                held.setdefault(n, set()).update(int(c) for c in components if c != "0")
+        return held
+
+    def _chosen_supports(self) -> list[int]:
+        """The SPC of the first subcase; of bulk data alone, all."""
+        control = self.deck.model.case_control_deck
+        if control is None or not self.deck.cases():
+            known = sorted({*self.deck.model.spcs, *self.deck.model.spcadds})
+            if len(known) > 1:
+                self.deck.remarks.append(
+                    f"no case control: SPC {', '.join(map(str, known))} all hold it"
+                )
+            return known
+        common = control.subcases[0].params.get("SPC") if 0 in control.subcases else None
+        found = [
+            of.params.get("SPC", common)
+            for number, of in sorted(control.subcases.items())
+            if number > 0
+        ] or [common]
+        numbers = [int(of[0]) for of in found if of is not None]
+        if not numbers or found[0] is None:
+            if self.deck.model.spcs:
+                self.deck.remarks.append("case control chooses no SPC: the body is free")
+            return []
+        if len(set(numbers)) > 1:
+            self.deck.remarks.append(
+                f"SPC {numbers[0]} of the first subcase holds the body; others differ"
+            )
+        return numbers[:1]
+
+    def _write_supports(self, held: dict[int, set[int]]) -> None:
+        alike: dict[tuple[int, ...], list[int]] = {}
+        lost: list[int] = []
+        for label, components in held.items():
+            if label not in self.elements.used:
+                lost.append(label)
+                continue
+            kept = {c for c in components if c < 4 or label in self.elements.turning}
+            if not kept:
+                continue
+            node = self.deck.model.nodes[label]
+            of_blocks = [{1, 2, 3} & kept, {4, 5, 6} & kept]
+            if node.Cd() != 0 and any(len(b) not in (0, 3) for b in of_blocks):
+                raise BodyError(
+                    f"{self.deck.path}: grid {label} is held in axes of its own (CD): not followed"
+                )
+            alike.setdefault(tuple(sorted(kept)), []).append(self.deck.at(label) + 1)
+        names = ("x", "y", "z", "rx", "ry", "rz")
+        for key, nodes in alike.items():
+            entry = {"nodes": nodes, "components": [names[c - 1] for c in key]}
+            self.supports["held_" + "".join(map(str, key))] = entry
+        if lost:
+            said = ", ".join(map(str, sorted(lost)[:5])) + (" …" if len(lost) > 5 else "")
+            self.deck.remarks.append(
+                f"supports of {len(lost)} grids without elements are left out: {said}"
+            )
+
+    def _add(self, number: int, element: Any, held: dict[int, set[int]]) -> None:
+        kind = element.type
+        if kind == "RBE2":
+            nodes, reference = [int(n) for n in element.Gmi], int(element.Gn())
+            if not set("123") <= set(str(element.cm)):
+                raise self.deck.refuse(kind, number, f"it couples {element.cm} only, not 123456")
+            free = self.elements.turning & set(nodes)
+            if free and set(str(element.cm)) != set("123456"):
+                raise self.deck.refuse(kind, number, "it leaves rotations of shells or beams free")
+        elif kind == "RBE3":
+            reference = int(element.ref_grid_id)
+            nodes = [int(n) for group in element.Gijs for n in group]
+            weights = [
+                float(w) for w, g in zip(element.weights, element.Gijs, strict=True) for _ in g
+            ]
+            if {str(c) for c in element.comps} != {"123"}:
+                raise self.deck.refuse(kind, number, "it averages other components than 123")
+        else:
+            if kind in self.deck.ignore:
+                return
+            raise self.deck.refuse(kind, number, "only RBE2 and RBE3 are followed")
+        if kind == "RBE2":
+            self.shared.setdefault(reference, (f"rbe2_{number}", []))[1].extend(nodes)
+            return
+        if reference in held or reference in self.elements.used:
+            raise self.deck.refuse(kind, number, f"its grid {reference} is held, or an element's")
+        kept = [(n, w) for n, w in zip(nodes, weights, strict=True) if n in self.elements.used]
+        if len(kept) < len(nodes):
+            raise self.deck.refuse(kind, number, "some of its grids belong to no element")
+        self.interfaces[f"rbe3_{number}"] = {
+            "coupling": "distributing",
+            "nodes": [self.deck.at(n) + 1 for n in nodes],
+            "position": self.deck.points[self.deck.at(reference)].tolist(),
+            "weights": weights,
+        }
+        self.references[self.deck.at(reference) + 1] = f"rbe3_{number}"
+
+    def _join(self, held: dict[int, set[int]]) -> None:
+        """RBE2 with one reference are one interface; the grids of one that is held are held."""
+        for reference, (name, nodes) in self.shared.items():
+            where = f"{self.deck.path}: {name.upper().replace('_', ' ')}"
+            if chained := sorted(set(nodes) & set(self.shared)):
+                raise BodyError(
+                    f"{where}: its grid {chained[0]} moves others: chains are not followed"
+                )
+            nodes = [n for n in dict.fromkeys(nodes) if n in self.elements.used]
+            if not nodes:
+                self.deck.remarks.append(f"{name}: its grids belong to no element")
+                continue
+            if reference in held:
+                if not held[reference] >= set(range(1, 7)):
+                    raise BodyError(f"{where}: its grid {reference} is held in some components")
+                if reference not in self.elements.used:
+                    del held[reference]
+                    self.grounded.add(self.deck.at(reference) + 1)
+                for n in nodes:
+                    held.setdefault(n, set()).update(range(1, 7))
+                continue
+            if fixed := sorted(n for n in nodes if n in held):
+                raise BodyError(f"{where}: its grid {fixed[0]} is held by an SPC")
+            if reference in self.elements.used:
+                nodes.append(reference)
+            else:
+                self.references[self.deck.at(reference) + 1] = name
+            self.interfaces[name] = {
+                "coupling": "rigid",
+                "nodes": [self.deck.at(n) + 1 for n in nodes],
+                "position": self.deck.points[self.deck.at(reference)].tolist(),
+            }
+
+    def _attach(self) -> None:
+        """Masses and springs at the grid of an RBE2 are its interface's; others need elements."""
+        known = {self.deck.at(label) + 1 for label in self.elements.used}
+        for entries in (self.points.masses, self.points.springs):
+            for name, entry in list(entries.items()):
+                for nodes, interface in (("nodes", "at"), ("to_nodes", "to")):
+                    given = entry.get(nodes, [])
+                    if len(given) == 1 and given[0] in self.grounded:
+                        entry.pop(nodes)
+                    elif len(given) == 1 and given[0] in self.references:
+                        entry[interface] = self.references[entry.pop(nodes)[0]]
+                    elif lost := [n for n in given if n not in known]:
+                        raise BodyError(
+                            f"{self.deck.path}: {name}: grid {self.deck.labels[lost[0] - 1]} "
+                            "belongs to no element, and to no RBE2: springs alone hold none"
+                        )
+                if not {"nodes", "at"} & set(entry):  # it begins at what is held
+                    for end, start in (("to_nodes", "nodes"), ("to", "at")):
+                        if end in entry:
+                            entry[start] = entry.pop(end)
+                    if not {"nodes", "at"} & set(entry):
+                        del entries[name]
