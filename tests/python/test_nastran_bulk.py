@@ -183,6 +183,22 @@ def test_coordinate_systems_and_springs(tmp_path: Path) -> None:
     np.testing.assert_allclose(a["B"], b["B"], atol=1e-12)
 
 
+def test_inertia_in_axes_of_its_own(tmp_path: Path) -> None:
+    """Principal moments about axes that are turned by 30° about z."""
+    c, s = np.sqrt(0.75), 0.5
+    axes = f"CORD2R,7,,1.,1.,0.,1.,1.,1.\n,{number(1 + c)},1.5,0.\n"
+    (tmp_path / "p.bdf").write_text(plate(axes, "CONM2,91,50,7,2.0\n,0.03,,0.01,,,0.02\n"))
+    assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [parse("node", "tip=NODES:90")])
+    with h5py.File(tmp_path / "p.h5") as file:
+        found = file["masses/conm91"].attrs["inertia"]
+    xx, yy, xy = 0.03 * c**2 + 0.01 * s**2, 0.03 * s**2 + 0.01 * c**2, 0.02 * s * c
+    np.testing.assert_allclose(found, [xx, yy, 0.02, xy, 0.0, 0.0], atol=1e-7)
+    text = plate(axes.replace("2R", "2C"), "CONM2,91,50,7,2.0\n,0.03,,0.01,,,0.02\n")
+    (tmp_path / "p.bdf").write_text(text)
+    with pytest.raises(BodyError, match="cylindrical"):
+        assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [parse("node", "tip=NODES:90")])
+
+
 def plate(*extra: str, prop: str = "PSHELL,1,1,0.01,1,,1\n", material: str = STEEL) -> str:
     mesh = sheet("quad", (2, 2), flat(1, 1))
     return bulk(mesh, prop + material + clamp(mesh, "123456") + "".join(extra))

@@ -153,15 +153,20 @@ class PointElements:
             raise self.deck.refuse("CONM2", number, "its mass lies beside the grid (X1, X2, X3)")
         if mass.Cid() == -1:
             raise self.deck.refuse("CONM2", number, "CID = -1 is not followed")
-        if mass.Cid() != 0 and np.any(mass.I):
-            raise self.deck.refuse("CONM2", number, "its inertia is in axes of its own (CID)")
         wtmass = self.deck.param("WTMASS") or 1.0
         xx, yx, yy, zx, zy, zz = (float(x or 0.0) * wtmass for x in mass.I)
         entry: dict[str, Any] = {
             "nodes": [self.deck.at(int(mass.nid)) + 1],
             "mass": float(mass.mass) * wtmass,
         }
-        if any((xx, yx, yy, zx, zy, zz)):  # Nastran's I21 = −∫xy
-            entry["inertia"] = [xx, yy, zz, -yx, -zy, -zx]
+        if any((xx, yx, yy, zx, zy, zz)):
+            J = np.array([[xx, -yx, -zx], [-yx, yy, -zy], [-zx, -zy, zz]])  # Nastran's I21 is ∫xy
+            if mass.Cid() != 0:
+                if mass.cid_ref.type not in ("CORD2R", "CORD1R"):
+                    raise self.deck.refuse("CONM2", number, "its axes (CID) are cylindrical")
+                axes = mass.cid_ref.beta()  # a row each
+                J = axes.T @ J @ axes
+            tensor = [J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[1, 2], J[2, 0]]
+            entry["inertia"] = [float(x) for x in tensor]
         if entry["mass"] > 0 or "inertia" in entry:
             self.masses[f"conm{number}"] = entry
