@@ -302,8 +302,13 @@ def test_shapes_of_beams(prop: str, I1: Any, I2: Any, J: float, A: Any, tmp_path
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (plate("RBE2,92,900,123456,80,90\nGRID,900,,2.,2.,0.\nRBE2,93,901,123456,900\n",
-               "GRID,901,,3.,2.,0.\n"), "grid 900 moves others: chains"),
+        (plate("RBE2,92,900,123456,80,90\nGRID,900,,2.,2.,0.\nRBE2,93,901,123,900\n",
+               "GRID,901,,3.,2.,0.\n"), "rotations of grid 900 free, which moves"),
+        (plate("RBE2,92,80,123456,90\nRBE2,93,90,123456,80\n"), "moves itself by RBE2: a loop"),
+        (plate("RBE2,92,80,123456,90\nRBE2,93,50,123456,80\nRBE2,94,70,123456,80\n"),
+         "two RBE2 move grid 80"),
+        (plate("GRID,900,,2.,2.,0.\nSPC1,1,123456,900\nGRID,901,,3.,2.,0.\n"
+               "RBE2,92,900,123456,80,90\nRBE2,93,901,123456,900\n"), "900 is held by an SPC"),
         (plate("GRID,900,,2.,2.,0.\nSPC1,1,12,900\nRBE2,92,900,123456,80,90\n"),
          "RBE2 92: its grid 900 is held in some"),
         (plate("GRID,900,,2.,2.,0.\nSPC1,1,3,90\nRBE2,92,900,123456,80,90\n"),
@@ -324,6 +329,28 @@ def test_what_would_be_another_body_is_refused(text: str, words: str, tmp_path: 
     (tmp_path / "p.bdf").write_text(text)
     with pytest.raises(BodyError, match=words):
         assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [parse("node", "tip=NODES:90")])
+
+
+def test_chains_of_rbe2(tmp_path: Path) -> None:
+    """One moves the reference of another: all their grids are one body."""
+    rigid = "GRID,900,,2.,2.,0.\nGRID,901,,3.,2.,0.\nGRID,902,,3.,3.,0.\nCONM2,94,902,,2.0\n"
+    rigid += "RBE2,91,900,123456,80,90\nRBE2,92,902,123456,901\nRBE2,93,901,123456,50,900\n"
+    (tmp_path / "p.bdf").write_text(plate(rigid))
+    facts = assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [])
+    assert list(facts["interfaces"]) == ["rbe2_92"]
+    with h5py.File(tmp_path / "p.h5") as file:
+        of = file["interfaces/rbe2_92"]
+        assert sorted(of["nodes"][:]) == [4, 7, 8]
+        np.testing.assert_array_equal(of.attrs["position"], [3.0, 3.0, 0.0])
+        assert file["masses/conm94"].attrs["interface"] == "rbe2_92"
+    (tmp_path / "p.bdf").write_text(plate(rigid.replace("CONM2,94,902", "CONM2,94,901")))
+    with pytest.raises(BodyError, match="conm94: grid 901 belongs to no element"):
+        assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [])
+    (tmp_path / "p.bdf").write_text(plate(rigid + "SPC1,1,123456,902\n"))
+    assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [parse("node", "tip=NODES:70")])
+    with h5py.File(tmp_path / "p.h5") as file:
+        held = np.concatenate([g["nodes"][:] for g in file["supports"].values()])
+    assert sorted(held) == [0, 1, 2, 4, 7, 8]
 
 
 def test_supports_and_shared_references(tmp_path: Path) -> None:

@@ -20,6 +20,7 @@ class RigidElements:
         self.references: dict[int, str] = {}  #: of interfaces, where nothing else is
         self.grounded: set[int] = set()  #: grids of RBE2 that are held
         self.shared: dict[int, tuple[str, list[int]]] = {}  #: of RBE2 by their reference
+        self.loose: set[int] = set()  #: grids whose rotations RBE2 leave free
         held = self._held()
         for number, rigid in sorted(deck.model.rigid_elements.items()):
             self._add(int(number), rigid, held)
@@ -129,6 +130,8 @@ class RigidElements:
             raise self.deck.refuse(kind, number, "only RBE2 and RBE3 are followed")
         if kind == "RBE2":
             self.shared.setdefault(reference, (f"rbe2_{number}", []))[1].extend(nodes)
+            if set(str(element.cm)) != set("123456"):
+                self.loose.update(nodes)
             return
         if reference in held or reference in self.elements.used:
             raise self.deck.refuse(kind, number, f"its grid {reference} is held, or an element's")
@@ -143,14 +146,35 @@ class RigidElements:
         }
         self.references[self.deck.at(reference) + 1] = f"rbe3_{number}"
 
+    def _chained(self) -> dict[int, tuple[str, list[int]]]:
+        """RBE2 by their reference, each with those whose reference it moves."""
+        moved = [n for _, nodes in self.shared.values() for n in nodes if n in self.shared]
+        if free := sorted(set(moved) & self.loose):
+            raise BodyError(
+                f"{self.deck.path}: an RBE2 leaves rotations of grid {free[0]} free, which moves "
+                "others"
+            )
+        if len(set(moved)) < len(moved):
+            twice = next(n for n in moved if moved.count(n) > 1)
+            raise BodyError(f"{self.deck.path}: two RBE2 move grid {twice}, which moves others")
+        found = {}
+        for reference, (name, own) in self.shared.items():
+            if reference in moved:
+                continue
+            nodes = list(own)
+            for n in nodes:  # grows on the way
+                nodes += self.shared[n][1] if n in self.shared else []
+            found[reference] = name, nodes
+        met = {n for reference, (_, nodes) in found.items() for n in (reference, *nodes)}
+        if lost := sorted(set(self.shared) - met):
+            raise BodyError(f"{self.deck.path}: grid {lost[0]} moves itself by RBE2: a loop")
+        return found
+
     def _join(self, held: dict[int, set[int]]) -> None:
         """RBE2 with one reference are one interface; the grids of one that is held are held."""
-        for reference, (name, nodes) in self.shared.items():
+        for reference, (name, nodes) in self._chained().items():
             where = f"{self.deck.path}: {name.upper().replace('_', ' ')}"
-            if chained := sorted(set(nodes) & set(self.shared)):
-                raise BodyError(
-                    f"{where}: its grid {chained[0]} moves others: chains are not followed"
-                )
+            fixed = sorted(n for n in nodes if n in held)
             nodes = [n for n in dict.fromkeys(nodes) if n in self.elements.used]
             if not nodes:
                 self.deck.remarks.append(f"{name}: its grids belong to no element")
@@ -164,7 +188,7 @@ class RigidElements:
                 for n in nodes:
                     held.setdefault(n, set()).update(range(1, 7))
                 continue
-            if fixed := sorted(n for n in nodes if n in held):
+            if fixed:
                 raise BodyError(f"{where}: its grid {fixed[0]} is held by an SPC")
             if reference in self.elements.used:
                 nodes.append(reference)
