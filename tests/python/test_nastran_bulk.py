@@ -303,10 +303,12 @@ def test_shapes_of_beams(prop: str, I1: Any, I2: Any, J: float, A: Any, tmp_path
     ("text", "words"),
     [
         (plate("RBE2,92,900,123456,80,90\nGRID,900,,2.,2.,0.\nRBE2,93,901,123,900\n",
-               "GRID,901,,3.,2.,0.\n"), "rotations of grid 900 free, which moves"),
-        (plate("RBE2,92,80,123456,90\nRBE2,93,90,123456,80\n"), "moves itself by RBE2: a loop"),
+               "GRID,901,,3.,2.,0.\n"), "rotations of grid 900, which moves"),
+        (plate("RBE2,92,80,123456,90\nRBE2,93,90,123456,80\n"), "moves itself: a loop"),
         (plate("RBE2,92,80,123456,90\nRBE2,93,50,123456,80\nRBE2,94,70,123456,80\n"),
-         "two RBE2 move grid 80"),
+         "grid 80, which moves others, is moved twice"),
+        (plate("RBAR,92,80,90,123,456\n"), "RBAR 92: its independent components"),
+        (plate("RBAR,92,80,90,123456,,,123\n"), "RBAR 92: it leaves rotations of shells"),
         (plate("GRID,900,,2.,2.,0.\nSPC1,1,123456,900\nGRID,901,,3.,2.,0.\n"
                "RBE2,92,900,123456,80,90\nRBE2,93,901,123456,900\n"), "900 is held by an SPC"),
         (plate("GRID,900,,2.,2.,0.\nSPC1,1,12,900\nRBE2,92,900,123456,80,90\n"),
@@ -346,6 +348,11 @@ def test_chains_of_rbe2(tmp_path: Path) -> None:
     (tmp_path / "p.bdf").write_text(plate(rigid.replace("CONM2,94,902", "CONM2,94,901")))
     with pytest.raises(BodyError, match="conm94: grid 901 belongs to no element"):
         assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [])
+    bars = "".join(rigid.splitlines(True)[:4]) + "RBAR,91,902,50\nRBAR,92,80,902,,123456\n"
+    (tmp_path / "p.bdf").write_text(plate(bars + "RBAR,93,80,90,123456,,,123456\n"))
+    facts = assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [])
+    with h5py.File(tmp_path / "p.h5") as file:
+        assert sorted(file["interfaces/rbar_91/nodes"][:]) == [4, 7, 8]
     (tmp_path / "p.bdf").write_text(plate(rigid + "SPC1,1,123456,902\n"))
     assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [parse("node", "tip=NODES:70")])
     with h5py.File(tmp_path / "p.h5") as file:

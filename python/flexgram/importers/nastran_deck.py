@@ -36,7 +36,19 @@ PASSED = (
 #: Cards that are read here.
 READ = {
     *("GRID", "GRDSET", "MAT1", "MAT8", "PSOLID", "PSHELL", "PCOMP", "PBAR", "PBARL", "PBEAM"),
-    *("PBEAML", "PROD", "PELAS", "PBUSH", "CELAS1", "CELAS2", "CBUSH", "CONM2", "RBE2", "RBE3"),
+    *(
+        "PBEAML",
+        "PROD",
+        "PELAS",
+        "PBUSH",
+        "CELAS1",
+        "CELAS2",
+        "CBUSH",
+        "CONM2",
+        "RBE2",
+        "RBE3",
+        "RBAR",
+    ),
     *("CDAMP1", "CDAMP2", "PDAMP"),
     *("CORD1R", "CORD1C", "CORD1S", "CORD2R", "CORD2C", "CORD2S", "SPC", "SPC1", "SPCADD"),
     *("CTETRA", "CHEXA", "CPENTA", *SHELLS, *BEAMS, *RODS),

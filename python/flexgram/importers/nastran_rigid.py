@@ -1,4 +1,4 @@
-"""Supports (SPC), rigid (RBE2) and distributing (RBE3) elements of Nastran bulk data."""
+"""Supports (SPC), rigid (RBE2, RBAR) and distributing (RBE3) elements of Nastran bulk data."""
 
 from __future__ import annotations
 
@@ -109,14 +109,14 @@ class RigidElements:
 
     def _add(self, number: int, element: Any, held: dict[int, set[int]]) -> None:
         kind = element.type
-        if kind == "RBE2":
-            nodes, reference = [int(n) for n in element.Gmi], int(element.Gn())
-            if not set("123") <= set(str(element.cm)):
-                raise self.deck.refuse(kind, number, f"it couples {element.cm} only, not 123456")
-            free = self.elements.turning & set(nodes)
-            if free and set(str(element.cm)) != set("123456"):
-                raise self.deck.refuse(kind, number, "it leaves rotations of shells or beams free")
-        elif kind == "RBE3":
+        if kind in ("RBE2", "RBAR"):
+            if kind == "RBE2":
+                reference, nodes, coupled = int(element.Gn()), element.Gmi, str(element.cm)
+            else:
+                reference, nodes, coupled = self._bar(number, element)
+            self._move(f"{kind.lower()}_{number}", reference, [int(n) for n in nodes], coupled)
+            return
+        if kind == "RBE3":
             reference = int(element.ref_grid_id)
             nodes = [int(n) for group in element.Gijs for n in group]
             weights = [
@@ -127,12 +127,7 @@ class RigidElements:
         else:
             if kind in self.deck.ignore:
                 return
-            raise self.deck.refuse(kind, number, "only RBE2 and RBE3 are followed")
-        if kind == "RBE2":
-            self.shared.setdefault(reference, (f"rbe2_{number}", []))[1].extend(nodes)
-            if set(str(element.cm)) != set("123456"):
-                self.loose.update(nodes)
-            return
+            raise self.deck.refuse(kind, number, "only RBE2, RBAR and RBE3 are followed")
         if reference in held or reference in self.elements.used:
             raise self.deck.refuse(kind, number, f"its grid {reference} is held, or an element's")
         kept = [(n, w) for n, w in zip(nodes, weights, strict=True) if n in self.elements.used]
@@ -146,17 +141,37 @@ class RigidElements:
         }
         self.references[self.deck.at(reference) + 1] = f"rbe3_{number}"
 
+    def _bar(self, number: int, bar: Any) -> tuple[int, list[int], str]:
+        """Of a RBAR: the grid that moves, the grid it moves, and in which components."""
+        for independent, other, grids, coupled in (
+            (bar.cna, bar.cnb, (bar.Ga(), bar.Gb()), bar.cmb),
+            (bar.cnb, bar.cna, (bar.Gb(), bar.Ga()), bar.cma),
+        ):
+            if set(str(independent)) == set("123456") and not str(other).strip("0"):
+                return int(grids[0]), [int(grids[1])], str(coupled).strip("0") or "123456"
+        raise self.deck.refuse("RBAR", number, "its independent components are not all of one grid")
+
+    def _move(self, name: str, reference: int, nodes: list[int], coupled: str) -> None:
+        """A grid moves others as a rigid body."""
+        where = f"{self.deck.path}: {name.upper().replace('_', ' ')}"
+        if not set("123") <= set(coupled):
+            raise BodyError(f"{where}: it couples {coupled} only, not 123456")
+        if set(coupled) != set("123456"):
+            if self.elements.turning & set(nodes):
+                raise BodyError(f"{where}: it leaves rotations of shells or beams free")
+            self.loose.update(nodes)
+        self.shared.setdefault(reference, (name, []))[1].extend(nodes)
+
     def _chained(self) -> dict[int, tuple[str, list[int]]]:
-        """RBE2 by their reference, each with those whose reference it moves."""
+        """RBE2 and RBAR by their reference, each with those whose reference it moves."""
         moved = [n for _, nodes in self.shared.values() for n in nodes if n in self.shared]
         if free := sorted(set(moved) & self.loose):
             raise BodyError(
-                f"{self.deck.path}: an RBE2 leaves rotations of grid {free[0]} free, which moves "
-                "others"
+                f"{self.deck.path}: rotations of grid {free[0]}, which moves others, are left free"
             )
         if len(set(moved)) < len(moved):
             twice = next(n for n in moved if moved.count(n) > 1)
-            raise BodyError(f"{self.deck.path}: two RBE2 move grid {twice}, which moves others")
+            raise BodyError(f"{self.deck.path}: grid {twice}, which moves others, is moved twice")
         found = {}
         for reference, (name, own) in self.shared.items():
             if reference in moved:
@@ -167,7 +182,9 @@ class RigidElements:
             found[reference] = name, nodes
         met = {n for reference, (_, nodes) in found.items() for n in (reference, *nodes)}
         if lost := sorted(set(self.shared) - met):
-            raise BodyError(f"{self.deck.path}: grid {lost[0]} moves itself by RBE2: a loop")
+            raise BodyError(
+                f"{self.deck.path}: grid {lost[0]} moves itself: a loop of rigid elements"
+            )
         return found
 
     def _join(self, held: dict[int, set[int]]) -> None:
