@@ -316,7 +316,7 @@ def test_shapes_of_beams(prop: str, I1: Any, I2: Any, J: float, A: Any, tmp_path
         (plate("GRID,900,,2.,2.,0.\nSPC1,1,3,90\nRBE2,92,900,123456,80,90\n"),
          "90 is held by an SPC"),
         (plate("RBE3,92,,50,123456,1.0,123,80,90\n"), "its grid 50 is held, or an element's"),
-        (plate("GRDSET,,,,,,,456\n"), "GRDSET with CP, CD or PS"),
+        (plate("GRDSET,,,,,,5\nCORD2R,5,,0.,0.,0.,0.,1.,0.\n,1.,0.,0.\n"), "GRDSET with CP or CD"),
         (plate("DMIG,KX,0,6,1,0\nDMIG,KX,50,1,,50,1,1.+5\n"), r"DMIG \(\d\): not followed"),
         (plate("MAT1,2,1.+9,,0.3,100.\n", prop="PSHELL,1,1,0.01,1,,2\n"), "MID3 must be MID1"),
         (plate("CELAS1,93,7,50,3\n"), "CELAS1 93: its property is missing"),
@@ -375,6 +375,14 @@ def test_supports_and_shared_references(tmp_path: Path) -> None:
         held = np.concatenate([g["nodes"][:] for g in file["supports"].values()])
         assert "masses" not in file or not len(file["masses"])
     assert sorted(held) == [0, 1, 2, 7, 8]
+    own = plate("GRDSET,,,,,,,6\n").replace("GRID,50,", "GRID,50,,0.5,0.5,0.,,0\n$")
+    assert own.count(",,0\n$") == 1
+    own = own.replace("GRID,60,", "GRID,60,,1.,0.5,0.,,12\n$")
+    (tmp_path / "p.bdf").write_text(own)
+    assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", tip)
+    with h5py.File(tmp_path / "p.h5") as file:
+        held = {frozenset(map(int, g["nodes"][:])): g for g in file["supports"].values()}
+        assert set(held) == {frozenset(x) for x in ({0, 1, 2}, {3, 6, 7, 8}, {5})}
     (tmp_path / "p.bdf").write_text(plate("SPC1,1,123,900\nGRID,900,,2.,2.,0.\n"))
     facts = assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", tip)
     assert "supports of 1 grids without elements are left out: 900" in " ".join(facts["remarks"])

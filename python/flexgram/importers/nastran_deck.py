@@ -133,10 +133,8 @@ class BulkDeck:
         if self.model.superelement_models:
             raise BodyError(f"{self.path}: superelements (BEGIN SUPER) are not followed")
         defaults = self.model.grdset
-        if defaults is not None and any((defaults.Cp(), defaults.Cd(), defaults.Ps())):
-            raise BodyError(
-                f"{self.path}: GRDSET with CP, CD or PS is not followed: write it in GRID"
-            )
+        if defaults is not None and any((defaults.Cp(), defaults.Cd())):
+            raise BodyError(f"{self.path}: GRDSET with CP or CD is not followed: write it in GRID")
         if names := sorted(self.cases() & {"K2GG", "M2GG", "B2GG", "K42GG", "K2PP", "M2PP"}):
             raise BodyError(f"{self.path}: {names[0]} of case control is not followed")
         unknown = {

@@ -31,9 +31,12 @@ class RigidElements:
     def _held(self) -> dict[int, set[int]]:
         """Components, from 1, that are held at grids: by GRID, and by the SPC of the case."""
         held: dict[int, set[int]] = {}
+        defaults = self.deck.model.grdset
+        common = "" if defaults is None else str(defaults.Ps())
         for label, node in self.deck.model.nodes.items():
-            if node.ps:
-                held.setdefault(int(label), set()).update(int(c) for c in str(node.ps))
+            components = {int(c) for c in str(node.ps) or common} - {0}  # 0: none, whatever GRDSET
+            if components:
+                held.setdefault(int(label), set()).update(components)
         cards = []
         for number in self._chosen_supports():
             with named(self.deck.path, f"SPC {number} is not there"):
