@@ -183,6 +183,21 @@ def test_coordinate_systems_and_springs(tmp_path: Path) -> None:
     np.testing.assert_allclose(a["B"], b["B"], atol=1e-12)
 
 
+@pytest.mark.filterwarnings("ignore:.*are the units right")
+@pytest.mark.parametrize("words", ["PARAM,WTMASS,2.5-3", "param wtmass 0.25D-2 $ lb", "PARAM"])
+def test_parameters_of_case_control(words: str, tmp_path: Path) -> None:
+    """They go before those of bulk data."""
+    text = plate("PARAM,WTMASS,0.5\nPARAM,COUPMASS,1\n")
+    if "w" in words.lower():
+        text = text.replace("BEGIN BULK", f"{words}\nBEGIN BULK")
+    (tmp_path / "p.bdf").write_text(text)
+    facts = assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [parse("node", "tip=NODES:90")])
+    assert not any("lumped" in remark for remark in facts["remarks"])
+    with h5py.File(tmp_path / "p.h5") as file:
+        factor = 2.5e-3 if "w" in words.lower() else 0.5
+        assert file["materials/mat1"].attrs["rho"] == pytest.approx(7850 * factor, rel=1e-12)
+
+
 def test_inertia_in_axes_of_its_own(tmp_path: Path) -> None:
     """Principal moments about axes that are turned by 30° about z."""
     c, s = np.sqrt(0.75), 0.5
@@ -324,7 +339,9 @@ def test_shapes_of_beams(prop: str, I1: Any, I2: Any, J: float, A: Any, tmp_path
         (plate("CBUSH,93,7,50,90\nPBUSH,7,K,1.+5,2.+5\n"), "across its line its axes are not"),
         (plate(material="MAT8,1,1.+11,1.+11,0.3,1.+10,,,1600.\n"), "in the element's own axes"),
         (plate(prop="PCOMP,1,,,,,,,MEM\n,1,0.01,0.\n"), "LAM = MEM is not followed"),
-        (plate().replace("BEGIN BULK", "PARAM,WTMASS,0.1\nBEGIN BULK"), "PARAM,WTMASS in case"),
+        (plate().replace("BEGIN BULK", "PARAM,WTMASS,0.x\nBEGIN BULK"), "PARAM,WTMASS of case"),
+        (plate().replace("BEGIN BULK", "SUBCASE 1\nPARAM,G,0.1\nSUBCASE 2\nPARAM,G,.2\nBEGIN BULK"),
+         "PARAM,G of case control differs"),
     ],
 )  # fmt: skip
 def test_what_would_be_another_body_is_refused(text: str, words: str, tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, errors_of
 
 #: Element types that are shells, and ours.
 SHELLS = {"CQUAD4": "quad", "CQUADR": "quad", "CTRIA3": "triangle", "CTRIAR": "triangle"}
@@ -55,8 +55,9 @@ READ = {
 }
 
 
-def read_bulk(path: Path) -> Any:
-    """pyNastran's model of a deck, with cross references; its many errors as one."""
+def read_bulk(path: Path) -> tuple[Any, dict[str, float]]:
+    """pyNastran's model of a deck, with cross references; its many errors as one. PARAM of its
+    case control by their names."""
     try:
         from pyNastran.bdf.bdf import BDF
     except ImportError:
@@ -74,7 +75,6 @@ def read_bulk(path: Path) -> Any:
             tempfile.TemporaryDirectory() as folder,
         ):
             warnings.simplefilter("ignore")
-            _expect_no_parameters(path, text[: begins.start()] if begins and is_deck else "")
             source = path
             if begins and not is_deck:  # bulk data behind BEGIN alone
                 source = Path(folder) / path.name
@@ -88,14 +88,20 @@ def read_bulk(path: Path) -> Any:
         raise BodyError(
             f"{path}: pyNastran cannot read it ({reason or type(error).__name__})"
         ) from error
-    return model
+    return model, _parameters(path, text[: begins.start()] if begins and is_deck else "")
 
 
-def _expect_no_parameters(path: Path, control: str) -> None:
-    """PARAM that change K or M stand in the bulk data."""
-    found = re.search(r"^\s*PARAM\s*[, ]\s*(WTMASS|G|COUPMASS)\b", control, re.M | re.I)
-    if found:
-        raise BodyError(f"{path}: PARAM,{found[1].upper()} in case control: put it into bulk data")
+def _parameters(path: Path, control: str) -> dict[str, float]:
+    """PARAM of case control that change K or M."""
+    found: dict[str, float] = {}
+    pattern = r"^\s*PARAM\s*[, ]\s*(WTMASS|G|COUPMASS)\s*[, ]\s*([^\s,$]*)"
+    for name, word in re.findall(pattern, control, re.M | re.I):
+        words = f"{path}: PARAM,{name.upper()} of case control"
+        with errors_of(words):
+            value = float(re.sub(r"(?<=[\d.])(?=[+-])", "e", word.lower().replace("d", "e")))
+        if found.setdefault(name.upper(), value) != value:
+            raise BodyError(f"{words} differs between cases")
+    return found
 
 
 @contextlib.contextmanager
@@ -117,7 +123,7 @@ class BulkDeck:
     """A model of pyNastran: its grids, and what is said of the reading."""
 
     def __init__(self, path: Path, ignore: set[str]) -> None:
-        model = read_bulk(path)
+        model, self.parameters = read_bulk(path)
         self.path, self.model, self.ignore = path, model, ignore
         self.remarks: list[str] = []
         self.labels = np.array(sorted(model.nodes), dtype=np.int64)
@@ -168,6 +174,9 @@ class BulkDeck:
         return {str(key) for case in control.subcases.values() for key in case.params}
 
     def param(self, name: str) -> float | None:
+        """A parameter; case control goes before bulk data."""
+        if name in self.parameters:
+            return self.parameters[name]
         param = self.model.params.get(name)
         return None if param is None else float(param.values[0])
 

@@ -34,9 +34,9 @@ class RigidElements:
         defaults = self.deck.model.grdset
         common = "" if defaults is None else str(defaults.Ps())
         for label, node in self.deck.model.nodes.items():
-            components = {int(c) for c in str(node.ps) or common} - {0}  # 0: none, whatever GRDSET
-            if components:
-                held.setdefault(int(label), set()).update(components)
+            own = {int(c) for c in str(node.ps) or common} - {0}  # 0: none, whatever GRDSET says
+            if own:
+                held.setdefault(int(label), set()).update(own)
         cards = []
         for number in self._chosen_supports():
             with named(self.deck.path, f"SPC {number} is not there"):
