@@ -183,6 +183,26 @@ def test_coordinate_systems_and_springs(tmp_path: Path) -> None:
     np.testing.assert_allclose(a["B"], b["B"], atol=1e-12)
 
 
+def test_tubes(tmp_path: Path) -> None:
+    """A tube on a sheet, whose nodes turn: as a CONROD of its area and torsion constant."""
+    A, J = np.pi / 4 * (0.02**2 - 0.016**2), np.pi / 32 * (0.02**4 - 0.016**4)
+    for name, cards in (
+        ("tube", "CTUBE,93,7,50,90\nPTUBE,7,1,0.02,0.002,1.5\n"),
+        ("rod", card("CONROD", 93, 50, 90, 1, float(A), float(J), 0.0, 1.5)),
+    ):
+        (tmp_path / f"{name}.bdf").write_text(plate(cards))
+        tip = [parse("node", "tip=NODES:90")]
+        assemble_bulk(tmp_path / f"{name}.bdf", tmp_path / f"{name}.h5", tip)
+    a = assembled(tmp_path / "a.h5", tmp_path / "tube.h5")
+    b = assembled(tmp_path / "b.h5", tmp_path / "rod.h5")
+    same_matrices(a, b, 1e-9)
+    (tmp_path / "none.bdf").write_text(plate())
+    assemble_bulk(tmp_path / "none.bdf", tmp_path / "none.h5", [parse("node", "tip=NODES:90")])
+    none = assembled(tmp_path / "n.h5", tmp_path / "none.h5")
+    K = (a["K"] - none["K"]).toarray()
+    assert np.abs(K).max() > 1e-4 * abs(none["K"]).max()  # what is compared is there
+
+
 @pytest.mark.filterwarnings("ignore:.*are the units right")
 @pytest.mark.parametrize("words", ["PARAM,WTMASS,2.5-3", "param wtmass 0.25D-2 $ lb", "PARAM"])
 def test_parameters_of_case_control(words: str, tmp_path: Path) -> None:
@@ -335,6 +355,8 @@ def test_shapes_of_beams(prop: str, I1: Any, I2: Any, J: float, A: Any, tmp_path
         (plate("DMIG,KX,0,6,1,0\nDMIG,KX,50,1,,50,1,1.+5\n"), r"DMIG \(\d\): not followed"),
         (plate("MAT1,2,1.+9,,0.3,100.\n", prop="PSHELL,1,1,0.01,1,,2\n"), "MID3 must be MID1"),
         (plate("CELAS1,93,7,50,3\n"), "CELAS1 93: its property is missing"),
+        (plate("CTUBE,93,7,50,90\nPTUBE,7,1,0.02,0.002,,0.03\n"), "PTUBE 7: it tapers"),
+        (plate("CTUBE,93,7,50,90\nPTUBE,7,1,0.02,0.02\n"), "thinner than its radius"),
         (plate("CONROD,93,50,90,1,0.\n"), "its area must be positive"),
         (plate("CBUSH,93,7,50,90\nPBUSH,7,K,1.+5,2.+5\n"), "across its line its axes are not"),
         (plate(material="MAT8,1,1.+11,1.+11,0.3,1.+10,,,1600.\n"), "in the element's own axes"),

@@ -19,11 +19,11 @@ from flexgram.basics import BodyError, errors_of
 #: Element types that are shells, and ours.
 SHELLS = {"CQUAD4": "quad", "CQUADR": "quad", "CTRIA3": "triangle", "CTRIAR": "triangle"}
 BEAMS = ("CBAR", "CBEAM")
-RODS = ("CROD", "CONROD")
+RODS = ("CROD", "CONROD", "CTUBE")
 SPRINGS = ("CELAS1", "CELAS2", "CDAMP1", "CDAMP2", "CBUSH")
 WEDGE = {"CPENTA6": "wedge"}
 #: Beginnings of cards that say nothing of K and M of the unloaded body: of loads and cases, of
-#: aeroelasticity, of optimisation, of what is asked for.
+#: aeroelasticity, of optimisation, of heat, of what is asked for.
 PASSED = (
     *("PLOTEL", "EIG", "SET1", "SET3", "ASET", "QSET", "BSET", "CSET", "USET", "SUPORT", "FREQ"),
     *("TSTEP", "TABLED", "TABDMP", "TABRND", "DAREA", "RLOAD", "TLOAD", "DLOAD", "LOAD", "LSEQ"),
@@ -32,6 +32,19 @@ PASSED = (
     *("AERO", "AE", "CAERO", "PAERO", "SPLINE", "FLUTTER", "FLFACT", "MKAERO", "TRIM", "GUST"),
     *("MONPNT", "DIVERG", "CSSCHD", "DESVAR", "DVPREL", "DVMREL", "DVCREL", "DRESP", "DCONSTR"),
     *("DCONADD", "DSCREEN", "DVGRID", "DOPTPRM", "DEQATN", "DLINK", "DTABLE", "DMIJ", "DMIK"),
+    *(
+        "CBARAO",
+        "MAT4",
+        "MAT5",
+        "CHBDY",
+        "PHBDY",
+        "CONV",
+        "PCONV",
+        "QBDY",
+        "QHBDY",
+        "QVOL",
+        "RADBC",
+    ),
 )
 #: Cards that are read here.
 READ = {
@@ -39,6 +52,7 @@ READ = {
     *(
         "PBEAML",
         "PROD",
+        "PTUBE",
         "PELAS",
         "PBUSH",
         "CELAS1",

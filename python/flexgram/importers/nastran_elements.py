@@ -11,7 +11,7 @@ from flexgram.basics import BodyError
 from flexgram.body.meshfile import LABELS
 from flexgram.importers.nastran import REORDER, SOLIDS
 from flexgram.importers.nastran_deck import BEAMS, RODS, SHELLS, SPRINGS, WEDGE, BulkDeck, named
-from flexgram.importers.nastran_sections import beam_section
+from flexgram.importers.nastran_sections import beam_section, rod_section
 
 
 class Elements:
@@ -246,7 +246,10 @@ class Elements:
 
     def _rod(self, number: int, element: Any) -> str:
         prop = self.deck.property_of(number, element)
-        A, J = float(prop.A or 0.0), float(prop.j or 0.0)
+        try:
+            A, J = rod_section(prop)
+        except BodyError as error:
+            raise self.deck.refuse(prop.type, prop.pid, str(error)) from None
         if not A > 0:
             raise self.deck.refuse(element.type, number, "its area must be positive")
         if J > 0:  # felt where both ends have rotations, which all elements tell

@@ -10,6 +10,7 @@ import numpy as np
 from flexgram.basics import Floats
 from flexgram.importers.nastran_deck import RODS, BulkDeck
 from flexgram.importers.nastran_elements import Elements
+from flexgram.importers.nastran_sections import rod_section
 
 
 class PointElements:
@@ -37,7 +38,7 @@ class PointElements:
         ends = self.deck.points[[self.deck.at(n) for n in nodes]]
         length = float(np.linalg.norm(ends[1] - ends[0]))
         along = (ends[1] - ends[0]) / length
-        twist = float(prop.mid_ref.g) * float(prop.j) / length
+        twist = float(prop.mid_ref.g) * rod_section(prop)[1] / length
         K = np.kron(np.diag([0.0, twist]), np.outer(along, along))
         entry = {"nodes": [self.deck.at(nodes[0]) + 1], "to_nodes": [self.deck.at(nodes[1]) + 1]}
         self.springs[f"rod{number}"] = entry | {"stiffness": K.tolist()}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,18 @@ from flexgram.basics import BodyError
 #: What a PBEAM may say that is not followed: neutral axes and masses beside the shear centre,
 #: inertia of masses, warping.
 BESIDE = ("n1a", "n1b", "n2a", "n2b", "m1a", "m1b", "m2a", "m2b", "nsia", "nsib", "cwa", "cwb")
+
+
+def rod_section(prop: Any) -> tuple[float, float]:
+    """Area and torsion constant of PROD, CONROD or PTUBE."""
+    if prop.type != "PTUBE":
+        return float(prop.A or 0.0), float(prop.j or 0.0)
+    outer, inner = float(prop.OD1), float(prop.OD1) - 2 * float(prop.t)
+    if float(prop.OD2) != outer:
+        raise BodyError("it tapers")
+    if not outer > inner >= 0:
+        raise BodyError("its wall must be thinner than its radius")
+    return math.pi / 4 * (outer**2 - inner**2), math.pi / 32 * (outer**4 - inner**4)
 
 
 def beam_section(prop: Any) -> dict[str, Any]:
