@@ -183,6 +183,62 @@ def test_coordinate_systems_and_springs(tmp_path: Path) -> None:
     np.testing.assert_allclose(a["B"], b["B"], atol=1e-12)
 
 
+FIBRES = {"E1": 1.4e11, "E2": 1e10, "E3": 1e10, "nu12": 0.3, "nu13": 0.0, "nu23": 0.0,
+          "G12": 5e9, "G13": 4e9, "G23": 3e9, "rho": 1600.0}  # fmt: skip
+MAT8 = "MAT8,1,1.4+11,1.+10,0.3,5.+9,4.+9,3.+9,1600.\n"
+
+
+@pytest.mark.parametrize("kind", ["quad", "triangle"])
+@pytest.mark.parametrize("way", ["THETA", "MCID", "plies"])
+def test_fibres(kind: str, way: str, tmp_path: Path) -> None:
+    """Each element begins at another of its corners; fibres lie along one direction."""
+    surface = (lambda u, v: (u + 0.1 * v * u, 0.8 * v, 0.2 * u * v)) if way == "MCID" else (
+        lambda u, v: (u + 0.1 * v * u, 0.8 * v, 0.0))  # fmt: skip
+    mesh = sheet(kind, (3, 2), surface)
+    d = np.array([0.8, 0.6, 0.0])
+    nodes = mesh.cells[0].data
+    nodes[:] = [np.roll(row, k % len(row)) for k, row in enumerate(nodes)]
+    text = bulk(mesh, "", {}).replace("ENDDATA\n", "")
+    rows = []
+    for line_ in text.splitlines():
+        if line_.startswith(CARDS[kind]):
+            first, second = (mesh.points[int(n) // 10 - 1] for n in line_.split(",")[3:5])
+            side = second - first
+            angle = np.degrees(np.arctan2(d[1], d[0]) - np.arctan2(side[1], side[0]))
+            line_ += ",7" if way == "MCID" else f",{angle:.4f}"
+        rows.append(line_)
+    text = "\n".join(rows) + "\n" + clamp(mesh, "123456") + MAT8
+    text += "CORD2R,7,,0.,0.,0.,0.,0.,1.\n,0.8,0.6,0.\n"
+    last = len(mesh.points)
+    if way == "plies":
+        text += "PCOMP,1,,,,,,,\n,1,0.002,30.,,1,0.003,-45.\n"
+        layers = [{"material": "m", "thickness": t, "angle": a} for t, a in
+                  ((0.002, 30), (0.003, -45))]  # fmt: skip
+        section: dict[str, Any] = {"layers": layers}
+    else:
+        text += "PSHELL,1,1,0.005,1,,1\n"
+        section = {"thickness": 0.005}
+    (tmp_path / "p.bdf").write_text(text + "ENDDATA\n")
+    tip = [parse("node", f"tip=NODES:{10 * last}")]
+    assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", tip)
+    content = {
+        "materials": {"m": FIBRES},
+        "sections": {"s": {"shape": "shell", "axis_1": d.tolist()} | section},
+        "regions": {"all": {"section": "s"} | ({} if way == "plies" else {"material": "m"})},
+        "interfaces": {"tip": {"coupling": "node", "nodes": [last]}},
+        "supports": {"start": {"nodes": "start",
+                               "components": ["x", "y", "z", "rx", "ry", "rz"]}},
+    }  # fmt: skip
+    import_description(content, "p", tmp_path / "same.h5", mesh=mesh)
+    a = assembled(tmp_path / "a.h5", tmp_path / "p.h5")
+    b = assembled(tmp_path / "b.h5", tmp_path / "same.h5")
+    same_matrices(a, b, 1e-5)
+    content["sections"]["s"]["axis_1"] = [0.6, 0.8, 0.0]
+    import_description(content, "p", tmp_path / "other.h5", mesh=mesh)
+    with pytest.raises(AssertionError):
+        same_matrices(a, assembled(tmp_path / "c.h5", tmp_path / "other.h5"), 1e-3)
+
+
 def test_tubes(tmp_path: Path) -> None:
     """A tube on a sheet, whose nodes turn: as a CONROD of its area and torsion constant."""
     A, J = np.pi / 4 * (0.02**2 - 0.016**2), np.pi / 32 * (0.02**4 - 0.016**4)
@@ -359,7 +415,8 @@ def test_shapes_of_beams(prop: str, I1: Any, I2: Any, J: float, A: Any, tmp_path
         (plate("CTUBE,93,7,50,90\nPTUBE,7,1,0.02,0.02\n"), "thinner than its radius"),
         (plate("CONROD,93,50,90,1,0.\n"), "its area must be positive"),
         (plate("CBUSH,93,7,50,90\nPBUSH,7,K,1.+5,2.+5\n"), "across its line its axes are not"),
-        (plate(material="MAT8,1,1.+11,1.+11,0.3,1.+10,,,1600.\n"), "in the element's own axes"),
+        (plate("CQUAD4,93,1,10,20,50,40,7\nCORD2C,7,,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\n",
+               material="MAT8,1,1.+11,1.+10,0.3,1.+10,,,1600.\n"), "MCID. are cylin"),
         (plate(prop="PCOMP,1,,,,,,,MEM\n,1,0.01,0.\n"), "LAM = MEM is not followed"),
         (plate().replace("BEGIN BULK", "PARAM,WTMASS,0.x\nBEGIN BULK"), "PARAM,WTMASS of case"),
         (plate().replace("BEGIN BULK", "SUBCASE 1\nPARAM,G,0.1\nSUBCASE 2\nPARAM,G,.2\nBEGIN BULK"),

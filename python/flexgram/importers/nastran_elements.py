@@ -20,6 +20,7 @@ class Elements:
     def __init__(self, deck: BulkDeck) -> None:
         self.deck = deck
         self.told_shear = False
+        self.directions: dict[tuple[float, ...], int] = {}  #: of fibres, by their numbers
         self.materials: dict[str, dict[str, Any]] = {}
         self.sections: dict[str, dict[str, Any]] = {}
         self.regions: dict[str, dict[str, Any]] = {}
@@ -91,6 +92,10 @@ class Elements:
         elif card.type == "MAT8":
             E1, E2, nu12, G12 = (float(x) for x in (card.e11, card.e22, card.nu12, card.g12))
             of = {"E1": E1, "E2": E2, "E3": E2, "nu12": nu12, "nu13": 0.0, "nu23": 0.0, "G12": G12}
+            if not (card.g1z and card.g2z) and "G1Z" not in " ".join(self.deck.remarks):
+                self.deck.remarks.append(
+                    "MAT8 without G1Z or G2Z is stiff in transverse shear in Nastran, here as G12"
+                )
             of |= {"G13": float(card.g1z or G12), "G23": float(card.g2z or G12), "rho": rho}
             entry = of
         else:
@@ -128,20 +133,12 @@ class Elements:
                 element.type, number, "its corners have thicknesses of their own"
             )
         offset = float(element.zoffset or 0.0)
-        turned = bool(element.theta_mcid)
         if prop is not None and prop.type == "PSHELL":
             t = float(prop.t or 0.0)
             if given:
                 t = float(given[0]) * (t if element.tflag == 1 else 1.0)
             self._expect_plate(prop)
-            plane = prop.mid1_ref
-            if plane.type == "MAT8":
-                of_plane = plane.e11 / (2 + 2 * plane.nu12)
-                same = max(abs(plane.e22 / plane.e11 - 1), abs(plane.g12 / of_plane - 1)) < 1e-2
-                if turned or not same:
-                    raise self.deck.refuse(
-                        element.type, number, "a MAT8 is in the element's own axes (THETA, MCID)"
-                    )
+            has_fibres = prop.mid1_ref.type == "MAT8"
             if not t > 0:
                 raise self.deck.refuse("PSHELL", prop.pid, "has no thickness")
             nsm = float(prop.nsm or 0.0)
@@ -150,10 +147,7 @@ class Elements:
             name = f"p{prop.pid}" + (f"_t{t:.9g}" if given else "")
         elif prop is not None and prop.type == "PCOMP":
             material = ""
-            if any(m.type == "MAT8" for m in prop.mids_ref):
-                raise self.deck.refuse(
-                    "PCOMP", prop.pid, "a MAT8 is in the element's own axes (THETA, MCID)"
-                )
+            has_fibres = any(m.type == "MAT8" for m in prop.mids_ref)
             if prop.nsm:
                 raise self.deck.refuse("PCOMP", prop.pid, "NSM is not followed")
             if prop.lam not in (None, "", "NO", "SYM"):
@@ -181,8 +175,33 @@ class Elements:
                 element.type, number, f"needs a PSHELL or a PCOMP, it has {what}"
             )
         name += f"_z{offset:.9g}" if offset else ""
+        if has_fibres:
+            axis = self._fibres(number, element)
+            k = self.directions.setdefault(axis, len(self.directions) + 1)
+            section["axis_1"], name = list(axis), f"{name}_d{k}"
         self.sections[name] = section
         return self._region(name, material, name)
+
+    def _fibres(self, number: int, element: Any) -> tuple[float, ...]:
+        """First axis of an element's material: by THETA from the side from its first grid to the
+        second, or the x axis of a system (MCID), which the shell projects onto itself."""
+        given, x = element.theta_mcid, np.array([1.0, 0.0, 0.0])
+        if isinstance(given, int):
+            system = element.theta_mcid_ref
+            if given and system is None:
+                raise self.deck.refuse(element.type, number, f"there is no system {given} (MCID)")
+            if given and system.type not in ("CORD2R", "CORD1R"):
+                raise self.deck.refuse(element.type, number, "its axes (MCID) are cylindrical")
+            x = system.beta()[0] if given else x
+        else:
+            p = self.deck.points[[self.deck.at(int(n)) for n in element.node_ids[:4] if n]]
+            normal = np.cross(p[2] - p[0], p[-1] - p[1] if len(p) == 4 else p[2] - p[1])
+            normal /= max(float(np.linalg.norm(normal)), 1e-300)
+            side = p[1] - p[0] - normal * (normal @ (p[1] - p[0]))
+            side /= max(float(np.linalg.norm(side)), 1e-300)
+            angle = np.radians(float(given or 0.0))
+            x = np.cos(angle) * side + np.sin(angle) * np.cross(normal, side)
+        return tuple(float(c) for c in np.round(x, 7) + 0.0)
 
     def _beam(self, number: int, element: Any) -> str:
         prop, kind = element.pid_ref, element.type
