@@ -316,6 +316,15 @@ def test_what_is_refused(text: str, words: str, tmp_path: Path) -> None:
         assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [parse("node", "tip=NODES:90")])
 
 
+def test_a_missing_include(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is named, and nothing is left in the folder of the user."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "p.bdf").write_text(plate("INCLUDE 'elsewhere.blk'\n"))
+    with pytest.raises(BodyError, match=r"elsewhere\.blk"):
+        assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [parse("node", "tip=NODES:90")])
+    assert [p.name for p in tmp_path.iterdir()] == ["p.bdf"]
+
+
 def test_the_command_line(tmp_path: Path) -> None:
     """Cards to be ignored, loads and supports of the case, a reduction of it."""
     more = "CGAP,90,9,50,60\nFORCE,7,90,,10.,0.,0.,1.\nSPC1,2,3,50\n"

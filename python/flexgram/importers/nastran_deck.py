@@ -79,6 +79,8 @@ def read_bulk(path: Path) -> tuple[Any, dict[str, float]]:
     if not path.exists():
         raise BodyError(f"{path}: no such file")
     model = BDF(debug=None)
+    crash = Path("pyNastran_crash.bdf")  # that it leaves where an INCLUDE is missing
+    was_there = crash.exists()
     text = path.read_text(errors="replace")
     begins = re.search(r"^\s*BEGIN\b.*$", text, re.M | re.I)
     is_deck = begins and re.search(r"^\s*CEND\b", text, re.M | re.I)
@@ -102,6 +104,9 @@ def read_bulk(path: Path) -> tuple[Any, dict[str, float]]:
         raise BodyError(
             f"{path}: pyNastran cannot read it ({reason or type(error).__name__})"
         ) from error
+    finally:
+        if not was_there:
+            crash.unlink(missing_ok=True)
     return model, _parameters(path, text[: begins.start()] if begins and is_deck else "")
 
 
