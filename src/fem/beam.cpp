@@ -2,16 +2,13 @@
 
 #include "base/error.hpp"
 #include "base/index.hpp"
+#include "fem/vectors.hpp"
 
 #include <cmath>
 
 namespace flexgram {
 namespace {
 
-Vector3 cross(const Vector3& a, const Vector3& b) {
-  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2],
-          a[0] * b[1] - a[1] * b[0]};
-}
 double norm(const Vector3& a) {
   return std::sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2]);
 }
@@ -168,16 +165,6 @@ Vector3 unit_vector(int i) {
   Vector3 e{};
   e[as_size(i)] = 1;
   return e;
-}
-
-/// [a ×]
-Dense cross_matrix(const Vector3& a) {
-  Dense result(3, 3);
-  for (int j = 0; j < 3; ++j) {
-    const Vector3 column = cross(a, unit_vector(j));
-    for (int i = 0; i < 3; ++i) result(i, j) = column[as_size(i)];
-  }
-  return result;
 }
 
 } // namespace

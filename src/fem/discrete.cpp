@@ -4,23 +4,13 @@
 #include "base/index.hpp"
 #include "base/text.hpp"
 #include "fem/couplings.hpp"
+#include "fem/vectors.hpp"
 
 #include <algorithm>
 #include <cmath>
 
 namespace flexgram {
 namespace {
-
-/// [a ×]
-Dense cross_matrix(const Vector3& a) {
-  Dense A(3, 3);
-  for (int i = 0; i < 3; ++i) {
-    const int next = (i + 1) % 3, last = (i + 2) % 3;
-    A(next, last) = -a[as_size(i)];
-    A(last, next) = a[as_size(i)];
-  }
-  return A;
-}
 
 Dense inertia_of(const PointMass& mass) {
   const auto& J = mass.inertia;

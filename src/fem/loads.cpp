@@ -1,16 +1,12 @@
 #include "fem/loads.hpp"
 
 #include "base/index.hpp"
+#include "fem/vectors.hpp"
 
 #include <algorithm>
 
 namespace flexgram {
 namespace {
-
-Vector3 cross(const Vector3& a, const Vector3& b) {
-  return {a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2],
-          a[0] * b[1] - a[1] * b[0]};
-}
 
 Vector3 unit(int axis) {
   Vector3 e{};

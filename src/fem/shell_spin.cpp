@@ -1,18 +1,9 @@
 #include "base/error.hpp"
 #include "fem/shell_kinematics.hpp"
+#include "fem/vectors.hpp"
 
 namespace flexgram {
 namespace {
-
-Dense cross_matrix(const Vector3& a) {
-  Dense W(3, 3);
-  for (int i = 0; i < 3; ++i) {
-    const int next = (i + 1) % 3, last = (i + 2) % 3;
-    W(last, next) = a[as_size(i)];
-    W(next, last) = -a[as_size(i)];
-  }
-  return W;
-}
 
 /// ∫ of (moved + z turned)ᵀ D (moved + z turned) ρ over a shell's thickness.
 Dense mass_of_directions(const ShellPoint& at, const Dense& D, const ShellLaw& law) {
