@@ -11,11 +11,10 @@ import meshio
 import numpy as np
 import pytest
 import scipy.linalg as sl
-import scipy.sparse.linalg as spl
 from test_preload import line
 
 from bodies import box
-from conftest import assembled, run
+from conftest import assembled
 from flexgram import BodyError
 from flexgram.body.description import import_description
 from flexgram.importers import parse
@@ -259,21 +258,6 @@ def test_tubes(tmp_path: Path) -> None:
     assert np.abs(K).max() > 1e-4 * abs(none["K"]).max()  # what is compared is there
 
 
-@pytest.mark.filterwarnings("ignore:.*are the units right")
-@pytest.mark.parametrize("words", ["PARAM,WTMASS,2.5-3", "param wtmass 0.25D-2 $ lb", "PARAM"])
-def test_parameters_of_case_control(words: str, tmp_path: Path) -> None:
-    """They go before those of bulk data."""
-    text = plate("PARAM,WTMASS,0.5\nPARAM,COUPMASS,1\n")
-    if "w" in words.lower():
-        text = text.replace("BEGIN BULK", f"{words}\nBEGIN BULK")
-    (tmp_path / "p.bdf").write_text(text)
-    facts = assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [parse("node", "tip=NODES:90")])
-    assert not any("lumped" in remark for remark in facts["remarks"])
-    with h5py.File(tmp_path / "p.h5") as file:
-        factor = 2.5e-3 if "w" in words.lower() else 0.5
-        assert file["materials/mat1"].attrs["rho"] == pytest.approx(7850 * factor, rel=1e-12)
-
-
 def test_inertia_in_axes_of_its_own(tmp_path: Path) -> None:
     """Principal moments about axes that are turned by 30° about z."""
     c, s = np.sqrt(0.75), 0.5
@@ -293,54 +277,6 @@ def test_inertia_in_axes_of_its_own(tmp_path: Path) -> None:
 def plate(*extra: str, prop: str = "PSHELL,1,1,0.01,1,,1\n", material: str = STEEL) -> str:
     mesh = sheet("quad", (2, 2), flat(1, 1))
     return bulk(mesh, prop + material + clamp(mesh, "123456") + "".join(extra))
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        (plate("CGAP,90,9,10,20\n", "MPC,5,10,1,1.0,20,1,-1.\n"), r"CGAP \(1\), MPC \(1\): not"),
-        (plate(prop="PSHELL,1,1,0.01\n"), "MID2 must be MID1"),
-        (plate(prop="PSHELL,1,1,0.01,1,2.0,1\n"), "12I/T"),
-        (plate(material="MAT1,1,2.1+11,,0.3\n"), "has no density"),
-        (plate(material="MAT1,1,2.1+11,5.+10,0.3,7850.\n"), "do not belong together"),
-        (plate("CONM2,91,50,,1.0,0.1\n"), "lies beside the grid"),
-        (plate("RBE2,92,50,123,80,90\n"), "leaves rotations of shells or beams free"),
-        (plate("SPC,1,50,3,0.1\n"), "moves grids"),
-        (plate("CELAS2,93,1.0,50,3,90,3\n"), "its ends lie apart"),
-        ("BEGIN BULK\nENDDATA\n", "no GRID"),
-    ],
-)
-def test_what_is_refused(text: str, words: str, tmp_path: Path) -> None:
-    (tmp_path / "p.bdf").write_text(text)
-    with pytest.raises(BodyError, match=words):
-        assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [parse("node", "tip=NODES:90")])
-
-
-def test_a_missing_include(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """It is named, and nothing is left in the folder of the user."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "p.bdf").write_text(plate("INCLUDE 'elsewhere.blk'\n"))
-    with pytest.raises(BodyError, match=r"elsewhere\.blk"):
-        assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [parse("node", "tip=NODES:90")])
-    assert [p.name for p in tmp_path.iterdir()] == ["p.bdf"]
-
-
-def test_the_command_line(tmp_path: Path) -> None:
-    """Cards to be ignored, loads and supports of the case, a reduction of it."""
-    more = "CGAP,90,9,50,60\nFORCE,7,90,,10.,0.,0.,1.\nSPC1,2,3,50\n"
-    (tmp_path / "p.bdf").write_text(plate(more))
-    arguments = ("import", tmp_path / "p.bdf", "--assemble", "--node", "tip=NODES:90")
-    said = run(*arguments, "-o", tmp_path / "p.h5", expect=1).err
-    assert "CGAP (1): not followed" in said
-    said = run(*arguments, "--ignore", "CGAP", "-o", tmp_path / "p.h5").out
-    assert "passed over: CGAP (1)" in said and "left out: FORCE (1)" in said
-    assert "interface tip: node" in said and "0 of 6 rigid motions are free" in said
-    a = assembled(tmp_path / "m.h5", tmp_path / "p.h5")
-    assert len(a["node"]) == 36  # SPC 2 is not of the case
-    lowest = spl.eigsh(a["K"].tocsc(), 1, a["M"].tocsc(), sigma=0, return_eigenvectors=False)[0]
-    assert 0 < np.sqrt(lowest) / (2 * np.pi) < 20
-    said = run(*arguments, "--step", "1", "-o", tmp_path / "p.h5", expect=1).err
-    assert "--step is of CalculiX decks" in said
 
 
 @pytest.mark.parametrize("ranks", [1, 2])
@@ -397,101 +333,3 @@ def test_shapes_of_beams(prop: str, I1: Any, I2: Any, J: float, A: Any, tmp_path
     assert of["I_z"] == pytest.approx(I1, rel=1e-9) and of["I_y"] == pytest.approx(I2, rel=1e-9)
     assert of["J"] == pytest.approx(J, rel=1e-3)
     assert A is None or of["A"] == pytest.approx(A)
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        (plate("RBE2,92,900,123456,80,90\nGRID,900,,2.,2.,0.\nRBE2,93,901,123,900\n",
-               "GRID,901,,3.,2.,0.\n"), "rotations of grid 900, which moves"),
-        (plate("RBE2,92,80,123456,90\nRBE2,93,90,123456,80\n"), "moves itself: a loop"),
-        (plate("RBE2,92,80,123456,90\nRBE2,93,50,123456,80\nRBE2,94,70,123456,80\n"),
-         "grid 80, which moves others, is moved twice"),
-        (plate("RBAR,92,80,90,123,456\n"), "RBAR 92: its independent components"),
-        (plate("RBAR,92,80,90,123456,,,123\n"), "RBAR 92: it leaves rotations of shells"),
-        (plate("GRID,900,,2.,2.,0.\nSPC1,1,123456,900\nGRID,901,,3.,2.,0.\n"
-               "RBE2,92,900,123456,80,90\nRBE2,93,901,123456,900\n"), "900 is held by an SPC"),
-        (plate("GRID,900,,2.,2.,0.\nSPC1,1,12,900\nRBE2,92,900,123456,80,90\n"),
-         "RBE2 92: its grid 900 is held in some"),
-        (plate("GRID,900,,2.,2.,0.\nSPC1,1,3,90\nRBE2,92,900,123456,80,90\n"),
-         "90 is held by an SPC"),
-        (plate("RBE3,92,,50,123456,1.0,123,80,90\n"), "its grid 50 is held, or an element's"),
-        (plate("GRDSET,,,,,,5\nCORD2R,5,,0.,0.,0.,0.,1.,0.\n,1.,0.,0.\n"), "GRDSET with CP or CD"),
-        (plate("DMIG,KX,0,6,1,0\nDMIG,KX,50,1,,50,1,1.+5\n"), r"DMIG \(\d\): not followed"),
-        (plate("MAT1,2,1.+9,,0.3,100.\n", prop="PSHELL,1,1,0.01,1,,2\n"), "MID3 must be MID1"),
-        (plate("CELAS1,93,7,50,3\n"), "CELAS1 93: its property is missing"),
-        (plate("CTUBE,93,7,50,90\nPTUBE,7,1,0.02,0.002,,0.03\n"), "PTUBE 7: it tapers"),
-        (plate("CTUBE,93,7,50,90\nPTUBE,7,1,0.02,0.02\n"), "thinner than its radius"),
-        (plate("CONROD,93,50,90,1,0.\n"), "its area must be positive"),
-        (plate("CBUSH,93,7,50,90\nPBUSH,7,K,1.+5,2.+5\n"), "across its line its axes are not"),
-        (plate("CQUAD4,93,1,10,20,50,40,7\nCORD2C,7,,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\n",
-               material="MAT8,1,1.+11,1.+10,0.3,1.+10,,,1600.\n"), "MCID. are cylin"),
-        (plate(prop="PCOMP,1,,,,,,,MEM\n,1,0.01,0.\n"), "LAM = MEM is not followed"),
-        (plate().replace("BEGIN BULK", "PARAM,WTMASS,0.x\nBEGIN BULK"), "PARAM,WTMASS of case"),
-        (plate().replace("BEGIN BULK", "SUBCASE 1\nPARAM,G,0.1\nSUBCASE 2\nPARAM,G,.2\nBEGIN BULK"),
-         "PARAM,G of case control differs"),
-    ],
-)  # fmt: skip
-def test_what_would_be_another_body_is_refused(text: str, words: str, tmp_path: Path) -> None:
-    (tmp_path / "p.bdf").write_text(text)
-    with pytest.raises(BodyError, match=words):
-        assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [parse("node", "tip=NODES:90")])
-
-
-def test_chains_of_rbe2(tmp_path: Path) -> None:
-    """One moves the reference of another: all their grids are one body."""
-    rigid = "GRID,900,,2.,2.,0.\nGRID,901,,3.,2.,0.\nGRID,902,,3.,3.,0.\nCONM2,94,902,,2.0\n"
-    rigid += "RBE2,91,900,123456,80,90\nRBE2,92,902,123456,901\nRBE2,93,901,123456,50,900\n"
-    (tmp_path / "p.bdf").write_text(plate(rigid))
-    facts = assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [])
-    assert list(facts["interfaces"]) == ["rbe2_92"]
-    with h5py.File(tmp_path / "p.h5") as file:
-        of = file["interfaces/rbe2_92"]
-        assert sorted(of["nodes"][:]) == [4, 7, 8]
-        np.testing.assert_array_equal(of.attrs["position"], [3.0, 3.0, 0.0])
-        assert file["masses/conm94"].attrs["interface"] == "rbe2_92"
-    (tmp_path / "p.bdf").write_text(plate(rigid.replace("CONM2,94,902", "CONM2,94,901")))
-    with pytest.raises(BodyError, match="conm94: grid 901 belongs to no element"):
-        assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [])
-    bars = "".join(rigid.splitlines(True)[:4]) + "RBAR,91,902,50\nRBAR,92,80,902,,123456\n"
-    (tmp_path / "p.bdf").write_text(plate(bars + "RBAR,93,80,90,123456,,,123456\n"))
-    facts = assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [])
-    with h5py.File(tmp_path / "p.h5") as file:
-        assert sorted(file["interfaces/rbar_91/nodes"][:]) == [4, 7, 8]
-    (tmp_path / "p.bdf").write_text(plate(rigid + "SPC1,1,123456,902\n"))
-    assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [parse("node", "tip=NODES:70")])
-    with h5py.File(tmp_path / "p.h5") as file:
-        held = np.concatenate([g["nodes"][:] for g in file["supports"].values()])
-    assert sorted(held) == [0, 1, 2, 4, 7, 8]
-
-
-def test_supports_and_shared_references(tmp_path: Path) -> None:
-    """RBE2 with one reference are one; one that is held holds its grids; supports of the case."""
-    rigid = "GRID,900,,2.,2.,0.\nRBE2,92,900,123456,80\nRBE2,93,900,123456,90\nCONM2,94,900,,2.0\n"
-    (tmp_path / "p.bdf").write_text(plate(rigid))
-    facts = assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [])
-    assert facts["interfaces"]["rbe2_92"]["nodes"] == 2 and list(facts["interfaces"]) == ["rbe2_92"]
-    with pytest.raises(BodyError, match="grid 900 is that of rbe2_92"):
-        assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [parse("node", "tip=NODES:900")])
-    tip = [parse("node", "tip=NODES:50")]
-    (tmp_path / "p.bdf").write_text(plate(rigid + "SPC1,1,123456,900\n"))
-    facts = assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", tip)
-    with h5py.File(tmp_path / "p.h5") as file:
-        held = np.concatenate([g["nodes"][:] for g in file["supports"].values()])
-        assert "masses" not in file or not len(file["masses"])
-    assert sorted(held) == [0, 1, 2, 7, 8]
-    own = plate("GRDSET,,,,,,,6\n").replace("GRID,50,", "GRID,50,,0.5,0.5,0.,,0\n$")
-    assert own.count(",,0\n$") == 1
-    own = own.replace("GRID,60,", "GRID,60,,1.,0.5,0.,,12\n$")
-    (tmp_path / "p.bdf").write_text(own)
-    assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", tip)
-    with h5py.File(tmp_path / "p.h5") as file:
-        held = {frozenset(map(int, g["nodes"][:])): g for g in file["supports"].values()}
-        assert set(held) == {frozenset(x) for x in ({0, 1, 2}, {3, 6, 7, 8}, {5})}
-    (tmp_path / "p.bdf").write_text(plate("SPC1,1,123,900\nGRID,900,,2.,2.,0.\n"))
-    facts = assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", tip)
-    assert "supports of 1 grids without elements are left out: 900" in " ".join(facts["remarks"])
-    (tmp_path / "p.bdf").write_text(plate().replace("SPC = 1\n", "ECHO = NONE\n"))
-    facts = assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", tip)
-    assert "chooses no SPC: the body is free" in " ".join(facts["remarks"])
-    assert "6 of 6 rigid motions" in facts["summary"][1]

@@ -11,7 +11,7 @@ import io
 import re
 import tempfile
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -81,37 +81,49 @@ def _cards_of(text: str, cards: Sequence[str]) -> str:
     return "\n".join(kept) + "\n"
 
 
-def _bulk_data(path: Path, punch: bool | None) -> Any:
-    """A parsed file; pyNastran's many errors as one. punch: its DMIG; None: the ``CARDS`` of a
-    deck."""
+@contextlib.contextmanager
+def reading(path: Path) -> Iterator[tuple[Any, Path]]:
+    """A quiet model of pyNastran for a file of text, and a folder for other files. Its many errors
+    become one. The folder is the working directory: pyNastran leaves a file there where an INCLUDE
+    is missing."""
     if not path.exists():
         raise BodyError(f"{path}: no such file")
     if b"\0" in path.open("rb").read(4096):
         raise BodyError(f"{path}: binary, expected bulk data as text")
-    model = _pynastran()(debug=None)
-    cards = ("DMIG",) if punch else CARDS
-    model.enable_cards(cards)
-    text = path.read_text(errors="replace")
     try:
         with (
             contextlib.redirect_stdout(io.StringIO()),
             warnings.catch_warnings(),
             tempfile.TemporaryDirectory() as folder,
+            contextlib.chdir(folder),
         ):
             warnings.simplefilter("ignore")
-            if re.search(r"^\s*INCLUDE\b", text, re.M | re.I):  # read as it is
-                begins = re.search(r"^\s*BEGIN\s*,?\s*BULK", text, re.M | re.I)
-                model.read_bdf(str(path), punch=not begins, xref=False, validate=False)
-            else:
-                wanted = Path(folder) / "wanted.bdf"
-                wanted.write_text(_cards_of(text, cards))
-                model.read_bdf(str(wanted), punch=True, xref=False, validate=False)
+            yield _pynastran()(debug=None), Path(folder)
+    except BodyError:
+        raise
     except (Exception, SystemExit) as error:
-        reason = str(error).strip().splitlines()
+        reason = " ".join(str(error).split())[:300]
         raise BodyError(
-            f"{path}: pyNastran cannot read it ({reason[0] if reason else error}); is "
-            "the file complete?"
+            f"{path}: pyNastran cannot read it ({reason or type(error).__name__}); is the file "
+            "complete?"
         ) from error
+
+
+def _bulk_data(path: Path, punch: bool | None) -> Any:
+    """A parsed file; pyNastran's many errors as one. punch: its DMIG; None: the ``CARDS`` of a
+    deck."""
+    path = path.absolute()
+    with reading(path) as (model, folder):
+        cards = ("DMIG",) if punch else CARDS
+        model.enable_cards(cards)
+        text = path.read_text(errors="replace")
+        if re.search(r"^\s*INCLUDE\b", text, re.M | re.I):  # read as it is
+            begins = re.search(r"^\s*BEGIN\s*,?\s*BULK", text, re.M | re.I)
+            model.read_bdf(str(path), punch=not begins, xref=False, validate=False)
+        else:
+            wanted = folder / "wanted.bdf"
+            wanted.write_text(_cards_of(text, cards))
+            model.read_bdf(str(wanted), punch=True, xref=False, validate=False)
     return model
 
 

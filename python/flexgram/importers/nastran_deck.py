@@ -5,8 +5,6 @@ from __future__ import annotations
 import contextlib
 import io
 import re
-import tempfile
-import warnings
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from flexgram.basics import BodyError, errors_of
+from flexgram.importers.nastran import reading
 
 #: Element types that are shells, and ours.
 SHELLS = {"CQUAD4": "quad", "CQUADR": "quad", "CTRIA3": "triangle", "CTRIAR": "triangle"}
@@ -70,44 +69,25 @@ READ = {
 
 
 def read_bulk(path: Path) -> tuple[Any, dict[str, float]]:
-    """pyNastran's model of a deck, with cross references; its many errors as one. PARAM of its
-    case control by their names."""
-    try:
-        from pyNastran.bdf.bdf import BDF
-    except ImportError:
-        raise BodyError("Nastran files are read by pyNastran: pip install pyNastran") from None
-    if not path.exists():
-        raise BodyError(f"{path}: no such file")
-    model = BDF(debug=None)
-    crash = Path("pyNastran_crash.bdf")  # that it leaves where an INCLUDE is missing
-    was_there = crash.exists()
-    text = path.read_text(errors="replace")
-    begins = re.search(r"^\s*BEGIN\b.*$", text, re.M | re.I)
-    is_deck = begins and re.search(r"^\s*CEND\b", text, re.M | re.I)
-    try:
-        with (
-            contextlib.redirect_stdout(io.StringIO()),
-            warnings.catch_warnings(),
-            tempfile.TemporaryDirectory() as folder,
-        ):
-            warnings.simplefilter("ignore")
-            source = path
-            if begins and not is_deck:  # bulk data behind BEGIN alone
-                source = Path(folder) / path.name
-                source.write_text(text[begins.end() :])
-            model.read_bdf(str(source), punch=not is_deck, xref=False, validate=False)
-            model.safe_cross_reference()
-    except BodyError:
-        raise
-    except (Exception, SystemExit) as error:
-        reason = " ".join(str(error).split())[:300]
-        raise BodyError(
-            f"{path}: pyNastran cannot read it ({reason or type(error).__name__})"
-        ) from error
-    finally:
-        if not was_there:
-            crash.unlink(missing_ok=True)
+    """pyNastran's model of a deck, with cross references. PARAM of its case control by their
+    names."""
+    with reading(path) as (model, folder):
+        text = path.read_text(errors="replace")
+        begins = re.search(r"^\s*BEGIN\b.*$", text, re.M | re.I)
+        is_deck = begins and re.search(r"^\s*CEND\b", text, re.M | re.I)
+        source = path
+        if begins and not is_deck:  # bulk data behind BEGIN alone
+            source = folder / path.name
+            source.write_text(_with_whole_includes(text[begins.end() :], path.parent))
+        model.read_bdf(str(source), punch=not is_deck, xref=False, validate=False)
+        model.safe_cross_reference()
     return model, _parameters(path, text[: begins.start()] if begins and is_deck else "")
+
+
+def _with_whole_includes(text: str, folder: Path) -> str:
+    """Bulk data that is read elsewhere: its files to be included, with their folders."""
+    pattern = r"^(\s*INCLUDE\s+)(['\"])(.+?)\2"
+    return re.sub(pattern, lambda m: f"{m[1]}'{folder / m[3]}'", text, flags=re.M | re.I)
 
 
 def _parameters(path: Path, control: str) -> dict[str, float]:
@@ -142,7 +122,7 @@ class BulkDeck:
     """A model of pyNastran: its grids, and what is said of the reading."""
 
     def __init__(self, path: Path, ignore: set[str]) -> None:
-        model, self.parameters = read_bulk(path)
+        model, self.parameters = read_bulk(path.absolute())
         self.path, self.model, self.ignore = path, model, ignore
         self.remarks: list[str] = []
         self.labels = np.array(sorted(model.nodes), dtype=np.int64)
@@ -179,6 +159,11 @@ class BulkDeck:
         some = [f"{c} ({n})" for c, n in sorted(counts.items()) if c.startswith(of_loads)]
         if some:
             self.remarks.append(f"loads of the deck are left out: {', '.join(some)} (--load)")
+
+    def remark(self, words: str) -> None:
+        """Say it once."""
+        if words not in self.remarks:
+            self.remarks.append(words)
 
     def eta(self) -> float | None:
         """PARAM,G: a loss factor of all elements."""

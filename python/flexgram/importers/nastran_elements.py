@@ -7,7 +7,7 @@ from typing import Any
 import meshio
 import numpy as np
 
-from flexgram.basics import BodyError
+from flexgram.basics import BodyError, Floats
 from flexgram.body.meshfile import LABELS
 from flexgram.importers.nastran import REORDER, SOLIDS
 from flexgram.importers.nastran_deck import BEAMS, RODS, SHELLS, SPRINGS, WEDGE, BulkDeck, named
@@ -19,8 +19,7 @@ class Elements:
 
     def __init__(self, deck: BulkDeck) -> None:
         self.deck = deck
-        self.told_shear = False
-        self.directions: dict[tuple[float, ...], int] = {}  #: of fibres, by their numbers
+        self.directions: dict[tuple[float, ...], int] = {}  #: of fibres and sections
         self.materials: dict[str, dict[str, Any]] = {}
         self.sections: dict[str, dict[str, Any]] = {}
         self.regions: dict[str, dict[str, Any]] = {}
@@ -78,8 +77,8 @@ class Elements:
         """Name of a material, with ``more`` density, and another loss factor."""
         if card is None:
             raise BodyError(f"{self.deck.path}: property {number}: its material is missing")
-        name = f"mat{card.mid}" + (f"_{more:.6g}" if more else "")
-        name += "" if loss is None else f"_g{loss:.6g}"
+        name = f"mat{card.mid}" + (f"_{more:.9g}" if more else "")
+        name += "" if loss is None else f"_g{loss:.9g}"
         if name in self.materials:
             return name
         wtmass = self.deck.param("WTMASS") or 1.0
@@ -92,8 +91,8 @@ class Elements:
         elif card.type == "MAT8":
             E1, E2, nu12, G12 = (float(x) for x in (card.e11, card.e22, card.nu12, card.g12))
             of = {"E1": E1, "E2": E2, "E3": E2, "nu12": nu12, "nu13": 0.0, "nu23": 0.0, "G12": G12}
-            if not (card.g1z and card.g2z) and "G1Z" not in " ".join(self.deck.remarks):
-                self.deck.remarks.append(
+            if not (card.g1z and card.g2z):
+                self.deck.remark(
                     "MAT8 without G1Z or G2Z is stiff in transverse shear in Nastran, here as G12"
                 )
             of |= {"G13": float(card.g1z or G12), "G23": float(card.g2z or G12), "rho": rho}
@@ -177,12 +176,15 @@ class Elements:
         name += f"_z{offset:.9g}" if offset else ""
         if has_fibres:
             axis = self._fibres(number, element)
-            k = self.directions.setdefault(axis, len(self.directions) + 1)
-            section["axis_1"], name = list(axis), f"{name}_d{k}"
+            section["axis_1"], name = axis.tolist(), f"{name}_d{self._direction(axis)}"
         self.sections[name] = section
         return self._region(name, material, name)
 
-    def _fibres(self, number: int, element: Any) -> tuple[float, ...]:
+    def _direction(self, axis: Floats) -> int:
+        """The number of a direction, from 1."""
+        return self.directions.setdefault(tuple(axis.tolist()), len(self.directions) + 1)
+
+    def _fibres(self, number: int, element: Any) -> Floats:
         """First axis of an element's material: by THETA from the side from its first grid to the
         second, or the x axis of a system (MCID), which the shell projects onto itself."""
         given, x = element.theta_mcid, np.array([1.0, 0.0, 0.0])
@@ -201,7 +203,8 @@ class Elements:
             side /= max(float(np.linalg.norm(side)), 1e-300)
             angle = np.radians(float(given or 0.0))
             x = np.cos(angle) * side + np.sin(angle) * np.cross(normal, side)
-        return tuple(float(c) for c in np.round(x, 7) + 0.0)
+        rounded: Floats = np.round(x, 7) + 0.0
+        return rounded
 
     def _beam(self, number: int, element: Any) -> str:
         prop, kind = element.pid_ref, element.type
@@ -239,7 +242,7 @@ class Elements:
             section = beam_section(prop)
         except BodyError as error:
             raise self.deck.refuse(prop.type, prop.pid, str(error)) from None
-        name = f"p{prop.pid}_" + "_".join(f"{x:g}" for x in v)
+        name = f"p{prop.pid}_d{self._direction(v)}"
         self.sections[name] = section | {"y_axis": v.tolist()}
         with named(self.deck.path, f"{prop.type} {prop.pid}: its area is not understood"):
             A, nsm = float(np.ravel(prop.Area())[0]), float(np.ravel(prop.Nsm() or 0.0)[0])
@@ -257,9 +260,8 @@ class Elements:
             why = "MID4 is not followed"
         if why:
             raise self.deck.refuse("PSHELL", prop.pid, why)
-        if not prop.mid3 and not self.told_shear:
-            self.told_shear = True
-            self.deck.remarks.append(
+        if not prop.mid3:
+            self.deck.remark(
                 "shells without MID3 are stiff in transverse shear in Nastran, here not"
             )
 
