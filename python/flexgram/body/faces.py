@@ -134,10 +134,7 @@ def whole_faces(blocks: Sequence[tuple[str, Ints]], nodes: Ints, count: int) -> 
     count : int
         Number of all nodes.
     """
-    inside = np.zeros(count, dtype=bool)
-    inside[nodes] = True
-    solids = [block for block in blocks if block[0] not in CORNERS]
-    outside = {tuple(sorted(set(face))) for face in outer(faces_of(solids, inside)).tolist()}
+    inside, outside = _outside(blocks, nodes, count)
     found: dict[int, list[Ints]] = {}
     for kind, elements in blocks:
         middles = MIDDLES.get(kind, {})
@@ -152,7 +149,7 @@ def whole_faces(blocks: Sequence[tuple[str, Ints]], nodes: Ints, count: int) -> 
             if mine:
                 whole = np.array(mine)[:, [*face, *between]]
                 found.setdefault(whole.shape[1], []).append(whole)
-    for shells in loose_shells(blocks, nodes, count):
+    for shells in _loose(blocks, inside, outside):
         found.setdefault(shells.shape[1], []).append(shells[:, ::-1])
     return [np.vstack(faces) for faces in found.values()]
 
@@ -160,10 +157,25 @@ def whole_faces(blocks: Sequence[tuple[str, Ints]], nodes: Ints, count: int) -> 
 def loose_shells(blocks: Sequence[tuple[str, Ints]], nodes: Ints, count: int) -> list[Ints]:
     """Shells whose nodes are all among some nodes, without those that cover a face of a solid; as
     ``whole_faces``."""
+    inside, outside = _outside(blocks, nodes, count)
+    return _loose(blocks, inside, outside)
+
+
+def _outside(
+    blocks: Sequence[tuple[str, Ints]], nodes: Ints, count: int
+) -> tuple[NDArray[np.bool_], set[tuple[int, ...]]]:
+    """Which of all nodes are among some, and the outer faces of solids between those."""
     inside = np.zeros(count, dtype=bool)
     inside[nodes] = True
     solids = [block for block in blocks if block[0] not in CORNERS]
-    outside = {tuple(sorted(set(face))) for face in outer(faces_of(solids, inside)).tolist()}
+    return inside, {tuple(sorted(set(face))) for face in outer(faces_of(solids, inside)).tolist()}
+
+
+def _loose(
+    blocks: Sequence[tuple[str, Ints]],
+    inside: NDArray[np.bool_],
+    outside: set[tuple[int, ...]],
+) -> list[Ints]:
     found = []
     for kind, elements in blocks:
         if kind in CORNERS:

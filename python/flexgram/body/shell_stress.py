@@ -16,7 +16,7 @@ import numpy as np
 
 from flexgram.basics import BodyError, Floats, Ints
 from flexgram.body.meshfile import SHELLS
-from flexgram.body.strain import extrapolation
+from flexgram.body.strain import deforming, extrapolation, rigid_interfaces
 
 SIDES = ("top", "middle", "bottom")
 #: Elements around a node whose normals differ by more [degrees] have no stress in common.
@@ -76,17 +76,13 @@ def sheets_of(file: h5py.File) -> list[Sheet]:
     """Those of an open body file that deform."""
     import _flexgram
 
-    follows = np.full(len(file["mesh/points"]), -1)
-    for number, item in enumerate(file["interfaces"].values()):
-        if str(item.attrs["coupling"]) == "rigid":
-            follows[item["nodes"][:]] = number
+    follows = rigid_interfaces(file)
     sheets = []
     for group in file["mesh/blocks"].values():
         kind, nodes = str(group.attrs["type"]), group["connectivity"][:]
         if kind not in SHELLS:
             continue
-        at = follows[nodes]
-        deforms = (at[:, 0] < 0) | np.any(at != at[:, :1], axis=1)
+        deforms = deforming(nodes, follows)
         section = file["sections"][str(group.attrs["section"])].attrs
         names = section.get("layer_materials", [group.attrs["material"]])
         thickness = np.atleast_1d(section.get("layer_thicknesses", section["thickness"]))

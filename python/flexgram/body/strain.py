@@ -1,10 +1,13 @@
-"""Strain and stress of single elements from displacements of their nodes, and from heat."""
+"""Strain and stress of single elements from displacements of their nodes, and from heat; which
+elements have some."""
 
 from __future__ import annotations
 
+import h5py
 import numpy as np
+from numpy.typing import NDArray
 
-from flexgram.basics import Floats
+from flexgram.basics import Floats, Ints
 from flexgram.body.faces import LINEAR, MIDDLES
 
 #: Places of the corners on the reference element.
@@ -24,6 +27,23 @@ CORNERS = {
     "quad": [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)],
     "wedge": [(0, 0, -1), (1, 0, -1), (0, 1, -1), (0, 0, 1), (1, 0, 1), (0, 1, 1)],
 }
+
+
+def rigid_interfaces(file: h5py.File) -> Ints:
+    """The number of the rigid interface that each node of an open body file follows, (N,); -1 where
+    it follows none."""
+    follows = np.full(len(file["mesh/points"]), -1)
+    for number, item in enumerate(file["interfaces"].values()):
+        if str(item.attrs["coupling"]) == "rigid":
+            follows[item["nodes"][:]] = number
+    return follows
+
+
+def deforming(nodes: Ints, follows: Ints) -> NDArray[np.bool_]:
+    """Which elements of ``nodes`` (E, n) do not move with one rigid interface as a whole, (E,)."""
+    at = follows[nodes]
+    result: NDArray[np.bool_] = (at[:, 0] < 0) | np.any(at != at[:, :1], axis=1)
+    return result
 
 
 def _polynomials(kind: str, xi: Floats, points: int) -> Floats:

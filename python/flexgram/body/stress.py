@@ -23,7 +23,13 @@ from numpy.typing import ArrayLike
 
 from flexgram.basics import BodyError, Floats, Ints, errors_of
 from flexgram.body.meshfile import SOLIDS
-from flexgram.body.strain import extrapolation, heat_operator, stress_operator
+from flexgram.body.strain import (
+    deforming,
+    extrapolation,
+    heat_operator,
+    rigid_interfaces,
+    stress_operator,
+)
 
 COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "zx")
 #: Elements whose operators are in memory at a time.
@@ -84,10 +90,7 @@ class Stresses:
 
         if "mesh" not in file:
             raise BodyError("only bodies that flexgram assembles from a mesh have stresses")
-        follows = np.full(len(file["mesh/points"]), -1)
-        for number, item in enumerate(file["interfaces"].values()):
-            if str(item.attrs["coupling"]) == "rigid":
-                follows[item["nodes"][:]] = number
+        follows = rigid_interfaces(file)
         blocks = []
         for group in file["mesh/blocks"].values():
             kind, nodes = str(group.attrs["type"]), group["connectivity"][:]
@@ -100,12 +103,11 @@ class Stresses:
                 law = _flexgram.isotropic(steel["E"], steel["nu"])
             else:
                 law = _flexgram.orthotropic(steel["engineering_constants"], steel["axes"])
-            at = follows[nodes]
-            rigid = (at[:, 0] >= 0) & np.all(at == at[:, :1], axis=1)
-            if not rigid.all():
+            deforms = deforming(nodes, follows)
+            if deforms.any():
                 ids = group["ids"][:] if "ids" in group else np.arange(len(nodes)) + 1
                 law = np.reshape(law, (6, 6))
-                blocks.append(Solid(kind, nodes[~rigid], law, _expansion(steel), ids[~rigid]))
+                blocks.append(Solid(kind, nodes[deforms], law, _expansion(steel), ids[deforms]))
         if not blocks:
             raise BodyError("the body has no solids that deform: no stresses")
         return cls(file["mesh/points"][:], blocks)

@@ -151,7 +151,8 @@ def doubts_of_parts(
     loose -= set(parts.label[supported].tolist())
     if loose:
         found.append(
-            f"{len(loose)} of the parts have neither an interface nor a support: nothing holds "
+            f"{len(loose)} of the parts {'has' if len(loose) == 1 else 'have'} "
+            "neither an interface nor a support: nothing holds "
             "or moves them"
         )
     return found
