@@ -31,7 +31,14 @@ CORNERS = {
 
 def rigid_interfaces(file: h5py.File) -> Ints:
     """The number of the rigid interface that each node of an open body file follows, (N,); -1 where
-    it follows none."""
+    it follows none.
+
+    Examples
+    --------
+    >>> with h5py.File("rack.h5") as file:
+    ...     np.unique(rigid_interfaces(file))
+    array([-1,  0,  1])
+    """
     follows = np.full(len(file["mesh/points"]), -1)
     for number, item in enumerate(file["interfaces"].values()):
         if str(item.attrs["coupling"]) == "rigid":
@@ -40,7 +47,13 @@ def rigid_interfaces(file: h5py.File) -> Ints:
 
 
 def deforming(nodes: Ints, follows: Ints) -> NDArray[np.bool_]:
-    """Which elements of ``nodes`` (E, n) do not move with one rigid interface as a whole, (E,)."""
+    """Which elements of ``nodes`` (E, n) do not move with one rigid interface as a whole, (E,).
+
+    Examples
+    --------
+    >>> deforming(np.array([[0, 1, 2], [1, 2, 3]]), follows=np.array([0, 0, 0, -1]))
+    array([False,  True])
+    """
     at = follows[nodes]
     result: NDArray[np.bool_] = (at[:, 0] < 0) | np.any(at != at[:, :1], axis=1)
     return result
