@@ -93,7 +93,7 @@ class System:
         self._known: dict[float, Any] = {}
         self._sparse = sp.issparse(self.K) and self.K.shape[0] > 300
         if self._sparse:
-            self._long = [_LongSparse(a) for a in parts]
+            self._long = [sp.csr_matrix(a).astype(LONG) for a in parts]
         else:
             parts = [a.toarray() if sp.issparse(a) else np.asarray(a) for a in parts]
             self._long = [a.astype(LONG) for a in parts]
@@ -142,7 +142,9 @@ class System:
             step = solve(R.astype(complex))
             X = X + step
             size = np.linalg.norm(step) / np.linalg.norm(X.astype(complex))
-            if size < 1e-16 or size >= 0.5 * last:
+            # The first solve leaves a share of X, and each later one that share of its step.
+            share = min(size, 0.4) if np.isinf(last) else size / last
+            if size * share < 1e-20 or share >= 0.5:
                 break
             last = size
         return np.asarray(self.C).astype(LONG) @ X
@@ -313,23 +315,6 @@ class System:
         width = self.alpha + self.beta * lam + self.eta * np.sqrt(lam)
         width = width + (square - lam).imag / np.maximum(omega, 1e-150)
         return omega, 0.5 * width
-
-
-class _LongSparse:
-    """A sparse matrix times long double columns."""
-
-    def __init__(self, matrix: Any) -> None:
-        self.csr = sp.csr_matrix(matrix)
-        self.csr.sum_duplicates()
-        self.data = self.csr.data.astype(LONG)
-        self.full = np.diff(self.csr.indptr) > 0
-
-    def __matmul__(self, x: Any) -> Any:
-        y = np.zeros((self.csr.shape[0], x.shape[1]), np.clongdouble)
-        starts = self.csr.indptr[:-1][self.full]
-        for j in range(x.shape[1]):
-            y[self.full, j] = np.add.reduceat(self.data * x[self.csr.indices, j], starts)
-        return y
 
 
 def relative_error(
