@@ -203,6 +203,7 @@ std::vector<std::int64_t> further_nodes(const BodyDescription& body,
   for (std::size_t node = 0; node < partition.node_owner.size(); ++node)
     if (partition.node_owner[node] == rank)
       nodes.push_back(static_cast<std::int64_t>(node));
+  for (const Share& share : body.constraints.shares) nodes.push_back(share.node);
   return nodes;
 }
 

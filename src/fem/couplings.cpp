@@ -33,25 +33,30 @@ struct Entry {
 };
 
 void add_unit_loads(const Interface& interface, const DofMap& map, std::int64_t node,
-                    std::vector<std::string>& names, std::vector<Entry>& entries) {
+                    const Positions& position, std::vector<std::string>& names,
+                    std::vector<Entry>& entries) {
   for (int c = 0; c < map.dofs[as_size(node)]; ++c) {
-    const PetscInt row = map.equation(node, c);
-    if (row < 0)
+    const std::size_t before = entries.size();
+    for (const Share& share : map.shares(node, c, position)) {
+      const PetscInt row = map.equation(share.node, share.component);
+      if (row >= 0)
+        entries.push_back({row, static_cast<int>(names.size()), share.factor});
+    }
+    if (entries.size() == before)
       throw Error(
           text("interface %s: component %s is held by a support, no force can act "
                "there",
                interface.name.c_str(), component_names[c]));
-    entries.push_back({row, static_cast<int>(names.size()), 1.0});
     names.push_back(interface.name + "." + component_names[c]);
   }
 }
 
 /// Motion of each node of the set under the six motions of the reference.
 std::vector<Dense> motions(const Interface& interface,
-                           const std::function<Vector3(std::int64_t)>& coordinates) {
+                           const Positions& position) {
   std::vector<Dense> result;
   for (auto node : interface.nodes) {
-    Vector3 d = coordinates(node);
+    Vector3 d = position(node);
     for (std::size_t a = 0; a < 3; ++a) d[a] -= interface.position[a];
     result.push_back(rigid_motion(d));
   }
@@ -88,18 +93,18 @@ void require_six_motions(const Interface& interface, const Dense& normal) {
 /// A rigid set of solid nodes needs three that span a plane; a beam's node carries
 /// moments alone.
 void require_sound_rigid_set(const Interface& interface, const DofMap& map,
-                             const std::function<Vector3(std::int64_t)>& coordinates) {
+                             const Positions& position) {
   for (auto node : interface.nodes)
     if (map.dofs[as_size(node)] == 6) return;
   require_six_motions(interface,
-                      normal_matrix(interface, motions(interface, coordinates)));
+                      normal_matrix(interface, motions(interface, position)));
 }
 
 void add_distributed_loads(const Interface& interface, const DofMap& map,
-                           const std::function<Vector3(std::int64_t)>& coordinates,
+                           const Positions& position,
                            std::vector<std::string>& names, std::vector<Entry>& entries,
                            const HeldForces& held) {
-  const std::vector<Dense> motion = motions(interface, coordinates);
+  const std::vector<Dense> motion = motions(interface, position);
   const Dense normal = normal_matrix(interface, motion);
   require_six_motions(interface, normal);
   Dense l = normal;
@@ -112,35 +117,38 @@ void add_distributed_loads(const Interface& interface, const DofMap& map,
   for (std::size_t k = 0; k < interface.nodes.size(); ++k) {
     const double weight = interface.weights.empty() ? 1.0 : interface.weights[k];
     const Dense load = multiply(motion[k], inverse); // 3 × 6
-    for (int c = 0; c < 3; ++c) {
-      const PetscInt row = map.equation(interface.nodes[k], c);
-      for (int port = 0; port < 6; ++port) {
-        const double value = weight * load(c, port);
-        if (row >= 0)
-          entries.push_back({row, first + port, value});
-        else if (held) // goes straight into a support
-          held(names[as_size(first + port)], interface.nodes[k], c, value);
+    for (int c = 0; c < 3; ++c)
+      for (const Share& share : map.shares(interface.nodes[k], c, position)) {
+        const PetscInt row = map.equation(share.node, share.component);
+        for (int port = 0; port < 6; ++port) {
+          const double value = weight * load(c, port) * share.factor;
+          if (row >= 0)
+            entries.push_back({row, first + port, value});
+          else if (held) // goes straight into a support
+            held(names[as_size(first + port)], share.node, share.component, value);
+        }
       }
-    }
   }
 }
 
 } // namespace
 
 Ports interface_ports(MPI_Comm comm, const BodyDescription& body, const DofMap& map,
-                      const std::function<Vector3(std::int64_t)>& coordinates,
+                      const Positions& position,
                       const HeldForces& held) {
   Ports ports;
   std::vector<Entry> entries; // all of them on every rank: interfaces are small
   for (std::size_t i = 0; i < body.interfaces.size(); ++i) {
     const Interface& interface = body.interfaces[i];
     if (interface.coupling == Coupling::rigid) {
-      require_sound_rigid_set(interface, map, coordinates);
-      add_unit_loads(interface, map, map.reference_of_interface[i], ports.names, entries);
+      require_sound_rigid_set(interface, map, position);
+      add_unit_loads(interface, map, map.reference_of_interface[i], position, ports.names,
+                     entries);
     } else if (interface.coupling == Coupling::node)
-      add_unit_loads(interface, map, interface.nodes.front(), ports.names, entries);
+      add_unit_loads(interface, map, interface.nodes.front(), position, ports.names,
+                     entries);
     else
-      add_distributed_loads(interface, map, coordinates, ports.names, entries,
+      add_distributed_loads(interface, map, position, ports.names, entries,
                             comm_rank(comm) == 0 ? held : HeldForces());
   }
   ports.B = Block(comm, map.rows, map.n, static_cast<PetscInt>(ports.names.size()));

@@ -26,7 +26,6 @@ using HeldForces = std::function<void(const std::string& input, std::int64_t nod
 /// weighted mean motion (RBE3).
 /// @param held  called on rank 0 for all interfaces; may be null.
 Ports interface_ports(MPI_Comm comm, const BodyDescription& body, const DofMap& map,
-                      const std::function<Vector3(std::int64_t)>& coordinates,
-                      const HeldForces& held);
+                      const Positions& position, const HeldForces& held);
 
 } // namespace flexgram

@@ -480,6 +480,7 @@ BodyDescription read_description(const Hdf5File& file) {
       }
       body.supports.push_back(std::move(support));
     }
+    body.constraints = read_constraints(file, body.points);
     for (const auto& name : ordered_children(file, "/outputs")) {
       if (file.has_attribute("/outputs/" + name, "axes"))
         body.reactions.push_back(read_reaction(file, name, body.points));

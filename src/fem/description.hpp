@@ -1,5 +1,6 @@
 #pragma once
 
+#include "fem/constraints.hpp"
 #include "fem/elements.hpp"
 #include "io/hdf5_file.hpp"
 #include "model/second_order_model.hpp"
@@ -142,6 +143,7 @@ struct BodyDescription {
   std::vector<MeshBlock> discrete; ///< of masses and springs, the material is their name
   std::vector<Interface> interfaces;
   std::vector<Support> supports;
+  Constraints constraints;
   std::vector<AccelerationField> fields;
   std::vector<NodalVectors> loads, outputs;
   std::vector<Reaction> reactions;

@@ -2,6 +2,7 @@
 
 #include "base/index.hpp"
 #include "base/text.hpp"
+#include "fem/couplings.hpp"
 
 #include <bit>
 
@@ -35,6 +36,7 @@ void add_rigid_interface(const Interface& interface, DofMap& map) {
   const int reference = static_cast<int>(map.dofs.size());
   map.dofs.push_back(6);
   map.held.push_back(0);
+  map.dependent.push_back(0);
   map.reference.push_back(-1);
   map.owner.push_back(map.owner[as_size(interface.nodes.front())]);
   map.reference_position.push_back(interface.position);
@@ -53,19 +55,72 @@ void add_rigid_interface(const Interface& interface, DofMap& map) {
   }
 }
 
+/// @pre the supports and the rigid interfaces are known.
+void mark_dependent(const Constraints& constraints, DofMap& map) {
+  const auto missing = [&](std::int64_t node, int c) {
+    const auto i = as_size(node);
+    return c >= (map.reference[i] >= 0 ? 6 : static_cast<int>(map.dofs[i]));
+  };
+  const auto refuse = [](const char* what, std::int64_t node, int c) {
+    throw Error(text("constraint: component %d of node %lld (both from 1) %s", c + 1,
+                     ll(node) + 1, what));
+  };
+  for (const std::int64_t dof : constraints.dof) {
+    const std::int64_t node = dof / 6;
+    const int c = static_cast<int>(dof % 6);
+    if (missing(node, c)) refuse("does not exist: its node has no such dof", node, c);
+    if (map.reference[as_size(node)] >= 0)
+      refuse("follows a rigid interface and cannot follow a constraint too", node, c);
+    if (map.held[as_size(node)] >> c & 1)
+      refuse("is held by a support and cannot follow a constraint too", node, c);
+    map.dependent[as_size(node)] |= static_cast<std::uint8_t>(1U << c);
+  }
+  for (const Share& share : constraints.shares)
+    if (missing(share.node, share.component))
+      refuse("does not exist, and others follow it", share.node, share.component);
+  map.constraints = constraints;
+}
+
 } // namespace
 
 PetscInt DofMap::equation(std::int64_t node, int c) const {
   const auto i = as_size(node);
-  if (c >= dofs[i] || reference[i] >= 0 || (held[i] >> c & 1) || first[i] < 0) return -1;
-  const unsigned before = held[i] & ((1U << c) - 1);
-  return first[i] + c - std::popcount(before);
+  const auto without = static_cast<unsigned>(held[i] | dependent[i]);
+  if (c >= dofs[i] || reference[i] >= 0 || (without >> c & 1) || first[i] < 0) return -1;
+  return first[i] + c - std::popcount(without & ((1U << c) - 1));
 }
 
 int DofMap::equations(std::int64_t node) const {
   const auto i = as_size(node);
   if (reference[i] >= 0) return 0;
-  return dofs[i] - std::popcount(static_cast<unsigned>(held[i]) & ((1U << dofs[i]) - 1));
+  const auto without = static_cast<unsigned>(held[i] | dependent[i]);
+  return dofs[i] - std::popcount(without & ((1U << dofs[i]) - 1));
+}
+
+bool DofMap::is_held(std::int64_t node, int c) const {
+  return c < dofs[as_size(node)] && (held[as_size(node)] >> c & 1);
+}
+
+std::vector<Share> DofMap::shares(std::int64_t node, int c,
+                                  const Positions& position) const {
+  const auto i = as_size(node);
+  if (const int master = reference[i]; master >= 0) {
+    if (c >= 3) return {{master, c, 1.0}};
+    Vector3 arm = position(node);
+    for (std::size_t a = 0; a < 3; ++a)
+      arm[a] -= reference_position[as_size(master - points)][a];
+    const Dense motion = rigid_motion(arm);
+    std::vector<Share> of_reference;
+    for (int j = 0; j < 6; ++j)
+      if (motion(c, j) != 0) of_reference.push_back({master, j, motion(c, j)});
+    return of_reference;
+  }
+  if (!(dependent[i] >> c & 1)) return {{node, c, 1.0}};
+  std::vector<Share> all;
+  for (const Share& one : constraints.of(node, c))
+    for (const Share& of_one : shares(one.node, one.component, position))
+      all.push_back({of_one.node, of_one.component, one.factor * of_one.factor});
+  return all;
 }
 
 DofMap number_equations(const Hdf5File& file, const BodyDescription& body,
@@ -76,6 +131,7 @@ DofMap number_equations(const Hdf5File& file, const BodyDescription& body,
   map.owner = partition.node_owner;
   map.dofs.assign(count, 0);
   map.held.assign(count, 0);
+  map.dependent.assign(count, 0);
   map.reference.assign(count, -1);
   mark_dofs(file, body, map);
   for (const auto& support : body.supports) {
@@ -114,6 +170,8 @@ DofMap number_equations(const Hdf5File& file, const BodyDescription& body,
         if (map.reference[as_size(node)] >= 0)
           throw Error(text("interface %s: node %lld (0-based) follows a rigid interface",
                            interface.name.c_str(), ll(node)));
+
+  mark_dependent(body.constraints, map);
 
   const int size = comm_size(file.comm()), rank = comm_rank(file.comm());
   std::vector<PetscInt> next(as_size(size) + 1, 0);

@@ -5,6 +5,7 @@
 #include "fem/discrete.hpp"
 
 #include <algorithm>
+#include <map>
 
 namespace flexgram {
 
@@ -13,12 +14,23 @@ Followers::Followers(const DofMap& map, const LocalMesh& mesh) : map_(map), mesh
     const auto width = as_size(node_count(elements.block->type));
     for (std::size_t k = 0; k < elements.number.size(); ++k) {
       const auto first = static_cast<long>(node_.size());
-      for (std::size_t a = 0; a < width; ++a) {
-        const std::int64_t node = elements.connectivity[k * width + a];
+      const auto add = [&](std::int64_t node) {
         const int reference = map.reference[as_size(node)];
         const std::int64_t master = reference < 0 ? node : reference;
         if (std::find(node_.begin() + first, node_.end(), master) == node_.end())
           node_.push_back(master);
+      };
+      for (std::size_t a = 0; a < width; ++a) {
+        const std::int64_t node = elements.connectivity[k * width + a];
+        if (map.moves_alone(node) || map.reference[as_size(node)] >= 0) {
+          add(node);
+          continue;
+        }
+        const unsigned all = (1U << map.dofs[as_size(node)]) - 1;
+        if (map.dependent[as_size(node)] != all) add(node);
+        for (int c = 0; c < map.dofs[as_size(node)]; ++c)
+          if (map.dependent[as_size(node)] >> c & 1)
+            for (const Share& share : map.constraints.of(node, c)) add(share.node);
       }
       start_.push_back(node_.size());
     }
@@ -69,26 +81,26 @@ Vector3 Followers::arm(std::int64_t node, int reference) const {
   return d;
 }
 
+std::vector<Share> Followers::shares(std::int64_t node, int c) const {
+  return map_.shares(node, c, [this](std::int64_t other) { return position(other); });
+}
+
 Dense Followers::transformation(const PlacedElement& at) const {
   const int count = node_count(at.block().type), dofs = dofs_per_node(at.block().type);
   const std::vector<int> first = first_dofs(at);
   bool same = at.master_count == as_size(count);
   for (std::size_t a = 0; a < at.master_count; ++a)
-    same = same && at.masters[a] == at.nodes[a] && first[a + 1] - first[a] == dofs;
+    same = same && at.masters[a] == at.nodes[a] && map_.moves_alone(at.nodes[a]) &&
+           first[a + 1] - first[a] == dofs;
   if (same) return {};
   Dense T(count * dofs, first.back());
   for (int a = 0; a < count; ++a) {
-    const int reference = map_.reference[as_size(at.nodes[a])];
-    const int column = first[place_of(at, reference < 0 ? at.nodes[a] : reference)];
-    if (reference < 0) {
-      const int own = std::min<int>(dofs, map_.dofs[as_size(at.nodes[a])]);
-      for (int c = 0; c < own; ++c) T(a * dofs + c, column + c) = 1;
-      continue;
-    }
-    const Dense G = rigid_motion(arm(at.nodes[a], reference));
-    for (int c = 0; c < 3; ++c)
-      for (int j = 0; j < 6; ++j) T(a * dofs + c, column + j) = G(c, j);
-    for (int c = 3; c < dofs; ++c) T(a * dofs + c, column + c) = 1;
+    const std::int64_t node = at.nodes[a];
+    const int own = map_.reference[as_size(node)] >= 0 ? 6 : map_.dofs[as_size(node)];
+    for (int c = 0; c < std::min(dofs, own); ++c)
+      for (const Share& share : shares(node, c))
+        T(a * dofs + c, first[place_of(at, share.node)] + share.component) +=
+            share.factor;
   }
   return T;
 }
@@ -106,22 +118,35 @@ Dense Followers::displacement(const PlacedElement& at, const Dense& T,
 Dense Followers::turning(const PlacedElement& at, const Dense& forces) const {
   const int count = node_count(at.block().type), dofs = dofs_per_node(at.block().type);
   const std::vector<int> first_dof = first_dofs(at);
-  Dense result;
+  std::map<std::int64_t, Vector3> at_slaves; // of rigid interfaces
+  const auto add = [&](std::int64_t node, int c, double force) {
+    if (c < 3 && map_.reference[as_size(node)] >= 0) at_slaves[node][as_size(c)] += force;
+  };
   for (int a = 0; a < count; ++a) {
-    const int reference = map_.reference[as_size(at.nodes[a])];
-    if (reference < 0) continue;
+    const std::int64_t node = at.nodes[a];
+    for (int c = 0; c < std::min(dofs, static_cast<int>(map_.dofs[as_size(node)])); ++c) {
+      const double force = forces(a * dofs + c, 0);
+      if (!(map_.dependent[as_size(node)] >> c & 1)) {
+        add(node, c, force);
+        continue;
+      }
+      for (const Share& share : map_.constraints.of(node, c))
+        add(share.node, share.component, share.factor * force);
+    }
+  }
+  Dense result;
+  for (const auto& [node, F] : at_slaves) {
+    const int reference = map_.reference[as_size(node)];
     if (result.data.empty()) result = Dense(first_dof.back(), first_dof.back());
     const int first = first_dof[place_of(at, reference)] + 3;
-    const Vector3 d = arm(at.nodes[a], reference);
-    double F[3], along = 0;
-    for (int c = 0; c < 3; ++c) {
-      F[c] = forces(a * dofs + c, 0);
-      along += F[c] * d[as_size(c)];
-    }
+    const Vector3 d = arm(node, reference);
+    double along = 0;
+    for (std::size_t c = 0; c < 3; ++c) along += F[c] * d[c];
     for (int i = 0; i < 3; ++i)
       for (int j = 0; j < 3; ++j)
         result(first + i, first + j) +=
-            0.5 * (F[i] * d[as_size(j)] + d[as_size(i)] * F[j]) - (i == j) * along;
+            0.5 * (F[as_size(i)] * d[as_size(j)] + d[as_size(i)] * F[as_size(j)]) -
+            (i == j) * along;
   }
   return result;
 }

@@ -1,4 +1,5 @@
-/// Elements, and the nodes whose dofs move them: those of a rigid interface follow its reference.
+/// Elements, and the nodes whose dofs move them: those of a rigid interface follow its reference,
+/// and dependent dofs follow those of other nodes.
 
 #pragma once
 
@@ -9,7 +10,7 @@
 
 namespace flexgram {
 
-/// An element, its nodes, and its masters: each of its nodes, or the reference that it follows.
+/// An element, its nodes, and its masters: each of its nodes, or what it follows.
 struct PlacedElement {
   const LocalElements& elements;
   std::size_t number; ///< in these
@@ -52,6 +53,7 @@ private:
   std::size_t place_of(const PlacedElement& at, std::int64_t master) const;
   const Vector3& position(std::int64_t node) const; ///< of a node, or of a reference [m]
   Vector3 arm(std::int64_t node, int reference) const;
+  std::vector<Share> shares(std::int64_t node, int c) const;
 
   const DofMap& map_;
   const LocalMesh& mesh_;

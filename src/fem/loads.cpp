@@ -87,26 +87,26 @@ NodalSums::NodalSums(MPI_Comm comm, const DofMap& map, const LocalMesh& mesh,
 
 void NodalSums::add(int column, std::int64_t node, const Vector3& force,
                     const Vector3& moment) {
-  const int reference = map_.reference[as_size(node)];
-  const std::int64_t master = reference < 0 ? node : reference;
-  Vector3 about = moment;
-  if (reference >= 0) {
-    Vector3 arm = mesh_.coordinates[mesh_.place(node)];
-    const Vector3& origin = map_.reference_position[as_size(reference - map_.points)];
-    for (std::size_t i = 0; i < 3; ++i) arm[i] -= origin[i];
-    const Vector3 more = cross(arm, force);
-    for (std::size_t i = 0; i < 3; ++i) about[i] += more[i];
-  }
-  PetscInt rows[6];
-  double values[6];
-  for (int c = 0; c < 6; ++c) {
-    rows[c] = map_.equation(master, c); // −1: held, or no such dof
-    values[c] = c < 3 ? force[as_size(c)] : about[as_size(c - 3)];
-    const auto i = as_size(master);
-    if (held_ && c < map_.dofs[i] && (map_.held[i] >> c & 1))
-      held_(names_[as_size(column)], node, c, values[c]);
-  }
-  FG_CALL(VecSetValues(sums_[as_size(column)], 6, rows, values, ADD_VALUES));
+  const double values[6]{force[0], force[1], force[2], moment[0], moment[1], moment[2]};
+  std::vector<PetscInt> rows; // −1: held, or no such dof
+  std::vector<double> entries;
+  const auto add_to = [&](std::int64_t master, int c, double value) {
+    rows.push_back(map_.equation(master, c));
+    entries.push_back(value);
+    if (held_ && map_.is_held(master, c))
+      held_(names_[as_size(column)], master, c, value);
+  };
+  const auto position = [&](std::int64_t at) {
+    return mesh_.coordinates[mesh_.place(at)];
+  };
+  for (int c = 0; c < 6; ++c)
+    if (map_.moves_alone(node))
+      add_to(node, c, values[c]);
+    else if (values[c] != 0)
+      for (const Share& share : map_.shares(node, c, position))
+        add_to(share.node, share.component, share.factor * values[c]);
+  FG_CALL(VecSetValues(sums_[as_size(column)], static_cast<PetscInt>(rows.size()),
+                       rows.data(), entries.data(), ADD_VALUES));
 }
 
 Ports NodalSums::take() {

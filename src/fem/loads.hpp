@@ -24,8 +24,8 @@ public:
   NodalSums(MPI_Comm comm, const DofMap& map, const LocalMesh& mesh,
             std::vector<std::string> names, HeldForces held = {});
 
-  /// A force at a node, and a moment that only beams and rigid interfaces take. A slave's
-  /// goes to its reference.
+  /// A force at a node, and a moment that only nodes with rotations take. What follows others
+  /// hands it on to these.
   void add(int column, std::int64_t node, const Vector3& force,
            const Vector3& moment = {0, 0, 0});
   /// Collective.

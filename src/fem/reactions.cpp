@@ -69,22 +69,29 @@ Reactions::Reactions(MPI_Comm comm, const BodyDescription& body, const DofMap& m
     for (int axis : reaction.axes) columns_.push_back({&reaction, axis});
 }
 
-double Reactions::motion(const Column& column, std::int64_t node, int c,
-                         const Vector3& x) const {
+double Reactions::motion(const Column& column, std::int64_t node, int c) const {
   const Reaction& reaction = *column.reaction;
-  if (!(map_.held[as_size(node)] >> c & 1) ||
+  if (!map_.is_held(node, c) ||
       !std::binary_search(reaction.nodes.begin(), reaction.nodes.end(), node))
     return 0;
   if (c >= 3 || column.axis < 3) return c == column.axis ? 1 : 0;
-  Vector3 arm;
-  for (std::size_t i = 0; i < 3; ++i) arm[i] = x[i] - reaction.point[i];
+  Vector3 arm = mesh_.coordinates[mesh_.place(node)];
+  for (std::size_t i = 0; i < 3; ++i) arm[i] -= reaction.point[i];
   return rigid_motion(arm)(c, column.axis);
+}
+
+double Reactions::followed(const Column& column, std::int64_t node, int c) const {
+  if (!(map_.dependent[as_size(node)] >> c & 1)) return motion(column, node, c);
+  double sum = 0;
+  for (const Share& share : map_.constraints.of(node, c))
+    sum += share.factor * motion(column, share.node, share.component);
+  return sum;
 }
 
 void Reactions::add_element(const std::int64_t* nodes, const std::vector<Vector3>& x,
                             int dofs, const Dense& K, const Dense& M) {
   const bool held = std::any_of(nodes, nodes + x.size(), [&](std::int64_t node) {
-    return map_.held[as_size(node)] != 0;
+    return map_.held[as_size(node)] != 0 || map_.dependent[as_size(node)] != 0;
   });
   if (!held) return;
   for (std::size_t j = 0; j < columns_.size(); ++j) {
@@ -92,7 +99,7 @@ void Reactions::add_element(const std::int64_t* nodes, const std::vector<Vector3
     bool moves = false;
     for (std::size_t k = 0; k < x.size(); ++k)
       for (int c = 0; c < dofs; ++c) {
-        const double value = motion(columns_[j], nodes[k], c, x[k]);
+        const double value = followed(columns_[j], nodes[k], c);
         w(static_cast<int>(k) * dofs + c, 0) = value;
         moves = moves || value != 0;
       }
@@ -115,9 +122,8 @@ HeldForces Reactions::held_forces() {
   return [this](const std::string& input, std::int64_t node, int c, double value) {
     auto& sums = held_[input];
     sums.resize(columns_.size());
-    const Vector3& x = mesh_.coordinates[mesh_.place(node)];
     for (std::size_t j = 0; j < columns_.size(); ++j)
-      sums[j] += motion(columns_[j], node, c, x) * value;
+      sums[j] += motion(columns_[j], node, c) * value;
   };
 }
 

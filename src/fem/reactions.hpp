@@ -34,8 +34,10 @@ private:
     const Reaction* reaction;
     int axis; ///< 0-2 force, 3-5 moment
   };
-  /// How far the motion of the column moves a component of a node at x.
-  double motion(const Column& column, std::int64_t node, int c, const Vector3& x) const;
+  /// How far the motion of the column moves a held component of a node; 0 for others.
+  double motion(const Column& column, std::int64_t node, int c) const;
+  /// The same of one that may follow held ones.
+  double followed(const Column& column, std::int64_t node, int c) const;
 
   MPI_Comm comm_;
   const DofMap& map_;

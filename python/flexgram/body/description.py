@@ -120,6 +120,8 @@ def import_description(
             "sections",
             "interfaces",
             "supports",
+            "equations",
+            "ties",
             "masses",
             "springs",
             "loads",

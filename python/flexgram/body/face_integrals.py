@@ -1,4 +1,5 @@
-"""Integrals of shape functions over faces of elements: what pressure and traction do at nodes."""
+"""Shape functions of faces of elements, and integrals of them: what pressure and traction do at
+nodes."""
 
 from __future__ import annotations
 
@@ -56,6 +57,19 @@ def _quadrilateral(xi: Floats, quadratic: bool) -> tuple[Floats, Floats]:
     return N, np.stack([dx, dy], axis=2)
 
 
+def corners_of(nodes: int) -> int:
+    """Corners of a face with so many nodes: 3, 4, 6 or 8."""
+    return 3 if nodes in (3, 6) else 4
+
+
+def face_functions(nodes: int, xi: Floats) -> tuple[Floats, Floats]:
+    """Shape functions (q, n) and derivatives (q, n, 2) of a face with 3, 4, 6 or 8 nodes at points
+    (q, 2) of the unit triangle, or of the square from -1 to 1."""
+    corners = corners_of(nodes)
+    shape = _triangle if corners == 3 else _quadrilateral
+    return shape(xi, nodes > corners)
+
+
 def _rule(corners: int) -> tuple[Floats, Floats]:
     """Points and weights, exact for polynomials of degree 4 (triangle, Dunavant 1985) and of degree
     5 in each direction (square)."""
@@ -91,10 +105,8 @@ def areas_at_nodes(points: Floats, faces: Sequence[Ints]) -> tuple[Floats, Float
     """
     vectors, areas = np.zeros_like(points), np.zeros(len(points))
     for nodes in faces:
-        corners = 3 if nodes.shape[1] in (3, 6) else 4
-        xi, weights = _rule(corners)
-        shape = _triangle if corners == 3 else _quadrilateral
-        N, dN = shape(xi, nodes.shape[1] > corners)
+        xi, weights = _rule(corners_of(nodes.shape[1]))
+        N, dN = face_functions(nodes.shape[1], xi)
         tangents = np.einsum("qna,fnx->qafx", dN, points[nodes])
         normals = weights[:, None, None] * np.cross(tangents[:, 0], tangents[:, 1])
         np.add.at(vectors, nodes, np.einsum("qn,qfx->fnx", N, normals))

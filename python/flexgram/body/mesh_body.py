@@ -14,6 +14,7 @@ import numpy as np
 
 from flexgram.basics import BodyError, Ints, check_name, errors_of
 from flexgram.body.bodyfile import write_law
+from flexgram.body.constraints import COMPONENTS, Constraints, write_constraints
 from flexgram.body.discrete import joined_nodes, write_masses, write_springs
 from flexgram.body.faces import CORNERS, middle_of
 from flexgram.body.loads import BodyMesh, write_loads
@@ -37,7 +38,6 @@ from flexgram.body.whole import (
     summary,
 )
 
-COMPONENTS = {"x": 0, "y": 1, "z": 2, "rx": 3, "ry": 4, "rz": 5}
 ENGINEERING = ("E1", "E2", "E3", "nu12", "nu13", "nu23", "G12", "G13", "G23")
 ISOTROPIC = ("E", "nu", "rho")
 EXPANSION = "expansion"  #: [1/K], if heat is to strain the body; of three directions if orthotropic
@@ -151,6 +151,9 @@ class MeshBody:
         self._write_blocks()
         interfaces = self._write_interfaces()
         held = self._write_supports()
+        constraints = write_constraints(
+            file, reader, self.select, self.points, self.blocks, self.length
+        )
         discrete = write_masses(file, reader, self.select, self.units)
         discrete += write_springs(file, reader, self.select, self.units)
         written = BodyMesh(
@@ -174,7 +177,7 @@ class MeshBody:
             "extent": extent,
             "units": reader.get("units", "SI"),
             "kinds": sorted({kind for kind, _ in self.blocks}),
-            "summary": [*summary(file), *discrete],
+            "summary": [*summary(file), *discrete, *constraints],
             "warnings": [
                 *doubts_of_units(file, reader.get("units", "SI"), extent),
                 *self._doubts_of_parts(held),
@@ -187,6 +190,7 @@ class MeshBody:
         nodes = {name: group["nodes"][:] for name, group in self.file["interfaces"].items()}
         supported = np.concatenate(held) if held else np.empty(0, dtype=np.int64)
         joined = [*nodes.values(), *joined_nodes(self.file)]
+        joined += Constraints.of(self.file).joined()
         parts = Parts.of(len(self.points), self._elements(), joined)
         return doubts_of_parts(self.points, parts, nodes, supported)
 

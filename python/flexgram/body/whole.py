@@ -16,6 +16,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from flexgram.basics import BodyError, Floats, Ints
+from flexgram.body.constraints import Constraints, rigid_rows
 from flexgram.body.discrete import Places, held_by_springs
 from flexgram.body.laws import law_of
 from flexgram.body.meshfile import SHELLS
@@ -238,9 +239,10 @@ def free_motions(
     points: Floats,
     held: Sequence[tuple[Ints, list[int]]],
     springs: Iterable[tuple[Floats, Floats]] = (),
+    constraints: Constraints | None = None,
 ) -> int:
-    """How many of six rigid motions supports leave: nodes and the components that each holds, and
-    springs to ground (positions, 6×6 stiffness)."""
+    """How many of six rigid motions supports leave: nodes and the components that each holds,
+    springs to ground (positions, 6×6 stiffness), and constraints that they do not fulfil."""
     centre = points.mean(axis=0) if len(points) else np.zeros(3)
     size = max(float(np.ptp(points, axis=0).max(initial=0)), 1e-300)
     rows = []
@@ -260,7 +262,10 @@ def free_motions(
             turned = np.array([np.cross(axis, arm) for axis in np.eye(3)])  # rows: θ_axis × arm
             motion = np.block([[np.eye(3), turned.T], [np.zeros((3, 3)), np.eye(3)]])
             rows.append(stiff @ motion)
-    if not rows:
+    if constraints is not None and len(constraints.dependent):
+        broken = rigid_rows(constraints, (points - centre) / size, size)
+        rows.append(broken[np.abs(broken).max(axis=1) > 1e-9])
+    if not sum(map(len, rows)):
         return 6
     values = np.linalg.svd(np.vstack(rows), compute_uv=False)
     return 6 - int((values > 1e-9 * values[0]).sum())
@@ -292,9 +297,10 @@ def summary(file: h5py.File) -> list[str]:
         (group["nodes"][:], [int(c) for c in np.ravel(group.attrs["components"])])
         for group in file.get("supports", {}).values()
     ]
+    free = free_motions(points, held, held_by_springs(file), Constraints.of(file))
     lines = [
         f"mass {facts.mass:.6g} kg, centre ({at}) m, inertia about it {inertia} kg m²",
-        f"{free_motions(points, held, held_by_springs(file))} of 6 rigid motions are free",
+        f"{free} of 6 rigid motions are free",
     ]
     for name, material in file.get("materials", {}).items():
         a = material.attrs

@@ -3,7 +3,8 @@
 For solids whose elements are the same in both programs (C3D4, C3D6, C3D8, C3D10, C3D15, C3D20,
 C3D20R: equal to the seven digits that CalculiX prints, ``tests/python/test_assemble_deck.py``) and
 isotropic materials, with shells (S3, S4, S4R; CalculiX makes solids of them, which bend a little
-differently), point masses, springs and dashpots; rigid bodies and couplings become interfaces.
+differently), point masses, springs and dashpots, equations and ties; rigid bodies and couplings
+become interfaces.
 Whatever else a deck says of its stiffness or mass is refused by name: ccx knows it (``--run-ccx``).
 """
 
@@ -23,6 +24,8 @@ from flexgram.body.meshfile import LABELS
 from flexgram.body.meshfile import SHELLS as SHELL_KINDS
 from flexgram.importers.ccx import Card, Job, damping_of, frequency_step, read_job
 from flexgram.importers.deck import FORMULATIONS, Deck, read_deck
+from flexgram.importers.deck_constraints import CARDS as CONSTRAINTS
+from flexgram.importers.deck_constraints import equations_of, ties_of
 from flexgram.importers.deck_couplings import CARDS as COUPLINGS
 from flexgram.importers.deck_couplings import Coupling, couplings_of
 from flexgram.importers.deck_loads import in_steps, loads_of
@@ -52,6 +55,7 @@ READ = {
     "VISCOELASTIC",
     *CARDS,
     *COUPLINGS,
+    *CONSTRAINTS,
 }
 #: Cards that are nothing to K and M of the unloaded body.
 PASSED = {
@@ -348,6 +352,8 @@ def assemble_deck(
         "mass_integration": "reduced",
         "masses": points.masses,
         "springs": points.springs,
+        "equations": equations_of(job, deck),
+        "ties": ties_of(job, deck),
         "loads": loads,
         "outputs": outputs,
         "supports": {

@@ -63,7 +63,7 @@ def couplings_of(job: Job, deck: Deck) -> list[Coupling]:
     """
     used = {n for _, nodes in deck.elements.values() for n in nodes}
     turning = {n for kind, nodes in deck.elements.values() if kind in SHELLS for n in nodes}
-    surfaces = _surfaces(job, deck)
+    surfaces = nodes_of_surfaces(job, deck)
     found: list[Coupling] = []
     begun: Card | None = None
     for card in job.model:
@@ -128,7 +128,7 @@ def _coupling(
     return Coupling(name.lower(), coupling, int(card.options["REF NODE"]), None, nodes)
 
 
-def _surfaces(job: Job, deck: Deck) -> dict[str, list[int]]:
+def nodes_of_surfaces(job: Job, deck: Deck) -> dict[str, list[int]]:
     """Nodes of surfaces, of nodes and of faces."""
     found: dict[str, list[int]] = {}
     for card in (card for card in job.model if card.keyword == "SURFACE"):

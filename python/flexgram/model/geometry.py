@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexgram.basics import BodyError, Floats, Ints, errors_of, index_of
+from flexgram.body.constraints import Constraints
 from flexgram.body.faces import CORNERS, faces_of, loose_shells, outer
 from flexgram.model.reduced import ReducedBody
 
@@ -30,6 +31,8 @@ class Geometry:
         Rigid interface -> (reference position [m], indices of the nodes that follow it).
     interfaces : dict
         Name -> indices of its nodes, for marking them.
+    constraints : Constraints, optional
+        What dependent dofs follow, with indices into ``points``.
     """
 
     points: Floats
@@ -37,6 +40,7 @@ class Geometry:
     blocks: list[tuple[str, Ints]]
     followers: dict[str, tuple[Floats, Ints]] = field(default_factory=dict)
     interfaces: dict[str, Ints] = field(default_factory=dict)
+    constraints: Constraints | None = None
 
     @classmethod
     def load(cls, path: str | Path) -> Geometry:
@@ -61,7 +65,9 @@ class Geometry:
                     interfaces[name] = item["nodes"][:]
                     if str(item.attrs["coupling"]) == "rigid":
                         followers[name] = (np.array(item.attrs["position"]), item["nodes"][:])
-                return cls(points, np.arange(len(points)), blocks, followers, interfaces)
+                constraints = Constraints.of(file)
+                labels = np.arange(len(points))
+                return cls(points, labels, blocks, followers, interfaces, constraints)
             if "geometry/blocks" not in file or "nodes/position" not in file:
                 raise BodyError(f"{path}: the body has no mesh (import it with its deck)")
             blocks = [
@@ -84,7 +90,8 @@ class Geometry:
     def motion(self, model: ReducedBody, q: ArrayLike | None = None) -> Floats:
         """Displacements of all nodes [m], (k, N, 3), in generalised coordinates (k, m).
 
-        Nodes inside a rigid interface follow its reference node; supported nodes rest.
+        Nodes inside a rigid interface follow its reference node, dependent dofs what they depend
+        on; supported nodes rest.
         """
         shapes = np.atleast_2d(np.eye(model.order) if q is None else np.asarray(q, dtype=float))
         labels, _, moved = model.basis.nodal(shapes)
@@ -96,7 +103,22 @@ class Geometry:
             if six is not None:
                 arm = self.points[nodes] - reference
                 motion[:, nodes] = six[:, None, :3] + np.cross(six[:, None, 3:], arm[None])
+        if self.constraints is not None and len(self.constraints.dependent):
+            self._follow(model, shapes, motion)
         return motion
+
+    def _follow(self, model: ReducedBody, shapes: Floats, motion: Floats) -> None:
+        """Set the displacements of dependent dofs."""
+        assert self.constraints is not None
+        node, component = self.constraints.independent.T
+        moved = motion[:, node, np.minimum(component, 2)]
+        turns = component >= 3
+        basis = model.basis
+        at, known = index_of(6 * basis.node + basis.component, 6 * self.labels[node] + component)
+        moved[:, turns] = np.where(known, shapes @ basis.V[at].T, 0.0)[:, turns]
+        node, component = self.constraints.dependent.T
+        own = component < 3
+        motion[:, node[own], component[own]] = self.constraints.sums(moved)[:, own]
 
     def surface(self) -> Ints:
         """Triangles of the outer surface, and of shells, by corner nodes, (T, 3)."""

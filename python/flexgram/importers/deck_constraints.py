@@ -1,0 +1,134 @@
+"""Equations, ties and multi-point constraints of a CalculiX or Abaqus deck, as a body's description
+has them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from flexgram.basics import BodyError, errors_of
+from flexgram.body.meshfile import SHELLS
+from flexgram.importers.ccx import Card, Job
+from flexgram.importers.deck import Deck
+from flexgram.importers.deck_couplings import nodes_of_surfaces
+
+#: Cards that are read here.
+CARDS = {"EQUATION", "TIE", "MPC"}
+COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
+#: Options of *TIE that are followed, or change nothing here: a gap needs no adjusted nodes.
+OPTIONS = {"NAME", "POSITION TOLERANCE", "ADJUST", "TYPE", "NO ROTATION"}
+
+Equation = list[list[Any]]  #: rows of a number of a node from 1, a component, a factor
+
+
+def equations_of(job: Job, deck: Deck) -> dict[str, dict[str, Any]]:
+    """Entries of ``equations`` of a description: of *EQUATION and *MPC.
+
+    Raises
+    ------
+    BodyError
+        For equations that are not, and kinds of *MPC that are not followed.
+    """
+    found: dict[str, dict[str, Any]] = {}
+    for keyword, read in (("EQUATION", _equations), ("MPC", _points)):
+        cards = [card for card in job.model if card.keyword == keyword]
+        terms = [equation for card in cards for equation in read(job, deck, card)]
+        if terms:
+            found[keyword.lower()] = {"terms": terms}
+    return found
+
+
+def _number(job: Job, deck: Deck, label: int) -> int:
+    at = int(np.searchsorted(deck.labels, label))
+    if at == len(deck.labels) or deck.labels[at] != label:
+        raise BodyError(f"{job.path}: there is no node {label}")
+    return at + 1
+
+
+def _equations(job: Job, deck: Deck, card: Card) -> list[Equation]:
+    """Each: how many terms, then node (or a set of as many nodes), direction and factor of each,
+    some in a line."""
+    where = f"{job.path}: *EQUATION"
+    words = [word for row in card.words() for word in row if word]
+    found: list[Equation] = []
+    while words:
+        with errors_of(where):
+            count = int(words[0])
+        own, words = words[1 : 1 + 3 * count], words[1 + 3 * count :]
+        if count < 1 or len(own) < 3 * count:
+            raise BodyError(f"{where}: expected {3 * count} entries, found {', '.join(own)!r}")
+        columns: list[list[list[Any]]] = []
+        for name, direction, factor in zip(own[::3], own[1::3], own[2::3], strict=True):
+            if not name.isdigit() and name.upper() not in deck.sets:
+                raise BodyError(f"{where}: there is no node set {name}")
+            labels = [int(name)] if name.isdigit() else deck.sets[name.upper()].tolist()
+            with errors_of(where):
+                component, value = COMPONENTS[int(direction) - 1], float(factor)
+            columns.append([[_number(job, deck, n), component, value] for n in labels])
+        if len({len(column) for column in columns}) > 1:
+            raise BodyError(f"{where}: sets of {', '.join(str(len(c)) for c in columns)} nodes")
+        found += [list(rows) for rows in zip(*columns, strict=True)]
+    return found
+
+
+def _points(job: Job, deck: Deck, card: Card) -> list[Equation]:
+    """TIE, PIN and BEAM of *MPC: the first node follows the second."""
+    turning = {n for kind, nodes in deck.elements.values() if kind in SHELLS for n in nodes}
+    found: list[Equation] = []
+    for words in card.words():
+        words = [word for word in words if word]
+        where = f"{job.path}: *MPC {', '.join(words)}"
+        kind = words[0].upper() if words else ""
+        if kind not in ("TIE", "PIN", "BEAM") or len(words) != 3:
+            raise BodyError(f"{where}: only TIE, PIN and BEAM of two nodes are followed")
+        if not (words[1].isdigit() and words[2].isdigit()):
+            raise BodyError(f"{where}: name two nodes")
+        first, second = int(words[1]), int(words[2])
+        a, b = _number(job, deck, first), _number(job, deck, second)
+        turns = {first, second} <= turning and kind != "PIN"
+        arm = deck.points[a - 1] - deck.points[b - 1]
+        if kind == "BEAM" and second not in turning and np.any(arm):
+            raise BodyError(f"{where}: node {second} has no rotations to move the other by")
+        for c in range(6 if turns else 3):
+            rows: Equation = [[a, COMPONENTS[c], 1.0], [b, COMPONENTS[c], -1.0]]
+            if kind == "BEAM" and c < 3:  # u_a = u_b + θ_b × arm
+                i, j = (c + 1) % 3, (c + 2) % 3
+                rows += [
+                    [b, COMPONENTS[3 + k], factor]
+                    for k, factor in ((i, -float(arm[j])), (j, float(arm[i])))
+                    if factor
+                ]
+            found.append(rows)
+    return found
+
+
+def ties_of(job: Job, deck: Deck) -> dict[str, dict[str, Any]]:
+    """Entries of ``ties`` of a description.
+
+    Raises
+    ------
+    BodyError
+        For surfaces that are not there, and options that are not followed.
+    """
+    cards = [card for card in job.model if card.keyword == "TIE"]
+    surfaces = nodes_of_surfaces(job, deck) if cards else {}
+    found: dict[str, dict[str, Any]] = {}
+    for number, card in enumerate(cards, 1):
+        name = card.options.get("NAME", f"tie{number}").lower()
+        where = f"{job.path}: *TIE ({name})"
+        if others := sorted(set(card.options) - OPTIONS):
+            raise BodyError(f"{where}: {others[0]} is not followed by --assemble: take --run-ccx")
+        for row, words in enumerate((w for w in card.words() if any(w)), 1):
+            names = [word.upper() for word in words if word]
+            if len(names) != 2 or not set(names) <= set(surfaces):
+                raise BodyError(f"{where}: expected two surfaces that are there: slave, master")
+            slave, master = ([_number(job, deck, n) for n in surfaces[s]] for s in names)
+            entry: dict[str, Any] = {"nodes": slave, "to": master}
+            if tolerance := card.options.get("POSITION TOLERANCE"):
+                with errors_of(f"{where}: POSITION TOLERANCE"):
+                    entry["distance"] = float(tolerance)
+            if "NO ROTATION" in card.options:
+                entry["rotations"] = "free"
+            found[name if row == 1 else f"{name}_{row}"] = entry
+    return found

@@ -1,0 +1,177 @@
+"""*EQUATION, *TIE and *MPC of CalculiX decks, assembled here, against ccx."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.sparse.linalg import eigsh
+from test_assemble_deck import deck
+from test_constraints import two_boxes
+from test_importers import ccx_frequencies
+
+from bodies import CALCULIX
+from conftest import assembled, run
+from flexgram import BodyError
+from flexgram.importers import parse
+from flexgram.importers.assemble import assemble_deck
+
+ccx = pytest.mark.skipif(shutil.which("ccx") is None, reason="ccx is not installed")
+HELD = "*BOUNDARY\nSTART, 1, 3\n"
+EQUATIONS = """*EQUATION
+3
+40,1,2.,41,2,1.,46,3,-1.5
+** a comment between
+2
+52,2,1.,40,1,-0.25
+*EQUATION
+2
+54,3,1.,53,3,-0.5
+"""
+
+
+def frequencies(folder: Path, path: Path, ports: str = "NODES:20", ranks: int = 1) -> Any:
+    facts = assemble_deck(path, folder / "body.h5", [parse("node", f"tip={ports}")])
+    a = assembled(folder / "matrices.h5", folder / "body.h5", ranks)
+    squares = eigsh(a["K"], 8, a["M"], sigma=0, return_eigenvectors=False)
+    return np.sqrt(np.sort(squares)) / (2 * np.pi), facts
+
+
+@ccx
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("element", ["C3D8", "C3D10"])
+def test_equations_are_those_of_ccx(element: str, ranks: int, tmp_path: Path) -> None:
+    """Chains of equations, of two cards."""
+    found = []
+    for name, model in (("plain", ""), ("tied", EQUATIONS)):
+        path = deck(tmp_path / f"{name}.inp", element, model=model, held=HELD)
+        ours, _ = frequencies(tmp_path, path, ranks=ranks)
+        np.testing.assert_allclose(ours, ccx_frequencies(path)[:8], rtol=1e-6)
+        found.append(ours)
+    assert np.abs(found[1] / found[0] - 1).max() > 0.01
+
+
+def test_equations_of_sets(tmp_path: Path) -> None:
+    """A set stands for its nodes, one equation each, as in Abaqus."""
+    of_sets = "*NSET, NSET=A\n40, 41\n*NSET, NSET=B\n46, 47\n*EQUATION\n2\nA, 1, 1., B, 1, -1.\n"
+    one_by_one = "*EQUATION\n2\n40, 1, 1., 46, 1, -1.\n2\n41, 1, 1., 47, 1, -1.\n"
+    found = [
+        frequencies(tmp_path, deck(tmp_path / "bar.inp", "C3D8", model=model, held=HELD))[0]
+        for model in (of_sets, one_by_one, "")
+    ]
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-12)
+    assert np.abs(found[2] / found[0] - 1).max() > 1e-3
+
+
+def tied_deck(path: Path, elements: tuple[str, str], tie: str, counts: Any) -> Path:
+    """Two boxes whose meshes do not match; the first is held at its start."""
+    mesh = two_boxes((CALCULIX[elements[0]], CALCULIX[elements[1]]), counts)
+    lines = ["*NODE, NSET=ALL"]
+    lines += [f"{n}, {x!r}, {y!r}, {z!r}" for n, (x, y, z) in enumerate(mesh.points.tolist(), 1)]
+    number = 0
+    for name, element, cells in zip(("ONE", "TWO"), elements, mesh.cells, strict=True):
+        lines += [f"*ELEMENT, TYPE={element}, ELSET={name}"]
+        for nodes in cells.data + 1:
+            number += 1
+            words = [str(number), *map(str, nodes)]
+            lines += [
+                ", ".join(words[k : k + 15]) + ("," if k + 15 < len(words) else "")
+                for k in range(0, len(words), 15)
+            ]
+    for name in ("start", "seam", "face"):
+        lines += [f"*NSET, NSET={name.upper()}"]
+        lines += [f"{n + 1}" for n in np.sort(mesh.point_sets[name]).tolist()]
+    lines += ["*SURFACE, NAME=SLAVE, TYPE=NODE", "SEAM", "*SURFACE, NAME=MASTER"]
+    face = set(mesh.point_sets["face"].tolist())
+    first = len(mesh.cells[0].data)
+    # Of a hexahedron from box() the side of least x is S6.
+    for k, nodes in enumerate(mesh.cells[1].data):
+        if set(nodes[[0, 3, 4, 7]].tolist()) <= face:
+            lines += [f"{first + k + 1}, S6"]
+    lines += ["*MATERIAL, NAME=STEEL", "*ELASTIC", "210000000000., 0.3", "*DENSITY", "7850."]
+    lines += [f"*SOLID SECTION, ELSET={name}, MATERIAL=STEEL" for name in ("ONE", "TWO")]
+    lines += [tie, "*BOUNDARY", "START, 1, 3", "*STEP", "*FREQUENCY", "8", "*END STEP"]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+TIE = "*TIE, NAME=SEAM\nSLAVE, MASTER"
+
+
+@ccx
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize(
+    ("elements", "counts"),
+    [
+        (("C3D8", "C3D8"), ((4, 3, 3), (4, 2, 2))),
+        (("C3D10", "C3D20"), ((4, 3, 3), (4, 2, 2))),
+        (("C3D20R", "C3D8"), ((4, 2, 2), (4, 3, 3))),
+    ],
+)
+def test_ties_are_those_of_ccx(
+    elements: tuple[str, str], counts: Any, ranks: int, tmp_path: Path
+) -> None:
+    path = tied_deck(tmp_path / "tied.inp", elements, TIE, counts)
+    ours, facts = frequencies(tmp_path, path, ranks=ranks)
+    np.testing.assert_allclose(ours, ccx_frequencies(path)[:8], rtol=2e-6)
+    assert any(line.startswith("tie seam: ") for line in facts["summary"])
+
+
+def test_points_of_mpc(tmp_path: Path) -> None:
+    """BEAM, TIE and PIN between two sheets: K and M of the equations written out."""
+    sheets = (
+        "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,2,0,.1\n6,3,0,.1\n7,3,1,.1\n8,2,1,.1\n"
+        "*ELEMENT, TYPE=S4, ELSET=E\n1,1,2,3,4\n2,5,6,7,8\n"
+        "*MATERIAL, NAME=M\n*ELASTIC\n1e9,.3\n*DENSITY\n1000.\n"
+        "*SHELL SECTION, ELSET=E, MATERIAL=M\n.02\n{model}"
+        "*BOUNDARY\n1,1,6\n4,1,6\n*STEP\n*FREQUENCY\n4\n*END STEP\n"
+    )
+    # u_5 = u_2 + θ_2 × (1, 0, 0.1); θ_5 = θ_2
+    rows = [
+        "3\n5,1,1.,2,1,-1.,2,5,-0.1",
+        "4\n5,2,1.,2,2,-1.,2,4,0.1,2,6,-1.",
+        "3\n5,3,1.,2,3,-1.,2,5,1.",
+        *(f"2\n5,{c},1.,2,{c},-1." for c in (4, 5, 6)),
+    ]
+    found = []
+    for model in (
+        "*MPC\nBEAM, 5, 2\nPIN, 8, 3\n",
+        "*EQUATION\n" + "\n".join([*rows, *(f"2\n8,{c},1.,3,{c},-1." for c in (1, 2, 3))]) + "\n",
+    ):
+        path = tmp_path / "sheets.inp"
+        path.write_text(sheets.format(model=model))
+        assemble_deck(path, tmp_path / "body.h5", [parse("node", "tip=NODES:6")])
+        found.append(assembled(tmp_path / "matrices.h5", tmp_path / "body.h5"))
+    for name in ("K", "M"):
+        assert abs(found[0][name] - found[1][name]).max() < 1e-12 * abs(found[1][name]).max()
+
+
+@pytest.mark.parametrize(
+    ("model", "words"),
+    [
+        ("*EQUATION\n2\n40, 1, 1.\n", "expected 6 entries"),
+        ("*EQUATION\n2\n40, 7, 1., 41, 1, 1.\n", "index out of range"),
+        ("*EQUATION\n2\nNONE, 1, 1., 41, 1, 1.\n", "no node set NONE"),
+        ("*EQUATION\n2\nSTART, 1, 1., END, 1, 1.\n*NSET, NSET=END\n1\n", "sets of"),
+        ("*MPC\nPLANE, 1, 2, 3, 4\n", "only TIE, PIN and BEAM"),
+        ("*MPC\nBEAM, 40, 41\n", "has no rotations"),
+        ("*TIE, CYCLIC SYMMETRY\nA, B\n", "CYCLIC SYMMETRY is not followed"),
+        ("*TIE, NAME=T\nA, B\n", "two surfaces"),
+    ],
+)
+def test_what_is_refused(model: str, words: str, tmp_path: Path) -> None:
+    path = deck(tmp_path / "bar.inp", "C3D8", model=model, held=HELD)
+    with pytest.raises(BodyError, match=words):
+        assemble_deck(path, tmp_path / "bar.h5", [parse("node", "tip=NODES:20")])
+
+
+def test_the_command_line(tmp_path: Path) -> None:
+    """What ties there are is said."""
+    path = tied_deck(tmp_path / "tied.inp", ("C3D8", "C3D8"), TIE, ((3, 3, 3), (3, 2, 2)))
+    said = run(
+        *("import", path, "--assemble", "--node", "tip=NODES:20", "-o", tmp_path / "body.h5")
+    ).out
+    assert "tie seam: 16 nodes follow faces" in said
