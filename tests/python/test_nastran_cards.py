@@ -32,16 +32,29 @@ def test_parameters_of_case_control(words: str, tmp_path: Path) -> None:
         assert file["materials/mat1"].attrs["rho"] == pytest.approx(7850 * factor, rel=1e-12)
 
 
+def mpc(cards: str) -> str:
+    return plate(cards).replace("BEGIN BULK", "MPC = 5\nBEGIN BULK")
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        (plate("CGAP,90,9,10,20\n", "MPC,5,10,1,1.0,20,1,-1.\n"), r"CGAP \(1\), MPC \(1\): not"),
+        (plate("CGAP,90,9,10,20\nCGAP,91,9,10,20\n"), r"CGAP \(2\): not"),
         (plate(prop="PSHELL,1,1,0.01\n"), "MID2 must be MID1"),
         (plate(prop="PSHELL,1,1,0.01,1,2.0,1\n"), "12I/T"),
         (plate(material="MAT1,1,2.1+11,,0.3\n"), "has no density"),
         (plate(material="MAT1,1,2.1+11,5.+10,0.3,7850.\n"), "do not belong together"),
         (plate("CONM2,91,50,,1.0,0.1\n"), "lies beside the grid"),
-        (plate("RBE2,92,50,123,80,90\n"), "leaves rotations of shells or beams free"),
+        (
+            plate("GRID,900,,2.,2.,0.\nRBE2,92,900,123,80,90\n"),
+            "123 only, and its grid 900 belongs",
+        ),
+        (mpc("MPC,5,50,1,1.0,900,1,-1.\nGRID,900,,2.,2.,0.\n"), "MPC 5: grid 900 belongs to no"),
+        (mpc("MPC,5,50,0,1.0,80,1,-1.\n"), "MPC 5: grid 50 has no component 0"),
+        (
+            mpc("GRID,900,,2.,2.,0.\nRBE2,92,900,123456,80,90\nMPC,5,50,1,1.0,900,1,-1.\n"),
+            "MPC 5: grid 900 is that of rbe2_92",
+        ),
         (plate("SPC,1,50,3,0.1\n"), "moves grids"),
         (plate("CELAS2,93,1.0,50,3,90,3\n"), "its ends lie apart"),
         ("BEGIN BULK\nENDDATA\n", "no GRID"),
@@ -104,14 +117,14 @@ def test_the_command_line(tmp_path: Path) -> None:
         (plate("RBE2,92,80,123456,90\nRBE2,93,50,123456,80\nRBE2,94,70,123456,80\n"),
          "grid 80, which moves others, is moved twice"),
         (plate("RBAR,92,80,90,123,456\n"), "RBAR 92: its independent components"),
-        (plate("RBAR,92,80,90,123456,,,123\n"), "RBAR 92: it leaves rotations of shells"),
         (plate("GRID,900,,2.,2.,0.\nSPC1,1,123456,900\nGRID,901,,3.,2.,0.\n"
                "RBE2,92,900,123456,80,90\nRBE2,93,901,123456,900\n"), "900 is held by an SPC"),
         (plate("GRID,900,,2.,2.,0.\nSPC1,1,12,900\nRBE2,92,900,123456,80,90\n"),
          "RBE2 92: its grid 900 is held in some"),
         (plate("GRID,900,,2.,2.,0.\nSPC1,1,3,90\nRBE2,92,900,123456,80,90\n"),
          "90 is held by an SPC"),
-        (plate("RBE3,92,,50,123456,1.0,123,80,90\n"), "its grid 50 is held, or an element's"),
+        (plate("RBE3,92,,50,123456,1.0,123,80,90\n"), "RBE3 92: its grids lie on a line"),
+        (plate("RBE3,92,,10,123456,1.0,123,80,90,50\n"), "its grid 10 is held"),
         (plate("GRDSET,,,,,,5\nCORD2R,5,,0.,0.,0.,0.,1.,0.\n,1.,0.,0.\n"), "GRDSET with CP or CD"),
         (plate("DMIG,KX,0,6,1,0\nDMIG,KX,50,1,,50,1,1.+5\n"), r"DMIG \(\d\): not followed"),
         (plate("MAT1,2,1.+9,,0.3,100.\n", prop="PSHELL,1,1,0.01,1,,2\n"), "MID3 must be MID1"),

@@ -18,6 +18,7 @@ from flexgram.importers.fe import Interface, check_damping
 from flexgram.importers.mesh import describe_interfaces, further_keys
 from flexgram.importers.nastran_deck import BulkDeck
 from flexgram.importers.nastran_elements import Elements
+from flexgram.importers.nastran_equations import Equations
 from flexgram.importers.nastran_points import PointElements
 from flexgram.importers.nastran_rigid import RigidElements
 
@@ -116,7 +117,9 @@ class _Bulk:
             self.points.add_spring(number, element)
         for number, mass in sorted(deck.model.masses.items()):
             self.points.add_mass(int(number), mass)
-        self.rigid = RigidElements(deck, elements, self.points)
+        self.equations = Equations(deck, elements)
+        self.rigid = RigidElements(deck, elements, self.points, self.equations)
+        self.equations.read_mpc(self.rigid.references)
         if not deck.param("COUPMASS"):
             deck.remarks.append(
                 "mass is consistent here, lumped in Nastran without PARAM,COUPMASS: frequencies "
@@ -132,6 +135,7 @@ class _Bulk:
             "springs": self.points.springs,
             "supports": self.rigid.supports,
             "interfaces": self.rigid.interfaces,
+            "equations": self.equations.entries,
         }
 
     def number(self, entry: dict[str, Any]) -> None:

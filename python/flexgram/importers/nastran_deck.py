@@ -61,6 +61,8 @@ READ = {
         "RBE2",
         "RBE3",
         "RBAR",
+        "MPC",
+        "MPCADD",
     ),
     *("CDAMP1", "CDAMP2", "PDAMP"),
     *("CORD1R", "CORD1C", "CORD1S", "CORD2R", "CORD2C", "CORD2S", "SPC", "SPC1", "SPCADD"),
@@ -176,6 +178,32 @@ class BulkDeck:
         if control is None:
             return set()
         return {str(key) for case in control.subcases.values() for key in case.params}
+
+    def chosen(self, kind: str, numbers: Sequence[int]) -> list[int]:
+        """The SPC or MPC of the first subcase; of bulk data alone, all of these numbers."""
+        control = self.model.case_control_deck
+        if control is None or not self.cases():
+            known = sorted(set(numbers))
+            if len(known) > 1:
+                self.remarks.append(
+                    f"no case control: {kind} {', '.join(map(str, known))} all count"
+                )
+            return known
+        common = control.subcases[0].params.get(kind) if 0 in control.subcases else None
+        found = [
+            of.params.get(kind, common)
+            for number, of in sorted(control.subcases.items())
+            if number > 0
+        ] or [common]
+        chosen = [int(of[0]) for of in found if of is not None]
+        if not chosen or found[0] is None:
+            if numbers:
+                free = ": the body is free" if kind == "SPC" else ""
+                self.remarks.append(f"case control chooses no {kind}{free}")
+            return []
+        if len(set(chosen)) > 1:
+            self.remarks.append(f"{kind} {chosen[0]} of the first subcase counts; others differ")
+        return chosen[:1]
 
     def param(self, name: str) -> float | None:
         """A parameter; case control goes before bulk data."""

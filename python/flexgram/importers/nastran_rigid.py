@@ -7,14 +7,18 @@ from typing import Any
 from flexgram.basics import BodyError
 from flexgram.importers.nastran_deck import BulkDeck, named
 from flexgram.importers.nastran_elements import Elements
+from flexgram.importers.nastran_equations import Equations
 from flexgram.importers.nastran_points import PointElements
 
 
 class RigidElements:
     """Entries of ``supports`` and ``interfaces`` of a description; what is fixed to them."""
 
-    def __init__(self, deck: BulkDeck, elements: Elements, points: PointElements) -> None:
+    def __init__(
+        self, deck: BulkDeck, elements: Elements, points: PointElements, equations: Equations
+    ) -> None:
         self.deck, self.elements, self.points = deck, elements, points
+        self.equations = equations
         self.supports: dict[str, dict[str, Any]] = {}
         self.interfaces: dict[str, dict[str, Any]] = {}
         self.references: dict[int, str] = {}  #: of interfaces, where nothing else is
@@ -37,8 +41,8 @@ class RigidElements:
             own = {int(c) for c in str(node.ps) or common} - {0}  # 0: none, whatever GRDSET says
             if own:
                 held.setdefault(int(label), set()).update(own)
-        cards = []
-        for number in self._chosen_supports():
+        cards, model = [], self.deck.model
+        for number in self.deck.chosen("SPC", [*model.spcs, *model.spcadds]):
             with named(self.deck.path, f"SPC {number} is not there"):
                 cards += self.deck.model.get_reduced_spcs(int(number), consider_spcadd=True)
         for card in cards:
@@ -56,33 +60,6 @@ class RigidElements:
                 held.setdefault(n, set()).update(int(c) for c in components if c != "0")
         return held
 
-    def _chosen_supports(self) -> list[int]:
-        """The SPC of the first subcase; of bulk data alone, all."""
-        control = self.deck.model.case_control_deck
-        if control is None or not self.deck.cases():
-            known = sorted({*self.deck.model.spcs, *self.deck.model.spcadds})
-            if len(known) > 1:
-                self.deck.remarks.append(
-                    f"no case control: SPC {', '.join(map(str, known))} all hold it"
-                )
-            return known
-        common = control.subcases[0].params.get("SPC") if 0 in control.subcases else None
-        found = [
-            of.params.get("SPC", common)
-            for number, of in sorted(control.subcases.items())
-            if number > 0
-        ] or [common]
-        numbers = [int(of[0]) for of in found if of is not None]
-        if not numbers or found[0] is None:
-            if self.deck.model.spcs:
-                self.deck.remarks.append("case control chooses no SPC: the body is free")
-            return []
-        if len(set(numbers)) > 1:
-            self.deck.remarks.append(
-                f"SPC {numbers[0]} of the first subcase holds the body; others differ"
-            )
-        return numbers[:1]
-
     def _write_supports(self, held: dict[int, set[int]]) -> None:
         alike: dict[tuple[int, ...], list[int]] = {}
         lost: list[int] = []
@@ -93,12 +70,13 @@ class RigidElements:
             kept = {c for c in components if c < 4 or label in self.elements.turning}
             if not kept:
                 continue
-            node = self.deck.model.nodes[label]
-            of_blocks = [{1, 2, 3} & kept, {4, 5, 6} & kept]
-            if node.Cd() != 0 and any(len(b) not in (0, 3) for b in of_blocks):
-                raise BodyError(
-                    f"{self.deck.path}: grid {label} is held in axes of its own (CD): not followed"
-                )
+            if self.deck.model.nodes[label].Cd() != 0:
+                blocks = [kept & {1, 2, 3}, kept & {4, 5, 6}]
+                some = [c for block in blocks if len(block) < 3 for c in sorted(block)]
+                self.equations.hold(label, some)
+                kept -= set(some)
+                if not kept:
+                    continue
             alike.setdefault(tuple(sorted(kept)), []).append(self.deck.at(label) + 1)
         names = ("x", "y", "z", "rx", "ry", "rz")
         for key, nodes in alike.items():
@@ -131,11 +109,14 @@ class RigidElements:
             if kind in self.deck.ignore:
                 return
             raise self.deck.refuse(kind, number, "only RBE2, RBAR and RBE3 are followed")
-        if reference in held or reference in self.elements.used:
-            raise self.deck.refuse(kind, number, f"its grid {reference} is held, or an element's")
         kept = [(n, w) for n, w in zip(nodes, weights, strict=True) if n in self.elements.used]
         if len(kept) < len(nodes):
             raise self.deck.refuse(kind, number, "some of its grids belong to no element")
+        if reference in held:
+            raise self.deck.refuse(kind, number, f"its grid {reference} is held")
+        if reference in self.elements.used:
+            self.equations.average(number, element, nodes, weights)
+            return
         self.interfaces[f"rbe3_{number}"] = {
             "coupling": "distributing",
             "nodes": [self.deck.at(n) + 1 for n in nodes],
@@ -157,11 +138,17 @@ class RigidElements:
     def _move(self, name: str, reference: int, nodes: list[int], coupled: str) -> None:
         """A grid moves others as a rigid body."""
         where = f"{self.deck.path}: {name.upper().replace('_', ' ')}"
-        if not set("123") <= set(coupled):
-            raise BodyError(f"{where}: it couples {coupled} only, not 123456")
         if set(coupled) != set("123456"):
-            if self.elements.turning & set(nodes):
-                raise BodyError(f"{where}: it leaves rotations of shells or beams free")
+            if not set("123") <= set(coupled) or self.elements.turning & set(nodes):
+                if reference not in self.elements.used:
+                    raise BodyError(
+                        f"{where}: it couples {coupled} only, and its grid {reference} belongs "
+                        "to no element"
+                    )
+                for n in nodes:
+                    if n in self.elements.used:
+                        self.equations.follow(name, n, reference, sorted(map(int, coupled)))
+                return
             self.loose.update(nodes)
         self.shared.setdefault(reference, (name, []))[1].extend(nodes)
 

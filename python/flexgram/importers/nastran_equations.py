@@ -1,0 +1,149 @@
+"""What of Nastran bulk data becomes linear equations between grids: MPC, supports in axes of their
+own (CD), RBE2 of some components, and RBE3 whose grid belongs to an element."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+
+from flexgram.basics import BodyError, Floats
+from flexgram.importers.nastran_deck import BulkDeck, named
+from flexgram.importers.nastran_elements import Elements
+
+NAMES = ("x", "y", "z", "rx", "ry", "rz")
+
+
+class Equations:
+    """Entries of ``equations`` of a description."""
+
+    def __init__(self, deck: BulkDeck, elements: Elements) -> None:
+        self.deck, self.elements = deck, elements
+        self.entries: dict[str, dict[str, Any]] = {}
+
+    def _row(self, label: int, component: int, factor: float) -> list[list[Any]]:
+        """Factor times a component (from 1) of a grid, along its own axes."""
+        along = self.axes(label)[(component - 1) % 3]
+        names = NAMES[:3] if component < 4 else NAMES[3:]
+        number = self.deck.at(label) + 1
+        return [
+            [number, name, float(factor * part)]
+            for name, part in zip(names, along, strict=True)
+            if abs(part) > 1e-14
+        ]
+
+    def axes(self, label: int) -> Floats:
+        """Those of its displacements (CD), in rows."""
+        system = self.deck.model.nodes[label].cd_ref
+        if system is None or self.deck.model.nodes[label].Cd() == 0:
+            return np.eye(3)
+        axes: Floats = np.array(system.beta(), dtype=float)
+        x, y, z = axes @ (self.deck.points[self.deck.at(label)] - system.origin)
+        if system.type[-1] == "R":
+            return axes
+        theta = np.arctan2(y, x)
+        outward = np.array([np.cos(theta), np.sin(theta), 0.0])
+        around = np.array([-np.sin(theta), np.cos(theta), 0.0])
+        if system.type[-1] == "C":
+            own = np.array([outward, around, [0.0, 0.0, 1.0]])
+        else:
+            phi = np.arctan2(np.hypot(x, y), z)
+            up = np.array([0.0, 0.0, 1.0])
+            own = np.array(
+                [
+                    np.sin(phi) * outward + np.cos(phi) * up,
+                    np.cos(phi) * outward - np.sin(phi) * up,
+                    around,
+                ]
+            )
+        turned: Floats = own @ axes
+        return turned
+
+    def _add(self, name: str, equations: list[list[list[Any]]]) -> None:
+        if equations:
+            self.entries.setdefault(name, {"terms": []})["terms"] += equations
+
+    def hold(self, label: int, components: Iterable[int]) -> None:
+        """A support along axes of the grid."""
+        self._add("held_cd", [self._row(label, c, 1.0) for c in components])
+
+    def follow(self, name: str, label: int, reference: int, components: Iterable[int]) -> None:
+        """Some components of a grid move as a rigid body with another that has rotations, or lies
+        in the same place."""
+        arm = self.deck.points[self.deck.at(label)] - self.deck.points[self.deck.at(reference)]
+        turns = reference in self.elements.turning
+        number = self.deck.at(reference) + 1
+        found = []
+        for c in components:
+            if c > 3 and label not in self.elements.turning:
+                continue
+            if not turns and (c > 3 or np.any(arm)):
+                raise BodyError(
+                    f"{self.deck.path}: {name.upper().replace('_', ' ')}: grid {reference} has no "
+                    "rotations to move others by"
+                )
+            along = self.axes(label)[(c - 1) % 3]
+            terms = self._row(label, c, 1.0)
+            turned = along if c > 3 else np.cross(arm, along)  # e · (θ × d) = θ · (d × e)
+            for names, factors in (
+                (NAMES[:3], along if c < 4 else np.zeros(3)),
+                (NAMES[3:], turned if turns else np.zeros(3)),
+            ):
+                terms += [[number, n, -float(f)] for n, f in zip(names, factors, strict=True) if f]
+            found.append(terms)
+        self._add(name, found)
+
+    def average(self, number: int, element: Any, nodes: list[int], weights: list[float]) -> None:
+        """The grid of a RBE3 that belongs to an element: its motion is the weighted least-squares
+        mean of others."""
+        reference = int(element.ref_grid_id)
+        at = self.deck.points[[self.deck.at(n) for n in nodes]]
+        arms = at - self.deck.points[self.deck.at(reference)]
+        turned = -np.cross(np.eye(3)[None], arms[:, None])  # rows: u_c = … + Σ θ_a (e_a × d)_c
+        G = np.concatenate([np.broadcast_to(np.eye(3), (len(nodes), 3, 3)), turned], axis=2)
+        normal = np.einsum("k,kca,kcb->ab", weights, G, G)
+        scale = 1 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
+        if np.linalg.eigvalsh(normal * np.outer(scale, scale))[0] < 1e-10:
+            raise self.deck.refuse("RBE3", number, "its grids lie on a line or in a point")
+        mean = np.linalg.solve(normal, np.einsum("k,kca->akc", weights, G).reshape(6, -1))
+        own = self.axes(reference)
+        found = []
+        for c in sorted(int(digit) for digit in str(element.refc) if digit != "0"):
+            if c > 3 and reference not in self.elements.turning:
+                continue
+            along = own[(c - 1) % 3]
+            shares = along @ mean[:3] if c < 4 else along @ mean[3:]
+            terms = self._row(reference, c, 1.0)
+            for k, share in zip(nodes, shares.reshape(-1, 3), strict=True):
+                number_k = self.deck.at(k) + 1
+                terms += [[number_k, n, -float(f)] for n, f in zip(NAMES, share, strict=False) if f]
+            found.append(terms)
+        self._add(f"rbe3_{number}", found)
+
+    def read_mpc(self, references: dict[int, str]) -> None:
+        """MPC of the first subcase; of bulk data alone, all. ``references``: grids (from 1) that
+        stand for interfaces."""
+        for number in self.deck.chosen("MPC", [*self.deck.model.mpcs, *self.deck.model.mpcadds]):
+            with named(self.deck.path, f"MPC {number} is not there"):
+                cards = self.deck.model.get_reduced_mpcs(int(number), consider_mpcadd=True)
+            for card in cards:
+                self._add(f"mpc_{number}", [self._mpc(card, references)])
+
+    def _mpc(self, card: Any, references: dict[int, str]) -> list[list[Any]]:
+        terms: list[list[Any]] = []
+        rows = zip(card.node_ids, card.components, card.coefficients, strict=True)
+        for label, component, factor in rows:
+            k = self.deck.at(int(label)) + 1
+            c = int(str(component) or 0)
+            if k in references:
+                why = f"grid {label} is that of {references[k]}, an interface"
+            elif int(label) not in self.elements.used:
+                why = f"grid {label} belongs to no element"
+            elif c not in range(1, 7) or (c > 3 and int(label) not in self.elements.turning):
+                why = f"grid {label} has no component {component}"
+            else:
+                terms += self._row(int(label), c, float(factor))
+                continue
+            raise BodyError(f"{self.deck.path}: MPC {card.conid}: {why}")
+        return terms
