@@ -6,9 +6,10 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
-from scipy.sparse.linalg import eigsh
+from scipy.sparse.linalg import eigsh, spsolve
 from test_assemble_deck import deck
 from test_constraints import two_boxes
 from test_importers import ccx_frequencies
@@ -52,6 +53,48 @@ def test_equations_are_those_of_ccx(element: str, ranks: int, tmp_path: Path) ->
         np.testing.assert_allclose(ours, ccx_frequencies(path)[:8], rtol=1e-6)
         found.append(ours)
     assert np.abs(found[1] / found[0] - 1).max() > 0.01
+
+
+TURNED = """*NSET, NSET=TIP
+50, 51, 52, 53, 54
+*NSET, NSET=MIDDLE
+28, 29, 30
+*TRANSFORM, NSET=TIP, TYPE=R
+0.6, 0.8, 0., -0.8, 0.6, 0.1
+*TRANSFORM, NSET=MIDDLE, TYPE=C
+0.05, -0.1, 0., 0.05, -0.1, 1.
+*EQUATION
+2
+50, 1, 1., 29, 2, -0.5
+"""
+SLIDING = HELD + "TIP, 2\nMIDDLE, 1\n"
+PUSH = "*STEP\n*STATIC\n*CLOAD\n53, 1, 1000.\n40, 2, 500.\n*NODE PRINT, NSET=TIP\nU\n*END STEP\n"
+
+
+@ccx
+@pytest.mark.parametrize("element", ["C3D8", "C3D10"])
+def test_axes_of_nodes_are_those_of_ccx(element: str, tmp_path: Path) -> None:
+    """*TRANSFORM: supports, equations and forces along axes of nodes, rectangular and cylindrical.
+    Supports of the model, as ccx keeps those of a *FREQUENCY step for itself."""
+    path = deck(tmp_path / "bar.inp", element, model=TURNED + SLIDING, step=PUSH)
+    ours, _ = frequencies(tmp_path, path)
+    np.testing.assert_allclose(ours, ccx_frequencies(path)[:8], rtol=1e-6)
+    tip = [parse("node", "tip=NODES:20")]
+    outputs = {"tip": {"nodes": [53]}}
+    assemble_deck(path, tmp_path / "b.h5", tip, deck_loads=True, outputs=outputs)
+    a = assembled(tmp_path / "m.h5", tmp_path / "b.h5")
+    with h5py.File(tmp_path / "m.h5") as file:
+        names, C = list(file["C"].attrs["names"]), file["C"][:]
+    C = C.T if C.shape[0] == a["K"].shape[0] else C
+    u = spsolve(a["K"].tocsc(), a["B"][:, a["names"].index("step2_cload.load")])
+    found = C[[names.index(f"tip.u{c}") for c in "xyz"]] @ u
+    printed = [line.split() for line in (tmp_path / "bar.dat").read_text().splitlines()]
+    theirs = [row for row in printed if row[:1] == ["53"] and row[-1] == "L"][-1]  # in its axes
+    first, third = np.array([0.6, 0.8, 0.0]), np.cross([0.6, 0.8, 0.0], [-0.8, 0.6, 0.1])
+    third /= np.linalg.norm(third)
+    axes = np.array([first, np.cross(third, first), third])
+    size = np.linalg.norm(found)
+    np.testing.assert_allclose(axes @ found, [float(x) for x in theirs[1:4]], atol=1e-6 * size)
 
 
 def test_equations_of_sets(tmp_path: Path) -> None:
@@ -160,6 +203,9 @@ def test_points_of_mpc(tmp_path: Path) -> None:
         ("*MPC\nBEAM, 40, 41\n", "has no rotations"),
         ("*TIE, CYCLIC SYMMETRY\nA, B\n", "CYCLIC SYMMETRY is not followed"),
         ("*TIE, NAME=T\nA, B\n", "two surfaces"),
+        ("*TRANSFORM, NSET=END, TYPE=S\n1,0,0,0,1,0\n", "TYPE=R or C"),
+        ("*TRANSFORM, NSET=START, TYPE=R\n1,0,0\n", "expected six numbers"),
+        ("*TRANSFORM, NSET=START, TYPE=R\n1,0,0,2,0,0\n", "have no direction"),
     ],
 )
 def test_what_is_refused(model: str, words: str, tmp_path: Path) -> None:

@@ -24,8 +24,9 @@ from flexgram.body.meshfile import LABELS
 from flexgram.body.meshfile import SHELLS as SHELL_KINDS
 from flexgram.importers.ccx import Card, Job, damping_of, frequency_step, read_job
 from flexgram.importers.deck import FORMULATIONS, Deck, read_deck
+from flexgram.importers.deck_axes import axes_of_nodes
 from flexgram.importers.deck_constraints import CARDS as CONSTRAINTS
-from flexgram.importers.deck_constraints import equations_of, ties_of
+from flexgram.importers.deck_constraints import along, equations_of, ties_of
 from flexgram.importers.deck_couplings import CARDS as COUPLINGS
 from flexgram.importers.deck_couplings import Coupling, couplings_of
 from flexgram.importers.deck_loads import in_steps, loads_of
@@ -167,8 +168,9 @@ AXES = ("x", "y", "z", "rx", "ry", "rz")
 
 def supports_of(
     job: Job, deck: Deck, step: Sequence[Card], couplings: Sequence[Coupling] = ()
-) -> dict[str, list[int]]:
-    """Nodes that are held, from 0, by the directions in which they are, which commas join."""
+) -> tuple[dict[str, list[int]], dict[str, Any]]:
+    """Nodes that are held, from 0, by the directions in which they are, which commas join; and an
+    entry of ``equations`` of those that are held in some axes of their own (*TRANSFORM)."""
     held: dict[int, set[str]] = {}
     turning = {
         node for kind, nodes in deck.elements.values() if kind in SHELL_KINDS for node in nodes
@@ -199,12 +201,30 @@ def supports_of(
                     if direction < 4 or label in turning:
                         held.setdefault(int(label), set()).add(AXES[direction - 1])
     _hold_references(job, held, couplings)
+    skew = _held_along_own_axes(job, deck, held)
     alike: dict[str, list[int]] = {}
     for label, directions in held.items():
         at = int(np.searchsorted(deck.labels, label))
         if at < len(deck.labels) and deck.labels[at] == label:
             alike.setdefault(",".join(sorted(directions, key=AXES.index)), []).append(at)
-    return alike
+    alike.pop("", None)
+    return alike, {"held_along_own_axes": {"terms": skew}} if skew else {}
+
+
+def _held_along_own_axes(job: Job, deck: Deck, held: dict[int, set[str]]) -> list[Any]:
+    """Equations of nodes with axes of their own that are held in one or two directions, which are
+    taken out of ``held``."""
+    used = {node for _, nodes in deck.elements.values() for node in nodes}
+    found = []
+    axes = axes_of_nodes(job, deck)
+    for label in sorted(set(axes) & set(held) & used):
+        number = _index(job.path, deck, label) + 1
+        for block in (set(AXES[:3]), set(AXES[3:])):
+            some = held[label] & block
+            if len(some) < 3:
+                held[label] -= some
+                found += [along(axes, label, number, c, 1.0) for c in sorted(map(AXES.index, some))]
+    return found
 
 
 def _ground(content: dict[str, Any], number: int) -> None:
@@ -326,7 +346,7 @@ def assemble_deck(
             "otherwise: frequencies differ by the elements' own error"
         )
     couplings = couplings_of(job, deck)
-    supports = supports_of(job, deck, cards, couplings)
+    supports, skew = supports_of(job, deck, cards, couplings)
     described = describe_interfaces(interfaces)
     loads = {name: dict(entry) for name, entry in (loads or {}).items()}
     outputs = {name: dict(entry) for name, entry in (outputs or {}).items()}
@@ -352,7 +372,7 @@ def assemble_deck(
         "mass_integration": "reduced",
         "masses": points.masses,
         "springs": points.springs,
-        "equations": equations_of(job, deck),
+        "equations": equations_of(job, deck) | skew,
         "ties": ties_of(job, deck),
         "loads": loads,
         "outputs": outputs,

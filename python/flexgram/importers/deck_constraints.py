@@ -3,18 +3,20 @@ has them."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from flexgram.basics import BodyError, errors_of
+from flexgram.basics import BodyError, Floats, errors_of
 from flexgram.body.meshfile import SHELLS
 from flexgram.importers.ccx import Card, Job
 from flexgram.importers.deck import Deck
+from flexgram.importers.deck_axes import axes_of_nodes
 from flexgram.importers.deck_couplings import nodes_of_surfaces
 
 #: Cards that are read here.
-CARDS = {"EQUATION", "TIE", "MPC"}
+CARDS = {"EQUATION", "TIE", "MPC", "TRANSFORM"}
 COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
 #: Options of *TIE that are followed, or change nothing here: a gap needs no adjusted nodes.
 OPTIONS = {"NAME", "POSITION TOLERANCE", "ADJUST", "TYPE", "NO ROTATION"}
@@ -31,9 +33,10 @@ def equations_of(job: Job, deck: Deck) -> dict[str, dict[str, Any]]:
         For equations that are not, and kinds of *MPC that are not followed.
     """
     found: dict[str, dict[str, Any]] = {}
+    axes = axes_of_nodes(job, deck)
     for keyword, read in (("EQUATION", _equations), ("MPC", _points)):
         cards = [card for card in job.model if card.keyword == keyword]
-        terms = [equation for card in cards for equation in read(job, deck, card)]
+        terms = [equation for card in cards for equation in read(job, deck, axes, card)]
         if terms:
             found[keyword.lower()] = {"terms": terms}
     return found
@@ -46,7 +49,20 @@ def _number(job: Job, deck: Deck, label: int) -> int:
     return at + 1
 
 
-def _equations(job: Job, deck: Deck, card: Card) -> list[Equation]:
+def along(axes: Mapping[int, Floats], label: int, number: int, c: int, factor: float) -> Equation:
+    """Rows of a factor times a component, from 0, along the axes of a node of this number."""
+    if label not in axes:
+        return [[number, COMPONENTS[c], factor]]
+    names = COMPONENTS[:3] if c < 3 else COMPONENTS[3:]
+    parts = axes[label][c % 3]
+    return [
+        [number, name, float(factor * part)]
+        for name, part in zip(names, parts, strict=True)
+        if abs(part) > 1e-14
+    ]
+
+
+def _equations(job: Job, deck: Deck, axes: Mapping[int, Floats], card: Card) -> list[Equation]:
     """Each: how many terms, then node (or a set of as many nodes), direction and factor of each,
     some in a line."""
     where = f"{job.path}: *EQUATION"
@@ -58,21 +74,21 @@ def _equations(job: Job, deck: Deck, card: Card) -> list[Equation]:
         own, words = words[1 : 1 + 3 * count], words[1 + 3 * count :]
         if count < 1 or len(own) < 3 * count:
             raise BodyError(f"{where}: expected {3 * count} entries, found {', '.join(own)!r}")
-        columns: list[list[list[Any]]] = []
+        columns: list[list[Equation]] = []
         for name, direction, factor in zip(own[::3], own[1::3], own[2::3], strict=True):
             if not name.isdigit() and name.upper() not in deck.sets:
                 raise BodyError(f"{where}: there is no node set {name}")
             labels = [int(name)] if name.isdigit() else deck.sets[name.upper()].tolist()
             with errors_of(where):
-                component, value = COMPONENTS[int(direction) - 1], float(factor)
-            columns.append([[_number(job, deck, n), component, value] for n in labels])
+                c, value = range(6)[int(direction) - 1], float(factor)
+            columns.append([along(axes, n, _number(job, deck, n), c, value) for n in labels])
         if len({len(column) for column in columns}) > 1:
             raise BodyError(f"{where}: sets of {', '.join(str(len(c)) for c in columns)} nodes")
-        found += [list(rows) for rows in zip(*columns, strict=True)]
+        found += [[row for term in terms for row in term] for terms in zip(*columns, strict=True)]
     return found
 
 
-def _points(job: Job, deck: Deck, card: Card) -> list[Equation]:
+def _points(job: Job, deck: Deck, axes: Mapping[int, Floats], card: Card) -> list[Equation]:
     """TIE, PIN and BEAM of *MPC: the first node follows the second."""
     turning = {n for kind, nodes in deck.elements.values() if kind in SHELLS for n in nodes}
     found: list[Equation] = []
@@ -85,6 +101,8 @@ def _points(job: Job, deck: Deck, card: Card) -> list[Equation]:
         if not (words[1].isdigit() and words[2].isdigit()):
             raise BodyError(f"{where}: name two nodes")
         first, second = int(words[1]), int(words[2])
+        if {first, second} & set(axes):
+            raise BodyError(f"{where}: its nodes have axes of their own (*TRANSFORM): not followed")
         a, b = _number(job, deck, first), _number(job, deck, second)
         turns = {first, second} <= turning and kind != "PIN"
         arm = deck.points[a - 1] - deck.points[b - 1]

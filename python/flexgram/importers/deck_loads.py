@@ -22,6 +22,7 @@ from flexgram.body.faces import FACES, LINEAR, MIDDLES
 from flexgram.body.meshfile import SHELLS as SHELL_KINDS
 from flexgram.importers.ccx import Card, Job
 from flexgram.importers.deck import FORMULATIONS, SHELLS, SOLIDS, Deck
+from flexgram.importers.deck_axes import axes_of_nodes
 from flexgram.importers.fe import FeMatrices
 
 CARDS = ("CLOAD", "DLOAD", "DSLOAD", "TEMPERATURE")
@@ -73,6 +74,7 @@ class _Deck:
 
     def __init__(self, job: Job, deck: Deck) -> None:
         self.job, self.deck = job, deck
+        self.axes = axes_of_nodes(job, deck)
         self.density: dict[int, float] = {}  # of shells by area
         self.turning = {
             node for kind, nodes in deck.elements.values() if kind in SHELL_KINDS for node in nodes
@@ -279,6 +281,11 @@ def _forces(deck: _Deck, card: Card, left: list[str], spun: set[int]) -> Floats:
             into = moments if turns else forces
             at = np.searchsorted(deck.deck.labels, nodes)
             np.add.at(into[:, (int(direction) - 1) % 3], at, deck.number(card, row, 2))
+    if card.keyword == "CLOAD":
+        for label, axes in deck.axes.items():
+            row_of = int(np.searchsorted(deck.deck.labels, label))
+            for vectors in (forces, moments):
+                vectors[row_of] = vectors[row_of] @ axes
     return np.hstack([forces, moments]) if moments.any() else forces
 
 
