@@ -144,7 +144,8 @@ bool wants_integrals(const SecondOrderModel& body, int rigid_modes, const Settin
     const std::string words = text(
         "the coordinates do not fit K: it has %d rigid modes, but the motions of its "
         "nodes as a rigid body are not among them; look at the order of the "
-        "positions, their axes and components",
+        "positions, their axes and components, and for a part that nothing holds or "
+        "joins to the others",
         rigid_modes);
     if (s.frame_integrals == Wish::yes) throw Error("-mor_frame_integrals yes: " + words);
     observer.warn(words + ". No frame integrals, and shapes are not to be trusted");

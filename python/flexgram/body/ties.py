@@ -57,55 +57,81 @@ class Ties:
         length : float
             Unit of the points in which the ties were found [m].
         """
-        for node, face, xi, distance in zip(
-            self.nodes, self.faces, self.xi, self.distance, strict=True
-        ):
-            N, dN = (part[0] for part in face_functions(len(face), xi[None]))
-            x = points[face]
-            gap = points[node] - N @ x
-            if distance * length < 1e-9 * np.linalg.norm(np.ptp(x, axis=0)):
-                gap = np.zeros(3)
-            if turning[face].all():
-                shift = np.einsum("i,ab->iab", N, np.eye(3))
-                by_turning = np.einsum("i,ab->iab", N, -_cross_matrix(gap))
-                whole = np.concatenate([shift, by_turning], axis=2)  # (n, 3, 6)
-                rotation = np.concatenate([np.zeros_like(shift), shift], axis=2)
-            else:
-                whole, rotation = _of_solid(N, dN, x, gap)
-            yield from _rows(int(node), face, whole, 0)
+        widths = np.array([len(face) for face in self.faces])
+        for width in np.unique(widths).tolist():
+            mine = np.flatnonzero(widths == width)
+            faces = np.array([self.faces[k] for k in mine])
+            shells = turning[faces].all(axis=1)
+            for which in (mine[shells], mine[~shells]):
+                if len(which):
+                    some = np.array([self.faces[k] for k in which])
+                    yield from self._of(which, some, points, turning, turns, length)
+
+    def _of(
+        self,
+        which: Ints,
+        faces: Ints,
+        points: Floats,
+        turning: NDArray[np.bool_],
+        turns: bool,
+        length: float,
+    ) -> Iterator[list[tuple[int, float]]]:
+        """Of some ties to faces (T, n) of one kind."""
+        N, dN = face_functions(faces.shape[1], self.xi[which])
+        x = points[faces]
+        gap = points[self.nodes[which]] - np.einsum("ti,tia->ta", N, x)
+        sizes = np.linalg.norm(np.ptp(x, axis=1), axis=1)
+        gap[self.distance[which] * length < 1e-9 * sizes] = 0
+        if turning[faces[0]].all():
+            shift = np.einsum("ti,ab->tiab", N, np.eye(3))
+            by_turning = -np.einsum("ti,tab->tiab", N, _cross_matrices(gap))
+            whole = np.concatenate([shift, by_turning], axis=3)
+            rotation = np.concatenate([np.zeros_like(shift), shift], axis=3)
+        else:
+            whole, rotation = _of_solids(N, dN, x, gap)
+        for k, node in enumerate(self.nodes[which].tolist()):
+            yield from _rows(node, faces[k], whole[k], 0)
             if turns and turning[node]:
-                yield from _rows(int(node), face, rotation, 3)
+                yield from _rows(node, faces[k], rotation[k], 3)
 
 
-def _cross_matrix(a: Floats) -> Floats:
-    """[a ×]."""
-    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
+def _cross_matrices(a: Floats) -> Floats:
+    """[a ×] of vectors (T, 3)."""
+    result = np.zeros((len(a), 3, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        result[:, i, j], result[:, j, i] = -a[:, k], a[:, k]
+    return result
 
 
-def _of_solid(N: Floats, dN: Floats, x: Floats, gap: Floats) -> tuple[Floats, Floats]:
-    """Displacement at a gap from a face, and the face's rotation, from displacements of its nodes:
-    (n, 3, 3) each."""
-    tangents = dN.T @ x  # (2, 3)
-    normal = np.cross(tangents[0], tangents[1])
-    normal /= np.linalg.norm(normal)
-    reciprocal = np.linalg.pinv(tangents)  # (3, 2): a^α · a_β = δ
-    slopes = dN @ reciprocal.T  # b_i = a^α ∂_αN_i, (n, 3)
-    along = dN @ (gap @ reciprocal)
-    displacement = np.einsum("i,ab->iab", N + along, np.eye(3))
-    displacement -= (gap @ normal) * np.einsum("ia,b->iab", slopes, normal)
-    turned = np.cross(normal, slopes)
-    rotation = -np.einsum("ia,b->iab", turned, normal)
-    rotation += 0.5 * np.einsum("a,ib->iab", normal, turned)
+def _of_solids(N: Floats, dN: Floats, x: Floats, gap: Floats) -> tuple[Floats, Floats]:
+    """Displacements at gaps (T, 3) from faces with nodes x (T, n, 3), and rotations of the faces,
+    from displacements of their nodes: (T, n, 3, 3) each."""
+    tangents = np.einsum("tik,tia->tka", dN, x)  # a_α
+    normal = np.cross(tangents[:, 0], tangents[:, 1])
+    normal /= np.linalg.norm(normal, axis=1)[:, None]
+    reciprocal = np.linalg.pinv(tangents)  # a^α in columns: a^α · a_β = δ
+    slopes = np.einsum("tik,tak->tia", dN, reciprocal)  # b_i = a^α ∂_αN_i
+    along = np.einsum("tia,ta->ti", slopes, gap)
+    displacement = np.einsum("ti,ab->tiab", N + along, np.eye(3))
+    height = np.einsum("ta,ta->t", gap, normal)
+    displacement -= np.einsum("t,tia,tb->tiab", height, slopes, normal)
+    turned = np.cross(normal[:, None], slopes)
+    rotation = -np.einsum("tia,tb->tiab", turned, normal)
+    rotation += 0.5 * np.einsum("ta,tib->tiab", normal, turned)
     return displacement, rotation
 
 
 def _rows(node: int, face: Ints, of_nodes: Floats, first: int) -> Iterator[list[tuple[int, float]]]:
     """dof - Σ of_nodes · u = 0; ``of_nodes`` (n, 3, 3 or 6)."""
+    limit = 1e-14 * float(np.abs(of_nodes).max())
+    width = of_nodes.shape[2]
+    dofs = (6 * face[:, None] + np.arange(width)).ravel().tolist()
     for c in range(3):
+        shares = of_nodes[:, c].ravel().tolist()
         terms = [(6 * node + first + c, 1.0)]
-        shares = of_nodes[:, c]
-        for i, j in zip(*np.nonzero(np.abs(shares) > 1e-14 * np.abs(of_nodes).max()), strict=True):
-            terms.append((6 * int(face[i]) + int(j), -float(shares[i, j])))
+        terms += [
+            (dof, -share) for dof, share in zip(dofs, shares, strict=True) if abs(share) > limit
+        ]
         yield terms
 
 

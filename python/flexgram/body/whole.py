@@ -297,11 +297,14 @@ def summary(file: h5py.File) -> list[str]:
         (group["nodes"][:], [int(c) for c in np.ravel(group.attrs["components"])])
         for group in file.get("supports", {}).values()
     ]
-    free = free_motions(points, held, held_by_springs(file), Constraints.of(file))
+    constraints = Constraints.of(file)
+    free = free_motions(points, held, held_by_springs(file), constraints)
     lines = [
         f"mass {facts.mass:.6g} kg, centre ({at}) m, inertia about it {inertia} kg m²",
         f"{free} of 6 rigid motions are free",
     ]
+    if dependent := len(constraints.dependent):
+        lines.append(f"{dependent} dependent dofs follow others, by equations and ties")
     for name, material in file.get("materials", {}).items():
         a = material.attrs
         if "E" in a:
