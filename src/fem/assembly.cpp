@@ -301,8 +301,9 @@ SecondOrderModel assemble_body(const Hdf5File& file, const SolverOptions& solver
   }
   Stage stage(observer, "assemble");
   if (const std::size_t dependent = body.constraints.dof.size(); dependent > 0)
-    observer.fact("constraints",
-                  text("%zu dependent dofs follow others, by equations and ties", dependent));
+    observer.fact(
+        "constraints",
+        text("%zu dependent dofs follow others, by equations and ties", dependent));
   model.n = map.n;
   model.rows = map.rows;
   std::optional<Followers> followers(std::in_place, map, mesh);

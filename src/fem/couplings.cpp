@@ -52,8 +52,7 @@ void add_unit_loads(const Interface& interface, const DofMap& map, std::int64_t 
 }
 
 /// Motion of each node of the set under the six motions of the reference.
-std::vector<Dense> motions(const Interface& interface,
-                           const Positions& position) {
+std::vector<Dense> motions(const Interface& interface, const Positions& position) {
   std::vector<Dense> result;
   for (auto node : interface.nodes) {
     Vector3 d = position(node);
@@ -96,14 +95,12 @@ void require_sound_rigid_set(const Interface& interface, const DofMap& map,
                              const Positions& position) {
   for (auto node : interface.nodes)
     if (map.dofs[as_size(node)] == 6) return;
-  require_six_motions(interface,
-                      normal_matrix(interface, motions(interface, position)));
+  require_six_motions(interface, normal_matrix(interface, motions(interface, position)));
 }
 
 void add_distributed_loads(const Interface& interface, const DofMap& map,
-                           const Positions& position,
-                           std::vector<std::string>& names, std::vector<Entry>& entries,
-                           const HeldForces& held) {
+                           const Positions& position, std::vector<std::string>& names,
+                           std::vector<Entry>& entries, const HeldForces& held) {
   const std::vector<Dense> motion = motions(interface, position);
   const Dense normal = normal_matrix(interface, motion);
   require_six_motions(interface, normal);
@@ -134,8 +131,7 @@ void add_distributed_loads(const Interface& interface, const DofMap& map,
 } // namespace
 
 Ports interface_ports(MPI_Comm comm, const BodyDescription& body, const DofMap& map,
-                      const Positions& position,
-                      const HeldForces& held) {
+                      const Positions& position, const HeldForces& held) {
   Ports ports;
   std::vector<Entry> entries; // all of them on every rank: interfaces are small
   for (std::size_t i = 0; i < body.interfaces.size(); ++i) {

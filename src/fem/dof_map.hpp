@@ -15,14 +15,14 @@ using Positions = std::function<Vector3(std::int64_t node)>;
 /// by a support have no equation. The equations of a rank follow each other, node by node. The same on every
 /// rank, about 20 bytes a node.
 struct DofMap {
-  std::int64_t points = 0;        ///< nodes of the mesh
-  std::vector<std::int8_t> dofs;  ///< 0 (unused), 3 or 6
-  std::vector<std::uint8_t> held; ///< bit c: component c is held by a support
+  std::int64_t points = 0;             ///< nodes of the mesh
+  std::vector<std::int8_t> dofs;       ///< 0 (unused), 3 or 6
+  std::vector<std::uint8_t> held;      ///< bit c: component c is held by a support
   std::vector<std::uint8_t> dependent; ///< bit c: component c follows a constraint
   Constraints constraints;
-  std::vector<int> reference;     ///< node number of the master of a slave, or −1
-  std::vector<int> owner;         ///< rank, −1 for unused nodes
-  std::vector<PetscInt> first;    ///< first equation of the node, −1 if it has none
+  std::vector<int> reference;  ///< node number of the master of a slave, or −1
+  std::vector<int> owner;      ///< rank, −1 for unused nodes
+  std::vector<PetscInt> first; ///< first equation of the node, −1 if it has none
   std::vector<Vector3> reference_position; ///< of the reference nodes
   PetscInt n = 0;
   RowRange rows;

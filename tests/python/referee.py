@@ -149,6 +149,15 @@ class System:
             last = size
         return np.asarray(self.C).astype(LONG) @ X
 
+    @property
+    def exact_is_cheap(self) -> bool:
+        """Whether ``exactly`` takes seconds and not minutes, by the bandwidth."""
+        pattern = sp.csr_matrix(sum(abs(sp.csr_matrix(a)) for a in self._double))
+        order = reverse_cuthill_mckee(pattern, symmetric_mode=True)
+        banded = pattern[order][:, order].tocoo()
+        width = int(np.abs(banded.row - banded.col).max(initial=0))
+        return len(order) * width**2 < 2e6
+
     def exactly(self, omega: float) -> Any:
         """H(omega) with eighty digits, rounded to long double: soft and lightly damped systems lose
         more at a resonance than long double has to spare. Elimination without pivoting, for which

@@ -68,7 +68,8 @@ def test_bodies_of_others(load_case: Loader, tmp_path: Path, name: str) -> None:
 def test_rack(rack: Path, tmp_path: Path, ranks: int) -> None:
     band, full = (10.0, 500.0), None
     # 28, 38, 48 and 50 by eq. (17) when written (README), 30, 38, 49 and 54 with the elastic part.
-    for reference, first, last in (("pointwise", 28, 52), ("both", 30, 54)):
+    references = (("pointwise", 28, 52), ("both", 30, 54))
+    for reference, first, last in references if ranks == 1 else references[1:]:
         orders = []
         for tolerance in (1e-2, 1e-4, 1e-6, 1e-8):
             result = certified(
@@ -118,7 +119,7 @@ def test_rule_at_the_papers_order_is_not_worse_than_its_samples(rack: Path, tmp_
         "-rom",
         samples,
         "-mor_sweep_hz",
-        "10.3,499.8,200",
+        "10.3,499.8,60",
         "-mor_sweep_out",
         sweep,
     )

@@ -75,8 +75,7 @@ def test_the_plan_says_what_many_outputs_cost(tmp_path: Path) -> None:
     assert 0.7 < int(peak[1]) / int(megabytes[1]) < 1.4
 
 
-@pytest.mark.kernels
-@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("ranks", [pytest.param(1, marks=pytest.mark.kernels), 2])
 def test_each_kind_keeps_its_own(ranks: int, body: Path, tmp_path: Path) -> None:
     plain = certified(body, BAND, tmp_path, "-mor_tol", "1e-4", ranks=ranks)
     loose = certified(

@@ -93,7 +93,7 @@ def test_killed_at_random_moments(
     length = time.time() - begin
     rng = np.random.default_rng([ranks, then, len(method)])
     kept = 0
-    for trial in range(int(os.environ.get("FLEXGRAM_KILLS", "3"))):
+    for trial in range(int(os.environ.get("FLEXGRAM_KILLS", "1"))):
         out = tmp_path / f"killed_{trial}.h5"
         state = left_by(out, method)
         strike(

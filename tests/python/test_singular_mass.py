@@ -69,7 +69,7 @@ def test_assemblies_of_bodies_whose_mass_is_singular() -> None:
         Joint("x.b", "y.b", directions=("y",)),
         Joint("x.b", "y.b", stiffness={"y": 1e3}),
     ):
-        for order in (1, -1):
+        for order in (1, -1) if joint.second == "y.a" else (1,):
             found, expected = (
                 couple(dict(zip("xy", some[::order], strict=True)), [joint])
                 for some in (without, [with_massless_coordinate(m, light) for m in models])

@@ -13,10 +13,10 @@ from conftest import ENVIRONMENT, PYTHON, message, program, rom_matrices, rom_tr
 from flexgram import write_matrices
 
 
-def test_two_hundred_calls_take_no_more_memory_than_some() -> None:
-    words = program("soak", 200, timeout=600).split()
+def test_many_calls_take_no_more_memory_than_some() -> None:
+    words = program("soak", 90, timeout=600).split()
     assert words[:3] == ["orders", "1", "grown"]
-    assert float(words[3]) < 8  # MB over the last 150 calls with 750 results and errors
+    assert float(words[3]) < 3.5  # MB over the last 67 rounds, each with two results, four errors
 
 
 @pytest.mark.parametrize("ranks", [1, 2, 3, 5, 7])
@@ -57,10 +57,10 @@ def test_tiny_bodies_on_more_ranks_than_rows(tmp_path: Path, ranks: int) -> None
 def test_kills(verb: str) -> None:
     script = Path(__file__).with_name("kills.py")
     done = subprocess.run(
-        [str(PYTHON), str(script), "3", "5", "--verb", verb],
+        [str(PYTHON), str(script), "2", "5", "--verb", verb],
         env=ENVIRONMENT,
         capture_output=True,
         text=True,
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stdout.splitlines()[-1].split()[-2:] == ["3", "3"]
+    assert done.stdout.splitlines()[-1].split()[-2:] == ["2", "2"]
