@@ -51,7 +51,7 @@ MOVED = {
     "hot_spots": "simulation.hot_spots",
     "frf": "measured.frf",
     "mode_shapes": "measured.mode_shapes",
-    "universal": "measured.universal",
+    "universal": "body.universal",
     "figures": "pictures.figures",
     "plots": "pictures.plots",
     "report": "pictures.report",

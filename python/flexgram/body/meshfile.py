@@ -11,6 +11,8 @@ import meshio
 import numpy as np
 
 from flexgram.basics import BodyError, Ints
+from flexgram.body.ansys_archive import read_archive
+from flexgram.body.universal_mesh import read_universal
 
 # Debian's meshio 5.0 reads wedge15 but forgot its dimension.
 meshio._mesh.topological_dimension.setdefault("wedge15", 3)
@@ -37,19 +39,22 @@ REMEDIES = {
     ending: CAD.format(f"part{ending}")
     for ending in (".step", ".stp", ".iges", ".igs", ".brep", ".stl", ".geo")
 } | {
-    ".unv": "universal files of meshes are not read: gmsh part.unv -save -o part.msh converts them",
-    ".cdb": "ANSYS archives are not read: import the matrices (file.full), or save the mesh in "
-    "another format",
     ".rmed": "results of Code_Aster: give its mesh, .med",
 }
 
 
+#: What meshio does not read, by ending.
+READERS = {".unv": read_universal, ".cdb": read_archive}
+
+
 def read_mesh(path: Path) -> meshio.Mesh:
-    """Read a mesh, with meshio's many errors as one."""
+    """Read a mesh, by our own readers or by meshio, with its many errors as one."""
     if not path.exists():
         raise BodyError(f"mesh {path}: no such file")
     if remedy := REMEDIES.get(path.suffix.lower()):
         raise BodyError(f"mesh {path}: {remedy}")
+    if reader := READERS.get(path.suffix.lower()):
+        return _checked(path, reader(path))
     said = io.StringIO()
     try:
         with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
@@ -65,6 +70,10 @@ def read_mesh(path: Path) -> meshio.Mesh:
                 else ""
             )
         ) from error
+    return _checked(path, mesh)
+
+
+def _checked(path: Path, mesh: meshio.Mesh) -> meshio.Mesh:
     if mesh.points.ndim != 2 or mesh.points.shape[1] not in (2, 3):
         raise BodyError(f"mesh {path}: its points have no two or three coordinates each")
     if not np.all(np.isfinite(mesh.points)):

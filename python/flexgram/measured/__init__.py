@@ -1,4 +1,4 @@
 """Responses and natural modes as tables and universal files, beside measured ones.
 
-May import: basics, model.
+May import: basics, body, model.
 """

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from flexgram.basics import BodyError, ComplexArray, Floats, errors_of, written_aside
-from flexgram.measured.universal import dataset, datasets
+from flexgram.body.universal import dataset, datasets
 from flexgram.model.kinds import unit_of
 from flexgram.model.reduced import ReducedBody
 from flexgram.model.system import RATES

@@ -18,7 +18,7 @@ import scipy.spatial
 from numpy.typing import ArrayLike, NDArray
 
 from flexgram.basics import BodyError, Floats, errors_of, index_of, written_aside
-from flexgram.measured.universal import dataset, datasets
+from flexgram.body.universal import dataset, datasets
 from flexgram.model.damped_modes import losses, modes_of
 from flexgram.model.geometry import Geometry, body_of
 from flexgram.model.kinds import ports_of
