@@ -17,7 +17,7 @@ from flexgram.basics import BodyError, Floats, Ints, check_name, errors_of
 from flexgram.body.loads import AXES, BodyMesh, write_vectors
 from flexgram.body.meshfile import SOLIDS, TURNING
 from flexgram.body.reader import Reader, short
-from flexgram.body.shell_stress import SIDES, Sheet, element_rows, nodal_rows, sheets_of
+from flexgram.body.shell_stress import SIDES, Sheet, element_rows, nodal_rows, only, sheets_of
 from flexgram.body.stress import COMPONENTS, Stresses, temperatures
 
 OUTPUTS = ("displacement", "stress", "gauge", "reaction")
@@ -111,16 +111,20 @@ class _Stresses:
 
 def _write_stress(mesh: BodyMesh, group: h5py.Group, entry: Reader, known: _Stresses) -> str:
     """The mean stress of nodes, or at integration points of elements."""
-    if ("nodes" in entry.data) == ("elements" in entry.data):
-        raise BodyError(f"{entry.where}: name nodes or elements")
     side, held = known.side(entry), dict[str, Floats]()
-    if "elements" not in entry.data:
+    both = "nodes" in entry.data and "elements" in entry.data
+    if not {"nodes", "elements"} & set(entry.data) or (both and not side):
+        raise BodyError(f"{entry.where}: name nodes or elements")
+    if both or "elements" not in entry.data:
         if "integration_point" in entry.data:
             raise BodyError(f"{entry.where}: nodes have no integration_point, elements have")
         chosen = mesh.select(entry.get("nodes"), entry.where)
         with errors_of(entry.where):
             if side:
-                used, rows = nodal_rows(known.points, known.of_shells, chosen, side)
+                sheets = known.of_shells
+                if both:
+                    sheets = only(sheets, _whole(entry, "elements", entry.get("elements")))
+                used, rows = nodal_rows(known.points, sheets, chosen, side)
             else:
                 used, rows = known.of_body.rows(chosen)
                 held = {name: field[chosen].mean(axis=0) for name, field in known.heated.items()}

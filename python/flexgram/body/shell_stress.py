@@ -8,7 +8,7 @@ the corners by the polynomial that is linear in each direction.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import h5py
@@ -110,7 +110,7 @@ def _first_axis(file: h5py.File, material: str) -> Floats:
     return axes
 
 
-def _normals(points: Floats, nodes: Ints) -> Floats:
+def normals_of(points: Floats, nodes: Ints) -> Floats:
     """Of unit length, of elements (E, n)."""
     x = points[nodes]
     across = np.cross(x[:, 2] - x[:, 0], x[:, -1] - x[:, 1])
@@ -125,7 +125,7 @@ def _expect_smooth(points: Floats, sheets: list[Sheet], nodes: Ints) -> None:
     chosen[nodes] = True
     for sheet in sheets:
         near = sheet.nodes[np.any(chosen[sheet.nodes], axis=1)]
-        for element, normal in zip(near, _normals(points, near), strict=True):
+        for element, normal in zip(near, normals_of(points, near), strict=True):
             for node in element[chosen[element]].tolist():
                 section, other = first.setdefault(node, (sheet.section, normal))
                 if section != sheet.section:
@@ -141,6 +141,25 @@ def _expect_smooth(points: Floats, sheets: list[Sheet], nodes: Ints) -> None:
     missing = np.setdiff1d(nodes, list(first))
     if len(missing):
         raise BodyError(f"node {missing[0] + 1} belongs to no shell that deforms")
+
+
+def only(sheets: list[Sheet], ids: Ints) -> list[Sheet]:
+    """The elements with these numbers.
+
+    Raises
+    ------
+    BodyError
+        If there is no such shell that deforms.
+    """
+    missing = np.setdiff1d(ids, np.concatenate([sheet.ids for sheet in sheets]))
+    if len(missing):
+        raise BodyError(f"there is no shell {missing[0]} that deforms")
+    chosen = [(sheet, np.isin(sheet.ids, ids)) for sheet in sheets]
+    return [
+        replace(sheet, nodes=sheet.nodes[some], ids=sheet.ids[some])
+        for sheet, some in chosen
+        if some.any()
+    ]
 
 
 def nodal_rows(
@@ -207,13 +226,8 @@ def element_rows(
         If there is no such shell that deforms, or no such point.
     """
     values, area = np.zeros((len(points), 6, 6)), 0.0
-    missing = np.setdiff1d(ids, np.concatenate([sheet.ids for sheet in sheets]))
-    if len(missing):
-        raise BodyError(f"there is no shell {missing[0]} that deforms")
-    for sheet in sheets:
-        some = sheet.nodes[np.isin(sheet.ids, ids)]
-        if not len(some):
-            continue
+    for sheet in only(sheets, ids):
+        some = sheet.nodes
         rows, size = sheet.rows(points, some, side, False)
         if point is not None and not 1 <= point <= size.shape[1]:
             raise BodyError(

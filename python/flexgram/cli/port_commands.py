@@ -257,7 +257,7 @@ def run_modes(options: argparse.Namespace) -> None:
 
 
 def hotspots_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("rom", type=Path, help="reduced file of a mesh of solids")
+    parser.add_argument("rom", type=Path, help="reduced file of a mesh")
     parser.add_argument("--count", type=int, default=5, help="at most so many (%(default)s)")
     parser.add_argument(
         "--apart", type=float, help="distance between any two [m]; default: size of the body/20"

@@ -51,6 +51,11 @@ class Basis:
         """Displacements V q of the full body, (…, m) -> (…, rows of V)."""
         return np.asarray(q, dtype=float) @ self.V.T
 
+    def expect_places(self) -> None:
+        """Refuse a body without a dof map."""
+        if not len(self.position) or len(self.component) != len(self.V):
+            raise BodyError("the body has no dof map or coordinates: its shapes cannot be drawn")
+
     def nodal(self, q: ArrayLike) -> tuple[Ints, Floats, Floats]:
         """Nodes with their translations, for pictures and exporters.
 
@@ -72,8 +77,7 @@ class Basis:
         BodyError
             For a body without a dof map.
         """
-        if not len(self.position) or len(self.component) != len(self.V):
-            raise BodyError("the body has no dof map or coordinates: its shapes cannot be drawn")
+        self.expect_places()
         shapes = np.atleast_2d(np.asarray(q))
         labels, first, at = np.unique(self.node, return_index=True, return_inverse=True)
         motion = np.zeros((len(shapes), len(labels), 3))

@@ -92,33 +92,35 @@ class Geometry:
 
         Nodes inside a rigid interface follow its reference node, dependent dofs what they depend
         on; supported nodes rest.
+
+        Raises
+        ------
+        BodyError
+            For a body without a dof map.
         """
+        return self.motion_and_rotation(model, q)[..., :3]
+
+    def motion_and_rotation(self, model: ReducedBody, q: ArrayLike | None = None) -> Floats:
+        """Displacements [m] and rotations of all nodes, (k, N, 6); as ``motion``. Nodes without
+        rotations have zeros there."""
+        basis = model.basis
+        basis.expect_places()
         shapes = np.atleast_2d(np.eye(model.order) if q is None else np.asarray(q, dtype=float))
-        labels, _, moved = model.basis.nodal(shapes)
-        motion = np.zeros((len(shapes), len(self.points), 3))
-        at, known = index_of(self.labels, labels)
-        motion[:, at[known]] = moved[:, known]
+        motion = np.zeros((len(shapes), len(self.points), 6))
+        at, known = index_of(self.labels, basis.node)
+        motion[:, at[known], basis.component[known]] = basis.lift(shapes)[:, known]
         for reference, nodes in self.followers.values():
             six = _six(model, shapes, reference)
             if six is not None:
                 arm = self.points[nodes] - reference
-                motion[:, nodes] = six[:, None, :3] + np.cross(six[:, None, 3:], arm[None])
+                motion[:, nodes, :3] = six[:, None, :3] + np.cross(six[:, None, 3:], arm[None])
+                motion[:, nodes, 3:] = six[:, None, 3:]
         if self.constraints is not None and len(self.constraints.dependent):
-            self._follow(model, shapes, motion)
+            node, component = self.constraints.independent.T
+            followed = self.constraints.sums(motion[:, node, component])
+            node, component = self.constraints.dependent.T
+            motion[:, node, component] = followed
         return motion
-
-    def _follow(self, model: ReducedBody, shapes: Floats, motion: Floats) -> None:
-        """Set the displacements of dependent dofs."""
-        assert self.constraints is not None
-        node, component = self.constraints.independent.T
-        moved = motion[:, node, np.minimum(component, 2)]
-        turns = component >= 3
-        basis = model.basis
-        at, known = index_of(6 * basis.node + basis.component, 6 * self.labels[node] + component)
-        moved[:, turns] = np.where(known, shapes @ basis.V[at].T, 0.0)[:, turns]
-        node, component = self.constraints.dependent.T
-        own = component < 3
-        motion[:, node[own], component[own]] = self.constraints.sums(moved)[:, own]
 
     def surface(self) -> Ints:
         """Triangles of the outer surface, and of shells, by corner nodes, (T, 3)."""

@@ -6,9 +6,12 @@ import contextlib
 from dataclasses import dataclass
 from pathlib import Path
 
+import h5py
 import numpy as np
 
-from flexgram.basics import BodyError, Floats
+from flexgram.basics import BodyError, Floats, Ints, errors_of
+from flexgram.body.meshfile import SHELLS, SOLIDS
+from flexgram.body.shell_field import ShellField
 from flexgram.model.damped_modes import natural_frequencies
 from flexgram.model.elastic_part import without_rigid_modes
 from flexgram.model.geometry import Geometry, body_of
@@ -41,6 +44,10 @@ class HotSpot:
         Where in the band.
     share : float
         Of the largest under the same load anywhere.
+    side : str
+        Of a shell: ``top`` or ``bottom``; empty for solids.
+    elements : tuple of int
+        Of shells that meet others there: the numbers of those whose stress it is.
     """
 
     node: int
@@ -49,6 +56,41 @@ class HotSpot:
     stress: float
     hertz: float
     share: float
+    side: str = ""
+    elements: tuple[int, ...] = ()
+
+
+@dataclass
+class _Field:
+    """Stress of each basis vector (m, P, 6) at places of nodes (P,), on a side of shells."""
+
+    stress: Floats
+    nodes: Ints
+    side: str = ""
+    shells: ShellField | None = None
+
+    def elements(self, at: int) -> tuple[int, ...]:
+        if self.shells is None or self.shells.alone[at]:
+            return ()
+        return tuple(self.shells.elements(at).tolist())
+
+
+def _fields(model: ReducedBody, body: str | Path | None) -> list[_Field]:
+    """Of solids, and of both sides of shells."""
+    path = Path(body_of(model, body))
+    with errors_of(path), h5py.File(path) as file:
+        kinds = {str(b.attrs["type"]) for b in file.get("mesh/blocks", {}).values()}
+        shells = ShellField.of(file) if kinds & set(SHELLS) else None
+    found = []
+    if kinds & set(SOLIDS) or shells is None:
+        stress = stress_at_nodes(model, body=body)
+        nodes = np.flatnonzero(np.isfinite(stress).all(axis=(0, 2)))
+        found.append(_Field(stress[:, nodes], nodes))
+    if shells is not None:
+        motion = Geometry.load(path).motion_and_rotation(model)
+        for side in ("top", "bottom"):
+            found.append(_Field(shells.stress(motion, side), shells.nodes, side, shells))
+    return found
 
 
 def hot_spots(
@@ -69,7 +111,7 @@ def hot_spots(
     Parameters
     ----------
     model : ReducedBody
-        Of a mesh of solids.
+        Of a mesh of solids, shells, or both.
     count : int
         At most so many.
     apart : float, optional
@@ -109,7 +151,7 @@ def hot_spots(
     if model.system.parameters:
         model = model.at()
     columns = [model.inputs.index(name) for name in chosen]
-    basis = stress_at_nodes(model, body=body)  # (m, N, 6)
+    fields = _fields(model, body)
     geometry = Geometry.load(body_of(model, body))
     curve = model.claim.omega[:: max(1, len(model.claim.omega) // frequencies)]
     modes = natural_frequencies(model)
@@ -125,16 +167,21 @@ def hot_spots(
     )
     motion = np.nan_to_num(motion).transpose(1, 0, 2).reshape(model.order, -1)
     parts = np.hstack([motion.real, motion.imag])
-    nodes = np.flatnonzero(np.isfinite(basis).all(axis=(0, 2)))
-    largest = np.zeros((len(nodes), len(columns)))  # of each node and load, over the band
+    nodes = np.concatenate([field.nodes for field in fields])
+    largest = np.zeros((len(nodes), len(columns)))  # of each place and load, over the band
     when = np.zeros_like(largest)
-    for first in range(0, len(nodes), CHUNK):
-        some = nodes[first : first + CHUNK]
-        rows = np.einsum("mnc,kc->nkm", basis[:, some], MISES)
-        squares = np.sum((rows @ parts) ** 2, axis=1)  # (n, 2 ω j)
-        amplitude = np.sqrt(squares.reshape(len(some), 2, len(omega), len(columns)).sum(axis=1))
-        largest[first : first + CHUNK] = amplitude.max(axis=1)
-        when[first : first + CHUNK] = omega[amplitude.argmax(axis=1)]
+    ends = np.cumsum([len(field.nodes) for field in fields])
+    for field, end in zip(fields, ends.tolist(), strict=True):
+        begin = end - len(field.nodes)
+        for first in range(0, len(field.nodes), CHUNK):
+            some = field.stress[:, first : first + CHUNK]
+            rows = np.einsum("mnc,kc->nkm", some, MISES)
+            squares = np.sum((rows @ parts) ** 2, axis=1)  # (n, 2 ω j)
+            squares = squares.reshape(some.shape[1], 2, len(omega), len(columns))
+            amplitude = np.sqrt(squares.sum(axis=1))
+            here = slice(begin + first, begin + first + some.shape[1])
+            largest[here] = amplitude.max(axis=1)
+            when[here] = omega[amplitude.argmax(axis=1)]
     scale = largest.max(axis=0)
     shares = largest / np.where(scale > 0, scale, 1.0)
     score = shares.max(axis=1)
@@ -145,6 +192,8 @@ def hot_spots(
     while len(found) < count and left.any():
         at = int(np.argmax(np.where(left, score, -1.0)))
         load = int(np.argmax(shares[at]))
+        which = int(np.searchsorted(ends, at, side="right"))
+        field = fields[which]
         found.append(
             HotSpot(
                 int(nodes[at]) + 1,
@@ -153,6 +202,8 @@ def hot_spots(
                 float(largest[at, load]),
                 float(when[at, load] / (2 * np.pi)),
                 float(shares[at, load]),
+                field.side,
+                field.elements(at - int(ends[which]) + len(field.nodes)),
             )
         )
         left &= np.linalg.norm(points - points[at], axis=1) > distance
@@ -163,7 +214,7 @@ def hot_spots(
 def describe(spots: list[HotSpot]) -> list[str]:
     """Lines for a reader: each spot, and the outputs that would certify them."""
     lines = [
-        f"node {spot.node} at ({', '.join(f'{x:.5g}' for x in spot.place)}) m: "
+        f"node {spot.node} at ({', '.join(f'{x:.5g}' for x in spot.place)}) m{_where(spot)}: "
         f"{spot.stress:.4g} N/m² per {unit_of(spot.input, False) or 'unit'} of {spot.input}, "
         f"at {spot.hertz:.5g} Hz "
         f"({100 * spot.share:.0f} % of its largest)"
@@ -174,6 +225,14 @@ def describe(spots: list[HotSpot]) -> list[str]:
         "nothing is claimed of these numbers; as outputs of the body they are certified:",
         "outputs:",
     ]
-    return lines + [
-        f"  spot{k}: {{type: stress, nodes: [{spot.node}]}}" for k, spot in enumerate(spots, 1)
-    ]
+    for k, spot in enumerate(spots, 1):
+        more = f", elements: {list(spot.elements)}" if spot.elements else ""
+        more += f", side: {spot.side}" if spot.side else ""
+        lines.append(f"  spot{k}: {{type: stress, nodes: [{spot.node}]{more}}}")
+    return lines
+
+
+def _where(spot: HotSpot) -> str:
+    """Of shells: on which side, and of which elements where others meet these."""
+    of = f" of elements {', '.join(map(str, spot.elements))}" if spot.elements else ""
+    return f", {spot.side} side{of}" if spot.side else ""
