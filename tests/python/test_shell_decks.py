@@ -126,8 +126,9 @@ def test_elements_of_the_same_kind(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("section", "words"),
     [
-        (",ORIENTATION=O1", "ORIENTATION is not followed by --assemble"),
-        (",COMPOSITE", "COMPOSITE is not followed"),
+        (",ORIENTATION=O1", "there is no orientation O1"),
+        (",COMPOSITE", "needs elements, .*ELASTIC and .*DENSITY"),
+        (",STACK DIRECTION=1", "STACK DIRECTION is not followed by --assemble"),
         (",OFFSET=half", "an OFFSET in thicknesses"),
     ],
 )

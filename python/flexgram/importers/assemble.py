@@ -1,36 +1,35 @@
 """A CalculiX deck assembled by flexgram: nothing of K and M is lost to printed digits.
 
 For solids whose elements are the same in both programs (C3D4, C3D6, C3D8, C3D10, C3D15, C3D20,
-C3D20R: equal to the seven digits that CalculiX prints, ``tests/python/test_assemble_deck.py``) and
-isotropic materials, with shells (S3, S4, S4R; CalculiX makes solids of them, which bend a little
-differently), point masses, springs and dashpots, equations and ties; rigid bodies and couplings
-become interfaces.
+C3D20R: equal to the seven digits that CalculiX prints, ``tests/python/test_assemble_deck.py``),
+isotropic and orthotropic materials, with shells (S3, S4, S4R; CalculiX makes solids of them, which
+bend a little differently), point masses, springs and dashpots, equations and ties; rigid bodies and
+couplings become interfaces.
 Whatever else a deck says of its stiffness or mass is refused by name: ccx knows it (``--run-ccx``).
 """
 
 from __future__ import annotations
 
-import contextlib
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import meshio
 import numpy as np
 
 from flexgram.basics import BodyError, errors_of
 from flexgram.body.description import import_description
-from flexgram.body.meshfile import LABELS
 from flexgram.body.meshfile import SHELLS as SHELL_KINDS
 from flexgram.importers.ccx import Card, Job, damping_of, frequency_step, read_job
-from flexgram.importers.deck import FORMULATIONS, Deck, read_deck
+from flexgram.importers.deck import Deck, read_deck
 from flexgram.importers.deck_axes import axes_of_nodes
 from flexgram.importers.deck_constraints import CARDS as CONSTRAINTS
 from flexgram.importers.deck_constraints import along, equations_of, ties_of
 from flexgram.importers.deck_couplings import CARDS as COUPLINGS
 from flexgram.importers.deck_couplings import Coupling, couplings_of
 from flexgram.importers.deck_loads import in_steps, loads_of
+from flexgram.importers.deck_materials import materials_of
 from flexgram.importers.deck_points import CARDS, TYPES, points_of
+from flexgram.importers.deck_sections import mesh_of, regions_of, shell_sections, turn_materials
 from flexgram.importers.fe import Interface, check_damping
 from flexgram.importers.mesh import describe_interfaces, further_keys
 
@@ -50,6 +49,7 @@ READ = {
     "DENSITY",
     "SOLID SECTION",
     "SHELL SECTION",
+    "ORIENTATION",
     "BOUNDARY",
     "DAMPING",
     "MODAL DAMPING",
@@ -76,64 +76,6 @@ PASSED = {
 }
 
 
-def _numbers(job: Job, card: Card, count: int) -> list[float]:
-    """The one row of a card of a material."""
-    rows = [words for words in card.words() if any(words)]
-    where = f"{job.path}: *{card.keyword}"
-    if len(rows) != 1 or card.options.get("TYPE", "ISO").upper() not in ("ISO", "ISOTROPIC"):
-        raise BodyError(f"{where}: depends on temperature or direction; --run-ccx knows it")
-    try:
-        values = [float(word) for word in rows[0][:count]]
-    except ValueError:
-        values = []
-    if len(values) < count:
-        raise BodyError(f"{where}: expected {count} number{'s' if count > 1 else ''}")
-    return values
-
-
-def _relaxation(job: Job, card: Card) -> dict[str, Any]:
-    """Rows g, k, tau of Abaqus' *VISCOELASTIC, TIME=PRONY: shares of the instantaneous shear and
-    bulk modulus, and relaxation times, as YAML has them."""
-    where = f"{job.path}: *VISCOELASTIC"
-    kind = ", ".join(f"{key}={value}" for key, value in card.options.items()) or "without TIME"
-    if card.options.get("TIME", "").upper() != "PRONY":
-        raise BodyError(f"{where} ({kind}): only TIME=PRONY is read; give a table in YAML instead")
-    try:
-        rows = [[float(word or 0) for word in words] for words in card.words() if any(words)]
-    except ValueError:
-        rows = []
-    if not rows or any(len(row) != 3 for row in rows):
-        raise BodyError(f"{where}: expected rows of three numbers: g, k and tau")
-    if all(g == k for g, k, _ in rows):
-        return {"prony": [[g, tau] for g, _, tau in rows]}
-    parts = {"shear": [[g, t] for g, _, t in rows if g], "bulk": [[k, t] for _, k, t in rows if k]}
-    return {"prony": {part: series for part, series in parts.items() if series}}
-
-
-def materials_of(job: Job) -> dict[str, dict[str, Any]]:
-    found: dict[str, dict[str, Any]] = {}
-    name = ""
-    for card in job.model:
-        if card.keyword == "MATERIAL":
-            name = card.options.get("NAME", "").upper()
-            found[name] = {}
-        elif card.keyword == "ELASTIC" and name:
-            found[name]["E"], found[name]["nu"] = _numbers(job, card, 2)
-            if card.options.get("MODULI", "").upper() == "INSTANTANEOUS":
-                found[name].setdefault("viscoelastic", {})["moduli"] = "instantaneous"
-        elif card.keyword == "VISCOELASTIC" and name:
-            found[name].setdefault("viscoelastic", {}).update(_relaxation(job, card))
-        elif card.keyword == "DENSITY" and name:
-            found[name]["rho"] = _numbers(job, card, 1)[0]
-        elif card.keyword == "EXPANSION" and name:
-            with contextlib.suppress(BodyError):  # a temperature load will miss it
-                found[name]["expansion"] = _numbers(job, card, 1)[0]
-    for material in found.values():
-        if "prony" not in material.get("viscoelastic", {"prony": None}):
-            del material["viscoelastic"]  # *ELASTIC, MODULI of what does not relax
-    return found
-
-
 def _refuse_others(job: Job) -> None:
     """Cards of the model that say something of K or M which is not read here."""
     for card in job.model:
@@ -148,8 +90,6 @@ def _refuse_others(job: Job) -> None:
                 f"{job.path}: elements {kind} are others than flexgram's, which has "
                 f"{', '.join(known)} of CalculiX: take --run-ccx"
             )
-        if card.keyword == "SOLID SECTION" and "ORIENTATION" in card.options:
-            raise BodyError(f"{job.path}: *SOLID SECTION with an ORIENTATION: take --run-ccx")
 
 
 #: *BOUNDARY by name, of Abaqus: directions from 1.
@@ -361,6 +301,7 @@ def assemble_deck(
         )
     for entry in (*described.values(), *loads.values(), *outputs.values()):
         number_nodes(path, deck, entry)
+    turn_materials(job, material_of, materials)
     given = {"alpha": alpha, "beta": beta, "eta": eta}
     content = {
         "name": path.stem,
@@ -418,109 +359,6 @@ def _add_couplings(
                     if of.get(nodes) == [number]:
                         del of[nodes]
                         of[interface] = coupling.name
-
-
-def _sections(job: Job) -> list[tuple[str, Card]]:
-    """*SOLID SECTION and *SHELL SECTION, each with the name of its region."""
-    cards = [c for c in job.model if c.keyword in ("SOLID SECTION", "SHELL SECTION")]
-    return [(f"section{number}", card) for number, card in enumerate(cards, 1)]
-
-
-def shell_sections(job: Job) -> dict[str, dict[str, Any]]:
-    """Entries of ``sections`` of a description, by region."""
-    found: dict[str, dict[str, Any]] = {}
-    for region, card in _sections(job):
-        if card.keyword != "SHELL SECTION":
-            continue
-        where = f"{job.path}: *SHELL SECTION, ELSET={card.options.get('ELSET', '')}"
-        for option in card.options:
-            if option not in ("ELSET", "MATERIAL", "OFFSET", "SECTION INTEGRATION"):
-                raise BodyError(f"{where}: {option} is not followed by --assemble: take --run-ccx")
-        rows = [words for words in card.words() if any(words)]
-        try:
-            thickness = float(rows[0][0])
-            offset = {"SPOS": 0.5, "SNEG": -0.5}.get(
-                given := card.options.get("OFFSET", "0").upper()
-            )
-            offset = float(given) if offset is None else offset
-        except (IndexError, ValueError):
-            raise BodyError(
-                f"{where}: expected a thickness, and an OFFSET in thicknesses"
-            ) from None
-        # Of the nodes above the middle surface.
-        found[region] = {"shape": "shell", "thickness": thickness, "offset": -offset * thickness}
-    return found
-
-
-def regions_of(
-    material_of: Mapping[str, str], shells: Mapping[str, Any]
-) -> dict[str, dict[str, str]]:
-    """Entries of ``regions`` of a description, of what ``mesh_of`` returns."""
-    entries: dict[str, dict[str, str]] = {}
-    for region, material in material_of.items():
-        entries[region] = {"material": material}
-        if region in shells:
-            entries[region]["section"] = region
-        _, _, formulation = region.partition("_")
-        if formulation:
-            entries[region]["formulation"] = formulation
-    return entries
-
-
-def mesh_of(
-    job: Job, deck: Deck, materials: Mapping[str, Mapping[str, float]]
-) -> tuple[meshio.Mesh, dict[str, str], int]:
-    """The mesh with a region for each section, the material of each region, and how many elements
-    are in several sections, of which the last one counts."""
-    material_of: dict[str, str] = {}
-    region_of: dict[int, str] = {}  # of each element
-    given = 0
-    for region, card in _sections(job):
-        name, material = (card.options.get(key, "").upper() for key in ("ELSET", "MATERIAL"))
-        where = f"{job.path}: *{card.keyword}, ELSET={name}, MATERIAL={material}"
-        if name not in deck.elsets or not {"E", "nu", "rho"} <= set(materials.get(material, ())):
-            raise BodyError(f"{where}: needs elements, *ELASTIC and *DENSITY")
-        of_shells = card.keyword == "SHELL SECTION"
-        others = [e for e in deck.elsets[name] if (deck.elements[e][0] in SHELL_KINDS) != of_shells]
-        if others:
-            raise BodyError(f"{where}: its element {others[0]} is a {deck.elements[others[0]][0]}")
-        for label in deck.elsets[name]:
-            formulation = FORMULATIONS.get(deck.types[label])
-            region_of[label] = region + (f"_{formulation}" if formulation else "")
-            material_of[region_of[label]] = material
-        given += len(set(deck.elsets[name]))
-    if len(region_of) < len(deck.elements):
-        raise BodyError(
-            f"{job.path}: {len(deck.elements) - len(region_of)} elements have no *SOLID SECTION or "
-            "*SHELL SECTION"
-        )
-    groups: dict[tuple[str, str], list[int]] = {}  # labels by region and kind
-    for label, region in region_of.items():
-        groups.setdefault((region, deck.elements[label][0]), []).append(label)
-    cells = [
-        (kind, np.searchsorted(deck.labels, np.array([deck.elements[e][1] for e in labels])))
-        for (_, kind), labels in groups.items()
-    ]
-    none = np.empty(0, dtype=np.int64)
-    used = {region for region, _ in groups}
-    mesh = meshio.Mesh(
-        deck.points,
-        cells,
-        point_sets={
-            name: np.searchsorted(deck.labels, nodes[np.isin(nodes, deck.labels)])
-            for name, nodes in deck.sets.items()
-        },
-        cell_sets={
-            region: [
-                np.arange(len(labels)) if owner == region else none
-                for (owner, _), labels in groups.items()
-            ]
-            for region in used
-        },
-        cell_data={LABELS: [np.array(labels) for labels in groups.values()]},
-    )
-    kept = {region: material for region, material in material_of.items() if region in used}
-    return mesh, kept, given - len(region_of)
 
 
 def _add_loads_of_steps(

@@ -17,10 +17,12 @@ from flexgram.body.description import import_description
 from flexgram.body.outputs import TAKEN, mean_displacement
 from flexgram.body.reader import Reader
 from flexgram.body.selection import nearest
-from flexgram.importers.assemble import ELEMENTS, materials_of, mesh_of, number_nodes, regions_of
+from flexgram.importers.assemble import ELEMENTS, number_nodes
 from flexgram.importers.ccx import Job, read_job
 from flexgram.importers.deck import Deck, read_deck
 from flexgram.importers.deck_loads import held_of
+from flexgram.importers.deck_materials import materials_of
+from flexgram.importers.deck_sections import mesh_of, regions_of, turn_materials
 from flexgram.importers.fe import FeMatrices, Interface
 from flexgram.importers.interfaces import select
 
@@ -117,6 +119,7 @@ def _vectors(job: Job, deck: Deck, outputs: Mapping[str, Any], units: str) -> Ve
     """The outputs of a mesh body of the deck, in SI units."""
     materials = materials_of(job)
     mesh, material_of, _ = mesh_of(job, deck, materials)
+    turn_materials(job, material_of, materials)
     entries = {name: dict(entry) for name, entry in outputs.items()}
     for entry in entries.values():
         number_nodes(job.path, deck, entry)

@@ -1,0 +1,136 @@
+"""Materials of a CalculiX or Abaqus deck, as a body's description has them, and orientations."""
+
+from __future__ import annotations
+
+import contextlib
+from typing import Any
+
+import numpy as np
+
+from flexgram.basics import BodyError, Floats
+from flexgram.importers.ccx import Card, Job
+
+ENGINEERING = ("E1", "E2", "E3", "nu12", "nu13", "nu23", "G12", "G13", "G23")
+
+
+def _numbers(job: Job, card: Card, count: int) -> list[float]:
+    """The numbers of a card of a material, eight in a row."""
+    words = [word for row in card.words() for word in row if word]
+    where = f"{job.path}: *{card.keyword}"
+    rows = [row for row in card.words() if any(row)]
+    if len(rows) > (count + 7) // 8 or len(words) > count + 1:  # behind them: a temperature
+        raise BodyError(f"{where}: depends on temperature; --run-ccx knows it")
+    try:
+        values = [float(word) for word in words[:count]]
+    except ValueError:
+        values = []
+    if len(values) < count:
+        raise BodyError(f"{where}: expected {count} number{'s' if count > 1 else ''}")
+    return values
+
+
+def _elastic(job: Job, card: Card) -> dict[str, float]:
+    """Moduli: isotropic, engineering constants, or nine entries of an orthotropic stiffness."""
+    kind = card.options.get("TYPE", "ISO").upper()
+    if kind in ("ISO", "ISOTROPIC"):
+        return dict(zip(("E", "nu"), _numbers(job, card, 2), strict=True))
+    if kind == "ENGINEERING CONSTANTS":
+        return dict(zip(ENGINEERING, _numbers(job, card, 9), strict=True))
+    if kind == "LAMINA":
+        E1, E2, nu12, G12, G13, G23 = _numbers(job, card, 6)
+        return dict(zip(ENGINEERING, (E1, E2, E2, nu12, 0.0, 0.0, G12, G13, G23), strict=True))
+    if kind not in ("ORTHO", "ORTHOTROPIC"):
+        raise BodyError(f"{job.path}: *ELASTIC, TYPE={kind}: not followed; --run-ccx knows more")
+    c11, c12, c22, c13, c23, c33, *shear = _numbers(job, card, 9)
+    try:
+        S = np.linalg.inv([[c11, c12, c13], [c12, c22, c23], [c13, c23, c33]])
+    except np.linalg.LinAlgError:
+        raise BodyError(f"{job.path}: *ELASTIC, TYPE=ORTHO: the stiffness is singular") from None
+    E = 1 / np.diag(S)
+    values = (*E, -S[0, 1] * E[0], -S[0, 2] * E[0], -S[1, 2] * E[1], *shear)
+    return dict(zip(ENGINEERING, map(float, values), strict=True))
+
+
+def _relaxation(job: Job, card: Card) -> dict[str, Any]:
+    """Rows g, k, tau of Abaqus' *VISCOELASTIC, TIME=PRONY: shares of the instantaneous shear and
+    bulk modulus, and relaxation times, as YAML has them."""
+    where = f"{job.path}: *VISCOELASTIC"
+    kind = ", ".join(f"{key}={value}" for key, value in card.options.items()) or "without TIME"
+    if card.options.get("TIME", "").upper() != "PRONY":
+        raise BodyError(f"{where} ({kind}): only TIME=PRONY is read; give a table in YAML instead")
+    try:
+        rows = [[float(word or 0) for word in words] for words in card.words() if any(words)]
+    except ValueError:
+        rows = []
+    if not rows or any(len(row) != 3 for row in rows):
+        raise BodyError(f"{where}: expected rows of three numbers: g, k and tau")
+    if all(g == k for g, k, _ in rows):
+        return {"prony": [[g, tau] for g, _, tau in rows]}
+    parts = {"shear": [[g, t] for g, _, t in rows if g], "bulk": [[k, t] for _, k, t in rows if k]}
+    return {"prony": {part: series for part, series in parts.items() if series}}
+
+
+def materials_of(job: Job) -> dict[str, dict[str, Any]]:
+    found: dict[str, dict[str, Any]] = {}
+    name = ""
+    for card in job.model:
+        if card.keyword == "MATERIAL":
+            name = card.options.get("NAME", "").upper()
+            found[name] = {}
+        elif card.keyword == "ELASTIC" and name:
+            found[name].update(_elastic(job, card))
+            if card.options.get("MODULI", "").upper() == "INSTANTANEOUS":
+                found[name].setdefault("viscoelastic", {})["moduli"] = "instantaneous"
+        elif card.keyword == "VISCOELASTIC" and name:
+            found[name].setdefault("viscoelastic", {}).update(_relaxation(job, card))
+        elif card.keyword == "DENSITY" and name:
+            found[name]["rho"] = _numbers(job, card, 1)[0]
+        elif card.keyword == "EXPANSION" and name:
+            ortho = card.options.get("TYPE", "ISO").upper() == "ORTHO"
+            with contextlib.suppress(BodyError):  # a temperature load will miss it
+                values = _numbers(job, card, 3 if ortho else 1)
+                found[name]["expansion"] = values if ortho else values[0]
+    for material in found.values():
+        if "prony" not in material.get("viscoelastic", {"prony": None}):
+            del material["viscoelastic"]  # *ELASTIC, MODULI of what does not relax
+    return found
+
+
+def orientations_of(job: Job) -> dict[str, Floats]:
+    """Name -> axes in rows (3, 3), of *ORIENTATION.
+
+    Raises
+    ------
+    BodyError
+        For systems other than rectangular ones, and axes without a direction.
+    """
+    found: dict[str, Floats] = {}
+    for card in (card for card in job.model if card.keyword == "ORIENTATION"):
+        name = card.options.get("NAME", "").upper()
+        where = f"{job.path}: *ORIENTATION, NAME={name}"
+        if card.options.get("SYSTEM", "RECTANGULAR").upper() not in ("RECTANGULAR", "R"):
+            raise BodyError(f"{where}: only SYSTEM=RECTANGULAR is followed; --run-ccx knows others")
+        if others := sorted(set(card.options) - {"NAME", "SYSTEM", "DEFINITION"}):
+            raise BodyError(f"{where}: {others[0]} is not followed by --assemble: take --run-ccx")
+        rows = [[word for word in row if word] for row in card.words()]
+        try:
+            numbers = [float(word) for word in rows[0]] + [0.0, 0.0, 0.0]
+            a, b, origin = np.array(numbers[:9]).reshape(3, 3)
+            turn = [float(word) for word in rows[1]] if len(rows) > 1 else []
+        except (ValueError, IndexError):
+            raise BodyError(f"{where}: expected six numbers") from None
+        first = a - origin
+        third = np.cross(first, b - origin)
+        if not np.linalg.norm(third) > 0:
+            raise BodyError(f"{where}: its axes have no direction")
+        axes = np.array([first / np.linalg.norm(first), third, third / np.linalg.norm(third)])
+        axes[1] = np.cross(axes[2], axes[0])
+        if len(turn) == 2:  # about one of them
+            k, angle = int(turn[0]) - 1, np.radians(turn[1])
+            i, j = (k + 1) % 3, (k + 2) % 3
+            axes[[i, j]] = (
+                np.cos(angle) * axes[i] + np.sin(angle) * axes[j],
+                np.cos(angle) * axes[j] - np.sin(angle) * axes[i],
+            )
+        found[name] = axes
+    return found

@@ -1,0 +1,178 @@
+"""Sections of a CalculiX or Abaqus deck: the mesh by regions, their materials and shells."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import meshio
+import numpy as np
+
+from flexgram.basics import BodyError, Floats
+from flexgram.body.meshfile import LABELS
+from flexgram.body.meshfile import SHELLS as SHELL_KINDS
+from flexgram.importers.ccx import Card, Job
+from flexgram.importers.deck import FORMULATIONS, Deck
+from flexgram.importers.deck_materials import orientations_of
+
+#: Options of *SHELL SECTION that are followed.
+OPTIONS = {"ELSET", "MATERIAL", "OFFSET", "SECTION INTEGRATION", "ORIENTATION", "COMPOSITE"}
+
+
+def _sections(job: Job) -> list[tuple[str, Card]]:
+    """*SOLID SECTION and *SHELL SECTION, each with the name of its region."""
+    cards = [c for c in job.model if c.keyword in ("SOLID SECTION", "SHELL SECTION")]
+    return [(f"section{number}", card) for number, card in enumerate(cards, 1)]
+
+
+def shell_sections(job: Job) -> dict[str, dict[str, Any]]:
+    """Entries of ``sections`` of a description, by region."""
+    found: dict[str, dict[str, Any]] = {}
+    orientations = orientations_of(job)
+    for region, card in _sections(job):
+        if card.keyword != "SHELL SECTION":
+            continue
+        where = f"{job.path}: *SHELL SECTION, ELSET={card.options.get('ELSET', '')}"
+        if others := sorted(set(card.options) - OPTIONS):
+            raise BodyError(f"{where}: {others[0]} is not followed by --assemble: take --run-ccx")
+        rows = [words for words in card.words() if any(words)]
+        entry: dict[str, Any] = {"shape": "shell"}
+        if "COMPOSITE" in card.options:
+            entry["layers"] = [_layer(where, row) for row in rows]
+            thickness = sum(layer["thickness"] for layer in entry["layers"])
+        else:
+            try:
+                entry["thickness"] = thickness = float(rows[0][0])
+            except (IndexError, ValueError):
+                raise BodyError(f"{where}: expected a thickness") from None
+        given = card.options.get("OFFSET", "0").upper()
+        try:
+            offset = {"SPOS": 0.5, "SNEG": -0.5}.get(given)
+            offset = float(given) if offset is None else offset
+        except ValueError:
+            raise BodyError(f"{where}: expected an OFFSET in thicknesses") from None
+        entry["offset"] = -offset * thickness  # of the nodes above the middle surface
+        if (name := card.options.get("ORIENTATION", "").upper()) or "COMPOSITE" in card.options:
+            entry["axis_1"] = _axes(where, orientations, name)[0].tolist()
+        found[region] = entry
+    return found
+
+
+def _layer(where: str, row: list[str]) -> dict[str, Any]:
+    """Thickness, number of points, material, and an angle [degrees] about the normal."""
+    row = [*row, "", "", "", ""]
+    try:
+        layer = {"thickness": float(row[0]), "material": row[2].upper()}
+        if row[3]:
+            layer["angle"] = float(row[3])
+    except ValueError:
+        raise BodyError(
+            f"{where}: expected layers of a thickness, a number of points, a material, and an "
+            "angle; orientations of layers by name are not followed"
+        ) from None
+    return layer
+
+
+def _axes(where: str, orientations: Mapping[str, Floats], name: str) -> Floats:
+    if name and name not in orientations:
+        raise BodyError(f"{where}: there is no orientation {name}")
+    return orientations.get(name, np.eye(3))
+
+
+def turn_materials(
+    job: Job, material_of: dict[str, str], materials: dict[str, dict[str, Any]]
+) -> None:
+    """Solids of orthotropic materials whose section has an ORIENTATION get a material along its
+    axes, ``MATERIAL_ORIENTATION``."""
+    orientations = orientations_of(job)
+    for region, card in _sections(job):
+        name = card.options.get("ORIENTATION", "").upper()
+        if card.keyword != "SOLID SECTION" or not name:
+            continue
+        where = f"{job.path}: *SOLID SECTION, ELSET={card.options.get('ELSET', '')}"
+        axes = _axes(where, orientations, name)
+        for own in [r for r in material_of if r == region or r.startswith(f"{region}_")]:
+            material = material_of[own]
+            if "E1" not in materials[material]:
+                continue
+            turned = f"{material}_{name}"
+            along = {"axis_1": axes[0].tolist(), "axis_2": axes[1].tolist()}
+            materials[turned] = materials[material] | along
+            material_of[own] = turned
+
+
+def regions_of(
+    material_of: Mapping[str, str], shells: Mapping[str, Any]
+) -> dict[str, dict[str, str]]:
+    """Entries of ``regions`` of a description, of what ``mesh_of`` returns."""
+    entries: dict[str, dict[str, str]] = {}
+    for region, material in material_of.items():
+        entries[region] = {"material": material} if material else {}
+        if region in shells:
+            entries[region]["section"] = region
+        _, _, formulation = region.partition("_")
+        if formulation:
+            entries[region]["formulation"] = formulation
+    return entries
+
+
+def mesh_of(
+    job: Job, deck: Deck, materials: Mapping[str, Mapping[str, float]]
+) -> tuple[meshio.Mesh, dict[str, str], int]:
+    """The mesh with a region for each section, the material of each region, and how many elements
+    are in several sections, of which the last one counts."""
+    layered = shell_sections(job)
+    material_of: dict[str, str] = {}
+    region_of: dict[int, str] = {}  # of each element
+    given = 0
+    for region, card in _sections(job):
+        name, material = (card.options.get(key, "").upper() for key in ("ELSET", "MATERIAL"))
+        where = f"{job.path}: *{card.keyword}, ELSET={name}, MATERIAL={material}"
+        of_shells = card.keyword == "SHELL SECTION"
+        made_of = [material]
+        if of_shells and "COMPOSITE" in card.options:
+            material = ""
+            made_of = [layer["material"] for layer in layered[region]["layers"]]
+        known = [set(materials.get(one, ())) for one in made_of]
+        if name not in deck.elsets or not all("rho" in k and {"E", "E1"} & k for k in known):
+            raise BodyError(f"{where}: needs elements, *ELASTIC and *DENSITY")
+        others = [e for e in deck.elsets[name] if (deck.elements[e][0] in SHELL_KINDS) != of_shells]
+        if others:
+            raise BodyError(f"{where}: its element {others[0]} is a {deck.elements[others[0]][0]}")
+        for label in deck.elsets[name]:
+            formulation = FORMULATIONS.get(deck.types[label])
+            region_of[label] = region + (f"_{formulation}" if formulation else "")
+            material_of[region_of[label]] = material
+        given += len(set(deck.elsets[name]))
+    if len(region_of) < len(deck.elements):
+        raise BodyError(
+            f"{job.path}: {len(deck.elements) - len(region_of)} elements have no *SOLID SECTION or "
+            "*SHELL SECTION"
+        )
+    groups: dict[tuple[str, str], list[int]] = {}  # labels by region and kind
+    for label, region in region_of.items():
+        groups.setdefault((region, deck.elements[label][0]), []).append(label)
+    cells = [
+        (kind, np.searchsorted(deck.labels, np.array([deck.elements[e][1] for e in labels])))
+        for (_, kind), labels in groups.items()
+    ]
+    none = np.empty(0, dtype=np.int64)
+    used = {region for region, _ in groups}
+    mesh = meshio.Mesh(
+        deck.points,
+        cells,
+        point_sets={
+            name: np.searchsorted(deck.labels, nodes[np.isin(nodes, deck.labels)])
+            for name, nodes in deck.sets.items()
+        },
+        cell_sets={
+            region: [
+                np.arange(len(labels)) if owner == region else none
+                for (owner, _), labels in groups.items()
+            ]
+            for region in used
+        },
+        cell_data={LABELS: [np.array(labels) for labels in groups.values()]},
+    )
+    kept = {region: material for region, material in material_of.items() if region in used}
+    return mesh, kept, given - len(region_of)
