@@ -51,7 +51,10 @@ void Followers::for_each(const std::function<void(const PlacedElement&)>& visit)
                        false};
       for (std::size_t a = 0; a < width; ++a) at.x.push_back(position(at.nodes[a]));
       at.rigid = at.master_count == 1 && at.masters[0] >= map_.points &&
-                 !is_spring(at.block().type);
+                 !is_spring(at.block().type) &&
+                 std::all_of(at.nodes, at.nodes + width, [&](std::int64_t node) {
+                   return map_.dependent[as_size(node)] == 0;
+                 });
       visit(at);
     }
   }

@@ -58,7 +58,8 @@ def test_bodies_of_others(load_case: Loader, tmp_path: Path, name: str) -> None:
     small = certified(body, band, tmp_path, "-mor_tol", tolerance, full=full)
     assert_certified(small, tolerance, sharp=1.3)
     assert small["order"] <= 27
-    for method in METHODS:
+    turn = CASES.index(name)  # two of the other methods by turns
+    for method in (METHODS[turn % 5], METHODS[(turn + 2) % 5]):
         assert_certified(
             certified(body, band, tmp_path, "-mor_method", method, "-mor_order", "rule", full=full)
         )
