@@ -37,6 +37,24 @@ std::span<const Share> Constraints::of(std::int64_t node, int component) const {
   return std::span(shares).subspan(start[k], start[k + 1] - start[k]);
 }
 
+bool Constraints::are_means() const {
+  for (std::size_t k = 0; k < dof.size(); ++k) {
+    const std::int64_t first = dof[k] - dof[k] % 3; // of a displacement or a rotation
+    const auto own = static_cast<int>(dof[k] % 6);
+    const auto like = of(first / 6, static_cast<int>(first % 6));
+    const auto mine = of(dof[k] / 6, own);
+    const bool all = std::binary_search(dof.begin(), dof.end(), first) &&
+                     std::binary_search(dof.begin(), dof.end(), first + 1) &&
+                     std::binary_search(dof.begin(), dof.end(), first + 2);
+    if (!all || mine.size() != like.size()) return false;
+    for (std::size_t j = 0; j < mine.size(); ++j)
+      if (mine[j].node != like[j].node || mine[j].component != own ||
+          std::abs(mine[j].factor - like[j].factor) > 1e-9)
+        return false;
+  }
+  return true;
+}
+
 Constraints read_constraints(const Hdf5File& file, std::int64_t points) {
   Constraints result;
   if (!file.exists("/constraints")) return result;

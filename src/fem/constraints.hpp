@@ -25,6 +25,9 @@ struct Constraints {
 
   /// Of a dependent dof.
   std::span<const Share> of(std::int64_t node, int component) const;
+  /// Whether every dependent node is a mean of others, in all directions alike, so that u ↦ e × u of
+  /// the independent nodes is that of the dependent ones too: no levers, no single directions.
+  bool are_means() const;
 };
 
 /// Those of a body file (`/constraints`); none where it has no such group.

@@ -44,8 +44,8 @@ void add_unit_loads(const Interface& interface, const DofMap& map, std::int64_t 
     }
     if (entries.size() == before)
       throw Error(
-          text("interface %s: component %s is held by a support, no force can act "
-               "there",
+          text("interface %s: component %s is held by a support, or by an equation: no "
+               "force can act there",
                interface.name.c_str(), component_names[c]));
     names.push_back(interface.name + "." + component_names[c]);
   }

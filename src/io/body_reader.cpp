@@ -385,9 +385,10 @@ std::string not_read(const Hdf5File& file) {
       "K",    "M",    "D",        "S",           "G",           "terms",      "B",
       "C",    "dofs", "nodes",    "feedthrough", "output_beta", "output_eta", "alpha",
       "beta", "eta",  "rounding", "geometry",    "interfaces"},
-      of_meshes{"mesh",   "materials", "sections", "interfaces", "supports",
-                "loads",  "outputs",   "preload",  "spin",       "fields",
-                "masses", "springs",   "alpha",    "beta",       "eta"};
+      of_meshes{"mesh",     "materials", "sections",    "interfaces",
+                "supports", "loads",     "outputs",     "preload",
+                "spin",     "fields",    "masses",      "springs",
+                "alpha",    "beta",      "constraints", "eta"};
   const auto& known = file.exists("/mesh") ? of_meshes : of_matrices;
   std::vector<std::string> others;
   for (const std::string& name : file.children("/"))

@@ -92,6 +92,9 @@ struct SecondOrderModel {
   double coriolis = 0;
   Block B, C; ///< C shares B where the outputs are the inputs
   bool outputs_are_inputs = true;
+  /// Whether e × u at the nodes of the rows is e × u everywhere; not where dofs follow others by
+  /// levers or in some directions.
+  bool turns_by_nodes = true;
   std::vector<std::string> inputs, outputs; ///< port names
 
   // Dof map, this rank's rows; empty where the body has none.

@@ -151,6 +151,11 @@ bool wants_integrals(const SecondOrderModel& body, int rigid_modes, const Settin
     observer.warn(words + ". No frame integrals, and shapes are not to be trusted");
     return false;
   }
+  if (rigid_modes >= 6 && !body.turns_by_nodes)
+    observer.warn(
+        "equations and ties with a gap, or of some directions: the frame integrals "
+        "of second order and the spin loads take dependent dofs as if they did not "
+        "move against the frame, and are off by a few percent there");
   if (rigid_modes >= 6 && s.spin_loads && s.relative_to != RelativeTo::elastic &&
       s.relative_to != RelativeTo::both)
     observer.warn(

@@ -160,7 +160,7 @@ def rom_matrices(path: Path) -> dict[str, Any]:
 
 def rom_transfer(rom: dict[str, Any], omega: float) -> Any:
     A = rom["K"] * (1 + 1j * rom["eta"]) + 1j * omega * rom["D"] - omega**2 * rom["M"]
-    A = A if rom["S"] is None else A + 1j * rom["S"]
+    A = A if rom.get("S") is None else A + 1j * rom["S"]
     return rom["C"] @ np.linalg.solve(A, rom["B"])
 
 

@@ -248,7 +248,7 @@ def first_part(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("band", "tolerances"), [((10.0, 5000.0), (1e-3, 1e-6)), ((1.0, 5000.0), (1e-4,))]
+    ("band", "tolerances"), [((10.0, 5000.0), (1e-3, 1e-6)), ((1.0, 5000.0), (1e-6,))]
 )
 def test_the_first_part_of_a_new_user(
     first_part: Path, band: tuple[float, float], tolerances: tuple[float, ...]

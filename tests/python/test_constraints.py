@@ -13,6 +13,7 @@ import pytest
 import scipy.linalg as sl
 import scipy.sparse as sp
 import scipy.sparse.linalg as spl
+from scipy.spatial import cKDTree
 from test_preload import line
 
 import flexgram
@@ -20,6 +21,7 @@ from bodies import box
 from conftest import assembled, assert_certified, certified, run
 from flexgram import BodyError
 from flexgram.body.description import import_description
+from flexgram.body.ties import tied
 from flexgram.model.geometry import Geometry
 from sheets import sheet
 
@@ -365,6 +367,87 @@ def test_reactions_reach_supports_through_ties(tmp_path: Path) -> None:
     force = H[list(model.outputs).index("wall.rz"), list(model.inputs).index("weight.az")].real
     # Held nodes take their share of the weight, as the others do.
     assert force == pytest.approx(-7850 * 0.2 * 0.04**2, rel=1e-6)
+
+
+@pytest.mark.parametrize("noise", [0.0, 1e-9, 1e-5])
+def test_rings_of_ties_lock_nothing(noise: float, tmp_path: Path) -> None:
+    """Two equal meshes, each tied to the other, whose nodes lie in nearly the same places."""
+    found = []
+    for ties in (("seam",), ("seam", "face")):
+        mesh = two_boxes(counts=((3, 3, 3), (3, 3, 3)))
+        rng = np.random.default_rng(3)
+        seam = mesh.point_sets["seam"]
+        mesh.points[seam, 1:] += noise * 0.013 * rng.uniform(-1, 1, (len(seam), 2))
+        other = {"seam": "face", "face": "seam"}
+        body(
+            tmp_path / "body.h5",
+            mesh,
+            ties={n: {"nodes": n, "to": other[n], "distance": 1e-4} for n in ties},
+        )
+        a = assembled(tmp_path / "matrices.h5", tmp_path / "body.h5")
+        squares = sl.eigh(a["K"].toarray(), a["M"].toarray(), eigvals_only=True)
+        found.append((len(squares), np.sqrt(squares[6:10])))
+    assert found[0][0] == found[1][0]
+    np.testing.assert_allclose(found[1][1], found[0][1], rtol=1e-3 if noise > 1e-6 else 1e-6)
+
+
+def test_the_next_face_of_a_graded_mesh() -> None:
+    """Small faces, large ones and triangles: distances are those of the nearest by brute force."""
+    rng = np.random.default_rng(5)
+    x = np.array([0.0, 0.01, 0.03, 0.1, 0.4, 1.5])
+    X, Y = np.meshgrid(x, x, indexing="ij")
+    points = np.column_stack([X.ravel(), Y.ravel(), 0.2 * np.sin(X.ravel() + Y.ravel())])
+    number = np.arange(36).reshape(6, 6)
+    corners = [number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]]
+    quads = np.stack(corners, -1).reshape(-1, 4)
+    faces = [quads[::2], np.vstack([quads[1::2, :3], quads[1::2][:, [0, 2, 3]]])]
+    places = np.column_stack([rng.uniform(-0.1, 1.6, (400, 2)), rng.uniform(-0.2, 0.4, 400)])
+    ties, nearest = tied(np.vstack([points, places]), faces, 36 + np.arange(400), 0.3)
+    fine = np.linspace(0, 1, 81)
+    u, v = (a.ravel() for a in np.meshgrid(fine, fine))
+    shape = np.column_stack([(1 - u) * (1 - v), u * (1 - v), u * v, (1 - u) * v])
+    inside = u + v <= 1 + 1e-12
+    flat = np.column_stack([1 - u - v, u, v])[inside]
+    surface = [np.einsum("qi,fia->fqa", shape, points[faces[0]]).reshape(-1, 3)]
+    surface += [np.einsum("qi,fia->fqa", flat, points[faces[1]]).reshape(-1, 3)]
+    brute = cKDTree(np.vstack(surface)).query(places)[0]
+    assert 0 <= brute.min() - nearest < 0.01
+    near = brute <= 0.29
+    assert set(np.flatnonzero(near) + 36) <= set(ties.nodes.tolist())
+    # Beyond an edge the point of a face is the next one by its coordinates.
+    assert np.all(ties.distance <= brute[ties.nodes - 36] + 2e-3)
+    assert np.all(ties.distance >= brute[ties.nodes - 36] - 0.02)
+
+
+@pytest.mark.parametrize(("gap", "warned"), [(0.0, False), (0.002, True)])
+def test_what_a_floating_frame_misses_is_said(gap: float, warned: bool, tmp_path: Path) -> None:
+    """Levers of ties turn with the frame, which its integrals leave out: warned of, alone."""
+    mesh = two_boxes(gap=gap)
+    body(tmp_path / "body.h5", mesh, ties={"t": {"nodes": "seam", "to": "face", "distance": 0.003}})
+    said = run(
+        *("reduce", "-body", tmp_path / "body.h5", "-mor_band_hz", "10,5000"),
+        *("-mor_out", tmp_path / "rom.h5"),
+    )
+    warnings = [line for line in said.out.splitlines() if line.startswith("warning")]
+    assert len(warnings) == warned and not said.err
+    assert all("the frame integrals of second order" in line for line in warnings)
+    assert "constraints    75 dependent dofs" in said.out
+
+
+def test_a_part_that_equations_hold(tmp_path: Path) -> None:
+    """It is none that nothing holds; a reaction there is refused."""
+    mesh = two_boxes(gap=0.01)
+    face = (mesh.point_sets["face"] + 1).tolist()
+    terms = [[[n, c, 1.0]] for n in face for c in "xyz"]
+    more: dict[str, Any] = {
+        "equations": {"wall": {"terms": terms}},
+        "interfaces": {"start": RIGID | {"nodes": "start"}},
+    }
+    told = body(tmp_path / "body.h5", mesh, **more)
+    assert not any("nothing holds" in line for line in told["warnings"])
+    reaction = {"wall": {"type": "reaction", "nodes": "face", "point": [0, 0, 0]}}
+    with pytest.raises(BodyError, match="its reaction is not known"):
+        body(tmp_path / "b.h5", mesh, **more, outputs=reaction)
 
 
 @pytest.mark.parametrize(

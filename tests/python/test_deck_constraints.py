@@ -19,6 +19,7 @@ from conftest import assembled, run
 from flexgram import BodyError
 from flexgram.importers import parse
 from flexgram.importers.assemble import assemble_deck
+from flexgram.importers.deck import read_deck
 
 ccx = pytest.mark.skipif(shutil.which("ccx") is None, reason="ccx is not installed")
 HELD = "*BOUNDARY\nSTART, 1, 3\n"
@@ -164,7 +165,7 @@ def test_ties_are_those_of_ccx(
 
 
 def test_points_of_mpc(tmp_path: Path) -> None:
-    """BEAM, TIE and PIN between two sheets: K and M of the equations written out."""
+    """TIE and PIN between two sheets: K and M of the equations written out."""
     sheets = (
         "*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n5,2,0,.1\n6,3,0,.1\n7,3,1,.1\n8,2,1,.1\n"
         "*ELEMENT, TYPE=S4, ELSET=E\n1,1,2,3,4\n2,5,6,7,8\n"
@@ -172,17 +173,12 @@ def test_points_of_mpc(tmp_path: Path) -> None:
         "*SHELL SECTION, ELSET=E, MATERIAL=M\n.02\n{model}"
         "*BOUNDARY\n1,1,6\n4,1,6\n*STEP\n*FREQUENCY\n4\n*END STEP\n"
     )
-    # u_5 = u_2 + θ_2 × (1, 0, 0.1); θ_5 = θ_2
-    rows = [
-        "3\n5,1,1.,2,1,-1.,2,5,-0.1",
-        "4\n5,2,1.,2,2,-1.,2,4,0.1,2,6,-1.",
-        "3\n5,3,1.,2,3,-1.,2,5,1.",
-        *(f"2\n5,{c},1.,2,{c},-1." for c in (4, 5, 6)),
-    ]
     found = []
     for model in (
-        "*MPC\nBEAM, 5, 2\nPIN, 8, 3\n",
-        "*EQUATION\n" + "\n".join([*rows, *(f"2\n8,{c},1.,3,{c},-1." for c in (1, 2, 3))]) + "\n",
+        "*MPC\nTIE, 5, 2\nPIN, 8, 3\n",
+        "*EQUATION\n"
+        + "".join(f"2\n5,{c},1.,2,{c},-1.\n" for c in range(1, 7))
+        + "".join(f"2\n8,{c},1.,3,{c},-1.\n" for c in (1, 2, 3)),
     ):
         path = tmp_path / "sheets.inp"
         path.write_text(sheets.format(model=model))
@@ -199,8 +195,13 @@ def test_points_of_mpc(tmp_path: Path) -> None:
         ("*EQUATION\n2\n40, 7, 1., 41, 1, 1.\n", "index out of range"),
         ("*EQUATION\n2\nNONE, 1, 1., 41, 1, 1.\n", "no node set NONE"),
         ("*EQUATION\n2\nSTART, 1, 1., END, 1, 1.\n*NSET, NSET=END\n1\n", "sets of"),
-        ("*MPC\nPLANE, 1, 2, 3, 4\n", "only TIE, PIN and BEAM"),
-        ("*MPC\nBEAM, 40, 41\n", "has no rotations"),
+        ("*EQUATION, INPUT=more.inp\n", "INPUT is not followed"),
+        (
+            "*NSET, NSET=U, UNSORTED\n41, 40\n*EQUATION\n2\nU, 1, 1., END, 1, 1.\n",
+            "order of node set U",
+        ),
+        ("*MPC\nPLANE, 1, 2, 3, 4\n", "only TIE and PIN"),
+        ("*MPC\nBEAM, 40, 41\n", "says what BEAM may mean"),
         ("*TIE, CYCLIC SYMMETRY\nA, B\n", "CYCLIC SYMMETRY is not followed"),
         ("*TIE, NAME=T\nA, B\n", "two surfaces"),
         ("*TRANSFORM, NSET=END, TYPE=S\n1,0,0,0,1,0\n", "TYPE=R or C"),
@@ -212,6 +213,47 @@ def test_what_is_refused(model: str, words: str, tmp_path: Path) -> None:
     path = deck(tmp_path / "bar.inp", "C3D8", model=model, held=HELD)
     with pytest.raises(BodyError, match=words):
         assemble_deck(path, tmp_path / "bar.h5", [parse("node", "tip=NODES:20")])
+
+
+def test_equations_of_a_step(tmp_path: Path) -> None:
+    path = deck(tmp_path / "bar.inp", "C3D8", held=HELD + "*EQUATION\n2\n40,1,1.,41,1,-1.\n")
+    with pytest.raises(BodyError, match=r"\*EQUATION in a step is not followed"):
+        assemble_deck(path, tmp_path / "bar.h5", [parse("node", "tip=NODES:20")])
+
+
+@ccx
+def test_two_ties_of_one_name(tmp_path: Path) -> None:
+    """Both hold, as in ccx: halves of the seam."""
+    counts = ((4, 3, 3), (4, 2, 2))
+    path = tied_deck(tmp_path / "tied.inp", ("C3D8", "C3D8"), TIE, counts)
+    text = path.read_text()
+    at = text.index("*NSET, NSET=SEAM\n") + len("*NSET, NSET=SEAM\n")
+    seam = text[at : text.index("*", at)].split()
+    halves = "".join(
+        f"*NSET, NSET=H{k}\n"
+        + "".join(f"{n}\n" for n in some)
+        + f"*SURFACE, NAME=S{k}, TYPE=NODE\nH{k}\n"
+        for k, some in enumerate((seam[:8], seam[8:]))
+    )
+    both = halves + "*TIE, NAME=SEAM\nS0, MASTER\n*TIE, NAME=SEAM\nS1, MASTER"
+    path.write_text(text.replace(TIE, both))
+    ours, _ = frequencies(tmp_path, path)
+    np.testing.assert_allclose(ours, ccx_frequencies(path)[:8], rtol=2e-6)
+
+
+@ccx
+def test_a_node_all_but_on_an_axis(tmp_path: Path) -> None:
+    """Cylindrical axes whose first component is 1e-9 along x: the direction that is held is y."""
+    model = (
+        "*NSET, NSET=ONE\n50\n*TRANSFORM, NSET=ONE, TYPE=C\n{x!r}, -1., 0., {x!r}, -1., 1.\n"
+        + HELD
+        + "ONE, 1\n"
+    )
+    path = deck(tmp_path / "bar.inp", "C3D8", model="**\n")
+    x = float(read_deck(path).points[49, 0])
+    path = deck(tmp_path / "bar.inp", "C3D8", model=model.format(x=x + 1e-9))
+    ours, _ = frequencies(tmp_path, path)
+    np.testing.assert_allclose(ours, ccx_frequencies(path)[:8], rtol=1e-6)
 
 
 def test_the_command_line(tmp_path: Path) -> None:

@@ -97,6 +97,7 @@ def test_groups_of_elements_and_nodes(tmp_path: Path) -> None:
         + "        30        10\n"
         + "         9        21         1         1         7         2\n         0 1 1\n"
         + "        10        20\n"
+        + "        11       161         1         1         7         1\n        20\n"
         + "    -1\n    -1\n  2467\n"
         + "         1         0         0         0         0         0         0         1\n"
         + "far\n         8         9         0         0\n"

@@ -49,6 +49,10 @@ def mpc(cards: str) -> str:
             plate("GRID,900,,2.,2.,0.\nRBE2,92,900,123,80,90\n"),
             "123 only, and its grid 900 belongs",
         ),
+        (
+            plate("GRID,900,,2.,2.,0.\nRBE2,92,50,13,900\nRBE2,93,900,123456,80,90\n"),
+            "RBE2 92: it couples 13 only, and its grid 900 belongs to no element",
+        ),
         (mpc("MPC,5,50,1,1.0,900,1,-1.\nGRID,900,,2.,2.,0.\n"), "MPC 5: grid 900 belongs to no"),
         (mpc("MPC,5,50,0,1.0,80,1,-1.\n"), "MPC 5: grid 50 has no component 0"),
         (

@@ -23,6 +23,8 @@ from flexgram.body.ties import Ties, tied
 COMPONENTS = {"x": 0, "y": 1, "z": 2, "rx": 3, "ry": 4, "rz": 5}
 #: Factors smaller than this share of the largest of an equation are its rounding.
 ROUNDING = 1e-12
+#: The first dof of an equation becomes dependent where its factor is this share of the largest.
+PIVOT = 0.1
 #: Of the mean size of faces: how far nodes that are tied to them may lie, as in CalculiX.
 SHARE = 0.025
 
@@ -47,9 +49,13 @@ class Elimination:
     of: dict[int, dict[int, float]] = field(default_factory=dict)
     _used_by: dict[int, set[int]] = field(default_factory=dict)
 
-    def add(self, terms: Sequence[tuple[int, float]]) -> bool:
+    def add(self, terms: Sequence[tuple[int, float]], follows: bool = False) -> bool:
         """Let Σ factor · dof = 0; whether that was not known before. The first dof becomes
         dependent where it can, else the one with the largest factor.
+
+        ``follows``: the first dof, of factor 1, is to follow the others. It is not where these
+        follow it already, as in a ring of ties: what is left is differences of the others by the
+        rounding of places, no equation.
 
         Raises
         ------
@@ -70,7 +76,11 @@ class Elimination:
                 "it is between dofs of rigid interfaces alone, or of these and held ones"
             )
         first = terms[0][0]
-        dependent = first if first in free else max(free, key=lambda dof: abs(row[dof]))
+        if follows and abs(row.get(first, 0.0)) < PIVOT:
+            return False
+        most = max(free, key=lambda dof: abs(row[dof]))
+        near = first in free and abs(row[first]) >= PIVOT * abs(row[most])
+        dependent = first if near else most
         pivot = row.pop(dependent)
         mine = {dof: -factor / pivot for dof, factor in row.items()}
         for user in self._used_by.pop(dependent, set()):
@@ -127,6 +137,13 @@ class Constraints:
         start = group["start"][:]
         row = np.repeat(np.arange(len(start) - 1), np.diff(start))
         return cls(group["dependent"][:], group["independent"][:], row, group["factor"][:])
+
+    @property
+    def holding(self) -> Ints:
+        """Nodes with dependent dofs that follow none: equations hold them."""
+        alone = np.bincount(self.row, minlength=len(self.dependent)) == 0
+        found: Ints = np.unique(self.dependent[alone, 0])
+        return found
 
     def sums(self, values: Floats) -> Floats:
         """Of the dependent dofs, (…, E), from values of the independent ones, (…, K)."""
@@ -248,10 +265,9 @@ def write_constraints(
             node = terms[0][0] // 6
             if node in skipped:
                 continue
-            if terms[0][0] in elimination.of or terms[0][0] in held:
+            busy = terms[0][0] in elimination.of or terms[0][0] in held
+            if busy or not elimination.add(terms, follows=True):
                 known.add(node)
-                continue
-            elimination.add(terms)
         told.append(_told(str(name), found, count, length, len(skipped), len(known)))
     elimination.write(file)
     return told
@@ -342,5 +358,5 @@ def _told(name: str, found: Ties, count: int, length: float, rigid: int, known: 
     if rigid:
         words += f"; {rigid} follow a rigid interface instead"
     if known:
-        words += f"; {known} are held or tied already, wholly or in part"
+        words += f"; {known} are held, or follow or move these faces already, wholly or in part"
     return words

@@ -133,6 +133,7 @@ class MeshBody:
         self.length = units[0]
         self.points = np.asarray(mesh.points, dtype=float)
         self.used = np.zeros(len(self.points), dtype=bool)  # by an element of the body
+        self.merged: Ints | None = None  # the node that each became one with
         self.blocks: list[tuple[str, Ints]] = []
         self.ids: list[Ints] = []  # of their elements: the FE code's numbers, else from 1 on
 
@@ -188,9 +189,9 @@ class MeshBody:
 
     def _doubts_of_parts(self, held: list[Ints]) -> list[str]:
         nodes = {name: group["nodes"][:] for name, group in self.file["interfaces"].items()}
-        supported = np.concatenate(held) if held else np.empty(0, dtype=np.int64)
-        joined = [*nodes.values(), *joined_nodes(self.file)]
-        joined += Constraints.of(self.file).joined()
+        constraints = Constraints.of(self.file)
+        supported = np.concatenate([*held, constraints.holding])
+        joined = [*nodes.values(), *joined_nodes(self.file), *constraints.joined()]
         parts = Parts.of(len(self.points), self._elements(), joined)
         return doubts_of_parts(self.points, parts, nodes, supported)
 
@@ -220,7 +221,7 @@ class MeshBody:
         used = np.zeros(len(self.points), dtype=bool)
         for block in self.mesh.cells:
             used[block.data.ravel()] = True
-        place = merged_nodes(self.points, used, tolerance)
+        place = self.merged = merged_nodes(self.points, used, tolerance)
         for block in self.mesh.cells:
             block.data = place[block.data]
             again = (np.diff(np.sort(block.data, axis=1), axis=1) == 0).any(axis=1)
@@ -259,6 +260,8 @@ class MeshBody:
                 raise BodyError(f"{where}: node numbers run from 1 to {len(self.points)}")
             if len(np.unique(nodes)) < len(nodes):
                 raise BodyError(f"{where}: a node is named twice")
+            if self.merged is not None:
+                nodes = np.unique(self.merged[nodes])
             if not self.used[nodes].all():
                 alone = nodes[~self.used[nodes]][0] + 1
                 raise BodyError(f"{where}: node {alone} belongs to no element of the body")

@@ -14,6 +14,7 @@ import h5py
 import numpy as np
 
 from flexgram.basics import BodyError, Floats, Ints, check_name, errors_of
+from flexgram.body.constraints import Constraints
 from flexgram.body.loads import AXES, BodyMesh, write_vectors
 from flexgram.body.meshfile import SOLIDS, TURNING
 from flexgram.body.reader import Reader, short
@@ -45,6 +46,11 @@ def _write_reaction(mesh: BodyMesh, group: h5py.Group, entry: Reader) -> str:
     solid = np.setdiff1d(np.arange(len(points)), turning)
     held[solid, 3:] = False  # they have no rotations
     nodes = chosen[held[chosen].any(axis=1)]
+    if len(skew := np.intersect1d(chosen, Constraints.of(mesh.file).holding)):
+        raise BodyError(
+            f"{entry.where}: node {skew[0] + 1} is held by an equation, or along axes of its own: "
+            "its reaction is not known"
+        )
     if not len(nodes):
         raise BodyError(f"{entry.where}: no support holds any of the {len(chosen)} nodes")
     point = entry.vector("point", points[nodes].mean(axis=0))

@@ -13,6 +13,9 @@ from scipy.spatial import cKDTree
 from flexgram.basics import Floats, Ints
 from flexgram.body.face_integrals import corners_of, face_functions
 
+#: Nodes whose faces are looked for at a time.
+CHUNK = 4096
+
 
 @dataclass(frozen=True)
 class Ties:
@@ -155,36 +158,58 @@ def tied(points: Floats, faces: Sequence[Ints], nodes: Ints, distance: float) ->
     best = np.full(len(nodes), np.inf)
     at = np.zeros((len(nodes), 2))
     of: list[Ints | None] = [None] * len(nodes)
-    for group in faces:
-        node, face = _candidates(points, group, points[nodes], distance)
-        xi, away = _feet(points[group[face]], points[nodes][node])
-        order = np.lexsort((away, node))
-        for k in order[np.unique(node[order], return_index=True)[1]]:  # the next of each node
-            if away[k] < best[node[k]]:
-                best[node[k]], at[node[k]], of[node[k]] = away[k], xi[k], group[face[k]]
+    classes = [_FaceClass(points, some) for group in faces for some in _by_size(points, group)]
+    for begin in range(0, len(nodes), CHUNK):
+        places = points[nodes[begin : begin + CHUNK]]
+        next_ones = np.array([own.tree.query(places)[0] for own in classes])
+        bound = next_ones.min(axis=0)  # a centre is a point of its face
+        for own, away_from in zip(classes, next_ones, strict=True):
+            node, face = own.candidates(places, np.minimum(bound, distance), away_from <= bound)
+            if not len(node):
+                continue
+            xi, away = _feet(points[own.faces[face]], places[node])
+            order = np.lexsort((away, node))
+            for k in order[np.unique(node[order], return_index=True)[1]]:  # the next of each node
+                row = begin + int(node[k])
+                if away[k] < best[row]:
+                    best[row], at[row], of[row] = away[k], xi[k], own.faces[face[k]]
     near = np.flatnonzero(best <= distance)
-    ties = Ties(
-        nodes[near], [f for f in (of[k] for k in near) if f is not None], at[near], best[near]
-    )
-    return ties, float(best.min(initial=np.inf))
+    chosen = [f for f in (of[k] for k in near) if f is not None]
+    return Ties(nodes[near], chosen, at[near], best[near]), float(best.min(initial=np.inf))
 
 
-def _candidates(points: Floats, faces: Ints, places: Floats, distance: float) -> tuple[Ints, Ints]:
-    """Pairs of a place and a face that may be no farther apart; at least the place's next face."""
-    x = points[faces]
-    centres = x.mean(axis=1)
-    radii = np.linalg.norm(x - centres[:, None], axis=2).max(axis=1)
-    tree = cKDTree(centres)
-    found = tree.query_ball_point(places, radii.max() + distance)
-    node = np.repeat(np.arange(len(places)), [len(some) for some in found])
-    face = np.array([f for some in found for f in some], dtype=np.int64)
-    apart = np.linalg.norm(places[node] - centres[face], axis=1)
-    close = apart <= radii[face] + distance
-    next_one = tree.query(places)[1]
-    return (
-        np.concatenate([node[close], np.arange(len(places))]),
-        np.concatenate([face[close], next_one]),
-    )
+def _by_size(points: Floats, faces: Ints) -> Iterator[Ints]:
+    """Faces (F, n) in classes of sizes that differ by a factor of two at most."""
+    size = np.linalg.norm(np.ptp(points[faces], axis=1), axis=1)
+    classes = np.floor(np.log2(np.maximum(size, 1e-300)))
+    for which in np.unique(classes):
+        yield faces[classes == which]
+
+
+class _FaceClass:
+    """Faces (F, n) of similar sizes, by their centres."""
+
+    def __init__(self, points: Floats, faces: Ints) -> None:
+        x = points[faces]
+        centres = x.mean(axis=1)
+        self.faces = faces
+        self.radius = float(np.linalg.norm(x - centres[:, None], axis=2).max())
+        self.tree = cKDTree(centres)
+
+    def candidates(
+        self, places: Floats, reach: Floats, with_next: NDArray[np.bool_]
+    ) -> tuple[Ints, Ints]:
+        """Pairs of a place and a face that may be no farther apart than its reach, and the next
+        face of some places."""
+        found = self.tree.query_ball_point(places, reach + self.radius)
+        counts = np.array([len(some) for some in found])
+        node = np.repeat(np.arange(len(places)), counts)
+        face = np.concatenate([np.array(some, dtype=np.int64) for some in found])
+        more = np.flatnonzero(with_next & (counts == 0))
+        if len(more):
+            node = np.append(node, more)
+            face = np.append(face, self.tree.query(places[more])[1])
+        return node, face
 
 
 def _feet(x: Floats, places: Floats) -> tuple[Floats, Floats]:

@@ -10,10 +10,13 @@ import numpy as np
 from flexgram.basics import BodyError, Ints, errors_of
 from flexgram.body.universal import datasets
 
-#: Descriptor of an element -> meshio type, and where its nodes stand in the file's order.
+#: Descriptor of an element -> meshio type, and where its nodes stand in the file's order. Edges of
+#: three nodes and points bound other elements.
 KINDS: dict[int, tuple[str, tuple[int, ...]]] = {
     11: ("line", (0, 1)),
     21: ("line", (0, 1)),
+    **dict.fromkeys((22, 24), ("line3", (0, 2, 1))),
+    161: ("vertex", (0,)),
     111: ("tetra", (0, 1, 2, 3)),
     112: ("wedge", (0, 1, 2, 3, 4, 5)),
     113: ("wedge15", (0, 2, 4, 9, 11, 13, 1, 3, 5, 10, 12, 14, 6, 7, 8)),

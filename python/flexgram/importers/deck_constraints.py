@@ -1,5 +1,6 @@
 """Equations, ties and multi-point constraints of a CalculiX or Abaqus deck, as a body's description
-has them."""
+has them. TIE and PIN of *MPC are Abaqus'; BEAM is refused: rigid in Abaqus, it keeps a distance and
+no more in CalculiX."""
 
 from __future__ import annotations
 
@@ -32,6 +33,9 @@ def equations_of(job: Job, deck: Deck) -> dict[str, dict[str, Any]]:
     BodyError
         For equations that are not, and kinds of *MPC that are not followed.
     """
+    for cards in job.steps:
+        if some := [card.keyword for card in cards if card.keyword in CARDS]:
+            raise BodyError(f"{job.path}: *{some[0]} in a step is not followed: --run-ccx knows it")
     found: dict[str, dict[str, Any]] = {}
     axes = axes_of_nodes(job, deck)
     for keyword, read in (("EQUATION", _equations), ("MPC", _points)):
@@ -66,6 +70,13 @@ def _equations(job: Job, deck: Deck, axes: Mapping[int, Floats], card: Card) -> 
     """Each: how many terms, then node (or a set of as many nodes), direction and factor of each,
     some in a line."""
     where = f"{job.path}: *EQUATION"
+    if card.options:
+        raise BodyError(f"{where}: {next(iter(card.options))} is not followed: --run-ccx knows it")
+    unsorted = {
+        of.options["NSET"].upper()
+        for of in job.model
+        if of.keyword == "NSET" and "UNSORTED" in of.options
+    }
     words = [word for row in card.words() for word in row if word]
     found: list[Equation] = []
     while words:
@@ -78,10 +89,17 @@ def _equations(job: Job, deck: Deck, axes: Mapping[int, Floats], card: Card) -> 
         for name, direction, factor in zip(own[::3], own[1::3], own[2::3], strict=True):
             if not name.isdigit() and name.upper() not in deck.sets:
                 raise BodyError(f"{where}: there is no node set {name}")
+            if name.upper() in unsorted | deck.repeated:
+                raise BodyError(
+                    f"{where}: the order of node set {name} is not known here (UNSORTED, or nodes "
+                    "named twice): write an equation for each node"
+                )
             labels = [int(name)] if name.isdigit() else deck.sets[name.upper()].tolist()
             with errors_of(where):
                 c, value = range(6)[int(direction) - 1], float(factor)
             columns.append([along(axes, n, _number(job, deck, n), c, value) for n in labels])
+        most = max(map(len, columns))
+        columns = [column * most if len(column) == 1 else column for column in columns]
         if len({len(column) for column in columns}) > 1:
             raise BodyError(f"{where}: sets of {', '.join(str(len(c)) for c in columns)} nodes")
         found += [[row for term in terms for row in term] for terms in zip(*columns, strict=True)]
@@ -89,15 +107,18 @@ def _equations(job: Job, deck: Deck, axes: Mapping[int, Floats], card: Card) -> 
 
 
 def _points(job: Job, deck: Deck, axes: Mapping[int, Floats], card: Card) -> list[Equation]:
-    """TIE, PIN and BEAM of *MPC: the first node follows the second."""
+    """TIE and PIN of *MPC: the first node follows the second."""
     turning = {n for kind, nodes in deck.elements.values() if kind in SHELLS for n in nodes}
     found: list[Equation] = []
     for words in card.words():
         words = [word for word in words if word]
         where = f"{job.path}: *MPC {', '.join(words)}"
         kind = words[0].upper() if words else ""
-        if kind not in ("TIE", "PIN", "BEAM") or len(words) != 3:
-            raise BodyError(f"{where}: only TIE, PIN and BEAM of two nodes are followed")
+        if kind not in ("TIE", "PIN") or len(words) != 3:
+            raise BodyError(
+                f"{where}: only TIE and PIN of two nodes are followed; *RIGID BODY, or *EQUATION, "
+                "says what BEAM may mean"
+            )
         if not (words[1].isdigit() and words[2].isdigit()):
             raise BodyError(f"{where}: name two nodes")
         first, second = int(words[1]), int(words[2])
@@ -105,19 +126,8 @@ def _points(job: Job, deck: Deck, axes: Mapping[int, Floats], card: Card) -> lis
             raise BodyError(f"{where}: its nodes have axes of their own (*TRANSFORM): not followed")
         a, b = _number(job, deck, first), _number(job, deck, second)
         turns = {first, second} <= turning and kind != "PIN"
-        arm = deck.points[a - 1] - deck.points[b - 1]
-        if kind == "BEAM" and second not in turning and np.any(arm):
-            raise BodyError(f"{where}: node {second} has no rotations to move the other by")
         for c in range(6 if turns else 3):
-            rows: Equation = [[a, COMPONENTS[c], 1.0], [b, COMPONENTS[c], -1.0]]
-            if kind == "BEAM" and c < 3:  # u_a = u_b + θ_b × arm
-                i, j = (c + 1) % 3, (c + 2) % 3
-                rows += [
-                    [b, COMPONENTS[3 + k], factor]
-                    for k, factor in ((i, -float(arm[j])), (j, float(arm[i])))
-                    if factor
-                ]
-            found.append(rows)
+            found.append([[a, COMPONENTS[c], 1.0], [b, COMPONENTS[c], -1.0]])
     return found
 
 
@@ -143,10 +153,14 @@ def ties_of(job: Job, deck: Deck) -> dict[str, dict[str, Any]]:
                 raise BodyError(f"{where}: expected two surfaces that are there: slave, master")
             slave, master = ([_number(job, deck, n) for n in surfaces[s]] for s in names)
             entry: dict[str, Any] = {"nodes": slave, "to": master}
-            if tolerance := card.options.get("POSITION TOLERANCE"):
-                with errors_of(f"{where}: POSITION TOLERANCE"):
-                    entry["distance"] = float(tolerance)
+            with errors_of(f"{where}: POSITION TOLERANCE"):
+                tolerance = float(card.options.get("POSITION TOLERANCE") or 0.0)
+            if tolerance > 0:
+                entry["distance"] = tolerance
             if "NO ROTATION" in card.options:
                 entry["rotations"] = "free"
-            found[name if row == 1 else f"{name}_{row}"] = entry
+            own = name if row == 1 else f"{name}_{row}"
+            while own in found:
+                own += "_"
+            found[own] = entry
     return found

@@ -146,8 +146,12 @@ class RigidElements:
                         "to no element"
                     )
                 for n in nodes:
-                    if n in self.elements.used:
-                        self.equations.follow(name, n, reference, sorted(map(int, coupled)))
+                    if n not in self.elements.used:
+                        raise BodyError(
+                            f"{where}: it couples {coupled} only, and its grid {n} belongs to no "
+                            "element"
+                        )
+                    self.equations.follow(name, n, reference, sorted(map(int, coupled)))
                 return
             self.loose.update(nodes)
         self.shared.setdefault(reference, (name, []))[1].extend(nodes)
