@@ -414,8 +414,7 @@ def test_the_next_face_of_a_graded_mesh() -> None:
     assert 0 <= brute.min() - nearest < 0.01
     near = brute <= 0.29
     assert set(np.flatnonzero(near) + 36) <= set(ties.nodes.tolist())
-    # Beyond an edge the point of a face is the next one by its coordinates.
-    assert np.all(ties.distance <= brute[ties.nodes - 36] + 2e-3)
+    assert np.all(ties.distance <= brute[ties.nodes - 36] + 1e-9)
     assert np.all(ties.distance >= brute[ties.nodes - 36] - 0.02)
 
 

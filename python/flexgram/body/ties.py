@@ -212,31 +212,60 @@ class _FaceClass:
         return node, face
 
 
+#: Edges of the unit triangle and of the square: a corner and the way to the next.
+EDGES = {
+    3: (((0.0, 0.0), (1.0, 0.0)), ((1.0, 0.0), (-1.0, 1.0)), ((0.0, 1.0), (0.0, -1.0))),
+    4: (
+        ((-1.0, -1.0), (2.0, 0.0)),
+        ((1.0, -1.0), (0.0, 2.0)),
+        ((1.0, 1.0), (-2.0, 0.0)),
+        ((-1.0, 1.0), (0.0, -2.0)),
+    ),
+}
+STEPS = 8
+
+
 def _feet(x: Floats, places: Floats) -> tuple[Floats, Floats]:
     """Where faces with nodes x (P, n, 3) are next to places (P, 3): (P, 2), and how far that is."""
     count = x.shape[1]
     triangle = corners_of(count) == 3
     xi = np.full((len(x), 2), 1 / 3 if triangle else 0.0)
-    for step in range(12):
+    for _ in range(STEPS):
         N, dN = face_functions(count, xi)
         away = places - np.einsum("pi,pia->pa", N, x)
         tangents = np.einsum("pik,pia->pka", dN, x)
         metric = np.einsum("pka,pla->pkl", tangents, tangents)
         metric += 1e-14 * np.trace(metric, axis1=1, axis2=2)[:, None, None] * np.eye(2)
         right = np.einsum("pka,pa->pk", tangents, away)
-        xi = xi + np.linalg.solve(metric, right[..., None])[..., 0]
-        xi = np.clip(xi, -2, 2) if step < 6 else _inside(xi, triangle)
+        xi = np.clip(xi + np.linalg.solve(metric, right[..., None])[..., 0], -2, 2)
+    if triangle:
+        outside = (xi.min(axis=1) < 0) | (xi.sum(axis=1) > 1)
+    else:
+        outside = np.abs(xi).max(axis=1) > 1
+    beyond = np.flatnonzero(outside)
+    if len(beyond):
+        xi[beyond] = _on_edges(x[beyond], places[beyond])
     N, _ = face_functions(count, xi)
-    away = np.linalg.norm(places - np.einsum("pi,pia->pa", N, x), axis=1)
-    return xi, away
+    distance: Floats = np.linalg.norm(places - np.einsum("pi,pia->pa", N, x), axis=1)
+    return xi, distance
 
 
-def _inside(xi: Floats, triangle: bool) -> Floats:
-    """The next point of the unit triangle, or of the square."""
-    if not triangle:
-        square: Floats = np.clip(xi, -1, 1)
-        return square
-    beyond = np.maximum(xi.sum(axis=1) - 1, 0)[:, None]
-    xi = np.clip(xi - 0.5 * beyond, 0, None)
-    inside: Floats = xi / np.maximum(xi.sum(axis=1), 1)[:, None]
-    return inside
+def _on_edges(x: Floats, places: Floats) -> Floats:
+    """The next points of the edges of faces, (P, 2)."""
+    count = x.shape[1]
+    best, found = np.full(len(x), np.inf), np.zeros((len(x), 2))
+    for corner, way in EDGES[corners_of(count)]:
+        t = np.full(len(x), 0.5)
+        for step in range(STEPS + 1):
+            xi = np.array(corner) + t[:, None] * np.array(way)
+            N, dN = face_functions(count, xi)
+            away = places - np.einsum("pi,pia->pa", N, x)
+            if step == STEPS:
+                break
+            along = np.einsum("pik,pia,k->pa", dN, x, np.array(way))
+            size = np.maximum(np.einsum("pa,pa->p", along, along), 1e-300)
+            t = np.clip(t + np.einsum("pa,pa->p", along, away) / size, 0, 1)
+        distance = np.linalg.norm(away, axis=1)
+        better = distance < best
+        best[better], found[better] = distance[better], xi[better]
+    return found
