@@ -50,41 +50,35 @@ ENVIRONMENT = {
 }
 
 
-#: Modules and tests of more than some seconds: ``-m "not slow"`` leaves them out.
-SLOW = {
-    "test_certified",
-    "test_continuum",
-    "test_stress",
-    "test_restart",
-    "test_exudyn",
-    "test_rack",
-    "test_shared_bodies",
-    "test_examples",
-    "test_a_cut_equals_the_reduction",
-    "test_a_damaged_file_is_refused",
-    "test_doubtful_units_and_thin_rigid_sets",
-    "test_optimal_beats_the_gramian",
-    "test_optimal_on_the_rack",
-    "test_report_and_figures",
-    "test_other_formulations_converge_to_each_other",
-    "test_a_full_disk_leaves_nothing_behind",
-    "test_file_like_the_program",
-    "test_free_body_with_frame",
-    "test_messages",
-    "test_a_damaged_attribute_is_not_a_missing_one",
-    "test_fuzz",
-    "test_soak",
-    "test_printed_digits_are_in_the_floor",
-}
+#: Tests of more than some seconds, ``module::function``: ``-m "not slow"`` leaves them out. Written
+#: by a run of all tests with FLEXGRAM_SLOW=3, which names those that take more seconds.
+SLOW_FILE = Path(__file__).with_name("slow.txt")
+SLOW = set(SLOW_FILE.read_text().split())
+
+
+def _function(node: str) -> str:
+    """``module::function`` of a test."""
+    path, _, rest = node.partition("::")
+    return f"{Path(path).stem}::{rest.partition('[')[0]}"
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
-        name = getattr(item, "originalname", item.name)
-        parameters = getattr(getattr(item, "callspec", None), "params", {})
-        again = item.path.stem == "test_bad_input" and parameters.get("ranks") == 2
-        if item.path.stem in SLOW or name in SLOW or again:
+        if _function(item.nodeid) in SLOW:
             item.add_marker(pytest.mark.slow)
+
+
+def pytest_terminal_summary(terminalreporter: Any) -> None:
+    if "FLEXGRAM_SLOW" not in os.environ:
+        return
+    seconds: dict[str, float] = {}
+    for reports in terminalreporter.stats.values():
+        for report in reports:
+            if hasattr(report, "duration") and hasattr(report, "nodeid"):
+                seconds[report.nodeid] = seconds.get(report.nodeid, 0.0) + report.duration
+    limit = float(os.environ["FLEXGRAM_SLOW"])
+    slow = {_function(node) for node, each in seconds.items() if each > limit}
+    SLOW_FILE.write_text("\n".join(sorted(slow)) + "\n")
 
 
 class Result:
