@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 from pathlib import Path
 from typing import Any
 
@@ -48,14 +49,18 @@ def random_joints(rng: np.random.Generator) -> list[Joint]:
     return joints
 
 
-@pytest.mark.parametrize(("form", "pairs"), [(True, 25), (False, 20)])
-def test_random_pairs_keep_their_bound(form: bool, pairs: int) -> None:
+#: Of parts of an assembly, by random numbers; FLEXGRAM_PAIRS=25 for a longer run.
+PAIRS = int(os.environ.get("FLEXGRAM_PAIRS", "8"))
+
+
+@pytest.mark.parametrize("form", [True, False])
+def test_random_pairs_keep_their_bound(form: bool) -> None:
     """Bound >= truth at frequencies of the test's own, and of use: by the form of the parts' errors
     nearly the error, by their sizes where the gain is small. The claim for the whole band holds
     there too and is hardly more than the largest that is seen."""
     rng = np.random.default_rng(7)
     closed, sharp, everywhere, proved = 0, [], [], 0
-    for _ in range(pairs):
+    for _ in range(PAIRS):
         bodies = [random_body(rng, 6), random_body(rng, 6)]
         parts = {
             f"p{i}": reduced(b, float(10 ** rng.uniform(-6, -2))) for i, b in enumerate(bodies)
@@ -87,9 +92,9 @@ def test_random_pairs_keep_their_bound(form: bool, pairs: int) -> None:
             if np.isfinite(bound) and true > 1e-12:
                 sharp.append(bound / true)
         assert form == bool(np.all(np.isfinite(said.estimate)))
-    assert closed > (1.0 if form else 0.8) * pairs * 15 - 1
+    assert closed > (1.0 if form else 0.8) * PAIRS * 15 - 1
     assert np.median(sharp) < (1.2 if form else 300)
-    assert proved >= (1.0 if form else 0.9) * pairs and np.median(everywhere) < 1.3
+    assert proved >= (1.0 if form else 0.9) * PAIRS and np.median(everywhere) < 1.3
 
 
 def beam(rng: np.random.Generator) -> tuple[Any, ...]:
@@ -155,7 +160,7 @@ def test_forces_and_moments_keep_a_bound_that_is_hardly_more_than_the_error(tol:
     all; by their forms all close, and the bound is the error."""
     rng = np.random.default_rng(31)
     sharp = []
-    for _ in range(8):
+    for _ in range(PAIRS // 2):
         bodies = [beam(rng) for _ in range(2)]
         spring = (
             {d: float(10 ** rng.uniform(4, 7)) for d in ("y", "rz")} if rng.random() < 0.5 else {}
