@@ -305,14 +305,14 @@ def test_the_symmetric_part_is_what_is_reduced(tmp_path: Path) -> None:
 def test_random_systems(seed: int) -> None:
     """Every class and every damping; ``scripts/audit`` makes each pair, and more."""
     result = subprocess.run(
-        [ROOT / "scripts" / "audit", "112", str(seed), "--every", "5"],
+        [ROOT / "scripts" / "audit", "112", str(seed), "--every", "7"],
         env=ENVIRONMENT,
         capture_output=True,
         text=True,
         timeout=1200,
     )
     assert result.returncode == 0, result.stdout + result.stderr
-    assert "0 broken of 23" in result.stdout
+    assert "0 broken of 16" in result.stdout
     refused = [line for line in result.stdout.splitlines() if line.startswith("refused")]
     assert len(refused) <= 1, refused
 
