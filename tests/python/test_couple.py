@@ -94,7 +94,9 @@ def test_random_pairs_keep_their_bound(form: bool) -> None:
         assert form == bool(np.all(np.isfinite(said.estimate)))
     assert closed > (1.0 if form else 0.8) * PAIRS * 15 - 1
     assert np.median(sharp) < (1.2 if form else 300)
-    assert proved >= (1.0 if form else 0.9) * PAIRS and np.median(everywhere) < 1.3
+    assert proved >= (1.0 if form else 0.9) * PAIRS
+    if PAIRS >= 20:  # the median of few says little
+        assert np.median(everywhere) < 1.3
 
 
 def beam(rng: np.random.Generator) -> tuple[Any, ...]:
