@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from flexgram.basics import BodyError, Floats, Ints
+from flexgram.basics import BodyError, Floats, Ints, errors_of
 from flexgram.body.face_integrals import areas_at_nodes
 from flexgram.body.faces import whole_faces
 from flexgram.body.meshfile import TURNING
@@ -166,29 +166,20 @@ def rigid_rows(constraints: Constraints, points: Floats, size: float) -> Floats:
     fulfil it. Points and displacements are in units of ``size`` [m]."""
 
     def moved(dofs: Ints) -> Floats:
-        x = points[dofs[:, 0]]
-        by_turning = np.stack([np.cross(axis, x) for axis in np.eye(3)], axis=2)  # (…, 3, axis)
-        turns = np.broadcast_to(np.eye(3), (len(dofs), 3, 3))
-        shifts = np.broadcast_to(np.eye(3), (len(dofs), 3, 3))
-        rows = np.concatenate(
-            [
-                np.concatenate([shifts, by_turning], axis=2),
-                np.concatenate([np.zeros_like(turns), turns], axis=2),
-            ],
-            axis=1,
-        )
-        found: Floats = rows[np.arange(len(dofs)), dofs[:, 1]]
-        return found
+        """Of dofs, displacements in metres."""
+        rows = np.zeros((len(dofs), 6))
+        k, c = np.arange(len(dofs)), dofs[:, 1]
+        rows[k, c] = 1
+        shifts = np.flatnonzero(c < 3)
+        k, c, x = k[shifts], c[shifts], points[dofs[shifts, 0]]
+        for step, sign in ((1, 1.0), (2, -1.0)):  # (e_a × x)_c, a the next direction or the last
+            rows[k, 3 + (c + step) % 3] = sign * x[np.arange(len(x)), (c + 3 - step) % 3]
+        rows[shifts] *= size
+        return rows
 
-    def scaled(dofs: Ints) -> Floats:
-        units = np.where(dofs[:, 1] < 3, size, 1.0)
-        found: Floats = units[:, None] * moved(dofs)
-        return found
-
-    sums = constraints.sums(scaled(constraints.independent).T).T
-    rows = scaled(constraints.dependent) - sums
+    sums = constraints.sums(moved(constraints.independent).T).T
     units: Floats = np.where(constraints.dependent[:, 1] < 3, size, 1.0)
-    return rows / units[:, None]
+    return (moved(constraints.dependent) - sums) / units[:, None]
 
 
 def write_constraints(
@@ -249,10 +240,8 @@ def write_constraints(
         rows = _equations(entry, select, turning | rigid, length)
         news = 0
         for row in rows:
-            try:
+            with errors_of(entry.where):
                 news += elimination.add(row)
-            except BodyError as error:
-                raise BodyError(f"{entry.where}: {error}") from None
         again = f", {len(rows) - news} of them say nothing new" if news < len(rows) else ""
         told.append(f"equations {name}: {len(rows)}{again}")
     for name, data in ties.items():
@@ -266,8 +255,9 @@ def write_constraints(
             if node in skipped:
                 continue
             busy = terms[0][0] in elimination.of or terms[0][0] in held
-            if busy or not elimination.add(terms, follows=True):
-                known.add(node)
+            with errors_of(entry.where):
+                if busy or not elimination.add(terms, follows=True):
+                    known.add(node)
         told.append(_told(str(name), found, count, length, len(skipped), len(known)))
     elimination.write(file)
     return told
