@@ -12,8 +12,8 @@ using Positions = std::function<Vector3(std::int64_t node)>;
 /// Numbers the equations. Nodes of the mesh come first (0 … points − 1), then one
 /// reference node for each rigid interface. A node has three dofs, six where a beam or a
 /// shell ends or at a reference; slaves of a rigid interface, dependent dofs and dofs held
-/// by a support have no equation. The equations of a rank follow each other, node by node. The same on every
-/// rank, about 20 bytes a node.
+/// by a support have no equation. The equations of a rank follow each other, node by node.
+/// The same on every rank, about 20 bytes a node.
 struct DofMap {
   std::int64_t points = 0;             ///< nodes of the mesh
   std::vector<std::int8_t> dofs;       ///< 0 (unused), 3 or 6

@@ -153,9 +153,8 @@ bool wants_integrals(const SecondOrderModel& body, int rigid_modes, const Settin
   }
   if (rigid_modes >= 6 && !body.turns_by_nodes)
     observer.warn(
-        "equations and ties with a gap, or of some directions: the frame integrals "
-        "of second order and the spin loads take dependent dofs as if they did not "
-        "move against the frame, and are off by a few percent there");
+        "the body has ties with a gap, or equations of some directions: the frame "
+        "integrals of second order and the spin loads are approximate");
   if (rigid_modes >= 6 && s.spin_loads && s.relative_to != RelativeTo::elastic &&
       s.relative_to != RelativeTo::both)
     observer.warn(

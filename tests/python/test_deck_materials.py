@@ -173,6 +173,7 @@ def test_shells_along_orientations(section: str, rows: str, yaml: Any, tmp_path:
 @pytest.mark.parametrize(
     ("elastic", "orientation", "words"),
     [
+        ("*ELASTIC, TYPE=LAMINA\n1e9,1e9,.3,1e9,1e9,1e9\n", "", "LAMINA is of shells, not of"),
         ("*ELASTIC, TYPE=ANISO\n1.,2.,3.\n", "", "TYPE=ANISO: not followed"),
         ("*ELASTIC, TYPE=ENGINEERING CONSTANTS\n1.,2.,3.\n", "", "expected 9 numbers"),
         (CONSTANTS, ORIENTATION.replace("NAME=FIBRE", "NAME=OTHER"), "no orientation FIBRE"),

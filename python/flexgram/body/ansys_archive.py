@@ -11,6 +11,7 @@ import meshio
 import numpy as np
 
 from flexgram.basics import BodyError, Ints, errors_of
+from flexgram.body.universal_mesh import places_of
 
 #: Nodes of degenerate bricks of 20 nodes: of prisms (K = L), of tetrahedra (M = N = O = P).
 PRISM = (0, 1, 2, 4, 5, 6, 8, 9, 11, 12, 13, 15, 16, 17, 18)
@@ -67,14 +68,9 @@ def read_archive(path: Path) -> meshio.Mesh:
         raise BodyError(
             f"{path}: element types that are not known as a mesh: {said}; CDWRITE the others alone"
         )
-    order = np.argsort(labels)
-    labels, points = labels[order], points[order]
 
     def places(wanted: Ints) -> Ints:
-        at: Ints = np.minimum(np.searchsorted(labels, wanted), len(labels) - 1)
-        if np.any(labels[at] != wanted):
-            raise BodyError(f"{path}: there is no node {wanted[labels[at] != wanted].flat[0]}")
-        return at
+        return places_of(path, labels, wanted)
 
     cells = [(kind, places(np.array([n for *_, n in some]))) for kind, some in found.items()]
     own = [np.array([number for number, *_ in some]) for some in found.values()]

@@ -7,7 +7,7 @@ from pathlib import Path
 import meshio
 import numpy as np
 
-from flexgram.basics import BodyError, Ints, errors_of
+from flexgram.basics import BodyError, Ints, errors_of, index_of
 from flexgram.body.universal import datasets
 
 #: Descriptor of an element -> meshio type, and where its nodes stand in the file's order. Edges of
@@ -72,13 +72,13 @@ def read_universal(path: Path) -> meshio.Mesh:
     of_elements: dict[int, tuple[int, int]] = {}
     for block, (kind, some) in enumerate(elements.items()):
         wanted = np.array([own for _, own in some], dtype=np.int64)
-        cells.append((kind, _places(path, labels, wanted)))
+        cells.append((kind, places_of(path, labels, wanted)))
         of_elements |= {label: (block, k) for k, (label, _) in enumerate(some)}
     point_sets: dict[str, Ints] = {}
     cell_sets: dict[str, list[Ints]] = {}
     for name, members in groups:
         if own := [label for code, label in members if code == 7]:
-            point_sets[name] = _places(path, labels, np.unique(own))
+            point_sets[name] = places_of(path, labels, np.unique(own))
         chosen = [
             of_elements[label] for code, label in members if code == 8 and label in of_elements
         ]
@@ -90,10 +90,10 @@ def read_universal(path: Path) -> meshio.Mesh:
     return meshio.Mesh(points, cells, point_sets=point_sets, cell_sets=cell_sets)
 
 
-def _places(path: Path, labels: Ints, wanted: Ints) -> Ints:
-    at: Ints = np.minimum(np.searchsorted(labels, wanted), len(labels) - 1)
-    if np.any(labels[at] != wanted):
-        raise BodyError(f"{path}: there is no node {wanted[labels[at] != wanted].flat[0]}")
+def places_of(path: Path, labels: Ints, wanted: Ints) -> Ints:
+    at, known = index_of(labels, wanted)
+    if not known.all():
+        raise BodyError(f"{path}: there is no node {wanted[~known].flat[0]}")
     return at
 
 

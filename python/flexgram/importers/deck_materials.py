@@ -96,6 +96,17 @@ def materials_of(job: Job) -> dict[str, dict[str, Any]]:
     return found
 
 
+def laminas_of(job: Job) -> set[str]:
+    """Materials whose moduli are those of a plane (TYPE=LAMINA)."""
+    found, name = set(), ""
+    for card in job.model:
+        if card.keyword == "MATERIAL":
+            name = card.options.get("NAME", "").upper()
+        elif card.keyword == "ELASTIC" and card.options.get("TYPE", "").upper() == "LAMINA":
+            found.add(name)
+    return found
+
+
 def orientations_of(job: Job) -> dict[str, Floats]:
     """Name -> axes in rows (3, 3), of *ORIENTATION.
 

@@ -13,7 +13,7 @@ from flexgram.body.meshfile import LABELS
 from flexgram.body.meshfile import SHELLS as SHELL_KINDS
 from flexgram.importers.ccx import Card, Job
 from flexgram.importers.deck import FORMULATIONS, Deck
-from flexgram.importers.deck_materials import orientations_of
+from flexgram.importers.deck_materials import laminas_of, orientations_of
 
 #: Options of *SHELL SECTION that are followed.
 OPTIONS = {"ELSET", "MATERIAL", "OFFSET", "SECTION INTEGRATION", "ORIENTATION", "COMPOSITE"}
@@ -121,7 +121,7 @@ def mesh_of(
 ) -> tuple[meshio.Mesh, dict[str, str], int]:
     """The mesh with a region for each section, the material of each region, and how many elements
     are in several sections, of which the last one counts."""
-    layered = shell_sections(job)
+    layered, plane = shell_sections(job), laminas_of(job)
     material_of: dict[str, str] = {}
     region_of: dict[int, str] = {}  # of each element
     given = 0
@@ -134,6 +134,8 @@ def mesh_of(
             material = ""
             made_of = [layer["material"] for layer in layered[region]["layers"]]
         known = [set(materials.get(one, ())) for one in made_of]
+        if not of_shells and material in plane:
+            raise BodyError(f"{where}: *ELASTIC, TYPE=LAMINA is of shells, not of solids")
         if name not in deck.elsets or not all("rho" in k and {"E", "E1"} & k for k in known):
             raise BodyError(f"{where}: needs elements, *ELASTIC and *DENSITY")
         others = [e for e in deck.elsets[name] if (deck.elements[e][0] in SHELL_KINDS) != of_shells]
