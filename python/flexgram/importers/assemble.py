@@ -158,7 +158,7 @@ def _held_along_own_axes(job: Job, deck: Deck, held: dict[int, set[str]]) -> lis
     found = []
     axes = axes_of_nodes(job, deck)
     for label in sorted(set(axes) & set(held) & used):
-        number = _index(job.path, deck, label) + 1
+        number = deck.index(job.path, label) + 1
         for block in (set(AXES[:3]), set(AXES[3:])):
             some = held[label] & block
             if len(some) < 3:
@@ -342,7 +342,7 @@ def _add_couplings(
     held = {i for s in content["supports"].values() for i in s["nodes"]}
     for coupling in couplings:
         entry = coupling.entry(deck)
-        number = _index(job.path, deck, coupling.reference) + 1
+        number = deck.index(job.path, coupling.reference) + 1
         if coupling.kind == "rigid" and set(entry["nodes"]) <= held:
             _ground(content, number)
             continue
@@ -408,7 +408,7 @@ def number_nodes(path: Path, deck: Deck, entry: dict[str, Any]) -> None:
     """Put numbers from 1 for the deck's labels, and sets in the deck's capitals."""
     for key in ("nodes", "relative_to"):
         if isinstance(entry.get(key), list):
-            entry[key] = [_index(path, deck, label) + 1 for label in entry[key]]
+            entry[key] = [deck.index(path, label) + 1 for label in entry[key]]
         elif isinstance(entry.get(key), str):
             entry[key] = entry[key].upper()
 
@@ -421,12 +421,5 @@ def _by_index(path: Path, deck: Deck, what: str, table: Any) -> Any:
                 raise BodyError(f"{table}: no such file")
             table = np.loadtxt(table, delimiter=",", ndmin=2)
         rows = np.array(table, dtype=float)
-        rows[:, 0] = [_index(path, deck, int(label)) + 1 for label in rows[:, 0]]
+        rows[:, 0] = [deck.index(path, int(label)) + 1 for label in rows[:, 0]]
     return rows
-
-
-def _index(path: Path, deck: Deck, label: int) -> int:
-    at = int(np.searchsorted(deck.labels, label))
-    if at == len(deck.labels) or deck.labels[at] != label:
-        raise BodyError(f"{path}: there is no node {label}")
-    return at

@@ -47,6 +47,19 @@ class Deck:
     remarks: list[str] = field(default_factory=list)
     repeated: set[str] = field(default_factory=set)  #: sets that name members more than once
 
+    def index(self, path: Path, label: int) -> int:
+        """Of a node in ``points``.
+
+        Raises
+        ------
+        BodyError
+            If there is none, with the deck's ``path``.
+        """
+        at = int(np.searchsorted(self.labels, label))
+        if at == len(self.labels) or self.labels[at] != label:
+            raise BodyError(f"{path}: there is no node {label}")
+        return at
+
 
 def keyword_of(line: str) -> tuple[str, dict[str, str]]:
     """Keyword and options of a card, in capitals; values as written, without quotes."""

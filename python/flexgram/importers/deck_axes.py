@@ -29,9 +29,7 @@ def axes_of_nodes(job: Job, deck: Deck) -> dict[int, Floats]:
         except ValueError:
             raise BodyError(f"{where}: expected six numbers") from None
         for label in deck.sets[name].tolist():
-            at = int(np.searchsorted(deck.labels, label))
-            if at == len(deck.labels) or deck.labels[at] != label:
-                raise BodyError(f"{where}: there is no node {label}")
+            at = deck.index(job.path, label)
             first, third = (a, np.cross(a, b)) if kind != "C" else (deck.points[at] - a, b - a)
             if kind == "C":
                 first = first - third * (first @ third) / max(float(third @ third), 1e-300)

@@ -7,8 +7,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-import numpy as np
-
 from flexgram.basics import BodyError, Floats, errors_of
 from flexgram.body.meshfile import SHELLS
 from flexgram.importers.ccx import Card, Job
@@ -44,13 +42,6 @@ def equations_of(job: Job, deck: Deck) -> dict[str, dict[str, Any]]:
         if terms:
             found[keyword.lower()] = {"terms": terms}
     return found
-
-
-def _number(job: Job, deck: Deck, label: int) -> int:
-    at = int(np.searchsorted(deck.labels, label))
-    if at == len(deck.labels) or deck.labels[at] != label:
-        raise BodyError(f"{job.path}: there is no node {label}")
-    return at + 1
 
 
 def along(axes: Mapping[int, Floats], label: int, number: int, c: int, factor: float) -> Equation:
@@ -97,7 +88,7 @@ def _equations(job: Job, deck: Deck, axes: Mapping[int, Floats], card: Card) -> 
             labels = [int(name)] if name.isdigit() else deck.sets[name.upper()].tolist()
             with errors_of(where):
                 c, value = range(6)[int(direction) - 1], float(factor)
-            columns.append([along(axes, n, _number(job, deck, n), c, value) for n in labels])
+            columns.append([along(axes, n, deck.index(job.path, n) + 1, c, value) for n in labels])
         most = max(map(len, columns))
         columns = [column * most if len(column) == 1 else column for column in columns]
         if len({len(column) for column in columns}) > 1:
@@ -124,7 +115,7 @@ def _points(job: Job, deck: Deck, axes: Mapping[int, Floats], card: Card) -> lis
         first, second = int(words[1]), int(words[2])
         if {first, second} & set(axes):
             raise BodyError(f"{where}: its nodes have axes of their own (*TRANSFORM): not followed")
-        a, b = _number(job, deck, first), _number(job, deck, second)
+        a, b = deck.index(job.path, first) + 1, deck.index(job.path, second) + 1
         turns = {first, second} <= turning and kind != "PIN"
         for c in range(6 if turns else 3):
             found.append([[a, COMPONENTS[c], 1.0], [b, COMPONENTS[c], -1.0]])
@@ -151,7 +142,7 @@ def ties_of(job: Job, deck: Deck) -> dict[str, dict[str, Any]]:
             names = [word.upper() for word in words if word]
             if len(names) != 2 or not set(names) <= set(surfaces):
                 raise BodyError(f"{where}: expected two surfaces that are there: slave, master")
-            slave, master = ([_number(job, deck, n) for n in surfaces[s]] for s in names)
+            slave, master = ([deck.index(job.path, n) + 1 for n in surfaces[s]] for s in names)
             entry: dict[str, Any] = {"nodes": slave, "to": master}
             with errors_of(f"{where}: POSITION TOLERANCE"):
                 tolerance = float(card.options.get("POSITION TOLERANCE") or 0.0)

@@ -116,10 +116,7 @@ def points_of(job: Job, deck: Deck) -> DeckPoints:
         raise BodyError(f"{job.path}: *ELEMENT or *ELSET: {error}") from None
 
     def index(label: int) -> int:
-        at = int(np.searchsorted(deck.labels, label))
-        if at == len(deck.labels) or deck.labels[at] != label:
-            raise BodyError(f"{job.path}: there is no node {label}")
-        return at + 1
+        return deck.index(job.path, label) + 1
 
     left = dict(elements)
     for card in job.model:
