@@ -11,6 +11,7 @@ from typing import Any
 
 import h5py
 import numpy as np
+from numpy.typing import NDArray
 
 from flexgram.basics import BodyError, Ints, check_name, errors_of
 from flexgram.body.bodyfile import write_law
@@ -18,12 +19,13 @@ from flexgram.body.constraints import COMPONENTS, Constraints, write_constraints
 from flexgram.body.discrete import joined_nodes, write_masses, write_springs
 from flexgram.body.faces import CORNERS, middle_of
 from flexgram.body.loads import BodyMesh, write_loads
-from flexgram.body.meshfile import FORMULATIONS, LABELS, SHELLS, SOLIDS, node_set
+from flexgram.body.meshfile import FORMULATIONS, LABELS, SECOND_ORDER, SHELLS, SOLIDS, node_set
 from flexgram.body.outputs import write_outputs
 from flexgram.body.parameters import PARAMETER, read_parameter
 from flexgram.body.preload import write_preload
 from flexgram.body.reader import LOSS, Reader, short
-from flexgram.body.sections import ROD, is_shell, section_properties, shell_properties
+from flexgram.body.second_order import divide
+from flexgram.body.sections import ROD, SHELL, is_shell, section_properties, shell_properties
 from flexgram.body.selection import in_box, nearest
 from flexgram.body.shells import doubts_of_shells, first_axis
 from flexgram.body.spin import write_spin
@@ -141,6 +143,7 @@ class MeshBody:
         """Write all of it; returns the counts of ``import_body``."""
         file, reader = self.file, self.reader
         file.attrs["name"] = str(reader.get("name", reader.where))
+        self._divide_second_order()
         file["mesh/points"] = self.points * self.length
         file["mesh"].attrs["mass_integration"] = reader.choice(
             "mass_integration", ("full", "reduced"), "full"
@@ -209,6 +212,27 @@ class MeshBody:
                     "beside these"
                 )
         return found
+
+    def _divide_second_order(self) -> None:
+        """Shells and beams of second order become elements of first order."""
+        sections = self.reader.children("sections")
+        chosen: dict[int, NDArray[np.bool_]] = {}
+        for name, data in self.reader.children("regions").items():
+            section = sections.get(str(data.get("section"))) if isinstance(data, dict) else None
+            if not isinstance(section, dict) or str(name) not in self.cells:
+                continue
+            shape = section.get("shape")
+            kinds = SECOND_ORDER if shape == SHELL else ("line3",) if shape != ROD else ()
+            for block, cells in enumerate(self.cells[str(name)]):
+                if self.mesh.cells[block].type in kinds and len(cells):
+                    some = chosen.setdefault(
+                        block, np.zeros(len(self.mesh.cells[block].data), dtype=bool)
+                    )
+                    some[cells] = True
+        if chosen:
+            self.mesh, self.cells = divide(self.mesh, self.cells, chosen)
+            self.points = np.asarray(self.mesh.points, dtype=float)
+            self.used = np.zeros(len(self.points), dtype=bool)
 
     def _merge_nodes(self) -> None:
         """Nodes no farther apart than ``merge`` become one, where the description asks for it."""
@@ -435,13 +459,13 @@ class MeshBody:
                 has = ", ".join(sorted(kinds))
                 if of_shells:
                     raise BodyError(
-                        f"{entry.where}: a section of shells takes {' and '.join(SHELLS)}, of "
-                        f"first order; it has {has}"
+                        f"{entry.where}: a section of shells takes "
+                        f"{', '.join((*SHELLS, *SECOND_ORDER))}; it has {has}"
                     )
                 if not section and kinds <= set(CORNERS):
                     raise BodyError(
-                        f"{entry.where}: its elements are faces ({has}): if they are shells, which "
-                        f"flexgram has of first order, give the region a section of shape shell "
+                        f"{entry.where}: its elements are faces ({has}): if they are shells, "
+                        f"give the region a section of shape shell "
                         "(import: --thickness); if they bound solids, name the part with these"
                     )
                 raise BodyError(

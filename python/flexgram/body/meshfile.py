@@ -27,6 +27,8 @@ FORMULATIONS = {
     "wedge": ("full", "reduced"),
 }
 SHELLS = ("triangle", "quad")
+#: Shells that are divided into these (``second_order``).
+SECOND_ORDER = ("triangle6", "quad8", "quad9")
 TURNING = (*SHELLS, "line")  #: whose nodes have rotations: with beams, without rods
 
 
@@ -124,7 +126,8 @@ def cell_regions(mesh: meshio.Mesh) -> dict[str, list[Ints]]:
         for block, cells in enumerate(parts):
             if cells is not None:
                 add(name, block, np.asarray(cells, dtype=np.int64))
-    whole = SOLIDS if any(group.type in SOLIDS for group in mesh.cells) else SHELLS
+    has_solids = any(group.type in SOLIDS for group in mesh.cells)
+    whole = SOLIDS if has_solids else (*SHELLS, *SECOND_ORDER)
     for block, group in enumerate(mesh.cells):
         if group.type in whole:
             add("all", block, np.arange(len(group.data), dtype=np.int64))

@@ -309,7 +309,8 @@ def _import_deck(options: argparse.Namespace, named: list[tuple[str, str]]) -> N
     from flexgram.importers.assemble import assemble_deck
     from flexgram.importers.nastran_bulk import assemble_bulk
 
-    _refuse(options, ("thickness", *OF_FILES), " is nothing for --assemble")
+    others = [key for key in OF_FILES if key != "format"]
+    _refuse(options, ("thickness", *others), " is nothing for --assemble")
     interfaces = [parse(*pair) for pair in named]
     more = {**_of_body(options), **_further(options), **_of_mesh(options)}
     if options.source.suffix.lower() in BULK_DATA:
@@ -325,6 +326,7 @@ def _import_deck(options: argparse.Namespace, named: list[tuple[str, str]]) -> N
             interfaces,
             step=options.step,
             deck_loads=options.deck_loads,
+            abaqus=options.format == "abaqus",
             **more,
         )
     _say_mesh(options, counts)

@@ -2,9 +2,9 @@
 
 For solids whose elements are the same in both programs (C3D4, C3D6, C3D8, C3D10, C3D15, C3D20,
 C3D20R: equal to the seven digits that CalculiX prints, ``tests/python/test_assemble_deck.py``),
-isotropic and orthotropic materials, with shells (S3, S4, S4R; CalculiX makes solids of them, which
-bend a little differently), point masses, springs and dashpots, equations and ties; rigid bodies and
-couplings become interfaces.
+isotropic and orthotropic materials, with shells and beams (CalculiX makes solids of them, which
+bend a little differently), trusses, point masses, springs and dashpots, equations and ties; rigid
+bodies and couplings become interfaces.
 Whatever else a deck says of its stiffness or mass is refused by name: ccx knows it (``--run-ccx``).
 """
 
@@ -18,18 +18,25 @@ import numpy as np
 
 from flexgram.basics import BodyError, errors_of
 from flexgram.body.description import import_description
-from flexgram.body.meshfile import SHELLS as SHELL_KINDS
 from flexgram.importers.ccx import Card, Job, damping_of, frequency_step, read_job
-from flexgram.importers.deck import Deck, read_deck
+from flexgram.importers.deck import TURNING, Deck, read_deck
 from flexgram.importers.deck_axes import axes_of_nodes
 from flexgram.importers.deck_constraints import CARDS as CONSTRAINTS
 from flexgram.importers.deck_constraints import along, equations_of, ties_of
 from flexgram.importers.deck_couplings import CARDS as COUPLINGS
 from flexgram.importers.deck_couplings import Coupling, couplings_of
+from flexgram.importers.deck_lines import BEAMS, TRUSSES
+from flexgram.importers.deck_lines import CARDS as LINE_SECTIONS
 from flexgram.importers.deck_loads import in_steps, loads_of
 from flexgram.importers.deck_materials import materials_of
 from flexgram.importers.deck_points import CARDS, TYPES, points_of
-from flexgram.importers.deck_sections import mesh_of, regions_of, shell_sections, turn_materials
+from flexgram.importers.deck_sections import (
+    materials_of_sections,
+    mesh_of,
+    regions_of,
+    sections_of,
+    turn_materials,
+)
 from flexgram.importers.fe import Interface, check_damping
 from flexgram.importers.mesh import describe_interfaces, further_keys
 
@@ -37,7 +44,7 @@ ELEMENTS = ("C3D4", "C3D6", "C3D8", "C3D10", "C3D15", "C3D20", "C3D20R")
 #: Taken as hexahedra with incompatible modes. Those of ccx are other modes in distorted elements
 #: (C3D8I), or give way by hourglasses (C3D8R).
 BENDING = ("C3D8I", "C3D8R")
-SHELLS = ("S3", "S3R", "S4", "S4R")
+SHELLS = ("S3", "S3R", "S4", "S4R", "S6", "S8", "S8R")
 #: Cards of the model that are read here, by ``read_deck`` or ``damping_of``.
 READ = {
     "NODE",
@@ -49,6 +56,7 @@ READ = {
     "DENSITY",
     "SOLID SECTION",
     "SHELL SECTION",
+    *LINE_SECTIONS,
     "ORIENTATION",
     "BOUNDARY",
     "DAMPING",
@@ -84,7 +92,7 @@ def _refuse_others(job: Job) -> None:
                 f"{job.path}: *{card.keyword} is not followed by --assemble: take --run-ccx"
             )
         kind = card.options.get("TYPE", "").upper()
-        known = (*ELEMENTS, *BENDING, *SHELLS, *TYPES)
+        known = (*ELEMENTS, *BENDING, *SHELLS, *BEAMS, *TRUSSES, *TYPES)
         if card.keyword == "ELEMENT" and kind not in known:
             raise BodyError(
                 f"{job.path}: elements {kind} are others than flexgram's, which has "
@@ -112,9 +120,7 @@ def supports_of(
     """Nodes that are held, from 0, by the directions in which they are, which commas join; and an
     entry of ``equations`` of those that are held in some axes of their own (*TRANSFORM)."""
     held: dict[int, set[str]] = {}
-    turning = {
-        node for kind, nodes in deck.elements.values() if kind in SHELL_KINDS for node in nodes
-    }
+    turning = deck.turning()
     turning |= {coupling.reference for coupling in couplings}
     for card in (card for card in (*job.model, *step) if card.keyword == "BOUNDARY"):
         for words in card.words():
@@ -215,6 +221,7 @@ def assemble_deck(
     keep_repeated: bool = False,
     spin: Mapping[str, Any] | None = None,
     preload: Mapping[str, float] | None = None,
+    abaqus: bool = False,
 ) -> dict[str, Any]:
     """Write a mesh body of a deck, without ccx.
 
@@ -239,6 +246,8 @@ def assemble_deck(
     merge, keep_repeated, spin, preload
         As of ``import_mesh``. With ``deck_loads`` a preload may be of the deck's loads:
         ``{"step1_cload.load": 1}``.
+    abaqus : bool
+        The deck is for Abaqus, where it means something else for CalculiX (*BEAM SECTION of CIRC).
 
     Returns
     -------
@@ -261,9 +270,9 @@ def assemble_deck(
             f"{path}: step {number} is preloaded (PERTURBATION): name its loads (--deck-loads "
             "--preload step1_cload.load=1), or take --run-ccx"
         )
-    materials = materials_of(job)
-    mesh, material_of, overlapping = mesh_of(job, deck, materials)
-    shells = shell_sections(job)
+    materials = materials_of(job) | materials_of_sections(job)
+    sections = sections_of(job, deck, abaqus=abaqus)
+    mesh, material_of, overlapping = mesh_of(job, deck, materials, sections)
     damping = damping_of(job)
     points = points_of(job, deck)
     remarks = [*deck.remarks, *damping.remarks, *points.remarks]
@@ -280,6 +289,11 @@ def assemble_deck(
         )
     if any(card.options.get("TYPE", "").upper() in ("S3R", "S4R") for card in job.model):
         remarks.append("S3R and S4R are taken as S3 and S4, integrated fully")
+    if some := sorted({kind for kind in deck.types.values() if kind in ("S6", "S8", "S8R")}):
+        remarks.append(
+            f"{' and '.join(some)} are taken as four elements of first order each, which ccx makes "
+            "solids: frequencies differ by the elements' own error"
+        )
     if bent := sorted({kind for kind in deck.types.values() if kind in BENDING}):
         remarks.append(
             f"{' and '.join(bent)} are taken as hexahedra with incompatible modes, which ccx has "
@@ -307,8 +321,8 @@ def assemble_deck(
         "name": path.stem,
         "units": units,
         "materials": materials,
-        "sections": {region: of for region, of in shells.items() if region in material_of},
-        "regions": regions_of(material_of, shells),
+        "sections": {region: of for region, of in sections.items() if region in material_of},
+        "regions": regions_of(material_of, sections),
         "interfaces": described,
         "mass_integration": "reduced",
         "masses": points.masses,
@@ -370,7 +384,7 @@ def _add_loads_of_steps(
 ) -> list[str]:
     """Add the loads of the deck's steps to ``loads``; returns what is to be said of them."""
     of_steps, remarks = loads_of(job, deck)
-    shells = any(kind in SHELL_KINDS for kind, _ in deck.elements.values())
+    thin = any(kind in TURNING for kind, _ in deck.elements.values())
     used = {node for _, nodes in deck.elements.values() for node in nodes}
     references = {
         node
@@ -395,8 +409,8 @@ def _add_loads_of_steps(
                 f"({', '.join(map(str, sorted(at_references)))}), whose interfaces are inputs"
             )
             continue
-        if load.kind == "temperature" and shells:
-            remarks.append(f"load {load.name} is left out: shells take no temperature")
+        if load.kind == "temperature" and thin:
+            remarks.append(f"load {load.name} is left out: shells and beams take no temperature")
             continue
         rows = load.table.copy()
         rows[:, 0] = np.searchsorted(deck.labels, rows[:, 0]) + 1

@@ -22,8 +22,18 @@ SOLIDS = {
     "C3D4": ("tetra", 4),
 }
 #: Shells, likewise: S4R and S4 alike, and S3R.
-SHELLS = {"S4": ("quad", 4), "S3": ("triangle", 3)}
-
+SHELLS = {
+    "S4": ("quad", 4),
+    "S3": ("triangle", 3),
+    "S8": ("quad8", 8),
+    "S6": ("triangle6", 6),
+}
+#: Beams and trusses.
+LINES = {"B31": ("line", 2), "B32": ("line3", 3), "T3D2": ("line", 2)}
+#: Meshio types of shells; with those of lines of elements whose nodes turn.
+SHELL_KINDS = frozenset(kind for kind, _ in SHELLS.values())
+LINE_KINDS = frozenset(kind for kind, _ in LINES.values())
+TURNING = SHELL_KINDS | LINE_KINDS
 
 #: Formulations of our elements that types have, where not the usual ones.
 FORMULATIONS = {"C3D8": "full", "C3D20R": "reduced", "C3D6": "reduced"}
@@ -40,12 +50,21 @@ class Deck:
     #: *RIGID BODY: name of its node set -> reference node and, if named, rotation node
     rigid: dict[str, tuple[int, int | None]] = field(default_factory=dict)
     transformed: bool = False  #: *TRANSFORM: matrices are in local axes
-    #: solids and shells by label: meshio type and node labels; and their sets
+    #: solids, shells, beams and trusses by label: meshio type and node labels; and their sets
     elements: dict[int, tuple[str, list[int]]] = field(default_factory=dict)
     elsets: dict[str, list[int]] = field(default_factory=dict)
     types: dict[int, str] = field(default_factory=dict)  #: of these elements, as written
     remarks: list[str] = field(default_factory=list)
     repeated: set[str] = field(default_factory=set)  #: sets that name members more than once
+
+    def turning(self) -> set[int]:
+        """Nodes with rotations: of shells and of beams, not of trusses."""
+        return {
+            node
+            for label, (kind, nodes) in self.elements.items()
+            if kind in TURNING and not self.types[label].startswith("T3D")
+            for node in nodes
+        }
 
     def index(self, path: Path, label: int) -> int:
         """Of a node in ``points``.
@@ -186,7 +205,7 @@ class _Model:
         if keyword == "ELEMENT":
             name = options.get("TYPE", "").upper()
             self.kind, self.count = next(
-                (value for start, value in (SOLIDS | SHELLS).items() if name.startswith(start)),
+                (of for start, of in (SOLIDS | SHELLS | LINES).items() if name.startswith(start)),
                 ("", 0),
             )
             self.pending = []
@@ -207,7 +226,10 @@ class _Model:
         elif keyword == "ELEMENT" and self.count:
             self.pending += [int(word) for word in words]
             if len(self.pending) > self.count:
-                element = self.kind, self.pending[1 : self.count + 1]
+                nodes = self.pending[1 : self.count + 1]
+                if self.kind == "line3":  # whose second node is that in the middle
+                    nodes = [nodes[0], nodes[2], nodes[1]]
+                element = self.kind, nodes
                 if self.connectivity.setdefault(self.pending[0], element) != element:
                     raise ValueError(f"defines element {self.pending[0]} a second time")
                 self.types[self.pending[0]] = options.get("TYPE", "").upper()

@@ -8,7 +8,6 @@ from collections.abc import Mapping
 from typing import Any
 
 from flexgram.basics import BodyError, Floats, errors_of
-from flexgram.body.meshfile import SHELLS
 from flexgram.importers.ccx import Card, Job
 from flexgram.importers.deck import Deck
 from flexgram.importers.deck_axes import axes_of_nodes
@@ -99,7 +98,7 @@ def _equations(job: Job, deck: Deck, axes: Mapping[int, Floats], card: Card) -> 
 
 def _points(job: Job, deck: Deck, axes: Mapping[int, Floats], card: Card) -> list[Equation]:
     """TIE and PIN of *MPC: the first node follows the second."""
-    turning = {n for kind, nodes in deck.elements.values() if kind in SHELLS for n in nodes}
+    turning = deck.turning()
     found: list[Equation] = []
     for words in card.words():
         words = [word for word in words if word]

@@ -10,9 +10,8 @@ import numpy as np
 
 from flexgram.basics import BodyError
 from flexgram.body.faces import LINEAR, MIDDLES
-from flexgram.body.meshfile import SHELLS
 from flexgram.importers.ccx import Card, Job
-from flexgram.importers.deck import Deck
+from flexgram.importers.deck import TURNING, Deck
 from flexgram.importers.deck_loads import NUMBERED
 
 #: Cards that are read here.
@@ -62,7 +61,7 @@ def couplings_of(job: Job, deck: Deck) -> list[Coupling]:
         For those that couple other directions than all.
     """
     used = {n for _, nodes in deck.elements.values() for n in nodes}
-    turning = {n for kind, nodes in deck.elements.values() if kind in SHELLS for n in nodes}
+    turning = deck.turning()
     surfaces = nodes_of_surfaces(job, deck)
     found: list[Coupling] = []
     begun: Card | None = None
@@ -150,7 +149,7 @@ def nodes_of_surfaces(job: Job, deck: Deck) -> dict[str, list[int]]:
 
 
 def _face(job: Job, card: Card, kind: str, nodes: list[int], side: str) -> set[int]:
-    if kind in SHELLS:
+    if kind in TURNING:
         return set(nodes)
     plain = LINEAR.get(kind, kind)
     number = int(side[1:]) if side[:1] == "S" and side[1:].isdigit() else 0

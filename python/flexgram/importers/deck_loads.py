@@ -19,9 +19,18 @@ import numpy as np
 from flexgram.basics import BodyError, Floats, Ints
 from flexgram.body.face_integrals import areas_at_nodes
 from flexgram.body.faces import FACES, LINEAR, MIDDLES
-from flexgram.body.meshfile import SHELLS as SHELL_KINDS
+from flexgram.body.meshfile import SECOND_ORDER
+from flexgram.body.second_order import Divided
 from flexgram.importers.ccx import Card, Job
-from flexgram.importers.deck import FORMULATIONS, SHELLS, SOLIDS, Deck
+from flexgram.importers.deck import (
+    FORMULATIONS,
+    LINE_KINDS,
+    LINES,
+    SHELL_KINDS,
+    SHELLS,
+    SOLIDS,
+    Deck,
+)
 from flexgram.importers.deck_axes import axes_of_nodes
 from flexgram.importers.fe import FeMatrices
 
@@ -76,9 +85,7 @@ class _Deck:
         self.job, self.deck = job, deck
         self.axes = axes_of_nodes(job, deck)
         self.density: dict[int, float] = {}  # of shells by area
-        self.turning = {
-            node for kind, nodes in deck.elements.values() if kind in SHELL_KINDS for node in nodes
-        }
+        self.turning = deck.turning()
         self.offset: set[int] = set()  # shells whose middle is not at their nodes
         self.surfaces: dict[str, list[tuple[str, str]]] = {}
         self.start: dict[int, float] = {}
@@ -162,6 +169,24 @@ class _Deck:
             nodes = np.array([self.deck.elements[label][1] for label in mine], dtype=np.int64)
             yield kind, np.searchsorted(self.deck.labels, nodes), np.array(mine)
 
+    def pieces(self, kind: str, nodes: Ints) -> tuple[Floats, str, Ints]:
+        """Points, kind and nodes of elements; of shells of second order those of the elements that
+        they become, whose new points are behind those of the deck."""
+        points = self.deck.points
+        if kind not in SECOND_ORDER:
+            return points, kind, nodes
+        whole = Divided.of(kind, nodes, points, len(points))
+        return np.vstack([points, whole.middles]), whole.kind, whole.cells
+
+    def at_nodes(self, nodes: Ints, forces: Floats) -> Floats:
+        """Forces at points of ``pieces`` of some elements, at the deck's nodes (N, 3): those in the
+        middle of a shell at the four nodes beside it."""
+        count = len(self.deck.points)
+        whole = forces[:count].copy()
+        if len(forces) > count:
+            np.add.at(whole, nodes[:, 4:], forces[count:, None] / 4)
+        return whole
+
     def pressure(self, labels: list[int], side: int, value: float) -> Floats:
         """Forces (N, 3) of a pressure on a face of elements, from 1; on shells, side 0, along
         their normals."""
@@ -170,10 +195,11 @@ class _Deck:
             if (kind in SHELL_KINDS) != (side == 0):
                 raise BodyError(f"{kind} has no face {side or 'P'}")
             if side == 0:
-                forces += value * areas_at_nodes(self.deck.points, [nodes])[0]
+                points, _, cells = self.pieces(kind, nodes)
+                forces += self.at_nodes(nodes, value * areas_at_nodes(points, [cells])[0])
                 continue
             plain = LINEAR.get(kind, kind)
-            if not 1 <= side <= len(NUMBERED[plain]):
+            if plain not in NUMBERED or not 1 <= side <= len(NUMBERED[plain]):
                 raise BodyError(f"{kind} has no face {side}")
             corners = {int(c) - 1 for c in NUMBERED[plain][side - 1]}
             face = next(face for face in FACES[plain] if set(face) == corners)
@@ -189,9 +215,12 @@ class _Deck:
         import _flexgram
 
         forces = np.zeros_like(self.deck.points)
-        for kind, nodes, mine in self.by_kind(labels, formulated=True):
+        for whole, elements, mine in self.by_kind(labels, formulated=True):
+            if whole in LINE_KINDS:
+                raise LeftOut("body loads of beams and trusses are not integrated here")
+            points, kind, nodes = self.pieces(whole, elements)
             _, weight, N, dN = _flexgram.shape_functions(kind, np.empty((0, 3)))
-            x = self.deck.points[nodes]
+            x = points[nodes]
             J = np.einsum("qna,enx->eqax", dN, x)
             if kind in SHELL_KINDS:
                 if self.offset & set(mine.tolist()):
@@ -200,10 +229,11 @@ class _Deck:
             else:
                 volume = weight * np.linalg.det(J)
             density = np.array([self.density.get(label, 0.0) for label in mine.tolist()])
+            density = np.repeat(density, len(nodes) // len(elements))
             pull = field(np.einsum("qn,enx->eqx", N, x))
-            np.add.at(
-                forces, nodes, np.einsum("eq,qn,eqx->enx", volume * density[:, None], N, pull)
-            )
+            own = np.zeros_like(points)
+            np.add.at(own, nodes, np.einsum("eq,qn,eqx->enx", volume * density[:, None], N, pull))
+            forces += self.at_nodes(elements, own)
         return forces
 
 
@@ -366,7 +396,7 @@ def attach_loads(fe: FeMatrices, job: Job, deck: Deck) -> None:
 
 
 def loads_of(
-    job: Job, deck: Deck, known: Iterable[str] = (*SOLIDS, *SHELLS)
+    job: Job, deck: Deck, known: Iterable[str] = (*SOLIDS, *SHELLS, *LINES)
 ) -> tuple[list[DeckLoad], list[str]]:
     """The loads of all steps, and what of them is left out, in words. Forces of each card by
     themselves; temperatures as they are at the end of a step that has such cards. All are left out

@@ -118,7 +118,7 @@ def _displacement(fe: FeMatrices, name: str, entry: Mapping[str, Any]) -> Any:
 def _vectors(job: Job, deck: Deck, outputs: Mapping[str, Any], units: str) -> Vectors:
     """The outputs of a mesh body of the deck, in SI units."""
     materials = materials_of(job)
-    mesh, material_of, _ = mesh_of(job, deck, materials)
+    mesh, material_of, _ = mesh_of(job, deck, materials, {})
     turn_materials(job, material_of, materials)
     entries = {name: dict(entry) for name, entry in outputs.items()}
     for entry in entries.values():

@@ -10,9 +10,9 @@ import numpy as np
 
 from flexgram.basics import BodyError, Floats
 from flexgram.body.meshfile import LABELS
-from flexgram.body.meshfile import SHELLS as SHELL_KINDS
+from flexgram.importers import deck_lines
 from flexgram.importers.ccx import Card, Job
-from flexgram.importers.deck import FORMULATIONS, Deck
+from flexgram.importers.deck import FORMULATIONS, SHELL_KINDS, Deck
 from flexgram.importers.deck_materials import laminas_of, orientations_of
 
 #: Options of *SHELL SECTION that are followed.
@@ -20,13 +20,41 @@ OPTIONS = {"ELSET", "MATERIAL", "OFFSET", "SECTION INTEGRATION", "ORIENTATION", 
 
 
 def _sections(job: Job) -> list[tuple[str, Card]]:
-    """*SOLID SECTION and *SHELL SECTION, each with the name of its region."""
-    cards = [c for c in job.model if c.keyword in ("SOLID SECTION", "SHELL SECTION")]
+    """*SOLID SECTION, *SHELL SECTION and those of beams, each with the name of its region."""
+    known = ("SOLID SECTION", "SHELL SECTION", *deck_lines.CARDS)
+    cards = [c for c in job.model if c.keyword in known]
     return [(f"section{number}", card) for number, card in enumerate(cards, 1)]
 
 
-def shell_sections(job: Job) -> dict[str, dict[str, Any]]:
+def materials_of_sections(job: Job) -> dict[str, dict[str, float]]:
+    """Materials that sections of beams hold themselves."""
+    cards = [card for card in job.model if deck_lines.own_material(card)]
+    return {deck_lines.own_material(card): deck_lines.general_material(job, card) for card in cards}
+
+
+def _kind_of(deck: Deck, label: int) -> str:
+    """Of elements that a section may be of: solids, shells, beams or trusses."""
+    if deck.types[label] in deck_lines.TRUSSES:
+        return "trusses"
+    if deck.types[label] in deck_lines.BEAMS:
+        return "beams"
+    return "shells" if deck.elements[label][0] in SHELL_KINDS else "solids"
+
+
+def sections_of(job: Job, deck: Deck, *, abaqus: bool) -> dict[str, dict[str, Any]]:
     """Entries of ``sections`` of a description, by region."""
+    found = _shell_sections(job)
+    for region, card in _sections(job):
+        labels = deck.elsets.get(card.options.get("ELSET", "").upper(), [])
+        if card.keyword in deck_lines.CARDS:
+            found[region] = deck_lines.beam_section(job, card, abaqus=abaqus)
+        elif card.keyword == "SOLID SECTION" and labels:
+            if _kind_of(deck, labels[0]) == "trusses":
+                found[region] = deck_lines.truss_section(job, card)
+    return found
+
+
+def _shell_sections(job: Job) -> dict[str, dict[str, Any]]:
     found: dict[str, dict[str, Any]] = {}
     orientations = orientations_of(job)
     for region, card in _sections(job):
@@ -102,13 +130,13 @@ def turn_materials(
 
 
 def regions_of(
-    material_of: Mapping[str, str], shells: Mapping[str, Any]
+    material_of: Mapping[str, str], sections: Mapping[str, Any]
 ) -> dict[str, dict[str, str]]:
     """Entries of ``regions`` of a description, of what ``mesh_of`` returns."""
     entries: dict[str, dict[str, str]] = {}
     for region, material in material_of.items():
         entries[region] = {"material": material} if material else {}
-        if region in shells:
+        if region in sections:
             entries[region]["section"] = region
         _, _, formulation = region.partition("_")
         if formulation:
@@ -117,11 +145,14 @@ def regions_of(
 
 
 def mesh_of(
-    job: Job, deck: Deck, materials: Mapping[str, Mapping[str, float]]
+    job: Job,
+    deck: Deck,
+    materials: Mapping[str, Mapping[str, Any]],
+    sections: Mapping[str, Mapping[str, Any]],
 ) -> tuple[meshio.Mesh, dict[str, str], int]:
     """The mesh with a region for each section, the material of each region, and how many elements
     are in several sections, of which the last one counts."""
-    layered, plane = shell_sections(job), laminas_of(job)
+    plane = laminas_of(job)
     material_of: dict[str, str] = {}
     region_of: dict[int, str] = {}  # of each element
     given = 0
@@ -129,18 +160,22 @@ def mesh_of(
         name, material = (card.options.get(key, "").upper() for key in ("ELSET", "MATERIAL"))
         where = f"{job.path}: *{card.keyword}, ELSET={name}, MATERIAL={material}"
         of_shells = card.keyword == "SHELL SECTION"
+        material = deck_lines.own_material(card) or material
         made_of = [material]
         if of_shells and "COMPOSITE" in card.options:
             material = ""
-            made_of = [layer["material"] for layer in layered[region]["layers"]]
+            made_of = [layer["material"] for layer in sections[region]["layers"]]
         known = [set(materials.get(one, ())) for one in made_of]
         if not of_shells and material in plane:
             raise BodyError(f"{where}: *ELASTIC, TYPE=LAMINA is of shells, not of solids")
         if name not in deck.elsets or not all("rho" in k and {"E", "E1"} & k for k in known):
             raise BodyError(f"{where}: needs elements, *ELASTIC and *DENSITY")
-        others = [e for e in deck.elsets[name] if (deck.elements[e][0] in SHELL_KINDS) != of_shells]
+        expected = ("beams",) if card.keyword in deck_lines.CARDS else ("shells",)
+        if card.keyword == "SOLID SECTION":
+            expected = ("trusses",) if region in sections else ("solids",)
+        others = [e for e in deck.elsets[name] if _kind_of(deck, e) not in expected]
         if others:
-            raise BodyError(f"{where}: its element {others[0]} is a {deck.elements[others[0]][0]}")
+            raise BodyError(f"{where}: its element {others[0]} is a {deck.types[others[0]]}")
         for label in deck.elsets[name]:
             formulation = FORMULATIONS.get(deck.types[label])
             region_of[label] = region + (f"_{formulation}" if formulation else "")
@@ -148,8 +183,8 @@ def mesh_of(
         given += len(set(deck.elsets[name]))
     if len(region_of) < len(deck.elements):
         raise BodyError(
-            f"{job.path}: {len(deck.elements) - len(region_of)} elements have no *SOLID SECTION or "
-            "*SHELL SECTION"
+            f"{job.path}: {len(deck.elements) - len(region_of)} elements have no *SOLID SECTION, "
+            "*SHELL SECTION or *BEAM SECTION"
         )
     groups: dict[tuple[str, str], list[int]] = {}  # labels by region and kind
     for label, region in region_of.items():

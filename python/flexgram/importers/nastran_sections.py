@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from flexgram.basics import BodyError
+from flexgram.body.beam_shapes import box, general, i_beam, turned
 
 #: What a PBEAM may say that is not followed: neutral axes and masses beside the shear centre,
 #: inertia of masses, warping.
@@ -58,15 +59,7 @@ def beam_section(prop: Any) -> dict[str, Any]:
     if not min(A, I1, I2, J) > 0:
         raise BodyError("A, I1, I2 and J must be positive")
     stiff = 1e6  # K = 0: no shear
-    return {
-        "shape": "general",
-        "A": A,
-        "I_y": I2,
-        "I_z": I1,
-        "J": J,
-        "k_y": float(k1) or stiff,
-        "k_z": float(k2) or stiff,
-    }
+    return general(A, I2, I1, J, float(k1) or stiff, float(k2) or stiff)
 
 
 def _of_shape(prop: Any) -> dict[str, Any]:
@@ -81,33 +74,12 @@ def _of_shape(prop: Any) -> dict[str, Any]:
         return {"shape": "tube", "radius": d[0], "thickness": d[0] - d[1]}
     if shape == "BAR":  # its second dimension is along y
         return {"shape": "rectangle", "width": d[1], "height": d[0]}
-    if shape == "BOX":
-        b, h, t1, t2 = d  # width, height, thickness of the horizontal and of the vertical walls
-        inner = (b - 2 * t2, h - 2 * t1)
-        A = b * h - inner[0] * inner[1]
-        area, around = (b - t2) * (h - t1), (b - t2) / t1 + (h - t1) / t2
-        return {
-            "shape": "general",
-            "A": A,
-            "I_y": (h * b**3 - inner[1] * inner[0] ** 3) / 12,
-            "I_z": (b * h**3 - inner[0] * inner[1] ** 3) / 12,
-            "J": 4 * area**2 / (2 * around),
-            "k_y": 2 * t2 * h / A,
-            "k_z": 2 * t1 * b / A,
-        }
+    if shape == "BOX":  # thickness of the horizontal and of the vertical walls; height along y
+        b, h, top, side = d
+        return turned(box(b, h, side, top))
     if shape == "I":
         h, bottom, top, web, low, high = d
         if abs(bottom - top) > 1e-9 * h or abs(low - high) > 1e-9 * h:
             raise BodyError("an I with two different flanges is not followed")
-        inner_height = h - 2 * low
-        A = 2 * top * low + web * inner_height
-        return {
-            "shape": "general",
-            "A": A,
-            "I_y": (2 * low * top**3 + inner_height * web**3) / 12,
-            "I_z": (top * h**3 - (top - web) * inner_height**3) / 12,
-            "J": (2 * top * low**3 + inner_height * web**3) / 3,
-            "k_y": web * h / A,
-            "k_z": 5 / 3 * top * low / A,
-        }
+        return turned(i_beam(h, top, low, web))
     raise BodyError(f"shape {shape} is not followed (ROD, TUBE, BAR, BOX, symmetric I are)")

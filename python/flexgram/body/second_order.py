@@ -1,0 +1,106 @@
+"""Shells and beams of second order, as elements of first order between all of their nodes.
+
+A triangle of six nodes becomes four of three, a quadrilateral of eight or nine four of four, a beam
+of three nodes two. A quadrilateral of eight nodes gains a node in its middle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import meshio
+import numpy as np
+from numpy.typing import NDArray
+
+from flexgram.basics import Floats, Ints
+from flexgram.body.meshfile import LABELS
+
+#: By meshio type: what its elements become, and of which of its nodes.
+PIECES: dict[str, tuple[str, list[list[int]]]] = {
+    "triangle6": ("triangle", [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]]),
+    "quad9": ("quad", [[0, 4, 8, 7], [4, 1, 5, 8], [8, 5, 2, 6], [7, 8, 6, 3]]),
+    "line3": ("line", [[0, 2], [2, 1]]),
+}
+#: Shape functions of eight nodes in the middle.
+MIDDLE = np.array([-0.25] * 4 + [0.5] * 4)
+
+
+@dataclass
+class Divided:
+    """Elements of first order, instead of some of second order.
+
+    Attributes
+    ----------
+    kind : str
+        Their meshio type.
+    cells : (m k, p) array
+        Their nodes, k of them for each of the m elements, one after the other.
+    middles : (m, 3) array
+        Places of new nodes, counted from ``first`` on; none but of quadrilaterals of eight nodes.
+    """
+
+    kind: str
+    cells: Ints
+    middles: Floats
+
+    @classmethod
+    def of(cls, kind: str, nodes: Ints, points: Floats, first: int) -> Divided:
+        """Of elements (m, n) of a kind of ``PIECES``, or ``quad8``."""
+        middles = np.empty((0, 3))
+        if kind == "quad8":
+            middles = np.einsum("n,enx->ex", MIDDLE, points[nodes])
+            nodes, kind = np.column_stack([nodes, first + np.arange(len(nodes))]), "quad9"
+        becomes, pieces = PIECES[kind]
+        return cls(becomes, nodes[:, pieces].reshape(-1, len(pieces[0])), middles)
+
+
+def divide(
+    mesh: meshio.Mesh, cells: dict[str, list[Ints]], chosen: Mapping[int, NDArray[np.bool_]]
+) -> tuple[meshio.Mesh, dict[str, list[Ints]]]:
+    """A mesh with some elements of second order divided.
+
+    Parameters
+    ----------
+    mesh : meshio.Mesh
+    cells : dict
+        Parts of the mesh: the chosen cells of each of its blocks.
+    chosen : mapping
+        Of blocks by their number: which of their cells are divided.
+
+    Returns
+    -------
+    mesh, cells
+        The same with blocks behind the others. New nodes are behind the others too, and belong to
+        the node sets that hold all nodes of their element. An element's number (``LABELS``) is that
+        of its pieces.
+    """
+    points = np.asarray(mesh.points, dtype=float)
+    blocks = [(block.type, block.data) for block in mesh.cells]
+    ends = np.cumsum([len(block.data) for block in mesh.cells])
+    labels = mesh.cell_data.get(LABELS) or [
+        np.arange(end - len(block.data), end) + 1
+        for end, block in zip(ends, mesh.cells, strict=True)
+    ]
+    labels = [np.asarray(of_block) for of_block in labels]
+    cells = {name: list(parts) for name, parts in cells.items()}
+    sets = {name: np.asarray(nodes, dtype=np.int64) for name, nodes in mesh.point_sets.items()}
+    for block, some in chosen.items():
+        kind, nodes = mesh.cells[block].type, np.asarray(mesh.cells[block].data[some], np.int64)
+        pieces = Divided.of(kind, nodes, points, len(points))
+        count = len(pieces.cells) // len(nodes)
+        if len(pieces.middles):
+            new = len(points) + np.arange(len(nodes))
+            for name, members in sets.items():
+                sets[name] = np.append(members, new[np.isin(nodes, members).all(axis=1)])
+            points = np.vstack([points, pieces.middles])
+        place = np.cumsum(some) - 1  # of a divided cell among these
+        for name, parts in cells.items():
+            mine = some[parts[block]]
+            first = count * place[parts[block][mine]]
+            cells[name] = [*parts, (first[:, None] + np.arange(count)).ravel()]
+            cells[name][block] = parts[block][~mine]
+        blocks.append((pieces.kind, pieces.cells))
+        labels.append(np.repeat(labels[block][some], count))
+    divided = meshio.Mesh(points, blocks, point_sets=sets, cell_data={LABELS: labels})
+    return divided, cells
