@@ -31,6 +31,7 @@ namespace {
 /// Stiff dummies and soft foams exist, so it is a warning.
 void check_units(const std::string& name, double E, double density,
                  std::vector<std::string>& warnings) {
+  if (density == 0) return;
   const double speed = std::sqrt(E / density);
   if (speed < 20 || speed > 50000)
     warnings.push_back(text(
@@ -64,8 +65,9 @@ Material read_material(const Hdf5File& file, const std::string& name,
   const std::string object = "/materials/" + name;
   const auto number = [&](const char* key) { return file.number_attribute(object, key); };
   const double density = number("rho");
-  if (!(density > 0) || !std::isfinite(density))
-    throw Error(text("material %s: rho = %g must be positive", name.c_str(), density));
+  if (!(density >= 0) || !std::isfinite(density))
+    throw Error(text("material %s: rho = %g must be finite and not negative",
+                     name.c_str(), density));
   Material material;
   if (file.has_attribute(object, "loss_factor")) material.loss = number("loss_factor");
   if (!(material.loss >= 0) || !std::isfinite(material.loss))
@@ -129,7 +131,29 @@ ShellSection read_shell(const Hdf5File& file, const std::string& name) {
                      section.offset));
   if (file.has_attribute(object, "axis_1"))
     section.axis_1 = fixed<double, 3>(file, object, "axis_1");
+  const auto read_apart = [&](const char* name, ShellRole role) {
+    const std::string factor = text("%s_factor", name),
+                      material = text("%s_material", name);
+    if (!file.has_attribute(object, factor)) return;
+    SectionLayer layer{"", section.thickness, 0, role,
+                       file.number_attribute(object, factor)};
+    if (!(layer.factor > 0) || !std::isfinite(layer.factor))
+      throw Error(text("file %s: %s: %s = %g must be positive", file.path().c_str(),
+                       object.c_str(), factor.c_str(), layer.factor));
+    if (file.has_attribute(object, material))
+      layer.material = file.text_attribute(object, material);
+    section.apart.push_back(layer);
+  };
+  read_apart("bending", ShellRole::bending);
+  read_apart("shear", ShellRole::shear);
+  if (section.apart.size() == 1)
+    throw Error(
+        text("file %s: section %s: bending and shear are given both or not at all",
+             file.path().c_str(), name.c_str()));
   if (!file.has_attribute(object, "layer_materials")) return section;
+  if (!section.apart.empty())
+    throw Error(text("file %s: section %s: layers have their own bending and shear",
+                     file.path().c_str(), name.c_str()));
   const auto materials = file.texts_attribute(object, "layer_materials");
   const auto thicknesses = file.numbers_attribute(object, "layer_thicknesses"),
              angles = file.numbers_attribute(object, "layer_angles");
@@ -405,11 +429,19 @@ void check_block(const Hdf5File& file, const BodyDescription& body,
 std::vector<SectionLayer> layers_of(const BodyDescription& body, const MeshBlock& block) {
   const ShellSection& section = body.shells.at(block.section);
   if (!section.layers.empty()) return section.layers;
-  return {{block.material, section.thickness, 0}};
+  if (section.apart.empty()) return {{block.material, section.thickness, 0}};
+  std::vector<SectionLayer> layers = {
+      {block.material, section.thickness, 0, ShellRole::stretching}};
+  for (const SectionLayer& layer : section.apart) {
+    layers.push_back(layer);
+    if (layer.material.empty()) layers.back().material = block.material;
+  }
+  return layers;
 }
 
 std::vector<std::string> materials_of(const BodyDescription& body,
                                       const MeshBlock& block) {
+  if (block.type == ElementType::node1) return {};
   if (!is_shell(block.type)) return {block.material};
   std::vector<std::string> names;
   for (const SectionLayer& layer : layers_of(body, block))
@@ -444,6 +476,13 @@ BodyDescription read_description(const Hdf5File& file) {
     if (body.blocks.empty())
       throw Error(text("file %s: /mesh/blocks holds no elements", file.path().c_str()));
     for (const auto& block : body.blocks) check_block(file, body, block);
+    if (const std::string alone = "/mesh/alone"; file.exists(alone)) {
+      const auto nodes = file.shape(alone + "/connectivity");
+      if (nodes.size() != 2 || nodes[1] != 1)
+        throw Error(text("file %s: %s/connectivity must be nodes × 1",
+                         file.path().c_str(), alone.c_str()));
+      body.blocks.push_back({alone, ElementType::node1, {}, {}, nodes[0]});
+    }
     for (const auto& name : ordered_children(file, "/interfaces"))
       body.interfaces.push_back(read_interface(file, name, body.points));
     if (body.interfaces.empty())

@@ -2,6 +2,7 @@
 
 #include "fem/constraints.hpp"
 #include "fem/elements.hpp"
+#include "fem/shell.hpp"
 #include "io/hdf5_file.hpp"
 #include "model/second_order_model.hpp"
 
@@ -46,6 +47,7 @@ struct PointMass {
   Place at;
   double mass = 0;                 ///< [kg]
   std::array<double, 6> inertia{}; ///< xx, yy, zz, xy, yz, zx of the tensor [kg m²]
+  Vector3 offset{};                ///< of its centre of mass from the node [m]
 };
 
 /// Springs and dashpots from each node of a place to ground, or to another node.
@@ -99,6 +101,8 @@ struct SectionLayer {
   std::string material;
   double thickness = 0; ///< [m]
   double angle = 0;     ///< of the material's first axis from the section's [rad]
+  ShellRole role = ShellRole::all;
+  double factor = 1; ///< as ShellLayer's
 };
 
 /// A shell's section.
@@ -109,6 +113,9 @@ struct ShellSection {
   double offset = 0;    ///< of the middle surface above the nodes, along the normal [m]
   std::optional<Vector3>
       axis_1; ///< projected onto the surface: the material's first axis
+  /// What bends and what shears, where it is told apart from what stretches; without a material that
+  /// of the element.
+  std::vector<SectionLayer> apart;
 };
 
 struct Material {

@@ -42,6 +42,12 @@ Dense carried(const Vector3& d) {
   return H;
 }
 
+void refuse_beside(const PointMass& mass) {
+  if (is_beside(mass))
+    throw Error("a mass beside its node (offset) takes no spin: give it a node of its "
+                "own, in a rigid interface");
+}
+
 const Interface& find_interface(const BodyDescription& body, const std::string& name) {
   const auto found = std::find_if(body.interfaces.begin(), body.interfaces.end(),
                                   [&](const Interface& one) { return one.name == name; });
@@ -65,8 +71,10 @@ std::vector<std::int64_t> nodes_of(const Place& place, const BodyDescription& bo
 
 } // namespace
 
+bool is_beside(const PointMass& mass) { return dot(mass.offset, mass.offset) > 0; }
+
 bool is_discrete(ElementType type) {
-  return type == ElementType::mass1 || is_spring(type);
+  return type == ElementType::mass1 || type == ElementType::node1 || is_spring(type);
 }
 
 bool is_spring(ElementType type) {
@@ -77,6 +85,10 @@ Dense mass_matrix(const PointMass& mass) {
   Dense M(6, 6);
   for (int c = 0; c < 3; ++c) M(c, c) = mass.mass;
   set_part(M, 3, 3, inertia_of(mass));
+  if (!is_beside(mass)) return M;
+  const Dense H = carried(mass.offset);
+  M = multiply_transposed(H, multiply(M, H));
+  symmetrise(M);
   return M;
 }
 
@@ -91,7 +103,11 @@ Dense mass_beside(const PointMass& mass) {
       beside(3 + m, 3 * l + j) -= half * (i == j) - J(i, j);
     }
   }
-  return beside;
+  if (!is_beside(mass)) return beside;
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+      beside(i, 3 * i + j) += mass.mass * mass.offset[as_size(j)];
+  return multiply_transposed(carried(mass.offset), beside);
 }
 
 Dense spring_matrix(const Dense& of_motion, const std::vector<Vector3>& x) {
@@ -109,6 +125,7 @@ Dense spring_matrix(const Dense& of_motion, const std::vector<Vector3>& x) {
 }
 
 Dense mass_spin_softening(const PointMass& mass, const Vector3& axis) {
+  refuse_beside(mass);
   const Dense J = inertia_of(mass), A = cross_matrix(axis);
   const Vector3 b = times(J, axis);
   // Of ½ eᵀRJRᵀe, R a rotation by θ: θᵀHθ = (θ×e)ᵀJ(θ×e) + eᵀJ(θ×(θ×e)).
@@ -126,6 +143,7 @@ Dense mass_spin_softening(const PointMass& mass, const Vector3& axis) {
 }
 
 Dense mass_coriolis(const PointMass& mass, const Vector3& axis) {
+  refuse_beside(mass);
   const Dense J = inertia_of(mass);
   const Vector3 b = times(J, axis);
   const double trace = J(0, 0) + J(1, 1) + J(2, 2);
@@ -140,6 +158,7 @@ Dense mass_coriolis(const PointMass& mass, const Vector3& axis) {
 
 Dense mass_gyroscopic(const PointMass& mass, const Vector3& x, const Vector3& axis,
                       const Vector3& point) {
+  refuse_beside(mass);
   Vector3 from;
   for (std::size_t c = 0; c < 3; ++c) from[c] = x[c] - point[c];
   const double along = dot(from, axis), away = std::sqrt(dot(from, from));

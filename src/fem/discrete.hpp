@@ -17,6 +17,8 @@ bool is_spring(ElementType type);
 
 /// M of a point mass, 6×6 over u and θ of its node.
 Dense mass_matrix(const PointMass& mass);
+/// Whether its centre is not at its node.
+bool is_beside(const PointMass& mass);
 /// Moments in an acceleration A r of what it consists of, 6 × 9, as ElementMatrices::beside.
 Dense mass_beside(const PointMass& mass);
 /// K, or what else a 6×6 matrix of forces over relative displacements makes, of a spring between two

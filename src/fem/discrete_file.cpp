@@ -69,8 +69,17 @@ void read_discrete(const Hdf5File& file, BodyDescription& body) {
     if (!(mass.mass >= 0) || !std::isfinite(mass.mass))
       throw Error(text("file %s: %s: mass = %g must be finite and not negative",
                        file.path().c_str(), object.c_str(), mass.mass));
+    if (file.has_attribute(object, "offset"))
+      mass.offset = fixed<double, 3>(file, object, "offset");
+    for (double x : mass.offset)
+      if (!std::isfinite(x))
+        throw Error(text("file %s: %s: offset must be finite", file.path().c_str(),
+                         object.c_str()));
+    PointMass centred = mass;
+    centred.offset = {};
     // What bounds gyroscopic moments by the mass holds for inertias that bodies can have.
-    const auto principal = symmetric_eigen(part_of(mass_matrix(mass), 3, 3, 3, 3)).values;
+    const auto principal =
+        symmetric_eigen(part_of(mass_matrix(centred), 3, 3, 3, 3)).values;
     if (!(principal[0] >= -1e-9 * principal[2]) ||
         principal[2] > (1 + 1e-9) * (principal[0] + principal[1]))
       throw Error(text(

@@ -11,6 +11,10 @@ int dofs_of(const MeshBlock& block) {
   return node_count(block.type) * dofs_per_node(block.type);
 }
 
+bool weighs_nothing(ElementType type) {
+  return is_spring(type) || type == ElementType::node1;
+}
+
 struct Shell {
   std::vector<ShellLayer> layers;
   ShellLaw law;
@@ -24,7 +28,7 @@ Shell shell_of(const BodyDescription& body, const MeshBlock& block) {
   for (const SectionLayer& layer : layers) {
     const Material& material = body.materials.at(layer.material);
     shell.layers.push_back({material.in_own_axes.stiffness, material.solid.density,
-                            layer.thickness, layer.angle});
+                            layer.thickness, layer.angle, layer.role, layer.factor});
     shell.place.isotropic = shell.place.isotropic && material.isotropic;
   }
   shell.law = shell_law(shell.layers);
@@ -47,7 +51,9 @@ ElementMatrices element_matrices(const BodyDescription& body, const MeshBlock& b
     ElementMatrices element;
     element.K = element.M = Dense(dofs_of(block), dofs_of(block));
     element.min_detJ = 1;
-    if (is_spring(block.type)) {
+    if (block.type == ElementType::node1) {
+      element.beside = Dense(6, 9);
+    } else if (is_spring(block.type)) {
       element.K = spring_matrix(body.springs.at(block.material).stiffness, x);
     } else {
       const PointMass& mass = body.masses.at(block.material);
@@ -83,7 +89,7 @@ Dense stiffness_of_material(const BodyDescription& body, const MeshBlock& block,
 Dense spin_softening(const BodyDescription& body, const MeshBlock& block,
                      const std::vector<Vector3>& x, const ElementMatrices& element,
                      const Vector3& axis) {
-  if (is_spring(block.type)) return Dense(dofs_of(block), dofs_of(block));
+  if (weighs_nothing(block.type)) return Dense(dofs_of(block), dofs_of(block));
   if (block.type == ElementType::mass1)
     return mass_spin_softening(body.masses.at(block.material), axis);
   if (is_shell(block.type)) {
@@ -99,7 +105,7 @@ Dense spin_softening(const BodyDescription& body, const MeshBlock& block,
 Dense coriolis(const BodyDescription& body, const MeshBlock& block,
                const std::vector<Vector3>& x, const ElementMatrices& element,
                const Vector3& axis) {
-  if (is_spring(block.type)) return Dense(dofs_of(block), dofs_of(block));
+  if (weighs_nothing(block.type)) return Dense(dofs_of(block), dofs_of(block));
   if (block.type == ElementType::mass1)
     return mass_coriolis(body.masses.at(block.material), axis);
   if (is_shell(block.type)) {
@@ -114,7 +120,7 @@ Dense coriolis(const BodyDescription& body, const MeshBlock& block,
 
 Dense gyroscopic(const BodyDescription& body, const MeshBlock& block,
                  const std::vector<Vector3>& x, const AccelerationField& spin) {
-  if (is_spring(block.type)) return Dense(dofs_of(block), dofs_of(block));
+  if (weighs_nothing(block.type)) return Dense(dofs_of(block), dofs_of(block));
   if (block.type == ElementType::mass1)
     return mass_gyroscopic(body.masses.at(block.material), x[0], spin.axis, spin.point);
   if (block.type == ElementType::beam2)

@@ -10,7 +10,8 @@ namespace flexgram {
 
 using Vector3 = std::array<double, 3>;
 
-/// Those of files (solids, shells, beams), then point masses, springs to ground and springs between two nodes.
+/// Those of files (solids, shells, beams), then point masses, springs to ground and between two nodes, and
+/// nodes that no other element has.
 enum class ElementType {
   tet4,
   tet10,
@@ -27,7 +28,8 @@ enum class ElementType {
   beam2,
   mass1,
   spring1,
-  spring2
+  spring2,
+  node1
 };
 
 /// Points at which the mass is integrated. full: exact for straight-edged elements.

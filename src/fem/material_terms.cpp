@@ -5,6 +5,7 @@
 #include "base/text.hpp"
 #include "fem/discrete.hpp"
 #include "fem/element_of.hpp"
+#include "fem/shell.hpp"
 
 #include <set>
 
@@ -75,9 +76,10 @@ std::vector<ElementPart> MaterialTerms::of_element(const MeshBlock& block,
                                                    MassRule mass_rule,
                                                    const Dense& K) const {
   std::vector<ElementPart> parts;
-  if (block.type == ElementType::mass1) return parts;
-  if (block.material.empty()) { // layers
-    for (const std::string& name : materials_of(body_, block))
+  if (block.type == ElementType::mass1 || block.type == ElementType::node1) return parts;
+  const std::vector<std::string> materials = materials_of(body_, block);
+  if (is_shell(block.type) && (materials.size() > 1 || block.material.empty())) {
+    for (const std::string& name : materials)
       for (const Share& share : of_material_.at(name)) {
         parts.push_back({share.number, stiffness_of_material(body_, block, x, name)});
         for (double& value : parts.back().matrix.data) value *= share.weight;

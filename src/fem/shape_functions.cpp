@@ -252,6 +252,7 @@ std::vector<Point> points_of(ElementType type, bool mass) {
   case ElementType::mass1:
   case ElementType::spring1:
   case ElementType::spring2:
+  case ElementType::node1:
     break;
   }
   return {};
@@ -307,6 +308,7 @@ ShapePoint shape_at(ElementType type, const Vector3& xi, double weight) {
   case ElementType::mass1:
   case ElementType::spring1:
   case ElementType::spring2:
+  case ElementType::node1:
     break;
   }
   return p;

@@ -17,12 +17,18 @@ namespace flexgram {
 
 bool is_shell(ElementType type);
 
+/// What a layer of a shell resists. One that bends or shears alone, or only stretches, is as thick as
+/// the shell, in its middle; then no layer resists all.
+enum class ShellRole { all, stretching, bending, shear };
+
 /// A layer of a shell.
 struct ShellLayer {
   std::array<double, 36> stiffness; ///< in the layer's axes, as SolidMaterial's [N/m²]
   double density = 0;               ///< [kg/m³]
   double thickness = 0;             ///< [m]
   double angle = 0; ///< of its first axis from the section's, about the normal [rad]
+  ShellRole role = ShellRole::all;
+  double factor = 1; ///< of t³/12, of one that bends; of t, of one that shears
 };
 
 /// Stress resultants over strains of the middle surface, and its mass, by its area.
@@ -36,7 +42,8 @@ struct ShellLaw {
 
 /// Of layers from the bottom to the top, z from the middle. Stress across the shell vanishes; the
 /// stiffness against transverse shear is that of its energy where moments vary (5/6 G t of one layer;
-/// Rohwer 1988).
+/// Rohwer 1988). Of layers with a role each gives what it resists: of the one that stretches it has its
+/// mass too.
 /// @throws Error unless thicknesses are positive.
 ShellLaw shell_law(const std::vector<ShellLayer>& layers);
 

@@ -34,6 +34,27 @@ Dense shear_compliance(const ShellLayer& layer) {
   return S;
 }
 
+/// What a layer with a role gives.
+ShellLaw law_of_role(const ShellLayer& layer) {
+  const Dense Q = plane_stress(layer);
+  const double t = layer.thickness, square = t * t * t / 12;
+  ShellLaw law;
+  law.thickness = t;
+  if (layer.role == ShellRole::shear) {
+    law.shear = shear_compliance(layer);
+    for (double& value : law.shear.data) value /= layer.factor * t;
+    return law;
+  }
+  const int first = layer.role == ShellRole::bending ? 3 : 0;
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j)
+      law.ABD(first + i, first + j) = (first > 0 ? layer.factor * square : t) * Q(i, j);
+  if (first > 0) return law;
+  law.mass = layer.density * t;
+  law.second = layer.density * square;
+  return law;
+}
+
 /// The layers' laws, each by itself but for transverse shear, where it is the compliance: the energy
 /// of a force of 1, half.
 std::vector<ShellLaw> laws_of(const std::vector<ShellLayer>& layers) {
@@ -44,6 +65,10 @@ std::vector<ShellLaw> laws_of(const std::vector<ShellLayer>& layers) {
     whole += layer.thickness;
   }
   std::vector<ShellLaw> laws;
+  if (layers.front().role != ShellRole::all) {
+    for (const ShellLayer& layer : layers) laws.push_back(law_of_role(layer));
+    return laws;
+  }
   std::vector<Dense> Q;
   double stretch[2] = {}, moment[2] = {}; // of each direction: ∫Q_ii and ∫Q_ii z
   double bottom = -0.5 * whole;

@@ -44,9 +44,11 @@ void add_geometric(Dense& K, const ShellStrain& at, const Dense& resultants) {
 /// The largest von Mises stress at the sides of layers [N/m²].
 double face_stress(const std::vector<ShellLayer>& layers, const Dense& strain) {
   double most = 0, thickness = 0;
+  const bool has_roles = layers.front().role != ShellRole::all;
   for (const ShellLayer& layer : layers) thickness += layer.thickness;
-  double z = -0.5 * thickness;
+  double z = -0.5 * (has_roles ? layers.front().thickness : thickness);
   for (const ShellLayer& layer : layers) {
+    if (has_roles && layer.role != ShellRole::stretching) continue;
     const Dense Q = plane_stress(layer);
     for (const double height : {z, z + layer.thickness}) {
       double s[3] = {};

@@ -33,7 +33,8 @@ constexpr TypeFacts facts[] = {{"tetra", 4, 3},
                                {"line", 2, 6},
                                {"mass", 1, 6},
                                {"spring to ground", 1, 6},
-                               {"spring", 2, 6}};
+                               {"spring", 2, 6},
+                               {"node", 1, 6}};
 
 const TypeFacts& facts_of(ElementType type) { return facts[as_size(type)]; }
 

@@ -93,7 +93,7 @@ struct SecondOrderModel {
   Block B, C; ///< C shares B where the outputs are the inputs
   bool outputs_are_inputs = true;
   /// Whether e × u at the nodes of the rows is e × u everywhere; not where dofs follow others by
-  /// levers or in some directions.
+  /// levers or in some directions, nor where masses lie beside their nodes.
   bool turns_by_nodes = true;
   std::vector<std::string> inputs, outputs; ///< port names
 

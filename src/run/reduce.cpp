@@ -153,8 +153,9 @@ bool wants_integrals(const SecondOrderModel& body, int rigid_modes, const Settin
   }
   if (rigid_modes >= 6 && !body.turns_by_nodes)
     observer.warn(
-        "the body has ties with a gap, or equations of some directions: the frame "
-        "integrals of second order and the spin loads are approximate");
+        "the body has ties with a gap, equations of some directions, or masses beside "
+        "their nodes: the frame integrals of second order, the inertia of the deformed "
+        "body and the spin loads are approximate");
   if (rigid_modes >= 6 && s.spin_loads && s.relative_to != RelativeTo::elastic &&
       s.relative_to != RelativeTo::both)
     observer.warn(

@@ -120,6 +120,7 @@ def import_description(
             "sections",
             "interfaces",
             "supports",
+            "nodes_alone",
             "equations",
             "ties",
             "masses",

@@ -61,7 +61,8 @@ class Places:
 def write_masses(
     file: h5py.File, reader: Reader, select: Select, units: tuple[float, ...]
 ) -> list[str]:
-    """Write ``masses``: name -> ``at`` (an interface) or ``nodes``, ``mass``, ``inertia``.
+    """Write ``masses``: name -> ``at`` (an interface) or ``nodes``, ``mass``, ``inertia``,
+    ``offset``.
 
     Parameters
     ----------
@@ -69,7 +70,8 @@ def write_masses(
         With its interfaces.
     reader : Reader
         Of the whole description. ``inertia`` is three principal moments along the axes, or xx, yy,
-        zz, xy, yz, zx of the tensor. A mass at several nodes is one at each.
+        zz, xy, yz, zx of the tensor, about the centre of mass, which lies at ``offset`` from the
+        node. A mass at several nodes is one at each.
     select : function
         Nodes of a choice.
     units : tuple of float
@@ -83,7 +85,7 @@ def write_masses(
     told = []
     places = Places(file)
     for order, (name, data) in enumerate(reader.children("masses").items()):
-        entry = Reader(data, f"masses: {name}", ("at", "nodes", "mass", "inertia"))
+        entry = Reader(data, f"masses: {name}", ("at", "nodes", "mass", "inertia", "offset"))
         group = file.create_group(f"masses/{check_name(entry.where, str(name))}")
         places.write(group, entry, select, "at")
         inertia = np.zeros(6)
@@ -101,12 +103,17 @@ def write_masses(
             raise BodyError(f"{entry.where}: mass = {entry.number('mass'):g} is negative")
         group.attrs["mass"] = entry.number("mass", 0.0) * units[1]
         group.attrs["inertia"] = inertia * units[1] * units[0] ** 2
+        offset = units[0] * entry.vector("offset", [0, 0, 0])
+        if offset.any():
+            group.attrs["offset"] = offset
         group.attrs["order"] = order
         count = len(places.positions(group))
         each = f" at each of {count} nodes" if count > 1 else ""
         words = f"mass {name}: {group.attrs['mass']:.6g} kg{each}"
         if inertia.any():
             words += f", inertia {', '.join(f'{x:.6g}' for x in group.attrs['inertia'][:3])} kg m²"
+        if offset.any():
+            words += f", {np.linalg.norm(offset):.4g} m beside its node"
         told.append(words)
     return told
 

@@ -19,7 +19,15 @@ from flexgram.body.constraints import COMPONENTS, Constraints, write_constraints
 from flexgram.body.discrete import joined_nodes, write_masses, write_springs
 from flexgram.body.faces import CORNERS, middle_of
 from flexgram.body.loads import BodyMesh, write_loads
-from flexgram.body.meshfile import FORMULATIONS, LABELS, SECOND_ORDER, SHELLS, SOLIDS, node_set
+from flexgram.body.meshfile import (
+    ALONE,
+    FORMULATIONS,
+    LABELS,
+    SECOND_ORDER,
+    SHELLS,
+    SOLIDS,
+    node_set,
+)
 from flexgram.body.outputs import write_outputs
 from flexgram.body.parameters import PARAMETER, read_parameter
 from flexgram.body.preload import write_preload
@@ -137,6 +145,7 @@ class MeshBody:
         self.used = np.zeros(len(self.points), dtype=bool)  # by an element of the body
         self.merged: Ints | None = None  # the node that each became one with
         self.blocks: list[tuple[str, Ints]] = []
+        self.alone: Ints = np.empty((0, 1), dtype=np.int64)  # nodes that no element has
         self.ids: list[Ints] = []  # of their elements: the FE code's numbers, else from 1 on
 
     def write(self) -> dict[str, Any]:
@@ -153,15 +162,15 @@ class MeshBody:
         self._write_sections()
         self._merge_nodes()
         self._write_blocks()
+        self._write_nodes_alone()
         interfaces = self._write_interfaces()
         held = self._write_supports()
-        constraints = write_constraints(
-            file, reader, self.select, self.points, self.blocks, self.length
-        )
+        placed = [*self.blocks, (ALONE, self.alone)]
+        constraints = write_constraints(file, reader, self.select, self.points, placed, self.length)
         discrete = write_masses(file, reader, self.select, self.units)
         discrete += write_springs(file, reader, self.select, self.units)
         written = BodyMesh(
-            file, self.points, self.blocks, self.length, self.units[2], self.select, self.folder
+            file, self.points, placed, self.length, self.units[2], self.select, self.folder
         )
         loads, outputs = write_loads(written, reader), write_outputs(written, reader)
         doubts = doubts_of_shells(file, self.points, self._elements())
@@ -475,6 +484,21 @@ class MeshBody:
                 )
         if self.reader.choice("repeated_elements", ("refuse", "keep"), "refuse") == "refuse":
             expect_no_repeats(self._elements())
+
+    def _write_nodes_alone(self) -> None:
+        """Nodes with six dofs that no element has: equations, springs and masses hold them."""
+        if not (given := self.reader.data.get("nodes_alone")):
+            return
+        where = f"{self.reader.where}: nodes_alone"
+        if not (isinstance(given, list) and all(type(number) is int for number in given)):
+            raise BodyError(f"{where}: {short(given)} must be a list of node numbers")
+        nodes = np.unique(np.array(given, dtype=np.int64)) - 1
+        if nodes[0] < 0 or nodes[-1] >= len(self.points):
+            raise BodyError(f"{where}: node numbers run from 1 to {len(self.points)}")
+        if self.used[nodes].any():
+            raise BodyError(f"{where}: node {nodes[self.used[nodes]][0] + 1} has elements")
+        self.file["mesh/alone/connectivity"] = self.alone = nodes[:, None]
+        self.used[nodes] = True
 
     def _expect_shells(self, part: str, entry: Reader) -> None:
         """A part with a section of shells has no other elements than these, points and lines."""

@@ -29,7 +29,8 @@ FORMULATIONS = {
 SHELLS = ("triangle", "quad")
 #: Shells that are divided into these (``second_order``).
 SECOND_ORDER = ("triangle6", "quad8", "quad9")
-TURNING = (*SHELLS, "line")  #: whose nodes have rotations: with beams, without rods
+ALONE = "vertex"  #: nodes with six dofs that no element has
+TURNING = (*SHELLS, "line", ALONE)  #: whose nodes have rotations: with beams, without rods
 
 
 CAD = (

@@ -20,6 +20,9 @@ SHAPES = {
 
 
 SHELL = "shell"
+#: What of a shell can be told apart: its bending over that of its thickness, t³/12, and its shear
+#: over t; and what these are of one layer.
+APART = {"bending": 1.0, "shear": 5 / 6}
 
 
 def is_shell(reader: Reader) -> bool:
@@ -29,9 +32,10 @@ def is_shell(reader: Reader) -> bool:
 
 def shell_properties(reader: Reader, length: float, materials: Collection[str]) -> dict[str, Any]:
     """Thickness and offset [m] of a shell's section, its layers if it has such (bottom to top,
-    angles [rad]), and the direction of the first axis if that is given. ``materials``: those known.
+    angles [rad]), its bending and shear if they are told apart, and the direction of the first axis
+    if that is given. ``materials``: those known.
     """
-    known = ("shape", "thickness", "layers", "offset", "axis_1")
+    known = ("shape", "thickness", "layers", "offset", "axis_1", *APART)
     section = Reader(reader.data, reader.where, known)
     if ("thickness" in section.data) == ("layers" in section.data):
         raise BodyError(f"{section.where}: a shell needs a thickness, or layers")
@@ -50,10 +54,28 @@ def shell_properties(reader: Reader, length: float, materials: Collection[str]) 
         found["thickness"] = sum(found["layer_thicknesses"])
     else:
         found["thickness"] = _thickness(section) * length
+    if set(APART) & set(section.data):
+        found |= _apart(section, materials)
     if "axis_1" in section.data:
         found["axis_1"] = section.vector("axis_1")
         if not any(found["axis_1"]):
             raise BodyError(f"{section.where}: axis_1 = [0, 0, 0] has no direction")
+    return found
+
+
+def _apart(section: Reader, materials: Collection[str]) -> dict[str, Any]:
+    """Bending and shear of a shell that are told apart from its stretching."""
+    if "layers" in section.data:
+        raise BodyError(f"{section.where}: layers have their own bending and shear")
+    found: dict[str, Any] = {}
+    for key, usual in APART.items():
+        entry = Reader(section.data.get(key, {}), f"{section.where}: {key}", ("material", "factor"))
+        factor = entry.number("factor", usual)
+        if not factor > 0:
+            raise BodyError(f"{entry.where}: factor = {factor:g} must be positive")
+        found[f"{key}_factor"] = factor
+        if "material" in entry.data:
+            found[f"{key}_material"] = entry.choice("material", materials)
     return found
 
 

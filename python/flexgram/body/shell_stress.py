@@ -84,6 +84,11 @@ def sheets_of(file: h5py.File) -> list[Sheet]:
             continue
         deforms = deforming(nodes, follows)
         section = file["sections"][str(group.attrs["section"])].attrs
+        if "bending_factor" in section:
+            raise BodyError(
+                f"section {group.attrs['section']}: its bending is told apart from its thickness: "
+                "stress of such shells is not known"
+            )
         names = section.get("layer_materials", [group.attrs["material"]])
         thickness = np.atleast_1d(section.get("layer_thicknesses", section["thickness"]))
         angles = np.atleast_1d(section.get("layer_angles", 0.0))

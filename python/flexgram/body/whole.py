@@ -177,7 +177,7 @@ def _across(file: h5py.File, block: h5py.Group) -> tuple[float, float, float]:
     rho = np.array([float(file["materials"][str(name)].attrs["rho"]) for name in names])
     z = np.cumsum(t) - 0.5 * t - 0.5 * t.sum() + float(section["offset"])
     mass = float(rho @ t)
-    height = float(rho * t @ z) / mass
+    height = float(rho * t @ z) / mass if mass > 0 else 0.0
     return mass, height, float(rho * t @ ((z - height) ** 2 + t**2 / 12))
 
 
@@ -223,7 +223,7 @@ def mass_facts(file: h5py.File) -> MassFacts:
     places = Places(file)
     for point in file.get("masses", {}).values():
         each = float(point.attrs["mass"])
-        where = places.positions(point)
+        where = places.positions(point) + np.asarray(point.attrs.get("offset", np.zeros(3)))
         xx, yy, zz, xy, yz, zx = np.asarray(point.attrs["inertia"])
         inertia = np.array([[xx, xy, zx], [xy, yy, yz], [zx, yz, zz]])
         mass += each * len(where)
@@ -275,9 +275,12 @@ def doubts_of_units(file: h5py.File, system: str, extent: Floats) -> list[str]:
     """What speaks against the units in which the mesh and its materials were given."""
     length, mass, _ = UNITS[system]
     found = []
+    weighing = {str(block.attrs["material"]) for block in file["mesh/blocks"].values()}
     for name, material in file.get("materials", {}).items():
         a = material.attrs
         E, rho = float(np.ravel(a.get("E", a.get("engineering_constants", 0)))[0]), float(a["rho"])
+        if rho == 0 and name in weighing:
+            found.append(f"material {name} has no density: what is made of it weighs nothing")
         if not (E > 0 and rho > 0):
             continue
         speed = np.sqrt(E / rho) / length

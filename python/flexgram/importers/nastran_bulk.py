@@ -16,6 +16,7 @@ from flexgram.basics import BodyError
 from flexgram.body.description import import_description
 from flexgram.importers.fe import Interface, check_damping
 from flexgram.importers.mesh import describe_interfaces, further_keys
+from flexgram.importers.nastran_alone import grids_alone, untouched
 from flexgram.importers.nastran_deck import BulkDeck
 from flexgram.importers.nastran_elements import Elements
 from flexgram.importers.nastran_equations import Equations
@@ -112,6 +113,9 @@ class _Bulk:
             elements.add(int(number), element)
         if not elements.groups:
             raise BodyError(f"{path}: no solids, shells or beams")
+        self.alone = grids_alone(deck, elements)
+        elements.used.update(self.alone)
+        elements.turning.update(self.alone)
         self.points = PointElements(deck, elements)
         for number, element in elements.later:
             self.points.add_spring(number, element)
@@ -119,6 +123,7 @@ class _Bulk:
             self.points.add_mass(int(number), mass)
         self.equations = Equations(deck, elements)
         self.rigid = RigidElements(deck, elements, self.points, self.equations)
+        self.equations.arms()
         self.equations.read_mpc(self.rigid.references)
         if not deck.param("COUPMASS"):
             deck.remarks.append(
@@ -127,7 +132,7 @@ class _Bulk:
             )
 
     def describe(self) -> dict[str, Any]:
-        return {
+        content: dict[str, Any] = {
             "materials": self.elements.materials,
             "sections": self.elements.sections,
             "regions": self.elements.regions,
@@ -137,6 +142,15 @@ class _Bulk:
             "interfaces": self.rigid.interfaces,
             "equations": self.equations.entries,
         }
+        if self.alone:
+            content["nodes_alone"] = [self.deck.at(label) + 1 for label in self.alone]
+            free = untouched(content["nodes_alone"], content, self.deck.points)
+            for number, components in free.items():
+                content["supports"][f"untouched_{number}"] = {
+                    "nodes": [number],
+                    "components": components,
+                }
+        return content
 
     def number(self, entry: dict[str, Any]) -> None:
         """Numbers from 1 for labels of grids."""

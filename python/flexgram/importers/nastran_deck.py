@@ -12,11 +12,18 @@ from typing import Any
 
 import numpy as np
 
-from flexgram.basics import BodyError, errors_of
+from flexgram.basics import BodyError, Floats, errors_of
 from flexgram.importers.nastran import reading
 
 #: Element types that are shells, and ours.
-SHELLS = {"CQUAD4": "quad", "CQUADR": "quad", "CTRIA3": "triangle", "CTRIAR": "triangle"}
+SHELLS = {
+    "CQUAD4": "quad",
+    "CQUADR": "quad",
+    "CTRIA3": "triangle",
+    "CTRIAR": "triangle",
+    "CQUAD8": "quad8",
+    "CTRIA6": "triangle6",
+}
 BEAMS = ("CBAR", "CBEAM")
 RODS = ("CROD", "CONROD", "CTUBE")
 SPRINGS = ("CELAS1", "CELAS2", "CDAMP1", "CDAMP2", "CBUSH")
@@ -70,20 +77,31 @@ READ = {
 }
 
 
-def read_bulk(path: Path) -> tuple[Any, dict[str, float]]:
-    """pyNastran's model of a deck, with cross references. PARAM of its case control by their
-    names."""
+def read_bulk(path: Path) -> tuple[Any, dict[str, float], list[str]]:
+    """pyNastran's model of a deck, with cross references. PARAM of its case control by their names;
+    files that its executive control includes, which are not read."""
     with reading(path) as (model, folder):
         text = path.read_text(errors="replace")
         begins = re.search(r"^\s*BEGIN\b.*$", text, re.M | re.I)
-        is_deck = begins and re.search(r"^\s*CEND\b", text, re.M | re.I)
-        source = path
-        if begins and not is_deck:  # bulk data behind BEGIN alone
+        cend = re.search(r"^\s*CEND\b", text, re.M | re.I)
+        is_deck = begins is not None and cend is not None
+        executive = text[: cend.start()] if begins and cend else ""
+        source, alters = path, INCLUDE.findall(executive)
+        if alters:
+            source = folder / path.name
+            rest = _with_whole_includes(text[len(executive) :], path.parent)
+            source.write_text(INCLUDE.sub("$", executive) + rest)
+        elif begins and not is_deck:  # bulk data behind BEGIN alone
             source = folder / path.name
             source.write_text(_with_whole_includes(text[begins.end() :], path.parent))
         model.read_bdf(str(source), punch=not is_deck, xref=False, validate=False)
         model.safe_cross_reference()
-    return model, _parameters(path, text[: begins.start()] if begins and is_deck else "")
+    control = text[: begins.start()] if begins and is_deck else ""
+    return model, _parameters(path, control), [name.strip("'\"") for name in alters]
+
+
+#: Of a file; its name, in quotes or not.
+INCLUDE = re.compile(r"^\s*INCLUDE\s+('[^']*'|\"[^\"]*\"|\S+)", re.M | re.I)
 
 
 def _with_whole_includes(text: str, folder: Path) -> str:
@@ -124,9 +142,14 @@ class BulkDeck:
     """A model of pyNastran: its grids, and what is said of the reading."""
 
     def __init__(self, path: Path, ignore: set[str]) -> None:
-        model, self.parameters = read_bulk(path.absolute())
+        model, self.parameters, alters = read_bulk(path.absolute())
         self.path, self.model, self.ignore = path, model, ignore
         self.remarks: list[str] = []
+        if alters:
+            self.remarks.append(
+                f"files of executive control are not read: {', '.join(alters)}; what they alter is "
+                "not followed"
+            )
         self.labels = np.array(sorted(model.nodes), dtype=np.int64)
         if not len(self.labels):
             raise BodyError(f"{path}: no GRID: is this bulk data?")
@@ -222,6 +245,33 @@ class BulkDeck:
             raise BodyError(f"{self.path}: there is no grid {label}")
         return k
 
+    def axes(self, label: int) -> Floats:
+        """Those of its displacements (CD), in rows."""
+        system = self.model.nodes[label].cd_ref
+        if system is None or self.model.nodes[label].Cd() == 0:
+            return np.eye(3)
+        axes: Floats = np.array(system.beta(), dtype=float)
+        x, y, z = axes @ (self.points[self.at(label)] - system.origin)
+        if system.type[-1] == "R":
+            return axes
+        theta = np.arctan2(y, x)
+        outward = np.array([np.cos(theta), np.sin(theta), 0.0])
+        around = np.array([-np.sin(theta), np.cos(theta), 0.0])
+        if system.type[-1] == "C":
+            own = np.array([outward, around, [0.0, 0.0, 1.0]])
+        else:
+            phi = np.arctan2(np.hypot(x, y), z)
+            up = np.array([0.0, 0.0, 1.0])
+            own = np.array(
+                [
+                    np.sin(phi) * outward + np.cos(phi) * up,
+                    np.cos(phi) * outward - np.sin(phi) * up,
+                    around,
+                ]
+            )
+        turned: Floats = own @ axes
+        return turned
+
     def property_of(self, number: int, element: Any) -> Any:
         """That of an element, or the element that holds its numbers itself."""
         if element.type in ("CONROD", "CELAS2", "CDAMP2"):
@@ -230,7 +280,9 @@ class BulkDeck:
             raise self.refuse(element.type, number, "its property is missing")
         return element.pid_ref
 
-    def expect_basic(self, card: str, number: int, nodes: Sequence[int]) -> None:
-        for n in nodes:
-            if self.model.nodes[n].Cd() != 0:
-                raise self.refuse(card, number, f"grid {n} has axes of its own (CD)")
+    def common_axes(self, card: str, number: int, nodes: Sequence[int]) -> Floats:
+        """Those of the displacements of grids, in rows, which are the same of all."""
+        axes = [self.axes(n) for n in nodes]
+        if any(np.abs(other - axes[0]).max() > 1e-9 for other in axes[1:]):
+            raise self.refuse(card, number, "its grids have different axes (CD)")
+        return axes[0]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import meshio
@@ -12,6 +13,36 @@ from flexgram.body.meshfile import LABELS
 from flexgram.importers.nastran import REORDER, SOLIDS
 from flexgram.importers.nastran_deck import BEAMS, RODS, SHELLS, SPRINGS, WEDGE, BulkDeck, named
 from flexgram.importers.nastran_sections import beam_section, rod_section
+
+
+@dataclass(frozen=True)
+class Arm:
+    """The end of a beam, a node of its own.
+
+    Attributes
+    ----------
+    grid : int
+        That it follows.
+    end : int
+        Index of the node.
+    axes : (3, 3) array
+        Of the beam, in rows.
+    pins : set of int
+        Components, from 1 and along these axes, in which it does not follow.
+    """
+
+    grid: int
+    end: int
+    axes: Floats
+    pins: frozenset[int]
+
+
+def _own_shear(card: Any) -> float:
+    """G of a MAT1 over E / 2(1 + NU), where these do not belong together; else 0."""
+    if card is None or card.type != "MAT1" or not (card.e and card.g):
+        return 0.0
+    ratio = float(card.g) * 2 * (1 + float(card.nu or 0.0)) / float(card.e)
+    return ratio if abs(ratio - 1) > 1e-2 else 0.0
 
 
 class Elements:
@@ -25,14 +56,23 @@ class Elements:
         self.regions: dict[str, dict[str, Any]] = {}
         self.groups: dict[tuple[str, str], tuple[list[list[int]], list[int]]] = {}
         self.later: list[tuple[int, Any]] = []  #: springs, and rods that resist twist
+        self.arms: list[Arm] = []  #: of beams beside their grids, or with pins
+        self.at_offsets: dict[tuple[int, bytes], int] = {}  #: those without pins
+        self.ends: list[Floats] = []  #: new nodes, behind the grids
         self.used: set[int] = set()  #: grids of elements
         self.turning: set[int] = set()  #: those of shells and beams
+
+    def point(self, index: int) -> Floats:
+        """Where a node is, a grid or the end of a beam."""
+        count = len(self.deck.points)
+        place: Floats = self.deck.points[index] if index < count else self.ends[index - count]
+        return place
 
     def mesh(self) -> meshio.Mesh:
         keys = list(self.groups)
         none = np.empty(0, dtype=np.int64)
         return meshio.Mesh(
-            self.deck.points,
+            np.vstack([self.deck.points, *(end[None, :] for end in self.ends)]),
             [(kind, np.array(self.groups[region, kind][0])) for region, kind in keys],
             cell_sets={
                 region: [
@@ -55,8 +95,8 @@ class Elements:
             ours, region = SHELLS[kind], self._shell(number, element)
             self.turning.update(nodes)
         elif kind in BEAMS:
-            ours, region, nodes = "line", self._beam(number, element), nodes[:2]
-            self.turning.update(nodes)
+            self._beam(number, element)
+            return None
         elif kind in RODS:
             ours, region = "line", self._rod(number, element)
         elif kind in SPRINGS:  # whose nodes are to be known first
@@ -66,28 +106,43 @@ class Elements:
         else:
             raise self.deck.refuse(kind, number, f"with {len(nodes)} grids is not known")
         self.used.update(nodes)
-        order = REORDER.get(ours, range(len(nodes)))
+        order = REORDER.get(ours, range({"quad8": 8, "triangle6": 6}.get(ours, len(nodes))))
         cells, labels = self.groups.setdefault((region, ours), ([], []))
+        if len(nodes) < len(order):
+            raise self.deck.refuse(kind, number, "lacks grids between its corners")
         cells.append([self.deck.at(nodes[k]) for k in order])
         labels.append(number)
 
     def _material(
-        self, number: int, card: Any, more: float = 0.0, loss: float | None = None
+        self,
+        number: int,
+        card: Any,
+        more: float = 0.0,
+        loss: float | None = None,
+        *,
+        beam: bool = False,
     ) -> str:
-        """Name of a material, with ``more`` density, and another loss factor."""
+        """Name of a material, with ``more`` density, and another loss factor. Of a MAT1 whose E, G
+        and NU do not belong together beams have E and G, others E and NU, as in Nastran."""
         if card is None:
             raise BodyError(f"{self.deck.path}: property {number}: its material is missing")
         name = f"mat{card.mid}" + (f"_{more:.9g}" if more else "")
         name += "" if loss is None else f"_g{loss:.9g}"
+        shear = _own_shear(card)
+        name += "_beam" if beam and shear else ""
         if name in self.materials:
             return name
         wtmass = self.deck.param("WTMASS") or 1.0
         rho = (float(card.rho or 0.0) + more) * wtmass
         if card.type == "MAT1":
-            E, G, nu = card.e, card.g, card.nu
-            if E and G and abs(E / (2 * G) - 1 - nu) > 1e-2 * (1 + abs(nu)):
-                raise self.deck.refuse("MAT1", card.mid, "E, G and NU do not belong together")
-            entry: dict[str, Any] = {"E": float(E), "nu": float(nu), "rho": rho}
+            E, nu = float(card.e or 0.0), float(card.nu or 0.0)
+            if not E > 0:
+                raise self.deck.refuse("MAT1", card.mid, "E must be positive")
+            if beam and shear:
+                nu = E / (2 * float(card.g)) - 1
+                if not -1 < nu < 0.5:
+                    raise self.deck.refuse("MAT1", card.mid, "E and G make no material of a beam")
+            entry: dict[str, Any] = {"E": E, "nu": nu, "rho": rho}
         elif card.type == "MAT8":
             E1, E2, nu12, G12 = (float(x) for x in (card.e11, card.e22, card.nu12, card.g12))
             of = {"E1": E1, "E2": E2, "E3": E2, "nu12": nu12, "nu13": 0.0, "nu23": 0.0, "G12": G12}
@@ -102,7 +157,7 @@ class Elements:
                 card.type, card.mid, "only MAT1, and MAT8 of shells, are followed"
             )
         if not rho > 0:
-            raise self.deck.refuse(card.type, card.mid, "has no density (RHO)")
+            self.deck.remark("a material without density (RHO) weighs nothing")
         loss = float(card.ge or 0.0) if loss is None else loss
         if loss:
             entry["loss_factor"] = loss
@@ -125,30 +180,24 @@ class Elements:
 
     def _shell(self, number: int, element: Any) -> str:
         prop = element.pid_ref
-        given = [t for k in range(1, len(element.nodes) + 1)
-                 if (t := getattr(element, f"T{k}", None)) is not None]  # fmt: skip
-        if len({float(t) for t in given}) > 1 or (given and len(given) < len(element.nodes)):
-            raise self.deck.refuse(
-                element.type, number, "its corners have thicknesses of their own"
-            )
+        corners = 3 if element.type.startswith("CTRI") else 4
+        given = [getattr(element, f"T{k}", None) for k in range(1, corners + 1)]
         offset = float(element.zoffset or 0.0)
         if prop is not None and prop.type == "PSHELL":
-            t = float(prop.t or 0.0)
-            if given:
-                t = float(given[0]) * (t if element.tflag == 1 else 1.0)
-            self._expect_plate(prop)
-            has_fibres = prop.mid1_ref.type == "MAT8"
-            if not t > 0:
-                raise self.deck.refuse("PSHELL", prop.pid, "has no thickness")
+            t = self._thickness(element, prop, given)
             nsm = float(prop.nsm or 0.0)
             material = self._material(prop.pid, prop.mid1_ref, nsm / t)
             section: dict[str, Any] = {"shape": "shell", "thickness": t, "offset": offset}
-            name = f"p{prop.pid}" + (f"_t{t:.9g}" if given else "")
+            section |= self._apart(prop)
+            has_fibres = any(
+                card is not None and card.type == "MAT8"
+                for card in (prop.mid1_ref, prop.mid2_ref, prop.mid3_ref)
+            )
+            own = any(x is not None for x in given)
+            name = f"p{prop.pid}" + (f"_t{t:.9g}" if own else "")
         elif prop is not None and prop.type == "PCOMP":
             material = ""
             has_fibres = any(m.type == "MAT8" for m in prop.mids_ref)
-            if prop.nsm:
-                raise self.deck.refuse("PCOMP", prop.pid, "NSM is not followed")
             if prop.lam not in (None, "", "NO", "SYM"):
                 raise self.deck.refuse("PCOMP", prop.pid, f"LAM = {prop.lam} is not followed")
             loss = float(prop.ge or 0.0)  # those of its plies do not count
@@ -156,11 +205,12 @@ class Elements:
             if prop.is_symmetrical:
                 plies += plies[::-1]
             whole = sum(float(t) for _, t, _ in plies)
+            nsm = float(prop.nsm or 0.0)
             offset += float(prop.z0 or 0.0) + whole / 2
             offset = 0.0 if abs(offset) < 1e-9 * whole else offset
             layers = [
                 {
-                    "material": self._material(prop.pid, m, 0.0, loss),
+                    "material": self._material(prop.pid, m, nsm / whole, loss),
                     "thickness": float(t),
                     "angle": float(a),
                 }
@@ -206,25 +256,22 @@ class Elements:
         rounded: Floats = np.round(x, 7) + 0.0
         return rounded
 
-    def _beam(self, number: int, element: Any) -> str:
+    def _beam(self, number: int, element: Any) -> None:
         prop, kind = element.pid_ref, element.type
-        if np.any(element.wa) or np.any(element.wb):
-            raise self.deck.refuse(kind, number, "offsets of its ends (WA, WB) are not followed")
-        if element.pa or element.pb:
-            raise self.deck.refuse(kind, number, "pins (PA, PB) are not followed")
-        ends = [self.deck.points[self.deck.at(int(n))] for n in element.node_ids[:2]]
+        grids = [int(n) for n in element.node_ids[:2]]
+        offsets = [np.asarray(w, dtype=float) for w in (element.wa, element.wb)]
+        frames = str(element.offt)[1:3] if isinstance(element.offt, str) else "GG"
+        for k, grid in enumerate(grids):
+            if offsets[k].any() and frames[k : k + 1] == "O":
+                raise self.deck.refuse(kind, number, f"OFFT = {element.offt} is not followed")
+            offsets[k] = offsets[k] @ self.deck.axes(grid)
+        ends = [self.deck.points[self.deck.at(n)] + w for n, w in zip(grids, offsets, strict=True)]
         if element.g0:
-            v = self.deck.points[self.deck.at(int(element.g0))] - ends[0]
+            v = self.deck.points[self.deck.at(int(element.g0))] - (ends[0] - offsets[0])
         else:
             v = np.asarray(element.x, dtype=float)
-            if str(element.offt)[:1] == "G":
-                node = self.deck.model.nodes[int(element.node_ids[0])]
-                if node.Cd() != 0:
-                    if node.cd_ref.type not in ("CORD2R", "CORD1R"):
-                        raise self.deck.refuse(
-                            kind, number, "its vector is in cylindrical axes (CD)"
-                        )
-                    v = node.cd_ref.beta().T @ v
+            if str(element.offt)[:1] == "G" and v.shape == (3,):
+                v = v @ self.deck.axes(grids[0])
         along = ends[1] - ends[0]
         if not np.linalg.norm(along) > 0:
             raise self.deck.refuse(kind, number, "it has no length")
@@ -246,24 +293,78 @@ class Elements:
         self.sections[name] = section | {"y_axis": v.tolist()}
         with named(self.deck.path, f"{prop.type} {prop.pid}: its area is not understood"):
             A, nsm = float(np.ravel(prop.Area())[0]), float(np.ravel(prop.Nsm() or 0.0)[0])
-        material = self._material(prop.pid, prop.mid_ref, nsm / A)
-        return self._region(name, material, name)
+        material = self._material(prop.pid, prop.mid_ref, nsm / A, beam=True)
+        region = self._region(name, material, name)
+        axes = np.array([along, v, np.cross(along, v)])
+        cells, labels = self.groups.setdefault((region, "line"), ([], []))
+        cells.append(
+            [
+                self._end(grid, offset, axes, str(pins or ""))
+                for grid, offset, pins in zip(grids, offsets, (element.pa, element.pb), strict=True)
+            ]
+        )
+        labels.append(number)
 
-    def _expect_plate(self, prop: Any) -> None:
-        """A PSHELL is one homogeneous plate."""
-        why = ""
-        if not prop.mid1 or prop.mid2 != prop.mid1 or abs((prop.twelveIt3 or 1.0) - 1) > 1e-6:
-            why = "MID2 must be MID1, and 12I/T**3 = 1: one homogeneous plate"
-        elif prop.mid3 and (prop.mid3 != prop.mid1 or abs((prop.tst or 0.833333) - 5 / 6) > 1e-3):
-            why = "MID3 must be MID1, and TS/T = 5/6"
-        elif prop.mid4:
-            why = "MID4 is not followed"
-        if why:
-            raise self.deck.refuse("PSHELL", prop.pid, why)
-        if not prop.mid3:
+    def _end(self, grid: int, offset: Floats, axes: Floats, pins: str) -> int:
+        """Index of a beam's end: its grid, or a node of its own."""
+        freed = frozenset(int(c) for c in pins if c in "123456")
+        if not offset.any() and not freed:
+            self.used.add(grid)
+            self.turning.add(grid)
+            return self.deck.at(grid)
+        known = (grid, offset.tobytes())
+        if not freed and known in self.at_offsets:
+            return self.at_offsets[known]
+        end = len(self.deck.points) + len(self.ends)
+        self.ends.append(self.deck.points[self.deck.at(grid)] + offset)
+        self.arms.append(Arm(grid, end, axes if freed else np.eye(3), freed))
+        if not freed:
+            self.at_offsets[known] = end
+        return end
+
+    def _thickness(self, element: Any, prop: Any, given: list[Any]) -> float:
+        """Of an element with PSHELL: the mean of its corners, where these have their own."""
+        usual = float(prop.t or 0.0)
+        scale = usual if element.tflag == 1 else 1.0
+        corners = [usual if x is None else float(x) * scale for x in given]
+        if max(corners) - min(corners) > 1e-6 * max(corners):
+            self.deck.remark("elements whose corners have different thicknesses take their mean")
+        t = float(np.mean(corners))
+        if not t > 0:
+            raise self.deck.refuse("PSHELL", prop.pid, "has no thickness")
+        return t
+
+    def _apart(self, prop: Any) -> dict[str, Any]:
+        """Bending and shear of a PSHELL, where these are not those of its thickness and MID1."""
+        if not prop.mid1_ref or prop.mid2 in (None, 0, -1):
+            raise self.deck.refuse("PSHELL", prop.pid, "MID1 or MID2 is blank: no plate")
+        if prop.mid4:
+            raise self.deck.refuse("PSHELL", prop.pid, "MID4 is not followed")
+        bending = 1.0 if prop.twelveIt3 is None else float(prop.twelveIt3)
+        shear = 5 / 6
+        if prop.mid3:
+            shear = 5 / 6 if prop.tst is None else float(prop.tst)
+            if own := _own_shear(prop.mid3_ref):
+                shear *= own
+        else:
             self.deck.remark(
                 "shells without MID3 are stiff in transverse shear in Nastran, here not"
             )
+        plain = prop.mid2 == prop.mid1 and prop.mid3 in (None, 0, prop.mid1)
+        if plain and abs(bending - 1) < 1e-6 and abs(shear * 6 / 5 - 1) < 1e-3:
+            return {}
+        found: dict[str, dict[str, Any]] = {
+            "bending": {"factor": bending},
+            "shear": {"factor": shear},
+        }
+        materials = (
+            ("bending", prop.mid2, prop.mid2_ref),
+            ("shear", prop.mid3 or prop.mid2, prop.mid3_ref if prop.mid3 else prop.mid2_ref),
+        )
+        for key, mid, card in materials:
+            if mid != prop.mid1:
+                found[key]["material"] = self._material(prop.pid, card)
+        return found
 
     def _rod(self, number: int, element: Any) -> str:
         prop = self.deck.property_of(number, element)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from flexgram.basics import BodyError, Floats
+from flexgram.basics import BodyError
 from flexgram.importers.nastran_deck import BulkDeck, named
 from flexgram.importers.nastran_elements import Elements
 
@@ -24,7 +24,7 @@ class Equations:
 
     def _row(self, label: int, component: int, factor: float) -> list[list[Any]]:
         """Factor times a component (from 1) of a grid, along its own axes."""
-        along = self.axes(label)[(component - 1) % 3]
+        along = self.deck.axes(label)[(component - 1) % 3]
         names = NAMES[:3] if component < 4 else NAMES[3:]
         number = self.deck.at(label) + 1
         return [
@@ -32,33 +32,6 @@ class Equations:
             for name, part in zip(names, along, strict=True)
             if abs(part) > 1e-14
         ]
-
-    def axes(self, label: int) -> Floats:
-        """Those of its displacements (CD), in rows."""
-        system = self.deck.model.nodes[label].cd_ref
-        if system is None or self.deck.model.nodes[label].Cd() == 0:
-            return np.eye(3)
-        axes: Floats = np.array(system.beta(), dtype=float)
-        x, y, z = axes @ (self.deck.points[self.deck.at(label)] - system.origin)
-        if system.type[-1] == "R":
-            return axes
-        theta = np.arctan2(y, x)
-        outward = np.array([np.cos(theta), np.sin(theta), 0.0])
-        around = np.array([-np.sin(theta), np.cos(theta), 0.0])
-        if system.type[-1] == "C":
-            own = np.array([outward, around, [0.0, 0.0, 1.0]])
-        else:
-            phi = np.arctan2(np.hypot(x, y), z)
-            up = np.array([0.0, 0.0, 1.0])
-            own = np.array(
-                [
-                    np.sin(phi) * outward + np.cos(phi) * up,
-                    np.cos(phi) * outward - np.sin(phi) * up,
-                    around,
-                ]
-            )
-        turned: Floats = own @ axes
-        return turned
 
     def _add(self, name: str, equations: list[list[list[Any]]]) -> None:
         if equations:
@@ -83,7 +56,7 @@ class Equations:
                     f"{self.deck.path}: {name.upper().replace('_', ' ')}: grid {reference} has no "
                     "rotations to move others by"
                 )
-            along = self.axes(label)[(c - 1) % 3]
+            along = self.deck.axes(label)[(c - 1) % 3]
             terms = self._row(label, c, 1.0)
             turned = along if c > 3 else np.cross(arm, along)  # e · (θ × d) = θ · (d × e)
             for names, factors in (
@@ -93,6 +66,27 @@ class Equations:
                 terms += [[number, n, -float(f)] for n, f in zip(names, factors, strict=True) if f]
             found.append(terms)
         self._add(name, found)
+
+    def arms(self) -> None:
+        """Ends of beams beside their grids, or with pins, follow these as rigid bodies, along the
+        beam's axes and but for the pins."""
+        for arm in self.elements.arms:
+            d = self.elements.point(arm.end) - self.deck.points[self.deck.at(arm.grid)]
+            number = self.deck.at(arm.grid) + 1
+            found = []
+            for c in (c for c in range(6) if c + 1 not in arm.pins):
+                along = arm.axes[c % 3]
+                own, turned = (NAMES[:3], np.cross(d, along)) if c < 3 else (NAMES[3:], along)
+                terms: list[list[Any]] = [
+                    [arm.end + 1, n, float(f)] for n, f in zip(own, along, strict=True)
+                ]
+                terms += [[number, n, -float(f)] for n, f in zip(own, along, strict=True)]
+                if c < 3:
+                    terms += [
+                        [number, n, -float(f)] for n, f in zip(NAMES[3:], turned, strict=True)
+                    ]
+                found.append([term for term in terms if abs(term[2]) > 1e-14])
+            self._add("beams", found)
 
     def average(self, number: int, element: Any, nodes: list[int], weights: list[float]) -> None:
         """The grid of a RBE3 that belongs to an element: its motion is the weighted least-squares
@@ -107,7 +101,7 @@ class Equations:
         if np.linalg.eigvalsh(normal * np.outer(scale, scale))[0] < 1e-10:
             raise self.deck.refuse("RBE3", number, "its grids lie on a line or in a point")
         mean = np.linalg.solve(normal, np.einsum("k,kca->akc", weights, G).reshape(6, -1))
-        own = self.axes(reference)
+        own = self.deck.axes(reference)
         found = []
         for c in sorted(int(digit) for digit in str(element.refc) if digit != "0"):
             if c > 3 and reference not in self.elements.turning:
@@ -138,8 +132,6 @@ class Equations:
             c = int(str(component) or 0)
             if k in references:
                 why = f"grid {label} is that of {references[k]}, an interface"
-            elif int(label) not in self.elements.used:
-                why = f"grid {label} belongs to no element"
             elif c not in range(1, 7) or (c > 3 and int(label) not in self.elements.turning):
                 why = f"grid {label} has no component {component}"
             else:

@@ -55,13 +55,14 @@ class PointElements:
         ]
         if any(not c for _, c in ends):
             raise self.deck.refuse(element.type, number, "scalar points are not followed")
-        self.deck.expect_basic(element.type, number, [n for n, _ in ends])
+        axes = np.kron(np.eye(2), self.deck.common_axes(element.type, number, [n for n, _ in ends]))
         components = {c for _, c in ends}
         if len(components) > 1:
             raise self.deck.refuse(element.type, number, "it joins different components")
         c = components.pop() - 1
         of_motion = np.zeros((6, 6))
         of_motion[c, c] = float(source.b if is_damper else source.k)
+        of_motion = axes.T @ of_motion @ axes
         labels = [n for n, _ in ends]
         if is_damper:
             self._spring(element.type, number, labels, np.zeros((6, 6)), 0.0, of_motion)
@@ -76,31 +77,13 @@ class PointElements:
             raise self.deck.refuse("CBUSH", number, "only PBUSH is followed")
         if element.ocid not in (-1, None) or getattr(prop, "mass", None):
             raise self.deck.refuse("CBUSH", number, "OCID and M are not followed")
+        if len(nodes) == 2 and element.s not in (None, 0.5):
+            a, b = (self.deck.at(n) for n in nodes)
+            if np.any(self.deck.points[a] != self.deck.points[b]):
+                raise self.deck.refuse("CBUSH", number, "S other than 0.5 is not followed")
         K = [float(x or 0.0) for x in (list(prop.Ki) + 6 * [0.0])[:6]]
         B = [float(x or 0.0) for x in (list(prop.Bi) + 6 * [0.0])[:6]]
-        axes = np.eye(3)
-        if element.cid_ref is not None:
-            if element.cid_ref.type not in ("CORD2R", "CORD1R"):
-                raise self.deck.refuse("CBUSH", number, "its axes (CID) are cylindrical")
-            axes = element.cid_ref.beta()
-        elif element.x[0] is not None or element.g0:
-            raise self.deck.refuse(
-                "CBUSH", number, "its axes by a vector or a grid are not followed"
-            )
-        elif len(nodes) == 2:  # along the line between its grids
-            ends = self.deck.points[[self.deck.at(n) for n in nodes]]
-            line = ends[1] - ends[0]
-            if np.linalg.norm(line) > 0:
-                if any(K[1:]) or any(B[1:]):
-                    raise self.deck.refuse(
-                        "CBUSH", number, "across its line its axes are not known"
-                    )
-                x = line / np.linalg.norm(line)
-                y = np.cross(x, np.eye(3)[int(np.argmin(np.abs(x)))])
-                y /= np.linalg.norm(y)
-                axes = np.array([x, y, np.cross(x, y)])
-        both = np.kron(np.eye(2), axes)
-        self.deck.expect_basic("CBUSH", number, nodes)
+        both = np.kron(np.eye(2), self._axes_of_bush(number, element, nodes, any([*K[1:], *B[1:]])))
         losses = {float(x or 0.0) for x, k in zip(getattr(prop, "GEi", None) or [], K, strict=False)
                   if k}  # fmt: skip
         if len(losses) > 1:
@@ -108,6 +91,38 @@ class PointElements:
         of_motion = [both.T @ np.diag(x) @ both for x in (K, B)]
         loss = losses.pop() if losses else 0.0
         self._spring("CBUSH", number, nodes, of_motion[0], loss, of_motion[1])
+
+    def _axes_of_bush(self, number: int, element: Any, nodes: list[int], across: bool) -> Floats:
+        """In rows: of a system (CID), or the line between its grids, with a vector or a grid for
+        the second; ``across``: whether more than the first one matters."""
+        if element.cid_ref is not None:
+            if element.cid_ref.type not in ("CORD2R", "CORD1R"):
+                raise self.deck.refuse("CBUSH", number, "its axes (CID) are cylindrical")
+            axes: Floats = np.asarray(element.cid_ref.beta(), dtype=float)
+            return axes
+        ends = self.deck.points[[self.deck.at(n) for n in nodes]]
+        line = ends[-1] - ends[0]
+        given = element.x[0] is not None or bool(element.g0)
+        if not np.linalg.norm(line) > 0:
+            if given:
+                raise self.deck.refuse(
+                    "CBUSH", number, "its grids lie in one place: axes by a vector need a line"
+                )
+            return np.eye(3)
+        x = line / np.linalg.norm(line)
+        if element.g0:
+            v = self.deck.points[self.deck.at(int(element.g0))] - ends[0]
+        elif given:
+            v = np.asarray(element.x, dtype=float) @ self.deck.axes(nodes[0])
+        elif across:
+            raise self.deck.refuse("CBUSH", number, "across its line its axes are not known")
+        else:
+            v = np.eye(3)[int(np.argmin(np.abs(x)))]
+        z = np.cross(x, v)
+        if not np.linalg.norm(z) > 1e-9 * np.linalg.norm(v):
+            raise self.deck.refuse("CBUSH", number, "its orientation vector is along it")
+        z /= np.linalg.norm(z)
+        return np.array([x, np.cross(z, x), z])
 
     def _spring(
         self,
@@ -124,7 +139,8 @@ class PointElements:
             line = where[1] - where[0]
             length = float(np.linalg.norm(line))
             size = float(np.abs(self.deck.points).max())
-            if length > 1e-9 * size:
+            arms = card == "CBUSH" and set(nodes) <= self.elements.turning
+            if length > 1e-9 * size and not arms:
                 along = np.concatenate([line / length, np.zeros(3)])
                 for of in (K, B if B is not None else 0 * K):
                     off = of - (along @ of @ along) * np.outer(along, along)
@@ -150,10 +166,14 @@ class PointElements:
             if mass.type in self.deck.ignore:
                 return
             raise self.deck.refuse(mass.type, number, "only CONM2 is followed")
-        if np.any(np.abs(mass.X) > 0):
-            raise self.deck.refuse("CONM2", number, "its mass lies beside the grid (X1, X2, X3)")
-        if mass.Cid() == -1:
-            raise self.deck.refuse("CONM2", number, "CID = -1 is not followed")
+        axes, beside = np.eye(3), np.asarray(mass.X, dtype=float)
+        if mass.Cid() == -1:  # its place
+            beside = beside - self.deck.points[self.deck.at(int(mass.nid))]
+        elif mass.Cid() != 0:
+            if mass.cid_ref.type not in ("CORD2R", "CORD1R"):
+                raise self.deck.refuse("CONM2", number, "its axes (CID) are cylindrical")
+            axes = np.asarray(mass.cid_ref.beta(), dtype=float)  # a row each
+            beside = beside @ axes
         wtmass = self.deck.param("WTMASS") or 1.0
         xx, yx, yy, zx, zy, zz = (float(x or 0.0) * wtmass for x in mass.I)
         entry: dict[str, Any] = {
@@ -162,12 +182,10 @@ class PointElements:
         }
         if any((xx, yx, yy, zx, zy, zz)):
             J = np.array([[xx, -yx, -zx], [-yx, yy, -zy], [-zx, -zy, zz]])  # Nastran's I21 is ∫xy
-            if mass.Cid() != 0:
-                if mass.cid_ref.type not in ("CORD2R", "CORD1R"):
-                    raise self.deck.refuse("CONM2", number, "its axes (CID) are cylindrical")
-                axes = mass.cid_ref.beta()  # a row each
-                J = axes.T @ J @ axes
+            J = axes.T @ J @ axes
             tensor = [J[0, 0], J[1, 1], J[2, 2], J[0, 1], J[1, 2], J[2, 0]]
             entry["inertia"] = [float(x) for x in tensor]
+        if entry["mass"] > 0 and np.any(np.abs(beside) > 1e-12 * np.abs(self.deck.points).max()):
+            entry["offset"] = beside.tolist()
         if entry["mass"] > 0 or "inertia" in entry:
             self.masses[f"conm{number}"] = entry

@@ -1,0 +1,227 @@
+"""What of Nastran bulk data decks of whole structures hold: beams beside their grids and with pins,
+bushes, grids that no element has, sandwich plates, files of executive control."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from scipy.sparse.linalg import eigsh
+from test_nastran_cards import mpc, plate
+
+from conftest import assembled
+from flexgram.importers import parse
+from flexgram.importers.nastran_bulk import assemble_bulk
+
+E_, NU, RHO = 2.1e11, 0.3, 7850.0
+PROPERTY = "PBAR,1,1,6.-4,4.5-8,2.-8,5.-8\nMAT1,1,2.1+11,,0.3,7850.\n"
+
+
+def bars(cards: str, count: int = 4, length: float = 1.0, held: str = "SPC1,1,123456,1\n") -> str:
+    """Bulk data of bars along x, whose grids are numbered from 1; ``cards`` takes the number of an
+    element, of which the first grid is one."""
+    grids = "".join(f"GRID,{k + 1},,{k * length / count},0.,0.\n" for k in range(count + 1))
+    elements = "".join(cards.format(e=e, f=e + 1) for e in range(1, count + 1))
+    return f"SOL 103\nCEND\nSPC = 1\nBEGIN BULK\n{grids}{elements}{PROPERTY}{held}ENDDATA\n"
+
+
+def body_of(folder: Path, text: str, ports: str = "tip=NODES:5", ranks: int = 1) -> dict[str, Any]:
+    (folder / "b.bdf").write_text(text)
+    facts = assemble_bulk(folder / "b.bdf", folder / "b.h5", [parse("node", ports)])
+    return assembled(folder / "a.h5", folder / "b.h5", ranks) | {"facts": facts}
+
+
+def lowest(a: dict[str, Any], count: int = 6) -> Any:
+    return np.sort(eigsh(a["K"], count, a["M"], sigma=0, return_eigenvectors=False))
+
+
+PLAIN = "CBAR,{e},1,{e},{f},0.,1.,0.\n"
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("cd", ["", "7"])
+def test_beams_beside_their_grids(cd: str, ranks: int, tmp_path: Path) -> None:
+    """A clamped beam, all of whose ends lie beside the grids, is the same beam; its grids turn with
+    it, about axes of their own too."""
+    plain = lowest(body_of(tmp_path, bars(PLAIN), ranks=ranks))
+    offset = "CBAR,{e},1,{e},{f},0.,1.,0.\n,,,0.,0.1,-0.05,0.,0.1,-0.05\n"
+    text = bars(offset)
+    if cd:  # y and z of the grids are z and -y; so are the vector and the offsets
+        turned = offset.replace("0.,1.,0.", "0.,0.,-1.").replace("0.,0.1,-0.05", "0.,-0.05,-0.1")
+        text = bars(turned).replace(",0.,0.\n", ",0.,0.,7\n")
+        text = text.replace("ENDDATA", "CORD2R,7,,0.,0.,0.,0.,-1.,0.\n,1.,0.,0.\nENDDATA")
+    a = body_of(tmp_path, text, ranks=ranks)
+    np.testing.assert_allclose(lowest(a), plain, rtol=1e-8)
+    assert any("weighs" in r for r in a["facts"]["remarks"]) is False
+
+
+def test_an_offset_of_half_of_a_frame(tmp_path: Path) -> None:
+    """A force at a grid beside the beam bends and twists it: its compliance by hand."""
+    arm = 0.2
+    offset = f"CBAR,{{e}},1,{{e}},{{f}},0.,1.,0.\n,,,0.,{arm},0.,0.,{arm},0.\n"
+    a = body_of(tmp_path, bars(offset, held="SPC1,1,123456,1\n"))
+    f = a["B"][:, a["names"].index("tip.fz")]
+    found = f @ np.linalg.solve(a["K"].toarray(), f)
+    G = E_ / (2 * (1 + NU))
+    assert found == pytest.approx(1 / (3 * E_ * 2e-8) + arm**2 / (G * 5e-8), rel=1e-3)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_pins(ranks: int, tmp_path: Path) -> None:
+    """A beam between two walls with a hinge in its middle: two cantilevers side by side."""
+    hinge = PLAIN.replace("\n", "\n,{p}\n")
+    cards = [hinge.format(e=e, f=e + 1, p=",56" if e == 2 else "") for e in range(1, 5)]
+    text = bars("").replace("PBAR", "".join(cards) + "PBAR", 1)
+    text = text.replace("SPC1,1,123456,1\n", "SPC1,1,123456,1,5\n")
+    a = body_of(tmp_path, text, "tip=NODES:3", ranks)
+    for direction, inertia in (("y", 4.5e-8), ("z", 2e-8)):
+        f = a["B"][:, a["names"].index(f"tip.f{direction}")]
+        stiff = 1 / (f @ np.linalg.solve(a["K"].toarray(), f))
+        assert stiff == pytest.approx(2 * 3 * E_ * inertia / 0.5**3, rel=1e-3)
+    f = a["B"][:, a["names"].index("tip.mx")]
+    twist = 1 / (f @ np.linalg.solve(a["K"].toarray(), f))
+    assert twist == pytest.approx(2 * E_ / 2.6 * 5e-8 / 0.5, rel=1e-9)
+
+
+def test_a_bush_with_its_vector(tmp_path: Path) -> None:
+    """Between two grids that lie apart it acts midway, along the line and the vector."""
+    bush = "GRID,9,,1.3,0.4,0.\nCBUSH,9,9,5,9,0.,0.,1.\nPBUSH,9,K,1.+5,2.+5,3.+5,40.,50.,60.\n"
+    text = bars(PLAIN).replace("ENDDATA", bush + "SPC1,1,123456,9\nENDDATA")
+    a, plain = body_of(tmp_path, text), body_of(tmp_path, bars(PLAIN))
+    added = (a["K"] - plain["K"]).toarray()[-6:, -6:]
+    x = np.array([0.3, 0.4, 0.0]) / 0.5
+    y = np.array([0.0, 0.0, 1.0])
+    z = np.cross(x, y)
+    axes = np.kron(np.eye(2), np.array([x, y, z]))
+    arm = np.array([0.15, 0.2, 0.0])
+    H = np.eye(6)
+    H[:3, 3:] = np.column_stack([np.cross(e, arm) for e in np.eye(3)])
+    expected = H.T @ axes.T @ np.diag([1e5, 2e5, 3e5, 40.0, 50.0, 60.0]) @ axes @ H
+    np.testing.assert_allclose(added, expected, atol=1e-6)
+
+
+def test_a_mass_beside_its_grid(tmp_path: Path) -> None:
+    """By its offset, in a system's axes, and by its place (CID = -1)."""
+    found = []
+    for card in (
+        "CONM2,8,5,,2.0,0.1,0.2,0.3\n",
+        "CONM2,8,5,7,2.0,0.1,0.3,-0.2\nCORD2R,7,,0.,0.,0.,0.,-1.,0.\n,1.,0.,0.\n",
+        "CONM2,8,5,-1,2.0,1.1,0.2,0.3\n",
+    ):
+        text = bars(PLAIN).replace("ENDDATA", card + "ENDDATA")
+        found.append(body_of(tmp_path, text)["M"])
+        with h5py.File(tmp_path / "b.h5") as file:
+            offset = file["masses/conm8"].attrs["offset"]
+            np.testing.assert_allclose(offset, [0.1, 0.2, 0.3], atol=1e-12)
+    assert abs(found[0] - found[1]).max() < 1e-12 and abs(found[0] - found[2]).max() < 1e-12
+
+
+def test_grids_that_no_element_has(tmp_path: Path) -> None:
+    """An MPC through a grid alone, a RBE2 of one component, and a spring to another: what nothing
+    touches is held."""
+    cards = "GRID,900,,1.,0.5,0.\nMPC,5,50,3,1.0,900,3,-1.\n"
+    cards += "CELAS2,93,1000.,900,3,901,3\nGRID,901,,1.,0.5,0.\nRBE2,94,901,3,80\n"
+    (tmp_path / "p.bdf").write_text(mpc(cards))
+    assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [parse("node", "tip=NODES:90")])
+    with h5py.File(tmp_path / "p.h5") as file:
+        alone = file["mesh/alone/connectivity"][:].ravel()
+        assert alone.tolist() == [9, 10]
+        held = {
+            int(group["nodes"][0]): sorted(map(int, group.attrs["components"]))
+            for name, group in file["supports"].items()
+            if name.startswith("untouched")
+        }
+        assert held == {9: [0, 1, 3, 4, 5], 10: [0, 1, 3, 4, 5]}
+    a = assembled(tmp_path / "a.h5", tmp_path / "p.h5")
+    (tmp_path / "q.bdf").write_text(plate())
+    assemble_bulk(tmp_path / "q.bdf", tmp_path / "q.h5", [parse("node", "tip=NODES:90")])
+    b = assembled(tmp_path / "b.h5", tmp_path / "q.h5")
+    # A spring of 1000 N/m between w of grids 50 and 80.
+    at = [int(np.flatnonzero((b["node"] == n) & (b["component"] == 2))[0]) for n in (4, 7)]
+    spring = np.zeros(b["K"].shape[0])
+    spring[at] = [1.0, -1.0]
+    expected = np.sort(
+        eigsh(b["K"] + 1000 * np.outer(spring, spring), 4, b["M"], sigma=0,
+              return_eigenvectors=False)
+    )  # fmt: skip
+    np.testing.assert_allclose(lowest(a, 4), expected, rtol=1e-9)
+
+
+def test_a_sandwich(tmp_path: Path) -> None:
+    """PSHELL with 12I/T**3, TS/T and a core; NSM is mass alone."""
+    prop = "PSHELL,1,1,0.001,1,700.,2,22.,0.5\n"
+    core = "MAT1,2,1.+9,,0.3\n"
+    (tmp_path / "p.bdf").write_text(plate(core, prop=prop))
+    facts = assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [parse("node", "tip=NODES:90")])
+    with h5py.File(tmp_path / "p.h5") as file:
+        (section,) = file["sections"].values()
+        of = section.attrs
+        assert (of["bending_factor"], of["shear_factor"]) == (700, 22)
+        assert of["shear_material"] == "mat2" and "bending_material" not in of
+    mass = next(line for line in facts["summary"] if line.startswith("mass"))
+    assert f"{7850 * 0.001 + 0.5:.6g}" in mass, mass
+
+
+def test_moduli_that_do_not_belong_together(tmp_path: Path) -> None:
+    """Beams twist by G, plates and solids take E and NU, transverse shear G."""
+    text = bars(PLAIN).replace("MAT1,1,2.1+11,,0.3", "MAT1,1,2.1+11,9.+10,0.3")
+    a = body_of(tmp_path, text)
+    f = a["B"][:, a["names"].index("tip.mx")]
+    assert 1 / (f @ np.linalg.solve(a["K"].toarray(), f)) == pytest.approx(9e10 * 5e-8, rel=1e-9)
+    (tmp_path / "p.bdf").write_text(plate(material="MAT1,1,2.1+11,4.+10,0.3,7850.\n"))
+    assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [parse("node", "tip=NODES:90")])
+    with h5py.File(tmp_path / "p.h5") as file:
+        (section,) = file["sections"].values()
+        shear = float(section.attrs["shear_factor"])
+        assert shear == pytest.approx(5 / 6 * 4e10 * 2.6 / 2.1e11, rel=1e-5)
+        assert file["materials/mat1"].attrs["nu"] == 0.3
+
+
+def test_corners_with_thicknesses_of_their_own(tmp_path: Path) -> None:
+    """Their mean; one that is blank is the property's."""
+    text = plate().replace("CQUAD4,1,1,10,40,50,20\n", "CQUAD4,1,1,10,40,50,20\n,,,0.02,0.01\n")
+    (tmp_path / "p.bdf").write_text(text)
+    facts = assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [parse("node", "tip=NODES:90")])
+    assert any("take their mean" in remark for remark in facts["remarks"])
+    with h5py.File(tmp_path / "p.h5") as file:
+        thick = sorted(float(of.attrs["thickness"]) for of in file["sections"].values())
+        np.testing.assert_allclose(thick, [0.01, 0.0125])
+
+
+def test_shells_of_second_order(tmp_path: Path) -> None:
+    """CQUAD8 and CTRIA6 become four each; without a middle grid they are refused."""
+    text = plate()
+    cells = [line for line in text.splitlines() if line.startswith("CQUAD4")]
+    for cell in cells:
+        text = text.replace(cell + "\n", "")
+    whole = "CQUAD8,1,1,10,70,90,30,40,80\n,60,20\n"
+    (tmp_path / "p.bdf").write_text(text.replace("PSHELL", whole + "PSHELL", 1))
+    facts = assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [parse("node", "tip=NODES:90")])
+    assert facts["elements"] == 4 and facts["points"] == 9
+    a = assembled(tmp_path / "a.h5", tmp_path / "p.h5")
+    (tmp_path / "q.bdf").write_text(plate())
+    assemble_bulk(tmp_path / "q.bdf", tmp_path / "q.h5", [parse("node", "tip=NODES:90")])
+    b = assembled(tmp_path / "b.h5", tmp_path / "q.h5")
+    np.testing.assert_allclose(lowest(a, 4), lowest(b, 4), rtol=1e-9)
+
+
+def test_files_of_executive_control_are_not_read(tmp_path: Path) -> None:
+    (tmp_path / "parts.blk").write_text("CONM2,91,50,,2.0\n")
+    text = plate("INCLUDE 'parts.blk'\n")
+    text = text.replace("CEND", "INCLUDE '/dmaps/alter.v9'\ninclude 'other.v9'\nCEND", 1)
+    (tmp_path / "p.bdf").write_text(text)
+    facts = assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [parse("node", "tip=NODES:90")])
+    assert any("/dmaps/alter.v9, other.v9" in remark for remark in facts["remarks"])
+    with h5py.File(tmp_path / "p.h5") as file:
+        assert file["masses/conm91"].attrs["mass"] == 2.0
+
+
+def test_a_material_without_density(tmp_path: Path) -> None:
+    (tmp_path / "p.bdf").write_text(plate("CONM2,91,90,,2.0\n", material="MAT1,1,2.1+11,,0.3\n"))
+    facts = assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [parse("node", "tip=NODES:90")])
+    assert any("weighs nothing" in remark for remark in facts["remarks"])
+    a = assembled(tmp_path / "a.h5", tmp_path / "p.h5")
+    assert a["M"].sum() == pytest.approx(6.0)
