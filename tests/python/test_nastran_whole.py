@@ -225,3 +225,31 @@ def test_a_material_without_density(tmp_path: Path) -> None:
     assert any("weighs nothing" in remark for remark in facts["remarks"])
     a = assembled(tmp_path / "a.h5", tmp_path / "p.h5")
     assert a["M"].sum() == pytest.approx(6.0)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_mean_with_rotations(ranks: int, tmp_path: Path) -> None:
+    """RBE3 of all components: what a force or moment at its grid does to the others is their
+    least-squares mean, rotations by the square of the mean distance."""
+    rbe3 = "GRID,900,,1.3,0.6,0.2\nRBE3,9,,900,123456,1.0,123456,50,60\n,80,2.0,123,90\n"
+    (tmp_path / "p.bdf").write_text(plate(rbe3))
+    facts = assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [])
+    assert facts["interfaces"]["rbe3_9"]["coupling"] == "node"
+    a = assembled(tmp_path / "a.h5", tmp_path / "p.h5", ranks)
+    at = {4: [0.5, 0.5, 0.0], 5: [0.5, 1.0, 0.0], 7: [1.0, 0.5, 0.0], 8: [1.0, 1.0, 0.0]}
+    arms = {n: np.array(x) - [1.3, 0.6, 0.2] for n, x in at.items()}
+    length = np.mean([np.linalg.norm(d) for d in arms.values()])
+    rows, scales, columns = [], [], []
+    for n, d in arms.items():
+        carried = np.eye(6)
+        carried[:3, 3:] = np.column_stack([np.cross(e, d) for e in np.eye(3)])
+        for c in range(3 if n == 8 else 6):
+            rows.append(carried[c])
+            scales.append(np.sqrt(2.0) if n == 8 else length if c > 2 else 1.0)
+            columns.append((n, c))
+    mean = np.linalg.pinv(np.array(rows) * np.array(scales)[:, None]) * np.array(scales)
+    for k, port in enumerate(("fx", "fy", "fz", "mx", "my", "mz")):
+        b = a["B"][:, a["names"].index(f"rbe3_9.{port}")]
+        found = [b[(a["node"] == n) & (a["component"] == c)][0] for n, c in columns]
+        np.testing.assert_allclose(found, mean[k], atol=1e-12)
+        assert np.abs(b).sum() == pytest.approx(np.abs(found).sum(), rel=1e-12)

@@ -31,13 +31,15 @@ def grids_alone(deck: BulkDeck, elements: Elements) -> list[int]:
 
 
 def _of_rigid_elements(deck: BulkDeck, elements: Elements) -> tuple[set[int], set[int]]:
-    """Grids that move others as a whole, which become references of interfaces; and those of rigid
-    elements of some components."""
+    """Grids that move others as a whole, or are the mean of their displacements, which become
+    references of interfaces; and those of rigid elements of some components, and of means of
+    others."""
     references: set[int] = set()
     partial: set[int] = set()
     for element in deck.model.rigid_elements.values():
         if element.type == "RBE3":
-            references.add(int(element.ref_grid_id))
+            moved = int(element.ref_grid_id)
+            (references if {str(c) for c in element.comps} == {"123"} else partial).add(moved)
         elif element.type == "RBE2":
             nodes, coupled = {int(n) for n in element.Gmi}, set(str(element.cm))
             whole = coupled >= set("123456")

@@ -114,8 +114,7 @@ class _Bulk:
         if not elements.groups:
             raise BodyError(f"{path}: no solids, shells or beams")
         self.alone = grids_alone(deck, elements)
-        elements.used.update(self.alone)
-        elements.turning.update(self.alone)
+        elements.take_alone(self.alone)
         self.points = PointElements(deck, elements)
         for number, element in elements.later:
             self.points.add_spring(number, element)

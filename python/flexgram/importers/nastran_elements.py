@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -60,7 +61,14 @@ class Elements:
         self.at_offsets: dict[tuple[int, bytes], int] = {}  #: those without pins
         self.ends: list[Floats] = []  #: new nodes, behind the grids
         self.used: set[int] = set()  #: grids of elements
-        self.turning: set[int] = set()  #: those of shells and beams
+        self.turning: set[int] = set()  #: those of shells and beams, and those alone
+        self.alone: set[int] = set()  #: grids of no element, which something else joins
+
+    def take_alone(self, grids: Iterable[int]) -> None:
+        """Grids that no element has are nodes with six dofs too."""
+        self.alone.update(grids)
+        self.used |= self.alone
+        self.turning |= self.alone
 
     def point(self, index: int) -> Floats:
         """Where a node is, a grid or the end of a beam."""

@@ -3,7 +3,7 @@ own (CD), RBE2 of some components, and RBE3 whose grid belongs to an element."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -88,30 +88,50 @@ class Equations:
                 found.append([term for term in terms if abs(term[2]) > 1e-14])
             self._add("beams", found)
 
-    def average(self, number: int, element: Any, nodes: list[int], weights: list[float]) -> None:
-        """The grid of a RBE3 that belongs to an element: its motion is the weighted least-squares
-        mean of others."""
+    def average(
+        self,
+        number: int,
+        element: Any,
+        nodes: Sequence[int],
+        weights: Sequence[float],
+        averaged: Sequence[str],
+    ) -> None:
+        """The grid of a RBE3 that is a node of the body: its motion is the weighted least-squares
+        mean of some components of others. Rotations weigh by the square of the mean distance of
+        these from the grid, as in Nastran."""
         reference = int(element.ref_grid_id)
         at = self.deck.points[[self.deck.at(n) for n in nodes]]
         arms = at - self.deck.points[self.deck.at(reference)]
-        turned = -np.cross(np.eye(3)[None], arms[:, None])  # rows: u_c = … + Σ θ_a (e_a × d)_c
-        G = np.concatenate([np.broadcast_to(np.eye(3), (len(nodes), 3, 3)), turned], axis=2)
-        normal = np.einsum("k,kca,kcb->ab", weights, G, G)
+        length = float(np.linalg.norm(arms, axis=1).mean())
+        normal, shares = np.zeros((6, 6)), []
+        for n, weight, components, arm in zip(nodes, weights, averaged, arms, strict=True):
+            carried = np.eye(6)
+            carried[:3, 3:] = np.column_stack([np.cross(e, arm) for e in np.eye(3)])
+            own = np.kron(np.eye(2), self.deck.axes(n))
+            chosen = [int(c) - 1 for c in components if c in "123456"]
+            chosen = [c for c in chosen if c < 3 or n in self.elements.turning]
+            size = np.array([weight if c < 3 else weight * length**2 for c in chosen])
+            measured = own[chosen]  # along the grid's axes
+            share = (measured @ carried).T @ (size[:, None] * measured)
+            normal += share @ carried
+            shares.append(share)
         scale = 1 / np.sqrt(np.maximum(np.diag(normal), 1e-300))
         if np.linalg.eigvalsh(normal * np.outer(scale, scale))[0] < 1e-10:
             raise self.deck.refuse("RBE3", number, "its grids lie on a line or in a point")
-        mean = np.linalg.solve(normal, np.einsum("k,kca->akc", weights, G).reshape(6, -1))
-        own = self.deck.axes(reference)
+        own = np.kron(np.eye(2), self.deck.axes(reference))
         found = []
-        for c in sorted(int(digit) for digit in str(element.refc) if digit != "0"):
-            if c > 3 and reference not in self.elements.turning:
+        for c in sorted(int(digit) - 1 for digit in str(element.refc) if digit in "123456"):
+            if c > 2 and reference not in self.elements.turning:
                 continue
-            along = own[(c - 1) % 3]
-            shares = along @ mean[:3] if c < 4 else along @ mean[3:]
-            terms = self._row(reference, c, 1.0)
-            for k, share in zip(nodes, shares.reshape(-1, 3), strict=True):
-                number_k = self.deck.at(k) + 1
-                terms += [[number_k, n, -float(f)] for n, f in zip(NAMES, share, strict=False) if f]
+            terms = self._row(reference, c + 1, 1.0)
+            of_mean = np.linalg.solve(normal, own[c])
+            for n, share in zip(nodes, shares, strict=True):
+                at_node = self.deck.at(n) + 1
+                terms += [
+                    [at_node, name, -float(f)]
+                    for name, f in zip(NAMES, of_mean @ share, strict=True)
+                    if abs(f) > 1e-14
+                ]
             found.append(terms)
         self._add(f"rbe3_{number}", found)
 

@@ -103,8 +103,7 @@ class RigidElements:
             weights = [
                 float(w) for w, g in zip(element.weights, element.Gijs, strict=True) for _ in g
             ]
-            if {str(c) for c in element.comps} != {"123"}:
-                raise self.deck.refuse(kind, number, "it averages other components than 123")
+            averaged = [str(c) for c, g in zip(element.comps, element.Gijs, strict=True) for _ in g]
         else:
             if kind in self.deck.ignore:
                 return
@@ -115,7 +114,12 @@ class RigidElements:
         if reference in held:
             raise self.deck.refuse(kind, number, f"its grid {reference} is held")
         if reference in self.elements.used:
-            self.equations.average(number, element, nodes, weights)
+            self.equations.average(number, element, nodes, weights, averaged)
+            if reference in self.elements.alone:
+                self.interfaces[f"rbe3_{number}"] = {
+                    "coupling": "node",
+                    "nodes": [self.deck.at(reference) + 1],
+                }
             return
         self.interfaces[f"rbe3_{number}"] = {
             "coupling": "distributing",
