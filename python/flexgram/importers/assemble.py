@@ -25,6 +25,7 @@ from flexgram.importers.deck_constraints import CARDS as CONSTRAINTS
 from flexgram.importers.deck_constraints import along, equations_of, ties_of
 from flexgram.importers.deck_couplings import CARDS as COUPLINGS
 from flexgram.importers.deck_couplings import Coupling, couplings_of
+from flexgram.importers.deck_instances import flat
 from flexgram.importers.deck_lines import BEAMS, TRUSSES
 from flexgram.importers.deck_lines import CARDS as LINE_SECTIONS
 from flexgram.importers.deck_loads import in_steps, loads_of
@@ -260,9 +261,10 @@ def assemble_deck(
         For a deck that says more of K or M than is followed here.
     """
     check_damping(alpha, beta, eta)
-    job = read_job(path)
+    lines = flat(path)
+    job = read_job(path, lines)
     _refuse_others(job)
-    deck = read_deck(path)
+    deck = read_deck(path, lines)
     number = frequency_step(job, step)
     cards = job.step_of(number or 1) if job.steps else []
     if number and number > 1 and "PERTURBATION" in cards[0].options and not preload:

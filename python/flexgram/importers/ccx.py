@@ -10,12 +10,12 @@ from __future__ import annotations
 import re
 import shutil
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from flexgram.basics import BodyError
-from flexgram.importers.deck import keyword_of, raw_lines
+from flexgram.importers.deck import Line, keyword_of, raw_lines
 
 STORAGE = "*FREQUENCY, SOLVER=MATRIXSTORAGE"
 
@@ -84,8 +84,8 @@ class Job:
         return self.steps[number - 1]
 
 
-def read_job(path: Path) -> Job:
-    """The deck in cards.
+def read_job(path: Path, lines: Iterable[Line] | None = None) -> Job:
+    """The deck in cards; ``lines``: what is read instead of the file.
 
     Raises
     ------
@@ -95,7 +95,7 @@ def read_job(path: Path) -> Job:
     job = Job(path)
     cards, step = job.model, False
     open_keyword = False
-    for _, _, line in raw_lines(path):
+    for _, _, line in raw_lines(path) if lines is None else lines:
         comment = line.lstrip().startswith("**")
         if open_keyword and not comment:
             card = cards[-1]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -144,11 +144,11 @@ def files_of(path: Path) -> list[Path]:
         return [path]
 
 
-def _lines(path: Path) -> Iterator[Line]:
+def _lines(source: Iterable[Line]) -> Iterator[Line]:
     """Lines that say something: no comments; keyword lines that end in a comma joined with the
     next."""
     begun: Line | None = None
-    for file, number, raw in raw_lines(path):
+    for file, number, raw in source:
         line = raw.strip()
         if line.startswith("**") or not line:
             continue
@@ -194,7 +194,7 @@ class _Model:
                     "is a second instance; write a flat input file (without parts and assemblies)"
                 )
         self.transformed = self.transformed or keyword == "TRANSFORM"
-        if keyword == "RIGID BODY" and "REF NODE" in options:
+        if keyword == "RIGID BODY" and options.get("REF NODE", "").isdigit():
             name = options.get("NSET", options.get("ELSET", f"RIGID{len(self.rigid) + 1}")).upper()
             turn = options.get("ROT NODE")
             self.rigid[name] = int(options["REF NODE"]), None if turn is None else int(turn)
@@ -259,11 +259,12 @@ class _Model:
         return result
 
 
-def read_deck(path: Path) -> Deck:
-    """Read the model part of a deck (everything before the first step)."""
+def read_deck(path: Path, lines: Iterable[Line] | None = None) -> Deck:
+    """Read the model part of a deck (everything before the first step); ``lines``: what is read
+    instead of the file."""
     model = _Model()
     keyword, options = "", dict[str, str]()
-    for file, number, line in _lines(path):
+    for file, number, line in _lines(raw_lines(path) if lines is None else lines):
         try:
             if line.startswith("*"):
                 keyword, options = keyword_of(line)

@@ -73,7 +73,7 @@ def couplings_of(job: Job, deck: Deck) -> list[Coupling]:
         elif card.keyword in ("KINEMATIC", "DISTRIBUTING"):
             if begun is None:
                 raise BodyError(f"{job.path}: *{card.keyword} without *COUPLING")
-            found.append(_coupling(job, begun, card, surfaces, used, turning))
+            found.append(_coupling(job, deck, begun, card, surfaces, used, turning))
             begun = None
     references = [coupling.reference for coupling in found]
     for coupling in found:
@@ -91,15 +91,18 @@ def _rigid(job: Job, deck: Deck, card: Card, used: Collection[int]) -> Coupling:
     if "REF NODE" not in card.options or name not in deck.sets:
         raise BodyError(f"{where}: needs a REF NODE, and a node or element set that is there")
     turn = card.options.get("ROT NODE")
-    reference = int(card.options["REF NODE"])
+    reference = _reference(deck, where, card.options["REF NODE"])
     nodes = tuple(int(n) for n in deck.sets[name] if int(n) in used)
     if not nodes:
         raise BodyError(f"{where}: no element has its nodes")
-    return Coupling(name.lower(), "rigid", reference, None if turn is None else int(turn), nodes)
+    return Coupling(
+        _interface(name), "rigid", reference, None if turn is None else int(turn), nodes
+    )
 
 
 def _coupling(
     job: Job,
+    deck: Deck,
     card: Card,
     kind: Card,
     surfaces: Mapping[str, list[int]],
@@ -124,7 +127,23 @@ def _coupling(
     if not nodes:
         raise BodyError(f"{where}: no element has the nodes of surface {surface}")
     coupling = "rigid" if kind.keyword == "KINEMATIC" else "distributing"
-    return Coupling(name.lower(), coupling, int(card.options["REF NODE"]), None, nodes)
+    reference = _reference(deck, where, card.options["REF NODE"])
+    return Coupling(_interface(name), coupling, reference, None, nodes)
+
+
+def _interface(name: str) -> str:
+    """Name of an interface, of a set that may be one of an instance."""
+    return name.lower().replace(".", "_")
+
+
+def _reference(deck: Deck, where: str, word: str) -> int:
+    """A node, or a set of one."""
+    if word.isdigit():
+        return int(word)
+    members = deck.sets.get(word.upper())
+    if members is None or len(members) != 1:
+        raise BodyError(f"{where}: REF NODE={word} must be a node, or a set of one node")
+    return int(members[0])
 
 
 def nodes_of_surfaces(job: Job, deck: Deck) -> dict[str, list[int]]:
