@@ -154,8 +154,8 @@ bool wants_integrals(const SecondOrderModel& body, int rigid_modes, const Settin
   if (rigid_modes >= 6 && !body.turns_by_nodes)
     observer.warn(
         "the body has ties with a gap, equations of some directions, or masses beside "
-        "their nodes: the frame integrals of second order, the inertia of the deformed "
-        "body and the spin loads are approximate");
+        "their nodes: the frame integrals of second order and the spin loads are "
+        "approximate, with such masses the inertia of the deformed body too");
   if (rigid_modes >= 6 && s.spin_loads && s.relative_to != RelativeTo::elastic &&
       s.relative_to != RelativeTo::both)
     observer.warn(
