@@ -9,6 +9,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+import scipy.linalg as sl
 from scipy.sparse.linalg import eigsh
 from test_nastran_cards import mpc, plate
 
@@ -253,3 +254,26 @@ def test_a_mean_with_rotations(ranks: int, tmp_path: Path) -> None:
         found = [b[(a["node"] == n) & (a["component"] == c)][0] for n, c in columns]
         np.testing.assert_allclose(found, mean[k], atol=1e-12)
         assert np.abs(b).sum() == pytest.approx(np.abs(found).sum(), rel=1e-12)
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_rigid_element_that_is_held_in_part(ranks: int, tmp_path: Path) -> None:
+    """A hinge: the grid of a RBE2 is held but for its turn about y. Against equations by hand."""
+    hinge = "GRID,900,,1.2,0.75,0.1\nSPC1,1,12346,900\nRBE2,92,900,123456,80,90\n"
+    (tmp_path / "p.bdf").write_text(plate(hinge))
+    facts = assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [parse("node", "tip=NODES:60")])
+    assert any("grid 900 is held in part" in remark for remark in facts["remarks"])
+    a = assembled(tmp_path / "a.h5", tmp_path / "p.h5", ranks)
+    (tmp_path / "q.bdf").write_text(plate())
+    assemble_bulk(tmp_path / "q.bdf", tmp_path / "q.h5", [parse("node", "tip=NODES:60")])
+    b = assembled(tmp_path / "b.h5", tmp_path / "q.h5")
+    n = b["K"].shape[0]
+    moved = np.isin(b["node"], [7, 8])
+    T = np.zeros((n, int((~moved).sum()) + 1))
+    T[np.flatnonzero(~moved), np.arange(T.shape[1] - 1)] = 1
+    for row in np.flatnonzero(moved):
+        arm = b["position"][row] - [1.2, 0.75, 0.1]
+        turned = np.concatenate([np.cross([0, 1, 0], arm), [0, 1, 0]])
+        T[row, -1] = turned[b["component"][row]]
+    expected = sl.eigh(T.T @ b["K"] @ T, T.T @ b["M"] @ T, eigvals_only=True)[:4]
+    np.testing.assert_allclose(lowest(a, 4), expected, rtol=1e-8)

@@ -18,6 +18,7 @@ import numpy as np
 
 from flexgram.basics import BodyError, errors_of
 from flexgram.body.description import import_description
+from flexgram.importers.alone import hold_untouched
 from flexgram.importers.ccx import Card, Job, damping_of, frequency_step, read_job
 from flexgram.importers.deck import TURNING, Deck, read_deck
 from flexgram.importers.deck_axes import axes_of_nodes
@@ -189,20 +190,24 @@ def _ground(content: dict[str, Any], number: int) -> None:
 
 
 def _hold_references(job: Job, held: dict[int, set[str]], couplings: Sequence[Coupling]) -> None:
-    """The nodes of a coupling whose reference is held are held, instead of it."""
+    """The nodes of a coupling whose reference is held as a whole are held, instead of it."""
     for coupling in couplings:
         directions = held.pop(coupling.reference, set())
         if coupling.rotation is not None:
             directions |= {f"r{axis}" for axis in held.pop(coupling.rotation, set())}
         if not directions:
             continue
-        if directions != set(AXES) or coupling.kind != "rigid":
+        if directions != set(AXES) and coupling.kind == "rigid":
+            held[coupling.reference] = directions  # a node of the body
+            continue
+        if coupling.kind != "rigid":
             raise BodyError(
-                f"{job.path}: the reference node {coupling.reference} of {coupling.name} is held "
-                "in some directions: take --run-ccx"
+                f"{job.path}: the reference node {coupling.reference} of {coupling.name}, which is "
+                "distributing, is held: take --run-ccx"
             )
+        moved = {AXES[c - 1] for c in coupling.directions} or set(AXES)
         for label in coupling.nodes:
-            held.setdefault(label, set()).update(AXES)
+            held.setdefault(label, set()).update(moved)
 
 
 def assemble_deck(
@@ -344,7 +349,7 @@ def assemble_deck(
             key: getattr(damping, key) if value is None else value for key, value in given.items()
         },
     }
-    _add_couplings(job, deck, couplings, content)
+    remarks += _add_couplings(job, deck, couplings, content)
     content |= further_keys(merge, keep_repeated, spin, preload)
     counts = import_description(content, str(path), output, inputs=[path], mesh=mesh)
     return {**counts, "remarks": remarks}
@@ -352,8 +357,12 @@ def assemble_deck(
 
 def _add_couplings(
     job: Job, deck: Deck, couplings: Sequence[Coupling], content: dict[str, Any]
-) -> None:
-    """Their interfaces, unless they are held, and what is at their reference nodes."""
+) -> list[str]:
+    """Their interfaces, unless they are held, and what is at their reference nodes. Those of some
+    directions, and those whose reference is held in some, become equations. Returns what is to be
+    said."""
+    remarks: list[str] = []
+    alone: list[int] = []
     used = {node for _, nodes in deck.elements.values() for node in nodes}
     held = {i for s in content["supports"].values() for i in s["nodes"]}
     for coupling in couplings:
@@ -361,6 +370,20 @@ def _add_couplings(
         number = deck.index(job.path, coupling.reference) + 1
         if coupling.kind == "rigid" and set(entry["nodes"]) <= held:
             _ground(content, number)
+            continue
+        if coupling.directions or number in held:
+            terms = coupling.equations(deck, deck.turning())
+            content["equations"][coupling.name] = {"terms": terms}
+            alone += [number] if coupling.reference not in used else []
+            why = (
+                "its reference is held in some directions"
+                if number in held
+                else (
+                    "it moves others in some directions; --node makes one of node "
+                    f"{coupling.reference}"
+                )
+            )
+            remarks.append(f"{coupling.name} is no interface: {why}")
             continue
         if coupling.name in content["interfaces"]:
             raise BodyError(f"interface {coupling.name} is given twice: it is one of the deck's")
@@ -375,6 +398,10 @@ def _add_couplings(
                     if of.get(nodes) == [number]:
                         del of[nodes]
                         of[interface] = coupling.name
+    if alone:
+        content["nodes_alone"] = alone
+        hold_untouched(content, deck.points)
+    return remarks
 
 
 def _add_loads_of_steps(

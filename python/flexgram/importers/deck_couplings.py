@@ -10,6 +10,7 @@ import numpy as np
 
 from flexgram.basics import BodyError
 from flexgram.body.faces import LINEAR, MIDDLES
+from flexgram.importers.alone import rigid_row
 from flexgram.importers.ccx import Card, Job
 from flexgram.importers.deck import TURNING, Deck
 from flexgram.importers.deck_loads import NUMBERED
@@ -34,6 +35,8 @@ class Coupling:
         That whose displacements are the rotations.
     nodes : tuple of int
         Labels.
+    directions : frozenset of int
+        From 1, if not all.
     """
 
     name: str
@@ -41,6 +44,18 @@ class Coupling:
     reference: int
     rotation: int | None
     nodes: tuple[int, ...]
+    directions: frozenset[int] = frozenset()
+
+    def equations(self, deck: Deck, turning: Collection[int]) -> list[list[list[Any]]]:
+        """Rows by which the nodes follow the reference as a rigid body, in its directions."""
+        at = np.searchsorted(deck.labels, [self.reference, *self.nodes])
+        found = []
+        for label, place in zip(self.nodes, at[1:].tolist(), strict=True):
+            arm = deck.points[place] - deck.points[at[0]]
+            for c in range(6 if label in turning else 3):
+                if not self.directions or c + 1 in self.directions:
+                    found.append(rigid_row(place + 1, int(at[0]) + 1, c, arm))
+        return found
 
     def entry(self, deck: Deck) -> dict[str, Any]:
         """Of ``interfaces`` of a description."""
@@ -58,7 +73,7 @@ def couplings_of(job: Job, deck: Deck) -> list[Coupling]:
     Raises
     ------
     BodyError
-        For those that couple other directions than all.
+        For those that are not followed.
     """
     used = {n for _, nodes in deck.elements.values() for n in nodes}
     turning = deck.turning()
@@ -121,14 +136,14 @@ def _coupling(
         rows = [int(word) for word in words if word]
         directions |= set(range(rows[0], rows[-1] + 1)) if rows else set()
     all_of = set(range(1, 7)) if turning & set(surfaces[surface]) else {1, 2, 3}
-    if kind.keyword == "KINEMATIC" and directions and not all_of <= directions:
-        raise BodyError(f"{where}: *KINEMATIC of all directions is followed, it has {directions}")
+    some = kind.keyword == "KINEMATIC" and directions and not all_of <= directions
     nodes = tuple(n for n in surfaces[surface] if n in used)
     if not nodes:
         raise BodyError(f"{where}: no element has the nodes of surface {surface}")
     coupling = "rigid" if kind.keyword == "KINEMATIC" else "distributing"
     reference = _reference(deck, where, card.options["REF NODE"])
-    return Coupling(_interface(name), coupling, reference, None, nodes)
+    own = frozenset(directions) if some else frozenset[int]()
+    return Coupling(_interface(name), coupling, reference, None, nodes, own)
 
 
 def _interface(name: str) -> str:

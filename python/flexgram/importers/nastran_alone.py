@@ -3,16 +3,8 @@ these."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
-import numpy as np
-
-from flexgram.basics import Floats
 from flexgram.importers.nastran_deck import SPRINGS, BulkDeck
 from flexgram.importers.nastran_elements import Elements
-
-COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
 
 
 def grids_alone(deck: BulkDeck, elements: Elements) -> list[int]:
@@ -48,45 +40,3 @@ def _of_rigid_elements(deck: BulkDeck, elements: Elements) -> tuple[set[int], se
             else:
                 partial |= {int(element.Gn()), *nodes}
     return references, partial
-
-
-def untouched(alone: list[int], content: Mapping[str, Any], points: Floats) -> dict[int, list[str]]:
-    """Components of nodes alone (from 1) that no equation, spring, mass or interface touches, and
-    no support holds."""
-    touched = {node: np.zeros((6, 6)) for node in alone}
-    for entry in content["equations"].values():
-        for equation in entry["terms"]:
-            for node in {term[0] for term in equation} & set(touched):
-                row = np.zeros(6)
-                for _, component, factor in (term for term in equation if term[0] == node):
-                    row[COMPONENTS.index(component)] += factor
-                touched[node] += np.outer(row, row)
-    for entry in content["springs"].values():
-        ends = [entry[key][0] for key in ("nodes", "to_nodes") if len(entry.get(key, [])) == 1]
-        for node in set(ends) & set(touched):
-            arm = np.mean(points[[n - 1 for n in ends]], axis=0) - points[node - 1]
-            carried = np.eye(6)
-            carried[:3, 3:] = np.column_stack([np.cross(e, arm) for e in np.eye(3)])
-            for matrix in (entry.get("stiffness"), entry.get("damping")):
-                if matrix is not None and np.shape(matrix) == (6, 6):
-                    touched[node] += carried.T @ np.array(matrix) @ carried
-    for entry in content["masses"].values():
-        for node in set(entry.get("nodes", [])) & set(touched):
-            touched[node][:3, :3] += np.eye(3)
-            if "inertia" in entry or "offset" in entry:
-                touched[node][3:, 3:] += np.eye(3)
-    whole = {n for entry in content["interfaces"].values() for n in entry["nodes"]}
-    held: dict[int, set[str]] = {}
-    for entry in content["supports"].values():
-        for node in entry["nodes"]:
-            held.setdefault(node, set()).update(entry["components"])
-    free = {}
-    for node, matrix in touched.items():
-        some = [
-            name
-            for name, own in zip(COMPONENTS, np.diag(matrix), strict=True)
-            if own == 0 and name not in held.get(node, ())
-        ]
-        if some and node not in whole:
-            free[node] = some
-    return free

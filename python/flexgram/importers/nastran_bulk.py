@@ -14,9 +14,10 @@ from typing import Any
 
 from flexgram.basics import BodyError
 from flexgram.body.description import import_description
+from flexgram.importers.alone import hold_untouched
 from flexgram.importers.fe import Interface, check_damping
 from flexgram.importers.mesh import describe_interfaces, further_keys
-from flexgram.importers.nastran_alone import grids_alone, untouched
+from flexgram.importers.nastran_alone import grids_alone
 from flexgram.importers.nastran_deck import BulkDeck
 from flexgram.importers.nastran_elements import Elements
 from flexgram.importers.nastran_equations import Equations
@@ -113,8 +114,7 @@ class _Bulk:
             elements.add(int(number), element)
         if not elements.groups:
             raise BodyError(f"{path}: no solids, shells or beams")
-        self.alone = grids_alone(deck, elements)
-        elements.take_alone(self.alone)
+        elements.take_alone(grids_alone(deck, elements))
         self.points = PointElements(deck, elements)
         for number, element in elements.later:
             self.points.add_spring(number, element)
@@ -141,14 +141,9 @@ class _Bulk:
             "interfaces": self.rigid.interfaces,
             "equations": self.equations.entries,
         }
-        if self.alone:
-            content["nodes_alone"] = [self.deck.at(label) + 1 for label in self.alone]
-            free = untouched(content["nodes_alone"], content, self.deck.points)
-            for number, components in free.items():
-                content["supports"][f"untouched_{number}"] = {
-                    "nodes": [number],
-                    "components": components,
-                }
+        if alone := sorted(self.elements.alone):
+            content["nodes_alone"] = [self.deck.at(label) + 1 for label in alone]
+            hold_untouched(content, self.deck.points)
         return content
 
     def number(self, entry: dict[str, Any]) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from flexgram.basics import BodyError
+from flexgram.importers.alone import rigid_row
 from flexgram.importers.nastran_deck import BulkDeck, named
 from flexgram.importers.nastran_elements import Elements
 
@@ -73,20 +74,8 @@ class Equations:
         for arm in self.elements.arms:
             d = self.elements.point(arm.end) - self.deck.points[self.deck.at(arm.grid)]
             number = self.deck.at(arm.grid) + 1
-            found = []
-            for c in (c for c in range(6) if c + 1 not in arm.pins):
-                along = arm.axes[c % 3]
-                own, turned = (NAMES[:3], np.cross(d, along)) if c < 3 else (NAMES[3:], along)
-                terms: list[list[Any]] = [
-                    [arm.end + 1, n, float(f)] for n, f in zip(own, along, strict=True)
-                ]
-                terms += [[number, n, -float(f)] for n, f in zip(own, along, strict=True)]
-                if c < 3:
-                    terms += [
-                        [number, n, -float(f)] for n, f in zip(NAMES[3:], turned, strict=True)
-                    ]
-                found.append([term for term in terms if abs(term[2]) > 1e-14])
-            self._add("beams", found)
+            tied = [c for c in range(6) if c + 1 not in arm.pins]
+            self._add("beams", [rigid_row(arm.end + 1, number, c, d, arm.axes) for c in tied])
 
     def average(
         self,

@@ -196,7 +196,8 @@ class RigidElements:
                 continue
             if reference in held:
                 if not held[reference] >= set(range(1, 7)):
-                    raise BodyError(f"{where}: its grid {reference} is held in some components")
+                    self._hang(name, reference, nodes, held)
+                    continue
                 if reference not in self.elements.used:
                     del held[reference]
                     self.grounded.add(self.deck.at(reference) + 1)
@@ -214,6 +215,17 @@ class RigidElements:
                 "nodes": [self.deck.at(n) + 1 for n in nodes],
                 "position": self.deck.points[self.deck.at(reference)].tolist(),
             }
+
+    def _hang(self, name: str, reference: int, nodes: list[int], held: dict[int, set[int]]) -> None:
+        """Grids follow one that is held in some components, a node of the body."""
+        where = f"{self.deck.path}: {name.upper().replace('_', ' ')}"
+        if fixed := sorted(n for n in nodes if n in held and n != reference):
+            raise BodyError(f"{where}: its grid {fixed[0]} is held by an SPC")
+        if reference not in self.elements.used:
+            self.elements.take_alone([reference])
+        for n in nodes:
+            self.equations.follow(name, n, reference, range(1, 7))
+        self.deck.remark(f"{name}: its grid {reference} is held in part: it is no interface")
 
     def _attach(self) -> None:
         """Masses and springs at the grid of an RBE2 are its interface's; others need elements."""
