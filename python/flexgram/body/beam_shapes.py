@@ -7,7 +7,11 @@ torsion and shear.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
+
+from flexgram.basics import BodyError
 
 
 def general(
@@ -45,6 +49,40 @@ def box(b: float, h: float, side: float, top: float) -> dict[str, Any]:
         2 * top * b / A,
         2 * side * h / A,
     )
+
+
+@dataclass(frozen=True)
+class Plate:
+    """A rectangle of a section: its width along y, its height along z, its middle."""
+
+    width: float
+    height: float
+    y: float = 0.0
+    z: float = 0.0
+
+    @property
+    def area(self) -> float:
+        return self.width * self.height
+
+
+def plates(parts: Sequence[Plate]) -> dict[str, Any]:
+    """A section of rectangles that do not overlap, about its centre of area.
+
+    Raises
+    ------
+    BodyError
+        If y and z are not its principal axes.
+    """
+    A = sum(p.area for p in parts)
+    y0, z0 = sum(p.area * p.y for p in parts) / A, sum(p.area * p.z for p in parts) / A
+    I_y = sum(p.width * p.height**3 / 12 + p.area * (p.z - z0) ** 2 for p in parts)
+    I_z = sum(p.height * p.width**3 / 12 + p.area * (p.y - y0) ** 2 for p in parts)
+    if abs(sum(p.area * (p.y - y0) * (p.z - z0) for p in parts)) > 1e-9 * (I_y + I_z):
+        raise BodyError("I12 is not followed: take principal axes")
+    J = sum(max(p.width, p.height) * min(p.width, p.height) ** 3 / 3 for p in parts)
+    along_y = sum(p.area for p in parts if p.width > p.height)
+    shares = (along_y / A or 5 / 6, (A - along_y) / A or 5 / 6)
+    return general(A, I_y, I_z, J, *(5 / 6 if share == 1 else share for share in shares))
 
 
 def i_beam(h: float, flange: float, thick: float, web: float) -> dict[str, Any]:

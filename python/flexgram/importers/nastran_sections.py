@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from flexgram.basics import BodyError
-from flexgram.body.beam_shapes import box, general, i_beam, turned
+from flexgram.body.beam_shapes import Plate, box, general, i_beam, plates, turned
 
 #: What a PBEAM may say that is not followed: neutral axes and masses beside the shear centre,
 #: inertia of masses, warping.
@@ -62,6 +63,61 @@ def beam_section(prop: Any) -> dict[str, Any]:
     return general(A, I2, I1, J, float(k1) or stiff, float(k2) or stiff)
 
 
+def _t(flange: float, h: float, thick: float, web: float) -> list[Plate]:
+    return [Plate(thick, flange), Plate(h - thick, web, h / 2)]
+
+
+def _t1(h: float, foot: float, web: float, thick: float) -> list[Plate]:
+    return [Plate(h, web), Plate(thick, foot, 0.0, (foot + web) / 2)]
+
+
+def _i(h: float, bottom: float, top: float, web: float, low: float, high: float) -> list[Plate]:
+    inner = h - low - high
+    return [
+        Plate(low, bottom, low / 2),
+        Plate(inner, web, low + inner / 2),
+        Plate(high, top, h - high / 2),
+    ]
+
+
+def _i1(feet: float, web: float, inner: float, h: float) -> list[Plate]:
+    thick = (h - inner) / 2
+    return _i(h, feet + web, feet + web, web, thick, thick)
+
+
+def _chan(flange: float, h: float, web: float, thick: float) -> list[Plate]:
+    flanges = [Plate(thick, flange, sign * (h - thick) / 2, flange / 2) for sign in (1, -1)]
+    return [*flanges, Plate(h - 2 * thick, web, 0.0, web / 2)]
+
+
+def _chan1(foot: float, web: float, inner: float, h: float) -> list[Plate]:
+    return _chan(foot + web, h, web, (h - inner) / 2)
+
+
+def _chan2(leg: float, floor: float, h: float, width: float) -> list[Plate]:
+    legs = [Plate(h, leg, h / 2, sign * (width - leg) / 2) for sign in (1, -1)]
+    return [*legs, Plate(floor, width - 2 * leg, floor / 2)]
+
+
+def _h(inner: float, legs: float, h: float, bar: float) -> list[Plate]:
+    sides = [Plate(h, legs / 2, 0.0, sign * (inner + legs / 2) / 2) for sign in (1, -1)]
+    return [*sides, Plate(bar, inner)]
+
+
+#: Shapes of PBARL by their dimensions. CBAR takes their shear centre and centre of area as one.
+OPEN: dict[str, Callable[..., list[Plate]]] = {
+    "T": _t,
+    "T1": _t1,
+    "T2": _t,
+    "I": _i,
+    "I1": _i1,
+    "CHAN": _chan,
+    "CHAN1": _chan1,
+    "CHAN2": _chan2,
+    "H": _h,
+}
+
+
 def _of_shape(prop: Any) -> dict[str, Any]:
     """Of a named shape: exact, or (box, I) of thin walls in torsion and shear."""
     rows = np.atleast_2d(np.asarray(prop.dim, dtype=float))
@@ -79,7 +135,11 @@ def _of_shape(prop: Any) -> dict[str, Any]:
         return turned(box(b, h, side, top))
     if shape == "I":
         h, bottom, top, web, low, high = d
-        if abs(bottom - top) > 1e-9 * h or abs(low - high) > 1e-9 * h:
+        if abs(bottom - top) <= 1e-9 * h and abs(low - high) <= 1e-9 * h:
+            return turned(i_beam(h, top, low, web))
+        if prop.type != "PBARL":
             raise BodyError("an I with two different flanges is not followed")
-        return turned(i_beam(h, top, low, web))
-    raise BodyError(f"shape {shape} is not followed (ROD, TUBE, BAR, BOX, symmetric I are)")
+    if shape in OPEN and prop.type == "PBARL":
+        return plates(OPEN[shape](*d))
+    known = ["ROD", "TUBE", "BAR", "BOX", "I", *(OPEN if prop.type == "PBARL" else ())]
+    raise BodyError(f"shape {shape} is not followed ({', '.join(dict.fromkeys(known))} are)")
