@@ -161,7 +161,9 @@ def test_a_sandwich(tmp_path: Path) -> None:
         (section,) = file["sections"].values()
         of = section.attrs
         assert (of["bending_factor"], of["shear_factor"]) == (700, 22)
-        assert of["shear_material"] == "mat2" and "bending_material" not in of
+        assert of["shear_material"] == "mat2_shear" and "bending_material" not in of
+        core = file["materials/mat2_shear"].attrs
+        assert core["E"] / (2 * (1 + core["nu"])) == pytest.approx(1e9 / 2.6, rel=1e-6)
     mass = next(line for line in facts["summary"] if line.startswith("mass"))
     assert f"{7850 * 0.001 + 0.5:.6g}" in mass, mass
 
@@ -320,3 +322,26 @@ def test_open_sections(shape: str, tmp_path: Path) -> None:
     I_y = ((z**2 + z * next_z + next_z**2) * cross).sum() / 12 - A * z0**2
     found = np.array([of["A"], of["I_z"], of["I_y"]])
     np.testing.assert_allclose(found, np.array([A, I_z, I_y]) * np.sign(A), rtol=1e-9)
+
+
+def test_a_beam_of_soft_shear(tmp_path: Path) -> None:
+    """E and G of which no Poisson's ratio comes: it bends by E, twists by G."""
+    text = bars(PLAIN).replace("MAT1,1,2.1+11,,0.3", "MAT1,1,2.1+11,5.+10,")
+    a = body_of(tmp_path, text)
+    for port, stiff in (("tip.mx", 5e10 * 5e-8), ("tip.my", 2.1e11 * 2e-8)):
+        f = a["B"][:, a["names"].index(port)]
+        assert 1 / (f @ np.linalg.solve(a["K"].toarray(), f)) == pytest.approx(stiff, rel=1e-5)
+
+
+def test_masses_at_grids_without_elements(tmp_path: Path) -> None:
+    """That a RBE2 moves they are of its body; that nothing joins they are left out, and named."""
+    cards = "GRID,900,,2.,2.,0.\nGRID,901,,2.,2.5,0.\nGRID,902,,9.,9.,0.\n"
+    cards += "RBE2,92,900,123456,80,90,901\nCONM2,8,901,,2.0\nCONM2,9,902,,3.0\n"
+    (tmp_path / "p.bdf").write_text(plate(cards))
+    facts = assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [])
+    assert "conm9 is left out: nothing joins its grid 902" in facts["remarks"]
+    with h5py.File(tmp_path / "p.h5") as file:
+        assert list(file["masses"]) == ["conm8"]
+    a = assembled(tmp_path / "a.h5", tmp_path / "p.h5")
+    at = (a["node"] == a["node"].max()) & (a["component"] == 2)
+    assert a["M"].diagonal()[at] > 2.0

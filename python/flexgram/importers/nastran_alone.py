@@ -18,8 +18,21 @@ def grids_alone(deck: BulkDeck, elements: Elements) -> list[int]:
         if element.type in SPRINGS:
             given = element.nodes if hasattr(element, "nodes") else element.node_ids
             joined |= {int(n) for n in given if n and int(n) not in references}
+    joined |= _with_masses(deck)
     known = set(map(int, deck.labels))
     return sorted((joined & known) - elements.used)
+
+
+def _with_masses(deck: BulkDeck) -> set[int]:
+    """Grids with a mass that a RBE2 or RBAR moves."""
+    moved: set[int] = set()
+    for element in deck.model.rigid_elements.values():
+        if element.type == "RBE2":
+            moved |= {int(n) for n in element.Gmi}
+        elif element.type == "RBAR":
+            leads = set(str(element.cna)) >= set("123456")
+            moved.add(int(element.Gb() if leads else element.Ga()))
+    return moved & {int(mass.nid) for mass in deck.model.masses.values() if mass.type == "CONM2"}
 
 
 def _of_rigid_elements(deck: BulkDeck, elements: Elements) -> tuple[set[int], set[int]]:

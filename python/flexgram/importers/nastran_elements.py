@@ -11,6 +11,8 @@ import numpy as np
 
 from flexgram.basics import BodyError, Floats
 from flexgram.body.meshfile import LABELS
+from flexgram.body.reader import Reader
+from flexgram.body.sections import section_properties
 from flexgram.importers.nastran import REORDER, SOLIDS
 from flexgram.importers.nastran_deck import BEAMS, RODS, SHELLS, SPRINGS, WEDGE, BulkDeck, named
 from flexgram.importers.nastran_sections import beam_section, rod_section
@@ -44,6 +46,24 @@ def _own_shear(card: Any) -> float:
         return 0.0
     ratio = float(card.g) * 2 * (1 + float(card.nu or 0.0)) / float(card.e)
     return ratio if abs(ratio - 1) > 1e-2 else 0.0
+
+
+def _sheared(section: dict[str, Any], factor: float) -> dict[str, Any]:
+    """A section that twists and shears as with a ``factor`` times larger G."""
+    if factor == 1:
+        return section
+    of = section_properties(Reader(section, "section"), 1.0)
+    return {"shape": "general"} | of | {key: factor * of[key] for key in ("J", "k_y", "k_z")}
+
+
+def _beam_ratio(card: Any) -> tuple[float, float]:
+    """Of a MAT1: Poisson's ratio with which E gives the G of a beam; and, where there is none, zero
+    and what to multiply the areas by that G resists with."""
+    E, nu = float(card.e), float(card.nu or 0.0)
+    if not card.g or (not _own_shear(card) and -1 < nu < 0.5):
+        return nu, 1.0
+    by_moduli = E / (2 * float(card.g)) - 1
+    return (by_moduli, 1.0) if -1 < by_moduli < 0.5 else (0.0, 2 * float(card.g) / E)
 
 
 class Elements:
@@ -137,7 +157,7 @@ class Elements:
         name = f"mat{card.mid}" + (f"_{more:.9g}" if more else "")
         name += "" if loss is None else f"_g{loss:.9g}"
         shear = _own_shear(card)
-        name += "_beam" if beam and shear else ""
+        name += "_beam" if beam and (shear or not -1 < float(card.nu or 0.0) < 0.5) else ""
         if name in self.materials:
             return name
         wtmass = self.deck.param("WTMASS") or 1.0
@@ -146,10 +166,10 @@ class Elements:
             E, nu = float(card.e or 0.0), float(card.nu or 0.0)
             if not E > 0:
                 raise self.deck.refuse("MAT1", card.mid, "E must be positive")
-            if beam and shear:
-                nu = E / (2 * float(card.g)) - 1
-                if not -1 < nu < 0.5:
-                    raise self.deck.refuse("MAT1", card.mid, "E and G make no material of a beam")
+            if beam:
+                nu = _beam_ratio(card)[0]
+            if not -1 < nu < 0.5:
+                raise self.deck.refuse("MAT1", card.mid, f"NU = {nu:g} is no Poisson's ratio")
             entry: dict[str, Any] = {"E": E, "nu": nu, "rho": rho}
         elif card.type == "MAT8":
             E1, E2, nu12, G12 = (float(x) for x in (card.e11, card.e22, card.nu12, card.g12))
@@ -297,6 +317,8 @@ class Elements:
             section = beam_section(prop)
         except BodyError as error:
             raise self.deck.refuse(prop.type, prop.pid, str(error)) from None
+        if prop.mid_ref is not None and prop.mid_ref.type == "MAT1" and prop.mid_ref.e:
+            section = _sheared(section, _beam_ratio(prop.mid_ref)[1])
         name = f"p{prop.pid}_d{self._direction(v)}"
         self.sections[name] = section | {"y_axis": v.tolist()}
         with named(self.deck.path, f"{prop.type} {prop.pid}: its area is not understood"):
@@ -330,6 +352,17 @@ class Elements:
             self.at_offsets[known] = end
         return end
 
+    def _shear_material(self, card: Any) -> str:
+        """Name of a material with G of a MAT1, which may be all that the core of a sandwich has."""
+        G = float(card.g or 0.0)
+        if not G > 0:
+            raise self.deck.refuse("MAT1", card.mid, "G must be positive: it resists shear")
+        name = f"mat{card.mid}_shear"
+        self.materials[name] = {"E": 2 * G, "nu": 0.0, "rho": 0.0}
+        if card.ge:
+            self.materials[name]["loss_factor"] = float(card.ge)
+        return name
+
     def _thickness(self, element: Any, prop: Any, given: list[Any]) -> float:
         """Of an element with PSHELL: the mean of its corners, where these have their own."""
         usual = float(prop.t or 0.0)
@@ -352,8 +385,8 @@ class Elements:
         shear = 5 / 6
         if prop.mid3:
             shear = 5 / 6 if prop.tst is None else float(prop.tst)
-            if own := _own_shear(prop.mid3_ref):
-                shear *= own
+            if prop.mid3 == prop.mid1:
+                shear *= _own_shear(prop.mid3_ref) or 1.0
         else:
             self.deck.remark(
                 "shells without MID3 are stiff in transverse shear in Nastran, here not"
@@ -371,7 +404,10 @@ class Elements:
         )
         for key, mid, card in materials:
             if mid != prop.mid1:
-                found[key]["material"] = self._material(prop.pid, card)
+                of_shear = key == "shear" and card is not None and card.type == "MAT1"
+                found[key]["material"] = (
+                    self._shear_material(card) if of_shear else self._material(prop.pid, card)
+                )
         return found
 
     def _rod(self, number: int, element: Any) -> str:

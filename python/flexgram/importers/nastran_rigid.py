@@ -238,11 +238,18 @@ class RigidElements:
                         entry.pop(nodes)
                     elif len(given) == 1 and given[0] in self.references:
                         entry[interface] = self.references[entry.pop(nodes)[0]]
+                    elif given and entries is self.points.masses and given[0] not in known:
+                        label = self.deck.labels[given[0] - 1]
+                        self.deck.remark(f"{name} is left out: nothing joins its grid {label}")
+                        del entries[name]
+                        break
                     elif lost := [n for n in given if n not in known]:
                         raise BodyError(
                             f"{self.deck.path}: {name}: grid {self.deck.labels[lost[0] - 1]} "
                             "belongs to no element, and to no RBE2: springs alone hold none"
                         )
+                if name not in entries:
+                    continue
                 if not {"nodes", "at"} & set(entry):  # it begins at what is held
                     for end, start in (("to_nodes", "nodes"), ("to", "at")):
                         if end in entry:
