@@ -131,9 +131,9 @@ ShellSection read_shell(const Hdf5File& file, const std::string& name) {
                      section.offset));
   if (file.has_attribute(object, "axis_1"))
     section.axis_1 = fixed<double, 3>(file, object, "axis_1");
-  const auto read_apart = [&](const char* name, ShellRole role) {
-    const std::string factor = text("%s_factor", name),
-                      material = text("%s_material", name);
+  const auto read_apart = [&](const char* part, ShellRole role) {
+    const std::string factor = text("%s_factor", part),
+                      material = text("%s_material", part);
     if (!file.has_attribute(object, factor)) return;
     SectionLayer layer{"", section.thickness, 0, role,
                        file.number_attribute(object, factor)};
@@ -508,6 +508,7 @@ BodyDescription read_description(const Hdf5File& file) {
     if (file.exists("/spin")) body.spin = read_spin(file);
     if (!body.preload.empty() || (body.spin && body.spin->turning))
       refuse_varying_stress(file, body);
+    if (!body.preload.empty() || body.spin) expect_inertias_of_bodies(file, body);
     for (const auto& name : ordered_children(file, "/supports")) {
       const std::string object = "/supports/" + name;
       Support support{name, read_nodes(file, object, body.points), {}};

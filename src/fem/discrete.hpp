@@ -10,6 +10,9 @@ namespace flexgram {
 /// Adds those of the file to the description.
 /// @throws Error for numbers that no mass or spring has.
 void read_discrete(const Hdf5File& file, BodyDescription& body);
+/// What bounds gyroscopic moments by the mass holds for inertias that bodies can have.
+/// @throws Error for masses with others.
+void expect_inertias_of_bodies(const Hdf5File& file, const BodyDescription& body);
 
 /// Whether it is a point mass or a spring.
 bool is_discrete(ElementType type);

@@ -48,7 +48,24 @@ Dense read_of_motion(const Hdf5File& file, const std::string& object, const char
   return half;
 }
 
+std::vector<double> principal_moments(PointMass mass) {
+  mass.offset = {};
+  return symmetric_eigen(part_of(mass_matrix(mass), 3, 3, 3, 3)).values;
+}
+
 } // namespace
+
+void expect_inertias_of_bodies(const Hdf5File& file, const BodyDescription& body) {
+  for (const auto& [name, mass] : body.masses) {
+    const auto moments = principal_moments(mass);
+    if (moments[2] > (1 + 1e-9) * (moments[0] + moments[1]))
+      throw Error(text("file %s: /masses/%s: no body that spins has the principal "
+                       "moments of inertia %g, "
+                       "%g, %g kg m²: the largest is more than the sum of the others",
+                       file.path().c_str(), name.c_str(), moments[0], moments[1],
+                       moments[2]));
+  }
+}
 
 void read_discrete(const Hdf5File& file, BodyDescription& body) {
   const auto count = [&](const Place& place) {
@@ -75,18 +92,10 @@ void read_discrete(const Hdf5File& file, BodyDescription& body) {
       if (!std::isfinite(x))
         throw Error(text("file %s: %s: offset must be finite", file.path().c_str(),
                          object.c_str()));
-    PointMass centred = mass;
-    centred.offset = {};
-    // What bounds gyroscopic moments by the mass holds for inertias that bodies can have.
-    const auto principal =
-        symmetric_eigen(part_of(mass_matrix(centred), 3, 3, 3, 3)).values;
-    if (!(principal[0] >= -1e-9 * principal[2]) ||
-        principal[2] > (1 + 1e-9) * (principal[0] + principal[1]))
-      throw Error(text(
-          "file %s: %s: no body has the principal moments of inertia %g, %g, "
-          "%g kg m²: the largest is more than the sum of the others, or one "
-          "is negative",
-          file.path().c_str(), object.c_str(), principal[0], principal[1], principal[2]));
+    if (!(principal_moments(mass)[0] >= -1e-9 * principal_moments(mass)[2]))
+      throw Error(
+          text("file %s: %s: its inertia has a negative principal moment, %g kg m²",
+               file.path().c_str(), object.c_str(), principal_moments(mass)[0]));
     add(object, ElementType::mass1, name, mass.at);
   }
   for (const auto& name : ordered_children(file, "/springs")) {

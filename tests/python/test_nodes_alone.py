@@ -258,3 +258,17 @@ def test_what_weighs_nothing_is_told(tmp_path: Path) -> None:
     assert any("weighs nothing" in words for words in facts["warnings"])
     a = assembled(tmp_path / "a.h5", tmp_path / "b.h5")
     assert a["M"].diagonal().sum() == pytest.approx(6.0)
+
+
+def test_inertias_that_no_body_has(tmp_path: Path) -> None:
+    """Of one axis alone, as decks give them; a body that spins takes none, and none is negative."""
+    content, mesh = bar(masses={"disc": {"nodes": [5], "mass": 3.0, "inertia": [0.0, 0.0, 0.1]}})
+    a = matrices(tmp_path, content, mesh)
+    assert np.all(eigsh(a["K"], 4, a["M"], sigma=0, return_eigenvectors=False) > 0)
+    spin = {"axis": [1, 0, 0], "point": [0, 0, 0], "from": 0, "to": 10}
+    import_description(content | {"spin": spin}, "bar", tmp_path / "s.h5", mesh=mesh)
+    wrong = ("assemble", "-body", tmp_path / "s.h5", "-body_out", tmp_path / "a.h5")
+    assert "no body that spins has the principal" in run(*wrong, expect=1).err
+    content["masses"]["disc"]["inertia"] = [0.0, 0.0, -0.1]
+    import_description(content, "bar", tmp_path / "s.h5", mesh=mesh)
+    assert "negative principal moment" in run(*wrong, expect=1).err
