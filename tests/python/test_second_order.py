@@ -204,3 +204,64 @@ def test_a_reduction_of_a_plate_of_second_order(tmp_path: Path) -> None:
         *("-mor_out", tmp_path / "r.h5"),
     )
     assert "met" in said.out and "not met" not in said.out, said.out
+
+
+def cubes(quadratic: bool) -> meshio.Mesh:
+    """Two cubes side by side: a hexahedron, and six pyramids around a middle a little off."""
+    x = np.array([[i, j, k] for i in (0, 1, 2) for j in (0, 1) for k in (0, 1)], dtype=float)
+    points = np.vstack([x, [[1.5, 0.45, 0.55]]])
+    at = {tuple(p): n for n, p in enumerate(x.astype(int).tolist())}
+    hexa = [at[p] for p in ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0),
+                            (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1))]  # fmt: skip
+    second = [at[p[0] + 1, p[1], p[2]] for p in x[hexa].astype(int)]
+    faces = [(0, 1, 2, 3), (4, 7, 6, 5), (0, 4, 5, 1), (1, 5, 6, 2), (2, 6, 7, 3), (3, 7, 4, 0)]
+    pyramids = [[*(second[c] for c in face), 12] for face in faces]
+    if not quadratic:
+        return meshio.Mesh(points, [("hexahedron", [hexa]), ("pyramid", pyramids)])
+    known = [*points]
+    middles: dict[frozenset[int], int] = {}
+
+    def middle(a: int, b: int) -> int:
+        if frozenset((a, b)) not in middles:
+            middles[frozenset((a, b))] = len(known)
+            known.append((known[a] + known[b]) / 2)
+        return middles[frozenset((a, b))]
+
+    ring = [(0, 1), (1, 2), (2, 3), (3, 0)]
+    of_hexa = [*ring, *((a + 4, b + 4) for a, b in ring), *((k, k + 4) for k in range(4))]
+    hexa += [middle(hexa[a], hexa[b]) for a, b in of_hexa]
+    for p in pyramids:
+        p += [middle(p[a], p[b]) for a, b in [*ring, *((k, 4) for k in range(4))]]
+    return meshio.Mesh(np.array(known), [("hexahedron20", [hexa]), ("pyramid13", pyramids)])
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+@pytest.mark.parametrize("quadratic", [False, True])
+def test_pyramids_pass_a_constant_strain(quadratic: bool, ranks: int, tmp_path: Path) -> None:
+    """Nodes of the surface moved by a linear field: the inner ones follow it, and the energy is
+    that of its stress; mass is that of the box."""
+    mesh = cubes(quadratic)
+    content = {
+        "name": "cubes",
+        "materials": {"steel": {"E": 2.0, "nu": 0.3, "rho": 3.0}},
+        "regions": {"all": {"material": "steel"}},
+        "interfaces": {"a": {"coupling": "node", "nodes": [1]}},
+    }
+    counts = import_description(content, "cubes", tmp_path / "b.h5", mesh=mesh)
+    assert counts["elements"] == 13
+    a = assembled(tmp_path / "a.h5", tmp_path / "b.h5", ranks)
+    strain = np.array([[0.1, 0.3, -0.2], [0.0, -0.4, 0.1], [0.2, 0.05, 0.3]])
+    u = np.einsum("na,ba->nb", a["position"], strain)[np.arange(len(a["node"])), a["component"]]
+    low, high = 1e-9, np.array([2.0, 1.0, 1.0]) - 1e-9
+    inside = ((mesh.points > low) & (mesh.points < high)).all(axis=1)
+    inner = np.isin(a["node"], np.flatnonzero(inside))
+    force = a["K"] @ u
+    assert inner.sum() >= 3
+    assert np.abs(force[inner]).max() < 1e-12 * np.abs(force).max()
+    e = (strain + strain.T) / 2
+    mu, lam = 2 / 2.6, 2 * 0.3 / (1.3 * 0.4)
+    assert u @ force == pytest.approx(
+        2 * (2 * mu * (e * e).sum() + lam * np.trace(e) ** 2), rel=1e-9
+    )
+    ones = (a["component"] == 0).astype(float)
+    assert ones @ a["M"] @ ones == pytest.approx(6.0, rel=1e-9)

@@ -15,6 +15,7 @@ from flexgram.body.universal_mesh import places_of
 
 #: Nodes of degenerate bricks of 20 nodes: of prisms (K = L), of tetrahedra (M = N = O = P).
 PRISM = (0, 1, 2, 4, 5, 6, 8, 9, 11, 12, 13, 15, 16, 17, 18)
+PYRAMID = (0, 1, 2, 3, 4, 8, 9, 10, 11, 16, 17, 18, 19)
 TETRAHEDRON = (0, 1, 2, 4, 8, 9, 11, 16, 17, 18)
 #: Types and how many nodes they may have: without those between the corners they are linear.
 BRICKS = {185: (8,), 186: (8, 20), 45: (8,), 95: (8, 20)}
@@ -96,7 +97,8 @@ def _element(kind: int, nodes: Ints) -> tuple[str, Ints]:
         prism = nodes[2] == nodes[3] and nodes[6] == nodes[7]
         if len(set(nodes[4:8].tolist())) == 1:
             if nodes[2] != nodes[3]:
-                return "", nodes  # a pyramid
+                chosen = nodes[list(PYRAMID if quadratic else PYRAMID[:5])]
+                return ("pyramid13" if quadratic else "pyramid"), chosen
             chosen = nodes[list(TETRAHEDRON if quadratic else TETRAHEDRON[:4])]
             return ("tetra10" if quadratic else "tetra"), chosen
         if prism:

@@ -23,6 +23,7 @@ from flexgram.body.meshfile import (
     ALONE,
     FORMULATIONS,
     LABELS,
+    PYRAMIDS,
     SECOND_ORDER,
     SHELLS,
     SOLIDS,
@@ -223,15 +224,16 @@ class MeshBody:
         return found
 
     def _divide_second_order(self) -> None:
-        """Shells and beams of second order become elements of first order."""
+        """Shells and beams of second order become elements of first order, pyramids tetrahedra."""
         sections = self.reader.children("sections")
         chosen: dict[int, NDArray[np.bool_]] = {}
         for name, data in self.reader.children("regions").items():
-            section = sections.get(str(data.get("section"))) if isinstance(data, dict) else None
-            if not isinstance(section, dict) or str(name) not in self.cells:
+            if not isinstance(data, dict) or str(name) not in self.cells:
                 continue
-            shape = section.get("shape")
-            kinds = SECOND_ORDER if shape == SHELL else ("line3",) if shape != ROD else ()
+            section = sections.get(str(data.get("section")))
+            shape = section.get("shape") if isinstance(section, dict) else ""
+            lines = ("line3",) if shape and shape != ROD else ()
+            kinds = SECOND_ORDER if shape == SHELL else (*PYRAMIDS, *lines)
             for block, cells in enumerate(self.cells[str(name)]):
                 if self.mesh.cells[block].type in kinds and len(cells):
                     some = chosen.setdefault(
@@ -239,7 +241,10 @@ class MeshBody:
                     )
                     some[cells] = True
         if chosen:
-            self.mesh, self.cells = divide(self.mesh, self.cells, chosen)
+            self.mesh, self.cells, equations = divide(self.mesh, self.cells, chosen)
+            if equations:
+                known = {**self.reader.children("equations"), "pyramids": {"terms": equations}}
+                self.reader = Reader({**self.reader.data, "equations": known}, self.reader.where)
             self.points = np.asarray(self.mesh.points, dtype=float)
             self.used = np.zeros(len(self.points), dtype=bool)
 

@@ -14,8 +14,9 @@ from flexgram.basics import BodyError, Ints
 from flexgram.body.ansys_archive import read_archive
 from flexgram.body.universal_mesh import read_universal
 
-# Debian's meshio 5.0 reads wedge15 but forgot its dimension.
-meshio._mesh.topological_dimension.setdefault("wedge15", 3)
+# Debian's meshio 5.0 reads these but forgot their dimension.
+for _kind in ("wedge15", "pyramid13", "pyramid14"):
+    meshio._mesh.topological_dimension.setdefault(_kind, 3)
 
 #: Cell data of a mesh that we made: the FE code's numbers of its elements.
 LABELS = "flexgram:label"
@@ -29,6 +30,8 @@ FORMULATIONS = {
 SHELLS = ("triangle", "quad")
 #: Shells that are divided into these (``second_order``).
 SECOND_ORDER = ("triangle6", "quad8", "quad9")
+#: Solids that are divided into tetrahedra.
+PYRAMIDS = ("pyramid", "pyramid13", "pyramid14")
 ALONE = "vertex"  #: nodes with six dofs that no element has
 TURNING = (*SHELLS, "line", ALONE)  #: whose nodes have rotations: with beams, without rods
 
@@ -127,8 +130,9 @@ def cell_regions(mesh: meshio.Mesh) -> dict[str, list[Ints]]:
         for block, cells in enumerate(parts):
             if cells is not None:
                 add(name, block, np.asarray(cells, dtype=np.int64))
-    has_solids = any(group.type in SOLIDS for group in mesh.cells)
-    whole = SOLIDS if has_solids else (*SHELLS, *SECOND_ORDER)
+    solids = (*SOLIDS, *PYRAMIDS)
+    has_solids = any(group.type in solids for group in mesh.cells)
+    whole = solids if has_solids else (*SHELLS, *SECOND_ORDER)
     for block, group in enumerate(mesh.cells):
         if group.type in whole:
             add("all", block, np.arange(len(group.data), dtype=np.int64))

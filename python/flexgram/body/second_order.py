@@ -1,26 +1,39 @@
-"""Shells and beams of second order, as elements of first order between all of their nodes.
+"""Elements that become others between their nodes: shells and beams of second order, pyramids.
 
 A triangle of six nodes becomes four of three, a quadrilateral of eight or nine four of four, a beam
-of three nodes two. A quadrilateral of eight nodes gains a node in its middle.
+of three nodes two. A quadrilateral of eight nodes gains a node in its middle. A pyramid becomes two
+tetrahedra; one of thirteen nodes gains a node in the middle of its base, which follows the eight
+around by their shape functions, as the face of a hexahedron does.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import meshio
 import numpy as np
 from numpy.typing import NDArray
 
 from flexgram.basics import Floats, Ints
-from flexgram.body.meshfile import LABELS
+from flexgram.body.meshfile import LABELS, SECOND_ORDER
 
 #: By meshio type: what its elements become, and of which of its nodes.
 PIECES: dict[str, tuple[str, list[list[int]]]] = {
     "triangle6": ("triangle", [[0, 3, 5], [3, 1, 4], [5, 4, 2], [3, 4, 5]]),
     "quad9": ("quad", [[0, 4, 8, 7], [4, 1, 5, 8], [8, 5, 2, 6], [7, 8, 6, 3]]),
     "line3": ("line", [[0, 2], [2, 1]]),
+    "pyramid": ("tetra", [[0, 1, 2, 4], [0, 2, 3, 4]]),
+    "pyramid14": (
+        "tetra10",
+        [[0, 1, 2, 4, 5, 6, 13, 9, 10, 11], [0, 2, 3, 4, 13, 7, 8, 9, 11, 12]],
+    ),
+}
+#: Those that gain a node: what they are with it, and the eight nodes that it is between.
+GAINING = {
+    "quad8": ("quad9", [0, 1, 2, 3, 4, 5, 6, 7]),
+    "pyramid13": ("pyramid14", [0, 1, 2, 3, 5, 6, 7, 8]),
 }
 #: Shape functions of eight nodes in the middle.
 MIDDLE = np.array([-0.25] * 4 + [0.5] * 4)
@@ -28,7 +41,7 @@ MIDDLE = np.array([-0.25] * 4 + [0.5] * 4)
 
 @dataclass
 class Divided:
-    """Elements of first order, instead of some of second order.
+    """Elements instead of others.
 
     Attributes
     ----------
@@ -37,28 +50,33 @@ class Divided:
     cells : (m k, p) array
         Their nodes, k of them for each of the m elements, one after the other.
     middles : (m, 3) array
-        Places of new nodes, counted from ``first`` on; none but of quadrilaterals of eight nodes.
+        Places of new nodes, counted from ``first`` on; none but of ``GAINING``.
+    around : (m, 8) array
+        The nodes that these are between.
     """
 
     kind: str
     cells: Ints
     middles: Floats
+    around: Ints
 
     @classmethod
     def of(cls, kind: str, nodes: Ints, points: Floats, first: int) -> Divided:
-        """Of elements (m, n) of a kind of ``PIECES``, or ``quad8``."""
-        middles = np.empty((0, 3))
-        if kind == "quad8":
-            middles = np.einsum("n,enx->ex", MIDDLE, points[nodes])
-            nodes, kind = np.column_stack([nodes, first + np.arange(len(nodes))]), "quad9"
+        """Of elements (m, n) of a kind of ``PIECES`` or ``GAINING``."""
+        middles, around = np.empty((0, 3)), np.empty((0, 8), dtype=np.int64)
+        if kind in GAINING:
+            kind, chosen = GAINING[kind]
+            around = nodes[:, chosen]
+            middles = np.einsum("n,enx->ex", MIDDLE, points[around])
+            nodes = np.column_stack([nodes, first + np.arange(len(nodes))])
         becomes, pieces = PIECES[kind]
-        return cls(becomes, nodes[:, pieces].reshape(-1, len(pieces[0])), middles)
+        return cls(becomes, nodes[:, pieces].reshape(-1, len(pieces[0])), middles, around)
 
 
 def divide(
     mesh: meshio.Mesh, cells: dict[str, list[Ints]], chosen: Mapping[int, NDArray[np.bool_]]
-) -> tuple[meshio.Mesh, dict[str, list[Ints]]]:
-    """A mesh with some elements of second order divided.
+) -> tuple[meshio.Mesh, dict[str, list[Ints]], list[list[Any]]]:
+    """A mesh with some elements divided.
 
     Parameters
     ----------
@@ -70,11 +88,13 @@ def divide(
 
     Returns
     -------
-    mesh, cells
-        The same with blocks behind the others. New nodes are behind the others too, and belong to
-        the node sets that hold all nodes of their element. An element's number (``LABELS``) is that
-        of its pieces.
+    mesh, cells, equations
+        The same with blocks behind the others. New nodes are behind the others too; those of shells
+        belong to the node sets that hold all nodes of their element. An element's number
+        (``LABELS``) is that of its pieces. Equations, as a description has them, of new nodes that
+        follow others.
     """
+    equations: list[list[Any]] = []
     points = np.asarray(mesh.points, dtype=float)
     blocks = [(block.type, block.data) for block in mesh.cells]
     ends = np.cumsum([len(block.data) for block in mesh.cells])
@@ -91,8 +111,12 @@ def divide(
         count = len(pieces.cells) // len(nodes)
         if len(pieces.middles):
             new = len(points) + np.arange(len(nodes))
-            for name, members in sets.items():
-                sets[name] = np.append(members, new[np.isin(nodes, members).all(axis=1)])
+            if kind in SECOND_ORDER:
+                for name, members in sets.items():
+                    inside = np.isin(pieces.around, members).all(axis=1)
+                    sets[name] = np.append(members, new[inside])
+            else:
+                equations += _followers(new, pieces.around)
             points = np.vstack([points, pieces.middles])
         place = np.cumsum(some) - 1  # of a divided cell among these
         for name, parts in cells.items():
@@ -103,4 +127,13 @@ def divide(
         blocks.append((pieces.kind, pieces.cells))
         labels.append(np.repeat(labels[block][some], count))
     divided = meshio.Mesh(points, blocks, point_sets=sets, cell_data={LABELS: labels})
-    return divided, cells
+    return divided, cells, equations
+
+
+def _followers(nodes: Ints, around: Ints) -> list[list[Any]]:
+    """Each node moves by the shape functions of the eight around it."""
+    return [
+        [[node + 1, c, 1.0], *([n + 1, c, -f] for n, f in zip(row, MIDDLE.tolist(), strict=True))]
+        for node, row in zip(nodes.tolist(), around.tolist(), strict=True)
+        for c in ("x", "y", "z")
+    ]

@@ -42,7 +42,7 @@ from flexgram.importers.deck_sections import (
 from flexgram.importers.fe import Interface, check_damping
 from flexgram.importers.mesh import describe_interfaces, further_keys
 
-ELEMENTS = ("C3D4", "C3D6", "C3D8", "C3D10", "C3D15", "C3D20", "C3D20R")
+ELEMENTS = ("C3D4", "C3D5", "C3D6", "C3D8", "C3D10", "C3D15", "C3D20", "C3D20R")
 #: Taken as hexahedra with incompatible modes. Those of ccx are other modes in distorted elements
 #: (C3D8I), or give way by hourglasses (C3D8R).
 BENDING = ("C3D8I", "C3D8R")

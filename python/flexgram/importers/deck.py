@@ -19,6 +19,7 @@ SOLIDS = {
     "C3D15": ("wedge15", 15),
     "C3D8": ("hexahedron", 8),
     "C3D6": ("wedge", 6),
+    "C3D5": ("pyramid", 5),
     "C3D4": ("tetra", 4),
 }
 #: Shells, likewise: S4R and S4 alike, and S3R.

@@ -170,10 +170,10 @@ class _Deck:
             yield kind, np.searchsorted(self.deck.labels, nodes), np.array(mine)
 
     def pieces(self, kind: str, nodes: Ints) -> tuple[Floats, str, Ints]:
-        """Points, kind and nodes of elements; of shells of second order those of the elements that
-        they become, whose new points are behind those of the deck."""
+        """Points, kind and nodes of elements; of shells of second order and pyramids those of the
+        elements that they become, whose new points are behind those of the deck."""
         points = self.deck.points
-        if kind not in SECOND_ORDER:
+        if kind not in (*SECOND_ORDER, "pyramid"):
             return points, kind, nodes
         whole = Divided.of(kind, nodes, points, len(points))
         return np.vstack([points, whole.middles]), whole.kind, whole.cells

@@ -32,6 +32,8 @@ SOLIDS = {
     "CHEXA8": "hexahedron",
     "CHEXA20": "hexahedron20",
     "CPENTA15": "wedge15",
+    "CPYRAM5": "pyramid",
+    "CPYRAM13": "pyramid13",
 }
 
 

@@ -73,7 +73,7 @@ READ = {
     ),
     *("CDAMP1", "CDAMP2", "PDAMP"),
     *("CORD1R", "CORD1C", "CORD1S", "CORD2R", "CORD2C", "CORD2S", "SPC", "SPC1", "SPCADD"),
-    *("CTETRA", "CHEXA", "CPENTA", *SHELLS, *BEAMS, *RODS),
+    *("CTETRA", "CHEXA", "CPENTA", "CPYRAM", *SHELLS, *BEAMS, *RODS),
 }
 
 
