@@ -85,11 +85,20 @@ Material read_material(const Hdf5File& file, const std::string& name,
       for (const MaterialTerm& term : material.terms)
         if (term.part != MaterialTerm::Part::whole)
           throw Error("shear and bulk are parts of isotropic materials");
-      const auto constants = fixed<double, 9>(file, object, "engineering_constants");
       const auto axes = fixed<double, 9>(file, object, "axes");
-      material.solid = orthotropic(constants, axes, density);
-      material.in_own_axes = orthotropic(constants, {1, 0, 0, 0, 1, 0, 0, 0, 1}, density);
+      constexpr std::array<double, 9> own = {1, 0, 0, 0, 1, 0, 0, 0, 1};
       material.axis_1 = {axes[0], axes[1], axes[2]};
+      if (file.has_attribute(object, "stiffness")) {
+        const auto stiffness = fixed<double, 36>(file, object, "stiffness");
+        material.solid = anisotropic(stiffness, axes, density);
+        material.in_own_axes = anisotropic(stiffness, own, density);
+        check_units(name, std::max({stiffness[0], stiffness[7], stiffness[14]}), density,
+                    warnings);
+        return material;
+      }
+      const auto constants = fixed<double, 9>(file, object, "engineering_constants");
+      material.solid = orthotropic(constants, axes, density);
+      material.in_own_axes = orthotropic(constants, own, density);
       check_units(name, *std::max_element(constants.begin(), constants.begin() + 3),
                   density, warnings);
     }

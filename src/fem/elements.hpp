@@ -53,6 +53,11 @@ SolidMaterial isotropic(double E, double nu, double density);
 SolidMaterial orthotropic(const std::array<double, 9>& constants,
                           const std::array<double, 9>& axes, double density);
 
+/// A law by its 6×6 matrix in the material axes, in the order of SolidMaterial [N/m²].
+/// @throws Error unless it is symmetric and positive definite.
+SolidMaterial anisotropic(const std::array<double, 36>& stiffness,
+                          const std::array<double, 9>& axes, double density);
+
 /// Cross section of a beam: area [m²], second moments of area about the local y and z
 /// [m⁴], torsion constant J [m⁴], shear correction factors for forces along y and z.
 /// `y_axis` points towards local y; its part along the beam is ignored.

@@ -5,6 +5,7 @@
 #include "base/text.hpp"
 #include "linalg/decompositions.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 namespace flexgram {
@@ -60,14 +61,6 @@ SolidMaterial orthotropic(const std::array<double, 9>& constants,
   for (double value : {E1, E2, E3, G12, G13, G23})
     if (!(value > 0))
       throw Error(text("orthotropic material: the modulus %g must be positive", value));
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) {
-      double dot = 0;
-      for (int k = 0; k < 3; ++k)
-        dot += axes[as_size(3 * i + k)] * axes[as_size(3 * j + k)];
-      if (std::abs(dot - (i == j)) > 1e-9)
-        throw Error("orthotropic material: the axes must be orthonormal rows");
-    }
   Dense compliance(6, 6);
   compliance(0, 0) = 1 / E1;
   compliance(1, 1) = 1 / E2;
@@ -78,13 +71,37 @@ SolidMaterial orthotropic(const std::array<double, 9>& constants,
   compliance(3, 3) = 1 / G12;
   compliance(4, 4) = 1 / G23;
   compliance(5, 5) = 1 / G13;
-  SolidMaterial material;
-  material.density = density;
   std::array<double, 36> local{};
   if (!invert(compliance, local))
     throw Error("orthotropic material: Poisson's ratios make the law indefinite");
+  return anisotropic(local, axes, density);
+}
+
+SolidMaterial anisotropic(const std::array<double, 36>& stiffness,
+                          const std::array<double, 9>& axes, double density) {
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) {
+      double dot = 0;
+      for (int k = 0; k < 3; ++k)
+        dot += axes[as_size(3 * i + k)] * axes[as_size(3 * j + k)];
+      if (std::abs(dot - (i == j)) > 1e-9)
+        throw Error("material: the axes must be orthonormal rows");
+    }
   Dense C(6, 6);
-  for (std::size_t i = 0; i < 36; ++i) C.data[i] = local[i];
+  double largest = 0;
+  for (std::size_t i = 0; i < 36; ++i) {
+    C.data[i] = stiffness[i];
+    largest = std::max(largest, std::abs(stiffness[i]));
+  }
+  for (int i = 0; i < 6; ++i)
+    for (int j = 0; j < i; ++j)
+      if (!(std::abs(C(i, j) - C(j, i)) <= 1e-9 * largest))
+        throw Error("material: its stiffness must be symmetric");
+  symmetrise(C);
+  if (std::array<double, 36> unused; !invert(C, unused))
+    throw Error("material: its stiffness must be positive definite");
+  SolidMaterial material;
+  material.density = density;
   const Dense T = strain_rotation(axes);
   const Dense global = multiply_transposed(T, multiply(C, T));
   for (std::size_t i = 0; i < 36; ++i) material.stiffness[i] = global.data[i];

@@ -356,6 +356,10 @@ PYBIND11_MODULE(_flexgram, module) {
                                const std::array<double, 9>& axes) {
     return orthotropic(constants, axes, 1).stiffness;
   });
+  module.def("anisotropic", [](const std::array<double, 36>& stiffness,
+                               const std::array<double, 9>& axes) {
+    return anisotropic(stiffness, axes, 1).stiffness;
+  });
   py::class_<PythonShell>(module, "Shell")
       .def(py::init([](const std::vector<std::array<double, 36>>& stiffness,
                        const std::vector<double>& thickness,

@@ -345,3 +345,46 @@ def test_masses_at_grids_without_elements(tmp_path: Path) -> None:
     a = assembled(tmp_path / "a.h5", tmp_path / "p.h5")
     at = (a["node"] == a["node"].max()) & (a["component"] == 2)
     assert a["M"].diagonal()[at] > 2.0
+
+
+PLANE = [[float(E_ / (1 - NU**2)), float(NU * E_ / (1 - NU**2)), 0.0],
+         [float(NU * E_ / (1 - NU**2)), float(E_ / (1 - NU**2)), 0.0],
+         [0.0, 0.0, float(E_ / 2 / (1 + NU))]]  # fmt: skip
+
+
+def test_a_law_by_its_matrix(tmp_path: Path) -> None:
+    """MAT2 and MAT9 with the numbers of a MAT1: the same body, along axes of their own too."""
+    G = E_ / (2 * (1 + NU))
+    lam = E_ * NU / ((1 + NU) * (1 - 2 * NU))
+    row = [f"{x:.7E}" for x in (PLANE[0][0], PLANE[0][1], 0, PLANE[1][1], 0, PLANE[2][2])]
+    mat2 = "MAT2*,1," + ",".join(row[:3]) + "\n*," + ",".join(row[3:]) + ",7850.\n"
+    found = []
+    for material in ("MAT1,1,2.1+11,,0.3,7850.\n", mat2):
+        (tmp_path / "p.bdf").write_text(plate(material=material))
+        assemble_bulk(tmp_path / "p.bdf", tmp_path / "p.h5", [parse("node", "tip=NODES:90")])
+        found.append(assembled(tmp_path / "a.h5", tmp_path / "p.h5")["K"])
+    assert abs(found[0] - found[1]).max() < 1e-6 * abs(found[0]).max()
+    C = np.zeros((6, 6))
+    C[:3, :3] = lam
+    C += np.diag([2 * G] * 3 + [G] * 3)
+    upper = [f"{C[i, j]:.7E}" for i in range(6) for j in range(i, 6)]
+    fields = ["1", *upper, "7850."]
+    lines = [fields[k : k + 4] for k in range(0, len(fields), 4)]
+    mat9 = "MAT9*," + "\n*,".join(",".join(line) for line in lines) + "\n"
+    grids = "".join(
+        f"GRID,{k + 1},,{x}.,{y}.,{z}.\n"
+        for k, (x, y, z) in enumerate([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0),
+                                       (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)])
+    )  # fmt: skip
+    cube = "CHEXA,1,1,1,2,3,4,5,6\n,7,8\nSPC1,1,123,1,2,3,4\n"
+    system = "CORD2R,7,,0.,0.,0.,0.3,0.2,1.\n,1.,0.4,0.\n"
+    solids = []
+    for material, prop in (
+        ("MAT1,1,2.1+11,,0.3,7850.\n", "PSOLID,1,1\n"),
+        (mat9, "PSOLID,1,1\n"),
+        (mat9, "PSOLID,1,1,7\n"),
+    ):
+        text = f"SOL 103\nCEND\nSPC = 1\nBEGIN BULK\n{grids}{cube}{system}{prop}{material}ENDDATA\n"
+        solids.append(body_of(tmp_path, text, "tip=NODES:7")["K"])
+    for other in solids[1:]:
+        assert abs(solids[0] - other).max() < 1e-6 * abs(solids[0]).max()

@@ -272,3 +272,44 @@ def test_inertias_that_no_body_has(tmp_path: Path) -> None:
     content["masses"]["disc"]["inertia"] = [0.0, 0.0, -0.1]
     import_description(content, "bar", tmp_path / "s.h5", mesh=mesh)
     assert "negative principal moment" in run(*wrong, expect=1).err
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_material_by_its_stiffness(ranks: int, tmp_path: Path) -> None:
+    """That of engineering constants, along axes of its own; a shell's too, and its stress."""
+    E, nu, G = (120e9, 10e9, 8e9), (0.3, 0.25, 0.4), (5e9, 4e9, 3e9)
+    S = np.diag([*(1 / np.array(E)), 1 / G[0], 1 / G[2], 1 / G[1]])
+    S[0, 1] = S[1, 0] = -nu[0] / E[0]
+    S[0, 2] = S[2, 0] = -nu[1] / E[0]
+    S[1, 2] = S[2, 1] = -nu[2] / E[1]
+    names = ("E1", "E2", "E3", "nu12", "nu13", "nu23", "G12", "G13", "G23")
+    constants = dict(zip(names, (*E, *nu, *G), strict=True))
+    axes = {"axis_1": [0.8, 0.6, 0.1], "axis_2": [-0.6, 0.8, 0.2], "rho": 1600.0}
+    found = []
+    for law in (constants, {"stiffness": np.linalg.inv(S).tolist()}):
+        content, mesh = sheet({})
+        content["materials"]["skin"] = {**law, **axes}
+        content["outputs"] = {"spot": {"type": "stress", "nodes": [20], "side": "top"}}
+        a = matrices(tmp_path, content, mesh, ranks)
+        with h5py.File(tmp_path / "b.h5") as file:
+            found.append((a["K"], file["outputs/spot/values"][:]))
+    assert abs(found[0][0] - found[1][0]).max() <= 1e-11 * abs(found[0][0]).max()
+    np.testing.assert_allclose(
+        found[0][1], found[1][1], atol=1e-9 * np.abs(found[0][1]).max(), rtol=1e-9
+    )
+
+
+@pytest.mark.parametrize(
+    ("matrix", "words"),
+    [
+        ([[1.0]], "six rows of six"),
+        (np.diag([1.0, 1, 1, 1, 1, -1]).tolist(), "not positive definite"),
+        ((np.eye(6) + np.triu(np.ones((6, 6)), 1)).tolist(), "not symmetric"),
+        ("steel", "stiffness"),
+    ],
+)
+def test_a_stiffness_that_is_none(matrix: Any, words: str, tmp_path: Path) -> None:
+    content, mesh = sheet({})
+    content["materials"]["skin"] = {"stiffness": matrix, "rho": 1600.0}
+    with pytest.raises(BodyError, match=words):
+        import_description(content, "sheet", tmp_path / "b.h5", mesh=mesh)

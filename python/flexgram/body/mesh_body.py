@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from flexgram.basics import BodyError, Ints, check_name, errors_of
+from flexgram.basics import BodyError, Floats, Ints, check_name, errors_of
 from flexgram.body.bodyfile import write_law
 from flexgram.body.constraints import COMPONENTS, Constraints, write_constraints
 from flexgram.body.discrete import joined_nodes, write_masses, write_springs
@@ -51,6 +51,7 @@ from flexgram.body.whole import (
 
 ENGINEERING = ("E1", "E2", "E3", "nu12", "nu13", "nu23", "G12", "G13", "G23")
 ISOTROPIC = ("E", "nu", "rho")
+STIFFNESS = "stiffness"  #: of a material, six rows of six
 EXPANSION = "expansion"  #: [1/K], if heat is to strain the body; of three directions if orthotropic
 
 
@@ -59,16 +60,29 @@ def _write_material(file: h5py.File, name: str, data: Any, units: tuple[float, .
     stress, density = force / length**2, mass / length**3
     where = f"materials: {name}"
     group = file.create_group(f"materials/{check_name(where, str(name))}")
-    if isinstance(data, dict) and "E1" in data:
-        known = (*ENGINEERING, "rho", "axis_1", "axis_2", EXPANSION, LOSS, KEY, PARAMETER)
+    if isinstance(data, dict) and {"E1", STIFFNESS} & set(data):
+        matrix = STIFFNESS in data
+        known = (
+            *((STIFFNESS,) if matrix else ENGINEERING),
+            "rho",
+            "axis_1",
+            "axis_2",
+            EXPANSION,
+            LOSS,
+            KEY,
+            PARAMETER,
+        )
         reader = Reader(data, where, known)
         factor, laws = read_orthotropic(reader)
         share, known_between = read_parameter(reader, str(name), stress)
         factor *= share
-        group.attrs["engineering_constants"] = [
-            reader.number(key) * (1.0 if key.startswith("nu") else stress * factor)
-            for key in ENGINEERING
-        ]
+        if matrix:
+            group.attrs[STIFFNESS] = (stress * factor * _matrix(reader)).ravel()
+        else:
+            group.attrs["engineering_constants"] = [
+                reader.number(key) * (1.0 if key.startswith("nu") else stress * factor)
+                for key in ENGINEERING
+            ]
         first, second = reader.vector("axis_1", [1, 0, 0]), reader.vector("axis_2", [0, 1, 0])
         if not np.linalg.norm(first) > 0:
             raise BodyError(f"{where}: axis_1 = [0, 0, 0] has no direction")
@@ -96,9 +110,23 @@ def _write_material(file: h5py.File, name: str, data: Any, units: tuple[float, .
         group.attrs[LOSS] = reader.loss_factor()
     if EXPANSION in reader.data:
         several = isinstance(reader.data[EXPANSION], list)
-        if several and "E1" not in reader.data:
+        if several and not {"E1", STIFFNESS} & set(reader.data):
             raise BodyError(f"{where}: expansion is one number where E is")
         group.attrs[EXPANSION] = reader.vector(EXPANSION) if several else reader.number(EXPANSION)
+
+
+def _matrix(material: Reader) -> Floats:
+    """Stiffness (6, 6) of a material, in its axes."""
+    where = f"{material.where}: {STIFFNESS}"
+    with errors_of(where):
+        matrix: Floats = np.array(material.get(STIFFNESS), dtype=float)
+    if matrix.shape != (6, 6) or not np.all(np.isfinite(matrix)):
+        raise BodyError(f"{where} must be six rows of six numbers: xx, yy, zz, xy, yz, zx")
+    if np.abs(matrix - matrix.T).max() > 1e-9 * np.abs(matrix).max():
+        raise BodyError(f"{where} is not symmetric")
+    if np.linalg.eigvalsh(matrix)[0] <= 0:
+        raise BodyError(f"{where} is not positive definite")
+    return matrix
 
 
 def _formulation(region: Reader, kind: str) -> str:

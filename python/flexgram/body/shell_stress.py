@@ -16,7 +16,7 @@ import numpy as np
 
 from flexgram.basics import BodyError, Floats, Ints
 from flexgram.body.meshfile import SHELLS
-from flexgram.body.strain import deforming, extrapolation, rigid_interfaces
+from flexgram.body.strain import deforming, extrapolation, rigid_interfaces, stiffness_of
 
 SIDES = ("top", "middle", "bottom")
 #: Elements around a node whose normals differ by more [degrees] have no stress in common.
@@ -96,11 +96,8 @@ def sheets_of(file: h5py.File) -> list[Sheet]:
         axis_1 = np.asarray(section.get("axis_1", _first_axis(file, str(names[0]))))
         for name in names:
             of = file["materials"][str(name)].attrs
-            if "E" in of:
-                laws.append(_flexgram.isotropic(of["E"], of["nu"]))
-            else:
-                isotropic = False
-                laws.append(_flexgram.orthotropic(of["engineering_constants"], np.eye(3).ravel()))
+            isotropic = isotropic and "E" in of
+            laws.append(stiffness_of(of, own_axes=True))
         offset = float(section["offset"])
         shell = _flexgram.Shell(laws, thickness, angles, offset, axis_1, isotropic)
         ids = group["ids"][:] if "ids" in group else np.arange(len(nodes)) + 1

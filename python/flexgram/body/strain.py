@@ -3,6 +3,8 @@ elements have some."""
 
 from __future__ import annotations
 
+from typing import Any
+
 import h5py
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +29,22 @@ CORNERS = {
     "quad": [(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)],
     "wedge": [(0, 0, -1), (1, 0, -1), (0, 1, -1), (0, 0, 1), (1, 0, 1), (0, 1, 1)],
 }
+
+
+def stiffness_of(material: Any, *, own_axes: bool = False) -> Floats:
+    """The law of a material of a body file, (36,) [Pa], in global axes or in its own: of stress xx,
+    yy, zz, xy, yz, zx over strains with engineering shears."""
+    import _flexgram
+
+    axes = np.eye(3).ravel() if own_axes else material.get("axes")
+    if "E" in material:
+        law = _flexgram.isotropic(material["E"], material["nu"])
+    elif "stiffness" in material:
+        law = _flexgram.anisotropic(material["stiffness"], axes)
+    else:
+        law = _flexgram.orthotropic(material["engineering_constants"], axes)
+    found: Floats = np.array(law)
+    return found
 
 
 def rigid_interfaces(file: h5py.File) -> Ints:

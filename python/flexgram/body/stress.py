@@ -28,6 +28,7 @@ from flexgram.body.strain import (
     extrapolation,
     heat_operator,
     rigid_interfaces,
+    stiffness_of,
     stress_operator,
 )
 
@@ -86,8 +87,6 @@ class Stresses:
     @classmethod
     def of(cls, file: h5py.File) -> Stresses:
         """Of an open body file."""
-        import _flexgram
-
         if "mesh" not in file:
             raise BodyError("only bodies that flexgram assembles from a mesh have stresses")
         follows = rigid_interfaces(file)
@@ -99,10 +98,7 @@ class Stresses:
             if "formulation" in group.attrs:
                 kind += f"/{group.attrs['formulation']}"
             steel = file["materials"][str(group.attrs["material"])].attrs
-            if "E" in steel:
-                law = _flexgram.isotropic(steel["E"], steel["nu"])
-            else:
-                law = _flexgram.orthotropic(steel["engineering_constants"], steel["axes"])
+            law = stiffness_of(steel)
             deforms = deforming(nodes, follows)
             if deforms.any():
                 ids = group["ids"][:] if "ids" in group else np.arange(len(nodes)) + 1

@@ -278,7 +278,8 @@ def doubts_of_units(file: h5py.File, system: str, extent: Floats) -> list[str]:
     weighing = {str(block.attrs["material"]) for block in file["mesh/blocks"].values()}
     for name, material in file.get("materials", {}).items():
         a = material.attrs
-        E, rho = float(np.ravel(a.get("E", a.get("engineering_constants", 0)))[0]), float(a["rho"])
+        moduli = a.get("E", a.get("engineering_constants", a.get("stiffness", 0)))
+        E, rho = float(np.ravel(moduli)[0]), float(a["rho"])
         if rho == 0 and name in weighing:
             found.append(f"material {name} has no density: what is made of it weighs nothing")
         if not (E > 0 and rho > 0):
@@ -313,8 +314,10 @@ def summary(file: h5py.File) -> list[str]:
         if "E" in a:
             words = f"E = {float(a['E']):.4g} Pa, nu = {float(a['nu']):g}"
         else:
-            E = ", ".join(f"{x:.4g}" for x in np.ravel(a["engineering_constants"])[:3])
-            words = f"orthotropic, E = {E} Pa"
+            by_matrix = "stiffness" in a
+            moduli = np.ravel(a["stiffness"])[::7] if by_matrix else a["engineering_constants"]
+            said = ", ".join(f"{x:.4g}" for x in np.ravel(moduli)[:3])
+            words = f"{'anisotropic, C' if by_matrix else 'orthotropic, E'} = {said} Pa"
         if a.get("loss_factor"):
             words += f", loss factor {float(a['loss_factor']):g}"
         for part, group in material.items():

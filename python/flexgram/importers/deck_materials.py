@@ -29,8 +29,25 @@ def _numbers(job: Job, card: Card, count: int) -> list[float]:
     return values
 
 
-def _elastic(job: Job, card: Card) -> dict[str, float]:
-    """Moduli: isotropic, engineering constants, or nine entries of an orthotropic stiffness."""
+#: Components of the 21 constants, 11 22 33 12 13 23, as xx yy zz xy yz zx of ours.
+OURS = (0, 1, 2, 3, 5, 4)
+
+
+def _anisotropic(constants: list[float]) -> list[list[float]]:
+    """The stiffness of 21 constants, column by column of its upper triangle."""
+    matrix = np.zeros((6, 6))
+    rest = iter(constants)
+    for column in range(6):
+        for row in range(column + 1):
+            i, j = OURS[row], OURS[column]
+            matrix[i, j] = matrix[j, i] = next(rest)
+    rows: list[list[float]] = matrix.tolist()
+    return rows
+
+
+def _elastic(job: Job, card: Card) -> dict[str, Any]:
+    """Moduli: isotropic, engineering constants, nine entries of an orthotropic stiffness, or 21 of
+    any."""
     kind = card.options.get("TYPE", "ISO").upper()
     if kind in ("ISO", "ISOTROPIC"):
         return dict(zip(("E", "nu"), _numbers(job, card, 2), strict=True))
@@ -39,6 +56,8 @@ def _elastic(job: Job, card: Card) -> dict[str, float]:
     if kind == "LAMINA":
         E1, E2, nu12, G12, G13, G23 = _numbers(job, card, 6)
         return dict(zip(ENGINEERING, (E1, E2, E2, nu12, 0.0, 0.0, G12, G13, G23), strict=True))
+    if kind in ("ANISO", "ANISOTROPIC"):
+        return {"stiffness": _anisotropic(_numbers(job, card, 21))}
     if kind not in ("ORTHO", "ORTHOTROPIC"):
         raise BodyError(f"{job.path}: *ELASTIC, TYPE={kind}: not followed; --run-ccx knows more")
     c11, c12, c22, c13, c23, c33, *shear = _numbers(job, card, 9)

@@ -15,6 +15,8 @@ from flexgram.importers.ccx import Card, Job
 from flexgram.importers.deck import FORMULATIONS, SHELL_KINDS, Deck
 from flexgram.importers.deck_materials import laminas_of, orientations_of
 
+#: What *ELASTIC gives a material, one of these.
+MODULI = {"E", "E1", "stiffness"}
 #: Options of *SHELL SECTION that are followed.
 OPTIONS = {"ELSET", "MATERIAL", "OFFSET", "SECTION INTEGRATION", "ORIENTATION", "COMPOSITE"}
 
@@ -121,7 +123,7 @@ def turn_materials(
         axes = _axes(where, orientations, name)
         for own in [r for r in material_of if r == region or r.startswith(f"{region}_")]:
             material = material_of[own]
-            if "E1" not in materials[material]:
+            if not {"E1", "stiffness"} & set(materials[material]):
                 continue
             turned = f"{material}_{name}"
             along = {"axis_1": axes[0].tolist(), "axis_2": axes[1].tolist()}
@@ -168,7 +170,7 @@ def mesh_of(
         known = [set(materials.get(one, ())) for one in made_of]
         if not of_shells and material in plane:
             raise BodyError(f"{where}: *ELASTIC, TYPE=LAMINA is of shells, not of solids")
-        if name not in deck.elsets or not all("rho" in k and {"E", "E1"} & k for k in known):
+        if name not in deck.elsets or not all("rho" in k and MODULI & k for k in known):
             raise BodyError(f"{where}: needs elements, *ELASTIC and *DENSITY")
         expected = ("beams",) if card.keyword in deck_lines.CARDS else ("shells",)
         if card.keyword == "SOLID SECTION":

@@ -54,7 +54,20 @@ PASSED = (
 )
 #: Cards that are read here.
 READ = {
-    *("GRID", "GRDSET", "MAT1", "MAT8", "PSOLID", "PSHELL", "PCOMP", "PBAR", "PBARL", "PBEAM"),
+    *(
+        "GRID",
+        "GRDSET",
+        "MAT1",
+        "MAT2",
+        "MAT8",
+        "MAT9",
+        "PSOLID",
+        "PSHELL",
+        "PCOMP",
+        "PBAR",
+        "PBARL",
+        "PBEAM",
+    ),
     *(
         "PBEAML",
         "PROD",

@@ -48,6 +48,20 @@ def _own_shear(card: Any) -> float:
     return ratio if abs(ratio - 1) > 1e-2 else 0.0
 
 
+def _of_plane(card: Any) -> list[list[float]]:
+    """The stiffness of a MAT2, which says that of plane stress alone."""
+    G = {
+        key: float(getattr(card, f"G{key}") or 0.0) for key in ("11", "12", "13", "22", "23", "33")
+    }
+    matrix = np.zeros((6, 6))
+    for i, j in ((0, 0), (0, 1), (0, 3), (1, 1), (1, 3), (3, 3)):
+        row, column = (min(k, 2) + 1 for k in (i, j))
+        matrix[i, j] = matrix[j, i] = G[f"{row}{column}"]
+    matrix[2, 2], matrix[4, 4], matrix[5, 5] = G["11"], G["33"], G["33"]
+    rows: list[list[float]] = matrix.tolist()
+    return rows
+
+
 def _sheared(section: dict[str, Any], factor: float) -> dict[str, Any]:
     """A section that twists and shears as with a ``factor`` times larger G."""
     if factor == 1:
@@ -180,9 +194,12 @@ class Elements:
                 )
             of |= {"G13": float(card.g1z or G12), "G23": float(card.g2z or G12), "rho": rho}
             entry = of
+        elif card.type == "MAT2":
+            entry = {"stiffness": _of_plane(card), "rho": rho}
+            self.deck.remark("MAT2 resists transverse shear by its G33, where MID3 gives no other")
         else:
             raise self.deck.refuse(
-                card.type, card.mid, "only MAT1, and MAT8 of shells, are followed"
+                card.type, card.mid, "only MAT1, MAT2 and MAT8 of shells, MAT9 of solids are known"
             )
         if not rho > 0:
             self.deck.remark("a material without density (RHO) weighs nothing")
@@ -202,9 +219,32 @@ class Elements:
         prop = element.pid_ref
         if prop is None or prop.type != "PSOLID":
             raise self.deck.refuse(element.type, number, "needs a PSOLID")
+        if prop.mid_ref is not None and prop.mid_ref.type == "MAT9":
+            return self._anisotropic(prop)
         if prop.mid_ref is not None and prop.mid_ref.type != "MAT1":
             raise self.deck.refuse("PSOLID", prop.pid, f"{prop.mid_ref.type} is not followed")
         return self._region(f"p{prop.pid}", self._material(prop.pid, prop.mid_ref))
+
+    def _anisotropic(self, prop: Any) -> str:
+        """A region of solids with MAT9, along the axes of CORDM."""
+        card, axes = prop.mid_ref, np.eye(3)
+        if prop.cordm not in (0, None):
+            system = self.deck.model.coords.get(prop.cordm)
+            if system is None or system.type not in ("CORD2R", "CORD1R"):
+                raise self.deck.refuse("PSOLID", prop.pid, "only a rectangular CORDM is followed")
+            axes = np.asarray(system.beta(), dtype=float)
+        matrix = [[float(getattr(card, f"G{min(i, j)}{max(i, j)}") or 0.0) for j in range(1, 7)]
+                  for i in range(1, 7)]  # fmt: skip
+        name = f"mat{card.mid}_p{prop.pid}"
+        rho = float(card.rho or 0.0) * (self.deck.param("WTMASS") or 1.0)
+        if not rho > 0:
+            self.deck.remark("a material without density (RHO) weighs nothing")
+        entry = {"stiffness": matrix, "rho": rho}
+        entry |= {"axis_1": axes[0].tolist(), "axis_2": axes[1].tolist()}
+        if card.ge:
+            entry["loss_factor"] = float(card.ge)
+        self.materials[name] = entry
+        return self._region(f"p{prop.pid}", name)
 
     def _shell(self, number: int, element: Any) -> str:
         prop = element.pid_ref
@@ -218,14 +258,14 @@ class Elements:
             section: dict[str, Any] = {"shape": "shell", "thickness": t, "offset": offset}
             section |= self._apart(prop)
             has_fibres = any(
-                card is not None and card.type == "MAT8"
+                card is not None and card.type in ("MAT2", "MAT8")
                 for card in (prop.mid1_ref, prop.mid2_ref, prop.mid3_ref)
             )
             own = any(x is not None for x in given)
             name = f"p{prop.pid}" + (f"_t{t:.9g}" if own else "")
         elif prop is not None and prop.type == "PCOMP":
             material = ""
-            has_fibres = any(m.type == "MAT8" for m in prop.mids_ref)
+            has_fibres = any(m.type in ("MAT2", "MAT8") for m in prop.mids_ref)
             if prop.lam not in (None, "", "NO", "SYM"):
                 raise self.deck.refuse("PCOMP", prop.pid, f"LAM = {prop.lam} is not followed")
             loss = float(prop.ge or 0.0)  # those of its plies do not count
