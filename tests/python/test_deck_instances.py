@@ -183,3 +183,83 @@ def test_from_the_command_line(tmp_path: Path) -> None:
     path = deck(tmp_path / "a.inp")
     said = run("import", path, "--assemble", "-o", tmp_path / "b.h5").out
     assert "interface hold: rigid" in said and "4 elements" in said
+
+
+CAE = """*Heading
+*Preprint, echo=NO, model=NO, history=NO, contact=NO
+*Part, name=Plate
+*Node
+ 1, 0., 0., 0.
+ 2, 100., 0., 0.
+ 3, 200., 0., 0.
+ 4, 0., 100., 0.
+ 5, 100., 100., 0.
+ 6, 200., 100., 0.
+*Element, type=S4R
+1, 1, 2, 5, 4
+2, 2, 3, 6, 5
+*Elset, elset=Set-1
+ 1, 2
+*Shell Section, elset=Set-1, material=Material-1
+2., 5
+*End Part
+*Part, name=Bar
+*Node
+ 1, 0., 0., 0.
+ 2, 0., 0., 50.
+ 3, 0., 0., 100.
+*Element, type=B31
+1, 1, 2
+2, 2, 3
+*Elset, elset=Set-1, generate
+ 1, 2, 1
+*Beam Section, elset=Set-1, material=Material-1, temperature=GRADIENTS, section=RECT
+5., 5.
+1.,0.,0.
+*End Part
+*Assembly, name=Assembly
+*Instance, name=Plate-1, part=Plate
+*End Instance
+*Instance, name=Bar-1, part=Bar
+ 200., 100., 0.
+*End Instance
+*Nset, nset=_PickedSet10, internal, instance=Plate-1
+ 1, 4
+*Nset, nset="Tip Set", instance=Bar-1
+ 3,
+*Nset, nset=s2, instance=Bar-1
+ 1,
+*Surface, type=NODE, name=s2_CNS_, internal
+s2, 1.
+*Elset, elset=_Surf-1_SPOS, internal, instance=Plate-1
+ 2,
+*Surface, type=ELEMENT, name=Surf-1
+_Surf-1_SPOS, SPOS
+*Tie, name=Constraint-1, adjust=yes
+s2_CNS_, Surf-1
+*End Assembly
+*Material, name=Material-1
+*Density
+ 7.8e-09,
+*Elastic
+210000., 0.3
+*Boundary
+_PickedSet10, ENCASTRE
+*Step, name=Step-1, nlgeom=NO, perturbation
+*Frequency, eigensolver=Lanczos, sim, acoustic coupling=on, normalization=mass
+10, , , , ,
+*End Step
+"""
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_a_deck_as_abaqus_writes_it(ranks: int, tmp_path: Path) -> None:
+    """A sheet with a bar that is tied to its corner: the bar turns with the sheet."""
+    (tmp_path / "a.inp").write_text(CAE)
+    tip = [parse("node", "tip=NSET:Tip Set")]
+    facts = assemble_deck(tmp_path / "a.inp", tmp_path / "b.h5", tip, units="mm-t-s")
+    assert facts["kinds"] == ["line", "quad"] and facts["elements"] == 4
+    a = assembled(tmp_path / "m.h5", tmp_path / "b.h5", ranks)
+    assert np.all(eigsh(a["K"], 4, a["M"], sigma=0, return_eigenvectors=False) > 0)
+    ones = (a["component"] == 0).astype(float)
+    assert ones @ a["M"] @ ones < 7800 * (0.2 * 0.1 * 0.002 + 0.1 * 0.005**2)

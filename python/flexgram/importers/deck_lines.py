@@ -13,7 +13,7 @@ BEAMS = ("B31", "B31R", "B32", "B32R")
 TRUSSES = ("T3D2",)
 #: Cards of their sections.
 CARDS = ("BEAM SECTION", "BEAM GENERAL SECTION")
-OPTIONS = {"ELSET", "MATERIAL", "SECTION", "DENSITY"}
+OPTIONS = {"ELSET", "MATERIAL", "SECTION", "DENSITY", "TEMPERATURE", "POISSON"}
 #: Dimensions of shapes.
 SHAPES = {"RECT": (2,), "CIRC": (1, 2), "PIPE": (2,), "BOX": (6,), "I": (7,)}
 

@@ -18,7 +18,10 @@ from flexgram.importers.deck_materials import laminas_of, orientations_of
 #: What *ELASTIC gives a material, one of these.
 MODULI = {"E", "E1", "stiffness"}
 #: Options of *SHELL SECTION that are followed.
-OPTIONS = {"ELSET", "MATERIAL", "OFFSET", "SECTION INTEGRATION", "ORIENTATION", "COMPOSITE"}
+OPTIONS = {
+    *("ELSET", "MATERIAL", "OFFSET", "SECTION INTEGRATION", "ORIENTATION", "COMPOSITE"),
+    *("CONTROLS", "TEMPERATURE", "POISSON"),  # nothing to the stiffness
+}
 
 
 def _sections(job: Job) -> list[tuple[str, Card]]:
