@@ -33,7 +33,14 @@ CORNERS = {
 
 def stiffness_of(material: Any, *, own_axes: bool = False) -> Floats:
     """The law of a material of a body file, (36,) [Pa], in global axes or in its own: of stress xx,
-    yy, zz, xy, yz, zx over strains with engineering shears."""
+    yy, zz, xy, yz, zx over strains with engineering shears.
+
+    Examples
+    --------
+    >>> steel = {"E": 2.1e11, "nu": 0.3}
+    >>> round(stiffness_of(steel)[-1] / 1e10, 3)  # the shear modulus
+    8.077
+    """
     import _flexgram
 
     axes = np.eye(3).ravel() if own_axes else material.get("axes")
