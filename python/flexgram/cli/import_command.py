@@ -89,9 +89,9 @@ def import_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--assemble",
         action="store_true",
-        help="assemble a CalculiX deck (without ccx and its printed digits) or Nastran bulk data "
-        "(.bdf, .nas, .dat) here: solids, shells, point masses, springs; of Nastran beams, RBE2 "
-        "and RBE3 too",
+        help="assemble a CalculiX or Abaqus deck (without ccx and its printed digits) or Nastran "
+        "bulk data (.bdf, .nas, .dat) here: solids, shells, beams, point masses, springs, rigid "
+        "bodies, ties; --format abaqus where a deck means something else for CalculiX",
     )
     parser.add_argument(
         "--ignore",
