@@ -265,3 +265,28 @@ def test_pyramids_pass_a_constant_strain(quadratic: bool, ranks: int, tmp_path: 
     )
     ones = (a["component"] == 0).astype(float)
     assert ones @ a["M"] @ ones == pytest.approx(6.0, rel=1e-9)
+
+
+def test_nodes_by_number_hold_the_middles_too(tmp_path: Path) -> None:
+    """A tie to, a pressure on and a support of shells by lists of the nodes that the mesh had."""
+    content, mesh = described("quad8")
+    nodes = [int(n) + 1 for n in np.unique(mesh.cells[0].data[:3])]
+    content["loads"] = {"push": {"type": "pressure", "nodes": nodes}}
+    content["supports"]["more"] = {"nodes": nodes, "components": ["z"]}
+    mesh.points = np.vstack([mesh.points, [[0.11, 0.05, 0.001], [0.11, 0.09, 0.3]]])
+    last = len(mesh.points)
+    mesh.cells.append(meshio.CellBlock("line", np.array([[last - 2, last - 1]])))
+    mesh.cell_sets = {"sheets": [np.arange(200), np.array([], int)],
+                      "bar": [np.array([], int), np.array([0])]}  # fmt: skip
+    content["sections"]["bar"] = {"shape": "circle", "radius": 0.01}
+    content["regions"] = {
+        "sheets": {"material": "steel", "section": "sheet"},
+        "bar": {"material": "steel", "section": "bar"},
+    }
+    content["ties"] = {"glue": {"nodes": [last - 1], "to": nodes}}
+    import_description(content, "plate", tmp_path / "b.h5", mesh=mesh)
+    with h5py.File(tmp_path / "b.h5") as file:
+        assert len(file["supports/more/nodes"]) == len(nodes) + 3
+        force = file["loads/push/values"][:][:, 0, 2]
+        assert abs(force.sum()) == pytest.approx(3 * 0.1 * 0.1, rel=1e-9)
+        assert len(file["constraints/dependent"]) == 6

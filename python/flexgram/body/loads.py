@@ -79,7 +79,7 @@ def _table(mesh: BodyMesh, entry: Reader, *counts: int) -> tuple[Ints, Floats]:
     if not np.all(np.isfinite(table)) or np.any(table[:, 0] != np.round(table[:, 0])):
         raise BodyError(f"{where}: node numbers must be whole, and all numbers finite")
     labels, at = np.unique(table[:, 0], return_inverse=True)
-    nodes = mesh.select([int(label) for label in labels], where)
+    nodes = mesh.select([int(label) for label in labels], where)[: len(labels)]
     values = np.zeros((len(nodes), table.shape[1] - 1))
     np.add.at(values, at, table[:, 1:])
     return nodes, values

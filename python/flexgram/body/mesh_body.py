@@ -33,7 +33,7 @@ from flexgram.body.outputs import write_outputs
 from flexgram.body.parameters import PARAMETER, read_parameter
 from flexgram.body.preload import write_preload
 from flexgram.body.reader import LOSS, Reader, short
-from flexgram.body.second_order import divide
+from flexgram.body.second_order import Gained, divide
 from flexgram.body.sections import ROD, SHELL, is_shell, section_properties, shell_properties
 from flexgram.body.selection import in_box, nearest
 from flexgram.body.shells import doubts_of_shells, first_axis
@@ -174,6 +174,7 @@ class MeshBody:
         self.used = np.zeros(len(self.points), dtype=bool)  # by an element of the body
         self.merged: Ints | None = None  # the node that each became one with
         self.blocks: list[tuple[str, Ints]] = []
+        self.gained: list[Gained] = []  # nodes in the middle of shells
         self.alone: Ints = np.empty((0, 1), dtype=np.int64)  # nodes that no element has
         self.ids: list[Ints] = []  # of their elements: the FE code's numbers, else from 1 on
 
@@ -195,11 +196,13 @@ class MeshBody:
         interfaces = self._write_interfaces()
         held = self._write_supports()
         placed = [*self.blocks, (ALONE, self.alone)]
-        constraints = write_constraints(file, reader, self.select, self.points, placed, self.length)
+        constraints = write_constraints(
+            file, reader, self.select_areas, self.points, placed, self.length
+        )
         discrete = write_masses(file, reader, self.select, self.units)
         discrete += write_springs(file, reader, self.select, self.units)
         written = BodyMesh(
-            file, self.points, placed, self.length, self.units[2], self.select, self.folder
+            file, self.points, placed, self.length, self.units[2], self.select_areas, self.folder
         )
         loads, outputs = write_loads(written, reader), write_outputs(written, reader)
         doubts = doubts_of_shells(file, self.points, self._elements())
@@ -269,8 +272,10 @@ class MeshBody:
                     )
                     some[cells] = True
         if chosen:
-            self.mesh, self.cells, equations = divide(self.mesh, self.cells, chosen)
-            if equations:
+            self.mesh, self.cells, gained = divide(self.mesh, self.cells, chosen)
+            self.gained = [some for some in gained if some.kind in SECOND_ORDER]
+            following = [some for some in gained if some.kind not in SECOND_ORDER]
+            if equations := [row for some in following for row in some.equations()]:
                 known = {**self.reader.children("equations"), "pyramids": {"terms": equations}}
                 self.reader = Reader({**self.reader.data, "equations": known}, self.reader.where)
             self.points = np.asarray(self.mesh.points, dtype=float)
@@ -341,6 +346,14 @@ class MeshBody:
             raise BodyError(f"{where}: no nodes of the body are selected")
         return np.asarray(nodes, dtype=np.int64)
 
+    def select_areas(self, choice: Any, where: str) -> Ints:
+        """As ``select``; behind them the new nodes in the middle of shells whose nodes are all
+        among them."""
+        nodes = self.select(choice, where)
+        middles = [some.nodes[np.isin(some.around, nodes).all(axis=1)] for some in self.gained]
+        new = np.setdiff1d(np.concatenate([nodes[:0], *middles]), nodes)
+        return np.concatenate([nodes, new[self.used[new]]])
+
     def _write_sections(self) -> None:
         for name, data in self.reader.children("sections").items():
             section = Reader(data, f"sections: {name}")
@@ -376,7 +389,7 @@ class MeshBody:
             entry = Reader(
                 data, f"interfaces: {name}", ("coupling", "nodes", "position", "weights")
             )
-            nodes = self.select(entry.get("nodes"), entry.where)
+            nodes = self.select_areas(entry.get("nodes"), entry.where)
             group = self.file.create_group(f"interfaces/{check_name(entry.where, str(name))}")
             group.attrs["coupling"] = entry.choice("coupling", ("rigid", "distributing", "node"))
             middle = middle_of(self.points, self.blocks, nodes)
@@ -417,7 +430,7 @@ class MeshBody:
         for order, (name, data) in enumerate(self.reader.children("supports").items()):
             entry = Reader(data, f"supports: {name}", ("nodes", "components"))
             group = self.file.create_group(f"supports/{check_name(entry.where, str(name))}")
-            group["nodes"] = self.select(entry.get("nodes"), entry.where)
+            group["nodes"] = self.select_areas(entry.get("nodes"), entry.where)
             held = entry.get("components", ["x", "y", "z"])
             if not isinstance(held, list):
                 raise BodyError(f"{entry.where}: components = {short(held)} must be a list")

@@ -73,9 +73,36 @@ class Divided:
         return cls(becomes, nodes[:, pieces].reshape(-1, len(pieces[0])), middles, around)
 
 
+@dataclass
+class Gained:
+    """New nodes, in the middle of elements of a kind.
+
+    Attributes
+    ----------
+    kind : str
+        Meshio type of the elements.
+    nodes : (m,) array
+    around : (m, 8) array
+        The nodes that each is between.
+    """
+
+    kind: str
+    nodes: Ints
+    around: Ints
+
+    def equations(self) -> list[list[Any]]:
+        """As a description has them: each moves by the shape functions of the eight around it."""
+        factors = MIDDLE.tolist()
+        return [
+            [[node + 1, c, 1.0], *([n + 1, c, -f] for n, f in zip(row, factors, strict=True))]
+            for node, row in zip(self.nodes.tolist(), self.around.tolist(), strict=True)
+            for c in ("x", "y", "z")
+        ]
+
+
 def divide(
     mesh: meshio.Mesh, cells: dict[str, list[Ints]], chosen: Mapping[int, NDArray[np.bool_]]
-) -> tuple[meshio.Mesh, dict[str, list[Ints]], list[list[Any]]]:
+) -> tuple[meshio.Mesh, dict[str, list[Ints]], list[Gained]]:
     """A mesh with some elements divided.
 
     Parameters
@@ -88,13 +115,12 @@ def divide(
 
     Returns
     -------
-    mesh, cells, equations
+    mesh, cells, gained
         The same with blocks behind the others. New nodes are behind the others too; those of shells
         belong to the node sets that hold all nodes of their element. An element's number
-        (``LABELS``) is that of its pieces. Equations, as a description has them, of new nodes that
-        follow others.
+        (``LABELS``) is that of its pieces.
     """
-    equations: list[list[Any]] = []
+    gained: list[Gained] = []
     points = np.asarray(mesh.points, dtype=float)
     blocks = [(block.type, block.data) for block in mesh.cells]
     ends = np.cumsum([len(block.data) for block in mesh.cells])
@@ -115,8 +141,7 @@ def divide(
                 for name, members in sets.items():
                     inside = np.isin(pieces.around, members).all(axis=1)
                     sets[name] = np.append(members, new[inside])
-            else:
-                equations += _followers(new, pieces.around)
+            gained.append(Gained(kind, new, pieces.around))
             points = np.vstack([points, pieces.middles])
         place = np.cumsum(some) - 1  # of a divided cell among these
         for name, parts in cells.items():
@@ -127,13 +152,4 @@ def divide(
         blocks.append((pieces.kind, pieces.cells))
         labels.append(np.repeat(labels[block][some], count))
     divided = meshio.Mesh(points, blocks, point_sets=sets, cell_data={LABELS: labels})
-    return divided, cells, equations
-
-
-def _followers(nodes: Ints, around: Ints) -> list[list[Any]]:
-    """Each node moves by the shape functions of the eight around it."""
-    return [
-        [[node + 1, c, 1.0], *([n + 1, c, -f] for n, f in zip(row, MIDDLE.tolist(), strict=True))]
-        for node, row in zip(nodes.tolist(), around.tolist(), strict=True)
-        for c in ("x", "y", "z")
-    ]
+    return divided, cells, gained
