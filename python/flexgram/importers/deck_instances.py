@@ -7,6 +7,7 @@ instance is INSTANCE.SET; where one instance alone has a set of that name, it is
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +20,7 @@ from flexgram.importers.deck import Line, keyword_of, raw_lines
 
 #: Options whose values name sets, surfaces or axes of a part.
 NAMES = ("NSET", "ELSET", "NAME", "SURFACE", "ORIENTATION")
+INSTANCE = re.compile(r"\s*\*\s*INSTANCE\b", re.IGNORECASE)
 #: Cards of which NAME is nothing of the part.
 GLOBAL = ("MATERIAL", "AMPLITUDE")
 #: Cards of a part with rows of nodes, which are not followed; and with directions, not turned.
@@ -210,9 +212,9 @@ def flat(path: Path) -> list[Line] | None:
     BodyError
         For parts and instances that are not there, and what of a part is not followed.
     """
-    cards = _cards(path)
-    if not any(card.keyword == "INSTANCE" for card in cards):
+    if not any(INSTANCE.match(line) for _, _, line in raw_lines(path)):
         return None
+    cards = _cards(path)
     instances, assembly, rest = _divided(cards)
     named = {instance.name: instance for instance in instances}
     if len(named) < len(instances):
