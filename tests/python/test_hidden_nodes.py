@@ -139,10 +139,11 @@ def test_meshes_of_results_and_of_surfaces(tmp_path: Path) -> None:
     flat = meshio.Mesh(np.eye(3), [("triangle", np.array([[0, 1, 2]]))])
     with pytest.raises(BodyError, match=r"its elements are faces \(triangle\): if they are shells"):
         import_description(CLAMPED, "flat", tmp_path / "b.h5", mesh=flat)
-    corners = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0.5, 0.5, 1.0]])
-    linear = meshio.Mesh(corners, [("pyramid", np.arange(5)[None, :])])
-    with pytest.raises(BodyError, match=r"no known elements, only pyramid: mesh it with .*wedge15"):
-        import_description(CLAMPED, "linear", tmp_path / "b.h5", mesh=linear)
+    places = np.random.default_rng(1).uniform(size=(27, 3))
+    large = meshio.Mesh(places, [("hexahedron27", np.arange(27)[None, :])])
+    known = r"no known elements, only hexahedron27: mesh it with .*wedge15"
+    with pytest.raises(BodyError, match=known):
+        import_description(CLAMPED, "large", tmp_path / "b.h5", mesh=large)
     (tmp_path / "part.step").write_text("ISO-10303-21;")
     failed = run("import", tmp_path / "part.step", "-o", tmp_path / "b.h5", expect=1)
     assert "gmsh part.step -3 -order 2" in message(failed)
