@@ -263,3 +263,54 @@ def test_a_deck_as_abaqus_writes_it(ranks: int, tmp_path: Path) -> None:
     assert np.all(eigsh(a["K"], 4, a["M"], sigma=0, return_eigenvectors=False) > 0)
     ones = (a["component"] == 0).astype(float)
     assert ones @ a["M"] @ ones < 7800 * (0.2 * 0.1 * 0.002 + 0.1 * 0.005**2)
+
+
+POINT = "*Element, type=MASS, elset=pm\n2, 5\n*Mass, elset=pm\n1000.\n"
+
+
+def test_labels_of_the_assembly_are_its_own(tmp_path: Path) -> None:
+    """A mass of the assembly whose number one of the second instance would have: both count."""
+    own = ASSEMBLY.replace(
+        "*End Assembly",
+        "*Element, type=MASS, elset=own\n102, 1\n*Mass, elset=own\n500.\n*End Assembly",
+    )
+    facts = assemble_deck(deck(tmp_path / "a.inp", own, POINT), tmp_path / "b.h5", [])
+    with h5py.File(tmp_path / "b.h5") as file:
+        masses = [
+            float(of.attrs["mass"]) * (len(of["nodes"]) if "nodes" in of else 1)
+            for of in file["masses"].values()
+        ]
+    assert sum(masses) == 2500 and facts["elements"] == 4
+
+
+SILENT: dict[str, tuple[str, str, str]] = {
+    "a cylinder of a moved part": (
+        "*Transform, nset=Root, type=C\n0.,0.,0.,0.,0.,1.\n", "", "TRANSFORM in instance BOX-2"),
+    "a number that is none": ("*Node\n90, abc, 0., 0.\n", "", "expected a label and a place"),
+    "an option of a coupling": (
+        "", "surface=Tip_Face, influence radius=0.1", "INFLUENCE RADIUS is not followed"),
+    "a weighting": (
+        "", "surface=Tip_Face\n*Distributing, weighting method=QUADRATIC",
+        "WEIGHTING METHOD=QUADRATIC is not followed"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", list(SILENT))
+def test_what_would_be_passed_over(case: str, tmp_path: Path) -> None:
+    more, surface, words = SILENT[case]
+    assembly = ASSEMBLY.replace("surface=Tip_Face", surface) if surface else ASSEMBLY
+    if "weighting" in surface:
+        assembly = assembly.replace("*Kinematic\n", "")
+    with pytest.raises(BodyError, match=words):
+        assemble_deck(deck(tmp_path / "a.inp", assembly, more), tmp_path / "b.h5", [])
+
+
+def test_a_quoted_instance_of_a_set(tmp_path: Path) -> None:
+    quoted = ASSEMBLY.replace("Box-1", '"Box 1"').replace(
+        "*End Assembly", '*Nset, nset=Mine\n"Box 1".Root\n*End Assembly'
+    )
+    path = deck(tmp_path / "a.inp", quoted, held='*Boundary\n"Box 1".Root, 1, 3\n')
+    assemble_deck(path, tmp_path / "b.h5", [parse("node", "a=NODES:9")])
+    assemble_deck(path, tmp_path / "b.h5", [parse("distributing", "port=NSET:Mine")])
+    with h5py.File(tmp_path / "b.h5") as file:
+        assert file["interfaces/port/nodes"][:].tolist() == [0, 1, 2, 3]

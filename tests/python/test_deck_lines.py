@@ -184,3 +184,10 @@ def test_beams_and_solids_do_not_share_a_section(tmp_path: Path) -> None:
     path.write_text(text)
     with pytest.raises(BodyError, match="its element 1 is a B31"):
         assemble_deck(path, tmp_path / "b.h5", [parse("node", "tip=NODES:17")])
+
+
+def test_a_further_node_for_direction_1_is_refused(tmp_path: Path) -> None:
+    path = frame(tmp_path / "frame.inp", "B31", "RECT", "0.02, 0.03")
+    path.write_text(path.read_text().replace("ELSET=ALL\n1,1,2\n", "ELSET=ALL\n1,1,2,9\n"))
+    with pytest.raises(BodyError, match="beam 1 has a further node"):
+        assemble_deck(path, tmp_path / "b.h5", [parse("node", "tip=NODES:17")])

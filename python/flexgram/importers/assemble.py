@@ -276,6 +276,11 @@ def assemble_deck(
     job = read_job(path, lines)
     _refuse_others(job)
     deck = read_deck(path, lines)
+    if deck.directed:
+        raise BodyError(
+            f"{path}: beam {deck.directed[0]} has a further node, for its direction 1, which is "
+            "not followed: write the direction under *BEAM SECTION"
+        )
     number = frequency_step(job, step)
     cards = job.step_of(number or 1) if job.steps else []
     if number and number > 1 and "PERTURBATION" in cards[0].options and not preload:
@@ -378,6 +383,8 @@ def _add_couplings(
             _ground(content, number)
             continue
         if coupling.directions or number in held:
+            if coupling.name in content["equations"]:
+                raise BodyError(f"two couplings are named {coupling.name}: CONSTRAINT NAME them")
             terms = coupling.equations(deck, deck.turning())
             content["equations"][coupling.name] = {"terms": terms}
             alone += [number] if coupling.reference not in used else []

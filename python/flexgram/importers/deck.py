@@ -57,6 +57,7 @@ class Deck:
     types: dict[int, str] = field(default_factory=dict)  #: of these elements, as written
     remarks: list[str] = field(default_factory=list)
     repeated: set[str] = field(default_factory=set)  #: sets that name members more than once
+    directed: list[int] = field(default_factory=list)  #: beams with a node for their direction 1
 
     def turning(self) -> set[int]:
         """Nodes with rotations: of shells and of beams, not of trusses."""
@@ -179,6 +180,7 @@ class _Model:
         self.transformed = False
         self.instances = 0
         self.types: dict[int, str] = {}
+        self.directed: list[int] = []  # beams with a further node, for their direction 1
         self.kind, self.count, self.pending = "", 0, list[int]()
 
     def card(self, keyword: str, options: dict[str, str]) -> None:
@@ -228,6 +230,8 @@ class _Model:
             self.pending += [int(word) for word in words]
             if len(self.pending) > self.count:
                 nodes = self.pending[1 : self.count + 1]
+                if self.kind in LINE_KINDS and len(self.pending) > self.count + 1:
+                    self.directed.append(self.pending[0])
                 if self.kind == "line3":  # whose second node is that in the middle
                     nodes = [nodes[0], nodes[2], nodes[1]]
                 element = self.kind, nodes
@@ -333,4 +337,5 @@ def read_deck(path: Path, lines: Iterable[Line] | None = None) -> Deck:
         model.types,
         left,
         repeated,
+        model.directed,
     )

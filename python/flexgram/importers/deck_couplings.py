@@ -103,6 +103,8 @@ def couplings_of(job: Job, deck: Deck) -> list[Coupling]:
 def _rigid(job: Job, deck: Deck, card: Card, used: Collection[int]) -> Coupling:
     name = card.options.get("NSET", card.options.get("ELSET", "")).upper()
     where = f"{job.path}: *RIGID BODY ({name or 'without NSET'})"
+    if others := sorted(set(card.options) - {"NSET", "ELSET", "REF NODE", "ROT NODE"}):
+        raise BodyError(f"{where}: {others[0]} is not followed by --assemble")
     if "REF NODE" not in card.options or name not in deck.sets:
         raise BodyError(f"{where}: needs a REF NODE, and a node or element set that is there")
     turn = card.options.get("ROT NODE")
@@ -129,8 +131,12 @@ def _coupling(
     surface = card.options.get("SURFACE", "").upper()
     if "REF NODE" not in card.options or surface not in surfaces:
         raise BodyError(f"{where}: needs a REF NODE, and a SURFACE that is there")
-    if "ORIENTATION" in card.options:
-        raise BodyError(f"{where}: ORIENTATION is not followed by --assemble: take --run-ccx")
+    known = {"CONSTRAINT NAME", "SURFACE", "REF NODE"}
+    if others := sorted(set(card.options) - known):
+        raise BodyError(f"{where}: {others[0]} is not followed by --assemble")
+    weighting = kind.options.get("WEIGHTING METHOD", "UNIFORM").upper()
+    if weighting != "UNIFORM":
+        raise BodyError(f"{where}: WEIGHTING METHOD={weighting} is not followed by --assemble")
     directions: set[int] = set()
     for words in kind.words():
         rows = [int(word) for word in words if word]

@@ -78,7 +78,7 @@ def _cards(path: Path) -> list[Card]:
             cards[-1].keyword, cards[-1].options = keyword_of(begun)
             open_line = begun if line.endswith(",") else ""
         elif cards:
-            words = [word.strip().strip('"') for word in line.split(",")]
+            words = [word.strip().replace('"', "") for word in line.split(",")]
             cards[-1].rows.append(words)
     return cards
 
@@ -91,7 +91,10 @@ def _placed(card: Card) -> tuple[Floats, Floats]:
         if len(rows) < 2:
             return shift + np.zeros(3), np.eye(3)
         a, b, angle = rows[1][:3], rows[1][3:6], float(rows[1][6])
-        axis = (b - a) / np.linalg.norm(b - a)
+        length = float(np.linalg.norm(b - a))
+        if not length > 0:
+            raise card.wrong("turns about an axis without a length")
+        axis = (b - a) / length
     except (ValueError, IndexError):
         raise card.wrong("needs three numbers, and seven of a rotation") from None
     rotation = scipy.spatial.transform.Rotation.from_rotvec(np.radians(angle) * axis)
@@ -140,7 +143,17 @@ def _own(instance: Instance, card: Card) -> Card:
             return str(int(word) + instance.more)
         return f"{instance.name}.{word.upper()}" if word else word
 
-    if card.keyword in ROWS or (instance.turns and card.keyword in TURNED):
+    moved = instance.turns or bool(np.any(instance.shift))
+    by_places = card.keyword in ("TRANSFORM", "ORIENTATION") and "C" in (
+        card.options.get("TYPE", "").upper()[:1],
+        card.options.get("SYSTEM", "").upper()[:1],
+    )
+    if (
+        card.keyword in ROWS
+        or (instance.turns and card.keyword in TURNED)
+        or (moved and by_places)
+        or "DEFINITION" in card.options
+    ):
         raise card.wrong(f"in instance {instance.name} is not followed; write a flat deck")
     options = dict(card.options)
     for key in NAMES:
@@ -152,7 +165,10 @@ def _own(instance: Instance, card: Card) -> Card:
     if card.keyword == "NODE":
         rows = []
         for row in card.rows:
-            x = [float(w.replace("d", "e").replace("D", "e")) if w else 0.0 for w in row[1:4]]
+            try:
+                x = [float(w.replace("d", "e").replace("D", "e")) if w else 0.0 for w in row[1:4]]
+            except ValueError:
+                raise card.wrong(f"{', '.join(row)!r}: expected a label and a place") from None
             place = instance.turn @ np.array([*x, 0.0, 0.0, 0.0][:3]) + instance.shift
             rows.append([of(row[0]), *(repr(float(c)) for c in place)])
     elif card.keyword == "ELEMENT":
@@ -163,8 +179,11 @@ def _own(instance: Instance, card: Card) -> Card:
     elif card.keyword in FIRST:
         rows = [[of(row[0]), *row[1:]] for row in rows]
     elif card.keyword == "ORIENTATION" and instance.turns:
-        numbers = np.array([float(word) for word in rows[0] if word])
-        turned = (numbers.reshape(-1, 3) @ instance.turn.T).ravel()
+        try:
+            numbers = np.array([float(word) for word in rows[0] if word])
+            turned = (numbers.reshape(-1, 3) @ instance.turn.T).ravel()
+        except (ValueError, IndexError):
+            raise card.wrong("needs six numbers") from None
         rows = [[repr(float(x)) for x in turned], *rows[1:]]
     return Card(card.at, card.keyword, options, rows)
 
@@ -219,7 +238,8 @@ def flat(path: Path) -> list[Line] | None:
     named = {instance.name: instance for instance in instances}
     if len(named) < len(instances):
         raise BodyError(f"{path}: two instances have one name")
-    most = max([*_labels(rest), *(n for i in instances for n in _labels(i.cards))], default=0)
+    every = [rest, assembly, *(instance.cards for instance in instances)]
+    most = max((label for some in every for label in _labels(some)), default=0)
     step = 10 ** len(str(most))
     for k, instance in enumerate(instances):
         instance.more = k * step

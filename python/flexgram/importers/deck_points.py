@@ -43,7 +43,8 @@ def _elements(job: Job) -> tuple[dict[int, tuple[str, list[int]]], dict[str, lis
             width = 1 + TYPES[kind][1]
             for first in range(0, len(numbers) - width + 1, width):
                 label, *nodes = numbers[first : first + width]
-                elements[label] = (kind, nodes)
+                if elements.setdefault(label, (kind, nodes)) != (kind, nodes):
+                    raise BodyError(f"{job.path}: element {label}, a {kind}, is given twice")
                 sets.setdefault(name, []).append(label)
         elif card.keyword == "ELSET":
             for words in card.words():

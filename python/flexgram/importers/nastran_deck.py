@@ -119,8 +119,8 @@ INCLUDE = re.compile(r"^\s*INCLUDE\s+('[^']*'|\"[^\"]*\"|\S+)", re.M | re.I)
 
 def _with_whole_includes(text: str, folder: Path) -> str:
     """Bulk data that is read elsewhere: its files to be included, with their folders."""
-    pattern = r"^(\s*INCLUDE\s+)(['\"])(.+?)\2"
-    return re.sub(pattern, lambda m: f"{m[1]}'{folder / m[3]}'", text, flags=re.M | re.I)
+    pattern = r"^(\s*INCLUDE\s+)(?:(['\"])(.+?)\2|([^\s'\"$]+))"
+    return re.sub(pattern, lambda m: f"{m[1]}'{folder / (m[3] or m[4])}'", text, flags=re.M | re.I)
 
 
 def _parameters(path: Path, control: str) -> dict[str, float]:

@@ -424,6 +424,8 @@ class Elements:
         bending = 1.0 if prop.twelveIt3 is None else float(prop.twelveIt3)
         shear = 5 / 6
         if prop.mid3:
+            if prop.mid3 != prop.mid1 and prop.mid3_ref.type == "MAT2":
+                raise self.deck.refuse("PSHELL", prop.pid, "MAT2 as MID3 is not followed")
             shear = 5 / 6 if prop.tst is None else float(prop.tst)
             if prop.mid3 == prop.mid1:
                 shear *= _own_shear(prop.mid3_ref) or 1.0
