@@ -4,6 +4,7 @@
 
 #include "base/error.hpp"
 #include "base/text.hpp"
+#include "fem/description.hpp"
 #include "io/hdf5_file.hpp"
 
 #include <algorithm>
@@ -27,5 +28,11 @@ std::array<T, N> fixed(const Hdf5File& file, const std::string& object,
 
 /// Children of a group in the order of their attribute `order`, if they have one.
 std::vector<std::string> ordered_children(const Hdf5File& file, const std::string& group);
+
+/// Of /materials and /sections. @throws Error naming file, object and number.
+Material read_material(const Hdf5File& file, const std::string& name,
+                       std::vector<std::string>& warnings);
+BeamSection read_section(const Hdf5File& file, const std::string& name);
+ShellSection read_shell(const Hdf5File& file, const std::string& name);
 
 } // namespace flexgram

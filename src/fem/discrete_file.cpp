@@ -92,10 +92,11 @@ void read_discrete(const Hdf5File& file, BodyDescription& body) {
       if (!std::isfinite(x))
         throw Error(text("file %s: %s: offset must be finite", file.path().c_str(),
                          object.c_str()));
-    if (!(principal_moments(mass)[0] >= -1e-9 * principal_moments(mass)[2]))
+    const std::vector<double> moments = principal_moments(mass);
+    if (!(moments[0] >= -1e-9 * moments[2]))
       throw Error(
           text("file %s: %s: its inertia has a negative principal moment, %g kg m²",
-               file.path().c_str(), object.c_str(), principal_moments(mass)[0]));
+               file.path().c_str(), object.c_str(), moments[0]));
     add(object, ElementType::mass1, name, mass.at);
   }
   for (const auto& name : ordered_children(file, "/springs")) {

@@ -77,8 +77,9 @@ std::vector<ElementPart> MaterialTerms::of_element(const MeshBlock& block,
                                                    const Dense& K) const {
   std::vector<ElementPart> parts;
   if (block.type == ElementType::mass1 || block.type == ElementType::node1) return parts;
-  const std::vector<std::string> materials = materials_of(body_, block);
-  if (is_shell(block.type) && (materials.size() > 1 || block.material.empty())) {
+  std::vector<std::string> materials;
+  if (is_shell(block.type)) materials = materials_of(body_, block);
+  if (materials.size() > 1 || (block.material.empty() && !materials.empty())) {
     for (const std::string& name : materials)
       for (const Share& share : of_material_.at(name)) {
         parts.push_back({share.number, stiffness_of_material(body_, block, x, name)});

@@ -13,12 +13,12 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from flexgram.basics import BodyError, Floats, Ints, check_name, errors_of
-from flexgram.body.bodyfile import write_law
+from flexgram.basics import BodyError, Ints, check_name, errors_of
 from flexgram.body.constraints import COMPONENTS, Constraints, write_constraints
 from flexgram.body.discrete import joined_nodes, write_masses, write_springs
 from flexgram.body.faces import CORNERS, middle_of
 from flexgram.body.loads import BodyMesh, write_loads
+from flexgram.body.materials import write_material
 from flexgram.body.meshfile import (
     ALONE,
     FORMULATIONS,
@@ -30,15 +30,13 @@ from flexgram.body.meshfile import (
     node_set,
 )
 from flexgram.body.outputs import write_outputs
-from flexgram.body.parameters import PARAMETER, read_parameter
 from flexgram.body.preload import write_preload
-from flexgram.body.reader import LOSS, Reader, short
+from flexgram.body.reader import Reader, short
 from flexgram.body.second_order import Gained, divide
 from flexgram.body.sections import ROD, SHELL, is_shell, section_properties, shell_properties
 from flexgram.body.selection import in_box, nearest
 from flexgram.body.shells import doubts_of_shells, first_axis
 from flexgram.body.spin import write_spin
-from flexgram.body.viscoelastic import KEY, read_isotropic, read_orthotropic
 from flexgram.body.whole import (
     Block,
     Parts,
@@ -48,85 +46,6 @@ from flexgram.body.whole import (
     merged_nodes,
     summary,
 )
-
-ENGINEERING = ("E1", "E2", "E3", "nu12", "nu13", "nu23", "G12", "G13", "G23")
-ISOTROPIC = ("E", "nu", "rho")
-STIFFNESS = "stiffness"  #: of a material, six rows of six
-EXPANSION = "expansion"  #: [1/K], if heat is to strain the body; of three directions if orthotropic
-
-
-def _write_material(file: h5py.File, name: str, data: Any, units: tuple[float, ...]) -> None:
-    length, mass, force = units
-    stress, density = force / length**2, mass / length**3
-    where = f"materials: {name}"
-    group = file.create_group(f"materials/{check_name(where, str(name))}")
-    if isinstance(data, dict) and {"E1", STIFFNESS} & set(data):
-        matrix = STIFFNESS in data
-        known = (
-            *((STIFFNESS,) if matrix else ENGINEERING),
-            "rho",
-            "axis_1",
-            "axis_2",
-            EXPANSION,
-            LOSS,
-            KEY,
-            PARAMETER,
-        )
-        reader = Reader(data, where, known)
-        factor, laws = read_orthotropic(reader)
-        share, known_between = read_parameter(reader, str(name), stress)
-        factor *= share
-        if matrix:
-            group.attrs[STIFFNESS] = (stress * factor * _matrix(reader)).ravel()
-        else:
-            group.attrs["engineering_constants"] = [
-                reader.number(key) * (1.0 if key.startswith("nu") else stress * factor)
-                for key in ENGINEERING
-            ]
-        first, second = reader.vector("axis_1", [1, 0, 0]), reader.vector("axis_2", [0, 1, 0])
-        if not np.linalg.norm(first) > 0:
-            raise BodyError(f"{where}: axis_1 = [0, 0, 0] has no direction")
-        first = first / np.linalg.norm(first)
-        second = second - first * (first @ second)
-        if np.linalg.norm(second) < 1e-9:
-            raise BodyError(f"{where}: axis_1 and axis_2 are parallel")
-        second = second / np.linalg.norm(second)
-        group.attrs["axes"] = np.concatenate([first, second, np.cross(first, second)])
-    else:
-        reader = Reader(data, where, (*ISOTROPIC, EXPANSION, LOSS, KEY, PARAMETER))
-        moduli, laws = read_isotropic(reader)
-        share, known_between = read_parameter(reader, str(name), stress)
-        group.attrs["E"] = share * moduli.E * stress
-        group.attrs["nu"] = moduli.nu
-    for part, law in laws.items():
-        write_law(group.create_group(part), law)
-    if known_between:
-        if laws:
-            raise BodyError(f"{where}: give viscoelastic or parameter, not both")
-        write_law(group.create_group("whole"), known_between[1])
-        group["whole"].attrs["name"] = known_between[0]
-    group.attrs["rho"] = reader.number("rho") * density
-    if LOSS in reader.data:
-        group.attrs[LOSS] = reader.loss_factor()
-    if EXPANSION in reader.data:
-        several = isinstance(reader.data[EXPANSION], list)
-        if several and not {"E1", STIFFNESS} & set(reader.data):
-            raise BodyError(f"{where}: expansion is one number where E is")
-        group.attrs[EXPANSION] = reader.vector(EXPANSION) if several else reader.number(EXPANSION)
-
-
-def _matrix(material: Reader) -> Floats:
-    """Stiffness (6, 6) of a material, in its axes."""
-    where = f"{material.where}: {STIFFNESS}"
-    with errors_of(where):
-        matrix: Floats = np.array(material.get(STIFFNESS), dtype=float)
-    if matrix.shape != (6, 6) or not np.all(np.isfinite(matrix)):
-        raise BodyError(f"{where} must be six rows of six numbers: xx, yy, zz, xy, yz, zx")
-    if np.abs(matrix - matrix.T).max() > 1e-9 * np.abs(matrix).max():
-        raise BodyError(f"{where} is not symmetric")
-    if np.linalg.eigvalsh(matrix)[0] <= 0:
-        raise BodyError(f"{where} is not positive definite")
-    return matrix
 
 
 def _formulation(region: Reader, kind: str) -> str:
@@ -188,7 +107,7 @@ class MeshBody:
             "mass_integration", ("full", "reduced"), "full"
         )
         for name, data in reader.children("materials").items():
-            _write_material(file, name, data, self.units)
+            write_material(file, name, data, self.units)
         self._write_sections()
         self._merge_nodes()
         self._write_blocks()
@@ -350,6 +269,8 @@ class MeshBody:
         """As ``select``; behind them the new nodes in the middle of shells whose nodes are all
         among them."""
         nodes = self.select(choice, where)
+        if not self.gained or len(nodes) < 8:
+            return nodes
         middles = [some.nodes[np.isin(some.around, nodes).all(axis=1)] for some in self.gained]
         new = np.setdiff1d(np.concatenate([nodes[:0], *middles]), nodes)
         return np.concatenate([nodes, new[self.used[new]]])

@@ -9,7 +9,7 @@ from typing import Any
 from flexgram.basics import BodyError
 from flexgram.body.description import import_description
 from flexgram.body.loads import TYPES
-from flexgram.body.mesh_body import EXPANSION, ISOTROPIC
+from flexgram.body.materials import EXPANSION, ISOTROPIC
 from flexgram.body.outputs import OUTPUTS
 from flexgram.body.units import UNITS
 from flexgram.importers.fe import Interface, check_damping
