@@ -15,6 +15,7 @@ from test_nastran_cards import mpc, plate
 
 from conftest import assembled
 from flexgram.importers import parse
+from flexgram.importers.alone import hold_untouched
 from flexgram.importers.nastran_bulk import assemble_bulk
 
 E_, NU, RHO = 2.1e11, 0.3, 7850.0
@@ -56,14 +57,13 @@ def test_beams_beside_their_grids(cd: str, ranks: int, tmp_path: Path) -> None:
         text = text.replace("ENDDATA", "CORD2R,7,,0.,0.,0.,0.,-1.,0.\n,1.,0.,0.\nENDDATA")
     a = body_of(tmp_path, text, ranks=ranks)
     np.testing.assert_allclose(lowest(a), plain, rtol=1e-8)
-    assert any("weighs" in r for r in a["facts"]["remarks"]) is False
 
 
-def test_an_offset_of_half_of_a_frame(tmp_path: Path) -> None:
+def test_a_force_beside_a_beam(tmp_path: Path) -> None:
     """A force at a grid beside the beam bends and twists it: its compliance by hand."""
     arm = 0.2
     offset = f"CBAR,{{e}},1,{{e}},{{f}},0.,1.,0.\n,,,0.,{arm},0.,0.,{arm},0.\n"
-    a = body_of(tmp_path, bars(offset, held="SPC1,1,123456,1\n"))
+    a = body_of(tmp_path, bars(offset))
     f = a["B"][:, a["names"].index("tip.fz")]
     found = f @ np.linalg.solve(a["K"].toarray(), f)
     G = E_ / (2 * (1 + NU))
@@ -388,3 +388,26 @@ def test_a_law_by_its_matrix(tmp_path: Path) -> None:
         solids.append(body_of(tmp_path, text, "tip=NODES:7")["K"])
     for other in solids[1:]:
         assert abs(solids[0] - other).max() < 1e-6 * abs(solids[0]).max()
+
+
+def test_what_touches_a_grid_alone_is_told_from_rounding(tmp_path: Path) -> None:
+    """A spring along a line through it, in axes that are not those of the deck: what is across
+    the line is held, whatever rounding leaves there; soft rotations are not."""
+    content: dict[str, Any] = {
+        "nodes_alone": [1, 2],
+        "equations": {},
+        "springs": {},
+        "masses": {},
+        "interfaces": {},
+        "supports": {},
+    }
+    x = np.array([1.0, 1e-17, -1e-17])
+    stiff = np.zeros((6, 6))
+    stiff[:3, :3] = 1e9 * np.outer(x, x)
+    content["springs"]["a"] = {"nodes": [1], "to_nodes": [3], "stiffness": stiff.tolist()}
+    both = np.diag([1e9, 1e9, 1e9, 1e-3, 0.0, 0.0])
+    content["springs"]["b"] = {"nodes": [2], "stiffness": both.tolist()}
+    points = np.array([[0.0, 0.0, 0.0], [0.0, 1e3, 0.0], [1e3, 1e-13, 0.0]])
+    hold_untouched(content, points)
+    held = {name: entry["components"] for name, entry in content["supports"].items()}
+    assert held == {"untouched_1": ["y", "z", "rx", "ry", "rz"], "untouched_2": ["ry", "rz"]}

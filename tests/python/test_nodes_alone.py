@@ -185,7 +185,7 @@ def test_bending_and_shear_told_apart(ranks: int, tmp_path: Path) -> None:
     assert abs(a["K"] - b["K"]).max() <= 1e-12 * abs(a["K"]).max()
     assert abs(a["M"] - b["M"]).max() <= 1e-12 * abs(a["M"]).max()
     # 12 I / t³ of two skins of t/2 that are h apart, and a core without stretch of height h − t/2
-    t, h, E, nu, core = 1e-3, 20e-3, 70e9, 0.3, 1e9 / 2.6
+    t, h, core = 1e-3, 20e-3, 1e9 / 2.6
     skins = [{"material": "skin", "thickness": t / 2}] * 2
     layers = [skins[0], {"material": "core", "thickness": h - t / 2}, skins[1]]
     of_layers, mesh = sheet({"layers": layers})
@@ -207,7 +207,6 @@ def test_bending_and_shear_told_apart(ranks: int, tmp_path: Path) -> None:
         np.sort(eigsh(found["K"], 3, found["M"], sigma=0, return_eigenvectors=False)),
         rtol=5e-3,
     )
-    assert E > nu
 
 
 def test_losses_of_what_is_told_apart(tmp_path: Path) -> None:

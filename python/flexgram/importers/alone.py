@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -12,41 +12,76 @@ from flexgram.basics import Floats
 COMPONENTS = ("x", "y", "z", "rx", "ry", "rz")
 
 
-def rigid_row(
-    node: int, by: int, component: int, arm: Floats, axes: Floats | None = None
-) -> list[list[Any]]:
+Row = list[list[Any]]  #: of an equation: node from 1, component, factor
+
+
+def row_along(node: int, component: int, factor: float, axes: Floats | None = None) -> Row:
+    """A factor times a component (from 0, along ``axes`` in rows, if given) of a node, from 1."""
+    along = np.eye(3)[component % 3] if axes is None else axes[component % 3]
+    names = COMPONENTS[:3] if component < 3 else COMPONENTS[3:]
+    return [
+        [node, name, float(factor * part)]
+        for name, part in zip(names, along, strict=True)
+        if abs(part) > 1e-14
+    ]
+
+
+def rigid_row(node: int, by: int, component: int, arm: Floats, axes: Floats | None = None) -> Row:
     """Terms of an equation: a component (from 0, along ``axes`` in rows, if given) of a node moves
     as a rigid body with that of another, which has rotations; both from 1, ``arm`` from that one to
     the node."""
-    along = np.eye(3)[component % 3] if axes is None else axes[component % 3]
-    own = COMPONENTS[:3] if component < 3 else COMPONENTS[3:]
-    terms: list[list[Any]] = [[node, n, float(f)] for n, f in zip(own, along, strict=True)]
-    terms += [[by, n, -float(f)] for n, f in zip(own, along, strict=True)]
+    terms = row_along(node, component, 1.0, axes) + row_along(by, component, -1.0, axes)
     if component < 3:  # e · (θ × d) = θ · (d × e)
-        turned = np.cross(arm, along)
-        terms += [[by, n, -float(f)] for n, f in zip(COMPONENTS[3:], turned, strict=True)]
-    return [term for term in terms if abs(term[2]) > 1e-14]
+        turned = np.cross(arm, np.eye(3)[component] if axes is None else axes[component])
+        terms += [[by, n, -float(f)] for n, f in zip(COMPONENTS[3:], turned, strict=True) if f]
+    return terms
+
+
+#: Of what acts on a component, over the most that acts on one of its kind, less is rounding; and of
+#: what acts on rotations, over forces at a lever as long as the body.
+TOUCH, TURN = 1e-12, 1e-20
 
 
 def hold_untouched(content: dict[str, Any], points: Floats) -> None:
     """Hold the components of ``nodes_alone`` that no equation, spring, mass or interface touches,
     and no support holds."""
-    for number, components in _untouched(content["nodes_alone"], content, points).items():
-        entry = {"nodes": [number], "components": components}
-        content["supports"][f"untouched_{number}"] = entry
+    whole = {n for entry in content["interfaces"].values() for n in entry["nodes"]}
+    held: dict[int, set[str]] = {}
+    for entry in content["supports"].values():
+        for node in entry["nodes"]:
+            held.setdefault(node, set()).update(entry["components"])
+    for node, size in _touched(content, points).items():
+        some = [
+            name
+            for name, own in zip(COMPONENTS, size, strict=True)
+            if own <= TOUCH and name not in held.get(node, ())
+        ]
+        if some and node not in whole:
+            content["supports"][f"untouched_{node}"] = {"nodes": [node], "components": some}
 
 
-def _untouched(
-    alone: Sequence[int], content: Mapping[str, Any], points: Floats
-) -> dict[int, list[str]]:
-    touched = {node: np.zeros((6, 6)) for node in alone}
+def _touched(content: Mapping[str, Any], points: Floats) -> dict[int, Floats]:
+    """For each of ``nodes_alone`` (from 1) how much each component (6,) is touched, by each
+    equation, spring and mass at most by 1."""
+    extent = float(np.ptp(points, axis=0).max()) or 1.0
+    lengths = np.array([1.0, 1.0, 1.0, extent, extent, extent])
+    touched = {node: np.zeros(6) for node in content["nodes_alone"]}
+
+    def add(node: int, size: Floats) -> None:
+        """Stiffness of the components, or squares of factors."""
+        size = np.abs(size) / lengths**2
+        for kind in (slice(0, 3), slice(3, 6)):
+            most = float(size[kind].max())
+            if most > TURN * float(size.max()):
+                touched[node][kind] += size[kind] / most
+
     for entry in content["equations"].values():
         for equation in entry["terms"]:
             for node in {term[0] for term in equation} & set(touched):
                 row = np.zeros(6)
                 for _, component, factor in (term for term in equation if term[0] == node):
                     row[COMPONENTS.index(component)] += factor
-                touched[node] += np.outer(row, row)
+                add(node, row**2)
     for entry in content["springs"].values():
         ends = [entry[key][0] for key in ("nodes", "to_nodes") if len(entry.get(key, [])) == 1]
         for node in set(ends) & set(touched):
@@ -55,24 +90,9 @@ def _untouched(
             carried[:3, 3:] = np.column_stack([np.cross(e, arm) for e in np.eye(3)])
             for matrix in (entry.get("stiffness"), entry.get("damping")):
                 if matrix is not None and np.shape(matrix) == (6, 6):
-                    touched[node] += carried.T @ np.array(matrix) @ carried
+                    add(node, np.diag(carried.T @ np.array(matrix) @ carried))
     for entry in content["masses"].values():
+        turns = float("inertia" in entry or "offset" in entry)
         for node in set(entry.get("nodes", [])) & set(touched):
-            touched[node][:3, :3] += np.eye(3)
-            if "inertia" in entry or "offset" in entry:
-                touched[node][3:, 3:] += np.eye(3)
-    whole = {n for entry in content["interfaces"].values() for n in entry["nodes"]}
-    held: dict[int, set[str]] = {}
-    for entry in content["supports"].values():
-        for node in entry["nodes"]:
-            held.setdefault(node, set()).update(entry["components"])
-    free = {}
-    for node, matrix in touched.items():
-        some = [
-            name
-            for name, own in zip(COMPONENTS, np.diag(matrix), strict=True)
-            if own == 0 and name not in held.get(node, ())
-        ]
-        if some and node not in whole:
-            free[node] = some
-    return free
+            add(node, np.array([1.0, 1.0, 1.0, turns, turns, turns]) * lengths**2)
+    return touched

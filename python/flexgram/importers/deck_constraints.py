@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from flexgram.basics import BodyError, Floats, errors_of
+from flexgram.importers.alone import row_along
 from flexgram.importers.ccx import Card, Job
 from flexgram.importers.deck import Deck
 from flexgram.importers.deck_axes import axes_of_nodes
@@ -45,15 +46,7 @@ def equations_of(job: Job, deck: Deck) -> dict[str, dict[str, Any]]:
 
 def along(axes: Mapping[int, Floats], label: int, number: int, c: int, factor: float) -> Equation:
     """Rows of a factor times a component, from 0, along the axes of a node of this number."""
-    if label not in axes:
-        return [[number, COMPONENTS[c], factor]]
-    names = COMPONENTS[:3] if c < 3 else COMPONENTS[3:]
-    parts = axes[label][c % 3]
-    return [
-        [number, name, float(factor * part)]
-        for name, part in zip(names, parts, strict=True)
-        if abs(part) > 1e-14
-    ]
+    return row_along(number, c, factor, axes.get(label))
 
 
 def _equations(job: Job, deck: Deck, axes: Mapping[int, Floats], card: Card) -> list[Equation]:

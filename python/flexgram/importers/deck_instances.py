@@ -8,7 +8,7 @@ instance is INSTANCE.SET; where one instance alone has a set of that name, it is
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -27,7 +27,7 @@ GLOBAL = ("MATERIAL", "AMPLITUDE")
 ROWS = ("EQUATION", "MPC", "TIE")
 TURNED = ("BEAM SECTION", "BEAM GENERAL SECTION", "TRANSFORM", "SPRING")
 #: Cards whose first column names nodes, elements or sets.
-FIRST = ("SURFACE", "BOUNDARY", "CLOAD", "DLOAD", "TEMPERATURE", "INITIAL CONDITIONS")
+FIRST = ("NODE", "SURFACE", "BOUNDARY", "CLOAD", "DLOAD", "TEMPERATURE", "INITIAL CONDITIONS")
 
 
 @dataclass
@@ -135,6 +135,19 @@ def _labels(cards: Sequence[Card]) -> list[int]:
     return [int(row[0]) for row in rows if row and row[0].isdigit()]
 
 
+def _renamed(card: Card, of: Callable[[str], str]) -> list[list[str]]:
+    """Rows of a card with other labels and names of sets."""
+    if card.keyword == "ELEMENT":
+        return [[of(word) for word in row] for row in card.rows]
+    if card.keyword in ("NSET", "ELSET"):
+        if "GENERATE" in card.options:  # first, last and step
+            return [[*map(of, row[:2]), *row[2:]] for row in card.rows]
+        return [[of(word) for word in row] for row in card.rows]
+    if card.keyword in FIRST:
+        return [[of(row[0]), *row[1:]] for row in card.rows]
+    return card.rows
+
+
 def _own(instance: Instance, card: Card) -> Card:
     """A card of a part, of an instance."""
 
@@ -161,7 +174,7 @@ def _own(instance: Instance, card: Card) -> Card:
             options[key] = of(options[key])
     if "REF NODE" in options:
         options["REF NODE"] = of(options["REF NODE"])
-    rows = card.rows
+    rows = _renamed(card, of)
     if card.keyword == "NODE":
         rows = []
         for row in card.rows:
@@ -171,13 +184,6 @@ def _own(instance: Instance, card: Card) -> Card:
                 raise card.wrong(f"{', '.join(row)!r}: expected a label and a place") from None
             place = instance.turn @ np.array([*x, 0.0, 0.0, 0.0][:3]) + instance.shift
             rows.append([of(row[0]), *(repr(float(c)) for c in place)])
-    elif card.keyword == "ELEMENT":
-        rows = [[of(word) for word in row] for row in rows]
-    elif card.keyword in ("NSET", "ELSET"):
-        generated = "GENERATE" in card.options
-        rows = [[*map(of, row[:2]), *row[2:]] if generated else [*map(of, row)] for row in rows]
-    elif card.keyword in FIRST:
-        rows = [[of(row[0]), *row[1:]] for row in rows]
     elif card.keyword == "ORIENTATION" and instance.turns:
         try:
             numbers = np.array([float(word) for word in rows[0] if word])
@@ -206,17 +212,8 @@ def _common(instances: dict[str, Instance], more: int, card: Card) -> Card:
 
     if "REF NODE" in options:
         options["REF NODE"] = of(options["REF NODE"])
-    rows = card.rows
-    if card.keyword == "NODE":
-        rows = [[of(row[0]), *row[1:]] for row in rows]
-    elif card.keyword == "ELEMENT":
-        rows = [[of(word) for word in row] for row in rows]
-    elif card.keyword in ("NSET", "ELSET"):
-        generated = "GENERATE" in card.options
-        rows = [[*map(of, row[:2]), *row[2:]] if generated else [*map(of, row)] for row in rows]
-    elif card.keyword in FIRST:
-        rows = [[of(row[0]), *row[1:]] for row in rows if row]
-    elif card.keyword in ("EQUATION", "MPC"):
+    rows = _renamed(card, of)
+    if card.keyword in ("EQUATION", "MPC"):
         if more:
             raise card.wrong("beside nodes of the assembly of equal numbers is not followed")
         rows = [[of(word) if "." in word else word for word in row] for row in rows]
@@ -266,9 +263,5 @@ def flat(path: Path) -> list[Line] | None:
     for (key, name), owners in count.items():
         if len(owners) == 1 and (key, name) not in others:
             written.append(Card((path, 0), key, {key: name}, [[f"{owners[0]}.{name}"]]))
-    model = [*rest]
-    begun = next((k for k, c in enumerate(model) if c.keyword == "STEP"), len(model))
-    before = [_common(named, 0, card) for card in model[:begun]]
-    steps = [_common(named, 0, card) for card in model[begun:]]
-    ordered = [*written, *common, *before, *steps]
-    return [line for card in ordered for line in card.written()]
+    model = [_common(named, 0, card) for card in rest]
+    return [line for card in (*written, *common, *model) for line in card.written()]

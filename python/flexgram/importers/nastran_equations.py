@@ -9,11 +9,9 @@ from typing import Any
 import numpy as np
 
 from flexgram.basics import BodyError
-from flexgram.importers.alone import rigid_row
+from flexgram.importers.alone import COMPONENTS, rigid_row, row_along
 from flexgram.importers.nastran_deck import BulkDeck, named
 from flexgram.importers.nastran_elements import Elements
-
-NAMES = ("x", "y", "z", "rx", "ry", "rz")
 
 
 class Equations:
@@ -25,14 +23,8 @@ class Equations:
 
     def _row(self, label: int, component: int, factor: float) -> list[list[Any]]:
         """Factor times a component (from 1) of a grid, along its own axes."""
-        along = self.deck.axes(label)[(component - 1) % 3]
-        names = NAMES[:3] if component < 4 else NAMES[3:]
-        number = self.deck.at(label) + 1
-        return [
-            [number, name, float(factor * part)]
-            for name, part in zip(names, along, strict=True)
-            if abs(part) > 1e-14
-        ]
+        axes = self.deck.axes(label)
+        return row_along(self.deck.at(label) + 1, component - 1, factor, axes)
 
     def _add(self, name: str, equations: list[list[list[Any]]]) -> None:
         if equations:
@@ -57,15 +49,12 @@ class Equations:
                     f"{self.deck.path}: {name.upper().replace('_', ' ')}: grid {reference} has no "
                     "rotations to move others by"
                 )
-            along = self.deck.axes(label)[(c - 1) % 3]
-            terms = self._row(label, c, 1.0)
-            turned = along if c > 3 else np.cross(arm, along)  # e · (θ × d) = θ · (d × e)
-            for names, factors in (
-                (NAMES[:3], along if c < 4 else np.zeros(3)),
-                (NAMES[3:], turned if turns else np.zeros(3)),
-            ):
-                terms += [[number, n, -float(f)] for n, f in zip(names, factors, strict=True) if f]
-            found.append(terms)
+            node, axes = self.deck.at(label) + 1, self.deck.axes(label)
+            if turns:
+                found.append(rigid_row(node, number, c - 1, arm, axes))
+            else:
+                rest = row_along(number, c - 1, -1.0, axes)
+                found.append(row_along(node, c - 1, 1.0, axes) + rest)
         self._add(name, found)
 
     def arms(self) -> None:
@@ -118,7 +107,7 @@ class Equations:
                 at_node = self.deck.at(n) + 1
                 terms += [
                     [at_node, name, -float(f)]
-                    for name, f in zip(NAMES, of_mean @ share, strict=True)
+                    for name, f in zip(COMPONENTS, of_mean @ share, strict=True)
                     if abs(f) > 1e-14
                 ]
             found.append(terms)
