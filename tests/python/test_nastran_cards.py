@@ -42,6 +42,13 @@ def mpc(cards: str) -> str:
         (plate("CGAP,90,9,10,20\nCGAP,91,9,10,20\n"), r"CGAP \(2\): not"),
         (plate(prop="PSHELL,1,1,0.01\n"), "MID1 or MID2 is blank"),
         (plate(material="MAT1,1,-1.,,0.3,7850.\n"), "E must be positive"),
+        (
+            plate(
+                "CBAR,93,2,50,90,0.,0.,1.\nPBAR,2,2,1.-4,1.-8,1.-8,1.-8\n"
+                "MAT8,2,1.+11,1.+10,0.3,1.+10,,,1600.\n"
+            ),
+            "MAT8 2: beams have a MAT1",
+        ),
         (mpc("MPC,5,50,0,1.0,80,1,-1.\n"), "MPC 5: grid 50 has no component 0"),
         (plate("SPC,1,50,3,0.1\n"), "moves grids"),
         (plate("CELAS2,93,1.0,50,3,90,3\n"), "its ends lie apart"),

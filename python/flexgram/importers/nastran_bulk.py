@@ -132,7 +132,7 @@ class _Bulk:
 
     def describe(self) -> dict[str, Any]:
         content: dict[str, Any] = {
-            "materials": self.elements.materials,
+            "materials": self.elements.materials.entries,
             "sections": self.elements.sections,
             "regions": self.elements.regions,
             "masses": self.points.masses,

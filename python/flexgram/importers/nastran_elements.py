@@ -11,11 +11,10 @@ import numpy as np
 
 from flexgram.basics import BodyError, Floats
 from flexgram.body.meshfile import LABELS
-from flexgram.body.reader import Reader
-from flexgram.body.sections import section_properties
 from flexgram.importers.nastran import REORDER, SOLIDS
 from flexgram.importers.nastran_deck import BEAMS, RODS, SHELLS, SPRINGS, WEDGE, BulkDeck, named
-from flexgram.importers.nastran_sections import beam_section, rod_section
+from flexgram.importers.nastran_materials import Materials, beam_ratio, own_shear
+from flexgram.importers.nastran_sections import beam_section, rod_section, sheared
 
 
 @dataclass(frozen=True)
@@ -40,53 +39,13 @@ class Arm:
     pins: frozenset[int]
 
 
-def _own_shear(card: Any) -> float:
-    """G of a MAT1 over E / 2(1 + NU), where these do not belong together; else 0."""
-    if card is None or card.type != "MAT1" or not (card.e and card.g):
-        return 0.0
-    ratio = float(card.g) * 2 * (1 + float(card.nu or 0.0)) / float(card.e)
-    return ratio if abs(ratio - 1) > 1e-2 else 0.0
-
-
-def _of_plane(card: Any) -> list[list[float]]:
-    """The stiffness of a MAT2, which says that of plane stress alone."""
-    G = {
-        key: float(getattr(card, f"G{key}") or 0.0) for key in ("11", "12", "13", "22", "23", "33")
-    }
-    matrix = np.zeros((6, 6))
-    for i, j in ((0, 0), (0, 1), (0, 3), (1, 1), (1, 3), (3, 3)):
-        row, column = (min(k, 2) + 1 for k in (i, j))
-        matrix[i, j] = matrix[j, i] = G[f"{row}{column}"]
-    matrix[2, 2], matrix[4, 4], matrix[5, 5] = G["11"], G["33"], G["33"]
-    rows: list[list[float]] = matrix.tolist()
-    return rows
-
-
-def _sheared(section: dict[str, Any], factor: float) -> dict[str, Any]:
-    """A section that twists and shears as with a ``factor`` times larger G."""
-    if factor == 1:
-        return section
-    of = section_properties(Reader(section, "section"), 1.0)
-    return {"shape": "general"} | of | {key: factor * of[key] for key in ("J", "k_y", "k_z")}
-
-
-def _beam_ratio(card: Any) -> tuple[float, float]:
-    """Of a MAT1: Poisson's ratio with which E gives the G of a beam; and, where there is none, zero
-    and what to multiply the areas by that G resists with."""
-    E, nu = float(card.e), float(card.nu or 0.0)
-    if not card.g or (not _own_shear(card) and -1 < nu < 0.5):
-        return nu, 1.0
-    by_moduli = E / (2 * float(card.g)) - 1
-    return (by_moduli, 1.0) if -1 < by_moduli < 0.5 else (0.0, 2 * float(card.g) / E)
-
-
 class Elements:
     """Entries of a description for the elements of a deck."""
 
     def __init__(self, deck: BulkDeck) -> None:
         self.deck = deck
         self.directions: dict[tuple[float, ...], int] = {}  #: of fibres and sections
-        self.materials: dict[str, dict[str, Any]] = {}
+        self.materials = Materials(deck)
         self.sections: dict[str, dict[str, Any]] = {}
         self.regions: dict[str, dict[str, Any]] = {}
         self.groups: dict[tuple[str, str], tuple[list[list[int]], list[int]]] = {}
@@ -155,60 +114,6 @@ class Elements:
         cells.append([self.deck.at(nodes[k]) for k in order])
         labels.append(number)
 
-    def _material(
-        self,
-        number: int,
-        card: Any,
-        more: float = 0.0,
-        loss: float | None = None,
-        *,
-        beam: bool = False,
-    ) -> str:
-        """Name of a material, with ``more`` density, and another loss factor. Of a MAT1 whose E, G
-        and NU do not belong together beams have E and G, others E and NU, as in Nastran."""
-        if card is None:
-            raise BodyError(f"{self.deck.path}: property {number}: its material is missing")
-        name = f"mat{card.mid}" + (f"_{more:.9g}" if more else "")
-        name += "" if loss is None else f"_g{loss:.9g}"
-        shear = _own_shear(card)
-        name += "_beam" if beam and (shear or not -1 < float(card.nu or 0.0) < 0.5) else ""
-        if name in self.materials:
-            return name
-        wtmass = self.deck.param("WTMASS") or 1.0
-        rho = (float(card.rho or 0.0) + more) * wtmass
-        if card.type == "MAT1":
-            E, nu = float(card.e or 0.0), float(card.nu or 0.0)
-            if not E > 0:
-                raise self.deck.refuse("MAT1", card.mid, "E must be positive")
-            if beam:
-                nu = _beam_ratio(card)[0]
-            if not -1 < nu < 0.5:
-                raise self.deck.refuse("MAT1", card.mid, f"NU = {nu:g} is no Poisson's ratio")
-            entry: dict[str, Any] = {"E": E, "nu": nu, "rho": rho}
-        elif card.type == "MAT8":
-            E1, E2, nu12, G12 = (float(x) for x in (card.e11, card.e22, card.nu12, card.g12))
-            of = {"E1": E1, "E2": E2, "E3": E2, "nu12": nu12, "nu13": 0.0, "nu23": 0.0, "G12": G12}
-            if not (card.g1z and card.g2z):
-                self.deck.remark(
-                    "MAT8 without G1Z or G2Z is stiff in transverse shear in Nastran, here as G12"
-                )
-            of |= {"G13": float(card.g1z or G12), "G23": float(card.g2z or G12), "rho": rho}
-            entry = of
-        elif card.type == "MAT2":
-            entry = {"stiffness": _of_plane(card), "rho": rho}
-            self.deck.remark("MAT2 resists transverse shear by its G33, where MID3 gives no other")
-        else:
-            raise self.deck.refuse(
-                card.type, card.mid, "only MAT1, MAT2 and MAT8 of shells, MAT9 of solids are known"
-            )
-        if not rho > 0:
-            self.deck.remark("a material without density (RHO) weighs nothing")
-        loss = float(card.ge or 0.0) if loss is None else loss
-        if loss:
-            entry["loss_factor"] = loss
-        self.materials[name] = entry
-        return name
-
     def _region(self, name: str, material: str, section: str = "") -> str:
         self.regions[name] = {"material": material} if material else {}
         if section:
@@ -220,31 +125,10 @@ class Elements:
         if prop is None or prop.type != "PSOLID":
             raise self.deck.refuse(element.type, number, "needs a PSOLID")
         if prop.mid_ref is not None and prop.mid_ref.type == "MAT9":
-            return self._anisotropic(prop)
+            return self._region(f"p{prop.pid}", self.materials.of_solid(prop))
         if prop.mid_ref is not None and prop.mid_ref.type != "MAT1":
             raise self.deck.refuse("PSOLID", prop.pid, f"{prop.mid_ref.type} is not followed")
-        return self._region(f"p{prop.pid}", self._material(prop.pid, prop.mid_ref))
-
-    def _anisotropic(self, prop: Any) -> str:
-        """A region of solids with MAT9, along the axes of CORDM."""
-        card, axes = prop.mid_ref, np.eye(3)
-        if prop.cordm not in (0, None):
-            system = self.deck.model.coords.get(prop.cordm)
-            if system is None or system.type not in ("CORD2R", "CORD1R"):
-                raise self.deck.refuse("PSOLID", prop.pid, "only a rectangular CORDM is followed")
-            axes = np.asarray(system.beta(), dtype=float)
-        matrix = [[float(getattr(card, f"G{min(i, j)}{max(i, j)}") or 0.0) for j in range(1, 7)]
-                  for i in range(1, 7)]  # fmt: skip
-        name = f"mat{card.mid}_p{prop.pid}"
-        rho = float(card.rho or 0.0) * (self.deck.param("WTMASS") or 1.0)
-        if not rho > 0:
-            self.deck.remark("a material without density (RHO) weighs nothing")
-        entry = {"stiffness": matrix, "rho": rho}
-        entry |= {"axis_1": axes[0].tolist(), "axis_2": axes[1].tolist()}
-        if card.ge:
-            entry["loss_factor"] = float(card.ge)
-        self.materials[name] = entry
-        return self._region(f"p{prop.pid}", name)
+        return self._region(f"p{prop.pid}", self.materials.of(prop.pid, prop.mid_ref))
 
     def _shell(self, number: int, element: Any) -> str:
         prop = element.pid_ref
@@ -254,7 +138,7 @@ class Elements:
         if prop is not None and prop.type == "PSHELL":
             t = self._thickness(element, prop, given)
             nsm = float(prop.nsm or 0.0)
-            material = self._material(prop.pid, prop.mid1_ref, nsm / t)
+            material = self.materials.of(prop.pid, prop.mid1_ref, nsm / t)
             section: dict[str, Any] = {"shape": "shell", "thickness": t, "offset": offset}
             section |= self._apart(prop)
             has_fibres = any(
@@ -278,7 +162,7 @@ class Elements:
             offset = 0.0 if abs(offset) < 1e-9 * whole else offset
             layers = [
                 {
-                    "material": self._material(prop.pid, m, nsm / whole, loss),
+                    "material": self.materials.of(prop.pid, m, nsm / whole, loss),
                     "thickness": float(t),
                     "angle": float(a),
                 }
@@ -358,12 +242,12 @@ class Elements:
         except BodyError as error:
             raise self.deck.refuse(prop.type, prop.pid, str(error)) from None
         if prop.mid_ref is not None and prop.mid_ref.type == "MAT1" and prop.mid_ref.e:
-            section = _sheared(section, _beam_ratio(prop.mid_ref)[1])
+            section = sheared(section, beam_ratio(prop.mid_ref)[1])
         name = f"p{prop.pid}_d{self._direction(v)}"
         self.sections[name] = section | {"y_axis": v.tolist()}
         with named(self.deck.path, f"{prop.type} {prop.pid}: its area is not understood"):
             A, nsm = float(np.ravel(prop.Area())[0]), float(np.ravel(prop.Nsm() or 0.0)[0])
-        material = self._material(prop.pid, prop.mid_ref, nsm / A, beam=True)
+        material = self.materials.of(prop.pid, prop.mid_ref, nsm / A, beam=True)
         region = self._region(name, material, name)
         axes = np.array([along, v, np.cross(along, v)])
         cells, labels = self.groups.setdefault((region, "line"), ([], []))
@@ -392,17 +276,6 @@ class Elements:
             self.at_offsets[known] = end
         return end
 
-    def _shear_material(self, card: Any) -> str:
-        """Name of a material with G of a MAT1, which may be all that the core of a sandwich has."""
-        G = float(card.g or 0.0)
-        if not G > 0:
-            raise self.deck.refuse("MAT1", card.mid, "G must be positive: it resists shear")
-        name = f"mat{card.mid}_shear"
-        self.materials[name] = {"E": 2 * G, "nu": 0.0, "rho": 0.0}
-        if card.ge:
-            self.materials[name]["loss_factor"] = float(card.ge)
-        return name
-
     def _thickness(self, element: Any, prop: Any, given: list[Any]) -> float:
         """Of an element with PSHELL: the mean of its corners, where these have their own."""
         usual = float(prop.t or 0.0)
@@ -428,7 +301,7 @@ class Elements:
                 raise self.deck.refuse("PSHELL", prop.pid, "MAT2 as MID3 is not followed")
             shear = 5 / 6 if prop.tst is None else float(prop.tst)
             if prop.mid3 == prop.mid1:
-                shear *= _own_shear(prop.mid3_ref) or 1.0
+                shear *= own_shear(prop.mid3_ref) or 1.0
         else:
             self.deck.remark(
                 "shells without MID3 are stiff in transverse shear in Nastran, here not"
@@ -448,7 +321,7 @@ class Elements:
             if mid != prop.mid1:
                 of_shear = key == "shear" and card is not None and card.type == "MAT1"
                 found[key]["material"] = (
-                    self._shear_material(card) if of_shear else self._material(prop.pid, card)
+                    self.materials.of_shear(card) if of_shear else self.materials.of(prop.pid, card)
                 )
         return found
 
@@ -462,7 +335,7 @@ class Elements:
             raise self.deck.refuse(element.type, number, "its area must be positive")
         if J > 0:  # felt where both ends have rotations, which all elements tell
             self.later.append((number, element))
-        material = self._material(prop.mid, prop.mid_ref, float(prop.nsm or 0.0) / A)
+        material = self.materials.of(prop.mid, prop.mid_ref, float(prop.nsm or 0.0) / A)
         name = f"rod_{A:.9g}_{material}"
         self.sections[name] = {"shape": "rod", "A": A}
         return self._region(name, material, name)

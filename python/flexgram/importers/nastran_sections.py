@@ -10,6 +10,8 @@ import numpy as np
 
 from flexgram.basics import BodyError
 from flexgram.body.beam_shapes import Plate, box, general, i_beam, plates, turned
+from flexgram.body.reader import Reader
+from flexgram.body.sections import section_properties
 
 #: What a PBEAM may say that is not followed: neutral axes and masses beside the shear centre,
 #: inertia of masses, warping.
@@ -61,6 +63,14 @@ def beam_section(prop: Any) -> dict[str, Any]:
         raise BodyError("A, I1, I2 and J must be positive")
     stiff = 1e6  # K = 0: no shear
     return general(A, I2, I1, J, float(k1) or stiff, float(k2) or stiff)
+
+
+def sheared(section: dict[str, Any], factor: float) -> dict[str, Any]:
+    """A section that twists and shears as with a ``factor`` times larger G."""
+    if factor == 1:
+        return section
+    of = section_properties(Reader(section, "section"), 1.0)
+    return {"shape": "general"} | of | {key: factor * of[key] for key in ("J", "k_y", "k_z")}
 
 
 def _t(flange: float, h: float, thick: float, web: float) -> list[Plate]:
