@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 #: Types of arrays.
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
+Bools = NDArray[np.bool_]
 ComplexArray = NDArray[np.complex128]
 
 
@@ -155,7 +156,7 @@ def shown(text: str) -> str:
     )
 
 
-def index_of(labels: Ints, wanted: Ints) -> tuple[Ints, NDArray[np.bool_]]:
+def index_of(labels: Ints, wanted: Ints) -> tuple[Ints, Bools]:
     """Where each wanted label stands in ``labels`` (in any order), and whether it does."""
     if not len(labels):
         return np.zeros(np.shape(wanted), dtype=np.int64), np.zeros(np.shape(wanted), dtype=bool)

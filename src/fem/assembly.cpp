@@ -110,7 +110,7 @@ private:
       at_one = stressed_by(*spinning_, at, element, T);
       if (preload_ && !rigid) { // of both together, less that of each
         for (std::size_t i = 0; i < at_one.u.size(); ++i) stressed.u[i] += at_one.u[i];
-        add_to(at_one.added, preload_->of_stress(block, x, stressed.u).quadratic);
+        add_to(at_one.added, preload_->of_stress(at, stressed.u).quadratic);
         for (const Dense* own : {&stressed.quadratic, &at_one.quadratic})
           add_to(at_one.added, *own, -1);
       }
@@ -159,7 +159,8 @@ private:
           at, T, [&](std::int64_t node, int c) { return loads.at(node, c); });
       add_to(forces, multiply(element.K, u));
       result.u = std::move(u.data);
-      StressStiffness by_stress = loads.of_stress(block, at.x, result.u);
+      StressStiffness by_stress = loads.of_stress(at, result.u);
+      if (!by_stress.free.data.empty()) add_to(forces, by_stress.free, -1);
       add_to(result.added, by_stress.linear);
       result.quadratic = std::move(by_stress.quadratic);
     }

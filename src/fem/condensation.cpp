@@ -4,23 +4,43 @@
 #include "linalg/decompositions.hpp"
 
 namespace flexgram {
+namespace {
+
+/// K_aa⁻¹ Bᵀ.
+Dense solved_internal(const Dense& K, int internal, Dense B) {
+  const int n = K.rows - internal;
+  Dense aa(internal, internal);
+  for (int j = 0; j < internal; ++j)
+    for (int i = 0; i < internal; ++i) aa(i, j) = K(n + i, n + j);
+  if (cholesky(aa) != 0) throw Error("the incompatible modes have no stiffness");
+  solve_right_transposed(aa, B); // B L⁻ᵀ
+  return multiply(inverse_transposed(aa), transpose(B));
+}
+
+} // namespace
 
 Dense condensation(const Dense& K, int internal) {
   const int all = K.rows, n = all - internal;
-  Dense aa(internal, internal), ua(n, internal);
-  for (int j = 0; j < internal; ++j) {
-    for (int i = 0; i < internal; ++i) aa(i, j) = K(n + i, n + j);
+  Dense ua(n, internal);
+  for (int j = 0; j < internal; ++j)
     for (int i = 0; i < n; ++i) ua(i, j) = K(i, n + j);
-  }
-  if (cholesky(aa) != 0) throw Error("the incompatible modes have no stiffness");
-  solve_right_transposed(aa, ua);                                         // K_ua L⁻ᵀ
-  const Dense followed = multiply(inverse_transposed(aa), transpose(ua)); // K_aa⁻¹ K_au
+  const Dense followed = solved_internal(K, internal, std::move(ua)); // K_aa⁻¹ K_au
   Dense T(all, n);
   for (int j = 0; j < n; ++j) {
     T(j, j) = 1;
     for (int i = 0; i < internal; ++i) T(n + i, j) = -followed(i, j);
   }
   return T;
+}
+
+Dense internal_response(const Dense& K, int internal, const Dense& load) {
+  const int n = K.rows - internal;
+  Dense f(1, internal);
+  for (int i = 0; i < internal; ++i) f(0, i) = load(n + i, 0);
+  const Dense a = solved_internal(K, internal, std::move(f));
+  Dense result(K.rows, 1);
+  for (int i = 0; i < internal; ++i) result(n + i, 0) = a(i, 0);
+  return result;
 }
 
 Dense condensed(const Dense& a, const Dense& T) {

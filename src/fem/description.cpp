@@ -25,6 +25,24 @@ std::vector<std::string> ordered_children(const Hdf5File& file,
   return names;
 }
 
+std::vector<std::int64_t> read_nodes(const Hdf5File& file, const std::string& object,
+                                     std::int64_t points) {
+  auto nodes = file.read_all<std::int64_t>(object + "/nodes");
+  if (nodes.empty())
+    throw Error(text("file %s: %s has no nodes", file.path().c_str(), object.c_str()));
+  for (auto node : nodes)
+    if (node < 0 || node >= points)
+      throw Error(text("file %s: %s/nodes holds %lld, the mesh has %lld points",
+                       file.path().c_str(), object.c_str(), static_cast<long long>(node),
+                       static_cast<long long>(points)));
+  auto sorted = nodes;
+  std::sort(sorted.begin(), sorted.end());
+  if (std::adjacent_find(sorted.begin(), sorted.end()) != sorted.end())
+    throw Error(text("file %s: %s/nodes holds a node twice", file.path().c_str(),
+                     object.c_str()));
+  return nodes;
+}
+
 namespace {
 
 bool has_line_section(ElementType type) {
@@ -48,24 +66,6 @@ MeshBlock read_block(const Hdf5File& file, const std::string& path) {
                      element_name(block.type)));
   block.elements = shape[0];
   return block;
-}
-
-std::vector<std::int64_t> read_nodes(const Hdf5File& file, const std::string& object,
-                                     std::int64_t points) {
-  auto nodes = file.read_all<std::int64_t>(object + "/nodes");
-  if (nodes.empty())
-    throw Error(text("file %s: %s has no nodes", file.path().c_str(), object.c_str()));
-  for (auto node : nodes)
-    if (node < 0 || node >= points)
-      throw Error(text("file %s: %s/nodes holds %lld, the mesh has %lld points",
-                       file.path().c_str(), object.c_str(), static_cast<long long>(node),
-                       static_cast<long long>(points)));
-  auto sorted = nodes;
-  std::sort(sorted.begin(), sorted.end());
-  if (std::adjacent_find(sorted.begin(), sorted.end()) != sorted.end())
-    throw Error(text("file %s: %s/nodes holds a node twice", file.path().c_str(),
-                     object.c_str()));
-  return nodes;
 }
 
 Interface read_interface(const Hdf5File& file, const std::string& name,
@@ -101,147 +101,6 @@ Interface read_interface(const Hdf5File& file, const std::string& name,
     throw Error(text("file %s: interface %s: coupling node takes one node, it has %zu",
                      file.path().c_str(), name.c_str(), interface.nodes.size()));
   return interface;
-}
-
-/// Names of inputs, and their values.
-/// @pre materials and loads are known.
-void read_preload(const Hdf5File& file, BodyDescription& body) {
-  const auto inputs = file.texts_attribute("/preload", "inputs");
-  const auto values = file.numbers_attribute("/preload", "values");
-  if (inputs.size() != values.size())
-    throw Error(text("file %s: /preload: inputs and values must be as many",
-                     file.path().c_str()));
-  for (std::size_t k = 0; k < inputs.size(); ++k) {
-    if (!std::isfinite(values[k]))
-      throw Error(text("file %s: preload: %s must be finite", file.path().c_str(),
-                       inputs[k].c_str()));
-    if (file.exists("/loads/" + inputs[k].substr(0, inputs[k].rfind('.')) +
-                    "/temperature"))
-      throw Error(
-          text("file %s: preload: %s: stress of heat is not known as a preload yet",
-               file.path().c_str(), inputs[k].c_str()));
-    body.preload.emplace_back(inputs[k], values[k]);
-  }
-}
-
-void refuse_varying_stress(const Hdf5File& file, const BodyDescription& body) {
-  for (const auto& [name, material] : body.materials)
-    for (const MaterialTerm& term : material.terms)
-      if (term.law.is_parameter())
-        throw Error(text(
-            "file %s: material %s: its stress under a preload, or a spin, depends on "
-            "%s: give the material one number, or leave the preload out",
-            file.path().c_str(), name.c_str(), term.law.name().c_str()));
-}
-
-AccelerationField read_field(const Hdf5File& file, const std::string& object,
-                             const std::string& name, const std::string& type) {
-  using Type = AccelerationField::Type;
-  AccelerationField field{name, Type::uniform, {}, {}};
-  if (type == "acceleration") return field;
-  field.type = type == "spin" ? Type::spin : Type::angular;
-  field.point = fixed<double, 3>(file, object, "point");
-  if (field.type == Type::spin) field.axis = fixed<double, 3>(file, object, "axis");
-  double length = 0;
-  for (std::size_t i = 0; i < 3; ++i) {
-    length += field.axis[i] * field.axis[i];
-    if (!std::isfinite(field.point[i]) || !std::isfinite(field.axis[i]))
-      throw Error(text("file %s: load %s: point and axis must be finite",
-                       file.path().c_str(), name.c_str()));
-  }
-  if (field.type == Type::spin && !(std::abs(length - 1) < 1e-9))
-    throw Error(text("file %s: load %s: axis must be of unit length", file.path().c_str(),
-                     name.c_str()));
-  return field;
-}
-
-/// @pre the field has a name that no load has.
-SpinRange read_spin(const Hdf5File& file) {
-  const auto number = [&](const char* name) {
-    return file.number_attribute("/spin", name);
-  };
-  const std::string frame = file.text_attribute("/spin", "frame");
-  if (frame != "turning" && frame != "rest")
-    throw Error(text("file %s: /spin: frame %s must be turning or rest",
-                     file.path().c_str(), frame.c_str()));
-  SpinRange spin{read_field(file, "/spin", "the body's spin", "spin"), number("least"),
-                 number("most"), number("value"), frame == "turning"};
-  try {
-    expect_speeds(
-        "spin",
-        {{"least", {spin.least}}, {"most", {spin.most}}, {"value", {spin.value}}});
-  } catch (Error& error) {
-    error.add_context(text("file %s: /spin", file.path().c_str()));
-    throw;
-  }
-  return spin;
-}
-
-/// /outputs/NAME/feedthrough, columns × inputs, with the names of these.
-Feedthrough read_feedthrough(const Hdf5File& file, const std::string& object,
-                             const NodalVectors& vectors) {
-  const std::string place = object + "/feedthrough";
-  const auto inputs = file.texts_attribute(place, "inputs");
-  if (file.shape(place) !=
-      std::vector<std::int64_t>{static_cast<std::int64_t>(vectors.columns.size()),
-                                static_cast<std::int64_t>(inputs.size())})
-    throw Error(
-        text("file %s: %s must be columns × inputs", file.path().c_str(), place.c_str()));
-  Feedthrough through;
-  through.values = file.read_all<double>(place);
-  for (double x : through.values)
-    if (!std::isfinite(x))
-      throw Error(text("file %s: %s holds %g", file.path().c_str(), place.c_str(), x));
-  for (const auto& column : vectors.columns)
-    for (const auto& input : inputs) {
-      through.outputs.push_back(vectors.name + "." + column);
-      through.inputs.push_back(input);
-    }
-  return through;
-}
-
-NodalVectors read_vectors(const Hdf5File& file, const std::string& group,
-                          const std::string& name, std::int64_t points) {
-  const std::string object = group + "/" + name;
-  NodalVectors vectors{name, file.texts_attribute(object, "columns"),
-                       read_nodes(file, object, points)};
-  const auto shape = file.shape(object + "/values");
-  if (shape.size() != 3 || shape[0] != static_cast<std::int64_t>(vectors.nodes.size()) ||
-      shape[1] != static_cast<std::int64_t>(vectors.columns.size()) ||
-      (shape[2] != 3 && shape[2] != 6) || shape[1] == 0)
-    throw Error(
-        text("file %s: %s/values must be nodes × columns × 3, or × 6 with moments",
-             file.path().c_str(), object.c_str()));
-  vectors.components = as_size(shape[2]);
-  vectors.values = file.read_all<double>(object + "/values");
-  for (double x : vectors.values)
-    if (!std::isfinite(x))
-      throw Error(
-          text("file %s: %s/values holds %g", file.path().c_str(), object.c_str(), x));
-  if (file.exists(object + "/feedthrough"))
-    vectors.feedthrough = read_feedthrough(file, object, vectors);
-  return vectors;
-}
-
-Reaction read_reaction(const Hdf5File& file, const std::string& name,
-                       std::int64_t points) {
-  const std::string object = "/outputs/" + name;
-  Reaction reaction{name,
-                    read_nodes(file, object, points),
-                    fixed<double, 3>(file, object, "point"),
-                    {}};
-  std::sort(reaction.nodes.begin(), reaction.nodes.end());
-  for (double x : reaction.point)
-    if (!std::isfinite(x))
-      throw Error(text("file %s: output %s: point must be finite", file.path().c_str(),
-                       name.c_str()));
-  for (double axis : file.numbers_attribute(object, "axes")) {
-    if (axis != std::floor(axis) || axis < 0 || axis > 5)
-      throw Error(text("file %s: output %s: axis %g must be 0 to 5", file.path().c_str(),
-                       name.c_str(), axis));
-    reaction.axes.push_back(static_cast<int>(axis));
-  }
-  return reaction;
 }
 
 /// A block's materials and section are there, and fit it.
@@ -350,23 +209,7 @@ BodyDescription read_description(const Hdf5File& file) {
                "reduce",
                file.path().c_str()));
     read_discrete(file, body);
-    for (const auto& name : ordered_children(file, "/loads")) {
-      const std::string type = file.text_attribute("/loads/" + name, "type");
-      const std::vector<std::string> known = {"acceleration", "angular_acceleration",
-                                              "spin", "forces"};
-      if (std::find(known.begin(), known.end(), type) == known.end())
-        throw Error(text("file %s: load %s: type %s must be one of %s",
-                         file.path().c_str(), name.c_str(), type.c_str(),
-                         join(known).c_str()));
-      if (type == "forces")
-        body.loads.push_back(read_vectors(file, "/loads", name, body.points));
-      else
-        body.fields.push_back(read_field(file, "/loads/" + name, name, type));
-    }
-    if (file.exists("/preload")) read_preload(file, body);
-    if (file.exists("/spin")) body.spin = read_spin(file);
-    if (!body.preload.empty() || (body.spin && body.spin->turning))
-      refuse_varying_stress(file, body);
+    read_loads(file, body);
     if (!body.preload.empty() || body.spin) expect_inertias_of_bodies(file, body);
     for (const auto& name : ordered_children(file, "/supports")) {
       const std::string object = "/supports/" + name;
@@ -380,12 +223,7 @@ BodyDescription read_description(const Hdf5File& file) {
       body.supports.push_back(std::move(support));
     }
     body.constraints = read_constraints(file, body.points);
-    for (const auto& name : ordered_children(file, "/outputs")) {
-      if (file.has_attribute("/outputs/" + name, "axes"))
-        body.reactions.push_back(read_reaction(file, name, body.points));
-      else
-        body.outputs.push_back(read_vectors(file, "/outputs", name, body.points));
-    }
+    read_outputs(file, body);
   });
   return body;
 }

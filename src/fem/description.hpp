@@ -77,6 +77,23 @@ struct NodalVectors {
   Feedthrough feedthrough = {};    ///< of outputs: what loads add to them at once
 };
 
+/// The temperatures that a load means, above those without stress.
+struct NodeTemperatures {
+  std::string input; ///< of the load, for which they are given
+  std::vector<std::int64_t> nodes;
+  std::vector<double> values; ///< [K]
+};
+
+/// A bolt that is tightened: the elements that have all of these nodes shorten along its axis.
+struct Pretension {
+  std::string input;               ///< of a load: the forces of a shortening by 1
+  std::vector<std::int64_t> nodes; ///< ascending
+  Vector3 axis{};
+  double held =
+      0; ///< ∫ of the stress along the axis, for that, with all nodes held [N m]
+  double length = 0; ///< along the axis [m]
+};
+
 /// Forces and moments by which supports hold nodes, summed, as outputs.
 struct Reaction {
   std::string name;
@@ -154,6 +171,8 @@ struct BodyDescription {
   std::vector<AccelerationField> fields;
   std::vector<NodalVectors> loads, outputs;
   std::vector<Reaction> reactions;
+  std::vector<NodeTemperatures> temperatures; ///< of loads
+  std::vector<Pretension> pretensions;        ///< of loads
   /// Inputs that stay while the body vibrates, and how large they are.
   LoadValues preload;
   std::optional<SpinRange> spin; ///< the body turns, at a speed known between two numbers

@@ -29,6 +29,15 @@ std::array<T, N> fixed(const Hdf5File& file, const std::string& object,
 /// Children of a group in the order of their attribute `order`, if they have one.
 std::vector<std::string> ordered_children(const Hdf5File& file, const std::string& group);
 
+/// The nodes of a group, from 0. @throws Error if there are none, or one that the mesh has not.
+std::vector<std::int64_t> read_nodes(const Hdf5File& file, const std::string& object,
+                                     std::int64_t points);
+
+/// /loads, /preload and /spin. @pre materials are known.
+void read_loads(const Hdf5File& file, BodyDescription& body);
+/// /outputs.
+void read_outputs(const Hdf5File& file, BodyDescription& body);
+
 /// Of /materials and /sections. @throws Error naming file, object and number.
 Material read_material(const Hdf5File& file, const std::string& name,
                        std::vector<std::string>& warnings);

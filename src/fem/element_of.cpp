@@ -133,7 +133,10 @@ Dense gyroscopic(const BodyDescription& body, const MeshBlock& block,
 
 StressStiffness stress_stiffness(const BodyDescription& body, const MeshBlock& block,
                                  const std::vector<Vector3>& x,
-                                 const std::vector<double>& u, Deformation& deformation) {
+                                 const std::vector<double>& u, const FreeStrain* free,
+                                 Deformation& deformation) {
+  if (free && dofs_per_node(block.type) != 3)
+    throw Error("a temperature or a pretension acts on it, and these are of solids");
   if (is_discrete(block.type))
     return {Dense(dofs_of(block), dofs_of(block)), Dense(dofs_of(block), dofs_of(block))};
   if (is_shell(block.type)) {
@@ -149,7 +152,8 @@ StressStiffness stress_stiffness(const BodyDescription& body, const MeshBlock& b
              ? beam_stress_stiffness(x[0], x[1], material.beam,
                                      body.sections.at(block.section), u,
                                      deformation.stress)
-             : solid_stress_stiffness(block.type, x, material.solid, u, deformation);
+             : solid_stress_stiffness(block.type, x, material.solid, u, free,
+                                      deformation);
 }
 
 Dense geometric_stiffness(const BodyDescription& body, const MeshBlock& block,
@@ -163,7 +167,7 @@ Dense geometric_stiffness(const BodyDescription& body, const MeshBlock& block,
     return solid_geometric_stiffness(block.type, x,
                                      body.materials.at(block.material).solid, u);
   Deformation unused;
-  return stress_stiffness(body, block, x, u, unused).linear;
+  return stress_stiffness(body, block, x, u, nullptr, unused).linear;
 }
 
 } // namespace flexgram

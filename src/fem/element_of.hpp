@@ -26,10 +26,12 @@ Dense coriolis(const BodyDescription& body, const MeshBlock& block,
 /// @throws Error for solids, and for what is not symmetric about the axis.
 Dense gyroscopic(const BodyDescription& body, const MeshBlock& block,
                  const std::vector<Vector3>& x, const AccelerationField& spin);
-/// What displacements of its dofs add to its stiffness; springs keep theirs.
+/// What displacements of its dofs, and strain without stress, add to its stiffness; springs keep
+/// theirs. @param free  null: there is none. @throws Error for one of what is no solid.
 StressStiffness stress_stiffness(const BodyDescription& body, const MeshBlock& block,
                                  const std::vector<Vector3>& x,
-                                 const std::vector<double>& u, Deformation& deformation);
+                                 const std::vector<double>& u, const FreeStrain* free,
+                                 Deformation& deformation);
 /// What their stress adds, without moved geometry.
 Dense geometric_stiffness(const BodyDescription& body, const MeshBlock& block,
                           const std::vector<Vector3>& x, const std::vector<double>& u);

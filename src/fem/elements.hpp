@@ -3,6 +3,7 @@
 #include "linalg/dense.hpp"
 
 #include <array>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -41,6 +42,8 @@ enum class MassRule { full, reduced };
 struct SolidMaterial {
   std::array<double, 36> stiffness{};
   double density = 0;
+  /// Strain of a warming by 1 K in the same order [1/K]; nothing: not known.
+  std::optional<std::array<double, 6>> expansion = {};
 };
 
 /// E [N/m²], ν. @throws Error unless E > 0 and −1 < ν < 1/2.
@@ -102,10 +105,17 @@ ElementMatrices solid_matrices(ElementType type, const std::vector<Vector3>& nod
                                const SolidMaterial& material, MassRule mass_rule,
                                bool with_stiffness = true);
 
-/// What displacements u add to the stiffness of an element: the part that is linear in them, and that
-/// which is quadratic, positive semidefinite.
+/// Strain that a solid has without stress: by warming, and the same everywhere in it.
+struct FreeStrain {
+  std::vector<double> temperature; ///< of its nodes [K]; empty: as without stress
+  std::array<double, 6> uniform{}; ///< engineering shears
+};
+
+/// What displacements u add to the stiffness of an element: the part that is linear in them (and in
+/// free strain), and that which is quadratic, positive semidefinite.
 struct StressStiffness {
   Dense linear, quadratic;
+  Dense free = {}; ///< the load of its free strain, one column [N]; empty: it has none
 };
 
 /// What is told of displacements, gathered over elements.
@@ -121,12 +131,14 @@ struct Deformation {
 /// moved geometry ∫ B(u)ᵀC B(u) − B(0)ᵀC B(0), B(u) the strain of Green and Lagrange (Bathe, Finite
 /// Element Procedures, 6.3.4); the incompatible modes of a Hex8 follow as they do in K.
 /// @param u                    three numbers a node [m].
+/// @param free                 strain without stress; null: none.
 /// @param[in,out] deformation  takes in this element.
+/// @throws Error if a material that is warm has no expansion.
 StressStiffness solid_stress_stiffness(ElementType type,
                                        const std::vector<Vector3>& nodes,
                                        const SolidMaterial& material,
                                        const std::vector<double>& u,
-                                       Deformation& deformation);
+                                       const FreeStrain* free, Deformation& deformation);
 
 /// ∫ ∂Nᵀσ∂N alone.
 Dense solid_geometric_stiffness(ElementType type, const std::vector<Vector3>& nodes,

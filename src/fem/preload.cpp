@@ -2,10 +2,13 @@
 
 #include "base/index.hpp"
 #include "base/text.hpp"
+#include "fem/discrete.hpp"
 #include "fem/element_of.hpp"
+#include "linalg/decompositions.hpp"
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 namespace flexgram {
 namespace {
@@ -29,8 +32,20 @@ Preload::Preload(const BodyDescription& body, LoadValues loads, const DofMap& ma
                  const Ports& inputs, const std::vector<std::int64_t>& node,
                  const LocalMesh& mesh, const SolverOptions& options)
     : body_(body), loads_(std::move(loads)), map_(map) {
-  const Block load = total_load(loads_, inputs);
   for (const auto& [name, value] : loads_) {
+    bool strains = false; // forces of elements at each other, which these count
+    for (const Pretension& bolt : body.pretensions) {
+      if (bolt.input != name) continue;
+      strains = true;
+      bolts_.push_back({&bolt, value, 0});
+    }
+    for (const NodeTemperatures& warm : body.temperatures) {
+      if (warm.input != name) continue;
+      strains = true;
+      temperature_.resize(as_size(body.points));
+      for (std::size_t k = 0; k < warm.nodes.size(); ++k)
+        temperature_[as_size(warm.nodes[k])] += value * warm.values[k];
+    }
     for (const AccelerationField& field : body.fields) {
       const auto names = input_names(field);
       const auto found = std::find(names.begin(), names.end(), name);
@@ -50,7 +65,7 @@ Preload::Preload(const BodyDescription& body, LoadValues loads, const DofMap& ma
     }
     for (const NodalVectors& vectors : body.loads) {
       const auto names = input_names(vectors);
-      if (std::find(names.begin(), names.end(), name) == names.end()) continue;
+      if (strains || std::find(names.begin(), names.end(), name) == names.end()) continue;
       for (std::int64_t loaded : vectors.nodes)
         if (map.reference[as_size(loaded)] >= 0)
           throw Error(
@@ -66,9 +81,7 @@ Preload::Preload(const BodyDescription& body, LoadValues loads, const DofMap& ma
     solver.count_pivots(true);
     solver.factorise({1.0, 0.0});
     if (solver.null_pivots() > 0) throw Error(free);
-    const Block u = solver.solve(load).x;
-    const Block::Access local(u);
-    u_ = gathered<double>(u.comm(), {local.column(0), as_size(u.local_rows().size())});
+    solve(solver, inputs);
   } catch (const ShiftError&) {
     throw Error(free);
   }
@@ -89,6 +102,43 @@ Preload::Preload(const BodyDescription& body, LoadValues loads, const DofMap& ma
     }
     extent_ = std::max(extent_, most - least);
   }
+}
+
+void Preload::solve(ShiftedSolver& solver, const Ports& inputs) {
+  LoadValues others;
+  for (const auto& entry : loads_)
+    if (std::none_of(bolts_.begin(), bolts_.end(), [&](const Tightened& one) {
+          return one.bolt->input == entry.first;
+        }))
+      others.push_back(entry);
+  Block load = total_load(others, inputs);
+  for (const Tightened& one : bolts_)
+    load = concatenate(load, total_load({{one.bolt->input, 1.0}}, inputs));
+  const Block u = solver.solve(load).x;
+  const int count = static_cast<int>(bolts_.size());
+  Dense shares(1 + count, 1);
+  shares(0, 0) = 1;
+  if (count > 0) { // forces of bolts by the shortenings of all
+    const Dense work = inner(load, u);
+    ComplexDense forces(count, count), wanted(count, 1);
+    for (int i = 0; i < count; ++i) {
+      const Pretension& bolt = *bolts_[as_size(i)].bolt;
+      for (int j = 0; j < count; ++j)
+        forces(i, j) = ((i == j ? bolt.held : 0) - work(1 + i, 1 + j)) / bolt.length;
+      if (!(forces(i, i).real() * bolt.length > 1e-6 * bolt.held))
+        throw Error(text("preload: %s: nothing resists the shank, it shortens without "
+                         "force: do both of its ends hold on to the body?",
+                         bolt.input.c_str()));
+      wanted(i, 0) = bolts_[as_size(i)].force;
+    }
+    const ComplexDense strains = flexgram::solve(std::move(forces), std::move(wanted));
+    for (int i = 0; i < count; ++i)
+      shares(1 + i, 0) = bolts_[as_size(i)].strain = strains(i, 0).real();
+  }
+  const Block total = combine(u, shares);
+  const Block::Access local(total);
+  u_ = gathered<double>(total.comm(),
+                        {local.column(0), as_size(total.local_rows().size())});
 }
 
 double Preload::speed() const {
@@ -119,9 +169,37 @@ double Preload::at(std::int64_t node, int c) const {
   return equation < 0 ? 0.0 : u_[as_size(equation)];
 }
 
-StressStiffness Preload::of_stress(const MeshBlock& block, const std::vector<Vector3>& x,
+StressStiffness Preload::of_stress(const PlacedElement& at,
                                    const std::vector<double>& u) {
-  return stress_stiffness(body_, block, x, u, deformation_);
+  const auto free = free_strain(at);
+  return stress_stiffness(body_, at.block(), at.x, u, free ? &*free : nullptr,
+                          deformation_);
+}
+
+std::optional<FreeStrain> Preload::free_strain(const PlacedElement& at) const {
+  if ((temperature_.empty() && bolts_.empty()) || is_discrete(at.block().type))
+    return std::nullopt;
+  FreeStrain strain;
+  const std::span nodes(at.nodes, at.x.size());
+  bool any = false;
+  if (!temperature_.empty())
+    for (std::int64_t node : nodes)
+      any |= strain.temperature.emplace_back(temperature_[as_size(node)]) != 0;
+  if (!any) strain.temperature.clear();
+  for (const auto& [bolt, force, shortened] : bolts_) {
+    const auto& shank = bolt->nodes;
+    if (!std::all_of(nodes.begin(), nodes.end(), [&](std::int64_t node) {
+          return std::binary_search(shank.begin(), shank.end(), node);
+        }))
+      continue;
+    any = true;
+    const Vector3& n = bolt->axis;
+    const std::array<double, 6> along = {n[0] * n[0],     n[1] * n[1],
+                                         n[2] * n[2],     2 * n[0] * n[1],
+                                         2 * n[1] * n[2], 2 * n[2] * n[0]};
+    for (std::size_t r = 0; r < 6; ++r) strain.uniform[r] -= shortened * along[r];
+  }
+  return any ? std::optional(std::move(strain)) : std::nullopt;
 }
 
 Dense Preload::of_spin(const MeshBlock& block, const std::vector<Vector3>& x,
@@ -192,6 +270,9 @@ void Preload::tell(MPI_Comm comm, Observer& observer) const {
   std::string loads;
   for (const auto& [name, value] : loads_)
     loads += text("%s%s %g", loads.empty() ? "" : ", ", name.c_str(), value);
+  for (const auto& [bolt, force, strain] : bolts_)
+    loads += text(", %s shortens its shank by %.3g m", bolt->input.c_str(),
+                  strain * bolt->length);
   observer.fact(
       "preload",
       text("%s: displacement at most %.3g m, von Mises stress (of beams: axial) at "

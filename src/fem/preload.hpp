@@ -3,7 +3,7 @@
 #pragma once
 
 #include "base/observer.hpp"
-#include "fem/elements.hpp"
+#include "fem/followers.hpp"
 #include "fem/loads.hpp"
 #include "linalg/shifted_solver.hpp"
 
@@ -31,8 +31,7 @@ public:
   /// Displacement of component c of a node that is no slave.
   double at(std::int64_t node, int c) const;
   /// What an element's stress and moved geometry add to its K. @param u  of its dofs.
-  StressStiffness of_stress(const MeshBlock& block, const std::vector<Vector3>& x,
-                            const std::vector<double>& u);
+  StressStiffness of_stress(const PlacedElement& at, const std::vector<double>& u);
   /// −Ω²M_c of an element.
   Dense of_spin(const MeshBlock& block, const std::vector<Vector3>& x,
                 const ElementMatrices& element) const;
@@ -61,7 +60,16 @@ private:
     double value;
     bool is_spin() const { return field->type == AccelerationField::Type::spin; }
   };
+  /// A bolt, and by how much it shortens, relative to its length.
+  struct Tightened {
+    const Pretension* bolt;
+    double force, strain;
+  };
   bool spins() const { return speed() > 0; }
+  /// Solves for the displacements u_, of bolts with the shortening that gives their forces.
+  void solve(ShiftedSolver& solver, const Ports& inputs);
+  /// Strain without stress of an element: of temperatures and bolts.
+  std::optional<FreeStrain> free_strain(const PlacedElement& at) const;
   /// Of displacements beyond linear statics, and of locking. @param share  of the loads.
   void warn_of_shape(MPI_Comm comm, double share, Observer& observer) const;
   const BodyDescription& body_;
@@ -69,6 +77,8 @@ private:
   const DofMap& map_;
   std::vector<double> u_; ///< of all equations
   std::vector<Field> fields_;
+  std::vector<double> temperature_; ///< of nodes [K]; empty: as without stress
+  std::vector<Tightened> bolts_;
   double largest_ = 0; ///< displacement [m]
   Deformation deformation_;
   double extent_ = 0; ///< of the nodes here [m]

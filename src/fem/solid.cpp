@@ -252,13 +252,57 @@ ElementMatrices solid_matrices(ElementType type, const std::vector<Vector3>& nod
 
 namespace {
 
+using Voigt = std::array<double, 6>;
+
+Voigt linear_strain_of(const Jacobian& H) {
+  return {H[0][0],           H[1][1],           H[2][2],
+          H[0][1] + H[1][0], H[1][2] + H[2][1], H[2][0] + H[0][2]};
+}
+
+Voigt stress_of(const SolidMaterial& material, const Voigt& strain) {
+  Voigt s{};
+  for (std::size_t r = 0; r < 6; ++r)
+    for (std::size_t c = 0; c < 6; ++c) s[r] += material.stiffness[6 * r + c] * strain[c];
+  return s;
+}
+
+/// Free strain at the points of the stiffness.
+std::vector<Voigt> free_strains(ElementType type, const SolidMaterial& material,
+                                const FreeStrain& free) {
+  if (!free.temperature.empty() && !material.expansion)
+    throw Error("its material, which a temperature warms, has no expansion");
+  std::vector<Voigt> strains;
+  for (const ShapePoint& at : stiffness_points(type)) {
+    Voigt& strain = strains.emplace_back(free.uniform);
+    for (std::size_t i = 0; i < free.temperature.size(); ++i)
+      for (std::size_t r = 0; r < 6; ++r)
+        strain[r] += at.N[i] * free.temperature[i] * (*material.expansion)[r];
+  }
+  return strains;
+}
+
 /// A solid whose nodes are displaced; the incompatible modes of a Hex8 follow.
 struct Displaced {
   Displaced(ElementType type, const std::vector<Vector3>& nodes,
-            const SolidMaterial& material, const std::vector<double>& u)
+            const SolidMaterial& material, const std::vector<double>& u,
+            const FreeStrain* strain = nullptr)
       : points(points_of(type, nodes)), n(static_cast<int>(nodes.size())),
-        modes(static_cast<int>(points.front().gradients.size())), moved(3 * n, 1) {
+        modes(static_cast<int>(points.front().gradients.size())), moved(3 * n, 1),
+        free(points.size()) {
     std::copy(u.begin(), u.end(), moved.data.begin());
+    if (strain) {
+      free = free_strains(type, material, *strain);
+      load = Dense(3 * modes, 1);
+      for (std::size_t p = 0; p < points.size(); ++p) {
+        const Voigt s = stress_of(material, free[p]);
+        for (int i = 0; i < 3 * modes; ++i) {
+          const Voigt own =
+              linear_strain(as_size(i % 3), points[p].gradients[as_size(i / 3)]);
+          for (std::size_t r = 0; r < 6; ++r)
+            load(i, 0) += points[p].volume * own[r] * s[r];
+        }
+      }
+    }
     if (modes == n) return;
     Dense K(3 * modes, 3 * modes);
     for (const StiffnessPoint& at : points)
@@ -266,6 +310,9 @@ struct Displaced {
     mirror(K);
     T = condensation(K, 3 * (modes - n));
     moved = multiply(T, moved);
+    if (!strain) return;
+    add_to(moved, internal_response(K, 3 * (modes - n), load));
+    load = multiply_transposed(T, load);
   }
 
   /// ∂u/∂x
@@ -280,21 +327,9 @@ struct Displaced {
   std::vector<StiffnessPoint> points;
   int n, modes; ///< of nodes; with incompatible modes
   Dense moved, T;
+  std::vector<Voigt> free; ///< strain without stress, at the points
+  Dense load = {};         ///< that of free strain at the nodes; empty: there is none
 };
-
-using Voigt = std::array<double, 6>;
-
-Voigt linear_strain_of(const Jacobian& H) {
-  return {H[0][0],           H[1][1],           H[2][2],
-          H[0][1] + H[1][0], H[1][2] + H[2][1], H[2][0] + H[0][2]};
-}
-
-Voigt stress_of(const SolidMaterial& material, const Voigt& strain) {
-  Voigt s{};
-  for (std::size_t r = 0; r < 6; ++r)
-    for (std::size_t c = 0; c < 6; ++c) s[r] += material.stiffness[6 * r + c] * strain[c];
-  return s;
-}
 
 Voigt linear_stress(const SolidMaterial& material, const Jacobian& H) {
   return stress_of(material, linear_strain_of(H));
@@ -367,11 +402,12 @@ StressStiffness solid_stress_stiffness(ElementType type,
                                        const std::vector<Vector3>& nodes,
                                        const SolidMaterial& material,
                                        const std::vector<double>& u,
-                                       Deformation& deformation) {
-  const Displaced body(type, nodes, material, u);
+                                       const FreeStrain* free, Deformation& deformation) {
+  const Displaced body(type, nodes, material, u, free);
   Dense K(3 * body.modes, 3 * body.modes), quadratic(3 * body.modes, 3 * body.modes);
   std::vector<Jacobian> gradients;
-  for (const StiffnessPoint& at : body.points) {
+  for (std::size_t p = 0; p < body.points.size(); ++p) {
+    const StiffnessPoint& at = body.points[p];
     const Jacobian& H = gradients.emplace_back(body.gradient(at));
     // The strain of the moved body is that of the body at rest, L, and N by ∂u/∂x:
     // (L + N)ᵀC(L + N) − LᵀCL is what changes its sign with u, and NᵀCN.
@@ -396,7 +432,9 @@ StressStiffness solid_stress_stiffness(ElementType type,
     add_stiffness(K, at.gradients, material.stiffness, -half, strain_by(-scale, 1));
     add_stiffness(quadratic, at.gradients, material.stiffness, at.volume,
                   strain_by(1, 0));
-    const Voigt strain = linear_strain_of(H), s = stress_of(material, strain);
+    Voigt strain = linear_strain_of(H);
+    for (std::size_t r = 0; r < 6; ++r) strain[r] -= body.free[p][r];
+    const Voigt s = stress_of(material, strain);
     deformation.stress = std::max(deformation.stress, von_mises(s));
     for (std::size_t r = 0; r < 6; ++r)
       deformation.energy += at.volume * s[r] * strain[r];
@@ -405,8 +443,9 @@ StressStiffness solid_stress_stiffness(ElementType type,
   deformation.locked += locked_energy(type, body.points, gradients, material);
   mirror(K);
   mirror(quadratic);
-  if (body.modes > body.n) return {condensed(K, body.T), condensed(quadratic, body.T)};
-  return {std::move(K), std::move(quadratic)};
+  if (body.modes > body.n)
+    return {condensed(K, body.T), condensed(quadratic, body.T), body.load};
+  return {std::move(K), std::move(quadratic), body.load};
 }
 
 Dense solid_geometric_stiffness(ElementType type, const std::vector<Vector3>& nodes,

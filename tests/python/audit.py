@@ -1,7 +1,7 @@
 """Random systems against extended precision: does any true error exceed the certified one?
 
-    audit.py [count] [seed] [csv] [--materials | --spin | --speeds] [--every N]
-        count systems, or every Nth of them; a table by class and by damping
+    audit.py [count] [seed] [csv] [--materials | --spin | --speeds] [--every N] [--from N]
+        count systems, or every Nth of them, from the Nth on; a table by class and by damping
 
 ``--materials``: with loss factors by material instead of the seven other kinds of damping;
 ``--spin``: with gyroscopic forces; ``--speeds``: with a range of speeds.
@@ -517,11 +517,12 @@ def what_of(index: int, dampings: Any) -> tuple[str, str]:
 def main() -> int:
     """Print the table; exit status 1 if any error exceeds its certificate."""
     words = sys.argv[1:]
-    every = 1
-    if "--every" in words:
-        at = words.index("--every")
-        every = int(words[at + 1])
-        del words[at : at + 2]
+    steps = {"--every": 1, "--from": 0}
+    for name in steps:
+        if name in words:
+            at = words.index(name)
+            steps[name] = int(words[at + 1])
+            del words[at : at + 2]
     words = [word for word in words if not word.startswith("--")]
     chosen = {"--materials": MATERIALS, "--spin": SPIN, "--speeds": SPEEDS}
     dampings = next((of for word, of in chosen.items() if word in sys.argv), DAMPINGS)
@@ -530,7 +531,7 @@ def main() -> int:
     table: dict[Any, list[Verdict]] = collections.defaultdict(list)
     broken, start = 0, time.time()
     damped = missed = rightly = 0  # systems with damping, not met, whose true error is above
-    chosen_ones = range(0, count, every)
+    chosen_ones = range(steps["--from"], count, steps["--every"])
     for index in chosen_ones:
         rng = np.random.default_rng([seed, index])
         kind, damping = what_of(index, dampings)

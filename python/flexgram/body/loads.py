@@ -1,4 +1,5 @@
-"""Loads of a mesh beside its interfaces: gravity, spin, pressure, traction, forces, temperature.
+"""Loads of a mesh beside its interfaces: gravity, spin, pressure, traction, forces, temperature,
+bolts that are tightened.
 
 A load is written to the body file as a field of acceleration, which the assembly weighs with the
 body's mass, or as forces at nodes for a unit of its input, integrated here over faces of elements.
@@ -23,7 +24,7 @@ from flexgram.body.spin import unit_axis
 from flexgram.body.stress import Stresses
 
 FIELDS = ("acceleration", "angular_acceleration", "spin")
-TYPES = (*FIELDS, "pressure", "traction", "force", "nodal", "temperature")
+TYPES = (*FIELDS, "pressure", "traction", "force", "nodal", "temperature", "pretension")
 AXES = "xyz"
 
 
@@ -111,6 +112,30 @@ def _write_temperature(mesh: BodyMesh, group: h5py.Group, entry: Reader) -> str:
     return f"temperature of {len(warm)} nodes"
 
 
+def _write_pretension(mesh: BodyMesh, group: h5py.Group, entry: Reader) -> str:
+    """A shank that shortens along its axis, as the load of that strain, and what its force is
+    computed from."""
+    chosen = np.zeros(len(mesh.points), dtype=bool)
+    chosen[mesh.select(entry.get("nodes"), entry.where)] = True
+    axis = unit_axis(entry)
+    for kind, elements in mesh.blocks:
+        if kind not in SOLIDS and chosen[elements].all(axis=1).any():
+            raise BodyError(f"{entry.where}: a pretension is of solids, not of shells and beams")
+    with errors_of(entry.where):
+        forces, held, volume, shank = Stresses.of(mesh.file).shortened(chosen, axis)
+    if not len(shank):
+        raise BodyError(
+            f"{entry.where}: no solid that deforms has all its nodes among the "
+            f"{np.count_nonzero(chosen)} chosen: choose those of the whole shank, not of a face"
+        )
+    length = float(np.ptp(mesh.length * mesh.points[shank] @ axis))
+    used = np.flatnonzero(np.any(forces != 0, axis=1))
+    write_vectors(group, ["force"], used, forces[used][:, None, :])
+    group["pretension/nodes"] = np.flatnonzero(chosen)
+    group["pretension"].attrs.update(axis=axis, held=held, length=length)
+    return f"pretension of a shank {length:.4g} m long, {volume / length:.3g} m² in the mean"
+
+
 def _expect_rotations(mesh: BodyMesh, nodes: Ints, where: str) -> None:
     """Refuse moments at nodes that have no rotations: of solids, and of no rigid interface."""
     turning = [elements.ravel() for kind, elements in mesh.blocks if kind in TURNING]
@@ -153,7 +178,7 @@ def write_loads(mesh: BodyMesh, reader: Reader) -> dict[str, str]:
             needs = {
                 "nodes": kind not in (*FIELDS, "nodal"),
                 "point": kind in FIELDS[1:],
-                "axis": kind == "spin",
+                "axis": kind in ("spin", "pretension"),
                 "table": kind in ("nodal", "temperature"),
             }[key]
             if key in entry.data and not needs:
@@ -176,6 +201,9 @@ def write_loads(mesh: BodyMesh, reader: Reader) -> dict[str, str]:
             continue
         if kind == "temperature":
             said[str(name)] = _write_temperature(mesh, group, entry)
+            continue
+        if kind == "pretension":
+            said[str(name)] = _write_pretension(mesh, group, entry)
             continue
         nodes = mesh.select(entry.get("nodes"), entry.where)
         if kind == "force":

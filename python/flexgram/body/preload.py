@@ -34,6 +34,12 @@ def write_preload(file: h5py.File, reader: Reader, names: Iterable[str]) -> list
         For an input that the body has not, or of a kind that is no preload.
     """
     entries = reader.children("preload")
+    for name, group in file.get("loads", {}).items():
+        if "pretension" in group and f"{name}.force" not in entries:
+            raise BodyError(
+                f"loads: {name}: a pretension is a load that stays: give its force [N] as "
+                f"`preload: {{{name}.force: …}}`"
+            )
     if not entries:
         return []
     entry, names = Reader(entries, "preload"), list(names)
@@ -45,8 +51,6 @@ def write_preload(file: h5py.File, reader: Reader, names: Iterable[str]) -> list
                 f"preload: {key} must be an input, such as {names[0]}.fx or gravity.az, of an "
                 "interface or a load of this body" + (f"; did you mean {near[0]}?" if near else "")
             )
-        if f"loads/{stem}/temperature" in file:
-            raise BodyError(f"preload: {key}: stress of heat is not known as a preload yet")
     group = file.create_group("preload")
     group.attrs["inputs"] = list(map(str, entries))
     group.attrs["values"] = [entry.number(key) for key in entries]

@@ -21,7 +21,7 @@ import numpy as np
 import scipy.sparse as sp
 from numpy.typing import ArrayLike
 
-from flexgram.basics import BodyError, Floats, Ints, errors_of
+from flexgram.basics import BodyError, Bools, Floats, Ints, errors_of
 from flexgram.body.meshfile import SOLIDS
 from flexgram.body.strain import (
     deforming,
@@ -193,6 +193,45 @@ class Stresses:
                 np.add.at(forces, some, force)
                 np.add.at(stress, some, np.einsum("nq,eqi->eni", outward, held))
         return forces, self._averaged(stress)
+
+    def shortened(self, nodes: Bools, axis: Floats) -> tuple[Floats, float, float, Ints]:
+        """A body that is held at all its nodes while some of its elements shorten by their length.
+
+        Parameters
+        ----------
+        nodes : (N,) bool array
+            Elements that have no others shorten.
+        axis : (3,) array
+            Along which, of unit length.
+
+        Returns
+        -------
+        forces : (N, 3) array
+            That the load is [N].
+        held : float
+            Their stress along the axis, over their volume [N m].
+        volume : float
+            Theirs [m³].
+        shank : int array
+            Their nodes.
+        """
+        forces = np.zeros_like(self.points)
+        work, size, shank = 0.0, 0.0, [np.empty(0, dtype=np.int64)]
+        n = np.outer(axis, axis)
+        along = np.array([n[0, 0], n[1, 1], n[2, 2], n[0, 1], n[1, 2], n[2, 0]])
+        engineering = along * [1, 1, 1, 2, 2, 2]
+        for kind, elements, law, *_ in self.blocks:
+            inside = elements[nodes[elements].all(axis=1)]
+            for first in range(0, len(inside), CHUNK):
+                some = inside[first : first + CHUNK]
+                volume = stress_operator(kind, self.points[some], law)[2]
+                strain = np.broadcast_to(-engineering, (*volume.shape, 6))
+                force, stress = heat_operator(kind, self.points[some], law, strain)
+                np.add.at(forces, some, force)
+                work += float(np.einsum("eq,eqi,i->", volume, stress, engineering))
+                size += float(volume.sum())
+            shank.append(np.unique(inside))
+        return forces, work, size, np.unique(np.concatenate(shank))
 
     def of_temperatures(self, body: str | Path, inputs: list[str]) -> dict[str, Floats]:
         """Those of the inputs that are temperatures, with the stress that ``heated`` gives."""

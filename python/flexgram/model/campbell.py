@@ -9,9 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg
 import scipy.optimize
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from flexgram.basics import BodyError, ComplexArray, Floats, Ints
+from flexgram.basics import BodyError, Bools, ComplexArray, Floats, Ints
 from flexgram.body.laws import SPEED, Coriolis, Spin
 from flexgram.model.system import System
 
@@ -66,7 +66,7 @@ class Campbell:
     damping: Floats
     whirl: Floats
     growth: Floats
-    passed: NDArray[np.bool_]
+    passed: Bools
     turning: bool
 
     def critical(self, orders: Sequence[float] = (1.0,)) -> list[CriticalSpeed]:
@@ -226,7 +226,7 @@ def _firsts(at: Sequence[_Poles], rows: Ints) -> list[tuple[_Poles, int]]:
     return found
 
 
-def _followed(M: Floats, speeds: Floats, at: Sequence[_Poles]) -> tuple[Ints, NDArray[np.bool_]]:
+def _followed(M: Floats, speeds: Floats, at: Sequence[_Poles]) -> tuple[Ints, Bools]:
     """The place of each mode among the poles of each speed, (s, k), -1 where it does not vibrate,
     and whether it went through 0 Hz since the one before: those of most alike shapes and
     frequencies."""
