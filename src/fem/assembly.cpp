@@ -60,7 +60,7 @@ private:
     const MeshBlock& block = at.block();
     const std::vector<Vector3>& x = at.x;
     const bool rigid = at.rigid; // only mass
-    ElementMatrices element = element_matrices(body_, block, x, !rigid);
+    ElementMatrices element = element_matrices(body_, at, !rigid);
     if (!is_discrete(block.type)) {
       ++facts_.elements;
       facts_.rigid_elements += rigid;
@@ -86,7 +86,7 @@ private:
       fields_.add_element(at.nodes, x, dofs_per_node(block.type), element);
     const Dense T = followers_.transformation(at);
     std::vector<ElementPart> parts;
-    if (!rigid) parts = terms_.of_element(block, x, body_.mass_rule, element.K);
+    if (!rigid) parts = terms_.of_element(at, body_.mass_rule, element.K);
     if (is_discrete(block.type)) {
       const auto expect = [&](const Dense& of_element) {
         expect_rotations(map_, at.nodes, x.size(), of_element, block.path);
@@ -98,13 +98,12 @@ private:
     Stressed stressed, at_one; // by the preload; by a spin of 1 rad/s
     if (preload_) {
       if (preload_->speed() > 0)
-        parts.push_back({terms_.laws().size(), preload_->coriolis(block, x, element)});
+        parts.push_back({terms_.laws().size(), preload_->coriolis(at, element)});
       stressed = stressed_by(*preload_, at, element, T);
       if (!rigid) add_to(stressed.added, stressed.quadratic);
     }
     if (body_.spin && !body_.spin->turning) {
-      parts.push_back(
-          {terms_.laws().size(), gyroscopic(body_, block, x, body_.spin->field)});
+      parts.push_back({terms_.laws().size(), gyroscopic(body_, at, body_.spin->field)});
     }
     if (spinning_) {
       at_one = stressed_by(*spinning_, at, element, T);
@@ -114,7 +113,7 @@ private:
         for (const Dense* own : {&stressed.quadratic, &at_one.quadratic})
           add_to(at_one.added, *own, -1);
       }
-      parts.push_back({terms_.laws().size(), spinning_->coriolis(block, x, element)});
+      parts.push_back({terms_.laws().size(), spinning_->coriolis(at, element)});
       if (!rigid)
         parts.push_back({terms_.laws().size() + 2, std::move(at_one.quadratic)});
       parts.push_back({terms_.laws().size() + 1, std::move(at_one.added)});
@@ -150,10 +149,9 @@ private:
   };
   Stressed stressed_by(Preload& loads, const PlacedElement& at,
                        const ElementMatrices& element, const Dense& T) const {
-    const MeshBlock& block = at.block();
-    Dense forces = loads.weight(block, at.x, element);
+    Dense forces = loads.weight(at, element);
     for (double& f : forces.data) f = -f;
-    Stressed result{loads.of_spin(block, at.x, element), {}};
+    Stressed result{loads.of_spin(at, element), {}};
     if (!at.rigid) {
       Dense u = followers_.displacement(
           at, T, [&](std::int64_t node, int c) { return loads.at(node, c); });

@@ -3,6 +3,7 @@
 #include "base/text.hpp"
 #include "fem/description_file.hpp"
 #include "fem/discrete.hpp"
+#include "fem/shape_functions.hpp"
 #include "fem/shell.hpp"
 #include "io/laws.hpp"
 
@@ -65,6 +66,18 @@ MeshBlock read_block(const Hdf5File& file, const std::string& path) {
                      file.path().c_str(), path.c_str(), node_count(block.type),
                      element_name(block.type)));
   block.elements = shape[0];
+  const std::string axes = path + "/axes";
+  if (!file.exists(axes)) return block;
+  const auto given = file.shape(axes);
+  const std::size_t points = stiffness_points(block.type).size();
+  block.axes = given.size() == 3 ? as_size(given[1]) : 1;
+  if ((given.size() != 2 && given.size() != 3) || given[0] != shape[0] ||
+      given.back() != 6 || (block.axes != 1 && block.axes != points) ||
+      (is_shell(block.type) && block.axes != 1))
+    throw Error(
+        text("file %s: %s must be elements × 6, or of solids elements × %zu points "
+             "× 6",
+             file.path().c_str(), axes.c_str(), points));
   return block;
 }
 

@@ -17,6 +17,8 @@ struct MeshBlock {
   ElementType type;
   std::string material, section;
   std::int64_t elements = 0;
+  /// Material axes of each element: 1, or one at each point of the stiffness; 0: the material's own.
+  std::size_t axes = 0;
 };
 
 enum class Coupling { rigid, distributing, node };
@@ -137,7 +139,7 @@ struct ShellSection {
 
 struct Material {
   SolidMaterial solid;
-  SolidMaterial in_own_axes; ///< the same law in the material's axes
+  SolidMaterial in_own_axes; ///< the same in the material's axes
   Vector3 axis_1{1, 0, 0};   ///< the first of these
   BeamMaterial beam;         ///< E and G; only for isotropic ones
   bool isotropic = true;

@@ -21,7 +21,8 @@ struct Shell {
   ShellPlace place;
 };
 
-Shell shell_of(const BodyDescription& body, const MeshBlock& block) {
+Shell shell_of(const BodyDescription& body, const PlacedElement& at) {
+  const MeshBlock& block = at.block();
   const ShellSection& section = body.shells.at(block.section);
   Shell shell;
   const std::vector<SectionLayer> layers = layers_of(body, block);
@@ -40,13 +41,25 @@ Shell shell_of(const BodyDescription& body, const MeshBlock& block) {
       break;
     }
   if (section.axis_1) shell.place.axis_1 = *section.axis_1;
+  if (!at.axes.empty())
+    std::copy_n(at.axes.front().begin(), 3, shell.place.axis_1.begin());
   return shell;
+}
+
+std::vector<SolidMaterial> solid_of(const Material& material, const PlacedElement& at) {
+  if (at.axes.empty() || material.isotropic) return {material.solid};
+  std::vector<SolidMaterial> materials;
+  for (const auto& axes : at.axes)
+    materials.push_back(turned(material.in_own_axes, with_third(axes)));
+  return materials;
 }
 
 } // namespace
 
-ElementMatrices element_matrices(const BodyDescription& body, const MeshBlock& block,
-                                 const std::vector<Vector3>& x, bool with_stiffness) {
+ElementMatrices element_matrices(const BodyDescription& body, const PlacedElement& at,
+                                 bool with_stiffness) {
+  const MeshBlock& block = at.block();
+  const std::vector<Vector3>& x = at.x;
   if (is_discrete(block.type)) {
     ElementMatrices element;
     element.K = element.M = Dense(dofs_of(block), dofs_of(block));
@@ -64,7 +77,7 @@ ElementMatrices element_matrices(const BodyDescription& body, const MeshBlock& b
     return element;
   }
   if (is_shell(block.type)) {
-    const Shell shell = shell_of(body, block);
+    const Shell shell = shell_of(body, at);
     return shell_matrices(block.type, x, shell.law, shell.place, with_stiffness);
   }
   const Material& material = body.materials.at(block.material);
@@ -72,13 +85,15 @@ ElementMatrices element_matrices(const BodyDescription& body, const MeshBlock& b
     return rod_matrices(x[0], x[1], material.beam, body.sections.at(block.section).A);
   return block.type == ElementType::beam2
              ? beam_matrices(x[0], x[1], material.beam, body.sections.at(block.section))
-             : solid_matrices(block.type, x, material.solid, body.mass_rule,
+             : solid_matrices(block.type, x, solid_of(material, at), body.mass_rule,
                               with_stiffness);
 }
 
-Dense stiffness_of_material(const BodyDescription& body, const MeshBlock& block,
-                            const std::vector<Vector3>& x, const std::string& material) {
-  const Shell shell = shell_of(body, block);
+Dense stiffness_of_material(const BodyDescription& body, const PlacedElement& at,
+                            const std::string& material) {
+  const MeshBlock& block = at.block();
+  const std::vector<Vector3>& x = at.x;
+  const Shell shell = shell_of(body, at);
   std::vector<bool> counts;
   for (const SectionLayer& layer : layers_of(body, block))
     counts.push_back(layer.material == material);
@@ -86,14 +101,15 @@ Dense stiffness_of_material(const BodyDescription& body, const MeshBlock& block,
                               shell.place);
 }
 
-Dense spin_softening(const BodyDescription& body, const MeshBlock& block,
-                     const std::vector<Vector3>& x, const ElementMatrices& element,
-                     const Vector3& axis) {
+Dense spin_softening(const BodyDescription& body, const PlacedElement& at,
+                     const ElementMatrices& element, const Vector3& axis) {
+  const MeshBlock& block = at.block();
+  const std::vector<Vector3>& x = at.x;
   if (weighs_nothing(block.type)) return Dense(dofs_of(block), dofs_of(block));
   if (block.type == ElementType::mass1)
     return mass_spin_softening(body.masses.at(block.material), axis);
   if (is_shell(block.type)) {
-    const Shell shell = shell_of(body, block);
+    const Shell shell = shell_of(body, at);
     return shell_spin_softening(block.type, x, shell.law, shell.place, axis);
   }
   return block.type == ElementType::beam2
@@ -102,14 +118,15 @@ Dense spin_softening(const BodyDescription& body, const MeshBlock& block,
              : solid_spin_softening(element, axis);
 }
 
-Dense coriolis(const BodyDescription& body, const MeshBlock& block,
-               const std::vector<Vector3>& x, const ElementMatrices& element,
-               const Vector3& axis) {
+Dense coriolis(const BodyDescription& body, const PlacedElement& at,
+               const ElementMatrices& element, const Vector3& axis) {
+  const MeshBlock& block = at.block();
+  const std::vector<Vector3>& x = at.x;
   if (weighs_nothing(block.type)) return Dense(dofs_of(block), dofs_of(block));
   if (block.type == ElementType::mass1)
     return mass_coriolis(body.masses.at(block.material), axis);
   if (is_shell(block.type)) {
-    const Shell shell = shell_of(body, block);
+    const Shell shell = shell_of(body, at);
     return shell_coriolis(block.type, x, shell.law, shell.place, axis);
   }
   return block.type == ElementType::beam2
@@ -118,8 +135,10 @@ Dense coriolis(const BodyDescription& body, const MeshBlock& block,
              : solid_coriolis(element, axis);
 }
 
-Dense gyroscopic(const BodyDescription& body, const MeshBlock& block,
-                 const std::vector<Vector3>& x, const AccelerationField& spin) {
+Dense gyroscopic(const BodyDescription& body, const PlacedElement& at,
+                 const AccelerationField& spin) {
+  const MeshBlock& block = at.block();
+  const std::vector<Vector3>& x = at.x;
   if (weighs_nothing(block.type)) return Dense(dofs_of(block), dofs_of(block));
   if (block.type == ElementType::mass1)
     return mass_gyroscopic(body.masses.at(block.material), x[0], spin.axis, spin.point);
@@ -131,16 +150,17 @@ Dense gyroscopic(const BodyDescription& body, const MeshBlock& block,
       "shells are seen in the frame that turns (frame: turning)");
 }
 
-StressStiffness stress_stiffness(const BodyDescription& body, const MeshBlock& block,
-                                 const std::vector<Vector3>& x,
+StressStiffness stress_stiffness(const BodyDescription& body, const PlacedElement& at,
                                  const std::vector<double>& u, const FreeStrain* free,
                                  Deformation& deformation) {
+  const MeshBlock& block = at.block();
+  const std::vector<Vector3>& x = at.x;
   if (free && dofs_per_node(block.type) != 3)
     throw Error("a temperature or a pretension acts on it, and these are of solids");
   if (is_discrete(block.type))
     return {Dense(dofs_of(block), dofs_of(block)), Dense(dofs_of(block), dofs_of(block))};
   if (is_shell(block.type)) {
-    const Shell shell = shell_of(body, block);
+    const Shell shell = shell_of(body, at);
     return shell_stress_stiffness(block.type, x, shell.layers, shell.place, u,
                                   deformation);
   }
@@ -152,22 +172,24 @@ StressStiffness stress_stiffness(const BodyDescription& body, const MeshBlock& b
              ? beam_stress_stiffness(x[0], x[1], material.beam,
                                      body.sections.at(block.section), u,
                                      deformation.stress)
-             : solid_stress_stiffness(block.type, x, material.solid, u, free,
+             : solid_stress_stiffness(block.type, x, solid_of(material, at), u, free,
                                       deformation);
 }
 
-Dense geometric_stiffness(const BodyDescription& body, const MeshBlock& block,
-                          const std::vector<Vector3>& x, const std::vector<double>& u) {
+Dense geometric_stiffness(const BodyDescription& body, const PlacedElement& at,
+                          const std::vector<double>& u) {
+  const MeshBlock& block = at.block();
+  const std::vector<Vector3>& x = at.x;
   if (is_shell(block.type)) {
-    const Shell shell = shell_of(body, block);
+    const Shell shell = shell_of(body, at);
     return shell_geometric_stiffness(block.type, x, shell.law, shell.place, u);
   }
   if (!is_discrete(block.type) && block.type != ElementType::beam2 &&
       block.type != ElementType::rod2)
     return solid_geometric_stiffness(block.type, x,
-                                     body.materials.at(block.material).solid, u);
+                                     solid_of(body.materials.at(block.material), at), u);
   Deformation unused;
-  return stress_stiffness(body, block, x, u, nullptr, unused).linear;
+  return stress_stiffness(body, at, u, nullptr, unused).linear;
 }
 
 } // namespace flexgram

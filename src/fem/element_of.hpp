@@ -2,38 +2,34 @@
 
 #pragma once
 
-#include "fem/description.hpp"
+#include "fem/followers.hpp"
 
 namespace flexgram {
 
 /// @param with_stiffness  false, of what does not strain: a solid's K is left out, and M of a Hex8 has
 ///                        no incompatible modes.
-ElementMatrices element_matrices(const BodyDescription& body, const MeshBlock& block,
-                                 const std::vector<Vector3>& x,
+ElementMatrices element_matrices(const BodyDescription& body, const PlacedElement& at,
                                  bool with_stiffness = true);
 /// What a material of a shell's layers gives of its K.
-Dense stiffness_of_material(const BodyDescription& body, const MeshBlock& block,
-                            const std::vector<Vector3>& x, const std::string& material);
+Dense stiffness_of_material(const BodyDescription& body, const PlacedElement& at,
+                            const std::string& material);
 /// By what a spin about `axis` softens it, for Ω² = 1.
-Dense spin_softening(const BodyDescription& body, const MeshBlock& block,
-                     const std::vector<Vector3>& x, const ElementMatrices& element,
-                     const Vector3& axis);
+Dense spin_softening(const BodyDescription& body, const PlacedElement& at,
+                     const ElementMatrices& element, const Vector3& axis);
 /// Its Coriolis forces in a frame that spins about `axis`, for Ω = 1.
-Dense coriolis(const BodyDescription& body, const MeshBlock& block,
-               const std::vector<Vector3>& x, const ElementMatrices& element,
-               const Vector3& axis);
+Dense coriolis(const BodyDescription& body, const PlacedElement& at,
+               const ElementMatrices& element, const Vector3& axis);
 /// Its gyroscopic moments on the axis of a spin of 1 rad/s, in the frame at rest.
 /// @throws Error for solids, and for what is not symmetric about the axis.
-Dense gyroscopic(const BodyDescription& body, const MeshBlock& block,
-                 const std::vector<Vector3>& x, const AccelerationField& spin);
+Dense gyroscopic(const BodyDescription& body, const PlacedElement& at,
+                 const AccelerationField& spin);
 /// What displacements of its dofs, and strain without stress, add to its stiffness; springs keep
 /// theirs. @param free  null: there is none. @throws Error for one of what is no solid.
-StressStiffness stress_stiffness(const BodyDescription& body, const MeshBlock& block,
-                                 const std::vector<Vector3>& x,
+StressStiffness stress_stiffness(const BodyDescription& body, const PlacedElement& at,
                                  const std::vector<double>& u, const FreeStrain* free,
                                  Deformation& deformation);
 /// What their stress adds, without moved geometry.
-Dense geometric_stiffness(const BodyDescription& body, const MeshBlock& block,
-                          const std::vector<Vector3>& x, const std::vector<double>& u);
+Dense geometric_stiffness(const BodyDescription& body, const PlacedElement& at,
+                          const std::vector<double>& u);
 
 } // namespace flexgram

@@ -46,6 +46,9 @@ struct SolidMaterial {
   std::optional<std::array<double, 6>> expansion = {};
 };
 
+/// One material, or one for each point of an element's stiffness.
+using SolidMaterials = std::vector<SolidMaterial>;
+
 /// E [N/m²], ν. @throws Error unless E > 0 and −1 < ν < 1/2.
 SolidMaterial isotropic(double E, double nu, double density);
 
@@ -60,6 +63,12 @@ SolidMaterial orthotropic(const std::array<double, 9>& constants,
 /// @throws Error unless it is symmetric and positive definite.
 SolidMaterial anisotropic(const std::array<double, 36>& stiffness,
                           const std::array<double, 9>& axes, double density);
+
+/// A material given in its own axes, the rows of `axes`, in global ones.
+SolidMaterial turned(const SolidMaterial& material, const std::array<double, 9>& axes);
+
+/// Three axes of two, which are orthonormal.
+std::array<double, 9> with_third(const std::array<double, 6>& axes);
 
 /// Cross section of a beam: area [m²], second moments of area about the local y and z
 /// [m⁴], torsion constant J [m⁴], shear correction factors for forces along y and z.
@@ -101,8 +110,9 @@ const char* element_name(ElementType type);
 /// mid-edge nodes of gmsh's Tet10 differ, meshio translates). Hex8 has the three
 /// incompatible modes of Taylor, Beresford and Wilson (1976), condensed. `with_stiffness`
 /// false leaves K empty.
+/// @param material  the same everywhere in it, or one for each point of the stiffness.
 ElementMatrices solid_matrices(ElementType type, const std::vector<Vector3>& nodes,
-                               const SolidMaterial& material, MassRule mass_rule,
+                               const SolidMaterials& material, MassRule mass_rule,
                                bool with_stiffness = true);
 
 /// Strain that a solid has without stress: by warming, and the same everywhere in it.
@@ -136,13 +146,13 @@ struct Deformation {
 /// @throws Error if a material that is warm has no expansion.
 StressStiffness solid_stress_stiffness(ElementType type,
                                        const std::vector<Vector3>& nodes,
-                                       const SolidMaterial& material,
+                                       const SolidMaterials& material,
                                        const std::vector<double>& u,
                                        const FreeStrain* free, Deformation& deformation);
 
 /// ∫ ∂Nᵀσ∂N alone.
 Dense solid_geometric_stiffness(ElementType type, const std::vector<Vector3>& nodes,
-                                const SolidMaterial& material,
+                                const SolidMaterials& material,
                                 const std::vector<double>& u);
 
 /// Two-node Timoshenko beam with the interdependent interpolation of Friedman and

@@ -48,7 +48,9 @@ void Followers::for_each(const std::function<void(const PlacedElement&)>& visit)
                        {},
                        node_.data() + start_[e],
                        start_[e + 1] - start_[e],
-                       false};
+                       false,
+                       std::span(elements.axes)
+                           .subspan(k * elements.block->axes, elements.block->axes)};
       for (std::size_t a = 0; a < width; ++a) at.x.push_back(position(at.nodes[a]));
       at.rigid = at.master_count == 1 && at.masters[0] >= map_.points &&
                  !is_spring(at.block().type) &&

@@ -7,6 +7,7 @@
 #include "linalg/dense.hpp"
 
 #include <functional>
+#include <span>
 
 namespace flexgram {
 
@@ -19,6 +20,8 @@ struct PlacedElement {
   const std::int64_t* masters;
   std::size_t master_count;
   bool rigid; ///< all nodes follow one reference: there is no strain
+  std::span<const std::array<double, 6>>
+      axes; ///< of its material; empty: the material's own
 
   const MeshBlock& block() const { return *elements.block; }
 };

@@ -102,10 +102,38 @@ SolidMaterial anisotropic(const std::array<double, 36>& stiffness,
     throw Error("material: its stiffness must be positive definite");
   SolidMaterial material;
   material.density = density;
+  std::copy(C.data.begin(), C.data.end(), material.stiffness.begin());
+  return turned(material, axes);
+}
+
+SolidMaterial turned(const SolidMaterial& material, const std::array<double, 9>& axes) {
+  Dense C(6, 6);
+  std::copy(material.stiffness.begin(), material.stiffness.end(), C.data.begin());
+  SolidMaterial result = material;
   const Dense T = strain_rotation(axes);
   const Dense global = multiply_transposed(T, multiply(C, T));
-  for (std::size_t i = 0; i < 36; ++i) material.stiffness[i] = global.data[i];
-  return material;
+  std::copy(global.data.begin(), global.data.end(), result.stiffness.begin());
+  if (material.expansion) {
+    std::array<double, 9> back;
+    for (std::size_t i = 0; i < 3; ++i)
+      for (std::size_t j = 0; j < 3; ++j) back[3 * i + j] = axes[3 * j + i];
+    const Dense B = strain_rotation(back);
+    std::array<double, 6>& along = result.expansion.emplace();
+    for (int i = 0; i < 6; ++i)
+      for (int j = 0; j < 6; ++j)
+        along[as_size(i)] += B(i, j) * (*material.expansion)[as_size(j)];
+  }
+  return result;
+}
+
+std::array<double, 9> with_third(const std::array<double, 6>& axes) {
+  std::array<double, 9> all{};
+  std::copy(axes.begin(), axes.end(), all.begin());
+  for (std::size_t c = 0; c < 3; ++c) {
+    const std::size_t next = (c + 1) % 3, last = (c + 2) % 3;
+    all[6 + c] = axes[next] * axes[3 + last] - axes[last] * axes[3 + next];
+  }
+  return all;
 }
 
 } // namespace flexgram

@@ -71,10 +71,11 @@ MaterialTerms::MaterialTerms(const BodyDescription& body) : body_(body) {
   }
 }
 
-std::vector<ElementPart> MaterialTerms::of_element(const MeshBlock& block,
-                                                   const std::vector<Vector3>& x,
+std::vector<ElementPart> MaterialTerms::of_element(const PlacedElement& at,
                                                    MassRule mass_rule,
                                                    const Dense& K) const {
+  const MeshBlock& block = at.block();
+  const std::vector<Vector3>& x = at.x;
   std::vector<ElementPart> parts;
   if (block.type == ElementType::mass1 || block.type == ElementType::node1) return parts;
   std::vector<std::string> materials;
@@ -82,7 +83,7 @@ std::vector<ElementPart> MaterialTerms::of_element(const MeshBlock& block,
   if (materials.size() > 1 || (block.material.empty() && !materials.empty())) {
     for (const std::string& name : materials)
       for (const Share& share : of_material_.at(name)) {
-        parts.push_back({share.number, stiffness_of_material(body_, block, x, name)});
+        parts.push_back({share.number, stiffness_of_material(body_, at, name)});
         for (double& value : parts.back().matrix.data) value *= share.weight;
       }
     return parts;
@@ -95,7 +96,7 @@ std::vector<ElementPart> MaterialTerms::of_element(const MeshBlock& block,
     }
     if (share.weight == 0) {
       parts.push_back(
-          {share.number, solid_matrices(block.type, x, share.material, mass_rule).K});
+          {share.number, solid_matrices(block.type, x, {share.material}, mass_rule).K});
       continue;
     }
     parts.push_back({share.number, K});

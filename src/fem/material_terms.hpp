@@ -3,7 +3,7 @@
 
 #pragma once
 
-#include "fem/description.hpp"
+#include "fem/followers.hpp"
 #include "fem/node_matrix.hpp"
 
 namespace flexgram {
@@ -16,8 +16,7 @@ public:
   /// The loss factor of all materials of the elements and of springs; 0 where they differ: it is in S.
   double common_loss() const { return common_loss_; }
   /// What the terms take of an element. @param K  its stiffness.
-  std::vector<ElementPart> of_element(const MeshBlock& block,
-                                      const std::vector<Vector3>& x, MassRule mass_rule,
+  std::vector<ElementPart> of_element(const PlacedElement& at, MassRule mass_rule,
                                       const Dense& K) const;
 
 private:

@@ -11,6 +11,24 @@ namespace {
 
 constexpr std::int64_t chunk = 1 << 16; // elements or points read at a time
 
+std::array<double, 6> checked_axes(const Hdf5File& file, const MeshBlock& block,
+                                   std::int64_t element, const double* values) {
+  std::array<double, 6> axes;
+  std::copy(values, values + 6, axes.begin());
+  double one = 0, two = 0, both = 0;
+  for (std::size_t c = 0; c < 3; ++c) {
+    one += axes[c] * axes[c];
+    two += axes[3 + c] * axes[3 + c];
+    both += axes[c] * axes[3 + c];
+  }
+  for (double off : {one - 1, two - 1, both})
+    if (!(std::abs(off) < 1e-9))
+      throw Error(text("file %s: %s/axes: those of element %lld are not orthonormal",
+                       file.path().c_str(), block.path.c_str(),
+                       static_cast<long long>(element)));
+  return axes;
+}
+
 } // namespace
 
 std::size_t LocalMesh::place(std::int64_t node) const {
@@ -31,12 +49,17 @@ LocalMesh read_local_mesh(const Hdf5File& file, const BodyDescription& body,
         const std::int64_t count = std::min(chunk, block.elements - first);
         const auto nodes =
             file.read<std::int64_t>(block.path + "/connectivity", first, count);
+        std::vector<double> axes;
+        if (block.axes > 0) axes = file.read<double>(block.path + "/axes", first, count);
         for (std::int64_t e = 0; e < count; ++e) {
           if (partition.element_owner[b][as_size(first + e)] != rank) continue;
           const auto begin = nodes.begin() + static_cast<long>(as_size(e) * width);
           mine.number.push_back(first + e);
           mine.connectivity.insert(mine.connectivity.end(), begin,
                                    begin + static_cast<long>(width));
+          for (std::size_t k = 0; k < block.axes; ++k)
+            mine.axes.push_back(checked_axes(file, block, first + e,
+                                             &axes[6 * (block.axes * as_size(e) + k)]));
         }
       }
       mesh.nodes.insert(mesh.nodes.end(), mine.connectivity.begin(),

@@ -20,6 +20,8 @@ struct LocalElements {
   const MeshBlock* block;
   std::vector<std::int64_t> number;       ///< 0-based in the block
   std::vector<std::int64_t> connectivity; ///< node_count a element, global node numbers
+  /// First and second axis of the material, block->axes of each element; empty: the material's own.
+  std::vector<std::array<double, 6>> axes = {};
 };
 
 struct LocalMesh {

@@ -153,13 +153,12 @@ Vector3 Preload::axis() const {
   return {};
 }
 
-Dense Preload::coriolis(const MeshBlock& block, const std::vector<Vector3>& x,
-                        const ElementMatrices& element) const {
+Dense Preload::coriolis(const PlacedElement& at, const ElementMatrices& element) const {
   Dense G(element.M.rows, element.M.rows);
   for (const Field& one : fields_) {
     if (!one.is_spin()) continue;
     const Vector3& axis = one.field->axis;
-    add_to(G, flexgram::coriolis(body_, block, x, element, axis), std::sqrt(one.value));
+    add_to(G, flexgram::coriolis(body_, at, element, axis), std::sqrt(one.value));
   }
   return G;
 }
@@ -172,8 +171,7 @@ double Preload::at(std::int64_t node, int c) const {
 StressStiffness Preload::of_stress(const PlacedElement& at,
                                    const std::vector<double>& u) {
   const auto free = free_strain(at);
-  return stress_stiffness(body_, at.block(), at.x, u, free ? &*free : nullptr,
-                          deformation_);
+  return stress_stiffness(body_, at, u, free ? &*free : nullptr, deformation_);
 }
 
 std::optional<FreeStrain> Preload::free_strain(const PlacedElement& at) const {
@@ -202,23 +200,23 @@ std::optional<FreeStrain> Preload::free_strain(const PlacedElement& at) const {
   return any ? std::optional(std::move(strain)) : std::nullopt;
 }
 
-Dense Preload::of_spin(const MeshBlock& block, const std::vector<Vector3>& x,
-                       const ElementMatrices& element) const {
+Dense Preload::of_spin(const PlacedElement& at, const ElementMatrices& element) const {
   Dense K(element.M.rows, element.M.rows);
   for (const Field& one : fields_) {
     if (!one.is_spin()) continue;
     const Vector3& axis = one.field->axis;
-    add_to(K, spin_softening(body_, block, x, element, axis), -one.value);
+    add_to(K, spin_softening(body_, at, element, axis), -one.value);
   }
   return K;
 }
 
-Dense Preload::weight(const MeshBlock& block, const std::vector<Vector3>& x,
-                      const ElementMatrices& element) const {
+Dense Preload::weight(const PlacedElement& at, const ElementMatrices& element) const {
   Dense f(element.M.rows, 1);
   for (const auto& [field, number, value] : fields_)
-    add_to(f, weight_of_element(*field, number, x, dofs_per_node(block.type), element),
-           value);
+    add_to(
+        f,
+        weight_of_element(*field, number, at.x, dofs_per_node(at.block().type), element),
+        value);
   return f;
 }
 

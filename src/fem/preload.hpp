@@ -33,16 +33,13 @@ public:
   /// What an element's stress and moved geometry add to its K. @param u  of its dofs.
   StressStiffness of_stress(const PlacedElement& at, const std::vector<double>& u);
   /// −Ω²M_c of an element.
-  Dense of_spin(const MeshBlock& block, const std::vector<Vector3>& x,
-                const ElementMatrices& element) const;
+  Dense of_spin(const PlacedElement& at, const ElementMatrices& element) const;
   /// Coriolis forces of an element where the preload spins, skew.
-  Dense coriolis(const MeshBlock& block, const std::vector<Vector3>& x,
-                 const ElementMatrices& element) const;
+  Dense coriolis(const PlacedElement& at, const ElementMatrices& element) const;
   double speed() const; ///< [rad/s] of the spin; 0: there is none
   Vector3 axis() const; ///< of it
   /// What the element weighs in the preload's fields of acceleration, at its dofs.
-  Dense weight(const MeshBlock& block, const std::vector<Vector3>& x,
-               const ElementMatrices& element) const;
+  Dense weight(const PlacedElement& at, const ElementMatrices& element) const;
   /// @param K  under the preload.
   /// @throws Error if it has negative eigenvalues: the body buckles, or flies apart, and at which
   /// share of the load (between it and none, K is taken as linear). Collective.

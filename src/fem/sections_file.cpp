@@ -43,23 +43,17 @@ std::vector<MaterialTerm> read_terms(const Hdf5File& file, const std::string& ob
   return terms;
 }
 
-/// Strain of a warming by 1 K, of expansions along the rows of `axes`.
-std::array<double, 6> warming(const Hdf5File& file, const std::string& object,
-                              const std::array<double, 9>& axes) {
+/// Strain of a warming by 1 K in the material's axes; nothing: not known.
+std::optional<std::array<double, 6>> read_expansion(const Hdf5File& file,
+                                                    const std::string& object) {
+  if (!file.has_attribute(object, "expansion")) return std::nullopt;
   auto along = file.numbers_attribute(object, "expansion");
   if (along.size() == 1) along.resize(3, along.front());
   if (along.size() != 3)
     throw Error(text("file %s: attribute expansion of %s must have 1 or 3 numbers, it "
                      "has %zu",
                      file.path().c_str(), object.c_str(), along.size()));
-  const auto entry = [&](std::size_t i, std::size_t j) {
-    double sum = 0;
-    for (std::size_t k = 0; k < 3; ++k)
-      sum += along[k] * axes[3 * k + i] * axes[3 * k + j];
-    return sum;
-  };
-  return {entry(0, 0),     entry(1, 1),     entry(2, 2),
-          2 * entry(0, 1), 2 * entry(1, 2), 2 * entry(2, 0)};
+  return std::array<double, 6>{along[0], along[1], along[2], 0, 0, 0};
 }
 
 } // namespace
@@ -78,41 +72,38 @@ Material read_material(const Hdf5File& file, const std::string& name,
     throw Error(text("material %s: loss_factor = %g must be finite and not negative",
                      name.c_str(), material.loss));
   material.terms = read_terms(file, object, name);
-  constexpr std::array<double, 9> own = {1, 0, 0, 0, 1, 0, 0, 0, 1};
-  const auto expand = [&](const std::array<double, 9>& axes) {
-    if (!file.has_attribute(object, "expansion")) return;
-    material.solid.expansion = warming(file, object, axes);
-  };
+  std::array<double, 9> axes = {1, 0, 0, 0, 1, 0, 0, 0, 1}; // in its own
+  const auto own = axes;
   try {
     if (file.has_attribute(object, "E")) {
       const double E = number("E"), nu = number("nu");
-      material.solid = material.in_own_axes = isotropic(E, nu, density);
+      material.in_own_axes = isotropic(E, nu, density);
       material.beam = {E, E / (2 * (1 + nu)), density};
       check_units(name, E, density, warnings);
-      expand(own);
     } else {
       material.isotropic = false;
       for (const MaterialTerm& term : material.terms)
         if (term.part != MaterialTerm::Part::whole)
           throw Error("shear and bulk are parts of isotropic materials");
-      const auto axes = fixed<double, 9>(file, object, "axes");
-      material.axis_1 = {axes[0], axes[1], axes[2]};
+      axes = fixed<double, 9>(file, object, "axes");
       if (file.has_attribute(object, "stiffness")) {
         const auto stiffness = fixed<double, 36>(file, object, "stiffness");
-        material.solid = anisotropic(stiffness, axes, density);
+        anisotropic(stiffness, axes, density); // axes are checked
         material.in_own_axes = anisotropic(stiffness, own, density);
         check_units(name, std::max({stiffness[0], stiffness[7], stiffness[14]}), density,
                     warnings);
-        expand(axes);
-        return material;
+      } else {
+        const auto constants = fixed<double, 9>(file, object, "engineering_constants");
+        orthotropic(constants, axes, density);
+        material.in_own_axes = orthotropic(constants, own, density);
+        check_units(name, *std::max_element(constants.begin(), constants.begin() + 3),
+                    density, warnings);
       }
-      const auto constants = fixed<double, 9>(file, object, "engineering_constants");
-      material.solid = orthotropic(constants, axes, density);
-      material.in_own_axes = orthotropic(constants, own, density);
-      expand(axes);
-      check_units(name, *std::max_element(constants.begin(), constants.begin() + 3),
-                  density, warnings);
     }
+    material.axis_1 = {axes[0], axes[1], axes[2]};
+    material.in_own_axes.expansion = read_expansion(file, object);
+    material.solid =
+        material.isotropic ? material.in_own_axes : turned(material.in_own_axes, axes);
   } catch (Error& error) {
     error.add_context("file " + file.path() + ": material " + name);
     throw;

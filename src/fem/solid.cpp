@@ -164,6 +164,10 @@ double von_mises(const std::array<double, 6>& s) {
                    3 * (s[3] * s[3] + s[4] * s[4] + s[5] * s[5]));
 }
 
+const SolidMaterial& at_point(const SolidMaterials& materials, std::size_t p) {
+  return materials[materials.size() > 1 ? p : 0];
+}
+
 /// Mass of the scalar functions N (and, for Hex8, of the incompatible modes 1 − ξ_a²
 /// behind them).
 Dense scalar_mass(const std::vector<ShapePoint>& points,
@@ -212,7 +216,7 @@ ElementType element_type(const std::string& name) {
 }
 
 ElementMatrices solid_matrices(ElementType type, const std::vector<Vector3>& nodes,
-                               const SolidMaterial& material, MassRule mass_rule,
+                               const SolidMaterials& material, MassRule mass_rule,
                                bool with_stiffness) {
   const int n = static_cast<int>(nodes.size());
   const bool incompatible = type == ElementType::hex8;
@@ -222,7 +226,7 @@ ElementMatrices solid_matrices(ElementType type, const std::vector<Vector3>& nod
                                 std::numeric_limits<double>::lowest()};
   const Dense mass =
       scalar_mass(mass_rule == MassRule::full ? mass_points(type) : k_points, nodes,
-                  material.density, incompatible, result, det);
+                  material.front().density, incompatible, result, det);
   for (const auto& p : k_points) {
     const double d = determinant(jacobian(p, nodes));
     det = {std::min(det.first, d), std::max(det.second, d)};
@@ -236,9 +240,12 @@ ElementMatrices solid_matrices(ElementType type, const std::vector<Vector3>& nod
 
   result.M = three_components(mass, mass.rows);
   result.K = Dense(result.M.rows, result.M.rows);
-  for (const StiffnessPoint& at : points_of(type, nodes)) {
+  const auto points = points_of(type, nodes);
+  for (std::size_t p = 0; p < points.size(); ++p) {
+    const StiffnessPoint& at = points[p];
     result.aspect = std::max(result.aspect, at.aspect);
-    add_stiffness(result.K, at.gradients, material.stiffness, at.volume, linear_strain);
+    add_stiffness(result.K, at.gradients, at_point(material, p).stiffness, at.volume,
+                  linear_strain);
   }
   mirror(result.K);
   if (incompatible) {
@@ -267,16 +274,17 @@ Voigt stress_of(const SolidMaterial& material, const Voigt& strain) {
 }
 
 /// Free strain at the points of the stiffness.
-std::vector<Voigt> free_strains(ElementType type, const SolidMaterial& material,
+std::vector<Voigt> free_strains(ElementType type, const SolidMaterials& material,
                                 const FreeStrain& free) {
-  if (!free.temperature.empty() && !material.expansion)
+  if (!free.temperature.empty() && !material.front().expansion)
     throw Error("its material, which a temperature warms, has no expansion");
   std::vector<Voigt> strains;
   for (const ShapePoint& at : stiffness_points(type)) {
+    const auto& expansion = at_point(material, strains.size()).expansion;
     Voigt& strain = strains.emplace_back(free.uniform);
     for (std::size_t i = 0; i < free.temperature.size(); ++i)
       for (std::size_t r = 0; r < 6; ++r)
-        strain[r] += at.N[i] * free.temperature[i] * (*material.expansion)[r];
+        strain[r] += at.N[i] * free.temperature[i] * (*expansion)[r];
   }
   return strains;
 }
@@ -284,7 +292,7 @@ std::vector<Voigt> free_strains(ElementType type, const SolidMaterial& material,
 /// A solid whose nodes are displaced; the incompatible modes of a Hex8 follow.
 struct Displaced {
   Displaced(ElementType type, const std::vector<Vector3>& nodes,
-            const SolidMaterial& material, const std::vector<double>& u,
+            const SolidMaterials& material, const std::vector<double>& u,
             const FreeStrain* strain = nullptr)
       : points(points_of(type, nodes)), n(static_cast<int>(nodes.size())),
         modes(static_cast<int>(points.front().gradients.size())), moved(3 * n, 1),
@@ -294,7 +302,7 @@ struct Displaced {
       free = free_strains(type, material, *strain);
       load = Dense(3 * modes, 1);
       for (std::size_t p = 0; p < points.size(); ++p) {
-        const Voigt s = stress_of(material, free[p]);
+        const Voigt s = stress_of(at_point(material, p), free[p]);
         for (int i = 0; i < 3 * modes; ++i) {
           const Voigt own =
               linear_strain(as_size(i % 3), points[p].gradients[as_size(i / 3)]);
@@ -305,8 +313,9 @@ struct Displaced {
     }
     if (modes == n) return;
     Dense K(3 * modes, 3 * modes);
-    for (const StiffnessPoint& at : points)
-      add_stiffness(K, at.gradients, material.stiffness, at.volume, linear_strain);
+    for (std::size_t p = 0; p < points.size(); ++p)
+      add_stiffness(K, points[p].gradients, at_point(material, p).stiffness,
+                    points[p].volume, linear_strain);
     mirror(K);
     T = condensation(K, 3 * (modes - n));
     moved = multiply(T, moved);
@@ -339,7 +348,7 @@ Voigt linear_stress(const SolidMaterial& material, const Jacobian& H) {
 /// element can take back: the constant one, of quadratic elements the linear one.
 double locked_energy(ElementType type, const std::vector<StiffnessPoint>& points,
                      const std::vector<Jacobian>& gradients,
-                     const SolidMaterial& material) {
+                     const SolidMaterials& material) {
   const bool is_linear = node_count(type) <= 8;
   const std::size_t functions = is_linear ? 1 : 4;
   if (points.size() <= functions) return 0;
@@ -373,7 +382,7 @@ double locked_energy(ElementType type, const std::vector<StiffnessPoint>& points
       for (std::size_t k = 0; k < functions; ++k)
         strains[p][r] -=
             fit(static_cast<int>(r), static_cast<int>(k)) * function(points[p], k);
-    const Voigt s = stress_of(material, strains[p]);
+    const Voigt s = stress_of(at_point(material, p), strains[p]);
     for (std::size_t r = 0; r < 6; ++r) energy += points[p].volume * s[r] * strains[p][r];
   }
   return energy;
@@ -400,7 +409,7 @@ void add_geometric(Dense& K, const StiffnessPoint& at, const Voigt& s) {
 
 StressStiffness solid_stress_stiffness(ElementType type,
                                        const std::vector<Vector3>& nodes,
-                                       const SolidMaterial& material,
+                                       const SolidMaterials& material,
                                        const std::vector<double>& u,
                                        const FreeStrain* free, Deformation& deformation) {
   const Displaced body(type, nodes, material, u, free);
@@ -409,6 +418,7 @@ StressStiffness solid_stress_stiffness(ElementType type,
   for (std::size_t p = 0; p < body.points.size(); ++p) {
     const StiffnessPoint& at = body.points[p];
     const Jacobian& H = gradients.emplace_back(body.gradient(at));
+    const auto& C = at_point(material, p).stiffness;
     // The strain of the moved body is that of the body at rest, L, and N by ∂u/∂x:
     // (L + N)ᵀC(L + N) − LᵀCL is what changes its sign with u, and NᵀCN.
     const auto strain_by = [&](double turn, double at_rest) {
@@ -428,13 +438,12 @@ StressStiffness solid_stress_stiffness(ElementType type,
     for (const Vector3& row : H)
       for (const double h : row) largest = std::max(largest, std::abs(h));
     const double scale = largest > 0 ? 1 / largest : 1.0, half = 0.5 * at.volume / scale;
-    add_stiffness(K, at.gradients, material.stiffness, half, strain_by(scale, 1));
-    add_stiffness(K, at.gradients, material.stiffness, -half, strain_by(-scale, 1));
-    add_stiffness(quadratic, at.gradients, material.stiffness, at.volume,
-                  strain_by(1, 0));
+    add_stiffness(K, at.gradients, C, half, strain_by(scale, 1));
+    add_stiffness(K, at.gradients, C, -half, strain_by(-scale, 1));
+    add_stiffness(quadratic, at.gradients, C, at.volume, strain_by(1, 0));
     Voigt strain = linear_strain_of(H);
     for (std::size_t r = 0; r < 6; ++r) strain[r] -= body.free[p][r];
-    const Voigt s = stress_of(material, strain);
+    const Voigt s = stress_of(at_point(material, p), strain);
     deformation.stress = std::max(deformation.stress, von_mises(s));
     for (std::size_t r = 0; r < 6; ++r)
       deformation.energy += at.volume * s[r] * strain[r];
@@ -449,12 +458,14 @@ StressStiffness solid_stress_stiffness(ElementType type,
 }
 
 Dense solid_geometric_stiffness(ElementType type, const std::vector<Vector3>& nodes,
-                                const SolidMaterial& material,
+                                const SolidMaterials& material,
                                 const std::vector<double>& u) {
   const Displaced body(type, nodes, material, u);
   Dense K(3 * body.modes, 3 * body.modes);
-  for (const StiffnessPoint& at : body.points)
-    add_geometric(K, at, linear_stress(material, body.gradient(at)));
+  for (std::size_t p = 0; p < body.points.size(); ++p) {
+    const StiffnessPoint& at = body.points[p];
+    add_geometric(K, at, linear_stress(at_point(material, p), body.gradient(at)));
+  }
   mirror(K);
   return body.modes > body.n ? condensed(K, body.T) : K;
 }

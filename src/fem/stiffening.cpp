@@ -193,7 +193,7 @@ Block MeshStiffening::frame_loads(MPI_Comm comm) {
   FieldLoads fields(comm, body_, map_, mesh_, {});
   Followers(map_, mesh_).for_each([&](const PlacedElement& at) {
     fields.add_element(at.nodes, at.x, dofs_per_node(at.block().type),
-                       element_matrices(body_, at.block(), at.x, !at.rigid));
+                       element_matrices(body_, at, !at.rigid));
   });
   return combine(fields.take().B, shares_);
 }
@@ -224,7 +224,7 @@ std::vector<Matrix> MeshStiffening::matrices(int first, int count,
   followers.for_each([&](const PlacedElement& at) {
     const Dense T = followers.transformation(at);
     ElementMatrices element; // for the forces at slaves
-    if (!T.data.empty()) element = element_matrices(body_, at.block(), at.x, !at.rigid);
+    if (!T.data.empty()) element = element_matrices(body_, at, !at.rigid);
     std::vector<ElementPart> parts;
     for (int l = 0; l < count; ++l) {
       Dense added, moved;
@@ -233,7 +233,7 @@ std::vector<Matrix> MeshStiffening::matrices(int first, int count,
           const PetscInt equation = map_.equation(node, c);
           return equation < 0 ? 0.0 : u[as_size(l)][as_size(equation)];
         });
-        added = geometric_stiffness(body_, at.block(), at.x, moved.data);
+        added = geometric_stiffness(body_, at, moved.data);
       }
       if (!T.data.empty()) {
         Dense forces = weight(first + l, at, element);

@@ -74,7 +74,8 @@ public:
     std::vector<Interval> intervals; ///< [rad/s] ascending
     double share = 0;                ///< of the bands
   };
-  Unmet unmet(const DenseSystem& small, double tolerance);
+  /// @param share  of the work that this may take: the less, the coarser are the intervals.
+  Unmet unmet(const DenseSystem& small, double tolerance, double share = 1);
 
   /// A frequency where the medium model itself, without its rounding, is not proved to be
   /// within the tolerance.

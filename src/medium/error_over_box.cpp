@@ -77,7 +77,8 @@ ErrorOverBox::Supremum ErrorOverBox::supremum(const DenseSystem& small, double l
 ErrorOverBand::Unmet ErrorOverBox::unmet(const DenseSystem& small, double tolerance) {
   ErrorOverBand::Unmet all;
   for (Part& part : parts_) {
-    const auto here = part.errors.unmet(small.at(part.values), tolerance);
+    const auto here = part.errors.unmet(small.at(part.values), tolerance,
+                                        1.0 / static_cast<double>(parts_.size()));
     all.share = std::max(all.share, here.share);
     all.intervals.insert(all.intervals.end(), here.intervals.begin(),
                          here.intervals.end());

@@ -23,9 +23,13 @@ double largest(const std::vector<double>& values) {
 
 } // namespace
 
-ErrorOverBand::Unmet ErrorOverBand::unmet(const DenseSystem& system, double tolerance) {
+ErrorOverBand::Unmet ErrorOverBand::unmet(const DenseSystem& system, double tolerance,
+                                          double share) {
   constexpr double finest = 1e-6; // of the bands
-  constexpr int most = 20000;     // intervals that are looked at
+  // Intervals that are looked at: each costs about the cube of the order, and what is told of
+  // the band is worth a minute, not an hour.
+  const double order = medium_.model().system.order();
+  const double most = share * std::clamp(4e9 / (order * order * order), 300.0, 20000.0);
   const SmallModel small(system, medium_.model());
   double whole = 0;
   const auto narrower = [](const Node* a, const Node* b) {

@@ -311,9 +311,10 @@ py::array_t<double> array_of(const Dense& a) {
   return result;
 }
 
-/// Of elements (E, n, 3): areas (E, q), strains and curvatures (E, q, 6, 6n), axes (E, q, 2, 3).
+/// Of elements (E, n, 3), with material axes (E, 3) of their own or (0, 3): areas (E, q), strains and curvatures (E, q, 6, 6n), axes (E, q, 2, 3).
 py::tuple shell_strain_arrays(const PythonShell& shell, const std::string& element,
-                              const py::array_t<double>& points) {
+                              const py::array_t<double>& points,
+                              const py::array_t<double>& axis_1) {
   const ElementType type = element_type(element);
   const auto count = points.shape(0), n = points.shape(1);
   const auto q = static_cast<py::ssize_t>(stiffness_points(type).size());
@@ -324,7 +325,10 @@ py::tuple shell_strain_arrays(const PythonShell& shell, const std::string& eleme
     std::vector<Vector3> nodes;
     for (py::ssize_t a = 0; a < n; ++a)
       nodes.push_back({points.at(e, a, 0), points.at(e, a, 1), points.at(e, a, 2)});
-    const auto strains = shell_strains(type, nodes, shell.law, shell.place);
+    ShellPlace place = shell.place;
+    if (axis_1.shape(0) > 0)
+      place.axis_1 = {axis_1.at(e, 0), axis_1.at(e, 1), axis_1.at(e, 2)};
+    const auto strains = shell_strains(type, nodes, shell.law, place);
     for (py::ssize_t p = 0; p < q; ++p) {
       const ShellStrainPoint& at = strains[static_cast<std::size_t>(p)];
       area.mutable_at(e, p) = at.area;

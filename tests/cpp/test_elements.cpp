@@ -106,7 +106,7 @@ double energy(const Dense& A, const std::vector<double>& u,
 }
 
 double volume(ElementType type, const std::vector<Vector3>& nodes) {
-  return solid_matrices(type, nodes, isotropic(1, 0, 1), MassRule::full).mass;
+  return solid_matrices(type, nodes, {isotropic(1, 0, 1)}, MassRule::full).mass;
 }
 
 } // namespace
@@ -179,7 +179,8 @@ TEST(Elements, QuadratureOfTheMassIsExact) {
 TEST(Elements, SixRigidMotionsCostNoEnergy) {
   for (ElementType type : solids) {
     const auto nodes = distorted(type);
-    const Dense K = solid_matrices(type, nodes, isotropic(E, nu, rho), MassRule::full).K;
+    const Dense K =
+        solid_matrices(type, nodes, {isotropic(E, nu, rho)}, MassRule::full).K;
     double scale = 0;
     for (int i = 0; i < K.rows; ++i) scale = std::max(scale, K(i, i));
     const double rotations[3][3][3] = {{{0, 0, 0}, {0, 0, -1}, {0, 1, 0}},
@@ -219,7 +220,7 @@ TEST(Elements, PatchOfConstantStrainHasTheExactEnergy) {
         density += e[i] * material.stiffness[6 * i + j] * e[j];
     for (ElementType type : solids) {
       const auto nodes = distorted(type);
-      const Dense K = solid_matrices(type, nodes, material, MassRule::full).K;
+      const Dense K = solid_matrices(type, nodes, {material}, MassRule::full).K;
       const auto u = linear_field(nodes, F);
       const double expected = density * volume(type, nodes);
       EXPECT_NEAR(energy(K, u, u), expected, 1e-12 * expected) << element_name(type);
@@ -236,7 +237,8 @@ TEST(Elements, NodalForcesOfConstantStressBalance) {
   const auto C = isotropic(E, nu, rho).stiffness;
   for (ElementType type : solids) {
     const auto nodes = distorted(type);
-    const Dense K = solid_matrices(type, nodes, isotropic(E, nu, rho), MassRule::full).K;
+    const Dense K =
+        solid_matrices(type, nodes, {isotropic(E, nu, rho)}, MassRule::full).K;
     const double expected =
         volume(type, nodes) * 1e-3 * (C[0] * G[0][0] + C[6] * G[1][1] + C[12] * G[2][2]);
     EXPECT_NEAR(energy(K, linear_field(nodes, G), linear_field(nodes, F)), expected,
@@ -249,7 +251,7 @@ TEST(Elements, ConsistentMassIsExactForRigidAndLinearMotion) {
   for (ElementType type : solids) {
     const auto nodes = distorted(type);
     const auto element =
-        solid_matrices(type, nodes, isotropic(E, nu, rho), MassRule::full);
+        solid_matrices(type, nodes, {isotropic(E, nu, rho)}, MassRule::full);
     std::vector<double> u(as_size(element.M.rows), 0.0);
     for (std::size_t i = 0; i < u.size(); i += 3) u[i] = 1;
     EXPECT_NEAR(energy(element.M, u, u), element.mass, 1e-13 * element.mass);
@@ -262,7 +264,7 @@ TEST(Elements, ConsistentMassIsExactForRigidAndLinearMotion) {
     auto nodes = reference_nodes(type);
     for (auto& x : nodes) x = {0.1 * x[0], 0.2 * x[1], 0.3 * x[2]};
     const auto element =
-        solid_matrices(type, nodes, isotropic(E, nu, rho), MassRule::full);
+        solid_matrices(type, nodes, {isotropic(E, nu, rho)}, MassRule::full);
     const double F[3][3] = {{1, 0, 0}, {0, 0, 0}, {0, 0, 0}};
     const auto u = linear_field(nodes, F);
     EXPECT_NEAR(energy(element.M, u, u), element.mass * 0.2 * 0.2 / 12,
@@ -277,7 +279,7 @@ TEST(Elements, IncompatibleModesBendExactly) {
   const double a = 0.1, b = 0.02, c = 0.01;
   for (auto& x : nodes) x = {a * x[0], b * x[1], c * x[2]};
   const Dense K =
-      solid_matrices(ElementType::hex8, nodes, isotropic(E, 0, rho), MassRule::full).K;
+      solid_matrices(ElementType::hex8, nodes, {isotropic(E, 0, rho)}, MassRule::full).K;
   std::vector<double> u;
   for (const auto& x : nodes)
     u.insert(u.end(), {x[0] * x[2], 0, 0}); // w is equal at all nodes
@@ -298,9 +300,10 @@ TEST(Elements, ReducedMassRuleKeepsTheMassAndLosesRank) {
   for (const auto& [type, rank] :
        {std::pair{ElementType::tet4, 3}, {ElementType::tet10, 12}}) {
     const auto nodes = distorted(type);
-    const auto full = solid_matrices(type, nodes, isotropic(E, nu, rho), MassRule::full);
+    const auto full =
+        solid_matrices(type, nodes, {isotropic(E, nu, rho)}, MassRule::full);
     const auto reduced =
-        solid_matrices(type, nodes, isotropic(E, nu, rho), MassRule::reduced);
+        solid_matrices(type, nodes, {isotropic(E, nu, rho)}, MassRule::reduced);
     EXPECT_NEAR(full.mass, reduced.mass, 1e-13 * full.mass);
     const auto values = symmetric_eigen(reduced.M).values;
     const auto above = std::count_if(values.begin(), values.end(),
@@ -313,7 +316,7 @@ TEST(Elements, InvertedElementsAreSeen) {
   auto nodes = distorted(ElementType::tet4);
   std::swap(nodes[0], nodes[1]);
   EXPECT_LT(
-      solid_matrices(ElementType::tet4, nodes, isotropic(E, nu, rho), MassRule::full)
+      solid_matrices(ElementType::tet4, nodes, {isotropic(E, nu, rho)}, MassRule::full)
           .min_detJ,
       0);
 }

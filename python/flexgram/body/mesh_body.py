@@ -29,6 +29,7 @@ from flexgram.body.meshfile import (
     SOLIDS,
     node_set,
 )
+from flexgram.body.orientation import element_axes
 from flexgram.body.outputs import write_outputs
 from flexgram.body.preload import write_preload
 from flexgram.body.reader import Reader, short
@@ -57,6 +58,10 @@ def _formulation(region: Reader, kind: str) -> str:
         raise BodyError(f"{region.where}: formulation = {given!r}: {of_kind}")
     usual = known[:1]
     return "" if given in ("", *usual) else given
+
+
+#: Keys of a region.
+REGION = ("material", "section", "formulation", "orientation")
 
 
 class MeshBody:
@@ -383,7 +388,7 @@ class MeshBody:
             ]
         known = ", ".join(sorted(self.cells))
         for name, data in regions.items():
-            entry = Reader(data, f"regions: {name}", ("material", "section", "formulation"))
+            entry = Reader(data, f"regions: {name}", REGION)
             section = ""  # of beams, or of shells; parts may hold lines and faces beside solids
             if "section" in data:
                 section = entry.choice("section", self.reader.children("sections"))
@@ -426,6 +431,11 @@ class MeshBody:
                     group.attrs["formulation"] = formulation
                 group["connectivity"] = nodes
                 group["ids"] = np.asarray(labels[block][chosen], dtype=np.int64)
+                if kind in (*SOLIDS, *SHELLS):
+                    of = f"{kind}/{formulation}" if formulation else kind
+                    axes = element_axes(self.mesh, block, chosen, of, entry)
+                    if axes is not None:
+                        group["axes"] = axes
                 self.blocks.append((ROD if is_rod else kind, nodes))
                 self.ids.append(group["ids"][:])
             if not solid:

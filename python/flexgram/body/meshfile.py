@@ -20,6 +20,9 @@ for _kind in ("wedge15", "pyramid13", "pyramid14"):
 
 #: Cell data of a mesh that we made: the FE code's numbers of its elements.
 LABELS = "flexgram:label"
+#: First and second axis of the material in each element (E, 6), or at each point of the stiffness
+#: of solids (E, q, 6); NaN: the material's own.
+AXES = "flexgram:axes"
 SOLIDS = ("tetra", "tetra10", "hexahedron", "hexahedron20", "wedge15", "wedge")
 #: Those of solids that have several, the usual one first.
 FORMULATIONS = {

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from flexgram.basics import Floats, Ints
-from flexgram.body.meshfile import LABELS, SECOND_ORDER
+from flexgram.body.meshfile import AXES, LABELS, SECOND_ORDER
 
 #: By meshio type: what its elements become, and of which of its nodes.
 PIECES: dict[str, tuple[str, list[list[int]]]] = {
@@ -129,6 +129,7 @@ def divide(
         for end, block in zip(ends, mesh.cells, strict=True)
     ]
     labels = [np.asarray(of_block) for of_block in labels]
+    axes = list(mesh.cell_data[AXES]) if AXES in mesh.cell_data else None
     cells = {name: list(parts) for name, parts in cells.items()}
     sets = {name: np.asarray(nodes, dtype=np.int64) for name, nodes in mesh.point_sets.items()}
     for block, some in chosen.items():
@@ -151,5 +152,8 @@ def divide(
             cells[name][block] = parts[block][~mine]
         blocks.append((pieces.kind, pieces.cells))
         labels.append(np.repeat(labels[block][some], count))
-    divided = meshio.Mesh(points, blocks, point_sets=sets, cell_data={LABELS: labels})
+        if axes is not None:
+            axes.append(np.repeat(axes[block][some], count, axis=0))
+    data = {LABELS: labels} | ({AXES: axes} if axes is not None else {})
+    divided = meshio.Mesh(points, blocks, point_sets=sets, cell_data=data)
     return divided, cells, gained

@@ -107,8 +107,9 @@ class ShellField:
             outward = extrapolation(sheet.kind, xi)
             np.add.at(count, place, 1.0)
             for first in range(0, len(place), CHUNK):
-                some = sheet.nodes[first : first + CHUNK]
-                rows, _ = sheet.rows(self.points, some, side, False)
+                part = sheet.only(slice(first, first + CHUNK))
+                some = part.nodes
+                rows, _ = part.rows(self.points, side, False)
                 at_corners = np.einsum("nq,eqib->enib", outward, rows)
                 moved = motion[:, some].transpose(1, 2, 3, 0).reshape(len(some), -1, len(motion))
                 here = np.einsum("enib,ebk->enik", at_corners, moved, optimize=True)

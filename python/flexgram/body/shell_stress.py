@@ -38,6 +38,8 @@ class Sheet:
     shell : _flexgram.Shell
     thickness : (L,) array
         Of its layers, from the bottom to the top [m].
+    axis_1 : (E, 3) array
+        The first axis of the material in each element, or (0, 3): that of the shell.
     """
 
     kind: str
@@ -46,15 +48,21 @@ class Sheet:
     section: str
     shell: Any
     thickness: Floats
+    axis_1: Floats
 
-    def rows(self, points: Floats, some: Ints, side: str, strain: bool) -> tuple[Floats, Floats]:
-        """Stress or strain (E, q, 6, 6n) for unit motions of the nodes of some elements, components
+    def only(self, chosen: Any) -> Sheet:
+        """Some of its elements: an index."""
+        axis_1 = self.axis_1[chosen] if len(self.axis_1) else self.axis_1
+        return replace(self, nodes=self.nodes[chosen], ids=self.ids[chosen], axis_1=axis_1)
+
+    def rows(self, points: Floats, side: str, strain: bool) -> tuple[Floats, Floats]:
+        """Stress or strain (E, q, 6, 6n) for unit motions of the nodes of its elements, components
         as ``stress.COMPONENTS`` (strains with engineering shears), and areas (E, q) [m²]."""
         whole = float(self.thickness.sum())
         z = {"top": 0.5, "middle": 0.0, "bottom": -0.5}[side] * whole
         tops = np.cumsum(self.thickness) - 0.5 * whole
         layer = int(np.searchsorted(tops[:-1], z + 1e-9 * whole))
-        area, stretch, axes = self.shell.strains(self.kind, points[some])
+        area, stretch, axes = self.shell.strains(self.kind, points[self.nodes], self.axis_1)
         local = stretch[:, :, :3] + z * stretch[:, :, 3:]
         if strain:
             local[:, :, 2] /= 2  # of the tensor
@@ -101,9 +109,9 @@ def sheets_of(file: h5py.File) -> list[Sheet]:
         offset = float(section["offset"])
         shell = _flexgram.Shell(laws, thickness, angles, offset, axis_1, isotropic)
         ids = group["ids"][:] if "ids" in group else np.arange(len(nodes)) + 1
-        sheets.append(
-            Sheet(kind, nodes[deforms], ids[deforms], str(group.attrs["section"]), shell, thickness)
-        )
+        own = group["axes"][:, :3] if "axes" in group else np.empty((0, 3))
+        whole = Sheet(kind, nodes, ids, str(group.attrs["section"]), shell, thickness, own)
+        sheets.append(whole.only(deforms))
     return sheets
 
 
@@ -157,11 +165,7 @@ def only(sheets: list[Sheet], ids: Ints) -> list[Sheet]:
     if len(missing):
         raise BodyError(f"there is no shell {missing[0]} that deforms")
     chosen = [(sheet, np.isin(sheet.ids, ids)) for sheet in sheets]
-    return [
-        replace(sheet, nodes=sheet.nodes[some], ids=sheet.ids[some])
-        for sheet, some in chosen
-        if some.any()
-    ]
+    return [sheet.only(some) for sheet, some in chosen if some.any()]
 
 
 def nodal_rows(
@@ -204,14 +208,15 @@ def nodal_rows(
     weight[nodes] = 1 / count[nodes] / len(nodes)
     values = np.zeros((len(points), 6, 6))
     for sheet in sheets:
-        near = sheet.nodes[np.any(weight[sheet.nodes] > 0, axis=1)]
+        part = sheet.only(np.any(weight[sheet.nodes] > 0, axis=1))
+        near = part.nodes
         if not len(near):
             continue
         xi = _flexgram.shape_functions(sheet.kind, np.empty((0, 3)))[0]
         outward = extrapolation(sheet.kind, xi)
-        rows, _ = sheet.rows(points, near, side, strain)
-        part = np.einsum("en,nq,eqib->eib", weight[near], outward, rows, optimize=True)
-        np.add.at(values, near, part.reshape(len(near), 6, -1, 6).transpose(0, 2, 1, 3))
+        rows, _ = part.rows(points, side, strain)
+        of = np.einsum("en,nq,eqib->eib", weight[near], outward, rows, optimize=True)
+        np.add.at(values, near, of.reshape(len(near), 6, -1, 6).transpose(0, 2, 1, 3))
     used = np.flatnonzero(np.any(values != 0, axis=(1, 2)))
     return used, values[used]
 
@@ -230,7 +235,7 @@ def element_rows(
     values, area = np.zeros((len(points), 6, 6)), 0.0
     for sheet in only(sheets, ids):
         some = sheet.nodes
-        rows, size = sheet.rows(points, some, side, False)
+        rows, size = sheet.rows(points, side, False)
         if point is not None and not 1 <= point <= size.shape[1]:
             raise BodyError(
                 f"elements {sheet.kind} have the integration points 1 to {size.shape[1]}"

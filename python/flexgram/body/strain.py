@@ -54,6 +54,41 @@ def stiffness_of(material: Any, *, own_axes: bool = False) -> Floats:
     return found
 
 
+def turned(law: Floats, axes: Floats) -> Floats:
+    """Laws of elements whose material has axes of its own in each.
+
+    Parameters
+    ----------
+    law : (6, 6) array
+        In the material's axes [N/m²].
+    axes : (E, 6) or (E, q, 6) array
+        Its first and second axis in each element, or at each of its points, orthonormal.
+
+    Returns
+    -------
+    (E, 6, 6) or (E, q, 6, 6) array
+        In global axes.
+
+    Examples
+    --------
+    >>> law = np.diag([9.0, 1, 1, 1, 1, 1])
+    >>> turned(law, np.array([[0.0, 1, 0, -1, 0, 0]]))[0].diagonal().round(12)
+    array([1., 9., 1., 1., 1., 1.])
+    """
+    R = whole_axes(axes.reshape(-1, 6))
+    i, j = np.array([0, 1, 2, 0, 1, 2]), np.array([0, 1, 2, 1, 2, 0])
+    both = R[:, i][:, :, i] * R[:, j][:, :, j] + R[:, i][:, :, j] * R[:, j][:, :, i]
+    T = both * np.where(i == j, 1.0, 2.0)[:, None] * 0.5
+    found: Floats = (np.swapaxes(T, 1, 2) @ law @ T).reshape(*axes.shape[:-1], 6, 6)
+    return found
+
+
+def whole_axes(axes: Floats) -> Floats:
+    """Three axes as rows (..., 3, 3), of the first and the second (..., 6)."""
+    first, second = axes[..., :3], axes[..., 3:]
+    return np.stack([first, second, np.cross(first, second)], axis=-2)
+
+
 def rigid_interfaces(file: h5py.File) -> Ints:
     """The number of the rigid interface that each node of an open body file follows, (N,); -1 where
     it follows none.
@@ -170,7 +205,7 @@ def stress_operator(kind: str, points: Floats, law: Floats) -> tuple[Floats, Flo
         Meshio's name of the element, and behind a stroke the formulation where it is another.
     points : (E, n, 3) array
         Nodes of each element [m].
-    law : (6, 6) array
+    law : (6, 6), (E, 6, 6) or (E, q, 6, 6) array
         [N/m²]
 
     Returns
@@ -200,11 +235,16 @@ def stress_operator(kind: str, points: Floats, law: Floats) -> tuple[Floats, Flo
     strain = _strain(gradients).reshape(*size.shape, 6, 3 * count)
     if kind == "hexahedron":  # with the incompatible modes 1 − ξ², condensed
         inner = _incompatible(points, xi, size)
-        weighed = np.einsum("eq,eqia,ij->eqja", volume, inner, law)
+        weighed = volume[..., None, None] * (_at_points(law) @ inner)
         stiffness = np.einsum("eqja,eqjb->eab", weighed, inner)
         coupling = np.einsum("eqja,eqjb->eab", weighed, strain)
         strain = strain - inner @ np.linalg.solve(stiffness, coupling)[:, None]
-    return np.einsum("ij,eqjb->eqib", law, strain), strain, volume
+    return _at_points(law) @ strain, strain, volume
+
+
+def _at_points(law: Floats) -> Floats:
+    """Laws of all elements, of each or at each point, as factors of arrays (E, q, 6, ...)."""
+    return law[:, None] if law.ndim == 3 else law
 
 
 def heat_operator(kind: str, points: Floats, law: Floats, strain: Floats) -> tuple[Floats, Floats]:
@@ -235,14 +275,15 @@ def heat_operator(kind: str, points: Floats, law: Floats, strain: Floats) -> tup
     import _flexgram
 
     _, own, volume = stress_operator(kind, points, law)
-    held = strain @ law.T
+    held = (_at_points(law) @ strain[..., None])[..., 0]
     forces = np.einsum("eq,eqib,eqi->eb", volume, own, held).reshape(points.shape)
     stress = -held
     if kind == "hexahedron":  # its inner modes give way
         xi, weight = _flexgram.shape_functions(kind, np.empty((0, 3)))[:2]
         inner = _incompatible(points, xi, volume / weight)
-        stiffness = np.einsum("eq,eqia,ij,eqjb->eab", volume, inner, law, inner, optimize=True)
+        weighed = volume[..., None, None] * (_at_points(law) @ inner)
+        stiffness = np.einsum("eqia,eqib->eab", inner, weighed)
         push = np.einsum("eq,eqia,eqi->ea", volume, inner, held)
         give = np.linalg.solve(stiffness, push[..., None])[..., 0]
-        stress = stress + np.einsum("ij,eqja,ea->eqi", law, inner, give)
+        stress = stress + (_at_points(law) @ inner @ give[:, None, :, None])[..., 0]
     return forces, stress

@@ -11,7 +11,7 @@ stress is that of the strain without it.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -30,6 +30,8 @@ from flexgram.body.strain import (
     rigid_interfaces,
     stiffness_of,
     stress_operator,
+    turned,
+    whole_axes,
 )
 
 COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "zx")
@@ -42,19 +44,50 @@ class Solid(NamedTuple):
 
     kind: str  #: meshio's name, and behind a stroke the formulation where it is another
     nodes: Ints  #: (E, n)
-    law: Floats  #: (6, 6) [N/m²]
-    expansion: Floats | None  #: strain of one kelvin (6,), engineering shears; None: not known
+    law: Floats  #: (6, 6) [N/m²], or of each element, or at each of its points
+    #: Strain of one kelvin (6,), engineering shears, or as many as laws; None: not known.
+    expansion: Floats | None
     ids: Ints  #: (E,) the elements' numbers
 
+    def only(self, chosen: Any) -> Solid:
+        """Some of its elements: an index."""
+        law, expansion = self.law, self.expansion
+        if law.ndim > 2:
+            law = law[chosen]
+            expansion = None if expansion is None else expansion[chosen]
+        return Solid(self.kind, self.nodes[chosen], law, expansion, self.ids[chosen])
 
-def _expansion(material: Any) -> Floats | None:
-    """Strain of one kelvin, of a material of a body file."""
+    def chunks(self) -> Iterator[Solid]:
+        """Its elements, not too many at once."""
+        for first in range(0, len(self.nodes), CHUNK):
+            yield self.only(slice(first, first + CHUNK))
+
+    def free_strain(self, temperature: Floats) -> Floats:
+        """Strain without stress (E, q, 6) at the points of the stiffness, of temperatures (N,).
+
+        Raises
+        ------
+        BodyError
+            If the expansion is not known.
+        """
+        import _flexgram
+
+        if self.expansion is None:
+            raise BodyError("temperature: a material that it warms has no expansion [1/K]")
+        N = _flexgram.shape_functions(self.kind, np.empty((0, 3)))[2]
+        warm = (temperature[self.nodes] @ N.T)[..., None]
+        strain: Floats = warm * (self.expansion[:, None] if self.law.ndim == 3 else self.expansion)
+        return strain
+
+
+def _expansion(material: Any, axes: Floats) -> Floats | None:
+    """Strain of one kelvin (..., 6), of a material of a body file with axes (..., 3, 3)."""
     if "expansion" not in material:
         return None
     along = np.broadcast_to(material["expansion"], 3)
-    axes = np.reshape(material["axes"], (3, 3)) if "axes" in material else np.eye(3)
-    e = axes.T @ np.diag(along) @ axes
-    return np.array([e[0, 0], e[1, 1], e[2, 2], 2 * e[0, 1], 2 * e[1, 2], 2 * e[2, 0]])
+    e = np.einsum("...ka,k,...kb->...ab", axes, along, axes)
+    strain: Floats = e[..., [0, 1, 2, 0, 1, 2], [0, 1, 2, 1, 2, 0]] * [1, 1, 1, 2, 2, 2]
+    return strain
 
 
 @dataclass
@@ -98,12 +131,18 @@ class Stresses:
             if "formulation" in group.attrs:
                 kind += f"/{group.attrs['formulation']}"
             steel = file["materials"][str(group.attrs["material"])].attrs
-            law = stiffness_of(steel)
             deforms = deforming(nodes, follows)
-            if deforms.any():
-                ids = group["ids"][:] if "ids" in group else np.arange(len(nodes)) + 1
-                law = np.reshape(law, (6, 6))
-                blocks.append(Solid(kind, nodes[deforms], law, _expansion(steel), ids[deforms]))
+            if not deforms.any():
+                continue
+            ids = group["ids"][:] if "ids" in group else np.arange(len(nodes)) + 1
+            if "axes" in group and "E" not in steel:
+                of_elements = group["axes"][:]
+                law = turned(stiffness_of(steel, own_axes=True).reshape(6, 6), of_elements)
+                expansion = _expansion(steel, whole_axes(of_elements))
+            else:
+                law = stiffness_of(steel).reshape(6, 6)
+                expansion = _expansion(steel, np.reshape(steel.get("axes", np.eye(3)), (3, 3)))
+            blocks.append(Solid(kind, nodes, law, expansion, ids).only(deforms))
         if not blocks:
             raise BodyError("the body has no solids that deform: no stresses")
         return cls(file["mesh/points"][:], blocks)
@@ -132,11 +171,12 @@ class Stresses:
 
         u = np.asarray(displacements, dtype=float)
         stress = np.zeros((len(self.points), 6 * len(u)))
-        for kind, nodes, law, *_ in self.blocks:
+        for solid in self.blocks:
+            kind = solid.kind
             outward = extrapolation(kind, _flexgram.shape_functions(kind, np.empty((0, 3)))[0])
-            for first in range(0, len(nodes), CHUNK):
-                some = nodes[first : first + CHUNK]
-                operator = stress_operator(kind, self.points[some], law)[0]
+            for part in solid.chunks():
+                some = part.nodes
+                operator = stress_operator(kind, self.points[some], part.law)[0]
                 elements, size = some.shape
                 at_nodes = np.tensordot(operator, outward, axes=(1, 1))  # (E, 6, 3n, n)
                 rows = at_nodes.transpose(0, 3, 1, 2).reshape(elements, 6 * size, 3 * size)
@@ -178,20 +218,14 @@ class Stresses:
         import _flexgram
 
         forces, stress = np.zeros_like(self.points), np.zeros((len(self.points), 6))
-        for kind, nodes, law, expansion, _ in self.blocks:
-            warm = nodes[np.any(temperature[nodes] != 0, axis=1)]
-            if not len(warm):
-                continue
-            if expansion is None:
-                raise BodyError("temperature: a material that it warms has no expansion [1/K]")
-            xi, _, N, _ = _flexgram.shape_functions(kind, np.empty((0, 3)))
-            outward = extrapolation(kind, xi)
-            for first in range(0, len(warm), CHUNK):
-                some = warm[first : first + CHUNK]
-                strain = (temperature[some] @ N.T)[..., None] * expansion
-                force, held = heat_operator(kind, self.points[some], law, strain)
-                np.add.at(forces, some, force)
-                np.add.at(stress, some, np.einsum("nq,eqi->eni", outward, held))
+        for solid in self.blocks:
+            kind = solid.kind
+            outward = extrapolation(kind, _flexgram.shape_functions(kind, np.empty((0, 3)))[0])
+            for part in solid.only(np.any(temperature[solid.nodes] != 0, axis=1)).chunks():
+                strain = part.free_strain(temperature)
+                force, held = heat_operator(kind, self.points[part.nodes], part.law, strain)
+                np.add.at(forces, part.nodes, force)
+                np.add.at(stress, part.nodes, np.einsum("nq,eqi->eni", outward, held))
         return forces, self._averaged(stress)
 
     def shortened(self, nodes: Bools, axis: Floats) -> tuple[Floats, float, float, Ints]:
@@ -220,17 +254,17 @@ class Stresses:
         n = np.outer(axis, axis)
         along = np.array([n[0, 0], n[1, 1], n[2, 2], n[0, 1], n[1, 2], n[2, 0]])
         engineering = along * [1, 1, 1, 2, 2, 2]
-        for kind, elements, law, *_ in self.blocks:
-            inside = elements[nodes[elements].all(axis=1)]
-            for first in range(0, len(inside), CHUNK):
-                some = inside[first : first + CHUNK]
-                volume = stress_operator(kind, self.points[some], law)[2]
+        for solid in self.blocks:
+            inside = solid.only(nodes[solid.nodes].all(axis=1))
+            for part in inside.chunks():
+                of = (part.kind, self.points[part.nodes], part.law)
+                volume = stress_operator(*of)[2]
                 strain = np.broadcast_to(-engineering, (*volume.shape, 6))
-                force, stress = heat_operator(kind, self.points[some], law, strain)
-                np.add.at(forces, some, force)
+                force, stress = heat_operator(*of, strain)
+                np.add.at(forces, part.nodes, force)
                 work += float(np.einsum("eq,eqi,i->", volume, stress, engineering))
                 size += float(volume.sum())
-            shank.append(np.unique(inside))
+            shank.append(np.unique(inside.nodes))
         return forces, work, size, np.unique(np.concatenate(shank))
 
     def of_temperatures(self, body: str | Path, inputs: list[str]) -> dict[str, Floats]:
@@ -267,12 +301,12 @@ class Stresses:
         weight = np.zeros(len(self.points))
         weight[nodes] = 1 / count[nodes] / len(nodes)
         values = np.zeros((len(self.points), 6, 3))
-        for kind, all_nodes, law, *_ in self.blocks:
+        for solid in self.blocks:
+            kind = solid.kind
             outward = extrapolation(kind, _flexgram.shape_functions(kind, np.empty((0, 3)))[0])
-            near = all_nodes[np.any(weight[all_nodes] > 0, axis=1)]
-            for first in range(0, len(near), CHUNK):
-                some = near[first : first + CHUNK]
-                operator = stress_operator(kind, self.points[some], law)[int(strain)]
+            for near in solid.only(np.any(weight[solid.nodes] > 0, axis=1)).chunks():
+                some = near.nodes
+                operator = stress_operator(kind, self.points[some], near.law)[int(strain)]
                 part = np.einsum("en,nq,eqib->eib", weight[some], outward, operator, optimize=True)
                 np.add.at(values, some, part.reshape(len(some), 6, -1, 3).transpose(0, 2, 1, 3))
         used = np.flatnonzero(np.any(values != 0, axis=(1, 2)))
@@ -314,22 +348,21 @@ class Stresses:
         missing = np.setdiff1d(ids, np.concatenate([solid.ids for solid in self.blocks]))
         if len(missing):
             raise BodyError(f"there is no element {missing[0]} that deforms")
-        for kind, nodes, law, expansion, here in self.blocks:
-            some = nodes[np.isin(here, ids)]
+        for solid in self.blocks:
+            here = solid.only(np.isin(solid.ids, ids))
+            kind, some, law = here.kind, here.nodes, here.law
             if not len(some):
                 continue
-            N = _flexgram.shape_functions(kind, np.empty((0, 3)))[2]
-            if point is not None and not 1 <= point <= len(N):
-                raise BodyError(f"elements {kind} have the integration points 1 to {len(N)}")
+            count = len(_flexgram.shape_functions(kind, np.empty((0, 3)))[2])
+            if point is not None and not 1 <= point <= count:
+                raise BodyError(f"elements {kind} have the integration points 1 to {count}")
             chosen = slice(None) if point is None else slice(point - 1, point)
             stress, _, size = (a[:, chosen] for a in stress_operator(kind, self.points[some], law))
             part = np.einsum("eq,eqib->eib", size, stress).reshape(len(some), 6, -1, 3)
             np.add.at(values, some, part.transpose(0, 2, 1, 3))
             volume += float(size.sum())
             for name, field in (fields or {}).items():
-                if expansion is None:
-                    raise BodyError("a material that a temperature warms has no expansion [1/K]")
-                strain = (field[some] @ N.T)[..., None] * expansion
+                strain = here.free_strain(field)
                 warm = heat_operator(kind, self.points[some], law, strain)[1][:, chosen]
                 held[name] += np.einsum("eq,eqi->i", size, warm)
         used = np.flatnonzero(np.any(values != 0, axis=(1, 2)))

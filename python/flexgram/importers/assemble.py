@@ -37,6 +37,7 @@ from flexgram.importers.deck_sections import (
     mesh_of,
     regions_of,
     sections_of,
+    turn_elements,
     turn_materials,
 )
 from flexgram.importers.fe import Interface, check_damping
@@ -334,6 +335,7 @@ def assemble_deck(
     for entry in (*described.values(), *loads.values(), *outputs.values()):
         number_nodes(path, deck, entry)
     turn_materials(job, material_of, materials)
+    turn_elements(job, mesh, material_of)
     given = {"alpha": alpha, "beta": beta, "eta": eta}
     content = {
         "name": path.stem,

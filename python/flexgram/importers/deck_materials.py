@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from flexgram.basics import BodyError, Floats
+from flexgram.body.orientation import cylindrical
 from flexgram.importers.ccx import Card, Job
 
 ENGINEERING = ("E1", "E2", "E3", "nu12", "nu13", "nu23", "G12", "G13", "G23")
@@ -126,20 +128,63 @@ def laminas_of(job: Job) -> set[str]:
     return found
 
 
-def orientations_of(job: Job) -> dict[str, Floats]:
-    """Name -> axes in rows (3, 3), of *ORIENTATION.
+@dataclass(frozen=True)
+class Orientation:
+    """Axes of a material.
+
+    Attributes
+    ----------
+    axes : (3, 3) array
+        In rows; of a cylindrical one a point of its axis, the axis, and zeros.
+    is_cylindrical : bool
+        They are those outward, around and along the axis.
+    about, angle : int, float
+        Turned about one of them, from 0, by an angle [rad].
+    """
+
+    axes: Floats
+    is_cylindrical: bool = False
+    about: int = 0
+    angle: float = 0.0
+
+    def at(self, places: Floats, where: str) -> Floats:
+        """At places (E, 3): (E, 3, 3).
+
+        Raises
+        ------
+        BodyError
+            For a place on the axis.
+        """
+        axes = np.broadcast_to(self.axes, (len(places), 3, 3)).copy()
+        if self.is_cylindrical:
+            axes = cylindrical(places, self.axes[0], self.axes[1], where)
+        i, j = (self.about + 1) % 3, (self.about + 2) % 3
+        c, s = np.cos(self.angle), np.sin(self.angle)
+        axes[:, i], axes[:, j] = (
+            c * axes[:, i] + s * axes[:, j],
+            c * axes[:, j] - s * axes[:, i],
+        )
+        return axes
+
+
+def orientations_of(job: Job) -> dict[str, Orientation]:
+    """Those of *ORIENTATION, by name.
 
     Raises
     ------
     BodyError
-        For systems other than rectangular ones, and axes without a direction.
+        For systems other than rectangular and cylindrical ones, and axes without a direction.
     """
-    found: dict[str, Floats] = {}
+    found: dict[str, Orientation] = {}
     for card in (card for card in job.model if card.keyword == "ORIENTATION"):
         name = card.options.get("NAME", "").upper()
         where = f"{job.path}: *ORIENTATION, NAME={name}"
-        if card.options.get("SYSTEM", "RECTANGULAR").upper() not in ("RECTANGULAR", "R"):
-            raise BodyError(f"{where}: only SYSTEM=RECTANGULAR is followed; --run-ccx knows others")
+        system = card.options.get("SYSTEM", "RECTANGULAR").upper()
+        if system not in ("RECTANGULAR", "R", "CYLINDRICAL", "C"):
+            raise BodyError(
+                f"{where}: only SYSTEM=RECTANGULAR and CYLINDRICAL are followed; --run-ccx knows "
+                "others"
+            )
         if others := sorted(set(card.options) - {"NAME", "SYSTEM", "DEFINITION"}):
             raise BodyError(f"{where}: {others[0]} is not followed by --assemble: take --run-ccx")
         rows = [[word for word in row if word] for row in card.words()]
@@ -149,18 +194,21 @@ def orientations_of(job: Job) -> dict[str, Floats]:
             turn = [float(word) for word in rows[1]] if len(rows) > 1 else []
         except (ValueError, IndexError):
             raise BodyError(f"{where}: expected six numbers") from None
+        about, angle = 0, 0.0
+        if len(turn) == 2:
+            about, angle = int(turn[0]) - 1, float(np.radians(turn[1]))
+            if about not in range(3):
+                raise BodyError(f"{where}: turned about axis {turn[0]:g}, which must be 1, 2 or 3")
+        if system.startswith("C"):
+            if not np.linalg.norm(b - a) > 0:
+                raise BodyError(f"{where}: its axes have no direction")
+            found[name] = Orientation(np.array([a, b - a, 0 * a]), True, about, angle)
+            continue
         first = a - origin
         third = np.cross(first, b - origin)
         if not np.linalg.norm(third) > 0:
             raise BodyError(f"{where}: its axes have no direction")
         axes = np.array([first / np.linalg.norm(first), third, third / np.linalg.norm(third)])
         axes[1] = np.cross(axes[2], axes[0])
-        if len(turn) == 2:  # about one of them
-            k, angle = int(turn[0]) - 1, np.radians(turn[1])
-            i, j = (k + 1) % 3, (k + 2) % 3
-            axes[[i, j]] = (
-                np.cos(angle) * axes[i] + np.sin(angle) * axes[j],
-                np.cos(angle) * axes[j] - np.sin(angle) * axes[i],
-            )
-        found[name] = axes
+        found[name] = Orientation(axes, False, about, angle)
     return found

@@ -22,7 +22,7 @@ from flexgram.importers.ccx import Job, read_job
 from flexgram.importers.deck import Deck, read_deck
 from flexgram.importers.deck_loads import held_of
 from flexgram.importers.deck_materials import materials_of
-from flexgram.importers.deck_sections import mesh_of, regions_of, turn_materials
+from flexgram.importers.deck_sections import mesh_of, regions_of, turn_elements, turn_materials
 from flexgram.importers.fe import FeMatrices, Interface
 from flexgram.importers.interfaces import select
 
@@ -120,6 +120,7 @@ def _vectors(job: Job, deck: Deck, outputs: Mapping[str, Any], units: str) -> Ve
     materials = materials_of(job)
     mesh, material_of, _ = mesh_of(job, deck, materials, {})
     turn_materials(job, material_of, materials)
+    turn_elements(job, mesh, material_of)
     entries = {name: dict(entry) for name, entry in outputs.items()}
     for entry in entries.values():
         number_nodes(job.path, deck, entry)

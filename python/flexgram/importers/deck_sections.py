@@ -9,11 +9,12 @@ import meshio
 import numpy as np
 
 from flexgram.basics import BodyError, Floats
-from flexgram.body.meshfile import LABELS
+from flexgram.body.meshfile import AXES, LABELS, SOLIDS
+from flexgram.body.orientation import stiffness_places
 from flexgram.importers import deck_lines
 from flexgram.importers.ccx import Card, Job
 from flexgram.importers.deck import FORMULATIONS, SHELL_KINDS, Deck
-from flexgram.importers.deck_materials import laminas_of, orientations_of
+from flexgram.importers.deck_materials import Orientation, laminas_of, orientations_of
 
 #: What *ELASTIC gives a material, one of these.
 MODULI = {"E", "E1", "stiffness"}
@@ -48,7 +49,7 @@ def _kind_of(deck: Deck, label: int) -> str:
 
 def sections_of(job: Job, deck: Deck, *, abaqus: bool) -> dict[str, dict[str, Any]]:
     """Entries of ``sections`` of a description, by region."""
-    found = _shell_sections(job)
+    found = _shell_sections(job, abaqus=abaqus)
     for region, card in _sections(job):
         labels = deck.elsets.get(card.options.get("ELSET", "").upper(), [])
         if card.keyword in deck_lines.CARDS:
@@ -59,7 +60,7 @@ def sections_of(job: Job, deck: Deck, *, abaqus: bool) -> dict[str, dict[str, An
     return found
 
 
-def _shell_sections(job: Job) -> dict[str, dict[str, Any]]:
+def _shell_sections(job: Job, *, abaqus: bool) -> dict[str, dict[str, Any]]:
     found: dict[str, dict[str, Any]] = {}
     orientations = orientations_of(job)
     for region, card in _sections(job):
@@ -86,7 +87,14 @@ def _shell_sections(job: Job) -> dict[str, dict[str, Any]]:
             raise BodyError(f"{where}: expected an OFFSET in thicknesses") from None
         entry["offset"] = -offset * thickness  # of the nodes above the middle surface
         if (name := card.options.get("ORIENTATION", "").upper()) or "COMPOSITE" in card.options:
-            entry["axis_1"] = _axes(where, orientations, name)[0].tolist()
+            axes = _orientation(where, orientations, name)
+            if not axes.is_cylindrical:
+                entry["axis_1"] = axes.at(np.zeros((1, 3)), where)[0, 0].tolist()
+            elif not abaqus:
+                raise BodyError(
+                    f"{where}: its orientation is cylindrical, and CalculiX takes it as that of a "
+                    "solid, with axis 1 outward: --format abaqus takes the axes in the surface"
+                )
         found[region] = entry
     return found
 
@@ -106,10 +114,40 @@ def _layer(where: str, row: list[str]) -> dict[str, Any]:
     return layer
 
 
-def _axes(where: str, orientations: Mapping[str, Floats], name: str) -> Floats:
+def _orientation(where: str, orientations: Mapping[str, Orientation], name: str) -> Orientation:
     if name and name not in orientations:
         raise BodyError(f"{where}: there is no orientation {name}")
-    return orientations.get(name, np.eye(3))
+    return orientations.get(name, Orientation(np.eye(3)))
+
+
+def turn_elements(job: Job, mesh: meshio.Mesh, material_of: dict[str, str]) -> None:
+    """Elements of sections with a cylindrical ORIENTATION get axes of their own, solids at each
+    point of the stiffness as in CalculiX, others at their middle. In shells the axis about which
+    it turns, or else the first, is the normal (as in Abaqus), and the next one is the first of the
+    material."""
+    orientations = orientations_of(job)
+    axes: list[Floats] = [np.full((len(block.data), 6), np.nan) for block in mesh.cells]
+    for region, card in _sections(job):
+        given = orientations.get(card.options.get("ORIENTATION", "").upper())
+        if given is None or not given.is_cylindrical:
+            continue
+        where = f"{job.path}: *{card.keyword}, ELSET={card.options.get('ELSET', '')}"
+        first = (given.about + 1) % 3 if card.keyword == "SHELL SECTION" else 0
+        for own in [r for r in material_of if r == region or r.startswith(f"{region}_")]:
+            for block, chosen in enumerate(mesh.cell_sets[own]):
+                if not len(chosen):
+                    continue
+                kind, nodes = mesh.cells[block].type, mesh.cells[block].data
+                formulation = own.partition("_")[2]
+                kind += f"/{formulation}" if formulation else ""
+                places = stiffness_places(kind, mesh.points[nodes[chosen]])
+                at = given.at(places.reshape(-1, 3), where)
+                two = np.hstack([at[:, first], at[:, (first + 1) % 3]])
+                if kind.partition("/")[0] in SOLIDS:
+                    axes[block] = np.full((len(nodes), places.shape[1], 6), np.nan)
+                axes[block][chosen] = two.reshape(-1, *axes[block].shape[1:])
+    if any(np.isfinite(of_block).any() for of_block in axes):
+        mesh.cell_data[AXES] = axes
 
 
 def turn_materials(
@@ -123,7 +161,10 @@ def turn_materials(
         if card.keyword != "SOLID SECTION" or not name:
             continue
         where = f"{job.path}: *SOLID SECTION, ELSET={card.options.get('ELSET', '')}"
-        axes = _axes(where, orientations, name)
+        given = _orientation(where, orientations, name)
+        if given.is_cylindrical:
+            continue  # turn_elements
+        axes = given.at(np.zeros((1, 3)), where)[0]
         for own in [r for r in material_of if r == region or r.startswith(f"{region}_")]:
             material = material_of[own]
             if not {"E1", "stiffness"} & set(materials[material]):

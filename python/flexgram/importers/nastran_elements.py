@@ -10,7 +10,8 @@ import meshio
 import numpy as np
 
 from flexgram.basics import BodyError, Floats
-from flexgram.body.meshfile import LABELS
+from flexgram.body.meshfile import AXES, LABELS
+from flexgram.body.orientation import with_second
 from flexgram.importers.nastran import REORDER, SOLIDS
 from flexgram.importers.nastran_deck import BEAMS, RODS, SHELLS, SPRINGS, WEDGE, BulkDeck, named
 from flexgram.importers.nastran_materials import Materials, beam_ratio, own_shear
@@ -44,7 +45,8 @@ class Elements:
 
     def __init__(self, deck: BulkDeck) -> None:
         self.deck = deck
-        self.directions: dict[tuple[float, ...], int] = {}  #: of fibres and sections
+        self.directions: dict[tuple[float, ...], int] = {}  #: of sections
+        self.fibres: dict[int, Floats] = {}  #: first axis of the material in elements
         self.materials = Materials(deck)
         self.sections: dict[str, dict[str, Any]] = {}
         self.regions: dict[str, dict[str, Any]] = {}
@@ -82,8 +84,21 @@ class Elements:
                 ]
                 for region in dict.fromkeys(region for region, _ in keys)
             },
-            cell_data={LABELS: [np.array(self.groups[key][1]) for key in keys]},
+            cell_data={LABELS: [np.array(self.groups[key][1]) for key in keys]} | self._axes(),
         )
+
+    def _axes(self) -> dict[str, list[Floats]]:
+        """Cell data ``AXES``, of elements with fibres."""
+        if not self.fibres:
+            return {}
+        axes = []
+        for _, labels in self.groups.values():
+            axes.append(np.full((len(labels), 6), np.nan))
+            some = [k for k, label in enumerate(labels) if label in self.fibres]
+            if some:
+                first = np.array([self.fibres[labels[k]] for k in some])
+                axes[-1][some] = with_second(first)
+        return {AXES: axes}
 
     def add(self, number: int, element: Any) -> None:
         kind = element.type
@@ -177,8 +192,8 @@ class Elements:
             )
         name += f"_z{offset:.9g}" if offset else ""
         if has_fibres:
-            axis = self._fibres(number, element)
-            section["axis_1"], name = axis.tolist(), f"{name}_d{self._direction(axis)}"
+            self.fibres[number] = self._fibres(number, element)
+            name += "_f"
         self.sections[name] = section
         return self._region(name, material, name)
 
@@ -205,8 +220,8 @@ class Elements:
             side /= max(float(np.linalg.norm(side)), 1e-300)
             angle = np.radians(float(given or 0.0))
             x = np.cos(angle) * side + np.sin(angle) * np.cross(normal, side)
-        rounded: Floats = np.round(x, 7) + 0.0
-        return rounded
+        axis: Floats = np.asarray(x, dtype=float)
+        return axis
 
     def _beam(self, number: int, element: Any) -> None:
         prop, kind = element.pid_ref, element.type
