@@ -278,7 +278,7 @@ class System:
             E[n:, n:] = M
             A[:n, n:], A[n:, :n] = np.eye(n), -K
             A[n:, n:] = -(D + self.alpha * M + self.beta * K)
-            shift = float(np.sqrt(np.trace(K.real) / np.trace(M))) * 0.1
+            shift = float(np.sqrt(abs(np.trace(K.real)) / np.trace(M))) * 0.1
             solved = sl.solve(shift * E - A, np.hstack([E, np.vstack([0 * self.B, self.B])]))
             g, V = sl.eig(solved[:, : 2 * n])
             C = np.hstack([np.asarray(self.C), 0 * np.asarray(self.C)])

@@ -287,3 +287,84 @@ def test_axes_of_a_file_by_hand(tmp_path: Path) -> None:
         file["mesh/blocks/0000/axes"][1, 0] += 1e-3
     args = ("-body", tmp_path / "b.h5", "-body_out", tmp_path / "m.h5")
     assert "not orthonormal" in run("assemble", *args, expect=1).err
+
+
+@ccx
+@pytest.mark.parametrize("element", ["C3D20", "C3D8", "C3D10"])
+def test_distributions_of_ccx(element: str, tmp_path: Path) -> None:
+    """Axes of single elements, and of all others."""
+    mesh = box(CALCULIX[element], (4, 2, 2))
+    held = "*BOUNDARY\nSTART, 1, 3\n*STEP\n*FREQUENCY\n8\n*END STEP\n"
+    path = write_deck(tmp_path / "single.inp", element, held, mesh=mesh)
+    text = path.read_text()
+    elastic = text[text.index("*ELASTIC") : text.index("*DENSITY")]
+    count = len(mesh.cells[0].data)
+    rows = [
+        f"{k}, {1 + 0.1 * k}, {0.3 * k}, 0.2, -{0.3 * k}, 1, {0.1 * k}" for k in range(2, count)
+    ]
+    given = (
+        "*DISTRIBUTION, NAME=EACH\n, 0., 1., 0., -1., 0., 0.\n" + "\n".join(rows) + "\n"
+        "*ORIENTATION, NAME=FIBRE\nEACH\n"
+    )
+    section = "*SOLID SECTION"
+    text = text.replace(elastic, CONSTANTS).replace(section, given + section)
+    path.write_text(
+        text.replace("MATERIAL=STEEL\n*BOUND", "MATERIAL=STEEL, ORIENTATION=FIBRE\n*BOUND")
+    )
+    theirs = np.array(ccx_frequencies(path)[:6])
+    out = ["--assemble", "--distributing", "tip=NSET:END", "-o", str(tmp_path / "b.h5")]
+    assert main(["import", str(path), *out]) == 0
+    a = assembled(tmp_path / "m.h5", tmp_path / "b.h5")
+    squares = eigsh(a["K"], 6, a["M"], sigma=0, return_eigenvectors=False)
+    np.testing.assert_allclose(np.sqrt(np.sort(squares)) / (2 * np.pi), theirs, rtol=1e-6)
+
+
+def test_thickness_of_single_elements(tmp_path: Path) -> None:
+    """As the same sheets by sections of their own, offsets too."""
+    nodes = "*NODE\n1,0,0,0\n2,1,0,0\n3,2,0,0\n4,3,0,0\n5,0,1,0\n6,1,1,0\n7,2,1,0\n8,3,1,0\n"
+    cells = "*ELEMENT, TYPE=S4, ELSET=E\n1,1,2,6,5\n2,2,3,7,6\n3,3,4,8,7\n"
+    steel = "*MATERIAL, NAME=M\n*ELASTIC\n2e11,0.3\n*DENSITY\n7800\n*NSET, NSET=N\n4,8\n"
+    table = "*DISTRIBUTION, NAME=T, LOCATION=ELEMENT, TABLE=X\n, 0.01\n2, 0.02\n"
+    section = "*SHELL SECTION, MATERIAL=M, OFFSET=SPOS, ELSET="
+    by_table = f"*DISTRIBUTION TABLE, NAME=X\nLENGTH\n{table}{section}E, SHELL THICKNESS=T\n0.5\n"
+    sets = "*ELSET, ELSET=A\n1,3\n*ELSET, ELSET=B\n2\n"
+    by_sets = f"{sets}{section}A\n0.01\n{section}B\n0.02\n"
+    found = []
+    for name, text in (("table", by_table), ("sets", by_sets)):
+        (tmp_path / f"{name}.inp").write_text(nodes + cells + steel + text)
+        out = ["--rigid", "tip=NSET:N", "-o", str(tmp_path / f"{name}.h5")]
+        assert main(["import", str(tmp_path / f"{name}.inp"), "--assemble", *out]) == 0
+        found.append(assembled(tmp_path / f"{name}.m.h5", tmp_path / f"{name}.h5"))
+    for key in "KM":
+        assert abs(found[0][key] - found[1][key]).max() < 1e-12 * abs(found[1][key]).max()
+    (tmp_path / "table.inp").write_text(nodes + cells + steel + by_table.replace(", 0.01\n2", "2"))
+    assert main(["import", str(tmp_path / "table.inp"), "--assemble", *out]) == 1
+
+
+def test_distributions_of_an_instance(tmp_path: Path) -> None:
+    """Axes and thicknesses of a part that stands twice, and one that is turned is refused."""
+    part = (
+        "*PART, NAME=P\n*NODE\n1,0,0,0\n2,1,0,0\n3,1,1,0\n4,0,1,0\n"
+        "*ELEMENT, TYPE=S4, ELSET=E\n1,1,2,3,4\n"
+        "*DISTRIBUTION, NAME=T, LOCATION=ELEMENT, TABLE=X\n, 0.01\n1, 0.02\n"
+        "*DISTRIBUTION, NAME=D, LOCATION=ELEMENT, TABLE=Y\n, 1,0,0,0,1,0\n1, 1,1,0,-1,1,0\n"
+        "*ORIENTATION, NAME=O, DEFINITION=COORDINATES\nD\n3, 0.\n"
+        "*SHELL SECTION, ELSET=E, MATERIAL=M, ORIENTATION=O, SHELL THICKNESS=T\n0.5\n*END PART\n"
+    )
+    ply = "*MATERIAL, NAME=M\n*ELASTIC, TYPE=LAMINA\n1e11,1e10,0.3,4e9,4e9,3e9\n*DENSITY\n1500\n"
+    text = (
+        f"{part}*ASSEMBLY, NAME=A\n*INSTANCE, NAME=I, PART=P\n*END INSTANCE\n"
+        "*INSTANCE, NAME=J, PART=P\n5,0,0\n{more}*END INSTANCE\n"
+        f"*NSET, NSET=N, INSTANCE=I\n1,2\n*END ASSEMBLY\n{ply}"
+    )
+    source = [str(tmp_path / "two.inp"), "--assemble", "--rigid", "tip=NSET:N"]
+    source += ["--format", "abaqus", "-o", str(tmp_path / "b.h5")]
+    (tmp_path / "two.inp").write_text(text.replace("{more}", ""))
+    assert main(["import", *source]) == 0
+    with h5py.File(tmp_path / "b.h5") as file:
+        sections = {str(b.attrs["section"]) for b in file["mesh/blocks"].values()}
+        assert {float(file["sections"][s].attrs["thickness"]) for s in sections} == {0.02}
+        for block in file["mesh/blocks"].values():
+            np.testing.assert_allclose(block["axes"][:, :3], [[0.5**0.5, 0.5**0.5, 0]])
+    (tmp_path / "two.inp").write_text(text.replace("{more}", "0,0,0,0,0,1,30\n"))
+    assert main(["import", *source]) == 1

@@ -61,6 +61,7 @@ READ = {
     "SHELL SECTION",
     *LINE_SECTIONS,
     "ORIENTATION",
+    "DISTRIBUTION",
     "BOUNDARY",
     "DAMPING",
     "MODAL DAMPING",
@@ -72,6 +73,7 @@ READ = {
 #: Cards that are nothing to K and M of the unloaded body.
 PASSED = {
     "HEADING",
+    "DISTRIBUTION TABLE",
     "SURFACE",
     "AMPLITUDE",
     "EXPANSION",
@@ -335,7 +337,7 @@ def assemble_deck(
     for entry in (*described.values(), *loads.values(), *outputs.values()):
         number_nodes(path, deck, entry)
     turn_materials(job, material_of, materials)
-    turn_elements(job, mesh, material_of)
+    turn_elements(job, mesh, material_of, abaqus=abaqus)
     given = {"alpha": alpha, "beta": beta, "eta": eta}
     content = {
         "name": path.stem,

@@ -19,7 +19,7 @@ from flexgram.basics import BodyError, Floats
 from flexgram.importers.deck import Line, keyword_of, raw_lines
 
 #: Options whose values name sets, surfaces or axes of a part.
-NAMES = ("NSET", "ELSET", "NAME", "SURFACE", "ORIENTATION")
+NAMES = ("NSET", "ELSET", "NAME", "SURFACE", "ORIENTATION", "SHELL THICKNESS")
 INSTANCE = re.compile(r"\s*\*\s*INSTANCE\b", re.IGNORECASE)
 #: Cards of which NAME is nothing of the part.
 GLOBAL = ("MATERIAL", "AMPLITUDE")
@@ -27,7 +27,10 @@ GLOBAL = ("MATERIAL", "AMPLITUDE")
 ROWS = ("EQUATION", "MPC", "TIE")
 TURNED = ("BEAM SECTION", "BEAM GENERAL SECTION", "TRANSFORM", "SPRING")
 #: Cards whose first column names nodes, elements or sets.
-FIRST = ("NODE", "SURFACE", "BOUNDARY", "CLOAD", "DLOAD", "TEMPERATURE", "INITIAL CONDITIONS")
+FIRST = (
+    *("NODE", "SURFACE", "BOUNDARY", "CLOAD", "DLOAD", "TEMPERATURE", "INITIAL CONDITIONS"),
+    "DISTRIBUTION",
+)
 
 
 @dataclass
@@ -143,9 +146,17 @@ def _renamed(card: Card, of: Callable[[str], str]) -> list[list[str]]:
         if "GENERATE" in card.options:  # first, last and step
             return [[*map(of, row[:2]), *row[2:]] for row in card.rows]
         return [[of(word) for word in row] for row in card.rows]
+    by_name = card.keyword == "ORIENTATION" and card.rows and not any(card.rows[0][1:])
+    if by_name:  # of a distribution
+        return [[of(card.rows[0][0])], *card.rows[1:]]
     if card.keyword in FIRST:
         return [[of(row[0]), *row[1:]] for row in card.rows]
     return card.rows
+
+
+def _has_directions(card: Card) -> bool:
+    """Whether a distribution gives axes, which turn with their part."""
+    return any(len([word for word in row[1:] if word]) >= 6 for row in card.rows)
 
 
 def _own(instance: Instance, card: Card) -> Card:
@@ -165,7 +176,8 @@ def _own(instance: Instance, card: Card) -> Card:
         card.keyword in ROWS
         or (instance.turns and card.keyword in TURNED)
         or (moved and by_places)
-        or "DEFINITION" in card.options
+        or card.options.get("DEFINITION", "COORDINATES").upper() != "COORDINATES"
+        or (instance.turns and card.keyword == "DISTRIBUTION" and _has_directions(card))
     ):
         raise card.wrong(f"in instance {instance.name} is not followed; write a flat deck")
     options = dict(card.options)
@@ -184,7 +196,7 @@ def _own(instance: Instance, card: Card) -> Card:
                 raise card.wrong(f"{', '.join(row)!r}: expected a label and a place") from None
             place = instance.turn @ np.array([*x, 0.0, 0.0, 0.0][:3]) + instance.shift
             rows.append([of(row[0]), *(repr(float(c)) for c in place)])
-    elif card.keyword == "ORIENTATION" and instance.turns:
+    elif card.keyword == "ORIENTATION" and instance.turns and any(card.rows[0][1:]):
         try:
             numbers = np.array([float(word) for word in rows[0] if word])
             turned = (numbers.reshape(-1, 3) @ instance.turn.T).ravel()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,6 +12,7 @@ import numpy as np
 from flexgram.basics import BodyError, Floats
 from flexgram.body.orientation import cylindrical
 from flexgram.importers.ccx import Card, Job
+from flexgram.importers.deck_distributions import Distribution, distributions_of
 
 ENGINEERING = ("E1", "E2", "E3", "nu12", "nu13", "nu23", "G12", "G13", "G23")
 
@@ -138,26 +140,36 @@ class Orientation:
         In rows; of a cylindrical one a point of its axis, the axis, and zeros.
     is_cylindrical : bool
         They are those outward, around and along the axis.
+    of_elements : Distribution or None
+        Points a and b of each element, as in *ORIENTATION, instead of ``axes``.
     about, angle : int, float
         Turned about one of them, from 0, by an angle [rad].
     """
 
     axes: Floats
     is_cylindrical: bool = False
+    of_elements: Distribution | None = None
     about: int = 0
     angle: float = 0.0
 
-    def at(self, places: Floats, where: str) -> Floats:
-        """At places (E, 3): (E, 3, 3).
+    @property
+    def varies(self) -> bool:
+        """Whether elements have axes of their own."""
+        return self.is_cylindrical or self.of_elements is not None
+
+    def at(self, places: Floats, where: str, labels: Sequence[int] = ()) -> Floats:
+        """At places (E, 3), in elements with labels if these matter: (E, 3, 3).
 
         Raises
         ------
         BodyError
-            For a place on the axis.
+            For a place on the axis, and an element without axes.
         """
         axes = np.broadcast_to(self.axes, (len(places), 3, 3)).copy()
         if self.is_cylindrical:
             axes = cylindrical(places, self.axes[0], self.axes[1], where)
+        if self.of_elements is not None:
+            axes = _rectangular(self.of_elements.at(labels, where), where)
         i, j = (self.about + 1) % 3, (self.about + 2) % 3
         c, s = np.cos(self.angle), np.sin(self.angle)
         axes[:, i], axes[:, j] = (
@@ -165,6 +177,21 @@ class Orientation:
             c * axes[:, j] - s * axes[:, i],
         )
         return axes
+
+
+def _rectangular(points: Floats, where: str) -> Floats:
+    """Axes (E, 3, 3) of points a on the first one and b in the plane of the first and the second,
+    (E, 6), and if they are told the origin, (E, 9)."""
+    if points.shape[1] not in (6, 9):
+        raise BodyError(f"{where}: its axes need six numbers, or nine")
+    origin = points[:, 6:] if points.shape[1] == 9 else 0.0
+    first, in_plane = points[:, :3] - origin, points[:, 3:6] - origin
+    third = np.cross(first, in_plane)
+    size = np.linalg.norm(third, axis=1)[:, None]
+    if not np.all(size > 0):
+        raise BodyError(f"{where}: its axes have no direction")
+    first, third = first / np.linalg.norm(first, axis=1)[:, None], third / size
+    return np.stack([first, np.cross(third, first), third], axis=1)
 
 
 def orientations_of(job: Job) -> dict[str, Orientation]:
@@ -176,6 +203,7 @@ def orientations_of(job: Job) -> dict[str, Orientation]:
         For systems other than rectangular and cylindrical ones, and axes without a direction.
     """
     found: dict[str, Orientation] = {}
+    distributions = distributions_of(job)
     for card in (card for card in job.model if card.keyword == "ORIENTATION"):
         name = card.options.get("NAME", "").upper()
         where = f"{job.path}: *ORIENTATION, NAME={name}"
@@ -188,27 +216,31 @@ def orientations_of(job: Job) -> dict[str, Orientation]:
         if others := sorted(set(card.options) - {"NAME", "SYSTEM", "DEFINITION"}):
             raise BodyError(f"{where}: {others[0]} is not followed by --assemble: take --run-ccx")
         rows = [[word for word in row if word] for row in card.words()]
+        named = distributions.get(rows[0][0].upper()) if rows and len(rows[0]) == 1 else None
         try:
-            numbers = [float(word) for word in rows[0]] + [0.0, 0.0, 0.0]
-            a, b, origin = np.array(numbers[:9]).reshape(3, 3)
+            numbers = [] if named else [float(word) for word in rows[0]]
+            points = np.array(numbers or [1.0, 0, 0, 0, 1, 0])
+            if len(points) < 6:
+                raise ValueError
             turn = [float(word) for word in rows[1]] if len(rows) > 1 else []
         except (ValueError, IndexError):
-            raise BodyError(f"{where}: expected six numbers") from None
+            raise BodyError(f"{where}: expected six numbers, or a *DISTRIBUTION") from None
         about, angle = 0, 0.0
         if len(turn) == 2:
             about, angle = int(turn[0]) - 1, float(np.radians(turn[1]))
             if about not in range(3):
                 raise BodyError(f"{where}: turned about axis {turn[0]:g}, which must be 1, 2 or 3")
+        if named is not None:
+            if system.startswith("C"):
+                raise BodyError(f"{where}: a *DISTRIBUTION of cylindrical systems is not followed")
+            found[name] = Orientation(np.eye(3), False, named, about, angle)
+            continue
         if system.startswith("C"):
+            a, b = points[:3], points[3:6]
             if not np.linalg.norm(b - a) > 0:
                 raise BodyError(f"{where}: its axes have no direction")
-            found[name] = Orientation(np.array([a, b - a, 0 * a]), True, about, angle)
+            found[name] = Orientation(np.array([a, b - a, 0 * a]), True, None, about, angle)
             continue
-        first = a - origin
-        third = np.cross(first, b - origin)
-        if not np.linalg.norm(third) > 0:
-            raise BodyError(f"{where}: its axes have no direction")
-        axes = np.array([first / np.linalg.norm(first), third, third / np.linalg.norm(third)])
-        axes[1] = np.cross(axes[2], axes[0])
-        found[name] = Orientation(axes, False, about, angle)
+        axes = _rectangular(points[None, : 9 if len(points) >= 9 else 6], where)[0]
+        found[name] = Orientation(axes, False, None, about, angle)
     return found

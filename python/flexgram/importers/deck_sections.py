@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import meshio
@@ -14,6 +14,7 @@ from flexgram.body.orientation import stiffness_places
 from flexgram.importers import deck_lines
 from flexgram.importers.ccx import Card, Job
 from flexgram.importers.deck import FORMULATIONS, SHELL_KINDS, Deck
+from flexgram.importers.deck_distributions import distributions_of
 from flexgram.importers.deck_materials import Orientation, laminas_of, orientations_of
 
 #: What *ELASTIC gives a material, one of these.
@@ -21,7 +22,7 @@ MODULI = {"E", "E1", "stiffness"}
 #: Options of *SHELL SECTION that are followed.
 OPTIONS = {
     *("ELSET", "MATERIAL", "OFFSET", "SECTION INTEGRATION", "ORIENTATION", "COMPOSITE"),
-    *("CONTROLS", "TEMPERATURE", "POISSON"),  # nothing to the stiffness
+    *("SHELL THICKNESS", "CONTROLS", "TEMPERATURE", "POISSON"),  # the last say nothing of it
 }
 
 
@@ -49,7 +50,7 @@ def _kind_of(deck: Deck, label: int) -> str:
 
 def sections_of(job: Job, deck: Deck, *, abaqus: bool) -> dict[str, dict[str, Any]]:
     """Entries of ``sections`` of a description, by region."""
-    found = _shell_sections(job, abaqus=abaqus)
+    found = _shell_sections(job, deck, abaqus=abaqus)
     for region, card in _sections(job):
         labels = deck.elsets.get(card.options.get("ELSET", "").upper(), [])
         if card.keyword in deck_lines.CARDS:
@@ -60,7 +61,30 @@ def sections_of(job: Job, deck: Deck, *, abaqus: bool) -> dict[str, dict[str, An
     return found
 
 
-def _shell_sections(job: Job, *, abaqus: bool) -> dict[str, dict[str, Any]]:
+def _thicknesses(job: Job, deck: Deck, card: Card, region: str) -> dict[int, tuple[str, float]]:
+    """Of a shell section whose thickness is a distribution: region and thickness by element."""
+    name = card.options.get("SHELL THICKNESS", "").upper()
+    if not name:
+        return {}
+    where = f"{job.path}: *SHELL SECTION, ELSET={card.options.get('ELSET', '')}"
+    known = distributions_of(job)
+    if name not in known:
+        raise BodyError(f"{where}: there is no distribution {name}")
+    labels = deck.elsets.get(card.options.get("ELSET", "").upper(), [])
+    values = known[name].at(labels, where)[:, 0]
+    numbers = {value: k for k, value in enumerate(np.unique(values).tolist(), 1)}
+    return {
+        label: (f"{region}-{numbers[value]}", value)
+        for label, value in zip(labels, values.tolist(), strict=True)
+    }
+
+
+def _parts(region: str, regions: Iterable[str]) -> list[str]:
+    """Those that a section became: by thickness and formulation."""
+    return [r for r in regions if r.partition("_")[0].partition("-")[0] == region]
+
+
+def _shell_sections(job: Job, deck: Deck, *, abaqus: bool) -> dict[str, dict[str, Any]]:
     found: dict[str, dict[str, Any]] = {}
     orientations = orientations_of(job)
     for region, card in _sections(job):
@@ -88,14 +112,24 @@ def _shell_sections(job: Job, *, abaqus: bool) -> dict[str, dict[str, Any]]:
         entry["offset"] = -offset * thickness  # of the nodes above the middle surface
         if (name := card.options.get("ORIENTATION", "").upper()) or "COMPOSITE" in card.options:
             axes = _orientation(where, orientations, name)
-            if not axes.is_cylindrical:
-                entry["axis_1"] = axes.at(np.zeros((1, 3)), where)[0, 0].tolist()
-            elif not abaqus:
+            if axes.is_cylindrical and not abaqus:
                 raise BodyError(
                     f"{where}: its orientation is cylindrical, and CalculiX takes it as that of a "
                     "solid, with axis 1 outward: --format abaqus takes the axes in the surface"
                 )
+            if not axes.varies:
+                first = _first_in_surface(axes, abaqus=abaqus and bool(name))
+                entry["axis_1"] = axes.at(np.zeros((1, 3)), where)[0, first].tolist()
         found[region] = entry
+        for own, thickness in set(_thicknesses(job, deck, card, region).values()):
+            if "layers" in entry:
+                raise BodyError(
+                    f"{where}: SHELL THICKNESS scales its layers, which is not followed"
+                )
+            found[own] = entry | {
+                "thickness": thickness,
+                "offset": entry["offset"] / entry["thickness"] * thickness,
+            }
     return found
 
 
@@ -120,20 +154,27 @@ def _orientation(where: str, orientations: Mapping[str, Orientation], name: str)
     return orientations.get(name, Orientation(np.eye(3)))
 
 
-def turn_elements(job: Job, mesh: meshio.Mesh, material_of: dict[str, str]) -> None:
-    """Elements of sections with a cylindrical ORIENTATION get axes of their own, solids at each
-    point of the stiffness as in CalculiX, others at their middle. In shells the axis about which
-    it turns, or else the first, is the normal (as in Abaqus), and the next one is the first of the
-    material."""
+def _first_in_surface(axes: Orientation, *, abaqus: bool) -> int:
+    """The axis that shells take for the first of their material. In Abaqus the one about which an
+    orientation turns, or else the first, is the normal, and the next one is taken."""
+    return (axes.about + 1) % 3 if abaqus else 0
+
+
+def turn_elements(
+    job: Job, mesh: meshio.Mesh, material_of: dict[str, str], *, abaqus: bool = False
+) -> None:
+    """Elements of sections whose ORIENTATION is cylindrical, or a distribution, get axes of their
+    own, solids at each point of the stiffness as in CalculiX, others at their middle."""
     orientations = orientations_of(job)
     axes: list[Floats] = [np.full((len(block.data), 6), np.nan) for block in mesh.cells]
     for region, card in _sections(job):
         given = orientations.get(card.options.get("ORIENTATION", "").upper())
-        if given is None or not given.is_cylindrical:
+        if given is None or not given.varies:
             continue
         where = f"{job.path}: *{card.keyword}, ELSET={card.options.get('ELSET', '')}"
-        first = (given.about + 1) % 3 if card.keyword == "SHELL SECTION" else 0
-        for own in [r for r in material_of if r == region or r.startswith(f"{region}_")]:
+        of_shells = card.keyword == "SHELL SECTION"
+        first = _first_in_surface(given, abaqus=abaqus) if of_shells else 0
+        for own in _parts(region, material_of):
             for block, chosen in enumerate(mesh.cell_sets[own]):
                 if not len(chosen):
                     continue
@@ -141,7 +182,8 @@ def turn_elements(job: Job, mesh: meshio.Mesh, material_of: dict[str, str]) -> N
                 formulation = own.partition("_")[2]
                 kind += f"/{formulation}" if formulation else ""
                 places = stiffness_places(kind, mesh.points[nodes[chosen]])
-                at = given.at(places.reshape(-1, 3), where)
+                labels = np.repeat(mesh.cell_data[LABELS][block][chosen], places.shape[1])
+                at = given.at(places.reshape(-1, 3), where, labels.tolist())
                 two = np.hstack([at[:, first], at[:, (first + 1) % 3]])
                 if kind.partition("/")[0] in SOLIDS:
                     axes[block] = np.full((len(nodes), places.shape[1], 6), np.nan)
@@ -162,10 +204,10 @@ def turn_materials(
             continue
         where = f"{job.path}: *SOLID SECTION, ELSET={card.options.get('ELSET', '')}"
         given = _orientation(where, orientations, name)
-        if given.is_cylindrical:
+        if given.varies:
             continue  # turn_elements
         axes = given.at(np.zeros((1, 3)), where)[0]
-        for own in [r for r in material_of if r == region or r.startswith(f"{region}_")]:
+        for own in _parts(region, material_of):
             material = material_of[own]
             if not {"E1", "stiffness"} & set(materials[material]):
                 continue
@@ -222,9 +264,11 @@ def mesh_of(
         others = [e for e in deck.elsets[name] if _kind_of(deck, e) not in expected]
         if others:
             raise BodyError(f"{where}: its element {others[0]} is a {deck.types[others[0]]}")
+        of_own = _thicknesses(job, deck, card, region) if of_shells else {}
         for label in deck.elsets[name]:
             formulation = FORMULATIONS.get(deck.types[label])
-            region_of[label] = region + (f"_{formulation}" if formulation else "")
+            own, _ = of_own.get(label, (region, 0.0))
+            region_of[label] = own + (f"_{formulation}" if formulation else "")
             material_of[region_of[label]] = material
         given += len(set(deck.elsets[name]))
     if len(region_of) < len(deck.elements):
