@@ -26,6 +26,40 @@ Block total_load(const LoadValues& loads, const Ports& inputs) {
   return combine(inputs.B, shares);
 }
 
+/// Shortenings that give bolts their forces.
+/// @param stiffness  work of each bolt's stress with the shortening of each [N m], symmetric.
+/// @param work       that of the forces [N m].
+/// @throws Error naming bolts in one line of force: these have one force.
+std::vector<double> shortenings(const std::vector<std::string>& names, Dense stiffness,
+                                const std::vector<double>& work) {
+  const int count = stiffness.rows;
+  std::vector<double> scale;
+  for (int i = 0; i < count; ++i) scale.push_back(1 / std::sqrt(stiffness(i, i)));
+  for (int j = 0; j < count; ++j)
+    for (int i = 0; i < count; ++i)
+      stiffness(i, j) *= scale[as_size(i)] * scale[as_size(j)];
+  symmetrise(stiffness);
+  const auto [values, vectors] = symmetric_eigen(std::move(stiffness));
+  if (!(values.front() > 1e-6)) {
+    std::vector<std::string> involved;
+    for (int i = 0; i < count; ++i)
+      if (std::abs(vectors(i, 0)) > 0.1) involved.push_back(names[as_size(i)]);
+    throw Error(text("preload: %s pull on each other: make one bolt of them, with one "
+                     "force",
+                     join(involved).c_str()));
+  }
+  std::vector<double> strains(as_size(count));
+  for (int k = 0; k < count; ++k) {
+    double share = 0;
+    for (int i = 0; i < count; ++i)
+      share += vectors(i, k) * scale[as_size(i)] * work[as_size(i)];
+    for (int i = 0; i < count; ++i)
+      strains[as_size(i)] +=
+          scale[as_size(i)] * vectors(i, k) * share / values[as_size(k)];
+  }
+  return strains;
+}
+
 } // namespace
 
 Preload::Preload(const BodyDescription& body, LoadValues loads, const DofMap& map, Mat K,
@@ -120,20 +154,23 @@ void Preload::solve(ShiftedSolver& solver, const Ports& inputs) {
   shares(0, 0) = 1;
   if (count > 0) { // forces of bolts by the shortenings of all
     const Dense work = inner(load, u);
-    ComplexDense forces(count, count), wanted(count, 1);
+    Dense stiffness(count, count);
+    std::vector<std::string> names;
+    std::vector<double> wanted;
     for (int i = 0; i < count; ++i) {
       const Pretension& bolt = *bolts_[as_size(i)].bolt;
       for (int j = 0; j < count; ++j)
-        forces(i, j) = ((i == j ? bolt.held : 0) - work(1 + i, 1 + j)) / bolt.length;
-      if (!(forces(i, i).real() * bolt.length > 1e-6 * bolt.held))
+        stiffness(i, j) = (i == j ? bolt.held : 0) - work(1 + i, 1 + j);
+      if (!(stiffness(i, i) > 1e-6 * bolt.held))
         throw Error(text("preload: %s: nothing resists the shank, it shortens without "
                          "force: do both of its ends hold on to the body?",
                          bolt.input.c_str()));
-      wanted(i, 0) = bolts_[as_size(i)].force;
+      names.push_back(bolt.input);
+      wanted.push_back(bolts_[as_size(i)].force * bolt.length);
     }
-    const ComplexDense strains = flexgram::solve(std::move(forces), std::move(wanted));
+    const auto strains = shortenings(names, std::move(stiffness), wanted);
     for (int i = 0; i < count; ++i)
-      shares(1 + i, 0) = bolts_[as_size(i)].strain = strains(i, 0).real();
+      shares(1 + i, 0) = bolts_[as_size(i)].strain = strains[as_size(i)];
   }
   const Block total = combine(u, shares);
   const Block::Access local(total);

@@ -207,7 +207,8 @@ StressStiffness solid_stress_stiffness(ElementType type,
       deformation.energy += at.volume * s[r] * strain[r];
     add_geometric(K, at, s);
   }
-  deformation.locked += locked_energy(type, body.points, gradients, material);
+  if (!free) // warm bodies bend without stress
+    deformation.locked += locked_energy(type, body.points, gradients, material);
   mirror(K);
   mirror(quadratic);
   if (body.modes > body.n)

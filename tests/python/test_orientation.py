@@ -273,6 +273,27 @@ def test_a_wrong_orientation_is_named(orientation: Any, words: str, tmp_path: Pa
         import_description(content, "box", tmp_path / "b.h5", mesh=mesh)
 
 
+def test_an_orientation_of_what_has_none(tmp_path: Path) -> None:
+    """Beams, and shells whose normal is the first axis."""
+    line = meshio.Mesh(np.eye(3)[:2], [("line", np.array([[0, 1]]))])
+    square = np.array([[1.0, 0, 0], [1, 1, 0], [1, 1, 1], [1, 0, 1]])
+    sheet = meshio.Mesh(square, [("quad", np.array([[0, 1, 2, 3]]))])
+    place = {"point": [0, 0.5, 0], "axis": [0, 0, 1]}
+    for mesh, section, words in (
+        (line, {"shape": "circle", "radius": 0.1}, "of solids and shells"),
+        (sheet, {"shape": "shell", "thickness": 0.01}, "along the normal of a shell"),
+    ):
+        mesh.cell_sets = {"part": [np.array([0])]}
+        content = {
+            "materials": {"steel": {"E": 2e11, "nu": 0.3, "rho": 7800.0}},
+            "sections": {"s": section},
+            "regions": {"part": {"material": "steel", "section": "s", "orientation": place}},
+            "interfaces": {"end": {"coupling": "node", "nodes": [1]}},
+        }
+        with pytest.raises(BodyError, match=words):
+            import_description(content, "body", tmp_path / "b.h5", mesh=mesh)
+
+
 def test_axes_of_a_file_by_hand(tmp_path: Path) -> None:
     content = {
         "materials": {"wood": WOOD},
@@ -337,7 +358,16 @@ def test_thickness_of_single_elements(tmp_path: Path) -> None:
         found.append(assembled(tmp_path / f"{name}.m.h5", tmp_path / f"{name}.h5"))
     for key in "KM":
         assert abs(found[0][key] - found[1][key]).max() < 1e-12 * abs(found[1][key]).max()
-    (tmp_path / "table.inp").write_text(nodes + cells + steel + by_table.replace(", 0.01\n2", "2"))
+    deck = tmp_path / "table.inp"
+    for nominal in ("", "0.\n"):  # what the section says does not matter
+        deck.write_text(nodes + cells + steel + by_table.replace("0.5\n", nominal))
+        out = ["--rigid", "tip=NSET:N", "-o", str(tmp_path / "again.h5")]
+        assert main(["import", str(deck), "--assemble", *out]) == 0
+        again = assembled(tmp_path / "again.m.h5", tmp_path / "again.h5")
+        assert abs(again["K"] - found[1]["K"]).max() < 1e-12 * abs(found[1]["K"]).max()
+    deck.write_text(nodes + cells + steel + by_table.replace("ELSET=E,", "ELSET=F,"))
+    assert main(["import", str(deck), "--assemble", *out]) == 1
+    deck.write_text(nodes + cells + steel + by_table.replace(", 0.01\n2", "2"))
     assert main(["import", str(tmp_path / "table.inp"), "--assemble", *out]) == 1
 
 
@@ -366,5 +396,7 @@ def test_distributions_of_an_instance(tmp_path: Path) -> None:
         assert {float(file["sections"][s].attrs["thickness"]) for s in sections} == {0.02}
         for block in file["mesh/blocks"].values():
             np.testing.assert_allclose(block["axes"][:, :3], [[0.5**0.5, 0.5**0.5, 0]])
-    (tmp_path / "two.inp").write_text(text.replace("{more}", "0,0,0,0,0,1,30\n"))
-    assert main(["import", *source]) == 1
+    turned_one = text.replace("{more}", "0,0,0,0,0,1,30\n")
+    for change in (("", ""), ("\nD\n3, 0.", ""), ("\nD\n3, 0.", "\nZ"), ("3, 0.", "1.5, 0.")):
+        (tmp_path / "two.inp").write_text(turned_one.replace(*change))
+        assert main(["import", *source]) == 1

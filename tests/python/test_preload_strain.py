@@ -129,7 +129,9 @@ def test_heat_without_stress(kind: str, ranks: int, tmp_path: Path) -> None:
         given = content("", supports=supports, loads=loads, **materials, preload={"warm.T": 1.0})
         import_description(given, "box", tmp_path / "body.h5", mesh=mesh)
         args = ("-body", tmp_path / "body.h5", "-body_out", tmp_path / "m.h5")
-        stress = re.search(r"axial\) at\s+most (\S+)", run("assemble", *args, ranks=ranks).out)
+        said = run("assemble", *args, ranks=ranks).out
+        assert "locking" not in said
+        stress = re.search(r"axial\) at\s+most (\S+)", said)
         assert stress and float(stress[1]) < 1e-8 * E * EXPANSION * 30
 
 
@@ -294,6 +296,24 @@ def test_two_bolts_and_their_walls(ranks: int, tmp_path: Path) -> None:
         assert pull == pytest.approx(forces[name], rel=0.01)
 
 
+X = bolted("C3D8", 0.0)[1].points[:, 0]
+MIDDLE = numbers(abs(X - 0.5) < 0.05)
+
+
+def bolts(*shanks: tuple[float, ...]) -> dict[str, Any]:
+    """Those of the bar with shanks between pairs of places, 1000 N and 900 N."""
+    loads = {}
+    for name, ends in zip("ab", shanks, strict=False):
+        chosen = np.zeros(len(X), dtype=bool)
+        for first, last in zip(ends[::2], ends[1::2], strict=True):
+            chosen |= (X > first) & (X < last)
+        loads[name] = {"type": "pretension", "nodes": numbers(chosen), "axis": [1, 0, 0]}
+    return {
+        "loads": loads,
+        "preload": {f"{name}.force": 1000.0 - 100 * k for k, name in enumerate(loads)},
+    }
+
+
 @pytest.mark.parametrize(
     ("change", "words"),
     [
@@ -301,6 +321,10 @@ def test_two_bolts_and_their_walls(ranks: int, tmp_path: Path) -> None:
         ({"loads": {"bolt": {"type": "pretension", "nodes": "end", "axis": [1, 0, 0]}}}, "shank"),
         ({"loads": {"bolt": {"type": "pretension", "nodes": "all"}}}, "axis"),
         ({"supports": {"start": {"nodes": "start"}}}, "nothing resists the shank"),
+        (bolts((0.24, 0.55), (0.45, 0.76)), "shares elements of its shank with a"),
+        (bolts((0.24, 0.51), (0.49, 0.76)), "a.force, b.force pull on each other"),
+        (bolts((0.1, 0.3, 0.6, 0.8)), "in 2 pieces"),
+        ({"interfaces": {"rigid": {"coupling": "rigid", "nodes": MIDDLE}}}, "in 2 pieces"),
     ],
 )
 def test_a_bolt_that_is_none(change: Any, words: str, tmp_path: Path) -> None:
@@ -309,3 +333,81 @@ def test_a_bolt_that_is_none(change: Any, words: str, tmp_path: Path) -> None:
     with pytest.raises(BodyError, match=words):
         import_description(given | change, "bar", tmp_path / "body.h5", mesh=mesh)
         flexgram.reduce(tmp_path / "body.h5", (1, 100), 1e-3)
+
+
+@pytest.mark.parametrize("load", ["nodes", "table"])
+@pytest.mark.parametrize("kind", ["pyramid", "pyramid13"])
+def test_warm_pyramids(kind: str, load: str, tmp_path: Path) -> None:
+    """A cube of six: the nodes in the middle of their bases are warm too."""
+    corners = 0.1 * np.array(
+        [*([x, y, z] for z in (0, 1) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))), [0.5] * 3]
+    )
+    faces = [[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]]
+    points = list(corners)
+    middle: dict[tuple[int, int], int] = {}
+
+    def between(a: int, b: int) -> int:
+        if (key := (min(a, b), max(a, b))) not in middle:
+            middle[key] = len(points)
+            points.append((corners[a] + corners[b]) / 2)
+        return middle[key]
+
+    cells = []
+    for face in faces:
+        q = face[::-1]
+        cells.append([*q, 8])
+        if kind == "pyramid13":
+            cells[-1] += [between(q[i], q[(i + 1) % 4]) for i in range(4)]
+            cells[-1] += [between(node, 8) for node in q]
+    mesh = meshio.Mesh(np.array(points), [(kind, np.array(cells))])
+    mesh.point_sets = {"end": np.array([1, 2, 5, 6]), "every": np.arange(len(points))}
+    every = {"table": [[k + 1, 1.0] for k in range(len(points))]}
+    supports = {
+        "a": {"nodes": [1]},
+        "b": {"nodes": [2], "components": ["y", "z"]},
+        "c": {"nodes": [4], "components": ["z"]},
+    }
+    warm = {"type": "temperature"} | (every if load == "table" else {"nodes": "every"})
+    given = content("", supports=supports, loads={"warm": warm}, preload={"warm.T": 30.0})
+    import_description(given, "cube", tmp_path / "body.h5", mesh=mesh)
+    said = run("assemble", "-body", tmp_path / "body.h5", "-body_out", tmp_path / "m.h5").out
+    stress = re.search(r"axial\) at\s+most (\S+)", said)
+    assert stress and float(stress[1]) < 1e-8 * E * EXPANSION * 30
+
+
+def test_tables_beside_merged_nodes(tmp_path: Path) -> None:
+    """Rows belong to their nodes also where some of these become one."""
+    half = box("hexahedron20", (2, 1, 1), (0.1, 0.05, 0.05), distort=False)
+    other = half.points + np.array([0.1, 0, 0])
+    cells = half.cells[0].data
+    whole = meshio.Mesh(
+        np.vstack([half.points, other]), [("hexahedron20", np.vstack([cells, cells + len(other)]))]
+    )
+    x = whole.points[:, 0]
+    bodies = []
+    for first in (0, len(other)):  # of all, and of the second half alone
+        table = [[k + 1, 30 + 100 * x[k]] for k in range(first, len(x))]
+        given = content(
+            "",
+            merge=1e-9,
+            interfaces={"tip": {"coupling": "distributing", "nodes": numbers(x > 0.2 - 1e-9)}},
+            supports={"a": {"nodes": numbers(x < 1e-9)}},
+            loads={"warm": {"type": "temperature", "table": table}},
+        )
+        import_description(given, "bar", tmp_path / "body.h5", mesh=whole)
+        with h5py.File(tmp_path / "body.h5") as file:
+            warm = file["loads/warm/temperature"]
+            places = file["mesh/points"][:][warm["nodes"][:], 0]
+            np.testing.assert_allclose(warm["values"][:], 30 + 100 * places, rtol=1e-12)
+            bodies.append(len(places))
+    assert bodies == [len(x) - 8, len(other)]
+
+
+def test_a_node_alone_is_no_part_of_a_shank(tmp_path: Path) -> None:
+    given, mesh = bolted("C3D8", 100.0)
+    more = np.vstack([mesh.points, [0.5, 0.005, 0.02]])
+    alone = meshio.Mesh(more, mesh.cells, point_sets=mesh.point_sets)
+    given["loads"]["bolt"]["nodes"] = {"box": [[0.24, -1, -1], [0.76, 1, 1]]}
+    given["loads"]["warm"] = {"type": "temperature", "nodes": {"box": [[-1] * 3, [2, 1, 1]]}}
+    given["nodes_alone"] = [len(more)]
+    import_description(given, "bar", tmp_path / "body.h5", mesh=alone)

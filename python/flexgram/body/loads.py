@@ -18,10 +18,12 @@ import numpy as np
 from flexgram.basics import BodyError, Floats, Ints, check_name, errors_of
 from flexgram.body.face_integrals import areas_at_nodes
 from flexgram.body.faces import loose_shells, opposed, whole_faces
-from flexgram.body.meshfile import SOLIDS, TURNING
+from flexgram.body.meshfile import ALONE, SOLIDS, TURNING
 from flexgram.body.reader import Reader
+from flexgram.body.second_order import MIDDLE, Gained
 from flexgram.body.spin import unit_axis
 from flexgram.body.stress import Stresses
+from flexgram.body.whole import Block, Parts
 
 FIELDS = ("acceleration", "angular_acceleration", "spin")
 TYPES = (*FIELDS, "pressure", "traction", "force", "nodal", "temperature", "pretension")
@@ -45,6 +47,10 @@ class BodyMesh:
         Nodes of a choice, and where it stands.
     folder : Path
         Which paths are relative to.
+    merged : int array or None
+        The node that each became.
+    middles : sequence of Gained
+        Nodes in the middle of others, which nobody chooses.
     """
 
     file: h5py.File
@@ -54,6 +60,8 @@ class BodyMesh:
     force: float
     select: Callable[[Any, str], Ints]
     folder: Path
+    merged: Ints | None = None
+    middles: Sequence[Gained] = ()
 
 
 def write_vectors(group: h5py.Group, columns: list[str], nodes: Ints, values: Floats) -> None:
@@ -62,9 +70,10 @@ def write_vectors(group: h5py.Group, columns: list[str], nodes: Ints, values: Fl
     group["values"] = values
 
 
-def _table(mesh: BodyMesh, entry: Reader, *counts: int) -> tuple[Ints, Floats]:
+def _table(mesh: BodyMesh, entry: Reader, *counts: int, mean: bool = False) -> tuple[Ints, Floats]:
     """Nodes, ascending, and as many numbers of each as one of the counts: of a CSV file of node
-    numbers (from 1) and numbers, or an array of such rows. Rows of one node are summed."""
+    numbers (from 1) and numbers, or an array of such rows. Rows of one node, and of nodes that
+    merge, are summed, or their mean is taken."""
     given, where = entry.get("table"), f"{entry.where}: table"
     with errors_of(where):
         if isinstance(given, str):
@@ -79,10 +88,16 @@ def _table(mesh: BodyMesh, entry: Reader, *counts: int) -> tuple[Ints, Floats]:
         )
     if not np.all(np.isfinite(table)) or np.any(table[:, 0] != np.round(table[:, 0])):
         raise BodyError(f"{where}: node numbers must be whole, and all numbers finite")
-    labels, at = np.unique(table[:, 0], return_inverse=True)
-    nodes = mesh.select([int(label) for label in labels], where)[: len(labels)]
+    mesh.select([int(label) for label in np.unique(table[:, 0])], where)  # all are there
+    places = table[:, 0].astype(np.int64) - 1
+    if mesh.merged is not None:
+        places = mesh.merged[places]
+    nodes, at = np.unique(places, return_inverse=True)
     values = np.zeros((len(nodes), table.shape[1] - 1))
-    np.add.at(values, at, table[:, 1:])
+    if mean:
+        np.add.at(values, at, table[:, 1:] / np.bincount(at)[at][:, None])
+    else:
+        np.add.at(values, at, table[:, 1:])
     return nodes, values
 
 
@@ -94,12 +109,14 @@ def _write_temperature(mesh: BodyMesh, group: h5py.Group, entry: Reader) -> str:
             f"{entry.where}: temperature needs nodes, or a table of node and temperature"
         )
     if "table" in entry.data:
-        nodes, values = _table(mesh, entry, 1)
+        nodes, values = _table(mesh, entry, 1, mean=True)
         temperature[nodes] = values[:, 0]
     else:
         temperature[mesh.select(entry.get("nodes"), entry.where)] = 1.0
+    for middles in mesh.middles:
+        temperature[middles.nodes] = temperature[middles.around] @ MIDDLE
     for kind, elements in mesh.blocks:
-        if kind not in SOLIDS and temperature[elements].any():
+        if kind not in (*SOLIDS, ALONE) and temperature[elements].any():
             raise BodyError(f"{entry.where}: shells and beams take no temperature")
     with errors_of(entry.where):
         forces, _ = Stresses.of(mesh.file).heated(temperature)
@@ -117,17 +134,34 @@ def _write_pretension(mesh: BodyMesh, group: h5py.Group, entry: Reader) -> str:
     computed from."""
     chosen = np.zeros(len(mesh.points), dtype=bool)
     chosen[mesh.select(entry.get("nodes"), entry.where)] = True
+    for middles in mesh.middles:
+        chosen[middles.nodes] = chosen[middles.around].all(axis=1)
     axis = unit_axis(entry)
     for kind, elements in mesh.blocks:
-        if kind not in SOLIDS and chosen[elements].all(axis=1).any():
+        if kind not in (*SOLIDS, ALONE) and chosen[elements].all(axis=1).any():
             raise BodyError(f"{entry.where}: a pretension is of solids, not of shells and beams")
     with errors_of(entry.where):
-        forces, held, volume, shank = Stresses.of(mesh.file).shortened(chosen, axis)
+        forces, held, volume, elements_of = Stresses.of(mesh.file).shortened(chosen, axis)
+    shank = np.unique(np.concatenate([*elements_of, np.empty((0, 1), np.int64)], axis=None))
     if not len(shank):
         raise BodyError(
             f"{entry.where}: no solid that deforms has all its nodes among the "
             f"{np.count_nonzero(chosen)} chosen: choose those of the whole shank, not of a face"
         )
+    blocks = [Block("", nodes, nodes[:, 0]) for nodes in elements_of if len(nodes)]
+    pieces = len(Parts.of(len(mesh.points), blocks, ()).nodes)
+    if pieces > 1:
+        raise BodyError(
+            f"{entry.where}: its shank is in {pieces} pieces: give each bolt a load of its own "
+            "(what is inside a rigid interface does not shorten)"
+        )
+    for name, other in mesh.file["loads"].items():
+        if "pretension" not in other or other == group:
+            continue
+        both = chosen.copy()
+        both[np.setdiff1d(np.arange(len(chosen)), other["pretension/nodes"][:])] = False
+        if any(both[elements].all(axis=1).any() for elements in elements_of):
+            raise BodyError(f"{entry.where}: it shares elements of its shank with {name}")
     length = float(np.ptp(mesh.length * mesh.points[shank] @ axis))
     used = np.flatnonzero(np.any(forces != 0, axis=1))
     write_vectors(group, ["force"], used, forces[used][:, None, :])

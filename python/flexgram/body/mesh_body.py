@@ -29,7 +29,7 @@ from flexgram.body.meshfile import (
     SOLIDS,
     node_set,
 )
-from flexgram.body.orientation import element_axes
+from flexgram.body.orientation import element_axes, expect_in_surface
 from flexgram.body.outputs import write_outputs
 from flexgram.body.preload import write_preload
 from flexgram.body.reader import Reader, short
@@ -99,6 +99,7 @@ class MeshBody:
         self.merged: Ints | None = None  # the node that each became one with
         self.blocks: list[tuple[str, Ints]] = []
         self.gained: list[Gained] = []  # nodes in the middle of shells
+        self.middles: list[Gained] = []  # and of pyramids' bases
         self.alone: Ints = np.empty((0, 1), dtype=np.int64)  # nodes that no element has
         self.ids: list[Ints] = []  # of their elements: the FE code's numbers, else from 1 on
 
@@ -126,7 +127,8 @@ class MeshBody:
         discrete = write_masses(file, reader, self.select, self.units)
         discrete += write_springs(file, reader, self.select, self.units)
         written = BodyMesh(
-            file, self.points, placed, self.length, self.units[2], self.select_areas, self.folder
+            *(file, self.points, placed, self.length, self.units[2], self.select_areas),
+            *(self.folder, self.merged, self.middles),
         )
         loads, outputs = write_loads(written, reader), write_outputs(written, reader)
         doubts = doubts_of_shells(file, self.points, self._elements())
@@ -198,7 +200,7 @@ class MeshBody:
         if chosen:
             self.mesh, self.cells, gained = divide(self.mesh, self.cells, chosen)
             self.gained = [some for some in gained if some.kind in SECOND_ORDER]
-            following = [some for some in gained if some.kind not in SECOND_ORDER]
+            self.middles = following = [some for some in gained if some.kind not in SECOND_ORDER]
             if equations := [row for some in following for row in some.equations()]:
                 known = {**self.reader.children("equations"), "pyramids": {"terms": equations}}
                 self.reader = Reader({**self.reader.data, "equations": known}, self.reader.where)
@@ -431,11 +433,16 @@ class MeshBody:
                     group.attrs["formulation"] = formulation
                 group["connectivity"] = nodes
                 group["ids"] = np.asarray(labels[block][chosen], dtype=np.int64)
-                if kind in (*SOLIDS, *SHELLS):
+                if kind not in (*SOLIDS, *SHELLS):
+                    if "orientation" in entry.data:
+                        raise BodyError(f"{entry.where}: orientation is of solids and shells")
+                else:
                     of = f"{kind}/{formulation}" if formulation else kind
                     axes = element_axes(self.mesh, block, chosen, of, entry)
                     if axes is not None:
                         group["axes"] = axes
+                    if axes is not None and kind in SHELLS:
+                        expect_in_surface(self.points, nodes, axes, entry.where)
                 self.blocks.append((ROD if is_rod else kind, nodes))
                 self.ids.append(group["ids"][:])
             if not solid:

@@ -101,6 +101,29 @@ def stiffness_places(kind: str, points: Floats) -> Floats:
     return places
 
 
+def expect_in_surface(points: Floats, nodes: Ints, axes: Floats, where: str) -> None:
+    """Refuse a first axis (E, 6) along the normal of its shell (E, n).
+
+    Raises
+    ------
+    BodyError
+        If there is one.
+
+    Examples
+    --------
+    >>> square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    >>> expect_in_surface(square, np.array([[0, 1, 2, 3]]), np.array([[1.0, 0, 0, 0, 1, 0]]), "")
+    """
+    x = points[nodes]
+    normal = np.cross(x[:, 2] - x[:, 0], x[:, -1] - x[:, 1])
+    along = np.abs(np.einsum("ei,ei->e", normal, axes[:, :3]))
+    if np.any(along > 0.999999 * np.linalg.norm(normal, axis=1)):
+        raise BodyError(
+            f"{where}: the first axis of the material is along the normal of a shell; around an "
+            "axis take another one (orientation: first: around, or along)"
+        )
+
+
 def element_axes(
     mesh: meshio.Mesh, block: int, chosen: Ints, kind: str, entry: Reader
 ) -> Floats | None:

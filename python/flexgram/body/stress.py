@@ -228,7 +228,7 @@ class Stresses:
                 np.add.at(stress, part.nodes, np.einsum("nq,eqi->eni", outward, held))
         return forces, self._averaged(stress)
 
-    def shortened(self, nodes: Bools, axis: Floats) -> tuple[Floats, float, float, Ints]:
+    def shortened(self, nodes: Bools, axis: Floats) -> tuple[Floats, float, float, list[Ints]]:
         """A body that is held at all its nodes while some of its elements shorten by their length.
 
         Parameters
@@ -246,11 +246,11 @@ class Stresses:
             Their stress along the axis, over their volume [N m].
         volume : float
             Theirs [m³].
-        shank : int array
+        shank : list of (E, n) int arrays
             Their nodes.
         """
         forces = np.zeros_like(self.points)
-        work, size, shank = 0.0, 0.0, [np.empty(0, dtype=np.int64)]
+        work, size, shank = 0.0, 0.0, []
         n = np.outer(axis, axis)
         along = np.array([n[0, 0], n[1, 1], n[2, 2], n[0, 1], n[1, 2], n[2, 0]])
         engineering = along * [1, 1, 1, 2, 2, 2]
@@ -264,8 +264,8 @@ class Stresses:
                 np.add.at(forces, part.nodes, force)
                 work += float(np.einsum("eq,eqi,i->", volume, stress, engineering))
                 size += float(volume.sum())
-            shank.append(np.unique(inside.nodes))
-        return forces, work, size, np.unique(np.concatenate(shank))
+            shank.append(inside.nodes)
+        return forces, work, size, shank
 
     def of_temperatures(self, body: str | Path, inputs: list[str]) -> dict[str, Floats]:
         """Those of the inputs that are temperatures, with the stress that ``heated`` gives."""

@@ -72,7 +72,9 @@ def distributions_of(job: Job) -> dict[str, Distribution]:
                 else:
                     default = numbers
         except ValueError:
-            raise BodyError(f"{where}: expected rows of an element and numbers") from None
+            raise BodyError(
+                f"{where}: expected rows of an element and numbers; sets are not followed"
+            ) from None
         rows = [*of.values(), *([] if default is None else [default])]
         if not rows or len({len(row) for row in rows}) > 1 or not len(rows[0]):
             raise BodyError(f"{where}: expected as many numbers in each row")

@@ -146,12 +146,16 @@ def _renamed(card: Card, of: Callable[[str], str]) -> list[list[str]]:
         if "GENERATE" in card.options:  # first, last and step
             return [[*map(of, row[:2]), *row[2:]] for row in card.rows]
         return [[of(word) for word in row] for row in card.rows]
-    by_name = card.keyword == "ORIENTATION" and card.rows and not any(card.rows[0][1:])
-    if by_name:  # of a distribution
-        return [[of(card.rows[0][0])], *card.rows[1:]]
+    if card.keyword == "ORIENTATION" and card.rows and not _has_numbers(card):
+        return [[of(card.rows[0][0])], *card.rows[1:]]  # of a distribution
     if card.keyword in FIRST:
         return [[of(row[0]), *row[1:]] for row in card.rows]
     return card.rows
+
+
+def _has_numbers(card: Card) -> bool:
+    """Whether an orientation gives its points, no name."""
+    return any(word for row in card.rows[:1] for word in row[1:])
 
 
 def _has_directions(card: Card) -> bool:
@@ -196,7 +200,7 @@ def _own(instance: Instance, card: Card) -> Card:
                 raise card.wrong(f"{', '.join(row)!r}: expected a label and a place") from None
             place = instance.turn @ np.array([*x, 0.0, 0.0, 0.0][:3]) + instance.shift
             rows.append([of(row[0]), *(repr(float(c)) for c in place)])
-    elif card.keyword == "ORIENTATION" and instance.turns and any(card.rows[0][1:]):
+    elif card.keyword == "ORIENTATION" and instance.turns and _has_numbers(card):
         try:
             numbers = np.array([float(word) for word in rows[0] if word])
             turned = (numbers.reshape(-1, 3) @ instance.turn.T).ravel()

@@ -216,7 +216,11 @@ def orientations_of(job: Job) -> dict[str, Orientation]:
         if others := sorted(set(card.options) - {"NAME", "SYSTEM", "DEFINITION"}):
             raise BodyError(f"{where}: {others[0]} is not followed by --assemble: take --run-ccx")
         rows = [[word for word in row if word] for row in card.words()]
-        named = distributions.get(rows[0][0].upper()) if rows and len(rows[0]) == 1 else None
+        named = None
+        if rows and len(rows[0]) == 1:
+            named = distributions.get(rows[0][0].upper())
+            if named is None:
+                raise BodyError(f"{where}: there is no *DISTRIBUTION, NAME={rows[0][0]}")
         try:
             numbers = [] if named else [float(word) for word in rows[0]]
             points = np.array(numbers or [1.0, 0, 0, 0, 1, 0])
@@ -226,10 +230,11 @@ def orientations_of(job: Job) -> dict[str, Orientation]:
         except (ValueError, IndexError):
             raise BodyError(f"{where}: expected six numbers, or a *DISTRIBUTION") from None
         about, angle = 0, 0.0
-        if len(turn) == 2:
-            about, angle = int(turn[0]) - 1, float(np.radians(turn[1]))
-            if about not in range(3):
+        if turn:
+            if turn[0] not in (1, 2, 3):
                 raise BodyError(f"{where}: turned about axis {turn[0]:g}, which must be 1, 2 or 3")
+            about = int(turn[0]) - 1
+            angle = float(np.radians(turn[1])) if len(turn) > 1 else 0.0
         if named is not None:
             if system.startswith("C"):
                 raise BodyError(f"{where}: a *DISTRIBUTION of cylindrical systems is not followed")

@@ -71,6 +71,8 @@ def _thicknesses(job: Job, deck: Deck, card: Card, region: str) -> dict[int, tup
     if name not in known:
         raise BodyError(f"{where}: there is no distribution {name}")
     labels = deck.elsets.get(card.options.get("ELSET", "").upper(), [])
+    if not labels:  # mesh_of says so
+        return {}
     values = known[name].at(labels, where)[:, 0]
     numbers = {value: k for k, value in enumerate(np.unique(values).tolist(), 1)}
     return {
@@ -100,8 +102,10 @@ def _shell_sections(job: Job, deck: Deck, *, abaqus: bool) -> dict[str, dict[str
             thickness = sum(layer["thickness"] for layer in entry["layers"])
         else:
             try:
-                entry["thickness"] = thickness = float(rows[0][0])
-            except (IndexError, ValueError):
+                given = rows[0][0] if rows else ""
+                nominal = "SHELL THICKNESS" in card.options  # of elements that the table names all
+                entry["thickness"] = thickness = 1.0 if nominal else float(given)
+            except ValueError:
                 raise BodyError(f"{where}: expected a thickness") from None
         given = card.options.get("OFFSET", "0").upper()
         try:
@@ -128,7 +132,7 @@ def _shell_sections(job: Job, deck: Deck, *, abaqus: bool) -> dict[str, dict[str
                 )
             found[own] = entry | {
                 "thickness": thickness,
-                "offset": entry["offset"] / entry["thickness"] * thickness,
+                "offset": entry["offset"] * thickness,  # that of a thickness of 1
             }
     return found
 
