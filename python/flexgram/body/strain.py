@@ -84,7 +84,13 @@ def turned(law: Floats, axes: Floats) -> Floats:
 
 
 def whole_axes(axes: Floats) -> Floats:
-    """Three axes as rows (..., 3, 3), of the first and the second (..., 6)."""
+    """Three axes as rows (..., 3, 3), of the first and the second (..., 6).
+
+    Examples
+    --------
+    >>> whole_axes(np.array([1.0, 0, 0, 0, 1, 0]))[2].tolist()
+    [0.0, 0.0, 1.0]
+    """
     first, second = axes[..., :3], axes[..., 3:]
     return np.stack([first, second, np.cross(first, second)], axis=-2)
 
