@@ -68,6 +68,9 @@ MeshBlock read_block(const Hdf5File& file, const std::string& path) {
   block.elements = shape[0];
   const std::string axes = path + "/axes";
   if (!file.exists(axes)) return block;
+  if (has_line_section(block.type))
+    throw Error(text("file %s: %s: only solids and shells have material axes",
+                     file.path().c_str(), axes.c_str()));
   const auto given = file.shape(axes);
   const std::size_t points = stiffness_points(block.type).size();
   block.axes = given.size() == 3 ? as_size(given[1]) : 1;

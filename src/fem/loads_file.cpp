@@ -134,6 +134,10 @@ void read_free_strain(const Hdf5File& file, const std::string& name,
     if (warm.values.size() != warm.nodes.size())
       throw Error(text("file %s: %s must have one value a node", file.path().c_str(),
                        heat.c_str()));
+    for (double value : warm.values)
+      if (!std::isfinite(value))
+        throw Error(text("file %s: %s/values holds %g", file.path().c_str(), heat.c_str(),
+                         value));
     body.temperatures.push_back(std::move(warm));
   }
   if (file.exists(bolt)) {
@@ -142,8 +146,13 @@ void read_free_strain(const Hdf5File& file, const std::string& name,
                        file.number_attribute(bolt, "held"),
                        file.number_attribute(bolt, "length")};
     std::sort(tension.nodes.begin(), tension.nodes.end());
-    if (!(tension.held > 0) || !(tension.length > 0))
-      throw Error(text("file %s: %s: held and length must be positive",
+    double square = 0;
+    for (double c : tension.axis) square += c * c;
+    if (!(tension.held > 0 && std::isfinite(tension.held)) ||
+        !(tension.length > 0 && std::isfinite(tension.length)) ||
+        !(std::abs(square - 1) < 1e-9))
+      throw Error(text("file %s: %s: held and length must be positive, and axis of unit "
+                       "length",
                        file.path().c_str(), bolt.c_str()));
     body.pretensions.push_back(std::move(tension));
   }

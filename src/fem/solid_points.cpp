@@ -47,17 +47,6 @@ double determinant(const Jacobian& J) {
          J[0][2] * (J[1][0] * J[2][1] - J[1][1] * J[2][0]);
 }
 
-std::array<double, 6> linear_strain(std::size_t c, const Vector3& g) {
-  switch (c) {
-  case 0:
-    return {g[0], 0, 0, g[1], 0, g[2]};
-  case 1:
-    return {0, g[1], 0, g[0], g[2], 0};
-  default:
-    return {0, 0, g[2], 0, g[1], g[0]};
-  }
-}
-
 void mirror(Dense& a) {
   for (int j = 0; j < a.columns; ++j)
     for (int i = j + 1; i < a.rows; ++i) a(i, j) = a(j, i);

@@ -27,7 +27,16 @@ std::vector<StiffnessPoint> points_of(ElementType type,
                                       const std::vector<Vector3>& nodes);
 
 /// The six strains of displacement component c with gradient g, engineering shears.
-std::array<double, 6> linear_strain(std::size_t c, const Vector3& g);
+inline std::array<double, 6> linear_strain(std::size_t c, const Vector3& g) {
+  switch (c) {
+  case 0:
+    return {g[0], 0, 0, g[1], 0, g[2]};
+  case 1:
+    return {0, g[1], 0, g[0], g[2], 0};
+  default:
+    return {0, 0, g[2], 0, g[1], g[0]};
+  }
+}
 
 /// K += w Bᵀ C B for the gradients of all (also incompatible) modes; upper triangle.
 /// @param strain  of a displacement component with a gradient.

@@ -411,3 +411,26 @@ def test_a_node_alone_is_no_part_of_a_shank(tmp_path: Path) -> None:
     given["loads"]["warm"] = {"type": "temperature", "nodes": {"box": [[-1] * 3, [2, 1, 1]]}}
     given["nodes_alone"] = [len(more)]
     import_description(given, "bar", tmp_path / "body.h5", mesh=alone)
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "words"),
+    [
+        ("pretension@length", np.inf, "length must be positive"),
+        ("pretension@held", -1.0, "held and length must be positive"),
+        ("pretension@axis", [2.0, 0, 0], "axis of unit length"),
+        ("pretension/nodes", 10**6, "the mesh has"),
+    ],
+)
+def test_a_bolt_of_a_file_by_hand(place: str, value: Any, words: str, tmp_path: Path) -> None:
+    given, mesh = bolted("C3D8", 100.0)
+    import_description(given, "bar", tmp_path / "b.h5", mesh=mesh)
+    with h5py.File(tmp_path / "b.h5", "r+") as file:
+        name, _, attribute = place.partition("@")
+        group = file[f"loads/bolt/{name}"]
+        if attribute:
+            group.attrs[attribute] = value
+        else:
+            group[0] = value
+    args = ("-body", tmp_path / "b.h5", "-body_out", tmp_path / "m.h5")
+    assert words in " ".join(run("assemble", *args, expect=1).err.split())

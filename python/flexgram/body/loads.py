@@ -158,9 +158,8 @@ def _write_pretension(mesh: BodyMesh, group: h5py.Group, entry: Reader) -> str:
     for name, other in mesh.file["loads"].items():
         if "pretension" not in other or other == group:
             continue
-        both = chosen.copy()
-        both[np.setdiff1d(np.arange(len(chosen)), other["pretension/nodes"][:])] = False
-        if any(both[elements].all(axis=1).any() for elements in elements_of):
+        theirs = np.isin(np.arange(len(chosen)), other["pretension/nodes"][:])
+        if any(theirs[elements].all(axis=1).any() for elements in elements_of):
             raise BodyError(f"{entry.where}: it shares elements of its shank with {name}")
     length = float(np.ptp(mesh.length * mesh.points[shank] @ axis))
     used = np.flatnonzero(np.any(forces != 0, axis=1))

@@ -49,15 +49,52 @@ def cylindrical(places: Floats, point: Floats, axis: Floats, where: str) -> Floa
     """
     length = np.linalg.norm(axis)
     if not length > 0:
-        raise BodyError(f"{where}: axis = [0, 0, 0] has no direction")
+        raise BodyError(f"{where}: its axis has no direction")
     along = np.broadcast_to(axis / length, places.shape)
     arm = places - point
     outward = arm - (arm @ along[0])[:, None] * along if len(places) else arm
     distance = np.linalg.norm(outward, axis=1)
     if np.any(distance <= 1e-9 * np.abs(arm).max(initial=0.0)):
-        raise BodyError(f"{where}: a point of an element is on the axis: it has no direction")
+        raise BodyError(f"{where}: a place is on the axis, and has no direction outward")
     outward = outward / distance[:, None]
     return np.stack([outward, np.cross(along, outward), along], axis=1)
+
+
+def rectangular(points: Floats, where: str) -> Floats:
+    """Axes of points a on the first one and b in the plane of the first and the second.
+
+    Parameters
+    ----------
+    points : (E, 6) or (E, 9) array
+        a, b, and if it is not zero the origin.
+    where : str
+        For messages.
+
+    Returns
+    -------
+    (E, 3, 3) array
+        In rows.
+
+    Raises
+    ------
+    BodyError
+        If there are other numbers, or the points have no direction.
+
+    Examples
+    --------
+    >>> rectangular(np.array([[0.0, 2, 0, -1, 1, 0]]), "axes")[0].tolist()
+    [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]
+    """
+    if points.shape[1] not in (6, 9):
+        raise BodyError(f"{where}: its axes need six numbers, or nine")
+    origin = points[:, 6:] if points.shape[1] == 9 else 0.0
+    first, in_plane = points[:, :3] - origin, points[:, 3:6] - origin
+    third = np.cross(first, in_plane)
+    size = np.linalg.norm(third, axis=1)[:, None]
+    if not np.all(size > 0):
+        raise BodyError(f"{where}: its axes have no direction")
+    first, third = first / np.linalg.norm(first, axis=1)[:, None], third / size
+    return np.stack([first, np.cross(third, first), third], axis=1)
 
 
 def with_second(first: Floats) -> Floats:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from flexgram.basics import BodyError, Floats
+from flexgram.body.orientation import cylindrical, rectangular
 from flexgram.importers.ccx import Job
 from flexgram.importers.deck import Deck
 
@@ -28,14 +29,11 @@ def axes_of_nodes(job: Job, deck: Deck) -> dict[int, Floats]:
             a, b = np.array([float(w) for row in card.words() for w in row if w]).reshape(2, 3)
         except ValueError:
             raise BodyError(f"{where}: expected six numbers") from None
-        for label in deck.sets[name].tolist():
-            at = deck.index(job.path, label)
-            first, third = (a, np.cross(a, b)) if kind != "C" else (deck.points[at] - a, b - a)
-            if kind == "C":
-                first = first - third * (first @ third) / max(float(third @ third), 1e-300)
-            lengths = np.linalg.norm(first), np.linalg.norm(third)
-            if not min(lengths) > 1e-12 * max(1e-300, float(np.abs([a, b]).max())):
-                raise BodyError(f"{where}: its axes have no direction at node {label}")
-            first, third = first / lengths[0], third / lengths[1]
-            found[int(label)] = np.array([first, np.cross(third, first), third])
+        labels = [int(label) for label in deck.sets[name]]
+        if kind == "C":
+            places = deck.points[[deck.index(job.path, label) for label in labels]]
+            axes = cylindrical(places, a, b - a, where)
+        else:
+            axes = np.repeat(rectangular(np.hstack([a, b])[None], where), len(labels), axis=0)
+        found.update(zip(labels, axes, strict=True))
     return found

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from flexgram.basics import BodyError, Floats
-from flexgram.body.orientation import cylindrical
+from flexgram.body.orientation import cylindrical, rectangular
 from flexgram.importers.ccx import Card, Job
 from flexgram.importers.deck_distributions import Distribution, distributions_of
 
@@ -169,7 +169,7 @@ class Orientation:
         if self.is_cylindrical:
             axes = cylindrical(places, self.axes[0], self.axes[1], where)
         if self.of_elements is not None:
-            axes = _rectangular(self.of_elements.at(labels, where), where)
+            axes = rectangular(self.of_elements.at(labels, where), where)
         i, j = (self.about + 1) % 3, (self.about + 2) % 3
         c, s = np.cos(self.angle), np.sin(self.angle)
         axes[:, i], axes[:, j] = (
@@ -177,21 +177,6 @@ class Orientation:
             c * axes[:, j] - s * axes[:, i],
         )
         return axes
-
-
-def _rectangular(points: Floats, where: str) -> Floats:
-    """Axes (E, 3, 3) of points a on the first one and b in the plane of the first and the second,
-    (E, 6), and if they are told the origin, (E, 9)."""
-    if points.shape[1] not in (6, 9):
-        raise BodyError(f"{where}: its axes need six numbers, or nine")
-    origin = points[:, 6:] if points.shape[1] == 9 else 0.0
-    first, in_plane = points[:, :3] - origin, points[:, 3:6] - origin
-    third = np.cross(first, in_plane)
-    size = np.linalg.norm(third, axis=1)[:, None]
-    if not np.all(size > 0):
-        raise BodyError(f"{where}: its axes have no direction")
-    first, third = first / np.linalg.norm(first, axis=1)[:, None], third / size
-    return np.stack([first, np.cross(third, first), third], axis=1)
 
 
 def orientations_of(job: Job) -> dict[str, Orientation]:
@@ -246,6 +231,6 @@ def orientations_of(job: Job) -> dict[str, Orientation]:
                 raise BodyError(f"{where}: its axes have no direction")
             found[name] = Orientation(np.array([a, b - a, 0 * a]), True, None, about, angle)
             continue
-        axes = _rectangular(points[None, : 9 if len(points) >= 9 else 6], where)[0]
+        axes = rectangular(points[None, : 9 if len(points) >= 9 else 6], where)[0]
         found[name] = Orientation(axes, False, None, about, angle)
     return found

@@ -14,7 +14,7 @@ from flexgram.body.orientation import stiffness_places
 from flexgram.importers import deck_lines
 from flexgram.importers.ccx import Card, Job
 from flexgram.importers.deck import FORMULATIONS, SHELL_KINDS, Deck
-from flexgram.importers.deck_distributions import distributions_of
+from flexgram.importers.deck_distributions import Distribution, distributions_of
 from flexgram.importers.deck_materials import Orientation, laminas_of, orientations_of
 
 #: What *ELASTIC gives a material, one of these.
@@ -61,13 +61,14 @@ def sections_of(job: Job, deck: Deck, *, abaqus: bool) -> dict[str, dict[str, An
     return found
 
 
-def _thicknesses(job: Job, deck: Deck, card: Card, region: str) -> dict[int, tuple[str, float]]:
+def _thicknesses(
+    job: Job, deck: Deck, known: Mapping[str, Distribution], card: Card, region: str
+) -> dict[int, tuple[str, float]]:
     """Of a shell section whose thickness is a distribution: region and thickness by element."""
     name = card.options.get("SHELL THICKNESS", "").upper()
     if not name:
         return {}
     where = f"{job.path}: *SHELL SECTION, ELSET={card.options.get('ELSET', '')}"
-    known = distributions_of(job)
     if name not in known:
         raise BodyError(f"{where}: there is no distribution {name}")
     labels = deck.elsets.get(card.options.get("ELSET", "").upper(), [])
@@ -88,7 +89,7 @@ def _parts(region: str, regions: Iterable[str]) -> list[str]:
 
 def _shell_sections(job: Job, deck: Deck, *, abaqus: bool) -> dict[str, dict[str, Any]]:
     found: dict[str, dict[str, Any]] = {}
-    orientations = orientations_of(job)
+    orientations, known = orientations_of(job), distributions_of(job)
     for region, card in _sections(job):
         if card.keyword != "SHELL SECTION":
             continue
@@ -103,7 +104,7 @@ def _shell_sections(job: Job, deck: Deck, *, abaqus: bool) -> dict[str, dict[str
         else:
             try:
                 given = rows[0][0] if rows else ""
-                nominal = "SHELL THICKNESS" in card.options  # of elements that the table names all
+                nominal = "SHELL THICKNESS" in card.options  # a table names those of its elements
                 entry["thickness"] = thickness = 1.0 if nominal else float(given)
             except ValueError:
                 raise BodyError(f"{where}: expected a thickness") from None
@@ -125,7 +126,7 @@ def _shell_sections(job: Job, deck: Deck, *, abaqus: bool) -> dict[str, dict[str
                 first = _first_in_surface(axes, abaqus=abaqus and bool(name))
                 entry["axis_1"] = axes.at(np.zeros((1, 3)), where)[0, first].tolist()
         found[region] = entry
-        for own, thickness in set(_thicknesses(job, deck, card, region).values()):
+        for own, thickness in set(_thicknesses(job, deck, known, card, region).values()):
             if "layers" in entry:
                 raise BodyError(
                     f"{where}: SHELL THICKNESS scales its layers, which is not followed"
@@ -244,7 +245,7 @@ def mesh_of(
 ) -> tuple[meshio.Mesh, dict[str, str], int]:
     """The mesh with a region for each section, the material of each region, and how many elements
     are in several sections, of which the last one counts."""
-    plane = laminas_of(job)
+    plane, distributions = laminas_of(job), distributions_of(job)
     material_of: dict[str, str] = {}
     region_of: dict[int, str] = {}  # of each element
     given = 0
@@ -268,7 +269,7 @@ def mesh_of(
         others = [e for e in deck.elsets[name] if _kind_of(deck, e) not in expected]
         if others:
             raise BodyError(f"{where}: its element {others[0]} is a {deck.types[others[0]]}")
-        of_own = _thicknesses(job, deck, card, region) if of_shells else {}
+        of_own = _thicknesses(job, deck, distributions, card, region) if of_shells else {}
         for label in deck.elsets[name]:
             formulation = FORMULATIONS.get(deck.types[label])
             own, _ = of_own.get(label, (region, 0.0))
