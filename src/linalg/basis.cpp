@@ -95,6 +95,26 @@ void Basis::append(Block x) {
   pieces_.push_back(std::move(x));
 }
 
+void Basis::join_last(int wide) {
+  std::size_t first = pieces_.size();
+  PetscInt together = 0;
+  while (first > 0 && pieces_[first - 1].columns() < wide)
+    together += pieces_[--first].columns();
+  if (together < wide || first + 1 >= pieces_.size()) return;
+  const Block& layout = pieces_[first];
+  Block joined(layout.comm(), layout.local_rows(), layout.rows(), together);
+  {
+    Block::Access to(joined);
+    double* next = to.column(0);
+    for (std::size_t i = first; i < pieces_.size(); ++i) {
+      Block::Access from(pieces_[i]);
+      next = std::copy(from.all().begin(), from.all().end(), next);
+    }
+  }
+  pieces_.resize(first);
+  pieces_.push_back(std::move(joined));
+}
+
 Basis Basis::share() const {
   Basis other;
   for (const Block& piece : pieces_) other.append(piece.share());

@@ -13,6 +13,9 @@ public:
   Basis(const Block& x) { append(x.share()); } // NOLINT: a block is a basis of one piece
 
   void append(Block x);
+  /// Makes one piece of the last ones that are narrower than `wide`, if they are that wide together:
+  /// products with few wide pieces are faster.
+  void join_last(int wide);
   Basis share() const;
   PetscInt columns() const { return columns_; }
   explicit operator bool() const { return columns_ > 0; }

@@ -24,6 +24,8 @@ struct CertifyRun {
 
   /// What the user allows, or what memory does: V, S and one more of that size. Collective.
   int largest_order() const;
+  /// Columns of the body's length that a search may keep. Collective.
+  int columns_in_memory() const;
   /// Who says that the medium model may not be larger.
   std::string why_no_larger() const;
 };

@@ -213,7 +213,7 @@ ModalSpace modal_space(const CertifyRun& run, const Medium& medium, Stored& s) {
 
 Checkpoints::Checkpoints(const SecondOrderModel& fom, const CheckpointSpec& spec,
                          Observer& observer)
-    : fom_(fom), spec_(spec), observer_(observer), start_(now()) {}
+    : fom_(fom), spec_(spec), observer_(observer), last_(now()), seconds_of_mb_(5e-3) {}
 
 bool Checkpoints::is_asked_to_end() const {
   return max_over(fom_.comm, asked_to_end() ? 1.0 : 0.0) > 0;
@@ -256,13 +256,19 @@ void Checkpoints::save(const CertifyRun& run, CertifyState& state,
   state.medium.solved_columns = run.factors.solved_columns();
   using When = CheckpointSpec::When;
   const bool end = is_asked_to_end();
-  const bool late = max_over(fom_.comm, now() - start_) > 20;
+  constexpr double share = 0.03, soonest = 20; // of the time since the last one; [s]
+  const double mb = 8e-6 * static_cast<double>(fom_.n) * state.modal.space->columns(),
+               since = max_over(fom_.comm, now() - last_);
+  const bool late = since > std::max(soonest, seconds_of_mb_ * mb / share);
   bool saved = false;
   if (spec_.when == When::always || (spec_.when == When::automatic && (late || end))) {
     Stage stage(observer_, "checkpoint");
     try {
+      const double start = now();
       write(state, fom_, spec_.path);
       saved = *spec_.used = true;
+      last_ = now();
+      seconds_of_mb_ = max_over(fom_.comm, last_ - start) / std::max(mb, 1.0);
       observer_.detail(text("  checkpoint after %s: %s", what, spec_.path.c_str()));
     } catch (const Error& error) { // on all ranks
       if (spec_.when == When::always) throw;

@@ -16,7 +16,7 @@ public:
   Checkpoints(const SecondOrderModel& fom, const CheckpointSpec& spec,
               Observer& observer);
 
-  /// Writes a checkpoint if it is time for one. @param what  is done, in words.
+  /// Writes a checkpoint if it is time for one: they take a few hundredths of a run. @param what  is done, in words.
   /// @throws Interrupted after that if SIGTERM asked to end. Collective.
   void save(const CertifyRun& run, CertifyState& state, const char* what) const;
   /// Where nothing could be saved. @throws Interrupted if SIGTERM asked to end. Collective.
@@ -32,7 +32,8 @@ private:
   const SecondOrderModel& fom_;
   const CheckpointSpec& spec_;
   Observer& observer_;
-  double start_; ///< [s]
+  mutable double last_;          ///< [s] of the clock: the last one, or the beginning
+  mutable double seconds_of_mb_; ///< to write so much, at most as far as is known
 };
 
 } // namespace flexgram

@@ -34,8 +34,9 @@ std::vector<FactorPath> factor_paths(const SecondOrderModel& fom,
           path("single precision on disk", true, true, 1, 0)};
 }
 
-void choose_factors(ShiftedSolver& solver, const SecondOrderModel& fom,
-                    const SolverOptions& options, Observer& observer, bool every) {
+FactorEstimate choose_factors(ShiftedSolver& solver, const SecondOrderModel& fom,
+                              const SolverOptions& options, Observer& observer,
+                              bool every) {
   FactorEstimate estimate = solver.analyse(true);
   if (options.precision == Precision::single_precision) estimate.mb_per_rank *= 2;
   std::vector<FactorPath> paths = factor_paths(fom, estimate);
@@ -83,6 +84,7 @@ void choose_factors(ShiftedSolver& solver, const SecondOrderModel& fom,
     observer.warn(text("the run may take %.0f MB on a rank, %.0f MB may be used",
                        taken->peak_mb, limit));
   observer.print(); // before the first factorisation, which may take long
+  return estimate;
 }
 
 RealFactors::RealFactors(const SecondOrderModel& fom, const SolverOptions& options,
@@ -94,7 +96,7 @@ RealFactors::RealFactors(const SecondOrderModel& fom, const SolverOptions& optio
 
 void RealFactors::hold(double s) {
   if (holds(s)) return;
-  if (!chosen_) choose_factors(solver_, fom_, options_, observer_, false);
+  if (!chosen_) estimate_ = choose_factors(solver_, fom_, options_, observer_, false);
   chosen_ = true;
   shift_.reset(); // until it is there
   solver_.factorise({1.0, s});

@@ -34,9 +34,11 @@ std::vector<FactorPath> factor_paths(const SecondOrderModel& fom,
 /// warning, if none does; the user's -mor_precision limits the choice), makes the solver
 /// follow it, and tells.
 /// @param every  tell all paths, not only the one taken.
+/// @return the estimate of the analysis, in double precision.
 /// @note Collective.
-void choose_factors(ShiftedSolver& solver, const SecondOrderModel& fom,
-                    const SolverOptions& options, Observer& observer, bool every);
+FactorEstimate choose_factors(ShiftedSolver& solver, const SecondOrderModel& fom,
+                              const SolverOptions& options, Observer& observer,
+                              bool every);
 
 /// The factors of K + sM, with its inertia, for one shift s at a time.
 class RealFactors {
@@ -54,6 +56,9 @@ public:
   int negative() const { return solver_.negative_pivots(); }
   int null() const { return solver_.null_pivots(); }
 
+  /// Of a factorisation, once there was one.
+  const FactorEstimate& estimate() const { return estimate_; }
+
   /// What was done, with what a run had done whose checkpoint goes on.
   int factorisations() const { return factorisations_before_ + solver_.factorisations(); }
   int solved_columns() const { return solved_columns_; }
@@ -66,6 +71,7 @@ private:
   SolverOptions options_;
   ShiftedSolver solver_;
   std::optional<double> shift_;
+  FactorEstimate estimate_;
   bool chosen_ = false; ///< the arithmetic
   int factorisations_before_ = 0, solved_columns_ = 0;
 };

@@ -2,6 +2,7 @@
 
 #include "base/text.hpp"
 #include "medium/cutoff.hpp"
+#include "medium/lanczos.hpp"
 #include "medium/mode_search.hpp"
 #include "medium/model.hpp"
 #include "medium/null_vectors.hpp"
@@ -10,6 +11,8 @@
 
 #include <cmath>
 #include <limits>
+#include <numbers>
+#include <numeric>
 
 namespace flexgram {
 
@@ -56,11 +59,84 @@ std::vector<double> scale_ports(const SecondOrderModel& fom, double omega, int p
   return scale;
 }
 
+/// How exact the modes must be when the search ends. The certificate takes any, and the
+/// Krylov blocks that follow improve them; where modes are asked for themselves, or stand
+/// for H beside resonances without damping, they must be good.
+double angle_of_modes(const CertifyRun& run, const ModalSpace& modal) {
+  if (run.spec.modes > 0 || modal.exact) return 1e-6;
+  const Damping& d = run.fom.damping;
+  const double loss = d.eta + d.alpha / modal.cutoff + d.beta * modal.cutoff;
+  return loss < 1e-5 ? 1e-3 : 3.0;
+}
+
+/// Where many modes are searched from [rad²/s²]: at the cutoff, or lower, where fewer Krylov vectors
+/// serve both ends of the spectrum, if those save more than two factorisations cost. Estimates, by
+/// flops: a mode takes about so many vectors (plates and blocks were measured).
+double search_shift(const CertifyRun& run, const ModalSpace& modal) {
+  constexpr double from_cutoff = 2.7, from_within = 1.9, within = 0.35;
+  const FactorEstimate& factor = run.factors.estimate();
+  const auto flops = [&](double columns_of_a_mode) {
+    const double columns = columns_of_a_mode * modal.elastic;
+    return 4 * factor.factor_entries * columns +
+           2 * static_cast<double>(run.fom.n) * columns * columns;
+  };
+  const bool pays = flops(from_cutoff) - flops(from_within) > 2 * factor.flops;
+  return (pays ? within : 1) * modal.cutoff * modal.cutoff;
+}
+
+/// K − σM for a σ near this that is no eigenvalue. @return σ
+double hold_regular(const CertifyRun& run, double sigma) {
+  for (int attempt = 0; attempt < 4; ++attempt, sigma *= 0.9877) {
+    run.factors.hold(-sigma);
+    if (run.factors.null() == 0) break;
+  }
+  return sigma;
+}
+
+/// Many modes by Lanczos, and what the responses need beside them, instead of all the vectors that
+/// it takes to find them. @param response  to the ports and what is in their company.
+void add_many_modes(const CertifyRun& run, const Start& start, ModalSpace& modal,
+                    Block response, int ports) {
+  Stage stage(run.observer, "modes");
+  const double cutoff = modal.cutoff * modal.cutoff;
+  constexpr int samples = 16;
+  const double target = std::sqrt(run.spec.target); // errors of H are products of two
+  LanczosSpec spec{.product = modal.space->product(),
+                   .shift = hold_regular(run, search_shift(run, modal)),
+                   .cutoff = cutoff,
+                   .expected = modal.elastic,
+                   .enough = std::min(angle_of_modes(run, modal),
+                                      std::clamp(1e-2 * target, 1e-7, 1e-2)),
+                   .ports = ports,
+                   .negligible = std::clamp(2e-2 * target, 1e-7, 1e-2),
+                   .most = run.columns_in_memory()};
+  for (int k = 0; k <= samples; ++k)
+    spec.samples.push_back(
+        std::pow(run.reference * std::sin(0.5 * std::numbers::pi * k / samples), 2));
+  std::vector<int> first(as_size(ports));
+  std::iota(first.begin(), first.end(), 0);
+  Block of_ports = select_columns(response, first);
+  LanczosModes found =
+      lanczos_modes(spec, run.factors, start.rigid, std::move(response), run.observer);
+  run.factors.hold(-cutoff);
+  modal.space->restore(std::move(found.modes));
+  modal.space->append(concatenate(of_ports, found.beside), 1e-7);
+  modal.found = std::move(found.lambda);
+  modal.solves = found.solves;
+  run.observer.fact("search",
+                    text("block Lanczos about %.4g Hz, %d columns: the modes are kept, "
+                         "and %d directions of responses",
+                         std::sqrt(spec.shift) * hz, found.columns,
+                         modal.space->columns() - modal.rigid() - modal.elastic));
+}
+
 /// The space of the rigid modes that the geometry tells and the response to the ports.
 ModalSpace space_of_ports(const CertifyRun& run, const Start& start, double omega) {
-  Stage stage(run.observer, "cutoff");
-  Cutoff cutoff = choose_cutoff(run, start.ports, start.balanced, start.geometric(),
-                                omega, start.mass_is_singular);
+  Cutoff cutoff = [&] {
+    Stage stage(run.observer, "cutoff");
+    return choose_cutoff(run, start.ports, start.balanced, start.geometric(), omega,
+                         start.mass_is_singular);
+  }();
   ModalSpace modal;
   modal.cutoff = cutoff.omega;
   modal.elastic = cutoff.below - start.geometric();
@@ -70,19 +146,16 @@ ModalSpace space_of_ports(const CertifyRun& run, const Start& start, double omeg
   modal.space = std::make_unique<MediumSpace>(run.fom, cutoff.kappa, run.tau);
   modal.space->start_with_rigid_modes(start.rigid.share(), start.stiffness,
                                       start.geometric());
-  modal.space->append(without_many_outputs(std::move(cutoff.response), start.ports),
-                      1e-7);
+  const int company = static_cast<int>(cutoff.response.columns()) - start.ports.count();
+  Block response = without_many_outputs(std::move(cutoff.response), start.ports);
+  // A wide start takes few steps, and few modes are found before a second factorisation pays.
+  if (modal.elastic > wide_block && response.columns() <= wide_block &&
+      modal.elastic <= run.largest_order())
+    add_many_modes(run, start, modal, std::move(response),
+                   static_cast<int>(response.columns()) - company);
+  else
+    modal.space->append(std::move(response), 1e-7);
   return modal;
-}
-
-/// How exact the modes must be when the search ends. The certificate takes any, and the
-/// Krylov blocks that follow improve them; where modes are asked for themselves, or stand
-/// for H beside resonances without damping, they must be good.
-double angle_of_modes(const CertifyRun& run, const ModalSpace& modal) {
-  if (run.spec.modes > 0 || modal.exact) return 1e-6;
-  const Damping& d = run.fom.damping;
-  const double loss = d.eta + d.alpha / modal.cutoff + d.beta * modal.cutoff;
-  return loss < 1e-5 ? 1e-3 : 3.0;
 }
 
 /// Whether a backward error of the factorisation, 1000 ε of each entry of K, could not
@@ -117,9 +190,10 @@ void add_modes(const CertifyRun& run, ModalSpace& modal, int geometric) {
   int solves = 0;
   if (modal.elastic > 0) {
     Stage stage(run.observer, "modes");
-    solves =
-        find_modes(*modal.space, run.factors, modal.cutoff * modal.cutoff, modal.elastic,
-                   angle_of_modes(run, modal), rigid_threshold(run.fom), run.observer);
+    solves = modal.solves +
+             find_modes(*modal.space, run.factors, modal.cutoff * modal.cutoff,
+                        modal.elastic, angle_of_modes(run, modal),
+                        rigid_threshold(run.fom), run.observer, std::move(modal.found));
     take_out_null_vectors(run, modal);
   }
   modal.inertia_is_safe = cutoff_is_in_a_gap(run, modal);

@@ -71,15 +71,14 @@ RitzPairs ritz_pairs(const MediumSpace& space) {
 }
 
 int find_modes(MediumSpace& space, RealFactors& factors, double sigma, int expected,
-               double enough, double null, Observer& observer) {
+               double enough, double null, Observer& observer, std::vector<double> good) {
   // λ = 1/μ − τ is known to the rounding of τ.
   null = std::max(null, 64 * std::numeric_limits<double>::epsilon() * space.tau());
-  std::vector<double> good;
   int solves = 0, before = -1;
   int newest = space.columns() > space.rigid() // vectors of the last block
                    ? static_cast<int>(space.V().pieces().back().columns())
                    : 0;
-  bool krylov = true;
+  bool krylov = good.empty();
   Progress progress(observer, "modes", expected);
   for (int round = 0;; ++round) {
     const RitzPairs pairs = ritz_pairs(space);

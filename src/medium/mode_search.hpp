@@ -29,6 +29,8 @@ class MiscountError : public Error {
 /// @param[in] expected  modes below σ by Sylvester's law, without the rigid modes of the
 ///                      space. No more can be found (Cauchy), and no fewer will do.
 /// @param[in] null      K is indefinite if an eigenvalue lies below −null.
+/// @param[in] good      eigenvalues whose vectors are known to be good enough. If there are any,
+///                      no block of the space is a Krylov block.
 /// @return right-hand sides solved.
 /// @throws MiscountError if a mode that the inertia counts cannot be found, or if there
 /// are more; Error if K is indefinite.
@@ -36,7 +38,8 @@ class MiscountError : public Error {
 /// @pre the last block of the space is S applied to something, such as the response to
 /// loads at σ.
 int find_modes(MediumSpace& space, RealFactors& factors, double sigma, int expected,
-               double enough, double null, Observer& observer);
+               double enough, double null, Observer& observer,
+               std::vector<double> good = {});
 
 /// Eigenvalues of (K, M) in the space without its rigid modes, ascending, and the Ritz
 /// vectors as columns in the coordinates of V, W-orthonormal.

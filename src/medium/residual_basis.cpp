@@ -6,12 +6,35 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 
 namespace flexgram {
 namespace {
 
 using Complex = std::complex<double>;
+
+constexpr double may_be_lost = 1e-10; ///< of a column
+/// What rounding leaves of K v, rows scaled, is about this part of √(vᵀ diag(K) v).
+constexpr double rounding_of_product = 64 * std::numeric_limits<double>::epsilon();
+
+/// Coordinates of a part of the residuals, and of each column what is no more than rounding.
+struct Part {
+  const Dense* coordinates;
+  std::vector<double> rounding; ///< empty: 0
+  double rounding_of(int column) const {
+    return rounding.empty() ? 0.0 : rounding[as_size(column)];
+  }
+};
+
+/// P B, P K V and the terms' parts. Modes that are found well leave no more of K V than rounding.
+std::vector<Part> parts_of(const MediumSpace& space) {
+  std::vector<Part> parts;
+  for (const Dense* a : space.residual().parts()) parts.push_back({a, {}});
+  for (double g : space.rounding_weights())
+    parts[1].rounding.push_back(rounding_of_product * g);
+  return parts;
+}
 
 /// Columns S beside orthonormal ones T: S = T inside + more outside + what was dropped.
 struct Span {
@@ -33,13 +56,13 @@ struct Span {
 };
 
 /// How large a column of S is where it counts: a share of this changes no part (T S) a by more than
-/// that share of its norm. @param gram  of S without T.
+/// that share of its norm, or by rounding. @param gram  of S without T.
 std::vector<double> sizes_of(const Span& span, const Dense& gram,
-                             const std::vector<const Dense*>& parts) {
+                             const std::vector<Part>& parts) {
   const int q = gram.rows;
-  std::vector<double> size;
-  for (int j = 0; j < q; ++j) size.push_back(HUGE_VAL);
-  for (const Dense* a : parts) {
+  std::vector<double> size(as_size(q), HUGE_VAL);
+  for (const Part& part : parts) {
+    const Dense* const a = part.coordinates;
     if (a->data.empty()) continue;
     const Dense of_S = part_of(*a, span.held, q, 0, a->columns),
                 outside = multiply(gram, of_S);
@@ -49,17 +72,19 @@ std::vector<double> sizes_of(const Span& span, const Dense& gram,
       double square = 0;
       for (int k = 0; k < span.held; ++k) square += inside(k, i) * inside(k, i);
       for (int k = 0; k < q; ++k) square += of_S(k, i) * outside(k, i);
+      const double counts =
+          std::max(std::sqrt(std::max(square, 0.0)), part.rounding_of(i) / may_be_lost);
       for (int j = 0; j < q; ++j)
         if (of_S(j, i) != 0)
-          size[as_size(j)] = std::min(size[as_size(j)], std::sqrt(std::max(square, 0.0)) /
-                                                            std::abs(of_S(j, i)));
+          size[as_size(j)] = std::min(size[as_size(j)], counts / std::abs(of_S(j, i)));
     }
   }
   for (int j = 0; j < q; ++j) { // no smaller than rounding allows
     double square = gram(j, j);
     for (int k = 0; k < span.held; ++k) square += span.inside(k, j) * span.inside(k, j);
     const double norm = std::sqrt(std::max(square, 0.0));
-    size[as_size(j)] = std::clamp(size[as_size(j)], 1e-7 * norm, norm);
+    if (!(size[as_size(j)] < HUGE_VAL)) size[as_size(j)] = norm; // of no part
+    size[as_size(j)] = std::max(size[as_size(j)], 1e-7 * norm);
   }
   return size;
 }
@@ -70,8 +95,7 @@ std::vector<double> sizes_of(const Span& span, const Dense& gram,
 /// lost counts hundreds of times in E⁻¹ where E is nearly singular beyond the modes, as of thin
 /// bodies.
 /// @param T  orthonormal. @param S  is overwritten.
-Span span_of(MPI_Comm comm, Basis T, Basis S, const std::vector<const Dense*>& parts) {
-  constexpr double may_be_lost = 1e-10; // of a column
+Span span_of(MPI_Comm comm, Basis T, Basis S, const std::vector<Part>& parts) {
   const int q = static_cast<int>(S.columns());
   Span span;
   span.held = static_cast<int>(T.columns());
@@ -222,18 +246,22 @@ std::vector<double> lost_too(const std::vector<double>& before,
   return result;
 }
 
-/// [a b …], each column of norm 1. Columns of zeros are left out.
-Dense of_norm_one(const std::vector<const Dense*>& parts, int rows) {
+/// [a b …], each column of norm 1, or of less where much of it is rounding. Columns of
+/// zeros are left out. @param least  singular values that count.
+Dense of_norm_one(const std::vector<Part>& parts, int rows, double least) {
   std::vector<double> entries;
   int columns = 0;
-  for (const Dense* a : parts)
+  for (const Part& part : parts) {
+    const Dense* const a = part.coordinates;
     for (int j = 0; j < a->columns; ++j) {
       double square = 0;
       for (int i = 0; i < rows; ++i) square += (*a)(i, j) * (*a)(i, j);
       if (!(square > 0)) continue;
-      for (int i = 0; i < rows; ++i) entries.push_back((*a)(i, j) / std::sqrt(square));
+      const double size = std::max(std::sqrt(square), part.rounding_of(j) / least);
+      for (int i = 0; i < rows; ++i) entries.push_back((*a)(i, j) / size);
       ++columns;
     }
+  }
   Dense all(rows, columns);
   all.data = std::move(entries);
   return all;
@@ -265,7 +293,7 @@ void orthonormalise_residual(MediumSpace& space) {
     (first < parts.orthonormal ? T : S).append(piece.share());
   });
   // All that S spans stays: what is small in these residuals may not be in later ones.
-  Span span = span_of(space.fom().comm, std::move(T), std::move(S), parts.parts());
+  Span span = span_of(space.fom().comm, std::move(T), std::move(S), parts_of(space));
   const auto lost = [&](const std::vector<double>& before, const Dense& a) {
     if (a.data.empty()) return before;
     const Dense of_S = part_of(a, span.held, a.rows - span.held, 0, a.columns);
@@ -295,11 +323,12 @@ std::optional<Dense> directions_of_residual(const MediumSpace& space, int solved
     return 2 * rank <= r || rank < r - solved || (rank <= most && most < r);
   };
   if (r == 0 || !pays(parts.B.columns)) return std::nullopt; // ports are seldom alike
-  LeftSvd svd = left_svd(compressed(of_norm_one(parts.parts(), r)));
+  constexpr double least = 1e-9;
+  LeftSvd svd = left_svd(compressed(of_norm_one(parts_of(space), r, least)));
   share_from_first(space.fom().comm, svd.values);
   share_from_first(space.fom().comm, svd.vectors.data);
   int rank = 0;
-  while (rank < svd.vectors.columns && svd.values[as_size(rank)] > 1e-9) ++rank;
+  while (rank < svd.vectors.columns && svd.values[as_size(rank)] > least) ++rank;
   if (!pays(rank)) return std::nullopt;
   return first_columns(svd.vectors, rank);
 }

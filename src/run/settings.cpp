@@ -298,8 +298,8 @@ void Settings::describe_restart(Options& options) {
       "whether what is finished is written beside the output, to OUTPUT.checkpoint (with "
       "pod to the folder OUTPUT.samples): after the modes, after each level of the "
       "medium model, after each "
-      "sample. auto: when the work took more than 20 s so far, and when SIGTERM, the "
-      "time "
+      "sample. auto: when the work took more than 20 s so far and a checkpoint "
+      "takes at most 3 % of the time since the last one; and when SIGTERM, the time "
       "limit of a batch system, asks to end (exit status 3). Removed when the output is "
       "written");
   options.add("-mor_restart", restart,

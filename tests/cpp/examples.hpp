@@ -73,6 +73,29 @@ inline Dense own(const Block& b) {
   return all;
 }
 
+/// A chain of `half` equal masses and springs between two walls, twice: every eigenvalue
+/// 2 − 2 cos(kπ/(half + 1)) is double. The load is on the first chain.
+inline SecondOrderModel twin_chains(PetscInt half) {
+  SecondOrderModel fom;
+  fom.comm = world();
+  fom.n = 2 * half;
+  fom.rows = even_rows(world(), fom.n);
+  fom.K = sparse(
+      fom.n,
+      [half](PetscInt i, PetscInt j) {
+        if (i == j) return 2.0;
+        return std::min(i, j) == half - 1 ? 0.0 : -1.0;
+      },
+      1);
+  fom.M = sparse(
+      fom.n, [](PetscInt i, PetscInt j) { return i == j ? 1.0 : 0.0; }, 0);
+  fom.damping = {1e-3, 0, 0};
+  fom.B = block(fom.n, 1, [](PetscInt i, PetscInt) { return i == 1 ? 1.0 : 0.0; });
+  fom.C = fom.B.share();
+  fom.inputs = fom.outputs = {"f"};
+  return fom;
+}
+
 /// Fixed-free rod of n linear elements, E A = ρ A = L = 1, consistent mass. Discrete
 /// eigenvalues: λ_k = 6/h² (1 − cos θ)/(2 + cos θ), θ = (2k − 1)π/(2n).
 inline SecondOrderModel rod(PetscInt n, Damping damping = {}) {

@@ -15,29 +15,6 @@ namespace {
 
 constexpr PetscInt n = 120;
 
-/// A chain of n equal masses and springs between two walls, doubled: every eigenvalue
-/// twice.
-SecondOrderModel twin_chains(PetscInt half) {
-  SecondOrderModel fom;
-  fom.comm = world();
-  fom.n = 2 * half;
-  fom.rows = even_rows(world(), fom.n);
-  fom.K = sparse(
-      fom.n,
-      [half](PetscInt i, PetscInt j) {
-        if (i == j) return 2.0;
-        return std::min(i, j) == half - 1 ? 0.0 : -1.0;
-      },
-      1);
-  fom.M = sparse(
-      fom.n, [](PetscInt i, PetscInt j) { return i == j ? 1.0 : 0.0; }, 0);
-  fom.damping = {1e-3, 0, 0};
-  fom.B = block(fom.n, 1, [](PetscInt i, PetscInt) { return i == 1 ? 1.0 : 0.0; });
-  fom.C = fom.B.share();
-  fom.inputs = fom.outputs = {"f"};
-  return fom;
-}
-
 } // namespace
 
 TEST(Orthonormal, NewVectorsAreOrthonormalAndDependentOnesAreDropped) {
