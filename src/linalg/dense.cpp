@@ -141,6 +141,12 @@ double frobenius_norm(const Dense& a) {
   return std::sqrt(sum);
 }
 
+double max_norm(const Dense& a) {
+  double largest = 0;
+  for (double x : a.data) largest = std::max(largest, std::abs(x));
+  return largest;
+}
+
 double frobenius_norm(const ComplexDense& a) {
   double sum = 0;
   for (const auto& x : a.data) sum += std::norm(x);

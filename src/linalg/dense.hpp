@@ -52,6 +52,7 @@ Dense columns_of(const Dense& a, const std::vector<int>& columns,
 Dense absolute(Dense a);                                  ///< |A_ij|
 void add_to(Dense& a, const Dense& b, double factor = 1); ///< A ← A + factor B
 double frobenius_norm(const Dense& a);
+double max_norm(const Dense& a); ///< the largest |a_ij|
 double frobenius_norm(const ComplexDense& a);
 ComplexDense as_complex(const Dense& a);
 /// At least the spectral norm: √(‖A‖₁‖A‖∞), or ‖A‖_F.

@@ -12,12 +12,6 @@
 namespace flexgram {
 namespace {
 
-double largest_entry(const Dense& a) {
-  double largest = 0;
-  for (double x : a.data) largest = std::max(largest, std::abs(x));
-  return largest;
-}
-
 /// X ← X − V VᵀWX from WX; returns the coefficients VᵀWX.
 Dense remove(Block& X, const Basis& V, const Block& WX) {
   if (!V) return Dense(0, static_cast<int>(X.columns()));
@@ -26,8 +20,8 @@ Dense remove(Block& X, const Basis& V, const Block& WX) {
   return c;
 }
 
-/// Directions of X (columns of the result) whose square in `gram` exceeds the floor,
-/// normalised; `least` is the smallest of these squares.
+} // namespace
+
 Dense kept_directions(const Dense& gram, double floor, double& least) {
   const SymmetricEigen eigen = symmetric_eigen(gram);
   Dense keep(gram.rows, 0);
@@ -40,8 +34,6 @@ Dense kept_directions(const Dense& gram, double floor, double& least) {
   }
   return keep;
 }
-
-} // namespace
 
 Block InnerProduct::apply(const Block& x) const {
   Block y = multiply(M, x);
@@ -90,7 +82,7 @@ Orthonormalised orthonormalise(Block X, const Basis& V, const InnerProduct& prod
   for (int pass = 0; keep.columns > 0 && pass < 4; ++pass) {
     if (anew) WX = product.apply(X);
     const Dense removed = remove(X, V, WX);
-    if (largest_entry(removed) > 1e-12) WX = product.apply(X); // else W V c is rounding
+    if (max_norm(removed) > 1e-12) WX = product.apply(X); // else W V c is rounding
     Dense l = inner(X, WX);
     symmetrise(l);
     Dense distance = l;
@@ -106,7 +98,7 @@ Orthonormalised orthonormalise(Block X, const Basis& V, const InnerProduct& prod
     WX = combine(WX, correction);
     if (correction.columns == 0) break;
     // The next pass would remove the square of this one: rounding.
-    if (largest_entry(removed) < 1e-8 && largest_entry(distance) < 1e-7) break;
+    if (max_norm(removed) < 1e-8 && max_norm(distance) < 1e-7) break;
     anew = true;
   }
   result.vectors = std::move(X);
@@ -121,7 +113,7 @@ double loss_of_orthogonality(const Basis& V, const InnerProduct& product) {
     add_to(gram, stiff, product.kappa);
   }
   for (int j = 0; j < gram.rows; ++j) gram(j, j) -= 1;
-  return largest_entry(gram);
+  return max_norm(gram);
 }
 
 } // namespace flexgram

@@ -28,6 +28,10 @@ struct Orthonormalised {
 Orthonormalised orthonormalise(Block X, const Basis& V, const InnerProduct& product,
                                double tolerance);
 
+/// Directions of X, as columns in its coordinates, whose square in `gram` exceeds the floor: of length
+/// 1 there, the largest first. @param least  becomes the smallest of these squares.
+Dense kept_directions(const Dense& gram, double floor, double& least);
+
 /// Largest entry of |VᵀWV − I|.
 double loss_of_orthogonality(const Basis& V, const InnerProduct& product);
 

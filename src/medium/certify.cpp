@@ -146,7 +146,7 @@ double stabilising_shift(const SecondOrderModel& fom, RealFactors& factors,
 Medium certify(const SecondOrderModel& body, bool mass_is_singular,
                const CertifySpec& spec, const SolverOptions& solver, Observer& observer,
                const CheckpointSpec& checkpoint) {
-  const Checkpoints checkpoints(body, checkpoint, observer);
+  Checkpoints checkpoints(body, checkpoint, observer);
   RealFactors factors(body, solver, observer);
   const double reference = reference_of(body, spec);
   const double positive = stabilising_shift(body, factors, reference);

@@ -17,7 +17,7 @@ struct CertifyRun {
   const CertifySpec& spec;
   Observer& observer;
   RealFactors& factors;
-  const Checkpoints& checkpoints;
+  Checkpoints& checkpoints;
   double reference = 0; ///< [rad/s] the certificate must hold up to here
   double tau = 0; ///< [rad²/s²] rows of residuals are scaled by the diagonal of K + τM
   Softening softening = {};

@@ -249,8 +249,7 @@ std::optional<CertifyState> Checkpoints::resume(const CertifyRun& run) const {
   return state;
 }
 
-void Checkpoints::save(const CertifyRun& run, CertifyState& state,
-                       const char* what) const {
+void Checkpoints::save(const CertifyRun& run, CertifyState& state, const char* what) {
   if (spec_.path.empty()) return;
   state.medium.factorisations = run.factors.factorisations();
   state.medium.solved_columns = run.factors.solved_columns();

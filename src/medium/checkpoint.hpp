@@ -16,9 +16,9 @@ public:
   Checkpoints(const SecondOrderModel& fom, const CheckpointSpec& spec,
               Observer& observer);
 
-  /// Writes a checkpoint if it is time for one: they take a few hundredths of a run. @param what  is done, in words.
+  /// Writes a checkpoint if it is time for one. @param what  is done, in words.
   /// @throws Interrupted after that if SIGTERM asked to end. Collective.
-  void save(const CertifyRun& run, CertifyState& state, const char* what) const;
+  void save(const CertifyRun& run, CertifyState& state, const char* what);
   /// Where nothing could be saved. @throws Interrupted if SIGTERM asked to end. Collective.
   void end_if_asked(const char* what) const;
   /// What a checkpoint holds. @return nothing if there is none, or if it is not wanted.
@@ -32,8 +32,8 @@ private:
   const SecondOrderModel& fom_;
   const CheckpointSpec& spec_;
   Observer& observer_;
-  mutable double last_;          ///< [s] of the clock: the last one, or the beginning
-  mutable double seconds_of_mb_; ///< to write so much, at most as far as is known
+  double last_;          ///< [s] when the last one was written; or the beginning
+  double seconds_of_mb_; ///< that writing a MB of V took; a guess before the first one
 };
 
 } // namespace flexgram

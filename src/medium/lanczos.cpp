@@ -19,31 +19,22 @@ constexpr double nearly_orthogonal = 1e-7;
 /// Pieces of the basis are joined up to so many columns: products with them are faster.
 constexpr int wide_piece = 192;
 
-double largest_entry(const Dense& a) {
-  double largest = 0;
-  for (double x : a.data) largest = std::max(largest, std::abs(x));
-  return largest;
-}
-
 /// F with FᵀGF = 1, without directions whose square, each column divided by its size, is below `floor`,
 /// or rounding beside the largest.
 Dense orthonormalising(Dense gram, const std::vector<double>& sizes, double floor) {
   symmetrise(gram);
-  std::vector<double> inverse;
-  for (double size : sizes) inverse.push_back(size > 0 ? 1 / size : 0.0);
-  for (int j = 0; j < gram.columns; ++j)
-    for (int i = 0; i < gram.rows; ++i)
-      gram(i, j) *= inverse[as_size(i)] * inverse[as_size(j)];
-  const SymmetricEigen eigen = symmetric_eigen(gram);
-  Dense F(gram.rows, 0);
-  for (int j = gram.rows - 1; j >= 0; --j) {
-    const double value = eigen.values[as_size(j)];
-    if (!(value > std::max(floor, 1e-12 * eigen.values.back()))) break;
-    Dense direction = part_of(eigen.vectors, 0, gram.rows, j, 1);
-    for (int i = 0; i < gram.rows; ++i)
-      direction(i, 0) *= inverse[as_size(i)] / std::sqrt(value);
-    F = beside(F, direction);
+  const auto inverse = [&](int j) {
+    return sizes[as_size(j)] > 0 ? 1 / sizes[as_size(j)] : 0.0;
+  };
+  double trace = 0;
+  for (int j = 0; j < gram.columns; ++j) {
+    for (int i = 0; i < gram.rows; ++i) gram(i, j) *= inverse(i) * inverse(j);
+    trace += gram(j, j);
   }
+  double least = 0;
+  Dense F = kept_directions(gram, std::max(floor, 1e-12 * trace), least);
+  for (int j = 0; j < F.columns; ++j)
+    for (int i = 0; i < F.rows; ++i) F(i, j) *= inverse(i);
   return F;
 }
 
@@ -160,7 +151,7 @@ private:
       share_from_first(Z.comm(), again.data);
       if (again.columns == 0) return {};
       turn(again);
-      if (largest_entry(c) < nearly_orthogonal) break;
+      if (max_norm(c) < nearly_orthogonal) break;
     }
     return {std::move(Z), std::move(WZ), {}};
   }
@@ -186,10 +177,10 @@ bool is_below(const LanczosSpec& spec, double theta) {
   return theta < 0 || theta * (spec.cutoff - spec.shift) > 1;
 }
 
-/// In the coordinates of the Krylov space, directions of the responses without the modes below the
-/// cutoff, by their energies: the left singular vectors of samples. With (σ − ω²)S + 1 both
-/// responses are (K − σM)⁻¹ of the same load, so of a Ritz vector that at ω has
-/// (1 + (σ − ω_c²)θ)/(1 + (σ − ω²)θ) times what that at ω_c has.
+/// Directions of the responses beside the modes below the cutoff, in the coordinates of the Krylov
+/// space: left singular vectors of samples, each Ritz vector by the root of its energy. Since
+/// (K − σM)⁻¹(K − ω²M) = 1 + (σ − ω²)S, a Ritz vector of S with the value θ has in the response at ω
+/// (1 + (σ − ω_c²)θ)/(1 + (σ − ω²)θ) times its part in the response at ω_c.
 Dense directions_beside(const LanczosSpec& spec, const Krylov& krylov,
                         const Krylov::Pairs& pairs) {
   const Dense &vectors = pairs.ritz.vectors, &start = krylov.responses();

@@ -21,9 +21,10 @@ struct LanczosSpec {
   double enough = 1e-2; ///< about the angle that may be left of each
   /// So many first columns of the start are the responses (K − ω_c²M)⁻¹B, of equal weight.
   int ports = 0;
-  std::vector<double> samples; ///< ω² [rad²/s²] of further responses to the same loads
-  double negligible = 1e-4;    ///< part of these, beside the modes, that may be dropped
-  int most = 0;                ///< columns of the Krylov space at most
+  std::vector<double> samples =
+      {};                   ///< ω² [rad²/s²] of further responses to the same loads
+  double negligible = 1e-4; ///< part of these, beside the modes, that may be dropped
+  int most = 0;             ///< columns of the Krylov space at most
 };
 
 /// What was found; W-orthonormal but for rounding.

@@ -70,8 +70,8 @@ double angle_of_modes(const CertifyRun& run, const ModalSpace& modal) {
 }
 
 /// Where many modes are searched from [rad²/s²]: at the cutoff, or lower, where fewer Krylov vectors
-/// serve both ends of the spectrum, if those save more than two factorisations cost. Estimates, by
-/// flops: a mode takes about so many vectors (plates and blocks were measured).
+/// serve both ends of the spectrum, if these save more than two factorisations cost. By flops, with
+/// the vectors a mode that plates of solids took.
 double search_shift(const CertifyRun& run, const ModalSpace& modal) {
   constexpr double from_cutoff = 2.7, from_within = 1.9, within = 0.35;
   const FactorEstimate& factor = run.factors.estimate();
@@ -93,8 +93,8 @@ double hold_regular(const CertifyRun& run, double sigma) {
   return sigma;
 }
 
-/// Many modes by Lanczos, and what the responses need beside them, instead of all the vectors that
-/// it takes to find them. @param response  to the ports and what is in their company.
+/// Many modes by Lanczos, and what the responses need beside them; not the Krylov space that it takes
+/// to find them. @param response  to the ports, and to random loads after these.
 void add_many_modes(const CertifyRun& run, const Start& start, ModalSpace& modal,
                     Block response, int ports) {
   Stage stage(run.observer, "modes");
@@ -148,7 +148,8 @@ ModalSpace space_of_ports(const CertifyRun& run, const Start& start, double omeg
                                       start.geometric());
   const int company = static_cast<int>(cutoff.response.columns()) - start.ports.count();
   Block response = without_many_outputs(std::move(cutoff.response), start.ports);
-  // A wide start takes few steps, and few modes are found before a second factorisation pays.
+  // With few modes the Krylov vectors beside them serve the responses, and are kept. A start of many
+  // ports would leave Lanczos too few steps.
   if (modal.elastic > wide_block && response.columns() <= wide_block &&
       modal.elastic <= run.largest_order())
     add_many_modes(run, start, modal, std::move(response),

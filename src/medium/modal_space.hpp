@@ -18,8 +18,9 @@ struct ModalSpace {
   bool exact = false;        ///< found exactly, not only as far as the certificate needs
   int judged_elastic = 0;    ///< slow modes that were found to be no rigid ones
   bool inertia_is_safe = false;
-  std::vector<double> found; ///< [rad²/s²] modes that Lanczos brought, before the search
-  int solves = 0;            ///< for them
+  /// λ [rad²/s²] of good modes, where Lanczos has filled the space; and its solves.
+  std::optional<std::vector<double>> found;
+  int solves = 0;
 
   int rigid() const { return space->rigid(); }
   int modes() const { return rigid() + elastic; } ///< below the cutoff

@@ -30,8 +30,8 @@ constexpr int most_columns = wide_block, most_rounds = 60;
 
 /// Which Ritz values are those of `good`, one to one: their vectors were good enough when
 /// they were last checked.
-std::vector<bool> known(const std::vector<double>& lambda, int count,
-                        const std::vector<double>& good, double tau) {
+std::vector<bool> which_are(const std::vector<double>& lambda, int count,
+                            const std::vector<double>& good, double tau) {
   const auto n = as_size(count);
   std::vector<bool> result(n, false), taken(good.size(), false);
   for (std::size_t j = 0; j < n; ++j)
@@ -71,14 +71,16 @@ RitzPairs ritz_pairs(const MediumSpace& space) {
 }
 
 int find_modes(MediumSpace& space, RealFactors& factors, double sigma, int expected,
-               double enough, double null, Observer& observer, std::vector<double> good) {
+               double enough, double null, Observer& observer,
+               std::optional<std::vector<double>> known) {
   // λ = 1/μ − τ is known to the rounding of τ.
   null = std::max(null, 64 * std::numeric_limits<double>::epsilon() * space.tau());
+  std::vector<double> good = known.value_or(std::vector<double>());
   int solves = 0, before = -1;
   int newest = space.columns() > space.rigid() // vectors of the last block
                    ? static_cast<int>(space.V().pieces().back().columns())
                    : 0;
-  bool krylov = good.empty();
+  bool krylov = !known;
   Progress progress(observer, "modes", expected);
   for (int round = 0;; ++round) {
     const RitzPairs pairs = ritz_pairs(space);
@@ -101,7 +103,7 @@ int find_modes(MediumSpace& space, RealFactors& factors, double sigma, int expec
                        pairs.lambda.front(), semidefinite));
     }
     const int missing = expected - below;
-    const std::vector<bool> is_good = known(pairs.lambda, below, good, space.tau());
+    const std::vector<bool> is_good = which_are(pairs.lambda, below, good, space.tau());
     std::vector<int> block;
     good.clear();
     for (int j = 0; j < below; ++j)

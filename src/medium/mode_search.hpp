@@ -8,6 +8,8 @@
 #include "medium/factors.hpp"
 #include "medium/space.hpp"
 
+#include <optional>
+
 namespace flexgram {
 
 /// What is found and what the inertia counts disagree: an eigenvalue lies on the cutoff,
@@ -29,8 +31,8 @@ class MiscountError : public Error {
 /// @param[in] expected  modes below σ by Sylvester's law, without the rigid modes of the
 ///                      space. No more can be found (Cauchy), and no fewer will do.
 /// @param[in] null      K is indefinite if an eigenvalue lies below −null.
-/// @param[in] good      eigenvalues whose vectors are known to be good enough. If there are any,
-///                      no block of the space is a Krylov block.
+/// @param[in] known     of a space that another search has filled: eigenvalues whose vectors are
+///                      good enough. Its last block is then no Krylov block.
 /// @return right-hand sides solved.
 /// @throws MiscountError if a mode that the inertia counts cannot be found, or if there
 /// are more; Error if K is indefinite.
@@ -39,7 +41,7 @@ class MiscountError : public Error {
 /// loads at σ.
 int find_modes(MediumSpace& space, RealFactors& factors, double sigma, int expected,
                double enough, double null, Observer& observer,
-               std::vector<double> good = {});
+               std::optional<std::vector<double>> known = {});
 
 /// Eigenvalues of (K, M) in the space without its rigid modes, ascending, and the Ritz
 /// vectors as columns in the coordinates of V, W-orthonormal.

@@ -69,7 +69,7 @@ struct OrderSpec {
 /// Where and when what is finished is written, so that a run that was ended goes on.
 struct CheckpointSpec {
   enum class When {
-    automatic, ///< when the work took more than 20 s so far, and it takes little beside that
+    automatic, ///< when the work took more than 20 s so far, and writing takes little of it
     always,
     never ///< not even when SIGTERM asks to end
   };

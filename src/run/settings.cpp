@@ -298,9 +298,10 @@ void Settings::describe_restart(Options& options) {
       "whether what is finished is written beside the output, to OUTPUT.checkpoint (with "
       "pod to the folder OUTPUT.samples): after the modes, after each level of the "
       "medium model, after each "
-      "sample. auto: when the work took more than 20 s so far and a checkpoint "
-      "takes at most 3 % of the time since the last one; and when SIGTERM, the time "
-      "limit of a batch system, asks to end (exit status 3). Removed when the output is "
+      "sample. auto: when the work took more than 20 s so far (of a medium model: and a "
+      "checkpoint takes no more than about 3 % of the time since the last one), and when "
+      "SIGTERM, the time limit of a batch system, asks to end (exit status 3). Removed "
+      "when the output is "
       "written");
   options.add("-mor_restart", restart,
               "go on from the checkpoint, on any number of ranks; from the beginning if "

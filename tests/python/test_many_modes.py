@@ -3,6 +3,7 @@ solves of the full body (SciPy)."""
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,8 @@ import scipy.linalg
 import scipy.sparse as sp
 
 import flexgram
-from flexgram import Matrices
+from conftest import run
+from flexgram import Matrices, ReducedModel, write_matrices
 
 ROWS, COLUMNS = 34, 22  # of a net of masses: many modes lie close to each other
 TOLERANCE = 1e-4
@@ -94,3 +96,21 @@ def test_the_claim_holds_and_all_modes_are_there(name: str) -> None:
         lost = exact - rom.transfer(np.array([w]))[0]
         worst = max(worst, np.linalg.norm(lost) / np.linalg.norm(exact))
     assert 0 < worst <= rom.certified_error <= TOLERANCE
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_the_program_on_ranks(tmp_path: Path, ranks: int) -> None:
+    K, M, B = net(0.1)
+    matrices = Matrices(K=K, M=M, B=B, alpha=1e-3, beta=1e-3)
+    last = frequencies(K, M)[159] / (2 * np.pi)
+    body, out = tmp_path / "net.h5", tmp_path / "rom.h5"
+    write_matrices(body, K, M, B, alpha=1e-3, beta=1e-3)
+    job = ["-body", body, "-mor_band_hz", f"{0.1 * last!r},{last!r}", "-mor_out", out]
+    said = run("reduce", *job, "-mor_tol", TOLERANCE, ranks=ranks).out
+    assert "block Lanczos" in said
+    rom = ReducedModel.load(out)
+    assert rom.met
+    for w in 2 * np.pi * last * np.array([0.11, 0.43, 0.77, 0.99]):
+        exact = full_response(matrices, w)
+        lost = np.linalg.norm(exact - rom.transfer(np.array([w]))[0])
+        assert lost <= rom.certified_error * np.linalg.norm(exact)
