@@ -101,15 +101,21 @@ void report(const CertifyRun& run, const CertifyState& state) {
                  target, what,
                  medium.has_sharp_resonances() ? " but beside undamped resonances" : "",
                  level.proved ? "" : ", estimated", level.worst)
-          : text("%.1e of %s at the frequencies it grew by, target %.0e not reached: %s",
+          : text("%.1e of %s at the frequencies it grew by, target %.0e not reached "
+                 "everywhere: %s",
                  level.worst, what, target, medium.shortfall.c_str()));
   tell_moved_modes(run, state);
   observer.skip("complex factorisations", "real shifts span the band");
   if (reached)
     observer.skip("further Krylov blocks", "the bound does not ask for them");
   else
-    observer.warn(text("the medium model is good to %.1e only, not to %.0e: %s",
-                       level.worst, target, medium.shortfall.c_str()));
+    observer.warn(
+        level.worst > target
+            ? text("the medium model is good to %.1e only, not to %.0e: %s", level.worst,
+                   target, medium.shortfall.c_str())
+            : text("the medium model is not known to be good to %.0e everywhere "
+                   "in the band: %s",
+                   target, medium.shortfall.c_str()));
   if (!level.proved)
     observer.warn(
         !run.fom.terms.empty()

@@ -1,4 +1,4 @@
-"""Assemblies of parts with Prony terms and parameters, and springs known between two numbers."""
+"""Assemblies of parts with Prony terms, tables and parameters, and springs known between two numbers."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ import flexgram
 from flexgram import BodyError, Matrices, ReducedModel
 from flexgram.assembly.couple import couple, read_joint, verdict
 from flexgram.assembly.joints import Joint
-from flexgram.body.laws import Law, Parameter
+from flexgram.body.laws import Law, Parameter, Table
 
 TIES = [Joint("p0.b", "p1.a", ["x", "y", "z"])]
 SPRINGS = [Joint("p0.b", "p1.a", stiffness=dict.fromkeys("xyz", 4.0), loss=0.2)]
@@ -100,6 +100,48 @@ def test_parts_with_prony_terms(joints: list[Joint], tmp_path: Path) -> None:
     assert np.array_equal(loaded.transfer(1.0), whole.transfer(1.0))
 
 
+def table_of(rng: np.random.Generator, steps: float = 1.0, loss: float = 0.3) -> Table:
+    """By frequencies in and around the band."""
+    w = 2 * np.pi * np.array([0.0, 0.1, 0.17, 0.3, 0.31, 0.5, 1.0])
+    storage = np.sort(rng.uniform(0, steps, len(w)))
+    return flexgram.table(w, storage, loss * rng.uniform(0.1, 1, len(w)))
+
+
+@pytest.mark.parametrize("joints", [TIES, SPRINGS], ids=["ties", "springs"])
+@pytest.mark.parametrize("other", ["none", "prony", "table"])
+def test_parts_with_tables(joints: list[Joint], other: str, tmp_path: Path) -> None:
+    """The claim holds against the full bodies, at the table's frequencies too; it is not larger
+    than what is claimed at each frequency; a file keeps the tables."""
+    rng = np.random.default_rng(16)
+    laws = {"none": None, "prony": flexgram.prony([0.5], [0.5]), "table": table_of(rng, 30.0)}
+    parts = [Part(rng, table_of(rng), eta=0.01), Part(rng, laws[other])]
+    models = {f"p{i}": part.reduced() for i, part in enumerate(parts)}
+    whole = couple(models, joints, keep=["p1.a"])
+    assert whole.kind == "certified" and whole.certified_error < 0.05
+    assert 0 < worst(whole, parts, joints, [None, None], rng) <= whole.certified_error
+    seen = np.union1d(2 * np.pi * np.array([0.1, 0.17, 0.3, 0.31, 0.5]), whole.claim.omega)
+    at = verdict(models, joints, keep=["p1.a"], omega=seen)
+    assert at.bound.max() <= whole.claim.whole * (1 + 1e-9) <= 1.5 * at.bound.max()
+    for w, bound in zip(seen, at.bound, strict=True):
+        H = exact(parts, joints, whole.inputs, w, [None, None])
+        assert np.linalg.norm(whole.transfer(w) - H) <= bound * np.linalg.norm(H)
+    whole.save(tmp_path / "whole.h5")
+    loaded = ReducedModel.load(tmp_path / "whole.h5")
+    assert np.array_equal(loaded.transfer(1.0), whole.transfer(1.0))
+    held = couple({"both": loaded}, [Joint("both.p1.b", "ground", ["x"])])
+    assert held.order == whole.order - 1 and held.system.terms
+
+
+def test_a_table_is_a_line_between_its_frequencies() -> None:
+    rng = np.random.default_rng(17)
+    law = table_of(rng)
+    for w in [*rng.uniform(0, 8, 40), *law.omega]:
+        value, slope = law.line(w)
+        assert abs(value + slope * w - law.at(w)) <= 1e-14
+        assert abs(law.at(w)) <= law.largest
+    assert flexgram.table([2.0], [1.0], [0.5]).line(3.0) == (1 + 0.5j, 0)
+
+
 def test_an_assembly_that_relaxes_in_time() -> None:
     """Its state space has the H of the assembly; so has an assembly of it."""
     rng = np.random.default_rng(12)
@@ -173,10 +215,7 @@ def test_springs_of_the_command_line() -> None:
 
 def test_what_assemblies_do_not_take() -> None:
     rng = np.random.default_rng(15)
-    table = flexgram.table([0.0, 100.0], [0.1, 0.2], [0.1, 0.1])
-    models = {f"p{i}": Part(rng, law).reduced(1e-3) for i, law in enumerate((table, None))}
-    with pytest.raises(BodyError, match="part p0 has a material with a table"):
-        couple(models, TIES)
+    models = {"p1": Part(rng, None).reduced(1e-3)}
     spring = Joint("p1.b", "ground", stiffness={"x": flexgram.parameter(1.0, 2.0)})
     with pytest.raises(BodyError, match=r"two stiffnesses of the assembly are named p1\.b\.x"):
         couple({"p1": models["p1"]}, [spring, spring], keep=["p1.b"])

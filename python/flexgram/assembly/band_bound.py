@@ -10,7 +10,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from flexgram.assembly.interval_series import PIECES, Pencil
+from flexgram.assembly.interval_series import PIECES
+from flexgram.assembly.pencil import Pencil, tables_of
 from flexgram.assembly.small_gain import Loop
 from flexgram.basics import Floats
 
@@ -74,7 +75,8 @@ class BandBound(ABC):
         sharp = np.concatenate([pencil.sharp for pencil in self.pencils])
         zones = [(w * (1 - ZONE), w * (1 + ZONE)) for w in sharp]
         poles = np.concatenate([pencil.omega for pencil in self.pencils])
-        marks = np.concatenate([np.ravel(excluded), np.ravel(zones), poles])
+        knots = [table.omega for table, _ in tables_of(self.loop.parts.terms)]
+        marks = np.concatenate([np.ravel(excluded), np.ravel(zones), poles, *knots])
         plain: list[tuple[float, float]] = []
         beside: list[tuple[float, float]] = []  # sharp resonances
         for a, b in bands:

@@ -21,8 +21,9 @@ import numpy as np
 import scipy.linalg
 
 from flexgram.assembly.band_bound import BandBound
-from flexgram.assembly.interval_series import Pencil, Pieces, Series, about
+from flexgram.assembly.interval_series import Pieces, Series, about
 from flexgram.assembly.loop_series import Bodies, LoopOverInterval, LoopSeries
+from flexgram.assembly.pencil import Pencil
 from flexgram.assembly.small_gain import Loop, View
 from flexgram.basics import ComplexArray, Floats
 from flexgram.model.error_form import ErrorForm

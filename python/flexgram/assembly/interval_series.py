@@ -22,8 +22,6 @@ Chosen = Sequence[int] | NDArray[np.int64] | slice
 
 #: Powers of a series, and pieces of its interval.
 DEGREE, PIECES = 16, 16
-#: A resonance of a half width below this, relative, is sharp.
-SHARPEST = 1e-6
 
 
 class Pieces:
@@ -139,114 +137,6 @@ class OutputTerms:
             return H
         factors = np.diag(1 + 1j * self.eta), 1j * np.diag(self.beta), 0 * np.diag(self.beta)
         return H.times(about(omega, h, factors)).plus(self.direct)
-
-
-def _norm(A: ComplexArray) -> float:
-    """‖A‖ at most, of a matrix or a diagonal."""
-    if A.ndim == 1:
-        return float(np.abs(A).max(initial=0))
-    sizes = np.abs(A)
-    return float(np.sqrt(sizes.sum(axis=0).max(initial=0) * sizes.sum(axis=1).max(initial=0)))
-
-
-def _diagonal(A: Floats) -> Floats:
-    """The diagonal of A, where nothing else is in it."""
-    if A.ndim == 1:
-        return A
-    diagonal = np.diag(A)
-    rest = np.abs(A - np.diag(diagonal)).max(initial=0)
-    return diagonal if rest <= 1e-13 * np.abs(diagonal).max(initial=0) else A
-
-
-class Pencil:
-    """A(ω) = K (1 + i eta) + i S + i ω D - ω² M of a body in modal coordinates, K and M
-    diagonal."""
-
-    def __init__(
-        self, K: Floats, D: Floats, M: Floats, eta: float, tau: float, S: Floats | None = None
-    ) -> None:
-        """Modes of (K + τM)-norm one: those of the largest frequencies do not blur the low ones."""
-        mass, self.modes = scipy.linalg.eigh(M, K + tau * M)
-        lost = None if S is None or not S.any() else self.modes.T @ S @ self.modes
-        self._take(1 - tau * mass, self.modes.T @ D @ self.modes, mass, eta, lost)
-
-    @classmethod
-    def of_modes(cls, stiffness: Floats, damping: Floats, mass: Floats, eta: float) -> Pencil:
-        """Of a body that is diagonal."""
-        pencil = cls.__new__(cls)
-        pencil.modes = np.eye(len(mass))
-        pencil._take(stiffness, damping, mass, eta)
-        return pencil
-
-    def _take(
-        self, stiffness: Floats, D: Floats, mass: Floats, eta: float, S: Floats | None = None
-    ) -> None:
-        heavy = mass > 0
-        squares = np.divide(stiffness, mass, where=heavy, out=np.full(len(mass), np.inf))
-        self.omega = np.sqrt(np.maximum(squares, 0))
-        self.K, self.M, self.D = stiffness * (1 + 1j * eta), mass, _diagonal(D)
-        lost = np.zeros(len(mass)) if S is None else _diagonal(S)
-        if lost.ndim == 2 or self.D.ndim == 2:
-            self.D = np.diag(self.D) if self.D.ndim == 1 else self.D
-            lost = np.diag(lost) if lost.ndim == 1 else lost
-        self.S = lost
-        of_modes, losses = (A if A.ndim == 1 else np.diag(A) for A in (self.D, self.S))
-        with np.errstate(divide="ignore", invalid="ignore"):
-            imaginary = (self.K.imag + losses) / self.omega
-            half = np.abs(imaginary + of_modes) / (2 * self.omega * mass)
-        self.sharp = self.omega[(half < SHARPEST) & np.isfinite(self.omega)]  # no rigid modes
-        self._at, self._steps = np.nan, (np.empty(0, complex),) * 3
-
-    def steps(self, omega: float) -> tuple[ComplexArray, ComplexArray, ComplexArray]:
-        """A⁻¹A', A⁻¹ and A⁻¹M; of a diagonal the diagonals."""
-        if omega != self._at:
-            if self.D.ndim == 1:
-                with np.errstate(divide="ignore", invalid="ignore"):
-                    lossy = self.K + 1j * self.S
-                    inverse = 1 / (lossy + 1j * omega * self.D - omega**2 * self.M)
-                    self._steps = (
-                        (1j * self.D - 2 * omega * self.M) * inverse,
-                        inverse,
-                        self.M * inverse,
-                    )
-            else:
-                damped = 1j * (omega * self.D + self.S)
-                inverse = np.linalg.inv(np.diag(self.K - omega**2 * self.M) + damped)
-                self._steps = (
-                    inverse @ (1j * self.D - 2 * omega * np.diag(self.M)),
-                    inverse,
-                    inverse * self.M,
-                )
-            self._at = omega
-        return self._steps
-
-    def reach(self, omega: float, h: float) -> float:
-        """‖A⁻¹(ω) (A(ω + t h) - A(ω))‖ at most, |t| <= 1."""
-        step, _, curve = self.steps(omega)
-        return h * _norm(step) + h * h * _norm(curve)
-
-    def response(self, omega: float, h: float, loads: ComplexArray) -> Series:
-        """A⁻¹ times loads (3, n, columns), a polynomial of t."""
-        step, inverse, curve = self.steps(omega)
-
-        def apply(matrix: ComplexArray, x: ComplexArray) -> ComplexArray:
-            return matrix[:, None] * x if matrix.ndim == 1 else matrix @ x
-
-        if not h:
-            return Series(apply(inverse, loads[0])[None], np.zeros(loads.shape[1:]))
-        x = np.zeros((DEGREE + 3, *loads.shape[1:]), dtype=complex)
-        step, curve = h * step, h * h * curve
-        for k in range(DEGREE + 3):
-            if k < 3:
-                x[k] += apply(inverse, loads[k])
-            if 0 < k <= DEGREE + 1:
-                x[k] -= apply(step, x[k - 1])
-            if k > 1:
-                x[k] += apply(curve, x[k - 2])
-        # The last two are what the series leaves of the equation, once A(ω)⁻¹ is applied.
-        left = np.linalg.norm(x[DEGREE + 1], axis=0) + np.linalg.norm(x[DEGREE + 2], axis=0)
-        tail = left / (1 - self.reach(omega, h))
-        return Series(x[: DEGREE + 1], np.tile(tail, (loads.shape[1], 1)))
 
 
 def about(omega: float, h: float, coefficients: Sequence[NDArray[Any]]) -> ComplexArray:

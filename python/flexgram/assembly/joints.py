@@ -10,7 +10,7 @@ import scipy.linalg
 from numpy.typing import ArrayLike
 
 from flexgram.basics import BodyError, Floats
-from flexgram.body.laws import Parameter, Table, Term
+from flexgram.body.laws import Parameter, Term
 from flexgram.model.internal_variables import rounding_of_variables, with_internal_variables
 from flexgram.model.reduced import ReducedBody
 from flexgram.model.response import expect_collocated
@@ -112,13 +112,6 @@ class Parts:
             if name not in models:
                 raise BodyError(f"there is no part {name} to turn; there are {', '.join(models)}")
         self.turn = {name: _rotation(turns.get(name)) for name in models}
-        for name, model in models.items():
-            if any(isinstance(term.law, Table) for term in model.system.terms):
-                raise BodyError(
-                    f"part {name} has a material with a table of frequencies, which assemblies do "
-                    "not take: give the material Prony terms, or the part an equivalent viscous "
-                    "damping (flexgram.model.equivalent_damping)"
-                )
         self.rounding = 0.0
         if internal_variables:
             for name, model in models.items():

@@ -8,14 +8,17 @@ Gᵀq = g and q = N z + L g, where Gᵀ N = 0, Gᵀ L = 1:
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
 
-from flexgram.assembly.interval_series import Pencil, Series, about
+from flexgram.assembly.interval_series import Series, about
+from flexgram.assembly.pencil import DynamicStiffness, Pencil, tables_of
 from flexgram.assembly.small_gain import Loop
 from flexgram.basics import Floats
+from flexgram.body.laws import Term
 from flexgram.model.reduced import ReducedBody
 
 
@@ -25,7 +28,8 @@ class PartSeries:
     def __init__(self, model: ReducedBody, B: Floats, C: Floats) -> None:
         tau = float(model.claim.bands.max()) ** 2 / 4
         system = model.system
-        self.pencil = Pencil(system.K, system.D, system.M, system.eta, tau, system.S)
+        tables = tables_of(system.terms)
+        self.pencil = Pencil(system.K, system.D, system.M, system.eta, tau, system.S, tables)
         self.B, self.C = self.pencil.modes.T @ B, C @ self.pencil.modes
 
     def over(self, omega: float, h: float) -> Series:
@@ -46,6 +50,7 @@ class Bodies:
     C: Floats
     eta: float
     S: Floats  #: beside eta: the imaginary part of the stiffness
+    terms: Sequence[Term] = ()  #: with laws that are tables
 
 
 @dataclass
@@ -80,18 +85,20 @@ class LoopSeries:
             N = scipy.linalg.null_space(G.T / np.linalg.norm(G, axis=0)[:, None])
         tau = max(float(m.claim.bands.max()) for m in loop.parts.models.values()) ** 2 / 4
         K_N, D_N, M_N, S_N = (N.T @ A @ N for A in (K, D, parts.M, S))
-        self.pencil = Pencil(K_N, D_N, M_N, parts.eta, tau, S_N)
-        # Of the matrices of modes: some roundings, of the stiffest spring's where it is stiffer
-        # than the parts.
+        tables = tables_of(parts.terms)
+        tables_N = [(g, N.T @ T @ N) for g, T in tables]
+        self.pencil = Pencil(K_N, D_N, M_N, parts.eta, tau, S_N, tables_N)
+        # Of the matrices of modes: some roundings, of the stiffest spring's, or of what a table
+        # adds, where these are stiffer than the parts.
+        stiffest = K + sum(g.largest * T for g, T in tables)
         self.rounding = loop.parts.rounding + (
             80
             * np.finfo(float).eps
-            * float(scipy.linalg.eigh(K, parts.K + tau * parts.M, eigvals_only=True)[-1])
+            * float(scipy.linalg.eigh(stiffest, parts.K + tau * parts.M, eigvals_only=True)[-1])
         )
         N, L = N @ self.pencil.modes, np.linalg.pinv(G).T
-        stiffness = (K * (1 + 1j * parts.eta) + 1j * S, 1j * D, -parts.M)
-        self.NAL = [N.T @ A @ L for A in stiffness]
-        self.LAL = [L.T @ A @ L for A in stiffness]
+        A = DynamicStiffness(K * (1 + 1j * parts.eta) + 1j * S, 1j * D, -parts.M, tables)
+        self.NAL, self.LAL = A.between(N, L), A.between(L, L)
         forces, outputs = parts.B[:, self.free_in], parts.C[self.free_out]
         self.NB, self.Nb = N.T @ forces, N.T @ b
         self.LB, self.Lb, self.bL = L.T @ forces, L.T @ b, b.T @ L
@@ -101,7 +108,7 @@ class LoopSeries:
         p, t, o = len(self.free_in), len(self.S_in), len(self.free_out)
         ties, springs = self.ties, self.springs
         tied, sprung = [p + k for k in ties], [p + k for k in springs]
-        NAL, LAL = about(omega, h, self.NAL), about(omega, h, self.LAL)
+        NAL, LAL = self.NAL.over(omega, h), self.LAL.over(omega, h)
         Y = about(
             omega,
             h,

@@ -138,6 +138,22 @@ class Table(Law):
         )
         return g
 
+    def line(self, omega: float) -> tuple[complex, complex]:
+        """Value at zero and slope [s] of the line that g is about a frequency [rad/s]; at one of
+        the table that of one side."""
+        k = int(np.searchsorted(self.omega, omega))
+        if k == 0 or k == len(self.omega):
+            return complex(self.at(omega)), 0j
+        ends = self.omega[k - 1 : k + 1]
+        low, high = self.at(ends)
+        slope = complex(high - low) / float(ends[1] - ends[0])
+        return complex(low) - slope * float(ends[0]), slope
+
+    @property
+    def largest(self) -> float:
+        """|g| at most."""
+        return float(np.abs(self.storage + 1j * self.loss).max())
+
 
 @dataclass(frozen=True)
 class Varying(Law):
