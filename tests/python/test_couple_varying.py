@@ -1,4 +1,4 @@
-"""Assemblies of parts with Prony terms, tables and parameters, and springs known between two numbers."""
+"""Assemblies of parts with terms: Prony, tables, parameters; springs known between two numbers."""
 
 from __future__ import annotations
 
