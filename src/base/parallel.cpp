@@ -197,6 +197,7 @@ std::vector<T> gathered(MPI_Comm comm, std::span<const T> mine) {
 }
 template std::vector<double> gathered(MPI_Comm, std::span<const double>);
 template std::vector<std::int64_t> gathered(MPI_Comm, std::span<const std::int64_t>);
+template std::vector<int> gathered(MPI_Comm, std::span<const int>);
 
 double sum_over(MPI_Comm comm, double value) {
   double sum = 0;

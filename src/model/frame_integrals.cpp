@@ -3,6 +3,7 @@
 #include "base/index.hpp"
 #include "linalg/sparse.hpp"
 #include "linalg/sparse_product.hpp"
+#include "model/mass_by_directions.hpp"
 #include "model/rigid_body_modes.hpp"
 
 #include <algorithm>
@@ -67,6 +68,56 @@ std::array<double, 3> centre_of(const Dense& r) {
   return centre;
 }
 
+/// Adds a part to an m × m block of a matrix.
+void add_part(Dense& to, int row, int column, const Dense& part, double scale) {
+  for (int j = 0; j < part.columns; ++j)
+    for (int i = 0; i < part.rows; ++i) to(row + i, column + j) += scale * part(i, j);
+}
+
+/// What M_s adds to the integrals, by P_cd = V_cᵀM_sV_d of the directions c, d:
+/// φ_j · (e_a × φ_k) = P_{a+2,a+1} − P_{a+1,a+2}, and (e_a × φ_j) · (e_b × φ_k) =
+/// δ_ab Σ_c P_cc − P_ba.
+void add_same(FrameIntegrals& result, const MassByDirections& M, const Basis& V) {
+  const int m = static_cast<int>(V.columns());
+  std::array<Basis, 3> of;
+  for (int c = 0; c < 3; ++c)
+    for (const Block& piece : V.pieces()) of[as_size(c)].append(M.direction(piece, c));
+  for (int d = 0; d < 3; ++d) {
+    Basis image;
+    for (const Block& piece : of[as_size(d)].pieces())
+      image.append(multiply(M.same(), piece));
+    for (int c = 0; c <= d; ++c) {
+      const Dense P =
+          c == d ? symmetric_inner(of[as_size(c)], image) : inner(of[as_size(c)], image);
+      if (c == d) {
+        for (int a = 0; a < 3; ++a)
+          if (a != c) add_part(result.inertia_second, a * m, a * m, P, 1);
+        continue;
+      }
+      const Dense transposed = transpose(P); // P_dc
+      add_part(result.inertia_second, d * m, c * m, P, -1);
+      add_part(result.inertia_second, c * m, d * m, transposed, -1);
+      const int a = 3 - c - d; // c follows d follows a, or d follows c follows a
+      const double sign = d == (a + 1) % 3 ? -1 : 1;
+      add_part(result.gyroscopic, 0, a * m, transposed, sign);
+      add_part(result.gyroscopic, 0, a * m, P, -sign);
+    }
+  }
+}
+
+/// What the rest of M adds to the integrals, in its rows alone.
+void add_rest(FrameIntegrals& result, const MassByDirections& M, const Basis& V,
+              const std::array<Matrix, 3>& turn) {
+  const int m = static_cast<int>(V.columns());
+  Basis all;
+  for (const Block& piece : V.pieces()) all.append(M.rest_of(piece));
+  for (const Matrix& G : turn)
+    for (const Block& piece : V.pieces()) all.append(M.rest_of(multiply(G, piece)));
+  const Dense gram = symmetric_inner(all, M.rest());
+  add_part(result.gyroscopic, 0, 0, part_of(gram, 0, m, m, 3 * m), 1);
+  add_part(result.inertia_second, 0, 0, part_of(gram, m, 3 * m, m, 3 * m), 1);
+}
+
 } // namespace
 
 Block spin_loads(const SecondOrderModel& model) {
@@ -92,18 +143,28 @@ Block spin_loads(const SecondOrderModel& model) {
 
 FrameIntegrals frame_integrals(const SecondOrderModel& model, const Basis& V) {
   const int m = static_cast<int>(V.columns());
-  Basis all;
-  all.append(rigid_motions(model, {0, 0, 0}, 1));
-  for (const Block& piece : V.pieces()) all.append(piece.share());
-  for (const Matrix& turn : turns(model))
-    for (const Block& piece : V.pieces()) all.append(multiply(turn, piece));
-  const Dense gram = symmetric_inner(all, model.M);
+  Basis motions;
+  motions.append(rigid_motions(model, {0, 0, 0}, 1));
+  Basis pushed; // M [T R]
+  pushed.append(multiply(model.M, motions.pieces().front()));
+  const std::array<Matrix, 3> turn = turns(model);
   FrameIntegrals result;
-  result.M_r = part_of(gram, 0, 6, 0, 6);
-  result.M_er = part_of(gram, 6, m, 0, 6);
-  result.gyroscopic = part_of(gram, 6, m, 6 + m, 3 * m);
-  result.inertia_first = part_of(gram, 3, 3, 6 + m, 3 * m);
-  result.inertia_second = part_of(gram, 6 + m, 3 * m, 6 + m, 3 * m);
+  result.M_r = symmetric_inner(motions, pushed);
+  result.M_er = inner(V, pushed);
+  result.inertia_first = Dense(3, 3 * m);
+  const Block turning = select_columns(pushed.pieces().front(), {3, 4, 5});
+  for (int a = 0; a < 3; ++a) { // (M R_b)ᵀG_a V, and G is skew
+    Basis across;
+    across.append(multiply(turn[as_size(a)], turning));
+    Dense first = inner(across, V);
+    for (double& x : first.data) x = -x;
+    set_part(result.inertia_first, 0, a * m, first);
+  }
+  result.gyroscopic = Dense(m, 3 * m);
+  result.inertia_second = Dense(3 * m, 3 * m);
+  const MassByDirections M(model);
+  if (M.has_same()) add_same(result, M, V);
+  if (M.has_rest()) add_rest(result, M, V, turn);
   const Dense& r = result.M_r;
   result.mass = (r(0, 0) + r(1, 1) + r(2, 2)) / 3;
   result.centre = centre_of(r);

@@ -32,7 +32,8 @@ struct FrameIntegrals {
 
 /// @param[in] V  n×m basis
 /// @pre has_coordinates(model).
-/// @note Collective. Costs as much as a projection on a basis of 4m + 6 vectors.
+/// @note Collective. Where M is the same in three directions it costs as much as two projections on
+/// V; what it has beside that, in few rows or in all of them, is projected on 4m vectors.
 FrameIntegrals frame_integrals(const SecondOrderModel& model, const Basis& V);
 
 /// Loads of a body that spins with the angular velocity ω, n×6: what ω_x², ω_y², ω_z²,
