@@ -1,5 +1,6 @@
 /// flexgram: reduces elastic bodies of multibody systems.
 
+#include "base/blas.hpp"
 #include "base/text.hpp"
 #include "io/body_io.hpp"
 #include "python_verbs.hpp"
@@ -112,6 +113,7 @@ std::string help(const std::string& asked) {
 
 int main(int argc, char** argv) {
   using namespace flexgram;
+  fit_blas_kernels();
   if (argc > 1 && is_python_verb(argv[1])) return run_python(argv);
   if (argc > 2 && std::string(argv[1]) == "help" && is_python_verb(argv[2])) {
     char help[] = "--help";

@@ -1,5 +1,6 @@
 #include "session.hpp"
 
+#include "base/blas.hpp"
 #include "base/error.hpp"
 #include "base/parallel.hpp"
 #include "base/process.hpp"

@@ -2,7 +2,6 @@
 
 #include "base/error.hpp"
 
-#include <dlfcn.h>
 #include <malloc.h>
 #include <sys/resource.h>
 #include <unistd.h>
@@ -15,7 +14,6 @@
 #include <limits>
 #include <sched.h>
 #include <string>
-#include <vector>
 
 namespace flexgram {
 
@@ -76,47 +74,6 @@ NodeShare node_share(MPI_Comm comm) {
   MPI_Comm_free(&node);
   share.cores_per_rank = std::max(1, CPU_COUNT(&all) / share.ranks);
   return share;
-}
-
-bool set_blas_threads(int threads) {
-  for (const char* variable :
-       {"OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "OMP_NUM_THREADS"})
-    if (std::getenv(variable)) return true;
-  for (const char* name :
-       {"openblas_set_num_threads", "MKL_Set_Num_Threads", "bli_thread_set_num_threads"})
-    if (void* symbol = dlsym(RTLD_DEFAULT, name)) {
-      reinterpret_cast<void (*)(int)>(symbol)(threads);
-      return true;
-    }
-  return false;
-}
-
-void reserve_blas_buffers() {
-  rlimit limit{};
-  void* symbol = dlsym(RTLD_DEFAULT, "dgemm_");
-  if (getrlimit(RLIMIT_AS, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY || !symbol)
-    return;
-  using Gemm = void (*)(const char*, const char*, const int*, const int*, const int*,
-                        const double*, const double*, const int*, const double*,
-                        const int*, const double*, double*, const int*);
-  const int n = 256; // enough for every thread to take part
-  const std::vector<double> a(n * n, 0.0);
-  std::vector<double> c(n * n, 0.0);
-  const double zero = 0;
-  reinterpret_cast<Gemm>(symbol)("N", "N", &n, &n, &n, &zero, a.data(), &n, a.data(), &n,
-                                 &zero, c.data(), &n);
-}
-
-std::string blas_version() {
-  using Text = char* (*)();
-  for (const char* name : {"openblas_get_config", "bli_info_get_version_str"})
-    if (void* symbol = dlsym(RTLD_DEFAULT, name)) {
-      std::string words = reinterpret_cast<Text>(symbol)();
-      if (void* core = dlsym(RTLD_DEFAULT, "openblas_get_corename"))
-        words += std::string(" on ") + reinterpret_cast<Text>(core)();
-      return words;
-    }
-  return "unknown";
 }
 
 std::string host_name() {

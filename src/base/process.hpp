@@ -14,23 +14,12 @@ struct NodeShare {
 };
 NodeShare node_share(MPI_Comm comm);
 
-/// Sets the threads of the BLAS that is loaded (OpenBLAS, MKL, BLIS); false if the
-/// library is one without threads. A user's own OPENBLAS_NUM_THREADS, MKL_NUM_THREADS,
-/// BLIS_NUM_THREADS or OMP_NUM_THREADS wins.
-bool set_blas_threads(int threads);
-
-/// Lets the BLAS take its buffers now where the address space is limited (ulimit -v):
-/// OpenBLAS would wait for ever for them later, once other memory has used the limit up.
-void reserve_blas_buffers();
-
 /// Makes malloc keep freed pages: large work arrays are reused by each factorisation, and
 /// the first touch of fresh memory is dear in virtual machines.
 void keep_freed_pages();
 /// Gives them back all the same, now: where memory is what is short.
 void give_back_freed_pages();
 
-/// What the BLAS says of itself, with the kernels it chose; "unknown" if it does not.
-std::string blas_version();
 /// Name of this machine, and the time as 2026-01-31T12:00:00Z.
 std::string host_name();
 std::string utc_time();

@@ -1,5 +1,6 @@
 #include "io/versions.hpp"
 
+#include "base/blas.hpp"
 #include "base/process.hpp"
 #include "base/text.hpp"
 #include "io/hdf5_file.hpp"

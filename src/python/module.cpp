@@ -1,6 +1,7 @@
 /// Python module _flexgram: reduction in the caller's process and communicator. The
 /// package flexgram (python/flexgram) is its user; nothing here is documented for others.
 
+#include "base/blas.hpp"
 #include "base/index.hpp"
 #include "base/process.hpp"
 #include "base/text.hpp"
@@ -347,6 +348,7 @@ py::tuple shell_strain_arrays(const PythonShell& shell, const std::string& eleme
 
 PYBIND11_MODULE(_flexgram, module) {
   using namespace flexgram;
+  fit_blas_kernels();
   module.def("start", &start);
   module.def("options", &options);
   module.def("shape_functions", &shape_functions);

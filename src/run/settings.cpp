@@ -1,5 +1,6 @@
 #include "run/settings.hpp"
 
+#include "base/blas.hpp"
 #include "base/process.hpp"
 #include "base/text.hpp"
 #include "basis/method.hpp"

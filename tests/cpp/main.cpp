@@ -1,3 +1,4 @@
+#include "base/blas.hpp"
 #include "base/error.hpp"
 #include "base/parallel.hpp"
 
@@ -6,6 +7,7 @@
 
 /// Every rank runs every test; only rank 0 reports, and one failing rank fails the run.
 int main(int argc, char** argv) {
+  flexgram::fit_blas_kernels();
   ::testing::InitGoogleTest(&argc, argv);
   SlepcInitialize(&argc, &argv, nullptr, nullptr);
   flexgram::install_petsc_error_handler();
