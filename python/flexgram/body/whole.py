@@ -336,13 +336,17 @@ def summary(file: h5py.File) -> list[str]:
 
 
 def damping_lines(
-    damping: Mapping[str, float], by_material: bool = False, dashpots: bool = False
+    damping: Mapping[str, float],
+    by_material: bool = False,
+    dashpots: bool = False,
+    further: Sequence[str] = (),
 ) -> list[str]:
     """Damping in words, and what a loss factor rules out."""
     units = {"alpha": " 1/s", "beta": " s", "eta": ""}
     given = [f"{name} = {value:g}{units[name]}" for name, value in damping.items() if value]
     given += ["loss factors or tables of materials and springs"] * by_material
     given += ["dashpots"] * dashpots
+    given += further
     lines = [f"damping: {', '.join(given)}" if given else "damping: none"]
     if damping.get("eta") or by_material:
         lines.append(

@@ -415,7 +415,7 @@ def _further(options: argparse.Namespace) -> dict[str, Any]:
 def _say_damping(facts: dict[str, Any]) -> None:
     from flexgram.body.whole import damping_lines
 
-    for line in damping_lines(facts["damping"]):
+    for line in damping_lines(facts["damping"], further=facts["losses"]):
         say(f"  {line}")
 
 

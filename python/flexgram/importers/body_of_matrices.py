@@ -53,7 +53,8 @@ def import_matrices(
     Returns
     -------
     dict
-        What ``check`` found, in SI; ``extent`` (3 [m]); ``rows``, ``ports``, ``remarks``, and
+        What ``check`` found, in SI; ``extent`` (3 [m]); ``damping``, ``losses`` (further ones, in
+        words); ``rows``, ``ports``, ``remarks``, and
         ``interfaces``: for each rigid or distributing one its ``coupling``, ``nodes`` (how many),
         ``position`` [m] of its reference, and ``middle``: what that is.
 
@@ -116,11 +117,19 @@ def import_matrices(
     return {
         **facts,
         "damping": damping,
+        "losses": _losses(fe),
         "interfaces": became,
         "rows": body["K"].shape[0],
         "ports": body["inputs"],
         "remarks": fe.remarks,
     }
+
+
+def _losses(fe: FeMatrices) -> list[str]:
+    """What damps beside α, β and η."""
+    words = ["a damping matrix"] * (fe.D is not None)
+    words += ["structural damping S"] * (fe.S is not None)
+    return words + [f"{name} ({law.words})" for name, (_, law) in fe.terms.items()]
 
 
 def _measured(fe: FeMatrices, outputs: Mapping[str, Any], units: str) -> dict[str, Any]:
@@ -170,6 +179,7 @@ def _in_SI(body: Mapping[str, Any], length: float, mass: float, force: float) ->
         "B": B,
         "D": None if body["D"] is None else scaled(body["D"], mass).T,  # may have a skew part
         "S": None if body["S"] is None else scaled(body["S"], force / length),
+        "terms": {n: (scaled(T, force / length), law) for n, (T, law) in body["terms"].items()},
         "C": C,
         "inputs": body["inputs"],
         "outputs": outputs,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,10 +12,15 @@ import numpy as np
 import scipy.io
 import scipy.sparse as sp
 
-from flexgram.basics import BodyError, expect_survival, stored, whole_numbers
+from flexgram.basics import BodyError, check_name, expect_survival, stored, whole_numbers
+from flexgram.body.laws import Law, loss, parameter, prony, table, viscous
 from flexgram.importers.fe import FeMatrices, symmetric, with_skew_part
 
 PETSC_MATRIX = 1211216
+#: Variables of MATLAB files that have a role by their names.
+ROLES = (*"KMDGBC", "alpha", "beta", "eta", "node", "component", "position")
+#: Laws of terms, as functions of their numbers.
+TERM_LAWS = {law.__name__: law for law in (loss, viscous, prony, table, parameter)}
 
 
 def _sparse(path: Path, name: str, value: Any, make: Any = symmetric) -> sp.csr_matrix:
@@ -86,12 +92,23 @@ def _from_hdf5(path: Path) -> dict[str, Any]:
     values: dict[str, Any] = {}
     with h5py.File(path) as file:
         for name, item in file.items():
-            if isinstance(item, h5py.Group) and "MATLAB_sparse" in item.attrs:
-                values[name] = _sparse_of_hdf5(f"{path}: {name}", item)
-            elif isinstance(item, h5py.Dataset) and item.dtype.kind in "fiu":
-                data = stored(f"{path}: {name}", item)
-                values[name] = data.T if item.ndim == 2 else data
-    return values
+            if not name.startswith("#"):  # of cells
+                values[name] = _value_of_hdf5(f"{path}: {name}", item)
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def _value_of_hdf5(what: str, item: Any) -> Any:
+    """A matrix, text, or a struct as a dict; None for what is neither."""
+    if isinstance(item, h5py.Group):
+        if "MATLAB_sparse" in item.attrs:
+            return _sparse_of_hdf5(what, item)
+        return {key: _value_of_hdf5(f"{what}.{key}", item[key]) for key in item}
+    if item.dtype.kind not in "fiu":
+        return None
+    data = stored(what, item)
+    if item.attrs.get("MATLAB_class") == b"char":
+        return "".join(map(chr, np.ravel(data)))
+    return data.T if item.ndim == 2 else data
 
 
 def read_matlab(path: Path, matrices: Mapping[str, str] | None = None) -> FeMatrices:
@@ -99,6 +116,10 @@ def read_matlab(path: Path, matrices: Mapping[str, str] | None = None) -> FeMatr
     ``component``, ``position``) from a MATLAB file of any version. A skew ``G`` of their size is
     added to D: gyroscopic forces; the skew part of a K that is not symmetric is of circulatory
     forces.
+
+    ``terms`` is a struct of viscoelastic and uncertain parts: ``terms.rubber.T`` a matrix like K,
+    ``terms.rubber.law`` its law (``loss``, ``viscous``, ``prony``, ``table``, ``parameter``), and
+    the law's numbers by the names of the function of that name (``terms.rubber.g``, ``.tau``).
 
     ``node`` is the row (from 1) of ``position`` (nodes x 3) for each row of the matrices,
     ``component`` its direction, 0 to 5. ``matrices`` maps K, M, D, B, C to other names,
@@ -110,6 +131,8 @@ def read_matlab(path: Path, matrices: Mapping[str, str] | None = None) -> FeMatr
         if not h5py.is_hdf5(path):
             expect_survival(path, lambda: scipy.io.loadmat(path))
         values = _from_hdf5(path) if h5py.is_hdf5(path) else scipy.io.loadmat(path)
+        if "terms" in values and not h5py.is_hdf5(path):
+            values |= scipy.io.loadmat(path, simplify_cells=True, variable_names=["terms"])
     except BodyError:
         raise
     except Exception as error:
@@ -159,7 +182,14 @@ def read_matlab(path: Path, matrices: Mapping[str, str] | None = None) -> FeMatr
         alpha=number("alpha"),
         beta=number("beta"),
         eta=number("eta"),
+        terms=_terms_of(path, values.get("terms", {})),
     )
+    read = {*ROLES, "terms", *asked}
+    if rest := [name for name in values if name not in read and not name.startswith("__")]:
+        fe.remarks.append(
+            f"variables that are not read, left out: {', '.join(rest)}"
+            + (" (--matrices S=S takes S for structural damping)" if "S" in rest else "")
+        )
     fe.is_symmetric = (fe.K != fe.K.T).nnz == 0
     if {"node", "component", "position"} <= set(values):
         fe.node = whole_numbers(f"{path}: node", np.ravel(values["node"]))
@@ -178,6 +208,34 @@ def read_matlab(path: Path, matrices: Mapping[str, str] | None = None) -> FeMatr
                 "(rotations); node counts from 1"
             )
     return fe
+
+
+def _terms_of(path: Path, given: Any) -> dict[str, tuple[sp.csr_matrix, Law]]:
+    """Terms of a struct, by name."""
+    if not isinstance(given, dict):
+        raise BodyError(f"{path}: terms must be a struct: terms.NAME.T, terms.NAME.law and so on")
+    terms = {}
+    for name, entry in given.items():
+        where = f"{path}: terms.{name}"
+        if not isinstance(entry, dict) or not {"T", "law"} <= set(entry):
+            raise BodyError(f"{where} must be a struct with T, a matrix like K, and law, a name")
+        check_name(where, name)
+        kind = str(entry["law"])
+        if kind not in TERM_LAWS:
+            raise BodyError(f"{where}: law {kind} must be one of {', '.join(TERM_LAWS)}")
+        lists = {key: np.ravel(x) for key, x in entry.items() if key not in ("T", "law")}
+        numbers = {key: x if len(x) != 1 else x[0] for key, x in lists.items()}
+        try:
+            law: Law = TERM_LAWS[kind](**numbers)
+        except TypeError:
+            wanted = ", ".join(inspect.signature(TERM_LAWS[kind]).parameters) or "no numbers"
+            raise BodyError(
+                f"{where}: law {kind} has {wanted}, not {', '.join(numbers) or 'none'}"
+            ) from None
+        except BodyError as error:
+            raise BodyError(f"{where}: {error}") from None
+        terms[name] = _sparse(path, f"terms.{name}.T", entry["T"]), law
+    return terms
 
 
 def _damping_of(path: Path, values: Mapping[str, Any]) -> sp.csr_matrix | None:

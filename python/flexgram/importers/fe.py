@@ -13,6 +13,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from flexgram.basics import BodyError, Floats, Ints, index_of
+from flexgram.body.laws import Law
 
 
 @dataclass
@@ -72,6 +73,8 @@ class FeMatrices:
         Node sets by name, as labels.
     blocks : list of (str, array)
         Elements as meshio type and node labels; for pictures.
+    terms : dict
+        Terms g(ω)T of materials by name: (T, its law), T like K.
     B, C, inputs, outputs
         Ports that came with the matrices (MATLAB, PETSc); usually interfaces are named instead.
     loads : dict
@@ -105,6 +108,7 @@ class FeMatrices:
     outputs: list[str] | None = None
     loads: dict[str, Floats] = field(default_factory=dict)
     S: sp.csr_matrix | None = None
+    terms: dict[str, tuple[sp.csr_matrix, Law]] = field(default_factory=dict)
     measured: dict[str, Floats] = field(default_factory=dict)
     rigid: dict[str, int] = field(default_factory=dict)
     interfaces: list[Interface] = field(default_factory=list)

@@ -178,6 +178,7 @@ def attach(fe: FeMatrices, interfaces: list[Interface]) -> dict[str, Any]:
         "B": sp.hstack(columns).toarray(),
         "D": condensed(fe.D, skew_part=True) if fe.D is not None else None,
         "S": condensed(fe.S) if fe.S is not None else None,
+        "terms": {name: (condensed(T), law) for name, (T, law) in fe.terms.items()},
         "inputs": names,
         "moment": np.array(moments),
         "load": is_load,
