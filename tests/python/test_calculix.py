@@ -117,7 +117,7 @@ def test_damping_of_the_deck(tmp_path: Path) -> None:
     )
     assert (modal.alpha, modal.beta, modal.eta) == (20.0, 3e-6, 0.0)
     material = damping("*MATERIAL, NAME=STEEL2\n*DAMPING, ALPHA=5., BETA=1e-5\n" + FREQUENCY)
-    assert material.alpha == 0 and "differs" in material.remarks[0]  # STEEL has none
+    assert material.alpha == 0 and "differ:" in material.remarks[0]  # STEEL has none
     deck = write_deck(tmp_path / "one.inp", "C3D10", FREQUENCY)
     deck.write_text(deck.read_text().replace("*DENSITY", "*DAMPING, ALPHA=5., BETA=1e-5\n*DENSITY"))
     one = damping_of(read_job(deck))
@@ -348,3 +348,25 @@ def test_printed_digits_are_told_beside_the_claim(tmp_path: Path) -> None:
     assert any(
         "the digits in which the FE code wrote K" in line for line in describe(tmp_path / "rom.h5")
     )
+
+
+def test_damping_of_materials_that_differ(tmp_path: Path) -> None:
+    """Loss factors stay with their materials, whatever ALPHA and BETA do; nothing goes unsaid."""
+
+    def damping(cards: str) -> Any:
+        deck = tmp_path / "two.inp"
+        deck.write_text(f"*NODE\n1, 0, 0, 0\n{cards}")
+        return damping_of(read_job(deck))
+
+    two = damping(
+        "*MATERIAL, NAME=A\n*DAMPING, ALPHA=5.\n*DAMPING, STRUCTURAL=0.2\n"
+        "*MATERIAL, NAME=B\n*DAMPING, COMPOSITE=0.3\n"
+    )
+    assert two.loss_factors == {"A": 0.2, "B": 0.0} and two.alpha == 0
+    assert any("ALPHA and BETA of the materials differ" in said for said in two.remarks)
+    assert "*DAMPING, COMPOSITE of B is left out" in two.remarks
+    same = damping(
+        "*MATERIAL, NAME=A\n*DAMPING, ALPHA=5., STRUCTURAL=0.2\n"
+        "*MATERIAL, NAME=B\n*DAMPING, ALPHA=5.\n"
+    )
+    assert (same.alpha, same.eta) == (5.0, 0.0) and same.loss_factors == {"A": 0.2, "B": 0.0}

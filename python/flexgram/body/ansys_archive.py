@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import re
 from collections import Counter
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import meshio
 import numpy as np
 
 from flexgram.basics import BodyError, Ints, errors_of
-from flexgram.body.universal_mesh import places_of
+from flexgram.body.universal_mesh import LEFT_OUT, places_of
 
 #: Nodes of degenerate bricks of 20 nodes: of prisms (K = L), of tetrahedra (M = N = O = P).
 PRISM = (0, 1, 2, 4, 5, 6, 8, 9, 11, 12, 13, 15, 16, 17, 18)
@@ -22,13 +23,15 @@ BRICKS = {185: (8,), 186: (8, 20), 45: (8,), 95: (8, 20)}
 TETRAHEDRA = {187: (4, 10), 92: (4, 10), 285: (4,)}
 SHELLS = (181, 63, 43, 281)
 BEAMS = (188, 180, 8, 4)
+#: Commands of damping; DMPR and others are properties of materials.
+DAMPING = ("ALPHAD", "BETAD", "DMPRAT", "DMPSTR", "MDAMP")
 #: Elements without stiffness and mass: meshes, and surfaces that carry loads.
 PASSED = (200, 151, 152, 153, 154, 155, 156)
 
 
 def read_archive(path: Path) -> meshio.Mesh:
     """The mesh of an archive; components of nodes are point sets, of elements cell sets, and
-    materials the cell sets ``MAT1``, ``MAT2`` and so on.
+    materials the cell sets ``MAT1``, ``MAT2`` and so on; ``info`` says what is not read.
 
     Raises
     ------
@@ -85,7 +88,24 @@ def read_archive(path: Path) -> meshio.Mesh:
     point_sets = {
         name: places(np.intersect1d(of, labels)) for name, of in nodes_of.items() if len(of)
     }
-    return meshio.Mesh(points, cells, point_sets=point_sets, cell_sets=cell_sets)
+    passed = _passed_over(path)
+    info = {LEFT_OUT: [passed]} if passed else {}
+    return meshio.Mesh(points, cells, point_sets=point_sets, cell_sets=cell_sets, info=info)
+
+
+def _passed_over(path: Path) -> str:
+    """What an archive says of materials and damping, which is not read, in words."""
+    text = path.read_text(encoding="utf-8", errors="replace")
+    words = re.findall(r"^\s*MP(?:DATA,[^,]*,[^,]*)?,\s*([A-Z]+)", text, re.M | re.I)
+    commands = re.findall(rf"^\s*({'|'.join(DAMPING)})\s*,(.*)", text, re.M | re.I)
+    words += [name for name, numbers in commands if re.search("[1-9]", numbers.partition("!")[0])]
+    found = sorted({word.upper() for word in words})
+    if not found:
+        return ""
+    return (
+        f"materials and damping of the archive are not read ({', '.join(found)}): those given here "
+        "count"
+    )
 
 
 def _element(kind: int, nodes: Ints) -> tuple[str, Ints]:

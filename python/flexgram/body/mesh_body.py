@@ -38,6 +38,7 @@ from flexgram.body.sections import ROD, SHELL, is_shell, section_properties, she
 from flexgram.body.selection import in_box, nearest
 from flexgram.body.shells import doubts_of_shells, first_axis
 from flexgram.body.spin import write_spin
+from flexgram.body.universal_mesh import LEFT_OUT
 from flexgram.body.whole import (
     Block,
     Parts,
@@ -139,6 +140,7 @@ class MeshBody:
         for key in ("alpha", "beta", "eta"):
             file.attrs[key] = damping.number(key, 0.0)
         extent = np.ptp(self.points[self.used], axis=0) * self.length
+        notes = [f"note: {words}" for words in (self.mesh.info or {}).get(LEFT_OUT, [])]
         return {
             "points": int(self.used.sum()),
             "elements": sum(len(nodes) for _, nodes in self.blocks),
@@ -148,7 +150,7 @@ class MeshBody:
             "extent": extent,
             "units": reader.get("units", "SI"),
             "kinds": sorted({kind for kind, _ in self.blocks}),
-            "summary": [*summary(file), *discrete, *constraints],
+            "summary": [*summary(file), *discrete, *constraints, *notes],
             "warnings": [
                 *doubts_of_units(file, reader.get("units", "SI"), extent),
                 *self._doubts_of_parts(held),

@@ -34,6 +34,8 @@ KINDS: dict[int, tuple[str, tuple[int, ...]]] = {
 #: Rods and beams, which have a line more; of three nodes too.
 BEAMS = (11, 21, 22, 23, 24)
 GROUPS = (2435, 2452, 2467, 2477)
+#: Key of a mesh's ``info``: what its file says beside the mesh, which is not read.
+LEFT_OUT = "left out"
 
 
 def read_universal(path: Path) -> meshio.Mesh:

@@ -332,7 +332,13 @@ def summary(file: h5py.File) -> list[str]:
     by_material |= any(spring.attrs.get("loss_factor") for spring in springs)
     given = {k: float(file.attrs.get(k, 0)) for k in ("alpha", "beta", "eta")}
     dashpots = any("damping" in spring.attrs for spring in springs)
-    return lines + damping_lines(given, by_material, dashpots)
+    relaxing = any(
+        part.attrs["law"] == "prony"
+        for m in file.get("materials", {}).values()
+        for part in m.values()
+    )
+    further = ["relaxation of materials (Prony terms)"] * relaxing
+    return lines + damping_lines(given, by_material, dashpots, further)
 
 
 def damping_lines(

@@ -202,12 +202,19 @@ def _export(options: argparse.Namespace) -> None:
     if options.to == "sid":
         extra["dialect"] = options.dialect
     model = ReducedModel.load(options.rom)
+    known = model.system.parameters
     if options.damping:
         from flexgram.model.equivalent_damping import with_viscous_damping
 
+        lost, keeps = model.system.loss, not model.system.timeless
         model, error = with_viscous_damping(model, options.damping)
-        say(f"  {options.damping} damping in the place of eta changes H by at most {error:.1e}")
-    if (known := model.system.parameters) and keeps_parameters(model, options.to):
+        say(
+            f"  {options.damping} damping in the place of {lost} changes H by up to {error:.1e} "
+            "at the frequencies looked at"
+        )
+        if keeps and options.to in ("state-space", "fmu", "fmu3"):
+            say(f"  note: without --damping, {options.to} keeps this relaxation as it is")
+    if known and keeps_parameters(model, options.to):
         say(f"  parameters of the FMU: damping_factor, {', '.join(known)}")
     elif known:
         now = ", ".join(f"{name} = {law.value:g}" for name, law in known.items())

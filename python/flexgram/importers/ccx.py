@@ -306,7 +306,7 @@ class Damping:
     alpha: float = 0.0  #: [1/time]
     beta: float = 0.0  #: [time]
     eta: float = 0.0
-    #: of the materials, where these differ and have nothing else that damps
+    #: of the materials, where these differ
     loss_factors: dict[str, float] = field(default_factory=dict)
     dashpots: list[tuple[int, int, float]] = field(default_factory=list)  #: nodes, force/speed
     #: what *BOUNDARY holds, if there are dashpots: node or set, first and last direction from 1
@@ -318,7 +318,7 @@ def _number(words: list[str], at: int) -> float:
     return float(words[at]) if at < len(words) and words[at] else 0.0
 
 
-def _damping_by_material(job: Job) -> dict[str, tuple[float, float, float]]:
+def _damping_by_material(job: Job, remarks: list[str]) -> dict[str, tuple[float, float, float]]:
     """ALPHA, BETA and STRUCTURAL of each material, zero where it has no ``*DAMPING``."""
     found: dict[str, tuple[float, float, float]] = {}
     name = ""
@@ -327,10 +327,12 @@ def _damping_by_material(job: Job) -> dict[str, tuple[float, float, float]]:
             name = card.options.get("NAME", "").upper()
             found[name] = (0.0, 0.0, 0.0)
         elif card.keyword == "DAMPING" and name:
-            alpha, beta, eta = (
-                float(card.options.get(key) or 0) for key in ("ALPHA", "BETA", "STRUCTURAL")
-            )
-            found[name] = (alpha, beta, eta)
+            keys = ("ALPHA", "BETA", "STRUCTURAL")
+            alpha, beta, eta = (float(card.options.get(key) or 0) for key in keys)
+            one, two, three = found[name]
+            found[name] = one + alpha, two + beta, three + eta
+            if other := [key for key in card.options if key not in keys]:
+                remarks.append(f"*DAMPING, {', '.join(other)} of {name} is left out")
     return found
 
 
@@ -346,17 +348,20 @@ def _rayleigh(job: Job, damping: Damping) -> None:
             )
             continue
         found |= {(_number(words, 2), _number(words, 3), 0.0) for words in card.words()}
-    of_materials = _damping_by_material(job)
+    of_materials = _damping_by_material(job, damping.remarks)
     if not found and any(map(any, of_materials.values())):
-        different = set(of_materials.values())
-        if len(different) == 1:
-            found = different
-        elif all(alpha == beta == 0 for alpha, beta, _ in different):
+        rayleigh = {(alpha, beta) for alpha, beta, _ in of_materials.values()}
+        losses = {eta for *_, eta in of_materials.values()}
+        if len(losses) > 1:
             damping.loss_factors = {name: eta for name, (*_, eta) in of_materials.items()}
-        else:
+        alpha, beta = rayleigh.pop() if len(rayleigh) == 1 else (0.0, 0.0)
+        if rayleigh:
             damping.remarks.append(
-                "*DAMPING of the materials differs: it is left out (--alpha, --beta, --eta)"
+                "*DAMPING, ALPHA and BETA of the materials differ: they are left out (--alpha, "
+                "--beta)"
             )
+        everywhere = alpha, beta, losses.pop() if len(losses) == 1 else 0.0
+        found = {everywhere} if any(everywhere) else set()
     if len(found) > 1:
         damping.remarks.append(
             "steps damp differently: *MODAL DAMPING is left out (--alpha, --beta)"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +20,9 @@ PETSC_MATRIX = 1211216
 #: Variables of MATLAB files that have a role by their names.
 ROLES = (*"KMDGBC", "alpha", "beta", "eta", "node", "component", "position")
 #: Laws of terms, as functions of their numbers.
-TERM_LAWS = {law.__name__: law for law in (loss, viscous, prony, table, parameter)}
+TERM_LAWS: dict[str, Callable[..., Law]] = {
+    law.__name__: law for law in (loss, viscous, prony, table, parameter)
+}
 
 
 def _sparse(path: Path, name: str, value: Any, make: Any = symmetric) -> sp.csr_matrix:
@@ -30,7 +32,10 @@ def _sparse(path: Path, name: str, value: Any, make: Any = symmetric) -> sp.csr_
         if not np.iscomplexobj(value.data):
             value = checked(f"{path}: {name}", parts, value.shape, kind)
     if np.iscomplexobj(value.data if sp.issparse(value) else value):
-        raise BodyError(f"{path}: {name} is complex; flexgram takes K (1 + i eta) as K with eta")
+        raise BodyError(
+            f"{path}: {name} is complex; write its real part as K; the imaginary one is eta K "
+            "(eta), or S by itself (--matrices S=NAME)"
+        )
     entries = sp.coo_matrix(value)
     if entries.shape[0] != entries.shape[1]:
         raise BodyError(
@@ -226,7 +231,7 @@ def _terms_of(path: Path, given: Any) -> dict[str, tuple[sp.csr_matrix, Law]]:
         lists = {key: np.ravel(x) for key, x in entry.items() if key not in ("T", "law")}
         numbers = {key: x if len(x) != 1 else x[0] for key, x in lists.items()}
         try:
-            law: Law = TERM_LAWS[kind](**numbers)
+            law = TERM_LAWS[kind](**numbers)
         except TypeError:
             wanted = ", ".join(inspect.signature(TERM_LAWS[kind]).parameters) or "no numbers"
             raise BodyError(

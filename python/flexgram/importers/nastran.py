@@ -199,7 +199,10 @@ def _dmig(path: Path, asked: Mapping[str, str]) -> FeMatrices:
         card = model.dmig[name]
         roles[letter] = name
         if card.is_complex:
-            raise BodyError(f"{path}: DMIG {name} is complex; structural damping is --eta")
+            raise BodyError(
+                f"{path}: DMIG {name} is complex; structural damping is --eta, or a real matrix "
+                "of its own (--matrices S=NAME)"
+            )
         row, column = np.array(card.GCi), np.array(card.GCj)
         entries[letter] = (row, column, np.array(card.Real, dtype=float))
     codes = {

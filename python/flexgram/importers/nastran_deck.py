@@ -205,6 +205,11 @@ class BulkDeck:
 
     def eta(self) -> float | None:
         """PARAM,G: a loss factor of all elements."""
+        if "SDAMPING" in self.cases():
+            self.remarks.append(
+                "SDAMPING of case control, damping by modes (TABDMP1), is left out (--zeta, or "
+                "--eta)"
+            )
         value = self.param("G")
         return value if value else None
 

@@ -402,7 +402,8 @@ class System:
         if self.timeless:
             raise BodyError(
                 f"structural damping ({self.timeless}) has no real time-domain "
-                "form: give Rayleigh damping or Prony terms instead"
+                "form: give Rayleigh damping or Prony terms instead, or take an equivalent "
+                "(export --damping modal, flexgram.model.equivalent_damping)"
             )
         if light := massless(self.K, self.M):
             raise BodyError(

@@ -49,7 +49,7 @@ public:
   }
   LawNumbers numbers() const override { return {{"g", g_}, {"tau", tau_}}; }
   std::string words() const override {
-    return text("viscoelastic (%zu Prony terms)", g_.size());
+    return text("viscoelastic (%zu Prony term%s)", g_.size(), g_.size() == 1 ? "" : "s");
   }
 
 private:
