@@ -163,7 +163,12 @@ std::optional<Softening> of_spin(const SecondOrderModel& body, Mat S, double squ
                                         {5, 0.15},
                                         {10, 0.2},
                                         {30, 0.3},
-                                        {100, 0.5}})
+                                        {100, 0.5},
+                                        {300, 0.6},
+                                        {600, 0.7},
+                                        {1e3, 0.8},
+                                        {3e3, 0.8},
+                                        {1e4, 0.8}})
     if (const double mass = std::max(of_square * square, of_K * tau);
         is_positive(solver, of_K, mass))
       return Softening{0, 0, mass, of_K};
@@ -217,9 +222,10 @@ Softening softening_of(const SecondOrderModel& body, double omega, double tau,
       square = std::max(square, law.with("value", law.number("most")).at(0).real());
   const auto found = of_spin(body, S, square, tau, options);
   if (!found)
-    throw Error(text("the spin takes more from the stiffness than a hundred times the "
-                     "square of its largest speed, %.3g (rad/s)², times the mass: is the "
-                     "term of spin that at 1 rad/s?",
+    throw Error(text("the spin takes more from the stiffness than ten thousand times the "
+                     "square of its largest speed, %.3g (rad/s)², times the mass: the "
+                     "body bends far out of its shape, "
+                     "or the term of spin is not that at 1 rad/s",
                      square));
   all.mass = found->mass;
   all.stiffness = found->stiffness;

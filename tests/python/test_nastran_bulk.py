@@ -107,6 +107,32 @@ def test_elements_are_those_of_a_description(kind: str, ranks: int, tmp_path: Pa
     same_matrices(a, b, 1e-8)
 
 
+def test_losses_add_up(tmp_path: Path) -> None:
+    """Nastran: K (1 + iG) + i Σ GE_k K_k; SDAMPING is named, a deck without losses has none."""
+    mesh = box("hexahedron", (2, 1, 1))
+    tip = [parse("node", f"tip=NODES:{10 * len(mesh.points)}")]
+
+    def made(steel: str, more: str = "", control: str = "") -> tuple[float, list[str]]:
+        bar, out = tmp_path / "bar.bdf", tmp_path / "m.h5"
+        text = bulk(mesh, "PSOLID,1,1\n" + steel + clamp(mesh, "123") + more)
+        bar.write_text(text.replace("BEGIN BULK", f"{control}BEGIN BULK"))
+        facts = assemble_bulk(bar, tmp_path / "bar.h5", tip)
+        assembled(out, tmp_path / "bar.h5")
+        with h5py.File(out) as file:
+            assert "S" not in file  # of one material a loss factor is one of K
+            return float(file.attrs["eta"]), facts["remarks"]
+
+    lossy = "MAT1,1,2.1+11,,0.3,7850.,,,0.2\n"
+    for steel, more, eta in (
+        (lossy, "PARAM,G,0.03\n", 0.23),
+        (lossy, "", 0.2),
+        (STEEL, "PARAM,G,0.03\n", 0.03),
+    ):
+        assert made(steel, more)[0] == pytest.approx(eta, rel=1e-14)
+    none, remarks = made(STEEL, control="SDAMPING=5\n")
+    assert none == 0 and any("SDAMPING of case control" in remark for remark in remarks)
+
+
 def same_matrices(a: dict[str, Any], b: dict[str, Any], near: float) -> None:
     """Whatever the order of their rows on several ranks."""
     first, other = (np.lexsort((of["component"], of["node"])) for of in (a, b))

@@ -14,6 +14,7 @@ import meshio
 import numpy as np
 import pytest
 import scipy.linalg as sl
+from scipy.sparse.linalg import eigsh
 from test_importers import ccx_frequencies, write_deck
 
 import flexgram
@@ -174,6 +175,72 @@ def test_chord_of_a_rotating_beam(
     assert abs(G + G.T).max() == 0
     found = gyroscopic_frequencies(K, M, G)[:3] / unit
     np.testing.assert_allclose(found, chord_by_ritz(speed, slenderness, True)[:3], rtol=1e-3)
+
+
+#: Hamza-Cherif and Houmat, slenderness 70: speed, first flap, first chord with its Coriolis
+#: coupling, all over √(EI/ρA)/L².
+ROTATING = [
+    (2, 4.1373, 3.6195),
+    (4, 5.5850, 3.888),
+    (6, 7.3603, 4.2393),
+    (8, 9.2568, 4.6105),
+    (10, 11.2023, 4.97),
+    (50, 51.0805, 7.3362),
+]
+
+
+@pytest.mark.parametrize(("speed", "flap", "chord"), ROTATING)
+def test_published_beams(speed: float, flap: float, chord: float, tmp_path: Path) -> None:
+    """Beams stiff in shear, as theirs are: to 0.1 %."""
+    side = np.sqrt(12) / 70
+    unit, own = np.sqrt(E * side**2 / 12 / RHO), side**4 / 12
+    stiff = {"shape": "general", "A": side**2, "I_y": own, "I_z": own, "J": 2 * own}
+    import_beam(
+        tmp_path / "body.h5",
+        line(100, 0, 1.0),
+        side,
+        sections={"bar": stiff | {"k_y": 1e4, "k_z": 1e4}},
+        loads={"turn": {"type": "spin", "point": [0, 0, 0], "axis": [0, 0, 1]}},
+        preload={"turn.spin": (speed * unit) ** 2},
+    )
+    a = assembled(tmp_path / "matrices.h5", tmp_path / "body.h5")
+    out = np.isin(a["component"], [2, 4])
+    K, M = (a[name].toarray()[np.ix_(out, out)] for name in "KM")
+    found = np.sqrt(sl.eigh(K, M, eigvals_only=True)[0]) / unit
+    np.testing.assert_allclose(found, flap, rtol=1e-3)
+    plane = np.isin(a["component"], [0, 1, 5])
+    K, M, G = (a[name].toarray()[np.ix_(plane, plane)] for name in "KMG")
+    np.testing.assert_allclose(gyroscopic_frequencies(K, M, G)[0] / unit, chord, rtol=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("hub", "speed", "published"),
+    [(0, 12, (13.1702, 37.6031, 79.6145)), (1, 12, (19.7215, 51.0701, 98.5268))],
+)
+@pytest.mark.parametrize("kind", ["hexahedron", "hexahedron20", "tetra10"])
+def test_flap_of_rotating_solids(
+    kind: str, hub: float, speed: float, published: tuple[float, ...], tmp_path: Path
+) -> None:
+    """A hundred times as long as thick, to what the mesh gives; numbers as of the beams."""
+    count = {"hexahedron": 60, "hexahedron20": 30, "tetra10": 40}[kind]
+    mesh = box(kind, (count, 1, 1), (1.0, 0.01, 0.01), distort=False)
+    mesh.points = mesh.points + np.array([hub, -0.005, -0.005])
+    unit = np.sqrt(E * 0.01**2 / 12 / RHO)
+    content = {
+        "materials": {"steel": {"E": E, "nu": 0.3, "rho": RHO}},
+        "regions": {"all": {"material": "steel"}},
+        "interfaces": {"end": {"coupling": "distributing", "nodes": "end"}},
+        "supports": {"start": {"nodes": "start"}},
+        "loads": {"turn": {"type": "spin", "point": [0, 0, 0], "axis": [0, 0, 1]}},
+        "preload": {"turn.spin": (speed * unit) ** 2},
+    }
+    import_description(content, "blade", tmp_path / "body.h5", mesh=mesh)
+    a = assembled(tmp_path / "matrices.h5", tmp_path / "body.h5")
+    squares, shapes = eigsh(a["K"], 10, a["M"], sigma=0)
+    squares, shapes = np.sort(squares), shapes[:, np.argsort(squares)]
+    across = [abs(shapes[a["component"] == c]).max(axis=0) for c in range(3)]
+    found = np.sqrt(squares[np.argmax(across, axis=0) == 2])[: len(published)] / unit
+    np.testing.assert_allclose(found, published, rtol=4e-3)
 
 
 def test_a_string_under_tension(tmp_path: Path) -> None:
