@@ -325,6 +325,34 @@ def test_a_static_step_of_a_deck(element: str, tmp_path: Path) -> None:
     assert a["names"] == ["tip.fx", "tip.fy", "tip.fz", "tip.mx", "tip.my", "tip.mz"]
 
 
+@pytest.mark.skipif(shutil.which("ccx") is None, reason="ccx is not installed")
+def test_a_spin_of_a_deck_is_not_its_stress_alone(tmp_path: Path, capsys: Any) -> None:
+    """CENTRIF as a preload is told to lack the softening; the spin that is named has the
+    frequencies of ccx."""
+    turn = "4e4, 0, 0, 0, 0, 0, 1"
+    steps = (
+        f"*BOUNDARY\nSTART, 1, 3\n*STEP\n*STATIC\n*DLOAD\nEALL, CENTRIF, {turn}\n*END STEP\n"
+        "*STEP, PERTURBATION\n*FREQUENCY\n4\n*END STEP\n"
+    )
+    deck = write_deck(tmp_path / "box.inp", "C3D20", steps, mesh=box("hexahedron20", (6, 2, 2)))
+    theirs, body = np.array(ccx_frequencies(deck)[:4]), tmp_path / "body.h5"
+    more = ["--distributing", "tip=NSET:END", "--assemble", "--deck-loads", "-o", str(body)]
+    ways = {
+        "stress alone": ["--preload", "step1_dload.load=1"],
+        "spin": ["--load", "turn=spin:0,0,0,0,0,1", "--preload", "turn.spin=4e4"],
+    }
+    found = {}
+    for name, words in ways.items():
+        assert main(["import", str(deck), *more, *words]) == 0
+        said = capsys.readouterr().out
+        assert ("softening by that spin" in said) == (name == "stress alone")
+        a = assembled(tmp_path / "matrices.h5", body)
+        values = sl.eigh(a["K"].toarray(), a["M"].toarray(), eigvals_only=True)[:4]
+        found[name] = np.sqrt(values) / TWO_PI
+    np.testing.assert_allclose(found["spin"], theirs, rtol=1e-6)
+    assert np.all(found["stress alone"] > theirs * (1 + 1e-5))
+
+
 def test_spin_of_the_command_line(tmp_path: Path) -> None:
     """As the same of a description in YAML."""
     mesh = box("tetra10", (6, 1, 1))

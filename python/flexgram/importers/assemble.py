@@ -329,7 +329,7 @@ def assemble_deck(
         if "table" in entry:
             entry["table"] = _by_index(path, deck, f"load {name}", entry["table"])
     if deck_loads:
-        remarks += _add_loads_of_steps(job, deck, materials, material_of, loads)
+        remarks += _add_loads_of_steps(job, deck, materials, material_of, loads, preload or {})
     elif words := in_steps(job):
         remarks.append(
             f"the loads of the deck are left out ({words}): --deck-loads makes inputs of them"
@@ -427,6 +427,7 @@ def _add_loads_of_steps(
     materials: Mapping[str, Mapping[str, float]],
     material_of: Mapping[str, str],
     loads: dict[str, dict[str, Any]],
+    preload: Mapping[str, float],
 ) -> list[str]:
     """Add the loads of the deck's steps to ``loads``; returns what is to be said of them."""
     of_steps, remarks = loads_of(job, deck)
@@ -442,6 +443,12 @@ def _add_loads_of_steps(
     for load in of_steps:
         if load.name in loads:
             raise BodyError(f"load {load.name} is given twice: it is one of the deck's")
+        if load.spins and any(key.startswith(f"{load.name}.") for key in preload):
+            remarks.append(
+                f"load {load.name} of the preload is centrifugal (CENTRIF): its stress counts; the "
+                "softening by that spin, which ccx has too, and its Coriolis forces are left out: "
+                "take --spin, or --load turn=spin:… with --preload turn.spin=Ω²"
+            )
         if load.kind == "temperature" and not expands:
             remarks.append(
                 f"load {load.name} is left out: a material has no *EXPANSION, or "

@@ -59,11 +59,14 @@ class DeckLoad:
     table : (k, 4), (k, 7) or (k, 2) array
         Node labels with forces, with forces and moments, or with temperatures above those without
         stress.
+    spins : bool
+        Centrifugal forces (CENTRIF) are among it.
     """
 
     name: str
     kind: str
     table: Floats
+    spins: bool = False
 
 
 def _offset(card: Card) -> float:
@@ -453,11 +456,12 @@ class _Loads:
                     self._amplitude(name, card, ", which multiplies T in ccx and T - T0 here,")
                     continue
                 left: list[str] = []
+                before = len(spun)
                 forces = _forces(self.deck, card, left, spun)
                 self.remarks += [
                     f"load {name + again}: {what} is left out" for what in dict.fromkeys(left)
                 ]
-                self._add(name + again, "nodal", forces, bool(left))
+                self._add(name + again, "nodal", forces, bool(left), len(spun) > before)
                 self._amplitude(name + again, card)
             except LeftOut as reason:
                 self.remarks.append(f"load {name + again} is left out: {reason}")
@@ -471,11 +475,14 @@ class _Loads:
                 f"load {name}: its amplitude{more} is left to the history of the input"
             )
 
-    def _add(self, name: str, kind: str, values: Floats, excused: bool) -> None:
+    def _add(
+        self, name: str, kind: str, values: Floats, excused: bool, spins: bool = False
+    ) -> None:
         assert self.deck is not None
         used = np.flatnonzero(np.any(values != 0, axis=1))
         if len(used):
             labels = self.deck.deck.labels[used]
-            self.loads.append(DeckLoad(name, kind, np.column_stack([labels, values[used]])))
+            table = np.column_stack([labels, values[used]])
+            self.loads.append(DeckLoad(name, kind, table, spins))
         elif not excused:
             self.remarks.append(f"load {name} vanishes: it is left out")

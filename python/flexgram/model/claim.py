@@ -209,7 +209,8 @@ class Claim:
 
     def at(self, values: Mapping[str, float]) -> Self:
         """Of the body with these values of all its parameters: the claim for them, or that for all
-        values, if there is one; else nothing that is proved."""
+        values, if there is one; else nothing that is proved, and the largest that was seen with
+        values between."""
         names = self.parameters or list(values)
         chosen = np.array([values[name] for name in names])
         known = np.zeros(0, dtype=bool)
@@ -227,6 +228,8 @@ class Claim:
             worst, every = float(self.all_values.max()), self.all_values
             at = replace(at, supremum=worst, whole=float(every[0]), by_kind=every[1:])
             return replace(at, attained=np.nan, attained_at=np.nan)
+        seen = max(self.supremum, self.between_values or 0.0)
+        at = replace(at, supremum=seen, whole=max(self.whole, seen))
         return replace(at, kind="estimated", tolerance=None, met=True, unmet=np.zeros((0, 2)))
 
     @property
