@@ -191,7 +191,7 @@ AccurateDense Sharpener::project_ports(const Block& loads) {
 }
 
 /// The first turn is rounded to doubles; the last one, I + Z, is no longer in U, but in what
-/// follows. Modes need not have an energy of exactly one: their ports make up for it.
+/// follows. Modes need not have an energy of exactly one: their ports and terms make up for it.
 void Sharpener::make_response(const Dense& Z, const AccurateDense& ports) {
   const SecondOrderModel& fom = space_.fom();
   const auto tau = static_cast<long double>(space_.tau());
@@ -219,12 +219,18 @@ void Sharpener::make_response(const Dense& Z, const AccurateDense& ports) {
                                     scale[as_size(j)]);
   std::vector<Dense> terms;
   for (std::size_t t = 0; t < terms_.size();
-       ++t) { // (I + Z)ᵀT(I + Z), rounded to doubles
+       ++t) { // (I + Z)ᵀT(I + Z), rounded to doubles; and of modes with an energy of one
     Dense T = std::move(terms_[t].hi);
     add_to(T, multiply(T, Z));
     add_to(T, multiply_transposed(Z, T));
     EntryRounding& of = result_.rounding.terms[t];
-    of.sharp = added(of.sharp, rounding_to_doubles(T));
+    std::vector<double> twice = rounding_to_doubles(T); // of the sum and of the product
+    for (double& x : twice) x *= std::sqrt(2.0);
+    of.sharp = added(of.sharp, twice);
+    for (int j = 0; j < N_; ++j)
+      for (int i = 0; i < N_; ++i)
+        T(i, j) = static_cast<double>(static_cast<long double>(T(i, j)) *
+                                      (scale[as_size(i)] * scale[as_size(j)]));
     terms.push_back(std::move(T));
   }
   for (auto* values : {&lambda, &B.data}) share_from_first(fom.comm, *values);

@@ -256,15 +256,15 @@ void DenseResponse::take_diagonals() {
   }
 }
 
-/// λ from Rayleigh quotients, where it matters: resonances lie below ω² = 4τ.
+/// λ and μ from quotients and products with twice the digits, where it matters: resonances lie below ω² = 4τ.
 void DenseResponse::sharpen(int first) {
   for (int j = first; j < system_.order(); ++j) {
     const auto at = as_size(j);
     if (!(lambda_[at] < 64 * tau_)) break;
-    const long double lambda =
-        quadratic_form(system_.K, U_.column(j)) / quadratic_form(system_.M, U_.column(j));
-    lambda_[at] = static_cast<double>(lambda);
-    mu_[at] = static_cast<double>(1 / (lambda + static_cast<long double>(tau_)));
+    const long double m = quadratic_form(system_.M, U_.column(j));
+    lambda_[at] = static_cast<double>(quadratic_form(system_.K, U_.column(j)) / m);
+    mu_[at] = static_cast<double>(
+        m); // terms are of this u, whose energy is one but for rounding
   }
 }
 
