@@ -109,7 +109,8 @@ Preload::Preload(const BodyDescription& body, LoadValues loads, const DofMap& ma
     }
   }
   const char* free =
-      "preload: the body moves freely, or a part of it: a preload needs supports";
+      "the body moves freely, or a part of it: a preload or a spin needs supports "
+      "(import --support of a mesh, `supports` in YAML)";
   try {
     ShiftedSolver solver(K, nullptr, {}, node, counting(options));
     solver.count_pivots(true);

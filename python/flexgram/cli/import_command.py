@@ -121,6 +121,14 @@ def import_options(parser: argparse.ArgumentParser) -> None:
             f"--{coupling}", metavar="NAME=WHERE", action=_Named, help=f"interface: {what}"
         )
     parser.add_argument(
+        "--support",
+        metavar="NAME=[x,y,…:]WHERE",
+        action="append",
+        default=[],
+        help="where the ground holds a mesh without YAML, in some directions (x, y, z, rx, ry, rz) "
+        "or all: foot=NSET:foot, guide=y,z:NSET:rail",
+    )
+    parser.add_argument(
         "--load",
         metavar="NAME=TYPE[:MORE]",
         action="append",
@@ -271,7 +279,7 @@ def _import_description(options: argparse.Namespace, named: list[tuple[str, str]
         ": interfaces, units and damping of a meshed body stand in its YAML file "
         f"{options.source}, not on the command line"
     )
-    own = ("material", "thickness")
+    own = ("material", "thickness", "support")
     _refuse(options, (*own, *OF_FILES, *OF_DECKS, *OF_MESHES, *OF_BODIES), why)
     for coupling, _ in named:
         raise BodyError(f"--{coupling}{why}")
@@ -281,13 +289,13 @@ def _import_description(options: argparse.Namespace, named: list[tuple[str, str]
 def _import_mesh(options: argparse.Namespace, named: list[tuple[str, str]]) -> None:
     """A mesh of one material, described on the command line."""
     from flexgram.importers import parse
-    from flexgram.importers.mesh import import_mesh
+    from flexgram.importers.mesh import describe_supports, import_mesh
 
     if options.material is None:
         raise BodyError(
             f"{options.source} is a mesh: name what it is made of and its interfaces (--material "
-            "steel --rigid eye=NSET:EYE), or describe it in YAML (several materials, supports, "
-            "beams), see meshes/rack.yaml"
+            "steel --rigid eye=NSET:EYE), or describe it in YAML (several materials, beams), "
+            "see meshes/rack.yaml"
         )
     _refuse(options, (*OF_FILES, *OF_DECKS), " is nothing for a mesh")
     counts = import_mesh(
@@ -298,6 +306,7 @@ def _import_mesh(options: argparse.Namespace, named: list[tuple[str, str]]) -> N
         **_of_body(options),
         **_further(options),
         **_of_mesh(options),
+        supports=describe_supports(options.support),
         thickness=options.thickness,
     )
     _say_mesh(options, counts)
@@ -311,6 +320,7 @@ def _import_deck(options: argparse.Namespace, named: list[tuple[str, str]]) -> N
 
     others = [key for key in OF_FILES if key != "format"]
     _refuse(options, ("thickness", *others), " is nothing for --assemble")
+    _refuse(options, ("support",), ": the deck says itself what holds it (*BOUNDARY, SPC)")
     interfaces = [parse(*pair) for pair in named]
     more = {**_of_body(options), **_further(options), **_of_mesh(options)}
     if options.source.suffix.lower() in BULK_DATA:
@@ -339,6 +349,7 @@ def _import_files(options: argparse.Namespace, named: list[tuple[str, str]]) -> 
     from flexgram.importers import check_damping, import_matrices, parse, read
 
     _refuse(options, OF_MESHES, " is for bodies that flexgram assembles")
+    _refuse(options, ("support",), " is of meshes: these matrices are held already, or free")
     if options.load:
         raise BodyError(
             "--load is for bodies that flexgram assembles: a mesh, or a CalculiX deck with "

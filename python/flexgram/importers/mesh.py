@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from flexgram.basics import BodyError
+from flexgram.body.constraints import COMPONENTS
 from flexgram.body.description import import_description
 from flexgram.body.loads import TYPES
 from flexgram.body.materials import EXPANSION, ISOTROPIC
@@ -90,6 +91,23 @@ def describe_output(text: str) -> tuple[str, dict[str, Any]]:
     return name, {**entry, "nodes": _choice(parse("measure", f"{name}={nodes}"))}
 
 
+def describe_supports(words: Sequence[str]) -> dict[str, Any]:
+    """Entry ``supports`` from words of a command line, ``NAME=[x,y,…:]WHERE``: directions that are
+    held there, by default all."""
+    found: dict[str, Any] = {}
+    for text in words:
+        name, _, where = text.partition("=")
+        if name in found:
+            raise BodyError(f"--support {name} is given twice")
+        first, colon, rest = where.partition(":")
+        directions = [word.strip() for word in first.split(",")]
+        some = colon and set(directions) <= set(COMPONENTS)
+        entry = {"components": directions} if some else {}
+        nodes = _choice(parse("support", f"{name}={rest if some else where}"))
+        found[name] = {"nodes": nodes, **entry}
+    return found
+
+
 def describe_mesh(
     mesh: Path,
     material: str,
@@ -99,6 +117,7 @@ def describe_mesh(
     damping: Mapping[str, float | None] | None = None,
     loads: Mapping[str, Any] | None = None,
     outputs: Mapping[str, Any] | None = None,
+    supports: Mapping[str, Any] | None = None,
     thickness: float | None = None,
 ) -> dict[str, Any]:
     """The description of a mesh of one material, from the words of a command line.
@@ -163,6 +182,7 @@ def describe_mesh(
         "damping": given,
         "loads": dict(loads or {}),
         "outputs": dict(outputs or {}),
+        "supports": dict(supports or {}),
     }
 
 
@@ -178,6 +198,7 @@ def import_mesh(
     eta: float | None = None,
     loads: Mapping[str, Any] | None = None,
     outputs: Mapping[str, Any] | None = None,
+    supports: Mapping[str, Any] | None = None,
     merge: float | None = None,
     keep_repeated: bool = False,
     spin: Mapping[str, Any] | None = None,
@@ -204,6 +225,8 @@ def import_mesh(
     loads, outputs : mapping, optional
         As in a YAML description: ``{"gravity": {"type": "acceleration"}}``,
         ``{"fillet": {"type": "stress", "nodes": "fillet"}}``.
+    supports : mapping, optional
+        Likewise: ``{"foot": {"nodes": "foot", "components": ["x", "z"]}}``.
     merge : float, optional
         Nodes no farther apart than this, in units of the mesh, become one.
     keep_repeated : bool
@@ -244,6 +267,7 @@ def import_mesh(
         damping={"alpha": alpha, "beta": beta, "eta": eta},
         loads=loads,
         outputs=outputs,
+        supports=supports,
         thickness=thickness,
     )
     described |= further_keys(merge, keep_repeated, spin, preload)
