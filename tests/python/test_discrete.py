@@ -278,3 +278,31 @@ def test_what_assembly_refuses(change: Any, words: str, tmp_path: Path) -> None:
     import_description(content | change, "box", tmp_path / "body.h5", mesh=mesh)
     with pytest.raises(BodyError, match=words):
         flexgram.reduce(tmp_path / "body.h5", (100, 2000), 1e-3)
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "words"),
+    [
+        ([[1e5, 2e5], 1e5, 1e5], "must be numbers, or rows of as many numbers each"),
+        ("stiff", "must be numbers, or rows"),
+        ([[1e5, 2e4, 0.0], [0.0, 1e5, 0.0], [0.0, 0.0, 1e5]], "add the skew part to its K"),
+    ],
+)
+def test_a_stiffness_that_is_none(stiffness: Any, words: str, tmp_path: Path) -> None:
+    with pytest.raises(BodyError, match=words):
+        beam(tmp_path / "body.h5", springs={"b": {"at": "tip", "stiffness": stiffness}})
+
+
+def test_all_of_a_mesh_of_lines(tmp_path: Path) -> None:
+    """Without a group of its own."""
+    grouped = beam(tmp_path / "grouped.h5")
+    mesh = line(8, 0.0, 1.0)
+    mesh.cell_sets = {}
+    content = {
+        "materials": STEEL,
+        "sections": {"bar": {"shape": "rectangle", "width": 0.02, "height": 0.03}},
+        "regions": {"all": {"material": "steel", "section": "bar"}},
+        "interfaces": {"tip": {"coupling": "node", "nodes": "end"}},
+    }
+    alone = import_description(content, "beam", tmp_path / "alone.h5", mesh=mesh)
+    assert alone["elements"] == grouped["elements"] == 8

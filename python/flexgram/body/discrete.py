@@ -8,15 +8,20 @@ from typing import Any
 import h5py
 import numpy as np
 
-from flexgram.basics import BodyError, Floats, Ints, check_name, errors_of
+from flexgram.basics import BodyError, Floats, Ints, check_name
 from flexgram.body.reader import Reader, short
 
 Select = Callable[[Any, str], Ints]
 
 
 def _list(entry: Reader, key: str) -> Floats:
-    with errors_of(f"{entry.where}: {key}"):
+    try:
         values = np.array(entry.get(key), dtype=float)
+    except (ValueError, TypeError):
+        raise BodyError(
+            f"{entry.where}: {key} = {short(entry.get(key))} must be numbers, or rows of as many "
+            "numbers each"
+        ) from None
     if not np.all(np.isfinite(values)):
         raise BodyError(f"{entry.where}: {key} = {short(entry.get(key))} must be finite")
     return values
@@ -150,7 +155,11 @@ def _of_motion(entry: Reader, key: str, scale: Floats, ends: list[Floats]) -> Fl
             "six (along and about the axes), or a 3×3 or 6×6 matrix"
         )
     if np.abs(matrix - matrix.T).max() > 1e-12 * np.abs(matrix).max():
-        raise BodyError(f"{entry.where}: {key} is not symmetric")
+        raise BodyError(
+            f"{entry.where}: {key} is not symmetric: bearings with oil films push across their "
+            "motion, which springs of a description cannot. Write the body as matrices (flexgram "
+            "assemble), and add the skew part to its K (flexgram.write_matrices)"
+        )
     result: Floats = matrix * scale
     return result
 

@@ -33,6 +33,7 @@ FORMULATIONS = {
 SHELLS = ("triangle", "quad")
 #: Shells that are divided into these (``second_order``).
 SECOND_ORDER = ("triangle6", "quad8", "quad9")
+LINES = ("line", "line3")
 #: Solids that are divided into tetrahedra.
 PYRAMIDS = ("pyramid", "pyramid13", "pyramid14")
 ALONE = "vertex"  #: nodes with six dofs that no element has
@@ -107,7 +108,8 @@ def cell_regions(mesh: meshio.Mesh) -> dict[str, list[Ints]]:
     """Named sets of cells: for each name the indices of its cells in every block of the mesh.
 
     Names come from gmsh's physical groups (by name, or by number without one), from cell sets
-    (Abaqus ELSET and others). ``all`` is every solid, in a mesh without solids every shell.
+    (Abaqus ELSET and others). ``all`` is every solid, in a mesh without solids every shell, in one
+    without these every line.
     """
     regions: dict[str, list[Ints]] = {}
     blocks = len(mesh.cells)
@@ -133,9 +135,9 @@ def cell_regions(mesh: meshio.Mesh) -> dict[str, list[Ints]]:
         for block, cells in enumerate(parts):
             if cells is not None:
                 add(name, block, np.asarray(cells, dtype=np.int64))
-    solids = (*SOLIDS, *PYRAMIDS)
-    has_solids = any(group.type in solids for group in mesh.cells)
-    whole = solids if has_solids else (*SHELLS, *SECOND_ORDER)
+    ranks = ((*SOLIDS, *PYRAMIDS), (*SHELLS, *SECOND_ORDER), LINES)
+    there = {group.type for group in mesh.cells}
+    whole = next((kinds for kinds in ranks if there & set(kinds)), ())
     for block, group in enumerate(mesh.cells):
         if group.type in whole:
             add("all", block, np.arange(len(group.data), dtype=np.int64))
