@@ -6,7 +6,9 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -18,6 +20,7 @@ from test_loss_factors import stored
 from bodies import CALCULIX, box
 from conftest import ROOT, assembled, read_sparse, run
 from flexgram import BodyError, ReducedModel
+from flexgram.body.laws import law_of
 from flexgram.importers import parse
 from flexgram.importers.assemble import assemble_deck
 from flexgram.importers.ccx import damping_of, read_job
@@ -273,8 +276,80 @@ def test_relaxation_of_its_materials(moduli: str, tmp_path: Path) -> None:
         (material,) = file["materials"].values()
         assert set(material) == {"shear", "bulk"}
     path.write_text(path.read_text().replace("TIME=PRONY", "TIME=CREEP TEST DATA"))
-    with pytest.raises(BodyError, match="only TIME=PRONY is read"):
+    with pytest.raises(BodyError, match="TIME=PRONY, FREQUENCY=PRONY and FREQUENCY=TABULAR"):
         assemble_deck(path, body, EYE)
+
+
+def by_frequency(path: Path, card: str, rows: Iterable[Sequence[float]]) -> Path:
+    """The bar, of a material with *VISCOELASTIC by frequency."""
+    lines = "".join(", ".join(f"{x:.12g}" for x in row) + "\n" for row in rows)
+    text = deck(path, "C3D20").read_text()
+    with_card = rf"\g<1>*VISCOELASTIC, FREQUENCY={card}\n{lines}"
+    path.write_text(re.sub(r"(\*ELASTIC\n.*\n)", with_card, text, count=1))
+    return path
+
+
+@pytest.mark.parametrize("bulk", ["alike", "none", "its own"])
+def test_relaxation_by_frequency(bulk: str, tmp_path: Path) -> None:
+    """Tables of Abaqus are those of a Prony series to what lies between their rows: K and the laws
+    of shear and bulk at frequencies of no row."""
+    g, tau = np.array([0.3, 0.2]), np.array([2e-3, 1e-4])
+    k = {"alike": g, "none": 0 * g, "its own": np.array([0.1, 0.05])}[bulk]
+    hz = np.geomspace(1, 1e4, 400)
+    series = list(zip(g, k, tau, strict=True))
+
+    def relative(shares: Any, w: Any) -> Any:  # Re, Im of ωg*: loss, and 1 - storage
+        z = 1j * w[:, None] * tau
+        factor = 1 + (z / (1 + z)) @ (shares / (1 - shares.sum()))
+        return factor.imag, 1 - factor.real
+
+    table = np.column_stack([*relative(g, 2 * np.pi * hz), *relative(k, 2 * np.pi * hz), hz])
+    shuffled = np.random.default_rng(1).permutation(table)
+    laws, moduli = {}, {}
+    for card, rows in (("PRONY", series), ("TABULAR", shuffled)):
+        body = tmp_path / f"{card}.h5"
+        assemble_deck(by_frequency(tmp_path / f"{card}.inp", card, rows), body, EYE)
+        with h5py.File(body) as file:
+            (material,) = file["materials"].values()
+            moduli[card] = (float(material.attrs["E"]), float(material.attrs["nu"]))
+            laws[card] = {
+                part: law_of(str(group.attrs["law"]), group.attrs, part)
+                for part, group in material.items()
+            }
+    assert (
+        set(laws["PRONY"])
+        == set(laws["TABULAR"])
+        == {
+            "alike": {"whole"},
+            "none": {"shear"},
+            "its own": {"shear", "bulk"},
+        }[bulk]
+    )
+    w = 2 * np.pi * np.geomspace(1.3, 9e3, 77)
+    least, own = (
+        {"shear": E / (2 * (1 + nu)), "bulk": E / (3 * (1 - 2 * nu)), "whole": E}
+        for E, nu in (moduli["PRONY"], moduli["TABULAR"])
+    )
+    for part, law in laws["PRONY"].items():
+        expected = least[part] * (1 + law.at(w))
+        found = own[part] * (1 + laws["TABULAR"][part].at(w))
+        np.testing.assert_allclose(found, expected, rtol=2e-4)
+    if bulk == "none":
+        assert own["bulk"] == pytest.approx(least["bulk"], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("card", "rows", "words"),
+    [
+        ("TABULAR", [(0.1, -0.1, 0.1, 10)], "expected rows of five numbers"),
+        ("TABULAR, PRELOAD=UNIAXIAL", [(1, 2, 3, 0)], "FREQUENCY=TABULAR without PRELOAD"),
+        ("FORMULA", [(1, 2, 3, 1, 2, 3)], "TIME=PRONY, FREQUENCY=PRONY and FREQUENCY=TABULAR"),
+    ],
+)
+def test_relaxation_that_is_not_read(card: str, rows: Any, words: str, tmp_path: Path) -> None:
+    path = by_frequency(tmp_path / "bar.inp", card, rows)
+    with pytest.raises(BodyError, match=words):
+        assemble_deck(path, tmp_path / "bar.h5", EYE)
 
 
 def test_stored_matrices_name_loss_factors_of_materials(tmp_path: Path) -> None:

@@ -115,6 +115,33 @@ def test_the_term_is_what_the_material_adds(ranks: int, tmp_path: Path) -> None:
     assert abs(S - 0.1 * K_rubber).max() < 1e-12 * abs(two.K).max()
 
 
+def test_tables_of_shear_and_bulk(tmp_path: Path) -> None:
+    """A table of the shear modulus with a bulk modulus that does not change is the series of shear
+    alone, nearly: linear between its rows. Tables of both with one loss factor are one of all."""
+    series, tets = [[0.2, 1e-3], [0.3, 1e-4]], {"kind": "tetra10"}
+    alone = {"E": 5e7, "viscoelastic": {"prony": {"shear": series}}}
+    rom = model_of(tmp_path / "a.h5", alone, **tets)
+    law = flexgram.prony(np.array([0.2, 0.3]) / 0.5, [1e-3, 1e-4])
+    hz = np.linspace(4, 1501, 400)
+    shear, bulk = 5e7 / 2.8, 5e7 / 0.6
+    modulus = shear * (1 + law.at(TWO_PI * hz))
+    columns = {"hz": list(hz), "storage": list(modulus.real), "loss": list(modulus.imag)}
+    tables = {"viscoelastic": {"table": {"shear": columns, "bulk": bulk}}}
+    other = model_of(tmp_path / "b.h5", tables, nu=False, **tets)
+    for hertz in (hz[0] + 1, hz[200], 1499.0):
+        H, second = (m.transfer(TWO_PI * hertz) for m in (rom, other))
+        assert 0 < np.linalg.norm(H - second) < 1e-3 * np.linalg.norm(H)
+    both = {
+        part: {"hz": [0, 2000], "storage": [x, 2 * x], "loss_factor": [0.1, 0.2]}
+        for part, x in (("shear", shear), ("bulk", bulk))
+    }
+    whole = {"hz": [0, 2000], "storage": [5e7, 1e8], "loss_factor": [0.1, 0.2]}
+    assert same(
+        model_of(tmp_path / "c.h5", {"viscoelastic": {"table": both}}, nu=False, **tets),
+        model_of(tmp_path / "d.h5", {"viscoelastic": {"table": whole}}, **tets),
+    )
+
+
 def test_mixed_relaxation_of_shear_and_bulk_by_another_assembly(tmp_path: Path) -> None:
     """At a frequency the body is the elastic one with complex moduli: of small parts of it, as
     the derivative of K by G and by the bulk modulus."""
@@ -231,6 +258,8 @@ def test_exports_say_what_they_cannot_hold(tmp_path: Path) -> None:
         ({"E": 1e7, "viscoelastic": {"prony": {"axial": [[0.1, 1]]}}}, "unknown key axial"),
         ({"E": 1e7, "viscoelastic": {"table": {"hz": [1, 2]}}}, "leave E out"),
         ({"viscoelastic": {"table": {"hz": [1, 2], "storage": [1e7, 2e7]}}}, "loss or loss_factor"),
+        ({"viscoelastic": {"table": {"shear": 1e7, "bulk": 1e8}}}, "leave it out"),
+        ({"viscoelastic": {"table": {"shear": {"hz": [1]}, "bulk": 1e8, "E": 1}}}, "unknown key E"),
         (
             {"viscoelastic": {"table": {"hz": [2, 1], "storage": [1e7, 2e7], "loss": [0, 0]}}},
             "hz must rise",

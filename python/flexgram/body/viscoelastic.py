@@ -38,7 +38,8 @@ def read_isotropic(material: Reader) -> tuple[Moduli, dict[str, Law]]:
         relaxation times in s), or a mapping of such lists for ``shear`` and ``bulk``; and
         ``moduli``, what E is: ``long-term``, the default, or ``instantaneous``.
         ``table``: a mapping of lists ``hz``, ``storage`` and ``loss`` or ``loss_factor``, moduli in
-        the unit of E, which is left out.
+        the unit of E, which is left out; or a mapping of such tables for ``shear`` and ``bulk``,
+        one of them perhaps a number, a modulus that does not change, without E and nu.
 
     Raises
     ------
@@ -51,7 +52,9 @@ def read_isotropic(material: Reader) -> tuple[Moduli, dict[str, Law]]:
     if "table" in data.data:
         if "E" in material.data:
             raise BodyError(f"{material.where}: the table holds E by frequency: leave E out")
-        least, of_table = _table(data)
+        if isinstance(data.get("table"), dict) and set(data.get("table")) & set(PARTS):
+            return _tables_by_part(material, data)
+        least, of_table = _table(data.get("table"), f"{data.where}: table")
         return Moduli(least, material.number("nu")), {"whole": of_table}
     moduli = Moduli(material.number("E"), material.number("nu"))
     if not isinstance(data.get("prony"), dict):
@@ -71,8 +74,31 @@ def read_isotropic(material: Reader) -> tuple[Moduli, dict[str, Law]]:
     left = {part: series[part][1] if part in series else 1.0 for part in PARTS}
     shear = left["shear"] * moduli.E / (2 * (1 + moduli.nu))
     bulk = left["bulk"] * moduli.E / (3 * (1 - 2 * moduli.nu))
+    return _moduli_of(shear, bulk), laws
+
+
+def _moduli_of(shear: float, bulk: float) -> Moduli:
     nu = (3 * bulk - 2 * shear) / (2 * (3 * bulk + shear))
-    return Moduli(9 * bulk * shear / (3 * bulk + shear), nu), laws
+    return Moduli(9 * bulk * shear / (3 * bulk + shear), nu)
+
+
+def _tables_by_part(material: Reader, data: Reader) -> tuple[Moduli, dict[str, Law]]:
+    """Of ``table`` by ``shear`` and ``bulk``: the moduli at their least, and the laws beside."""
+    parts = Reader(data.get("table"), f"{data.where}: table", PARTS)
+    if "nu" in material.data:
+        raise BodyError(f"{parts.where}: shear and bulk tell nu: leave it out")
+    least: dict[str, float] = {}
+    laws: dict[str, Law] = {}
+    for part in PARTS:
+        if isinstance(parts.get(part), dict):
+            least[part], laws[part] = _table(parts.get(part), f"{parts.where}: {part}")
+        else:
+            least[part] = parts.number(part)
+    if not laws or min(least.values()) <= 0:
+        raise BodyError(
+            f"{parts.where}: give shear and bulk, each a table or a positive modulus, one a table"
+        )
+    return _moduli_of(least["shear"], least["bulk"]), laws
 
 
 def read_orthotropic(material: Reader) -> tuple[float, dict[str, Law]]:
@@ -134,10 +160,9 @@ def _series(rows: Any, where: str) -> tuple[Law, float]:
     return prony(g / left, tau), float(left)
 
 
-def _table(data: Reader) -> tuple[float, Law]:
+def _table(given: Any, where: str) -> tuple[float, Law]:
     """The least storage modulus, and the law beside it."""
-    columns = Reader(data.get("table"), f"{data.where}: table", COLUMNS)
-    where = columns.where
+    columns = Reader(given, where, COLUMNS)
     if ("loss" in columns.data) == ("loss_factor" in columns.data):
         raise BodyError(f"{where}: give hz, storage, and loss or loss_factor")
     hz, storage = (_numbers(columns.get(key), f"{where}: {key}") for key in ("hz", "storage"))

@@ -75,22 +75,66 @@ def _elastic(job: Job, card: Card) -> dict[str, Any]:
 
 
 def _relaxation(job: Job, card: Card) -> dict[str, Any]:
-    """Rows g, k, tau of Abaqus' *VISCOELASTIC, TIME=PRONY: shares of the instantaneous shear and
-    bulk modulus, and relaxation times, as YAML has them."""
+    """Abaqus' *VISCOELASTIC as YAML has it: of TIME=PRONY and FREQUENCY=PRONY rows g, k, tau,
+    shares of the instantaneous shear and bulk modulus, and relaxation times; of
+    FREQUENCY=TABULAR the rows as they are, for ``_with_moduli``."""
     where = f"{job.path}: *VISCOELASTIC"
     kind = ", ".join(f"{key}={value}" for key, value in card.options.items()) or "without TIME"
-    if card.options.get("TIME", "").upper() != "PRONY":
-        raise BodyError(f"{where} ({kind}): only TIME=PRONY is read; give a table in YAML instead")
+    by_time, by_frequency = (card.options.get(key, "").upper() for key in ("TIME", "FREQUENCY"))
+    is_table = by_frequency == "TABULAR"
+    if "PRELOAD" in card.options or not (is_table or "PRONY" in (by_time, by_frequency)):
+        raise BodyError(
+            f"{where} ({kind}): TIME=PRONY, FREQUENCY=PRONY and FREQUENCY=TABULAR without PRELOAD "
+            "are read; give a table in YAML instead"
+        )
     try:
         rows = [[float(word or 0) for word in words] for words in card.words() if any(words)]
     except ValueError:
         rows = []
+    if is_table:
+        if not rows or any(len(row) != 5 for row in rows):
+            raise BodyError(
+                f"{where} ({kind}): expected rows of five numbers: real and imaginary part of ωg* "
+                "and of ωk*, and the frequency"
+            )
+        return {"table": sorted(rows, key=lambda row: row[4])}
     if not rows or any(len(row) != 3 for row in rows):
         raise BodyError(f"{where}: expected rows of three numbers: g, k and tau")
     if all(g == k for g, k, _ in rows):
         return {"prony": [[g, tau] for g, _, tau in rows]}
     parts = {"shear": [[g, t] for g, _, t in rows if g], "bulk": [[k, t] for _, k, t in rows if k]}
     return {"prony": {part: series for part, series in parts.items() if series}}
+
+
+def _with_moduli(job: Job, name: str, material: dict[str, Any]) -> None:
+    """Tables of moduli by the long-term ones: Re ωg* = G_loss/G, Im ωg* = 1 - G_storage/G (Abaqus
+    Analysis User's Guide, frequency domain viscoelasticity)."""
+    rows = np.array(material["viscoelastic"].pop("table"))
+    if not {"E", "nu"} <= set(material) or material["viscoelastic"]:
+        raise BodyError(
+            f"{job.path}: *VISCOELASTIC, FREQUENCY=TABULAR of {name}: it goes with an isotropic "
+            "*ELASTIC of long-term moduli"
+        )
+    if not rows[:, :4].any():  # nothing relaxes
+        del material["viscoelastic"]
+        return
+    E, nu = material.pop("E"), material.pop("nu")
+
+    def table(modulus: float, columns: Floats) -> Any:
+        if not columns.any():
+            return modulus
+        return {
+            "hz": rows[:, 4].tolist(),
+            "storage": (modulus * (1 - columns[:, 1])).tolist(),
+            "loss": (modulus * columns[:, 0]).tolist(),
+        }
+
+    if np.array_equal(rows[:, :2], rows[:, 2:4]):
+        material["nu"], material["viscoelastic"]["table"] = nu, table(E, rows[:, :2])
+        return
+    shear, bulk = E / (2 * (1 + nu)), E / (3 * (1 - 2 * nu))
+    parts = {"shear": table(shear, rows[:, :2]), "bulk": table(bulk, rows[:, 2:4])}
+    material["viscoelastic"]["table"] = parts
 
 
 def materials_of(job: Job) -> dict[str, dict[str, Any]]:
@@ -113,8 +157,11 @@ def materials_of(job: Job) -> dict[str, dict[str, Any]]:
             with contextlib.suppress(BodyError):  # a temperature load will miss it
                 values = _numbers(job, card, 3 if ortho else 1)
                 found[name]["expansion"] = values if ortho else values[0]
-    for material in found.values():
-        if "prony" not in material.get("viscoelastic", {"prony": None}):
+    for name, material in found.items():
+        relaxing = material.get("viscoelastic", {})
+        if "table" in relaxing:
+            _with_moduli(job, name, material)
+        elif relaxing and "prony" not in relaxing:
             del material["viscoelastic"]  # *ELASTIC, MODULI of what does not relax
     return found
 

@@ -18,7 +18,7 @@ from flexgram.importers.deck_distributions import Distribution, distributions_of
 from flexgram.importers.deck_materials import Orientation, laminas_of, orientations_of
 
 #: What *ELASTIC gives a material, one of these.
-MODULI = {"E", "E1", "stiffness"}
+MODULI = {"E", "E1", "stiffness", "viscoelastic"}  # a table holds them
 #: Options of *SHELL SECTION that are followed.
 OPTIONS = {
     *("ELSET", "MATERIAL", "OFFSET", "SECTION INTEGRATION", "ORIENTATION", "COMPOSITE"),
