@@ -52,11 +52,23 @@ struct PointMass {
   Vector3 offset{};                ///< of its centre of mass from the node [m]
 };
 
+/// A part of the stiffness of a material, or of a spring, with a law of its own.
+struct MaterialTerm {
+  enum class Part {
+    whole, ///< all moduli
+    shear, ///< the shear modulus of an isotropic material
+    bulk   ///< its bulk modulus
+  };
+  Part part;
+  Law law; ///< beside the stiffness that K holds
+};
+
 /// Springs and dashpots from each node of a place to ground, or to another node.
 struct Spring {
   Place from, to;           ///< the second of as many nodes, or of one; empty: ground
   Dense stiffness, damping; ///< 6×6 over relative displacements and rotations, symmetric
   double loss = 0;          ///< factor η of the stiffness
+  std::vector<MaterialTerm> terms; ///< of the whole stiffness
 };
 
 /// A load that is the body's mass in a field of acceleration: uniform (gravity), e × x of
@@ -102,17 +114,6 @@ struct Reaction {
   std::vector<std::int64_t> nodes; ///< ascending
   Vector3 point{};                 ///< of the moments [m]
   std::vector<int> axes;           ///< 0-2 forces, 3-5 moments
-};
-
-/// A part of a material's stiffness that changes with frequency by a law of its own.
-struct MaterialTerm {
-  enum class Part {
-    whole, ///< all moduli
-    shear, ///< the shear modulus of an isotropic material
-    bulk   ///< its bulk modulus
-  };
-  Part part;
-  Law law; ///< beside the stiffness that K holds
 };
 
 /// A layer of a shell's section.

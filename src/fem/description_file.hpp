@@ -41,6 +41,9 @@ void read_outputs(const Hdf5File& file, BodyDescription& body);
 /// Of /materials and /sections. @throws Error naming file, object and number.
 Material read_material(const Hdf5File& file, const std::string& name,
                        std::vector<std::string>& warnings);
+/// Laws of a material or a spring: its groups whole, shear and bulk. @param name  of it.
+std::vector<MaterialTerm> read_terms(const Hdf5File& file, const std::string& object,
+                                     const std::string& name);
 BeamSection read_section(const Hdf5File& file, const std::string& name);
 ShellSection read_shell(const Hdf5File& file, const std::string& name);
 

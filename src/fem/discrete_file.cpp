@@ -111,6 +111,11 @@ void read_discrete(const Hdf5File& file, BodyDescription& body) {
     if (!(spring.loss >= 0) || !std::isfinite(spring.loss))
       throw Error(text("file %s: %s: loss_factor = %g must be finite and not negative",
                        file.path().c_str(), object.c_str(), spring.loss));
+    spring.terms = read_terms(file, object, name);
+    for (const MaterialTerm& term : spring.terms)
+      if (term.part != MaterialTerm::Part::whole)
+        throw Error(text("file %s: %s: shear and bulk are parts of materials",
+                         file.path().c_str(), object.c_str()));
     const auto ends = count(spring.to);
     if (ends > 1 && ends != count(spring.from))
       throw Error(text("file %s: %s: from %lld nodes to %lld", file.path().c_str(),

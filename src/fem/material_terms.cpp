@@ -53,20 +53,26 @@ MaterialTerms::MaterialTerms(const BodyDescription& body) : body_(body) {
       shares.push_back({laws_.size(), 0, {}, spring.damping});
   }
   if (damps) laws_.emplace_back(Law::Kind::viscous);
+  const auto add = [&](const Law& law, double loss) {
+    for (const Law& other : laws_)
+      if (other.name() == law.name())
+        throw Error(text("two parts of materials or springs would be named %s: rename "
+                         "one",
+                         law.name().c_str()));
+    laws_.push_back(law.is_parameter() && apart ? law.with("loss", loss) : law);
+    return laws_.size() - 1;
+  };
+  for (const auto& [name, spring] : body.springs)
+    for (const MaterialTerm& term : spring.terms)
+      of_spring_[name].push_back({add(term.law, spring.loss), 1.0, {}});
   for (const std::string& name : used) {
     const Material& material = body.materials.at(name);
     std::vector<Share>& shares = of_material_[name];
     if (apart && material.loss > 0) shares.push_back({0, material.loss, {}});
     for (const MaterialTerm& term : material.terms) {
       const bool whole = term.part == MaterialTerm::Part::whole;
-      shares.push_back({laws_.size(), whole ? 1.0 : 0.0,
+      shares.push_back({add(term.law, material.loss), whole ? 1.0 : 0.0,
                         whole ? SolidMaterial() : part_of(material.solid, term.part)});
-      for (const Law& other : laws_)
-        if (other.name() == term.law.name())
-          throw Error(text("two parts of materials would be named %s: rename a material",
-                           term.law.name().c_str()));
-      const bool has_own_loss = term.law.is_parameter() && apart;
-      laws_.push_back(has_own_loss ? term.law.with("loss", material.loss) : term.law);
     }
   }
 }

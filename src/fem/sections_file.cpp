@@ -25,7 +25,21 @@ void check_units(const std::string& name, double E, double density,
         name.c_str(), speed, E, density));
 }
 
-/// Groups whole, shear and bulk of a material, each a law.
+/// Strain of a warming by 1 K in the material's axes; nothing: not known.
+std::optional<std::array<double, 6>> read_expansion(const Hdf5File& file,
+                                                    const std::string& object) {
+  if (!file.has_attribute(object, "expansion")) return std::nullopt;
+  auto along = file.numbers_attribute(object, "expansion");
+  if (along.size() == 1) along.resize(3, along.front());
+  if (along.size() != 3)
+    throw Error(text("file %s: attribute expansion of %s must have 1 or 3 numbers, it "
+                     "has %zu",
+                     file.path().c_str(), object.c_str(), along.size()));
+  return std::array<double, 6>{along[0], along[1], along[2], 0, 0, 0};
+}
+
+} // namespace
+
 std::vector<MaterialTerm> read_terms(const Hdf5File& file, const std::string& object,
                                      const std::string& material) {
   using Part = MaterialTerm::Part;
@@ -42,21 +56,6 @@ std::vector<MaterialTerm> read_terms(const Hdf5File& file, const std::string& ob
   }
   return terms;
 }
-
-/// Strain of a warming by 1 K in the material's axes; nothing: not known.
-std::optional<std::array<double, 6>> read_expansion(const Hdf5File& file,
-                                                    const std::string& object) {
-  if (!file.has_attribute(object, "expansion")) return std::nullopt;
-  auto along = file.numbers_attribute(object, "expansion");
-  if (along.size() == 1) along.resize(3, along.front());
-  if (along.size() != 3)
-    throw Error(text("file %s: attribute expansion of %s must have 1 or 3 numbers, it "
-                     "has %zu",
-                     file.path().c_str(), object.c_str(), along.size()));
-  return std::array<double, 6>{along[0], along[1], along[2], 0, 0, 0};
-}
-
-} // namespace
 
 Material read_material(const Hdf5File& file, const std::string& name,
                        std::vector<std::string>& warnings) {

@@ -9,7 +9,10 @@ import h5py
 import numpy as np
 
 from flexgram.basics import BodyError, Floats, Ints, check_name
+from flexgram.body.bodyfile import write_law
+from flexgram.body.parameters import PARAMETER, read_parameter
 from flexgram.body.reader import Reader, short
+from flexgram.body.viscoelastic import KEY, read_orthotropic
 
 Select = Callable[[Any, str], Ints]
 
@@ -176,7 +179,8 @@ def write_springs(
     file: h5py.File, reader: Reader, select: Select, units: tuple[float, ...]
 ) -> list[str]:
     """Write ``springs``: name -> ``at`` or ``nodes``, perhaps ``to`` or ``to_nodes`` (else to
-    ground), ``stiffness``, ``damping``, ``loss_factor``. As ``write_masses``.
+    ground), ``stiffness``, ``damping``, ``loss_factor``, ``viscoelastic`` or ``parameter``. As
+    ``write_masses``.
 
     Stiffness and damping are one number along the line between two ends, three or six along and
     about the axes, or a symmetric 3×3 or 6×6 matrix. A spring between two places acts midway."""
@@ -187,8 +191,8 @@ def write_springs(
     scale[:3, :3] /= length
     scale[3:, 3:] *= length
     for order, (name, data) in enumerate(reader.children("springs").items()):
-        keys = ("at", "nodes", "to", "to_nodes", "stiffness", "damping", "loss_factor")
-        entry = Reader(data, f"springs: {name}", keys)
+        keys = (*("at", "nodes", "to", "to_nodes"), *("stiffness", "damping", "loss_factor"))
+        entry = Reader(data, f"springs: {name}", (*keys, KEY, PARAMETER))
         group = file.create_group(f"springs/{check_name(entry.where, str(name))}")
         places.write(group, entry, select, "at")
         ends = [places.positions(group)]
@@ -212,10 +216,30 @@ def write_springs(
             group.attrs[key] = _of_motion(entry, key, scale, ends).ravel()
         if "loss_factor" in entry.data:
             group.attrs["loss_factor"] = entry.loss_factor()
+        varies = _write_law(group, entry, str(name))
         group.attrs["order"] = order
         many = f", {len(ends[0])} of them" if len(ends[0]) > 1 else ""
-        told.append(f"spring {name}: {'to ground' if grounded else 'between nodes'}{many}")
+        told.append(f"spring {name}: {'to ground' if grounded else 'between nodes'}{many}{varies}")
     return told
+
+
+def _write_law(group: h5py.Group, entry: Reader, name: str) -> str:
+    """The law of a spring that relaxes, or is known between two numbers, of which ``stiffness``
+    then is the least; in words."""
+    share, laws = read_orthotropic(entry)
+    of_parameter, known_between = read_parameter(entry, name, 1.0)
+    if not laws and not known_between:
+        return ""
+    if laws and known_between:
+        raise BodyError(f"{entry.where}: give viscoelastic or parameter, not both")
+    if "stiffness" not in entry.data:
+        raise BodyError(f"{entry.where}: stiffness is missing, of which this is")
+    group.attrs["stiffness"] = share * of_parameter * group.attrs["stiffness"]
+    law = known_between[1] if known_between else laws["whole"]
+    write_law(group.create_group("whole"), law)
+    if known_between:
+        group["whole"].attrs["name"] = known_between[0]
+    return f", {law.words}"
 
 
 def joined_nodes(file: h5py.File) -> list[Ints]:

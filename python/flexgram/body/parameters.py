@@ -1,4 +1,4 @@
-"""Materials whose stiffness is known between two numbers: parameters of the body."""
+"""Materials and springs whose stiffness is known between two numbers: parameters of the body."""
 
 from __future__ import annotations
 

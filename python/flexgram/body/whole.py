@@ -333,11 +333,11 @@ def summary(file: h5py.File) -> list[str]:
     given = {k: float(file.attrs.get(k, 0)) for k in ("alpha", "beta", "eta")}
     dashpots = any("damping" in spring.attrs for spring in springs)
     relaxing = any(
-        part.attrs["law"] == "prony"
-        for m in file.get("materials", {}).values()
-        for part in m.values()
+        isinstance(part, h5py.Group) and part.attrs.get("law") == "prony"
+        for of in (*file.get("materials", {}).values(), *springs)
+        for part in of.values()
     )
-    further = ["relaxation of materials (Prony terms)"] * relaxing
+    further = ["relaxation of materials or springs (Prony terms)"] * relaxing
     return lines + damping_lines(given, by_material, dashpots, further)
 
 
