@@ -1,9 +1,11 @@
 """Random systems against extended precision: does any true error exceed the certified one?
 
-    audit.py [count] [seed] [csv] [--materials | --spin | --speeds] [--every N] [--from N]
+    audit.py [count] [seed] [csv] [--materials | --mixtures | --spin | --speeds]
+             [--every N] [--from N]
         count systems, or every Nth of them, from the Nth on; a table by class and by damping
 
 ``--materials``: with loss factors by material instead of the seven other kinds of damping;
+``--mixtures``: several of these at once;
 ``--spin``: with gyroscopic forces; ``--speeds``: with a range of speeds.
 
 Each system is reduced in this process, with its tolerance and nothing else; the referee chooses
@@ -57,6 +59,11 @@ MATERIALS = (
 )
 
 
+#: Several of these at once, --mixtures.
+MIXTURES = (
+    *("relaxation and a table", "a parameter and relaxation", "a parameter and a table"),
+    *("relaxation, a table and dashpots", "a parameter, relaxation and materials"),
+)
 #: D with a skew part, --spin: gyroscopic forces from a thousandth of the inertia's to ten times
 #: these. K with a skew part: circulatory forces, so too.
 SPIN = (
@@ -226,7 +233,7 @@ def random_case(rng: np.random.Generator, kind: str, damping: str) -> Case:
         first = np.sqrt(lam[0]) * 0.2
     if kind == "elastic part":
         first = np.sqrt(lam[0]) * 10.0 ** rng.uniform(-3, 0)
-        others = ("dashpots", "general", *MATERIALS, *SPIN, *SPEEDS)
+        others = ("dashpots", "general", *MATERIALS, *MIXTURES, *SPIN, *SPEEDS)
         damping = damping if damping not in others else "both"
     zeta = 10.0 ** rng.uniform(-6, -1.5)
     reference = np.sqrt(lam[0] * lam[modes - 1]) ** 0.5
@@ -525,7 +532,12 @@ def main() -> int:
             steps[name] = int(words[at + 1])
             del words[at : at + 2]
     words = [word for word in words if not word.startswith("--")]
-    chosen = {"--materials": MATERIALS, "--spin": SPIN, "--speeds": SPEEDS}
+    chosen = {
+        "--materials": MATERIALS,
+        "--mixtures": MIXTURES,
+        "--spin": SPIN,
+        "--speeds": SPEEDS,
+    }
     dampings = next((of for word, of in chosen.items() if word in sys.argv), DAMPINGS)
     count = int(words[0]) if words else 200
     seed = int(words[1]) if len(words) > 1 else 1
