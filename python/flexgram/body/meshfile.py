@@ -138,6 +138,8 @@ def cell_regions(mesh: meshio.Mesh) -> dict[str, list[Ints]]:
     ranks = ((*SOLIDS, *PYRAMIDS), (*SHELLS, *SECOND_ORDER), LINES)
     there = {group.type for group in mesh.cells}
     whole = next((kinds for kinds in ranks if there & set(kinds)), ())
+    if whole == LINES and "all" in regions:  # a group of that name, of some beams
+        return regions
     for block, group in enumerate(mesh.cells):
         if group.type in whole:
             add("all", block, np.arange(len(group.data), dtype=np.int64))
