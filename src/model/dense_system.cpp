@@ -256,15 +256,15 @@ void DenseResponse::take_diagonals() {
   }
 }
 
-/// λ and μ from quotients and products with twice the digits, where it matters: resonances lie below ω² = 4τ.
+/// λ and μ with more digits, where it matters: resonances lie below ω² = 4τ. Terms and ports are
+/// of the same u, whose energy is one but for rounding: so is μ, not 1/(λ + τ).
 void DenseResponse::sharpen(int first) {
   for (int j = first; j < system_.order(); ++j) {
     const auto at = as_size(j);
     if (!(lambda_[at] < 64 * tau_)) break;
     const long double m = quadratic_form(system_.M, U_.column(j));
     lambda_[at] = static_cast<double>(quadratic_form(system_.K, U_.column(j)) / m);
-    mu_[at] = static_cast<double>(
-        m); // terms are of this u, whose energy is one but for rounding
+    mu_[at] = static_cast<double>(m);
   }
 }
 

@@ -197,6 +197,11 @@ class BulkDeck:
         some = [f"{c} ({n})" for c, n in sorted(counts.items()) if c.startswith(of_loads)]
         if some:
             self.remarks.append(f"loads of the deck are left out: {', '.join(some)} (--load)")
+        if "SDAMPING" in self.cases():
+            self.remarks.append(
+                "SDAMPING of case control, damping by modes (TABDMP1), is left out (--zeta, or "
+                "--eta)"
+            )
 
     def remark(self, words: str) -> None:
         """Say it once."""
@@ -205,11 +210,6 @@ class BulkDeck:
 
     def eta(self) -> float | None:
         """PARAM,G: a loss factor of all elements."""
-        if "SDAMPING" in self.cases():
-            self.remarks.append(
-                "SDAMPING of case control, damping by modes (TABDMP1), is left out (--zeta, or "
-                "--eta)"
-            )
         value = self.param("G")
         return value if value else None
 
